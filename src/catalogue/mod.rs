@@ -1,0 +1,27 @@
+//! Star catalogues: what every reader and generator delivers.
+
+use glam::DVec3;
+
+/// One star as every reader and generator delivers it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StarRecord {
+    /// `distance_known`: ICRS barycentric position in parsecs. Otherwise: unit vector towards the star, which is at infinity.
+    pub position: DVec3,
+    /// `distance_known`: absolute V magnitude (at 10 pc). Otherwise: apparent V magnitude.
+    pub magnitude: f32,
+    /// Effective temperature in kelvin.
+    pub temperature_k: f32,
+    /// Whether `position` is a place in space (true) or a direction (false).
+    pub distance_known: bool,
+}
+
+impl StarRecord {
+    /// Apparent V magnitude as seen from the Solar-System barycentre.
+    pub fn apparent_magnitude(&self) -> f64 {
+        if self.distance_known {
+            f64::from(self.magnitude) + 5.0 * (self.position.length() / 10.0).log10()
+        } else {
+            f64::from(self.magnitude)
+        }
+    }
+}

@@ -1,0 +1,10 @@
+//! Steradian renders one space scene in many views at once, each pixel with the luminance that its solid angle asks for.
+//!
+//! A frame flows one way through the modules, in the order in which they stand here:
+//! `catalogue` and `config` make a `scene`; `view` turns configured views into a flat list of viewports; `plan` chooses a
+//! method for each technique; `gpu` and `passes` draw; `reference` is the same in f64 on the CPU; `frame` runs it all;
+//! `output` and `service` hand frames out. `docs/architecture.md` tells the whole story.
+
+pub mod catalogue;
+pub mod photometry;
+pub mod units;

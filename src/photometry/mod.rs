@@ -1,0 +1,1 @@
+//! Photometry: from magnitude and temperature to light.

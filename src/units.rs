@@ -1,0 +1,45 @@
+//! Physical constants and unit conversions. Inside the crate angles are radians, lengths metres or parsecs (named so),
+//! illuminance lux, luminance cd/m^2, solid angle steradian.
+
+/// One parsec in metres (IAU 2015 resolution B2: 648000/pi astronomical units).
+pub const PARSEC_M: f64 = 3.085_677_581_491_367_3e16;
+
+/// One arcsecond in radians.
+pub const ARCSECOND_RAD: f64 = std::f64::consts::PI / 648_000.0;
+
+/// Luminance of a surface of 0 mag per square arcsecond, cd/m^2.
+pub const LUMINANCE_0_MAG_PER_ARCSEC2: f64 = 10.8e4;
+
+/// Illuminance of a star of apparent magnitude 0, lux: the surface brightness relation of
+/// Schneegans et al. 2025, eqs. 1 and 2, times one square arcsecond.
+pub const ILLUMINANCE_MAG_0_LX: f64 = LUMINANCE_0_MAG_PER_ARCSEC2 * ARCSECOND_RAD * ARCSECOND_RAD;
+
+/// Temperature given to stars whose colour is unknown: the Sun's nominal effective temperature (IAU 2015 B3), kelvin.
+pub const SOLAR_TEMPERATURE_K: f32 = 5772.0;
+
+/// Illuminance in lux of a star of apparent magnitude `v_mag`.
+pub fn illuminance_lx_from_magnitude(v_mag: f64) -> f64 {
+    ILLUMINANCE_MAG_0_LX * 10f64.powf(-0.4 * v_mag)
+}
+
+/// Apparent magnitude of a star that gives `illuminance_lx`.
+pub fn magnitude_from_illuminance_lx(illuminance_lx: f64) -> f64 {
+    -2.5 * (illuminance_lx / ILLUMINANCE_MAG_0_LX).log10()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn magnitude_zero_gives_the_published_illuminance() {
+        assert!((ILLUMINANCE_MAG_0_LX / 2.53848e-6 - 1.0).abs() < 2e-6);
+    }
+
+    #[test]
+    fn magnitude_and_illuminance_are_inverse() {
+        for m in [-26.7, -1.46, 0.0, 6.0, 21.0] {
+            assert!((magnitude_from_illuminance_lx(illuminance_lx_from_magnitude(m)) - m).abs() < 1e-12);
+        }
+    }
+}
