@@ -8,3 +8,4 @@
 pub mod catalogue;
 pub mod photometry;
 pub mod units;
+pub mod view;

@@ -1,1 +1,3 @@
-//! Photometry: from magnitude and temperature to light.
+//! Photometry: from magnitude and temperature to light, and how that light is spread over pixels.
+
+pub mod kernel;

@@ -1,0 +1,94 @@
+//! Splat kernels: how a star's light is shared among the pixels around its image.
+
+use glam::DVec2;
+
+/// A separable kernel of fixed width in pixels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum SplatKernel {
+    /// 2x2 bilinear tent: exact centroid, but its width changes with the sub-pixel position.
+    Tent,
+    /// 3x3 quadratic B-spline: exact centroid and constant width.
+    BSpline,
+}
+
+impl SplatKernel {
+    /// Name in configurations and charts.
+    pub fn name(self) -> &'static str {
+        match self {
+            SplatKernel::Tent => "tent",
+            SplatKernel::BSpline => "bspline",
+        }
+    }
+
+    /// Half of the kernel's support: how far outside of a picture a star may stand and still touch it, pixels.
+    pub fn radius_px(self) -> f64 {
+        match self {
+            SplatKernel::Tent => 1.0,
+            SplatKernel::BSpline => 1.5,
+        }
+    }
+
+    /// First pixel and weights along one axis, for a star at continuous pixel coordinate `x`.
+    fn axis(self, x: f64) -> (i64, [f64; 3], usize) {
+        match self {
+            SplatKernel::Tent => {
+                let first = (x - 0.5).floor();
+                let f = x - 0.5 - first;
+                (first as i64, [1.0 - f, f, 0.0], 2)
+            }
+            SplatKernel::BSpline => {
+                let middle = x.floor();
+                let f = x - middle - 0.5;
+                (middle as i64 - 1, [0.5 * (0.5 - f).powi(2), 0.75 - f * f, 0.5 * (0.5 + f).powi(2)], 3)
+            }
+        }
+    }
+
+    /// The kernel's pixels (column, row, weight) around continuous pixel coordinates; the weights sum to 1.
+    pub fn footprint(self, centre: DVec2) -> Vec<(i64, i64, f64)> {
+        let (x0, weights_x, n) = self.axis(centre.x);
+        let (y0, weights_y, _) = self.axis(centre.y);
+        let mut taps = Vec::with_capacity(n * n);
+        for (j, weight_y) in weights_y.iter().take(n).enumerate() {
+            for (i, weight_x) in weights_x.iter().take(n).enumerate() {
+                taps.push((x0 + i as i64, y0 + j as i64, weight_x * weight_y));
+            }
+        }
+        taps
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn weights_sum_to_one_and_keep_the_centroid() {
+        for kernel in [SplatKernel::Tent, SplatKernel::BSpline] {
+            for i in 0..100 {
+                let centre = DVec2::new(10.0 + f64::from(i) * 0.0137, 20.0 - f64::from(i) * 0.0311);
+                let taps = kernel.footprint(centre);
+                let sum: f64 = taps.iter().map(|t| t.2).sum();
+                let centroid: DVec2 =
+                    taps.iter().map(|t| DVec2::new(t.0 as f64 + 0.5, t.1 as f64 + 0.5) * t.2).sum();
+                assert!((sum - 1.0).abs() < 1e-12);
+                assert!((centroid - centre).length() < 1e-12, "{kernel:?} {centre} {centroid}");
+            }
+        }
+    }
+
+    #[test]
+    fn only_the_bspline_keeps_its_width() {
+        let spread = |kernel: SplatKernel| {
+            let variances: Vec<f64> = (0..50)
+                .map(|i| {
+                    let x = 5.0 + f64::from(i) * 0.02;
+                    kernel.footprint(DVec2::new(x, 5.5)).iter().map(|t| t.2 * (t.0 as f64 + 0.5 - x).powi(2)).sum()
+                })
+                .collect();
+            variances.iter().fold(0.0, |a: f64, b| a.max(*b)) - variances.iter().fold(f64::MAX, |a, b| a.min(*b))
+        };
+        assert!(spread(SplatKernel::BSpline) < 1e-12);
+        assert!(spread(SplatKernel::Tent) > 0.2);
+    }
+}

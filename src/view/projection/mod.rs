@@ -1,0 +1,172 @@
+//! Projections: how directions in view space map to the pixels of an image, and the solid angle of every pixel.
+//!
+//! View space is +x right, +y up, looking along -z. Pixel coordinates are continuous: (0, 0) is the top left corner of
+//! the image, pixel (i, j) covers [i, i+1) x [j, j+1), its centre is (i + 0.5, j + 0.5). Everything here is f64; the
+//! shader `shaders/shared/projection.wgsl` has the same functions in f32 under the same names.
+//!
+//! A projection of your own implements [`PlaneMapping`]; the f64 renderer in [`crate::reference`] draws through any of them.
+
+mod cube;
+mod equirectangular;
+mod fisheye;
+mod perspective;
+
+pub use cube::{CubeFace, Face};
+pub use equirectangular::Equirectangular;
+pub use fisheye::{Fisheye, FisheyeMapping};
+use glam::{DVec2, DVec3};
+pub use perspective::Perspective;
+
+/// Why a projection cannot be built.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum ProjectionError {
+    /// A side of the image is zero.
+    #[error("size {width} x {height}: both sides must be at least 1 pixel")]
+    ZeroSize {
+        /// Width in pixels.
+        width: u32,
+        /// Height in pixels.
+        height: u32,
+    },
+    /// A parameter is outside of what the mapping can show.
+    #[error("{parameter} = {value}: {allowed}")]
+    OutOfRange {
+        /// The parameter's name in the configuration.
+        parameter: &'static str,
+        /// Its value.
+        value: f64,
+        /// What is allowed, and why.
+        allowed: &'static str,
+    },
+}
+
+pub(crate) fn check_size(size: [u32; 2]) -> Result<(), ProjectionError> {
+    if size[0] == 0 || size[1] == 0 {
+        return Err(ProjectionError::ZeroSize { width: size[0], height: size[1] });
+    }
+    Ok(())
+}
+
+/// The part of the sky that can have an image, for culling: a cone around `axis`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BoundingCone {
+    /// Unit vector in view space.
+    pub axis: DVec3,
+    /// Half of the opening angle, rad; pi for the whole sphere.
+    pub half_angle_rad: f64,
+}
+
+/// One pixel that a splat reaches, with the share of the kernel that belongs to it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Tap {
+    /// Column.
+    pub x: u32,
+    /// Row.
+    pub y: u32,
+    /// Weight; the weights of a star whose kernel lies inside the picture sum to 1.
+    pub weight: f64,
+}
+
+/// A map between directions in view space and the pixels of an image.
+pub trait PlaneMapping: Sync {
+    /// Width and height in pixels.
+    fn size(&self) -> [u32; 2];
+
+    /// Continuous pixel coordinates of the image of `direction` (any length but 0), also outside of the picture as far as
+    /// the mapping goes on there; `None` where the direction has no image.
+    fn pixel_from_direction(&self, direction: DVec3) -> Option<DVec2>;
+
+    /// Unit direction of a point of the image plane; `None` outside of the picture.
+    fn direction_from_pixel(&self, pixel: DVec2) -> Option<DVec3>;
+
+    /// Whether the pixel's centre lies inside the picture.
+    fn contains(&self, x: u32, y: u32) -> bool {
+        let [width, height] = self.size();
+        x < width && y < height && self.direction_from_pixel(pixel_centre(x, y)).is_some()
+    }
+
+    /// Solid angle of a pixel in sr; 0 outside of the picture. The default integrates the norm of d(dir)/du x d(dir)/dv,
+    /// by central differences, at the pixel's centre.
+    fn solid_angle_sr(&self, x: u32, y: u32) -> f64 {
+        if !self.contains(x, y) {
+            return 0.0;
+        }
+        let centre = pixel_centre(x, y);
+        let h = 1e-3;
+        let at = |dx: f64, dy: f64| self.direction_from_pixel(centre + DVec2::new(dx, dy));
+        match (at(h, 0.0), at(-h, 0.0), at(0.0, h), at(0.0, -h)) {
+            (Some(right), Some(left), Some(down), Some(up)) => (right - left).cross(down - up).length() / (4.0 * h * h),
+            _ => 0.0,
+        }
+    }
+
+    /// A cone that holds every direction that may touch a pixel, kernels of `margin_px` included.
+    fn bounding_cone(&self, margin_px: f64) -> BoundingCone;
+
+    /// The pixels that a star in `direction` reaches with `kernel`, exact at every border of the mapping: wrap,
+    /// reflection, shared edges. `kernel` gives the footprint around continuous pixel coordinates as if the plane had no
+    /// border. Empty where the star has no image.
+    fn taps(&self, kernel: Footprint<'_>, direction: DVec3) -> Vec<Tap> {
+        let Some(centre) = self.pixel_from_direction(direction) else { return Vec::new() };
+        kernel(centre).into_iter().filter_map(|tap| self.tap_inside(tap)).collect()
+    }
+
+    /// The tap if its pixel lies inside the picture.
+    fn tap_inside(&self, (x, y, weight): (i64, i64, f64)) -> Option<Tap> {
+        let (x, y) = (u32::try_from(x).ok()?, u32::try_from(y).ok()?);
+        self.contains(x, y).then_some(Tap { x, y, weight })
+    }
+}
+
+/// A kernel's pixels (column, row, weight) around continuous pixel coordinates, on a plane without borders.
+pub type Footprint<'a> = &'a dyn Fn(DVec2) -> Vec<(i64, i64, f64)>;
+
+/// Centre of a pixel.
+pub fn pixel_centre(x: u32, y: u32) -> DVec2 {
+    DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5)
+}
+
+/// The projections that the GPU knows.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Projection {
+    /// Flat image plane, symmetric or off-axis.
+    Perspective(Perspective),
+    /// One face of a cubemap.
+    CubeFace(CubeFace),
+    /// Azimuthal mappings of domes and fisheye lenses.
+    Fisheye(Fisheye),
+    /// Longitude and latitude.
+    Equirectangular(Equirectangular),
+}
+
+impl Projection {
+    /// The mapping behind the enum.
+    pub fn mapping(&self) -> &dyn PlaneMapping {
+        match self {
+            Projection::Perspective(p) => p,
+            Projection::CubeFace(p) => p,
+            Projection::Fisheye(p) => p,
+            Projection::Equirectangular(p) => p,
+        }
+    }
+
+    /// Sum of the solid angles of all pixels, sr.
+    pub fn total_solid_angle_sr(&self) -> f64 {
+        let mapping = self.mapping();
+        let [width, height] = mapping.size();
+        (0..height).map(|y| (0..width).map(|x| mapping.solid_angle_sr(x, y)).sum::<f64>()).sum()
+    }
+}
+
+/// Gauss-Legendre quadrature of `density` (per unit area of the plane) over a rectangle given by centre and half sides,
+/// with three points each way: exact to the fifth degree.
+pub(crate) fn integrate_over_rectangle(centre: DVec2, half: DVec2, density: impl Fn(DVec2) -> f64) -> f64 {
+    const NODES: [(f64, f64); 3] = [(-0.774_596_669_241_483_4, 5.0 / 9.0), (0.0, 8.0 / 9.0), (0.774_596_669_241_483_4, 5.0 / 9.0)];
+    let mut sum = 0.0;
+    for (u, weight_u) in NODES {
+        for (v, weight_v) in NODES {
+            sum += weight_u * weight_v * density(centre + DVec2::new(u, v) * half);
+        }
+    }
+    sum * half.x * half.y
+}
