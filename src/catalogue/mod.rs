@@ -1,5 +1,8 @@
 //! Star catalogues: what every reader and generator delivers.
 
+pub mod chunks;
+pub mod packed;
+
 use glam::DVec3;
 
 /// One star as every reader and generator delivers it.

@@ -1,0 +1,275 @@
+//! Stars in chunks: sorted along the sky and by distance, so that a chunk outside of every view costs nothing.
+//!
+//! A chunk is a cell of the sky (HEALPix, seen from the Solar-System barycentre) times a shell of distance (each twice as
+//! far as the one before), divided until it holds few stars. The order of stars within the set depends on the stars alone,
+//! never on the order in which they came. Positions are f32 offsets from an f64 origin: the frame computes origin minus
+//! camera in f64.
+
+use cdshealpix::nested;
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+
+use super::{StarRecord, packed::PackedStar};
+use crate::units::illuminance_lx_from_magnitude;
+
+/// A chunk that holds more stars than this is divided, unless the stars stand in one spot.
+pub const CHUNK_STARS: usize = 1024;
+/// HEALPix depth at which stars are sorted: cells of 51 arcseconds.
+const SORT_DEPTH: u8 = 12;
+/// Chunks are never wider than a cell of this depth (15 degrees), unless they hold few stars.
+const WIDEST_DEPTH: u8 = 2;
+/// Number of stars that may share a chunk however wide it is.
+const FEW_STARS: usize = 64;
+/// Shell number of stars at infinity.
+const INFINITY_SHELL: u16 = u16::MAX;
+
+/// A run of stars that are near each other.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Chunk {
+    /// First star in [`StarSet::stars`].
+    pub first: u32,
+    /// Number of stars.
+    pub count: u32,
+    /// Whether the stars are at infinity: offsets are then unit vectors and the origin is 0.
+    pub at_infinity: bool,
+    /// Origin of the offsets, ICRS, pc.
+    pub origin_pc: DVec3,
+    /// Radius around the origin that holds every star, pc.
+    pub radius_pc: f64,
+    /// Direction, as seen from the barycentre, of the cone that holds every star.
+    pub axis: DVec3,
+    /// Half-angle of that cone, rad.
+    pub half_angle_rad: f64,
+    /// Smallest distance of a star from the barycentre, pc.
+    pub nearest_pc: f64,
+    /// Illuminance at 1 pc of the brightest star and of all stars together, lx.
+    pub brightest_lx: f64,
+    /// See `brightest_lx`.
+    pub total_lx: f64,
+}
+
+/// All stars of a scene, chunked.
+#[derive(Clone, Debug, Default)]
+pub struct StarSet {
+    /// Chunks, in the order of their stars.
+    pub chunks: Vec<Chunk>,
+    /// Stars; within a chunk the brightest come first.
+    pub stars: Vec<PackedStar>,
+}
+
+/// Sort key: shell of distance, then cell of the sky; then what makes the order independent of the input's.
+#[derive(Clone, Copy)]
+struct Key {
+    shell: u16,
+    cell: u32,
+    index: u32,
+}
+
+fn shell_of(star: &StarRecord) -> u16 {
+    if !star.distance_known {
+        return INFINITY_SHELL;
+    }
+    // 2^-64 pc is far below a metre; the clamp keeps absurd positions sortable.
+    (star.position.length().log2().floor().clamp(-64.0, 64.0) + 64.0) as u16
+}
+
+fn cell_of(position: DVec3) -> u32 {
+    let longitude = position.y.atan2(position.x);
+    let latitude = position.z.atan2(position.x.hypot(position.y));
+    // Depth 12 has 12 * 4^12 = 2.0e8 cells, which fit in 32 bits.
+    nested::hash(SORT_DEPTH, longitude, latitude) as u32
+}
+
+impl StarSet {
+    /// Sorts and chunks stars. Takes the records, which are dropped as soon as they have been read.
+    pub fn from_records(records: Vec<StarRecord>) -> Self {
+        let mut keys: Vec<Key> = records
+            .par_iter()
+            .enumerate()
+            .map(|(index, star)| Key { shell: shell_of(star), cell: cell_of(star.position), index: index as u32 })
+            .collect();
+        // Equal cells are ordered by the stars themselves, so that shuffled input gives the same set.
+        let content = |key: &Key| {
+            let star = &records[key.index as usize];
+            let p = star.position;
+            (star.magnitude.to_bits(), star.temperature_k.to_bits(), p.x.to_bits(), p.y.to_bits(), p.z.to_bits())
+        };
+        keys.par_sort_unstable_by(|a, b| (a.shell, a.cell).cmp(&(b.shell, b.cell)).then_with(|| content(a).cmp(&content(b))));
+
+        let runs = chunk_runs(&keys);
+        let chunked: Vec<(Chunk, Vec<PackedStar>)> =
+            runs.par_iter().map(|&(start, end)| build_chunk(&records, &keys[start..end])).collect();
+        drop(keys);
+        drop(records);
+        let mut set = StarSet { chunks: Vec::with_capacity(chunked.len()), stars: Vec::new() };
+        set.stars.reserve_exact(chunked.iter().map(|(_, stars)| stars.len()).sum());
+        for (mut chunk, stars) in chunked {
+            chunk.first = set.stars.len() as u32;
+            set.stars.extend_from_slice(&stars);
+            set.chunks.push(chunk);
+        }
+        set
+    }
+
+    /// The stars of a chunk.
+    pub fn stars_of(&self, chunk: &Chunk) -> &[PackedStar] {
+        &self.stars[chunk.first as usize..(chunk.first + chunk.count) as usize]
+    }
+
+    /// Every star as ICRS position in pc (or unit vector at infinity), illuminance at 1 pc in lx and colour step.
+    pub fn iter(&self) -> impl Iterator<Item = (DVec3, bool, &PackedStar)> {
+        self.chunks.iter().flat_map(|chunk| {
+            self.stars_of(chunk)
+                .iter()
+                .map(|star| (chunk.origin_pc + Vec3::from_array(star.offset_pc).as_dvec3(), chunk.at_infinity, star))
+        })
+    }
+}
+
+/// Cuts the sorted keys into chunks: per shell, cells of the sky divided until they hold few stars.
+fn chunk_runs(keys: &[Key]) -> Vec<(usize, usize)> {
+    let mut runs = Vec::new();
+    let mut start = 0;
+    for shell in keys.chunk_by(|a, b| a.shell == b.shell) {
+        for base in shell.chunk_by(|a, b| a.cell >> (2 * SORT_DEPTH) == b.cell >> (2 * SORT_DEPTH)) {
+            divide(base, 0, start, &mut runs);
+            start += base.len();
+        }
+    }
+    runs
+}
+
+fn divide(keys: &[Key], depth: u8, start: usize, runs: &mut Vec<(usize, usize)>) {
+    let narrow_enough = depth >= WIDEST_DEPTH || keys.len() <= FEW_STARS;
+    if narrow_enough && keys.len() <= CHUNK_STARS {
+        runs.push((start, start + keys.len()));
+        return;
+    }
+    if depth == SORT_DEPTH {
+        // All in one cell of 51 arcseconds: cut by number.
+        let mut first = start;
+        for part in keys.chunks(CHUNK_STARS) {
+            runs.push((first, first + part.len()));
+            first += part.len();
+        }
+        return;
+    }
+    let shift = 2 * (SORT_DEPTH - depth - 1);
+    let mut first = start;
+    for child in keys.chunk_by(|a, b| a.cell >> shift == b.cell >> shift) {
+        divide(child, depth + 1, first, runs);
+        first += child.len();
+    }
+}
+
+fn build_chunk(records: &[StarRecord], keys: &[Key]) -> (Chunk, Vec<PackedStar>) {
+    let at_infinity = keys.first().is_some_and(|key| key.shell == INFINITY_SHELL);
+    let mut lowest = DVec3::INFINITY;
+    let mut highest = DVec3::NEG_INFINITY;
+    let mut direction_sum = DVec3::ZERO;
+    for key in keys {
+        let position = records[key.index as usize].position;
+        lowest = lowest.min(position);
+        highest = highest.max(position);
+        direction_sum += position.normalize_or_zero();
+    }
+    let origin_pc = if at_infinity { DVec3::ZERO } else { (lowest + highest) / 2.0 };
+    let axis = direction_sum.normalize_or(DVec3::X);
+    let mut chunk = Chunk {
+        first: 0,
+        count: keys.len() as u32,
+        at_infinity,
+        origin_pc,
+        radius_pc: 0.0,
+        axis,
+        half_angle_rad: 0.0,
+        nearest_pc: f64::INFINITY,
+        brightest_lx: 0.0,
+        total_lx: 0.0,
+    };
+    let mut stars: Vec<PackedStar> = Vec::with_capacity(keys.len());
+    for key in keys {
+        let record = &records[key.index as usize];
+        // A star at infinity carries its apparent magnitude; one with a place its absolute magnitude, which is for 10 pc.
+        let magnitude_at_1_pc = f64::from(record.magnitude) - if record.distance_known { 5.0 } else { 0.0 };
+        let illuminance_lx = illuminance_lx_from_magnitude(magnitude_at_1_pc);
+        let star = PackedStar::new((record.position - origin_pc).as_vec3(), illuminance_lx, f64::from(record.temperature_k));
+        chunk.radius_pc = chunk.radius_pc.max(Vec3::from_array(star.offset_pc).as_dvec3().length());
+        if let Some(direction) = record.position.try_normalize() {
+            chunk.half_angle_rad = chunk.half_angle_rad.max(axis.angle_between(direction));
+        } else {
+            chunk.half_angle_rad = std::f64::consts::PI;
+        }
+        chunk.nearest_pc = chunk.nearest_pc.min(record.position.length());
+        chunk.brightest_lx = chunk.brightest_lx.max(star.illuminance_at_1_pc_lx());
+        chunk.total_lx += star.illuminance_at_1_pc_lx();
+        stars.push(star);
+    }
+    // angle_between loses half of the digits near 0 and f32 offsets turn a direction by up to 1e-7.
+    chunk.half_angle_rad = (chunk.half_angle_rad + 1e-6).min(std::f64::consts::PI);
+    chunk.radius_pc *= 1.0 + 1e-6;
+    stars.sort_by_key(|star| std::cmp::Reverse(star.light >> 11));
+    (chunk, stars)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn star(x: f64, y: f64, z: f64, distance_known: bool) -> StarRecord {
+        StarRecord { position: DVec3::new(x, y, z), magnitude: 5.0, temperature_k: 5772.0, distance_known }
+    }
+
+    /// Stars along a spiral over the whole sky, every third at infinity.
+    fn spiral(n: usize) -> Vec<StarRecord> {
+        (0..n)
+            .map(|i| {
+                let z = 1.0 - 2.0 * (i as f64 + 0.5) / n as f64;
+                let (sin, cos) = (i as f64 * 2.399_963).sin_cos();
+                let direction = DVec3::new(cos, sin, 0.0) * (1.0 - z * z).sqrt() + DVec3::Z * z;
+                let far = if i % 3 == 0 { 1.0 } else { 10.0 + i as f64 * 0.05 };
+                star(direction.x * far, direction.y * far, direction.z * far, i % 3 != 0)
+            })
+            .collect()
+    }
+
+    #[test]
+    fn every_star_lies_within_the_bounds_of_its_chunk() {
+        let set = StarSet::from_records(spiral(20_000));
+        assert_eq!(set.stars.len(), 20_000);
+        assert_eq!(set.chunks.iter().map(|c| c.count).sum::<u32>(), 20_000);
+        for chunk in &set.chunks {
+            assert!(chunk.count as usize <= CHUNK_STARS);
+            for star in set.stars_of(chunk) {
+                let offset = Vec3::from_array(star.offset_pc).as_dvec3();
+                let position = chunk.origin_pc + offset;
+                assert!(offset.length() <= chunk.radius_pc);
+                assert!(chunk.axis.angle_between(position) <= chunk.half_angle_rad);
+                assert!(position.length() >= chunk.nearest_pc * (1.0 - 1e-6));
+                assert!(star.illuminance_at_1_pc_lx() <= chunk.brightest_lx);
+            }
+        }
+    }
+
+    #[test]
+    fn the_order_of_the_input_does_not_matter() {
+        let records = spiral(5000);
+        let mut shuffled = records.clone();
+        for i in 0..shuffled.len() {
+            shuffled.swap(i, (i * 7919 + 13) % records.len());
+        }
+        assert_ne!(records, shuffled);
+        let (a, b) = (StarSet::from_records(records), StarSet::from_records(shuffled));
+        assert_eq!(a.chunks, b.chunks);
+        assert_eq!(a.stars, b.stars);
+    }
+
+    #[test]
+    fn a_million_stars_in_one_spot_and_a_star_at_the_origin_are_chunked() {
+        let mut records = vec![star(3.0, 4.0, 5.0, true); 10_000];
+        records.push(star(0.0, 0.0, 0.0, true));
+        let set = StarSet::from_records(records);
+        assert_eq!(set.stars.len(), 10_001);
+        assert!(set.chunks.iter().all(|chunk| chunk.count as usize <= CHUNK_STARS));
+    }
+}
