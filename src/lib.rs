@@ -5,7 +5,15 @@
 //! method for each technique; `gpu` and `passes` draw; `reference` is the same in f64 on the CPU; `frame` runs it all;
 //! `output` and `service` hand frames out. `docs/architecture.md` tells the whole story.
 
-pub mod catalogue;
-pub mod photometry;
 pub mod units;
+
+pub mod photometry;
+
+pub mod catalogue;
+
+pub mod scene;
 pub mod view;
+
+pub mod plan;
+
+pub mod frame;

@@ -94,7 +94,9 @@ impl StarSet {
             let p = star.position;
             (star.magnitude.to_bits(), star.temperature_k.to_bits(), p.x.to_bits(), p.y.to_bits(), p.z.to_bits())
         };
-        keys.par_sort_unstable_by(|a, b| (a.shell, a.cell).cmp(&(b.shell, b.cell)).then_with(|| content(a).cmp(&content(b))));
+        keys.par_sort_unstable_by(|a, b| {
+            (a.shell, a.cell).cmp(&(b.shell, b.cell)).then_with(|| content(a).cmp(&content(b)))
+        });
 
         let runs = chunk_runs(&keys);
         let chunked: Vec<(Chunk, Vec<PackedStar>)> =
@@ -193,7 +195,8 @@ fn build_chunk(records: &[StarRecord], keys: &[Key]) -> (Chunk, Vec<PackedStar>)
         // A star at infinity carries its apparent magnitude; one with a place its absolute magnitude, which is for 10 pc.
         let magnitude_at_1_pc = f64::from(record.magnitude) - if record.distance_known { 5.0 } else { 0.0 };
         let illuminance_lx = illuminance_lx_from_magnitude(magnitude_at_1_pc);
-        let star = PackedStar::new((record.position - origin_pc).as_vec3(), illuminance_lx, f64::from(record.temperature_k));
+        let star =
+            PackedStar::new((record.position - origin_pc).as_vec3(), illuminance_lx, f64::from(record.temperature_k));
         chunk.radius_pc = chunk.radius_pc.max(Vec3::from_array(star.offset_pc).as_dvec3().length());
         if let Some(direction) = record.position.try_normalize() {
             chunk.half_angle_rad = chunk.half_angle_rad.max(axis.angle_between(direction));

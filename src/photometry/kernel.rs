@@ -69,8 +69,7 @@ mod tests {
                 let centre = DVec2::new(10.0 + f64::from(i) * 0.0137, 20.0 - f64::from(i) * 0.0311);
                 let taps = kernel.footprint(centre);
                 let sum: f64 = taps.iter().map(|t| t.2).sum();
-                let centroid: DVec2 =
-                    taps.iter().map(|t| DVec2::new(t.0 as f64 + 0.5, t.1 as f64 + 0.5) * t.2).sum();
+                let centroid: DVec2 = taps.iter().map(|t| DVec2::new(t.0 as f64 + 0.5, t.1 as f64 + 0.5) * t.2).sum();
                 assert!((sum - 1.0).abs() < 1e-12);
                 assert!((centroid - centre).length() < 1e-12, "{kernel:?} {centre} {centroid}");
             }

@@ -1,3 +1,6 @@
 //! Views: projections, poses, and the flat list of viewports that a frame renders.
 
 pub mod projection;
+mod rig;
+
+pub use rig::{Fov, Part, Rig, RigError, View, ViewImage, ViewKind, Viewport};

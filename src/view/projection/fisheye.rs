@@ -14,7 +14,9 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use glam::{DVec2, DVec3};
 
-use super::{BoundingCone, Footprint, PlaneMapping, ProjectionError, Tap, check_size, integrate_over_rectangle, pixel_centre};
+use super::{
+    BoundingCone, Footprint, PlaneMapping, ProjectionError, Tap, check_size, integrate_over_rectangle, pixel_centre,
+};
 
 /// How the angle from the axis becomes a radius.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -59,8 +61,12 @@ impl Fisheye {
         check_size(size)?;
         let slack = 1e-12;
         let (ok, allowed) = match mapping {
-            FisheyeMapping::Equidistant => (fov_rad <= TAU + slack, "an equidistant fisheye shows more than 0 and at most 360 degrees"),
-            FisheyeMapping::Equisolid => (fov_rad <= TAU + slack, "an equisolid fisheye shows more than 0 and at most 360 degrees"),
+            FisheyeMapping::Equidistant => {
+                (fov_rad <= TAU + slack, "an equidistant fisheye shows more than 0 and at most 360 degrees")
+            }
+            FisheyeMapping::Equisolid => {
+                (fov_rad <= TAU + slack, "an equisolid fisheye shows more than 0 and at most 360 degrees")
+            }
             FisheyeMapping::Orthographic => (
                 fov_rad <= PI + slack,
                 "an orthographic fisheye shows more than 0 and at most 180 degrees (beyond, the sky folds back on itself)",
@@ -229,7 +235,9 @@ mod tests {
             (FisheyeMapping::Stereographic, 220.0),
         ] {
             let view = Fisheye::new([300, 200], mapping, f64::to_radians(degrees)).unwrap();
-            for pixel in [DVec2::new(150.0, 100.0), DVec2::new(180.3, 60.1), DVec2::new(90.0, 120.0), DVec2::new(150.0, 1.0)] {
+            for pixel in
+                [DVec2::new(150.0, 100.0), DVec2::new(180.3, 60.1), DVec2::new(90.0, 120.0), DVec2::new(150.0, 1.0)]
+            {
                 let back = view.pixel_from_direction(view.direction_from_pixel(pixel).unwrap()).unwrap();
                 assert!((back - pixel).length() < 1e-6, "{mapping:?} {pixel} {back}");
             }

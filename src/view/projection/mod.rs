@@ -161,7 +161,8 @@ impl Projection {
 /// Gauss-Legendre quadrature of `density` (per unit area of the plane) over a rectangle given by centre and half sides,
 /// with three points each way: exact to the fifth degree.
 pub(crate) fn integrate_over_rectangle(centre: DVec2, half: DVec2, density: impl Fn(DVec2) -> f64) -> f64 {
-    const NODES: [(f64, f64); 3] = [(-0.774_596_669_241_483_4, 5.0 / 9.0), (0.0, 8.0 / 9.0), (0.774_596_669_241_483_4, 5.0 / 9.0)];
+    const NODES: [(f64, f64); 3] =
+        [(-0.774_596_669_241_483_4, 5.0 / 9.0), (0.0, 8.0 / 9.0), (0.774_596_669_241_483_4, 5.0 / 9.0)];
     let mut sum = 0.0;
     for (u, weight_u) in NODES {
         for (v, weight_v) in NODES {

@@ -45,23 +45,41 @@ impl Perspective {
     }
 
     /// Off-axis picture from four signed angles in rad (left and down usually negative), each within +-89 degrees.
-    pub fn off_axis(size: [u32; 2], left_rad: f64, right_rad: f64, up_rad: f64, down_rad: f64) -> Result<Self, ProjectionError> {
+    pub fn off_axis(
+        size: [u32; 2],
+        left_rad: f64,
+        right_rad: f64,
+        up_rad: f64,
+        down_rad: f64,
+    ) -> Result<Self, ProjectionError> {
         check_size(size)?;
-        for (parameter, value) in
-            [("fov.left_deg", left_rad), ("fov.right_deg", right_rad), ("fov.up_deg", up_rad), ("fov.down_deg", down_rad)]
-        {
+        for (parameter, value) in [
+            ("fov.left_deg", left_rad),
+            ("fov.right_deg", right_rad),
+            ("fov.up_deg", up_rad),
+            ("fov.down_deg", down_rad),
+        ] {
             if !(value.abs() <= MAX_EDGE_RAD + 1e-12) {
                 let allowed = "each angle must lie within -89 and 89 degrees";
                 return Err(ProjectionError::OutOfRange { parameter, value: value.to_degrees(), allowed });
             }
         }
         if left_rad >= right_rad {
-            let allowed = "the angle to the left must be smaller than the one to the right (angles to the left are negative)";
-            return Err(ProjectionError::OutOfRange { parameter: "fov.left_deg", value: left_rad.to_degrees(), allowed });
+            let allowed =
+                "the angle to the left must be smaller than the one to the right (angles to the left are negative)";
+            return Err(ProjectionError::OutOfRange {
+                parameter: "fov.left_deg",
+                value: left_rad.to_degrees(),
+                allowed,
+            });
         }
         if down_rad >= up_rad {
             let allowed = "the angle down must be smaller than the one up (angles downwards are negative)";
-            return Err(ProjectionError::OutOfRange { parameter: "fov.down_deg", value: down_rad.to_degrees(), allowed });
+            return Err(ProjectionError::OutOfRange {
+                parameter: "fov.down_deg",
+                value: down_rad.to_degrees(),
+                allowed,
+            });
         }
         Ok(Self { size, left: left_rad.tan(), right: right_rad.tan(), down: down_rad.tan(), up: up_rad.tan() })
     }
@@ -103,7 +121,10 @@ impl PlaneMapping for Perspective {
     }
 
     fn direction_from_pixel(&self, pixel: DVec2) -> Option<DVec3> {
-        let inside = pixel.x >= 0.0 && pixel.y >= 0.0 && pixel.x <= f64::from(self.size[0]) && pixel.y <= f64::from(self.size[1]);
+        let inside = pixel.x >= 0.0
+            && pixel.y >= 0.0
+            && pixel.x <= f64::from(self.size[0])
+            && pixel.y <= f64::from(self.size[1]);
         let step = self.tangent_per_pixel();
         inside.then(|| DVec3::new(self.left + pixel.x * step.x, self.up - pixel.y * step.y, -1.0).normalize())
     }
@@ -125,7 +146,8 @@ impl PlaneMapping for Perspective {
 
     fn bounding_cone(&self, margin_px: f64) -> BoundingCone {
         let [left, right, down, up] = self.edge_tangents(margin_px);
-        let corners = [(left, up), (right, up), (left, down), (right, down)].map(|(x, y)| DVec3::new(x, y, -1.0).normalize());
+        let corners =
+            [(left, up), (right, up), (left, down), (right, down)].map(|(x, y)| DVec3::new(x, y, -1.0).normalize());
         let axis = corners.iter().sum::<DVec3>().normalize_or(DVec3::NEG_Z);
         let half_angle_rad = corners.iter().map(|c| axis.angle_between(*c)).fold(0.0, f64::max);
         BoundingCone { axis, half_angle_rad: half_angle_rad.min(FRAC_PI_2) }
@@ -152,8 +174,14 @@ mod tests {
     fn off_axis_is_a_window_of_the_symmetric_picture() {
         let whole = Perspective::symmetric([640, 480], 1.2).unwrap();
         let [left, right, down, up] = whole.edge_tangents(0.0);
-        let window =
-            Perspective::off_axis([320, 480], left.atan(), (left + (right - left) / 2.0).atan(), up.atan(), down.atan()).unwrap();
+        let window = Perspective::off_axis(
+            [320, 480],
+            left.atan(),
+            (left + (right - left) / 2.0).atan(),
+            up.atan(),
+            down.atan(),
+        )
+        .unwrap();
         for (x, y) in [(0, 0), (319, 479), (100, 333), (319, 0)] {
             let (a, b) = (whole.solid_angle_sr(x, y), window.solid_angle_sr(x, y));
             assert!((a / b - 1.0).abs() < 1e-9, "{a} {b}");

@@ -1,0 +1,65 @@
+//! A frame: one snapshot of the scene in many views at once.
+
+use serde::Serialize;
+
+use crate::view::Part;
+
+/// One image of a frame.
+#[derive(Clone, Debug)]
+pub struct FrameImage {
+    /// Index of the view in the rig.
+    pub view: usize,
+    /// Which image of the view.
+    pub part: Part,
+    /// Width, pixels.
+    pub width: u32,
+    /// Height, pixels.
+    pub height: u32,
+    /// Display image, 8 bits each of R, G, B, A, row by row from the top; if it was asked for.
+    pub display: Option<Vec<u8>>,
+    /// R, G, B in cd/m^2 (linear Rec. 709) and the pixel's solid angle in sr (0 outside of the picture), row by row from
+    /// the top; if it was asked for.
+    pub hdr: Option<Vec<[f32; 4]>>,
+}
+
+/// What a view of a frame holds, for the manifest and for statistics.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ViewStatistics {
+    /// The view's name.
+    pub name: String,
+    /// Stars whose image lies in the picture.
+    pub stars_drawn: u64,
+    /// Stars whose light reaches the view through the map of unresolved light.
+    pub stars_in_map: u64,
+    /// The view's share of the GPU's time, ms: its part of the star pass by stars drawn, its own resolve and tone mapping.
+    /// `None` where the adapter has no timestamps.
+    pub gpu_ms: Option<f64>,
+}
+
+/// Which buffers of a view leave the GPU.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub struct Wanted {
+    /// The tone-mapped display image.
+    pub display: bool,
+    /// The HDR image.
+    pub hdr: bool,
+}
+
+/// A finished frame.
+#[derive(Clone, Debug)]
+pub struct Frame {
+    /// Counts the frames of a renderer.
+    pub number: u64,
+    /// Revision of the scene shown.
+    pub scene_revision: u64,
+    /// Revision of the camera.
+    pub camera_revision: u64,
+    /// Exposure of all views.
+    pub exposure_ev100: f64,
+    /// The images, in the order of views and parts.
+    pub images: Vec<FrameImage>,
+    /// One entry per view of the rig.
+    pub views: Vec<ViewStatistics>,
+    /// Methods chosen and the certificate.
+    pub plan: crate::plan::FramePlan,
+}

@@ -1,0 +1,138 @@
+//! The render settings of a frame: methods by name, exposure, tone mapping and the error budget.
+
+use serde::{Deserialize, Serialize};
+
+/// How stars are drawn. Every method adds illuminance to pixels and divides by the pixel's solid angle at the end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, Default)]
+#[serde(rename_all = "snake_case")]
+pub enum StarMethod {
+    /// The B-spline for stars whose shape is seen, the tent for those too faint for it.
+    #[default]
+    Auto,
+    /// 3x3 quadratic B-spline.
+    #[serde(rename = "bspline")]
+    BSpline,
+    /// 2x2 bilinear tent.
+    Tent,
+}
+
+/// How glare is computed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, Default)]
+#[serde(rename_all = "snake_case")]
+pub enum GlareMethod {
+    /// The cheapest method that keeps the error budget. No glare method exists yet, so this draws none.
+    #[default]
+    Auto,
+    /// No glare.
+    None,
+}
+
+/// Who chooses the exposure.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, Default)]
+#[serde(rename_all = "snake_case")]
+pub enum ExposureMode {
+    /// From the mean luminance of all views, weighted by solid angle.
+    #[default]
+    Auto,
+    /// `ev100` as given.
+    Manual,
+}
+
+/// Star settings.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct StarSettings {
+    /// The method.
+    pub method: StarMethod,
+    /// Stars fainter than this apparent magnitude, for the camera's place, are not drawn.
+    pub magnitude_limit: f64,
+}
+
+impl Default for StarSettings {
+    fn default() -> Self {
+        Self { method: StarMethod::Auto, magnitude_limit: 99.0 }
+    }
+}
+
+/// Exposure settings.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ExposureSettings {
+    /// Who chooses.
+    pub mode: ExposureMode,
+    /// Exposure value at ISO 100 for `manual`: display white is 1.2 * 2^ev100 cd/m^2.
+    pub ev100: f64,
+    /// Added to the automatic exposure value: positive darkens.
+    pub compensation_ev: f64,
+    /// Lowest automatic exposure value.
+    pub min_ev100: f64,
+    /// Highest automatic exposure value.
+    pub max_ev100: f64,
+    /// Time constant of adaptation in `serve`, s; 0 adapts at once.
+    pub adaptation_s: f64,
+}
+
+impl Default for ExposureSettings {
+    fn default() -> Self {
+        Self {
+            mode: ExposureMode::Auto,
+            ev100: -3.0,
+            compensation_ev: 0.0,
+            min_ev100: -20.0,
+            max_ev100: 24.0,
+            adaptation_s: 0.5,
+        }
+    }
+}
+
+/// How luminance becomes display values.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, Default)]
+#[serde(rename_all = "snake_case")]
+pub enum ToneMapOperator {
+    /// Film-like shoulder.
+    #[default]
+    Filmic,
+    /// Display white is clipped, below it the sRGB curve.
+    Srgb,
+}
+
+/// Tone mapping settings.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Default)]
+#[serde(deny_unknown_fields, default)]
+pub struct ToneMapSettings {
+    /// The operator.
+    pub operator: ToneMapOperator,
+}
+
+/// The error budget that `auto` keeps.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct AccuracySettings {
+    /// Relative error of the light of a star.
+    pub flux: f64,
+    /// Error of a star's centroid, pixels.
+    pub centroid_px: f64,
+    /// Standard deviation over mean of a star's displayed light while it moves through a pixel.
+    pub flicker: f64,
+}
+
+impl Default for AccuracySettings {
+    fn default() -> Self {
+        Self { flux: 1e-3, centroid_px: 0.05, flicker: 0.02 }
+    }
+}
+
+/// Everything that decides how a snapshot is drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Default)]
+pub struct RenderSettings {
+    /// Stars.
+    pub stars: StarSettings,
+    /// Glare.
+    pub glare: GlareMethod,
+    /// Exposure.
+    pub exposure: ExposureSettings,
+    /// Tone mapping.
+    pub tone_map: ToneMapSettings,
+    /// Error budget.
+    pub accuracy: AccuracySettings,
+}

@@ -1,0 +1,389 @@
+//! The rig: every view of a frame, each with its images, and from them the flat list of viewports that the renderer draws.
+//!
+//! Three frames of reference meet here: *view* axes (+x right, +y up, looking -z) of one image, *camera* axes of the rig,
+//! and *world* axes (ICRS). `camera_from_view` and `world_from_camera` are rotations between them.
+
+use glam::{DMat3, DQuat, DVec3};
+
+use super::projection::{
+    CubeFace, Equirectangular, Face, Fisheye, FisheyeMapping, Perspective, Projection, ProjectionError,
+};
+
+/// Why a rig cannot be built.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum RigError {
+    /// A view's projection is impossible.
+    #[error("view `{view}`: {source}")]
+    Projection {
+        /// The view's name.
+        view: String,
+        /// What is wrong with it.
+        source: ProjectionError,
+    },
+    /// A view's name is empty or has other characters than letters, digits, `_` and `-`.
+    #[error("view name `{name}`: allowed are letters, digits, `_` and `-`, at least one")]
+    Name {
+        /// The name.
+        name: String,
+    },
+    /// Two views have the same name.
+    #[error("view name `{name}` is used twice: names must be unique")]
+    Duplicate {
+        /// The name.
+        name: String,
+    },
+    /// Another parameter is not what it must be.
+    #[error("view `{view}`: {problem}")]
+    Parameter {
+        /// The view's name.
+        view: String,
+        /// What is wrong and what is allowed.
+        problem: String,
+    },
+}
+
+/// Signed angles of the four edges from the principal ray, rad, as OpenXR gives them (left and down usually negative).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Fov {
+    /// To the left edge.
+    pub left_rad: f64,
+    /// To the right edge.
+    pub right_rad: f64,
+    /// To the upper edge.
+    pub up_rad: f64,
+    /// To the lower edge.
+    pub down_rad: f64,
+}
+
+impl Fov {
+    /// The same field of view seen in a mirror: what the other eye has.
+    pub fn mirrored(self) -> Self {
+        Self { left_rad: -self.right_rad, right_rad: -self.left_rad, ..self }
+    }
+}
+
+/// What a view shows, before it is divided into images.
+#[derive(Clone, Debug, PartialEq)]
+pub enum ViewKind {
+    /// A symmetric flat window.
+    Perspective {
+        /// Width and height, pixels.
+        size: [u32; 2],
+        /// Vertical field of view, rad.
+        fov_y_rad: f64,
+    },
+    /// A flat window with four independent edges.
+    OffAxis {
+        /// Width and height, pixels.
+        size: [u32; 2],
+        /// The edges.
+        fov: Fov,
+    },
+    /// Two eyes.
+    Stereo {
+        /// Width and height per eye, pixels.
+        size: [u32; 2],
+        /// Distance between the eyes, m.
+        ipd_m: f64,
+        /// Edges of the left eye.
+        fov_left: Fov,
+        /// Edges of the right eye.
+        fov_right: Fov,
+    },
+    /// Square faces of 90 degrees.
+    Cubemap {
+        /// Side of a face, pixels.
+        face_size: u32,
+        /// Which faces are rendered.
+        faces: Vec<Face>,
+    },
+    /// A round picture around -z.
+    Fisheye {
+        /// Width and height, pixels.
+        size: [u32; 2],
+        /// The mapping.
+        mapping: FisheyeMapping,
+        /// Field of view, rad.
+        fov_rad: f64,
+    },
+    /// A planetarium's domemaster: equidistant, centre = zenith, bottom = front.
+    DomeMaster {
+        /// Side of the square, pixels.
+        size: u32,
+        /// Field of view, rad.
+        fov_rad: f64,
+        /// Tilt of the dome towards the front, rad.
+        tilt_rad: f64,
+    },
+    /// Longitude and latitude.
+    Equirectangular {
+        /// Width and height, pixels.
+        size: [u32; 2],
+    },
+}
+
+impl ViewKind {
+    /// Name of the type in configurations.
+    pub fn type_name(&self) -> &'static str {
+        match self {
+            ViewKind::Perspective { .. } | ViewKind::OffAxis { .. } => "perspective",
+            ViewKind::Stereo { .. } => "stereo",
+            ViewKind::Cubemap { .. } => "cubemap",
+            ViewKind::Fisheye { .. } => "fisheye",
+            ViewKind::DomeMaster { .. } => "dome_master",
+            ViewKind::Equirectangular { .. } => "equirectangular",
+        }
+    }
+}
+
+/// Name of one of several images of a view.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Part {
+    /// The only image.
+    Whole,
+    /// The left eye.
+    LeftEye,
+    /// The right eye.
+    RightEye,
+    /// A cube face.
+    Face(Face),
+}
+
+impl Part {
+    /// The part's name in file names and messages; `None` for a view's only image.
+    pub fn name(self) -> Option<&'static str> {
+        match self {
+            Part::Whole => None,
+            Part::LeftEye => Some("left"),
+            Part::RightEye => Some("right"),
+            Part::Face(face) => Some(face.name()),
+        }
+    }
+}
+
+/// One image of a view.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ViewImage {
+    /// Which part of the view.
+    pub part: Part,
+    /// How directions map to its pixels.
+    pub projection: Projection,
+    /// Rotation from view axes to camera axes.
+    pub camera_from_view: DQuat,
+    /// Place of the eye in camera axes, m.
+    pub eye_position_m: DVec3,
+}
+
+/// A view: one or several images under one name.
+#[derive(Clone, Debug, PartialEq)]
+pub struct View {
+    /// Unique name.
+    pub name: String,
+    /// What was asked for.
+    pub kind: ViewKind,
+    /// Its images.
+    pub images: Vec<ViewImage>,
+}
+
+impl View {
+    /// Builds a view. `orientation` takes view axes to camera axes (unit length), `position_m` is in camera axes.
+    pub fn new(name: &str, kind: ViewKind, orientation: DQuat, position_m: DVec3) -> Result<Self, RigError> {
+        let valid = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
+        if name.is_empty() || !name.chars().all(valid) {
+            return Err(RigError::Name { name: name.to_owned() });
+        }
+        let images = images_of(name, &kind, orientation, position_m)?;
+        Ok(Self { name: name.to_owned(), kind, images })
+    }
+}
+
+fn images_of(name: &str, kind: &ViewKind, orientation: DQuat, position_m: DVec3) -> Result<Vec<ViewImage>, RigError> {
+    let wrong = |source: ProjectionError| RigError::Projection { view: name.to_owned(), source };
+    let parameter = |problem: String| RigError::Parameter { view: name.to_owned(), problem };
+    let image = |part: Part, projection: Projection, camera_from_view: DQuat, eye_position_m: DVec3| ViewImage {
+        part,
+        projection,
+        camera_from_view,
+        eye_position_m,
+    };
+    let off_axis = |size: [u32; 2], fov: Fov| {
+        Perspective::off_axis(size, fov.left_rad, fov.right_rad, fov.up_rad, fov.down_rad).map(Projection::Perspective)
+    };
+    match kind {
+        ViewKind::Perspective { size, fov_y_rad } => {
+            let projection = Perspective::symmetric(*size, *fov_y_rad).map_err(wrong)?;
+            Ok(vec![image(Part::Whole, Projection::Perspective(projection), orientation, position_m)])
+        }
+        ViewKind::OffAxis { size, fov } => {
+            Ok(vec![image(Part::Whole, off_axis(*size, *fov).map_err(wrong)?, orientation, position_m)])
+        }
+        ViewKind::Stereo { size, ipd_m, fov_left, fov_right } => {
+            if !(ipd_m.is_finite() && *ipd_m >= 0.0) {
+                return Err(parameter(format!("ipd_m = {ipd_m}: allowed are finite distances from 0 m")));
+            }
+            let eyes = [(Part::LeftEye, fov_left, -0.5), (Part::RightEye, fov_right, 0.5)];
+            eyes.into_iter()
+                .map(|(part, fov, side)| {
+                    let eye = position_m + orientation * (DVec3::X * (side * ipd_m));
+                    Ok(image(part, off_axis(*size, *fov).map_err(wrong)?, orientation, eye))
+                })
+                .collect()
+        }
+        ViewKind::Cubemap { face_size, faces } => {
+            if faces.is_empty() {
+                return Err(parameter(
+                    "faces = []: name at least one of front, right, left, back, up, down".to_owned(),
+                ));
+            }
+            if let Some(twice) = faces.iter().enumerate().find(|(i, face)| faces[..*i].contains(face)) {
+                return Err(parameter(format!("faces: `{}` is named twice", twice.1.name())));
+            }
+            faces
+                .iter()
+                .map(|&face| {
+                    let projection = Projection::CubeFace(CubeFace::new(face, *face_size).map_err(wrong)?);
+                    Ok(image(Part::Face(face), projection, orientation * face.cube_from_face(), position_m))
+                })
+                .collect()
+        }
+        ViewKind::Fisheye { size, mapping, fov_rad } => {
+            let projection = Fisheye::new(*size, *mapping, *fov_rad).map_err(wrong)?;
+            Ok(vec![image(Part::Whole, Projection::Fisheye(projection), orientation, position_m)])
+        }
+        ViewKind::DomeMaster { size, fov_rad, tilt_rad } => {
+            if !tilt_rad.is_finite() {
+                return Err(parameter(format!("tilt_deg = {}: must be finite", tilt_rad.to_degrees())));
+            }
+            let projection = Fisheye::new([*size; 2], FisheyeMapping::Equidistant, *fov_rad).map_err(wrong)?;
+            // AFDI domemaster: the centre is the zenith, leaning forwards by the tilt; the bottom of the image is the front.
+            let (sin, cos) = tilt_rad.sin_cos();
+            let axis = DVec3::new(0.0, cos, -sin);
+            let up = DVec3::new(0.0, sin, cos);
+            let tilt = DQuat::from_mat3(&DMat3::from_cols(axis.cross(up), up, -axis));
+            Ok(vec![image(Part::Whole, Projection::Fisheye(projection), orientation * tilt, position_m)])
+        }
+        ViewKind::Equirectangular { size } => {
+            let projection = Equirectangular::new(*size).map_err(wrong)?;
+            Ok(vec![image(Part::Whole, Projection::Equirectangular(projection), orientation, position_m)])
+        }
+    }
+}
+
+/// All views of a frame.
+#[derive(Clone, Debug, PartialEq, Default)]
+pub struct Rig {
+    views: Vec<View>,
+}
+
+/// One image to draw, in world axes: what the renderer sees of a view.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Viewport {
+    /// Index of the view in the rig.
+    pub view: usize,
+    /// Which image of the view.
+    pub part: Part,
+    /// How directions map to pixels.
+    pub projection: Projection,
+    /// Rotation from view axes to world axes.
+    pub world_from_view: DQuat,
+    /// Eye minus camera in world axes, m.
+    pub eye_offset_m: DVec3,
+}
+
+impl Viewport {
+    /// Width and height, pixels.
+    pub fn size(&self) -> [u32; 2] {
+        self.projection.mapping().size()
+    }
+}
+
+impl Rig {
+    /// A rig of views with unique names.
+    pub fn new(views: Vec<View>) -> Result<Self, RigError> {
+        for (i, view) in views.iter().enumerate() {
+            if views[..i].iter().any(|other| other.name == view.name) {
+                return Err(RigError::Duplicate { name: view.name.clone() });
+            }
+        }
+        Ok(Self { views })
+    }
+
+    /// The views.
+    pub fn views(&self) -> &[View] {
+        &self.views
+    }
+
+    /// Index of the view of that name.
+    pub fn index_of(&self, name: &str) -> Option<usize> {
+        self.views.iter().position(|view| view.name == name)
+    }
+
+    /// The flat list of viewports for a camera whose axes `world_from_camera` takes to world axes, in the order of views
+    /// and images.
+    pub fn viewports(&self, world_from_camera: DQuat) -> Vec<Viewport> {
+        let mut viewports = Vec::new();
+        for (index, view) in self.views.iter().enumerate() {
+            for image in &view.images {
+                viewports.push(Viewport {
+                    view: index,
+                    part: image.part,
+                    projection: image.projection.clone(),
+                    world_from_view: world_from_camera * image.camera_from_view,
+                    eye_offset_m: world_from_camera * image.eye_position_m,
+                });
+            }
+        }
+        viewports
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn view(name: &str, kind: ViewKind) -> Result<View, RigError> {
+        View::new(name, kind, DQuat::IDENTITY, DVec3::ZERO)
+    }
+
+    #[test]
+    fn domemaster_has_the_zenith_in_its_centre_and_the_front_at_its_bottom() {
+        for tilt_rad in [0.0, 0.4] {
+            let dome =
+                view("dome", ViewKind::DomeMaster { size: 100, fov_rad: std::f64::consts::PI, tilt_rad }).unwrap();
+            let image = &dome.images[0];
+            let at = |x: f64, y: f64| {
+                image.camera_from_view
+                    * image.projection.mapping().direction_from_pixel(glam::DVec2::new(x, y)).unwrap()
+            };
+            let (sin, cos) = tilt_rad.sin_cos();
+            assert!((at(50.0, 50.0) - DVec3::new(0.0, cos, -sin)).length() < 1e-12);
+            assert!((at(50.0, 100.0) - DVec3::new(0.0, -sin, -cos)).length() < 1e-12, "bottom is front");
+            assert!((at(0.0, 50.0) - DVec3::NEG_X).length() < 1e-12, "left is left");
+        }
+    }
+
+    #[test]
+    fn the_right_eye_sees_the_mirrored_field_from_half_an_ipd_to_the_right() {
+        let fov_left = Fov { left_rad: -0.9, right_rad: 0.7, up_rad: 0.8, down_rad: -0.8 };
+        let kind = ViewKind::Stereo { size: [10, 10], ipd_m: 0.064, fov_left, fov_right: fov_left.mirrored() };
+        let rig = Rig::new(vec![view("eyes", kind).unwrap()]).unwrap();
+        let viewports = rig.viewports(DQuat::from_rotation_y(std::f64::consts::FRAC_PI_2));
+        // Turned a quarter to the left, the camera's +x is the world's -z.
+        assert!((viewports[1].eye_offset_m - DVec3::new(0.0, 0.0, -0.032)).length() < 1e-12);
+        let omega = |v: &Viewport, x: u32| v.projection.mapping().solid_angle_sr(x, 4);
+        assert!((omega(&viewports[0], 1) / omega(&viewports[1], 8) - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn bad_names_twins_and_faces_are_refused() {
+        let kind = ViewKind::Equirectangular { size: [4, 2] };
+        for name in ["", "a b", "a/b", "ü"] {
+            assert!(matches!(view(name, kind.clone()), Err(RigError::Name { .. })), "{name}");
+        }
+        let twins = vec![view("a", kind.clone()).unwrap(), view("a", kind).unwrap()];
+        assert!(matches!(Rig::new(twins), Err(RigError::Duplicate { .. })));
+        for faces in [vec![], vec![Face::Up, Face::Up]] {
+            assert!(view("c", ViewKind::Cubemap { face_size: 8, faces }).is_err());
+        }
+    }
+}
