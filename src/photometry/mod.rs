@@ -1,1 +1,10 @@
 //! Photometry: from magnitude and temperature to light.
+//!
+//! `cie1931` and `rec709` hold the standards, `blackbody` turns temperatures into colours, `exposure` chooses the
+//! luminance that is shown white, `tone_map` turns luminance into display values.
+
+pub mod blackbody;
+pub mod cie1931;
+pub mod exposure;
+pub mod rec709;
+pub mod tone_map;
