@@ -5,8 +5,8 @@
 
 struct ResolveParameters {
     lx_per_unit: f32,
-    // 1: add to the luminance that `luminance` holds already.
-    add: u32,
+    // The same for the sums of the few stars that outshine the rest; 0 if there are none.
+    lx_per_bright_unit: f32,
     unused_0: u32,
     unused_1: u32,
 }
@@ -16,6 +16,7 @@ struct ResolveParameters {
 @group(0) @binding(2) var<storage, read> tiles: array<Tile>;
 @group(0) @binding(3) var<storage, read_write> pixels: array<vec4<u32>>;
 @group(0) @binding(4) var<storage, read_write> partial_sums: array<f32>;
+@group(0) @binding(5) var<storage, read> bright_pixels: array<vec4<u32>>;
 
 const COLUMNS: u32 = 64u;
 const ROWS: u32 = 16u;
@@ -23,7 +24,6 @@ const ROWS: u32 = 16u;
 @compute @workgroup_size(COLUMNS)
 fn resolve(
     @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_index) local: u32,
 ) {
     let tile = tiles[group.z];
@@ -43,8 +43,14 @@ fn resolve(
         var luminance = vec3(0.0);
         if omega > 0.0 {
             let words = pixels[index];
+            var illuminance = vec3(0.0);
             if any(words != vec4(0u)) {
-                let illuminance = decode(words) * parameters.lx_per_unit;
+                illuminance = decode(words) * parameters.lx_per_unit;
+            }
+            if parameters.lx_per_bright_unit > 0.0 {
+                illuminance += decode(bright_pixels[index]) * parameters.lx_per_bright_unit;
+            }
+            if any(illuminance > vec3(0.0)) {
                 sum += dot(illuminance, vec3(0.2126, 0.7152, 0.0722));
                 luminance = illuminance / omega;
             }

@@ -16,4 +16,6 @@ pub mod view;
 
 pub mod plan;
 
+pub mod gpu;
+
 pub mod frame;
