@@ -1,11 +1,11 @@
 #!/usr/bin/env bash
-# Makes sure that there is a Vulkan driver that works on this machine. If there is none, installs Mesa's software driver
-# (lavapipe) on Debian and its relatives; on other systems it says what is missing. Exit code 69: no driver.
+# Makes sure that there is a Vulkan driver that works on this machine. If there is none, installs Mesa's software
+# driver (lavapipe) on Debian and its relatives; on other systems it says what is missing. Exit code 69: no driver.
 #
-# On Debian 12 the driver comes from bookworm-backports, because the release's own (Mesa 22.3) draws only the first layer
-# in multiview. If that suite is not among the apt sources, /etc/apt/sources.list.d/steradian-backports.sources is added,
-# with the address and key of the Debian source that is there. It stays, so that the driver keeps getting updates; apt
-# takes nothing else from it, since backports have a low priority.
+# On Debian 12 the driver comes from bookworm-backports, because the release's own (Mesa 22.3) draws only the first
+# layer in multiview. If that suite is not among the apt sources, it is added, as
+# /etc/apt/sources.list.d/steradian-backports.sources, with the address and key of the Debian source that is there. It
+# stays, so that the driver keeps getting updates; apt takes nothing else from it, since backports have a low priority.
 #
 # A driver of your own choice: set VK_DRIVER_FILES to its manifest. It is then only checked to be there.
 set -euo pipefail
@@ -40,7 +40,7 @@ shared_library_exists() {
     return 1
 }
 
-# manifests: the driver manifests that the Vulkan loader reads, one per line (see "Driver discovery on Linux" in its docs).
+# manifests: the driver manifests that the Vulkan loader reads, one per line ("Driver discovery on Linux" in its docs).
 manifests() {
     local chosen=${VK_DRIVER_FILES:-${VK_ICD_FILENAMES-}} entry folder
     local -a entries
@@ -163,7 +163,7 @@ ensure_backports() {
     fi
     say "adding $BACKPORTS_FILE for a driver newer than Debian 12's (remove the file if you do not want it)"
     printf '%s\n' "$source" | as_root tee "$BACKPORTS_FILE" >/dev/null
-    # The exit code would also tell of other sources' troubles, or tell nothing: what counts is whether the suite is there.
+    # The exit code would also tell of other sources' troubles, or of nothing: what counts is whether the suite is there.
     apt_refresh
     if ! grep -q 'n=bookworm-backports' <<<"$(apt-cache policy)"; then
         say "bookworm-backports cannot be read from there: removing $BACKPORTS_FILE"
@@ -185,7 +185,8 @@ install_driver() {
 
 if find_driver >/dev/null; then exit 0; fi
 if [[ -n ${VK_DRIVER_FILES:-${VK_ICD_FILENAMES-}} ]]; then
-    fail "VK_DRIVER_FILES or VK_ICD_FILENAMES names no Vulkan driver that is there: ${VK_DRIVER_FILES:-$VK_ICD_FILENAMES}"
+    fail 'there is no Vulkan loader, or no driver that VK_DRIVER_FILES (or VK_ICD_FILENAMES) names:' \
+        "  ${VK_DRIVER_FILES:-$VK_ICD_FILENAMES}"
 fi
 if ! has_apt; then
     fail 'no Vulkan driver that works was found. Install the Vulkan loader and a driver:' \
@@ -196,5 +197,5 @@ if ! has_apt; then
         'A driver in an unusual place: set VK_DRIVER_FILES to its manifest.'
 fi
 install_driver || fail 'apt could not install libvulkan1 and mesa-vulkan-drivers (see above)'
-driver=$(find_driver) || fail 'libvulkan1 and mesa-vulkan-drivers are installed, and still no Vulkan driver was found that works'
+driver=$(find_driver) || fail 'libvulkan1 and mesa-vulkan-drivers are installed, and still no Vulkan driver works'
 say "Vulkan driver: $driver"

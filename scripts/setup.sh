@@ -11,7 +11,7 @@ readonly needed
 if [[ -z $needed ]]; then fail 'Cargo.toml names no rust-version'; fi
 
 check_cargo() {
-    local how="Rust $needed or newer is needed: install it with rustup (https://rustup.rs), or update with: rustup update stable"
+    local how="Rust $needed or newer is needed: install it with rustup (https://rustup.rs), or run: rustup update stable"
     if ! command -v cargo >/dev/null; then
         fail "cargo is not in PATH. $how"
     fi

@@ -1,5 +1,5 @@
 # shellcheck shell=bash
-# Installing packages on Debian and its relatives. Sourced, not run. Everything it does to the system it announces first.
+# Installing packages on Debian and its relatives. Sourced, not run. It announces everything that it does to the system.
 
 # Exit code of a missing prerequisite: EX_UNAVAILABLE of sysexits.h.
 readonly EX_UNAVAILABLE=69
@@ -43,9 +43,10 @@ as_root() {
 need_root() {
     local reason=$1
     shift
-    if [[ $EUID -ne 0 ]] && ! command -v sudo >/dev/null; then
-        fail "$reason" "installing needs root, and there is no sudo. As root, run: apt-get install $*"
-    fi
+    if [[ $EUID -eq 0 ]]; then return; fi
+    local how="installing it needs root; as root, run: apt-get install $*"
+    if ! command -v sudo >/dev/null; then fail "$reason" "$how"; fi
+    if [[ ! -t 0 ]] && ! sudo -n true; then fail "$reason" "$how"; fi
 }
 
 apt_get() {

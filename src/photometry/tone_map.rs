@@ -6,9 +6,9 @@
 //! - `srgb` clips at white and applies the transfer curve of IEC 61966-2-1. It is exact below white: the picture shows
 //!   the light that is there, and anything brighter is white.
 //! - `filmic` rolls highlights off: the formula by Jim Hejl and Richard Burgess-Dawson (given by J. Hable, "Filmic
-//!   tonemapping operators", 2010) that fits the film curve of H.-P. Duiker, "Filmic tonemapping for real-time rendering",
-//!   SIGGRAPH 2010 courses. Per channel. **The fit includes the display's gamma of 2.2**: its result is encoded already
-//!   and no transfer curve follows. Used as published, with 1 at display white:
+//!   tonemapping operators", 2010) that fits the film curve of H.-P. Duiker, "Filmic tonemapping for real-time
+//!   rendering", SIGGRAPH 2010 courses. Per channel. **The fit includes the display's gamma of 2.2**: its result is
+//!   encoded already and no transfer curve follows. Used as published, with 1 at display white:
 //!
 //!   | luminance / white | 0.004 | 0.104 | 0.18 | 1 | 4 | 16 | 64 |
 //!   |---|---|---|---|---|---|---|---|
