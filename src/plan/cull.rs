@@ -143,7 +143,8 @@ fn look_at(
     if viewports == 0 {
         return None;
     }
-    let spread = 1.0 / (nearest_pc * nearest_pc);
+    // The bounds of the chunk come from f64 places, its stars are f32 offsets: allow for the rounding.
+    let spread = (1.0 + 1e-5) / (nearest_pc * nearest_pc);
     let (brightest_lx, total_lx) = if near {
         let lights = near_stars(set, chunk, origin_pc).map(|(place, star)| light_at(place, star));
         lights.fold((0.0_f64, 0.0), |(most, sum), lx| (most.max(lx), sum + lx))

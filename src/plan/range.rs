@@ -1,7 +1,7 @@
 //! Choosing the fixed-point units of a frame.
 //!
 //! Every channel of a pixel holds 42 bits. The unit is such that all the light of the frame in one pixel would still fit:
-//! sums cannot overflow, whatever the scene. Where one or a few stars outshine all others together by more than 256 times
+//! sums cannot overflow, whatever the scene. Where one or a few stars outshine all others together by more than 65536 times
 //! (the Sun among the stars), they go through a second set of sums with a unit of its own, so that they do not cost the
 //! others their resolution.
 
@@ -15,7 +15,7 @@ const CHANNEL_BITS: i32 = 42;
 /// Greatest channel of a colour in gamut with luminance 1: pure red, 1 / 0.2126.
 const GREATEST_CHANNEL: f64 = 4.71;
 /// How many times brighter than everything fainter together a star must be to go apart.
-const OUTSHINES: f64 = 256.0;
+const OUTSHINES: f64 = 65_536.0;
 /// Chunks that are searched for outshining stars, the brightest ones.
 const SEARCHED_CHUNKS: usize = 16;
 
@@ -61,23 +61,23 @@ pub fn choose(set: &StarSet, visible: &[VisibleChunk], faintest_lx: f64) -> Rang
         })
         .collect();
     lights.sort_by(|a, b| b.total_cmp(a));
-    let mut fainter_lx: f64 = by_brightness[searched..].iter().map(|chunk| chunk.total_lx).sum();
-    // From the faintest to the brightest: the first that outshines all fainter ones, and those above it, go apart.
-    for index in (0..lights.len()).rev() {
-        let light = lights[index];
-        if fainter_lx > 0.0 && light > OUTSHINES * fainter_lx {
-            let bright_lx: f64 = lights[..=index].iter().sum();
-            let threshold_lx = light / 2.0;
-            return Ranges {
-                main: FixedPoint { units_per_lx: units_per_lx(fainter_lx), faintest_lx, brightest_lx: threshold_lx },
-                bright: Some(FixedPoint {
-                    units_per_lx: units_per_lx(bright_lx * (1.0 + 1e-5)),
-                    faintest_lx: threshold_lx.max(faintest_lx),
-                    brightest_lx: f64::INFINITY,
-                }),
-            };
-        }
-        fainter_lx += light;
+    let others_lx: f64 = by_brightness[searched..].iter().map(|chunk| chunk.total_lx).sum();
+    // What is fainter than each star, summed from the faintest on.
+    let mut fainter_lx = vec![others_lx; lights.len()];
+    for index in (1..lights.len()).rev() {
+        fainter_lx[index - 1] = fainter_lx[index] + lights[index];
+    }
+    if let Some(last) = (0..lights.len()).find(|&i| fainter_lx[i] > 0.0 && lights[i] > OUTSHINES * fainter_lx[i]) {
+        let bright_lx: f64 = lights[..=last].iter().sum();
+        let threshold_lx = lights[last] / 2.0;
+        return Ranges {
+            main: FixedPoint { units_per_lx: units_per_lx(fainter_lx[last]), faintest_lx, brightest_lx: threshold_lx },
+            bright: Some(FixedPoint {
+                units_per_lx: units_per_lx(bright_lx * (1.0 + 1e-5)),
+                faintest_lx: threshold_lx.max(faintest_lx),
+                brightest_lx: f64::INFINITY,
+            }),
+        };
     }
     let main = FixedPoint { units_per_lx: units_per_lx(total_lx), faintest_lx, brightest_lx: f64::INFINITY };
     Ranges { main, bright: None }
