@@ -188,7 +188,11 @@ fn splat_stars(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocatio
                     scale /= weight_in_circle(viewport, pixel, tent);
                 }
             }
-            let own = settle(viewport, centre);
+            var own = settle(viewport, centre);
+            if viewport.full_sphere != 0u {
+                // Every star is in this picture, also one whose pixel's centre lies just over the rim.
+                own = clamp(centre, vec2(0), size - 1);
+            }
             if own.x >= 0 && own.y >= row_0 && own.y < row_1 {
                 drawn += 1u;
             }

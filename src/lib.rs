@@ -18,4 +18,7 @@ pub mod plan;
 
 pub mod gpu;
 
+pub(crate) mod passes;
+pub mod reference;
+
 pub mod frame;

@@ -116,11 +116,23 @@ impl ReadbackBuffer {
 
     /// The values at `place`, after the device was waited for.
     pub(crate) fn read<T: Pod>(&mut self, gpu: &Gpu, place: u64, count: usize) -> Result<Vec<T>, GpuError> {
+        let mut values = Vec::with_capacity(count);
+        self.append(gpu, place, count, &mut values)?;
+        Ok(values)
+    }
+
+    /// Appends the values at `place`, after the device was waited for.
+    pub(crate) fn append<T: Pod>(
+        &mut self,
+        gpu: &Gpu,
+        place: u64,
+        count: usize,
+        values: &mut Vec<T>,
+    ) -> Result<(), GpuError> {
         let bytes = (count * size_of::<T>()) as u64;
         let view = self.inner.with_room(gpu, self.used).slice(place..place + bytes).get_mapped_range()?;
-        let mut values = vec![T::zeroed(); count];
-        bytemuck::cast_slice_mut::<T, u8>(&mut values).copy_from_slice(&view);
-        Ok(values)
+        values.extend_from_slice(bytemuck::cast_slice(&view));
+        Ok(())
     }
 
     /// Ends reading.

@@ -11,5 +11,5 @@ pub(crate) use buffers::{GrowingBuffer, ReadbackBuffer, storage_buffer, uniform_
 pub use device::{AdapterReport, Gpu, GpuError, GpuOptions};
 pub use shaders::{ShaderSource, sources};
 pub(crate) use shaders::{exposure, resolve, stars, tone_map};
-pub(crate) use viewport::encode_viewport;
 pub(crate) use timing::GpuTimer;
+pub(crate) use viewport::encode_viewport;

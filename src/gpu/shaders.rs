@@ -25,7 +25,12 @@ pub fn stars(wide: bool) -> ShaderSource {
         include_str!("../../shaders/shared/accumulate_u32.wgsl")
     };
     let text = [VIEWPORT, MATH, PROJECTION, accumulate, include_str!("../../shaders/stars.wgsl")].concat();
-    ShaderSource { name: if wide { "stars u64" } else { "stars u32" }, entry_point: "splat_stars", text, needs_u64: wide }
+    ShaderSource {
+        name: if wide { "stars u64" } else { "stars u32" },
+        entry_point: "splat_stars",
+        text,
+        needs_u64: wide,
+    }
 }
 
 /// The resolve pass.
@@ -36,7 +41,12 @@ pub fn resolve(wide: bool) -> ShaderSource {
         include_str!("../../shaders/shared/decode_u32.wgsl")
     };
     let text = [VIEWPORT, MATH, PROJECTION, decode, include_str!("../../shaders/resolve.wgsl")].concat();
-    ShaderSource { name: if wide { "resolve u64" } else { "resolve u32" }, entry_point: "resolve", text, needs_u64: false }
+    ShaderSource {
+        name: if wide { "resolve u64" } else { "resolve u32" },
+        entry_point: "resolve",
+        text,
+        needs_u64: false,
+    }
 }
 
 /// The exposure pass.

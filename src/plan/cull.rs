@@ -101,7 +101,12 @@ pub struct CullSettings {
 }
 
 /// The chunks that the viewports may see from `camera_pc`.
-pub fn visible_chunks(set: &StarSet, camera_pc: DVec3, viewports: &[Viewport], settings: CullSettings) -> Vec<VisibleChunk> {
+pub fn visible_chunks(
+    set: &StarSet,
+    camera_pc: DVec3,
+    viewports: &[Viewport],
+    settings: CullSettings,
+) -> Vec<VisibleChunk> {
     let fields: Vec<Field> = viewports.iter().map(Field::new).collect();
     let farthest_eye_pc = fields.iter().map(|field| field.eye_pc.length()).fold(0.0, f64::max);
     set.chunks
@@ -240,7 +245,9 @@ mod tests {
         let set = sky();
         let viewports = viewports();
         let settings = CullSettings { faintest_lx: 0.0, enabled: true };
-        for camera_pc in [DVec3::ZERO, DVec3::new(0.5, 0.2, 0.0), DVec3::new(30.0, -20.0, 10.0), DVec3::new(0.0, 400.0, 0.0)] {
+        for camera_pc in
+            [DVec3::ZERO, DVec3::new(0.5, 0.2, 0.0), DVec3::new(30.0, -20.0, 10.0), DVec3::new(0.0, 400.0, 0.0)]
+        {
             let visible = visible_chunks(&set, camera_pc, &viewports, settings);
             let mut culled_pairs = 0;
             for (index, chunk) in set.chunks.iter().enumerate() {
@@ -257,10 +264,14 @@ mod tests {
                         let mapping = viewport.projection.mapping();
                         let Some(pixel) = mapping.pixel_from_direction(direction) else { continue };
                         let [width, height] = mapping.size().map(f64::from);
-                        let in_square = pixel.x > -1.5 && pixel.y > -1.5 && pixel.x < width + 1.5 && pixel.y < height + 1.5;
+                        let in_square =
+                            pixel.x > -1.5 && pixel.y > -1.5 && pixel.x < width + 1.5 && pixel.y < height + 1.5;
                         let circle = matches!(viewport.projection, Projection::Fisheye(_));
                         let in_circle = (pixel - glam::DVec2::new(width, height) / 2.0).length() < width / 2.0 + 1.5;
-                        assert!(!in_square || (circle && !in_circle), "{camera_pc} viewport {i}: star at {pixel} was culled");
+                        assert!(
+                            !in_square || (circle && !in_circle),
+                            "{camera_pc} viewport {i}: star at {pixel} was culled"
+                        );
                     }
                 }
             }
@@ -275,7 +286,8 @@ mod tests {
         for camera_pc in [DVec3::ZERO, DVec3::new(3.0, 2.0, 1.0), DVec3::new(0.0, 50.0, 0.0)] {
             for visible in visible_chunks(&set, camera_pc, &viewports()[..1], settings) {
                 let chunk = &set.chunks[visible.chunk];
-                let total: f64 = near_stars(&set, chunk, visible.origin_pc).map(|(place, star)| light_at(place, star)).sum();
+                let total: f64 =
+                    near_stars(&set, chunk, visible.origin_pc).map(|(place, star)| light_at(place, star)).sum();
                 assert!(total <= visible.total_lx * (1.0 + 1e-9), "{total} > {}", visible.total_lx);
             }
         }
@@ -286,7 +298,8 @@ mod tests {
         let set = sky();
         let all = CullSettings { faintest_lx: 0.0, enabled: false };
         let limit_lx = crate::units::illuminance_lx_from_magnitude(6.0);
-        let bright = visible_chunks(&set, DVec3::ZERO, &viewports()[..1], CullSettings { faintest_lx: limit_lx, ..all });
+        let bright =
+            visible_chunks(&set, DVec3::ZERO, &viewports()[..1], CullSettings { faintest_lx: limit_lx, ..all });
         let kept: u32 = bright.iter().map(|visible| visible.count).sum();
         assert!(kept < 30_000);
         for (index, chunk) in set.chunks.iter().enumerate() {

@@ -75,7 +75,8 @@ pub fn plan_stars(
         StarMethod::Auto if tent_below_lx.iter().all(|lx| *lx == 0.0) => "auto: bspline",
         StarMethod::Auto => "auto: bspline, tent for stars too faint for their flicker to be seen",
     };
-    let bound = |what: &str, bound: f64, unit: &str| Approximation { what: what.to_owned(), bound, unit: unit.to_owned() };
+    let bound =
+        |what: &str, bound: f64, unit: &str| Approximation { what: what.to_owned(), bound, unit: unit.to_owned() };
     let mut certificate = vec![
         bound("a star's illuminance, held in 21 bits", 3.1e-5, "relative"),
         bound("a star's temperature, held in 11 bits", 1.3e-3, "relative"),
@@ -88,7 +89,9 @@ pub fn plan_stars(
             settings.accuracy.flicker,
             "standard deviation over mean after tone mapping",
         )),
-        StarMethod::Tent => certificate.push(bound("flicker of the tent at display white", 0.084, "standard deviation over mean")),
+        StarMethod::Tent => {
+            certificate.push(bound("flicker of the tent at display white", 0.084, "standard deviation over mean"))
+        }
         StarMethod::Auto | StarMethod::BSpline => {}
     }
     if let Some(bright) = ranges.bright {
@@ -114,7 +117,8 @@ mod tests {
         let n = 64;
         let sums: Vec<f64> = (0..n * n)
             .map(|i| {
-                let centre = glam::DVec2::new(8.0 + f64::from(i % n) / f64::from(n), 8.0 + f64::from(i / n) / f64::from(n));
+                let centre =
+                    glam::DVec2::new(8.0 + f64::from(i % n) / f64::from(n), 8.0 + f64::from(i / n) / f64::from(n));
                 kernel.footprint(centre).iter().map(|tap| k * tap.2 / (1.0 + k * tap.2)).sum()
             })
             .collect();

@@ -95,7 +95,8 @@ impl Perspective {
 
     /// Solid angle between the four edges, sr.
     pub(crate) fn picture_solid_angle_sr(&self) -> f64 {
-        corner(self.right, self.up) - corner(self.left, self.up) - corner(self.right, self.down) + corner(self.left, self.down)
+        corner(self.right, self.up) - corner(self.left, self.up) - corner(self.right, self.down)
+            + corner(self.left, self.down)
     }
 
     /// Tangents of the edges with `margin_px` more on every side: left, right, down, up.
