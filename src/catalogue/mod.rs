@@ -1,5 +1,9 @@
 //! Star catalogues: what every reader and generator delivers.
 
+pub mod bright;
+pub mod overlap;
+pub mod reader;
+
 use glam::DVec3;
 
 /// One star as every reader and generator delivers it.

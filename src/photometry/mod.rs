@@ -1,1 +1,3 @@
 //! Photometry: from magnitude and temperature to light.
+
+pub mod colour_index;
