@@ -47,7 +47,7 @@ const BP_RP_TEMPERATURE: [(f64, f64); 29] = [
 /// follow giants and supergiants, which are nearly all of the naked-eye stars of that colour, and end with carbon stars.
 const B_V_TEMPERATURE: [(f64, f64); 29] = [
     (-0.330, 44_900.0),
-    (-0.318, 32_500.0),
+    (-0.315, 32_500.0),
     (-0.295, 29_000.0),
     (-0.252, 24_500.0),
     (-0.210, 20_600.0),
