@@ -1,7 +1,10 @@
 //! Star catalogues: what every reader and generator delivers.
 
+pub mod bright;
 pub mod chunks;
+pub mod overlap;
 pub mod packed;
+pub mod reader;
 
 use glam::DVec3;
 

@@ -5,6 +5,7 @@
 
 pub mod blackbody;
 pub mod cie1931;
+pub mod colour_index;
 pub mod exposure;
 pub mod kernel;
 pub mod rec709;
