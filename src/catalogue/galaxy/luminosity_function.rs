@@ -13,10 +13,10 @@ use rand_distr::{Distribution, StandardNormal};
 /// Brightest absolute V magnitude of the model.
 pub const BRIGHTEST: f64 = -8.0;
 /// Faintest absolute V magnitude of the model.
-pub const FAINTEST: f64 = 19.0;
+const FAINTEST: f64 = 19.0;
 /// Steps per magnitude of the tables.
 const STEPS_PER_MAG: usize = 20;
-const STEPS: usize = 27 * STEPS_PER_MAG;
+const STEPS: usize = (FAINTEST - BRIGHTEST) as usize * STEPS_PER_MAG;
 
 /// Main sequence (with the supergiants): absolute magnitude, log10 of stars per pc^3 and magnitude.
 const MAIN_SEQUENCE: [(f64, f64); 20] = [
