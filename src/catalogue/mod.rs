@@ -2,6 +2,7 @@
 
 pub mod bright;
 pub mod chunks;
+pub mod galaxy;
 pub mod overlap;
 pub mod packed;
 pub mod reader;
