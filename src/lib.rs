@@ -6,5 +6,6 @@
 //! `output` and `service` hand frames out. `docs/architecture.md` tells the whole story.
 
 pub mod catalogue;
+pub mod coordinates;
 pub mod photometry;
 pub mod units;

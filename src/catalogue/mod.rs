@@ -1,5 +1,7 @@
 //! Star catalogues: what every reader and generator delivers.
 
+pub mod galaxy;
+
 use glam::DVec3;
 
 /// One star as every reader and generator delivers it.
