@@ -51,7 +51,9 @@ struct StarParameters {
 const COUNTER_OVERFLOWS: u32 = 0u;
 // Counters of stars drawn follow, one per view.
 const FIRST_VIEW_COUNTER: u32 = 1u;
-const WORKGROUP: u32 = 64u;
+// Invocations that share an item. A GPU wants a full wave or two; a software driver runs a workgroup as a loop of SIMD
+// steps and loads the item and its viewports anew in each, so there one step is best.
+override WORKGROUP: u32 = 64u;
 
 // First pixel and weights along one axis. Tent: pixels first, first + 1; B-spline: first .. first + 2.
 fn kernel_first(x: f32, tent: bool) -> f32 {

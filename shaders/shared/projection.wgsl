@@ -188,9 +188,15 @@ fn solid_angle(viewport: Viewport, pixel: vec2<i32>) -> f32 {
         let n = i32(min(viewport.size.x, viewport.size.y));
         let complement = f32(n * n - doubled.x * doubled.x - doubled.y * doubled.y) / f32(n * n);
         let p = vec2<f32>(doubled) / f32(n);
-        // At the orthographic rim the density grows without bound: its value at the centre stands for the pixel.
-        let at_rim = viewport.kind == KIND_ORTHOGRAPHIC && length(p) + 2.0 * length(step) > 1.0;
-        if viewport.quadrature == 0u || at_rim {
+        // Towards the orthographic rim the density grows without bound: nine points within 16 pixels of it. In the last
+        // pixel and a half some of them would lie outside, there and at the rim of the full sphere: the value at the
+        // centre stands for the pixel.
+        let squared = dot(doubled, doubled);
+        let orthographic = viewport.kind == KIND_ORTHOGRAPHIC;
+        let steep = orthographic && squared > (n - 32) * (n - 32);
+        let at_rim = (orthographic || viewport.full_sphere != 0u) && squared > (n - 3) * (n - 3);
+        let average = (viewport.quadrature != 0u || steep) && !at_rim;
+        if !average {
             return area * solid_angle_density(viewport, p, complement);
         }
         return area * averaged_density(viewport, p, step);

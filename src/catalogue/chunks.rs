@@ -1,6 +1,6 @@
 //! Stars in chunks: sorted along the sky and by distance, so that a chunk outside of every view costs nothing.
 //!
-//! A chunk is a cell of the sky (HEALPix, seen from the Solar-System barycentre) times a shell of distance (each twice as
+//! A chunk is a cell of the sky (HEALPix, seen from the Solar-System barycentre) times a shell of distance (each four times as
 //! far as the one before), divided until it holds few stars. The order of stars within the set depends on the stars alone,
 //! never on the order in which they came. Positions are f32 offsets from an f64 origin: the frame computes origin minus
 //! camera in f64.
@@ -16,10 +16,12 @@ use crate::units::illuminance_lx_from_magnitude;
 pub const CHUNK_STARS: usize = 1024;
 /// HEALPix depth at which stars are sorted: cells of 51 arcseconds.
 const SORT_DEPTH: u8 = 12;
-/// Chunks are never wider than a cell of this depth (15 degrees), unless they hold few stars.
-const WIDEST_DEPTH: u8 = 2;
+/// Chunks are never wider than a cell of this depth (29 degrees), unless they hold few stars.
+const WIDEST_DEPTH: u8 = 1;
 /// Number of stars that may share a chunk however wide it is.
-const FEW_STARS: usize = 64;
+const FEW_STARS: usize = 256;
+/// Each shell of distance reaches this power of two farther than the one before.
+const SHELL_LOG2: f64 = 2.0;
 /// Shell number of stars at infinity.
 const INFINITY_SHELL: u16 = u16::MAX;
 
@@ -69,8 +71,8 @@ fn shell_of(star: &StarRecord) -> u16 {
     if !star.distance_known {
         return INFINITY_SHELL;
     }
-    // 2^-64 pc is far below a metre; the clamp keeps absurd positions sortable.
-    (star.position.length().log2().floor().clamp(-64.0, 64.0) + 64.0) as u16
+    // 4^-64 pc is nothing; the clamp keeps absurd positions sortable.
+    ((star.position.length().log2() / SHELL_LOG2).floor().clamp(-64.0, 64.0) + 64.0) as u16
 }
 
 fn cell_of(position: DVec3) -> u32 {

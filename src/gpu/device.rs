@@ -79,6 +79,8 @@ pub struct Gpu {
     /// Whether sums use 64-bit words.
     pub(crate) wide_accumulator: bool,
     pub(crate) timestamps: bool,
+    /// Whether the adapter is a software driver.
+    pub(crate) software: bool,
     report: AdapterReport,
 }
 
@@ -143,6 +145,7 @@ impl Gpu {
             ..Default::default()
         }))?;
         let info = adapter.get_info();
+        let software = info.device_type == wgpu::DeviceType::Cpu;
         let report = AdapterReport {
             adapter: info.name,
             driver: format!("{} {}", info.driver, info.driver_info).trim().to_owned(),
@@ -160,7 +163,7 @@ impl Gpu {
             ],
             fallbacks,
         };
-        Ok(Self { device, queue, wide_accumulator, timestamps, report })
+        Ok(Self { device, queue, wide_accumulator, timestamps, software, report })
     }
 
     /// What was opened.
@@ -181,42 +184,32 @@ impl Gpu {
 
     /// A compute pipeline with the layout that its shader implies.
     pub(crate) fn compute_pipeline(&self, source: &super::ShaderSource) -> wgpu::ComputePipeline {
-        let mut text = source.text.clone();
-        if let (Ok(a), Ok(b)) = (std::env::var("PATCH_FROM"), std::env::var("PATCH_TO")) {
-            if text.contains(&a) { eprintln!("patched {}", source.name); }
-            text = text.replace(&a, &b);
-        }
+        self.compute_pipeline_with(source, &[])
+    }
+
+    /// The same with values for the shader's overridable constants.
+    pub(crate) fn compute_pipeline_with(
+        &self,
+        source: &super::ShaderSource,
+        constants: &[(&str, f64)],
+    ) -> wgpu::ComputePipeline {
         let descriptor = wgpu::ShaderModuleDescriptor {
             label: Some(source.name),
-            source: wgpu::ShaderSource::Wgsl(text.as_str().into()),
+            source: wgpu::ShaderSource::Wgsl(source.text.as_str().into()),
         };
-        let module = if std::env::var("CHECKED").is_ok() {
-            self.device.create_shader_module(descriptor)
-        } else {
-            trusted_module(&self.device, descriptor)
-        };
+        let module = self.device.create_shader_module(descriptor);
         self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
             label: Some(source.name),
             layout: None,
             module: &module,
             entry_point: Some(source.entry_point),
             compilation_options: wgpu::PipelineCompilationOptions {
+                constants,
                 zero_initialize_workgroup_memory: false,
-                ..Default::default()
             },
             cache: None,
         })
     }
-}
-
-/// A shader module without the bounds and loop checks that the shader translator adds, which cost the star pass a good
-/// part of its time.
-#[expect(unsafe_code, reason = "the only way to leave the checks out")]
-fn trusted_module(device: &wgpu::Device, descriptor: wgpu::ShaderModuleDescriptor<'_>) -> wgpu::ShaderModule {
-    // SAFETY: the text is one of this crate's own shaders, never a caller's. Their indices stay within the buffers: tiles,
-    // viewports and items are written by `frame` for exactly the buffers that are bound, pixels are addressed only after
-    // the check that they lie in the tile, colours by 11 bits. Every loop has a bound that only shrinks.
-    unsafe { device.create_shader_module_trusted(descriptor, wgpu::ShaderRuntimeChecks::unchecked()) }
 }
 
 fn explain_no_adapter(wanted: Option<&str>, found: &[String]) -> String {

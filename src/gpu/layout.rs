@@ -175,4 +175,22 @@ gpu_structs! {
         /// Padding.
         unused_2: u32,
     }
+    /// A point at which a projection is evaluated; see `shaders/projection_probe.wgsl`.
+    ProbeInput {
+        /// Direction in view space.
+        direction: [f32; 3],
+        /// Padding.
+        unused_0: f32,
+        /// Pixel.
+        pixel: [i32; 2],
+        /// Padding.
+        unused_1: [i32; 2],
+    }
+    /// What a projection gives there.
+    ProbeOutput {
+        /// Pixel coordinates of the direction's image, whether there is one, solid angle of the pixel in sr.
+        image: [f32; 4],
+        /// Direction of the pixel's centre, whether it lies in the picture.
+        direction: [f32; 4],
+    }
 }

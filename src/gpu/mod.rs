@@ -3,6 +3,7 @@
 mod buffers;
 mod device;
 pub mod layout;
+pub mod probe;
 mod shaders;
 mod timing;
 mod viewport;

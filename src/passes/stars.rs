@@ -49,8 +49,9 @@ impl StarPass {
                 [r, g, b, 0.0]
             })
             .collect();
+        let workgroup = if gpu.software { 8.0 } else { 64.0 };
         Self {
-            pipeline: gpu.compute_pipeline(&gpu::stars(gpu.wide_accumulator)),
+            pipeline: gpu.compute_pipeline_with(&gpu::stars(gpu.wide_accumulator), &[("WORKGROUP", workgroup)]),
             colours: gpu::storage_buffer(gpu, "star colours", &colours),
         }
     }

@@ -99,6 +99,15 @@ impl Fisheye {
         self.half_fov_rad >= PI - 1e-9
     }
 
+    /// Whether the pixel's centre lies less than one and a half pixels from the rim. In whole numbers (twice the offset from
+    /// the centre), so that the shader decides alike.
+    fn is_within_rim(&self, x: u32, y: u32) -> bool {
+        let [width, height] = self.size.map(i64::from);
+        let (dx, dy) = (2 * i64::from(x) + 1 - width, 2 * i64::from(y) + 1 - height);
+        let n = width.min(height);
+        dx * dx + dy * dy > (n - 3).max(0).pow(2)
+    }
+
     /// Density at the pixel's centre times the pixel's area: what a shader computes where that is good enough.
     pub(crate) fn midpoint_solid_angle_sr(&self, x: u32, y: u32) -> f64 {
         self.density(self.plane_from_pixel(pixel_centre(x, y)).length()) / self.radius_px().powi(2)
@@ -174,16 +183,17 @@ impl PlaneMapping for Fisheye {
         x < self.size[0] && y < self.size[1] && self.plane_from_pixel(pixel_centre(x, y)).length_squared() <= 1.0
     }
 
-    /// Quadrature of the density over the pixel; at the orthographic rim, where the density grows without bound, its value
-    /// at the pixel's centre.
+    /// Quadrature of the density over the pixel; at the orthographic rim, where the density grows without bound, and at the
+    /// rim of the full sphere, where it ends, its value at the pixel's centre.
     fn solid_angle_sr(&self, x: u32, y: u32) -> f64 {
         if !self.contains(x, y) {
             return 0.0;
         }
         let centre = self.plane_from_pixel(pixel_centre(x, y));
         let half = DVec2::splat(0.5 / self.radius_px());
-        if self.mapping == FisheyeMapping::Orthographic && centre.length() + 2.0 * half.length() > 1.0 {
-            return self.density(centre.length()) * 4.0 * half.x * half.y;
+        let singular = self.mapping == FisheyeMapping::Orthographic || self.is_full_sphere();
+        if singular && self.is_within_rim(x, y) {
+            return self.midpoint_solid_angle_sr(x, y);
         }
         integrate_over_rectangle(centre, half, |p| self.density(p.length()))
     }
