@@ -1,12 +1,20 @@
-//! CSV catalogues, read line by line.
+//! CSV catalogues, read line by line; the `csv` crate splits a line into its fields.
 //!
-//! One line is one row: star catalogues have no line breaks inside fields, and so the line number in a message is right
-//! and a stray quotation mark cannot swallow the rest of a file of any size. The separator (comma, tab or semicolon) is
-//! the one that the header has most of. Blank lines and lines that begin with `#` are passed over; fields may be
-//! quoted. Text that is not UTF-8 is harmless outside the columns that are used.
+//! One line is one row, because star catalogues have no line breaks inside fields. CSV in general does, so a stray
+//! quotation mark would hide all rows up to the next one, or the rest of a file of any size. `Lines` therefore stands
+//! between the file and the parser: it hands over one line at a time, passes over blank lines and lines that begin with
+//! `#`, and where the parser asks for more within a row it closes the quotation. Such a row is rejected, the next
+//! line is a row again, and one line is all that is ever in memory. `Lines` counts the lines too: the position that the
+//! crate gives a record is where the one before it ended, which is too early after blank lines, comments and CRLF.
+//!
+//! The separator (comma, tab or semicolon) is the one that the header has most of. A field is quoted if the mark is its
+//! very first character; blanks around fields do not matter otherwise. Text that is not UTF-8 is harmless outside the
+//! columns that are used.
 
-use std::io::{BufRead, BufReader, Read};
+use std::io::{self, BufRead, BufReader, Read};
 use std::path::Path;
+
+use ::csv::{ByteRecord, ErrorKind, ReaderBuilder, StringRecord, Terminator};
 
 use super::columns::{self, Columns};
 use super::row::{self, Refusal};
@@ -14,6 +22,12 @@ use super::{CatalogueError, CatalogueRead, ReadReport};
 
 /// Longest line that can be part of a star catalogue, in bytes.
 const LINE_LIMIT: usize = 1 << 20;
+
+/// U+FEFF in UTF-8, with which some programs begin a file.
+const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
+
+/// Why a row whose last quoted field has no end is unusable.
+const UNCLOSED: &str = "a quotation mark is not closed on its line";
 
 /// Reads a CSV catalogue from a file.
 ///
@@ -28,70 +42,106 @@ pub fn read_csv(path: &Path) -> Result<CatalogueRead, CatalogueError> {
 /// # Errors
 /// As [`read_csv`], apart from opening.
 pub fn read_csv_from(source: impl Read, file: &str) -> Result<CatalogueRead, CatalogueError> {
-    let mut lines = Lines { source: BufReader::with_capacity(1 << 16, source), file, number: 0, bytes: Vec::new() };
+    let mut lines = Lines::new(source, file);
+    if !lines.advance()? {
+        return Err(CatalogueError::NoRow { file: file.to_owned() });
+    }
+    // Rows end at the line feed alone, so that a carriage return within a line cannot make two rows of it. The crate's
+    // own trimming would copy every record; whoever uses a field trims it.
+    let mut reader = ReaderBuilder::new()
+        .has_headers(false)
+        .flexible(true)
+        .delimiter(separator_of(&lines.bytes))
+        .terminator(Terminator::Any(b'\n'))
+        .from_reader(lines);
+    let parser_error = |error: ::csv::Error, line: usize| match error.into_kind() {
+        ErrorKind::Io(source) => source.downcast::<CatalogueError>().unwrap_or_else(|source| CatalogueError::Io {
+            file: file.to_owned(),
+            line,
+            source,
+        }),
+        kind => CatalogueError::Malformed { file: file.to_owned(), line, reason: format!("not CSV: {kind:?}") },
+    };
 
-    // The header: separator and columns.
-    let Some(header) = lines.next_row()? else { return Err(CatalogueError::NoRow { file: file.to_owned() }) };
-    let header = String::from_utf8_lossy(header).into_owned();
-    let header = header.trim_start_matches('\u{feff}');
-    let separator = separator_of(header);
-    let mut fields = Vec::new();
-    split(header, separator, &mut fields);
-    let header_line = lines.number;
-    let columns_error = |reason: String, names: &[&str]| CatalogueError::Columns {
+    // The header: columns.
+    let mut record = ByteRecord::new();
+    reader.read_byte_record(&mut record).map_err(|e| parser_error(e, reader.get_ref().number))?;
+    let (header_line, is_closed) = reader.get_mut().end_row();
+    let header = StringRecord::from_byte_record_lossy(record);
+    let names: Vec<&str> = header.iter().collect();
+    let columns = if is_closed { Columns::recognise(&names) } else { Err(UNCLOSED.to_owned()) };
+    let columns = columns.map_err(|reason| CatalogueError::Columns {
         file: file.to_owned(),
         line: header_line,
         reason,
-        found: columns::listing(names),
-    };
-    let columns = Columns::recognise(&fields).map_err(|reason| columns_error(reason, &fields))?;
+        found: columns::listing(&names),
+    })?;
 
     // The rows.
     let mut report = ReadReport::new(file);
     let mut stars = Vec::new();
-    while let Some(line) = lines.next_row()? {
-        let text = String::from_utf8_lossy(line);
-        let mut fields = Vec::with_capacity(columns.len());
-        split(&text, separator, &mut fields);
+    record = header.into_byte_record();
+    while reader.read_byte_record(&mut record).map_err(|e| parser_error(e, reader.get_ref().number))? {
+        let (line, is_closed) = reader.get_mut().end_row();
+        let fields = StringRecord::from_byte_record_lossy(record);
         report.rows += 1;
-        let star = if fields.len() == columns.len() {
-            row::star(&columns, |i| fields[i])
-        } else {
+        let star = if !is_closed {
+            Err(Refusal::Row(UNCLOSED.to_owned()))
+        } else if fields.len() != columns.len() {
             Err(Refusal::Row(format!("{} fields instead of {}", fields.len(), columns.len())))
+        } else {
+            row::star(&columns, |i| &fields[i])
         };
         match star {
             Ok((star, notes)) => {
                 report.count(notes);
                 stars.push(star);
             }
-            Err(Refusal::Row(reason)) => report.reject(lines.number, reason),
+            Err(Refusal::Row(reason)) => report.reject(line, reason),
             Err(Refusal::File(reason)) => {
-                return Err(CatalogueError::Malformed { file: file.to_owned(), line: lines.number, reason });
+                return Err(CatalogueError::Malformed { file: file.to_owned(), line, reason });
             }
         }
+        record = fields.into_byte_record();
     }
     report.finish(stars)
 }
 
-/// Lines of a file with their number, one in memory at a time.
+/// What hands the rows of a file to the parser, one line at a time.
+///
+/// A read never goes beyond the end of a line, and every line ends in a line feed. So the parser has finished the row
+/// when it has taken the line, unless it stands within quotation marks: then, and only then, it reads again before
+/// [`Lines::end_row`] is called.
 struct Lines<'f, R> {
     source: BufReader<R>,
     file: &'f str,
     /// Number of the line read last, from 1.
     number: usize,
+    /// The line read last, or the end that replaces what its quotation lacks.
     bytes: Vec<u8>,
+    /// How many of `bytes` the parser has.
+    taken: usize,
+    /// Whether the parser is in the row that begins with this line.
+    in_row: bool,
+    is_closed: bool,
 }
 
-impl<R: Read> Lines<'_, R> {
-    /// The next line that is neither blank nor a comment, without its end; `None` after the last.
-    fn next_row(&mut self) -> Result<Option<&[u8]>, CatalogueError> {
+impl<'f, R: Read> Lines<'f, R> {
+    fn new(source: R, file: &'f str) -> Self {
+        let source = BufReader::with_capacity(1 << 16, source);
+        Self { source, file, number: 0, bytes: Vec::new(), taken: 0, in_row: false, is_closed: true }
+    }
+
+    /// Goes to the next line that is neither blank nor a comment; false after the last.
+    fn advance(&mut self) -> Result<bool, CatalogueError> {
         loop {
             self.bytes.clear();
+            self.taken = 0;
             let limit = LINE_LIMIT as u64 + 1;
             let line = self.number + 1;
             let read = self.source.by_ref().take(limit).read_until(b'\n', &mut self.bytes);
             match read {
-                Ok(0) => return Ok(None),
+                Ok(0) => return Ok(false),
                 Ok(n) if n > LINE_LIMIT => {
                     let reason = format!("a line of more than {LINE_LIMIT} bytes: this is no star catalogue in CSV");
                     return Err(CatalogueError::Malformed { file: self.file.to_owned(), line, reason });
@@ -99,88 +149,78 @@ impl<R: Read> Lines<'_, R> {
                 Ok(_) => self.number = line,
                 Err(source) => return Err(CatalogueError::Io { file: self.file.to_owned(), line, source }),
             }
+            if line == 1 && self.bytes.starts_with(BYTE_ORDER_MARK) {
+                self.bytes.drain(..BYTE_ORDER_MARK.len());
+            }
             let trimmed = self.bytes.trim_ascii();
             if !trimmed.is_empty() && trimmed[0] != b'#' {
                 break;
             }
         }
-        while matches!(self.bytes.last(), Some(b'\n' | b'\r')) {
-            self.bytes.pop();
+        if self.bytes.last() != Some(&b'\n') {
+            self.bytes.push(b'\n');
         }
-        Ok(Some(&self.bytes))
+        self.in_row = true;
+        self.is_closed = true;
+        Ok(true)
+    }
+
+    /// To be called when the parser has finished a row: its line, and whether its quotation marks were closed.
+    fn end_row(&mut self) -> (usize, bool) {
+        self.in_row = false;
+        (self.number, self.is_closed)
+    }
+}
+
+impl<R: Read> Read for Lines<'_, R> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        if self.taken == self.bytes.len() {
+            if self.in_row {
+                self.bytes.clear();
+                self.bytes.extend_from_slice(b"\"\n");
+                self.taken = 0;
+                self.is_closed = false;
+            } else if !self.advance().map_err(io::Error::other)? {
+                return Ok(0);
+            }
+        }
+        let count = (&self.bytes[self.taken..]).read(buffer)?;
+        self.taken += count;
+        Ok(count)
     }
 }
 
 /// The separator that the header has most of; a comma if none.
-fn separator_of(header: &str) -> char {
-    let count = |separator: char| header.chars().filter(|&c| c == separator).count();
-    [',', '\t', ';'].into_iter().rev().max_by_key(|&c| count(c)).unwrap_or(',')
-}
-
-/// Splits a line into its fields. A field that begins with a quotation mark ends at the next lone one; doubled marks
-/// stand for one and are left as they are, because no number contains them.
-fn split<'a>(line: &'a str, separator: char, fields: &mut Vec<&'a str>) {
-    let mut rest = line;
-    loop {
-        let start = rest.trim_start_matches(' ');
-        let (field, after) = match start.strip_prefix('"').and_then(|quoted| Some((quoted, closing_mark(quoted)?))) {
-            Some((quoted, end)) => (&quoted[..end], &quoted[end + 1..]),
-            None => ("", rest),
-        };
-        let is_quoted = after.len() != rest.len();
-        match after.find(separator) {
-            Some(at) => {
-                fields.push(if is_quoted { field } else { &after[..at] });
-                rest = &after[at + separator.len_utf8()..];
-            }
-            None => {
-                fields.push(if is_quoted { field } else { after });
-                return;
-            }
-        }
-    }
-}
-
-/// Position of the quotation mark that ends a quoted field, if there is one.
-fn closing_mark(quoted: &str) -> Option<usize> {
-    let bytes = quoted.as_bytes();
-    let mut at = 0;
-    while at < bytes.len() {
-        if bytes[at] == b'"' {
-            if bytes.get(at + 1) != Some(&b'"') {
-                return Some(at);
-            }
-            at += 1;
-        }
-        at += 1;
-    }
-    None
+fn separator_of(header: &[u8]) -> u8 {
+    let count = |separator: u8| header.iter().filter(|&&c| c == separator).count();
+    [b',', b'\t', b';'].into_iter().rev().max_by_key(|&c| count(c)).unwrap_or(b',')
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn fields(line: &str) -> Vec<&str> {
-        let mut fields = Vec::new();
-        split(line, ',', &mut fields);
-        fields
-    }
-
-    #[test]
-    fn lines_are_split_into_fields() {
-        assert_eq!(fields("1,,3,"), ["1", "", "3", ""]);
-        assert_eq!(fields(r#""a, b",2, "c ""d""" ,4"#), ["a, b", "2", r#"c ""d"""#, "4"]);
-        assert_eq!(fields(r#"5" star,2"#), [r#"5" star"#, "2"]);
-        assert_eq!(fields(r#""never closed,2"#), [r#""never closed"#, "2"]);
-        assert_eq!(fields(""), [""]);
-    }
-
     #[test]
     fn the_separator_is_the_one_the_header_uses() {
-        assert_eq!(separator_of("ra_deg\tdec_deg\tv_mag"), '\t');
-        assert_eq!(separator_of("ra_deg;dec_deg;v_mag"), ';');
-        assert_eq!(separator_of("ra_deg,dec_deg,v_mag"), ',');
-        assert_eq!(separator_of("ra_deg"), ',');
+        assert_eq!(separator_of(b"ra_deg\tdec_deg\tv_mag"), b'\t');
+        assert_eq!(separator_of(b"ra_deg;dec_deg;v_mag"), b';');
+        assert_eq!(separator_of(b"ra_deg,dec_deg,v_mag"), b',');
+        assert_eq!(separator_of(b"ra_deg"), b',');
+    }
+
+    #[test]
+    fn the_parser_gets_whole_lines_and_an_end_for_open_quotations() {
+        let mut lines = Lines::new(&b"\xef\xbb\xbf# \"head\r\n\r\n  \na,\"b\r\n\"c"[..], "test.csv");
+        let mut buffer = [0; 64];
+        let mut next = |lines: &mut Lines<_>| {
+            let count = lines.read(&mut buffer).unwrap();
+            String::from_utf8(buffer[..count].to_vec()).unwrap()
+        };
+        assert_eq!(next(&mut lines), "a,\"b\r\n");
+        assert_eq!(next(&mut lines), "\"\n");
+        assert_eq!(lines.end_row(), (4, false));
+        assert_eq!(next(&mut lines), "\"c\n");
+        assert_eq!(lines.end_row(), (5, true));
+        assert_eq!(next(&mut lines), "");
     }
 }
