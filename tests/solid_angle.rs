@@ -214,9 +214,10 @@ fn the_adapter_agrees_with_f64_at_16k_and_at_256() {
                 }
             }
             println!("{name} {size}: solid angle {worst:.1e}, direction {worst_direction:.1e} rad");
-            // Towards the antipode a pixel of the equisolid full sphere is a hundred times as high as in the middle, and f32
-            // resolves its radius no better.
-            let limit = if name == "equisolid 360" { 1e-5 } else { 2e-6 };
+            // At the antipode of the equisolid full sphere and at the orthographic rim a pixel is a hundred times as high as
+            // in the middle, and f32 resolves its radius no better.
+            let stretched = name == "equisolid 360" || name == "orthographic 180";
+            let limit = if stretched { 1e-5 } else { 2e-6 };
             assert!(worst_direction < limit, "{name} {size}: direction {worst_direction}");
         }
     }
