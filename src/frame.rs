@@ -56,6 +56,9 @@ pub struct Frame {
     pub camera_revision: u64,
     /// Exposure of all views.
     pub exposure_ev100: f64,
+    /// Exposure that an eye fully adapted to this frame would have: where adaptation over time is heading. With a manual
+    /// exposure the manual value.
+    pub metered_ev100: f64,
     /// The images, in the order of views and parts.
     pub images: Vec<FrameImage>,
     /// One entry per view of the rig.

@@ -17,3 +17,6 @@ pub mod view;
 pub mod plan;
 
 pub mod frame;
+
+pub mod output;
+pub mod service;

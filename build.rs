@@ -1,0 +1,19 @@
+//! Compiles the protocol definitions to Rust, without any other tool, and keeps their descriptors for server reflection.
+
+use std::{env, error::Error, fs, path::PathBuf};
+
+use protox::prost::Message;
+
+fn compile_protocol() -> Result<(), Box<dyn Error>> {
+    println!("cargo::rerun-if-changed=proto");
+    let files = ["camera", "view", "diagnostics"].map(|name| format!("proto/steradian/v1/{name}.proto"));
+    let descriptors = protox::compile(files, ["proto"])?;
+    let out = PathBuf::from(env::var("OUT_DIR")?);
+    fs::write(out.join("steradian_descriptors.bin"), descriptors.encode_to_vec())?;
+    tonic_prost_build::configure().compile_fds(descriptors)?;
+    Ok(())
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    compile_protocol()
+}
