@@ -5,6 +5,7 @@
 //! method for each technique; `gpu` and `passes` draw; `reference` is the same in f64 on the CPU; `frame` runs it all;
 //! `output` and `service` hand frames out. `docs/architecture.md` tells the whole story.
 
+mod files;
 pub mod units;
 
 pub mod photometry;
@@ -16,4 +17,10 @@ pub mod view;
 
 pub mod plan;
 
+pub mod config;
+
 pub mod frame;
+
+pub mod output;
+
+pub mod cli;

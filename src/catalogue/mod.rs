@@ -2,6 +2,7 @@
 
 pub mod chunks;
 pub mod packed;
+pub mod store;
 
 use glam::DVec3;
 
