@@ -3,6 +3,9 @@
 pub mod chunks;
 pub mod packed;
 pub mod store;
+pub mod bright;
+pub mod overlap;
+pub mod reader;
 
 use glam::DVec3;
 
