@@ -5,6 +5,7 @@
 //! method for each technique; `gpu` and `passes` draw; `reference` is the same in f64 on the CPU; `frame` runs it all;
 //! `output` and `service` hand frames out. `docs/architecture.md` tells the whole story.
 
+pub mod coordinates;
 mod files;
 pub mod units;
 

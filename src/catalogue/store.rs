@@ -166,8 +166,7 @@ pub fn write(path: &Path, store: &Store) -> Result<(), StoreError> {
     };
     description.resize(description.len().next_multiple_of(16), 0);
     let chunks: Vec<StoredChunk> = store.stars.chunks.iter().map(StoredChunk::from).collect();
-    let parts: [&[u8]; 3] =
-        [&description, bytemuck::cast_slice(&chunks), bytemuck::cast_slice(&store.stars.stars)];
+    let parts: [&[u8]; 3] = [&description, bytemuck::cast_slice(&chunks), bytemuck::cast_slice(&store.stars.stars)];
     header.crc32 = checksum(&header, parts);
 
     let mut file = BufWriter::new(files::beside(path).map_err(io_error)?);

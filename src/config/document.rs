@@ -32,6 +32,9 @@ pub(super) fn deserialise<T: DeserializeOwned>(value: Value, prefix: &str) -> Re
             Some(name) if key != name && !key.ends_with(&format!(".{name}")) => join(&key, name),
             _ => key,
         };
-        Fault::new(join(prefix, &key), problem.replace("unknown field", "unknown key").replace("missing field", "missing key"))
+        Fault::new(
+            join(prefix, &key),
+            problem.replace("unknown field", "unknown key").replace("missing field", "missing key"),
+        )
     })
 }

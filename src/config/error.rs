@@ -79,5 +79,9 @@ pub(super) fn join(prefix: &str, key: &str) -> String {
 
 /// Refuses NaN and infinities.
 pub(super) fn finite(key: &str, value: f64) -> Result<(), Fault> {
-    if value.is_finite() { Ok(()) } else { Err(Fault::new(key, format!("{value} is not allowed: a finite number is needed"))) }
+    if value.is_finite() {
+        Ok(())
+    } else {
+        Err(Fault::new(key, format!("{value} is not allowed: a finite number is needed")))
+    }
 }

@@ -14,7 +14,9 @@ pub(super) fn check_exposure(exposure: &ExposureSettings) -> Result<(), Fault> {
     finite("max_ev100", exposure.max_ev100)?;
     finite("adaptation_s", exposure.adaptation_s)?;
     // Beyond +-100 the white luminance leaves the range of f32 together with the stars' light.
-    for (key, value) in [("ev100", exposure.ev100), ("min_ev100", exposure.min_ev100), ("max_ev100", exposure.max_ev100)] {
+    for (key, value) in
+        [("ev100", exposure.ev100), ("min_ev100", exposure.min_ev100), ("max_ev100", exposure.max_ev100)]
+    {
         if value.abs() > 100.0 {
             return Err(Fault::new(key, format!("{value}: allowed are -100 to 100")));
         }
@@ -30,7 +32,8 @@ pub(super) fn check_exposure(exposure: &ExposureSettings) -> Result<(), Fault> {
 }
 
 pub(super) fn check_accuracy(accuracy: &AccuracySettings) -> Result<(), Fault> {
-    for (key, value) in [("flux", accuracy.flux), ("centroid_px", accuracy.centroid_px), ("flicker", accuracy.flicker)] {
+    for (key, value) in [("flux", accuracy.flux), ("centroid_px", accuracy.centroid_px), ("flicker", accuracy.flicker)]
+    {
         finite(key, value)?;
         if value <= 0.0 {
             return Err(Fault::new(key, format!("{value}: an error budget is above 0")));

@@ -88,8 +88,8 @@ struct Sections {
 impl Config {
     /// Loads a file and applies overrides (`key=value`) in their order.
     pub fn load(path: &Path, overrides: &[String]) -> Result<Self, ConfigError> {
-        let text = std::fs::read_to_string(path)
-            .map_err(|source| ConfigError::Read { path: path.to_owned(), source })?;
+        let text =
+            std::fs::read_to_string(path).map_err(|source| ConfigError::Read { path: path.to_owned(), source })?;
         let folder = path.parent().unwrap_or(Path::new(""));
         Self::from_text(&text, &path.display().to_string(), folder, overrides)
     }
@@ -110,7 +110,8 @@ impl Config {
         Self::from_table(table, origin, folder).map_err(|fault| {
             // The last override that touches the key is to blame, if there is one.
             let key = fault.key.split(" (").next().unwrap_or_default();
-            let reaches = |set: &str| key == set || key.starts_with(&format!("{set}.")) || key.starts_with(&format!("{set}["));
+            let reaches =
+                |set: &str| key == set || key.starts_with(&format!("{set}.")) || key.starts_with(&format!("{set}["));
             let blamed = applied.iter().rev().find(|applied| reaches(&applied.key));
             let origin = blamed.map_or(origin.to_owned(), |applied| format!("{origin}, --set {}", applied.argument));
             ConfigError::Key { origin, key: fault.key, problem: fault.problem }

@@ -40,7 +40,9 @@ fn value_from(text: &str) -> Result<Value, String> {
         }
         Err(error) => {
             let problem = error.message().trim().replace('\n', "; ");
-            Err(format!("`{text}` is not a TOML value ({problem}): allowed are numbers, true, false, dates, \"strings\", bare words, [lists] and {{ tables }}"))
+            Err(format!(
+                "`{text}` is not a TOML value ({problem}): allowed are numbers, true, false, dates, \"strings\", bare words, [lists] and {{ tables }}"
+            ))
         }
     }
 }
@@ -95,10 +97,25 @@ mod tests {
     #[test]
     fn paths_lead_through_tables_lists_and_names() {
         let mut table = table();
-        let keys = ["exposure.ev100=2", "views.flat.fov_deg=7", "views.0.fov_deg=8", "views.1.size=[1, 2]", "scene.catalogues.1.galaxy.stars=6"]
-            .map(|argument| apply(&mut table, argument).unwrap().key);
+        let keys = [
+            "exposure.ev100=2",
+            "views.flat.fov_deg=7",
+            "views.0.fov_deg=8",
+            "views.1.size=[1, 2]",
+            "scene.catalogues.1.galaxy.stars=6",
+        ]
+        .map(|argument| apply(&mut table, argument).unwrap().key);
         // The view named `0` goes before the view with index 0.
-        assert_eq!(keys, ["exposure.ev100", "views[0].fov_deg", "views[1].fov_deg", "views[1].size", "scene.catalogues[1].galaxy.stars"]);
+        assert_eq!(
+            keys,
+            [
+                "exposure.ev100",
+                "views[0].fov_deg",
+                "views[1].fov_deg",
+                "views[1].size",
+                "scene.catalogues[1].galaxy.stars"
+            ]
+        );
         assert_eq!(table["views"][0]["fov_deg"].as_integer(), Some(7));
         assert_eq!(table["views"][1]["fov_deg"].as_integer(), Some(8));
         assert_eq!(table["scene"]["catalogues"][1]["galaxy"]["stars"].as_integer(), Some(6));

@@ -23,7 +23,11 @@ pub struct SceneConfig {
 
 impl Default for SceneConfig {
     fn default() -> Self {
-        Self { catalogues: vec![CatalogueConfig::Named("builtin:bright".to_owned())], time: default_time(), camera: CameraConfig::default() }
+        Self {
+            catalogues: vec![CatalogueConfig::Named("builtin:bright".to_owned())],
+            time: default_time(),
+            camera: CameraConfig::default(),
+        }
     }
 }
 
@@ -80,7 +84,8 @@ impl<'de> Visitor<'de> for CatalogueVisitor {
     type Value = CatalogueConfig;
 
     fn expecting(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        formatter.write_str("\"builtin:bright\", a file, or { galaxy = { stars = 300000, seed = 1, fainter_than = 3.5 } }")
+        formatter
+            .write_str("\"builtin:bright\", a file, or { galaxy = { stars = 300000, seed = 1, fainter_than = 3.5 } }")
     }
 
     fn visit_str<E: Error>(self, name: &str) -> Result<CatalogueConfig, E> {
@@ -130,7 +135,8 @@ impl CameraConfig {
             Fault::new(key, error.to_string())
         })?;
         if self.velocity_c != [0.0; 3] {
-            let problem = format!("{:?}: relativistic travel is not implemented yet; only [0, 0, 0] is allowed", self.velocity_c);
+            let problem =
+                format!("{:?}: relativistic travel is not implemented yet; only [0, 0, 0] is allowed", self.velocity_c);
             return Err(Fault::new("velocity_c", problem));
         }
         Ok(camera)
@@ -160,9 +166,10 @@ impl GalaxyConfig {
             return Err(Fault::new("stars", format!("{}: allowed are 1 to {MOST_STARS}", self.stars)));
         }
         match self.fainter_than {
-            Some(magnitude) if !magnitude.is_finite() => {
-                Err(Fault::new("fainter_than", format!("{magnitude}: a finite magnitude is needed; leave the key out for no limit")))
-            }
+            Some(magnitude) if !magnitude.is_finite() => Err(Fault::new(
+                "fainter_than",
+                format!("{magnitude}: a finite magnitude is needed; leave the key out for no limit"),
+            )),
             _ => Ok(()),
         }
     }

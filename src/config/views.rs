@@ -189,7 +189,9 @@ impl ViewConfig {
             "fisheye" => ViewKindConfig::Fisheye(deserialise(own, "")?),
             "dome_master" => ViewKindConfig::DomeMaster(deserialise(own, "")?),
             "equirectangular" => ViewKindConfig::Equirectangular(deserialise(own, "")?),
-            _ => return Err(Fault::new("type", format!("unknown type `{kind}`: allowed are {}", VIEW_TYPES.join(", ")))),
+            _ => {
+                return Err(Fault::new("type", format!("unknown type `{kind}`: allowed are {}", VIEW_TYPES.join(", "))));
+            }
         };
         Ok(Self { name, orientation: common.orientation, position_m: common.position_m, kind })
     }
@@ -250,7 +252,10 @@ impl ViewKindConfig {
                 }
                 (None, Some(fov)) => ViewKind::OffAxis { size: view.size, fov: fov.radians("fov")? },
                 (Some(_), Some(_)) => {
-                    return Err(Fault::new("fov", "fov_y_deg is given too: exactly one of fov and fov_y_deg is allowed"));
+                    return Err(Fault::new(
+                        "fov",
+                        "fov_y_deg is given too: exactly one of fov and fov_y_deg is allowed",
+                    ));
                 }
                 (None, None) => {
                     return Err(Fault::new("fov_y_deg", "missing key: exactly one of fov_y_deg and fov is needed"));
@@ -306,9 +311,12 @@ fn face(index: usize, name: &str) -> Result<Face, Fault> {
 
 impl FovConfig {
     fn radians(self, key: &str) -> Result<Fov, Fault> {
-        for (edge, value) in
-            [("left_deg", self.left_deg), ("right_deg", self.right_deg), ("up_deg", self.up_deg), ("down_deg", self.down_deg)]
-        {
+        for (edge, value) in [
+            ("left_deg", self.left_deg),
+            ("right_deg", self.right_deg),
+            ("up_deg", self.up_deg),
+            ("down_deg", self.down_deg),
+        ] {
             finite(&format!("{key}.{edge}"), value)?;
         }
         Ok(Fov {

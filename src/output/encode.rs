@@ -266,7 +266,11 @@ pub(super) mod tests {
             let wanted = encoding.wanted();
             assert!(wanted.display != wanted.hdr);
             let mut image = sample(4, 4);
-            if wanted.hdr { image.hdr = None } else { image.display = None }
+            if wanted.hdr {
+                image.hdr = None
+            } else {
+                image.display = None
+            }
             assert!(matches!(encode(encoding, &image), Err(EncodeError::Missing { .. })), "{encoding:?}");
             let image = FrameImage { width: 5, ..sample(4, 4) };
             assert!(matches!(encode(encoding, &image), Err(EncodeError::Length { .. })), "{encoding:?}");

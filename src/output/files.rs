@@ -99,10 +99,11 @@ pub fn write_frame(folder: &Path, rig: &Rig, frame: &Frame, adapter: &str) -> Re
             plan: &frame.plan,
         })
         .collect();
-    let manifest = Manifest { adapter, scene_revision: frame.scene_revision, exposure_ev100: frame.exposure_ev100, views };
+    let manifest =
+        Manifest { adapter, scene_revision: frame.scene_revision, exposure_ev100: frame.exposure_ev100, views };
     let path = folder.join("manifest.json");
-    let mut json = serde_json::to_vec_pretty(&manifest)
-        .map_err(|source| OutputError::Manifest { path: path.clone(), source })?;
+    let mut json =
+        serde_json::to_vec_pretty(&manifest).map_err(|source| OutputError::Manifest { path: path.clone(), source })?;
     json.push(b'\n');
     write_whole(&path, &json).map_err(|source| OutputError::Write { path: path.clone(), source })?;
     written.push(path);
@@ -166,7 +167,8 @@ mod tests {
         assert_eq!(names.join(" "), expected);
         assert_eq!(std::fs::read_dir(&out).unwrap().count(), written.len(), "nothing else is left");
 
-        let manifest: serde_json::Value = serde_json::from_slice(&std::fs::read(out.join("manifest.json")).unwrap()).unwrap();
+        let manifest: serde_json::Value =
+            serde_json::from_slice(&std::fs::read(out.join("manifest.json")).unwrap()).unwrap();
         assert_eq!(manifest["adapter"], "some adapter");
         assert_eq!(manifest["scene_revision"], 7);
         assert_eq!(manifest["exposure_ev100"], -3.25);
