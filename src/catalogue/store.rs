@@ -195,7 +195,7 @@ pub fn read(path: &Path) -> Result<Store, StoreError> {
     let length = file.metadata().map_err(io_error)?.len();
 
     let mut start = Vec::with_capacity(size_of::<Header>());
-    file.by_ref().take(size_of::<Header>() as u64).read_to_end(&mut start).map_err(io_error)?;
+    Read::by_ref(&mut file).take(size_of::<Header>() as u64).read_to_end(&mut start).map_err(io_error)?;
     if !start.starts_with(&MAGIC) {
         return Err(StoreError::NotAStore { path: path.to_owned() });
     }

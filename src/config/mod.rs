@@ -108,10 +108,13 @@ impl Config {
             .map(|argument| overrides::apply(&mut table, argument))
             .collect::<Result<Vec<_>, ConfigError>>()?;
         Self::from_table(table, origin, folder).map_err(|fault| {
-            // The last override that touches the key is to blame, if there is one.
+            // The last override that touches the key is to blame, if there is one; for an unknown table, one that put it there.
             let key = fault.key.split(" (").next().unwrap_or_default();
-            let reaches =
-                |set: &str| key == set || key.starts_with(&format!("{set}.")) || key.starts_with(&format!("{set}["));
+            let below = |inner: &str, outer: &str| {
+                inner.strip_prefix(outer).is_some_and(|rest| rest.is_empty() || rest.starts_with(['.', '[']))
+            };
+            let unknown = fault.problem.starts_with("unknown key");
+            let reaches = |set: &str| below(key, set) || (unknown && below(set, key));
             let blamed = applied.iter().rev().find(|applied| reaches(&applied.key));
             let origin = blamed.map_or(origin.to_owned(), |applied| format!("{origin}, --set {}", applied.argument));
             ConfigError::Key { origin, key: fault.key, problem: fault.problem }

@@ -190,7 +190,10 @@ impl ViewConfig {
             "dome_master" => ViewKindConfig::DomeMaster(deserialise(own, "")?),
             "equirectangular" => ViewKindConfig::Equirectangular(deserialise(own, "")?),
             _ => {
-                return Err(Fault::new("type", format!("unknown type `{kind}`: allowed are {}", VIEW_TYPES.join(", "))));
+                return Err(Fault::new(
+                    "type",
+                    format!("unknown type `{kind}`: allowed are {}", VIEW_TYPES.join(", ")),
+                ));
             }
         };
         Ok(Self { name, orientation: common.orientation, position_m: common.position_m, kind })

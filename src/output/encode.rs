@@ -178,6 +178,8 @@ fn exr_of(image: &FrameImage, pixels: &[[f32; 4]]) -> Result<Vec<u8>, EncodeErro
 
 #[cfg(test)]
 pub(super) mod tests {
+    use exr::prelude::{ReadChannels, ReadLayers};
+
     use super::*;
     use crate::view::Part;
 
@@ -204,7 +206,7 @@ pub(super) mod tests {
             .unwrap();
         let channels = &image.layer_data[0].channel_data.list;
         assert_eq!(channels.len(), 4);
-        let channel = channels.iter().find(|channel| channel.name == name).expect("the channel is there");
+        let channel = channels.iter().find(|channel| channel.name == *name).expect("the channel is there");
         match &channel.sample_data {
             exr::prelude::FlatSamples::F32(values) => values.clone(),
             other => panic!("{name} holds {other:?}"),
