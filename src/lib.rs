@@ -20,6 +20,11 @@ pub mod plan;
 
 pub mod config;
 
+pub mod gpu;
+
+pub(crate) mod passes;
+pub mod reference;
+
 pub mod frame;
 
 pub mod output;
