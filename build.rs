@@ -1,4 +1,5 @@
-//! Compiles the protocol definitions to Rust, without any other tool, and keeps their descriptors for server reflection.
+//! Compiles the protocol definitions to Rust, without any other tool, and keeps their descriptors for server reflection. Tells
+//! the compiler which optional test data the environment offers, so that tests without it show as ignored.
 
 use std::{env, error::Error, fs, path::PathBuf};
 
@@ -15,5 +16,11 @@ fn compile_protocol() -> Result<(), Box<dyn Error>> {
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
+    // tests/bright_stars.rs
+    println!("cargo::rustc-check-cfg=cfg(has_bsc_csv)");
+    println!("cargo::rerun-if-env-changed=STERADIAN_BSC_CSV");
+    if std::env::var_os("STERADIAN_BSC_CSV").is_some_and(|path| !path.is_empty()) {
+        println!("cargo::rustc-cfg=has_bsc_csv");
+    }
     compile_protocol()
 }

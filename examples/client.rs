@@ -127,11 +127,12 @@ async fn run(arguments: Arguments) -> Result<(), Box<dyn Error>> {
     std::fs::create_dir_all(&arguments.out)?;
     let mut client = Client::connect(&arguments.connect).await?;
     let info = client.info().await?;
-    println!("adapter     {} ({}, {})", info.adapter, info.backend, info.driver);
+    println!("adapter     {} ({}, {})", info.adapter.adapter, info.adapter.backend, info.adapter.driver);
     println!("stars       {}", info.stars);
     let views = client.views().await?;
     for view in &views {
-        let sizes: Vec<String> = view.images.iter().map(|image| format!("{} x {}", image.width, image.height)).collect();
+        let sizes: Vec<String> =
+            view.images.iter().map(|image| format!("{} x {}", image.width, image.height)).collect();
         println!("view        {} ({}): {}", view.name, view.kind, sizes.join(", "));
     }
     let streamed_view = match &arguments.stream {

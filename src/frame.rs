@@ -1,8 +1,16 @@
 //! A frame: one snapshot of the scene in many views at once.
+//!
+//! [`Renderer::render`] plans on the CPU (which chunks each viewport may see, tiles, fixed-point units), records all passes
+//! of all viewports into one submission, waits, and reads back what was asked for. Nothing of a frame depends on the frame
+//! before it but the exposure that the caller hands in.
+
+mod renderer;
+mod star_buffers;
 
 use serde::Serialize;
 
-use crate::view::Part;
+pub use self::renderer::{RenderError, Renderer};
+use crate::{plan::FramePlan, view::Part};
 
 /// One image of a frame.
 #[derive(Clone, Debug)]
@@ -31,8 +39,8 @@ pub struct ViewStatistics {
     pub stars_drawn: u64,
     /// Stars whose light reaches the view through the map of unresolved light.
     pub stars_in_map: u64,
-    /// The view's share of the GPU's time, ms: its part of the star pass by stars drawn, its own resolve and tone mapping.
-    /// `None` where the adapter has no timestamps.
+    /// The view's share of the GPU's time, ms: of the star pass by stars drawn, of the passes over pixels by pixels. `None`
+    /// where the adapter has no timestamps.
     pub gpu_ms: Option<f64>,
 }
 
@@ -43,6 +51,19 @@ pub struct Wanted {
     pub display: bool,
     /// The HDR image.
     pub hdr: bool,
+}
+
+/// Time of the stages of a frame, ms.
+#[derive(Clone, Debug, PartialEq, Default, Serialize)]
+pub struct FrameTimes {
+    /// Planning and recording on the CPU.
+    pub plan_ms: f64,
+    /// Each pass on the GPU, by name; empty where the adapter has no timestamps.
+    pub passes_ms: Vec<(&'static str, f64)>,
+    /// From submission to the end of the readback.
+    pub gpu_and_readback_ms: f64,
+    /// All of [`Renderer::render`].
+    pub total_ms: f64,
 }
 
 /// A finished frame.
@@ -56,13 +77,16 @@ pub struct Frame {
     pub camera_revision: u64,
     /// Exposure of all views.
     pub exposure_ev100: f64,
-    /// Exposure that an eye fully adapted to this frame would have: where adaptation over time is heading. With a manual
-    /// exposure the manual value.
+    /// What the meter reads: the exposure to adapt to.
     pub metered_ev100: f64,
-    /// The images, in the order of views and parts.
+    /// Mean luminance over all views, weighted by solid angle, cd/m^2.
+    pub mean_luminance_cd_m2: f64,
+    /// The images, in the order of views and parts; a view of which nothing was wanted has none.
     pub images: Vec<FrameImage>,
     /// One entry per view of the rig.
     pub views: Vec<ViewStatistics>,
     /// Methods chosen and the certificate.
-    pub plan: crate::plan::FramePlan,
+    pub plan: FramePlan,
+    /// Where the time went.
+    pub times: FrameTimes,
 }

@@ -5,6 +5,8 @@
 //! method for each technique; `gpu` and `passes` draw; `reference` is the same in f64 on the CPU; `frame` runs it all;
 //! `output` and `service` hand frames out. `docs/architecture.md` tells the whole story.
 
+pub mod coordinates;
+mod files;
 pub mod units;
 
 pub mod photometry;
@@ -16,7 +18,16 @@ pub mod view;
 
 pub mod plan;
 
+pub mod config;
+
+pub mod gpu;
+
+pub(crate) mod passes;
+pub mod reference;
+
 pub mod frame;
 
 pub mod output;
 pub mod service;
+
+pub mod cli;

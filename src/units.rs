@@ -2,7 +2,7 @@
 //! illuminance lux, luminance cd/m^2, solid angle steradian.
 
 /// One parsec in metres (IAU 2015 resolution B2: 648000/pi astronomical units).
-pub const PARSEC_M: f64 = 3.085_677_581_491_367_3e16;
+pub const PARSEC_M: f64 = 3.085_677_581_491_367e16;
 
 /// One arcsecond in radians.
 pub const ARCSECOND_RAD: f64 = std::f64::consts::PI / 648_000.0;

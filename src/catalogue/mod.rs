@@ -1,7 +1,12 @@
 //! Star catalogues: what every reader and generator delivers.
 
+pub mod bright;
 pub mod chunks;
+pub mod galaxy;
+pub mod overlap;
 pub mod packed;
+pub mod reader;
+pub mod store;
 
 use glam::DVec3;
 

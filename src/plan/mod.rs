@@ -1,29 +1,12 @@
 //! What is drawn how: settings that name methods, and the plan that a frame follows.
+//!
+//! `settings` names the methods, `tiles` cuts viewports into what the adapter can hold, `cull` finds the stars that may be
+//! seen, `range` chooses the fixed-point units, and `frame_plan` puts them together.
 
+pub mod cull;
+mod frame_plan;
+pub mod range;
 pub mod settings;
+pub mod tiles;
 
-use serde::Serialize;
-
-/// One approximation that a frame makes, with its bound.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Approximation {
-    /// What is approximated.
-    pub what: String,
-    /// Bound of the error.
-    pub bound: f64,
-    /// Unit of the bound.
-    pub unit: String,
-}
-
-/// The methods chosen for a frame, and what they cost in accuracy.
-#[derive(Clone, Debug, PartialEq, Serialize, Default)]
-pub struct FramePlan {
-    /// Star method.
-    pub stars: String,
-    /// How splats add up.
-    pub accumulator: String,
-    /// Glare method.
-    pub glare: String,
-    /// Every approximation with its bound.
-    pub certificate: Vec<Approximation>,
-}
+pub use frame_plan::{Approximation, FramePlan, StarPlan, plan_stars};

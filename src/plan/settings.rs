@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+pub use crate::photometry::tone_map::ToneMapOperator;
+
 /// How stars are drawn. Every method adds illuminance to pixels and divides by the pixel's solid angle at the end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, Default)]
 #[serde(rename_all = "snake_case")]
@@ -83,17 +85,6 @@ impl Default for ExposureSettings {
             adaptation_s: 0.5,
         }
     }
-}
-
-/// How luminance becomes display values.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, Default)]
-#[serde(rename_all = "snake_case")]
-pub enum ToneMapOperator {
-    /// Film-like shoulder.
-    #[default]
-    Filmic,
-    /// Display white is clipped, below it the sRGB curve.
-    Srgb,
 }
 
 /// Tone mapping settings.

@@ -9,13 +9,14 @@ use tonic::{
 
 use super::{
     convert,
-    pb::{
+    proto::{
         self, camera_service_client::CameraServiceClient, diagnostics_service_client::DiagnosticsServiceClient,
         view_service_client::ViewServiceClient,
     },
     render::CameraUpdate,
 };
 use crate::{
+    gpu::AdapterReport,
     output::Encoding,
     scene::{Camera, PoseError},
 };
@@ -127,22 +128,12 @@ pub struct ReceivedFrame {
 }
 
 /// What the daemon runs on and holds.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct ServerInfo {
     /// Version of the daemon.
     pub version: String,
-    /// Name of the adapter.
-    pub adapter: String,
-    /// Name and version of its driver.
-    pub driver: String,
-    /// Graphics interface.
-    pub backend: String,
-    /// Features of the adapter that are used.
-    pub features: Vec<String>,
-    /// Limits that matter, name and value, sorted by name.
-    pub limits: Vec<(String, String)>,
-    /// Every fallback taken.
-    pub fallbacks: Vec<String>,
+    /// Adapter, driver, features and limits used (limits sorted by name), fallbacks taken.
+    pub adapter: AdapterReport,
     /// Stars in the scene.
     pub stars: u64,
     /// Revision of the scene.
@@ -151,7 +142,7 @@ pub struct ServerInfo {
     pub frames_rendered: u64,
 }
 
-fn camera_from_pb(camera: pb::Camera) -> Result<Camera, ClientError> {
+fn camera_from_pb(camera: proto::Camera) -> Result<Camera, ClientError> {
     let lacks = |field| ClientError::Answer { field };
     let plain = Camera::new(
         camera.position_m.map(convert::vector_from_pb).ok_or_else(|| lacks("position_m"))?,
@@ -165,10 +156,10 @@ fn time(time: Option<prost_types::Timestamp>, field: &'static str) -> Result<Sys
     time.and_then(|time| time.try_into().ok()).ok_or(ClientError::Answer { field })
 }
 
-impl TryFrom<pb::Frame> for ReceivedFrame {
+impl TryFrom<proto::Frame> for ReceivedFrame {
     type Error = ClientError;
 
-    fn try_from(frame: pb::Frame) -> Result<Self, ClientError> {
+    fn try_from(frame: proto::Frame) -> Result<Self, ClientError> {
         let images = frame.images.into_iter().map(|image| {
             let encoding = convert::encoding_from_pb(image.encoding);
             Ok(ReceivedImage {
@@ -196,7 +187,7 @@ impl TryFrom<pb::Frame> for ReceivedFrame {
 /// The frames of a subscription. Dropping it ends the subscription.
 #[derive(Debug)]
 pub struct FrameReceiver {
-    stream: Streaming<pb::Frame>,
+    stream: Streaming<proto::Frame>,
 }
 
 impl FrameReceiver {
@@ -230,7 +221,7 @@ impl Client {
 
     /// The camera now.
     pub async fn camera(&mut self) -> Result<Camera, ClientError> {
-        camera_from_pb(self.camera.get_camera(pb::GetCameraRequest {}).await?.into_inner())
+        camera_from_pb(self.camera.get_camera(proto::GetCameraRequest {}).await?.into_inner())
     }
 
     /// Moves the camera; returns it with its new revision.
@@ -240,9 +231,10 @@ impl Client {
 
     /// The views.
     pub async fn views(&mut self) -> Result<Vec<ViewForm>, ClientError> {
-        let answer = self.view.list_views(pb::ListViewsRequest {}).await?.into_inner();
-        let image = |image: pb::ViewImage| ViewImageForm { part: image.part, width: image.width, height: image.height };
-        let form = |view: pb::View| ViewForm {
+        let answer = self.view.list_views(proto::ListViewsRequest {}).await?.into_inner();
+        let image =
+            |image: proto::ViewImage| ViewImageForm { part: image.part, width: image.width, height: image.height };
+        let form = |view: proto::View| ViewForm {
             name: view.name,
             kind: view.r#type,
             images: view.images.into_iter().map(image).collect(),
@@ -253,7 +245,7 @@ impl Client {
     /// Renders a view with the newest camera.
     pub async fn render_frame(&mut self, view: &str, encoding: Encoding) -> Result<ReceivedFrame, ClientError> {
         let encoding = convert::encoding_to_pb(encoding).into();
-        let request = pb::RenderFrameRequest { view: view.to_owned(), encoding };
+        let request = proto::RenderFrameRequest { view: view.to_owned(), encoding };
         self.view.render_frame(request).await?.into_inner().try_into()
     }
 
@@ -265,23 +257,26 @@ impl Client {
         max_rate_hz: f64,
     ) -> Result<FrameReceiver, ClientError> {
         let encoding = convert::encoding_to_pb(encoding).into();
-        let request = pb::StreamFramesRequest { view: view.to_owned(), encoding, max_rate_hz };
+        let request = proto::StreamFramesRequest { view: view.to_owned(), encoding, max_rate_hz };
         Ok(FrameReceiver { stream: self.view.stream_frames(request).await?.into_inner() })
     }
 
     /// What the daemon runs on and holds.
     pub async fn info(&mut self) -> Result<ServerInfo, ClientError> {
-        let info = self.diagnostics.get_info(pb::GetInfoRequest {}).await?.into_inner();
-        let mut limits: Vec<(String, String)> = info.limits.into_iter().collect();
+        let info = self.diagnostics.get_info(proto::GetInfoRequest {}).await?.into_inner();
+        let mut limits: Vec<(String, u64)> = info.limits.into_iter().collect();
         limits.sort();
         Ok(ServerInfo {
             version: info.version,
-            adapter: info.adapter,
-            driver: info.driver,
-            backend: info.backend,
-            features: info.features,
-            limits,
-            fallbacks: info.fallbacks,
+            adapter: AdapterReport {
+                adapter: info.adapter,
+                driver: info.driver,
+                backend: info.backend,
+                device_type: info.device_type,
+                features: info.features,
+                limits,
+                fallbacks: info.fallbacks,
+            },
             stars: info.stars,
             scene_revision: info.scene_revision,
             frames_rendered: info.frames_rendered,

@@ -1,7 +1,8 @@
 //! What the service asks of a renderer, so that it can be run on the GPU, and tested without one.
 
 use crate::{
-    frame::{Frame, Wanted},
+    frame::{Frame, Renderer, Wanted},
+    gpu::AdapterReport,
     plan::settings::RenderSettings,
     scene::SceneSnapshot,
     view::Rig,
@@ -17,23 +18,6 @@ impl EngineError {
     pub fn new(error: impl Into<Box<dyn std::error::Error + Send + Sync>>) -> Self {
         Self(error.into())
     }
-}
-
-/// What an engine runs on, as text for people.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct EngineInfo {
-    /// Name of the adapter.
-    pub adapter: String,
-    /// Name and version of its driver.
-    pub driver: String,
-    /// Graphics interface, for example `Vulkan`.
-    pub backend: String,
-    /// Features of the adapter that are used.
-    pub features: Vec<String>,
-    /// Limits that matter, name and value.
-    pub limits: Vec<(String, String)>,
-    /// Every fallback taken, as a sentence.
-    pub fallbacks: Vec<String>,
 }
 
 /// A renderer. It moves to the render thread, which is then the only one that touches it.
@@ -53,5 +37,22 @@ pub trait Engine: Send + 'static {
     ) -> Result<Frame, EngineError>;
 
     /// What it runs on. Asked once, before the first frame.
-    fn info(&self) -> EngineInfo;
+    fn info(&self) -> AdapterReport;
+}
+
+impl Engine for Renderer {
+    fn render(
+        &mut self,
+        snapshot: &SceneSnapshot,
+        rig: &Rig,
+        settings: &RenderSettings,
+        wanted: &[Wanted],
+        adapted_ev100: Option<f64>,
+    ) -> Result<Frame, EngineError> {
+        Renderer::render(self, snapshot, rig, settings, wanted, adapted_ev100).map_err(EngineError::new)
+    }
+
+    fn info(&self) -> AdapterReport {
+        self.adapter().clone()
+    }
 }

@@ -11,12 +11,12 @@ use tonic::Status;
 
 use super::{
     handlers::{Order, failed},
-    pb,
+    proto,
     render::Subscription,
 };
 
 /// The work on the next message; it owns the subscription meanwhile and hands it back.
-type Work = Pin<Box<dyn Future<Output = Option<(Result<pb::Frame, Status>, Option<Subscription>)>> + Send>>;
+type Work = Pin<Box<dyn Future<Output = Option<(Result<proto::Frame, Status>, Option<Subscription>)>> + Send>>;
 
 /// See the module.
 pub(super) struct FrameStream {
@@ -47,7 +47,7 @@ fn next(subscription: Subscription, order: Order) -> Work {
 }
 
 impl Stream for FrameStream {
-    type Item = Result<pb::Frame, Status>;
+    type Item = Result<proto::Frame, Status>;
 
     fn poll_next(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<Option<Self::Item>> {
         let Some(work) = self.work.as_mut() else { return Poll::Ready(None) };

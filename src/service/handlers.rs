@@ -10,14 +10,14 @@ use tonic::{Request, Response, Status};
 
 use super::{
     convert,
-    engine::EngineInfo,
     frames::FrameStream,
-    pb,
+    proto,
     render::{Refused, RenderHandle},
     slot::{RenderFailure, RenderedFrame},
 };
 use crate::{
     frame::Wanted,
+    gpu::AdapterReport,
     output::{self, Encoding},
     view::{Rig, View},
 };
@@ -30,7 +30,7 @@ const RATES_HZ: std::ops::RangeInclusive<f64> = 0.001..=10_000.0;
 pub(super) struct Service {
     render: RenderHandle,
     rig: Arc<Rig>,
-    info: Arc<EngineInfo>,
+    adapter: Arc<AdapterReport>,
     stars: u64,
     scene_revision: u64,
     /// Calls of RenderFrame that are not finished yet, from the queue to the last encoded byte.
@@ -51,7 +51,7 @@ impl Service {
     pub(super) fn new(
         render: RenderHandle,
         rig: Arc<Rig>,
-        info: EngineInfo,
+        adapter: AdapterReport,
         stars: u64,
         scene_revision: u64,
         pending: usize,
@@ -60,7 +60,7 @@ impl Service {
         Self {
             render,
             rig,
-            info: Arc::new(info),
+            adapter: Arc::new(adapter),
             stars,
             scene_revision,
             pending: Arc::new(Semaphore::new(pending)),
@@ -90,7 +90,7 @@ impl Order {
     }
 
     /// Encodes the view's images of a frame, away from the threads that serve connections.
-    pub(super) async fn encode(self, rendered: Arc<RenderedFrame>, dropped: u64) -> Result<pb::Frame, Status> {
+    pub(super) async fn encode(self, rendered: Arc<RenderedFrame>, dropped: u64) -> Result<proto::Frame, Status> {
         let encoders = Arc::clone(&self.encoders);
         let _permit = encoders.acquire().await.map_err(|_| Status::unavailable("the daemon is shutting down"))?;
         task::spawn_blocking(move || self.message(&rendered, dropped))
@@ -98,11 +98,11 @@ impl Order {
             .map_err(|error| Status::internal(format!("encoding the frame failed: {error}")))?
     }
 
-    fn message(&self, rendered: &RenderedFrame, dropped: u64) -> Result<pb::Frame, Status> {
+    fn message(&self, rendered: &RenderedFrame, dropped: u64) -> Result<proto::Frame, Status> {
         let frame = &rendered.frame;
         let images = frame.images.iter().filter(|image| image.view == self.view).map(|image| {
             let data = output::encode(self.encoding, image).map_err(|error| Status::internal(error.to_string()))?;
-            Ok(pb::Image {
+            Ok(proto::Image {
                 part: image.part.name().unwrap_or_default().to_owned(),
                 width: image.width,
                 height: image.height,
@@ -110,7 +110,7 @@ impl Order {
                 data,
             })
         });
-        Ok(pb::Frame {
+        Ok(proto::Frame {
             view: self.view().name.clone(),
             frame_number: frame.number,
             scene_revision: frame.scene_revision,
@@ -139,44 +139,45 @@ pub(super) fn failed(failure: &RenderFailure) -> Status {
 }
 
 #[tonic::async_trait]
-impl pb::camera_service_server::CameraService for Service {
-    async fn get_camera(&self, _: Request<pb::GetCameraRequest>) -> Result<Response<pb::Camera>, Status> {
+impl proto::camera_service_server::CameraService for Service {
+    async fn get_camera(&self, _: Request<proto::GetCameraRequest>) -> Result<Response<proto::Camera>, Status> {
         Ok(Response::new(convert::camera_to_pb(&self.render.camera())))
     }
 
-    async fn set_camera(&self, request: Request<pb::SetCameraRequest>) -> Result<Response<pb::Camera>, Status> {
+    async fn set_camera(&self, request: Request<proto::SetCameraRequest>) -> Result<Response<proto::Camera>, Status> {
         let update = convert::update_from_pb(request.into_inner());
-        let camera =
-            self.render.set_camera(&update).map_err(|error| Status::invalid_argument(error.to_string()))?;
+        let camera = self.render.set_camera(&update).map_err(|error| Status::invalid_argument(error.to_string()))?;
         Ok(Response::new(convert::camera_to_pb(&camera)))
     }
 }
 
 #[tonic::async_trait]
-impl pb::view_service_server::ViewService for Service {
-    type StreamFramesStream = Pin<Box<dyn Stream<Item = Result<pb::Frame, Status>> + Send>>;
+impl proto::view_service_server::ViewService for Service {
+    type StreamFramesStream = Pin<Box<dyn Stream<Item = Result<proto::Frame, Status>> + Send>>;
 
     async fn list_views(
         &self,
-        _: Request<pb::ListViewsRequest>,
-    ) -> Result<Response<pb::ListViewsResponse>, Status> {
+        _: Request<proto::ListViewsRequest>,
+    ) -> Result<Response<proto::ListViewsResponse>, Status> {
         let views = self.rig.views().iter().map(convert::view_to_pb).collect();
-        Ok(Response::new(pb::ListViewsResponse { views }))
+        Ok(Response::new(proto::ListViewsResponse { views }))
     }
 
-    async fn render_frame(&self, request: Request<pb::RenderFrameRequest>) -> Result<Response<pb::Frame>, Status> {
+    async fn render_frame(
+        &self,
+        request: Request<proto::RenderFrameRequest>,
+    ) -> Result<Response<proto::Frame>, Status> {
         let request = request.into_inner();
         let order = self.order(&request.view, request.encoding)?;
         let _pending = self.pending.try_acquire().map_err(|_| refused(Refused::Full))?;
         let reply = self.render.request(order.view, order.wanted()).map_err(refused)?;
-        let rendered =
-            reply.await.unwrap_or(Err(RenderFailure::Ended)).map_err(|failure| failed(&failure))?;
+        let rendered = reply.await.unwrap_or(Err(RenderFailure::Ended)).map_err(|failure| failed(&failure))?;
         Ok(Response::new(order.encode(rendered, 0).await?))
     }
 
     async fn stream_frames(
         &self,
-        request: Request<pb::StreamFramesRequest>,
+        request: Request<proto::StreamFramesRequest>,
     ) -> Result<Response<Self::StreamFramesStream>, Status> {
         let request = request.into_inner();
         let order = self.order(&request.view, request.encoding)?;
@@ -196,9 +197,9 @@ impl pb::view_service_server::ViewService for Service {
 }
 
 #[tonic::async_trait]
-impl pb::diagnostics_service_server::DiagnosticsService for Service {
-    async fn get_info(&self, _: Request<pb::GetInfoRequest>) -> Result<Response<pb::Info>, Status> {
+impl proto::diagnostics_service_server::DiagnosticsService for Service {
+    async fn get_info(&self, _: Request<proto::GetInfoRequest>) -> Result<Response<proto::Info>, Status> {
         let frames = self.render.frames_rendered();
-        Ok(Response::new(convert::info_to_pb(&self.info, self.stars, self.scene_revision, frames)))
+        Ok(Response::new(convert::info_to_pb(&self.adapter, self.stars, self.scene_revision, frames)))
     }
 }

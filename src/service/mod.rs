@@ -26,13 +26,15 @@ mod schedule;
 mod server;
 mod slot;
 
-pub use client::{Client, ClientError, FrameReceiver, ReceivedFrame, ReceivedImage, ServerInfo, ViewForm, ViewImageForm};
-pub use engine::{Engine, EngineError, EngineInfo};
+pub use client::{
+    Client, ClientError, FrameReceiver, ReceivedFrame, ReceivedImage, ServerInfo, ViewForm, ViewImageForm,
+};
+pub use engine::{Engine, EngineError};
 pub use render::CameraUpdate;
 pub use server::{ServeError, ServeOptions, Shutdown, run};
 
 /// Generated from `proto/steradian/v1`.
-mod pb {
+mod proto {
     #![allow(
         clippy::allow_attributes_without_reason,
         clippy::all,

@@ -14,7 +14,7 @@ use tonic_web::GrpcWebLayer;
 use super::{
     engine::Engine,
     handlers::Service,
-    pb::{
+    proto::{
         self, camera_service_server::CameraServiceServer, diagnostics_service_server::DiagnosticsServiceServer,
         view_service_server::ViewServiceServer,
     },
@@ -230,7 +230,7 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
 
     let reflection = || {
         tonic_reflection::server::Builder::configure()
-            .register_encoded_file_descriptor_set(pb::DESCRIPTORS)
+            .register_encoded_file_descriptor_set(proto::DESCRIPTORS)
             .register_encoded_file_descriptor_set(tonic_health::pb::FILE_DESCRIPTOR_SET)
     };
     let (reflection_v1, reflection_v1alpha) = (reflection().build_v1()?, reflection().build_v1alpha()?);

@@ -11,10 +11,11 @@ use std::{
 
 use glam::{DQuat, DVec3};
 use steradian::{
-    frame::{Frame, FrameImage, ViewStatistics, Wanted},
+    frame::{Frame, FrameImage, FrameTimes, ViewStatistics, Wanted},
+    gpu::AdapterReport,
     plan::{FramePlan, settings::RenderSettings},
     scene::{Camera, SceneSnapshot},
-    service::{Client, Engine, EngineError, EngineInfo, ServeError, ServeOptions, Shutdown, run},
+    service::{Client, Engine, EngineError, ServeError, ServeOptions, Shutdown, run},
     view::{Fov, Rig, View, ViewKind},
 };
 use tokio::{sync::oneshot, task::JoinHandle};
@@ -100,12 +101,8 @@ impl Engine for TestEngine {
             });
         }
         let metered_ev100 = *self.0.metered_ev100.lock().unwrap();
-        let statistics = |view: &View| ViewStatistics {
-            name: view.name.clone(),
-            stars_drawn: 0,
-            stars_in_map: 0,
-            gpu_ms: None,
-        };
+        let statistics =
+            |view: &View| ViewStatistics { name: view.name.clone(), stars_drawn: 0, stars_in_map: 0, gpu_ms: None };
         self.0.finished.fetch_add(1, SeqCst);
         Ok(Frame {
             number,
@@ -113,19 +110,22 @@ impl Engine for TestEngine {
             camera_revision: snapshot.camera.revision,
             exposure_ev100: adapted_ev100.unwrap_or(metered_ev100),
             metered_ev100,
+            mean_luminance_cd_m2: 0.0,
+            times: FrameTimes::default(),
             images,
             views: rig.views().iter().map(statistics).collect(),
             plan: FramePlan::default(),
         })
     }
 
-    fn info(&self) -> EngineInfo {
-        EngineInfo {
+    fn info(&self) -> AdapterReport {
+        AdapterReport {
             adapter: "test adapter".to_owned(),
             driver: "test driver 1.0".to_owned(),
             backend: "none".to_owned(),
+            device_type: "test".to_owned(),
             features: vec!["f1".to_owned()],
-            limits: vec![("max_size_px".to_owned(), "64".to_owned())],
+            limits: vec![("max_size_px".to_owned(), 64)],
             fallbacks: vec!["no timestamps".to_owned()],
         }
     }

@@ -99,6 +99,11 @@ impl Fisheye {
         self.half_fov_rad >= PI - 1e-9
     }
 
+    /// Density at the pixel's centre times the pixel's area: what a shader computes where that is good enough.
+    pub(crate) fn midpoint_solid_angle_sr(&self, x: u32, y: u32) -> f64 {
+        self.density(self.plane_from_pixel(pixel_centre(x, y)).length()) / self.radius_px().powi(2)
+    }
+
     fn plane_from_pixel(&self, pixel: DVec2) -> DVec2 {
         let centre = DVec2::new(f64::from(self.size[0]), f64::from(self.size[1])) / 2.0;
         let p = (pixel - centre) / self.radius_px();

@@ -11,6 +11,8 @@ mod equirectangular;
 mod fisheye;
 mod perspective;
 
+use std::f64::consts::PI;
+
 pub use cube::{CubeFace, Face};
 pub use equirectangular::Equirectangular;
 pub use fisheye::{Fisheye, FisheyeMapping};
@@ -150,11 +152,32 @@ impl Projection {
         }
     }
 
-    /// Sum of the solid angles of all pixels, sr.
-    pub fn total_solid_angle_sr(&self) -> f64 {
+    /// Solid angle of the whole picture in closed form, sr. The sum over a round picture's pixels differs from it by what a
+    /// circle differs from its pixels (2e-7 of it at 4096 pixels).
+    pub fn picture_solid_angle_sr(&self) -> f64 {
+        match self {
+            Projection::Perspective(plane) => plane.picture_solid_angle_sr(),
+            Projection::CubeFace(face) => face.plane().picture_solid_angle_sr(),
+            Projection::Fisheye(fisheye) => 4.0 * PI * (fisheye.half_fov_rad / 2.0).sin().powi(2),
+            Projection::Equirectangular(_) => 4.0 * PI,
+        }
+    }
+
+    /// Smallest solid angle of a pixel of the picture, sr, among the centre, the corners, and the middles of the edges
+    /// (for round pictures half a pixel inside of them), where all these mappings have their extremes.
+    pub fn smallest_pixel_sr(&self) -> f64 {
         let mapping = self.mapping();
         let [width, height] = mapping.size();
-        (0..height).map(|y| (0..width).map(|x| mapping.solid_angle_sr(x, y)).sum::<f64>()).sum()
+        let mut smallest = f64::INFINITY;
+        for y in [0, height / 2, height - 1] {
+            for x in [0, width / 2, width - 1] {
+                let omega = mapping.solid_angle_sr(x, y);
+                if omega > 0.0 {
+                    smallest = smallest.min(omega);
+                }
+            }
+        }
+        smallest
     }
 }
 

@@ -93,6 +93,12 @@ impl Perspective {
         DVec2::new((self.right - self.left) / f64::from(self.size[0]), (self.up - self.down) / f64::from(self.size[1]))
     }
 
+    /// Solid angle between the four edges, sr.
+    pub(crate) fn picture_solid_angle_sr(&self) -> f64 {
+        corner(self.right, self.up) - corner(self.left, self.up) - corner(self.right, self.down)
+            + corner(self.left, self.down)
+    }
+
     /// Tangents of the edges with `margin_px` more on every side: left, right, down, up.
     pub fn edge_tangents(&self, margin_px: f64) -> [f64; 4] {
         let margin = self.tangent_per_pixel() * margin_px;

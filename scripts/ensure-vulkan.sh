@@ -1,0 +1,201 @@
+#!/usr/bin/env bash
+# Makes sure that there is a Vulkan driver that works on this machine. If there is none, installs Mesa's software
+# driver (lavapipe) on Debian and its relatives; on other systems it says what is missing. Exit code 69: no driver.
+#
+# On Debian 12 the driver comes from bookworm-backports, because the release's own (Mesa 22.3) draws only the first
+# layer in multiview. If that suite is not among the apt sources, it is added, as
+# /etc/apt/sources.list.d/steradian-backports.sources, with the address and key of the Debian source that is there. It
+# stays, so that the driver keeps getting updates; apt takes nothing else from it, since backports have a low priority.
+#
+# A driver of your own choice: set VK_DRIVER_FILES to its manifest. It is then only checked to be there.
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+source scripts/lib/apt.sh
+
+readonly BACKPORTS_FILE=/etc/apt/sources.list.d/steradian-backports.sources
+
+# library_exists PATH MANIFEST: whether the loader will find a driver's library. A name without a slash is looked up as
+# the dynamic linker does; a relative path counts from the manifest.
+library_exists() {
+    local path=$1 manifest=$2
+    case $path in
+    /*) [[ -e $path ]] ;;
+    */*) [[ -e $(dirname "$manifest")/$path ]] ;;
+    *) shared_library_exists "$path" ;;
+    esac
+}
+
+# shared_library_exists NAME: whether the dynamic linker finds a library of this name.
+shared_library_exists() {
+    local name=$1 cache directory
+    # ldconfig stands in a folder that ordinary users often do not have in PATH. The cache goes to a variable, since
+    # 'grep -q' at the end of a pipe would end ldconfig by a signal, which pipefail reports.
+    cache=$(PATH=$PATH:/usr/sbin:/sbin ldconfig -p 2>/dev/null) || cache=
+    if grep -qF "$name " <<<"$cache"; then return 0; fi
+    local -a directories
+    IFS=: read -ra directories <<<"${LD_LIBRARY_PATH-}"
+    for directory in "${directories[@]}" /usr/lib64 /usr/lib /lib64 /lib; do
+        if [[ -n $directory && -e $directory/$name ]]; then return 0; fi
+    done
+    return 1
+}
+
+# manifests: the driver manifests that the Vulkan loader reads, one per line ("Driver discovery on Linux" in its docs).
+manifests() {
+    local chosen=${VK_DRIVER_FILES:-${VK_ICD_FILENAMES-}} entry folder
+    local -a entries
+    if [[ -z $chosen ]]; then
+        chosen=${XDG_CONFIG_HOME:-${HOME-}/.config}:${XDG_CONFIG_DIRS:-/etc/xdg}:/etc
+        chosen+=:${XDG_DATA_HOME:-${HOME-}/.local/share}:${XDG_DATA_DIRS:-/usr/local/share:/usr/share}
+        IFS=: read -ra entries <<<"$chosen"
+        entries=("${entries[@]/%//vulkan/icd.d}")
+    else
+        IFS=: read -ra entries <<<"$chosen"
+    fi
+    for entry in "${entries[@]}"; do
+        if [[ -d $entry ]]; then
+            for folder in "$entry"/*.json; do
+                if [[ -f $folder ]]; then printf '%s\n' "$folder"; fi
+            done
+        elif [[ -f $entry ]]; then
+            printf '%s\n' "$entry"
+        fi
+    done
+}
+
+# render_node_of VENDOR...: whether there is a GPU of one of these PCI vendors (none: of any) that this user may use.
+render_node_of() {
+    local node vendor wanted
+    for node in /dev/dri/renderD*; do
+        if [[ ! -r $node || ! -w $node ]]; then continue; fi
+        if [[ $# -eq 0 ]]; then return 0; fi
+        vendor=$(cat "/sys/class/drm/${node##*/}/device/vendor" 2>/dev/null) || continue
+        for wanted in "$@"; do
+            if [[ $vendor == "$wanted" ]]; then return 0; fi
+        done
+    done
+    return 1
+}
+
+# works LIBRARY: whether a driver has what it drives. A hardware driver without its hardware shows no adapter at all.
+works() {
+    case ${1##*/} in
+    *lvp* | *swiftshader*) return 0 ;;
+    *nvidia*) compgen -G '/dev/nvidia[0-9]*' >/dev/null ;;
+    *intel*) render_node_of 0x8086 ;;
+    *radeon* | *amdvlk*) render_node_of 0x1002 ;;
+    *nouveau*) render_node_of 0x10de ;;
+    *dzn*) [[ -e /dev/dxg ]] ;;
+    # Drivers of virtual machines: whether the host serves them cannot be seen from here.
+    *virtio* | *gfxstream*) return 1 ;;
+    *) render_node_of ;;
+    esac
+}
+
+# find_driver: prints the manifest of a driver that works.
+find_driver() {
+    local manifest library
+    if ! shared_library_exists libvulkan.so.1; then return 1; fi
+    while IFS= read -r manifest; do
+        library=$(sed -n 's/.*"library_path"[[:space:]]*:[[:space:]]*"\([^"]*\)".*/\1/p' "$manifest" | head -n 1)
+        if [[ -z $library ]] || ! library_exists "$library" "$manifest"; then continue; fi
+        if [[ -n ${VK_DRIVER_FILES:-${VK_ICD_FILENAMES-}} ]] || works "$library"; then
+            printf '%s\n' "$manifest"
+            return 0
+        fi
+    done < <(manifests)
+    return 1
+}
+
+# apt_knows_backports: whether the suite is among the apt sources, in either format.
+apt_knows_backports() {
+    # With -q a match counts even if one of the two places does not exist.
+    grep -rqsE --include='*.list' --include='*.sources' '^(deb|Suites:).*bookworm-backports' \
+        /etc/apt/sources.list /etc/apt/sources.list.d
+}
+
+# backports_source: prints a source for bookworm-backports, made of the machine's source for bookworm.
+backports_source() {
+    local file found
+    for file in /etc/apt/sources.list.d/*.sources; do
+        if [[ ! -f $file ]]; then continue; fi
+        # Copies the first paragraph whose suites hold bookworm itself, key included, with the suite replaced.
+        found=$(grep -v '^#' "$file" | awk '
+            BEGIN { RS = ""; FS = "\n" }
+            /(^|\n)Enabled:[ \t]*no/ { next }
+            /(^|\n)Suites:[^\n]*[ \t]bookworm([ \t\n]|$)/ {
+                for (i = 1; i <= NF; i++) {
+                    if ($i ~ /^Types:/) $i = "Types: deb"
+                    if ($i ~ /^Suites:/) $i = "Suites: bookworm-backports"
+                    if ($i ~ /^Components:/) $i = "Components: main"
+                    print $i
+                }
+                exit
+            }')
+        if [[ -n $found ]]; then
+            printf '%s\n' "$found"
+            return 0
+        fi
+    done
+    for file in /etc/apt/sources.list /etc/apt/sources.list.d/*.list; do
+        if [[ ! -f $file ]]; then continue; fi
+        # One line: deb [options] URI bookworm components.
+        found=$(sed -nE 's/^deb[[:space:]]+(\[([^]]*)\][[:space:]]+)?([^[:space:]]+)[[:space:]]+bookworm[[:space:]].*/\3 \2/p' "$file" |
+            head -n 1)
+        if [[ -n $found ]]; then
+            local uri=${found%% *} key
+            key=$(sed -nE 's/.*signed-by=([^ ]+).*/\1/p' <<<"$found")
+            printf 'Types: deb\nURIs: %s\nSuites: bookworm-backports\nComponents: main\n' "$uri"
+            printf 'Signed-By: %s\n' "${key:-/usr/share/keyrings/debian-archive-keyring.gpg}"
+            return 0
+        fi
+    done
+    return 1
+}
+
+# ensure_backports: makes bookworm-backports available to apt, or says why not and returns 1.
+ensure_backports() {
+    local source
+    if apt_knows_backports; then return 0; fi
+    if ! source=$(backports_source); then
+        say 'no apt source for bookworm found to take the address of bookworm-backports from'
+        return 1
+    fi
+    say "adding $BACKPORTS_FILE for a driver newer than Debian 12's (remove the file if you do not want it)"
+    printf '%s\n' "$source" | as_root tee "$BACKPORTS_FILE" >/dev/null
+    # The exit code would also tell of other sources' troubles, or of nothing: what counts is whether the suite is there.
+    apt_refresh
+    if ! grep -q 'n=bookworm-backports' <<<"$(apt-cache policy)"; then
+        say "bookworm-backports cannot be read from there: removing $BACKPORTS_FILE"
+        as_root rm -f "$BACKPORTS_FILE"
+        return 1
+    fi
+}
+
+install_driver() {
+    local reason='there is no Vulkan driver that works here (on a machine without a GPU: the software driver)'
+    local packages=(libvulkan1 mesa-vulkan-drivers)
+    need_root "$reason" "${packages[@]}"
+    if [[ $(os_release ID) == debian && $(os_release VERSION_CODENAME) == bookworm ]]; then
+        if ensure_backports && apt_install "$reason" bookworm-backports "${packages[@]}"; then return 0; fi
+        say "falling back to Debian 12's own driver: right, except that multiview is not used with it"
+    fi
+    apt_install "$reason" '' "${packages[@]}"
+}
+
+if find_driver >/dev/null; then exit 0; fi
+if [[ -n ${VK_DRIVER_FILES:-${VK_ICD_FILENAMES-}} ]]; then
+    fail 'there is no Vulkan loader, or no driver that VK_DRIVER_FILES (or VK_ICD_FILENAMES) names:' \
+        "  ${VK_DRIVER_FILES:-$VK_ICD_FILENAMES}"
+fi
+if ! has_apt; then
+    fail 'no Vulkan driver that works was found. Install the Vulkan loader and a driver:' \
+        '  Fedora: dnf install vulkan-loader mesa-vulkan-drivers' \
+        '  Arch: pacman -S vulkan-icd-loader vulkan-swrast' \
+        '  Alpine: apk add vulkan-loader mesa-vulkan-swrast' \
+        '  others: libvulkan.so.1 and the driver of your GPU, or lavapipe, the software driver of Mesa' \
+        'A driver in an unusual place: set VK_DRIVER_FILES to its manifest.'
+fi
+install_driver || fail 'apt could not install libvulkan1 and mesa-vulkan-drivers (see above)'
+driver=$(find_driver) || fail 'libvulkan1 and mesa-vulkan-drivers are installed, and still no Vulkan driver works'
+say "Vulkan driver: $driver"

@@ -1,0 +1,39 @@
+#!/usr/bin/env bash
+# Makes sure that this machine can build and run Steradian: a Rust toolchain, a linker, a Vulkan driver.
+# Changes nothing where everything is there. Exit code 69: something is missing that the script cannot install.
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+source scripts/lib/apt.sh
+
+# The oldest toolchain that the manifest allows.
+needed=$(sed -n 's/^rust-version *= *"\([0-9.]*\)".*/\1/p' Cargo.toml)
+readonly needed
+if [[ -z $needed ]]; then fail 'Cargo.toml names no rust-version'; fi
+
+check_cargo() {
+    local how="Rust $needed or newer is needed: install it with rustup (https://rustup.rs), or run: rustup update stable"
+    if ! command -v cargo >/dev/null; then
+        fail "cargo is not in PATH. $how"
+    fi
+    local found
+    found=$(cargo --version | cut -d ' ' -f 2)
+    # sort --version-sort puts the older version first.
+    if [[ $(printf '%s\n' "$needed" "${found%%-*}" | sort --version-sort | head -n 1) != "$needed" ]]; then
+        fail "cargo is of version $found. $how"
+    fi
+}
+
+# No dependency compiles C, but rustc links through the C compiler's driver.
+check_linker() {
+    if command -v cc >/dev/null; then return; fi
+    local reason="there is no 'cc', through which rustc links"
+    if has_apt; then
+        apt_install "$reason" '' gcc libc6-dev || fail "$reason, and apt could not install gcc and libc6-dev (see above)"
+    else
+        fail "$reason: install a C compiler (gcc or clang) with the C library's development files"
+    fi
+}
+
+check_cargo
+check_linker
+scripts/ensure-vulkan.sh

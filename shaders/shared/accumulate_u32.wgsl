@@ -1,0 +1,28 @@
+// Fixed-point sums of R, G and B in four 32-bit words per pixel, for adapters without 64-bit atomics: 32 low bits of each,
+// and a word of carries (11 bits for R, 11 for G, 10 for B).
+
+@group(0) @binding(4) var<storage, read_write> pixels: array<atomic<u32>>;
+
+fn add_channel(index: u32, value: f32) -> u32 {
+    let high = floor(value * (1.0 / 4294967296.0));
+    let low = u32(value - high * 4294967296.0);
+    if low == 0u {
+        return u32(high);
+    }
+    let before = atomicAdd(&pixels[index], low);
+    return u32(high) + select(0u, 1u, before + low < before);
+}
+
+// Adds `units` (whole numbers below 2^42) to a pixel.
+fn accumulate(pixel: u32, units: vec3<f32>) {
+    let carries = vec3(
+        add_channel(4u * pixel, units.x), add_channel(4u * pixel + 1u, units.y), add_channel(4u * pixel + 2u, units.z));
+    if any(carries != vec3(0u)) {
+        let added = carries.x | (carries.y << 11u) | (carries.z << 22u);
+        let before = atomicAdd(&pixels[4u * pixel + 3u], added);
+        let sums = vec3(before & 0x7ffu, (before >> 11u) & 0x7ffu, before >> 22u) + carries;
+        if any(sums > vec3(0x7ffu, 0x7ffu, 0x3ffu)) {
+            atomicAdd(&counters[COUNTER_OVERFLOWS], 1u);
+        }
+    }
+}

@@ -1,0 +1,33 @@
+// Fixed-point sums of R, G and B in two 64-bit words per pixel: 21 low bits of each in the first, 21 high bits in the
+// second. A faint star costs one atomic add per pixel. Adding is order-free, so the same frame gives the same bits.
+//
+// When a low field overflows, its carry runs into the next field: one unit of G per 2^21 units of R (relative 4.8e-7), the
+// same whatever the order. The carry is added to the high field by the thread whose add caused it.
+
+@group(0) @binding(4) var<storage, read_write> pixels: array<atomic<u64>>;
+
+const FIELD_BITS: u32 = 21u;
+const FIELD_MASK: u32 = 0x1fffffu;
+
+fn packed_fields(fields: vec3<u32>) -> u64 {
+    let low = fields.x | (fields.y << 21u);
+    let high = (fields.y >> 11u) | (fields.z << 10u);
+    return u64(low) | (u64(high) << 32u);
+}
+
+// Adds `units` (whole numbers below 2^42) to a pixel.
+fn accumulate(pixel: u32, units: vec3<f32>) {
+    let high = floor(units * (1.0 / 2097152.0));
+    let low = units - high * 2097152.0;
+    let added = packed_fields(vec3<u32>(low));
+    let before = atomicAdd(&pixels[2u * pixel], added);
+    // Carries into bit 21, 42 and 63 are carries out of the three fields.
+    let carried = (before ^ added ^ (before + added)) & 0x8000040000200000lu;
+    if carried != 0lu || any(high > vec3(0.0)) {
+        let added_high = packed_fields(vec3<u32>(high)) + (carried >> FIELD_BITS);
+        let before_high = atomicAdd(&pixels[2u * pixel + 1u], added_high);
+        if ((before_high ^ added_high ^ (before_high + added_high)) & 0x8000040000200000lu) != 0lu {
+            atomicAdd(&counters[COUNTER_OVERFLOWS], 1u);
+        }
+    }
+}

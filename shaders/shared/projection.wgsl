@@ -1,0 +1,232 @@
+// The projections in f32: the same functions, under the same names, as src/view/projection/ has in f64.
+// Needs viewport.wgsl and math.wgsl.
+
+const FACE_FORWARD = array<vec3<f32>, 6>(
+    vec3(0.0, 0.0, -1.0), vec3(1.0, 0.0, 0.0), vec3(-1.0, 0.0, 0.0), vec3(0.0, 0.0, 1.0), vec3(0.0, 1.0, 0.0), vec3(0.0, -1.0, 0.0));
+const FACE_UP = array<vec3<f32>, 6>(
+    vec3(0.0, 1.0, 0.0), vec3(0.0, 1.0, 0.0), vec3(0.0, 1.0, 0.0), vec3(0.0, 1.0, 0.0), vec3(0.0, 0.0, 1.0), vec3(0.0, 0.0, -1.0));
+
+// Continuous pixel coordinates of the image of a direction in view space (any length but 0); z = 1 where there is one.
+fn pixel_from_direction(viewport: Viewport, direction: vec3<f32>) -> vec3<f32> {
+    switch viewport.kind {
+        case KIND_PERSPECTIVE, KIND_CUBE_FACE: {
+            if direction.z >= 0.0 {
+                return vec3(0.0);
+            }
+            let pixel = viewport.plane_offset + direction.xy * viewport.plane_scale / -direction.z;
+            // A direction in the plane of the eye has its image beyond all numbers.
+            return vec3(pixel, select(0.0, 1.0, all(abs(pixel) < vec2(1e9))));
+        }
+        case KIND_EQUIRECTANGULAR: {
+            let longitude = precise_atan2(direction.x, -direction.z);
+            let colatitude = precise_atan2(length(direction.xz), direction.y);
+            let size = vec2<f32>(viewport.size);
+            return vec3((0.5 + longitude / (2.0 * PI)) * size.x, colatitude / PI * size.y, 1.0);
+        }
+        default: {
+            let across = length(direction.xy);
+            var azimuth = vec2(1.0, 0.0);
+            if across > 0.0 {
+                azimuth = direction.xy / across;
+            }
+            var rho = 0.0;
+            switch viewport.kind {
+                case KIND_EQUIDISTANT: {
+                    rho = precise_atan2(across, -direction.z) / viewport.rim;
+                }
+                case KIND_EQUISOLID: {
+                    // sin(theta/2), on each half of the sphere in the form that does not cancel.
+                    let distance = length(direction);
+                    rho = select(
+                        across * inverseSqrt(2.0 * distance * (distance - direction.z)),
+                        sqrt(max(0.0, 0.5 * (1.0 + direction.z / distance))),
+                        direction.z > 0.0) / viewport.rim;
+                }
+                case KIND_ORTHOGRAPHIC: {
+                    if direction.z > 0.0 {
+                        return vec3(0.0);
+                    }
+                    rho = across / length(direction) / viewport.rim;
+                }
+                default: {
+                    // tan(theta/2), likewise.
+                    let distance = length(direction);
+                    rho = select(across / (distance - direction.z), (distance + direction.z) / max(across, 1e-30), direction.z > 0.0)
+                        / viewport.rim;
+                }
+            }
+            let pixel = viewport.plane_offset + azimuth * vec2(rho, -rho) * viewport.plane_scale;
+            return vec3(pixel, select(0.0, 1.0, all(abs(pixel) < vec2(1e9))));
+        }
+    }
+}
+
+// Unit direction in view space of a pixel coordinate of the picture; w = 0 outside of it.
+fn direction_from_pixel(viewport: Viewport, pixel: vec2<f32>) -> vec4<f32> {
+    let size = vec2<f32>(viewport.size);
+    if any(pixel < vec2(0.0)) || any(pixel > size) {
+        return vec4(0.0);
+    }
+    switch viewport.kind {
+        case KIND_PERSPECTIVE, KIND_CUBE_FACE: {
+            return vec4(normalize(vec3((pixel - viewport.plane_offset) / viewport.plane_scale, -1.0)), 1.0);
+        }
+        case KIND_EQUIRECTANGULAR: {
+            let longitude = (pixel.x / size.x - 0.5) * 2.0 * PI;
+            let colatitude = pixel.y / size.y * PI;
+            let across = precise_sin(colatitude);
+            return vec4(across * precise_sin(longitude), precise_cos(colatitude), -across * precise_cos(longitude), 1.0);
+        }
+        default: {
+            let p = (pixel - viewport.plane_offset) / viewport.plane_scale * vec2(1.0, -1.0);
+            let rho = length(p);
+            if rho > 1.0 {
+                return vec4(0.0);
+            }
+            var azimuth = vec2(1.0, 0.0);
+            if rho > 0.0 {
+                azimuth = p / rho;
+            }
+            let t = rho * viewport.rim;
+            var across = 0.0;
+            var along = 1.0;
+            switch viewport.kind {
+                case KIND_EQUIDISTANT: {
+                    across = precise_sin(t);
+                    along = precise_cos(t);
+                }
+                case KIND_EQUISOLID: {
+                    across = 2.0 * t * sqrt(max(0.0, 1.0 - t * t));
+                    along = 1.0 - 2.0 * t * t;
+                }
+                case KIND_ORTHOGRAPHIC: {
+                    across = t;
+                    along = sqrt(max(0.0, 1.0 - t * t));
+                }
+                default: {
+                    across = 2.0 * t / (1.0 + t * t);
+                    along = (1.0 - t * t) / (1.0 + t * t);
+                }
+            }
+            return vec4(azimuth * across, -along, 1.0);
+        }
+    }
+}
+
+// Twice the pixel centre's offset from the image's centre: whole numbers, so that what follows is exact.
+fn doubled_offset(viewport: Viewport, pixel: vec2<i32>) -> vec2<i32> {
+    return 2 * pixel + vec2(1) - vec2<i32>(viewport.size);
+}
+
+fn is_fisheye(viewport: Viewport) -> bool {
+    return viewport.kind >= KIND_EQUIDISTANT && viewport.kind <= KIND_STEREOGRAPHIC;
+}
+
+// Whether a pixel lies inside the picture: for round pictures, whether its centre does.
+fn contains(viewport: Viewport, pixel: vec2<i32>) -> bool {
+    if any(pixel < vec2(0)) || any(pixel >= vec2<i32>(viewport.size)) {
+        return false;
+    }
+    if is_fisheye(viewport) {
+        let d = doubled_offset(viewport, pixel);
+        let n = i32(min(viewport.size.x, viewport.size.y));
+        return d.x * d.x + d.y * d.y <= n * n;
+    }
+    return true;
+}
+
+// Solid angle per unit area of the plane (of tangents, or of the unit circle). `p` in units of the plane, `rho_complement`
+// = 1 - |p|^2 for fisheye pictures.
+fn solid_angle_density(viewport: Viewport, p: vec2<f32>, rho_complement: f32) -> f32 {
+    switch viewport.kind {
+        case KIND_EQUIDISTANT: {
+            let rho = length(p);
+            let theta = viewport.rim * rho;
+            // Near the antipode sin(theta) = sin(pi - theta), with pi - theta from what does not cancel.
+            let from_antipode = viewport.rim_complement + viewport.rim * rho_complement / (1.0 + rho);
+            let sine = precise_sin(select(theta, from_antipode, theta > 0.5 * PI));
+            let sinc = select(sine / theta, 1.0 - theta * theta / 6.0, theta < 1e-3);
+            return viewport.rim * viewport.rim * abs(sinc);
+        }
+        case KIND_EQUISOLID: {
+            return 4.0 * viewport.rim * viewport.rim;
+        }
+        case KIND_ORTHOGRAPHIC: {
+            // 1 - (s rho)^2 = cos^2(F/2) + s^2 (1 - rho^2)
+            let squared = viewport.rim * viewport.rim;
+            return squared * inverseSqrt(max(viewport.rim_complement + squared * rho_complement, 1e-12));
+        }
+        case KIND_STEREOGRAPHIC: {
+            let squared = viewport.rim * viewport.rim;
+            let denominator = 1.0 + squared * dot(p, p);
+            return 4.0 * squared / (denominator * denominator);
+        }
+        default: {
+            let q = 1.0 + dot(p, p);
+            return 1.0 / (q * sqrt(q));
+        }
+    }
+}
+
+// Solid angle of a pixel in sr; 0 outside of the picture.
+fn solid_angle(viewport: Viewport, pixel: vec2<i32>) -> f32 {
+    if !contains(viewport, pixel) {
+        return 0.0;
+    }
+    let size = vec2<f32>(viewport.size);
+    if viewport.kind == KIND_EQUIRECTANGULAR {
+        let step = PI / size.y;
+        let from_north = (f32(pixel.y) + 0.5) * step;
+        let from_south = (f32(i32(viewport.size.y) - 1 - pixel.y) + 0.5) * step;
+        return 4.0 * PI / size.x * precise_sin(min(from_north, from_south)) * precise_sin(0.5 * step);
+    }
+    let step = abs(1.0 / viewport.plane_scale);
+    let area = step.x * step.y;
+    let centre = vec2<f32>(pixel) + 0.5;
+    if is_fisheye(viewport) {
+        let doubled = doubled_offset(viewport, pixel);
+        let n = i32(min(viewport.size.x, viewport.size.y));
+        let complement = f32(n * n - doubled.x * doubled.x - doubled.y * doubled.y) / f32(n * n);
+        let p = vec2<f32>(doubled) / f32(n);
+        // At the orthographic rim the density grows without bound: its value at the centre stands for the pixel.
+        let at_rim = viewport.kind == KIND_ORTHOGRAPHIC && length(p) + 2.0 * length(step) > 1.0;
+        if viewport.quadrature == 0u || at_rim {
+            return area * solid_angle_density(viewport, p, complement);
+        }
+        return area * averaged_density(viewport, p, step);
+    }
+    let t = (centre - viewport.plane_offset) / viewport.plane_scale;
+    if viewport.quadrature != 0u {
+        return area * averaged_density(viewport, t, step);
+    }
+    // The density and its second-order term over the pixel: h^2 (f_xx + f_yy) / 24 with f = q^(-3/2).
+    let q = 1.0 + dot(t, t);
+    let density = 1.0 / (q * sqrt(q));
+    let curvature = density / q * (15.0 * t * t / q - 3.0);
+    return area * (density + dot(step * step, curvature) / 24.0);
+}
+
+// Gauss-Legendre mean of the density over a pixel, three points each way.
+fn averaged_density(viewport: Viewport, centre: vec2<f32>, step: vec2<f32>) -> f32 {
+    var sum = 0.0;
+    for (var j = -1; j <= 1; j++) {
+        for (var i = -1; i <= 1; i++) {
+            let p = centre + 0.5 * 0.774596669 * vec2(f32(i), f32(j)) * step;
+            let weight = select(5.0, 8.0, i == 0) * select(5.0, 8.0, j == 0) / 324.0;
+            sum += weight * solid_angle_density(viewport, p, 1.0 - dot(p, p));
+        }
+    }
+    return sum;
+}
+
+// Rotation of a direction from the axes of one cube face to those of another.
+fn face_from_face(other: u32, own: u32, direction: vec3<f32>) -> vec3<f32> {
+    var forwards = FACE_FORWARD;
+    var ups = FACE_UP;
+    let forward = forwards[own];
+    let up = ups[own];
+    let in_cube = cross(forward, up) * direction.x + up * direction.y - forward * direction.z;
+    let other_forward = forwards[other];
+    let other_up = ups[other];
+    return vec3(dot(in_cube, cross(other_forward, other_up)), dot(in_cube, other_up), -dot(in_cube, other_forward));
+}

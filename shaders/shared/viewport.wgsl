@@ -1,0 +1,53 @@
+// What the renderer knows of a viewport and of the tiles it is cut into. The same structs stand in src/gpu/layout.rs; a
+// test compares names, offsets and sizes.
+
+const KIND_PERSPECTIVE: u32 = 0u;
+const KIND_CUBE_FACE: u32 = 1u;
+const KIND_EQUIDISTANT: u32 = 2u;
+const KIND_EQUISOLID: u32 = 3u;
+const KIND_ORTHOGRAPHIC: u32 = 4u;
+const KIND_STEREOGRAPHIC: u32 = 5u;
+const KIND_EQUIRECTANGULAR: u32 = 6u;
+
+struct Viewport {
+    // Rows of the rotation from world axes to view axes; w: the eye's offset from the camera along world x, y, z, pc.
+    view_from_world_x: vec4<f32>,
+    view_from_world_y: vec4<f32>,
+    view_from_world_z: vec4<f32>,
+    // Flat planes: pixels per unit of tangent (y negative). Fisheye: the circle's radius in pixels, twice.
+    plane_scale: vec2<f32>,
+    // Pixel coordinates of the principal ray or of the circle's centre.
+    plane_offset: vec2<f32>,
+    size: vec2<u32>,
+    kind: u32,
+    // Cube faces: number of the face.
+    face: u32,
+    // Fisheye: the rim's radius before normalisation, F/2, sin(F/4), sin(F/2) or tan(F/4).
+    rim: f32,
+    // Equidistant: pi - F/2. Orthographic: cos^2(F/2). Both from f64: f32 would cancel.
+    rim_complement: f32,
+    // Fisheye: 1 where the picture shows the full sphere, so that its rim is no border.
+    full_sphere: u32,
+    // 1 where the density at the pixel's centre is not good enough and nine points are averaged.
+    quadrature: u32,
+    // Stars fainter than this take the tent, brighter ones the B-spline, lx.
+    tent_below_lx: f32,
+    // Index of the view, for counting stars.
+    view: u32,
+    unused_0: u32,
+    unused_1: u32,
+}
+
+struct Tile {
+    viewport: u32,
+    // The tile is the viewport's rows first_row .. first_row + rows.
+    first_row: u32,
+    rows: u32,
+    // Index of its first pixel in the batch's buffer.
+    first_pixel: u32,
+    // Index of its first partial sum of illuminance.
+    first_partial: u32,
+    unused_0: u32,
+    unused_1: u32,
+    unused_2: u32,
+}

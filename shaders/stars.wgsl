@@ -1,0 +1,221 @@
+// The star pass: every star of every visible chunk, splatted in illuminance into all tiles that may see it.
+//
+// One workgroup takes one item: a run of stars of one chunk, and the set of tiles. Needs viewport.wgsl, math.wgsl,
+// projection.wgsl and one of accumulate_*.wgsl. The f64 twin is src/reference/stars.rs.
+
+struct Star {
+    // pc from the chunk's origin; unit vector at infinity.
+    offset_x: f32,
+    offset_y: f32,
+    offset_z: f32,
+    // Illuminance at 1 pc (7 bits exponent, 14 bits mantissa) and temperature (11 bits): src/catalogue/packed.rs.
+    light: u32,
+}
+
+struct StarItem {
+    // Chunk origin minus camera, pc.
+    origin: vec3<f32>,
+    first: u32,
+    count: u32,
+    // Bit i: tile i of the batch may see these stars.
+    tiles: u32,
+    // Number of the first star among all stars of the scene: what the dither depends on.
+    first_number: u32,
+    // 1 if the stars are at infinity, where the eye's place does not matter.
+    at_infinity: u32,
+}
+
+struct StarParameters {
+    // Fixed-point units per lux.
+    units_per_lx: f32,
+    // Stars fainter than this are not drawn, lx.
+    faintest_lx: f32,
+    // Brighter stars are left to another pass of coarser unit, lx.
+    brightest_lx: f32,
+    item_count: u32,
+    // Workgroups per row of the dispatch.
+    items_per_row: u32,
+    unused_0: u32,
+    unused_1: u32,
+    unused_2: u32,
+}
+
+@group(0) @binding(0) var<uniform> parameters: StarParameters;
+@group(0) @binding(1) var<storage, read> viewports: array<Viewport>;
+@group(0) @binding(2) var<storage, read> tiles: array<Tile>;
+@group(0) @binding(3) var<storage, read_write> counters: array<atomic<u32>>;
+@group(0) @binding(5) var<storage, read> colours: array<vec4<f32>>;
+@group(1) @binding(0) var<storage, read> stars: array<Star>;
+@group(1) @binding(1) var<storage, read> items: array<StarItem>;
+
+const COUNTER_OVERFLOWS: u32 = 0u;
+// Counters of stars drawn follow, one per view.
+const FIRST_VIEW_COUNTER: u32 = 1u;
+const WORKGROUP: u32 = 64u;
+
+// First pixel and weights along one axis. Tent: pixels first, first + 1; B-spline: first .. first + 2.
+fn kernel_first(x: f32, tent: bool) -> f32 {
+    return select(floor(x) - 1.0, floor(x - 0.5), tent);
+}
+
+fn kernel_weights(x: f32, first: f32, tent: bool) -> vec3<f32> {
+    let f = x - first - select(1.5, 0.5, tent);
+    let spline = vec3(0.5 * (0.5 - f) * (0.5 - f), 0.75 - f * f, 0.5 * (0.5 + f) * (0.5 + f));
+    return select(spline, vec3(1.0 - f, f, 0.0), tent);
+}
+
+// Sum of the weights that lie within 0 .. n along one axis.
+fn weight_inside(x: f32, n: u32, tent: bool) -> f32 {
+    let first = kernel_first(x, tent);
+    let weights = kernel_weights(x, first, tent);
+    let position = vec3(first, first + 1.0, first + 2.0);
+    let inside = (position >= vec3(0.0)) & (position < vec3(f32(n)));
+    return dot(weights, select(vec3(0.0), vec3(1.0), inside));
+}
+
+// Share of the kernel that lies inside any of the six faces of the cube.
+fn weight_on_cube(viewport: Viewport, direction: vec3<f32>, tent: bool) -> f32 {
+    var total = 0.0;
+    for (var other = 0u; other < 6u; other++) {
+        let pixel = pixel_from_direction(viewport, face_from_face(other, viewport.face, direction));
+        if pixel.z > 0.0 {
+            total += weight_inside(pixel.x, viewport.size.x, tent) * weight_inside(pixel.y, viewport.size.y, tent);
+        }
+    }
+    return total;
+}
+
+// Share of the kernel that lies inside a round picture.
+fn weight_in_circle(viewport: Viewport, pixel: vec2<f32>, tent: bool) -> f32 {
+    let first = vec2(kernel_first(pixel.x, tent), kernel_first(pixel.y, tent));
+    let weights_x = kernel_weights(pixel.x, first.x, tent);
+    let weights_y = kernel_weights(pixel.y, first.y, tent);
+    var total = 0.0;
+    for (var j = 0; j < 3; j++) {
+        for (var i = 0; i < 3; i++) {
+            if contains(viewport, vec2<i32>(first) + vec2(i, j)) {
+                total += weights_x[i] * weights_y[j];
+            }
+        }
+    }
+    return total;
+}
+
+// Where a pixel of the unbounded plane lies in the picture: wraps, reflects, or falls outside (x < 0).
+fn settle(viewport: Viewport, pixel: vec2<i32>) -> vec2<i32> {
+    if viewport.kind == KIND_EQUIRECTANGULAR {
+        let size = vec2<i32>(viewport.size);
+        var x = pixel.x;
+        var y = pixel.y;
+        if y < 0 {
+            y = -1 - y;
+            x += size.x / 2;
+        } else if y >= size.y {
+            y = 2 * size.y - 1 - y;
+            x += size.x / 2;
+        }
+        x = (x % size.x + size.x) % size.x;
+        return vec2(x, clamp(y, 0, size.y - 1));
+    }
+    return select(vec2(-1), pixel, contains(viewport, pixel));
+}
+
+// Rounds without bias: a threshold from the hash decides whether the fraction counts as a whole unit.
+fn dithered(units: vec3<f32>, random: u32) -> vec3<f32> {
+    let threshold = vec3(f32(random & 1023u), f32((random >> 10u) & 1023u), f32((random >> 20u) & 1023u)) + 0.5;
+    return floor(units + threshold * (1.0 / 1024.0));
+}
+
+@compute @workgroup_size(WORKGROUP)
+fn splat_stars(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
+    let item_index = group.y * parameters.items_per_row + group.x;
+    if item_index >= parameters.item_count {
+        return;
+    }
+    let item = items[item_index];
+    var remaining = item.tiles;
+    while remaining != 0u {
+        let tile = tiles[firstTrailingBit(remaining)];
+        remaining &= remaining - 1u;
+        let viewport = viewports[tile.viewport];
+        let eye = vec3(viewport.view_from_world_x.w, viewport.view_from_world_y.w, viewport.view_from_world_z.w);
+        let origin = item.origin - select(eye, vec3(0.0), item.at_infinity != 0u);
+        let row_0 = i32(tile.first_row);
+        let row_1 = i32(tile.first_row + tile.rows);
+        let size = vec2<i32>(viewport.size);
+        var drawn = 0u;
+        for (var i = local; i < item.count; i += WORKGROUP) {
+            let star = stars[item.first + i];
+            let relative = origin + vec3(star.offset_x, star.offset_y, star.offset_z);
+            let distance_squared = dot(relative, relative);
+            let at_1_pc = bitcast<f32>(((star.light >> 11u) << 9u) + (49u << 23u));
+            let illuminance = at_1_pc / distance_squared;
+            // A star at the camera's place has no direction; the comparison is also false for NaN.
+            if !(illuminance >= parameters.faintest_lx && illuminance < parameters.brightest_lx && distance_squared > 0.0) {
+                continue;
+            }
+            let direction = vec3(
+                dot(relative, viewport.view_from_world_x.xyz),
+                dot(relative, viewport.view_from_world_y.xyz),
+                dot(relative, viewport.view_from_world_z.xyz));
+            let projected = pixel_from_direction(viewport, direction);
+            if projected.z == 0.0 || any(projected.xy < vec2(-1.5, f32(row_0) - 1.5))
+                || any(projected.xy > vec2(f32(size.x), f32(row_1)) + 1.5) {
+                continue;
+            }
+            let pixel = projected.xy;
+            let tent = illuminance < viewport.tent_below_lx;
+            let n = select(3, 2, tent);
+            let first = vec2(kernel_first(pixel.x, tent), kernel_first(pixel.y, tent));
+            let first_pixel = vec2<i32>(first);
+            let last_pixel = first_pixel + vec2(n - 1);
+            let weights_x = kernel_weights(pixel.x, first.x, tent);
+            let weights_y = kernel_weights(pixel.y, first.y, tent);
+            let centre = vec2<i32>(floor(pixel));
+
+            // Inside: neither the picture's border nor the tile's touches the kernel.
+            var inside = all(first_pixel >= vec2(0, row_0)) && all(last_pixel < vec2(size.x, row_1));
+            if is_fisheye(viewport) {
+                let doubled = 2.0 * (pixel - viewport.plane_offset);
+                let reach = f32(min(size.x, size.y)) - 6.0;
+                inside = inside && reach > 0.0 && dot(doubled, doubled) < reach * reach;
+            }
+            var scale = illuminance * parameters.units_per_lx;
+            if !inside {
+                if viewport.kind == KIND_CUBE_FACE && (any(first_pixel < vec2(0)) || any(last_pixel >= size)) {
+                    scale /= weight_on_cube(viewport, direction, tent);
+                } else if viewport.full_sphere != 0u {
+                    scale /= weight_in_circle(viewport, pixel, tent);
+                }
+            }
+            var own = settle(viewport, centre);
+            if viewport.full_sphere != 0u {
+                // Every star is in this picture, also one whose pixel's centre lies just over the rim.
+                own = clamp(centre, vec2(0), size - 1);
+            }
+            if own.x >= 0 && own.y >= row_0 && own.y < row_1 {
+                drawn += 1u;
+            }
+            let light = colours[star.light & 2047u].xyz * scale;
+            var random = hash(item.first_number + i);
+            for (var j = 0; j < n; j++) {
+                let row_light = light * weights_y[j];
+                for (var k = 0; k < n; k++) {
+                    var at = first_pixel + vec2(k, j);
+                    if !inside {
+                        at = settle(viewport, at);
+                        if at.x < 0 || at.y < row_0 || at.y >= row_1 {
+                            continue;
+                        }
+                    }
+                    let units = dithered(row_light * weights_x[k], random);
+                    random = random * 1664525u + 1013904223u;
+                    accumulate(tile.first_pixel + u32((at.y - row_0) * size.x + at.x), units);
+                }
+            }
+        }
+        if drawn > 0u {
+            atomicAdd(&counters[FIRST_VIEW_COUNTER + viewport.view], drawn);
+        }
+    }
+}

@@ -1,0 +1,115 @@
+//! `builtin:bright`: the stars that one sees from a town, without any file.
+//!
+//! The table `bright_stars.csv` is part of the program and goes through the same CSV reader as any catalogue. Its head
+//! names the columns and where their values come from.
+
+use super::StarRecord;
+use super::reader::read_csv_from;
+
+/// Name of this catalogue in configurations.
+pub const NAME: &str = "builtin:bright";
+
+/// Every star brighter than this V magnitude is in the table, apart from variable stars that reach it only at times.
+pub const COMPLETE_TO_V_MAG: f64 = 3.55;
+
+const TABLE: &str = include_str!("bright_stars.csv");
+
+/// A star of the table with its names.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BrightStar {
+    /// Common name, empty if it has none.
+    pub name: &'static str,
+    /// Bayer or Flamsteed designation with the constellation's abbreviation, such as `alf CMa`.
+    pub designation: &'static str,
+    /// Place, brightness and temperature.
+    pub star: StarRecord,
+}
+
+/// The brightest stars of the night sky, without the Sun, sorted by right ascension.
+pub fn bright_stars() -> Vec<StarRecord> {
+    // A table of our own that cannot be read is a bug of ours, and caught by the tests below.
+    let read = read_csv_from(TABLE.as_bytes(), NAME).expect("the built-in table is a catalogue");
+    assert_eq!(read.report.rejected, 0, "the built-in table has unusable rows: {}", read.report);
+    read.stars
+}
+
+/// The same stars with their names.
+pub fn named_bright_stars() -> Vec<BrightStar> {
+    let rows = TABLE.lines().filter(|line| !line.starts_with('#')).skip(1);
+    rows.zip(bright_stars())
+        .map(|(row, star)| {
+            let mut fields = row.split(',');
+            let mut next = || fields.next().unwrap_or_default();
+            BrightStar { name: next(), designation: next(), star }
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::HashSet;
+
+    use super::*;
+
+    fn star(name: &str) -> StarRecord {
+        named_bright_stars().into_iter().find(|s| s.name == name).unwrap_or_else(|| panic!("{name} is missing")).star
+    }
+
+    #[test]
+    fn the_table_is_read_whole_and_in_range() {
+        let stars = named_bright_stars();
+        assert_eq!(stars.len(), bright_stars().len());
+        assert!(stars.len() >= 300, "{} stars", stars.len());
+        for BrightStar { designation, star, .. } in &stars {
+            assert!((-1.5..5.7).contains(&star.apparent_magnitude()), "{designation}: {}", star.apparent_magnitude());
+            assert!((2_300.0..45_000.0).contains(&star.temperature_k), "{designation}");
+            if star.distance_known {
+                assert!((1.3..1_000.0).contains(&star.position.length()), "{designation}");
+            } else {
+                assert!((star.position.length() - 1.0).abs() < 1e-12, "{designation}");
+            }
+        }
+        let without_distance = stars.iter().filter(|s| !s.star.distance_known).count();
+        assert!(without_distance < 10, "{without_distance} stars without distance");
+    }
+
+    #[test]
+    fn names_and_designations_are_unique() {
+        let stars = named_bright_stars();
+        let mut seen = HashSet::new();
+        for s in &stars {
+            assert!(!s.designation.is_empty() && seen.insert(s.designation), "{} twice", s.designation);
+            assert!(s.name.is_empty() || seen.insert(s.name), "{} twice", s.name);
+        }
+    }
+
+    #[test]
+    fn well_known_facts_hold() {
+        for (name, v_mag, distance_pc, temperature_k) in [
+            ("Sirius", -1.46, 2.64, 9_940.0),
+            ("Canopus", -0.72, 95.0, 7_350.0),
+            ("Vega", 0.03, 7.68, 9_600.0),
+            ("Arcturus", -0.04, 11.26, 4_290.0),
+            ("Polaris", 2.02, 133.0, 6_015.0),
+        ] {
+            let star = star(name);
+            assert!((star.apparent_magnitude() - v_mag).abs() < 0.005, "{name}");
+            assert!((star.position.length() / distance_pc - 1.0).abs() < 0.01, "{name}");
+            assert!((f64::from(star.temperature_k) / temperature_k - 1.0).abs() < 0.01, "{name}");
+        }
+        let polaris = star("Polaris").position.normalize();
+        assert!(polaris.z.asin().to_degrees() > 89.2);
+        // Betelgeuse stands opposite Rigel in Orion, 18.6 degrees apart.
+        let angle = star("Betelgeuse").position.angle_between(star("Rigel").position).to_degrees();
+        assert!((angle - 18.6).abs() < 0.1, "{angle}");
+    }
+
+    #[test]
+    fn the_brightest_is_sirius_and_the_sun_is_absent() {
+        let stars = named_bright_stars();
+        let brightest =
+            stars.iter().min_by(|a, b| a.star.apparent_magnitude().total_cmp(&b.star.apparent_magnitude())).unwrap();
+        assert_eq!(brightest.name, "Sirius");
+        assert!(stars.iter().all(|s| !matches!(s.name, "Sun" | "Sol")));
+    }
+}

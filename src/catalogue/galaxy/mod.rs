@@ -1,0 +1,154 @@
+//! A synthetic Milky Way: the stars that appear brightest from the Sun, drawn from a model of the galaxy.
+//!
+//! The model has a thin disc in three layers (luminous stars in the thinnest), a thick disc, a bar-shaped bulge, a halo
+//! (`structure`), a luminosity function for each with temperatures (`luminosity_function`), and dust with clouds
+//! (`dust`). `sightlines` divides space in cells around the Sun and adds up the dust; `sampling` counts the stars expected
+//! up to any apparent magnitude and draws them. The galaxy's 1e11 stars are never drawn: the magnitude limit that holds
+//! the wanted number comes first, then only stars brighter than that are made, cell by cell.
+//!
+//! Each block of the sky has its own random stream, so the stars depend on the parameters alone and not on the number of
+//! threads. Positions are ICRS parsecs from the Solar-System barycentre, magnitudes Johnson V.
+//!
+//! **Extinction** is part of the magnitude: a record's absolute magnitude is M_V + A_V, with A_V the extinction between
+//! the star and the Sun. So stars have their right apparent magnitude from the Sun; a camera that travels far sees them
+//! through the dust of the way to the Sun. **Temperatures are intrinsic**: reddening is left out.
+//!
+//! The star's motion, binaries, clusters, spiral arms and white dwarfs are left out. No star is nearer than 1.3 pc.
+
+mod dust;
+mod luminosity_function;
+mod sampling;
+mod sightlines;
+mod structure;
+
+use super::StarRecord;
+use rayon::prelude::*;
+use sampling::{BLOCKS, MagnitudeRange, Sky};
+use thiserror::Error;
+
+/// Most stars that can be asked for.
+pub const MOST_STARS: usize = 200_000_000;
+
+/// Faintest apparent V magnitude for which the model is made.
+pub const FAINTEST_APPARENT_MAGNITUDE: f64 = 20.0;
+
+/// Blocks of the sky that are drawn at the same time before they are appended to the result: bounds the extra memory
+/// to this share of it.
+const BLOCKS_AT_ONCE: usize = 8;
+
+/// Which synthetic Milky Way to make.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GalaxyParameters {
+    /// Number of stars, 1 to [`MOST_STARS`]: the apparently brightest that `fainter_than` leaves.
+    pub stars: usize,
+    /// Another seed gives other stars of the same galaxy.
+    pub seed: u64,
+    /// Apparent V magnitude from the Sun: brighter stars are left out, so that real ones can stand in.
+    pub fainter_than: Option<f64>,
+}
+
+/// Why a galaxy cannot be made.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+pub enum GalaxyError {
+    /// The number of stars is out of range.
+    #[error("a synthetic galaxy has 1 to {MOST_STARS} stars, not {stars}")]
+    StarCount {
+        /// Number asked for.
+        stars: usize,
+    },
+    /// The bright limit is not a finite number.
+    #[error("`fainter_than` must be a finite V magnitude, not {fainter_than}")]
+    NotFinite {
+        /// Magnitude asked for.
+        fainter_than: f64,
+    },
+    /// The model holds fewer stars than asked for.
+    #[error(
+        "between V = {fainter_than} and V = {FAINTEST_APPARENT_MAGNITUDE} the synthetic galaxy has about {available} stars, \
+         fewer than the {stars} asked for"
+    )]
+    TooFewStars {
+        /// Number asked for.
+        stars: usize,
+        /// Bright limit, minus infinity if none was asked for.
+        fainter_than: f64,
+        /// Number expected in the model.
+        available: u64,
+    },
+}
+
+/// Makes exactly `parameters.stars` stars, all with known distances, ordered along the sky.
+///
+/// The same parameters give the same stars, bit for bit, with any number of threads. See the head of this module for
+/// what positions, magnitudes and temperatures mean.
+///
+/// # Errors
+///
+/// [`GalaxyError`] if a parameter is out of range, or if the model has not so many stars.
+pub fn generate(parameters: &GalaxyParameters) -> Result<Vec<StarRecord>, GalaxyError> {
+    let &GalaxyParameters { stars, seed, fainter_than } = parameters;
+    if stars == 0 || stars > MOST_STARS {
+        return Err(GalaxyError::StarCount { stars });
+    }
+    if let Some(fainter_than) = fainter_than.filter(|v| !v.is_finite()) {
+        return Err(GalaxyError::NotFinite { fainter_than });
+    }
+    let brightest = fainter_than.unwrap_or(f64::NEG_INFINITY);
+
+    let sky = Sky::new();
+    let left_out = sky.brighter_than(brightest);
+    let available = (sky.brighter_than(FAINTEST_APPARENT_MAGNITUDE) - left_out).max(0.0);
+    let too_few = GalaxyError::TooFewStars { stars, fainter_than: brightest, available: available as u64 };
+    if available < stars as f64 {
+        return Err(too_few);
+    }
+
+    // Aim above the wanted number by more than chance and the integration's error can take away.
+    let mut aim = 1.003 * stars as f64 + 5.0 * (stars as f64).sqrt() + 5.0;
+    let mut made = Vec::with_capacity(aim as usize + aim as usize / 200);
+    let mut range = MagnitudeRange { brightest, faintest: brightest };
+    let mut round = 0;
+    while made.len() < stars {
+        if range.faintest >= FAINTEST_APPARENT_MAGNITUDE {
+            return Err(too_few);
+        }
+        // A further round, hardly ever needed, continues where the last one ended.
+        range.brightest = range.faintest;
+        range.faintest = sky.magnitude_with(left_out + aim, FAINTEST_APPARENT_MAGNITUDE);
+        for first in (0..BLOCKS).step_by(BLOCKS_AT_ONCE) {
+            let drawn: Vec<Vec<StarRecord>> = (first..(first + BLOCKS_AT_ONCE).min(BLOCKS))
+                .into_par_iter()
+                .map(|block| sky.draw_block(block, range, seed, round))
+                .collect();
+            for block in drawn {
+                made.extend(block);
+            }
+        }
+        aim = 1.01 * aim + 10.0;
+        round += 1;
+    }
+    // The model's tables are large: gone before the temporary list of magnitudes comes.
+    drop(sky);
+    keep_brightest(&mut made, stars);
+    Ok(made)
+}
+
+/// Keeps the `count` apparently brightest stars, in their order. Of equals the first ones stay.
+fn keep_brightest(stars: &mut Vec<StarRecord>, count: usize) {
+    if stars.len() <= count {
+        return;
+    }
+    let magnitude = |star: &StarRecord| star.apparent_magnitude() as f32;
+    let mut magnitudes: Vec<f32> = stars.par_iter().map(magnitude).collect();
+    let (brighter, &mut limit, _) = magnitudes.select_nth_unstable_by(count - 1, f32::total_cmp);
+    let mut equals_left = count - brighter.iter().filter(|m| **m < limit).count();
+    stars.retain(|star| {
+        let m = magnitude(star);
+        let equal = m == limit && equals_left > 0;
+        equals_left -= usize::from(equal);
+        m < limit || equal
+    });
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,205 @@
+//! The space around the Sun in cells of galactic longitude, latitude and distance, with the extinction at their corners.
+//!
+//! Latitudes are narrow at the plane (half a degree) and wide at the poles; distances grow by the same factor from
+//! shell to shell. Between corners the extinction is linear in longitude, latitude and the logarithm of the distance, so
+//! it is continuous over the whole sky, and inside a cell never beyond the values at its corners.
+//! Angles are radians, distances parsecs, extinction and distance moduli V magnitudes.
+
+use super::dust;
+use rayon::prelude::*;
+use std::f64::consts::{FRAC_PI_2, TAU};
+
+/// Cells around the galactic equator.
+pub const LONGITUDES: usize = 480;
+/// Cells from pole to pole.
+pub const LATITUDES: usize = 120;
+/// Shells of distance.
+pub const SHELLS: usize = 92;
+/// Distance at which the first shell begins: that of the nearest star to the Sun, parsecs.
+pub const NEAREST_PC: f64 = 1.3;
+/// Width of a shell in the decimal logarithm of the distance (92 shells reach 51.8 kpc).
+pub const SHELL_LOG10: f64 = 0.05;
+
+/// Corners along one line of sight, and in one plane of constant longitude.
+const DISTANCES: usize = SHELLS + 1;
+pub const PLANE_CORNERS: usize = (LATITUDES + 1) * DISTANCES;
+
+/// Extinction at the corners of all cells.
+pub struct Sightlines {
+    /// By longitude, then latitude, then distance.
+    extinction_mag: Vec<f32>,
+}
+
+/// One cell by its indices.
+#[derive(Clone, Copy, Debug)]
+pub struct Cell {
+    /// Below [`LONGITUDES`].
+    pub longitude: usize,
+    /// Below [`LATITUDES`], from the south pole.
+    pub latitude: usize,
+    /// Below [`SHELLS`], from the Sun.
+    pub shell: usize,
+}
+
+/// A place in galactic coordinates as seen from the Sun.
+#[derive(Clone, Copy, Debug)]
+pub struct Spot {
+    /// Galactic Cartesian parsecs.
+    pub position_pc: glam::DVec3,
+    /// Apparent minus absolute V magnitude of a star here: distance modulus plus extinction.
+    pub modulus_mag: f64,
+    /// Extinction between the Sun and here.
+    pub extinction_mag: f64,
+}
+
+/// Longitude of corner `i`.
+pub fn longitude_rad(i: usize) -> f64 {
+    i as f64 * TAU / LONGITUDES as f64
+}
+
+/// Latitude of corner `i`, from the south pole to the north pole.
+pub fn latitude_rad(i: usize) -> f64 {
+    let u = 2.0 * i as f64 / LATITUDES as f64 - 1.0;
+    FRAC_PI_2 * u * (0.35 + 0.65 * u.abs().powf(1.5))
+}
+
+/// Distance of corner `i`, parsecs.
+pub fn distance_pc(i: usize) -> f64 {
+    NEAREST_PC * 10f64.powf(SHELL_LOG10 * i as f64)
+}
+
+/// Distance modulus of corner `i`, magnitudes.
+pub fn distance_modulus_mag(i: usize) -> f64 {
+    5.0 * (NEAREST_PC / 10.0).log10() + 5.0 * SHELL_LOG10 * i as f64
+}
+
+/// Index in one plane of constant longitude of the corner at a latitude and distance.
+pub fn plane_index(latitude: usize, distance: usize) -> usize {
+    latitude * DISTANCES + distance
+}
+
+/// Galactic Cartesian vector of the given polar coordinates.
+fn from_polar(longitude_rad: f64, sin_latitude: f64, distance_pc: f64) -> glam::DVec3 {
+    let (sin_l, cos_l) = longitude_rad.sin_cos();
+    let in_plane = distance_pc * (1.0 - sin_latitude * sin_latitude).max(0.0).sqrt();
+    glam::DVec3::new(in_plane * cos_l, in_plane * sin_l, distance_pc * sin_latitude)
+}
+
+/// Galactic Cartesian parsecs of the corner at the three indices.
+pub fn corner_pc(longitude: usize, latitude: usize, distance: usize) -> glam::DVec3 {
+    from_polar(longitude_rad(longitude), latitude_rad(latitude).sin(), distance_pc(distance))
+}
+
+impl Cell {
+    /// Volume in cubic parsecs.
+    pub fn volume_pc3(self) -> f64 {
+        let height = latitude_rad(self.latitude + 1).sin() - latitude_rad(self.latitude).sin();
+        let (near, far) = (distance_pc(self.shell), distance_pc(self.shell + 1));
+        TAU / LONGITUDES as f64 * height * (far.powi(3) - near.powi(3)) / 3.0
+    }
+}
+
+impl Sightlines {
+    /// Adds up the dust along every line of sight: one sample in the middle of each shell.
+    pub fn new() -> Self {
+        let mut extinction_mag = vec![0f32; LONGITUDES * PLANE_CORNERS];
+        extinction_mag.par_chunks_mut(PLANE_CORNERS).enumerate().for_each(|(longitude, plane)| {
+            for (latitude, line) in plane.chunks_mut(DISTANCES).enumerate() {
+                let direction = from_polar(longitude_rad(longitude), latitude_rad(latitude).sin(), 1.0);
+                let mut sum = 0.0;
+                for shell in 0..SHELLS {
+                    let (near, far) = (distance_pc(shell), distance_pc(shell + 1));
+                    let middle = direction * (0.5 * (near + far));
+                    sum += dust::opacity_mag_per_pc(middle.x, middle.y, middle.z) * (far - near);
+                    line[shell + 1] = sum as f32;
+                }
+            }
+        });
+        Self { extinction_mag }
+    }
+
+    /// Extinction at the corners of the plane of constant longitude `i` (up to and with [`LONGITUDES`], which is 0).
+    pub fn plane(&self, i: usize) -> &[f32] {
+        let start = (i % LONGITUDES) * PLANE_CORNERS;
+        &self.extinction_mag[start..start + PLANE_CORNERS]
+    }
+
+    /// The place at the fractions `across` of a cell: of the longitude, of the sine of the latitude and of the cube of the
+    /// distance, each in 0..1, so that even fractions fill the volume evenly.
+    pub fn spot(&self, cell: Cell, across: [f64; 3]) -> Spot {
+        let (west, east) = (longitude_rad(cell.longitude), longitude_rad(cell.longitude + 1));
+        let (south, north) = (latitude_rad(cell.latitude), latitude_rad(cell.latitude + 1));
+        let (near, far) = (distance_pc(cell.shell), distance_pc(cell.shell + 1));
+        let lerp = |a: f64, b: f64, t: f64| a + (b - a) * t;
+
+        let longitude = lerp(west, east, across[0]);
+        let sin_latitude = lerp(south.sin(), north.sin(), across[1]);
+        let distance = lerp(near.powi(3), far.powi(3), across[2]).cbrt();
+
+        // Linear in longitude, latitude and the logarithm of the distance.
+        let latitude_fraction = ((sin_latitude.asin() - south) / (north - south)).clamp(0.0, 1.0);
+        let distance_log10 = distance.log10();
+        let shell_fraction = ((distance_log10 - NEAREST_PC.log10()) / SHELL_LOG10 - cell.shell as f64).clamp(0.0, 1.0);
+        let along = |plane: &[f32], latitude: usize| {
+            let at = plane_index(latitude, cell.shell);
+            lerp(f64::from(plane[at]), f64::from(plane[at + 1]), shell_fraction)
+        };
+        let between =
+            |plane: &[f32]| lerp(along(plane, cell.latitude), along(plane, cell.latitude + 1), latitude_fraction);
+        let extinction_mag =
+            lerp(between(self.plane(cell.longitude)), between(self.plane(cell.longitude + 1)), across[0]);
+
+        Spot {
+            position_pc: from_polar(longitude, sin_latitude, distance),
+            modulus_mag: 5.0 * distance_log10 - 5.0 + extinction_mag,
+            extinction_mag,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_cells_fill_the_sphere() {
+        let mut volume = 0.0;
+        for latitude in 0..LATITUDES {
+            for shell in 0..SHELLS {
+                volume += LONGITUDES as f64 * Cell { longitude: 0, latitude, shell }.volume_pc3();
+            }
+        }
+        let sphere = 2.0 / 3.0 * TAU * (distance_pc(SHELLS).powi(3) - NEAREST_PC.powi(3));
+        assert!((volume / sphere - 1.0).abs() < 1e-12, "{volume} of {sphere}");
+    }
+
+    #[test]
+    fn extinction_grows_outwards_and_is_continuous_between_cells() {
+        let sightlines = Sightlines::new();
+        let cell = Cell { longitude: 479, latitude: 60, shell: 40 };
+        // (a face of the cell, the cell beyond, the same face seen from there)
+        for (from, beyond, to) in [
+            ([1.0, 0.3, 0.6], Cell { longitude: 0, ..cell }, [0.0, 0.3, 0.6]),
+            ([0.4, 1.0, 0.6], Cell { latitude: 61, ..cell }, [0.4, 0.0, 0.6]),
+            ([0.4, 0.3, 1.0], Cell { shell: 41, ..cell }, [0.4, 0.3, 0.0]),
+        ] {
+            let (a, b) = (sightlines.spot(cell, from), sightlines.spot(beyond, to));
+            assert!((a.modulus_mag - b.modulus_mag).abs() < 1e-6, "{} {}", a.modulus_mag, b.modulus_mag);
+            assert!(a.position_pc.distance(b.position_pc) < 1e-6 * a.position_pc.length());
+        }
+        for line in sightlines.plane(7).chunks(DISTANCES) {
+            assert!(line.is_sorted());
+        }
+    }
+
+    #[test]
+    fn the_centre_is_hidden_and_the_poles_are_clear() {
+        let sightlines = Sightlines::new();
+        let to_8kpc = |longitude: usize, latitude: usize| sightlines.plane(longitude)[plane_index(latitude, 76)];
+        let centre = to_8kpc(0, LATITUDES / 2);
+        assert!((10.0..80.0).contains(&centre), "A_V to the centre: {centre}");
+        for pole in [to_8kpc(0, 0), to_8kpc(0, LATITUDES)] {
+            assert!((0.01..0.3).contains(&pole), "A_V at the pole: {pole}");
+        }
+    }
+}

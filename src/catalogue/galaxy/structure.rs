@@ -1,0 +1,179 @@
+//! Where the stars are: density of each stellar population of the Milky Way.
+//!
+//! Positions are galactic Cartesian parsecs as seen from the Sun: x to the galactic centre, y to longitude 90 degrees,
+//! z to the north galactic pole. A density is relative to the population's own density at the Sun's distance from the
+//! centre in the plane (for the bulge: relative to the old disc there), so that it multiplies a local luminosity function.
+//!
+//! Discs are exponential in radius (scale length 2.6 kpc) and height; the young, luminous stars lie in the thinnest layer.
+//! Sources of the figures: Bahcall and Soneira 1980 (scale heights by luminosity, 90 to 325 pc), Juric et al. 2008 and
+//! Bland-Hawthorn and Gerhard 2016 (lengths, thick disc, halo, Sun's place), Dwek et al. 1995 (bulge, model G2).
+
+/// Distance of the Sun from the galactic centre, parsecs.
+pub const SUN_RADIUS_PC: f64 = 8200.0;
+/// Height of the Sun above the galactic plane, parsecs.
+pub const SUN_HEIGHT_PC: f64 = 20.0;
+
+/// Scale length of the thin disc, parsecs.
+const THIN_LENGTH_PC: f64 = 2600.0;
+/// Scale length of the thick disc, parsecs.
+const THICK_LENGTH_PC: f64 = 2200.0;
+/// Scale height of the thick disc, parsecs.
+const THICK_HEIGHT_PC: f64 = 900.0;
+/// Height over which the tip of the vertical exponential is rounded off, parsecs.
+const ROUNDED_HEIGHT_PC: f64 = 30.0;
+/// Radius over which the tip of the radial exponential is rounded off, parsecs: inside, the bulge takes over.
+const ROUNDED_RADIUS_PC: f64 = 1000.0;
+
+/// Power law of the halo, its flattening c/a, and the core that keeps it finite at the centre (parsecs).
+const HALO_SLOPE: f64 = 2.8;
+const HALO_FLATTENING: f64 = 0.64;
+const HALO_CORE_PC: f64 = 1000.0;
+
+/// Semi-axes of the bar-shaped bulge, parsecs: along the bar, across it in the plane, vertical.
+const BULGE_AXES_PC: [f64; 3] = [1580.0, 620.0, 430.0];
+/// Angle between the bar and the line from the Sun to the centre; the near end is at positive longitudes. Degrees.
+const BULGE_ANGLE_DEG: f64 = 27.0;
+/// Central density of the bulge over that of the old disc at the Sun: 1.3e10 solar masses in the volume of the shape
+/// above, against 0.03 solar masses per cubic parsec.
+const BULGE_CENTRAL_DENSITY: f64 = 50.0;
+
+/// A stellar population: stars with one spatial distribution and one luminosity function.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Population {
+    /// Main sequence of types O to A and supergiants: the thinnest layer.
+    YoungDisc,
+    /// Main sequence about type F.
+    IntermediateDisc,
+    /// Main sequence from G to M, and the giants.
+    OldDisc,
+    /// The thick disc.
+    ThickDisc,
+    /// Bulge and bar.
+    Bulge,
+    /// The stellar halo.
+    Halo,
+}
+
+impl Population {
+    /// All populations; the position here is the index used for arrays by population.
+    pub const ALL: [Population; POPULATIONS] =
+        [Self::YoungDisc, Self::IntermediateDisc, Self::OldDisc, Self::ThickDisc, Self::Bulge, Self::Halo];
+
+    /// Scale height in parsecs of the populations that belong to the thin disc.
+    const fn thin_disc_height_pc(self) -> f64 {
+        match self {
+            Self::YoungDisc => 90.0,
+            Self::IntermediateDisc => 180.0,
+            _ => 300.0,
+        }
+    }
+}
+
+/// Number of populations.
+pub const POPULATIONS: usize = 6;
+
+/// Galactocentric quantities of a place that several populations share.
+#[derive(Clone, Copy, Debug)]
+pub struct Place {
+    /// Components from the galactic centre, still along the Sun's x and y, and the height above the plane; parsecs.
+    x: f64,
+    y: f64,
+    height: f64,
+    /// Distance from the axis of rotation, squared.
+    radius2: f64,
+}
+
+impl Place {
+    /// The place at galactic Cartesian parsecs from the Sun.
+    pub fn from_sun(x_pc: f64, y_pc: f64, z_pc: f64) -> Self {
+        let x = x_pc - SUN_RADIUS_PC;
+        Self { x, y: y_pc, height: z_pc + SUN_HEIGHT_PC, radius2: x * x + y_pc * y_pc }
+    }
+
+    /// Distance from the axis with a rounded tip, and zero at the Sun's distance; parsecs.
+    fn radial_argument(self) -> f64 {
+        let at_sun = SUN_RADIUS_PC.hypot(ROUNDED_RADIUS_PC);
+        (self.radius2 + ROUNDED_RADIUS_PC * ROUNDED_RADIUS_PC).sqrt() - at_sun
+    }
+
+    /// Height above or below the plane with a rounded tip, and zero in the plane; parsecs.
+    fn vertical_argument(self) -> f64 {
+        (self.height * self.height + ROUNDED_HEIGHT_PC * ROUNDED_HEIGHT_PC).sqrt() - ROUNDED_HEIGHT_PC
+    }
+
+    /// Exponential disc of the given scale length and height (parsecs), 1 in the plane at the Sun's distance.
+    pub fn exponential_disc(self, length_pc: f64, height_pc: f64) -> f64 {
+        (-self.radial_argument() / length_pc - self.vertical_argument() / height_pc).exp()
+    }
+
+    /// Relative density of a population (see the head of this module).
+    pub fn density(self, population: Population) -> f64 {
+        match population {
+            Population::YoungDisc | Population::IntermediateDisc | Population::OldDisc => {
+                self.exponential_disc(THIN_LENGTH_PC, population.thin_disc_height_pc())
+            }
+            Population::ThickDisc => self.exponential_disc(THICK_LENGTH_PC, THICK_HEIGHT_PC),
+            Population::Bulge => self.bulge(),
+            Population::Halo => self.halo(),
+        }
+    }
+
+    fn bulge(self) -> f64 {
+        let (sin, cos) = BULGE_ANGLE_DEG.to_radians().sin_cos();
+        // The near end points to the Sun (-x) and to positive longitudes (+y).
+        let along = (-cos * self.x + sin * self.y) / BULGE_AXES_PC[0];
+        let across = (sin * self.x + cos * self.y) / BULGE_AXES_PC[1];
+        let vertical = self.height / BULGE_AXES_PC[2];
+        let in_plane2 = along * along + across * across;
+        let vertical2 = vertical * vertical;
+        BULGE_CENTRAL_DENSITY * (-0.5 * (in_plane2 * in_plane2 + vertical2 * vertical2).sqrt()).exp()
+    }
+
+    fn halo(self) -> f64 {
+        let flattened = self.height / HALO_FLATTENING;
+        let s2 = self.radius2 + flattened * flattened + HALO_CORE_PC * HALO_CORE_PC;
+        let at_sun2 = SUN_RADIUS_PC * SUN_RADIUS_PC + HALO_CORE_PC * HALO_CORE_PC;
+        (s2 / at_sun2).powf(-0.5 * HALO_SLOPE)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn discs_and_halo_are_one_in_the_plane_at_the_sun() {
+        let below_the_sun = Place::from_sun(0.0, 0.0, -SUN_HEIGHT_PC);
+        for population in Population::ALL {
+            let density = below_the_sun.density(population);
+            if population == Population::Bulge {
+                assert!(density < 1e-3, "bulge at the Sun: {density}");
+            } else {
+                assert!((density - 1.0).abs() < 1e-12, "{population:?}: {density}");
+            }
+        }
+    }
+
+    #[test]
+    fn densities_fall_by_e_over_a_scale_length_and_height() {
+        // Far outside the rounded tips the profile is a pure exponential.
+        for (population, height) in [(Population::YoungDisc, 90.0), (Population::OldDisc, 300.0)] {
+            let ratio = Place::from_sun(0.0, 0.0, 1000.0).density(population)
+                / Place::from_sun(0.0, 0.0, 1000.0 + height).density(population);
+            assert!((ratio - std::f64::consts::E).abs() < 0.01, "{population:?}: {ratio}");
+        }
+        let ratio = Place::from_sun(-2600.0, 0.0, 0.0).density(Population::OldDisc)
+            / Place::from_sun(-5200.0, 0.0, 0.0).density(Population::OldDisc);
+        assert!((ratio - std::f64::consts::E).abs() < 0.02, "{ratio}");
+    }
+
+    #[test]
+    fn the_near_end_of_the_bar_is_at_positive_longitude() {
+        let angle = 10f64.to_radians();
+        let at = |sign: f64| {
+            let distance = 6800.0;
+            Place::from_sun(distance * angle.cos(), sign * distance * angle.sin(), 0.0).density(Population::Bulge)
+        };
+        assert!(at(1.0) > 3.0 * at(-1.0), "{} against {}", at(1.0), at(-1.0));
+    }
+}

@@ -1,0 +1,212 @@
+//! The synthetic galaxy against the real sky, and against itself.
+
+use super::*;
+use crate::coordinates;
+
+/// Stars over the whole sky brighter than V, round figures.
+const REAL_SKY: [(f64, f64); 12] = [
+    (6.0, 4.9e3),
+    (7.0, 1.4e4),
+    (8.0, 4.1e4),
+    (9.0, 1.2e5),
+    (10.0, 3.2e5),
+    (11.0, 8.7e5),
+    (12.0, 2.3e6),
+    (13.0, 5.7e6),
+    (14.0, 1.4e7),
+    (15.0, 3.2e7),
+    (17.0, 1.5e8),
+    (20.0, 1e9),
+];
+
+fn parameters(stars: usize, seed: u64, fainter_than: Option<f64>) -> GalaxyParameters {
+    GalaxyParameters { stars, seed, fainter_than }
+}
+
+/// Compares counts with the real sky up to the magnitude where the set is complete (cumulative, and between
+/// neighbouring magnitudes). `Err` names the first that is off by more than a factor 2.
+fn check_counts(count_brighter: impl Fn(f64) -> f64, complete_to: f64) -> Result<(), String> {
+    let mut before = (0.0, 0.0);
+    let mut checked = 0;
+    for (v, real) in REAL_SKY.into_iter().filter(|(v, _)| *v <= complete_to) {
+        let counted = count_brighter(v);
+        let (total, bin) = (counted / real, (counted - before.0) / (real - before.1));
+        eprintln!("V < {v:4.1}: {counted:12.0}, real {real:12.0}, ratio {total:.2}; in the bin {bin:.2}");
+        if !(0.5..=2.0).contains(&total) || !(0.5..=2.0).contains(&bin) {
+            return Err(format!("V < {v}: {total:.2} of the real number, {bin:.2} in the last bin"));
+        }
+        before = (counted, real);
+        checked += 1;
+    }
+    if checked < 4 { Err(format!("only {checked} magnitudes up to {complete_to}")) } else { Ok(()) }
+}
+
+fn check_star_counts(stars: &[StarRecord], shift_mag: f64) -> Result<(), String> {
+    let mut magnitudes: Vec<f64> = stars.iter().map(|s| s.apparent_magnitude() + shift_mag).collect();
+    magnitudes.sort_unstable_by(f64::total_cmp);
+    let complete_to = magnitudes[magnitudes.len() - 1];
+    eprintln!("{} stars, complete to V = {complete_to:.3}", stars.len());
+    check_counts(|v| magnitudes.partition_point(|m| *m < v) as f64, complete_to)
+}
+
+/// FNV-1a over all bits of all stars.
+fn hash(stars: &[StarRecord]) -> u64 {
+    let mut hash = 0xcbf2_9ce4_8422_2325_u64;
+    let mut add = |bits: u64| {
+        for byte in bits.to_le_bytes() {
+            hash = (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3);
+        }
+    };
+    for star in stars {
+        star.position.to_array().map(f64::to_bits).into_iter().for_each(&mut add);
+        add(u64::from(star.magnitude.to_bits()) << 32 | u64::from(star.temperature_k.to_bits()));
+        add(u64::from(star.distance_known));
+    }
+    hash
+}
+
+/// Stars per square degree: towards the centre and the anticentre (each |b| < 10, 30 degrees of longitude), along the
+/// whole plane (|b| < 5), and at both poles (|b| > 60), degrees.
+struct Densities {
+    centre: f64,
+    anticentre: f64,
+    plane: f64,
+    poles: f64,
+}
+
+fn densities(stars: &[StarRecord]) -> Densities {
+    let galactic_from_icrs = coordinates::galactic_from_icrs();
+    let mut counts = [0u64; 4];
+    for star in stars {
+        let (l, b) = coordinates::lon_lat_from_direction(galactic_from_icrs * star.position);
+        let (l, b) = (l.to_degrees(), b.to_degrees().abs());
+        counts[0] += u64::from(b < 10.0 && !(15.0..345.0).contains(&l));
+        counts[1] += u64::from(b < 10.0 && (165.0..195.0).contains(&l));
+        counts[2] += u64::from(b < 5.0);
+        counts[3] += u64::from(b > 60.0);
+    }
+    let square_degree = 1f64.to_radians().powi(2);
+    let band = |b: f64, width: f64| 2.0 * b.to_radians().sin() * width.to_radians() / square_degree;
+    let caps = 2.0 * std::f64::consts::TAU * (1.0 - 60f64.to_radians().sin()) / square_degree;
+    let result = Densities {
+        centre: counts[0] as f64 / band(10.0, 30.0),
+        anticentre: counts[1] as f64 / band(10.0, 30.0),
+        plane: counts[2] as f64 / band(5.0, 360.0),
+        poles: counts[3] as f64 / caps,
+    };
+    eprintln!(
+        "per square degree: centre {:.1}, anticentre {:.1}, plane {:.1}, poles {:.1}; centre/anticentre {:.2}, plane/poles {:.2}",
+        result.centre,
+        result.anticentre,
+        result.plane,
+        result.poles,
+        result.centre / result.anticentre,
+        result.plane / result.poles
+    );
+    result
+}
+
+#[test]
+fn the_model_counts_as_many_stars_as_the_real_sky_to_v_20() {
+    let sky = Sky::new();
+    check_counts(|v| sky.brighter_than(v), 20.0).unwrap();
+}
+
+#[test]
+fn a_million_stars_count_and_lie_as_in_the_real_sky() {
+    let stars = generate(&parameters(1_000_000, 1, None)).unwrap();
+    assert_eq!(stars.len(), 1_000_000);
+    check_star_counts(&stars, 0.0).unwrap();
+    for star in &stars {
+        assert!(star.position.is_finite() && star.distance_known);
+        assert!(star.magnitude.is_finite() && (2_000.0..60_000.0).contains(&star.temperature_k), "{star:?}");
+        assert!(star.position.length() > 1.29, "{star:?}");
+    }
+    let Densities { centre, anticentre, plane, poles } = densities(&stars);
+    assert!(centre > anticentre && anticentre > poles, "centre, anticentre, poles out of order");
+    assert!((3.0..12.0).contains(&(plane / poles)));
+    assert!((1.2..4.0).contains(&(centre / anticentre)));
+    // A set whose magnitudes are wrong must fail the same check.
+    for shift_mag in [-2.0, 2.0] {
+        assert!(check_star_counts(&stars, shift_mag).is_err(), "shifted by {shift_mag}");
+    }
+}
+
+#[test]
+fn ten_million_stars_count_and_lie_as_in_the_real_sky() {
+    let stars = generate(&parameters(10_000_000, 1, None)).unwrap();
+    assert_eq!(stars.len(), 10_000_000);
+    check_star_counts(&stars, 0.0).unwrap();
+    let Densities { centre, anticentre, plane, poles } = densities(&stars);
+    assert!(centre > anticentre && anticentre > poles, "centre, anticentre, poles out of order");
+    assert!((3.0..12.0).contains(&(plane / poles)));
+    assert!((1.3..4.0).contains(&(centre / anticentre)));
+}
+
+#[test]
+fn the_stars_depend_on_the_parameters_alone() {
+    let with_threads = |threads: usize, p: GalaxyParameters| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        hash(&pool.install(|| generate(&p)).unwrap())
+    };
+    let p = parameters(100_000, 7, Some(4.0));
+    let one_thread = with_threads(1, p);
+    assert_eq!(one_thread, with_threads(2, p), "two threads");
+    assert_eq!(one_thread, hash(&generate(&p).unwrap()), "again");
+    assert_ne!(one_thread, with_threads(2, GalaxyParameters { seed: 8, ..p }), "another seed");
+    assert_ne!(one_thread, with_threads(2, GalaxyParameters { stars: 99_999, ..p }), "one star less");
+}
+
+#[test]
+fn the_brighter_stars_are_left_out_and_no_others() {
+    let all = generate(&parameters(60_000, 2, None)).unwrap();
+    let fainter = generate(&parameters(50_000, 2, Some(6.5))).unwrap();
+    assert!(all.iter().any(|s| s.apparent_magnitude() < 6.5));
+    assert!(fainter.iter().all(|s| s.apparent_magnitude() >= 6.5));
+    // The set begins right at the limit: within 0.01 mag there are some 80 stars.
+    let brightest = fainter.iter().map(StarRecord::apparent_magnitude).fold(f64::INFINITY, f64::min);
+    assert!(brightest < 6.51, "{brightest}");
+}
+
+#[test]
+fn small_numbers_are_exact_and_are_the_brightest() {
+    for stars in [1, 2, 100, 10_000] {
+        let made = generate(&parameters(stars, 3, None)).unwrap();
+        assert_eq!(made.len(), stars);
+        let faintest = made.iter().map(StarRecord::apparent_magnitude).fold(f64::NEG_INFINITY, f64::max);
+        eprintln!("{stars} stars to V = {faintest:.2}");
+        let (low, high) = match stars {
+            1 | 2 => (-6.0, 2.5),
+            100 => (1.0, 4.0),
+            _ => (6.0, 7.2),
+        };
+        assert!((low..high).contains(&faintest), "{stars} stars: faintest {faintest}");
+    }
+}
+
+#[test]
+fn equal_magnitudes_are_trimmed_to_the_exact_number() {
+    let star = |magnitude: f32, temperature_k: f32| StarRecord {
+        position: glam::DVec3::X * 10.0,
+        magnitude,
+        temperature_k,
+        distance_known: true,
+    };
+    let mut stars = vec![star(2.0, 1.0), star(1.0, 2.0), star(2.0, 3.0), star(2.0, 4.0), star(3.0, 5.0)];
+    keep_brightest(&mut stars, 3);
+    assert_eq!(stars, [star(2.0, 1.0), star(1.0, 2.0), star(2.0, 3.0)]);
+}
+
+#[test]
+fn wrong_parameters_are_refused() {
+    assert_eq!(generate(&parameters(0, 1, None)), Err(GalaxyError::StarCount { stars: 0 }));
+    assert_eq!(generate(&parameters(MOST_STARS + 1, 1, None)), Err(GalaxyError::StarCount { stars: MOST_STARS + 1 }));
+    for fainter_than in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+        assert!(matches!(generate(&parameters(10, 1, Some(fainter_than))), Err(GalaxyError::NotFinite { .. })));
+    }
+    for (stars, fainter_than) in [(10, 20.0), (10, 30.0), (150_000_000, 19.99)] {
+        let error = generate(&parameters(stars, 1, Some(fainter_than))).unwrap_err();
+        assert!(matches!(error, GalaxyError::TooFewStars { .. }), "{error}");
+        assert!(error.to_string().contains(&stars.to_string()), "{error}");
+    }
+}

@@ -1,0 +1,237 @@
+//! Stars that stand in two catalogues of a scene and would shine twice.
+//!
+//! Two entries are taken for the same star if they are within [`SAME_STAR_ARCSEC`] and [`SAME_STAR_MAG`] (apparent V) of
+//! each other as seen from the Solar System. The smaller catalogue is sorted by HEALPix cell, and a bit for every cell of
+//! the sky says whether one of its stars is there or next door; most stars of the larger one are dismissed by that bit.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use cdshealpix::nested::{self, Layer};
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::StarRecord;
+use crate::units::ARCSECOND_RAD;
+
+/// Entries closer than this, in arcseconds, may be one star.
+pub const SAME_STAR_ARCSEC: f64 = 10.0;
+
+/// Entries whose apparent magnitudes differ by no more than this may be one star.
+pub const SAME_STAR_MAG: f64 = 0.3;
+
+/// Magnitudes are stored as f32: without this, 5.0 and 5.3 would differ by more than 0.3.
+const MAGNITUDE_ROUNDING: f64 = 1e-5;
+
+/// Cells of 51": so much wider than the tolerance that a star's counterpart is in its cell or a neighbouring one, also
+/// where cells are narrow.
+const DEPTH: u8 = 12;
+
+/// Two catalogues with common stars.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Overlap {
+    /// Name of one catalogue.
+    pub first: String,
+    /// Name of the other.
+    pub second: String,
+    /// How many stars of the smaller of the two are in the other.
+    pub count: usize,
+    /// Indices of the brightest common star in `first` and in `second`.
+    pub example: (usize, usize),
+}
+
+/// Looks for common stars in every pair of `catalogues`, given as name and stars; pairs without any are left out.
+///
+/// Every star costs its cell; only those near a star of the other catalogue cost more. Beside the stars it takes 25 MB,
+/// 16 bytes for each star of the smaller catalogue and 32 for each of the larger one that is near one of them.
+pub fn find_overlaps(catalogues: &[(&str, &[StarRecord])]) -> Vec<Overlap> {
+    let mut overlaps = Vec::new();
+    for (i, &(first, a)) in catalogues.iter().enumerate() {
+        for &(second, b) in &catalogues[i + 1..] {
+            let is_first_smaller = a.len() <= b.len();
+            let pairs = if is_first_smaller { common_stars(a, b) } else { common_stars(b, a) };
+            let in_order = |&(small, large): &(usize, usize)| {
+                if is_first_smaller { (small, large) } else { (large, small) }
+            };
+            let brightest = pairs.par_iter().map(in_order).min_by(|p, q| {
+                let magnitude = |pair: &(usize, usize)| a[pair.0].apparent_magnitude();
+                magnitude(p).total_cmp(&magnitude(q)).then(p.cmp(q))
+            });
+            let Some(example) = brightest else { continue };
+            let count = pairs.chunk_by(|p, q| p.0 == q.0).count();
+            overlaps.push(Overlap { first: first.to_owned(), second: second.to_owned(), count, example });
+        }
+    }
+    overlaps
+}
+
+/// Pairs of indices (in `few`, in `many`) of entries that may be one star, sorted.
+fn common_stars(few: &[StarRecord], many: &[StarRecord]) -> Vec<(usize, usize)> {
+    if few.is_empty() {
+        return Vec::new();
+    }
+    let layer = nested::get(DEPTH);
+
+    // The smaller catalogue by cell, and the cells near its stars.
+    let mut by_cell: Vec<(u64, usize)> =
+        few.par_iter().enumerate().filter_map(|(index, star)| Some((cell(layer, star)?, index))).collect();
+    by_cell.par_sort_unstable();
+    let is_near: Vec<AtomicU64> = (0..layer.n_hash().div_ceil(64)).map(|_| AtomicU64::new(0)).collect();
+    by_cell.par_chunk_by(|a, b| a.0 == b.0).for_each_init(Vec::new, |near, of_cell| {
+        near.clear();
+        layer.append_bulk_neighbours(of_cell[0].0, near);
+        near.push(of_cell[0].0);
+        for &cell in near.iter() {
+            is_near[(cell / 64) as usize].fetch_or(1 << (cell % 64), Ordering::Relaxed);
+        }
+    });
+
+    // What is left of the larger one, sorted too, so that neighbours in the sky are neighbours in memory.
+    let mut candidates: Vec<(u64, usize)> = many
+        .par_iter()
+        .enumerate()
+        .filter_map(|(index, star)| Some((cell(layer, star)?, index)))
+        .filter(|&(cell, _)| is_near[(cell / 64) as usize].load(Ordering::Relaxed) >> (cell % 64) & 1 == 1)
+        .collect();
+    candidates.par_sort_unstable();
+
+    // Chord of the tolerance on the unit sphere.
+    let chord = 2.0 * (0.5 * SAME_STAR_ARCSEC * ARCSECOND_RAD).sin();
+    let matches_in_cell = |own: &[(u64, usize)], found: &mut Vec<(usize, usize)>| {
+        let mut cells = Vec::with_capacity(9);
+        layer.append_bulk_neighbours(own[0].0, &mut cells);
+        cells.push(own[0].0);
+        let nearby: Vec<(DVec3, f64, usize)> = cells
+            .into_iter()
+            .flat_map(|cell| {
+                let start = by_cell.partition_point(|entry| entry.0 < cell);
+                by_cell[start..].iter().take_while(move |entry| entry.0 == cell)
+            })
+            .map(|&(_, index)| (few[index].position.normalize(), few[index].apparent_magnitude(), index))
+            .collect();
+        for &(_, index) in own {
+            let direction = many[index].position.normalize();
+            let magnitude = many[index].apparent_magnitude();
+            for &(other_direction, other_magnitude, other) in &nearby {
+                let is_same = other_direction.distance_squared(direction) <= chord * chord
+                    && (other_magnitude - magnitude).abs() <= SAME_STAR_MAG + MAGNITUDE_ROUNDING;
+                if is_same {
+                    found.push((other, index));
+                }
+            }
+        }
+    };
+    let mut pairs: Vec<(usize, usize)> = candidates
+        .par_chunk_by(|a, b| a.0 == b.0)
+        .fold(Vec::new, |mut found, own| {
+            matches_in_cell(own, &mut found);
+            found
+        })
+        .flatten_iter()
+        .collect();
+    pairs.par_sort_unstable();
+    pairs
+}
+
+/// HEALPix cell of a star as seen from the origin; `None` for one that stands there.
+fn cell(layer: &Layer, star: &StarRecord) -> Option<u64> {
+    let DVec3 { x, y, z } = star.position.try_normalize()?;
+    let longitude = y.atan2(x).rem_euclid(std::f64::consts::TAU);
+    Some(layer.hash(longitude, z.clamp(-1.0, 1.0).asin()))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::TAU;
+
+    use super::*;
+    use crate::catalogue::bright::bright_stars;
+
+    /// A star at infinity.
+    fn star(ra_deg: f64, dec_deg: f64, v_mag: f32) -> StarRecord {
+        let (ra, dec) = (ra_deg.to_radians(), dec_deg.to_radians());
+        let position = DVec3::new(dec.cos() * ra.cos(), dec.cos() * ra.sin(), dec.sin());
+        StarRecord { position, magnitude: v_mag, temperature_k: 5772.0, distance_known: false }
+    }
+
+    fn count(a: &[StarRecord], b: &[StarRecord]) -> usize {
+        find_overlaps(&[("a", a), ("b", b)]).first().map_or(0, |o| o.count)
+    }
+
+    #[test]
+    fn the_limits_are_kept() {
+        let arcsec = 1.0 / 3600.0;
+        for (ra, dec) in
+            [(0.0, 0.0), (359.9999, 41.8), (45.0, -41.8103), (180.0, 66.0), (12.0, 89.999), (270.0, -89.9999)]
+        {
+            let a = [star(ra, dec, 5.0)];
+            for (offset, magnitude, is_same) in
+                [(0.0, 5.3, true), (9.9, 4.71, true), (-9.9, 5.0, true), (10.1, 5.0, false), (0.0, 5.31, false)]
+            {
+                let b = [star(ra, dec + offset * arcsec, magnitude)];
+                assert_eq!(count(&a, &b), usize::from(is_same), "at {ra}, {dec}: {offset} arcsec, {magnitude} mag");
+                let east = [star(ra + offset * arcsec / dec.to_radians().cos(), dec, magnitude)];
+                // So near to a pole that ten arcseconds of right ascension are not an arc any more.
+                if dec.abs() < 89.0 {
+                    assert_eq!(count(&a, &east), usize::from(is_same), "at {ra}, {dec}: {offset} arcsec east");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn distance_does_not_matter_apparent_brightness_does() {
+        let near =
+            StarRecord { position: star(10.0, 20.0, 0.0).position * 100.0, magnitude: 0.0, ..star(0.0, 0.0, 0.0) };
+        let near = StarRecord { distance_known: true, ..near };
+        assert_eq!(count(&[near], &[star(10.0, 20.0, 5.0)]), 1);
+        assert_eq!(count(&[near], &[star(10.0, 20.0, 0.0)]), 0);
+    }
+
+    #[test]
+    fn agrees_with_all_pairs_over_the_whole_sky() {
+        // Stars along a spiral, and copies of them moved by up to 20 arcseconds and 0.6 mag in a fixed pattern.
+        let a: Vec<StarRecord> = (0..3000)
+            .map(|i| {
+                let i = f64::from(i);
+                let dec_deg = (1.0 - 2.0 * (i + 0.5) / 3000.0).asin().to_degrees();
+                star((i * 0.381_966 * TAU).to_degrees() % 360.0, dec_deg, 5.0)
+            })
+            .collect();
+        let b: Vec<StarRecord> = a
+            .iter()
+            .enumerate()
+            .map(|(i, s)| {
+                // Half steps keep clear of the limit itself, where rounding decides.
+                let shift = 20.0 * (((i * 7 % 100) as f64 + 0.5) / 100.0) * ARCSECOND_RAD;
+                let angle = (i * 13 % 360) as f64;
+                let east = DVec3::Z.cross(s.position).normalize();
+                let north = s.position.cross(east);
+                let towards = (east * angle.to_radians().cos() + north * angle.to_radians().sin()) * shift.tan();
+                let magnitude = 5.0 + 0.6 * (((i * 3 % 10) as f32 + 0.5) / 10.0);
+                StarRecord { position: (s.position + towards).normalize(), magnitude, ..*s }
+            })
+            .collect();
+        let same = |p: &StarRecord, q: &StarRecord| {
+            p.position.cross(q.position).length().asin() <= SAME_STAR_ARCSEC * ARCSECOND_RAD
+                && p.position.dot(q.position) > 0.0
+                && (p.apparent_magnitude() - q.apparent_magnitude()).abs() <= SAME_STAR_MAG
+        };
+        let expected = a.iter().filter(|p| b.iter().any(|q| same(p, q))).count();
+        assert!((500..2000).contains(&expected), "{expected}");
+        assert_eq!(count(&a, &b), expected);
+        assert_eq!(count(&b, &a), expected);
+    }
+
+    #[test]
+    fn every_pair_is_reported_with_its_brightest_star() {
+        let bright = bright_stars();
+        let sirius = bright.iter().position(|s| (s.apparent_magnitude() + 1.46).abs() < 1e-3).unwrap();
+        let some: Vec<StarRecord> = bright.iter().skip(sirius).step_by(5).copied().collect();
+        let far_off = [star(3.0, -80.0, 12.0)];
+        let overlaps = find_overlaps(&[("bright", &bright), ("none", &far_off), ("some", &some), ("empty", &[])]);
+        assert_eq!(overlaps.len(), 1);
+        assert_eq!((overlaps[0].first.as_str(), overlaps[0].second.as_str()), ("bright", "some"));
+        assert_eq!(overlaps[0].count, some.len());
+        assert_eq!(overlaps[0].example, (sirius, 0));
+    }
+}

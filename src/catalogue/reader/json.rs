@@ -1,0 +1,161 @@
+//! JSON catalogues: an array of objects, or an object whose `stars` is one. The keys are the column names of CSV, the
+//! values numbers or strings; a key that an object lacks is a missing value. The whole file is held in memory.
+
+use std::collections::BTreeMap;
+use std::io::Read;
+use std::path::Path;
+
+use serde_json::Value;
+
+use super::columns::{self, Columns};
+use super::row::{self, Refusal};
+use super::{CatalogueError, CatalogueRead, ReadReport};
+
+/// Reads a JSON catalogue from a file.
+///
+/// # Errors
+/// If the file cannot be opened or read, if it is not JSON of the form above, if its keys do not make a star catalogue,
+/// or if no entry is usable.
+pub fn read_json(path: &Path) -> Result<CatalogueRead, CatalogueError> {
+    read_json_from(super::open(path)?, &path.display().to_string())
+}
+
+/// Reads a JSON catalogue from `source`; `file` is its name in messages.
+///
+/// # Errors
+/// As [`read_json`], apart from opening.
+pub fn read_json_from(mut source: impl Read, file: &str) -> Result<CatalogueRead, CatalogueError> {
+    let mut bytes = Vec::new();
+    source.read_to_end(&mut bytes).map_err(|source| CatalogueError::Io { file: file.to_owned(), line: 1, source })?;
+    let text = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&bytes);
+    let malformed = |line: usize, reason: String| CatalogueError::Malformed { file: file.to_owned(), line, reason };
+    let document: Value = serde_json::from_slice(text).map_err(|e| malformed(e.line(), format!("not JSON: {e}")))?;
+    let stars_key = document.as_object().map(|_| "stars");
+    let list = match stars_key {
+        Some(key) => document.get(key),
+        None => Some(&document),
+    };
+    let Some(entries) = list.and_then(Value::as_array) else {
+        return Err(malformed(1, "must be an array of stars, or an object whose \"stars\" is one".into()));
+    };
+    if entries.is_empty() {
+        return Err(CatalogueError::NoRow { file: file.to_owned() });
+    }
+    let lines = entry_lines(text, stars_key);
+    let line_of = |entry: usize| lines.get(entry).copied().unwrap_or(1);
+
+    // Columns are all keys that occur.
+    let mut column_of_key: BTreeMap<&str, usize> = BTreeMap::new();
+    for key in entries.iter().filter_map(Value::as_object).flat_map(|object| object.keys()) {
+        let next = column_of_key.len();
+        column_of_key.entry(key).or_insert(next);
+    }
+    let mut names = vec![""; column_of_key.len()];
+    for (key, &column) in &column_of_key {
+        names[column] = key;
+    }
+    let columns = Columns::recognise(&names).map_err(|reason| CatalogueError::Columns {
+        file: file.to_owned(),
+        line: line_of(0),
+        reason,
+        found: columns::listing(&names),
+    })?;
+
+    let mut report = ReadReport::new(file);
+    let mut stars = Vec::new();
+    let mut fields = vec![String::new(); names.len()];
+    for (index, entry) in entries.iter().enumerate() {
+        report.rows += 1;
+        let star = fill(entry, &column_of_key, &mut fields)
+            .map_err(Refusal::Row)
+            .and_then(|()| row::star(&columns, |i| fields[i].as_str()));
+        match star {
+            Ok((star, notes)) => {
+                report.count(notes);
+                stars.push(star);
+            }
+            Err(Refusal::Row(reason)) => report.reject(line_of(index), format!("entry {}: {reason}", index + 1)),
+            Err(Refusal::File(reason)) => {
+                return Err(malformed(line_of(index), format!("entry {}: {reason}", index + 1)));
+            }
+        }
+    }
+    report.finish(stars)
+}
+
+/// Writes the values of `entry` as text into `fields`, by column.
+fn fill(entry: &Value, column_of_key: &BTreeMap<&str, usize>, fields: &mut [String]) -> Result<(), String> {
+    let object = entry.as_object().ok_or("is not an object")?;
+    fields.iter_mut().for_each(String::clear);
+    for (key, value) in object {
+        let Some(field) = column_of_key.get(key.as_str()).map(|&column| &mut fields[column]) else { continue };
+        match value {
+            Value::Null => {}
+            Value::String(text) => field.push_str(text),
+            // Containers and truth values are no numbers either: their text says so in the message, if they are used.
+            other => field.push_str(&other.to_string()),
+        }
+    }
+    Ok(())
+}
+
+/// The line, from 1, on which each entry of the list begins. `text` is known to be valid JSON; the list is the document
+/// itself or the value of `key` in it (the last, if there are several, as for the parser).
+fn entry_lines(text: &[u8], key: Option<&str>) -> Vec<usize> {
+    let list_depth = if key.is_some() { 2 } else { 1 };
+    let mut lines = Vec::new();
+    let (mut line, mut depth, mut at) = (1, 0, 0);
+    let mut in_list = false;
+    let mut expects_entry = false;
+    let mut last_string = &text[..0];
+    while at < text.len() {
+        let byte = text[at];
+        let begins_value = !matches!(byte, b' ' | b'\t' | b'\r' | b'\n' | b',' | b']' | b'}' | b':');
+        if in_list && depth == list_depth && expects_entry && begins_value {
+            lines.push(line);
+            expects_entry = false;
+        }
+        match byte {
+            b'\n' => line += 1,
+            b'"' => {
+                let start = at + 1;
+                at = start;
+                while text.get(at).is_some_and(|&b| b != b'"') {
+                    at += if text[at] == b'\\' { 2 } else { 1 };
+                }
+                if depth == 1 {
+                    last_string = text.get(start..at).unwrap_or_default();
+                }
+            }
+            b'{' | b'[' => {
+                depth += 1;
+                if byte == b'[' && depth == list_depth && key.is_none_or(|k| last_string == k.as_bytes()) {
+                    in_list = true;
+                    expects_entry = true;
+                    lines.clear();
+                }
+            }
+            b'}' | b']' => {
+                in_list &= depth != list_depth;
+                depth -= 1;
+            }
+            b',' => expects_entry |= depth == list_depth,
+            _ => {}
+        }
+        at += 1;
+    }
+    lines
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn entries_are_found_on_their_lines() {
+        assert_eq!(entry_lines(b"[{\"a\":[1,\n2]},\n\n{\"b\":\"]\\\"}\"}\n, 5, \"x\"]", None), [1, 4, 5, 5]);
+        let text = b"{\"other\": [\n1, 2],\n \"stars\": [\n{\"a\": {\"b\": [1, 2]}},\n{}\n], \"more\": [1]}";
+        assert_eq!(entry_lines(text, Some("stars")), [4, 5]);
+        assert!(entry_lines(b"[]", None).is_empty());
+    }
+}

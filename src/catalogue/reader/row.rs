@@ -1,0 +1,229 @@
+//! From the fields of one row to a star.
+
+use std::ops::RangeInclusive;
+
+use glam::DVec3;
+
+use super::super::StarRecord;
+use super::columns::{Columns, Direction, RaUnit};
+use super::excerpt;
+use super::sexagesimal::{self, Angle, Unit};
+use crate::photometry::colour_index::{temperature_k_from_b_v, temperature_k_from_bp_rp, v_from_gaia};
+use crate::units::SOLAR_TEMPERATURE_K;
+
+/// Magnitudes that make sense, from a nearby supernova to far below any survey.
+const MAGNITUDE_RANGE: RangeInclusive<f64> = -40.0..=60.0;
+
+/// Temperatures that a star is given, in kelvin.
+const TEMPERATURE_RANGE_K: (f64, f64) = (500.0, 100_000.0);
+
+/// A distance in parsecs from which on nothing is known of it: a parallax of a hundred-thousandth of a milliarcsecond.
+const IMMEASURABLE_PC: f64 = 1e8;
+
+/// How a star came about, for the report.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Notes {
+    pub without_distance: bool,
+    pub without_colour: bool,
+    pub temperature_clamped: bool,
+    pub g_taken_as_v: bool,
+}
+
+/// Why a row did not become a star.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum Refusal {
+    /// This row is unusable.
+    Row(String),
+    /// The whole file is: its columns do not say what this row means.
+    File(String),
+}
+
+/// Turns one row into a star. `field(i)` is the text of column i; an empty text and the usual marks for "no value" are
+/// the same as no column.
+pub(super) fn star<'a>(columns: &Columns, field: impl Fn(usize) -> &'a str) -> Result<(StarRecord, Notes), Refusal> {
+    let row = Row { columns, field };
+    let mut notes = Notes::default();
+    let (direction, distance_pc) = row.place()?;
+    let bp_rp = row.finite(columns.bp_rp)?;
+    let temperature_k = row.temperature_k(bp_rp, &mut notes)?;
+
+    let apparent = match row.magnitude(columns.v_mag)? {
+        Some(v) => Some(v),
+        None => row.magnitude(columns.g_mag)?.map(|g| match bp_rp {
+            Some(colour) => v_from_gaia(g, colour),
+            None => {
+                notes.g_taken_as_v = true;
+                g
+            }
+        }),
+    };
+    let magnitude = match (apparent, row.magnitude(columns.abs_mag)?, distance_pc) {
+        (Some(v), _, Some(d)) => v - 5.0 * (d / 10.0).log10(),
+        (Some(v), _, None) => v,
+        (None, Some(absolute), Some(_)) => absolute,
+        (None, Some(_), None) => return Err(Refusal::Row("an absolute magnitude needs a distance".into())),
+        (None, None, _) => return Err(Refusal::Row("no brightness".into())),
+    };
+    notes.without_distance = distance_pc.is_none();
+    let record = StarRecord {
+        position: direction * distance_pc.unwrap_or(1.0),
+        magnitude: magnitude as f32,
+        temperature_k: temperature_k as f32,
+        distance_known: distance_pc.is_some(),
+    };
+    Ok((record, notes))
+}
+
+struct Row<'c, F> {
+    columns: &'c Columns,
+    field: F,
+}
+
+impl<'a, F: Fn(usize) -> &'a str> Row<'_, F> {
+    /// Text of a column, `None` if there is no value.
+    fn text(&self, column: Option<usize>) -> Option<(usize, &'a str)> {
+        let column = column?;
+        let text = (self.field)(column).trim();
+        let is_missing =
+            ["", "null", "nan", "none", "na", "n/a", "-", "--", "\\n"].iter().any(|m| text.eq_ignore_ascii_case(m));
+        (!is_missing).then_some((column, text))
+    }
+
+    fn refuse(&self, column: usize, text: &str, what: &str) -> Refusal {
+        Refusal::Row(format!("{} = \"{}\" {what}", self.columns.name(column), excerpt(text)))
+    }
+
+    /// Number in a column, infinities included.
+    fn number(&self, column: Option<usize>) -> Result<Option<f64>, Refusal> {
+        let Some((column, text)) = self.text(column) else { return Ok(None) };
+        match text.parse::<f64>() {
+            Ok(value) if !value.is_nan() => Ok(Some(value)),
+            Ok(_) => Ok(None),
+            Err(_) => Err(self.refuse(column, text, "is not a number")),
+        }
+    }
+
+    fn finite(&self, column: Option<usize>) -> Result<Option<f64>, Refusal> {
+        match (self.number(column)?, self.text(column)) {
+            (Some(value), Some((column, text))) if !value.is_finite() => {
+                Err(self.refuse(column, text, "is not finite"))
+            }
+            (value, _) => Ok(value),
+        }
+    }
+
+    fn magnitude(&self, column: Option<usize>) -> Result<Option<f64>, Refusal> {
+        match (self.finite(column)?, self.text(column)) {
+            (Some(value), Some((column, text))) if !MAGNITUDE_RANGE.contains(&value) => {
+                Err(self.refuse(column, text, "is outside -40 to 60"))
+            }
+            (value, _) => Ok(value),
+        }
+    }
+
+    /// Unit vector towards the star, and the distance in parsecs if it is known.
+    fn place(&self) -> Result<(DVec3, Option<f64>), Refusal> {
+        let (direction, distance_pc) = match self.columns.direction {
+            Direction::Equatorial { ra, dec, unit } => (self.equatorial(ra, dec, unit)?, self.distance_pc()?),
+            Direction::Cartesian(axes) => {
+                let mut position = DVec3::ZERO;
+                for (axis, column) in axes.into_iter().enumerate() {
+                    let Some(value) = self.finite(Some(column))? else {
+                        return Err(Refusal::Row(format!("{} is missing", self.columns.name(column))));
+                    };
+                    position[axis] = value;
+                }
+                let distance_pc = position.length();
+                if !distance_pc.is_finite() {
+                    return Err(Refusal::Row("the position overflows".into()));
+                }
+                if distance_pc == 0.0 {
+                    return Err(Refusal::Row("the distance is 0: the star stands at the origin".into()));
+                }
+                (position / distance_pc, Some(distance_pc))
+            }
+        };
+        // HYG's placeholder is written with few digits, so that the length of its vector may fall short of it.
+        let unknown_from_pc = IMMEASURABLE_PC.min(self.columns.unknown_from_pc * (1.0 - 1e-6));
+        Ok((direction, distance_pc.filter(|&d| d < unknown_from_pc)))
+    }
+
+    fn equatorial(&self, ra: usize, dec: usize, unit: RaUnit) -> Result<DVec3, Refusal> {
+        let angle = |column: usize| {
+            let Some((_, text)) = self.text(Some(column)) else {
+                return Err(Refusal::Row(format!("{} is missing", self.columns.name(column))));
+            };
+            sexagesimal::parse(text).map(|angle| (angle, text)).map_err(|what| self.refuse(column, text, &what))
+        };
+        let (ra_angle, ra_text) = angle(ra)?;
+        let (ra_deg, range) = match (ra_angle, unit) {
+            (Angle::Decimal(v), RaUnit::Degrees) => (v, "is outside 0 to 360 degrees"),
+            (Angle::Decimal(v), RaUnit::Hours) => (v * 15.0, "is outside 0 to 24 hours"),
+            (Angle::Decimal(_), RaUnit::Unknown) => {
+                return Err(Refusal::File(format!(
+                    "{} = \"{}\" may be hours or degrees, and the columns beside it do not tell; name it ra_deg if it is \
+                     degrees, or write it as hours, minutes and seconds",
+                    self.columns.name(ra),
+                    excerpt(ra_text)
+                )));
+            }
+            (Angle::Sexagesimal { value, unit: Some(Unit::Degrees) }, _) => (value, "is outside 0 to 360 degrees"),
+            (Angle::Sexagesimal { value, .. }, _) => (value * 15.0, "is outside 0 to 24 hours"),
+        };
+        if !(0.0..=360.0).contains(&ra_deg) {
+            return Err(self.refuse(ra, ra_text, range));
+        }
+        let (dec_angle, dec_text) = angle(dec)?;
+        let dec_deg = match dec_angle {
+            Angle::Sexagesimal { unit: Some(Unit::Hours), .. } => {
+                return Err(self.refuse(dec, dec_text, "is in hours, which a declination cannot be"));
+            }
+            Angle::Decimal(v) | Angle::Sexagesimal { value: v, .. } => v,
+        };
+        if !(-90.0..=90.0).contains(&dec_deg) {
+            return Err(self.refuse(dec, dec_text, "is outside -90 to 90 degrees"));
+        }
+        let (sin_ra, cos_ra) = ra_deg.to_radians().sin_cos();
+        let (sin_dec, cos_dec) = dec_deg.to_radians().sin_cos();
+        Ok(DVec3::new(cos_dec * cos_ra, cos_dec * sin_ra, sin_dec))
+    }
+
+    /// Distance in parsecs from the distance or else the parallax column, `None` if neither knows it.
+    fn distance_pc(&self) -> Result<Option<f64>, Refusal> {
+        if let (Some(d), Some((column, text))) =
+            (self.number(self.columns.distance_pc)?, self.text(self.columns.distance_pc))
+        {
+            if d == 0.0 {
+                return Err(self.refuse(column, text, "puts the star at the origin"));
+            }
+            if d < 0.0 {
+                return Err(self.refuse(column, text, "is below 0"));
+            }
+            if d.is_finite() && d < self.columns.unknown_from_pc {
+                return Ok(Some(d));
+            }
+        }
+        let parallax_mas = self.number(self.columns.parallax_mas)?;
+        Ok(parallax_mas.filter(|p| p.is_finite() && *p > 0.0).map(|p| 1000.0 / p))
+    }
+
+    fn temperature_k(&self, bp_rp: Option<f64>, notes: &mut Notes) -> Result<f64, Refusal> {
+        if let (Some(t), Some((column, text))) = (self.finite(self.columns.teff_k)?, self.text(self.columns.teff_k)) {
+            if t <= 0.0 {
+                return Err(self.refuse(column, text, "is not above 0 K"));
+            }
+            let clamped = t.clamp(TEMPERATURE_RANGE_K.0, TEMPERATURE_RANGE_K.1);
+            notes.temperature_clamped = clamped != t;
+            return Ok(clamped);
+        }
+        let b_v = self.finite(self.columns.b_v)?;
+        Ok(match (bp_rp, b_v) {
+            (Some(colour), _) => temperature_k_from_bp_rp(colour),
+            (None, Some(colour)) => temperature_k_from_b_v(colour),
+            (None, None) => {
+                notes.without_colour = true;
+                f64::from(SOLAR_TEMPERATURE_K)
+            }
+        })
+    }
+}

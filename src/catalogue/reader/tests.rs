@@ -1,0 +1,346 @@
+//! Every form of catalogue, from files in `tests/data/catalogues`, and what is wrong with wrong ones.
+
+use std::io::Read;
+
+use glam::DVec3;
+
+use super::*;
+
+fn path(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/catalogues").join(name)
+}
+
+fn read(name: &str) -> CatalogueRead {
+    read_file(&path(name)).unwrap_or_else(|e| panic!("{e}"))
+}
+
+fn csv(text: &str) -> Result<CatalogueRead, CatalogueError> {
+    read_csv_from(text.as_bytes(), "test.csv")
+}
+
+fn json(text: &str) -> Result<CatalogueRead, CatalogueError> {
+    read_json_from(text.as_bytes(), "test.json")
+}
+
+/// The only star of a file of one row.
+fn one(text: &str) -> StarRecord {
+    let read = csv(text).unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(read.stars.len(), 1, "{}", read.report);
+    read.stars[0]
+}
+
+fn direction(ra_deg: f64, dec_deg: f64) -> DVec3 {
+    let (ra, dec) = (ra_deg.to_radians(), dec_deg.to_radians());
+    DVec3::new(dec.cos() * ra.cos(), dec.cos() * ra.sin(), dec.sin())
+}
+
+#[track_caller]
+fn assert_towards(star: &StarRecord, ra_deg: f64, dec_deg: f64, tolerance_deg: f64) {
+    let angle = star.position.normalize().cross(direction(ra_deg, dec_deg)).length().asin().to_degrees();
+    assert!(angle < tolerance_deg && star.position.dot(direction(ra_deg, dec_deg)) > 0.0, "{angle} degrees off");
+}
+
+#[test]
+fn our_own_columns() {
+    let CatalogueRead { stars, report } = read("own_columns.csv");
+    assert_eq!((report.rows, report.used, report.rejected), (3, 3, 0));
+    assert_eq!((report.without_distance, report.without_colour), (1, 1));
+    assert_towards(&stars[0], 101.2872, -16.7161, 1e-9);
+    assert!((stars[0].position.length() - 1000.0 / 379.21).abs() < 1e-12);
+    assert!((stars[0].apparent_magnitude() + 1.46).abs() < 1e-6);
+    assert!((f64::from(stars[0].magnitude) - 1.435).abs() < 0.01, "absolute magnitude of Sirius");
+    assert_eq!(stars[0].temperature_k, 9940.0);
+    assert_eq!((stars[2].distance_known, stars[2].magnitude, stars[2].temperature_k), (false, 12.5, 5772.0));
+    assert!((stars[2].position.length() - 1.0).abs() < 1e-12);
+}
+
+#[test]
+fn hyg() {
+    let CatalogueRead { stars, report } = read("hyg.csv");
+    assert_eq!((report.rows, report.used, report.without_distance, report.without_colour), (4, 3, 1, 1));
+    assert_eq!(report.first_rejected.len(), 1);
+    assert_eq!(report.first_rejected[0].line, 2, "the Sun");
+    assert!(report.first_rejected[0].reason.contains("origin"), "{}", report.first_rejected[0].reason);
+    // The file's own x, y, z are independent of its ra in hours.
+    assert!(stars[0].position.distance(DVec3::new(-0.494323, 2.476731, -0.758485)) < 1e-4);
+    assert!(stars[1].position.distance(DVec3::new(219.740502, 0.003449, 4.177065)) < 1e-3);
+    assert!((f64::from(stars[0].magnitude) - 1.454).abs() < 1e-3, "its own absolute magnitude");
+    assert!((9_000.0..10_500.0).contains(&stars[0].temperature_k));
+    assert!(!stars[2].distance_known && stars[2].magnitude == 8.25);
+    assert_towards(&stars[2], 7.5, -45.0, 1e-9);
+}
+
+#[test]
+fn hyg_by_position_only() {
+    let header = "id,hip,mag,absmag,ci,x,y,z\n";
+    let sun = one(&format!("{header}0,,-26.7,4.85,0.656,0.000005,0,0\n"));
+    assert!(sun.distance_known && (sun.apparent_magnitude() + 26.7).abs() < 1e-5);
+    let unknown = one(&format!("{header}9,77,8.25,-11.75,,70105.7,9229.6,-70710.7\n"));
+    assert!(!unknown.distance_known && unknown.magnitude == 8.25);
+}
+
+#[test]
+fn at_hyg() {
+    let CatalogueRead { stars, report } = read("athyg.csv");
+    assert_eq!((report.used, report.rejected, report.without_distance, report.without_colour), (2, 0, 1, 1));
+    assert!(stars[0].position.distance(DVec3::new(-0.4943, 2.4767, -0.7585)) < 2e-4);
+    assert_towards(&stars[1], 0.0154 * 15.0, 2.2712, 1e-9);
+    assert_eq!(stars[1].magnitude, 12.146);
+}
+
+#[test]
+fn gaia_archive() {
+    let CatalogueRead { stars, report } = read("gaia.csv");
+    assert_eq!((report.used, report.rejected, report.without_distance), (3, 0, 1));
+    assert_eq!((report.without_colour, report.g_taken_as_v), (1, 1));
+    // Proxima Centauri: V = 11.13, 1.30 pc, 2900 to 3050 K. For so red a dwarf the relation for V is good to 0.2 mag.
+    assert_towards(&stars[0], 217.392_321, -62.676_075, 1e-5);
+    assert!((stars[0].position.length() - 1.302).abs() < 1e-3);
+    assert!((stars[0].apparent_magnitude() - 11.13).abs() < 0.2, "V {}", stars[0].apparent_magnitude());
+    assert!((2_850.0..3_050.0).contains(&stars[0].temperature_k));
+    assert_eq!((stars[1].magnitude, stars[1].distance_known), (15.0, false));
+    assert_eq!(stars[2].temperature_k, 4750.5);
+}
+
+#[test]
+fn absolute_magnitude_and_position() {
+    let CatalogueRead { stars, report } = read("position_seed.txt");
+    assert_eq!((report.used, report.rejected, report.without_colour), (2, 0, 0));
+    assert_eq!(stars[0].position, DVec3::new(-0.494, 2.477, -0.758).normalize() * stars[0].position.length());
+    assert!(stars[0].position.distance(DVec3::new(-0.494, 2.477, -0.758)) < 1e-12);
+    assert!((stars[0].apparent_magnitude() + 1.44).abs() < 0.01);
+    assert_eq!((stars[1].magnitude, stars[1].temperature_k), (-5.5, 3600.0));
+}
+
+#[test]
+fn sexagesimal_positions() {
+    let stars = read("sexagesimal.csv").stars;
+    assert_towards(&stars[0], 101.287_083_333, -16.716_111_111, 1e-8);
+    assert_towards(&stars[1], 83.001_666_667, -0.299_166_667, 1e-8);
+    assert!(stars[1].position.z < 0.0, "minus zero degrees");
+    assert_towards(&stars[2], 37.954_583_333, 89.264_166_667, 1e-8);
+}
+
+#[test]
+fn sexagesimal_right_ascension_is_hours_under_any_name() {
+    let star = one("ra_deg,dec_deg,v_mag\n06 45 08.9,-16.7,0\n");
+    assert_towards(&star, 101.287_083_333, -16.7, 1e-8);
+    let marked = one("ra_deg,dec_deg,v_mag\n101d17m13.5s,-16.7,0\n");
+    assert_towards(&marked, 101.287_083_333, -16.7, 1e-8);
+}
+
+#[test]
+fn a_right_ascension_that_may_be_hours_is_refused() {
+    let error = read_file(&path("ambiguous.csv")).unwrap_err().to_string();
+    for part in ["ambiguous.csv", "line 3", "6.75", "hours or degrees", "ra_deg"] {
+        assert!(error.contains(part), "{part} is not in: {error}");
+    }
+}
+
+#[test]
+fn bad_rows_are_reported_by_line() {
+    let CatalogueRead { stars, report } = read("broken_rows.csv");
+    let expected = [
+        (3, "ra_deg = \"361\" is outside"),
+        (4, "dec_deg = \"-90.5\" is outside"),
+        (6, "no brightness"),
+        (8, "4 fields instead of 5"),
+        (9, "teff_k = \"six thousand\" is not a number"),
+        (10, "teff_k = \"0\" is not above 0"),
+        (11, "distance_pc = \"0\" puts the star at the origin"),
+        (12, "distance_pc = \"-3\" is below 0"),
+        (13, "v_mag = \"99\" is outside"),
+        (14, "ra_deg is missing"),
+    ];
+    assert_eq!(report.rejected, 11);
+    assert_eq!(report.first_rejected.len(), REJECTED_ROWS_KEPT);
+    for (row, (line, reason)) in report.first_rejected.iter().zip(expected) {
+        assert_eq!(row.line, line, "{}", row.reason);
+        assert!(row.reason.starts_with(reason), "line {line}: {}", row.reason);
+    }
+    assert_eq!((report.rows, report.used, report.temperature_clamped, report.without_distance), (14, 3, 1, 1));
+    assert_eq!(stars[1].temperature_k, 500.0);
+    let summary = report.to_string();
+    for part in ["broken_rows.csv: 3 of 14 rows used", "1 without distance", "11 rejected", "line 3: ", "and 1 more"] {
+        assert!(summary.contains(part), "{part} is not in: {summary}");
+    }
+}
+
+#[test]
+fn line_ends_and_a_byte_order_mark_change_nothing() {
+    let read = csv("\u{feff}ra_deg,dec_deg,v_mag\r\n\r\n1,2,3\r\nx,2,3\r\n1,2,3").unwrap();
+    assert_eq!((read.report.used, read.report.first_rejected[0].line), (2, 4));
+    assert_eq!(read.stars[0].magnitude, 3.0);
+}
+
+#[test]
+fn text_in_another_encoding_is_harmless() {
+    let bytes = b"name,ra_deg,dec_deg,v_mag\nH\xf6rn,1,2,3\nx,\xff,2,3\n";
+    let read = read_csv_from(&bytes[..], "latin1.csv").unwrap();
+    assert_eq!((read.report.used, read.report.rejected, read.report.first_rejected[0].line), (1, 1, 3));
+}
+
+#[test]
+fn parallax_and_distance() {
+    let header = "ra_deg,dec_deg,v_mag,parallax_mas,distance_pc\n";
+    for (values, distance_pc) in [
+        ("100,", Some(10.0)),
+        (",25", Some(25.0)),
+        ("100,25", Some(25.0)),
+        ("100,nan", Some(10.0)),
+        ("100,inf", Some(10.0)),
+        ("0,", None),
+        ("-4.5,", None),
+        ("null,", None),
+        ("inf,", None),
+        ("1e-9,", None),
+        (",", None),
+    ] {
+        let star = one(&format!("{header}10,20,5,{values}\n"));
+        assert_eq!(star.distance_known, distance_pc.is_some(), "{values}");
+        assert!((star.position.length() - distance_pc.unwrap_or(1.0)).abs() < 1e-9, "{values}");
+        assert!((star.apparent_magnitude() - 5.0).abs() < 1e-6, "{values}");
+    }
+}
+
+#[test]
+fn an_absolute_magnitude_needs_a_distance() {
+    let read = csv("ra_deg,dec_deg,abs_mag,parallax_mas\n1,2,4.83,100\n1,2,4.83,-1\n").unwrap();
+    assert_eq!((read.stars.len(), read.stars[0].magnitude), (1, 4.83));
+    assert_eq!(read.report.first_rejected[0].line, 3);
+    assert!(read.report.first_rejected[0].reason.contains("needs a distance"));
+    let error = csv("ra_deg,dec_deg,abs_mag\n1,2,3\n").unwrap_err().to_string();
+    assert!(error.contains("no distance"), "{error}");
+}
+
+#[test]
+fn json_array() {
+    let CatalogueRead { stars, report } = read("stars.json");
+    assert_eq!((report.rows, report.used, report.without_distance, report.without_colour), (4, 2, 1, 1));
+    assert_towards(&stars[0], 101.2872, -16.7161, 1e-9);
+    assert!((stars[0].position.length() - 2.637).abs() < 1e-12);
+    assert_towards(&stars[1], 101.287_083_333, -16.716_111_111, 1e-8);
+    assert_eq!(stars[1].magnitude, 8.44);
+    assert_eq!(report.first_rejected.iter().map(|r| r.line).collect::<Vec<_>>(), [4, 5]);
+    assert!(report.first_rejected[0].reason.starts_with("entry 3: dec_deg = \"95\" is outside"));
+}
+
+#[test]
+fn json_object_with_stars() {
+    let CatalogueRead { stars, report } = read("stars_object.json");
+    assert_eq!((stars.len(), stars[0].position), (1, DVec3::new(0.0, 0.0, 10.0)));
+    assert_eq!(report.first_rejected.iter().map(|r| r.line).collect::<Vec<_>>(), [5, 7]);
+    assert!(report.first_rejected[0].reason.contains("entry 2: is not an object"));
+}
+
+#[test]
+fn json_and_csv_give_the_same_star() {
+    let row = one("ra_deg,dec_deg,phot_g_mean_mag,bp_rp,parallax_mas\n12.5,-7.25,11.125,0.875,3.5\n");
+    let entry =
+        r#"[{"RA_DEG": 12.5, "dec_deg": -7.25, "phot_g_mean_mag": 11.125, "bp_rp": 0.875, "parallax_mas": 3.5}]"#;
+    assert_eq!(json(entry).unwrap().stars, [row]);
+}
+
+#[test]
+fn wrong_json_is_refused_with_its_line() {
+    let error = read_file(&path("syntax_error.json")).unwrap_err().to_string();
+    assert!(error.contains("syntax_error.json: line 3: not JSON"), "{error}");
+    for (text, part) in [
+        ("{\"planets\": []}", "must be an array of stars"),
+        ("5", "must be an array of stars"),
+        ("[]", "no row of data"),
+        ("", "not JSON"),
+        ("[{\"a\": 1}]", "no direction"),
+        ("[1, 2]", "no direction"),
+        ("\n\n[{\"ra\": 5.5, \"dec\": 3, \"v_mag\": 1}]", "line 3: entry 1: ra = \"5.5\" may be hours or degrees"),
+        (
+            "\n[{\"ra_deg\": true, \"dec_deg\": 3, \"v_mag\": 1}]",
+            "1 rows rejected, first: line 2: entry 1: ra_deg = \"true\"",
+        ),
+    ] {
+        let error = json(text).unwrap_err().to_string();
+        assert!(error.contains(part) && error.contains("test.json"), "{part} is not in: {error}");
+    }
+}
+
+#[test]
+fn a_header_without_the_needed_columns_is_named() {
+    let error = read_file(&path("no_brightness.csv")).unwrap_err().to_string();
+    for part in ["no_brightness.csv", "line 2", "no brightness", "columns found: ra_deg, dec_deg, colour", "v_mag"] {
+        assert!(error.contains(part), "{part} is not in: {error}");
+    }
+    let error = csv("10.5,20.5,3.2\n").unwrap_err().to_string();
+    assert!(error.contains("line 1: no direction; columns found: 10.5, 20.5, 3.2; needed: "), "{error}");
+}
+
+#[test]
+fn files_that_are_missing_empty_or_of_another_kind_are_refused() {
+    let error = read_file(&path("absent.csv")).unwrap_err();
+    assert!(matches!(error, CatalogueError::Open { .. }) && error.to_string().contains("absent.csv"), "{error}");
+    let error = read_file(&path("stars.fits")).unwrap_err().to_string();
+    assert!(error.contains("stars.fits") && error.contains(".csv, .txt (CSV) and .json"), "{error}");
+    assert!(matches!(read_file(&path("stars")), Err(CatalogueError::Extension { .. })));
+    let directory = tempfile::tempdir().unwrap();
+    let named_csv = directory.path().join("folder.CSV");
+    std::fs::create_dir(&named_csv).unwrap();
+    assert!(matches!(read_file(&named_csv), Err(CatalogueError::Open { .. })));
+    for text in ["", "\n\n", "# nothing\n", "ra_deg,dec_deg,v_mag\n", "ra_deg,dec_deg,v_mag\n\n#\n"] {
+        assert!(matches!(csv(text), Err(CatalogueError::NoRow { .. })), "{text:?}");
+    }
+}
+
+/// A header and then the same row over and over, made while it is read.
+struct Repeated {
+    header: &'static [u8],
+    row: &'static [u8],
+    at: usize,
+    end: usize,
+}
+
+impl Read for Repeated {
+    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+        let count = buffer.len().min(self.end - self.at);
+        for (i, byte) in buffer[..count].iter_mut().enumerate() {
+            let at = self.at + i;
+            *byte = *self.header.get(at).unwrap_or_else(|| &self.row[(at - self.header.len()) % self.row.len()]);
+        }
+        self.at += count;
+        Ok(count)
+    }
+}
+
+#[test]
+fn a_million_broken_rows_end_in_one_error() {
+    let header = b"ra_deg,dec_deg,v_mag\n";
+    // With a quotation mark that is never closed: it must not swallow the rows after it.
+    let row = b"\"abc,2,3\n";
+    let source = Repeated { header, row, at: 0, end: header.len() + row.len() * 1_000_000 };
+    let error = read_csv_from(source, "broken.csv").unwrap_err().to_string();
+    assert_eq!(
+        error,
+        "file broken.csv: no usable row; 1000000 rows rejected, first: line 2: ra_deg = \"\\\"abc\" is neither a number \
+         nor an angle such as 06 45 08.9"
+    );
+}
+
+#[test]
+fn an_endless_line_is_refused_early() {
+    let source = Repeated { header: b"ra_deg,dec_deg,v_mag\n", row: b"7", at: 0, end: usize::MAX };
+    let error = read_csv_from(source, "zeros.csv").unwrap_err();
+    assert!(matches!(&error, CatalogueError::Malformed { line: 2, .. }), "{error}");
+}
+
+#[test]
+fn a_source_that_breaks_off_is_an_error() {
+    struct Broken;
+    impl Read for Broken {
+        fn read(&mut self, _: &mut [u8]) -> std::io::Result<usize> {
+            Err(std::io::Error::other("the disk is gone"))
+        }
+    }
+    let source = (&b"ra_deg,dec_deg,v_mag\n1,2,3\n"[..]).chain(Broken);
+    let error = read_csv_from(source, "half.csv").unwrap_err();
+    assert!(error.to_string().contains("half.csv") && error.to_string().contains("the disk is gone"), "{error}");
+    let error = read_json_from((&b"[1"[..]).chain(Broken), "half.json").unwrap_err();
+    assert!(matches!(error, CatalogueError::Io { .. }));
+}

@@ -1,0 +1,187 @@
+//! The stars of a scene in GPU buffers, and the items that tell the star pass which of them to draw.
+
+use std::sync::Arc;
+
+use glam::DVec3;
+
+use crate::{
+    catalogue::{
+        chunks::{Chunk, StarSet},
+        packed::PackedStar,
+    },
+    gpu::{Gpu, GrowingBuffer, layout, storage_buffer},
+    passes::stars::{ITEM_ALIGNMENT, ITEM_STARS},
+    plan::{
+        cull::{VisibleChunk, near_stars},
+        tiles::Batch,
+    },
+};
+
+/// A run of whole chunks in one buffer, small enough to be bound.
+struct Segment {
+    buffer: wgpu::Buffer,
+    /// Chunks before this index, and from the previous segment's end on, are in this buffer.
+    end_chunk: usize,
+    first_star: u32,
+}
+
+/// The stars of one scene on the GPU.
+pub(super) struct StarBuffers {
+    set: Arc<StarSet>,
+    segments: Vec<Segment>,
+}
+
+impl StarBuffers {
+    pub(super) fn new(gpu: &Gpu, set: Arc<StarSet>) -> Self {
+        let fitting = (gpu.max_binding_bytes() / size_of::<PackedStar>() as u64) as usize;
+        let mut segments = Vec::new();
+        let mut start = 0;
+        while start < set.chunks.len() {
+            let first_star = set.chunks[start].first;
+            let end_of = |chunk: &Chunk| (chunk.first + chunk.count - first_star) as usize;
+            let length = set.chunks[start..].partition_point(|chunk| end_of(chunk) <= fitting);
+            let end_chunk = start + length;
+            let last = &set.chunks[end_chunk - 1];
+            let stars = &set.stars[first_star as usize..(last.first + last.count) as usize];
+            segments.push(Segment { buffer: storage_buffer(gpu, "stars", stars), end_chunk, first_star });
+            start = end_chunk;
+        }
+        Self { set, segments }
+    }
+
+    /// Whether these are the stars of that scene.
+    pub(super) fn holds(&self, set: &Arc<StarSet>) -> bool {
+        Arc::ptr_eq(&self.set, set)
+    }
+
+    pub(super) fn buffer(&self, segment: usize) -> &wgpu::Buffer {
+        &self.segments[segment].buffer
+    }
+}
+
+/// A run of items of one batch that read from one buffer of stars.
+pub(super) struct ItemRun {
+    /// Index of the batch.
+    pub batch: usize,
+    /// Index of the segment; `None`: the near stars.
+    pub segment: Option<usize>,
+    /// First item.
+    pub first_item: u64,
+    /// Number of items.
+    pub item_count: u32,
+}
+
+/// Items of all batches, in one buffer.
+pub(super) struct Items {
+    pub items: Vec<layout::StarItem>,
+    pub runs: Vec<ItemRun>,
+    /// Near stars, relative to the camera.
+    pub near: Vec<PackedStar>,
+}
+
+/// Builds the items of a frame.
+pub(super) fn build_items(buffers: &StarBuffers, visible: &[VisibleChunk], batches: &[Batch]) -> Items {
+    let set = &*buffers.set;
+    let mut near = Vec::new();
+    let mut near_first = Vec::new();
+    for chunk in visible.iter().filter(|chunk| chunk.near) {
+        near_first.push(near.len() as u32);
+        near.extend(
+            near_stars(set, &set.chunks[chunk.chunk], chunk.origin_pc)
+                .map(|(place, star)| PackedStar { offset_pc: place.as_vec3().to_array(), light: star.light }),
+        );
+    }
+    let mut items = Vec::new();
+    let mut runs = Vec::new();
+    for (batch_index, batch) in batches.iter().enumerate() {
+        // Tiles of each viewport in this batch.
+        let mut tiles_of_viewport = [0_u32; 64];
+        for (index, tile) in batch.tiles.iter().enumerate() {
+            tiles_of_viewport[tile.viewport] |= 1 << index;
+        }
+        let tiles_of = |viewports: u64| {
+            let mut remaining = viewports;
+            let mut tiles = 0;
+            while remaining != 0 {
+                tiles |= tiles_of_viewport[remaining.trailing_zeros() as usize];
+                remaining &= remaining - 1;
+            }
+            tiles
+        };
+        let mut far = visible.iter().filter(|chunk| !chunk.near).peekable();
+        for (segment_index, segment) in buffers.segments.iter().enumerate() {
+            let first_item = items.len();
+            while let Some(chunk) = far.next_if(|chunk| chunk.chunk < segment.end_chunk) {
+                let stars = &set.chunks[chunk.chunk];
+                push_items(
+                    &mut items,
+                    chunk,
+                    stars,
+                    stars.first - segment.first_star,
+                    chunk.origin_pc,
+                    tiles_of(chunk.viewports),
+                );
+            }
+            close_run(&mut items, &mut runs, batch_index, Some(segment_index), first_item);
+        }
+        let first_item = items.len();
+        for (chunk, first) in visible.iter().filter(|chunk| chunk.near).zip(&near_first) {
+            push_items(&mut items, chunk, &set.chunks[chunk.chunk], *first, DVec3::ZERO, tiles_of(chunk.viewports));
+        }
+        close_run(&mut items, &mut runs, batch_index, None, first_item);
+    }
+    Items { items, runs, near }
+}
+
+fn push_items(
+    items: &mut Vec<layout::StarItem>,
+    visible: &VisibleChunk,
+    chunk: &Chunk,
+    first_in_buffer: u32,
+    origin_pc: DVec3,
+    tiles: u32,
+) {
+    if tiles == 0 {
+        return;
+    }
+    let mut start = 0;
+    while start < visible.count {
+        let count = (visible.count - start).min(ITEM_STARS);
+        items.push(layout::StarItem {
+            origin: origin_pc.as_vec3().to_array(),
+            first: first_in_buffer + start,
+            count,
+            tiles,
+            first_number: chunk.first + start,
+            at_infinity: u32::from(chunk.at_infinity),
+        });
+        start += count;
+    }
+}
+
+fn close_run(
+    items: &mut Vec<layout::StarItem>,
+    runs: &mut Vec<ItemRun>,
+    batch: usize,
+    segment: Option<usize>,
+    first_item: usize,
+) {
+    let item_count = (items.len() - first_item) as u32;
+    if item_count > 0 {
+        runs.push(ItemRun { batch, segment, first_item: first_item as u64, item_count });
+        items.resize(items.len().next_multiple_of(ITEM_ALIGNMENT), layout::StarItem::default());
+    }
+}
+
+/// The buffers into which items and near stars are uploaded, kept from frame to frame.
+pub(super) struct ItemBuffers {
+    pub items: GrowingBuffer,
+    pub near: GrowingBuffer,
+}
+
+impl ItemBuffers {
+    pub(super) fn new() -> Self {
+        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
+        Self { items: GrowingBuffer::new("star items", usage), near: GrowingBuffer::new("near stars", usage) }
+    }
+}

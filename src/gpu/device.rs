@@ -1,0 +1,212 @@
+//! Finding an adapter and opening it: what it offers, which fallbacks are taken, and what to do where there is none.
+
+use std::fmt;
+
+use serde::Serialize;
+
+/// Which adapter to open, and how.
+#[derive(Clone, Debug, Default)]
+pub struct GpuOptions {
+    /// Part of the adapter's name, in any case; `None`: the fastest kind there is.
+    pub adapter: Option<String>,
+    /// Sum in 32-bit words even where the adapter has 64-bit atomics, to test that path.
+    pub force_u32_accumulator: bool,
+}
+
+/// Why no adapter could be opened, or why it failed later.
+#[derive(Debug, thiserror::Error)]
+pub enum GpuError {
+    /// There is none, or none of that name.
+    #[error("{0}")]
+    NoAdapter(String),
+    /// The driver refused the device.
+    #[error("adapter `{adapter}`: cannot open the device: {source}")]
+    Device {
+        /// Its name.
+        adapter: String,
+        /// What the driver said.
+        source: wgpu::RequestDeviceError,
+    },
+    /// The device does not answer any more.
+    #[error("the device was lost: {0}")]
+    Lost(#[from] wgpu::PollError),
+    /// Results could not be read back.
+    #[error("cannot read results back from the device: {0}")]
+    Readback(#[from] wgpu::MapRangeError),
+}
+
+/// What `steradian info` tells about the adapter in use.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct AdapterReport {
+    /// Name of the adapter.
+    pub adapter: String,
+    /// Driver and its version.
+    pub driver: String,
+    /// Graphics interface.
+    pub backend: String,
+    /// Kind of device.
+    pub device_type: String,
+    /// Optional features that are used.
+    pub features: Vec<String>,
+    /// Limits that matter, with their values.
+    pub limits: Vec<(String, u64)>,
+    /// What is done differently because a feature is missing.
+    pub fallbacks: Vec<String>,
+}
+
+impl fmt::Display for AdapterReport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "adapter    {}", self.adapter)?;
+        writeln!(f, "driver     {}", self.driver)?;
+        writeln!(f, "backend    {}", self.backend)?;
+        writeln!(f, "type       {}", self.device_type)?;
+        writeln!(f, "features   {}", self.features.join(", "))?;
+        for (name, value) in &self.limits {
+            writeln!(f, "limit      {name} = {value}")?;
+        }
+        if self.fallbacks.is_empty() {
+            write!(f, "fallbacks  none")
+        } else {
+            write!(f, "fallbacks  {}", self.fallbacks.join("; "))
+        }
+    }
+}
+
+/// An open device.
+pub struct Gpu {
+    pub(crate) device: wgpu::Device,
+    pub(crate) queue: wgpu::Queue,
+    /// Whether sums use 64-bit words.
+    pub(crate) wide_accumulator: bool,
+    pub(crate) timestamps: bool,
+    report: AdapterReport,
+}
+
+impl Gpu {
+    /// Opens an adapter. Discrete GPUs are preferred to integrated ones, those to software.
+    pub fn open(options: &GpuOptions) -> Result<Self, GpuError> {
+        let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
+        descriptor.backends = wgpu::Backends::VULKAN;
+        let instance = wgpu::Instance::new(descriptor);
+        let mut adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::VULKAN));
+        adapters.sort_by_key(|adapter| match adapter.get_info().device_type {
+            wgpu::DeviceType::DiscreteGpu => 0,
+            wgpu::DeviceType::IntegratedGpu => 1,
+            wgpu::DeviceType::VirtualGpu => 2,
+            wgpu::DeviceType::Cpu => 3,
+            wgpu::DeviceType::Other => 4,
+        });
+        let names: Vec<String> = adapters.iter().map(|adapter| adapter.get_info().name).collect();
+        let wanted = options.adapter.as_deref().map(str::to_lowercase);
+        let chosen = adapters
+            .into_iter()
+            .zip(&names)
+            .find(|(_, name)| wanted.as_ref().is_none_or(|wanted| name.to_lowercase().contains(wanted)));
+        let Some((adapter, name)) = chosen else {
+            return Err(GpuError::NoAdapter(explain_no_adapter(options.adapter.as_deref(), &names)));
+        };
+        Self::open_adapter(&adapter, options).map_err(|source| GpuError::Device { adapter: name.clone(), source })
+    }
+
+    fn open_adapter(adapter: &wgpu::Adapter, options: &GpuOptions) -> Result<Self, wgpu::RequestDeviceError> {
+        let offered = adapter.features();
+        let u64_features = wgpu::Features::SHADER_INT64 | wgpu::Features::SHADER_INT64_ATOMIC_ALL_OPS;
+        let mut features = wgpu::Features::empty();
+        let mut fallbacks = Vec::new();
+        let wide_accumulator = offered.contains(u64_features) && !options.force_u32_accumulator;
+        if wide_accumulator {
+            features |= u64_features;
+        } else if options.force_u32_accumulator {
+            fallbacks.push("sums in 32-bit words with carries (asked for)".to_owned());
+        } else {
+            fallbacks.push("no 64-bit atomics: sums in 32-bit words with carries".to_owned());
+        }
+        let timestamps = offered.contains(wgpu::Features::TIMESTAMP_QUERY);
+        if timestamps {
+            features |= wgpu::Features::TIMESTAMP_QUERY;
+        } else {
+            fallbacks.push("no timestamps: GPU times are not measured".to_owned());
+        }
+
+        // Only the limits that decide how much fits at once are raised over the defaults.
+        let available = adapter.limits();
+        let mut limits = wgpu::Limits::default();
+        limits.max_storage_buffer_binding_size = available.max_storage_buffer_binding_size;
+        limits.max_buffer_size = available.max_buffer_size;
+        limits.max_texture_dimension_2d = available.max_texture_dimension_2d;
+        let limits = limits.or_worse_values_from(&available);
+
+        let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
+            label: Some("steradian"),
+            required_features: features,
+            required_limits: limits.clone(),
+            ..Default::default()
+        }))?;
+        let info = adapter.get_info();
+        let report = AdapterReport {
+            adapter: info.name,
+            driver: format!("{} {}", info.driver, info.driver_info).trim().to_owned(),
+            backend: format!("{:?}", info.backend),
+            device_type: format!("{:?}", info.device_type),
+            features: features.iter_names().map(|(name, _)| name.to_owned()).collect(),
+            limits: vec![
+                ("max_storage_buffer_binding_size".to_owned(), limits.max_storage_buffer_binding_size),
+                ("max_buffer_size".to_owned(), limits.max_buffer_size),
+                (
+                    "max_compute_workgroups_per_dimension".to_owned(),
+                    u64::from(limits.max_compute_workgroups_per_dimension),
+                ),
+                ("max_view_side_px".to_owned(), u64::from(limits.max_texture_dimension_2d)),
+            ],
+            fallbacks,
+        };
+        Ok(Self { device, queue, wide_accumulator, timestamps, report })
+    }
+
+    /// What was opened.
+    pub fn report(&self) -> &AdapterReport {
+        &self.report
+    }
+
+    /// Largest side of a view in pixels.
+    pub fn max_view_side_px(&self) -> u32 {
+        self.device.limits().max_texture_dimension_2d
+    }
+
+    /// Bytes that one buffer binding may have.
+    pub(crate) fn max_binding_bytes(&self) -> u64 {
+        let limits = self.device.limits();
+        limits.max_storage_buffer_binding_size.min(limits.max_buffer_size)
+    }
+
+    /// A compute pipeline with the layout that its shader implies.
+    pub(crate) fn compute_pipeline(&self, source: &super::ShaderSource) -> wgpu::ComputePipeline {
+        let module = self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label: Some(source.name),
+            source: wgpu::ShaderSource::Wgsl(source.text.as_str().into()),
+        });
+        self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: Some(source.name),
+            layout: None,
+            module: &module,
+            entry_point: Some(source.entry_point),
+            compilation_options: wgpu::PipelineCompilationOptions {
+                zero_initialize_workgroup_memory: false,
+                ..Default::default()
+            },
+            cache: None,
+        })
+    }
+}
+
+fn explain_no_adapter(wanted: Option<&str>, found: &[String]) -> String {
+    let install = "install a Vulkan driver: for a GPU its vendor's, without one the software driver \
+                   (Debian and Ubuntu: apt install libvulkan1 mesa-vulkan-drivers)";
+    match (wanted, found) {
+        (Some(wanted), [_, ..]) => {
+            format!("no adapter's name contains `{wanted}`; found: {}", found.join(", "))
+        }
+        (Some(wanted), []) => format!("no Vulkan adapter found (asked for `{wanted}`); {install}"),
+        (None, _) => format!("no Vulkan adapter found; {install}"),
+    }
+}

@@ -1,0 +1,178 @@
+//! The structs that shaders read, with the same field names as in WGSL. `tests/shaders.rs` compares names, offsets and
+//! sizes with what naga reads from the shaders.
+
+use bytemuck::{Pod, Zeroable};
+
+/// Describes a struct to the test that compares it with WGSL.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct StructLayout {
+    /// Name in WGSL.
+    pub name: &'static str,
+    /// Size in bytes.
+    pub size: usize,
+    /// Name and offset of every field.
+    pub fields: Vec<(&'static str, usize)>,
+}
+
+macro_rules! gpu_structs {
+    ($($(#[$doc:meta])* $name:ident { $($(#[$field_doc:meta])* $field:ident : $type:ty),+ $(,)? })+) => {
+        $(
+            $(#[$doc])*
+            #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+            #[repr(C)]
+            pub struct $name { $($(#[$field_doc])* pub $field: $type),+ }
+        )+
+
+        /// The layout of every struct that is shared with the shaders.
+        pub fn struct_layouts() -> Vec<StructLayout> {
+            vec![$(StructLayout {
+                name: stringify!($name),
+                size: size_of::<$name>(),
+                fields: vec![$((stringify!($field), std::mem::offset_of!($name, $field))),+],
+            }),+]
+        }
+    };
+}
+
+gpu_structs! {
+    /// A viewport; see `shaders/shared/viewport.wgsl`.
+    Viewport {
+        /// First row of the rotation from world to view axes; w: eye offset along world x, pc.
+        view_from_world_x: [f32; 4],
+        /// Second row; w: eye offset along world y, pc.
+        view_from_world_y: [f32; 4],
+        /// Third row; w: eye offset along world z, pc.
+        view_from_world_z: [f32; 4],
+        /// Pixels per unit of the plane.
+        plane_scale: [f32; 2],
+        /// Pixel coordinates of the plane's origin.
+        plane_offset: [f32; 2],
+        /// Width and height, pixels.
+        size: [u32; 2],
+        /// Number of the projection.
+        kind: u32,
+        /// Number of the cube face.
+        face: u32,
+        /// Fisheye: radius of the rim before normalisation.
+        rim: f32,
+        /// pi - F/2 or cos^2(F/2).
+        rim_complement: f32,
+        /// 1: the picture shows the full sphere.
+        full_sphere: u32,
+        /// 1: nine points per pixel for the solid angle.
+        quadrature: u32,
+        /// Fainter stars take the tent, lx.
+        tent_below_lx: f32,
+        /// Index of the view.
+        view: u32,
+        /// Padding.
+        unused_0: u32,
+        /// Padding.
+        unused_1: u32,
+    }
+    /// A run of rows of a viewport; see `shaders/shared/viewport.wgsl`.
+    Tile {
+        /// Index of the viewport.
+        viewport: u32,
+        /// First row.
+        first_row: u32,
+        /// Number of rows.
+        rows: u32,
+        /// Index of the first pixel in the batch's buffer.
+        first_pixel: u32,
+        /// Index of the first partial sum.
+        first_partial: u32,
+        /// Padding.
+        unused_0: u32,
+        /// Padding.
+        unused_1: u32,
+        /// Padding.
+        unused_2: u32,
+    }
+    /// A run of stars for one workgroup; see `shaders/stars.wgsl`.
+    StarItem {
+        /// Chunk origin minus camera, pc.
+        origin: [f32; 3],
+        /// First star in its buffer.
+        first: u32,
+        /// Number of stars.
+        count: u32,
+        /// Bit set of tiles.
+        tiles: u32,
+        /// Number of the first star in the scene.
+        first_number: u32,
+        /// 1: directions instead of places.
+        at_infinity: u32,
+    }
+    /// Parameters of the star pass.
+    StarParameters {
+        /// Fixed-point units per lux.
+        units_per_lx: f32,
+        /// Fainter stars are not drawn, lx.
+        faintest_lx: f32,
+        /// Stars as bright or brighter are not drawn, lx.
+        brightest_lx: f32,
+        /// Number of items.
+        item_count: u32,
+        /// Workgroups per row of the dispatch.
+        items_per_row: u32,
+        /// Padding.
+        unused_0: u32,
+        /// Padding.
+        unused_1: u32,
+        /// Padding.
+        unused_2: u32,
+    }
+    /// Parameters of the resolve pass.
+    ResolveParameters {
+        /// Lux per fixed-point unit.
+        lx_per_unit: f32,
+        /// The same for the sums of the brightest stars; 0 without them.
+        lx_per_bright_unit: f32,
+        /// Padding.
+        unused_0: u32,
+        /// Padding.
+        unused_1: u32,
+    }
+    /// Parameters of the exposure pass.
+    ExposureParameters {
+        /// Solid angle of all pixels, sr.
+        total_solid_angle_sr: f32,
+        /// Lowest exposure.
+        min_ev100: f32,
+        /// Highest exposure.
+        max_ev100: f32,
+        /// Added to what the meter reads.
+        compensation_ev: f32,
+        /// The exposure if `fixed`.
+        fixed_ev100: f32,
+        /// 1: use `fixed_ev100`.
+        fixed: u32,
+        /// Number of partial sums.
+        partial_count: u32,
+        /// Padding.
+        unused_0: u32,
+    }
+    /// What the exposure pass found.
+    Exposure {
+        /// Exposure of the frame.
+        ev100: f32,
+        /// What the meter reads.
+        metered_ev100: f32,
+        /// Mean luminance of all views, cd/m^2.
+        mean_luminance_cd_m2: f32,
+        /// Display values per cd/m^2.
+        display_per_cd_m2: f32,
+    }
+    /// Parameters of the tone-mapping pass.
+    ToneMapParameters {
+        /// Number of the operator.
+        operator_number: u32,
+        /// Padding.
+        unused_0: u32,
+        /// Padding.
+        unused_1: u32,
+        /// Padding.
+        unused_2: u32,
+    }
+}

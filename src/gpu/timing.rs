@@ -1,0 +1,86 @@
+//! GPU time of the passes of a frame, by timestamp queries.
+
+use super::{Gpu, ReadbackBuffer};
+
+/// Passes that can be timed in one frame.
+const MAX_PASSES: u32 = 64;
+
+/// Times the passes of a frame. Without timestamps on the adapter everything is a no-op and there are no times.
+pub(crate) struct GpuTimer {
+    queries: Option<(wgpu::QuerySet, wgpu::Buffer)>,
+    names: Vec<&'static str>,
+    period_ns: f64,
+}
+
+impl GpuTimer {
+    pub(crate) fn new(gpu: &Gpu) -> Self {
+        let queries = gpu.timestamps.then(|| {
+            let set = gpu.device.create_query_set(&wgpu::QuerySetDescriptor {
+                label: Some("pass times"),
+                ty: wgpu::QueryType::Timestamp,
+                count: 2 * MAX_PASSES,
+            });
+            let buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some("pass times"),
+                size: u64::from(2 * MAX_PASSES) * 8,
+                usage: wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC,
+                mapped_at_creation: false,
+            });
+            (set, buffer)
+        });
+        Self { queries, names: Vec::new(), period_ns: f64::from(gpu.queue.get_timestamp_period()) }
+    }
+
+    pub(crate) fn begin(&mut self) {
+        self.names.clear();
+    }
+
+    /// Timestamp writes for a pass of that name. Passes beyond the sixty-fourth of a frame are not timed.
+    pub(crate) fn pass(&mut self, name: &'static str) -> Option<wgpu::ComputePassTimestampWrites<'_>> {
+        let (set, _) = self.queries.as_ref()?;
+        let index = self.names.len() as u32;
+        if index >= MAX_PASSES {
+            return None;
+        }
+        self.names.push(name);
+        Some(wgpu::ComputePassTimestampWrites {
+            query_set: set,
+            beginning_of_pass_write_index: Some(2 * index),
+            end_of_pass_write_index: Some(2 * index + 1),
+        })
+    }
+
+    /// Bytes that the times need in the readback buffer.
+    pub(crate) fn readback_bytes() -> u64 {
+        u64::from(2 * MAX_PASSES) * 8
+    }
+
+    /// Records the copy of the times; returns their place.
+    pub(crate) fn resolve(
+        &self,
+        gpu: &Gpu,
+        encoder: &mut wgpu::CommandEncoder,
+        readback: &mut ReadbackBuffer,
+    ) -> Option<u64> {
+        let (set, buffer) = self.queries.as_ref()?;
+        let count = 2 * self.names.len() as u32;
+        if count == 0 {
+            return None;
+        }
+        encoder.resolve_query_set(set, 0..count, buffer, 0);
+        Some(readback.copy(gpu, encoder, buffer, 0, u64::from(count) * 8))
+    }
+
+    /// Name and ms of every pass.
+    pub(crate) fn times_ms(&self, ticks: &[u64]) -> Vec<(&'static str, f64)> {
+        self.names
+            .iter()
+            .zip(ticks.as_chunks::<2>().0)
+            .map(|(name, [begin, end])| (*name, end.saturating_sub(*begin) as f64 * self.period_ns * 1e-6))
+            .collect()
+    }
+
+    pub(crate) fn passes(&self) -> usize {
+        self.names.len()
+    }
+}

@@ -1,0 +1,78 @@
+//! A viewport in the form that shaders read.
+
+use std::f64::consts::PI;
+
+use glam::DMat3;
+
+use super::layout;
+use crate::{
+    units::PARSEC_M,
+    view::{
+        Viewport,
+        projection::{FisheyeMapping, Perspective, PlaneMapping, Projection},
+    },
+};
+
+/// Solid angles whose one-point form errs by more than this are averaged over nine points in the shader.
+const MIDPOINT_TOLERANCE: f64 = 3e-6;
+
+/// Encodes a viewport. `tent_below_lx`: stars fainter than this take the 2x2 kernel.
+pub(crate) fn encode_viewport(viewport: &Viewport, tent_below_lx: f64) -> layout::Viewport {
+    let view_from_world = DMat3::from_quat(viewport.world_from_view.conjugate());
+    let eye_pc = viewport.eye_offset_m / PARSEC_M;
+    let row = |index: usize| {
+        let row = view_from_world.row(index);
+        [row.x as f32, row.y as f32, row.z as f32, eye_pc[index] as f32]
+    };
+    let size = viewport.size();
+    let mut encoded = layout::Viewport {
+        view_from_world_x: row(0),
+        view_from_world_y: row(1),
+        view_from_world_z: row(2),
+        size,
+        tent_below_lx: tent_below_lx.min(f64::from(f32::MAX)) as f32,
+        view: viewport.view as u32,
+        ..Default::default()
+    };
+    match &viewport.projection {
+        Projection::Perspective(plane) => encode_plane(&mut encoded, plane, size),
+        Projection::CubeFace(face) => {
+            encode_plane(&mut encoded, face.plane(), size);
+            encoded.kind = 1;
+            encoded.face = face.face as u32;
+        }
+        Projection::Fisheye(fisheye) => {
+            let radius = fisheye.radius_px() as f32;
+            encoded.plane_scale = [radius; 2];
+            encoded.plane_offset = [size[0] as f32 / 2.0, size[1] as f32 / 2.0];
+            encoded.rim = fisheye.rim as f32;
+            encoded.full_sphere = u32::from(fisheye.is_full_sphere());
+            (encoded.kind, encoded.rim_complement) = match fisheye.mapping {
+                FisheyeMapping::Equidistant => (2, (PI - fisheye.rim) as f32),
+                FisheyeMapping::Equisolid => (3, 0.0),
+                FisheyeMapping::Orthographic => (4, fisheye.half_fov_rad.cos().powi(2) as f32),
+                FisheyeMapping::Stereographic => (5, 0.0),
+            };
+            // The centre and half way out; the orthographic rim is treated apart in the shader.
+            let [x, y] = [size[0] / 2, size[1] / 2];
+            encoded.quadrature = u32::from([0.0, 0.3, 0.6, 0.9].iter().any(|part| {
+                let column = (x + (fisheye.radius_px() * part) as u32).min(size[0] - 1);
+                let exact = fisheye.solid_angle_sr(column, y.min(size[1] - 1));
+                let midpoint = fisheye.midpoint_solid_angle_sr(column, y.min(size[1] - 1));
+                exact > 0.0 && (midpoint / exact - 1.0).abs() > MIDPOINT_TOLERANCE
+            }));
+        }
+        Projection::Equirectangular(_) => encoded.kind = 6,
+    }
+    encoded
+}
+
+fn encode_plane(encoded: &mut layout::Viewport, plane: &Perspective, size: [u32; 2]) {
+    let [left, right, down, up] = plane.edge_tangents(0.0);
+    let scale = [f64::from(size[0]) / (right - left), -f64::from(size[1]) / (up - down)];
+    encoded.plane_scale = scale.map(|value| value as f32);
+    encoded.plane_offset = [(-left * scale[0]) as f32, (-up * scale[1]) as f32];
+    // The term of fourth order that the shader's series leaves out is about (step)^4 / 40.
+    let step = (1.0 / scale[0]).abs().max((1.0 / scale[1]).abs());
+    encoded.quadrature = u32::from(step.powi(4) / 40.0 > MIDPOINT_TOLERANCE / 3.0);
+}

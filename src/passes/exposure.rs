@@ -1,0 +1,63 @@
+//! The exposure pass: one exposure for all views from the mean luminance, weighted by solid angle. Shader:
+//! `shaders/exposure.wgsl`; the f64 twin is `crate::photometry::exposure`.
+
+use super::shared::bind_buffers;
+use crate::{
+    gpu::{self, Gpu, layout},
+    plan::settings::{ExposureMode, ExposureSettings},
+};
+
+/// The pass.
+pub(crate) struct ExposurePass {
+    pipeline: wgpu::ComputePipeline,
+}
+
+impl ExposurePass {
+    pub(crate) fn new(gpu: &Gpu) -> Self {
+        Self { pipeline: gpu.compute_pipeline(&gpu::exposure()) }
+    }
+
+    /// Records the pass. `adapted_ev100` takes the place of the metered exposure where it is given and the mode is
+    /// automatic.
+    #[expect(clippy::too_many_arguments, reason = "a pass takes its settings and its buffers")]
+    pub(crate) fn record(
+        &self,
+        gpu: &Gpu,
+        pass: &mut wgpu::ComputePass<'_>,
+        settings: &ExposureSettings,
+        adapted_ev100: Option<f64>,
+        total_solid_angle_sr: f64,
+        partial_count: u32,
+        partial_sums: &wgpu::Buffer,
+        exposure: &wgpu::Buffer,
+    ) {
+        let fixed_ev100 = match settings.mode {
+            ExposureMode::Manual => Some(settings.ev100),
+            ExposureMode::Auto => adapted_ev100,
+        };
+        let parameters = layout::ExposureParameters {
+            total_solid_angle_sr: total_solid_angle_sr as f32,
+            min_ev100: settings.min_ev100 as f32,
+            max_ev100: settings.max_ev100 as f32,
+            compensation_ev: settings.compensation_ev as f32,
+            fixed_ev100: fixed_ev100.unwrap_or(0.0) as f32,
+            fixed: u32::from(fixed_ev100.is_some()),
+            partial_count,
+            ..Default::default()
+        };
+        let parameters = gpu::uniform_buffer(gpu, "exposure parameters", &parameters);
+        let group = bind_buffers(
+            gpu,
+            &self.pipeline,
+            0,
+            &[
+                (0, parameters.as_entire_binding()),
+                (1, partial_sums.as_entire_binding()),
+                (2, exposure.as_entire_binding()),
+            ],
+        );
+        pass.set_pipeline(&self.pipeline);
+        pass.set_bind_group(0, &group, &[]);
+        pass.dispatch_workgroups(1, 1, 1);
+    }
+}

@@ -1,0 +1,8 @@
+//! The passes of a frame on the GPU. Each has one shader in `shaders/` and one file here of the same name; none imports
+//! another. `frame` records them in order: stars, resolve, exposure, tone map.
+
+pub(crate) mod exposure;
+pub(crate) mod resolve;
+pub(crate) mod shared;
+pub(crate) mod stars;
+pub(crate) mod tone_map;

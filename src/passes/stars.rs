@@ -1,0 +1,109 @@
+//! The star pass: splats every visible star in illuminance, in fixed point. Shader: `shaders/stars.wgsl`; the f64 twin is
+//! `crate::reference::stars`.
+
+use super::shared::bind_buffers;
+use crate::{
+    catalogue::packed::{TEMPERATURE_STEPS, temperature_of_step_k},
+    gpu::{self, Gpu, layout},
+    photometry::blackbody::rec709_in_gamut,
+    plan::range::FixedPoint,
+};
+
+/// Stars per workgroup at most.
+pub(crate) const ITEM_STARS: u32 = 256;
+/// Items are bound from multiples of this many, so that their offset is aligned.
+pub(crate) const ITEM_ALIGNMENT: usize = 8;
+/// Counter of sums that overflowed.
+pub(crate) const OVERFLOW_COUNTER: usize = 0;
+/// First of the counters of stars drawn, one per view.
+pub(crate) const FIRST_VIEW_COUNTER: usize = 1;
+
+/// The pass.
+pub(crate) struct StarPass {
+    pipeline: wgpu::ComputePipeline,
+    colours: wgpu::Buffer,
+}
+
+/// Buffers that one batch of tiles draws into.
+pub(crate) struct StarTarget<'a> {
+    pub viewports: &'a wgpu::Buffer,
+    pub tiles: &'a wgpu::Buffer,
+    pub counters: &'a wgpu::Buffer,
+    pub pixels: &'a wgpu::Buffer,
+}
+
+/// A run of items that read from one buffer of stars.
+pub(crate) struct StarDraw<'a> {
+    pub stars: &'a wgpu::Buffer,
+    pub items: &'a wgpu::Buffer,
+    /// First item; a multiple of [`ITEM_ALIGNMENT`].
+    pub first_item: u64,
+    pub item_count: u32,
+}
+
+impl StarPass {
+    pub(crate) fn new(gpu: &Gpu) -> Self {
+        let colours: Vec<[f32; 4]> = (0..TEMPERATURE_STEPS)
+            .map(|step| {
+                let [r, g, b] = rec709_in_gamut(temperature_of_step_k(step)).map(|channel| channel as f32);
+                [r, g, b, 0.0]
+            })
+            .collect();
+        Self {
+            pipeline: gpu.compute_pipeline(&gpu::stars(gpu.wide_accumulator)),
+            colours: gpu::storage_buffer(gpu, "star colours", &colours),
+        }
+    }
+
+    /// Records the draws of one range of brightness into one batch.
+    pub(crate) fn record(
+        &self,
+        gpu: &Gpu,
+        pass: &mut wgpu::ComputePass<'_>,
+        range: &FixedPoint,
+        target: &StarTarget<'_>,
+        draws: &[StarDraw<'_>],
+    ) {
+        let widest = gpu.device.limits().max_compute_workgroups_per_dimension;
+        pass.set_pipeline(&self.pipeline);
+        for draw in draws {
+            let items_per_row = draw.item_count.min(widest);
+            let parameters = layout::StarParameters {
+                units_per_lx: range.units_per_lx as f32,
+                faintest_lx: range.faintest_lx as f32,
+                brightest_lx: range.brightest_lx as f32,
+                item_count: draw.item_count,
+                items_per_row,
+                ..Default::default()
+            };
+            let parameters = gpu::uniform_buffer(gpu, "star parameters", &parameters);
+            let target_group = bind_buffers(
+                gpu,
+                &self.pipeline,
+                0,
+                &[
+                    (0, parameters.as_entire_binding()),
+                    (1, target.viewports.as_entire_binding()),
+                    (2, target.tiles.as_entire_binding()),
+                    (3, target.counters.as_entire_binding()),
+                    (4, target.pixels.as_entire_binding()),
+                    (5, self.colours.as_entire_binding()),
+                ],
+            );
+            let items = wgpu::BufferBinding {
+                buffer: draw.items,
+                offset: draw.first_item * size_of::<layout::StarItem>() as u64,
+                size: wgpu::BufferSize::new(u64::from(draw.item_count) * size_of::<layout::StarItem>() as u64),
+            };
+            let star_group = bind_buffers(
+                gpu,
+                &self.pipeline,
+                1,
+                &[(0, draw.stars.as_entire_binding()), (1, wgpu::BindingResource::Buffer(items))],
+            );
+            pass.set_bind_group(0, &target_group, &[]);
+            pass.set_bind_group(1, &star_group, &[]);
+            pass.dispatch_workgroups(items_per_row, draw.item_count.div_ceil(items_per_row), 1);
+        }
+    }
+}

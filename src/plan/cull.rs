@@ -1,0 +1,312 @@
+//! Which chunks of stars each viewport may see, how bright their stars can be, and which of them are so near that f32
+//! offsets from the camera are not good enough.
+//!
+//! Bounds are three-dimensional: a sphere around the chunk and, while the camera is nearer to the barycentre than the
+//! chunk is, the chunk's cone widened by the parallax. Both hold, so the narrower one counts.
+
+use glam::{DMat3, DVec3, Vec3};
+use rayon::prelude::*;
+
+use crate::{
+    catalogue::{
+        chunks::{Chunk, StarSet},
+        packed::PackedStar,
+    },
+    units::PARSEC_M,
+    view::{Viewport, projection::Projection},
+};
+
+/// Kernels reach 1.5 px over an edge; half a pixel more covers f32 rounding.
+const MARGIN_PX: f64 = 2.0;
+
+/// A chunk is near where the rounding of its origin to f32 would turn a star's direction by more than 5e-7 rad (0.1").
+const NEAR_SHARE: f64 = 0.12;
+
+/// Viewports that one frame may have: a chunk names those that see it in 64 bits.
+pub const MAX_VIEWPORTS: usize = 64;
+
+/// What a viewport can see, in world axes.
+#[derive(Clone, Debug)]
+struct Field {
+    eye_pc: DVec3,
+    axis: DVec3,
+    half_angle_rad: f64,
+    /// Inward normals of planes through the eye.
+    planes: Vec<DVec3>,
+}
+
+impl Field {
+    fn new(viewport: &Viewport) -> Self {
+        let cone = viewport.projection.mapping().bounding_cone(MARGIN_PX);
+        let rotation = DMat3::from_quat(viewport.world_from_view);
+        let tangents = match &viewport.projection {
+            Projection::Perspective(plane) => Some(plane.edge_tangents(MARGIN_PX)),
+            Projection::CubeFace(face) => Some(face.plane().edge_tangents(MARGIN_PX)),
+            Projection::Fisheye(_) | Projection::Equirectangular(_) => None,
+        };
+        let planes = tangents.map_or_else(Vec::new, |[left, right, down, up]| {
+            [
+                DVec3::new(1.0, 0.0, left),
+                DVec3::new(-1.0, 0.0, -right),
+                DVec3::new(0.0, 1.0, down),
+                DVec3::new(0.0, -1.0, -up),
+            ]
+            .map(|normal| rotation * normal.normalize())
+            .to_vec()
+        });
+        Self {
+            eye_pc: viewport.eye_offset_m / PARSEC_M,
+            axis: rotation * cone.axis,
+            half_angle_rad: cone.half_angle_rad,
+            planes,
+        }
+    }
+
+    /// Whether a cone of directions touches the field.
+    fn touches_cone(&self, axis: DVec3, half_angle_rad: f64) -> bool {
+        if axis.angle_between(self.axis) > self.half_angle_rad + half_angle_rad {
+            return false;
+        }
+        half_angle_rad >= std::f64::consts::FRAC_PI_2
+            || self.planes.iter().all(|normal| normal.dot(axis) >= -half_angle_rad.sin())
+    }
+}
+
+/// A chunk that some viewport may see.
+#[derive(Clone, Debug, PartialEq)]
+pub struct VisibleChunk {
+    /// Index of the chunk.
+    pub chunk: usize,
+    /// Chunk origin minus camera, pc.
+    pub origin_pc: DVec3,
+    /// Bit i: viewport i may see it.
+    pub viewports: u64,
+    /// Number of stars, from the brightest on, that can reach the faintest illuminance drawn.
+    pub count: u32,
+    /// Whether its stars need f64 one by one.
+    pub near: bool,
+    /// Bound of the illuminance of its brightest star and of all its stars together, lx.
+    pub brightest_lx: f64,
+    /// See `brightest_lx`.
+    pub total_lx: f64,
+}
+
+/// Settings of culling.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CullSettings {
+    /// Stars fainter than this are not drawn, lx.
+    pub faintest_lx: f64,
+    /// False: every chunk goes to every viewport, to measure what culling saves.
+    pub enabled: bool,
+}
+
+/// The chunks that the viewports may see from `camera_pc`.
+pub fn visible_chunks(
+    set: &StarSet,
+    camera_pc: DVec3,
+    viewports: &[Viewport],
+    settings: CullSettings,
+) -> Vec<VisibleChunk> {
+    let fields: Vec<Field> = viewports.iter().map(Field::new).collect();
+    let farthest_eye_pc = fields.iter().map(|field| field.eye_pc.length()).fold(0.0, f64::max);
+    set.chunks
+        .par_iter()
+        .enumerate()
+        .filter_map(|(index, chunk)| look_at(set, index, chunk, camera_pc, farthest_eye_pc, &fields, settings))
+        .collect()
+}
+
+fn look_at(
+    set: &StarSet,
+    index: usize,
+    chunk: &Chunk,
+    camera_pc: DVec3,
+    farthest_eye_pc: f64,
+    fields: &[Field],
+    settings: CullSettings,
+) -> Option<VisibleChunk> {
+    let origin_pc = if chunk.at_infinity { DVec3::ZERO } else { chunk.origin_pc - camera_pc };
+    // The smallest distance of a star from any eye; at infinity the light is what it is.
+    let nearest_pc = if chunk.at_infinity {
+        1.0
+    } else {
+        (origin_pc.length() - chunk.radius_pc).max(chunk.nearest_pc - camera_pc.length()) - farthest_eye_pc
+    };
+    let near = !chunk.at_infinity && nearest_pc < NEAR_SHARE * origin_pc.length() + 1e-12;
+    let count = if near || settings.faintest_lx <= 0.0 {
+        chunk.count
+    } else {
+        let needed_lx = settings.faintest_lx * nearest_pc * nearest_pc * (1.0 - 1e-6);
+        set.stars_of(chunk).partition_point(|star| star.illuminance_at_1_pc_lx() >= needed_lx) as u32
+    };
+    if count == 0 {
+        return None;
+    }
+    let viewports: u64 = (0..fields.len())
+        .filter(|&i| !settings.enabled || may_see(&fields[i], chunk, camera_pc, origin_pc))
+        .fold(0, |set, i| set | 1 << i);
+    if viewports == 0 {
+        return None;
+    }
+    // The bounds of the chunk come from f64 places, its stars are f32 offsets: allow for the rounding.
+    let spread = (1.0 + 1e-5) / (nearest_pc * nearest_pc);
+    let (brightest_lx, total_lx) = if near {
+        let lights = near_stars(set, chunk, origin_pc).map(|(place, star)| light_at(place, star));
+        lights.fold((0.0_f64, 0.0), |(most, sum), lx| (most.max(lx), sum + lx))
+    } else {
+        (chunk.brightest_lx * spread, chunk.total_lx * spread)
+    };
+    Some(VisibleChunk { chunk: index, origin_pc, viewports, count, near, brightest_lx, total_lx })
+}
+
+fn may_see(field: &Field, chunk: &Chunk, camera_pc: DVec3, origin_pc: DVec3) -> bool {
+    if chunk.at_infinity {
+        return field.touches_cone(chunk.axis, chunk.half_angle_rad);
+    }
+    // The cone from the barycentre, widened by how far a star's direction can turn between there and the eye.
+    let travelled_pc = (camera_pc + field.eye_pc).length();
+    if travelled_pc < chunk.nearest_pc {
+        let turned_rad = (travelled_pc / chunk.nearest_pc).asin();
+        if !field.touches_cone(chunk.axis, chunk.half_angle_rad + turned_rad) {
+            return false;
+        }
+    }
+    let to_centre = origin_pc - field.eye_pc;
+    let distance_pc = to_centre.length();
+    if distance_pc <= chunk.radius_pc || distance_pc == 0.0 {
+        return true;
+    }
+    let sphere_rad = (chunk.radius_pc / distance_pc).min(1.0).asin() + 1e-6;
+    field.touches_cone(to_centre / distance_pc, sphere_rad)
+}
+
+/// The stars of a chunk with their places relative to the camera in f64, pc.
+pub fn near_stars<'a>(
+    set: &'a StarSet,
+    chunk: &Chunk,
+    origin_pc: DVec3,
+) -> impl Iterator<Item = (DVec3, &'a PackedStar)> + use<'a> {
+    set.stars_of(chunk).iter().map(move |star| (origin_pc + Vec3::from_array(star.offset_pc).as_dvec3(), star))
+}
+
+/// Illuminance of a star at `place` (pc from the camera), lx; 0 for a star at the camera's very place, which has no
+/// direction.
+pub fn light_at(place: DVec3, star: &PackedStar) -> f64 {
+    let distance_squared = place.length_squared();
+    if distance_squared > 0.0 { star.illuminance_at_1_pc_lx() / distance_squared } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DQuat;
+
+    use super::*;
+    use crate::{
+        catalogue::StarRecord,
+        view::{
+            Part,
+            projection::{CubeFace, Face, Fisheye, FisheyeMapping, Perspective},
+        },
+    };
+
+    fn sky() -> StarSet {
+        let records = (0..30_000)
+            .map(|i| {
+                let z = 1.0 - 2.0 * (f64::from(i) + 0.5) / 30_000.0;
+                let (sin, cos) = (f64::from(i) * 2.399_963).sin_cos();
+                let direction = DVec3::new(cos, sin, 0.0) * (1.0 - z * z).sqrt() + DVec3::Z * z;
+                let distance_known = i % 5 != 0;
+                let distance_pc = if distance_known { 2.0 + f64::from(i % 97) } else { 1.0 };
+                StarRecord { position: direction * distance_pc, magnitude: 5.0, temperature_k: 5772.0, distance_known }
+            })
+            .collect();
+        StarSet::from_records(records)
+    }
+
+    fn viewport(projection: Projection, world_from_view: DQuat) -> Viewport {
+        Viewport { view: 0, part: Part::Whole, projection, world_from_view, eye_offset_m: DVec3::ZERO }
+    }
+
+    fn viewports() -> Vec<Viewport> {
+        let turn = DQuat::from_rotation_y(1.0) * DQuat::from_rotation_x(0.4);
+        vec![
+            viewport(Projection::Perspective(Perspective::symmetric([64, 36], 1.0).unwrap()), turn),
+            viewport(Projection::Perspective(Perspective::symmetric([64, 64], 2.9).unwrap()), DQuat::IDENTITY),
+            viewport(Projection::CubeFace(CubeFace::new(Face::Up, 32).unwrap()), Face::Up.cube_from_face()),
+            viewport(Projection::Fisheye(Fisheye::new([64, 64], FisheyeMapping::Equidistant, 3.0).unwrap()), turn),
+            viewport(Projection::Fisheye(Fisheye::new([64, 64], FisheyeMapping::Orthographic, 3.1).unwrap()), turn),
+        ]
+    }
+
+    /// Every star that touches a pixel of a viewport must be in a chunk that the viewport sees: from the barycentre, from
+    /// among the stars and from outside.
+    #[test]
+    fn no_star_in_view_is_culled() {
+        let set = sky();
+        let viewports = viewports();
+        let settings = CullSettings { faintest_lx: 0.0, enabled: true };
+        for camera_pc in
+            [DVec3::ZERO, DVec3::new(0.5, 0.2, 0.0), DVec3::new(30.0, -20.0, 10.0), DVec3::new(0.0, 400.0, 0.0)]
+        {
+            let visible = visible_chunks(&set, camera_pc, &viewports, settings);
+            let mut culled_pairs = 0;
+            for (index, chunk) in set.chunks.iter().enumerate() {
+                let seen_by = visible.iter().find(|v| v.chunk == index).map_or(0, |v| v.viewports);
+                for (i, viewport) in viewports.iter().enumerate() {
+                    if seen_by & (1 << i) != 0 {
+                        continue;
+                    }
+                    culled_pairs += 1;
+                    for star in set.stars_of(chunk) {
+                        let offset = Vec3::from_array(star.offset_pc).as_dvec3();
+                        let place = if chunk.at_infinity { offset } else { chunk.origin_pc + offset - camera_pc };
+                        let direction = viewport.world_from_view.conjugate() * place;
+                        let mapping = viewport.projection.mapping();
+                        let Some(pixel) = mapping.pixel_from_direction(direction) else { continue };
+                        let [width, height] = mapping.size().map(f64::from);
+                        let in_square =
+                            pixel.x > -1.5 && pixel.y > -1.5 && pixel.x < width + 1.5 && pixel.y < height + 1.5;
+                        let circle = matches!(viewport.projection, Projection::Fisheye(_));
+                        let in_circle = (pixel - glam::DVec2::new(width, height) / 2.0).length() < width / 2.0 + 1.5;
+                        assert!(
+                            !in_square || (circle && !in_circle),
+                            "{camera_pc} viewport {i}: star at {pixel} was culled"
+                        );
+                    }
+                }
+            }
+            assert!(culled_pairs > set.chunks.len(), "hardly anything was culled from {camera_pc}");
+        }
+    }
+
+    #[test]
+    fn the_light_bound_holds_from_anywhere() {
+        let set = sky();
+        let settings = CullSettings { faintest_lx: 0.0, enabled: false };
+        for camera_pc in [DVec3::ZERO, DVec3::new(3.0, 2.0, 1.0), DVec3::new(0.0, 50.0, 0.0)] {
+            for visible in visible_chunks(&set, camera_pc, &viewports()[..1], settings) {
+                let chunk = &set.chunks[visible.chunk];
+                let total: f64 =
+                    near_stars(&set, chunk, visible.origin_pc).map(|(place, star)| light_at(place, star)).sum();
+                assert!(total <= visible.total_lx * (1.0 + 1e-9), "{total} > {}", visible.total_lx);
+            }
+        }
+    }
+
+    #[test]
+    fn a_magnitude_limit_shortens_chunks_without_losing_a_star() {
+        let set = sky();
+        let all = CullSettings { faintest_lx: 0.0, enabled: false };
+        let limit_lx = crate::units::illuminance_lx_from_magnitude(6.0);
+        let bright =
+            visible_chunks(&set, DVec3::ZERO, &viewports()[..1], CullSettings { faintest_lx: limit_lx, ..all });
+        let kept: u32 = bright.iter().map(|visible| visible.count).sum();
+        assert!(kept < 30_000);
+        for (index, chunk) in set.chunks.iter().enumerate() {
+            let count = bright.iter().find(|v| v.chunk == index).map_or(0, |v| v.count);
+            for (place, star) in near_stars(&set, chunk, chunk.origin_pc).skip(count as usize) {
+                assert!(light_at(place, star) < limit_lx);
+            }
+        }
+    }
+}

@@ -1,0 +1,138 @@
+//! The plan of a frame: which star kernel serves which brightness, and the certificate of every approximation.
+
+use serde::Serialize;
+
+use super::{
+    range::Ranges,
+    settings::{ExposureMode, RenderSettings, StarMethod},
+};
+use crate::{photometry::exposure::white_luminance_cd_m2, view::Viewport};
+
+/// Flicker of the tent per unit of the star's peak over display white: the standard deviation, over sub-pixel positions, of
+/// the sum of its squared weights, sqrt((7/15)^2 - (2/3)^4). For small peaks flicker grows in proportion.
+pub const TENT_FLICKER_PER_PEAK: f64 = 0.142_4;
+
+/// One approximation that a frame makes, with its bound.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Approximation {
+    /// What is approximated.
+    pub what: String,
+    /// Bound of the error.
+    pub bound: f64,
+    /// Unit of the bound.
+    pub unit: String,
+}
+
+/// The methods chosen for a frame, and what they cost in accuracy.
+#[derive(Clone, Debug, PartialEq, Serialize, Default)]
+pub struct FramePlan {
+    /// Star method: the one asked for, and what it became.
+    pub stars: String,
+    /// How splats add up.
+    pub accumulator: String,
+    /// Glare method.
+    pub glare: String,
+    /// Every approximation with its bound.
+    pub certificate: Vec<Approximation>,
+}
+
+/// How the stars of a frame are drawn.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StarPlan {
+    /// Per viewport: stars fainter than this take the tent, lx.
+    pub tent_below_lx: Vec<f64>,
+    /// What is reported.
+    pub report: FramePlan,
+}
+
+/// Plans the stars of a frame. `expected_ev100` is the exposure that the frame will be shown with, as far as it is known
+/// before the frame is drawn.
+pub fn plan_stars(
+    settings: &RenderSettings,
+    viewports: &[Viewport],
+    ranges: &Ranges,
+    expected_ev100: Option<f64>,
+    accumulator: &str,
+) -> StarPlan {
+    let ev100 = match settings.exposure.mode {
+        ExposureMode::Manual => Some(settings.exposure.ev100),
+        ExposureMode::Auto => expected_ev100,
+    };
+    let tent_below_lx: Vec<f64> = viewports
+        .iter()
+        .map(|viewport| match settings.stars.method {
+            StarMethod::Tent => f64::INFINITY,
+            StarMethod::BSpline => 0.0,
+            StarMethod::Auto => ev100.map_or(0.0, |ev100| {
+                let peak = settings.accuracy.flicker / TENT_FLICKER_PER_PEAK;
+                peak * white_luminance_cd_m2(ev100) * viewport.projection.smallest_pixel_sr()
+            }),
+        })
+        .collect();
+    let stars = match settings.stars.method {
+        StarMethod::Tent => "tent",
+        StarMethod::BSpline => "bspline",
+        StarMethod::Auto if tent_below_lx.iter().all(|lx| *lx == 0.0) => "auto: bspline",
+        StarMethod::Auto => "auto: bspline, tent for stars too faint for their flicker to be seen",
+    };
+    let bound =
+        |what: &str, bound: f64, unit: &str| Approximation { what: what.to_owned(), bound, unit: unit.to_owned() };
+    let mut certificate = vec![
+        bound("a star's illuminance, held in 21 bits", 3.1e-5, "relative"),
+        bound("a star's temperature, held in 11 bits", 1.3e-3, "relative"),
+        bound("a star's direction, f32 from its chunk", 5e-7, "rad"),
+        bound("rounding of a star's light in a pixel, unbiased", 1.0 / ranges.main.units_per_lx, "lx"),
+    ];
+    match settings.stars.method {
+        StarMethod::Auto if stars.contains("tent") => certificate.push(bound(
+            "flicker of stars drawn with the tent",
+            settings.accuracy.flicker,
+            "standard deviation over mean after tone mapping",
+        )),
+        StarMethod::Tent => {
+            certificate.push(bound("flicker of the tent at display white", 0.084, "standard deviation over mean"))
+        }
+        StarMethod::Auto | StarMethod::BSpline => {}
+    }
+    if let Some(bright) = ranges.bright {
+        certificate.push(bound("rounding of the stars that outshine the rest", 1.0 / bright.units_per_lx, "lx"));
+    }
+    let report = FramePlan {
+        stars: stars.to_owned(),
+        accumulator: accumulator.to_owned(),
+        glare: "none".to_owned(),
+        certificate,
+    };
+    StarPlan { tent_below_lx, report }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::photometry::kernel::SplatKernel;
+
+    /// Flicker as `physics.md` of the project's design defines it: std / mean over sub-pixel positions of the sum of
+    /// x / (1 + x), x = k * weight.
+    fn flicker(kernel: SplatKernel, k: f64) -> f64 {
+        let n = 64;
+        let sums: Vec<f64> = (0..n * n)
+            .map(|i| {
+                let centre =
+                    glam::DVec2::new(8.0 + f64::from(i % n) / f64::from(n), 8.0 + f64::from(i / n) / f64::from(n));
+                kernel.footprint(centre).iter().map(|tap| k * tap.2 / (1.0 + k * tap.2)).sum()
+            })
+            .collect();
+        let mean = sums.iter().sum::<f64>() / sums.len() as f64;
+        (sums.iter().map(|sum| (sum - mean).powi(2)).sum::<f64>() / sums.len() as f64).sqrt() / mean
+    }
+
+    #[test]
+    fn the_tent_keeps_the_flicker_budget_up_to_the_chosen_peak_and_breaks_it_beyond() {
+        for budget in [0.002, 0.02] {
+            let peak = budget / TENT_FLICKER_PER_PEAK;
+            assert!(flicker(SplatKernel::Tent, peak) <= budget);
+            assert!(flicker(SplatKernel::Tent, 2.0 * peak) > budget);
+        }
+        assert!(flicker(SplatKernel::BSpline, 10.0) <= 0.04);
+    }
+}

@@ -1,0 +1,146 @@
+//! Choosing the fixed-point units of a frame.
+//!
+//! Every channel of a pixel holds 42 bits. The unit is such that all the light of the frame in one pixel would still fit:
+//! sums cannot overflow, whatever the scene. Where one or a few stars outshine all others together by more than 65536 times
+//! (the Sun among the stars), they go through a second set of sums with a unit of its own, so that they do not cost the
+//! others their resolution.
+
+use glam::DVec3;
+
+use super::cull::{VisibleChunk, light_at, near_stars};
+use crate::catalogue::chunks::StarSet;
+
+/// Bits of a channel's sum.
+const CHANNEL_BITS: i32 = 42;
+/// Greatest channel of a colour in gamut with luminance 1: pure red, 1 / 0.2126.
+const GREATEST_CHANNEL: f64 = 4.71;
+/// How many times brighter than everything fainter together a star must be to go apart.
+const OUTSHINES: f64 = 65_536.0;
+/// Chunks that are searched for outshining stars, the brightest ones.
+const SEARCHED_CHUNKS: usize = 16;
+
+/// Fixed-point sums over the stars of a range of brightness.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FixedPoint {
+    /// Units per lux.
+    pub units_per_lx: f64,
+    /// Stars of at least this illuminance, lx.
+    pub faintest_lx: f64,
+    /// Stars below this illuminance, lx.
+    pub brightest_lx: f64,
+}
+
+/// The sums of a frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ranges {
+    /// Nearly all stars.
+    pub main: FixedPoint,
+    /// The few that outshine them.
+    pub bright: Option<FixedPoint>,
+}
+
+fn units_per_lx(total_lx: f64) -> f64 {
+    // Half of the range in reserve for rounding; without any light every unit will do.
+    let greatest_sum_lx = total_lx * GREATEST_CHANNEL;
+    if greatest_sum_lx > 0.0 { (2f64.powi(CHANNEL_BITS - 1) / greatest_sum_lx).min(1e30) } else { 1.0 }
+}
+
+/// Chooses the units for the stars of `visible` not fainter than `faintest_lx`.
+pub fn choose(set: &StarSet, visible: &[VisibleChunk], faintest_lx: f64) -> Ranges {
+    let total_lx: f64 = visible.iter().map(|chunk| chunk.total_lx).sum();
+    let mut by_brightness: Vec<&VisibleChunk> = visible.iter().collect();
+    let searched = SEARCHED_CHUNKS.min(by_brightness.len());
+    if searched > 0 {
+        by_brightness.select_nth_unstable_by(searched - 1, |a, b| b.brightest_lx.total_cmp(&a.brightest_lx));
+    }
+    let mut lights: Vec<f64> = by_brightness[..searched]
+        .iter()
+        .flat_map(|chunk| {
+            let origin_pc: DVec3 = chunk.origin_pc;
+            near_stars(set, &set.chunks[chunk.chunk], origin_pc).map(|(place, star)| light_at(place, star))
+        })
+        .collect();
+    lights.sort_by(|a, b| b.total_cmp(a));
+    let others_lx: f64 = by_brightness[searched..].iter().map(|chunk| chunk.total_lx).sum();
+    // What is fainter than each star, summed from the faintest on.
+    let mut fainter_lx = vec![others_lx; lights.len()];
+    for index in (1..lights.len()).rev() {
+        fainter_lx[index - 1] = fainter_lx[index] + lights[index];
+    }
+    if let Some(last) = (0..lights.len()).find(|&i| fainter_lx[i] > 0.0 && lights[i] > OUTSHINES * fainter_lx[i]) {
+        let bright_lx: f64 = lights[..=last].iter().sum();
+        let threshold_lx = lights[last] / 2.0;
+        return Ranges {
+            main: FixedPoint { units_per_lx: units_per_lx(fainter_lx[last]), faintest_lx, brightest_lx: threshold_lx },
+            bright: Some(FixedPoint {
+                units_per_lx: units_per_lx(bright_lx * (1.0 + 1e-5)),
+                faintest_lx: threshold_lx.max(faintest_lx),
+                brightest_lx: f64::INFINITY,
+            }),
+        };
+    }
+    let main = FixedPoint { units_per_lx: units_per_lx(total_lx), faintest_lx, brightest_lx: f64::INFINITY };
+    Ranges { main, bright: None }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        catalogue::StarRecord,
+        plan::cull::{CullSettings, visible_chunks},
+        units::illuminance_lx_from_magnitude,
+        view::{
+            Part, Viewport,
+            projection::{Equirectangular, Projection},
+        },
+    };
+
+    fn ranges_of(magnitudes: &[f32]) -> Ranges {
+        let records = magnitudes
+            .iter()
+            .map(|&magnitude| StarRecord {
+                position: DVec3::X,
+                magnitude,
+                temperature_k: 5772.0,
+                distance_known: false,
+            })
+            .collect();
+        let set = StarSet::from_records(records);
+        let viewport = Viewport {
+            view: 0,
+            part: Part::Whole,
+            projection: Projection::Equirectangular(Equirectangular::new([8, 4]).unwrap()),
+            world_from_view: glam::DQuat::IDENTITY,
+            eye_offset_m: DVec3::ZERO,
+        };
+        let settings = CullSettings { faintest_lx: 0.0, enabled: true };
+        choose(&set, &visible_chunks(&set, DVec3::ZERO, &[viewport], settings), 0.0)
+    }
+
+    #[test]
+    fn all_light_in_one_pixel_fits() {
+        let ranges = ranges_of(&[1.0, 2.0, 3.0, 3.0]);
+        assert_eq!(ranges.bright, None);
+        let total: f64 = [1.0, 2.0, 3.0, 3.0].into_iter().map(illuminance_lx_from_magnitude).sum();
+        let greatest = total * GREATEST_CHANNEL * ranges.main.units_per_lx;
+        assert!(greatest < 2f64.powi(42) && greatest > 2f64.powi(40), "{greatest}");
+    }
+
+    #[test]
+    fn the_sun_goes_apart_and_sirius_does_not() {
+        let with_sun = ranges_of(&[-26.7, -1.46, 6.0, 21.0]);
+        let bright = with_sun.bright.expect("the Sun outshines all others");
+        assert!(with_sun.main.brightest_lx < illuminance_lx_from_magnitude(-26.7));
+        assert!(with_sun.main.brightest_lx > illuminance_lx_from_magnitude(-1.46));
+        assert_eq!(bright.faintest_lx, with_sun.main.brightest_lx);
+        // A star of magnitude 21 keeps more than a hundred units beside the Sun.
+        assert!(illuminance_lx_from_magnitude(21.0) * with_sun.main.units_per_lx > 100.0);
+        assert_eq!(ranges_of(&[-1.46, 0.0, 0.5, 1.0, 6.0]).bright, None);
+    }
+
+    #[test]
+    fn no_stars_need_no_range() {
+        assert_eq!(ranges_of(&[]).main.units_per_lx, 1.0);
+    }
+}

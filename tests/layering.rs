@@ -1,0 +1,443 @@
+//! Proves that the modules of `src/` import each other in one direction only, the one in which a frame flows.
+//!
+//! Every file is cut into tokens (comments, strings and characters left out), and every path that starts at the crate's
+//! root is followed: `crate::`, `steradian::`, and as many `super::` as lead there, in groups as well as one by one.
+//! What such a path names must stand to the left of the importer in [`LAYERS`].
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+/// Who may import whom: a module may import every module of the layers above its own, and within a layer only what
+/// [`SIBLINGS`] lists. A module that is not here has no place yet: give it one, where it needs least.
+const LAYERS: &[&[&str]] = &[
+    &["units", "coordinates", "telemetry"],
+    &["photometry"],
+    &["config", "catalogue"],
+    &["scene", "view"],
+    &["plan"],
+    &["gpu"],
+    &["passes", "reference", "metrics"],
+    &["frame"],
+    &["verify", "chart"],
+    &["output", "xr", "service"],
+    &["cli"],
+    &["main"],
+];
+
+/// Imports between modules of one layer: (importer, imported). `config` names the parameters of catalogues, a scene has
+/// what its views are made of, and a headset and the service hand out what `output` encodes.
+const SIBLINGS: &[(&str, &str)] =
+    &[("coordinates", "units"), ("config", "catalogue"), ("scene", "view"), ("xr", "output"), ("service", "output")];
+
+/// Imports that the layers would allow and that are refused all the same: a twin on the CPU is worth nothing as a check
+/// if it shares code with what it checks.
+const REFUSED: &[(&str, &str)] = &[("reference", "gpu"), ("reference", "passes")];
+
+/// Crates that a module must not name: (modules, crates). A name with an underscore after it counts too (`tonic_web`).
+const FOREIGN: &[(&[&str], &[&str])] = &[(&["photometry", "scene", "view", "plan"], &["wgpu", "tokio", "tonic"])];
+
+/// Only `service` may name these: protobuf types are the wire's, not the program's.
+const ONLY_SERVICE: &[&str] = &["tonic", "prost", "include_proto"];
+
+/// Modules of `service` that hold generated protobuf types.
+const GENERATED: &[&str] = &["proto"];
+
+/// What all passes may share.
+const SHARED_BY_PASSES: &str = "shared";
+
+/// Token of Rust source, as far as paths go.
+#[derive(Clone, Debug, PartialEq)]
+enum Token {
+    Word(String),
+    PathSeparator,
+    Other(char),
+}
+
+/// Cuts source into tokens. Comments, strings, characters and white space leave none.
+fn tokens(source: &str) -> Vec<Token> {
+    let text: Vec<char> = source.chars().collect();
+    let at = |i: usize| text.get(i).copied().unwrap_or('\0');
+    let is_word = |c: char| c.is_alphanumeric() || c == '_';
+    let mut found = Vec::new();
+    let mut i = 0;
+    while i < text.len() {
+        let c = text[i];
+        if c == '/' && at(i + 1) == '/' {
+            while i < text.len() && text[i] != '\n' {
+                i += 1;
+            }
+        } else if c == '/' && at(i + 1) == '*' {
+            i = end_of_block_comment(&text, i);
+        } else if c == '"' {
+            i = end_of_string(&text, i);
+        } else if c == '\'' {
+            // A character ('x', '\n', '\u{7f}') or a lifetime ('a), which has no quote after its first letter.
+            if at(i + 1) == '\\' {
+                i += 3;
+                while i < text.len() && text[i] != '\'' {
+                    i += 1;
+                }
+                i += 1;
+            } else if at(i + 2) == '\'' {
+                i += 3;
+            } else {
+                i += 1;
+            }
+        } else if is_word(c) {
+            let start = i;
+            while is_word(at(i)) {
+                i += 1;
+            }
+            let word: String = text[start..i].iter().collect();
+            let hashes = (i..).take_while(|&k| at(k) == '#').count();
+            if matches!(word.as_str(), "r" | "br" | "cr") && at(i + hashes) == '"' {
+                i = end_of_raw_string(&text, i + hashes, hashes);
+            } else if word == "r" && hashes == 1 {
+                // A raw identifier: the name itself follows.
+                i += 1;
+            } else {
+                found.push(Token::Word(word));
+            }
+        } else if c == ':' && at(i + 1) == ':' {
+            found.push(Token::PathSeparator);
+            i += 2;
+        } else {
+            if !c.is_whitespace() {
+                found.push(Token::Other(c));
+            }
+            i += 1;
+        }
+    }
+    found
+}
+
+/// Index behind the block comment that starts at `i`. Block comments nest.
+fn end_of_block_comment(text: &[char], mut i: usize) -> usize {
+    let mut depth = 0;
+    while i < text.len() {
+        match (text[i], text.get(i + 1)) {
+            ('/', Some('*')) => (depth, i) = (depth + 1, i + 2),
+            ('*', Some('/')) => (depth, i) = (depth - 1, i + 2),
+            _ => i += 1,
+        }
+        if depth == 0 {
+            break;
+        }
+    }
+    i
+}
+
+/// Index behind the string whose opening quote is at `i`.
+fn end_of_string(text: &[char], mut i: usize) -> usize {
+    i += 1;
+    while i < text.len() && text[i] != '"' {
+        i += if text[i] == '\\' { 2 } else { 1 };
+    }
+    i + 1
+}
+
+/// Index behind the raw string whose opening quote is at `i` and that ends at a quote with `hashes` hashes.
+fn end_of_raw_string(text: &[char], mut i: usize, hashes: usize) -> usize {
+    i += 1;
+    while i < text.len()
+        && !(text[i] == '"' && text[i + 1..].iter().take(hashes).filter(|&&c| c == '#').count() == hashes)
+    {
+        i += 1;
+    }
+    i + 1 + hashes
+}
+
+/// Every path of the source that starts at the crate's root, without the root, cut after two parts:
+/// `crate::gpu::Device` gives `["gpu", "Device"]`. `module` is the path of the file's module: `["passes", "resolve"]`.
+fn root_paths(tokens: &[Token], module: &[&str]) -> Vec<Vec<String>> {
+    let mut paths = Vec::new();
+    // For each open brace, the name of the inline module that it opens, if it opens one.
+    let mut braces: Vec<Option<String>> = Vec::new();
+    let mut i = 0;
+    while i < tokens.len() {
+        let word_before = |back: usize| match i.checked_sub(back).map(|k| &tokens[k]) {
+            Some(Token::Word(word)) => word.as_str(),
+            _ => "",
+        };
+        match &tokens[i] {
+            Token::Other('{') => {
+                braces.push((word_before(2) == "mod").then(|| word_before(1).to_owned()));
+                i += 1;
+            }
+            Token::Other('}') => {
+                braces.pop();
+                i += 1;
+            }
+            Token::Word(word) if tokens.get(i + 1) == Some(&Token::PathSeparator) => {
+                let start = match word.as_str() {
+                    "crate" | "steradian" => Some(Vec::new()),
+                    "super" | "self" => {
+                        let inline = braces.iter().flatten().map(String::as_str);
+                        Some(module.iter().copied().chain(inline).map(str::to_owned).collect())
+                    }
+                    _ => None,
+                };
+                match start {
+                    Some(mut start) => {
+                        if word == "super" {
+                            start.pop();
+                        }
+                        i = follow(tokens, i + 2, start, &mut paths);
+                    }
+                    None => i += 1,
+                }
+            }
+            _ => i += 1,
+        }
+    }
+    paths
+}
+
+/// Follows a path or a group of paths from token `i`, and returns the index behind it. `so_far` is where the path
+/// stands.
+fn follow(tokens: &[Token], mut i: usize, mut so_far: Vec<String>, paths: &mut Vec<Vec<String>>) -> usize {
+    loop {
+        match tokens.get(i) {
+            Some(Token::Word(word)) => {
+                if word == "super" {
+                    so_far.pop();
+                } else if word != "self" {
+                    so_far.push(word.clone());
+                }
+                i += 1;
+                if tokens.get(i) == Some(&Token::PathSeparator) {
+                    i += 1;
+                    continue;
+                }
+            }
+            Some(Token::Other('*')) => {
+                so_far.push("*".to_owned());
+                i += 1;
+            }
+            Some(Token::Other('{')) => {
+                i += 1;
+                while i < tokens.len() && tokens[i] != Token::Other('}') {
+                    match &tokens[i] {
+                        // `as name` renames the path before it.
+                        Token::Word(word) if word == "as" => i += 2,
+                        Token::Other(',') => i += 1,
+                        _ => i = follow(tokens, i, so_far.clone(), paths).max(i + 1),
+                    }
+                }
+                return i + 1;
+            }
+            _ => {}
+        }
+        so_far.truncate(2);
+        paths.push(so_far);
+        return i;
+    }
+}
+
+/// Layer of a module, counted from the left.
+fn layer_of(module: &str) -> Option<usize> {
+    LAYERS.iter().position(|layer| layer.contains(&module))
+}
+
+/// Whether `importer` may import `imported`, both top-level modules, or why not.
+fn may_import(importer: &str, imported: &str) -> Result<(), String> {
+    let Some(from) = layer_of(importer) else { return Err(format!("`{importer}` is not in LAYERS")) };
+    let Some(to) = layer_of(imported) else { return Err(format!("`{imported}` is not in LAYERS")) };
+    let listed = |pairs: &[(&str, &str)]| pairs.contains(&(importer, imported));
+    if importer == imported || (to < from && !listed(REFUSED)) || (to == from && listed(SIBLINGS)) {
+        Ok(())
+    } else {
+        Err(format!("`{importer}` must not import `{imported}`"))
+    }
+}
+
+/// Breaches of the order in one file. `module` is the path of its module, `passes` the names of the modules in
+/// `passes`.
+fn breaches(module: &[&str], source: &str, passes: &BTreeSet<String>) -> Vec<String> {
+    let importer = module[0];
+    let tokens = tokens(source);
+    let mut found = Vec::new();
+    for path in root_paths(&tokens, module) {
+        let Some(imported) = path.first() else { continue };
+        if let Err(breach) = may_import(importer, imported) {
+            found.push(breach);
+        }
+        let Some(part) = path.get(1) else { continue };
+        if let ("passes", Some(own)) = (importer, module.get(1))
+            && imported == "passes"
+            && part != own
+            && part != SHARED_BY_PASSES
+            && passes.contains(part)
+        {
+            found.push(format!("pass `{own}` must not import pass `{part}`"));
+        }
+        if importer != "service" && imported == "service" && GENERATED.contains(&part.as_str()) {
+            found.push(format!("`{importer}` must not name generated types of `service::{part}`"));
+        }
+    }
+    let names = |word: &str, foreign: &str| {
+        word.strip_prefix(foreign).is_some_and(|rest| rest.is_empty() || rest.starts_with('_'))
+    };
+    for token in &tokens {
+        let Token::Word(word) = token else { continue };
+        for (modules, crates) in FOREIGN {
+            if modules.contains(&importer) && crates.iter().any(|foreign| names(word, foreign)) {
+                found.push(format!("`{importer}` must not name `{word}`"));
+            }
+        }
+        if importer != "service" && ONLY_SERVICE.iter().any(|foreign| names(word, foreign)) {
+            found.push(format!("only `service` may name `{word}`, not `{importer}`"));
+        }
+    }
+    found
+}
+
+/// Path of the module that a file holds, from its path below `src`: `passes/mod.rs` holds `passes`.
+fn module_of(file: &Path) -> Vec<String> {
+    let mut parts: Vec<String> =
+        file.with_extension("").iter().map(|part| part.to_str().expect("names in src are UTF-8").to_owned()).collect();
+    if parts.len() > 1 && parts.last().is_some_and(|last| last == "mod") {
+        parts.pop();
+    }
+    parts
+}
+
+/// All files below `folder` that end in `.rs`, as paths relative to `root`.
+fn rust_files(root: &Path, folder: &Path, files: &mut Vec<PathBuf>) {
+    for entry in std::fs::read_dir(folder).expect("src can be read") {
+        let path = entry.expect("src can be read").path();
+        if path.is_dir() {
+            rust_files(root, &path, files);
+        } else if path.extension().is_some_and(|extension| extension == "rs") {
+            files.push(path.strip_prefix(root).expect("below src").to_owned());
+        }
+    }
+}
+
+#[test]
+fn modules_import_in_one_direction_only() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let mut files = Vec::new();
+    rust_files(&root, &root, &mut files);
+    files.sort();
+    assert!(files.contains(&PathBuf::from("units.rs")) && files.contains(&PathBuf::from("main.rs")), "{files:?}");
+    let modules: Vec<Vec<String>> = files.iter().map(|file| module_of(file)).collect();
+    let passes =
+        modules.iter().filter(|module| module[0] == "passes").filter_map(|module| module.get(1)).cloned().collect();
+
+    let mut report = Vec::new();
+    for (file, module) in files.iter().zip(&modules) {
+        // The library's root only declares the modules.
+        if module == &["lib"] {
+            continue;
+        }
+        if layer_of(&module[0]).is_none() {
+            report.push(format!("{}: module `{}` is not in LAYERS", file.display(), module[0]));
+            continue;
+        }
+        let source = std::fs::read_to_string(root.join(file)).expect("source can be read");
+        let module: Vec<&str> = module.iter().map(String::as_str).collect();
+        report.extend(
+            breaches(&module, &source, &passes).into_iter().map(|breach| format!("{}: {breach}", file.display())),
+        );
+    }
+    assert!(report.is_empty(), "the order of LAYERS is breached:\n{}", report.join("\n"));
+}
+
+mod the_check_itself {
+    use super::*;
+
+    fn check(module: &[&str], source: &str) -> Vec<String> {
+        breaches(module, source, &["glare", "stars", "resolve", "shared"].map(str::to_owned).into())
+    }
+
+    #[test]
+    fn breaches_are_found_however_they_are_written() {
+        let cases: &[(&[&str], &str)] = &[
+            (&["photometry"], "use crate::catalogue::StarRecord;"),
+            (&["catalogue"], "use crate::config::Config;"),
+            (&["view"], "use crate::{units::PARSEC_M, scene::{self, Body}};"),
+            (&["scene", "body"], "fn f(x: &crate::plan::Plan) {}"),
+            (&["plan", "budget"], "use super::super::gpu::Device;"),
+            (&["plan"], "use super::gpu;"),
+            (&["plan"], "use {crate::units, super::passes::resolve};"),
+            (&["plan"], "mod tests { use super::super::frame::Frame; }"),
+            (&["plan"], "use self::super::frame::Frame;"),
+            (&["reference", "resolve"], "use crate::passes::resolve::KERNEL;"),
+            (&["reference"], "use crate::gpu::Device;"),
+            (&["metrics"], "use crate::reference::resolve;"),
+            (&["verify"], "use crate::chart::Workload;"),
+            (&["frame"], "let a = 'x'; let s: &'static str = \"\\\"\"; crate::output::write()"),
+            (&["cli"], "use crate::main::run;"),
+            (&["gpu"], "use crate::*;"),
+            (&["gpu"], "use crate::nowhere::Thing;"),
+            (&["nowhere"], "use crate::units;"),
+            (&["plan"], "use ::steradian::gpu;"),
+            (&["scene"], "fn f(d: &wgpu::Device) {}"),
+            (&["view"], "use tokio::sync::mpsc;"),
+            (&["photometry", "rec709"], "use tonic_web as w;"),
+            (&["frame"], "use prost::Message;"),
+            (&["frame"], "tonic::include_proto!(\"steradian.v1\");"),
+            (&["cli", "serve"], "use crate::service::proto::Frame;"),
+            (&["passes", "glare"], "use crate::passes::stars::Splat;"),
+            (&["passes", "glare", "pyramid"], "use super::super::{glare, resolve};"),
+            (&["passes", "glare"], "use super::stars::Splat;"),
+        ];
+        for (module, source) in cases {
+            assert!(!check(module, source).is_empty(), "not found in {module:?}: {source}");
+        }
+    }
+
+    #[test]
+    fn what_is_allowed_is_not_reported() {
+        let cases: &[(&[&str], &str)] = &[
+            (&["photometry", "blackbody"], "use super::rec709::luminance; pub use super::uv_prime; use crate::units;"),
+            (&["units"], "mod tests { use super::*; }"),
+            (&["config"], "use crate::catalogue::Synth;"),
+            (&["scene"], "use crate::view::Pose; pub(crate) fn f() {}"),
+            (
+                &["plan"],
+                "//! [`crate::gpu`] reads this.\n/* crate::frame /* nested */ crate::cli */ // wgpu\nuse crate::view;",
+            ),
+            (&["plan"], "const A: &str = \"crate::gpu and \\\" wgpu\"; const B: &str = r#\"use \"crate::gpu;\"#;"),
+            (&["reference", "resolve"], "use crate::{plan::StarMethod as Method, units::{self, PARSEC_M}};"),
+            (
+                &["passes", "glare", "pyramid"],
+                "use super::kernel; use crate::passes::glare::K; use crate::passes::shared::S;",
+            ),
+            (&["passes"], "use self::glare::Glare; use crate::passes::stars::Splat; use wgpu::Device;"),
+            (&["passes", "glare"], "use crate::passes::PassError; use super::PassError as E;"),
+            (&["service", "scene"], "use super::proto; use crate::output::png; use tonic::Status;"),
+            (&["main"], "use steradian::cli; fn main() { steradian::telemetry::start(); }"),
+            (&["gpu"], "fn f<'a>(x: &'a str) -> std::result::Result<(), E> { other::crate_name::g() }"),
+        ];
+        for (module, source) in cases {
+            assert_eq!(check(module, source), Vec::<String>::new(), "wrongly reported in {module:?}: {source}");
+        }
+    }
+
+    #[test]
+    fn the_table_names_every_module_once_and_the_exceptions_are_of_it() {
+        let all: Vec<&str> = LAYERS.iter().flat_map(|layer| layer.iter().copied()).collect();
+        assert_eq!(all.iter().collect::<BTreeSet<_>>().len(), all.len());
+        for (importer, imported) in SIBLINGS {
+            assert!(layer_of(importer).is_some() && layer_of(importer) == layer_of(imported), "{importer}, {imported}");
+        }
+        for (importer, imported) in REFUSED {
+            assert!(layer_of(importer).is_some() && layer_of(imported).is_some(), "{importer}, {imported}");
+        }
+        for module in FOREIGN.iter().flat_map(|(modules, _)| modules.iter()) {
+            assert!(layer_of(module).is_some(), "{module}");
+        }
+    }
+
+    #[test]
+    fn files_hold_the_modules_that_their_paths_say() {
+        for (file, module) in
+            [("units.rs", "units"), ("passes/mod.rs", "passes"), ("passes/stars/mod.rs", "passes/stars")]
+        {
+            assert_eq!(module_of(Path::new(file)).join("/"), module);
+        }
+        assert_eq!(module_of(Path::new("plan/budget.rs")), ["plan", "budget"]);
+    }
+}
