@@ -5,6 +5,7 @@
 
 use std::{
     error::Error,
+    io::Write,
     path::{Path, PathBuf},
     process::ExitCode,
     time::{Duration, Instant},
@@ -196,8 +197,10 @@ async fn main() -> ExitCode {
     match run(Arguments::parse()).await {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("error: {error}");
-            ExitCode::FAILURE
+            // Where standard error is gone too, the exit code still says it.
+            match writeln!(std::io::stderr(), "error: {error}") {
+                Ok(()) | Err(_) => ExitCode::FAILURE,
+            }
         }
     }
 }
