@@ -33,12 +33,14 @@ fn help_and_version_go_to_standard_output_with_examples() {
     let folder = tempfile::tempdir().unwrap();
     for arguments in [
         &["--help"][..],
+        &["render", "--help"],
+        &["info", "--help"],
         &["catalogue", "import", "--help"],
         &["catalogue", "info", "--help"],
         &["catalogue", "synth", "--help"],
     ] {
         let (out, err) = run(folder.path(), arguments, 0);
-        assert!(out.contains("Example") && out.contains("steradian catalogue"), "{out}");
+        assert!(out.contains("Example") && out.contains("\n  steradian "), "{out}");
         assert!(err.is_empty(), "{err}");
     }
     let (out, _) = run(folder.path(), &["--version"], 0);
@@ -178,4 +180,88 @@ fn a_reader_that_leaves_is_no_failure() {
         .unwrap();
     assert_eq!(output.status.code(), Some(0));
     assert!(text(&output.stderr).is_empty(), "{}", text(&output.stderr));
+}
+
+const SCENE: &str = "[scene]\ncatalogues = ['builtin:bright']\n[[views]]\nname = 'all'\ntype = 'equirectangular'\nsize = [64, 32]\n\
+    [[views]]\nname = 'cube'\ntype = 'cubemap'\nface_size = 16\nfaces = ['up', 'front']\n[[views]]\nname = 'eyes'\ntype = 'stereo'\n\
+    size = [16, 16]\nipd_m = 0.06\nfov = { left_deg = -40, right_deg = 30, up_deg = 30, down_deg = -30 }\n";
+
+#[test]
+fn render_writes_every_image_and_the_manifest_and_repeats_itself() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("sky.toml"), SCENE).unwrap();
+    let (out, _) = run(folder.path(), &["render", "--config", "sky.toml", "--out", "a"], 0);
+    let expected = ["all", "cube.up", "cube.front", "eyes.left", "eyes.right"];
+    for stem in expected {
+        for extension in ["exr", "png"] {
+            assert!(
+                out.lines().any(|line| Path::new(line) == Path::new("a").join(format!("{stem}.{extension}"))),
+                "{out}"
+            );
+        }
+    }
+    let manifest = std::fs::read(folder.path().join("a/manifest.json")).unwrap();
+    let manifest: serde_json::Value = serde_json::from_slice(&manifest).unwrap();
+    assert!(!manifest["adapter"].as_str().unwrap().is_empty());
+    let views = manifest["views"].as_array().unwrap();
+    assert_eq!(views.iter().map(|view| view["name"].as_str().unwrap()).collect::<Vec<_>>(), ["all", "cube", "eyes"]);
+    assert_eq!(views[1]["files"].as_array().unwrap().len(), 4);
+    assert!(views[0]["stars_drawn"].as_u64().unwrap() > 300, "every star is in the full sphere: {manifest}");
+
+    run(folder.path(), &["render", "--config", "sky.toml", "--out", "b"], 0);
+    for stem in expected {
+        for extension in ["exr", "png"] {
+            let read = |out: &str| std::fs::read(folder.path().join(format!("{out}/{stem}.{extension}"))).unwrap();
+            assert_eq!(read("a"), read("b"), "{stem}.{extension}");
+        }
+    }
+    // An override reaches the picture.
+    run(folder.path(), &["render", "--config", "sky.toml", "--out", "c", "--set", "views.all.size=[32, 16]"], 0);
+    let size = |out: &str| {
+        let png = std::fs::File::open(folder.path().join(format!("{out}/all.png"))).unwrap();
+        png::Decoder::new(std::io::BufReader::new(png)).read_info().unwrap().info().size()
+    };
+    assert_eq!((size("a"), size("c")), ((64, 32), (32, 16)));
+}
+
+#[test]
+fn render_refuses_bad_configurations_with_64_bad_catalogues_with_65_and_unknown_adapters_with_69() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str, content: &str| std::fs::write(folder.path().join(name), content).unwrap();
+    file("sky.toml", SCENE);
+    file("empty.toml", "");
+    file("lost.toml", &SCENE.replace("'builtin:bright'", "'lost.csv'"));
+    for (arguments, code, parts) in [
+        (&["--config", "missing.toml"][..], 64, &["missing.toml"][..]),
+        (&["--config", "empty.toml"], 64, &["empty.toml", "[[views]]"]),
+        (&["--config", "sky.toml", "--set", "views.all.siz=3"], 64, &["sky.toml", "views[0].siz", "--set"]),
+        (&["--config", "sky.toml", "--set", "views.all.size=[2000000, 2]"], 64, &["sky.toml", "view `all`", "2000000"]),
+        (&["--config", "lost.toml"], 65, &["lost.toml", "lost.csv"]),
+        (&["--config", "sky.toml", "--adapter", "no such adapter"], 69, &["no such adapter"]),
+    ] {
+        let (out, err) = run(folder.path(), &[&["render", "--out", "out"], arguments].concat(), code);
+        assert!(out.is_empty(), "{out}");
+        for part in parts {
+            assert!(err.contains(part), "`{part}` is not in: {err}");
+        }
+        assert_eq!(err.matches("error:").count(), 1, "{err}");
+    }
+    assert!(!folder.path().join("out").exists());
+    file("out", "a file where the folder should be");
+    let (_, err) = run(folder.path(), &["render", "--out", "out", "--config", "sky.toml"], 1);
+    assert!(err.contains("cannot write out"), "{err}");
+}
+
+#[test]
+fn info_tells_the_adapter_as_text_and_as_json() {
+    let folder = tempfile::tempdir().unwrap();
+    let (out, _) = run(folder.path(), &["info"], 0);
+    assert!(out.contains("adapter") && out.contains("fallbacks"), "{out}");
+    let (out, _) = run(folder.path(), &["info", "--json"], 0);
+    let report: serde_json::Value = serde_json::from_str(&out).unwrap();
+    for key in ["adapter", "driver", "features", "limits", "fallbacks"] {
+        assert!(!report[key].is_null(), "{key} is not in {out}");
+    }
+    let (out, err) = run(folder.path(), &["info", "--json", "--adapter", "no such adapter"], 69);
+    assert!(out.is_empty() && err.contains("no such adapter"), "{err}");
 }

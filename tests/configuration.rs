@@ -93,7 +93,7 @@ fn the_built_in_configuration_has_a_dome_and_a_window() {
     assert!(matches!(rig.views()[0].kind, ViewKind::DomeMaster { size: 1024, .. }));
     assert!(matches!(rig.views()[1].kind, ViewKind::Perspective { .. }));
     assert_eq!(config.star_sources().len(), 2);
-    assert_eq!(config.server.listen.port(), 0);
+    assert_eq!(config.server.listen, "127.0.0.1:0");
 }
 
 #[test]
@@ -102,7 +102,7 @@ fn an_empty_file_is_all_defaults() {
     assert_eq!(config.render_settings(), RenderSettings::default());
     assert_eq!(config.star_sources(), [StarSource::Bright]);
     assert_eq!(config.camera().unwrap(), steradian::scene::Camera::default());
-    assert_eq!(config.server.listen.to_string(), "127.0.0.1:7143");
+    assert_eq!(config.server.listen, "127.0.0.1:7143");
     assert_eq!(config.scene.time.to_string(), "2026-01-01T00:00:00Z");
     assert_eq!(config.glare.inner_deg, 0.1);
     assert!(config.rig().unwrap().views().is_empty());
@@ -320,7 +320,7 @@ fn sections_of_rendering() {
     assert_eq!((settings.exposure.mode, settings.exposure.ev100), (ExposureMode::Manual, 2.0));
     assert_eq!(settings.tone_map.operator, ToneMapOperator::Srgb);
     assert_eq!((settings.accuracy.flux, settings.accuracy.centroid_px, settings.accuracy.flicker), (1e-2, 0.1, 0.5));
-    assert_eq!(config.server.listen.port(), 99);
+    assert_eq!(config.server.listen, "[::1]:99");
 }
 
 #[test]
@@ -342,7 +342,9 @@ fn mistakes_in_the_sections() {
     refused("[exposure]\niso = 100", &["exposure.iso", "unknown key", "ev100"]);
     refused("[tone_map]\noperator = 'aces'", &["tone_map.operator", "filmic"]);
     refused("[accuracy]\nflux = 0", &["accuracy.flux", "above 0"]);
-    refused("[server]\nlisten = 'everywhere'", &["server.listen", "127.0.0.1:7143"]);
+    for listen in ["everywhere", ":7143", "localhost:http", "localhost:70000", "::1:7143"] {
+        refused(&format!("[server]\nlisten = '{listen}'"), &["server.listen", listen, "127.0.0.1:7143"]);
+    }
 }
 
 #[test]

@@ -5,6 +5,8 @@ use std::io;
 use crate::catalogue::galaxy::GalaxyError;
 use crate::catalogue::store::StoreError;
 use crate::config::ConfigError;
+use crate::frame::RenderError;
+use crate::gpu::GpuError;
 use crate::output::OutputError;
 use crate::scene::loader::LoadError;
 
@@ -46,19 +48,48 @@ pub enum CliError {
     /// Files of a frame cannot be written.
     #[error(transparent)]
     Output(#[from] OutputError),
+    /// No adapter can be used, or the device failed.
+    #[error(transparent)]
+    Gpu(#[from] GpuError),
+    /// A frame cannot be rendered.
+    #[error("{origin}: {source}")]
+    Render {
+        /// The configuration.
+        origin: String,
+        /// Why.
+        source: RenderError,
+    },
+    /// A report cannot be put into JSON.
+    #[error("cannot write JSON: {0}")]
+    Json(serde_json::Error),
     /// Standard output does not take the result.
     #[error("cannot write to standard output: {0}")]
     Stdout(#[from] io::Error),
 }
 
 impl CliError {
+    /// An error of the renderer with the configuration that it comes from.
+    pub(super) fn render(source: RenderError, origin: &str) -> Self {
+        CliError::Render { origin: origin.to_owned(), source }
+    }
+
     /// The exit code of the contract with scripts.
     pub fn exit_code(&self) -> u8 {
         match self {
+            CliError::Gpu(error) | CliError::Render { source: RenderError::Gpu(error), .. } => match error {
+                GpuError::NoAdapter(_) | GpuError::Device { .. } => NO_ADAPTER,
+                GpuError::Lost(_) | GpuError::Readback(_) => FAILED,
+            },
+            CliError::Render { source, .. } => match source {
+                RenderError::TooLarge { .. }
+                | RenderError::TooManyImages { .. }
+                | RenderError::TooManyPixels { .. } => BAD_USAGE,
+                _ => FAILED,
+            },
             CliError::Usage(_) | CliError::Config(_) | CliError::Galaxy(_) => BAD_USAGE,
             CliError::Load { source: LoadError::Galaxy { .. }, .. } => BAD_USAGE,
             CliError::Load { .. } | CliError::ReadStore(_) => BAD_DATA,
-            CliError::WriteStore(_) | CliError::Output(_) | CliError::Stdout(_) => FAILED,
+            CliError::WriteStore(_) | CliError::Output(_) | CliError::Json(_) | CliError::Stdout(_) => FAILED,
         }
     }
 

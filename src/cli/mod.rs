@@ -5,9 +5,11 @@
 
 mod catalogue;
 mod error;
+mod info;
 mod load;
 mod logging;
 mod progress;
+mod render;
 mod results;
 
 use clap::{Parser, Subcommand};
@@ -20,6 +22,8 @@ pub use error::{BAD_DATA, BAD_USAGE, CliError, FAILED, NO_ADAPTER};
     version,
     about = "Renders a space scene in many views at once, each pixel with the luminance its solid angle asks for.",
     after_help = "Examples:\n  \
+        steradian render --config configs/demo.toml --out out\n  \
+        steradian info --json\n  \
         steradian catalogue synth --stars 1000000 --seed 1 --out galaxy.stars\n  \
         steradian catalogue info galaxy.stars\n\n\
         Exit codes: 0 done, 1 a job failed, 64 bad usage or configuration, 65 bad input data, 69 no usable adapter."
@@ -40,6 +44,10 @@ pub struct Cli {
 /// The subcommands.
 #[derive(Debug, Subcommand)]
 pub enum Command {
+    /// Render every view of a configuration once and write the files.
+    Render(render::RenderArguments),
+    /// Tell the adapter, its driver, the features and limits used, and the fallbacks taken.
+    Info(info::InfoArguments),
     /// Work with star catalogues.
     Catalogue(catalogue::CatalogueArguments),
 }
@@ -48,6 +56,8 @@ pub enum Command {
 pub fn run(arguments: Cli) -> Result<(), CliError> {
     logging::start(arguments.log.as_deref())?;
     match arguments.command {
+        Command::Render(command) => render::run(command, arguments.adapter),
+        Command::Info(command) => info::run(&command, arguments.adapter),
         Command::Catalogue(command) => catalogue::run(command),
     }
 }

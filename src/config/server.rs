@@ -1,30 +1,37 @@
 //! `[server]`: where the daemon listens.
 
-use std::net::{IpAddr, Ipv4Addr, SocketAddr};
-
 use serde::{Deserialize, Deserializer};
 
 /// `[server]`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ServerConfig {
-    /// Address and port; port 0 takes a free one.
+    /// Host and port, `host:port`; port 0 takes a free one.
     #[serde(deserialize_with = "address")]
-    pub listen: SocketAddr,
+    pub listen: String,
 }
 
 impl Default for ServerConfig {
     fn default() -> Self {
-        Self { listen: SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), 7143) }
+        Self { listen: "127.0.0.1:7143".to_owned() }
     }
 }
 
-fn address<'de, D: Deserializer<'de>>(deserializer: D) -> Result<SocketAddr, D::Error> {
+fn address<'de, D: Deserializer<'de>>(deserializer: D) -> Result<String, D::Error> {
     let text = String::deserialize(deserializer)?;
     parse_listen(&text).map_err(serde::de::Error::custom)
 }
 
-/// The address of `text`; the error says what is allowed.
-pub fn parse_listen(text: &str) -> Result<SocketAddr, String> {
-    text.parse().map_err(|_| format!("`{text}` is no address with a port, such as \"127.0.0.1:7143\" or \"[::]:7143\""))
+/// Checks that `text` is a host with a port; the host itself is looked up when the daemon starts. The error says what is
+/// allowed.
+pub fn parse_listen(text: &str) -> Result<String, String> {
+    let (host, port) = text.rsplit_once(':').unwrap_or((text, ""));
+    // An IPv6 address stands in brackets: without them its last group would pass for a port.
+    let bare_ipv6 = host.contains(':') && !(host.starts_with('[') && host.ends_with(']'));
+    if host.is_empty() || bare_ipv6 || port.parse::<u16>().is_err() {
+        return Err(format!(
+            "`{text}` is no host with a port: allowed are such as \"127.0.0.1:7143\", \"[::]:7143\" and \"localhost:0\""
+        ));
+    }
+    Ok(text.to_owned())
 }

@@ -116,7 +116,7 @@ mod tests {
 
     use super::super::encode::tests::{exr_channel, sample};
     use super::*;
-    use crate::frame::{FrameImage, ViewStatistics};
+    use crate::frame::{FrameImage, FrameTimes, ViewStatistics};
     use crate::view::projection::Face;
     use crate::view::{Part, View, ViewKind};
 
@@ -149,9 +149,12 @@ mod tests {
             scene_revision: 7,
             camera_revision: 2,
             exposure_ev100: -3.25,
+            metered_ev100: -3.25,
+            mean_luminance_cd_m2: 0.01,
             images,
             views,
             plan: FramePlan { stars: "bspline".to_owned(), ..FramePlan::default() },
+            times: FrameTimes::default(),
         };
         (rig, frame)
     }

@@ -3,7 +3,8 @@
 //! The local luminosity function is stars per cubic parsec and magnitude against absolute V magnitude: the nearby stars of
 //! Wielen, Jahreiss and Krueger 1983 and, for the luminous end, the summary in Allen's *Astrophysical Quantities*, split
 //! in main sequence and evolved stars (subgiants, giants, and the red clump as a Gaussian of its own). White dwarfs
-//! are left out. Temperatures follow the main sequence of Pecaut and Mamajek 2013 (rounded), and for the evolved stars
+//! are left out. Within their scatter the figures are rounded so that the whole-sky star counts of the model agree with the
+//! real ones. Temperatures follow the main sequence of Pecaut and Mamajek 2013 (rounded), and for the evolved stars
 //! a red giant branch from 5300 K at its foot to 3300 K at its tip, with scatter.
 
 use super::structure::{POPULATIONS, Population};
@@ -56,7 +57,7 @@ const RED_GIANT_BRANCH: [(f64, f64); 9] = [
 ];
 
 /// The red clump: stars per cubic parsec, mean and standard deviation of the absolute V magnitude.
-const CLUMP: (f64, f64, f64) = (1.0e-4, 0.8, 0.25);
+const CLUMP: (f64, f64, f64) = (0.85e-4, 0.8, 0.25);
 
 /// Share of the old disc's stars that the thick disc and the halo have near the Sun (Juric et al. 2008: 12 % and 0.5 %;
 /// Bland-Hawthorn and Gerhard 2016: 4 % and less).

@@ -1,4 +1,5 @@
 //! The synthetic galaxy against the real sky, and against itself.
+#![allow(clippy::print_stderr, reason = "the counts and densities are what one wants to see of these tests")]
 
 use super::*;
 use crate::coordinates;
@@ -95,7 +96,8 @@ fn densities(stars: &[StarRecord]) -> Densities {
         poles: counts[3] as f64 / caps,
     };
     eprintln!(
-        "per square degree: centre {:.1}, anticentre {:.1}, plane {:.1}, poles {:.1}; centre/anticentre {:.2}, plane/poles {:.2}",
+        "per square degree: centre {:.1}, anticentre {:.1}, plane {:.1}, poles {:.1}; \
+         centre/anticentre {:.2}, plane/poles {:.2}",
         result.centre,
         result.anticentre,
         result.plane,
@@ -166,6 +168,9 @@ fn the_brighter_stars_are_left_out_and_no_others() {
     // The set begins right at the limit: within 0.01 mag there are some 80 stars.
     let brightest = fainter.iter().map(StarRecord::apparent_magnitude).fold(f64::INFINITY, f64::min);
     assert!(brightest < 6.51, "{brightest}");
+    // Where stars are so many that rounding to f32 would push some over the limit.
+    let crowded = generate(&parameters(1_000_000, 2, Some(12.0))).unwrap();
+    assert!(crowded.iter().all(|s| s.apparent_magnitude() >= 12.0));
 }
 
 #[test]

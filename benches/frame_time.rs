@@ -1,0 +1,168 @@
+//! Frame time on the adapter in use: ten million stars with and without chunk culling, and a whole frame of a planetarium
+//! dome. Variants are interleaved in one run; medians are printed. Run: `cargo bench --bench frame_time`, or with the
+//! names of some of the benchmarks.
+
+use std::{f64::consts::PI, sync::Arc};
+
+use glam::{DMat3, DQuat, DVec3};
+use steradian::{
+    catalogue::{
+        chunks::StarSet,
+        galaxy::{GalaxyParameters, generate},
+    },
+    coordinates::icrs_from_galactic,
+    frame::{FrameTimes, Renderer, Wanted},
+    gpu::{Gpu, GpuOptions},
+    plan::settings::{RenderSettings, StarMethod},
+    scene::{Camera, SceneSnapshot},
+    view::{Rig, View, ViewKind, projection::FisheyeMapping},
+};
+
+fn galaxy(stars: usize) -> Arc<StarSet> {
+    let parameters = GalaxyParameters { stars, seed: 1, fainter_than: Some(3.5) };
+    Arc::new(StarSet::from_records(generate(&parameters).expect("the galaxy has so many stars")))
+}
+
+fn rig(kind: ViewKind) -> Rig {
+    let view = View::new("view", kind, DQuat::IDENTITY, DVec3::ZERO).expect("a valid view");
+    Rig::new(vec![view]).expect("a valid rig")
+}
+
+/// Camera at the Sun that looks along `direction`.
+fn looking(direction: DVec3) -> Camera {
+    let back = -direction.normalize();
+    let right = DVec3::Z.cross(back).normalize();
+    let world_from_camera = DQuat::from_mat3(&DMat3::from_cols(right, back.cross(right), back));
+    Camera { world_from_camera, ..Camera::default() }
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
+}
+
+fn gpu_ms(times: &FrameTimes) -> f64 {
+    times.passes_ms.iter().map(|(_, ms)| ms).sum()
+}
+
+struct Bench {
+    renderer: Renderer,
+    settings: RenderSettings,
+    frames: usize,
+}
+
+impl Bench {
+    fn frame(&mut self, scene: &SceneSnapshot, rig: &Rig) -> (FrameTimes, u64) {
+        let wanted = [Wanted { display: true, hdr: false }];
+        let frame = self.renderer.render(scene, rig, &self.settings, &wanted, None).expect("the frame renders");
+        (frame.times, frame.views[0].stars_drawn)
+    }
+
+    fn culling(&mut self, stars: &Arc<StarSet>) {
+        let flat = || rig(ViewKind::Perspective { size: [1920, 1080], fov_y_rad: PI / 3.0 });
+        let dome = || rig(ViewKind::Fisheye { size: [2048, 2048], mapping: FisheyeMapping::Equidistant, fov_rad: PI });
+        println!("direction             share  culled ms  unculled ms  ratio  allowed   (whole frame; star pass)");
+        for (name, galactic, rig, anticentre) in [
+            ("centre 1080p", DVec3::X, flat(), false),
+            ("anticentre 1080p", DVec3::NEG_X, flat(), true),
+            ("pole 1080p", DVec3::Z, flat(), false),
+            ("centre dome 2048", DVec3::X, dome(), false),
+            ("pole dome 2048", DVec3::Z, dome(), false),
+        ] {
+            let camera = looking(icrs_from_galactic() * galactic);
+            let scene = SceneSnapshot { revision: 1, stars: stars.clone(), camera };
+            let (mut culled, mut unculled, mut culled_stars, mut unculled_stars) = (vec![], vec![], vec![], vec![]);
+            let mut drawn = 0;
+            for _ in 0..self.frames {
+                for culling in [true, false] {
+                    self.renderer.culling = culling;
+                    let (times, count) = self.frame(&scene, &rig);
+                    drawn = count;
+                    let star_ms = times.passes_ms.iter().filter(|p| p.0 == "stars").map(|p| p.1).sum();
+                    if culling {
+                        culled.push(times.total_ms);
+                        culled_stars.push(star_ms);
+                    } else {
+                        unculled.push(times.total_ms);
+                        unculled_stars.push(star_ms);
+                    }
+                }
+            }
+            self.renderer.culling = true;
+            let share = drawn as f64 / stars.stars.len() as f64;
+            let (a, b) = (median(culled), median(unculled));
+            let (c, d) = (median(culled_stars), median(unculled_stars));
+            let allowed = if anticentre { 0.35 } else { share + 0.15 };
+            println!(
+                "{name:20} {share:6.3} {a:10.1} {b:12.1} {:6.2} {allowed:8.2}   star pass {c:.1} / {d:.1} = {:.2}",
+                a / b,
+                c / d
+            );
+        }
+    }
+
+    fn dome(&mut self, stars: usize) {
+        let scene =
+            SceneSnapshot { revision: 1, stars: galaxy(stars), camera: looking(icrs_from_galactic() * DVec3::X) };
+        let rig = rig(ViewKind::Fisheye { size: [1024, 1024], mapping: FisheyeMapping::Equidistant, fov_rad: PI });
+        let mut methods = vec![];
+        let mut count = 0;
+        for method in [StarMethod::Auto, StarMethod::BSpline, StarMethod::Tent] {
+            methods.push((method, vec![], vec![], vec![]));
+        }
+        for _ in 0..3 * self.frames {
+            for (method, total, gpu, passes) in &mut methods {
+                self.settings.stars.method = *method;
+                let (times, drawn) = self.frame(&scene, &rig);
+                total.push(times.total_ms);
+                gpu.push(gpu_ms(&times));
+                for (i, (name, ms)) in times.passes_ms.iter().enumerate() {
+                    if passes.len() <= i {
+                        passes.push((*name, *ms));
+                    }
+                    passes[i].1 = passes[i].1.min(*ms);
+                }
+                count = drawn;
+            }
+        }
+        self.settings.stars.method = StarMethod::Auto;
+        for (method, total, gpu, passes) in methods {
+            println!(
+                "dome 1024, {count} of {stars} stars in view, {method:?}: whole frame {:.1} ms (fastest {:.1}), passes {:.1} ms; fastest: {passes:.1?}",
+                median(total.clone()),
+                total.iter().fold(f64::MAX, |a, b| a.min(*b)),
+                median(gpu)
+            );
+        }
+    }
+}
+
+fn main() {
+    // Cargo passes `--bench`; the other words choose benchmarks.
+    let chosen: Vec<String> = std::env::args().skip(1).filter(|word| !word.starts_with("--")).collect();
+    let wanted = |name: &str| chosen.is_empty() || chosen.iter().any(|word| word == name);
+    let gpu = Gpu::open(&GpuOptions::default()).expect("an adapter");
+    println!("{}\n", gpu.report());
+    let mut bench = Bench { renderer: Renderer::new(gpu), settings: RenderSettings::default(), frames: 7 };
+    if wanted("dome") {
+        bench.dome(290_000);
+    }
+    if wanted("culling") {
+        let start = std::time::Instant::now();
+        let stars = galaxy(10_000_000);
+        println!("10 million stars in {} chunks made in {:.1} s", stars.chunks.len(), start.elapsed().as_secs_f64());
+        bench.culling(&stars);
+        println!("peak memory {} MiB", peak_memory_mib());
+    }
+}
+
+/// Peak resident memory of this process, where the system tells (Linux).
+fn peak_memory_mib() -> String {
+    std::fs::read_to_string("/proc/self/status")
+        .ok()
+        .and_then(|status| {
+            let line = status.lines().find(|line| line.starts_with("VmHWM:"))?;
+            line.split_whitespace().nth(1)?.parse::<u64>().ok()
+        })
+        .map_or_else(|| "unknown".to_owned(), |kib| (kib / 1024).to_string())
+}
