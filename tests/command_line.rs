@@ -34,6 +34,7 @@ fn help_and_version_go_to_standard_output_with_examples() {
     for arguments in [
         &["--help"][..],
         &["render", "--help"],
+        &["serve", "--help"],
         &["info", "--help"],
         &["catalogue", "import", "--help"],
         &["catalogue", "info", "--help"],
@@ -264,4 +265,63 @@ fn info_tells_the_adapter_as_text_and_as_json() {
     }
     let (out, err) = run(folder.path(), &["info", "--json", "--adapter", "no such adapter"], 69);
     assert!(out.is_empty() && err.contains("no such adapter"), "{err}");
+}
+
+/// The daemon; killed if a test ends early.
+struct Daemon(std::process::Child);
+
+impl Drop for Daemon {
+    fn drop(&mut self) {
+        // It may have ended already, which is what most tests are about.
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn serve_says_where_it_listens_and_ends_with_0_on_sigterm_and_sigint() {
+    use std::io::{BufRead, BufReader, Read};
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("sky.toml"), SCENE).unwrap();
+    for signal in ["TERM", "INT"] {
+        let child = Command::new(env!("CARGO_BIN_EXE_steradian"))
+            .args(["serve", "--config", "sky.toml", "--listen", "127.0.0.1:0"])
+            .current_dir(folder.path())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        let mut daemon = Daemon(child);
+        let mut out = BufReader::new(daemon.0.stdout.take().unwrap());
+        let mut line = String::new();
+        out.read_line(&mut line).unwrap();
+        let address = line.trim().strip_prefix("listening on ").unwrap_or_else(|| panic!("{line}"));
+        std::net::TcpStream::connect(address).unwrap();
+        let kill = Command::new("kill").args(["-s", signal, &daemon.0.id().to_string()]).status().unwrap();
+        assert!(kill.success());
+        assert_eq!(daemon.0.wait().unwrap().code(), Some(0), "SIG{signal}");
+        let mut rest = String::new();
+        out.read_to_string(&mut rest).unwrap();
+        assert!(rest.is_empty(), "{rest}");
+    }
+}
+
+#[test]
+fn serve_refuses_what_it_cannot_do() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("sky.toml"), SCENE).unwrap();
+    let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let taken = listener.local_addr().unwrap().to_string();
+    for (arguments, code, part) in [
+        (&["--listen", "nowhere"][..], 64, "127.0.0.1:7143"),
+        (&["--config", "missing.toml"], 64, "missing.toml"),
+        (&["--config", "sky.toml", "--set", "server.listen=nowhere"], 64, "server.listen"),
+        (&["--config", "sky.toml", "--adapter", "no such adapter"], 69, "no such adapter"),
+        (&["--config", "sky.toml", "--listen", &taken], 1, "in use"),
+    ] {
+        let (out, err) = run(folder.path(), &[&["serve"], arguments].concat(), code);
+        assert!(out.is_empty() && err.contains(part), "{err}");
+    }
+    drop(listener);
 }

@@ -9,6 +9,7 @@ use crate::frame::RenderError;
 use crate::gpu::GpuError;
 use crate::output::OutputError;
 use crate::scene::loader::LoadError;
+use crate::service::ServeError;
 
 /// Exit code: a check or a job failed.
 pub const FAILED: u8 = 1;
@@ -59,6 +60,12 @@ pub enum CliError {
         /// Why.
         source: RenderError,
     },
+    /// The threads of the daemon cannot be started.
+    #[error("cannot start the daemon: {0}")]
+    Runtime(io::Error),
+    /// The daemon could not start, or failed.
+    #[error(transparent)]
+    Serve(ServeError),
     /// A report cannot be put into JSON.
     #[error("cannot write JSON: {0}")]
     Json(serde_json::Error),
@@ -86,6 +93,8 @@ impl CliError {
                 | RenderError::TooManyPixels { .. } => BAD_USAGE,
                 _ => FAILED,
             },
+            CliError::Serve(ServeError::Address { .. }) => BAD_USAGE,
+            CliError::Serve(_) | CliError::Runtime(_) => FAILED,
             CliError::Usage(_) | CliError::Config(_) | CliError::Galaxy(_) => BAD_USAGE,
             CliError::Load { source: LoadError::Galaxy { .. }, .. } => BAD_USAGE,
             CliError::Load { .. } | CliError::ReadStore(_) => BAD_DATA,

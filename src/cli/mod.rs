@@ -11,6 +11,7 @@ mod logging;
 mod progress;
 mod render;
 mod results;
+mod serve;
 
 use clap::{Parser, Subcommand};
 pub use error::{BAD_DATA, BAD_USAGE, CliError, FAILED, NO_ADAPTER};
@@ -23,6 +24,7 @@ pub use error::{BAD_DATA, BAD_USAGE, CliError, FAILED, NO_ADAPTER};
     about = "Renders a space scene in many views at once, each pixel with the luminance its solid angle asks for.",
     after_help = "Examples:\n  \
         steradian render --config configs/demo.toml --out out\n  \
+        steradian serve --config configs/demo.toml --listen 127.0.0.1:7143\n  \
         steradian info --json\n  \
         steradian catalogue synth --stars 1000000 --seed 1 --out galaxy.stars\n  \
         steradian catalogue info galaxy.stars\n\n\
@@ -46,6 +48,8 @@ pub struct Cli {
 pub enum Command {
     /// Render every view of a configuration once and write the files.
     Render(render::RenderArguments),
+    /// Run the daemon: renders views for clients over gRPC until SIGINT or SIGTERM.
+    Serve(serve::ServeArguments),
     /// Tell the adapter, its driver, the features and limits used, and the fallbacks taken.
     Info(info::InfoArguments),
     /// Work with star catalogues.
@@ -57,6 +61,7 @@ pub fn run(arguments: Cli) -> Result<(), CliError> {
     logging::start(arguments.log.as_deref())?;
     match arguments.command {
         Command::Render(command) => render::run(command, arguments.adapter),
+        Command::Serve(command) => serve::run(command, arguments.adapter),
         Command::Info(command) => info::run(&command, arguments.adapter),
         Command::Catalogue(command) => catalogue::run(command),
     }

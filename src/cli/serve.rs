@@ -8,12 +8,10 @@ use clap::Args;
 
 use super::{CliError, load, results};
 use crate::config::{Config, parse_listen};
-use crate::frame::{Frame, Renderer, Wanted};
+use crate::frame::Renderer;
 use crate::gpu::{Gpu, GpuOptions};
-use crate::plan::settings::RenderSettings;
 use crate::scene::SceneSnapshot;
-use crate::service::{self, Engine, EngineError, EngineInfo, ServeOptions};
-use crate::view::Rig;
+use crate::service::{self, ServeOptions};
 
 /// Arguments of `serve`.
 #[derive(Debug, Args)]
@@ -57,30 +55,5 @@ fn announce(address: SocketAddr) {
     if let Err(error) = results::line(format!("listening on {address}")) {
         // The daemon is of use without a reader of its output.
         tracing::warn!("{error}");
-    }
-}
-
-impl Engine for Renderer {
-    fn render(
-        &mut self,
-        snapshot: &SceneSnapshot,
-        rig: &Rig,
-        settings: &RenderSettings,
-        wanted: &[Wanted],
-        adapted_ev100: Option<f64>,
-    ) -> Result<Frame, EngineError> {
-        Renderer::render(self, snapshot, rig, settings, wanted, adapted_ev100).map_err(EngineError::new)
-    }
-
-    fn info(&self) -> EngineInfo {
-        let report = self.adapter();
-        EngineInfo {
-            adapter: report.adapter.clone(),
-            driver: report.driver.clone(),
-            backend: report.backend.clone(),
-            features: report.features.clone(),
-            limits: report.limits.iter().map(|(name, value)| (name.clone(), value.to_string())).collect(),
-            fallbacks: report.fallbacks.clone(),
-        }
     }
 }
