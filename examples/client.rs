@@ -167,7 +167,7 @@ async fn run(arguments: Arguments) -> Result<(), Box<dyn Error>> {
         return Err("no streamed frame shows any of the poses".into());
     }
     println!(
-        "latency     {:.1} ms median, {:.1} ms p99, from SetCamera to the frame here ({} of {} poses; the others were overtaken)",
+        "latency     {:.1} ms median, {:.1} ms p99, from SetCamera to the PNG here ({} of {} poses had a frame of their own)",
         percentile(&latencies_ms, 0.5),
         percentile(&latencies_ms, 0.99),
         latencies_ms.len(),
