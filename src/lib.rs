@@ -6,6 +6,7 @@
 //! `output` and `service` hand frames out. `docs/architecture.md` tells the whole story.
 
 pub mod coordinates;
+mod files;
 pub mod units;
 
 pub mod photometry;
@@ -17,9 +18,16 @@ pub mod view;
 
 pub mod plan;
 
+pub mod config;
+
 pub mod gpu;
 
 pub(crate) mod passes;
 pub mod reference;
 
 pub mod frame;
+
+pub mod output;
+pub mod service;
+
+pub mod cli;

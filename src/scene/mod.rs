@@ -1,5 +1,7 @@
 //! The scene: an immutable snapshot with a revision. Every view of a frame shows the same snapshot.
 
+pub mod loader;
+
 use std::sync::Arc;
 
 use glam::{DQuat, DVec3};

@@ -1,0 +1,144 @@
+//! `catalogue import`, `catalogue info`, `catalogue synth`: star catalogues and their stores.
+
+use std::path::{Path, PathBuf};
+
+use clap::{Args, Subcommand};
+
+use super::{CliError, load, results};
+use crate::catalogue::bright;
+use crate::catalogue::galaxy::{GalaxyParameters, MOST_STARS};
+use crate::catalogue::packed::PackedStar;
+use crate::catalogue::store::{self, Store};
+use crate::scene::loader::{LoadError, StarSource};
+use crate::units::{illuminance_lx_from_magnitude, magnitude_from_illuminance_lx};
+
+/// Arguments of `catalogue`.
+#[derive(Debug, Args)]
+pub struct CatalogueArguments {
+    #[command(subcommand)]
+    command: CatalogueCommand,
+}
+
+#[derive(Debug, Subcommand)]
+enum CatalogueCommand {
+    /// Read catalogues (CSV, JSON, stores, builtin:bright) and write them as one store.
+    #[command(after_help = "Examples:\n  \
+        steradian catalogue import hipparcos.csv --out hipparcos.stars\n  \
+        steradian catalogue import builtin:bright faint.json --out sky.stars\n\n\
+        A row that cannot be used is reported with its line number; exit code 65 if no row is usable.")]
+    Import {
+        /// Catalogues; they add up.
+        #[arg(required = true, value_name = "FILE")]
+        files: Vec<PathBuf>,
+        /// The store to write.
+        #[arg(long, value_name = "STORE")]
+        out: PathBuf,
+    },
+    /// Tell what a store holds.
+    #[command(after_help = "Example:\n  steradian catalogue info hipparcos.stars")]
+    Info {
+        /// The store.
+        #[arg(value_name = "STORE")]
+        store: PathBuf,
+    },
+    /// Make a synthetic Milky Way and write it as a store.
+    #[command(after_help = "Examples:\n  \
+        steradian catalogue synth --stars 10000000 --seed 1 --out galaxy.stars\n  \
+        steradian catalogue synth --stars 300000 --seed 1 --fainter-than 3.5 --out faint.stars")]
+    Synth {
+        /// Number of stars: the brightest of the model as seen from the Sun.
+        #[arg(long, value_name = "N", value_parser = star_count)]
+        stars: usize,
+        /// Seed of the random numbers: the same seed gives the same stars.
+        #[arg(long, value_name = "S")]
+        seed: u64,
+        /// No star brighter than this apparent V magnitude.
+        #[arg(long, value_name = "MAGNITUDE", allow_negative_numbers = true)]
+        fainter_than: Option<f64>,
+        /// The store to write.
+        #[arg(long, value_name = "STORE")]
+        out: PathBuf,
+    },
+}
+
+fn star_count(text: &str) -> Result<usize, String> {
+    let allowed = format!("allowed are whole numbers from 1 to {MOST_STARS}");
+    match text.parse() {
+        Ok(stars) if (1..=MOST_STARS).contains(&stars) => Ok(stars),
+        _ => Err(allowed),
+    }
+}
+
+/// Runs the command.
+pub fn run(arguments: CatalogueArguments) -> Result<(), CliError> {
+    match arguments.command {
+        CatalogueCommand::Import { files, out } => {
+            let sources: Vec<StarSource> = files.into_iter().map(source_of).collect();
+            write(&sources, &out)
+        }
+        CatalogueCommand::Synth { stars, seed, fainter_than, out } => {
+            write(&[StarSource::Galaxy(GalaxyParameters { stars, seed, fainter_than })], &out)
+        }
+        CatalogueCommand::Info { store } => info(&store),
+    }
+}
+
+fn source_of(file: PathBuf) -> StarSource {
+    if file.as_os_str() == bright::NAME { StarSource::Bright } else { StarSource::File(file) }
+}
+
+fn write(sources: &[StarSource], out: &Path) -> Result<(), CliError> {
+    let (stars, report) = load::stars(sources, "").map_err(|error| match error {
+        // Here the numbers come from the command line, not from a configuration with its keys.
+        CliError::Load { source: LoadError::Galaxy { source, .. }, .. } => CliError::Galaxy(source),
+        other => other,
+    })?;
+    let lines: Vec<String> =
+        report.catalogues.iter().map(|catalogue| format!("{}: {} stars", catalogue.name, catalogue.stars)).collect();
+    let store = Store { description: lines.join("\n"), stars };
+    store::write(out, &store).map_err(CliError::WriteStore)?;
+    for (line, catalogue) in lines.iter().zip(&report.catalogues) {
+        match &catalogue.rows {
+            Some(rows) => results::line(format!("{line}, {} of {} rows rejected", rows.rejected, rows.rows))?,
+            None => results::line(line)?,
+        }
+    }
+    results::line(format!(
+        "wrote {}: {} stars in {} chunks",
+        out.display(),
+        store.stars.stars.len(),
+        store.stars.chunks.len()
+    ))
+}
+
+fn info(path: &Path) -> Result<(), CliError> {
+    let Store { description, stars } = store::read(path).map_err(CliError::ReadStore)?;
+    results::line(format!("store             {} (version {})", path.display(), store::VERSION))?;
+    for line in description.lines() {
+        results::line(format!("from              {line}"))?;
+    }
+    results::line(format!("stars             {}", stars.stars.len()))?;
+    let at_infinity: u64 = stars.chunks.iter().filter(|c| c.at_infinity).map(|c| u64::from(c.count)).sum();
+    results::line(format!("at infinity       {at_infinity}"))?;
+    results::line(format!("chunks            {}", stars.chunks.len()))?;
+
+    // Apparent brightness from the barycentre.
+    let (mut total_lx, mut brightest, mut faintest, mut naked_eye) = (0.0, f64::INFINITY, f64::NEG_INFINITY, 0u64);
+    for (position, at_infinity, star) in stars.iter() {
+        let illuminance_lx = apparent_lx(star, if at_infinity { 1.0 } else { position.length() });
+        let magnitude = magnitude_from_illuminance_lx(illuminance_lx);
+        total_lx += illuminance_lx;
+        brightest = magnitude.min(brightest);
+        faintest = magnitude.max(faintest);
+        naked_eye += u64::from(illuminance_lx > illuminance_lx_from_magnitude(6.0));
+    }
+    if !stars.stars.is_empty() {
+        results::line(format!("apparent V        {brightest:.2} to {faintest:.2}"))?;
+    }
+    results::line(format!("brighter than V 6 {naked_eye}"))?;
+    results::line(format!("illuminance       {total_lx:.4e} lx in all, from the Solar System"))
+}
+
+fn apparent_lx(star: &PackedStar, distance_pc: f64) -> f64 {
+    star.illuminance_at_1_pc_lx() / (distance_pc * distance_pc)
+}

@@ -1,0 +1,109 @@
+//! What a command can fail with, and the exit code of each failure.
+
+use std::io;
+
+use crate::catalogue::galaxy::GalaxyError;
+use crate::catalogue::store::StoreError;
+use crate::config::ConfigError;
+use crate::frame::RenderError;
+use crate::gpu::GpuError;
+use crate::output::OutputError;
+use crate::scene::loader::LoadError;
+use crate::service::ServeError;
+
+/// Exit code: a check or a job failed.
+pub const FAILED: u8 = 1;
+/// Exit code: bad usage or configuration.
+pub const BAD_USAGE: u8 = 64;
+/// Exit code: bad input data.
+pub const BAD_DATA: u8 = 65;
+/// Exit code: no usable adapter.
+pub const NO_ADAPTER: u8 = 69;
+
+/// Why a command failed.
+#[derive(Debug, thiserror::Error)]
+pub enum CliError {
+    /// An argument is not what it must be.
+    #[error("{0}")]
+    Usage(String),
+    /// The configuration is refused.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    /// The stars of a scene cannot be loaded.
+    #[error("{origin}{source}")]
+    Load {
+        /// The configuration with a colon and a space, or nothing.
+        origin: String,
+        /// Why.
+        source: LoadError,
+    },
+    /// A store cannot be read.
+    #[error(transparent)]
+    ReadStore(StoreError),
+    /// A store cannot be written.
+    #[error("cannot write the store: {0}")]
+    WriteStore(StoreError),
+    /// A synthetic galaxy cannot be made from these arguments.
+    #[error(transparent)]
+    Galaxy(#[from] GalaxyError),
+    /// Files of a frame cannot be written.
+    #[error(transparent)]
+    Output(#[from] OutputError),
+    /// No adapter can be used, or the device failed.
+    #[error(transparent)]
+    Gpu(#[from] GpuError),
+    /// A frame cannot be rendered.
+    #[error("{origin}: {source}")]
+    Render {
+        /// The configuration.
+        origin: String,
+        /// Why.
+        source: RenderError,
+    },
+    /// The threads of the daemon cannot be started.
+    #[error("cannot start the daemon: {0}")]
+    Runtime(io::Error),
+    /// The daemon could not start, or failed.
+    #[error(transparent)]
+    Serve(ServeError),
+    /// A report cannot be put into JSON.
+    #[error("cannot write JSON: {0}")]
+    Json(serde_json::Error),
+    /// Standard output does not take the result.
+    #[error("cannot write to standard output: {0}")]
+    Stdout(#[from] io::Error),
+}
+
+impl CliError {
+    /// An error of the renderer with the configuration that it comes from.
+    pub(super) fn render(source: RenderError, origin: &str) -> Self {
+        CliError::Render { origin: origin.to_owned(), source }
+    }
+
+    /// The exit code of the contract with scripts.
+    pub fn exit_code(&self) -> u8 {
+        match self {
+            CliError::Gpu(error) | CliError::Render { source: RenderError::Gpu(error), .. } => match error {
+                GpuError::NoAdapter(_) | GpuError::Device { .. } => NO_ADAPTER,
+                GpuError::Lost(_) | GpuError::Readback(_) => FAILED,
+            },
+            CliError::Render { source, .. } => match source {
+                RenderError::TooLarge { .. }
+                | RenderError::TooManyImages { .. }
+                | RenderError::TooManyPixels { .. } => BAD_USAGE,
+                _ => FAILED,
+            },
+            CliError::Serve(ServeError::Address { .. }) => BAD_USAGE,
+            CliError::Serve(_) | CliError::Runtime(_) => FAILED,
+            CliError::Usage(_) | CliError::Config(_) | CliError::Galaxy(_) => BAD_USAGE,
+            CliError::Load { source: LoadError::Galaxy { .. }, .. } => BAD_USAGE,
+            CliError::Load { .. } | CliError::ReadStore(_) => BAD_DATA,
+            CliError::WriteStore(_) | CliError::Output(_) | CliError::Json(_) | CliError::Stdout(_) => FAILED,
+        }
+    }
+
+    /// Whether the reader of standard output has gone, which is no failure: `steradian ... | head`.
+    pub fn is_broken_pipe(&self) -> bool {
+        matches!(self, CliError::Stdout(error) if error.kind() == io::ErrorKind::BrokenPipe)
+    }
+}

@@ -1,0 +1,68 @@
+//! The command line: one file per subcommand.
+//!
+//! Results go to standard output through `results`, logs and progress to standard error. Every error comes
+//! back to `main` as a [`CliError`], which knows its exit code.
+
+mod catalogue;
+mod error;
+mod info;
+mod load;
+mod logging;
+mod progress;
+mod render;
+mod results;
+mod serve;
+
+use clap::{Parser, Subcommand};
+pub use error::{BAD_DATA, BAD_USAGE, CliError, FAILED, NO_ADAPTER};
+
+/// Arguments of the program.
+#[derive(Debug, Parser)]
+#[command(
+    name = "steradian",
+    version,
+    about = "Renders a space scene in many views at once, each pixel with the luminance its solid angle asks for.",
+    after_help = "Examples:\n  \
+        steradian render --config configs/demo.toml --out out\n  \
+        steradian serve --config configs/demo.toml --listen 127.0.0.1:7143\n  \
+        steradian info --json\n  \
+        steradian catalogue synth --stars 1000000 --seed 1 --out galaxy.stars\n  \
+        steradian catalogue info galaxy.stars\n\n\
+        Exit codes: 0 done, 1 a job failed, 64 bad usage or configuration, 65 bad input data, 69 no usable adapter."
+)]
+pub struct Cli {
+    /// Graphics adapter to use: part of its name, in any case.
+    #[arg(long, global = true, value_name = "NAME")]
+    pub adapter: Option<String>,
+    /// What to log on standard error: a level (error, warn, info, debug, trace) or filters per module.
+    /// Without it the environment variable STERADIAN_LOG counts, else info.
+    #[arg(long, global = true, value_name = "FILTER")]
+    pub log: Option<String>,
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// The subcommands.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Render every view of a configuration once and write the files.
+    Render(render::RenderArguments),
+    /// Run the daemon: renders views for clients over gRPC until SIGINT or SIGTERM.
+    Serve(serve::ServeArguments),
+    /// Tell the adapter, its driver, the features and limits used, and the fallbacks taken.
+    Info(info::InfoArguments),
+    /// Work with star catalogues.
+    Catalogue(catalogue::CatalogueArguments),
+}
+
+/// Runs a parsed command line.
+pub fn run(arguments: Cli) -> Result<(), CliError> {
+    logging::start(arguments.log.as_deref())?;
+    match arguments.command {
+        Command::Render(command) => render::run(command, arguments.adapter),
+        Command::Serve(command) => serve::run(command, arguments.adapter),
+        Command::Info(command) => info::run(&command, arguments.adapter),
+        Command::Catalogue(command) => catalogue::run(command),
+    }
+}

@@ -1,0 +1,61 @@
+//! Progress of long work on standard error: a bar on a terminal, plain lines elsewhere.
+
+use std::io::{self, IsTerminal};
+use std::time::{Duration, Instant};
+
+use indicatif::{ProgressBar, ProgressStyle};
+
+use crate::scene::loader::LoadStep;
+
+/// Progress of loading a scene.
+pub struct LoadingProgress {
+    bar: Option<ProgressBar>,
+    started: Instant,
+}
+
+impl LoadingProgress {
+    /// Begins.
+    pub fn new() -> Self {
+        let bar = io::stderr().is_terminal().then(|| {
+            let bar = ProgressBar::no_length();
+            // A template without any unknown key parses; the plain style is what is left otherwise.
+            let style = ProgressStyle::with_template("{spinner} {wide_bar} {pos}/{len} {msg} [{elapsed}]");
+            bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+            bar.enable_steady_tick(Duration::from_millis(120));
+            bar
+        });
+        Self { bar, started: Instant::now() }
+    }
+
+    /// Tells of the next step.
+    pub fn step(&mut self, step: &LoadStep) {
+        let text = match step {
+            LoadStep::Catalogue { name, .. } => format!("loading {name}"),
+            LoadStep::Overlaps => "looking for stars that stand in two catalogues".to_owned(),
+            LoadStep::Chunks { stars } => format!("sorting {stars} stars"),
+        };
+        match (&self.bar, step) {
+            (Some(bar), LoadStep::Catalogue { index, of, .. }) => {
+                // One step per catalogue, and one for the sorting.
+                bar.set_length(*of as u64 + 1);
+                bar.set_position(*index as u64);
+                bar.set_message(text);
+            }
+            (Some(bar), LoadStep::Chunks { .. }) => {
+                bar.set_position(bar.length().unwrap_or(1).saturating_sub(1));
+                bar.set_message(text);
+            }
+            (Some(bar), LoadStep::Overlaps) => bar.set_message(text),
+            (None, LoadStep::Catalogue { index, of, .. }) => tracing::info!("{text} ({} of {of})", index + 1),
+            (None, _) => tracing::info!("{text}"),
+        }
+    }
+
+    /// Ends, with the number of stars.
+    pub fn finish(self, stars: usize) {
+        if let Some(bar) = self.bar {
+            bar.finish_and_clear();
+        }
+        tracing::info!("{stars} stars ready after {:.1} s", self.started.elapsed().as_secs_f64());
+    }
+}

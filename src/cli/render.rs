@@ -1,0 +1,59 @@
+//! `render`: every view once, into files.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use clap::Args;
+
+use super::{CliError, load, results};
+use crate::config::Config;
+use crate::frame::{Renderer, Wanted};
+use crate::gpu::{Gpu, GpuOptions};
+use crate::output::write_frame;
+use crate::scene::SceneSnapshot;
+
+/// Arguments of `render`.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    steradian render --config configs/dome.toml --out out\n  \
+    steradian render --config configs/demo.toml --out out --set views.dome.size=[2048,2048] --set exposure.mode=manual\n\n\
+    Writes <view>.exr and <view>.png (with several images <view>.<part>.exr and .png) and manifest.json.\n\
+    The key of --set is a dotted path; a view is named by its name or its index from 0. Values are TOML; a bare word is a\n\
+    string. Relative paths of catalogues start at the folder of the configuration.")]
+pub struct RenderArguments {
+    /// The configuration.
+    #[arg(long, value_name = "FILE")]
+    config: PathBuf,
+    /// The folder for the files; made if it is not there.
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Change a key of the configuration; may be given several times.
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+}
+
+/// Runs the command.
+pub fn run(arguments: RenderArguments, adapter: Option<String>) -> Result<(), CliError> {
+    // Everything that can be refused is looked at before the stars, which take longest.
+    let config = Config::load(&arguments.config, &arguments.set)?;
+    let rig = config.rig()?;
+    let camera = config.camera()?;
+    if rig.views().is_empty() {
+        return Err(CliError::Usage(format!("{}: views: at least one [[views]] is needed to render", config.origin)));
+    }
+    let gpu = Gpu::open(&GpuOptions { adapter, ..GpuOptions::default() })?;
+    let mut renderer = Renderer::new(gpu);
+    renderer.check(&rig).map_err(|error| CliError::render(error, &config.origin))?;
+
+    let (stars, _) = load::stars(&config.star_sources(), &config.origin)?;
+    let snapshot = SceneSnapshot { revision: 1, stars: Arc::new(stars), camera };
+    let wanted = vec![Wanted { display: true, hdr: true }; rig.views().len()];
+    let settings = config.render_settings();
+    let frame = renderer
+        .render(&snapshot, &rig, &settings, &wanted, None)
+        .map_err(|error| CliError::render(error, &config.origin))?;
+    for path in write_frame(&arguments.out, &rig, &frame, &renderer.adapter().adapter)? {
+        results::line(path.display())?;
+    }
+    Ok(())
+}

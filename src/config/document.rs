@@ -1,0 +1,40 @@
+//! From text to tables: syntax with line and column, and deserialisation that knows the path of the key at fault.
+
+use serde::de::DeserializeOwned;
+use toml::{Table, Value};
+
+use super::error::{ConfigError, Fault, join};
+
+/// Parses TOML; `origin` names the file in messages.
+pub(super) fn parse(text: &str, origin: &str) -> Result<Table, ConfigError> {
+    text.parse::<Table>().map_err(|error| {
+        let at = error.span().map_or(0, |span| span.start).min(text.len());
+        let before = &text.as_bytes()[..at];
+        let line_start = before.iter().rposition(|&byte| byte == b'\n').map_or(0, |newline| newline + 1);
+        ConfigError::Syntax {
+            origin: origin.to_owned(),
+            line: before.iter().filter(|&&byte| byte == b'\n').count() + 1,
+            column: String::from_utf8_lossy(&before[line_start..]).chars().count() + 1,
+            problem: error.message().trim().replace('\n', "; "),
+        }
+    })
+}
+
+/// Deserialises a value that stands at `prefix`; the fault names the key below it.
+pub(super) fn deserialise<T: DeserializeOwned>(value: Value, prefix: &str) -> Result<T, Fault> {
+    serde_path_to_error::deserialize(value).map_err(|error| {
+        let path = error.path().to_string();
+        let key = if path == "." { String::new() } else { path };
+        let problem = error.inner().message().trim().replace('\n', "; ");
+        // An unknown key is reported by serde at the table that holds it: what the user looks for is the key.
+        let unknown = problem.strip_prefix("unknown field `").and_then(|rest| rest.split('`').next());
+        let key = match unknown {
+            Some(name) if key != name && !key.ends_with(&format!(".{name}")) => join(&key, name),
+            _ => key,
+        };
+        Fault::new(
+            join(prefix, &key),
+            problem.replace("unknown field", "unknown key").replace("missing field", "missing key"),
+        )
+    })
+}

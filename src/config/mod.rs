@@ -1,0 +1,213 @@
+//! Configuration: strict TOML, unknown keys refused.
+//!
+//! A configuration is loaded in four steps, each with its own errors: text to tables ([`document`]), overrides
+//! ([`overrides`]), tables to the types below (serde, with the path of the key at fault), and the ranges that types do not
+//! express. What comes out is plain data; [`Config::rig`], [`Config::camera`], [`Config::render_settings`] and
+//! [`Config::star_sources`] turn it into what the other modules work with. Degrees and quaternions as (x, y, z, w) end here.
+
+mod document;
+mod error;
+mod glare;
+mod limits;
+mod overrides;
+mod scene;
+mod server;
+mod views;
+
+use std::path::{Path, PathBuf};
+
+pub use error::ConfigError;
+use error::{Fault, join};
+pub use glare::{GlareConfig, GlareKernel};
+pub use scene::{CameraConfig, CatalogueConfig, GalaxyConfig, SceneConfig};
+use serde::Deserialize;
+pub use server::{ServerConfig, parse_listen};
+use toml::{Table, Value};
+pub use views::{
+    CubemapConfig, DomeMasterConfig, EquirectangularConfig, FisheyeConfig, FovConfig, MappingConfig, PerspectiveConfig,
+    StereoConfig, VIEW_TYPES, ViewConfig, ViewKindConfig,
+};
+
+use crate::catalogue::bright;
+use crate::catalogue::galaxy::GalaxyParameters;
+use crate::plan::settings::{AccuracySettings, ExposureSettings, RenderSettings, StarSettings, ToneMapSettings};
+use crate::scene::Camera;
+use crate::scene::loader::StarSource;
+use crate::view::Rig;
+
+/// What `serve` shows without a configuration file.
+const BUILT_IN: &str = include_str!("built_in.toml");
+
+/// A configuration whose every key and range has been checked.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Config {
+    /// The file it came from, as messages name it.
+    pub origin: String,
+    /// The folder at which relative paths start.
+    pub folder: PathBuf,
+    /// `[scene]`.
+    pub scene: SceneConfig,
+    /// `[[views]]`.
+    pub views: Vec<ViewConfig>,
+    /// `[stars]`.
+    pub stars: StarSettings,
+    /// `[glare]`.
+    pub glare: GlareConfig,
+    /// `[exposure]`.
+    pub exposure: ExposureSettings,
+    /// `[tone_map]`.
+    pub tone_map: ToneMapSettings,
+    /// `[accuracy]`.
+    pub accuracy: AccuracySettings,
+    /// `[server]`.
+    pub server: ServerConfig,
+}
+
+/// Everything but the views, which are read one by one because their keys depend on their type.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Sections {
+    #[serde(default)]
+    scene: SceneConfig,
+    #[serde(default)]
+    views: Vec<Table>,
+    #[serde(default)]
+    stars: StarSettings,
+    #[serde(default)]
+    glare: GlareConfig,
+    #[serde(default)]
+    exposure: ExposureSettings,
+    #[serde(default)]
+    tone_map: ToneMapSettings,
+    #[serde(default)]
+    accuracy: AccuracySettings,
+    #[serde(default)]
+    server: ServerConfig,
+}
+
+impl Config {
+    /// Loads a file and applies overrides (`key=value`) in their order.
+    pub fn load(path: &Path, overrides: &[String]) -> Result<Self, ConfigError> {
+        let text =
+            std::fs::read_to_string(path).map_err(|source| ConfigError::Read { path: path.to_owned(), source })?;
+        let folder = path.parent().unwrap_or(Path::new(""));
+        Self::from_text(&text, &path.display().to_string(), folder, overrides)
+    }
+
+    /// The built-in configuration (a dome and a flat view of the bright stars and a synthetic galaxy), with overrides;
+    /// relative paths in them start at the working directory.
+    pub fn built_in(overrides: &[String]) -> Result<Self, ConfigError> {
+        Self::from_text(BUILT_IN, "built-in configuration", Path::new(""), overrides)
+    }
+
+    /// Reads TOML; `origin` names it in messages, relative paths start at `folder`.
+    pub fn from_text(text: &str, origin: &str, folder: &Path, overrides: &[String]) -> Result<Self, ConfigError> {
+        let mut table = document::parse(text, origin)?;
+        let applied = overrides
+            .iter()
+            .map(|argument| overrides::apply(&mut table, argument))
+            .collect::<Result<Vec<_>, ConfigError>>()?;
+        Self::from_table(table, origin, folder).map_err(|fault| {
+            // The last override that touches the key is to blame, if there is one; for an unknown table, one that put it there.
+            let key = fault.key.split(" (").next().unwrap_or_default();
+            let below = |inner: &str, outer: &str| {
+                inner.strip_prefix(outer).is_some_and(|rest| rest.is_empty() || rest.starts_with(['.', '[']))
+            };
+            let unknown = fault.problem.starts_with("unknown key");
+            let reaches = |set: &str| below(key, set) || (unknown && below(set, key));
+            let blamed = applied.iter().rev().find(|applied| reaches(&applied.key));
+            let origin = blamed.map_or(origin.to_owned(), |applied| format!("{origin}, --set {}", applied.argument));
+            ConfigError::Key { origin, key: fault.key, problem: fault.problem }
+        })
+    }
+
+    fn from_table(table: Table, origin: &str, folder: &Path) -> Result<Self, Fault> {
+        let sections: Sections = document::deserialise(Value::Table(table), "")?;
+        let mut views = Vec::with_capacity(sections.views.len());
+        for (index, table) in sections.views.into_iter().enumerate() {
+            let name = table.get("name").and_then(Value::as_str).map(str::to_owned);
+            let place = |fault: Fault| view_fault(index, name.as_deref(), fault);
+            let view = ViewConfig::from_table(table).map_err(place)?;
+            views.push(view);
+        }
+        let config = Self {
+            origin: origin.to_owned(),
+            folder: folder.to_owned(),
+            scene: sections.scene,
+            views,
+            stars: sections.stars,
+            glare: sections.glare,
+            exposure: sections.exposure,
+            tone_map: sections.tone_map,
+            accuracy: sections.accuracy,
+            server: sections.server,
+        };
+        config.scene.check().map_err(|fault| fault.within("scene"))?;
+        limits::check_stars(&config.stars).map_err(|fault| fault.within("stars"))?;
+        config.glare.check().map_err(|fault| fault.within("glare"))?;
+        limits::check_exposure(&config.exposure).map_err(|fault| fault.within("exposure"))?;
+        limits::check_accuracy(&config.accuracy).map_err(|fault| fault.within("accuracy"))?;
+        config.build_rig()?;
+        Ok(config)
+    }
+
+    fn build_rig(&self) -> Result<Rig, Fault> {
+        let mut views = Vec::with_capacity(self.views.len());
+        for (index, config) in self.views.iter().enumerate() {
+            if let Some(first) = self.views[..index].iter().position(|other| other.name == config.name) {
+                let problem = format!("views[{first}] has this name too: names must be unique");
+                return Err(view_fault(index, Some(&config.name), Fault::new("name", problem)));
+            }
+            views.push(config.view().map_err(|fault| view_fault(index, Some(&config.name), fault))?);
+        }
+        Rig::new(views).map_err(|error| Fault::new("views", error.to_string()))
+    }
+
+    fn error(&self, fault: Fault) -> ConfigError {
+        ConfigError::Key { origin: self.origin.clone(), key: fault.key, problem: fault.problem }
+    }
+
+    /// The rig of all views.
+    pub fn rig(&self) -> Result<Rig, ConfigError> {
+        self.build_rig().map_err(|fault| self.error(fault))
+    }
+
+    /// The camera at the start, with revision 0.
+    pub fn camera(&self) -> Result<Camera, ConfigError> {
+        self.scene.camera.camera().map_err(|fault| self.error(fault.within("scene.camera")))
+    }
+
+    /// How frames are drawn.
+    pub fn render_settings(&self) -> RenderSettings {
+        RenderSettings {
+            stars: self.stars,
+            glare: self.glare.method,
+            exposure: self.exposure,
+            tone_map: self.tone_map,
+            accuracy: self.accuracy,
+        }
+    }
+
+    /// The star catalogues, with paths that start at the working directory or the root.
+    pub fn star_sources(&self) -> Vec<StarSource> {
+        self.scene
+            .catalogues
+            .iter()
+            .map(|catalogue| match catalogue {
+                CatalogueConfig::Named(name) if name == bright::NAME => StarSource::Bright,
+                CatalogueConfig::Named(name) => StarSource::File(self.folder.join(name)),
+                CatalogueConfig::Galaxy(galaxy) => StarSource::Galaxy(GalaxyParameters {
+                    stars: galaxy.stars,
+                    seed: galaxy.seed,
+                    fainter_than: galaxy.fainter_than,
+                }),
+            })
+            .collect()
+    }
+}
+
+/// A fault of a view: the path by index, and the view's name after it.
+fn view_fault(index: usize, name: Option<&str>, fault: Fault) -> Fault {
+    let key = join(&format!("views[{index}]"), &fault.key);
+    Fault { key: name.map_or(key.clone(), |name| format!("{key} (view `{name}`)")), ..fault }
+}

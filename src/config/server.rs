@@ -1,0 +1,37 @@
+//! `[server]`: where the daemon listens.
+
+use serde::{Deserialize, Deserializer};
+
+/// `[server]`.
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ServerConfig {
+    /// Host and port, `host:port`; port 0 takes a free one.
+    #[serde(deserialize_with = "address")]
+    pub listen: String,
+}
+
+impl Default for ServerConfig {
+    fn default() -> Self {
+        Self { listen: "127.0.0.1:7143".to_owned() }
+    }
+}
+
+fn address<'de, D: Deserializer<'de>>(deserializer: D) -> Result<String, D::Error> {
+    let text = String::deserialize(deserializer)?;
+    parse_listen(&text).map_err(serde::de::Error::custom)
+}
+
+/// Checks that `text` is a host with a port; the host itself is looked up when the daemon starts. The error says what is
+/// allowed.
+pub fn parse_listen(text: &str) -> Result<String, String> {
+    let (host, port) = text.rsplit_once(':').unwrap_or((text, ""));
+    // An IPv6 address stands in brackets: without them its last group would pass for a port.
+    let bare_ipv6 = host.contains(':') && !(host.starts_with('[') && host.ends_with(']'));
+    if host.is_empty() || bare_ipv6 || port.parse::<u16>().is_err() {
+        return Err(format!(
+            "`{text}` is no host with a port: allowed are such as \"127.0.0.1:7143\", \"[::]:7143\" and \"localhost:0\""
+        ));
+    }
+    Ok(text.to_owned())
+}

@@ -1,0 +1,343 @@
+//! `[[views]]`: one table per view, six types.
+//!
+//! The keys `name`, `type`, `orientation` and `position_m` are common; the others belong to the type, and a key of another
+//! type is unknown. Degrees end here: what comes out is the rig's [`View`] in radians.
+
+use glam::DQuat;
+use serde::Deserialize;
+use toml::{Table, Value};
+
+use super::document::deserialise;
+use super::error::{Fault, finite};
+use crate::scene::{PoseError, finite_vector, unit_quaternion};
+use crate::view::projection::{Face, FisheyeMapping, ProjectionError};
+use crate::view::{Fov, RigError, View, ViewKind};
+
+/// Names of the types, as they stand in `type`.
+pub const VIEW_TYPES: [&str; 6] = ["perspective", "stereo", "cubemap", "fisheye", "dome_master", "equirectangular"];
+
+/// One view.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ViewConfig {
+    /// Unique name: letters, digits, `_` and `-`.
+    pub name: String,
+    /// Unit quaternion x, y, z, w from view axes to camera axes.
+    pub orientation: [f64; 4],
+    /// Position in camera axes, m.
+    pub position_m: [f64; 3],
+    /// Type and what belongs to it.
+    pub kind: ViewKindConfig,
+}
+
+/// What belongs to a view's type.
+#[derive(Clone, Debug, PartialEq)]
+pub enum ViewKindConfig {
+    /// `perspective`.
+    Perspective(PerspectiveConfig),
+    /// `stereo`.
+    Stereo(StereoConfig),
+    /// `cubemap`.
+    Cubemap(CubemapConfig),
+    /// `fisheye`.
+    Fisheye(FisheyeConfig),
+    /// `dome_master`.
+    DomeMaster(DomeMasterConfig),
+    /// `equirectangular`.
+    Equirectangular(EquirectangularConfig),
+}
+
+/// Signed angles of the four edges, degrees: left and down usually negative.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FovConfig {
+    /// To the left edge.
+    pub left_deg: f64,
+    /// To the right edge.
+    pub right_deg: f64,
+    /// To the upper edge.
+    pub up_deg: f64,
+    /// To the lower edge.
+    pub down_deg: f64,
+}
+
+/// A flat window: `fov_y_deg`, or `fov` for four independent edges.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PerspectiveConfig {
+    /// Width and height, pixels.
+    pub size: [u32; 2],
+    /// Vertical field of view, degrees.
+    pub fov_y_deg: Option<f64>,
+    /// Four edges.
+    pub fov: Option<FovConfig>,
+}
+
+/// Two eyes: `fov` for the left one, mirrored for the right, or `fov_left` and `fov_right`.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StereoConfig {
+    /// Width and height per eye, pixels.
+    pub size: [u32; 2],
+    /// Distance between the eyes, m.
+    pub ipd_m: f64,
+    /// Edges of the left eye, mirrored for the right one.
+    pub fov: Option<FovConfig>,
+    /// Edges of the left eye.
+    pub fov_left: Option<FovConfig>,
+    /// Edges of the right eye.
+    pub fov_right: Option<FovConfig>,
+}
+
+/// Square faces of 90 degrees.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CubemapConfig {
+    /// Side of a face, pixels.
+    pub face_size: u32,
+    /// Faces to render, by name.
+    #[serde(default = "all_faces")]
+    pub faces: Vec<String>,
+}
+
+fn all_faces() -> Vec<String> {
+    Face::ALL.iter().map(|face| face.name().to_owned()).collect()
+}
+
+/// Name of a fisheye mapping.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Default)]
+#[serde(rename_all = "snake_case")]
+pub enum MappingConfig {
+    /// Radius proportional to the angle.
+    #[default]
+    Equidistant,
+    /// Equal areas.
+    Equisolid,
+    /// As a sphere seen from far away.
+    Orthographic,
+    /// Conformal.
+    Stereographic,
+}
+
+/// A round picture.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FisheyeConfig {
+    /// Width and height, pixels.
+    pub size: [u32; 2],
+    /// How the angle from the axis becomes a radius.
+    #[serde(default)]
+    pub mapping: MappingConfig,
+    /// Field of view, degrees.
+    pub fov_deg: f64,
+}
+
+/// A planetarium's domemaster.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DomeMasterConfig {
+    /// Width and height, equal, pixels.
+    pub size: [u32; 2],
+    /// Field of view, degrees.
+    #[serde(default = "half_turn_deg")]
+    pub fov_deg: f64,
+    /// Tilt of the dome towards the front, degrees.
+    #[serde(default)]
+    pub tilt_deg: f64,
+}
+
+fn half_turn_deg() -> f64 {
+    180.0
+}
+
+/// Longitude and latitude.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct EquirectangularConfig {
+    /// Width and height, pixels.
+    pub size: [u32; 2],
+}
+
+/// The keys that every view has.
+#[derive(Deserialize)]
+#[serde(default)]
+struct Common {
+    orientation: [f64; 4],
+    position_m: [f64; 3],
+}
+
+impl Default for Common {
+    fn default() -> Self {
+        Self { orientation: [0.0, 0.0, 0.0, 1.0], position_m: [0.0; 3] }
+    }
+}
+
+impl ViewConfig {
+    /// Reads a view's table; a fault names the key within it.
+    pub(super) fn from_table(mut table: Table) -> Result<Self, Fault> {
+        let name = text(&mut table, "name", "a unique name of letters, digits, `_` and `-`")?;
+        let kind = text(&mut table, "type", &VIEW_TYPES.join(", "))?;
+        let mut common = Table::new();
+        for key in ["orientation", "position_m"] {
+            common.extend(table.remove_entry(key));
+        }
+        let common: Common = deserialise(Value::Table(common), "")?;
+        let own = Value::Table(table);
+        let kind = match kind.as_str() {
+            "perspective" => ViewKindConfig::Perspective(deserialise(own, "")?),
+            "stereo" => ViewKindConfig::Stereo(deserialise(own, "")?),
+            "cubemap" => ViewKindConfig::Cubemap(deserialise(own, "")?),
+            "fisheye" => ViewKindConfig::Fisheye(deserialise(own, "")?),
+            "dome_master" => ViewKindConfig::DomeMaster(deserialise(own, "")?),
+            "equirectangular" => ViewKindConfig::Equirectangular(deserialise(own, "")?),
+            _ => {
+                return Err(Fault::new(
+                    "type",
+                    format!("unknown type `{kind}`: allowed are {}", VIEW_TYPES.join(", ")),
+                ));
+            }
+        };
+        Ok(Self { name, orientation: common.orientation, position_m: common.position_m, kind })
+    }
+
+    /// The rig's view; a fault names the key within the view.
+    pub(super) fn view(&self) -> Result<View, Fault> {
+        let orientation = unit_quaternion(self.orientation).map_err(|error| pose_fault(&error))?;
+        let position_m = finite_vector("position_m", self.position_m).map_err(|error| pose_fault(&error))?;
+        self.named(self.kind.kind()?, orientation, position_m)
+    }
+
+    fn projection_fault(&self, error: &ProjectionError) -> Fault {
+        match error {
+            ProjectionError::ZeroSize { .. } => {
+                let key = if matches!(self.kind, ViewKindConfig::Cubemap(_)) { "face_size" } else { "size" };
+                Fault::new(key, error.to_string())
+            }
+            ProjectionError::OutOfRange { parameter, value, allowed } => {
+                // Back from radians: without the digits that the way there and back has left.
+                let value = (value * 1e9).round() / 1e9;
+                Fault::new(*parameter, format!("{value}: {allowed}"))
+            }
+        }
+    }
+
+    fn named(&self, kind: ViewKind, orientation: DQuat, position_m: glam::DVec3) -> Result<View, Fault> {
+        View::new(&self.name, kind, orientation, position_m).map_err(|error| match error {
+            RigError::Projection { source, .. } => self.projection_fault(&source),
+            RigError::Parameter { problem, .. } => Fault::new("", problem),
+            RigError::Name { .. } | RigError::Duplicate { .. } => Fault::new("name", error.to_string()),
+        })
+    }
+}
+
+fn pose_fault(error: &PoseError) -> Fault {
+    match error {
+        PoseError::NotFinite { key, .. } => Fault::new(*key, error.to_string()),
+        _ => Fault::new("orientation", error.to_string()),
+    }
+}
+
+/// Takes a string out of the table.
+fn text(table: &mut Table, key: &str, allowed: &str) -> Result<String, Fault> {
+    match table.remove(key) {
+        Some(Value::String(text)) => Ok(text),
+        Some(other) => Err(Fault::new(key, format!("{} is no string: allowed are {allowed}", other))),
+        None => Err(Fault::new(key, format!("missing key: needed is one of {allowed}").replace("one of a ", "a "))),
+    }
+}
+
+impl ViewKindConfig {
+    fn kind(&self) -> Result<ViewKind, Fault> {
+        Ok(match self {
+            ViewKindConfig::Perspective(view) => match (view.fov_y_deg, view.fov) {
+                (Some(fov_y_deg), None) => {
+                    finite("fov_y_deg", fov_y_deg)?;
+                    ViewKind::Perspective { size: view.size, fov_y_rad: fov_y_deg.to_radians() }
+                }
+                (None, Some(fov)) => ViewKind::OffAxis { size: view.size, fov: fov.radians("fov")? },
+                (Some(_), Some(_)) => {
+                    return Err(Fault::new(
+                        "fov",
+                        "fov_y_deg is given too: exactly one of fov and fov_y_deg is allowed",
+                    ));
+                }
+                (None, None) => {
+                    return Err(Fault::new("fov_y_deg", "missing key: exactly one of fov_y_deg and fov is needed"));
+                }
+            },
+            ViewKindConfig::Stereo(view) => {
+                let (fov_left, fov_right) = match (view.fov, view.fov_left, view.fov_right) {
+                    (Some(left), None, None) => {
+                        let left = left.radians("fov")?;
+                        (left, left.mirrored())
+                    }
+                    (None, Some(left), Some(right)) => (left.radians("fov_left")?, right.radians("fov_right")?),
+                    _ => {
+                        let problem = "a stereo view needs either fov (left eye, mirrored for the right one) or both fov_left and fov_right";
+                        return Err(Fault::new("fov", problem));
+                    }
+                };
+                ViewKind::Stereo { size: view.size, ipd_m: view.ipd_m, fov_left, fov_right }
+            }
+            ViewKindConfig::Cubemap(view) => {
+                let faces: Result<Vec<Face>, Fault> =
+                    view.faces.iter().enumerate().map(|(index, name)| face(index, name)).collect();
+                ViewKind::Cubemap { face_size: view.face_size, faces: faces? }
+            }
+            ViewKindConfig::Fisheye(view) => {
+                finite("fov_deg", view.fov_deg)?;
+                ViewKind::Fisheye { size: view.size, mapping: view.mapping.into(), fov_rad: view.fov_deg.to_radians() }
+            }
+            ViewKindConfig::DomeMaster(view) => {
+                finite("fov_deg", view.fov_deg)?;
+                finite("tilt_deg", view.tilt_deg)?;
+                let [width, height] = view.size;
+                if width != height {
+                    return Err(Fault::new("size", format!("{width} x {height}: a domemaster is square, [n, n]")));
+                }
+                ViewKind::DomeMaster {
+                    size: width,
+                    fov_rad: view.fov_deg.to_radians(),
+                    tilt_rad: view.tilt_deg.to_radians(),
+                }
+            }
+            ViewKindConfig::Equirectangular(view) => ViewKind::Equirectangular { size: view.size },
+        })
+    }
+}
+
+fn face(index: usize, name: &str) -> Result<Face, Fault> {
+    Face::from_name(name).ok_or_else(|| {
+        let problem = format!("unknown face `{name}`: allowed are {}", all_faces().join(", "));
+        Fault::new(format!("faces[{index}]"), problem)
+    })
+}
+
+impl FovConfig {
+    fn radians(self, key: &str) -> Result<Fov, Fault> {
+        for (edge, value) in [
+            ("left_deg", self.left_deg),
+            ("right_deg", self.right_deg),
+            ("up_deg", self.up_deg),
+            ("down_deg", self.down_deg),
+        ] {
+            finite(&format!("{key}.{edge}"), value)?;
+        }
+        Ok(Fov {
+            left_rad: self.left_deg.to_radians(),
+            right_rad: self.right_deg.to_radians(),
+            up_rad: self.up_deg.to_radians(),
+            down_rad: self.down_deg.to_radians(),
+        })
+    }
+}
+
+impl From<MappingConfig> for FisheyeMapping {
+    fn from(mapping: MappingConfig) -> Self {
+        match mapping {
+            MappingConfig::Equidistant => FisheyeMapping::Equidistant,
+            MappingConfig::Equisolid => FisheyeMapping::Equisolid,
+            MappingConfig::Orthographic => FisheyeMapping::Orthographic,
+            MappingConfig::Stereographic => FisheyeMapping::Stereographic,
+        }
+    }
+}

@@ -1,0 +1,281 @@
+//! Encodings of an image: what leaves the process, in files and in streams.
+//!
+//! All of them are deterministic: the same image gives the same bytes.
+
+use std::io::Cursor;
+
+use exr::prelude::{Encoding as ExrEncoding, Image, Layer, LayerAttributes, SpecificChannels, Vec2, WritableImage};
+
+use crate::frame::{FrameImage, Wanted};
+
+/// Quality of JPEG images, of 100.
+const JPEG_QUALITY: u8 = 92;
+
+/// How an image is written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Encoding {
+    /// Display image: R, G, B, A bytes row by row from the top.
+    Rgba8,
+    /// Display image as PNG, 8 bits, marked sRGB.
+    Png,
+    /// Display image as JPEG.
+    Jpeg,
+    /// Luminance in cd/m^2: R, G, B as little-endian f32, row by row from the top.
+    Rgb32f,
+    /// Luminance and solid angle as OpenEXR: channels `R`, `G`, `B` (cd/m^2) and `omega` (sr), 32-bit float.
+    Exr,
+}
+
+impl Encoding {
+    /// The buffers that the encoding needs.
+    pub fn wanted(self) -> Wanted {
+        let hdr = matches!(self, Encoding::Rgb32f | Encoding::Exr);
+        Wanted { display: !hdr, hdr }
+    }
+
+    /// Name in messages.
+    pub fn name(self) -> &'static str {
+        match self {
+            Encoding::Rgba8 => "RGBA8",
+            Encoding::Png => "PNG",
+            Encoding::Jpeg => "JPEG",
+            Encoding::Rgb32f => "RGB32F",
+            Encoding::Exr => "EXR",
+        }
+    }
+}
+
+/// Why an image cannot be encoded.
+#[derive(Debug, thiserror::Error)]
+pub enum EncodeError {
+    /// The frame was rendered without the buffer that the encoding needs.
+    #[error("{encoding} needs the {buffer} image, which was not rendered")]
+    Missing {
+        /// The encoding.
+        encoding: &'static str,
+        /// The buffer.
+        buffer: &'static str,
+    },
+    /// A buffer's length does not fit the image's size.
+    #[error("{width} x {height} pixels need {expected} values, the buffer has {found}")]
+    Length {
+        /// Width, pixels.
+        width: u32,
+        /// Height, pixels.
+        height: u32,
+        /// Values that the size asks for.
+        expected: usize,
+        /// Values that there are.
+        found: usize,
+    },
+    /// JPEG cannot hold an image of this size.
+    #[error("{width} x {height} pixels are too many for JPEG: each side may have 65535")]
+    TooLargeForJpeg {
+        /// Width, pixels.
+        width: u32,
+        /// Height, pixels.
+        height: u32,
+    },
+    /// The encoder for PNG refuses.
+    #[error("PNG: {0}")]
+    Png(#[from] png::EncodingError),
+    /// The encoder for JPEG refuses.
+    #[error("JPEG: {0}")]
+    Jpeg(#[from] jpeg_encoder::EncodingError),
+    /// The encoder for OpenEXR refuses.
+    #[error("OpenEXR: {0}")]
+    Exr(#[from] exr::error::Error),
+}
+
+/// Encodes one image of a frame.
+pub fn encode(encoding: Encoding, image: &FrameImage) -> Result<Vec<u8>, EncodeError> {
+    match encoding {
+        Encoding::Rgba8 => Ok(display_of(image, encoding)?.to_vec()),
+        Encoding::Png => png_of(image, display_of(image, encoding)?),
+        Encoding::Jpeg => jpeg_of(image, display_of(image, encoding)?),
+        Encoding::Rgb32f => {
+            let pixels = hdr_of(image, encoding)?;
+            let mut bytes = Vec::with_capacity(pixels.len() * 12);
+            for [red, green, blue, _] in pixels {
+                for value in [red, green, blue] {
+                    bytes.extend_from_slice(&value.to_le_bytes());
+                }
+            }
+            Ok(bytes)
+        }
+        Encoding::Exr => exr_of(image, hdr_of(image, encoding)?),
+    }
+}
+
+fn checked<'a, T>(image: &FrameImage, values: &'a [T], per_pixel: usize) -> Result<&'a [T], EncodeError> {
+    let expected = image.width as usize * image.height as usize * per_pixel;
+    if values.len() != expected {
+        let FrameImage { width, height, .. } = *image;
+        return Err(EncodeError::Length { width, height, expected, found: values.len() });
+    }
+    Ok(values)
+}
+
+fn display_of(image: &FrameImage, encoding: Encoding) -> Result<&[u8], EncodeError> {
+    let missing = EncodeError::Missing { encoding: encoding.name(), buffer: "display" };
+    checked(image, image.display.as_deref().ok_or(missing)?, 4)
+}
+
+fn hdr_of(image: &FrameImage, encoding: Encoding) -> Result<&[[f32; 4]], EncodeError> {
+    let missing = EncodeError::Missing { encoding: encoding.name(), buffer: "HDR" };
+    checked(image, image.hdr.as_deref().ok_or(missing)?, 1)
+}
+
+fn png_of(image: &FrameImage, pixels: &[u8]) -> Result<Vec<u8>, EncodeError> {
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, image.width, image.height);
+    encoder.set_color(png::ColorType::Rgba);
+    encoder.set_depth(png::BitDepth::Eight);
+    encoder.set_source_srgb(png::SrgbRenderingIntent::RelativeColorimetric);
+    // Dithered black does not shrink much more with more effort.
+    encoder.set_compression(png::Compression::Fast);
+    let mut writer = encoder.write_header()?;
+    writer.write_image_data(pixels)?;
+    writer.finish()?;
+    Ok(bytes)
+}
+
+fn jpeg_of(image: &FrameImage, pixels: &[u8]) -> Result<Vec<u8>, EncodeError> {
+    let (Ok(width), Ok(height)) = (u16::try_from(image.width), u16::try_from(image.height)) else {
+        return Err(EncodeError::TooLargeForJpeg { width: image.width, height: image.height });
+    };
+    let mut bytes = Vec::new();
+    let mut encoder = jpeg_encoder::Encoder::new(&mut bytes, JPEG_QUALITY);
+    // Stars are a few pixels wide: halved colour resolution would spread their colour over black.
+    encoder.set_sampling_factor(jpeg_encoder::SamplingFactor::F_1_1);
+    encoder.encode(pixels, width, height, jpeg_encoder::ColorType::Rgba)?;
+    Ok(bytes)
+}
+
+fn exr_of(image: &FrameImage, pixels: &[[f32; 4]]) -> Result<Vec<u8>, EncodeError> {
+    let width = image.width as usize;
+    let size = Vec2(width, image.height as usize);
+    let channels = SpecificChannels::build()
+        .with_channel("R")
+        .with_channel("G")
+        .with_channel("B")
+        .with_channel("omega")
+        .with_pixel_fn(|at: Vec2<usize>| {
+            let [red, green, blue, omega_sr] = pixels[at.1 * width + at.0];
+            (red, green, blue, omega_sr)
+        });
+    // Blocks in order of their rows, and no attribute that tells time or place: the same image gives the same bytes.
+    let encoding = ExrEncoding {
+        compression: exr::prelude::Compression::ZIP16,
+        blocks: exr::prelude::Blocks::ScanLines,
+        line_order: exr::prelude::LineOrder::Increasing,
+    };
+    let layer = Layer::new(size, LayerAttributes::default(), encoding, channels);
+    let mut bytes = Cursor::new(Vec::new());
+    Image::from_layer(layer).write().non_parallel().to_buffered(&mut bytes)?;
+    Ok(bytes.into_inner())
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use exr::prelude::{ReadChannels, ReadLayers};
+
+    use super::*;
+    use crate::view::Part;
+
+    /// An image whose every value differs from its neighbours, with extremes among them.
+    pub fn sample(width: u32, height: u32) -> FrameImage {
+        let count = (width * height) as usize;
+        let mut hdr: Vec<[f32; 4]> = (0..count)
+            .map(|i| [i as f32 * 1e-7, (i as f32).sqrt(), 1.0 / (i as f32 + 1.0), 1e-6 + i as f32 * 1e-12])
+            .collect();
+        hdr[0] = [f32::MAX, f32::MIN_POSITIVE, 0.0, 0.0];
+        let display = (0..count * 4).map(|i| if i % 4 == 3 { 255 } else { (i * 37 % 251) as u8 }).collect();
+        FrameImage { view: 0, part: Part::Whole, width, height, display: Some(display), hdr: Some(hdr) }
+    }
+
+    /// Values of a channel of an EXR file, by name.
+    pub fn exr_channel(bytes: &[u8], name: &str) -> Vec<f32> {
+        let image = exr::prelude::read()
+            .no_deep_data()
+            .largest_resolution_level()
+            .all_channels()
+            .all_layers()
+            .all_attributes()
+            .from_buffered(Cursor::new(bytes))
+            .unwrap();
+        let channels = &image.layer_data[0].channel_data.list;
+        assert_eq!(channels.len(), 4);
+        let channel = channels.iter().find(|channel| channel.name == *name).expect("the channel is there");
+        match &channel.sample_data {
+            exr::prelude::FlatSamples::F32(values) => values.clone(),
+            other => panic!("{name} holds {other:?}"),
+        }
+    }
+
+    #[test]
+    fn exr_keeps_every_bit_and_repeats_itself() {
+        let image = sample(37, 53);
+        let bytes = encode(Encoding::Exr, &image).unwrap();
+        for (index, name) in ["R", "G", "B", "omega"].into_iter().enumerate() {
+            let expected: Vec<u32> = image.hdr.as_ref().unwrap().iter().map(|pixel| pixel[index].to_bits()).collect();
+            let found: Vec<u32> = exr_channel(&bytes, name).iter().map(|value| value.to_bits()).collect();
+            assert_eq!(found, expected, "{name}");
+        }
+        assert_eq!(encode(Encoding::Exr, &image).unwrap(), bytes);
+        let mut other = image;
+        other.hdr.as_mut().unwrap()[7][2] *= 1.000_001;
+        assert_ne!(encode(Encoding::Exr, &other).unwrap(), bytes);
+    }
+
+    #[test]
+    fn png_keeps_every_byte_and_is_marked_srgb() {
+        let image = sample(31, 17);
+        let bytes = encode(Encoding::Png, &image).unwrap();
+        assert_eq!(encode(Encoding::Png, &image).unwrap(), bytes);
+        let mut reader = png::Decoder::new(Cursor::new(&bytes)).read_info().unwrap();
+        let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+        reader.next_frame(&mut pixels).unwrap();
+        assert_eq!(Some(&pixels), image.display.as_ref());
+        assert_eq!(reader.info().srgb, Some(png::SrgbRenderingIntent::RelativeColorimetric));
+        assert_eq!((reader.info().width, reader.info().height), (31, 17));
+    }
+
+    #[test]
+    fn raw_encodings_are_the_values_themselves() {
+        let image = sample(5, 3);
+        assert_eq!(encode(Encoding::Rgba8, &image).unwrap(), *image.display.as_ref().unwrap());
+        let bytes = encode(Encoding::Rgb32f, &image).unwrap();
+        let values: Vec<f32> = bytes.chunks_exact(4).map(|b| f32::from_le_bytes(b.try_into().unwrap())).collect();
+        let expected: Vec<f32> = image.hdr.unwrap().iter().flat_map(|pixel| pixel[..3].to_vec()).collect();
+        assert_eq!(values, expected);
+    }
+
+    #[test]
+    fn jpeg_has_the_size_and_refuses_what_it_cannot_hold() {
+        let bytes = encode(Encoding::Jpeg, &sample(40, 24)).unwrap();
+        assert!(bytes.starts_with(&[0xff, 0xd8]) && bytes.ends_with(&[0xff, 0xd9]));
+        let frame_header = bytes.windows(2).position(|pair| pair == [0xff, 0xc0]).unwrap();
+        let side = |at: usize| u16::from_be_bytes([bytes[frame_header + at], bytes[frame_header + at + 1]]);
+        assert_eq!((side(7), side(5)), (40, 24));
+        let wide = FrameImage { width: 65_536, height: 1, display: Some(vec![0; 65_536 * 4]), ..sample(1, 1) };
+        assert!(matches!(encode(Encoding::Jpeg, &wide), Err(EncodeError::TooLargeForJpeg { .. })));
+    }
+
+    #[test]
+    fn a_missing_or_short_buffer_is_an_error() {
+        for encoding in [Encoding::Rgba8, Encoding::Png, Encoding::Jpeg, Encoding::Rgb32f, Encoding::Exr] {
+            let wanted = encoding.wanted();
+            assert!(wanted.display != wanted.hdr);
+            let mut image = sample(4, 4);
+            if wanted.hdr {
+                image.hdr = None
+            } else {
+                image.display = None
+            }
+            assert!(matches!(encode(encoding, &image), Err(EncodeError::Missing { .. })), "{encoding:?}");
+            let image = FrameImage { width: 5, ..sample(4, 4) };
+            assert!(matches!(encode(encoding, &image), Err(EncodeError::Length { .. })), "{encoding:?}");
+        }
+    }
+}

@@ -1,0 +1,205 @@
+//! The files of a frame: `<view>.exr` and `<view>.png`, with `<view>.<part>.` for a view of several images, and
+//! `manifest.json`, which comes last: where it is, the images are.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+
+use super::encode::{EncodeError, Encoding, encode};
+use crate::files::write_whole;
+use crate::frame::Frame;
+use crate::plan::FramePlan;
+use crate::view::Rig;
+
+/// Why the files of a frame cannot be written.
+#[derive(Debug, thiserror::Error)]
+pub enum OutputError {
+    /// The system refuses.
+    #[error("cannot write {}: {source}", path.display())]
+    Write {
+        /// The file or folder.
+        path: PathBuf,
+        /// What the system says.
+        source: io::Error,
+    },
+    /// An image cannot be encoded.
+    #[error("cannot encode {}: {source}", path.display())]
+    Encode {
+        /// The file it was to become.
+        path: PathBuf,
+        /// Why.
+        source: EncodeError,
+    },
+    /// The frame is of another rig.
+    #[error("the frame has an image of view {view}, the rig has {views} views")]
+    OtherRig {
+        /// Index of the view.
+        view: usize,
+        /// Number of views.
+        views: usize,
+    },
+    /// The manifest cannot be put into JSON: a number in it is not finite.
+    #[error("cannot encode {}: {source}", path.display())]
+    Manifest {
+        /// The manifest.
+        path: PathBuf,
+        /// Why.
+        source: serde_json::Error,
+    },
+}
+
+#[derive(Serialize)]
+struct Manifest<'a> {
+    adapter: &'a str,
+    scene_revision: u64,
+    exposure_ev100: f64,
+    views: Vec<ManifestView<'a>>,
+}
+
+#[derive(Serialize)]
+struct ManifestView<'a> {
+    name: &'a str,
+    files: Vec<String>,
+    stars_drawn: u64,
+    stars_in_map: u64,
+    gpu_ms: Option<f64>,
+    plan: &'a FramePlan,
+}
+
+/// Writes every image of the frame as EXR and PNG, and the manifest, into `folder`, which is made if it is not there.
+/// Returns the paths in the order of writing. Each file appears whole or not at all.
+pub fn write_frame(folder: &Path, rig: &Rig, frame: &Frame, adapter: &str) -> Result<Vec<PathBuf>, OutputError> {
+    std::fs::create_dir_all(folder).map_err(|source| OutputError::Write { path: folder.to_owned(), source })?;
+    let views = rig.views();
+    let mut files: Vec<Vec<String>> = vec![Vec::new(); views.len()];
+    let mut written = Vec::new();
+    for image in &frame.images {
+        let other_rig = OutputError::OtherRig { view: image.view, views: views.len() };
+        let view = views.get(image.view).ok_or(other_rig)?;
+        let stem = image.part.name().map_or(view.name.clone(), |part| format!("{}.{part}", view.name));
+        for (encoding, extension) in [(Encoding::Exr, "exr"), (Encoding::Png, "png")] {
+            let name = format!("{stem}.{extension}");
+            let path = folder.join(&name);
+            let bytes = encode(encoding, image).map_err(|source| OutputError::Encode { path: path.clone(), source })?;
+            write_whole(&path, &bytes).map_err(|source| OutputError::Write { path: path.clone(), source })?;
+            files[image.view].push(name);
+            written.push(path);
+        }
+    }
+    let views = frame
+        .views
+        .iter()
+        .map(|statistics| ManifestView {
+            name: &statistics.name,
+            files: rig.index_of(&statistics.name).map(|index| files[index].clone()).unwrap_or_default(),
+            stars_drawn: statistics.stars_drawn,
+            stars_in_map: statistics.stars_in_map,
+            gpu_ms: statistics.gpu_ms,
+            plan: &frame.plan,
+        })
+        .collect();
+    let manifest =
+        Manifest { adapter, scene_revision: frame.scene_revision, exposure_ev100: frame.exposure_ev100, views };
+    let path = folder.join("manifest.json");
+    let mut json =
+        serde_json::to_vec_pretty(&manifest).map_err(|source| OutputError::Manifest { path: path.clone(), source })?;
+    json.push(b'\n');
+    write_whole(&path, &json).map_err(|source| OutputError::Write { path: path.clone(), source })?;
+    written.push(path);
+    Ok(written)
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{DQuat, DVec3};
+
+    use super::super::encode::tests::{exr_channel, sample};
+    use super::*;
+    use crate::frame::{FrameImage, FrameTimes, ViewStatistics};
+    use crate::view::projection::Face;
+    use crate::view::{Part, View, ViewKind};
+
+    fn rig_and_frame() -> (Rig, Frame) {
+        let view = |name: &str, kind: ViewKind| View::new(name, kind, DQuat::IDENTITY, DVec3::ZERO).unwrap();
+        let rig = Rig::new(vec![
+            view("sky", ViewKind::Equirectangular { size: [8, 4] }),
+            view("cube", ViewKind::Cubemap { face_size: 5, faces: vec![Face::Front, Face::Down] }),
+        ])
+        .unwrap();
+        let image = |view, part, width, height| FrameImage { view, part, ..sample(width, height) };
+        let images = vec![
+            image(0, Part::Whole, 8, 4),
+            image(1, Part::Face(Face::Front), 5, 5),
+            image(1, Part::Face(Face::Down), 5, 5),
+        ];
+        let views = rig
+            .views()
+            .iter()
+            .zip([3, 4])
+            .map(|(view, stars_drawn)| ViewStatistics {
+                name: view.name.clone(),
+                stars_drawn,
+                stars_in_map: 0,
+                gpu_ms: (stars_drawn == 3).then_some(1.5),
+            })
+            .collect();
+        let frame = Frame {
+            number: 1,
+            scene_revision: 7,
+            camera_revision: 2,
+            exposure_ev100: -3.25,
+            metered_ev100: -3.25,
+            mean_luminance_cd_m2: 0.01,
+            images,
+            views,
+            plan: FramePlan { stars: "bspline".to_owned(), ..FramePlan::default() },
+            times: FrameTimes::default(),
+        };
+        (rig, frame)
+    }
+
+    #[test]
+    fn names_manifest_and_pixels_are_as_promised() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().join("deep/out");
+        let (rig, frame) = rig_and_frame();
+        let written = write_frame(&out, &rig, &frame, "some adapter").unwrap();
+        let names: Vec<&str> = written.iter().map(|path| path.file_name().unwrap().to_str().unwrap()).collect();
+        let expected = "sky.exr sky.png cube.front.exr cube.front.png cube.down.exr cube.down.png manifest.json";
+        assert_eq!(names.join(" "), expected);
+        assert_eq!(std::fs::read_dir(&out).unwrap().count(), written.len(), "nothing else is left");
+
+        let manifest: serde_json::Value =
+            serde_json::from_slice(&std::fs::read(out.join("manifest.json")).unwrap()).unwrap();
+        assert_eq!(manifest["adapter"], "some adapter");
+        assert_eq!(manifest["scene_revision"], 7);
+        assert_eq!(manifest["exposure_ev100"], -3.25);
+        assert_eq!(manifest["views"][1]["name"], "cube");
+        assert_eq!(manifest["views"][1]["files"].as_array().unwrap().len(), 4);
+        assert_eq!(manifest["views"][1]["stars_drawn"], 4);
+        assert_eq!(manifest["views"][0]["gpu_ms"], 1.5);
+        assert!(manifest["views"][1]["gpu_ms"].is_null());
+        assert_eq!(manifest["views"][0]["plan"]["stars"], "bspline");
+
+        let omega = exr_channel(&std::fs::read(out.join("cube.down.exr")).unwrap(), "omega");
+        let expected: Vec<f32> = frame.images[2].hdr.as_ref().unwrap().iter().map(|pixel| pixel[3]).collect();
+        assert_eq!(omega, expected);
+    }
+
+    #[test]
+    fn errors_name_the_path() {
+        let folder = tempfile::tempdir().unwrap();
+        let (rig, mut frame) = rig_and_frame();
+        let occupied = folder.path().join("file");
+        std::fs::write(&occupied, "x").unwrap();
+        let error = write_frame(&occupied, &rig, &frame, "").unwrap_err();
+        assert!(error.to_string().contains("file"), "{error}");
+        frame.images[1].display = None;
+        let error = write_frame(folder.path(), &rig, &frame, "").unwrap_err();
+        assert!(error.to_string().contains("cube.front.png"), "{error}");
+        assert!(!folder.path().join("manifest.json").exists());
+        frame.images[0].view = 2;
+        assert!(matches!(write_frame(folder.path(), &rig, &frame, ""), Err(OutputError::OtherRig { .. })));
+    }
+}

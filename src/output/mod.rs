@@ -1,0 +1,7 @@
+//! What leaves the process: encodings of images, and the files that `render` writes.
+
+mod encode;
+mod files;
+
+pub use encode::{EncodeError, Encoding, encode};
+pub use files::{OutputError, write_frame};

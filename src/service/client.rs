@@ -1,0 +1,285 @@
+//! A client of the daemon in plain Rust types.
+
+use std::time::SystemTime;
+
+use tonic::{
+    Code, Status, Streaming,
+    transport::{Channel, Endpoint},
+};
+
+use super::{
+    convert,
+    proto::{
+        self, camera_service_client::CameraServiceClient, diagnostics_service_client::DiagnosticsServiceClient,
+        view_service_client::ViewServiceClient,
+    },
+    render::CameraUpdate,
+};
+use crate::{
+    gpu::AdapterReport,
+    output::Encoding,
+    scene::{Camera, PoseError},
+};
+
+/// Why a call did not succeed.
+#[derive(Debug, thiserror::Error)]
+pub enum ClientError {
+    /// The address is none, or nobody answers there.
+    #[error("cannot connect to {uri}: {source}")]
+    Connect {
+        /// The address.
+        uri: String,
+        /// Why.
+        source: tonic::transport::Error,
+    },
+    /// The daemon refuses the call, or the connection broke.
+    #[error("{code:?}: {message}")]
+    Status {
+        /// The status code.
+        code: Code,
+        /// What the daemon says.
+        message: String,
+    },
+    /// The daemon sent something that makes no sense.
+    #[error("the answer lacks a valid {field}")]
+    Answer {
+        /// The field.
+        field: &'static str,
+    },
+    /// The daemon sent an impossible camera.
+    #[error("the answer holds an impossible camera: {0}")]
+    Camera(#[from] PoseError),
+}
+
+impl ClientError {
+    /// The status code, if the call got as far as that.
+    pub fn code(&self) -> Option<Code> {
+        match self {
+            ClientError::Status { code, .. } => Some(*code),
+            _ => None,
+        }
+    }
+}
+
+impl From<Status> for ClientError {
+    fn from(status: Status) -> Self {
+        ClientError::Status { code: status.code(), message: status.message().to_owned() }
+    }
+}
+
+/// Form of one image of a view.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ViewImageForm {
+    /// Empty for a view's only image, else `left`, `right` or the cube face's name.
+    pub part: String,
+    /// Width, pixels.
+    pub width: u32,
+    /// Height, pixels.
+    pub height: u32,
+}
+
+/// A view of the daemon.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ViewForm {
+    /// Its name.
+    pub name: String,
+    /// Its type, as in configurations.
+    pub kind: String,
+    /// Its images, in the order in which frames carry them.
+    pub images: Vec<ViewImageForm>,
+}
+
+/// An image as it came.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ReceivedImage {
+    /// Empty for a view's only image, else `left`, `right` or the cube face's name.
+    pub part: String,
+    /// Width, pixels.
+    pub width: u32,
+    /// Height, pixels.
+    pub height: u32,
+    /// How to read `data`.
+    pub encoding: Encoding,
+    /// The encoded pixels.
+    pub data: Vec<u8>,
+}
+
+/// A frame of one view.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ReceivedFrame {
+    /// Name of the view.
+    pub view: String,
+    /// Counts the frames of the renderer, over all views.
+    pub number: u64,
+    /// Revision of the scene.
+    pub scene_revision: u64,
+    /// Revision of the camera.
+    pub camera_revision: u64,
+    /// When the daemon received that camera, by its clock.
+    pub pose_time: SystemTime,
+    /// When the frame was rendered, by the daemon's clock.
+    pub render_time: SystemTime,
+    /// Exposure, EV at ISO 100.
+    pub exposure_ev100: f64,
+    /// Frames that this stream has dropped so far.
+    pub dropped: u64,
+    /// The images of the view.
+    pub images: Vec<ReceivedImage>,
+}
+
+/// What the daemon runs on and holds.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ServerInfo {
+    /// Version of the daemon.
+    pub version: String,
+    /// Adapter, driver, features and limits used (limits sorted by name), fallbacks taken.
+    pub adapter: AdapterReport,
+    /// Stars in the scene.
+    pub stars: u64,
+    /// Revision of the scene.
+    pub scene_revision: u64,
+    /// Frames rendered since the start.
+    pub frames_rendered: u64,
+}
+
+fn camera_from_pb(camera: proto::Camera) -> Result<Camera, ClientError> {
+    let lacks = |field| ClientError::Answer { field };
+    let plain = Camera::new(
+        camera.position_m.map(convert::vector_from_pb).ok_or_else(|| lacks("position_m"))?,
+        camera.orientation.map(convert::quaternion_from_pb).ok_or_else(|| lacks("orientation"))?,
+        camera.velocity_c.map(convert::vector_from_pb).ok_or_else(|| lacks("velocity_c"))?,
+    )?;
+    Ok(Camera { revision: camera.revision, ..plain })
+}
+
+fn time(time: Option<prost_types::Timestamp>, field: &'static str) -> Result<SystemTime, ClientError> {
+    time.and_then(|time| time.try_into().ok()).ok_or(ClientError::Answer { field })
+}
+
+impl TryFrom<proto::Frame> for ReceivedFrame {
+    type Error = ClientError;
+
+    fn try_from(frame: proto::Frame) -> Result<Self, ClientError> {
+        let images = frame.images.into_iter().map(|image| {
+            let encoding = convert::encoding_from_pb(image.encoding);
+            Ok(ReceivedImage {
+                part: image.part,
+                width: image.width,
+                height: image.height,
+                encoding: encoding.ok_or(ClientError::Answer { field: "encoding" })?,
+                data: image.data,
+            })
+        });
+        Ok(Self {
+            view: frame.view,
+            number: frame.frame_number,
+            scene_revision: frame.scene_revision,
+            camera_revision: frame.camera_revision,
+            pose_time: time(frame.pose_time, "pose_time")?,
+            render_time: time(frame.render_time, "render_time")?,
+            exposure_ev100: frame.exposure_ev100,
+            dropped: frame.dropped,
+            images: images.collect::<Result<_, ClientError>>()?,
+        })
+    }
+}
+
+/// The frames of a subscription. Dropping it ends the subscription.
+#[derive(Debug)]
+pub struct FrameReceiver {
+    stream: Streaming<proto::Frame>,
+}
+
+impl FrameReceiver {
+    /// Waits for the next frame; `None` when the daemon has ended the stream in good order.
+    pub async fn next(&mut self) -> Result<Option<ReceivedFrame>, ClientError> {
+        self.stream.message().await?.map(ReceivedFrame::try_from).transpose()
+    }
+}
+
+/// A connection to a daemon. Clones share it.
+#[derive(Clone, Debug)]
+pub struct Client {
+    camera: CameraServiceClient<Channel>,
+    view: ViewServiceClient<Channel>,
+    diagnostics: DiagnosticsServiceClient<Channel>,
+}
+
+impl Client {
+    /// Connects to a daemon at, for example, `http://127.0.0.1:7143`.
+    pub async fn connect(uri: &str) -> Result<Self, ClientError> {
+        let failed = |source| ClientError::Connect { uri: uri.to_owned(), source };
+        let endpoint = Endpoint::from_shared(uri.to_owned()).map_err(failed)?.tcp_nodelay(true);
+        let channel = endpoint.connect().await.map_err(failed)?;
+        Ok(Self {
+            camera: CameraServiceClient::new(channel.clone()),
+            // A frame of large views is hundreds of megabytes; the default limit is 4 MiB.
+            view: ViewServiceClient::new(channel.clone()).max_decoding_message_size(usize::MAX),
+            diagnostics: DiagnosticsServiceClient::new(channel),
+        })
+    }
+
+    /// The camera now.
+    pub async fn camera(&mut self) -> Result<Camera, ClientError> {
+        camera_from_pb(self.camera.get_camera(proto::GetCameraRequest {}).await?.into_inner())
+    }
+
+    /// Moves the camera; returns it with its new revision.
+    pub async fn set_camera(&mut self, update: &CameraUpdate) -> Result<Camera, ClientError> {
+        camera_from_pb(self.camera.set_camera(convert::update_to_pb(update)).await?.into_inner())
+    }
+
+    /// The views.
+    pub async fn views(&mut self) -> Result<Vec<ViewForm>, ClientError> {
+        let answer = self.view.list_views(proto::ListViewsRequest {}).await?.into_inner();
+        let image =
+            |image: proto::ViewImage| ViewImageForm { part: image.part, width: image.width, height: image.height };
+        let form = |view: proto::View| ViewForm {
+            name: view.name,
+            kind: view.r#type,
+            images: view.images.into_iter().map(image).collect(),
+        };
+        Ok(answer.views.into_iter().map(form).collect())
+    }
+
+    /// Renders a view with the newest camera.
+    pub async fn render_frame(&mut self, view: &str, encoding: Encoding) -> Result<ReceivedFrame, ClientError> {
+        let encoding = convert::encoding_to_pb(encoding).into();
+        let request = proto::RenderFrameRequest { view: view.to_owned(), encoding };
+        self.view.render_frame(request).await?.into_inner().try_into()
+    }
+
+    /// Subscribes to a view. `max_rate_hz` = 0: every frame.
+    pub async fn stream_frames(
+        &mut self,
+        view: &str,
+        encoding: Encoding,
+        max_rate_hz: f64,
+    ) -> Result<FrameReceiver, ClientError> {
+        let encoding = convert::encoding_to_pb(encoding).into();
+        let request = proto::StreamFramesRequest { view: view.to_owned(), encoding, max_rate_hz };
+        Ok(FrameReceiver { stream: self.view.stream_frames(request).await?.into_inner() })
+    }
+
+    /// What the daemon runs on and holds.
+    pub async fn info(&mut self) -> Result<ServerInfo, ClientError> {
+        let info = self.diagnostics.get_info(proto::GetInfoRequest {}).await?.into_inner();
+        let mut limits: Vec<(String, u64)> = info.limits.into_iter().collect();
+        limits.sort();
+        Ok(ServerInfo {
+            version: info.version,
+            adapter: AdapterReport {
+                adapter: info.adapter,
+                driver: info.driver,
+                backend: info.backend,
+                device_type: info.device_type,
+                features: info.features,
+                limits,
+                fallbacks: info.fallbacks,
+            },
+            stars: info.stars,
+            scene_revision: info.scene_revision,
+            frames_rendered: info.frames_rendered,
+        })
+    }
+}

@@ -1,0 +1,359 @@
+//! The render thread: it alone owns the engine. The other side reaches it through [`RenderHandle`].
+//!
+//! All that it is told stands under one lock, which is never held while a frame is rendered: the camera (a slot, the latest
+//! wins), requests for single frames (a bounded queue), and the subscribers, each with a latest-wins slot of its own. The
+//! thread sleeps until a request is there or a subscriber is due, then renders **one** frame that serves all of them, with
+//! the camera that is the newest at that moment.
+
+use std::{
+    collections::VecDeque,
+    mem,
+    sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError},
+    thread,
+    time::{Duration, Instant, SystemTime},
+};
+
+use tokio::sync::oneshot;
+
+use super::{
+    engine::Engine,
+    exposure::Adaptation,
+    schedule::{Pace, Shown},
+    slot::{RenderFailure, RenderedFrame, Slot},
+};
+use crate::{
+    frame::Wanted,
+    plan::settings::RenderSettings,
+    scene::{Camera, PoseError, SceneSnapshot},
+    view::Rig,
+};
+
+/// Changes of a camera; what is `None` stays.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct CameraUpdate {
+    /// ICRS barycentric position, m.
+    pub position_m: Option<[f64; 3]>,
+    /// Camera axes to world axes, unit quaternion x, y, z, w.
+    pub orientation: Option<[f64; 4]>,
+    /// Velocity in units of the speed of light, world axes.
+    pub velocity_c: Option<[f64; 3]>,
+}
+
+type Reply = oneshot::Sender<Result<Arc<RenderedFrame>, RenderFailure>>;
+
+/// Why a request is not taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Refused {
+    /// The queue is full.
+    Full,
+    /// The daemon is shutting down.
+    Ending,
+}
+
+struct Request {
+    view: usize,
+    wanted: Wanted,
+    reply: Reply,
+}
+
+struct Subscriber {
+    id: u64,
+    view: usize,
+    wanted: Wanted,
+    pace: Pace,
+    slot: Arc<Slot>,
+}
+
+struct State {
+    camera: Camera,
+    pose_time: SystemTime,
+    requests: VecDeque<Request>,
+    subscribers: Vec<Subscriber>,
+    next_id: u64,
+    frames_rendered: u64,
+    /// No new work is taken.
+    draining: bool,
+    /// The thread ends when the queue is empty.
+    stop: bool,
+}
+
+struct Shared {
+    state: Mutex<State>,
+    wake: Condvar,
+    queue: usize,
+}
+
+impl Shared {
+    fn state(&self) -> MutexGuard<'_, State> {
+        // The engine, which may panic, never runs under this lock: a poisoned state is whole.
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// The async side's hold on the render thread. None of its calls waits for a frame.
+#[derive(Clone)]
+pub(super) struct RenderHandle {
+    shared: Arc<Shared>,
+}
+
+/// A subscription: frames come until it is dropped or the daemon ends.
+pub(super) struct Subscription {
+    id: u64,
+    slot: Arc<Slot>,
+    handle: RenderHandle,
+}
+
+impl Subscription {
+    /// See [`Slot::next`].
+    pub(super) async fn next(&self) -> Result<Option<(Arc<RenderedFrame>, u64)>, RenderFailure> {
+        self.slot.next().await
+    }
+}
+
+impl Drop for Subscription {
+    fn drop(&mut self) {
+        self.handle.shared.state().subscribers.retain(|subscriber| subscriber.id != self.id);
+    }
+}
+
+impl RenderHandle {
+    /// The camera now.
+    pub(super) fn camera(&self) -> Camera {
+        self.shared.state().camera
+    }
+
+    /// Moves the camera; returns it with its new revision. After an error it is as it was.
+    pub(super) fn set_camera(&self, update: &CameraUpdate) -> Result<Camera, PoseError> {
+        let mut state = self.shared.state();
+        let old = state.camera;
+        let camera = Camera::new(
+            update.position_m.unwrap_or(old.position_m.to_array()),
+            update.orientation.unwrap_or(old.world_from_camera.to_array()),
+            update.velocity_c.unwrap_or(old.velocity_c.to_array()),
+        )?;
+        state.camera = Camera { revision: old.revision + 1, ..camera };
+        state.pose_time = SystemTime::now();
+        self.shared.wake.notify_one();
+        Ok(state.camera)
+    }
+
+    /// Frames rendered since the start.
+    pub(super) fn frames_rendered(&self) -> u64 {
+        self.shared.state().frames_rendered
+    }
+
+    /// Asks for a frame of a view.
+    pub(super) fn request(
+        &self,
+        view: usize,
+        wanted: Wanted,
+    ) -> Result<oneshot::Receiver<Result<Arc<RenderedFrame>, RenderFailure>>, Refused> {
+        let mut state = self.shared.state();
+        if state.draining {
+            return Err(Refused::Ending);
+        }
+        if state.requests.len() >= self.shared.queue {
+            // Callers that went away need no place.
+            state.requests.retain(|request| !request.reply.is_closed());
+        }
+        if state.requests.len() >= self.shared.queue {
+            return Err(Refused::Full);
+        }
+        let (reply, receiver) = oneshot::channel();
+        state.requests.push_back(Request { view, wanted, reply });
+        self.shared.wake.notify_one();
+        Ok(receiver)
+    }
+
+    /// Asks for the frames of a view, at least `interval` apart.
+    pub(super) fn subscribe(&self, view: usize, wanted: Wanted, interval: Duration) -> Result<Subscription, Refused> {
+        let mut state = self.shared.state();
+        if state.draining {
+            return Err(Refused::Ending);
+        }
+        let id = state.next_id;
+        state.next_id += 1;
+        let slot = Arc::new(Slot::default());
+        state.subscribers.push(Subscriber { id, view, wanted, pace: Pace::new(interval), slot: Arc::clone(&slot) });
+        self.shared.wake.notify_one();
+        Ok(Subscription { id, slot, handle: self.clone() })
+    }
+
+    /// Takes no new work and ends every subscription; requests that are queued are still answered.
+    pub(super) fn drain(&self) {
+        let mut state = self.shared.state();
+        state.draining = true;
+        for subscriber in state.subscribers.drain(..) {
+            subscriber.slot.end(Ok(()));
+        }
+    }
+
+    /// Lets the thread end once the queue is empty.
+    pub(super) fn stop(&self) {
+        self.drain();
+        self.shared.state().stop = true;
+        self.shared.wake.notify_one();
+    }
+}
+
+/// The running thread.
+pub(super) struct RenderThread {
+    /// Its end, with its panic if there was one.
+    pub(super) join: thread::JoinHandle<()>,
+    /// Resolves (with an error, since nothing is sent) when the thread has ended.
+    pub(super) ended: oneshot::Receiver<()>,
+}
+
+/// When the thread ends, by panic or by order, nobody is left waiting for it.
+struct Farewell {
+    shared: Arc<Shared>,
+    _ended: oneshot::Sender<()>,
+}
+
+impl Drop for Farewell {
+    fn drop(&mut self) {
+        let mut state = self.shared.state();
+        state.draining = true;
+        // Dropped replies tell their callers.
+        state.requests.clear();
+        for subscriber in state.subscribers.drain(..) {
+            subscriber.slot.end(Err(RenderFailure::Ended));
+        }
+    }
+}
+
+/// Starts the thread. `queue`: how many requests may wait.
+pub(super) fn spawn(
+    engine: Box<dyn Engine>,
+    scene: SceneSnapshot,
+    rig: Arc<Rig>,
+    settings: RenderSettings,
+    queue: usize,
+) -> std::io::Result<(RenderHandle, RenderThread)> {
+    let state = State {
+        camera: scene.camera,
+        pose_time: SystemTime::now(),
+        requests: VecDeque::new(),
+        subscribers: Vec::new(),
+        next_id: 0,
+        frames_rendered: 0,
+        draining: false,
+        stop: false,
+    };
+    let shared = Arc::new(Shared { state: Mutex::new(state), wake: Condvar::new(), queue });
+    let (sender, ended) = oneshot::channel();
+    let farewell = Farewell { shared: Arc::clone(&shared), _ended: sender };
+    let worker = Worker { shared: Arc::clone(&shared), engine, scene, rig, settings };
+    let join = thread::Builder::new().name("render".to_owned()).spawn(move || {
+        // Dropped after the worker: whoever sees the end knows that the engine is gone too.
+        let _farewell = farewell;
+        worker.run();
+    })?;
+    Ok((RenderHandle { shared }, RenderThread { join, ended }))
+}
+
+/// Who gets the next frame, and of what.
+struct Job {
+    requests: Vec<Request>,
+    subscribers: Vec<(u64, Arc<Slot>)>,
+    wanted: Vec<Wanted>,
+    camera: Camera,
+    pose_time: SystemTime,
+    start: Instant,
+}
+
+struct Worker {
+    shared: Arc<Shared>,
+    engine: Box<dyn Engine>,
+    scene: SceneSnapshot,
+    rig: Arc<Rig>,
+    settings: RenderSettings,
+}
+
+impl Worker {
+    fn run(mut self) {
+        let mut adaptation = Adaptation::default();
+        let mut last_start: Option<Instant> = None;
+        while let Some(job) = self.next_job(adaptation.converged()) {
+            self.scene.camera = job.camera;
+            let dt = last_start.map_or(Duration::ZERO, |last| job.start - last);
+            last_start = Some(job.start);
+            let adapted_ev100 = adaptation.advance(dt.as_secs_f64(), &self.settings.exposure);
+            let result = self.engine.render(&self.scene, &self.rig, &self.settings, &job.wanted, adapted_ev100);
+            match result {
+                Ok(frame) => {
+                    adaptation.observe(frame.exposure_ev100, frame.metered_ev100);
+                    self.shared.state().frames_rendered += 1;
+                    let frame =
+                        Arc::new(RenderedFrame { frame, pose_time: job.pose_time, render_time: SystemTime::now() });
+                    for request in job.requests {
+                        // A caller that went away meanwhile needs no answer.
+                        let _ = request.reply.send(Ok(Arc::clone(&frame)));
+                    }
+                    for (_, slot) in job.subscribers {
+                        slot.offer(Arc::clone(&frame));
+                    }
+                }
+                Err(error) => self.refuse(job, &RenderFailure::Engine(error.to_string())),
+            }
+        }
+    }
+
+    /// Tells everyone who waited for a frame that there is none.
+    fn refuse(&self, job: Job, failure: &RenderFailure) {
+        for request in job.requests {
+            // A caller that went away meanwhile needs no answer.
+            let _ = request.reply.send(Err(failure.clone()));
+        }
+        let mut state = self.shared.state();
+        for (id, slot) in job.subscribers {
+            state.subscribers.retain(|subscriber| subscriber.id != id);
+            slot.end(Err(failure.clone()));
+        }
+    }
+
+    /// Sleeps until there is a frame to render; `None`: the thread is to end.
+    fn next_job(&self, exposure_converged: bool) -> Option<Job> {
+        let mut state = self.shared.state();
+        loop {
+            state.requests.retain(|request| !request.reply.is_closed());
+            let newest = Shown { scene: self.scene.revision, camera: state.camera.revision };
+            let now = Instant::now();
+            let due = state.subscribers.iter().map(|s| s.pace.due_at(newest, exposure_converged, now)).min();
+            if !state.requests.is_empty() || due.is_some_and(|due| due <= now) {
+                return Some(self.take_job(&mut state, newest, exposure_converged, now));
+            }
+            if state.stop {
+                return None;
+            }
+            state = match due {
+                Some(due) => {
+                    let wait = self.shared.wake.wait_timeout(state, due - now);
+                    wait.unwrap_or_else(PoisonError::into_inner).0
+                }
+                None => self.shared.wake.wait(state).unwrap_or_else(PoisonError::into_inner),
+            };
+        }
+    }
+
+    fn take_job(&self, state: &mut State, newest: Shown, exposure_converged: bool, start: Instant) -> Job {
+        let mut wanted = vec![Wanted::default(); self.rig.views().len()];
+        let mut want = |view: usize, what: Wanted| {
+            wanted[view].display |= what.display;
+            wanted[view].hdr |= what.hdr;
+        };
+        let requests: Vec<Request> = mem::take(&mut state.requests).into();
+        for request in &requests {
+            want(request.view, request.wanted);
+        }
+        let mut subscribers = Vec::new();
+        for subscriber in &mut state.subscribers {
+            if subscriber.pace.due_at(newest, exposure_converged, start) <= start {
+                subscriber.pace.served(newest, start);
+                want(subscriber.view, subscriber.wanted);
+                subscribers.push((subscriber.id, Arc::clone(&subscriber.slot)));
+            }
+        }
+        Job { requests, subscribers, wanted, camera: state.camera, pose_time: state.pose_time, start }
+    }
+}

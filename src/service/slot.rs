@@ -1,0 +1,88 @@
+//! The latest-wins slot between the render thread and one subscriber: it holds the newest frame, counts those that were
+//! overwritten before the subscriber took them, and never makes the render thread wait.
+
+use std::{
+    sync::{Arc, Mutex, MutexGuard, PoisonError},
+    time::SystemTime,
+};
+
+use tokio::sync::Notify;
+
+use crate::frame::Frame;
+
+/// A frame with its times.
+#[derive(Debug)]
+pub(super) struct RenderedFrame {
+    /// The frame, with the images of every view that was wanted.
+    pub(super) frame: Frame,
+    /// When the camera was set.
+    pub(super) pose_time: SystemTime,
+    /// When the frame was finished.
+    pub(super) render_time: SystemTime,
+}
+
+/// Why there is no frame.
+#[derive(Clone, Debug, thiserror::Error)]
+pub(super) enum RenderFailure {
+    /// The engine failed.
+    #[error("the frame could not be rendered: {0}")]
+    Engine(String),
+    /// There is no render thread any more, or it takes no more work.
+    #[error("the daemon is shutting down")]
+    Ended,
+}
+
+#[derive(Debug, Default)]
+struct State {
+    frame: Option<Arc<RenderedFrame>>,
+    dropped: u64,
+    end: Option<Result<(), RenderFailure>>,
+}
+
+/// One subscriber's slot.
+#[derive(Debug, Default)]
+pub(super) struct Slot {
+    state: Mutex<State>,
+    changed: Notify,
+}
+
+impl Slot {
+    fn state(&self) -> MutexGuard<'_, State> {
+        // Nothing can panic while the lock is held, so a poisoned state is whole.
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Puts the newest frame in. One that is still there is dropped and counted.
+    pub(super) fn offer(&self, frame: Arc<RenderedFrame>) {
+        let mut state = self.state();
+        if state.end.is_none() && state.frame.replace(frame).is_some() {
+            state.dropped += 1;
+        }
+        drop(state);
+        self.changed.notify_one();
+    }
+
+    /// No frame will follow. One that is there is still delivered. The first end counts.
+    pub(super) fn end(&self, how: Result<(), RenderFailure>) {
+        self.state().end.get_or_insert(how);
+        self.changed.notify_one();
+    }
+
+    /// Waits for the newest frame; with it comes the number of frames dropped so far. `None`: there will be no more.
+    /// For one reader.
+    pub(super) async fn next(&self) -> Result<Option<(Arc<RenderedFrame>, u64)>, RenderFailure> {
+        loop {
+            {
+                let mut state = self.state();
+                if let Some(frame) = state.frame.take() {
+                    return Ok(Some((frame, state.dropped)));
+                }
+                if let Some(end) = &state.end {
+                    return end.clone().map(|()| None);
+                }
+            }
+            // A notification that came since the lock was released is stored, so none is lost.
+            self.changed.notified().await;
+        }
+    }
+}

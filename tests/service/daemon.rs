@@ -1,0 +1,232 @@
+//! A daemon in this process, and an engine whose images say which frame they belong to.
+
+use std::{
+    net::SocketAddr,
+    sync::{
+        Arc, Condvar, Mutex,
+        atomic::{AtomicBool, AtomicU64, Ordering::SeqCst},
+    },
+    time::Duration,
+};
+
+use glam::{DQuat, DVec3};
+use steradian::{
+    frame::{Frame, FrameImage, FrameTimes, ViewStatistics, Wanted},
+    gpu::AdapterReport,
+    plan::{FramePlan, settings::RenderSettings},
+    scene::{Camera, SceneSnapshot},
+    service::{Client, Engine, EngineError, ServeError, ServeOptions, Shutdown, run},
+    view::{Fov, Rig, View, ViewKind},
+};
+use tokio::{sync::oneshot, task::JoinHandle};
+use tonic::transport::{Channel, Endpoint};
+
+/// Far longer than any test takes: a test that waits in vain fails instead of hanging.
+pub const PATIENCE: Duration = Duration::from_secs(60);
+
+/// What the test tells the engine, and what the engine tells the test.
+#[derive(Default)]
+pub struct Controls {
+    closed: Mutex<bool>,
+    opened: Condvar,
+    /// Frames begun.
+    pub started: AtomicU64,
+    /// Frames finished or failed.
+    pub finished: AtomicU64,
+    /// Frames fail.
+    pub failing: AtomicBool,
+    /// The next frame panics.
+    pub panicking: AtomicBool,
+    /// Exposure that frames ask for, EV.
+    pub metered_ev100: Mutex<f64>,
+}
+
+impl Controls {
+    /// Frames that begin from now on wait.
+    pub fn close_gate(&self) {
+        *self.closed.lock().unwrap() = true;
+    }
+
+    /// Frames go on.
+    pub fn open_gate(&self) {
+        *self.closed.lock().unwrap() = false;
+        self.opened.notify_all();
+    }
+}
+
+pub struct TestEngine(pub Arc<Controls>);
+
+/// Luminance of pixel `index` of view `view`, and the solid angle.
+pub fn hdr_pixel(camera_x_m: f64, frame: u64, view: usize, index: usize) -> [f32; 4] {
+    [camera_x_m as f32, frame as f32 + 0.25, (view * 10_000 + index) as f32, 1e-6]
+}
+
+/// Display value of pixel `index` of view `view`.
+pub fn display_pixel(camera_revision: u64, view: usize, index: usize) -> [u8; 4] {
+    [camera_revision as u8, view as u8, index as u8, 255]
+}
+
+impl Engine for TestEngine {
+    fn render(
+        &mut self,
+        snapshot: &SceneSnapshot,
+        rig: &Rig,
+        _: &RenderSettings,
+        wanted: &[Wanted],
+        adapted_ev100: Option<f64>,
+    ) -> Result<Frame, EngineError> {
+        let number = self.0.started.fetch_add(1, SeqCst);
+        let closed = self.0.closed.lock().unwrap();
+        drop(self.0.opened.wait_while(closed, |closed| *closed).unwrap());
+        assert!(!self.0.panicking.load(SeqCst), "the test engine was told to panic");
+        if self.0.failing.load(SeqCst) {
+            self.0.finished.fetch_add(1, SeqCst);
+            return Err(EngineError::new("the test engine was told to fail"));
+        }
+        let mut images = Vec::new();
+        for viewport in rig.viewports(snapshot.camera.world_from_camera) {
+            let [width, height] = viewport.size();
+            let (view, want) = (viewport.view, wanted[viewport.view]);
+            let pixels = 0..(width * height) as usize;
+            let display =
+                pixels.clone().flat_map(|i| display_pixel(snapshot.camera.revision, view, i)).collect::<Vec<u8>>();
+            let hdr = pixels.map(|i| hdr_pixel(snapshot.camera.position_m.x, number, view, i)).collect();
+            images.push(FrameImage {
+                view,
+                part: viewport.part,
+                width,
+                height,
+                display: want.display.then_some(display),
+                hdr: want.hdr.then_some(hdr),
+            });
+        }
+        let metered_ev100 = *self.0.metered_ev100.lock().unwrap();
+        let statistics =
+            |view: &View| ViewStatistics { name: view.name.clone(), stars_drawn: 0, stars_in_map: 0, gpu_ms: None };
+        self.0.finished.fetch_add(1, SeqCst);
+        Ok(Frame {
+            number,
+            scene_revision: snapshot.revision,
+            camera_revision: snapshot.camera.revision,
+            exposure_ev100: adapted_ev100.unwrap_or(metered_ev100),
+            metered_ev100,
+            mean_luminance_cd_m2: 0.0,
+            times: FrameTimes::default(),
+            images,
+            views: rig.views().iter().map(statistics).collect(),
+            plan: FramePlan::default(),
+        })
+    }
+
+    fn info(&self) -> AdapterReport {
+        AdapterReport {
+            adapter: "test adapter".to_owned(),
+            driver: "test driver 1.0".to_owned(),
+            backend: "none".to_owned(),
+            device_type: "test".to_owned(),
+            features: vec!["f1".to_owned()],
+            limits: vec![("max_size_px".to_owned(), 64)],
+            fallbacks: vec!["no timestamps".to_owned()],
+        }
+    }
+}
+
+/// Side of the large view, pixels: its display image has 4 MiB, more than a connection takes in advance.
+pub const LARGE: u32 = 1024;
+
+/// A flat view `flat` of 6 x 4 pixels and a stereo view `eyes` of 3 x 2.
+pub fn small_rig() -> Rig {
+    let fov = Fov { left_rad: -0.9, right_rad: 0.7, up_rad: 0.8, down_rad: -0.8 };
+    let kinds = [
+        ("flat", ViewKind::Perspective { size: [6, 4], fov_y_rad: 1.0 }),
+        ("eyes", ViewKind::Stereo { size: [3, 2], ipd_m: 0.064, fov_left: fov, fov_right: fov.mirrored() }),
+    ];
+    rig(&kinds)
+}
+
+/// One view `large`.
+pub fn large_rig() -> Rig {
+    rig(&[("large", ViewKind::Perspective { size: [LARGE, LARGE], fov_y_rad: 1.0 })])
+}
+
+fn rig(kinds: &[(&str, ViewKind)]) -> Rig {
+    let view = |(name, kind): &(&str, ViewKind)| View::new(name, kind.clone(), DQuat::IDENTITY, DVec3::ZERO).unwrap();
+    Rig::new(kinds.iter().map(view).collect()).unwrap()
+}
+
+/// A running daemon.
+pub struct Daemon {
+    pub address: SocketAddr,
+    pub controls: Arc<Controls>,
+    stop: Option<oneshot::Sender<()>>,
+    end: JoinHandle<Result<(), ServeError>>,
+}
+
+impl Daemon {
+    /// Starts one on a free port.
+    pub async fn start(rig: Rig) -> Self {
+        Self::start_with(rig, |_| {}).await
+    }
+
+    pub async fn start_with(rig: Rig, change: impl FnOnce(&mut ServeOptions)) -> Self {
+        let controls = Arc::new(Controls::default());
+        let (ready, is_ready) = oneshot::channel();
+        let (stop, stopped) = oneshot::channel::<()>();
+        let scene = SceneSnapshot { revision: 7, stars: Arc::default(), camera: Camera::default() };
+        let engine = Box::new(TestEngine(Arc::clone(&controls)));
+        let settings = RenderSettings::default();
+        let ready = move |address| ready.send(address).unwrap();
+        let mut options = ServeOptions::new("127.0.0.1:0", engine, scene, rig, settings, ready);
+        options.shutdown = Shutdown::When(Box::pin(async move {
+            let _ = stopped.await;
+        }));
+        change(&mut options);
+        let end = tokio::spawn(run(options));
+        let address = within(is_ready).await.expect("the daemon is ready");
+        Self { address, controls, stop: Some(stop), end }
+    }
+
+    pub fn uri(&self) -> String {
+        format!("http://{}", self.address)
+    }
+
+    /// A bare connection, for services that are not the crate's own.
+    pub async fn channel(&self) -> Channel {
+        Endpoint::from_shared(self.uri()).unwrap().connect().await.unwrap()
+    }
+
+    pub async fn client(&self) -> Client {
+        Client::connect(&self.uri()).await.unwrap()
+    }
+
+    /// Tells it to end.
+    pub fn begin_shutdown(&mut self) {
+        drop(self.stop.take());
+    }
+
+    /// Waits for its end.
+    pub async fn end(self) -> Result<(), ServeError> {
+        within(self.end).await.expect("run does not panic")
+    }
+
+    /// Tells it to end, and waits.
+    pub async fn shutdown(mut self) -> Result<(), ServeError> {
+        self.begin_shutdown();
+        self.end().await
+    }
+}
+
+/// The future's value; the test fails if it does not come.
+pub async fn within<F: Future>(future: F) -> F::Output {
+    tokio::time::timeout(PATIENCE, future).await.expect("this should not take so long")
+}
+
+/// Waits for a condition.
+pub async fn until(condition: impl Fn() -> bool) {
+    within(async {
+        while !condition() {
+            tokio::time::sleep(Duration::from_millis(1)).await;
+        }
+    })
+    .await;
+}

@@ -1,0 +1,110 @@
+//! Start and end of the daemon.
+
+use std::sync::atomic::Ordering::SeqCst;
+
+use steradian::{
+    output::Encoding,
+    service::{ClientError, ServeError, ServeOptions, run},
+};
+use tonic::Code;
+use tonic_health::pb::{HealthCheckRequest, health_check_response::ServingStatus, health_client::HealthClient};
+
+use crate::daemon::{Daemon, TestEngine, large_rig, small_rig, until, within};
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_drain_ends_streams_cleanly_and_finishes_calls() {
+    let mut daemon = Daemon::start(small_rig()).await;
+    let mut client = daemon.client().await;
+    let mut health = HealthClient::new(daemon.channel().await);
+    let request = HealthCheckRequest { service: "steradian.v1.ViewService".to_owned() };
+    let mut watch = health.watch(request).await.unwrap().into_inner();
+    assert_eq!(watch.message().await.unwrap().unwrap().status(), ServingStatus::Serving);
+    let mut stream = client.stream_frames("flat", Encoding::Png, 0.0).await.unwrap();
+    within(stream.next()).await.unwrap().expect("a first frame");
+
+    daemon.controls.close_gate();
+    let begun = daemon.controls.started.load(SeqCst);
+    let call = tokio::spawn({
+        let mut client = client.clone();
+        async move { client.render_frame("eyes", Encoding::Exr).await }
+    });
+    until(|| daemon.controls.started.load(SeqCst) > begun).await;
+    daemon.begin_shutdown();
+    assert_eq!(within(watch.message()).await.unwrap().unwrap().status(), ServingStatus::NotServing);
+    assert!(within(watch.message()).await.unwrap().is_none(), "the watch ends");
+    // The frame in the works is still waited for; the stream ends before it.
+    while within(stream.next()).await.expect("a clean end").is_some() {}
+    assert!(!call.is_finished());
+    daemon.controls.open_gate();
+    assert_eq!(within(call).await.unwrap().expect("the call finishes").images.len(), 2);
+    let address = daemon.address;
+    drop((client, health));
+    daemon.end().await.unwrap();
+    assert!(tokio::net::TcpStream::connect(address).await.is_err(), "nobody listens any more");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_client_that_reads_nothing_is_cut_off_at_the_end_of_the_drain() {
+    let daemon = Daemon::start_with(large_rig(), |options| options.drain = std::time::Duration::from_millis(100)).await;
+    let mut client = daemon.client().await;
+    let stream = client.stream_frames("large", Encoding::Rgba8, 0.0).await.unwrap();
+    until(|| daemon.controls.finished.load(SeqCst) > 0).await;
+    daemon.shutdown().await.expect("that is no error of the daemon");
+    drop(stream);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_panicking_renderer_ends_the_daemon_with_an_error() {
+    let daemon = Daemon::start(small_rig()).await;
+    let mut client = daemon.client().await;
+    let mut stream = client.stream_frames("flat", Encoding::Rgba8, 0.0).await.unwrap();
+    within(stream.next()).await.unwrap().expect("a first frame");
+    daemon.controls.panicking.store(true, SeqCst);
+    let error = within(client.render_frame("flat", Encoding::Png)).await.unwrap_err();
+    assert_eq!(error.code(), Some(Code::Unavailable), "{error}");
+    let end = within(async {
+        loop {
+            match stream.next().await {
+                Ok(Some(_)) => {}
+                other => return other,
+            }
+        }
+    })
+    .await;
+    assert_eq!(end.expect_err("no clean end").code(), Some(Code::Unavailable));
+    drop(client);
+    match daemon.end().await {
+        Err(ServeError::Panicked { message }) => assert!(message.contains("told to panic"), "{message}"),
+        other => panic!("{other:?}"),
+    }
+}
+
+#[tokio::test]
+async fn bad_and_taken_addresses_are_clear_errors() {
+    let daemon = Daemon::start(small_rig()).await;
+    let taken = daemon.address.to_string();
+    for listen in [taken.as_str(), "127.0.0.1", "127.0.0.1:99999", ":::"] {
+        let scene =
+            steradian::scene::SceneSnapshot { revision: 0, stars: Default::default(), camera: Default::default() };
+        let engine = Box::new(TestEngine(Default::default()));
+        let never = |address| panic!("ready on {address}");
+        let error = within(run(ServeOptions::new(listen, engine, scene, small_rig(), Default::default(), never)));
+        let error = error.await.unwrap_err();
+        assert!(error.to_string().contains(listen), "{error}");
+        match error {
+            ServeError::AddressInUse { address } => assert_eq!(address, daemon.address),
+            ServeError::Address { .. } => assert_ne!(listen, taken),
+            other => panic!("{other:?}"),
+        }
+    }
+    daemon.shutdown().await.unwrap();
+}
+
+#[tokio::test]
+async fn nobody_at_the_address_is_a_clear_error_of_the_client() {
+    let daemon = Daemon::start(small_rig()).await;
+    let uri = daemon.uri();
+    daemon.shutdown().await.unwrap();
+    let error = steradian::service::Client::connect(&uri).await.unwrap_err();
+    assert!(matches!(error, ClientError::Connect { .. }) && error.to_string().contains(&uri), "{error}");
+}

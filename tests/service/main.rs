@@ -1,0 +1,9 @@
+//! The daemon's service over a real socket, with a small engine in place of the renderer.
+
+#![allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
+
+mod calls;
+mod daemon;
+mod lifecycle;
+mod protocol;
+mod streams;
