@@ -183,9 +183,7 @@ impl Gpu {
     pub(crate) fn compute_pipeline(&self, source: &super::ShaderSource) -> wgpu::ComputePipeline {
         let mut text = source.text.clone();
         if let (Ok(a), Ok(b)) = (std::env::var("PATCH_FROM"), std::env::var("PATCH_TO")) {
-            if text.contains(&a) {
-                eprintln!("patched {}", source.name);
-            }
+            if text.contains(&a) { eprintln!("patched {}", source.name); }
             text = text.replace(&a, &b);
         }
         let descriptor = wgpu::ShaderModuleDescriptor {
