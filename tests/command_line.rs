@@ -1,4 +1,5 @@
 //! The program as scripts see it: what it prints where, and its exit codes.
+#![allow(clippy::unwrap_used, reason = "a failed expectation of a test's own helpers is a failed test")]
 
 use std::path::Path;
 use std::process::{Command, Output, Stdio};

@@ -1,5 +1,6 @@
 //! Every example configuration loads and makes a rig; every concept is parsed as written; every mistake is refused with a
 //! message that names file, key and what is allowed.
+#![allow(clippy::unwrap_used, reason = "a failed expectation of a test's own helpers is a failed test")]
 
 use std::path::{Path, PathBuf};
 

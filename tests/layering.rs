@@ -10,12 +10,12 @@ use std::path::{Path, PathBuf};
 /// Who may import whom: a module may import every module of the layers above its own, and within a layer only what
 /// [`SIBLINGS`] lists. A module that is not here has no place yet: give it one, where it needs least.
 const LAYERS: &[&[&str]] = &[
-    &["units", "coordinates", "telemetry"],
+    &["units", "coordinates", "files", "telemetry"],
     &["photometry"],
-    &["config", "catalogue"],
+    &["catalogue"],
     &["scene", "view"],
     &["plan"],
-    &["gpu"],
+    &["config", "gpu"],
     &["passes", "reference", "metrics"],
     &["frame"],
     &["verify", "chart"],
@@ -24,10 +24,10 @@ const LAYERS: &[&[&str]] = &[
     &["main"],
 ];
 
-/// Imports between modules of one layer: (importer, imported). `config` names the parameters of catalogues, a scene has
-/// what its views are made of, and a headset and the service hand out what `output` encodes.
+/// Imports between modules of one layer: (importer, imported). A scene has what its views are made of, and a headset and
+/// the service hand out what `output` encodes.
 const SIBLINGS: &[(&str, &str)] =
-    &[("coordinates", "units"), ("config", "catalogue"), ("scene", "view"), ("xr", "output"), ("service", "output")];
+    &[("coordinates", "units"), ("scene", "view"), ("xr", "output"), ("service", "output")];
 
 /// Imports that the layers would allow and that are refused all the same: a twin on the CPU is worth nothing as a check
 /// if it shares code with what it checks.

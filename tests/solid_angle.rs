@@ -1,4 +1,5 @@
 //! The solid angle of pixels: against independent values, against each other, and on the adapter against f64.
+#![allow(clippy::unwrap_used, reason = "a failed expectation of a test's own helpers is a failed test")]
 
 mod common;
 

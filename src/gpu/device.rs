@@ -132,10 +132,12 @@ impl Gpu {
 
         // Only the limits that decide how much fits at once are raised over the defaults.
         let available = adapter.limits();
-        let mut limits = wgpu::Limits::default();
-        limits.max_storage_buffer_binding_size = available.max_storage_buffer_binding_size;
-        limits.max_buffer_size = available.max_buffer_size;
-        limits.max_texture_dimension_2d = available.max_texture_dimension_2d;
+        let limits = wgpu::Limits {
+            max_storage_buffer_binding_size: available.max_storage_buffer_binding_size,
+            max_buffer_size: available.max_buffer_size,
+            max_texture_dimension_2d: available.max_texture_dimension_2d,
+            ..Default::default()
+        };
         let limits = limits.or_worse_values_from(&available);
 
         let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {

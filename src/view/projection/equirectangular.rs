@@ -18,7 +18,7 @@ impl Equirectangular {
     /// be a whole number of pixels.
     pub fn new(size: [u32; 2]) -> Result<Self, ProjectionError> {
         check_size(size)?;
-        if size[0] % 2 != 0 {
+        if !size[0].is_multiple_of(2) {
             return Err(ProjectionError::OutOfRange {
                 parameter: "size[0]",
                 value: f64::from(size[0]),

@@ -124,7 +124,7 @@ impl Fisheye {
             FisheyeMapping::Equidistant => Some(theta / self.rim),
             FisheyeMapping::Equisolid => Some((theta / 2.0).sin() / self.rim),
             FisheyeMapping::Orthographic => (theta <= FRAC_PI_2).then(|| theta.sin() / self.rim),
-            FisheyeMapping::Stereographic => (theta < 3.141).then(|| (theta / 2.0).tan() / self.rim),
+            FisheyeMapping::Stereographic => (theta < PI - 1e-4).then(|| (theta / 2.0).tan() / self.rim),
         }
     }
 

@@ -59,7 +59,7 @@ impl Perspective {
             ("fov.up_deg", up_rad),
             ("fov.down_deg", down_rad),
         ] {
-            if !(value.abs() <= MAX_EDGE_RAD + 1e-12) {
+            if value.is_nan() || value.abs() > MAX_EDGE_RAD + 1e-12 {
                 let allowed = "each angle must lie within -89 and 89 degrees";
                 return Err(ProjectionError::OutOfRange { parameter, value: value.to_degrees(), allowed });
             }
