@@ -160,7 +160,10 @@ fn light_is_whole_on_every_edge_corner_pole_and_date_line() {
                     let frame = render_hdr(&mut renderer, &scene, &rig, &settings(method));
                     let error = total_illuminance_lx(&frame, &rig) / expected - 1.0;
                     assert!(error.abs() < 1e-4, "{name} {method:?}, {place} {direction} step {step}: {error}");
-                    assert_eq!(frame.views[0].stars_drawn, 1, "{name}, {place} {direction} step {step}");
+                    // Exactly on an edge of the cube, rounding decides which faces count the star.
+                    if step != 0 || name != "cube" {
+                        assert_eq!(frame.views[0].stars_drawn, 1, "{name}, {place} {direction} step {step}");
+                    }
                     worst = worst.max(error.abs());
                 }
             }
@@ -210,7 +213,12 @@ fn a_cubemap_with_fewer_faces_shows_the_same_faces() {
     let part = render_hdr(&mut renderer, &scene, &some, &settings(StarMethod::BSpline));
     for image in &part.images {
         let other = whole.images.iter().find(|other| other.part == image.part).expect("the same face");
-        assert_eq!(image.hdr, other.hdr, "{:?}", image.part);
+        let (some, all) = (image.hdr.as_ref().expect("asked for"), other.hdr.as_ref().expect("asked for"));
+        let brightest = all.iter().map(|pixel| pixel[1]).fold(0.0, f32::max);
+        // The fixed-point unit depends on all the light of the frame, so the last digits may differ, no more.
+        for (a, b) in some.iter().flatten().zip(all.iter().flatten()) {
+            assert!((a - b).abs() <= 1e-6 * brightest, "{:?}: {a} instead of {b}", image.part);
+        }
     }
 }
 
@@ -470,14 +478,28 @@ fn the_adapter_and_the_f64_twin_draw_the_same_picture() {
                 let eye = Eye { position_m: DVec3::ZERO, world_from_view: view_image.camera_from_view };
                 let twin = draw(&scene.stars, eye, mapping, |_| Some(kernel));
                 let expected = twin.luminance_cd_m2(mapping);
-                let scale = expected.iter().flatten().fold(0.0_f64, |a, b| a.max(*b));
+                let [width, height] = mapping.size().map(i64::from);
+                // Differences count against the brightest of the 3 x 3 pixels around: f32 coordinates shift a kernel by
+                // some 1e-5 pixel, and with it the small weights at its edge.
+                let around = |index: usize, channel: usize| {
+                    let (x, y) = (index as i64 % width, index as i64 / width);
+                    let near = (-1..=1).flat_map(|j| (-1..=1).map(move |i| (x + i, y + j)));
+                    near.filter(|(x, y)| (0..width).contains(x) && (0..height).contains(y))
+                        .map(|(x, y)| expected[(y * width + x) as usize][channel])
+                        .fold(0.0_f64, f64::max)
+                };
+                // A star just outside of the picture leaves but the edge of its kernel: hence the second term.
+                let brightest = expected.iter().flatten().fold(0.0_f64, |a, b| a.max(*b));
                 let mut worst = 0.0_f64;
-                for (seen, exact) in image.hdr.as_ref().expect("asked for").iter().zip(&expected) {
-                    for (a, b) in seen.iter().zip(exact) {
-                        worst = worst.max((f64::from(*a) - b).abs() / (b + 1e-4 * scale));
+                for (index, seen) in image.hdr.as_ref().expect("asked for").iter().enumerate() {
+                    for channel in 0..3 {
+                        let difference = (f64::from(seen[channel]) - expected[index][channel]).abs();
+                        if difference > 0.0 {
+                            worst = worst.max(difference / (around(index, channel) + 1e-4 * brightest));
+                        }
                     }
                 }
-                assert!(worst < 0.01, "{name} {method:?} {:?}: relative difference {worst}", image.part);
+                assert!(worst < 1e-3, "{name} {method:?} {:?}: relative difference {worst}", image.part);
                 if method == StarMethod::BSpline {
                     println!("{name} {:?}: largest relative difference from f64 {worst:.1e}", image.part);
                 }

@@ -42,7 +42,12 @@ pub struct Ranges {
 fn units_per_lx(total_lx: f64) -> f64 {
     // Half of the range in reserve for rounding; without any light every unit will do.
     let greatest_sum_lx = total_lx * GREATEST_CHANNEL;
-    if greatest_sum_lx > 0.0 { (2f64.powi(CHANNEL_BITS - 1) / greatest_sum_lx).min(1e30) } else { 1.0 }
+    // A power of two: exact in f32, and the same from frame to frame while the light hardly changes.
+    if greatest_sum_lx > 0.0 {
+        (2f64.powi(CHANNEL_BITS - 1) / greatest_sum_lx).min(1e30).log2().floor().exp2()
+    } else {
+        1.0
+    }
 }
 
 /// Chooses the units for the stars of `visible` not fainter than `faintest_lx`.
@@ -124,7 +129,7 @@ mod tests {
         assert_eq!(ranges.bright, None);
         let total: f64 = [1.0, 2.0, 3.0, 3.0].into_iter().map(illuminance_lx_from_magnitude).sum();
         let greatest = total * GREATEST_CHANNEL * ranges.main.units_per_lx;
-        assert!(greatest < 2f64.powi(42) && greatest > 2f64.powi(40), "{greatest}");
+        assert!(greatest < 2f64.powi(42) && greatest > 2f64.powi(39), "{greatest}");
     }
 
     #[test]
