@@ -49,12 +49,16 @@ struct Bench {
     renderer: Renderer,
     settings: RenderSettings,
     frames: usize,
+    adapted_ev100: Option<f64>,
 }
 
 impl Bench {
     fn frame(&mut self, scene: &SceneSnapshot, rig: &Rig) -> (FrameTimes, u64) {
         let wanted = [Wanted { display: true, hdr: false }];
-        let frame = self.renderer.render(scene, rig, &self.settings, &wanted, None).expect("the frame renders");
+        // As the daemon does, the exposure of the frame is the one that the frames before have adapted to.
+        let frame =
+            self.renderer.render(scene, rig, &self.settings, &wanted, self.adapted_ev100).expect("the frame renders");
+        self.adapted_ev100 = Some(frame.metered_ev100);
         (frame.times, frame.views[0].stars_drawn)
     }
 
@@ -78,6 +82,12 @@ impl Bench {
                     self.renderer.culling = culling;
                     let (times, count) = self.frame(&scene, &rig);
                     drawn = count;
+                    if std::env::var("DETAIL").is_ok() {
+                        println!(
+                            "{culling} plan {:.1} rest {:.1} {:.1?}",
+                            times.plan_ms, times.gpu_and_readback_ms, times.passes_ms
+                        );
+                    }
                     let star_ms = times.passes_ms.iter().filter(|p| p.0 == "stars").map(|p| p.1).sum();
                     if culling {
                         culled.push(times.total_ms);
@@ -143,7 +153,8 @@ fn main() {
     let wanted = |name: &str| chosen.is_empty() || chosen.iter().any(|word| word == name);
     let gpu = Gpu::open(&GpuOptions::default()).expect("an adapter");
     println!("{}\n", gpu.report());
-    let mut bench = Bench { renderer: Renderer::new(gpu), settings: RenderSettings::default(), frames: 7 };
+    let mut bench =
+        Bench { renderer: Renderer::new(gpu), settings: RenderSettings::default(), frames: 7, adapted_ev100: None };
     if wanted("dome") {
         bench.dome(290_000);
     }

@@ -122,10 +122,20 @@ fn settle(viewport: Viewport, pixel: vec2<i32>) -> vec2<i32> {
     return select(vec2(-1), pixel, contains(viewport, pixel));
 }
 
-// Rounds without bias: a threshold from the hash decides whether the fraction counts as a whole unit.
-fn dithered(units: vec3<f32>, random: u32) -> vec3<f32> {
-    let threshold = vec3(f32(random & 1023u), f32((random >> 10u) & 1023u), f32((random >> 20u) & 1023u)) + 0.5;
-    return floor(units + threshold * (1.0 / 1024.0));
+// Thresholds for rounding without bias, one per channel: a fraction above the threshold counts as a whole unit. From the
+// star's number alone, so that the same frame gives the same bits.
+fn rounding_threshold(number: u32) -> vec3<f32> {
+    let random = hash(number);
+    return (vec3(f32(random & 1023u), f32((random >> 10u) & 1023u), f32((random >> 20u) & 1023u)) + 0.5) * (1.0 / 1024.0);
+}
+
+// Adds one row of a kernel that lies inside, of a star whose light is below 2^20 units.
+fn add_row(pixel: u32, light: vec3<f32>, weights: vec3<f32>, threshold: vec3<f32>, tent: bool) {
+    accumulate_small(pixel, vec3<u32>(light * weights.x + threshold));
+    accumulate_small(pixel + 1u, vec3<u32>(light * weights.y + threshold));
+    if !tent {
+        accumulate_small(pixel + 2u, vec3<u32>(light * weights.z + threshold));
+    }
 }
 
 @compute @workgroup_size(WORKGROUP)
@@ -199,7 +209,18 @@ fn splat_stars(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocatio
                 drawn += 1u;
             }
             let light = colours[star.light & 2047u].xyz * scale;
-            var random = hash(item.first_number + i);
+            let threshold = rounding_threshold(item.first_number + i);
+            // Most stars are faint, and most stand inside: they take the short way.
+            if inside && max(light.x, max(light.y, light.z)) < 1048576.0 {
+                let row = u32(size.x);
+                let pixel_0 = tile.first_pixel + u32(first_pixel.y - row_0) * row + u32(first_pixel.x);
+                add_row(pixel_0, light * weights_y.x, weights_x, threshold, tent);
+                add_row(pixel_0 + row, light * weights_y.y, weights_x, threshold, tent);
+                if !tent {
+                    add_row(pixel_0 + 2u * row, light * weights_y.z, weights_x, threshold, tent);
+                }
+                continue;
+            }
             for (var j = 0; j < n; j++) {
                 let row_light = light * weights_y[j];
                 for (var k = 0; k < n; k++) {
@@ -210,8 +231,7 @@ fn splat_stars(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocatio
                             continue;
                         }
                     }
-                    let units = dithered(row_light * weights_x[k], random);
-                    random = random * 1664525u + 1013904223u;
+                    let units = floor(row_light * weights_x[k] + threshold);
                     accumulate(tile.first_pixel + u32((at.y - row_0) * size.x + at.x), units);
                 }
             }

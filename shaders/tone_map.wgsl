@@ -1,9 +1,10 @@
 // The tone-mapping pass: luminance over display white to 8 bits, dithered. The f64 twin is src/photometry/tone_map.rs.
-// Needs viewport.wgsl and math.wgsl.
+// Needs viewport.wgsl, math.wgsl and display.wgsl. It runs where the exposure is not known before
+// the pixels are; otherwise the resolve pass writes the display image itself.
 
 struct ToneMapParameters {
     // 0: filmic, 1: sRGB.
-    operator_number: u32,
+    tone_operator: u32,
     unused_0: u32,
     unused_1: u32,
     unused_2: u32,
@@ -24,20 +25,8 @@ struct Exposure {
 @group(0) @binding(4) var<storage, read> exposure: Exposure;
 @group(0) @binding(5) var<storage, read_write> display: array<u32>;
 
-const OPERATOR_FILMIC: u32 = 0u;
 const COLUMNS: u32 = 64u;
 const ROWS: u32 = 16u;
-
-fn filmic(value: vec3<f32>) -> vec3<f32> {
-    // Beyond 1e4 the curve is within 2e-5 of 1, and the products stay finite.
-    let x = clamp(value, vec3(0.0), vec3(1e4));
-    return x * (6.2 * x + 0.5) / (x * (6.2 * x + 1.7) + 0.06);
-}
-
-fn srgb_from_linear(value: vec3<f32>) -> vec3<f32> {
-    let x = clamp(value, vec3(0.0), vec3(1.0));
-    return select(1.055 * pow(x, vec3(1.0 / 2.4)) - 0.055, 12.92 * x, x <= vec3(0.0031308));
-}
 
 @compute @workgroup_size(COLUMNS)
 fn tone_map(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
@@ -54,19 +43,9 @@ fn tone_map(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_i
         }
         let index = tile.first_pixel + row * size.x + x;
         let luminance = luminances[index].xyz;
-        var word = 0xff000000u;
+        var word = BLACK;
         if any(luminance > vec3(0.0)) {
-            let value = luminance * exposure.display_per_cd_m2;
-            var encoded = vec3(0.0);
-            if parameters.operator_number == OPERATOR_FILMIC {
-                encoded = filmic(value);
-            } else {
-                encoded = srgb_from_linear(value);
-            }
-            // One threshold for the three channels, from the place in the image alone: no colour noise, no flicker.
-            let threshold = f32(hash(x + 65536u * (tile.first_row + row)) >> 8u) / 16777216.0;
-            let bytes = vec3<u32>(min(encoded * 255.0 + threshold, vec3(255.0)));
-            word |= bytes.x | (bytes.y << 8u) | (bytes.z << 16u);
+            word = display_word(luminance * exposure.display_per_cd_m2, parameters.tone_operator, x, tile.first_row + row);
         }
         display[index] = word;
     }

@@ -1,6 +1,22 @@
-// Reads what accumulate_u32.wgsl has summed.
+// Reads what accumulate_u32.wgsl has summed, and writes luminance in its place.
 
-fn decode(words: vec4<u32>) -> vec3<f32> {
+@group(0) @binding(3) var<storage, read_write> pixels: array<vec4<u32>>;
+@group(0) @binding(5) var<storage, read> bright_pixels: array<vec4<u32>>;
+
+fn units_of(words: vec4<u32>) -> vec3<f32> {
     let carries = vec3(words.w & 0x7ffu, (words.w >> 11u) & 0x7ffu, words.w >> 22u);
     return vec3<f32>(words.xyz) + 4294967296.0 * vec3<f32>(carries);
+}
+
+// Units of the three channels of a pixel.
+fn sums(pixel: u32) -> vec3<f32> {
+    return units_of(pixels[pixel]);
+}
+
+fn bright_sums(pixel: u32) -> vec3<f32> {
+    return units_of(bright_pixels[pixel]);
+}
+
+fn store_luminance(pixel: u32, luminance: vec4<f32>) {
+    pixels[pixel] = bitcast<vec4<u32>>(luminance);
 }

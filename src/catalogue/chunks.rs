@@ -44,9 +44,11 @@ pub struct Chunk {
     pub half_angle_rad: f64,
     /// Smallest distance of a star from the barycentre, pc.
     pub nearest_pc: f64,
-    /// Illuminance at 1 pc of the brightest star and of all stars together, lx.
+    /// Illuminance at 1 pc of the faintest star, of the brightest, and of all stars together, lx.
+    pub faintest_lx: f64,
+    /// See `faintest_lx`.
     pub brightest_lx: f64,
-    /// See `brightest_lx`.
+    /// See `faintest_lx`.
     pub total_lx: f64,
 }
 
@@ -188,6 +190,7 @@ fn build_chunk(records: &[StarRecord], keys: &[Key]) -> (Chunk, Vec<PackedStar>)
         axis,
         half_angle_rad: 0.0,
         nearest_pc: f64::INFINITY,
+        faintest_lx: f64::INFINITY,
         brightest_lx: 0.0,
         total_lx: 0.0,
     };
@@ -206,6 +209,7 @@ fn build_chunk(records: &[StarRecord], keys: &[Key]) -> (Chunk, Vec<PackedStar>)
             chunk.half_angle_rad = std::f64::consts::PI;
         }
         chunk.nearest_pc = chunk.nearest_pc.min(record.position.length());
+        chunk.faintest_lx = chunk.faintest_lx.min(star.illuminance_at_1_pc_lx());
         chunk.brightest_lx = chunk.brightest_lx.max(star.illuminance_at_1_pc_lx());
         chunk.total_lx += star.illuminance_at_1_pc_lx();
         stars.push(star);

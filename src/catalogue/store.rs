@@ -88,9 +88,9 @@ struct StoredChunk {
     axis: [f64; 3],
     half_angle_rad: f64,
     nearest_pc: f64,
+    faintest_lx: f64,
     brightest_lx: f64,
     total_lx: f64,
-    padding: f64,
 }
 
 impl From<&Chunk> for StoredChunk {
@@ -105,9 +105,9 @@ impl From<&Chunk> for StoredChunk {
             axis: chunk.axis.to_array(),
             half_angle_rad: chunk.half_angle_rad,
             nearest_pc: chunk.nearest_pc,
+            faintest_lx: chunk.faintest_lx,
             brightest_lx: chunk.brightest_lx,
             total_lx: chunk.total_lx,
-            padding: 0.0,
         }
     }
 }
@@ -123,6 +123,7 @@ impl From<&StoredChunk> for Chunk {
             axis: DVec3::from_array(stored.axis),
             half_angle_rad: stored.half_angle_rad,
             nearest_pc: stored.nearest_pc,
+            faintest_lx: stored.faintest_lx,
             brightest_lx: stored.brightest_lx,
             total_lx: stored.total_lx,
         }

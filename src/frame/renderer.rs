@@ -210,6 +210,9 @@ impl Renderer {
         }
         self.hold_stars(&snapshot.stars);
         let prepared = self.prepare(snapshot, rig, settings, adapted_ev100);
+        if std::env::var("PROF").is_ok() {
+            eprintln!("prepare {:?}", start.elapsed());
+        }
         let recorded = self.record(&prepared, rig, settings, wanted, adapted_ev100);
         let plan_ms = start.elapsed().as_secs_f64() * 1e3;
         self.gpu.queue.submit([recorded.commands]);
@@ -250,7 +253,11 @@ impl Renderer {
         let faintest_lx = illuminance_lx_from_magnitude(settings.stars.magnitude_limit);
         let cull = CullSettings { faintest_lx, enabled: self.culling };
         let visible = visible_chunks(&snapshot.stars, camera.position_m / PARSEC_M, &viewports, cull);
+        let t1 = Instant::now();
         let mut ranges = range::choose(&snapshot.stars, &visible, faintest_lx);
+        if std::env::var("PROF").is_ok() {
+            eprintln!("choose {} {:?}", visible.len(), t1.elapsed());
+        }
         ranges.main.units_per_lx *= self.unit_factor;
         let total_solid_angle_sr = viewports.iter().map(|v| v.projection.picture_solid_angle_sr()).sum();
         let expected_ev100 = adapted_ev100.or_else(|| expected_ev100(&visible, total_solid_angle_sr, settings));
@@ -315,8 +322,12 @@ impl Renderer {
         // Upload what changes from frame to frame.
         let star_buffers = self.stars.as_ref().expect("stars are held before anything is recorded");
         let Items { items, runs, near } = build_items(star_buffers, &prepared.visible, &prepared.batches);
+        let t0 = Instant::now();
         let item_buffer = item_buffers.items.upload(gpu, &items).clone();
         let near_buffer = item_buffers.near.upload(gpu, &near).clone();
+        if std::env::var("PROF").is_ok() {
+            eprintln!("upload {} items {:?}", items.len(), t0.elapsed());
+        }
         let viewports = storage_buffer(gpu, "viewports", &prepared.encoded);
         let counter_count = FIRST_VIEW_COUNTER + rig.views().len();
         let counters = gpu.device.create_buffer(&wgpu::BufferDescriptor {
@@ -336,6 +347,14 @@ impl Renderer {
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("frame") });
         encoder.clear_buffer(&partials, 0, None);
 
+        // Where the exposure is known before the pixels are, the resolve pass writes the display image itself.
+        let known_ev100 = match settings.exposure.mode {
+            ExposureMode::Manual => Some(settings.exposure.ev100),
+            ExposureMode::Auto => adapted_ev100,
+        };
+        let any = |batch: &Batch, what: &dyn Fn(Wanted) -> bool| {
+            batch.tiles.iter().any(|tile| what(wanted[prepared.viewports[tile.viewport].view]))
+        };
         for (index, batch) in prepared.batches.iter().enumerate() {
             let buffers = &mut batch_buffers[index];
             let bytes = batch.pixels * BYTES_PER_PIXEL;
@@ -367,6 +386,9 @@ impl Renderer {
                 let mut pass = begin_pass(&mut encoder, timer, "stars");
                 self.star_pass.record(gpu, &mut pass, range, &star_target(bright_pixels), &draws);
             }
+            let display_here = known_ev100.is_some() && any(batch, &|wanted: Wanted| wanted.display);
+            let display = display_here.then(|| buffers.display.with_room(gpu, batch.pixels * DISPLAY_BYTES).clone());
+            let hdr = any(batch, &|wanted: Wanted| wanted.hdr || (wanted.display && known_ev100.is_none()));
             let mut pass = begin_pass(&mut encoder, timer, "resolve");
             let target = ResolveTarget {
                 viewports: &viewports,
@@ -374,8 +396,11 @@ impl Renderer {
                 pixels: &pixels,
                 bright_pixels: bright_pixels.as_ref(),
                 partial_sums: &partials,
+                display: display.as_ref(),
             };
-            self.resolve_pass.record(gpu, &mut pass, &prepared.ranges, &target, grid_of(prepared, batch));
+            let grid = grid_of(prepared, batch);
+            let operator = settings.tone_map.operator;
+            self.resolve_pass.record(gpu, &mut pass, &prepared.ranges, hdr, known_ev100, operator, &target, grid);
         }
         {
             let mut pass = begin_pass(&mut encoder, timer, "exposure");
@@ -383,16 +408,15 @@ impl Renderer {
                 gpu,
                 &mut pass,
                 &settings.exposure,
-                adapted_ev100,
+                known_ev100,
                 prepared.total_solid_angle_sr,
                 partial_count,
                 &partials,
                 &exposure,
             );
         }
-        let any_display =
-            |batch: &Batch| batch.tiles.iter().any(|tile| wanted[prepared.viewports[tile.viewport].view].display);
-        for (index, batch) in prepared.batches.iter().enumerate().filter(|(_, batch)| any_display(batch)) {
+        let tone_mapped = |batch: &Batch| known_ev100.is_none() && any(batch, &|wanted: Wanted| wanted.display);
+        for (index, batch) in prepared.batches.iter().enumerate().filter(|(_, batch)| tone_mapped(batch)) {
             let buffers = &mut batch_buffers[index];
             let pixels = buffers.pixels.with_room(gpu, batch.pixels * BYTES_PER_PIXEL).clone();
             let display = buffers.display.with_room(gpu, batch.pixels * DISPLAY_BYTES);

@@ -129,10 +129,10 @@ gpu_structs! {
         lx_per_unit: f32,
         /// The same for the sums of the brightest stars; 0 without them.
         lx_per_bright_unit: f32,
-        /// Padding.
-        unused_0: u32,
-        /// Padding.
-        unused_1: u32,
+        /// Display values per cd/m^2, where the display image is written by this pass.
+        display_per_cd_m2: f32,
+        /// Number of the tone-mapping operator.
+        tone_operator: u32,
     }
     /// Parameters of the exposure pass.
     ExposureParameters {
@@ -167,7 +167,7 @@ gpu_structs! {
     /// Parameters of the tone-mapping pass.
     ToneMapParameters {
         /// Number of the operator.
-        operator_number: u32,
+        tone_operator: u32,
         /// Padding.
         unused_0: u32,
         /// Padding.

@@ -16,6 +16,7 @@ pub struct ShaderSource {
 const VIEWPORT: &str = include_str!("../../shaders/shared/viewport.wgsl");
 const MATH: &str = include_str!("../../shaders/shared/math.wgsl");
 const PROJECTION: &str = include_str!("../../shaders/shared/projection.wgsl");
+const DISPLAY: &str = include_str!("../../shaders/shared/display.wgsl");
 
 /// The star pass.
 pub fn stars(wide: bool) -> ShaderSource {
@@ -40,12 +41,12 @@ pub fn resolve(wide: bool) -> ShaderSource {
     } else {
         include_str!("../../shaders/shared/decode_u32.wgsl")
     };
-    let text = [VIEWPORT, MATH, PROJECTION, decode, include_str!("../../shaders/resolve.wgsl")].concat();
+    let text = [VIEWPORT, MATH, PROJECTION, DISPLAY, decode, include_str!("../../shaders/resolve.wgsl")].concat();
     ShaderSource {
         name: if wide { "resolve u64" } else { "resolve u32" },
         entry_point: "resolve",
         text,
-        needs_u64: false,
+        needs_u64: wide,
     }
 }
 
@@ -57,7 +58,7 @@ pub fn exposure() -> ShaderSource {
 
 /// The tone-mapping pass.
 pub fn tone_map() -> ShaderSource {
-    let text = [VIEWPORT, MATH, include_str!("../../shaders/tone_map.wgsl")].concat();
+    let text = [VIEWPORT, MATH, DISPLAY, include_str!("../../shaders/tone_map.wgsl")].concat();
     ShaderSource { name: "tone map", entry_point: "tone_map", text, needs_u64: false }
 }
 

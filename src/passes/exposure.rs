@@ -4,7 +4,7 @@
 use super::shared::bind_buffers;
 use crate::{
     gpu::{self, Gpu, layout},
-    plan::settings::{ExposureMode, ExposureSettings},
+    plan::settings::ExposureSettings,
 };
 
 /// The pass.
@@ -17,31 +17,26 @@ impl ExposurePass {
         Self { pipeline: gpu.compute_pipeline(&gpu::exposure()) }
     }
 
-    /// Records the pass. `adapted_ev100` takes the place of the metered exposure where it is given and the mode is
-    /// automatic.
+    /// Records the pass. `known_ev100` takes the place of the metered exposure where it is given.
     #[expect(clippy::too_many_arguments, reason = "a pass takes its settings and its buffers")]
     pub(crate) fn record(
         &self,
         gpu: &Gpu,
         pass: &mut wgpu::ComputePass<'_>,
         settings: &ExposureSettings,
-        adapted_ev100: Option<f64>,
+        known_ev100: Option<f64>,
         total_solid_angle_sr: f64,
         partial_count: u32,
         partial_sums: &wgpu::Buffer,
         exposure: &wgpu::Buffer,
     ) {
-        let fixed_ev100 = match settings.mode {
-            ExposureMode::Manual => Some(settings.ev100),
-            ExposureMode::Auto => adapted_ev100,
-        };
         let parameters = layout::ExposureParameters {
             total_solid_angle_sr: total_solid_angle_sr as f32,
             min_ev100: settings.min_ev100 as f32,
             max_ev100: settings.max_ev100 as f32,
             compensation_ev: settings.compensation_ev as f32,
-            fixed_ev100: fixed_ev100.unwrap_or(0.0) as f32,
-            fixed: u32::from(fixed_ev100.is_some()),
+            fixed_ev100: known_ev100.unwrap_or(0.0) as f32,
+            fixed: u32::from(known_ev100.is_some()),
             partial_count,
             ..Default::default()
         };

@@ -1,6 +1,9 @@
 //! What the passes share: binding whole buffers, and the grid over the pixels of a batch.
 
-use crate::{gpu::Gpu, plan::tiles::Tile};
+use crate::{
+    gpu::Gpu,
+    plan::{settings::ToneMapOperator, tiles::Tile},
+};
 
 /// Pixels of one workgroup of the passes over pixels: 64 columns, 16 rows.
 pub(crate) const COLUMNS: u32 = 64;
@@ -35,4 +38,12 @@ pub(crate) fn pixel_grid(tiles: &[Tile], widths: &[u32]) -> [u32; 3] {
 /// Partial sums that a tile's workgroups write: one per column of pixels and row of workgroups.
 pub(crate) fn partial_sums(width: u32, rows: u32) -> u32 {
     width * rows.div_ceil(ROWS)
+}
+
+/// Number of a tone-mapping operator in the shaders.
+pub(crate) fn operator_number(operator: ToneMapOperator) -> u32 {
+    match operator {
+        ToneMapOperator::Filmic => 0,
+        ToneMapOperator::Srgb => 1,
+    }
 }

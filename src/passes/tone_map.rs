@@ -1,10 +1,10 @@
 //! The tone-mapping pass: luminance over display white to 8 bits, dithered. Shader: `shaders/tone_map.wgsl`; the f64 twin
 //! is `crate::photometry::tone_map`.
 
-use super::shared::bind_buffers;
+use super::shared::{bind_buffers, operator_number};
 use crate::{
     gpu::{self, Gpu, layout},
-    plan::settings::{ToneMapOperator, ToneMapSettings},
+    plan::settings::ToneMapSettings,
 };
 
 /// The pass.
@@ -34,11 +34,8 @@ impl ToneMapPass {
         target: &ToneMapTarget<'_>,
         grid: [u32; 3],
     ) {
-        let operator_number = match settings.operator {
-            ToneMapOperator::Filmic => 0,
-            ToneMapOperator::Srgb => 1,
-        };
-        let parameters = layout::ToneMapParameters { operator_number, ..Default::default() };
+        let parameters =
+            layout::ToneMapParameters { tone_operator: operator_number(settings.operator), ..Default::default() };
         let parameters = gpu::uniform_buffer(gpu, "tone map parameters", &parameters);
         let group = bind_buffers(
             gpu,

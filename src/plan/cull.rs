@@ -133,19 +133,19 @@ fn look_at(
         (origin_pc.length() - chunk.radius_pc).max(chunk.nearest_pc - camera_pc.length()) - farthest_eye_pc
     };
     let near = !chunk.at_infinity && nearest_pc < NEAR_SHARE * origin_pc.length() + 1e-12;
-    let count = if near || settings.faintest_lx <= 0.0 {
-        chunk.count
-    } else {
-        let needed_lx = settings.faintest_lx * nearest_pc * nearest_pc * (1.0 - 1e-6);
-        set.stars_of(chunk).partition_point(|star| star.illuminance_at_1_pc_lx() >= needed_lx) as u32
-    };
-    if count == 0 {
-        return None;
-    }
     let viewports: u64 = (0..fields.len())
         .filter(|&i| !settings.enabled || may_see(&fields[i], chunk, camera_pc, origin_pc))
         .fold(0, |set, i| set | 1 << i);
     if viewports == 0 {
+        return None;
+    }
+    let needed_lx = settings.faintest_lx * nearest_pc * nearest_pc * (1.0 - 1e-6);
+    let count = if near || chunk.faintest_lx >= needed_lx {
+        chunk.count
+    } else {
+        set.stars_of(chunk).partition_point(|star| star.illuminance_at_1_pc_lx() >= needed_lx) as u32
+    };
+    if count == 0 {
         return None;
     }
     // The bounds of the chunk come from f64 places, its stars are f32 offsets: allow for the rounding.
