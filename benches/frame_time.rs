@@ -156,7 +156,7 @@ fn main() {
     let mut bench =
         Bench { renderer: Renderer::new(gpu), settings: RenderSettings::default(), frames: 7, adapted_ev100: None };
     if wanted("dome") {
-        bench.dome(290_000);
+        bench.dome(265_000);
     }
     if wanted("culling") {
         let start = std::time::Instant::now();
