@@ -53,7 +53,7 @@ fn resolve(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
         }
         if lit && luminance.w > 0.0 {
             sum += dot(illuminance, vec3(0.2126, 0.7152, 0.0722));
-            luminance = vec4(illuminance / luminance.w, luminance.w);
+            luminance = vec4(illuminance * (1.0 / luminance.w), luminance.w);
         }
         if WRITE_HDR {
             store_luminance(index, luminance);

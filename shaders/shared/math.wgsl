@@ -23,17 +23,20 @@ fn precise_atan2(y: f32, x: f32) -> f32 {
     return select(angle, -angle, y < 0.0);
 }
 
-// sin(x) for |x| <= pi, computed near the closest zero.
-fn precise_sin(x: f32) -> f32 {
-    let ax = abs(x);
-    // Fold to 0 .. pi/2; pi in two parts, so that the difference keeps its digits.
-    let folded = select(ax, (3.140625 - ax) + 9.67653589793e-4, ax > 0.5 * PI);
-    let upper = folded > 0.25 * PI;
-    let u = select(folded, (1.5703125 - folded) + 4.83826794897e-4, upper);
+// sin(x) for 0 <= x <= pi/2; pi/2 in two parts, so that the difference keeps its digits.
+fn sin_quarter(x: f32) -> f32 {
+    let upper = x > 0.25 * PI;
+    let u = select(x, (1.5703125 - x) + 4.83826794897e-4, upper);
     let z = u * u;
     let sine = ((-1.9515295891e-4 * z + 8.3321608736e-3) * z - 1.6666654611e-1) * z * u + u;
     let cosine = ((2.443315711809948e-5 * z - 1.388731625493765e-3) * z + 4.166664568298827e-2) * z * z - 0.5 * z + 1.0;
-    let value = select(sine, cosine, upper);
+    return select(sine, cosine, upper);
+}
+
+// sin(x) for |x| <= pi.
+fn precise_sin(x: f32) -> f32 {
+    let ax = abs(x);
+    let value = sin_quarter(select(ax, (3.140625 - ax) + 9.67653589793e-4, ax > 0.5 * PI));
     return select(value, -value, x < 0.0);
 }
 

@@ -144,9 +144,9 @@ fn solid_angle_density(viewport: Viewport, p: vec2<f32>, rho_complement: f32) ->
             let theta = viewport.rim * rho;
             // Near the antipode sin(theta) = sin(pi - theta), with pi - theta from what does not cancel.
             let from_antipode = viewport.rim_complement + viewport.rim * rho_complement / (1.0 + rho);
-            let sine = precise_sin(select(theta, from_antipode, theta > 0.5 * PI));
+            let sine = sin_quarter(abs(select(theta, from_antipode, theta > 0.5 * PI)));
             let sinc = select(sine / theta, 1.0 - theta * theta / 6.0, theta < 1e-3);
-            return viewport.rim * viewport.rim * abs(sinc);
+            return viewport.rim * viewport.rim * sinc;
         }
         case KIND_EQUISOLID: {
             return 4.0 * viewport.rim * viewport.rim;
@@ -168,11 +168,8 @@ fn solid_angle_density(viewport: Viewport, p: vec2<f32>, rho_complement: f32) ->
     }
 }
 
-// Solid angle of a pixel in sr; 0 outside of the picture.
+// Solid angle of a pixel in sr; 0 outside of the picture. The pixel lies inside of the image.
 fn solid_angle(viewport: Viewport, pixel: vec2<i32>) -> f32 {
-    if !contains(viewport, pixel) {
-        return 0.0;
-    }
     let size = vec2<f32>(viewport.size);
     if viewport.kind == KIND_EQUIRECTANGULAR {
         let step = PI / size.y;
@@ -186,12 +183,15 @@ fn solid_angle(viewport: Viewport, pixel: vec2<i32>) -> f32 {
     if is_fisheye(viewport) {
         let doubled = doubled_offset(viewport, pixel);
         let n = i32(min(viewport.size.x, viewport.size.y));
-        let complement = f32(n * n - doubled.x * doubled.x - doubled.y * doubled.y) / f32(n * n);
+        let squared = dot(doubled, doubled);
+        if squared > n * n {
+            return 0.0;
+        }
+        let complement = f32(n * n - squared) / f32(n * n);
         let p = vec2<f32>(doubled) / f32(n);
         // Towards the orthographic rim the density grows without bound: nine points within 16 pixels of it. In the last
         // pixel and a half some of them would lie outside, there and at the rim of the full sphere: the value at the
         // centre stands for the pixel.
-        let squared = dot(doubled, doubled);
         let orthographic = viewport.kind == KIND_ORTHOGRAPHIC;
         let steep = orthographic && squared > (n - 32) * (n - 32);
         let at_rim = (orthographic || viewport.full_sphere != 0u) && squared > (n - 3) * (n - 3);
