@@ -185,16 +185,18 @@ fn splat_stars(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocatio
             let weights_y = kernel_weights(pixel.y, first.y, tent);
             let centre = vec2<i32>(floor(pixel));
 
-            // Inside: neither the picture's border nor the tile's touches the kernel.
-            var inside = all(first_pixel >= vec2(0, row_0)) && all(last_pixel < vec2(size.x, row_1));
+            // Inside of the picture, and of this tile's rows: nothing of the kernel falls over a border.
+            var in_picture = all(first_pixel >= vec2(0)) && all(last_pixel < size);
             if is_fisheye(viewport) {
                 let doubled = 2.0 * (pixel - viewport.plane_offset);
                 let reach = f32(min(size.x, size.y)) - 6.0;
-                inside = inside && reach > 0.0 && dot(doubled, doubled) < reach * reach;
+                in_picture = in_picture && reach > 0.0 && dot(doubled, doubled) < reach * reach;
             }
+            let inside = in_picture && first_pixel.y >= row_0 && last_pixel.y < row_1;
             var scale = illuminance * parameters.units_per_lx;
-            if !inside {
-                if viewport.kind == KIND_CUBE_FACE && (any(first_pixel < vec2(0)) || any(last_pixel >= size)) {
+            if !in_picture {
+                // Pictures that go on beyond this border keep the star's light whole.
+                if viewport.kind == KIND_CUBE_FACE {
                     scale /= weight_on_cube(viewport, direction, tent);
                 } else if viewport.full_sphere != 0u {
                     scale /= weight_in_circle(viewport, pixel, tent);

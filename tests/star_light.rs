@@ -263,7 +263,7 @@ fn sub_pixel_sweep_keeps_centroid_and_width() {
 #[test]
 fn a_million_faint_stars_in_one_pixel_add_up() {
     for force_u32_accumulator in [false, true] {
-        let mut renderer = renderer_with(&GpuOptions { adapter: None, force_u32_accumulator });
+        let mut renderer = renderer_with(&GpuOptions { force_u32_accumulator, ..Default::default() });
         let rig = rig(vec![("v", ViewKind::Perspective { size: [33, 33], fov_y_rad: 0.5 })]);
         let scene = snapshot(vec![star(DVec3::NEG_Z, 20.0); 1_000_000]);
         let frame = render_hdr(&mut renderer, &scene, &rig, &settings(StarMethod::BSpline));
@@ -278,7 +278,7 @@ fn a_million_faint_stars_in_one_pixel_add_up() {
 #[test]
 fn sirius_and_a_star_of_magnitude_21_are_both_right() {
     for force_u32_accumulator in [false, true] {
-        let mut renderer = renderer_with(&GpuOptions { adapter: None, force_u32_accumulator });
+        let mut renderer = renderer_with(&GpuOptions { force_u32_accumulator, ..Default::default() });
         let kind = ViewKind::Perspective { size: [65, 65], fov_y_rad: 0.1 };
         let mapping_view = view("v", kind.clone());
         let mapping = mapping_view.images[0].projection.mapping();
@@ -316,7 +316,7 @@ fn sirius_and_a_star_of_magnitude_21_are_both_right() {
 #[test]
 fn a_provoked_overflow_is_reported() {
     for force_u32_accumulator in [false, true] {
-        let mut renderer = renderer_with(&GpuOptions { adapter: None, force_u32_accumulator });
+        let mut renderer = renderer_with(&GpuOptions { force_u32_accumulator, ..Default::default() });
         let rig = rig(vec![("v", ViewKind::Perspective { size: [9, 9], fov_y_rad: 0.5 })]);
         let scene = snapshot(vec![star(DVec3::NEG_Z, 2.0); 4096]);
         let wanted = [steradian::frame::Wanted { display: false, hdr: true }];
@@ -558,4 +558,61 @@ fn both_ways_to_the_display_image_agree() {
             }
         }
     }
+}
+
+/// Strips, batches and segments of stars: an adapter that binds little at once shows the same picture, bit for bit.
+#[test]
+fn cut_into_strips_and_batches_the_picture_is_the_same() {
+    let scene = snapshot(spiral(6000).enumerate().map(|(i, d)| star(d, (i % 14) as f32)).collect());
+    let rig = rig(all_views());
+    let images = |options: &GpuOptions| {
+        let wanted = vec![steradian::frame::Wanted { display: true, hdr: true }; rig.views().len()];
+        let mut renderer = renderer_with(options);
+        let frame = renderer.render(&scene, &rig, &settings(StarMethod::BSpline), &wanted, None).expect("renders");
+        let drawn: Vec<u64> = frame.views.iter().map(|view| view.stars_drawn).collect();
+        (frame.images.into_iter().map(|image| (image.part, image.hdr)).collect::<Vec<_>>(), drawn)
+    };
+    let whole = images(&GpuOptions::default());
+    // 40 rows of 192 pixels at a time, and 2048 stars.
+    for limit in [16 * 192 * 40, 16 * 2048] {
+        let cut = images(&GpuOptions { binding_limit_bytes: Some(limit), ..Default::default() });
+        assert!(whole.0 == cut.0, "an image differs with {limit} bytes at a time");
+        assert_eq!(whole.1, cut.1, "stars drawn");
+    }
+}
+
+/// An off-axis frustum is a sub-window of the symmetric one.
+#[test]
+fn an_off_axis_view_is_a_window_of_the_symmetric_one() {
+    let scene = snapshot(spiral(20_000).map(|d| star(d, 3.0)).collect());
+    let half = (PI / 6.0).tan();
+    let rig = rig(vec![
+        ("whole", ViewKind::Perspective { size: [240, 240], fov_y_rad: PI / 3.0 }),
+        (
+            "window",
+            ViewKind::OffAxis {
+                size: [80, 60],
+                // Columns 120 to 200, rows 30 to 90.
+                fov: Fov {
+                    left_rad: 0.0,
+                    right_rad: (half * 2.0 / 3.0).atan(),
+                    up_rad: (half * 0.75).atan(),
+                    down_rad: (half * 0.25).atan(),
+                },
+            },
+        ),
+    ]);
+    let frame = render_hdr(&mut renderer(), &scene, &rig, &settings(StarMethod::BSpline));
+    let [whole, window] = [0, 1].map(|i| frame.images[i].hdr.as_ref().expect("asked for"));
+    let brightest = whole.iter().map(|pixel| pixel[1]).fold(0.0, f32::max);
+    let (mut worst, mut worst_omega) = (0.0_f32, 0.0_f32);
+    for y in 0..60 {
+        for x in 0..80 {
+            let (a, b) = (whole[(y + 30) * 240 + x + 120], window[y * 80 + x]);
+            worst = worst.max((a[1] - b[1]).abs() / brightest);
+            worst_omega = worst_omega.max((a[3] / b[3] - 1.0).abs());
+        }
+    }
+    println!("window against whole: luminance {worst:.1e} of the brightest pixel, solid angle {worst_omega:.1e}");
+    assert!(worst_omega < 1e-6 && worst < 1e-4);
 }

@@ -11,6 +11,9 @@ pub struct GpuOptions {
     pub adapter: Option<String>,
     /// Sum in 32-bit words even where the adapter has 64-bit atomics, to test that path.
     pub force_u32_accumulator: bool,
+    /// Bind at most this many bytes of stars or pixels at once, though the adapter may allow more, to test strips, batches
+    /// and segments on small images.
+    pub binding_limit_bytes: Option<u64>,
 }
 
 /// Why no adapter could be opened, or why it failed later.
@@ -81,6 +84,7 @@ pub struct Gpu {
     pub(crate) timestamps: bool,
     /// Whether the adapter is a software driver.
     pub(crate) software: bool,
+    binding_limit_bytes: u64,
     report: AdapterReport,
 }
 
@@ -165,7 +169,10 @@ impl Gpu {
             ],
             fallbacks,
         };
-        Ok(Self { device, queue, wide_accumulator, timestamps, software, report })
+        let available_bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
+        let binding_limit_bytes =
+            options.binding_limit_bytes.map_or(available_bytes, |limit| limit.min(available_bytes));
+        Ok(Self { device, queue, wide_accumulator, timestamps, software, binding_limit_bytes, report })
     }
 
     /// What was opened.
@@ -180,8 +187,7 @@ impl Gpu {
 
     /// Bytes that one buffer binding may have.
     pub(crate) fn max_binding_bytes(&self) -> u64 {
-        let limits = self.device.limits();
-        limits.max_storage_buffer_binding_size.min(limits.max_buffer_size)
+        self.binding_limit_bytes
     }
 
     /// A compute pipeline with the layout that its shader implies.
