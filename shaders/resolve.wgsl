@@ -12,6 +12,11 @@ struct ResolveParameters {
     display_per_cd_m2: f32,
     // 0: filmic, 1: sRGB.
     tone_operator: u32,
+    // Pixels of the batch: where the second words begin.
+    plane_pixels: u32,
+    unused_0: u32,
+    unused_1: u32,
+    unused_2: u32,
 }
 
 @group(0) @binding(0) var<uniform> parameters: ResolveParameters;

@@ -35,9 +35,10 @@ struct StarParameters {
     item_count: u32,
     // Workgroups per row of the dispatch.
     items_per_row: u32,
+    // Pixels of the batch: where the second words begin.
+    plane_pixels: u32,
     unused_0: u32,
     unused_1: u32,
-    unused_2: u32,
 }
 
 @group(0) @binding(0) var<uniform> parameters: StarParameters;

@@ -5,9 +5,10 @@
 struct ToneMapParameters {
     // 0: filmic, 1: sRGB.
     tone_operator: u32,
+    // Pixels of the batch: where B and the solid angles begin.
+    plane_pixels: u32,
     unused_0: u32,
     unused_1: u32,
-    unused_2: u32,
 }
 
 struct Exposure {
@@ -20,8 +21,8 @@ struct Exposure {
 @group(0) @binding(0) var<uniform> parameters: ToneMapParameters;
 @group(0) @binding(1) var<storage, read> viewports: array<Viewport>;
 @group(0) @binding(2) var<storage, read> tiles: array<Tile>;
-// R, G, B in cd/m^2 and the solid angle.
-@group(0) @binding(3) var<storage, read> luminances: array<vec4<f32>>;
+// R and G of all pixels in cd/m^2, then B and the solid angle.
+@group(0) @binding(3) var<storage, read> luminances: array<vec2<f32>>;
 @group(0) @binding(4) var<storage, read> exposure: Exposure;
 @group(0) @binding(5) var<storage, read_write> display: array<u32>;
 
@@ -42,7 +43,7 @@ fn tone_map(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_i
             break;
         }
         let index = tile.first_pixel + row * size.x + x;
-        let luminance = luminances[index].xyz;
+        let luminance = vec3(luminances[index], luminances[parameters.plane_pixels + index].x);
         var word = BLACK;
         if any(luminance > vec3(0.0)) {
             word = display_word(luminance * exposure.display_per_cd_m2, parameters.tone_operator, x, tile.first_row + row);

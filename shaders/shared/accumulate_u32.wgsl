@@ -1,5 +1,5 @@
 // Fixed-point sums of R, G and B in four 32-bit words per pixel, for adapters without 64-bit atomics: 32 low bits of each,
-// and a word of carries (11 bits for R, 11 for G, 10 for B).
+// and a word of carries (11 bits for R, 11 for G, 10 for B). R and G of all pixels lie together, then B and the carries.
 
 @group(0) @binding(4) var<storage, read_write> pixels: array<atomic<u32>>;
 
@@ -15,11 +15,12 @@ fn add_channel(index: u32, value: f32) -> u32 {
 
 // Adds `units` (whole numbers below 2^42) to a pixel.
 fn accumulate(pixel: u32, units: vec3<f32>) {
+    let second = 2u * (parameters.plane_pixels + pixel);
     let carries = vec3(
-        add_channel(4u * pixel, units.x), add_channel(4u * pixel + 1u, units.y), add_channel(4u * pixel + 2u, units.z));
+        add_channel(2u * pixel, units.x), add_channel(2u * pixel + 1u, units.y), add_channel(second, units.z));
     if any(carries != vec3(0u)) {
         let added = carries.x | (carries.y << 11u) | (carries.z << 22u);
-        let before = atomicAdd(&pixels[4u * pixel + 3u], added);
+        let before = atomicAdd(&pixels[second + 1u], added);
         let sums = vec3(before & 0x7ffu, (before >> 11u) & 0x7ffu, before >> 22u) + carries;
         if any(sums > vec3(0x7ffu, 0x7ffu, 0x3ffu)) {
             atomicAdd(&counters[COUNTER_OVERFLOWS], 1u);

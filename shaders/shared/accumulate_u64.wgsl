@@ -1,5 +1,6 @@
 // Fixed-point sums of R, G and B in two 64-bit words per pixel: 21 low bits of each in the first, 21 high bits in the
-// second. A faint star costs one atomic add per pixel. Adding is order-free, so the same frame gives the same bits.
+// second. The first words of all pixels lie together, then the second words: a faint star costs one atomic add per pixel,
+// and its neighbours lie in the same line of the cache. Adding is order-free, so the same frame gives the same bits.
 //
 // When a low field overflows, its carry runs into the next field: one unit of G per 2^21 units of R (relative 4.8e-7), the
 // same whatever the order. The carry is added to the high field by the thread whose add caused it.
@@ -18,7 +19,7 @@ fn packed_fields(fields: vec3<u32>) -> u64 {
 // Adds `units` below 2^21 to a pixel.
 fn accumulate_small(pixel: u32, units: vec3<u32>) {
     let added = packed_fields(units);
-    let before = atomicAdd(&pixels[2u * pixel], added);
+    let before = atomicAdd(&pixels[pixel], added);
     // Carries into bit 21, 42 and 63 are carries out of the three fields.
     let carried = (before ^ added ^ (before + added)) & 0x8000040000200000lu;
     if carried != 0lu {
@@ -27,7 +28,7 @@ fn accumulate_small(pixel: u32, units: vec3<u32>) {
 }
 
 fn accumulate_high(pixel: u32, added: u64) {
-    let before = atomicAdd(&pixels[2u * pixel + 1u], added);
+    let before = atomicAdd(&pixels[parameters.plane_pixels + pixel], added);
     if ((before ^ added ^ (before + added)) & 0x8000040000200000lu) != 0lu {
         atomicAdd(&counters[COUNTER_OVERFLOWS], 1u);
     }

@@ -1,7 +1,7 @@
 // Reads what accumulate_u32.wgsl has summed, and writes luminance in its place.
 
-@group(0) @binding(3) var<storage, read_write> pixels: array<vec4<u32>>;
-@group(0) @binding(5) var<storage, read> bright_pixels: array<vec4<u32>>;
+@group(0) @binding(3) var<storage, read_write> pixels: array<vec2<u32>>;
+@group(0) @binding(5) var<storage, read> bright_pixels: array<vec2<u32>>;
 
 fn units_of(words: vec4<u32>) -> vec3<f32> {
     let carries = vec3(words.w & 0x7ffu, (words.w >> 11u) & 0x7ffu, words.w >> 22u);
@@ -10,13 +10,14 @@ fn units_of(words: vec4<u32>) -> vec3<f32> {
 
 // Units of the three channels of a pixel.
 fn sums(pixel: u32) -> vec3<f32> {
-    return units_of(pixels[pixel]);
+    return units_of(vec4(pixels[pixel], pixels[parameters.plane_pixels + pixel]));
 }
 
 fn bright_sums(pixel: u32) -> vec3<f32> {
-    return units_of(bright_pixels[pixel]);
+    return units_of(vec4(bright_pixels[pixel], bright_pixels[parameters.plane_pixels + pixel]));
 }
 
 fn store_luminance(pixel: u32, luminance: vec4<f32>) {
-    pixels[pixel] = bitcast<vec4<u32>>(luminance);
+    pixels[pixel] = bitcast<vec2<u32>>(luminance.xy);
+    pixels[parameters.plane_pixels + pixel] = bitcast<vec2<u32>>(luminance.zw);
 }

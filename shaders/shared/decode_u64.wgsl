@@ -11,8 +11,8 @@ fn fields(word: u64) -> vec3<f32> {
 
 // Units of the three channels of a pixel.
 fn sums(pixel: u32) -> vec3<f32> {
-    let low = pixels[2u * pixel];
-    let high = pixels[2u * pixel + 1u];
+    let low = pixels[pixel];
+    let high = pixels[parameters.plane_pixels + pixel];
     if (low | high) == 0lu {
         return vec3(0.0);
     }
@@ -20,11 +20,11 @@ fn sums(pixel: u32) -> vec3<f32> {
 }
 
 fn bright_sums(pixel: u32) -> vec3<f32> {
-    return fields(bright_pixels[2u * pixel]) + 2097152.0 * fields(bright_pixels[2u * pixel + 1u]);
+    return fields(bright_pixels[pixel]) + 2097152.0 * fields(bright_pixels[parameters.plane_pixels + pixel]);
 }
 
 fn store_luminance(pixel: u32, luminance: vec4<f32>) {
     let bits = bitcast<vec4<u32>>(luminance);
-    pixels[2u * pixel] = u64(bits.x) | (u64(bits.y) << 32u);
-    pixels[2u * pixel + 1u] = u64(bits.z) | (u64(bits.w) << 32u);
+    pixels[pixel] = u64(bits.x) | (u64(bits.y) << 32u);
+    pixels[parameters.plane_pixels + pixel] = u64(bits.z) | (u64(bits.w) << 32u);
 }

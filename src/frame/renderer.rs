@@ -294,7 +294,8 @@ struct TilePlace {
     viewport: usize,
     pixels: usize,
     display: Option<u64>,
-    hdr: Option<u64>,
+    /// The planes of R and G, and of B and the solid angle.
+    hdr: Option<[u64; 2]>,
 }
 
 struct Recorded {
@@ -358,6 +359,7 @@ impl Renderer {
         for (index, batch) in prepared.batches.iter().enumerate() {
             let buffers = &mut batch_buffers[index];
             let bytes = batch.pixels * BYTES_PER_PIXEL;
+            let plane_pixels = batch.pixels as u32;
             let pixels = buffers.pixels.with_room(gpu, bytes).clone();
             let bright_pixels = prepared.ranges.bright.map(|_| buffers.bright_pixels.with_room(gpu, bytes).clone());
             if bright_pixels.is_none() {
@@ -374,8 +376,13 @@ impl Renderer {
                     item_count: run.item_count,
                 })
                 .collect();
-            let star_target =
-                |pixels| StarTarget { viewports: &viewports, tiles: &tile_buffers[index], counters: &counters, pixels };
+            let star_target = |pixels| StarTarget {
+                viewports: &viewports,
+                tiles: &tile_buffers[index],
+                counters: &counters,
+                pixels,
+                plane_pixels,
+            };
             {
                 let mut pass = begin_pass(&mut encoder, timer, "stars");
                 let target = star_target(&pixels);
@@ -397,6 +404,7 @@ impl Renderer {
                 bright_pixels: bright_pixels.as_ref(),
                 partial_sums: &partials,
                 display: display.as_ref(),
+                plane_pixels,
             };
             let grid = grid_of(prepared, batch);
             let operator = settings.tone_map.operator;
@@ -427,6 +435,7 @@ impl Renderer {
                 luminances: &pixels,
                 exposure: &exposure,
                 display,
+                plane_pixels: batch.pixels as u32,
             };
             self.tone_map_pass.record(gpu, &mut pass, &settings.tone_map, &target, grid_of(prepared, batch));
         }
@@ -446,15 +455,25 @@ impl Renderer {
                 let count = u64::from(tile.rows) * u64::from(viewport.size()[0]);
                 let first = u64::from(tile.first_pixel);
                 let Wanted { display, hdr } = wanted[viewport.view];
-                let mut copy = |buffer: &mut GrowingBuffer, bytes_each: u64| {
-                    let source = buffer.with_room(gpu, batch.pixels * bytes_each).clone();
-                    readback.copy(gpu, &mut encoder, &source, first * bytes_each, count * bytes_each)
+                let mut copy = |buffer: &mut GrowingBuffer, room: u64, first_byte: u64, bytes: u64| {
+                    let source = buffer.with_room(gpu, room).clone();
+                    readback.copy(gpu, &mut encoder, &source, first_byte, bytes)
                 };
+                let room = batch.pixels * BYTES_PER_PIXEL;
+                // The image lies in two planes of half a pixel each.
+                let mut copy_plane = |plane: u64| {
+                    let half = BYTES_PER_PIXEL / 2;
+                    copy(&mut buffers.pixels, room, (plane * batch.pixels + first) * half, count * half)
+                };
+                let hdr = hdr.then(|| [copy_plane(0), copy_plane(1)]);
                 tiles.push(TilePlace {
                     viewport: tile.viewport,
                     pixels: count as usize,
-                    display: display.then(|| copy(&mut buffers.display, DISPLAY_BYTES)),
-                    hdr: hdr.then(|| copy(&mut buffers.pixels, BYTES_PER_PIXEL)),
+                    display: display.then(|| {
+                        let room = batch.pixels * DISPLAY_BYTES;
+                        copy(&mut buffers.display, room, first * DISPLAY_BYTES, count * DISPLAY_BYTES)
+                    }),
+                    hdr,
                 });
             }
         }
@@ -503,8 +522,10 @@ impl Renderer {
             if let (Some(place), Some(display)) = (tile.display, &mut images[index].display) {
                 readback.append(gpu, place, tile.pixels * DISPLAY_BYTES as usize, display)?;
             }
-            if let (Some(place), Some(hdr)) = (tile.hdr, &mut images[index].hdr) {
-                readback.append(gpu, place, tile.pixels, hdr)?;
+            if let (Some([first, second]), Some(hdr)) = (tile.hdr, &mut images[index].hdr) {
+                let red_green: Vec<[f32; 2]> = readback.read(gpu, first, tile.pixels)?;
+                let blue_omega: Vec<[f32; 2]> = readback.read(gpu, second, tile.pixels)?;
+                hdr.extend(red_green.iter().zip(&blue_omega).map(|([r, g], [b, omega])| [*r, *g, *b, *omega]));
             }
         }
         let views = statistics(prepared, rig, &counters, &passes_ms);

@@ -116,12 +116,12 @@ gpu_structs! {
         item_count: u32,
         /// Workgroups per row of the dispatch.
         items_per_row: u32,
+        /// Pixels of the batch.
+        plane_pixels: u32,
         /// Padding.
         unused_0: u32,
         /// Padding.
         unused_1: u32,
-        /// Padding.
-        unused_2: u32,
     }
     /// Parameters of the resolve pass.
     ResolveParameters {
@@ -133,6 +133,14 @@ gpu_structs! {
         display_per_cd_m2: f32,
         /// Number of the tone-mapping operator.
         tone_operator: u32,
+        /// Pixels of the batch.
+        plane_pixels: u32,
+        /// Padding.
+        unused_0: u32,
+        /// Padding.
+        unused_1: u32,
+        /// Padding.
+        unused_2: u32,
     }
     /// Parameters of the exposure pass.
     ExposureParameters {
@@ -168,12 +176,12 @@ gpu_structs! {
     ToneMapParameters {
         /// Number of the operator.
         tone_operator: u32,
+        /// Pixels of the batch.
+        plane_pixels: u32,
         /// Padding.
         unused_0: u32,
         /// Padding.
         unused_1: u32,
-        /// Padding.
-        unused_2: u32,
     }
     /// A point at which a projection is evaluated; see `shaders/projection_probe.wgsl`.
     ProbeInput {

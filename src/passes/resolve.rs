@@ -36,6 +36,8 @@ pub(crate) struct ResolveTarget<'a> {
     pub bright_pixels: Option<&'a wgpu::Buffer>,
     pub partial_sums: &'a wgpu::Buffer,
     pub display: Option<&'a wgpu::Buffer>,
+    /// Pixels of the batch.
+    pub plane_pixels: u32,
 }
 
 impl ResolvePass {
@@ -72,6 +74,8 @@ impl ResolvePass {
             lx_per_bright_unit: ranges.bright.map_or(0.0, |bright| (1.0 / bright.units_per_lx) as f32),
             display_per_cd_m2: known_ev100.map_or(0.0, |ev100| (1.0 / white_luminance_cd_m2(ev100)) as f32),
             tone_operator: operator_number(operator),
+            plane_pixels: target.plane_pixels,
+            ..Default::default()
         };
         let parameters = gpu::uniform_buffer(gpu, "resolve parameters", &parameters);
         let (_, pipeline) =

@@ -30,6 +30,8 @@ pub(crate) struct StarTarget<'a> {
     pub tiles: &'a wgpu::Buffer,
     pub counters: &'a wgpu::Buffer,
     pub pixels: &'a wgpu::Buffer,
+    /// Pixels of the batch.
+    pub plane_pixels: u32,
 }
 
 /// A run of items that read from one buffer of stars.
@@ -75,6 +77,7 @@ impl StarPass {
                 brightest_lx: range.brightest_lx as f32,
                 item_count: draw.item_count,
                 items_per_row,
+                plane_pixels: target.plane_pixels,
                 ..Default::default()
             };
             let parameters = gpu::uniform_buffer(gpu, "star parameters", &parameters);

@@ -19,6 +19,8 @@ pub(crate) struct ToneMapTarget<'a> {
     pub luminances: &'a wgpu::Buffer,
     pub exposure: &'a wgpu::Buffer,
     pub display: &'a wgpu::Buffer,
+    /// Pixels of the batch.
+    pub plane_pixels: u32,
 }
 
 impl ToneMapPass {
@@ -34,8 +36,11 @@ impl ToneMapPass {
         target: &ToneMapTarget<'_>,
         grid: [u32; 3],
     ) {
-        let parameters =
-            layout::ToneMapParameters { tone_operator: operator_number(settings.operator), ..Default::default() };
+        let parameters = layout::ToneMapParameters {
+            tone_operator: operator_number(settings.operator),
+            plane_pixels: target.plane_pixels,
+            ..Default::default()
+        };
         let parameters = gpu::uniform_buffer(gpu, "tone map parameters", &parameters);
         let group = bind_buffers(
             gpu,
