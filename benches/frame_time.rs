@@ -82,12 +82,6 @@ impl Bench {
                     self.renderer.culling = culling;
                     let (times, count) = self.frame(&scene, &rig);
                     drawn = count;
-                    if std::env::var("DETAIL").is_ok() {
-                        println!(
-                            "{culling} plan {:.1} rest {:.1} {:.1?}",
-                            times.plan_ms, times.gpu_and_readback_ms, times.passes_ms
-                        );
-                    }
                     let star_ms = times.passes_ms.iter().filter(|p| p.0 == "stars").map(|p| p.1).sum();
                     if culling {
                         culled.push(times.total_ms);

@@ -10,9 +10,7 @@ use common::*;
 use glam::{DVec2, DVec3};
 use steradian::{
     catalogue::StarRecord,
-    frame::RenderError,
-    gpu::GpuOptions,
-    photometry::{blackbody::rec709_in_gamut, rec709::luminance, rec709::uv_prime},
+    photometry::{blackbody::rec709_in_gamut, rec709::uv_prime},
     plan::settings::StarMethod,
     units::illuminance_lx_from_magnitude,
     view::{
@@ -20,27 +18,6 @@ use steradian::{
         projection::{Face, FisheyeMapping, PlaneMapping},
     },
 };
-
-/// Every projection, each with its name.
-fn all_views() -> Vec<(&'static str, ViewKind)> {
-    let fov = Fov { left_rad: -0.9, right_rad: 0.7, up_rad: 0.8, down_rad: -0.85 };
-    let fisheye =
-        |mapping, degrees: f64| ViewKind::Fisheye { size: [160, 160], mapping, fov_rad: degrees.to_radians() };
-    vec![
-        ("perspective", ViewKind::Perspective { size: [192, 108], fov_y_rad: PI / 3.0 }),
-        ("perspective-150", ViewKind::Perspective { size: [160, 160], fov_y_rad: 150f64.to_radians() }),
-        ("off-axis", ViewKind::OffAxis { size: [128, 130], fov }),
-        ("stereo", ViewKind::Stereo { size: [96, 100], ipd_m: 0.064, fov_left: fov, fov_right: fov.mirrored() }),
-        ("cube", ViewKind::Cubemap { face_size: 64, faces: Face::ALL.to_vec() }),
-        ("equidistant-180", fisheye(FisheyeMapping::Equidistant, 180.0)),
-        ("equidistant-360", fisheye(FisheyeMapping::Equidistant, 360.0)),
-        ("equisolid-220", fisheye(FisheyeMapping::Equisolid, 220.0)),
-        ("orthographic-180", fisheye(FisheyeMapping::Orthographic, 180.0)),
-        ("stereographic-220", fisheye(FisheyeMapping::Stereographic, 220.0)),
-        ("domemaster", ViewKind::DomeMaster { size: 160, fov_rad: PI, tilt_rad: 0.3 }),
-        ("equirectangular", ViewKind::Equirectangular { size: [192, 96] }),
-    ]
-}
 
 /// Up to `count` directions whose whole kernel lies inside every image of the view.
 fn directions_inside(kind: &ViewKind, count: usize) -> Vec<DVec3> {
@@ -259,111 +236,6 @@ fn sub_pixel_sweep_keeps_centroid_and_width() {
     assert!(most / least - 1.0 < 0.005);
 }
 
-/// A million stars of magnitude 20 in one pixel, each far below what a 16-bit float would keep.
-#[test]
-fn a_million_faint_stars_in_one_pixel_add_up() {
-    for force_u32_accumulator in [false, true] {
-        let mut renderer = renderer_with(&GpuOptions { force_u32_accumulator, ..Default::default() });
-        let rig = rig(vec![("v", ViewKind::Perspective { size: [33, 33], fov_y_rad: 0.5 })]);
-        let scene = snapshot(vec![star(DVec3::NEG_Z, 20.0); 1_000_000]);
-        let frame = render_hdr(&mut renderer, &scene, &rig, &settings(StarMethod::BSpline));
-        let error = total_illuminance_lx(&frame, &rig) / (1e6 * illuminance_lx_from_magnitude(20.0)) - 1.0;
-        println!("a million stars of magnitude 20, {}: {error:.1e}", frame.plan.accumulator);
-        assert!(error.abs() < 1e-3);
-        assert_eq!(frame.views[0].stars_drawn, 1_000_000);
-    }
-}
-
-/// Sirius beside a star of magnitude 21, three pixels apart; and the Sun beside both.
-#[test]
-fn sirius_and_a_star_of_magnitude_21_are_both_right() {
-    for force_u32_accumulator in [false, true] {
-        let mut renderer = renderer_with(&GpuOptions { force_u32_accumulator, ..Default::default() });
-        let kind = ViewKind::Perspective { size: [65, 65], fov_y_rad: 0.1 };
-        let mapping_view = view("v", kind.clone());
-        let mapping = mapping_view.images[0].projection.mapping();
-        let at = |x: f64, y: f64| mapping.direction_from_pixel(DVec2::new(x, y)).expect("inside");
-        let rig = rig(vec![("v", kind)]);
-        for with_sun in [false, true] {
-            let mut records = vec![star(at(30.3, 30.4), -1.46), star(at(33.6, 30.2), 21.0)];
-            if with_sun {
-                records.push(star(at(10.5, 50.5), -26.7));
-            }
-            let frame = render_hdr(&mut renderer, &snapshot(records), &rig, &settings(StarMethod::BSpline));
-            let hdr = frame.images[0].hdr.as_ref().expect("asked for");
-            let sum_around = |cx: u32, cy: u32| -> f64 {
-                (cy - 1..=cy + 1)
-                    .flat_map(|y| (cx - 1..=cx + 1).map(move |x| (x, y)))
-                    .map(|(x, y)| {
-                        let [r, g, b, _] = hdr[(y * 65 + x) as usize];
-                        luminance([r, g, b].map(f64::from)) * mapping.solid_angle_sr(x, y)
-                    })
-                    .sum()
-            };
-            let sirius = sum_around(30, 30) / illuminance_lx_from_magnitude(-1.46) - 1.0;
-            let faint = sum_around(33, 30) / illuminance_lx_from_magnitude(21.0) - 1.0;
-            println!("{}, Sun {with_sun}: Sirius {sirius:.1e}, magnitude 21 {faint:.1e}", frame.plan.accumulator);
-            assert!(sirius.abs() < 0.02 && faint.abs() < 0.02);
-            if with_sun {
-                let sun = sum_around(10, 50) / illuminance_lx_from_magnitude(-26.7) - 1.0;
-                assert!(sun.abs() < 1e-3, "{sun}");
-            }
-        }
-    }
-}
-
-/// Units chosen too fine on purpose: the frame is refused, nothing wraps.
-#[test]
-fn a_provoked_overflow_is_reported() {
-    for force_u32_accumulator in [false, true] {
-        let mut renderer = renderer_with(&GpuOptions { force_u32_accumulator, ..Default::default() });
-        let rig = rig(vec![("v", ViewKind::Perspective { size: [9, 9], fov_y_rad: 0.5 })]);
-        let scene = snapshot(vec![star(DVec3::NEG_Z, 2.0); 4096]);
-        let wanted = [steradian::frame::Wanted { display: false, hdr: true }];
-        let mut render = |factor: f64| {
-            renderer.unit_factor = factor;
-            renderer.render(&scene, &rig, &settings(StarMethod::BSpline), &wanted, None)
-        };
-        let expected = 4096.0 * illuminance_lx_from_magnitude(2.0);
-        assert!((total_illuminance_lx(&render(1.0).expect("in range"), &rig) / expected - 1.0).abs() < 1e-3);
-        for factor in [64.0, 1024.0] {
-            assert!(matches!(render(factor), Err(RenderError::Overflow(count)) if count > 0), "factor {factor}");
-        }
-    }
-}
-
-/// The order of the catalogue does not show: a hundred shuffles, bit for bit.
-#[test]
-fn a_hundred_shuffles_give_identical_bits() {
-    let mut renderer = renderer();
-    let mut records: Vec<StarRecord> = spiral(2000)
-        .enumerate()
-        .map(|(i, direction)| StarRecord { temperature_k: 2500.0 + i as f32 * 7.0, ..star(direction, (i % 17) as f32) })
-        .collect();
-    // Half of them crowd into a few pixels, so that many threads add to the same sums.
-    for record in records.iter_mut().step_by(2) {
-        record.position = (DVec3::NEG_Z + record.position * 0.01).normalize();
-    }
-    let rig = rig(vec![
-        ("flat", ViewKind::Perspective { size: [160, 90], fov_y_rad: 1.0 }),
-        ("cube", ViewKind::Cubemap { face_size: 32, faces: Face::ALL.to_vec() }),
-    ]);
-    let mut first = None;
-    let mut state = 1_u64;
-    for _ in 0..100 {
-        for i in (1..records.len()).rev() {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            records.swap(i, ((state >> 33) % (i as u64 + 1)) as usize);
-        }
-        let frame = render_hdr(&mut renderer, &snapshot(records.clone()), &rig, &settings(StarMethod::Auto));
-        let bits: Vec<_> = frame.images.into_iter().map(|image| image.hdr).collect();
-        match &first {
-            None => first = Some(bits),
-            Some(expected) => assert!(*expected == bits, "a shuffle changed the image"),
-        }
-    }
-}
-
 /// Light adds, temperatures do not: two stars of 3000 and 20000 K in a pixel.
 #[test]
 fn two_colours_in_one_pixel_add_as_light() {
@@ -385,75 +257,6 @@ fn two_colours_in_one_pixel_add_as_light() {
     let wrong = (averaged[0] - expected[0]).hypot(averaged[1] - expected[1]);
     println!("u'v' of 3000 K + 20000 K: off by {error:.1e}; averaged temperatures would be by {wrong:.1e}");
     assert!(error < 0.003 && wrong > 0.03);
-}
-
-/// A star at the camera's place, behind it, and a millionth of a parsec away.
-#[test]
-fn stars_at_and_near_the_camera_stay_finite() {
-    let mut renderer = renderer();
-    let rig = rig(vec![
-        ("flat", ViewKind::Perspective { size: [64, 64], fov_y_rad: 1.0 }),
-        ("all", ViewKind::Equirectangular { size: [64, 32] }),
-        ("fisheye", ViewKind::Fisheye { size: [64, 64], mapping: FisheyeMapping::Stereographic, fov_rad: 5.0 }),
-    ]);
-    let placed = |position: DVec3| StarRecord { position, magnitude: 4.8, temperature_k: 5772.0, distance_known: true };
-    for position in [DVec3::ZERO, DVec3::Z, DVec3::NEG_Z * 1e-6, DVec3::Z * 1e-6, DVec3::new(1e-6, -1e-6, 0.0)] {
-        let scene = snapshot(vec![placed(position), placed(DVec3::NEG_Z * 10.0)]);
-        let frame = render_hdr(&mut renderer, &scene, &rig, &settings(StarMethod::Auto));
-        assert!(frame.exposure_ev100.is_finite());
-        for image in &frame.images {
-            assert!(
-                image.hdr.as_ref().expect("asked for").iter().flatten().all(|value| value.is_finite()),
-                "{position}"
-            );
-        }
-        // The star ten parsecs ahead is whole, whatever stands near the camera.
-        if position == DVec3::ZERO {
-            let image = &frame.images[1];
-            let mapping = rig.views()[1].images[0].projection.mapping();
-            let error = illuminance_lx(image, mapping) / illuminance_lx_from_magnitude(4.8_f32.into()) - 1.0;
-            assert!(error.abs() < 1e-4, "{error}");
-        }
-        if position.length() == 1e-6 {
-            let mapping = rig.views()[1].images[0].projection.mapping();
-            let expected =
-                illuminance_lx_from_magnitude(4.8_f32.into()) * 1e14 + illuminance_lx_from_magnitude(4.8_f32.into());
-            assert!((illuminance_lx(&frame.images[1], mapping) / expected - 1.0).abs() < 1e-4);
-        }
-    }
-}
-
-/// The camera among the stars: magnitudes and directions are those of its place.
-#[test]
-fn a_travelling_camera_sees_stars_where_and_as_bright_as_they_are() {
-    let mut renderer = renderer();
-    let rig = rig(vec![("all", ViewKind::Equirectangular { size: [256, 128] })]);
-    let mapping = rig.views()[0].images[0].projection.mapping();
-    let records: Vec<StarRecord> = spiral(500)
-        .enumerate()
-        .map(|(i, d)| StarRecord {
-            position: d * (1.5 + i as f64 * 0.02),
-            magnitude: 5.0,
-            temperature_k: 5772.0,
-            distance_known: true,
-        })
-        .collect();
-    for camera_pc in [DVec3::ZERO, DVec3::new(1.0, 0.5, -0.3), DVec3::new(0.0, 6.0, 0.0), DVec3::new(-200.0, 10.0, 3.0)]
-    {
-        let mut scene = snapshot(records.clone());
-        scene.camera.position_m = camera_pc * steradian::units::PARSEC_M;
-        let expected: f64 = records
-            .iter()
-            .map(|r| {
-                illuminance_lx_from_magnitude(f64::from(r.magnitude)) * 100.0
-                    / (r.position - camera_pc).length_squared()
-            })
-            .sum();
-        let frame = render_hdr(&mut renderer, &scene, &rig, &settings(StarMethod::BSpline));
-        let error = illuminance_lx(&frame.images[0], mapping) / expected - 1.0;
-        println!("camera at {camera_pc} pc: {error:.1e}");
-        assert!(error.abs() < 1e-4, "{camera_pc}: {error}");
-    }
 }
 
 /// The twin in f64 draws the same picture.
@@ -508,79 +311,7 @@ fn the_adapter_and_the_f64_twin_draw_the_same_picture() {
     }
 }
 
-/// Nothing that is not asked for differs: the same frame five times.
-#[test]
-fn five_frames_are_identical() {
-    let mut renderer = renderer();
-    let scene = snapshot(spiral(20_000).enumerate().map(|(i, d)| star(d, (i % 12) as f32)).collect());
-    let rig = rig(vec![("a", ViewKind::Equirectangular { size: [256, 128] }), ("b", all_views()[5].1.clone())]);
-    let wanted = [steradian::frame::Wanted { display: true, hdr: true }; 2];
-    let mut frames = (0..5).map(|_| {
-        let frame = renderer.render(&scene, &rig, &settings(StarMethod::Auto), &wanted, None).expect("renders");
-        let images: Vec<_> = frame.images.into_iter().map(|image| (image.hdr, image.display)).collect();
-        (frame.exposure_ev100, images)
-    });
-    let first = frames.next().expect("five frames");
-    assert!(frames.all(|frame| frame == first));
-}
-
 /// A frame whose exposure is known before is tone mapped by the resolve pass, one that meters itself by a pass of its own:
-/// the same picture, and the f64 curve of the HDR image but for the dither.
-#[test]
-fn both_ways_to_the_display_image_agree() {
-    use steradian::{frame::Wanted, photometry::exposure::white_luminance_cd_m2, plan::settings::ToneMapOperator};
-    let mut renderer = renderer();
-    let scene = snapshot(spiral(20_000).enumerate().map(|(i, d)| star(d, (i % 12) as f32)).collect());
-    let rig = rig(vec![("a", ViewKind::Equirectangular { size: [256, 128] }), ("b", all_views()[5].1.clone())]);
-    for operator in ToneMapOperator::ALL {
-        let mut settings = settings(StarMethod::BSpline);
-        settings.tone_map.operator = operator;
-        let mut render = |wanted: Wanted, ev100: Option<f64>| {
-            renderer.render(&scene, &rig, &settings, &[wanted; 2], ev100).expect("the frame renders")
-        };
-        let metered = render(Wanted { display: true, hdr: true }, None);
-        let known = render(Wanted { display: true, hdr: false }, Some(metered.exposure_ev100));
-        let other = render(Wanted { display: true, hdr: false }, Some(metered.exposure_ev100 + 1.0));
-        let white = white_luminance_cd_m2(metered.exposure_ev100);
-        for ((a, b), c) in metered.images.iter().zip(&known.images).zip(&other.images) {
-            let (a_bytes, b_bytes) = (a.display.as_ref().expect("asked for"), b.display.as_ref().expect("asked for"));
-            let off_by_more = a_bytes.iter().zip(b_bytes).filter(|(a, b)| a.abs_diff(**b) > 1).count();
-            let different = a_bytes.iter().zip(b_bytes).filter(|(a, b)| a != b).count();
-            // The white luminance comes from exp2 in f32 in one way and from f64 in the other: a few pixels round apart.
-            assert!(off_by_more == 0 && different < a_bytes.len() / 1000, "{operator:?}: {different} bytes differ");
-            assert_ne!(Some(b_bytes), c.display.as_ref(), "another exposure must show");
-            let hdr = a.hdr.as_ref().expect("asked for");
-            for (pixel, bytes) in hdr.iter().zip(a_bytes.as_chunks::<4>().0) {
-                let expected = operator.display_rgb([pixel[0], pixel[1], pixel[2]].map(f64::from), white);
-                for (byte, value) in bytes.iter().zip(expected) {
-                    assert!((f64::from(*byte) - value * 255.0).abs() <= 1.02, "{operator:?}: {byte} for {value}");
-                }
-            }
-        }
-    }
-}
-
-/// Strips, batches and segments of stars: an adapter that binds little at once shows the same picture, bit for bit.
-#[test]
-fn cut_into_strips_and_batches_the_picture_is_the_same() {
-    let scene = snapshot(spiral(6000).enumerate().map(|(i, d)| star(d, (i % 14) as f32)).collect());
-    let rig = rig(all_views());
-    let images = |options: &GpuOptions| {
-        let wanted = vec![steradian::frame::Wanted { display: true, hdr: true }; rig.views().len()];
-        let mut renderer = renderer_with(options);
-        let frame = renderer.render(&scene, &rig, &settings(StarMethod::BSpline), &wanted, None).expect("renders");
-        let drawn: Vec<u64> = frame.views.iter().map(|view| view.stars_drawn).collect();
-        (frame.images.into_iter().map(|image| (image.part, image.hdr)).collect::<Vec<_>>(), drawn)
-    };
-    let whole = images(&GpuOptions::default());
-    // 40 rows of 192 pixels at a time, and 2048 stars.
-    for limit in [16 * 192 * 40, 16 * 2048] {
-        let cut = images(&GpuOptions { binding_limit_bytes: Some(limit), ..Default::default() });
-        assert!(whole.0 == cut.0, "an image differs with {limit} bytes at a time");
-        assert_eq!(whole.1, cut.1, "stars drawn");
-    }
-}
-
 /// An off-axis frustum is a sub-window of the symmetric one.
 #[test]
 fn an_off_axis_view_is_a_window_of_the_symmetric_one() {

@@ -1,7 +1,7 @@
 //! What the integration tests share: a renderer on the software adapter, made-up skies, and sums of light in f64.
 #![allow(dead_code, reason = "each test binary uses its own part of this")]
 
-use std::sync::Arc;
+use std::{f64::consts::PI, sync::Arc};
 
 use glam::{DQuat, DVec3};
 use steradian::{
@@ -11,7 +11,10 @@ use steradian::{
     photometry::rec709::luminance,
     plan::settings::{RenderSettings, StarMethod},
     scene::{Camera, SceneSnapshot},
-    view::{Rig, View, ViewKind, projection::PlaneMapping},
+    view::{
+        Fov, Rig, View, ViewKind,
+        projection::{Face, FisheyeMapping, PlaneMapping},
+    },
 };
 
 /// A renderer. There is always an adapter where tests run: `make test` sees to it, and without one this fails.
@@ -78,4 +81,25 @@ pub fn illuminance_lx(image: &FrameImage, mapping: &dyn PlaneMapping) -> f64 {
 pub fn total_illuminance_lx(frame: &Frame, rig: &Rig) -> f64 {
     let mappings = rig.views().iter().flat_map(|view| &view.images).map(|image| image.projection.mapping());
     frame.images.iter().zip(mappings).map(|(image, mapping)| illuminance_lx(image, mapping)).sum()
+}
+
+/// Every projection, each with its name.
+pub fn all_views() -> Vec<(&'static str, ViewKind)> {
+    let fov = Fov { left_rad: -0.9, right_rad: 0.7, up_rad: 0.8, down_rad: -0.85 };
+    let fisheye =
+        |mapping, degrees: f64| ViewKind::Fisheye { size: [160, 160], mapping, fov_rad: degrees.to_radians() };
+    vec![
+        ("perspective", ViewKind::Perspective { size: [192, 108], fov_y_rad: PI / 3.0 }),
+        ("perspective-150", ViewKind::Perspective { size: [160, 160], fov_y_rad: 150f64.to_radians() }),
+        ("off-axis", ViewKind::OffAxis { size: [128, 130], fov }),
+        ("stereo", ViewKind::Stereo { size: [96, 100], ipd_m: 0.064, fov_left: fov, fov_right: fov.mirrored() }),
+        ("cube", ViewKind::Cubemap { face_size: 64, faces: Face::ALL.to_vec() }),
+        ("equidistant-180", fisheye(FisheyeMapping::Equidistant, 180.0)),
+        ("equidistant-360", fisheye(FisheyeMapping::Equidistant, 360.0)),
+        ("equisolid-220", fisheye(FisheyeMapping::Equisolid, 220.0)),
+        ("orthographic-180", fisheye(FisheyeMapping::Orthographic, 180.0)),
+        ("stereographic-220", fisheye(FisheyeMapping::Stereographic, 220.0)),
+        ("domemaster", ViewKind::DomeMaster { size: 160, fov_rad: PI, tilt_rad: 0.3 }),
+        ("equirectangular", ViewKind::Equirectangular { size: [192, 96] }),
+    ]
 }

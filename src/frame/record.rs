@@ -1,0 +1,268 @@
+//! Recording a frame: uploads, all passes of all batches, and the copies of what leaves the GPU.
+
+use super::{
+    Wanted,
+    renderer::{BatchBuffers, DISPLAY_BYTES, Prepared, Renderer},
+    star_buffers::{Items, build_items},
+};
+use crate::{
+    gpu::{Gpu, GpuTimer, GrowingBuffer, layout, storage_buffer},
+    passes::{
+        resolve::ResolveTarget,
+        shared::{partial_sums, pixel_grid},
+        stars::{FIRST_VIEW_COUNTER, StarDraw, StarTarget},
+        tone_map::ToneMapTarget,
+    },
+    plan::{
+        settings::{ExposureMode, RenderSettings},
+        tiles::{BYTES_PER_PIXEL, Batch},
+    },
+    view::Rig,
+};
+
+/// Where the results of a frame will lie in the readback buffer.
+pub(super) struct Places {
+    pub(super) counters: u64,
+    pub(super) counter_count: usize,
+    pub(super) exposure: u64,
+    pub(super) ticks: Option<u64>,
+    /// Per viewport and tile of it, in order of rows: place of the display rows and of the HDR rows.
+    pub(super) tiles: Vec<TilePlace>,
+}
+
+pub(super) struct TilePlace {
+    pub(super) viewport: usize,
+    pub(super) pixels: usize,
+    pub(super) display: Option<u64>,
+    /// The planes of R and G, and of B and the solid angle.
+    pub(super) hdr: Option<[u64; 2]>,
+}
+
+pub(super) struct Recorded {
+    pub(super) commands: wgpu::CommandBuffer,
+    pub(super) places: Places,
+}
+
+impl Renderer {
+    pub(super) fn record(
+        &mut self,
+        prepared: &Prepared,
+        rig: &Rig,
+        settings: &RenderSettings,
+        wanted: &[Wanted],
+        adapted_ev100: Option<f64>,
+    ) -> Recorded {
+        while self.batch_buffers.len() < prepared.batches.len() {
+            self.batch_buffers.push(BatchBuffers::new());
+        }
+        self.batch_buffers.truncate(prepared.batches.len().max(1));
+        let Self { gpu, timer, batch_buffers, readback, item_buffers, .. } = self;
+        let gpu = &*gpu;
+        timer.begin();
+
+        // Upload what changes from frame to frame.
+        let star_buffers = self.stars.as_ref().expect("stars are held before anything is recorded");
+        let Items { items, runs, near } = build_items(star_buffers, &prepared.visible, &prepared.batches);
+        let item_buffer = item_buffers.items.upload(gpu, &items).clone();
+        let near_buffer = item_buffers.near.upload(gpu, &near).clone();
+        let viewports = storage_buffer(gpu, "viewports", &prepared.encoded);
+        let counter_count = FIRST_VIEW_COUNTER + rig.views().len();
+        let counters = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("counters"),
+            size: (4 * counter_count as u64).next_multiple_of(16),
+            usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC,
+            mapped_at_creation: false,
+        });
+        let exposure = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("exposure"),
+            size: size_of::<layout::Exposure>() as u64,
+            usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC,
+            mapped_at_creation: false,
+        });
+        let (tile_buffers, partial_count) = tile_buffers(gpu, prepared);
+        let partials = self.partial_sums.with_room(gpu, u64::from(partial_count) * 4).clone();
+        let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("frame") });
+        encoder.clear_buffer(&partials, 0, None);
+
+        // Where the exposure is known before the pixels are, the resolve pass writes the display image itself.
+        let known_ev100 = match settings.exposure.mode {
+            ExposureMode::Manual => Some(settings.exposure.ev100),
+            ExposureMode::Auto => adapted_ev100,
+        };
+        let any = |batch: &Batch, what: &dyn Fn(Wanted) -> bool| {
+            batch.tiles.iter().any(|tile| what(wanted[prepared.viewports[tile.viewport].view]))
+        };
+        for (index, batch) in prepared.batches.iter().enumerate() {
+            let buffers = &mut batch_buffers[index];
+            let bytes = batch.pixels * BYTES_PER_PIXEL;
+            let plane_pixels = batch.pixels as u32;
+            let pixels = buffers.pixels.with_room(gpu, bytes).clone();
+            let bright_pixels = prepared.ranges.bright.map(|_| buffers.bright_pixels.with_room(gpu, bytes).clone());
+            if bright_pixels.is_none() {
+                buffers.bright_pixels.release();
+            }
+            encoder.clear_buffer(&pixels, 0, Some(bytes));
+            let draws: Vec<StarDraw<'_>> = runs
+                .iter()
+                .filter(|run| run.batch == index)
+                .map(|run| StarDraw {
+                    stars: run.segment.map_or(&near_buffer, |segment| star_buffers.buffer(segment)),
+                    items: &item_buffer,
+                    first_item: run.first_item,
+                    item_count: run.item_count,
+                })
+                .collect();
+            let star_target = |pixels| StarTarget {
+                viewports: &viewports,
+                tiles: &tile_buffers[index],
+                counters: &counters,
+                pixels,
+                plane_pixels,
+            };
+            {
+                let mut pass = begin_pass(&mut encoder, timer, "stars");
+                let target = star_target(&pixels);
+                self.star_pass.record(gpu, &mut pass, &prepared.ranges.main, &target, &draws);
+            }
+            if let (Some(range), Some(bright_pixels)) = (&prepared.ranges.bright, &bright_pixels) {
+                encoder.clear_buffer(bright_pixels, 0, Some(bytes));
+                let mut pass = begin_pass(&mut encoder, timer, "stars");
+                self.star_pass.record(gpu, &mut pass, range, &star_target(bright_pixels), &draws);
+            }
+            let display_here = known_ev100.is_some() && any(batch, &|wanted: Wanted| wanted.display);
+            let display = display_here.then(|| buffers.display.with_room(gpu, batch.pixels * DISPLAY_BYTES).clone());
+            let hdr = any(batch, &|wanted: Wanted| wanted.hdr || (wanted.display && known_ev100.is_none()));
+            let mut pass = begin_pass(&mut encoder, timer, "resolve");
+            let target = ResolveTarget {
+                viewports: &viewports,
+                tiles: &tile_buffers[index],
+                pixels: &pixels,
+                bright_pixels: bright_pixels.as_ref(),
+                partial_sums: &partials,
+                display: display.as_ref(),
+                plane_pixels,
+            };
+            let grid = grid_of(prepared, batch);
+            let operator = settings.tone_map.operator;
+            self.resolve_pass.record(gpu, &mut pass, &prepared.ranges, hdr, known_ev100, operator, &target, grid);
+        }
+        {
+            let mut pass = begin_pass(&mut encoder, timer, "exposure");
+            self.exposure_pass.record(
+                gpu,
+                &mut pass,
+                &settings.exposure,
+                known_ev100,
+                prepared.total_solid_angle_sr,
+                partial_count,
+                &partials,
+                &exposure,
+            );
+        }
+        let tone_mapped = |batch: &Batch| known_ev100.is_none() && any(batch, &|wanted: Wanted| wanted.display);
+        for (index, batch) in prepared.batches.iter().enumerate().filter(|(_, batch)| tone_mapped(batch)) {
+            let buffers = &mut batch_buffers[index];
+            let pixels = buffers.pixels.with_room(gpu, batch.pixels * BYTES_PER_PIXEL).clone();
+            let display = buffers.display.with_room(gpu, batch.pixels * DISPLAY_BYTES);
+            let mut pass = begin_pass(&mut encoder, timer, "tone map");
+            let target = ToneMapTarget {
+                viewports: &viewports,
+                tiles: &tile_buffers[index],
+                luminances: &pixels,
+                exposure: &exposure,
+                display,
+                plane_pixels: batch.pixels as u32,
+            };
+            self.tone_map_pass.record(gpu, &mut pass, &settings.tone_map, &target, grid_of(prepared, batch));
+        }
+
+        // Everything that leaves the GPU goes into one host buffer.
+        let mut needed = 1024 + GpuTimer::readback_bytes() + 16 * counter_count as u64;
+        for viewport in &prepared.viewports {
+            let pixels = viewport.size().map(u64::from).iter().product::<u64>() + 64;
+            let Wanted { display, hdr } = wanted[viewport.view];
+            needed += pixels * (u64::from(display) * DISPLAY_BYTES + u64::from(hdr) * BYTES_PER_PIXEL) + 4096;
+        }
+        readback.begin(gpu, needed);
+        let mut tiles = Vec::new();
+        for (batch, buffers) in prepared.batches.iter().zip(batch_buffers.iter_mut()) {
+            for tile in &batch.tiles {
+                let viewport = &prepared.viewports[tile.viewport];
+                let count = u64::from(tile.rows) * u64::from(viewport.size()[0]);
+                let first = u64::from(tile.first_pixel);
+                let Wanted { display, hdr } = wanted[viewport.view];
+                let mut copy = |buffer: &mut GrowingBuffer, room: u64, first_byte: u64, bytes: u64| {
+                    let source = buffer.with_room(gpu, room).clone();
+                    readback.copy(gpu, &mut encoder, &source, first_byte, bytes)
+                };
+                let room = batch.pixels * BYTES_PER_PIXEL;
+                // The image lies in two planes of half a pixel each.
+                let mut copy_plane = |plane: u64| {
+                    let half = BYTES_PER_PIXEL / 2;
+                    copy(&mut buffers.pixels, room, (plane * batch.pixels + first) * half, count * half)
+                };
+                let hdr = hdr.then(|| [copy_plane(0), copy_plane(1)]);
+                tiles.push(TilePlace {
+                    viewport: tile.viewport,
+                    pixels: count as usize,
+                    display: display.then(|| {
+                        let room = batch.pixels * DISPLAY_BYTES;
+                        copy(&mut buffers.display, room, first * DISPLAY_BYTES, count * DISPLAY_BYTES)
+                    }),
+                    hdr,
+                });
+            }
+        }
+        let places = Places {
+            counters: readback.copy(gpu, &mut encoder, &counters, 0, 4 * counter_count as u64),
+            counter_count,
+            exposure: readback.copy(gpu, &mut encoder, &exposure, 0, size_of::<layout::Exposure>() as u64),
+            ticks: timer.resolve(gpu, &mut encoder, readback),
+            tiles,
+        };
+        Recorded { commands: encoder.finish(), places }
+    }
+}
+
+fn begin_pass<'a>(
+    encoder: &'a mut wgpu::CommandEncoder,
+    timer: &mut GpuTimer,
+    name: &'static str,
+) -> wgpu::ComputePass<'a> {
+    let timestamp_writes = timer.pass(name);
+    encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some(name), timestamp_writes })
+}
+
+fn grid_of(prepared: &Prepared, batch: &Batch) -> [u32; 3] {
+    let widths: Vec<u32> = batch.tiles.iter().map(|tile| prepared.viewports[tile.viewport].size()[0]).collect();
+    pixel_grid(&batch.tiles, &widths)
+}
+
+/// One buffer of tiles per batch, and the number of partial sums of all.
+fn tile_buffers(gpu: &Gpu, prepared: &Prepared) -> (Vec<wgpu::Buffer>, u32) {
+    let mut first_partial = 0;
+    let buffers = prepared
+        .batches
+        .iter()
+        .map(|batch| {
+            let tiles: Vec<layout::Tile> = batch
+                .tiles
+                .iter()
+                .map(|tile| {
+                    let encoded = layout::Tile {
+                        viewport: tile.viewport as u32,
+                        first_row: tile.first_row,
+                        rows: tile.rows,
+                        first_pixel: tile.first_pixel,
+                        first_partial,
+                        ..Default::default()
+                    };
+                    first_partial += partial_sums(prepared.viewports[tile.viewport].size()[0], tile.rows);
+                    encoded
+                })
+                .collect();
+            storage_buffer(gpu, "tiles", &tiles)
+        })
+        .collect();
+    (buffers, first_partial)
+}
