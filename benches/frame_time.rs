@@ -13,7 +13,10 @@ use steradian::{
     coordinates::icrs_from_galactic,
     frame::{FrameTimes, Renderer, Wanted},
     gpu::{Gpu, GpuOptions},
-    plan::settings::{RenderSettings, StarMethod},
+    plan::{
+        cull::{CullSettings, visible_chunks},
+        settings::{RenderSettings, StarMethod},
+    },
     scene::{Camera, SceneSnapshot},
     view::{Rig, View, ViewKind, projection::FisheyeMapping},
 };
@@ -65,7 +68,9 @@ impl Bench {
     fn culling(&mut self, stars: &Arc<StarSet>) {
         let flat = || rig(ViewKind::Perspective { size: [1920, 1080], fov_y_rad: PI / 3.0 });
         let dome = || rig(ViewKind::Fisheye { size: [2048, 2048], mapping: FisheyeMapping::Equidistant, fov_rad: PI });
-        println!("direction             share  culled ms  unculled ms  ratio  allowed   (whole frame; star pass)");
+        println!(
+            "direction             share   read  culled ms  unculled ms  ratio  allowed   (whole frame; star pass)"
+        );
         for (name, galactic, rig, anticentre) in [
             ("centre 1080p", DVec3::X, flat(), false),
             ("anticentre 1080p", DVec3::NEG_X, flat(), true),
@@ -94,11 +99,16 @@ impl Bench {
             }
             self.renderer.culling = true;
             let share = drawn as f64 / stars.stars.len() as f64;
+            let viewports = rig.viewports(camera.world_from_camera);
+            let settings = CullSettings { faintest_lx: 0.0, enabled: true };
+            let visible = visible_chunks(stars, DVec3::ZERO, &viewports, settings);
+            let read: u64 = visible.iter().map(|chunk| u64::from(chunk.count)).sum();
+            let read_share = read as f64 / stars.stars.len() as f64;
             let (a, b) = (median(culled), median(unculled));
             let (c, d) = (median(culled_stars), median(unculled_stars));
             let allowed = if anticentre { 0.35 } else { share + 0.15 };
             println!(
-                "{name:20} {share:6.3} {a:10.1} {b:12.1} {:6.2} {allowed:8.2}   star pass {c:.1} / {d:.1} = {:.2}",
+                "{name:20} {share:6.3} {read_share:6.3} {a:10.1} {b:12.1} {:6.2} {allowed:8.2}   star pass {c:.1} / {d:.1} = {:.2}",
                 a / b,
                 c / d
             );
