@@ -126,20 +126,14 @@ impl Default for CameraConfig {
 impl CameraConfig {
     /// The camera; a fault names the key below `scene.camera`.
     pub(super) fn camera(&self) -> Result<Camera, Fault> {
-        let camera = Camera::new(self.position_m, self.orientation, self.velocity_c).map_err(|error| {
+        Camera::new(self.position_m, self.orientation, self.velocity_c).map_err(|error| {
             let key = match &error {
                 PoseError::NotFinite { key, .. } => key,
                 PoseError::NotUnit { .. } => "orientation",
-                PoseError::TooFast { .. } => "velocity_c",
+                PoseError::TooFast { .. } | PoseError::VelocityNotImplemented { .. } => "velocity_c",
             };
             Fault::new(key, error.to_string())
-        })?;
-        if self.velocity_c != [0.0; 3] {
-            let problem =
-                format!("{:?}: relativistic travel is not implemented yet; only [0, 0, 0] is allowed", self.velocity_c);
-            return Err(Fault::new("velocity_c", problem));
-        }
-        Ok(camera)
+        })
     }
 }
 

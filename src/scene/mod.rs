@@ -29,6 +29,12 @@ pub enum PoseError {
         /// Their length.
         length: f64,
     },
+    /// The camera moves; what it then sees is not computed yet.
+    #[error("velocity_c = {value:?}: relativistic travel is not implemented yet; only [0, 0, 0] is allowed")]
+    VelocityNotImplemented {
+        /// The velocity.
+        value: [f64; 3],
+    },
     /// The speed is not below that of light.
     #[error("velocity_c = {value:?}: the speed must be below 1 (the speed of light)")]
     TooFast {
@@ -85,6 +91,9 @@ impl Camera {
         if velocity.length() >= 1.0 {
             return Err(PoseError::TooFast { value: velocity_c });
         }
+        if velocity != DVec3::ZERO {
+            return Err(PoseError::VelocityNotImplemented { value: velocity_c });
+        }
         Ok(Self {
             position_m: finite_vector("position_m", position_m)?,
             world_from_camera: unit_quaternion(orientation)?,
@@ -118,6 +127,10 @@ mod tests {
         assert!(matches!(Camera::new([0.0; 3], [0.0, 0.0, 0.0, 1.1], [0.0; 3]), Err(PoseError::NotUnit { .. })));
         assert!(matches!(Camera::new([0.0; 3], [0.0; 4], [0.0; 3]), Err(PoseError::NotUnit { .. })));
         assert!(matches!(Camera::new([0.0; 3], [0.0, 0.0, 0.0, 1.0], [0.6, 0.8, 0.0]), Err(PoseError::TooFast { .. })));
+        assert!(matches!(
+            Camera::new([0.0; 3], [0.0, 0.0, 0.0, 1.0], [0.0, 0.1, 0.0]),
+            Err(PoseError::VelocityNotImplemented { .. })
+        ));
         let camera = Camera::new([0.0; 3], [0.0, 0.0, 0.0, 1.0009], [0.0; 3]).unwrap();
         assert_eq!(camera.world_from_camera, DQuat::IDENTITY);
     }
