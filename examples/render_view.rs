@@ -43,8 +43,8 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
 
     let mut settings = RenderSettings::default();
     settings.stars.method = StarMethod::BSpline;
-    // A few hundred stars in a black sky: the mean luminance says little about them.
-    settings.exposure.compensation_ev = 3.0;
+    // Stars fill few of the pixels: white at the mean of such a picture would burn all of them out, colours included.
+    settings.exposure.compensation_ev = 10.0;
 
     let mut renderer = Renderer::new(Gpu::open(&GpuOptions::default())?);
     let wanted = [Wanted { display: true, hdr: true }];

@@ -61,7 +61,7 @@ done
 printf 'daemon      listening on %s\n' "$address"
 
 mkdir -p "$out"
-"$bin/examples/client" --connect "http://$address" --out "$out" || fail 'the client failed'
+"$bin/examples/client" --connect "http://$address" --out "$out" --steps 60 || fail 'the client failed'
 
 kill -TERM "$daemon"
 deadline=$((SECONDS + stop_timeout_s))
