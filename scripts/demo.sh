@@ -75,4 +75,5 @@ daemon=
 if ((code != 0)); then fail "the daemon ended with code $code after SIGTERM"; fi
 printf 'daemon      drained and ended with code 0\n'
 
-"$bin/examples/flux" --config "$config" --pictures "$out" || fail 'the light in the pictures is not that of the stars'
+# Says itself what is wrong: wrong light, or no whole-sky view to weigh.
+"$bin/examples/flux" --config "$config" --pictures "$out"

@@ -9,6 +9,8 @@
 //! - `make TARGET` is not run; the Makefile must have the target,
 //! - `grpcurl` may not be installed; the method that is called must be in the protocol.
 
+#![allow(clippy::unwrap_used, reason = "a test: what it unwraps is there, or it fails")]
+
 use std::{
     collections::BTreeSet,
     fs,
