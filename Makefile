@@ -8,7 +8,7 @@ help: ## Lists the targets
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/\1\t\2/p' Makefile | expand -t 8
 
 demo: setup ## Builds and renders the example scenes in all views
-	$(CARGO) build --release
+	$(CARGO) build --release --bin steradian --example client --example flux
 	scripts/demo.sh
 
 test: setup ## Runs all tests

@@ -1,0 +1,113 @@
+//! Weighs pictures: `cargo run --release --example flux -- --config configs/demo.toml --pictures out`.
+//!
+//! For every view of a configuration that shows the whole sphere, sums luminance times solid angle over the pixels of its EXR
+//! files, and compares that with the sum over the stars. Solid angles are those of the projection in f64, not the ones
+//! that the files hold. Ends with 1 if a sum is off by more than 1e-3.
+
+use std::{
+    error::Error,
+    f64::consts::PI,
+    io::Write,
+    path::{Path, PathBuf},
+    process::ExitCode,
+};
+
+use clap::Parser;
+use exr::prelude::{ReadChannels, ReadLayers, read};
+use steradian::{
+    config::Config,
+    photometry::rec709::luminance,
+    scene::loader::{StarSource, load_stars},
+    units::PARSEC_M,
+    view::projection::PlaneMapping,
+};
+
+/// Compares the light in pictures with the light of the stars.
+#[derive(Debug, Parser)]
+struct Arguments {
+    /// The configuration that the pictures were rendered with.
+    #[arg(long)]
+    config: PathBuf,
+    /// The folder that holds them.
+    #[arg(long)]
+    pictures: PathBuf,
+}
+
+/// Illuminance in an EXR file, lx: luminance of each pixel times its solid angle.
+fn illuminance_lx(path: &Path, mapping: &dyn PlaneMapping) -> Result<f64, Box<dyn Error>> {
+    let file = read().no_deep_data().largest_resolution_level().all_channels().first_valid_layer().all_attributes();
+    let layer = file.from_file(path).map_err(|error| format!("{}: {error}", path.display()))?.layer_data;
+    let [width, height] = mapping.size();
+    if (layer.size.width(), layer.size.height()) != (width as usize, height as usize) {
+        return Err(format!("{}: not of {width} x {height} pixels", path.display()).into());
+    }
+    let channel = |name: &str| {
+        let found = layer.channel_data.list.iter().find(|channel| channel.name == *name);
+        found.ok_or_else(|| format!("{}: no channel {name}", path.display()))
+    };
+    let (red, green, blue) = (channel("R")?, channel("G")?, channel("B")?);
+    let mut sum_lx = 0.0;
+    for (index, at) in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).enumerate() {
+        let rgb = [red, green, blue].map(|channel| f64::from(channel.sample_data.value_by_flat_index(index).to_f32()));
+        if rgb != [0.0; 3] {
+            sum_lx += luminance(rgb) * mapping.solid_angle_sr(at.0, at.1);
+        }
+    }
+    Ok(sum_lx)
+}
+
+fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
+    let config = Config::load(&arguments.config, &[])?;
+    let sources = config.star_sources();
+    let (stars, report) = load_stars(&sources, &mut |_| {})?;
+    for (source, catalogue) in sources.iter().zip(&report.catalogues) {
+        let kind = if matches!(source, StarSource::Galaxy(_)) { "synthetic" } else { "real" };
+        println!("stars       {} {kind}: {}", catalogue.stars, catalogue.name);
+    }
+    let camera = config.camera()?;
+    let camera_pc = camera.position_m / PARSEC_M;
+    let stars_lx: f64 = stars
+        .iter()
+        .map(|(position, at_infinity, star)| {
+            star.illuminance_at_1_pc_lx() / if at_infinity { 1.0 } else { (position - camera_pc).length_squared() }
+        })
+        .sum();
+    println!("light       {stars_lx:.6e} lx from all stars together");
+
+    let rig = config.rig()?;
+    let mut weighed = 0;
+    for view in rig.views() {
+        let sphere_sr: f64 = view.images.iter().map(|image| image.projection.picture_solid_angle_sr()).sum();
+        if (sphere_sr - 4.0 * PI).abs() > 1e-6 {
+            continue;
+        }
+        let mut drawn_lx = 0.0;
+        for image in &view.images {
+            let part = image.part.name().map_or(String::new(), |part| format!(".{part}"));
+            let path = arguments.pictures.join(format!("{}{part}.exr", view.name));
+            drawn_lx += illuminance_lx(&path, image.projection.mapping())?;
+        }
+        let error = drawn_lx / stars_lx - 1.0;
+        println!("flux        {:.6e} lx in {}: relative error {error:+.1e}", drawn_lx, view.name);
+        if error.is_nan() || error.abs() > 1e-3 {
+            return Err(format!("{}: the picture does not hold the light of the stars", view.name).into());
+        }
+        weighed += 1;
+    }
+    if weighed == 0 {
+        return Err("no view shows the whole sphere: nothing to compare with".into());
+    }
+    Ok(())
+}
+
+fn main() -> ExitCode {
+    match run(&Arguments::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            // Where standard error is gone too, the exit code still says it.
+            match writeln!(std::io::stderr(), "error: {error}") {
+                Ok(()) | Err(_) => ExitCode::FAILURE,
+            }
+        }
+    }
+}

@@ -1,0 +1,184 @@
+//! A projection of one's own: `cargo run --release --example own_projection -- --out out`.
+//!
+//! The Hammer projection shows the whole sphere in an ellipse twice as wide as high, and every pixel of it has the same
+//! solid angle. The library does not know it: here it implements `PlaneMapping`, and the f64 renderer draws through it,
+//! without any adapter. `hammer.png` is the sky in galactic coordinates. Ends with 1 if the map does not hold the light
+//! of all stars to 1e-9.
+
+use std::{
+    error::Error,
+    f64::consts::{PI, SQRT_2, TAU},
+    io::Write,
+    path::PathBuf,
+    process::ExitCode,
+};
+
+use clap::Parser;
+use glam::{DMat3, DQuat, DVec2, DVec3};
+use steradian::{
+    catalogue::{
+        bright::bright_stars,
+        chunks::StarSet,
+        galaxy::{GalaxyParameters, generate},
+    },
+    coordinates::icrs_from_galactic,
+    frame::FrameImage,
+    output::{Encoding, encode},
+    photometry::{
+        exposure::{ev100_from_mean_luminance, white_luminance_cd_m2},
+        kernel::SplatKernel,
+        rec709::luminance,
+        tone_map::ToneMapOperator,
+    },
+    reference::stars::{Eye, draw},
+    view::{
+        Part,
+        projection::{BoundingCone, Footprint, PlaneMapping, Tap},
+    },
+};
+
+/// Darker than the mean asks for, so that single stars stand out.
+const COMPENSATION_EV: f64 = 5.0;
+
+/// Draws the whole sky as an ellipse.
+#[derive(Debug, Parser)]
+struct Arguments {
+    /// Folder for the picture; made if it is not there.
+    #[arg(long)]
+    out: PathBuf,
+    /// Height of the picture in pixels; it is twice as wide.
+    #[arg(long, default_value_t = 512, value_parser = clap::value_parser!(u32).range(16..=8192))]
+    height: u32,
+    /// Synthetic stars behind the real ones.
+    #[arg(long, default_value_t = 200_000)]
+    stars: usize,
+}
+
+/// Hammer (1892), centred on -z, +y at the top. On its plane (x to 2 sqrt 2, y to sqrt 2) areas are solid angles:
+/// x = 2 sqrt 2 cos(b) sin(l/2) / w, y = sqrt 2 sin(b) / w, w = sqrt(1 + cos(b) cos(l/2)).
+struct Hammer {
+    height: u32,
+}
+
+impl Hammer {
+    /// Pixels per unit of the plane.
+    fn scale(&self) -> f64 {
+        f64::from(self.height) / (2.0 * SQRT_2)
+    }
+
+    fn middle(&self) -> DVec2 {
+        DVec2::new(f64::from(self.height), f64::from(self.height) / 2.0)
+    }
+}
+
+impl PlaneMapping for Hammer {
+    fn size(&self) -> [u32; 2] {
+        [2 * self.height, self.height]
+    }
+
+    fn pixel_from_direction(&self, direction: DVec3) -> Option<DVec2> {
+        let direction = direction.try_normalize()?;
+        let across = direction.x.hypot(direction.z);
+        let half_longitude = direction.x.atan2(-direction.z) / 2.0;
+        let w = (1.0 + across * half_longitude.cos()).sqrt();
+        let on_plane = DVec2::new(2.0 * across * half_longitude.sin(), -direction.y) * SQRT_2 / w;
+        Some(self.middle() + on_plane * self.scale())
+    }
+
+    fn direction_from_pixel(&self, pixel: DVec2) -> Option<DVec3> {
+        let p = (pixel - self.middle()) / self.scale() * DVec2::new(1.0, -1.0);
+        // On the ellipse z^2 is 1/2; smaller outside of it.
+        let z_squared = 1.0 - (p.x / 4.0).powi(2) - (p.y / 2.0).powi(2);
+        if z_squared < 0.5 {
+            return None;
+        }
+        let z = z_squared.sqrt();
+        let longitude = 2.0 * (z * p.x).atan2(2.0 * (2.0 * z_squared - 1.0));
+        let sin_latitude = (z * p.y).clamp(-1.0, 1.0);
+        let across = (1.0 - sin_latitude * sin_latitude).sqrt();
+        Some(DVec3::new(across * longitude.sin(), sin_latitude, -across * longitude.cos()))
+    }
+
+    /// The same for every pixel of the picture.
+    fn solid_angle_sr(&self, x: u32, y: u32) -> f64 {
+        if self.contains(x, y) { self.scale().powi(-2) } else { 0.0 }
+    }
+
+    fn bounding_cone(&self, _margin_px: f64) -> BoundingCone {
+        BoundingCone { axis: DVec3::NEG_Z, half_angle_rad: PI }
+    }
+
+    /// The ellipse's edge is a cut through the sky. What of a star's kernel falls over it goes to the pixels inside, so that
+    /// the map holds all of its light.
+    fn taps(&self, kernel: Footprint<'_>, direction: DVec3) -> Vec<Tap> {
+        let Some(centre) = self.pixel_from_direction(direction) else { return Vec::new() };
+        let mut taps: Vec<Tap> = kernel(centre).into_iter().filter_map(|tap| self.tap_inside(tap)).collect();
+        let inside: f64 = taps.iter().map(|tap| tap.weight).sum();
+        for tap in &mut taps {
+            tap.weight /= inside;
+        }
+        taps
+    }
+}
+
+fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
+    let mut records = bright_stars();
+    let real = records.len();
+    records.extend(generate(&GalaxyParameters { stars: arguments.stars, seed: 1, fainter_than: Some(3.5) })?);
+    let stars = StarSet::from_records(records);
+    println!("stars       {real} real, {} synthetic", stars.stars.len() - real);
+
+    // Galactic coordinates: the centre of the Milky Way in the middle, its north pole at the top, longitude to the left.
+    let [centre, left, north] = icrs_from_galactic().to_cols_array_2d().map(DVec3::from_array);
+    let eye =
+        Eye { position_m: DVec3::ZERO, world_from_view: DQuat::from_mat3(&DMat3::from_cols(-left, north, -centre)) };
+    let mapping = Hammer { height: arguments.height };
+    let map = draw(&stars, eye, &mapping, |_| Some(SplatKernel::BSpline));
+
+    // The pixels' own sum against the stars' own sum.
+    let drawn_lx: f64 = map.illuminance_lx.iter().map(|rgb| luminance(*rgb)).sum();
+    let true_lx: f64 = stars
+        .iter()
+        .map(|(position, at_infinity, star)| {
+            star.illuminance_at_1_pc_lx() / if at_infinity { 1.0 } else { position.length_squared() }
+        })
+        .sum();
+    let error = drawn_lx / true_lx - 1.0;
+    println!("flux        {drawn_lx:.9e} lx, all stars {true_lx:.9e} lx: relative difference {error:+.1e}");
+    if error.is_nan() || error.abs() > 1e-9 {
+        return Err("the map does not hold the light of all stars".into());
+    }
+
+    let white_cd_m2 = white_luminance_cd_m2(ev100_from_mean_luminance(drawn_lx / (2.0 * TAU)) + COMPENSATION_EV);
+    let display = map
+        .luminance_cd_m2(&mapping)
+        .into_iter()
+        .flat_map(|rgb| {
+            let [red, green, blue] = ToneMapOperator::Filmic.display_rgb(rgb, white_cd_m2).map(to_byte);
+            [red, green, blue, 255]
+        })
+        .collect();
+    let [width, height] = map.size;
+    let image = FrameImage { view: 0, part: Part::Whole, width, height, display: Some(display), hdr: None };
+    std::fs::create_dir_all(&arguments.out)?;
+    let path = arguments.out.join("hammer.png");
+    std::fs::write(&path, encode(Encoding::Png, &image)?)?;
+    println!("picture     {}", path.display());
+    Ok(())
+}
+
+fn to_byte(encoded: f64) -> u8 {
+    (encoded * 255.0).round() as u8
+}
+
+fn main() -> ExitCode {
+    match run(&Arguments::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            // Where standard error is gone too, the exit code still says it.
+            match writeln!(std::io::stderr(), "error: {error}") {
+                Ok(()) | Err(_) => ExitCode::FAILURE,
+            }
+        }
+    }
+}

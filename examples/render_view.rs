@@ -1,0 +1,94 @@
+//! Draws one view with the library alone, without the daemon:
+//! `cargo run --release --example render_view -- --out out`.
+//!
+//! Real bright stars around Orion, through a flat window: `orion.png` and `orion.exr`. Prints the light in the picture,
+//! once as the adapter drew it and once as the same view in f64 has it; ends with 1 if the two differ by more than 1e-3.
+
+use std::{error::Error, io::Write, path::PathBuf, process::ExitCode, sync::Arc};
+
+use clap::Parser;
+use glam::{DQuat, DVec3};
+use steradian::{
+    catalogue::{bright::bright_stars, chunks::StarSet},
+    frame::{Renderer, Wanted},
+    gpu::{Gpu, GpuOptions},
+    output::{Encoding, encode},
+    photometry::{kernel::SplatKernel, rec709::luminance},
+    plan::settings::{RenderSettings, StarMethod},
+    reference::stars::{Eye, draw},
+    scene::{Camera, SceneSnapshot},
+    view::{Rig, View, ViewKind},
+};
+
+/// Takes camera axes to ICRS axes: looks at Orion, north up.
+const TOWARDS_ORION: [f64; 4] = [0.699_883_6, -0.037_904_3, -0.038_571_7, 0.712_206_7];
+
+/// Draws Orion with the library.
+#[derive(Debug, Parser)]
+struct Arguments {
+    /// Folder for the pictures; made if it is not there.
+    #[arg(long)]
+    out: PathBuf,
+}
+
+fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
+    // The scene: stars, and a camera at the Solar System's barycentre.
+    let camera = Camera::new([0.0; 3], TOWARDS_ORION, [0.0; 3])?;
+    let stars = Arc::new(StarSet::from_records(bright_stars()));
+    let scene = SceneSnapshot { revision: 1, stars, camera };
+
+    // The rig: a single view of a single image. A rig may hold many, of all kinds; they are drawn together.
+    let kind = ViewKind::Perspective { size: [960, 640], fov_y_rad: 32f64.to_radians() };
+    let rig = Rig::new(vec![View::new("orion", kind, DQuat::IDENTITY, DVec3::ZERO)?])?;
+
+    let mut settings = RenderSettings::default();
+    settings.stars.method = StarMethod::BSpline;
+    // Stars fill few of the pixels: white at the mean of such a picture would burn all of them out, colours included.
+    settings.exposure.compensation_ev = 10.0;
+
+    let mut renderer = Renderer::new(Gpu::open(&GpuOptions::default())?);
+    let wanted = [Wanted { display: true, hdr: true }];
+    let frame = renderer.render(&scene, &rig, &settings, &wanted, None)?;
+    println!("adapter     {}", renderer.adapter().adapter);
+    println!("stars       {} of {} in view", frame.views[0].stars_drawn, scene.stars.stars.len());
+
+    std::fs::create_dir_all(&arguments.out)?;
+    let image = frame.images.first().ok_or("the frame has no image")?;
+    for (encoding, extension) in [(Encoding::Png, "png"), (Encoding::Exr, "exr")] {
+        let path = arguments.out.join(format!("orion.{extension}"));
+        std::fs::write(&path, encode(encoding, image)?)?;
+        println!("picture     {}", path.display());
+    }
+
+    // Luminance times solid angle is illuminance: what arrives from all the stars in the picture.
+    let viewport = &rig.viewports(scene.camera.world_from_camera)[0];
+    let mapping = viewport.projection.mapping();
+    let hdr = image.hdr.as_ref().ok_or("the frame has no HDR image")?;
+    let drawn_lx: f64 = hdr
+        .iter()
+        .map(|[red, green, blue, omega_sr]| {
+            luminance([red, green, blue].map(|channel| f64::from(*channel))) * f64::from(*omega_sr)
+        })
+        .sum();
+    let eye = Eye { position_m: scene.camera.position_m, world_from_view: viewport.world_from_view };
+    let twin = draw(&scene.stars, eye, mapping, |_| Some(SplatKernel::BSpline));
+    let twin_lx: f64 = twin.illuminance_lx.iter().map(|rgb| luminance(*rgb)).sum();
+    let error = drawn_lx / twin_lx - 1.0;
+    println!("flux        {drawn_lx:.6e} lx, in f64 {twin_lx:.6e} lx: relative difference {error:+.1e}");
+    if error.is_nan() || error.abs() > 1e-3 {
+        return Err("the picture does not hold the light of its stars".into());
+    }
+    Ok(())
+}
+
+fn main() -> ExitCode {
+    match run(&Arguments::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            // Where standard error is gone too, the exit code still says it.
+            match writeln!(std::io::stderr(), "error: {error}") {
+                Ok(()) | Err(_) => ExitCode::FAILURE,
+            }
+        }
+    }
+}
