@@ -49,7 +49,7 @@ pub enum RenderError {
         /// The limit.
         limit: usize,
     },
-    /// A chunk of stars does not fit the adapter's limits, or a frame's images do not.
+    /// The images of all views together take too much memory.
     #[error(
         "view `{view}`: {bytes} bytes of pixels in all exceed what one frame may take ({limit} bytes): make the views smaller or fewer"
     )]
@@ -64,7 +64,7 @@ pub enum RenderError {
     /// Fixed-point sums overflowed. Units are chosen so that this cannot happen; it is reported, never shown.
     #[error("{0} fixed-point sums overflowed")]
     Overflow(u32),
-    /// The settings name one of several images only where there are as many as views.
+    /// There must be one choice of buffers per view.
     #[error("{given} choices of buffers for {views} views")]
     WantedCount {
         /// How many were given.
