@@ -177,8 +177,7 @@ fn a_star_swept_from_centre_to_corner_keeps_its_light() {
     }
 }
 
-/// Tiles of one picture: a view cut into strips and batches is the same view, bit for bit. The light of a window's border
-/// stars is what the border leaves of their kernel.
+/// A cubemap of which only some faces are rendered shows these faces as the whole one does.
 #[test]
 fn a_cubemap_with_fewer_faces_shows_the_same_faces() {
     let mut renderer = renderer();
@@ -311,7 +310,6 @@ fn the_adapter_and_the_f64_twin_draw_the_same_picture() {
     }
 }
 
-/// A frame whose exposure is known before is tone mapped by the resolve pass, one that meters itself by a pass of its own:
 /// An off-axis frustum is a sub-window of the symmetric one.
 #[test]
 fn an_off_axis_view_is_a_window_of_the_symmetric_one() {

@@ -13,8 +13,12 @@ fn add_channel(index: u32, value: f32) -> u32 {
     return u32(high) + select(0u, 1u, before + low < before);
 }
 
-// Adds `units` (whole numbers below 2^42) to a pixel.
+// Adds `units` (whole numbers) to a pixel; more than a channel can hold is counted as an overflow and not added.
 fn accumulate(pixel: u32, units: vec3<f32>) {
+    if any(units >= vec3(4398046511104.0)) {
+        atomicAdd(&counters[COUNTER_OVERFLOWS], 1u);
+        return;
+    }
     let second = 2u * (parameters.plane_pixels + pixel);
     let carries = vec3(
         add_channel(2u * pixel, units.x), add_channel(2u * pixel + 1u, units.y), add_channel(second, units.z));

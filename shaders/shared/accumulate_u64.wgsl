@@ -34,8 +34,12 @@ fn accumulate_high(pixel: u32, added: u64) {
     }
 }
 
-// Adds `units` (whole numbers below 2^42) to a pixel.
+// Adds `units` (whole numbers) to a pixel; more than a channel can hold is counted as an overflow and not added.
 fn accumulate(pixel: u32, units: vec3<f32>) {
+    if any(units >= vec3(4398046511104.0)) {
+        atomicAdd(&counters[COUNTER_OVERFLOWS], 1u);
+        return;
+    }
     let high = floor(units * (1.0 / 2097152.0));
     accumulate_small(pixel, vec3<u32>(units - high * 2097152.0));
     if any(high > vec3(0.0)) {

@@ -189,11 +189,11 @@ fn solid_angle(viewport: Viewport, pixel: vec2<i32>) -> f32 {
         }
         let complement = f32(n * n - squared) / f32(n * n);
         let p = vec2<f32>(doubled) / f32(n);
-        // Towards the orthographic rim the density grows without bound: nine points within 16 pixels of it. In the last
+        // Towards the orthographic rim the density grows without bound: nine points within 64 pixels of it. In the last
         // pixel and a half some of them would lie outside, there and at the rim of the full sphere: the value at the
         // centre stands for the pixel.
         let orthographic = viewport.kind == KIND_ORTHOGRAPHIC;
-        let steep = orthographic && squared > (n - 32) * (n - 32);
+        let steep = orthographic && squared > max(n - 128, 0) * max(n - 128, 0);
         let at_rim = (orthographic || viewport.full_sphere != 0u) && squared > (n - 3) * (n - 3);
         let average = (viewport.quadrature != 0u || steep) && !at_rim;
         if !average {

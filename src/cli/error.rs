@@ -85,7 +85,7 @@ impl CliError {
         match self {
             CliError::Gpu(error) | CliError::Render { source: RenderError::Gpu(error), .. } => match error {
                 GpuError::NoAdapter(_) | GpuError::Device { .. } => NO_ADAPTER,
-                GpuError::Lost(_) | GpuError::Readback(_) => FAILED,
+                GpuError::Lost(_) | GpuError::Refused(_) | GpuError::Readback(_) => FAILED,
             },
             CliError::Render { source, .. } => match source {
                 RenderError::TooLarge { .. }

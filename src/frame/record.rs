@@ -6,7 +6,7 @@ use super::{
     star_buffers::{Items, build_items},
 };
 use crate::{
-    gpu::{Gpu, GpuTimer, GrowingBuffer, layout, storage_buffer},
+    gpu::{Gpu, GpuTimer, GrowingBuffer, ReadbackPlace, layout, storage_buffer},
     passes::{
         resolve::ResolveTarget,
         shared::{partial_sums, pixel_grid},
@@ -22,10 +22,10 @@ use crate::{
 
 /// Where the results of a frame will lie in the readback buffer.
 pub(super) struct Places {
-    pub(super) counters: u64,
+    pub(super) counters: ReadbackPlace,
     pub(super) counter_count: usize,
-    pub(super) exposure: u64,
-    pub(super) ticks: Option<u64>,
+    pub(super) exposure: ReadbackPlace,
+    pub(super) ticks: Option<ReadbackPlace>,
     /// Per viewport and tile of it, in order of rows: place of the display rows and of the HDR rows.
     pub(super) tiles: Vec<TilePlace>,
 }
@@ -33,9 +33,9 @@ pub(super) struct Places {
 pub(super) struct TilePlace {
     pub(super) viewport: usize,
     pub(super) pixels: usize,
-    pub(super) display: Option<u64>,
+    pub(super) display: Option<ReadbackPlace>,
     /// The planes of R and G, and of B and the solid angle.
-    pub(super) hdr: Option<[u64; 2]>,
+    pub(super) hdr: Option<[ReadbackPlace; 2]>,
 }
 
 pub(super) struct Recorded {
@@ -183,7 +183,7 @@ impl Renderer {
             let Wanted { display, hdr } = wanted[viewport.view];
             needed += pixels * (u64::from(display) * DISPLAY_BYTES + u64::from(hdr) * BYTES_PER_PIXEL) + 4096;
         }
-        readback.begin(gpu, needed);
+        readback.begin(needed);
         let mut tiles = Vec::new();
         for (batch, buffers) in prepared.batches.iter().zip(batch_buffers.iter_mut()) {
             for tile in &batch.tiles {

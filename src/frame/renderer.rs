@@ -14,11 +14,12 @@ use crate::{
     catalogue::chunks::StarSet,
     gpu::{AdapterReport, Gpu, GpuError, GpuTimer, GrowingBuffer, ReadbackBuffer, encode_viewport, layout},
     passes::{exposure::ExposurePass, resolve::ResolvePass, stars::StarPass, tone_map::ToneMapPass},
+    photometry::exposure::metered_ev100,
     plan::{
-        cull::{CullSettings, MAX_VIEWPORTS, VisibleChunk, visible_chunks},
+        cull::{CullSettings, MAX_VIEWPORTS, VisibleChunk, distinct_eyes_pc, visible_chunks},
         plan_stars,
         range::{self, Ranges},
-        settings::{ExposureMode, RenderSettings},
+        settings::{ExposureMode, ExposureSettings, RenderSettings},
         tiles::{BYTES_PER_PIXEL, Batch, batches},
     },
     scene::SceneSnapshot,
@@ -77,8 +78,10 @@ pub enum RenderError {
     Gpu(#[from] GpuError),
 }
 
-/// Memory that the pixels of one frame may take on the adapter: sums or HDR image, display image.
-const MAX_FRAME_BYTES: u64 = 6 << 30;
+/// Memory that the pixels of one frame may take in all.
+const MAX_FRAME_BYTES: u64 = 12 << 30;
+/// What a pixel takes at most: sums (or HDR image) and display image, on the adapter, in readback and in the frame.
+const FRAME_BYTES_PER_PIXEL: u64 = 3 * (BYTES_PER_PIXEL + DISPLAY_BYTES);
 /// How long the device may take for a frame before it counts as lost.
 const FRAME_TIMEOUT: Duration = Duration::from_secs(600);
 /// Bytes of a pixel of the display image.
@@ -173,7 +176,7 @@ impl Renderer {
                 if width > limit || height > limit {
                     return Err(RenderError::TooLarge { view: name(), width, height, limit });
                 }
-                bytes += u64::from(width) * u64::from(height) * (BYTES_PER_PIXEL + DISPLAY_BYTES);
+                bytes += u64::from(width) * u64::from(height) * FRAME_BYTES_PER_PIXEL;
                 if bytes > MAX_FRAME_BYTES {
                     return Err(RenderError::TooManyPixels { view: name(), bytes, limit: MAX_FRAME_BYTES });
                 }
@@ -208,9 +211,16 @@ impl Renderer {
         self.gpu.queue.submit([recorded.commands]);
         self.readback.map(&self.gpu);
         let wait = wgpu::PollType::Wait { submission_index: None, timeout: Some(FRAME_TIMEOUT) };
-        self.gpu.device.poll(wait).map_err(GpuError::Lost)?;
-        let read = self.read(&prepared, rig, &recorded.places);
+        let waited = self.gpu.device.poll(wait).map_err(GpuError::Lost);
+        let read = self.gpu.take_failure().map_err(RenderError::from).and_then(|()| {
+            waited?;
+            self.read(&prepared, rig, &recorded.places)
+        });
         self.readback.unmap(&self.gpu);
+        if let Err(RenderError::Gpu(_)) = &read {
+            // Whatever could not be made or filled must not be used again.
+            self.forget_buffers();
+        }
         let mut frame = read?;
         self.frames += 1;
         frame.number = self.frames;
@@ -220,6 +230,14 @@ impl Renderer {
         frame.times.total_ms = start.elapsed().as_secs_f64() * 1e3;
         frame.times.gpu_and_readback_ms = frame.times.total_ms - plan_ms;
         Ok(frame)
+    }
+
+    fn forget_buffers(&mut self) {
+        self.stars = None;
+        self.batch_buffers.clear();
+        self.item_buffers = ItemBuffers::new();
+        self.partial_sums.release();
+        self.readback = ReadbackBuffer::new("readback");
     }
 
     fn hold_stars(&mut self, set: &Arc<StarSet>) {
@@ -243,7 +261,7 @@ impl Renderer {
         let faintest_lx = illuminance_lx_from_magnitude(settings.stars.magnitude_limit);
         let cull = CullSettings { faintest_lx, enabled: self.culling };
         let visible = visible_chunks(&snapshot.stars, camera.position_m / PARSEC_M, &viewports, cull);
-        let mut ranges = range::choose(&snapshot.stars, &visible, faintest_lx);
+        let mut ranges = range::choose(&snapshot.stars, &visible, &distinct_eyes_pc(&viewports), faintest_lx);
         ranges.main.units_per_lx *= self.unit_factor;
         let total_solid_angle_sr = viewports.iter().map(|v| v.projection.picture_solid_angle_sr()).sum();
         let expected_ev100 = adapted_ev100.or_else(|| expected_ev100(&visible, total_solid_angle_sr, settings));
@@ -261,7 +279,6 @@ fn expected_ev100(visible: &[VisibleChunk], total_solid_angle_sr: f64, settings:
         return None;
     }
     let light_lx: f64 = visible.iter().map(|chunk| chunk.total_lx * f64::from(chunk.viewports.count_ones())).sum();
-    let metered = crate::photometry::exposure::ev100_from_mean_luminance(light_lx / total_solid_angle_sr);
-    let exposure = &settings.exposure;
-    Some((metered + exposure.compensation_ev).clamp(exposure.min_ev100, exposure.max_ev100))
+    let ExposureSettings { compensation_ev, min_ev100, max_ev100, .. } = settings.exposure;
+    Some(metered_ev100(light_lx / total_solid_angle_sr, compensation_ev, min_ev100, max_ev100))
 }

@@ -23,8 +23,10 @@ fn filled_buffer<T: NoUninit>(gpu: &Gpu, label: &str, data: &[T], usage: wgpu::B
         mapped_at_creation: true,
     });
     if !bytes.is_empty() {
-        let range = buffer.slice(..bytes.len() as u64).get_mapped_range_mut();
-        range.expect("a buffer is mapped at its creation").copy_from_slice(bytes);
+        // A buffer that could not be made is not mapped; the device's error handler has the reason then.
+        if let Ok(mut range) = buffer.slice(..bytes.len() as u64).get_mapped_range_mut() {
+            range.copy_from_slice(bytes);
+        }
     }
     buffer.unmap();
     buffer
@@ -72,25 +74,35 @@ impl GrowingBuffer {
     }
 }
 
-/// A host-visible buffer into which results are copied.
+/// Where results lie in the readback buffers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct ReadbackPlace {
+    buffer: usize,
+    offset: u64,
+}
+
+/// Host-visible buffers into which results are copied: as many as it takes, none larger than the adapter allows.
 pub(crate) struct ReadbackBuffer {
-    inner: GrowingBuffer,
-    used: u64,
+    label: &'static str,
+    buffers: Vec<GrowingBuffer>,
+    /// Bytes used of each buffer of the frame so far.
+    used: Vec<u64>,
+    /// Bytes that are still to be copied, as announced.
+    expected: u64,
 }
 
 impl ReadbackBuffer {
     pub(crate) fn new(label: &'static str) -> Self {
-        let usage = wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ;
-        Self { inner: GrowingBuffer::new(label, usage), used: 0 }
+        Self { label, buffers: Vec::new(), used: Vec::new(), expected: 0 }
     }
 
-    /// Makes room for `bytes` and forgets what was there.
-    pub(crate) fn begin(&mut self, gpu: &Gpu, bytes: u64) {
-        self.inner.with_room(gpu, bytes);
-        self.used = 0;
+    /// Forgets what was there; about `bytes` are going to be copied.
+    pub(crate) fn begin(&mut self, bytes: u64) {
+        self.used.clear();
+        self.expected = bytes;
     }
 
-    /// Records a copy of `bytes` from `source`; returns the place at which they will be.
+    /// Records a copy of `bytes`, at most what one buffer may have, from `source`; returns where they will be.
     pub(crate) fn copy(
         &mut self,
         gpu: &Gpu,
@@ -98,24 +110,35 @@ impl ReadbackBuffer {
         source: &wgpu::Buffer,
         offset: u64,
         bytes: u64,
-    ) -> u64 {
-        let place = self.used;
-        encoder.copy_buffer_to_buffer(source, offset, self.inner.with_room(gpu, place + bytes), place, bytes);
-        self.used = (place + bytes).next_multiple_of(16);
+    ) -> ReadbackPlace {
+        let limit = gpu.max_readback_bytes();
+        if self.used.last().is_none_or(|used| used + bytes > limit) {
+            self.used.push(0);
+        }
+        let index = self.used.len() - 1;
+        if self.buffers.len() <= index {
+            let usage = wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ;
+            self.buffers.push(GrowingBuffer::new(self.label, usage));
+        }
+        let place = ReadbackPlace { buffer: index, offset: self.used[index] };
+        // A buffer is made once per frame, with room for all that is still to come: it must not grow after a copy into it.
+        let room = if place.offset == 0 { self.expected.min(limit).max(bytes) } else { place.offset + bytes };
+        encoder.copy_buffer_to_buffer(source, offset, self.buffers[index].with_room(gpu, room), place.offset, bytes);
+        self.used[index] = (place.offset + bytes).next_multiple_of(16);
+        self.expected = self.expected.saturating_sub(bytes);
         place
     }
 
-    /// Asks for the buffer to be mapped; the next wait for the device completes it.
+    /// Asks for the buffers to be mapped; the next wait for the device completes it.
     pub(crate) fn map(&mut self, gpu: &Gpu) {
-        let used = self.used;
-        if used > 0 {
+        for (buffer, used) in self.buffers.iter_mut().zip(&self.used) {
             // A failure to map surfaces as the error of `read`.
-            self.inner.with_room(gpu, used).slice(..used).map_async(wgpu::MapMode::Read, |_| {});
+            buffer.with_room(gpu, *used).slice(..*used).map_async(wgpu::MapMode::Read, |_| {});
         }
     }
 
     /// The values at `place`, after the device was waited for.
-    pub(crate) fn read<T: Pod>(&mut self, gpu: &Gpu, place: u64, count: usize) -> Result<Vec<T>, GpuError> {
+    pub(crate) fn read<T: Pod>(&mut self, gpu: &Gpu, place: ReadbackPlace, count: usize) -> Result<Vec<T>, GpuError> {
         let mut values = Vec::with_capacity(count);
         self.append(gpu, place, count, &mut values)?;
         Ok(values)
@@ -125,21 +148,23 @@ impl ReadbackBuffer {
     pub(crate) fn append<T: Pod>(
         &mut self,
         gpu: &Gpu,
-        place: u64,
+        place: ReadbackPlace,
         count: usize,
         values: &mut Vec<T>,
     ) -> Result<(), GpuError> {
         let bytes = (count * size_of::<T>()) as u64;
-        let view = self.inner.with_room(gpu, self.used).slice(place..place + bytes).get_mapped_range()?;
+        let buffer = self.buffers[place.buffer].with_room(gpu, self.used[place.buffer]);
+        let view = buffer.slice(place.offset..place.offset + bytes).get_mapped_range()?;
         values.extend_from_slice(bytemuck::cast_slice(&view));
         Ok(())
     }
 
     /// Ends reading.
     pub(crate) fn unmap(&mut self, gpu: &Gpu) {
-        let used = self.used;
-        if used > 0 {
-            self.inner.with_room(gpu, used).unmap();
+        for (buffer, used) in self.buffers.iter_mut().zip(&self.used) {
+            buffer.with_room(gpu, *used).unmap();
         }
+        // What a smaller frame does not need is given back.
+        self.buffers.truncate(self.used.len());
     }
 }

@@ -1,6 +1,9 @@
 //! Finding an adapter and opening it: what it offers, which fallbacks are taken, and what to do where there is none.
 
-use std::fmt;
+use std::{
+    fmt,
+    sync::{Arc, Mutex, PoisonError},
+};
 
 use serde::Serialize;
 
@@ -33,6 +36,9 @@ pub enum GpuError {
     /// The device does not answer any more.
     #[error("the device was lost: {0}")]
     Lost(#[from] wgpu::PollError),
+    /// The driver refused a command, or had no memory left.
+    #[error("the device refused the frame: {0}")]
+    Refused(String),
     /// Results could not be read back.
     #[error("cannot read results back from the device: {0}")]
     Readback(#[from] wgpu::MapRangeError),
@@ -85,6 +91,9 @@ pub struct Gpu {
     /// Whether the adapter is a software driver.
     pub(crate) software: bool,
     binding_limit_bytes: u64,
+    readback_limit_bytes: u64,
+    /// The first error that the driver reported and nobody has seen yet.
+    failure: Arc<Mutex<Option<String>>>,
     report: AdapterReport,
 }
 
@@ -172,7 +181,23 @@ impl Gpu {
         let available_bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
         let binding_limit_bytes =
             options.binding_limit_bytes.map_or(available_bytes, |limit| limit.min(available_bytes));
-        Ok(Self { device, queue, wide_accumulator, timestamps, software, binding_limit_bytes, report })
+        let failure = Arc::new(Mutex::new(None));
+        let reported = Arc::clone(&failure);
+        device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
+            let mut first = reported.lock().unwrap_or_else(PoisonError::into_inner);
+            first.get_or_insert_with(|| error.to_string());
+        }));
+        Ok(Self {
+            device,
+            queue,
+            wide_accumulator,
+            timestamps,
+            software,
+            binding_limit_bytes,
+            readback_limit_bytes: options.binding_limit_bytes.unwrap_or(1 << 30).min(limits.max_buffer_size / 16 * 16),
+            failure,
+            report,
+        })
     }
 
     /// What was opened.
@@ -188,6 +213,19 @@ impl Gpu {
     /// Bytes that one buffer binding may have.
     pub(crate) fn max_binding_bytes(&self) -> u64 {
         self.binding_limit_bytes
+    }
+
+    /// Bytes that one host-visible buffer may have.
+    pub(crate) fn max_readback_bytes(&self) -> u64 {
+        self.readback_limit_bytes
+    }
+
+    /// The error that the driver has reported since the last call, if any.
+    pub(crate) fn take_failure(&self) -> Result<(), GpuError> {
+        match self.failure.lock().unwrap_or_else(PoisonError::into_inner).take() {
+            Some(message) => Err(GpuError::Refused(message)),
+            None => Ok(()),
+        }
     }
 
     /// A compute pipeline with the layout that its shader implies.

@@ -8,7 +8,7 @@ mod shaders;
 mod timing;
 mod viewport;
 
-pub(crate) use buffers::{GrowingBuffer, ReadbackBuffer, storage_buffer, uniform_buffer};
+pub(crate) use buffers::{GrowingBuffer, ReadbackBuffer, ReadbackPlace, storage_buffer, uniform_buffer};
 pub use device::{AdapterReport, Gpu, GpuError, GpuOptions};
 pub use shaders::{ShaderSource, sources};
 pub(crate) use shaders::{exposure, resolve, stars, tone_map};

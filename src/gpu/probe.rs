@@ -52,7 +52,7 @@ pub fn probe(gpu: &Gpu, viewport: &Viewport, probes: &[Probe]) -> Result<Vec<Pro
             .map(|(binding, buffer)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() }),
     });
     let mut readback = ReadbackBuffer::new("probe readback");
-    readback.begin(gpu, bytes);
+    readback.begin(bytes);
     let mut encoder =
         gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("projection probe") });
     {

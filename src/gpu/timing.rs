@@ -1,6 +1,6 @@
 //! GPU time of the passes of a frame, by timestamp queries.
 
-use super::{Gpu, ReadbackBuffer};
+use super::{Gpu, ReadbackBuffer, ReadbackPlace};
 
 /// Passes that can be timed in one frame.
 const MAX_PASSES: u32 = 64;
@@ -9,6 +9,8 @@ const MAX_PASSES: u32 = 64;
 pub(crate) struct GpuTimer {
     queries: Option<(wgpu::QuerySet, wgpu::Buffer)>,
     names: Vec<&'static str>,
+    /// Whether the frame has more passes than can be timed: then it has no times at all rather than wrong ones.
+    too_many: bool,
     period_ns: f64,
 }
 
@@ -28,18 +30,20 @@ impl GpuTimer {
             });
             (set, buffer)
         });
-        Self { queries, names: Vec::new(), period_ns: f64::from(gpu.queue.get_timestamp_period()) }
+        Self { queries, names: Vec::new(), too_many: false, period_ns: f64::from(gpu.queue.get_timestamp_period()) }
     }
 
     pub(crate) fn begin(&mut self) {
         self.names.clear();
+        self.too_many = false;
     }
 
-    /// Timestamp writes for a pass of that name. Passes beyond the sixty-fourth of a frame are not timed.
+    /// Timestamp writes for a pass of that name.
     pub(crate) fn pass(&mut self, name: &'static str) -> Option<wgpu::ComputePassTimestampWrites<'_>> {
         let (set, _) = self.queries.as_ref()?;
         let index = self.names.len() as u32;
         if index >= MAX_PASSES {
+            self.too_many = true;
             return None;
         }
         self.names.push(name);
@@ -61,10 +65,10 @@ impl GpuTimer {
         gpu: &Gpu,
         encoder: &mut wgpu::CommandEncoder,
         readback: &mut ReadbackBuffer,
-    ) -> Option<u64> {
+    ) -> Option<ReadbackPlace> {
         let (set, buffer) = self.queries.as_ref()?;
         let count = 2 * self.names.len() as u32;
-        if count == 0 {
+        if count == 0 || self.too_many {
             return None;
         }
         encoder.resolve_query_set(set, 0..count, buffer, 0);

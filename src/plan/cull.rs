@@ -108,11 +108,11 @@ pub fn visible_chunks(
     settings: CullSettings,
 ) -> Vec<VisibleChunk> {
     let fields: Vec<Field> = viewports.iter().map(Field::new).collect();
-    let farthest_eye_pc = fields.iter().map(|field| field.eye_pc.length()).fold(0.0, f64::max);
+    let eyes_pc = distinct_eyes_pc(viewports);
     set.chunks
         .par_iter()
         .enumerate()
-        .filter_map(|(index, chunk)| look_at(set, index, chunk, camera_pc, farthest_eye_pc, &fields, settings))
+        .filter_map(|(index, chunk)| look_at(set, index, chunk, camera_pc, &eyes_pc, &fields, settings))
         .collect()
 }
 
@@ -121,11 +121,12 @@ fn look_at(
     index: usize,
     chunk: &Chunk,
     camera_pc: DVec3,
-    farthest_eye_pc: f64,
+    eyes_pc: &[DVec3],
     fields: &[Field],
     settings: CullSettings,
 ) -> Option<VisibleChunk> {
     let origin_pc = if chunk.at_infinity { DVec3::ZERO } else { chunk.origin_pc - camera_pc };
+    let farthest_eye_pc = eyes_pc.iter().map(|eye| eye.length()).fold(0.0, f64::max);
     // The smallest distance of a star from any eye; at infinity the light is what it is.
     let nearest_pc = if chunk.at_infinity {
         1.0
@@ -151,7 +152,7 @@ fn look_at(
     // The bounds of the chunk come from f64 places, its stars are f32 offsets: allow for the rounding.
     let spread = (1.0 + 1e-5) / (nearest_pc * nearest_pc);
     let (brightest_lx, total_lx) = if near {
-        let lights = near_stars(set, chunk, origin_pc).map(|(place, star)| light_at(place, star));
+        let lights = near_stars(set, chunk, origin_pc).map(|(place, star)| most_light(place, star, eyes_pc));
         lights.fold((0.0_f64, 0.0), |(most, sum), lx| (most.max(lx), sum + lx))
     } else {
         (chunk.brightest_lx * spread, chunk.total_lx * spread)
@@ -189,8 +190,23 @@ pub fn near_stars<'a>(
     set.stars_of(chunk).iter().map(move |star| (origin_pc + Vec3::from_array(star.offset_pc).as_dvec3(), star))
 }
 
-/// Illuminance of a star at `place` (pc from the camera), lx; 0 for a star at the camera's very place, which has no
-/// direction.
+/// The different places of the viewports' eyes relative to the camera, pc.
+pub fn distinct_eyes_pc(viewports: &[Viewport]) -> Vec<DVec3> {
+    let mut eyes: Vec<DVec3> = Vec::new();
+    for eye in viewports.iter().map(|viewport| viewport.eye_offset_m / PARSEC_M) {
+        if !eyes.contains(&eye) {
+            eyes.push(eye);
+        }
+    }
+    eyes
+}
+
+/// The most that a star at `place` (pc from the camera) gives to any of the eyes, lx.
+pub fn most_light(place: DVec3, star: &PackedStar, eyes_pc: &[DVec3]) -> f64 {
+    eyes_pc.iter().map(|eye| light_at(place - *eye, star)).fold(0.0, f64::max)
+}
+
+/// Illuminance of a star at `place` (pc from the eye), lx; 0 for a star at the eye's very place, which has no direction.
 pub fn light_at(place: DVec3, star: &PackedStar) -> f64 {
     let distance_squared = place.length_squared();
     if distance_squared > 0.0 { star.illuminance_at_1_pc_lx() / distance_squared } else { 0.0 }

@@ -7,7 +7,7 @@
 
 use glam::DVec3;
 
-use super::cull::{VisibleChunk, light_at, near_stars};
+use super::cull::{VisibleChunk, light_at, most_light, near_stars};
 use crate::catalogue::chunks::StarSet;
 
 /// Bits of a channel's sum.
@@ -50,33 +50,57 @@ fn units_per_lx(total_lx: f64) -> f64 {
     }
 }
 
-/// Chooses the units for the stars of `visible` not fainter than `faintest_lx`.
-pub fn choose(set: &StarSet, visible: &[VisibleChunk], faintest_lx: f64) -> Ranges {
+/// A star among the brightest: what it gives to the eye nearest to it, and to every eye, lx.
+struct Light {
+    most_lx: f64,
+    per_eye_lx: Vec<f64>,
+}
+
+/// Chooses the units for the stars of `visible` not fainter than `faintest_lx`, for eyes at `eyes_pc` from the camera.
+pub fn choose(set: &StarSet, visible: &[VisibleChunk], eyes_pc: &[DVec3], faintest_lx: f64) -> Ranges {
     let total_lx: f64 = visible.iter().map(|chunk| chunk.total_lx).sum();
     let mut by_brightness: Vec<&VisibleChunk> = visible.iter().collect();
     let searched = SEARCHED_CHUNKS.min(by_brightness.len());
     if searched > 0 {
         by_brightness.select_nth_unstable_by(searched - 1, |a, b| b.brightest_lx.total_cmp(&a.brightest_lx));
     }
-    let mut lights: Vec<f64> = by_brightness[..searched]
+    let mut lights: Vec<Light> = by_brightness[..searched]
         .iter()
-        .flat_map(|chunk| {
-            let origin_pc: DVec3 = chunk.origin_pc;
-            near_stars(set, &set.chunks[chunk.chunk], origin_pc).map(|(place, star)| light_at(place, star))
+        .flat_map(|visible| {
+            let chunk = &set.chunks[visible.chunk];
+            near_stars(set, chunk, visible.origin_pc).map(|(place, star)| {
+                // At infinity the place is a direction, the same for every eye.
+                let eyes: &[DVec3] = if chunk.at_infinity { &[DVec3::ZERO] } else { eyes_pc };
+                Light {
+                    most_lx: most_light(place, star, eyes),
+                    per_eye_lx: eyes.iter().map(|eye| light_at(place - *eye, star)).collect(),
+                }
+            })
         })
         .collect();
-    lights.sort_by(|a, b| b.total_cmp(a));
+    lights.sort_by(|a, b| b.most_lx.total_cmp(&a.most_lx));
     let others_lx: f64 = by_brightness[searched..].iter().map(|chunk| chunk.total_lx).sum();
     // What is fainter than each star, summed from the faintest on.
     let mut fainter_lx = vec![others_lx; lights.len()];
     for index in (1..lights.len()).rev() {
-        fainter_lx[index - 1] = fainter_lx[index] + lights[index];
+        fainter_lx[index - 1] = fainter_lx[index] + lights[index].most_lx;
     }
-    if let Some(last) = (0..lights.len()).find(|&i| fainter_lx[i] > 0.0 && lights[i] > OUTSHINES * fainter_lx[i]) {
-        let bright_lx: f64 = lights[..=last].iter().sum();
-        let threshold_lx = lights[last] / 2.0;
+    let outshines = |i: usize| fainter_lx[i] > 0.0 && lights[i].most_lx > OUTSHINES * fainter_lx[i];
+    if let Some(last) = (0..lights.len()).find(|&i| outshines(i)) {
+        let bright = &lights[..=last];
+        let bright_lx: f64 = bright.iter().map(|light| light.most_lx).sum();
+        let threshold_lx = lights[last].most_lx / 2.0;
+        // To an eye farther away the same star may be faint enough for the other sums.
+        let left_lx: f64 = bright
+            .iter()
+            .map(|light| light.per_eye_lx.iter().copied().filter(|lx| *lx < threshold_lx).fold(0.0, f64::max))
+            .sum();
         return Ranges {
-            main: FixedPoint { units_per_lx: units_per_lx(fainter_lx[last]), faintest_lx, brightest_lx: threshold_lx },
+            main: FixedPoint {
+                units_per_lx: units_per_lx(fainter_lx[last] + left_lx),
+                faintest_lx,
+                brightest_lx: threshold_lx,
+            },
             bright: Some(FixedPoint {
                 units_per_lx: units_per_lx(bright_lx * (1.0 + 1e-5)),
                 faintest_lx: threshold_lx.max(faintest_lx),
@@ -120,7 +144,7 @@ mod tests {
             eye_offset_m: DVec3::ZERO,
         };
         let settings = CullSettings { faintest_lx: 0.0, enabled: true };
-        choose(&set, &visible_chunks(&set, DVec3::ZERO, &[viewport], settings), 0.0)
+        choose(&set, &visible_chunks(&set, DVec3::ZERO, &[viewport], settings), &[DVec3::ZERO], 0.0)
     }
 
     #[test]

@@ -95,7 +95,8 @@ pub struct ToneMapSettings {
     pub operator: ToneMapOperator,
 }
 
-/// The error budget that `auto` keeps.
+/// The error budget. `auto` chooses between its kernels by `flicker`; the certificate of a frame tells for each of the
+/// three whether it is kept.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct AccuracySettings {

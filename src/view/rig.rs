@@ -42,6 +42,9 @@ pub enum RigError {
     },
 }
 
+/// How far from the camera an eye may stand along each axis, m. Places of near stars are f32 relative to the camera.
+pub const MAX_EYE_OFFSET_M: f64 = 1e9;
+
 /// Signed angles of the four edges from the principal ray, rad, as OpenXR gives them (left and down usually negative).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fov {
@@ -193,6 +196,15 @@ impl View {
             return Err(RigError::Name { name: name.to_owned() });
         }
         let images = images_of(name, &kind, orientation, position_m)?;
+        if let Some(image) = images.iter().find(|image| image.eye_position_m.abs().max_element() > MAX_EYE_OFFSET_M) {
+            return Err(RigError::Parameter {
+                view: name.to_owned(),
+                problem: format!(
+                    "an eye at {:?} m from the camera: allowed are up to {MAX_EYE_OFFSET_M:e} m along each axis; move the camera instead",
+                    image.eye_position_m.to_array()
+                ),
+            });
+        }
         Ok(Self { name: name.to_owned(), kind, images })
     }
 }
