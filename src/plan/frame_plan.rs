@@ -105,34 +105,3 @@ pub fn plan_stars(
     };
     StarPlan { tent_below_lx, report }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::photometry::kernel::SplatKernel;
-
-    /// Flicker as `physics.md` of the project's design defines it: std / mean over sub-pixel positions of the sum of
-    /// x / (1 + x), x = k * weight.
-    fn flicker(kernel: SplatKernel, k: f64) -> f64 {
-        let n = 64;
-        let sums: Vec<f64> = (0..n * n)
-            .map(|i| {
-                let centre =
-                    glam::DVec2::new(8.0 + f64::from(i % n) / f64::from(n), 8.0 + f64::from(i / n) / f64::from(n));
-                kernel.footprint(centre).iter().map(|tap| k * tap.2 / (1.0 + k * tap.2)).sum()
-            })
-            .collect();
-        let mean = sums.iter().sum::<f64>() / sums.len() as f64;
-        (sums.iter().map(|sum| (sum - mean).powi(2)).sum::<f64>() / sums.len() as f64).sqrt() / mean
-    }
-
-    #[test]
-    fn the_tent_keeps_the_flicker_budget_up_to_the_chosen_peak_and_breaks_it_beyond() {
-        for budget in [0.002, 0.02] {
-            let peak = budget / TENT_FLICKER_PER_PEAK;
-            assert!(flicker(SplatKernel::Tent, peak) <= budget);
-            assert!(flicker(SplatKernel::Tent, 2.0 * peak) > budget);
-        }
-        assert!(flicker(SplatKernel::BSpline, 10.0) <= 0.04);
-    }
-}
