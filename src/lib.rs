@@ -2,8 +2,8 @@
 //!
 //! A frame flows one way through the modules, in the order in which they stand here:
 //! `catalogue` and `config` make a `scene`; `view` turns configured views into a flat list of viewports; `plan` chooses a
-//! method for each technique; `gpu` and `passes` draw; `reference` is the same in f64 on the CPU; `frame` runs it all;
-//! `output` and `service` hand frames out. `docs/architecture.md` tells the whole story.
+//! method for each technique; `gpu` and `passes` draw; `reference` is the same in f64 on the CPU; `metrics` judges
+//! images; `frame` runs it all; `output` and `service` hand frames out. `docs/architecture.md` tells the whole story.
 
 pub mod coordinates;
 mod files;
@@ -22,6 +22,7 @@ pub mod config;
 
 pub mod gpu;
 
+pub mod metrics;
 pub(crate) mod passes;
 pub mod reference;
 

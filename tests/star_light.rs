@@ -10,7 +10,8 @@ use common::*;
 use glam::{DVec2, DVec3};
 use steradian::{
     catalogue::StarRecord,
-    photometry::{blackbody::rec709_in_gamut, rec709::uv_prime},
+    metrics::{centroid_error_px, relative_variation, shape_px, uv_distance},
+    photometry::blackbody::rec709_in_gamut,
     plan::settings::StarMethod,
     units::illuminance_lx_from_magnitude,
     view::{
@@ -171,9 +172,9 @@ fn a_star_swept_from_centre_to_corner_keeps_its_light() {
                 render_hdr(&mut renderer, &snapshot(vec![star(direction, 4.0)]), &rig, &settings(StarMethod::BSpline));
             fluxes.push(illuminance_lx(&frame.images[0], mapping));
         }
-        let (least, most) = fluxes.iter().fold((f64::MAX, 0.0_f64), |(a, b), f| (a.min(*f), b.max(*f)));
-        println!("{name}: light constant to {:.1e}", most / least - 1.0);
-        assert!(most / least - 1.0 < 1e-4, "{name}");
+        let variation = relative_variation(&fluxes).expect("light");
+        println!("{name}: light constant to {variation:.1e}");
+        assert!(variation < 1e-4, "{name}");
     }
 }
 
@@ -212,27 +213,15 @@ fn sub_pixel_sweep_keeps_centroid_and_width() {
         let direction = mapping.direction_from_pixel(place).expect("inside");
         let frame =
             render_hdr(&mut renderer, &snapshot(vec![star(direction, 1.0)]), &rig, &settings(StarMethod::BSpline));
-        let hdr = frame.images[0].hdr.as_ref().expect("asked for");
-        let (mut sum, mut centroid) = (0.0, DVec2::ZERO);
-        let weight = |i: usize| {
-            let (x, y) = (i as u32 % 64, i as u32 / 64);
-            (DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5), f64::from(hdr[i][1]) * mapping.solid_angle_sr(x, y))
-        };
-        for i in 0..hdr.len() {
-            let (at, light) = weight(i);
-            sum += light;
-            centroid += at * light;
-        }
-        centroid /= sum;
-        worst_centroid = worst_centroid.max((centroid - place).length());
-        let variance: f64 =
-            (0..hdr.len()).map(|i| (weight(i).0 - centroid).length_squared() * weight(i).1).sum::<f64>() / sum;
-        widths.push(variance.sqrt());
+        let image = hdr_view(&frame.images[0], mapping);
+        // A window of the whole picture, so that stray light counts.
+        worst_centroid = worst_centroid.max(centroid_error_px(&image, place, 100.0).expect("a star"));
+        widths.push(shape_px(&image, place, 100.0).expect("a star").rms_radius());
     }
-    let (least, most) = widths.iter().fold((f64::MAX, 0.0_f64), |(a, b), w| (a.min(*w), b.max(*w)));
-    println!("centroid within {worst_centroid:.1e} px, width within {:.1e}", most / least - 1.0);
+    let variation = relative_variation(&widths).expect("widths");
+    println!("centroid within {worst_centroid:.1e} px, width within {variation:.1e}");
     assert!(worst_centroid < 0.005);
-    assert!(most / least - 1.0 < 0.005);
+    assert!(variation < 0.005);
 }
 
 /// Light adds, temperatures do not: two stars of 3000 and 20000 K in a pixel.
@@ -247,13 +236,12 @@ fn two_colours_in_one_pixel_add_as_light() {
         &settings(StarMethod::BSpline),
     );
     let [r, g, b, _] = frame.images[0].hdr.as_ref().expect("asked for")[4 * 9 + 4];
-    let seen = uv_prime([r, g, b].map(f64::from));
+    let seen = [r, g, b].map(f64::from);
     let (red, blue) = (rec709_in_gamut(3000.0), rec709_in_gamut(20_000.0));
-    let expected = uv_prime([red[0] + blue[0], red[1] + blue[1], red[2] + blue[2]]);
-    let error = (seen[0] - expected[0]).hypot(seen[1] - expected[1]);
+    let expected = [red[0] + blue[0], red[1] + blue[1], red[2] + blue[2]];
+    let error = uv_distance(seen, expected).expect("light");
     // What averaging the temperatures would show lies ten times the limit away.
-    let averaged = uv_prime(rec709_in_gamut(11_500.0));
-    let wrong = (averaged[0] - expected[0]).hypot(averaged[1] - expected[1]);
+    let wrong = uv_distance(rec709_in_gamut(11_500.0), expected).expect("light");
     println!("u'v' of 3000 K + 20000 K: off by {error:.1e}; averaged temperatures would be by {wrong:.1e}");
     assert!(error < 0.003 && wrong > 0.03);
 }

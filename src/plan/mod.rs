@@ -9,4 +9,4 @@ pub mod range;
 pub mod settings;
 pub mod tiles;
 
-pub use frame_plan::{Approximation, FramePlan, StarPlan, plan_stars};
+pub use frame_plan::{Approximation, FramePlan, StarPlan, TENT_FLICKER_PER_PEAK, plan_stars};

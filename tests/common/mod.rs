@@ -8,7 +8,7 @@ use steradian::{
     catalogue::{StarRecord, chunks::StarSet},
     frame::{Frame, FrameImage, Renderer, Wanted},
     gpu::{Gpu, GpuOptions},
-    photometry::rec709::luminance,
+    metrics::{self, HdrView},
     plan::settings::{RenderSettings, StarMethod},
     scene::{Camera, SceneSnapshot},
     view::{
@@ -64,17 +64,14 @@ pub fn render_hdr(renderer: &mut Renderer, snapshot: &SceneSnapshot, rig: &Rig, 
     renderer.render(snapshot, rig, settings, &wanted, None).expect("the frame renders")
 }
 
-/// Illuminance of an image in lux: the sum of luminance times the solid angle, which comes from f64, not from the shader.
+/// The HDR image as the metrics see it: solid angles come from f64, not from the shader.
+pub fn hdr_view<'a>(image: &'a FrameImage, mapping: &'a dyn PlaneMapping) -> HdrView<'a> {
+    HdrView::new(mapping, image.hdr.as_ref().expect("HDR was asked for")).expect("an image of light")
+}
+
+/// Illuminance of an image, lx.
 pub fn illuminance_lx(image: &FrameImage, mapping: &dyn PlaneMapping) -> f64 {
-    let hdr = image.hdr.as_ref().expect("HDR was asked for");
-    hdr.iter()
-        .enumerate()
-        .filter(|(_, [r, g, b, _])| *r != 0.0 || *g != 0.0 || *b != 0.0)
-        .map(|(i, [r, g, b, _])| {
-            let omega = mapping.solid_angle_sr(i as u32 % image.width, i as u32 / image.width);
-            luminance([*r, *g, *b].map(f64::from)) * omega
-        })
-        .sum()
+    metrics::illuminance_lx(&hdr_view(image, mapping)).expect("no light outside of the picture")
 }
 
 /// Illuminance of all images of a frame.

@@ -1,0 +1,74 @@
+//! Why a metric has no value.
+
+/// Why a metric has no value.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum MetricError {
+    /// The pixels do not fill the mapping's picture.
+    #[error("{pixels} pixels for a picture of {width} x {height}")]
+    PixelCount {
+        /// Pixels given.
+        pixels: usize,
+        /// Width that the mapping asks for.
+        width: u32,
+        /// Height that the mapping asks for.
+        height: u32,
+    },
+    /// A pixel that is no light: a channel is NaN or infinite, or the luminance is negative.
+    #[error("pixel ({x}, {y}) is not light: a channel is not finite or the luminance is negative")]
+    NotLight {
+        /// Column.
+        x: u32,
+        /// Row.
+        y: u32,
+    },
+    /// A pixel outside of the picture, without solid angle, that is lit.
+    #[error("pixel ({x}, {y}) is lit but lies outside of the picture")]
+    OutsidePicture {
+        /// Column.
+        x: u32,
+        /// Row.
+        y: u32,
+    },
+    /// Nothing shines where the metric looks.
+    #[error("no light where {0} is measured")]
+    NoLight(&'static str),
+    /// Two images that are compared differ in size.
+    #[error("images of {}x{} and {}x{} pixels cannot be compared", .0[0], .0[1], .1[0], .1[1])]
+    Sizes([u32; 2], [u32; 2]),
+    /// Too few values, images or positions.
+    #[error("{what}: {found} given, at least {least} needed")]
+    TooFew {
+        /// Of what.
+        what: &'static str,
+        /// How many were given.
+        found: usize,
+        /// How many are needed.
+        least: usize,
+    },
+    /// A number that must be positive and finite (or, for light that was measured, not negative).
+    #[error("{what} = {value}: must be positive and finite")]
+    NotPositive {
+        /// Which number.
+        what: &'static str,
+        /// Its value.
+        value: f64,
+    },
+    /// Two sources that stand too close to be told apart.
+    #[error("sources {distance_px} px apart cannot be told apart in windows of {radius_px} px")]
+    Overlap {
+        /// Distance of the sources, px.
+        distance_px: f64,
+        /// Radius of each window, px.
+        radius_px: f64,
+    },
+}
+
+/// `value` if it is positive and finite.
+pub(super) fn positive(what: &'static str, value: f64) -> Result<f64, MetricError> {
+    if value > 0.0 && value.is_finite() { Ok(value) } else { Err(MetricError::NotPositive { what, value }) }
+}
+
+/// `value` if it is finite and not negative.
+pub(super) fn not_negative(what: &'static str, value: f64) -> Result<f64, MetricError> {
+    if value >= 0.0 && value.is_finite() { Ok(value) } else { Err(MetricError::NotPositive { what, value }) }
+}

@@ -1,0 +1,225 @@
+//! Flicker: how much a star's light seems to change while its image moves over the pixels.
+//!
+//! A pixel of luminance L on a display whose white is L_w shows about x / (1 + x) with x = L / L_w. The flicker is the
+//! standard deviation over the mean, over many sub-pixel positions, of the sum over pixels of that; before tone mapping it is
+//! the same for the sum of x. A kernel can be measured alone, with x = k * weight, where k is the star's peak over display
+//! white if it stood in a single pixel; or a pan can be, frame by frame. Pixels of a frame count by their solid angle.
+
+use glam::DVec2;
+
+use super::{
+    HdrView,
+    error::{MetricError, positive},
+};
+use crate::view::projection::Footprint;
+
+/// Standard deviation over mean of a star's sum, over all positions measured. Dimensionless.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Flicker {
+    /// Of the sum of the light itself.
+    pub before: f64,
+    /// Of the sum of what the display shows of it.
+    pub after: f64,
+}
+
+/// Collects the frames of a slow pan, one by one.
+#[derive(Clone, Debug)]
+pub struct FlickerMeter {
+    white_cd_m2: f64,
+    linear: Vec<f64>,
+    shown: Vec<f64>,
+}
+
+impl FlickerMeter {
+    /// A meter for a display whose white has the luminance `white_cd_m2` of the scene.
+    ///
+    /// # Errors
+    /// [`MetricError::NotPositive`] if that is not a positive number.
+    pub fn new(white_cd_m2: f64) -> Result<Self, MetricError> {
+        Ok(Self { white_cd_m2: positive("display white", white_cd_m2)?, linear: Vec::new(), shown: Vec::new() })
+    }
+
+    /// Adds a frame of the pan.
+    ///
+    /// # Errors
+    /// [`MetricError::OutsidePicture`] if a pixel without solid angle is lit.
+    pub fn add(&mut self, image: &HdrView<'_>) -> Result<(), MetricError> {
+        let [width, height] = image.size();
+        let mut lit = Vec::new();
+        for y in 0..height {
+            for x in 0..width {
+                let luminance = image.luminance_cd_m2(x, y);
+                if luminance > 0.0 {
+                    lit.push((luminance / self.white_cd_m2, image.illuminance_lx(x, y)? / luminance));
+                }
+            }
+        }
+        self.add_pixels(lit.into_iter());
+        Ok(())
+    }
+
+    /// Adds a position: pixels as (luminance over white, share in the sum).
+    fn add_pixels(&mut self, pixels: impl Iterator<Item = (f64, f64)>) {
+        let (linear, shown) =
+            pixels.fold((0.0, 0.0), |(linear, shown), (x, share)| (linear + x * share, shown + x / (1.0 + x) * share));
+        self.linear.push(linear);
+        self.shown.push(shown);
+    }
+
+    /// The flicker over what was added so far.
+    ///
+    /// # Errors
+    /// [`MetricError::TooFew`] before the second frame, [`MetricError::NoLight`] if all were black.
+    pub fn flicker(&self) -> Result<Flicker, MetricError> {
+        Ok(Flicker { before: deviation_over_mean(&self.linear)?, after: deviation_over_mean(&self.shown)? })
+    }
+}
+
+/// Flicker of a kernel alone: `peak` is the star's light in a single pixel over display white (k), `positions` the number of
+/// sub-pixel positions, spread evenly.
+///
+/// # Errors
+/// [`MetricError::NotPositive`] if the peak is not a positive number, [`MetricError::TooFew`] below two positions,
+/// [`MetricError::NoLight`] if the kernel has no weight.
+pub fn kernel_flicker(kernel: Footprint<'_>, peak: f64, positions: usize) -> Result<Flicker, MetricError> {
+    positive("peak over display white", peak)?;
+    let mut meter = FlickerMeter::new(1.0)?;
+    for position in sub_pixel_positions(positions) {
+        meter.add_pixels(kernel(DVec2::splat(64.0) + position).iter().map(|tap| (peak * tap.2, 1.0)));
+    }
+    meter.flicker()
+}
+
+/// Points spread evenly over a pixel, [0, 1) each way, always the same: the additive sequence of the plastic number
+/// (M. Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018).
+pub fn sub_pixel_positions(count: usize) -> impl Iterator<Item = DVec2> {
+    // The real root of x^3 = x + 1.
+    const PLASTIC: f64 = 1.324_717_957_244_746;
+    let step = DVec2::new(1.0 / PLASTIC, 1.0 / (PLASTIC * PLASTIC));
+    (0..count).map(move |i| (DVec2::splat(0.5) + step * i as f64).fract())
+}
+
+fn deviation_over_mean(values: &[f64]) -> Result<f64, MetricError> {
+    if values.len() < 2 {
+        return Err(MetricError::TooFew { what: "positions for flicker", found: values.len(), least: 2 });
+    }
+    let count = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / count;
+    if mean.is_nan() || mean <= 0.0 {
+        return Err(MetricError::NoLight("flicker"));
+    }
+    let variance = values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / count;
+    Ok(variance.sqrt() / mean)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        metrics::synthetic::{Canvas, integrated_gaussian, one_pixel},
+        photometry::kernel::SplatKernel,
+        plan::TENT_FLICKER_PER_PEAK,
+        view::projection::{Perspective, PlaneMapping},
+    };
+
+    fn of(kernel: SplatKernel, peak: f64) -> Flicker {
+        kernel_flicker(&|centre| kernel.footprint(centre), peak, 3000).unwrap()
+    }
+
+    #[test]
+    fn positions_fill_the_pixel_evenly() {
+        let positions: Vec<DVec2> = sub_pixel_positions(3000).collect();
+        assert!(positions.iter().all(|p| (0.0..1.0).contains(&p.x) && (0.0..1.0).contains(&p.y)));
+        // Every cell of 10 x 10 has its 30, a few more or less.
+        let mut cells = [0; 100];
+        for p in &positions {
+            cells[(p.x * 10.0) as usize * 10 + (p.y * 10.0) as usize] += 1;
+        }
+        assert!(cells.iter().all(|count| (25..=35).contains(count)), "{cells:?}");
+    }
+
+    /// For a small peak k the shown sum is k - k^2 s with s the sum of squared weights, so the flicker is k std(s).
+    /// Along an axis f^2 + (1 - f)^2 of the tent has the mean 2/3 and the mean square 7/15.
+    #[test]
+    fn the_tent_has_its_closed_form_for_small_peaks() {
+        let std = ((7.0 / 15.0_f64).powi(2) - (2.0 / 3.0_f64).powi(4)).sqrt();
+        let found = of(SplatKernel::Tent, 1e-4);
+        assert!((found.after / 1e-4 / std - 1.0).abs() < 2e-3, "{found:?}");
+        assert!((std / TENT_FLICKER_PER_PEAK - 1.0).abs() < 1e-3);
+        assert!(found.before < 1e-12, "{found:?}");
+    }
+
+    /// Table of splat kernels in the design: 0.084 to 0.163 for the tent; 0.011 to 0.038 up to k = 10 and 0.128 at 100 for
+    /// the B-spline; 0.000 to 0.002 for a Gaussian of 0.7 px, over 7 x 7 below 0.002 up to k = 1000.
+    #[test]
+    fn kernels_have_the_flicker_of_the_design_s_table() {
+        for k in [1.0, 10.0, 100.0] {
+            let [tent, bspline] = [SplatKernel::Tent, SplatKernel::BSpline].map(|kernel| of(kernel, k).after);
+            let [five, seven] =
+                [5, 7].map(|side| kernel_flicker(&integrated_gaussian(0.7, side), k, 3000).unwrap().after);
+            println!("k = {k}: tent {tent:.3}, B-spline {bspline:.3}, Gaussian 5x5 {five:.4}, 7x7 {seven:.4}");
+            assert!(tent > 0.08 && (bspline < 0.04 || k > 10.0) && seven < 0.002);
+        }
+        assert!((of(SplatKernel::BSpline, 1.0).after - 0.011).abs() < 1e-3);
+        assert!((of(SplatKernel::BSpline, 10.0).after - 0.038).abs() < 1e-3);
+        assert!((of(SplatKernel::BSpline, 100.0).after - 0.128).abs() < 2e-3);
+        assert!(kernel_flicker(&integrated_gaussian(0.7, 7), 1000.0, 3000).unwrap().after < 0.002);
+    }
+
+    #[test]
+    fn the_tent_keeps_the_planner_s_budget_up_to_the_chosen_peak_and_breaks_it_beyond() {
+        for budget in [0.002, 0.02] {
+            let peak = budget / TENT_FLICKER_PER_PEAK;
+            assert!(of(SplatKernel::Tent, peak).after <= budget);
+            assert!(of(SplatKernel::Tent, 2.0 * peak).after > budget);
+        }
+    }
+
+    /// A pan whose every second frame is a tenth brighter: deviation over mean of {1, 1.1} is 0.05 / 1.05; of what is shown
+    /// at the peak 1, of {1/2, 1.1/2.1}.
+    #[test]
+    fn a_pan_that_pulses_by_a_tenth_is_found() {
+        let mapping = Perspective::symmetric([32, 32], 0.01).unwrap();
+        let omega = mapping.solid_angle_sr(16, 16);
+        let mut steady = FlickerMeter::new(1.0).unwrap();
+        let mut pulsing = FlickerMeter::new(1.0).unwrap();
+        for frame in 0..40 {
+            let direction = mapping.direction_from_pixel(DVec2::new(15.0 + 0.05 * f64::from(frame), 16.3)).unwrap();
+            steady.add(&Canvas::new(&mapping).star(direction, omega, &one_pixel).view()).unwrap();
+            let lx = omega * if frame % 2 == 0 { 1.0 } else { 1.1 };
+            pulsing.add(&Canvas::new(&mapping).star(direction, lx, &one_pixel).view()).unwrap();
+        }
+        let steady = steady.flicker().unwrap();
+        assert!(steady.before < 1e-12 && steady.after < 1e-4, "{steady:?}");
+        let pulsing = pulsing.flicker().unwrap();
+        assert!((pulsing.before - 0.05 / 1.05).abs() < 1e-4, "{pulsing:?}");
+        let [low, high] = [0.5, 1.1 / 2.1];
+        assert!((pulsing.after - (high - low) / (high + low)).abs() < 1e-4, "{pulsing:?}");
+    }
+
+    #[test]
+    fn a_pan_of_a_kernel_has_the_kernel_s_flicker() {
+        let mapping = Perspective::symmetric([16, 16], 0.001).unwrap();
+        let mut meter = FlickerMeter::new(mapping.solid_angle_sr(8, 8)).unwrap();
+        for position in sub_pixel_positions(3000) {
+            let direction = mapping.direction_from_pixel(DVec2::splat(8.0) + position).unwrap();
+            let canvas = Canvas::new(&mapping)
+                .star(direction, 10.0 * mapping.solid_angle_sr(8, 8).powi(2), &|at| SplatKernel::BSpline.footprint(at));
+            meter.add(&canvas.view()).unwrap();
+        }
+        let (found, expected) = (meter.flicker().unwrap().after, of(SplatKernel::BSpline, 10.0).after);
+        assert!((found - expected).abs() < 1e-5, "{found} {expected}");
+    }
+
+    #[test]
+    fn what_cannot_flicker_is_an_error() {
+        let mapping = Perspective::symmetric([4, 4], 1.0).unwrap();
+        let mut meter = FlickerMeter::new(1.0).unwrap();
+        assert!(matches!(meter.flicker(), Err(MetricError::TooFew { found: 0, .. })));
+        meter.add(&Canvas::new(&mapping).view()).unwrap();
+        meter.add(&Canvas::new(&mapping).view()).unwrap();
+        assert_eq!(meter.flicker(), Err(MetricError::NoLight("flicker")));
+        assert!(FlickerMeter::new(0.0).is_err() && kernel_flicker(&one_pixel, f64::NAN, 10).is_err());
+        assert!(kernel_flicker(&one_pixel, 1.0, 1).is_err());
+    }
+}

@@ -1,0 +1,48 @@
+//! Metrics: how far an image is from the light that it should show. Tests, `verify` and `chart` judge every method by these.
+//!
+//! Everything is f64 on the CPU and works on [`HdrView`]: the pixels of one image beside the mapping that made them. Solid
+//! angles come from the mapping, never from the image, so that a shader's own error shows. Per metric one file:
+//!
+//! | file | metric | of a perfect method |
+//! |---|---|---|
+//! | `flux` | sum of luminance times solid angle against the light sent | 0 |
+//! | `centroid` | middle of a star's light against its direction, in pixels or as an angle | 0 |
+//! | `shape` | width and ellipticity of a star, in pixels or in view space | 0 (ellipticity) |
+//! | `flicker` | standard deviation over mean of a star's sum while it pans, before and after tone mapping | 0 |
+//! | `colour` | distance in CIE 1976 u'v' | 0 |
+//! | `range` | light of a faint source beside a bright one | 0 |
+//! | `order` | whether images of shuffled input agree bit for bit | identical |
+//! | `seam` | how a star's light varies while it crosses an edge | 0 |
+//!
+//! A figure that has no meaning (the ellipticity of a point, the colour of black) is an error or `None`, never 0: a black
+//! or broken image cannot pass for a good one.
+
+mod centroid;
+mod colour;
+mod error;
+mod flicker;
+mod flux;
+mod image;
+mod moments;
+mod order;
+mod range;
+mod seam;
+mod shape;
+#[cfg(test)]
+mod synthetic;
+
+pub use self::{
+    centroid::{centroid_direction, centroid_error_px, centroid_error_rad, centroid_px},
+    colour::{ColourDifference, colour_difference, uv_distance},
+    error::MetricError,
+    flicker::{Flicker, FlickerMeter, kernel_flicker, sub_pixel_positions},
+    flux::{
+        fitted_scale, illuminance_lx, illuminance_near_direction_lx, illuminance_near_pixel_lx, relative_flux_error,
+        total_illuminance_lx,
+    },
+    image::{HdrView, Pixels},
+    order::{Difference, difference, order_dependence},
+    range::{FaintBesideBright, PointSource, faint_beside_bright},
+    seam::{relative_variation, seam_error},
+    shape::{Shape, shape_px, shape_rad},
+};
