@@ -118,7 +118,7 @@ mod tests {
     use crate::{
         metrics::synthetic::{Canvas, integrated_gaussian, one_pixel},
         photometry::kernel::SplatKernel,
-        plan::TENT_FLICKER_PER_PEAK,
+        plan::{BSPLINE_FLICKER, TENT_FLICKER_AT_WHITE, TENT_FLICKER_PER_PEAK},
         view::projection::{Perspective, PlaneMapping},
     };
 
@@ -173,6 +173,10 @@ mod tests {
             assert!(of(SplatKernel::Tent, peak).after <= budget);
             assert!(of(SplatKernel::Tent, 2.0 * peak).after > budget);
         }
+        // What the certificate of a frame says of the two kernels.
+        assert!(of(SplatKernel::Tent, 1.0).after <= TENT_FLICKER_AT_WHITE);
+        assert!(of(SplatKernel::BSpline, 10.0).after <= BSPLINE_FLICKER);
+        assert!(of(SplatKernel::BSpline, 100.0).after > BSPLINE_FLICKER);
     }
 
     /// A pan whose every second frame is a tenth brighter: deviation over mean of {1, 1.1} is 0.05 / 1.05; of what is shown

@@ -109,7 +109,12 @@ pub fn plan_stars(
             certificate.push(bound(what, budget.flicker, flicker_unit, Some(budget.flicker)));
         }
         StarMethod::Tent => {
-            certificate.push(bound("flicker of the tent at display white", TENT_FLICKER_AT_WHITE, flicker_unit, Some(budget.flicker)));
+            certificate.push(bound(
+                "flicker of the tent at display white",
+                TENT_FLICKER_AT_WHITE,
+                flicker_unit,
+                Some(budget.flicker),
+            ));
         }
         StarMethod::Auto | StarMethod::BSpline => {}
     }

@@ -9,4 +9,6 @@ pub mod range;
 pub mod settings;
 pub mod tiles;
 
-pub use frame_plan::{Approximation, FramePlan, StarPlan, TENT_FLICKER_PER_PEAK, plan_stars};
+pub use frame_plan::{
+    Approximation, BSPLINE_FLICKER, FramePlan, StarPlan, TENT_FLICKER_AT_WHITE, TENT_FLICKER_PER_PEAK, plan_stars,
+};
