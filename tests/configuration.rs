@@ -342,7 +342,20 @@ fn mistakes_in_the_sections() {
     refused("[exposure]\nadaptation_s = -1", &["exposure.adaptation_s", "from 0"]);
     refused("[exposure]\niso = 100", &["exposure.iso", "unknown key", "ev100"]);
     refused("[tone_map]\noperator = 'aces'", &["tone_map.operator", "filmic"]);
+    for value in ["1e300", "30.1", "-31"] {
+        refused(&format!("[exposure]\ncompensation_ev = {value}"), &["exposure.compensation_ev", "-30 to 30"]);
+    }
     refused("[accuracy]\nflux = 0", &["accuracy.flux", "above 0"]);
+    for (key, most) in [("flux", "1"), ("centroid_px", "10"), ("flicker", "1")] {
+        let allowed = format!("above 0 up to {most}");
+        for value in ["1e30", "-1", &format!("{most}.001")] {
+            refused(&format!("[accuracy]\n{key} = {value}"), &[&format!("accuracy.{key}"), &allowed]);
+        }
+        assert!(parse(&format!("[accuracy]\n{key} = {most}")).is_ok());
+    }
+    for value in [-30, 30] {
+        assert!(parse(&format!("[exposure]\ncompensation_ev = {value}")).is_ok());
+    }
     for listen in ["everywhere", ":7143", "localhost:http", "localhost:70000", "::1:7143"] {
         refused(&format!("[server]\nlisten = '{listen}'"), &["server.listen", listen, "127.0.0.1:7143"]);
     }

@@ -4,6 +4,7 @@
 //! each other as seen from the Solar System. The smaller catalogue is sorted by HEALPix cell, and a bit for every cell of
 //! the sky says whether one of its stars is there or next door; most stars of the larger one are dismissed by that bit.
 
+use std::fmt;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use cdshealpix::nested::{self, Layer};
@@ -35,8 +36,23 @@ pub struct Overlap {
     pub second: String,
     /// How many stars of the smaller of the two are in the other.
     pub count: usize,
-    /// Indices of the brightest common star in `first` and in `second`.
-    pub example: (usize, usize),
+    /// The brightest common star, as `first` has it.
+    pub example: StarRecord,
+}
+
+impl fmt::Display for Overlap {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { first, second, count, example } = self;
+        let DVec3 { x, y, z } = example.position.normalize_or_zero();
+        let ra_deg = y.atan2(x).to_degrees().rem_euclid(360.0);
+        let dec_deg = z.clamp(-1.0, 1.0).asin().to_degrees();
+        write!(
+            f,
+            "{count} of the stars of {first} and {second} are within {SAME_STAR_ARCSEC} arcseconds and {SAME_STAR_MAG} mag \
+             of each other, the brightest with V = {:.2} at right ascension {ra_deg:.4} and declination {dec_deg:.4} degrees",
+            example.apparent_magnitude()
+        )
+    }
 }
 
 /// Looks for common stars in every pair of `catalogues`, given as name and stars; pairs without any are left out.
@@ -56,7 +72,7 @@ pub fn find_overlaps(catalogues: &[(&str, &[StarRecord])]) -> Vec<Overlap> {
                 let magnitude = |pair: &(usize, usize)| a[pair.0].apparent_magnitude();
                 magnitude(p).total_cmp(&magnitude(q)).then(p.cmp(q))
             });
-            let Some(example) = brightest else { continue };
+            let Some(example) = brightest.map(|(index, _)| a[index]) else { continue };
             let count = pairs.chunk_by(|p, q| p.0 == q.0).count();
             overlaps.push(Overlap { first: first.to_owned(), second: second.to_owned(), count, example });
         }
@@ -232,6 +248,10 @@ mod tests {
         assert_eq!(overlaps.len(), 1);
         assert_eq!((overlaps[0].first.as_str(), overlaps[0].second.as_str()), ("bright", "some"));
         assert_eq!(overlaps[0].count, some.len());
-        assert_eq!(overlaps[0].example, (sirius, 0));
+        assert_eq!(overlaps[0].example, bright[sirius]);
+        let text = overlaps[0].to_string();
+        for part in ["stars of bright and some are within 10 arcseconds", "V = -1.46", "101.28", "-16.71"] {
+            assert!(text.contains(part), "{part} is not in: {text}");
+        }
     }
 }

@@ -3,6 +3,8 @@
 //! The word holds, from the top, 7 bits of exponent and 14 of mantissa of the star's illuminance at 1 parsec (relative
 //! error at most 3.1e-5), and 11 bits of temperature on a logarithmic scale from 500 to 100000 K (steps of 0.26 %).
 
+use std::ops::RangeInclusive;
+
 use glam::Vec3;
 
 /// Lowest temperature that the word can hold, kelvin.
@@ -15,6 +17,13 @@ pub const TEMPERATURE_STEPS: u32 = 2048;
 /// Exponent of f32 (biased by 127) that the word's exponent 0 stands for: 2^-78 lx, absolute magnitude 49.
 const EXPONENT_BIAS: u32 = 49;
 
+/// Illuminances at 1 pc that the word can hold, in lux: 2^-78 to just below 2^50.
+pub const ILLUMINANCE_RANGE_LX: RangeInclusive<f64> = {
+    let lowest = f32::from_bits(EXPONENT_BIAS << 23);
+    let highest = f32::from_bits(((EXPONENT_BIAS + 127) << 23) | 0x007f_fe00);
+    lowest as f64..=highest as f64
+};
+
 /// One star of a chunk.
 #[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
@@ -26,12 +35,11 @@ pub struct PackedStar {
 }
 
 impl PackedStar {
-    /// Packs a star. Illuminances below 2^-78 lx or above 2^49 lx at 1 pc are held at the ends of the range, as are
+    /// Packs a star. Illuminances at 1 pc outside [`ILLUMINANCE_RANGE_LX`] are held at the ends of the range, as are
     /// temperatures.
     pub fn new(offset_pc: Vec3, illuminance_at_1_pc_lx: f64, temperature_k: f64) -> Self {
-        let lowest = f32::from_bits(EXPONENT_BIAS << 23);
-        let highest = f32::from_bits(((EXPONENT_BIAS + 127) << 23) | 0x007f_fe00);
-        let value = (illuminance_at_1_pc_lx as f32).clamp(lowest, highest);
+        // The ends are numbers of f32, so that this rounds nothing out of the range.
+        let value = illuminance_at_1_pc_lx.clamp(*ILLUMINANCE_RANGE_LX.start(), *ILLUMINANCE_RANGE_LX.end()) as f32;
         // Round the mantissa to 14 bits; the carry into the exponent is what rounding up to a power of two means.
         let rounded = (value.to_bits() - (EXPONENT_BIAS << 23)).saturating_add(1 << 8) >> 9;
         let brightness = rounded.min((1 << 21) - 1);
@@ -86,5 +94,15 @@ mod tests {
         assert!(PackedStar::new(Vec3::X, 1e30, 5772.0).illuminance_at_1_pc_lx() > 1e14);
         let faint = PackedStar::new(Vec3::X, 0.0, 5772.0).illuminance_at_1_pc_lx();
         assert!(faint > 0.0 && faint < 1e-20);
+    }
+
+    #[test]
+    fn the_ends_of_the_range_are_held_exactly() {
+        let (lowest, highest) = (*ILLUMINANCE_RANGE_LX.start(), *ILLUMINANCE_RANGE_LX.end());
+        assert_eq!(lowest, 2f64.powi(-78));
+        assert!((0.999..1.0).contains(&(highest / 2f64.powi(50))), "{highest}");
+        for end in [lowest, highest] {
+            assert_eq!(PackedStar::new(Vec3::X, end, 5772.0).illuminance_at_1_pc_lx(), end);
+        }
     }
 }

@@ -23,12 +23,7 @@ pub fn stars(sources: &[StarSource], origin: &str) -> Result<(StarSet, LoadRepor
         }
     }
     for overlap in &report.overlaps {
-        tracing::warn!(
-            "{} of the stars of {} and {} are within 10 arcseconds and 0.3 mag of each other: catalogues add up, so they shine twice",
-            overlap.count,
-            overlap.first,
-            overlap.second
-        );
+        tracing::warn!("{overlap}: catalogues add up, so they shine twice");
     }
     Ok((set, report))
 }

@@ -13,6 +13,9 @@ pub(super) fn check_exposure(exposure: &ExposureSettings) -> Result<(), Fault> {
     finite("min_ev100", exposure.min_ev100)?;
     finite("max_ev100", exposure.max_ev100)?;
     finite("adaptation_s", exposure.adaptation_s)?;
+    if exposure.compensation_ev.abs() > 30.0 {
+        return Err(Fault::new("compensation_ev", format!("{}: allowed are -30 to 30", exposure.compensation_ev)));
+    }
     // Beyond +-100 the white luminance leaves the range of f32 together with the stars' light.
     for (key, value) in
         [("ev100", exposure.ev100), ("min_ev100", exposure.min_ev100), ("max_ev100", exposure.max_ev100)]
@@ -32,11 +35,13 @@ pub(super) fn check_exposure(exposure: &ExposureSettings) -> Result<(), Fault> {
 }
 
 pub(super) fn check_accuracy(accuracy: &AccuracySettings) -> Result<(), Fault> {
-    for (key, value) in [("flux", accuracy.flux), ("centroid_px", accuracy.centroid_px), ("flicker", accuracy.flicker)]
+    // Errors above these are no budget but a mistake: all of the light, or ten pixels.
+    for (key, value, most) in
+        [("flux", accuracy.flux, 1.0), ("centroid_px", accuracy.centroid_px, 10.0), ("flicker", accuracy.flicker, 1.0)]
     {
         finite(key, value)?;
-        if value <= 0.0 {
-            return Err(Fault::new(key, format!("{value}: an error budget is above 0")));
+        if value <= 0.0 || value > most {
+            return Err(Fault::new(key, format!("{value}: allowed are error budgets above 0 up to {most}")));
         }
     }
     Ok(())

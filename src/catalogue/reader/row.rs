@@ -5,11 +5,12 @@ use std::ops::RangeInclusive;
 use glam::DVec3;
 
 use super::super::StarRecord;
+use super::super::packed::ILLUMINANCE_RANGE_LX;
 use super::columns::{Columns, Direction, RaUnit};
 use super::excerpt;
 use super::sexagesimal::{self, Angle, Unit};
 use crate::photometry::colour_index::{temperature_k_from_b_v, temperature_k_from_bp_rp, v_from_gaia};
-use crate::units::SOLAR_TEMPERATURE_K;
+use crate::units::{SOLAR_TEMPERATURE_K, illuminance_lx_from_magnitude};
 
 /// Magnitudes that make sense, from a nearby supernova to far below any survey.
 const MAGNITUDE_RANGE: RangeInclusive<f64> = -40.0..=60.0;
@@ -19,6 +20,10 @@ const TEMPERATURE_RANGE_K: (f64, f64) = (500.0, 100_000.0);
 
 /// A distance in parsecs from which on nothing is known of it: a parallax of a hundred-thousandth of a milliarcsecond.
 const IMMEASURABLE_PC: f64 = 1e8;
+
+/// The nearest place of a star in parsecs, 0.2 astronomical units: HYG puts the Sun at 5e-6 pc, and nothing nearer is
+/// meant as a place among the stars.
+const NEAREST_PC: f64 = 1e-6;
 
 /// How a star came about, for the report.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -64,6 +69,16 @@ pub(super) fn star<'a>(columns: &Columns, field: impl Fn(usize) -> &'a str) -> R
         (None, Some(_), None) => return Err(Refusal::Row("an absolute magnitude needs a distance".into())),
         (None, None, _) => return Err(Refusal::Row("no brightness".into())),
     };
+    // As the renderer stores it, from the rounded magnitude; a star at infinity shines as from 1 pc.
+    let magnitude_at_1_pc = f64::from(magnitude as f32) - if distance_pc.is_some() { 5.0 } else { 0.0 };
+    let illuminance_lx = illuminance_lx_from_magnitude(magnitude_at_1_pc);
+    if !ILLUMINANCE_RANGE_LX.contains(&illuminance_lx) {
+        let (least, most) = ILLUMINANCE_RANGE_LX.into_inner();
+        return Err(Refusal::Row(format!(
+            "{illuminance_lx:.1e} lx at 1 pc cannot be held ({least:.1e} to {most:.1e} can): magnitude and distance do \
+             not fit together"
+        )));
+    }
     notes.without_distance = distance_pc.is_none();
     let record = StarRecord {
         position: direction * distance_pc.unwrap_or(1.0),
@@ -140,6 +155,9 @@ impl<'a, F: Fn(usize) -> &'a str> Row<'_, F> {
                 if distance_pc == 0.0 {
                     return Err(Refusal::Row("the distance is 0: the star stands at the origin".into()));
                 }
+                if distance_pc < NEAREST_PC {
+                    return Err(Refusal::Row(too_near(distance_pc)));
+                }
                 (position / distance_pc, Some(distance_pc))
             }
         };
@@ -199,12 +217,23 @@ impl<'a, F: Fn(usize) -> &'a str> Row<'_, F> {
             if d < 0.0 {
                 return Err(self.refuse(column, text, "is below 0"));
             }
+            if d < NEAREST_PC {
+                return Err(self.refuse(column, text, &format!("is too near: {}", too_near(d))));
+            }
             if d.is_finite() && d < self.columns.unknown_from_pc {
                 return Ok(Some(d));
             }
         }
-        let parallax_mas = self.number(self.columns.parallax_mas)?;
-        Ok(parallax_mas.filter(|p| p.is_finite() && *p > 0.0).map(|p| 1000.0 / p))
+        match (self.number(self.columns.parallax_mas)?, self.text(self.columns.parallax_mas)) {
+            (Some(p), Some((column, text))) if p.is_finite() && p > 0.0 => {
+                let d = 1000.0 / p;
+                if d < NEAREST_PC {
+                    return Err(self.refuse(column, text, &format!("is too large: {}", too_near(d))));
+                }
+                Ok(Some(d))
+            }
+            _ => Ok(None),
+        }
     }
 
     fn temperature_k(&self, bp_rp: Option<f64>, notes: &mut Notes) -> Result<f64, Refusal> {
@@ -226,4 +255,9 @@ impl<'a, F: Fn(usize) -> &'a str> Row<'_, F> {
             }
         })
     }
+}
+
+/// What is wrong with a distance below [`NEAREST_PC`].
+fn too_near(distance_pc: f64) -> String {
+    format!("the distance is {distance_pc:.1e} pc, allowed are distances from {NEAREST_PC:e} pc")
 }

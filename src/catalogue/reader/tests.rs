@@ -167,6 +167,65 @@ fn bad_rows_are_reported_by_line() {
 }
 
 #[test]
+fn rows_too_near_to_be_stars_are_refused() {
+    let spherical = "ra_deg,dec_deg,v_mag,distance_pc";
+    let parallax = "ra_deg,dec_deg,v_mag,parallax_mas";
+    let cartesian = "x,y,z,v_mag";
+    for (header, row, parts) in [
+        (spherical, "10,20,5.0,1e-20", &["distance_pc = \"1e-20\" is too near", "from 1e-6 pc"][..]),
+        (spherical, "10,20,5.0,9.9e-7", &["distance_pc = \"9.9e-7\" is too near", "9.9e-7 pc"]),
+        (parallax, "10,20,5.0,1e12", &["parallax_mas = \"1e12\" is too large", "1.0e-9 pc"]),
+        (cartesian, "1e-20,0,0,5.0", &["1.0e-20 pc", "from 1e-6 pc"]),
+        (cartesian, "5e-7,5e-7,5e-7,5.0", &["8.7e-7 pc"]),
+    ] {
+        let report = csv(&format!("{header}\n10,20,5.0,3\n{row}\n")).unwrap_or_else(|e| panic!("{e}")).report;
+        assert_eq!((report.used, report.rejected, report.first_rejected[0].line), (1, 1, 3), "{row}");
+        for part in parts {
+            assert!(report.first_rejected[0].reason.contains(part), "{row}: {}", report.first_rejected[0].reason);
+        }
+    }
+    // The Sun as HYG gives it, and the nearest place there is.
+    for (distance, v_mag) in [("0.000005", "-26.7"), ("1e-6", "-26.7")] {
+        let star = one(&format!("{spherical}\n10,20,{v_mag},{distance}\n"));
+        assert!((star.apparent_magnitude() + 26.7).abs() < 1e-5, "{distance}");
+        assert!(one(&format!("{cartesian}\n{distance},0,0,{v_mag}\n")).distance_known);
+    }
+}
+
+#[test]
+fn light_that_cannot_be_stored_is_refused_and_the_rest_is_kept_as_it_is() {
+    use crate::catalogue::chunks::StarSet;
+    use crate::units::illuminance_lx_from_magnitude;
+
+    for (header, row) in [
+        // Absolute magnitudes of 55 and of about -57.
+        ("x,y,z,abs_mag", "1,0,0,55"),
+        ("ra_deg,dec_deg,v_mag,distance_pc", "10,20,30,1e-6"),
+        ("ra_deg,dec_deg,v_mag,distance_pc", "10,20,-40,3e4"),
+        ("x,y,z,v_mag", "30000,0,0,-40"),
+        // At infinity.
+        ("ra_deg,dec_deg,v_mag", "10,20,50"),
+    ] {
+        let good = if header.ends_with("v_mag") && header.starts_with('r') { "10,20,5" } else { "10,20,5,3" };
+        let report = csv(&format!("{header}\n{good}\n{row}\n")).unwrap_or_else(|e| panic!("{e}")).report;
+        assert_eq!((report.used, report.rejected, report.first_rejected[0].line), (1, 1, 3), "{header}: {row}");
+        let reason = &report.first_rejected[0].reason;
+        assert!(reason.contains("lx at 1 pc cannot be held") && reason.contains("1.1e15"), "{reason}");
+    }
+    // Whatever is accepted shines in the packed set as its apparent magnitude says.
+    let rows = ["1e-6,-26.7", "1e-6,5", "0.000005,10", "1,40", "1e4,-30", "5e7,10", ",44", ",-39"];
+    for row in rows {
+        let (distance, v_mag) = row.split_once(',').unwrap();
+        let star = one(&format!("ra_deg,dec_deg,distance_pc,v_mag\n10,20,{row}\n"));
+        let set = StarSet::from_records(vec![star]);
+        let distance_pc = if distance.is_empty() { 1.0 } else { star.position.length() };
+        let shown_lx = set.stars[0].illuminance_at_1_pc_lx() / (distance_pc * distance_pc);
+        let wanted_lx = illuminance_lx_from_magnitude(v_mag.parse().unwrap());
+        assert!((shown_lx / wanted_lx - 1.0).abs() < 1e-4, "{row}: {shown_lx} lx instead of {wanted_lx}");
+    }
+}
+
+#[test]
 fn line_ends_and_a_byte_order_mark_change_nothing() {
     let read = csv("\u{feff}ra_deg,dec_deg,v_mag\r\n\r\n1,2,3\r\nx,2,3\r\n1,2,3").unwrap();
     assert_eq!((read.report.used, read.report.first_rejected[0].line), (2, 4));
