@@ -1,6 +1,6 @@
 //! `render`: every view once, into files.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use clap::Args;
@@ -52,7 +52,8 @@ pub fn run(arguments: RenderArguments, adapter: Option<String>) -> Result<(), Cl
     let frame = renderer
         .render(&snapshot, &rig, &settings, &wanted, None)
         .map_err(|error| CliError::render(error, &config.origin))?;
-    for path in write_frame(&arguments.out, &rig, &frame, &renderer.adapter().adapter)? {
+    let tell = |path: &Path| tracing::info!("wrote {}", path.display());
+    for path in write_frame(&arguments.out, &rig, &frame, &renderer.adapter().adapter, &tell)? {
         results::line(path.display())?;
     }
     Ok(())

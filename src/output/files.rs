@@ -4,6 +4,7 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
+use rayon::prelude::*;
 use serde::Serialize;
 
 use super::encode::{EncodeError, Encoding, encode};
@@ -68,25 +69,36 @@ struct ManifestView<'a> {
 }
 
 /// Writes every image of the frame as EXR and PNG, and the manifest, into `folder`, which is made if it is not there.
-/// Returns the paths in the order of writing. Each file appears whole or not at all.
-pub fn write_frame(folder: &Path, rig: &Rig, frame: &Frame, adapter: &str) -> Result<Vec<PathBuf>, OutputError> {
+/// Files are encoded side by side; `written` is told each as soon as it is there. Returns the paths in the order of views
+/// and images, the manifest last. Each file appears whole or not at all.
+pub fn write_frame(
+    folder: &Path,
+    rig: &Rig,
+    frame: &Frame,
+    adapter: &str,
+    written: &(dyn Fn(&Path) + Sync),
+) -> Result<Vec<PathBuf>, OutputError> {
     std::fs::create_dir_all(folder).map_err(|source| OutputError::Write { path: folder.to_owned(), source })?;
     let views = rig.views();
     let mut files: Vec<Vec<String>> = vec![Vec::new(); views.len()];
-    let mut written = Vec::new();
+    let mut jobs = Vec::new();
     for image in &frame.images {
         let other_rig = OutputError::OtherRig { view: image.view, views: views.len() };
         let view = views.get(image.view).ok_or(other_rig)?;
         let stem = image.part.name().map_or(view.name.clone(), |part| format!("{}.{part}", view.name));
         for (encoding, extension) in [(Encoding::Exr, "exr"), (Encoding::Png, "png")] {
             let name = format!("{stem}.{extension}");
-            let path = folder.join(&name);
-            let bytes = encode(encoding, image).map_err(|source| OutputError::Encode { path: path.clone(), source })?;
-            write_whole(&path, &bytes).map_err(|source| OutputError::Write { path: path.clone(), source })?;
+            jobs.push((encoding, image, folder.join(&name)));
             files[image.view].push(name);
-            written.push(path);
         }
     }
+    jobs.par_iter().try_for_each(|(encoding, image, path)| {
+        let bytes = encode(*encoding, image).map_err(|source| OutputError::Encode { path: path.clone(), source })?;
+        write_whole(path, &bytes).map_err(|source| OutputError::Write { path: path.clone(), source })?;
+        written(path);
+        Ok(())
+    })?;
+    let mut paths: Vec<PathBuf> = jobs.into_iter().map(|(_, _, path)| path).collect();
     let views = frame
         .views
         .iter()
@@ -106,8 +118,9 @@ pub fn write_frame(folder: &Path, rig: &Rig, frame: &Frame, adapter: &str) -> Re
         serde_json::to_vec_pretty(&manifest).map_err(|source| OutputError::Manifest { path: path.clone(), source })?;
     json.push(b'\n');
     write_whole(&path, &json).map_err(|source| OutputError::Write { path: path.clone(), source })?;
-    written.push(path);
-    Ok(written)
+    written(&path);
+    paths.push(path);
+    Ok(paths)
 }
 
 #[cfg(test)]
@@ -164,7 +177,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let out = folder.path().join("deep/out");
         let (rig, frame) = rig_and_frame();
-        let written = write_frame(&out, &rig, &frame, "some adapter").unwrap();
+        let written = write_frame(&out, &rig, &frame, "some adapter", &|_| {}).unwrap();
         let names: Vec<&str> = written.iter().map(|path| path.file_name().unwrap().to_str().unwrap()).collect();
         let expected = "sky.exr sky.png cube.front.exr cube.front.png cube.down.exr cube.down.png manifest.json";
         assert_eq!(names.join(" "), expected);
@@ -193,13 +206,13 @@ mod tests {
         let (rig, mut frame) = rig_and_frame();
         let occupied = folder.path().join("file");
         std::fs::write(&occupied, "x").unwrap();
-        let error = write_frame(&occupied, &rig, &frame, "").unwrap_err();
+        let error = write_frame(&occupied, &rig, &frame, "", &|_| {}).unwrap_err();
         assert!(error.to_string().contains("file"), "{error}");
         frame.images[1].display = None;
-        let error = write_frame(folder.path(), &rig, &frame, "").unwrap_err();
+        let error = write_frame(folder.path(), &rig, &frame, "", &|_| {}).unwrap_err();
         assert!(error.to_string().contains("cube.front.png"), "{error}");
         assert!(!folder.path().join("manifest.json").exists());
         frame.images[0].view = 2;
-        assert!(matches!(write_frame(folder.path(), &rig, &frame, ""), Err(OutputError::OtherRig { .. })));
+        assert!(matches!(write_frame(folder.path(), &rig, &frame, "", &|_| {}), Err(OutputError::OtherRig { .. })));
     }
 }
