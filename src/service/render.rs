@@ -273,15 +273,17 @@ struct Worker {
 impl Worker {
     fn run(mut self) {
         let mut adaptation = Adaptation::default();
-        let mut last_start: Option<Instant> = None;
-        while let Some(job) = self.next_job(adaptation.converged()) {
+        // When the last frame that came out was started, and what it showed.
+        let mut last: Option<(Instant, Shown)> = None;
+        while let Some(job) = self.next_job(adaptation.converged(&self.settings.exposure)) {
             self.scene.camera = job.camera;
-            let dt = last_start.map_or(Duration::ZERO, |last| job.start - last);
-            last_start = Some(job.start);
-            let adapted_ev100 = adaptation.advance(dt.as_secs_f64(), &self.settings.exposure);
+            let shown = Shown { scene: self.scene.revision, camera: job.camera.revision };
+            let (dt, changed) = last.map_or((Duration::ZERO, true), |(start, last)| (job.start - start, last != shown));
+            let adapted_ev100 = adaptation.exposure(dt.as_secs_f64(), changed, &self.settings.exposure);
             let result = self.engine.render(&self.scene, &self.rig, &self.settings, &job.wanted, adapted_ev100);
             match result {
                 Ok(frame) => {
+                    last = Some((job.start, shown));
                     adaptation.observe(frame.exposure_ev100, frame.metered_ev100);
                     self.shared.state().frames_rendered += 1;
                     let frame =
