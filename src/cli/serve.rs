@@ -5,13 +5,15 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use clap::Args;
+use tokio::runtime::Runtime;
+use tokio::task;
 
 use super::{CliError, load, results};
 use crate::config::{Config, parse_listen};
 use crate::frame::Renderer;
 use crate::gpu::{Gpu, GpuOptions};
 use crate::scene::SceneSnapshot;
-use crate::service::{self, ServeOptions};
+use crate::service::{self, ServeOptions, Shutdown};
 
 /// Arguments of `serve`.
 #[derive(Debug, Args)]
@@ -41,13 +43,34 @@ pub fn run(arguments: ServeArguments, adapter: Option<String>) -> Result<(), Cli
     let (rig, camera) = (config.rig()?, config.camera()?);
     let renderer = Renderer::new(Gpu::open(&GpuOptions { adapter, ..GpuOptions::default() })?);
     renderer.check(&rig).map_err(|error| CliError::render(error, &config.origin))?;
-    let (stars, _) = load::stars(&config.star_sources(), &config.origin)?;
-    let scene = SceneSnapshot { revision: 1, stars: Arc::new(stars), camera };
-
-    let listen = arguments.listen.unwrap_or_else(|| config.server.listen.clone());
-    let options = ServeOptions::new(listen, Box::new(renderer), scene, rig, config.render_settings(), announce);
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build().map_err(CliError::Runtime)?;
-    runtime.block_on(service::run(options)).map_err(CliError::Serve)
+    block_on_and_leave(runtime, async {
+        // From here on a signal is an orderly end, while stars are still loading as well.
+        let mut signals = Box::pin(service::signals().map_err(CliError::Runtime)?);
+        let (sources, origin) = (config.star_sources(), config.origin.clone());
+        let loading = task::spawn_blocking(move || load::stars(&sources, &origin));
+        let (stars, _) = tokio::select! {
+            () = &mut signals => return Ok(()),
+            loaded = loading => match loaded {
+                Ok(loaded) => loaded?,
+                // Nobody cancels it, so it panicked; the panic goes on here.
+                Err(error) => std::panic::resume_unwind(error.into_panic()),
+            },
+        };
+        let scene = SceneSnapshot { revision: 1, stars: Arc::new(stars), camera };
+        let listen = arguments.listen.unwrap_or_else(|| config.server.listen.clone());
+        let mut options = ServeOptions::new(listen, Box::new(renderer), scene, rig, config.render_settings(), announce);
+        options.shutdown = Shutdown::When(signals);
+        service::run(options).await.map_err(CliError::Serve)
+    })
+}
+
+/// Runs a future to its end, and does not wait for what the runtime's blocking threads still do, such as loading stars or
+/// encoding frames for clients that are cut off already.
+fn block_on_and_leave<T>(runtime: Runtime, future: impl Future<Output = T>) -> T {
+    let value = runtime.block_on(future);
+    runtime.shutdown_background();
+    value
 }
 
 /// The line that scripts wait for.
@@ -55,5 +78,32 @@ fn announce(address: SocketAddr) {
     if let Err(error) = results::line(format!("listening on {address}")) {
         // The daemon is of use without a reader of its output.
         tracing::warn!("{error}");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::{sync::mpsc, thread, time::Duration};
+
+    #[test]
+    fn busy_blocking_threads_do_not_hold_up_the_end() {
+        let (release, released) = mpsc::channel::<()>();
+        let (begun, has_begun) = mpsc::channel();
+        let (end, ended) = mpsc::channel();
+        thread::spawn(move || {
+            let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build().expect("a runtime");
+            let value = block_on_and_leave(runtime, async {
+                task::spawn_blocking(move || {
+                    begun.send(()).expect("the test waits for it");
+                    released.recv()
+                });
+                has_begun.recv().expect("the work begins");
+                7
+            });
+            end.send(value)
+        });
+        assert_eq!(ended.recv_timeout(Duration::from_secs(30)), Ok(7), "it returns while the work is held");
+        release.send(()).expect("the work was still there");
     }
 }

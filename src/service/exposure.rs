@@ -5,6 +5,8 @@ use crate::plan::settings::{ExposureMode, ExposureSettings};
 
 /// Closer than this to the metered value the exposure counts as adapted, EV.
 const CONVERGED_EV: f64 = 0.01;
+/// After this many time constants in front of a new picture the eye counts as adapted to it; 1 - exp(-5) is 99.3 %.
+const ADAPTED_AFTER: f64 = 5.0;
 
 /// The state of one eye that looks at all views.
 #[derive(Clone, Copy, Debug, Default)]
@@ -16,17 +18,19 @@ pub(super) struct Adaptation {
 }
 
 impl Adaptation {
-    /// The exposure for a frame that comes `dt_s` after the one before; `None` for the fully adapted value: before the first
-    /// frame, without a time constant, and where the exposure is manual.
-    pub(super) fn advance(&mut self, dt_s: f64, settings: &ExposureSettings) -> Option<f64> {
-        let adapts = settings.mode == ExposureMode::Auto && settings.adaptation_s > 0.0;
-        let (Some(current), Some(metered), true) = (self.current, self.metered, adapts) else {
-            self.current = None;
-            return None;
-        };
-        let share = -(-dt_s.max(0.0) / settings.adaptation_s).exp_m1();
-        self.current = Some(current + (metered - current) * share);
-        self.current
+    /// The exposure for a frame that comes `dt_s` after the last one that was observed; `None` for the fully adapted value:
+    /// before the first frame, without a time constant, and where the exposure is manual.
+    ///
+    /// `changed`: the frame shows something else than the last one did. What it asks for is known only when it is rendered,
+    /// and no frame was rendered meanwhile: the eye has looked at the new picture for that time, and where it is long
+    /// enough, it is adapted to it (`None`) and not to the picture before. Shortly after the last frame, as in a stream, the
+    /// goal is the last one known, which lags by that frame.
+    pub(super) fn exposure(&self, dt_s: f64, changed: bool, settings: &ExposureSettings) -> Option<f64> {
+        let tau_s = settings.adaptation_s;
+        let adapts = settings.mode == ExposureMode::Auto && tau_s > 0.0 && !(changed && dt_s >= ADAPTED_AFTER * tau_s);
+        let (Some(current), Some(metered), true) = (self.current, self.metered, adapts) else { return None };
+        let share = -(-dt_s.max(0.0) / tau_s).exp_m1();
+        Some(current + (metered - current) * share)
     }
 
     /// Takes note of a frame: the exposure it had and the one it asks for. A value that is not finite (a frame without any
@@ -41,9 +45,9 @@ impl Adaptation {
     }
 
     /// Whether another frame of the same scene would have the same exposure.
-    pub(super) fn converged(&self) -> bool {
-        match (self.current, self.metered) {
-            (Some(current), Some(metered)) => (metered - current).abs() <= CONVERGED_EV,
+    pub(super) fn converged(&self, settings: &ExposureSettings) -> bool {
+        match (self.current, self.metered, settings.mode) {
+            (Some(current), Some(metered), ExposureMode::Auto) => (metered - current).abs() <= CONVERGED_EV,
             _ => true,
         }
     }
@@ -61,12 +65,12 @@ mod tests {
     fn adaptation_does_not_depend_on_the_frame_rate() {
         let after = |frames: u32| {
             let mut eye = Adaptation::default();
-            assert_eq!(eye.advance(0.0, &settings(0.5)), None, "the first frame is fully adapted");
+            assert_eq!(eye.exposure(0.0, false, &settings(0.5)), None, "the first frame is fully adapted");
             eye.observe(-3.0, 5.0);
-            assert!(!eye.converged());
+            assert!(!eye.converged(&settings(0.5)));
             let mut ev = f64::NAN;
             for _ in 0..frames {
-                ev = eye.advance(0.75 / f64::from(frames), &settings(0.5)).unwrap();
+                ev = eye.exposure(0.75 / f64::from(frames), false, &settings(0.5)).unwrap();
                 eye.observe(ev, 5.0);
             }
             ev
@@ -82,8 +86,8 @@ mod tests {
         let mut eye = Adaptation::default();
         eye.observe(-20.0, 24.0);
         let mut frames = 0;
-        while !eye.converged() {
-            let ev = eye.advance(1.0 / 60.0, &settings(0.5)).unwrap();
+        while !eye.converged(&settings(0.5)) {
+            let ev = eye.exposure(1.0 / 60.0, false, &settings(0.5)).unwrap();
             eye.observe(ev, if frames == 10 { f64::NAN } else { 24.0 });
             frames += 1;
             assert!(frames < 10_000 && ev.is_finite());
@@ -96,10 +100,25 @@ mod tests {
     fn no_time_constant_and_manual_exposure_ask_for_the_renderers_own_value() {
         let mut eye = Adaptation::default();
         eye.observe(1.0, 2.0);
-        assert_eq!(eye.advance(0.1, &settings(0.0)), None);
-        eye.observe(1.0, 2.0);
+        assert_eq!(eye.exposure(0.1, false, &settings(0.0)), None);
         let manual = ExposureSettings { mode: ExposureMode::Manual, ..settings(0.5) };
-        assert_eq!(eye.advance(0.1, &manual), None);
-        assert!(eye.converged());
+        assert_eq!(eye.exposure(0.1, false, &manual), None);
+        assert!(eye.converged(&manual), "it has nothing to wait for");
+    }
+
+    #[test]
+    fn time_in_front_of_a_new_picture_adapts_to_that_picture() {
+        let mut eye = Adaptation::default();
+        eye.observe(10.0, 10.0);
+        let settings = settings(0.5);
+        assert_eq!(eye.exposure(2.5, true, &settings), None, "the eye had the time to adapt to what it sees");
+        assert_eq!(eye.exposure(2.4, true, &settings), Some(10.0), "it still adapts, and goes on from where it was");
+        assert_eq!(eye.exposure(3600.0, false, &settings), Some(10.0), "the same picture is adapted to already");
+        eye.observe(10.0, 2.0);
+        let expected = 2.0 + 8.0 * (-0.2_f64).exp();
+        assert!(
+            (eye.exposure(0.1, true, &settings).unwrap() - expected).abs() < 1e-12,
+            "smoothly while the camera moves"
+        );
     }
 }

@@ -127,6 +127,9 @@ impl Order {
 fn refused(refused: Refused) -> Status {
     match refused {
         Refused::Full => Status::resource_exhausted("too many RenderFrame calls are waiting: try again later"),
+        Refused::Subscribers(most) => Status::resource_exhausted(format!(
+            "there are {most} streams already, the most there may be: end one first"
+        )),
         Refused::Ending => Status::unavailable("the daemon is shutting down"),
     }
 }

@@ -31,7 +31,7 @@ pub use client::{
 };
 pub use engine::{Engine, EngineError};
 pub use render::CameraUpdate;
-pub use server::{ServeError, ServeOptions, Shutdown, run};
+pub use server::{ServeError, ServeOptions, Shutdown, run, signals};
 
 /// Generated from `proto/steradian/v1`.
 mod proto {

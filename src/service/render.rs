@@ -39,6 +39,15 @@ pub struct CameraUpdate {
     pub velocity_c: Option<[f64; 3]>,
 }
 
+/// How much the thread takes on.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Room {
+    /// Requests that may wait.
+    pub(super) requests: usize,
+    /// Subscribers at the same time.
+    pub(super) subscribers: usize,
+}
+
 type Reply = oneshot::Sender<Result<Arc<RenderedFrame>, RenderFailure>>;
 
 /// Why a request is not taken.
@@ -46,6 +55,8 @@ type Reply = oneshot::Sender<Result<Arc<RenderedFrame>, RenderFailure>>;
 pub(super) enum Refused {
     /// The queue is full.
     Full,
+    /// There are as many subscribers as may be.
+    Subscribers(usize),
     /// The daemon is shutting down.
     Ending,
 }
@@ -73,14 +84,14 @@ struct State {
     frames_rendered: u64,
     /// No new work is taken.
     draining: bool,
-    /// The thread ends when the queue is empty.
+    /// The thread ends.
     stop: bool,
 }
 
 struct Shared {
     state: Mutex<State>,
     wake: Condvar,
-    queue: usize,
+    room: Room,
 }
 
 impl Shared {
@@ -152,11 +163,11 @@ impl RenderHandle {
         if state.draining {
             return Err(Refused::Ending);
         }
-        if state.requests.len() >= self.shared.queue {
+        if state.requests.len() >= self.shared.room.requests {
             // Callers that went away need no place.
             state.requests.retain(|request| !request.reply.is_closed());
         }
-        if state.requests.len() >= self.shared.queue {
+        if state.requests.len() >= self.shared.room.requests {
             return Err(Refused::Full);
         }
         let (reply, receiver) = oneshot::channel();
@@ -170,6 +181,9 @@ impl RenderHandle {
         let mut state = self.shared.state();
         if state.draining {
             return Err(Refused::Ending);
+        }
+        if state.subscribers.len() >= self.shared.room.subscribers {
+            return Err(Refused::Subscribers(self.shared.room.subscribers));
         }
         let id = state.next_id;
         state.next_id += 1;
@@ -188,10 +202,14 @@ impl RenderHandle {
         }
     }
 
-    /// Lets the thread end once the queue is empty.
+    /// Lets the thread end after the frame in the works; requests that are still queued are refused.
     pub(super) fn stop(&self) {
         self.drain();
-        self.shared.state().stop = true;
+        let mut state = self.shared.state();
+        state.stop = true;
+        // Dropped replies tell their callers.
+        state.requests.clear();
+        drop(state);
         self.shared.wake.notify_one();
     }
 }
@@ -222,13 +240,13 @@ impl Drop for Farewell {
     }
 }
 
-/// Starts the thread. `queue`: how many requests may wait.
+/// Starts the thread.
 pub(super) fn spawn(
     engine: Box<dyn Engine>,
     scene: SceneSnapshot,
     rig: Arc<Rig>,
     settings: RenderSettings,
-    queue: usize,
+    room: Room,
 ) -> std::io::Result<(RenderHandle, RenderThread)> {
     let state = State {
         camera: scene.camera,
@@ -240,7 +258,7 @@ pub(super) fn spawn(
         draining: false,
         stop: false,
     };
-    let shared = Arc::new(Shared { state: Mutex::new(state), wake: Condvar::new(), queue });
+    let shared = Arc::new(Shared { state: Mutex::new(state), wake: Condvar::new(), room });
     let (sender, ended) = oneshot::channel();
     let farewell = Farewell { shared: Arc::clone(&shared), _ended: sender };
     let worker = Worker { shared: Arc::clone(&shared), engine, scene, rig, settings };
@@ -273,15 +291,17 @@ struct Worker {
 impl Worker {
     fn run(mut self) {
         let mut adaptation = Adaptation::default();
-        let mut last_start: Option<Instant> = None;
-        while let Some(job) = self.next_job(adaptation.converged()) {
+        // When the last frame that came out was started, and what it showed.
+        let mut last: Option<(Instant, Shown)> = None;
+        while let Some(job) = self.next_job(adaptation.converged(&self.settings.exposure)) {
             self.scene.camera = job.camera;
-            let dt = last_start.map_or(Duration::ZERO, |last| job.start - last);
-            last_start = Some(job.start);
-            let adapted_ev100 = adaptation.advance(dt.as_secs_f64(), &self.settings.exposure);
+            let shown = Shown { scene: self.scene.revision, camera: job.camera.revision };
+            let (dt, changed) = last.map_or((Duration::ZERO, true), |(start, last)| (job.start - start, last != shown));
+            let adapted_ev100 = adaptation.exposure(dt.as_secs_f64(), changed, &self.settings.exposure);
             let result = self.engine.render(&self.scene, &self.rig, &self.settings, &job.wanted, adapted_ev100);
             match result {
                 Ok(frame) => {
+                    last = Some((job.start, shown));
                     adaptation.observe(frame.exposure_ev100, frame.metered_ev100);
                     self.shared.state().frames_rendered += 1;
                     let frame =

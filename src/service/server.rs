@@ -1,9 +1,14 @@
 //! The daemon: binds, serves, and on a signal drains: health turns to NOT_SERVING, no new connection is accepted, streams end
-//! cleanly, calls in flight finish, the render thread ends.
+//! cleanly, calls in flight finish, the render thread ends. What is not done within the drain time is left behind.
 
 use std::{any::Any, fmt, io, net::SocketAddr, pin::Pin, sync::Arc, time::Duration};
 
-use tokio::{net::TcpListener, signal, sync::oneshot, time::timeout};
+use tokio::{
+    net::TcpListener,
+    signal,
+    sync::oneshot,
+    time::{Instant, timeout_at},
+};
 use tonic::{
     server::NamedService,
     transport::{Server, server::TcpIncoming},
@@ -30,6 +35,10 @@ const KEEPALIVE_TIMEOUT: Duration = Duration::from_secs(10);
 const DRAIN: Duration = Duration::from_secs(5);
 /// Calls of `RenderFrame` at the same time, from the queue to the last encoded byte; more are refused.
 const PENDING_RENDERS: usize = 16;
+/// Streams at the same time; more are refused. Each holds a frame, and every frame looks at all of them.
+const SUBSCRIBERS: usize = 256;
+/// What an idle render thread gets to end in, even if clients took all of the drain time.
+const FAREWELL: Duration = Duration::from_millis(500);
 
 /// Names of the services whose health is reported, besides that of the whole (the empty name).
 const SERVICES: [&str; 3] = [
@@ -71,14 +80,17 @@ pub struct ServeOptions {
     pub ready: Box<dyn FnOnce(SocketAddr) + Send>,
     /// What tells the daemon to end.
     pub shutdown: Shutdown,
-    /// How long calls and clients may take to finish then; afterwards they are cut off.
+    /// How long calls, clients and the renderer may take to finish then; afterwards they are cut off.
     pub drain: Duration,
     /// Calls of `RenderFrame` at the same time; more get RESOURCE_EXHAUSTED.
     pub pending_renders: usize,
+    /// Streams at the same time; more get RESOURCE_EXHAUSTED.
+    pub subscribers: usize,
 }
 
 impl ServeOptions {
-    /// Options that end on signals, after a drain of at most 5 s, with up to 16 pending calls of `RenderFrame`.
+    /// Options that end on signals, after a drain of at most 5 s, with up to 16 pending calls of `RenderFrame`
+    /// and 256 streams.
     pub fn new(
         listen: impl Into<String>,
         engine: Box<dyn Engine>,
@@ -97,6 +109,7 @@ impl ServeOptions {
             shutdown: Shutdown::Signals,
             drain: DRAIN,
             pending_renders: PENDING_RENDERS,
+            subscribers: SUBSCRIBERS,
         }
     }
 }
@@ -141,45 +154,64 @@ pub enum ServeError {
         /// Its message.
         message: String,
     },
-    /// The renderer did not come back.
-    #[error("the render thread did not end within {seconds} s")]
-    Stuck {
-        /// How long it was waited for, s.
-        seconds: f64,
-    },
 }
 
 async fn bind(listen: &str) -> Result<TcpListener, ServeError> {
     let wrong = |problem: String| ServeError::Address { listen: listen.to_owned(), problem };
-    let mut addresses = tokio::net::lookup_host(listen).await.map_err(|error| wrong(error.to_string()))?;
-    let address = addresses.next().ok_or_else(|| wrong("the host has no address".to_owned()))?;
-    TcpListener::bind(address).await.map_err(|source| match source.kind() {
-        io::ErrorKind::AddrInUse => ServeError::AddressInUse { address },
-        _ => ServeError::Bind { address, source },
-    })
+    let addresses = tokio::net::lookup_host(listen).await.map_err(|error| wrong(error.to_string()))?;
+    bind_first(addresses).await.unwrap_or_else(|| Err(wrong("the host has no address".to_owned())))
 }
 
-/// A future that ends when the process is told to; the handlers are in place when this function returns.
+/// Listens on the first address that can be had: a name may stand for an IPv6 address where there is no IPv6. `None`: there
+/// was no address. Of several errors the first counts, but a port in use, which the user can do something about, before all.
+async fn bind_first(addresses: impl Iterator<Item = SocketAddr>) -> Option<Result<TcpListener, ServeError>> {
+    let mut refusal = None;
+    for address in addresses {
+        let error = match TcpListener::bind(address).await {
+            Ok(listener) => return Some(Ok(listener)),
+            Err(source) if source.kind() == io::ErrorKind::AddrInUse => ServeError::AddressInUse { address },
+            Err(source) => ServeError::Bind { address, source },
+        };
+        if !matches!(
+            (&refusal, &error),
+            (Some(ServeError::AddressInUse { .. }), _) | (Some(_), ServeError::Bind { .. })
+        ) {
+            refusal = Some(error);
+        }
+    }
+    refusal.map(Err)
+}
+
+/// A future that ends when the process is told to by SIGINT or SIGTERM; the handlers are in place when this function returns.
+/// Needs a tokio runtime with I/O.
+///
+/// # Errors
+///
+/// The system does not take the handlers.
 #[cfg(unix)]
-fn signals() -> io::Result<impl Future<Output = ()> + Send> {
+pub fn signals() -> io::Result<impl Future<Output = ()> + Send> {
     use signal::unix::{SignalKind, signal};
     let mut interrupt = signal(SignalKind::interrupt())?;
     let mut terminate = signal(SignalKind::terminate())?;
     Ok(async move {
         tokio::select! {
-            _ = interrupt.recv() => tracing::info!("SIGINT: draining"),
-            _ = terminate.recv() => tracing::info!("SIGTERM: draining"),
+            _ = interrupt.recv() => tracing::info!("SIGINT: ending"),
+            _ = terminate.recv() => tracing::info!("SIGTERM: ending"),
         }
     })
 }
 
-/// A future that ends when the process is told to.
+/// A future that ends when the process is told to by Ctrl-C. Needs a tokio runtime with I/O.
+///
+/// # Errors
+///
+/// None.
 #[cfg(not(unix))]
-fn signals() -> io::Result<impl Future<Output = ()> + Send> {
+pub fn signals() -> io::Result<impl Future<Output = ()> + Send> {
     Ok(async {
         match signal::ctrl_c().await {
-            Ok(()) => tracing::info!("Ctrl-C: draining"),
-            Err(error) => tracing::error!("no signals can be received, draining: {error}"),
+            Ok(()) => tracing::info!("Ctrl-C: ending"),
+            Err(error) => tracing::error!("no signals can be received, ending: {error}"),
         }
     })
 }
@@ -205,22 +237,27 @@ fn panic_message(payload: &(dyn Any + Send)) -> String {
     text.or_else(|| payload.downcast_ref::<&str>().copied()).unwrap_or("no message").to_owned()
 }
 
-/// Waits for the render thread, which was told to end.
-async fn join(mut thread: RenderThread, ended: bool, patience: Duration) -> Result<(), ServeError> {
+/// Waits until `deadline`, and a moment at least, for the render thread, which was told to end. One that is still busy then
+/// is left behind: it holds nothing that outlives the process.
+async fn join(mut thread: RenderThread, ended: bool, deadline: Instant) -> Result<(), ServeError> {
+    let deadline = deadline.max(Instant::now() + FAREWELL);
     // The receiver must not be asked again once it has answered.
-    if !ended && timeout(patience, &mut thread.ended).await.is_err() {
-        return Err(ServeError::Stuck { seconds: patience.as_secs_f64() });
+    if !ended && timeout_at(deadline, &mut thread.ended).await.is_err() {
+        tracing::warn!("the render thread is still busy with a frame: ending without it");
+        return Ok(());
     }
     thread.join.join().map_err(|payload| ServeError::Panicked { message: panic_message(payload.as_ref()) })
 }
 
-/// Serves until told to end. Needs a tokio runtime with I/O and time.
+/// Serves until told to end. Needs a tokio runtime with I/O and time. Encoders and a frame that were not finished within the
+/// drain time may still run when it returns: a caller who wants to end then must not wait for the runtime's threads.
 ///
 /// # Errors
 ///
 /// See [`ServeError`]; after an orderly end, even if clients had to be cut off, there is none.
 pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
-    let ServeOptions { listen, engine, scene, rig, settings, ready, shutdown, drain, pending_renders } = options;
+    let ServeOptions { listen, engine, scene, rig, settings, ready, shutdown, drain, pending_renders, subscribers } =
+        options;
     let listener = bind(&listen).await?;
     let address = listener.local_addr()?;
     let mut shutdown = match shutdown {
@@ -239,7 +276,13 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
 
     let (rig, info) = (Arc::new(rig), engine.info());
     let (stars, revision) = (scene.stars.stars.len() as u64, scene.revision);
-    let (handle, mut thread) = render::spawn(engine, scene, Arc::clone(&rig), settings, pending_renders)?;
+    let (handle, mut thread) = render::spawn(
+        engine,
+        scene,
+        Arc::clone(&rig),
+        settings,
+        render::Room { requests: pending_renders, subscribers },
+    )?;
     let service = Service::new(handle.clone(), rig, info, stars, revision, pending_renders);
 
     let (close, closed) = oneshot::channel::<()>();
@@ -273,20 +316,49 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
         }
         result = &mut serving => {
             handle.stop();
-            join(thread, false, drain).await?;
+            join(thread, false, Instant::now() + drain).await?;
             return result.map_err(ServeError::from);
         }
     };
 
+    let deadline = Instant::now() + drain;
     report_health(&health, ServingStatus::NotServing).await;
     handle.drain();
     drop(close);
     end_health(&mut health).await;
-    match timeout(drain, &mut serving).await {
+    match timeout_at(deadline, &mut serving).await {
         Ok(result) => outcome = result.map_err(ServeError::from),
         Err(_) => tracing::warn!("cut off clients that did not finish within {} s", drain.as_secs_f64()),
     }
     handle.stop();
-    join(thread, render_ended, drain).await?;
+    join(thread, render_ended, deadline).await?;
     outcome
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
+mod tests {
+    use super::*;
+
+    #[tokio::test]
+    async fn every_address_of_a_host_is_tried_and_a_port_in_use_is_told_first() {
+        let local = SocketAddr::from(([127, 0, 0, 1], 0));
+        let holder = TcpListener::bind(local).await.unwrap();
+        let taken = holder.local_addr().unwrap();
+        // Reserved for documentation: no machine has it.
+        let foreign = SocketAddr::from(([192, 0, 2, 1], 0));
+        let listener = bind_first([foreign, taken, local].into_iter()).await.unwrap().unwrap();
+        assert_ne!(listener.local_addr().unwrap().port(), taken.port());
+        for addresses in [[foreign, taken], [taken, foreign]] {
+            match bind_first(addresses.into_iter()).await.unwrap() {
+                Err(ServeError::AddressInUse { address }) => assert_eq!(address, taken),
+                other => panic!("{other:?}"),
+            }
+        }
+        match bind_first([foreign].into_iter()).await.unwrap() {
+            Err(ServeError::Bind { address, .. }) => assert_eq!(address, foreign),
+            other => panic!("{other:?}"),
+        }
+        assert!(bind_first(std::iter::empty()).await.is_none());
+    }
 }

@@ -3,7 +3,7 @@
 use std::{
     io::Cursor,
     sync::{Arc, atomic::Ordering::SeqCst},
-    time::SystemTime,
+    time::{Duration, SystemTime},
 };
 
 use exr::prelude::{ReadChannels, ReadLayers};
@@ -227,5 +227,37 @@ async fn a_full_queue_refuses_at_once_and_the_others_are_served_by_few_frames() 
     }
     assert_eq!(numbers.len(), 4);
     assert!(numbers.iter().max() <= Some(&3), "at most one frame a call: {numbers:?}");
+    daemon.shutdown().await.unwrap();
+}
+
+#[tokio::test]
+async fn single_frames_are_adapted_to_what_they_show_if_there_was_time() {
+    let daemon = Daemon::start_with(small_rig(), |options| options.settings.exposure.adaptation_s = 0.02).await;
+    let mut client = daemon.client().await;
+    *daemon.controls.metered_ev100_per_m.lock().unwrap() = 1.0;
+    for x in [0.0, 20.0, -7.0] {
+        client.set_camera(&at_x(x)).await.unwrap();
+        let frame = client.render_frame("flat", Encoding::Rgba8).await.unwrap();
+        assert_eq!(frame.exposure_ev100, x, "and not to what the frame before showed");
+        tokio::time::sleep(Duration::from_millis(110)).await;
+    }
+    daemon.shutdown().await.unwrap();
+}
+
+#[tokio::test]
+async fn a_single_frame_soon_after_another_goes_on_adapting() {
+    // An hour: no pause of the machine is long enough to count as adapted.
+    let daemon = Daemon::start_with(small_rig(), |options| options.settings.exposure.adaptation_s = 3600.0).await;
+    let mut client = daemon.client().await;
+    *daemon.controls.metered_ev100_per_m.lock().unwrap() = 1.0;
+    assert_eq!(client.render_frame("flat", Encoding::Rgba8).await.unwrap().exposure_ev100, 0.0);
+    client.set_camera(&at_x(20.0)).await.unwrap();
+    let mut last = 0.0;
+    for step in 0..4 {
+        tokio::time::sleep(Duration::from_millis(2)).await;
+        let ev = client.render_frame("flat", Encoding::Rgba8).await.unwrap().exposure_ev100;
+        assert!(if step == 0 { ev == 0.0 } else { ev > last && ev < 1.0 }, "step {step}: {last} then {ev} EV");
+        last = ev;
+    }
     daemon.shutdown().await.unwrap();
 }

@@ -37,8 +37,10 @@ pub struct Controls {
     pub failing: AtomicBool,
     /// The next frame panics.
     pub panicking: AtomicBool,
-    /// Exposure that frames ask for, EV.
+    /// Exposure that frames ask for, EV, at x = 0.
     pub metered_ev100: Mutex<f64>,
+    /// How that changes with the camera's x, EV/m.
+    pub metered_ev100_per_m: Mutex<f64>,
 }
 
 impl Controls {
@@ -100,7 +102,8 @@ impl Engine for TestEngine {
                 hdr: want.hdr.then_some(hdr),
             });
         }
-        let metered_ev100 = *self.0.metered_ev100.lock().unwrap();
+        let metered_ev100 = *self.0.metered_ev100.lock().unwrap()
+            + *self.0.metered_ev100_per_m.lock().unwrap() * snapshot.camera.position_m.x;
         let statistics =
             |view: &View| ViewStatistics { name: view.name.clone(), stars_drawn: 0, stars_in_map: 0, gpu_ms: None };
         self.0.finished.fetch_add(1, SeqCst);

@@ -108,3 +108,22 @@ async fn nobody_at_the_address_is_a_clear_error_of_the_client() {
     let error = steradian::service::Client::connect(&uri).await.unwrap_err();
     assert!(matches!(error, ClientError::Connect { .. }) && error.to_string().contains(&uri), "{error}");
 }
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_renderer_that_is_busy_after_the_drain_is_left_behind() {
+    let mut daemon =
+        Daemon::start_with(small_rig(), |options| options.drain = std::time::Duration::from_millis(50)).await;
+    let mut client = daemon.client().await;
+    daemon.controls.close_gate();
+    let call = tokio::spawn(async move { client.render_frame("flat", Encoding::Png).await });
+    until(|| daemon.controls.started.load(SeqCst) > 0).await;
+    daemon.begin_shutdown();
+    let controls = std::sync::Arc::clone(&daemon.controls);
+    daemon.end().await.expect("that is no error");
+    assert_eq!(controls.finished.load(SeqCst), 0, "the frame is still in the works");
+    controls.open_gate();
+    // The runtime of this test lives on, and with it the connection: the caller may still get the frame.
+    if let Err(error) = within(call).await.unwrap() {
+        assert!(matches!(error, ClientError::Status { .. }), "{error}");
+    }
+}

@@ -151,3 +151,28 @@ async fn a_dropped_stream_stops_its_rendering() {
     .await;
     daemon.shutdown().await.unwrap();
 }
+
+#[tokio::test]
+async fn streams_beyond_the_cap_are_refused_until_one_ends() {
+    let daemon = Daemon::start_with(small_rig(), |options| options.subscribers = 2).await;
+    let mut client = daemon.client().await;
+    let mut first = client.stream_frames("flat", Encoding::Rgba8, 0.0).await.unwrap();
+    let second = client.stream_frames("eyes", Encoding::Rgba8, 0.0).await.unwrap();
+    let error = client.stream_frames("flat", Encoding::Rgba8, 0.0).await.unwrap_err();
+    assert_eq!(error.code(), Some(tonic::Code::ResourceExhausted));
+    assert!(error.to_string().contains("2 streams"), "{error}");
+    next(&mut first).await;
+    drop(second);
+    // The daemon learns of the dropped stream a little later.
+    let mut third = within(async {
+        loop {
+            match client.stream_frames("flat", Encoding::Rgba8, 0.0).await {
+                Ok(stream) => break stream,
+                Err(error) => assert_eq!(error.code(), Some(tonic::Code::ResourceExhausted), "{error}"),
+            }
+        }
+    })
+    .await;
+    next(&mut third).await;
+    daemon.shutdown().await.unwrap();
+}
