@@ -46,7 +46,7 @@ pub fn resolve(wide: bool) -> ShaderSource {
         name: if wide { "resolve u64" } else { "resolve u32" },
         entry_point: "resolve",
         text,
-        needs_u64: wide,
+        needs_u64: false,
     }
 }
 
