@@ -1,22 +1,31 @@
 //! What the service asks of a renderer, so that it can be run on the GPU, and tested without one.
 
 use crate::{
-    frame::{Frame, Renderer, Wanted},
-    gpu::AdapterReport,
+    frame::{Frame, RenderError, Renderer, Wanted},
+    gpu::{AdapterReport, GpuError},
     plan::settings::RenderSettings,
     scene::SceneSnapshot,
     view::Rig,
 };
 
-/// A frame could not be rendered; the renderer can be asked again.
+/// A frame could not be rendered.
 #[derive(Debug, thiserror::Error)]
-#[error(transparent)]
-pub struct EngineError(#[from] Box<dyn std::error::Error + Send + Sync>);
+#[error("{source}")]
+pub struct EngineError {
+    source: Box<dyn std::error::Error + Send + Sync>,
+    /// Whether the renderer is of no use any more; otherwise it can be asked again.
+    pub lost: bool,
+}
 
 impl EngineError {
-    /// Wraps a renderer's own error, or a plain message.
+    /// Wraps a renderer's own error, or a plain message, that concerns one frame.
     pub fn new(error: impl Into<Box<dyn std::error::Error + Send + Sync>>) -> Self {
-        Self(error.into())
+        Self { source: error.into(), lost: false }
+    }
+
+    /// The same where the renderer is of no use any more, as when its device is lost.
+    pub fn lost(error: impl Into<Box<dyn std::error::Error + Send + Sync>>) -> Self {
+        Self { source: error.into(), lost: true }
     }
 }
 
@@ -26,7 +35,7 @@ pub trait Engine: Send + 'static {
     /// 100) of an eye that adapts over time; `None` asks for the fully adapted value. The frame's images are those wanted,
     /// its camera and scene revisions those of the snapshot.
     ///
-    /// An error concerns this frame alone. A panic ends the daemon.
+    /// An error concerns this frame alone, unless the renderer is lost; that, and a panic, end the daemon.
     fn render(
         &mut self,
         snapshot: &SceneSnapshot,
@@ -49,7 +58,10 @@ impl Engine for Renderer {
         wanted: &[Wanted],
         adapted_ev100: Option<f64>,
     ) -> Result<Frame, EngineError> {
-        Renderer::render(self, snapshot, rig, settings, wanted, adapted_ev100).map_err(EngineError::new)
+        Renderer::render(self, snapshot, rig, settings, wanted, adapted_ev100).map_err(|error| match error {
+            RenderError::Gpu(GpuError::Lost(_)) => EngineError::lost(error),
+            error => EngineError::new(error),
+        })
     }
 
     fn info(&self) -> AdapterReport {

@@ -16,7 +16,7 @@ use std::{
 use tokio::sync::oneshot;
 
 use super::{
-    engine::Engine,
+    engine::{Engine, EngineError},
     exposure::Adaptation,
     schedule::{Pace, Shown},
     slot::{RenderFailure, RenderedFrame, Slot},
@@ -216,8 +216,8 @@ impl RenderHandle {
 
 /// The running thread.
 pub(super) struct RenderThread {
-    /// Its end, with its panic if there was one.
-    pub(super) join: thread::JoinHandle<()>,
+    /// Its end: in order, with the error that made the engine useless, or with its panic.
+    pub(super) join: thread::JoinHandle<Result<(), EngineError>>,
     /// Resolves (with an error, since nothing is sent) when the thread has ended.
     pub(super) ended: oneshot::Receiver<()>,
 }
@@ -265,7 +265,7 @@ pub(super) fn spawn(
     let join = thread::Builder::new().name("render".to_owned()).spawn(move || {
         // Dropped after the worker: whoever sees the end knows that the engine is gone too.
         let _farewell = farewell;
-        worker.run();
+        worker.run()
     })?;
     Ok((RenderHandle { shared }, RenderThread { join, ended }))
 }
@@ -289,7 +289,7 @@ struct Worker {
 }
 
 impl Worker {
-    fn run(mut self) {
+    fn run(mut self) -> Result<(), EngineError> {
         let mut adaptation = Adaptation::default();
         // When the last frame that came out was started, and what it showed.
         let mut last: Option<(Instant, Shown)> = None;
@@ -314,9 +314,15 @@ impl Worker {
                         slot.offer(Arc::clone(&frame));
                     }
                 }
-                Err(error) => self.refuse(job, &RenderFailure::Engine(error.to_string())),
+                Err(error) => {
+                    self.refuse(job, &RenderFailure::Engine(error.to_string()));
+                    if error.lost {
+                        return Err(error);
+                    }
+                }
             }
         }
+        Ok(())
     }
 
     /// Tells everyone who waited for a frame that there is none.

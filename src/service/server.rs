@@ -17,7 +17,7 @@ use tonic_health::{ServingStatus, server::HealthReporter};
 use tonic_web::GrpcWebLayer;
 
 use super::{
-    engine::Engine,
+    engine::{Engine, EngineError},
     handlers::Service,
     proto::{
         self, camera_service_server::CameraServiceServer, diagnostics_service_server::DiagnosticsServiceServer,
@@ -148,6 +148,9 @@ pub enum ServeError {
     /// The server failed.
     #[error("the server failed: {0}")]
     Transport(#[from] tonic::transport::Error),
+    /// The renderer is of no use any more, as when its device is lost: whoever started the daemon may start it anew.
+    #[error("the renderer was lost: {0}")]
+    Lost(EngineError),
     /// The renderer panicked.
     #[error("the render thread panicked: {message}")]
     Panicked {
@@ -246,7 +249,10 @@ async fn join(mut thread: RenderThread, ended: bool, deadline: Instant) -> Resul
         tracing::warn!("the render thread is still busy with a frame: ending without it");
         return Ok(());
     }
-    thread.join.join().map_err(|payload| ServeError::Panicked { message: panic_message(payload.as_ref()) })
+    match thread.join.join() {
+        Ok(end) => end.map_err(ServeError::Lost),
+        Err(payload) => Err(ServeError::Panicked { message: panic_message(payload.as_ref()) }),
+    }
 }
 
 /// Serves until told to end. Needs a tokio runtime with I/O and time. Encoders and a frame that were not finished within the

@@ -37,6 +37,8 @@ pub struct Controls {
     pub failing: AtomicBool,
     /// The next frame panics.
     pub panicking: AtomicBool,
+    /// The next frame finds the device lost.
+    pub lost: AtomicBool,
     /// Exposure that frames ask for, EV, at x = 0.
     pub metered_ev100: Mutex<f64>,
     /// How that changes with the camera's x, EV/m.
@@ -81,6 +83,9 @@ impl Engine for TestEngine {
         let closed = self.0.closed.lock().unwrap();
         drop(self.0.opened.wait_while(closed, |closed| *closed).unwrap());
         assert!(!self.0.panicking.load(SeqCst), "the test engine was told to panic");
+        if self.0.lost.load(SeqCst) {
+            return Err(EngineError::lost("the test engine was told to lose its device"));
+        }
         if self.0.failing.load(SeqCst) {
             self.0.finished.fetch_add(1, SeqCst);
             return Err(EngineError::new("the test engine was told to fail"));

@@ -79,6 +79,21 @@ async fn a_panicking_renderer_ends_the_daemon_with_an_error() {
     }
 }
 
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_lost_device_ends_the_daemon_with_an_error() {
+    let daemon = Daemon::start(small_rig()).await;
+    let mut client = daemon.client().await;
+    within(client.render_frame("flat", Encoding::Png)).await.unwrap();
+    daemon.controls.lost.store(true, SeqCst);
+    let error = within(client.render_frame("flat", Encoding::Png)).await.unwrap_err();
+    assert!(error.to_string().contains("lose its device"), "{error}");
+    drop(client);
+    match daemon.end().await {
+        Err(ServeError::Lost(error)) => assert!(error.lost && error.to_string().contains("lose its device"), "{error}"),
+        other => panic!("{other:?}"),
+    }
+}
+
 #[tokio::test]
 async fn bad_and_taken_addresses_are_clear_errors() {
     let daemon = Daemon::start(small_rig()).await;
