@@ -16,7 +16,7 @@ use clap::Parser;
 use exr::prelude::{ReadChannels, ReadLayers, read};
 use steradian::{
     config::Config,
-    photometry::rec709::luminance,
+    metrics::{self, HdrView},
     scene::loader::{StarSource, load_stars},
     units::PARSEC_M,
     view::projection::PlaneMapping,
@@ -46,14 +46,12 @@ fn illuminance_lx(path: &Path, mapping: &dyn PlaneMapping) -> Result<f64, Box<dy
         found.ok_or_else(|| format!("{}: no channel {name}", path.display()))
     };
     let (red, green, blue) = (channel("R")?, channel("G")?, channel("B")?);
-    let mut sum_lx = 0.0;
-    for (index, at) in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).enumerate() {
-        let rgb = [red, green, blue].map(|channel| f64::from(channel.sample_data.value_by_flat_index(index).to_f32()));
-        if rgb != [0.0; 3] {
-            sum_lx += luminance(rgb) * mapping.solid_angle_sr(at.0, at.1);
-        }
-    }
-    Ok(sum_lx)
+    let pixels: Vec<[f64; 3]> = (0..width as usize * height as usize)
+        .map(|index| {
+            [red, green, blue].map(|channel| f64::from(channel.sample_data.value_by_flat_index(index).to_f32()))
+        })
+        .collect();
+    Ok(metrics::illuminance_lx(&HdrView::new(mapping, &pixels)?)?)
 }
 
 fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {

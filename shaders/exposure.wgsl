@@ -1,6 +1,6 @@
 // The exposure pass: one workgroup sums the partial sums of illuminance of all tiles, in an order that never changes, and
 // chooses one exposure for all views. The mean luminance is sum(L Omega) / sum(Omega). The f64 twin is
-// src/photometry/exposure.rs.
+// src/photometry/exposure.rs. Needs shared/exposure.wgsl.
 
 struct ExposureParameters {
     // Solid angle of all pixels of the rig, sr.
@@ -13,15 +13,6 @@ struct ExposureParameters {
     fixed: u32,
     partial_count: u32,
     unused_0: u32,
-}
-
-struct Exposure {
-    // What this frame is shown with, and what the meter reads.
-    ev100: f32,
-    metered_ev100: f32,
-    mean_luminance_cd_m2: f32,
-    // Display values per cd/m^2.
-    display_per_cd_m2: f32,
 }
 
 @group(0) @binding(0) var<uniform> parameters: ExposureParameters;

@@ -2,7 +2,7 @@
 // divided by the pixel's solid angle. Where HDR is wanted, R, G, B in cd/m^2 and the solid angle in sr take the place of
 // the sums; where the exposure is known already, the display image is written at once. The pixel's illuminance, which is
 // its luminance times its solid angle, is summed for the exposure.
-// Needs viewport.wgsl, math.wgsl, projection.wgsl, display.wgsl and one of decode_*.wgsl.
+// Needs viewport.wgsl, math.wgsl, projection.wgsl, display.wgsl, pixel_grid.wgsl and one of decode_*.wgsl.
 
 struct ResolveParameters {
     lx_per_unit: f32,
@@ -27,9 +27,6 @@ struct ResolveParameters {
 
 override WRITE_HDR: bool = true;
 override WRITE_DISPLAY: bool = false;
-
-const COLUMNS: u32 = 64u;
-const ROWS: u32 = 16u;
 
 @compute @workgroup_size(COLUMNS)
 fn resolve(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {

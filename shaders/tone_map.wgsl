@@ -1,5 +1,5 @@
 // The tone-mapping pass: luminance over display white to 8 bits, dithered. The f64 twin is src/photometry/tone_map.rs.
-// Needs viewport.wgsl, math.wgsl and display.wgsl. It runs where the exposure is not known before
+// Needs viewport.wgsl, math.wgsl, display.wgsl, pixel_grid.wgsl and shared/exposure.wgsl. It runs where the exposure is not known before
 // the pixels are; otherwise the resolve pass writes the display image itself.
 
 struct ToneMapParameters {
@@ -11,13 +11,6 @@ struct ToneMapParameters {
     unused_1: u32,
 }
 
-struct Exposure {
-    ev100: f32,
-    metered_ev100: f32,
-    mean_luminance_cd_m2: f32,
-    display_per_cd_m2: f32,
-}
-
 @group(0) @binding(0) var<uniform> parameters: ToneMapParameters;
 @group(0) @binding(1) var<storage, read> viewports: array<Viewport>;
 @group(0) @binding(2) var<storage, read> tiles: array<Tile>;
@@ -25,9 +18,6 @@ struct Exposure {
 @group(0) @binding(3) var<storage, read> luminances: array<vec2<f32>>;
 @group(0) @binding(4) var<storage, read> exposure: Exposure;
 @group(0) @binding(5) var<storage, read_write> display: array<u32>;
-
-const COLUMNS: u32 = 64u;
-const ROWS: u32 = 16u;
 
 @compute @workgroup_size(COLUMNS)
 fn tone_map(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {

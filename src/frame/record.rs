@@ -14,7 +14,7 @@ use crate::{
         tone_map::ToneMapTarget,
     },
     plan::{
-        settings::{ExposureMode, RenderSettings},
+        settings::RenderSettings,
         tiles::{BYTES_PER_PIXEL, Batch},
     },
     view::Rig,
@@ -82,13 +82,9 @@ impl Renderer {
         let (tile_buffers, partial_count) = tile_buffers(gpu, prepared);
         let partials = self.partial_sums.with_room(gpu, u64::from(partial_count) * 4).clone();
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("frame") });
-        encoder.clear_buffer(&partials, 0, None);
 
         // Where the exposure is known before the pixels are, the resolve pass writes the display image itself.
-        let known_ev100 = match settings.exposure.mode {
-            ExposureMode::Manual => Some(settings.exposure.ev100),
-            ExposureMode::Auto => adapted_ev100,
-        };
+        let known_ev100 = settings.exposure.known_ev100(adapted_ev100);
         let any = |batch: &Batch, what: &dyn Fn(Wanted) -> bool| {
             batch.tiles.iter().any(|tile| what(wanted[prepared.viewports[tile.viewport].view]))
         };
@@ -176,7 +172,7 @@ impl Renderer {
             self.tone_map_pass.record(gpu, &mut pass, &settings.tone_map, &target, grid_of(prepared, batch));
         }
 
-        // Everything that leaves the GPU goes into one host buffer.
+        // Everything that leaves the GPU goes into host buffers, whose size is wanted beforehand: alignment included.
         let mut needed = 1024 + GpuTimer::readback_bytes() + 16 * counter_count as u64;
         for viewport in &prepared.viewports {
             let pixels = viewport.size().map(u64::from).iter().product::<u64>() + 64;

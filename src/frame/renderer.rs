@@ -19,7 +19,7 @@ use crate::{
         cull::{CullSettings, MAX_VIEWPORTS, VisibleChunk, distinct_eyes_pc, visible_chunks},
         plan_stars,
         range::{self, Ranges},
-        settings::{ExposureMode, ExposureSettings, RenderSettings},
+        settings::{ExposureSettings, RenderSettings},
         tiles::{BYTES_PER_PIXEL, Batch, batches},
     },
     scene::SceneSnapshot,
@@ -264,7 +264,10 @@ impl Renderer {
         let mut ranges = range::choose(&snapshot.stars, &visible, &distinct_eyes_pc(&viewports), faintest_lx);
         ranges.main.units_per_lx *= self.unit_factor;
         let total_solid_angle_sr = viewports.iter().map(|v| v.projection.picture_solid_angle_sr()).sum();
-        let expected_ev100 = adapted_ev100.or_else(|| expected_ev100(&visible, total_solid_angle_sr, settings));
+        let expected_ev100 = settings
+            .exposure
+            .known_ev100(adapted_ev100)
+            .or_else(|| expected_ev100(&visible, total_solid_angle_sr, &settings.exposure));
         let accumulator =
             if self.gpu.wide_accumulator { "fixed point, 2 x 64 bits" } else { "fixed point, 4 x 32 bits" };
         let plan = plan_stars(settings, &viewports, &ranges, expected_ev100, accumulator);
@@ -274,11 +277,11 @@ impl Renderer {
 }
 
 /// The exposure that a frame will be metered at, as far as the stars' positions tell: good to a fraction of a stop.
-fn expected_ev100(visible: &[VisibleChunk], total_solid_angle_sr: f64, settings: &RenderSettings) -> Option<f64> {
-    if settings.exposure.mode == ExposureMode::Manual || total_solid_angle_sr <= 0.0 {
+fn expected_ev100(visible: &[VisibleChunk], total_solid_angle_sr: f64, settings: &ExposureSettings) -> Option<f64> {
+    if total_solid_angle_sr <= 0.0 {
         return None;
     }
     let light_lx: f64 = visible.iter().map(|chunk| chunk.total_lx * f64::from(chunk.viewports.count_ones())).sum();
-    let ExposureSettings { compensation_ev, min_ev100, max_ev100, .. } = settings.exposure;
+    let ExposureSettings { compensation_ev, min_ev100, max_ev100, .. } = *settings;
     Some(metered_ev100(light_lx / total_solid_angle_sr, compensation_ev, min_ev100, max_ev100))
 }

@@ -17,6 +17,8 @@ const VIEWPORT: &str = include_str!("../../shaders/shared/viewport.wgsl");
 const MATH: &str = include_str!("../../shaders/shared/math.wgsl");
 const PROJECTION: &str = include_str!("../../shaders/shared/projection.wgsl");
 const DISPLAY: &str = include_str!("../../shaders/shared/display.wgsl");
+const EXPOSURE: &str = include_str!("../../shaders/shared/exposure.wgsl");
+const PIXEL_GRID: &str = include_str!("../../shaders/shared/pixel_grid.wgsl");
 
 /// The star pass.
 pub fn stars(wide: bool) -> ShaderSource {
@@ -41,7 +43,8 @@ pub fn resolve(wide: bool) -> ShaderSource {
     } else {
         include_str!("../../shaders/shared/decode_u32.wgsl")
     };
-    let text = [VIEWPORT, MATH, PROJECTION, DISPLAY, decode, include_str!("../../shaders/resolve.wgsl")].concat();
+    let text =
+        [VIEWPORT, MATH, PROJECTION, DISPLAY, PIXEL_GRID, decode, include_str!("../../shaders/resolve.wgsl")].concat();
     ShaderSource {
         name: if wide { "resolve u64" } else { "resolve u32" },
         entry_point: "resolve",
@@ -52,13 +55,13 @@ pub fn resolve(wide: bool) -> ShaderSource {
 
 /// The exposure pass.
 pub fn exposure() -> ShaderSource {
-    let text = include_str!("../../shaders/exposure.wgsl").to_owned();
+    let text = [EXPOSURE, include_str!("../../shaders/exposure.wgsl")].concat();
     ShaderSource { name: "exposure", entry_point: "choose_exposure", text, needs_u64: false }
 }
 
 /// The tone-mapping pass.
 pub fn tone_map() -> ShaderSource {
-    let text = [VIEWPORT, MATH, DISPLAY, include_str!("../../shaders/tone_map.wgsl")].concat();
+    let text = [VIEWPORT, MATH, DISPLAY, EXPOSURE, PIXEL_GRID, include_str!("../../shaders/tone_map.wgsl")].concat();
     ShaderSource { name: "tone map", entry_point: "tone_map", text, needs_u64: false }
 }
 

@@ -102,9 +102,10 @@ pub fn write_frame(
     let views = frame
         .views
         .iter()
-        .map(|statistics| ManifestView {
+        .zip(files)
+        .map(|(statistics, files)| ManifestView {
             name: &statistics.name,
-            files: rig.index_of(&statistics.name).map(|index| files[index].clone()).unwrap_or_default(),
+            files,
             stars_drawn: statistics.stars_drawn,
             stars_in_map: statistics.stars_in_map,
             gpu_ms: statistics.gpu_ms,

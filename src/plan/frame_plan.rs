@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::{
     range::Ranges,
-    settings::{ExposureMode, RenderSettings, StarMethod},
+    settings::{RenderSettings, StarMethod},
 };
 use crate::{photometry::exposure::white_luminance_cd_m2, view::Viewport};
 
@@ -62,16 +62,12 @@ pub fn plan_stars(
     expected_ev100: Option<f64>,
     accumulator: &str,
 ) -> StarPlan {
-    let ev100 = match settings.exposure.mode {
-        ExposureMode::Manual => Some(settings.exposure.ev100),
-        ExposureMode::Auto => expected_ev100,
-    };
     let tent_below_lx: Vec<f64> = viewports
         .iter()
         .map(|viewport| match settings.stars.method {
             StarMethod::Tent => f64::INFINITY,
             StarMethod::BSpline => 0.0,
-            StarMethod::Auto => ev100.map_or(0.0, |ev100| {
+            StarMethod::Auto => expected_ev100.map_or(0.0, |ev100| {
                 let peak = settings.accuracy.flicker / TENT_FLICKER_PER_PEAK;
                 peak * white_luminance_cd_m2(ev100) * viewport.projection.smallest_pixel_sr()
             }),

@@ -74,6 +74,17 @@ pub struct ExposureSettings {
     pub adaptation_s: f64,
 }
 
+impl ExposureSettings {
+    /// The exposure of a frame as far as it is known before the frame is drawn: the manual one, or the one that the frames
+    /// before have led to.
+    pub fn known_ev100(&self, adapted_ev100: Option<f64>) -> Option<f64> {
+        match self.mode {
+            ExposureMode::Manual => Some(self.ev100),
+            ExposureMode::Auto => adapted_ev100,
+        }
+    }
+}
+
 impl Default for ExposureSettings {
     fn default() -> Self {
         Self {
