@@ -57,7 +57,7 @@ struct Bench {
 
 impl Bench {
     fn frame(&mut self, scene: &SceneSnapshot, rig: &Rig) -> (FrameTimes, u64) {
-        let wanted = [Wanted { display: true, hdr: false }];
+        let wanted = [Wanted { display: true, hdr: false, ..Wanted::default() }];
         // As the daemon does, the exposure of the frame is the one that the frames before have adapted to.
         let frame =
             self.renderer.render(scene, rig, &self.settings, &wanted, self.adapted_ev100).expect("the frame renders");

@@ -47,7 +47,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     settings.exposure.compensation_ev = 10.0;
 
     let mut renderer = Renderer::new(Gpu::open(&GpuOptions::default())?);
-    let wanted = [Wanted { display: true, hdr: true }];
+    let wanted = [Wanted { display: true, hdr: true, ..Wanted::default() }];
     let frame = renderer.render(&scene, &rig, &settings, &wanted, None)?;
     println!("adapter     {}", renderer.adapter().adapter);
     println!("stars       {} of {} in view", frame.views[0].stars_drawn, scene.stars.stars.len());

@@ -53,6 +53,8 @@ pub struct Wanted {
     pub display: bool,
     /// The HDR image.
     pub hdr: bool,
+    /// The HDR image is made and stays on the GPU: to time the making of it.
+    pub hdr_stays: bool,
 }
 
 /// Time of the stages of a frame, ms.
@@ -62,6 +64,11 @@ pub struct FrameTimes {
     pub plan_ms: f64,
     /// Each pass on the GPU, by name; empty where the adapter has no timestamps.
     pub passes_ms: Vec<(&'static str, f64)>,
+    /// On the GPU from the clearing of the first buffer to the end of the last pass, without the copies that are read
+    /// back; `None` where the adapter has no timestamps.
+    pub gpu_ms: Option<f64>,
+    /// Culling on the CPU, part of `plan_ms`.
+    pub cull_ms: f64,
     /// From submission to the end of the readback.
     pub gpu_and_readback_ms: f64,
     /// All of [`Renderer::render`].

@@ -47,7 +47,7 @@ pub fn run(arguments: RenderArguments, adapter: Option<String>) -> Result<(), Cl
 
     let (stars, _) = load::stars(&config.star_sources(), &config.origin)?;
     let snapshot = SceneSnapshot { revision: 1, stars: Arc::new(stars), camera };
-    let wanted = vec![Wanted { display: true, hdr: true }; rig.views().len()];
+    let wanted = vec![Wanted { display: true, hdr: true, ..Wanted::default() }; rig.views().len()];
     let settings = config.render_settings();
     let frame = renderer
         .render(&snapshot, &rig, &settings, &wanted, None)

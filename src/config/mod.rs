@@ -180,7 +180,7 @@ impl Config {
     /// How frames are drawn.
     pub fn render_settings(&self) -> RenderSettings {
         RenderSettings {
-            stars: self.stars,
+            stars: self.stars.clone(),
             glare: self.glare.method,
             exposure: self.exposure,
             tone_map: self.tone_map,

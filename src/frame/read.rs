@@ -20,9 +20,12 @@ impl Renderer {
             return Err(RenderError::Overflow(counters[OVERFLOW_COUNTER]));
         }
         let exposure: Vec<layout::Exposure> = readback.read(gpu, places.exposure, 1)?;
-        let passes_ms = match places.ticks {
-            Some(place) => timer.times_ms(&readback.read(gpu, place, 2 * timer.passes())?),
-            None => Vec::new(),
+        let (passes_ms, gpu_ms) = match places.ticks {
+            Some(place) => {
+                let ticks: Vec<u64> = readback.read(gpu, place, 2 * timer.passes())?;
+                (timer.times_ms(&ticks), timer.whole_ms(&ticks))
+            }
+            None => (Vec::new(), None),
         };
         let mut images: Vec<FrameImage> = Vec::new();
         let mut image_of_viewport: Vec<Option<usize>> = vec![None; prepared.viewports.len()];
@@ -64,7 +67,7 @@ impl Renderer {
             images,
             views,
             plan: prepared.plan.clone(),
-            times: FrameTimes { passes_ms, ..Default::default() },
+            times: FrameTimes { passes_ms, gpu_ms, cull_ms: prepared.cull_ms, ..Default::default() },
         })
     }
 }

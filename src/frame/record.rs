@@ -83,6 +83,9 @@ impl Renderer {
         let partials = self.partial_sums.with_room(gpu, u64::from(partial_count) * 4).clone();
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("frame") });
 
+        // An empty pass, for the time at which the GPU begins.
+        drop(begin_pass(&mut encoder, timer, "begin"));
+
         // Where the exposure is known before the pixels are, the resolve pass writes the display image itself.
         let known_ev100 = settings.exposure.known_ev100(adapted_ev100);
         let any = |batch: &Batch, what: &dyn Fn(Wanted) -> bool| {
@@ -127,7 +130,9 @@ impl Renderer {
             }
             let display_here = known_ev100.is_some() && any(batch, &|wanted: Wanted| wanted.display);
             let display = display_here.then(|| buffers.display.with_room(gpu, batch.pixels * DISPLAY_BYTES).clone());
-            let hdr = any(batch, &|wanted: Wanted| wanted.hdr || (wanted.display && known_ev100.is_none()));
+            let hdr = any(batch, &|wanted: Wanted| {
+                wanted.hdr || wanted.hdr_stays || (wanted.display && known_ev100.is_none())
+            });
             let mut pass = begin_pass(&mut encoder, timer, "resolve");
             let target = ResolveTarget {
                 viewports: &viewports,
@@ -176,7 +181,7 @@ impl Renderer {
         let mut needed = 1024 + GpuTimer::readback_bytes() + 16 * counter_count as u64;
         for viewport in &prepared.viewports {
             let pixels = viewport.size().map(u64::from).iter().product::<u64>() + 64;
-            let Wanted { display, hdr } = wanted[viewport.view];
+            let Wanted { display, hdr, .. } = wanted[viewport.view];
             needed += pixels * (u64::from(display) * DISPLAY_BYTES + u64::from(hdr) * BYTES_PER_PIXEL) + 4096;
         }
         readback.begin(needed);
@@ -186,7 +191,7 @@ impl Renderer {
                 let viewport = &prepared.viewports[tile.viewport];
                 let count = u64::from(tile.rows) * u64::from(viewport.size()[0]);
                 let first = u64::from(tile.first_pixel);
-                let Wanted { display, hdr } = wanted[viewport.view];
+                let Wanted { display, hdr, .. } = wanted[viewport.view];
                 let mut copy = |buffer: &mut GrowingBuffer, room: u64, first_byte: u64, bytes: u64| {
                     let source = buffer.with_room(gpu, room).clone();
                     readback.copy(gpu, &mut encoder, &source, first_byte, bytes)

@@ -19,7 +19,7 @@ use crate::{
         cull::{CullSettings, MAX_VIEWPORTS, VisibleChunk, distinct_eyes_pc, visible_chunks},
         plan_stars,
         range::{self, Ranges},
-        settings::{ExposureSettings, RenderSettings},
+        settings::{ExposureSettings, RenderSettings, StarMethod},
         tiles::{BYTES_PER_PIXEL, Batch, batches},
     },
     scene::SceneSnapshot,
@@ -65,6 +65,9 @@ pub enum RenderError {
     /// Fixed-point sums overflowed. Units are chosen so that this cannot happen; it is reported, never shown.
     #[error("{0} fixed-point sums overflowed")]
     Overflow(u32),
+    /// The method is not drawn yet.
+    #[error("stars.method = `{0}` is not drawn yet")]
+    NotDrawn(&'static str),
     /// There must be one choice of buffers per view.
     #[error("{given} choices of buffers for {views} views")]
     WantedCount {
@@ -135,6 +138,7 @@ pub(super) struct Prepared {
     pub(super) encoded: Vec<layout::Viewport>,
     pub(super) plan: crate::plan::FramePlan,
     pub(super) total_solid_angle_sr: f64,
+    pub(super) cull_ms: f64,
 }
 
 impl Renderer {
@@ -204,6 +208,10 @@ impl Renderer {
         if wanted.len() != rig.views().len() {
             return Err(RenderError::WantedCount { given: wanted.len(), views: rig.views().len() });
         }
+        let method = settings.stars.method;
+        if !matches!(method, StarMethod::Auto | StarMethod::BSpline | StarMethod::Tent) {
+            return Err(RenderError::NotDrawn(method.name()));
+        }
         self.hold_stars(&snapshot.stars);
         let prepared = self.prepare(snapshot, rig, settings, adapted_ev100);
         let recorded = self.record(&prepared, rig, settings, wanted, adapted_ev100);
@@ -260,7 +268,9 @@ impl Renderer {
         let batches = batches(&sizes, self.gpu.max_binding_bytes() / BYTES_PER_PIXEL);
         let faintest_lx = illuminance_lx_from_magnitude(settings.stars.magnitude_limit);
         let cull = CullSettings { faintest_lx, enabled: self.culling };
+        let start = Instant::now();
         let visible = visible_chunks(&snapshot.stars, camera.position_m / PARSEC_M, &viewports, cull);
+        let cull_ms = start.elapsed().as_secs_f64() * 1e3;
         let mut ranges = range::choose(&snapshot.stars, &visible, &distinct_eyes_pc(&viewports), faintest_lx);
         ranges.main.units_per_lx *= self.unit_factor;
         let total_solid_angle_sr = viewports.iter().map(|v| v.projection.picture_solid_angle_sr()).sum();
@@ -272,7 +282,7 @@ impl Renderer {
             if self.gpu.wide_accumulator { "fixed point, 2 x 64 bits" } else { "fixed point, 4 x 32 bits" };
         let plan = plan_stars(settings, &viewports, &ranges, expected_ev100, accumulator);
         let encoded = viewports.iter().zip(&plan.tent_below_lx).map(|(v, tent)| encode_viewport(v, *tent)).collect();
-        Prepared { viewports, batches, visible, ranges, encoded, plan: plan.report, total_solid_angle_sr }
+        Prepared { viewports, batches, visible, ranges, encoded, plan: plan.report, total_solid_angle_sr, cull_ms }
     }
 }
 

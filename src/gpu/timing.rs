@@ -84,6 +84,12 @@ impl GpuTimer {
             .collect()
     }
 
+    /// From the beginning of the first pass to the end of the last one, ms.
+    pub(crate) fn whole_ms(&self, ticks: &[u64]) -> Option<f64> {
+        let (begin, end) = (ticks.first()?, ticks.last()?);
+        Some(end.saturating_sub(*begin) as f64 * self.period_ns * 1e-6)
+    }
+
     pub(crate) fn passes(&self) -> usize {
         self.names.len()
     }

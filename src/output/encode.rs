@@ -30,7 +30,7 @@ impl Encoding {
     /// The buffers that the encoding needs.
     pub fn wanted(self) -> Wanted {
         let hdr = matches!(self, Encoding::Rgb32f | Encoding::Exr);
-        Wanted { display: !hdr, hdr }
+        Wanted { display: !hdr, hdr, ..Wanted::default() }
     }
 
     /// Name in messages.

@@ -66,18 +66,17 @@ pub fn plan_stars(
         .iter()
         .map(|viewport| match settings.stars.method {
             StarMethod::Tent => f64::INFINITY,
-            StarMethod::BSpline => 0.0,
             StarMethod::Auto => expected_ev100.map_or(0.0, |ev100| {
                 let peak = settings.accuracy.flicker / TENT_FLICKER_PER_PEAK;
                 peak * white_luminance_cd_m2(ev100) * viewport.projection.smallest_pixel_sr()
             }),
+            _ => 0.0,
         })
         .collect();
     let stars = match settings.stars.method {
-        StarMethod::Tent => "tent",
-        StarMethod::BSpline => "bspline",
         StarMethod::Auto if tent_below_lx.iter().all(|lx| *lx == 0.0) => "auto: bspline",
         StarMethod::Auto => "auto: bspline, tent for stars too faint for their flicker to be seen",
+        method => method.name(),
     };
     let budget = &settings.accuracy;
     let bound = |what: &str, bound: f64, unit: &str, allowed: Option<f64>| Approximation {
@@ -112,7 +111,7 @@ pub fn plan_stars(
                 Some(budget.flicker),
             ));
         }
-        StarMethod::Auto | StarMethod::BSpline => {}
+        _ => {}
     }
     if let Some(bright) = ranges.bright {
         certificate.push(bound("rounding of the stars that outshine the rest", 1.0 / bright.units_per_lx, "lx", None));

@@ -7,6 +7,8 @@ pub mod cull;
 mod frame_plan;
 pub mod range;
 pub mod settings;
+mod star_method;
+mod star_settings;
 pub mod tiles;
 
 pub use frame_plan::{

@@ -2,21 +2,14 @@
 
 use serde::{Deserialize, Serialize};
 
+pub use super::{
+    star_method::{Accumulator, MethodSource, StarMethod},
+    star_settings::{
+        BillboardSettings, CellSkySettings, GaussianPsfSettings, PixelGaussianSettings, PsfTextureSettings,
+        StarSettings,
+    },
+};
 pub use crate::photometry::tone_map::ToneMapOperator;
-
-/// How stars are drawn. Every method adds illuminance to pixels and divides by the pixel's solid angle at the end.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, Default)]
-#[serde(rename_all = "snake_case")]
-pub enum StarMethod {
-    /// The B-spline for stars whose shape is seen, the tent for those too faint for it.
-    #[default]
-    Auto,
-    /// 3x3 quadratic B-spline.
-    #[serde(rename = "bspline")]
-    BSpline,
-    /// 2x2 bilinear tent.
-    Tent,
-}
 
 /// How glare is computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, Default)]
@@ -38,22 +31,6 @@ pub enum ExposureMode {
     Auto,
     /// `ev100` as given.
     Manual,
-}
-
-/// Star settings.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct StarSettings {
-    /// The method.
-    pub method: StarMethod,
-    /// Stars fainter than this apparent magnitude, for the camera's place, are not drawn.
-    pub magnitude_limit: f64,
-}
-
-impl Default for StarSettings {
-    fn default() -> Self {
-        Self { method: StarMethod::Auto, magnitude_limit: 99.0 }
-    }
 }
 
 /// Exposure settings.
@@ -126,7 +103,7 @@ impl Default for AccuracySettings {
 }
 
 /// Everything that decides how a snapshot is drawn.
-#[derive(Clone, Copy, Debug, PartialEq, Default)]
+#[derive(Clone, Debug, PartialEq, Default)]
 pub struct RenderSettings {
     /// Stars.
     pub stars: StarSettings,

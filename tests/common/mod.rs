@@ -60,7 +60,7 @@ pub fn settings(method: StarMethod) -> RenderSettings {
 
 /// Renders the HDR images of all views.
 pub fn render_hdr(renderer: &mut Renderer, snapshot: &SceneSnapshot, rig: &Rig, settings: &RenderSettings) -> Frame {
-    let wanted = vec![Wanted { display: false, hdr: true }; rig.views().len()];
+    let wanted = vec![Wanted { display: false, hdr: true, ..Wanted::default() }; rig.views().len()];
     renderer.render(snapshot, rig, settings, &wanted, None).expect("the frame renders")
 }
 

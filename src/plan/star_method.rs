@@ -1,0 +1,203 @@
+//! The ways of drawing stars, by name: ours and those of the published systems, as published.
+//!
+//! A method is a footprint (which pixels a star reaches) times a profile (how its light is shared among them) times an
+//! accumulator (how the light of many stars adds up).
+
+use serde::{Deserialize, Serialize};
+
+/// Where a method comes from, as `chart.csv` names it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum MethodSource {
+    /// This project.
+    Steradian,
+    /// Schneegans, Kreskowski, Gerndt: "Smaller than Pixels: Rendering Millions of Stars in Real-Time".
+    SmallerThanPixels,
+    /// The proposal of a Gaussian point-spread function for Celestia.
+    CelestiaStarPsf,
+    /// "Rendering a Billion Stars?": a procedural sky on a distorted cube grid.
+    BillionStarsCubemap,
+    /// "Rendering star fields in 3D": textures of point-spread functions on billboards.
+    StarFieldsPsf,
+}
+
+impl MethodSource {
+    /// Name in `chart.csv`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Steradian => "steradian",
+            Self::SmallerThanPixels => "smaller-than-pixels",
+            Self::CelestiaStarPsf => "celestia-star-psf",
+            Self::BillionStarsCubemap => "billion-stars-cubemap",
+            Self::StarFieldsPsf => "star-fields-psf-godot",
+        }
+    }
+}
+
+/// How the light of many stars adds up in a pixel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Accumulator {
+    /// Whole numbers in atomics: free of order.
+    FixedPoint,
+    /// Luminance and temperature as two halves of a 32-bit word, exchanged if unchanged.
+    PackedCompareExchange,
+    /// Additive blending of the graphics pipeline.
+    Blending,
+    /// Nothing adds up: every pixel is computed by itself.
+    PerPixel,
+}
+
+/// How stars are drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, Default)]
+#[serde(rename_all = "snake_case")]
+pub enum StarMethod {
+    /// For each star the cheapest of tent, B-spline and Gaussian whose flicker stays below what the display shows.
+    #[default]
+    Auto,
+    /// 3x3 quadratic B-spline.
+    #[serde(rename = "bspline")]
+    BSpline,
+    /// 2x2 bilinear tent.
+    Tent,
+    /// Gaussian integrated over the pixels, its width in pixels or as an angle; round in view space.
+    PixelGaussian,
+    /// The published compute rasteriser: 2x2, two halves in a word, every star in the order of the catalogue.
+    PackedCas,
+    /// The same on stars that were culled and sorted as ours are.
+    PackedCasSorted,
+    /// Points of one pixel, drawn by the graphics pipeline.
+    HardwarePoint,
+    /// Points of one pixel with antialiased edges.
+    HardwareSmoothPoint,
+    /// Discs of constant solid angle that face the camera.
+    Disc,
+    /// The same with a brightness that falls off to the edge.
+    SmoothDisc,
+    /// Discs whose size grows with the star's brightness.
+    ScaledDisc,
+    /// Large billboards with a built-in glare.
+    GlareDisc,
+    /// Textured billboards of constant solid angle that face the camera.
+    Sprite,
+    /// Gaussian with a glare Gaussian, sampled at the pixels' centres, relative to a limiting magnitude.
+    GaussianPsf,
+    /// The same, integrated over the pixels.
+    GaussianPsfIntegrated,
+    /// Squares parallel to the screen, of constant size in pixels.
+    ScreenBillboard,
+    /// A procedural sky: one star per cell of a distorted cube grid.
+    CellSky,
+    /// A texture of a point-spread function, cropped by the star's brightness.
+    PsfTexture,
+}
+
+impl StarMethod {
+    /// Every method, in the order of the chart.
+    pub const ALL: [Self; 18] = [
+        Self::Auto,
+        Self::BSpline,
+        Self::Tent,
+        Self::PixelGaussian,
+        Self::PackedCas,
+        Self::PackedCasSorted,
+        Self::HardwarePoint,
+        Self::HardwareSmoothPoint,
+        Self::Disc,
+        Self::SmoothDisc,
+        Self::ScaledDisc,
+        Self::GlareDisc,
+        Self::Sprite,
+        Self::GaussianPsf,
+        Self::GaussianPsfIntegrated,
+        Self::ScreenBillboard,
+        Self::CellSky,
+        Self::PsfTexture,
+    ];
+
+    /// Name in configurations, on the wire and in charts.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Auto => "auto",
+            Self::BSpline => "bspline",
+            Self::Tent => "tent",
+            Self::PixelGaussian => "pixel_gaussian",
+            Self::PackedCas => "packed_cas",
+            Self::PackedCasSorted => "packed_cas_sorted",
+            Self::HardwarePoint => "hardware_point",
+            Self::HardwareSmoothPoint => "hardware_smooth_point",
+            Self::Disc => "disc",
+            Self::SmoothDisc => "smooth_disc",
+            Self::ScaledDisc => "scaled_disc",
+            Self::GlareDisc => "glare_disc",
+            Self::Sprite => "sprite",
+            Self::GaussianPsf => "gaussian_psf",
+            Self::GaussianPsfIntegrated => "gaussian_psf_integrated",
+            Self::ScreenBillboard => "screen_billboard",
+            Self::CellSky => "cell_sky",
+            Self::PsfTexture => "psf_texture",
+        }
+    }
+
+    /// The method of a name; `None` if there is none.
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|method| method.name() == name)
+    }
+
+    /// Where the method comes from.
+    pub fn source(self) -> MethodSource {
+        match self {
+            Self::Auto | Self::BSpline | Self::Tent | Self::PixelGaussian => MethodSource::Steradian,
+            Self::PackedCas
+            | Self::PackedCasSorted
+            | Self::HardwarePoint
+            | Self::HardwareSmoothPoint
+            | Self::Disc
+            | Self::SmoothDisc
+            | Self::ScaledDisc
+            | Self::GlareDisc
+            | Self::Sprite => MethodSource::SmallerThanPixels,
+            Self::GaussianPsf | Self::GaussianPsfIntegrated | Self::ScreenBillboard => MethodSource::CelestiaStarPsf,
+            Self::CellSky => MethodSource::BillionStarsCubemap,
+            Self::PsfTexture => MethodSource::StarFieldsPsf,
+        }
+    }
+
+    /// How light adds up.
+    pub fn accumulator(self) -> Accumulator {
+        match self {
+            Self::Auto | Self::BSpline | Self::Tent | Self::PixelGaussian => Accumulator::FixedPoint,
+            Self::PackedCas | Self::PackedCasSorted => Accumulator::PackedCompareExchange,
+            Self::CellSky => Accumulator::PerPixel,
+            _ => Accumulator::Blending,
+        }
+    }
+
+    /// Whether the method was published for a flat image plane, and reaches other projections through cube faces.
+    pub fn needs_planes(self) -> bool {
+        self.accumulator() == Accumulator::Blending
+    }
+
+    /// Whether brightness is relative to the display, so that scores are taken after one fitted scale.
+    pub fn is_relative(self) -> bool {
+        matches!(self, Self::GaussianPsf | Self::GaussianPsfIntegrated | Self::ScreenBillboard | Self::CellSky)
+    }
+
+    /// Whether the stars are those of the catalogue; the procedural sky has stars of its own.
+    pub fn draws_catalogue(self) -> bool {
+        self != Self::CellSky
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_unique_and_the_ones_that_configurations_read() {
+        for (index, method) in StarMethod::ALL.into_iter().enumerate() {
+            assert_eq!(StarMethod::ALL.iter().position(|other| other.name() == method.name()), Some(index));
+            assert_eq!(StarMethod::from_name(method.name()), Some(method));
+            assert_eq!(serde_json::to_value(method).unwrap(), method.name());
+        }
+        assert_eq!(StarMethod::from_name("point"), None);
+    }
+}

@@ -1,0 +1,139 @@
+//! The `[stars]` settings: which method, which stars, and one table for each method that has parameters of its own.
+
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+
+use super::star_method::StarMethod;
+
+/// Star settings.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct StarSettings {
+    /// The method.
+    pub method: StarMethod,
+    /// Stars fainter than this apparent magnitude, for the camera's place, are not drawn.
+    pub magnitude_limit: f64,
+    /// `[stars.pixel_gaussian]`.
+    pub pixel_gaussian: PixelGaussianSettings,
+    /// `[stars.billboard]`.
+    pub billboard: BillboardSettings,
+    /// `[stars.gaussian_psf]`.
+    pub gaussian_psf: GaussianPsfSettings,
+    /// `[stars.cell_sky]`.
+    pub cell_sky: CellSkySettings,
+    /// `[stars.psf_texture]`.
+    pub psf_texture: PsfTextureSettings,
+}
+
+impl Default for StarSettings {
+    fn default() -> Self {
+        Self {
+            method: StarMethod::Auto,
+            magnitude_limit: 99.0,
+            pixel_gaussian: PixelGaussianSettings::default(),
+            billboard: BillboardSettings::default(),
+            gaussian_psf: GaussianPsfSettings::default(),
+            cell_sky: CellSkySettings::default(),
+            psf_texture: PsfTextureSettings::default(),
+        }
+    }
+}
+
+/// Parameters of `pixel_gaussian`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct PixelGaussianSettings {
+    /// Standard deviation, pixels, where no angle is given.
+    pub sigma_px: f64,
+    /// Standard deviation as an angle in the sky, arcminutes; it takes the place of `sigma_px`.
+    pub sigma_arcmin: Option<f64>,
+}
+
+impl Default for PixelGaussianSettings {
+    fn default() -> Self {
+        Self { sigma_px: 0.7, sigma_arcmin: None }
+    }
+}
+
+/// Parameters of the discs, of `glare_disc`, `sprite` and `screen_billboard`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct BillboardSettings {
+    /// Diameter in the sky of discs and sprites, arcminutes. Of `scaled_disc`: of a star of magnitude 0.
+    pub diameter_arcmin: f64,
+    /// Diameter of `glare_disc`, arcminutes.
+    pub glare_diameter_arcmin: f64,
+    /// Side of `screen_billboard`, pixels.
+    pub screen_size_px: f64,
+}
+
+impl Default for BillboardSettings {
+    fn default() -> Self {
+        Self { diameter_arcmin: 12.0, glare_diameter_arcmin: 60.0, screen_size_px: 5.0 }
+    }
+}
+
+/// Parameters of `gaussian_psf` and `gaussian_psf_integrated`, under the names of the proposal.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct GaussianPsfSettings {
+    /// Faintest magnitude that is seen.
+    pub limiting_magnitude: f64,
+    /// Magnitude from which on a star's centre is at display white.
+    pub saturation_magnitude: f64,
+    /// Variance of the point-spread function with the pixel's response, pixels^2.
+    pub sigma2_px2: f64,
+    /// Variance of the glare Gaussian, pixels^2.
+    pub glare_sigma2_px2: f64,
+    /// Brightness of the glare Gaussian.
+    pub glare_brightness: f64,
+}
+
+impl Default for GaussianPsfSettings {
+    fn default() -> Self {
+        Self {
+            limiting_magnitude: 7.0,
+            saturation_magnitude: 1.0,
+            sigma2_px2: 0.49,
+            glare_sigma2_px2: 9.0,
+            glare_brightness: 0.01,
+        }
+    }
+}
+
+/// Parameters of `cell_sky`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct CellSkySettings {
+    /// Cells along an edge of a cube face.
+    pub cells: u32,
+    /// Layers of stars.
+    pub layers: u32,
+    /// Radius of a star, in pixels of the middle of the view.
+    pub radius_px: f64,
+    /// Seed of the sky.
+    pub seed: u32,
+}
+
+impl Default for CellSkySettings {
+    fn default() -> Self {
+        Self { cells: 200, layers: 9, radius_px: 1.0, seed: 1 }
+    }
+}
+
+/// Parameters of `psf_texture`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct PsfTextureSettings {
+    /// EXR or FITS file of a point-spread function; without one, that of `aperture`.
+    pub file: Option<PathBuf>,
+    /// Angle that the whole texture covers, arcminutes.
+    pub width_arcmin: f64,
+}
+
+impl Default for PsfTextureSettings {
+    fn default() -> Self {
+        Self { file: None, width_arcmin: 240.0 }
+    }
+}
