@@ -6,7 +6,7 @@ use common::*;
 use glam::{DVec2, DVec3};
 use steradian::{
     catalogue::StarRecord,
-    frame::RenderError,
+    frame::{RenderError, Wanted},
     gpu::GpuOptions,
     photometry::rec709::luminance,
     plan::settings::StarMethod,
@@ -77,7 +77,7 @@ fn a_provoked_overflow_is_reported() {
         let mut renderer = renderer_with(&GpuOptions { force_u32_accumulator, ..Default::default() });
         let rig = rig(vec![("v", ViewKind::Perspective { size: [9, 9], fov_y_rad: 0.5 })]);
         let scene = snapshot(vec![star(DVec3::NEG_Z, 2.0); 4096]);
-        let wanted = [steradian::frame::Wanted { display: false, hdr: true, ..Wanted::default() }];
+        let wanted = [Wanted { display: false, hdr: true, ..Wanted::default() }];
         let mut render = |factor: f64| {
             renderer.unit_factor = factor;
             renderer.render(&scene, &rig, &settings(StarMethod::BSpline), &wanted, None)
@@ -197,7 +197,7 @@ fn five_frames_are_identical() {
     let mut renderer = renderer();
     let scene = snapshot(spiral(20_000).enumerate().map(|(i, d)| star(d, (i % 12) as f32)).collect());
     let rig = rig(vec![("a", ViewKind::Equirectangular { size: [256, 128] }), ("b", all_views()[5].1.clone())]);
-    let wanted = [steradian::frame::Wanted { display: true, hdr: true, ..Wanted::default() }; 2];
+    let wanted = [Wanted { display: true, hdr: true, ..Wanted::default() }; 2];
     let mut frames = (0..5).map(|_| {
         let frame = renderer.render(&scene, &rig, &settings(StarMethod::Auto), &wanted, None).expect("renders");
         let images: Vec<_> = frame.images.into_iter().map(|image| (image.hdr, image.display)).collect();
@@ -211,7 +211,7 @@ fn five_frames_are_identical() {
 /// the same picture, and the f64 curve of the HDR image but for the dither.
 #[test]
 fn both_ways_to_the_display_image_agree() {
-    use steradian::{frame::Wanted, photometry::exposure::white_luminance_cd_m2, plan::settings::ToneMapOperator};
+    use steradian::{photometry::exposure::white_luminance_cd_m2, plan::settings::ToneMapOperator};
     let mut renderer = renderer();
     let scene = snapshot(spiral(20_000).enumerate().map(|(i, d)| star(d, (i % 12) as f32)).collect());
     let rig = rig(vec![("a", ViewKind::Equirectangular { size: [256, 128] }), ("b", all_views()[5].1.clone())]);
@@ -250,8 +250,7 @@ fn cut_into_strips_and_batches_the_picture_is_the_same() {
     let scene = snapshot(spiral(6000).enumerate().map(|(i, d)| star(d, (i % 14) as f32)).collect());
     let rig = rig(all_views());
     let images = |options: &GpuOptions| {
-        let wanted =
-            vec![steradian::frame::Wanted { display: true, hdr: true, ..Wanted::default() }; rig.views().len()];
+        let wanted = vec![Wanted { display: true, hdr: true, ..Wanted::default() }; rig.views().len()];
         let mut renderer = renderer_with(options);
         let frame = renderer.render(&scene, &rig, &settings(StarMethod::BSpline), &wanted, None).expect("renders");
         let drawn: Vec<u64> = frame.views.iter().map(|view| view.stars_drawn).collect();
@@ -272,7 +271,7 @@ fn a_single_star_beyond_the_range_is_reported() {
     for force_u32_accumulator in [false, true] {
         let mut renderer = renderer_with(&GpuOptions { force_u32_accumulator, ..Default::default() });
         let rig = rig(vec![("v", ViewKind::Perspective { size: [9, 9], fov_y_rad: 0.5 })]);
-        let wanted = [steradian::frame::Wanted { display: false, hdr: true, ..Wanted::default() }];
+        let wanted = [Wanted { display: false, hdr: true, ..Wanted::default() }];
         renderer.unit_factor = 1e6;
         let scene = snapshot(vec![star(DVec3::NEG_Z, 2.0)]);
         let result = renderer.render(&scene, &rig, &settings(StarMethod::BSpline), &wanted, None);
