@@ -1,29 +1,7 @@
 // The star pass: every star of every visible chunk, splatted in illuminance into all tiles that may see it.
 //
 // One workgroup takes one item: a run of stars of one chunk, and the set of tiles. Needs viewport.wgsl, math.wgsl,
-// projection.wgsl and one of accumulate_*.wgsl. The f64 twin is src/reference/stars.rs.
-
-struct Star {
-    // pc from the chunk's origin; unit vector at infinity.
-    offset_x: f32,
-    offset_y: f32,
-    offset_z: f32,
-    // Illuminance at 1 pc (7 bits exponent, 14 bits mantissa) and temperature (11 bits): src/catalogue/packed.rs.
-    light: u32,
-}
-
-struct StarItem {
-    // Chunk origin minus camera, pc.
-    origin: vec3<f32>,
-    first: u32,
-    count: u32,
-    // Bit i: tile i of the batch may see these stars.
-    tiles: u32,
-    // Number of the first star among all stars of the scene: what the dither depends on.
-    first_number: u32,
-    // 1 if the stars are at infinity, where the eye's place does not matter.
-    at_infinity: u32,
-}
+// projection.wgsl, star.wgsl and one of accumulate_*.wgsl. The f64 twin is src/reference/stars.rs.
 
 struct StarParameters {
     // Fixed-point units per lux.
@@ -161,8 +139,7 @@ fn splat_stars(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocatio
             let star = stars[item.first + i];
             let relative = origin + vec3(star.offset_x, star.offset_y, star.offset_z);
             let distance_squared = dot(relative, relative);
-            let at_1_pc = bitcast<f32>(((star.light >> 11u) << 9u) + (49u << 23u));
-            let illuminance = at_1_pc / distance_squared;
+            let illuminance = illuminance_at_1_pc(star) / distance_squared;
             // A star at the camera's place has no direction; the comparison is also false for NaN.
             if !(illuminance >= parameters.faintest_lx && illuminance < parameters.brightest_lx && distance_squared > 0.0) {
                 continue;

@@ -2,19 +2,21 @@
 
 use super::{
     Wanted,
+    published::PackedFrame,
     renderer::{BatchBuffers, DISPLAY_BYTES, Prepared, Renderer},
     star_buffers::{Items, build_items},
 };
 use crate::{
     gpu::{Gpu, GpuTimer, GrowingBuffer, ReadbackPlace, layout, storage_buffer},
     passes::{
+        luminance::LuminanceTarget,
         resolve::ResolveTarget,
-        shared::{partial_sums, pixel_grid},
-        stars::{FIRST_VIEW_COUNTER, StarDraw, StarTarget},
+        shared::{StarDraw, StarTarget, partial_sums, pixel_grid},
+        stars::FIRST_VIEW_COUNTER,
         tone_map::ToneMapTarget,
     },
     plan::{
-        settings::RenderSettings,
+        settings::{Accumulator, RenderSettings},
         tiles::{BYTES_PER_PIXEL, Batch},
     },
     view::Rig,
@@ -61,8 +63,10 @@ impl Renderer {
         timer.begin();
 
         // Upload what changes from frame to frame.
-        let star_buffers = self.stars.as_ref().expect("stars are held before anything is recorded");
-        let Items { items, runs, near } = build_items(star_buffers, &prepared.visible, &prepared.batches);
+        let method = settings.stars.method;
+        let star_buffers = self.stars.as_ref().filter(|_| method.reads_visible());
+        let Items { items, runs, near } =
+            star_buffers.map(|buffers| build_items(buffers, &prepared.visible, &prepared.batches)).unwrap_or_default();
         let item_buffer = item_buffers.items.upload(gpu, &items).clone();
         let near_buffer = item_buffers.near.upload(gpu, &near).clone();
         let viewports = storage_buffer(gpu, "viewports", &prepared.encoded);
@@ -100,12 +104,11 @@ impl Renderer {
             if bright_pixels.is_none() {
                 buffers.bright_pixels.release();
             }
-            encoder.clear_buffer(&pixels, 0, Some(bytes));
             let draws: Vec<StarDraw<'_>> = runs
                 .iter()
                 .filter(|run| run.batch == index)
                 .map(|run| StarDraw {
-                    stars: run.segment.map_or(&near_buffer, |segment| star_buffers.buffer(segment)),
+                    stars: run.segment.zip(star_buffers).map_or(&near_buffer, |(segment, stars)| stars.buffer(segment)),
                     items: &item_buffer,
                     first_item: run.first_item,
                     item_count: run.item_count,
@@ -118,6 +121,33 @@ impl Renderer {
                 pixels,
                 plane_pixels,
             };
+            let grid = grid_of(prepared, batch);
+            if method.accumulator() == Accumulator::PackedCompareExchange {
+                let frame = PackedFrame {
+                    method,
+                    camera_pc: prepared.camera_pc.as_vec3().to_array(),
+                    faintest_lx: prepared.faintest_lx,
+                    tiles: batch.tiles.len() as u32,
+                    draws: &draws,
+                    colours: self.star_pass.colours(),
+                    grid,
+                };
+                let words = self.published.packed_words(gpu, &mut encoder, batch.pixels);
+                let mut pass = begin_pass(&mut encoder, timer, "stars");
+                self.published.record_packed(gpu, &mut pass, &frame, &star_target(&words));
+                drop(pass);
+                let mut pass = begin_pass(&mut encoder, timer, "resolve");
+                let target = LuminanceTarget {
+                    viewports: &viewports,
+                    tiles: &tile_buffers[index],
+                    pixels: &pixels,
+                    partial_sums: &partials,
+                    plane_pixels,
+                };
+                self.published.resolve_packed(gpu, &mut pass, &frame, &words, &target);
+                continue;
+            }
+            encoder.clear_buffer(&pixels, 0, Some(bytes));
             {
                 let mut pass = begin_pass(&mut encoder, timer, "stars");
                 let target = star_target(&pixels);
@@ -143,7 +173,6 @@ impl Renderer {
                 display: display.as_ref(),
                 plane_pixels,
             };
-            let grid = grid_of(prepared, batch);
             let operator = settings.tone_map.operator;
             self.resolve_pass.record(gpu, &mut pass, &prepared.ranges, hdr, known_ev100, operator, &target, grid);
         }
@@ -160,7 +189,8 @@ impl Renderer {
                 &exposure,
             );
         }
-        let tone_mapped = |batch: &Batch| known_ev100.is_none() && any(batch, &|wanted: Wanted| wanted.display);
+        let fused = known_ev100.is_some() && method.accumulator() == Accumulator::FixedPoint;
+        let tone_mapped = |batch: &Batch| !fused && any(batch, &|wanted: Wanted| wanted.display);
         for (index, batch) in prepared.batches.iter().enumerate().filter(|(_, batch)| tone_mapped(batch)) {
             let buffers = &mut batch_buffers[index];
             let pixels = buffers.pixels.with_room(gpu, batch.pixels * BYTES_PER_PIXEL).clone();

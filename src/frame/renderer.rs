@@ -6,8 +6,11 @@ use std::{
     time::{Duration, Instant},
 };
 
+use glam::DVec3;
+
 use super::{
     Frame, Wanted,
+    published::Published,
     star_buffers::{ItemBuffers, StarBuffers},
 };
 use crate::{
@@ -115,6 +118,7 @@ pub struct Renderer {
     pub(super) resolve_pass: ResolvePass,
     pub(super) exposure_pass: ExposurePass,
     pub(super) tone_map_pass: ToneMapPass,
+    pub(super) published: Published,
     pub(super) timer: GpuTimer,
     pub(super) stars: Option<StarBuffers>,
     pub(super) item_buffers: ItemBuffers,
@@ -139,6 +143,8 @@ pub(super) struct Prepared {
     pub(super) plan: crate::plan::FramePlan,
     pub(super) total_solid_angle_sr: f64,
     pub(super) cull_ms: f64,
+    pub(super) camera_pc: DVec3,
+    pub(super) faintest_lx: f64,
 }
 
 impl Renderer {
@@ -150,6 +156,7 @@ impl Renderer {
             resolve_pass: ResolvePass::new(&gpu),
             exposure_pass: ExposurePass::new(&gpu),
             tone_map_pass: ToneMapPass::new(&gpu),
+            published: Published::new(),
             timer: GpuTimer::new(&gpu),
             stars: None,
             item_buffers: ItemBuffers::new(),
@@ -209,10 +216,11 @@ impl Renderer {
             return Err(RenderError::WantedCount { given: wanted.len(), views: rig.views().len() });
         }
         let method = settings.stars.method;
-        if !matches!(method, StarMethod::Auto | StarMethod::BSpline | StarMethod::Tent) {
+        use StarMethod::*;
+        if !matches!(method, Auto | BSpline | Tent | PackedCas | PackedCasSorted) {
             return Err(RenderError::NotDrawn(method.name()));
         }
-        self.hold_stars(&snapshot.stars);
+        self.hold_stars(method, &snapshot.stars);
         let prepared = self.prepare(snapshot, rig, settings, adapted_ev100);
         let recorded = self.record(&prepared, rig, settings, wanted, adapted_ev100);
         let plan_ms = start.elapsed().as_secs_f64() * 1e3;
@@ -242,14 +250,16 @@ impl Renderer {
 
     fn forget_buffers(&mut self) {
         self.stars = None;
+        self.published.forget_buffers();
         self.batch_buffers.clear();
         self.item_buffers = ItemBuffers::new();
         self.partial_sums.release();
         self.readback = ReadbackBuffer::new("readback");
     }
 
-    fn hold_stars(&mut self, set: &Arc<StarSet>) {
-        if self.stars.as_ref().is_none_or(|stars| !stars.holds(set)) {
+    fn hold_stars(&mut self, method: StarMethod, set: &Arc<StarSet>) {
+        self.published.hold_catalogue(&self.gpu, method, set);
+        if method.reads_visible() && self.stars.as_ref().is_none_or(|stars| !stars.holds(set)) {
             self.stars = None;
             self.stars = Some(StarBuffers::new(&self.gpu, set.clone()));
         }
@@ -269,7 +279,12 @@ impl Renderer {
         let faintest_lx = illuminance_lx_from_magnitude(settings.stars.magnitude_limit);
         let cull = CullSettings { faintest_lx, enabled: self.culling };
         let start = Instant::now();
-        let visible = visible_chunks(&snapshot.stars, camera.position_m / PARSEC_M, &viewports, cull);
+        let camera_pc = camera.position_m / PARSEC_M;
+        let visible = if settings.stars.method.reads_visible() {
+            visible_chunks(&snapshot.stars, camera_pc, &viewports, cull)
+        } else {
+            Vec::new()
+        };
         let cull_ms = start.elapsed().as_secs_f64() * 1e3;
         let mut ranges = range::choose(&snapshot.stars, &visible, &distinct_eyes_pc(&viewports), faintest_lx);
         ranges.main.units_per_lx *= self.unit_factor;
@@ -282,7 +297,18 @@ impl Renderer {
             if self.gpu.wide_accumulator { "fixed point, 2 x 64 bits" } else { "fixed point, 4 x 32 bits" };
         let plan = plan_stars(settings, &viewports, &ranges, expected_ev100, accumulator);
         let encoded = viewports.iter().zip(&plan.tent_below_lx).map(|(v, tent)| encode_viewport(v, *tent)).collect();
-        Prepared { viewports, batches, visible, ranges, encoded, plan: plan.report, total_solid_angle_sr, cull_ms }
+        Prepared {
+            viewports,
+            batches,
+            visible,
+            ranges,
+            encoded,
+            plan: plan.report,
+            total_solid_angle_sr,
+            cull_ms,
+            camera_pc,
+            faintest_lx,
+        }
     }
 }
 

@@ -10,7 +10,7 @@ use crate::{
         packed::PackedStar,
     },
     gpu::{Gpu, GrowingBuffer, layout, storage_buffer},
-    passes::stars::{ITEM_ALIGNMENT, ITEM_STARS},
+    passes::{shared::ITEM_ALIGNMENT, stars::ITEM_STARS},
     plan::{
         cull::{VisibleChunk, near_stars},
         tiles::Batch,
@@ -72,6 +72,7 @@ pub(super) struct ItemRun {
 }
 
 /// Items of all batches, in one buffer.
+#[derive(Default)]
 pub(super) struct Items {
     pub items: Vec<layout::StarItem>,
     pub runs: Vec<ItemRun>,

@@ -123,6 +123,56 @@ gpu_structs! {
         /// Padding.
         unused_1: u32,
     }
+    /// A star as the published methods read it; see `shaders/shared/catalogue_star.wgsl`.
+    CatalogueStar {
+        /// ICRS, from the barycentre, pc.
+        x: f32,
+        /// See `x`.
+        y: f32,
+        /// See `x`.
+        z: f32,
+        /// Absolute V magnitude.
+        absolute_magnitude: f32,
+        /// Effective temperature, K.
+        temperature: f32,
+    }
+    /// Parameters of the published passes over the whole catalogue.
+    CatalogueParameters {
+        /// Place of the camera, ICRS, pc.
+        camera: [f32; 3],
+        /// Stars of the buffer.
+        star_count: u32,
+        /// Fainter stars are not drawn, lx.
+        faintest_lx: f32,
+        /// The tile drawn into.
+        tile: u32,
+        /// Threads per row of the dispatch.
+        row_threads: u32,
+        /// Padding.
+        unused_0: u32,
+    }
+    /// Parameters of the published rasteriser on culled stars.
+    PackedParameters {
+        /// Fainter stars are not drawn, lx.
+        faintest_lx: f32,
+        /// Number of items.
+        item_count: u32,
+        /// Workgroups per row of the dispatch.
+        items_per_row: u32,
+        /// Padding.
+        unused_0: u32,
+    }
+    /// Parameters of the resolve pass of methods that leave luminance.
+    LuminanceParameters {
+        /// Pixels of the batch.
+        plane_pixels: u32,
+        /// cd/m^2 per unit of what the method left.
+        scale: f32,
+        /// For the source of luminance.
+        source_0: u32,
+        /// For the source of luminance.
+        source_1: u32,
+    }
     /// Parameters of the resolve pass.
     ResolveParameters {
         /// Lux per fixed-point unit.

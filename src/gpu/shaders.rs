@@ -18,6 +18,10 @@ const MATH: &str = include_str!("../../shaders/shared/math.wgsl");
 const PROJECTION: &str = include_str!("../../shaders/shared/projection.wgsl");
 const DISPLAY: &str = include_str!("../../shaders/shared/display.wgsl");
 const EXPOSURE: &str = include_str!("../../shaders/shared/exposure.wgsl");
+const STAR: &str = include_str!("../../shaders/shared/star.wgsl");
+const TRIANGLES: &str = include_str!("../../shaders/shared/triangle_solid_angle.wgsl");
+const PACKED_SPLAT: &str = include_str!("../../shaders/shared/packed_splat.wgsl");
+const CATALOGUE_STAR: &str = include_str!("../../shaders/shared/catalogue_star.wgsl");
 const PIXEL_GRID: &str = include_str!("../../shaders/shared/pixel_grid.wgsl");
 
 /// The star pass.
@@ -27,13 +31,60 @@ pub fn stars(wide: bool) -> ShaderSource {
     } else {
         include_str!("../../shaders/shared/accumulate_u32.wgsl")
     };
-    let text = [VIEWPORT, MATH, PROJECTION, accumulate, include_str!("../../shaders/stars.wgsl")].concat();
+    let text = [VIEWPORT, MATH, PROJECTION, STAR, accumulate, include_str!("../../shaders/stars.wgsl")].concat();
     ShaderSource {
         name: if wide { "stars u64" } else { "stars u32" },
         entry_point: "splat_stars",
         text,
         needs_u64: wide,
     }
+}
+
+/// The published rasteriser on every star of the catalogue.
+pub fn packed_cas() -> ShaderSource {
+    let text = [
+        VIEWPORT,
+        MATH,
+        PROJECTION,
+        TRIANGLES,
+        PACKED_SPLAT,
+        CATALOGUE_STAR,
+        include_str!("../../shaders/packed_cas.wgsl"),
+    ]
+    .concat();
+    ShaderSource { name: "packed CAS", entry_point: "splat_catalogue", text, needs_u64: false }
+}
+
+/// The published rasteriser on culled and sorted stars.
+pub fn packed_cas_sorted() -> ShaderSource {
+    let text = [
+        VIEWPORT,
+        MATH,
+        PROJECTION,
+        TRIANGLES,
+        PACKED_SPLAT,
+        STAR,
+        include_str!("../../shaders/packed_cas_sorted.wgsl"),
+    ]
+    .concat();
+    ShaderSource { name: "packed CAS sorted", entry_point: "splat_sorted", text, needs_u64: false }
+}
+
+/// Where a method that leaves luminance instead of illuminance has left it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LuminanceSource {
+    /// Halves of a word: the published rasteriser.
+    Packed,
+}
+
+/// The resolve pass of methods that leave luminance.
+pub fn resolve_luminance(source: LuminanceSource) -> ShaderSource {
+    let (name, of_pixel) = match source {
+        LuminanceSource::Packed => ("resolve packed", include_str!("../../shaders/shared/luminance_packed.wgsl")),
+    };
+    let text = [VIEWPORT, MATH, PROJECTION, PIXEL_GRID, of_pixel, include_str!("../../shaders/resolve_luminance.wgsl")]
+        .concat();
+    ShaderSource { name, entry_point: "resolve_luminance", text, needs_u64: false }
 }
 
 /// The resolve pass.
@@ -73,5 +124,16 @@ pub fn projection_probe() -> ShaderSource {
 
 /// Every shader module of the crate.
 pub fn sources() -> Vec<ShaderSource> {
-    vec![stars(true), stars(false), resolve(true), resolve(false), exposure(), tone_map(), projection_probe()]
+    vec![
+        stars(true),
+        stars(false),
+        packed_cas(),
+        packed_cas_sorted(),
+        resolve_luminance(LuminanceSource::Packed),
+        resolve(true),
+        resolve(false),
+        exposure(),
+        tone_map(),
+        projection_probe(),
+    ]
 }

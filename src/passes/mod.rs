@@ -1,7 +1,9 @@
 //! The passes of a frame on the GPU. Each has one shader in `shaders/` and one file here of the same name; none imports
-//! another. `frame` records them in order: stars, resolve, exposure, tone map.
+//! another; what several need stands in `shared`. `frame` records them in order: stars, resolve, exposure, tone map.
 
 pub(crate) mod exposure;
+pub(crate) mod luminance;
+pub(crate) mod packed;
 pub(crate) mod resolve;
 pub(crate) mod shared;
 pub(crate) mod stars;

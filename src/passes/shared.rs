@@ -1,7 +1,7 @@
 //! What the passes share: binding whole buffers, and the grid over the pixels of a batch.
 
 use crate::{
-    gpu::Gpu,
+    gpu::{Gpu, layout},
     plan::{settings::ToneMapOperator, tiles::Tile},
 };
 
@@ -9,6 +9,38 @@ use crate::{
 pub(crate) const COLUMNS: u32 = 64;
 /// See [`COLUMNS`].
 pub(crate) const ROWS: u32 = 16;
+
+/// Items of stars are bound from multiples of this many, so that their offset is aligned.
+pub(crate) const ITEM_ALIGNMENT: usize = 8;
+
+/// Buffers that one batch of tiles draws into.
+pub(crate) struct StarTarget<'a> {
+    pub viewports: &'a wgpu::Buffer,
+    pub tiles: &'a wgpu::Buffer,
+    pub counters: &'a wgpu::Buffer,
+    pub pixels: &'a wgpu::Buffer,
+    /// Pixels of the batch.
+    pub plane_pixels: u32,
+}
+
+/// A run of items that read from one buffer of stars.
+pub(crate) struct StarDraw<'a> {
+    pub stars: &'a wgpu::Buffer,
+    pub items: &'a wgpu::Buffer,
+    /// First item; a multiple of [`ITEM_ALIGNMENT`].
+    pub first_item: u64,
+    pub item_count: u32,
+}
+
+/// Stars and their items, as every pass over items binds them.
+pub(crate) fn bind_items(gpu: &Gpu, pipeline: &wgpu::ComputePipeline, draw: &StarDraw<'_>) -> wgpu::BindGroup {
+    let items = wgpu::BufferBinding {
+        buffer: draw.items,
+        offset: draw.first_item * size_of::<layout::StarItem>() as u64,
+        size: wgpu::BufferSize::new(u64::from(draw.item_count) * size_of::<layout::StarItem>() as u64),
+    };
+    bind_buffers(gpu, pipeline, 1, &[(0, draw.stars.as_entire_binding()), (1, wgpu::BindingResource::Buffer(items))])
+}
 
 /// A bind group of buffers, in the order of their bindings.
 pub(crate) fn bind_buffers(
@@ -26,6 +58,12 @@ pub(crate) fn bind_buffers(
         layout: &pipeline.get_bind_group_layout(group),
         entries: &entries,
     })
+}
+
+/// Columns and rows of a dispatch of at least `workgroups`, each within the adapter's limit.
+pub(crate) fn dispatch_rows(gpu: &Gpu, workgroups: u32) -> [u32; 2] {
+    let columns = workgroups.clamp(1, gpu.device.limits().max_compute_workgroups_per_dimension);
+    [columns, workgroups.div_ceil(columns)]
 }
 
 /// Workgroups over all pixels of a batch's tiles: columns, rows, tiles. `widths` are those of the tiles.

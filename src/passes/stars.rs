@@ -1,7 +1,7 @@
 //! The star pass: splats every visible star in illuminance, in fixed point. Shader: `shaders/stars.wgsl`; the f64 twin is
 //! `crate::reference::stars`.
 
-use super::shared::bind_buffers;
+use super::shared::{StarDraw, StarTarget, bind_buffers, bind_items, dispatch_rows};
 use crate::{
     catalogue::packed::{TEMPERATURE_STEPS, temperature_of_step_k},
     gpu::{self, Gpu, layout},
@@ -11,8 +11,6 @@ use crate::{
 
 /// Stars per workgroup at most.
 pub(crate) const ITEM_STARS: u32 = 256;
-/// Items are bound from multiples of this many, so that their offset is aligned.
-pub(crate) const ITEM_ALIGNMENT: usize = 8;
 /// Counter of sums that overflowed.
 pub(crate) const OVERFLOW_COUNTER: usize = 0;
 /// First of the counters of stars drawn, one per view.
@@ -24,38 +22,29 @@ pub(crate) struct StarPass {
     colours: wgpu::Buffer,
 }
 
-/// Buffers that one batch of tiles draws into.
-pub(crate) struct StarTarget<'a> {
-    pub viewports: &'a wgpu::Buffer,
-    pub tiles: &'a wgpu::Buffer,
-    pub counters: &'a wgpu::Buffer,
-    pub pixels: &'a wgpu::Buffer,
-    /// Pixels of the batch.
-    pub plane_pixels: u32,
-}
-
-/// A run of items that read from one buffer of stars.
-pub(crate) struct StarDraw<'a> {
-    pub stars: &'a wgpu::Buffer,
-    pub items: &'a wgpu::Buffer,
-    /// First item; a multiple of [`ITEM_ALIGNMENT`].
-    pub first_item: u64,
-    pub item_count: u32,
+/// The table of colours that star passes read.
+fn colour_table(gpu: &Gpu) -> wgpu::Buffer {
+    let colours: Vec<[f32; 4]> = (0..TEMPERATURE_STEPS)
+        .map(|step| {
+            let [r, g, b] = rec709_in_gamut(temperature_of_step_k(step)).map(|channel| channel as f32);
+            [r, g, b, 0.0]
+        })
+        .collect();
+    gpu::storage_buffer(gpu, "star colours", &colours)
 }
 
 impl StarPass {
     pub(crate) fn new(gpu: &Gpu) -> Self {
-        let colours: Vec<[f32; 4]> = (0..TEMPERATURE_STEPS)
-            .map(|step| {
-                let [r, g, b] = rec709_in_gamut(temperature_of_step_k(step)).map(|channel| channel as f32);
-                [r, g, b, 0.0]
-            })
-            .collect();
         let workgroup = if gpu.software { 8.0 } else { 64.0 };
         Self {
             pipeline: gpu.compute_pipeline_with(&gpu::stars(gpu.wide_accumulator), &[("WORKGROUP", workgroup)]),
-            colours: gpu::storage_buffer(gpu, "star colours", &colours),
+            colours: colour_table(gpu),
         }
+    }
+
+    /// Colours of luminance 1 for every step of temperature.
+    pub(crate) fn colours(&self) -> &wgpu::Buffer {
+        &self.colours
     }
 
     /// Records the draws of one range of brightness into one batch.
@@ -67,10 +56,9 @@ impl StarPass {
         target: &StarTarget<'_>,
         draws: &[StarDraw<'_>],
     ) {
-        let widest = gpu.device.limits().max_compute_workgroups_per_dimension;
         pass.set_pipeline(&self.pipeline);
         for draw in draws {
-            let items_per_row = draw.item_count.min(widest);
+            let [items_per_row, rows] = dispatch_rows(gpu, draw.item_count);
             let parameters = layout::StarParameters {
                 units_per_lx: range.units_per_lx as f32,
                 faintest_lx: range.faintest_lx as f32,
@@ -94,20 +82,9 @@ impl StarPass {
                     (5, self.colours.as_entire_binding()),
                 ],
             );
-            let items = wgpu::BufferBinding {
-                buffer: draw.items,
-                offset: draw.first_item * size_of::<layout::StarItem>() as u64,
-                size: wgpu::BufferSize::new(u64::from(draw.item_count) * size_of::<layout::StarItem>() as u64),
-            };
-            let star_group = bind_buffers(
-                gpu,
-                &self.pipeline,
-                1,
-                &[(0, draw.stars.as_entire_binding()), (1, wgpu::BindingResource::Buffer(items))],
-            );
             pass.set_bind_group(0, &target_group, &[]);
-            pass.set_bind_group(1, &star_group, &[]);
-            pass.dispatch_workgroups(items_per_row, draw.item_count.div_ceil(items_per_row), 1);
+            pass.set_bind_group(1, &bind_items(gpu, &self.pipeline, draw), &[]);
+            pass.dispatch_workgroups(items_per_row, rows, 1);
         }
     }
 }

@@ -171,6 +171,16 @@ impl StarMethod {
         }
     }
 
+    /// Whether every star of the catalogue is read, in its order and once per view, instead of those that culling leaves.
+    pub fn reads_catalogue(self) -> bool {
+        self == Self::PackedCas || self.accumulator() == Accumulator::Blending
+    }
+
+    /// Whether the stars that culling leaves are read.
+    pub fn reads_visible(self) -> bool {
+        self.draws_catalogue() && !self.reads_catalogue()
+    }
+
     /// Whether the method was published for a flat image plane, and reaches other projections through cube faces.
     pub fn needs_planes(self) -> bool {
         self.accumulator() == Accumulator::Blending

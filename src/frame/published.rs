@@ -1,0 +1,106 @@
+//! Recording the published star methods: they leave luminance instead of illuminance, most of them from every star in the
+//! order of the catalogue, and a resolve pass of their own brings it where the other passes read it.
+
+use std::sync::{Arc, OnceLock};
+
+use super::catalogue_buffers::CatalogueBuffers;
+use crate::{
+    catalogue::chunks::StarSet,
+    gpu::{Gpu, GrowingBuffer, LuminanceSource},
+    passes::{
+        luminance::{LuminancePass, LuminanceTarget},
+        packed::{CatalogueDraw, PackedPass},
+        shared::{StarDraw, StarTarget},
+    },
+    plan::settings::StarMethod,
+};
+
+/// Bytes of a packed pixel: two halves.
+const PACKED_BYTES: u64 = 4;
+
+/// Passes and buffers of the published methods, made when they are first asked for.
+pub(super) struct Published {
+    packed: OnceLock<PackedPass>,
+    packed_resolve: OnceLock<LuminancePass>,
+    packed_pixels: GrowingBuffer,
+    catalogue: Option<CatalogueBuffers>,
+}
+
+/// What the published rasteriser reads and where it draws.
+pub(super) struct PackedFrame<'a> {
+    pub method: StarMethod,
+    pub camera_pc: [f32; 3],
+    pub faintest_lx: f64,
+    /// Tiles of the batch.
+    pub tiles: u32,
+    pub draws: &'a [StarDraw<'a>],
+    /// Colours by temperature.
+    pub colours: &'a wgpu::Buffer,
+    pub grid: [u32; 3],
+}
+
+impl Published {
+    pub(super) fn new() -> Self {
+        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
+        Self {
+            packed: OnceLock::new(),
+            packed_resolve: OnceLock::new(),
+            packed_pixels: GrowingBuffer::new("packed pixels", usage),
+            catalogue: None,
+        }
+    }
+
+    /// Forgets everything that belongs to a scene or a size.
+    pub(super) fn forget_buffers(&mut self) {
+        self.catalogue = None;
+        self.packed_pixels.release();
+    }
+
+    /// Holds the catalogue of a scene where the method reads it.
+    pub(super) fn hold_catalogue(&mut self, gpu: &Gpu, method: StarMethod, set: &Arc<StarSet>) {
+        if method.reads_catalogue() && self.catalogue.as_ref().is_none_or(|catalogue| !catalogue.holds(set)) {
+            self.catalogue = None;
+            self.catalogue = Some(CatalogueBuffers::new(gpu, set.clone()));
+        }
+    }
+
+    /// The words of a batch, cleared.
+    pub(super) fn packed_words(&mut self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder, pixels: u64) -> wgpu::Buffer {
+        let words = self.packed_pixels.with_room(gpu, pixels * PACKED_BYTES).clone();
+        encoder.clear_buffer(&words, 0, Some((pixels * PACKED_BYTES).next_multiple_of(4)));
+        words
+    }
+
+    /// Records the rasteriser; `target.pixels` are the words of the batch.
+    pub(super) fn record_packed(
+        &self,
+        gpu: &Gpu,
+        pass: &mut wgpu::ComputePass<'_>,
+        frame: &PackedFrame<'_>,
+        target: &StarTarget<'_>,
+    ) {
+        let packed = self.packed.get_or_init(|| PackedPass::new(gpu));
+        if frame.method.reads_catalogue() {
+            let segments = self.catalogue.as_ref().map_or(&[][..], |catalogue| &catalogue.segments);
+            let draws: Vec<CatalogueDraw<'_>> =
+                segments.iter().map(|(stars, count)| CatalogueDraw { stars, count: *count }).collect();
+            packed.record_catalogue(gpu, pass, frame.camera_pc, frame.faintest_lx, target, frame.tiles, &draws);
+        } else {
+            packed.record_sorted(gpu, pass, frame.faintest_lx, target, frame.draws);
+        }
+    }
+
+    /// Records its full-screen pass, which makes colours of temperatures.
+    pub(super) fn resolve_packed(
+        &self,
+        gpu: &Gpu,
+        pass: &mut wgpu::ComputePass<'_>,
+        frame: &PackedFrame<'_>,
+        words: &wgpu::Buffer,
+        target: &LuminanceTarget<'_>,
+    ) {
+        let resolve = self.packed_resolve.get_or_init(|| LuminancePass::new(gpu, LuminanceSource::Packed));
+        let of_source = [(0, words.as_entire_binding()), (1, frame.colours.as_entire_binding())];
+        resolve.record(gpu, pass, 1.0, [0, 0], target, &of_source, frame.grid);
+    }
+}

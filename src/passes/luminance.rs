@@ -1,0 +1,66 @@
+//! The resolve pass of methods that leave luminance instead of illuminance: what a pixel holds goes, with its solid angle,
+//! where the exposure and tone-mapping passes read it. Shader: `shaders/resolve_luminance.wgsl`.
+
+use super::shared::bind_buffers;
+use crate::gpu::{self, Gpu, LuminanceSource, layout};
+
+/// The pass for one source of luminance.
+pub(crate) struct LuminancePass {
+    pipeline: wgpu::ComputePipeline,
+}
+
+/// Buffers of one batch.
+pub(crate) struct LuminanceTarget<'a> {
+    pub viewports: &'a wgpu::Buffer,
+    pub tiles: &'a wgpu::Buffer,
+    pub pixels: &'a wgpu::Buffer,
+    pub partial_sums: &'a wgpu::Buffer,
+    /// Pixels of the batch.
+    pub plane_pixels: u32,
+}
+
+impl LuminancePass {
+    pub(crate) fn new(gpu: &Gpu, source: LuminanceSource) -> Self {
+        Self { pipeline: gpu.compute_pipeline(&gpu::resolve_luminance(source)) }
+    }
+
+    /// Records the pass. `scale` is in cd/m^2 per unit of what the method left, `of_source` what the source of luminance
+    /// binds in group 1, `numbers` its two parameters.
+    #[expect(clippy::too_many_arguments, reason = "a pass takes its settings and its buffers")]
+    pub(crate) fn record(
+        &self,
+        gpu: &Gpu,
+        pass: &mut wgpu::ComputePass<'_>,
+        scale: f32,
+        numbers: [u32; 2],
+        target: &LuminanceTarget<'_>,
+        of_source: &[(u32, wgpu::BindingResource<'_>)],
+        grid: [u32; 3],
+    ) {
+        let parameters = layout::LuminanceParameters {
+            plane_pixels: target.plane_pixels,
+            scale,
+            source_0: numbers[0],
+            source_1: numbers[1],
+        };
+        let parameters = gpu::uniform_buffer(gpu, "luminance parameters", &parameters);
+        let group = bind_buffers(
+            gpu,
+            &self.pipeline,
+            0,
+            &[
+                (0, parameters.as_entire_binding()),
+                (1, target.viewports.as_entire_binding()),
+                (2, target.tiles.as_entire_binding()),
+                (3, target.pixels.as_entire_binding()),
+                (4, target.partial_sums.as_entire_binding()),
+            ],
+        );
+        pass.set_pipeline(&self.pipeline);
+        pass.set_bind_group(0, &group, &[]);
+        if !of_source.is_empty() {
+            pass.set_bind_group(1, &bind_buffers(gpu, &self.pipeline, 1, of_source), &[]);
+        }
+        pass.dispatch_workgroups(grid[0], grid[1], grid[2]);
+    }
+}
