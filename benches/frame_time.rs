@@ -15,7 +15,7 @@ use steradian::{
     gpu::{Gpu, GpuOptions},
     plan::{
         cull::{CullSettings, visible_chunks},
-        settings::{RenderSettings, StarMethod},
+        settings::{ExposureMode, RenderSettings, StarMethod},
     },
     scene::{Camera, SceneSnapshot},
     view::{Rig, View, ViewKind, projection::FisheyeMapping},
@@ -115,6 +115,57 @@ impl Bench {
         }
     }
 
+    /// Our methods beside the published rasteriser: GPU time from the first clear to the HDR image, culling included.
+    fn rasterisers(&mut self, stars: &Arc<StarSet>) {
+        let flat = rig(ViewKind::Perspective { size: [1920, 1080], fov_y_rad: PI / 3.0 });
+        let sky = rig(ViewKind::Equirectangular { size: [2048, 1024] });
+        let dome = rig(ViewKind::Fisheye { size: [2048, 2048], mapping: FisheyeMapping::Equidistant, fov_rad: PI });
+        let methods = [
+            StarMethod::PackedCas,
+            StarMethod::PackedCasSorted,
+            StarMethod::Auto,
+            StarMethod::Tent,
+            StarMethod::BSpline,
+        ];
+        for (name, rig) in [("anticentre 1080p", &flat), ("full sky 2048 x 1024", &sky), ("dome 2048", &dome)] {
+            let camera = looking(icrs_from_galactic() * DVec3::NEG_X);
+            let scene = SceneSnapshot { revision: 1, stars: stars.clone(), camera };
+            // The default of manual exposure, at which a star of magnitude 3 reaches white: the naked eye's sky.
+            self.settings.exposure.mode = ExposureMode::Manual;
+            let mut times = vec![vec![]; methods.len()];
+            let mut stars_ms = vec![vec![]; methods.len()];
+            let mut resolve_ms = vec![vec![]; methods.len()];
+            for round in 0..self.frames {
+                for (i, method) in methods.into_iter().enumerate() {
+                    self.settings.stars.method = method;
+                    let wanted = [Wanted { hdr_stays: true, ..Wanted::default() }];
+                    let frame = self.renderer.render(&scene, rig, &self.settings, &wanted, self.adapted_ev100);
+                    let frame = frame.expect("the frame renders");
+                    if round > 0 {
+                        let of = |pass| frame.times.passes_ms.iter().filter(|p| p.0 == pass).map(|p| p.1).sum::<f64>();
+                        times[i].push(frame.times.gpu_ms.expect("timestamps") + frame.times.cull_ms);
+                        stars_ms[i].push(of("stars"));
+                        resolve_ms[i].push(of("resolve"));
+                    } else {
+                        self.adapted_ev100 = Some(frame.metered_ev100);
+                    }
+                }
+            }
+            let reference = median(times[0].clone());
+            for (i, method) in methods.into_iter().enumerate() {
+                let (all, splat, resolve) =
+                    (median(times[i].clone()), median(stars_ms[i].clone()), median(resolve_ms[i].clone()));
+                println!(
+                    "{} stars, {name}: {:18} {all:7.1} ms, packed_cas / this = {:.2}; stars {splat:.1}, resolve {resolve:.1}",
+                    stars.stars.len(),
+                    method.name(),
+                    reference / all
+                );
+            }
+        }
+        self.settings = RenderSettings::default();
+    }
+
     fn dome(&mut self, stars: usize) {
         let scene =
             SceneSnapshot { revision: 1, stars: galaxy(stars), camera: looking(icrs_from_galactic() * DVec3::X) };
@@ -161,6 +212,12 @@ fn main() {
         Bench { renderer: Renderer::new(gpu), settings: RenderSettings::default(), frames: 7, adapted_ev100: None };
     if wanted("dome") {
         bench.dome(265_000);
+    }
+    if wanted("rasterisers") {
+        let counts: Vec<usize> = chosen.iter().filter_map(|word| word.parse().ok()).collect();
+        for stars in if counts.is_empty() { vec![1_000_000, 10_000_000] } else { counts } {
+            bench.rasterisers(&galaxy(stars));
+        }
     }
     if wanted("culling") {
         let start = std::time::Instant::now();

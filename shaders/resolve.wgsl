@@ -12,7 +12,7 @@ struct ResolveParameters {
     display_per_cd_m2: f32,
     // 0: filmic, 1: sRGB.
     tone_operator: u32,
-    // Pixels of the batch: where the second words begin.
+    // Pixels of the batch: where B and the solid angles begin.
     plane_pixels: u32,
     unused_0: u32,
     unused_1: u32,
@@ -27,6 +27,9 @@ struct ResolveParameters {
 
 override WRITE_HDR: bool = true;
 override WRITE_DISPLAY: bool = false;
+// Whether dark pixels are written too, with their solid angle: where the HDR image leaves the GPU. Otherwise both planes
+// were cleared before.
+override WRITE_DARK: bool = true;
 
 @compute @workgroup_size(COLUMNS)
 fn resolve(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
@@ -36,6 +39,9 @@ fn resolve(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
     if x >= viewport.size.x || group.y * ROWS >= tile.rows {
         return;
     }
+    // One flag for the block of this workgroup.
+    let columns = (viewport.size.x + COLUMNS - 1u) / COLUMNS;
+    let high = has_high_words(tile.first_flag + group.y * columns + group.x);
     var sum = 0.0;
     for (var j = 0u; j < ROWS; j++) {
         let row = group.y * ROWS + j;
@@ -44,20 +50,20 @@ fn resolve(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
         }
         let index = tile.first_pixel + row * viewport.size.x + x;
         let image_row = tile.first_row + row;
-        var illuminance = sums(index) * parameters.lx_per_unit;
+        var illuminance = sums(index, high) * parameters.lx_per_unit;
         if parameters.lx_per_bright_unit > 0.0 {
             illuminance += bright_sums(index) * parameters.lx_per_bright_unit;
         }
         let lit = any(illuminance > vec3(0.0));
         var luminance = vec4(0.0);
-        if lit || WRITE_HDR {
+        if lit || (WRITE_HDR && WRITE_DARK) {
             luminance.w = solid_angle(viewport, vec2(i32(x), i32(image_row)));
         }
         if lit && luminance.w > 0.0 {
             sum += dot(illuminance, vec3(0.2126, 0.7152, 0.0722));
             luminance = vec4(illuminance * (1.0 / luminance.w), luminance.w);
         }
-        if WRITE_HDR {
+        if WRITE_HDR && (lit || WRITE_DARK) {
             store_luminance(index, luminance);
         }
         if WRITE_DISPLAY {

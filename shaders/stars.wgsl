@@ -13,10 +13,9 @@ struct StarParameters {
     item_count: u32,
     // Workgroups per row of the dispatch.
     items_per_row: u32,
-    // Pixels of the batch: where the second words begin.
-    plane_pixels: u32,
     unused_0: u32,
     unused_1: u32,
+    unused_2: u32,
 }
 
 @group(0) @binding(0) var<uniform> parameters: StarParameters;
@@ -131,6 +130,7 @@ fn splat_stars(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocatio
         let viewport = viewports[tile.viewport];
         let eye = vec3(viewport.view_from_world_x.w, viewport.view_from_world_y.w, viewport.view_from_world_z.w);
         let origin = item.origin - select(eye, vec3(0.0), item.at_infinity != 0u);
+        target_tile = vec3(tile.first_pixel, viewport.size.x, tile.first_flag);
         let row_0 = i32(tile.first_row);
         let row_1 = i32(tile.first_row + tile.rows);
         let size = vec2<i32>(viewport.size);

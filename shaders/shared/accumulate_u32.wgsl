@@ -1,15 +1,25 @@
 // Fixed-point sums of R, G and B in four 32-bit words per pixel, for adapters without 64-bit atomics: 32 low bits of each,
-// and a word of carries (11 bits for R, 11 for G, 10 for B). R and G of all pixels lie together, then B and the carries.
+// and a word of carries (11 bits for R, 11 for G, 10 for B). R and G lie in one buffer, B and the carries in
+// another.
 
 @group(0) @binding(4) var<storage, read_write> pixels: array<atomic<u32>>;
+@group(0) @binding(6) var<storage, read_write> high_words: array<atomic<u32>>;
 
-fn add_channel(index: u32, value: f32) -> u32 {
+// Nothing here depends on the tile: see accumulate_u64.wgsl.
+var<private> target_tile: vec3<u32>;
+
+fn add_channel(pixel: u32, channel: u32, value: f32) -> u32 {
     let high = floor(value * (1.0 / 4294967296.0));
     let low = u32(value - high * 4294967296.0);
     if low == 0u {
         return u32(high);
     }
-    let before = atomicAdd(&pixels[index], low);
+    var before = 0u;
+    if channel < 2u {
+        before = atomicAdd(&pixels[2u * pixel + channel], low);
+    } else {
+        before = atomicAdd(&high_words[2u * pixel], low);
+    }
     return u32(high) + select(0u, 1u, before + low < before);
 }
 
@@ -19,12 +29,11 @@ fn accumulate(pixel: u32, units: vec3<f32>) {
         atomicAdd(&counters[COUNTER_OVERFLOWS], 1u);
         return;
     }
-    let second = 2u * (parameters.plane_pixels + pixel);
-    let carries = vec3(
-        add_channel(2u * pixel, units.x), add_channel(2u * pixel + 1u, units.y), add_channel(second, units.z));
+    let carries =
+        vec3(add_channel(pixel, 0u, units.x), add_channel(pixel, 1u, units.y), add_channel(pixel, 2u, units.z));
     if any(carries != vec3(0u)) {
         let added = carries.x | (carries.y << 11u) | (carries.z << 22u);
-        let before = atomicAdd(&pixels[second + 1u], added);
+        let before = atomicAdd(&high_words[2u * pixel + 1u], added);
         let sums = vec3(before & 0x7ffu, (before >> 11u) & 0x7ffu, before >> 22u) + carries;
         if any(sums > vec3(0x7ffu, 0x7ffu, 0x3ffu)) {
             atomicAdd(&counters[COUNTER_OVERFLOWS], 1u);

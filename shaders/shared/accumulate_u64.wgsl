@@ -1,11 +1,26 @@
 // Fixed-point sums of R, G and B in two 64-bit words per pixel: 21 low bits of each in the first, 21 high bits in the
-// second. The first words of all pixels lie together, then the second words: a faint star costs one atomic add per pixel,
-// and its neighbours lie in the same line of the cache. Adding is order-free, so the same frame gives the same bits.
+// second. The first words of all pixels lie in one buffer, the second words in another: a faint star costs one atomic add
+// per pixel, and its neighbours lie in the same line of the cache. Adding is order-free, so the same frame gives the same bits.
+//
+// Few stars reach the second words. Where one does, it raises the flag of the pixel's block, and the resolve pass reads the
+// second words of raised blocks alone and leaves zeros there for the next frame. Needs pixel_grid.wgsl.
 //
 // When a low field overflows, its carry runs into the next field: one unit of G per 2^21 units of R (relative 4.8e-7), the
 // same whatever the order. The carry is added to the high field by the thread whose add caused it.
 
 @group(0) @binding(4) var<storage, read_write> pixels: array<atomic<u64>>;
+@group(0) @binding(6) var<storage, read_write> high_words: array<atomic<u64>>;
+
+// First pixel, width and first flag of the tile that is drawn into.
+var<private> target_tile: vec3<u32>;
+
+// Tells the resolve pass that the block of this pixel has second words.
+fn raise_flag(pixel: u32) {
+    let row = (pixel - target_tile.x) / target_tile.y;
+    let column = pixel - target_tile.x - row * target_tile.y;
+    let columns = (target_tile.y + COLUMNS - 1u) / COLUMNS;
+    atomicStore(&counters[target_tile.z + row / ROWS * columns + column / COLUMNS], 1u);
+}
 
 const FIELD_BITS: u32 = 21u;
 const FIELD_MASK: u32 = 0x1fffffu;
@@ -28,7 +43,8 @@ fn accumulate_small(pixel: u32, units: vec3<u32>) {
 }
 
 fn accumulate_high(pixel: u32, added: u64) {
-    let before = atomicAdd(&pixels[parameters.plane_pixels + pixel], added);
+    let before = atomicAdd(&high_words[pixel], added);
+    raise_flag(pixel);
     if ((before ^ added ^ (before + added)) & 0x8000040000200000lu) != 0lu {
         atomicAdd(&counters[COUNTER_OVERFLOWS], 1u);
     }

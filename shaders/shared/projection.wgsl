@@ -168,8 +168,29 @@ fn solid_angle_density(viewport: Viewport, p: vec2<f32>, rho_complement: f32) ->
     }
 }
 
+// Solid angle of a pixel of a flat plane in sr: the density and its second-order term over the pixel, h^2 (f_xx + f_yy) / 24
+// with f = (1 + x^2 + y^2)^(-3/2).
+fn flat_solid_angle(viewport: Viewport, pixel: vec2<i32>) -> f32 {
+    let inverse_scale = 1.0 / viewport.plane_scale;
+    let t = (vec2<f32>(pixel) + 0.5 - viewport.plane_offset) * inverse_scale;
+    let squares = t * t;
+    let cosine = inverseSqrt(1.0 + squares.x + squares.y);
+    let cosine_squared = cosine * cosine;
+    let curvature = cosine_squared * (15.0 * cosine_squared * squares - 3.0);
+    let area = abs(inverse_scale.x * inverse_scale.y);
+    return area * cosine * cosine_squared * (1.0 + dot(inverse_scale * inverse_scale, curvature) * (1.0 / 24.0));
+}
+
+// Whether flat_solid_angle is good enough for the pixels of a viewport.
+fn is_flat(viewport: Viewport) -> bool {
+    return viewport.kind <= KIND_CUBE_FACE && viewport.quadrature == 0u;
+}
+
 // Solid angle of a pixel in sr; 0 outside of the picture. The pixel lies inside of the image.
 fn solid_angle(viewport: Viewport, pixel: vec2<i32>) -> f32 {
+    if is_flat(viewport) {
+        return flat_solid_angle(viewport, pixel);
+    }
     let size = vec2<f32>(viewport.size);
     if viewport.kind == KIND_EQUIRECTANGULAR {
         let step = PI / size.y;
@@ -177,9 +198,9 @@ fn solid_angle(viewport: Viewport, pixel: vec2<i32>) -> f32 {
         let from_south = (f32(i32(viewport.size.y) - 1 - pixel.y) + 0.5) * step;
         return 4.0 * PI / size.x * precise_sin(min(from_north, from_south)) * precise_sin(0.5 * step);
     }
-    let step = abs(1.0 / viewport.plane_scale);
+    let inverse_scale = 1.0 / viewport.plane_scale;
+    let step = abs(inverse_scale);
     let area = step.x * step.y;
-    let centre = vec2<f32>(pixel) + 0.5;
     if is_fisheye(viewport) {
         let doubled = doubled_offset(viewport, pixel);
         let n = i32(min(viewport.size.x, viewport.size.y));
@@ -201,15 +222,8 @@ fn solid_angle(viewport: Viewport, pixel: vec2<i32>) -> f32 {
         }
         return area * averaged_density(viewport, p, step);
     }
-    let t = (centre - viewport.plane_offset) / viewport.plane_scale;
-    if viewport.quadrature != 0u {
-        return area * averaged_density(viewport, t, step);
-    }
-    // The density and its second-order term over the pixel: h^2 (f_xx + f_yy) / 24 with f = q^(-3/2).
-    let q = 1.0 + dot(t, t);
-    let density = 1.0 / (q * sqrt(q));
-    let curvature = density / q * (15.0 * t * t / q - 3.0);
-    return area * (density + dot(step * step, curvature) / 24.0);
+    let t = (vec2<f32>(pixel) + 0.5 - viewport.plane_offset) * inverse_scale;
+    return area * averaged_density(viewport, t, step);
 }
 
 // Gauss-Legendre mean of the density over a pixel, three points each way.

@@ -47,7 +47,8 @@ struct Tile {
     first_pixel: u32,
     // Index of its first partial sum of illuminance.
     first_partial: u32,
+    // Counter that is the flag of its first block of pixels.
+    first_flag: u32,
     unused_0: u32,
     unused_1: u32,
-    unused_2: u32,
 }

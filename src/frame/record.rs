@@ -10,8 +10,8 @@ use crate::{
     gpu::{Gpu, GpuTimer, GrowingBuffer, ReadbackPlace, layout, storage_buffer},
     passes::{
         luminance::LuminanceTarget,
-        resolve::ResolveTarget,
-        shared::{StarDraw, StarTarget, partial_sums, pixel_grid},
+        resolve::{HdrImage, ResolveTarget},
+        shared::{StarDraw, StarTarget, flags_of, partial_sums, pixel_grid},
         stars::FIRST_VIEW_COUNTER,
         tone_map::ToneMapTarget,
     },
@@ -70,10 +70,12 @@ impl Renderer {
         let item_buffer = item_buffers.items.upload(gpu, &items).clone();
         let near_buffer = item_buffers.near.upload(gpu, &near).clone();
         let viewports = storage_buffer(gpu, "viewports", &prepared.encoded);
+        // The flags of all batches follow the counters that are read back.
         let counter_count = FIRST_VIEW_COUNTER + rig.views().len();
+        let (tile_buffers, partial_count, counters_and_flags) = tile_buffers(gpu, prepared, counter_count as u32);
         let counters = gpu.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some("counters"),
-            size: (4 * counter_count as u64).next_multiple_of(16),
+            size: (4 * u64::from(counters_and_flags)).next_multiple_of(16),
             usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC,
             mapped_at_creation: false,
         });
@@ -83,7 +85,6 @@ impl Renderer {
             usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC,
             mapped_at_creation: false,
         });
-        let (tile_buffers, partial_count) = tile_buffers(gpu, prepared);
         let partials = self.partial_sums.with_room(gpu, u64::from(partial_count) * 4).clone();
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("frame") });
 
@@ -100,9 +101,15 @@ impl Renderer {
             let bytes = batch.pixels * BYTES_PER_PIXEL;
             let plane_pixels = batch.pixels as u32;
             let pixels = buffers.pixels.with_room(gpu, bytes).clone();
-            let bright_pixels = prepared.ranges.bright.map(|_| buffers.bright_pixels.with_room(gpu, bytes).clone());
-            if bright_pixels.is_none() {
+            let plane_bytes = bytes / 2;
+            let high_words = buffers.high_words.with_room(gpu, plane_bytes).clone();
+            let bright = prepared.ranges.bright.map(|range| {
+                let low = buffers.bright_pixels.with_room(gpu, plane_bytes).clone();
+                (range, low, buffers.bright_high_words.with_room(gpu, plane_bytes).clone())
+            });
+            if bright.is_none() {
                 buffers.bright_pixels.release();
+                buffers.bright_high_words.release();
             }
             let draws: Vec<StarDraw<'_>> = runs
                 .iter()
@@ -114,13 +121,8 @@ impl Renderer {
                     item_count: run.item_count,
                 })
                 .collect();
-            let star_target = |pixels| StarTarget {
-                viewports: &viewports,
-                tiles: &tile_buffers[index],
-                counters: &counters,
-                pixels,
-                plane_pixels,
-            };
+            let star_target =
+                |pixels| StarTarget { viewports: &viewports, tiles: &tile_buffers[index], counters: &counters, pixels };
             let grid = grid_of(prepared, batch);
             if method.accumulator() == Accumulator::PackedCompareExchange {
                 let frame = PackedFrame {
@@ -147,28 +149,39 @@ impl Renderer {
                 self.published.resolve_packed(gpu, &mut pass, &frame, &words, &target);
                 continue;
             }
-            encoder.clear_buffer(&pixels, 0, Some(bytes));
+            let hdr = if any(batch, &|wanted: Wanted| wanted.hdr) {
+                HdrImage::Whole
+            } else if any(batch, &|wanted: Wanted| wanted.hdr_stays || (wanted.display && known_ev100.is_none())) {
+                HdrImage::Lit
+            } else {
+                HdrImage::None
+            };
+            // The second plane needs no clearing where the resolve pass writes all of it, or none.
+            encoder.clear_buffer(&pixels, 0, Some(if hdr == HdrImage::Lit { bytes } else { plane_bytes }));
+            if !gpu.wide_accumulator {
+                encoder.clear_buffer(&high_words, 0, Some(plane_bytes));
+            }
             {
                 let mut pass = begin_pass(&mut encoder, timer, "stars");
                 let target = star_target(&pixels);
-                self.star_pass.record(gpu, &mut pass, &prepared.ranges.main, &target, &draws);
+                self.star_pass.record(gpu, &mut pass, &prepared.ranges.main, &target, &high_words, &draws);
             }
-            if let (Some(range), Some(bright_pixels)) = (&prepared.ranges.bright, &bright_pixels) {
-                encoder.clear_buffer(bright_pixels, 0, Some(bytes));
+            if let Some((range, low, bright_high)) = &bright {
+                encoder.clear_buffer(low, 0, Some(plane_bytes));
+                encoder.clear_buffer(bright_high, 0, Some(plane_bytes));
                 let mut pass = begin_pass(&mut encoder, timer, "stars");
-                self.star_pass.record(gpu, &mut pass, range, &star_target(bright_pixels), &draws);
+                self.star_pass.record(gpu, &mut pass, range, &star_target(low), bright_high, &draws);
             }
             let display_here = known_ev100.is_some() && any(batch, &|wanted: Wanted| wanted.display);
             let display = display_here.then(|| buffers.display.with_room(gpu, batch.pixels * DISPLAY_BYTES).clone());
-            let hdr = any(batch, &|wanted: Wanted| {
-                wanted.hdr || wanted.hdr_stays || (wanted.display && known_ev100.is_none())
-            });
             let mut pass = begin_pass(&mut encoder, timer, "resolve");
             let target = ResolveTarget {
                 viewports: &viewports,
                 tiles: &tile_buffers[index],
                 pixels: &pixels,
-                bright_pixels: bright_pixels.as_ref(),
+                bright: bright.as_ref().map(|(_, low, high)| [low, high]),
+                high_words: &high_words,
+                counters: &counters,
                 partial_sums: &partials,
                 display: display.as_ref(),
                 plane_pixels,
@@ -269,8 +282,10 @@ fn grid_of(prepared: &Prepared, batch: &Batch) -> [u32; 3] {
     pixel_grid(&batch.tiles, &widths)
 }
 
-/// One buffer of tiles per batch, and the number of partial sums of all.
-fn tile_buffers(gpu: &Gpu, prepared: &Prepared) -> (Vec<wgpu::Buffer>, u32) {
+/// One buffer of tiles per batch, the number of partial sums of all, and the number of counters with the flags of all tiles,
+/// which follow the first `counters`.
+fn tile_buffers(gpu: &Gpu, prepared: &Prepared, counters: u32) -> (Vec<wgpu::Buffer>, u32, u32) {
+    let mut first_flag = counters;
     let mut first_partial = 0;
     let buffers = prepared
         .batches
@@ -286,14 +301,17 @@ fn tile_buffers(gpu: &Gpu, prepared: &Prepared) -> (Vec<wgpu::Buffer>, u32) {
                         rows: tile.rows,
                         first_pixel: tile.first_pixel,
                         first_partial,
+                        first_flag,
                         ..Default::default()
                     };
-                    first_partial += partial_sums(prepared.viewports[tile.viewport].size()[0], tile.rows);
+                    let width = prepared.viewports[tile.viewport].size()[0];
+                    first_partial += partial_sums(width, tile.rows);
+                    first_flag += flags_of(width, tile.rows);
                     encoded
                 })
                 .collect();
             storage_buffer(gpu, "tiles", &tiles)
         })
         .collect();
-    (buffers, first_partial)
+    (buffers, first_partial, first_flag)
 }

@@ -87,7 +87,7 @@ pub enum RenderError {
 /// Memory that the pixels of one frame may take in all.
 const MAX_FRAME_BYTES: u64 = 12 << 30;
 /// What a pixel takes at most: sums (or HDR image) and display image, on the adapter, in readback and in the frame.
-const FRAME_BYTES_PER_PIXEL: u64 = 3 * (BYTES_PER_PIXEL + DISPLAY_BYTES);
+const FRAME_BYTES_PER_PIXEL: u64 = 3 * (BYTES_PER_PIXEL + DISPLAY_BYTES) + BYTES_PER_PIXEL / 2;
 /// How long the device may take for a frame before it counts as lost.
 const FRAME_TIMEOUT: Duration = Duration::from_secs(600);
 /// Bytes of a pixel of the display image.
@@ -96,7 +96,9 @@ pub(super) const DISPLAY_BYTES: u64 = 4;
 /// Buffers of one batch of tiles, kept from frame to frame.
 pub(super) struct BatchBuffers {
     pub(super) pixels: GrowingBuffer,
+    pub(super) high_words: GrowingBuffer,
     pub(super) bright_pixels: GrowingBuffer,
+    pub(super) bright_high_words: GrowingBuffer,
     pub(super) display: GrowingBuffer,
 }
 
@@ -105,7 +107,9 @@ impl BatchBuffers {
         let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
         Self {
             pixels: GrowingBuffer::new("pixels", usage),
+            high_words: GrowingBuffer::new("high words", usage),
             bright_pixels: GrowingBuffer::new("bright pixels", usage),
+            bright_high_words: GrowingBuffer::new("bright high words", usage),
             display: GrowingBuffer::new("display", usage),
         }
     }

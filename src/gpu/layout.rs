@@ -82,12 +82,12 @@ gpu_structs! {
         first_pixel: u32,
         /// Index of the first partial sum.
         first_partial: u32,
+        /// Counter that is the flag of its first block.
+        first_flag: u32,
         /// Padding.
         unused_0: u32,
         /// Padding.
         unused_1: u32,
-        /// Padding.
-        unused_2: u32,
     }
     /// A run of stars for one workgroup; see `shaders/stars.wgsl`.
     StarItem {
@@ -116,12 +116,12 @@ gpu_structs! {
         item_count: u32,
         /// Workgroups per row of the dispatch.
         items_per_row: u32,
-        /// Pixels of the batch.
-        plane_pixels: u32,
         /// Padding.
         unused_0: u32,
         /// Padding.
         unused_1: u32,
+        /// Padding.
+        unused_2: u32,
     }
     /// A star as the published methods read it; see `shaders/shared/catalogue_star.wgsl`.
     CatalogueStar {

@@ -31,7 +31,8 @@ pub fn stars(wide: bool) -> ShaderSource {
     } else {
         include_str!("../../shaders/shared/accumulate_u32.wgsl")
     };
-    let text = [VIEWPORT, MATH, PROJECTION, STAR, accumulate, include_str!("../../shaders/stars.wgsl")].concat();
+    let text =
+        [VIEWPORT, MATH, PROJECTION, STAR, PIXEL_GRID, accumulate, include_str!("../../shaders/stars.wgsl")].concat();
     ShaderSource {
         name: if wide { "stars u64" } else { "stars u32" },
         entry_point: "splat_stars",

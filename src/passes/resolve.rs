@@ -16,16 +16,29 @@ pub(crate) struct ResolveOutputs {
     pub hdr: bool,
     /// The display image.
     pub display: bool,
+    /// Dark pixels too.
+    pub dark: bool,
 }
 
 /// The pass.
 pub(crate) struct ResolvePass {
-    /// HDR alone, display alone, both, none.
-    pipelines: [(ResolveOutputs, wgpu::ComputePipeline); 4],
+    /// One for every combination of outputs.
+    pipelines: Vec<(ResolveOutputs, wgpu::ComputePipeline)>,
     /// Stands in for the bright sums where there are none.
     no_bright: wgpu::Buffer,
     /// Stands in for the display image where it is not written.
     no_display: wgpu::Buffer,
+}
+
+/// How much of the HDR image is made.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum HdrImage {
+    /// Nothing.
+    None,
+    /// Where there is light; the rest was cleared.
+    Lit,
+    /// Every pixel, with its solid angle.
+    Whole,
 }
 
 /// Buffers of one batch.
@@ -33,7 +46,10 @@ pub(crate) struct ResolveTarget<'a> {
     pub viewports: &'a wgpu::Buffer,
     pub tiles: &'a wgpu::Buffer,
     pub pixels: &'a wgpu::Buffer,
-    pub bright_pixels: Option<&'a wgpu::Buffer>,
+    /// First and second words of the stars that outshine the rest.
+    pub bright: Option<[&'a wgpu::Buffer; 2]>,
+    pub high_words: &'a wgpu::Buffer,
+    pub counters: &'a wgpu::Buffer,
     pub partial_sums: &'a wgpu::Buffer,
     pub display: Option<&'a wgpu::Buffer>,
     /// Pixels of the batch.
@@ -43,10 +59,15 @@ pub(crate) struct ResolveTarget<'a> {
 impl ResolvePass {
     pub(crate) fn new(gpu: &Gpu) -> Self {
         let source = gpu::resolve(gpu.wide_accumulator);
-        let pipelines = [(true, false), (false, true), (true, true), (false, false)].map(|(hdr, display)| {
-            let constants = [("WRITE_HDR", f64::from(u8::from(hdr))), ("WRITE_DISPLAY", f64::from(u8::from(display)))];
-            (ResolveOutputs { hdr, display }, gpu.compute_pipeline_with(&source, &constants))
-        });
+        let pipelines = (0..6)
+            .map(|i| {
+                let outputs = ResolveOutputs { hdr: i >= 2, dark: i >= 4, display: i % 2 == 1 };
+                let constants =
+                    [("WRITE_HDR", outputs.hdr), ("WRITE_DISPLAY", outputs.display), ("WRITE_DARK", outputs.dark)]
+                        .map(|(name, value)| (name, f64::from(u8::from(value))));
+                (outputs, gpu.compute_pipeline_with(&source, &constants))
+            })
+            .collect();
         Self {
             pipelines,
             no_bright: gpu::storage_buffer(gpu, "no bright sums", &[[0_u32; 4]]),
@@ -62,13 +83,17 @@ impl ResolvePass {
         gpu: &Gpu,
         pass: &mut wgpu::ComputePass<'_>,
         ranges: &Ranges,
-        hdr: bool,
+        hdr: HdrImage,
         known_ev100: Option<f64>,
         operator: ToneMapOperator,
         target: &ResolveTarget<'_>,
         grid: [u32; 3],
     ) {
-        let outputs = ResolveOutputs { hdr, display: known_ev100.is_some() && target.display.is_some() };
+        let outputs = ResolveOutputs {
+            hdr: hdr != HdrImage::None,
+            dark: hdr == HdrImage::Whole,
+            display: known_ev100.is_some() && target.display.is_some(),
+        };
         let parameters = layout::ResolveParameters {
             lx_per_unit: (1.0 / ranges.main.units_per_lx) as f32,
             lx_per_bright_unit: ranges.bright.map_or(0.0, |bright| (1.0 / bright.units_per_lx) as f32),
@@ -80,15 +105,19 @@ impl ResolvePass {
         let parameters = gpu::uniform_buffer(gpu, "resolve parameters", &parameters);
         let (_, pipeline) =
             self.pipelines.iter().find(|(of, _)| *of == outputs).expect("there is a pipeline for every combination");
-        let mut buffers = vec![
+        let [bright, bright_high] = target.bright.unwrap_or([&self.no_bright; 2]);
+        let buffers = [
             (0, parameters.as_entire_binding()),
             (1, target.viewports.as_entire_binding()),
             (2, target.tiles.as_entire_binding()),
             (3, target.pixels.as_entire_binding()),
             (4, target.partial_sums.as_entire_binding()),
-            (5, target.bright_pixels.unwrap_or(&self.no_bright).as_entire_binding()),
+            (5, bright.as_entire_binding()),
+            (6, target.display.unwrap_or(&self.no_display).as_entire_binding()),
+            (7, target.high_words.as_entire_binding()),
+            (8, target.counters.as_entire_binding()),
+            (9, bright_high.as_entire_binding()),
         ];
-        buffers.push((6, target.display.unwrap_or(&self.no_display).as_entire_binding()));
         let group = bind_buffers(gpu, pipeline, 0, &buffers);
         pass.set_pipeline(pipeline);
         pass.set_bind_group(0, &group, &[]);

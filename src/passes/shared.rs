@@ -18,9 +18,13 @@ pub(crate) struct StarTarget<'a> {
     pub viewports: &'a wgpu::Buffer,
     pub tiles: &'a wgpu::Buffer,
     pub counters: &'a wgpu::Buffer,
+    /// First words of the sums, or what a published method sums.
     pub pixels: &'a wgpu::Buffer,
-    /// Pixels of the batch.
-    pub plane_pixels: u32,
+}
+
+/// Flags of a tile: one for each block of pixels of the grid, in rows.
+pub(crate) fn flags_of(width: u32, rows: u32) -> u32 {
+    width.div_ceil(COLUMNS) * rows.div_ceil(ROWS)
 }
 
 /// A run of items that read from one buffer of stars.

@@ -54,6 +54,7 @@ impl StarPass {
         pass: &mut wgpu::ComputePass<'_>,
         range: &FixedPoint,
         target: &StarTarget<'_>,
+        high_words: &wgpu::Buffer,
         draws: &[StarDraw<'_>],
     ) {
         pass.set_pipeline(&self.pipeline);
@@ -65,7 +66,6 @@ impl StarPass {
                 brightest_lx: range.brightest_lx as f32,
                 item_count: draw.item_count,
                 items_per_row,
-                plane_pixels: target.plane_pixels,
                 ..Default::default()
             };
             let parameters = gpu::uniform_buffer(gpu, "star parameters", &parameters);
@@ -80,6 +80,7 @@ impl StarPass {
                     (3, target.counters.as_entire_binding()),
                     (4, target.pixels.as_entire_binding()),
                     (5, self.colours.as_entire_binding()),
+                    (6, high_words.as_entire_binding()),
                 ],
             );
             pass.set_bind_group(0, &target_group, &[]);

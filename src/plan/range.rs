@@ -1,7 +1,8 @@
 //! Choosing the fixed-point units of a frame.
 //!
 //! Every channel of a pixel holds 42 bits. The unit is such that all the light of the frame in one pixel would still fit:
-//! sums cannot overflow, whatever the scene. Where one or a few stars outshine all others together by more than 65536 times
+//! sums cannot overflow, whatever the scene. Nor is it finer than the faintest star needs, since light above 2^21 units costs a
+//! second atomic add: with few stars of like brightness all of them would. Where one or a few stars outshine all others together by more than 65536 times
 //! (the Sun among the stars), they go through a second set of sums with a unit of its own, so that they do not cost the
 //! others their resolution.
 
@@ -12,6 +13,9 @@ use crate::catalogue::chunks::StarSet;
 
 /// Bits of a channel's sum.
 const CHANNEL_BITS: i32 = 42;
+/// Units that the faintest star has at least, if the range allows: rounding each of nine pixels to a unit then errs by 1.3e-5 of
+/// the star's light.
+const STAR_UNITS: f64 = 65_536.0;
 /// Greatest channel of a colour in gamut with luminance 1: pure red, 1 / 0.2126.
 const GREATEST_CHANNEL: f64 = 4.71;
 /// How many times brighter than everything fainter together a star must be to go apart.
@@ -39,15 +43,31 @@ pub struct Ranges {
     pub bright: Option<FixedPoint>,
 }
 
-fn units_per_lx(total_lx: f64) -> f64 {
+fn units_per_lx(total_lx: f64, faintest_star_lx: f64) -> f64 {
     // Half of the range in reserve for rounding; without any light every unit will do.
     let greatest_sum_lx = total_lx * GREATEST_CHANNEL;
+    let needed = if faintest_star_lx > 0.0 { STAR_UNITS / faintest_star_lx } else { f64::INFINITY };
     // A power of two: exact in f32, and the same from frame to frame while the light hardly changes.
     if greatest_sum_lx > 0.0 {
-        (2f64.powi(CHANNEL_BITS - 1) / greatest_sum_lx).min(1e30).log2().floor().exp2()
+        (2f64.powi(CHANNEL_BITS - 1) / greatest_sum_lx).min(needed).min(1e30).log2().floor().exp2()
     } else {
         1.0
     }
+}
+
+/// Bound of the light of the faintest star of the visible chunks, lx; near chunks, where stars can be as bright as they like,
+/// count by what their stars would give from the chunk's far side.
+fn faintest_star_lx(set: &StarSet, visible: &[VisibleChunk], eyes_pc: &[DVec3]) -> f64 {
+    let farthest_eye_pc = eyes_pc.iter().map(|eye| eye.length()).fold(0.0, f64::max);
+    visible
+        .iter()
+        .map(|visible| {
+            let chunk = &set.chunks[visible.chunk];
+            let farthest_pc =
+                if chunk.at_infinity { 1.0 } else { visible.origin_pc.length() + chunk.radius_pc + farthest_eye_pc };
+            chunk.faintest_lx / (farthest_pc * farthest_pc)
+        })
+        .fold(f64::INFINITY, f64::min)
 }
 
 /// A star among the brightest: what it gives to the eye nearest to it, and to every eye, lx.
@@ -59,6 +79,7 @@ struct Light {
 /// Chooses the units for the stars of `visible` not fainter than `faintest_lx`, for eyes at `eyes_pc` from the camera.
 pub fn choose(set: &StarSet, visible: &[VisibleChunk], eyes_pc: &[DVec3], faintest_lx: f64) -> Ranges {
     let total_lx: f64 = visible.iter().map(|chunk| chunk.total_lx).sum();
+    let faintest_star_lx = faintest_star_lx(set, visible, eyes_pc).max(faintest_lx);
     let mut by_brightness: Vec<&VisibleChunk> = visible.iter().collect();
     let searched = SEARCHED_CHUNKS.min(by_brightness.len());
     if searched > 0 {
@@ -97,18 +118,19 @@ pub fn choose(set: &StarSet, visible: &[VisibleChunk], eyes_pc: &[DVec3], fainte
             .sum();
         return Ranges {
             main: FixedPoint {
-                units_per_lx: units_per_lx(fainter_lx[last] + left_lx),
+                units_per_lx: units_per_lx(fainter_lx[last] + left_lx, faintest_star_lx),
                 faintest_lx,
                 brightest_lx: threshold_lx,
             },
             bright: Some(FixedPoint {
-                units_per_lx: units_per_lx(bright_lx * (1.0 + 1e-5)),
+                units_per_lx: units_per_lx(bright_lx * (1.0 + 1e-5), 0.0),
                 faintest_lx: threshold_lx.max(faintest_lx),
                 brightest_lx: f64::INFINITY,
             }),
         };
     }
-    let main = FixedPoint { units_per_lx: units_per_lx(total_lx), faintest_lx, brightest_lx: f64::INFINITY };
+    let main =
+        FixedPoint { units_per_lx: units_per_lx(total_lx, faintest_star_lx), faintest_lx, brightest_lx: f64::INFINITY };
     Ranges { main, bright: None }
 }
 
@@ -153,6 +175,14 @@ mod tests {
         assert_eq!(ranges.bright, None);
         let total: f64 = [1.0, 2.0, 3.0, 3.0].into_iter().map(illuminance_lx_from_magnitude).sum();
         let greatest = total * GREATEST_CHANNEL * ranges.main.units_per_lx;
+        assert!(greatest < 2f64.powi(42), "{greatest}");
+        // The faintest star has its units, and not twice as many.
+        let faintest = illuminance_lx_from_magnitude(3.0) * ranges.main.units_per_lx;
+        assert!((0.49 * STAR_UNITS..1.01 * STAR_UNITS).contains(&faintest), "{faintest}");
+        // With a star far fainter than the rest, the range decides.
+        let wide = ranges_of(&[1.0, 2.0, 30.0]);
+        let total: f64 = [1.0, 2.0].into_iter().map(illuminance_lx_from_magnitude).sum();
+        let greatest = total * GREATEST_CHANNEL * wide.main.units_per_lx;
         assert!(greatest < 2f64.powi(42) && greatest > 2f64.powi(39), "{greatest}");
     }
 
