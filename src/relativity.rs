@@ -107,8 +107,7 @@ impl Motion {
         // transformed like any vector of four. Its square, sin^2, is the same for every observer.
         let along = axis.dot(self.direction);
         let gamma = self.gamma();
-        let seen_axis =
-            axis - self.direction * along + self.direction * (gamma * (along + self.beta * cos));
+        let seen_axis = axis - self.direction * along + self.direction * (gamma * (along + self.beta * cos));
         let seen_cos = gamma * (cos + self.beta * along);
         (seen_axis.normalize_or(self.direction), sin.atan2(seen_cos))
     }

@@ -117,6 +117,7 @@ impl Renderer {
                 counters: &counters,
                 pixels,
                 plane_pixels,
+                motion: prepared.motion,
             };
             {
                 let mut pass = begin_pass(&mut encoder, timer, "stars");

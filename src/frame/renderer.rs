@@ -21,7 +21,9 @@ use crate::{
         range::{self, Ranges},
         settings::{ExposureSettings, RenderSettings, StarMethod},
         tiles::{BYTES_PER_PIXEL, Batch, batches},
+        travel,
     },
+    relativity::Motion,
     scene::SceneSnapshot,
     units::{PARSEC_M, illuminance_lx_from_magnitude},
     view::{Rig, Viewport},
@@ -139,6 +141,7 @@ pub(super) struct Prepared {
     pub(super) plan: crate::plan::FramePlan,
     pub(super) total_solid_angle_sr: f64,
     pub(super) cull_ms: f64,
+    pub(super) motion: Option<Motion>,
 }
 
 impl Renderer {
@@ -263,15 +266,16 @@ impl Renderer {
         adapted_ev100: Option<f64>,
     ) -> Prepared {
         let camera = &snapshot.camera;
+        let motion = Motion::new(camera.velocity_c);
         let viewports = rig.viewports(camera.world_from_camera);
         let sizes: Vec<[u32; 2]> = viewports.iter().map(Viewport::size).collect();
         let batches = batches(&sizes, self.gpu.max_binding_bytes() / BYTES_PER_PIXEL);
         let faintest_lx = illuminance_lx_from_magnitude(settings.stars.magnitude_limit);
-        let cull = CullSettings { faintest_lx, enabled: self.culling };
+        let cull = CullSettings { faintest_lx, enabled: self.culling, motion };
         let start = Instant::now();
         let visible = visible_chunks(&snapshot.stars, camera.position_m / PARSEC_M, &viewports, cull);
         let cull_ms = start.elapsed().as_secs_f64() * 1e3;
-        let mut ranges = range::choose(&snapshot.stars, &visible, &distinct_eyes_pc(&viewports), faintest_lx);
+        let mut ranges = range::choose(&snapshot.stars, &visible, &distinct_eyes_pc(&viewports), faintest_lx, motion);
         ranges.main.units_per_lx *= self.unit_factor;
         let total_solid_angle_sr = viewports.iter().map(|v| v.projection.picture_solid_angle_sr()).sum();
         let expected_ev100 = settings
@@ -280,9 +284,22 @@ impl Renderer {
             .or_else(|| expected_ev100(&visible, total_solid_angle_sr, &settings.exposure));
         let accumulator =
             if self.gpu.wide_accumulator { "fixed point, 2 x 64 bits" } else { "fixed point, 4 x 32 bits" };
-        let plan = plan_stars(settings, &viewports, &ranges, expected_ev100, accumulator);
+        let mut plan = plan_stars(settings, &viewports, &ranges, expected_ev100, accumulator);
+        if let Some(motion) = motion {
+            plan.report.certificate.extend(travel::certificate(&snapshot.stars, &visible, &motion, &settings.accuracy));
+        }
         let encoded = viewports.iter().zip(&plan.tent_below_lx).map(|(v, tent)| encode_viewport(v, *tent)).collect();
-        Prepared { viewports, batches, visible, ranges, encoded, plan: plan.report, total_solid_angle_sr, cull_ms }
+        Prepared {
+            viewports,
+            batches,
+            visible,
+            ranges,
+            encoded,
+            plan: plan.report,
+            total_solid_angle_sr,
+            cull_ms,
+            motion,
+        }
     }
 }
 

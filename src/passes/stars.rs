@@ -5,8 +5,12 @@ use super::shared::bind_buffers;
 use crate::{
     catalogue::packed::{TEMPERATURE_STEPS, temperature_of_step_k},
     gpu::{self, Gpu, layout},
-    photometry::blackbody::rec709_in_gamut,
-    plan::range::FixedPoint,
+    photometry::blackbody::{ln_luminance_cd_m2, rec709_in_gamut},
+    plan::{
+        range::FixedPoint,
+        travel::{SHIFTED_STEPS, TABLE_STEPS, temperature_of_shifted_step_k},
+    },
+    relativity::Motion,
 };
 
 /// Stars per workgroup at most.
@@ -32,6 +36,8 @@ pub(crate) struct StarTarget<'a> {
     pub pixels: &'a wgpu::Buffer,
     /// Pixels of the batch.
     pub plane_pixels: u32,
+    /// How the camera moves.
+    pub motion: Option<Motion>,
 }
 
 /// A run of items that read from one buffer of stars.
@@ -43,14 +49,37 @@ pub(crate) struct StarDraw<'a> {
     pub item_count: u32,
 }
 
+/// Colours with Y = 1, and the logarithm of the luminance, of all temperature steps: from 0 on, then those below 0, which
+/// only a moving camera can ask for.
+fn colour_table() -> Vec<[f32; 4]> {
+    let above = (TABLE_STEPS as u32 - SHIFTED_STEPS) as i32;
+    (0..above)
+        .chain(-(SHIFTED_STEPS as i32)..0)
+        .map(|step| {
+            // Steps that stars can have, in the form that stars have them.
+            let kelvin = u32::try_from(step)
+                .ok()
+                .filter(|step| *step < TEMPERATURE_STEPS)
+                .map_or_else(|| temperature_of_shifted_step_k(f64::from(step)), temperature_of_step_k);
+            let [r, g, b] = rec709_in_gamut(kelvin).map(|channel| channel as f32);
+            [r, g, b, ln_luminance_cd_m2(kelvin) as f32]
+        })
+        .collect()
+}
+
+fn encode_motion(motion: Motion) -> layout::Traveller {
+    layout::Traveller {
+        direction: motion.direction.as_vec3().to_array(),
+        gamma: motion.gamma() as f32,
+        gamma_beta: (motion.gamma() * motion.beta) as f32,
+        doppler_behind: motion.doppler_behind() as f32,
+        ..Default::default()
+    }
+}
+
 impl StarPass {
     pub(crate) fn new(gpu: &Gpu) -> Self {
-        let colours: Vec<[f32; 4]> = (0..TEMPERATURE_STEPS)
-            .map(|step| {
-                let [r, g, b] = rec709_in_gamut(temperature_of_step_k(step)).map(|channel| channel as f32);
-                [r, g, b, 0.0]
-            })
-            .collect();
+        let colours = colour_table();
         let workgroup = if gpu.software { 8.0 } else { 64.0 };
         Self {
             pipeline: gpu.compute_pipeline_with(&gpu::stars(gpu.wide_accumulator), &[("WORKGROUP", workgroup)]),
@@ -78,6 +107,7 @@ impl StarPass {
                 item_count: draw.item_count,
                 items_per_row,
                 plane_pixels: target.plane_pixels,
+                traveller: target.motion.map(encode_motion).unwrap_or_default(),
                 ..Default::default()
             };
             let parameters = gpu::uniform_buffer(gpu, "star parameters", &parameters);
