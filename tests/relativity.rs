@@ -15,6 +15,7 @@ use steradian::{
     photometry::{
         blackbody::{luminance_cd_m2, rec709_in_gamut},
         kernel::SplatKernel,
+        rec709::luminance,
     },
     plan::{
         settings::StarMethod,
@@ -210,20 +211,27 @@ fn the_adapter_and_the_f64_twin_draw_the_same_picture() {
         for (name, kind) in all_views() {
             let rig = rig(vec![(name, kind)]);
             let frame = render_hdr(&mut renderer, &scene, &rig, &settings(StarMethod::BSpline));
-            let mut worst = 0.0_f64;
+            let (mut worst, mut worst_channel) = (0.0_f64, 0.0_f64);
+            // Beside the light ahead, what is behind may be worth a few units: a unit for each of some stars.
+            let free_lx = 10.0 * unit_lx(&frame);
             for (image, view_image) in frame.images.iter().zip(&rig.views()[0].images) {
                 let mapping = view_image.projection.mapping();
                 let world_from_view = view_image.camera_from_view;
                 let eye = Eye { position_m: DVec3::ZERO, world_from_view, velocity_c };
                 let twin = draw(&scene.stars, eye, mapping, |_| Some(SplatKernel::BSpline));
-                worst = worst.max(difference_from_twin(image, &twin, mapping));
+                worst = worst.max(differences_from_twin(image, &twin, mapping, free_lx, |rgb| [luminance(rgb)]));
+                // A channel may be next to nothing in a saturated colour: what counts is how it compares with the light.
+                let with_luminance = |rgb: [f64; 3]| rgb.map(|channel| channel + luminance(rgb));
+                worst_channel =
+                    worst_channel.max(differences_from_twin(image, &twin, mapping, free_lx, with_luminance));
                 // The twin at rest is another picture.
                 let resting = Eye { velocity_c: DVec3::ZERO, ..eye };
                 let wrong = draw(&scene.stars, resting, mapping, |_| Some(SplatKernel::BSpline));
                 assert!(difference_from_twin(image, &wrong, mapping) > 0.5);
             }
-            println!("{beta} c, {name}: largest relative difference from f64 {worst:.1e}");
-            assert!(worst < 1e-3, "{beta} c, {name}: {worst}");
+            println!("{beta} c, {name}: from f64, luminance within {worst:.1e}, colour {worst_channel:.1e}");
+            // Shifted temperatures are rounded to steps of 0.26 %.
+            assert!(worst < 1e-3 && worst_channel < 3e-3, "{beta} c, {name}: {worst} {worst_channel}");
         }
     }
 }
@@ -291,6 +299,12 @@ fn the_magnitude_limit_counts_the_light_that_arrives() {
     assert!(counts.windows(2).all(|pair| pair[0] != pair[1]), "the limit takes no notice of the speed");
 }
 
+/// Lux per unit of the coarsest sums, from the certificate.
+fn unit_lx(frame: &Frame) -> f64 {
+    let units = frame.plan.certificate.iter().filter(|entry| entry.what.starts_with("rounding of "));
+    units.map(|entry| entry.bound).fold(0.0, f64::max)
+}
+
 /// With culling and without, the same stars and the same light.
 #[test]
 fn culling_loses_no_star_in_flight() {
@@ -319,7 +333,11 @@ fn culling_loses_no_star_in_flight() {
                 let all = render_hdr(&mut renderer, &scene, &rig, &settings);
                 assert_eq!(culled.views[0].stars_drawn, all.views[0].stars_drawn, "{velocity_c} {name} {limit}");
                 let (a, b) = (total_illuminance_lx(&culled, &rig), total_illuminance_lx(&all, &rig));
-                assert!((a - b).abs() <= 1e-6 * b, "{velocity_c} {name} {limit}: {a} {b}");
+                // Without culling the unit is that of the whole sky's light, of which a view behind sees next to nothing:
+                // each of nine pixels of each star is rounded by up to a unit, also of stars just outside of the picture.
+                let outside = 300;
+                let noise = 6.0 * unit_lx(&all) * (9.0 * (all.views[0].stars_drawn + outside) as f64).sqrt();
+                assert!((a - b).abs() <= 1e-6 * b + noise, "{velocity_c} {name} {limit}: {a} {b} +- {noise}");
             }
         }
     }

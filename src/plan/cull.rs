@@ -25,6 +25,9 @@ const MARGIN_PX: f64 = 2.0;
 /// A chunk is near where the rounding of its origin to f32 would turn a star's direction by more than 5e-7 rad (0.1").
 const NEAR_SHARE: f64 = 0.12;
 
+/// Ratio of a chunk's greatest Doppler factor to its smallest from which on its light is summed star by star.
+const WIDE_IN_FLIGHT: f64 = 1.5;
+
 /// Viewports that one frame may have: a chunk names those that see it in 64 bits.
 pub const MAX_VIEWPORTS: usize = 64;
 
@@ -181,10 +184,10 @@ fn look_at(
     // In flight a star can be brighter than its distance says, or fainter.
     let boost = settings.motion.map(|motion| {
         let dopplers = doppler_range(&motion, chunk, camera_pc, origin_pc, eyes_pc);
-        travel::boost(&set.spectra()[index], chunk.brightest_lx, dopplers)
+        (travel::boost(&set.spectra()[index], chunk.brightest_lx, dopplers), dopplers)
     });
     // Not 0, which would make a needed light of 0 no number.
-    let of_a_star = boost.map_or(1.0, |boost| boost.of_a_star.max(f64::MIN_POSITIVE));
+    let of_a_star = boost.map_or(1.0, |(boost, _)| boost.of_a_star.max(f64::MIN_POSITIVE));
     let needed_lx = settings.faintest_lx * nearest_pc * nearest_pc * (1.0 - 1e-6) / of_a_star;
     let count = if near || chunk.faintest_lx >= needed_lx {
         chunk.count
@@ -194,15 +197,20 @@ fn look_at(
     if count == 0 {
         return None;
     }
-    // The bounds of the chunk come from f64 places, its stars are f32 offsets: allow for the rounding.
-    let spread = (1.0 + 1e-5) / (nearest_pc * nearest_pc);
-    let (brightest_lx, total_lx) = if near {
+    // A chunk that is wide, as the motion goes, has no bound worth having but the sum of its stars.
+    let wide = boost.is_some_and(|(_, [lowest, highest])| highest > WIDE_IN_FLIGHT * lowest);
+    let (brightest_lx, total_lx) = if near || wide {
+        // At infinity the place is a direction, the same for every eye.
+        let eyes_pc = if chunk.at_infinity { &[DVec3::ZERO] } else { eyes_pc };
         let lights =
             near_stars(set, chunk, origin_pc).map(|(place, star)| most_light(place, star, eyes_pc, settings.motion));
         lights.fold((0.0_f64, 0.0), |(most, sum), lx| (most.max(lx), sum + lx))
     } else {
-        let brightest_lx = boost.map_or(chunk.brightest_lx, |boost| boost.brightest_lx);
-        (brightest_lx * spread, chunk.total_lx * boost.map_or(1.0, |boost| boost.of_all) * spread)
+        // The bounds of the chunk come from f64 places, its stars are f32 offsets: allow for the rounding.
+        let spread = (1.0 + 1e-5) / (nearest_pc * nearest_pc);
+        let (brightest_lx, of_all) =
+            boost.map_or((chunk.brightest_lx, 1.0), |(boost, _)| (boost.brightest_lx, boost.of_all));
+        (brightest_lx * spread, chunk.total_lx * of_all * spread)
     };
     Some(VisibleChunk { chunk: index, origin_pc, viewports, count, near, brightest_lx, total_lx })
 }

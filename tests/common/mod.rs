@@ -84,7 +84,18 @@ pub fn total_illuminance_lx(frame: &Frame, rig: &Rig) -> f64 {
 /// Largest difference of any channel between an image and that of the twin, relative to the brightest of the 3 x 3 pixels
 /// around: f32 coordinates shift a kernel by some 1e-5 pixel, and with it the small weights at its edge.
 pub fn difference_from_twin(image: &FrameImage, twin: &ReferenceImage, mapping: &dyn PlaneMapping) -> f64 {
-    let expected = twin.luminance_cd_m2(mapping);
+    differences_from_twin(image, twin, mapping, 0.0, |rgb| rgb)
+}
+
+/// The same of what `of` makes of linear RGB, but for `free_lx`, the rounding of the sums of a pixel.
+pub fn differences_from_twin<const N: usize>(
+    image: &FrameImage,
+    twin: &ReferenceImage,
+    mapping: &dyn PlaneMapping,
+    free_lx: f64,
+    of: impl Fn([f64; 3]) -> [f64; N],
+) -> f64 {
+    let expected: Vec<[f64; N]> = twin.luminance_cd_m2(mapping).into_iter().map(&of).collect();
     let [width, height] = mapping.size().map(i64::from);
     let around = |index: usize, channel: usize| {
         let (x, y) = (index as i64 % width, index as i64 / width);
@@ -96,9 +107,11 @@ pub fn difference_from_twin(image: &FrameImage, twin: &ReferenceImage, mapping: 
     // A star just outside of the picture leaves but the edge of its kernel: hence the second term.
     let brightest = expected.iter().flatten().fold(0.0_f64, |a, b| a.max(*b));
     let mut worst = 0.0_f64;
-    for (index, seen) in image.hdr.as_ref().expect("asked for").iter().enumerate() {
-        for channel in 0..3 {
-            let difference = (f64::from(seen[channel]) - expected[index][channel]).abs();
+    for (index, pixel) in image.hdr.as_ref().expect("asked for").iter().enumerate() {
+        let seen = of([pixel[0], pixel[1], pixel[2]].map(f64::from));
+        let free = if pixel[3] > 0.0 { free_lx / f64::from(pixel[3]) } else { 0.0 };
+        for channel in 0..N {
+            let difference = (seen[channel] - expected[index][channel]).abs() - free;
             if difference > 0.0 {
                 worst = worst.max(difference / (around(index, channel) + 1e-4 * brightest));
             }
