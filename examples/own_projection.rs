@@ -130,8 +130,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
 
     // Galactic coordinates: the centre of the Milky Way in the middle, its north pole at the top, longitude to the left.
     let [centre, left, north] = icrs_from_galactic().to_cols_array_2d().map(DVec3::from_array);
-    let eye =
-        Eye { position_m: DVec3::ZERO, world_from_view: DQuat::from_mat3(&DMat3::from_cols(-left, north, -centre)) };
+    let eye = Eye { world_from_view: DQuat::from_mat3(&DMat3::from_cols(-left, north, -centre)), ..Eye::default() };
     let mapping = Hammer { height: arguments.height };
     let map = draw(&stars, eye, &mapping, |_| Some(SplatKernel::BSpline));
 

@@ -70,7 +70,11 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
             luminance([red, green, blue].map(|channel| f64::from(*channel))) * f64::from(*omega_sr)
         })
         .sum();
-    let eye = Eye { position_m: scene.camera.position_m, world_from_view: viewport.world_from_view };
+    let eye = Eye {
+        position_m: scene.camera.position_m,
+        world_from_view: viewport.world_from_view,
+        velocity_c: scene.camera.velocity_c,
+    };
     let twin = draw(&scene.stars, eye, mapping, |_| Some(SplatKernel::BSpline));
     let twin_lx: f64 = twin.illuminance_lx.iter().map(|rgb| luminance(*rgb)).sum();
     let error = drawn_lx / twin_lx - 1.0;

@@ -1,7 +1,8 @@
 // The star pass: every star of every visible chunk, splatted in illuminance into all tiles that may see it.
 //
 // One workgroup takes one item: a run of stars of one chunk, and the set of tiles. Needs viewport.wgsl, math.wgsl,
-// projection.wgsl, star.wgsl and one of accumulate_*.wgsl. The f64 twin is src/reference/stars.rs.
+// projection.wgsl, star.wgsl, relativity.wgsl, pixel_grid.wgsl and one of accumulate_*.wgsl. The f64 twin is
+// src/reference/stars.rs.
 
 struct StarParameters {
     // Fixed-point units per lux.
@@ -16,6 +17,8 @@ struct StarParameters {
     unused_0: u32,
     unused_1: u32,
     unused_2: u32,
+    // How the camera moves.
+    traveller: Traveller,
 }
 
 @group(0) @binding(0) var<uniform> parameters: StarParameters;
@@ -137,9 +140,16 @@ fn splat_stars(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocatio
         var drawn = 0u;
         for (var i = local; i < item.count; i += WORKGROUP) {
             let star = stars[item.first + i];
-            let relative = origin + vec3(star.offset_x, star.offset_y, star.offset_z);
+            var relative = origin + vec3(star.offset_x, star.offset_y, star.offset_z);
             let distance_squared = dot(relative, relative);
-            let illuminance = illuminance_at_1_pc(star) / distance_squared;
+            var illuminance = illuminance_at_1_pc(star) / distance_squared;
+            var colour_index = star.light & 2047u;
+            if moves(parameters.traveller) && distance_squared > 0.0 {
+                let seen = seen_by(parameters.traveller, relative);
+                relative = seen.xyz;
+                illuminance *= light_factor(colour_index, seen.w);
+                colour_index = table_index(i32(round(f32(colour_index) + doppler_steps(seen.w))));
+            }
             // A star at the camera's place has no direction; the comparison is also false for NaN.
             if !(illuminance >= parameters.faintest_lx && illuminance < parameters.brightest_lx && distance_squared > 0.0) {
                 continue;
@@ -188,7 +198,7 @@ fn splat_stars(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocatio
             if own.x >= 0 && own.y >= row_0 && own.y < row_1 {
                 drawn += 1u;
             }
-            let light = colours[star.light & 2047u].xyz * scale;
+            let light = colours[colour_index].xyz * scale;
             let threshold = rounding_threshold(item.first_number + i);
             // Most stars are faint, and most stand inside: they take the short way.
             if inside && max(light.x, max(light.y, light.z)) < 1048576.0 {

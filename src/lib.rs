@@ -11,6 +11,8 @@ pub mod units;
 
 pub mod photometry;
 
+pub mod relativity;
+
 pub mod catalogue;
 
 pub mod scene;

@@ -113,7 +113,7 @@ fn an_empty_file_is_all_defaults() {
 fn scene_time_camera_and_catalogues() {
     let config = parse(
         "[scene]\ncatalogues = ['builtin:bright', 'near/x.csv', '/far/y.stars', { galaxy = { stars = 5, seed = 7, fainter_than = 3.5 } }, { galaxy = { stars = 6 } }]\n\
-         time = 2031-05-06T07:08:09.5+02:00\n[scene.camera]\nposition_m = [1, 2.5, -3e20]\norientation = [0.0, 0.0, 0.70712, 0.70712]\nvelocity_c = [0, 0, 0]\n",
+         time = 2031-05-06T07:08:09.5+02:00\n[scene.camera]\nposition_m = [1, 2.5, -3e20]\norientation = [0.0, 0.0, 0.70712, 0.70712]\nvelocity_c = [0, 0.5, -0.25]\n",
     )
     .unwrap();
     let galaxy = |stars, seed, fainter_than| StarSource::Galaxy(GalaxyParameters { stars, seed, fainter_than });
@@ -130,6 +130,7 @@ fn scene_time_camera_and_catalogues() {
     assert!(matches!(&config.scene.catalogues[1], CatalogueConfig::Named(name) if name == "near/x.csv"));
     let camera = config.camera().unwrap();
     assert_eq!(camera.position_m, glam::DVec3::new(1.0, 2.5, -3e20));
+    assert_eq!(camera.velocity_c, glam::DVec3::new(0.0, 0.5, -0.25));
     assert!((camera.world_from_camera.length() - 1.0).abs() < 1e-12, "normalised");
     assert_eq!(config.scene.time.offset.unwrap().to_string(), "+02:00");
 }
@@ -169,11 +170,9 @@ fn mistakes_in_the_scene() {
     refused("[scene.camera]\nposition_m = [0, 0]", &["scene.camera.position_m", "invalid length 2"]);
     refused("[scene.camera]\norientation = [0, 0, 0, 1.01]", &["scene.camera.orientation", "unit quaternion"]);
     refused("[scene.camera]\norientation = [0, 0, inf, 1]", &["scene.camera.orientation", "finite"]);
-    refused(
-        "[scene.camera]\nvelocity_c = [0.1, 0, 0]",
-        &["scene.camera.velocity_c", "not implemented yet", "[0, 0, 0]"],
-    );
-    refused("[scene.camera]\nvelocity_c = [1, 0, 0]", &["scene.camera.velocity_c", "below 1"]);
+    refused("[scene.camera]\nvelocity_c = [0.99991, 0, 0]", &["scene.camera.velocity_c", "0.99991", "0 to 0.9999"]);
+    refused("[scene.camera]\nvelocity_c = [0.6, 0.8, 0]", &["scene.camera.velocity_c", "from 0 to 0.9999"]);
+    refused("[scene.camera]\nvelocity_c = [nan, 0, 0]", &["scene.camera.velocity_c", "finite"]);
     refused("[scene.camera]\nheading = 3", &["scene.camera.heading", "unknown key", "orientation"]);
 }
 

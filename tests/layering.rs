@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 const LAYERS: &[&[&str]] = &[
     &["units", "coordinates", "files", "telemetry"],
     &["photometry"],
-    &["catalogue"],
+    &["catalogue", "relativity"],
     &["scene", "view"],
     &["plan"],
     &["config", "gpu"],

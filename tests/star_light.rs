@@ -265,30 +265,9 @@ fn the_adapter_and_the_f64_twin_draw_the_same_picture() {
             let frame = render_hdr(&mut renderer, &scene, &rig, &settings(method));
             for (image, view_image) in frame.images.iter().zip(&rig.views()[0].images) {
                 let mapping = view_image.projection.mapping();
-                let eye = Eye { position_m: DVec3::ZERO, world_from_view: view_image.camera_from_view };
+                let eye = Eye { world_from_view: view_image.camera_from_view, ..Eye::default() };
                 let twin = draw(&scene.stars, eye, mapping, |_| Some(kernel));
-                let expected = twin.luminance_cd_m2(mapping);
-                let [width, height] = mapping.size().map(i64::from);
-                // Differences count against the brightest of the 3 x 3 pixels around: f32 coordinates shift a kernel by
-                // some 1e-5 pixel, and with it the small weights at its edge.
-                let around = |index: usize, channel: usize| {
-                    let (x, y) = (index as i64 % width, index as i64 / width);
-                    let near = (-1..=1).flat_map(|j| (-1..=1).map(move |i| (x + i, y + j)));
-                    near.filter(|(x, y)| (0..width).contains(x) && (0..height).contains(y))
-                        .map(|(x, y)| expected[(y * width + x) as usize][channel])
-                        .fold(0.0_f64, f64::max)
-                };
-                // A star just outside of the picture leaves but the edge of its kernel: hence the second term.
-                let brightest = expected.iter().flatten().fold(0.0_f64, |a, b| a.max(*b));
-                let mut worst = 0.0_f64;
-                for (index, seen) in image.hdr.as_ref().expect("asked for").iter().enumerate() {
-                    for channel in 0..3 {
-                        let difference = (f64::from(seen[channel]) - expected[index][channel]).abs();
-                        if difference > 0.0 {
-                            worst = worst.max(difference / (around(index, channel) + 1e-4 * brightest));
-                        }
-                    }
-                }
+                let worst = difference_from_twin(image, &twin, mapping);
                 assert!(worst < 1e-3, "{name} {method:?} {:?}: relative difference {worst}", image.part);
                 if method == StarMethod::BSpline {
                     println!("{name} {:?}: largest relative difference from f64 {worst:.1e}", image.part);

@@ -5,11 +5,17 @@
 //! never on the order in which they came. Positions are f32 offsets from an f64 origin: the frame computes origin minus
 //! camera in f64.
 
+use std::sync::OnceLock;
+
 use cdshealpix::nested;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-use super::{StarRecord, packed::PackedStar};
+use super::{
+    StarRecord,
+    packed::PackedStar,
+    spectra::{self, Spectrum},
+};
 use crate::units::illuminance_lx_from_magnitude;
 
 /// A chunk that holds more stars than this is divided, unless the stars stand in one spot.
@@ -59,6 +65,8 @@ pub struct StarSet {
     pub chunks: Vec<Chunk>,
     /// Stars; within a chunk the brightest come first.
     pub stars: Vec<PackedStar>,
+    /// Spectra of the chunks, once someone has asked for them; chunks and stars stay as they are from then on.
+    spectra: OnceLock<Vec<Spectrum>>,
 }
 
 /// Sort key: shell of distance, then cell of the sky; then what makes the order independent of the input's.
@@ -85,6 +93,16 @@ fn cell_of(position: DVec3) -> u32 {
 }
 
 impl StarSet {
+    /// A set of chunks and their stars, in the same order.
+    pub fn new(chunks: Vec<Chunk>, stars: Vec<PackedStar>) -> Self {
+        Self { chunks, stars, spectra: OnceLock::new() }
+    }
+
+    /// How the light of each chunk is spread over temperatures. Found at the first call, from all stars.
+    pub fn spectra(&self) -> &[Spectrum] {
+        self.spectra.get_or_init(|| spectra::of_chunks(self))
+    }
+
     /// Sorts and chunks stars. Takes the records, which are dropped as soon as they have been read.
     pub fn from_records(records: Vec<StarRecord>) -> Self {
         let mut keys: Vec<Key> = records
@@ -107,7 +125,7 @@ impl StarSet {
             runs.par_iter().map(|&(start, end)| build_chunk(&records, &keys[start..end])).collect();
         drop(keys);
         drop(records);
-        let mut set = StarSet { chunks: Vec::with_capacity(chunked.len()), stars: Vec::new() };
+        let mut set = StarSet::new(Vec::with_capacity(chunked.len()), Vec::new());
         set.stars.reserve_exact(chunked.iter().map(|(_, stars)| stars.len()).sum());
         for (mut chunk, stars) in chunked {
             chunk.first = set.stars.len() as u32;

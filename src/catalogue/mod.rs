@@ -6,6 +6,7 @@ pub mod galaxy;
 pub mod overlap;
 pub mod packed;
 pub mod reader;
+pub mod spectra;
 pub mod store;
 
 use glam::DVec3;

@@ -246,7 +246,7 @@ pub fn read(path: &Path) -> Result<Store, StoreError> {
     if next as usize != stars.len() {
         return Err(damaged(format!("its chunks hold {next} of {} stars", stars.len())));
     }
-    Ok(Store { description, stars: StarSet { chunks, stars } })
+    Ok(Store { description, stars: StarSet::new(chunks, stars) })
 }
 
 /// The stars of a set as records again, to be combined with those of other catalogues. Light and colour are those of the

@@ -113,7 +113,7 @@ pub struct CameraConfig {
     pub position_m: [f64; 3],
     /// Unit quaternion x, y, z, w from view axes to world axes.
     pub orientation: [f64; 4],
-    /// Velocity in units of the speed of light.
+    /// Velocity in units of the speed of light, ICRS axes; at most 0.9999.
     pub velocity_c: [f64; 3],
 }
 
@@ -130,7 +130,7 @@ impl CameraConfig {
             let key = match &error {
                 PoseError::NotFinite { key, .. } => key,
                 PoseError::NotUnit { .. } => "orientation",
-                PoseError::TooFast { .. } | PoseError::VelocityNotImplemented { .. } => "velocity_c",
+                PoseError::TooFast { .. } => "velocity_c",
             };
             Fault::new(key, error.to_string())
         })

@@ -164,13 +164,21 @@ impl Renderer {
             {
                 let mut pass = begin_pass(&mut encoder, timer, "stars");
                 let target = star_target(&pixels);
-                self.star_pass.record(gpu, &mut pass, &prepared.ranges.main, &target, &high_words, &draws);
+                self.star_pass.record(
+                    gpu,
+                    &mut pass,
+                    &prepared.ranges.main,
+                    prepared.motion,
+                    &target,
+                    &high_words,
+                    &draws,
+                );
             }
             if let Some((range, low, bright_high)) = &bright {
                 encoder.clear_buffer(low, 0, Some(plane_bytes));
                 encoder.clear_buffer(bright_high, 0, Some(plane_bytes));
                 let mut pass = begin_pass(&mut encoder, timer, "stars");
-                self.star_pass.record(gpu, &mut pass, range, &star_target(low), bright_high, &draws);
+                self.star_pass.record(gpu, &mut pass, range, prepared.motion, &star_target(low), bright_high, &draws);
             }
             let display_here = known_ev100.is_some() && any(batch, &|wanted: Wanted| wanted.display);
             let display = display_here.then(|| buffers.display.with_room(gpu, batch.pixels * DISPLAY_BYTES).clone());

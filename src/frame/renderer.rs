@@ -22,9 +22,11 @@ use crate::{
         cull::{CullSettings, MAX_VIEWPORTS, VisibleChunk, distinct_eyes_pc, visible_chunks},
         plan_stars,
         range::{self, Ranges},
-        settings::{ExposureSettings, RenderSettings, StarMethod},
+        settings::{Accumulator, ExposureSettings, RenderSettings, StarMethod},
         tiles::{BYTES_PER_PIXEL, Batch, batches},
+        travel,
     },
+    relativity::Motion,
     scene::SceneSnapshot,
     units::{PARSEC_M, illuminance_lx_from_magnitude},
     view::{Rig, Viewport},
@@ -71,6 +73,11 @@ pub enum RenderError {
     /// The method is not drawn yet.
     #[error("stars.method = `{0}` is not drawn yet")]
     NotDrawn(&'static str),
+    /// A published method cannot draw for a moving camera.
+    #[error(
+        "stars.method = `{0}` draws for a camera at rest: set scene.camera.velocity_c = [0, 0, 0], or the method to auto, bspline, tent or pixel_gaussian"
+    )]
+    AtRestOnly(&'static str),
     /// There must be one choice of buffers per view.
     #[error("{given} choices of buffers for {views} views")]
     WantedCount {
@@ -149,6 +156,7 @@ pub(super) struct Prepared {
     pub(super) cull_ms: f64,
     pub(super) camera_pc: DVec3,
     pub(super) faintest_lx: f64,
+    pub(super) motion: Option<Motion>,
 }
 
 impl Renderer {
@@ -224,6 +232,9 @@ impl Renderer {
         if !matches!(method, Auto | BSpline | Tent | PackedCas | PackedCasSorted) {
             return Err(RenderError::NotDrawn(method.name()));
         }
+        if snapshot.camera.velocity_c != DVec3::ZERO && method.accumulator() != Accumulator::FixedPoint {
+            return Err(RenderError::AtRestOnly(method.name()));
+        }
         self.hold_stars(method, &snapshot.stars);
         let prepared = self.prepare(snapshot, rig, settings, adapted_ev100);
         let recorded = self.record(&prepared, rig, settings, wanted, adapted_ev100);
@@ -277,11 +288,12 @@ impl Renderer {
         adapted_ev100: Option<f64>,
     ) -> Prepared {
         let camera = &snapshot.camera;
+        let motion = Motion::new(camera.velocity_c);
         let viewports = rig.viewports(camera.world_from_camera);
         let sizes: Vec<[u32; 2]> = viewports.iter().map(Viewport::size).collect();
         let batches = batches(&sizes, self.gpu.max_binding_bytes() / BYTES_PER_PIXEL);
         let faintest_lx = illuminance_lx_from_magnitude(settings.stars.magnitude_limit);
-        let cull = CullSettings { faintest_lx, enabled: self.culling };
+        let cull = CullSettings { faintest_lx, enabled: self.culling, motion };
         let start = Instant::now();
         let camera_pc = camera.position_m / PARSEC_M;
         let visible = if settings.stars.method.reads_visible() {
@@ -290,7 +302,7 @@ impl Renderer {
             Vec::new()
         };
         let cull_ms = start.elapsed().as_secs_f64() * 1e3;
-        let mut ranges = range::choose(&snapshot.stars, &visible, &distinct_eyes_pc(&viewports), faintest_lx);
+        let mut ranges = range::choose(&snapshot.stars, &visible, &distinct_eyes_pc(&viewports), faintest_lx, motion);
         ranges.main.units_per_lx *= self.unit_factor;
         let total_solid_angle_sr = viewports.iter().map(|v| v.projection.picture_solid_angle_sr()).sum();
         let expected_ev100 = settings
@@ -299,7 +311,10 @@ impl Renderer {
             .or_else(|| expected_ev100(&visible, total_solid_angle_sr, &settings.exposure));
         let accumulator =
             if self.gpu.wide_accumulator { "fixed point, 2 x 64 bits" } else { "fixed point, 4 x 32 bits" };
-        let plan = plan_stars(settings, &viewports, &ranges, expected_ev100, accumulator);
+        let mut plan = plan_stars(settings, &viewports, &ranges, expected_ev100, accumulator);
+        if let Some(motion) = motion {
+            plan.report.certificate.extend(travel::certificate(&snapshot.stars, &visible, &motion, &settings.accuracy));
+        }
         let encoded = viewports.iter().zip(&plan.tent_below_lx).map(|(v, tent)| encode_viewport(v, *tent)).collect();
         Prepared {
             viewports,
@@ -312,6 +327,7 @@ impl Renderer {
             cull_ms,
             camera_pc,
             faintest_lx,
+            motion,
         }
     }
 }

@@ -104,6 +104,21 @@ gpu_structs! {
         /// 1: directions instead of places.
         at_infinity: u32,
     }
+    /// How the camera moves; see `shaders/shared/relativity.wgsl`. All zero: it rests.
+    Traveller {
+        /// Unit vector of the velocity, world axes.
+        direction: [f32; 3],
+        /// Lorentz factor.
+        gamma: f32,
+        /// Lorentz factor times speed; 0 at rest.
+        gamma_beta: f32,
+        /// Doppler factor straight behind.
+        doppler_behind: f32,
+        /// Padding.
+        unused_0: u32,
+        /// Padding.
+        unused_1: u32,
+    }
     /// Parameters of the star pass.
     StarParameters {
         /// Fixed-point units per lux.
@@ -122,6 +137,8 @@ gpu_structs! {
         unused_1: u32,
         /// Padding.
         unused_2: u32,
+        /// How the camera moves.
+        traveller: Traveller,
     }
     /// A star as the published methods read it; see `shaders/shared/catalogue_star.wgsl`.
     CatalogueStar {

@@ -16,6 +16,7 @@ pub struct ShaderSource {
 const VIEWPORT: &str = include_str!("../../shaders/shared/viewport.wgsl");
 const MATH: &str = include_str!("../../shaders/shared/math.wgsl");
 const PROJECTION: &str = include_str!("../../shaders/shared/projection.wgsl");
+const RELATIVITY: &str = include_str!("../../shaders/shared/relativity.wgsl");
 const DISPLAY: &str = include_str!("../../shaders/shared/display.wgsl");
 const EXPOSURE: &str = include_str!("../../shaders/shared/exposure.wgsl");
 const STAR: &str = include_str!("../../shaders/shared/star.wgsl");
@@ -31,8 +32,17 @@ pub fn stars(wide: bool) -> ShaderSource {
     } else {
         include_str!("../../shaders/shared/accumulate_u32.wgsl")
     };
-    let text =
-        [VIEWPORT, MATH, PROJECTION, STAR, PIXEL_GRID, accumulate, include_str!("../../shaders/stars.wgsl")].concat();
+    let text = [
+        VIEWPORT,
+        MATH,
+        PROJECTION,
+        STAR,
+        RELATIVITY,
+        PIXEL_GRID,
+        accumulate,
+        include_str!("../../shaders/stars.wgsl"),
+    ]
+    .concat();
     ShaderSource {
         name: if wide { "stars u64" } else { "stars u32" },
         entry_point: "splat_stars",

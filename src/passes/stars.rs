@@ -5,8 +5,12 @@ use super::shared::{StarDraw, StarTarget, bind_buffers, bind_items, dispatch_row
 use crate::{
     catalogue::packed::{TEMPERATURE_STEPS, temperature_of_step_k},
     gpu::{self, Gpu, layout},
-    photometry::blackbody::rec709_in_gamut,
-    plan::range::FixedPoint,
+    photometry::blackbody::{ln_luminance_cd_m2, rec709_in_gamut},
+    plan::{
+        range::FixedPoint,
+        travel::{SHIFTED_STEPS, TABLE_STEPS, temperature_of_shifted_step_k},
+    },
+    relativity::Motion,
 };
 
 /// Stars per workgroup at most.
@@ -22,15 +26,32 @@ pub(crate) struct StarPass {
     colours: wgpu::Buffer,
 }
 
-/// The table of colours that star passes read.
-fn colour_table(gpu: &Gpu) -> wgpu::Buffer {
-    let colours: Vec<[f32; 4]> = (0..TEMPERATURE_STEPS)
+/// Colours with Y = 1, and the logarithm of the luminance, of all temperature steps: from 0 on, then those below 0, which
+/// only a moving camera can ask for.
+fn colour_table() -> Vec<[f32; 4]> {
+    let above = (TABLE_STEPS as u32 - SHIFTED_STEPS) as i32;
+    (0..above)
+        .chain(-(SHIFTED_STEPS as i32)..0)
         .map(|step| {
-            let [r, g, b] = rec709_in_gamut(temperature_of_step_k(step)).map(|channel| channel as f32);
-            [r, g, b, 0.0]
+            // Steps that stars can have, in the form that stars have them.
+            let kelvin = u32::try_from(step)
+                .ok()
+                .filter(|step| *step < TEMPERATURE_STEPS)
+                .map_or_else(|| temperature_of_shifted_step_k(f64::from(step)), temperature_of_step_k);
+            let [r, g, b] = rec709_in_gamut(kelvin).map(|channel| channel as f32);
+            [r, g, b, ln_luminance_cd_m2(kelvin) as f32]
         })
-        .collect();
-    gpu::storage_buffer(gpu, "star colours", &colours)
+        .collect()
+}
+
+fn encode_motion(motion: Motion) -> layout::Traveller {
+    layout::Traveller {
+        direction: motion.direction.as_vec3().to_array(),
+        gamma: motion.gamma() as f32,
+        gamma_beta: (motion.gamma() * motion.beta) as f32,
+        doppler_behind: motion.doppler_behind() as f32,
+        ..Default::default()
+    }
 }
 
 impl StarPass {
@@ -38,7 +59,7 @@ impl StarPass {
         let workgroup = if gpu.software { 8.0 } else { 64.0 };
         Self {
             pipeline: gpu.compute_pipeline_with(&gpu::stars(gpu.wide_accumulator), &[("WORKGROUP", workgroup)]),
-            colours: colour_table(gpu),
+            colours: gpu::storage_buffer(gpu, "star colours", &colour_table()),
         }
     }
 
@@ -47,12 +68,14 @@ impl StarPass {
         &self.colours
     }
 
-    /// Records the draws of one range of brightness into one batch.
+    /// Records the draws of one range of brightness into one batch, seen by a camera that may move.
+    #[expect(clippy::too_many_arguments, reason = "a pass takes its settings and its buffers")]
     pub(crate) fn record(
         &self,
         gpu: &Gpu,
         pass: &mut wgpu::ComputePass<'_>,
         range: &FixedPoint,
+        motion: Option<Motion>,
         target: &StarTarget<'_>,
         high_words: &wgpu::Buffer,
         draws: &[StarDraw<'_>],
@@ -66,6 +89,7 @@ impl StarPass {
                 brightest_lx: range.brightest_lx as f32,
                 item_count: draw.item_count,
                 items_per_row,
+                traveller: motion.map(encode_motion).unwrap_or_default(),
                 ..Default::default()
             };
             let parameters = gpu::uniform_buffer(gpu, "star parameters", &parameters);

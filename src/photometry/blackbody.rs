@@ -93,6 +93,18 @@ pub fn luminance_cd_m2(temperature_k: f64) -> f64 {
     LUMINOUS_EFFICACY_LM_W * radiance_m * STEP_M
 }
 
+/// Natural logarithm of [`luminance_cd_m2`], also where the luminance itself is too small for f64. Temperatures outside
+/// 1 to 1e12 K count as the nearer end; NaN gives NaN.
+pub fn ln_luminance_cd_m2(temperature_k: f64) -> f64 {
+    let temperature_k = temperature_k.clamp(LIMITING_TEMPERATURES_K[0], LIMITING_TEMPERATURES_K[1]);
+    let [_, y, _] = tristimulus(temperature_k);
+    // `tristimulus` counts in radiances at the longest wavelength: c1 lambda^-5 / (e^x - 1), with e^x taken out.
+    let longest_m = wavelength_m(COLOUR_MATCHING.len() - 1);
+    let x = SECOND_RADIATION_M_K / (longest_m * temperature_k);
+    let scale = LUMINOUS_EFFICACY_LM_W * STEP_M * FIRST_RADIATION_RADIANCE / longest_m.powi(5);
+    (y * scale / -(-x).exp_m1()).ln() - x
+}
+
 /// Why a [`BlackbodyTable`] cannot be made.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 pub enum BlackbodyTableError {
@@ -292,6 +304,18 @@ mod tests {
         assert!(luminance_cd_m2(1.0) == 0.0 && luminance_cd_m2(300.0) > 0.0);
         assert!(luminance_cd_m2(1e12).is_finite());
         assert!(luminance_cd_m2(f64::NAN).is_nan());
+    }
+
+    #[test]
+    fn the_logarithm_is_that_of_the_luminance_and_goes_on_below_it() {
+        for t in [30.0, 100.0, 500.0, 5772.0, 1e5, 1.4e7, 1e12] {
+            let (found, expected) = (ln_luminance_cd_m2(t), luminance_cd_m2(t).ln());
+            assert!((found - expected).abs() < 1e-9 * expected.abs().max(1.0), "{t} K: {found} {expected}");
+        }
+        // Where the luminance has underflowed, Wien's law at the red end of the table, 830 nm, is all that is left.
+        let slope = (ln_luminance_cd_m2(3.0) - ln_luminance_cd_m2(4.0)) / (1.0 / 4.0 - 1.0 / 3.0);
+        assert!((slope / (0.014_387_769 / 830e-9) - 1.0).abs() < 1e-3, "{slope}");
+        assert!(ln_luminance_cd_m2(f64::NAN).is_nan());
     }
 
     #[test]

@@ -2,16 +2,19 @@
 //! offsets from the camera are not good enough.
 //!
 //! Bounds are three-dimensional: a sphere around the chunk and, while the camera is nearer to the barycentre than the
-//! chunk is, the chunk's cone widened by the parallax. Both hold, so the narrower one counts.
+//! chunk is, the chunk's cone widened by the parallax. Both hold, so the narrower one counts. A moving camera sees the
+//! cones elsewhere and of another size (`crate::relativity`), and the light of their stars changed (`travel`).
 
 use glam::{DMat3, DVec3, Vec3};
 use rayon::prelude::*;
 
+use super::travel;
 use crate::{
     catalogue::{
         chunks::{Chunk, StarSet},
         packed::PackedStar,
     },
+    relativity::Motion,
     units::PARSEC_M,
     view::{Viewport, projection::Projection},
 };
@@ -21,6 +24,9 @@ const MARGIN_PX: f64 = 2.0;
 
 /// A chunk is near where the rounding of its origin to f32 would turn a star's direction by more than 5e-7 rad (0.1").
 const NEAR_SHARE: f64 = 0.12;
+
+/// Ratio of a chunk's greatest Doppler factor to its smallest from which on its light is summed star by star.
+const WIDE_IN_FLIGHT: f64 = 1.5;
 
 /// Viewports that one frame may have: a chunk names those that see it in 64 bits.
 pub const MAX_VIEWPORTS: usize = 64;
@@ -33,10 +39,12 @@ struct Field {
     half_angle_rad: f64,
     /// Inward normals of planes through the eye.
     planes: Vec<DVec3>,
+    /// The field is what the moving observer sees; chunks are where stars rest.
+    motion: Option<Motion>,
 }
 
 impl Field {
-    fn new(viewport: &Viewport) -> Self {
+    fn new(viewport: &Viewport, motion: Option<Motion>) -> Self {
         let cone = viewport.projection.mapping().bounding_cone(MARGIN_PX);
         let rotation = DMat3::from_quat(viewport.world_from_view);
         let tangents = match &viewport.projection {
@@ -59,17 +67,48 @@ impl Field {
             axis: rotation * cone.axis,
             half_angle_rad: cone.half_angle_rad,
             planes,
+            motion,
         }
     }
 
-    /// Whether a cone of directions touches the field.
-    fn touches_cone(&self, axis: DVec3, half_angle_rad: f64) -> bool {
+    /// Whether a cone of directions, in the stars' frame, touches the field.
+    fn touches_cone(&self, Cone { axis, half_angle_rad }: Cone) -> bool {
+        let (axis, half_angle_rad) =
+            self.motion.map_or((axis, half_angle_rad), |motion| motion.seen_cone(axis, half_angle_rad));
         if axis.angle_between(self.axis) > self.half_angle_rad + half_angle_rad {
             return false;
         }
         half_angle_rad >= std::f64::consts::FRAC_PI_2
             || self.planes.iter().all(|normal| normal.dot(axis) >= -half_angle_rad.sin())
     }
+}
+
+/// Directions around an axis (unit vector), in the stars' frame.
+#[derive(Clone, Copy, Debug)]
+struct Cone {
+    axis: DVec3,
+    half_angle_rad: f64,
+}
+
+/// The cones in which an eye at `eye_pc` from the camera has the stars of a chunk: all of them hold. None: any direction.
+fn cones_of(chunk: &Chunk, camera_pc: DVec3, origin_pc: DVec3, eye_pc: DVec3) -> impl Iterator<Item = Cone> {
+    // The cone from the barycentre, widened by how far a star's direction can turn between there and the eye.
+    let travelled_pc = (camera_pc + eye_pc).length();
+    let turned_rad = if chunk.at_infinity {
+        Some(0.0)
+    } else {
+        (travelled_pc < chunk.nearest_pc).then(|| (travelled_pc / chunk.nearest_pc).asin())
+    };
+    let from_barycentre =
+        turned_rad.map(|turned_rad| Cone { axis: chunk.axis, half_angle_rad: chunk.half_angle_rad + turned_rad });
+    // The sphere.
+    let to_centre = origin_pc - eye_pc;
+    let distance_pc = to_centre.length();
+    let sphere = (!chunk.at_infinity && distance_pc > chunk.radius_pc).then(|| Cone {
+        axis: to_centre / distance_pc,
+        half_angle_rad: (chunk.radius_pc / distance_pc).min(1.0).asin() + 1e-6,
+    });
+    from_barycentre.into_iter().chain(sphere)
 }
 
 /// A chunk that some viewport may see.
@@ -98,6 +137,8 @@ pub struct CullSettings {
     pub faintest_lx: f64,
     /// False: every chunk goes to every viewport, to measure what culling saves.
     pub enabled: bool,
+    /// How the camera moves; `None`: not at all.
+    pub motion: Option<Motion>,
 }
 
 /// The chunks that the viewports may see from `camera_pc`.
@@ -107,7 +148,7 @@ pub fn visible_chunks(
     viewports: &[Viewport],
     settings: CullSettings,
 ) -> Vec<VisibleChunk> {
-    let fields: Vec<Field> = viewports.iter().map(Field::new).collect();
+    let fields: Vec<Field> = viewports.iter().map(|viewport| Field::new(viewport, settings.motion)).collect();
     let eyes_pc = distinct_eyes_pc(viewports);
     set.chunks
         .par_iter()
@@ -140,7 +181,14 @@ fn look_at(
     if viewports == 0 {
         return None;
     }
-    let needed_lx = settings.faintest_lx * nearest_pc * nearest_pc * (1.0 - 1e-6);
+    // In flight a star can be brighter than its distance says, or fainter.
+    let boost = settings.motion.map(|motion| {
+        let dopplers = doppler_range(&motion, chunk, camera_pc, origin_pc, eyes_pc);
+        (travel::boost(&set.spectra()[index], chunk.brightest_lx, dopplers), dopplers)
+    });
+    // Not 0, which would make a needed light of 0 no number.
+    let of_a_star = boost.map_or(1.0, |(boost, _)| boost.of_a_star.max(f64::MIN_POSITIVE));
+    let needed_lx = settings.faintest_lx * nearest_pc * nearest_pc * (1.0 - 1e-6) / of_a_star;
     let count = if near || chunk.faintest_lx >= needed_lx {
         chunk.count
     } else {
@@ -149,36 +197,41 @@ fn look_at(
     if count == 0 {
         return None;
     }
-    // The bounds of the chunk come from f64 places, its stars are f32 offsets: allow for the rounding.
-    let spread = (1.0 + 1e-5) / (nearest_pc * nearest_pc);
-    let (brightest_lx, total_lx) = if near {
-        let lights = near_stars(set, chunk, origin_pc).map(|(place, star)| most_light(place, star, eyes_pc));
+    // A chunk that is wide, as the motion goes, has no bound worth having but the sum of its stars.
+    let wide = boost.is_some_and(|(_, [lowest, highest])| highest > WIDE_IN_FLIGHT * lowest);
+    let (brightest_lx, total_lx) = if near || wide {
+        // At infinity the place is a direction, the same for every eye.
+        let eyes_pc = if chunk.at_infinity { &[DVec3::ZERO] } else { eyes_pc };
+        let lights =
+            near_stars(set, chunk, origin_pc).map(|(place, star)| most_light(place, star, eyes_pc, settings.motion));
         lights.fold((0.0_f64, 0.0), |(most, sum), lx| (most.max(lx), sum + lx))
     } else {
-        (chunk.brightest_lx * spread, chunk.total_lx * spread)
+        // The bounds of the chunk come from f64 places, its stars are f32 offsets: allow for the rounding.
+        let spread = (1.0 + 1e-5) / (nearest_pc * nearest_pc);
+        let (brightest_lx, of_all) =
+            boost.map_or((chunk.brightest_lx, 1.0), |(boost, _)| (boost.brightest_lx, boost.of_all));
+        (brightest_lx * spread, chunk.total_lx * of_all * spread)
     };
     Some(VisibleChunk { chunk: index, origin_pc, viewports, count, near, brightest_lx, total_lx })
 }
 
 fn may_see(field: &Field, chunk: &Chunk, camera_pc: DVec3, origin_pc: DVec3) -> bool {
-    if chunk.at_infinity {
-        return field.touches_cone(chunk.axis, chunk.half_angle_rad);
-    }
-    // The cone from the barycentre, widened by how far a star's direction can turn between there and the eye.
-    let travelled_pc = (camera_pc + field.eye_pc).length();
-    if travelled_pc < chunk.nearest_pc {
-        let turned_rad = (travelled_pc / chunk.nearest_pc).asin();
-        if !field.touches_cone(chunk.axis, chunk.half_angle_rad + turned_rad) {
-            return false;
-        }
-    }
-    let to_centre = origin_pc - field.eye_pc;
-    let distance_pc = to_centre.length();
-    if distance_pc <= chunk.radius_pc || distance_pc == 0.0 {
-        return true;
-    }
-    let sphere_rad = (chunk.radius_pc / distance_pc).min(1.0).asin() + 1e-6;
-    field.touches_cone(to_centre / distance_pc, sphere_rad)
+    cones_of(chunk, camera_pc, origin_pc, field.eye_pc).all(|cone| field.touches_cone(cone))
+}
+
+/// The Doppler factors that a chunk's stars can have for any of the eyes.
+fn doppler_range(motion: &Motion, chunk: &Chunk, camera_pc: DVec3, origin_pc: DVec3, eyes_pc: &[DVec3]) -> [f64; 2] {
+    let all = [motion.doppler_behind(), 1.0 / motion.doppler_behind()];
+    let for_eye = |eye_pc: DVec3| {
+        cones_of(chunk, camera_pc, origin_pc, eye_pc)
+            .map(|cone| motion.doppler_range(cone.axis, cone.half_angle_rad))
+            .fold(all, |[lowest, highest], [low, high]| [lowest.max(low), highest.min(high)])
+    };
+    // Both cones hold the stars, so that the ranges overlap, but for rounding.
+    let ranges = eyes_pc.iter().map(|eye| for_eye(*eye));
+    let [lowest, highest] = ranges
+        .fold([f64::INFINITY, 0.0], |[lowest, highest]: [f64; 2], [low, high]| [lowest.min(low), highest.max(high)]);
+    [lowest.min(highest), highest.max(lowest)]
 }
 
 /// The stars of a chunk with their places relative to the camera in f64, pc.
@@ -202,14 +255,20 @@ pub fn distinct_eyes_pc(viewports: &[Viewport]) -> Vec<DVec3> {
 }
 
 /// The most that a star at `place` (pc from the camera) gives to any of the eyes, lx.
-pub fn most_light(place: DVec3, star: &PackedStar, eyes_pc: &[DVec3]) -> f64 {
-    eyes_pc.iter().map(|eye| light_at(place - *eye, star)).fold(0.0, f64::max)
+pub fn most_light(place: DVec3, star: &PackedStar, eyes_pc: &[DVec3], motion: Option<Motion>) -> f64 {
+    eyes_pc.iter().map(|eye| light_at(place - *eye, star, motion)).fold(0.0, f64::max)
 }
 
 /// Illuminance of a star at `place` (pc from the eye), lx; 0 for a star at the eye's very place, which has no direction.
-pub fn light_at(place: DVec3, star: &PackedStar) -> f64 {
+pub fn light_at(place: DVec3, star: &PackedStar, motion: Option<Motion>) -> f64 {
     let distance_squared = place.length_squared();
-    if distance_squared > 0.0 { star.illuminance_at_1_pc_lx() / distance_squared } else { 0.0 }
+    if distance_squared > 0.0 {
+        let factor =
+            motion.map_or(1.0, |motion| travel::light_factor(star.temperature_step(), motion.doppler_of(place)));
+        star.illuminance_at_1_pc_lx() / distance_squared * factor
+    } else {
+        0.0
+    }
 }
 
 #[cfg(test)]
@@ -254,16 +313,22 @@ mod tests {
         ]
     }
 
+    /// At rest, and fast in several directions.
+    fn motions() -> [Option<Motion>; 5] {
+        [DVec3::ZERO, DVec3::X * 0.3, DVec3::new(-0.5, 0.6, 0.45), DVec3::NEG_Z * 0.99, DVec3::Y * 0.9999]
+            .map(Motion::new)
+    }
+
     /// Every star that touches a pixel of a viewport must be in a chunk that the viewport sees: from the barycentre, from
     /// among the stars and from outside.
     #[test]
     fn no_star_in_view_is_culled() {
         let set = sky();
         let viewports = viewports();
-        let settings = CullSettings { faintest_lx: 0.0, enabled: true };
-        for camera_pc in
-            [DVec3::ZERO, DVec3::new(0.5, 0.2, 0.0), DVec3::new(30.0, -20.0, 10.0), DVec3::new(0.0, 400.0, 0.0)]
-        {
+        let places =
+            [DVec3::ZERO, DVec3::new(0.5, 0.2, 0.0), DVec3::new(30.0, -20.0, 10.0), DVec3::new(0.0, 400.0, 0.0)];
+        for (camera_pc, motion) in places.into_iter().flat_map(|place| motions().map(|motion| (place, motion))) {
+            let settings = CullSettings { faintest_lx: 0.0, enabled: true, motion };
             let visible = visible_chunks(&set, camera_pc, &viewports, settings);
             let mut culled_pairs = 0;
             for (index, chunk) in set.chunks.iter().enumerate() {
@@ -276,7 +341,8 @@ mod tests {
                     for star in set.stars_of(chunk) {
                         let offset = Vec3::from_array(star.offset_pc).as_dvec3();
                         let place = if chunk.at_infinity { offset } else { chunk.origin_pc + offset - camera_pc };
-                        let direction = viewport.world_from_view.conjugate() * place;
+                        let seen = motion.map_or(place, |motion| motion.seen(place));
+                        let direction = viewport.world_from_view.conjugate() * seen;
                         let mapping = viewport.projection.mapping();
                         let Some(pixel) = mapping.pixel_from_direction(direction) else { continue };
                         let [width, height] = mapping.size().map(f64::from);
@@ -286,25 +352,28 @@ mod tests {
                         let in_circle = (pixel - glam::DVec2::new(width, height) / 2.0).length() < width / 2.0 + 1.5;
                         assert!(
                             !in_square || (circle && !in_circle),
-                            "{camera_pc} viewport {i}: star at {pixel} was culled"
+                            "{camera_pc} {motion:?} viewport {i}: star at {pixel} was culled"
                         );
                     }
                 }
             }
-            assert!(culled_pairs > set.chunks.len(), "hardly anything was culled from {camera_pc}");
+            assert!(culled_pairs > set.chunks.len(), "hardly anything was culled from {camera_pc}, {motion:?}");
         }
     }
 
     #[test]
     fn the_light_bound_holds_from_anywhere() {
         let set = sky();
-        let settings = CullSettings { faintest_lx: 0.0, enabled: false };
-        for camera_pc in [DVec3::ZERO, DVec3::new(3.0, 2.0, 1.0), DVec3::new(0.0, 50.0, 0.0)] {
+        let places = [DVec3::ZERO, DVec3::new(3.0, 2.0, 1.0), DVec3::new(0.0, 50.0, 0.0)];
+        for (camera_pc, motion) in places.into_iter().flat_map(|place| motions().map(|motion| (place, motion))) {
+            let settings = CullSettings { faintest_lx: 0.0, enabled: false, motion };
             for visible in visible_chunks(&set, camera_pc, &viewports()[..1], settings) {
                 let chunk = &set.chunks[visible.chunk];
-                let total: f64 =
-                    near_stars(&set, chunk, visible.origin_pc).map(|(place, star)| light_at(place, star)).sum();
-                assert!(total <= visible.total_lx * (1.0 + 1e-9), "{total} > {}", visible.total_lx);
+                let lights =
+                    near_stars(&set, chunk, visible.origin_pc).map(|(place, star)| light_at(place, star, motion));
+                let (most, total) = lights.fold((0.0_f64, 0.0), |(most, sum), lx| (most.max(lx), sum + lx));
+                assert!(total <= visible.total_lx * (1.0 + 1e-9), "{motion:?}: {total} > {}", visible.total_lx);
+                assert!(most <= visible.brightest_lx * (1.0 + 1e-9), "{motion:?}: {most} > {}", visible.brightest_lx);
             }
         }
     }
@@ -312,16 +381,17 @@ mod tests {
     #[test]
     fn a_magnitude_limit_shortens_chunks_without_losing_a_star() {
         let set = sky();
-        let all = CullSettings { faintest_lx: 0.0, enabled: false };
         let limit_lx = crate::units::illuminance_lx_from_magnitude(6.0);
-        let bright =
-            visible_chunks(&set, DVec3::ZERO, &viewports()[..1], CullSettings { faintest_lx: limit_lx, ..all });
-        let kept: u32 = bright.iter().map(|visible| visible.count).sum();
-        assert!(kept < 30_000);
-        for (index, chunk) in set.chunks.iter().enumerate() {
-            let count = bright.iter().find(|v| v.chunk == index).map_or(0, |v| v.count);
-            for (place, star) in near_stars(&set, chunk, chunk.origin_pc).skip(count as usize) {
-                assert!(light_at(place, star) < limit_lx);
+        for motion in motions() {
+            let settings = CullSettings { faintest_lx: limit_lx, enabled: false, motion };
+            let bright = visible_chunks(&set, DVec3::ZERO, &viewports()[..1], settings);
+            let kept: u32 = bright.iter().map(|visible| visible.count).sum();
+            assert!(kept < 30_000, "{motion:?}");
+            for (index, chunk) in set.chunks.iter().enumerate() {
+                let count = bright.iter().find(|v| v.chunk == index).map_or(0, |v| v.count);
+                for (place, star) in near_stars(&set, chunk, chunk.origin_pc).skip(count as usize) {
+                    assert!(light_at(place, star, motion) < limit_lx);
+                }
             }
         }
     }

@@ -1,7 +1,8 @@
 //! What is drawn how: settings that name methods, and the plan that a frame follows.
 //!
 //! `settings` names the methods, `tiles` cuts viewports into what the adapter can hold, `cull` finds the stars that may be
-//! seen, `range` chooses the fixed-point units, and `frame_plan` puts them together.
+//! seen, `range` chooses the fixed-point units,
+//! `travel` says what motion does to the light of stars, and `frame_plan` puts them together.
 
 pub mod cull;
 mod frame_plan;
@@ -10,6 +11,7 @@ pub mod settings;
 mod star_method;
 mod star_settings;
 pub mod tiles;
+pub mod travel;
 
 pub use frame_plan::{
     Approximation, BSPLINE_FLICKER, FramePlan, StarPlan, TENT_FLICKER_AT_WHITE, TENT_FLICKER_PER_PEAK, plan_stars,

@@ -9,7 +9,7 @@
 use glam::DVec3;
 
 use super::cull::{VisibleChunk, light_at, most_light, near_stars};
-use crate::catalogue::chunks::StarSet;
+use crate::{catalogue::chunks::StarSet, relativity::Motion};
 
 /// Bits of a channel's sum.
 const CHANNEL_BITS: i32 = 42;
@@ -76,8 +76,15 @@ struct Light {
     per_eye_lx: Vec<f64>,
 }
 
-/// Chooses the units for the stars of `visible` not fainter than `faintest_lx`, for eyes at `eyes_pc` from the camera.
-pub fn choose(set: &StarSet, visible: &[VisibleChunk], eyes_pc: &[DVec3], faintest_lx: f64) -> Ranges {
+/// Chooses the units for the stars of `visible` not fainter than `faintest_lx`, for eyes at `eyes_pc` from the camera, which
+/// may move.
+pub fn choose(
+    set: &StarSet,
+    visible: &[VisibleChunk],
+    eyes_pc: &[DVec3],
+    faintest_lx: f64,
+    motion: Option<Motion>,
+) -> Ranges {
     let total_lx: f64 = visible.iter().map(|chunk| chunk.total_lx).sum();
     let faintest_star_lx = faintest_star_lx(set, visible, eyes_pc).max(faintest_lx);
     let mut by_brightness: Vec<&VisibleChunk> = visible.iter().collect();
@@ -93,8 +100,8 @@ pub fn choose(set: &StarSet, visible: &[VisibleChunk], eyes_pc: &[DVec3], fainte
                 // At infinity the place is a direction, the same for every eye.
                 let eyes: &[DVec3] = if chunk.at_infinity { &[DVec3::ZERO] } else { eyes_pc };
                 Light {
-                    most_lx: most_light(place, star, eyes),
-                    per_eye_lx: eyes.iter().map(|eye| light_at(place - *eye, star)).collect(),
+                    most_lx: most_light(place, star, eyes, motion),
+                    per_eye_lx: eyes.iter().map(|eye| light_at(place - *eye, star, motion)).collect(),
                 }
             })
         })
@@ -148,6 +155,10 @@ mod tests {
     };
 
     fn ranges_of(magnitudes: &[f32]) -> Ranges {
+        ranges_in_flight(magnitudes, None)
+    }
+
+    fn ranges_in_flight(magnitudes: &[f32], motion: Option<Motion>) -> Ranges {
         let records = magnitudes
             .iter()
             .map(|&magnitude| StarRecord {
@@ -165,8 +176,8 @@ mod tests {
             world_from_view: glam::DQuat::IDENTITY,
             eye_offset_m: DVec3::ZERO,
         };
-        let settings = CullSettings { faintest_lx: 0.0, enabled: true };
-        choose(&set, &visible_chunks(&set, DVec3::ZERO, &[viewport], settings), &[DVec3::ZERO], 0.0)
+        let settings = CullSettings { faintest_lx: 0.0, enabled: true, motion };
+        choose(&set, &visible_chunks(&set, DVec3::ZERO, &[viewport], settings), &[DVec3::ZERO], 0.0, motion)
     }
 
     #[test]
@@ -184,6 +195,16 @@ mod tests {
         let total: f64 = [1.0, 2.0].into_iter().map(illuminance_lx_from_magnitude).sum();
         let greatest = total * GREATEST_CHANNEL * wide.main.units_per_lx;
         assert!(greatest < 2f64.powi(42) && greatest > 2f64.powi(39), "{greatest}");
+    }
+
+    /// In flight the light is that of the flight: 2.6 times as much ahead, hardly any behind.
+    #[test]
+    fn units_follow_the_light_in_flight() {
+        let at_rest = ranges_of(&[1.0; 64]).main.units_per_lx;
+        let ahead = ranges_in_flight(&[1.0; 64], Motion::new(DVec3::X * 0.9)).main.units_per_lx;
+        let behind = ranges_in_flight(&[1.0; 64], Motion::new(DVec3::X * -0.9)).main.units_per_lx;
+        assert!(at_rest / ahead >= 2.0 && at_rest / ahead <= 8.0, "{at_rest} {ahead}");
+        assert!(behind / at_rest > 1e3, "{at_rest} {behind}");
     }
 
     #[test]

@@ -5,6 +5,7 @@ use glam::{DQuat, DVec3};
 use crate::{
     catalogue::{chunks::StarSet, packed::temperature_of_step_k},
     photometry::{blackbody::rec709_in_gamut, kernel::SplatKernel},
+    relativity::{Motion, illuminance_factor},
     units::PARSEC_M,
     view::projection::PlaneMapping,
 };
@@ -16,11 +17,13 @@ pub struct Eye {
     pub position_m: DVec3,
     /// Rotation from view axes to world axes.
     pub world_from_view: DQuat,
+    /// Velocity in units of the speed of light, world axes; below 1.
+    pub velocity_c: DVec3,
 }
 
 impl Default for Eye {
     fn default() -> Self {
-        Self { position_m: DVec3::ZERO, world_from_view: DQuat::IDENTITY }
+        Self { position_m: DVec3::ZERO, world_from_view: DQuat::IDENTITY, velocity_c: DVec3::ZERO }
     }
 }
 
@@ -50,7 +53,8 @@ impl ReferenceImage {
     }
 }
 
-/// Draws all stars of a set. `kernel_for` chooses the kernel by the star's illuminance in lx; `None` leaves the star out.
+/// Draws all stars of a set. `kernel_for` chooses the kernel by the illuminance in lx that the eye
+/// receives; `None` leaves the star out.
 pub fn draw(
     set: &StarSet,
     eye: Eye,
@@ -62,20 +66,29 @@ pub fn draw(
         ReferenceImage { size, illuminance_lx: vec![[0.0; 3]; size[0] as usize * size[1] as usize], stars: 0 };
     let eye_pc = eye.position_m / PARSEC_M;
     let view_from_world = eye.world_from_view.conjugate();
+    let motion = Motion::new(eye.velocity_c);
     for (position, at_infinity, star) in set.iter() {
         let place = if at_infinity { position.normalize_or_zero() } else { position - eye_pc };
         let distance_squared = place.length_squared();
         if distance_squared == 0.0 {
             continue;
         }
-        let illuminance_lx = star.illuminance_at_1_pc_lx() / distance_squared;
+        let mut illuminance_lx = star.illuminance_at_1_pc_lx() / distance_squared;
+        let mut temperature_k = temperature_of_step_k(star.temperature_step());
+        let mut seen = place;
+        if let Some(motion) = motion {
+            let doppler = motion.doppler_of(place);
+            illuminance_lx *= illuminance_factor(temperature_k, doppler);
+            temperature_k *= doppler;
+            seen = motion.seen(place);
+        }
         let Some(kernel) = kernel_for(illuminance_lx) else { continue };
-        let taps = mapping.taps(&|centre| kernel.footprint(centre), view_from_world * place);
+        let taps = mapping.taps(&|centre| kernel.footprint(centre), view_from_world * seen);
         if taps.is_empty() {
             continue;
         }
         image.stars += 1;
-        let colour = rec709_in_gamut(temperature_of_step_k(star.temperature_step()));
+        let colour = rec709_in_gamut(temperature_k);
         for tap in taps {
             let pixel = &mut image.illuminance_lx[tap.y as usize * size[0] as usize + tap.x as usize];
             for (sum, channel) in pixel.iter_mut().zip(colour) {

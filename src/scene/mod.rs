@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
 
-use crate::catalogue::chunks::StarSet;
+use crate::{catalogue::chunks::StarSet, relativity::MAX_SPEED_C};
 
 /// Why a pose is refused.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -29,17 +29,15 @@ pub enum PoseError {
         /// Their length.
         length: f64,
     },
-    /// The camera moves; what it then sees is not computed yet.
-    #[error("velocity_c = {value:?}: relativistic travel is not implemented yet; only [0, 0, 0] is allowed")]
-    VelocityNotImplemented {
-        /// The velocity.
-        value: [f64; 3],
-    },
-    /// The speed is not below that of light.
-    #[error("velocity_c = {value:?}: the speed must be below 1 (the speed of light)")]
+    /// The speed is that of light or so near to it that it cannot be drawn.
+    #[error(
+        "velocity_c = {value:?}: the speed is {speed} of the speed of light; allowed are speeds from 0 to {MAX_SPEED_C}"
+    )]
     TooFast {
         /// The velocity.
         value: [f64; 3],
+        /// Its length.
+        speed: f64,
     },
 }
 
@@ -72,7 +70,7 @@ pub struct Camera {
     pub position_m: DVec3,
     /// Rotation from camera axes to world axes.
     pub world_from_camera: DQuat,
-    /// Velocity in units of the speed of light, world axes.
+    /// Velocity in units of the speed of light, world axes; its length is at most [`MAX_SPEED_C`].
     pub velocity_c: DVec3,
     /// Counts the changes of the camera.
     pub revision: u64,
@@ -88,11 +86,9 @@ impl Camera {
     /// A camera from plain numbers as configurations and clients give them.
     pub fn new(position_m: [f64; 3], orientation: [f64; 4], velocity_c: [f64; 3]) -> Result<Self, PoseError> {
         let velocity = finite_vector("velocity_c", velocity_c)?;
-        if velocity.length() >= 1.0 {
-            return Err(PoseError::TooFast { value: velocity_c });
-        }
-        if velocity != DVec3::ZERO {
-            return Err(PoseError::VelocityNotImplemented { value: velocity_c });
+        let speed = velocity.length();
+        if speed > MAX_SPEED_C {
+            return Err(PoseError::TooFast { value: velocity_c, speed });
         }
         Ok(Self {
             position_m: finite_vector("position_m", position_m)?,
@@ -127,10 +123,13 @@ mod tests {
         assert!(matches!(Camera::new([0.0; 3], [0.0, 0.0, 0.0, 1.1], [0.0; 3]), Err(PoseError::NotUnit { .. })));
         assert!(matches!(Camera::new([0.0; 3], [0.0; 4], [0.0; 3]), Err(PoseError::NotUnit { .. })));
         assert!(matches!(Camera::new([0.0; 3], [0.0, 0.0, 0.0, 1.0], [0.6, 0.8, 0.0]), Err(PoseError::TooFast { .. })));
-        assert!(matches!(
-            Camera::new([0.0; 3], [0.0, 0.0, 0.0, 1.0], [0.0, 0.1, 0.0]),
-            Err(PoseError::VelocityNotImplemented { .. })
-        ));
+        let moving = |velocity: [f64; 3]| Camera::new([0.0; 3], [0.0, 0.0, 0.0, 1.0], velocity);
+        for speed in [0.99991, 1.0, 2.0, 1e300] {
+            let message = moving([0.0, 0.0, -speed]).unwrap_err().to_string();
+            assert!(message.contains("velocity_c") && message.contains("from 0 to 0.9999"), "{message}");
+        }
+        assert!(matches!(moving([0.0, f64::NAN, 0.0]), Err(PoseError::NotFinite { key: "velocity_c", .. })));
+        assert_eq!(moving([0.0, MAX_SPEED_C, 0.0]).unwrap().velocity_c, DVec3::Y * MAX_SPEED_C);
         let camera = Camera::new([0.0; 3], [0.0, 0.0, 0.0, 1.0009], [0.0; 3]).unwrap();
         assert_eq!(camera.world_from_camera, DQuat::IDENTITY);
     }

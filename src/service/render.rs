@@ -35,7 +35,7 @@ pub struct CameraUpdate {
     pub position_m: Option<[f64; 3]>,
     /// Camera axes to world axes, unit quaternion x, y, z, w.
     pub orientation: Option<[f64; 4]>,
-    /// Velocity in units of the speed of light, world axes.
+    /// Velocity in units of the speed of light, world axes; at most 0.9999 long.
     pub velocity_c: Option<[f64; 3]>,
 }
 

@@ -10,6 +10,7 @@ use steradian::{
     gpu::{Gpu, GpuOptions},
     metrics::{self, HdrView},
     plan::settings::{RenderSettings, StarMethod},
+    reference::stars::ReferenceImage,
     scene::{Camera, SceneSnapshot},
     view::{
         Fov, Rig, View, ViewKind,
@@ -78,6 +79,45 @@ pub fn illuminance_lx(image: &FrameImage, mapping: &dyn PlaneMapping) -> f64 {
 pub fn total_illuminance_lx(frame: &Frame, rig: &Rig) -> f64 {
     let mappings = rig.views().iter().flat_map(|view| &view.images).map(|image| image.projection.mapping());
     frame.images.iter().zip(mappings).map(|(image, mapping)| illuminance_lx(image, mapping)).sum()
+}
+
+/// Largest difference of any channel between an image and that of the twin, relative to the brightest of the 3 x 3 pixels
+/// around: f32 coordinates shift a kernel by some 1e-5 pixel, and with it the small weights at its edge.
+pub fn difference_from_twin(image: &FrameImage, twin: &ReferenceImage, mapping: &dyn PlaneMapping) -> f64 {
+    differences_from_twin(image, twin, mapping, 0.0, |rgb| rgb)
+}
+
+/// The same of what `of` makes of linear RGB, but for `free_lx`, the rounding of the sums of a pixel.
+pub fn differences_from_twin<const N: usize>(
+    image: &FrameImage,
+    twin: &ReferenceImage,
+    mapping: &dyn PlaneMapping,
+    free_lx: f64,
+    of: impl Fn([f64; 3]) -> [f64; N],
+) -> f64 {
+    let expected: Vec<[f64; N]> = twin.luminance_cd_m2(mapping).into_iter().map(&of).collect();
+    let [width, height] = mapping.size().map(i64::from);
+    let around = |index: usize, channel: usize| {
+        let (x, y) = (index as i64 % width, index as i64 / width);
+        let near = (-1..=1).flat_map(|j| (-1..=1).map(move |i| (x + i, y + j)));
+        near.filter(|(x, y)| (0..width).contains(x) && (0..height).contains(y))
+            .map(|(x, y)| expected[(y * width + x) as usize][channel])
+            .fold(0.0_f64, f64::max)
+    };
+    // A star just outside of the picture leaves but the edge of its kernel: hence the second term.
+    let brightest = expected.iter().flatten().fold(0.0_f64, |a, b| a.max(*b));
+    let mut worst = 0.0_f64;
+    for (index, pixel) in image.hdr.as_ref().expect("asked for").iter().enumerate() {
+        let seen = of([pixel[0], pixel[1], pixel[2]].map(f64::from));
+        let free = if pixel[3] > 0.0 { free_lx / f64::from(pixel[3]) } else { 0.0 };
+        for channel in 0..N {
+            let difference = (seen[channel] - expected[index][channel]).abs() - free;
+            if difference > 0.0 {
+                worst = worst.max(difference / (around(index, channel) + 1e-4 * brightest));
+            }
+        }
+    }
+    worst
 }
 
 /// Every projection, each with its name.

@@ -1,0 +1,65 @@
+//! How the light of each chunk is spread over temperatures: what a moving camera needs to bound the light that it sees.
+
+use rayon::prelude::*;
+
+use super::{
+    chunks::{Chunk, StarSet},
+    packed::{PackedStar, TEMPERATURE_STEPS},
+};
+
+/// Number of classes of temperature.
+pub const CLASSES: usize = 32;
+/// Temperature steps per class: 18 % from one end to the other.
+const STEPS_PER_CLASS: u32 = TEMPERATURE_STEPS / CLASSES as u32;
+
+/// Light of a chunk's stars by their temperature.
+#[derive(Clone, Copy, Debug, PartialEq, Default)]
+pub struct Spectrum {
+    /// Illuminance at 1 pc of all stars of each class together, lx.
+    pub light_lx: [f64; CLASSES],
+}
+
+impl Spectrum {
+    /// The light of some stars.
+    pub fn of(stars: &[PackedStar]) -> Self {
+        let mut light_lx = [0.0; CLASSES];
+        for star in stars {
+            light_lx[(star.temperature_step() / STEPS_PER_CLASS) as usize] += star.illuminance_at_1_pc_lx();
+        }
+        Self { light_lx }
+    }
+
+    /// The classes that have stars: lowest and highest temperature step, and light at 1 pc, lx.
+    pub fn classes(&self) -> impl Iterator<Item = ([u32; 2], f64)> {
+        self.light_lx.iter().enumerate().filter(|(_, lx)| **lx > 0.0).map(|(class, lx)| {
+            let first = class as u32 * STEPS_PER_CLASS;
+            ([first, first + STEPS_PER_CLASS - 1], *lx)
+        })
+    }
+}
+
+/// The spectra of all chunks, in their order.
+pub(super) fn of_chunks(set: &StarSet) -> Vec<Spectrum> {
+    set.chunks.par_iter().map(|chunk: &Chunk| Spectrum::of(set.stars_of(chunk))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+
+    use super::*;
+    use crate::catalogue::packed::{MAX_TEMPERATURE_K, MIN_TEMPERATURE_K};
+
+    #[test]
+    fn every_star_is_in_the_class_of_its_temperature() {
+        for kelvin in [MIN_TEMPERATURE_K, 501.0, 3000.0, 5772.0, 40_000.0, MAX_TEMPERATURE_K] {
+            let star = PackedStar::new(Vec3::X, 2.0, kelvin);
+            let spectrum = Spectrum::of(&[star, star]);
+            let classes: Vec<_> = spectrum.classes().collect();
+            let [([first, last], lx)] = classes[..] else { panic!("{classes:?}") };
+            assert!((first..=last).contains(&star.temperature_step()));
+            assert_eq!(lx, 4.0);
+        }
+        assert_eq!(Spectrum::default().classes().count(), 0);
+    }
+}
