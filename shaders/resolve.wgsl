@@ -43,11 +43,8 @@ fn resolve(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
     let columns = (viewport.size.x + COLUMNS - 1u) / COLUMNS;
     let high = has_high_words(tile.first_flag + group.y * columns + group.x);
     var sum = 0.0;
-    for (var j = 0u; j < ROWS; j++) {
-        let row = group.y * ROWS + j;
-        if row >= tile.rows {
-            break;
-        }
+    let end_row = min(tile.rows, (group.y + 1u) * ROWS);
+    for (var row = group.y * ROWS; row < end_row; row++) {
         let index = tile.first_pixel + row * viewport.size.x + x;
         let image_row = tile.first_row + row;
         var illuminance = sums(index, high) * parameters.lx_per_unit;
@@ -55,6 +52,9 @@ fn resolve(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
             illuminance += bright_sums(index) * parameters.lx_per_bright_unit;
         }
         let lit = any(illuminance > vec3(0.0));
+        if !(lit || WRITE_DARK || WRITE_DISPLAY) {
+            continue;
+        }
         var luminance = vec4(0.0);
         if lit || (WRITE_HDR && WRITE_DARK) {
             luminance.w = solid_angle(viewport, vec2(i32(x), i32(image_row)));

@@ -67,6 +67,8 @@ pub struct StarSet {
     pub stars: Vec<PackedStar>,
     /// Spectra of the chunks, once someone has asked for them; chunks and stars stay as they are from then on.
     spectra: OnceLock<Vec<Spectrum>>,
+    /// Light of the faintest star of each chunk at the barycentre, likewise.
+    faintest_seen_lx: OnceLock<Vec<f32>>,
 }
 
 /// Sort key: shell of distance, then cell of the sky; then what makes the order independent of the input's.
@@ -95,12 +97,29 @@ fn cell_of(position: DVec3) -> u32 {
 impl StarSet {
     /// A set of chunks and their stars, in the same order.
     pub fn new(chunks: Vec<Chunk>, stars: Vec<PackedStar>) -> Self {
-        Self { chunks, stars, spectra: OnceLock::new() }
+        Self { chunks, stars, spectra: OnceLock::new(), faintest_seen_lx: OnceLock::new() }
     }
 
     /// How the light of each chunk is spread over temperatures. Found at the first call, from all stars.
     pub fn spectra(&self) -> &[Spectrum] {
         self.spectra.get_or_init(|| spectra::of_chunks(self))
+    }
+
+    /// Illuminance at the barycentre of the star of each chunk that is faintest there, lx. Found at the first call, from all
+    /// stars.
+    pub fn faintest_seen_lx(&self) -> &[f32] {
+        self.faintest_seen_lx.get_or_init(|| {
+            let seen = |chunk: &Chunk| {
+                let stars = self.stars_of(chunk).iter();
+                let light = stars.map(|star| {
+                    let place = chunk.origin_pc + Vec3::from_array(star.offset_pc).as_dvec3();
+                    let distance_squared = if chunk.at_infinity { 1.0 } else { place.length_squared() };
+                    star.illuminance_at_1_pc_lx() / distance_squared
+                });
+                light.fold(f64::INFINITY, f64::min) as f32
+            };
+            self.chunks.par_iter().map(seen).collect()
+        })
     }
 
     /// Sorts and chunks stars. Takes the records, which are dropped as soon as they have been read.

@@ -157,7 +157,10 @@ impl Renderer {
                 HdrImage::None
             };
             // The second plane needs no clearing where the resolve pass writes all of it, or none.
-            encoder.clear_buffer(&pixels, 0, Some(if hdr == HdrImage::Lit { bytes } else { plane_bytes }));
+            if hdr == HdrImage::Lit {
+                encoder.clear_buffer(&pixels, plane_bytes, Some(plane_bytes));
+            }
+            encoder.clear_buffer(&pixels, 0, Some(plane_bytes));
             if !gpu.wide_accumulator {
                 encoder.clear_buffer(&high_words, 0, Some(plane_bytes));
             }

@@ -13,9 +13,13 @@ use crate::{catalogue::chunks::StarSet, relativity::Motion};
 
 /// Bits of a channel's sum.
 const CHANNEL_BITS: i32 = 42;
-/// Units that the faintest star has at least, if the range allows: rounding each of nine pixels to a unit then errs by 1.3e-5 of
-/// the star's light.
-const STAR_UNITS: f64 = 65_536.0;
+/// Units that the faintest star has at least, if the range allows: rounding each of nine pixels without bias then errs by 2.1e-4 of
+/// its light (one standard deviation), and by less the brighter the star.
+const STAR_UNITS: f64 = 4096.0;
+/// The same where few stars are drawn, and a second add costs nothing: 1.3e-5.
+const FEW_STARS_UNITS: f64 = 65_536.0;
+/// Fewer stars than this are few.
+const FEW_STARS: u64 = 50_000;
 /// Greatest channel of a colour in gamut with luminance 1: pure red, 1 / 0.2126.
 const GREATEST_CHANNEL: f64 = 4.71;
 /// How many times brighter than everything fainter together a star must be to go apart.
@@ -43,10 +47,9 @@ pub struct Ranges {
     pub bright: Option<FixedPoint>,
 }
 
-fn units_per_lx(total_lx: f64, faintest_star_lx: f64) -> f64 {
+fn units_per_lx(total_lx: f64, needed: f64) -> f64 {
     // Half of the range in reserve for rounding; without any light every unit will do.
     let greatest_sum_lx = total_lx * GREATEST_CHANNEL;
-    let needed = if faintest_star_lx > 0.0 { STAR_UNITS / faintest_star_lx } else { f64::INFINITY };
     // A power of two: exact in f32, and the same from frame to frame while the light hardly changes.
     if greatest_sum_lx > 0.0 {
         (2f64.powi(CHANNEL_BITS - 1) / greatest_sum_lx).min(needed).min(1e30).log2().floor().exp2()
@@ -55,17 +58,21 @@ fn units_per_lx(total_lx: f64, faintest_star_lx: f64) -> f64 {
     }
 }
 
-/// Bound of the light of the faintest star of the visible chunks, lx; near chunks, where stars can be as bright as they like,
-/// count by what their stars would give from the chunk's far side.
+/// Bound of the light of the faintest star of the visible chunks, lx. A star can have lost as much of the light that it gives at
+/// the barycentre as the nearest one of its chunk has by the camera's and the eyes' distance from there.
 fn faintest_star_lx(set: &StarSet, visible: &[VisibleChunk], eyes_pc: &[DVec3]) -> f64 {
     let farthest_eye_pc = eyes_pc.iter().map(|eye| eye.length()).fold(0.0, f64::max);
+    let seen_lx = set.faintest_seen_lx();
     visible
         .iter()
         .map(|visible| {
             let chunk = &set.chunks[visible.chunk];
-            let farthest_pc =
-                if chunk.at_infinity { 1.0 } else { visible.origin_pc.length() + chunk.radius_pc + farthest_eye_pc };
-            chunk.faintest_lx / (farthest_pc * farthest_pc)
+            if chunk.at_infinity {
+                return f64::from(seen_lx[visible.chunk]);
+            }
+            let travelled_pc = (chunk.origin_pc - visible.origin_pc).length() + farthest_eye_pc;
+            let kept = (chunk.nearest_pc / (chunk.nearest_pc + travelled_pc)).powi(2);
+            f64::from(seen_lx[visible.chunk]) * kept
         })
         .fold(f64::INFINITY, f64::min)
 }
@@ -86,7 +93,14 @@ pub fn choose(
     motion: Option<Motion>,
 ) -> Ranges {
     let total_lx: f64 = visible.iter().map(|chunk| chunk.total_lx).sum();
-    let faintest_star_lx = faintest_star_lx(set, visible, eyes_pc).max(faintest_lx);
+    // In flight the light of every star has changed by a factor of its own: then the range alone decides.
+    let faintest_star_lx = match motion {
+        Some(_) => 0.0,
+        None => faintest_star_lx(set, visible, eyes_pc).max(faintest_lx),
+    };
+    let drawn: u64 = visible.iter().map(|chunk| u64::from(chunk.count)).sum();
+    let star_units = if drawn < FEW_STARS { FEW_STARS_UNITS } else { STAR_UNITS };
+    let needed = if faintest_star_lx > 0.0 { star_units / faintest_star_lx } else { f64::INFINITY };
     let mut by_brightness: Vec<&VisibleChunk> = visible.iter().collect();
     let searched = SEARCHED_CHUNKS.min(by_brightness.len());
     if searched > 0 {
@@ -125,19 +139,18 @@ pub fn choose(
             .sum();
         return Ranges {
             main: FixedPoint {
-                units_per_lx: units_per_lx(fainter_lx[last] + left_lx, faintest_star_lx),
+                units_per_lx: units_per_lx(fainter_lx[last] + left_lx, needed),
                 faintest_lx,
                 brightest_lx: threshold_lx,
             },
             bright: Some(FixedPoint {
-                units_per_lx: units_per_lx(bright_lx * (1.0 + 1e-5), 0.0),
+                units_per_lx: units_per_lx(bright_lx * (1.0 + 1e-5), f64::INFINITY),
                 faintest_lx: threshold_lx.max(faintest_lx),
                 brightest_lx: f64::INFINITY,
             }),
         };
     }
-    let main =
-        FixedPoint { units_per_lx: units_per_lx(total_lx, faintest_star_lx), faintest_lx, brightest_lx: f64::INFINITY };
+    let main = FixedPoint { units_per_lx: units_per_lx(total_lx, needed), faintest_lx, brightest_lx: f64::INFINITY };
     Ranges { main, bright: None }
 }
 
@@ -189,7 +202,7 @@ mod tests {
         assert!(greatest < 2f64.powi(42), "{greatest}");
         // The faintest star has its units, and not twice as many.
         let faintest = illuminance_lx_from_magnitude(3.0) * ranges.main.units_per_lx;
-        assert!((0.49 * STAR_UNITS..1.01 * STAR_UNITS).contains(&faintest), "{faintest}");
+        assert!((0.49 * FEW_STARS_UNITS..1.01 * FEW_STARS_UNITS).contains(&faintest), "{faintest}");
         // With a star far fainter than the rest, the range decides.
         let wide = ranges_of(&[1.0, 2.0, 30.0]);
         let total: f64 = [1.0, 2.0].into_iter().map(illuminance_lx_from_magnitude).sum();
