@@ -14,7 +14,7 @@ use steradian::{
     frame::{FrameTimes, Renderer, Wanted},
     gpu::{Gpu, GpuOptions},
     plan::{
-        cull::{CullSettings, visible_chunks},
+        cull::{CullSettings, SPLAT_MARGIN_PX, visible_chunks},
         settings::{ExposureMode, RenderSettings, StarMethod},
     },
     scene::{Camera, SceneSnapshot},
@@ -100,7 +100,7 @@ impl Bench {
             self.renderer.culling = true;
             let share = drawn as f64 / stars.stars.len() as f64;
             let viewports = rig.viewports(camera.world_from_camera);
-            let settings = CullSettings { faintest_lx: 0.0, enabled: true, motion: None };
+            let settings = CullSettings { faintest_lx: 0.0, enabled: true, motion: None, margin_px: SPLAT_MARGIN_PX };
             let visible = visible_chunks(stars, DVec3::ZERO, &viewports, settings);
             let read: u64 = visible.iter().map(|chunk| u64::from(chunk.count)).sum();
             let read_share = read as f64 / stars.stars.len() as f64;

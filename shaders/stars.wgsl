@@ -1,7 +1,7 @@
 // The star pass: every star of every visible chunk, splatted in illuminance into all tiles that may see it.
 //
 // One workgroup takes one item: a run of stars of one chunk, and the set of tiles. Needs viewport.wgsl, math.wgsl,
-// projection.wgsl, star.wgsl, relativity.wgsl, pixel_grid.wgsl and one of accumulate_*.wgsl. The f64 twin is
+// projection.wgsl, gaussian.wgsl, star.wgsl, relativity.wgsl, pixel_grid.wgsl and one of accumulate_*.wgsl. The f64 twin is
 // src/reference/stars.rs.
 
 struct StarParameters {
@@ -119,6 +119,31 @@ fn add_row(pixel: u32, light: vec3<f32>, weights: vec3<f32>, threshold: vec3<f32
     }
 }
 
+// Splats a star as a Gaussian that is round in view space; returns whether its image lies in the tile's part of the picture.
+fn splat_gaussian(tile: Tile, viewport: Viewport, direction: vec3<f32>, pixel: vec2<f32>, light: vec3<f32>, threshold: vec3<f32>)
+    -> bool {
+    let gaussian = gaussian_of(viewport, direction, pixel);
+    let row_0 = i32(tile.first_row);
+    let row_1 = row_0 + i32(tile.rows);
+    if gaussian.norm > 0.0 {
+        for (var y = max(gaussian.first.y, row_0); y <= min(gaussian.last.y, row_1 - 1); y++) {
+            for (var x = gaussian.first.x; x <= gaussian.last.x; x++) {
+                let weight = gaussian_weight(viewport, gaussian, vec2(x, y)) / gaussian.norm;
+                if weight > 0.0 {
+                    let column = gaussian_pixel(viewport, vec2(x, y)).x;
+                    let index = tile.first_pixel + u32((y - row_0) * i32(viewport.size.x) + column);
+                    accumulate(index, floor(light * weight + threshold));
+                }
+            }
+        }
+    }
+    var own = settle(viewport, vec2<i32>(floor(pixel)));
+    if viewport.full_sphere != 0u {
+        own = clamp(vec2<i32>(floor(pixel)), vec2(0), vec2<i32>(viewport.size) - 1);
+    }
+    return own.x >= 0 && own.y >= row_0 && own.y < row_1;
+}
+
 @compute @workgroup_size(WORKGROUP)
 fn splat_stars(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
     let item_index = group.y * parameters.items_per_row + group.x;
@@ -159,11 +184,21 @@ fn splat_stars(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocatio
                 dot(relative, viewport.view_from_world_y.xyz),
                 dot(relative, viewport.view_from_world_z.xyz));
             let projected = pixel_from_direction(viewport, direction);
-            if projected.z == 0.0 || any(projected.xy < vec2(-1.5, f32(row_0) - 1.5))
-                || any(projected.xy > vec2(f32(size.x), f32(row_1)) + 1.5) {
+            let round = illuminance >= viewport.gaussian_from_lx;
+            let margin = select(1.5, viewport.gaussian_reach_px, round);
+            if projected.z == 0.0 || any(projected.xy < vec2(0.0, f32(row_0)) - margin)
+                || any(projected.xy > vec2(f32(size.x), f32(row_1)) + margin) {
                 continue;
             }
             let pixel = projected.xy;
+            if round {
+                let scale = illuminance * parameters.units_per_lx;
+                let threshold = rounding_threshold(item.first_number + i);
+                if splat_gaussian(tile, viewport, direction, pixel, colours[colour_index].xyz * scale, threshold) {
+                    drawn += 1u;
+                }
+                continue;
+            }
             let tent = illuminance < viewport.tent_below_lx;
             let n = select(3, 2, tent);
             let first = vec2(kernel_first(pixel.x, tent), kernel_first(pixel.y, tent));

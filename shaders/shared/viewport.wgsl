@@ -34,6 +34,13 @@ struct Viewport {
     tent_below_lx: f32,
     // Index of the view, for counting stars.
     view: u32,
+    // Stars as bright as this or brighter take the Gaussian, lx.
+    gaussian_from_lx: f32,
+    // Its standard deviation: the larger of an angle in rad and of pixels.
+    gaussian_sigma_rad: f32,
+    gaussian_sigma_px: f32,
+    // How far beyond a border a star may stand whose Gaussian reaches over it, pixels.
+    gaussian_reach_px: f32,
     unused_0: u32,
     unused_1: u32,
 }

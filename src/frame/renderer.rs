@@ -19,8 +19,8 @@ use crate::{
     passes::{exposure::ExposurePass, resolve::ResolvePass, stars::StarPass, tone_map::ToneMapPass},
     photometry::exposure::metered_ev100,
     plan::{
-        cull::{CullSettings, MAX_VIEWPORTS, VisibleChunk, distinct_eyes_pc, visible_chunks},
-        plan_stars,
+        cull::{CullSettings, MAX_VIEWPORTS, SPLAT_MARGIN_PX, VisibleChunk, distinct_eyes_pc, visible_chunks},
+        gaussian_of, plan_stars,
         range::{self, Ranges},
         settings::{Accumulator, ExposureSettings, RenderSettings, StarMethod},
         tiles::{BYTES_PER_PIXEL, Batch, batches},
@@ -229,7 +229,7 @@ impl Renderer {
         }
         let method = settings.stars.method;
         use StarMethod::*;
-        if !matches!(method, Auto | BSpline | Tent | PackedCas | PackedCasSorted) {
+        if !matches!(method, Auto | BSpline | Tent | PixelGaussian | PackedCas | PackedCasSorted) {
             return Err(RenderError::NotDrawn(method.name()));
         }
         if snapshot.camera.velocity_c != DVec3::ZERO && method.accumulator() != Accumulator::FixedPoint {
@@ -292,8 +292,11 @@ impl Renderer {
         let viewports = rig.viewports(camera.world_from_camera);
         let sizes: Vec<[u32; 2]> = viewports.iter().map(Viewport::size).collect();
         let batches = batches(&sizes, self.gpu.max_binding_bytes() / BYTES_PER_PIXEL);
+        // How far over a border the widest kernel reaches.
+        let reaches = viewports.iter().filter_map(|viewport| gaussian_of(settings, viewport));
+        let margin_px = reaches.map(|(_, reach_px)| reach_px).fold(SPLAT_MARGIN_PX, f64::max);
         let faintest_lx = illuminance_lx_from_magnitude(settings.stars.magnitude_limit);
-        let cull = CullSettings { faintest_lx, enabled: self.culling, motion };
+        let cull = CullSettings { faintest_lx, enabled: self.culling, motion, margin_px };
         let start = Instant::now();
         let camera_pc = camera.position_m / PARSEC_M;
         let visible = if settings.stars.method.reads_visible() {
@@ -315,7 +318,7 @@ impl Renderer {
         if let Some(motion) = motion {
             plan.report.certificate.extend(travel::certificate(&snapshot.stars, &visible, &motion, &settings.accuracy));
         }
-        let encoded = viewports.iter().zip(&plan.tent_below_lx).map(|(v, tent)| encode_viewport(v, *tent)).collect();
+        let encoded = viewports.iter().zip(&plan.kernels).map(|(v, kernels)| encode_viewport(v, kernels)).collect();
         Prepared {
             viewports,
             batches,

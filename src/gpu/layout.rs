@@ -65,6 +65,14 @@ gpu_structs! {
         tent_below_lx: f32,
         /// Index of the view.
         view: u32,
+        /// Brighter stars take the Gaussian, lx.
+        gaussian_from_lx: f32,
+        /// Its standard deviation as an angle, rad.
+        gaussian_sigma_rad: f32,
+        /// The same in pixels.
+        gaussian_sigma_px: f32,
+        /// How far it reaches over a border, pixels.
+        gaussian_reach_px: f32,
         /// Padding.
         unused_0: u32,
         /// Padding.

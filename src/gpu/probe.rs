@@ -3,6 +3,7 @@
 use glam::DVec3;
 
 use super::{Gpu, GpuError, ReadbackBuffer, encode_viewport, layout, shaders, storage_buffer};
+use crate::plan::KernelPlan;
 use crate::view::Viewport;
 
 /// A direction to project, in view space, and a pixel whose solid angle and direction are wanted.
@@ -36,7 +37,7 @@ pub fn probe(gpu: &Gpu, viewport: &Viewport, probes: &[Probe]) -> Result<Vec<Pro
         })
         .collect();
     let pipeline = gpu.compute_pipeline(&shaders::projection_probe());
-    let viewports = storage_buffer(gpu, "viewports", &[encode_viewport(viewport, 0.0)]);
+    let viewports = storage_buffer(gpu, "viewports", &[encode_viewport(viewport, &KernelPlan::bspline())]);
     let input_buffer = storage_buffer(gpu, "probe inputs", &inputs);
     let bytes = (probes.len() * size_of::<layout::ProbeOutput>()) as u64;
     let outputs = gpu.device.create_buffer(&wgpu::BufferDescriptor {

@@ -19,6 +19,7 @@ const PROJECTION: &str = include_str!("../../shaders/shared/projection.wgsl");
 const RELATIVITY: &str = include_str!("../../shaders/shared/relativity.wgsl");
 const DISPLAY: &str = include_str!("../../shaders/shared/display.wgsl");
 const EXPOSURE: &str = include_str!("../../shaders/shared/exposure.wgsl");
+const GAUSSIAN: &str = include_str!("../../shaders/shared/gaussian.wgsl");
 const STAR: &str = include_str!("../../shaders/shared/star.wgsl");
 const TRIANGLES: &str = include_str!("../../shaders/shared/triangle_solid_angle.wgsl");
 const PACKED_SPLAT: &str = include_str!("../../shaders/shared/packed_splat.wgsl");
@@ -36,6 +37,7 @@ pub fn stars(wide: bool) -> ShaderSource {
         VIEWPORT,
         MATH,
         PROJECTION,
+        GAUSSIAN,
         STAR,
         RELATIVITY,
         PIXEL_GRID,

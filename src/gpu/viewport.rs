@@ -6,6 +6,7 @@ use glam::DMat3;
 
 use super::layout;
 use crate::{
+    plan::KernelPlan,
     units::PARSEC_M,
     view::{
         Viewport,
@@ -16,8 +17,8 @@ use crate::{
 /// Solid angles whose one-point form errs by more than this are averaged over nine points in the shader.
 const MIDPOINT_TOLERANCE: f64 = 3e-6;
 
-/// Encodes a viewport. `tent_below_lx`: stars fainter than this take the 2x2 kernel.
-pub(crate) fn encode_viewport(viewport: &Viewport, tent_below_lx: f64) -> layout::Viewport {
+/// Encodes a viewport with the kernels of its stars.
+pub(crate) fn encode_viewport(viewport: &Viewport, kernels: &KernelPlan) -> layout::Viewport {
     let view_from_world = DMat3::from_quat(viewport.world_from_view.conjugate());
     let eye_pc = viewport.eye_offset_m / PARSEC_M;
     let row = |index: usize| {
@@ -30,7 +31,11 @@ pub(crate) fn encode_viewport(viewport: &Viewport, tent_below_lx: f64) -> layout
         view_from_world_y: row(1),
         view_from_world_z: row(2),
         size,
-        tent_below_lx: tent_below_lx.min(f64::from(f32::MAX)) as f32,
+        tent_below_lx: finite_f32(kernels.tent_below_lx),
+        gaussian_from_lx: finite_f32(kernels.gaussian_from_lx),
+        gaussian_sigma_rad: kernels.gaussian.sigma_rad as f32,
+        gaussian_sigma_px: kernels.gaussian.sigma_px as f32,
+        gaussian_reach_px: kernels.gaussian_reach_px as f32,
         view: viewport.view as u32,
         ..Default::default()
     };
@@ -65,6 +70,11 @@ pub(crate) fn encode_viewport(viewport: &Viewport, tent_below_lx: f64) -> layout
         Projection::Equirectangular(_) => encoded.kind = 6,
     }
     encoded
+}
+
+/// The nearest number that f32 holds.
+fn finite_f32(value: f64) -> f32 {
+    value.min(f64::from(f32::MAX)) as f32
 }
 
 fn encode_plane(encoded: &mut layout::Viewport, plane: &Perspective, size: [u32; 2]) {

@@ -118,7 +118,7 @@ mod tests {
     use crate::{
         metrics::synthetic::{Canvas, integrated_gaussian, one_pixel},
         photometry::kernel::SplatKernel,
-        plan::{BSPLINE_FLICKER, TENT_FLICKER_AT_WHITE, TENT_FLICKER_PER_PEAK},
+        plan::{BSPLINE_FLICKER, TENT_FLICKER_AT_WHITE, TENT_FLICKER_PER_PEAK, bspline_peak_within},
         view::projection::{Perspective, PlaneMapping},
     };
 
@@ -175,8 +175,19 @@ mod tests {
         }
         // What the certificate of a frame says of the two kernels.
         assert!(of(SplatKernel::Tent, 1.0).after <= TENT_FLICKER_AT_WHITE);
-        assert!(of(SplatKernel::BSpline, 10.0).after <= BSPLINE_FLICKER);
-        assert!(of(SplatKernel::BSpline, 100.0).after > BSPLINE_FLICKER);
+        for pair in BSPLINE_FLICKER.windows(2) {
+            let [(from, _), (to, most)] = [pair[0], pair[1]];
+            for part in [0.25, 0.5, 0.75, 1.0] {
+                let peak = if to.is_finite() { from + (to - from) * part } else { from * 10.0_f64.powf(4.0 * part) };
+                let flicker = of(SplatKernel::BSpline, peak).after;
+                assert!(flicker <= most, "k = {peak}: {flicker} > {most}");
+            }
+        }
+        for budget in [0.015, 0.02, 0.05] {
+            let peak = bspline_peak_within(budget);
+            assert!(of(SplatKernel::BSpline, peak).after <= budget);
+            assert!(of(SplatKernel::BSpline, 1.3 * peak).after > budget);
+        }
     }
 
     /// A pan whose every second frame is a tenth brighter: deviation over mean of {1, 1.1} is 0.05 / 1.05; of what is shown

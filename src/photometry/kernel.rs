@@ -2,6 +2,9 @@
 
 use glam::DVec2;
 
+/// Where Gaussians that are round in view space are cut off, in standard deviations.
+pub const GAUSSIAN_CUT: f64 = 4.5;
+
 /// A separable kernel of fixed width in pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum SplatKernel {

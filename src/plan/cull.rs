@@ -20,7 +20,7 @@ use crate::{
 };
 
 /// Kernels reach 1.5 px over an edge; half a pixel more covers f32 rounding.
-const MARGIN_PX: f64 = 2.0;
+pub const SPLAT_MARGIN_PX: f64 = 2.0;
 
 /// A chunk is near where the rounding of its origin to f32 would turn a star's direction by more than 5e-7 rad (0.1").
 const NEAR_SHARE: f64 = 0.12;
@@ -44,12 +44,12 @@ struct Field {
 }
 
 impl Field {
-    fn new(viewport: &Viewport, motion: Option<Motion>) -> Self {
-        let cone = viewport.projection.mapping().bounding_cone(MARGIN_PX);
+    fn new(viewport: &Viewport, motion: Option<Motion>, margin_px: f64) -> Self {
+        let cone = viewport.projection.mapping().bounding_cone(margin_px);
         let rotation = DMat3::from_quat(viewport.world_from_view);
         let tangents = match &viewport.projection {
-            Projection::Perspective(plane) => Some(plane.edge_tangents(MARGIN_PX)),
-            Projection::CubeFace(face) => Some(face.plane().edge_tangents(MARGIN_PX)),
+            Projection::Perspective(plane) => Some(plane.edge_tangents(margin_px)),
+            Projection::CubeFace(face) => Some(face.plane().edge_tangents(margin_px)),
             Projection::Fisheye(_) | Projection::Equirectangular(_) => None,
         };
         let planes = tangents.map_or_else(Vec::new, |[left, right, down, up]| {
@@ -135,6 +135,8 @@ pub struct VisibleChunk {
 pub struct CullSettings {
     /// Stars fainter than this are not drawn, lx.
     pub faintest_lx: f64,
+    /// How far over a picture's border a star may stand and still touch it, pixels: at least [`SPLAT_MARGIN_PX`].
+    pub margin_px: f64,
     /// False: every chunk goes to every viewport, to measure what culling saves.
     pub enabled: bool,
     /// How the camera moves; `None`: not at all.
@@ -148,7 +150,8 @@ pub fn visible_chunks(
     viewports: &[Viewport],
     settings: CullSettings,
 ) -> Vec<VisibleChunk> {
-    let fields: Vec<Field> = viewports.iter().map(|viewport| Field::new(viewport, settings.motion)).collect();
+    let fields: Vec<Field> =
+        viewports.iter().map(|viewport| Field::new(viewport, settings.motion, settings.margin_px)).collect();
     let eyes_pc = distinct_eyes_pc(viewports);
     set.chunks
         .par_iter()
@@ -328,7 +331,7 @@ mod tests {
         let places =
             [DVec3::ZERO, DVec3::new(0.5, 0.2, 0.0), DVec3::new(30.0, -20.0, 10.0), DVec3::new(0.0, 400.0, 0.0)];
         for (camera_pc, motion) in places.into_iter().flat_map(|place| motions().map(|motion| (place, motion))) {
-            let settings = CullSettings { faintest_lx: 0.0, enabled: true, motion };
+            let settings = CullSettings { faintest_lx: 0.0, enabled: true, motion, margin_px: SPLAT_MARGIN_PX };
             let visible = visible_chunks(&set, camera_pc, &viewports, settings);
             let mut culled_pairs = 0;
             for (index, chunk) in set.chunks.iter().enumerate() {
@@ -366,7 +369,7 @@ mod tests {
         let set = sky();
         let places = [DVec3::ZERO, DVec3::new(3.0, 2.0, 1.0), DVec3::new(0.0, 50.0, 0.0)];
         for (camera_pc, motion) in places.into_iter().flat_map(|place| motions().map(|motion| (place, motion))) {
-            let settings = CullSettings { faintest_lx: 0.0, enabled: false, motion };
+            let settings = CullSettings { faintest_lx: 0.0, enabled: false, motion, margin_px: SPLAT_MARGIN_PX };
             for visible in visible_chunks(&set, camera_pc, &viewports()[..1], settings) {
                 let chunk = &set.chunks[visible.chunk];
                 let lights =
@@ -383,7 +386,7 @@ mod tests {
         let set = sky();
         let limit_lx = crate::units::illuminance_lx_from_magnitude(6.0);
         for motion in motions() {
-            let settings = CullSettings { faintest_lx: limit_lx, enabled: false, motion };
+            let settings = CullSettings { faintest_lx: limit_lx, enabled: false, motion, margin_px: SPLAT_MARGIN_PX };
             let bright = visible_chunks(&set, DVec3::ZERO, &viewports()[..1], settings);
             let kept: u32 = bright.iter().map(|visible| visible.count).sum();
             assert!(kept < 30_000, "{motion:?}");

@@ -3,20 +3,11 @@
 use serde::Serialize;
 
 use super::{
+    kernels::{BSPLINE_FLICKER, GAUSSIAN_FLICKER, KernelPlan, TENT_FLICKER_AT_WHITE, kernels_of},
     range::Ranges,
     settings::{RenderSettings, StarMethod},
 };
-use crate::{photometry::exposure::white_luminance_cd_m2, view::Viewport};
-
-/// Flicker of the tent per unit of the star's peak over display white: the standard deviation, over sub-pixel positions, of
-/// the sum of its squared weights, sqrt((7/15)^2 - (2/3)^4). For small peaks flicker grows in proportion.
-pub const TENT_FLICKER_PER_PEAK: f64 = 0.142_4;
-
-/// Flicker of the tent for stars at display white.
-pub const TENT_FLICKER_AT_WHITE: f64 = 0.085;
-
-/// Flicker of the B-spline for stars up to ten times display white.
-pub const BSPLINE_FLICKER: f64 = 0.04;
+use crate::view::Viewport;
 
 /// One approximation that a frame makes, with its bound.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -47,8 +38,8 @@ pub struct FramePlan {
 /// How the stars of a frame are drawn.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StarPlan {
-    /// Per viewport: stars fainter than this take the tent, lx.
-    pub tent_below_lx: Vec<f64>,
+    /// Kernels of each viewport.
+    pub kernels: Vec<KernelPlan>,
     /// What is reported.
     pub report: FramePlan,
 }
@@ -62,20 +53,21 @@ pub fn plan_stars(
     expected_ev100: Option<f64>,
     accumulator: &str,
 ) -> StarPlan {
-    let tent_below_lx: Vec<f64> = viewports
-        .iter()
-        .map(|viewport| match settings.stars.method {
-            StarMethod::Tent => f64::INFINITY,
-            StarMethod::Auto => expected_ev100.map_or(0.0, |ev100| {
-                let peak = settings.accuracy.flicker / TENT_FLICKER_PER_PEAK;
-                peak * white_luminance_cd_m2(ev100) * viewport.projection.smallest_pixel_sr()
-            }),
-            _ => 0.0,
-        })
-        .collect();
+    let kernels: Vec<KernelPlan> =
+        viewports.iter().map(|viewport| kernels_of(settings, viewport, expected_ev100)).collect();
     let stars = match settings.stars.method {
-        StarMethod::Auto if tent_below_lx.iter().all(|lx| *lx == 0.0) => "auto: bspline",
-        StarMethod::Auto => "auto: bspline, tent for stars too faint for their flicker to be seen",
+        StarMethod::Auto => {
+            let tent = kernels.iter().any(|kernels| kernels.tent_below_lx > 0.0);
+            let gaussian = kernels.iter().any(|kernels| kernels.gaussian_from_lx.is_finite());
+            match (tent, gaussian) {
+                (true, true) => {
+                    "auto: bspline; tent for stars too faint, Gaussian for stars too bright for its flicker not to be seen"
+                }
+                (true, false) => "auto: bspline, tent for stars too faint for their flicker to be seen",
+                (false, true) => "auto: Gaussian",
+                (false, false) => "auto: bspline",
+            }
+        }
         method => method.name(),
     };
     let budget = &settings.accuracy;
@@ -93,24 +85,17 @@ pub fn plan_stars(
         bound("a star's direction, f32 from its chunk", 5e-7, "rad", None),
         bound("rounding of a star's light in a pixel, unbiased", 1.0 / ranges.main.units_per_lx, "lx", None),
     ];
-    if settings.stars.method != StarMethod::Tent {
-        // It grows with the peak, to 0.13 at a hundred times display white.
-        let what = "flicker of stars drawn with the B-spline, up to ten times display white";
-        certificate.push(bound(what, BSPLINE_FLICKER, flicker_unit, Some(budget.flicker)));
-    }
+    let flicker = |what: &str, most: f64| bound(what, most, flicker_unit, Some(budget.flicker));
     match settings.stars.method {
-        StarMethod::Auto if stars.contains("tent") => {
-            let what = "flicker of stars drawn with the tent";
-            certificate.push(bound(what, budget.flicker, flicker_unit, Some(budget.flicker)));
+        StarMethod::Auto => {
+            certificate
+                .push(flicker("flicker of a star, whichever kernel draws it", budget.flicker.max(GAUSSIAN_FLICKER)));
         }
-        StarMethod::Tent => {
-            certificate.push(bound(
-                "flicker of the tent at display white",
-                TENT_FLICKER_AT_WHITE,
-                flicker_unit,
-                Some(budget.flicker),
-            ));
+        StarMethod::BSpline => {
+            certificate.push(flicker("flicker of stars ten times as bright as display white", BSPLINE_FLICKER[5].1));
         }
+        StarMethod::Tent => certificate.push(flicker("flicker of stars at display white", TENT_FLICKER_AT_WHITE)),
+        StarMethod::PixelGaussian => certificate.push(flicker("flicker of a star", GAUSSIAN_FLICKER)),
         _ => {}
     }
     if let Some(bright) = ranges.bright {
@@ -122,5 +107,5 @@ pub fn plan_stars(
         glare: "none".to_owned(),
         certificate,
     };
-    StarPlan { tent_below_lx, report }
+    StarPlan { kernels, report }
 }

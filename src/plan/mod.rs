@@ -1,11 +1,12 @@
 //! What is drawn how: settings that name methods, and the plan that a frame follows.
 //!
 //! `settings` names the methods, `tiles` cuts viewports into what the adapter can hold, `cull` finds the stars that may be
-//! seen, `range` chooses the fixed-point units,
+//! seen, `range` chooses the fixed-point units, `kernels` the kernel of each star,
 //! `travel` says what motion does to the light of stars, and `frame_plan` puts them together.
 
 pub mod cull;
 mod frame_plan;
+mod kernels;
 pub mod range;
 pub mod settings;
 mod star_method;
@@ -13,6 +14,8 @@ mod star_settings;
 pub mod tiles;
 pub mod travel;
 
-pub use frame_plan::{
-    Approximation, BSPLINE_FLICKER, FramePlan, StarPlan, TENT_FLICKER_AT_WHITE, TENT_FLICKER_PER_PEAK, plan_stars,
+pub use frame_plan::{Approximation, FramePlan, StarPlan, plan_stars};
+pub use kernels::{
+    BSPLINE_FLICKER, GAUSSIAN_FLICKER, GaussianWidth, KernelPlan, TENT_FLICKER_AT_WHITE, TENT_FLICKER_PER_PEAK,
+    bspline_peak_within, gaussian_of,
 };

@@ -159,7 +159,7 @@ mod tests {
     use super::*;
     use crate::{
         catalogue::StarRecord,
-        plan::cull::{CullSettings, visible_chunks},
+        plan::cull::{CullSettings, SPLAT_MARGIN_PX, visible_chunks},
         units::illuminance_lx_from_magnitude,
         view::{
             Part, Viewport,
@@ -189,7 +189,7 @@ mod tests {
             world_from_view: glam::DQuat::IDENTITY,
             eye_offset_m: DVec3::ZERO,
         };
-        let settings = CullSettings { faintest_lx: 0.0, enabled: true, motion };
+        let settings = CullSettings { faintest_lx: 0.0, enabled: true, motion, margin_px: SPLAT_MARGIN_PX };
         choose(&set, &visible_chunks(&set, DVec3::ZERO, &[viewport], settings), &[DVec3::ZERO], 0.0, motion)
     }
 

@@ -2,9 +2,11 @@
 
 use glam::{DQuat, DVec3};
 
+use super::gaussian;
 use crate::{
     catalogue::{chunks::StarSet, packed::temperature_of_step_k},
     photometry::{blackbody::rec709_in_gamut, kernel::SplatKernel},
+    plan::GaussianWidth,
     relativity::{Motion, illuminance_factor},
     units::PARSEC_M,
     view::projection::PlaneMapping,
@@ -53,13 +55,28 @@ impl ReferenceImage {
     }
 }
 
+/// What a star's light is spread by.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum StarKernel {
+    /// A kernel of a fixed number of pixels.
+    Splat(SplatKernel),
+    /// A Gaussian that is round in view space.
+    Gaussian(GaussianWidth),
+}
+
+impl From<SplatKernel> for StarKernel {
+    fn from(kernel: SplatKernel) -> Self {
+        Self::Splat(kernel)
+    }
+}
+
 /// Draws all stars of a set. `kernel_for` chooses the kernel by the illuminance in lx that the eye
 /// receives; `None` leaves the star out.
-pub fn draw(
+pub fn draw<K: Into<StarKernel>>(
     set: &StarSet,
     eye: Eye,
     mapping: &dyn PlaneMapping,
-    kernel_for: impl Fn(f64) -> Option<SplatKernel>,
+    kernel_for: impl Fn(f64) -> Option<K>,
 ) -> ReferenceImage {
     let size = mapping.size();
     let mut image =
@@ -83,7 +100,11 @@ pub fn draw(
             seen = motion.seen(place);
         }
         let Some(kernel) = kernel_for(illuminance_lx) else { continue };
-        let taps = mapping.taps(&|centre| kernel.footprint(centre), view_from_world * seen);
+        let direction = view_from_world * seen;
+        let taps = match kernel.into() {
+            StarKernel::Splat(kernel) => mapping.taps(&|centre| kernel.footprint(centre), direction),
+            StarKernel::Gaussian(width) => gaussian::taps(mapping, width, direction),
+        };
         if taps.is_empty() {
             continue;
         }

@@ -105,6 +105,11 @@ impl PlaneMapping for CubeFace {
         self.plane.solid_angle_sr(x, y)
     }
 
+    /// Of the face on which the direction lies, so that all faces draw the same star.
+    fn pixel_extent_rad(&self, direction: DVec3) -> Option<[f64; 2]> {
+        self.plane.pixel_extent_rad(DVec3::new(0.0, 0.0, -direction.abs().max_element()))
+    }
+
     fn bounding_cone(&self, margin_px: f64) -> BoundingCone {
         self.plane.bounding_cone(margin_px)
     }

@@ -69,6 +69,10 @@ impl PlaneMapping for Equirectangular {
         BoundingCone { axis: DVec3::NEG_Z, half_angle_rad: PI }
     }
 
+    fn shows_full_sphere(&self) -> bool {
+        true
+    }
+
     fn taps(&self, kernel: Footprint<'_>, direction: DVec3) -> Vec<Tap> {
         let Some(centre) = self.pixel_from_direction(direction) else { return Vec::new() };
         let [width, height] = self.size.map(i64::from);

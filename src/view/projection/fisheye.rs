@@ -208,6 +208,10 @@ impl PlaneMapping for Fisheye {
         BoundingCone { axis: DVec3::NEG_Z, half_angle_rad }
     }
 
+    fn shows_full_sphere(&self) -> bool {
+        self.is_full_sphere()
+    }
+
     fn taps(&self, kernel: Footprint<'_>, direction: DVec3) -> Vec<Tap> {
         let Some(centre) = self.pixel_from_direction(direction) else { return Vec::new() };
         let mut taps: Vec<Tap> = kernel(centre).into_iter().filter_map(|tap| self.tap_inside(tap)).collect();

@@ -102,6 +102,29 @@ pub trait PlaneMapping: Sync {
         }
     }
 
+    /// Whether every direction lies in the picture, so that its rim is no border.
+    fn shows_full_sphere(&self) -> bool {
+        false
+    }
+
+    /// The longer and the shorter angle that a pixel covers around `direction` (a unit vector), rad: the inverse singular values of
+    /// the mapping's derivative. `None` where the direction has no image. The default takes central differences.
+    fn pixel_extent_rad(&self, direction: DVec3) -> Option<[f64; 2]> {
+        let (right, up) = direction.any_orthonormal_pair();
+        let h = 1e-6;
+        let derivative = |axis: DVec3| {
+            let ahead = self.pixel_from_direction((direction + axis * h).normalize())?;
+            let behind = self.pixel_from_direction((direction - axis * h).normalize())?;
+            Some((ahead - behind) / (2.0 * h))
+        };
+        let (a, b) = (derivative(right)?, derivative(up)?);
+        // Singular values of the matrix of columns a and b.
+        let sum = a.length_squared() + b.length_squared();
+        let difference = (sum * sum - 4.0 * a.perp_dot(b).powi(2)).max(0.0).sqrt();
+        let (largest, smallest) = (((sum + difference) / 2.0).sqrt(), ((sum - difference) / 2.0).max(0.0).sqrt());
+        Some([1.0 / smallest.max(1e-12), 1.0 / largest.max(1e-12)])
+    }
+
     /// A cone that holds every direction that may touch a pixel, kernels of `margin_px` included.
     fn bounding_cone(&self, margin_px: f64) -> BoundingCone;
 

@@ -150,6 +150,14 @@ impl PlaneMapping for Perspective {
         (corner(x1, y0) - corner(x0, y0) - corner(x1, y1) + corner(x0, y1)).abs()
     }
 
+    /// Bounds, met where pixels are square: a pixel of a flat plane shrinks with the cosine of the angle from the axis across the
+    /// radius, and with its square along it.
+    fn pixel_extent_rad(&self, direction: DVec3) -> Option<[f64; 2]> {
+        let cosine = -direction.z;
+        let step = self.tangent_per_pixel();
+        (cosine > 0.0).then(|| [step.max_element() * cosine, step.min_element() * cosine * cosine])
+    }
+
     fn bounding_cone(&self, margin_px: f64) -> BoundingCone {
         let [left, right, down, up] = self.edge_tangents(margin_px);
         let corners =

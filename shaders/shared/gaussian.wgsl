@@ -1,0 +1,172 @@
+// A Gaussian that is round in view space: every pixel within its reach gets the density at the pixel's centre times the pixel's
+// solid angle. It is as wide as asked for, as an angle or in pixels, and never narrower than keeps the sum over the pixels the
+// same wherever the star stands. The f64 twin is src/reference/gaussian.rs. Needs viewport.wgsl, math.wgsl and projection.wgsl.
+
+// Where the density is cut off, in standard deviations.
+const GAUSSIAN_CUT: f32 = 4.5;
+// Pixels that a kernel may reach each way, but along the parallels of an equirectangular picture.
+const GAUSSIAN_MOST_PIXELS: f32 = 96.0;
+
+struct Gaussian {
+    // Unit vector, and its image.
+    direction: vec3<f32>,
+    pixel: vec2<f32>,
+    // 1 / (2 sigma^2), and the square of the greatest chord.
+    inverse: f32,
+    cut_squared: f32,
+    first: vec2<i32>,
+    last: vec2<i32>,
+    // What the weights are divided by.
+    norm: f32,
+}
+
+// Larger and smaller angle that a pixel covers around a direction (unit vector), rad.
+fn pixel_extent(viewport: Viewport, direction: vec3<f32>) -> vec2<f32> {
+    let step = abs(1.0 / viewport.plane_scale);
+    let sine = length(direction.xy);
+    let cosine = -direction.z;
+    switch viewport.kind {
+        case KIND_PERSPECTIVE: {
+            return vec2(max(step.x, step.y) * cosine, min(step.x, step.y) * cosine * cosine);
+        }
+        case KIND_CUBE_FACE: {
+            // That of the face on which the star stands, so that all faces draw the same star.
+            let along = max(abs(direction.x), max(abs(direction.y), abs(direction.z)));
+            return vec2(step.x * along, step.x * along * along);
+        }
+        case KIND_EQUIRECTANGULAR: {
+            let sides = vec2(2.0 * PI / f32(viewport.size.x) * length(direction.xz), PI / f32(viewport.size.y));
+            return vec2(max(sides.x, sides.y), min(sides.x, sides.y));
+        }
+        default: {
+            // cos(theta/2), and the radial and tangential derivatives of the mapping.
+            let half = sqrt(max(0.5 * (1.0 + cosine), 1e-4));
+            var radial = viewport.rim;
+            var across = viewport.rim;
+            switch viewport.kind {
+                case KIND_EQUIDISTANT: {
+                    let theta = precise_atan2(sine, cosine);
+                    across = select(sine / max(theta, 1e-6), 1.0, theta < 1e-3) * viewport.rim;
+                }
+                case KIND_EQUISOLID: {
+                    radial = 2.0 * viewport.rim / half;
+                    across = 2.0 * viewport.rim * half;
+                }
+                case KIND_ORTHOGRAPHIC: {
+                    radial = viewport.rim / max(cosine, 0.02);
+                }
+                default: {
+                    radial = 2.0 * viewport.rim * half * half;
+                    across = radial;
+                }
+            }
+            return vec2(max(radial, across), min(radial, across)) * step.x;
+        }
+    }
+}
+
+// Square of the chord between the star and the centre of a pixel of the unbounded plane, without cancellation where there is a
+// closed form.
+fn chord_squared(viewport: Viewport, gaussian: Gaussian, at: vec2<i32>) -> f32 {
+    let offset = vec2<f32>(at) + 0.5 - gaussian.pixel;
+    switch viewport.kind {
+        case KIND_PERSPECTIVE, KIND_CUBE_FACE: {
+            let scale = 1.0 / viewport.plane_scale;
+            let a = (gaussian.pixel - viewport.plane_offset) * scale;
+            let d = offset * scale;
+            let b = a + d;
+            let turn = a.x * d.y - a.y * d.x;
+            let sine_squared = min((dot(d, d) + turn * turn) / ((1.0 + dot(a, a)) * (1.0 + dot(b, b))), 1.0);
+            return 2.0 * sine_squared / (1.0 + sqrt(1.0 - sine_squared));
+        }
+        case KIND_EQUIRECTANGULAR: {
+            let size = vec2<f32>(viewport.size);
+            let from = gaussian.pixel.y / size.y * PI;
+            let to = (f32(at.y) + 0.5) / size.y * PI;
+            let half = precise_sin(0.5 * offset.y / size.y * PI);
+            let turn = precise_sin(offset.x / size.x * PI);
+            return 4.0 * (half * half + precise_sin(from) * precise_sin(to) * turn * turn);
+        }
+        default: {
+            let difference = direction_from_pixel(viewport, vec2<f32>(at) + 0.5).xyz - gaussian.direction;
+            return dot(difference, difference);
+        }
+    }
+}
+
+// Pixel of the picture; columns of an equirectangular picture wrap.
+fn gaussian_pixel(viewport: Viewport, at: vec2<i32>) -> vec2<i32> {
+    if viewport.kind == KIND_EQUIRECTANGULAR {
+        let width = i32(viewport.size.x);
+        return vec2((at.x % width + width) % width, at.y);
+    }
+    return at;
+}
+
+// Density times solid angle, before division by the norm.
+fn gaussian_weight(viewport: Viewport, gaussian: Gaussian, at: vec2<i32>) -> f32 {
+    let pixel = gaussian_pixel(viewport, at);
+    if !contains(viewport, pixel) {
+        return 0.0;
+    }
+    let squared = chord_squared(viewport, gaussian, at);
+    if squared > gaussian.cut_squared {
+        return 0.0;
+    }
+    return exp(-squared * gaussian.inverse) * solid_angle(viewport, pixel);
+}
+
+// The kernel of a star at `direction` (any length), whose image is `pixel`. The norm is the sum over the pixels where the kernel
+// lies inside of the picture or the picture shows the full sphere; elsewhere the integral, so that pictures that share a border
+// together hold the whole star.
+fn gaussian_of(viewport: Viewport, direction: vec3<f32>, pixel: vec2<f32>) -> Gaussian {
+    var gaussian: Gaussian;
+    gaussian.direction = normalize(direction);
+    gaussian.pixel = pixel;
+    let extent = pixel_extent(viewport, gaussian.direction);
+    let sigma = max(viewport.gaussian_sigma_rad, viewport.gaussian_sigma_px * extent.x);
+    let cut = GAUSSIAN_CUT * sigma;
+    gaussian.inverse = 0.5 / (sigma * sigma);
+    gaussian.cut_squared = cut * cut;
+    let size = vec2<i32>(viewport.size);
+    var whole = true;
+    if viewport.kind == KIND_EQUIRECTANGULAR {
+        let rows = ceil(cut / PI * f32(size.y)) + 1.0;
+        gaussian.first.y = max(i32(floor(pixel.y - rows)), 0);
+        gaussian.last.y = min(i32(floor(pixel.y + rows)), size.y - 1);
+        // Longitudes that a circle around the star spans; all of them where it holds a pole or comes near one.
+        let sine = length(gaussian.direction.xz);
+        var columns = size.x;
+        if sin(min(cut, 1.5)) < 0.99 * sine && cut < 1.5 {
+            let span = asin(sin(cut) / sine);
+            columns = i32(ceil(span / (2.0 * PI) * f32(size.x))) + 1;
+        }
+        gaussian.first.x = i32(floor(pixel.x)) - columns;
+        gaussian.last.x = i32(floor(pixel.x)) + columns;
+        if 2 * columns + 1 >= size.x {
+            gaussian.first.x = 0;
+            gaussian.last.x = size.x - 1;
+        }
+    } else {
+        let reach = vec2(min(cut / extent.y, GAUSSIAN_MOST_PIXELS) + 0.5);
+        gaussian.first = vec2<i32>(floor(pixel - reach));
+        gaussian.last = vec2<i32>(floor(pixel + reach));
+        whole = all(gaussian.first >= vec2(0)) && all(gaussian.last < size);
+        if is_fisheye(viewport) {
+            let radius = 0.5 * f32(min(size.x, size.y));
+            whole = whole && length(pixel - viewport.plane_offset) + 1.5 * reach.x < radius;
+        }
+    }
+    if whole || viewport.full_sphere != 0u {
+        gaussian.norm = 0.0;
+        for (var y = gaussian.first.y; y <= gaussian.last.y; y++) {
+            for (var x = gaussian.first.x; x <= gaussian.last.x; x++) {
+                gaussian.norm += gaussian_weight(viewport, gaussian, vec2(x, y));
+            }
+        }
+    } else {
+        // The integral of exp(-chord^2 / (2 sigma^2)) over the sphere within the cut.
+        gaussian.norm = 2.0 * PI * sigma * sigma * (1.0 - exp(-0.5 * GAUSSIAN_CUT * GAUSSIAN_CUT));
+    }
+    return gaussian;
+}

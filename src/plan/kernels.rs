@@ -1,0 +1,186 @@
+//! Which kernel draws a star of which brightness in a viewport.
+//!
+//! Flicker is the standard deviation over mean of what a display shows of a star while it moves through a pixel. It depends on
+//! the star's peak k over display white. The tent's grows with k at once; the B-spline's stays below 0.0113 up to k = 5 and then
+//! grows to 0.13; the Gaussian's never exceeds 0.005. `auto` takes for each star the cheapest of them that keeps the budget.
+
+use super::{
+    settings::{RenderSettings, StarMethod},
+    star_settings::PixelGaussianSettings,
+};
+use crate::{
+    photometry::{exposure::white_luminance_cd_m2, kernel::GAUSSIAN_CUT},
+    view::{Viewport, projection::Projection},
+};
+
+/// Flicker of the tent per unit of the star's peak over display white: the standard deviation, over sub-pixel positions, of
+/// the sum of its squared weights, sqrt((7/15)^2 - (2/3)^4). For small peaks flicker grows in proportion.
+pub const TENT_FLICKER_PER_PEAK: f64 = 0.142_4;
+
+/// Flicker of the tent for stars at display white.
+pub const TENT_FLICKER_AT_WHITE: f64 = 0.085;
+
+/// Peak over display white, and the most that the B-spline flickers up to there.
+pub const BSPLINE_FLICKER: [(f64, f64); 9] = [
+    (0.1, 0.0024),
+    (0.3, 0.0060),
+    (1.0, 0.0113),
+    (5.0, 0.0113),
+    (6.5, 0.0185),
+    (10.0, 0.0382),
+    (30.0, 0.0908),
+    (100.0, 0.1279),
+    (f64::INFINITY, 0.1350),
+];
+
+/// The most that the Gaussian flickers, whatever the peak.
+pub const GAUSSIAN_FLICKER: f64 = 0.005;
+
+/// Standard deviation of the Gaussian where none is asked for, pixels.
+const DEFAULT_SIGMA_PX: f64 = 0.7;
+/// Variance of the pixel itself, pixels^2: a Gaussian that is integrated over pixels is wider by this.
+const PIXEL_VARIANCE: f64 = 1.0 / 12.0;
+/// Pixels that a Gaussian may reach each way; the shader has the same number.
+const MOST_REACH_PX: f64 = 96.0;
+
+/// Width of a Gaussian that is round in view space: the larger of an angle and of a number of pixels' sides.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GaussianWidth {
+    /// Standard deviation as an angle, rad.
+    pub sigma_rad: f64,
+    /// Standard deviation in units of the longer side of the pixel at the star, the pixel's own width included.
+    pub sigma_px: f64,
+}
+
+impl GaussianWidth {
+    /// The width that the settings ask for. As an angle it is held above what keeps the light the same at every sub-pixel
+    /// position.
+    pub fn new(settings: &PixelGaussianSettings) -> Self {
+        let in_pixels = |sigma_px: f64| (sigma_px * sigma_px + PIXEL_VARIANCE).sqrt();
+        match settings.sigma_arcmin {
+            Some(arcmin) => Self { sigma_rad: (arcmin / 60.0).to_radians(), sigma_px: in_pixels(DEFAULT_SIGMA_PX) },
+            None => Self { sigma_rad: 0.0, sigma_px: in_pixels(settings.sigma_px) },
+        }
+    }
+
+    /// Standard deviation at a place where the pixel's longer side covers that angle, rad.
+    pub fn sigma_at_rad(&self, longer_side_rad: f64) -> f64 {
+        self.sigma_rad.max(self.sigma_px * longer_side_rad)
+    }
+
+    /// How far the kernel reaches at most in a picture, pixels: looked for along both diagonals and both axes.
+    fn reach_px(&self, projection: &Projection) -> f64 {
+        let mapping = projection.mapping();
+        let [width, height] = mapping.size();
+        let mut most: f64 = 0.0;
+        for step in 0..=32 {
+            let along = |side: u32| (f64::from(step) / 32.0 * f64::from(side - 1)) as u32;
+            let (x, y) = (along(width), along(height));
+            for (x, y) in [(x, y), (x, height - 1 - y), (x, height / 2), (width / 2, y)] {
+                let centre = crate::view::projection::pixel_centre(x, y);
+                let Some(direction) = mapping.direction_from_pixel(centre) else { continue };
+                let Some([longer, shorter]) = mapping.pixel_extent_rad(direction) else { continue };
+                most = most.max(GAUSSIAN_CUT * self.sigma_at_rad(longer) / shorter);
+            }
+        }
+        most.min(MOST_REACH_PX) + 1.0
+    }
+}
+
+/// The kernels of one viewport.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct KernelPlan {
+    /// Stars fainter than this take the tent, lx.
+    pub tent_below_lx: f64,
+    /// Stars as bright as this or brighter take the Gaussian, lx; those between take the B-spline.
+    pub gaussian_from_lx: f64,
+    /// The Gaussian.
+    pub gaussian: GaussianWidth,
+    /// How far it reaches, pixels.
+    pub gaussian_reach_px: f64,
+}
+
+impl KernelPlan {
+    /// The B-spline alone.
+    pub fn bspline() -> Self {
+        Self {
+            tent_below_lx: 0.0,
+            gaussian_from_lx: f64::INFINITY,
+            gaussian: GaussianWidth { sigma_rad: 0.0, sigma_px: 1.0 },
+            gaussian_reach_px: 0.0,
+        }
+    }
+}
+
+/// The Gaussian of a viewport and its reach in pixels, for methods that may draw one.
+pub fn gaussian_of(settings: &RenderSettings, viewport: &Viewport) -> Option<(GaussianWidth, f64)> {
+    let width = match settings.stars.method {
+        StarMethod::PixelGaussian => GaussianWidth::new(&settings.stars.pixel_gaussian),
+        StarMethod::Auto => GaussianWidth::new(&PixelGaussianSettings::default()),
+        _ => return None,
+    };
+    Some((width, width.reach_px(&viewport.projection)))
+}
+
+/// The greatest peak over display white up to which the B-spline keeps a budget of flicker.
+pub fn bspline_peak_within(flicker: f64) -> f64 {
+    let mut peak = 0.0;
+    for (index, (to, most)) in BSPLINE_FLICKER.into_iter().enumerate() {
+        if most > flicker {
+            // Between two entries the flicker grows at most as the line between them.
+            let (from, least) = if index == 0 { (0.0, 0.0) } else { BSPLINE_FLICKER[index - 1] };
+            if to.is_finite() && flicker > least {
+                peak = from + (to - from) * (flicker - least) / (most - least);
+            }
+            return peak;
+        }
+        peak = to;
+    }
+    peak
+}
+
+/// The kernels of a viewport. `expected_ev100` is the exposure that the frame will be shown with, as far as it is known before the
+/// frame is drawn; without it stars may be as bright as they like over display white.
+pub fn kernels_of(settings: &RenderSettings, viewport: &Viewport, expected_ev100: Option<f64>) -> KernelPlan {
+    let mut kernels = KernelPlan::bspline();
+    if let Some((width, reach_px)) = gaussian_of(settings, viewport) {
+        (kernels.gaussian, kernels.gaussian_reach_px) = (width, reach_px);
+    }
+    match settings.stars.method {
+        StarMethod::Tent => kernels.tent_below_lx = f64::INFINITY,
+        StarMethod::PixelGaussian => kernels.gaussian_from_lx = 0.0,
+        StarMethod::Auto => {
+            let white_lx = expected_ev100
+                .map_or(0.0, |ev100| white_luminance_cd_m2(ev100) * viewport.projection.smallest_pixel_sr());
+            kernels.tent_below_lx = settings.accuracy.flicker / TENT_FLICKER_PER_PEAK * white_lx;
+            let peak = bspline_peak_within(settings.accuracy.flicker);
+            if peak.is_finite() {
+                kernels.gaussian_from_lx = peak * white_lx;
+            }
+        }
+        _ => {}
+    }
+    kernels
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_bspline_serves_up_to_where_its_flicker_reaches_the_budget() {
+        assert_eq!(bspline_peak_within(1.0), f64::INFINITY);
+        assert_eq!(bspline_peak_within(0.0), 0.0);
+        let at_default = bspline_peak_within(0.02);
+        assert!((6.5..7.0).contains(&at_default), "{at_default}");
+        assert!((0.1..0.3).contains(&bspline_peak_within(0.004)));
+    }
+
+    #[test]
+    fn an_angle_takes_the_place_of_pixels_but_never_becomes_too_narrow() {
+        let wide = GaussianWidth::new(&PixelGaussianSettings { sigma_px: 5.0, sigma_arcmin: Some(60.0) });
+        assert!((wide.sigma_at_rad(1e-3) - 1f64.to_radians()).abs() < 1e-12);
+        let narrow = GaussianWidth::new(&PixelGaussianSettings { sigma_px: 5.0, sigma_arcmin: Some(1e-3) });
+        assert!((narrow.sigma_at_rad(1e-3) - 0.757e-3).abs() < 1e-6);
+    }
+}

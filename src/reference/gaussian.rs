@@ -1,0 +1,110 @@
+//! The Gaussian that is round in view space, in f64: the twin of `shaders/shared/gaussian.wgsl`.
+//!
+//! Every pixel within the cut gets exp(-c^2 / (2 sigma^2)) times its solid angle, c being the chord between the star's direction
+//! and the pixel's centre. The sum over the pixels is the norm where the kernel lies inside of the picture; elsewhere it is the
+//! integral over the sphere, 2 pi sigma^2 (1 - exp(-cut^2 / 2)), which is exact since c dc = sin(theta) dtheta.
+
+use std::{collections::BTreeMap, f64::consts::TAU};
+
+use glam::DVec3;
+
+use crate::{
+    photometry::kernel::GAUSSIAN_CUT,
+    plan::GaussianWidth,
+    view::projection::{PlaneMapping, Tap, pixel_centre},
+};
+
+/// The pixels that a star in `direction` (any length) reaches, with its weights. Every pixel of the picture is looked at, in any
+/// mapping: slow and plain. Empty where the star has no image.
+pub fn taps(mapping: &dyn PlaneMapping, width: GaussianWidth, direction: DVec3) -> Vec<Tap> {
+    let direction = direction.normalize_or_zero();
+    let Some([longer, shorter]) = mapping.pixel_extent_rad(direction) else { return Vec::new() };
+    let Some(image) = mapping.pixel_from_direction(direction) else { return Vec::new() };
+    let sigma = width.sigma_at_rad(longer);
+    let cut = GAUSSIAN_CUT * sigma;
+    let mut weights: BTreeMap<(u32, u32), f64> = BTreeMap::new();
+    let [columns, rows] = mapping.size();
+    let mut touches_border = false;
+    for y in 0..rows {
+        for x in 0..columns {
+            let Some(centre) =
+                mapping.contains(x, y).then(|| mapping.direction_from_pixel(pixel_centre(x, y))).flatten()
+            else {
+                continue;
+            };
+            let chord = (centre - direction).length();
+            if chord <= cut {
+                weights.insert((x, y), (-0.5 * (chord / sigma).powi(2)).exp() * mapping.solid_angle_sr(x, y));
+            }
+        }
+    }
+    // Whether a pixel within the cut can lie outside of the picture, by the plane's distances around the image.
+    let reach = cut / shorter + 0.5;
+    let corners = [-reach, reach].map(|dx| [-reach, reach].map(|dy| image + glam::DVec2::new(dx, dy)));
+    for corner in corners.as_flattened() {
+        touches_border |= mapping.direction_from_pixel(*corner).is_none();
+    }
+    let norm = if touches_border && !mapping.shows_full_sphere() {
+        0.5 * TAU * 2.0 * sigma * sigma * (1.0 - (-0.5 * GAUSSIAN_CUT * GAUSSIAN_CUT).exp())
+    } else {
+        weights.values().sum()
+    };
+    weights.into_iter().map(|((x, y), weight)| Tap { x, y, weight: weight / norm }).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::view::projection::{CubeFace, Equirectangular, Face, Perspective};
+
+    const WIDTH: GaussianWidth = GaussianWidth { sigma_rad: 0.0, sigma_px: 0.757 };
+
+    #[test]
+    fn the_weights_sum_to_one_inside_and_over_all_faces_of_a_cube() {
+        let plane = Perspective::symmetric([64, 48], 0.8).unwrap();
+        for direction in [DVec3::new(0.01, 0.02, -1.0), DVec3::new(0.3, -0.25, -1.0)] {
+            let sum: f64 = taps(&plane, WIDTH, direction).iter().map(|tap| tap.weight).sum();
+            assert!((sum - 1.0).abs() < 1e-12, "{sum}");
+        }
+        for direction in [DVec3::new(1.0, 1.0, -1.0), DVec3::new(0.3, 1.0, -0.999), DVec3::new(0.2, 0.3, 1.0)] {
+            let sum: f64 = Face::ALL
+                .into_iter()
+                .map(|face| {
+                    let mapping = CubeFace::new(face, 64).unwrap();
+                    let seen = face.cube_from_face().conjugate() * direction;
+                    taps(&mapping, WIDTH, seen).iter().map(|tap| tap.weight).sum::<f64>()
+                })
+                .sum();
+            assert!((sum - 1.0).abs() < 2e-4, "{direction}: {sum}");
+        }
+    }
+
+    /// The second moments of a wide kernel, far off the axis, are those of the Gaussian in every direction of the sky.
+    #[test]
+    fn the_kernel_is_round_in_the_sky_and_as_wide_as_asked_for() {
+        let plane = Perspective::symmetric([400, 400], 2.0).unwrap();
+        let width = GaussianWidth { sigma_rad: 0.02, sigma_px: 0.757 };
+        let direction = DVec3::new(1.1, 0.4, -1.0).normalize();
+        let (right, up) = direction.any_orthonormal_pair();
+        let (mut xx, mut yy, mut xy) = (0.0, 0.0, 0.0);
+        for tap in taps(&plane, width, direction) {
+            let offset = plane.direction_from_pixel(pixel_centre(tap.x, tap.y)).unwrap() - direction;
+            let (x, y) = (offset.dot(right), offset.dot(up));
+            xx += tap.weight * x * x;
+            yy += tap.weight * y * y;
+            xy += tap.weight * x * y;
+        }
+        let variance = 0.02 * 0.02;
+        assert!((xx / variance - 1.0).abs() < 2e-3 && (yy / variance - 1.0).abs() < 2e-3, "{xx} {yy}");
+        assert!((xy / variance).abs() < 1e-3);
+    }
+
+    #[test]
+    fn a_star_on_the_pole_of_an_equirectangular_picture_is_whole() {
+        let mapping = Equirectangular::new([64, 32]).unwrap();
+        for direction in [DVec3::Y, DVec3::new(0.02, 1.0, 0.01), DVec3::new(0.0, 0.0, 1.0)] {
+            let sum: f64 = taps(&mapping, WIDTH, direction).iter().map(|tap| tap.weight).sum();
+            assert!((sum - 1.0).abs() < 1e-12, "{direction}: {sum}");
+        }
+    }
+}
