@@ -81,11 +81,11 @@ fn chord_squared(viewport: Viewport, gaussian: Gaussian, at: vec2<i32>) -> f32 {
         }
         case KIND_EQUIRECTANGULAR: {
             let size = vec2<f32>(viewport.size);
-            let from = gaussian.pixel.y / size.y * PI;
-            let to = (f32(at.y) + 0.5) / size.y * PI;
+            let star_angle = gaussian.pixel.y / size.y * PI;
+            let pixel_angle = (f32(at.y) + 0.5) / size.y * PI;
             let half = precise_sin(0.5 * offset.y / size.y * PI);
             let turn = precise_sin(offset.x / size.x * PI);
-            return 4.0 * (half * half + precise_sin(from) * precise_sin(to) * turn * turn);
+            return 4.0 * (half * half + precise_sin(star_angle) * precise_sin(pixel_angle) * turn * turn);
         }
         default: {
             let difference = direction_from_pixel(viewport, vec2<f32>(at) + 0.5).xyz - gaussian.direction;
