@@ -5,9 +5,12 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 
 use glam::DVec2;
-use steradian::photometry::{
-    psf::{ARCSECOND_RAD, Loaded, Psf, PsfError, read, write_exr},
-    rec709::luminance,
+use steradian::{
+    photometry::{
+        psf::{ARCSECOND_RAD, Loaded, Psf, PsfError, read, write_exr},
+        rec709::luminance,
+    },
+    plan::settings::PsfTextureSettings,
 };
 
 /// Runs, checks the exit code, and returns standard output and standard error.
@@ -148,7 +151,7 @@ fn broken_files_are_refused_with_what_is_wrong() {
         (b"SIMPLE  = T".to_vec(), "no END"),
         (b"hello".to_vec(), "neither"),
         (good[..2900].to_vec(), "bytes are"),
-        (good[..1000].to_vec(), "END"),
+        (good[..600].to_vec(), "END"),
         (with("NAXIS1  =                    4", "NAXIS1  =                    3"), "3 x 4"),
         (with("NAXIS   =                    2", "NAXIS   =                    1"), "no image of two axes"),
         (with("NAXIS   =                    2", "NAXIS   =                    x"), "NAXIS"),
@@ -209,7 +212,7 @@ fn the_command_makes_and_converts_textures() {
         let arguments = [&["psf", "--aperture", aperture, "--diameter-mm", "2", "--out", "a.exr"][..], &small].concat();
         let (out, err) = run(folder.path(), &arguments, 0);
         assert!(
-            out.starts_with("wrote a.exr: 48 x 48 pixels of 14.1808 arcseconds, sums R 1.0000 G 1.0000 B 1.0000"),
+            out.starts_with("wrote a.exr: 48 x 48 pixels of 14.1807 arcseconds, sums R 1.0000 G 1.0000 B 1.0000"),
             "{out}"
         );
         assert!(err.contains("6 of 6 wavelengths"), "{err}");
@@ -263,4 +266,29 @@ fn wrong_use_is_64_and_wrong_data_65() {
     assert!(!folder.path().join("o.exr").exists());
     let (help, _) = run(folder.path(), &["psf", "--help"], 0);
     assert!(help.contains("Examples") && help.contains("\n  steradian psf --from"), "{help}");
+}
+
+#[test]
+fn settings_lead_to_a_texture() {
+    let white = |psf: &Psf| psf.sum().iter().all(|sum| (sum - 1.0).abs() < 1e-5);
+    let settings = PsfTextureSettings::default();
+    let psf = settings.texture().unwrap();
+    println!("the default texture: {} pixels, {:.2} % of the light", psf.size, 100.0 * psf.covered);
+    assert!(white(&psf) && psf.covered > 0.98);
+    assert!((2.0 * psf.half_width_rad() / f64::to_radians(4.0) - 1.0).abs() < 1e-9);
+    let unknown = PsfTextureSettings { aperture: "square".to_owned(), ..settings.clone() }.texture().unwrap_err();
+    assert!(unknown.to_string().contains("square") && unknown.to_string().contains("hexagon"), "{unknown}");
+    let flat = PsfTextureSettings { width_arcmin: 0.0, ..settings.clone() }.texture().unwrap_err();
+    assert!(flat.to_string().contains("pixel"), "{flat}");
+
+    // A file's own scale counts, and the width where it has none.
+    let folder = tempfile::tempdir().unwrap();
+    for (cards, arcsec) in [(&[SCALE][..], 0.25), (&[], 4.0 * 3600.0 / 4.0)] {
+        let file = folder.path().join("picture.fits");
+        std::fs::write(&file, picture("-32", cards, float)).unwrap();
+        let psf = PsfTextureSettings { file: Some(file), ..settings.clone() }.texture().unwrap();
+        assert!(white(&psf) && (psf.pixel_rad / ARCSECOND_RAD / arcsec - 1.0).abs() < 1e-9, "{arcsec}");
+    }
+    let missing = PsfTextureSettings { file: Some("missing.fits".into()), ..settings }.texture().unwrap_err();
+    assert!(matches!(missing, PsfError::Read { .. }));
 }

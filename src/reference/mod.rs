@@ -1,4 +1,5 @@
 //! The passes in f64 on the CPU, under the same names: slow and simple, to check the GPU by and to draw through
 //! projections of your own.
 
+pub mod cell_sky;
 pub mod stars;

@@ -81,32 +81,82 @@ impl Aperture {
         }
     }
 
-    /// Signed distance to the edge at `p`, in diameters, negative inside; nearer to 0 than the true one in places.
-    pub fn distance(self, p: DVec2) -> f64 {
-        match self {
-            Self::Circle => p.length() - 0.5,
-            Self::Hexagon => hexagon(p, 0.5 * FRAC_PI_6.cos()),
-            Self::CurvedBlades { blades } => curved_blades(p, blades),
-            Self::Jwst => jwst(p),
-            Self::Hubble => hubble(p),
-        }
-    }
-
     /// Open share of each cell of a grid of `n` x `n` cells, row by row from the top, each `cell` diameters wide, about
     /// the middle of the aperture.
     pub fn grid(self, n: usize, cell: f64) -> Vec<f64> {
+        let shape = Shape::of(self);
         let middle = 0.5 * (n as f64 - 1.0);
         let mut cells = vec![0.0; n * n];
         cells.par_chunks_mut(n.max(1)).enumerate().for_each(|(row, line)| {
             for (column, share) in line.iter_mut().enumerate() {
-                *share = self.open_share(DVec2::new(column as f64 - middle, middle - row as f64) * cell, cell);
+                *share = shape.open_share(DVec2::new(column as f64 - middle, middle - row as f64) * cell, cell);
             }
         });
         cells
     }
+}
+
+/// An aperture with its angles worked out.
+enum Shape {
+    Circle,
+    Hexagon,
+    /// Centres of the discs that it is the common part of.
+    CurvedBlades(Vec<DVec2>),
+    Jwst {
+        /// Centres, metres.
+        segments: Vec<DVec2>,
+        /// Directions.
+        struts: [DVec2; 3],
+        diameter_m: f64,
+    },
+    Hubble,
+}
+
+/// Cosine of 30 degrees; the sine is 1/2.
+const COS_30: f64 = 0.866_025_403_784_438_6;
+
+impl Shape {
+    fn of(aperture: Aperture) -> Self {
+        match aperture {
+            Aperture::Circle => Self::Circle,
+            Aperture::Hexagon => Self::Hexagon,
+            Aperture::CurvedBlades { blades } => Self::CurvedBlades(blade_centres(blades)),
+            Aperture::Jwst => {
+                let segments: Vec<DVec2> = jwst_segments().collect();
+                // A segment's farthest corner lies on one of its six axes.
+                let corner = JWST_SEGMENT_M / 3.0_f64.sqrt();
+                let corners = segments
+                    .iter()
+                    .flat_map(|c| (0..6).map(|k| *c + DVec2::from_angle(f64::from(k) * FRAC_PI_3) * corner));
+                let diameter_m = 2.0 * corners.map(DVec2::length).fold(0.0, f64::max);
+                let struts = [0.5 * PI, 1.5 * PI - FRAC_PI_6, 1.5 * PI + FRAC_PI_6].map(DVec2::from_angle);
+                Self::Jwst { segments, struts, diameter_m }
+            }
+            Aperture::Hubble => Self::Hubble,
+        }
+    }
+
+    /// Signed distance to the edge at `p`, in diameters, negative inside; nearer to 0 than the true one in places.
+    fn distance(&self, p: DVec2) -> f64 {
+        match self {
+            Self::Circle => p.length() - 0.5,
+            Self::Hexagon => hexagon(p, 0.5 * COS_30),
+            Self::CurvedBlades(centres) => {
+                centres.iter().fold(f64::NEG_INFINITY, |worst, centre| worst.max(p.distance(*centre) - BLADE_RADIUS))
+            }
+            Self::Jwst { segments, struts, diameter_m } => {
+                let p = p * *diameter_m;
+                let mirror =
+                    segments.iter().map(|c| hexagon(p - *c, 0.5 * JWST_SEGMENT_M)).fold(f64::INFINITY, f64::min);
+                let struts = struts.map(|along| strut(p, along, 0.5 * JWST_STRUT_M));
+                mirror.max(-struts.into_iter().fold(f64::INFINITY, f64::min)) / *diameter_m
+            }
+            Self::Hubble => hubble(p),
+        }
+    }
 
     /// Open share of a square cell.
-    fn open_share(self, centre: DVec2, cell: f64) -> f64 {
+    fn open_share(&self, centre: DVec2, cell: f64) -> f64 {
         let distance = self.distance(centre);
         if distance.abs() >= cell * std::f64::consts::FRAC_1_SQRT_2 {
             return if distance < 0.0 { 1.0 } else { 0.0 };
@@ -122,20 +172,16 @@ impl Aperture {
 /// A regular hexagon whose flats are `apothem` from its middle, two of them horizontal.
 fn hexagon(p: DVec2, apothem: f64) -> f64 {
     let p = p.abs();
-    let slanted = p.dot(DVec2::new(FRAC_PI_6.cos(), FRAC_PI_6.sin()));
-    slanted.max(p.y) - apothem
+    (COS_30 * p.x + 0.5 * p.y).max(p.y) - apothem
 }
 
-/// The common part of `blades` discs of radius [`BLADE_RADIUS`], each moved away from its arc by `shift`.
-fn curved_blades(p: DVec2, blades: u32) -> f64 {
+/// Centres of the discs of radius [`BLADE_RADIUS`], each moved away from its arc.
+fn blade_centres(blades: u32) -> Vec<DVec2> {
     // Two neighbouring arcs meet at radius 1/2 and pi/n from the middle of either:
     // (1/2)^2 + shift cos(pi/n) + shift^2 = R^2.
     let half_cos = 0.5 * (PI / f64::from(blades)).cos();
     let shift = -half_cos + (half_cos * half_cos + BLADE_RADIUS * BLADE_RADIUS - 0.25).sqrt();
-    (0..blades).fold(f64::NEG_INFINITY, |worst, blade| {
-        let angle = (f64::from(blade) + 0.5) / f64::from(blades) * TAU;
-        worst.max((p + DVec2::from_angle(angle) * shift).length() - BLADE_RADIUS)
-    })
+    (0..blades).map(|blade| DVec2::from_angle((f64::from(blade) + 0.5) / f64::from(blades) * TAU) * -shift).collect()
 }
 
 /// Centres of the JWST's segments in metres, without the middle one.
@@ -147,21 +193,6 @@ fn jwst_segments() -> impl Iterator<Item = DVec2> {
         .flat_map(move |i| (-2_i32..=2).map(move |j| (i, j)))
         .filter(|(i, j)| (1..=2).contains(&i.abs().max(j.abs()).max((i + j).abs())))
         .map(move |(i, j)| a * f64::from(i) + b * f64::from(j))
-}
-
-fn jwst(p: DVec2) -> f64 {
-    // Metres in a diameter: the circle through the outermost corners, those of the segments two steps away.
-    let corner = JWST_SEGMENT_M / 3.0_f64.sqrt();
-    let outermost = DVec2::new(0.5 * corner, 2.0 * (JWST_SEGMENT_M + JWST_GAP_M) + 0.5 * JWST_SEGMENT_M).length();
-    let along = DVec2::from_angle(FRAC_PI_6) * 2.0 * (JWST_SEGMENT_M + JWST_GAP_M);
-    let diameter_m = 2.0 * outermost.max((along + DVec2::new(corner, 0.0)).length());
-    let p = p * diameter_m;
-    let mirror = jwst_segments().map(|c| hexagon(p - c, 0.5 * JWST_SEGMENT_M)).fold(f64::INFINITY, f64::min);
-    let struts = [0.5 * PI, 1.5 * PI - FRAC_PI_6, 1.5 * PI + FRAC_PI_6]
-        .map(|angle| strut(p, DVec2::from_angle(angle), 0.5 * JWST_STRUT_M))
-        .into_iter()
-        .fold(f64::INFINITY, f64::min);
-    mirror.max(-struts) / diameter_m
 }
 
 /// A bar from the middle outwards.
@@ -215,9 +246,10 @@ mod tests {
     #[test]
     fn nothing_reaches_beyond_the_circle_and_something_reaches_it() {
         for aperture in ALL {
+            let shape = Shape::of(aperture);
             let farthest = (0..2000)
                 .flat_map(|angle| (0..1000).map(move |r| (f64::from(angle) / 2000.0 * TAU, f64::from(r) * 6e-4)))
-                .filter(|(angle, radius)| aperture.distance(DVec2::from_angle(*angle) * *radius) < 0.0)
+                .filter(|(angle, radius)| shape.distance(DVec2::from_angle(*angle) * *radius) < 0.0)
                 .fold(0.0, |far: f64, (_, radius)| far.max(radius));
             assert!((farthest - 0.5).abs() < 2e-3, "{aperture:?}: {farthest}");
         }
@@ -227,12 +259,13 @@ mod tests {
     fn distances_never_exceed_the_true_ones() {
         // What `open_share` relies on: within the distance the sign does not change.
         for aperture in ALL {
+            let shape = Shape::of(aperture);
             for i in 0..4000 {
                 let p = DVec2::from_angle(f64::from(i) * 2.4) * (f64::from(i) / 4000.0).sqrt() * 0.55;
-                let distance = aperture.distance(p);
+                let distance = shape.distance(p);
                 for k in 0..32 {
                     let q = p + DVec2::from_angle(f64::from(k) / 32.0 * TAU) * distance.abs() * 0.999;
-                    assert!(aperture.distance(q) * distance >= 0.0, "{aperture:?} at {p}");
+                    assert!(shape.distance(q) * distance >= 0.0, "{aperture:?} at {p}");
                 }
             }
         }

@@ -33,7 +33,7 @@ pub use crop::{CropRule, crop_half_angle_rad};
 pub use diffraction::{MAX_TRANSFORM, PADDING};
 pub use exr_file::write_exr;
 pub use inverse_square::InverseSquare;
-pub use read::{Loaded, read};
+pub use read::{Loaded, read, read_as_wide};
 pub use spectrum::MAX_WAVELENGTHS;
 
 use super::rec709::luminance;

@@ -37,19 +37,31 @@ pub struct Loaded {
 
 /// Reads an OpenEXR or FITS file. `pixel_arcsec` is the angle of a pixel; without it the header must tell.
 pub fn read(path: &Path, pixel_arcsec: Option<f64>) -> Result<Loaded, PsfError> {
-    let bytes = std::fs::read(path).map_err(|source| PsfError::Read { path: path.to_owned(), source })?;
-    // OpenEXR's magic number 20000630; the first card of every FITS file.
-    let (plane, looked_for) = if bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01]) {
-        (exr_file::decode(path, &bytes)?, exr_file::SCALE)
-    } else if bytes.starts_with(b"SIMPLE  =") {
-        (fits::decode(path, &bytes)?, fits::SCALES)
-    } else {
-        let what = "neither OpenEXR nor FITS by its first bytes".to_owned();
-        return Err(PsfError::File { path: path.to_owned(), what, allowed: ALLOWED });
-    };
+    let (plane, looked_for) = decode(path)?;
     let no_scale = PsfError::NoScale { path: path.to_owned(), looked_for };
     let pixel_arcsec = pixel_arcsec.or(plane.pixel_arcsec).ok_or(no_scale)?;
     loaded(path, plane, pixel_arcsec)
+}
+
+/// Reads an OpenEXR or FITS file; where its header does not tell the angle of a pixel, the picture is `width_rad` wide.
+pub fn read_as_wide(path: &Path, width_rad: f64) -> Result<Loaded, PsfError> {
+    let (plane, _) = decode(path)?;
+    let pixel_arcsec = plane.pixel_arcsec.unwrap_or(width_rad / ARCSECOND_RAD / plane.width as f64);
+    loaded(path, plane, pixel_arcsec)
+}
+
+/// The picture in a file, and which entries of its header would tell the angle of a pixel.
+fn decode(path: &Path) -> Result<(Plane, &'static str), PsfError> {
+    let bytes = std::fs::read(path).map_err(|source| PsfError::Read { path: path.to_owned(), source })?;
+    // OpenEXR's magic number 20000630; the first card of every FITS file.
+    if bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01]) {
+        Ok((exr_file::decode(path, &bytes)?, exr_file::SCALE))
+    } else if bytes.starts_with(b"SIMPLE  =") {
+        Ok((fits::decode(path, &bytes)?, fits::SCALES))
+    } else {
+        let what = "neither OpenEXR nor FITS by its first bytes".to_owned();
+        Err(PsfError::File { path: path.to_owned(), what, allowed: ALLOWED })
+    }
 }
 
 fn loaded(path: &Path, plane: Plane, pixel_arcsec: f64) -> Result<Loaded, PsfError> {
