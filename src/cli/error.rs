@@ -8,6 +8,7 @@ use crate::config::ConfigError;
 use crate::frame::RenderError;
 use crate::gpu::GpuError;
 use crate::output::OutputError;
+use crate::photometry::psf::PsfError;
 use crate::scene::loader::LoadError;
 use crate::service::ServeError;
 
@@ -46,6 +47,9 @@ pub enum CliError {
     /// A synthetic galaxy cannot be made from these arguments.
     #[error(transparent)]
     Galaxy(#[from] GalaxyError),
+    /// A point-spread function cannot be made, read or written.
+    #[error(transparent)]
+    Psf(#[from] PsfError),
     /// Files of a frame cannot be written.
     #[error(transparent)]
     Output(#[from] OutputError),
@@ -95,6 +99,11 @@ impl CliError {
             },
             CliError::Serve(ServeError::Address { .. }) => BAD_USAGE,
             CliError::Serve(_) | CliError::Runtime(_) => FAILED,
+            CliError::Psf(error) => match error {
+                PsfError::Parameter { .. } | PsfError::TooFine { .. } => BAD_USAGE,
+                PsfError::Read { .. } | PsfError::File { .. } | PsfError::NoScale { .. } => BAD_DATA,
+                PsfError::Write { .. } | PsfError::Encode { .. } => FAILED,
+            },
             CliError::Usage(_) | CliError::Config(_) | CliError::Galaxy(_) => BAD_USAGE,
             CliError::Load { source: LoadError::Galaxy { .. }, .. } => BAD_USAGE,
             CliError::Load { .. } | CliError::ReadStore(_) => BAD_DATA,

@@ -9,6 +9,7 @@ mod info;
 mod load;
 mod logging;
 mod progress;
+mod psf;
 mod render;
 mod results;
 mod serve;
@@ -27,7 +28,8 @@ pub use error::{BAD_DATA, BAD_USAGE, CliError, FAILED, NO_ADAPTER};
         steradian serve --config configs/demo.toml --listen 127.0.0.1:7143\n  \
         steradian info --json\n  \
         steradian catalogue synth --stars 1000000 --seed 1 --out galaxy.stars\n  \
-        steradian catalogue info galaxy.stars\n\n\
+        steradian catalogue info galaxy.stars\n  \
+        steradian psf --aperture hexagon --diameter-mm 2 --out hexagon.exr\n\n\
         Exit codes: 0 done, 1 a job failed, 64 bad usage or configuration, 65 bad input data, 69 no usable adapter."
 )]
 pub struct Cli {
@@ -54,6 +56,8 @@ pub enum Command {
     Info(info::InfoArguments),
     /// Work with star catalogues.
     Catalogue(catalogue::CatalogueArguments),
+    /// Make the point-spread function of an aperture, or convert one.
+    Psf(psf::PsfArguments),
 }
 
 /// Runs a parsed command line.
@@ -64,5 +68,6 @@ pub fn run(arguments: Cli) -> Result<(), CliError> {
         Command::Serve(command) => serve::run(command, arguments.adapter),
         Command::Info(command) => info::run(&command, arguments.adapter),
         Command::Catalogue(command) => catalogue::run(command),
+        Command::Psf(command) => psf::run(&command),
     }
 }

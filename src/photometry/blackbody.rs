@@ -17,7 +17,7 @@ use super::rec709::{luminance, rec709_from_xyz};
 pub use super::rec709::uv_prime;
 
 /// Second radiation constant h c / k, metre kelvin.
-const SECOND_RADIATION_M_K: f64 = 6.626_070_15e-34 * 299_792_458.0 / 1.380_649e-23;
+pub(super) const SECOND_RADIATION_M_K: f64 = 6.626_070_15e-34 * 299_792_458.0 / 1.380_649e-23;
 
 /// 2 h c^2, W m^2 per steradian.
 const FIRST_RADIATION_RADIANCE: f64 = 2.0 * 6.626_070_15e-34 * 299_792_458.0 * 299_792_458.0;

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 
 use super::star_method::StarMethod;
+use crate::photometry::psf::{self, Aperture, Optics, Psf, PsfError, WHITE_K};
 
 /// Star settings.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -106,7 +107,7 @@ impl Default for GaussianPsfSettings {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct CellSkySettings {
-    /// Cells along an edge of a cube face.
+    /// Cells along an edge of a cube face, at least 1.
     pub cells: u32,
     /// Layers of stars.
     pub layers: u32,
@@ -126,14 +127,47 @@ impl Default for CellSkySettings {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct PsfTextureSettings {
-    /// EXR or FITS file of a point-spread function; without one, that of `aperture`.
+    /// EXR or FITS file of a point-spread function; without one, that of `aperture` is computed.
     pub file: Option<PathBuf>,
-    /// Angle that the whole texture covers, arcminutes.
+    /// Name of the aperture where no file is given: circle, hexagon, curved_blades (six of them), jwst or hubble.
+    pub aperture: String,
+    /// Diameter of the circle about the aperture, mm. The default makes spikes that a wide view shows.
+    pub diameter_mm: f64,
+    /// Angle that the whole texture covers, arcminutes, where no file tells the angle of its pixels.
     pub width_arcmin: f64,
 }
 
 impl Default for PsfTextureSettings {
     fn default() -> Self {
-        Self { file: None, width_arcmin: 240.0 }
+        Self { file: None, aperture: "hexagon".to_owned(), diameter_mm: 1.0, width_arcmin: 240.0 }
+    }
+}
+
+impl PsfTextureSettings {
+    /// Pixels along a side of a computed texture, and its number of wavelengths.
+    const COMPUTED: (u32, usize) = (512, 24);
+
+    /// The texture, balanced for stars of every colour. Computing one takes some seconds; a file may be unusable, and the
+    /// other settings outside of what is allowed.
+    pub fn texture(&self) -> Result<Psf, PsfError> {
+        let width_rad = (self.width_arcmin / 60.0).to_radians();
+        if let Some(file) = &self.file {
+            return Ok(psf::read_as_wide(file, width_rad)?.psf.balanced_to_white());
+        }
+        let aperture = Aperture::from_name(&self.aperture, 6).ok_or_else(|| PsfError::Parameter {
+            name: "stars.psf_texture.aperture",
+            value: self.aperture.clone(),
+            allowed: Aperture::NAMES.join(", "),
+        })?;
+        let (size, wavelengths) = Self::COMPUTED;
+        let optics = Optics {
+            aperture,
+            diameter_mm: self.diameter_mm,
+            size,
+            pixel_rad: width_rad / f64::from(size),
+            wavelengths,
+            temperature_k: WHITE_K,
+        };
+        Ok(Psf::from_aperture(&optics, |_, _| {})?.balanced_to_white())
     }
 }

@@ -2,4 +2,5 @@
 //! projections of your own.
 
 pub mod gaussian;
+pub mod cell_sky;
 pub mod stars;

@@ -1,0 +1,99 @@
+//! Point-spread functions as OpenEXR: 32-bit channels `R`, `G`, `B`, the angle of a pixel in the header.
+//!
+//! Files of other programs may lack the header's entries, hold half floats or a single channel; what lies in the alpha and
+//! other channels is left alone.
+
+use std::io::Cursor;
+use std::path::Path;
+
+use exr::prelude::{
+    AttributeValue, Encoding, FlatSamples, Image, ImageAttributes, Layer, LayerAttributes, ReadChannels, ReadLayers,
+    SpecificChannels, Text, Vec2, WritableImage,
+};
+
+use super::read::Plane;
+use super::{ARCSECOND_RAD, Psf, PsfError};
+use crate::files::write_whole;
+
+/// Header entry: angle of a pixel, arcseconds.
+pub const SCALE: &str = "pixelScaleArcsec";
+
+/// Header entry: [`Psf::covered`].
+const COVERED: &str = "lightCovered";
+
+const ALLOWED: &str = "a square OpenEXR image with channels R, G and B, or a single channel";
+
+/// Writes a texture; the file appears whole or not at all. The same texture gives the same bytes.
+pub fn write_exr(path: &Path, psf: &Psf) -> Result<(), PsfError> {
+    let size = psf.size as usize;
+    let channels = SpecificChannels::build().with_channel("R").with_channel("G").with_channel("B").with_pixel_fn(
+        |at: Vec2<usize>| {
+            let [red, green, blue] = psf.rgb[at.1 * size + at.0];
+            (red, green, blue)
+        },
+    );
+    let encoding = Encoding {
+        compression: exr::prelude::Compression::ZIP16,
+        blocks: exr::prelude::Blocks::ScanLines,
+        line_order: exr::prelude::LineOrder::Increasing,
+    };
+    // Entries are written in the order of a hash map: one in each of the two maps, and the order is always the same.
+    let mut attributes = LayerAttributes::default();
+    attributes.other.insert(Text::from(SCALE), AttributeValue::F64(psf.pixel_rad / ARCSECOND_RAD));
+    let layer = Layer::new(Vec2(size, size), attributes, encoding, channels);
+    let mut image = Image::from_layer(layer);
+    image.attributes.other.insert(Text::from(COVERED), AttributeValue::F64(psf.covered));
+    let mut bytes = Cursor::new(Vec::new());
+    image
+        .write()
+        .non_parallel()
+        .to_buffered(&mut bytes)
+        .map_err(|source| PsfError::Encode { path: path.to_owned(), source })?;
+    write_whole(path, &bytes.into_inner()).map_err(|source| PsfError::Write { path: path.to_owned(), source })
+}
+
+/// A number in the header.
+fn number(image: &ImageAttributes, layer: &LayerAttributes, name: &str) -> Option<f64> {
+    match layer.other.get(&Text::from(name)).or_else(|| image.other.get(&Text::from(name)))? {
+        AttributeValue::F64(value) => Some(*value),
+        AttributeValue::F32(value) => Some(f64::from(*value)),
+        _ => None,
+    }
+}
+
+/// Reads the picture and what its header tells.
+pub fn decode(path: &Path, bytes: &[u8]) -> Result<Plane, PsfError> {
+    let bad = |what: String| PsfError::File { path: path.to_owned(), what, allowed: ALLOWED };
+    let image = exr::prelude::read()
+        .no_deep_data()
+        .largest_resolution_level()
+        .all_channels()
+        .first_valid_layer()
+        .all_attributes()
+        .non_parallel()
+        .from_buffered(Cursor::new(bytes))
+        .map_err(|error| bad(format!("not a readable OpenEXR file ({error})")))?;
+    let layer = &image.layer_data;
+    let channels = &layer.channel_data.list;
+    let named = |name: &str| channels.iter().find(|channel| channel.name == *name);
+    let samples: Vec<&FlatSamples> = match (named("R"), named("G"), named("B")) {
+        (Some(red), Some(green), Some(blue)) => vec![&red.sample_data, &green.sample_data, &blue.sample_data],
+        _ if channels.len() == 1 => vec![&channels[0].sample_data],
+        _ => {
+            let names: Vec<String> = channels.iter().map(|channel| channel.name.to_string()).collect();
+            return Err(bad(format!("channels {}", names.join(", "))));
+        }
+    };
+    let channels: Vec<Vec<f64>> =
+        samples.into_iter().map(|samples| samples.values_as_f32().map(f64::from).collect()).collect();
+    let values = (0..channels[0].len())
+        .map(|i| std::array::from_fn(|c| channels.get(c).unwrap_or(&channels[0]).get(i).copied().unwrap_or(f64::NAN)))
+        .collect();
+    Ok(Plane {
+        width: layer.size.0,
+        height: layer.size.1,
+        values,
+        pixel_arcsec: number(&image.attributes, &layer.attributes, SCALE),
+        covered: number(&image.attributes, &layer.attributes, COVERED).filter(|c| *c > 0.0 && *c <= 1.1).unwrap_or(1.0),
+    })
+}

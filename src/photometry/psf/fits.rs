@@ -1,0 +1,181 @@
+//! The part of FITS (Flexible Image Transport System, FITS Standard 4.0) that point-spread functions come in: the first
+//! two-dimensional image of a file.
+//!
+//! A unit is a header of 80-character cards in blocks of 2880 bytes, then data in such blocks, big-endian. A stored value
+//! v stands for BSCALE v + BZERO; rows run from the bottom. Units without a two-dimensional image are skipped. Angles of
+//! pixels: PIXELSCL and PIXSCALE in arcseconds, CDELT1/2 and CD1_1 .. CD2_2 in CUNIT1, degrees if it is not there.
+
+use std::collections::HashMap;
+use std::path::Path;
+
+use super::PsfError;
+use super::read::Plane;
+
+/// Header entries that tell the angle of a pixel.
+pub const SCALES: &str = "PIXELSCL, PIXSCALE, CDELT1 and CDELT2, or CD1_1 to CD2_2";
+
+const ALLOWED: &str = "a FITS file with an image of two axes and BITPIX 8, 16, 32, 64, -32 or -64";
+
+const BLOCK: usize = 2880;
+const CARD: usize = 80;
+
+/// Pixels may be this much higher than wide.
+const SQUARE_WITHIN: f64 = 0.01;
+
+/// A header: keywords and their values as text, strings without quotes.
+struct Header(HashMap<String, String>);
+
+impl Header {
+    fn number(&self, key: &str) -> Option<f64> {
+        // FORTRAN's D for an exponent is allowed.
+        self.0.get(key)?.replace(['D', 'd'], "E").parse().ok()
+    }
+
+    fn count(&self, key: &str) -> Option<usize> {
+        self.0.get(key)?.parse().ok()
+    }
+
+    /// Reads the cards from `start` to END: the header and where its data begin.
+    fn read(bytes: &[u8], start: usize) -> Result<(Self, usize), String> {
+        let mut entries = HashMap::new();
+        for (index, card) in bytes[start..].chunks_exact(CARD).enumerate() {
+            let card = std::str::from_utf8(card)
+                .ok()
+                .filter(|card| card.is_ascii())
+                .ok_or_else(|| format!("card {} of the header at byte {start} is not ASCII", index + 1))?;
+            let key = card[..8].trim_end();
+            if key == "END" {
+                return Ok((Self(entries), start + ((index + 1) * CARD).next_multiple_of(BLOCK)));
+            }
+            if let Some(value) = card[8..].strip_prefix("= ") {
+                entries.insert(key.to_owned(), value_of(value));
+            }
+        }
+        Err(format!("the header at byte {start} has no END"))
+    }
+
+    /// Sizes of the axes.
+    fn axes(&self) -> Result<Vec<usize>, String> {
+        let count =
+            self.count("NAXIS").filter(|n| *n <= 999).ok_or("NAXIS is missing or not a number from 0 to 999")?;
+        let axis = |i: usize| {
+            let key = format!("NAXIS{i}");
+            self.count(&key).ok_or_else(|| format!("{key} is missing or not a whole number"))
+        };
+        (1..=count).map(axis).collect()
+    }
+
+    /// Angle of a pixel in arcseconds, if it is there.
+    fn pixel_arcsec(&self) -> Result<Option<f64>, String> {
+        if let Some(scale) = self.number("PIXELSCL").or_else(|| self.number("PIXSCALE")) {
+            return Ok(Some(scale));
+        }
+        let unit_arcsec = match self.0.get("CUNIT1").map(|unit| unit.to_ascii_lowercase()).as_deref() {
+            None | Some("" | "deg" | "degree" | "degrees") => 3600.0,
+            Some("arcsec" | "arcseconds") => 1.0,
+            Some("arcmin") => 60.0,
+            Some("rad" | "radian") => 1.0 / super::ARCSECOND_RAD,
+            Some("mas") => 1e-3,
+            Some(other) => return Err(format!("CUNIT1 is `{other}`, not deg, arcmin, arcsec, mas or rad")),
+        };
+        let entry = |key: &str| self.number(key).unwrap_or(0.0);
+        let has_matrix = self.number("CD1_1").is_some() || self.number("CD1_2").is_some();
+        let sides = if has_matrix {
+            [entry("CD1_1").hypot(entry("CD2_1")), entry("CD1_2").hypot(entry("CD2_2"))]
+        } else if let (Some(x), Some(y)) = (self.number("CDELT1"), self.number("CDELT2")) {
+            [x.abs(), y.abs()]
+        } else {
+            return Ok(None);
+        };
+        if (sides[0] - sides[1]).abs() > SQUARE_WITHIN * sides[0] {
+            return Err(format!("pixels are {} by {} and not square", sides[0], sides[1]));
+        }
+        Ok(Some((sides[0] * sides[1]).sqrt() * unit_arcsec))
+    }
+}
+
+/// A card's value without its comment; of a string what stands between the quotes.
+fn value_of(text: &str) -> String {
+    let text = text.trim_start();
+    let Some(string) = text.strip_prefix('\'') else {
+        return text.split('/').next().unwrap_or_default().trim().to_owned();
+    };
+    // A quote inside a string is written twice.
+    let mut value = String::new();
+    let mut rest = string.chars().peekable();
+    while let Some(c) = rest.next() {
+        if c == '\'' && rest.next_if_eq(&'\'').is_none() {
+            break;
+        }
+        value.push(c);
+    }
+    value.trim_end().to_owned()
+}
+
+/// Reads the first two-dimensional image.
+pub fn decode(path: &Path, bytes: &[u8]) -> Result<Plane, PsfError> {
+    find_image(bytes).map_err(|what| PsfError::File { path: path.to_owned(), what, allowed: ALLOWED })
+}
+
+fn find_image(bytes: &[u8]) -> Result<Plane, String> {
+    let (mut start, mut seen) = (0, Vec::new());
+    while start < bytes.len() {
+        let (header, data) = Header::read(bytes, start)?;
+        let axes = header.axes()?;
+        let bitpix = header.number("BITPIX").ok_or("BITPIX is missing or not a number")? as i64;
+        let kind = header.0.get("XTENSION").map_or("primary", String::as_str);
+        if matches!(kind, "primary" | "IMAGE") && is_picture(&axes) {
+            return image(&header, bitpix, axes[0], axes[1], bytes.get(data..).unwrap_or_default());
+        }
+        seen.push(format!("{kind} with axes {axes:?}"));
+        let elements = axes.iter().try_fold(usize::from(!axes.is_empty()), |all, axis| all.checked_mul(*axis));
+        let extra = header.count("PCOUNT").unwrap_or(0);
+        let length = elements
+            .and_then(|n| n.checked_add(extra))
+            .and_then(|n| n.checked_mul(header.count("GCOUNT").unwrap_or(1)))
+            .and_then(|n| n.checked_mul(bitpix.unsigned_abs() as usize / 8))
+            .and_then(|n| n.checked_next_multiple_of(BLOCK))
+            .and_then(|n| n.checked_add(data))
+            .ok_or_else(|| format!("the axes {axes:?} are too large"))?;
+        start = length;
+    }
+    Err(format!("no image of two axes ({})", seen.join("; ")))
+}
+
+/// Whether axes beyond the second have one element only.
+fn is_picture(axes: &[usize]) -> bool {
+    axes.len() >= 2 && axes[..2].iter().all(|n| *n > 0) && axes[2..].iter().all(|n| *n == 1)
+}
+
+fn image(header: &Header, bitpix: i64, width: usize, height: usize, data: &[u8]) -> Result<Plane, String> {
+    let bytes_each = bitpix.unsigned_abs() as usize / 8;
+    let pixels = width.checked_mul(height).ok_or_else(|| format!("{width} x {height} pixels are too many"))?;
+    let needed = pixels.checked_mul(bytes_each).ok_or_else(|| format!("{width} x {height} pixels are too many"))?;
+    let decode: fn(&[u8]) -> f64 = match bitpix {
+        8 => |b| f64::from(b[0]),
+        16 => |b| f64::from(i16::from_be_bytes([b[0], b[1]])),
+        32 => |b| f64::from(i32::from_be_bytes([b[0], b[1], b[2], b[3]])),
+        64 => |b| i64::from_be_bytes([b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7]]) as f64,
+        -32 => |b| f64::from(f32::from_be_bytes([b[0], b[1], b[2], b[3]])),
+        -64 => |b| f64::from_be_bytes([b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7]]),
+        other => return Err(format!("BITPIX is {other}")),
+    };
+    if data.len() < needed {
+        return Err(format!(
+            "{width} x {height} pixels of {bytes_each} bytes are {needed} bytes, {} are there",
+            data.len()
+        ));
+    }
+    let (scale, zero) = (header.number("BSCALE").unwrap_or(1.0), header.number("BZERO").unwrap_or(0.0));
+    let blank = if bitpix > 0 { header.number("BLANK") } else { None };
+    let values: Vec<[f64; 3]> = (0..pixels)
+        .map(|index| {
+            // The file's first row is the lowest.
+            let place = (height - 1 - index / width) * width + index % width;
+            let stored = decode(&data[place * bytes_each..][..bytes_each]);
+            let value = if blank == Some(stored) { f64::NAN } else { scale * stored + zero };
+            [value; 3]
+        })
+        .collect();
+    Ok(Plane { width, height, values, pixel_arcsec: header.pixel_arcsec()?, covered: 1.0 })
+}
