@@ -26,8 +26,8 @@ fn directions_inside(kind: &ViewKind, count: usize) -> Vec<DVec3> {
     let inside = |direction: DVec3| {
         let taps_inside = |mapping: &dyn PlaneMapping, direction: DVec3| {
             let Some(pixel) = mapping.pixel_from_direction(direction) else { return false };
-            (-2..=2).all(|j| {
-                (-2..=2).all(|i| {
+            (-12..=12).all(|j| {
+                (-12..=12).all(|i| {
                     let at = pixel + DVec2::new(f64::from(i), f64::from(j));
                     at.x >= 0.0 && at.y >= 0.0 && mapping.contains(at.x as u32, at.y as u32)
                 })

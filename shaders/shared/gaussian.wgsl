@@ -116,26 +116,46 @@ fn gaussian_weight(viewport: Viewport, gaussian: Gaussian, at: vec2<i32>) -> f32
     return exp(-squared * gaussian.inverse) * solid_angle(viewport, pixel);
 }
 
-// The kernel of a star at `direction` (any length), whose image is `pixel`. The norm is the sum over the pixels where the kernel
-// lies inside of the picture or the picture shows the full sphere; elsewhere the integral, so that pictures that share a border
-// together hold the whole star.
-fn gaussian_of(viewport: Viewport, direction: vec3<f32>, pixel: vec2<f32>) -> Gaussian {
+// Sum of the weights over the pixels of the picture.
+fn gaussian_sum(viewport: Viewport, gaussian: Gaussian) -> f32 {
+    var sum = 0.0;
+    for (var y = gaussian.first.y; y <= gaussian.last.y; y++) {
+        for (var x = gaussian.first.x; x <= gaussian.last.x; x++) {
+            sum += gaussian_weight(viewport, gaussian, vec2(x, y));
+        }
+    }
+    return sum;
+}
+
+// How far a kernel of a given radius (rad) reaches on the plane, pixels.
+fn gaussian_reach(viewport: Viewport, direction: vec3<f32>, shorter: f32, cut: f32) -> f32 {
+    var reach = 1.3 * cut / shorter;
+    if viewport.kind <= KIND_CUBE_FACE {
+        // Outwards a flat plane has more and more pixels.
+        let theta = precise_atan2(length(direction.xy), -direction.z);
+        let outwards = theta + cut;
+        reach = GAUSSIAN_MOST_PIXELS;
+        if outwards < 1.5 {
+            reach = (tan(outwards) - tan(theta)) * max(abs(viewport.plane_scale.x), abs(viewport.plane_scale.y));
+        }
+    }
+    return min(reach, GAUSSIAN_MOST_PIXELS) + 0.5;
+}
+
+// The kernel around the image `pixel` of a star; `sigma` and `cut` in rad. The norm is not set.
+fn gaussian_around(viewport: Viewport, direction: vec3<f32>, pixel: vec2<f32>, reach: f32, sigma: f32, cut: f32) -> Gaussian {
     var gaussian: Gaussian;
-    gaussian.direction = normalize(direction);
+    gaussian.direction = direction;
     gaussian.pixel = pixel;
-    let extent = pixel_extent(viewport, gaussian.direction);
-    let sigma = max(viewport.gaussian_sigma_rad, viewport.gaussian_sigma_px * extent.x);
-    let cut = GAUSSIAN_CUT * sigma;
     gaussian.inverse = 0.5 / (sigma * sigma);
     gaussian.cut_squared = cut * cut;
     let size = vec2<i32>(viewport.size);
-    var whole = true;
     if viewport.kind == KIND_EQUIRECTANGULAR {
         let rows = ceil(cut / PI * f32(size.y)) + 1.0;
         gaussian.first.y = max(i32(floor(pixel.y - rows)), 0);
         gaussian.last.y = min(i32(floor(pixel.y + rows)), size.y - 1);
         // Longitudes that a circle around the star spans; all of them where it holds a pole or comes near one.
-        let sine = length(gaussian.direction.xz);
+        let sine = length(direction.xz);
         var columns = size.x;
         if sin(min(cut, 1.5)) < 0.99 * sine && cut < 1.5 {
             let span = asin(sin(cut) / sine);
@@ -148,22 +168,50 @@ fn gaussian_of(viewport: Viewport, direction: vec3<f32>, pixel: vec2<f32>) -> Ga
             gaussian.last.x = size.x - 1;
         }
     } else {
-        let reach = vec2(min(cut / extent.y, GAUSSIAN_MOST_PIXELS) + 0.5);
         gaussian.first = vec2<i32>(floor(pixel - reach));
         gaussian.last = vec2<i32>(floor(pixel + reach));
-        whole = all(gaussian.first >= vec2(0)) && all(gaussian.last < size);
-        if is_fisheye(viewport) {
-            let radius = 0.5 * f32(min(size.x, size.y));
-            whole = whole && length(pixel - viewport.plane_offset) + 1.5 * reach.x < radius;
-        }
     }
-    if whole || viewport.full_sphere != 0u {
-        gaussian.norm = 0.0;
-        for (var y = gaussian.first.y; y <= gaussian.last.y; y++) {
-            for (var x = gaussian.first.x; x <= gaussian.last.x; x++) {
-                gaussian.norm += gaussian_weight(viewport, gaussian, vec2(x, y));
+    return gaussian;
+}
+
+// Sum of the weights over the pictures of all six faces of the cube, rendered or not.
+fn gaussian_sum_on_cube(viewport: Viewport, direction: vec3<f32>, sigma: f32, cut: f32) -> f32 {
+    var sum = 0.0;
+    for (var other = 0u; other < 6u; other++) {
+        let seen = face_from_face(other, viewport.face, direction);
+        let pixel = pixel_from_direction(viewport, seen);
+        if pixel.z > 0.0 {
+            let reach = gaussian_reach(viewport, seen, 1.0, cut);
+            if all(pixel.xy > vec2(-reach)) && all(pixel.xy < vec2<f32>(viewport.size) + reach) {
+                sum += gaussian_sum(viewport, gaussian_around(viewport, seen, pixel.xy, reach, sigma, cut));
             }
         }
+    }
+    return sum;
+}
+
+// The kernel of a star at `direction` (any length), whose image is `pixel`. The norm is the sum over the pixels where the kernel
+// lies inside of the picture or other pictures go on beyond its border; elsewhere the integral, so that what lies outside is
+// missing and no more.
+fn gaussian_of(viewport: Viewport, towards: vec3<f32>, pixel: vec2<f32>) -> Gaussian {
+    let direction = normalize(towards);
+    let extent = pixel_extent(viewport, direction);
+    let sigma = max(viewport.gaussian_sigma_rad, viewport.gaussian_sigma_px * extent.x);
+    let cut = GAUSSIAN_CUT * sigma;
+    let reach = gaussian_reach(viewport, direction, extent.y, cut);
+    var gaussian = gaussian_around(viewport, direction, pixel, reach, sigma, cut);
+    let size = vec2<i32>(viewport.size);
+    var whole = viewport.kind == KIND_EQUIRECTANGULAR || viewport.full_sphere != 0u;
+    if !whole {
+        whole = all(gaussian.first >= vec2(0)) && all(gaussian.last < size);
+        if is_fisheye(viewport) {
+            whole = whole && length(pixel - viewport.plane_offset) + 1.5 * reach < 0.5 * f32(min(size.x, size.y));
+        }
+    }
+    if whole {
+        gaussian.norm = gaussian_sum(viewport, gaussian);
+    } else if viewport.kind == KIND_CUBE_FACE {
+        gaussian.norm = gaussian_sum_on_cube(viewport, direction, sigma, cut);
     } else {
         // The integral of exp(-chord^2 / (2 sigma^2)) over the sphere within the cut.
         gaussian.norm = 2.0 * PI * sigma * sigma * (1.0 - exp(-0.5 * GAUSSIAN_CUT * GAUSSIAN_CUT));

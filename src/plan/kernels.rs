@@ -4,6 +4,8 @@
 //! the star's peak k over display white. The tent's grows with k at once; the B-spline's stays below 0.0113 up to k = 5 and then
 //! grows to 0.13; the Gaussian's never exceeds 0.005. `auto` takes for each star the cheapest of them that keeps the budget.
 
+use std::f64::consts::FRAC_PI_4;
+
 use super::{
     settings::{RenderSettings, StarMethod},
     star_settings::PixelGaussianSettings,
@@ -79,8 +81,16 @@ impl GaussianWidth {
             for (x, y) in [(x, y), (x, height - 1 - y), (x, height / 2), (width / 2, y)] {
                 let centre = crate::view::projection::pixel_centre(x, y);
                 let Some(direction) = mapping.direction_from_pixel(centre) else { continue };
-                let Some([longer, shorter]) = mapping.pixel_extent_rad(direction) else { continue };
-                most = most.max(GAUSSIAN_CUT * self.sigma_at_rad(longer) / shorter);
+                let Some([longer, _]) = mapping.pixel_extent_rad(direction) else { continue };
+                let cut = GAUSSIAN_CUT * self.sigma_at_rad(longer);
+                let (right, up) = direction.any_orthonormal_pair();
+                for eighth in 0..8 {
+                    let (sin, cos) = (f64::from(eighth) * FRAC_PI_4).sin_cos();
+                    let rim = direction * cut.cos() + (right * cos + up * sin) * cut.sin();
+                    // Where the plane ends, as far as a kernel may reach.
+                    let image = mapping.pixel_from_direction(rim);
+                    most = most.max(image.map_or(MOST_REACH_PX, |image| (image - centre).length()));
+                }
             }
         }
         most.min(MOST_REACH_PX) + 1.0

@@ -16,9 +16,7 @@ const CHANNEL_BITS: i32 = 42;
 /// Units that the faintest star has at least, if the range allows: rounding each of nine pixels without bias then errs by 2.1e-4 of
 /// its light (one standard deviation), and by less the brighter the star.
 const STAR_UNITS: f64 = 4096.0;
-/// The same where few stars are drawn, and a second add costs nothing: 1.3e-5.
-const FEW_STARS_UNITS: f64 = 65_536.0;
-/// Fewer stars than this are few.
+/// Where fewer stars than this are drawn a second add costs nothing, and the range alone decides.
 const FEW_STARS: u64 = 50_000;
 /// Greatest channel of a colour in gamut with luminance 1: pure red, 1 / 0.2126.
 const GREATEST_CHANNEL: f64 = 4.71;
@@ -99,8 +97,8 @@ pub fn choose(
         None => faintest_star_lx(set, visible, eyes_pc).max(faintest_lx),
     };
     let drawn: u64 = visible.iter().map(|chunk| u64::from(chunk.count)).sum();
-    let star_units = if drawn < FEW_STARS { FEW_STARS_UNITS } else { STAR_UNITS };
-    let needed = if faintest_star_lx > 0.0 { star_units / faintest_star_lx } else { f64::INFINITY };
+    let needed =
+        if drawn >= FEW_STARS && faintest_star_lx > 0.0 { STAR_UNITS / faintest_star_lx } else { f64::INFINITY };
     let mut by_brightness: Vec<&VisibleChunk> = visible.iter().collect();
     let searched = SEARCHED_CHUNKS.min(by_brightness.len());
     if searched > 0 {
@@ -199,18 +197,16 @@ mod tests {
         assert_eq!(ranges.bright, None);
         let total: f64 = [1.0, 2.0, 3.0, 3.0].into_iter().map(illuminance_lx_from_magnitude).sum();
         let greatest = total * GREATEST_CHANNEL * ranges.main.units_per_lx;
-        assert!(greatest < 2f64.powi(42), "{greatest}");
-        // The faintest star has its units, and not twice as many.
-        let faintest = illuminance_lx_from_magnitude(3.0) * ranges.main.units_per_lx;
-        assert!((0.49 * FEW_STARS_UNITS..1.01 * FEW_STARS_UNITS).contains(&faintest), "{faintest}");
-        // With a star far fainter than the rest, the range decides.
-        let wide = ranges_of(&[1.0, 2.0, 30.0]);
-        let total: f64 = [1.0, 2.0].into_iter().map(illuminance_lx_from_magnitude).sum();
-        let greatest = total * GREATEST_CHANNEL * wide.main.units_per_lx;
         assert!(greatest < 2f64.powi(42) && greatest > 2f64.powi(39), "{greatest}");
     }
 
-    /// In flight the light is that of the flight: 2.6 times as much ahead, hardly any behind.
+    #[test]
+    fn where_many_stars_are_drawn_the_faintest_has_its_units_and_not_twice_as_many() {
+        let magnitudes: Vec<f32> = (0..FEW_STARS + 1).map(|i| if i == 0 { 12.0 } else { 9.0 }).collect();
+        let faintest = illuminance_lx_from_magnitude(12.0) * ranges_of(&magnitudes).main.units_per_lx;
+        assert!((0.49 * STAR_UNITS..1.01 * STAR_UNITS).contains(&faintest), "{faintest}");
+    }
+
     #[test]
     fn units_follow_the_light_in_flight() {
         let at_rest = ranges_of(&[1.0; 64]).main.units_per_lx;

@@ -1,10 +1,10 @@
 //! The Gaussian that is round in view space, in f64: the twin of `shaders/shared/gaussian.wgsl`.
 //!
 //! Every pixel within the cut gets exp(-c^2 / (2 sigma^2)) times its solid angle, c being the chord between the star's direction
-//! and the pixel's centre. The sum over the pixels is the norm where the kernel lies inside of the picture; elsewhere it is the
-//! integral over the sphere, 2 pi sigma^2 (1 - exp(-cut^2 / 2)), which is exact since c dc = sin(theta) dtheta.
+//! and the pixel's centre. The sum over the pixels is the norm where the kernel lies inside of the picture or neighbours
+//! go on beyond its border; elsewhere it is the integral over the sphere, 2 pi sigma^2 (1 - exp(-cut^2 / 2)), which is exact since c dc = sin(theta) dtheta.
 
-use std::{collections::BTreeMap, f64::consts::TAU};
+use std::f64::consts::TAU;
 
 use glam::DVec3;
 
@@ -14,42 +14,56 @@ use crate::{
     view::projection::{PlaneMapping, Tap, pixel_centre},
 };
 
-/// The pixels that a star in `direction` (any length) reaches, with its weights. Every pixel of the picture is looked at, in any
-/// mapping: slow and plain. Empty where the star has no image.
-pub fn taps(mapping: &dyn PlaneMapping, width: GaussianWidth, direction: DVec3) -> Vec<Tap> {
-    let direction = direction.normalize_or_zero();
-    let Some([longer, shorter]) = mapping.pixel_extent_rad(direction) else { return Vec::new() };
-    let Some(image) = mapping.pixel_from_direction(direction) else { return Vec::new() };
-    let sigma = width.sigma_at_rad(longer);
-    let cut = GAUSSIAN_CUT * sigma;
-    let mut weights: BTreeMap<(u32, u32), f64> = BTreeMap::new();
+/// Density times solid angle of every pixel within the cut, before the division by the norm. Every pixel of the picture is looked
+/// at, in any mapping: slow and plain.
+fn weights(mapping: &dyn PlaneMapping, sigma_rad: f64, direction: DVec3) -> Vec<Tap> {
     let [columns, rows] = mapping.size();
-    let mut touches_border = false;
+    let mut taps = Vec::new();
     for y in 0..rows {
         for x in 0..columns {
-            let Some(centre) =
-                mapping.contains(x, y).then(|| mapping.direction_from_pixel(pixel_centre(x, y))).flatten()
-            else {
-                continue;
-            };
-            let chord = (centre - direction).length();
-            if chord <= cut {
-                weights.insert((x, y), (-0.5 * (chord / sigma).powi(2)).exp() * mapping.solid_angle_sr(x, y));
+            let centre = mapping.contains(x, y).then(|| mapping.direction_from_pixel(pixel_centre(x, y))).flatten();
+            let Some(centre) = centre else { continue };
+            let chord = (centre - direction).length() / sigma_rad;
+            if chord <= GAUSSIAN_CUT {
+                taps.push(Tap { x, y, weight: (-0.5 * chord * chord).exp() * mapping.solid_angle_sr(x, y) });
             }
         }
     }
-    // Whether a pixel within the cut can lie outside of the picture, by the plane's distances around the image.
-    let reach = cut / shorter + 0.5;
-    let corners = [-reach, reach].map(|dx| [-reach, reach].map(|dy| image + glam::DVec2::new(dx, dy)));
-    for corner in corners.as_flattened() {
-        touches_border |= mapping.direction_from_pixel(*corner).is_none();
+    taps
+}
+
+/// Whether the whole circle of the cut lies in the picture.
+fn is_whole(mapping: &dyn PlaneMapping, direction: DVec3, cut_rad: f64) -> bool {
+    let (right, up) = direction.any_orthonormal_pair();
+    (0..32).all(|step| {
+        let (sin, cos) = (f64::from(step) / 32.0 * TAU).sin_cos();
+        let rim = direction * cut_rad.cos() + (right * cos + up * sin) * cut_rad.sin();
+        mapping.pixel_from_direction(rim).is_some_and(|image| mapping.direction_from_pixel(image).is_some())
+    })
+}
+
+/// The pixels that a star in `direction` (any length) reaches, with its weights. Empty where the star has no image.
+pub fn taps(mapping: &dyn PlaneMapping, width: GaussianWidth, direction: DVec3) -> Vec<Tap> {
+    let direction = direction.normalize_or_zero();
+    let Some([longer, _]) = mapping.pixel_extent_rad(direction) else { return Vec::new() };
+    if mapping.pixel_from_direction(direction).is_none() {
+        return Vec::new();
     }
-    let norm = if touches_border && !mapping.shows_full_sphere() {
-        0.5 * TAU * 2.0 * sigma * sigma * (1.0 - (-0.5 * GAUSSIAN_CUT * GAUSSIAN_CUT).exp())
+    let sigma = width.sigma_at_rad(longer);
+    let total = |taps: &[Tap]| taps.iter().map(|tap| tap.weight).sum::<f64>();
+    let mut taps = weights(mapping, sigma, direction);
+    let norm = if mapping.shows_full_sphere() || is_whole(mapping, direction, GAUSSIAN_CUT * sigma) {
+        total(&taps)
     } else {
-        weights.values().sum()
+        let light = |other: &dyn PlaneMapping, seen: DVec3| total(&weights(other, sigma, seen));
+        mapping
+            .light_with_neighbours(direction, &light)
+            .unwrap_or_else(|| TAU * sigma * sigma * (1.0 - (-0.5 * GAUSSIAN_CUT * GAUSSIAN_CUT).exp()))
     };
-    weights.into_iter().map(|((x, y), weight)| Tap { x, y, weight: weight / norm }).collect()
+    for tap in &mut taps {
+        tap.weight /= norm;
+    }
+    taps
 }
 
 #[cfg(test)]
@@ -75,7 +89,7 @@ mod tests {
                     taps(&mapping, WIDTH, seen).iter().map(|tap| tap.weight).sum::<f64>()
                 })
                 .sum();
-            assert!((sum - 1.0).abs() < 2e-4, "{direction}: {sum}");
+            assert!((sum - 1.0).abs() < 1e-12, "{direction}: {sum}");
         }
     }
 

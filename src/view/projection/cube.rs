@@ -105,6 +105,11 @@ impl PlaneMapping for CubeFace {
         self.plane.solid_angle_sr(x, y)
     }
 
+    fn light_with_neighbours(&self, direction: DVec3, light: &dyn Fn(&dyn PlaneMapping, DVec3) -> f64) -> Option<f64> {
+        let in_cube = self.face.axes() * direction;
+        Some(Face::ALL.into_iter().map(|face| light(&Self { face, ..*self }, face.axes().transpose() * in_cube)).sum())
+    }
+
     /// Of the face on which the direction lies, so that all faces draw the same star.
     fn pixel_extent_rad(&self, direction: DVec3) -> Option<[f64; 2]> {
         self.plane.pixel_extent_rad(DVec3::new(0.0, 0.0, -direction.abs().max_element()))

@@ -107,6 +107,13 @@ pub trait PlaneMapping: Sync {
         false
     }
 
+    /// Sum of `light` over this picture and those that go on beyond its borders, each with the direction in its own axes; `None`
+    /// where there are no others.
+    fn light_with_neighbours(&self, direction: DVec3, light: &dyn Fn(&dyn PlaneMapping, DVec3) -> f64) -> Option<f64> {
+        let _ = (direction, light);
+        None
+    }
+
     /// The longer and the shorter angle that a pixel covers around `direction` (a unit vector), rad: the inverse singular values of
     /// the mapping's derivative. `None` where the direction has no image. The default takes central differences.
     fn pixel_extent_rad(&self, direction: DVec3) -> Option<[f64; 2]> {
