@@ -274,7 +274,13 @@ fn the_adapter_and_the_f64_twin_draw_the_same_picture() {
                 let mapping = view_image.projection.mapping();
                 let eye = Eye { world_from_view: view_image.camera_from_view, ..Eye::default() };
                 let twin = draw(&scene.stars, eye, mapping, |_| Some(kernel));
-                let worst = difference_from_twin(image, &twin, mapping);
+                // Pixels at the antipode of a full sphere are so small that the Gaussian's light there is a few units.
+                let rounding = frame.plan.certificate.iter().find(|entry| entry.what.starts_with("rounding"));
+                let free_lx = match method {
+                    StarMethod::PixelGaussian => 10.0 * rounding.expect("certified").bound,
+                    _ => 0.0,
+                };
+                let worst = differences_from_twin(image, &twin, mapping, free_lx, |rgb| rgb);
                 assert!(worst < 1e-3, "{name} {method:?} {:?}: relative difference {worst}", image.part);
                 if method != StarMethod::Tent {
                     println!("{name} {method:?} {:?}: largest relative difference from f64 {worst:.1e}", image.part);
