@@ -40,6 +40,8 @@ fn wgsl_layouts(module: &naga::Module) -> BTreeMap<String, WgslLayout> {
         .types
         .iter()
         .filter_map(|(_, kind)| match (&kind.name, &kind.inner) {
+            // What one shader stage hands to the next has no place in a buffer.
+            (Some(_), naga::TypeInner::Struct { members, .. }) if members.iter().any(|m| m.binding.is_some()) => None,
             (Some(name), naga::TypeInner::Struct { members, span }) => {
                 let fields = members.iter().map(|m| (m.name.clone().unwrap_or_default(), m.offset as usize)).collect();
                 Some((name.clone(), (*span as usize, fields)))
