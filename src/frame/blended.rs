@@ -31,11 +31,6 @@ use crate::{
     },
 };
 
-/// Texels along a side of the sprite and of the built-in point-spread function.
-const SPRITE_SIZE: usize = 64;
-/// See [`SPRITE_SIZE`].
-const PSF_SIZE: usize = 512;
-
 /// Passes and textures of the methods that blend, made when they are first asked for.
 pub(super) struct Blended {
     /// The pass of the method in use, what it was made for, and its image.
@@ -99,9 +94,10 @@ impl Blended {
         if !self.method.as_ref().is_some_and(fits) {
             let psf = (method == StarMethod::PsfTexture).then(|| {
                 let width_rad = (width_arcmin / 60.0).to_radians();
-                star_image::inverse_square_form(&star_image::built_in_psf(PSF_SIZE, width_rad))
+                star_image::inverse_square_form(&star_image::built_in_psf(star_image::BUILT_IN_PSF_SIZE, width_rad))
             });
-            let sprite: Option<StarImage> = (method == StarMethod::Sprite).then(|| star_image::sprite(SPRITE_SIZE));
+            let sprite: Option<StarImage> =
+                (method == StarMethod::Sprite).then(|| star_image::sprite(star_image::SPRITE_SIZE));
             let image = psf.as_ref().map(|psf| &psf.image).or(sprite.as_ref());
             self.method = BillboardPass::new(gpu, method, image).map(|pass| MethodPass {
                 method,

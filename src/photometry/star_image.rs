@@ -9,6 +9,12 @@ use std::f64::consts::PI;
 
 use super::rec709::luminance;
 
+/// Texels along a side of the sprite that is drawn.
+pub const SPRITE_SIZE: usize = 64;
+
+/// Texels along a side of the built-in point-spread function.
+pub const BUILT_IN_PSF_SIZE: usize = 512;
+
 /// A point-spread function: which share of a star's light each pixel of a square image gets.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PsfImage {
