@@ -342,10 +342,12 @@ fn a_point_spread_function_has_one_size_in_the_sky() {
     };
     let found = lit(&settings);
     println!("psf_texture: solid angle over the right one in 16:9, 9:16 and a fisheye: {found:.4?}");
-    // A row of pixels more or less along an edge of some 130.
-    assert!(found.iter().all(|ratio| (ratio - 1.0).abs() < 0.02), "{found:?}");
+    // A part of a pixel more or less along an edge of 110 to 170; interpolation between texels of a cube lights up to one more.
+    let limits = [0.01, 0.01, 0.03];
+    let within = |found: [f64; 3]| (0..3).map(|view| (found[view] - 1.0).abs() < limits[view]).collect::<Vec<_>>();
+    assert_eq!(within(found), [true; 3]);
     settings.stars.psf_texture.width_arcmin = 1240.0;
-    assert!(lit(&settings).iter().all(|ratio| (ratio - 1.0).abs() > 0.02));
+    assert_eq!(within(lit(&settings)), [false; 3]);
 }
 
 /// A disc and a sprite across the edges and corners of the cube behind a fisheye view.
