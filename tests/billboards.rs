@@ -281,6 +281,11 @@ fn discs_are_round_off_axis_and_screen_billboards_are_not() {
     }
 }
 
+fn mean_and_std(values: &[f64]) -> (f64, f64) {
+    let mean = values.iter().sum::<f64>() / values.len() as f64;
+    (mean, (values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / values.len() as f64).sqrt())
+}
+
 /// Light of many equal stars at as many sub-pixel positions.
 fn sub_pixel_light(renderer: &mut Renderer, method: StarMethod) -> Vec<f64> {
     let rig = rig(vec![("flat", ViewKind::Perspective { size: [640, 640], fov_y_rad: 0.01 })]);
@@ -304,9 +309,8 @@ fn sub_pixel_light(renderer: &mut Renderer, method: StarMethod) -> Vec<f64> {
 fn a_sampled_gaussian_flickers_and_an_integrated_one_does_not() {
     let mut renderer = renderer();
     let mut std = |method| {
-        let light = sub_pixel_light(&mut renderer, method);
-        let mean = light.iter().sum::<f64>() / light.len() as f64;
-        (light.iter().map(|light| (light / mean - 1.0).powi(2)).sum::<f64>() / light.len() as f64).sqrt()
+        let (mean, std) = mean_and_std(&sub_pixel_light(&mut renderer, method));
+        std / mean
     };
     let (sampled, integrated) = (std(StarMethod::GaussianPsf), std(StarMethod::GaussianPsfIntegrated));
     println!("std of a star's light at sigma 0.5 px: sampled {sampled:.5}, integrated {integrated:.5}");
@@ -389,6 +393,35 @@ fn no_seam_shows_where_the_faces_of_the_cube_meet() {
     let mut light = vec![1.0; 48];
     light[30] = 0.75;
     assert!(relative_variation(&light).expect("light") > 1.5 * 1.7e-3);
+}
+
+/// What the way through cube faces costs a point, star by star: the mean light stays, the single star's does not.
+#[test]
+fn points_through_cube_faces_keep_their_light_on_average_only() {
+    let mut renderer = renderer();
+    let kind = ViewKind::Fisheye { size: [400, 400], mapping: FisheyeMapping::Equidistant, fov_rad: PI };
+    let rig = rig(vec![("lens", kind)]);
+    let directions: Vec<DVec3> = spiral(500).filter(|direction| direction.z < -0.05).collect();
+    let scene = snapshot(directions.iter().map(|direction| star(*direction, 0.0)).collect());
+    for method in [StarMethod::HardwarePoint, StarMethod::HardwareSmoothPoint] {
+        let frame = render_hdr(&mut renderer, &scene, &rig, &manual(method));
+        let view = hdr_view(&frame.images[0], mapping(&rig, 0));
+        let light: Vec<f64> = directions
+            .iter()
+            .map(|direction| {
+                let light = illuminance_near_direction_lx(&[view], *direction, 0.04).expect("light");
+                light / illuminance_lx_from_magnitude(0.0)
+            })
+            .collect();
+        let (mean, std) = mean_and_std(&light);
+        let least = light.iter().copied().fold(f64::INFINITY, f64::min);
+        let most = light.iter().copied().fold(0.0, f64::max);
+        println!(
+            "{} through cube faces: light {mean:.3} of the stars', std {std:.3}, {least:.2} to {most:.2}",
+            method.name()
+        );
+        assert!((mean - 1.0).abs() < 0.1 && std > 0.05);
+    }
 }
 
 /// Strips of a few rows give the bits of the whole picture, and the stars counted are those of our own methods.
