@@ -6,7 +6,7 @@ mod common;
 use std::f64::consts::{FRAC_PI_4, PI};
 
 use common::*;
-use glam::{DQuat, DVec2, DVec3};
+use glam::{DVec2, DVec3};
 use steradian::{
     catalogue::StarRecord,
     frame::{Frame, Renderer},
@@ -62,7 +62,7 @@ fn twin(scene: &SceneSnapshot, rig: &Rig, view: usize, settings: &RenderSettings
     let image = sprite(SPRITE_SIZE);
     let psf = psf_of(settings);
     let plan = BillboardPlan::new(&settings.stars, EV100, EV100, Some(&psf));
-    let eye = Eye { position_m: DVec3::ZERO, world_from_view: DQuat::IDENTITY };
+    let eye = Eye::default();
     let images: Images<'_> = Images { sprite: Some::<&StarImage>(&image), psf: Some(&psf) };
     let limit = renderer_side_limit();
     billboards::draw(&scene.stars, eye, &rig.views()[view].images[0].projection, limit, &plan, images)

@@ -34,7 +34,7 @@ pub struct Images<'a> {
     pub psf: Option<&'a StoredPsf>,
 }
 
-/// Draws all stars of a set with the method of `plan`, through cube faces of at most `max_side_px` texels where the
+/// Draws all stars of a set, as an eye at rest sees them (these methods are not drawn for a moving one), with the method of `plan`, through cube faces of at most `max_side_px` texels where the
 /// projection is not flat. Returns the luminance of every pixel, linear Rec. 709 in cd/m^2, row by row from the top.
 pub fn draw(
     set: &StarSet,
