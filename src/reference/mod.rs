@@ -2,6 +2,6 @@
 //! projections of your own.
 
 pub mod billboards;
-pub mod gaussian;
 pub mod cell_sky;
+pub mod gaussian;
 pub mod stars;
