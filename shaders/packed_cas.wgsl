@@ -1,18 +1,6 @@
 // The star pass as published with "Smaller than Pixels": one thread per star, every star of the catalogue, once per view.
 // Needs viewport.wgsl, math.wgsl, projection.wgsl, triangle_solid_angle.wgsl, packed_splat.wgsl and catalogue_star.wgsl.
 
-struct CatalogueParameters {
-    // ICRS, pc.
-    camera: vec3<f32>,
-    star_count: u32,
-    // Fainter stars are not drawn, lx.
-    faintest_lx: f32,
-    tile: u32,
-    // Threads per row of the dispatch.
-    row_threads: u32,
-    unused_0: u32,
-}
-
 @group(0) @binding(0) var<uniform> parameters: CatalogueParameters;
 @group(1) @binding(0) var<storage, read> stars: array<CatalogueStar>;
 

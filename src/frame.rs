@@ -4,6 +4,7 @@
 //! of all viewports into one submission, waits, and reads back what was asked for. Nothing of a frame depends on the frame
 //! before it but the exposure that the caller hands in.
 
+mod blended;
 mod catalogue_buffers;
 mod published;
 mod read;

@@ -329,6 +329,22 @@ fn mistakes_in_the_sections() {
     refused("[stars]\nmethod = 'dots'", &["stars.method", "dots", "bspline"]);
     refused("[stars]\nmagnitude_limit = inf", &["stars.magnitude_limit", "finite"]);
     refused("[stars]\nmagnitude_limit = 'all'", &["stars.magnitude_limit", "invalid type"]);
+    for (table, key, wrong, told) in [
+        ("billboard", "diameter_arcmin", "0", "above 0 up to 1800"),
+        ("billboard", "diameter_arcmin", "1801", "above 0 up to 1800"),
+        ("billboard", "screen_size_px", "-3", "above 0 up to 1024"),
+        ("billboard", "brightest_magnitude", "15", "faintest_magnitude"),
+        ("billboard", "faintest_magnitude", "101", "-100 to 100"),
+        ("gaussian_psf", "saturation_magnitude", "7", "limiting_magnitude"),
+        ("gaussian_psf", "limiting_magnitude", "nan", "finite"),
+        ("gaussian_psf", "sigma2_px2", "0.001", "0.01 to 10000"),
+        ("gaussian_psf", "glare_sigma2_px2", "20000", "0.01 to 10000"),
+        ("gaussian_psf", "glare_brightness", "1.5", "0 to 1"),
+        ("psf_texture", "width_arcmin", "7201", "above 0 up to 7200"),
+    ] {
+        refused(&format!("[stars.{table}]\n{key} = {wrong}"), &[&format!("stars.{table}.{key}"), told]);
+    }
+    assert!(parse("[stars.gaussian_psf]\nglare_brightness = 0\n[stars.billboard]\ndiameter_arcmin = 1800").is_ok());
     refused("[glare]\nmethod = 'pyramid'", &["glare.method", "pyramid", "none"]);
     refused("[glare]\nkernel = 'wide'", &["glare.kernel", "inverse_square"]);
     refused("[glare]\ninner_deg = 0", &["glare.inner_deg", "above 0"]);

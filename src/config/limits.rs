@@ -1,10 +1,67 @@
 //! Ranges of the numbers in `[stars]`, `[exposure]` and `[accuracy]`, whose types are the planner's own.
 
 use super::error::{Fault, finite};
-use crate::plan::settings::{AccuracySettings, ExposureSettings, StarSettings};
+use crate::plan::settings::{AccuracySettings, BillboardSettings, ExposureSettings, GaussianPsfSettings, StarSettings};
 
 pub(super) fn check_stars(stars: &StarSettings) -> Result<(), Fault> {
-    finite("magnitude_limit", stars.magnitude_limit)
+    finite("magnitude_limit", stars.magnitude_limit)?;
+    check_billboard(&stars.billboard).map_err(|fault| fault.within("billboard"))?;
+    check_gaussian_psf(&stars.gaussian_psf).map_err(|fault| fault.within("gaussian_psf"))?;
+    // A flat billboard, which the texture is drawn on, cannot reach 90 degrees from its middle on its diagonal.
+    above_0("width_arcmin", stars.psf_texture.width_arcmin, 7200.0, "arcminutes (120 degrees)")
+        .map_err(|fault| fault.within("psf_texture"))
+}
+
+fn above_0(key: &str, value: f64, most: f64, unit: &str) -> Result<(), Fault> {
+    finite(key, value)?;
+    if value <= 0.0 || value > most {
+        return Err(Fault::new(key, format!("{value}: allowed are values above 0 up to {most} {unit}")));
+    }
+    Ok(())
+}
+
+fn magnitude(key: &str, value: f64) -> Result<(), Fault> {
+    finite(key, value)?;
+    if value.abs() > 100.0 {
+        return Err(Fault::new(key, format!("{value}: allowed are magnitudes from -100 to 100")));
+    }
+    Ok(())
+}
+
+fn check_billboard(billboard: &BillboardSettings) -> Result<(), Fault> {
+    // Three times this, of the brightest of the scaled discs, stays below 90 degrees.
+    above_0("diameter_arcmin", billboard.diameter_arcmin, 1800.0, "arcminutes (30 degrees)")?;
+    above_0("screen_size_px", billboard.screen_size_px, 1024.0, "pixels")?;
+    magnitude("brightest_magnitude", billboard.brightest_magnitude)?;
+    magnitude("faintest_magnitude", billboard.faintest_magnitude)?;
+    if billboard.brightest_magnitude >= billboard.faintest_magnitude {
+        let (bright, faint) = (billboard.brightest_magnitude, billboard.faintest_magnitude);
+        let problem = format!("{bright} must be brighter (smaller) than faintest_magnitude = {faint}");
+        return Err(Fault::new("brightest_magnitude", problem));
+    }
+    Ok(())
+}
+
+fn check_gaussian_psf(gaussian: &GaussianPsfSettings) -> Result<(), Fault> {
+    magnitude("limiting_magnitude", gaussian.limiting_magnitude)?;
+    magnitude("saturation_magnitude", gaussian.saturation_magnitude)?;
+    if gaussian.saturation_magnitude >= gaussian.limiting_magnitude {
+        let (saturation, limiting) = (gaussian.saturation_magnitude, gaussian.limiting_magnitude);
+        let problem = format!("{saturation} must be brighter (smaller) than limiting_magnitude = {limiting}");
+        return Err(Fault::new("saturation_magnitude", problem));
+    }
+    for (key, value) in [("sigma2_px2", gaussian.sigma2_px2), ("glare_sigma2_px2", gaussian.glare_sigma2_px2)] {
+        finite(key, value)?;
+        if !(0.01..=10_000.0).contains(&value) {
+            return Err(Fault::new(key, format!("{value}: allowed are variances from 0.01 to 10000 pixels^2")));
+        }
+    }
+    finite("glare_brightness", gaussian.glare_brightness)?;
+    if !(0.0..=1.0).contains(&gaussian.glare_brightness) {
+        let problem = format!("{}: allowed are 0 to 1 of the core's brightness", gaussian.glare_brightness);
+        return Err(Fault::new("glare_brightness", problem));
+    }
+    Ok(())
 }
 
 pub(super) fn check_exposure(exposure: &ExposureSettings) -> Result<(), Fault> {

@@ -24,7 +24,7 @@ const ABSOLUTE_PC: f64 = 10.0;
 
 /// The catalogue in GPU buffers, each small enough to be bound.
 pub(super) struct CatalogueBuffers {
-    set: Arc<StarSet>,
+    pub(super) set: Arc<StarSet>,
     /// Buffer and number of stars.
     pub segments: Vec<(wgpu::Buffer, u32)>,
 }

@@ -9,8 +9,8 @@ use crate::{
     gpu::{Gpu, GrowingBuffer, LuminanceSource},
     passes::{
         luminance::{LuminancePass, LuminanceTarget},
-        packed::{CatalogueDraw, PackedPass},
-        shared::{StarDraw, StarTarget},
+        packed::PackedPass,
+        shared::{CatalogueDraw, StarDraw, StarTarget},
     },
     plan::settings::StarMethod,
 };
@@ -23,7 +23,7 @@ pub(super) struct Published {
     packed: OnceLock<PackedPass>,
     packed_resolve: OnceLock<LuminancePass>,
     packed_pixels: GrowingBuffer,
-    catalogue: Option<CatalogueBuffers>,
+    pub(super) catalogue: Option<CatalogueBuffers>,
 }
 
 /// What the published rasteriser reads and where it draws.

@@ -2,12 +2,13 @@
 
 use super::{
     Wanted,
+    blended::{self, BlendedFrame},
     published::PackedFrame,
     renderer::{BatchBuffers, DISPLAY_BYTES, Prepared, Renderer},
     star_buffers::{Items, build_items},
 };
 use crate::{
-    gpu::{Gpu, GpuTimer, GrowingBuffer, ReadbackPlace, layout, storage_buffer},
+    gpu::{GpuTimer, GrowingBuffer, ReadbackPlace, layout, storage_buffer},
     passes::{
         luminance::LuminanceTarget,
         resolve::{HdrImage, ResolveTarget},
@@ -58,7 +59,7 @@ impl Renderer {
             self.batch_buffers.push(BatchBuffers::new());
         }
         self.batch_buffers.truncate(prepared.batches.len().max(1));
-        let Self { gpu, timer, batch_buffers, readback, item_buffers, .. } = self;
+        let Self { gpu, timer, batch_buffers, readback, item_buffers, blended, .. } = self;
         let gpu = &*gpu;
         timer.begin();
 
@@ -72,7 +73,8 @@ impl Renderer {
         let viewports = storage_buffer(gpu, "viewports", &prepared.encoded);
         // The flags of all batches follow the counters that are read back.
         let counter_count = FIRST_VIEW_COUNTER + rig.views().len();
-        let (tile_buffers, partial_count, counters_and_flags) = tile_buffers(gpu, prepared, counter_count as u32);
+        let (tiles, partial_count, counters_and_flags) = encoded_tiles(prepared, counter_count as u32);
+        let tile_buffers: Vec<_> = tiles.iter().map(|tiles| storage_buffer(gpu, "tiles", tiles)).collect();
         let counters = gpu.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some("counters"),
             size: (4 * u64::from(counters_and_flags)).next_multiple_of(16),
@@ -90,6 +92,16 @@ impl Renderer {
 
         // An empty pass, for the time at which the GPU begins.
         drop(begin_pass(&mut encoder, timer, "begin"));
+
+        let blends = method.accumulator() == Accumulator::Blending;
+        let blended_frame = blends.then(|| {
+            let catalogue = self.published.catalogue.as_ref();
+            let shown = blended::shown_ev100(settings, adapted_ev100, prepared.camera_pc, catalogue);
+            let plan = blended.begin(gpu, settings, shown);
+            let camera_pc = prepared.camera_pc.as_vec3().to_array();
+            let segments = catalogue.map(|catalogue| catalogue.segments.clone()).unwrap_or_default();
+            BlendedFrame { plan, camera_pc, colours: self.star_pass.colours(), segments }
+        });
 
         // Where the exposure is known before the pixels are, the resolve pass writes the display image itself.
         let known_ev100 = settings.exposure.known_ev100(adapted_ev100);
@@ -110,6 +122,21 @@ impl Renderer {
             if bright.is_none() {
                 buffers.bright_pixels.release();
                 buffers.bright_high_words.release();
+            }
+            if let Some(frame) = &blended_frame {
+                for (tile, encoded) in batch.tiles.iter().zip(&tiles[index]) {
+                    let encoded = storage_buffer(gpu, "tile", std::slice::from_ref(encoded));
+                    let target = LuminanceTarget {
+                        viewports: &viewports,
+                        tiles: &encoded,
+                        pixels: &pixels,
+                        partial_sums: &partials,
+                        plane_pixels,
+                    };
+                    let viewport = &prepared.viewports[tile.viewport];
+                    blended.record_tile(gpu, &mut encoder, timer, frame, viewport, tile, &target);
+                }
+                continue;
             }
             let draws: Vec<StarDraw<'_>> = runs
                 .iter()
@@ -231,6 +258,11 @@ impl Renderer {
             self.tone_map_pass.record(gpu, &mut pass, &settings.tone_map, &target, grid_of(prepared, batch));
         }
 
+        if let Some(frame) = &blended_frame {
+            let count = prepared.viewports.len() as u32;
+            blended.record_count(gpu, &mut encoder, frame, (&viewports, count), &counters);
+        }
+
         // Everything that leaves the GPU goes into host buffers, whose size is wanted beforehand: alignment included.
         let mut needed = 1024 + GpuTimer::readback_bytes() + 16 * counter_count as u64;
         for viewport in &prepared.viewports {
@@ -279,7 +311,7 @@ impl Renderer {
     }
 }
 
-fn begin_pass<'a>(
+pub(super) fn begin_pass<'a>(
     encoder: &'a mut wgpu::CommandEncoder,
     timer: &mut GpuTimer,
     name: &'static str,
@@ -293,36 +325,32 @@ fn grid_of(prepared: &Prepared, batch: &Batch) -> [u32; 3] {
     pixel_grid(&batch.tiles, &widths)
 }
 
-/// One buffer of tiles per batch, the number of partial sums of all, and the number of counters with the flags of all tiles,
-/// which follow the first `counters`.
-fn tile_buffers(gpu: &Gpu, prepared: &Prepared, counters: u32) -> (Vec<wgpu::Buffer>, u32, u32) {
+/// The tiles of every batch as shaders read them, the number of partial sums of all, and the number of counters with the
+/// flags of all tiles, which follow the first `counters`.
+fn encoded_tiles(prepared: &Prepared, counters: u32) -> (Vec<Vec<layout::Tile>>, u32, u32) {
     let mut first_flag = counters;
     let mut first_partial = 0;
-    let buffers = prepared
+    let tiles = prepared
         .batches
         .iter()
         .map(|batch| {
-            let tiles: Vec<layout::Tile> = batch
-                .tiles
-                .iter()
-                .map(|tile| {
-                    let encoded = layout::Tile {
-                        viewport: tile.viewport as u32,
-                        first_row: tile.first_row,
-                        rows: tile.rows,
-                        first_pixel: tile.first_pixel,
-                        first_partial,
-                        first_flag,
-                        ..Default::default()
-                    };
-                    let width = prepared.viewports[tile.viewport].size()[0];
-                    first_partial += partial_sums(width, tile.rows);
-                    first_flag += flags_of(width, tile.rows);
-                    encoded
-                })
-                .collect();
-            storage_buffer(gpu, "tiles", &tiles)
+            let tiles = batch.tiles.iter().map(|tile| {
+                let encoded = layout::Tile {
+                    viewport: tile.viewport as u32,
+                    first_row: tile.first_row,
+                    rows: tile.rows,
+                    first_pixel: tile.first_pixel,
+                    first_partial,
+                    first_flag,
+                    ..Default::default()
+                };
+                let width = prepared.viewports[tile.viewport].size()[0];
+                first_partial += partial_sums(width, tile.rows);
+                first_flag += flags_of(width, tile.rows);
+                encoded
+            });
+            tiles.collect()
         })
         .collect();
-    (buffers, first_partial, first_flag)
+    (tiles, first_partial, first_flag)
 }

@@ -10,6 +10,7 @@ use glam::DVec3;
 
 use super::{
     Frame, Wanted,
+    blended::Blended,
     published::Published,
     star_buffers::{ItemBuffers, StarBuffers},
 };
@@ -130,6 +131,7 @@ pub struct Renderer {
     pub(super) exposure_pass: ExposurePass,
     pub(super) tone_map_pass: ToneMapPass,
     pub(super) published: Published,
+    pub(super) blended: Blended,
     pub(super) timer: GpuTimer,
     pub(super) stars: Option<StarBuffers>,
     pub(super) item_buffers: ItemBuffers,
@@ -169,6 +171,7 @@ impl Renderer {
             exposure_pass: ExposurePass::new(&gpu),
             tone_map_pass: ToneMapPass::new(&gpu),
             published: Published::new(),
+            blended: Blended::new(),
             timer: GpuTimer::new(&gpu),
             stars: None,
             item_buffers: ItemBuffers::new(),
@@ -229,11 +232,15 @@ impl Renderer {
         }
         let method = settings.stars.method;
         use StarMethod::*;
-        if !matches!(method, Auto | BSpline | Tent | PixelGaussian | PackedCas | PackedCasSorted) {
+        let blends = method.accumulator() == Accumulator::Blending;
+        if !blends && !matches!(method, Auto | BSpline | Tent | PixelGaussian | PackedCas | PackedCasSorted) {
             return Err(RenderError::NotDrawn(method.name()));
         }
         if snapshot.camera.velocity_c != DVec3::ZERO && method.accumulator() != Accumulator::FixedPoint {
             return Err(RenderError::AtRestOnly(method.name()));
+        }
+        if method == PsfTexture && settings.stars.psf_texture.file.is_some() {
+            return Err(RenderError::NotDrawn("psf_texture with a file"));
         }
         self.hold_stars(method, &snapshot.stars);
         let prepared = self.prepare(snapshot, rig, settings, adapted_ev100);
@@ -266,6 +273,7 @@ impl Renderer {
     fn forget_buffers(&mut self) {
         self.stars = None;
         self.published.forget_buffers();
+        self.blended.forget_buffers();
         self.batch_buffers.clear();
         self.item_buffers = ItemBuffers::new();
         self.partial_sums.release();
@@ -312,8 +320,7 @@ impl Renderer {
             .exposure
             .known_ev100(adapted_ev100)
             .or_else(|| expected_ev100(&visible, total_solid_angle_sr, &settings.exposure));
-        let accumulator =
-            if self.gpu.wide_accumulator { "fixed point, 2 x 64 bits" } else { "fixed point, 4 x 32 bits" };
+        let accumulator = self.gpu.accumulator_name(settings.stars.method.accumulator());
         let mut plan = plan_stars(settings, &viewports, &ranges, expected_ev100, accumulator);
         if let Some(motion) = motion {
             plan.report.certificate.extend(travel::certificate(&snapshot.stars, &visible, &motion, &settings.accuracy));

@@ -7,6 +7,8 @@ use std::{
 
 use serde::Serialize;
 
+use crate::plan::settings::Accumulator;
+
 /// Which adapter to open, and how.
 #[derive(Clone, Debug, Default)]
 pub struct GpuOptions {
@@ -14,6 +16,8 @@ pub struct GpuOptions {
     pub adapter: Option<String>,
     /// Sum in 32-bit words even where the adapter has 64-bit atomics, to test that path.
     pub force_u32_accumulator: bool,
+    /// Blend in halves even where the adapter blends 32-bit floats, to test that path.
+    pub force_half_blending: bool,
     /// Bind at most this many bytes of stars or pixels at once, though the adapter may allow more, to test strips, batches
     /// and segments on small images.
     pub binding_limit_bytes: Option<u64>,
@@ -88,6 +92,8 @@ pub struct Gpu {
     /// Whether sums use 64-bit words.
     pub(crate) wide_accumulator: bool,
     pub(crate) timestamps: bool,
+    /// Format of the targets that blend.
+    pub(crate) blend_format: wgpu::TextureFormat,
     /// Whether the adapter is a software driver.
     pub(crate) software: bool,
     binding_limit_bytes: u64,
@@ -143,6 +149,16 @@ impl Gpu {
             fallbacks.push("no timestamps: GPU times are not measured".to_owned());
         }
 
+        let blends_floats = offered.contains(wgpu::Features::FLOAT32_BLENDABLE) && !options.force_half_blending;
+        let blend_format = if blends_floats {
+            features |= wgpu::Features::FLOAT32_BLENDABLE;
+            wgpu::TextureFormat::Rgba32Float
+        } else {
+            let why = if options.force_half_blending { "asked for" } else { "no blending of 32-bit floats" };
+            fallbacks.push(format!("methods that blend add up in 16-bit floats, which end at 65504 cd/m^2 ({why})"));
+            wgpu::TextureFormat::Rgba16Float
+        };
+
         // Only the limits that decide how much fits at once are raised over the defaults.
         let available = adapter.limits();
         let limits = wgpu::Limits {
@@ -194,6 +210,7 @@ impl Gpu {
             queue,
             wide_accumulator,
             timestamps,
+            blend_format,
             software,
             binding_limit_bytes,
             readback_limit_bytes: options.binding_limit_bytes.unwrap_or(1 << 30).min(limits.max_buffer_size / 16 * 16),
@@ -205,6 +222,20 @@ impl Gpu {
     /// What was opened.
     pub fn report(&self) -> &AdapterReport {
         &self.report
+    }
+
+    /// How light adds up here, as plans report it.
+    pub(crate) fn accumulator_name(&self, accumulator: Accumulator) -> &'static str {
+        match accumulator {
+            Accumulator::FixedPoint if self.wide_accumulator => "fixed point, 2 x 64 bits",
+            Accumulator::FixedPoint => "fixed point, 4 x 32 bits",
+            Accumulator::PackedCompareExchange => "two halves in a word, compare-exchange",
+            Accumulator::Blending if self.blend_format == wgpu::TextureFormat::Rgba32Float => {
+                "additive blending, 32-bit floats"
+            }
+            Accumulator::Blending => "additive blending, 16-bit floats",
+            Accumulator::PerPixel => "none: every pixel by itself",
+        }
     }
 
     /// Largest side of a view in pixels.
@@ -255,6 +286,55 @@ impl Gpu {
                 constants,
                 zero_initialize_workgroup_memory: false,
             },
+            cache: None,
+        })
+    }
+
+    /// A pipeline that adds what `fragment` gives to a target of [`Gpu::blend_format`].
+    pub(crate) fn blending_pipeline(
+        &self,
+        vertex: &super::ShaderSource,
+        constants: &[(&str, f64)],
+        fragment: &super::ShaderSource,
+        topology: wgpu::PrimitiveTopology,
+    ) -> wgpu::RenderPipeline {
+        let module = |source: &super::ShaderSource| {
+            self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+                label: Some(source.name),
+                source: wgpu::ShaderSource::Wgsl(source.text.as_str().into()),
+            })
+        };
+        let add = wgpu::BlendComponent {
+            src_factor: wgpu::BlendFactor::One,
+            dst_factor: wgpu::BlendFactor::One,
+            operation: wgpu::BlendOperation::Add,
+        };
+        self.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+            label: Some(fragment.name),
+            layout: None,
+            vertex: wgpu::VertexState {
+                module: &module(vertex),
+                entry_point: Some(vertex.entry_point),
+                compilation_options: wgpu::PipelineCompilationOptions {
+                    constants,
+                    zero_initialize_workgroup_memory: false,
+                },
+                buffers: &[],
+            },
+            primitive: wgpu::PrimitiveState { topology, ..Default::default() },
+            depth_stencil: None,
+            multisample: wgpu::MultisampleState::default(),
+            fragment: Some(wgpu::FragmentState {
+                module: &module(fragment),
+                entry_point: Some(fragment.entry_point),
+                compilation_options: wgpu::PipelineCompilationOptions::default(),
+                targets: &[Some(wgpu::ColorTargetState {
+                    format: self.blend_format,
+                    blend: Some(wgpu::BlendState { color: add, alpha: add }),
+                    write_mask: wgpu::ColorWrites::COLOR,
+                })],
+            }),
+            multiview_mask: None,
             cache: None,
         })
     }

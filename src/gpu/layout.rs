@@ -169,12 +169,57 @@ gpu_structs! {
         star_count: u32,
         /// Fainter stars are not drawn, lx.
         faintest_lx: f32,
-        /// The tile drawn into.
+        /// The tile drawn into; where there are no tiles, the viewport.
         tile: u32,
         /// Threads per row of the dispatch.
         row_threads: u32,
         /// Padding.
         unused_0: u32,
+    }
+    /// Parameters of the methods that blend; see `shaders/shared/billboard.wgsl`.
+    BillboardParameters {
+        /// First row of the rotation from the axes of the plane to those of the view.
+        view_from_plane_x: [f32; 4],
+        /// Second row.
+        view_from_plane_y: [f32; 4],
+        /// Third row.
+        view_from_plane_z: [f32; 4],
+        /// Place of the camera, ICRS, pc.
+        camera: [f32; 3],
+        /// Fainter stars are not drawn, lx.
+        faintest_lx: f32,
+        /// Radius of discs and sprites, rad.
+        radius_rad: f32,
+        /// Their solid angle, sr.
+        solid_angle_sr: f32,
+        /// Stars of this magnitude or brighter are drawn largest.
+        brightest_magnitude: f32,
+        /// Stars of this magnitude or fainter are drawn smallest.
+        faintest_magnitude: f32,
+        /// Half of the side of a square on the screen, pixels.
+        half_side_px: f32,
+        /// Faintest magnitude that is seen.
+        limiting_magnitude: f32,
+        /// Magnitude of display white.
+        saturation_magnitude: f32,
+        /// Variance of the core, pixels^2.
+        sigma2_px2: f32,
+        /// Variance of the glare, pixels^2.
+        glare_sigma2_px2: f32,
+        /// Brightness of the glare.
+        glare_brightness: f32,
+        /// cd/m^2 per unit of relative brightness.
+        white_cd_m2: f32,
+        /// Half of the angle of the point-spread function, rad.
+        half_width_rad: f32,
+        /// Angle of a texel, rad.
+        texel_rad: f32,
+        /// Half of the angle that a star is cropped to, rad per sqrt(lx).
+        crop_rad: f32,
+        /// The least such angle, rad.
+        least_crop_rad: f32,
+        /// Padding.
+        unused_0: f32,
     }
     /// Parameters of the published rasteriser on culled stars.
     PackedParameters {

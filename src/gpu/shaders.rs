@@ -24,6 +24,7 @@ const STAR: &str = include_str!("../../shaders/shared/star.wgsl");
 const TRIANGLES: &str = include_str!("../../shaders/shared/triangle_solid_angle.wgsl");
 const PACKED_SPLAT: &str = include_str!("../../shaders/shared/packed_splat.wgsl");
 const CATALOGUE_STAR: &str = include_str!("../../shaders/shared/catalogue_star.wgsl");
+const BILLBOARD: &str = include_str!("../../shaders/shared/billboard.wgsl");
 const PIXEL_GRID: &str = include_str!("../../shaders/shared/pixel_grid.wgsl");
 
 /// The star pass.
@@ -88,16 +89,110 @@ pub fn packed_cas_sorted() -> ShaderSource {
 pub enum LuminanceSource {
     /// Halves of a word: the published rasteriser.
     Packed,
+    /// A texture of the picture itself.
+    Texture,
+    /// Six textures: the faces of a cube around the view's axes.
+    Cube,
 }
 
 /// The resolve pass of methods that leave luminance.
 pub fn resolve_luminance(source: LuminanceSource) -> ShaderSource {
     let (name, of_pixel) = match source {
         LuminanceSource::Packed => ("resolve packed", include_str!("../../shaders/shared/luminance_packed.wgsl")),
+        LuminanceSource::Texture => ("resolve texture", include_str!("../../shaders/shared/luminance_texture.wgsl")),
+        LuminanceSource::Cube => ("resolve cube", include_str!("../../shaders/shared/luminance_cube.wgsl")),
     };
     let text = [VIEWPORT, MATH, PROJECTION, PIXEL_GRID, of_pixel, include_str!("../../shaders/resolve_luminance.wgsl")]
         .concat();
     ShaderSource { name, entry_point: "resolve_luminance", text, needs_u64: false }
+}
+
+/// How the light of a star is spread over its billboard: one fragment shader each.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Profile {
+    /// A whole pixel.
+    Point,
+    /// The share of a pixel that a small disc covers.
+    SmoothPoint,
+    /// Constant luminance.
+    Disc,
+    /// A cone.
+    Cone,
+    /// A cone and a glare.
+    Glare,
+    /// Two Gaussians at the pixel's centre.
+    Gaussian,
+    /// Two Gaussians averaged over the pixel.
+    GaussianIntegrated,
+    /// A round spot on the screen.
+    Screen,
+    /// An image.
+    Sprite,
+    /// An image of a point-spread function.
+    Psf,
+}
+
+impl Profile {
+    const ALL: [Self; 10] = [
+        Self::Point,
+        Self::SmoothPoint,
+        Self::Disc,
+        Self::Cone,
+        Self::Glare,
+        Self::Gaussian,
+        Self::GaussianIntegrated,
+        Self::Screen,
+        Self::Sprite,
+        Self::Psf,
+    ];
+
+    /// Whether it reads an image of a star.
+    pub fn has_image(self) -> bool {
+        matches!(self, Self::Sprite | Self::Psf)
+    }
+}
+
+/// The vertex shader of the methods that blend.
+pub fn billboard_vertex() -> ShaderSource {
+    let text = [
+        VIEWPORT,
+        MATH,
+        PROJECTION,
+        TRIANGLES,
+        CATALOGUE_STAR,
+        BILLBOARD,
+        include_str!("../../shaders/shared/billboard_vertex.wgsl"),
+    ]
+    .concat();
+    ShaderSource { name: "billboards", entry_point: "place_star", text, needs_u64: false }
+}
+
+/// The fragment shader of the methods that blend with that profile.
+pub fn billboard_fragment(profile: Profile) -> ShaderSource {
+    let (name, of_profile) = match profile {
+        Profile::Point => ("point", include_str!("../../shaders/shared/profile_point.wgsl")),
+        Profile::SmoothPoint => ("smooth point", include_str!("../../shaders/shared/profile_smooth_point.wgsl")),
+        Profile::Disc => ("disc", include_str!("../../shaders/shared/profile_disc.wgsl")),
+        Profile::Cone => ("cone", include_str!("../../shaders/shared/profile_cone.wgsl")),
+        Profile::Glare => ("glare", include_str!("../../shaders/shared/profile_glare.wgsl")),
+        Profile::Gaussian => ("Gaussian", include_str!("../../shaders/shared/profile_gaussian.wgsl")),
+        Profile::GaussianIntegrated => {
+            ("Gaussian integrated", include_str!("../../shaders/shared/profile_gaussian_integrated.wgsl"))
+        }
+        Profile::Screen => ("screen billboard", include_str!("../../shaders/shared/profile_screen.wgsl")),
+        Profile::Sprite => ("sprite", include_str!("../../shaders/shared/profile_sprite.wgsl")),
+        Profile::Psf => ("PSF", include_str!("../../shaders/shared/profile_psf.wgsl")),
+    };
+    let image = if profile.has_image() { include_str!("../../shaders/shared/star_image.wgsl") } else { "" };
+    let fragment = include_str!("../../shaders/shared/billboard_fragment.wgsl");
+    let text = [VIEWPORT, BILLBOARD, image, of_profile, fragment].concat();
+    ShaderSource { name, entry_point: "shade_star", text, needs_u64: false }
+}
+
+/// Counts the stars of the catalogue that lie in a picture.
+pub fn count_stars() -> ShaderSource {
+    let text = [VIEWPORT, MATH, PROJECTION, CATALOGUE_STAR, include_str!("../../shaders/count_stars.wgsl")].concat();
+    ShaderSource { name: "count stars", entry_point: "count_stars", text, needs_u64: false }
 }
 
 /// The resolve pass.
@@ -137,16 +232,22 @@ pub fn projection_probe() -> ShaderSource {
 
 /// Every shader module of the crate.
 pub fn sources() -> Vec<ShaderSource> {
-    vec![
+    let mut sources = vec![
         stars(true),
         stars(false),
         packed_cas(),
         packed_cas_sorted(),
         resolve_luminance(LuminanceSource::Packed),
+        resolve_luminance(LuminanceSource::Texture),
+        resolve_luminance(LuminanceSource::Cube),
+        billboard_vertex(),
+        count_stars(),
         resolve(true),
         resolve(false),
         exposure(),
         tone_map(),
         projection_probe(),
-    ]
+    ];
+    sources.extend(Profile::ALL.map(billboard_fragment));
+    sources
 }

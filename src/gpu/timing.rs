@@ -3,7 +3,7 @@
 use super::{Gpu, ReadbackBuffer, ReadbackPlace};
 
 /// Passes that can be timed in one frame.
-const MAX_PASSES: u32 = 64;
+const MAX_PASSES: u32 = 256;
 
 /// Times the passes of a frame. Without timestamps on the adapter everything is a no-op and there are no times.
 pub(crate) struct GpuTimer {
@@ -40,6 +40,26 @@ impl GpuTimer {
 
     /// Timestamp writes for a pass of that name.
     pub(crate) fn pass(&mut self, name: &'static str) -> Option<wgpu::ComputePassTimestampWrites<'_>> {
+        let (query_set, first) = self.next(name)?;
+        Some(wgpu::ComputePassTimestampWrites {
+            query_set,
+            beginning_of_pass_write_index: Some(first),
+            end_of_pass_write_index: Some(first + 1),
+        })
+    }
+
+    /// The same for a pass of the graphics pipeline.
+    pub(crate) fn render_pass(&mut self, name: &'static str) -> Option<wgpu::RenderPassTimestampWrites<'_>> {
+        let (query_set, first) = self.next(name)?;
+        Some(wgpu::RenderPassTimestampWrites {
+            query_set,
+            beginning_of_pass_write_index: Some(first),
+            end_of_pass_write_index: Some(first + 1),
+        })
+    }
+
+    /// The queries of one more pass: the first of two.
+    fn next(&mut self, name: &'static str) -> Option<(&wgpu::QuerySet, u32)> {
         let (set, _) = self.queries.as_ref()?;
         let index = self.names.len() as u32;
         if index >= MAX_PASSES {
@@ -47,11 +67,7 @@ impl GpuTimer {
             return None;
         }
         self.names.push(name);
-        Some(wgpu::ComputePassTimestampWrites {
-            query_set: set,
-            beginning_of_pass_write_index: Some(2 * index),
-            end_of_pass_write_index: Some(2 * index + 1),
-        })
+        Some((set, 2 * index))
     }
 
     /// Bytes that the times need in the readback buffer.

@@ -1,6 +1,7 @@
 //! The passes of a frame on the GPU. Each has one shader in `shaders/` and one file here of the same name; none imports
 //! another; what several need stands in `shared`. `frame` records them in order: stars, resolve, exposure, tone map.
 
+pub(crate) mod billboards;
 pub(crate) mod exposure;
 pub(crate) mod luminance;
 pub(crate) mod packed;

@@ -2,7 +2,7 @@
 //! `shaders/packed_cas.wgsl` (every star of the catalogue, once per view) and `shaders/packed_cas_sorted.wgsl` (on culled
 //! and sorted stars). The f64 twin is `crate::reference::packed`.
 
-use super::shared::{StarDraw, StarTarget, bind_buffers, bind_items, dispatch_rows};
+use super::shared::{CatalogueDraw, StarDraw, StarTarget, bind_buffers, bind_items, dispatch_rows};
 use crate::gpu::{self, Gpu, layout};
 
 /// Threads of a workgroup of the pass over the catalogue.
@@ -12,12 +12,6 @@ const THREADS: u32 = 64;
 pub(crate) struct PackedPass {
     catalogue: wgpu::ComputePipeline,
     sorted: wgpu::ComputePipeline,
-}
-
-/// A buffer of stars in the order of the catalogue.
-pub(crate) struct CatalogueDraw<'a> {
-    pub stars: &'a wgpu::Buffer,
-    pub count: u32,
 }
 
 impl PackedPass {

@@ -27,6 +27,12 @@ pub(crate) fn flags_of(width: u32, rows: u32) -> u32 {
     width.div_ceil(COLUMNS) * rows.div_ceil(ROWS)
 }
 
+/// A buffer of stars in the order of the catalogue.
+pub(crate) struct CatalogueDraw<'a> {
+    pub stars: &'a wgpu::Buffer,
+    pub count: u32,
+}
+
 /// A run of items that read from one buffer of stars.
 pub(crate) struct StarDraw<'a> {
     pub stars: &'a wgpu::Buffer,
@@ -53,15 +59,20 @@ pub(crate) fn bind_buffers(
     group: u32,
     buffers: &[(u32, wgpu::BindingResource<'_>)],
 ) -> wgpu::BindGroup {
-    let entries: Vec<wgpu::BindGroupEntry<'_>> = buffers
+    bind_to(gpu, &pipeline.get_bind_group_layout(group), buffers)
+}
+
+/// A bind group of a layout, in the order of its bindings.
+pub(crate) fn bind_to(
+    gpu: &Gpu,
+    layout: &wgpu::BindGroupLayout,
+    resources: &[(u32, wgpu::BindingResource<'_>)],
+) -> wgpu::BindGroup {
+    let entries: Vec<wgpu::BindGroupEntry<'_>> = resources
         .iter()
         .map(|(binding, resource)| wgpu::BindGroupEntry { binding: *binding, resource: resource.clone() })
         .collect();
-    gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
-        label: Some("pass"),
-        layout: &pipeline.get_bind_group_layout(group),
-        entries: &entries,
-    })
+    gpu.device.create_bind_group(&wgpu::BindGroupDescriptor { label: Some("pass"), layout, entries: &entries })
 }
 
 /// Columns and rows of a dispatch of at least `workgroups`, each within the adapter's limit.

@@ -1,7 +1,8 @@
 //! Photometry: from magnitude and temperature to light, and how that light is spread over pixels.
 //!
 //! `cie1931` and `rec709` hold the standards, `blackbody` turns temperatures into colours, `kernel` shares a star's light
-//! among pixels, `psf` holds the pictures that optics make of a star, `exposure` chooses the luminance that is shown white, `tone_map` turns luminance into display values.
+//! among pixels, `psf` holds the pictures that optics make of a star, `star_image` the images that billboards carry,
+//! `exposure` chooses the luminance that is shown white, `tone_map` turns luminance into display values.
 
 pub mod blackbody;
 pub mod cie1931;
@@ -10,4 +11,5 @@ pub mod exposure;
 pub mod kernel;
 pub mod psf;
 pub mod rec709;
+pub mod star_image;
 pub mod tone_map;

@@ -5,9 +5,9 @@ use serde::Serialize;
 use super::{
     kernels::{BSPLINE_FLICKER, GAUSSIAN_FLICKER, KernelPlan, TENT_FLICKER_AT_WHITE, kernels_of},
     range::Ranges,
-    settings::{RenderSettings, StarMethod},
+    settings::{Accumulator, RenderSettings, StarMethod},
 };
-use crate::view::Viewport;
+use crate::view::{Viewport, projection::Projection};
 
 /// One approximation that a frame makes, with its bound.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -70,6 +70,13 @@ pub fn plan_stars(
         }
         method => method.name(),
     };
+    let through_cube =
+        |viewport: &Viewport| !matches!(viewport.projection, Projection::Perspective(_) | Projection::CubeFace(_));
+    let stars = if settings.stars.method.needs_planes() && viewports.iter().any(through_cube) {
+        format!("{stars}: through cube faces where a view is not flat")
+    } else {
+        stars.to_owned()
+    };
     let budget = &settings.accuracy;
     let bound = |what: &str, bound: f64, unit: &str, allowed: Option<f64>| Approximation {
         what: what.to_owned(),
@@ -83,8 +90,15 @@ pub fn plan_stars(
         bound("a star's centroid, drawn in f32", 1e-3, "px", Some(budget.centroid_px)),
         bound("a star's temperature, held in 11 bits", 1.3e-3, "relative", None),
         bound("a star's direction, f32 from its chunk", 5e-7, "rad", None),
-        bound("rounding of a star's light in a pixel, unbiased", 1.0 / ranges.main.units_per_lx, "lx", None),
     ];
+    if settings.stars.method.accumulator() != Accumulator::FixedPoint {
+        // Published methods come without bounds of their own: the chart has their measured errors.
+        let accumulator = accumulator.to_owned();
+        let report = FramePlan { stars, accumulator, glare: "none".to_owned(), certificate };
+        return StarPlan { kernels, report };
+    }
+    let what = "rounding of a star's light in a pixel, unbiased";
+    certificate.push(bound(what, 1.0 / ranges.main.units_per_lx, "lx", None));
     let flicker = |what: &str, most: f64| bound(what, most, flicker_unit, Some(budget.flicker));
     match settings.stars.method {
         StarMethod::Auto => {
@@ -101,11 +115,6 @@ pub fn plan_stars(
     if let Some(bright) = ranges.bright {
         certificate.push(bound("rounding of the stars that outshine the rest", 1.0 / bright.units_per_lx, "lx", None));
     }
-    let report = FramePlan {
-        stars: stars.to_owned(),
-        accumulator: accumulator.to_owned(),
-        glare: "none".to_owned(),
-        certificate,
-    };
+    let report = FramePlan { stars, accumulator: accumulator.to_owned(), glare: "none".to_owned(), certificate };
     StarPlan { kernels, report }
 }

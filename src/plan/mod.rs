@@ -1,9 +1,12 @@
 //! What is drawn how: settings that name methods, and the plan that a frame follows.
 //!
 //! `settings` names the methods, `tiles` cuts viewports into what the adapter can hold, `cull` finds the stars that may be
-//! seen, `range` chooses the fixed-point units, `kernels` the kernel of each star,
+//! seen, `range` chooses the fixed-point units, `kernels` the kernel of each star, `billboard` and `cube_faces` hold the
+//! numbers of the methods that blend,
 //! `travel` says what motion does to the light of stars, and `frame_plan` puts them together.
 
+pub mod billboard;
+pub mod cube_faces;
 pub mod cull;
 mod frame_plan;
 mod kernels;

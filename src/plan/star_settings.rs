@@ -57,25 +57,29 @@ impl Default for PixelGaussianSettings {
     }
 }
 
-/// Parameters of the discs, of `glare_disc`, `sprite` and `screen_billboard`.
+/// Parameters of the discs, of `sprite` and `screen_billboard`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct BillboardSettings {
-    /// Diameter in the sky of discs and sprites, arcminutes. Of `scaled_disc`: of a star of magnitude 0.
+    /// Diameter in the sky of discs and sprites, arcminutes; of `glare_disc`: of its core. `scaled_disc` draws from 3 to 0.3
+    /// times this.
     pub diameter_arcmin: f64,
-    /// Diameter of `glare_disc`, arcminutes.
-    pub glare_diameter_arcmin: f64,
+    /// `scaled_disc`: magnitude from which on stars are not drawn larger.
+    pub brightest_magnitude: f64,
+    /// `scaled_disc`: magnitude from which on stars are not drawn smaller.
+    pub faintest_magnitude: f64,
     /// Side of `screen_billboard`, pixels.
     pub screen_size_px: f64,
 }
 
 impl Default for BillboardSettings {
     fn default() -> Self {
-        Self { diameter_arcmin: 12.0, glare_diameter_arcmin: 60.0, screen_size_px: 5.0 }
+        Self { diameter_arcmin: 12.0, brightest_magnitude: -5.0, faintest_magnitude: 15.0, screen_size_px: 5.0 }
     }
 }
 
-/// Parameters of `gaussian_psf` and `gaussian_psf_integrated`, under the names of the proposal.
+/// Parameters of `gaussian_psf` and `gaussian_psf_integrated`, under the names of the proposal; `screen_billboard` reads
+/// `saturation_magnitude`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct GaussianPsfSettings {
