@@ -159,7 +159,7 @@ pub struct ScoringSize {
     pub image_px: u32,
     /// Sub-pixel positions of a sweep, at least.
     pub positions: usize,
-    /// Stars of the crowded picture whose order is shuffled.
+    /// Stars of the crowded picture whose order is shuffled; an eighth of them where a star covers thousands of pixels.
     pub crowd: usize,
     /// Stars in one pixel.
     pub heap: usize,
@@ -169,7 +169,7 @@ pub struct ScoringSize {
 
 impl Default for ScoringSize {
     fn default() -> Self {
-        Self { image_px: 1024, positions: 1000, crowd: 4000, heap: 20_000, shuffles: 3 }
+        Self { image_px: 1024, positions: 1000, crowd: 20_000, heap: 20_000, shuffles: 4 }
     }
 }
 

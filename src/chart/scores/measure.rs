@@ -255,9 +255,10 @@ impl Scorer<'_> {
     pub(super) fn order(&mut self) -> Result<Vec<Score>, Failure> {
         let mut frames = Vec::new();
         let mut first = None;
+        let crowd = if self.cell_px > 32 { self.size.crowd / 8 } else { self.size.crowd };
         // Between two shuffles always the first order once more.
         for order in (1..=self.size.shuffles.max(1)).flat_map(|shuffle| [0, shuffle]) {
-            let scene = scenes::crowd(self.size.crowd, order)?;
+            let scene = scenes::crowd(crowd, order)?;
             frames.push(self.draw(&scene, NIGHT_EV100)?);
             first.get_or_insert(scene);
         }

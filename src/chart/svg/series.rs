@@ -93,7 +93,7 @@ pub fn draw(axis: Axis, rows: &[&Row], about: &About) -> String {
             .filter_map(|series| series.times.last().map(|time| (series, time)))
             .map(|(series, (place, ms))| ([places[*place], y.px(*ms)], labels::width_px(series.method)))
             .collect();
-        let labels = labels::place(&last, &[], Box4 { left: frame.right + 2.0, right: SIZE[0] - 2.0, ..frame });
+        let labels = labels::place(&last, &[], Box4 { left: frame.right - 16.0, right: SIZE[0] - 2.0, ..frame });
         for ((series, label), ([x, last_y], _)) in series.iter().zip(labels).zip(&last) {
             let colour = panel::colour(series.source);
             let points: Vec<String> =
