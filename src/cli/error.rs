@@ -4,6 +4,7 @@ use std::io;
 
 use crate::catalogue::galaxy::GalaxyError;
 use crate::catalogue::store::StoreError;
+use crate::chart::ChartError;
 use crate::config::ConfigError;
 use crate::frame::RenderError;
 use crate::gpu::GpuError;
@@ -70,6 +71,9 @@ pub enum CliError {
     /// The daemon could not start, or failed.
     #[error(transparent)]
     Serve(ServeError),
+    /// A chart cannot be made.
+    #[error("chart: {0}")]
+    Chart(#[from] ChartError),
     /// A report cannot be put into JSON.
     #[error("cannot write JSON: {0}")]
     Json(serde_json::Error),
@@ -87,7 +91,9 @@ impl CliError {
     /// The exit code of the contract with scripts.
     pub fn exit_code(&self) -> u8 {
         match self {
-            CliError::Gpu(error) | CliError::Render { source: RenderError::Gpu(error), .. } => match error {
+            CliError::Gpu(error)
+            | CliError::Chart(ChartError::Gpu(error))
+            | CliError::Render { source: RenderError::Gpu(error), .. } => match error {
                 GpuError::NoAdapter(_) | GpuError::Device { .. } => NO_ADAPTER,
                 GpuError::Lost(_) | GpuError::Refused(_) | GpuError::Readback(_) => FAILED,
             },
@@ -107,6 +113,7 @@ impl CliError {
             CliError::Usage(_) | CliError::Config(_) | CliError::Galaxy(_) => BAD_USAGE,
             CliError::Load { source: LoadError::Galaxy { .. }, .. } => BAD_USAGE,
             CliError::Load { .. } | CliError::ReadStore(_) => BAD_DATA,
+            CliError::Chart(_) => FAILED,
             CliError::WriteStore(_) | CliError::Output(_) | CliError::Json(_) | CliError::Stdout(_) => FAILED,
         }
     }

@@ -4,6 +4,7 @@
 //! back to `main` as a [`CliError`], which knows its exit code.
 
 mod catalogue;
+mod chart;
 mod error;
 mod info;
 mod load;
@@ -27,6 +28,7 @@ pub use error::{BAD_DATA, BAD_USAGE, CliError, FAILED, NO_ADAPTER};
         steradian render --config configs/demo.toml --out out\n  \
         steradian serve --config configs/demo.toml --listen 127.0.0.1:7143\n  \
         steradian info --json\n  \
+        steradian chart --out chart --quick\n  \
         steradian catalogue synth --stars 1000000 --seed 1 --out galaxy.stars\n  \
         steradian catalogue info galaxy.stars\n  \
         steradian psf --aperture hexagon --diameter-mm 2 --out hexagon.exr\n\n\
@@ -54,6 +56,8 @@ pub enum Command {
     Serve(serve::ServeArguments),
     /// Tell the adapter, its driver, the features and limits used, and the fallbacks taken.
     Info(info::InfoArguments),
+    /// Chart the speed of every method against its accuracy.
+    Chart(chart::ChartArguments),
     /// Work with star catalogues.
     Catalogue(catalogue::CatalogueArguments),
     /// Make the point-spread function of an aperture, or convert one.
@@ -67,6 +71,7 @@ pub fn run(arguments: Cli) -> Result<(), CliError> {
         Command::Render(command) => render::run(command, arguments.adapter),
         Command::Serve(command) => serve::run(command, arguments.adapter),
         Command::Info(command) => info::run(&command, arguments.adapter),
+        Command::Chart(command) => chart::run(&command, arguments.adapter),
         Command::Catalogue(command) => catalogue::run(command),
         Command::Psf(command) => psf::run(&command),
     }

@@ -58,6 +58,29 @@ impl FlickerMeter {
         Ok(())
     }
 
+    /// Adds a star that stands in one image with others: the pixels within `radius_px` of `at`, each by its solid angle over
+    /// that of the star's own pixel. So one image can hold many positions of a pan, even where the solid angle changes over
+    /// it: the stars' light over the solid angle of their own pixels must then be the same.
+    ///
+    /// # Errors
+    /// [`MetricError::OutsidePicture`] if the star's pixel, or one that is lit, is outside of the picture.
+    pub fn add_star(&mut self, image: &HdrView<'_>, at: DVec2, radius_px: f64) -> Result<(), MetricError> {
+        let pixel_of = |at: DVec2| (at.x.floor().max(0.0) as u32, at.y.floor().max(0.0) as u32);
+        let (x, y) = pixel_of(at);
+        let own_sr = image.mapping().solid_angle_sr(x, y);
+        if own_sr.is_nan() || own_sr <= 0.0 {
+            return Err(MetricError::OutsidePicture { x, y });
+        }
+        let mut lit = image.lit_near_pixel(at, radius_px)?;
+        for (centre, light_lx) in &mut lit {
+            let (x, y) = pixel_of(*centre);
+            let luminance = image.luminance_cd_m2(x, y);
+            (centre.x, *light_lx) = (luminance / self.white_cd_m2, *light_lx / luminance / own_sr);
+        }
+        self.add_pixels(lit.into_iter().map(|(over_white, share)| (over_white.x, share)));
+        Ok(())
+    }
+
     /// Adds a position: pixels as (luminance over white, share in the sum).
     fn add_pixels(&mut self, pixels: impl Iterator<Item = (f64, f64)>) {
         let (linear, shown) =
@@ -224,6 +247,34 @@ mod tests {
         }
         let (found, expected) = (meter.flicker().unwrap().after, of(SplatKernel::BSpline, 10.0).after);
         assert!((found - expected).abs() < 1e-5, "{found} {expected}");
+    }
+
+    /// Many stars in one wide picture, each in a window of its own: the kernel's flicker, and none before tone mapping.
+    #[test]
+    fn a_pan_in_one_picture_has_the_kernel_s_flicker() {
+        let mapping = Perspective::symmetric([512, 512], 1.0).unwrap();
+        let [mut meter, mut pulsing] = [1.0, 1.0].map(|white| FlickerMeter::new(white).unwrap());
+        let (mut canvas, mut uneven) = (Canvas::new(&mapping), Canvas::new(&mapping));
+        let places: Vec<DVec2> = sub_pixel_positions(1024)
+            .enumerate()
+            .map(|(i, position)| position + DVec2::new((i % 32) as f64, (i / 32) as f64) * 16.0 + 7.0)
+            .collect();
+        for (index, place) in places.iter().enumerate() {
+            let lx = 10.0 * mapping.solid_angle_sr(place.x as u32, place.y as u32);
+            let direction = mapping.direction_from_pixel(*place).unwrap();
+            canvas = canvas.star(direction, lx, &|at| SplatKernel::BSpline.footprint(at));
+            let lx = lx * if index % 2 == 0 { 1.0 } else { 1.1 };
+            uneven = uneven.star(direction, lx, &|at| SplatKernel::BSpline.footprint(at));
+        }
+        for place in &places {
+            meter.add_star(&canvas.view(), *place, 7.0).unwrap();
+            pulsing.add_star(&uneven.view(), *place, 7.0).unwrap();
+        }
+        let (found, expected) = (meter.flicker().unwrap(), of(SplatKernel::BSpline, 10.0).after);
+        assert!(found.before < 1e-12 && (found.after - expected).abs() < 1e-3, "{found:?} {expected}");
+        assert!((pulsing.flicker().unwrap().before - 0.05 / 1.05).abs() < 1e-9);
+        let outside = meter.add_star(&canvas.view(), DVec2::new(512.5, 3.0), 7.0);
+        assert_eq!(outside, Err(MetricError::OutsidePicture { x: 512, y: 3 }));
     }
 
     #[test]

@@ -1,0 +1,266 @@
+//! `index.html`: the pictures and, for every workload, a table that a person can read. One file without scripts; the
+//! pictures lie beside it.
+
+use std::fmt::Write as _;
+
+use super::{About, Axis, Row, scores::Metric, svg::grouped};
+
+/// Columns of the table, each with its heading.
+const TABLE: [(Metric, &str); 13] = [
+    (Metric::FluxStarRms, "flux error, one star"),
+    (Metric::FluxTotal, "flux error, frame"),
+    (Metric::CentroidPx, "centroid error, px"),
+    (Metric::FlickerK1, "flicker k = 1"),
+    (Metric::FlickerK10, "flicker k = 10"),
+    (Metric::FlickerK100, "flicker k = 100"),
+    (Metric::EllipticityView45Deg, "ellipticity"),
+    (Metric::WidthVariation, "width variation"),
+    (Metric::ColourUv, "colour u'v'"),
+    (Metric::DynamicRange, "dynamic range"),
+    (Metric::Keeps20000Stars, "keeps of 20,000"),
+    (Metric::Seam, "seam"),
+    (Metric::OrderBitsDiffer, "shuffles identical"),
+];
+
+const STYLE: &str = "body{font:15px/1.5 system-ui,sans-serif;margin:2rem auto;max-width:1400px;padding:0 1rem;color:#222}\
+    h1{font-size:1.5rem} h2{font-size:1.2rem;margin-top:2.5rem} img{width:100%;height:auto;border:1px solid #ddd}\
+    .wide{overflow-x:auto} table{border-collapse:collapse;font-size:13px} th,td{padding:3px 8px;border-bottom:1px solid #ddd;\
+    text-align:right;white-space:nowrap} th{vertical-align:bottom;white-space:normal;background:#f4f4f4}\
+    td:first-child,td:nth-child(2),td:last-child,th:first-child,th:nth-child(2){text-align:left}\
+    td:last-child{white-space:normal;min-width:18rem;color:#555} tr.none td{color:#999} dt{font-weight:bold} dd{margin:0 0 .4rem 1rem}\
+    code{background:#f4f4f4;padding:1px 4px}";
+
+/// Text as it may stand between tags and in attributes.
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}
+
+/// The metric of a row, if it is one of the axis `stars`.
+pub(super) fn metric_of(row: &Row) -> Option<Metric> {
+    Metric::ALL.into_iter().find(|metric| metric.name() == row.error_metric)
+}
+
+/// A figure with as many digits as mean something.
+fn figure(value: f64) -> String {
+    match value.abs() {
+        0.0 => "0".to_owned(),
+        size if !(1e-3..1e4).contains(&size) => format!("{value:.1e}"),
+        size if size < 0.1 => format!("{value:.4}"),
+        size if size < 10.0 => format!("{value:.3}"),
+        _ => format!("{value:.1}"),
+    }
+}
+
+/// Distinct values of the rows, in their order.
+fn distinct<'a>(rows: &[&'a Row], value: fn(&Row) -> &str) -> Vec<&'a str> {
+    let mut found: Vec<&str> = Vec::new();
+    for row in rows {
+        if !found.contains(&value(row)) {
+            found.push(value(row));
+        }
+    }
+    found
+}
+
+/// The page.
+pub(super) fn page(rows: &[Row], pictures: &[(Axis, String)], about: &About) -> String {
+    let mut page = String::new();
+    // Writing to a string cannot fail.
+    let mut add = |text: &str| page.push_str(text);
+    add("<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n");
+    add("<meta name=\"viewport\" content=\"width=device-width\">\n<title>Steradian: speed against accuracy</title>\n");
+    add(&format!("<style>{STYLE}</style>\n</head>\n<body>\n<h1>Speed against accuracy</h1>\n"));
+    add(&format!(
+        "<p>Adapter <b>{}</b> ({}), {}, made with <code>{}</code>. All figures: <a href=\"chart.csv\">chart.csv</a>.</p>\n",
+        escaped(&about.adapter),
+        escaped(&about.driver),
+        escaped(&about.date),
+        escaped(&about.command)
+    ));
+    for (axis, picture) in pictures {
+        let of_axis: Vec<&Row> = rows.iter().filter(|row| row.axis == axis.name()).collect();
+        add(&format!("<h2>{}</h2>\n", escaped(axis.title())));
+        add(&format!("<p><img src=\"{}\" alt=\"{}\"></p>\n", escaped(picture), escaped(axis.title())));
+        if *axis != Axis::Stars {
+            add(&matrix(&of_axis));
+            continue;
+        }
+        for workload in distinct(&of_axis, |row| &row.workload) {
+            let of_workload: Vec<&Row> = of_axis.iter().filter(|row| row.workload == workload).copied().collect();
+            add(&table(workload, &of_workload));
+        }
+    }
+    add(
+        "<h2>What the columns mean</h2>\n<dl>\n<dt>ms</dt><dd>median (shortest to longest) of the frames of interleaved rounds: \
+         clear, cull, splat and resolve, the HDR image made and left on the GPU.</dd>\n",
+    );
+    for (metric, heading) in TABLE {
+        let name = metric.name();
+        add(&format!("<dt>{heading} (<code>{name}</code>)</dt><dd>{}.</dd>\n", escaped(metric.meaning())));
+    }
+    add(
+        "</dl>\n<p>All figures but the frame's flux error and the time are of single stars in scenes of their own, the same for \
+         every workload. A dash: the figure does not apply or could not be measured, the notes say why. The Pareto front holds \
+         the methods that no other beats in both time and error.</p>\n</body>\n</html>\n",
+    );
+    page
+}
+
+/// The table of one workload.
+fn table(workload: &str, rows: &[&Row]) -> String {
+    let mut table = String::new();
+    let first = rows.first();
+    let [width, height] = first.map_or([0, 0], |row| [row.width, row.height]);
+    let mut add = |text: std::fmt::Arguments<'_>| {
+        // Writing to a string cannot fail.
+        let _ = table.write_fmt(text);
+    };
+    add(format_args!(
+        "<h3>{}</h3>\n<p>{} stars in the catalogue, {width} x {height} pixels.</p>\n<div class=\"wide\"><table>\n<tr><th>method</th><th>source</th><th>ms</th>",
+        escaped(workload),
+        grouped(first.map_or(0, |row| row.items))
+    ));
+    for (metric, heading) in TABLE {
+        add(format_args!("<th title=\"{}\">{}</th>", escaped(metric.meaning()), escaped(heading)));
+    }
+    add(format_args!("<th>notes</th></tr>\n"));
+    for method in distinct(rows, |row| &row.method) {
+        let of_method: Vec<&Row> = rows.iter().filter(|row| row.method == method).copied().collect();
+        let row = of_method[0];
+        let class = if row.gpu_ms_median.is_none() { " class=\"none\"" } else { "" };
+        add(format_args!(
+            "<tr{class}><td>{}</td><td>{}</td><td>{}</td>",
+            escaped(method),
+            escaped(&row.source),
+            time(row)
+        ));
+        let mut notes: Vec<&str> = Vec::new();
+        for (metric, _) in TABLE {
+            let found = of_method.iter().find(|row| metric_of(row) == Some(metric));
+            add(format_args!(
+                "<td>{}</td>",
+                found.and_then(|row| row.error_value).map_or("\u{2013}".to_owned(), |value| {
+                    match metric {
+                        Metric::OrderBitsDiffer if value == 0.0 => "yes".to_owned(),
+                        Metric::OrderBitsDiffer => format!("no ({:.1} % of pixels)", 100.0 * value),
+                        _ => figure(value),
+                    }
+                })
+            ));
+            for note in found.map_or("", |row| row.notes.as_str()).split("; ").filter(|note| !note.is_empty()) {
+                if !notes.contains(&note) {
+                    notes.push(note);
+                }
+            }
+        }
+        add(format_args!("<td>{}</td></tr>\n", escaped(&notes.join("; "))));
+    }
+    add(format_args!("</table></div>\n"));
+    table
+}
+
+/// The table of an axis that has one figure beside the time: a line per method, a column per workload.
+fn matrix(rows: &[&Row]) -> String {
+    let workloads = distinct(rows, |row| &row.workload);
+    let metric = rows.first().map_or("", |row| row.error_metric.as_str());
+    let heads: String = workloads.iter().map(|name| format!("<th>{}</th>", escaped(name))).collect();
+    let mut table = format!(
+        "<p>ms (shortest to longest), in brackets <code>{}</code>.</p>\n<div class=\"wide\"><table>\n\
+         <tr><th>method</th><th>source</th>{heads}<th>notes</th></tr>\n",
+        escaped(metric)
+    );
+    for method in distinct(rows, |row| &row.method) {
+        let of_method: Vec<&Row> = rows.iter().filter(|row| row.method == method).copied().collect();
+        let class = if of_method.iter().all(|row| row.gpu_ms_median.is_none()) { " class=\"none\"" } else { "" };
+        let cells = workloads.iter().map(|name| match of_method.iter().find(|row| row.workload == *name) {
+            Some(row) => match row.error_value {
+                Some(value) => format!("<td>{} [{}]</td>", time(row), figure(value)),
+                None => format!("<td>{}</td>", time(row)),
+            },
+            None => "<td>\u{2013}</td>".to_owned(),
+        });
+        let cells: String = cells.collect();
+        let mut notes: Vec<&str> = Vec::new();
+        for note in of_method.iter().flat_map(|row| row.notes.split("; ")).filter(|note| !note.is_empty()) {
+            // That a column has no figure is seen.
+            if !notes.contains(&note) && !note.starts_with("does not apply") {
+                notes.push(note);
+            }
+        }
+        table += &format!(
+            "<tr{class}><td>{}</td><td>{}</td>{cells}<td>{}</td></tr>\n",
+            escaped(method),
+            escaped(&of_method[0].source),
+            escaped(&notes.join("; "))
+        );
+    }
+    table + "</table></div>\n"
+}
+
+/// The time of a row.
+fn time(row: &Row) -> String {
+    match (row.gpu_ms_median, row.gpu_ms_min, row.gpu_ms_max) {
+        (Some(median), Some(min), Some(max)) => format!("{median:.2} ({min:.2}\u{2013}{max:.2})"),
+        _ => "\u{2013}".to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn about() -> About {
+        About {
+            adapter: "GPU <1>".to_owned(),
+            driver: "driver".to_owned(),
+            date: "2026-01-01 00:00 UTC".to_owned(),
+            command: "steradian chart --out \"a b\"".to_owned(),
+        }
+    }
+
+    fn row(metric: Metric, value: Option<f64>) -> Row {
+        Row {
+            axis: "stars".to_owned(),
+            method: "tent".to_owned(),
+            source: "steradian".to_owned(),
+            workload: "10k dome-8".to_owned(),
+            gpu_ms_median: Some(1.25),
+            gpu_ms_min: Some(1.0),
+            gpu_ms_max: Some(9.0),
+            error_metric: metric.name().to_owned(),
+            error_value: value,
+            notes: if value.is_none() { "no light".to_owned() } else { String::new() },
+            ..Row::default()
+        }
+    }
+
+    #[test]
+    fn the_page_tells_where_it_is_from_and_shows_picture_and_table() {
+        let rows = [
+            row(Metric::CentroidPx, None),
+            row(Metric::OrderBitsDiffer, Some(0.0)),
+            row(Metric::FlickerK10, Some(0.0384)),
+        ];
+        let page = page(&rows, &[(Axis::Stars, "stars.svg".to_owned())], &about());
+        for part in [
+            "GPU &lt;1&gt;",
+            "2026-01-01 00:00 UTC",
+            "steradian chart --out &quot;a b&quot;",
+            "<img src=\"stars.svg\"",
+            "<td>tent</td><td>steradian</td><td>1.25 (1.00\u{2013}9.00)</td>",
+            "<td>0.0384</td>",
+            "<td>yes</td><td>no light</td></tr>",
+        ] {
+            assert!(page.contains(part), "`{part}` is not in {page}");
+        }
+        assert_eq!(page.matches("<tr>").count(), 2, "the head and one method");
+        let differing = super::table("w", &[&row(Metric::OrderBitsDiffer, Some(0.25))]);
+        assert!(differing.contains("no (25.0 % of pixels)"), "{differing}");
+    }
+
+    #[test]
+    fn figures_are_short_and_nought_is_nought() {
+        let found = [0.0, 1.234e-5, 0.038_41, 0.29, 1.0, 12.34, 123_456.0].map(figure);
+        assert_eq!(found, ["0", "1.2e-5", "0.0384", "0.290", "1.000", "12.3", "1.2e5"]);
+    }
+}

@@ -1,0 +1,317 @@
+//! The chart: speed against accuracy of every method, from one run.
+//!
+//! An [`Axis`] is one question asked of many methods. It turns a renderer into [`Row`]s: a figure of merit beside the time
+//! that the method took, for each method, workload and metric. `csv`, `svg` and `html` show the rows and know nothing of
+//! how they were made, so a further axis is an entry in [`Axis`] and a module with one function.
+//!
+//! - `workloads`: which skies are drawn in which views, in a quick and in a full run;
+//! - `timing`: frames of all methods in turn, within a budget of time;
+//! - `scenes`: small made-up skies of which the right picture is known;
+//! - `scores`: the figures of one method over those scenes, by [`crate::metrics`];
+//! - `stars`, `views`, `scale`: the axes;
+//! - `pareto`: which methods no other beats in both time and accuracy.
+//!
+//! Time is the GPU's from the clearing of the first buffer to the end of the last pass, plus the culling on the CPU, ms: so
+//! clear, cull, splat and resolve count alike for every method. Scores are dimensionless unless the metric's name has a
+//! unit. What could not be measured is empty and says why in the notes, never 0.
+
+mod csv;
+mod html;
+mod pareto;
+mod scale;
+mod scenes;
+mod scores;
+mod stars;
+mod svg;
+mod timing;
+mod views;
+mod workloads;
+
+use std::{
+    fmt, io,
+    path::{Path, PathBuf},
+    time::{Duration, Instant, SystemTime, UNIX_EPOCH},
+};
+
+use self::workloads::Skies;
+pub use self::{
+    csv::{COLUMNS, Row, read_csv, write_csv},
+    pareto::{ParetoError, pareto_front},
+    scores::{Metric, Score, Scores, ScoringSize, score_method},
+    timing::Spread,
+    workloads::{Extent, Sky, ViewShape},
+};
+use crate::{
+    catalogue::galaxy::GalaxyError,
+    files,
+    frame::{RenderError, Renderer},
+    gpu::{AdapterReport, GpuError},
+    view::RigError,
+};
+
+/// Why a chart cannot be made.
+#[derive(Debug, thiserror::Error)]
+pub enum ChartError {
+    /// The device failed; nothing measured after that would be worth anything.
+    #[error(transparent)]
+    Gpu(GpuError),
+    /// A workload cannot be drawn by any method.
+    #[error("workload `{workload}`: {source}")]
+    Workload {
+        /// The workload.
+        workload: String,
+        /// Why.
+        source: RenderError,
+    },
+    /// The stars of a workload cannot be made.
+    #[error(transparent)]
+    Galaxy(#[from] GalaxyError),
+    /// A view of a workload cannot be built.
+    #[error(transparent)]
+    Rig(#[from] RigError),
+    /// A file cannot be written.
+    #[error("cannot write {path}: {source}")]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+    /// The table cannot be written or read.
+    #[error("chart.csv: {0}")]
+    Csv(String),
+}
+
+/// What is charted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Axis {
+    /// Every way of drawing stars: time against each of their errors.
+    Stars,
+    /// What a further view of the same frame costs.
+    Views,
+    /// Time against the number of stars.
+    Scale,
+}
+
+impl Axis {
+    /// The axes that exist.
+    pub const ALL: [Self; 3] = [Self::Stars, Self::Views, Self::Scale];
+    /// Axes of techniques that do not exist yet.
+    pub const NOT_YET: [&'static str; 2] = ["glare", "asteroids"];
+
+    /// Name on the command line and in `chart.csv`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Stars => "stars",
+            Self::Views => "views",
+            Self::Scale => "scale",
+        }
+    }
+
+    /// What the axis shows, as a heading.
+    pub fn title(self) -> &'static str {
+        match self {
+            Self::Stars => "Drawing stars: time against error",
+            Self::Views => "Many views of one frame: each by itself and all together",
+            Self::Scale => "Time against the number of stars",
+        }
+    }
+
+    /// The axis of a name.
+    ///
+    /// # Errors
+    /// What there is, where there is none of that name.
+    pub fn from_name(name: &str) -> Result<Self, String> {
+        let there_is = Self::ALL.map(Self::name).join(", ");
+        match Self::ALL.into_iter().find(|axis| axis.name() == name) {
+            Some(axis) => Ok(axis),
+            None if Self::NOT_YET.contains(&name) => {
+                Err(format!("there is no {name} to chart yet; there is: {there_is}"))
+            }
+            None => Err(format!("there is: {there_is}")),
+        }
+    }
+}
+
+/// A step of the work, to show progress.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Step {
+    /// The axis.
+    pub axis: Axis,
+    /// Steps of the axis done before this one.
+    pub done: usize,
+    /// All steps of the axis.
+    pub of: usize,
+    /// What comes now.
+    pub what: String,
+}
+
+/// Where progress goes.
+pub type Tell<'a> = &'a mut dyn FnMut(&Step);
+
+/// Charts the axes, one after the other.
+///
+/// # Errors
+/// [`ChartError`] where the device fails or a workload cannot be made. A method that fails has rows that say so.
+pub fn run(renderer: &mut Renderer, axes: &[Axis], extent: &Extent, tell: Tell<'_>) -> Result<Vec<Row>, ChartError> {
+    let budget = Budget::new(extent.budget);
+    let mut skies = Skies::default();
+    let mut rows = Vec::new();
+    for (index, &axis) in axes.iter().enumerate() {
+        let weight = |axis: Axis| if axis == Axis::Stars { 6.0 } else { 1.0 };
+        let share = weight(axis) / axes[index..].iter().map(|axis| weight(*axis)).sum::<f64>();
+        let budget = budget.part(share, 1);
+        rows.extend(match axis {
+            Axis::Stars => stars::run(renderer, extent, &mut skies, budget, tell)?,
+            Axis::Views => views::run(renderer, extent, &mut skies, budget, tell)?,
+            Axis::Scale => scale::run(renderer, extent, &mut skies, budget, tell)?,
+        });
+    }
+    Ok(rows)
+}
+
+/// A span of time that the work of an axis divides among its parts.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Budget {
+    end: Instant,
+}
+
+impl Budget {
+    fn new(length: Duration) -> Self {
+        Self { end: Instant::now() + length }
+    }
+
+    /// What is left; nothing when it is over.
+    fn left(&self) -> Duration {
+        self.end.saturating_duration_since(Instant::now())
+    }
+
+    /// One of `parts` equal parts of a share (0 to 1) of what is left.
+    fn part(&self, share: f64, parts: usize) -> Self {
+        Self { end: Instant::now() + self.left().mul_f64(share) / parts.max(1) as u32 }
+    }
+
+    fn is_over(&self) -> bool {
+        self.left() == Duration::ZERO
+    }
+}
+
+/// Where and how a chart was made, for its readers.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct About {
+    /// Name of the adapter.
+    pub adapter: String,
+    /// Its driver.
+    pub driver: String,
+    /// Day and time, UTC.
+    pub date: String,
+    /// The command that made it.
+    pub command: String,
+}
+
+impl About {
+    /// A chart made now on an adapter by a command.
+    pub fn now(adapter: &AdapterReport, command: &str) -> Self {
+        let seconds = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
+        Self {
+            adapter: adapter.adapter.clone(),
+            driver: adapter.driver.clone(),
+            date: UtcTime(seconds).to_string(),
+            command: command.to_owned(),
+        }
+    }
+}
+
+/// Seconds since 1970-01-01T00:00:00 UTC, shown as day and minute of the Gregorian calendar.
+struct UtcTime(u64);
+
+impl fmt::Display for UtcTime {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let leap = |year: u64| year.is_multiple_of(4) && !year.is_multiple_of(100) || year.is_multiple_of(400);
+        let (mut day, mut year) = (self.0 / 86_400, 1970);
+        while day >= 365 + u64::from(leap(year)) {
+            day -= 365 + u64::from(leap(year));
+            year += 1;
+        }
+        let february = 28 + u64::from(leap(year));
+        let mut month = 1;
+        for length in [31, february, 31, 30, 31, 30, 31, 31, 30, 31, 30, 31] {
+            if day < length {
+                break;
+            }
+            day -= length;
+            month += 1;
+        }
+        let minutes = self.0 % 86_400 / 60;
+        write!(f, "{year}-{month:02}-{:02} {:02}:{:02} UTC", day + 1, minutes / 60, minutes % 60)
+    }
+}
+
+/// Writes `chart.csv`, an SVG per axis that has rows, and `index.html`; makes the folder. Returns the files.
+///
+/// # Errors
+/// [`ChartError::Write`] with the file that cannot be written, [`ChartError::Csv`] if the table cannot be made.
+pub fn write(folder: &Path, rows: &[Row], about: &About) -> Result<Vec<PathBuf>, ChartError> {
+    let wrong = |path: &Path| {
+        let path = path.to_owned();
+        move |source| ChartError::Write { path, source }
+    };
+    std::fs::create_dir_all(folder).map_err(wrong(folder))?;
+    let mut files = vec![("chart.csv".to_owned(), write_csv(rows)?)];
+    let mut pictures = Vec::new();
+    for axis in Axis::ALL {
+        let of_axis: Vec<&Row> = rows.iter().filter(|row| row.axis == axis.name()).collect();
+        if !of_axis.is_empty() {
+            let name = format!("{}.svg", axis.name());
+            files.push((name.clone(), svg::draw(axis, &of_axis, about)));
+            pictures.push((axis, name));
+        }
+    }
+    files.push(("index.html".to_owned(), html::page(rows, &pictures, about)));
+    let mut written = Vec::new();
+    for (name, text) in files {
+        let path = folder.join(name);
+        files::write_whole(&path, text.as_bytes()).map_err(wrong(&path))?;
+        written.push(path);
+    }
+    Ok(written)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn axes_that_do_not_exist_are_refused_with_those_that_do() {
+        for axis in Axis::ALL {
+            assert_eq!(Axis::from_name(axis.name()), Ok(axis));
+        }
+        let glare = Axis::from_name("glare").unwrap_err();
+        assert!(glare.contains("no glare to chart yet") && glare.contains("there is: stars, views, scale"), "{glare}");
+        assert!(Axis::from_name("Stars").unwrap_err().contains("there is: stars, views, scale"));
+    }
+
+    #[test]
+    fn days_are_those_of_the_calendar() {
+        for (seconds, shown) in [
+            (0, "1970-01-01 00:00 UTC"),
+            (951_782_400, "2000-02-29 00:00 UTC"),
+            (951_868_799, "2000-02-29 23:59 UTC"),
+            (951_868_800, "2000-03-01 00:00 UTC"),
+            (1_234_567_890, "2009-02-13 23:31 UTC"),
+            (4_107_542_399, "2100-02-28 23:59 UTC"),
+            (4_107_542_400, "2100-03-01 00:00 UTC"),
+        ] {
+            assert_eq!(UtcTime(seconds).to_string(), shown);
+        }
+    }
+
+    #[test]
+    fn a_budget_is_divided_and_ends() {
+        let budget = Budget::new(Duration::from_secs(100));
+        let part = budget.part(0.5, 10);
+        assert!(part.left() <= Duration::from_secs(5) && part.left() > Duration::from_secs(4));
+        assert!(!part.is_over());
+        assert!(Budget::new(Duration::ZERO).part(1.0, 0).is_over());
+    }
+}

@@ -1,0 +1,43 @@
+//! The axis `scale`: time against the number of stars, in the usual flat view. The figure beside the time is the time per
+//! star of the catalogue.
+
+use super::{
+    Axis, Budget, ChartError, Extent, Row, Score, Sky, Step, Tell, ViewShape,
+    scores::settings_of,
+    timing::{self, Case},
+    workloads::{Skies, rig_of, snapshot},
+};
+use crate::{frame::Renderer, plan::settings::StarMethod, units::illuminance_lx_from_magnitude};
+
+const VIEW: ViewShape = ViewShape::Flat([1920, 1080]);
+
+pub(super) fn run(
+    renderer: &mut Renderer,
+    extent: &Extent,
+    skies: &mut Skies,
+    budget: Budget,
+    tell: Tell<'_>,
+) -> Result<Vec<Row>, ChartError> {
+    let rig = rig_of(vec![("chart", VIEW.kind())])?;
+    let mut rows = Vec::new();
+    for (done, &stars) in extent.scale.iter().enumerate() {
+        let sky = Sky::Galaxy(stars);
+        tell(&Step { axis: Axis::Scale, done, of: extent.scale.len(), what: format!("{} stars", sky.name()) });
+        let records = skies.records(sky)?;
+        let faintest = records.iter().map(|record| record.apparent_magnitude()).fold(f64::NEG_INFINITY, f64::max);
+        let scene = snapshot(records.to_vec());
+        let workload = sky.name();
+        let ev100 = timing::meter(renderer, &scene, &rig, &workload)?;
+        let settings =
+            StarMethod::ALL.map(|method| settings_of(method, ev100, illuminance_lx_from_magnitude(faintest)));
+        let budget = budget.part(1.0, extent.scale.len() - done);
+        let timed = timing::frames(renderer, &scene, &rig, &settings, extent.rounds, budget)?;
+        let adapter = renderer.adapter().adapter.clone();
+        let case = Case { axis: Axis::Scale, workload, adapter, size: VIEW.size(), items: stars as u64, planes: true };
+        for (method, timed) in StarMethod::ALL.into_iter().zip(&timed) {
+            let per_star = timed.spread.map(|spread| spread.median_ms * 1e6 / stars as f64);
+            rows.push(case.row(method, timed, "ns_per_star", &Score { value: per_star, note: String::new() }));
+        }
+    }
+    Ok(rows)
+}

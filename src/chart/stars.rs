@@ -1,0 +1,218 @@
+//! The axis `stars`: every way of drawing stars over every workload, timed in turn, with all its errors.
+//!
+//! Exposure is metered once per workload, with the B-spline, and given to all methods, so that all do the same work. The
+//! errors of single stars do not depend on the workload and are measured once, over the scoring scenes; they stand beside
+//! the time of each workload. The error of the whole frame's light is the workload's own: stars near the border of the
+//! picture are left out of that frame, because how much of them is inside depends on the profile.
+
+use glam::{DQuat, DVec2};
+use rayon::prelude::*;
+
+use super::{
+    Axis, Budget, ChartError, Extent, Metric, Row, Score, Scores, Sky, Step, Tell, ViewShape, score_method,
+    scores::settings_of,
+    timing::{self, Case, Timed, message_of},
+    workloads::{Skies, projection_of, rig_of, snapshot},
+};
+use crate::{
+    catalogue::StarRecord,
+    frame::{Renderer, Wanted},
+    metrics::{HdrView, relative_flux_error},
+    plan::settings::{RenderSettings, StarMethod},
+    scene::SceneSnapshot,
+    units::illuminance_lx_from_magnitude,
+    view::{Rig, projection::PlaneMapping},
+};
+
+/// Share of the time for the scores.
+const SCORES_SHARE: f64 = 0.4;
+/// Share of a workload's time for the interleaved frames; the rest is for the light of whole frames.
+const TIMING_SHARE: f64 = 0.7;
+/// Stars nearer to the border than this share of the picture's height are left out where the light of a frame is measured.
+const BORDER: f64 = 0.1;
+
+/// A workload with everything that its rows say.
+struct Workload<'a> {
+    name: String,
+    sky: &'a [StarRecord],
+    scene: &'a SceneSnapshot,
+    view: ViewShape,
+    rounds: usize,
+}
+
+pub(super) fn run(
+    renderer: &mut Renderer,
+    extent: &Extent,
+    skies: &mut Skies,
+    budget: Budget,
+    tell: Tell<'_>,
+) -> Result<Vec<Row>, ChartError> {
+    let workloads = extent.skies.len() * extent.views.len();
+    let of = StarMethod::ALL.len() + extent.skies.len() + workloads;
+    let mut done = 0;
+    let mut step = |what: String| {
+        tell(&Step { axis: Axis::Stars, done, of, what });
+        done += 1;
+    };
+    let mut scores = Vec::new();
+    let share = budget.part(SCORES_SHARE, StarMethod::ALL.len()).left();
+    for method in StarMethod::ALL {
+        step(format!("scoring {}", method.name()));
+        scores.push(score_method(renderer, method, extent.scoring, share)?);
+    }
+    let mut rows = Vec::new();
+    let mut left = workloads;
+    for sky in &extent.skies {
+        step(format!("making {} stars", sky.name()));
+        let records = skies.records(*sky)?;
+        let scene = snapshot(records.to_vec());
+        for &view in &extent.views {
+            let name = workload_name(*sky, view);
+            step(format!("timing {name}"));
+            let workload = Workload { name, sky: &records, scene: &scene, view, rounds: extent.rounds };
+            rows.extend(workload.rows(renderer, &scores, budget.part(1.0, left))?);
+            left -= 1;
+        }
+    }
+    Ok(rows)
+}
+
+fn workload_name(sky: Sky, view: ViewShape) -> String {
+    format!("{} {}", sky.name(), view.name())
+}
+
+impl Workload<'_> {
+    fn rows(&self, renderer: &mut Renderer, scores: &[Scores], budget: Budget) -> Result<Vec<Row>, ChartError> {
+        let rig = rig_of(vec![("chart", self.view.kind())])?;
+        let ev100 = timing::meter(renderer, self.scene, &rig, &self.name)?;
+        let lights = self.sky.par_iter().map(illuminance_lx);
+        let faintest_lx = lights.reduce(|| f64::INFINITY, f64::min);
+        let settings = StarMethod::ALL.map(|method| settings_of(method, ev100, faintest_lx));
+        let timing = budget.part(TIMING_SHARE, 1);
+        let timed = timing::frames(renderer, self.scene, &rig, &settings, self.rounds, timing)?;
+        let totals = self.totals(renderer, &rig, &settings, &timed, budget)?;
+        let case = Case {
+            axis: Axis::Stars,
+            workload: self.name.clone(),
+            adapter: renderer.adapter().adapter.clone(),
+            size: self.view.size(),
+            items: self.sky.len() as u64,
+            planes: self.view.is_flat(),
+        };
+        let mut rows = Vec::new();
+        for (index, method) in StarMethod::ALL.into_iter().enumerate() {
+            for metric in Metric::ALL {
+                let score = if metric == Metric::FluxTotal { Some(&totals[index]) } else { scores[index].get(metric) };
+                let mut score = score.cloned().unwrap_or_default();
+                if method.is_relative() && score.value.is_some() {
+                    let note = "relative brightness: after one fitted scale";
+                    score.note =
+                        if score.note.is_empty() { note.to_owned() } else { format!("{note}; {}", score.note) };
+                }
+                rows.push(case.row(method, &timed[index], metric.name(), &score));
+            }
+        }
+        Ok(rows)
+    }
+
+    /// The error of the light of the whole frame, per method.
+    fn totals(
+        &self,
+        renderer: &mut Renderer,
+        rig: &Rig,
+        settings: &[RenderSettings],
+        timed: &[Timed],
+        budget: Budget,
+    ) -> Result<Vec<Score>, ChartError> {
+        let projection = projection_of(rig);
+        let mapping = projection.mapping();
+        // A picture of the whole sky has no border.
+        let inner = (!matches!(self.view, ViewShape::FullSky(_))).then(|| {
+            let margin_px = BORDER * f64::from(self.view.size()[1]);
+            inside(self.sky, mapping, self.scene.camera.world_from_camera, margin_px)
+        });
+        let expected_lx: f64 = inner.as_deref().unwrap_or(self.sky).iter().map(illuminance_lx).sum();
+        let inner_scene = inner.map(snapshot);
+        let scene = inner_scene.as_ref().unwrap_or(self.scene);
+        let wanted = [Wanted { hdr: true, ..Wanted::default() }];
+        let mut totals = Vec::new();
+        for ((method, settings), timed) in StarMethod::ALL.into_iter().zip(settings).zip(timed) {
+            totals.push(if !method.draws_catalogue() {
+                Score::none("does not apply: the sky is procedural, its stars are its own")
+            } else if method.is_relative() {
+                Score::none("does not apply: brightness is relative, so the frame's light has no scale")
+            } else if timed.failed {
+                Score::none(timed.note.clone())
+            } else if budget.is_over() {
+                Score::none("not measured: the budget had no more")
+            } else {
+                match renderer.render(scene, rig, settings, &wanted, None) {
+                    Ok(frame) => score_of_light(&frame, mapping, expected_lx),
+                    Err(error) => Score::none(message_of(error)?),
+                }
+            });
+        }
+        Ok(totals)
+    }
+}
+
+fn illuminance_lx(record: &StarRecord) -> f64 {
+    illuminance_lx_from_magnitude(record.apparent_magnitude())
+}
+
+/// Size of the relative error of the light of a frame.
+fn score_of_light(frame: &crate::frame::Frame, mapping: &dyn PlaneMapping, expected_lx: f64) -> Score {
+    let Some(pixels) = frame.images.first().and_then(|image| image.hdr.as_ref()) else {
+        return Score::none("the frame has no HDR image");
+    };
+    let error = HdrView::new(mapping, pixels).and_then(|image| relative_flux_error(&[image], expected_lx));
+    match error {
+        Ok(error) => Score { value: Some(error.abs()), note: String::new() },
+        Err(error) => Score::none(error.to_string()),
+    }
+}
+
+/// The stars that a picture shows farther than `margin_px` from its border.
+fn inside(
+    records: &[StarRecord],
+    mapping: &dyn PlaneMapping,
+    world_from_view: DQuat,
+    margin_px: f64,
+) -> Vec<StarRecord> {
+    let view_from_world = world_from_view.conjugate();
+    let [width, height] = mapping.size().map(f64::from);
+    let shown = |at: DVec2| {
+        at.x >= 0.0 && at.y >= 0.0 && at.x < width && at.y < height && mapping.direction_from_pixel(at).is_some()
+    };
+    let keeps = |record: &&StarRecord| {
+        let Some(at) = mapping.pixel_from_direction(view_from_world * record.position) else { return false };
+        shown(at)
+            && (0..8)
+                .all(|step| shown(at + margin_px * DVec2::from_angle(f64::from(step) * std::f64::consts::FRAC_PI_4)))
+    };
+    records.par_iter().filter(keeps).copied().collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+    use crate::view::projection::{Fisheye, FisheyeMapping, Perspective};
+
+    #[test]
+    fn stars_near_the_border_are_left_out() {
+        let star = |position| StarRecord { position, magnitude: 1.0, temperature_k: 5000.0, distance_known: true };
+        let flat = Perspective::symmetric([100, 50], 1.0).unwrap();
+        let at = |x: f64, y: f64| star(7.0 * flat.direction_from_pixel(DVec2::new(x, y)).unwrap());
+        let stars = [at(50.0, 25.0), at(6.0, 25.0), at(4.0, 25.0), at(50.0, 44.0), at(50.0, 46.0), star(DVec3::Z)];
+        assert_eq!(inside(&stars, &flat, DQuat::IDENTITY, 5.0), [stars[0], stars[1], stars[3]]);
+        // Turned away, the picture shows none of them.
+        assert_eq!(inside(&stars[..5], &flat, DQuat::from_rotation_y(3.0), 5.0), []);
+
+        let dome = Fisheye::new([100, 100], FisheyeMapping::Equidistant, std::f64::consts::PI).unwrap();
+        let at = |x: f64, y: f64| star(dome.direction_from_pixel(DVec2::new(x, y)).unwrap());
+        let stars = [at(50.0, 50.0), at(90.0, 50.0), at(97.0, 50.0), at(81.0, 81.0), at(84.0, 84.0)];
+        assert_eq!(inside(&stars, &dome, DQuat::IDENTITY, 5.0), [stars[0], stars[1], stars[3]]);
+    }
+}

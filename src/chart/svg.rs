@@ -1,0 +1,195 @@
+//! The picture of an axis: time against error in double logarithmic panels, a point per method, the Pareto front as a line.
+//!
+//! One workload is shown, [`HEADLINE`] if it was run; the table has them all. A panel per error metric; what has no figure
+//! there is named below it. Errors smaller than [`LEAST_ERROR`] are drawn on the lowest line: nothing shows them. Sources
+//! differ by colour and by shape of their marks.
+
+mod axes;
+mod labels;
+mod panel;
+mod series;
+
+use ::svg::{
+    Document,
+    node::element::{Rectangle, Style, Text},
+};
+
+use self::panel::{Panel, Point};
+use super::{About, Axis, Row, html::metric_of, scores::Metric};
+
+/// Workload of the picture, where it was run.
+const HEADLINE: &str = "1M anticentre-1080p";
+/// Metrics of the panels.
+const PANELS: [Metric; 6] = [
+    Metric::FluxStarRms,
+    Metric::FlickerK10,
+    Metric::CentroidPx,
+    Metric::EllipticityView45Deg,
+    Metric::DynamicRange,
+    Metric::Keeps20000Stars,
+];
+/// Smaller errors count as this one.
+pub(super) const LEAST_ERROR: f64 = 1e-7;
+
+const STYLE: &str = "text{font-family:'DejaVu Sans',Verdana,Helvetica,sans-serif;font-size:11px;fill:#222;paint-order:stroke;stroke:#fff;stroke-width:2px} \
+     .title{font-size:19px;font-weight:bold} .small{font-size:11px;fill:#555} .name{font-size:13px;font-weight:bold} \
+     .grid{stroke:#e4e4e4;stroke-width:1} .frame{fill:none;stroke:#999;stroke-width:1} \
+     .front{fill:none;stroke:#444;stroke-width:1.6;stroke-dasharray:5 3} .leader{stroke:#aaa;stroke-width:0.7} \
+     .best{font-weight:bold}";
+
+const COLUMNS: usize = 2;
+const PANEL_WIDTH: f64 = 640.0;
+const PANEL_HEIGHT: f64 = 440.0;
+const HEAD_HEIGHT: f64 = 112.0;
+const MARGIN: f64 = 16.0;
+
+/// Draws the rows of one axis.
+pub(super) fn draw(axis: Axis, rows: &[&Row], about: &About) -> String {
+    match axis {
+        Axis::Stars => panels(axis, rows, about),
+        Axis::Views | Axis::Scale => series::draw(axis, rows, about),
+    }
+}
+
+/// An empty picture with its head: title, what is shown, and where it is from.
+fn with_head(axis: Axis, [width, height]: [f64; 2], subtitle: &str, about: &About) -> Document {
+    let mut document = Document::new()
+        .set("viewBox", (0, 0, width, height))
+        .set("width", width)
+        .set("height", height)
+        .set("role", "img")
+        .add(::svg::node::element::Title::new(axis.title()))
+        .add(Style::new(STYLE))
+        .add(Rectangle::new().set("width", width).set("height", height).set("fill", "#ffffff"));
+    let text =
+        |x: f64, y: f64, class: &str, content: &str| Text::new(content).set("x", x).set("y", y).set("class", class);
+    let from = format!("{} ({}), {}: {}", about.adapter, about.driver, about.date, about.command);
+    document = document
+        .add(text(MARGIN, 32.0, "title", axis.title()))
+        .add(text(MARGIN, 52.0, "small", subtitle))
+        .add(text(MARGIN, 68.0, "small", &from));
+    let mut x = MARGIN + 6.0;
+    for source in panel::SOURCES {
+        document = document.add(panel::mark(source, x, 88.0, 5.0)).add(text(x + 10.0, 92.0, "", source));
+        x += 34.0 + labels::width_px(source);
+    }
+    document
+}
+
+/// The axis `stars`: a panel per metric, for one workload.
+fn panels(axis: Axis, rows: &[&Row], about: &About) -> String {
+    let workload = headline(rows);
+    let shown: Vec<&Row> = rows.iter().filter(|row| Some(row.workload.as_str()) == workload).copied().collect();
+    let lines = PANELS.len().div_ceil(COLUMNS);
+    let width = COLUMNS as f64 * PANEL_WIDTH + 2.0 * MARGIN;
+    let height = HEAD_HEIGHT + lines as f64 * PANEL_HEIGHT + 2.0 * MARGIN;
+    let subtitle = match shown.first() {
+        Some(row) => format!(
+            "workload {}: {} stars in the catalogue, {} x {} pixels. Lower left is better; the dashed line is the Pareto front.",
+            row.workload,
+            grouped(row.items),
+            row.width,
+            row.height
+        ),
+        None => "nothing was measured".to_owned(),
+    };
+    let mut document = with_head(axis, [width, height], &subtitle, about);
+    for (index, metric) in PANELS.into_iter().enumerate() {
+        let (column, line) = (index % COLUMNS, index / COLUMNS);
+        let at = [MARGIN + column as f64 * PANEL_WIDTH, HEAD_HEIGHT + line as f64 * PANEL_HEIGHT];
+        document = panel_of(metric, &shown).draw(document, at, [PANEL_WIDTH, PANEL_HEIGHT]);
+    }
+    document.to_string() + "\n"
+}
+
+/// A whole number in groups of three digits.
+pub(super) fn grouped(number: u64) -> String {
+    let digits = number.to_string();
+    let groups: Vec<&str> =
+        digits.as_bytes().rchunks(3).rev().filter_map(|group| std::str::from_utf8(group).ok()).collect();
+    groups.join(",")
+}
+
+/// The workload to show: the usual one, else the first one.
+fn headline<'a>(rows: &[&'a Row]) -> Option<&'a str> {
+    let usual = rows.iter().find(|row| row.workload == HEADLINE);
+    usual.or(rows.first()).map(|row| row.workload.as_str())
+}
+
+/// The points of a metric, and who has none.
+fn panel_of(metric: Metric, rows: &[&Row]) -> Panel {
+    let (mut points, mut without) = (Vec::new(), Vec::new());
+    for row in rows.iter().filter(|row| metric_of(row) == Some(metric)) {
+        match (row.gpu_ms_median, row.error_value) {
+            (Some(ms), Some(value)) if ms > 0.0 => points.push(Point {
+                label: row.method.clone(),
+                source: row.source.clone(),
+                ms,
+                error: (value - metric.best()).abs().max(LEAST_ERROR),
+            }),
+            (Some(ms), _) => without.push(format!("{} ({ms:.1} ms)", row.method)),
+            (None, _) => without.push(row.method.clone()),
+        }
+    }
+    let name = if metric.best() == 0.0 { metric.name().to_owned() } else { format!("1 - {}", metric.name()) };
+    Panel { name, meaning: metric.meaning().to_owned(), points, without }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn row(method: &str, metric: Metric, ms: Option<f64>, value: Option<f64>) -> Row {
+        Row {
+            axis: "stars".to_owned(),
+            method: method.to_owned(),
+            source: "steradian".to_owned(),
+            workload: "10k dome".to_owned(),
+            error_metric: metric.name().to_owned(),
+            gpu_ms_median: ms,
+            error_value: value,
+            ..Row::default()
+        }
+    }
+
+    #[test]
+    fn what_has_no_figure_is_named_and_never_drawn_as_nought() {
+        let rows = [
+            row("a", Metric::CentroidPx, Some(2.0), Some(0.0)),
+            row("b", Metric::CentroidPx, Some(3.0), None),
+            row("c", Metric::CentroidPx, None, Some(0.1)),
+            row("d", Metric::FlickerK10, Some(3.0), Some(0.1)),
+        ];
+        let panel = panel_of(Metric::CentroidPx, &rows.iter().collect::<Vec<_>>());
+        assert_eq!(panel.points.len(), 1);
+        assert_eq!((panel.points[0].ms, panel.points[0].error), (2.0, LEAST_ERROR));
+        assert_eq!(panel.without, ["b (3.0 ms)", "c"]);
+    }
+
+    #[test]
+    fn large_numbers_are_grouped() {
+        assert_eq!([0, 999, 1000, 12_345_678].map(grouped), ["0", "999", "1,000", "12,345,678"]);
+    }
+
+    #[test]
+    fn a_share_that_is_kept_is_drawn_as_what_is_lost() {
+        let rows = [row("a", Metric::Keeps20000Stars, Some(2.0), Some(0.16))];
+        let panel = panel_of(Metric::Keeps20000Stars, &rows.iter().collect::<Vec<_>>());
+        assert!((panel.points[0].error - 0.84).abs() < 1e-12 && panel.name.starts_with("1 - "));
+    }
+
+    #[test]
+    fn names_cannot_break_the_picture() {
+        let about = About {
+            adapter: "<script>&\"".to_owned(),
+            driver: "d".to_owned(),
+            date: "2026".to_owned(),
+            command: "c".to_owned(),
+        };
+        let rows = [row("a<b", Metric::CentroidPx, Some(2.0), Some(0.1))];
+        let text = draw(Axis::Stars, &rows.iter().collect::<Vec<_>>(), &about);
+        assert!(!text.contains("<script>") && !text.contains("a<b") && text.contains("a&lt;b"), "{text}");
+        // Without any row there is still a picture.
+        assert!(draw(Axis::Stars, &[], &about).contains("</svg>"));
+    }
+}

@@ -1,0 +1,251 @@
+//! Timing: frames of all methods in turn, so that whatever else the machine does falls on all of them alike.
+//!
+//! Every method draws one frame that is not counted (buffers are made, stars uploaded, caches filled), then one frame per
+//! round; each round begins with another method. A method whose frames have used its share of the budget sits out the
+//! rounds that are left, and says so. Where the first frame alone takes more than the share, it is the figure.
+
+use std::time::{Duration, Instant};
+
+use super::{Axis, Budget, ChartError, Row, Score};
+use crate::{
+    frame::{RenderError, Renderer, Wanted},
+    gpu::GpuError,
+    plan::settings::{RenderSettings, StarMethod},
+    scene::SceneSnapshot,
+    view::Rig,
+};
+
+/// Times of several frames, ms.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Spread {
+    /// Median; of an even number of frames the mean of the two in the middle.
+    pub median_ms: f64,
+    /// Shortest.
+    pub min_ms: f64,
+    /// Longest.
+    pub max_ms: f64,
+}
+
+impl Spread {
+    /// Of no values there is none.
+    pub fn of(values: &[f64]) -> Option<Self> {
+        let mut sorted = values.to_vec();
+        sorted.sort_by(f64::total_cmp);
+        let (min_ms, max_ms) = (*sorted.first()?, *sorted.last()?);
+        let half = sorted.len() / 2;
+        let lower = if sorted.len().is_multiple_of(2) { half - 1 } else { half };
+        Some(Self { median_ms: (sorted[lower] + sorted[half]) / 2.0, min_ms, max_ms })
+    }
+}
+
+/// What timing found out about one method.
+#[derive(Clone, Debug, PartialEq, Default)]
+pub(super) struct Timed {
+    /// Times; `None` if the method was not drawn or the adapter has no timestamps.
+    pub spread: Option<Spread>,
+    /// Why there is no time, or what it does not hold.
+    pub note: String,
+    /// Whether the method could not be drawn.
+    pub failed: bool,
+}
+
+/// The message of an error that concerns one method alone.
+///
+/// # Errors
+/// Where the device is gone, for then no method can be drawn.
+pub(super) fn message_of(error: RenderError) -> Result<String, ChartError> {
+    match error {
+        RenderError::Gpu(GpuError::Refused(_)) => Ok(error.to_string()),
+        RenderError::Gpu(error) => Err(ChartError::Gpu(error)),
+        error => Ok(error.to_string()),
+    }
+}
+
+/// The exposure of all methods of a workload: metered with the B-spline.
+pub(super) fn meter(
+    renderer: &mut Renderer,
+    scene: &SceneSnapshot,
+    rig: &Rig,
+    workload: &str,
+) -> Result<f64, ChartError> {
+    let mut settings = RenderSettings::default();
+    settings.stars.method = StarMethod::BSpline;
+    let wanted = vec![Wanted { hdr_stays: true, ..Wanted::default() }; rig.views().len()];
+    match renderer.render(scene, rig, &settings, &wanted, None) {
+        Ok(frame) => Ok(frame.metered_ev100),
+        Err(source) => Err(ChartError::Workload { workload: workload.to_owned(), source }),
+    }
+}
+
+/// What all rows of a workload say alike.
+pub(super) struct Case {
+    pub axis: Axis,
+    pub workload: String,
+    pub adapter: String,
+    /// Size of the (first) image, pixels.
+    pub size: [u32; 2],
+    pub items: u64,
+    /// Whether every image is a flat plane.
+    pub planes: bool,
+}
+
+impl Case {
+    /// The row of a method and a metric.
+    pub fn row(&self, method: StarMethod, timed: &Timed, metric: &str, score: &Score) -> Row {
+        let mut notes: Vec<&str> = Vec::new();
+        if method.needs_planes() && !self.planes {
+            notes.push("published for a plane: drawn through cube faces");
+        }
+        for text in [&timed.note, &score.note] {
+            if !text.is_empty() && !notes.contains(&text.as_str()) {
+                notes.push(text);
+            }
+        }
+        Row {
+            axis: self.axis.name().to_owned(),
+            method: method.name().to_owned(),
+            source: method.source().name().to_owned(),
+            workload: self.workload.clone(),
+            adapter: self.adapter.clone(),
+            width: self.size[0],
+            height: self.size[1],
+            items: self.items,
+            gpu_ms_median: timed.spread.map(|spread| spread.median_ms),
+            gpu_ms_min: timed.spread.map(|spread| spread.min_ms),
+            gpu_ms_max: timed.spread.map(|spread| spread.max_ms),
+            error_metric: metric.to_owned(),
+            error_value: score.value,
+            notes: notes.join("; "),
+        }
+    }
+}
+
+struct Run {
+    times_ms: Vec<f64>,
+    spent: Duration,
+    /// How long the last frame took, all in all.
+    last: Duration,
+    warm_up_ms: Option<f64>,
+    failure: Option<String>,
+    sat_out: bool,
+}
+
+/// Draws the scene with each of `settings` for up to `rounds` rounds, HDR images made and left on the GPU.
+pub(super) fn frames(
+    renderer: &mut Renderer,
+    scene: &SceneSnapshot,
+    rig: &Rig,
+    settings: &[RenderSettings],
+    rounds: usize,
+    budget: Budget,
+) -> Result<Vec<Timed>, ChartError> {
+    let wanted = vec![Wanted { hdr_stays: true, ..Wanted::default() }; rig.views().len()];
+    // Clear, cull, splat and resolve; and all of it with planning and waiting.
+    let mut frame = |settings: &RenderSettings| -> Result<Result<(Option<f64>, Duration), String>, ChartError> {
+        let start = Instant::now();
+        match renderer.render(scene, rig, settings, &wanted, None) {
+            Ok(frame) => Ok(Ok((frame.times.gpu_ms.map(|ms| ms + frame.times.cull_ms), start.elapsed()))),
+            Err(error) => message_of(error).map(Err),
+        }
+    };
+    let mut runs = Vec::new();
+    for settings in settings {
+        let mut run = Run {
+            times_ms: Vec::new(),
+            spent: Duration::ZERO,
+            last: Duration::ZERO,
+            warm_up_ms: None,
+            failure: None,
+            sat_out: false,
+        };
+        match frame(settings)? {
+            Ok((ms, took)) => (run.warm_up_ms, run.last) = (ms, took),
+            Err(message) => run.failure = Some(message),
+        }
+        runs.push(run);
+    }
+    let drawn = runs.iter().filter(|run| run.failure.is_none()).count();
+    let share = budget.part(1.0, drawn).left();
+    for round in 0..rounds {
+        for turn in 0..runs.len() {
+            let index = (round + turn) % runs.len();
+            let run = &mut runs[index];
+            if run.failure.is_some() || run.sat_out {
+                continue;
+            }
+            if run.spent + run.last > share || budget.is_over() {
+                run.sat_out = true;
+                continue;
+            }
+            match frame(&settings[index])? {
+                Ok((ms, took)) => {
+                    run.times_ms.extend(ms);
+                    run.spent += took;
+                    run.last = took;
+                }
+                Err(message) => run.failure = Some(message),
+            }
+        }
+    }
+    Ok(runs.into_iter().map(|run| run.result(rounds)).collect())
+}
+
+impl Run {
+    fn result(self, rounds: usize) -> Timed {
+        if let Some(note) = self.failure {
+            return Timed { spread: None, note, failed: true };
+        }
+        let Some(warm_up_ms) = self.warm_up_ms else {
+            return Timed { spread: None, note: "the adapter has no timestamps".to_owned(), failed: false };
+        };
+        let measured = self.times_ms.len();
+        let note = match measured {
+            0 => "time of the first frame alone: the budget had no more".to_owned(),
+            _ if measured < rounds => format!("{measured} of {rounds} rounds: the budget had no more"),
+            _ => String::new(),
+        };
+        Timed { spread: Spread::of(&self.times_ms).or_else(|| Spread::of(&[warm_up_ms])), note, failed: false }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_median_is_in_the_middle() {
+        let spread = |values: &[f64]| Spread::of(values).map(|s| [s.median_ms, s.min_ms, s.max_ms]);
+        assert_eq!(spread(&[]), None);
+        assert_eq!(spread(&[3.0]), Some([3.0; 3]));
+        assert_eq!(spread(&[9.0, 1.0]), Some([5.0, 1.0, 9.0]));
+        assert_eq!(spread(&[9.0, 1.0, 2.0]), Some([2.0, 1.0, 9.0]));
+        assert_eq!(spread(&[9.0, 1.0, 2.0, 100.0]), Some([5.5, 1.0, 100.0]));
+    }
+
+    fn run(times_ms: Vec<f64>, warm_up_ms: Option<f64>, failure: Option<&str>) -> Timed {
+        let failure = failure.map(str::to_owned);
+        let run = Run { times_ms, spent: Duration::ZERO, last: Duration::ZERO, warm_up_ms, failure, sat_out: false };
+        run.result(3)
+    }
+
+    #[test]
+    fn what_is_missing_is_told_and_never_a_time_of_nought() {
+        let whole = run(vec![1.0, 2.0, 3.0], Some(9.0), None);
+        assert_eq!((whole.spread.unwrap().max_ms, whole.note.as_str()), (3.0, ""));
+        let short = run(vec![1.0], Some(9.0), None);
+        assert!(short.spread.unwrap().max_ms == 1.0 && short.note.contains("1 of 3"), "{short:?}");
+        let first = run(vec![], Some(9.0), None);
+        assert!(first.spread.unwrap().median_ms == 9.0 && first.note.contains("first frame"), "{first:?}");
+        let without = run(vec![], None, None);
+        assert!(without.spread.is_none() && without.note.contains("timestamps"), "{without:?}");
+        let failed = run(vec![1.0, 2.0], Some(9.0), Some("not drawn"));
+        assert!(failed.spread.is_none() && failed.note == "not drawn", "{failed:?}");
+    }
+
+    #[test]
+    fn only_a_lost_device_ends_the_run() {
+        assert!(message_of(RenderError::NotDrawn("tent")).unwrap().contains("tent"));
+        assert!(message_of(RenderError::Gpu(GpuError::Refused("no memory".to_owned()))).unwrap().contains("no memory"));
+        assert!(message_of(RenderError::Gpu(GpuError::NoAdapter("none".to_owned()))).is_err());
+    }
+}

@@ -1,0 +1,91 @@
+//! The axis `views`: what further views of the same frame cost. A window, the two eyes of a headset, a cubemap and a dome
+//! are drawn each by itself and all together; stars are read once for all of them. The figure beside the time of all
+//! together is its share of the sum of the times apart: below 1, a frame of many views is cheaper than many frames.
+
+use super::{
+    Axis, Budget, ChartError, Extent, Row, Score, Sky, Step, Tell, ViewShape,
+    scores::settings_of,
+    timing::{self, Case},
+    workloads::{Skies, cubemap, rig_of, snapshot},
+};
+use crate::{
+    frame::Renderer,
+    plan::settings::StarMethod,
+    units::illuminance_lx_from_magnitude,
+    view::{Fov, ViewKind},
+};
+
+/// Half of the field of view of an eye, rad.
+const EYE_HALF_FOV_RAD: f64 = std::f64::consts::FRAC_PI_4;
+/// Distance of the eyes, m.
+const IPD_M: f64 = 0.063;
+
+/// The views, by name, with the size of their first image.
+fn views() -> Vec<(&'static str, ViewKind, [u32; 2])> {
+    let eye = Fov {
+        left_rad: -EYE_HALF_FOV_RAD,
+        right_rad: EYE_HALF_FOV_RAD,
+        up_rad: EYE_HALF_FOV_RAD,
+        down_rad: -EYE_HALF_FOV_RAD,
+    };
+    let stereo = ViewKind::Stereo { size: [1024; 2], ipd_m: IPD_M, fov_left: eye, fov_right: eye.mirrored() };
+    let (window, dome) = (ViewShape::Flat([1280, 720]), ViewShape::Dome(1024));
+    vec![
+        ("window", window.kind(), window.size()),
+        ("stereo", stereo, [1024; 2]),
+        ("cubemap", cubemap(512), [512; 2]),
+        ("dome", dome.kind(), dome.size()),
+    ]
+}
+
+pub(super) fn run(
+    renderer: &mut Renderer,
+    extent: &Extent,
+    skies: &mut Skies,
+    budget: Budget,
+    tell: Tell<'_>,
+) -> Result<Vec<Row>, ChartError> {
+    let sky = Sky::Galaxy(extent.many_views_stars);
+    let records = skies.records(sky)?;
+    let faintest = records.iter().map(|record| record.apparent_magnitude()).fold(f64::NEG_INFINITY, f64::max);
+    let scene = snapshot(records.to_vec());
+    let views = views();
+    let of = views.len() + 1;
+    let together: Vec<(&str, ViewKind)> = views.iter().map(|(name, kind, _)| (*name, kind.clone())).collect();
+    let all = rig_of(together)?;
+    let ev100 = timing::meter(renderer, &scene, &all, "all views")?;
+    let settings = StarMethod::ALL.map(|method| settings_of(method, ev100, illuminance_lx_from_magnitude(faintest)));
+    let adapter = renderer.adapter().adapter.clone();
+    let mut rows = Vec::new();
+    let mut apart_ms = vec![Some(0.0); StarMethod::ALL.len()];
+    let mut sets = Vec::new();
+    for (name, kind, size) in &views {
+        sets.push((*name, rig_of(vec![(*name, kind.clone())])?, *size));
+    }
+    sets.push(("all together", all, views[0].2));
+    for (done, (name, rig, size)) in sets.into_iter().enumerate() {
+        tell(&Step { axis: Axis::Views, done, of, what: format!("{name}, {} stars", sky.name()) });
+        let timed = timing::frames(renderer, &scene, &rig, &settings, extent.rounds, budget.part(1.0, of - done))?;
+        let last = done + 1 == of;
+        let case = Case {
+            axis: Axis::Views,
+            workload: name.to_owned(),
+            adapter: adapter.clone(),
+            size,
+            items: extent.many_views_stars as u64,
+            planes: matches!(name, "window" | "stereo" | "cubemap"),
+        };
+        for (index, method) in StarMethod::ALL.into_iter().enumerate() {
+            let ms = timed[index].spread.map(|spread| spread.median_ms);
+            let score = if last {
+                let share = ms.zip(apart_ms[index]).map(|(together, apart)| together / apart);
+                Score { value: share, note: String::new() }
+            } else {
+                apart_ms[index] = apart_ms[index].zip(ms).map(|(sum, ms)| sum + ms);
+                Score { value: None, note: "does not apply to one view by itself".to_owned() }
+            };
+            rows.push(case.row(method, &timed[index], "time_over_views_apart", &score));
+        }
+    }
+    Ok(rows)
+}

@@ -1,0 +1,270 @@
+//! Workloads: skies and the views that they are drawn in, for a quick run and for a full one.
+//!
+//! All views look at the galactic anticentre, where stars are neither as dense as in the bulge nor as sparse as at the poles.
+
+use std::{f64::consts::PI, sync::Arc, time::Duration};
+
+use glam::{DMat3, DQuat, DVec3};
+
+use super::{ChartError, scores::ScoringSize};
+use crate::{
+    catalogue::{
+        StarRecord,
+        bright::bright_stars,
+        chunks::StarSet,
+        galaxy::{GalaxyParameters, generate},
+    },
+    coordinates::direction_from_lon_lat,
+    scene::{Camera, SceneSnapshot},
+    view::{
+        Rig, RigError, View, ViewKind,
+        projection::{Face, FisheyeMapping, Projection},
+    },
+};
+
+/// ICRS right ascension of the galactic anticentre, degrees.
+const ANTICENTRE_RA_DEG: f64 = 86.4;
+/// ICRS declination of the galactic anticentre, degrees.
+const ANTICENTRE_DEC_DEG: f64 = 28.9;
+/// Vertical field of view of the flat views, rad.
+pub const FLAT_FOV_Y_RAD: f64 = PI / 3.0;
+/// Seed of the synthetic galaxies.
+const SEED: u64 = 1;
+
+/// The stars of a workload.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sky {
+    /// `builtin:bright`, real stars.
+    Bright,
+    /// The synthetic galaxy with that many stars, the brightest.
+    Galaxy(usize),
+}
+
+impl Sky {
+    /// Name in workloads.
+    pub fn name(self) -> String {
+        match self {
+            Self::Bright => "bright".to_owned(),
+            Self::Galaxy(stars) if stars >= 1_000_000 && stars.is_multiple_of(1_000_000) => {
+                format!("{}M", stars / 1_000_000)
+            }
+            Self::Galaxy(stars) if stars >= 1000 && stars.is_multiple_of(1000) => format!("{}k", stars / 1000),
+            Self::Galaxy(stars) => stars.to_string(),
+        }
+    }
+}
+
+/// The skies of a run: those that further axes need again are kept.
+#[derive(Default)]
+pub(super) struct Skies {
+    kept: Vec<(Sky, Arc<Vec<StarRecord>>)>,
+}
+
+/// Larger skies are made anew rather than kept.
+const MOST_KEPT: usize = 1_000_000;
+
+impl Skies {
+    /// The stars of a sky.
+    pub fn records(&mut self, sky: Sky) -> Result<Arc<Vec<StarRecord>>, ChartError> {
+        if let Some((_, records)) = self.kept.iter().find(|(kept, _)| *kept == sky) {
+            return Ok(records.clone());
+        }
+        let records = Arc::new(match sky {
+            Sky::Bright => bright_stars(),
+            Sky::Galaxy(stars) => generate(&GalaxyParameters { stars, seed: SEED, fainter_than: None })?,
+        });
+        if records.len() <= MOST_KEPT {
+            self.kept.push((sky, records.clone()));
+        }
+        Ok(records)
+    }
+}
+
+/// The view of a workload.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ViewShape {
+    /// Flat, 60 degrees high.
+    Flat([u32; 2]),
+    /// Equidistant fisheye of 180 degrees.
+    Dome(u32),
+    /// The whole sky, equirectangular.
+    FullSky([u32; 2]),
+}
+
+impl ViewShape {
+    /// Name in workloads.
+    pub fn name(self) -> String {
+        match self {
+            Self::Flat([_, height]) => format!("anticentre-{height}p"),
+            Self::Dome(size) => format!("dome-{size}"),
+            Self::FullSky([width, _]) => format!("full-sky-{width}"),
+        }
+    }
+
+    /// Width and height, pixels.
+    pub fn size(self) -> [u32; 2] {
+        match self {
+            Self::Flat(size) | Self::FullSky(size) => size,
+            Self::Dome(size) => [size; 2],
+        }
+    }
+
+    /// Whether the image is a flat plane.
+    pub fn is_flat(self) -> bool {
+        matches!(self, Self::Flat(_))
+    }
+
+    pub(super) fn kind(self) -> ViewKind {
+        match self {
+            Self::Flat(size) => ViewKind::Perspective { size, fov_y_rad: FLAT_FOV_Y_RAD },
+            Self::Dome(size) => {
+                ViewKind::Fisheye { size: [size; 2], mapping: FisheyeMapping::Equidistant, fov_rad: PI }
+            }
+            Self::FullSky(size) => ViewKind::Equirectangular { size },
+        }
+    }
+}
+
+/// How much a run does.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Extent {
+    /// Skies.
+    pub skies: Vec<Sky>,
+    /// Views, each with every sky.
+    pub views: Vec<ViewShape>,
+    /// Measured frames of every method and workload, at most.
+    pub rounds: usize,
+    /// Time of the whole run, all axes and the making of skies included. Work that is under way when it ends is finished,
+    /// and every method has one frame in every workload.
+    pub budget: Duration,
+    /// Size of the scoring scenes.
+    pub scoring: ScoringSize,
+    /// Numbers of stars of the axis `scale`.
+    pub scale: Vec<usize>,
+    /// Stars of the axis `views`.
+    pub many_views_stars: usize,
+}
+
+impl Extent {
+    /// Ends within three minutes on two cores without a GPU, all axes together.
+    pub fn quick() -> Self {
+        Self {
+            skies: vec![Sky::Galaxy(10_000), Sky::Galaxy(1_000_000)],
+            views: vec![ViewShape::Flat([1920, 1080]), ViewShape::Dome(1024), ViewShape::FullSky([2048, 1024])],
+            rounds: 5,
+            budget: Duration::from_secs(140),
+            scoring: ScoringSize::default(),
+            scale: vec![10_000, 100_000, 1_000_000],
+            many_views_stars: 100_000,
+        }
+    }
+
+    /// Everything; more stars where there is a GPU with memory of its own.
+    pub fn full(discrete_gpu: bool) -> Self {
+        let mut skies = vec![
+            Sky::Bright,
+            Sky::Galaxy(10_000),
+            Sky::Galaxy(100_000),
+            Sky::Galaxy(1_000_000),
+            Sky::Galaxy(10_000_000),
+        ];
+        let mut scale = vec![10_000, 30_000, 100_000, 300_000, 1_000_000, 3_000_000, 10_000_000];
+        if discrete_gpu {
+            skies.push(Sky::Galaxy(50_000_000));
+            scale.push(50_000_000);
+        }
+        Self {
+            skies,
+            views: vec![
+                ViewShape::Flat([1280, 720]),
+                ViewShape::Flat([1920, 1080]),
+                ViewShape::Flat([3840, 2160]),
+                ViewShape::Dome(2048),
+                ViewShape::FullSky([2048, 1024]),
+            ],
+            rounds: 11,
+            budget: Duration::from_secs(5400),
+            scoring: ScoringSize::default(),
+            scale,
+            many_views_stars: 1_000_000,
+        }
+    }
+}
+
+/// Camera at the Sun that looks at the galactic anticentre.
+pub fn camera() -> Camera {
+    let back = -direction_from_lon_lat(ANTICENTRE_RA_DEG.to_radians(), ANTICENTRE_DEC_DEG.to_radians());
+    let right = DVec3::Z.cross(back).normalize();
+    let world_from_camera = DQuat::from_mat3(&DMat3::from_cols(right, back.cross(right), back));
+    Camera { world_from_camera, ..Camera::default() }
+}
+
+/// A scene of these stars, seen by [`camera`].
+pub fn snapshot(records: Vec<StarRecord>) -> SceneSnapshot {
+    SceneSnapshot { revision: 1, stars: Arc::new(StarSet::from_records(records)), camera: camera() }
+}
+
+/// A rig of views by name, all at the camera's place and along its axes.
+pub fn rig_of(views: Vec<(&str, ViewKind)>) -> Result<Rig, RigError> {
+    Rig::new(
+        views
+            .into_iter()
+            .map(|(name, kind)| View::new(name, kind, DQuat::IDENTITY, DVec3::ZERO))
+            .collect::<Result<_, _>>()?,
+    )
+}
+
+/// All faces of a cube.
+pub fn cubemap(face_size: u32) -> ViewKind {
+    ViewKind::Cubemap { face_size, faces: Face::ALL.to_vec() }
+}
+
+/// The projection of the only image of a rig's only view.
+pub fn projection_of(rig: &Rig) -> &Projection {
+    &rig.views()[0].images[0].projection
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::coordinates::icrs_from_galactic;
+
+    #[test]
+    fn the_camera_looks_at_the_anticentre() {
+        let forward = camera().world_from_camera * DVec3::NEG_Z;
+        let anticentre = icrs_from_galactic() * DVec3::NEG_X;
+        assert!(forward.angle_between(anticentre).to_degrees() < 0.05);
+        let up = camera().world_from_camera * DVec3::Y;
+        assert!(up.z > 0.8);
+    }
+
+    #[test]
+    fn a_small_sky_is_made_once() {
+        let mut skies = Skies::default();
+        let [first, again] = [(), ()].map(|()| skies.records(Sky::Bright).unwrap());
+        assert!(Arc::ptr_eq(&first, &again) && first.len() > 200);
+    }
+
+    #[test]
+    fn names_tell_stars_and_views_apart() {
+        let of = |extent: &Extent| {
+            let mut names: Vec<String> = extent
+                .skies
+                .iter()
+                .flat_map(|sky| extent.views.iter().map(move |view| format!("{} {}", sky.name(), view.name())))
+                .collect();
+            let all = names.len();
+            names.sort();
+            names.dedup();
+            assert_eq!(names.len(), all);
+            names
+        };
+        assert!(of(&Extent::quick()).contains(&"1M anticentre-1080p".to_owned()));
+        let full = of(&Extent::full(false));
+        for name in ["bright dome-2048", "10M anticentre-2160p", "100k full-sky-2048", "10k anticentre-720p"] {
+            assert!(full.contains(&name.to_owned()), "{name}: {full:?}");
+        }
+        assert!(of(&Extent::full(true)).contains(&"50M dome-2048".to_owned()));
+        assert_eq!(Sky::Galaxy(1234).name(), "1234");
+    }
+}

@@ -1,0 +1,101 @@
+//! `chart`: speed against accuracy of every method.
+
+use std::{
+    io::{self, IsTerminal},
+    path::PathBuf,
+    time::Instant,
+};
+
+use clap::Args;
+use indicatif::{ProgressBar, ProgressStyle};
+
+use super::{CliError, results};
+use crate::chart::{self, About, Axis, Extent, Step};
+use crate::frame::Renderer;
+use crate::gpu::{Gpu, GpuOptions};
+
+/// Arguments of `chart`.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    steradian chart --out chart --quick\n  \
+    steradian chart --out chart --axis stars --adapter llvmpipe\n\n\
+    Writes chart.csv, an SVG per axis and index.html that shows them. A quick run ends within three minutes on two cores\n\
+    without a GPU; a full one has all workloads, from 10 thousand to 10 million stars and from 720p to 4K, and takes longer.\n\
+    A method that cannot be drawn has rows with empty figures and the reason in its notes.")]
+pub struct ChartArguments {
+    /// The folder for the files; made if it is not there.
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Fewer workloads and rounds.
+    #[arg(long)]
+    quick: bool,
+    /// One axis alone; without it every axis.
+    #[arg(long, value_name = "AXIS", value_parser = Axis::from_name)]
+    axis: Option<Axis>,
+}
+
+/// Runs the command.
+pub fn run(arguments: &ChartArguments, adapter: Option<String>) -> Result<(), CliError> {
+    // A folder that cannot be made is found out before the work.
+    std::fs::create_dir_all(&arguments.out)
+        .map_err(|source| chart::ChartError::Write { path: arguments.out.clone(), source })?;
+    let gpu = Gpu::open(&GpuOptions { adapter, ..GpuOptions::default() })?;
+    let discrete = gpu.report().device_type == "DiscreteGpu";
+    let about = About::now(gpu.report(), &command());
+    let mut renderer = Renderer::new(gpu);
+    let extent = if arguments.quick { Extent::quick() } else { Extent::full(discrete) };
+    let mut progress = Progress::new();
+    let axes = arguments.axis.map_or(Axis::ALL.to_vec(), |axis| vec![axis]);
+    let rows = chart::run(&mut renderer, &axes, &extent, &mut |step| progress.step(step))?;
+    progress.finish();
+    for path in chart::write(&arguments.out, &rows, &about)? {
+        results::line(path.display())?;
+    }
+    Ok(())
+}
+
+/// The command line, as it may be typed again.
+fn command() -> String {
+    let words = std::env::args_os().skip(1).map(|word| {
+        let word = word.to_string_lossy().into_owned();
+        if word.contains(' ') { format!("'{word}'") } else { word }
+    });
+    std::iter::once("steradian".to_owned()).chain(words).collect::<Vec<_>>().join(" ")
+}
+
+/// A bar on a terminal, plain lines elsewhere.
+struct Progress {
+    bar: Option<ProgressBar>,
+    started: Instant,
+}
+
+impl Progress {
+    fn new() -> Self {
+        let bar = io::stderr().is_terminal().then(|| {
+            let bar = ProgressBar::no_length();
+            // A template without any unknown key parses; the plain style is what is left otherwise.
+            let style = ProgressStyle::with_template("{spinner} {wide_bar} {pos}/{len} {msg} [{elapsed}]");
+            bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+            bar
+        });
+        Self { bar, started: Instant::now() }
+    }
+
+    fn step(&mut self, step: &Step) {
+        match &self.bar {
+            Some(bar) => {
+                bar.set_length(step.of as u64);
+                bar.set_position(step.done as u64);
+                bar.set_message(step.what.clone());
+            }
+            None => tracing::info!("{}: {} ({} of {})", step.axis.name(), step.what, step.done + 1, step.of),
+        }
+    }
+
+    fn finish(&self) {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+        tracing::info!("charted in {:.1} s", self.started.elapsed().as_secs_f64());
+    }
+}

@@ -1,0 +1,199 @@
+//! The chart: a tiny run of the whole thing, and scores that must tell right from wrong.
+#![allow(clippy::unwrap_used, reason = "a failed expectation of a test's own helpers is a failed test")]
+
+mod common;
+
+use std::{collections::BTreeSet, process::Command, time::Duration};
+
+use steradian::{
+    chart::{
+        self, About, Axis, COLUMNS, Extent, Metric, Row, ScoringSize, Sky, ViewShape, read_csv, score_method, write_csv,
+    },
+    plan::settings::StarMethod,
+};
+use svg::{node::element::tag::Type, parser::Event};
+
+fn tiny() -> Extent {
+    Extent {
+        skies: vec![Sky::Bright, Sky::Galaxy(300)],
+        views: vec![ViewShape::Flat([160, 90]), ViewShape::FullSky([128, 64])],
+        rounds: 2,
+        budget: Duration::from_secs(120),
+        scoring: tiny_scoring(),
+        scale: vec![200, 400],
+        many_views_stars: 300,
+    }
+}
+
+fn tiny_scoring() -> ScoringSize {
+    ScoringSize { image_px: 512, positions: 200, crowd: 400, heap: 1000, shuffles: 1 }
+}
+
+fn about() -> About {
+    let (adapter, driver) = ("adapter <&> \"A\"".to_owned(), "driver".to_owned());
+    About { adapter, driver, date: "2026-01-02 03:04 UTC".to_owned(), command: "steradian chart --out x".to_owned() }
+}
+
+/// Panics unless every element that opens is closed in its order.
+fn well_formed(text: &str) -> Vec<String> {
+    let (mut open, mut texts) = (Vec::new(), Vec::new());
+    for event in svg::read(text).unwrap() {
+        match event {
+            Event::Tag(name, Type::Start, _) => open.push(name.to_owned()),
+            Event::Tag(name, Type::End, _) => assert_eq!(open.pop().as_deref(), Some(name)),
+            Event::Tag(_, Type::Empty, _) | Event::Comment(_) | Event::Declaration(_) | Event::Instruction(_) => {}
+            Event::Text(content) => texts.push(content.to_owned()),
+            Event::Error(error) => panic!("{error}"),
+        }
+    }
+    assert!(open.is_empty(), "{open:?} are not closed");
+    texts
+}
+
+#[test]
+fn a_tiny_run_has_every_method_and_leaves_no_cell_wrong() {
+    let mut renderer = common::renderer();
+    let mut steps = Vec::new();
+    let extent = tiny();
+    let rows = chart::run(&mut renderer, &[Axis::Stars], &extent, &mut |step| steps.push(step.clone())).unwrap();
+    assert!(steps.iter().enumerate().all(|(index, step)| step.done == index && step.of == steps.len()), "{steps:?}");
+
+    let folder = tempfile::tempdir().unwrap();
+    let files = chart::write(folder.path(), &rows, &about()).unwrap();
+    let names: Vec<&str> = files.iter().map(|path| path.file_name().unwrap().to_str().unwrap()).collect();
+    assert_eq!(names, ["chart.csv", "stars.svg", "index.html"]);
+    let read = |name: &str| std::fs::read_to_string(folder.path().join(name)).unwrap();
+
+    let csv = read("chart.csv");
+    assert_eq!(csv.lines().next().unwrap(), COLUMNS.join(","));
+    assert_eq!(
+        csv.lines().next().unwrap(),
+        "axis,method,source,workload,adapter,width,height,items,gpu_ms_median,gpu_ms_min,gpu_ms_max,error_metric,error_value,notes"
+    );
+    assert_eq!(read_csv(&csv).unwrap(), rows);
+    // One row per method, workload and error metric.
+    let keys: BTreeSet<_> = rows.iter().map(|row| (&row.method, &row.workload, &row.error_metric)).collect();
+    assert_eq!(keys.len(), rows.len());
+    assert_eq!(rows.len(), StarMethod::ALL.len() * Metric::ALL.len() * extent.skies.len() * extent.views.len());
+    for method in StarMethod::ALL {
+        let of_method: Vec<&Row> = rows.iter().filter(|row| row.method == method.name()).collect();
+        assert!(of_method.iter().all(|row| row.source == method.source().name()));
+        for row in of_method {
+            let times = [row.gpu_ms_min, row.gpu_ms_median, row.gpu_ms_max];
+            match times {
+                [Some(min), Some(median), Some(max)] => assert!(0.0 < min && min <= median && median <= max, "{row:?}"),
+                _ => assert!(times == [None; 3] && row.error_value.is_none() && !row.notes.is_empty(), "{row:?}"),
+            }
+            assert!(row.error_value.is_some() || !row.notes.is_empty(), "an empty cell must say why: {row:?}");
+            if !method.draws_catalogue() {
+                assert_eq!(row.error_value, None, "{row:?}");
+            }
+        }
+    }
+    assert!(rows.iter().any(|row| row.items == 300) && rows.iter().any(|row| row.workload == "bright full-sky-128"));
+
+    let texts = well_formed(&read("stars.svg"));
+    let html = read("index.html");
+    for method in StarMethod::ALL {
+        assert!(texts.iter().any(|text| text.contains(method.name())), "{} is not in the picture", method.name());
+        assert!(html.contains(&format!("<td>{}</td>", method.name())));
+    }
+    for part in ["adapter &lt;&amp;&gt;", "2026-01-02 03:04 UTC", "steradian chart --out x", "<img src=\"stars.svg\""] {
+        assert!(html.contains(part), "{part}");
+    }
+}
+
+/// The other axes: times, and one figure beside them.
+#[test]
+fn tiny_runs_of_the_other_axes_have_their_figures() {
+    let mut renderer = common::renderer();
+    let rows = chart::run(&mut renderer, &[Axis::Views, Axis::Scale], &tiny(), &mut |_| {}).unwrap();
+    let of = |axis: &str, workload: &str, method: &str| {
+        let found = rows.iter().find(|row| (&*row.axis, &*row.workload, &*row.method) == (axis, workload, method));
+        found.unwrap_or_else(|| panic!("no row {axis}, {workload}, {method}"))
+    };
+    for method in StarMethod::ALL.map(StarMethod::name) {
+        for stars in ["200", "400"] {
+            let row = of("scale", stars, method);
+            assert_eq!(row.items.to_string(), stars);
+            let per_star = row.gpu_ms_median.map(|ms| ms * 1e6 / row.items as f64);
+            assert_eq!(row.error_value, per_star);
+            assert!(per_star.is_some() || !row.notes.is_empty(), "{row:?}");
+        }
+        let mut apart = Some(0.0);
+        for view in ["window", "stereo", "cubemap", "dome"] {
+            let row = of("views", view, method);
+            assert_eq!(row.error_value, None);
+            apart = apart.zip(row.gpu_ms_median).map(|(sum, ms)| sum + ms);
+        }
+        let together = of("views", "all together", method);
+        assert_eq!(together.error_value, together.gpu_ms_median.zip(apart).map(|(together, apart)| together / apart));
+    }
+    assert!(of("scale", "400", "bspline").error_value.is_some());
+
+    let folder = tempfile::tempdir().unwrap();
+    let files = chart::write(folder.path(), &rows, &about()).unwrap();
+    let names: Vec<&str> = files.iter().map(|path| path.file_name().unwrap().to_str().unwrap()).collect();
+    assert_eq!(names, ["chart.csv", "views.svg", "scale.svg", "index.html"]);
+    for picture in ["views.svg", "scale.svg"] {
+        let texts = well_formed(&std::fs::read_to_string(folder.path().join(picture)).unwrap());
+        assert!(texts.iter().any(|text| text == "bspline") && texts.iter().any(|text| text == "tent"));
+    }
+}
+
+/// What the closed forms and the table of kernels say of the tent and the B-spline comes out of the chart's own scenes.
+#[test]
+fn scores_are_those_that_the_kernels_have() {
+    let mut renderer = common::renderer();
+    let size = ScoringSize { positions: 1000, image_px: 1024, ..tiny_scoring() };
+    let mut of = |method| {
+        let scores = score_method(&mut renderer, method, size, Duration::from_secs(60)).unwrap();
+        let values: Vec<(&str, f64)> = Metric::ALL
+            .into_iter()
+            .filter(|metric| *metric != Metric::FluxTotal)
+            .map(|metric| (metric.name(), scores.get(metric).unwrap().value.unwrap()))
+            .collect();
+        println!("{}: {values:?}", method.name());
+        move |metric: Metric| values.iter().find(|value| value.0 == metric.name()).unwrap().1
+    };
+    let (tent, bspline) = (of(StarMethod::Tent), of(StarMethod::BSpline));
+    // Measured for the design over 3000 positions: 0.084 to 0.163 and 0.011, 0.038, 0.128.
+    assert!((tent(Metric::FlickerK1) - 0.084).abs() < 0.003 && (bspline(Metric::FlickerK1) - 0.011).abs() < 0.001);
+    assert!((tent(Metric::FlickerK10) - 0.163).abs() < 0.005 && (bspline(Metric::FlickerK10) - 0.038).abs() < 0.002);
+    assert!((bspline(Metric::FlickerK100) - 0.128).abs() < 0.003);
+    // The width of the B-spline is constant, that of the tent is not.
+    assert!(bspline(Metric::WidthVariation) < 0.005 && tent(Metric::WidthVariation) > 0.1);
+    // What is round on a flat image plane is 1 - cos 45 degrees from round in the sky.
+    assert!((bspline(Metric::EllipticityView45Deg) - (1.0 - 0.5_f64.sqrt())).abs() < 0.01);
+    for scores in [&tent as &dyn Fn(Metric) -> f64, &bspline] {
+        assert!(scores(Metric::FluxStarRms) < 1e-4 && scores(Metric::CentroidPx) < 0.005);
+        // The unit of the sums rounds a star's light by 1e-4 at the corners of a cube, largest against smallest.
+        assert!(scores(Metric::FlickerLinear) < 1e-4 && scores(Metric::Seam) < 5e-4);
+        assert!(scores(Metric::ColourUv) < 0.003 && scores(Metric::DynamicRange) < 0.02);
+        assert!(scores(Metric::OrderBitsDiffer) == 0.0 && (scores(Metric::Keeps20000Stars) - 1.0).abs() < 1e-3);
+    }
+}
+
+#[test]
+fn a_figure_that_is_none_is_refused() {
+    let mut row = Row { method: "tent".to_owned(), ..Row::default() };
+    assert!(write_csv(&[row.clone()]).is_ok());
+    row.error_value = Some(f64::NAN);
+    assert!(write_csv(&[row]).is_err());
+}
+
+#[test]
+fn axes_that_do_not_exist_are_bad_usage() {
+    let folder = tempfile::tempdir().unwrap();
+    for axis in ["glare", "asteroids", "nothing"] {
+        let output = Command::new(env!("CARGO_BIN_EXE_steradian"))
+            .args(["chart", "--out", "chart", "--quick", "--axis", axis])
+            .current_dir(folder.path())
+            .output()
+            .unwrap();
+        let message = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(64), "{message}");
+        assert!(message.contains(axis) && message.contains("there is: stars, views, scale"), "{message}");
+    }
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0, "nothing is written");
+}
