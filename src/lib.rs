@@ -3,7 +3,7 @@
 //! A frame flows one way through the modules, in the order in which they stand here:
 //! `catalogue` and `config` make a `scene`; `view` turns configured views into a flat list of viewports; `plan` chooses a
 //! method for each technique; `gpu` and `passes` draw; `reference` is the same in f64 on the CPU; `metrics` judges
-//! images; `frame` runs it all; `output` and `service` hand frames out. `docs/architecture.md` tells the whole story.
+//! images; `frame` runs it all; `verify` proves it; `output` and `service` hand frames out. `docs/architecture.md` tells the whole story.
 
 pub mod coordinates;
 mod files;
@@ -29,6 +29,8 @@ pub(crate) mod passes;
 pub mod reference;
 
 pub mod frame;
+
+pub mod verify;
 
 pub mod output;
 pub mod service;
