@@ -37,6 +37,7 @@ fn help_and_version_go_to_standard_output_with_examples() {
         &["render", "--help"],
         &["serve", "--help"],
         &["info", "--help"],
+        &["verify", "--help"],
         &["catalogue", "import", "--help"],
         &["catalogue", "info", "--help"],
         &["catalogue", "synth", "--help"],

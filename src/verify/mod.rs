@@ -419,7 +419,7 @@ mod tests {
             assert_eq!(CheckResult::judge(check, figures).outcome, Outcome::Fail, "{wrong}");
         }
         assert_eq!(CheckResult::judge(check, Vec::new()).outcome, Outcome::Fail);
-        let told = Figure::informative("seen", 1.25e-7, "");
+        let told = Figure::informative("seen", 1.26e-7, "");
         assert!(told.pass && told.to_string() == "seen 1.3e-7", "{told}");
     }
 }
