@@ -9,12 +9,12 @@ use common::*;
 use glam::{DVec2, DVec3};
 use steradian::{
     metrics::{HdrView, centroid_error_px, centroid_error_rad, illuminance_lx, shape_rad},
-    photometry::rec709::luminance,
+    photometry::{kernel::SplatKernel, rec709::luminance},
     plan::settings::StarMethod,
     reference::{
         point_spread::{Gaussian, ImageTable, PointSpread, RadialTable},
         sky::{SkyKernel, SkyStar, draw, stars_for},
-        stars::Eye,
+        stars::{Eye, ReferenceImage},
     },
     view::{
         ViewKind,
@@ -274,6 +274,21 @@ fn the_picture_is_the_same_on_any_number_of_threads() {
     for threads in [2, 5] {
         assert!(on(threads) == one, "{threads} threads");
     }
+}
+
+#[test]
+fn a_moving_eye_sees_the_stars_of_the_twin() {
+    let set = snapshot(spiral(200).enumerate().map(|(i, d)| star(d, (i % 7) as f32)).collect()).stars;
+    let mapping = Equirectangular::new([64, 32]).unwrap();
+    let light = |velocity_c: DVec3| {
+        let eye = Eye { velocity_c, ..Eye::default() };
+        let truth = draw(&stars_for(&set, eye, 0.0), &mapping, SkyKernel::Point);
+        let twin = steradian::reference::stars::draw(&set, eye, &mapping, |_| Some(SplatKernel::Tent));
+        let sum = |image: &ReferenceImage| image.illuminance_lx.iter().map(|rgb| luminance(*rgb)).sum::<f64>();
+        assert!((sum(&truth) / sum(&twin) - 1.0).abs() < 1e-12);
+        sum(&truth)
+    };
+    assert!(light(DVec3::X * 0.5) / light(DVec3::ZERO) > 1.01, "and not those of an eye at rest");
 }
 
 /// The renderer against the truth: the same light, star by star, and for wide kernels nothing else can be compared pixel by

@@ -20,12 +20,11 @@ use rayon::prelude::*;
 
 use super::{
     point_spread::{FIVE_POINTS, PointSpread},
-    stars::{Eye, ReferenceImage},
+    stars::{Eye, ReferenceImage, Seen, seen_by},
 };
 use crate::{
-    catalogue::{chunks::StarSet, packed::temperature_of_step_k},
+    catalogue::chunks::StarSet,
     photometry::blackbody::rec709_in_gamut,
-    units::PARSEC_M,
     view::projection::{PlaneMapping, pixel_centre},
 };
 
@@ -50,20 +49,12 @@ pub enum SkyKernel<'a> {
 /// The stars of a set that are at least as bright as `faintest_lx` for the eye. A star at the eye's very place has no direction
 /// and is left out.
 pub fn stars_for(set: &StarSet, eye: Eye, faintest_lx: f64) -> Vec<SkyStar> {
-    let eye_pc = eye.position_m / PARSEC_M;
-    let view_from_world = eye.world_from_view.conjugate();
-    let seen = |(position, at_infinity, star): (DVec3, bool, &crate::catalogue::packed::PackedStar)| {
-        let place = if at_infinity { position.normalize_or_zero() } else { position - eye_pc };
-        let distance_squared = place.length_squared();
-        let illuminance_lx = star.illuminance_at_1_pc_lx() / distance_squared;
-        if distance_squared == 0.0 || illuminance_lx < faintest_lx {
-            return None;
-        }
-        let colour = rec709_in_gamut(temperature_of_step_k(star.temperature_step()));
-        let direction = (view_from_world * place).normalize();
-        Some(SkyStar { direction, rgb_lx: colour.map(|channel| channel * illuminance_lx) })
+    let brighter = |star: &Seen| star.illuminance_lx >= faintest_lx;
+    let coloured = |star: Seen| SkyStar {
+        direction: star.direction.normalize(),
+        rgb_lx: rec709_in_gamut(star.temperature_k).map(|channel| channel * star.illuminance_lx),
     };
-    set.iter().filter_map(seen).collect()
+    seen_by(set, eye).filter(brighter).map(coloured).collect()
 }
 
 /// Draws stars in the picture of a mapping.

@@ -20,9 +20,10 @@ use crate::{
     view::{Rig, ViewKind},
 };
 
-/// A small view whose middle pixel looks at -z.
+/// A small view whose middle pixel looks at -z; its pixels are an arcminute wide, so that a star of magnitude 20 is still within
+/// the range of a half float there.
 fn small_rig() -> Result<Rig, CheckError> {
-    Ok(rig([("v", ViewKind::Perspective { size: [33, 33], fov_y_rad: 0.5 })])?)
+    Ok(rig([("v", ViewKind::Perspective { size: [33, 33], fov_y_rad: 0.0096 })])?)
 }
 
 /// Light of a crowd in one pixel over what one of its stars, alone, gives times their number: so that a method of relative
