@@ -7,7 +7,7 @@ use protox::prost::Message;
 
 fn compile_protocol() -> Result<(), Box<dyn Error>> {
     println!("cargo::rerun-if-changed=proto");
-    let files = ["camera", "view", "diagnostics"].map(|name| format!("proto/steradian/v1/{name}.proto"));
+    let files = ["scene", "camera", "view", "diagnostics"].map(|name| format!("proto/steradian/v1/{name}.proto"));
     let descriptors = protox::compile(files, ["proto"])?;
     let out = PathBuf::from(env::var("OUT_DIR")?);
     fs::write(out.join("steradian_descriptors.bin"), descriptors.encode_to_vec())?;

@@ -3,7 +3,8 @@
 //! A frame flows one way through the modules, in the order in which they stand here:
 //! `catalogue` and `config` make a `scene`; `view` turns configured views into a flat list of viewports; `plan` chooses a
 //! method for each technique; `gpu` and `passes` draw; `reference` is the same in f64 on the CPU; `metrics` judges
-//! images; `frame` runs it all; `chart` times and scores every method; `output` and `service` hand frames out. `docs/architecture.md` tells the whole story.
+//! images; `frame` runs it all; `verify` proves it and `chart` times and scores every method; `output` and `service` hand
+//! frames out. `docs/architecture.md` tells the whole story.
 
 pub mod coordinates;
 mod files;
@@ -31,6 +32,7 @@ pub mod reference;
 pub mod frame;
 
 pub mod chart;
+pub mod verify;
 
 pub mod output;
 pub mod service;

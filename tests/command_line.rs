@@ -38,6 +38,7 @@ fn help_and_version_go_to_standard_output_with_examples() {
         &["serve", "--help"],
         &["info", "--help"],
         &["chart", "--help"],
+        &["verify", "--help"],
         &["catalogue", "import", "--help"],
         &["catalogue", "info", "--help"],
         &["catalogue", "synth", "--help"],

@@ -5,15 +5,15 @@ mod common;
 
 use std::f64::consts::PI;
 
-use glam::{DQuat, DVec2, DVec3};
+use glam::{DVec2, DVec3};
 use steradian::{
     gpu::{
         Gpu, GpuOptions,
         probe::{Probe, probe},
     },
-    view::{
-        Part, Viewport,
-        projection::{CubeFace, Equirectangular, Face, Fisheye, FisheyeMapping, Perspective, PlaneMapping, Projection},
+    verify::solid_angle::{self, is_near_rim, limit_at, sample_pixels, viewport},
+    view::projection::{
+        CubeFace, Equirectangular, Face, Fisheye, FisheyeMapping, Perspective, PlaneMapping, Projection,
     },
 };
 
@@ -80,13 +80,6 @@ fn limit_of(reference: &Reference) -> f64 {
     if reference.name.contains("orthographic") && is_near_rim(size, reference.pixel) { 1e-3 } else { 1e-5 }
 }
 
-/// Whether a pixel lies within 16 pixels of the rim of a round picture.
-fn is_near_rim(size: [u32; 2], pixel: [u32; 2]) -> bool {
-    let ([width, height], [x, y]) = (size.map(f64::from), pixel.map(f64::from));
-    let from_centre = DVec2::new(x + 0.5 - width / 2.0, y + 0.5 - height / 2.0).length();
-    from_centre > width.min(height) / 2.0 - 16.0
-}
-
 #[test]
 fn f64_agrees_with_the_reference_table() {
     let mut worst = (0.0, String::new());
@@ -117,10 +110,6 @@ fn a_wrong_solid_angle_is_found() {
     assert!(error > limit_of(row));
 }
 
-fn viewport(projection: Projection) -> Viewport {
-    Viewport { view: 0, part: Part::Whole, projection, world_from_view: DQuat::IDENTITY, eye_offset_m: DVec3::ZERO }
-}
-
 #[test]
 fn the_adapter_agrees_with_the_reference_table() {
     let gpu = Gpu::open(&GpuOptions::default()).unwrap();
@@ -136,56 +125,7 @@ fn the_adapter_agrees_with_the_reference_table() {
 }
 
 fn all_projections(size: u32) -> Vec<(String, Projection)> {
-    let square = [size; 2];
-    let mut all = vec![
-        (
-            "perspective 60".to_owned(),
-            Projection::Perspective(Perspective::symmetric([size, size * 9 / 16], PI / 3.0).unwrap()),
-        ),
-        (
-            "perspective 150".to_owned(),
-            Projection::Perspective(Perspective::symmetric(square, 150f64.to_radians()).unwrap()),
-        ),
-        (
-            "perspective 178".to_owned(),
-            Projection::Perspective(Perspective::symmetric(square, 178f64.to_radians()).unwrap()),
-        ),
-        (
-            "off-axis".to_owned(),
-            Projection::Perspective(Perspective::off_axis(square, -0.94, 0.7, 0.78, -0.87).unwrap()),
-        ),
-        ("cube face".to_owned(), Projection::CubeFace(CubeFace::new(Face::Left, size).unwrap())),
-        ("equirectangular".to_owned(), Projection::Equirectangular(Equirectangular::new([size, size / 2]).unwrap())),
-    ];
-    for (mapping, fields) in [
-        (FisheyeMapping::Equidistant, &[180.0, 220.0, 360.0][..]),
-        (FisheyeMapping::Equisolid, &[180.0, 220.0, 360.0]),
-        (FisheyeMapping::Orthographic, &[120.0, 180.0]),
-        (FisheyeMapping::Stereographic, &[180.0, 220.0, 350.0]),
-    ] {
-        for degrees in fields {
-            let fisheye = Fisheye::new(square, mapping, f64::to_radians(*degrees)).unwrap();
-            all.push((format!("{} {degrees}", mapping.name()), Projection::Fisheye(fisheye)));
-        }
-    }
-    all
-}
-
-/// Pixels over the whole picture: a grid, the corners, the rim, the neighbourhood of the antipode.
-fn sample_pixels(mapping: &dyn PlaneMapping) -> Vec<[u32; 2]> {
-    let [width, height] = mapping.size();
-    let mut pixels = Vec::new();
-    for j in 0..=40 {
-        for i in 0..=40 {
-            pixels.push([(i * (width - 1)) / 40, (j * (height - 1)) / 40]);
-        }
-    }
-    for i in 0..720 {
-        let (sin, cos) = (f64::from(i) * 0.5).to_radians().sin_cos();
-        let radius = f64::from(width.min(height)) / 2.0 - 0.8;
-        pixels.push([(f64::from(width) / 2.0 + radius * cos) as u32, (f64::from(height) / 2.0 + radius * sin) as u32]);
-    }
-    pixels
+    solid_angle::all_projections(size).expect("valid sizes")
 }
 
 /// At 16384 pixels a side f32 has few digits to spare.
@@ -206,12 +146,7 @@ fn the_adapter_agrees_with_f64_at_16k_and_at_256() {
                     assert_eq!(probed.solid_angle_sr, 0.0, "{name} {size}: {pixel:?} lies outside of the picture");
                     continue;
                 }
-                let antipode = name == "equidistant 360" && {
-                    let centre = DVec2::splat(f64::from(size) / 2.0);
-                    (DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5) - centre).length() > f64::from(size) * 0.499
-                };
-                let rim = name.starts_with("orthographic") && is_near_rim([size; 2], *pixel);
-                let limit = if rim || antipode { 1e-3 } else { 1e-5 };
+                let limit = limit_at(&projection, *pixel);
                 let error = (f64::from(probed.solid_angle_sr) / exact - 1.0).abs();
                 assert!(
                     error <= limit,

@@ -16,37 +16,9 @@ use steradian::{
     units::illuminance_lx_from_magnitude,
     view::{
         Fov, ViewKind,
-        projection::{Face, FisheyeMapping, PlaneMapping},
+        projection::{Face, FisheyeMapping},
     },
 };
-
-/// Up to `count` directions whose whole kernel lies inside every image of the view.
-fn directions_inside(kind: &ViewKind, count: usize) -> Vec<DVec3> {
-    let view = view("v", kind.clone());
-    let inside = |direction: DVec3| {
-        let taps_inside = |mapping: &dyn PlaneMapping, direction: DVec3| {
-            let Some(pixel) = mapping.pixel_from_direction(direction) else { return false };
-            (-12..=12).all(|j| {
-                (-12..=12).all(|i| {
-                    let at = pixel + DVec2::new(f64::from(i), f64::from(j));
-                    at.x >= 0.0 && at.y >= 0.0 && mapping.contains(at.x as u32, at.y as u32)
-                })
-            })
-        };
-        let images = view
-            .images
-            .iter()
-            .map(|image| taps_inside(image.projection.mapping(), image.camera_from_view.conjugate() * direction));
-        match kind {
-            // A cubemap shares its edges; a star needs to be inside of one face only.
-            ViewKind::Cubemap { .. } => images.into_iter().any(|inside| inside),
-            _ => images.into_iter().all(|inside| inside),
-        }
-    };
-    let found: Vec<DVec3> = spiral(20_000).filter(|direction| inside(*direction)).collect();
-    let step = (found.len() / count).max(1);
-    found.into_iter().step_by(step).take(count).collect()
-}
 
 /// Every whole magnitude from -1 to 15, a catalogue each, at 50 directions in every projection.
 #[test]
@@ -54,7 +26,7 @@ fn every_magnitude_has_its_light_in_every_projection() {
     let mut renderer = renderer();
     let mut worst = (0.0_f64, String::new());
     for (name, kind) in all_views() {
-        let directions = directions_inside(&kind, 50);
+        let directions = directions_inside(&view("v", kind.clone()), 50, 12);
         assert_eq!(directions.len(), 50, "{name}");
         let images = view("v", kind.clone()).images.len();
         let eyes = if matches!(kind, ViewKind::Stereo { .. }) { images as f64 } else { 1.0 };
@@ -82,7 +54,7 @@ fn every_magnitude_has_its_light_in_every_projection() {
 #[test]
 fn half_a_per_cent_too_much_light_is_found() {
     let (name, kind) = all_views().remove(0);
-    let directions = directions_inside(&kind, 50);
+    let directions = directions_inside(&view("v", kind.clone()), 50, 12);
     let rig = rig(vec![(name, kind)]);
     let magnitude = 5.0 - 2.5 * 1.005_f64.log10();
     let records = directions.iter().map(|direction| star(*direction, magnitude as f32)).collect();
@@ -95,28 +67,7 @@ fn half_a_per_cent_too_much_light_is_found() {
 #[test]
 fn light_is_whole_on_every_edge_corner_pole_and_date_line() {
     let mut renderer = renderer();
-    let mut places = vec![("north pole", DVec3::Y), ("south pole", DVec3::NEG_Y)];
-    for x in [-1.0, 0.0, 1.0] {
-        for y in [-1.0, 0.0, 1.0] {
-            for z in [-1.0, 0.0, 1.0] {
-                match [x, y, z].iter().filter(|v: &&f64| v.abs() > 0.0).count() {
-                    3 => places.push(("corner", DVec3::new(x, y, z))),
-                    2 => {
-                        places.push(("edge", DVec3::new(x, y, z)));
-                        // A point of the edge that is not its middle.
-                        places.push((
-                            "edge",
-                            DVec3::new(x, y, z) + 0.37 * DVec3::new(1.0 - x * x, 1.0 - y * y, 1.0 - z * z),
-                        ));
-                    }
-                    _ => {}
-                }
-            }
-        }
-    }
-    for latitude in [-1.2_f64, -0.4, 0.0, 0.7, 1.4] {
-        places.push(("date line", DVec3::new(0.0, latitude.sin(), latitude.cos())));
-    }
+    let places = hard_places();
     let expected = illuminance_lx_from_magnitude(3.0);
     for (name, kind) in [
         ("cube", ViewKind::Cubemap { face_size: 48, faces: Face::ALL.to_vec() }),
@@ -126,8 +77,7 @@ fn light_is_whole_on_every_edge_corner_pole_and_date_line() {
         let rig = rig(vec![(name, kind)]);
         for method in [StarMethod::BSpline, StarMethod::Tent, StarMethod::PixelGaussian] {
             let mut worst = 0.0_f64;
-            for (place, direction) in &places {
-                let direction = direction.normalize();
+            for direction in &places {
                 let across = direction.any_orthonormal_vector();
                 for step in -4..=4 {
                     // Sub-pixel steps across, and the place itself.
@@ -137,10 +87,10 @@ fn light_is_whole_on_every_edge_corner_pole_and_date_line() {
                     let scene = snapshot(vec![star(swept, 3.0)]);
                     let frame = render_hdr(&mut renderer, &scene, &rig, &settings(method));
                     let error = total_illuminance_lx(&frame, &rig) / expected - 1.0;
-                    assert!(error.abs() < 1e-4, "{name} {method:?}, {place} {direction} step {step}: {error}");
+                    assert!(error.abs() < 1e-4, "{name} {method:?}, {direction} step {step}: {error}");
                     // Exactly on an edge of the cube, rounding decides which faces count the star.
                     if step != 0 || name != "cube" {
-                        assert_eq!(frame.views[0].stars_drawn, 1, "{name}, {place} {direction} step {step}");
+                        assert_eq!(frame.views[0].stars_drawn, 1, "{name}, {direction} step {step}");
                     }
                     worst = worst.max(error.abs());
                 }

@@ -1,6 +1,7 @@
 //! What a command can fail with, and the exit code of each failure.
 
 use std::io;
+use std::path::PathBuf;
 
 use crate::catalogue::galaxy::GalaxyError;
 use crate::catalogue::store::StoreError;
@@ -77,6 +78,22 @@ pub enum CliError {
     /// A report cannot be put into JSON.
     #[error("cannot write JSON: {0}")]
     Json(serde_json::Error),
+    /// A file cannot be written.
+    #[error("cannot write {}: {source}", path.display())]
+    WriteFile {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: io::Error,
+    },
+    /// Checks have failed, or none applies.
+    #[error("{failed} of {of} checks that apply have failed")]
+    Checks {
+        /// How many failed.
+        failed: usize,
+        /// How many were run.
+        of: usize,
+    },
     /// Standard output does not take the result.
     #[error("cannot write to standard output: {0}")]
     Stdout(#[from] io::Error),
@@ -115,6 +132,7 @@ impl CliError {
             CliError::Load { .. } | CliError::ReadStore(_) => BAD_DATA,
             CliError::Chart(_) => FAILED,
             CliError::WriteStore(_) | CliError::Output(_) | CliError::Json(_) | CliError::Stdout(_) => FAILED,
+            CliError::WriteFile { .. } | CliError::Checks { .. } => FAILED,
         }
     }
 

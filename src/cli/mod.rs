@@ -14,6 +14,7 @@ mod psf;
 mod render;
 mod results;
 mod serve;
+mod verify;
 
 use clap::{Parser, Subcommand};
 pub use error::{BAD_DATA, BAD_USAGE, CliError, FAILED, NO_ADAPTER};
@@ -28,11 +29,12 @@ pub use error::{BAD_DATA, BAD_USAGE, CliError, FAILED, NO_ADAPTER};
         steradian render --config configs/demo.toml --out out\n  \
         steradian serve --config configs/demo.toml --listen 127.0.0.1:7143\n  \
         steradian info --json\n  \
+        steradian verify --set stars.method=auto\n  \
         steradian chart --out chart --quick\n  \
         steradian catalogue synth --stars 1000000 --seed 1 --out galaxy.stars\n  \
         steradian catalogue info galaxy.stars\n  \
         steradian psf --aperture hexagon --diameter-mm 2 --out hexagon.exr\n\n\
-        Exit codes: 0 done, 1 a job failed, 64 bad usage or configuration, 65 bad input data, 69 no usable adapter."
+        Exit codes: 0 done, 1 a check or job failed, 64 bad usage or configuration, 65 bad input data, 69 no usable adapter."
 )]
 pub struct Cli {
     /// Graphics adapter to use: part of its name, in any case.
@@ -54,6 +56,8 @@ pub enum Command {
     Render(render::RenderArguments),
     /// Run the daemon: renders views for clients over gRPC until SIGINT or SIGTERM.
     Serve(serve::ServeArguments),
+    /// Run the failure tests on this machine's adapter: where methods of drawing fail, each with a number and a limit.
+    Verify(verify::VerifyArguments),
     /// Tell the adapter, its driver, the features and limits used, and the fallbacks taken.
     Info(info::InfoArguments),
     /// Chart the speed of every method against its accuracy.
@@ -70,6 +74,7 @@ pub fn run(arguments: Cli) -> Result<(), CliError> {
     match arguments.command {
         Command::Render(command) => render::run(command, arguments.adapter),
         Command::Serve(command) => serve::run(command, arguments.adapter),
+        Command::Verify(command) => verify::run(command, arguments.adapter),
         Command::Info(command) => info::run(&command, arguments.adapter),
         Command::Chart(command) => chart::run(&command, arguments.adapter),
         Command::Catalogue(command) => catalogue::run(command),

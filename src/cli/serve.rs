@@ -13,7 +13,8 @@ use crate::config::{Config, parse_listen};
 use crate::frame::Renderer;
 use crate::gpu::{Gpu, GpuOptions};
 use crate::scene::SceneSnapshot;
-use crate::service::{self, ServeOptions, Shutdown};
+use crate::scene::loader::LoadedCatalogue;
+use crate::service::{self, SceneCatalogue, ServeOptions, Shutdown};
 
 /// Arguments of `serve`.
 #[derive(Debug, Args)]
@@ -49,7 +50,7 @@ pub fn run(arguments: ServeArguments, adapter: Option<String>) -> Result<(), Cli
         let mut signals = Box::pin(service::signals().map_err(CliError::Runtime)?);
         let (sources, origin) = (config.star_sources(), config.origin.clone());
         let loading = task::spawn_blocking(move || load::stars(&sources, &origin));
-        let (stars, _) = tokio::select! {
+        let (stars, report) = tokio::select! {
             () = &mut signals => return Ok(()),
             loaded = loading => match loaded {
                 Ok(loaded) => loaded?,
@@ -60,6 +61,8 @@ pub fn run(arguments: ServeArguments, adapter: Option<String>) -> Result<(), Cli
         let scene = SceneSnapshot { revision: 1, stars: Arc::new(stars), camera };
         let listen = arguments.listen.unwrap_or_else(|| config.server.listen.clone());
         let mut options = ServeOptions::new(listen, Box::new(renderer), scene, rig, config.render_settings(), announce);
+        let catalogue = |loaded: LoadedCatalogue| SceneCatalogue { name: loaded.name, stars: loaded.stars as u64 };
+        options.catalogues = report.catalogues.into_iter().map(catalogue).collect();
         options.shutdown = Shutdown::When(signals);
         service::run(options).await.map_err(CliError::Serve)
     })

@@ -190,6 +190,11 @@ impl Renderer {
         self.gpu.report()
     }
 
+    /// The device, to compute on it beside frames.
+    pub(crate) fn gpu(&self) -> &Gpu {
+        &self.gpu
+    }
+
     /// Whether the adapter can hold the images of a rig.
     pub fn check(&self, rig: &Rig) -> Result<(), RenderError> {
         let limit = self.gpu.max_view_side_px();

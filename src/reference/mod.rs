@@ -1,7 +1,16 @@
 //! The passes in f64 on the CPU, under the same names: slow and simple, to check the GPU by and to draw through
-//! projections of your own.
+//! projections of your own; and the truth that every method is measured against.
+//!
+//! - `stars`: the twin of the star and resolve passes, `gaussian` of the kernel that is round in view space;
+//! - `billboards` and `cell_sky`: the twins of the published methods;
+//! - `sky`: the sky as it is, each star spread by an exact kernel over exact solid angles, in any projection;
+//! - `point_spread`: the kernels of that, as functions on the sphere;
+//! - `triangle_solid_angle`: a published way to a pixel's solid angle, in the arithmetic of a shader.
 
 pub mod billboards;
 pub mod cell_sky;
 pub mod gaussian;
+pub mod point_spread;
+pub mod sky;
 pub mod stars;
+pub mod triangle_solid_angle;

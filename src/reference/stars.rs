@@ -70,6 +70,43 @@ impl From<SplatKernel> for StarKernel {
     }
 }
 
+/// A star as an eye sees it.
+pub(super) struct Seen {
+    /// Direction in view space, of any length.
+    pub(super) direction: DVec3,
+    /// Illuminance at the eye, lx.
+    pub(super) illuminance_lx: f64,
+    /// Temperature of its colour, K.
+    pub(super) temperature_k: f64,
+}
+
+/// The stars of a set for an eye at its place and speed. One at the eye's very place has no direction and is left out.
+pub(super) fn seen_by(set: &StarSet, eye: Eye) -> impl Iterator<Item = Seen> {
+    let eye_pc = eye.position_m / PARSEC_M;
+    let view_from_world = eye.world_from_view.conjugate();
+    let motion = Motion::new(eye.velocity_c);
+    set.iter().filter_map(move |(position, at_infinity, star)| {
+        let place = if at_infinity { position.normalize_or_zero() } else { position - eye_pc };
+        let distance_squared = place.length_squared();
+        if distance_squared == 0.0 {
+            return None;
+        }
+        let illuminance_lx = star.illuminance_at_1_pc_lx() / distance_squared;
+        let temperature_k = temperature_of_step_k(star.temperature_step());
+        Some(match &motion {
+            None => Seen { direction: view_from_world * place, illuminance_lx, temperature_k },
+            Some(motion) => {
+                let doppler = motion.doppler_of(place);
+                Seen {
+                    direction: view_from_world * motion.seen(place),
+                    illuminance_lx: illuminance_lx * illuminance_factor(temperature_k, doppler),
+                    temperature_k: temperature_k * doppler,
+                }
+            }
+        })
+    })
+}
+
 /// Draws all stars of a set. `kernel_for` chooses the kernel by the illuminance in lx that the eye
 /// receives; `None` leaves the star out.
 pub fn draw<K: Into<StarKernel>>(
@@ -81,26 +118,8 @@ pub fn draw<K: Into<StarKernel>>(
     let size = mapping.size();
     let mut image =
         ReferenceImage { size, illuminance_lx: vec![[0.0; 3]; size[0] as usize * size[1] as usize], stars: 0 };
-    let eye_pc = eye.position_m / PARSEC_M;
-    let view_from_world = eye.world_from_view.conjugate();
-    let motion = Motion::new(eye.velocity_c);
-    for (position, at_infinity, star) in set.iter() {
-        let place = if at_infinity { position.normalize_or_zero() } else { position - eye_pc };
-        let distance_squared = place.length_squared();
-        if distance_squared == 0.0 {
-            continue;
-        }
-        let mut illuminance_lx = star.illuminance_at_1_pc_lx() / distance_squared;
-        let mut temperature_k = temperature_of_step_k(star.temperature_step());
-        let mut seen = place;
-        if let Some(motion) = motion {
-            let doppler = motion.doppler_of(place);
-            illuminance_lx *= illuminance_factor(temperature_k, doppler);
-            temperature_k *= doppler;
-            seen = motion.seen(place);
-        }
+    for Seen { direction, illuminance_lx, temperature_k } in seen_by(set, eye) {
         let Some(kernel) = kernel_for(illuminance_lx) else { continue };
-        let direction = view_from_world * seen;
         let taps = match kernel.into() {
             StarKernel::Splat(kernel) => mapping.taps(&|centre| kernel.footprint(centre), direction),
             StarKernel::Gaussian(width) => gaussian::taps(mapping, width, direction),

@@ -7,11 +7,12 @@ use tonic::{
     transport::{Channel, Endpoint},
 };
 
+pub use super::client_scene::{CheckReceiver, ReceivedCheck, ReceivedFigure, SceneForm, SceneReceiver};
 use super::{
     convert,
     proto::{
         self, camera_service_client::CameraServiceClient, diagnostics_service_client::DiagnosticsServiceClient,
-        view_service_client::ViewServiceClient,
+        scene_service_client::SceneServiceClient, view_service_client::ViewServiceClient,
     },
     render::CameraUpdate,
 };
@@ -202,7 +203,8 @@ impl FrameReceiver {
 pub struct Client {
     camera: CameraServiceClient<Channel>,
     view: ViewServiceClient<Channel>,
-    diagnostics: DiagnosticsServiceClient<Channel>,
+    pub(super) diagnostics: DiagnosticsServiceClient<Channel>,
+    pub(super) scene: SceneServiceClient<Channel>,
 }
 
 impl Client {
@@ -215,7 +217,8 @@ impl Client {
             camera: CameraServiceClient::new(channel.clone()),
             // A frame of large views is hundreds of megabytes; the default limit is 4 MiB.
             view: ViewServiceClient::new(channel.clone()).max_decoding_message_size(usize::MAX),
-            diagnostics: DiagnosticsServiceClient::new(channel),
+            diagnostics: DiagnosticsServiceClient::new(channel.clone()),
+            scene: SceneServiceClient::new(channel),
         })
     }
 

@@ -2,8 +2,20 @@
 
 use glam::{DQuat, DVec3};
 
-use super::{proto, render::CameraUpdate};
-use crate::{gpu::AdapterReport, output::Encoding, scene::Camera, view::View};
+use super::{
+    proto,
+    render::CameraUpdate,
+    scene::{SceneState, SceneUpdate},
+    server::SceneCatalogue,
+};
+use crate::{
+    gpu::AdapterReport,
+    output::Encoding,
+    plan::settings::StarMethod,
+    scene::Camera,
+    verify::{CheckResult, Outcome},
+    view::View,
+};
 
 pub(super) fn vector_to_pb(v: DVec3) -> proto::Vector3 {
     proto::Vector3 { x: v.x, y: v.y, z: v.z }
@@ -91,5 +103,129 @@ pub(super) fn info_to_pb(
         stars,
         scene_revision,
         frames_rendered,
+    }
+}
+
+pub(super) fn scene_to_pb(scene: &SceneState, catalogues: &[SceneCatalogue]) -> proto::Scene {
+    let catalogue =
+        |catalogue: &SceneCatalogue| proto::Catalogue { name: catalogue.name.clone(), stars: catalogue.stars };
+    proto::Scene {
+        revision: scene.revision,
+        catalogues: catalogues.iter().map(catalogue).collect(),
+        stars: Some(proto::StarSettings {
+            method: scene.stars.method.name().to_owned(),
+            magnitude_limit: scene.stars.magnitude_limit,
+        }),
+    }
+}
+
+/// The star method of a name; the error lists the names.
+pub(super) fn star_method(name: &str) -> Result<StarMethod, String> {
+    StarMethod::from_name(name).ok_or_else(|| {
+        let names: Vec<&str> = StarMethod::ALL.iter().map(|method| method.name()).collect();
+        format!("unknown star method `{name}`: allowed are {}", names.join(", "))
+    })
+}
+
+/// The fields that the mask names; the error tells what is wrong and what is allowed.
+pub(super) fn scene_update_from_pb(request: &proto::UpdateSceneRequest) -> Result<SceneUpdate, String> {
+    const ALLOWED: &str = "allowed are stars, stars.method, stars.magnitude_limit";
+    let paths = request.update_mask.as_ref().map_or(&[][..], |mask| &mask.paths);
+    if paths.is_empty() {
+        return Err(format!("update_mask names no field: {ALLOWED}"));
+    }
+    let new = request.scene.as_ref().and_then(|scene| scene.stars.clone()).unwrap_or_default();
+    let mut update = SceneUpdate::default();
+    for path in paths {
+        let (method, limit) = match path.as_str() {
+            "stars" => (true, true),
+            "stars.method" => (true, false),
+            "stars.magnitude_limit" => (false, true),
+            "revision" | "catalogues" => return Err(format!("update_mask: `{path}` cannot be changed: {ALLOWED}")),
+            _ => return Err(format!("update_mask: no field `{path}`: {ALLOWED}")),
+        };
+        if method {
+            update.star_method = Some(star_method(&new.method).map_err(|problem| format!("stars.method: {problem}"))?);
+        }
+        if limit {
+            if !new.magnitude_limit.is_finite() {
+                return Err(format!("stars.magnitude_limit = {}: a finite number is needed", new.magnitude_limit));
+            }
+            update.magnitude_limit = Some(new.magnitude_limit);
+        }
+    }
+    Ok(update)
+}
+
+pub(super) fn check_to_pb(result: CheckResult) -> proto::VerifyResult {
+    use proto::verify_result::Outcome as Wire;
+    let outcome = match result.outcome {
+        Outcome::Pass => Wire::Pass,
+        Outcome::Fail => Wire::Fail,
+        Outcome::NotApplicable => Wire::NotApplicable,
+    };
+    let figure = |figure: crate::verify::Figure| proto::VerifyFigure {
+        what: figure.what,
+        measured: figure.measured,
+        limit: figure.limit,
+        unit: figure.unit.to_owned(),
+        pass: figure.pass,
+    };
+    proto::VerifyResult {
+        number: result.number.map(u32::from),
+        name: result.name.to_owned(),
+        group: result.group.to_owned(),
+        outcome: outcome.into(),
+        figures: result.figures.into_iter().map(figure).collect(),
+        message: result.message.unwrap_or_default(),
+        seconds: result.seconds,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn request(method: &str, magnitude_limit: f64, paths: &[&str]) -> proto::UpdateSceneRequest {
+        let stars = proto::StarSettings { method: method.to_owned(), magnitude_limit };
+        proto::UpdateSceneRequest {
+            scene: Some(proto::Scene { stars: Some(stars), ..Default::default() }),
+            update_mask: Some(prost_types::FieldMask { paths: paths.iter().map(|path| path.to_string()).collect() }),
+            expected_revision: None,
+        }
+    }
+
+    #[test]
+    fn the_mask_decides_what_is_changed() {
+        let update = |paths: &[&str]| scene_update_from_pb(&request("tent", 6.5, paths)).unwrap();
+        let (tent, limit) = (Some(StarMethod::Tent), Some(6.5));
+        for (paths, star_method, magnitude_limit) in [
+            (&["stars"][..], tent, limit),
+            (&["stars.method"], tent, None),
+            (&["stars.magnitude_limit"], None, limit),
+            (&["stars.magnitude_limit", "stars.method"], tent, limit),
+        ] {
+            assert_eq!(update(paths), SceneUpdate { star_method, magnitude_limit }, "{paths:?}");
+        }
+        // A value that the mask does not name is not looked at.
+        assert!(scene_update_from_pb(&request("dots", 6.5, &["stars.magnitude_limit"])).is_ok());
+    }
+
+    #[test]
+    fn what_cannot_be_changed_is_refused_with_what_can() {
+        for (method, limit, paths, parts) in [
+            ("tent", 6.5, &[][..], &["no field", "stars.magnitude_limit"][..]),
+            ("tent", 6.5, &["stars.colour"], &["`stars.colour`", "stars.method"]),
+            ("tent", 6.5, &["stars.method", "revision"], &["`revision` cannot be changed"]),
+            ("tent", 6.5, &["catalogues"], &["`catalogues` cannot be changed"]),
+            ("dots", 6.5, &["stars.method"], &["`dots`", "auto, bspline, tent", "packed_cas"]),
+            ("", 6.5, &["stars"], &["unknown star method ``"]),
+            ("tent", f64::NAN, &["stars"], &["magnitude_limit = NaN", "finite"]),
+        ] {
+            let problem = scene_update_from_pb(&request(method, limit, paths)).unwrap_err();
+            assert!(parts.iter().all(|part| problem.contains(part)), "{problem}");
+        }
+        let empty = proto::UpdateSceneRequest::default();
+        assert!(scene_update_from_pb(&empty).is_err());
     }
 }

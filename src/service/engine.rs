@@ -5,6 +5,7 @@ use crate::{
     gpu::{AdapterReport, GpuError},
     plan::settings::RenderSettings,
     scene::SceneSnapshot,
+    verify::{self, Check, CheckResult},
     view::Rig,
 };
 
@@ -45,6 +46,9 @@ pub trait Engine: Send + 'static {
         adapted_ev100: Option<f64>,
     ) -> Result<Frame, EngineError>;
 
+    /// Runs a failure test with the methods of `settings`. What it renders for that is no frame.
+    fn verify(&mut self, check: &'static Check, settings: &RenderSettings) -> CheckResult;
+
     /// What it runs on. Asked once, before the first frame.
     fn info(&self) -> AdapterReport;
 }
@@ -62,6 +66,10 @@ impl Engine for Renderer {
             RenderError::Gpu(GpuError::Lost(_)) => EngineError::lost(error),
             error => EngineError::new(error),
         })
+    }
+
+    fn verify(&mut self, check: &'static Check, settings: &RenderSettings) -> CheckResult {
+        verify::run(check, self, settings)
     }
 
     fn info(&self) -> AdapterReport {

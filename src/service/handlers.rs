@@ -4,21 +4,26 @@
 
 use std::{pin::Pin, sync::Arc, thread, time::Duration};
 
-use tokio::{sync::Semaphore, task};
-use tokio_stream::Stream;
+use tokio::{
+    sync::{Semaphore, mpsc},
+    task,
+};
+use tokio_stream::{Stream, wrappers::ReceiverStream};
 use tonic::{Request, Response, Status};
 
 use super::{
     convert,
     frames::FrameStream,
     proto,
-    render::{Refused, RenderHandle},
+    render::{Refused, RenderHandle, Room},
+    server::SceneCatalogue,
     slot::{RenderFailure, RenderedFrame},
 };
 use crate::{
     frame::Wanted,
     gpu::AdapterReport,
     output::{self, Encoding},
+    verify,
     view::{Rig, View},
 };
 
@@ -31,8 +36,12 @@ pub(super) struct Service {
     render: RenderHandle,
     rig: Arc<Rig>,
     adapter: Arc<AdapterReport>,
+    catalogues: Arc<Vec<SceneCatalogue>>,
     stars: u64,
-    scene_revision: u64,
+    /// Streams of the scene.
+    watchers: Arc<Semaphore>,
+    /// Calls of Verify: one at a time.
+    verifying: Arc<Semaphore>,
     /// Calls of RenderFrame that are not finished yet, from the queue to the last encoded byte.
     pending: Arc<Semaphore>,
     encoders: Arc<Semaphore>,
@@ -52,18 +61,20 @@ impl Service {
         render: RenderHandle,
         rig: Arc<Rig>,
         adapter: AdapterReport,
+        catalogues: Vec<SceneCatalogue>,
         stars: u64,
-        scene_revision: u64,
-        pending: usize,
+        room: Room,
     ) -> Self {
         let cores = thread::available_parallelism().map_or(1, usize::from);
         Self {
             render,
             rig,
             adapter: Arc::new(adapter),
+            catalogues: Arc::new(catalogues),
             stars,
-            scene_revision,
-            pending: Arc::new(Semaphore::new(pending)),
+            watchers: Arc::new(Semaphore::new(room.subscribers)),
+            verifying: Arc::new(Semaphore::new(1)),
+            pending: Arc::new(Semaphore::new(room.requests)),
             encoders: Arc::new(Semaphore::new(cores)),
         }
     }
@@ -200,9 +211,91 @@ impl proto::view_service_server::ViewService for Service {
 }
 
 #[tonic::async_trait]
+impl proto::scene_service_server::SceneService for Service {
+    type WatchSceneStream = ReceiverStream<Result<proto::Scene, Status>>;
+
+    async fn get_scene(&self, _: Request<proto::GetSceneRequest>) -> Result<Response<proto::Scene>, Status> {
+        let scene = self.render.scene().map_err(refused)?;
+        Ok(Response::new(convert::scene_to_pb(&scene, &self.catalogues)))
+    }
+
+    async fn update_scene(
+        &self,
+        request: Request<proto::UpdateSceneRequest>,
+    ) -> Result<Response<proto::Scene>, Status> {
+        let request = request.into_inner();
+        let update = convert::scene_update_from_pb(&request).map_err(Status::invalid_argument)?;
+        let changed = self.render.update_scene(&update, request.expected_revision).map_err(refused)?;
+        let scene = changed.map_err(|mismatch| Status::aborted(mismatch.to_string()))?;
+        Ok(Response::new(convert::scene_to_pb(&scene, &self.catalogues)))
+    }
+
+    async fn watch_scene(
+        &self,
+        _: Request<proto::WatchSceneRequest>,
+    ) -> Result<Response<Self::WatchSceneStream>, Status> {
+        let permit = Arc::clone(&self.watchers).try_acquire_owned();
+        let permit = permit.map_err(|_| Status::resource_exhausted("too many streams of the scene: end one first"))?;
+        let mut scenes = self.render.watch_scene();
+        if scenes.borrow().is_none() {
+            return Err(refused(Refused::Ending));
+        }
+        let catalogues = Arc::clone(&self.catalogues);
+        let (sender, stream) = mpsc::channel(1);
+        task::spawn(async move {
+            let _permit = permit;
+            loop {
+                // A reader that is slow finds the newest scene when there is room for it.
+                let Ok(room) = sender.reserve().await else { return };
+                let Some(scene) = scenes.borrow_and_update().clone() else { return };
+                room.send(Ok(convert::scene_to_pb(&scene, &catalogues)));
+                tokio::select! {
+                    () = sender.closed() => return,
+                    changed = scenes.changed() => if changed.is_err() { return },
+                }
+            }
+        });
+        Ok(Response::new(ReceiverStream::new(stream)))
+    }
+}
+
+#[tonic::async_trait]
 impl proto::diagnostics_service_server::DiagnosticsService for Service {
+    type VerifyStream = ReceiverStream<Result<proto::VerifyResult, Status>>;
+
     async fn get_info(&self, _: Request<proto::GetInfoRequest>) -> Result<Response<proto::Info>, Status> {
         let frames = self.render.frames_rendered();
-        Ok(Response::new(convert::info_to_pb(&self.adapter, self.stars, self.scene_revision, frames)))
+        let revision = self.render.scene().map_err(refused)?.revision;
+        Ok(Response::new(convert::info_to_pb(&self.adapter, self.stars, revision, frames)))
+    }
+
+    async fn verify(&self, request: Request<proto::VerifyRequest>) -> Result<Response<Self::VerifyStream>, Status> {
+        let request = request.into_inner();
+        let given = |text: String| Some(text).filter(|text| !text.is_empty());
+        let checks = verify::select(given(request.filter).as_deref())
+            .map_err(|error| Status::invalid_argument(format!("filter: {error}")))?;
+        let method = given(request.star_method).map(|name| convert::star_method(&name)).transpose();
+        let method = method.map_err(|problem| Status::invalid_argument(format!("star_method: {problem}")))?;
+        let permit = Arc::clone(&self.verifying).try_acquire_owned();
+        let permit = permit.map_err(|_| Status::resource_exhausted("another Verify call runs: try again later"))?;
+        let render = self.render.clone();
+        let (sender, stream) = mpsc::channel(1);
+        task::spawn(async move {
+            let _permit = permit;
+            for check in checks {
+                // Room first: a client that does not read or is gone keeps nobody busy.
+                let Ok(room) = sender.reserve().await else { return };
+                let result = match render.verify(check, method) {
+                    Ok(reply) => reply.await.map_err(|_| refused(Refused::Ending)),
+                    Err(reason) => Err(refused(reason)),
+                };
+                let failed = result.is_err();
+                room.send(result.map(convert::check_to_pb));
+                if failed {
+                    return;
+                }
+            }
+        });
+        Ok(Response::new(ReceiverStream::new(stream)))
     }
 }

@@ -12,26 +12,30 @@
 //! - [`Client`] is the other end of the wire in plain Rust types.
 //!
 //! The camera is a slot: a pose that is overtaken before the next frame starts is never drawn. One frame serves everyone who
-//! waits for one. A slow client drops frames (counted) and never slows the renderer or another client; a frame that fails
+//! waits for one. Settings of the scene that a client changes hold from the next frame on, for all views. A slow client drops frames (counted) and never slows the renderer or another client; a frame that fails
 //! fails for those who wait for it, and the daemon goes on; a renderer that panics ends the daemon with an error.
 
 mod client;
+mod client_scene;
 mod convert;
 mod engine;
 mod exposure;
 mod frames;
 mod handlers;
 mod render;
+mod scene;
 mod schedule;
 mod server;
 mod slot;
 
 pub use client::{
-    Client, ClientError, FrameReceiver, ReceivedFrame, ReceivedImage, ServerInfo, ViewForm, ViewImageForm,
+    CheckReceiver, Client, ClientError, FrameReceiver, ReceivedCheck, ReceivedFigure, ReceivedFrame, ReceivedImage,
+    SceneForm, SceneReceiver, ServerInfo, ViewForm, ViewImageForm,
 };
 pub use engine::{Engine, EngineError};
 pub use render::CameraUpdate;
-pub use server::{ServeError, ServeOptions, Shutdown, run, signals};
+pub use scene::SceneUpdate;
+pub use server::{SceneCatalogue, ServeError, ServeOptions, Shutdown, run, signals};
 
 /// Generated from `proto/steradian/v1`.
 mod proto {

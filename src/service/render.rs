@@ -1,9 +1,10 @@
 //! The render thread: it alone owns the engine. The other side reaches it through [`RenderHandle`].
 //!
 //! All that it is told stands under one lock, which is never held while a frame is rendered: the camera (a slot, the latest
-//! wins), requests for single frames (a bounded queue), and the subscribers, each with a latest-wins slot of its own. The
+//! wins), how the scene's stars are drawn, requests for single frames (a bounded queue), and the subscribers, each with a latest-wins slot of its own. The
 //! thread sleeps until a request is there or a subscriber is due, then renders **one** frame that serves all of them, with
-//! the camera that is the newest at that moment.
+//! the camera that is the newest at that moment. Failure tests that a client asked for are run one at a time, each after a frame
+//! if one is due.
 
 use std::{
     collections::VecDeque,
@@ -13,18 +14,20 @@ use std::{
     time::{Duration, Instant, SystemTime},
 };
 
-use tokio::sync::oneshot;
+use tokio::sync::{oneshot, watch};
 
 use super::{
     engine::{Engine, EngineError},
     exposure::Adaptation,
+    scene::{RevisionMismatch, SceneState, SceneUpdate},
     schedule::{Pace, Shown},
     slot::{RenderFailure, RenderedFrame, Slot},
 };
 use crate::{
     frame::Wanted,
-    plan::settings::RenderSettings,
+    plan::settings::{RenderSettings, StarMethod},
     scene::{Camera, PoseError, SceneSnapshot},
+    verify::{Check, CheckResult},
     view::Rig,
 };
 
@@ -67,6 +70,13 @@ struct Request {
     reply: Reply,
 }
 
+/// A failure test that waits for its turn.
+struct Verification {
+    check: &'static Check,
+    settings: RenderSettings,
+    reply: oneshot::Sender<CheckResult>,
+}
+
 struct Subscriber {
     id: u64,
     view: usize,
@@ -78,6 +88,11 @@ struct Subscriber {
 struct State {
     camera: Camera,
     pose_time: SystemTime,
+    /// Holds `None` when there will be no more changes.
+    scene: watch::Sender<Option<SceneState>>,
+    /// The settings of frames but for the stars, which the scene holds.
+    settings: RenderSettings,
+    verifications: VecDeque<Verification>,
     requests: VecDeque<Request>,
     subscribers: Vec<Subscriber>,
     next_id: u64,
@@ -148,6 +163,49 @@ impl RenderHandle {
         Ok(state.camera)
     }
 
+    /// The scene now.
+    pub(super) fn scene(&self) -> Result<SceneState, Refused> {
+        self.shared.state().scene.borrow().clone().ok_or(Refused::Ending)
+    }
+
+    /// The scene and its changes; `None` is the end.
+    pub(super) fn watch_scene(&self) -> watch::Receiver<Option<SceneState>> {
+        self.shared.state().scene.subscribe()
+    }
+
+    /// Changes the scene, if it still has the revision expected; returns it with its new one. The outer error: it takes no
+    /// changes any more.
+    pub(super) fn update_scene(
+        &self,
+        update: &SceneUpdate,
+        expected_revision: Option<u64>,
+    ) -> Result<Result<SceneState, RevisionMismatch>, Refused> {
+        let state = self.shared.state();
+        let scene = state.scene.borrow().clone().ok_or(Refused::Ending)?;
+        let changed = scene.changed(update, expected_revision);
+        if let Ok(scene) = &changed {
+            state.scene.send_replace(Some(scene.clone()));
+            self.shared.wake.notify_one();
+        }
+        Ok(changed)
+    }
+
+    /// Asks for a failure test, of the method in use unless another is named.
+    pub(super) fn verify(
+        &self,
+        check: &'static Check,
+        method: Option<StarMethod>,
+    ) -> Result<oneshot::Receiver<CheckResult>, Refused> {
+        let mut state = self.shared.state();
+        let scene = state.scene.borrow().clone().filter(|_| !state.draining).ok_or(Refused::Ending)?;
+        let mut settings = RenderSettings { stars: scene.stars, ..state.settings.clone() };
+        settings.stars.method = method.unwrap_or(settings.stars.method);
+        let (reply, receiver) = oneshot::channel();
+        state.verifications.push_back(Verification { check, settings, reply });
+        self.shared.wake.notify_one();
+        Ok(receiver)
+    }
+
     /// Frames rendered since the start.
     pub(super) fn frames_rendered(&self) -> u64 {
         self.shared.state().frames_rendered
@@ -197,6 +255,9 @@ impl RenderHandle {
     pub(super) fn drain(&self) {
         let mut state = self.shared.state();
         state.draining = true;
+        state.scene.send_replace(None);
+        // Dropped replies tell their callers.
+        state.verifications.clear();
         for subscriber in state.subscribers.drain(..) {
             subscriber.slot.end(Ok(()));
         }
@@ -232,8 +293,10 @@ impl Drop for Farewell {
     fn drop(&mut self) {
         let mut state = self.shared.state();
         state.draining = true;
+        state.scene.send_replace(None);
         // Dropped replies tell their callers.
         state.requests.clear();
+        state.verifications.clear();
         for subscriber in state.subscribers.drain(..) {
             subscriber.slot.end(Err(RenderFailure::Ended));
         }
@@ -251,6 +314,9 @@ pub(super) fn spawn(
     let state = State {
         camera: scene.camera,
         pose_time: SystemTime::now(),
+        scene: watch::Sender::new(Some(SceneState { revision: scene.revision, stars: settings.stars.clone() })),
+        settings: settings.clone(),
+        verifications: VecDeque::new(),
         requests: VecDeque::new(),
         subscribers: Vec::new(),
         next_id: 0,
@@ -277,7 +343,14 @@ struct Job {
     wanted: Vec<Wanted>,
     camera: Camera,
     pose_time: SystemTime,
+    scene: SceneState,
     start: Instant,
+}
+
+/// What the thread does next.
+enum Work {
+    Frame(Job),
+    Check(Verification),
 }
 
 struct Worker {
@@ -293,8 +366,21 @@ impl Worker {
         let mut adaptation = Adaptation::default();
         // When the last frame that came out was started, and what it showed.
         let mut last: Option<(Instant, Shown)> = None;
-        while let Some(job) = self.next_job(adaptation.converged(&self.settings.exposure)) {
+        let mut checked = false;
+        while let Some(work) = self.next_work(adaptation.converged(&self.settings.exposure), checked) {
+            let job = match work {
+                Work::Check(Verification { check, settings, reply }) => {
+                    // A caller that went away meanwhile needs no answer.
+                    let _ = reply.send(self.engine.verify(check, &settings));
+                    checked = true;
+                    continue;
+                }
+                Work::Frame(job) => job,
+            };
+            checked = false;
             self.scene.camera = job.camera;
+            self.scene.revision = job.scene.revision;
+            self.settings.stars = job.scene.stars.clone();
             let shown = Shown { scene: self.scene.revision, camera: job.camera.revision };
             let (dt, changed) = last.map_or((Duration::ZERO, true), |(start, last)| (job.start - start, last != shown));
             let adapted_ev100 = adaptation.exposure(dt.as_secs_f64(), changed, &self.settings.exposure);
@@ -338,16 +424,29 @@ impl Worker {
         }
     }
 
-    /// Sleeps until there is a frame to render; `None`: the thread is to end.
-    fn next_job(&self, exposure_converged: bool) -> Option<Job> {
+    /// Sleeps until there is something to do; `None`: the thread is to end. Frames and checks take turns: `checked` says that
+    /// the last work was a check.
+    fn next_work(&self, exposure_converged: bool, checked: bool) -> Option<Work> {
         let mut state = self.shared.state();
         loop {
             state.requests.retain(|request| !request.reply.is_closed());
-            let newest = Shown { scene: self.scene.revision, camera: state.camera.revision };
+            state.verifications.retain(|verification| !verification.reply.is_closed());
+            let scene = state.scene.borrow().clone();
+            // At the end the scene is as it was in the last frame.
+            let revision = scene.as_ref().map_or(self.scene.revision, |scene| scene.revision);
+            let newest = Shown { scene: revision, camera: state.camera.revision };
             let now = Instant::now();
             let due = state.subscribers.iter().map(|s| s.pace.due_at(newest, exposure_converged, now)).min();
-            if !state.requests.is_empty() || due.is_some_and(|due| due <= now) {
-                return Some(self.take_job(&mut state, newest, exposure_converged, now));
+            let frame_due = !state.requests.is_empty() || due.is_some_and(|due| due <= now);
+            if !(frame_due && checked)
+                && let Some(verification) = state.verifications.pop_front()
+            {
+                return Some(Work::Check(verification));
+            }
+            if frame_due {
+                let stars = self.settings.stars.clone();
+                let scene = scene.unwrap_or(SceneState { revision, stars });
+                return Some(Work::Frame(self.take_job(&mut state, scene, newest, exposure_converged, now)));
             }
             if state.stop {
                 return None;
@@ -362,7 +461,14 @@ impl Worker {
         }
     }
 
-    fn take_job(&self, state: &mut State, newest: Shown, exposure_converged: bool, start: Instant) -> Job {
+    fn take_job(
+        &self,
+        state: &mut State,
+        scene: SceneState,
+        newest: Shown,
+        exposure_converged: bool,
+        start: Instant,
+    ) -> Job {
         let mut wanted = vec![Wanted::default(); self.rig.views().len()];
         let mut want = |view: usize, what: Wanted| {
             wanted[view].display |= what.display;
@@ -380,6 +486,6 @@ impl Worker {
                 subscribers.push((subscriber.id, Arc::clone(&subscriber.slot)));
             }
         }
-        Job { requests, subscribers, wanted, camera: state.camera, pose_time: state.pose_time, start }
+        Job { requests, subscribers, wanted, camera: state.camera, pose_time: state.pose_time, scene, start }
     }
 }

@@ -21,7 +21,7 @@ use super::{
     handlers::Service,
     proto::{
         self, camera_service_server::CameraServiceServer, diagnostics_service_server::DiagnosticsServiceServer,
-        view_service_server::ViewServiceServer,
+        scene_service_server::SceneServiceServer, view_service_server::ViewServiceServer,
     },
     render::{self, RenderThread},
 };
@@ -41,7 +41,8 @@ const SUBSCRIBERS: usize = 256;
 const FAREWELL: Duration = Duration::from_millis(500);
 
 /// Names of the services whose health is reported, besides that of the whole (the empty name).
-const SERVICES: [&str; 3] = [
+const SERVICES: [&str; 4] = [
+    <SceneServiceServer<Service> as NamedService>::NAME,
     <CameraServiceServer<Service> as NamedService>::NAME,
     <ViewServiceServer<Service> as NamedService>::NAME,
     <DiagnosticsServiceServer<Service> as NamedService>::NAME,
@@ -64,6 +65,15 @@ impl fmt::Debug for Shutdown {
     }
 }
 
+/// A catalogue of the scene, as clients are told of it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SceneCatalogue {
+    /// Its name.
+    pub name: String,
+    /// Number of its stars.
+    pub stars: u64,
+}
+
 /// Everything that [`run`] needs.
 pub struct ServeOptions {
     /// Address to listen on, `host:port`; port 0 takes a free one.
@@ -72,6 +82,8 @@ pub struct ServeOptions {
     pub engine: Box<dyn Engine>,
     /// The scene; its camera is the first pose.
     pub scene: SceneSnapshot,
+    /// Where the scene's stars come from.
+    pub catalogues: Vec<SceneCatalogue>,
     /// The views.
     pub rig: Rig,
     /// How they are drawn.
@@ -103,6 +115,7 @@ impl ServeOptions {
             listen: listen.into(),
             engine,
             scene,
+            catalogues: Vec::new(),
             rig,
             settings,
             ready: Box::new(ready),
@@ -262,8 +275,19 @@ async fn join(mut thread: RenderThread, ended: bool, deadline: Instant) -> Resul
 ///
 /// See [`ServeError`]; after an orderly end, even if clients had to be cut off, there is none.
 pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
-    let ServeOptions { listen, engine, scene, rig, settings, ready, shutdown, drain, pending_renders, subscribers } =
-        options;
+    let ServeOptions {
+        listen,
+        engine,
+        scene,
+        catalogues,
+        rig,
+        settings,
+        ready,
+        shutdown,
+        drain,
+        pending_renders,
+        subscribers,
+    } = options;
     let listener = bind(&listen).await?;
     let address = listener.local_addr()?;
     let mut shutdown = match shutdown {
@@ -281,15 +305,10 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
     report_health(&health, ServingStatus::Serving).await;
 
     let (rig, info) = (Arc::new(rig), engine.info());
-    let (stars, revision) = (scene.stars.stars.len() as u64, scene.revision);
-    let (handle, mut thread) = render::spawn(
-        engine,
-        scene,
-        Arc::clone(&rig),
-        settings,
-        render::Room { requests: pending_renders, subscribers },
-    )?;
-    let service = Service::new(handle.clone(), rig, info, stars, revision, pending_renders);
+    let stars = scene.stars.stars.len() as u64;
+    let room = render::Room { requests: pending_renders, subscribers };
+    let (handle, mut thread) = render::spawn(engine, scene, Arc::clone(&rig), settings, room)?;
+    let service = Service::new(handle.clone(), rig, info, catalogues, stars, room);
 
     let (close, closed) = oneshot::channel::<()>();
     let incoming = TcpIncoming::from(listener).with_nodelay(Some(true));
@@ -298,6 +317,7 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
         .http2_keepalive_interval(Some(KEEPALIVE_INTERVAL))
         .http2_keepalive_timeout(Some(KEEPALIVE_TIMEOUT))
         .layer(GrpcWebLayer::new())
+        .add_service(SceneServiceServer::new(service.clone()))
         .add_service(CameraServiceServer::new(service.clone()))
         .add_service(ViewServiceServer::new(service.clone()))
         .add_service(DiagnosticsServiceServer::new(service))

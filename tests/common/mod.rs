@@ -1,21 +1,16 @@
 //! What the integration tests share: a renderer on the software adapter, made-up skies, and sums of light in f64.
-#![allow(dead_code, reason = "each test binary uses its own part of this")]
-
-use std::{f64::consts::PI, sync::Arc};
+#![allow(dead_code, unused_imports, reason = "each test binary uses its own part of this")]
 
 use glam::{DQuat, DVec3};
+pub use steradian::verify::scenes::{all_views, directions_inside, hard_places, snapshot, spiral, star};
 use steradian::{
-    catalogue::{StarRecord, chunks::StarSet},
     frame::{Frame, FrameImage, Renderer, Wanted},
     gpu::{Gpu, GpuOptions},
     metrics::{self, HdrView},
     plan::settings::{RenderSettings, StarMethod},
     reference::stars::ReferenceImage,
-    scene::{Camera, SceneSnapshot},
-    view::{
-        Fov, Rig, View, ViewKind,
-        projection::{Face, FisheyeMapping, PlaneMapping},
-    },
+    scene::SceneSnapshot,
+    view::{Rig, View, ViewKind, projection::PlaneMapping},
 };
 
 /// A renderer. There is always an adapter where tests run: `make test` sees to it, and without one this fails.
@@ -25,24 +20,6 @@ pub fn renderer() -> Renderer {
 
 pub fn renderer_with(options: &GpuOptions) -> Renderer {
     Renderer::new(Gpu::open(options).expect("tests need a Vulkan adapter; `make test` installs the software one"))
-}
-
-/// A star at infinity.
-pub fn star(direction: DVec3, magnitude: f32) -> StarRecord {
-    StarRecord { position: direction.normalize(), magnitude, temperature_k: 5772.0, distance_known: false }
-}
-
-/// Directions spread evenly over the sphere.
-pub fn spiral(count: usize) -> impl Iterator<Item = DVec3> {
-    (0..count).map(move |i| {
-        let z = 1.0 - 2.0 * (i as f64 + 0.5) / count as f64;
-        let (sin, cos) = (i as f64 * 2.399_963_229_728_653).sin_cos();
-        DVec3::new(cos, sin, 0.0) * (1.0 - z * z).sqrt() + DVec3::Z * z
-    })
-}
-
-pub fn snapshot(records: Vec<StarRecord>) -> SceneSnapshot {
-    SceneSnapshot { revision: 1, stars: Arc::new(StarSet::from_records(records)), camera: Camera::default() }
 }
 
 pub fn view(name: &str, kind: ViewKind) -> View {
@@ -118,25 +95,4 @@ pub fn differences_from_twin<const N: usize>(
         }
     }
     worst
-}
-
-/// Every projection, each with its name.
-pub fn all_views() -> Vec<(&'static str, ViewKind)> {
-    let fov = Fov { left_rad: -0.9, right_rad: 0.7, up_rad: 0.8, down_rad: -0.85 };
-    let fisheye =
-        |mapping, degrees: f64| ViewKind::Fisheye { size: [160, 160], mapping, fov_rad: degrees.to_radians() };
-    vec![
-        ("perspective", ViewKind::Perspective { size: [192, 108], fov_y_rad: PI / 3.0 }),
-        ("perspective-150", ViewKind::Perspective { size: [160, 160], fov_y_rad: 150f64.to_radians() }),
-        ("off-axis", ViewKind::OffAxis { size: [128, 130], fov }),
-        ("stereo", ViewKind::Stereo { size: [96, 100], ipd_m: 0.064, fov_left: fov, fov_right: fov.mirrored() }),
-        ("cube", ViewKind::Cubemap { face_size: 64, faces: Face::ALL.to_vec() }),
-        ("equidistant-180", fisheye(FisheyeMapping::Equidistant, 180.0)),
-        ("equidistant-360", fisheye(FisheyeMapping::Equidistant, 360.0)),
-        ("equisolid-220", fisheye(FisheyeMapping::Equisolid, 220.0)),
-        ("orthographic-180", fisheye(FisheyeMapping::Orthographic, 180.0)),
-        ("stereographic-220", fisheye(FisheyeMapping::Stereographic, 220.0)),
-        ("domemaster", ViewKind::DomeMaster { size: 160, fov_rad: PI, tilt_rad: 0.3 }),
-        ("equirectangular", ViewKind::Equirectangular { size: [192, 96] }),
-    ]
 }

@@ -13,9 +13,13 @@ use glam::{DQuat, DVec3};
 use steradian::{
     frame::{Frame, FrameImage, FrameTimes, ViewStatistics, Wanted},
     gpu::AdapterReport,
-    plan::{FramePlan, settings::RenderSettings},
+    plan::{
+        FramePlan,
+        settings::{RenderSettings, StarMethod},
+    },
     scene::{Camera, SceneSnapshot},
     service::{Client, Engine, EngineError, ServeError, ServeOptions, Shutdown, run},
+    verify::{Check, CheckResult, Figure, Outcome},
     view::{Fov, Rig, View, ViewKind},
 };
 use tokio::{sync::oneshot, task::JoinHandle};
@@ -43,6 +47,12 @@ pub struct Controls {
     pub metered_ev100: Mutex<f64>,
     /// How that changes with the camera's x, EV/m.
     pub metered_ev100_per_m: Mutex<f64>,
+    /// How the stars of each frame were drawn, and how many checks had been run before it.
+    pub drawn: Mutex<Vec<(StarMethod, f64, u64)>>,
+    /// Checks begun.
+    pub checks_started: AtomicU64,
+    /// Methods that checks were run for.
+    pub checked: Mutex<Vec<StarMethod>>,
 }
 
 impl Controls {
@@ -75,11 +85,13 @@ impl Engine for TestEngine {
         &mut self,
         snapshot: &SceneSnapshot,
         rig: &Rig,
-        _: &RenderSettings,
+        settings: &RenderSettings,
         wanted: &[Wanted],
         adapted_ev100: Option<f64>,
     ) -> Result<Frame, EngineError> {
         let number = self.0.started.fetch_add(1, SeqCst);
+        let (stars, checks) = (&settings.stars, self.0.checked.lock().unwrap().len() as u64);
+        self.0.drawn.lock().unwrap().push((stars.method, stars.magnitude_limit, checks));
         let closed = self.0.closed.lock().unwrap();
         drop(self.0.opened.wait_while(closed, |closed| *closed).unwrap());
         assert!(!self.0.panicking.load(SeqCst), "the test engine was told to panic");
@@ -124,6 +136,22 @@ impl Engine for TestEngine {
             views: rig.views().iter().map(statistics).collect(),
             plan: FramePlan::default(),
         })
+    }
+
+    fn verify(&mut self, check: &'static Check, settings: &RenderSettings) -> CheckResult {
+        self.0.checks_started.fetch_add(1, SeqCst);
+        let closed = self.0.closed.lock().unwrap();
+        drop(self.0.opened.wait_while(closed, |closed| *closed).unwrap());
+        self.0.checked.lock().unwrap().push(settings.stars.method);
+        match check.number {
+            // One of each kind of result.
+            Some(1) => CheckResult::judge(check, vec![Figure::at_most("wrong", 0.5, 0.25, "px")]),
+            Some(2) => CheckResult::without_figures(check, Outcome::NotApplicable, "no stars"),
+            _ => CheckResult::judge(
+                check,
+                vec![Figure::at_most("right", 0.125, 0.25, "px"), Figure::informative("seen", 3.0, "")],
+            ),
+        }
     }
 
     fn info(&self) -> AdapterReport {

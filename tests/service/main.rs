@@ -6,4 +6,6 @@ mod calls;
 mod daemon;
 mod lifecycle;
 mod protocol;
+mod scene;
 mod streams;
+mod verify;

@@ -10,14 +10,18 @@ use tonic_health::pb::{HealthCheckRequest, health_check_response::ServingStatus,
 
 use crate::daemon::{Daemon, small_rig, within};
 
-const SERVICES: [&str; 3] =
-    ["steradian.v1.CameraService", "steradian.v1.ViewService", "steradian.v1.DiagnosticsService"];
+const SERVICES: [&str; 4] = [
+    "steradian.v1.SceneService",
+    "steradian.v1.CameraService",
+    "steradian.v1.ViewService",
+    "steradian.v1.DiagnosticsService",
+];
 
 #[tokio::test]
 async fn health_is_reported_for_the_whole_and_for_each_service() {
     let daemon = Daemon::start(small_rig()).await;
     let mut health = HealthClient::new(daemon.channel().await);
-    for service in ["", SERVICES[0], SERVICES[1], SERVICES[2]] {
+    for service in ["", SERVICES[0], SERVICES[1], SERVICES[2], SERVICES[3]] {
         let answer = health.check(HealthCheckRequest { service: service.to_owned() }).await.unwrap();
         assert_eq!(answer.into_inner().status(), ServingStatus::Serving, "{service}");
     }

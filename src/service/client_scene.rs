@@ -1,0 +1,171 @@
+//! The client's calls about the scene and the failure tests.
+
+use tonic::Streaming;
+
+use super::{
+    client::{Client, ClientError},
+    proto,
+    scene::SceneUpdate,
+    server::SceneCatalogue,
+};
+use crate::verify::Outcome;
+
+/// The scene of a daemon.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SceneForm {
+    /// Counts its changes.
+    pub revision: u64,
+    /// Where its stars come from.
+    pub catalogues: Vec<SceneCatalogue>,
+    /// How stars are drawn, by name.
+    pub star_method: String,
+    /// Faintest magnitude that is drawn.
+    pub magnitude_limit: f64,
+}
+
+impl TryFrom<proto::Scene> for SceneForm {
+    type Error = ClientError;
+
+    fn try_from(scene: proto::Scene) -> Result<Self, ClientError> {
+        let stars = scene.stars.ok_or(ClientError::Answer { field: "stars" })?;
+        let catalogue = |catalogue: proto::Catalogue| SceneCatalogue { name: catalogue.name, stars: catalogue.stars };
+        Ok(Self {
+            revision: scene.revision,
+            catalogues: scene.catalogues.into_iter().map(catalogue).collect(),
+            star_method: stars.method,
+            magnitude_limit: stars.magnitude_limit,
+        })
+    }
+}
+
+/// The scene and its changes. Dropping it ends the stream.
+#[derive(Debug)]
+pub struct SceneReceiver {
+    stream: Streaming<proto::Scene>,
+}
+
+impl SceneReceiver {
+    /// Waits for the next change, at first for the scene as it is; `None` when the daemon has ended the stream in good order.
+    pub async fn next(&mut self) -> Result<Option<SceneForm>, ClientError> {
+        self.stream.message().await?.map(SceneForm::try_from).transpose()
+    }
+}
+
+/// A figure of a check.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ReceivedFigure {
+    /// What was measured.
+    pub what: String,
+    /// The number.
+    pub measured: f64,
+    /// The greatest allowed; `None` if the figure only informs.
+    pub limit: Option<f64>,
+    /// Unit of both.
+    pub unit: String,
+    /// Whether the limit is kept.
+    pub pass: bool,
+}
+
+/// The result of a check.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ReceivedCheck {
+    /// Number in the list of places where methods fail.
+    pub number: Option<u32>,
+    /// Its name.
+    pub name: String,
+    /// The group that it belongs to.
+    pub group: String,
+    /// How it has ended.
+    pub outcome: Outcome,
+    /// What was measured.
+    pub figures: Vec<ReceivedFigure>,
+    /// Why there are no figures.
+    pub message: Option<String>,
+    /// Time that it took, s.
+    pub seconds: f64,
+}
+
+impl TryFrom<proto::VerifyResult> for ReceivedCheck {
+    type Error = ClientError;
+
+    fn try_from(result: proto::VerifyResult) -> Result<Self, ClientError> {
+        use proto::verify_result::Outcome as Wire;
+        let outcome = match Wire::try_from(result.outcome) {
+            Ok(Wire::Pass) => Outcome::Pass,
+            Ok(Wire::Fail) => Outcome::Fail,
+            Ok(Wire::NotApplicable) => Outcome::NotApplicable,
+            Ok(Wire::Unspecified) | Err(_) => return Err(ClientError::Answer { field: "outcome" }),
+        };
+        let figure = |figure: proto::VerifyFigure| ReceivedFigure {
+            what: figure.what,
+            measured: figure.measured,
+            limit: figure.limit,
+            unit: figure.unit,
+            pass: figure.pass,
+        };
+        Ok(Self {
+            number: result.number,
+            name: result.name,
+            group: result.group,
+            outcome,
+            figures: result.figures.into_iter().map(figure).collect(),
+            message: Some(result.message).filter(|message| !message.is_empty()),
+            seconds: result.seconds,
+        })
+    }
+}
+
+/// Results of failure tests as they come. Dropping it ends the run after the check in the works.
+#[derive(Debug)]
+pub struct CheckReceiver {
+    stream: Streaming<proto::VerifyResult>,
+}
+
+impl CheckReceiver {
+    /// Waits for the next result; `None` after the last.
+    pub async fn next(&mut self) -> Result<Option<ReceivedCheck>, ClientError> {
+        self.stream.message().await?.map(ReceivedCheck::try_from).transpose()
+    }
+}
+
+impl Client {
+    /// The scene now.
+    pub async fn scene(&mut self) -> Result<SceneForm, ClientError> {
+        self.scene.get_scene(proto::GetSceneRequest {}).await?.into_inner().try_into()
+    }
+
+    /// Changes the scene, if it still has the revision expected; returns it with its new one.
+    pub async fn update_scene(
+        &mut self,
+        update: &SceneUpdate,
+        expected_revision: Option<u64>,
+    ) -> Result<SceneForm, ClientError> {
+        let stars = proto::StarSettings {
+            method: update.star_method.map(|method| method.name().to_owned()).unwrap_or_default(),
+            magnitude_limit: update.magnitude_limit.unwrap_or_default(),
+        };
+        let named = [
+            update.star_method.is_some().then_some("stars.method"),
+            update.magnitude_limit.is_some().then_some("stars.magnitude_limit"),
+        ];
+        let paths = named.into_iter().flatten().map(str::to_owned).collect();
+        let request = proto::UpdateSceneRequest {
+            scene: Some(proto::Scene { stars: Some(stars), ..proto::Scene::default() }),
+            update_mask: Some(prost_types::FieldMask { paths }),
+            expected_revision,
+        };
+        self.scene.update_scene(request).await?.into_inner().try_into()
+    }
+
+    /// The scene and its changes.
+    pub async fn watch_scene(&mut self) -> Result<SceneReceiver, ClientError> {
+        Ok(SceneReceiver { stream: self.scene.watch_scene(proto::WatchSceneRequest {}).await?.into_inner() })
+    }
+
+    /// Runs failure tests on the daemon's adapter: those that `filter` names (empty: all), for `star_method` (empty: the one in
+    /// use).
+    pub async fn verify(&mut self, filter: &str, star_method: &str) -> Result<CheckReceiver, ClientError> {
+        let request = proto::VerifyRequest { filter: filter.to_owned(), star_method: star_method.to_owned() };
+        Ok(CheckReceiver { stream: self.diagnostics.verify(request).await?.into_inner() })
+    }
+}

@@ -1,0 +1,137 @@
+//! What a check is given: a renderer and settings, and the few steps that all checks share.
+
+use crate::{
+    frame::{Frame, FrameImage, RenderError, Renderer, Wanted},
+    gpu::GpuError,
+    metrics::{self, HdrView, MetricError},
+    plan::settings::{ExposureMode, GlareMethod, RenderSettings, StarMethod},
+    reference::point_spread::PointSpreadError,
+    scene::SceneSnapshot,
+    view::{
+        Rig, RigError, ViewImage,
+        projection::{PlaneMapping, ProjectionError},
+    },
+};
+
+/// Why a check has no figures.
+#[derive(Debug, thiserror::Error)]
+pub enum CheckError {
+    /// A frame could not be rendered.
+    #[error(transparent)]
+    Render(#[from] RenderError),
+    /// A metric has no value.
+    #[error(transparent)]
+    Metric(#[from] MetricError),
+    /// A view cannot be built.
+    #[error(transparent)]
+    Rig(#[from] RigError),
+    /// A projection cannot be built.
+    #[error(transparent)]
+    Projection(#[from] ProjectionError),
+    /// A point-spread function cannot be built.
+    #[error(transparent)]
+    PointSpread(#[from] PointSpreadError),
+    /// The device failed.
+    #[error(transparent)]
+    Gpu(#[from] GpuError),
+    /// The renderer did not hand out what was asked for.
+    #[error("the frame lacks {0}")]
+    Missing(&'static str),
+}
+
+/// See the module.
+pub struct Context<'a> {
+    /// The renderer.
+    pub renderer: &'a mut Renderer,
+    /// How frames are drawn.
+    pub settings: RenderSettings,
+}
+
+impl<'a> Context<'a> {
+    /// Checks look at stars: glare, which takes light from them, is off.
+    pub fn new(renderer: &'a mut Renderer, settings: &RenderSettings) -> Self {
+        Self { renderer, settings: RenderSettings { glare: GlareMethod::None, ..settings.clone() } }
+    }
+
+    /// The star method under test.
+    pub fn method(&self) -> StarMethod {
+        self.settings.stars.method
+    }
+
+    /// Sets the exposure so that `white_cd_m2` is shown white.
+    pub fn expose_for(&mut self, white_cd_m2: f64) {
+        self.settings.exposure.mode = ExposureMode::Manual;
+        let at_0 = crate::photometry::exposure::white_luminance_cd_m2(0.0);
+        self.settings.exposure.ev100 = (white_cd_m2 / at_0).log2();
+    }
+
+    /// Renders the HDR images of all views.
+    pub fn render(&mut self, scene: &SceneSnapshot, rig: &Rig) -> Result<Frame, CheckError> {
+        let wanted = vec![Wanted { hdr: true, ..Wanted::default() }; rig.views().len()];
+        Ok(self.renderer.render(scene, rig, &self.settings, &wanted, None)?)
+    }
+
+    /// Light of every view of a scene, lx.
+    pub fn light_lx(&mut self, scene: &SceneSnapshot, rig: &Rig) -> Result<Vec<f64>, CheckError> {
+        let frame = self.render(scene, rig)?;
+        light_of_views_lx(&frame, rig)
+    }
+
+    /// Factor to take measured light by before it is judged: 1, or for methods of relative brightness the one that fits
+    /// pairs of measured and expected light best.
+    pub fn scale(&self, pairs: &[(f64, f64)]) -> Result<f64, CheckError> {
+        if self.method().is_relative() { Ok(metrics::fitted_scale(pairs)?) } else { Ok(1.0) }
+    }
+
+    /// Largest relative error over pairs of measured and expected light, after the scale.
+    pub fn worst_flux_error(&self, pairs: &[(f64, f64)]) -> Result<f64, CheckError> {
+        Ok(worst_error(self.scale(pairs)?, pairs))
+    }
+}
+
+/// Largest relative error over pairs of measured and expected light, with a scale on what was measured.
+pub fn worst_error(scale: f64, pairs: &[(f64, f64)]) -> f64 {
+    worst(pairs.iter().map(|(measured, expected)| (scale * measured / expected - 1.0).abs()))
+}
+
+/// Largest of several numbers; NaN where one of them is, or where there is none.
+pub fn worst(values: impl IntoIterator<Item = f64>) -> f64 {
+    values.into_iter().reduce(|a, b| if a.is_nan() || b.is_nan() { f64::NAN } else { a.max(b) }).unwrap_or(f64::NAN)
+}
+
+/// The images of a frame beside those of the rig.
+pub fn images<'a>(frame: &'a Frame, rig: &'a Rig) -> impl Iterator<Item = (&'a FrameImage, &'a ViewImage)> {
+    frame.images.iter().zip(rig.views().iter().flat_map(|view| &view.images))
+}
+
+/// The pixels of an image: R, G, B in cd/m^2 and the solid angle in sr.
+pub fn hdr_pixels(image: &FrameImage) -> Result<&[[f32; 4]], CheckError> {
+    image.hdr.as_deref().ok_or(CheckError::Missing("an HDR image"))
+}
+
+/// An image as the metrics see it: solid angles come from f64, not from the shader.
+pub fn hdr_view<'a>(image: &'a FrameImage, mapping: &'a dyn PlaneMapping) -> Result<HdrView<'a>, CheckError> {
+    Ok(HdrView::new(mapping, hdr_pixels(image)?)?)
+}
+
+/// Light of every view of a frame, lx: of all its images together.
+pub fn light_of_views_lx(frame: &Frame, rig: &Rig) -> Result<Vec<f64>, CheckError> {
+    let mut light = vec![0.0; rig.views().len()];
+    for (image, of_view) in images(frame, rig) {
+        light[image.view] += metrics::illuminance_lx(&hdr_view(image, of_view.projection.mapping())?)?;
+    }
+    Ok(light)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_worst_pair_counts_and_none_is_no_success() {
+        assert!((worst_error(1.0, &[(2.0, 2.0), (0.98, 1.0), (1.01, 1.0)]) - 0.02).abs() < 1e-12);
+        assert_eq!(worst_error(2.0, &[(1.0, 2.0)]), 0.0);
+        assert!(worst_error(1.0, &[]).is_nan() && worst_error(1.0, &[(f64::NAN, 1.0), (1.0, 1.0)]).is_nan());
+        assert!(worst([1.0, f64::NAN, 2.0]).is_nan());
+    }
+}

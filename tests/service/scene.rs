@@ -1,0 +1,96 @@
+//! The scene: read, changed, watched.
+
+use steradian::{
+    output::Encoding,
+    plan::settings::StarMethod,
+    service::{ClientError, SceneCatalogue, SceneUpdate},
+};
+use tonic::Code;
+
+use crate::daemon::{Daemon, small_rig, within};
+
+fn with_method(method: StarMethod) -> SceneUpdate {
+    SceneUpdate { star_method: Some(method), ..SceneUpdate::default() }
+}
+
+#[tokio::test]
+async fn a_change_shows_in_the_next_frame_of_every_view_and_makes_a_revision() {
+    let catalogue = SceneCatalogue { name: "builtin:bright".to_owned(), stars: 286 };
+    let daemon = Daemon::start_with(small_rig(), |options| options.catalogues = vec![catalogue.clone()]).await;
+    let mut client = daemon.client().await;
+    let scene = client.scene().await.unwrap();
+    assert_eq!((scene.revision, scene.star_method.as_str(), scene.magnitude_limit), (7, "auto", 99.0));
+    assert_eq!(scene.catalogues, [catalogue]);
+    assert_eq!(client.render_frame("flat", Encoding::Rgba8).await.unwrap().scene_revision, 7);
+
+    let changed = client.update_scene(&with_method(StarMethod::Tent), Some(7)).await.unwrap();
+    assert_eq!((changed.revision, changed.star_method.as_str(), changed.magnitude_limit), (8, "tent", 99.0));
+    let fainter = SceneUpdate { magnitude_limit: Some(6.5), ..SceneUpdate::default() };
+    let changed = client.update_scene(&fainter, None).await.unwrap();
+    assert_eq!((changed.revision, changed.star_method.as_str(), changed.magnitude_limit), (9, "tent", 6.5));
+    assert_eq!(client.scene().await.unwrap(), changed);
+    for view in ["flat", "eyes"] {
+        assert_eq!(client.render_frame(view, Encoding::Rgba8).await.unwrap().scene_revision, 9);
+    }
+    let drawn: Vec<_> = daemon.controls.drawn.lock().unwrap().iter().map(|frame| (frame.0, frame.1)).collect();
+    assert_eq!(drawn, [(StarMethod::Auto, 99.0), (StarMethod::Tent, 6.5), (StarMethod::Tent, 6.5)]);
+    assert_eq!(client.info().await.unwrap().scene_revision, 9);
+    daemon.shutdown().await.unwrap();
+}
+
+#[tokio::test]
+async fn a_change_for_another_revision_and_one_of_nothing_are_refused() {
+    let daemon = Daemon::start(small_rig()).await;
+    let mut client = daemon.client().await;
+    let before = client.scene().await.unwrap();
+    for (update, expected, code, reason) in [
+        (with_method(StarMethod::Tent), Some(6), Code::Aborted, "revision 7, not 6"),
+        (SceneUpdate::default(), None, Code::InvalidArgument, "stars.method"),
+        (
+            SceneUpdate { magnitude_limit: Some(f64::INFINITY), ..with_method(StarMethod::Tent) },
+            None,
+            Code::InvalidArgument,
+            "finite",
+        ),
+    ] {
+        match client.update_scene(&update, expected).await {
+            Err(ClientError::Status { code: found, message }) => {
+                assert!(found == code && message.contains(reason), "{found:?} {message}");
+            }
+            other => panic!("{update:?} gave {other:?}"),
+        }
+        assert_eq!(client.scene().await.unwrap(), before);
+    }
+    daemon.shutdown().await.unwrap();
+}
+
+#[tokio::test]
+async fn watchers_hear_of_every_change_they_wait_for_and_of_the_end() {
+    let daemon = Daemon::start(small_rig()).await;
+    let (mut client, mut other) = (daemon.client().await, daemon.client().await);
+    let mut watch = client.watch_scene().await.unwrap();
+    assert_eq!(within(watch.next()).await.unwrap().expect("the scene as it is").revision, 7);
+    // A picture that nobody moves is drawn anew when the scene changes.
+    let mut frames = client.stream_frames("flat", Encoding::Rgba8, 0.0).await.unwrap();
+    assert_eq!(within(frames.next()).await.unwrap().expect("a frame").scene_revision, 7);
+    for (revision, method) in [(8, StarMethod::BSpline), (9, StarMethod::Tent), (10, StarMethod::Auto)] {
+        other.update_scene(&with_method(method), None).await.unwrap();
+        let scene = within(watch.next()).await.unwrap().expect("a change");
+        assert_eq!((scene.revision, scene.star_method.as_str()), (revision, method.name()));
+        while within(frames.next()).await.unwrap().expect("a frame").scene_revision < revision {}
+    }
+    daemon.shutdown().await.unwrap();
+    assert!(within(watch.next()).await.expect("a clean end").is_none());
+}
+
+#[tokio::test]
+async fn streams_of_the_scene_have_a_cap() {
+    let daemon = Daemon::start_with(small_rig(), |options| options.subscribers = 1).await;
+    let mut client = daemon.client().await;
+    let first = client.watch_scene().await.unwrap();
+    assert_eq!(client.watch_scene().await.unwrap_err().code(), Some(Code::ResourceExhausted));
+    drop(first);
+    // The daemon learns of the dropped stream a little later.
+    within(async { while client.watch_scene().await.is_err() {} }).await;
+    daemon.shutdown().await.unwrap();
+}

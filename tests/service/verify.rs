@@ -1,0 +1,139 @@
+//! Failure tests over the wire.
+
+use std::sync::atomic::Ordering::SeqCst;
+
+use steradian::{
+    output::Encoding,
+    plan::settings::StarMethod,
+    service::SceneUpdate,
+    verify::{self, Outcome},
+};
+use tonic::Code;
+
+use crate::daemon::{Daemon, small_rig, until, within};
+
+#[tokio::test]
+async fn every_result_comes_with_its_figures() {
+    let daemon = Daemon::start(small_rig()).await;
+    let mut client = daemon.client().await;
+    let mut results = client.verify("", "").await.unwrap();
+    for check in verify::checks() {
+        let result = within(results.next()).await.unwrap().expect("a result per check");
+        assert_eq!((result.name.as_str(), result.number), (check.name, check.number.map(u32::from)));
+        assert_eq!(result.group, check.group);
+        match check.number {
+            Some(1) => {
+                let figure = &result.figures[0];
+                assert_eq!((result.outcome, figure.pass, figure.limit), (Outcome::Fail, false, Some(0.25)));
+            }
+            Some(2) => assert_eq!(
+                (result.outcome, result.message.as_deref(), result.figures.len()),
+                (Outcome::NotApplicable, Some("no stars"), 0)
+            ),
+            _ => {
+                assert_eq!((result.outcome, result.message), (Outcome::Pass, None));
+                let figures: Vec<_> =
+                    result.figures.iter().map(|f| (f.what.as_str(), f.measured, f.limit, f.unit.as_str())).collect();
+                assert_eq!(figures, [("right", 0.125, Some(0.25), "px"), ("seen", 3.0, None, "")]);
+            }
+        }
+    }
+    assert!(within(results.next()).await.unwrap().is_none());
+    daemon.shutdown().await.unwrap();
+}
+
+#[tokio::test]
+async fn the_method_is_the_one_named_or_the_one_in_use() {
+    let daemon = Daemon::start(small_rig()).await;
+    let mut client = daemon.client().await;
+    let tent = SceneUpdate { star_method: Some(StarMethod::Tent), ..SceneUpdate::default() };
+    client.update_scene(&tent, None).await.unwrap();
+    for (method, expected) in [("", StarMethod::Tent), ("packed_cas", StarMethod::PackedCas)] {
+        // The call before gives its place free a little later.
+        let mut results = within(async {
+            loop {
+                match client.verify("slow-pan", method).await {
+                    Ok(results) => break results,
+                    Err(error) => assert_eq!(error.code(), Some(Code::ResourceExhausted), "{error}"),
+                }
+            }
+        })
+        .await;
+        assert_eq!(within(results.next()).await.unwrap().expect("a result").number, Some(10));
+        assert!(within(results.next()).await.unwrap().is_none());
+        assert_eq!(daemon.controls.checked.lock().unwrap().last(), Some(&expected));
+    }
+    client.render_frame("flat", Encoding::Rgba8).await.unwrap();
+    assert_eq!(daemon.controls.drawn.lock().unwrap()[0].0, StarMethod::Tent, "frames keep their method");
+    for (filter, method, part) in [("nothing", "", "slow-pan-flicker"), ("", "dots", "packed_cas")] {
+        let error = client.verify(filter, method).await.unwrap_err();
+        assert!(error.code() == Some(Code::InvalidArgument) && error.to_string().contains(part), "{error}");
+    }
+    daemon.shutdown().await.unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn frames_and_checks_take_turns_and_one_run_goes_at_a_time() {
+    let daemon = Daemon::start(small_rig()).await;
+    let mut client = daemon.client().await;
+    daemon.controls.close_gate();
+    let mut results = client.verify("", "").await.unwrap();
+    until(|| daemon.controls.checks_started.load(SeqCst) == 1).await;
+    let second = client.verify("", "").await.unwrap_err();
+    assert_eq!(second.code(), Some(Code::ResourceExhausted), "{second}");
+    let mut other = daemon.client().await;
+    let frame = tokio::spawn(async move { other.render_frame("flat", Encoding::Rgba8).await });
+    // The request arrives while the first check still runs.
+    tokio::time::sleep(std::time::Duration::from_millis(100)).await;
+    daemon.controls.open_gate();
+    within(frame).await.unwrap().unwrap();
+    let before = daemon.controls.drawn.lock().unwrap()[0].2;
+    assert!(before <= 2, "{before} checks were run before the frame");
+    let mut count = 0;
+    while within(results.next()).await.unwrap().is_some() {
+        count += 1;
+    }
+    assert_eq!(count, verify::checks().len());
+    daemon.shutdown().await.unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_caller_that_goes_away_ends_the_run_and_so_does_the_daemon_s_end() {
+    let mut daemon = Daemon::start(small_rig()).await;
+    let mut client = daemon.client().await;
+    daemon.controls.close_gate();
+    drop(client.verify("", "").await.unwrap());
+    until(|| daemon.controls.checks_started.load(SeqCst) == 1).await;
+    tokio::time::sleep(std::time::Duration::from_millis(100)).await;
+    daemon.controls.open_gate();
+    let mut results = within(async {
+        loop {
+            match client.verify("", "").await {
+                Ok(results) => break results,
+                Err(error) => assert_eq!(error.code(), Some(Code::ResourceExhausted), "{error}"),
+            }
+        }
+    })
+    .await;
+    assert!(daemon.controls.checks_started.load(SeqCst) < verify::checks().len() as u64);
+    within(results.next()).await.unwrap().expect("a result");
+    daemon.controls.close_gate();
+    daemon.begin_shutdown();
+    let controls = std::sync::Arc::clone(&daemon.controls);
+    let end = within(async {
+        loop {
+            controls.open_gate();
+            match results.next().await {
+                Ok(Some(_)) => {}
+                other => break other,
+            }
+        }
+    })
+    .await;
+    // All results may have been on their way already.
+    if let Err(error) = end {
+        assert_eq!(error.code(), Some(Code::Unavailable), "{error}");
+    }
+    drop((client, results));
+    daemon.end().await.unwrap();
+}
