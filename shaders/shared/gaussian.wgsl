@@ -4,8 +4,6 @@
 
 // Where the density is cut off, in standard deviations.
 const GAUSSIAN_CUT: f32 = 4.5;
-// Pixels that a kernel may reach each way, but along the parallels of an equirectangular picture.
-const GAUSSIAN_MOST_PIXELS: f32 = 96.0;
 
 struct Gaussian {
     // Unit vector, and its image.
@@ -39,8 +37,9 @@ fn pixel_extent(viewport: Viewport, direction: vec3<f32>) -> vec2<f32> {
             return vec2(max(sides.x, sides.y), min(sides.x, sides.y));
         }
         default: {
-            // cos(theta/2), and the radial and tangential derivatives of the mapping.
-            let half = sqrt(max(0.5 * (1.0 + cosine), 1e-4));
+            // cos(theta/2), and the radial and tangential derivatives of the mapping. Beyond the rim those at the rim hold, and
+            // where a mapping ends in an infinite derivative, the angle that its last pixel covers.
+            let half = sqrt(max(0.5 * (1.0 + cosine), 0.0));
             var radial = viewport.rim;
             var across = viewport.rim;
             switch viewport.kind {
@@ -49,14 +48,17 @@ fn pixel_extent(viewport: Viewport, direction: vec3<f32>) -> vec2<f32> {
                     across = select(sine / max(theta, 1e-6), 1.0, theta < 1e-3) * viewport.rim;
                 }
                 case KIND_EQUISOLID: {
-                    radial = 2.0 * viewport.rim / half;
-                    across = 2.0 * viewport.rim * half;
+                    let at_rim = sqrt(max(1.0 - viewport.rim * viewport.rim, 0.0));
+                    let held = max(max(half, at_rim), viewport.rim * sqrt(0.5 * step.x));
+                    radial = 2.0 * viewport.rim / held;
+                    across = 2.0 * viewport.rim * held;
                 }
                 case KIND_ORTHOGRAPHIC: {
-                    radial = viewport.rim / max(cosine, 0.02);
+                    radial = viewport.rim / max(max(cosine, sqrt(viewport.rim_complement)), viewport.rim * sqrt(0.5 * step.x));
                 }
                 default: {
-                    radial = 2.0 * viewport.rim * half * half;
+                    let held = max(half, inverseSqrt(1.0 + viewport.rim * viewport.rim));
+                    radial = 2.0 * viewport.rim * held * held;
                     across = radial;
                 }
             }
@@ -127,19 +129,22 @@ fn gaussian_sum(viewport: Viewport, gaussian: Gaussian) -> f32 {
     return sum;
 }
 
-// How far a kernel of a given radius (rad) reaches on the plane, pixels.
+// How far a kernel of a given radius (rad) reaches on the plane, pixels: no farther than the picture is wide.
 fn gaussian_reach(viewport: Viewport, direction: vec3<f32>, shorter: f32, cut: f32) -> f32 {
+    let most = f32(max(viewport.size.x, viewport.size.y));
+    let outwards = precise_atan2(length(direction.xy), -direction.z) + cut;
     var reach = 1.3 * cut / shorter;
     if viewport.kind <= KIND_CUBE_FACE {
         // Outwards a flat plane has more and more pixels.
-        let theta = precise_atan2(length(direction.xy), -direction.z);
-        let outwards = theta + cut;
-        reach = GAUSSIAN_MOST_PIXELS;
+        reach = most;
         if outwards < 1.5 {
-            reach = (tan(outwards) - tan(theta)) * max(abs(viewport.plane_scale.x), abs(viewport.plane_scale.y));
+            reach = (tan(outwards) - tan(outwards - cut)) * max(abs(viewport.plane_scale.x), abs(viewport.plane_scale.y));
         }
+    } else if outwards > 0.97 * PI {
+        // Around the antipode lies the whole rim.
+        reach = most;
     }
-    return min(reach, GAUSSIAN_MOST_PIXELS) + 0.5;
+    return min(reach, most) + 0.5;
 }
 
 // The kernel around the image `pixel` of a star; `sigma` and `cut` in rad. The norm is not set.

@@ -42,8 +42,6 @@ pub const GAUSSIAN_FLICKER: f64 = 0.005;
 const DEFAULT_SIGMA_PX: f64 = 0.7;
 /// Variance of the pixel itself, pixels^2: a Gaussian that is integrated over pixels is wider by this.
 const PIXEL_VARIANCE: f64 = 1.0 / 12.0;
-/// Pixels that a Gaussian may reach each way; the shader has the same number.
-const MOST_REACH_PX: f64 = 96.0;
 
 /// Width of a Gaussian that is round in view space: the larger of an angle and of a number of pixels' sides.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -70,11 +68,12 @@ impl GaussianWidth {
         self.sigma_rad.max(self.sigma_px * longer_side_rad)
     }
 
-    /// How far the kernel reaches at most in a picture, pixels: looked for along both diagonals and both axes.
+    /// How far the kernel reaches at most in a picture, pixels, no farther than the picture is wide: looked for along both diagonals and both axes.
     fn reach_px(&self, projection: &Projection) -> f64 {
         let mapping = projection.mapping();
         let [width, height] = mapping.size();
         let mut most: f64 = 0.0;
+        let side = f64::from(width.max(height));
         for step in 0..=32 {
             let along = |side: u32| (f64::from(step) / 32.0 * f64::from(side - 1)) as u32;
             let (x, y) = (along(width), along(height));
@@ -89,11 +88,11 @@ impl GaussianWidth {
                     let rim = direction * cut.cos() + (right * cos + up * sin) * cut.sin();
                     // Where the plane ends, as far as a kernel may reach.
                     let image = mapping.pixel_from_direction(rim);
-                    most = most.max(image.map_or(MOST_REACH_PX, |image| (image - centre).length()));
+                    most = most.max(image.map_or(side, |image| (image - centre).length()));
                 }
             }
         }
-        most.min(MOST_REACH_PX) + 1.0
+        most.min(side) + 1.0
     }
 }
 

@@ -208,6 +208,32 @@ impl PlaneMapping for Fisheye {
         BoundingCone { axis: DVec3::NEG_Z, half_angle_rad }
     }
 
+    /// From the radial and tangential derivatives of the mapping. Beyond the rim those at the rim hold, and where a mapping ends in
+    /// an infinite derivative, the angle that its last pixel covers.
+    fn pixel_extent_rad(&self, direction: DVec3) -> Option<[f64; 2]> {
+        let cosine = -direction.z;
+        let sine = direction.x.hypot(direction.y);
+        let half = (0.5 * (1.0 + cosine)).max(0.0).sqrt();
+        let (rim, radius) = (self.rim, self.radius_px());
+        let last_pixel = rim * (0.5 / radius).sqrt();
+        let (radial, across) = match self.mapping {
+            FisheyeMapping::Equidistant => {
+                let theta = sine.atan2(cosine);
+                (rim, if theta < 1e-3 { rim } else { rim * sine / theta })
+            }
+            FisheyeMapping::Equisolid => {
+                let held = half.max((1.0 - rim * rim).max(0.0).sqrt()).max(last_pixel);
+                (2.0 * rim / held, 2.0 * rim * held)
+            }
+            FisheyeMapping::Orthographic => (rim / cosine.max(self.half_fov_rad.cos()).max(last_pixel), rim),
+            FisheyeMapping::Stereographic => {
+                let held = half.max((1.0 + rim * rim).sqrt().recip());
+                (2.0 * rim * held * held, 2.0 * rim * held * held)
+            }
+        };
+        Some([radial.max(across) / radius, radial.min(across) / radius])
+    }
+
     fn shows_full_sphere(&self) -> bool {
         self.is_full_sphere()
     }
