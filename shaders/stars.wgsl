@@ -1,7 +1,7 @@
 // The star pass: every star of every visible chunk, splatted in illuminance into all tiles that may see it.
 //
 // One workgroup takes one item: a run of stars of one chunk, and the set of tiles. Needs viewport.wgsl, math.wgsl,
-// projection.wgsl, gaussian.wgsl, star.wgsl, relativity.wgsl, pixel_grid.wgsl and one of accumulate_*.wgsl. The f64 twin is
+// projection.wgsl, gaussian.wgsl, plane_gaussian.wgsl, star.wgsl, relativity.wgsl, pixel_grid.wgsl and one of accumulate_*.wgsl. The f64 twin is
 // src/reference/stars.rs.
 
 struct StarParameters {
@@ -119,29 +119,63 @@ fn add_row(pixel: u32, light: vec3<f32>, weights: vec3<f32>, threshold: vec3<f32
     }
 }
 
-// Splats a star as a Gaussian that is round in view space; returns whether its image lies in the tile's part of the picture.
-fn splat_gaussian(tile: Tile, viewport: Viewport, direction: vec3<f32>, pixel: vec2<f32>, light: vec3<f32>, threshold: vec3<f32>)
-    -> bool {
+// Splats a star as a Gaussian that is round in view space.
+fn splat_round(tile: Tile, viewport: Viewport, direction: vec3<f32>, pixel: vec2<f32>, light: vec3<f32>, threshold: vec3<f32>) {
     let gaussian = gaussian_of(viewport, direction, pixel);
+    if gaussian.norm <= 0.0 {
+        return;
+    }
     let row_0 = i32(tile.first_row);
-    let row_1 = row_0 + i32(tile.rows);
-    if gaussian.norm > 0.0 {
-        for (var y = max(gaussian.first.y, row_0); y <= min(gaussian.last.y, row_1 - 1); y++) {
-            for (var x = gaussian.first.x; x <= gaussian.last.x; x++) {
-                let weight = gaussian_weight(viewport, gaussian, vec2(x, y)) / gaussian.norm;
-                if weight > 0.0 {
-                    let column = gaussian_pixel(viewport, vec2(x, y)).x;
-                    let index = tile.first_pixel + u32((y - row_0) * i32(viewport.size.x) + column);
-                    accumulate(index, floor(light * weight + threshold));
-                }
+    for (var y = max(gaussian.first.y, row_0); y <= min(gaussian.last.y, row_0 + i32(tile.rows) - 1); y++) {
+        for (var x = gaussian.first.x; x <= gaussian.last.x; x++) {
+            let weight = gaussian_weight(viewport, gaussian, vec2(x, y)) / gaussian.norm;
+            if weight > 0.0 {
+                let column = gaussian_pixel(viewport, vec2(x, y)).x;
+                let index = tile.first_pixel + u32((y - row_0) * i32(viewport.size.x) + column);
+                accumulate(index, floor(light * weight + threshold));
             }
         }
     }
-    var own = settle(viewport, vec2<i32>(floor(pixel)));
-    if viewport.full_sphere != 0u {
-        own = clamp(vec2<i32>(floor(pixel)), vec2(0), vec2<i32>(viewport.size) - 1);
+}
+
+// Splats a star as a Gaussian on the image plane, mixed with the B-spline.
+fn splat_plane(
+    tile: Tile, viewport: Viewport, direction: vec3<f32>, pixel: vec2<f32>, part: f32, light: vec3<f32>, threshold: vec3<f32>) {
+    let first = vec2(plane_first(pixel.x), plane_first(pixel.y));
+    let first_pixel = vec2<i32>(first);
+    let size = vec2<i32>(viewport.size);
+    let row_0 = i32(tile.first_row);
+    let row_1 = row_0 + i32(tile.rows);
+    var share = 1.0;
+    if viewport.kind == KIND_CUBE_FACE {
+        if any(first_pixel < vec2(0)) || any(first_pixel + PLANE_GAUSSIAN_PIXELS > size) {
+            share = plane_weight_on_cube(viewport, direction, part);
+        }
+    } else if viewport.full_sphere != 0u {
+        share = plane_weight_in_circle(viewport, pixel, part);
     }
-    return own.x >= 0 && own.y >= row_0 && own.y < row_1;
+    let scale = 1.0 / (share * plane_sums(pixel.x, viewport.size.x, part).x * plane_sums(pixel.y, viewport.size.y, part).x);
+    for (var j = 0; j < PLANE_GAUSSIAN_PIXELS; j++) {
+        let row_light = light * (scale * plane_density(pixel.y, first.y + f32(j), part));
+        for (var k = 0; k < PLANE_GAUSSIAN_PIXELS; k++) {
+            let at = settle(viewport, first_pixel + vec2(k, j));
+            if at.x >= 0 && at.y >= row_0 && at.y < row_1 {
+                let weight = plane_density(pixel.x, first.x + f32(k), part);
+                accumulate(tile.first_pixel + u32((at.y - row_0) * size.x + at.x), floor(row_light * weight + threshold));
+            }
+        }
+    }
+}
+
+// Whether a star counts as drawn in a tile: by the pixel that holds its image.
+fn holds_image(tile: Tile, viewport: Viewport, pixel: vec2<f32>) -> bool {
+    let centre = vec2<i32>(floor(pixel));
+    var own = settle(viewport, centre);
+    if viewport.full_sphere != 0u {
+        // Every star is in this picture, also one whose pixel's centre lies just over the rim.
+        own = clamp(centre, vec2(0), vec2<i32>(viewport.size) - 1);
+    }
+    return own.x >= 0 && own.y >= i32(tile.first_row) && own.y < i32(tile.first_row + tile.rows);
 }
 
 @compute @workgroup_size(WORKGROUP)
@@ -184,19 +218,22 @@ fn splat_stars(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocatio
                 dot(relative, viewport.view_from_world_y.xyz),
                 dot(relative, viewport.view_from_world_z.xyz));
             let projected = pixel_from_direction(viewport, direction);
-            let round = illuminance >= viewport.gaussian_from_lx;
-            let margin = select(1.5, viewport.gaussian_reach_px, round);
+            let bright = illuminance >= viewport.gaussian_from_lx;
+            let margin = select(1.5, viewport.gaussian_reach_px, bright);
             if projected.z == 0.0 || any(projected.xy < vec2(0.0, f32(row_0)) - margin)
                 || any(projected.xy > vec2(f32(size.x), f32(row_1)) + margin) {
                 continue;
             }
             let pixel = projected.xy;
-            if round {
-                let scale = illuminance * parameters.units_per_lx;
+            if bright {
+                let light = colours[colour_index].xyz * (illuminance * parameters.units_per_lx);
                 let threshold = rounding_threshold(item.first_number + i);
-                if splat_gaussian(tile, viewport, direction, pixel, colours[colour_index].xyz * scale, threshold) {
-                    drawn += 1u;
+                if viewport.gaussian_on_plane != 0u {
+                    splat_plane(tile, viewport, direction, pixel, gaussian_part(viewport, illuminance), light, threshold);
+                } else {
+                    splat_round(tile, viewport, direction, pixel, light, threshold);
                 }
+                drawn += select(0u, 1u, holds_image(tile, viewport, pixel));
                 continue;
             }
             let tent = illuminance < viewport.tent_below_lx;
@@ -206,8 +243,6 @@ fn splat_stars(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocatio
             let last_pixel = first_pixel + vec2(n - 1);
             let weights_x = kernel_weights(pixel.x, first.x, tent);
             let weights_y = kernel_weights(pixel.y, first.y, tent);
-            let centre = vec2<i32>(floor(pixel));
-
             // Inside of the picture, and of this tile's rows: nothing of the kernel falls over a border.
             var in_picture = all(first_pixel >= vec2(0)) && all(last_pixel < size);
             if is_fisheye(viewport) {
@@ -225,14 +260,7 @@ fn splat_stars(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocatio
                     scale /= weight_in_circle(viewport, pixel, tent);
                 }
             }
-            var own = settle(viewport, centre);
-            if viewport.full_sphere != 0u {
-                // Every star is in this picture, also one whose pixel's centre lies just over the rim.
-                own = clamp(centre, vec2(0), size - 1);
-            }
-            if own.x >= 0 && own.y >= row_0 && own.y < row_1 {
-                drawn += 1u;
-            }
+            drawn += select(0u, 1u, holds_image(tile, viewport, pixel));
             let light = colours[colour_index].xyz * scale;
             let threshold = rounding_threshold(item.first_number + i);
             // Most stars are faint, and most stand inside: they take the short way.

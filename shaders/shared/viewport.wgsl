@@ -41,8 +41,9 @@ struct Viewport {
     gaussian_sigma_px: f32,
     // How far beyond a border a star may stand whose Gaussian reaches over it, pixels.
     gaussian_reach_px: f32,
+    // 1: the Gaussian lies on the image plane and takes the B-spline's place by and by. 0: it is round in view space.
+    gaussian_on_plane: u32,
     unused_0: u32,
-    unused_1: u32,
 }
 
 struct Tile {

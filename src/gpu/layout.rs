@@ -73,10 +73,10 @@ gpu_structs! {
         gaussian_sigma_px: f32,
         /// How far it reaches over a border, pixels.
         gaussian_reach_px: f32,
+        /// 1: the Gaussian lies on the image plane; 0: it is round in view space.
+        gaussian_on_plane: u32,
         /// Padding.
         unused_0: u32,
-        /// Padding.
-        unused_1: u32,
     }
     /// A run of rows of a viewport; see `shaders/shared/viewport.wgsl`.
     Tile {

@@ -20,6 +20,7 @@ const RELATIVITY: &str = include_str!("../../shaders/shared/relativity.wgsl");
 const DISPLAY: &str = include_str!("../../shaders/shared/display.wgsl");
 const EXPOSURE: &str = include_str!("../../shaders/shared/exposure.wgsl");
 const GAUSSIAN: &str = include_str!("../../shaders/shared/gaussian.wgsl");
+const PLANE_GAUSSIAN: &str = include_str!("../../shaders/shared/plane_gaussian.wgsl");
 const STAR: &str = include_str!("../../shaders/shared/star.wgsl");
 const TRIANGLES: &str = include_str!("../../shaders/shared/triangle_solid_angle.wgsl");
 const PACKED_SPLAT: &str = include_str!("../../shaders/shared/packed_splat.wgsl");
@@ -39,6 +40,7 @@ pub fn stars(wide: bool) -> ShaderSource {
         MATH,
         PROJECTION,
         GAUSSIAN,
+        PLANE_GAUSSIAN,
         STAR,
         RELATIVITY,
         PIXEL_GRID,

@@ -6,7 +6,7 @@ use glam::DMat3;
 
 use super::layout;
 use crate::{
-    plan::KernelPlan,
+    plan::{GaussianKernel, KernelPlan},
     units::PARSEC_M,
     view::{
         Viewport,
@@ -26,6 +26,10 @@ pub(crate) fn encode_viewport(viewport: &Viewport, kernels: &KernelPlan) -> layo
         [row.x as f32, row.y as f32, row.z as f32, eye_pc[index] as f32]
     };
     let size = viewport.size();
+    let width = match kernels.gaussian {
+        GaussianKernel::Round(width) => Some(width),
+        GaussianKernel::Plane => None,
+    };
     let mut encoded = layout::Viewport {
         view_from_world_x: row(0),
         view_from_world_y: row(1),
@@ -33,8 +37,9 @@ pub(crate) fn encode_viewport(viewport: &Viewport, kernels: &KernelPlan) -> layo
         size,
         tent_below_lx: finite_f32(kernels.tent_below_lx),
         gaussian_from_lx: finite_f32(kernels.gaussian_from_lx),
-        gaussian_sigma_rad: kernels.gaussian.sigma_rad as f32,
-        gaussian_sigma_px: kernels.gaussian.sigma_px as f32,
+        gaussian_sigma_rad: width.map_or(0.0, |width| width.sigma_rad as f32),
+        gaussian_sigma_px: width.map_or(0.0, |width| width.sigma_px as f32),
+        gaussian_on_plane: u32::from(width.is_none()),
         gaussian_reach_px: kernels.gaussian_reach_px as f32,
         view: viewport.view as u32,
         ..Default::default()

@@ -140,8 +140,10 @@ mod tests {
     use super::*;
     use crate::{
         metrics::synthetic::{Canvas, integrated_gaussian, one_pixel},
-        photometry::kernel::SplatKernel,
-        plan::{BSPLINE_FLICKER, TENT_FLICKER_AT_WHITE, TENT_FLICKER_PER_PEAK, bspline_peak_within},
+        photometry::kernel::{SplatKernel, bright_kernel, gaussian_part},
+        plan::{
+            BSPLINE_FLICKER, PLANE_GAUSSIAN_FLICKER, TENT_FLICKER_AT_WHITE, TENT_FLICKER_PER_PEAK, bspline_peak_within,
+        },
         view::projection::{Perspective, PlaneMapping},
     };
 
@@ -208,9 +210,34 @@ mod tests {
         }
         for budget in [0.015, 0.02, 0.05] {
             let peak = bspline_peak_within(budget);
-            assert!(of(SplatKernel::BSpline, peak).after <= budget);
-            assert!(of(SplatKernel::BSpline, 1.3 * peak).after > budget);
+            let (at_peak, beyond) = (of(SplatKernel::BSpline, peak).after, of(SplatKernel::BSpline, 1.5 * peak).after);
+            assert!(at_peak <= budget && beyond > budget, "{budget}: {at_peak} at k = {peak}, {beyond} beyond");
         }
+    }
+
+    /// What `auto` gives to bright stars: flicker keeps the budget, and the light that is shown goes on without a jump where the
+    /// Gaussian begins to take the B-spline's place.
+    #[test]
+    fn the_gaussian_of_bright_stars_flickers_little_and_begins_where_the_bspline_ends() {
+        for budget in [0.01, 0.02, 0.05] {
+            let start = 0.75 * bspline_peak_within(budget);
+            for step in 0..60 {
+                let peak = start * 10f64.powf(f64::from(step) / 12.0);
+                let part = gaussian_part(peak, start);
+                let flicker = kernel_flicker(&|centre| bright_kernel(part, centre), peak, 400).unwrap().after;
+                assert!(flicker <= PLANE_GAUSSIAN_FLICKER.max(budget), "k = {peak}: {flicker}");
+                assert!(peak > 1000.0 || flicker < budget, "k = {peak}: {flicker}");
+            }
+        }
+        let start = 0.75 * bspline_peak_within(0.02);
+        let shown = |kernel: Footprint<'_>| -> f64 {
+            let places = sub_pixel_positions(400).map(|place| DVec2::splat(64.0) + place);
+            places.flat_map(kernel).map(|tap| start * tap.2 / (1.0 + start * tap.2)).sum()
+        };
+        let spline = shown(&|centre| SplatKernel::BSpline.footprint(centre));
+        let jump = shown(&|centre| bright_kernel(0.0, centre)) / spline - 1.0;
+        let wrong = shown(&|centre| bright_kernel(1.0, centre)) / spline - 1.0;
+        assert!(jump.abs() < 1e-9 && wrong > 0.3, "{jump} {wrong}");
     }
 
     /// A pan whose every second frame is a tenth brighter: deviation over mean of {1, 1.1} is 0.05 / 1.05; of what is shown

@@ -3,7 +3,9 @@
 use serde::Serialize;
 
 use super::{
-    kernels::{BSPLINE_FLICKER, GAUSSIAN_FLICKER, KernelPlan, TENT_FLICKER_AT_WHITE, kernels_of},
+    kernels::{
+        BSPLINE_FLICKER, GAUSSIAN_FLICKER, KernelPlan, PLANE_GAUSSIAN_FLICKER, TENT_FLICKER_AT_WHITE, kernels_of,
+    },
     range::Ranges,
     settings::{Accumulator, RenderSettings, StarMethod},
 };
@@ -64,7 +66,7 @@ pub fn plan_stars(
                     "auto: bspline; tent for stars too faint, Gaussian for stars too bright for its flicker not to be seen"
                 }
                 (true, false) => "auto: bspline, tent for stars too faint for their flicker to be seen",
-                (false, true) => "auto: Gaussian",
+                (false, true) => "auto: Gaussian on the image plane",
                 (false, false) => "auto: bspline",
             }
         }
@@ -102,11 +104,13 @@ pub fn plan_stars(
     let flicker = |what: &str, most: f64| bound(what, most, flicker_unit, Some(budget.flicker));
     match settings.stars.method {
         StarMethod::Auto => {
-            certificate
-                .push(flicker("flicker of a star, whichever kernel draws it", budget.flicker.max(GAUSSIAN_FLICKER)));
+            certificate.push(flicker(
+                "flicker of a star, whichever kernel draws it",
+                budget.flicker.max(PLANE_GAUSSIAN_FLICKER),
+            ));
         }
         StarMethod::BSpline => {
-            certificate.push(flicker("flicker of stars ten times as bright as display white", BSPLINE_FLICKER[5].1));
+            certificate.push(flicker("flicker of stars ten times as bright as display white", BSPLINE_FLICKER[8].1));
         }
         StarMethod::Tent => certificate.push(flicker("flicker of stars at display white", TENT_FLICKER_AT_WHITE)),
         StarMethod::PixelGaussian => certificate.push(flicker("flicker of a star", GAUSSIAN_FLICKER)),

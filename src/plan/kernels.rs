@@ -2,7 +2,9 @@
 //!
 //! Flicker is the standard deviation over mean of what a display shows of a star while it moves through a pixel. It depends on
 //! the star's peak k over display white. The tent's grows with k at once; the B-spline's stays below 0.0113 up to k = 5 and then
-//! grows to 0.13; the Gaussian's never exceeds 0.005. `auto` takes for each star the cheapest of them that keeps the budget.
+//! grows to 0.13; a Gaussian's stays small. `auto` takes for each star the cheapest of them that keeps the budget: its Gaussian lies on
+//! the image plane and takes the B-spline's place by and by, so that a star that brightens does not jump. `pixel_gaussian` draws all stars
+//! with one that is round in view space.
 
 use std::f64::consts::FRAC_PI_4;
 
@@ -23,25 +25,39 @@ pub const TENT_FLICKER_PER_PEAK: f64 = 0.142_4;
 pub const TENT_FLICKER_AT_WHITE: f64 = 0.085;
 
 /// Peak over display white, and the most that the B-spline flickers up to there.
-pub const BSPLINE_FLICKER: [(f64, f64); 9] = [
+pub const BSPLINE_FLICKER: [(f64, f64); 13] = [
+    (0.03, 0.0008),
     (0.1, 0.0024),
     (0.3, 0.0060),
     (1.0, 0.0113),
     (5.0, 0.0113),
-    (6.5, 0.0185),
+    (6.0, 0.0162),
+    (6.5, 0.0196),
+    (8.0, 0.0283),
     (10.0, 0.0382),
+    (15.0, 0.0582),
     (30.0, 0.0908),
     (100.0, 0.1279),
-    (f64::INFINITY, 0.1350),
+    (f64::INFINITY, 0.1365),
 ];
 
-/// The most that the Gaussian flickers, whatever the peak.
+/// The most that the Gaussian that is round in view space flickers, whatever the peak.
 pub const GAUSSIAN_FLICKER: f64 = 0.005;
+
+/// The most that the Gaussian on the image plane flickers, up to a million times display white; up to a thousand times 0.006.
+pub const PLANE_GAUSSIAN_FLICKER: f64 = 0.016;
+
+/// Share of the B-spline's range of peaks up to which it is drawn alone: a little is left for the mixture with the Gaussian, which
+/// flickers most just above its beginning.
+const BSPLINE_ALONE: f64 = 0.75;
 
 /// Standard deviation of the Gaussian where none is asked for, pixels.
 const DEFAULT_SIGMA_PX: f64 = 0.7;
 /// Variance of the pixel itself, pixels^2: a Gaussian that is integrated over pixels is wider by this.
 const PIXEL_VARIANCE: f64 = 1.0 / 12.0;
+
+/// How far the Gaussian on the image plane reaches, pixels.
+const PLANE_REACH_PX: f64 = 4.0;
 
 /// Width of a Gaussian that is round in view space: the larger of an angle and of a number of pixels' sides.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -96,6 +112,15 @@ impl GaussianWidth {
     }
 }
 
+/// Which Gaussian draws the brightest stars.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum GaussianKernel {
+    /// Round in view space.
+    Round(GaussianWidth),
+    /// On the image plane, mixed with the B-spline.
+    Plane,
+}
+
 /// The kernels of one viewport.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct KernelPlan {
@@ -104,7 +129,7 @@ pub struct KernelPlan {
     /// Stars as bright as this or brighter take the Gaussian, lx; those between take the B-spline.
     pub gaussian_from_lx: f64,
     /// The Gaussian.
-    pub gaussian: GaussianWidth,
+    pub gaussian: GaussianKernel,
     /// How far it reaches, pixels.
     pub gaussian_reach_px: f64,
 }
@@ -115,45 +140,35 @@ impl KernelPlan {
         Self {
             tent_below_lx: 0.0,
             gaussian_from_lx: f64::INFINITY,
-            gaussian: GaussianWidth { sigma_rad: 0.0, sigma_px: 1.0 },
+            gaussian: GaussianKernel::Plane,
             gaussian_reach_px: 0.0,
         }
     }
 }
 
 /// The Gaussian of a viewport and its reach in pixels, for methods that may draw one.
-pub fn gaussian_of(settings: &RenderSettings, viewport: &Viewport) -> Option<(GaussianWidth, f64)> {
-    let width = match settings.stars.method {
-        StarMethod::PixelGaussian => GaussianWidth::new(&settings.stars.pixel_gaussian),
-        StarMethod::Auto => GaussianWidth::new(&PixelGaussianSettings::default()),
-        _ => return None,
-    };
-    Some((width, width.reach_px(&viewport.projection)))
+pub fn gaussian_of(settings: &RenderSettings, viewport: &Viewport) -> Option<(GaussianKernel, f64)> {
+    match settings.stars.method {
+        StarMethod::PixelGaussian => {
+            let width = GaussianWidth::new(&settings.stars.pixel_gaussian);
+            Some((GaussianKernel::Round(width), width.reach_px(&viewport.projection)))
+        }
+        StarMethod::Auto => Some((GaussianKernel::Plane, PLANE_REACH_PX)),
+        _ => None,
+    }
 }
 
-/// The greatest peak over display white up to which the B-spline keeps a budget of flicker.
+/// The greatest peak over display white in [`BSPLINE_FLICKER`] up to which the B-spline keeps a budget of flicker.
 pub fn bspline_peak_within(flicker: f64) -> f64 {
-    let mut peak = 0.0;
-    for (index, (to, most)) in BSPLINE_FLICKER.into_iter().enumerate() {
-        if most > flicker {
-            // Between two entries the flicker grows at most as the line between them.
-            let (from, least) = if index == 0 { (0.0, 0.0) } else { BSPLINE_FLICKER[index - 1] };
-            if to.is_finite() && flicker > least {
-                peak = from + (to - from) * (flicker - least) / (most - least);
-            }
-            return peak;
-        }
-        peak = to;
-    }
-    peak
+    BSPLINE_FLICKER.into_iter().take_while(|(_, most)| *most <= flicker).map(|(peak, _)| peak).last().unwrap_or(0.0)
 }
 
 /// The kernels of a viewport. `expected_ev100` is the exposure that the frame will be shown with, as far as it is known before the
 /// frame is drawn; without it stars may be as bright as they like over display white.
 pub fn kernels_of(settings: &RenderSettings, viewport: &Viewport, expected_ev100: Option<f64>) -> KernelPlan {
     let mut kernels = KernelPlan::bspline();
-    if let Some((width, reach_px)) = gaussian_of(settings, viewport) {
-        (kernels.gaussian, kernels.gaussian_reach_px) = (width, reach_px);
+    if let Some((gaussian, reach_px)) = gaussian_of(settings, viewport) {
+        (kernels.gaussian, kernels.gaussian_reach_px) = (gaussian, reach_px);
     }
     match settings.stars.method {
         StarMethod::Tent => kernels.tent_below_lx = f64::INFINITY,
@@ -164,7 +179,7 @@ pub fn kernels_of(settings: &RenderSettings, viewport: &Viewport, expected_ev100
             kernels.tent_below_lx = settings.accuracy.flicker / TENT_FLICKER_PER_PEAK * white_lx;
             let peak = bspline_peak_within(settings.accuracy.flicker);
             if peak.is_finite() {
-                kernels.gaussian_from_lx = peak * white_lx;
+                kernels.gaussian_from_lx = BSPLINE_ALONE * peak * white_lx;
             }
         }
         _ => {}
@@ -180,9 +195,8 @@ mod tests {
     fn the_bspline_serves_up_to_where_its_flicker_reaches_the_budget() {
         assert_eq!(bspline_peak_within(1.0), f64::INFINITY);
         assert_eq!(bspline_peak_within(0.0), 0.0);
-        let at_default = bspline_peak_within(0.02);
-        assert!((6.5..7.0).contains(&at_default), "{at_default}");
-        assert!((0.1..0.3).contains(&bspline_peak_within(0.004)));
+        assert_eq!(bspline_peak_within(0.02), 6.5);
+        assert_eq!(bspline_peak_within(0.004), 0.1);
     }
 
     #[test]

@@ -19,6 +19,6 @@ pub mod travel;
 
 pub use frame_plan::{Approximation, FramePlan, StarPlan, plan_stars};
 pub use kernels::{
-    BSPLINE_FLICKER, GAUSSIAN_FLICKER, GaussianWidth, KernelPlan, TENT_FLICKER_AT_WHITE, TENT_FLICKER_PER_PEAK,
-    bspline_peak_within, gaussian_of,
+    BSPLINE_FLICKER, GAUSSIAN_FLICKER, GaussianKernel, GaussianWidth, KernelPlan, PLANE_GAUSSIAN_FLICKER,
+    TENT_FLICKER_AT_WHITE, TENT_FLICKER_PER_PEAK, bspline_peak_within, gaussian_of,
 };

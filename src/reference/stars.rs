@@ -5,7 +5,10 @@ use glam::{DQuat, DVec3};
 use super::gaussian;
 use crate::{
     catalogue::{chunks::StarSet, packed::temperature_of_step_k},
-    photometry::{blackbody::rec709_in_gamut, kernel::SplatKernel},
+    photometry::{
+        blackbody::rec709_in_gamut,
+        kernel::{SplatKernel, bright_kernel},
+    },
     plan::GaussianWidth,
     relativity::{Motion, illuminance_factor},
     units::PARSEC_M,
@@ -62,6 +65,8 @@ pub enum StarKernel {
     Splat(SplatKernel),
     /// A Gaussian that is round in view space.
     Gaussian(GaussianWidth),
+    /// That of stars too bright for the B-spline; the Gaussian's share.
+    Bright(f64),
 }
 
 impl From<SplatKernel> for StarKernel {
@@ -122,6 +127,7 @@ pub fn draw<K: Into<StarKernel>>(
         let Some(kernel) = kernel_for(illuminance_lx) else { continue };
         let taps = match kernel.into() {
             StarKernel::Splat(kernel) => mapping.taps(&|centre| kernel.footprint(centre), direction),
+            StarKernel::Bright(part) => mapping.taps(&|centre| bright_kernel(part, centre), direction),
             StarKernel::Gaussian(width) => gaussian::taps(mapping, width, direction),
         };
         if taps.is_empty() {

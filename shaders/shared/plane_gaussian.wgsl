@@ -1,0 +1,72 @@
+// What `auto` draws of stars so bright that the B-spline would be seen to flicker: along each axis a mixture of the B-spline and a
+// Gaussian of 0.757 pixels, sampled at the centres of seven pixels. Both keep the centroid and the width; the brighter the star, the
+// more of the Gaussian, so that nothing jumps where it takes the B-spline's place. The f64 twin is `bright_kernel` in
+// src/photometry/kernel.rs. Needs viewport.wgsl and projection.wgsl.
+
+const PLANE_GAUSSIAN_PIXELS: i32 = 7;
+// How many times brighter than the first star that takes it a star is that has nothing of the B-spline left.
+const PLANE_GAUSSIAN_GROWTH: f32 = 6.0;
+// 1 / (2 * 0.757^2), and 1 / (0.757 sqrt(2 pi)).
+const PLANE_GAUSSIAN_INVERSE: f32 = 0.872526;
+const PLANE_GAUSSIAN_PEAK: f32 = 0.527005;
+
+// Share of the Gaussian for a star of that illuminance.
+fn gaussian_part(viewport: Viewport, illuminance: f32) -> f32 {
+    let brighter = illuminance / max(viewport.gaussian_from_lx, 1e-30);
+    return smoothstep(0.0, 1.0, log2(max(brighter, 1e-30)) / log2(PLANE_GAUSSIAN_GROWTH));
+}
+
+// First pixel of the kernel along one axis.
+fn plane_first(x: f32) -> f32 {
+    return floor(x) - 3.0;
+}
+
+// Weight of a pixel along one axis.
+fn plane_density(x: f32, pixel: f32, part: f32) -> f32 {
+    let offset = abs(pixel + 0.5 - x);
+    let beside = max(1.5 - offset, 0.0);
+    let spline = select(0.5 * beside * beside, 0.75 - offset * offset, offset < 0.5);
+    return mix(spline, PLANE_GAUSSIAN_PEAK * exp(-PLANE_GAUSSIAN_INVERSE * offset * offset), part);
+}
+
+// Sums along one axis: of all weights, and of those within 0 .. n.
+fn plane_sums(x: f32, n: u32, part: f32) -> vec2<f32> {
+    let first = plane_first(x);
+    var sums = vec2(0.0);
+    for (var i = 0; i < PLANE_GAUSSIAN_PIXELS; i++) {
+        let pixel = first + f32(i);
+        let density = plane_density(x, pixel, part);
+        sums += vec2(density, select(0.0, density, pixel >= 0.0 && pixel < f32(n)));
+    }
+    return sums;
+}
+
+// Share of the kernel that lies inside any of the six faces of the cube.
+fn plane_weight_on_cube(viewport: Viewport, direction: vec3<f32>, part: f32) -> f32 {
+    var total = 0.0;
+    for (var other = 0u; other < 6u; other++) {
+        let pixel = pixel_from_direction(viewport, face_from_face(other, viewport.face, direction));
+        if pixel.z > 0.0 {
+            let x = plane_sums(pixel.x, viewport.size.x, part);
+            let y = plane_sums(pixel.y, viewport.size.y, part);
+            total += x.y * y.y / (x.x * y.x);
+        }
+    }
+    return total;
+}
+
+// Share of the kernel that lies inside a round picture.
+fn plane_weight_in_circle(viewport: Viewport, pixel: vec2<f32>, part: f32) -> f32 {
+    let first = vec2(plane_first(pixel.x), plane_first(pixel.y));
+    var total = 0.0;
+    var inside = 0.0;
+    for (var j = 0; j < PLANE_GAUSSIAN_PIXELS; j++) {
+        for (var i = 0; i < PLANE_GAUSSIAN_PIXELS; i++) {
+            let at = first + vec2(f32(i), f32(j));
+            let density = plane_density(pixel.x, at.x, part) * plane_density(pixel.y, at.y, part);
+            total += density;
+            inside += select(0.0, density, contains(viewport, vec2<i32>(at)));
+        }
+    }
+    return inside / total;
+}
