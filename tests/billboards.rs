@@ -14,10 +14,10 @@ use steradian::{
     metrics::{HdrView, illuminance_near_direction_lx, illuminance_near_pixel_lx, relative_variation, shape_rad},
     photometry::{
         rec709::luminance,
-        star_image::{BUILT_IN_PSF_SIZE, SPRITE_SIZE, StarImage, StoredPsf, built_in_psf, inverse_square_form, sprite},
+        star_image::{SPRITE_SIZE, sprite},
     },
     plan::{
-        billboard::BillboardPlan,
+        billboard::{BillboardPlan, DrawnPsf},
         settings::{Accumulator, ExposureMode, RenderSettings, StarMethod},
     },
     reference::{
@@ -61,16 +61,16 @@ fn mapping(rig: &Rig, view: usize) -> &dyn PlaneMapping {
 fn twin(scene: &SceneSnapshot, rig: &Rig, view: usize, settings: &RenderSettings) -> Vec<[f64; 3]> {
     let image = sprite(SPRITE_SIZE);
     let psf = psf_of(settings);
-    let plan = BillboardPlan::new(&settings.stars, EV100, EV100, Some(&psf));
+    let plan = BillboardPlan::new(&settings.stars, EV100, EV100, psf.as_ref());
     let eye = Eye::default();
-    let images: Images<'_> = Images { sprite: Some::<&StarImage>(&image), psf: Some(&psf) };
+    let images: Images<'_> = Images { sprite: Some(&image), psf: psf.as_ref() };
     let limit = renderer_side_limit();
     billboards::draw(&scene.stars, eye, &rig.views()[view].images[0].projection, limit, &plan, images)
 }
 
-fn psf_of(settings: &RenderSettings) -> StoredPsf {
-    let width_rad = (settings.stars.psf_texture.width_arcmin / 60.0).to_radians();
-    inverse_square_form(&built_in_psf(BUILT_IN_PSF_SIZE, width_rad))
+fn psf_of(settings: &RenderSettings) -> Option<DrawnPsf> {
+    let texture = || settings.stars.psf_texture.texture().expect("valid optics");
+    (settings.stars.method == StarMethod::PsfTexture).then(|| DrawnPsf::new(&texture()))
 }
 
 /// No test here comes near any adapter's limit.
@@ -122,7 +122,7 @@ fn the_gpu_draws_what_the_twin_draws_on_a_plane_and_in_a_fisheye() {
     for method in blending() {
         let mut settings = manual(method);
         settings.stars.billboard.diameter_arcmin = 150.0;
-        settings.stars.psf_texture.width_arcmin = 2400.0;
+        settings.stars.psf_texture.width_arcmin = 1200.0;
         let frame = render_hdr(&mut renderer, &scene, &rig, &settings);
         let found = [0, 1].map(|view| difference(&frame, view, &twin(&scene, &rig, view, &settings)));
         println!("{}: GPU against twin, flat {:.1e}, fisheye {:.1e}", method.name(), found[0], found[1]);
@@ -237,7 +237,7 @@ fn a_resolved_point_spread_function_holds_the_light() {
     let mut renderer = renderer();
     let mut settings = manual(StarMethod::PsfTexture);
     settings.exposure.ev100 = -40.0;
-    settings.stars.psf_texture.width_arcmin = 1800.0;
+    settings.stars.psf_texture.width_arcmin = 1200.0;
     let rig = rig(vec![("flat", ViewKind::Perspective { size: [900, 900], fov_y_rad: 36f64.to_radians() })]);
     let mapping = mapping(&rig, 0);
     for at in [DVec2::new(450.3, 450.6), DVec2::new(451.0, 449.5)] {
@@ -324,13 +324,13 @@ fn a_point_spread_function_has_one_size_in_the_sky() {
     let mut renderer = renderer();
     let mut settings = manual(StarMethod::PsfTexture);
     settings.exposure.ev100 = -60.0;
-    settings.stars.psf_texture.width_arcmin = 1200.0;
+    settings.stars.psf_texture.width_arcmin = 1160.0;
     let rig = rig(vec![
         ("wide", ViewKind::Perspective { size: [800, 450], fov_y_rad: 0.9 }),
         ("tall", ViewKind::Perspective { size: [450, 800], fov_y_rad: 1.4 }),
         ("lens", ViewKind::Fisheye { size: [900, 900], mapping: FisheyeMapping::Equidistant, fov_rad: 2.2 }),
     ]);
-    let half = 10f64.to_radians();
+    let half = (10f64 * 1160.0 / 1200.0).to_radians();
     let step = half / 500.0;
     let cells = (0..1_000_000).map(|i| (f64::from(i % 1000) - 499.5, f64::from(i / 1000) - 499.5));
     let expected: f64 = cells.map(|(x, y)| step * step * (x.hypot(y) * step).sin() / (x.hypot(y) * step)).sum();
@@ -350,7 +350,7 @@ fn a_point_spread_function_has_one_size_in_the_sky() {
     let limits = [0.01, 0.01, 0.03];
     let within = |found: [f64; 3]| (0..3).map(|view| (found[view] - 1.0).abs() < limits[view]).collect::<Vec<_>>();
     assert_eq!(within(found), [true; 3]);
-    settings.stars.psf_texture.width_arcmin = 1240.0;
+    settings.stars.psf_texture.width_arcmin = 1200.0;
     assert_eq!(within(lit(&settings)), [false; 3]);
 }
 
@@ -478,7 +478,7 @@ fn stars_at_the_camera_and_the_sun_stay_finite() {
     let scene = snapshot(near.map(placed).into_iter().chain([star(DVec3::new(0.1, 0.2, -1.0), -26.7)]).collect());
     for method in blending() {
         let mut settings = manual(method);
-        settings.stars.psf_texture.width_arcmin = 7200.0;
+        settings.stars.psf_texture.width_arcmin = 1200.0;
         let frame = render_hdr(&mut renderer, &scene, &rig, &settings);
         for image in &frame.images {
             let finite = image.hdr.as_ref().expect("asked for").iter().flatten().all(|value| value.is_finite());
