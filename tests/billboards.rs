@@ -123,6 +123,7 @@ fn the_gpu_draws_what_the_twin_draws_on_a_plane_and_in_a_fisheye() {
         let mut settings = manual(method);
         settings.stars.billboard.diameter_arcmin = 150.0;
         settings.stars.psf_texture.width_arcmin = 1200.0;
+        settings.stars.psf_texture.diameter_mm = 0.2;
         let frame = render_hdr(&mut renderer, &scene, &rig, &settings);
         let found = [0, 1].map(|view| difference(&frame, view, &twin(&scene, &rig, view, &settings)));
         println!("{}: GPU against twin, flat {:.1e}, fisheye {:.1e}", method.name(), found[0], found[1]);
@@ -238,14 +239,15 @@ fn a_resolved_point_spread_function_holds_the_light() {
     let mut settings = manual(StarMethod::PsfTexture);
     settings.exposure.ev100 = -40.0;
     settings.stars.psf_texture.width_arcmin = 1200.0;
-    let rig = rig(vec![("flat", ViewKind::Perspective { size: [900, 900], fov_y_rad: 36f64.to_radians() })]);
+    settings.stars.psf_texture.diameter_mm = 0.2;
+    let rig = rig(vec![("flat", ViewKind::Perspective { size: [900, 900], fov_y_rad: 24f64.to_radians() })]);
     let mapping = mapping(&rig, 0);
     for at in [DVec2::new(450.3, 450.6), DVec2::new(451.0, 449.5)] {
         let scene = snapshot(vec![star(mapping.direction_from_pixel(at).expect("in view"), 0.0)]);
         let frame = render_hdr(&mut renderer, &scene, &rig, &settings);
         let error = illuminance_lx(&frame.images[0], mapping) / illuminance_lx_from_magnitude(0.0) - 1.0;
-        println!("psf_texture, pixels of {:.2} texels: error of the light {error:.4}", 36.0 / 900.0 * 512.0 / 30.0);
-        // Samples at pixel centres of a core 1.2 texels wide.
+        println!("psf_texture, pixels of {:.2} texels: error of the light {error:.4}", 24.0 / 900.0 * 512.0 / 20.0);
+        // Samples at pixel centres of a core of two texels or so.
         assert!(error.abs() < 0.05);
     }
 }
@@ -325,6 +327,7 @@ fn a_point_spread_function_has_one_size_in_the_sky() {
     let mut settings = manual(StarMethod::PsfTexture);
     settings.exposure.ev100 = -60.0;
     settings.stars.psf_texture.width_arcmin = 1160.0;
+    settings.stars.psf_texture.diameter_mm = 0.2;
     let rig = rig(vec![
         ("wide", ViewKind::Perspective { size: [800, 450], fov_y_rad: 0.9 }),
         ("tall", ViewKind::Perspective { size: [450, 800], fov_y_rad: 1.4 }),
@@ -351,6 +354,7 @@ fn a_point_spread_function_has_one_size_in_the_sky() {
     let within = |found: [f64; 3]| (0..3).map(|view| (found[view] - 1.0).abs() < limits[view]).collect::<Vec<_>>();
     assert_eq!(within(found), [true; 3]);
     settings.stars.psf_texture.width_arcmin = 1200.0;
+    settings.stars.psf_texture.diameter_mm = 0.2;
     assert_eq!(within(lit(&settings)), [false; 3]);
 }
 
@@ -479,6 +483,7 @@ fn stars_at_the_camera_and_the_sun_stay_finite() {
     for method in blending() {
         let mut settings = manual(method);
         settings.stars.psf_texture.width_arcmin = 1200.0;
+        settings.stars.psf_texture.diameter_mm = 0.2;
         let frame = render_hdr(&mut renderer, &scene, &rig, &settings);
         for image in &frame.images {
             let finite = image.hdr.as_ref().expect("asked for").iter().flatten().all(|value| value.is_finite());

@@ -4,8 +4,8 @@ use super::error::{Fault, finite};
 use crate::{
     photometry::psf::{Aperture, DIAMETERS_MM, PsfError},
     plan::settings::{
-        AccuracySettings, BillboardSettings, CellSkySettings, ExposureSettings, GaussianPsfSettings, PsfTextureSettings,
-        StarSettings,
+        AccuracySettings, BillboardSettings, CellSkySettings, ExposureSettings, GaussianPsfSettings,
+        PsfTextureSettings, StarSettings,
     },
 };
 
@@ -32,8 +32,7 @@ fn check_psf_texture(psf: &PsfTextureSettings) -> Result<(), Fault> {
     above_0("width_arcmin", psf.width_arcmin, 1200.0, "arcminutes (20 degrees)")?;
     finite("diameter_mm", psf.diameter_mm)?;
     if !DIAMETERS_MM.contains(&psf.diameter_mm) {
-        let problem =
-            format!("{}: allowed are {} to {} mm", psf.diameter_mm, DIAMETERS_MM.start(), DIAMETERS_MM.end());
+        let problem = format!("{}: allowed are {} to {} mm", psf.diameter_mm, DIAMETERS_MM.start(), DIAMETERS_MM.end());
         return Err(Fault::new("diameter_mm", problem));
     }
     if Aperture::from_name(&psf.aperture, 6).is_none() {
@@ -44,10 +43,8 @@ fn check_psf_texture(psf: &PsfTextureSettings) -> Result<(), Fault> {
         PsfError::TooFine { allowed_steps, needed_steps, .. } => {
             // Steps of half a fringe in a texel go with the diameter, and were rounded up.
             let most = psf.diameter_mm * allowed_steps / needed_steps;
-            let problem = format!(
-                "{}: at width_arcmin = {} allowed are at most {most:.3} mm",
-                psf.diameter_mm, psf.width_arcmin
-            );
+            let problem =
+                format!("{}: at width_arcmin = {} allowed are at most {most:.3} mm", psf.diameter_mm, psf.width_arcmin);
             Fault::new("diameter_mm", problem)
         }
         error => Fault::new("", error.to_string()),

@@ -103,12 +103,9 @@ pub fn resolve_luminance(source: LuminanceSource) -> ShaderSource {
         LuminanceSource::Packed => ("resolve packed", include_str!("../../shaders/shared/luminance_packed.wgsl")),
         LuminanceSource::Texture => ("resolve texture", include_str!("../../shaders/shared/luminance_texture.wgsl")),
         LuminanceSource::Cube => ("resolve cube", include_str!("../../shaders/shared/luminance_cube.wgsl")),
-        LuminanceSource::CellSky => {
-            ("resolve cell sky", include_str!("../../shaders/shared/luminance_cell_sky.wgsl"))
-        }
+        LuminanceSource::CellSky => ("resolve cell sky", include_str!("../../shaders/shared/luminance_cell_sky.wgsl")),
     };
-    let of_sky =
-        if source == LuminanceSource::CellSky { include_str!("../../shaders/cell_sky.wgsl") } else { "" };
+    let of_sky = if source == LuminanceSource::CellSky { include_str!("../../shaders/cell_sky.wgsl") } else { "" };
     let resolve = include_str!("../../shaders/resolve_luminance.wgsl");
     let text = [VIEWPORT, MATH, PROJECTION, PIXEL_GRID, of_sky, of_pixel, resolve].concat();
     ShaderSource { name, entry_point: "resolve_luminance", text, needs_u64: false }

@@ -8,7 +8,8 @@ use super::shared::{CatalogueDraw, bind_buffers, bind_to, dispatch_rows};
 use crate::{
     gpu::{self, Gpu, Profile, layout},
     plan::{
-        billboard::{BillboardPlan, DrawnPsf}, settings::StarMethod,
+        billboard::{BillboardPlan, DrawnPsf},
+        settings::StarMethod,
     },
 };
 

@@ -8,7 +8,10 @@ use std::f64::consts::PI;
 
 use super::settings::{GaussianPsfSettings, StarMethod, StarSettings};
 use crate::{
-    photometry::{exposure::white_luminance_cd_m2, psf::{InverseSquare, Psf}},
+    photometry::{
+        exposure::white_luminance_cd_m2,
+        psf::{InverseSquare, Psf},
+    },
     units::illuminance_lx_from_magnitude,
 };
 

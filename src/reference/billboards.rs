@@ -14,7 +14,9 @@ use crate::{
     catalogue::{chunks::StarSet, packed::temperature_of_step_k},
     photometry::{blackbody::rec709_in_gamut, star_image::StarImage},
     plan::{
-        billboard::{BillboardPlan, DrawnPsf, GREATEST_BRIGHTNESS, PUBLISHED_POGSON, SCALED_DISC_RANGE, THRESHOLD_BRIGHTNESS},
+        billboard::{
+            BillboardPlan, DrawnPsf, GREATEST_BRIGHTNESS, PUBLISHED_POGSON, SCALED_DISC_RANGE, THRESHOLD_BRIGHTNESS,
+        },
         cube_faces::{CubeFaces, GUARD_PX},
         settings::StarMethod,
     },
