@@ -3,16 +3,20 @@
 
 mod common;
 
-use std::f64::consts::{FRAC_PI_4, PI};
+use std::{
+    f64::consts::{FRAC_PI_4, PI},
+    path::PathBuf,
+};
 
 use common::*;
 use glam::{DVec2, DVec3};
 use steradian::{
     catalogue::StarRecord,
-    frame::{Frame, Renderer},
+    frame::{Frame, RenderError, Renderer, Wanted},
     gpu::GpuOptions,
     metrics::{HdrView, illuminance_near_direction_lx, illuminance_near_pixel_lx, relative_variation, shape_rad},
     photometry::{
+        psf::{PsfError, write_exr},
         rec709::luminance,
         star_image::{SPRITE_SIZE, sprite},
     },
@@ -499,4 +503,46 @@ fn the_published_exponent_hides_stars_brighter_than_the_limiting_magnitude() {
     let last = magnitude_from_illuminance_lx(plan.faintest_lx);
     println!("gaussian_psf with limiting magnitude 7 and saturation magnitude 1: the last star seen has {last:.2}");
     assert!(last < 3.0);
+}
+
+/// A function from a file is drawn like the one that was computed; a file that is not there fails the frame alone, and settings
+/// that change are seen.
+#[test]
+fn a_point_spread_function_comes_from_a_file_or_fails_one_frame() {
+    let mut renderer = renderer();
+    let rig = rig(vec![("flat", ViewKind::Perspective { size: [200, 200], fov_y_rad: 0.2 })]);
+    let scene = snapshot(vec![star(DVec3::new(0.01, 0.02, -1.0), 0.0)]);
+    let folder = tempfile::tempdir().expect("a folder");
+    let computed = manual(StarMethod::PsfTexture);
+    let path = folder.path().join("hexagon.exr");
+    write_exr(&path, &computed.stars.psf_texture.texture().expect("valid optics")).expect("written");
+    let with_file = |path: PathBuf| {
+        let mut settings = computed.clone();
+        settings.stars.psf_texture.file = Some(path);
+        settings
+    };
+    let light = |frame: &Frame| frame.images[0].hdr.clone().expect("asked for");
+    let expected = light(&render_hdr(&mut renderer, &scene, &rig, &computed));
+
+    let wanted = [Wanted { hdr: true, ..Wanted::default() }];
+    let missing = with_file(folder.path().join("missing.exr"));
+    let error = renderer.render(&scene, &rig, &missing, &wanted, None).expect_err("no such file");
+    assert!(matches!(&error, RenderError::Psf(PsfError::Read { .. })) && error.to_string().contains("missing.exr"));
+
+    let difference = |found: &[[f32; 4]]| {
+        let sum = |of: &dyn Fn(usize) -> f32| (0..found.len()).map(|i| f64::from(of(i))).sum::<f64>();
+        sum(&|i| (found[i][1] - expected[i][1]).abs()) / sum(&|i| expected[i][1])
+    };
+    let found = light(&render_hdr(&mut renderer, &scene, &rig, &with_file(path)));
+    println!("psf_texture from a file against the same computed: {:.1e}", difference(&found));
+    assert!(difference(&found) < 1e-4);
+    let mut other = computed.clone();
+    other.stars.psf_texture.aperture = "hubble".to_owned();
+    let found = light(&render_hdr(&mut renderer, &scene, &rig, &other));
+    println!("another aperture: {:.1e}", difference(&found));
+    assert!(difference(&found) > 0.05);
+    // Another method between leaves the function as it was.
+    render_hdr(&mut renderer, &scene, &rig, &manual(StarMethod::Sprite));
+    let found = light(&render_hdr(&mut renderer, &scene, &rig, &computed));
+    assert_eq!(difference(&found), 0.0);
 }
