@@ -211,6 +211,7 @@ fn the_renderer_draws_the_twin_in_every_projection() {
     let frame = render_hdr(&mut renderer, &scene, &rig, &settings);
     assert!(frame.views.iter().all(|view| view.stars_drawn == 0));
     assert_eq!(frame.plan.accumulator, "none: every pixel by itself");
+    assert!(frame.plan.stars.contains("no star of the catalogue") && frame.plan.certificate.is_empty());
     let world_from_view = world_from_camera * camera_from_view;
     for (view, image) in rig.views().iter().zip(&frame.images) {
         let projection = &view.images[0].projection;
