@@ -334,7 +334,7 @@ fn a_point_spread_function_that_cannot_be_had_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let file = |name: &str, content: &str| std::fs::write(folder.path().join(name), content).unwrap();
     file("broken.exr", "not a picture");
-    file("scene.toml", "[[views]]\nname = 'flat'\ntype = 'perspective'\nfov_deg = 40\nsize = [64, 64]\n");
+    file("scene.toml", "[[views]]\nname = 'flat'\ntype = 'perspective'\nfov_y_deg = 40\nsize = [64, 64]\n");
     let render = |set: &str, code: i32| {
         let arguments =
             ["render", "--config", "scene.toml", "--out", "out", "--set", "stars.method=psf_texture", "--set", set];
