@@ -3,21 +3,25 @@
 
 mod common;
 
-use std::f64::consts::{FRAC_PI_4, PI};
+use std::{
+    f64::consts::{FRAC_PI_4, PI},
+    path::PathBuf,
+};
 
 use common::*;
 use glam::{DVec2, DVec3};
 use steradian::{
     catalogue::StarRecord,
-    frame::{Frame, Renderer},
+    frame::{Frame, RenderError, Renderer, Wanted},
     gpu::GpuOptions,
     metrics::{HdrView, illuminance_near_direction_lx, illuminance_near_pixel_lx, relative_variation, shape_rad},
     photometry::{
+        psf::{PsfError, write_exr},
         rec709::luminance,
-        star_image::{BUILT_IN_PSF_SIZE, SPRITE_SIZE, StarImage, StoredPsf, built_in_psf, inverse_square_form, sprite},
+        star_image::{SPRITE_SIZE, sprite},
     },
     plan::{
-        billboard::BillboardPlan,
+        billboard::{BillboardPlan, DrawnPsf},
         settings::{Accumulator, ExposureMode, RenderSettings, StarMethod},
     },
     reference::{
@@ -61,16 +65,16 @@ fn mapping(rig: &Rig, view: usize) -> &dyn PlaneMapping {
 fn twin(scene: &SceneSnapshot, rig: &Rig, view: usize, settings: &RenderSettings) -> Vec<[f64; 3]> {
     let image = sprite(SPRITE_SIZE);
     let psf = psf_of(settings);
-    let plan = BillboardPlan::new(&settings.stars, EV100, EV100, Some(&psf));
+    let plan = BillboardPlan::new(&settings.stars, EV100, EV100, psf.as_ref());
     let eye = Eye::default();
-    let images: Images<'_> = Images { sprite: Some::<&StarImage>(&image), psf: Some(&psf) };
+    let images: Images<'_> = Images { sprite: Some(&image), psf: psf.as_ref() };
     let limit = renderer_side_limit();
     billboards::draw(&scene.stars, eye, &rig.views()[view].images[0].projection, limit, &plan, images)
 }
 
-fn psf_of(settings: &RenderSettings) -> StoredPsf {
-    let width_rad = (settings.stars.psf_texture.width_arcmin / 60.0).to_radians();
-    inverse_square_form(&built_in_psf(BUILT_IN_PSF_SIZE, width_rad))
+fn psf_of(settings: &RenderSettings) -> Option<DrawnPsf> {
+    let texture = || settings.stars.psf_texture.texture().expect("valid optics");
+    (settings.stars.method == StarMethod::PsfTexture).then(|| DrawnPsf::new(&texture()))
 }
 
 /// No test here comes near any adapter's limit.
@@ -122,7 +126,8 @@ fn the_gpu_draws_what_the_twin_draws_on_a_plane_and_in_a_fisheye() {
     for method in blending() {
         let mut settings = manual(method);
         settings.stars.billboard.diameter_arcmin = 150.0;
-        settings.stars.psf_texture.width_arcmin = 2400.0;
+        settings.stars.psf_texture.width_arcmin = 1200.0;
+        settings.stars.psf_texture.diameter_mm = 0.2;
         let frame = render_hdr(&mut renderer, &scene, &rig, &settings);
         let found = [0, 1].map(|view| difference(&frame, view, &twin(&scene, &rig, view, &settings)));
         println!("{}: GPU against twin, flat {:.1e}, fisheye {:.1e}", method.name(), found[0], found[1]);
@@ -237,15 +242,16 @@ fn a_resolved_point_spread_function_holds_the_light() {
     let mut renderer = renderer();
     let mut settings = manual(StarMethod::PsfTexture);
     settings.exposure.ev100 = -40.0;
-    settings.stars.psf_texture.width_arcmin = 1800.0;
-    let rig = rig(vec![("flat", ViewKind::Perspective { size: [900, 900], fov_y_rad: 36f64.to_radians() })]);
+    settings.stars.psf_texture.width_arcmin = 1200.0;
+    settings.stars.psf_texture.diameter_mm = 0.2;
+    let rig = rig(vec![("flat", ViewKind::Perspective { size: [900, 900], fov_y_rad: 24f64.to_radians() })]);
     let mapping = mapping(&rig, 0);
     for at in [DVec2::new(450.3, 450.6), DVec2::new(451.0, 449.5)] {
         let scene = snapshot(vec![star(mapping.direction_from_pixel(at).expect("in view"), 0.0)]);
         let frame = render_hdr(&mut renderer, &scene, &rig, &settings);
         let error = illuminance_lx(&frame.images[0], mapping) / illuminance_lx_from_magnitude(0.0) - 1.0;
-        println!("psf_texture, pixels of {:.2} texels: error of the light {error:.4}", 36.0 / 900.0 * 512.0 / 30.0);
-        // Samples at pixel centres of a core 1.2 texels wide.
+        println!("psf_texture, pixels of {:.2} texels: error of the light {error:.4}", 24.0 / 900.0 * 512.0 / 20.0);
+        // Samples at pixel centres of a core of two texels or so.
         assert!(error.abs() < 0.05);
     }
 }
@@ -324,13 +330,14 @@ fn a_point_spread_function_has_one_size_in_the_sky() {
     let mut renderer = renderer();
     let mut settings = manual(StarMethod::PsfTexture);
     settings.exposure.ev100 = -60.0;
-    settings.stars.psf_texture.width_arcmin = 1200.0;
+    settings.stars.psf_texture.width_arcmin = 1160.0;
+    settings.stars.psf_texture.diameter_mm = 0.2;
     let rig = rig(vec![
         ("wide", ViewKind::Perspective { size: [800, 450], fov_y_rad: 0.9 }),
         ("tall", ViewKind::Perspective { size: [450, 800], fov_y_rad: 1.4 }),
         ("lens", ViewKind::Fisheye { size: [900, 900], mapping: FisheyeMapping::Equidistant, fov_rad: 2.2 }),
     ]);
-    let half = 10f64.to_radians();
+    let half = (10f64 * 1160.0 / 1200.0).to_radians();
     let step = half / 500.0;
     let cells = (0..1_000_000).map(|i| (f64::from(i % 1000) - 499.5, f64::from(i / 1000) - 499.5));
     let expected: f64 = cells.map(|(x, y)| step * step * (x.hypot(y) * step).sin() / (x.hypot(y) * step)).sum();
@@ -350,7 +357,8 @@ fn a_point_spread_function_has_one_size_in_the_sky() {
     let limits = [0.01, 0.01, 0.03];
     let within = |found: [f64; 3]| (0..3).map(|view| (found[view] - 1.0).abs() < limits[view]).collect::<Vec<_>>();
     assert_eq!(within(found), [true; 3]);
-    settings.stars.psf_texture.width_arcmin = 1240.0;
+    settings.stars.psf_texture.width_arcmin = 1200.0;
+    settings.stars.psf_texture.diameter_mm = 0.2;
     assert_eq!(within(lit(&settings)), [false; 3]);
 }
 
@@ -478,7 +486,8 @@ fn stars_at_the_camera_and_the_sun_stay_finite() {
     let scene = snapshot(near.map(placed).into_iter().chain([star(DVec3::new(0.1, 0.2, -1.0), -26.7)]).collect());
     for method in blending() {
         let mut settings = manual(method);
-        settings.stars.psf_texture.width_arcmin = 7200.0;
+        settings.stars.psf_texture.width_arcmin = 1200.0;
+        settings.stars.psf_texture.diameter_mm = 0.2;
         let frame = render_hdr(&mut renderer, &scene, &rig, &settings);
         for image in &frame.images {
             let finite = image.hdr.as_ref().expect("asked for").iter().flatten().all(|value| value.is_finite());
@@ -494,4 +503,46 @@ fn the_published_exponent_hides_stars_brighter_than_the_limiting_magnitude() {
     let last = magnitude_from_illuminance_lx(plan.faintest_lx);
     println!("gaussian_psf with limiting magnitude 7 and saturation magnitude 1: the last star seen has {last:.2}");
     assert!(last < 3.0);
+}
+
+/// A function from a file is drawn like the one that was computed; a file that is not there fails the frame alone, and settings
+/// that change are seen.
+#[test]
+fn a_point_spread_function_comes_from_a_file_or_fails_one_frame() {
+    let mut renderer = renderer();
+    let rig = rig(vec![("flat", ViewKind::Perspective { size: [200, 200], fov_y_rad: 0.2 })]);
+    let scene = snapshot(vec![star(DVec3::new(0.01, 0.02, -1.0), 0.0)]);
+    let folder = tempfile::tempdir().expect("a folder");
+    let computed = manual(StarMethod::PsfTexture);
+    let path = folder.path().join("hexagon.exr");
+    write_exr(&path, &computed.stars.psf_texture.texture().expect("valid optics")).expect("written");
+    let with_file = |path: PathBuf| {
+        let mut settings = computed.clone();
+        settings.stars.psf_texture.file = Some(path);
+        settings
+    };
+    let light = |frame: &Frame| frame.images[0].hdr.clone().expect("asked for");
+    let expected = light(&render_hdr(&mut renderer, &scene, &rig, &computed));
+
+    let wanted = [Wanted { hdr: true, ..Wanted::default() }];
+    let missing = with_file(folder.path().join("missing.exr"));
+    let error = renderer.render(&scene, &rig, &missing, &wanted, None).expect_err("no such file");
+    assert!(matches!(&error, RenderError::Psf(PsfError::Read { .. })) && error.to_string().contains("missing.exr"));
+
+    let difference = |found: &[[f32; 4]]| {
+        let sum = |of: &dyn Fn(usize) -> f32| (0..found.len()).map(|i| f64::from(of(i))).sum::<f64>();
+        sum(&|i| (found[i][1] - expected[i][1]).abs()) / sum(&|i| expected[i][1])
+    };
+    let found = light(&render_hdr(&mut renderer, &scene, &rig, &with_file(path)));
+    println!("psf_texture from a file against the same computed: {:.1e}", difference(&found));
+    assert!(difference(&found) < 1e-4);
+    let mut other = computed.clone();
+    other.stars.psf_texture.aperture = "hubble".to_owned();
+    let found = light(&render_hdr(&mut renderer, &scene, &rig, &other));
+    println!("another aperture: {:.1e}", difference(&found));
+    assert!(difference(&found) > 0.05);
+    // Another method between leaves the function as it was.
+    render_hdr(&mut renderer, &scene, &rig, &manual(StarMethod::Sprite));
+    let found = light(&render_hdr(&mut renderer, &scene, &rig, &computed));
+    assert_eq!(difference(&found), 0.0);
 }

@@ -1,9 +1,21 @@
 //! The procedural sky on the adapter: the shader is valid, and says what its twin in f64 says.
 #![allow(clippy::unwrap_used, reason = "a failed expectation of a test's own helpers is a failed test")]
 
-use glam::DVec3;
+mod common;
+
+use common::*;
+use glam::{DQuat, DVec3};
 use naga::valid::{Capabilities, ValidationFlags, Validator};
-use steradian::{plan::settings::CellSkySettings, reference::cell_sky};
+use steradian::{
+    frame::RenderError,
+    plan::settings::{CellSkySettings, ExposureMode, StarMethod},
+    reference::cell_sky,
+    scene::{Camera, SceneSnapshot},
+    view::{
+        Rig, View, ViewKind,
+        projection::{FisheyeMapping, Projection, pixel_centre},
+    },
+};
 use wgpu::util::DeviceExt;
 
 const MATH: &str = include_str!("../shaders/shared/math.wgsl");
@@ -144,4 +156,97 @@ fn the_shader_says_what_its_twin_says() {
     ] {
         assert!(share_that_differs(&found, &directions, pixel_rad, &wrong, 2e-4) > 0.05, "{wrong:?}");
     }
+}
+
+const EV100: f64 = -3.0;
+
+/// The picture in f64, cd/m^2.
+fn picture(projection: &Projection, world_from_view: DQuat, settings: &CellSkySettings) -> Vec<[f64; 3]> {
+    let mapping = projection.mapping();
+    let [width, height] = mapping.size();
+    let middle = (width / 2, height / 2);
+    let pixel_rad = mapping.solid_angle_sr(middle.0, middle.1).sqrt();
+    let white_cd_m2 = 1.2 * EV100.exp2();
+    let pixels = (0..height).flat_map(|y| (0..width).map(move |x| pixel_centre(x, y)));
+    pixels
+        .map(|at| {
+            let direction = mapping.direction_from_pixel(at).map(|direction| world_from_view * direction);
+            direction.map_or([0.0; 3], |direction| {
+                cell_sky::brightness(direction, pixel_rad, settings).map(|channel| channel * white_cd_m2)
+            })
+        })
+        .collect()
+}
+
+/// Sum of the absolute differences over the sum of the expected light.
+fn difference(found: &[[f32; 4]], expected: &[[f64; 3]]) -> f64 {
+    let total: f64 = expected.iter().flatten().sum();
+    let off =
+        |found: &[f32; 4], expected: &[f64; 3]| (0..3).map(|c| (f64::from(found[c]) - expected[c]).abs()).sum::<f64>();
+    found.iter().zip(expected).map(|(found, expected)| off(found, expected)).sum::<f64>() / total
+}
+
+#[test]
+fn the_renderer_draws_the_twin_in_every_projection() {
+    let mut renderer = renderer();
+    // A camera that looks askew, and a view that is turned in it.
+    let world_from_camera = DQuat::from_rotation_y(0.7) * DQuat::from_rotation_x(-0.4);
+    let camera_from_view = DQuat::from_rotation_z(0.3) * DQuat::from_rotation_y(1.9);
+    let kinds = [
+        ("flat", ViewKind::Perspective { size: [150, 100], fov_y_rad: 1.2 }),
+        ("lens", ViewKind::Fisheye { size: [110, 110], mapping: FisheyeMapping::Equidistant, fov_rad: 3.4 }),
+        ("dome", ViewKind::Fisheye { size: [101, 90], mapping: FisheyeMapping::Stereographic, fov_rad: 2.8 }),
+        ("all", ViewKind::Equirectangular { size: [160, 80] }),
+    ];
+    let views = kinds.map(|(name, kind)| View::new(name, kind, camera_from_view, DVec3::ZERO).unwrap());
+    let rig = Rig::new(views.into()).unwrap();
+    let camera = Camera { world_from_camera, ..Camera::default() };
+    // A catalogue does not show.
+    let scene = SceneSnapshot { camera, ..snapshot(vec![star(DVec3::NEG_Z, -5.0)]) };
+    let mut settings = settings(StarMethod::CellSky);
+    settings.exposure.mode = ExposureMode::Manual;
+    settings.exposure.ev100 = EV100;
+    let sky = CellSkySettings { cells: 24, layers: 5, radius_px: 1.0, seed: 3 };
+    settings.stars.cell_sky = sky;
+    let frame = render_hdr(&mut renderer, &scene, &rig, &settings);
+    assert!(frame.views.iter().all(|view| view.stars_drawn == 0));
+    assert_eq!(frame.plan.accumulator, "none: every pixel by itself");
+    assert!(frame.plan.stars.contains("no star of the catalogue") && frame.plan.certificate.is_empty());
+    let world_from_view = world_from_camera * camera_from_view;
+    for (view, image) in rig.views().iter().zip(&frame.images) {
+        let projection = &view.images[0].projection;
+        let found = image.hdr.as_ref().unwrap();
+        let of = |settings: &CellSkySettings| difference(found, &picture(projection, world_from_view, settings));
+        let lit = found.iter().filter(|pixel| pixel[1] > 0.0).count() as f64 / found.len() as f64;
+        println!("{}: {:.1} % of the pixels lit, difference {:.1e}", view.name, 100.0 * lit, of(&sky));
+        assert!(lit > 0.05, "{}", view.name);
+        assert!(of(&sky) < 1e-3, "{}", view.name);
+        for wrong in [
+            CellSkySettings { seed: 4, ..sky },
+            CellSkySettings { layers: 4, ..sky },
+            CellSkySettings { cells: 25, ..sky },
+            CellSkySettings { radius_px: 0.95, ..sky },
+        ] {
+            assert!(of(&wrong) > 1e-2, "{} {wrong:?}", view.name);
+        }
+        assert!(difference(found, &picture(projection, world_from_camera, &sky)) > 0.5, "{}", view.name);
+    }
+}
+
+#[test]
+fn strips_change_nothing_and_a_moving_camera_is_refused() {
+    let rig = rig(vec![("flat", ViewKind::Perspective { size: [160, 120], fov_y_rad: 1.2 })]);
+    let scene = snapshot(vec![]);
+    let settings = settings(StarMethod::CellSky);
+    let whole = render_hdr(&mut renderer(), &scene, &rig, &settings);
+    let options = steradian::gpu::GpuOptions { binding_limit_bytes: Some(160 * 16 * 25), ..Default::default() };
+    let mut strips = renderer_with(&options);
+    let found = render_hdr(&mut strips, &scene, &rig, &settings);
+    assert!(found.images[0].hdr == whole.images[0].hdr);
+    assert_eq!(found.exposure_ev100, whole.exposure_ev100);
+    assert!(whole.mean_luminance_cd_m2 > 0.0);
+    let camera = Camera { velocity_c: DVec3::X * 0.5, ..Camera::default() };
+    let moving = SceneSnapshot { camera, ..scene };
+    let error = strips.render(&moving, &rig, &settings, &[steradian::frame::Wanted::default()], None).unwrap_err();
+    assert!(matches!(error, RenderError::AtRestOnly("cell_sky")), "{error}");
 }

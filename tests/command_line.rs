@@ -328,3 +328,28 @@ fn serve_refuses_what_it_cannot_do() {
     }
     drop(listener);
 }
+
+#[test]
+fn a_point_spread_function_that_cannot_be_had_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str, content: &str| std::fs::write(folder.path().join(name), content).unwrap();
+    file("broken.exr", "not a picture");
+    file("scene.toml", "[[views]]\nname = 'flat'\ntype = 'perspective'\nfov_y_deg = 40\nsize = [64, 64]\n");
+    let render = |set: &str, code: i32| {
+        let arguments =
+            ["render", "--config", "scene.toml", "--out", "out", "--set", "stars.method=psf_texture", "--set", set];
+        run(folder.path(), &arguments, code)
+    };
+    let (_, err) = render("stars.psf_texture.file=missing.exr", 65);
+    assert!(err.contains("psf_texture") && err.contains("missing.exr"), "{err}");
+    let (_, err) = render("stars.psf_texture.file=broken.exr", 65);
+    assert!(err.contains("broken.exr") && err.contains("OpenEXR"), "{err}");
+    let (_, err) = render("stars.psf_texture.aperture=square", 64);
+    assert!(err.contains("aperture") && err.contains("hexagon"), "{err}");
+    assert!(!folder.path().join("out").exists());
+    // One that we made ourselves is drawn.
+    let make = ["psf", "--aperture", "circle", "--diameter-mm", "1", "--size", "32", "--out", "star.exr"];
+    run(folder.path(), &make, 0);
+    render("stars.psf_texture.file=star.exr", 0);
+    assert!(folder.path().join("out/flat.png").exists());
+}

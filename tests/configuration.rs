@@ -340,11 +340,28 @@ fn mistakes_in_the_sections() {
         ("gaussian_psf", "sigma2_px2", "0.001", "0.01 to 10000"),
         ("gaussian_psf", "glare_sigma2_px2", "20000", "0.01 to 10000"),
         ("gaussian_psf", "glare_brightness", "1.5", "0 to 1"),
-        ("psf_texture", "width_arcmin", "7201", "above 0 up to 7200"),
+        ("psf_texture", "width_arcmin", "0", "above 0 up to 1200"),
+        ("psf_texture", "width_arcmin", "1201", "above 0 up to 1200"),
+        ("psf_texture", "aperture", "'square'", "circle, hexagon, curved_blades, jwst, hubble"),
+        ("psf_texture", "diameter_mm", "0", "0.01 to 100000"),
+        ("psf_texture", "diameter_mm", "nan", "finite"),
+        ("psf_texture", "diameter_mm", "500", "at width_arcmin = 240 allowed are at most"),
+        ("psf_texture", "file", "3", "invalid type"),
+        ("cell_sky", "cells", "0", "1 to 65535"),
+        ("cell_sky", "cells", "65536", "1 to 65535"),
+        ("cell_sky", "layers", "0", "1 to 64"),
+        ("cell_sky", "layers", "65", "1 to 64"),
+        ("cell_sky", "radius_px", "0", "above 0 up to 1024"),
+        ("cell_sky", "radius_px", "inf", "finite"),
+        ("cell_sky", "seed", "-1", "invalid value"),
     ] {
         refused(&format!("[stars.{table}]\n{key} = {wrong}"), &[&format!("stars.{table}.{key}"), told]);
     }
     assert!(parse("[stars.gaussian_psf]\nglare_brightness = 0\n[stars.billboard]\ndiameter_arcmin = 1800").is_ok());
+    assert!(parse("[stars.cell_sky]\ncells = 65535\nlayers = 64\nradius_px = 1024").is_ok());
+    assert!(parse("[stars.psf_texture]\naperture = 'jwst'\ndiameter_mm = 0.5\nwidth_arcmin = 1200").is_ok());
+    // What is computed no more does not matter where a file is given.
+    assert!(parse("[stars.psf_texture]\nfile = 'star.exr'\ndiameter_mm = 500").is_ok());
     refused("[glare]\nmethod = 'pyramid'", &["glare.method", "pyramid", "none"]);
     refused("[glare]\nkernel = 'wide'", &["glare.kernel", "inverse_square"]);
     refused("[glare]\ninner_deg = 0", &["glare.inner_deg", "above 0"]);

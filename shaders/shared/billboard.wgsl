@@ -43,7 +43,8 @@ struct BillboardParameters {
     // Half of the angle that a star of 1 lx is cropped to, rad per sqrt(lx), and the least such angle.
     crop_rad: f32,
     least_crop_rad: f32,
-    unused_0: f32,
+    // Added to the square of the angle that the stored function is divided by, rad^2.
+    softening_rad2: f32,
 }
 
 @group(0) @binding(0) var<uniform> parameters: BillboardParameters;

@@ -10,7 +10,6 @@ fn profile(star: Splat) -> vec3<f32> {
         return vec3(0.0);
     }
     let middle = 0.5 * vec2<f32>(textureDimensions(star_image));
-    let nearest = 0.5 * parameters.texel_rad;
     let stored = sample_star_image(middle + vec2(1.0, -1.0) * angles / parameters.texel_rad);
-    return stored / max(dot(angles, angles), nearest * nearest);
+    return stored / (dot(angles, angles) + parameters.softening_rad2);
 }

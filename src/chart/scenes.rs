@@ -66,7 +66,7 @@ fn record(direction: DVec3, magnitude: f32, temperature_k: f32) -> StarRecord {
 }
 
 /// A flat view of `size` pixels as large as those of the usual view.
-fn usual_view(size: [u32; 2]) -> Result<Rig, ChartError> {
+pub(super) fn usual_view(size: [u32; 2]) -> Result<Rig, ChartError> {
     let pixel = 2.0 * (FLAT_FOV_Y_RAD / 2.0).tan() / PIXELS_OF_HEIGHT;
     let fov_y_rad = 2.0 * (f64::from(size[1]) / 2.0 * pixel).atan();
     Ok(rig_of(vec![("score", ViewKind::Perspective { size, fov_y_rad })])?)

@@ -2,6 +2,7 @@
 //! own solid angles; the metrics are those that tests and `verify` use. Methods of relative brightness are scored after one
 //! fitted scale per figure; they cannot be right in any other way.
 
+mod cell_sky;
 mod measure;
 
 use super::{
@@ -246,8 +247,7 @@ pub fn score_method(
     time: std::time::Duration,
 ) -> Result<Scores, ChartError> {
     if !method.draws_catalogue() {
-        let none = |metric| (metric, Score::none("does not apply: the sky is procedural, its stars are its own"));
-        return Ok(Scores(Metric::ALL.into_iter().filter(|metric| *metric != Metric::FluxTotal).map(none).collect()));
+        return cell_sky::scores(renderer, size, time);
     }
     let cell_px = match method {
         StarMethod::GlareDisc | StarMethod::PsfTexture => 128,

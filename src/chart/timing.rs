@@ -244,7 +244,7 @@ mod tests {
 
     #[test]
     fn only_a_lost_device_ends_the_run() {
-        assert!(message_of(RenderError::NotDrawn("tent")).unwrap().contains("tent"));
+        assert!(message_of(RenderError::AtRestOnly("sprite")).unwrap().contains("sprite"));
         assert!(message_of(RenderError::Gpu(GpuError::Refused("no memory".to_owned()))).unwrap().contains("no memory"));
         assert!(message_of(RenderError::Gpu(GpuError::NoAdapter("none".to_owned()))).is_err());
     }

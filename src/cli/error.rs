@@ -118,15 +118,12 @@ impl CliError {
                 RenderError::TooLarge { .. }
                 | RenderError::TooManyImages { .. }
                 | RenderError::TooManyPixels { .. } => BAD_USAGE,
+                RenderError::Psf(error) => psf_exit_code(error),
                 _ => FAILED,
             },
             CliError::Serve(ServeError::Address { .. }) => BAD_USAGE,
             CliError::Serve(_) | CliError::Runtime(_) => FAILED,
-            CliError::Psf(error) => match error {
-                PsfError::Parameter { .. } | PsfError::TooFine { .. } => BAD_USAGE,
-                PsfError::Read { .. } | PsfError::File { .. } | PsfError::NoScale { .. } => BAD_DATA,
-                PsfError::Write { .. } | PsfError::Encode { .. } => FAILED,
-            },
+            CliError::Psf(error) => psf_exit_code(error),
             CliError::Usage(_) | CliError::Config(_) | CliError::Galaxy(_) => BAD_USAGE,
             CliError::Load { source: LoadError::Galaxy { .. }, .. } => BAD_USAGE,
             CliError::Load { .. } | CliError::ReadStore(_) => BAD_DATA,
@@ -139,5 +136,13 @@ impl CliError {
     /// Whether the reader of standard output has gone, which is no failure: `steradian ... | head`.
     pub fn is_broken_pipe(&self) -> bool {
         matches!(self, CliError::Stdout(error) if error.kind() == io::ErrorKind::BrokenPipe)
+    }
+}
+
+fn psf_exit_code(error: &PsfError) -> u8 {
+    match error {
+        PsfError::Parameter { .. } | PsfError::TooFine { .. } => BAD_USAGE,
+        PsfError::Read { .. } | PsfError::File { .. } | PsfError::NoScale { .. } => BAD_DATA,
+        PsfError::Write { .. } | PsfError::Encode { .. } => FAILED,
     }
 }

@@ -1,15 +1,54 @@
 //! Ranges of the numbers in `[stars]`, `[exposure]` and `[accuracy]`, whose types are the planner's own.
 
 use super::error::{Fault, finite};
-use crate::plan::settings::{AccuracySettings, BillboardSettings, ExposureSettings, GaussianPsfSettings, StarSettings};
+use crate::{
+    photometry::psf::{Aperture, DIAMETERS_MM, PsfError},
+    plan::settings::{
+        AccuracySettings, BillboardSettings, CellSkySettings, ExposureSettings, GaussianPsfSettings,
+        PsfTextureSettings, StarSettings,
+    },
+};
 
 pub(super) fn check_stars(stars: &StarSettings) -> Result<(), Fault> {
     finite("magnitude_limit", stars.magnitude_limit)?;
     check_billboard(&stars.billboard).map_err(|fault| fault.within("billboard"))?;
     check_gaussian_psf(&stars.gaussian_psf).map_err(|fault| fault.within("gaussian_psf"))?;
-    // A flat billboard, which the texture is drawn on, cannot reach 90 degrees from its middle on its diagonal.
-    above_0("width_arcmin", stars.psf_texture.width_arcmin, 7200.0, "arcminutes (120 degrees)")
-        .map_err(|fault| fault.within("psf_texture"))
+    check_cell_sky(&stars.cell_sky).map_err(|fault| fault.within("cell_sky"))?;
+    check_psf_texture(&stars.psf_texture).map_err(|fault| fault.within("psf_texture"))
+}
+
+fn check_cell_sky(sky: &CellSkySettings) -> Result<(), Fault> {
+    // Cells of a face are numbered in 32 bits; every pixel looks at each layer.
+    for (key, value, most) in [("cells", sky.cells, 65_535), ("layers", sky.layers, 64)] {
+        if !(1..=most).contains(&value) {
+            return Err(Fault::new(key, format!("{value}: allowed are 1 to {most}")));
+        }
+    }
+    above_0("radius_px", sky.radius_px, 1024.0, "pixels")
+}
+
+fn check_psf_texture(psf: &PsfTextureSettings) -> Result<(), Fault> {
+    // `photometry::psf::MAX_WIDTH_RAD` in a round number.
+    above_0("width_arcmin", psf.width_arcmin, 1200.0, "arcminutes (20 degrees)")?;
+    finite("diameter_mm", psf.diameter_mm)?;
+    if !DIAMETERS_MM.contains(&psf.diameter_mm) {
+        let problem = format!("{}: allowed are {} to {} mm", psf.diameter_mm, DIAMETERS_MM.start(), DIAMETERS_MM.end());
+        return Err(Fault::new("diameter_mm", problem));
+    }
+    if Aperture::from_name(&psf.aperture, 6).is_none() {
+        let problem = format!("`{}` is no aperture: allowed are {}", psf.aperture, Aperture::NAMES.join(", "));
+        return Err(Fault::new("aperture", problem));
+    }
+    psf.check().map_err(|error| match error {
+        PsfError::TooFine { allowed_steps, needed_steps, .. } => {
+            // Steps of half a fringe in a texel go with the diameter, and were rounded up.
+            let most = psf.diameter_mm * allowed_steps / needed_steps;
+            let problem =
+                format!("{}: at width_arcmin = {} allowed are at most {most:.3} mm", psf.diameter_mm, psf.width_arcmin);
+            Fault::new("diameter_mm", problem)
+        }
+        error => Fault::new("", error.to_string()),
+    })
 }
 
 fn above_0(key: &str, value: f64, most: f64, unit: &str) -> Result<(), Fault> {

@@ -130,12 +130,14 @@ impl Config {
             let view = ViewConfig::from_table(table).map_err(place)?;
             views.push(view);
         }
+        let mut stars = sections.stars;
+        stars.psf_texture.file = stars.psf_texture.file.map(|file| folder.join(file));
         let config = Self {
             origin: origin.to_owned(),
             folder: folder.to_owned(),
             scene: sections.scene,
             views,
-            stars: sections.stars,
+            stars,
             glare: sections.glare,
             exposure: sections.exposure,
             tone_map: sections.tone_map,

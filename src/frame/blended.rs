@@ -10,19 +10,20 @@ use super::{catalogue_buffers::CatalogueBuffers, record::begin_pass};
 use crate::{
     gpu::{Gpu, GpuTimer, LuminanceSource, encode_viewport, layout},
     passes::{
-        billboards::{BillboardPass, BillboardPlane, CountPass},
+        billboards::{BillboardPass, BillboardPlane, CountPass, SquareImage},
         luminance::{LuminancePass, LuminanceTarget},
         shared::{CatalogueDraw, pixel_grid},
     },
     photometry::{
         exposure::metered_ev100,
-        star_image::{self, StarImage, StoredPsf},
+        psf::PsfError,
+        star_image::{SPRITE_SIZE, sprite},
     },
     plan::{
         KernelPlan,
-        billboard::BillboardPlan,
+        billboard::{BillboardPlan, DrawnPsf},
         cube_faces::{CubeFaces, GUARD_PX},
-        settings::{RenderSettings, StarMethod},
+        settings::{PsfTextureSettings, RenderSettings, StarMethod},
         tiles::Tile,
     },
     view::{
@@ -35,6 +36,8 @@ use crate::{
 pub(super) struct Blended {
     /// The pass of the method in use, what it was made for, and its image.
     method: Option<MethodPass>,
+    /// The point-spread function last asked for, with what it was made from: it takes its time.
+    psf: Option<(PsfTextureSettings, DrawnPsf)>,
     from_texture: OnceLock<LuminancePass>,
     from_cube: OnceLock<LuminancePass>,
     count: OnceLock<CountPass>,
@@ -45,9 +48,7 @@ pub(super) struct Blended {
 
 struct MethodPass {
     method: StarMethod,
-    psf_width_arcmin: f64,
     pass: BillboardPass,
-    psf: Option<StoredPsf>,
 }
 
 /// What is drawn in a frame.
@@ -69,6 +70,7 @@ impl Blended {
     pub(super) fn new() -> Self {
         Self {
             method: None,
+            psf: None,
             from_texture: OnceLock::new(),
             from_cube: OnceLock::new(),
             count: OnceLock::new(),
@@ -84,30 +86,35 @@ impl Blended {
         self.drawn = None;
     }
 
+    /// Holds the point-spread function of `psf_texture`, until its settings change: a file that changes alone is not read
+    /// again.
+    pub(super) fn hold_psf(&mut self, settings: &PsfTextureSettings) -> Result<(), PsfError> {
+        if self.psf.as_ref().is_none_or(|(of, _)| of != settings) {
+            let psf = DrawnPsf::new(&settings.texture()?);
+            self.psf = Some((settings.clone(), psf));
+            // The pass holds the texture of the function before.
+            self.method.take_if(|held| held.method == StarMethod::PsfTexture);
+        }
+        Ok(())
+    }
+
+    /// The point-spread function, where the method has one.
+    fn psf_of(&self, method: StarMethod) -> Option<&DrawnPsf> {
+        self.psf.as_ref().filter(|_| method == StarMethod::PsfTexture).map(|(_, psf)| psf)
+    }
+
     /// Prepares the method of a frame; its plan. `shown_ev100` is the exposure that the frame will be shown with.
     pub(super) fn begin(&mut self, gpu: &Gpu, settings: &RenderSettings, shown_ev100: f64) -> BillboardPlan {
         self.drawn = None;
         let method = settings.stars.method;
-        let width_arcmin = settings.stars.psf_texture.width_arcmin;
-        let fits =
-            |held: &MethodPass| held.method == method && (held.psf.is_none() || held.psf_width_arcmin == width_arcmin);
-        if !self.method.as_ref().is_some_and(fits) {
-            let psf = (method == StarMethod::PsfTexture).then(|| {
-                let width_rad = (width_arcmin / 60.0).to_radians();
-                star_image::inverse_square_form(&star_image::built_in_psf(star_image::BUILT_IN_PSF_SIZE, width_rad))
-            });
-            let sprite: Option<StarImage> =
-                (method == StarMethod::Sprite).then(|| star_image::sprite(star_image::SPRITE_SIZE));
-            let image = psf.as_ref().map(|psf| &psf.image).or(sprite.as_ref());
-            self.method = BillboardPass::new(gpu, method, image).map(|pass| MethodPass {
-                method,
-                psf_width_arcmin: width_arcmin,
-                pass,
-                psf,
-            });
+        if self.method.as_ref().is_none_or(|held| held.method != method) {
+            let sprite = (method == StarMethod::Sprite).then(|| sprite(SPRITE_SIZE));
+            let of_sprite = sprite.as_ref().map(|image| SquareImage { size: image.size, rgb: &image.rgb });
+            let of_psf = self.psf_of(method).map(|psf| SquareImage { size: psf.form.size, rgb: &psf.form.rgb });
+            let pass = BillboardPass::new(gpu, method, of_psf.or(of_sprite));
+            self.method = pass.map(|pass| MethodPass { method, pass });
         }
-        let psf = self.method.as_ref().and_then(|held| held.psf.as_ref());
-        BillboardPlan::new(&settings.stars, settings.exposure.ev100, shown_ev100, psf)
+        BillboardPlan::new(&settings.stars, settings.exposure.ev100, shown_ev100, self.psf_of(method))
     }
 
     /// Records one tile of a viewport: the stars, if it is the first one of the viewport, and the resolve pass.
@@ -207,7 +214,7 @@ impl Blended {
                 gpu,
                 &mut pass,
                 &frame.plan,
-                held.psf.as_ref(),
+                self.psf_of(held.method),
                 frame.camera_pc,
                 plane,
                 frame.colours,

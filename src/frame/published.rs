@@ -6,13 +6,15 @@ use std::sync::{Arc, OnceLock};
 use super::catalogue_buffers::CatalogueBuffers;
 use crate::{
     catalogue::chunks::StarSet,
-    gpu::{Gpu, GrowingBuffer, LuminanceSource},
+    gpu::{self, Gpu, GrowingBuffer, LuminanceSource, layout},
     passes::{
         luminance::{LuminancePass, LuminanceTarget},
         packed::PackedPass,
         shared::{CatalogueDraw, StarDraw, StarTarget},
     },
-    plan::settings::StarMethod,
+    photometry::exposure::white_luminance_cd_m2,
+    plan::settings::{CellSkySettings, RenderSettings, StarMethod},
+    view::Viewport,
 };
 
 /// Bytes of a packed pixel: two halves.
@@ -23,6 +25,7 @@ pub(super) struct Published {
     packed: OnceLock<PackedPass>,
     packed_resolve: OnceLock<LuminancePass>,
     packed_pixels: GrowingBuffer,
+    cell_sky: OnceLock<LuminancePass>,
     pub(super) catalogue: Option<CatalogueBuffers>,
 }
 
@@ -46,6 +49,7 @@ impl Published {
             packed: OnceLock::new(),
             packed_resolve: OnceLock::new(),
             packed_pixels: GrowingBuffer::new("packed pixels", usage),
+            cell_sky: OnceLock::new(),
             catalogue: None,
         }
     }
@@ -102,5 +106,30 @@ impl Published {
         let resolve = self.packed_resolve.get_or_init(|| LuminancePass::new(gpu, LuminanceSource::Packed));
         let of_source = [(0, words.as_entire_binding()), (1, frame.colours.as_entire_binding())];
         resolve.record(gpu, pass, 1.0, [0, 0], target, &of_source, frame.grid);
+    }
+
+    /// Records one tile of the procedural sky. Its brightness is relative: 1 is the white of the configured exposure.
+    pub(super) fn resolve_cell_sky(
+        &self,
+        gpu: &Gpu,
+        pass: &mut wgpu::ComputePass<'_>,
+        settings: &RenderSettings,
+        viewport: &Viewport,
+        target: &LuminanceTarget<'_>,
+        grid: [u32; 3],
+    ) {
+        let CellSkySettings { cells, layers, radius_px, seed } = settings.stars.cell_sky;
+        let parameters = layout::CellSkyParameters {
+            pixel_rad: viewport.projection.middle_pixel_rad() as f32,
+            radius_px: radius_px as f32,
+            cells,
+            layers,
+            seed,
+            ..Default::default()
+        };
+        let parameters = gpu::uniform_buffer(gpu, "cell sky", &parameters);
+        let resolve = self.cell_sky.get_or_init(|| LuminancePass::new(gpu, LuminanceSource::CellSky));
+        let white_cd_m2 = white_luminance_cd_m2(settings.exposure.ev100) as f32;
+        resolve.record(gpu, pass, white_cd_m2, [0, 0], target, &[(0, parameters.as_entire_binding())], grid);
     }
 }

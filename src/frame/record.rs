@@ -138,6 +138,23 @@ impl Renderer {
                 }
                 continue;
             }
+            if method.accumulator() == Accumulator::PerPixel {
+                for (tile, encoded) in batch.tiles.iter().zip(&tiles[index]) {
+                    let encoded = storage_buffer(gpu, "tile", std::slice::from_ref(encoded));
+                    let target = LuminanceTarget {
+                        viewports: &viewports,
+                        tiles: &encoded,
+                        pixels: &pixels,
+                        partial_sums: &partials,
+                        plane_pixels,
+                    };
+                    let viewport = &prepared.viewports[tile.viewport];
+                    let grid = pixel_grid(std::slice::from_ref(tile), &[viewport.size()[0]]);
+                    let mut pass = begin_pass(&mut encoder, timer, "stars");
+                    self.published.resolve_cell_sky(gpu, &mut pass, settings, viewport, &target, grid);
+                }
+                continue;
+            }
             let draws: Vec<StarDraw<'_>> = runs
                 .iter()
                 .filter(|run| run.batch == index)

@@ -18,7 +18,7 @@ use crate::{
     catalogue::chunks::StarSet,
     gpu::{AdapterReport, Gpu, GpuError, GpuTimer, GrowingBuffer, ReadbackBuffer, encode_viewport, layout},
     passes::{exposure::ExposurePass, resolve::ResolvePass, stars::StarPass, tone_map::ToneMapPass},
-    photometry::exposure::metered_ev100,
+    photometry::{exposure::metered_ev100, psf::PsfError},
     plan::{
         cull::{CullSettings, MAX_VIEWPORTS, SPLAT_MARGIN_PX, VisibleChunk, distinct_eyes_pc, visible_chunks},
         gaussian_of, plan_stars,
@@ -71,9 +71,9 @@ pub enum RenderError {
     /// Fixed-point sums overflowed. Units are chosen so that this cannot happen; it is reported, never shown.
     #[error("{0} fixed-point sums overflowed")]
     Overflow(u32),
-    /// The method is not drawn yet.
-    #[error("stars.method = `{0}` is not drawn yet")]
-    NotDrawn(&'static str),
+    /// The point-spread function of `psf_texture` cannot be made or read.
+    #[error("stars.psf_texture: {0}")]
+    Psf(#[from] PsfError),
     /// A published method cannot draw for a moving camera.
     #[error(
         "stars.method = `{0}` draws for a camera at rest: set scene.camera.velocity_c = [0, 0, 0], or the method to auto, bspline, tent or pixel_gaussian"
@@ -236,16 +236,11 @@ impl Renderer {
             return Err(RenderError::WantedCount { given: wanted.len(), views: rig.views().len() });
         }
         let method = settings.stars.method;
-        use StarMethod::*;
-        let blends = method.accumulator() == Accumulator::Blending;
-        if !blends && !matches!(method, Auto | BSpline | Tent | PixelGaussian | PackedCas | PackedCasSorted) {
-            return Err(RenderError::NotDrawn(method.name()));
-        }
         if snapshot.camera.velocity_c != DVec3::ZERO && method.accumulator() != Accumulator::FixedPoint {
             return Err(RenderError::AtRestOnly(method.name()));
         }
-        if method == PsfTexture && settings.stars.psf_texture.file.is_some() {
-            return Err(RenderError::NotDrawn("psf_texture with a file"));
+        if method == StarMethod::PsfTexture {
+            self.blended.hold_psf(&settings.stars.psf_texture)?;
         }
         self.hold_stars(method, &snapshot.stars);
         let prepared = self.prepare(snapshot, rig, settings, adapted_ev100);

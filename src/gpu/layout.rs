@@ -218,8 +218,8 @@ gpu_structs! {
         crop_rad: f32,
         /// The least such angle, rad.
         least_crop_rad: f32,
-        /// Padding.
-        unused_0: f32,
+        /// Added to the square of the angle that the stored function is divided by, rad^2.
+        softening_rad2: f32,
     }
     /// Parameters of the published rasteriser on culled stars.
     PackedParameters {
@@ -242,6 +242,25 @@ gpu_structs! {
         source_0: u32,
         /// For the source of luminance.
         source_1: u32,
+    }
+    /// The procedural sky; see `shaders/shared/luminance_cell_sky.wgsl`.
+    CellSkyParameters {
+        /// Angle of a pixel in the middle of the view, rad.
+        pixel_rad: f32,
+        /// Radius of a star, such pixels.
+        radius_px: f32,
+        /// Cells along an edge of a cube face.
+        cells: u32,
+        /// Layers of stars.
+        layers: u32,
+        /// Seed of the sky.
+        seed: u32,
+        /// Padding.
+        unused_0: u32,
+        /// Padding.
+        unused_1: u32,
+        /// Padding.
+        unused_2: u32,
     }
     /// Parameters of the resolve pass.
     ResolveParameters {

@@ -95,6 +95,8 @@ pub enum LuminanceSource {
     Texture,
     /// Six textures: the faces of a cube around the view's axes.
     Cube,
+    /// Nowhere: the procedural sky is computed here.
+    CellSky,
 }
 
 /// The resolve pass of methods that leave luminance.
@@ -103,9 +105,11 @@ pub fn resolve_luminance(source: LuminanceSource) -> ShaderSource {
         LuminanceSource::Packed => ("resolve packed", include_str!("../../shaders/shared/luminance_packed.wgsl")),
         LuminanceSource::Texture => ("resolve texture", include_str!("../../shaders/shared/luminance_texture.wgsl")),
         LuminanceSource::Cube => ("resolve cube", include_str!("../../shaders/shared/luminance_cube.wgsl")),
+        LuminanceSource::CellSky => ("resolve cell sky", include_str!("../../shaders/shared/luminance_cell_sky.wgsl")),
     };
-    let text = [VIEWPORT, MATH, PROJECTION, PIXEL_GRID, of_pixel, include_str!("../../shaders/resolve_luminance.wgsl")]
-        .concat();
+    let of_sky = if source == LuminanceSource::CellSky { include_str!("../../shaders/cell_sky.wgsl") } else { "" };
+    let resolve = include_str!("../../shaders/resolve_luminance.wgsl");
+    let text = [VIEWPORT, MATH, PROJECTION, PIXEL_GRID, of_sky, of_pixel, resolve].concat();
     ShaderSource { name, entry_point: "resolve_luminance", text, needs_u64: false }
 }
 
@@ -242,6 +246,7 @@ pub fn sources() -> Vec<ShaderSource> {
         resolve_luminance(LuminanceSource::Packed),
         resolve_luminance(LuminanceSource::Texture),
         resolve_luminance(LuminanceSource::Cube),
+        resolve_luminance(LuminanceSource::CellSky),
         billboard_vertex(),
         count_stars(),
         resolve(true),

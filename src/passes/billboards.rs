@@ -7,8 +7,10 @@ use glam::DQuat;
 use super::shared::{CatalogueDraw, bind_buffers, bind_to, dispatch_rows};
 use crate::{
     gpu::{self, Gpu, Profile, layout},
-    photometry::star_image::{StarImage, StoredPsf},
-    plan::{billboard::BillboardPlan, settings::StarMethod},
+    plan::{
+        billboard::{BillboardPlan, DrawnPsf},
+        settings::StarMethod,
+    },
 };
 
 /// Threads of a workgroup of the counting pass.
@@ -21,6 +23,13 @@ pub(crate) struct BillboardPass {
     vertices: u32,
     /// The image of the methods that carry one.
     image: Option<wgpu::TextureView>,
+}
+
+/// An image of a star: texels along a side, and their colours row by row from the top.
+#[derive(Clone, Copy)]
+pub(crate) struct SquareImage<'a> {
+    pub size: u32,
+    pub rgb: &'a [[f32; 3]],
 }
 
 /// A plane that is drawn on.
@@ -53,7 +62,7 @@ fn shaders_of(method: StarMethod) -> Option<(u32, Profile)> {
 
 impl BillboardPass {
     /// The pass of a method that blends; `None` for the others. `image` is what `sprite` and `psf_texture` carry.
-    pub(crate) fn new(gpu: &Gpu, method: StarMethod, image: Option<&StarImage>) -> Option<Self> {
+    pub(crate) fn new(gpu: &Gpu, method: StarMethod, image: Option<SquareImage<'_>>) -> Option<Self> {
         let (law, profile) = shaders_of(method)?;
         let (topology, vertices) = match profile {
             Profile::Point => (wgpu::PrimitiveTopology::PointList, 1),
@@ -76,7 +85,7 @@ impl BillboardPass {
         gpu: &Gpu,
         pass: &mut wgpu::RenderPass<'_>,
         plan: &BillboardPlan,
-        psf: Option<&StoredPsf>,
+        psf: Option<&DrawnPsf>,
         camera_pc: [f32; 3],
         plane: &BillboardPlane,
         colours: &wgpu::Buffer,
@@ -105,7 +114,7 @@ impl BillboardPass {
 
 fn parameters(
     plan: &BillboardPlan,
-    psf: Option<&StoredPsf>,
+    psf: Option<&DrawnPsf>,
     camera: [f32; 3],
     plane: &BillboardPlane,
 ) -> layout::BillboardParameters {
@@ -132,16 +141,16 @@ fn parameters(
         glare_sigma2_px2: gaussian.glare_sigma2_px2 as f32,
         glare_brightness: gaussian.glare_brightness as f32,
         white_cd_m2: plan.white_cd_m2 as f32,
-        half_width_rad: psf.map_or(0.0, |psf| psf.half_width_rad() as f32),
-        texel_rad: psf.map_or(0.0, |psf| psf.texel_rad as f32),
+        half_width_rad: psf.map_or(0.0, |psf| psf.form.half_width_rad() as f32),
+        texel_rad: psf.map_or(0.0, |psf| psf.form.pixel_rad as f32),
         crop_rad: plan.crop_rad as f32,
         least_crop_rad: psf.map_or(0.0, |psf| BillboardPlan::least_crop_rad(psf, plane.pixel_rad) as f32),
-        unused_0: 0.0,
+        softening_rad2: psf.map_or(0.0, |psf| psf.form.softening_rad2() as f32),
     }
 }
 
-fn image_texture(gpu: &Gpu, image: &StarImage) -> wgpu::TextureView {
-    let side = image.size as u32;
+fn image_texture(gpu: &Gpu, image: SquareImage<'_>) -> wgpu::TextureView {
+    let side = image.size;
     let size = wgpu::Extent3d { width: side, height: side, depth_or_array_layers: 1 };
     let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
         label: Some("star image"),

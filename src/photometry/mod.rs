@@ -1,7 +1,7 @@
 //! Photometry: from magnitude and temperature to light, and how that light is spread over pixels.
 //!
 //! `cie1931` and `rec709` hold the standards, `blackbody` turns temperatures into colours, `kernel` shares a star's light
-//! among pixels, `psf` holds the pictures that optics make of a star, `star_image` the images that billboards carry,
+//! among pixels, `psf` holds the pictures that optics make of a star, `star_image` the image of a sprite,
 //! `exposure` chooses the luminance that is shown white, `tone_map` turns luminance into display values.
 
 pub mod blackbody;

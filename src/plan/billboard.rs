@@ -8,7 +8,10 @@ use std::f64::consts::PI;
 
 use super::settings::{GaussianPsfSettings, StarMethod, StarSettings};
 use crate::{
-    photometry::{exposure::white_luminance_cd_m2, star_image::StoredPsf},
+    photometry::{
+        exposure::white_luminance_cd_m2,
+        psf::{InverseSquare, Psf},
+    },
     units::illuminance_lx_from_magnitude,
 };
 
@@ -23,6 +26,23 @@ pub const GREATEST_BRIGHTNESS: f64 = 1e20;
 
 /// Diameters of `scaled_disc` at the brightest and the faintest magnitude over the configured one.
 pub const SCALED_DISC_RANGE: [f64; 2] = [3.0, 0.3];
+
+/// The point-spread function of `psf_texture`, as it is drawn with.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DrawnPsf {
+    /// The function.
+    pub form: InverseSquare,
+    /// [`InverseSquare::largest`] of it.
+    pub largest: f64,
+}
+
+impl DrawnPsf {
+    /// A texture, made ready.
+    pub fn new(psf: &Psf) -> Self {
+        let form = InverseSquare::holding_light(psf);
+        Self { largest: form.largest(), form }
+    }
+}
 
 /// Everything that a method that blends takes besides the stars and the plane.
 #[derive(Clone, Debug, PartialEq)]
@@ -50,7 +70,7 @@ pub struct BillboardPlan {
 impl BillboardPlan {
     /// The plan of `stars`. `configured_ev100` gives the unit of relative methods, `shown_ev100` is the exposure that the
     /// frame will be shown with, as far as it is known: `psf_texture` crops where that shows nothing more.
-    pub fn new(stars: &StarSettings, configured_ev100: f64, shown_ev100: f64, psf: Option<&StoredPsf>) -> Self {
+    pub fn new(stars: &StarSettings, configured_ev100: f64, shown_ev100: f64, psf: Option<&DrawnPsf>) -> Self {
         let radius_rad = (stars.billboard.diameter_arcmin / 120.0).to_radians();
         let gaussian = stars.gaussian_psf;
         let limit_lx = illuminance_lx_from_magnitude(stars.magnitude_limit);
@@ -73,14 +93,14 @@ impl BillboardPlan {
             gaussian,
             white_cd_m2: white_luminance_cd_m2(configured_ev100),
             crop_rad: psf
-                .map_or(0.0, |psf| (psf.greatest / (THRESHOLD_BRIGHTNESS * white_luminance_cd_m2(shown_ev100))).sqrt()),
+                .map_or(0.0, |psf| (psf.largest / (THRESHOLD_BRIGHTNESS * white_luminance_cd_m2(shown_ev100))).sqrt()),
         }
     }
 
     /// The least half angle that `psf_texture` is cropped to: two texels, and a pixel of the middle of the plane, so that a
     /// faint star is not lost between pixels more often than the texture makes it.
-    pub fn least_crop_rad(psf: &StoredPsf, pixel_rad: f64) -> f64 {
-        (2.0 * psf.texel_rad).max(pixel_rad).min(psf.half_width_rad())
+    pub fn least_crop_rad(psf: &DrawnPsf, pixel_rad: f64) -> f64 {
+        (2.0 * psf.form.pixel_rad).max(pixel_rad).min(psf.form.half_width_rad())
     }
 }
 

@@ -70,6 +70,7 @@ pub fn plan_stars(
                 (false, false) => "auto: bspline",
             }
         }
+        StarMethod::CellSky => "cell_sky: a procedural sky, no star of the catalogue is drawn",
         method => method.name(),
     };
     let through_cube =
@@ -93,6 +94,10 @@ pub fn plan_stars(
         bound("a star's temperature, held in 11 bits", 1.3e-3, "relative", None),
         bound("a star's direction, f32 from its chunk", 5e-7, "rad", None),
     ];
+    if !settings.stars.method.draws_catalogue() {
+        // All of these are of stars of the catalogue.
+        certificate.clear();
+    }
     if settings.stars.method.accumulator() != Accumulator::FixedPoint {
         // Published methods come without bounds of their own: the chart has their measured errors.
         let accumulator = accumulator.to_owned();

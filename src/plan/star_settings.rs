@@ -135,7 +135,7 @@ pub struct PsfTextureSettings {
     pub file: Option<PathBuf>,
     /// Name of the aperture where no file is given: circle, hexagon, curved_blades (six of them), jwst or hubble.
     pub aperture: String,
-    /// Diameter of the circle about the aperture, mm. The default makes spikes that a wide view shows.
+    /// Diameter of the circle about the aperture, mm; the wider the texture, the smaller it must be. The default makes spikes that a wide view shows.
     pub diameter_mm: f64,
     /// Angle that the whole texture covers, arcminutes, where no file tells the angle of its pixels.
     pub width_arcmin: f64,
@@ -151,27 +151,37 @@ impl PsfTextureSettings {
     /// Pixels along a side of a computed texture, and its number of wavelengths.
     const COMPUTED: (u32, usize) = (512, 24);
 
-    /// The texture, balanced for stars of every colour. Computing one takes some seconds; a file may be unusable, and the
-    /// other settings outside of what is allowed.
+    /// The texture, balanced for stars of every colour. Computing one takes up to some seconds; a file may be unusable, and
+    /// the other settings outside of what is allowed.
     pub fn texture(&self) -> Result<Psf, PsfError> {
         let width_rad = (self.width_arcmin / 60.0).to_radians();
         if let Some(file) = &self.file {
             return Ok(psf::read_as_wide(file, width_rad)?.psf.balanced_to_white());
         }
+        Ok(Psf::from_aperture(&self.optics()?, |_, _| {})?.balanced_to_white())
+    }
+
+    /// Whether a texture can be computed from these settings, where no file is given: all that can be told without doing it.
+    pub fn check(&self) -> Result<(), PsfError> {
+        if self.file.is_some() { Ok(()) } else { self.optics()?.check() }
+    }
+
+    /// What is computed where no file is given.
+    fn optics(&self) -> Result<Optics, PsfError> {
         let aperture = Aperture::from_name(&self.aperture, 6).ok_or_else(|| PsfError::Parameter {
             name: "stars.psf_texture.aperture",
             value: self.aperture.clone(),
             allowed: Aperture::NAMES.join(", "),
         })?;
         let (size, wavelengths) = Self::COMPUTED;
-        let optics = Optics {
+        let width_rad = (self.width_arcmin / 60.0).to_radians();
+        Ok(Optics {
             aperture,
             diameter_mm: self.diameter_mm,
             size,
             pixel_rad: width_rad / f64::from(size),
             wavelengths,
             temperature_k: WHITE_K,
-        };
-        Ok(Psf::from_aperture(&optics, |_, _| {})?.balanced_to_white())
+        })
     }
 }

@@ -12,12 +12,11 @@ use glam::{DMat3, DQuat, DVec2, DVec3};
 use super::stars::Eye;
 use crate::{
     catalogue::{chunks::StarSet, packed::temperature_of_step_k},
-    photometry::{
-        blackbody::rec709_in_gamut,
-        star_image::{StarImage, StoredPsf},
-    },
+    photometry::{blackbody::rec709_in_gamut, star_image::StarImage},
     plan::{
-        billboard::{BillboardPlan, GREATEST_BRIGHTNESS, PUBLISHED_POGSON, SCALED_DISC_RANGE, THRESHOLD_BRIGHTNESS},
+        billboard::{
+            BillboardPlan, DrawnPsf, GREATEST_BRIGHTNESS, PUBLISHED_POGSON, SCALED_DISC_RANGE, THRESHOLD_BRIGHTNESS,
+        },
         cube_faces::{CubeFaces, GUARD_PX},
         settings::StarMethod,
     },
@@ -31,7 +30,7 @@ pub struct Images<'a> {
     /// Of `sprite`.
     pub sprite: Option<&'a StarImage>,
     /// Of `psf_texture`.
-    pub psf: Option<&'a StoredPsf>,
+    pub psf: Option<&'a DrawnPsf>,
 }
 
 /// Draws all stars of a set, as an eye at rest sees them (these methods are not drawn for a moving one), with the method of `plan`, through cube faces of at most `max_side_px` texels where the
@@ -168,7 +167,7 @@ impl<'a> Canvas<'a> {
             }
             StarMethod::Sprite => {
                 let Some(image) = images.sprite else { return };
-                let size = image.size as f64;
+                let size = f64::from(image.size);
                 let luminance = illuminance / plan.solid_angle_sr;
                 self.in_sky(star, plan.radius_rad, luminance, |at| {
                     if at.abs().max_element() > 1.0 {
@@ -189,7 +188,7 @@ impl<'a> Canvas<'a> {
                 let Some(psf) = images.psf else { return };
                 let [left, right, ..] = self.plane.edge_tangents(0.0);
                 let least = BillboardPlan::least_crop_rad(psf, (right - left) / f64::from(self.plane.size()[0]));
-                let half = (plan.crop_rad * illuminance.sqrt()).clamp(least, psf.half_width_rad());
+                let half = (plan.crop_rad * illuminance.sqrt()).clamp(least, psf.form.half_width_rad());
                 let tangent = (half * 2.0_f64.sqrt()).tan() / 2.0_f64.sqrt();
                 self.in_sky(star, tangent, illuminance, |at| {
                     let on_plane = at * tangent;
@@ -197,7 +196,7 @@ impl<'a> Canvas<'a> {
                     if angles.abs().max_element() > half {
                         return [0.0; 3];
                     }
-                    psf.share_per_sr(angles.x, angles.y)
+                    psf.form.density(angles)
                 });
             }
             _ => {}

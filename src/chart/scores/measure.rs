@@ -17,18 +17,18 @@ use crate::{
 };
 
 /// Exposure of the scenes whose figures are taken before exposure: the usual night.
-const NIGHT_EV100: f64 = -8.0;
+pub(super) const NIGHT_EV100: f64 = -8.0;
 
 /// The pixels of an image of a frame.
-fn pixels_of(frame: &[Pixels], index: usize) -> Result<&Pixels, Failure> {
+pub(super) fn pixels_of(frame: &[Pixels], index: usize) -> Result<&Pixels, Failure> {
     frame.get(index).ok_or_else(|| Failure::Method("the frame has no HDR image".to_owned()))
 }
 
-fn mean(values: &[f64]) -> Option<f64> {
+pub(super) fn mean(values: &[f64]) -> Option<f64> {
     (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
 }
 
-fn root_mean_square(values: &[f64]) -> Option<f64> {
+pub(super) fn root_mean_square(values: &[f64]) -> Option<f64> {
     Some(mean(&values.iter().map(|value| value * value).collect::<Vec<_>>())?.sqrt())
 }
 
@@ -39,7 +39,7 @@ pub(super) fn deviation_over_mean(values: &[f64]) -> Option<f64> {
 }
 
 /// A score, or the reason why there is none.
-fn score(value: Option<f64>, why_not: &str) -> Score {
+pub(super) fn score(value: Option<f64>, why_not: &str) -> Score {
     value.map_or_else(|| Score::none(why_not), Score::of)
 }
 

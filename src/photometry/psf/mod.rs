@@ -162,7 +162,15 @@ impl Optics {
         0.25 * 550e-9 / (1e-3 * diameter_mm)
     }
 
-    fn check(&self) -> Result<(), PsfError> {
+    /// Whether a picture can be computed.
+    ///
+    /// # Errors
+    /// [`PsfError::Parameter`] for what is outside of its range, [`PsfError::TooFine`] for pixels that hold too much detail.
+    pub fn check(&self) -> Result<(), PsfError> {
+        self.sampling().map(|_| ())
+    }
+
+    fn sampling(&self) -> Result<diffraction::Sampling, PsfError> {
         let refuse = |name, value: String, allowed| Err(PsfError::Parameter { name, value, allowed });
         let range = |range: &std::ops::RangeInclusive<f64>| format!("{} to {}", range.start(), range.end());
         if !DIAMETERS_MM.contains(&self.diameter_mm) {
@@ -188,19 +196,21 @@ impl Optics {
         {
             return refuse("blades", blades.to_string(), format!("{} to {}", BLADES.start(), BLADES.end()));
         }
-        Ok(())
+        let shortest_m = spectrum::lines(self.temperature_k, self.wavelengths)
+            .iter()
+            .map(|line| line.wavelength_m)
+            .fold(f64::INFINITY, f64::min);
+        diffraction::Sampling::new(self.size as usize, self.pixel_rad, 1e-3 * self.diameter_mm, shortest_m)
     }
 }
 
 impl Psf {
     /// The diffraction picture of a star. `progress` is told the wavelengths done and their number.
     pub fn from_aperture(optics: &Optics, mut progress: impl FnMut(usize, usize)) -> Result<Self, PsfError> {
-        optics.check()?;
+        let sampling = optics.sampling()?;
         let size = optics.size as usize;
         let diameter_m = 1e-3 * optics.diameter_mm;
         let lines = spectrum::lines(optics.temperature_k, optics.wavelengths);
-        let shortest_m = lines.iter().map(|line| line.wavelength_m).fold(f64::INFINITY, f64::min);
-        let sampling = diffraction::Sampling::new(size, optics.pixel_rad, diameter_m, shortest_m)?;
         let mut xyz = vec![[0.0; 3]; size * size];
         for (done, line) in lines.iter().enumerate() {
             progress(done, lines.len());
@@ -259,20 +269,7 @@ impl Psf {
     pub fn sample(&self, offset_rad: DVec2) -> [f64; 3] {
         let middle = 0.5 * (f64::from(self.size) - 1.0);
         let at = DVec2::new(middle + offset_rad.x / self.pixel_rad, middle - offset_rad.y / self.pixel_rad);
-        let (first, part) = (at.floor(), at - at.floor());
-        let mut sum = [0.0; 3];
-        for (dx, dy) in [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)] {
-            let (column, row) = (first.x + dx, first.y + dy);
-            let last = f64::from(self.size) - 1.0;
-            // A comparison that NaN fails too.
-            if !((0.0..=last).contains(&column) && (0.0..=last).contains(&row)) {
-                continue;
-            }
-            let weight = (1.0 - (part.x - dx).abs()) * (1.0 - (part.y - dy).abs());
-            let pixel = self.pixel(column as u32, row as u32);
-            (0..3).for_each(|c| sum[c] += weight * pixel[c]);
-        }
-        sum.map(|channel| channel / (self.pixel_rad * self.pixel_rad))
+        bilinear(self.size, &self.rgb, at).map(|channel| channel / (self.pixel_rad * self.pixel_rad))
     }
 
     /// Share of the texture's Y within `radius_rad` of the star; pixels on the rim count with the part that lies inside.
@@ -303,6 +300,24 @@ impl Psf {
             (self.offset_rad(column, row), rgb.map(f64::from))
         })
     }
+}
+
+/// A square image between the centres of its pixels, which lie on whole numbers; black outside.
+pub(super) fn bilinear(size: u32, rgb: &[[f32; 3]], at: DVec2) -> [f64; 3] {
+    let (first, part) = (at.floor(), at - at.floor());
+    let mut sum = [0.0; 3];
+    for (dx, dy) in [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)] {
+        let (column, row) = (first.x + dx, first.y + dy);
+        let last = f64::from(size) - 1.0;
+        // A comparison that NaN fails too.
+        if !((0.0..=last).contains(&column) && (0.0..=last).contains(&row)) {
+            continue;
+        }
+        let weight = (1.0 - (part.x - dx).abs()) * (1.0 - (part.y - dy).abs());
+        let pixel = rgb[row as usize * size as usize + column as usize];
+        (0..3).for_each(|c| sum[c] += weight * f64::from(pixel[c]));
+    }
+    sum
 }
 
 #[cfg(test)]

@@ -384,3 +384,31 @@ fn impossible_optics_are_refused_by_name() {
         assert!(error.contains(name) && error.contains("allowed"), "{name}: {error}");
     }
 }
+
+/// The form as it is drawn with, against a sum over points that are not those of its own integral.
+#[test]
+fn what_is_drawn_from_the_inverse_square_form_holds_the_light() {
+    let light = |form: &InverseSquare| -> [f64; 3] {
+        let (half, points) = (form.half_width_rad(), 1801_u32);
+        let step = 2.0 * half / f64::from(points);
+        let at = |i: u32| (f64::from(i) + 0.5) * step - half;
+        let mut sum = [0.0; 3];
+        for j in 0..points {
+            for i in 0..points {
+                let offset = DVec2::new(at(i), at(j));
+                let theta = offset.length();
+                let omega = step * step * if theta > 0.0 { theta.sin() / theta } else { 1.0 };
+                let density = form.density(offset);
+                (0..3).for_each(|c| sum[c] += density[c] * omega);
+            }
+        }
+        sum
+    };
+    for size in [63, 64] {
+        let psf = coloured(Aperture::Hexagon, size, 8, 6504.0).balanced_to_white();
+        let (found, plain) = (light(&InverseSquare::holding_light(&psf)), light(&InverseSquare::of(&psf)));
+        println!("size {size}: light drawn {found:.5?}, without the scale {plain:.5?}");
+        assert!(found.iter().all(|light| (light - 1.0).abs() < 1e-3), "{found:?}");
+        assert!(plain.iter().all(|light| (light - 1.0).abs() > 1e-3), "{plain:?}");
+    }
+}

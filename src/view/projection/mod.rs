@@ -193,6 +193,13 @@ impl Projection {
         }
     }
 
+    /// Angle of the pixel in the middle of the picture, rad: the root of its solid angle.
+    pub fn middle_pixel_rad(&self) -> f64 {
+        let mapping = self.mapping();
+        let [width, height] = mapping.size();
+        mapping.solid_angle_sr(width / 2, height / 2).sqrt()
+    }
+
     /// Smallest solid angle of a pixel of the picture, sr, among the centre, the corners, and the middles of the edges
     /// (for round pictures half a pixel inside of them), where all these mappings have their extremes.
     pub fn smallest_pixel_sr(&self) -> f64 {
