@@ -44,7 +44,7 @@ pub use self::{
 use crate::{
     catalogue::galaxy::GalaxyError,
     files,
-    frame::{RenderError, Renderer},
+    frame::Renderer,
     gpu::{AdapterReport, GpuError},
     view::RigError,
 };
@@ -55,14 +55,6 @@ pub enum ChartError {
     /// The device failed; nothing measured after that would be worth anything.
     #[error(transparent)]
     Gpu(GpuError),
-    /// A workload cannot be drawn by any method.
-    #[error("workload `{workload}`: {source}")]
-    Workload {
-        /// The workload.
-        workload: String,
-        /// Why.
-        source: RenderError,
-    },
     /// The stars of a workload cannot be made.
     #[error(transparent)]
     Galaxy(#[from] GalaxyError),

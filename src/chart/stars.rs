@@ -1,7 +1,6 @@
 //! The axis `stars`: every way of drawing stars over every workload, timed in turn, with all its errors.
 //!
-//! Exposure is metered once per workload, with the B-spline, and given to all methods, so that all do the same work. The
-//! errors of single stars do not depend on the workload and are measured once, over the scoring scenes; they stand beside
+//! Exposure is manual and the same in every workload ([`TIMING_EV100`]), so that all methods show the same. The errors of single stars do not depend on the workload and are measured once, over the scoring scenes; they stand beside
 //! the time of each workload. The error of the whole frame's light is the workload's own: stars near the border of the
 //! picture are left out of that frame, because how much of them is inside depends on the profile.
 
@@ -11,7 +10,7 @@ use rayon::prelude::*;
 use super::{
     Axis, Budget, ChartError, Extent, Metric, Row, Score, Scores, Sky, Step, Tell, ViewShape, score_method,
     scores::settings_of,
-    timing::{self, Case, Timed, message_of},
+    timing::{self, Case, TIMING_EV100, Timed, message_of},
     workloads::{Skies, projection_of, rig_of, snapshot},
 };
 use crate::{
@@ -84,10 +83,9 @@ fn workload_name(sky: Sky, view: ViewShape) -> String {
 impl Workload<'_> {
     fn rows(&self, renderer: &mut Renderer, scores: &[Scores], budget: Budget) -> Result<Vec<Row>, ChartError> {
         let rig = rig_of(vec![("chart", self.view.kind())])?;
-        let ev100 = timing::meter(renderer, self.scene, &rig, &self.name)?;
         let lights = self.sky.par_iter().map(illuminance_lx);
         let faintest_lx = lights.reduce(|| f64::INFINITY, f64::min);
-        let settings = StarMethod::ALL.map(|method| settings_of(method, ev100, faintest_lx));
+        let settings = StarMethod::ALL.map(|method| settings_of(method, TIMING_EV100, faintest_lx));
         let timing = budget.part(TIMING_SHARE, 1);
         let timed = timing::frames(renderer, self.scene, &rig, &settings, self.rounds, timing)?;
         let totals = self.totals(renderer, &rig, &settings, &timed, budget)?;

@@ -33,8 +33,10 @@ use crate::{
 
 /// Passes and textures of the methods that blend, made when they are first asked for.
 pub(super) struct Blended {
-    /// The pass of the method in use, what it was made for, and its image.
-    method: Option<MethodPass>,
+    /// The passes of the methods used so far, what they were made for, and their images.
+    methods: Vec<MethodPass>,
+    /// The one in use.
+    in_use: Option<usize>,
     from_texture: OnceLock<LuminancePass>,
     from_cube: OnceLock<LuminancePass>,
     count: OnceLock<CountPass>,
@@ -68,7 +70,8 @@ impl BlendedFrame<'_> {
 impl Blended {
     pub(super) fn new() -> Self {
         Self {
-            method: None,
+            methods: Vec::new(),
+            in_use: None,
             from_texture: OnceLock::new(),
             from_cube: OnceLock::new(),
             count: OnceLock::new(),
@@ -79,7 +82,8 @@ impl Blended {
 
     /// Forgets everything that belongs to a scene or a size.
     pub(super) fn forget_buffers(&mut self) {
-        self.method = None;
+        self.methods.clear();
+        self.in_use = None;
         self.target = None;
         self.drawn = None;
     }
@@ -91,7 +95,10 @@ impl Blended {
         let width_arcmin = settings.stars.psf_texture.width_arcmin;
         let fits =
             |held: &MethodPass| held.method == method && (held.psf.is_none() || held.psf_width_arcmin == width_arcmin);
-        if !self.method.as_ref().is_some_and(fits) {
+        self.in_use = self.methods.iter().position(fits);
+        if self.in_use.is_none() {
+            // The same method with another image is of no more use.
+            self.methods.retain(|held| held.method != method);
             let psf = (method == StarMethod::PsfTexture).then(|| {
                 let width_rad = (width_arcmin / 60.0).to_radians();
                 star_image::inverse_square_form(&star_image::built_in_psf(star_image::BUILT_IN_PSF_SIZE, width_rad))
@@ -99,14 +106,12 @@ impl Blended {
             let sprite: Option<StarImage> =
                 (method == StarMethod::Sprite).then(|| star_image::sprite(star_image::SPRITE_SIZE));
             let image = psf.as_ref().map(|psf| &psf.image).or(sprite.as_ref());
-            self.method = BillboardPass::new(gpu, method, image).map(|pass| MethodPass {
-                method,
-                psf_width_arcmin: width_arcmin,
-                pass,
-                psf,
-            });
+            if let Some(pass) = BillboardPass::new(gpu, method, image) {
+                self.methods.push(MethodPass { method, psf_width_arcmin: width_arcmin, pass, psf });
+                self.in_use = Some(self.methods.len() - 1);
+            }
         }
-        let psf = self.method.as_ref().and_then(|held| held.psf.as_ref());
+        let psf = self.in_use.and_then(|index| self.methods[index].psf.as_ref());
         BillboardPlan::new(&settings.stars, settings.exposure.ev100, shown_ev100, psf)
     }
 
@@ -177,7 +182,7 @@ impl Blended {
         };
         let size = cube.map_or(viewport.size(), |cube| [cube.edge_px + 2 * GUARD_PX; 2]);
         let texture = self.target_of(gpu, size, planes.len() as u32);
-        let Some(held) = &self.method else { return };
+        let Some(held) = self.in_use.and_then(|index| self.methods.get(index)) else { return };
         for (layer, plane) in planes.iter().enumerate() {
             let Some(plane) = plane else { continue };
             let view = texture.create_view(&wgpu::TextureViewDescriptor {
