@@ -9,6 +9,7 @@
 //! - `scenes`: small made-up skies of which the right picture is known;
 //! - `scores`: the figures of one method over those scenes, by [`crate::metrics`];
 //! - `stars`, `views`, `scale`: the axes;
+//! - `summary`: a line per method;
 //! - `pareto`: which methods no other beats in both time and accuracy.
 //!
 //! Time is the GPU's from the clearing of the first buffer to the end of the last pass, plus the culling on the CPU, ms: so
@@ -22,6 +23,7 @@ mod scale;
 mod scenes;
 mod scores;
 mod stars;
+mod summary;
 mod svg;
 mod timing;
 mod views;
@@ -38,6 +40,7 @@ pub use self::{
     csv::{COLUMNS, Row, read_csv, write_csv},
     pareto::{ParetoError, pareto_front},
     scores::{Metric, Score, Scores, ScoringSize, score_method},
+    summary::summary,
     timing::Spread,
     workloads::{Extent, Sky, ViewShape},
 };

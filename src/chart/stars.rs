@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use super::{
     Axis, Budget, ChartError, Extent, Metric, Row, Score, Scores, Sky, Step, Tell, ViewShape, score_method,
     scores::settings_of,
-    timing::{self, Case, TIMING_EV100, Timed, message_of},
+    timing::{self, Case, FAST, TIMING_EV100, Timed, message_of},
     workloads::{Skies, projection_of, rig_of, snapshot},
 };
 use crate::{
@@ -24,7 +24,7 @@ use crate::{
 };
 
 /// Share of the time for the scores.
-const SCORES_SHARE: f64 = 0.4;
+const SCORES_SHARE: f64 = 0.35;
 /// Share of a workload's time for the interleaved frames; the rest is for the light of whole frames.
 const TIMING_SHARE: f64 = 0.7;
 /// Stars nearer to the border than this share of the picture's height are left out where the light of a frame is measured.
@@ -46,7 +46,7 @@ pub(super) fn run(
     budget: Budget,
     tell: Tell<'_>,
 ) -> Result<Vec<Row>, ChartError> {
-    let workloads = extent.skies.len() * extent.views.len();
+    let workloads = extent.workloads();
     let of = StarMethod::ALL.len() + extent.skies.len() + workloads;
     let mut done = 0;
     let mut step = |what: String| {
@@ -60,17 +60,19 @@ pub(super) fn run(
         scores.push(score_method(renderer, method, extent.scoring, share)?);
     }
     let mut rows = Vec::new();
-    let mut left = workloads;
-    for sky in &extent.skies {
+    let weight = |skies: &[(Sky, Vec<ViewShape>)]| -> f64 {
+        skies.iter().map(|(sky, views)| sky.weight() * views.len() as f64).sum()
+    };
+    for (index, (sky, views)) in extent.skies.iter().enumerate() {
         step(format!("making {} stars", sky.name()));
         let records = skies.records(*sky)?;
         let scene = snapshot(records.to_vec());
-        for &view in &extent.views {
+        for (done, &view) in views.iter().enumerate() {
             let name = workload_name(*sky, view);
             step(format!("timing {name}"));
             let workload = Workload { name, sky: &records, scene: &scene, view, rounds: extent.rounds };
-            rows.extend(workload.rows(renderer, &scores, budget.part(1.0, left))?);
-            left -= 1;
+            let left = sky.weight() * (views.len() - done) as f64 + weight(&extent.skies[index + 1..]);
+            rows.extend(workload.rows(renderer, &scores, budget.part(sky.weight() / left, 1))?);
         }
     }
     Ok(rows)
@@ -141,7 +143,7 @@ impl Workload<'_> {
                 Score::none("does not apply: brightness is relative, so the frame's light has no scale")
             } else if timed.failed {
                 Score::none(timed.note.clone())
-            } else if budget.is_over() {
+            } else if budget.is_over() && timed.took > FAST {
                 Score::none("not measured: the budget had no more")
             } else {
                 match renderer.render(scene, rig, settings, &wanted, None) {
