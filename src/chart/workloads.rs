@@ -165,7 +165,7 @@ impl Extent {
             budget: Duration::from_secs(105),
             scoring: ScoringSize::default(),
             scale: vec![10_000, 100_000, 1_000_000],
-            many_views_stars: 100_000,
+            many_views_stars: 30_000,
         }
     }
 
