@@ -125,3 +125,17 @@ fn each_check_tells_its_own_fault() {
         assert_eq!(outcome(name).outcome, Outcome::Pass);
     }
 }
+
+/// Sums that go by the order of the stars, in the catalogue's order or ours, blended or exchanged, fail the check of orders.
+#[test]
+fn sums_that_depend_on_order_fail_the_shuffles() {
+    let mut renderer = renderer();
+    let check = verify::select(Some("shuffled-order")).unwrap()[0];
+    for method in [StarMethod::PackedCas, StarMethod::PackedCasSorted, StarMethod::HardwarePoint] {
+        let result = verify::run(check, &mut renderer, &settings(method));
+        println!("{}: {result}", method.name());
+        assert_eq!(result.outcome, Outcome::Fail, "{result}");
+        assert!(result.figures[0].measured > 90.0, "{result}");
+    }
+    assert_eq!(renderer.catalogue_order, None, "later checks have the usual order");
+}

@@ -3,7 +3,7 @@
 
 use std::fmt::Write as _;
 
-use super::{About, Axis, Row, scores::Metric, svg::grouped};
+use super::{About, Axis, Row, scores::Metric, summary::Summary, svg::grouped, timing::TIMING_EV100};
 
 /// Columns of the table, each with its heading.
 const TABLE: [(Metric, &str); 13] = [
@@ -27,7 +27,7 @@ const STYLE: &str = "body{font:15px/1.5 system-ui,sans-serif;margin:2rem auto;ma
     .wide{overflow-x:auto} table{border-collapse:collapse;font-size:13px} th,td{padding:3px 8px;border-bottom:1px solid #ddd;\
     text-align:right;white-space:nowrap} th{vertical-align:bottom;white-space:normal;background:#f4f4f4}\
     td:first-child,td:nth-child(2),td:last-child,th:first-child,th:nth-child(2){text-align:left}\
-    td:last-child{white-space:normal;min-width:18rem;color:#555} tr.none td{color:#999} dt{font-weight:bold} dd{margin:0 0 .4rem 1rem}\
+    td:last-child{white-space:normal;min-width:18rem;color:#555} .summary td:last-child{min-width:0;color:inherit} tr.none td{color:#999} dt{font-weight:bold} dd{margin:0 0 .4rem 1rem}\
     code{background:#f4f4f4;padding:1px 4px}";
 
 /// Text as it may stand between tags and in attributes.
@@ -41,7 +41,7 @@ pub(super) fn metric_of(row: &Row) -> Option<Metric> {
 }
 
 /// A figure with as many digits as mean something.
-fn figure(value: f64) -> String {
+pub(super) fn figure(value: f64) -> String {
     match value.abs() {
         0.0 => "0".to_owned(),
         size if !(1e-3..1e4).contains(&size) => format!("{value:.1e}"),
@@ -52,7 +52,7 @@ fn figure(value: f64) -> String {
 }
 
 /// Distinct values of the rows, in their order.
-fn distinct<'a>(rows: &[&'a Row], value: fn(&Row) -> &str) -> Vec<&'a str> {
+pub(super) fn distinct<'a>(rows: &[&'a Row], value: fn(&Row) -> &str) -> Vec<&'a str> {
     let mut found: Vec<&str> = Vec::new();
     for row in rows {
         if !found.contains(&value(row)) {
@@ -85,6 +85,7 @@ pub(super) fn page(rows: &[Row], pictures: &[(Axis, String)], about: &About) -> 
             add(&matrix(&of_axis));
             continue;
         }
+        add(&summary(&Summary::of(rows)));
         for workload in distinct(&of_axis, |row| &row.workload) {
             let of_workload: Vec<&Row> = of_axis.iter().filter(|row| row.workload == workload).copied().collect();
             add(&table(workload, &of_workload));
@@ -92,8 +93,13 @@ pub(super) fn page(rows: &[Row], pictures: &[(Axis, String)], about: &About) -> 
     }
     add(
         "<h2>What the columns mean</h2>\n<dl>\n<dt>ms</dt><dd>median (shortest to longest) of the frames of interleaved rounds: \
-         clear, cull, splat and resolve, the HDR image made and left on the GPU.</dd>\n",
+         clear, cull, splat and resolve, the HDR image made and left on the GPU. ",
     );
+    add(&format!(
+        "The exposure is manual, ev100 = {TIMING_EV100}, for every method: a star of magnitude 3 or so reaches display white if all \
+         of its light falls into one pixel of a view of 1080 pixels and 60 degrees. It matters to methods that go by what the display \
+         shows.</dd>\n"
+    ));
     for (metric, heading) in TABLE {
         let name = metric.name();
         add(&format!("<dt>{heading} (<code>{name}</code>)</dt><dd>{}.</dd>\n", escaped(metric.meaning())));
@@ -104,6 +110,22 @@ pub(super) fn page(rows: &[Row], pictures: &[(Axis, String)], about: &About) -> 
          the methods that no other beats in both time and error.</p>\n</body>\n</html>\n",
     );
     page
+}
+
+/// The table of all methods.
+fn summary(summary: &Summary) -> String {
+    let times = summary.workloads.iter().map(|name| format!("<th>ms, {}</th>", escaped(name)));
+    let heads: String =
+        times.chain(summary.headings.iter().map(|name| format!("<th>{}</th>", escaped(name)))).collect();
+    let mut table = format!(
+        "<h3>Every method</h3>\n<p>Times are medians; flux error of single stars; identical: whether shuffled stars give the same bits.</p>\n\
+         <div class=\"wide\"><table class=\"summary\">\n<tr><th>method</th><th>source</th>{heads}</tr>\n"
+    );
+    for line in &summary.lines {
+        let cells: String = line.iter().map(|cell| format!("<td>{}</td>", escaped(cell))).collect();
+        table += &format!("<tr>{cells}</tr>\n");
+    }
+    table + "</table></div>\n"
 }
 
 /// The table of one workload.
@@ -253,7 +275,8 @@ mod tests {
         ] {
             assert!(page.contains(part), "`{part}` is not in {page}");
         }
-        assert_eq!(page.matches("<tr>").count(), 2, "the head and one method");
+        assert_eq!(page.matches("<tr>").count(), 4, "the heads and one method, in the summary and in the workload");
+        assert!(page.contains("ev100 = -3,") && page.contains("<th>ms, 10k dome-8</th>"), "{page}");
         let differing = super::table("w", &[&row(Metric::OrderBitsDiffer, Some(0.25))]);
         assert!(differing.contains("no (25.0 % of pixels)"), "{differing}");
     }

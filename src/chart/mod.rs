@@ -9,6 +9,7 @@
 //! - `scenes`: small made-up skies of which the right picture is known;
 //! - `scores`: the figures of one method over those scenes, by [`crate::metrics`];
 //! - `stars`, `views`, `scale`: the axes;
+//! - `summary`: a line per method;
 //! - `pareto`: which methods no other beats in both time and accuracy.
 //!
 //! Time is the GPU's from the clearing of the first buffer to the end of the last pass, plus the culling on the CPU, ms: so
@@ -22,6 +23,7 @@ mod scale;
 mod scenes;
 mod scores;
 mod stars;
+mod summary;
 mod svg;
 mod timing;
 mod views;
@@ -38,13 +40,14 @@ pub use self::{
     csv::{COLUMNS, Row, read_csv, write_csv},
     pareto::{ParetoError, pareto_front},
     scores::{Metric, Score, Scores, ScoringSize, score_method},
+    summary::summary,
     timing::Spread,
     workloads::{Extent, Sky, ViewShape},
 };
 use crate::{
     catalogue::galaxy::GalaxyError,
     files,
-    frame::{RenderError, Renderer},
+    frame::Renderer,
     gpu::{AdapterReport, GpuError},
     view::RigError,
 };
@@ -55,14 +58,6 @@ pub enum ChartError {
     /// The device failed; nothing measured after that would be worth anything.
     #[error(transparent)]
     Gpu(GpuError),
-    /// A workload cannot be drawn by any method.
-    #[error("workload `{workload}`: {source}")]
-    Workload {
-        /// The workload.
-        workload: String,
-        /// Why.
-        source: RenderError,
-    },
     /// The stars of a workload cannot be made.
     #[error(transparent)]
     Galaxy(#[from] GalaxyError),

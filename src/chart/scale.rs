@@ -4,7 +4,7 @@
 use super::{
     Axis, Budget, ChartError, Extent, Row, Score, Sky, Step, Tell, ViewShape,
     scores::settings_of,
-    timing::{self, Case},
+    timing::{self, Case, TIMING_EV100},
     workloads::{Skies, rig_of, snapshot},
 };
 use crate::{frame::Renderer, plan::settings::StarMethod, units::illuminance_lx_from_magnitude};
@@ -27,9 +27,8 @@ pub(super) fn run(
         let faintest = records.iter().map(|record| record.apparent_magnitude()).fold(f64::NEG_INFINITY, f64::max);
         let scene = snapshot(records.to_vec());
         let workload = sky.name();
-        let ev100 = timing::meter(renderer, &scene, &rig, &workload)?;
         let settings =
-            StarMethod::ALL.map(|method| settings_of(method, ev100, illuminance_lx_from_magnitude(faintest)));
+            StarMethod::ALL.map(|method| settings_of(method, TIMING_EV100, illuminance_lx_from_magnitude(faintest)));
         let budget = budget.part(1.0, extent.scale.len() - done);
         let timed = timing::frames(renderer, &scene, &rig, &settings, extent.rounds, budget)?;
         let adapter = renderer.adapter().adapter.clone();

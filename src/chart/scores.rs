@@ -164,13 +164,13 @@ pub struct ScoringSize {
     pub crowd: usize,
     /// Stars in one pixel.
     pub heap: usize,
-    /// Shuffles, and as many runs of the same order.
+    /// Shuffles, beside two runs of the usual order.
     pub shuffles: u64,
 }
 
 impl Default for ScoringSize {
     fn default() -> Self {
-        Self { image_px: 1024, positions: 1000, crowd: 20_000, heap: 20_000, shuffles: 4 }
+        Self { image_px: 1024, positions: 1000, crowd: 4000, heap: 20_000, shuffles: 100 }
     }
 }
 
@@ -256,7 +256,10 @@ pub fn score_method(
     let draw = |scene: &Scene, ev100: f64| {
         let settings = settings_of(method, ev100, faintest_lx(&scene.stars));
         let wanted = [Wanted { hdr: true, ..Wanted::default() }];
-        let frame = renderer.render(&scene.snapshot, &scene.rig, &settings, &wanted, None)?;
+        renderer.catalogue_order = scene.order;
+        let frame = renderer.render(&scene.snapshot, &scene.rig, &settings, &wanted, None);
+        renderer.catalogue_order = None;
+        let frame = frame?;
         Ok(frame.images.into_iter().filter_map(|image| image.hdr).collect())
     };
     let mut scorer = Scorer { draw: Box::new(draw), method, size, budget: Budget::new(time), cell_px };

@@ -1,7 +1,6 @@
 //! The axis `stars`: every way of drawing stars over every workload, timed in turn, with all its errors.
 //!
-//! Exposure is metered once per workload, with the B-spline, and given to all methods, so that all do the same work. The
-//! errors of single stars do not depend on the workload and are measured once, over the scoring scenes; they stand beside
+//! Exposure is manual and the same in every workload ([`TIMING_EV100`]), so that all methods show the same. The errors of single stars do not depend on the workload and are measured once, over the scoring scenes; they stand beside
 //! the time of each workload. The error of the whole frame's light is the workload's own: stars near the border of the
 //! picture are left out of that frame, because how much of them is inside depends on the profile.
 
@@ -11,7 +10,7 @@ use rayon::prelude::*;
 use super::{
     Axis, Budget, ChartError, Extent, Metric, Row, Score, Scores, Sky, Step, Tell, ViewShape, score_method,
     scores::settings_of,
-    timing::{self, Case, Timed, message_of},
+    timing::{self, Case, FAST, TIMING_EV100, Timed, message_of},
     workloads::{Skies, projection_of, rig_of, snapshot},
 };
 use crate::{
@@ -25,7 +24,7 @@ use crate::{
 };
 
 /// Share of the time for the scores.
-const SCORES_SHARE: f64 = 0.4;
+const SCORES_SHARE: f64 = 0.35;
 /// Share of a workload's time for the interleaved frames; the rest is for the light of whole frames.
 const TIMING_SHARE: f64 = 0.7;
 /// Stars nearer to the border than this share of the picture's height are left out where the light of a frame is measured.
@@ -47,7 +46,7 @@ pub(super) fn run(
     budget: Budget,
     tell: Tell<'_>,
 ) -> Result<Vec<Row>, ChartError> {
-    let workloads = extent.skies.len() * extent.views.len();
+    let workloads = extent.workloads();
     let of = StarMethod::ALL.len() + extent.skies.len() + workloads;
     let mut done = 0;
     let mut step = |what: String| {
@@ -61,17 +60,19 @@ pub(super) fn run(
         scores.push(score_method(renderer, method, extent.scoring, share)?);
     }
     let mut rows = Vec::new();
-    let mut left = workloads;
-    for sky in &extent.skies {
+    let weight = |skies: &[(Sky, Vec<ViewShape>)]| -> f64 {
+        skies.iter().map(|(sky, views)| sky.weight() * views.len() as f64).sum()
+    };
+    for (index, (sky, views)) in extent.skies.iter().enumerate() {
         step(format!("making {} stars", sky.name()));
         let records = skies.records(*sky)?;
         let scene = snapshot(records.to_vec());
-        for &view in &extent.views {
+        for (done, &view) in views.iter().enumerate() {
             let name = workload_name(*sky, view);
             step(format!("timing {name}"));
             let workload = Workload { name, sky: &records, scene: &scene, view, rounds: extent.rounds };
-            rows.extend(workload.rows(renderer, &scores, budget.part(1.0, left))?);
-            left -= 1;
+            let left = sky.weight() * (views.len() - done) as f64 + weight(&extent.skies[index + 1..]);
+            rows.extend(workload.rows(renderer, &scores, budget.part(sky.weight() / left, 1))?);
         }
     }
     Ok(rows)
@@ -84,10 +85,9 @@ fn workload_name(sky: Sky, view: ViewShape) -> String {
 impl Workload<'_> {
     fn rows(&self, renderer: &mut Renderer, scores: &[Scores], budget: Budget) -> Result<Vec<Row>, ChartError> {
         let rig = rig_of(vec![("chart", self.view.kind())])?;
-        let ev100 = timing::meter(renderer, self.scene, &rig, &self.name)?;
         let lights = self.sky.par_iter().map(illuminance_lx);
         let faintest_lx = lights.reduce(|| f64::INFINITY, f64::min);
-        let settings = StarMethod::ALL.map(|method| settings_of(method, ev100, faintest_lx));
+        let settings = StarMethod::ALL.map(|method| settings_of(method, TIMING_EV100, faintest_lx));
         let timing = budget.part(TIMING_SHARE, 1);
         let timed = timing::frames(renderer, self.scene, &rig, &settings, self.rounds, timing)?;
         let totals = self.totals(renderer, &rig, &settings, &timed, budget)?;
@@ -143,7 +143,7 @@ impl Workload<'_> {
                 Score::none("does not apply: brightness is relative, so the frame's light has no scale")
             } else if timed.failed {
                 Score::none(timed.note.clone())
-            } else if budget.is_over() {
+            } else if budget.is_over() && timed.took > FAST {
                 Score::none("not measured: the budget had no more")
             } else {
                 match renderer.render(scene, rig, settings, &wanted, None) {

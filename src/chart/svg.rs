@@ -15,7 +15,7 @@ use ::svg::{
 };
 
 use self::panel::{Panel, Point};
-use super::{About, Axis, Row, html::metric_of, scores::Metric};
+use super::{About, Axis, Row, html::metric_of, scores::Metric, timing::TIMING_EV100};
 
 /// Workload of the picture, where it was run.
 const HEADLINE: &str = "1M anticentre-1080p";
@@ -85,7 +85,7 @@ fn panels(axis: Axis, rows: &[&Row], about: &About) -> String {
     let height = HEAD_HEIGHT + lines as f64 * PANEL_HEIGHT + 2.0 * MARGIN;
     let subtitle = match shown.first() {
         Some(row) => format!(
-            "workload {}: {} stars in the catalogue, {} x {} pixels. Lower left is better; the dashed line is the Pareto front.",
+            "workload {}: {} stars in the catalogue, {} x {} pixels. ev100 = {TIMING_EV100}. Lower left is better; the dashed line is the Pareto front.",
             row.workload,
             grouped(row.items),
             row.width,

@@ -1,8 +1,9 @@
 //! Timing: frames of all methods in turn, so that whatever else the machine does falls on all of them alike.
 //!
-//! Every method draws one frame that is not counted (buffers are made, stars uploaded, caches filled), then one frame per
-//! round; each round begins with another method. A method whose frames have used its share of the budget sits out the
-//! rounds that are left, and says so. Where the first frame alone takes more than the share, it is the figure.
+//! Every method draws one frame that is not counted (pipelines and buffers are made, stars uploaded, caches filled), then one
+//! frame per round; each round begins with another method. What fast methods leave of the budget goes to the slower ones; a
+//! method whose frames have used its share sits out the rounds that are left, and says so, but fast ones draw [`LEAST_ROUNDS`]
+//! whatever the budget. Where the first frame alone takes more than the share, it is the figure.
 
 use std::time::{Duration, Instant};
 
@@ -14,6 +15,11 @@ use crate::{
     scene::SceneSnapshot,
     view::Rig,
 };
+
+/// A frame that takes no longer, all in all, is drawn whatever the budget says.
+pub(super) const FAST: Duration = Duration::from_millis(150);
+/// Rounds of a method whose frames are [`FAST`], at least.
+const LEAST_ROUNDS: usize = 3;
 
 /// Times of several frames, ms.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -47,6 +53,8 @@ pub(super) struct Timed {
     pub note: String,
     /// Whether the method could not be drawn.
     pub failed: bool,
+    /// How long its last frame took, all in all.
+    pub took: Duration,
 }
 
 /// The message of an error that concerns one method alone.
@@ -61,21 +69,9 @@ pub(super) fn message_of(error: RenderError) -> Result<String, ChartError> {
     }
 }
 
-/// The exposure of all methods of a workload: metered with the B-spline.
-pub(super) fn meter(
-    renderer: &mut Renderer,
-    scene: &SceneSnapshot,
-    rig: &Rig,
-    workload: &str,
-) -> Result<f64, ChartError> {
-    let mut settings = RenderSettings::default();
-    settings.stars.method = StarMethod::BSpline;
-    let wanted = vec![Wanted { hdr_stays: true, ..Wanted::default() }; rig.views().len()];
-    match renderer.render(scene, rig, &settings, &wanted, None) {
-        Ok(frame) => Ok(frame.metered_ev100),
-        Err(source) => Err(ChartError::Workload { workload: workload.to_owned(), source }),
-    }
-}
+/// The exposure of every method in every workload: the one that a manual exposure has by default. A star of magnitude 3 or so
+/// reaches display white there if all of its light falls into one pixel of a view of 1080 pixels and 60 degrees.
+pub(super) const TIMING_EV100: f64 = -3.0;
 
 /// What all rows of a workload say alike.
 pub(super) struct Case {
@@ -164,8 +160,9 @@ pub(super) fn frames(
         }
         runs.push(run);
     }
-    let drawn = runs.iter().filter(|run| run.failure.is_none()).count();
-    let share = budget.part(1.0, drawn).left();
+    let needs: Vec<Duration> =
+        runs.iter().filter(|run| run.failure.is_none()).map(|run| run.last * rounds as u32).collect();
+    let share = fair_share(needs, budget.left());
     for round in 0..rounds {
         for turn in 0..runs.len() {
             let index = (round + turn) % runs.len();
@@ -173,7 +170,8 @@ pub(super) fn frames(
             if run.failure.is_some() || run.sat_out {
                 continue;
             }
-            if run.spent + run.last > share || budget.is_over() {
+            let free = run.last <= FAST && round < LEAST_ROUNDS;
+            if !free && (run.spent + run.last > share || budget.is_over()) {
                 run.sat_out = true;
                 continue;
             }
@@ -190,13 +188,28 @@ pub(super) fn frames(
     Ok(runs.into_iter().map(|run| run.result(rounds)).collect())
 }
 
+/// The most that one of several may have of a budget, so that those who need less have all that they need and the others
+/// share the rest evenly.
+fn fair_share(mut needs: Vec<Duration>, budget: Duration) -> Duration {
+    needs.sort_unstable();
+    let mut left = budget;
+    for (index, need) in needs.iter().enumerate() {
+        let even = left / (needs.len() - index) as u32;
+        if *need > even {
+            return even;
+        }
+        left -= *need;
+    }
+    Duration::MAX
+}
+
 impl Run {
     fn result(self, rounds: usize) -> Timed {
         if let Some(note) = self.failure {
-            return Timed { spread: None, note, failed: true };
+            return Timed { note, failed: true, ..Timed::default() };
         }
         let Some(warm_up_ms) = self.warm_up_ms else {
-            return Timed { spread: None, note: "the adapter has no timestamps".to_owned(), failed: false };
+            return Timed { note: "the adapter has no timestamps".to_owned(), took: self.last, ..Timed::default() };
         };
         let measured = self.times_ms.len();
         let note = match measured {
@@ -204,7 +217,8 @@ impl Run {
             _ if measured < rounds => format!("{measured} of {rounds} rounds: the budget had no more"),
             _ => String::new(),
         };
-        Timed { spread: Spread::of(&self.times_ms).or_else(|| Spread::of(&[warm_up_ms])), note, failed: false }
+        let spread = Spread::of(&self.times_ms).or_else(|| Spread::of(&[warm_up_ms]));
+        Timed { spread, note, failed: false, took: self.last }
     }
 }
 
@@ -240,6 +254,17 @@ mod tests {
         assert!(without.spread.is_none() && without.note.contains("timestamps"), "{without:?}");
         let failed = run(vec![1.0, 2.0], Some(9.0), Some("not drawn"));
         assert!(failed.spread.is_none() && failed.note == "not drawn", "{failed:?}");
+    }
+
+    #[test]
+    fn what_some_do_not_need_goes_to_the_others() {
+        let share = |needs: &[u64], budget: u64| {
+            fair_share(needs.iter().map(|need| Duration::from_secs(*need)).collect(), Duration::from_secs(budget))
+        };
+        assert_eq!(share(&[100, 10, 100], 70), Duration::from_secs(30));
+        assert_eq!(share(&[100, 100], 70), Duration::from_secs(35));
+        assert_eq!(share(&[10, 100], 0), Duration::ZERO);
+        assert_eq!([share(&[10, 20], 30), share(&[], 0)], [Duration::MAX; 2]);
     }
 
     #[test]

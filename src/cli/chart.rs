@@ -19,7 +19,7 @@ use crate::gpu::{Gpu, GpuOptions};
 #[command(after_help = "Examples:\n  \
     steradian chart --out chart --quick\n  \
     steradian chart --out chart --axis stars --adapter llvmpipe\n\n\
-    Writes chart.csv, an SVG per axis and index.html that shows them. A quick run ends within three minutes on two cores\n\
+    Writes chart.csv, an SVG per axis and index.html that shows them, and prints a line per method. A quick run ends within three minutes on two cores\n\
     without a GPU; a full one has all workloads, from 10 thousand to 10 million stars and from 720p to 4K, and takes longer.\n\
     A method that cannot be drawn has rows with empty figures and the reason in its notes.")]
 pub struct ChartArguments {
@@ -50,6 +50,9 @@ pub fn run(arguments: &ChartArguments, adapter: Option<String>) -> Result<(), Cl
     progress.finish();
     for path in chart::write(&arguments.out, &rows, &about)? {
         results::line(path.display())?;
+    }
+    for line in chart::summary(&rows) {
+        results::line(line)?;
     }
     Ok(())
 }

@@ -34,8 +34,10 @@ use crate::{
 
 /// Passes and textures of the methods that blend, made when they are first asked for.
 pub(super) struct Blended {
-    /// The pass of the method in use, what it was made for, and its image.
-    method: Option<MethodPass>,
+    /// The passes of the methods used so far, with their images.
+    methods: Vec<MethodPass>,
+    /// The one in use.
+    in_use: Option<usize>,
     /// The point-spread function last asked for, with what it was made from: it takes its time.
     psf: Option<(PsfTextureSettings, DrawnPsf)>,
     from_texture: OnceLock<LuminancePass>,
@@ -69,7 +71,8 @@ impl BlendedFrame<'_> {
 impl Blended {
     pub(super) fn new() -> Self {
         Self {
-            method: None,
+            methods: Vec::new(),
+            in_use: None,
             psf: None,
             from_texture: OnceLock::new(),
             from_cube: OnceLock::new(),
@@ -81,7 +84,8 @@ impl Blended {
 
     /// Forgets everything that belongs to a scene or a size.
     pub(super) fn forget_buffers(&mut self) {
-        self.method = None;
+        self.methods.clear();
+        self.in_use = None;
         self.target = None;
         self.drawn = None;
     }
@@ -93,7 +97,7 @@ impl Blended {
             let psf = DrawnPsf::new(&settings.texture()?);
             self.psf = Some((settings.clone(), psf));
             // The pass holds the texture of the function before.
-            self.method.take_if(|held| held.method == StarMethod::PsfTexture);
+            self.methods.retain(|held| held.method != StarMethod::PsfTexture);
         }
         Ok(())
     }
@@ -107,12 +111,15 @@ impl Blended {
     pub(super) fn begin(&mut self, gpu: &Gpu, settings: &RenderSettings, shown_ev100: f64) -> BillboardPlan {
         self.drawn = None;
         let method = settings.stars.method;
-        if self.method.as_ref().is_none_or(|held| held.method != method) {
+        self.in_use = self.methods.iter().position(|held| held.method == method);
+        if self.in_use.is_none() {
             let sprite = (method == StarMethod::Sprite).then(|| sprite(SPRITE_SIZE));
             let of_sprite = sprite.as_ref().map(|image| SquareImage { size: image.size, rgb: &image.rgb });
             let of_psf = self.psf_of(method).map(|psf| SquareImage { size: psf.form.size, rgb: &psf.form.rgb });
-            let pass = BillboardPass::new(gpu, method, of_psf.or(of_sprite));
-            self.method = pass.map(|pass| MethodPass { method, pass });
+            if let Some(pass) = BillboardPass::new(gpu, method, of_psf.or(of_sprite)) {
+                self.methods.push(MethodPass { method, pass });
+                self.in_use = Some(self.methods.len() - 1);
+            }
         }
         BillboardPlan::new(&settings.stars, settings.exposure.ev100, shown_ev100, self.psf_of(method))
     }
@@ -184,7 +191,7 @@ impl Blended {
         };
         let size = cube.map_or(viewport.size(), |cube| [cube.edge_px + 2 * GUARD_PX; 2]);
         let texture = self.target_of(gpu, size, planes.len() as u32);
-        let Some(held) = &self.method else { return };
+        let Some(held) = self.in_use.and_then(|index| self.methods.get(index)) else { return };
         for (layer, plane) in planes.iter().enumerate() {
             let Some(plane) = plane else { continue };
             let view = texture.create_view(&wgpu::TextureViewDescriptor {

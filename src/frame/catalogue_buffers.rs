@@ -1,11 +1,14 @@
 //! The stars of a scene as the published methods take them: all of them, five numbers each, in the order of a catalogue.
 //!
 //! The order is that of right ascension, in which the Bright Star, Henry Draper and Hipparcos catalogues are numbered: stars
-//! that follow each other lie in one strip of the sky from pole to pole.
+//! that follow each other lie in one strip of the sky from pole to pole. Another order can be asked for, to see what depends
+//! on it.
 
 use std::sync::Arc;
 
 use glam::DVec3;
+use rand::{SeedableRng, seq::SliceRandom};
+use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
 use crate::{
@@ -25,14 +28,19 @@ const ABSOLUTE_PC: f64 = 10.0;
 /// The catalogue in GPU buffers, each small enough to be bound.
 pub(super) struct CatalogueBuffers {
     pub(super) set: Arc<StarSet>,
+    /// Seed of the order; `None`: by right ascension.
+    order: Option<u64>,
     /// Buffer and number of stars.
     pub segments: Vec<(wgpu::Buffer, u32)>,
 }
 
 impl CatalogueBuffers {
-    pub(super) fn new(gpu: &Gpu, set: Arc<StarSet>) -> Self {
+    pub(super) fn new(gpu: &Gpu, set: Arc<StarSet>, order: Option<u64>) -> Self {
         let mut stars: Vec<(f32, layout::CatalogueStar)> = set.iter().map(catalogue_star).collect();
         stars.par_sort_by(|a, b| a.0.total_cmp(&b.0));
+        if let Some(seed) = order {
+            stars.shuffle(&mut ChaCha8Rng::seed_from_u64(seed));
+        }
         let fitting = (gpu.max_binding_bytes() / size_of::<layout::CatalogueStar>() as u64) as usize;
         let segments = stars
             .chunks(fitting)
@@ -41,12 +49,12 @@ impl CatalogueBuffers {
                 (storage_buffer(gpu, "catalogue stars", &part), part.len() as u32)
             })
             .collect();
-        Self { set, segments }
+        Self { set, order, segments }
     }
 
-    /// Whether these are the stars of that scene.
-    pub(super) fn holds(&self, set: &Arc<StarSet>) -> bool {
-        Arc::ptr_eq(&self.set, set)
+    /// Whether these are the stars of that scene in that order.
+    pub(super) fn holds(&self, set: &Arc<StarSet>, order: Option<u64>) -> bool {
+        Arc::ptr_eq(&self.set, set) && self.order == order
     }
 }
 

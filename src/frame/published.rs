@@ -60,11 +60,11 @@ impl Published {
         self.packed_pixels.release();
     }
 
-    /// Holds the catalogue of a scene where the method reads it.
-    pub(super) fn hold_catalogue(&mut self, gpu: &Gpu, method: StarMethod, set: &Arc<StarSet>) {
-        if method.reads_catalogue() && self.catalogue.as_ref().is_none_or(|catalogue| !catalogue.holds(set)) {
+    /// Holds the catalogue of a scene, in an order, where the method reads it.
+    pub(super) fn hold_catalogue(&mut self, gpu: &Gpu, method: StarMethod, set: &Arc<StarSet>, order: Option<u64>) {
+        if method.reads_catalogue() && self.catalogue.as_ref().is_none_or(|catalogue| !catalogue.holds(set, order)) {
             self.catalogue = None;
-            self.catalogue = Some(CatalogueBuffers::new(gpu, set.clone()));
+            self.catalogue = Some(CatalogueBuffers::new(gpu, set.clone(), order));
         }
     }
 

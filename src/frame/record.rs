@@ -59,6 +59,7 @@ impl Renderer {
             self.batch_buffers.push(BatchBuffers::new());
         }
         self.batch_buffers.truncate(prepared.batches.len().max(1));
+        let order = self.catalogue_order;
         let Self { gpu, timer, batch_buffers, readback, item_buffers, blended, .. } = self;
         let gpu = &*gpu;
         timer.begin();
@@ -66,8 +67,9 @@ impl Renderer {
         // Upload what changes from frame to frame.
         let method = settings.stars.method;
         let star_buffers = self.stars.as_ref().filter(|_| method.reads_visible());
-        let Items { items, runs, near } =
-            star_buffers.map(|buffers| build_items(buffers, &prepared.visible, &prepared.batches)).unwrap_or_default();
+        let Items { items, runs, near } = star_buffers
+            .map(|buffers| build_items(buffers, &prepared.visible, &prepared.batches, order))
+            .unwrap_or_default();
         let item_buffer = item_buffers.items.upload(gpu, &items).clone();
         let near_buffer = item_buffers.near.upload(gpu, &near).clone();
         let viewports = storage_buffer(gpu, "viewports", &prepared.encoded);

@@ -144,6 +144,11 @@ pub struct Renderer {
     /// Factor on the fixed-point units: 1. Tests raise it to provoke an overflow.
     #[doc(hidden)]
     pub unit_factor: f64,
+    /// Order in which the stars reach the GPU. `None`: that of right ascension for methods that read the whole catalogue, that of
+    /// the chunks for those that read what culling leaves. `Some(seed)`: one that the seed shuffles, star by star, to measure
+    /// what depends on it.
+    #[doc(hidden)]
+    pub catalogue_order: Option<u64>,
 }
 
 /// What the plan of a frame decides before anything is recorded.
@@ -181,6 +186,7 @@ impl Renderer {
             frames: 0,
             culling: true,
             unit_factor: 1.0,
+            catalogue_order: None,
             gpu,
         }
     }
@@ -281,7 +287,7 @@ impl Renderer {
     }
 
     fn hold_stars(&mut self, method: StarMethod, set: &Arc<StarSet>) {
-        self.published.hold_catalogue(&self.gpu, method, set);
+        self.published.hold_catalogue(&self.gpu, method, set, self.catalogue_order);
         if method.reads_visible() && self.stars.as_ref().is_none_or(|stars| !stars.holds(set)) {
             self.stars = None;
             self.stars = Some(StarBuffers::new(&self.gpu, set.clone()));

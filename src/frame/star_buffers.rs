@@ -3,6 +3,8 @@
 use std::sync::Arc;
 
 use glam::DVec3;
+use rand::{SeedableRng, seq::SliceRandom};
+use rand_chacha::ChaCha8Rng;
 
 use crate::{
     catalogue::{
@@ -80,9 +82,21 @@ pub(super) struct Items {
     pub near: Vec<PackedStar>,
 }
 
-/// Builds the items of a frame.
-pub(super) fn build_items(buffers: &StarBuffers, visible: &[VisibleChunk], batches: &[Batch]) -> Items {
+/// As long as there are no more stars than this, items of an order by seed hold one star each: every order can come out.
+const SINGLE_STARS: u64 = 1 << 16;
+
+/// Builds the items of a frame. With a seed they are those of single stars (of many stars, where there are many), in the order
+/// that it shuffles them into; a star keeps its number within the set.
+pub(super) fn build_items(
+    buffers: &StarBuffers,
+    visible: &[VisibleChunk],
+    batches: &[Batch],
+    order: Option<u64>,
+) -> Items {
     let set = &*buffers.set;
+    let shown: u64 = visible.iter().map(|chunk| u64::from(chunk.count)).sum();
+    let most = if order.is_some() && shown <= SINGLE_STARS { 1 } else { ITEM_STARS };
+    let mut random = order.map(ChaCha8Rng::seed_from_u64);
     let mut near = Vec::new();
     let mut near_first = Vec::new();
     for chunk in visible.iter().filter(|chunk| chunk.near) {
@@ -121,14 +135,25 @@ pub(super) fn build_items(buffers: &StarBuffers, visible: &[VisibleChunk], batch
                     stars.first - segment.first_star,
                     chunk.origin_pc,
                     tiles_of(chunk.viewports),
+                    most,
                 );
             }
+            shuffle(&mut items[first_item..], &mut random);
             close_run(&mut items, &mut runs, batch_index, Some(segment_index), first_item);
         }
         let first_item = items.len();
         for (chunk, first) in visible.iter().filter(|chunk| chunk.near).zip(&near_first) {
-            push_items(&mut items, chunk, &set.chunks[chunk.chunk], *first, DVec3::ZERO, tiles_of(chunk.viewports));
+            push_items(
+                &mut items,
+                chunk,
+                &set.chunks[chunk.chunk],
+                *first,
+                DVec3::ZERO,
+                tiles_of(chunk.viewports),
+                most,
+            );
         }
+        shuffle(&mut items[first_item..], &mut random);
         close_run(&mut items, &mut runs, batch_index, None, first_item);
     }
     Items { items, runs, near }
@@ -141,13 +166,14 @@ fn push_items(
     first_in_buffer: u32,
     origin_pc: DVec3,
     tiles: u32,
+    most: u32,
 ) {
     if tiles == 0 {
         return;
     }
     let mut start = 0;
     while start < visible.count {
-        let count = (visible.count - start).min(ITEM_STARS);
+        let count = (visible.count - start).min(most);
         items.push(layout::StarItem {
             origin: origin_pc.as_vec3().to_array(),
             first: first_in_buffer + start,
@@ -157,6 +183,12 @@ fn push_items(
             at_infinity: u32::from(chunk.at_infinity),
         });
         start += count;
+    }
+}
+
+fn shuffle(items: &mut [layout::StarItem], random: &mut Option<ChaCha8Rng>) {
+    if let Some(random) = random {
+        items.shuffle(random);
     }
 }
 

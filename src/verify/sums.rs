@@ -153,10 +153,11 @@ pub(super) fn overflow(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckEr
     Ok(figures)
 }
 
-/// 14: a hundred orders of the catalogue. To inform, also other orders of the chunks that the renderer reads, which no
-/// catalogue leads to: the hash that rounds a star goes by its place in the set.
+/// 14: a hundred orders of the catalogue, and with each of them another order in which the stars reach the GPU: sorting alone
+/// cannot pass. To inform, also other orders of the chunks of the set, which no catalogue leads to: the hash that rounds a star
+/// goes by its place in the set.
 pub(super) fn shuffled(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckError> {
-    const SHUFFLES: usize = 100;
+    const SHUFFLES: u64 = 100;
     let mut records: Vec<StarRecord> = spiral(2000)
         .enumerate()
         .map(|(i, direction)| StarRecord { temperature_k: 2500.0 + i as f32 * 7.0, ..star(direction, (i % 17) as f32) })
@@ -175,7 +176,10 @@ pub(super) fn shuffled(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckEr
     let (mut changed, mut largest, mut largest_of_chunks) = (0, 0.0_f64, 0.0_f64);
     for shuffle in 0..SHUFFLES {
         records.shuffle(&mut random);
-        let found = change(&first, &context.render(&snapshot(records.clone()), &rig)?, &rig)?;
+        context.renderer.catalogue_order = Some(shuffle);
+        let frame = context.render(&snapshot(records.clone()), &rig);
+        context.renderer.catalogue_order = None;
+        let found = change(&first, &frame?, &rig)?;
         changed += u32::from(!found.identical);
         largest = largest.max(found.largest_of_brightest);
         if shuffle % 10 == 0 {

@@ -4,12 +4,17 @@
 pub const HEIGHT: f64 = 12.0;
 /// Mean width of a character at 11 pixels, generous.
 const CHARACTER: f64 = 6.6;
-/// Room around marks.
-const MARK: f64 = 6.0;
+/// Room around marks, rings included.
+const MARK: f64 = 9.0;
 
 /// Estimated width of a text of 11 pixels.
 pub fn width_px(text: &str) -> f64 {
     text.chars().count() as f64 * CHARACTER
+}
+
+/// Estimated width of the same in bold.
+pub fn bold_width_px(text: &str) -> f64 {
+    1.15 * width_px(text)
 }
 
 /// A rectangle: left, top, right, bottom.

@@ -133,7 +133,7 @@ impl Panel {
         let (least, most) = range(|point| point.error);
         let decade = |value: f64, up: bool| {
             let exponent = value.log10();
-            10f64.powf(if up { (exponent + 0.05).ceil() } else { (exponent - 0.05).floor() })
+            10f64.powf(if up { (exponent + 0.15).ceil() } else { (exponent - 0.05).floor() })
         };
         let top = decade(most, true);
         // Two decades at least: a smaller difference is none that matters.
@@ -159,7 +159,11 @@ impl Panel {
         let places: Vec<([f64; 2], f64)> = self
             .points
             .iter()
-            .map(|point| ([x.px(point.ms), y.px(point.error)], labels::width_px(&point.label)))
+            .enumerate()
+            .map(|(index, point)| {
+                let width = if front.contains(&index) { labels::bold_width_px } else { labels::width_px };
+                ([x.px(point.ms), y.px(point.error)], width(&point.label))
+            })
             .collect();
         for ((index, point), label) in self.points.iter().enumerate().zip(labels::place(&places, &stairs, *frame)) {
             let [px, py] = places[index].0;

@@ -200,3 +200,28 @@ fn figures_of_nothing_are_none() {
     assert_eq!(deviation_over_mean(&[1.0, 3.0]), Some(0.5));
     assert_eq!(root_mean_square(&[3.0, -4.0]), Some(12.5_f64.sqrt()));
 }
+
+/// A sum that depends on the order of the stars is found, and the usual order is drawn too.
+#[test]
+fn what_depends_on_the_order_alone_is_found() {
+    let orders = std::sync::Mutex::new(Vec::new());
+    let draw = |scene: &Scene, _: f64| {
+        orders.lock().unwrap().push(scene.order);
+        let [width, height] = scene.mapping().size();
+        let mut pixels = vec![[1.0_f32; 4]; (width * height) as usize];
+        // One shuffle of two changes the last bit of a channel of one pixel.
+        if scene.order == Some(1) {
+            pixels[7][2] = pixels[7][2].next_up();
+        }
+        Ok(vec![pixels])
+    };
+    let budget = Budget::new(Duration::from_secs(60));
+    let method = StarMethod::BSpline;
+    let mut scorer = Scorer { draw: Box::new(draw), method, size: SIZE, budget, cell_px: 32 };
+    let Ok(found) = scorer.order() else { panic!("no figure") };
+    let pixels = f64::from(scenes::CROWD_PX).powi(2);
+    assert!((found[0].value.unwrap() * pixels - 1.0).abs() < 1e-9, "{found:?}");
+    assert!(found[0].note.starts_with("2 shuffles, largest difference"), "{found:?}");
+    drop(scorer);
+    assert_eq!(orders.into_inner().unwrap(), [None, None, Some(0), Some(1)]);
+}

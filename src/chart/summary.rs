@@ -1,0 +1,134 @@
+//! The summary: a line per method with its times and the errors that tell most, as text and for the page.
+
+use super::{
+    Axis, Row,
+    html::{distinct, figure, metric_of},
+    scores::Metric,
+};
+
+/// Errors of the summary with their headings; [`Metric::OrderBitsDiffer`] follows as yes or no.
+const ERRORS: [(Metric, &str); 6] = [
+    (Metric::FluxStarRms, "flux"),
+    (Metric::CentroidPx, "centroid px"),
+    (Metric::FlickerK1, "flicker k1"),
+    (Metric::FlickerK10, "k10"),
+    (Metric::FlickerK100, "k100"),
+    (Metric::EllipticityView45Deg, "ellipticity"),
+];
+/// With more workloads than this those of the larger skies alone have a column.
+const MANY_WORKLOADS: usize = 6;
+/// Stars of a larger sky.
+const MANY_STARS: u64 = 1_000_000;
+/// What stands where there is no figure.
+const NONE: &str = "\u{2013}";
+
+/// A line per method of the axis `stars`; nothing without one.
+pub(super) struct Summary {
+    /// Workloads with a column.
+    pub workloads: Vec<String>,
+    /// Headings of the columns after those of the times.
+    pub headings: Vec<&'static str>,
+    /// Method, source, times, errors, whether shuffles are identical.
+    pub lines: Vec<Vec<String>>,
+}
+
+impl Summary {
+    /// Summarises all rows of a chart.
+    pub(super) fn of(rows: &[Row]) -> Self {
+        let stars: Vec<&Row> = rows.iter().filter(|row| row.axis == Axis::Stars.name()).collect();
+        let mut workloads = distinct(&stars, |row| &row.workload);
+        if workloads.len() > MANY_WORKLOADS {
+            let large = |name: &&str| stars.iter().any(|row| row.workload == *name && row.items >= MANY_STARS);
+            workloads.retain(large);
+        }
+        let line = |method: &str| {
+            let of_method: Vec<&Row> = stars.iter().filter(|row| row.method == method).copied().collect();
+            let source = of_method.first().map_or(String::new(), |row| row.source.clone());
+            let mut line = vec![method.to_owned(), source];
+            line.extend(workloads.iter().map(|workload| {
+                let ms = of_method.iter().find(|row| row.workload == *workload).and_then(|row| row.gpu_ms_median);
+                ms.map_or(NONE.to_owned(), |ms| format!("{ms:.1}"))
+            }));
+            // Errors of single stars are the same in every workload.
+            let value = |metric| of_method.iter().find(|row| metric_of(row) == Some(metric))?.error_value;
+            line.extend(ERRORS.map(|(metric, _)| value(metric).map_or(NONE.to_owned(), figure)));
+            line.push(
+                value(Metric::OrderBitsDiffer).map_or(NONE, |share| if share == 0.0 { "yes" } else { "no" }).into(),
+            );
+            line
+        };
+        let lines = distinct(&stars, |row| &row.method).into_iter().map(line).collect();
+        let headings = ERRORS.iter().map(|(_, heading)| *heading).chain(["identical"]).collect();
+        Self { workloads: workloads.into_iter().map(str::to_owned).collect(), headings, lines }
+    }
+
+    /// As lines of text, in columns; workloads are numbered.
+    pub(super) fn text(&self) -> Vec<String> {
+        if self.lines.is_empty() {
+            return Vec::new();
+        }
+        let mut text: Vec<String> =
+            self.workloads.iter().enumerate().map(|(index, name)| format!("ms {}: {name}", index + 1)).collect();
+        let numbered = (1..=self.workloads.len()).map(|number| format!("ms {number}"));
+        let mut cells = vec![vec!["method".to_owned()]];
+        cells[0].extend(numbered.chain(self.headings.iter().map(|heading| (*heading).to_owned())));
+        // The source is in the page.
+        cells.extend(self.lines.iter().map(|line| [&line[..1], &line[2..]].concat()));
+        let width = |column: usize| cells.iter().map(|line| line[column].chars().count()).max().unwrap_or(0);
+        let widths: Vec<usize> = (0..cells[0].len()).map(width).collect();
+        text.extend(cells.iter().map(|line| {
+            let padded = line.iter().zip(&widths).enumerate().map(|(column, (cell, width))| match column {
+                0 => format!("{cell:<width$}"),
+                _ => format!("  {cell:>width$}"),
+            });
+            padded.collect()
+        }));
+        text
+    }
+}
+
+/// The summary of a chart as lines of text: time per workload and errors of every method.
+pub fn summary(rows: &[Row]) -> Vec<String> {
+    Summary::of(rows).text()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn row(method: &str, workload: &str, metric: Metric, ms: Option<f64>, value: Option<f64>) -> Row {
+        Row {
+            axis: "stars".to_owned(),
+            method: method.to_owned(),
+            workload: workload.to_owned(),
+            items: if workload.starts_with("1M") { 1_000_000 } else { 10 },
+            error_metric: metric.name().to_owned(),
+            gpu_ms_median: ms,
+            error_value: value,
+            ..Row::default()
+        }
+    }
+
+    #[test]
+    fn every_method_has_its_line_and_what_is_missing_a_dash() {
+        let mut rows = vec![
+            row("a", "10 w", Metric::CentroidPx, Some(2.0), Some(0.25)),
+            row("a", "1M w", Metric::CentroidPx, Some(20.0), Some(0.25)),
+            row("a", "1M w", Metric::OrderBitsDiffer, Some(20.0), Some(0.0)),
+            row("long", "10 w", Metric::OrderBitsDiffer, None, Some(0.1)),
+        ];
+        let text = summary(&rows);
+        let words = |line: &str| line.split_whitespace().map(str::to_owned).collect::<Vec<_>>();
+        assert_eq!(text[..2], ["ms 1: 10 w", "ms 2: 1M w"]);
+        assert_eq!(
+            words(&text[3]),
+            ["a", "2.0", "20.0", "\u{2013}", "0.250", "\u{2013}", "\u{2013}", "\u{2013}", "\u{2013}", "yes"]
+        );
+        assert!(words(&text[4])[..3] == ["long", "\u{2013}", "\u{2013}"] && text[4].ends_with("no"));
+        assert!(text[2..].iter().all(|line| line.chars().count() == text[2].chars().count()), "{text:#?}");
+        // Of many workloads those with many stars are left.
+        rows.extend((0..9).map(|i| row("a", &format!("{i}k"), Metric::CentroidPx, Some(2.0), None)));
+        assert_eq!(Summary::of(&rows).workloads, ["1M w"]);
+        assert!(summary(&[]).is_empty());
+    }
+}
