@@ -126,13 +126,16 @@ fn splat_round(tile: Tile, viewport: Viewport, direction: vec3<f32>, pixel: vec2
         return;
     }
     let row_0 = i32(tile.first_row);
+    let columns = gaussian.last.x - gaussian.first.x + 1;
     for (var y = max(gaussian.first.y, row_0); y <= min(gaussian.last.y, row_0 + i32(tile.rows) - 1); y++) {
         for (var x = gaussian.first.x; x <= gaussian.last.x; x++) {
             let weight = gaussian_weight(viewport, gaussian, vec2(x, y)) / gaussian.norm;
             if weight > 0.0 {
                 let column = gaussian_pixel(viewport, vec2(x, y)).x;
                 let index = tile.first_pixel + u32((y - row_0) * i32(viewport.size.x) + column);
-                accumulate(index, floor(light * weight + threshold));
+                // Many pixels get a fraction of a unit: with one threshold for all of them the sum would be rounded as they are.
+                let tap = f32((y - gaussian.first.y) * columns + x - gaussian.first.x);
+                accumulate(index, floor(light * weight + fract(threshold + tap * 0.61803399)));
             }
         }
     }

@@ -79,7 +79,9 @@ fn chord_squared(viewport: Viewport, gaussian: Gaussian, at: vec2<i32>) -> f32 {
             let b = a + d;
             let turn = a.x * d.y - a.y * d.x;
             let sine_squared = min((dot(d, d) + turn * turn) / ((1.0 + dot(a, a)) * (1.0 + dot(b, b))), 1.0);
-            return 2.0 * sine_squared / (1.0 + sqrt(1.0 - sine_squared));
+            let cosine = sqrt(1.0 - sine_squared);
+            // Beyond a right angle the cosine is negative.
+            return select(2.0 * sine_squared / (1.0 + cosine), 2.0 + 2.0 * cosine, 1.0 + dot(a, b) < 0.0);
         }
         case KIND_EQUIRECTANGULAR: {
             let size = vec2<f32>(viewport.size);
@@ -137,7 +139,7 @@ fn gaussian_reach(viewport: Viewport, direction: vec3<f32>, shorter: f32, cut: f
     if viewport.kind <= KIND_CUBE_FACE {
         // Outwards a flat plane has more and more pixels.
         reach = most;
-        if outwards < 1.5 {
+        if outwards < 1.56 {
             reach = (tan(outwards) - tan(outwards - cut)) * max(abs(viewport.plane_scale.x), abs(viewport.plane_scale.y));
         }
     } else if outwards > 0.97 * PI {

@@ -1,11 +1,16 @@
 //! What a check is given: a renderer and settings, and the few steps that all checks share.
 
+use glam::DVec3;
+
 use crate::{
     frame::{Frame, FrameImage, RenderError, Renderer, Wanted},
     gpu::GpuError,
     metrics::{self, HdrView, MetricError},
-    plan::settings::{ExposureMode, GlareMethod, RenderSettings, StarMethod},
-    reference::point_spread::PointSpreadError,
+    plan::{
+        GaussianWidth,
+        settings::{ExposureMode, GlareMethod, RenderSettings, StarMethod},
+    },
+    reference::{gaussian, point_spread::PointSpreadError},
     scene::SceneSnapshot,
     view::{
         Rig, RigError, ViewImage,
@@ -56,6 +61,16 @@ impl<'a> Context<'a> {
     /// The star method under test.
     pub fn method(&self) -> StarMethod {
         self.settings.stars.method
+    }
+
+    /// Share of a star's light that its kernel has inside of a picture, far from every border but those that the kernel itself
+    /// reaches: 1, but for the method whose kernel is round in the sky, which in wide flat views covers hundreds of pixels outwards.
+    pub fn share_inside(&self, mapping: &dyn PlaneMapping, direction: DVec3) -> f64 {
+        if self.method() != StarMethod::PixelGaussian {
+            return 1.0;
+        }
+        let width = GaussianWidth::new(&self.settings.stars.pixel_gaussian);
+        gaussian::taps(mapping, width, direction).iter().map(|tap| tap.weight).sum()
     }
 
     /// Sets the exposure so that `white_cd_m2` is shown white.

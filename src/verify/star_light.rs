@@ -44,7 +44,8 @@ pub(super) fn wide_perspective(context: &mut Context<'_>) -> Result<Vec<Figure>,
                 let at = DVec2::splat(127.5) + axis * 127.5 * part;
                 let direction = mapping.direction_from_pixel(at).ok_or(CheckError::Missing("a direction"))?;
                 let frame = context.render(&snapshot(vec![star(direction, 2.0)]), &rig)?;
-                pairs.push((light_of_views_lx(&frame, &rig)?[0], illuminance_lx_from_magnitude(2.0)));
+                let expected = illuminance_lx_from_magnitude(2.0) * context.share_inside(mapping, direction);
+                pairs.push((light_of_views_lx(&frame, &rig)?[0], expected));
                 if part == 0.0 {
                     for (index, pixel) in hdr_pixels(&frame.images[0])?.iter().enumerate() {
                         let exact = mapping.solid_angle_sr(index as u32 % 255, index as u32 / 255);
@@ -87,7 +88,10 @@ pub(super) fn centre_to_corner(context: &mut Context<'_>) -> Result<Vec<Figure>,
         for step in 0..=24 {
             let at = middle + outwards * (f64::from(step) / 24.0);
             let direction = mapping.direction_from_pixel(at).ok_or(CheckError::Missing("a direction"))?;
-            light.extend(context.light_lx(&snapshot(vec![star(direction, 2.0)]), &rig)?);
+            let share = context.share_inside(mapping, direction);
+            light.extend(
+                context.light_lx(&snapshot(vec![star(direction, 2.0)]), &rig)?.into_iter().map(|lx| lx / share),
+            );
         }
         let variation = relative_variation(&light)?;
         if variation >= worst_variation.0 {
