@@ -27,8 +27,8 @@ struct ResolveParameters {
 
 override WRITE_HDR: bool = true;
 override WRITE_DISPLAY: bool = false;
-// Whether dark pixels are written too, with their solid angle: where the HDR image leaves the GPU. Otherwise both planes
-// were cleared before.
+// Whether dark pixels are written too, with their solid angle: where the HDR image leaves the GPU. Otherwise they keep their zero
+// sums, which is what says that they are dark: see pixel_grid.wgsl.
 override WRITE_DARK: bool = true;
 
 @compute @workgroup_size(COLUMNS)

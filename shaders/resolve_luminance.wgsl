@@ -41,7 +41,7 @@ fn resolve_luminance(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_inv
             luminance = luminance_of(viewport, index, at) * parameters.scale;
             sum += dot(luminance, vec3(0.2126, 0.7152, 0.0722)) * omega;
         }
-        pixels[index] = luminance.xy;
+        pixels[index] = bitcast<vec2<f32>>(red_green_words(luminance));
         pixels[parameters.plane_pixels + index] = vec2(luminance.z, omega);
     }
     partial_sums[tile.first_partial + group.y * viewport.size.x + x] = sum;

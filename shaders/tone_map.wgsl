@@ -33,9 +33,10 @@ fn tone_map(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_i
             break;
         }
         let index = tile.first_pixel + row * size.x + x;
-        let luminance = vec3(luminances[index], luminances[parameters.plane_pixels + index].x);
+        let red_green = luminances[index];
         var word = BLACK;
-        if any(luminance > vec3(0.0)) {
+        if any(bitcast<vec2<u32>>(red_green) != vec2(0u)) {
+            let luminance = vec3(red_green, luminances[parameters.plane_pixels + index].x);
             word = display_word(luminance * exposure.display_per_cd_m2, parameters.tone_operator, x, tile.first_row + row);
         }
         display[index] = word;

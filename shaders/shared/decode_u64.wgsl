@@ -31,6 +31,6 @@ fn bright_sums(pixel: u32) -> vec3<f32> {
 }
 
 fn store_luminance(pixel: u32, luminance: vec4<f32>) {
-    pixels[pixel] = bitcast<vec2<u32>>(luminance.xy);
+    pixels[pixel] = red_green_words(luminance.xyz);
     pixels[parameters.plane_pixels + pixel] = bitcast<vec2<u32>>(luminance.zw);
 }

@@ -2,3 +2,14 @@
 
 const COLUMNS: u32 = 64u;
 const ROWS: u32 = 16u;
+
+// R and G as the HDR image holds them: zero bits where the pixel is dark, and there alone. What such a pixel has in the second plane
+// (B and the solid angle) is not to be read unless the whole image was asked for: it may be left from another frame.
+fn red_green_words(luminance: vec3<f32>) -> vec2<u32> {
+    let words = bitcast<vec2<u32>>(luminance.xy);
+    if all(words == vec2(0u)) && luminance.z > 0.0 {
+        // Minus zero: no light, but not dark.
+        return vec2(0x80000000u, 0u);
+    }
+    return words;
+}

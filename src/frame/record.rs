@@ -202,10 +202,7 @@ impl Renderer {
             } else {
                 HdrImage::None
             };
-            // The second plane needs no clearing where the resolve pass writes all of it, or none.
-            if hdr == HdrImage::Lit {
-                encoder.clear_buffer(&pixels, plane_bytes, Some(plane_bytes));
-            }
+            // The second plane needs no clearing: what stands there beside a dark pixel is not read.
             encoder.clear_buffer(&pixels, 0, Some(plane_bytes));
             if !gpu.wide_accumulator {
                 encoder.clear_buffer(&high_words, 0, Some(plane_bytes));

@@ -35,7 +35,7 @@ pub(crate) struct ResolvePass {
 pub(crate) enum HdrImage {
     /// Nothing.
     None,
-    /// Where there is light; the rest was cleared.
+    /// Where there is light; what a dark pixel has in the second plane may be left from another frame.
     Lit,
     /// Every pixel, with its solid angle.
     Whole,

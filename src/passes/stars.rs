@@ -14,7 +14,7 @@ use crate::{
 };
 
 /// Stars per workgroup at most.
-pub(crate) const ITEM_STARS: u32 = 256;
+pub(crate) const ITEM_STARS: u32 = 1024;
 /// Counter of sums that overflowed.
 pub(crate) const OVERFLOW_COUNTER: usize = 0;
 /// First of the counters of stars drawn, one per view.
