@@ -27,6 +27,9 @@ const PIXELS_OF_HEIGHT: f64 = 1080.0;
 /// Apparent magnitude of a star of the sweep in the middle of the picture.
 const SWEEP_MAGNITUDE: f64 = 4.0;
 
+/// Field of view of the sweep: 4 degrees.
+const SWEEP_FOV_RAD: f64 = 0.07;
+
 /// A star of a scene.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Placed {
@@ -103,7 +106,9 @@ fn placed(
 /// Stars at sub-pixel positions of a pan, all with the same light over the solid angle of their own pixel, which comes
 /// second, cd/m^2. Every page has other positions.
 pub(super) fn sweep(image_px: u32, cell_px: u32, page: usize) -> Result<(Scene, f64), ChartError> {
-    let rig = usual_view([image_px; 2])?;
+    // So narrow that a kernel has the same shape all over it: what differs from star to star is the sub-pixel position alone.
+    let kind = ViewKind::Perspective { size: [image_px; 2], fov_y_rad: SWEEP_FOV_RAD };
+    let rig = rig_of(vec![("score", kind)])?;
     let cells = cell_middles([image_px; 2], cell_px);
     let solid_angle = |pixel: DVec2, mapping: &dyn PlaneMapping| {
         mapping.solid_angle_sr(pixel.x.floor() as u32, pixel.y.floor() as u32)
