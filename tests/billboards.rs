@@ -458,6 +458,32 @@ fn strips_change_nothing_and_stars_are_counted() {
     }
 }
 
+/// A picture of a few degrees needs one face of the cube, as fine as the picture; faces that would take more memory than a frame
+/// may are refused before anything is made.
+#[test]
+fn a_narrow_fisheye_is_drawn_on_one_face_and_vast_faces_are_refused() {
+    let lens = |side: u32, degrees: f64| {
+        let mapping = FisheyeMapping::Equidistant;
+        rig(vec![("lens", ViewKind::Fisheye { size: [side; 2], mapping, fov_rad: degrees.to_radians() })])
+    };
+    let mut renderer = renderer();
+    let narrow = lens(128, 8.0);
+    let scene = snapshot(vec![star(DVec3::new(0.02, 0.01, -1.0), 2.0)]);
+    let mut settings = manual(StarMethod::SmoothDisc);
+    settings.stars.billboard.diameter_arcmin = 60.0;
+    let frame = render_hdr(&mut renderer, &scene, &narrow, &settings);
+    let light = illuminance_lx(&frame.images[0], mapping(&narrow, 0)) / illuminance_lx_from_magnitude(2.0);
+    println!("a disc of a degree in a fisheye of 8 degrees: {light:.4} of its light");
+    assert!((light - 1.0).abs() < 0.02);
+    assert!(difference(&frame, 0, &twin(&scene, &narrow, 0, &settings)) < 1e-3);
+
+    let vast = lens(10_900, 95.0);
+    let wanted = [Wanted { hdr_stays: true, ..Wanted::default() }];
+    assert!(renderer.check(&vast).is_ok(), "the picture itself fits");
+    let error = renderer.render(&scene, &vast, &settings, &wanted, None).expect_err("six faces do not fit");
+    assert!(matches!(&error, RenderError::TooManyPixels { view, .. } if view == "lens"), "{error}");
+}
+
 #[test]
 fn halves_are_a_fallback_that_is_told() {
     let mut halves = renderer_with(&GpuOptions { force_half_blending: true, ..Default::default() });

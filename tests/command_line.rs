@@ -330,6 +330,20 @@ fn serve_refuses_what_it_cannot_do() {
 }
 
 #[test]
+fn a_published_method_and_a_moving_camera_are_bad_configuration() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("sky.toml"), SCENE).unwrap();
+    let render = |method: &str, code: i32| {
+        let moving = ["--set", "scene.camera.velocity_c=[0.5, 0.0, 0.0]", "--set", method];
+        run(folder.path(), &[&["render", "--config", "sky.toml", "--out", "out"], &moving[..]].concat(), code).1
+    };
+    let err = render("stars.method=packed_cas", 64);
+    assert!(err.contains("sky.toml") && err.contains("`packed_cas`") && err.contains("velocity_c"), "{err}");
+    assert!(!folder.path().join("out").exists());
+    render("stars.method=tent", 0);
+}
+
+#[test]
 fn a_point_spread_function_that_cannot_be_had_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let file = |name: &str, content: &str| std::fs::write(folder.path().join(name), content).unwrap();

@@ -340,6 +340,13 @@ fn mistakes_in_the_sections() {
         ("gaussian_psf", "sigma2_px2", "0.001", "0.01 to 10000"),
         ("gaussian_psf", "glare_sigma2_px2", "20000", "0.01 to 10000"),
         ("gaussian_psf", "glare_brightness", "1.5", "0 to 1"),
+        ("pixel_gaussian", "sigma_px", "0.69", "0.7 to 64"),
+        ("pixel_gaussian", "sigma_px", "-1", "0.7 to 64"),
+        ("pixel_gaussian", "sigma_px", "64.1", "0.7 to 64"),
+        ("pixel_gaussian", "sigma_px", "nan", "finite"),
+        ("pixel_gaussian", "sigma_arcmin", "0", "above 0 up to 600"),
+        ("pixel_gaussian", "sigma_arcmin", "601", "above 0 up to 600"),
+        ("pixel_gaussian", "sigma_arcmin", "inf", "finite"),
         ("psf_texture", "width_arcmin", "0", "above 0 up to 1200"),
         ("psf_texture", "width_arcmin", "1201", "above 0 up to 1200"),
         ("psf_texture", "aperture", "'square'", "circle, hexagon, curved_blades, jwst, hubble"),
@@ -358,6 +365,7 @@ fn mistakes_in_the_sections() {
         refused(&format!("[stars.{table}]\n{key} = {wrong}"), &[&format!("stars.{table}.{key}"), told]);
     }
     assert!(parse("[stars.gaussian_psf]\nglare_brightness = 0\n[stars.billboard]\ndiameter_arcmin = 1800").is_ok());
+    assert!(parse("[stars.pixel_gaussian]\nsigma_px = 64\nsigma_arcmin = 600").is_ok());
     assert!(parse("[stars.cell_sky]\ncells = 65535\nlayers = 64\nradius_px = 1024").is_ok());
     assert!(parse("[stars.psf_texture]\naperture = 'jwst'\ndiameter_mm = 0.5\nwidth_arcmin = 1200").is_ok());
     // What is computed no more does not matter where a file is given.

@@ -374,3 +374,48 @@ fn the_exposure_is_metered_over_all_views_by_solid_angle() {
         assert!((unweighted - metered_ev100(mean, 0.0, -20.0, 24.0)).abs() > 0.01, "{unweighted}");
     }
 }
+
+/// Sums that outlive a frame would show in the next one: whatever was drawn before, by whichever method, in views of whichever size,
+/// wanted or not, overflowed or not, a faint sky is to the bit what a new renderer makes of it.
+#[test]
+fn nothing_of_a_frame_is_left_in_the_next() {
+    let records =
+        |brightest: f32| spiral(300).enumerate().map(move |(i, d)| star(d, brightest + (i % 7) as f32)).collect();
+    let (bright, faint) = (snapshot(records(-9.0)), snapshot(records(9.0)));
+    let flat = |size| ViewKind::Perspective { size, fov_y_rad: 1.3 };
+    let lens = ViewKind::Fisheye { size: [90, 90], mapping: FisheyeMapping::Equidistant, fov_rad: 4.0 };
+    let rigs = [rig(vec![("flat", flat([150, 110])), ("lens", lens)]), rig(vec![("small", flat([61, 37]))])];
+    for force_u32_accumulator in [false, true] {
+        let options =
+            GpuOptions { force_u32_accumulator, binding_limit_bytes: Some(150 * 16 * 80), ..Default::default() };
+        let new = rigs
+            .each_ref()
+            .map(|rig| render_hdr(&mut renderer_with(&options), &faint, rig, &settings(StarMethod::BSpline)));
+        let mut used = renderer_with(&options);
+        let mut step = 0;
+        for before in &rigs {
+            for (method, unit_factor, hdr) in [
+                (StarMethod::BSpline, 1.0, true),
+                (StarMethod::Auto, 1.0, false),
+                (StarMethod::BSpline, 2f64.powi(40), true),
+                (StarMethod::PackedCas, 1.0, true),
+                (StarMethod::HardwarePoint, 1.0, false),
+                (StarMethod::CellSky, 1.0, true),
+            ] {
+                let wanted = vec![Wanted { hdr, ..Wanted::default() }; before.views().len()];
+                used.unit_factor = unit_factor;
+                let frame = used.render(&bright, before, &settings(method), &wanted, None);
+                used.unit_factor = 1.0;
+                let overflowed = matches!(frame, Err(RenderError::Overflow(_)));
+                assert!(frame.is_ok() != overflowed && overflowed == (unit_factor > 1.0), "{}", method.name());
+                // The small view and the large ones in turn.
+                let index = step % 2;
+                step += 1;
+                let found = render_hdr(&mut used, &faint, &rigs[index], &settings(StarMethod::BSpline));
+                for (found, expected) in found.images.iter().zip(&new[index].images) {
+                    assert!(found.hdr == expected.hdr, "after {} in {} views", method.name(), before.views().len());
+                }
+            }
+        }
+    }
+}

@@ -117,7 +117,8 @@ impl CliError {
             CliError::Render { source, .. } => match source {
                 RenderError::TooLarge { .. }
                 | RenderError::TooManyImages { .. }
-                | RenderError::TooManyPixels { .. } => BAD_USAGE,
+                | RenderError::TooManyPixels { .. }
+                | RenderError::AtRestOnly(_) => BAD_USAGE,
                 RenderError::Psf(error) => psf_exit_code(error),
                 _ => FAILED,
             },

@@ -5,16 +5,28 @@ use crate::{
     photometry::psf::{Aperture, DIAMETERS_MM, PsfError},
     plan::settings::{
         AccuracySettings, BillboardSettings, CellSkySettings, ExposureSettings, GaussianPsfSettings,
-        PsfTextureSettings, StarSettings,
+        PixelGaussianSettings, PsfTextureSettings, StarSettings,
     },
 };
 
 pub(super) fn check_stars(stars: &StarSettings) -> Result<(), Fault> {
     finite("magnitude_limit", stars.magnitude_limit)?;
+    check_pixel_gaussian(&stars.pixel_gaussian).map_err(|fault| fault.within("pixel_gaussian"))?;
     check_billboard(&stars.billboard).map_err(|fault| fault.within("billboard"))?;
     check_gaussian_psf(&stars.gaussian_psf).map_err(|fault| fault.within("gaussian_psf"))?;
     check_cell_sky(&stars.cell_sky).map_err(|fault| fault.within("cell_sky"))?;
     check_psf_texture(&stars.psf_texture).map_err(|fault| fault.within("psf_texture"))
+}
+
+fn check_pixel_gaussian(gaussian: &PixelGaussianSettings) -> Result<(), Fault> {
+    finite("sigma_px", gaussian.sigma_px)?;
+    let sigmas = PixelGaussianSettings::SIGMAS_PX;
+    if !sigmas.contains(&gaussian.sigma_px) {
+        let problem = format!("{}: allowed are {} to {} pixels", gaussian.sigma_px, sigmas.start(), sigmas.end());
+        return Err(Fault::new("sigma_px", problem));
+    }
+    let most = PixelGaussianSettings::MOST_SIGMA_ARCMIN;
+    gaussian.sigma_arcmin.map_or(Ok(()), |arcmin| above_0("sigma_arcmin", arcmin, most, "arcminutes (10 degrees)"))
 }
 
 fn check_cell_sky(sky: &CellSkySettings) -> Result<(), Fault> {

@@ -178,7 +178,8 @@ impl Blended {
                     };
                     plane_of(&turned, &cube.plane(), face.cube_from_face())
                 };
-                Face::ALL.into_iter().zip(cube.needed).map(|(face, needed)| needed.then(|| face_plane(face))).collect()
+                let faces = Face::ALL.into_iter().zip(cube.needed).take(cube.layers());
+                faces.map(|(face, needed)| needed.then(|| face_plane(face))).collect()
             }
             None => match &viewport.projection {
                 Projection::Perspective(plane) => vec![Some(plane_of(viewport, plane, DQuat::IDENTITY))],
@@ -189,7 +190,7 @@ impl Blended {
                 Projection::Fisheye(_) | Projection::Equirectangular(_) => Vec::new(),
             },
         };
-        let size = cube.map_or(viewport.size(), |cube| [cube.edge_px + 2 * GUARD_PX; 2]);
+        let size = cube.map_or(viewport.size(), |cube| [cube.side_px(); 2]);
         let texture = self.target_of(gpu, size, planes.len() as u32);
         let Some(held) = self.in_use.and_then(|index| self.methods.get(index)) else { return };
         for (layer, plane) in planes.iter().enumerate() {
@@ -268,6 +269,15 @@ impl Blended {
         let draws = frame.draws();
         count.record(gpu, &mut pass, frame.camera_pc, frame.plan.faintest_lx, viewports, counters, &draws);
     }
+}
+
+/// Bytes of the texture that a picture is drawn into.
+pub(super) fn target_bytes(gpu: &Gpu, projection: &Projection) -> u64 {
+    let cube = CubeFaces::for_projection(projection, gpu.max_view_side_px());
+    let (size, layers) =
+        cube.map_or((projection.mapping().size(), 1), |cube| ([cube.side_px(); 2], cube.layers() as u64));
+    let texel_bytes = u64::from(gpu.blend_format.block_copy_size(None).unwrap_or(16));
+    size.map(u64::from).iter().product::<u64>() * layers * texel_bytes
 }
 
 fn plane_of(viewport: &Viewport, plane: &Perspective, view_from_plane: DQuat) -> BillboardPlane {

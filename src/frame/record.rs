@@ -125,7 +125,7 @@ impl Renderer {
                 buffers.bright_pixels.release();
                 buffers.bright_high_words.release();
             }
-            if let Some(frame) = &blended_frame {
+            if blends || method.accumulator() == Accumulator::PerPixel {
                 for (tile, encoded) in batch.tiles.iter().zip(&tiles[index]) {
                     let encoded = storage_buffer(gpu, "tile", std::slice::from_ref(encoded));
                     let target = LuminanceTarget {
@@ -136,24 +136,13 @@ impl Renderer {
                         plane_pixels,
                     };
                     let viewport = &prepared.viewports[tile.viewport];
-                    blended.record_tile(gpu, &mut encoder, timer, frame, viewport, tile, &target);
-                }
-                continue;
-            }
-            if method.accumulator() == Accumulator::PerPixel {
-                for (tile, encoded) in batch.tiles.iter().zip(&tiles[index]) {
-                    let encoded = storage_buffer(gpu, "tile", std::slice::from_ref(encoded));
-                    let target = LuminanceTarget {
-                        viewports: &viewports,
-                        tiles: &encoded,
-                        pixels: &pixels,
-                        partial_sums: &partials,
-                        plane_pixels,
-                    };
-                    let viewport = &prepared.viewports[tile.viewport];
-                    let grid = pixel_grid(std::slice::from_ref(tile), &[viewport.size()[0]]);
-                    let mut pass = begin_pass(&mut encoder, timer, "stars");
-                    self.published.resolve_cell_sky(gpu, &mut pass, settings, viewport, &target, grid);
+                    if let Some(frame) = &blended_frame {
+                        blended.record_tile(gpu, &mut encoder, timer, frame, viewport, tile, &target);
+                    } else {
+                        let grid = pixel_grid(std::slice::from_ref(tile), &[viewport.size()[0]]);
+                        let mut pass = begin_pass(&mut encoder, timer, "stars");
+                        self.published.resolve_cell_sky(gpu, &mut pass, settings, viewport, &target, grid);
+                    }
                 }
                 continue;
             }

@@ -10,7 +10,7 @@ use glam::DVec3;
 
 use super::{
     Frame, Wanted,
-    blended::Blended,
+    blended::{self, Blended},
     published::Published,
     star_buffers::{ItemBuffers, StarBuffers},
 };
@@ -226,6 +226,21 @@ impl Renderer {
         Ok(())
     }
 
+    /// Whether the texture that methods which blend draw the largest image into leaves room for the images themselves: for a
+    /// fisheye of a few degrees it is a cube's face as fine as the picture, far larger than the picture.
+    fn check_blended(&self, rig: &Rig) -> Result<(), RenderError> {
+        let images = || rig.views().iter().flat_map(|view| view.images.iter().map(move |image| (view, image)));
+        let pixels: u64 =
+            images().map(|(_, image)| image.projection.mapping().size().map(u64::from).iter().product::<u64>()).sum();
+        for (view, image) in images() {
+            let bytes = pixels * FRAME_BYTES_PER_PIXEL + blended::target_bytes(&self.gpu, &image.projection);
+            if bytes > MAX_FRAME_BYTES {
+                return Err(RenderError::TooManyPixels { view: view.name.clone(), bytes, limit: MAX_FRAME_BYTES });
+            }
+        }
+        Ok(())
+    }
+
     /// Draws all views of `rig`. `wanted` says per view what to read back. With automatic exposure, `adapted_ev100` is
     /// the exposure to show the frame with; without it the frame is shown as fully adapted.
     pub fn render(
@@ -244,6 +259,9 @@ impl Renderer {
         let method = settings.stars.method;
         if snapshot.camera.velocity_c != DVec3::ZERO && method.accumulator() != Accumulator::FixedPoint {
             return Err(RenderError::AtRestOnly(method.name()));
+        }
+        if method.accumulator() == Accumulator::Blending {
+            self.check_blended(rig)?;
         }
         if method == StarMethod::PsfTexture {
             self.blended.hold_psf(&settings.stars.psf_texture)?;

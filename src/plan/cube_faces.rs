@@ -48,10 +48,21 @@ impl CubeFaces {
         Some(Self { edge_px, needed })
     }
 
+    /// Layers of an array of the faces in the order of [`Face::ALL`] that ends with the last one needed: of a narrow picture one,
+    /// and its face is large.
+    pub fn layers(&self) -> usize {
+        self.needed.iter().rposition(|needed| *needed).map_or(1, |last| last + 1)
+    }
+
+    /// Texels along a side of a face, guard included.
+    pub fn side_px(&self) -> u32 {
+        self.edge_px + 2 * GUARD_PX
+    }
+
     /// The plane of a face, guard included.
     pub fn plane(&self) -> Perspective {
         let edge = 1.0 + 2.0 * f64::from(GUARD_PX) / f64::from(self.edge_px);
-        Perspective::from_tangents([self.edge_px + 2 * GUARD_PX; 2], [-edge, edge, -edge, edge])
+        Perspective::from_tangents([self.side_px(); 2], [-edge, edge, -edge, edge])
     }
 }
 
@@ -85,6 +96,8 @@ mod tests {
         assert_eq!(needed(60.0), [true, false, false, false, false, false]);
         assert_eq!(needed(180.0), [true, true, true, false, true, true]);
         assert_eq!(needed(260.0), [true; 6]);
+        let layers = |needed: [bool; 6]| CubeFaces { edge_px: 8, needed }.layers();
+        assert_eq!([layers(needed(60.0)), layers(needed(180.0)), layers(needed(260.0))], [1, 6, 6]);
     }
 
     #[test]

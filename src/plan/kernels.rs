@@ -51,8 +51,6 @@ pub const PLANE_GAUSSIAN_FLICKER: f64 = 0.016;
 /// flickers most just above its beginning.
 const BSPLINE_ALONE: f64 = 0.75;
 
-/// Standard deviation of the Gaussian where none is asked for, pixels.
-const DEFAULT_SIGMA_PX: f64 = 0.7;
 /// Variance of the pixel itself, pixels^2: a Gaussian that is integrated over pixels is wider by this.
 const PIXEL_VARIANCE: f64 = 1.0 / 12.0;
 
@@ -73,8 +71,9 @@ impl GaussianWidth {
     /// position.
     pub fn new(settings: &PixelGaussianSettings) -> Self {
         let in_pixels = |sigma_px: f64| (sigma_px * sigma_px + PIXEL_VARIANCE).sqrt();
+        let least_px = *PixelGaussianSettings::SIGMAS_PX.start();
         match settings.sigma_arcmin {
-            Some(arcmin) => Self { sigma_rad: (arcmin / 60.0).to_radians(), sigma_px: in_pixels(DEFAULT_SIGMA_PX) },
+            Some(arcmin) => Self { sigma_rad: (arcmin / 60.0).to_radians(), sigma_px: in_pixels(least_px) },
             None => Self { sigma_rad: 0.0, sigma_px: in_pixels(settings.sigma_px) },
         }
     }

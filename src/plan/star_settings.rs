@@ -1,6 +1,6 @@
 //! The `[stars]` settings: which method, which stars, and one table for each method that has parameters of its own.
 
-use std::path::PathBuf;
+use std::{ops::RangeInclusive, path::PathBuf};
 
 use serde::{Deserialize, Serialize};
 
@@ -51,9 +51,17 @@ pub struct PixelGaussianSettings {
     pub sigma_arcmin: Option<f64>,
 }
 
+impl PixelGaussianSettings {
+    /// Standard deviations that may be asked for, pixels. A narrower one flickers more than the certificate of a frame says; of a
+    /// wider one every star covers a good part of the picture, and a frame takes as long as it likes.
+    pub const SIGMAS_PX: RangeInclusive<f64> = 0.7..=64.0;
+    /// Greatest standard deviation as an angle, arcminutes.
+    pub const MOST_SIGMA_ARCMIN: f64 = 600.0;
+}
+
 impl Default for PixelGaussianSettings {
     fn default() -> Self {
-        Self { sigma_px: 0.7, sigma_arcmin: None }
+        Self { sigma_px: *Self::SIGMAS_PX.start(), sigma_arcmin: None }
     }
 }
 
