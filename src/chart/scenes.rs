@@ -27,7 +27,7 @@ const PIXELS_OF_HEIGHT: f64 = 1080.0;
 /// Apparent magnitude of a star of the sweep in the middle of the picture.
 const SWEEP_MAGNITUDE: f64 = 4.0;
 
-/// Field of view of the sweep: 4 degrees.
+/// Field of view of the narrow sweep: 4 degrees.
 const SWEEP_FOV_RAD: f64 = 0.07;
 
 /// A star of a scene.
@@ -105,10 +105,15 @@ fn placed(
 
 /// Stars at sub-pixel positions of a pan, all with the same light over the solid angle of their own pixel, which comes
 /// second, cd/m^2. Every page has other positions.
-pub(super) fn sweep(image_px: u32, cell_px: u32, page: usize) -> Result<(Scene, f64), ChartError> {
-    // So narrow that a kernel has the same shape all over it: what differs from star to star is the sub-pixel position alone.
-    let kind = ViewKind::Perspective { size: [image_px; 2], fov_y_rad: SWEEP_FOV_RAD };
-    let rig = rig_of(vec![("score", kind)])?;
+///
+/// A `narrow` view is such that kernels which go by pixels have the same shape all over it: what differs from star to star is the
+/// sub-pixel position alone. Stars of constant angle are scored in the usual view, where they are as small as in use.
+pub(super) fn sweep(image_px: u32, cell_px: u32, page: usize, narrow: bool) -> Result<(Scene, f64), ChartError> {
+    let rig = if narrow {
+        rig_of(vec![("score", ViewKind::Perspective { size: [image_px; 2], fov_y_rad: SWEEP_FOV_RAD })])?
+    } else {
+        usual_view([image_px; 2])?
+    };
     let cells = cell_middles([image_px; 2], cell_px);
     let solid_angle = |pixel: DVec2, mapping: &dyn PlaneMapping| {
         mapping.solid_angle_sr(pixel.x.floor() as u32, pixel.y.floor() as u32)
@@ -246,7 +251,7 @@ mod tests {
 
     #[test]
     fn every_star_of_a_sweep_has_the_same_light_over_its_pixel() {
-        let (scene, luminance) = sweep(256, 32, 3).unwrap();
+        let (scene, luminance) = sweep(256, 32, 3, true).unwrap();
         assert_eq!(scene.stars.len(), 64);
         let (mut left, mut right) = (0, 0);
         for star in &scene.stars {
@@ -259,7 +264,7 @@ mod tests {
             if star.pixel.x.fract() < 0.5 { left += 1 } else { right += 1 }
         }
         assert!(left > 25 && right > 25);
-        let (other, _) = sweep(256, 32, 4).unwrap();
+        let (other, _) = sweep(256, 32, 4, true).unwrap();
         assert!(scene.stars.iter().zip(&other.stars).all(|(a, b)| a.pixel.distance(b.pixel) > 1e-3));
     }
 

@@ -9,8 +9,17 @@ use crate::{
     },
 };
 
+/// Faintest and brightest magnitude limit.
+const MOST_MAGNITUDE: f64 = 100.0;
+
 pub(super) fn check_stars(stars: &StarSettings) -> Result<(), Fault> {
     finite("magnitude_limit", stars.magnitude_limit)?;
+    // Beyond this an illuminance leaves the numbers that the planner works with.
+    if stars.magnitude_limit.abs() > MOST_MAGNITUDE {
+        let problem =
+            format!("{}: allowed are magnitudes from -{MOST_MAGNITUDE} to {MOST_MAGNITUDE}", stars.magnitude_limit);
+        return Err(Fault::new("magnitude_limit", problem));
+    }
     check_pixel_gaussian(&stars.pixel_gaussian).map_err(|fault| fault.within("pixel_gaussian"))?;
     check_billboard(&stars.billboard).map_err(|fault| fault.within("billboard"))?;
     check_gaussian_psf(&stars.gaussian_psf).map_err(|fault| fault.within("gaussian_psf"))?;

@@ -1,7 +1,6 @@
 //! The published rasteriser: luminance and temperature as two halves of one word, with compare-exchange. Shaders:
 //! `shaders/packed_cas.wgsl` (every star of the catalogue, once per view) and `shaders/packed_cas_sorted.wgsl` (on culled
-//! and sorted stars). What it leaves depends on the order in which threads come, so it has no twin to the pixel: `crate::verify`
-//! and `crate::chart` judge its light, colour and order against f64.
+//! and sorted stars). The f64 twin is `crate::reference::packed`.
 
 use super::shared::{CatalogueDraw, StarDraw, StarTarget, bind_buffers, bind_items, dispatch_rows};
 use crate::gpu::{self, Gpu, layout};

@@ -10,6 +10,7 @@
 pub mod billboards;
 pub mod cell_sky;
 pub mod gaussian;
+pub mod packed;
 pub mod point_spread;
 pub mod sky;
 pub mod stars;

@@ -148,8 +148,9 @@ pub(super) fn scene_update_from_pb(request: &proto::UpdateSceneRequest) -> Resul
             update.star_method = Some(star_method(&new.method).map_err(|problem| format!("stars.method: {problem}"))?);
         }
         if limit {
-            if !new.magnitude_limit.is_finite() {
-                return Err(format!("stars.magnitude_limit = {}: a finite number is needed", new.magnitude_limit));
+            if !(-100.0..=100.0).contains(&new.magnitude_limit) {
+                let allowed = "allowed are magnitudes from -100 to 100";
+                return Err(format!("stars.magnitude_limit = {}: {allowed}", new.magnitude_limit));
             }
             update.magnitude_limit = Some(new.magnitude_limit);
         }

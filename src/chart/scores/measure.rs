@@ -143,6 +143,7 @@ impl Scorer<'_> {
         let (mut centroids, mut widths) = (Vec::new(), Vec::new());
         let radius_px = self.radius_px();
         let mut positions = usize::MAX;
+        let narrow = self.method.accumulator() == crate::plan::settings::Accumulator::FixedPoint;
         for k in [1.0, 10.0, 100.0] {
             let mut meter: Option<FlickerMeter> = None;
             let mut seen = 0;
@@ -151,7 +152,7 @@ impl Scorer<'_> {
                 if page > 0 && self.budget.is_over() {
                     break;
                 }
-                let (scene, luminance) = scenes::sweep(self.size.image_px, self.cell_px, page)?;
+                let (scene, luminance) = scenes::sweep(self.size.image_px, self.cell_px, page, narrow)?;
                 let white = luminance / k;
                 let frame = self.draw(&scene, (white / WHITE_LUMINANCE_AT_EV0_CD_M2).log2())?;
                 let image = HdrView::new(scene.mapping(), pixels_of(&frame, 0)?)?;
