@@ -198,19 +198,18 @@ impl From<MetricError> for Failure {
     }
 }
 
-/// Settings of a method at an exposure. Methods that draw down to a limiting magnitude are given the faintest of the stars,
-/// so that all methods draw all of them.
+/// Settings of a method at an exposure. The published Gaussians, whose exponent (lim - sat) (sat - m) ends 6.8 / (lim - sat)
+/// magnitudes below saturation, are given limits 2.6 magnitudes apart around the faintest of the stars, so that all methods draw
+/// all of them.
 pub(super) fn settings_of(method: StarMethod, ev100: f64, faintest_lx: f64) -> RenderSettings {
     let mut settings = RenderSettings::default();
     settings.stars.method = method;
     settings.exposure.mode = ExposureMode::Manual;
     settings.exposure.ev100 = ev100;
-    let range = settings.stars.gaussian_psf.limiting_magnitude - settings.stars.gaussian_psf.saturation_magnitude;
-    let limit = magnitude_from_illuminance_lx(faintest_lx);
-    // With the stars of the usual sky the published values stay.
-    if limit.is_finite() && limit > settings.stars.gaussian_psf.limiting_magnitude {
-        settings.stars.gaussian_psf.limiting_magnitude = limit;
-        settings.stars.gaussian_psf.saturation_magnitude = limit - range;
+    let faintest = magnitude_from_illuminance_lx(faintest_lx);
+    if faintest.is_finite() {
+        settings.stars.gaussian_psf.limiting_magnitude = faintest + 1.6;
+        settings.stars.gaussian_psf.saturation_magnitude = faintest - 1.0;
     }
     settings
 }
