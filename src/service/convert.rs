@@ -221,7 +221,7 @@ mod tests {
             ("tent", 6.5, &["catalogues"], &["`catalogues` cannot be changed"]),
             ("dots", 6.5, &["stars.method"], &["`dots`", "auto, bspline, tent", "packed_cas"]),
             ("", 6.5, &["stars"], &["unknown star method ``"]),
-            ("tent", f64::NAN, &["stars"], &["magnitude_limit = NaN", "finite"]),
+            ("tent", f64::NAN, &["stars"], &["magnitude_limit = NaN", "magnitudes from -100 to 100"]),
         ] {
             let problem = scene_update_from_pb(&request(method, limit, paths)).unwrap_err();
             assert!(parts.iter().all(|part| problem.contains(part)), "{problem}");
