@@ -50,7 +50,7 @@ async fn a_change_for_another_revision_and_one_of_nothing_are_refused() {
             SceneUpdate { magnitude_limit: Some(f64::INFINITY), ..with_method(StarMethod::Tent) },
             None,
             Code::InvalidArgument,
-            "finite",
+            "magnitudes from -100 to 100",
         ),
     ] {
         match client.update_scene(&update, expected).await {
