@@ -42,7 +42,7 @@ fn splat_sorted(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocati
                 dot(relative, viewport.view_from_world_x.xyz),
                 dot(relative, viewport.view_from_world_y.xyz),
                 dot(relative, viewport.view_from_world_z.xyz));
-            let temperature = 500.0 * exp2(f32(star.light & 2047u) * (7.64385619 / 2047.0));
+            let temperature = temperature_of_step(star.light & 2047u);
             splat_packed(tile, viewport, direction, illuminance, temperature);
         }
     }

@@ -75,7 +75,7 @@ fn place_star(@builtin(vertex_index) vertex: u32, @builtin(instance_index) insta
         dot(relative, plane.view_from_world_x.xyz),
         dot(relative, plane.view_from_world_y.xyz),
         dot(relative, plane.view_from_world_z.xyz)));
-    let step = clamp(log2(max(star.temperature, 1.0) / 500.0) * (2047.0 / 7.64385619), 0.0, 2047.0);
+    let step = step_of_temperature(star.temperature);
     let colour = colours[u32(step + 0.5)].xyz;
     let corner = vec2(f32(vertex & 1u), f32(vertex >> 1u)) * 2.0 - 1.0;
 

@@ -10,6 +10,6 @@ fn luminance_of(viewport: Viewport, index: u32, at: vec2<i32>) -> vec3<f32> {
         return vec3(0.0);
     }
     let halves = unpack2x16float(word);
-    let step = clamp(log2(max(halves.y, 1.0) / 500.0) * (2047.0 / 7.64385619), 0.0, 2047.0);
+    let step = step_of_temperature(halves.y);
     return halves.x * colours[u32(step + 0.5)].xyz;
 }

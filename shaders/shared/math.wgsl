@@ -51,3 +51,16 @@ fn hash(value: u32) -> u32 {
     let word = ((state >> ((state >> 28u) + 4u)) ^ state) * 277803737u;
     return (word >> 22u) ^ word;
 }
+
+// Temperatures of stars lie on a logarithmic scale of 2047 steps from 500 to 100000 K: src/catalogue/packed.rs.
+const TEMPERATURE_OCTAVES: f32 = 7.64385619;
+
+// Place of a temperature (K) on the scale, held within it.
+fn step_of_temperature(kelvin: f32) -> f32 {
+    return clamp(log2(max(kelvin, 1.0) / 500.0) * (2047.0 / TEMPERATURE_OCTAVES), 0.0, 2047.0);
+}
+
+// Temperature of a step, K.
+fn temperature_of_step(step: u32) -> f32 {
+    return 500.0 * exp2(f32(step) * (TEMPERATURE_OCTAVES / 2047.0));
+}
