@@ -6,6 +6,7 @@
 
 mod blended;
 mod catalogue_buffers;
+mod glare;
 mod published;
 mod read;
 mod record;

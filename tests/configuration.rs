@@ -5,7 +5,8 @@
 use std::path::{Path, PathBuf};
 
 use steradian::catalogue::galaxy::GalaxyParameters;
-use steradian::config::{CatalogueConfig, Config, ConfigError, GlareKernel};
+use steradian::config::{CatalogueConfig, Config, ConfigError};
+use steradian::photometry::glare::GlareKernelName;
 use steradian::plan::settings::{ExposureMode, GlareMethod, RenderSettings, StarMethod, ToneMapOperator};
 use steradian::scene::loader::{StarSource, load_stars};
 use steradian::view::{Part, ViewKind};
@@ -315,8 +316,8 @@ fn sections_of_rendering() {
     .unwrap();
     let settings = config.render_settings();
     assert_eq!((settings.stars.method, settings.stars.magnitude_limit), (StarMethod::Tent, 8.0));
-    assert_eq!(settings.glare, GlareMethod::None);
-    assert_eq!((config.glare.kernel, config.glare.inner_deg, config.glare.fraction), (GlareKernel::Cie, 0.5, 0.2));
+    assert_eq!(settings.glare.method, GlareMethod::None);
+    assert_eq!((config.glare.kernel, config.glare.inner_deg, config.glare.fraction), (GlareKernelName::Cie, 0.5, 0.2));
     assert_eq!((settings.exposure.mode, settings.exposure.ev100), (ExposureMode::Manual, 2.0));
     assert_eq!(settings.tone_map.operator, ToneMapOperator::Srgb);
     assert_eq!((settings.accuracy.flux, settings.accuracy.centroid_px, settings.accuracy.flicker), (1e-2, 0.1, 0.5));

@@ -18,7 +18,6 @@ use std::path::{Path, PathBuf};
 
 pub use error::ConfigError;
 use error::{Fault, join};
-pub use glare::{GlareConfig, GlareKernel};
 pub use scene::{CameraConfig, CatalogueConfig, GalaxyConfig, SceneConfig};
 use serde::Deserialize;
 pub use server::{ServerConfig, parse_listen};
@@ -30,7 +29,9 @@ pub use views::{
 
 use crate::catalogue::bright;
 use crate::catalogue::galaxy::GalaxyParameters;
-use crate::plan::settings::{AccuracySettings, ExposureSettings, RenderSettings, StarSettings, ToneMapSettings};
+use crate::plan::settings::{
+    AccuracySettings, ExposureSettings, GlareSettings, RenderSettings, StarSettings, ToneMapSettings,
+};
 use crate::scene::Camera;
 use crate::scene::loader::StarSource;
 use crate::view::Rig;
@@ -52,7 +53,7 @@ pub struct Config {
     /// `[stars]`.
     pub stars: StarSettings,
     /// `[glare]`.
-    pub glare: GlareConfig,
+    pub glare: GlareSettings,
     /// `[exposure]`.
     pub exposure: ExposureSettings,
     /// `[tone_map]`.
@@ -74,7 +75,7 @@ struct Sections {
     #[serde(default)]
     stars: StarSettings,
     #[serde(default)]
-    glare: GlareConfig,
+    glare: GlareSettings,
     #[serde(default)]
     exposure: ExposureSettings,
     #[serde(default)]
@@ -146,7 +147,7 @@ impl Config {
         };
         config.scene.check().map_err(|fault| fault.within("scene"))?;
         limits::check_stars(&config.stars).map_err(|fault| fault.within("stars"))?;
-        config.glare.check().map_err(|fault| fault.within("glare"))?;
+        glare::check(&config.glare).map_err(|fault| fault.within("glare"))?;
         limits::check_exposure(&config.exposure).map_err(|fault| fault.within("exposure"))?;
         limits::check_accuracy(&config.accuracy).map_err(|fault| fault.within("accuracy"))?;
         config.build_rig()?;
@@ -183,7 +184,7 @@ impl Config {
     pub fn render_settings(&self) -> RenderSettings {
         RenderSettings {
             stars: self.stars.clone(),
-            glare: self.glare.method,
+            glare: self.glare.clone(),
             exposure: self.exposure,
             tone_map: self.tone_map,
             accuracy: self.accuracy,

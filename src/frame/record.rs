@@ -3,6 +3,7 @@
 use super::{
     Wanted,
     blended::{self, BlendedFrame},
+    glare::{GlareBatch, GlareFrame},
     published::PackedFrame,
     renderer::{BatchBuffers, DISPLAY_BYTES, Prepared, Renderer},
     star_buffers::{Items, build_items},
@@ -17,7 +18,7 @@ use crate::{
         tone_map::ToneMapTarget,
     },
     plan::{
-        settings::{Accumulator, RenderSettings},
+        settings::{Accumulator, GlareMethod, RenderSettings},
         tiles::{BYTES_PER_PIXEL, Batch},
     },
     view::Rig,
@@ -60,7 +61,7 @@ impl Renderer {
         }
         self.batch_buffers.truncate(prepared.batches.len().max(1));
         let order = self.catalogue_order;
-        let Self { gpu, timer, batch_buffers, readback, item_buffers, blended, .. } = self;
+        let Self { gpu, timer, batch_buffers, readback, item_buffers, blended, glare, .. } = self;
         let gpu = &*gpu;
         timer.begin();
 
@@ -107,6 +108,8 @@ impl Renderer {
 
         // Where the exposure is known before the pixels are, the resolve pass writes the display image itself.
         let known_ev100 = settings.exposure.known_ev100(adapted_ev100);
+        let glare_method = settings.glare.chosen(method);
+        let glares = glare_method != GlareMethod::None;
         let any = |batch: &Batch, what: &dyn Fn(Wanted) -> bool| {
             batch.tiles.iter().any(|tile| what(wanted[prepared.viewports[tile.viewport].view]))
         };
@@ -184,7 +187,7 @@ impl Renderer {
                 self.published.resolve_packed(gpu, &mut pass, &frame, &words, &target);
                 continue;
             }
-            let hdr = if any(batch, &|wanted: Wanted| wanted.hdr) {
+            let hdr = if glares || any(batch, &|wanted: Wanted| wanted.hdr) {
                 HdrImage::Whole
             } else if any(batch, &|wanted: Wanted| wanted.hdr_stays || (wanted.display && known_ev100.is_none())) {
                 HdrImage::Lit
@@ -215,7 +218,7 @@ impl Renderer {
                 let mut pass = begin_pass(&mut encoder, timer, "stars");
                 self.star_pass.record(gpu, &mut pass, range, prepared.motion, &star_target(low), bright_high, &draws);
             }
-            let display_here = known_ev100.is_some() && any(batch, &|wanted: Wanted| wanted.display);
+            let display_here = known_ev100.is_some() && !glares && any(batch, &|wanted: Wanted| wanted.display);
             let display = display_here.then(|| buffers.display.with_room(gpu, batch.pixels * DISPLAY_BYTES).clone());
             let mut pass = begin_pass(&mut encoder, timer, "resolve");
             let target = ResolveTarget {
@@ -232,6 +235,23 @@ impl Renderer {
             let operator = settings.tone_map.operator;
             self.resolve_pass.record(gpu, &mut pass, &prepared.ranges, hdr, known_ev100, operator, &target, grid);
         }
+        if glares {
+            let batches = prepared.batches.iter().enumerate().map(|(index, batch)| GlareBatch {
+                batch,
+                tiles: &tile_buffers[index],
+                pixels: batch_buffers[index].pixels.with_room(gpu, batch.pixels * BYTES_PER_PIXEL).clone(),
+                grid: grid_of(prepared, batch),
+            });
+            let frame = GlareFrame {
+                settings: &settings.glare,
+                method: glare_method,
+                viewports: &prepared.viewports,
+                encoded_viewports: &viewports,
+                partial_sums: &partials,
+                batches: batches.collect(),
+            };
+            glare.record(gpu, &mut encoder, timer, &frame);
+        }
         {
             let mut pass = begin_pass(&mut encoder, timer, "exposure");
             self.exposure_pass.record(
@@ -245,7 +265,7 @@ impl Renderer {
                 &exposure,
             );
         }
-        let fused = known_ev100.is_some() && method.accumulator() == Accumulator::FixedPoint;
+        let fused = known_ev100.is_some() && !glares && method.accumulator() == Accumulator::FixedPoint;
         let tone_mapped = |batch: &Batch| !fused && any(batch, &|wanted: Wanted| wanted.display);
         for (index, batch) in prepared.batches.iter().enumerate().filter(|(_, batch)| tone_mapped(batch)) {
             let buffers = &mut batch_buffers[index];

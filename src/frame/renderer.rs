@@ -11,6 +11,7 @@ use glam::DVec3;
 use super::{
     Frame, Wanted,
     blended::{self, Blended},
+    glare::Glare,
     published::Published,
     star_buffers::{ItemBuffers, StarBuffers},
 };
@@ -132,6 +133,7 @@ pub struct Renderer {
     pub(super) tone_map_pass: ToneMapPass,
     pub(super) published: Published,
     pub(super) blended: Blended,
+    pub(super) glare: Glare,
     pub(super) timer: GpuTimer,
     pub(super) stars: Option<StarBuffers>,
     pub(super) item_buffers: ItemBuffers,
@@ -177,6 +179,7 @@ impl Renderer {
             tone_map_pass: ToneMapPass::new(&gpu),
             published: Published::new(),
             blended: Blended::new(),
+            glare: Glare::new(),
             timer: GpuTimer::new(&gpu),
             stars: None,
             item_buffers: ItemBuffers::new(),

@@ -281,6 +281,17 @@ gpu_structs! {
         /// Padding.
         unused_2: u32,
     }
+    /// Parameters of the glare pass over pixels.
+    GlareParameters {
+        /// Share of the light that is scattered.
+        fraction: f32,
+        /// Pixels of the batch.
+        plane_pixels: u32,
+        /// Padding.
+        unused_0: u32,
+        /// Padding.
+        unused_1: u32,
+    }
     /// Parameters of the exposure pass.
     ExposureParameters {
         /// Solid angle of all pixels, sr.

@@ -10,10 +10,10 @@ mod viewport;
 
 pub(crate) use buffers::{GrowingBuffer, ReadbackBuffer, ReadbackPlace, storage_buffer, uniform_buffer};
 pub use device::{AdapterReport, Gpu, GpuError, GpuOptions};
-pub use shaders::{LuminanceSource, Profile, ShaderSource, sources};
+pub use shaders::{GlareSource, LuminanceSource, Profile, ShaderSource, sources};
 pub(crate) use shaders::{
-    billboard_fragment, billboard_vertex, count_stars, exposure, packed_cas, packed_cas_sorted, resolve,
-    resolve_luminance, stars, tone_map,
+    billboard_fragment, billboard_vertex, count_stars, exposure, glare_composite, packed_cas, packed_cas_sorted,
+    resolve, resolve_luminance, stars, tone_map,
 };
 pub(crate) use timing::GpuTimer;
 pub(crate) use viewport::encode_viewport;

@@ -218,6 +218,23 @@ pub fn resolve(wide: bool) -> ShaderSource {
     }
 }
 
+/// Where the glare pass over pixels finds what is scattered.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum GlareSource {
+    /// On the sky: a map of the whole sky, and the brightest sources one by one.
+    Sky,
+}
+
+/// The glare pass over pixels.
+pub fn glare_composite(source: GlareSource) -> ShaderSource {
+    let (name, of_source) = match source {
+        GlareSource::Sky => ("glare sky", include_str!("../../shaders/shared/glare_sky.wgsl")),
+    };
+    let composite = include_str!("../../shaders/glare_composite.wgsl");
+    let text = [VIEWPORT, MATH, PROJECTION, PIXEL_GRID, of_source, composite].concat();
+    ShaderSource { name, entry_point: "composite_glare", text, needs_u64: false }
+}
+
 /// The exposure pass.
 pub fn exposure() -> ShaderSource {
     let text = [EXPOSURE, include_str!("../../shaders/exposure.wgsl")].concat();
@@ -251,6 +268,7 @@ pub fn sources() -> Vec<ShaderSource> {
         count_stars(),
         resolve(true),
         resolve(false),
+        glare_composite(GlareSource::Sky),
         exposure(),
         tone_map(),
         projection_probe(),

@@ -3,6 +3,7 @@
 
 pub(crate) mod billboards;
 pub(crate) mod exposure;
+pub(crate) mod glare_composite;
 pub(crate) mod luminance;
 pub(crate) mod packed;
 pub(crate) mod resolve;

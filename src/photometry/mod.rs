@@ -2,12 +2,13 @@
 //!
 //! `cie1931` and `rec709` hold the standards, `blackbody` turns temperatures into colours, `kernel` shares a star's light
 //! among pixels, `psf` holds the pictures that optics make of a star, `star_image` the image of a sprite,
-//! `exposure` chooses the luminance that is shown white, `tone_map` turns luminance into display values.
+//! `glare` says how scattered light falls off, `exposure` chooses the luminance that is shown white, `tone_map` turns luminance into display values.
 
 pub mod blackbody;
 pub mod cie1931;
 pub mod colour_index;
 pub mod exposure;
+pub mod glare;
 pub mod kernel;
 pub mod psf;
 pub mod rec709;

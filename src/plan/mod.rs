@@ -2,13 +2,14 @@
 //!
 //! `settings` names the methods, `tiles` cuts viewports into what the adapter can hold, `cull` finds the stars that may be
 //! seen, `range` chooses the fixed-point units, `kernels` the kernel of each star, `billboard` and `cube_faces` hold the
-//! numbers of the methods that blend,
+//! numbers of the methods that blend, `glare` those of glare,
 //! `travel` says what motion does to the light of stars, and `frame_plan` puts them together.
 
 pub mod billboard;
 pub mod cube_faces;
 pub mod cull;
 mod frame_plan;
+mod glare;
 mod kernels;
 pub mod range;
 pub mod settings;

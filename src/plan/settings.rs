@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 pub use super::{
+    glare::{GlareMethod, GlareSettings, PyramidWeights},
     star_method::{Accumulator, MethodSource, StarMethod},
     star_settings::{
         BillboardSettings, CellSkySettings, GaussianPsfSettings, PixelGaussianSettings, PsfTextureSettings,
@@ -10,17 +11,6 @@ pub use super::{
     },
 };
 pub use crate::photometry::tone_map::ToneMapOperator;
-
-/// How glare is computed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, Default)]
-#[serde(rename_all = "snake_case")]
-pub enum GlareMethod {
-    /// The cheapest method that keeps the error budget. No glare method exists yet, so this draws none.
-    #[default]
-    Auto,
-    /// No glare.
-    None,
-}
 
 /// Who chooses the exposure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, Default)]
@@ -108,7 +98,7 @@ pub struct RenderSettings {
     /// Stars.
     pub stars: StarSettings,
     /// Glare.
-    pub glare: GlareMethod,
+    pub glare: GlareSettings,
     /// Exposure.
     pub exposure: ExposureSettings,
     /// Tone mapping.

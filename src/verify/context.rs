@@ -8,7 +8,7 @@ use crate::{
     metrics::{self, HdrView, MetricError},
     plan::{
         GaussianWidth,
-        settings::{ExposureMode, GlareMethod, RenderSettings, StarMethod},
+        settings::{ExposureMode, GlareSettings, RenderSettings, StarMethod},
     },
     reference::{gaussian, point_spread::PointSpreadError},
     scene::SceneSnapshot,
@@ -55,7 +55,7 @@ pub struct Context<'a> {
 impl<'a> Context<'a> {
     /// Checks look at stars: glare, which takes light from them, is off.
     pub fn new(renderer: &'a mut Renderer, settings: &RenderSettings) -> Self {
-        Self { renderer, settings: RenderSettings { glare: GlareMethod::None, ..settings.clone() } }
+        Self { renderer, settings: RenderSettings { glare: GlareSettings::none(), ..settings.clone() } }
     }
 
     /// The star method under test.

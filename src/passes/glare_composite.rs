@@ -1,0 +1,61 @@
+//! The glare pass over pixels: keeps what is not scattered of every pixel's light and adds what is scattered towards it.
+//! Shader: `shaders/glare_composite.wgsl`.
+
+use super::shared::bind_buffers;
+use crate::gpu::{self, GlareSource, Gpu, layout};
+
+/// The pass for one source of glare.
+pub(crate) struct GlareCompositePass {
+    pipeline: wgpu::ComputePipeline,
+}
+
+/// Buffers of one batch.
+pub(crate) struct GlareTarget<'a> {
+    pub viewports: &'a wgpu::Buffer,
+    pub tiles: &'a wgpu::Buffer,
+    /// The picture, whole.
+    pub pixels: &'a wgpu::Buffer,
+    pub partial_sums: &'a wgpu::Buffer,
+    /// Pixels of the batch.
+    pub plane_pixels: u32,
+}
+
+impl GlareCompositePass {
+    pub(crate) fn new(gpu: &Gpu, source: GlareSource) -> Self {
+        Self { pipeline: gpu.compute_pipeline(&gpu::glare_composite(source)) }
+    }
+
+    /// Records the pass. `of_source` is what the source of glare binds in group 1.
+    pub(crate) fn record(
+        &self,
+        gpu: &Gpu,
+        pass: &mut wgpu::ComputePass<'_>,
+        fraction: f64,
+        target: &GlareTarget<'_>,
+        of_source: &[(u32, wgpu::BindingResource<'_>)],
+        grid: [u32; 3],
+    ) {
+        let parameters = layout::GlareParameters {
+            fraction: fraction as f32,
+            plane_pixels: target.plane_pixels,
+            ..Default::default()
+        };
+        let parameters = gpu::uniform_buffer(gpu, "glare parameters", &parameters);
+        let group = bind_buffers(
+            gpu,
+            &self.pipeline,
+            0,
+            &[
+                (0, parameters.as_entire_binding()),
+                (1, target.viewports.as_entire_binding()),
+                (2, target.tiles.as_entire_binding()),
+                (3, target.pixels.as_entire_binding()),
+                (4, target.partial_sums.as_entire_binding()),
+            ],
+        );
+        pass.set_pipeline(&self.pipeline);
+        pass.set_bind_group(0, &group, &[]);
+        pass.set_bind_group(1, &bind_buffers(gpu, &self.pipeline, 1, of_source), &[]);
+        pass.dispatch_workgroups(grid[0], grid[1], grid[2]);
+    }
+}
