@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use steradian::catalogue::galaxy::GalaxyParameters;
 use steradian::config::{CatalogueConfig, Config, ConfigError};
-use steradian::photometry::glare::GlareKernelName;
+use steradian::photometry::glare::{EyeColour, GlareKernelName};
 use steradian::plan::settings::{ExposureMode, GlareMethod, RenderSettings, StarMethod, ToneMapOperator};
 use steradian::scene::loader::{StarSource, load_stars};
 use steradian::view::{Part, ViewKind};
@@ -325,6 +325,18 @@ fn sections_of_rendering() {
 }
 
 #[test]
+fn the_eye_and_the_table_of_glare() {
+    let glare =
+        parse("[glare]\nkernel = 'cie'\nage_years = 20\neye_colour = 'very_light'\nabsolute = true").unwrap().glare;
+    assert_eq!((glare.age_years, glare.eye_colour, glare.absolute), (20.0, EyeColour::VeryLight, true));
+    assert!((glare.fraction_scattered() - glare.fraction).abs() > 0.1);
+    // The path starts at the folder of the file, unless it starts at the root.
+    let file = |path| parse(&format!("[glare]\nkernel = 'psf'\npsf_file = '{path}'")).unwrap().glare.psf_file.unwrap();
+    assert_eq!(file("eyes/mine.csv"), Path::new("/sky/eyes/mine.csv"));
+    assert_eq!(file("/eyes/mine.csv"), Path::new("/eyes/mine.csv"));
+}
+
+#[test]
 fn mistakes_in_the_sections() {
     refused("[[bodies]]\nname = 'Earth'", &["bodies", "unknown key", "scene"]);
     refused("[stars]\nmethod = 'dots'", &["stars.method", "dots", "bspline"]);
@@ -376,6 +388,17 @@ fn mistakes_in_the_sections() {
     refused("[glare]\ninner_deg = 0", &["glare.inner_deg", "above 0"]);
     refused("[glare]\nfraction = 1.5", &["glare.fraction", "0 to 1"]);
     refused("[glare]\nfraction = nan", &["glare.fraction"]);
+    refused("[glare]\nage_years = 121", &["glare.age_years", "0 to 120"]);
+    refused("[glare]\nage_years = -1", &["glare.age_years", "0 to 120"]);
+    refused("[glare]\nage_years = nan", &["glare.age_years", "finite"]);
+    refused("[glare]\neye_colour = 'green'", &["glare.eye_colour", "green", "very_light"]);
+    refused("[glare]\nkernel = 'psf'", &["glare.psf_file", "missing key", "theta_deg,per_sr"]);
+    refused("[glare]\nkernel = 'psf'\npsf_file = 3", &["glare.psf_file", "invalid type"]);
+    refused("[glare]\nabsolute = 1", &["glare.absolute", "invalid type"]);
+    refused("[glare]\nabsolute = true", &["glare.absolute", "cie"]);
+    let old = "[glare]\nkernel = 'cie'\nage_years = 120\n";
+    refused(&format!("{old}absolute = true"), &["glare.absolute", "age_years = 120", "at most 1"]);
+    assert!(parse(old).is_ok() && parse(&format!("{old}absolute = true\ninner_deg = 30")).is_ok());
     refused("[exposure]\nmode = 'night'", &["exposure.mode", "manual"]);
     refused("[exposure]\nev100 = nan", &["exposure.ev100", "finite"]);
     refused("[exposure]\nev100 = 300", &["exposure.ev100", "-100 to 100"]);

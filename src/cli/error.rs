@@ -10,6 +10,7 @@ use crate::config::ConfigError;
 use crate::frame::RenderError;
 use crate::gpu::GpuError;
 use crate::output::OutputError;
+use crate::photometry::glare::GlareKernelError;
 use crate::photometry::psf::PsfError;
 use crate::scene::loader::LoadError;
 use crate::service::ServeError;
@@ -120,6 +121,14 @@ impl CliError {
                 | RenderError::TooManyPixels { .. }
                 | RenderError::AtRestOnly(_) => BAD_USAGE,
                 RenderError::Psf(error) => psf_exit_code(error),
+                RenderError::Glare(error) => match error {
+                    GlareKernelError::NoFile | GlareKernelError::Inner { .. } => BAD_USAGE,
+                    GlareKernelError::Read { .. } | GlareKernelError::Row { .. } | GlareKernelError::File { .. } => {
+                        BAD_DATA
+                    }
+                    GlareKernelError::Psf(error) => psf_exit_code(error),
+                    GlareKernelError::NoIntegral(_) => FAILED,
+                },
                 _ => FAILED,
             },
             CliError::Serve(ServeError::Address { .. }) => BAD_USAGE,

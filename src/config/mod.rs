@@ -133,13 +133,15 @@ impl Config {
         }
         let mut stars = sections.stars;
         stars.psf_texture.file = stars.psf_texture.file.map(|file| folder.join(file));
+        let mut glare = sections.glare;
+        glare.psf_file = glare.psf_file.map(|file| folder.join(file));
         let config = Self {
             origin: origin.to_owned(),
             folder: folder.to_owned(),
             scene: sections.scene,
             views,
             stars,
-            glare: sections.glare,
+            glare,
             exposure: sections.exposure,
             tone_map: sections.tone_map,
             accuracy: sections.accuracy,

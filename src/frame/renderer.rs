@@ -19,7 +19,7 @@ use crate::{
     catalogue::chunks::StarSet,
     gpu::{AdapterReport, Gpu, GpuError, GpuTimer, GrowingBuffer, ReadbackBuffer, encode_viewport, layout},
     passes::{exposure::ExposurePass, resolve::ResolvePass, stars::StarPass, tone_map::ToneMapPass},
-    photometry::{exposure::metered_ev100, psf::PsfError},
+    photometry::{exposure::metered_ev100, glare::GlareKernelError, psf::PsfError},
     plan::{
         cull::{CullSettings, MAX_VIEWPORTS, SPLAT_MARGIN_PX, VisibleChunk, distinct_eyes_pc, visible_chunks},
         gaussian_of, plan_stars,
@@ -75,6 +75,9 @@ pub enum RenderError {
     /// The point-spread function of `psf_texture` cannot be made or read.
     #[error("stars.psf_texture: {0}")]
     Psf(#[from] PsfError),
+    /// The kernel of glare cannot be made or read.
+    #[error("glare: {0}")]
+    Glare(#[from] GlareKernelError),
     /// A published method cannot draw for a moving camera.
     #[error(
         "stars.method = `{0}` draws for a camera at rest: set scene.camera.velocity_c = [0, 0, 0], or the method to auto, bspline, tent or pixel_gaussian"

@@ -1,9 +1,15 @@
 //! The `[glare]` settings: which method, which kernel, how much light.
 
+use std::path::PathBuf;
+use std::sync::Arc;
+
 use serde::{Deserialize, Serialize};
 
 use super::star_method::{MethodSource, StarMethod};
-use crate::photometry::glare::GlareKernelName;
+use crate::photometry::glare::{
+    Cie, EyeColour, Gaussians, GlareKernel, GlareKernelError, GlareKernelName, InverseSquareKernel, Normalised,
+    PsfTable,
+};
 
 /// How glare is computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, Default)]
@@ -69,6 +75,14 @@ pub struct GlareSettings {
     pub inner_deg: f64,
     /// Share of the light that is scattered.
     pub fraction: f64,
+    /// Age of the eye, years, for the kernel `cie`.
+    pub age_years: f64,
+    /// Colour of the eye, for the kernel `cie`.
+    pub eye_colour: EyeColour,
+    /// Whether the kernel itself tells what share is scattered, in place of `fraction`. Only `cie` does.
+    pub absolute: bool,
+    /// Table or picture of the kernel `psf`.
+    pub psf_file: Option<PathBuf>,
     /// Weights of the levels of a pyramid.
     pub weights: PyramidWeights,
 }
@@ -80,6 +94,10 @@ impl Default for GlareSettings {
             kernel: GlareKernelName::InverseSquare,
             inner_deg: 0.1,
             fraction: 0.1,
+            age_years: 35.0,
+            eye_colour: EyeColour::default(),
+            absolute: false,
+            psf_file: None,
             weights: PyramidWeights::Equal,
         }
     }
@@ -91,13 +109,83 @@ impl GlareSettings {
         Self { method: GlareMethod::None, ..Self::default() }
     }
 
+    fn cie(&self) -> Cie {
+        Cie::new(self.inner_deg.to_radians(), self.age_years, self.eye_colour)
+    }
+
+    /// The kernel, its integral over the sphere 1. That of `psf` is read from its file.
+    ///
+    /// # Errors
+    /// [`GlareKernelError`] where the file of `psf` is missing or not usable; the other kernels have none for settings in
+    /// their ranges.
+    pub fn kernel(&self) -> Result<Arc<dyn GlareKernel>, GlareKernelError> {
+        let inner_rad = self.inner_deg.to_radians();
+        let no_integral = || GlareKernelError::NoIntegral(self.kernel);
+        Ok(match self.kernel {
+            GlareKernelName::InverseSquare => Arc::new(InverseSquareKernel::new(inner_rad)),
+            GlareKernelName::Gaussians => Arc::new(Normalised::new(Gaussians::new(inner_rad)).ok_or_else(no_integral)?),
+            GlareKernelName::Cie => Arc::new(Normalised::new(self.cie()).ok_or_else(no_integral)?),
+            GlareKernelName::Psf => {
+                let file = self.psf_file.as_ref().ok_or(GlareKernelError::NoFile)?;
+                Arc::new(PsfTable::read(file)?.kernel(inner_rad)?)
+            }
+        })
+    }
+
+    /// Share of the light that is scattered: `fraction`, or what the kernel itself tells.
+    pub fn fraction_scattered(&self) -> f64 {
+        if self.absolute && self.kernel == GlareKernelName::Cie { self.cie().scattered_share() } else { self.fraction }
+    }
+
     /// The method that draws a frame whose stars are drawn by `stars`. `sky_cube` reads the catalogue; where no star of it is
     /// drawn the image alone tells what glares.
     pub fn chosen(&self, _stars: StarMethod) -> GlareMethod {
         match self.method {
-            _ if self.fraction == 0.0 => GlareMethod::None,
+            _ if self.fraction_scattered() == 0.0 => GlareMethod::None,
             GlareMethod::Auto => GlareMethod::None,
             method => method,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::PI;
+
+    use super::*;
+
+    #[test]
+    fn every_name_is_a_kernel_of_its_own() {
+        let folder = tempfile::tempdir().unwrap();
+        let psf_file = folder.path().join("eye.csv");
+        std::fs::write(&psf_file, "theta_deg,per_sr\n0.1,3\n90,1e-3\n").unwrap();
+        let settings = |kernel| GlareSettings { kernel, psf_file: Some(psf_file.clone()), ..GlareSettings::default() };
+        let names =
+            [GlareKernelName::InverseSquare, GlareKernelName::Gaussians, GlareKernelName::Cie, GlareKernelName::Psf];
+        let kernels = names.map(|name| settings(name).kernel().unwrap());
+        for (i, kernel) in kernels.iter().enumerate() {
+            assert!((kernel.share_within(PI) - 1.0).abs() < 1e-12, "{:?}", names[i]);
+            for other in &kernels[..i] {
+                assert!((kernel.per_sr(1.0) / other.per_sr(1.0) - 1.0).abs() > 0.01, "{:?}", names[i]);
+            }
+        }
+        let missing = GlareSettings { psf_file: None, ..settings(GlareKernelName::Psf) };
+        assert!(matches!(missing.kernel(), Err(GlareKernelError::NoFile)));
+    }
+
+    #[test]
+    fn what_is_scattered_is_the_fraction_or_what_the_eye_scatters() {
+        let relative = GlareSettings { kernel: GlareKernelName::Cie, fraction: 0.25, ..GlareSettings::default() };
+        assert_eq!(relative.fraction_scattered(), 0.25);
+        let absolute = GlareSettings { absolute: true, ..relative };
+        // 28 per cent between 0.1 and 100 degrees, and what the formula adds below and beyond.
+        let share = absolute.fraction_scattered();
+        assert!((0.33..0.45).contains(&share), "{share}");
+        let old = GlareSettings { age_years: 80.0, ..absolute.clone() };
+        assert!(old.fraction_scattered() > 1.2 * share);
+        let light = GlareSettings { eye_colour: EyeColour::Light, ..absolute.clone() };
+        assert!(light.fraction_scattered() > share);
+        // Nothing scattered needs no method, whatever the unused fraction says.
+        assert_eq!(GlareSettings { fraction: 0.0, ..absolute.clone() }.fraction_scattered(), share);
     }
 }

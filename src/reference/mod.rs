@@ -5,11 +5,13 @@
 //! - `billboards` and `cell_sky`: the twins of the published methods;
 //! - `sky`: the sky as it is, each star spread by an exact kernel over exact solid angles, in any projection;
 //! - `point_spread`: the kernels of that, as functions on the sphere;
+//! - `glare`: what light scatters into every direction, source by source;
 //! - `triangle_solid_angle`: a published way to a pixel's solid angle, in the arithmetic of a shader.
 
 pub mod billboards;
 pub mod cell_sky;
 pub mod gaussian;
+pub mod glare;
 pub mod packed;
 pub mod point_spread;
 pub mod sky;

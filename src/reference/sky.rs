@@ -184,9 +184,9 @@ fn draw_spread(stars: &[SkyStar], mapping: &dyn PlaneMapping, spread: &dyn Point
     image
 }
 
-/// Angle between unit vectors, rad, exact for small ones.
-fn separation_rad(a: DVec3, b: DVec3) -> f64 {
-    2.0 * ((a - b).length() / 2.0).min(1.0).asin()
+/// Angle between unit vectors, rad, exact for small and for large ones.
+pub(super) fn separation_rad(a: DVec3, b: DVec3) -> f64 {
+    2.0 * (a - b).length().atan2((a + b).length())
 }
 
 impl Painter<'_> {
@@ -305,18 +305,18 @@ impl Toward<'_> {
 }
 
 /// A pixel of the picture.
-struct Pixel<'a> {
+pub(super) struct Pixel<'a> {
     mapping: &'a dyn PlaneMapping,
     corner: DVec2,
-    centre: DVec3,
+    pub(super) centre: DVec3,
     solid_angle_sr: f64,
     /// Largest angle from the centre to a point of the pixel.
-    radius_rad: f64,
+    pub(super) radius_rad: f64,
 }
 
 impl<'a> Pixel<'a> {
     /// `None` outside of the picture.
-    fn new(mapping: &'a dyn PlaneMapping, x: u32, y: u32) -> Option<Self> {
+    pub(super) fn new(mapping: &'a dyn PlaneMapping, x: u32, y: u32) -> Option<Self> {
         let solid_angle_sr = mapping.solid_angle_sr(x, y);
         let at = pixel_centre(x, y);
         let centre = mapping.direction_from_pixel(at).filter(|_| solid_angle_sr > 0.0)?;
@@ -332,7 +332,7 @@ impl<'a> Pixel<'a> {
     }
 
     /// Directions and area elements times weights over a square of the pixel, `from` its upper left corner in [0, 1]^2.
-    fn cell(&self, rule: &[(f64, f64)], from: DVec2, side: f64) -> Vec<(DVec3, f64)> {
+    pub(super) fn cell(&self, rule: &[(f64, f64)], from: DVec2, side: f64) -> Vec<(DVec3, f64)> {
         let mut nodes = Vec::with_capacity(rule.len() * rule.len());
         // Well inside of the distance of the outermost node from the edge.
         let h = (0.02 * side).min(1e-3);
@@ -350,6 +350,11 @@ impl<'a> Pixel<'a> {
             }
         }
         nodes
+    }
+
+    /// Direction of the middle of a square of the pixel; `None` beyond a rim.
+    pub(super) fn middle(&self, from: DVec2, side: f64) -> Option<DVec3> {
+        self.mapping.direction_from_pixel(self.corner + from + DVec2::splat(side / 2.0))
     }
 
     /// Directions over the whole pixel; their weights sum to its solid angle.
@@ -375,7 +380,7 @@ impl<'a> Pixel<'a> {
 
     fn divide(&self, kernel: &Toward<'_>, star: DVec3, from: DVec2, side: f64) -> [f64; 3] {
         let radius_rad = self.radius_rad * side;
-        let middle = self.mapping.direction_from_pixel(self.corner + from + DVec2::splat(side / 2.0));
+        let middle = self.middle(from, side);
         if middle.is_some_and(|middle| separation_rad(middle, star) > 1.5 * radius_rad + kernel.spread.radius_rad()) {
             return [0.0; 3];
         }

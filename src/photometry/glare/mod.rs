@@ -2,12 +2,28 @@
 //!
 //! A kernel is a function of the angle between two directions and of nothing else. Its integral over the sphere is 1: what
 //! share of the light is scattered at all is another number. Units: radians, 1/sr.
+//!
+//! `inverse_square` has its integral in closed form; `gaussians`, `cie` and `psf` are forms that `normalised` integrates.
 
+mod cie;
+mod gaussians;
 mod inverse_square;
+mod normalised;
+mod psf;
+
+use std::io;
+use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-pub use self::inverse_square::InverseSquareKernel;
+pub use self::{
+    cie::{Cie, EyeColour},
+    gaussians::Gaussians,
+    inverse_square::InverseSquareKernel,
+    normalised::{Normalised, Shape},
+    psf::PsfTable,
+};
+use super::psf::PsfError;
 
 /// How scattered light falls off with the angle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, Default)]
@@ -34,4 +50,56 @@ pub trait GlareKernel: Send + Sync {
 
     /// Angle below which the kernel is as good as constant, rad.
     fn inner_rad(&self) -> f64;
+}
+
+/// Why there is no kernel.
+#[derive(Debug, thiserror::Error)]
+pub enum GlareKernelError {
+    /// The kernel `psf` without a file.
+    #[error(
+        "psf_file: missing; the kernel `psf` needs a CSV file with the columns theta_deg,per_sr, an OpenEXR or a FITS file"
+    )]
+    NoFile,
+    /// A table cannot be read.
+    #[error("cannot read {}: {source}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: io::Error,
+    },
+    /// A line of a table is not what it must be.
+    #[error("{}:{line}: {problem}", path.display())]
+    Row {
+        /// The file.
+        path: PathBuf,
+        /// Line, from 1.
+        line: usize,
+        /// What is wrong and what is allowed.
+        problem: String,
+    },
+    /// A table as a whole is not usable.
+    #[error("{}: {problem}", path.display())]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong and what is needed.
+        problem: String,
+    },
+    /// The inner angle leaves nothing of a table.
+    #[error("inner_deg = {inner_deg}: allowed is less than {last_deg}, where {} ends", path.display())]
+    Inner {
+        /// The file.
+        path: PathBuf,
+        /// The inner angle, degrees.
+        inner_deg: f64,
+        /// The last angle of the file, degrees.
+        last_deg: f64,
+    },
+    /// A point-spread function is not usable.
+    #[error(transparent)]
+    Psf(#[from] PsfError),
+    /// The integral of a form is not a positive number.
+    #[error("the kernel `{0:?}` has no integral")]
+    NoIntegral(GlareKernelName),
 }
