@@ -156,3 +156,22 @@ fn psf_exit_code(error: &PsfError) -> u8 {
         PsfError::Write { .. } | PsfError::Encode { .. } => FAILED,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn glare_fails_as_a_configuration_or_as_data() {
+        let code = |error: GlareKernelError| CliError::render(error.into(), "a.toml").exit_code();
+        let path = || PathBuf::from("eye.csv");
+        assert_eq!(code(GlareKernelError::NoFile), BAD_USAGE);
+        assert_eq!(code(GlareKernelError::Inner { path: path(), inner_deg: 2.0, last_deg: 1.0 }), BAD_USAGE);
+        let row = GlareKernelError::Row { path: path(), line: 7, problem: "`x`: two numbers are needed".to_owned() };
+        let error = CliError::render(row.into(), "a.toml");
+        assert_eq!(error.exit_code(), BAD_DATA);
+        assert_eq!(error.to_string(), "a.toml: glare: eye.csv:7: `x`: two numbers are needed");
+        let missing = PsfError::NoScale { path: path(), looked_for: "CDELT1" };
+        assert_eq!(code(missing.into()), BAD_DATA);
+    }
+}

@@ -138,6 +138,11 @@ impl<'a> HdrView<'a> {
         Some(self.camera_from_view * self.mapping.direction_from_pixel(pixel_centre(x, y))?)
     }
 
+    /// Continuous pixel coordinates of a direction after [`HdrView::turned`]; `None` where it has no image.
+    pub(super) fn pixel(&self, direction: DVec3) -> Option<DVec2> {
+        self.mapping.pixel_from_direction(self.camera_from_view.conjugate() * direction)
+    }
+
     /// The lit pixels whose centres lie within `radius_px` of `centre`: centre of the pixel, light in lx.
     pub(super) fn lit_near_pixel(&self, centre: DVec2, radius_px: f64) -> Result<Vec<(DVec2, f64)>, MetricError> {
         // Pixels whose centres lie between the window's edges, as far as the image goes.

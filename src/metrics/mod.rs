@@ -12,6 +12,7 @@
 //! | `colour` | distance in CIE 1976 u'v' | 0 |
 //! | `range` | light of a faint source beside a bright one | 0 |
 //! | `order` | whether images of shuffled input agree bit for bit | identical |
+//! | `glare` | fall-off around a source, evenness on a circle around it, light beyond an angle | the kernel's, 0, the share scattered |
 //! | `seam` | how a star's light varies while it crosses an edge | 0 |
 //!
 //! A figure that has no meaning (the ellipticity of a point, the colour of black) is an error or `None`, never 0: a black
@@ -22,6 +23,7 @@ mod colour;
 mod error;
 mod flicker;
 mod flux;
+mod glare;
 mod image;
 mod moments;
 mod order;
@@ -39,6 +41,10 @@ pub use self::{
     flux::{
         fitted_scale, illuminance_lx, illuminance_near_direction_lx, illuminance_near_pixel_lx, relative_flux_error,
         total_illuminance_lx,
+    },
+    glare::{
+        Annulus, RelativeErrors, Roundness, log_log_slope, radial_profile, relative_errors, roundness,
+        scattered_flux_lx,
     },
     image::{HdrView, Pixels},
     order::{Difference, difference, order_dependence},

@@ -1,10 +1,10 @@
-//! The sum of Gaussians of "Real-Time Rendering of Stars Smaller than Pixels", equations 3 and 4: standard deviations 2^i degrees
-//! for i = -10 to 10, each with a peak of 1 / sigma^2. Their sum comes near to c / theta^2 with c near 1 / ln 2: 0.95 % off at
-//! most from 0.2 to 90 degrees.
+//! The sum of Gaussians of Schneegans, Kreskowski and Gerndt, "Smaller than Pixels: Rendering Millions of Stars in Real-Time",
+//! equations 3 and 4: standard deviations 2^i degrees for i = -10 to 10, each with a peak of 1 / sigma^2. Their sum comes near to
+//! c / theta^2 with c near 1 / ln 2: 0.95 % off at most from 0.2 to 90 degrees.
 //!
 //! The common factor 1 / sqrt(2 pi) of equation 3 is left out; the integral over the sphere is made 1. An inner angle leaves out
-//! the Gaussians narrower than it. What stays is a plateau as high as c / theta^2 is at 1.04 times its narrowest sigma, which is
-//! the inner angle or up to twice that, but never above 1024 degrees.
+//! the Gaussians narrower than it, so that the narrowest sigma is that angle or up to twice as wide (2^-10 degrees for smaller
+//! inner angles). The plateau that stays is as high as c / theta^2 is at 1.04 times the narrowest sigma.
 
 use super::normalised::Shape;
 
