@@ -1,5 +1,5 @@
-//! Frame time on the adapter in use: ten million stars with and without chunk culling, and a whole frame of a planetarium
-//! dome. Variants are interleaved in one run; medians are printed. Run: `cargo bench --bench frame_time`, or with the
+//! Frame time on the adapter in use: ten million stars with and without chunk culling, a whole frame of a planetarium
+//! dome, and the passes of every glare method. All but the last draw no glare. Variants are interleaved in one run; medians are printed. Run: `cargo bench --bench frame_time`, or with the
 //! names of some of the benchmarks.
 
 use std::{f64::consts::PI, sync::Arc};
@@ -15,7 +15,7 @@ use steradian::{
     gpu::{Gpu, GpuOptions},
     plan::{
         cull::{CullSettings, SPLAT_MARGIN_PX, visible_chunks},
-        settings::{ExposureMode, RenderSettings, StarMethod},
+        settings::{ExposureMode, GlareMethod, GlareSettings, RenderSettings, StarMethod},
     },
     scene::{Camera, SceneSnapshot},
     view::{Rig, View, ViewKind, projection::FisheyeMapping},
@@ -24,6 +24,11 @@ use steradian::{
 fn galaxy(stars: usize) -> Arc<StarSet> {
     let parameters = GalaxyParameters { stars, seed: 1, fainter_than: Some(3.5) };
     Arc::new(StarSet::from_records(generate(&parameters).expect("the galaxy has so many stars")))
+}
+
+/// The default, without glare.
+fn stars_alone() -> RenderSettings {
+    RenderSettings { glare: GlareSettings::none(), ..RenderSettings::default() }
 }
 
 fn rig(kind: ViewKind) -> Rig {
@@ -163,7 +168,40 @@ impl Bench {
                 );
             }
         }
-        self.settings = RenderSettings::default();
+        self.settings = stars_alone();
+    }
+
+    /// The glare passes of every method, in a picture like the one before: GPU time of all that they take together.
+    fn glare(&mut self, stars: &Arc<StarSet>) {
+        let camera = looking(icrs_from_galactic() * DVec3::X);
+        let scene = SceneSnapshot { revision: 1, stars: stars.clone(), camera };
+        for size in [[1920, 1080], [3840, 2160]] {
+            let rig = rig(ViewKind::Perspective { size, fov_y_rad: PI / 3.0 });
+            let mut times = GlareMethod::ALL.map(|method| (method, vec![]));
+            for round in 0..=self.frames {
+                for (method, glare_ms) in &mut times {
+                    self.settings.glare.method = *method;
+                    // What a method keeps from frame to frame is made in a frame that does not count: the others let go of it.
+                    self.frame(&scene, &rig);
+                    let (times, _) = self.frame(&scene, &rig);
+                    // Pipelines and textures are made in the first round.
+                    if round > 0 {
+                        glare_ms.push(times.passes_ms.iter().filter(|pass| pass.0 == "glare").map(|pass| pass.1).sum());
+                    }
+                }
+            }
+            for (method, glare_ms) in times {
+                let fastest = glare_ms.iter().fold(f64::MAX, |a: f64, b| a.min(*b));
+                let [width, height] = size;
+                println!(
+                    "glare, {} stars, {width} x {height}: {:15} {:8.2} ms (fastest {fastest:.2})",
+                    stars.stars.len(),
+                    method.name(),
+                    median(glare_ms)
+                );
+            }
+        }
+        self.settings = stars_alone();
     }
 
     fn dome(&mut self, stars: usize) {
@@ -208,8 +246,7 @@ fn main() {
     let wanted = |name: &str| chosen.is_empty() || chosen.iter().any(|word| word == name);
     let gpu = Gpu::open(&GpuOptions::default()).expect("an adapter");
     println!("{}\n", gpu.report());
-    let mut bench =
-        Bench { renderer: Renderer::new(gpu), settings: RenderSettings::default(), frames: 7, adapted_ev100: None };
+    let mut bench = Bench { renderer: Renderer::new(gpu), settings: stars_alone(), frames: 7, adapted_ev100: None };
     if wanted("dome") {
         bench.dome(265_000);
     }
@@ -218,6 +255,9 @@ fn main() {
         for stars in if counts.is_empty() { vec![1_000_000, 10_000_000] } else { counts } {
             bench.rasterisers(&galaxy(stars));
         }
+    }
+    if wanted("glare") {
+        bench.glare(&galaxy(1_000_000));
     }
     if wanted("culling") {
         let start = std::time::Instant::now();

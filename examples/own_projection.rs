@@ -28,7 +28,7 @@ use steradian::{
         exposure::{ev100_from_mean_luminance, white_luminance_cd_m2},
         kernel::SplatKernel,
         rec709::luminance,
-        tone_map::ToneMapOperator,
+        tone_map::ToneMapSettings,
     },
     reference::stars::{Eye, draw},
     view::{
@@ -149,11 +149,12 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     }
 
     let white_cd_m2 = white_luminance_cd_m2(ev100_from_mean_luminance(drawn_lx / (2.0 * TAU)) + COMPENSATION_EV);
+    let tone_map = ToneMapSettings::default();
     let display = map
         .luminance_cd_m2(&mapping)
         .into_iter()
         .flat_map(|rgb| {
-            let [red, green, blue] = ToneMapOperator::Filmic.display_rgb(rgb, white_cd_m2).map(to_byte);
+            let [red, green, blue] = tone_map.display_rgb(rgb, white_cd_m2).map(ToneMapSettings::byte);
             [red, green, blue, 255]
         })
         .collect();
@@ -164,10 +165,6 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     std::fs::write(&path, encode(Encoding::Png, &image)?)?;
     println!("picture     {}", path.display());
     Ok(())
-}
-
-fn to_byte(encoded: f64) -> u8 {
-    (encoded * 255.0).round() as u8
 }
 
 fn main() -> ExitCode {

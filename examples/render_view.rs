@@ -14,7 +14,7 @@ use steradian::{
     gpu::{Gpu, GpuOptions},
     output::{Encoding, encode},
     photometry::{kernel::SplatKernel, rec709::luminance},
-    plan::settings::{RenderSettings, StarMethod},
+    plan::settings::{GlareSettings, RenderSettings, StarMethod},
     reference::stars::{Eye, draw},
     scene::{Camera, SceneSnapshot},
     view::{Rig, View, ViewKind},
@@ -43,6 +43,8 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
 
     let mut settings = RenderSettings::default();
     settings.stars.method = StarMethod::BSpline;
+    // Glare would take light from stars near the border out of the picture: what is compared below is the stars' own.
+    settings.glare = GlareSettings::none();
     // Stars fill few of the pixels: white at the mean of such a picture would burn all of them out, colours included.
     settings.exposure.compensation_ev = 10.0;
 

@@ -1,6 +1,6 @@
 // The glare pass over pixels: a share of every pixel's light is scattered, and what is scattered towards it comes instead. The
 // picture stands where the resolve pass has left it, whole, and stays there; its illuminance is summed anew for the exposure.
-// What is scattered comes from glare_*.wgsl. Needs viewport.wgsl, math.wgsl, projection.wgsl, pixel_grid.wgsl and one of them.
+// What is scattered towards eight pixels of a column comes from glare_*.wgsl. Needs viewport.wgsl, math.wgsl, projection.wgsl, pixel_grid.wgsl and one of them.
 
 struct GlareParameters {
     // Share of the light that is scattered.
@@ -16,30 +16,52 @@ struct GlareParameters {
 @group(0) @binding(2) var<storage, read> tiles: array<Tile>;
 // R and G of all pixels in cd/m^2, then B and the solid angle.
 @group(0) @binding(3) var<storage, read_write> pixels: array<vec2<f32>>;
-@group(0) @binding(4) var<storage, read_write> partial_sums: array<f32>;
+@group(0) @binding(4) var<storage, read_write> partial_sums: array<vec2<f32>>;
 
-@compute @workgroup_size(COLUMNS)
-fn composite_glare(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
+// Columns of one workgroup: so few that what concerns a workgroup concerns each of its pixels. The same number stands in
+// src/passes/glare_composite.rs.
+const BLOCK_COLUMNS: u32 = 8u;
+// Runs of ROWS rows of one workgroup, one invocation of a column each. A GPU wants a full wave; a software driver is best served
+// by one step of its SIMD.
+override ROW_GROUPS: u32 = 8u;
+
+// Light of eight pixels of a column, from the top: one channel in two vectors, so that a source is read once for all of them.
+struct Light8 {
+    red: array<vec4<f32>, 2>,
+    green: array<vec4<f32>, 2>,
+    blue: array<vec4<f32>, 2>,
+}
+
+@compute @workgroup_size(BLOCK_COLUMNS, ROW_GROUPS)
+fn composite_glare(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_id) local: vec3<u32>) {
     let tile = tiles[group.z];
     let viewport = viewports[tile.viewport];
-    let x = group.x * COLUMNS + local;
-    if x >= viewport.size.x || group.y * ROWS >= tile.rows {
+    let x = group.x * BLOCK_COLUMNS + local.x;
+    let row_group = group.y * ROW_GROUPS + local.y;
+    let end_row = min(tile.rows, (row_group + 1u) * ROWS);
+    if x >= viewport.size.x || row_group * ROWS >= tile.rows {
         return;
     }
-    var sum = 0.0;
-    let end_row = min(tile.rows, (group.y + 1u) * ROWS);
-    for (var row = group.y * ROWS; row < end_row; row++) {
-        let index = tile.first_pixel + row * viewport.size.x + x;
-        let blue_omega = pixels[parameters.plane_pixels + index];
-        if blue_omega.y <= 0.0 {
-            continue;
+    var sum = vec2(0.0);
+    for (var first_row = row_group * ROWS; first_row < end_row; first_row += 8u) {
+        let scattered = scattered_towards(viewport, tile, vec3(x, first_row, group.z));
+        for (var i = 0u; i < min(8u, end_row - first_row); i++) {
+            let index = tile.first_pixel + (first_row + i) * viewport.size.x + x;
+            let blue_omega = pixels[parameters.plane_pixels + index];
+            if blue_omega.y <= 0.0 {
+                continue;
+            }
+            let four = i / 4u;
+            let one = i % 4u;
+            let arriving = vec3(scattered.red[four][one], scattered.green[four][one], scattered.blue[four][one]);
+            var luminance = parameters.fraction * arriving;
+            if parameters.fraction < 1.0 {
+                luminance += (1.0 - parameters.fraction) * vec3(pixels[index], blue_omega.x);
+            }
+            sum = metered(sum, dot(luminance, vec3(0.2126, 0.7152, 0.0722)) * blue_omega.y, blue_omega.y);
+            pixels[index] = bitcast<vec2<f32>>(red_green_words(luminance));
+            pixels[parameters.plane_pixels + index] = vec2(luminance.z, blue_omega.y);
         }
-        let drawn = vec3(pixels[index], blue_omega.x);
-        let scattered = scattered_towards(viewport, tile, group, vec2(i32(x), i32(tile.first_row + row)));
-        let luminance = (1.0 - parameters.fraction) * drawn + parameters.fraction * scattered;
-        sum += dot(luminance, vec3(0.2126, 0.7152, 0.0722)) * blue_omega.y;
-        pixels[index] = bitcast<vec2<f32>>(red_green_words(luminance));
-        pixels[parameters.plane_pixels + index] = vec2(luminance.z, blue_omega.y);
     }
-    partial_sums[tile.first_partial + group.y * viewport.size.x + x] = sum;
+    partial_sums[tile.first_partial + row_group * viewport.size.x + x] = sum;
 }

@@ -10,19 +10,15 @@ struct ResolveParameters {
     lx_per_bright_unit: f32,
     // Display values per cd/m^2, if the display image is written here.
     display_per_cd_m2: f32,
-    // 0: filmic, 1: sRGB.
-    tone_operator: u32,
     // Pixels of the batch: where B and the solid angles begin.
     plane_pixels: u32,
-    unused_0: u32,
-    unused_1: u32,
-    unused_2: u32,
+    shown: Display,
 }
 
 @group(0) @binding(0) var<uniform> parameters: ResolveParameters;
 @group(0) @binding(1) var<storage, read> viewports: array<Viewport>;
 @group(0) @binding(2) var<storage, read> tiles: array<Tile>;
-@group(0) @binding(4) var<storage, read_write> partial_sums: array<f32>;
+@group(0) @binding(4) var<storage, read_write> partial_sums: array<vec2<f32>>;
 @group(0) @binding(6) var<storage, read_write> display: array<u32>;
 
 override WRITE_HDR: bool = true;
@@ -69,10 +65,11 @@ fn resolve(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
         if WRITE_DISPLAY {
             var word = BLACK;
             if lit {
-                word = display_word(luminance.xyz * parameters.display_per_cd_m2, parameters.tone_operator, x, image_row);
+                word = display_word(luminance.xyz, parameters.display_per_cd_m2, parameters.shown, x, image_row);
             }
             display[index] = word;
         }
     }
-    partial_sums[tile.first_partial + group.y * viewport.size.x + x] = sum;
+    // Whole numbers times a unit: no pixel is left out, because none is not finite.
+    partial_sums[tile.first_partial + group.y * viewport.size.x + x] = vec2(sum, 0.0);
 }

@@ -17,7 +17,7 @@ struct LuminanceParameters {
 @group(0) @binding(2) var<storage, read> tiles: array<Tile>;
 // R and G of all pixels in cd/m^2, then B and the solid angle.
 @group(0) @binding(3) var<storage, read_write> pixels: array<vec2<f32>>;
-@group(0) @binding(4) var<storage, read_write> partial_sums: array<f32>;
+@group(0) @binding(4) var<storage, read_write> partial_sums: array<vec2<f32>>;
 
 @compute @workgroup_size(COLUMNS)
 fn resolve_luminance(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
@@ -27,7 +27,7 @@ fn resolve_luminance(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_inv
     if x >= viewport.size.x || group.y * ROWS >= tile.rows {
         return;
     }
-    var sum = 0.0;
+    var sum = vec2(0.0);
     for (var j = 0u; j < ROWS; j++) {
         let row = group.y * ROWS + j;
         if row >= tile.rows {
@@ -39,7 +39,7 @@ fn resolve_luminance(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_inv
         var luminance = vec3(0.0);
         if omega > 0.0 {
             luminance = luminance_of(viewport, index, at) * parameters.scale;
-            sum += dot(luminance, vec3(0.2126, 0.7152, 0.0722)) * omega;
+            sum = metered(sum, dot(luminance, vec3(0.2126, 0.7152, 0.0722)) * omega, omega);
         }
         pixels[index] = bitcast<vec2<f32>>(red_green_words(luminance));
         pixels[parameters.plane_pixels + index] = vec2(luminance.z, omega);

@@ -1,14 +1,14 @@
-// The tone-mapping pass: luminance over display white to 8 bits, dithered. The f64 twin is src/photometry/tone_map.rs.
+// The tone-mapping pass: luminance to 8 bits of a display. The f64 twin is src/photometry/tone_map.rs.
 // Needs viewport.wgsl, math.wgsl, display.wgsl, pixel_grid.wgsl and shared/exposure.wgsl. It runs where the exposure is not known before
 // the pixels are; otherwise the resolve pass writes the display image itself.
 
 struct ToneMapParameters {
-    // 0: filmic, 1: sRGB.
-    tone_operator: u32,
     // Pixels of the batch: where B and the solid angles begin.
     plane_pixels: u32,
     unused_0: u32,
     unused_1: u32,
+    unused_2: u32,
+    shown: Display,
 }
 
 @group(0) @binding(0) var<uniform> parameters: ToneMapParameters;
@@ -37,7 +37,7 @@ fn tone_map(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_i
         var word = BLACK;
         if any(bitcast<vec2<u32>>(red_green) != vec2(0u)) {
             let luminance = vec3(red_green, luminances[parameters.plane_pixels + index].x);
-            word = display_word(luminance * exposure.display_per_cd_m2, parameters.tone_operator, x, tile.first_row + row);
+            word = display_word(luminance, exposure.display_per_cd_m2, parameters.shown, x, tile.first_row + row);
         }
         display[index] = word;
     }

@@ -7,6 +7,10 @@
 mod blended;
 mod catalogue_buffers;
 mod glare;
+mod glare_pyramid;
+mod glare_sky;
+#[cfg(test)]
+mod pass_tests;
 mod published;
 mod read;
 mod record;

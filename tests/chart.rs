@@ -8,9 +8,10 @@ use std::{collections::BTreeSet, process::Command, time::Duration};
 use glam::DVec2;
 use steradian::{
     chart::{
-        self, About, Axis, COLUMNS, Extent, Metric, Row, ScoringSize, Sky, ViewShape, read_csv, score_method, write_csv,
+        self, About, Axis, COLUMNS, Extent, GlareExtent, GlareMetric, Metric, Row, ScoringSize, Sky, ViewShape,
+        read_csv, score_method, write_csv,
     },
-    plan::settings::StarMethod,
+    plan::settings::{GlareMethod, StarMethod},
 };
 use svg::{node::element::tag::Type, parser::Event};
 
@@ -24,6 +25,18 @@ fn tiny() -> Extent {
         scoring: tiny_scoring(),
         scale: vec![200, 400],
         many_views_stars: 300,
+        glare: GlareExtent {
+            stars: 300,
+            views: vec![
+                (ViewShape::Flat([160, 90]), ViewShape::Flat([192, 108])),
+                (ViewShape::Cubemap(32), ViewShape::Cubemap(48)),
+                (ViewShape::Dome(64), ViewShape::Dome(128)),
+            ],
+            scored_stars: 300,
+            pixels: 300,
+            rounds: 2,
+            budget: Duration::from_secs(60),
+        },
     }
 }
 
@@ -175,6 +188,69 @@ fn tiny_runs_of_the_other_axes_have_their_figures() {
     }
 }
 
+/// Glare: ours is right in every projection, and the published pyramids have the flaws that they are known for.
+#[test]
+fn a_tiny_run_of_glare_has_the_figures_of_every_method() {
+    let mut renderer = common::renderer();
+    let extent = tiny();
+    let mut steps = Vec::new();
+    let rows = chart::run(&mut renderer, &[Axis::Glare], &extent, &mut |step| steps.push(step.clone())).unwrap();
+    assert!(steps.iter().enumerate().all(|(index, step)| step.done == index && step.of == steps.len()), "{steps:?}");
+    let keys: BTreeSet<_> = rows.iter().map(|row| (&row.method, &row.workload, &row.error_metric)).collect();
+    assert_eq!(keys.len(), rows.len());
+    let methods: BTreeSet<&str> = rows.iter().map(|row| row.method.as_str()).collect();
+    assert!(GlareMethod::ALL.iter().all(|method| methods.contains(method.name())), "{methods:?}");
+    assert_eq!(rows.len(), 7 * GlareMetric::ALL.len() * extent.glare.views.len());
+    let of = |method: &str, workload: &str, metric: GlareMetric| {
+        let key = (method, workload, metric.name());
+        let found = rows.iter().find(|row| (&*row.method, &*row.workload, &*row.error_metric) == key);
+        found.unwrap_or_else(|| panic!("no row {key:?}"))
+    };
+    let workloads = ["300 anticentre-90p", "300 cubemap-32", "300 dome-64"];
+    for row in &rows {
+        println!("{} {} {} {:?} {}", row.method, row.workload, row.error_metric, row.error_value, row.notes);
+        let times = [row.gpu_ms_min, row.gpu_ms_median, row.gpu_ms_max];
+        match times {
+            [Some(min), Some(median), Some(max)] => assert!(0.0 < min && min <= median && median <= max, "{row:?}"),
+            _ => assert!(times == [None; 3] && row.method == "none", "{row:?}"),
+        }
+        assert!(row.error_value.is_some() || !row.notes.is_empty(), "an empty cell must say why: {row:?}");
+        assert_eq!(row.source == "smaller-than-pixels", row.method.contains("pyramid"));
+        assert!(row.notes.contains("whole frame"), "{row:?}");
+        assert_eq!(row.notes.contains("on the CPU"), row.method == "sky_cube_in_flight", "{row:?}");
+    }
+    for workload in workloads {
+        let ours = |metric| of("sky_cube", workload, metric).error_value;
+        assert!(ours(GlareMetric::VeilRms).unwrap() < 0.03 && ours(GlareMetric::Roundness).unwrap() < 0.03);
+        assert!((ours(GlareMetric::Slope).unwrap() + 2.0).abs() < 0.03);
+        assert!((ours(GlareMetric::FluxKept).unwrap() - 1.0).abs() < 0.02);
+        assert!(of("none", workload, GlareMetric::VeilRms).error_value.is_none());
+        for pyramid in ["screen_pyramid", "view_pyramid"] {
+            assert!(of(pyramid, workload, GlareMetric::VeilRms).error_value.unwrap() > 0.2, "{pyramid} {workload}");
+        }
+    }
+    for workload in ["300 anticentre-90p", "300 dome-64"] {
+        let outside = |method| of(method, workload, GlareMetric::FromOutside).error_value.unwrap();
+        assert!((outside("sky_cube") - 1.0).abs() < 0.02, "{}", outside("sky_cube"));
+        assert_eq!([outside("screen_pyramid"), outside("view_pyramid_halved")], [0.0; 2]);
+    }
+    let seam = |method| of(method, "300 cubemap-32", GlareMetric::Seam).error_value.unwrap();
+    assert!(seam("sky_cube") < 0.05 && seam("screen_pyramid") > 0.5, "{} {}", seam("sky_cube"), seam("screen_pyramid"));
+
+    let folder = tempfile::tempdir().unwrap();
+    chart::write(folder.path(), &rows, &about()).unwrap();
+    let read = |name: &str| std::fs::read_to_string(folder.path().join(name)).unwrap();
+    assert_eq!(read_csv(&read("chart.csv")).unwrap(), rows);
+    let (texts, html) = (well_formed(&read("glare.svg")), read("index.html"));
+    for method in methods {
+        assert!(texts.iter().any(|text| text.contains(method)), "{method} is not in the picture");
+        assert!(html.contains(&format!("<td>{method}</td>")));
+    }
+    for workload in workloads {
+        assert!(texts.iter().any(|text| text.contains(workload)) && html.contains(workload), "{workload}");
+    }
+}
+
 /// What the closed forms and the table of kernels say of the tent and the B-spline comes out of the chart's own scenes.
 #[test]
 fn scores_are_those_that_the_kernels_have() {
@@ -219,7 +295,7 @@ fn a_figure_that_is_none_is_refused() {
 #[test]
 fn axes_that_do_not_exist_are_bad_usage() {
     let folder = tempfile::tempdir().unwrap();
-    for axis in ["glare", "asteroids", "nothing"] {
+    for axis in ["asteroids", "nothing"] {
         let output = Command::new(env!("CARGO_BIN_EXE_steradian"))
             .args(["chart", "--out", "chart", "--quick", "--axis", axis])
             .current_dir(folder.path())
@@ -227,7 +303,7 @@ fn axes_that_do_not_exist_are_bad_usage() {
             .unwrap();
         let message = String::from_utf8(output.stderr).unwrap();
         assert_eq!(output.status.code(), Some(64), "{message}");
-        assert!(message.contains(axis) && message.contains("there is: stars, views, scale"), "{message}");
+        assert!(message.contains(axis) && message.contains("there is: stars, glare, views, scale"), "{message}");
     }
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0, "nothing is written");
 }

@@ -7,7 +7,9 @@ use std::path::{Path, PathBuf};
 use steradian::catalogue::galaxy::GalaxyParameters;
 use steradian::config::{CatalogueConfig, Config, ConfigError};
 use steradian::photometry::glare::{EyeColour, GlareKernelName};
-use steradian::plan::settings::{ExposureMode, GlareMethod, RenderSettings, StarMethod, ToneMapOperator};
+use steradian::plan::settings::{
+    ExposureMode, GlareMethod, RenderSettings, StarMethod, ToneMapOperator, ToneMapSettings,
+};
 use steradian::scene::loader::{StarSource, load_stars};
 use steradian::view::{Part, ViewKind};
 
@@ -45,7 +47,9 @@ fn refused(text: &str, parts: &[&str]) {
 fn every_example_loads_and_makes_a_rig_that_looks_somewhere() {
     let examples = examples();
     let names: Vec<&str> = examples.iter().map(|path| path.file_stem().unwrap().to_str().unwrap()).collect();
-    for expected in ["cubemap", "demo", "dome", "equirectangular", "mission-control", "perspective", "stereo"] {
+    for expected in
+        ["calibrated", "cubemap", "demo", "dome", "equirectangular", "mission-control", "perspective", "stereo"]
+    {
         assert!(names.contains(&expected), "configs/{expected}.toml");
     }
     for path in &examples {
@@ -310,7 +314,8 @@ fn mistakes_in_views() {
 fn sections_of_rendering() {
     let config = parse(
         "[stars]\nmethod = 'tent'\nmagnitude_limit = 8\n[glare]\nmethod = 'none'\nkernel = 'cie'\ninner_deg = 0.5\nfraction = 0.2\n\
-         [exposure]\nmode = 'manual'\nev100 = 2\n[tone_map]\noperator = 'srgb'\n[accuracy]\nflux = 1e-2\ncentroid_px = 0.1\nflicker = 0.5\n\
+         [exposure]\nmode = 'manual'\nev100 = 2\nkey = 0.2\n[tone_map]\noperator = 'calibrated'\n\
+         peak_cd_m2 = 12\nblack_cd_m2 = 0.01\nwhite = 8\ndesaturation = 0.5\nscotopic = 0.25\ndither = false\n[accuracy]\nflux = 1e-2\ncentroid_px = 0.1\nflicker = 0.5\n\
          [server]\nlisten = '[::1]:99'\n",
     )
     .unwrap();
@@ -319,7 +324,21 @@ fn sections_of_rendering() {
     assert_eq!(settings.glare.method, GlareMethod::None);
     assert_eq!((config.glare.kernel, config.glare.inner_deg, config.glare.fraction), (GlareKernelName::Cie, 0.5, 0.2));
     assert_eq!((settings.exposure.mode, settings.exposure.ev100), (ExposureMode::Manual, 2.0));
-    assert_eq!(settings.tone_map.operator, ToneMapOperator::Srgb);
+    assert_eq!(settings.exposure.key, 0.2);
+    let expected = ToneMapSettings {
+        operator: ToneMapOperator::Calibrated,
+        white: 8.0,
+        peak_cd_m2: 12.0,
+        black_cd_m2: 0.01,
+        desaturation: 0.5,
+        scotopic: 0.25,
+        dither: false,
+    };
+    assert_eq!(settings.tone_map, expected);
+    for operator in ToneMapOperator::ALL {
+        let config = parse(&format!("[tone_map]\noperator = '{}'", operator.name())).unwrap();
+        assert_eq!(config.tone_map, ToneMapSettings::of(operator));
+    }
     assert_eq!((settings.accuracy.flux, settings.accuracy.centroid_px, settings.accuracy.flicker), (1e-2, 0.1, 0.5));
     assert_eq!(config.server.listen, "[::1]:99");
 }
@@ -405,7 +424,32 @@ fn mistakes_in_the_sections() {
     refused("[exposure]\nmin_ev100 = 5\nmax_ev100 = 4", &["exposure.min_ev100", "max_ev100 = 4"]);
     refused("[exposure]\nadaptation_s = -1", &["exposure.adaptation_s", "from 0"]);
     refused("[exposure]\niso = 100", &["exposure.iso", "unknown key", "ev100"]);
-    refused("[tone_map]\noperator = 'aces'", &["tone_map.operator", "filmic"]);
+    for key in ["0", "1e-7", "1.01", "-0.1"] {
+        refused(&format!("[exposure]\nkey = {key}"), &["exposure.key", "0.000001 to 1 of display white"]);
+    }
+    refused("[exposure]\nkey = nan", &["exposure.key", "finite"]);
+    assert!(parse("[exposure]\nkey = 1\n").is_ok() && parse("[exposure]\nkey = 1e-6\n").is_ok());
+    refused("[tone_map]\noperator = 'hable'", &["tone_map.operator", "filmic", "reinhard", "calibrated"]);
+    refused("[tone_map]\ngamma = 2.2", &["tone_map.gamma", "unknown key", "peak_cd_m2"]);
+    refused("[tone_map]\ndither = 1", &["tone_map.dither", "invalid type"]);
+    for (key, wrong, told) in [
+        ("white", "0.99", "1 to 1000000 times display white"),
+        ("white", "inf", "finite"),
+        ("peak_cd_m2", "0", "above 0 up to 1000000 cd/m^2"),
+        ("peak_cd_m2", "1e7", "above 0 up to 1000000 cd/m^2"),
+        ("black_cd_m2", "-0.1", "0 to 50 cd/m^2"),
+        ("black_cd_m2", "50.1", "half of peak_cd_m2 = 100"),
+        ("black_cd_m2", "nan", "finite"),
+        ("desaturation", "1.1", "0 to 1"),
+        ("desaturation", "-0.1", "0 to 1"),
+        ("scotopic", "2", "0 to 1"),
+        ("scotopic", "nan", "finite"),
+    ] {
+        refused(&format!("[tone_map]\n{key} = {wrong}"), &[&format!("tone_map.{key}"), told]);
+    }
+    let widest =
+        "[tone_map]\nwhite = 1\npeak_cd_m2 = 1e6\nblack_cd_m2 = 5e5\ndesaturation = 1\nscotopic = 1\ndither = false";
+    assert!(parse(widest).is_ok());
     for value in ["1e300", "30.1", "-31"] {
         refused(&format!("[exposure]\ncompensation_ev = {value}"), &["exposure.compensation_ev", "-30 to 30"]);
     }

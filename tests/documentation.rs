@@ -288,7 +288,15 @@ fn links(document: &str) -> Vec<String> {
 #[test]
 fn links_lead_to_files() {
     assert_eq!(links("[a](b.md#c) ![d](e/f.png) [g](https://h.org/) [i](#j)"), ["b.md", "e/f.png"]);
-    for document in ["README.md", "CONTRIBUTING.md", "CHANGELOG.md", "docs/architecture.md", "docs/benchmarks.md"] {
+    for document in [
+        "README.md",
+        "CONTRIBUTING.md",
+        "CHANGELOG.md",
+        "docs/architecture.md",
+        "docs/benchmarks.md",
+        "docs/glare-methods.md",
+        "docs/star-methods.md",
+    ] {
         let folder = repository().join(document);
         for link in links(&read(document)) {
             let path = folder.parent().unwrap().join(&link);

@@ -10,7 +10,7 @@ use std::{
 
 use common::{renderer, settings};
 use steradian::{
-    plan::settings::StarMethod,
+    plan::settings::{GlareSettings, StarMethod},
     verify::{self, CheckResult, Outcome},
 };
 
@@ -92,6 +92,7 @@ fn a_renderer_that_loses_stars_fails() {
     let mut check = |name: &str, magnitude_limit: f64| -> CheckResult {
         let mut settings = settings(StarMethod::BSpline);
         settings.stars.magnitude_limit = magnitude_limit;
+        settings.glare = GlareSettings::default();
         verify::run(verify::select(Some(name)).unwrap()[0], &mut renderer, &settings)
     };
     // Check 17 moves the limit itself.

@@ -6,13 +6,7 @@
 // `parameters.source_0`: texels along an edge of the cube. `parameters.source_1`: texels beyond it on every side.
 fn luminance_of(viewport: Viewport, index: u32, at: vec2<i32>) -> vec3<f32> {
     let direction = direction_from_pixel(viewport, vec2<f32>(at) + 0.5).xyz;
-    let size = abs(direction);
-    var face = select(1u, 2u, direction.x < 0.0);
-    if size.z >= size.x && size.z >= size.y {
-        face = select(0u, 3u, direction.z > 0.0);
-    } else if size.y >= size.x {
-        face = select(4u, 5u, direction.y < 0.0);
-    }
+    let face = cube_face_of(direction);
     let on_face = face_from_face(face, 0u, direction);
     let tangents = on_face.xy / -on_face.z;
     let edge = f32(parameters.source_0);

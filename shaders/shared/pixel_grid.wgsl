@@ -13,3 +13,10 @@ fn red_green_words(luminance: vec3<f32>) -> vec2<u32> {
     }
     return words;
 }
+
+// What a column of pixels hands to the exposure pass: the illuminance of its pixels in lx, and the solid angle in sr of those that do
+// not count because their light is not finite. Told by the bits: compilers may take it that comparisons see numbers only.
+fn metered(sum: vec2<f32>, illuminance: f32, omega: f32) -> vec2<f32> {
+    let counts = (bitcast<u32>(illuminance) & 0x7f800000u) != 0x7f800000u;
+    return sum + select(vec2(0.0, omega), vec2(illuminance, 0.0), counts);
+}

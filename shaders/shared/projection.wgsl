@@ -239,6 +239,18 @@ fn averaged_density(viewport: Viewport, centre: vec2<f32>, step: vec2<f32>) -> f
     return sum;
 }
 
+// Face that a direction (any length but 0) points at.
+fn cube_face_of(direction: vec3<f32>) -> u32 {
+    let size = abs(direction);
+    if size.z >= size.x && size.z >= size.y {
+        return select(0u, 3u, direction.z > 0.0);
+    }
+    if size.y >= size.x {
+        return select(4u, 5u, direction.y < 0.0);
+    }
+    return select(1u, 2u, direction.x < 0.0);
+}
+
 // Rotation of a direction from the axes of one cube face to those of another.
 fn face_from_face(other: u32, own: u32, direction: vec3<f32>) -> vec3<f32> {
     var forwards = FACE_FORWARD;

@@ -3,10 +3,10 @@
 
 use std::fmt::Write as _;
 
-use super::{About, Axis, Row, scores::Metric, summary::Summary, svg::grouped, timing::TIMING_EV100};
+use super::{About, Axis, GlareMetric, Row, scores::Metric, summary::Summary, svg::grouped, timing::TIMING_EV100};
 
-/// Columns of the table, each with its heading.
-const TABLE: [(Metric, &str); 13] = [
+/// Columns of the table of the axis `stars`, each with its heading.
+const STARS: [(Metric, &str); 13] = [
     (Metric::FluxStarRms, "flux error, one star"),
     (Metric::FluxTotal, "flux error, frame"),
     (Metric::CentroidPx, "centroid error, px"),
@@ -21,6 +21,35 @@ const TABLE: [(Metric, &str); 13] = [
     (Metric::Seam, "seam"),
     (Metric::OrderBitsDiffer, "shuffles identical"),
 ];
+
+/// The same of the axis `glare`.
+const GLARE: [(GlareMetric, &str); 7] = [
+    (GlareMetric::VeilRms, "veil, rms error"),
+    (GlareMetric::VeilLargest, "veil, largest error"),
+    (GlareMetric::Roundness, "not round"),
+    (GlareMetric::Slope, "slope"),
+    (GlareMetric::FromOutside, "from outside"),
+    (GlareMetric::Seam, "step at edges"),
+    (GlareMetric::FluxKept, "light kept"),
+];
+
+/// A column of errors.
+#[derive(Clone, Copy)]
+struct Column {
+    metric: &'static str,
+    heading: &'static str,
+    meaning: &'static str,
+}
+
+/// The columns of errors of an axis that has a table per workload.
+fn columns(axis: Axis) -> Vec<Column> {
+    let of = |(metric, heading, meaning)| Column { metric, heading, meaning };
+    match axis {
+        Axis::Stars => STARS.map(|(metric, heading)| of((metric.name(), heading, metric.meaning()))).to_vec(),
+        Axis::Glare => GLARE.map(|(metric, heading)| of((metric.name(), heading, metric.meaning()))).to_vec(),
+        Axis::Views | Axis::Scale => Vec::new(),
+    }
+}
 
 const STYLE: &str = "body{font:15px/1.5 system-ui,sans-serif;margin:2rem auto;max-width:1400px;padding:0 1rem;color:#222}\
     h1{font-size:1.5rem} h2{font-size:1.2rem;margin-top:2.5rem} img{width:100%;height:auto;border:1px solid #ddd}\
@@ -81,14 +110,20 @@ pub(super) fn page(rows: &[Row], pictures: &[(Axis, String)], about: &About) -> 
         let of_axis: Vec<&Row> = rows.iter().filter(|row| row.axis == axis.name()).collect();
         add(&format!("<h2>{}</h2>\n", escaped(axis.title())));
         add(&format!("<p><img src=\"{}\" alt=\"{}\"></p>\n", escaped(picture), escaped(axis.title())));
-        if *axis != Axis::Stars {
+        let columns = columns(*axis);
+        if columns.is_empty() {
             add(&matrix(&of_axis));
             continue;
         }
-        add(&summary(&Summary::of(rows)));
+        add(&if *axis == Axis::Stars {
+            let what = "flux error of single stars; identical: whether shuffled stars give the same bits";
+            summary(&Summary::stars(rows), what)
+        } else {
+            summary(&Summary::glare(rows), "rms error of the veil, workloads in the order of the times")
+        });
         for workload in distinct(&of_axis, |row| &row.workload) {
             let of_workload: Vec<&Row> = of_axis.iter().filter(|row| row.workload == workload).copied().collect();
-            add(&table(workload, &of_workload));
+            add(&table(workload, &of_workload, &columns));
         }
     }
     add(
@@ -98,28 +133,29 @@ pub(super) fn page(rows: &[Row], pictures: &[(Axis, String)], about: &About) -> 
     add(&format!(
         "The exposure is manual, ev100 = {TIMING_EV100}, for every method: a star of magnitude 3 or so reaches display white if all \
          of its light falls into one pixel of a view of 1080 pixels and 60 degrees. It matters to methods that go by what the display \
-         shows.</dd>\n"
+         shows. On the axis <code>glare</code> it is the time of the passes of glare alone, the map of the sky made on the CPU included \
+         where it is made anew for every frame.</dd>\n"
     ));
-    for (metric, heading) in TABLE {
-        let name = metric.name();
-        add(&format!("<dt>{heading} (<code>{name}</code>)</dt><dd>{}.</dd>\n", escaped(metric.meaning())));
+    for Column { metric, heading, meaning } in pictures.iter().flat_map(|(axis, _)| columns(*axis)) {
+        add(&format!("<dt>{heading} (<code>{metric}</code>)</dt><dd>{}.</dd>\n", escaped(meaning)));
     }
     add(
         "</dl>\n<p>All figures but the frame's flux error and the time are of single stars in scenes of their own, the same for \
-         every workload. A dash: the figure does not apply or could not be measured, the notes say why. The Pareto front holds \
+         every workload; those of glare are measured in smaller views of the same projections. A dash: the figure does not apply or could not be measured, the notes say why. The Pareto front holds \
          the methods that no other beats in both time and error.</p>\n</body>\n</html>\n",
     );
     page
 }
 
-/// The table of all methods.
-fn summary(summary: &Summary) -> String {
+/// The table of all methods; `what` says what beside times it has.
+fn summary(summary: &Summary, what: &str) -> String {
     let times = summary.workloads.iter().map(|name| format!("<th>ms, {}</th>", escaped(name)));
     let heads: String =
         times.chain(summary.headings.iter().map(|name| format!("<th>{}</th>", escaped(name)))).collect();
     let mut table = format!(
-        "<h3>Every method</h3>\n<p>Times are medians; flux error of single stars; identical: whether shuffled stars give the same bits.</p>\n\
-         <div class=\"wide\"><table class=\"summary\">\n<tr><th>method</th><th>source</th>{heads}</tr>\n"
+        "<h3>Every method</h3>\n<p>Times are medians; {}.</p>\n\
+         <div class=\"wide\"><table class=\"summary\">\n<tr><th>method</th><th>source</th>{heads}</tr>\n",
+        escaped(what)
     );
     for line in &summary.lines {
         let cells: String = line.iter().map(|cell| format!("<td>{}</td>", escaped(cell))).collect();
@@ -129,7 +165,7 @@ fn summary(summary: &Summary) -> String {
 }
 
 /// The table of one workload.
-fn table(workload: &str, rows: &[&Row]) -> String {
+fn table(workload: &str, rows: &[&Row], columns: &[Column]) -> String {
     let mut table = String::new();
     let first = rows.first();
     let [width, height] = first.map_or([0, 0], |row| [row.width, row.height]);
@@ -142,8 +178,8 @@ fn table(workload: &str, rows: &[&Row]) -> String {
         escaped(workload),
         grouped(first.map_or(0, |row| row.items))
     ));
-    for (metric, heading) in TABLE {
-        add(format_args!("<th title=\"{}\">{}</th>", escaped(metric.meaning()), escaped(heading)));
+    for Column { heading, meaning, .. } in columns {
+        add(format_args!("<th title=\"{}\">{}</th>", escaped(meaning), escaped(heading)));
     }
     add(format_args!("<th>notes</th></tr>\n"));
     for method in distinct(rows, |row| &row.method) {
@@ -157,15 +193,15 @@ fn table(workload: &str, rows: &[&Row]) -> String {
             time(row)
         ));
         let mut notes: Vec<&str> = Vec::new();
-        for (metric, _) in TABLE {
-            let found = of_method.iter().find(|row| metric_of(row) == Some(metric));
+        for Column { metric, .. } in columns {
+            let found = of_method.iter().find(|row| row.error_metric == *metric);
             add(format_args!(
                 "<td>{}</td>",
                 found.and_then(|row| row.error_value).map_or("\u{2013}".to_owned(), |value| {
-                    match metric {
-                        Metric::OrderBitsDiffer if value == 0.0 => "yes".to_owned(),
-                        Metric::OrderBitsDiffer => format!("no ({:.1} % of pixels)", 100.0 * value),
-                        _ => figure(value),
+                    match *metric == Metric::OrderBitsDiffer.name() {
+                        true if value == 0.0 => "yes".to_owned(),
+                        true => format!("no ({:.1} % of pixels)", 100.0 * value),
+                        false => figure(value),
                     }
                 })
             ));
@@ -277,8 +313,25 @@ mod tests {
         }
         assert_eq!(page.matches("<tr>").count(), 4, "the heads and one method, in the summary and in the workload");
         assert!(page.contains("ev100 = -3,") && page.contains("<th>ms, 10k dome-8</th>"), "{page}");
-        let differing = super::table("w", &[&row(Metric::OrderBitsDiffer, Some(0.25))]);
+        let differing = super::table("w", &[&row(Metric::OrderBitsDiffer, Some(0.25))], &columns(Axis::Stars));
         assert!(differing.contains("no (25.0 % of pixels)"), "{differing}");
+    }
+
+    #[test]
+    fn glare_has_a_table_of_its_own_errors() {
+        let of = |metric: GlareMetric, value| Row {
+            axis: "glare".to_owned(),
+            method: "sky_cube".to_owned(),
+            error_metric: metric.name().to_owned(),
+            error_value: Some(value),
+            ..row(Metric::Seam, None)
+        };
+        let rows = [of(GlareMetric::Slope, -2.0), of(GlareMetric::FromOutside, 1.0)];
+        let page = page(&rows, &[(Axis::Glare, "glare.svg".to_owned())], &about());
+        for part in ["<img src=\"glare.svg\"", "<td>-2.000</td><td>1.000</td>", "veil_flux_kept", "<td>sky_cube</td>"] {
+            assert!(page.contains(part), "`{part}` is not in {page}");
+        }
+        assert!(!page.contains("flicker_k10"), "the errors of stars are not charted");
     }
 
     #[test]

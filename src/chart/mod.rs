@@ -8,15 +8,16 @@
 //! - `timing`: frames of all methods in turn, within a budget of time;
 //! - `scenes`: small made-up skies of which the right picture is known;
 //! - `scores`: the figures of one method over those scenes, by [`crate::metrics`];
-//! - `stars`, `views`, `scale`: the axes;
+//! - `stars`, `glare`, `views`, `scale`: the axes;
 //! - `summary`: a line per method;
 //! - `pareto`: which methods no other beats in both time and accuracy.
 //!
 //! Time is the GPU's from the clearing of the first buffer to the end of the last pass, plus the culling on the CPU, ms: so
-//! clear, cull, splat and resolve count alike for every method. Scores are dimensionless unless the metric's name has a
+//! clear, cull, splat and resolve count alike for every method; of the axis `glare` it is that of the glare passes. Scores are dimensionless unless the metric's name has a
 //! unit. What could not be measured is empty and says why in the notes, never 0.
 
 mod csv;
+mod glare;
 mod html;
 mod pareto;
 mod scale;
@@ -39,10 +40,10 @@ use self::workloads::Skies;
 pub use self::{
     csv::{COLUMNS, Row, read_csv, write_csv},
     pareto::{ParetoError, pareto_front},
-    scores::{Metric, Score, Scores, ScoringSize, score_method},
+    scores::{GlareMetric, Metric, Score, Scores, ScoringSize, score_method},
     summary::summary,
     timing::Spread,
-    workloads::{Extent, Sky, ViewShape},
+    workloads::{Extent, GlareExtent, Sky, ViewShape},
 };
 use crate::{
     catalogue::galaxy::GalaxyError,
@@ -82,6 +83,8 @@ pub enum ChartError {
 pub enum Axis {
     /// Every way of drawing stars: time against each of their errors.
     Stars,
+    /// Every way of drawing glare, in every projection: time against each of their errors.
+    Glare,
     /// What a further view of the same frame costs.
     Views,
     /// Time against the number of stars.
@@ -90,14 +93,15 @@ pub enum Axis {
 
 impl Axis {
     /// The axes that exist.
-    pub const ALL: [Self; 3] = [Self::Stars, Self::Views, Self::Scale];
+    pub const ALL: [Self; 4] = [Self::Stars, Self::Glare, Self::Views, Self::Scale];
     /// Axes of techniques that do not exist yet.
-    pub const NOT_YET: [&'static str; 2] = ["glare", "asteroids"];
+    pub const NOT_YET: [&'static str; 1] = ["asteroids"];
 
     /// Name on the command line and in `chart.csv`.
     pub fn name(self) -> &'static str {
         match self {
             Self::Stars => "stars",
+            Self::Glare => "glare",
             Self::Views => "views",
             Self::Scale => "scale",
         }
@@ -107,6 +111,7 @@ impl Axis {
     pub fn title(self) -> &'static str {
         match self {
             Self::Stars => "Drawing stars: time against error",
+            Self::Glare => "Glare: time against error",
             Self::Views => "Many views of one frame: each by itself and all together",
             Self::Scale => "Time against the number of stars",
         }
@@ -153,11 +158,16 @@ pub fn run(renderer: &mut Renderer, axes: &[Axis], extent: &Extent, tell: Tell<'
     let mut skies = Skies::default();
     let mut rows = Vec::new();
     for (index, &axis) in axes.iter().enumerate() {
-        let weight = |axis: Axis| if axis == Axis::Stars { 6.0 } else { 1.0 };
+        let weight = |axis: Axis| match axis {
+            Axis::Stars => 6.0,
+            Axis::Glare => 3.0,
+            Axis::Views | Axis::Scale => 1.0,
+        };
         let share = weight(axis) / axes[index..].iter().map(|axis| weight(*axis)).sum::<f64>();
         let budget = budget.part(share, 1);
         rows.extend(match axis {
             Axis::Stars => stars::run(renderer, extent, &mut skies, budget, tell)?,
+            Axis::Glare => glare::run(renderer, extent, &mut skies, budget.at_most(extent.glare.budget), tell)?,
             Axis::Views => views::run(renderer, extent, &mut skies, budget, tell)?,
             Axis::Scale => scale::run(renderer, extent, &mut skies, budget, tell)?,
         });
@@ -184,6 +194,11 @@ impl Budget {
     /// One of `parts` equal parts of a share (0 to 1) of what is left.
     fn part(&self, share: f64, parts: usize) -> Self {
         Self { end: Instant::now() + self.left().mul_f64(share) / parts.max(1) as u32 }
+    }
+
+    /// The same, but no longer than that.
+    fn at_most(&self, length: Duration) -> Self {
+        Self { end: self.end.min(Instant::now() + length) }
     }
 
     fn is_over(&self) -> bool {
@@ -281,9 +296,9 @@ mod tests {
         for axis in Axis::ALL {
             assert_eq!(Axis::from_name(axis.name()), Ok(axis));
         }
-        let glare = Axis::from_name("glare").unwrap_err();
-        assert!(glare.contains("no glare to chart yet") && glare.contains("there is: stars, views, scale"), "{glare}");
-        assert!(Axis::from_name("Stars").unwrap_err().contains("there is: stars, views, scale"));
+        let none = Axis::from_name("asteroids").unwrap_err();
+        assert!(none.contains("no asteroids to chart yet") && none.contains("there is: stars, glare, views"), "{none}");
+        assert!(Axis::from_name("Stars").unwrap_err().contains("there is: stars, glare, views, scale"));
     }
 
     #[test]
@@ -307,6 +322,8 @@ mod tests {
         let part = budget.part(0.5, 10);
         assert!(part.left() <= Duration::from_secs(5) && part.left() > Duration::from_secs(4));
         assert!(!part.is_over());
+        assert!(budget.at_most(Duration::from_secs(1)).left() <= Duration::from_secs(1));
+        assert!(part.at_most(Duration::from_secs(50)).left() <= Duration::from_secs(5));
         assert!(Budget::new(Duration::ZERO).part(1.0, 0).is_over());
     }
 }

@@ -3,8 +3,11 @@
 //! fitted scale per figure; they cannot be right in any other way.
 
 mod cell_sky;
+mod glare;
 mod measure;
 
+pub use self::glare::GlareMetric;
+pub(super) use self::glare::{GlareScenes, ScoredSky, score_glare};
 use super::{
     Budget, ChartError,
     scenes::{Placed, Scene},
@@ -13,7 +16,7 @@ use super::{
 use crate::{
     frame::{RenderError, Renderer, Wanted},
     metrics::MetricError,
-    plan::settings::{ExposureMode, RenderSettings, StarMethod},
+    plan::settings::{ExposureMode, GlareSettings, RenderSettings, StarMethod},
     units::magnitude_from_illuminance_lx,
 };
 
@@ -142,13 +145,14 @@ impl Score {
     }
 }
 
-/// All figures of a method that do not depend on the workload: those of [`Metric::ALL`] without [`Metric::FluxTotal`].
-#[derive(Clone, Debug, PartialEq, Default)]
-pub struct Scores(Vec<(Metric, Score)>);
+/// All figures of a method that do not depend on the workload: of a star method those of [`Metric::ALL`] without
+/// [`Metric::FluxTotal`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scores<M = Metric>(Vec<(M, Score)>);
 
-impl Scores {
+impl<M: PartialEq> Scores<M> {
     /// The figure of a metric.
-    pub fn get(&self, metric: Metric) -> Option<&Score> {
+    pub fn get(&self, metric: M) -> Option<&Score> {
         self.0.iter().find(|(of, _)| *of == metric).map(|(_, score)| score)
     }
 }
@@ -200,10 +204,11 @@ impl From<MetricError> for Failure {
 
 /// Settings of a method at an exposure. The published Gaussians, whose exponent (lim - sat) (sat - m) ends 6.8 / (lim - sat)
 /// magnitudes below saturation, are given limits 2.6 magnitudes apart around the faintest of the stars, so that all methods draw
-/// all of them.
+/// all of them. Glare, which takes light from stars and has an axis of its own, is off.
 pub(super) fn settings_of(method: StarMethod, ev100: f64, faintest_lx: f64) -> RenderSettings {
     let mut settings = RenderSettings::default();
     settings.stars.method = method;
+    settings.glare = GlareSettings::none();
     settings.exposure.mode = ExposureMode::Manual;
     settings.exposure.ev100 = ev100;
     let faintest = magnitude_from_illuminance_lx(faintest_lx);

@@ -1,7 +1,7 @@
 //! The summary: a line per method with its times and the errors that tell most, as text and for the page.
 
 use super::{
-    Axis, Row,
+    Axis, GlareMetric, Row,
     html::{distinct, figure, metric_of},
     scores::Metric,
 };
@@ -22,19 +22,19 @@ const MANY_STARS: u64 = 1_000_000;
 /// What stands where there is no figure.
 const NONE: &str = "\u{2013}";
 
-/// A line per method of the axis `stars`; nothing without one.
+/// A line per method of the axis `stars` or `glare`; nothing without one.
 pub(super) struct Summary {
     /// Workloads with a column.
     pub workloads: Vec<String>,
     /// Headings of the columns after those of the times.
-    pub headings: Vec<&'static str>,
-    /// Method, source, times, errors, whether shuffles are identical.
+    pub headings: Vec<String>,
+    /// Method, source, times, errors; of stars whether shuffles are identical.
     pub lines: Vec<Vec<String>>,
 }
 
 impl Summary {
-    /// Summarises all rows of a chart.
-    pub(super) fn of(rows: &[Row]) -> Self {
+    /// Summarises the axis `stars` of all rows of a chart.
+    pub(super) fn stars(rows: &[Row]) -> Self {
         let stars: Vec<&Row> = rows.iter().filter(|row| row.axis == Axis::Stars.name()).collect();
         let mut workloads = distinct(&stars, |row| &row.workload);
         if workloads.len() > MANY_WORKLOADS {
@@ -58,7 +58,29 @@ impl Summary {
             line
         };
         let lines = distinct(&stars, |row| &row.method).into_iter().map(line).collect();
-        let headings = ERRORS.iter().map(|(_, heading)| *heading).chain(["identical"]).collect();
+        let headings = ERRORS.iter().map(|(_, heading)| *heading).chain(["identical"]).map(str::to_owned).collect();
+        Self { workloads: workloads.into_iter().map(str::to_owned).collect(), headings, lines }
+    }
+
+    /// Summarises the axis `glare` of all rows of a chart: of every workload the time and the rms error of the veil.
+    pub(super) fn glare(rows: &[Row]) -> Self {
+        let metric = GlareMetric::VeilRms.name();
+        let glare: Vec<&Row> =
+            rows.iter().filter(|row| row.axis == Axis::Glare.name() && row.error_metric == metric).collect();
+        let workloads = distinct(&glare, |row| &row.workload);
+        let line = |method: &str| {
+            let of = |workload: &str| glare.iter().find(|row| row.method == method && row.workload == workload);
+            let source = glare.iter().find(|row| row.method == method).map_or(String::new(), |row| row.source.clone());
+            let times = workloads.iter().map(|workload| {
+                of(workload).and_then(|row| row.gpu_ms_median).map_or(NONE.to_owned(), |ms| format!("{ms:.2}"))
+            });
+            let errors = workloads
+                .iter()
+                .map(|workload| of(workload).and_then(|row| row.error_value).map_or(NONE.to_owned(), figure));
+            [method.to_owned(), source].into_iter().chain(times).chain(errors).collect()
+        };
+        let lines = distinct(&glare, |row| &row.method).into_iter().map(line).collect();
+        let headings = (1..=workloads.len()).map(|number| format!("rms {number}")).collect();
         Self { workloads: workloads.into_iter().map(str::to_owned).collect(), headings, lines }
     }
 
@@ -71,7 +93,7 @@ impl Summary {
             self.workloads.iter().enumerate().map(|(index, name)| format!("ms {}: {name}", index + 1)).collect();
         let numbered = (1..=self.workloads.len()).map(|number| format!("ms {number}"));
         let mut cells = vec![vec!["method".to_owned()]];
-        cells[0].extend(numbered.chain(self.headings.iter().map(|heading| (*heading).to_owned())));
+        cells[0].extend(numbered.chain(self.headings.iter().cloned()));
         // The source is in the page.
         cells.extend(self.lines.iter().map(|line| [&line[..1], &line[2..]].concat()));
         let width = |column: usize| cells.iter().map(|line| line[column].chars().count()).max().unwrap_or(0);
@@ -87,9 +109,9 @@ impl Summary {
     }
 }
 
-/// The summary of a chart as lines of text: time per workload and errors of every method.
+/// The summary of a chart as lines of text: time per workload and errors of every method, of stars and then of glare.
 pub fn summary(rows: &[Row]) -> Vec<String> {
-    Summary::of(rows).text()
+    [Summary::stars(rows), Summary::glare(rows)].iter().flat_map(Summary::text).collect()
 }
 
 #[cfg(test)]
@@ -128,7 +150,26 @@ mod tests {
         assert!(text[2..].iter().all(|line| line.chars().count() == text[2].chars().count()), "{text:#?}");
         // Of many workloads those with many stars are left.
         rows.extend((0..9).map(|i| row("a", &format!("{i}k"), Metric::CentroidPx, Some(2.0), None)));
-        assert_eq!(Summary::of(&rows).workloads, ["1M w"]);
+        assert_eq!(Summary::stars(&rows).workloads, ["1M w"]);
         assert!(summary(&[]).is_empty());
+    }
+    #[test]
+    fn glare_has_a_time_and_an_error_per_workload() {
+        let row = |method: &str, workload: &str, ms, value| Row {
+            axis: "glare".to_owned(),
+            error_metric: GlareMetric::VeilRms.name().to_owned(),
+            ..row(method, workload, Metric::Seam, ms, value)
+        };
+        let rows = [
+            row("none", "a", None, None),
+            row("sky_cube", "a", Some(2.0), Some(0.004)),
+            row("sky_cube", "b", Some(3.0), Some(0.25)),
+        ];
+        let text = summary(&rows);
+        let words: Vec<Vec<&str>> = text.iter().map(|line| line.split_whitespace().collect()).collect();
+        assert_eq!(text[..2], ["ms 1: a", "ms 2: b"]);
+        assert_eq!(words[2], ["method", "ms", "1", "ms", "2", "rms", "1", "rms", "2"]);
+        assert_eq!(words[3], ["none", "\u{2013}", "\u{2013}", "\u{2013}", "\u{2013}"]);
+        assert_eq!(words[4], ["sky_cube", "2.00", "3.00", "0.0040", "0.250"]);
     }
 }

@@ -1,7 +1,7 @@
 //! The picture of an axis: time against error in double logarithmic panels, a point per method, the Pareto front as a line.
 //!
-//! One workload is shown, [`HEADLINE`] if it was run; the table has them all. A panel per error metric; what has no figure
-//! there is named below it. Errors smaller than [`LEAST_ERROR`] are drawn on the lowest line: nothing shows them. Sources
+//! Of the axis `stars` one workload is shown, [`HEADLINE`] if it was run, with a panel per error metric; the table has them all. Of
+//! the axis `glare` every projection has its panel. What has no figure is named below it. Errors smaller than [`LEAST_ERROR`] are drawn on the lowest line: nothing shows them. Sources
 //! differ by colour and by shape of their marks.
 
 mod axes;
@@ -15,7 +15,7 @@ use ::svg::{
 };
 
 use self::panel::{Panel, Point};
-use super::{About, Axis, Row, html::metric_of, scores::Metric, timing::TIMING_EV100};
+use super::{About, Axis, GlareMetric, Row, html::distinct, scores::Metric, timing::TIMING_EV100};
 
 /// Workload of the picture, where it was run.
 const HEADLINE: &str = "1M anticentre-1080p";
@@ -46,7 +46,8 @@ const MARGIN: f64 = 16.0;
 /// Draws the rows of one axis.
 pub(super) fn draw(axis: Axis, rows: &[&Row], about: &About) -> String {
     match axis {
-        Axis::Stars => panels(axis, rows, about),
+        Axis::Stars => stars(axis, rows, about),
+        Axis::Glare => glare(axis, rows, about),
         Axis::Views | Axis::Scale => series::draw(axis, rows, about),
     }
 }
@@ -76,13 +77,24 @@ fn with_head(axis: Axis, [width, height]: [f64; 2], subtitle: &str, about: &Abou
     document
 }
 
-/// The axis `stars`: a panel per metric, for one workload.
-fn panels(axis: Axis, rows: &[&Row], about: &About) -> String {
-    let workload = headline(rows);
-    let shown: Vec<&Row> = rows.iter().filter(|row| Some(row.workload.as_str()) == workload).copied().collect();
-    let lines = PANELS.len().div_ceil(COLUMNS);
+/// A picture of panels.
+fn with_panels(axis: Axis, subtitle: &str, panels: &[Panel], about: &About) -> String {
+    let lines = panels.len().div_ceil(COLUMNS);
     let width = COLUMNS as f64 * PANEL_WIDTH + 2.0 * MARGIN;
     let height = HEAD_HEIGHT + lines as f64 * PANEL_HEIGHT + 2.0 * MARGIN;
+    let mut document = with_head(axis, [width, height], subtitle, about);
+    for (index, panel) in panels.iter().enumerate() {
+        let (column, line) = (index % COLUMNS, index / COLUMNS);
+        let at = [MARGIN + column as f64 * PANEL_WIDTH, HEAD_HEIGHT + line as f64 * PANEL_HEIGHT];
+        document = panel.draw(document, at, [PANEL_WIDTH, PANEL_HEIGHT]);
+    }
+    document.to_string() + "\n"
+}
+
+/// The axis `stars`: a panel per metric, for one workload.
+fn stars(axis: Axis, rows: &[&Row], about: &About) -> String {
+    let workload = headline(rows);
+    let shown: Vec<&Row> = rows.iter().filter(|row| Some(row.workload.as_str()) == workload).copied().collect();
     let subtitle = match shown.first() {
         Some(row) => format!(
             "workload {}: {} stars in the catalogue, {} x {} pixels. ev100 = {TIMING_EV100}. Lower left is better; the dashed line is the Pareto front.",
@@ -93,13 +105,29 @@ fn panels(axis: Axis, rows: &[&Row], about: &About) -> String {
         ),
         None => "nothing was measured".to_owned(),
     };
-    let mut document = with_head(axis, [width, height], &subtitle, about);
-    for (index, metric) in PANELS.into_iter().enumerate() {
-        let (column, line) = (index % COLUMNS, index / COLUMNS);
-        let at = [MARGIN + column as f64 * PANEL_WIDTH, HEAD_HEIGHT + line as f64 * PANEL_HEIGHT];
-        document = panel_of(metric, &shown).draw(document, at, [PANEL_WIDTH, PANEL_HEIGHT]);
-    }
-    document.to_string() + "\n"
+    with_panels(axis, &subtitle, &PANELS.map(|metric| panel_of(metric, &shown)), about)
+}
+
+/// The axis `glare`: a panel per projection with the error of the veil, and one for each of the other errors of its place.
+fn glare(axis: Axis, rows: &[&Row], about: &About) -> String {
+    let workloads = distinct(rows, |row| &row.workload);
+    let panel = |metric: GlareMetric, workload: &str| {
+        let shown: Vec<&Row> = rows.iter().filter(|row| row.workload == workload).copied().collect();
+        glare_panel(metric, workload, &shown)
+    };
+    let mut panels: Vec<Panel> = workloads.iter().map(|workload| panel(GlareMetric::VeilRms, workload)).collect();
+    let with_dome = workloads.iter().find(|workload| workload.contains("dome")).or(workloads.first());
+    panels.extend(with_dome.map(|workload| panel(GlareMetric::Roundness, workload)));
+    let with_edges = workloads.iter().find(|workload| workload.contains("cubemap"));
+    panels.extend(with_edges.map(|workload| panel(GlareMetric::Seam, workload)));
+    let subtitle = match rows.first() {
+        Some(row) => format!(
+            "{} stars in the catalogue; the passes of glare alone. Errors against the convolution on the sphere in f64. Lower left is better; the dashed line is the Pareto front.",
+            grouped(row.items)
+        ),
+        None => "nothing was measured".to_owned(),
+    };
+    with_panels(axis, &subtitle, &panels, about)
 }
 
 /// A whole number in groups of three digits.
@@ -116,23 +144,37 @@ fn headline<'a>(rows: &[&'a Row]) -> Option<&'a str> {
     usual.or(rows.first()).map(|row| row.workload.as_str())
 }
 
-/// The points of a metric, and who has none.
+/// The panel of a metric of the axis `stars`.
 fn panel_of(metric: Metric, rows: &[&Row]) -> Panel {
+    let (points, without) = points(metric.name(), metric.best(), rows);
+    let name = if metric.best() == 0.0 { metric.name().to_owned() } else { format!("1 - {}", metric.name()) };
+    let meaning = metric.meaning().to_owned();
+    Panel { name, meaning, timed: "clear, cull, splat and resolve", points, without }
+}
+
+/// The panel of a metric of the axis `glare` in a workload.
+fn glare_panel(metric: GlareMetric, workload: &str, rows: &[&Row]) -> Panel {
+    let (points, without) = points(metric.name(), metric.best(), rows);
+    let (name, meaning) = (format!("{workload}: {}", metric.name()), metric.meaning().to_owned());
+    Panel { name, meaning, timed: "the passes of glare", points, without }
+}
+
+/// The points of a metric, and who has none.
+fn points(metric: &str, best: f64, rows: &[&Row]) -> (Vec<Point>, Vec<String>) {
     let (mut points, mut without) = (Vec::new(), Vec::new());
-    for row in rows.iter().filter(|row| metric_of(row) == Some(metric)) {
+    for row in rows.iter().filter(|row| row.error_metric == metric) {
         match (row.gpu_ms_median, row.error_value) {
             (Some(ms), Some(value)) if ms > 0.0 => points.push(Point {
                 label: row.method.clone(),
                 source: row.source.clone(),
                 ms,
-                error: (value - metric.best()).abs().max(LEAST_ERROR),
+                error: (value - best).abs().max(LEAST_ERROR),
             }),
             (Some(ms), _) => without.push(format!("{} ({ms:.1} ms)", row.method)),
             (None, _) => without.push(row.method.clone()),
         }
     }
-    let name = if metric.best() == 0.0 { metric.name().to_owned() } else { format!("1 - {}", metric.name()) };
-    Panel { name, meaning: metric.meaning().to_owned(), points, without }
+    (points, without)
 }
 
 #[cfg(test)]
@@ -167,6 +209,22 @@ mod tests {
     }
 
     #[test]
+    fn errors_of_glare_are_distances_from_the_best() {
+        let row = |metric: GlareMetric, value| Row {
+            axis: "glare".to_owned(),
+            workload: "1k dome-8".to_owned(),
+            error_metric: metric.name().to_owned(),
+            error_value: Some(value),
+            ..row("a", Metric::Seam, Some(2.0), None)
+        };
+        let rows = [row(GlareMetric::Slope, -3.0), row(GlareMetric::VeilRms, 0.25), row(GlareMetric::FromOutside, 0.0)];
+        let rows: Vec<&Row> = rows.iter().collect();
+        let error = |metric| glare_panel(metric, "1k dome-8", &rows).points[0].error;
+        let found = [GlareMetric::Slope, GlareMetric::VeilRms, GlareMetric::FromOutside].map(error);
+        assert_eq!(found, [1.0, 0.25, 1.0]);
+    }
+
+    #[test]
     fn large_numbers_are_grouped() {
         assert_eq!([0, 999, 1000, 12_345_678].map(grouped), ["0", "999", "1,000", "12,345,678"]);
     }
@@ -190,6 +248,6 @@ mod tests {
         let text = draw(Axis::Stars, &rows.iter().collect::<Vec<_>>(), &about);
         assert!(!text.contains("<script>") && !text.contains("a<b") && text.contains("a&lt;b"), "{text}");
         // Without any row there is still a picture.
-        assert!(draw(Axis::Stars, &[], &about).contains("</svg>"));
+        assert!([Axis::Stars, Axis::Glare].iter().all(|axis| draw(*axis, &[], &about).contains("</svg>")));
     }
 }

@@ -86,21 +86,32 @@ pub(super) struct Case {
 }
 
 impl Case {
-    /// The row of a method and a metric.
+    /// The row of a star method and a metric.
     pub fn row(&self, method: StarMethod, timed: &Timed, metric: &str, score: &Score) -> Row {
+        let through_faces = method.needs_planes() && !self.planes;
+        let note = if through_faces { "published for a plane: drawn through cube faces" } else { "" };
+        self.named_row([method.name(), method.source().name()], timed, metric, score, note)
+    }
+
+    /// The row of a method, by its name and source, and a metric; `note` comes before what time and score have to say.
+    pub fn named_row(
+        &self,
+        [method, source]: [&str; 2],
+        timed: &Timed,
+        metric: &str,
+        score: &Score,
+        note: &str,
+    ) -> Row {
         let mut notes: Vec<&str> = Vec::new();
-        if method.needs_planes() && !self.planes {
-            notes.push("published for a plane: drawn through cube faces");
-        }
-        for text in [&timed.note, &score.note] {
-            if !text.is_empty() && !notes.contains(&text.as_str()) {
+        for text in [note, &timed.note, &score.note] {
+            if !text.is_empty() && !notes.contains(&text) {
                 notes.push(text);
             }
         }
         Row {
             axis: self.axis.name().to_owned(),
-            method: method.name().to_owned(),
-            source: method.source().name().to_owned(),
+            method: method.to_owned(),
+            source: source.to_owned(),
             workload: self.workload.clone(),
             adapter: self.adapter.clone(),
             width: self.size[0],
@@ -126,26 +137,38 @@ struct Run {
     sat_out: bool,
 }
 
+/// Time of a frame on the GPU, ms, and of all of it with planning and waiting; or why the method cannot draw it.
+pub(super) type Taken = Result<(Option<f64>, Duration), String>;
+
 /// Draws the scene with each of `settings` for up to `rounds` rounds, HDR images made and left on the GPU.
 pub(super) fn frames(
     renderer: &mut Renderer,
     scene: &SceneSnapshot,
     rig: &Rig,
     settings: &[RenderSettings],
-    rounds: usize,
+    count: usize,
     budget: Budget,
 ) -> Result<Vec<Timed>, ChartError> {
     let wanted = vec![Wanted { hdr_stays: true, ..Wanted::default() }; rig.views().len()];
     // Clear, cull, splat and resolve; and all of it with planning and waiting.
-    let mut frame = |settings: &RenderSettings| -> Result<Result<(Option<f64>, Duration), String>, ChartError> {
+    rounds(settings.len(), count, budget, |index| {
         let start = Instant::now();
-        match renderer.render(scene, rig, settings, &wanted, None) {
+        match renderer.render(scene, rig, &settings[index], &wanted, None) {
             Ok(frame) => Ok(Ok((frame.times.gpu_ms.map(|ms| ms + frame.times.cull_ms), start.elapsed()))),
             Err(error) => message_of(error).map(Err),
         }
-    };
+    })
+}
+
+/// Lets each of `methods` draw, in turn, for up to `rounds` rounds; `frame` draws with the method of an index.
+pub(super) fn rounds(
+    methods: usize,
+    rounds: usize,
+    budget: Budget,
+    mut frame: impl FnMut(usize) -> Result<Taken, ChartError>,
+) -> Result<Vec<Timed>, ChartError> {
     let mut runs = Vec::new();
-    for settings in settings {
+    for index in 0..methods {
         let mut run = Run {
             times_ms: Vec::new(),
             spent: Duration::ZERO,
@@ -154,7 +177,7 @@ pub(super) fn frames(
             failure: None,
             sat_out: false,
         };
-        match frame(settings)? {
+        match frame(index)? {
             Ok((ms, took)) => (run.warm_up_ms, run.last) = (ms, took),
             Err(message) => run.failure = Some(message),
         }
@@ -175,7 +198,7 @@ pub(super) fn frames(
                 run.sat_out = true;
                 continue;
             }
-            match frame(&settings[index])? {
+            match frame(index)? {
                 Ok((ms, took)) => {
                     run.times_ms.extend(ms);
                     run.spent += took;

@@ -6,36 +6,19 @@ use super::{
     Axis, Budget, ChartError, Extent, Row, Score, Sky, Step, Tell, ViewShape,
     scores::settings_of,
     timing::{self, Case, TIMING_EV100},
-    workloads::{Skies, cubemap, rig_of, snapshot},
+    workloads::{Skies, rig_of, snapshot},
 };
-use crate::{
-    frame::Renderer,
-    plan::settings::StarMethod,
-    units::illuminance_lx_from_magnitude,
-    view::{Fov, ViewKind},
-};
-
-/// Half of the field of view of an eye, rad.
-const EYE_HALF_FOV_RAD: f64 = std::f64::consts::FRAC_PI_4;
-/// Distance of the eyes, m.
-const IPD_M: f64 = 0.063;
+use crate::{frame::Renderer, plan::settings::StarMethod, units::illuminance_lx_from_magnitude, view::ViewKind};
 
 /// The views, by name, with the size of their first image.
 fn views() -> Vec<(&'static str, ViewKind, [u32; 2])> {
-    let eye = Fov {
-        left_rad: -EYE_HALF_FOV_RAD,
-        right_rad: EYE_HALF_FOV_RAD,
-        up_rad: EYE_HALF_FOV_RAD,
-        down_rad: -EYE_HALF_FOV_RAD,
-    };
-    let stereo = ViewKind::Stereo { size: [1024; 2], ipd_m: IPD_M, fov_left: eye, fov_right: eye.mirrored() };
-    let (window, dome) = (ViewShape::Flat([1280, 720]), ViewShape::Dome(1024));
-    vec![
-        ("window", window.kind(), window.size()),
-        ("stereo", stereo, [1024; 2]),
-        ("cubemap", cubemap(512), [512; 2]),
-        ("dome", dome.kind(), dome.size()),
-    ]
+    let shapes = [
+        ("window", ViewShape::Flat([1280, 720])),
+        ("stereo", ViewShape::Stereo([1024; 2])),
+        ("cubemap", ViewShape::Cubemap(512)),
+        ("dome", ViewShape::Dome(1024)),
+    ];
+    shapes.map(|(name, shape)| (name, shape.kind(), shape.size())).to_vec()
 }
 
 pub(super) fn run(

@@ -17,7 +17,7 @@ use crate::{
     coordinates::direction_from_lon_lat,
     scene::{Camera, SceneSnapshot},
     view::{
-        Rig, RigError, View, ViewKind,
+        Fov, Rig, RigError, View, ViewKind,
         projection::{Face, FisheyeMapping, Projection},
     },
 };
@@ -28,6 +28,10 @@ const ANTICENTRE_RA_DEG: f64 = 86.4;
 const ANTICENTRE_DEC_DEG: f64 = 28.9;
 /// Vertical field of view of the flat views, rad.
 pub const FLAT_FOV_Y_RAD: f64 = PI / 3.0;
+/// Half of the field of view of an eye, rad.
+pub(super) const EYE_HALF_FOV_RAD: f64 = std::f64::consts::FRAC_PI_4;
+/// Distance of the eyes, m.
+const IPD_M: f64 = 0.063;
 /// Seed of the synthetic galaxies.
 const SEED: u64 = 1;
 
@@ -97,6 +101,10 @@ pub enum ViewShape {
     Dome(u32),
     /// The whole sky, equirectangular.
     FullSky([u32; 2]),
+    /// Two eyes of that many pixels each, 90 degrees both ways.
+    Stereo([u32; 2]),
+    /// The six faces of a cube.
+    Cubemap(u32),
 }
 
 impl ViewShape {
@@ -106,20 +114,22 @@ impl ViewShape {
             Self::Flat([_, height]) => format!("anticentre-{height}p"),
             Self::Dome(size) => format!("dome-{size}"),
             Self::FullSky([width, _]) => format!("full-sky-{width}"),
+            Self::Stereo([width, _]) => format!("stereo-{width}"),
+            Self::Cubemap(face) => format!("cubemap-{face}"),
         }
     }
 
-    /// Width and height, pixels.
+    /// Width and height of the (first) image, pixels.
     pub fn size(self) -> [u32; 2] {
         match self {
-            Self::Flat(size) | Self::FullSky(size) => size,
-            Self::Dome(size) => [size; 2],
+            Self::Flat(size) | Self::FullSky(size) | Self::Stereo(size) => size,
+            Self::Dome(size) | Self::Cubemap(size) => [size; 2],
         }
     }
 
-    /// Whether the image is a flat plane.
+    /// Whether every image is a flat plane.
     pub fn is_flat(self) -> bool {
-        matches!(self, Self::Flat(_))
+        matches!(self, Self::Flat(_) | Self::Stereo(_) | Self::Cubemap(_))
     }
 
     pub(super) fn kind(self) -> ViewKind {
@@ -129,6 +139,12 @@ impl ViewShape {
                 ViewKind::Fisheye { size: [size; 2], mapping: FisheyeMapping::Equidistant, fov_rad: PI }
             }
             Self::FullSky(size) => ViewKind::Equirectangular { size },
+            Self::Stereo(size) => {
+                let half = EYE_HALF_FOV_RAD;
+                let eye = Fov { left_rad: -half, right_rad: half, up_rad: half, down_rad: -half };
+                ViewKind::Stereo { size, ipd_m: IPD_M, fov_left: eye, fov_right: eye.mirrored() }
+            }
+            Self::Cubemap(face) => cubemap(face),
         }
     }
 }
@@ -149,6 +165,46 @@ pub struct Extent {
     pub scale: Vec<usize>,
     /// Stars of the axis `views`.
     pub many_views_stars: usize,
+    /// The axis `glare`.
+    pub glare: GlareExtent,
+}
+
+/// How much the axis `glare` does.
+#[derive(Clone, Debug, PartialEq)]
+pub struct GlareExtent {
+    /// Stars of the galaxy that is drawn to be timed.
+    pub stars: usize,
+    /// The views, each with the smaller one of the same projection in which glare is compared with the reference.
+    pub views: Vec<(ViewShape, ViewShape)>,
+    /// Stars of the galaxy in which glare is compared.
+    pub scored_stars: usize,
+    /// Pixels that are compared, per view.
+    pub pixels: usize,
+    /// Measured frames of every method and view, at most.
+    pub rounds: usize,
+    /// Time that it has at most, if it does not have less as a part of the whole run.
+    pub budget: Duration,
+}
+
+impl GlareExtent {
+    fn new(stars: usize, [scored_stars, pixels]: [usize; 2], rounds: usize, budget: Duration) -> Self {
+        let flat = ViewShape::Flat([480, 270]);
+        Self {
+            stars,
+            views: vec![
+                (ViewShape::Flat([1920, 1080]), flat),
+                (ViewShape::Flat([3840, 2160]), flat),
+                (ViewShape::Stereo([1440, 1600]), ViewShape::Stereo([180, 200])),
+                (ViewShape::Cubemap(512), ViewShape::Cubemap(96)),
+                (ViewShape::Dome(1024), ViewShape::Dome(256)),
+                (ViewShape::FullSky([2048, 1024]), ViewShape::FullSky([256, 128])),
+            ],
+            scored_stars,
+            pixels,
+            rounds,
+            budget,
+        }
+    }
 }
 
 impl Extent {
@@ -166,6 +222,7 @@ impl Extent {
             scoring: ScoringSize::default(),
             scale: vec![10_000, 100_000, 1_000_000],
             many_views_stars: 30_000,
+            glare: GlareExtent::new(100_000, [1000, 500], 3, Duration::from_secs(40)),
         }
     }
 
@@ -199,6 +256,7 @@ impl Extent {
             scoring: ScoringSize::default(),
             scale,
             many_views_stars: 1_000_000,
+            glare: GlareExtent::new(1_000_000, [3000, 2000], 11, Duration::from_secs(300)),
         }
     }
 

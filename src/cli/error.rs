@@ -119,7 +119,8 @@ impl CliError {
                 RenderError::TooLarge { .. }
                 | RenderError::TooManyImages { .. }
                 | RenderError::TooManyPixels { .. }
-                | RenderError::AtRestOnly(_) => BAD_USAGE,
+                | RenderError::AtRestOnly(_)
+                | RenderError::GlareOfCatalogue(_) => BAD_USAGE,
                 RenderError::Psf(error) => psf_exit_code(error),
                 RenderError::Glare(error) => match error {
                     GlareKernelError::NoFile | GlareKernelError::Inner { .. } => BAD_USAGE,

@@ -1,11 +1,11 @@
-//! Ranges of the numbers in `[stars]`, `[exposure]` and `[accuracy]`, whose types are the planner's own.
+//! Ranges of the numbers in `[stars]`, `[exposure]`, `[tone_map]` and `[accuracy]`, whose types are the planner's own.
 
 use super::error::{Fault, finite};
 use crate::{
     photometry::psf::{Aperture, DIAMETERS_MM, PsfError},
     plan::settings::{
         AccuracySettings, BillboardSettings, CellSkySettings, ExposureSettings, GaussianPsfSettings,
-        PixelGaussianSettings, PsfTextureSettings, StarSettings,
+        PixelGaussianSettings, PsfTextureSettings, StarSettings, ToneMapSettings,
     },
 };
 
@@ -126,10 +126,14 @@ fn check_gaussian_psf(gaussian: &GaussianPsfSettings) -> Result<(), Fault> {
 
 pub(super) fn check_exposure(exposure: &ExposureSettings) -> Result<(), Fault> {
     finite("ev100", exposure.ev100)?;
+    finite("key", exposure.key)?;
     finite("compensation_ev", exposure.compensation_ev)?;
     finite("min_ev100", exposure.min_ev100)?;
     finite("max_ev100", exposure.max_ev100)?;
     finite("adaptation_s", exposure.adaptation_s)?;
+    if !(1e-6..=1.0).contains(&exposure.key) {
+        return Err(Fault::new("key", format!("{}: allowed are 0.000001 to 1 of display white", exposure.key)));
+    }
     if exposure.compensation_ev.abs() > 30.0 {
         return Err(Fault::new("compensation_ev", format!("{}: allowed are -30 to 30", exposure.compensation_ev)));
     }
@@ -151,11 +155,39 @@ pub(super) fn check_exposure(exposure: &ExposureSettings) -> Result<(), Fault> {
     Ok(())
 }
 
+pub(super) fn check_tone_map(tone_map: &ToneMapSettings) -> Result<(), Fault> {
+    finite("white", tone_map.white)?;
+    if !(1.0..=1e6).contains(&tone_map.white) {
+        return Err(Fault::new("white", format!("{}: allowed are 1 to 1000000 times display white", tone_map.white)));
+    }
+    above_0("peak_cd_m2", tone_map.peak_cd_m2, 1e6, "cd/m^2")?;
+    finite("black_cd_m2", tone_map.black_cd_m2)?;
+    // With less contrast than 2 it is no display.
+    let most = 0.5 * tone_map.peak_cd_m2;
+    if !(0.0..=most).contains(&tone_map.black_cd_m2) {
+        let problem = format!(
+            "{}: allowed are 0 to {most} cd/m^2, half of peak_cd_m2 = {}",
+            tone_map.black_cd_m2, tone_map.peak_cd_m2
+        );
+        return Err(Fault::new("black_cd_m2", problem));
+    }
+    for (key, value) in [("desaturation", tone_map.desaturation), ("scotopic", tone_map.scotopic)] {
+        finite(key, value)?;
+        if !(0.0..=1.0).contains(&value) {
+            return Err(Fault::new(key, format!("{value}: allowed are 0 to 1")));
+        }
+    }
+    Ok(())
+}
+
 pub(super) fn check_accuracy(accuracy: &AccuracySettings) -> Result<(), Fault> {
     // Errors above these are no budget but a mistake: all of the light, or ten pixels.
-    for (key, value, most) in
-        [("flux", accuracy.flux, 1.0), ("centroid_px", accuracy.centroid_px, 10.0), ("flicker", accuracy.flicker, 1.0)]
-    {
+    for (key, value, most) in [
+        ("flux", accuracy.flux, 1.0),
+        ("centroid_px", accuracy.centroid_px, 10.0),
+        ("flicker", accuracy.flicker, 1.0),
+        ("glare", accuracy.glare, 1.0),
+    ] {
         finite(key, value)?;
         if value <= 0.0 || value > most {
             return Err(Fault::new(key, format!("{value}: allowed are error budgets above 0 up to {most}")));

@@ -151,6 +151,7 @@ impl Config {
         limits::check_stars(&config.stars).map_err(|fault| fault.within("stars"))?;
         glare::check(&config.glare).map_err(|fault| fault.within("glare"))?;
         limits::check_exposure(&config.exposure).map_err(|fault| fault.within("exposure"))?;
+        limits::check_tone_map(&config.tone_map).map_err(|fault| fault.within("tone_map"))?;
         limits::check_accuracy(&config.accuracy).map_err(|fault| fault.within("accuracy"))?;
         config.build_rig()?;
         Ok(config)

@@ -15,7 +15,6 @@ use crate::{
         shared::{CatalogueDraw, pixel_grid},
     },
     photometry::{
-        exposure::metered_ev100,
         psf::PsfError,
         star_image::{SPRITE_SIZE, sprite},
     },
@@ -296,7 +295,7 @@ pub(super) fn shown_ev100(
     camera_pc: glam::DVec3,
     catalogue: Option<&CatalogueBuffers>,
 ) -> f64 {
-    settings.exposure.known_ev100(adapted_ev100).unwrap_or_else(|| {
+    settings.known_white_ev100(adapted_ev100).unwrap_or_else(|| {
         let chunks = catalogue.map_or(&[][..], |catalogue| &catalogue.set.chunks);
         let light_lx: f64 = chunks
             .iter()
@@ -305,7 +304,6 @@ pub(super) fn shown_ev100(
                 chunk.total_lx / (distance_pc * distance_pc).max(1e-12)
             })
             .sum();
-        let exposure = &settings.exposure;
-        metered_ev100(light_lx / (4.0 * PI), exposure.compensation_ev, exposure.min_ev100, exposure.max_ev100)
+        settings.exposure.metered_ev100(light_lx / (4.0 * PI))
     })
 }

@@ -1,12 +1,14 @@
 //! Recording the glare of a frame: after every batch has left its picture, whole, in its pixels.
 
-use std::sync::OnceLock;
-
-use super::record::begin_pass;
+use super::{
+    glare_pyramid::GlarePyramid,
+    glare_sky::{GlareSky, SkyScene},
+};
 use crate::{
-    gpu::{GlareSource, Gpu, GpuTimer, storage_buffer},
-    passes::glare_composite::{GlareCompositePass, GlareTarget},
+    gpu::{Gpu, GpuTimer, layout},
+    photometry::glare::GlareKernelError,
     plan::{
+        glare_pyramid::PyramidAxes,
         settings::{GlareMethod, GlareSettings},
         tiles::Batch,
     },
@@ -15,7 +17,8 @@ use crate::{
 
 /// Passes and buffers of glare, made when they are first asked for.
 pub(super) struct Glare {
-    from_sky: OnceLock<GlareCompositePass>,
+    sky: GlareSky,
+    pyramid: GlarePyramid,
 }
 
 /// A batch whose picture is finished but for its glare.
@@ -23,6 +26,8 @@ pub(super) struct GlareBatch<'a> {
     pub batch: &'a Batch,
     /// The batch's tiles as shaders read them.
     pub tiles: &'a wgpu::Buffer,
+    /// The same on this side.
+    pub encoded_tiles: &'a [layout::Tile],
     /// The picture.
     pub pixels: wgpu::Buffer,
     /// Workgroups of the passes over pixels.
@@ -32,6 +37,8 @@ pub(super) struct GlareBatch<'a> {
 /// All pictures of a frame.
 pub(super) struct GlareFrame<'a> {
     pub settings: &'a GlareSettings,
+    /// Share of the light that is scattered.
+    pub fraction: f64,
     /// What draws the glare, neither `auto` nor `none`.
     pub method: GlareMethod,
     pub viewports: &'a [Viewport],
@@ -43,7 +50,18 @@ pub(super) struct GlareFrame<'a> {
 
 impl Glare {
     pub(super) fn new() -> Self {
-        Self { from_sky: OnceLock::new() }
+        Self { sky: GlareSky::new(), pyramid: GlarePyramid::new() }
+    }
+
+    /// Holds the kernel of the settings, until they change: a file that changes alone is not read again.
+    pub(super) fn hold_kernel(&mut self, settings: &GlareSettings) -> Result<(), GlareKernelError> {
+        self.sky.hold_kernel(settings)
+    }
+
+    /// Lets go of buffers and textures.
+    pub(super) fn release(&mut self) {
+        self.sky.release();
+        self.pyramid.release();
     }
 
     /// Records everything that glare takes.
@@ -53,20 +71,14 @@ impl Glare {
         encoder: &mut wgpu::CommandEncoder,
         timer: &mut GpuTimer,
         frame: &GlareFrame<'_>,
+        scene: &SkyScene<'_>,
     ) {
-        let veil = storage_buffer(gpu, "veil", &[[0.0_f32; 4]]);
-        let composite = self.from_sky.get_or_init(|| GlareCompositePass::new(gpu, GlareSource::Sky));
-        for batch in &frame.batches {
-            let mut pass = begin_pass(encoder, timer, "glare");
-            let target = GlareTarget {
-                viewports: frame.encoded_viewports,
-                tiles: batch.tiles,
-                pixels: &batch.pixels,
-                partial_sums: frame.partial_sums,
-                plane_pixels: batch.batch.pixels as u32,
-            };
-            let fraction = frame.settings.fraction;
-            composite.record(gpu, &mut pass, fraction, &target, &[(0, veil.as_entire_binding())], batch.grid);
+        if let Some(axes) = PyramidAxes::of(frame.method) {
+            self.sky.release();
+            self.pyramid.record(gpu, encoder, timer, frame, axes);
+        } else {
+            self.pyramid.release();
+            self.sky.record(gpu, encoder, timer, frame, scene);
         }
     }
 }

@@ -4,6 +4,7 @@ use super::{
     Wanted,
     blended::{self, BlendedFrame},
     glare::{GlareBatch, GlareFrame},
+    glare_sky::SkyScene,
     published::PackedFrame,
     renderer::{BatchBuffers, DISPLAY_BYTES, Prepared, Renderer},
     star_buffers::{Items, build_items},
@@ -13,7 +14,7 @@ use crate::{
     passes::{
         luminance::LuminanceTarget,
         resolve::{HdrImage, ResolveTarget},
-        shared::{StarDraw, StarTarget, flags_of, partial_sums, pixel_grid},
+        shared::{PARTIAL_SUM_BYTES, StarDraw, StarTarget, flags_of, partial_sums, pixel_grid},
         stars::FIRST_VIEW_COUNTER,
         tone_map::ToneMapTarget,
     },
@@ -21,6 +22,7 @@ use crate::{
         settings::{Accumulator, GlareMethod, RenderSettings},
         tiles::{BYTES_PER_PIXEL, Batch},
     },
+    scene::SceneSnapshot,
     view::Rig,
 };
 
@@ -51,6 +53,7 @@ impl Renderer {
     pub(super) fn record(
         &mut self,
         prepared: &Prepared,
+        snapshot: &SceneSnapshot,
         rig: &Rig,
         settings: &RenderSettings,
         wanted: &[Wanted],
@@ -90,7 +93,7 @@ impl Renderer {
             usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC,
             mapped_at_creation: false,
         });
-        let partials = self.partial_sums.with_room(gpu, u64::from(partial_count) * 4).clone();
+        let partials = self.partial_sums.with_room(gpu, u64::from(partial_count) * PARTIAL_SUM_BYTES).clone();
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("frame") });
 
         // An empty pass, for the time at which the GPU begins.
@@ -232,25 +235,36 @@ impl Renderer {
                 display: display.as_ref(),
                 plane_pixels,
             };
-            let operator = settings.tone_map.operator;
-            self.resolve_pass.record(gpu, &mut pass, &prepared.ranges, hdr, known_ev100, operator, &target, grid);
+            let tone_map = &settings.tone_map;
+            self.resolve_pass.record(gpu, &mut pass, &prepared.ranges, hdr, known_ev100, tone_map, &target, grid);
         }
         if glares {
             let batches = prepared.batches.iter().enumerate().map(|(index, batch)| GlareBatch {
                 batch,
                 tiles: &tile_buffers[index],
+                encoded_tiles: &tiles[index],
                 pixels: batch_buffers[index].pixels.with_room(gpu, batch.pixels * BYTES_PER_PIXEL).clone(),
                 grid: grid_of(prepared, batch),
             });
             let frame = GlareFrame {
                 settings: &settings.glare,
+                fraction: settings.glare.fraction_scattered(),
                 method: glare_method,
                 viewports: &prepared.viewports,
                 encoded_viewports: &viewports,
                 partial_sums: &partials,
                 batches: batches.collect(),
             };
-            glare.record(gpu, &mut encoder, timer, &frame);
+            let scene = SkyScene {
+                stars: &snapshot.stars,
+                camera_pc: prepared.camera_pc,
+                motion: prepared.motion,
+                faintest_lx: prepared.faintest_lx,
+                tolerance: settings.accuracy.glare,
+            };
+            glare.record(gpu, &mut encoder, timer, &frame, &scene);
+        } else {
+            glare.release();
         }
         {
             let mut pass = begin_pass(&mut encoder, timer, "exposure");

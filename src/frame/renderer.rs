@@ -19,12 +19,12 @@ use crate::{
     catalogue::chunks::StarSet,
     gpu::{AdapterReport, Gpu, GpuError, GpuTimer, GrowingBuffer, ReadbackBuffer, encode_viewport, layout},
     passes::{exposure::ExposurePass, resolve::ResolvePass, stars::StarPass, tone_map::ToneMapPass},
-    photometry::{exposure::metered_ev100, glare::GlareKernelError, psf::PsfError},
+    photometry::{glare::GlareKernelError, psf::PsfError},
     plan::{
         cull::{CullSettings, MAX_VIEWPORTS, SPLAT_MARGIN_PX, VisibleChunk, distinct_eyes_pc, visible_chunks},
         gaussian_of, plan_stars,
         range::{self, Ranges},
-        settings::{Accumulator, ExposureSettings, RenderSettings, StarMethod},
+        settings::{Accumulator, ExposureSettings, GlareMethod, RenderSettings, StarMethod},
         tiles::{BYTES_PER_PIXEL, Batch, batches},
         travel,
     },
@@ -83,6 +83,11 @@ pub enum RenderError {
         "stars.method = `{0}` draws for a camera at rest: set scene.camera.velocity_c = [0, 0, 0], or the method to auto, bspline, tent or pixel_gaussian"
     )]
     AtRestOnly(&'static str),
+    /// `sky_cube` scatters the light of the catalogue's stars.
+    #[error(
+        "glare.method = `sky_cube` reads the catalogue, of which stars.method = `{0}` draws no star: set glare.method to auto, view_pyramid, screen_pyramid or none"
+    )]
+    GlareOfCatalogue(&'static str),
     /// There must be one choice of buffers per view.
     #[error("{given} choices of buffers for {views} views")]
     WantedCount {
@@ -272,9 +277,15 @@ impl Renderer {
         if method == StarMethod::PsfTexture {
             self.blended.hold_psf(&settings.stars.psf_texture)?;
         }
+        if settings.glare.chosen(method) == GlareMethod::SkyCube {
+            if !method.draws_catalogue() {
+                return Err(RenderError::GlareOfCatalogue(method.name()));
+            }
+            self.glare.hold_kernel(&settings.glare)?;
+        }
         self.hold_stars(method, &snapshot.stars);
         let prepared = self.prepare(snapshot, rig, settings, adapted_ev100);
-        let recorded = self.record(&prepared, rig, settings, wanted, adapted_ev100);
+        let recorded = self.record(&prepared, snapshot, rig, settings, wanted, adapted_ev100);
         let plan_ms = start.elapsed().as_secs_f64() * 1e3;
         self.gpu.queue.submit([recorded.commands]);
         self.readback.map(&self.gpu);
@@ -304,6 +315,7 @@ impl Renderer {
         self.stars = None;
         self.published.forget_buffers();
         self.blended.forget_buffers();
+        self.glare.release();
         self.batch_buffers.clear();
         self.item_buffers = ItemBuffers::new();
         self.partial_sums.release();
@@ -347,8 +359,7 @@ impl Renderer {
         ranges.main.units_per_lx *= self.unit_factor;
         let total_solid_angle_sr = viewports.iter().map(|v| v.projection.picture_solid_angle_sr()).sum();
         let expected_ev100 = settings
-            .exposure
-            .known_ev100(adapted_ev100)
+            .known_white_ev100(adapted_ev100)
             .or_else(|| expected_ev100(&visible, total_solid_angle_sr, &settings.exposure));
         let accumulator = self.gpu.accumulator_name(settings.stars.method.accumulator());
         let mut plan = plan_stars(settings, &viewports, &ranges, expected_ev100, accumulator);
@@ -378,6 +389,5 @@ fn expected_ev100(visible: &[VisibleChunk], total_solid_angle_sr: f64, settings:
         return None;
     }
     let light_lx: f64 = visible.iter().map(|chunk| chunk.total_lx * f64::from(chunk.viewports.count_ones())).sum();
-    let ExposureSettings { compensation_ev, min_ev100, max_ev100, .. } = *settings;
-    Some(metered_ev100(light_lx / total_solid_angle_sr, compensation_ev, min_ev100, max_ev100))
+    Some(settings.metered_ev100(light_lx / total_solid_angle_sr))
 }

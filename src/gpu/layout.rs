@@ -262,6 +262,25 @@ gpu_structs! {
         /// Padding.
         unused_2: u32,
     }
+    /// The numbers of the tone mapping; see `shaders/shared/display.wgsl`.
+    Display {
+        /// Luminance over display white that Reinhard's operator shows white.
+        white: f32,
+        /// White of a calibrated display, cd/m^2.
+        peak_cd_m2: f32,
+        /// Its black, cd/m^2.
+        black_cd_m2: f32,
+        /// How much of the hue is kept where the display's range ends.
+        desaturation: f32,
+        /// How much dim light is seen as rods see it.
+        scotopic: f32,
+        /// 1: rounding is spread over neighbouring pixels.
+        dither: u32,
+        /// Padding.
+        unused_0: u32,
+        /// Padding.
+        unused_1: u32,
+    }
     /// Parameters of the resolve pass.
     ResolveParameters {
         /// Lux per fixed-point unit.
@@ -270,16 +289,10 @@ gpu_structs! {
         lx_per_bright_unit: f32,
         /// Display values per cd/m^2, where the display image is written by this pass.
         display_per_cd_m2: f32,
-        /// Number of the tone-mapping operator.
-        tone_operator: u32,
         /// Pixels of the batch.
         plane_pixels: u32,
-        /// Padding.
-        unused_0: u32,
-        /// Padding.
-        unused_1: u32,
-        /// Padding.
-        unused_2: u32,
+        /// How the display image is made there.
+        shown: Display,
     }
     /// Parameters of the glare pass over pixels.
     GlareParameters {
@@ -292,6 +305,192 @@ gpu_structs! {
         /// Padding.
         unused_1: u32,
     }
+    /// A cell of the sky; see `shaders/glare_gather.wgsl`.
+    GlareCell {
+        /// Unit vector to the middle of its light.
+        direction: [f32; 3],
+        /// Padding.
+        unused_0: f32,
+        /// Linear Rec. 709, lx.
+        light: [f32; 3],
+        /// Padding.
+        unused_1: f32,
+    }
+    /// Parameters of a level of the map of glare.
+    GlareLevelParameters {
+        /// Cells along an edge of a face.
+        edge_cells: u32,
+        /// The same of the coarser level.
+        coarser_cells: u32,
+        /// Square of the chord at which the kernel ends.
+        end_squared: f32,
+        /// Sine of that angle, or 2.
+        end_sine: f32,
+        /// Entries of the table per unit of a chord's square.
+        entries: f32,
+        /// 1 over the square of the radius of bumps, or 0.
+        bump_inverse: f32,
+        /// Padding.
+        unused_0: u32,
+        /// Padding.
+        unused_1: u32,
+    }
+    /// Parameters of sharpening a level.
+    GlareSharpenParameters {
+        /// Cells along an edge of a face.
+        edge_cells: u32,
+        /// Where the result begins.
+        first_point: u32,
+        /// Padding.
+        unused_0: u32,
+        /// Padding.
+        unused_1: u32,
+    }
+    /// A source that is drawn by itself; see `shaders/shared/glare_sprites.wgsl`.
+    GlareSprite {
+        /// Unit vector, world axes.
+        direction: [f32; 3],
+        /// 1 over the square of the chord at which it ends.
+        inverse_squared: f32,
+        /// Linear Rec. 709, lx.
+        light: [f32; 3],
+        /// 1: it is what the map's kernel leaves.
+        whole: u32,
+    }
+    /// Sprites of a part of the sky.
+    GlareSpriteCell {
+        /// Unit vector to its middle.
+        direction: [f32; 3],
+        /// Greatest chord to what its sprites reach.
+        reach: f32,
+        /// First sprite.
+        first: u32,
+        /// Number of sprites.
+        count: u32,
+        /// Padding.
+        unused_0: u32,
+        /// Padding.
+        unused_1: u32,
+    }
+    /// How a viewport sees the sky that glares.
+    GlareView {
+        /// Coefficients of the kernel's core, 1/sr.
+        core: [f32; 3],
+        /// Square of the chord at which it ends.
+        core_squared: f32,
+        /// Greatest inverse square of a sprite.
+        greatest_inverse: f32,
+        /// First point of its map.
+        first_point: u32,
+        /// First of its own sources.
+        first_near: u32,
+        /// Their number.
+        near_count: u32,
+    }
+    /// Parameters of finding and drawing sprites.
+    GlareSkyParameters {
+        /// Coefficients of the map's kernel, 1/sr.
+        soft: [f32; 3],
+        /// 1 over the square of the chord within which they hold.
+        soft_inverse: f32,
+        /// Cells along an edge of a face of the map.
+        edge_cells: u32,
+        /// Number of regions with sprites.
+        regions: u32,
+        /// Inverse square: its constant.
+        constant: f32,
+        /// Inverse square: square of the inner angle, rad^2.
+        inner_squared: f32,
+        /// Table: logarithm to base 2 of its first square of a chord.
+        first_octave: f32,
+        /// Table: entries per octave.
+        entries_per_octave: f32,
+        /// Table: number of entries.
+        entries: u32,
+        /// Words of a block's list.
+        list_words: u32,
+        /// Words of a square's list.
+        square_words: u32,
+        /// Columns of blocks.
+        columns: u32,
+        /// Rows of blocks.
+        rows: u32,
+        /// Tiles of the batch.
+        tiles: u32,
+        /// How sprites end.
+        flatness: f32,
+        /// Padding.
+        unused_0: u32,
+        /// Padding.
+        unused_1: u32,
+        /// Padding.
+        unused_2: u32,
+    }
+    /// A source of an eye's own.
+    GlareNear {
+        /// Unit vector, world axes.
+        direction: [f32; 3],
+        /// Padding.
+        unused_0: f32,
+        /// Linear Rec. 709, lx.
+        light: [f32; 3],
+        /// Padding.
+        unused_1: f32,
+    }
+    /// Parameters of the search for the brightest channel of a frame.
+    GlareMaximumParameters {
+        /// Pixels of the batch.
+        plane_pixels: u32,
+        /// Padding.
+        unused_0: u32,
+        /// Padding.
+        unused_1: u32,
+        /// Padding.
+        unused_2: u32,
+    }
+    /// Parameters of the base of a glare pyramid.
+    GlareBaseParameters {
+        /// The tile in which the upper pixels lie.
+        upper: Tile,
+        /// The tile that goes on below, or the same again.
+        lower: Tile,
+        /// Pixels of the batch of the first.
+        upper_plane_pixels: u32,
+        /// Pixels of the batch of the second.
+        lower_plane_pixels: u32,
+        /// Padding.
+        unused_0: u32,
+        /// Padding.
+        unused_1: u32,
+    }
+    /// Parameters of a blur of a glare pyramid.
+    GlareBlurParameters {
+        /// Weights of the taps: the middle one, and those on either side.
+        weights: [f32; 4],
+        /// Cosines of the taps' angles.
+        cosines: [f32; 4],
+        /// Sines of the taps' angles.
+        sines: [f32; 4],
+        /// Index of the viewport.
+        viewport: u32,
+        /// 0 or 1: the first axis or the second.
+        axis: u32,
+        /// Padding.
+        unused_0: u32,
+        /// Padding.
+        unused_1: u32,
+    }
+    /// Parameters of the sum over the levels of a glare pyramid.
+    GlareCombineParameters {
+        /// Weight of level 0.
+        first_weight: f32,
+        /// Weight of every level relative to the one before.
+        ratio: f32,
+        /// Number of levels.
+        levels: u32,
+        /// Padding.
+        unused_0: u32,
+    }
     /// Parameters of the exposure pass.
     ExposureParameters {
         /// Solid angle of all pixels, sr.
@@ -300,8 +499,8 @@ gpu_structs! {
         min_ev100: f32,
         /// Highest exposure.
         max_ev100: f32,
-        /// Added to what the meter reads.
-        compensation_ev: f32,
+        /// Added to what the meter reads: compensation and key.
+        offset_ev: f32,
         /// The exposure if `fixed`.
         fixed_ev100: f32,
         /// 1: use `fixed_ev100`.
@@ -324,14 +523,16 @@ gpu_structs! {
     }
     /// Parameters of the tone-mapping pass.
     ToneMapParameters {
-        /// Number of the operator.
-        tone_operator: u32,
         /// Pixels of the batch.
         plane_pixels: u32,
         /// Padding.
         unused_0: u32,
         /// Padding.
         unused_1: u32,
+        /// Padding.
+        unused_2: u32,
+        /// How the display image is made.
+        shown: Display,
     }
     /// A point at which a projection is evaluated; see `shaders/projection_probe.wgsl`.
     ProbeInput {

@@ -1,5 +1,7 @@
 //! Shader sources. WGSL has no import: each entry point's module is the concatenation of the files it names.
 
+use crate::plan::glare_pyramid::PyramidAxes;
+
 /// A complete shader module.
 #[derive(Clone, Debug)]
 pub struct ShaderSource {
@@ -26,6 +28,10 @@ const TRIANGLES: &str = include_str!("../../shaders/shared/triangle_solid_angle.
 const PACKED_SPLAT: &str = include_str!("../../shaders/shared/packed_splat.wgsl");
 const CATALOGUE_STAR: &str = include_str!("../../shaders/shared/catalogue_star.wgsl");
 const BILLBOARD: &str = include_str!("../../shaders/shared/billboard.wgsl");
+const SKY_CUBE: &str = include_str!("../../shaders/shared/sky_cube.wgsl");
+const GLARE_SPRITES: &str = include_str!("../../shaders/shared/glare_sprites.wgsl");
+const GLARE_SCALE: &str = include_str!("../../shaders/shared/glare_scale.wgsl");
+const GLARE_CONE: &str = include_str!("../../shaders/shared/glare_cone.wgsl");
 const PIXEL_GRID: &str = include_str!("../../shaders/shared/pixel_grid.wgsl");
 
 /// The star pass.
@@ -223,16 +229,78 @@ pub fn resolve(wide: bool) -> ShaderSource {
 pub enum GlareSource {
     /// On the sky: a map of the whole sky, and the brightest sources one by one.
     Sky,
+    /// On the picture: a pyramid of blurred images.
+    Pyramid,
 }
 
 /// The glare pass over pixels.
 pub fn glare_composite(source: GlareSource) -> ShaderSource {
     let (name, of_source) = match source {
-        GlareSource::Sky => ("glare sky", include_str!("../../shaders/shared/glare_sky.wgsl")),
+        GlareSource::Sky => {
+            ("glare sky", [SKY_CUBE, GLARE_SPRITES, include_str!("../../shaders/shared/glare_sky.wgsl")])
+        }
+        GlareSource::Pyramid => {
+            ("glare pyramid", [GLARE_SCALE, include_str!("../../shaders/shared/glare_pyramid.wgsl"), ""])
+        }
     };
     let composite = include_str!("../../shaders/glare_composite.wgsl");
-    let text = [VIEWPORT, MATH, PROJECTION, PIXEL_GRID, of_source, composite].concat();
+    let text = [VIEWPORT, MATH, PROJECTION, PIXEL_GRID, &of_source.concat(), composite].concat();
     ShaderSource { name, entry_point: "composite_glare", text, needs_u64: false }
+}
+
+/// A level of the map of glare.
+pub fn glare_gather() -> ShaderSource {
+    let text = [VIEWPORT, MATH, PROJECTION, SKY_CUBE, include_str!("../../shaders/glare_gather.wgsl")].concat();
+    ShaderSource { name: "glare gather", entry_point: "gather", text, needs_u64: false }
+}
+
+/// Sharpens a level of the map of glare.
+pub fn glare_sharpen() -> ShaderSource {
+    let text = include_str!("../../shaders/glare_sharpen.wgsl").to_owned();
+    ShaderSource { name: "glare sharpen", entry_point: "sharpen", text, needs_u64: false }
+}
+
+/// Finds the sprites of every square of blocks of pixels.
+pub fn glare_find() -> ShaderSource {
+    let find = include_str!("../../shaders/glare_find.wgsl");
+    let text = [VIEWPORT, MATH, PROJECTION, PIXEL_GRID, GLARE_SPRITES, GLARE_CONE, find].concat();
+    ShaderSource { name: "glare find", entry_point: "find_sprites", text, needs_u64: false }
+}
+
+/// Gives every block of pixels its sprites.
+pub fn glare_assign() -> ShaderSource {
+    let assign = include_str!("../../shaders/glare_assign.wgsl");
+    let text = [VIEWPORT, MATH, PROJECTION, PIXEL_GRID, GLARE_SPRITES, GLARE_CONE, assign].concat();
+    ShaderSource { name: "glare assign", entry_point: "assign_sprites", text, needs_u64: false }
+}
+
+/// The brightest channel of a frame, for glare.
+pub fn glare_maximum() -> ShaderSource {
+    let text = [VIEWPORT, PIXEL_GRID, include_str!("../../shaders/glare_maximum.wgsl")].concat();
+    ShaderSource { name: "glare maximum", entry_point: "find_maximum", text, needs_u64: false }
+}
+
+/// The base of a glare pyramid.
+pub fn glare_base() -> ShaderSource {
+    let text = [VIEWPORT, GLARE_SCALE, include_str!("../../shaders/glare_base.wgsl")].concat();
+    ShaderSource { name: "glare base", entry_point: "fill_base", text, needs_u64: false }
+}
+
+/// A blur of a glare pyramid along one of these axes.
+pub fn glare_blur(axes: PyramidAxes) -> ShaderSource {
+    let (name, taps) = match axes {
+        PyramidAxes::Screen => ("glare blur screen", include_str!("../../shaders/shared/glare_taps_screen.wgsl")),
+        PyramidAxes::View => ("glare blur view", include_str!("../../shaders/shared/glare_taps_view.wgsl")),
+    };
+    let blur = include_str!("../../shaders/glare_blur.wgsl");
+    let text = [VIEWPORT, MATH, PROJECTION, GLARE_SCALE, taps, blur].concat();
+    ShaderSource { name, entry_point: "blur_level", text, needs_u64: false }
+}
+
+/// The sum over the levels of a glare pyramid.
+pub fn glare_combine() -> ShaderSource {
+    let text = [GLARE_SCALE, include_str!("../../shaders/glare_combine.wgsl")].concat();
+    ShaderSource { name: "glare combine", entry_point: "combine_levels", text, needs_u64: false }
 }
 
 /// The exposure pass.
@@ -269,6 +337,16 @@ pub fn sources() -> Vec<ShaderSource> {
         resolve(true),
         resolve(false),
         glare_composite(GlareSource::Sky),
+        glare_gather(),
+        glare_sharpen(),
+        glare_find(),
+        glare_assign(),
+        glare_composite(GlareSource::Pyramid),
+        glare_maximum(),
+        glare_base(),
+        glare_blur(PyramidAxes::Screen),
+        glare_blur(PyramidAxes::View),
+        glare_combine(),
         exposure(),
         tone_map(),
         projection_probe(),

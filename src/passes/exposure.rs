@@ -34,7 +34,7 @@ impl ExposurePass {
             total_solid_angle_sr: total_solid_angle_sr as f32,
             min_ev100: settings.min_ev100 as f32,
             max_ev100: settings.max_ev100 as f32,
-            compensation_ev: settings.compensation_ev as f32,
+            offset_ev: settings.offset_ev() as f32,
             fixed_ev100: known_ev100.unwrap_or(0.0) as f32,
             fixed: u32::from(known_ev100.is_some()),
             partial_count,

@@ -1,12 +1,19 @@
 //! The glare pass over pixels: keeps what is not scattered of every pixel's light and adds what is scattered towards it.
 //! Shader: `shaders/glare_composite.wgsl`.
 
-use super::shared::bind_buffers;
+use super::shared::{COLUMNS, bind_buffers};
 use crate::gpu::{self, GlareSource, Gpu, layout};
+
+/// Columns of one workgroup.
+const BLOCK_COLUMNS: u32 = 8;
+/// Runs of rows of one workgroup on a GPU.
+const ROW_GROUPS: u32 = 8;
 
 /// The pass for one source of glare.
 pub(crate) struct GlareCompositePass {
     pipeline: wgpu::ComputePipeline,
+    /// Runs of rows of one workgroup.
+    row_groups: u32,
 }
 
 /// Buffers of one batch.
@@ -21,8 +28,12 @@ pub(crate) struct GlareTarget<'a> {
 }
 
 impl GlareCompositePass {
-    pub(crate) fn new(gpu: &Gpu, source: GlareSource) -> Self {
-        Self { pipeline: gpu.compute_pipeline(&gpu::glare_composite(source)) }
+    /// The pass with values for the constants of its source.
+    pub(crate) fn new(gpu: &Gpu, source: GlareSource, constants: &[(&str, f64)]) -> Self {
+        let row_groups = if gpu.software { 1 } else { ROW_GROUPS };
+        let of_groups = ("ROW_GROUPS", f64::from(row_groups));
+        let constants: Vec<_> = constants.iter().copied().chain([of_groups]).collect();
+        Self { pipeline: gpu.compute_pipeline_with(&gpu::glare_composite(source), &constants), row_groups }
     }
 
     /// Records the pass. `of_source` is what the source of glare binds in group 1.
@@ -56,6 +67,6 @@ impl GlareCompositePass {
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(0, &group, &[]);
         pass.set_bind_group(1, &bind_buffers(gpu, &self.pipeline, 1, of_source), &[]);
-        pass.dispatch_workgroups(grid[0], grid[1], grid[2]);
+        pass.dispatch_workgroups(grid[0] * (COLUMNS / BLOCK_COLUMNS), grid[1].div_ceil(self.row_groups), grid[2]);
     }
 }

@@ -4,6 +4,8 @@
 pub(crate) mod billboards;
 pub(crate) mod exposure;
 pub(crate) mod glare_composite;
+pub(crate) mod glare_pyramid;
+pub(crate) mod glare_sky;
 pub(crate) mod luminance;
 pub(crate) mod packed;
 pub(crate) mod resolve;

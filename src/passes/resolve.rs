@@ -2,11 +2,11 @@
 //! exposure is known before. Shader: `shaders/resolve.wgsl`; the f64 twin is `crate::reference::stars`, which divides at
 //! its end.
 
-use super::shared::{bind_buffers, operator_number};
+use super::shared::{DisplayVariant, bind_buffers, encode_display};
 use crate::{
-    gpu::{self, Gpu, layout},
+    gpu::{self, Gpu, ShaderSource, layout},
     photometry::exposure::white_luminance_cd_m2,
-    plan::{range::Ranges, settings::ToneMapOperator},
+    plan::{range::Ranges, settings::ToneMapSettings},
 };
 
 /// What a batch's resolve pass writes.
@@ -22,8 +22,9 @@ pub(crate) struct ResolveOutputs {
 
 /// The pass.
 pub(crate) struct ResolvePass {
-    /// One for every combination of outputs.
-    pipelines: Vec<(ResolveOutputs, wgpu::ComputePipeline)>,
+    source: ShaderSource,
+    /// One for every combination of outputs and variant of the display image asked for so far.
+    pipelines: Vec<(ResolveOutputs, DisplayVariant, wgpu::ComputePipeline)>,
     /// Stands in for the bright sums where there are none.
     no_bright: wgpu::Buffer,
     /// Stands in for the display image where it is not written.
@@ -58,34 +59,43 @@ pub(crate) struct ResolveTarget<'a> {
 
 impl ResolvePass {
     pub(crate) fn new(gpu: &Gpu) -> Self {
-        let source = gpu::resolve(gpu.wide_accumulator);
-        let pipelines = (0..6)
-            .map(|i| {
-                let outputs = ResolveOutputs { hdr: i >= 2, dark: i >= 4, display: i % 2 == 1 };
-                let constants =
-                    [("WRITE_HDR", outputs.hdr), ("WRITE_DISPLAY", outputs.display), ("WRITE_DARK", outputs.dark)]
-                        .map(|(name, value)| (name, f64::from(u8::from(value))));
-                (outputs, gpu.compute_pipeline_with(&source, &constants))
-            })
-            .collect();
-        Self {
-            pipelines,
+        let mut pass = Self {
+            source: gpu::resolve(gpu.wide_accumulator),
+            pipelines: Vec::new(),
             no_bright: gpu::storage_buffer(gpu, "no bright sums", &[[0_u32; 4]]),
             no_display: gpu::storage_buffer(gpu, "no display", &[0_u32]),
+        };
+        for i in 0..6 {
+            let outputs = ResolveOutputs { hdr: i >= 2, dark: i >= 4, display: i % 2 == 1 };
+            pass.prepare(gpu, outputs, DisplayVariant::default());
         }
+        pass
+    }
+
+    /// Index of the pipeline, which is made if it is the first time.
+    fn prepare(&mut self, gpu: &Gpu, outputs: ResolveOutputs, variant: DisplayVariant) -> usize {
+        let held = self.pipelines.iter().position(|(of, shown, _)| (*of, *shown) == (outputs, variant));
+        held.unwrap_or_else(|| {
+            let written =
+                [("WRITE_HDR", outputs.hdr), ("WRITE_DISPLAY", outputs.display), ("WRITE_DARK", outputs.dark)]
+                    .map(|(name, value)| (name, f64::from(u8::from(value))));
+            let constants = [written, variant.constants()].concat();
+            self.pipelines.push((outputs, variant, gpu.compute_pipeline_with(&self.source, &constants)));
+            self.pipelines.len() - 1
+        })
     }
 
     /// Records the pass. `known_ev100` is the exposure of the display image, which is written if it is given together with
     /// its buffer.
     #[expect(clippy::too_many_arguments, reason = "a pass takes its settings and its buffers")]
     pub(crate) fn record(
-        &self,
+        &mut self,
         gpu: &Gpu,
         pass: &mut wgpu::ComputePass<'_>,
         ranges: &Ranges,
         hdr: HdrImage,
         known_ev100: Option<f64>,
-        operator: ToneMapOperator,
+        tone_map: &ToneMapSettings,
         target: &ResolveTarget<'_>,
         grid: [u32; 3],
     ) {
@@ -98,13 +108,13 @@ impl ResolvePass {
             lx_per_unit: (1.0 / ranges.main.units_per_lx) as f32,
             lx_per_bright_unit: ranges.bright.map_or(0.0, |bright| (1.0 / bright.units_per_lx) as f32),
             display_per_cd_m2: known_ev100.map_or(0.0, |ev100| (1.0 / white_luminance_cd_m2(ev100)) as f32),
-            tone_operator: operator_number(operator),
             plane_pixels: target.plane_pixels,
-            ..Default::default()
+            shown: encode_display(tone_map),
         };
         let parameters = gpu::uniform_buffer(gpu, "resolve parameters", &parameters);
-        let (_, pipeline) =
-            self.pipelines.iter().find(|(of, _)| *of == outputs).expect("there is a pipeline for every combination");
+        let variant = if outputs.display { DisplayVariant::of(tone_map) } else { DisplayVariant::default() };
+        let index = self.prepare(gpu, outputs, variant);
+        let pipeline = &self.pipelines[index].2;
         let [bright, bright_high] = target.bright.unwrap_or([&self.no_bright; 2]);
         let buffers = [
             (0, parameters.as_entire_binding()),

@@ -2,7 +2,10 @@
 
 use crate::{
     gpu::{Gpu, layout},
-    plan::{settings::ToneMapOperator, tiles::Tile},
+    plan::{
+        settings::{ToneMapOperator, ToneMapSettings},
+        tiles::Tile,
+    },
 };
 
 /// Pixels of one workgroup of the passes over pixels: 64 columns, 16 rows.
@@ -88,15 +91,54 @@ pub(crate) fn pixel_grid(tiles: &[Tile], widths: &[u32]) -> [u32; 3] {
     [columns, rows, tiles.len() as u32]
 }
 
+/// Bytes of a partial sum: illuminance that counts, and solid angle that does not.
+pub(crate) const PARTIAL_SUM_BYTES: u64 = 8;
+
 /// Partial sums that a tile's workgroups write: one per column of pixels and row of workgroups.
 pub(crate) fn partial_sums(width: u32, rows: u32) -> u32 {
     width * rows.div_ceil(ROWS)
 }
 
-/// Number of a tone-mapping operator in the shaders.
-pub(crate) fn operator_number(operator: ToneMapOperator) -> u32 {
-    match operator {
-        ToneMapOperator::Filmic => 0,
-        ToneMapOperator::Srgb => 1,
+/// What of the tone mapping is compiled into a pipeline, so that what is not asked for costs nothing.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct DisplayVariant {
+    operator: ToneMapOperator,
+    desaturates: bool,
+    scotopic: bool,
+}
+
+impl DisplayVariant {
+    pub(crate) fn of(settings: &ToneMapSettings) -> Self {
+        Self {
+            operator: settings.operator,
+            desaturates: settings.desaturation > 0.0,
+            scotopic: settings.scotopic > 0.0,
+        }
+    }
+
+    /// The constants of `shaders/shared/display.wgsl`.
+    pub(crate) fn constants(self) -> [(&'static str, f64); 3] {
+        let operator = match self.operator {
+            ToneMapOperator::Filmic => 0.0,
+            ToneMapOperator::Srgb => 1.0,
+            ToneMapOperator::Reinhard => 2.0,
+            ToneMapOperator::Aces => 3.0,
+            ToneMapOperator::Calibrated => 4.0,
+        };
+        let flag = |on: bool| f64::from(u8::from(on));
+        [("TONE_OPERATOR", operator), ("DESATURATES", flag(self.desaturates)), ("SCOTOPIC", flag(self.scotopic))]
+    }
+}
+
+/// The numbers of the tone mapping as shaders read them.
+pub(crate) fn encode_display(settings: &ToneMapSettings) -> layout::Display {
+    layout::Display {
+        white: settings.white as f32,
+        peak_cd_m2: settings.peak_cd_m2 as f32,
+        black_cd_m2: settings.black_cd_m2 as f32,
+        desaturation: settings.desaturation as f32,
+        scotopic: settings.scotopic as f32,
+        dither: u32::from(settings.dither),
+        ..Default::default()
     }
 }

@@ -3,12 +3,11 @@
 
 use super::shared::{StarDraw, StarTarget, bind_buffers, bind_items, dispatch_rows};
 use crate::{
-    catalogue::packed::{TEMPERATURE_STEPS, temperature_of_step_k},
     gpu::{self, Gpu, layout},
-    photometry::blackbody::{ln_luminance_cd_m2, rec709_in_gamut},
+    photometry::blackbody::ln_luminance_cd_m2,
     plan::{
         range::FixedPoint,
-        travel::{SHIFTED_STEPS, TABLE_STEPS, temperature_of_shifted_step_k},
+        travel::{SHIFTED_STEPS, TABLE_STEPS, colour_of_step, temperature_of_shifted_step_k},
     },
     relativity::Motion,
 };
@@ -33,13 +32,8 @@ fn colour_table() -> Vec<[f32; 4]> {
     (0..above)
         .chain(-(SHIFTED_STEPS as i32)..0)
         .map(|step| {
-            // Steps that stars can have, in the form that stars have them.
-            let kelvin = u32::try_from(step)
-                .ok()
-                .filter(|step| *step < TEMPERATURE_STEPS)
-                .map_or_else(|| temperature_of_shifted_step_k(f64::from(step)), temperature_of_step_k);
-            let [r, g, b] = rec709_in_gamut(kelvin).map(|channel| channel as f32);
-            [r, g, b, ln_luminance_cd_m2(kelvin) as f32]
+            let [r, g, b] = colour_of_step(step);
+            [r, g, b, ln_luminance_cd_m2(temperature_of_shifted_step_k(f64::from(step))) as f32]
         })
         .collect()
 }

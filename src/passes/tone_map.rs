@@ -1,7 +1,7 @@
-//! The tone-mapping pass: luminance over display white to 8 bits, dithered. Shader: `shaders/tone_map.wgsl`; the f64 twin
+//! The tone-mapping pass: luminance to 8 bits of a display. Shader: `shaders/tone_map.wgsl`; the f64 twin
 //! is `crate::photometry::tone_map`.
 
-use super::shared::{bind_buffers, operator_number};
+use super::shared::{DisplayVariant, bind_buffers, encode_display};
 use crate::{
     gpu::{self, Gpu, layout},
     plan::settings::ToneMapSettings,
@@ -9,7 +9,8 @@ use crate::{
 
 /// The pass.
 pub(crate) struct ToneMapPass {
-    pipeline: wgpu::ComputePipeline,
+    /// One for every variant asked for so far.
+    pipelines: Vec<(DisplayVariant, wgpu::ComputePipeline)>,
 }
 
 /// Buffers of one batch.
@@ -25,11 +26,22 @@ pub(crate) struct ToneMapTarget<'a> {
 
 impl ToneMapPass {
     pub(crate) fn new(gpu: &Gpu) -> Self {
-        Self { pipeline: gpu.compute_pipeline(&gpu::tone_map()) }
+        let mut pass = Self { pipelines: Vec::new() };
+        pass.pipeline(gpu, DisplayVariant::default());
+        pass
+    }
+
+    fn pipeline(&mut self, gpu: &Gpu, variant: DisplayVariant) -> &wgpu::ComputePipeline {
+        let index = self.pipelines.iter().position(|(of, _)| *of == variant).unwrap_or_else(|| {
+            let pipeline = gpu.compute_pipeline_with(&gpu::tone_map(), &variant.constants());
+            self.pipelines.push((variant, pipeline));
+            self.pipelines.len() - 1
+        });
+        &self.pipelines[index].1
     }
 
     pub(crate) fn record(
-        &self,
+        &mut self,
         gpu: &Gpu,
         pass: &mut wgpu::ComputePass<'_>,
         settings: &ToneMapSettings,
@@ -37,14 +49,15 @@ impl ToneMapPass {
         grid: [u32; 3],
     ) {
         let parameters = layout::ToneMapParameters {
-            tone_operator: operator_number(settings.operator),
             plane_pixels: target.plane_pixels,
+            shown: encode_display(settings),
             ..Default::default()
         };
         let parameters = gpu::uniform_buffer(gpu, "tone map parameters", &parameters);
+        let pipeline = self.pipeline(gpu, DisplayVariant::of(settings));
         let group = bind_buffers(
             gpu,
-            &self.pipeline,
+            pipeline,
             0,
             &[
                 (0, parameters.as_entire_binding()),
@@ -55,7 +68,7 @@ impl ToneMapPass {
                 (5, target.display.as_entire_binding()),
             ],
         );
-        pass.set_pipeline(&self.pipeline);
+        pass.set_pipeline(pipeline);
         pass.set_bind_group(0, &group, &[]);
         pass.dispatch_workgroups(grid[0], grid[1], grid[2]);
     }

@@ -8,7 +8,8 @@
 //! - a saturation-based sensor of speed 100 clips at H = 78/100 lx s (ISO 12232), which behind a lens of 65 %
 //!   transmission is L = 78 / (100 * 0.65) * 2^EV100 = 1.2 * 2^EV100: display white.
 //!
-//! A scene of even luminance is therefore shown at 0.125 / 1.2 = 10.4 % of white.
+//! A scene of even luminance is therefore shown at 0.125 / 1.2 = 10.4 % of white: [`STANDARD_KEY`]. Another share of white,
+//! the key, is the same as a compensation ([`key_compensation_ev`]).
 //!
 //! Units: cd/m^2, EV100.
 
@@ -17,6 +18,28 @@ pub const WHITE_LUMINANCE_AT_EV0_CD_M2: f64 = 1.2;
 
 /// Reflected-light meter calibration constant K, cd s/(m^2 ISO).
 pub const METER_CALIBRATION: f64 = 12.5;
+
+/// Share of display white at which the standards show the mean.
+pub const STANDARD_KEY: f64 = METER_CALIBRATION / 100.0 / WHITE_LUMINANCE_AT_EV0_CD_M2;
+
+/// What is to be added to the exposure value for the mean to be shown at `key` of display white (above 0): 0 for the
+/// standards' own, negative, which brightens, for a higher one.
+pub fn key_compensation_ev(key: f64) -> f64 {
+    (STANDARD_KEY / key).log2()
+}
+
+/// Mean luminance of pixels, cd/m^2, each given as its luminance and its solid angle in sr, weighted by solid angle. A pixel
+/// that is not finite counts neither as light nor as solid angle; without any other the mean is 0.
+pub fn mean_luminance_cd_m2(pixels: impl IntoIterator<Item = [f64; 2]>) -> f64 {
+    let (mut light_lx, mut solid_angle_sr) = (0.0, 0.0);
+    for [luminance_cd_m2, pixel_sr] in pixels {
+        if luminance_cd_m2.is_finite() {
+            light_lx += luminance_cd_m2 * pixel_sr;
+            solid_angle_sr += pixel_sr;
+        }
+    }
+    if solid_angle_sr > 0.0 { light_lx / solid_angle_sr } else { 0.0 }
+}
 
 /// Luminance that is shown as display white, cd/m^2.
 pub fn white_luminance_cd_m2(ev100: f64) -> f64 {
@@ -52,6 +75,28 @@ mod tests {
         assert!(ev100_from_mean_luminance(0.125).abs() < 1e-12);
         let mean_over_white = 100.0 / white_luminance_cd_m2(ev100_from_mean_luminance(100.0));
         assert!((mean_over_white - 0.125 / 1.2).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_key_is_the_share_of_white_at_which_the_mean_is_shown() {
+        assert_eq!(key_compensation_ev(STANDARD_KEY), 0.0);
+        for key in [1e-6, 0.05, 0.18, 1.0] {
+            let ev100 = metered_ev100(37.0, key_compensation_ev(key), -20.0, 50.0);
+            assert!((37.0 / white_luminance_cd_m2(ev100) / key - 1.0).abs() < 1e-12, "{key}");
+        }
+    }
+
+    #[test]
+    fn a_pixel_that_is_not_finite_takes_nothing_but_itself_from_the_mean() {
+        let pixels = [[3.0, 0.1], [5.0, 0.3], [1.0, 0.6]];
+        let mean = mean_luminance_cd_m2(pixels);
+        assert!((mean - 2.4).abs() < 1e-12);
+        for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+            assert_eq!(mean_luminance_cd_m2(pixels.into_iter().chain([[bad, 0.5]])), mean);
+            assert_eq!(mean_luminance_cd_m2([[bad, 0.5]]), 0.0);
+        }
+        // As a dark pixel it would count: the mean would fall by a third.
+        assert!((mean_luminance_cd_m2(pixels.into_iter().chain([[0.0, 0.5]])) / mean - 2.0 / 3.0).abs() < 1e-12);
     }
 
     #[test]

@@ -1,23 +1,26 @@
-//! Tone mapping in f64: from luminance over display white to display values from 0 to 1.
+//! Tone mapping in f64: from luminance in cd/m^2 to display values from 0 to 1, encoded for the display: what an 8-bit image
+//! stores, divided by 255.
 //!
-//! Input is linear Rec. 709 divided by the luminance of display white (`exposure`): 1 is white, more is brighter than
-//! the display. Output is encoded for the display: what an 8-bit image stores, divided by 255.
+//! Four operators go by the exposure: they see linear Rec. 709 divided by the luminance of display white (`exposure`), where
+//! 1 is white and more is brighter than the display. The fifth, `calibrated`, knows what the display gives and shows cd/m^2
+//! as cd/m^2, whatever the exposure. The curves, their sources and a table stand in [`curves`]. Before them, on request,
+//! comes what the eye makes of dim light ([`scotopic`]), and after them what keeps the hue of light that the display
+//! cannot show ([`hue`]).
 //!
-//! - `srgb` clips at white and applies the transfer curve of IEC 61966-2-1. It is exact below white: the picture shows
-//!   the light that is there, and anything brighter is white.
-//! - `filmic` rolls highlights off: the formula by Jim Hejl and Richard Burgess-Dawson (given by J. Hable, "Filmic
-//!   tonemapping operators", 2010) that fits the film curve of H.-P. Duiker, "Filmic tonemapping for real-time rendering",
-//!   SIGGRAPH 2010 courses. Per channel. **The fit includes the display's gamma of 2.2**: its result is encoded already
-//!   and no transfer curve follows. One change: the published fit first subtracts 0.004, which turns all that is below
-//!   0.4 % of white black. A sky is made of such stars, so nothing is subtracted here.
-//!
-//!   | luminance / white | 0.004 | 0.1 | 0.18 | 1 | 4 | 16 | 64 |
-//!   |---|---|---|---|---|---|---|---|
-//!   | display value | 0.031 | 0.384 | 0.513 | 0.842 | 0.954 | 0.988 | 0.997 |
+//! A channel that is not a number is shown black, as a negative one is; an infinite one is shown as the brightest there is.
+
+pub mod curves;
+pub mod hue;
+pub mod scotopic;
 
 use serde::{Deserialize, Serialize};
 
+use self::curves::{aces, filmic, reinhard_scale};
+use super::exposure::WHITE_LUMINANCE_AT_EV0_CD_M2;
 pub use super::rec709::luminance;
+
+/// Brighter light than this is shown as this, cd/m^2 and units of display white: in f32, too, sums of three stay finite.
+const BRIGHTEST: f64 = 1e30;
 
 /// Display value of linear `value`: the sRGB transfer curve (IEC 61966-2-1). Not clipped; NaN gives NaN.
 pub fn srgb_from_linear(value: f64) -> f64 {
@@ -29,119 +32,137 @@ pub fn linear_from_srgb(value: f64) -> f64 {
     if value <= 0.040_45 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) }
 }
 
-/// The filmic curve: display value, encoded, of a channel over white, x (6.2 x + 0.5) / (x (6.2 x + 1.7) + 0.06). NaN
-/// gives NaN, infinity gives 1.
-pub fn filmic(x: f64) -> f64 {
-    if x <= 0.0 {
-        return 0.0;
-    }
-    // Divided by x^2, so that infinity over infinity does not arise.
-    (6.2 + 0.5 / x) / (6.2 + 1.7 / x + 0.06 / (x * x))
-}
-
-/// A tone-mapping operator: how a channel over white becomes a display value.
+/// A tone-mapping operator: how light becomes a display value.
 #[derive(Clone, Copy, Debug, Default, Eq, Hash, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ToneMapOperator {
-    /// Film-like roll-off of highlights: [`filmic`].
+    /// Film-like roll-off of highlights, channel by channel: [`filmic`].
     #[default]
     Filmic,
     /// Clip at white, then [`srgb_from_linear`].
     Srgb,
+    /// Roll-off of the luminance, which keeps the ratios of the channels: [`reinhard_scale`].
+    Reinhard,
+    /// A film's curve with toe and shoulder, channel by channel: [`aces`].
+    Aces,
+    /// The light itself on a display of known peak and black.
+    Calibrated,
 }
 
 impl ToneMapOperator {
     /// Every operator.
-    pub const ALL: [Self; 2] = [Self::Filmic, Self::Srgb];
+    pub const ALL: [Self; 5] = [Self::Filmic, Self::Srgb, Self::Reinhard, Self::Aces, Self::Calibrated];
 
     /// Name in configurations and manifests.
     pub fn name(self) -> &'static str {
         match self {
             Self::Filmic => "filmic",
             Self::Srgb => "srgb",
+            Self::Reinhard => "reinhard",
+            Self::Aces => "aces",
+            Self::Calibrated => "calibrated",
         }
     }
+}
 
-    /// Display RGB, encoded, each from 0 to 1, of linear Rec. 709 `rgb` in cd/m^2 where `white_cd_m2` is display white.
-    /// Infinity gives 1, NaN gives NaN.
-    pub fn display_rgb(self, rgb: [f64; 3], white_cd_m2: f64) -> [f64; 3] {
-        rgb.map(|channel| {
-            let value = channel / white_cd_m2;
-            match self {
-                Self::Filmic => filmic(value),
-                Self::Srgb => srgb_from_linear(value.clamp(0.0, 1.0)),
-            }
-        })
+/// Tone mapping settings.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ToneMapSettings {
+    /// The operator.
+    pub operator: ToneMapOperator,
+    /// `reinhard`: the luminance over display white that is shown as the brightest the display has.
+    pub white: f64,
+    /// `calibrated`: luminance that the display gives for white, cd/m^2.
+    pub peak_cd_m2: f64,
+    /// `calibrated`: luminance that the display gives for black, cd/m^2.
+    pub black_cd_m2: f64,
+    /// How much of the hue of light beyond the display's range is kept by moving it towards white instead of clipping or
+    /// rolling off each channel by itself: 0 to 1.
+    pub desaturation: f64,
+    /// How much dim light is seen as rods see it, without colour and bluish: 0 to 1.
+    pub scotopic: f64,
+    /// Whether rounding to 8 bits is spread over neighbouring pixels.
+    pub dither: bool,
+}
+
+impl Default for ToneMapSettings {
+    fn default() -> Self {
+        Self {
+            operator: ToneMapOperator::Filmic,
+            white: 16.0,
+            peak_cd_m2: 100.0,
+            black_cd_m2: 0.0,
+            desaturation: 0.0,
+            scotopic: 0.0,
+            dither: true,
+        }
     }
+}
+
+impl ToneMapSettings {
+    /// The defaults with this operator.
+    pub fn of(operator: ToneMapOperator) -> Self {
+        Self { operator, ..Self::default() }
+    }
+
+    /// The exposure value whose display white is what the operator shows white, where it does not go by the exposure.
+    pub fn white_ev100(&self) -> Option<f64> {
+        (self.operator == ToneMapOperator::Calibrated).then(|| (self.peak_cd_m2 / WHITE_LUMINANCE_AT_EV0_CD_M2).log2())
+    }
+
+    /// Display RGB, encoded, each from 0 to 1, of linear Rec. 709 in cd/m^2 where `white_cd_m2` is display white. Black is
+    /// shown black by every operator.
+    pub fn display_rgb(&self, rgb_cd_m2: [f64; 3], white_cd_m2: f64) -> [f64; 3] {
+        let mut light = rgb_cd_m2.map(shown_light);
+        if self.scotopic > 0.0 {
+            light = scotopic::shifted(light, self.scotopic);
+        }
+        let value = match self.operator {
+            // The display adds its black to everything: linear value v is seen as black + (peak - black) v.
+            ToneMapOperator::Calibrated => {
+                light.map(|channel| (channel - self.black_cd_m2).max(0.0) / (self.peak_cd_m2 - self.black_cd_m2))
+            }
+            _ => light.map(|channel| (channel / white_cd_m2).min(BRIGHTEST)),
+        };
+        let by_channel = match self.operator {
+            ToneMapOperator::Filmic => value.map(filmic),
+            ToneMapOperator::Srgb | ToneMapOperator::Calibrated => value.map(encoded),
+            ToneMapOperator::Reinhard => {
+                let scale = reinhard_scale(luminance(value), self.white);
+                value.map(|channel| encoded(scale * channel))
+            }
+            ToneMapOperator::Aces => value.map(|channel| encoded(aces(channel))),
+        };
+        if self.desaturation <= 0.0 {
+            return by_channel;
+        }
+        let linear = by_channel.map(linear_from_srgb);
+        // Curves by channel have no luminance of their own but what comes out of them.
+        let wanted = match self.operator {
+            ToneMapOperator::Filmic | ToneMapOperator::Aces => luminance(linear),
+            ToneMapOperator::Srgb | ToneMapOperator::Calibrated => luminance(value),
+            ToneMapOperator::Reinhard => luminance(value) * reinhard_scale(luminance(value), self.white),
+        };
+        let kept = hue::at_luminance(value, wanted.min(1.0));
+        std::array::from_fn(|c| encoded(linear[c] + self.desaturation * (kept[c] - linear[c])))
+    }
+
+    /// The byte of a display value without dithering.
+    pub fn byte(encoded: f64) -> u8 {
+        (encoded * 255.0).round() as u8
+    }
+}
+
+/// A channel as it is shown: nothing below 0, nothing that is not a number.
+fn shown_light(channel: f64) -> f64 {
+    if channel > 0.0 { channel.min(BRIGHTEST) } else { 0.0 }
+}
+
+/// The sRGB value of a linear one, clipped.
+fn encoded(linear: f64) -> f64 {
+    srgb_from_linear(linear.clamp(0.0, 1.0))
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn srgb_has_the_values_of_the_standard() {
-        assert_eq!(srgb_from_linear(0.0), 0.0);
-        assert!((srgb_from_linear(1.0) - 1.0).abs() < 1e-15);
-        // Code 188 of 255 is half of white to the nearest code; 0.18 is 0.4614 (118).
-        assert_eq!((255.0 * srgb_from_linear(0.5)).round(), 188.0);
-        assert!((srgb_from_linear(0.18) - 0.461_356).abs() < 1e-6);
-        assert!((linear_from_srgb(128.0 / 255.0) - 0.215_861).abs() < 1e-6);
-        assert!((srgb_from_linear(0.001) - 0.012_92).abs() < 1e-15);
-    }
-
-    #[test]
-    fn srgb_and_its_inverse_agree_and_eight_bit_codes_survive() {
-        for code in 0..=255 {
-            let value = f64::from(code) / 255.0;
-            assert!((srgb_from_linear(linear_from_srgb(value)) - value).abs() < 1e-12, "code {code}");
-        }
-        // The two thresholds are rounded independently: at the joint the curves miss each other by 3e-8, no more.
-        assert!((srgb_from_linear(0.003_130_8) - srgb_from_linear(0.003_130_800_001)).abs() < 5e-8);
-    }
-
-    #[test]
-    fn filmic_has_the_form_and_the_values_of_its_table() {
-        let table =
-            [(0.004, 0.0315), (0.1, 0.384), (0.18, 0.513), (1.0, 0.842), (4.0, 0.954), (16.0, 0.988), (64.0, 0.997)];
-        for (x, display) in table {
-            let published: f64 = x * (6.2 * x + 0.5) / (x * (6.2 * x + 1.7) + 0.06);
-            assert!((filmic(x) - published).abs() < 1e-15);
-            assert!((filmic(x) - display).abs() < 6e-4, "filmic({x}) = {}", filmic(x));
-        }
-    }
-
-    #[test]
-    fn filmic_is_already_encoded() {
-        // Read as linear light it would be far too bright; decoded with 2.2 it is near the input at middle grey.
-        assert!((filmic(0.18).powf(2.2) / 0.18 - 1.0).abs() < 0.3);
-        assert!(filmic(0.18) / 0.18 > 2.5);
-    }
-
-    #[test]
-    fn operators_rise_from_black_to_one_and_never_leave_the_range() {
-        for operator in ToneMapOperator::ALL {
-            let show = |value: f64| operator.display_rgb([value; 3], 4.0)[0];
-            let mut previous = show(0.0);
-            assert_eq!(previous, 0.0);
-            for step in -400..400 {
-                let shown = show(10f64.powf(f64::from(step) / 40.0));
-                assert!((previous..=1.0).contains(&shown), "{operator:?} {step}: {previous} to {shown}");
-                previous = shown;
-            }
-            assert!((show(f64::INFINITY) - 1.0).abs() < 1e-15);
-            assert_eq!(show(-1.0), 0.0);
-            assert!(show(f64::NAN).is_nan());
-        }
-    }
-
-    #[test]
-    fn display_white_is_white_for_srgb_and_leaves_room_for_filmic() {
-        let clipped = ToneMapOperator::Srgb.display_rgb([0.15, 0.075, 0.3], 0.15);
-        for (shown, expected) in clipped.into_iter().zip([1.0, srgb_from_linear(0.5), 1.0]) {
-            assert!((shown - expected).abs() < 1e-15, "{clipped:?}");
-        }
-        let [red, green, blue] = ToneMapOperator::Filmic.display_rgb([0.15, 0.075, 0.3], 0.15);
-        assert!(green < red && red < blue && blue < 0.95, "{red} {green} {blue}");
-    }
-}
+mod tests;

@@ -7,7 +7,7 @@ use super::{
         BSPLINE_FLICKER, GAUSSIAN_FLICKER, KernelPlan, PLANE_GAUSSIAN_FLICKER, TENT_FLICKER_AT_WHITE, kernels_of,
     },
     range::Ranges,
-    settings::{Accumulator, RenderSettings, StarMethod},
+    settings::{Accumulator, GlareMethod, RenderSettings, StarMethod},
 };
 use crate::view::{Viewport, projection::Projection};
 
@@ -101,7 +101,8 @@ pub fn plan_stars(
     if settings.stars.method.accumulator() != Accumulator::FixedPoint {
         // Published methods come without bounds of their own: the chart has their measured errors.
         let accumulator = accumulator.to_owned();
-        let report = FramePlan { stars, accumulator, glare: "none".to_owned(), certificate };
+        let glare = plan_glare(settings, &mut certificate);
+        let report = FramePlan { stars, accumulator, glare, certificate };
         return StarPlan { kernels, report };
     }
     let what = "rounding of a star's light in a pixel, unbiased";
@@ -124,6 +125,31 @@ pub fn plan_stars(
     if let Some(bright) = ranges.bright {
         certificate.push(bound("rounding of the stars that outshine the rest", 1.0 / bright.units_per_lx, "lx", None));
     }
-    let report = FramePlan { stars, accumulator: accumulator.to_owned(), glare: "none".to_owned(), certificate };
+    let glare = plan_glare(settings, &mut certificate);
+    let report = FramePlan { stars, accumulator: accumulator.to_owned(), glare, certificate };
     StarPlan { kernels, report }
+}
+
+/// Error of the kernel where the map of the sky takes over from the sources: its interpolation, measured over all projections.
+const GLARE_MAP_ERROR: f64 = 0.01;
+
+/// The glare method of a frame, as plans report it, and what it approximates. Published methods come without bounds.
+fn plan_glare(settings: &RenderSettings, certificate: &mut Vec<Approximation>) -> String {
+    let chosen = settings.glare.chosen(settings.stars.method);
+    if chosen == GlareMethod::SkyCube {
+        let unit = "relative to what is scattered there";
+        let bound = |what: &str, bound: f64| Approximation {
+            what: what.to_owned(),
+            bound,
+            unit: unit.to_owned(),
+            within_budget: Some(bound <= settings.accuracy.glare),
+        };
+        certificate.push(bound("glare of a source too faint to be drawn by itself", settings.accuracy.glare));
+        certificate.push(bound("glare far from its source, from a map of the sky", GLARE_MAP_ERROR));
+    }
+    if settings.glare.method == GlareMethod::Auto {
+        format!("auto: {}", chosen.name())
+    } else {
+        chosen.name().to_owned()
+    }
 }

@@ -139,10 +139,11 @@ impl GlareSettings {
 
     /// The method that draws a frame whose stars are drawn by `stars`. `sky_cube` reads the catalogue; where no star of it is
     /// drawn the image alone tells what glares.
-    pub fn chosen(&self, _stars: StarMethod) -> GlareMethod {
+    pub fn chosen(&self, stars: StarMethod) -> GlareMethod {
         match self.method {
             _ if self.fraction_scattered() == 0.0 => GlareMethod::None,
-            GlareMethod::Auto => GlareMethod::None,
+            GlareMethod::Auto if stars.draws_catalogue() => GlareMethod::SkyCube,
+            GlareMethod::Auto => GlareMethod::ViewPyramid,
             method => method,
         }
     }

@@ -10,7 +10,8 @@ pub use super::{
         StarSettings,
     },
 };
-pub use crate::photometry::tone_map::ToneMapOperator;
+use crate::photometry::exposure::{STANDARD_KEY, key_compensation_ev, metered_ev100};
+pub use crate::photometry::tone_map::{ToneMapOperator, ToneMapSettings};
 
 /// Who chooses the exposure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, Default)]
@@ -31,6 +32,8 @@ pub struct ExposureSettings {
     pub mode: ExposureMode,
     /// Exposure value at ISO 100 for `manual`: display white is 1.2 * 2^ev100 cd/m^2.
     pub ev100: f64,
+    /// Share of display white at which the automatic exposure shows the mean luminance of all views.
+    pub key: f64,
     /// Added to the automatic exposure value: positive darkens.
     pub compensation_ev: f64,
     /// Lowest automatic exposure value.
@@ -50,6 +53,16 @@ impl ExposureSettings {
             ExposureMode::Auto => adapted_ev100,
         }
     }
+
+    /// What key and compensation together add to what a meter of the standards reads.
+    pub fn offset_ev(&self) -> f64 {
+        self.compensation_ev + key_compensation_ev(self.key)
+    }
+
+    /// The automatic exposure of a mean luminance.
+    pub fn metered_ev100(&self, mean_cd_m2: f64) -> f64 {
+        metered_ev100(mean_cd_m2, self.offset_ev(), self.min_ev100, self.max_ev100)
+    }
 }
 
 impl Default for ExposureSettings {
@@ -57,20 +70,13 @@ impl Default for ExposureSettings {
         Self {
             mode: ExposureMode::Auto,
             ev100: -3.0,
+            key: STANDARD_KEY,
             compensation_ev: 0.0,
             min_ev100: -20.0,
             max_ev100: 24.0,
             adaptation_s: 0.5,
         }
     }
-}
-
-/// Tone mapping settings.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Default)]
-#[serde(deny_unknown_fields, default)]
-pub struct ToneMapSettings {
-    /// The operator.
-    pub operator: ToneMapOperator,
 }
 
 /// The error budget. `auto` chooses between its kernels by `flicker`; the certificate of a frame tells for each of the
@@ -84,11 +90,13 @@ pub struct AccuracySettings {
     pub centroid_px: f64,
     /// Standard deviation over mean of a star's displayed light while it moves through a pixel.
     pub flicker: f64,
+    /// What one source may add to the scattered light around it without being drawn by itself, relative.
+    pub glare: f64,
 }
 
 impl Default for AccuracySettings {
     fn default() -> Self {
-        Self { flux: 1e-3, centroid_px: 0.05, flicker: 0.02 }
+        Self { flux: 1e-3, centroid_px: 0.05, flicker: 0.02, glare: 0.02 }
     }
 }
 
@@ -105,4 +113,12 @@ pub struct RenderSettings {
     pub tone_map: ToneMapSettings,
     /// Error budget.
     pub accuracy: AccuracySettings,
+}
+
+impl RenderSettings {
+    /// The exposure whose display white is the luminance that a frame shows white, as far as it is known before the frame is
+    /// drawn: the exposure's own, unless the operator does not go by it.
+    pub fn known_white_ev100(&self, adapted_ev100: Option<f64>) -> Option<f64> {
+        self.tone_map.white_ev100().or_else(|| self.exposure.known_ev100(adapted_ev100))
+    }
 }

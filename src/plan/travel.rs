@@ -10,10 +10,10 @@ use super::{cull::VisibleChunk, frame_plan::Approximation, settings::AccuracySet
 use crate::{
     catalogue::{
         chunks::StarSet,
-        packed::{MAX_TEMPERATURE_K, MIN_TEMPERATURE_K, TEMPERATURE_STEPS},
+        packed::{MAX_TEMPERATURE_K, MIN_TEMPERATURE_K, TEMPERATURE_STEPS, temperature_of_step_k},
         spectra::Spectrum,
     },
-    photometry::blackbody::ln_luminance_cd_m2,
+    photometry::blackbody::{ln_luminance_cd_m2, rec709_in_gamut},
     relativity::{MAX_SPEED_C, Motion, doppler_factor},
 };
 
@@ -52,6 +52,31 @@ static TABLE: LazyLock<Table> = LazyLock::new(|| {
     let turning = (0..TABLE_STEPS).max_by(|a, b| light(*a).total_cmp(&light(*b))).map_or(0.0, step_of);
     Table { ln_luminance, turning }
 });
+
+/// Colours with Y = 1 at every step from -[`SHIFTED_STEPS`] on, linear Rec. 709.
+static COLOURS: LazyLock<Vec<[f32; 3]>> = LazyLock::new(|| {
+    (0..TABLE_STEPS as u32)
+        .map(|index| {
+            let step = i64::from(index) - i64::from(SHIFTED_STEPS);
+            // Steps that stars can have, in the form that stars have them.
+            let kelvin = u32::try_from(step)
+                .ok()
+                .filter(|step| *step < TEMPERATURE_STEPS)
+                .map_or_else(|| temperature_of_shifted_step_k(step as f64), temperature_of_step_k);
+            rec709_in_gamut(kelvin).map(|channel| channel as f32)
+        })
+        .collect()
+});
+
+/// Colour with Y = 1 of a step from -[`SHIFTED_STEPS`] on, linear Rec. 709; beyond the table, its end.
+pub fn colour_of_step(step: i32) -> [f32; 3] {
+    COLOURS[(step + SHIFTED_STEPS as i32).clamp(0, TABLE_STEPS as i32 - 1) as usize]
+}
+
+/// Colour with Y = 1 of a star's temperature step, shifted by a Doppler factor.
+pub fn colour_of(step: u32, doppler: f64) -> [f32; 3] {
+    colour_of_step(step as i32 + (doppler.ln() * steps_per_e_fold()).round() as i32)
+}
 
 /// Logarithm of the luminance at a step from -[`SHIFTED_STEPS`] on, interpolated linearly; beyond the table, its end.
 fn ln_luminance_at(step: f64) -> f64 {

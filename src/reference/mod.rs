@@ -3,6 +3,7 @@
 //!
 //! - `stars`: the twin of the star and resolve passes, `gaussian` of the kernel that is round in view space;
 //! - `billboards` and `cell_sky`: the twins of the published methods;
+//! - `glare_pyramid`: the twin of the published glare methods;
 //! - `sky`: the sky as it is, each star spread by an exact kernel over exact solid angles, in any projection;
 //! - `point_spread`: the kernels of that, as functions on the sphere;
 //! - `glare`: what light scatters into every direction, source by source;
@@ -12,6 +13,7 @@ pub mod billboards;
 pub mod cell_sky;
 pub mod gaussian;
 pub mod glare;
+pub mod glare_pyramid;
 pub mod packed;
 pub mod point_spread;
 pub mod sky;

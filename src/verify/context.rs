@@ -6,6 +6,7 @@ use crate::{
     frame::{Frame, FrameImage, RenderError, Renderer, Wanted},
     gpu::GpuError,
     metrics::{self, HdrView, MetricError},
+    photometry::glare::GlareKernelError,
     plan::{
         GaussianWidth,
         settings::{ExposureMode, GlareSettings, RenderSettings, StarMethod},
@@ -36,6 +37,9 @@ pub enum CheckError {
     /// A point-spread function cannot be built.
     #[error(transparent)]
     PointSpread(#[from] PointSpreadError),
+    /// The kernel of glare cannot be made or read.
+    #[error("glare: {0}")]
+    Glare(#[from] GlareKernelError),
     /// The device failed.
     #[error(transparent)]
     Gpu(#[from] GpuError),
@@ -48,14 +52,20 @@ pub enum CheckError {
 pub struct Context<'a> {
     /// The renderer.
     pub renderer: &'a mut Renderer,
-    /// How frames are drawn.
+    /// How frames are drawn. Glare, which takes light from stars, is off until a check of glare sets it.
     pub settings: RenderSettings,
+    /// The glare under test.
+    pub glare: GlareSettings,
+    /// What says how glare should fall off: the same, unless a test sets another to see a check fail.
+    pub expected_glare: GlareSettings,
 }
 
 impl<'a> Context<'a> {
-    /// Checks look at stars: glare, which takes light from them, is off.
+    /// A context for one check of the methods that the settings name.
     pub fn new(renderer: &'a mut Renderer, settings: &RenderSettings) -> Self {
-        Self { renderer, settings: RenderSettings { glare: GlareSettings::none(), ..settings.clone() } }
+        let glare = settings.glare.clone();
+        let settings = RenderSettings { glare: GlareSettings::none(), ..settings.clone() };
+        Self { renderer, settings, expected_glare: glare.clone(), glare }
     }
 
     /// The star method under test.

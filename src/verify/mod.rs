@@ -8,6 +8,8 @@
 //! Per group of checks one file; [`checks`] lists them all. `scenes` has the made-up skies and views, which the tests share.
 
 mod context;
+mod exposure;
+mod glare;
 mod kernels;
 pub mod scenes;
 mod sky;
@@ -20,7 +22,10 @@ use std::{fmt, time::Instant};
 use serde::Serialize;
 
 pub use self::context::{CheckError, Context};
-use crate::{frame::Renderer, plan::settings::RenderSettings};
+use crate::{
+    frame::Renderer,
+    plan::settings::{GlareMethod, RenderSettings},
+};
 
 /// One measured number of a check.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -84,6 +89,8 @@ pub struct Check {
     pub proves: &'static str,
     /// Whether it looks for stars of the catalogue.
     pub needs_catalogue: bool,
+    /// Whether it looks at glare.
+    pub needs_glare: bool,
     /// The check itself.
     pub run: Run,
 }
@@ -169,14 +176,18 @@ const fn numbered(
     needs_catalogue: bool,
     run: Run,
 ) -> Check {
-    Check { number: Some(number), name, group, proves, needs_catalogue, run }
+    Check { number: Some(number), name, group, proves, needs_catalogue, needs_glare: false, run }
 }
 
 const fn published(name: &'static str, group: &'static str, proves: &'static str, run: Run) -> Check {
-    Check { number: None, name, group, proves, needs_catalogue: true, run }
+    Check { number: None, name, group, proves, needs_catalogue: true, needs_glare: false, run }
 }
 
-static ALL: [Check; 24] = [
+const fn of_glare(number: Option<u8>, name: &'static str, proves: &'static str, run: Run) -> Check {
+    Check { number, name, group: "glare", proves, needs_catalogue: true, needs_glare: true, run }
+}
+
+static ALL: [Check; 32] = [
     numbered(
         1,
         "solid-angle-sum",
@@ -199,6 +210,7 @@ static ALL: [Check; 24] = [
         group: "solid-angle",
         proves: "solid angles do not cancel as two spherical triangles in f32 do",
         needs_catalogue: false,
+        needs_glare: false,
         run: solid_angle::triangles,
     },
     numbered(
@@ -330,6 +342,34 @@ static ALL: [Check; 24] = [
         sky::near_camera,
     ),
     published("whole-sky", "sky", "three views of the whole sky have the same light", sky::whole_sky),
+    published(
+        "picture-cut",
+        "exposure",
+        "a picture cut into faces or windows has the same light and exposure",
+        exposure::picture_cut,
+    ),
+    of_glare(Some(20), "glare-roundness", "glare is round in view space, off the axis too", glare::roundness),
+    of_glare(None, "glare-profile", "glare falls off as its kernel and holds the light that it should", glare::profile),
+    of_glare(
+        Some(21),
+        "glare-reference",
+        "glare is a convolution on the sphere, in every projection",
+        glare::against_reference,
+    ),
+    of_glare(
+        Some(22),
+        "glare-leaves-frame",
+        "a source that leaves the picture goes on glaring into it",
+        glare::leaves_frame,
+    ),
+    of_glare(
+        Some(23),
+        "glare-cut-into-faces",
+        "faces, strips and a rolled head change neither glare nor exposure",
+        glare::cut_into_faces,
+    ),
+    of_glare(None, "glare-eyes", "what is near veils each eye from its own place", glare::two_eyes),
+    of_glare(None, "glare-night-to-sun", "no frame shows anything of the one before", glare::night_to_sun),
 ];
 
 /// No check has this name.
@@ -365,13 +405,20 @@ pub fn select(filter: Option<&str>) -> Result<Vec<&'static Check>, UnknownCheck>
     })
 }
 
-/// Runs one check with the methods that `settings` name. Exposure and glare are the check's own.
+/// Runs one check with the methods that `settings` name. Exposure is the check's own, and there is glare in checks of glare alone.
 pub fn run(check: &Check, renderer: &mut Renderer, settings: &RenderSettings) -> CheckResult {
     let start = Instant::now();
     let method = settings.stars.method;
+    let scatters_nothing = settings.glare.chosen(method) == GlareMethod::None;
     let mut result = if check.needs_catalogue && !method.draws_catalogue() {
         let message = format!("{} has stars of its own", method.name());
         CheckResult::without_figures(check, Outcome::NotApplicable, message)
+    } else if check.needs_glare && scatters_nothing {
+        CheckResult::without_figures(
+            check,
+            Outcome::NotApplicable,
+            "no glare: glare.method is none, or glare.fraction is 0",
+        )
     } else {
         match (check.run)(&mut Context::new(renderer, settings)) {
             Ok(figures) => CheckResult::judge(check, figures),
@@ -396,10 +443,11 @@ mod tests {
             );
             assert_eq!(select(Some(check.name)).unwrap().len(), 1, "{}", check.name);
         }
-        for number in 1..=19 {
+        for number in 1..=23 {
             assert_eq!(select(Some(&number.to_string())).unwrap()[0].number, Some(number));
         }
         assert_eq!(select(Some("sums")).unwrap().len(), 6);
+        assert_eq!(select(Some("glare")).unwrap().len(), 7);
         assert_eq!(select(Some("fisheye")).unwrap().len(), 1);
         assert_eq!(select(None).unwrap().len(), checks().len());
         for wrong in ["", "nothing", "0", "99"] {

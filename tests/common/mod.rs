@@ -7,7 +7,7 @@ use steradian::{
     frame::{Frame, FrameImage, Renderer, Wanted},
     gpu::{Gpu, GpuOptions},
     metrics::{self, HdrView},
-    plan::settings::{RenderSettings, StarMethod},
+    plan::settings::{GlareSettings, RenderSettings, StarMethod},
     reference::stars::ReferenceImage,
     scene::SceneSnapshot,
     view::{Rig, View, ViewKind, projection::PlaneMapping},
@@ -30,8 +30,9 @@ pub fn rig(kinds: Vec<(&str, ViewKind)>) -> Rig {
     Rig::new(kinds.into_iter().map(|(name, kind)| view(name, kind)).collect()).expect("a valid rig")
 }
 
+/// Stars alone: glare, which takes light from them, is off.
 pub fn settings(method: StarMethod) -> RenderSettings {
-    let mut settings = RenderSettings::default();
+    let mut settings = RenderSettings { glare: GlareSettings::none(), ..RenderSettings::default() };
     settings.stars.method = method;
     settings
 }

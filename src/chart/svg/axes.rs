@@ -78,12 +78,12 @@ pub fn caption(document: Document, text: &str, frame: &Box4) -> Document {
     document.add(caption.set("text-anchor", "middle").set("class", "small"))
 }
 
-/// Time along the lower edge.
-pub fn times(mut document: Document, x: &Scale, frame: &Box4) -> Document {
+/// Time along the lower edge; `what` says of what.
+pub fn times(mut document: Document, x: &Scale, what: &str, frame: &Box4) -> Document {
     for (digit, decade) in x.ticks() {
         document = upright(document, x.px(digit * 10f64.powi(decade)), &shown(digit, decade), frame);
     }
-    caption(document, "ms per frame: clear, cull, splat and resolve", frame)
+    caption(document, &format!("ms per frame: {what}"), frame)
 }
 
 /// Error along the left edge.

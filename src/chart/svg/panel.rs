@@ -36,6 +36,8 @@ pub struct Panel {
     pub name: String,
     /// What it means.
     pub meaning: String,
+    /// What was timed.
+    pub timed: &'static str,
     /// The methods with a figure.
     pub points: Vec<Point>,
     /// The methods without one.
@@ -117,7 +119,7 @@ impl Panel {
                 .add(text(middle.0, middle.1, "small", "no method has a figure").set("text-anchor", "middle"));
         }
         let (x, y) = self.scales(&frame);
-        document = axes::errors(axes::times(document, &x, &frame), &y, &frame);
+        document = axes::errors(axes::times(document, &x, self.timed, &frame), &y, &frame);
         self.marks(document, &x, &y, &frame)
     }
 

@@ -1,7 +1,9 @@
 //! The general disability glare of CIE 135/1: what an eye scatters, from 0.1 to 100 degrees off the source, by age and by the
 //! colour of the iris.
 //!
-//!     10 / t^3 + (5 / t^2 + 0.1 p / t) (1 + (A / 62.5)^4) + 0.0025 p   per sr, t in degrees, A in years
+//! ```text
+//! 10 / t^3 + (5 / t^2 + 0.1 p / t) (1 + (A / 62.5)^4) + 0.0025 p   per sr, t in degrees, A in years
+//! ```
 //!
 //! Below 0.1 degree, or the inner angle if that is larger, it stays constant; above 100 degrees the formula goes on, outside of
 //! what it was made for. It is absolute: its integral is the share of the light that the eye scatters.

@@ -31,6 +31,11 @@ impl InverseSquareKernel {
         let unscaled = Self { inner_rad, constant: 1.0 };
         Self { inner_rad, constant: 1.0 / unscaled.share_within(PI) }
     }
+
+    /// C: the value times the square of the angle, beyond the inner angle.
+    pub fn constant(&self) -> f64 {
+        self.constant
+    }
 }
 
 impl GlareKernel for InverseSquareKernel {

@@ -3,13 +3,15 @@
 //! A kernel is a function of the angle between two directions and of nothing else. Its integral over the sphere is 1: what
 //! share of the light is scattered at all is another number. Units: radians, 1/sr.
 //!
-//! `inverse_square` has its integral in closed form; `gaussians`, `cie` and `psf` are forms that `normalised` integrates.
+//! `inverse_square` has its integral in closed form; `gaussians`, `cie` and `psf` are forms that `normalised` integrates. `split` divides
+//! a kernel into what is smooth and what ends at an angle.
 
 mod cie;
 mod gaussians;
 mod inverse_square;
 mod normalised;
 mod psf;
+pub mod split;
 
 use std::io;
 use std::path::PathBuf;

@@ -1,0 +1,311 @@
+//! The axis `glare`: every way of drawing glare in every projection, timed in turn, with its errors against the reference.
+//!
+//! Time is that of the passes of glare alone; the whole frame's stands in the notes. What a method keeps from frame to frame is kept:
+//! in every turn a method draws a frame that is not counted and then one with the camera turned a little, which is. `sky_cube` keeps
+//! its map of the sky then. As `sky_cube_in_flight` it draws a third frame from another place, for which the map is made anew;
+//! what that takes on the CPU, the difference of the planning times of both frames, is part of its time.
+//!
+//! Errors are measured in smaller views of the same projections, where every pixel that is compared can be compared with every star.
+
+use std::time::Instant;
+
+use glam::{DQuat, DVec3};
+
+use super::{
+    Axis, Budget, ChartError, Extent, GlareMetric, Row, Score, Scores, Sky, Step, Tell, ViewShape,
+    scores::{GlareScenes, ScoredSky, score_glare},
+    timing::{self, Case, Spread, TIMING_EV100, Taken, Timed, message_of},
+    workloads::{Skies, rig_of, snapshot},
+};
+use crate::{
+    frame::{FrameTimes, Renderer, Wanted},
+    plan::settings::{ExposureMode, GlareMethod, GlareSettings, PyramidWeights, RenderSettings},
+    scene::{Camera, SceneSnapshot},
+    units::PARSEC_M,
+    view::Rig,
+};
+
+/// How far the camera turns from frame to frame, rad.
+const TURN_RAD: f64 = 0.01;
+/// How far a camera in flight comes from frame to frame, m.
+const STEP_M: f64 = 1e-4 * PARSEC_M;
+
+/// A method with what it has to choose.
+#[derive(Clone, Debug, PartialEq)]
+struct Variant {
+    name: String,
+    settings: GlareSettings,
+    /// Whether the camera moves from frame to frame.
+    in_flight: bool,
+}
+
+/// Everything that is charted; without glare first, as what all others add to.
+fn variants() -> Vec<Variant> {
+    let variant = |method: GlareMethod, weights: PyramidWeights, suffix: &str| Variant {
+        name: format!("{}{suffix}", method.name()),
+        settings: GlareSettings { method, weights, ..GlareSettings::default() },
+        in_flight: false,
+    };
+    let mut all = vec![variant(GlareMethod::None, PyramidWeights::Equal, "")];
+    for method in GlareMethod::ALL {
+        let equal = variant(method, PyramidWeights::Equal, "");
+        if method == GlareMethod::SkyCube {
+            let in_flight = Variant { name: format!("{}_in_flight", equal.name), in_flight: true, ..equal.clone() };
+            all.extend([equal, in_flight]);
+        } else {
+            all.extend([equal, variant(method, PyramidWeights::Halved, "_halved")]);
+        }
+    }
+    all
+}
+
+impl Variant {
+    /// What a reader must know of every row.
+    fn note(&self) -> &'static str {
+        match (self.settings.method, self.settings.weights) {
+            (GlareMethod::SkyCube, _) if self.in_flight => {
+                "the camera moves: the map of the sky is made anew for every frame"
+            }
+            (GlareMethod::SkyCube, _) => "the map of the sky is kept, as while a head turns",
+            (GlareMethod::ScreenPyramid | GlareMethod::ViewPyramid, PyramidWeights::Halved) => {
+                "weights halved from level to level, as published: the inverse cube"
+            }
+            (GlareMethod::ScreenPyramid | GlareMethod::ViewPyramid, PyramidWeights::Equal) => {
+                "equal weights: the inverse square"
+            }
+            _ => "no glare",
+        }
+    }
+}
+
+pub(super) fn run(
+    renderer: &mut Renderer,
+    extent: &Extent,
+    skies: &mut Skies,
+    budget: Budget,
+    tell: Tell<'_>,
+) -> Result<Vec<Row>, ChartError> {
+    let variants = variants();
+    let views = &extent.glare.views;
+    let mut small: Vec<ViewShape> = Vec::new();
+    for (_, view) in views {
+        if !small.contains(view) {
+            small.push(*view);
+        }
+    }
+    let of = small.len() + views.len();
+    let mut done = 0;
+    let mut step = |what: String| {
+        tell(&Step { axis: Axis::Glare, done, of, what });
+        done += 1;
+    };
+    let records = skies.records(Sky::Galaxy(extent.glare.scored_stars))?;
+    let mut scores = Vec::new();
+    for &view in &small {
+        step(format!("scoring in {}", view.name()));
+        scores.push(score_variants(renderer, &variants, view, &records, extent.glare.pixels)?);
+    }
+    let sky = Sky::Galaxy(extent.glare.stars);
+    let scene = snapshot(skies.records(sky)?.to_vec());
+    let pixels = |view: ViewShape| -> f64 {
+        let images = match view {
+            ViewShape::Stereo(_) => 2.0,
+            ViewShape::Cubemap(_) => 6.0,
+            _ => 1.0,
+        };
+        images * view.size().map(f64::from).iter().product::<f64>()
+    };
+    let mut rows = Vec::new();
+    for (index, &(view, scored)) in views.iter().enumerate() {
+        let workload = format!("{} {}", sky.name(), view.name());
+        step(format!("timing {workload}"));
+        let left: f64 = views[index..].iter().map(|(view, _)| pixels(*view)).sum();
+        let rig = rig_of(vec![("chart", view.kind())])?;
+        let (rounds, budget) = (extent.glare.rounds, budget.part(pixels(view) / left, 1));
+        let timed = time_variants(renderer, &variants, &scene, &rig, rounds, budget)?;
+        let case = Case {
+            axis: Axis::Glare,
+            workload,
+            adapter: renderer.adapter().adapter.clone(),
+            size: view.size(),
+            items: extent.glare.stars as u64,
+            planes: view.is_flat(),
+        };
+        let scores = small.iter().position(|view| *view == scored).map(|index| &scores[index]);
+        for (index, variant) in variants.iter().enumerate() {
+            let (timed, beside) = &timed[index];
+            let note =
+                [variant.note(), beside].into_iter().filter(|note| !note.is_empty()).collect::<Vec<_>>().join("; ");
+            let source = variant.settings.method.source().name();
+            for metric in GlareMetric::ALL {
+                let score = scores.and_then(|scores| scores[index].as_ref()?.get(metric));
+                let mut score = score.cloned().unwrap_or_else(|| Score::none("does not apply: no glare"));
+                if score.value.is_some() {
+                    let [width, height] = scored.size();
+                    let scored = format!("scored at {width} x {height} pixels");
+                    score.note = if score.note.is_empty() { scored } else { format!("{}; {scored}", score.note) };
+                }
+                rows.push(case.named_row([&variant.name, source], timed, metric.name(), &score, &note));
+            }
+        }
+    }
+    Ok(rows)
+}
+
+/// Scores of every variant in a view; none without glare. In flight a method shows what it shows at rest.
+fn score_variants(
+    renderer: &mut Renderer,
+    variants: &[Variant],
+    view: ViewShape,
+    records: &[crate::catalogue::StarRecord],
+    pixels: usize,
+) -> Result<Vec<Option<Scores<GlareMetric>>>, ChartError> {
+    // The kernel by default is a formula: making it cannot fail.
+    let Ok(kernel) = GlareSettings::default().kernel() else { return Ok(vec![None; variants.len()]) };
+    let scenes = GlareScenes::new(view, &ScoredSky { records, pixels }, kernel)?;
+    let mut found: Vec<Option<Scores<GlareMetric>>> = Vec::new();
+    for (index, variant) in variants.iter().enumerate() {
+        let same = variants[..index].iter().position(|other| other.settings == variant.settings);
+        found.push(match same {
+            Some(same) => found[same].clone(),
+            None if variant.settings.method == GlareMethod::None => None,
+            None => Some(score_glare(renderer, &variant.settings, &scenes)?),
+        });
+    }
+    Ok(found)
+}
+
+/// What the frames of a variant took beside the passes of glare, ms: that of the first turn first.
+#[derive(Clone, Debug, Default)]
+struct Beside {
+    whole_gpu: Vec<f64>,
+    map_cpu: Vec<f64>,
+}
+
+impl Beside {
+    /// In a line. The first turn, in which pipelines are made, counts where there is no other.
+    fn note(&self) -> String {
+        let median = |values: &[f64]| Spread::of(values.get(1..).filter(|rest| !rest.is_empty()).unwrap_or(values));
+        let whole = median(&self.whole_gpu).map(|spread| format!("whole frame {:.2} ms", spread.median_ms));
+        let map = median(&self.map_cpu).map(|spread| format!("{:.2} ms of the time on the CPU", spread.median_ms));
+        whole.into_iter().chain(map).collect::<Vec<_>>().join("; ")
+    }
+}
+
+/// Times every variant; beside the times, a note.
+fn time_variants(
+    renderer: &mut Renderer,
+    variants: &[Variant],
+    scene: &SceneSnapshot,
+    rig: &Rig,
+    rounds: usize,
+    budget: Budget,
+) -> Result<Vec<(Timed, String)>, ChartError> {
+    let mut beside = vec![Beside::default(); variants.len()];
+    let timed = timing::rounds(variants.len(), rounds, budget, |index| {
+        turn(renderer, &variants[index], scene, rig, &mut beside[index])
+    })?;
+    let with_note = |((mut timed, beside), variant): ((Timed, Beside), &Variant)| {
+        if variant.settings.method == GlareMethod::None && !timed.failed {
+            // It has no pass to be timed: that its time is missing says nothing of the adapter.
+            timed.note = String::new();
+        }
+        (timed, beside.note())
+    };
+    Ok(timed.into_iter().zip(beside).zip(variants).map(with_note).collect())
+}
+
+/// The frames of one turn; see the module.
+fn turn(
+    renderer: &mut Renderer,
+    variant: &Variant,
+    scene: &SceneSnapshot,
+    rig: &Rig,
+    beside: &mut Beside,
+) -> Result<Taken, ChartError> {
+    let mut settings = RenderSettings { glare: variant.settings.clone(), ..RenderSettings::default() };
+    settings.exposure.mode = ExposureMode::Manual;
+    settings.exposure.ev100 = TIMING_EV100;
+    let wanted = vec![Wanted { hdr_stays: true, ..Wanted::default() }; rig.views().len()];
+    let start = Instant::now();
+    let mut frame = |turned_rad: f64, along_m: f64| -> Result<Result<FrameTimes, String>, ChartError> {
+        let world_from_camera = scene.camera.world_from_camera * DQuat::from_rotation_y(turned_rad);
+        let position_m = scene.camera.position_m + DVec3::X * along_m;
+        let moved = SceneSnapshot { camera: Camera { world_from_camera, position_m, ..scene.camera }, ..scene.clone() };
+        match renderer.render(&moved, rig, &settings, &wanted, None) {
+            Ok(frame) => Ok(Ok(frame.times)),
+            Err(error) => message_of(error).map(Err),
+        }
+    };
+    let mut frames = vec![(0.0, 0.0), (TURN_RAD, 0.0)];
+    frames.extend(variant.in_flight.then_some((TURN_RAD, STEP_M)));
+    let mut times = Vec::new();
+    for (turned_rad, along_m) in frames {
+        match frame(turned_rad, along_m)? {
+            Ok(found) => times.push(found),
+            Err(message) => return Ok(Err(message)),
+        }
+    }
+    Ok(Ok((counted(&times, variant.in_flight, beside), start.elapsed())))
+}
+
+/// Time of the last of the frames of a turn, ms; `None` without a pass of glare that could be timed.
+fn counted(times: &[FrameTimes], in_flight: bool, beside: &mut Beside) -> Option<f64> {
+    let (last, before) = times.split_last()?;
+    beside.whole_gpu.extend(last.gpu_ms);
+    let passes: Vec<f64> = last.passes_ms.iter().filter(|pass| pass.0 == "glare").map(|pass| pass.1).collect();
+    if passes.is_empty() {
+        return None;
+    }
+    let map_ms = before.last().filter(|_| in_flight).map(|kept| (last.plan_ms - kept.plan_ms).max(0.0));
+    beside.map_cpu.extend(map_ms);
+    Some(passes.iter().sum::<f64>() + map_ms.unwrap_or(0.0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_method_is_charted_once_and_under_its_own_name() {
+        let all = variants();
+        let names: Vec<&str> = all.iter().map(|variant| variant.name.as_str()).collect();
+        assert_eq!(
+            names,
+            [
+                "none",
+                "sky_cube",
+                "sky_cube_in_flight",
+                "screen_pyramid",
+                "screen_pyramid_halved",
+                "view_pyramid",
+                "view_pyramid_halved"
+            ]
+        );
+        assert!(GlareMethod::ALL.iter().all(|method| names.contains(&method.name())));
+        for (index, variant) in all.iter().enumerate() {
+            assert!(!all[..index].contains(variant), "{}", variant.name);
+        }
+    }
+
+    fn times(passes_ms: &[(&'static str, f64)], plan_ms: f64) -> FrameTimes {
+        FrameTimes { passes_ms: passes_ms.to_vec(), plan_ms, gpu_ms: Some(20.0), ..FrameTimes::default() }
+    }
+
+    #[test]
+    fn the_passes_of_glare_count_and_the_map_where_it_is_made_anew() {
+        let before = times(&[("stars", 1.0), ("glare", 50.0)], 4.0);
+        let last = times(&[("stars", 1.0), ("glare", 2.0), ("glare", 3.0), ("exposure", 7.0)], 10.0);
+        let mut beside = Beside::default();
+        assert_eq!(counted(&[before.clone(), last.clone()], false, &mut beside), Some(5.0));
+        assert_eq!(beside.note(), "whole frame 20.00 ms");
+        let mut beside = Beside::default();
+        assert_eq!(counted(&[before.clone(), last], true, &mut beside), Some(11.0));
+        assert_eq!(beside.note(), "whole frame 20.00 ms; 6.00 ms of the time on the CPU");
+        // Without such a pass there is no time, never one of nought.
+        assert_eq!(counted(&[before.clone(), times(&[("stars", 1.0)], 1.0)], true, &mut beside), None);
+        // The first turn does not count beside others.
+        beside.map_cpu.extend([1.0, 3.0]);
+        assert!(beside.note().contains("2.00 ms of the time"), "{}", beside.note());
+    }
+}

@@ -1,0 +1,213 @@
+//! Scores of glare: what a method scatters in one view against the convolution on the sphere in f64.
+//!
+//! All light is scattered (a fraction of 1), so the picture is the veil alone. `scenes` holds what is looked at and what should
+//! be seen there, made once per view; every method is compared with the same.
+
+mod scenes;
+
+use glam::DVec3;
+
+use self::scenes::{Compared, Placed};
+pub(in crate::chart) use self::scenes::{GlareScenes, ScoredSky};
+use super::{Failure, Pixels, Score, Scores, measure::pixels_of};
+use crate::{
+    chart::ChartError,
+    frame::{Renderer, Wanted},
+    metrics::{HdrView, log_log_slope, radial_profile, relative_errors, roundness, total_illuminance_lx},
+    plan::settings::{ExposureMode, GlareSettings, RenderSettings},
+    scene::SceneSnapshot,
+    view::{Rig, ViewImage},
+};
+
+/// An error metric of the axis `glare`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum GlareMetric {
+    /// Root mean square relative error of the veil over pixels spread evenly over the picture.
+    VeilRms,
+    /// The largest of these errors.
+    VeilLargest,
+    /// Largest deviation from the mean on a circle around a source off the axis.
+    Roundness,
+    /// Slope of the logarithm of luminance over that of the angle.
+    Slope,
+    /// What a source two degrees outside of the picture gives to it, over what it should.
+    FromOutside,
+    /// Largest step of the veil across an edge of a cube, of what is right there.
+    Seam,
+    /// Scattered light of one source in the picture, over what should be there.
+    FluxKept,
+}
+
+impl GlareMetric {
+    /// Every metric, in the order of the chart.
+    pub const ALL: [Self; 7] =
+        [Self::VeilRms, Self::VeilLargest, Self::Roundness, Self::Slope, Self::FromOutside, Self::Seam, Self::FluxKept];
+
+    /// Name in `chart.csv`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::VeilRms => "veil_rms",
+            Self::VeilLargest => "veil_largest",
+            Self::Roundness => "veil_roundness",
+            Self::Slope => "veil_slope",
+            Self::FromOutside => "veil_from_outside",
+            Self::Seam => "veil_seam",
+            Self::FluxKept => "veil_flux_kept",
+        }
+    }
+
+    /// What it tells, in a line.
+    pub fn meaning(self) -> &'static str {
+        match self {
+            Self::VeilRms => "rms relative error of the scattered light at sampled pixels of a starry sky",
+            Self::VeilLargest => "largest relative error of the scattered light at the same pixels",
+            Self::Roundness => {
+                "largest deviation from the mean around a source 45 and 60 degrees off the axis, or 0.85 of the half field"
+            }
+            Self::Slope => "slope of log luminance over log angle around one source: -2 is right",
+            Self::FromOutside => "veil of a source 2 degrees outside of the picture over the right one: 1 is right",
+            Self::Seam => "largest step of the veil across a cube's edge, of what is right there",
+            Self::FluxKept => "scattered light of one source inside of the picture over the right one: 1 is right",
+        }
+    }
+
+    /// The value of a perfect method.
+    pub fn best(self) -> f64 {
+        match self {
+            Self::Slope => -2.0,
+            Self::FromOutside | Self::FluxKept => 1.0,
+            Self::VeilRms | Self::VeilLargest | Self::Roundness | Self::Seam => 0.0,
+        }
+    }
+}
+
+/// Draws the scattered light of a scene alone: the HDR images of the rig's view.
+type DrawVeil<'a> = dyn FnMut(&SceneSnapshot, &Rig) -> Result<Vec<Pixels>, Failure> + 'a;
+
+/// Measures all figures of a method in one view.
+///
+/// # Errors
+/// [`ChartError`] where the device fails. A figure that cannot be measured has a note instead of a value.
+pub(in crate::chart) fn score_glare(
+    renderer: &mut Renderer,
+    settings: &GlareSettings,
+    scenes: &GlareScenes,
+) -> Result<Scores<GlareMetric>, ChartError> {
+    let glare = GlareSettings { fraction: 1.0, ..settings.clone() };
+    let mut all = RenderSettings { glare, ..RenderSettings::default() };
+    all.exposure.mode = ExposureMode::Manual;
+    let wanted = [Wanted { hdr: true, ..Wanted::default() }];
+    score(scenes, &mut |scene, rig| {
+        let frame = renderer.render(scene, rig, &all, &wanted, None)?;
+        Ok(frame.images.into_iter().filter_map(|image| image.hdr).collect())
+    })
+}
+
+/// A way to measure some figures.
+type Measure<'a> = dyn Fn(&mut DrawVeil<'_>) -> Result<Vec<Score>, Failure> + 'a;
+
+/// Measures all figures of what `draw` draws.
+fn score(scenes: &GlareScenes, draw: &mut DrawVeil<'_>) -> Result<Scores<GlareMetric>, ChartError> {
+    let groups: [(&[GlareMetric], &Measure<'_>); 6] = [
+        (&[GlareMetric::VeilRms, GlareMetric::VeilLargest], &|draw| veil(scenes, draw)),
+        (&[GlareMetric::Roundness], &|draw| round(scenes, draw)),
+        (&[GlareMetric::Slope], &|draw| slope(scenes, draw)),
+        (&[GlareMetric::FromOutside], &|draw| from_outside(scenes, draw)),
+        (&[GlareMetric::Seam], &|draw| seam(scenes, draw)),
+        (&[GlareMetric::FluxKept], &|draw| flux_kept(scenes, draw)),
+    ];
+    let mut scores = Vec::new();
+    for (metrics, measure) in groups {
+        match measure(draw) {
+            Ok(found) => scores.extend(metrics.iter().copied().zip(found)),
+            Err(Failure::Method(note)) => {
+                scores.extend(metrics.iter().map(|metric| (*metric, Score::none(note.clone()))));
+            }
+            Err(Failure::Chart(error)) => return Err(error),
+        }
+    }
+    Ok(Scores(scores))
+}
+
+/// The images as metrics see them, in camera axes.
+fn seen<'a>(images: &'a [ViewImage], pixels: &'a [Pixels]) -> Result<Vec<HdrView<'a>>, Failure> {
+    let view = |(index, image): (usize, &'a ViewImage)| {
+        Ok(HdrView::new(image.projection.mapping(), pixels_of(pixels, index)?)?.turned(image.camera_from_view))
+    };
+    images.iter().enumerate().map(view).collect()
+}
+
+fn measured(views: &[HdrView<'_>], place: &Compared) -> f64 {
+    let [x, y] = place.pixel;
+    views[place.image].luminance_cd_m2(x, y)
+}
+
+/// The starry sky, pixel by pixel.
+fn veil(scenes: &GlareScenes, draw: &mut DrawVeil<'_>) -> Result<Vec<Score>, Failure> {
+    let pixels = draw(&scenes.sky, &scenes.rig)?;
+    let views = seen(scenes.images(), &pixels)?;
+    let pairs: Vec<(f64, f64)> =
+        scenes.places.iter().map(|place| (measured(&views, place), place.expected_cd_m2)).collect();
+    let errors = relative_errors(&pairs)?;
+    let note = format!("{} of {} pixels, the others lie beside a source", pairs.len(), scenes.sampled);
+    Ok([errors.rms, errors.largest].map(|value| Score { value: Some(value), note: note.clone() }).to_vec())
+}
+
+/// Circles around sources off the axis.
+fn round(scenes: &GlareScenes, draw: &mut DrawVeil<'_>) -> Result<Vec<Score>, Failure> {
+    let mut worst = 0.0_f64;
+    for Placed { direction, scene } in &scenes.off_axis {
+        let pixels = draw(scene, &scenes.rig)?;
+        let found = roundness(&seen(scenes.images(), &pixels)?, *direction, scenes.circle_rad)?;
+        worst = worst.max(found.largest_deviation);
+    }
+    let angles: Vec<String> = scenes
+        .off_axis
+        .iter()
+        .map(|source| format!("{:.0}", source.direction.angle_between(DVec3::NEG_Z).to_degrees()))
+        .collect();
+    let circle = scenes.circle_rad.to_degrees();
+    Ok(vec![Score { value: Some(worst), note: format!("{} degrees off, {circle:.1} around", angles.join(" and ")) }])
+}
+
+/// The fall-off around a source.
+fn slope(scenes: &GlareScenes, draw: &mut DrawVeil<'_>) -> Result<Vec<Score>, Failure> {
+    let Placed { direction, scene } = &scenes.central;
+    let pixels = draw(scene, &scenes.rig)?;
+    let [from, to] = scenes.slope_rad;
+    let edges: Vec<f64> = (0..=12).map(|i| from * (to / from).powf(f64::from(i) / 12.0)).collect();
+    let profile = radial_profile(&seen(scenes.images(), &pixels)?, *direction, &edges, |angle| scenes.per_sr(angle))?;
+    Ok(vec![Score::of(log_log_slope(&profile, [from, to])?)])
+}
+
+/// A source just outside.
+fn from_outside(scenes: &GlareScenes, draw: &mut DrawVeil<'_>) -> Result<Vec<Score>, Failure> {
+    let Some((scene, places)) = &scenes.outside else {
+        return Ok(vec![Score::none("does not apply: the view shows the whole sky")]);
+    };
+    let pixels = draw(scene, &scenes.rig)?;
+    let views = seen(scenes.images(), &pixels)?;
+    let light = |of: &dyn Fn(&Compared) -> f64| places.iter().map(|place| of(place) * place.omega_sr).sum::<f64>();
+    Ok(vec![Score::of(light(&|place| measured(&views, place)) / light(&|place| place.expected_cd_m2))])
+}
+
+/// Pixels on both sides of the edges of a cube.
+fn seam(scenes: &GlareScenes, draw: &mut DrawVeil<'_>) -> Result<Vec<Score>, Failure> {
+    if scenes.edges.is_empty() {
+        return Ok(vec![Score::none("does not apply: the view has no edges")]);
+    }
+    let pixels = draw(&scenes.central.scene, &scenes.rig)?;
+    let views = seen(scenes.images(), &pixels)?;
+    let share = |place: &Compared| measured(&views, place) / place.expected_cd_m2;
+    let step = |[here, there]: &[Compared; 2]| (share(here) - share(there)).abs();
+    Ok(vec![Score::of(scenes.edges.iter().map(step).fold(0.0, f64::max))])
+}
+
+/// All scattered light of one source.
+fn flux_kept(scenes: &GlareScenes, draw: &mut DrawVeil<'_>) -> Result<Vec<Score>, Failure> {
+    let pixels = draw(&scenes.central.scene, &scenes.rig)?;
+    Ok(vec![Score::of(total_illuminance_lx(&seen(scenes.images(), &pixels)?)? / scenes.flux_lx)])
+}
+
+#[cfg(test)]
+mod tests;

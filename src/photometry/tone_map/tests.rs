@@ -1,0 +1,161 @@
+use super::*;
+use crate::photometry::rec709::uv_prime;
+
+/// Every operator with every option.
+fn all_settings() -> Vec<ToneMapSettings> {
+    let mut all = Vec::new();
+    for operator in ToneMapOperator::ALL {
+        for (desaturation, scotopic) in [(0.0, 0.0), (1.0, 0.0), (0.4, 0.0), (0.0, 1.0), (1.0, 0.5)] {
+            let of = ToneMapSettings::of(operator);
+            all.push(ToneMapSettings { desaturation, scotopic, peak_cd_m2: 4.0, ..of });
+        }
+    }
+    all
+}
+
+#[test]
+fn srgb_has_the_values_of_the_standard() {
+    assert_eq!(srgb_from_linear(0.0), 0.0);
+    assert!((srgb_from_linear(1.0) - 1.0).abs() < 1e-15);
+    // Code 188 of 255 is half of white to the nearest code; 0.18 is 0.4614 (118).
+    assert_eq!((255.0 * srgb_from_linear(0.5)).round(), 188.0);
+    assert!((srgb_from_linear(0.18) - 0.461_356).abs() < 1e-6);
+    assert!((linear_from_srgb(128.0 / 255.0) - 0.215_861).abs() < 1e-6);
+    assert!((srgb_from_linear(0.001) - 0.012_92).abs() < 1e-15);
+}
+
+#[test]
+fn srgb_and_its_inverse_agree_and_eight_bit_codes_survive() {
+    for code in 0..=255 {
+        let value = f64::from(code) / 255.0;
+        assert!((srgb_from_linear(linear_from_srgb(value)) - value).abs() < 1e-12, "code {code}");
+        assert_eq!(i32::from(ToneMapSettings::byte(value)), code);
+    }
+    // The two thresholds are rounded independently: at the joint the curves miss each other by 3e-8, no more.
+    assert!((srgb_from_linear(0.003_130_8) - srgb_from_linear(0.003_130_800_001)).abs() < 5e-8);
+}
+
+#[test]
+fn operators_rise_from_black_to_one_and_never_leave_the_range() {
+    for settings in all_settings() {
+        for colour in [[1.0; 3], [1.0, 0.4, 0.1], [0.1, 0.3, 1.0]] {
+            let show = |value: f64| settings.display_rgb(colour.map(|channel| channel * value), 4.0);
+            let mut previous = 0.0;
+            assert_eq!(show(0.0), [0.0; 3]);
+            for step in -400..400 {
+                let shown = show(10f64.powf(f64::from(step) / 40.0));
+                assert!(shown.iter().all(|channel| (0.0..=1.0).contains(channel)), "{settings:?} {step}: {shown:?}");
+                let seen = luminance(shown.map(linear_from_srgb));
+                assert!(seen >= previous - 1e-12, "{settings:?} {step}: {previous} to {seen}");
+                previous = seen;
+            }
+            assert!(show(f64::INFINITY).iter().all(|channel| (channel - 1.0).abs() < 1e-9), "{settings:?}");
+        }
+    }
+}
+
+#[test]
+fn what_is_no_light_is_black_and_leaves_the_other_channels_alone() {
+    for settings in all_settings() {
+        for wrong in [f64::NAN, -1.0, f64::NEG_INFINITY] {
+            assert_eq!(settings.display_rgb([wrong; 3], 4.0), [0.0; 3], "{settings:?}");
+            let (beside, alone) =
+                (settings.display_rgb([wrong, 2.0, 1.0], 4.0), settings.display_rgb([0.0, 2.0, 1.0], 4.0));
+            assert_eq!(beside, alone, "{settings:?}");
+        }
+    }
+}
+
+#[test]
+fn display_white_is_white_for_srgb_and_leaves_room_for_filmic() {
+    let clipped = ToneMapSettings::of(ToneMapOperator::Srgb).display_rgb([0.15, 0.075, 0.3], 0.15);
+    for (shown, expected) in clipped.into_iter().zip([1.0, srgb_from_linear(0.5), 1.0]) {
+        assert!((shown - expected).abs() < 1e-15, "{clipped:?}");
+    }
+    let [red, green, blue] = ToneMapSettings::default().display_rgb([0.15, 0.075, 0.3], 0.15);
+    assert!(green < red && red < blue && blue < 0.95, "{red} {green} {blue}");
+}
+
+#[test]
+fn a_calibrated_display_gives_the_light_that_is_there_whatever_the_exposure() {
+    let settings =
+        ToneMapSettings { peak_cd_m2: 250.0, black_cd_m2: 0.3, ..ToneMapSettings::of(ToneMapOperator::Calibrated) };
+    let given = |rgb: [f64; 3], white_cd_m2: f64| {
+        settings.display_rgb(rgb, white_cd_m2).map(|value| 0.3 + (250.0 - 0.3) * linear_from_srgb(value))
+    };
+    for rgb in [[0.5, 20.0, 3.0], [249.0, 0.31, 100.0]] {
+        for white_cd_m2 in [1e-6, 1.0, 1e6] {
+            for (given, light) in given(rgb, white_cd_m2).into_iter().zip(rgb) {
+                assert!((given / light - 1.0).abs() < 1e-4, "{given} for {light}");
+            }
+        }
+    }
+    // Darker than its black and brighter than its peak it cannot be.
+    assert_eq!(given([0.01, 0.3, 400.0], 1.0).map(|given| (given * 1e6).round() / 1e6), [0.3, 0.3, 250.0]);
+    assert!((settings.white_ev100().unwrap() - (250.0_f64 / 1.2).log2()).abs() < 1e-12);
+    assert_eq!(ToneMapSettings::default().white_ev100(), None);
+}
+
+/// Angle by which an operator turns the hue of a colour in u', v' around white, rad.
+fn turned_rad(settings: &ToneMapSettings, rgb: [f64; 3]) -> f64 {
+    let hue = |rgb: [f64; 3]| {
+        let ([u, v], [white_u, white_v]) = (uv_prime(rgb), uv_prime([1.0; 3]));
+        (v - white_v).atan2(u - white_u)
+    };
+    (hue(settings.display_rgb(rgb, 1.0).map(linear_from_srgb)) - hue(rgb)).abs()
+}
+
+#[test]
+fn desaturation_keeps_the_hue_of_highlights_that_channels_by_themselves_turn() {
+    for operator in ToneMapOperator::ALL {
+        let settings =
+            |desaturation| ToneMapSettings { desaturation, peak_cd_m2: 1.0, ..ToneMapSettings::of(operator) };
+        let mut judged = 0;
+        // Stars of 3000 K and 20000 K, and two purer colours, from well within the range to far beyond.
+        for rgb in [[1.0, 0.49, 0.13], [0.55, 0.69, 1.0], [1.0, 0.25, 0.02], [0.1, 0.3, 1.0]] {
+            for brighter in [0.05, 0.5, 1.0, 2.0] {
+                let colour = rgb.map(|channel| channel * brighter);
+                if luminance(settings(1.0).display_rgb(colour, 1.0).map(linear_from_srgb)) > 0.999 {
+                    // White has no hue.
+                    continue;
+                }
+                judged += 1;
+                let turned = turned_rad(&settings(1.0), colour);
+                assert!(turned < 2e-3, "{operator:?} turns {colour:?} by {turned} rad");
+            }
+        }
+        assert!(judged >= 13, "{operator:?}: {judged} of 16 colours have a hue");
+        // A bright orange, channel by channel, is seen more than a tenth of a radian off; half of the way in between.
+        let orange = [3.0, 1.2, 0.1].map(|channel| 6.0 * channel);
+        let (whole, half) = (turned_rad(&settings(0.0), orange), turned_rad(&settings(0.5), orange));
+        println!(
+            "{}: bright orange turned by {whole:.3} rad, with half of the desaturation {half:.3}",
+            operator.name()
+        );
+        assert!(whole > 0.1, "{operator:?}: {whole}");
+        // So bright that it is white: nothing is left to turn.
+        let [red, green, blue] = settings(1.0).display_rgb(orange, 1.0);
+        assert!(red >= green && green >= blue && blue > 0.8, "{operator:?}: {red} {green} {blue}");
+    }
+}
+
+#[test]
+fn desaturation_keeps_the_luminance_that_an_operator_gives() {
+    for operator in ToneMapOperator::ALL {
+        let settings =
+            |desaturation| ToneMapSettings { desaturation, peak_cd_m2: 1.0, ..ToneMapSettings::of(operator) };
+        let seen = |desaturation, rgb| luminance(settings(desaturation).display_rgb(rgb, 1.0).map(linear_from_srgb));
+        let within = [0.5, 0.3, 0.1];
+        assert!((seen(1.0, within) / seen(0.0, within) - 1.0).abs() < 1e-6, "{operator:?}");
+        // A red beyond the range, whose luminance is within it: clipped, most of its light is lost.
+        let red = [3.0, 0.2, 0.1];
+        let kept = match operator {
+            ToneMapOperator::Filmic | ToneMapOperator::Aces => seen(0.0, red),
+            ToneMapOperator::Reinhard => luminance(red) * reinhard_scale(luminance(red), 16.0),
+            ToneMapOperator::Srgb | ToneMapOperator::Calibrated => luminance(red),
+        };
+        assert!((seen(1.0, red) / kept - 1.0).abs() < 1e-6, "{operator:?}: {} for {kept}", seen(1.0, red));
+    }
+    let clipped = ToneMapSettings::of(ToneMapOperator::Srgb).display_rgb([3.0, 0.2, 0.1], 1.0);
+    assert!(luminance(clipped.map(linear_from_srgb)) < 0.5 * luminance([3.0, 0.2, 0.1]));
+}

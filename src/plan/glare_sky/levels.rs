@@ -1,0 +1,54 @@
+//! The levels of the map: a kernel that ends at twice the angle within which it is smooth, and the whole sphere for the
+//! coarsest.
+
+use super::{
+    FINEST_CELLS, LEVELS,
+    cells::{Cell, halved},
+    smooth_angle_rad,
+};
+use crate::photometry::glare::{
+    GlareKernel,
+    split::{SoftCore, angle_of_chord_squared},
+};
+
+/// Entries of a level's table of its kernel.
+pub const TABLE_ENTRIES: usize = 1024;
+
+/// A level of the map.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Level {
+    /// Cells along an edge of a face.
+    pub edge_cells: u32,
+    /// The cells' light, face by face, row by row.
+    pub cells: Vec<Cell>,
+    /// The kernel at squares of chords from 0 to `end_squared` in even steps, 1/sr.
+    pub table: Vec<f64>,
+    /// Square of the chord at which the kernel ends.
+    pub end_squared: f64,
+}
+
+/// The levels of a kernel, from the finest on.
+pub(super) fn of_kernel(kernel: &dyn GlareKernel, finest: Vec<Cell>) -> Vec<Level> {
+    let mut cells = finest;
+    let mut levels = Vec::with_capacity(LEVELS);
+    for level in 0..LEVELS {
+        let edge_cells = FINEST_CELLS >> level;
+        let soft = SoftCore::new(kernel, smooth_angle_rad(level));
+        let coarser = (level + 1 < LEVELS).then(|| SoftCore::new(kernel, smooth_angle_rad(level + 1)));
+        let end_squared = coarser.map_or(4.0, |coarser| coarser.squared);
+        let per_sr = |squared: f64| {
+            let own = if squared < soft.squared {
+                soft.per_sr(squared)
+            } else {
+                kernel.per_sr(angle_of_chord_squared(squared))
+            };
+            own - coarser.map_or(0.0, |coarser| coarser.per_sr(squared.min(coarser.squared)))
+        };
+        let step = end_squared / (TABLE_ENTRIES - 1) as f64;
+        let table = (0..TABLE_ENTRIES).map(|entry| per_sr(entry as f64 * step)).collect();
+        let next = (level + 1 < LEVELS).then(|| halved(&cells, edge_cells));
+        levels.push(Level { edge_cells, cells, table, end_squared });
+        cells = next.unwrap_or_default();
+    }
+    levels
+}

@@ -1,0 +1,148 @@
+use super::*;
+use crate::{catalogue::StarRecord, photometry::glare::InverseSquareKernel, photometry::rec709::luminance};
+
+fn sky(stars: u32) -> StarSet {
+    let records = (0..stars)
+        .map(|i| {
+            let z = 1.0 - 2.0 * (f64::from(i) + 0.5) / f64::from(stars);
+            let (sin, cos) = (f64::from(i) * 2.399_963).sin_cos();
+            let direction = DVec3::new(cos, sin, 0.0) * (1.0 - z * z).sqrt() + DVec3::Z * z;
+            StarRecord {
+                position: direction * (3.0 + f64::from(i % 50)),
+                magnitude: (i % 12) as f32,
+                temperature_k: 3000.0 + (i % 7) as f32 * 2000.0,
+                distance_known: i % 3 != 0,
+            }
+        })
+        .collect();
+    StarSet::from_records(records)
+}
+
+fn settings() -> SkyGlareSettings {
+    SkyGlareSettings {
+        camera_pc: DVec3::new(0.3, -0.2, 0.1),
+        motion: None,
+        faintest_lx: 0.0,
+        farthest_eye_pc: 0.0,
+        tolerance: 0.01,
+        pixel_classes_rad: vec![pixel_class_rad(0.001), pixel_class_rad(0.02)],
+    }
+}
+
+fn kernel() -> InverseSquareKernel {
+    InverseSquareKernel::new(0.1_f64.to_radians())
+}
+
+#[test]
+fn cells_and_their_middles_agree() {
+    for cells in [1, 8, 64] {
+        for index in 0..6 * (cells * cells) as usize {
+            assert_eq!(cell_of(direction_of_cell(index, cells), cells), index);
+        }
+    }
+}
+
+/// Whatever the class of pixels: the map's kernels, the bumps and the sprites share out all light, once.
+#[test]
+fn all_light_is_shared_out_once() {
+    let set = sky(20_000);
+    let glare = SkyGlare::new(&set, &kernel(), &settings());
+    let total: f64 = glare.levels[0].cells.iter().map(|cell| luminance(cell.light)).sum();
+    let expected: f64 = set
+        .iter()
+        .map(|(place, at_infinity, star)| {
+            let place = if at_infinity { place } else { place - settings().camera_pc };
+            star.illuminance_at_1_pc_lx() / place.length_squared()
+        })
+        .sum();
+    assert!((total / expected - 1.0).abs() < 1e-5, "{total} {expected}");
+    for level in &glare.levels[1..] {
+        let sum: f64 = level.cells.iter().map(|cell| luminance(cell.light)).sum();
+        assert!((sum / total - 1.0).abs() < 1e-9);
+    }
+    // Integrals of the levels' kernels from their tables (trapezoids over solid angle).
+    let share = |level: &Level| {
+        let step = level.end_squared / (TABLE_ENTRIES - 1) as f64;
+        let ends = 0.5 * (level.table[0] + level.table[TABLE_ENTRIES - 1]);
+        std::f64::consts::PI * step * (level.table.iter().sum::<f64>() - ends)
+    };
+    let smooth: f64 = glare.levels.iter().map(share).sum();
+    assert!(!glare.sprites.sprites.is_empty());
+    for class in &glare.classes {
+        let bumps: f64 = class.bumps.iter().map(|light| luminance(*light) * bump_share(glare.bump_squared)).sum();
+        let drawn: Vec<_> =
+            glare.sprites.sprites.iter().filter(|sprite| sprite.squared >= class.least_squared).collect();
+        let sprites: f64 = drawn
+            .iter()
+            .map(|sprite| {
+                let share = if sprite.whole {
+                    kernel().share_within(smooth_angle_rad(0)) - glare.soft.share()
+                } else {
+                    class.shown.faded_share(&kernel(), glare.fade, sprite.squared)
+                };
+                share * luminance(sprite.light)
+            })
+            .sum();
+        let shared_out = (smooth * total + bumps + sprites) / total;
+        assert!((shared_out - 1.0).abs() < 1e-4, "{shared_out}: {} sprites", drawn.len());
+        assert!(bumps >= 0.0 && sprites > 0.0);
+    }
+    assert!(glare.classes[0].least_squared < glare.classes[1].least_squared);
+}
+
+#[test]
+fn sprites_are_found_by_their_cells() {
+    let glare = SkyGlare::new(&sky(5000), &kernel(), &settings());
+    let Sprites { sprites, cells, regions } = &glare.sprites;
+    let held = |cell: &SpriteCell| cell.first as usize..(cell.first + cell.count) as usize;
+    assert_eq!(cells.iter().map(|cell| held(cell).len()).sum::<usize>(), sprites.len());
+    assert_eq!(regions.iter().map(|region| held(region).len()).sum::<usize>(), cells.len());
+    for cell in cells {
+        for sprite in &sprites[held(cell)] {
+            assert!((sprite.direction - cell.direction).length() + sprite.squared.sqrt() <= cell.reach + 1e-12);
+        }
+    }
+    for region in regions {
+        for cell in &cells[held(region)] {
+            assert!((cell.direction - region.direction).length() + cell.reach <= region.reach + 1e-12);
+        }
+    }
+}
+
+#[test]
+fn only_stars_that_the_eyes_see_in_different_places_are_an_eyes_own() {
+    let set = sky(300);
+    let far = SkyGlare::new(&set, &kernel(), &settings());
+    assert!(far.near.is_empty());
+    let near_pc = 5.0;
+    let near = SkyGlare::new(
+        &set,
+        &kernel(),
+        &SkyGlareSettings { farthest_eye_pc: near_pc * SHARED_PARALLAX_RAD, ..settings() },
+    );
+    assert!(!near.near.is_empty() && near.near.iter().all(|star| star.place_pc.length() < near_pc));
+    let light = |glare: &SkyGlare| glare.levels[0].cells.iter().map(|cell| luminance(cell.light)).sum::<f64>();
+    let own: f64 = near.near_for(DVec3::ZERO, None).iter().map(|(_, light)| luminance(*light)).sum();
+    assert!(((light(&near) + own) / light(&far) - 1.0).abs() < 1e-9);
+}
+
+#[test]
+fn classes_of_pixels_are_never_smaller_and_hardly_larger() {
+    for pixel in [1e-5, 0.001, 0.00123, 0.5] {
+        let class = pixel_class_rad(pixel);
+        assert!(class >= pixel * 0.999_999 && class <= pixel * 1.045, "{pixel} {class}");
+    }
+}
+
+#[test]
+fn eyes_that_differ_by_rounding_are_of_one_class() {
+    for metres in [0.03, 0.03125, 0.0315, 0.032, 0.5, 1.0, 1e3] {
+        let class = eye_class_m(metres);
+        assert!((metres..1.3 * metres).contains(&class), "{metres}: {class}");
+        for part in [1.0 - 1e-15, 1.0 + 1e-15] {
+            assert_eq!(eye_class_m(metres * part), class, "{metres}");
+        }
+        assert!(eye_class_m(1.3 * metres) > class);
+    }
+    assert_eq!(eye_class_m(0.0), 0.0);
+}
