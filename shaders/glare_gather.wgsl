@@ -34,7 +34,7 @@ struct GlareLevelParameters {
 // Light of the bump of each cell, lx per sr.
 @group(0) @binding(3) var<storage, read> bumps: array<vec4<f32>>;
 // The coarser level, sharpened, with a rim of one point.
-@group(0) @binding(4) var<storage, read> coarser: array<vec4<f32>>;
+@group(0) @binding(4) var<storage, read> map: array<vec4<f32>>;
 @group(0) @binding(5) var<storage, read_write> scattered: array<vec4<f32>>;
 
 const RIM: u32 = 2u;
@@ -57,24 +57,6 @@ fn reached(along: f32, forward: f32, sine: f32) -> vec2<f32> {
     return tan(clamp(vec2(from_angle, to_angle), vec2(-0.25 * PI), vec2(0.25 * PI)));
 }
 
-fn from_coarser(direction: vec3<f32>) -> vec3<f32> {
-    let face = cube_face_of(direction);
-    let edge = f32(parameters.coarser_cells);
-    let place = place_on_face(face_from_face(face, 0u, direction), edge);
-    let held = clamp(floor(place), vec2(0.0), vec2(edge - 1.0));
-    let weights = spline_weights(place, held);
-    // With the rim of one point, the point before the held one has the held one's number.
-    let row_points = parameters.coarser_cells + 2u;
-    let first = (face * row_points + u32(held.y)) * row_points + u32(held.x);
-    var sum = vec3(0.0);
-    for (var j = 0u; j < 3u; j++) {
-        for (var i = 0u; i < 3u; i++) {
-            sum += weights[i].x * weights[j].y * coarser[first + j * row_points + i].xyz;
-        }
-    }
-    return sum;
-}
-
 @compute @workgroup_size(8, 8)
 fn gather(@builtin(global_invocation_id) point: vec3<u32>) {
     let n = parameters.edge_cells;
@@ -86,7 +68,7 @@ fn gather(@builtin(global_invocation_id) point: vec3<u32>) {
     let direction = normalize(face_from_face(0u, point.z, vec3(tangents.x, -tangents.y, -1.0)));
     var sum = vec3(0.0);
     if parameters.coarser_cells > 0u {
-        sum = from_coarser(direction);
+        sum = read_map(0u, parameters.coarser_cells, direction);
     }
     for (var face = 0u; face < 6u; face++) {
         let on_face = face_from_face(face, 0u, direction);

@@ -88,23 +88,6 @@ fn of_sprite(view: GlareView, sprite: GlareSprite, directions: Directions4) -> v
     return select(value * fade, left, sprite.whole != 0u);
 }
 
-fn from_map(view: GlareView, direction: vec3<f32>) -> vec3<f32> {
-    let face = cube_face_of(direction);
-    let edge = f32(sky.edge_cells);
-    let place = place_on_face(face_from_face(face, 0u, direction), edge);
-    let held = clamp(floor(place), vec2(0.0), vec2(edge - 1.0));
-    let weights = spline_weights(place, held);
-    let row_points = sky.edge_cells + 2u;
-    let first = view.first_point + (face * row_points + u32(held.y)) * row_points + u32(held.x);
-    var sum = vec3(0.0);
-    for (var j = 0u; j < 3u; j++) {
-        for (var i = 0u; i < 3u; i++) {
-            sum += weights[i].x * weights[j].y * map[first + j * row_points + i].xyz;
-        }
-    }
-    return sum;
-}
-
 fn world_direction(viewport: Viewport, in_view: vec3<f32>) -> vec3<f32> {
     return in_view.x * viewport.view_from_world_x.xyz + in_view.y * viewport.view_from_world_y.xyz
         + in_view.z * viewport.view_from_world_z.xyz;
@@ -132,9 +115,9 @@ fn column_from_map(view: GlareView, viewport: Viewport, top: vec2<f32>, directio
     var light: Light8;
     if FLAT {
         // The map is smooth over much more than a few pixels of such views: a parabola through three rows does for eight.
-        let first = from_map(view, direction_of(viewport, top));
-        let middle = from_map(view, direction_of(viewport, top + vec2(0.0, 3.5)));
-        let last = from_map(view, direction_of(viewport, top + vec2(0.0, 7.0)));
+        let first = read_map(view.first_point, sky.edge_cells, direction_of(viewport, top));
+        let middle = read_map(view.first_point, sky.edge_cells, direction_of(viewport, top + vec2(0.0, 3.5)));
+        let last = read_map(view.first_point, sky.edge_cells, direction_of(viewport, top + vec2(0.0, 7.0)));
         let slope = 0.5 * (last - first);
         let bend = 0.5 * (first + last) - middle;
         for (var four = 0u; four < 2u; four++) {
@@ -148,7 +131,7 @@ fn column_from_map(view: GlareView, viewport: Viewport, top: vec2<f32>, directio
     for (var four = 0u; four < 2u; four++) {
         for (var one = 0u; one < 4u; one++) {
             let direction = vec3(directions[four].x[one], directions[four].y[one], directions[four].z[one]);
-            let of_pixel = from_map(view, direction);
+            let of_pixel = read_map(view.first_point, sky.edge_cells, direction);
             light.red[four][one] = of_pixel.x;
             light.green[four][one] = of_pixel.y;
             light.blue[four][one] = of_pixel.z;

@@ -11,8 +11,8 @@ use crate::{
     gpu::{Gpu, GpuTimer, LuminanceSource, encode_viewport, layout},
     passes::{
         billboards::{BillboardPass, BillboardPlane, CountPass, SquareImage},
-        luminance::{LuminancePass, LuminanceTarget},
-        shared::{CatalogueDraw, pixel_grid},
+        luminance::LuminancePass,
+        shared::{CatalogueDraw, PictureTarget, pixel_grid},
     },
     photometry::{
         psf::PsfError,
@@ -133,7 +133,7 @@ impl Blended {
         frame: &BlendedFrame<'_>,
         viewport: &Viewport,
         tile: &Tile,
-        target: &LuminanceTarget<'_>,
+        target: &PictureTarget<'_>,
     ) {
         let cube = CubeFaces::for_projection(&viewport.projection, gpu.max_view_side_px());
         if self.drawn != Some(tile.viewport) {

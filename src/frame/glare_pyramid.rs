@@ -9,9 +9,9 @@ use super::{
 use crate::{
     gpu::{GlareSource, Gpu, GpuTimer, GrowingBuffer, layout, storage_buffer},
     passes::{
-        glare_composite::{GlareCompositePass, GlareTarget},
+        glare_composite::GlareCompositePass,
         glare_pyramid::{GlarePyramidPass, PyramidFrame, PyramidTextures, PyramidTile},
-        shared::pixel_grid,
+        shared::{PictureTarget, pixel_grid},
     },
     plan::{glare_pyramid::PyramidAxes, tiles::Tile},
     view::Viewport,
@@ -101,7 +101,7 @@ impl GlarePyramid {
             pyramid.record(gpu, &mut pass, &of_viewport, textures, &tiles);
             for Place { batch, tile, encoded } in places {
                 let encoded = storage_buffer(gpu, "tile", std::slice::from_ref(&encoded));
-                let target = GlareTarget {
+                let target = PictureTarget {
                     viewports: frame.encoded_viewports,
                     tiles: &encoded,
                     pixels: &batch.pixels,

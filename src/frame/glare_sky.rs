@@ -8,8 +8,9 @@ use crate::{
     catalogue::chunks::StarSet,
     gpu::{GlareSource, Gpu, GpuTimer, GrowingBuffer, layout, storage_buffer, uniform_buffer},
     passes::{
-        glare_composite::{GlareCompositePass, GlareTarget},
+        glare_composite::GlareCompositePass,
         glare_sky::{Bumps, GlareSkyPasses, LevelBuffers, SpriteBuffers, block_grid, map_points, square_grid},
+        shared::PictureTarget,
     },
     photometry::glare::{
         GlareKernel, GlareKernelError, GlareKernelName, InverseSquareKernel, split::angle_of_chord_squared,
@@ -351,7 +352,7 @@ impl GlareSky {
                 lists: &lists,
             };
             passes.find(gpu, &mut pass, &buffers, blocks);
-            let target = GlareTarget {
+            let target = PictureTarget {
                 viewports: frame.encoded_viewports,
                 tiles: batch.tiles,
                 pixels: &batch.pixels,

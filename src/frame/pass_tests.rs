@@ -7,8 +7,8 @@ use crate::{
     gpu::{Gpu, GpuOptions, LuminanceSource, ReadbackBuffer, encode_viewport, layout, storage_buffer},
     passes::{
         exposure::ExposurePass,
-        luminance::{LuminancePass, LuminanceTarget},
-        shared::{PARTIAL_SUM_BYTES, partial_sums, pixel_grid},
+        luminance::LuminancePass,
+        shared::{PARTIAL_SUM_BYTES, PictureTarget, partial_sums, pixel_grid},
         tone_map::{ToneMapPass, ToneMapTarget},
     },
     photometry::exposure::{mean_luminance_cd_m2, metered_ev100},
@@ -147,7 +147,7 @@ fn a_pixel_that_is_not_finite_loses_itself_only() {
         let packed = storage_buffer(&gpu, "packed", words);
         let colours = storage_buffer(&gpu, "colours", &[[1.0_f32; 4]; 2048]);
         run(&gpu, &found, 1, |pass| {
-            let target = LuminanceTarget {
+            let target = PictureTarget {
                 viewports: &viewports,
                 tiles: &tiles,
                 pixels: &picture,

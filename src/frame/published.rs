@@ -8,9 +8,9 @@ use crate::{
     catalogue::chunks::StarSet,
     gpu::{self, Gpu, GrowingBuffer, LuminanceSource, layout},
     passes::{
-        luminance::{LuminancePass, LuminanceTarget},
+        luminance::LuminancePass,
         packed::PackedPass,
-        shared::{CatalogueDraw, StarDraw, StarTarget},
+        shared::{CatalogueDraw, PictureTarget, StarDraw, StarTarget},
     },
     photometry::exposure::white_luminance_cd_m2,
     plan::settings::{CellSkySettings, RenderSettings, StarMethod},
@@ -101,7 +101,7 @@ impl Published {
         pass: &mut wgpu::ComputePass<'_>,
         frame: &PackedFrame<'_>,
         words: &wgpu::Buffer,
-        target: &LuminanceTarget<'_>,
+        target: &PictureTarget<'_>,
     ) {
         let resolve = self.packed_resolve.get_or_init(|| LuminancePass::new(gpu, LuminanceSource::Packed));
         let of_source = [(0, words.as_entire_binding()), (1, frame.colours.as_entire_binding())];
@@ -115,7 +115,7 @@ impl Published {
         pass: &mut wgpu::ComputePass<'_>,
         settings: &RenderSettings,
         viewport: &Viewport,
-        target: &LuminanceTarget<'_>,
+        target: &PictureTarget<'_>,
         grid: [u32; 3],
     ) {
         let CellSkySettings { cells, layers, radius_px, seed } = settings.stars.cell_sky;

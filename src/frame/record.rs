@@ -12,9 +12,8 @@ use super::{
 use crate::{
     gpu::{GpuTimer, GrowingBuffer, ReadbackPlace, layout, storage_buffer},
     passes::{
-        luminance::LuminanceTarget,
         resolve::{HdrImage, ResolveTarget},
-        shared::{PARTIAL_SUM_BYTES, StarDraw, StarTarget, flags_of, partial_sums, pixel_grid},
+        shared::{PARTIAL_SUM_BYTES, PictureTarget, StarDraw, StarTarget, flags_of, partial_sums, pixel_grid},
         stars::FIRST_VIEW_COUNTER,
         tone_map::ToneMapTarget,
     },
@@ -134,7 +133,7 @@ impl Renderer {
             if blends || method.accumulator() == Accumulator::PerPixel {
                 for (tile, encoded) in batch.tiles.iter().zip(&tiles[index]) {
                     let encoded = storage_buffer(gpu, "tile", std::slice::from_ref(encoded));
-                    let target = LuminanceTarget {
+                    let target = PictureTarget {
                         viewports: &viewports,
                         tiles: &encoded,
                         pixels: &pixels,
@@ -180,7 +179,7 @@ impl Renderer {
                 self.published.record_packed(gpu, &mut pass, &frame, &star_target(&words));
                 drop(pass);
                 let mut pass = begin_pass(&mut encoder, timer, "resolve");
-                let target = LuminanceTarget {
+                let target = PictureTarget {
                     viewports: &viewports,
                     tiles: &tile_buffers[index],
                     pixels: &pixels,

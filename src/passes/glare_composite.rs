@@ -1,7 +1,7 @@
 //! The glare pass over pixels: keeps what is not scattered of every pixel's light and adds what is scattered towards it.
 //! Shader: `shaders/glare_composite.wgsl`.
 
-use super::shared::{COLUMNS, bind_buffers};
+use super::shared::{COLUMNS, PictureTarget, bind_buffers, bind_picture};
 use crate::gpu::{self, GlareSource, Gpu, layout};
 
 /// Columns of one workgroup.
@@ -14,17 +14,6 @@ pub(crate) struct GlareCompositePass {
     pipeline: wgpu::ComputePipeline,
     /// Runs of rows of one workgroup.
     row_groups: u32,
-}
-
-/// Buffers of one batch.
-pub(crate) struct GlareTarget<'a> {
-    pub viewports: &'a wgpu::Buffer,
-    pub tiles: &'a wgpu::Buffer,
-    /// The picture, whole.
-    pub pixels: &'a wgpu::Buffer,
-    pub partial_sums: &'a wgpu::Buffer,
-    /// Pixels of the batch.
-    pub plane_pixels: u32,
 }
 
 impl GlareCompositePass {
@@ -42,7 +31,7 @@ impl GlareCompositePass {
         gpu: &Gpu,
         pass: &mut wgpu::ComputePass<'_>,
         fraction: f64,
-        target: &GlareTarget<'_>,
+        target: &PictureTarget<'_>,
         of_source: &[(u32, wgpu::BindingResource<'_>)],
         grid: [u32; 3],
     ) {
@@ -52,18 +41,7 @@ impl GlareCompositePass {
             ..Default::default()
         };
         let parameters = gpu::uniform_buffer(gpu, "glare parameters", &parameters);
-        let group = bind_buffers(
-            gpu,
-            &self.pipeline,
-            0,
-            &[
-                (0, parameters.as_entire_binding()),
-                (1, target.viewports.as_entire_binding()),
-                (2, target.tiles.as_entire_binding()),
-                (3, target.pixels.as_entire_binding()),
-                (4, target.partial_sums.as_entire_binding()),
-            ],
-        );
+        let group = bind_picture(gpu, &self.pipeline, &parameters, target);
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(0, &group, &[]);
         pass.set_bind_group(1, &bind_buffers(gpu, &self.pipeline, 1, of_source), &[]);

@@ -1,22 +1,12 @@
 //! The resolve pass of methods that leave luminance instead of illuminance: what a pixel holds goes, with its solid angle,
 //! where the exposure and tone-mapping passes read it. Shader: `shaders/resolve_luminance.wgsl`.
 
-use super::shared::bind_buffers;
+use super::shared::{PictureTarget, bind_buffers, bind_picture};
 use crate::gpu::{self, Gpu, LuminanceSource, layout};
 
 /// The pass for one source of luminance.
 pub(crate) struct LuminancePass {
     pipeline: wgpu::ComputePipeline,
-}
-
-/// Buffers of one batch.
-pub(crate) struct LuminanceTarget<'a> {
-    pub viewports: &'a wgpu::Buffer,
-    pub tiles: &'a wgpu::Buffer,
-    pub pixels: &'a wgpu::Buffer,
-    pub partial_sums: &'a wgpu::Buffer,
-    /// Pixels of the batch.
-    pub plane_pixels: u32,
 }
 
 impl LuminancePass {
@@ -33,7 +23,7 @@ impl LuminancePass {
         pass: &mut wgpu::ComputePass<'_>,
         scale: f32,
         numbers: [u32; 2],
-        target: &LuminanceTarget<'_>,
+        target: &PictureTarget<'_>,
         of_source: &[(u32, wgpu::BindingResource<'_>)],
         grid: [u32; 3],
     ) {
@@ -44,18 +34,7 @@ impl LuminancePass {
             source_1: numbers[1],
         };
         let parameters = gpu::uniform_buffer(gpu, "luminance parameters", &parameters);
-        let group = bind_buffers(
-            gpu,
-            &self.pipeline,
-            0,
-            &[
-                (0, parameters.as_entire_binding()),
-                (1, target.viewports.as_entire_binding()),
-                (2, target.tiles.as_entire_binding()),
-                (3, target.pixels.as_entire_binding()),
-                (4, target.partial_sums.as_entire_binding()),
-            ],
-        );
+        let group = bind_picture(gpu, &self.pipeline, &parameters, target);
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(0, &group, &[]);
         if !of_source.is_empty() {

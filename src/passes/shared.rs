@@ -25,6 +25,16 @@ pub(crate) struct StarTarget<'a> {
     pub pixels: &'a wgpu::Buffer,
 }
 
+/// Buffers of a batch whose picture is written, or written over, as luminance and summed for the exposure.
+pub(crate) struct PictureTarget<'a> {
+    pub viewports: &'a wgpu::Buffer,
+    pub tiles: &'a wgpu::Buffer,
+    pub pixels: &'a wgpu::Buffer,
+    pub partial_sums: &'a wgpu::Buffer,
+    /// Pixels of the batch.
+    pub plane_pixels: u32,
+}
+
 /// Flags of a tile: one for each block of pixels of the grid, in rows.
 pub(crate) fn flags_of(width: u32, rows: u32) -> u32 {
     width.div_ceil(COLUMNS) * rows.div_ceil(ROWS)
@@ -53,6 +63,18 @@ pub(crate) fn bind_items(gpu: &Gpu, pipeline: &wgpu::ComputePipeline, draw: &Sta
         size: wgpu::BufferSize::new(u64::from(draw.item_count) * size_of::<layout::StarItem>() as u64),
     };
     bind_buffers(gpu, pipeline, 1, &[(0, draw.stars.as_entire_binding()), (1, wgpu::BindingResource::Buffer(items))])
+}
+
+/// Parameters and picture, as every pass over pictures of luminance binds them.
+pub(crate) fn bind_picture(
+    gpu: &Gpu,
+    pipeline: &wgpu::ComputePipeline,
+    parameters: &wgpu::Buffer,
+    target: &PictureTarget<'_>,
+) -> wgpu::BindGroup {
+    let buffers = [parameters, target.viewports, target.tiles, target.pixels, target.partial_sums];
+    let bindings: Vec<_> = (0..).zip(buffers).map(|(binding, buffer)| (binding, buffer.as_entire_binding())).collect();
+    bind_buffers(gpu, pipeline, 0, &bindings)
 }
 
 /// A bind group of buffers, in the order of their bindings.

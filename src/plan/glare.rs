@@ -134,14 +134,20 @@ impl GlareSettings {
 
     /// Share of the light that is scattered: `fraction`, or what the kernel itself tells.
     pub fn fraction_scattered(&self) -> f64 {
-        if self.absolute && self.kernel == GlareKernelName::Cie { self.cie().scattered_share() } else { self.fraction }
+        if self.is_absolute() { self.cie().scattered_share() } else { self.fraction }
+    }
+
+    /// Whether the kernel itself tells what share is scattered.
+    fn is_absolute(&self) -> bool {
+        self.absolute && self.kernel == GlareKernelName::Cie
     }
 
     /// The method that draws a frame whose stars are drawn by `stars`. `sky_cube` reads the catalogue; where no star of it is
     /// drawn the image alone tells what glares.
     pub fn chosen(&self, stars: StarMethod) -> GlareMethod {
         match self.method {
-            _ if self.fraction_scattered() == 0.0 => GlareMethod::None,
+            // An eye that tells its own share scatters some.
+            _ if self.fraction == 0.0 && !self.is_absolute() => GlareMethod::None,
             GlareMethod::Auto if stars.draws_catalogue() => GlareMethod::SkyCube,
             GlareMethod::Auto => GlareMethod::ViewPyramid,
             method => method,

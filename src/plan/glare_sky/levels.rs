@@ -29,26 +29,26 @@ pub struct Level {
 
 /// The levels of a kernel, from the finest on.
 pub(super) fn of_kernel(kernel: &dyn GlareKernel, finest: Vec<Cell>) -> Vec<Level> {
-    let mut cells = finest;
-    let mut levels = Vec::with_capacity(LEVELS);
-    for level in 0..LEVELS {
-        let edge_cells = FINEST_CELLS >> level;
-        let soft = SoftCore::new(kernel, smooth_angle_rad(level));
-        let coarser = (level + 1 < LEVELS).then(|| SoftCore::new(kernel, smooth_angle_rad(level + 1)));
+    let soft: [SoftCore; LEVELS] = std::array::from_fn(|level| SoftCore::new(kernel, smooth_angle_rad(level)));
+    let mut cells = vec![finest];
+    for level in 1..LEVELS {
+        cells.push(halved(&cells[level - 1], FINEST_CELLS >> (level - 1)));
+    }
+    let with_cells = |(level, cells): (usize, Vec<Cell>)| {
+        let own = soft[level];
+        let coarser = soft.get(level + 1);
         let end_squared = coarser.map_or(4.0, |coarser| coarser.squared);
         let per_sr = |squared: f64| {
-            let own = if squared < soft.squared {
-                soft.per_sr(squared)
+            let smooth = if squared < own.squared {
+                own.per_sr(squared)
             } else {
                 kernel.per_sr(angle_of_chord_squared(squared))
             };
-            own - coarser.map_or(0.0, |coarser| coarser.per_sr(squared.min(coarser.squared)))
+            smooth - coarser.map_or(0.0, |coarser| coarser.per_sr(squared.min(coarser.squared)))
         };
         let step = end_squared / (TABLE_ENTRIES - 1) as f64;
         let table = (0..TABLE_ENTRIES).map(|entry| per_sr(entry as f64 * step)).collect();
-        let next = (level + 1 < LEVELS).then(|| halved(&cells, edge_cells));
-        levels.push(Level { edge_cells, cells, table, end_squared });
-        cells = next.unwrap_or_default();
-    }
-    levels
+        Level { edge_cells: FINEST_CELLS >> level, cells, table, end_squared }
+    };
+    cells.into_iter().enumerate().map(with_cells).collect()
 }

@@ -166,8 +166,9 @@ impl SkyGlare {
         let levels = levels::of_kernel(kernel, finest);
         let soft = SoftCore::new(kernel, smooth_angle_rad(0));
         let veil = sprites::Veil::new(kernel, &levels[LEVELS - 1].cells);
+        let fade = Fade::of(kernel);
         let finest = settings.pixel_classes_rad.first().map(|pixel| ShownCore::new(kernel, shown_rad(*pixel)));
-        let reach = sprites::Reach::new(kernel, finest.as_ref(), smooth_angle_rad(0), settings.tolerance);
+        let reach = sprites::Reach::new(kernel, fade, finest.as_ref(), smooth_angle_rad(0), settings.tolerance);
         let sprites = sky.sprites(&reach, &veil);
         let narrow_share = kernel.share_within(smooth_angle_rad(0)) - soft.share();
         let bump_squared = chord_squared(BUMP_CELLS * 2.0 / f64::from(FINEST_CELLS));
@@ -175,7 +176,7 @@ impl SkyGlare {
         let classes = settings.pixel_classes_rad.iter().map(|pixel_rad| {
             let shown = ShownCore::new(kernel, shown_rad(*pixel_rad));
             let least_squared = shown.core.squared;
-            let shares = sprites::Shares::new(kernel, &shown, soft.squared, narrow_share);
+            let shares = sprites::Shares::new(kernel, fade, &shown, soft.squared, narrow_share);
             let mut bumps: Vec<[f64; 3]> =
                 levels[0].cells.iter().map(|cell| cell.light.map(|c| c * narrow_share)).collect();
             for sprite in sprites.iter().filter(|sprite| sprite.squared >= least_squared) {
@@ -188,7 +189,7 @@ impl SkyGlare {
         });
         let classes = classes.collect();
         let sprites = Sprites::new(sprites);
-        Self { levels, sprites, fade: Fade::of(kernel), classes, soft, bump_squared, near, faintest_lx }
+        Self { levels, sprites, fade, classes, soft, bump_squared, near, faintest_lx }
     }
 
     /// The near stars as an eye sees them: directions in world axes, light in lx.

@@ -104,7 +104,13 @@ pub(super) struct Reach {
 
 impl Reach {
     /// Sprites from what pixels as `shown` can show to `most_rad`; the kernel may add `tolerance` of the veil around each.
-    pub(super) fn new(kernel: &dyn GlareKernel, shown: Option<&ShownCore>, most_rad: f64, tolerance: f64) -> Self {
+    pub(super) fn new(
+        kernel: &dyn GlareKernel,
+        fade: Fade,
+        shown: Option<&ShownCore>,
+        most_rad: f64,
+        tolerance: f64,
+    ) -> Self {
         const ENTRIES: u32 = 512;
         let least_squared = shown.map_or(f64::INFINITY, |shown| shown.core.squared);
         let (least, most) = (least_squared.ln(), chord_squared(most_rad).ln());
@@ -123,8 +129,8 @@ impl Reach {
         for index in (1..per_sr.len()).rev() {
             per_sr[index - 1] = per_sr[index - 1].max(per_sr[index]);
         }
-        let narrowest_per_sr = shown
-            .map_or(0.0, |shown| shown.faded_share(kernel, Fade::of(kernel), least_squared) / (PI * least_squared));
+        let narrowest_per_sr =
+            shown.map_or(0.0, |shown| shown.faded_share(kernel, fade, least_squared) / (PI * least_squared));
         Self { tolerance, squares, per_sr, narrowest_per_sr }
     }
 
@@ -157,12 +163,12 @@ pub(super) struct Shares {
 
 impl Shares {
     /// Sprites end at squares of chords up to `most`; one that is whole has `whole` of its source's light.
-    pub(super) fn new(kernel: &dyn GlareKernel, shown: &ShownCore, most: f64, whole: f64) -> Self {
+    pub(super) fn new(kernel: &dyn GlareKernel, fade: Fade, shown: &ShownCore, most: f64, whole: f64) -> Self {
         const ENTRIES: u32 = 64;
         let least = shown.core.squared;
         let e_folds = (most / least).max(1.0).ln() / f64::from(ENTRIES - 1);
         let squares: Vec<f64> = (0..ENTRIES).map(|i| least * (f64::from(i) * e_folds).exp()).collect();
-        let shares = squares.iter().map(|squared| shown.faded_share(kernel, Fade::of(kernel), *squared)).collect();
+        let shares = squares.iter().map(|squared| shown.faded_share(kernel, fade, *squared)).collect();
         Self { squares, shares, whole }
     }
 
