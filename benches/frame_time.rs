@@ -84,7 +84,7 @@ impl Bench {
             ("pole dome 2048", DVec3::Z, dome(), false),
         ] {
             let camera = looking(icrs_from_galactic() * galactic);
-            let scene = SceneSnapshot { revision: 1, stars: stars.clone(), camera };
+            let scene = SceneSnapshot { revision: 1, stars: stars.clone(), objects: Default::default(), camera };
             let (mut culled, mut unculled, mut culled_stars, mut unculled_stars) = (vec![], vec![], vec![], vec![]);
             let mut drawn = 0;
             for _ in 0..self.frames {
@@ -134,7 +134,7 @@ impl Bench {
         ];
         for (name, rig) in [("anticentre 1080p", &flat), ("full sky 2048 x 1024", &sky), ("dome 2048", &dome)] {
             let camera = looking(icrs_from_galactic() * DVec3::NEG_X);
-            let scene = SceneSnapshot { revision: 1, stars: stars.clone(), camera };
+            let scene = SceneSnapshot { revision: 1, stars: stars.clone(), objects: Default::default(), camera };
             // The default of manual exposure, at which a star of magnitude 3 reaches white: the naked eye's sky.
             self.settings.exposure.mode = ExposureMode::Manual;
             let mut times = vec![vec![]; methods.len()];
@@ -174,7 +174,7 @@ impl Bench {
     /// The glare passes of every method, in a picture like the one before: GPU time of all that they take together.
     fn glare(&mut self, stars: &Arc<StarSet>) {
         let camera = looking(icrs_from_galactic() * DVec3::X);
-        let scene = SceneSnapshot { revision: 1, stars: stars.clone(), camera };
+        let scene = SceneSnapshot { revision: 1, stars: stars.clone(), objects: Default::default(), camera };
         for size in [[1920, 1080], [3840, 2160]] {
             let rig = rig(ViewKind::Perspective { size, fov_y_rad: PI / 3.0 });
             let mut times = GlareMethod::ALL.map(|method| (method, vec![]));
@@ -205,8 +205,12 @@ impl Bench {
     }
 
     fn dome(&mut self, stars: usize) {
-        let scene =
-            SceneSnapshot { revision: 1, stars: galaxy(stars), camera: looking(icrs_from_galactic() * DVec3::X) };
+        let scene = SceneSnapshot {
+            revision: 1,
+            stars: galaxy(stars),
+            objects: Default::default(),
+            camera: looking(icrs_from_galactic() * DVec3::X),
+        };
         let rig = rig(ViewKind::Fisheye { size: [1024, 1024], mapping: FisheyeMapping::Equidistant, fov_rad: PI });
         let mut methods = vec![];
         let mut count = 0;

@@ -35,7 +35,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     // The scene: stars, and a camera at the Solar System's barycentre.
     let camera = Camera::new([0.0; 3], TOWARDS_ORION, [0.0; 3])?;
     let stars = Arc::new(StarSet::from_records(bright_stars()));
-    let scene = SceneSnapshot { revision: 1, stars, camera };
+    let scene = SceneSnapshot { revision: 1, stars, objects: Default::default(), camera };
 
     // The rig: a single view of a single image. A rig may hold many, of all kinds; they are drawn together.
     let kind = ViewKind::Perspective { size: [960, 640], fov_y_rad: 32f64.to_radians() };

@@ -50,7 +50,7 @@ fn light(kelvin: f64, doppler: f64) -> f64 {
 }
 
 fn moving(records: Vec<StarRecord>, camera: Camera) -> SceneSnapshot {
-    SceneSnapshot { revision: 1, stars: Arc::new(StarSet::from_records(records)), camera }
+    SceneSnapshot { revision: 1, stars: Arc::new(StarSet::from_records(records)), objects: Default::default(), camera }
 }
 
 /// A narrow view, and its pixels.

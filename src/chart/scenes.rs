@@ -63,7 +63,12 @@ impl Scene {
 
 /// These stars seen from the barycentre along the world's axes.
 fn still(records: Vec<StarRecord>) -> SceneSnapshot {
-    SceneSnapshot { revision: 1, stars: StarSet::from_records(records).into(), camera: Camera::default() }
+    SceneSnapshot {
+        revision: 1,
+        stars: StarSet::from_records(records).into(),
+        objects: Default::default(),
+        camera: Camera::default(),
+    }
 }
 
 fn record(direction: DVec3, magnitude: f32, temperature_k: f32) -> StarRecord {

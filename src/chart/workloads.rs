@@ -276,7 +276,12 @@ pub fn camera() -> Camera {
 
 /// A scene of these stars, seen by [`camera`].
 pub fn snapshot(records: Vec<StarRecord>) -> SceneSnapshot {
-    SceneSnapshot { revision: 1, stars: Arc::new(StarSet::from_records(records)), camera: camera() }
+    SceneSnapshot {
+        revision: 1,
+        stars: Arc::new(StarSet::from_records(records)),
+        objects: Default::default(),
+        camera: camera(),
+    }
 }
 
 /// A rig of views by name, all at the camera's place and along its axes.

@@ -46,7 +46,7 @@ pub fn run(arguments: RenderArguments, adapter: Option<String>) -> Result<(), Cl
     renderer.check(&rig).map_err(|error| CliError::render(error, &config.origin))?;
 
     let (stars, _) = load::stars(&config.star_sources(), &config.origin)?;
-    let snapshot = SceneSnapshot { revision: 1, stars: Arc::new(stars), camera };
+    let snapshot = SceneSnapshot { revision: 1, stars: Arc::new(stars), objects: Default::default(), camera };
     let wanted = vec![Wanted { display: true, hdr: true, ..Wanted::default() }; rig.views().len()];
     let settings = config.render_settings();
     let frame = renderer

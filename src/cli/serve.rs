@@ -58,7 +58,7 @@ pub fn run(arguments: ServeArguments, adapter: Option<String>) -> Result<(), Cli
                 Err(error) => std::panic::resume_unwind(error.into_panic()),
             },
         };
-        let scene = SceneSnapshot { revision: 1, stars: Arc::new(stars), camera };
+        let scene = SceneSnapshot { revision: 1, stars: Arc::new(stars), objects: Default::default(), camera };
         let listen = arguments.listen.unwrap_or_else(|| config.server.listen.clone());
         let mut options = ServeOptions::new(listen, Box::new(renderer), scene, rig, config.render_settings(), announce);
         let catalogue = |loaded: LoadedCatalogue| SceneCatalogue { name: loaded.name, stars: loaded.stars as u64 };

@@ -30,7 +30,7 @@ pub use views::{
 use crate::catalogue::bright;
 use crate::catalogue::galaxy::GalaxyParameters;
 use crate::plan::settings::{
-    AccuracySettings, ExposureSettings, GlareSettings, RenderSettings, StarSettings, ToneMapSettings,
+    AccuracySettings, AsteroidSettings, ExposureSettings, GlareSettings, RenderSettings, StarSettings, ToneMapSettings,
 };
 use crate::scene::Camera;
 use crate::scene::loader::StarSource;
@@ -187,6 +187,7 @@ impl Config {
     pub fn render_settings(&self) -> RenderSettings {
         RenderSettings {
             stars: self.stars.clone(),
+            asteroids: AsteroidSettings::default(),
             glare: self.glare.clone(),
             exposure: self.exposure,
             tone_map: self.tone_map,

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 pub use super::{
+    asteroids::{AsteroidSettings, Culling, ImpostorMethod},
     glare::{GlareMethod, GlareSettings, PyramidWeights},
     star_method::{Accumulator, MethodSource, StarMethod},
     star_settings::{
@@ -105,6 +106,8 @@ impl Default for AccuracySettings {
 pub struct RenderSettings {
     /// Stars.
     pub stars: StarSettings,
+    /// Fields of asteroids.
+    pub asteroids: AsteroidSettings,
     /// Glare.
     pub glare: GlareSettings,
     /// Exposure.

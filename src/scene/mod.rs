@@ -1,11 +1,15 @@
 //! The scene: an immutable snapshot with a revision. Every view of a frame shows the same snapshot.
 
+pub mod asteroids;
+pub mod bodies;
 pub mod loader;
+mod objects;
 
 use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
 
+pub use self::objects::SceneObjects;
 use crate::{catalogue::chunks::StarSet, relativity::MAX_SPEED_C};
 
 /// Why a pose is refused.
@@ -106,6 +110,8 @@ pub struct SceneSnapshot {
     pub revision: u64,
     /// All stars.
     pub stars: Arc<StarSet>,
+    /// Bodies and asteroids.
+    pub objects: Arc<SceneObjects>,
     /// The camera.
     pub camera: Camera,
 }

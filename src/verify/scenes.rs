@@ -34,7 +34,12 @@ pub fn spiral(count: usize) -> impl Iterator<Item = DVec3> {
 
 /// A scene of these stars, the camera at the origin.
 pub fn snapshot(records: Vec<StarRecord>) -> SceneSnapshot {
-    SceneSnapshot { revision: 1, stars: Arc::new(StarSet::from_records(records)), camera: Camera::default() }
+    SceneSnapshot {
+        revision: 1,
+        stars: Arc::new(StarSet::from_records(records)),
+        objects: Default::default(),
+        camera: Camera::default(),
+    }
 }
 
 /// A rig of views that look along the camera's axes.

@@ -185,7 +185,12 @@ pub(super) fn shuffled(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckEr
         if shuffle % 10 == 0 {
             let mut set = StarSet::from_records(records.clone());
             set.chunks.shuffle(&mut random);
-            let scene = SceneSnapshot { revision: 1, stars: reordered(&set).into(), camera: Camera::default() };
+            let scene = SceneSnapshot {
+                revision: 1,
+                stars: reordered(&set).into(),
+                objects: Default::default(),
+                camera: Camera::default(),
+            };
             let found = change(&first, &context.render(&scene, &rig)?, &rig)?;
             largest_of_chunks = largest_of_chunks.max(found.largest_of_brightest);
         }

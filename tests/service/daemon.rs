@@ -208,7 +208,12 @@ impl Daemon {
         let controls = Arc::new(Controls::default());
         let (ready, is_ready) = oneshot::channel();
         let (stop, stopped) = oneshot::channel::<()>();
-        let scene = SceneSnapshot { revision: 7, stars: Arc::default(), camera: Camera::default() };
+        let scene = SceneSnapshot {
+            revision: 7,
+            stars: Arc::default(),
+            objects: Default::default(),
+            camera: Camera::default(),
+        };
         let engine = Box::new(TestEngine(Arc::clone(&controls)));
         let settings = RenderSettings::default();
         let ready = move |address| ready.send(address).unwrap();

@@ -99,8 +99,12 @@ async fn bad_and_taken_addresses_are_clear_errors() {
     let daemon = Daemon::start(small_rig()).await;
     let taken = daemon.address.to_string();
     for listen in [taken.as_str(), "127.0.0.1", "127.0.0.1:99999", ":::"] {
-        let scene =
-            steradian::scene::SceneSnapshot { revision: 0, stars: Default::default(), camera: Default::default() };
+        let scene = steradian::scene::SceneSnapshot {
+            revision: 0,
+            stars: Default::default(),
+            objects: Default::default(),
+            camera: Default::default(),
+        };
         let engine = Box::new(TestEngine(Default::default()));
         let never = |address| panic!("ready on {address}");
         let error = within(run(ServeOptions::new(listen, engine, scene, small_rig(), Default::default(), never)));

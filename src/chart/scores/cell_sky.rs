@@ -98,7 +98,12 @@ impl Sky<'_> {
         let mut settings = settings_of(StarMethod::CellSky, NIGHT_EV100, f64::INFINITY);
         settings.stars.cell_sky = self.settings;
         let camera = Camera { world_from_camera, ..Camera::default() };
-        let scene = SceneSnapshot { revision: 1, stars: StarSet::from_records(Vec::new()).into(), camera };
+        let scene = SceneSnapshot {
+            revision: 1,
+            stars: StarSet::from_records(Vec::new()).into(),
+            objects: Default::default(),
+            camera,
+        };
         let wanted = [Wanted { hdr: true, ..Wanted::default() }];
         let frame = self.renderer.render(&scene, rig, &settings, &wanted, None)?;
         let frame: Vec<Pixels> = frame.images.into_iter().filter_map(|image| image.hdr).collect();

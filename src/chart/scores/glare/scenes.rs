@@ -93,7 +93,10 @@ fn one_star(towards: DVec3) -> Placed {
     let (magnitude, temperature_k) = (0.0, SOLAR_TEMPERATURE_K);
     let record = StarRecord { position: direction, magnitude, temperature_k, distance_known: false };
     let stars = Arc::new(StarSet::from_records(vec![record]));
-    Placed { direction, scene: SceneSnapshot { revision: 1, stars, camera: Camera::default() } }
+    Placed {
+        direction,
+        scene: SceneSnapshot { revision: 1, stars, objects: Default::default(), camera: Camera::default() },
+    }
 }
 
 /// Half of the field of view across and up, rad; none of a view that shows the whole sky.
@@ -137,7 +140,7 @@ impl GlareScenes {
         let off_axis = off_axis.into_iter().map(|angle| one_star(towards * angle.sin() - DVec3::Z * angle.cos()));
         let central = one_star(if matches!(view, ViewShape::Cubemap(_)) { AT_EDGE } else { CENTRAL });
         let stars = Arc::new(StarSet::from_records(sky.records.to_vec()));
-        let starry = SceneSnapshot { revision: 1, stars, camera: camera() };
+        let starry = SceneSnapshot { revision: 1, stars, objects: Default::default(), camera: camera() };
         let outside =
             field.map(|_| one_star(DVec3::Y * (up + OUTSIDE_RAD).sin() - DVec3::Z * (up + OUTSIDE_RAD).cos()));
         let mut found = Self {
