@@ -2,12 +2,13 @@
 //!
 //! `settings` names the methods, `tiles` cuts viewports into what the adapter can hold, `cull` finds the stars that may be
 //! seen, `range` chooses the fixed-point units, `kernels` the kernel of each star, `billboard` and `cube_faces` hold the
-//! numbers of the methods that blend, `asteroids` says how fields of asteroids are drawn, `glare` the methods of glare, `glare_sky` what `sky_cube` works from, `glare_pyramid`
+//! numbers of the methods that blend, `bodies` adds up the light of bodies, `asteroids` says how fields of asteroids are drawn, `glare` the methods of glare, `glare_sky` what `sky_cube` works from, `glare_pyramid`
 //! the numbers of the published methods of glare,
 //! `travel` says what motion does to the light of stars, and `frame_plan` puts them together.
 
 pub mod asteroids;
 pub mod billboard;
+pub mod bodies;
 pub mod cube_faces;
 pub mod cull;
 mod frame_plan;

@@ -2,14 +2,18 @@
 //! projections of your own; and the truth that every method is measured against.
 //!
 //! - `stars`: the twin of the star and resolve passes, `gaussian` of the kernel that is round in view space;
+//! - `bodies`: ellipsoids, ray by ray;
 //! - `billboards` and `cell_sky`: the twins of the published methods;
 //! - `glare_pyramid`: the twin of the published glare methods;
 //! - `sky`: the sky as it is, each star spread by an exact kernel over exact solid angles, in any projection;
 //! - `point_spread`: the kernels of that, as functions on the sphere;
 //! - `glare`: what light scatters into every direction, source by source;
+//! - `asteroids`: fields of asteroids, ray by ray against their meshes;
 //! - `triangle_solid_angle`: a published way to a pixel's solid angle, in the arithmetic of a shader.
 
+pub mod asteroids;
 pub mod billboards;
+pub mod bodies;
 pub mod cell_sky;
 pub mod gaussian;
 pub mod glare;

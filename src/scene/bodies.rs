@@ -1,20 +1,30 @@
 //! Bodies: ellipsoids with a surface that reflects the light of the scene's suns, and suns, which give light themselves.
 //!
 //! Lengths in metres, angles in radians, luminance in cd/m^2, light as linear Rec. 709.
+//!
+//! An ellipsoid is the unit sphere, stretched along its axes: a point of its surface is named by the point of the sphere that it
+//! comes from (`seen`). The light of a sun comes from its middle, and falls on all of a body from one direction and with one illuminance,
+//! those at the body's middle: suns are far away, measured by the bodies they light. Bodies cast no shadows on each other.
+
+mod check;
+mod emission;
+mod preset;
+mod seen;
+mod suns;
+mod texture;
 
 use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
 
-/// How a surface spreads the light that falls on it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
-pub enum ReflectionLaw {
-    /// Equally bright from everywhere: L = (3 p / 2) E cos(i) / pi.
-    Lambert,
-    /// Single scattering in a dark, powdery surface: L = 2 p E / pi * cos(i) / (cos(i) + cos(e)). At full phase the disc is flat.
-    #[default]
-    LommelSeeliger,
-}
+pub use self::{
+    check::{BodyError, MOST_BODIES, check_name, check_names},
+    preset::Preset,
+    seen::{Hit, SeenBody, hides},
+    suns::{Light, Sun, lights_on, suns},
+    texture::{MOST_TEXELS, Texture, TextureError},
+};
+pub use crate::photometry::reflection::ReflectionLaw;
 
 /// What a surface reflects.
 #[derive(Clone, Debug, PartialEq)]
@@ -25,16 +35,6 @@ pub struct Surface {
     pub geometric_albedo: [f64; 3],
     /// Factors on the albedo, over the body.
     pub texture: Option<Arc<Texture>>,
-}
-
-/// Factors on the albedo of a body, in longitude and latitude: the left edge is longitude -180 degrees, the middle is the body's
-/// +x axis, the top is its +z axis; longitude grows to the right, towards +y.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Texture {
-    /// Width and height, texels.
-    pub size: [u32; 2],
-    /// Linear factors of red, green and blue, 0 to 1, row by row from the top.
-    pub rgb: Vec<[f32; 3]>,
 }
 
 /// What a body gives off by itself: the same from every point of its surface, but for limb darkening.

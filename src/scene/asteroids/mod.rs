@@ -3,12 +3,39 @@
 //! Places are f64 in the field's axes, f32 only relative to the middle of a group. An instance spins around its shape's +z axis, as
 //! a body does that has come to rest; where this axis points is its own. Its turn is counted in 2^32 parts, so that multiplying a
 //! moment by a rate wraps exactly, however far away the moment is.
+//!
+//! - `shapes`: the five procedural shapes (`surface`, `sphere`), and how any mesh becomes a shape (`solid`, `tree`);
+//! - `gltf`: shapes from files, their coarser levels from `simplify`;
+//! - `placement`: instances drawn from a seed, `groups` the groups and the tree, `packed` how an instance is packed.
+
+mod gltf;
+mod groups;
+pub mod packed;
+mod placement;
+mod shapes;
+mod simplify;
+mod solid;
+mod sphere;
+mod surface;
+#[cfg(test)]
+mod tests;
+mod tree;
 
 use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
 use glam::{DQuat, DVec3};
 
+pub use self::{
+    gltf::{MOST_TRIANGLES, ShapeError},
+    groups::BRANCHING,
+    placement::{
+        FieldError, FieldParameters, LARGEST_EXTENT_M, LARGEST_PERIOD_RATIO, LARGEST_RADIUS_RATIO, MOST_INSTANCES,
+        Placement, STEEPEST_SIZE_INDEX,
+    },
+    shapes::{LEVEL_TRIANGLES, MOST_SHAPES, PROCEDURAL_SHAPES, surface_distance},
+    tree::{Hit, MeshTree},
+};
 use super::bodies::ReflectionLaw;
 
 /// A triangle mesh around the origin, in units of the shape's mean radius.
@@ -53,7 +80,7 @@ pub struct ShapeSet {
     pub digest: u64,
 }
 
-/// An asteroid as the adapter reads it, 24 bytes.
+/// An asteroid as the adapter reads it, 24 bytes. The head of [`packed`] tells how to read axis, orientation and turn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Pod, Zeroable)]
 #[repr(C)]
 pub struct PackedAsteroid {
@@ -126,6 +153,18 @@ pub struct AsteroidField {
 impl Instances {
     /// A moment, s, in 2^32 parts of the base period.
     pub fn time_parts(&self, time_s: f64) -> u32 {
+        // A share that rounds up to 1 wraps to 0.
         ((time_s / self.base_period_s).rem_euclid(1.0) * 4_294_967_296.0) as u64 as u32
+    }
+
+    /// Number of the group of an instance: all groups are full but the last.
+    pub fn group_of(&self, instance: usize) -> usize {
+        instance / GROUP
+    }
+
+    /// Place of an instance in the field's axes, m; `None` if there is no such instance.
+    pub fn place_m(&self, instance: usize) -> Option<DVec3> {
+        let group = self.levels.first()?.get(self.group_of(instance))?;
+        Some(group.middle_m + self.packed.get(instance)?.offset_m())
     }
 }

@@ -1,0 +1,164 @@
+//! Shapes from meshes: centred, turned and scaled so that every shape of mean radius 1 spins about its +z axis; and the five
+//! procedural shapes.
+//!
+//! All levels are moved and turned alike, by the finest one: its centroid comes to the origin, its axis of the largest moment of
+//! inertia to +z, that of the smallest to +x (uniform density). Then each level is scaled by itself to a mean projected area of
+//! pi. A coarse mesh of points of the surface lies inside of it and would show less; so scaled, it shows as much as the finest on
+//! the mean, no light is lost where levels change, and it errs half as far.
+
+use std::f64::consts::PI;
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::{
+    Lod, Mesh, Shape, ShapeSet,
+    solid::{Solid, principal_axes},
+    sphere,
+    surface::{SEMI_AXES, Surface},
+    tree::MeshTree,
+};
+
+/// Triangles of the levels of a procedural shape, the finest first: from 1400 down to 500, as published for the method that this
+/// follows.
+pub const LEVEL_TRIANGLES: [usize; 5] = [1400, 1150, 900, 700, 500];
+
+/// Number of procedural shapes.
+pub const PROCEDURAL_SHAPES: usize = SEMI_AXES.len();
+
+/// Most shapes of a set.
+pub const MOST_SHAPES: usize = 256;
+
+/// Parts of a triangle's edge between the points at which distances between meshes are taken.
+const ERROR_STEPS: usize = 4;
+
+/// f32 rounds up to this much of a length; bounds grow by it.
+pub(super) const F32_ROUNDING: f64 = 1e-6;
+
+impl ShapeSet {
+    /// Five shapes like asteroids, from nearly round to twice as long as thick, each with [`LEVEL_TRIANGLES`]. Another seed gives
+    /// others; the same seed the same bits.
+    pub fn procedural(seed: u64) -> Self {
+        let shapes = (0..PROCEDURAL_SHAPES)
+            .into_par_iter()
+            .map(|number| {
+                let surface = Surface::new(seed, number);
+                finished(LEVEL_TRIANGLES.map(|triangles| sampled(&surface, triangles)).to_vec())
+            })
+            .collect();
+        Self::from_shapes(shapes)
+    }
+
+    pub(super) fn from_shapes(shapes: Vec<Shape>) -> Self {
+        let digest = digest_of(&shapes);
+        Self { shapes, digest }
+    }
+
+    /// [`Shape::bound`] of every shape, as [`super::Instances::place`] needs them.
+    pub fn bounds(&self) -> Vec<f64> {
+        self.shapes.iter().map(|shape| shape.bound).collect()
+    }
+}
+
+fn sampled(surface: &Surface, triangles: usize) -> Solid {
+    let (directions, triangles) = sphere::sphere(triangles);
+    Solid {
+        positions: directions.iter().map(|direction| surface.place(*direction)).collect(),
+        albedos: directions.iter().map(|direction| surface.albedo(*direction)).collect(),
+        triangles,
+    }
+}
+
+/// A shape from its levels, the finest first: closed meshes of positive volume around one origin.
+pub(super) fn finished(mut levels: Vec<Solid>) -> Shape {
+    let Some(finest) = levels.first() else { return Shape::default() };
+    let moments = finest.moments();
+    let shape_from_mesh = principal_axes(moments.covariance).transpose();
+    for level in &mut levels {
+        level.move_by(|position| shape_from_mesh * (position - moments.centroid));
+        let scale = (PI / level.mean_projected_area()).sqrt();
+        level.move_by(|position| position * scale);
+    }
+    let bound = levels.iter().map(Solid::bound).fold(0.0, f64::max) * (1.0 + F32_ROUNDING);
+    let meshes: Vec<Mesh> = levels.iter().map(Solid::to_mesh).collect();
+    let finest = Sampled::new(&meshes[0]);
+    let lods = meshes
+        .iter()
+        .enumerate()
+        .map(|(level, mesh)| Lod {
+            mesh: mesh.clone(),
+            error: if level == 0 { 0.0 } else { finest.distance(&Sampled::new(mesh)) },
+            longest_edge: longest_edge(mesh),
+        })
+        .collect();
+    Shape { lods, bound }
+}
+
+fn place(mesh: &Mesh, vertex: u32) -> DVec3 {
+    DVec3::from_array(mesh.positions[vertex as usize].map(f64::from))
+}
+
+fn longest_edge(mesh: &Mesh) -> f64 {
+    let of = |&[a, b, c]: &[u32; 3]| {
+        let [a, b, c] = [a, b, c].map(|vertex| place(mesh, vertex));
+        a.distance_squared(b).max(b.distance_squared(c)).max(c.distance_squared(a))
+    };
+    mesh.triangles.iter().map(of).fold(0.0, f64::max).sqrt()
+}
+
+/// Greatest distance between the surfaces of two meshes, either way (Hausdorff distance), taken at points of a grid on every
+/// triangle, corners and edges included.
+pub fn surface_distance(a: &Mesh, b: &Mesh) -> f64 {
+    Sampled::new(a).distance(&Sampled::new(b))
+}
+
+/// A mesh's surface as points and as a tree.
+struct Sampled {
+    points: Vec<DVec3>,
+    tree: MeshTree,
+}
+
+impl Sampled {
+    fn new(mesh: &Mesh) -> Self {
+        let mut points = Vec::new();
+        for triangle in &mesh.triangles {
+            let [a, b, c] = triangle.map(|vertex| place(mesh, vertex));
+            for i in 0..=ERROR_STEPS {
+                for j in 0..=ERROR_STEPS - i {
+                    let [u, v] = [i, j].map(|k| k as f64 / ERROR_STEPS as f64);
+                    points.push(a + (b - a) * u + (c - a) * v);
+                }
+            }
+        }
+        Self { points, tree: MeshTree::new(mesh) }
+    }
+
+    fn distance(&self, other: &Self) -> f64 {
+        let one_way = |points: &[DVec3], tree: &MeshTree| {
+            points.par_iter().map(|point| tree.distance(*point)).reduce(|| 0.0, f64::max)
+        };
+        one_way(&self.points, &other.tree).max(one_way(&other.points, &self.tree))
+    }
+}
+
+/// FNV-1a, 64 bits, over the bits of all meshes and their counts.
+pub(super) fn digest_of(shapes: &[Shape]) -> u64 {
+    let mut hash = 0xcbf2_9ce4_8422_2325u64;
+    let mut add = |bytes: &[u8]| {
+        for byte in bytes {
+            hash = (hash ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3);
+        }
+    };
+    for shape in shapes {
+        add(&(shape.lods.len() as u64).to_le_bytes());
+        for Lod { mesh, .. } in &shape.lods {
+            add(&(mesh.positions.len() as u64).to_le_bytes());
+            add(&(mesh.triangles.len() as u64).to_le_bytes());
+            add(bytemuck::cast_slice(&mesh.positions));
+            add(bytemuck::cast_slice(&mesh.normals));
+            add(bytemuck::cast_slice(&mesh.albedos));
+            add(bytemuck::cast_slice(&mesh.triangles));
+        }
+    }
+    hash
+}

@@ -1,0 +1,131 @@
+//! A body at a moment, as an eye sees it: where a ray meets it, and the luminance there.
+//!
+//! Divided by the semi-axes, the body is the unit sphere, rays stay rays, and the half that a sun lights stays a half. A point of
+//! the surface is named by the point of the unit sphere. Everything is f64.
+
+use glam::{DQuat, DVec3};
+
+use super::{Body, Light};
+
+/// Where a ray meets a body.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hit {
+    /// The point of the unit sphere that the surface point is stretched from, in the body's axes.
+    pub unit: DVec3,
+    /// Distance from the eye, m.
+    pub distance_m: f64,
+}
+
+/// See the module.
+#[derive(Clone, Debug)]
+pub struct SeenBody<'a> {
+    body: &'a Body,
+    body_from_world: DQuat,
+    /// The eye in the body's axes, in semi-axes.
+    eye: DVec3,
+    /// Its distance from the body's middle, m.
+    distance_m: f64,
+    /// With directions in the body's axes.
+    lights: Vec<Light>,
+}
+
+impl<'a> SeenBody<'a> {
+    /// A body at a time, s, for an eye at `eye_m` (world axes), lit by `lights` ([`super::lights_on`]).
+    pub fn new(body: &'a Body, eye_m: DVec3, lights: &[Light], time_s: f64) -> Self {
+        let body_from_world = body.world_from_body(time_s).conjugate();
+        let from_body_m = eye_m - body.position_m;
+        let turned = |light: &Light| Light { direction: body_from_world * light.direction, ..*light };
+        Self {
+            body,
+            body_from_world,
+            eye: body_from_world * from_body_m / body.radii_m,
+            distance_m: from_body_m.length(),
+            lights: lights.iter().map(turned).collect(),
+        }
+    }
+
+    /// The body.
+    pub fn body(&self) -> &'a Body {
+        self.body
+    }
+
+    /// The eye in the body's axes, in semi-axes: outside of the body if it is longer than 1.
+    pub fn eye(&self) -> DVec3 {
+        self.eye
+    }
+
+    /// Distance of the eye from the body's middle, m.
+    pub fn distance_m(&self) -> f64 {
+        self.distance_m
+    }
+
+    /// The light on it, with directions in the body's axes.
+    pub fn lights(&self) -> &[Light] {
+        &self.lights
+    }
+
+    /// Where a ray from the eye along `direction` (unit vector, world axes) meets the body first. `None` if it does not, and for an
+    /// eye within the body, which sees nothing of its surface.
+    pub fn hit(&self, direction: DVec3) -> Option<Hit> {
+        let ray = self.body_from_world * direction / self.body.radii_m;
+        let length2 = ray.length_squared();
+        let along = self.eye.dot(ray);
+        if along >= 0.0 || self.eye.length_squared() <= 1.0 {
+            return None;
+        }
+        // By the perpendicular from the middle: the usual difference of squares would leave nothing of a body far away.
+        let foot = ray.cross(self.eye.cross(ray)) / length2;
+        let half2 = 1.0 - foot.length_squared();
+        if half2 < 0.0 {
+            return None;
+        }
+        let unit = foot - ray * (half2 / length2).sqrt();
+        let distance_m = (self.eye.length_squared() - 1.0) / (-along + (half2 * length2).sqrt());
+        Some(Hit { unit: unit.normalize(), distance_m })
+    }
+
+    /// Luminance at a point of the surface, linear Rec. 709, cd/m^2: what it reflects and what it gives off.
+    pub fn luminance_cd_m2(&self, unit: DVec3) -> [f64; 3] {
+        let mut sum = self.emitted_cd_m2(unit);
+        for light in &self.lights {
+            let reflected = self.reflected_cd_m2(unit, light);
+            for channel in 0..3 {
+                sum[channel] += reflected[channel];
+            }
+        }
+        sum
+    }
+
+    /// What it gives off at a point of the surface.
+    pub fn emitted_cd_m2(&self, unit: DVec3) -> [f64; 3] {
+        self.body.emission.map_or([0.0; 3], |emission| emission.luminance_at(self.cos_e(unit)))
+    }
+
+    /// What it reflects of one of [`Self::lights`] at a point of the surface.
+    pub fn reflected_cd_m2(&self, unit: DVec3, light: &Light) -> [f64; 3] {
+        let surface = &self.body.surface;
+        let factor = surface.law.luminance_factor(self.normal(unit).dot(light.direction), self.cos_e(unit));
+        if factor == 0.0 {
+            return [0.0; 3];
+        }
+        let texture = surface.texture.as_ref().map_or([1.0; 3], |texture| texture.sample(unit));
+        [0, 1, 2]
+            .map(|c| surface.geometric_albedo[c] * texture[c] * light.illuminance_lx[c] * factor / std::f64::consts::PI)
+    }
+
+    fn normal(&self, unit: DVec3) -> DVec3 {
+        (unit / self.body.radii_m).normalize()
+    }
+
+    /// At the limb rounding must not put the eye below the horizon.
+    fn cos_e(&self, unit: DVec3) -> f64 {
+        let to_eye = ((self.eye - unit) * self.body.radii_m).normalize();
+        self.normal(unit).dot(to_eye).max(0.0)
+    }
+}
+
+/// Whether a direction (unit vector, world axes) from an eye at `eye_m` is covered by a body at a time, s: exactly, by its outline.
+/// An eye within the body sees through it.
+pub fn hides(body: &Body, eye_m: DVec3, direction: DVec3, time_s: f64) -> bool {
+    SeenBody::new(body, eye_m, &[], time_s).hit(direction).is_some()
+}

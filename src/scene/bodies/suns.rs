@@ -1,0 +1,100 @@
+//! The suns of a scene, and their light on bodies.
+
+use std::f64::consts::{PI, TAU};
+
+use glam::DVec3;
+
+use super::{Body, Emission};
+use crate::scene::SceneObjects;
+
+/// A body that gives light, from far away.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sun {
+    /// Its centre: ICRS, barycentric, m.
+    pub position_m: DVec3,
+    /// Luminous intensity as linear Rec. 709, cd (lx m^2): illuminance times the square of the distance. Of a body that is no sphere the
+    /// mean over all directions.
+    pub intensity_cd: [f64; 3],
+    /// Radius of the sphere with the same mean projected area, m.
+    pub radius_m: f64,
+}
+
+/// The light of a sun where it falls on something.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Light {
+    /// Unit vector towards the sun, world axes.
+    pub direction: DVec3,
+    /// Illuminance on a surface that faces the sun, as linear Rec. 709, lx.
+    pub illuminance_lx: [f64; 3],
+}
+
+impl Sun {
+    /// The sun that a body with an emission is.
+    fn of(body: &Body, emission: &Emission) -> Self {
+        // Light of a limb-darkened element into all directions is pi L(1) (1 - u / 3), and the surface is four times the mean projected area.
+        let area_m2 = mean_projected_area_m2(body.radii_m);
+        let factor = area_m2 * emission.mean_over_middle();
+        Self {
+            position_m: body.position_m,
+            intensity_cd: emission.luminance_cd_m2.map(|channel| channel * factor),
+            radius_m: (area_m2 / PI).sqrt(),
+        }
+    }
+
+    /// Its light at a place, m; `None` at its very middle.
+    pub fn light_at(&self, place_m: DVec3) -> Option<Light> {
+        let to_sun_m = self.position_m - place_m;
+        let distance_m = to_sun_m.length();
+        (distance_m > 0.0).then(|| Light {
+            direction: to_sun_m / distance_m,
+            illuminance_lx: self.intensity_cd.map(|channel| channel / distance_m / distance_m),
+        })
+    }
+}
+
+/// The suns of a scene: its bodies with an emission, in their order.
+pub fn suns(objects: &SceneObjects) -> Vec<Sun> {
+    objects.bodies.iter().filter_map(|body| Some(Sun::of(body, body.emission.as_ref()?))).collect()
+}
+
+/// The light of suns on a body. Suns whose middle lies within the body, such as the body itself, do not light it.
+pub fn lights_on(body: &Body, suns: &[Sun]) -> Vec<Light> {
+    // Half the smallest axis: no turn of the body matters, and no two suns that do not overlap stand so near.
+    let within_m = body.radii_m.min_element() / 2.0;
+    let outside = suns.iter().filter(|sun| (sun.position_m - body.position_m).length() > within_m);
+    outside.filter_map(|sun| sun.light_at(body.position_m)).collect()
+}
+
+/// Projected area of an ellipsoid, averaged over all directions, m^2: along n it is pi |(b c n_x, a c n_y, a b n_z)|.
+fn mean_projected_area_m2(radii_m: DVec3) -> f64 {
+    const N: usize = 64;
+    let products = DVec3::new(radii_m.y * radii_m.z, radii_m.x * radii_m.z, radii_m.x * radii_m.y);
+    let largest = products.max_element();
+    let mut sum = 0.0;
+    for i in 0..N {
+        // Equal steps of z and of longitude are equal areas.
+        let z = (i as f64 + 0.5) / N as f64 * 2.0 - 1.0;
+        let across = (1.0 - z * z).sqrt();
+        for j in 0..N {
+            let (sin, cos) = ((j as f64 + 0.5) / N as f64 * TAU).sin_cos();
+            sum += (products / largest * DVec3::new(across * cos, across * sin, z)).length();
+        }
+    }
+    PI * largest * sum / (N * N) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_mean_projected_area_is_a_quarter_of_the_surface() {
+        assert!((mean_projected_area_m2(DVec3::splat(3.0)) / (9.0 * PI) - 1.0).abs() < 1e-14);
+        // Oblate, closed form of the surface: 2 pi a^2 (1 + (1 - e^2) / e artanh e).
+        let (a, c) = (2.0f64, 1.0f64);
+        let e = (1.0 - c * c / (a * a)).sqrt();
+        let surface = TAU * a * a * (1.0 + (1.0 - e * e) / e * e.atanh());
+        let found = mean_projected_area_m2(DVec3::new(a, a, c));
+        assert!((found / (surface / 4.0) - 1.0).abs() < 2e-4, "{found} {surface}");
+    }
+}

@@ -1,0 +1,177 @@
+//! Textures of bodies: read from PNG files, sampled between texels.
+
+use std::{
+    fs::File,
+    io::BufReader,
+    path::{Path, PathBuf},
+};
+
+use glam::DVec3;
+use png::{BitDepth, ColorType, Transformations};
+
+/// Factors on the albedo of a body, in longitude and latitude: the left edge is longitude -180 degrees, the middle is the body's
+/// +x axis, the top is its +z axis; longitude grows to the right, towards +y. Both are those of the point on the unit sphere that
+/// the ellipsoid is stretched from. Between the middles of texels the factors are interpolated, around the edges left and right too.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Texture {
+    /// Width and height, texels.
+    pub size: [u32; 2],
+    /// Linear factors of red, green and blue, 0 to 1, row by row from the top.
+    pub rgb: Vec<[f32; 3]>,
+}
+
+/// Most texels of a texture: 16384 by 8192.
+pub const MOST_TEXELS: u64 = 1 << 27;
+
+/// Why a texture cannot be had.
+#[derive(Debug, thiserror::Error)]
+pub enum TextureError {
+    /// The file cannot be read.
+    #[error("cannot read the texture {}: {source}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// The file is no PNG, or a broken one.
+    #[error("{}: {source}; a texture is a PNG of 8 bits per channel, grey or RGB, encoded as sRGB", path.display())]
+    Png {
+        /// The file.
+        path: PathBuf,
+        /// What the decoder says.
+        source: png::DecodingError,
+    },
+    /// The PNG is of another kind.
+    #[error("{}: {problem}; a texture is a PNG of 8 bits per channel, grey or RGB, of at most {MOST_TEXELS} texels", path.display())]
+    Kind {
+        /// The file.
+        path: PathBuf,
+        /// What it is.
+        problem: String,
+    },
+}
+
+impl Texture {
+    /// Reads a PNG of 8 bits per channel: grey or RGB, palettes too, an alpha channel is refused. Its values are decoded from sRGB
+    /// (IEC 61966-2-1) to linear factors.
+    ///
+    /// # Errors
+    ///
+    /// See [`TextureError`]; every message names the file.
+    pub fn from_png(path: &Path) -> Result<Self, TextureError> {
+        let read = |source| TextureError::Read { path: path.to_owned(), source };
+        let broken = |source| TextureError::Png { path: path.to_owned(), source };
+        let kind = |problem: String| TextureError::Kind { path: path.to_owned(), problem };
+        let mut decoder = png::Decoder::new(BufReader::new(File::open(path).map_err(read)?));
+        decoder.set_transformations(Transformations::EXPAND);
+        let header = decoder.read_header_info().map_err(broken)?;
+        let size = [header.width, header.height];
+        let texels = u64::from(size[0]) * u64::from(size[1]);
+        if texels > MOST_TEXELS {
+            return Err(kind(format!("it has {} x {} texels", size[0], size[1])));
+        }
+        let mut reader = decoder.read_info().map_err(broken)?;
+        let (colour, depth) = reader.output_color_type();
+        if depth != BitDepth::Eight {
+            return Err(kind(format!("it has {} bits per channel", depth as u8)));
+        }
+        let channels = match colour {
+            ColorType::Grayscale => 1,
+            ColorType::Rgb => 3,
+            _ => return Err(kind("it has an alpha channel".to_owned())),
+        };
+        let length = reader.output_buffer_size().ok_or_else(|| kind("it is too large".to_owned()))?;
+        let mut bytes = vec![0; length];
+        reader.next_frame(&mut bytes).map_err(broken)?;
+        let linear: Vec<f32> = (0..=255).map(|value| linear_from_srgb(f64::from(value) / 255.0) as f32).collect();
+        let factor = |byte: u8| linear[usize::from(byte)];
+        let rgb =
+            bytes.chunks_exact(channels).map(|texel| [0, 1, 2].map(|c: usize| factor(texel[c.min(channels - 1)])));
+        Ok(Self { size, rgb: rgb.collect() })
+    }
+
+    /// Factors at a point of the unit sphere that the body is stretched from.
+    pub fn sample(&self, unit: DVec3) -> [f64; 3] {
+        let [width, height] = self.size.map(f64::from);
+        let longitude = unit.y.atan2(unit.x);
+        let latitude = unit.z.atan2(unit.x.hypot(unit.y));
+        let x = (longitude / std::f64::consts::TAU + 0.5) * width - 0.5;
+        let y = ((0.5 - latitude / std::f64::consts::PI) * height - 0.5).clamp(0.0, height - 1.0);
+        let (left, top) = (x.floor(), y.floor());
+        let (right_share, low_share) = (x - left, y - top);
+        let column = |step: f64| (left + step).rem_euclid(width) as usize;
+        let row = |step: f64| ((top + step) as usize).min(self.size[1] as usize - 1);
+        let texel = |i: f64, j: f64| self.rgb[row(j) * self.size[0] as usize + column(i)].map(f64::from);
+        let corners = [texel(0.0, 0.0), texel(1.0, 0.0), texel(0.0, 1.0), texel(1.0, 1.0)];
+        [0, 1, 2].map(|c| {
+            let upper = corners[0][c] + (corners[1][c] - corners[0][c]) * right_share;
+            let lower = corners[2][c] + (corners[3][c] - corners[2][c]) * right_share;
+            upper + (lower - upper) * low_share
+        })
+    }
+}
+
+/// Decodes an sRGB value, 0 to 1.
+fn linear_from_srgb(value: f64) -> f64 {
+    if value <= 0.040_45 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn written(size: [u32; 2], colour: ColorType, depth: BitDepth, bytes: &[u8]) -> (tempfile::TempDir, PathBuf) {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("map.png");
+        let mut encoder = png::Encoder::new(File::create(&path).unwrap(), size[0], size[1]);
+        encoder.set_color(colour);
+        encoder.set_depth(depth);
+        encoder.write_header().unwrap().write_image_data(bytes).unwrap();
+        (folder, path)
+    }
+
+    #[test]
+    fn values_are_decoded_from_srgb_and_stand_where_longitude_and_latitude_say() {
+        let bytes: Vec<u8> = (0..8u8).flat_map(|i| [i * 30, 128, 255]).collect();
+        let (_folder, path) = written([4, 2], ColorType::Rgb, BitDepth::Eight, &bytes);
+        let texture = Texture::from_png(&path).unwrap();
+        assert_eq!(texture.size, [4, 2]);
+        let [_, green, blue] = texture.rgb[5];
+        assert!((f64::from(green) - 0.215_860_5).abs() < 1e-6 && blue == 1.0, "{green} {blue}");
+        let at = |longitude_deg: f64, latitude_deg: f64| {
+            let (lon, lat) = (longitude_deg.to_radians(), latitude_deg.to_radians());
+            texture.sample(DVec3::new(lat.cos() * lon.cos(), lat.cos() * lon.sin(), lat.sin()))[0]
+        };
+        let texel = |index: usize| f64::from(texture.rgb[index][0]);
+        // Middles of texels, the middle between two, around the edge, and beyond the last row.
+        assert!((at(-135.0, 45.0) - texel(0)).abs() < 1e-12);
+        assert!((at(45.0, 45.0) - texel(2)).abs() < 1e-12);
+        assert!((at(45.0, -45.0) - texel(6)).abs() < 1e-12);
+        assert!((at(0.0, 45.0) - (texel(1) + texel(2)) / 2.0).abs() < 1e-12);
+        assert!((at(180.0, 45.0) - (texel(3) + texel(0)) / 2.0).abs() < 1e-12);
+        assert!((at(45.0, 0.0) - (texel(2) + texel(6)) / 2.0).abs() < 1e-12);
+        assert!((at(45.0, 80.0) - texel(2)).abs() < 1e-12);
+        assert!((at(45.0, 45.0) - at(-45.0, 45.0)).abs() > 1e-3, "a mirrored map is told apart");
+    }
+
+    #[test]
+    fn grey_is_grey_and_other_files_are_refused_by_name() {
+        let (_folder, path) = written([2, 1], ColorType::Grayscale, BitDepth::Eight, &[0, 255]);
+        assert_eq!(Texture::from_png(&path).unwrap().rgb, [[0.0; 3], [1.0; 3]]);
+        let (_deep_folder, deep) = written([1, 1], ColorType::Grayscale, BitDepth::Sixteen, &[0, 255]);
+        let (_alpha_folder, alpha) = written([1, 1], ColorType::Rgba, BitDepth::Eight, &[0, 255, 3, 4]);
+        let text_folder = tempfile::tempdir().unwrap();
+        let text = text_folder.path().join("map.png");
+        std::fs::write(&text, "no picture").unwrap();
+        for (file, part) in [
+            (&deep, "16 bits per channel"),
+            (&alpha, "alpha"),
+            (&text, "a texture is a PNG"),
+            (&text_folder.path().join("none.png"), "cannot read"),
+        ] {
+            let message = Texture::from_png(file).unwrap_err().to_string();
+            assert!(message.contains(part) && message.contains(&file.display().to_string()), "{message}");
+        }
+    }
+}
