@@ -21,11 +21,16 @@ struct ResolveParameters {
 @group(0) @binding(4) var<storage, read_write> partial_sums: array<vec2<f32>>;
 @group(0) @binding(6) var<storage, read_write> display: array<u32>;
 
+// What bodies and asteroids show: see shared/geometry.wgsl.
+@group(0) @binding(10) var<storage, read> geometry: array<vec4<u32>>;
+
 override WRITE_HDR: bool = true;
 override WRITE_DISPLAY: bool = false;
 // Whether dark pixels are written too, with their solid angle: where the HDR image leaves the GPU. Otherwise they keep their zero
 // sums, which is what says that they are dark: see pixel_grid.wgsl.
 override WRITE_DARK: bool = true;
+// Whether there is anything but stars.
+override HAS_GEOMETRY: bool = false;
 
 @compute @workgroup_size(COLUMNS)
 fn resolve(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
@@ -47,7 +52,11 @@ fn resolve(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
         if parameters.lx_per_bright_unit > 0.0 {
             illuminance += bright_sums(index) * parameters.lx_per_bright_unit;
         }
-        let lit = any(illuminance > vec3(0.0));
+        var shown = vec3(0.0);
+        if HAS_GEOMETRY {
+            shown = bitcast<vec3<f32>>(geometry[index].xyz);
+        }
+        let lit = any(illuminance > vec3(0.0)) || any(shown > vec3(0.0));
         if !(lit || WRITE_DARK || WRITE_DISPLAY) {
             continue;
         }
@@ -56,8 +65,8 @@ fn resolve(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
             luminance.w = solid_angle(viewport, vec2(i32(x), i32(image_row)));
         }
         if lit && luminance.w > 0.0 {
-            sum += dot(illuminance, vec3(0.2126, 0.7152, 0.0722));
-            luminance = vec4(illuminance * (1.0 / luminance.w), luminance.w);
+            sum += dot(illuminance + shown * luminance.w, vec3(0.2126, 0.7152, 0.0722));
+            luminance = vec4(illuminance * (1.0 / luminance.w) + shown, luminance.w);
         }
         if WRITE_HDR && (lit || WRITE_DARK) {
             store_luminance(index, luminance);

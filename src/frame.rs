@@ -6,6 +6,7 @@
 
 mod blended;
 mod catalogue_buffers;
+mod geometry;
 mod glare;
 mod glare_pyramid;
 mod glare_sky;

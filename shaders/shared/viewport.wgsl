@@ -46,6 +46,13 @@ struct Viewport {
     unused_0: u32,
 }
 
+const PARSEC_M: f32 = 3.0856775814913673e16;
+
+// Where the eye stands, relative to the camera, world axes, pc.
+fn eye_of(viewport: Viewport) -> vec3<f32> {
+    return vec3(viewport.view_from_world_x.w, viewport.view_from_world_y.w, viewport.view_from_world_z.w);
+}
+
 struct Tile {
     viewport: u32,
     // The tile is the viewport's rows first_row .. first_row + rows.

@@ -3,6 +3,7 @@
 use super::{
     Wanted,
     blended::{self, BlendedFrame},
+    geometry::encode_points,
     glare::{GlareBatch, GlareFrame},
     glare_sky::SkyScene,
     published::PackedFrame,
@@ -18,6 +19,7 @@ use crate::{
         tone_map::ToneMapTarget,
     },
     plan::{
+        range::FixedPoint,
         settings::{Accumulator, GlareMethod, RenderSettings},
         tiles::{BYTES_PER_PIXEL, Batch},
     },
@@ -63,7 +65,7 @@ impl Renderer {
         }
         self.batch_buffers.truncate(prepared.batches.len().max(1));
         let order = self.catalogue_order;
-        let Self { gpu, timer, batch_buffers, readback, item_buffers, blended, glare, .. } = self;
+        let Self { gpu, timer, batch_buffers, readback, item_buffers, blended, geometry, glare, .. } = self;
         let gpu = &*gpu;
         timer.begin();
 
@@ -107,6 +109,22 @@ impl Renderer {
             let segments = catalogue.map(|catalogue| catalogue.segments.clone()).unwrap_or_default();
             BlendedFrame { plan, camera_pc, colours: self.star_pass.colours(), segments }
         });
+
+        let geometry_frame =
+            prepared.bodies.as_ref().map(|plan| geometry.begin(gpu, &snapshot.objects, plan, &prepared.batches));
+        if let Some(frame) = &geometry_frame {
+            let mut pass = begin_pass(&mut encoder, timer, "geometry");
+            for (index, batch) in prepared.batches.iter().enumerate() {
+                for (number, tile) in batch.tiles.iter().enumerate() {
+                    let width = prepared.viewports[tile.viewport].size()[0];
+                    let buffers = (&viewports, &tile_buffers[index]);
+                    geometry.record_tile(gpu, &mut pass, frame, (index, number as u32), tile, width, None, buffers);
+                }
+            }
+        } else {
+            geometry.release();
+        }
+        let geometry = &*geometry;
 
         // Where the exposure is known before the pixels are, the resolve pass writes the display image itself.
         let known_ev100 = settings.exposure.known_ev100(adapted_ev100);
@@ -164,6 +182,10 @@ impl Renderer {
             let star_target =
                 |pixels| StarTarget { viewports: &viewports, tiles: &tile_buffers[index], counters: &counters, pixels };
             let grid = grid_of(prepared, batch);
+            let occlusion = geometry.occlusion(geometry_frame.as_ref(), index);
+            let points = prepared.bodies.as_ref().map(|plan| encode_points(&plan.points, &batch.tiles));
+            let points = points.filter(|points| !points.is_empty());
+            let points = points.map(|points| (storage_buffer(gpu, "points", &points), points.len() as u32));
             if method.accumulator() == Accumulator::PackedCompareExchange {
                 let frame = PackedFrame {
                     method,
@@ -211,14 +233,26 @@ impl Renderer {
                     prepared.motion,
                     &target,
                     &high_words,
+                    &occlusion,
                     &draws,
                 );
+                if let Some((buffer, count)) = &points {
+                    // The faintest magnitude is one of stars.
+                    let range = &FixedPoint { faintest_lx: 0.0, ..prepared.ranges.main };
+                    let point_pass = geometry.point_pass(gpu);
+                    point_pass.record(gpu, &mut pass, range, &target, &high_words, &occlusion, (buffer, *count));
+                }
             }
             if let Some((range, low, bright_high)) = &bright {
                 encoder.clear_buffer(low, 0, Some(plane_bytes));
                 encoder.clear_buffer(bright_high, 0, Some(plane_bytes));
                 let mut pass = begin_pass(&mut encoder, timer, "stars");
-                self.star_pass.record(gpu, &mut pass, range, prepared.motion, &star_target(low), bright_high, &draws);
+                let target = star_target(low);
+                self.star_pass.record(gpu, &mut pass, range, prepared.motion, &target, bright_high, &occlusion, &draws);
+                if let Some((buffer, count)) = &points {
+                    let point_pass = geometry.point_pass(gpu);
+                    point_pass.record(gpu, &mut pass, range, &target, bright_high, &occlusion, (buffer, *count));
+                }
             }
             let display_here = known_ev100.is_some() && !glares && any(batch, &|wanted: Wanted| wanted.display);
             let display = display_here.then(|| buffers.display.with_room(gpu, batch.pixels * DISPLAY_BYTES).clone());
@@ -232,6 +266,7 @@ impl Renderer {
                 counters: &counters,
                 partial_sums: &partials,
                 display: display.as_ref(),
+                occlusion: &occlusion,
                 plane_pixels,
             };
             let tone_map = &settings.tone_map;

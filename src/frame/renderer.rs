@@ -11,6 +11,7 @@ use glam::DVec3;
 use super::{
     Frame, Wanted,
     blended::{self, Blended},
+    geometry::{self, Geometry},
     glare::Glare,
     published::Published,
     star_buffers::{ItemBuffers, StarBuffers},
@@ -23,10 +24,11 @@ use crate::{
     plan::{
         cull::{CullSettings, MAX_VIEWPORTS, SPLAT_MARGIN_PX, VisibleChunk, distinct_eyes_pc, visible_chunks},
         gaussian_of, plan_stars,
-        range::{self, Ranges},
+        range::{self, OtherLight, Ranges},
         settings::{Accumulator, ExposureSettings, GlareMethod, RenderSettings, StarMethod},
         tiles::{BYTES_PER_PIXEL, Batch, batches},
         travel,
+        view_bodies::{BodyPlan, plan_bodies},
     },
     relativity::Motion,
     scene::SceneSnapshot,
@@ -88,6 +90,24 @@ pub enum RenderError {
         "glare.method = `sky_cube` reads the catalogue, of which stars.method = `{0}` draws no star: set glare.method to auto, view_pyramid, screen_pyramid or none"
     )]
     GlareOfCatalogue(&'static str),
+    /// A published star method leaves no room for anything else.
+    #[error(
+        "stars.method = `{0}` draws stars alone: bodies and asteroid fields need auto, bspline, tent or pixel_gaussian"
+    )]
+    StarsOnly(&'static str),
+    /// Bodies and asteroids are drawn as a resting camera sees them.
+    #[error(
+        "bodies and asteroid fields are drawn for a camera at rest: set scene.camera.velocity_c = [0, 0, 0], or remove them"
+    )]
+    ObjectsAtRest,
+    /// The textures of bodies do not fit.
+    #[error("the textures of the bodies take {bytes} bytes in all: this adapter binds at most {limit}")]
+    TooManyTexels {
+        /// Bytes needed.
+        bytes: u64,
+        /// The limit.
+        limit: u64,
+    },
     /// There must be one choice of buffers per view.
     #[error("{given} choices of buffers for {views} views")]
     WantedCount {
@@ -141,6 +161,7 @@ pub struct Renderer {
     pub(super) tone_map_pass: ToneMapPass,
     pub(super) published: Published,
     pub(super) blended: Blended,
+    pub(super) geometry: Geometry,
     pub(super) glare: Glare,
     pub(super) timer: GpuTimer,
     pub(super) stars: Option<StarBuffers>,
@@ -174,6 +195,8 @@ pub(super) struct Prepared {
     pub(super) camera_pc: DVec3,
     pub(super) faintest_lx: f64,
     pub(super) motion: Option<Motion>,
+    /// Bodies and asteroids; `None`: there are none.
+    pub(super) bodies: Option<BodyPlan>,
 }
 
 impl Renderer {
@@ -187,6 +210,7 @@ impl Renderer {
             tone_map_pass: ToneMapPass::new(&gpu),
             published: Published::new(),
             blended: Blended::new(),
+            geometry: Geometry::new(&gpu),
             glare: Glare::new(),
             timer: GpuTimer::new(&gpu),
             stars: None,
@@ -252,6 +276,24 @@ impl Renderer {
         Ok(())
     }
 
+    /// Whether bodies and asteroids can be drawn with a star method, as the camera moves.
+    fn check_objects(&self, snapshot: &SceneSnapshot, method: StarMethod) -> Result<(), RenderError> {
+        if snapshot.objects.is_empty() {
+            return Ok(());
+        }
+        if method.accumulator() != Accumulator::FixedPoint {
+            return Err(RenderError::StarsOnly(method.name()));
+        }
+        if snapshot.camera.velocity_c != DVec3::ZERO {
+            return Err(RenderError::ObjectsAtRest);
+        }
+        let (bytes, limit) = (geometry::texture_bytes(&snapshot.objects), self.gpu.max_binding_bytes());
+        if bytes > limit {
+            return Err(RenderError::TooManyTexels { bytes, limit });
+        }
+        Ok(())
+    }
+
     /// Draws all views of `rig`. `wanted` says per view what to read back. With automatic exposure, `adapted_ev100` is
     /// the exposure to show the frame with; without it the frame is shown as fully adapted.
     pub fn render(
@@ -271,6 +313,7 @@ impl Renderer {
         if snapshot.camera.velocity_c != DVec3::ZERO && method.accumulator() != Accumulator::FixedPoint {
             return Err(RenderError::AtRestOnly(method.name()));
         }
+        self.check_objects(snapshot, method)?;
         if method.accumulator() == Accumulator::Blending {
             self.check_blended(rig)?;
         }
@@ -315,6 +358,7 @@ impl Renderer {
         self.stars = None;
         self.published.forget_buffers();
         self.blended.forget_buffers();
+        self.geometry.release();
         self.glare.release();
         self.batch_buffers.clear();
         self.item_buffers = ItemBuffers::new();
@@ -355,12 +399,19 @@ impl Renderer {
             Vec::new()
         };
         let cull_ms = start.elapsed().as_secs_f64() * 1e3;
-        let mut ranges = range::choose(&snapshot.stars, &visible, &distinct_eyes_pc(&viewports), faintest_lx, motion);
+        let bodies =
+            (!snapshot.objects.is_empty()).then(|| plan_bodies(&snapshot.objects, camera.position_m, &viewports));
+        let other = bodies.as_ref().map_or_else(OtherLight::default, |bodies| OtherLight {
+            points_lx: bodies.points.iter().map(|point| point.most_lx(&viewports)).collect(),
+            crowd_lx: 0.0,
+        });
+        let eyes_pc = distinct_eyes_pc(&viewports);
+        let mut ranges = range::choose(&snapshot.stars, &visible, &eyes_pc, faintest_lx, motion, &other);
         ranges.main.units_per_lx *= self.unit_factor;
         let total_solid_angle_sr = viewports.iter().map(|v| v.projection.picture_solid_angle_sr()).sum();
         let expected_ev100 = settings
             .known_white_ev100(adapted_ev100)
-            .or_else(|| expected_ev100(&visible, total_solid_angle_sr, &settings.exposure));
+            .or_else(|| expected_ev100(&visible, bodies.as_ref(), total_solid_angle_sr, &settings.exposure));
         let accumulator = self.gpu.accumulator_name(settings.stars.method.accumulator());
         let mut plan = plan_stars(settings, &viewports, &ranges, expected_ev100, accumulator);
         if let Some(motion) = motion {
@@ -379,15 +430,22 @@ impl Renderer {
             camera_pc,
             faintest_lx,
             motion,
+            bodies,
         }
     }
 }
 
 /// The exposure that a frame will be metered at, as far as the stars' positions tell: good to a fraction of a stop.
-fn expected_ev100(visible: &[VisibleChunk], total_solid_angle_sr: f64, settings: &ExposureSettings) -> Option<f64> {
+fn expected_ev100(
+    visible: &[VisibleChunk],
+    bodies: Option<&BodyPlan>,
+    total_solid_angle_sr: f64,
+    settings: &ExposureSettings,
+) -> Option<f64> {
     if total_solid_angle_sr <= 0.0 {
         return None;
     }
-    let light_lx: f64 = visible.iter().map(|chunk| chunk.total_lx * f64::from(chunk.viewports.count_ones())).sum();
+    let stars_lx: f64 = visible.iter().map(|chunk| chunk.total_lx * f64::from(chunk.viewports.count_ones())).sum();
+    let light_lx = stars_lx + bodies.map_or(0.0, BodyPlan::light_in_view_lx);
     Some(settings.metered_ev100(light_lx / total_solid_angle_sr))
 }

@@ -69,6 +69,11 @@ impl GrowingBuffer {
         buffer
     }
 
+    /// The buffer, if it has been made.
+    pub(crate) fn held(&self) -> Option<&wgpu::Buffer> {
+        self.buffer.as_ref()
+    }
+
     pub(crate) fn release(&mut self) {
         self.buffer = None;
     }

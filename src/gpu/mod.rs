@@ -12,9 +12,9 @@ pub(crate) use buffers::{GrowingBuffer, ReadbackBuffer, ReadbackPlace, storage_b
 pub use device::{AdapterReport, Gpu, GpuError, GpuOptions};
 pub use shaders::{GlareSource, LuminanceSource, Profile, ShaderSource, sources};
 pub(crate) use shaders::{
-    billboard_fragment, billboard_vertex, count_stars, exposure, glare_assign, glare_base, glare_blur, glare_combine,
-    glare_composite, glare_find, glare_gather, glare_maximum, glare_sharpen, packed_cas, packed_cas_sorted, resolve,
-    resolve_luminance, stars, tone_map,
+    billboard_fragment, billboard_vertex, count_stars, exposure, geometry, glare_assign, glare_base, glare_blur,
+    glare_combine, glare_composite, glare_find, glare_gather, glare_maximum, glare_sharpen, packed_cas,
+    packed_cas_sorted, points, resolve, resolve_luminance, stars, tone_map,
 };
 pub(crate) use timing::GpuTimer;
 pub(crate) use viewport::encode_viewport;

@@ -33,27 +33,57 @@ const GLARE_SPRITES: &str = include_str!("../../shaders/shared/glare_sprites.wgs
 const GLARE_SCALE: &str = include_str!("../../shaders/shared/glare_scale.wgsl");
 const GLARE_CONE: &str = include_str!("../../shaders/shared/glare_cone.wgsl");
 const PIXEL_GRID: &str = include_str!("../../shaders/shared/pixel_grid.wgsl");
+const SPLAT: &str = include_str!("../../shaders/shared/splat.wgsl");
+const ELLIPSOID: &str = include_str!("../../shaders/shared/ellipsoid.wgsl");
+const GEOMETRY: &str = include_str!("../../shaders/shared/geometry.wgsl");
+const OCCLUSION: &str = include_str!("../../shaders/shared/occlusion.wgsl");
+const REFLECTION: &str = include_str!("../../shaders/shared/reflection.wgsl");
 
-/// The star pass.
-pub fn stars(wide: bool) -> ShaderSource {
+/// What every pass needs that splats in fixed point, with 64-bit words or without.
+fn splatting(wide: bool) -> String {
     let accumulate = if wide {
         include_str!("../../shaders/shared/accumulate_u64.wgsl")
     } else {
         include_str!("../../shaders/shared/accumulate_u32.wgsl")
     };
-    let text = [
+    [
         VIEWPORT,
         MATH,
         PROJECTION,
         GAUSSIAN,
         PLANE_GAUSSIAN,
-        STAR,
-        RELATIVITY,
         PIXEL_GRID,
         accumulate,
-        include_str!("../../shaders/stars.wgsl"),
+        SPLAT,
+        ELLIPSOID,
+        GEOMETRY,
+        OCCLUSION,
     ]
-    .concat();
+    .concat()
+}
+
+/// The geometry pass: bodies, and layers of asteroids.
+pub fn geometry() -> ShaderSource {
+    let geometry = include_str!("../../shaders/geometry.wgsl");
+    let text = [VIEWPORT, MATH, PROJECTION, ELLIPSOID, GEOMETRY, REFLECTION, geometry].concat();
+    ShaderSource { name: "geometry", entry_point: "draw_geometry", text, needs_u64: false }
+}
+
+/// The point pass: points of light that are no stars.
+pub fn points(wide: bool) -> ShaderSource {
+    let point_light = include_str!("../../shaders/shared/point_light.wgsl");
+    let text = [&splatting(wide), point_light, include_str!("../../shaders/points.wgsl")].concat();
+    ShaderSource {
+        name: if wide { "points u64" } else { "points u32" },
+        entry_point: "splat_points",
+        text,
+        needs_u64: wide,
+    }
+}
+
+/// The star pass.
+pub fn stars(wide: bool) -> ShaderSource {
+    let text = [&splatting(wide), STAR, RELATIVITY, include_str!("../../shaders/stars.wgsl")].concat();
     ShaderSource {
         name: if wide { "stars u64" } else { "stars u32" },
         entry_point: "splat_stars",
@@ -326,6 +356,9 @@ pub fn sources() -> Vec<ShaderSource> {
     let mut sources = vec![
         stars(true),
         stars(false),
+        geometry(),
+        points(true),
+        points(false),
         packed_cas(),
         packed_cas_sorted(),
         resolve_luminance(LuminanceSource::Packed),

@@ -3,11 +3,13 @@
 
 pub(crate) mod billboards;
 pub(crate) mod exposure;
+pub(crate) mod geometry;
 pub(crate) mod glare_composite;
 pub(crate) mod glare_pyramid;
 pub(crate) mod glare_sky;
 pub(crate) mod luminance;
 pub(crate) mod packed;
+pub(crate) mod points;
 pub(crate) mod resolve;
 pub(crate) mod shared;
 pub(crate) mod stars;

@@ -2,7 +2,7 @@
 //! exposure is known before. Shader: `shaders/resolve.wgsl`; the f64 twin is `crate::reference::stars`, which divides at
 //! its end.
 
-use super::shared::{DisplayVariant, bind_buffers, encode_display};
+use super::shared::{DisplayVariant, Occlusion, bind_buffers, encode_display};
 use crate::{
     gpu::{self, Gpu, ShaderSource, layout},
     photometry::exposure::white_luminance_cd_m2,
@@ -18,6 +18,8 @@ pub(crate) struct ResolveOutputs {
     pub display: bool,
     /// Dark pixels too.
     pub dark: bool,
+    /// Whether there is anything but stars.
+    pub geometry: bool,
 }
 
 /// The pass.
@@ -53,6 +55,7 @@ pub(crate) struct ResolveTarget<'a> {
     pub counters: &'a wgpu::Buffer,
     pub partial_sums: &'a wgpu::Buffer,
     pub display: Option<&'a wgpu::Buffer>,
+    pub occlusion: &'a Occlusion<'a>,
     /// Pixels of the batch.
     pub plane_pixels: u32,
 }
@@ -66,7 +69,7 @@ impl ResolvePass {
             no_display: gpu::storage_buffer(gpu, "no display", &[0_u32]),
         };
         for i in 0..6 {
-            let outputs = ResolveOutputs { hdr: i >= 2, dark: i >= 4, display: i % 2 == 1 };
+            let outputs = ResolveOutputs { hdr: i >= 2, dark: i >= 4, display: i % 2 == 1, geometry: false };
             pass.prepare(gpu, outputs, DisplayVariant::default());
         }
         pass
@@ -76,10 +79,14 @@ impl ResolvePass {
     fn prepare(&mut self, gpu: &Gpu, outputs: ResolveOutputs, variant: DisplayVariant) -> usize {
         let held = self.pipelines.iter().position(|(of, shown, _)| (*of, *shown) == (outputs, variant));
         held.unwrap_or_else(|| {
-            let written =
-                [("WRITE_HDR", outputs.hdr), ("WRITE_DISPLAY", outputs.display), ("WRITE_DARK", outputs.dark)]
-                    .map(|(name, value)| (name, f64::from(u8::from(value))));
-            let constants = [written, variant.constants()].concat();
+            let written = [
+                ("WRITE_HDR", outputs.hdr),
+                ("WRITE_DISPLAY", outputs.display),
+                ("WRITE_DARK", outputs.dark),
+                ("HAS_GEOMETRY", outputs.geometry),
+            ]
+            .map(|(name, value)| (name, f64::from(u8::from(value))));
+            let constants = [&written[..], &variant.constants()].concat();
             self.pipelines.push((outputs, variant, gpu.compute_pipeline_with(&self.source, &constants)));
             self.pipelines.len() - 1
         })
@@ -103,6 +110,7 @@ impl ResolvePass {
             hdr: hdr != HdrImage::None,
             dark: hdr == HdrImage::Whole,
             display: known_ev100.is_some() && target.display.is_some(),
+            geometry: target.occlusion.present,
         };
         let parameters = layout::ResolveParameters {
             lx_per_unit: (1.0 / ranges.main.units_per_lx) as f32,
@@ -127,6 +135,7 @@ impl ResolvePass {
             (7, target.high_words.as_entire_binding()),
             (8, target.counters.as_entire_binding()),
             (9, bright_high.as_entire_binding()),
+            (10, target.occlusion.geometry.as_entire_binding()),
         ];
         let group = bind_buffers(gpu, pipeline, 0, &buffers);
         pass.set_pipeline(pipeline);

@@ -25,6 +25,50 @@ pub(crate) struct StarTarget<'a> {
     pub pixels: &'a wgpu::Buffer,
 }
 
+/// What bodies and asteroids leave for what is drawn behind and beside them: see `shaders/shared/occlusion.wgsl`.
+#[derive(Clone, Copy)]
+pub(crate) struct Occlusion<'a> {
+    /// Whether there is anything; the buffers are stand-ins otherwise.
+    pub present: bool,
+    /// What the geometry pass has left in the pixels of the batch.
+    pub geometry: &'a wgpu::Buffer,
+    pub view_bodies: &'a wgpu::Buffer,
+    pub body_runs: &'a wgpu::Buffer,
+}
+
+/// Binds it as every pass that splats does.
+pub(crate) fn bind_occlusion(
+    gpu: &Gpu,
+    pipeline: &wgpu::ComputePipeline,
+    occlusion: &Occlusion<'_>,
+) -> wgpu::BindGroup {
+    let buffers = [occlusion.geometry, occlusion.view_bodies, occlusion.body_runs];
+    let bindings: Vec<_> = (0..).zip(buffers).map(|(binding, buffer)| (binding, buffer.as_entire_binding())).collect();
+    bind_buffers(gpu, pipeline, 2, &bindings)
+}
+
+/// Layers of samples that asteroids were drawn into, for one tile.
+pub(crate) struct RasterLayers<'a> {
+    /// Luminance in units of `luminance_scale`, `samples` times as wide and high as the tile.
+    pub colour: &'a wgpu::TextureView,
+    /// Reversed depth of the same size: `near_m` over the distance; 0: nothing.
+    pub depth: &'a wgpu::TextureView,
+    /// The same of six cube faces, as arrays.
+    pub faces_colour: &'a wgpu::TextureView,
+    /// See `faces_colour`.
+    pub faces_depth: &'a wgpu::TextureView,
+    /// Bit set of the faces that were drawn; 0: the views of faces are stand-ins.
+    pub faces: u32,
+    /// Side of a face, samples.
+    pub face_size_px: u32,
+    /// Samples along a side of a pixel.
+    pub samples: u32,
+    /// Distance at depth 1, m.
+    pub near_m: f32,
+    /// cd/m^2 per unit of luminance.
+    pub luminance_scale: f32,
+}
+
 /// Buffers of a batch whose picture is written, or written over, as luminance and summed for the exposure.
 pub(crate) struct PictureTarget<'a> {
     pub viewports: &'a wgpu::Buffer,
@@ -63,6 +107,26 @@ pub(crate) fn bind_items(gpu: &Gpu, pipeline: &wgpu::ComputePipeline, draw: &Sta
         size: wgpu::BufferSize::new(u64::from(draw.item_count) * size_of::<layout::StarItem>() as u64),
     };
     bind_buffers(gpu, pipeline, 1, &[(0, draw.stars.as_entire_binding()), (1, wgpu::BindingResource::Buffer(items))])
+}
+
+/// Parameters and sums, as every pass that splats in fixed point binds them; `others` follow.
+pub(crate) fn bind_sums(
+    gpu: &Gpu,
+    pipeline: &wgpu::ComputePipeline,
+    parameters: &wgpu::Buffer,
+    target: &StarTarget<'_>,
+    high_words: &wgpu::Buffer,
+    others: &[(u32, wgpu::BindingResource<'_>)],
+) -> wgpu::BindGroup {
+    let sums = [
+        (0, parameters.as_entire_binding()),
+        (1, target.viewports.as_entire_binding()),
+        (2, target.tiles.as_entire_binding()),
+        (3, target.counters.as_entire_binding()),
+        (4, target.pixels.as_entire_binding()),
+        (6, high_words.as_entire_binding()),
+    ];
+    bind_buffers(gpu, pipeline, 0, &[&sums[..], others].concat())
 }
 
 /// Parameters and picture, as every pass over pictures of luminance binds them.

@@ -1,7 +1,9 @@
 //! The star pass: splats every visible star in illuminance, in fixed point. Shader: `shaders/stars.wgsl`; the f64 twin is
 //! `crate::reference::stars`.
 
-use super::shared::{StarDraw, StarTarget, bind_buffers, bind_items, dispatch_rows};
+use std::sync::OnceLock;
+
+use super::shared::{Occlusion, StarDraw, StarTarget, bind_items, bind_occlusion, bind_sums, dispatch_rows};
 use crate::{
     gpu::{self, Gpu, layout},
     photometry::blackbody::ln_luminance_cd_m2,
@@ -22,6 +24,8 @@ pub(crate) const FIRST_VIEW_COUNTER: usize = 1;
 /// The pass.
 pub(crate) struct StarPass {
     pipeline: wgpu::ComputePipeline,
+    /// The same where something may stand before the stars, made when it first does.
+    occluded: OnceLock<wgpu::ComputePipeline>,
     colours: wgpu::Buffer,
 }
 
@@ -48,11 +52,18 @@ fn encode_motion(motion: Motion) -> layout::Traveller {
     }
 }
 
+/// The pass with or without the test for what stands before the stars.
+fn star_pipeline(gpu: &Gpu, has_geometry: bool) -> wgpu::ComputePipeline {
+    let workgroup = if gpu.software { 8.0 } else { 64.0 };
+    let constants = [("WORKGROUP", workgroup), ("HAS_GEOMETRY", f64::from(u8::from(has_geometry)))];
+    gpu.compute_pipeline_with(&gpu::stars(gpu.wide_accumulator), &constants)
+}
+
 impl StarPass {
     pub(crate) fn new(gpu: &Gpu) -> Self {
-        let workgroup = if gpu.software { 8.0 } else { 64.0 };
         Self {
-            pipeline: gpu.compute_pipeline_with(&gpu::stars(gpu.wide_accumulator), &[("WORKGROUP", workgroup)]),
+            pipeline: star_pipeline(gpu, false),
+            occluded: OnceLock::new(),
             colours: gpu::storage_buffer(gpu, "star colours", &colour_table()),
         }
     }
@@ -72,9 +83,13 @@ impl StarPass {
         motion: Option<Motion>,
         target: &StarTarget<'_>,
         high_words: &wgpu::Buffer,
+        occlusion: &Occlusion<'_>,
         draws: &[StarDraw<'_>],
     ) {
-        pass.set_pipeline(&self.pipeline);
+        let pipeline =
+            if occlusion.present { self.occluded.get_or_init(|| star_pipeline(gpu, true)) } else { &self.pipeline };
+        pass.set_pipeline(pipeline);
+        pass.set_bind_group(2, &bind_occlusion(gpu, pipeline, occlusion), &[]);
         for draw in draws {
             let [items_per_row, rows] = dispatch_rows(gpu, draw.item_count);
             let parameters = layout::StarParameters {
@@ -87,22 +102,10 @@ impl StarPass {
                 ..Default::default()
             };
             let parameters = gpu::uniform_buffer(gpu, "star parameters", &parameters);
-            let target_group = bind_buffers(
-                gpu,
-                &self.pipeline,
-                0,
-                &[
-                    (0, parameters.as_entire_binding()),
-                    (1, target.viewports.as_entire_binding()),
-                    (2, target.tiles.as_entire_binding()),
-                    (3, target.counters.as_entire_binding()),
-                    (4, target.pixels.as_entire_binding()),
-                    (5, self.colours.as_entire_binding()),
-                    (6, high_words.as_entire_binding()),
-                ],
-            );
-            pass.set_bind_group(0, &target_group, &[]);
-            pass.set_bind_group(1, &bind_items(gpu, &self.pipeline, draw), &[]);
+            let colours = [(5, self.colours.as_entire_binding())];
+            let sums = bind_sums(gpu, pipeline, &parameters, target, high_words, &colours);
+            pass.set_bind_group(0, &sums, &[]);
+            pass.set_bind_group(1, &bind_items(gpu, pipeline, draw), &[]);
             pass.dispatch_workgroups(items_per_row, rows, 1);
         }
     }

@@ -22,6 +22,7 @@ mod star_method;
 mod star_settings;
 pub mod tiles;
 pub mod travel;
+pub mod view_bodies;
 
 pub use frame_plan::{Approximation, FramePlan, StarPlan, plan_stars};
 pub use kernels::{

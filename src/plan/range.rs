@@ -81,16 +81,27 @@ struct Light {
     per_eye_lx: Vec<f64>,
 }
 
-/// Chooses the units for the stars of `visible` not fainter than `faintest_lx`, for eyes at `eyes_pc` from the camera, which
-/// may move.
+/// Light that is no star's.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct OtherLight {
+    /// The most that each point of light gives to any of the eyes, lx.
+    pub points_lx: Vec<f64>,
+    /// Bound of what comes from a crowd of faint points, lx.
+    pub crowd_lx: f64,
+}
+
+/// Chooses the units for the stars of `visible` not fainter than `faintest_lx`, and for `other` light, for eyes at `eyes_pc` from the
+/// camera, which may move.
 pub fn choose(
     set: &StarSet,
     visible: &[VisibleChunk],
     eyes_pc: &[DVec3],
     faintest_lx: f64,
     motion: Option<Motion>,
+    other: &OtherLight,
 ) -> Ranges {
-    let total_lx: f64 = visible.iter().map(|chunk| chunk.total_lx).sum();
+    let total_lx: f64 =
+        visible.iter().map(|chunk| chunk.total_lx).chain(other.points_lx.iter().copied()).sum::<f64>() + other.crowd_lx;
     // In flight the light of every star has changed by a factor of its own: then the range alone decides.
     let faintest_star_lx = match motion {
         Some(_) => 0.0,
@@ -118,8 +129,9 @@ pub fn choose(
             })
         })
         .collect();
+    lights.extend(other.points_lx.iter().map(|lx| Light { most_lx: *lx, per_eye_lx: vec![*lx] }));
     lights.sort_by(|a, b| b.most_lx.total_cmp(&a.most_lx));
-    let others_lx: f64 = by_brightness[searched..].iter().map(|chunk| chunk.total_lx).sum();
+    let others_lx = by_brightness[searched..].iter().map(|chunk| chunk.total_lx).sum::<f64>() + other.crowd_lx;
     // What is fainter than each star, summed from the faintest on.
     let mut fainter_lx = vec![others_lx; lights.len()];
     for index in (1..lights.len()).rev() {
@@ -188,7 +200,14 @@ mod tests {
             eye_offset_m: DVec3::ZERO,
         };
         let settings = CullSettings { faintest_lx: 0.0, enabled: true, motion, margin_px: SPLAT_MARGIN_PX };
-        choose(&set, &visible_chunks(&set, DVec3::ZERO, &[viewport], settings), &[DVec3::ZERO], 0.0, motion)
+        choose(
+            &set,
+            &visible_chunks(&set, DVec3::ZERO, &[viewport], settings),
+            &[DVec3::ZERO],
+            0.0,
+            motion,
+            &OtherLight::default(),
+        )
     }
 
     #[test]

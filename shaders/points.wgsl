@@ -1,0 +1,66 @@
+// The point pass: bodies too small for a disc, and groups of asteroids too small to be told apart, splatted in illuminance as stars are.
+//
+// One invocation takes one point, into all tiles that may see it. Needs viewport.wgsl, math.wgsl, projection.wgsl, pixel_grid.wgsl,
+// splat.wgsl with what that needs, occlusion.wgsl and point_light.wgsl.
+
+struct PointParameters {
+    // Fixed-point units per lux.
+    units_per_lx: f32,
+    count: u32,
+    // Invocations per row of the dispatch.
+    per_row: u32,
+    // Fainter light is left to other sums, lx.
+    faintest_lx: f32,
+    // Brighter light too, lx.
+    brightest_lx: f32,
+    unused_0: u32,
+    unused_1: u32,
+    unused_2: u32,
+}
+
+struct Point {
+    // Place relative to the camera, world axes, m.
+    offset: vec3<f32>,
+    // Bit set of tiles.
+    tiles: u32,
+    // Intensity, linear Rec. 709, cd.
+    intensity: vec3<f32>,
+    // How much nearer than its place it begins, m.
+    radius: f32,
+}
+
+@group(0) @binding(0) var<uniform> parameters: PointParameters;
+@group(0) @binding(1) var<storage, read> viewports: array<Viewport>;
+@group(0) @binding(2) var<storage, read> tiles: array<Tile>;
+@group(0) @binding(3) var<storage, read_write> counters: array<atomic<u32>>;
+@group(1) @binding(0) var<storage, read> points: array<Point>;
+
+const COUNTER_OVERFLOWS: u32 = 0u;
+
+@compute @workgroup_size(64)
+fn splat_points(@builtin(global_invocation_id) id: vec3<u32>) {
+    let index = id.y * parameters.per_row + id.x;
+    if id.x >= parameters.per_row || index >= parameters.count {
+        return;
+    }
+    let point = points[index];
+    var remaining = point.tiles;
+    while remaining != 0u {
+        let tile = tiles[firstTrailingBit(remaining)];
+        remaining &= remaining - 1u;
+        let viewport = viewports[tile.viewport];
+        target_tile = vec3(tile.first_pixel, viewport.size.x, tile.first_flag);
+        let relative = point.offset - PARSEC_M * eye_of(viewport);
+        let distance_m = length(relative);
+        if !(distance_m > 0.0) {
+            continue;
+        }
+        let unit = relative / distance_m;
+        let light = point.intensity / distance_m / distance_m;
+        let illuminance = dot(light, vec3(0.2126, 0.7152, 0.0722));
+        if !(illuminance >= parameters.faintest_lx && illuminance < parameters.brightest_lx) {
+            continue;
+        }
+        splat_light(tile, viewport, unit, light, distance_m - point.radius, parameters.units_per_lx, index);
+    }
+}

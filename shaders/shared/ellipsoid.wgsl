@@ -1,0 +1,89 @@
+// Ellipsoids as an eye sees them. The same struct stands in src/gpu/layout.rs.
+//
+// A ray is c + e, c leading to the middle of the body and e what the ray is beside it: on a flat picture both are tangents, so that e
+// keeps its digits in the narrowest field; elsewhere both are unit vectors. In the axes of the body, measured in its semi-axes, the
+// body is the unit sphere and the ray passes its middle at the distance s.
+
+struct ViewBody {
+    // Rows of the map from view axes (m) to the body's axes, in semi-axes.
+    unit_from_view_x: vec3<f32>,
+    // c maps to so much per metre, and the eye is so far along it: m over the length of c.
+    distance_m: f32,
+    unit_from_view_y: vec3<f32>,
+    // 1: c is a tangent of a flat picture, with z = -1.
+    on_plane: u32,
+    unit_from_view_z: vec3<f32>,
+    // 1 / smallest semi-axis, 1/m.
+    inverse_smallest: f32,
+    centre: vec3<f32>,
+    // Share of its light that is drawn as a disc.
+    part: f32,
+    // c in the body's axes.
+    unit_centre: vec3<f32>,
+    law: u32,
+    // Geometric albedo over pi.
+    reflectance: vec3<f32>,
+    limb_darkening: f32,
+    emission: vec3<f32>,
+    first_sun: u32,
+    sun_count: u32,
+    // First word of its texture; NO_TEXTURE without one.
+    texture: u32,
+    texture_size: vec2<u32>,
+}
+
+const NO_TEXTURE: u32 = 0xffffffffu;
+
+// Where a ray passes a body.
+struct Passage {
+    // Unit vector of the ray times the length of the ray given: view axes.
+    ray: vec3<f32>,
+    // e and c + e in the body's axes.
+    beside: vec3<f32>,
+    along: vec3<f32>,
+    // Distance from the middle, in semi-axes; behind the eye very large.
+    s: f32,
+}
+
+fn in_body_axes(body: ViewBody, v: vec3<f32>) -> vec3<f32> {
+    return vec3(dot(body.unit_from_view_x, v), dot(body.unit_from_view_y, v), dot(body.unit_from_view_z, v));
+}
+
+// `direction` of any length but 0, view axes.
+fn passage_of(body: ViewBody, direction: vec3<f32>) -> Passage {
+    var passage: Passage;
+    passage.s = 1e18;
+    if body.on_plane != 0u {
+        if direction.z >= 0.0 {
+            return passage;
+        }
+        passage.ray = direction / -direction.z;
+    } else {
+        passage.ray = normalize(direction);
+    }
+    passage.beside = in_body_axes(body, passage.ray - body.centre);
+    passage.along = body.unit_centre + passage.beside;
+    let ahead = dot(body.unit_centre, passage.along);
+    // The eye stands outside: what it sees lies ahead.
+    if ahead > 0.0 {
+        passage.s = body.distance_m * length(cross(body.unit_centre, passage.beside)) * inverseSqrt(dot(passage.along, passage.along));
+    }
+    return passage;
+}
+
+// Where a ray that passes within s <= 1 enters: xyz the point in the body's axes and semi-axes, w its distance from the eye, m. Beyond the limb
+// the limb's point next to it.
+fn entry_of(body: ViewBody, passage: Passage) -> vec4<f32> {
+    let a = dot(passage.along, passage.along);
+    let half = sqrt(max(1.0 - passage.s * passage.s, 0.0) / a);
+    // Metres per length of the ray, from the middle's distance on.
+    let nearer = -body.distance_m * dot(passage.beside, passage.along) / a - half;
+    let point = nearer * passage.along + body.distance_m * passage.beside;
+    return vec4(normalize(point), (body.distance_m + nearer) * length(passage.ray));
+}
+
+// Whether a body lies before what is seen in a direction at a distance.
+fn hides(body: ViewBody, direction: vec3<f32>, distance_m: f32) -> bool {
+    let passage = passage_of(body, direction);
+    return passage.s <= 1.0 && entry_of(body, passage).w < distance_m;
+}

@@ -1,0 +1,37 @@
+// Whether bodies and asteroids stand before a point of light. Needs viewport.wgsl, splat.wgsl, ellipsoid.wgsl and geometry.wgsl.
+
+@group(2) @binding(0) var<storage, read> geometry: array<vec4<u32>>;
+@group(2) @binding(1) var<storage, read> view_bodies: array<ViewBody>;
+// First body of each viewport, and how many it has.
+@group(2) @binding(2) var<storage, read> body_runs: array<vec2<u32>>;
+
+// Whether there is anything but stars.
+override HAS_GEOMETRY: bool = false;
+// What is at infinity, m.
+const FARTHEST_M: f32 = 3e38;
+
+// Share of a point of light that is seen, whose image is at `pixel` and which is `distance_m` away: bodies hide it or not, exactly; of
+// asteroids the pixel tells.
+fn visible_share(tile: Tile, viewport: Viewport, direction: vec3<f32>, pixel: vec2<f32>, distance_m: f32) -> f32 {
+    let at = settle(viewport, vec2<i32>(floor(pixel)));
+    let row = at.y - i32(tile.first_row);
+    var word = COVER_LIMB;
+    if at.x >= 0 && row >= 0 && row < i32(tile.rows) {
+        word = geometry[tile.first_pixel + u32(row) * viewport.size.x + u32(at.x)].w;
+        if word == 0u || distance_of(word) >= distance_m {
+            return 1.0;
+        }
+    }
+    if (word & COVER_LIMB) != 0u {
+        let run = body_runs[tile.viewport];
+        for (var i = run.x; i < run.x + run.y; i++) {
+            if hides(view_bodies[i], direction, distance_m) {
+                return 1.0 - view_bodies[i].part;
+            }
+        }
+        if (word & COVER_MESH) == 0u {
+            return 1.0;
+        }
+    }
+    return 1.0 - coverage_of(word);
+}
