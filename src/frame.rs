@@ -4,12 +4,18 @@
 //! of all viewports into one submission, waits, and reads back what was asked for. Nothing of a frame depends on the frame
 //! before it but the exposure that the caller hands in.
 
+mod asteroids;
 mod blended;
 mod catalogue_buffers;
 mod geometry;
 mod glare;
 mod glare_pyramid;
 mod glare_sky;
+pub(crate) mod impostor_atlas;
+pub mod impostor_probe;
+#[cfg(test)]
+mod impostor_tests;
+mod impostor_texels;
 #[cfg(test)]
 mod pass_tests;
 mod published;
@@ -20,7 +26,10 @@ mod star_buffers;
 
 use serde::Serialize;
 
-pub use self::renderer::{RenderError, Renderer};
+pub use self::{
+    asteroids::AsteroidCounts,
+    renderer::{RenderError, Renderer},
+};
 use crate::{plan::FramePlan, view::Part};
 
 /// One image of a frame.
@@ -50,6 +59,8 @@ pub struct ViewStatistics {
     pub stars_drawn: u64,
     /// Stars whose light reaches the view through the map of unresolved light.
     pub stars_in_map: u64,
+    /// Asteroids by what they are drawn as.
+    pub asteroids: AsteroidCounts,
     /// The view's share of the GPU's time, ms: of the star pass by stars drawn, of the passes over pixels by pixels. `None`
     /// where the adapter has no timestamps.
     pub gpu_ms: Option<f64>,

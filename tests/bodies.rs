@@ -1,4 +1,5 @@
-//! Bodies in f64: their light adds up to what closed forms tell, in every projection, and the nearest of them hides the others.
+//! Bodies in f64: their light adds up to what closed forms tell, in every projection, and the nearest of them hides the
+//! others.
 #![allow(clippy::unwrap_used, reason = "a failed expectation of a test's own helpers is a failed test")]
 
 use std::{f64::consts::PI, sync::Arc};
@@ -60,13 +61,13 @@ fn pictures() -> Vec<(&'static str, Box<dyn PlaneMapping>, DVec3)> {
         (
             "perspective off the axis",
             Box::new(Perspective::symmetric([192, 128], 1.6).unwrap()),
-            DVec3::new(0.8, 0.3, -1.0),
+            DVec3::new(0.5, 0.15, -1.0),
         ),
-        ("fisheye", fisheye(FisheyeMapping::Equidistant, PI), DVec3::new(0.9, -0.2, -0.5)),
-        ("stereographic fisheye", fisheye(FisheyeMapping::Stereographic, 4.0), DVec3::new(-0.5, 0.5, 0.1)),
+        ("fisheye", fisheye(FisheyeMapping::Equidistant, PI), DVec3::new(0.9, -0.2, -0.8)),
+        ("stereographic fisheye", fisheye(FisheyeMapping::Stereographic, 4.0), DVec3::new(-0.5, 0.5, -0.1)),
         ("equirectangular", equirectangular(), DVec3::new(0.0, 0.3, -1.0)),
         ("equirectangular seam", equirectangular(), DVec3::new(0.0, 0.1, 1.0)),
-        ("equirectangular pole", equirectangular(), DVec3::new(0.02, 1.0, 0.01)),
+        ("equirectangular pole", equirectangular(), DVec3::new(0.15, 1.0, 0.07)),
         ("cube face", cube(Face::Front), DVec3::new(0.2, 0.1, -1.0)),
     ]
 }

@@ -47,9 +47,17 @@ fn refused(text: &str, parts: &[&str]) {
 fn every_example_loads_and_makes_a_rig_that_looks_somewhere() {
     let examples = examples();
     let names: Vec<&str> = examples.iter().map(|path| path.file_stem().unwrap().to_str().unwrap()).collect();
-    for expected in
-        ["calibrated", "cubemap", "demo", "dome", "equirectangular", "mission-control", "perspective", "stereo"]
-    {
+    for expected in [
+        "asteroids",
+        "calibrated",
+        "cubemap",
+        "demo",
+        "dome",
+        "equirectangular",
+        "mission-control",
+        "perspective",
+        "stereo",
+    ] {
         assert!(names.contains(&expected), "configs/{expected}.toml");
     }
     for path in &examples {
@@ -357,7 +365,7 @@ fn the_eye_and_the_table_of_glare() {
 
 #[test]
 fn mistakes_in_the_sections() {
-    refused("[[bodies]]\nname = 'Earth'", &["bodies", "unknown key", "scene"]);
+    refused("[[moons]]\nname = 'Io'", &["moons", "unknown key", "bodies"]);
     refused("[stars]\nmethod = 'dots'", &["stars.method", "dots", "bspline"]);
     refused("[stars]\nmagnitude_limit = inf", &["stars.magnitude_limit", "finite"]);
     refused("[stars]\nmagnitude_limit = 'all'", &["stars.magnitude_limit", "invalid type"]);
@@ -498,7 +506,7 @@ fn overrides_change_what_the_file_says_and_are_checked_alike() {
         ("views.3.fov_deg=40", ["no `3`", "0 to 0"]),
         ("exposure.mood=dark", ["exposure.mood", "unknown key"]),
         ("exposure.ev100=dark", ["exposure.ev100", "invalid type"]),
-        ("bodies.earth=1", ["bodies", "unknown key"]),
+        ("moons.io=1", ["moons", "unknown key"]),
         ("exposure.ev100", ["key=value", "exposure.ev100=2"]),
         ("scene.catalogues=[1", ["not a TOML value", "numbers"]),
     ] {

@@ -6,10 +6,12 @@
 struct GlareNear {
     // Unit vector, world axes.
     direction: vec3<f32>,
-    unused_0: f32,
+    // Chord within which the parts of it are to be taken in its place.
+    reach: f32,
     // Linear Rec. 709, lx.
     light: vec3<f32>,
-    unused_1: f32,
+    // So many parts follow.
+    parts: u32,
 }
 
 @group(1) @binding(0) var<uniform> sky: GlareSkyParameters;
@@ -184,11 +186,18 @@ fn scattered_towards(viewport: Viewport, tile: Tile, at: vec3<u32>) -> Light8 {
     let directions = array<Directions4, 2>(
         directions_of(viewport, top), directions_of(viewport, top + vec2(0.0, 4.0)));
     var light = column_from_map(view, viewport, top, directions);
+    let first = vec3(directions[0].x.x, directions[0].y.x, directions[0].z.x);
     for (var i = view.first_near; i < view.first_near + view.near_count; i++) {
+        if near[i].parts > 0u {
+            if length(first - near[i].direction) < near[i].reach {
+                continue;
+            }
+        }
         for (var four = 0u; four < 2u; four++) {
             let squared = chords_squared(directions[four], near[i].direction);
             add_light(&light, four, near[i].light, shown(view, squared, angle_squared(squared)));
         }
+        i += near[i].parts;
     }
     let block = vec3(at.xy / BLOCK_SIDE, at.z);
     let list = ((block.z * sky.rows + block.y) * sky.columns + block.x) * sky.list_words;

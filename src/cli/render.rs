@@ -45,8 +45,9 @@ pub fn run(arguments: RenderArguments, adapter: Option<String>) -> Result<(), Cl
     let mut renderer = Renderer::new(gpu);
     renderer.check(&rig).map_err(|error| CliError::render(error, &config.origin))?;
 
+    let objects = Arc::new(config.objects()?);
     let (stars, _) = load::stars(&config.star_sources(), &config.origin)?;
-    let snapshot = SceneSnapshot { revision: 1, stars: Arc::new(stars), objects: Default::default(), camera };
+    let snapshot = SceneSnapshot { revision: 1, stars: Arc::new(stars), objects, camera };
     let wanted = vec![Wanted { display: true, hdr: true, ..Wanted::default() }; rig.views().len()];
     let settings = config.render_settings();
     let frame = renderer

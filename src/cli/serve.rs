@@ -49,8 +49,12 @@ pub fn run(arguments: ServeArguments, adapter: Option<String>) -> Result<(), Cli
         // From here on a signal is an orderly end, while stars are still loading as well.
         let mut signals = Box::pin(service::signals().map_err(CliError::Runtime)?);
         let (sources, origin) = (config.star_sources(), config.origin.clone());
-        let loading = task::spawn_blocking(move || load::stars(&sources, &origin));
-        let (stars, report) = tokio::select! {
+        let of_objects = config.clone();
+        let loading = task::spawn_blocking(move || {
+            let objects = of_objects.objects()?;
+            load::stars(&sources, &origin).map(|(stars, report)| (stars, report, objects))
+        });
+        let (stars, report, objects) = tokio::select! {
             () = &mut signals => return Ok(()),
             loaded = loading => match loaded {
                 Ok(loaded) => loaded?,
@@ -58,11 +62,12 @@ pub fn run(arguments: ServeArguments, adapter: Option<String>) -> Result<(), Cli
                 Err(error) => std::panic::resume_unwind(error.into_panic()),
             },
         };
-        let scene = SceneSnapshot { revision: 1, stars: Arc::new(stars), objects: Default::default(), camera };
+        let scene = SceneSnapshot { revision: 1, stars: Arc::new(stars), objects: Arc::new(objects), camera };
         let listen = arguments.listen.unwrap_or_else(|| config.server.listen.clone());
         let mut options = ServeOptions::new(listen, Box::new(renderer), scene, rig, config.render_settings(), announce);
         let catalogue = |loaded: LoadedCatalogue| SceneCatalogue { name: loaded.name, stars: loaded.stars as u64 };
         options.catalogues = report.catalogues.into_iter().map(catalogue).collect();
+        options.asteroid_fields = config.field_specs()?;
         options.shutdown = Shutdown::When(signals);
         service::run(options).await.map_err(CliError::Serve)
     })

@@ -2,9 +2,11 @@
 //!
 //! A configuration is loaded in four steps, each with its own errors: text to tables ([`document`]), overrides
 //! ([`overrides`]), tables to the types below (serde, with the path of the key at fault), and the ranges that types do not
-//! express. What comes out is plain data; [`Config::rig`], [`Config::camera`], [`Config::render_settings`] and
+//! express. What comes out is plain data; [`Config::rig`], [`Config::camera`], [`Config::render_settings`], [`Config::objects`] and
 //! [`Config::star_sources`] turn it into what the other modules work with. Degrees and quaternions as (x, y, z, w) end here.
 
+mod asteroids;
+mod bodies;
 mod document;
 mod error;
 mod glare;
@@ -15,7 +17,10 @@ mod server;
 mod views;
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
+pub use asteroids::{FieldConfig, FieldShape};
+pub use bodies::{BodyConfig, EmissionConfig, SpinConfig};
 pub use error::ConfigError;
 use error::{Fault, join};
 pub use scene::{CameraConfig, CatalogueConfig, GalaxyConfig, SceneConfig};
@@ -32,8 +37,10 @@ use crate::catalogue::galaxy::GalaxyParameters;
 use crate::plan::settings::{
     AccuracySettings, AsteroidSettings, ExposureSettings, GlareSettings, RenderSettings, StarSettings, ToneMapSettings,
 };
-use crate::scene::Camera;
+use crate::scene::asteroids::{FieldSpec, SpecError, check_fields, make_fields};
+use crate::scene::bodies::{MOST_BODIES, check_names};
 use crate::scene::loader::StarSource;
+use crate::scene::{Camera, SceneObjects};
 use crate::view::Rig;
 
 /// What `serve` shows without a configuration file.
@@ -50,6 +57,12 @@ pub struct Config {
     pub scene: SceneConfig,
     /// `[[views]]`.
     pub views: Vec<ViewConfig>,
+    /// `[[bodies]]`.
+    pub bodies: Vec<BodyConfig>,
+    /// `[[asteroid_fields]]`.
+    pub asteroid_fields: Vec<FieldConfig>,
+    /// `[asteroids]`.
+    pub asteroids: AsteroidSettings,
     /// `[stars]`.
     pub stars: StarSettings,
     /// `[glare]`.
@@ -64,7 +77,7 @@ pub struct Config {
     pub server: ServerConfig,
 }
 
-/// Everything but the views, which are read one by one because their keys depend on their type.
+/// Everything but the views, bodies and fields, which are read one by one, so that messages have their names.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Sections {
@@ -72,6 +85,12 @@ struct Sections {
     scene: SceneConfig,
     #[serde(default)]
     views: Vec<Table>,
+    #[serde(default)]
+    bodies: Vec<Table>,
+    #[serde(default)]
+    asteroid_fields: Vec<Table>,
+    #[serde(default)]
+    asteroids: AsteroidSettings,
     #[serde(default)]
     stars: StarSettings,
     #[serde(default)]
@@ -124,12 +143,12 @@ impl Config {
 
     fn from_table(table: Table, origin: &str, folder: &Path) -> Result<Self, Fault> {
         let sections: Sections = document::deserialise(Value::Table(table), "")?;
-        let mut views = Vec::with_capacity(sections.views.len());
-        for (index, table) in sections.views.into_iter().enumerate() {
-            let name = table.get("name").and_then(Value::as_str).map(str::to_owned);
-            let place = |fault: Fault| view_fault(index, name.as_deref(), fault);
-            let view = ViewConfig::from_table(table).map_err(place)?;
-            views.push(view);
+        let views = each(&VIEWS, sections.views, ViewConfig::from_table)?;
+        let bodies = each(&BODIES, sections.bodies, BodyConfig::from_table)?;
+        let asteroid_fields = each(&FIELDS, sections.asteroid_fields, FieldConfig::from_table)?;
+        let mut asteroids = sections.asteroids;
+        if !asteroids.cache.as_os_str().is_empty() {
+            asteroids.cache = folder.join(&asteroids.cache);
         }
         let mut stars = sections.stars;
         stars.psf_texture.file = stars.psf_texture.file.map(|file| folder.join(file));
@@ -140,6 +159,9 @@ impl Config {
             folder: folder.to_owned(),
             scene: sections.scene,
             views,
+            bodies,
+            asteroid_fields,
+            asteroids,
             stars,
             glare,
             exposure: sections.exposure,
@@ -148,6 +170,12 @@ impl Config {
             server: sections.server,
         };
         config.scene.check().map_err(|fault| fault.within("scene"))?;
+        check_names(config.bodies.iter().map(|body| body.name.as_str()), MOST_BODIES)
+            .map_err(|(index, error)| config.fault_of_body(index, bodies::body_fault(&error)))?;
+        let specs = config.specs()?;
+        check_fields(specs.iter().map(Arc::as_ref))
+            .map_err(|(index, error)| config.fault_of_field(index, bodies::body_fault(&error)))?;
+        asteroids::check_settings(&config.asteroids).map_err(|fault| fault.within("asteroids"))?;
         limits::check_stars(&config.stars).map_err(|fault| fault.within("stars"))?;
         glare::check(&config.glare).map_err(|fault| fault.within("glare"))?;
         limits::check_exposure(&config.exposure).map_err(|fault| fault.within("exposure"))?;
@@ -162,9 +190,9 @@ impl Config {
         for (index, config) in self.views.iter().enumerate() {
             if let Some(first) = self.views[..index].iter().position(|other| other.name == config.name) {
                 let problem = format!("views[{first}] has this name too: names must be unique");
-                return Err(view_fault(index, Some(&config.name), Fault::new("name", problem)));
+                return Err(VIEWS.fault(index, Some(&config.name), Fault::new("name", problem)));
             }
-            views.push(config.view().map_err(|fault| view_fault(index, Some(&config.name), fault))?);
+            views.push(config.view().map_err(|fault| VIEWS.fault(index, Some(&config.name), fault))?);
         }
         Rig::new(views).map_err(|error| Fault::new("views", error.to_string()))
     }
@@ -187,12 +215,47 @@ impl Config {
     pub fn render_settings(&self) -> RenderSettings {
         RenderSettings {
             stars: self.stars.clone(),
-            asteroids: AsteroidSettings::default(),
+            asteroids: self.asteroids.clone(),
             glare: self.glare.clone(),
             exposure: self.exposure,
             tone_map: self.tone_map,
             accuracy: self.accuracy,
         }
+    }
+
+    fn fault_of_body(&self, index: usize, fault: Fault) -> Fault {
+        BODIES.fault(index, self.bodies.get(index).map(|body| body.name.as_str()), fault)
+    }
+
+    fn fault_of_field(&self, index: usize, fault: Fault) -> Fault {
+        FIELDS.fault(index, self.asteroid_fields.get(index).map(|field| field.name.as_str()), fault)
+    }
+
+    fn specs(&self) -> Result<Vec<Arc<FieldSpec>>, Fault> {
+        let spec = |(index, field): (usize, &FieldConfig)| {
+            field.spec(&self.folder).map(Arc::new).map_err(|fault| self.fault_of_field(index, fault))
+        };
+        self.asteroid_fields.iter().enumerate().map(spec).collect()
+    }
+
+    /// What the asteroid fields are made from, with paths that start at the working directory or the root.
+    pub fn field_specs(&self) -> Result<Vec<Arc<FieldSpec>>, ConfigError> {
+        self.specs().map_err(|fault| self.error(fault))
+    }
+
+    /// Bodies and asteroid fields at the configuration's time. Reads textures and shapes, and places the asteroids, which
+    /// takes about a second for each million.
+    pub fn objects(&self) -> Result<SceneObjects, ConfigError> {
+        let body = |(index, config): (usize, &BodyConfig)| {
+            let loaded = config.load(&self.folder).map_err(|fault| self.fault_of_body(index, fault));
+            loaded.map(Arc::new).map_err(|fault| self.error(fault))
+        };
+        let bodies = self.bodies.iter().enumerate().map(body).collect::<Result<_, _>>()?;
+        let made = make_fields(&self.field_specs()?, &[]).map_err(|(index, error): (usize, SpecError)| {
+            self.error(self.fault_of_field(index, asteroids::spec_fault(&error)))
+        })?;
+        let fields = made.into_iter().map(|made| made.field).collect();
+        Ok(SceneObjects { bodies, fields, time_s: self.scene.time_s() })
     }
 
     /// The star catalogues, with paths that start at the working directory or the root.
@@ -213,8 +276,31 @@ impl Config {
     }
 }
 
-/// A fault of a view: the path by index, and the view's name after it.
-fn view_fault(index: usize, name: Option<&str>, fault: Fault) -> Fault {
-    let key = join(&format!("views[{index}]"), &fault.key);
-    Fault { key: name.map_or(key.clone(), |name| format!("{key} (view `{name}`)")), ..fault }
+/// A list of named tables.
+struct Named {
+    /// Key of the list.
+    list: &'static str,
+    /// What one of them is.
+    one: &'static str,
+}
+
+const VIEWS: Named = Named { list: "views", one: "view" };
+const BODIES: Named = Named { list: "bodies", one: "body" };
+const FIELDS: Named = Named { list: "asteroid_fields", one: "field" };
+
+impl Named {
+    /// A fault of one of them: the path by index, and the name after it.
+    fn fault(&self, index: usize, name: Option<&str>, fault: Fault) -> Fault {
+        let key = join(&format!("{}[{index}]", self.list), &fault.key);
+        Fault { key: name.map_or(key.clone(), |name| format!("{key} ({} `{name}`)", self.one)), ..fault }
+    }
+}
+
+/// Reads tables one by one.
+fn each<T>(named: &Named, tables: Vec<Table>, read: impl Fn(Table) -> Result<T, Fault>) -> Result<Vec<T>, Fault> {
+    let read = |(index, table): (usize, Table)| {
+        let name = table.get("name").and_then(Value::as_str).map(str::to_owned);
+        read(table).map_err(|fault| named.fault(index, name.as_deref(), fault))
+    };
+    tables.into_iter().enumerate().map(read).collect()
 }

@@ -3,7 +3,7 @@
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{Error, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer};
-use toml::value::Datetime;
+use toml::value::{Date, Datetime, Offset, Time};
 
 use super::error::Fault;
 use crate::catalogue::galaxy::MOST_STARS;
@@ -154,6 +154,37 @@ impl SceneConfig {
     }
 }
 
+impl SceneConfig {
+    /// [`Self::time`] in s since 2000-01-01T12:00:00Z. Days have 86,400 s: leap seconds are left out, and a 60th second is
+    /// the first of the next minute.
+    pub fn time_s(&self) -> f64 {
+        let (date, time) = (self.time.date.unwrap_or(J2000.0), self.time.time.unwrap_or(J2000.1));
+        let days = days_since_1970(i64::from(date.year), i64::from(date.month), i64::from(date.day))
+            - days_since_1970(2000, 1, 1);
+        let offset_min = match self.time.offset {
+            Some(Offset::Custom { minutes }) => i64::from(minutes),
+            Some(Offset::Z) | None => 0,
+        };
+        let minutes = i64::from(time.hour) * 60 + i64::from(time.minute) - offset_min - 12 * 60;
+        let seconds = days * 86_400 + minutes * 60 + i64::from(time.second.unwrap_or(0));
+        seconds as f64 + f64::from(time.nanosecond.unwrap_or(0)) * 1e-9
+    }
+}
+
+/// What a date or a time that is missing would count as; [`SceneConfig::check`] refuses those.
+const J2000: (Date, Time) =
+    (Date { year: 2000, month: 1, day: 1 }, Time { hour: 12, minute: 0, second: Some(0), nanosecond: None });
+
+/// Days from 1970-01-01 to a date of the Gregorian calendar, by eras of 400 years that begin in March (H. Hinnant,
+/// "chrono-Compatible Low-Level Date Algorithms").
+fn days_since_1970(year: i64, month: i64, day: i64) -> i64 {
+    let year = if month <= 2 { year - 1 } else { year };
+    let era = year.div_euclid(400);
+    let year_of_era = year.rem_euclid(400);
+    let day_of_year = (153 * ((month + 9) % 12) + 2) / 5 + day - 1;
+    era * 146_097 + year_of_era * 365 + year_of_era / 4 - year_of_era / 100 + day_of_year - 719_468
+}
+
 impl GalaxyConfig {
     fn check(&self) -> Result<(), Fault> {
         if self.stars == 0 || self.stars > MOST_STARS {
@@ -165,6 +196,28 @@ impl GalaxyConfig {
                 format!("{magnitude}: a finite magnitude is needed; leave the key out for no limit"),
             )),
             _ => Ok(()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_count_from_noon_of_the_first_of_january_2000() {
+        // Unix times as `date -d` prints them, less 946,728,000.
+        for (text, unix_s) in [
+            ("2000-01-01T12:00:00Z", 946_728_000.0),
+            ("1970-01-01T00:00:00Z", 0.0),
+            ("2000-02-29T00:00:00Z", 951_782_400.0),
+            ("2026-01-01T00:00:00Z", 1_767_225_600.0),
+            ("2031-05-06T07:08:09.5+02:00", 1_935_810_489.5),
+            ("1900-03-01T00:00:00-01:30", -2_203_885_800.0),
+            ("2016-12-31T23:59:60Z", 1_483_228_800.0),
+        ] {
+            let scene = SceneConfig { time: text.parse().unwrap(), ..SceneConfig::default() };
+            assert_eq!(scene.time_s(), unix_s - 946_728_000.0, "{text}");
         }
     }
 }

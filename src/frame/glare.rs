@@ -9,6 +9,7 @@ use crate::{
     photometry::glare::GlareKernelError,
     plan::{
         glare_pyramid::PyramidAxes,
+        object_glare::Source,
         settings::{GlareMethod, GlareSettings},
         tiles::Batch,
     },
@@ -45,6 +46,8 @@ pub(super) struct GlareFrame<'a> {
     /// The same as shaders read them.
     pub encoded_viewports: &'a wgpu::Buffer,
     pub partial_sums: &'a wgpu::Buffer,
+    /// What scatters besides the stars in the eye of each viewport; empty: nothing.
+    pub object_sources: &'a [Vec<Source>],
     pub batches: Vec<GlareBatch<'a>>,
 }
 

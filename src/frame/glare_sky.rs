@@ -1,7 +1,10 @@
 //! Recording `sky_cube`: the map of the sky is made when the scene, the camera's place or the settings have changed, and kept
 //! until they do again; what depends on where the views look is made for every frame.
 
-use std::sync::{Arc, OnceLock};
+use std::{
+    f64::consts::PI,
+    sync::{Arc, OnceLock},
+};
 
 use super::{glare::GlareFrame, record::begin_pass};
 use crate::{
@@ -17,6 +20,7 @@ use crate::{
     },
     plan::{
         glare_sky::{FINEST_CELLS, SkyGlare, SkyGlareSettings, SpriteCell, eye_class_m, pixel_class_rad},
+        object_glare::PointOfLight,
         settings::GlareSettings,
     },
     relativity::Motion,
@@ -90,6 +94,16 @@ pub(super) struct GlareSky {
 
 fn pixel_class(viewport: &Viewport) -> f64 {
     pixel_class_rad(viewport.projection.middle_pixel_rad())
+}
+
+/// A source of one eye.
+fn encode_near((direction, light): PointOfLight, reach_rad: f64, parts: u32) -> layout::GlareNear {
+    layout::GlareNear {
+        direction: direction.as_vec3().to_array(),
+        reach: (2.0 * (0.5 * reach_rad.min(PI)).sin()) as f32,
+        light: light.map(|channel| channel as f32),
+        parts,
+    }
 }
 
 /// A buffer of a list, with one item of nothing if it is empty: a binding must hold one at least.
@@ -271,16 +285,18 @@ impl GlareSky {
         let views: Vec<layout::GlareView> = frame
             .viewports
             .iter()
-            .map(|viewport| {
+            .enumerate()
+            .map(|(number, viewport)| {
                 let class = pixel_class(viewport);
                 let index = held.key.settings.pixel_classes_rad.partition_point(|other| *other < class);
                 let first_near = near.len() as u32;
-                let of_eye = sky.near_for(viewport.eye_offset_m / PARSEC_M, scene.motion);
-                near.extend(of_eye.iter().map(|(direction, light)| layout::GlareNear {
-                    direction: direction.as_vec3().to_array(),
-                    light: light.map(|channel| channel as f32),
-                    ..Default::default()
-                }));
+                for (direction, light) in sky.near_for(viewport.eye_offset_m / PARSEC_M, scene.motion) {
+                    near.push(encode_near((direction, light), 0.0, 0));
+                }
+                for source in frame.object_sources.get(number).into_iter().flatten() {
+                    near.push(encode_near(source.whole, source.reach_rad, source.parts.len() as u32));
+                    near.extend(source.parts.iter().map(|part| encode_near(*part, 0.0, 0)));
+                }
                 let class = &sky.classes[index];
                 layout::GlareView {
                     core: class.shown.core.coefficients.map(|coefficient| coefficient as f32),
@@ -288,7 +304,7 @@ impl GlareSky {
                     greatest_inverse: (1.0 / class.least_squared) as f32,
                     first_point: map_points(sky.levels[0].edge_cells) * index as u32,
                     first_near,
-                    near_count: of_eye.len() as u32,
+                    near_count: near.len() as u32 - first_near,
                 }
             })
             .collect();

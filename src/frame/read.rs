@@ -1,7 +1,7 @@
 //! Reading a frame back: images, exposure, counters and times.
 
 use super::{
-    Frame, FrameImage, FrameTimes, ViewStatistics,
+    AsteroidCounts, Frame, FrameImage, FrameTimes, ViewStatistics,
     record::Places,
     renderer::{DISPLAY_BYTES, Prepared, RenderError, Renderer},
 };
@@ -13,7 +13,7 @@ use crate::{
 
 impl Renderer {
     pub(super) fn read(&mut self, prepared: &Prepared, rig: &Rig, places: &Places) -> Result<Frame, RenderError> {
-        let Self { gpu, readback, timer, .. } = self;
+        let Self { gpu, readback, timer, asteroids, .. } = self;
         let gpu = &*gpu;
         let counters: Vec<u32> = readback.read(gpu, places.counters, places.counter_count)?;
         if counters[OVERFLOW_COUNTER] > 0 {
@@ -56,7 +56,11 @@ impl Renderer {
                 hdr.extend(red_green.iter().zip(&blue_omega).map(|([r, g], [b, omega])| [*r, *g, *b, *omega]));
             }
         }
-        let views = statistics(prepared, rig, &counters, &passes_ms);
+        let mut views = statistics(prepared, rig, &counters, &passes_ms);
+        if let (Some(plan), Some(places)) = (&prepared.asteroids, places.asteroids) {
+            let counts = asteroids.read_counts(gpu, readback, places, plan, views.len())?;
+            views.iter_mut().zip(counts).for_each(|(view, counts)| view.asteroids = counts);
+        }
         Ok(Frame {
             number: 0,
             scene_revision: 0,
@@ -95,6 +99,7 @@ fn statistics(
             name: view.name.clone(),
             stars_drawn: u64::from(drawn[index]),
             stars_in_map: 0,
+            asteroids: AsteroidCounts::default(),
             gpu_ms: (!passes_ms.is_empty()).then(|| {
                 time_of(true) * f64::from(drawn[index]) / all_drawn + time_of(false) * pixels_of(index) / all_pixels
             }),

@@ -2,6 +2,7 @@
 
 use super::{
     Wanted,
+    asteroids::{Asteroids, CountPlaces},
     blended::{self, BlendedFrame},
     geometry::encode_points,
     glare::{GlareBatch, GlareFrame},
@@ -32,6 +33,7 @@ pub(super) struct Places {
     pub(super) counters: ReadbackPlace,
     pub(super) counter_count: usize,
     pub(super) exposure: ReadbackPlace,
+    pub(super) asteroids: Option<CountPlaces>,
     pub(super) ticks: Option<ReadbackPlace>,
     /// Per viewport and tile of it, in order of rows: place of the display rows and of the HDR rows.
     pub(super) tiles: Vec<TilePlace>,
@@ -65,7 +67,7 @@ impl Renderer {
         }
         self.batch_buffers.truncate(prepared.batches.len().max(1));
         let order = self.catalogue_order;
-        let Self { gpu, timer, batch_buffers, readback, item_buffers, blended, geometry, glare, .. } = self;
+        let Self { gpu, timer, batch_buffers, readback, item_buffers, blended, geometry, asteroids, glare, .. } = self;
         let gpu = &*gpu;
         timer.begin();
 
@@ -113,12 +115,19 @@ impl Renderer {
         let geometry_frame =
             prepared.bodies.as_ref().map(|plan| geometry.begin(gpu, &snapshot.objects, plan, &prepared.batches));
         if let Some(frame) = &geometry_frame {
-            let mut pass = begin_pass(&mut encoder, timer, "geometry");
+            let asteroid_plan = prepared.asteroids.as_ref();
+            if let Some(plan) = asteroid_plan {
+                asteroids.record_cull(gpu, &mut encoder, timer, plan);
+            }
             for (index, batch) in prepared.batches.iter().enumerate() {
                 for (number, tile) in batch.tiles.iter().enumerate() {
                     let width = prepared.viewports[tile.viewport].size()[0];
                     let buffers = (&viewports, &tile_buffers[index]);
-                    geometry.record_tile(gpu, &mut pass, frame, (index, number as u32), tile, width, None, buffers);
+                    let drawn = asteroid_plan.filter(|plan| plan.draws(tile.viewport));
+                    let layers = drawn.and_then(|plan| asteroids.record_layers(gpu, &mut encoder, timer, plan, tile));
+                    let mut pass = begin_pass(&mut encoder, timer, "geometry");
+                    let place = (index, number as u32);
+                    geometry.record_tile(gpu, &mut pass, frame, place, tile, width, layers.as_ref(), buffers);
                 }
             }
         } else {
@@ -242,6 +251,11 @@ impl Renderer {
                     let point_pass = geometry.point_pass(gpu);
                     point_pass.record(gpu, &mut pass, range, &target, &high_words, &occlusion, (buffer, *count));
                 }
+                if let Some(plan) = &prepared.asteroids {
+                    let tiles = batch.tiles.len() as u32;
+                    let range = &prepared.ranges.main;
+                    asteroids.record_points(gpu, &mut pass, plan, range, &target, tiles, &high_words, &occlusion);
+                }
             }
             if let Some((range, low, bright_high)) = &bright {
                 encoder.clear_buffer(low, 0, Some(plane_bytes));
@@ -287,6 +301,7 @@ impl Renderer {
                 viewports: &prepared.viewports,
                 encoded_viewports: &viewports,
                 partial_sums: &partials,
+                object_sources: prepared.bodies.as_ref().map_or(&[], |plan| &plan.glare),
                 batches: batches.collect(),
             };
             let scene = SkyScene {
@@ -343,6 +358,7 @@ impl Renderer {
             let Wanted { display, hdr, .. } = wanted[viewport.view];
             needed += pixels * (u64::from(display) * DISPLAY_BYTES + u64::from(hdr) * BYTES_PER_PIXEL) + 4096;
         }
+        needed += prepared.asteroids.as_ref().map_or(0, Asteroids::count_bytes);
         readback.begin(needed);
         let mut tiles = Vec::new();
         for (batch, buffers) in prepared.batches.iter().zip(batch_buffers.iter_mut()) {
@@ -377,6 +393,7 @@ impl Renderer {
             counters: readback.copy(gpu, &mut encoder, &counters, 0, 4 * counter_count as u64),
             counter_count,
             exposure: readback.copy(gpu, &mut encoder, &exposure, 0, size_of::<layout::Exposure>() as u64),
+            asteroids: prepared.asteroids.as_ref().map(|plan| asteroids.copy_counts(gpu, &mut encoder, readback, plan)),
             ticks: timer.resolve(gpu, &mut encoder, readback),
             tiles,
         };

@@ -10,9 +10,11 @@ use glam::DVec3;
 
 use super::{
     Frame, Wanted,
+    asteroids::{AsteroidPlan, Asteroids},
     blended::{self, Blended},
     geometry::{self, Geometry},
     glare::Glare,
+    impostor_atlas::ImpostorAtlasError,
     published::Published,
     star_buffers::{ItemBuffers, StarBuffers},
 };
@@ -31,7 +33,7 @@ use crate::{
         view_bodies::{BodyPlan, plan_bodies},
     },
     relativity::Motion,
-    scene::SceneSnapshot,
+    scene::{SceneObjects, SceneSnapshot, bodies::suns},
     units::{PARSEC_M, illuminance_lx_from_magnitude},
     view::{Rig, Viewport},
 };
@@ -90,6 +92,45 @@ pub enum RenderError {
         "glare.method = `sky_cube` reads the catalogue, of which stars.method = `{0}` draws no star: set glare.method to auto, view_pyramid, screen_pyramid or none"
     )]
     GlareOfCatalogue(&'static str),
+    /// The scene has more asteroids than the adapter can bind at once.
+    #[error("{asteroids} asteroids in all fields: this adapter binds at most {limit} at once ({bytes} bytes)")]
+    TooManyAsteroids {
+        /// How many there are.
+        asteroids: u64,
+        /// How many there may be.
+        limit: u64,
+        /// Bytes of one binding.
+        bytes: u64,
+    },
+    /// An atlas of impostors cannot be made.
+    #[error(transparent)]
+    Impostors(#[from] ImpostorAtlasError),
+    /// A set of shapes has more meshes than culling can count.
+    #[error("field `{field}`: its shapes have {meshes} meshes at all levels of detail: at most {limit} are allowed")]
+    TooManyMeshes {
+        /// The field's name.
+        field: String,
+        /// How many there are.
+        meshes: usize,
+        /// How many there may be.
+        limit: usize,
+    },
+    /// A field has no shape, or a shape no mesh.
+    #[error("field `{field}`: it needs at least one shape, and every shape at least one mesh with triangles")]
+    NoShape {
+        /// The field's name.
+        field: String,
+    },
+    /// The lists of asteroids take more than the adapter can bind at once.
+    #[error(
+        "lists of up to {needed} asteroids for all views: this adapter holds {limit}: use fewer views or asteroids, or a lower asteroids.quality"
+    )]
+    AsteroidLists {
+        /// Entries needed.
+        needed: u64,
+        /// Entries there is room for.
+        limit: u64,
+    },
     /// A published star method leaves no room for anything else.
     #[error(
         "stars.method = `{0}` draws stars alone: bodies and asteroid fields need auto, bspline, tent or pixel_gaussian"
@@ -162,6 +203,7 @@ pub struct Renderer {
     pub(super) published: Published,
     pub(super) blended: Blended,
     pub(super) geometry: Geometry,
+    pub(super) asteroids: Asteroids,
     pub(super) glare: Glare,
     pub(super) timer: GpuTimer,
     pub(super) stars: Option<StarBuffers>,
@@ -197,6 +239,8 @@ pub(super) struct Prepared {
     pub(super) motion: Option<Motion>,
     /// Bodies and asteroids; `None`: there are none.
     pub(super) bodies: Option<BodyPlan>,
+    /// Fields of asteroids; `None`: there are none.
+    pub(super) asteroids: Option<AsteroidPlan>,
 }
 
 impl Renderer {
@@ -211,6 +255,7 @@ impl Renderer {
             published: Published::new(),
             blended: Blended::new(),
             geometry: Geometry::new(&gpu),
+            asteroids: Asteroids::new(),
             glare: Glare::new(),
             timer: GpuTimer::new(&gpu),
             stars: None,
@@ -327,7 +372,7 @@ impl Renderer {
             self.glare.hold_kernel(&settings.glare)?;
         }
         self.hold_stars(method, &snapshot.stars);
-        let prepared = self.prepare(snapshot, rig, settings, adapted_ev100);
+        let prepared = self.prepare(snapshot, rig, settings, adapted_ev100)?;
         let recorded = self.record(&prepared, snapshot, rig, settings, wanted, adapted_ev100);
         let plan_ms = start.elapsed().as_secs_f64() * 1e3;
         self.gpu.queue.submit([recorded.commands]);
@@ -359,6 +404,7 @@ impl Renderer {
         self.published.forget_buffers();
         self.blended.forget_buffers();
         self.geometry.release();
+        self.asteroids.release();
         self.glare.release();
         self.batch_buffers.clear();
         self.item_buffers = ItemBuffers::new();
@@ -375,12 +421,12 @@ impl Renderer {
     }
 
     fn prepare(
-        &self,
+        &mut self,
         snapshot: &SceneSnapshot,
         rig: &Rig,
         settings: &RenderSettings,
         adapted_ev100: Option<f64>,
-    ) -> Prepared {
+    ) -> Result<Prepared, RenderError> {
         let camera = &snapshot.camera;
         let motion = Motion::new(camera.velocity_c);
         let viewports = rig.viewports(camera.world_from_camera);
@@ -399,11 +445,15 @@ impl Renderer {
             Vec::new()
         };
         let cull_ms = start.elapsed().as_secs_f64() * 1e3;
-        let bodies =
+        let mut bodies =
             (!snapshot.objects.is_empty()).then(|| plan_bodies(&snapshot.objects, camera.position_m, &viewports));
+        let asteroids = self.plan_asteroids(&snapshot.objects, settings, &viewports, camera.position_m)?;
+        if let (Some(bodies), Some(asteroids)) = (&mut bodies, &asteroids) {
+            bodies.points.extend(asteroids.cut.unresolved.iter().map(|node| node.point));
+        }
         let other = bodies.as_ref().map_or_else(OtherLight::default, |bodies| OtherLight {
             points_lx: bodies.points.iter().map(|point| point.most_lx(&viewports)).collect(),
-            crowd_lx: 0.0,
+            crowd_lx: asteroids.iter().flat_map(|plan| &plan.cut.points_lx).copied().fold(0.0, f64::max),
         });
         let eyes_pc = distinct_eyes_pc(&viewports);
         let mut ranges = range::choose(&snapshot.stars, &visible, &eyes_pc, faintest_lx, motion, &other);
@@ -417,8 +467,9 @@ impl Renderer {
         if let Some(motion) = motion {
             plan.report.certificate.extend(travel::certificate(&snapshot.stars, &visible, &motion, &settings.accuracy));
         }
+        plan.report.certificate.extend(asteroids.iter().flat_map(|plan| plan.certificate.iter().cloned()));
         let encoded = viewports.iter().zip(&plan.kernels).map(|(v, kernels)| encode_viewport(v, kernels)).collect();
-        Prepared {
+        Ok(Prepared {
             viewports,
             batches,
             visible,
@@ -431,7 +482,24 @@ impl Renderer {
             faintest_lx,
             motion,
             bodies,
+            asteroids,
+        })
+    }
+
+    /// Holds and plans fields of asteroids; `None`: there are none.
+    fn plan_asteroids(
+        &mut self,
+        objects: &SceneObjects,
+        settings: &RenderSettings,
+        viewports: &[Viewport],
+        camera_m: DVec3,
+    ) -> Result<Option<AsteroidPlan>, RenderError> {
+        if objects.fields.is_empty() {
+            self.asteroids.release();
+            return Ok(None);
         }
+        self.asteroids.hold(&self.gpu, objects, &settings.asteroids)?;
+        self.asteroids.plan(&self.gpu, objects, &settings.asteroids, viewports, camera_m, &suns(objects))
     }
 }
 

@@ -14,7 +14,13 @@ pub(crate) fn uniform_buffer<T: NoUninit>(gpu: &Gpu, label: &str, data: &T) -> w
     filled_buffer(gpu, label, std::slice::from_ref(data), wgpu::BufferUsages::UNIFORM)
 }
 
-fn filled_buffer<T: NoUninit>(gpu: &Gpu, label: &str, data: &[T], usage: wgpu::BufferUsages) -> wgpu::Buffer {
+/// A buffer filled with `data` at creation, of that usage.
+pub(crate) fn filled_buffer<T: NoUninit>(
+    gpu: &Gpu,
+    label: &str,
+    data: &[T],
+    usage: wgpu::BufferUsages,
+) -> wgpu::Buffer {
     let bytes: &[u8] = bytemuck::cast_slice(data);
     let buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
         label: Some(label),

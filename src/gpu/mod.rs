@@ -2,19 +2,25 @@
 
 mod buffers;
 mod device;
+mod impostor_shaders;
 pub mod layout;
 pub mod probe;
 mod shaders;
 mod timing;
 mod viewport;
 
-pub(crate) use buffers::{GrowingBuffer, ReadbackBuffer, ReadbackPlace, storage_buffer, uniform_buffer};
+pub(crate) use buffers::{GrowingBuffer, ReadbackBuffer, ReadbackPlace, filled_buffer, storage_buffer, uniform_buffer};
 pub use device::{AdapterReport, Gpu, GpuError, GpuOptions};
+pub use impostor_shaders::AsteroidSource;
+pub(crate) use impostor_shaders::{
+    asteroid_impostor, asteroid_impostor_shade, impostor_bake, impostor_bake_sample, impostor_filter,
+};
 pub use shaders::{GlareSource, LuminanceSource, Profile, ShaderSource, sources};
 pub(crate) use shaders::{
-    billboard_fragment, billboard_vertex, count_stars, exposure, geometry, glare_assign, glare_base, glare_blur,
-    glare_combine, glare_composite, glare_find, glare_gather, glare_maximum, glare_sharpen, packed_cas,
-    packed_cas_sorted, points, resolve, resolve_luminance, stars, tone_map,
+    asteroid_cull, asteroid_mesh, asteroid_offsets, asteroid_points, asteroid_scan, asteroid_shade, billboard_fragment,
+    billboard_vertex, count_stars, exposure, geometry, glare_assign, glare_base, glare_blur, glare_combine,
+    glare_composite, glare_find, glare_gather, glare_maximum, glare_sharpen, packed_cas, packed_cas_sorted, points,
+    resolve, resolve_luminance, stars, tone_map,
 };
 pub(crate) use timing::GpuTimer;
 pub(crate) use viewport::encode_viewport;

@@ -15,9 +15,9 @@ pub struct ShaderSource {
     pub needs_u64: bool,
 }
 
-const VIEWPORT: &str = include_str!("../../shaders/shared/viewport.wgsl");
-const MATH: &str = include_str!("../../shaders/shared/math.wgsl");
-const PROJECTION: &str = include_str!("../../shaders/shared/projection.wgsl");
+pub(super) const VIEWPORT: &str = include_str!("../../shaders/shared/viewport.wgsl");
+pub(super) const MATH: &str = include_str!("../../shaders/shared/math.wgsl");
+pub(super) const PROJECTION: &str = include_str!("../../shaders/shared/projection.wgsl");
 const RELATIVITY: &str = include_str!("../../shaders/shared/relativity.wgsl");
 const DISPLAY: &str = include_str!("../../shaders/shared/display.wgsl");
 const EXPOSURE: &str = include_str!("../../shaders/shared/exposure.wgsl");
@@ -32,12 +32,15 @@ const SKY_CUBE: &str = include_str!("../../shaders/shared/sky_cube.wgsl");
 const GLARE_SPRITES: &str = include_str!("../../shaders/shared/glare_sprites.wgsl");
 const GLARE_SCALE: &str = include_str!("../../shaders/shared/glare_scale.wgsl");
 const GLARE_CONE: &str = include_str!("../../shaders/shared/glare_cone.wgsl");
+pub(super) const ASTEROID_INSTANCE: &str = include_str!("../../shaders/shared/asteroid_instance.wgsl");
+const ASTEROID_CLASS: &str = include_str!("../../shaders/shared/asteroid_class.wgsl");
+pub(super) const ASTEROID: &str = include_str!("../../shaders/shared/asteroid.wgsl");
 const PIXEL_GRID: &str = include_str!("../../shaders/shared/pixel_grid.wgsl");
 const SPLAT: &str = include_str!("../../shaders/shared/splat.wgsl");
 const ELLIPSOID: &str = include_str!("../../shaders/shared/ellipsoid.wgsl");
 const GEOMETRY: &str = include_str!("../../shaders/shared/geometry.wgsl");
 const OCCLUSION: &str = include_str!("../../shaders/shared/occlusion.wgsl");
-const REFLECTION: &str = include_str!("../../shaders/shared/reflection.wgsl");
+pub(super) const REFLECTION: &str = include_str!("../../shaders/shared/reflection.wgsl");
 
 /// What every pass needs that splats in fixed point, with 64-bit words or without.
 fn splatting(wide: bool) -> String {
@@ -333,6 +336,57 @@ pub fn glare_combine() -> ShaderSource {
     ShaderSource { name: "glare combine", entry_point: "combine_levels", text, needs_u64: false }
 }
 
+/// Culling and detail of asteroids: counts and lists.
+pub fn asteroid_cull() -> ShaderSource {
+    let cull = include_str!("../../shaders/asteroid_cull.wgsl");
+    let text = [VIEWPORT, MATH, PROJECTION, ASTEROID_INSTANCE, ASTEROID_CLASS, cull].concat();
+    ShaderSource { name: "asteroid cull", entry_point: "cull", text, needs_u64: false }
+}
+
+/// Turns counts of asteroids into places in their lists.
+pub fn asteroid_scan() -> ShaderSource {
+    let text = include_str!("../../shaders/asteroid_scan.wgsl").to_owned();
+    ShaderSource { name: "asteroid scan", entry_point: "scan", text, needs_u64: false }
+}
+
+/// Places the lists of asteroids and writes the arguments of their draws.
+pub fn asteroid_offsets() -> ShaderSource {
+    let text = include_str!("../../shaders/asteroid_offsets.wgsl").to_owned();
+    ShaderSource { name: "asteroid offsets", entry_point: "place_lists", text, needs_u64: false }
+}
+
+/// Asteroids that are points.
+pub fn asteroid_points(wide: bool) -> ShaderSource {
+    let phase = include_str!("../../shaders/shared/asteroid_phase.wgsl");
+    let points = include_str!("../../shaders/asteroid_points.wgsl");
+    ShaderSource {
+        name: if wide { "asteroid points u64" } else { "asteroid points u32" },
+        entry_point: "splat_asteroids",
+        text: [&splatting(wide), REFLECTION, ASTEROID_INSTANCE, ASTEROID_CLASS, phase, points].concat(),
+        needs_u64: wide,
+    }
+}
+
+/// What every shader that draws asteroids begins with.
+fn asteroid_drawing(name: &'static str, entry_point: &'static str, own: &str) -> ShaderSource {
+    let text = [VIEWPORT, MATH, PROJECTION, REFLECTION, ASTEROID_INSTANCE, ASTEROID, own].concat();
+    ShaderSource { name, entry_point, text, needs_u64: false }
+}
+
+/// Places the corners of asteroids' meshes.
+pub fn asteroid_mesh() -> ShaderSource {
+    let corner = include_str!("../../shaders/shared/asteroid_corner.wgsl");
+    let own = [corner, include_str!("../../shaders/asteroid_mesh.wgsl")].concat();
+    asteroid_drawing("asteroid mesh", "place_corner", &own)
+}
+
+/// Lights asteroids' meshes.
+pub fn asteroid_shade() -> ShaderSource {
+    let corner = include_str!("../../shaders/shared/asteroid_corner.wgsl");
+    let own = [corner, include_str!("../../shaders/asteroid_shade.wgsl")].concat();
+    asteroid_drawing("asteroid shade", "shade", &own)
+}
+
 /// The exposure pass.
 pub fn exposure() -> ShaderSource {
     let text = [EXPOSURE, include_str!("../../shaders/exposure.wgsl")].concat();
@@ -380,10 +434,18 @@ pub fn sources() -> Vec<ShaderSource> {
         glare_blur(PyramidAxes::Screen),
         glare_blur(PyramidAxes::View),
         glare_combine(),
+        asteroid_cull(),
+        asteroid_scan(),
+        asteroid_offsets(),
+        asteroid_points(true),
+        asteroid_points(false),
+        asteroid_mesh(),
+        asteroid_shade(),
         exposure(),
         tone_map(),
         projection_probe(),
     ];
     sources.extend(Profile::ALL.map(billboard_fragment));
+    sources.extend(super::impostor_shaders::sources());
     sources
 }

@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use super::encode::{EncodeError, Encoding, encode};
 use crate::files::write_whole;
-use crate::frame::Frame;
+use crate::frame::{AsteroidCounts, Frame};
 use crate::plan::FramePlan;
 use crate::view::Rig;
 
@@ -64,6 +64,8 @@ struct ManifestView<'a> {
     files: Vec<String>,
     stars_drawn: u64,
     stars_in_map: u64,
+    /// Asteroids by what they are drawn as.
+    asteroids: &'a AsteroidCounts,
     gpu_ms: Option<f64>,
     plan: &'a FramePlan,
 }
@@ -108,6 +110,7 @@ pub fn write_frame(
             files,
             stars_drawn: statistics.stars_drawn,
             stars_in_map: statistics.stars_in_map,
+            asteroids: &statistics.asteroids,
             gpu_ms: statistics.gpu_ms,
             plan: &frame.plan,
         })
@@ -155,6 +158,7 @@ mod tests {
                 name: view.name.clone(),
                 stars_drawn,
                 stars_in_map: 0,
+                asteroids: AsteroidCounts::default(),
                 gpu_ms: (stars_drawn == 3).then_some(1.5),
             })
             .collect();

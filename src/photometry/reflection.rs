@@ -1,14 +1,14 @@
 //! How surfaces reflect: two laws, scaled by the geometric albedo p, and the light of spheres that obey them.
 //!
-//! A surface that gets the illuminance E (measured across the light's direction) from an angle i off its normal has, seen from an
-//! angle e off it, the luminance L = p E / pi * f(cos i, cos e):
+//! A surface that gets the illuminance E (measured across the light's direction) from an angle i off its normal has,
+//! seen from an angle e off it, the luminance L = p E / pi * f(cos i, cos e):
 //!
 //! - Lambert: f = 1.5 cos i,
 //! - Lommel-Seeliger: f = 2 cos i / (cos i + cos e).
 //!
-//! Both are scaled such that a sphere at full phase gives p E (R / D)^2, as the definition of p asks for: 1.5 and 2 are the
-//! inverses of the mean of cos^2 i over the disc's projected area, and of 1/2. Away from full phase the light falls by the phase function, in
-//! closed form for both (Lester, McCall and Tatum 1979, "Theory of planetary photometry", JRASC 73, 233).
+//! Both are scaled such that a sphere at full phase gives p E (R / D)^2, as the definition of p asks for: over its disc
+//! cos i is 2/3 in the mean, and cos i / (cos i + cos e) is 1/2. Away from full phase the light falls by the phase
+//! function, in closed form for both (Lester, McCall and Tatum 1979, "Theory of planetary photometry", JRASC 73, 233).
 //!
 //! Units: rad, m, lx, cd/m^2.
 
@@ -22,7 +22,8 @@ use serde::{Deserialize, Serialize};
 pub enum ReflectionLaw {
     /// Equally bright from everywhere: L = (3 p / 2) E cos(i) / pi.
     Lambert,
-    /// Single scattering in a dark, powdery surface: L = 2 p E / pi * cos(i) / (cos(i) + cos(e)). At full phase the disc is flat.
+    /// Single scattering in a dark, powdery surface: L = 2 p E / pi * cos(i) / (cos(i) + cos(e)). At full phase the
+    /// disc is flat.
     #[default]
     LommelSeeliger,
 }
@@ -44,8 +45,8 @@ impl ReflectionLaw {
         Self::ALL.into_iter().find(|law| law.name() == name)
     }
 
-    /// The factor f of L = p E / pi * f, for the cosines of the angles of incidence and of emission. 0 where the light or the eye is
-    /// below the horizon.
+    /// The factor f of L = p E / pi * f, for the cosines of the angles of incidence and of emission. 0 where the light
+    /// or the eye is below the horizon.
     pub fn luminance_factor(self, cos_i: f64, cos_e: f64) -> f64 {
         if cos_i <= 0.0 || cos_e < 0.0 {
             return 0.0;
@@ -56,8 +57,8 @@ impl ReflectionLaw {
         }
     }
 
-    /// Light of a sphere at a phase angle (between the directions to the light and to the eye, both far), rad, 0 to pi, over that
-    /// at full phase.
+    /// Light of a sphere at a phase angle (between the directions to the light and to the eye, both far), rad, 0 to pi,
+    /// over that at full phase.
     pub fn phase_function(self, phase_rad: f64) -> f64 {
         let from_new_rad = (PI - phase_rad).clamp(0.0, PI);
         match self {
@@ -76,7 +77,8 @@ fn lambert_phase(d: f64) -> f64 {
     (d.sin() - d * d.cos()) / PI
 }
 
-/// 1 - sin(a / 2) tan(a / 2) ln(cot(a / 4)), from d = pi - a. With x = d / 2 this is 1 - cos^2 x / sin x * 2 artanh(tan(x / 2)).
+/// 1 - sin(a / 2) tan(a / 2) ln(cot(a / 4)), from d = pi - a. With x = d / 2 this is 1 - cos^2 x / sin x * 2
+/// artanh(tan(x / 2)).
 fn lommel_seeliger_phase(d: f64) -> f64 {
     let x = d / 2.0;
     if x < 3e-3 {
@@ -90,8 +92,8 @@ fn lommel_seeliger_phase(d: f64) -> f64 {
     1.0 - x.cos().powi(2) / x.sin() * 2.0 * half_tangent.atanh()
 }
 
-/// Illuminance that a sphere gives an eye far away, lx: p E (R / D)^2 times the phase function. `illuminance_lx` is what falls on the
-/// sphere.
+/// Illuminance that a sphere gives an eye far away, lx: p E (R / D)^2 times the phase function. `illuminance_lx` is
+/// what falls on the sphere.
 pub fn sphere_illuminance_lx(
     law: ReflectionLaw,
     geometric_albedo: f64,
@@ -107,8 +109,9 @@ pub fn sphere_illuminance_lx(
 mod tests {
     use super::*;
 
-    /// Light of a unit sphere at a phase angle from the luminance factor alone: the integral of f cos e over the part of the sphere that
-    /// is seen and lit, over pi, in luminance longitude and latitude (midpoint rule; the eye at longitude 0, the light at the phase angle).
+    /// Light of a unit sphere at a phase angle from the luminance factor alone: the integral of f cos e over the part
+    /// of the sphere that is seen and lit, over pi, in luminance longitude and latitude (midpoint rule; the eye at
+    /// longitude 0, the light at the phase angle).
     fn phase_by_quadrature(law: ReflectionLaw, phase_rad: f64, factor: f64) -> f64 {
         const N: usize = 1000;
         let [from, to] = [phase_rad - PI / 2.0, PI / 2.0];
@@ -184,7 +187,8 @@ mod tests {
 
     #[test]
     fn the_full_moon_has_its_magnitude() {
-        // Albedo 0.12, 1737 km at 384,400 km, in sunlight of magnitude -26.74: V = -12.7 (opposition surge left out: a little less).
+        // Albedo 0.12, 1737 km at 384,400 km, in sunlight of magnitude -26.74: V = -12.7 (opposition surge left out: a
+        // little less).
         let sun_lx = crate::units::illuminance_lx_from_magnitude(-26.74);
         let moon_lx = sphere_illuminance_lx(ReflectionLaw::LommelSeeliger, 0.12, sun_lx, 1.7374e6, 3.844e8, 0.0);
         let magnitude = crate::units::magnitude_from_illuminance_lx(moon_lx);

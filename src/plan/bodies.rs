@@ -1,14 +1,16 @@
-//! The light of a body as a whole: what a body that is smaller than a pixel is drawn with, and what a larger one must add up to.
+//! The light of a body as a whole: what a body that is smaller than a pixel is drawn with, and what a larger one must
+//! add up to.
 //!
-//! The illuminance at the eye is the integral of luminance over the solid angle of the visible disc. Divided by the semi-axes the body
-//! is the unit sphere, with the eye Q from its middle, and the disc is round: rings of w = Q sin(a), 0 to 1, a being the angle off the axis.
-//! A ring's element sin(a) da dphi is the solid angle in the shrunk space, and det(D) / |D u|^3 of it, D being
-//! the semi-axes and u the ray, is the solid angle in the world. That holds at every distance. The lit half is a half of the unit
-//! sphere too, so on each ring an arc is lit whose ends are known; the ring where arcs begin divides the rings in two spans. Nodes
-//! crowd at the ends of spans and arcs (t^3 (10 - 15 t + 6 t^2)), where the integrand is steep. Nodes are fixed: equal input, equal bits.
+//! The illuminance at the eye is the integral of luminance over the solid angle of the visible disc. Divided by the
+//! semi-axes the body is the unit sphere, with the eye Q from its middle, and the disc is round: rings of w = Q sin(a),
+//! 0 to 1, a being the angle off the axis. A ring's element sin(a) da dphi is the solid angle in the shrunk space, and
+//! det(D) / |D u|^3 of it, D being the semi-axes and u the ray, is the solid angle in the world. That holds at every
+//! distance. The lit half is a half of the unit sphere too, so on each ring an arc is lit whose ends are known; the
+//! ring where arcs begin divides the rings in two spans. Nodes crowd at the ends of spans and arcs (t^3 (10 - 15 t + 6
+//! t^2)), where the integrand is steep. Nodes are fixed: equal input, equal bits.
 //!
-//! Spheres without texture from farther than 100,000 radii have the closed forms of `photometry::reflection`; what these
-//! leave out is of the order of radius over distance.
+//! Spheres without texture from farther than 100,000 radii have the closed forms of `photometry::reflection`; what
+//! these leave out is of the order of radius over distance.
 
 use glam::DVec3;
 
@@ -24,10 +26,10 @@ const PLAIN_NODES: usize = 40;
 /// Fewest and most nodes across and around a disc with a texture.
 const TEXTURE_NODES: [usize; 2] = [128, 256];
 
-/// Illuminance that a body gives an eye at `eye_m` at a time, s: linear Rec. 709, lx, on a surface that faces it. Counts what it
-/// reflects of the suns ([`crate::scene::bodies::suns`]) and what it gives off itself, over the part of its surface that the eye sees; nothing that
-/// stands between. Good to 1e-4 without a texture and, as far as a texture's finest detail averages out, to 1e-3 with one. 0 for an eye within
-/// the body.
+/// Illuminance that a body gives an eye at `eye_m` at a time, s: linear Rec. 709, lx, on a surface that faces it.
+/// Counts what it reflects of the suns ([`crate::scene::bodies::suns`]) and what it gives off itself, over the part of
+/// its surface that the eye sees; nothing that stands between. Good to 1e-4 without a texture and, as far as a
+/// texture's finest detail averages out, to 1e-3 with one. 0 for an eye within the body.
 pub fn illuminance_of(body: &Body, eye_m: DVec3, suns: &[Sun], time_s: f64) -> [f64; 3] {
     illuminance_lit_by(body, eye_m, &lights_on(body, suns), time_s)
 }
@@ -94,8 +96,8 @@ impl Disc {
         (q > 1.0).then(|| Self { radii_m: seen.body().radii_m, q, axis: seen.eye() / q })
     }
 
-    /// Integral of a luminance, which is taken at points of the unit sphere, over the solid angle of the disc; only of the half that faces
-    /// `towards` (unit vector), if there is one.
+    /// Integral of a luminance, which is taken at points of the unit sphere, over the solid angle of the disc; only of
+    /// the half that faces `towards` (unit vector), if there is one.
     fn integrate(&self, towards: Option<DVec3>, nodes: usize, luminance: &dyn Fn(DVec3) -> [f64; 3]) -> [f64; 3] {
         use std::f64::consts::PI;
         let mut sum = [0.0; 3];
@@ -132,7 +134,8 @@ impl Disc {
         (sin / (sin / self.q).hypot(1.0 - cos / self.q)).min(1.0)
     }
 
-    /// Adds the rings of a span of w; `arc` gives the ends of the arc of a ring at cosine and sine off the axis, from `first` on.
+    /// Adds the rings of a span of w; `arc` gives the ends of the arc of a ring at cosine and sine off the axis, from
+    /// `first` on.
     fn span(
         &self,
         [from, to]: [f64; 2],

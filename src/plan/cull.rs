@@ -31,6 +31,26 @@ const WIDE_IN_FLIGHT: f64 = 1.5;
 /// Viewports that one frame may have: a chunk names those that see it in 64 bits.
 pub const MAX_VIEWPORTS: usize = 64;
 
+/// Inward unit normals, in view axes, of the planes through the eye and the edges of a flat picture (left, right, lower, upper), the
+/// picture widened by `margin_px`; none for pictures that are not flat.
+pub(crate) fn edge_planes(projection: &Projection, margin_px: f64) -> Vec<DVec3> {
+    let tangents = match projection {
+        Projection::Perspective(plane) => Some(plane.edge_tangents(margin_px)),
+        Projection::CubeFace(face) => Some(face.plane().edge_tangents(margin_px)),
+        Projection::Fisheye(_) | Projection::Equirectangular(_) => None,
+    };
+    tangents.map_or_else(Vec::new, |[left, right, down, up]| {
+        [
+            DVec3::new(1.0, 0.0, left),
+            DVec3::new(-1.0, 0.0, -right),
+            DVec3::new(0.0, 1.0, down),
+            DVec3::new(0.0, -1.0, -up),
+        ]
+        .map(DVec3::normalize)
+        .to_vec()
+    })
+}
+
 /// What a viewport can see, in world axes.
 #[derive(Clone, Debug)]
 struct Field {
@@ -47,21 +67,7 @@ impl Field {
     fn new(viewport: &Viewport, motion: Option<Motion>, margin_px: f64) -> Self {
         let cone = viewport.projection.mapping().bounding_cone(margin_px);
         let rotation = DMat3::from_quat(viewport.world_from_view);
-        let tangents = match &viewport.projection {
-            Projection::Perspective(plane) => Some(plane.edge_tangents(margin_px)),
-            Projection::CubeFace(face) => Some(face.plane().edge_tangents(margin_px)),
-            Projection::Fisheye(_) | Projection::Equirectangular(_) => None,
-        };
-        let planes = tangents.map_or_else(Vec::new, |[left, right, down, up]| {
-            [
-                DVec3::new(1.0, 0.0, left),
-                DVec3::new(-1.0, 0.0, -right),
-                DVec3::new(0.0, 1.0, down),
-                DVec3::new(0.0, -1.0, -up),
-            ]
-            .map(|normal| rotation * normal.normalize())
-            .to_vec()
-        });
+        let planes = edge_planes(&viewport.projection, margin_px).into_iter().map(|normal| rotation * normal).collect();
         Self {
             eye_pc: viewport.eye_offset_m / PARSEC_M,
             axis: rotation * cone.axis,

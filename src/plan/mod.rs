@@ -16,6 +16,7 @@ mod glare;
 pub mod glare_pyramid;
 pub mod glare_sky;
 mod kernels;
+pub mod object_glare;
 pub mod range;
 pub mod settings;
 mod star_method;

@@ -6,7 +6,10 @@
 
 use glam::{DMat3, DVec2, DVec3};
 
-use super::bodies::illuminance_of;
+use super::{
+    bodies::illuminance_of,
+    object_glare::{Source, body_sources},
+};
 use crate::{
     photometry::rec709::luminance,
     scene::{
@@ -69,6 +72,8 @@ pub struct BodyPlan {
     pub lights: Vec<Vec<(usize, [f64; 3])>>,
     /// The same of those that reach into its picture.
     pub in_view: Vec<Vec<(usize, [f64; 3])>>,
+    /// What scatters in each viewport's eye.
+    pub glare: Vec<Vec<Source>>,
 }
 
 impl PointSource {
@@ -164,6 +169,11 @@ pub fn plan_bodies(objects: &SceneObjects, camera_m: DVec3, viewports: &[Viewpor
         seen.sort_by(|a, b| surface_m(objects, a).total_cmp(&surface_m(objects, b)));
         plan.seen.push(seen);
         plan.in_view.push(in_view_of);
+        let glare = match same {
+            Some(other) => plan.glare[other].clone(),
+            None => body_sources(objects, eye_m, &lights),
+        };
+        plan.glare.push(glare);
         plan.lights.push(lights);
     }
     plan
@@ -179,7 +189,6 @@ fn surface_m(objects: &SceneObjects, seen: &BodyDisc) -> f64 {
     seen.distance_m * seen.centre.length() - objects.bodies[seen.body].radii_m.max_element()
 }
 
-#[expect(clippy::too_many_arguments, reason = "what is known of a body by then")]
 fn body_disc(
     number: usize,
     body: &Body,

@@ -1,8 +1,9 @@
 //! The truth of asteroid fields: every pixel's rays against the meshes themselves, in f64, in any projection.
 //!
-//! A pixel is divided into n x n squares of the image plane, and a ray goes through the middle of each, from the eye's place, exact
-//! in f64. It meets the meshes of one level of detail as they are: flat triangles, normals and albedo between the vertices by the
-//! corners' weights, as on the GPU. Nothing casts a shadow on anything else, no light is reflected twice, the eye is at rest.
+//! A pixel is divided into n x n squares of the image plane, and a ray goes through the middle of each, from the eye's
+//! place, exact in f64. It meets the meshes of one level of detail as they are: flat triangles, normals and albedo
+//! between the vertices by the corners' weights, as on the GPU. Nothing casts a shadow on anything else, no light is
+//! reflected twice, the eye is at rest.
 //!
 //! The instances that a pixel may show are found by its cone, down the tree of each field, first for squares of pixels.
 
@@ -20,8 +21,8 @@ use crate::{
 /// Pixels along a side of the squares that share a list of instances.
 const TILE: u32 = 8;
 
-/// Luminance of a surface under an illuminance of 1 lx, cd/m^2, from the albedo's factor at the point, the cosine of the light's
-/// angle to the normal and that of the eye's, both above 0.
+/// Luminance of a surface under an illuminance of 1 lx, cd/m^2, from the albedo's factor at the point, the cosine of
+/// the light's angle to the normal and that of the eye's, both above 0.
 pub type Shade<'a> = &'a (dyn Fn(f64, f64, f64) -> f64 + Sync);
 
 /// A field at a moment, in the light of a sun.

@@ -1,8 +1,10 @@
-//! Bodies in f64, ray by ray: every pixel is cut into n by n parts, and through the middle of each a ray goes to the nearest body.
+//! Bodies in f64, ray by ray: every pixel is cut into n by n parts, and through the middle of each a ray goes to the
+//! nearest body.
 //!
-//! A part counts by its solid angle, from the directions of the middles of its sides, so that pixels at a pole or far off the axis
-//! are right too. Parts beyond the rim of a round picture are left out. The luminance of a pixel is the mean over its solid angle
-//! of what its rays see; where they see no body, that is 0: stars and the sky behind are to be added with 1 - coverage.
+//! A part counts by its solid angle, from the directions of the middles of its sides, so that pixels at a pole or far
+//! off the axis are right too. Parts beyond the rim of a round picture are left out. The luminance of a pixel is the
+//! mean over its solid angle of what its rays see; where they see no body, that is 0: stars and the sky behind are to
+//! be added with 1 - coverage.
 //!
 //! The eye is at rest. Luminance in cd/m^2 as linear Rec. 709.
 
@@ -61,8 +63,8 @@ struct Target<'a> {
     least_cos: f64,
 }
 
-/// Draws the bodies of a scene for an eye at `eye_m` (world axes), whose view axes `world_from_view` takes to world axes, with
-/// `samples` by `samples` rays a pixel.
+/// Draws the bodies of a scene for an eye at `eye_m` (world axes), whose view axes `world_from_view` takes to world
+/// axes, with `samples` by `samples` rays a pixel.
 pub fn draw(
     objects: &SceneObjects,
     eye_m: DVec3,
@@ -143,8 +145,8 @@ fn pixel(
     if all > 0.0 { (luminance.map(|channel| channel / all), covered / all) } else { ([0.0; 3], 0.0) }
 }
 
-/// Solid angle of the part of the plane within `half` of `at` along both axes, sr, to the second order. Sides beyond the picture's
-/// rim are replaced by the middle.
+/// Solid angle of the part of the plane within `half` of `at` along both axes, sr, to the second order. Sides beyond
+/// the picture's rim are replaced by the middle.
 fn part_sr(mapping: &dyn PlaneMapping, at: DVec2, half: f64) -> f64 {
     let across = |axis: DVec2| {
         let end = |sign: f64| mapping.direction_from_pixel(at + axis * (sign * half));

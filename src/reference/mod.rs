@@ -9,6 +9,7 @@
 //! - `point_spread`: the kernels of that, as functions on the sphere;
 //! - `glare`: what light scatters into every direction, source by source;
 //! - `asteroids`: fields of asteroids, ray by ray against their meshes;
+//! - `impostors`: atlases of asteroids, what a method shows of them, and the mesh itself;
 //! - `triangle_solid_angle`: a published way to a pixel's solid angle, in the arithmetic of a shader.
 
 pub mod asteroids;
@@ -18,6 +19,7 @@ pub mod cell_sky;
 pub mod gaussian;
 pub mod glare;
 pub mod glare_pyramid;
+pub mod impostors;
 pub mod packed;
 pub mod point_spread;
 pub mod sky;

@@ -1,10 +1,12 @@
-//! Bodies: ellipsoids with a surface that reflects the light of the scene's suns, and suns, which give light themselves.
+//! Bodies: ellipsoids with a surface that reflects the light of the scene's suns, and suns, which give light
+//! themselves.
 //!
 //! Lengths in metres, angles in radians, luminance in cd/m^2, light as linear Rec. 709.
 //!
-//! An ellipsoid is the unit sphere, stretched along its axes: a point of its surface is named by the point of the sphere that it
-//! comes from (`seen`). The light of a sun comes from its middle, and falls on all of a body from one direction and with one illuminance,
-//! those at the body's middle: suns are far away, measured by the bodies they light. Bodies cast no shadows on each other.
+//! An ellipsoid is the unit sphere, stretched along its axes: a point of its surface is named by the point of the
+//! sphere that it comes from (`seen`). The light of a sun comes from its middle, and falls on all of a body from one
+//! direction and with one illuminance, those at the body's middle: suns are far away, measured by the bodies they
+//! light. Bodies cast no shadows on each other.
 
 mod check;
 mod emission;
@@ -17,11 +19,12 @@ use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
 
+pub(super) use self::check::{check_albedo, check_position};
 pub use self::{
     check::{BodyError, MOST_BODIES, check_name, check_names},
     preset::Preset,
     seen::{Hit, SeenBody, hides},
-    suns::{Light, Sun, lights_on, suns},
+    suns::{Light, Sun, lights_on, mean_radius_m, suns},
     texture::{MOST_TEXELS, Texture, TextureError},
 };
 pub use crate::photometry::reflection::ReflectionLaw;
@@ -31,7 +34,8 @@ pub use crate::photometry::reflection::ReflectionLaw;
 pub struct Surface {
     /// The law.
     pub law: ReflectionLaw,
-    /// Geometric albedo, of red, green and blue: a sphere of it at full phase is so many times as bright as a white Lambert disc.
+    /// Geometric albedo, of red, green and blue: a sphere of it at full phase is so many times as bright as a white
+    /// Lambert disc.
     pub geometric_albedo: [f64; 3],
     /// Factors on the albedo, over the body.
     pub texture: Option<Arc<Texture>>,

@@ -4,6 +4,9 @@ use tonic::Streaming;
 
 use super::{
     client::{Client, ClientError},
+    convert,
+    convert_objects::{body_from_pb, field_from_pb, time_from_pb},
+    objects::{BodyForm, Change, FieldForm},
     proto,
     scene::SceneUpdate,
     server::SceneCatalogue,
@@ -21,19 +24,38 @@ pub struct SceneForm {
     pub star_method: String,
     /// Faintest magnitude that is drawn.
     pub magnitude_limit: f64,
+    /// Its bodies.
+    pub bodies: Vec<BodyForm>,
+    /// Its fields of asteroids.
+    pub asteroid_fields: Vec<FieldForm>,
+    /// The moment that is shown, s since 2000-01-01T12:00:00Z.
+    pub time_s: f64,
+    /// What stands in for far asteroids, by name.
+    pub impostor: String,
+    /// Factor on the distances at which detail of asteroids is left out.
+    pub quality: f64,
 }
 
 impl TryFrom<proto::Scene> for SceneForm {
     type Error = ClientError;
 
     fn try_from(scene: proto::Scene) -> Result<Self, ClientError> {
-        let stars = scene.stars.ok_or(ClientError::Answer { field: "stars" })?;
+        let lacks = |field| ClientError::Answer { field };
+        let stars = scene.stars.ok_or(lacks("stars"))?;
+        let asteroids = scene.asteroids.ok_or(lacks("asteroids"))?;
+        let bodies: Result<_, String> = scene.bodies.into_iter().map(body_from_pb).collect();
+        let fields: Result<_, String> = scene.asteroid_fields.into_iter().map(field_from_pb).collect();
         let catalogue = |catalogue: proto::Catalogue| SceneCatalogue { name: catalogue.name, stars: catalogue.stars };
         Ok(Self {
             revision: scene.revision,
             catalogues: scene.catalogues.into_iter().map(catalogue).collect(),
             star_method: stars.method,
             magnitude_limit: stars.magnitude_limit,
+            bodies: bodies.map_err(|_| lacks("bodies"))?,
+            asteroid_fields: fields.map_err(|_| lacks("asteroid_fields"))?,
+            time_s: time_from_pb(scene.time).map_err(|_| lacks("time"))?,
+            impostor: asteroids.impostor,
+            quality: asteroids.quality,
         })
     }
 }
@@ -140,21 +162,45 @@ impl Client {
         update: &SceneUpdate,
         expected_revision: Option<u64>,
     ) -> Result<SceneForm, ClientError> {
-        let stars = proto::StarSettings {
-            method: update.star_method.map(|method| method.name().to_owned()).unwrap_or_default(),
-            magnitude_limit: update.magnitude_limit.unwrap_or_default(),
-        };
-        let named = [
-            update.star_method.is_some().then_some("stars.method"),
-            update.magnitude_limit.is_some().then_some("stars.magnitude_limit"),
-        ];
-        let paths = named.into_iter().flatten().map(str::to_owned).collect();
-        let request = proto::UpdateSceneRequest {
-            scene: Some(proto::Scene { stars: Some(stars), ..proto::Scene::default() }),
-            update_mask: Some(prost_types::FieldMask { paths }),
-            expected_revision,
-        };
+        let request = convert::scene_update_to_pb(update, expected_revision);
         self.scene.update_scene(request).await?.into_inner().try_into()
+    }
+
+    /// Adds a body, or changes the one of its name.
+    pub async fn put_body(
+        &mut self,
+        body: impl Into<BodyForm>,
+        expected_revision: Option<u64>,
+    ) -> Result<SceneForm, ClientError> {
+        let form: BodyForm = body.into();
+        let bodies = Change::put(&form.body.name.clone(), form);
+        self.update_scene(&SceneUpdate { bodies, ..SceneUpdate::default() }, expected_revision).await
+    }
+
+    /// Removes the body of a name.
+    pub async fn remove_body(&mut self, name: &str, expected_revision: Option<u64>) -> Result<SceneForm, ClientError> {
+        let update = SceneUpdate { bodies: Change::remove(name), ..SceneUpdate::default() };
+        self.update_scene(&update, expected_revision).await
+    }
+
+    /// Adds a field of asteroids, or changes the one of its name.
+    pub async fn put_asteroid_field(
+        &mut self,
+        field: FieldForm,
+        expected_revision: Option<u64>,
+    ) -> Result<SceneForm, ClientError> {
+        let asteroid_fields = Change::put(&field.name.clone(), field);
+        self.update_scene(&SceneUpdate { asteroid_fields, ..SceneUpdate::default() }, expected_revision).await
+    }
+
+    /// Removes the field of asteroids of a name.
+    pub async fn remove_asteroid_field(
+        &mut self,
+        name: &str,
+        expected_revision: Option<u64>,
+    ) -> Result<SceneForm, ClientError> {
+        let update = SceneUpdate { asteroid_fields: Change::remove(name), ..SceneUpdate::default() };
+        self.update_scene(&update, expected_revision).await
     }
 
     /// The scene and its changes.

@@ -3,6 +3,9 @@
 use glam::{DQuat, DVec3};
 
 use super::{
+    convert_objects::{
+        add_change, body_from_pb, body_to_pb, change_to_pb, field_from_pb, field_to_pb, time_from_pb, time_to_pb,
+    },
     proto,
     render::CameraUpdate,
     scene::{SceneState, SceneUpdate},
@@ -11,7 +14,7 @@ use super::{
 use crate::{
     gpu::AdapterReport,
     output::Encoding,
-    plan::settings::StarMethod,
+    plan::settings::{AsteroidSettings, ImpostorMethod, StarMethod},
     scene::Camera,
     verify::{CheckResult, Outcome},
     view::View,
@@ -116,6 +119,13 @@ pub(super) fn scene_to_pb(scene: &SceneState, catalogues: &[SceneCatalogue]) -> 
             method: scene.stars.method.name().to_owned(),
             magnitude_limit: scene.stars.magnitude_limit,
         }),
+        bodies: scene.objects.body_forms().iter().map(body_to_pb).collect(),
+        asteroid_fields: scene.objects.field_forms().iter().map(field_to_pb).collect(),
+        time: Some(time_to_pb(scene.objects.drawn.time_s)),
+        asteroids: Some(proto::AsteroidSettings {
+            impostor: scene.asteroids.impostor.name().to_owned(),
+            quality: scene.asteroids.quality,
+        }),
     }
 }
 
@@ -127,35 +137,102 @@ pub(super) fn star_method(name: &str) -> Result<StarMethod, String> {
     })
 }
 
+/// The impostor of a name; the error lists the names.
+fn impostor(name: &str) -> Result<ImpostorMethod, String> {
+    ImpostorMethod::from_name(name).ok_or_else(|| {
+        let names = ImpostorMethod::ALL.map(ImpostorMethod::name).join(", ");
+        format!("asteroids.impostor: unknown method `{name}`: allowed are {names}")
+    })
+}
+
 /// The fields that the mask names; the error tells what is wrong and what is allowed.
 pub(super) fn scene_update_from_pb(request: &proto::UpdateSceneRequest) -> Result<SceneUpdate, String> {
-    const ALLOWED: &str = "allowed are stars, stars.method, stars.magnitude_limit";
+    const ALLOWED: &str = "allowed are stars, stars.method, stars.magnitude_limit, time, asteroids, \
+                           asteroids.impostor, asteroids.quality, bodies, bodies.NAME, asteroid_fields, asteroid_fields.NAME";
     let paths = request.update_mask.as_ref().map_or(&[][..], |mask| &mask.paths);
     if paths.is_empty() {
         return Err(format!("update_mask names no field: {ALLOWED}"));
     }
-    let new = request.scene.as_ref().and_then(|scene| scene.stars.clone()).unwrap_or_default();
+    let scene = request.scene.clone().unwrap_or_default();
+    let (stars, asteroids) = (scene.stars.unwrap_or_default(), scene.asteroids.unwrap_or_default());
     let mut update = SceneUpdate::default();
     for path in paths {
-        let (method, limit) = match path.as_str() {
-            "stars" => (true, true),
-            "stars.method" => (true, false),
-            "stars.magnitude_limit" => (false, true),
-            "revision" | "catalogues" => return Err(format!("update_mask: `{path}` cannot be changed: {ALLOWED}")),
-            _ => return Err(format!("update_mask: no field `{path}`: {ALLOWED}")),
-        };
-        if method {
-            update.star_method = Some(star_method(&new.method).map_err(|problem| format!("stars.method: {problem}"))?);
+        let below = |list: &str| path.strip_prefix(list).filter(|rest| rest.is_empty() || rest.starts_with('.'));
+        if let Some(rest) = below("bodies") {
+            add_change(&mut update.bodies, "bodies", rest, &scene.bodies, |body| &body.name, body_from_pb)?;
+            continue;
         }
-        if limit {
-            if !(-100.0..=100.0).contains(&new.magnitude_limit) {
+        if let Some(rest) = below("asteroid_fields") {
+            let (change, given) = (&mut update.asteroid_fields, &scene.asteroid_fields);
+            add_change(change, "asteroid_fields", rest, given, |field| &field.name, field_from_pb)?;
+            continue;
+        }
+        let names = |whole: &str, part: &str| path == whole || path.strip_prefix(whole) == Some(part);
+        let known = ["stars", "stars.method", "stars.magnitude_limit", "time"];
+        let known = known.into_iter().chain(["asteroids", "asteroids.impostor", "asteroids.quality"]);
+        if matches!(path.as_str(), "revision" | "catalogues") {
+            return Err(format!("update_mask: `{path}` cannot be changed: {ALLOWED}"));
+        }
+        if !known.into_iter().any(|known| known == path) {
+            return Err(format!("update_mask: no field `{path}`: {ALLOWED}"));
+        }
+        if names("stars", ".method") {
+            let method = star_method(&stars.method).map_err(|problem| format!("stars.method: {problem}"))?;
+            update.star_method = Some(method);
+        }
+        if names("stars", ".magnitude_limit") {
+            if !(-100.0..=100.0).contains(&stars.magnitude_limit) {
                 let allowed = "allowed are magnitudes from -100 to 100";
-                return Err(format!("stars.magnitude_limit = {}: {allowed}", new.magnitude_limit));
+                return Err(format!("stars.magnitude_limit = {}: {allowed}", stars.magnitude_limit));
             }
-            update.magnitude_limit = Some(new.magnitude_limit);
+            update.magnitude_limit = Some(stars.magnitude_limit);
+        }
+        if path == "time" {
+            update.time_s = Some(time_from_pb(scene.time)?);
+        }
+        if names("asteroids", ".impostor") {
+            update.impostor = Some(impostor(&asteroids.impostor)?);
+        }
+        if names("asteroids", ".quality") {
+            AsteroidSettings::check_quality(asteroids.quality)
+                .map_err(|(key, problem)| format!("asteroids.{key} = {problem}"))?;
+            update.quality = Some(asteroids.quality);
         }
     }
     Ok(update)
+}
+
+/// The request that asks for a change.
+pub(super) fn scene_update_to_pb(update: &SceneUpdate, expected_revision: Option<u64>) -> proto::UpdateSceneRequest {
+    let named = [
+        update.star_method.is_some().then_some("stars.method"),
+        update.magnitude_limit.is_some().then_some("stars.magnitude_limit"),
+        update.time_s.is_some().then_some("time"),
+        update.impostor.is_some().then_some("asteroids.impostor"),
+        update.quality.is_some().then_some("asteroids.quality"),
+    ];
+    let (body_paths, bodies) = change_to_pb(&update.bodies, "bodies", body_to_pb);
+    let (field_paths, asteroid_fields) = change_to_pb(&update.asteroid_fields, "asteroid_fields", field_to_pb);
+    let paths = named.into_iter().flatten().map(str::to_owned).chain(body_paths).chain(field_paths).collect();
+    let scene = proto::Scene {
+        stars: Some(proto::StarSettings {
+            method: update.star_method.map(|method| method.name().to_owned()).unwrap_or_default(),
+            magnitude_limit: update.magnitude_limit.unwrap_or_default(),
+        }),
+        bodies,
+        asteroid_fields,
+        time: update.time_s.map(time_to_pb),
+        asteroids: Some(proto::AsteroidSettings {
+            impostor: update.impostor.map(|method| method.name().to_owned()).unwrap_or_default(),
+            quality: update.quality.unwrap_or_default(),
+        }),
+        ..proto::Scene::default()
+    };
+    proto::UpdateSceneRequest {
+        scene: Some(scene),
+        update_mask: Some(prost_types::FieldMask { paths }),
+        expected_revision,
+    }
 }
 
 pub(super) fn check_to_pb(result: CheckResult) -> proto::VerifyResult {
@@ -206,7 +283,8 @@ mod tests {
             (&["stars.magnitude_limit"], None, limit),
             (&["stars.magnitude_limit", "stars.method"], tent, limit),
         ] {
-            assert_eq!(update(paths), SceneUpdate { star_method, magnitude_limit }, "{paths:?}");
+            let expected = SceneUpdate { star_method, magnitude_limit, ..SceneUpdate::default() };
+            assert_eq!(update(paths), expected, "{paths:?}");
         }
         // A value that the mask does not name is not looked at.
         assert!(scene_update_from_pb(&request("dots", 6.5, &["stars.magnitude_limit"])).is_ok());

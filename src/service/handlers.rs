@@ -16,6 +16,7 @@ use super::{
     frames::FrameStream,
     proto,
     render::{Refused, RenderHandle, Room},
+    scene::SceneError,
     server::SceneCatalogue,
     slot::{RenderFailure, RenderedFrame},
 };
@@ -40,6 +41,8 @@ pub(super) struct Service {
     stars: u64,
     /// Streams of the scene.
     watchers: Arc<Semaphore>,
+    /// Calls that place asteroids: one at a time.
+    placing: Arc<Semaphore>,
     /// Calls of Verify: one at a time.
     verifying: Arc<Semaphore>,
     /// Calls of RenderFrame that are not finished yet, from the queue to the last encoded byte.
@@ -73,6 +76,7 @@ impl Service {
             catalogues: Arc::new(catalogues),
             stars,
             watchers: Arc::new(Semaphore::new(room.subscribers)),
+            placing: Arc::new(Semaphore::new(1)),
             verifying: Arc::new(Semaphore::new(1)),
             pending: Arc::new(Semaphore::new(room.requests)),
             encoders: Arc::new(Semaphore::new(cores)),
@@ -142,6 +146,13 @@ fn refused(refused: Refused) -> Status {
             "there are {most} streams already, the most there may be: end one first"
         )),
         Refused::Ending => Status::unavailable("the daemon is shutting down"),
+    }
+}
+
+fn unchanged(error: &SceneError) -> Status {
+    match error {
+        SceneError::Revision { .. } => Status::aborted(error.to_string()),
+        SceneError::Invalid(_) => Status::invalid_argument(error.to_string()),
     }
 }
 
@@ -225,8 +236,21 @@ impl proto::scene_service_server::SceneService for Service {
     ) -> Result<Response<proto::Scene>, Status> {
         let request = request.into_inner();
         let update = convert::scene_update_from_pb(&request).map_err(Status::invalid_argument)?;
-        let changed = self.render.update_scene(&update, request.expected_revision).map_err(refused)?;
-        let scene = changed.map_err(|mismatch| Status::aborted(mismatch.to_string()))?;
+        let expected = request.expected_revision;
+        let scene = self.render.scene().map_err(refused)?;
+        scene.expect(expected).map_err(|error| unchanged(&error))?;
+        let made = if update.places_asteroids() {
+            // One after the other: each may take all cores and much memory.
+            let _permit = self.placing.acquire().await.map_err(|_| refused(Refused::Ending))?;
+            let scene = self.render.scene().map_err(refused)?;
+            let placed = task::spawn_blocking(move || update.make(&scene)).await;
+            placed.map_err(|error| Status::internal(format!("placing asteroids failed: {error}")))?
+        } else {
+            update.make(&scene)
+        };
+        let made = made.map_err(Status::invalid_argument)?;
+        let changed = self.render.update_scene(&made, expected).map_err(refused)?;
+        let scene = changed.map_err(|error| unchanged(&error))?;
         Ok(Response::new(convert::scene_to_pb(&scene, &self.catalogues)))
     }
 

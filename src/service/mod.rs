@@ -11,17 +11,21 @@
 //! - [`Engine`] is what renders: the GPU renderer, or a small one in tests.
 //! - [`Client`] is the other end of the wire in plain Rust types.
 //!
-//! The camera is a slot: a pose that is overtaken before the next frame starts is never drawn. One frame serves everyone who
-//! waits for one. Settings of the scene that a client changes hold from the next frame on, for all views. A slow client drops frames (counted) and never slows the renderer or another client; a frame that fails
-//! fails for those who wait for it, and the daemon goes on; a renderer that panics ends the daemon with an error.
+//! The camera is a slot: a pose that is overtaken before the next frame starts is never drawn. One frame serves
+//! everyone who waits for one. What a client changes of the scene holds from the next frame on, for all views;
+//! asteroids are placed on blocking threads. A slow client drops frames (counted) and never slows the renderer or
+//! another client; a frame that fails fails for those who wait for it, and the daemon goes on; a renderer that panics
+//! ends the daemon with an error.
 
 mod client;
 mod client_scene;
 mod convert;
+mod convert_objects;
 mod engine;
 mod exposure;
 mod frames;
 mod handlers;
+mod objects;
 mod render;
 mod scene;
 mod schedule;
@@ -33,6 +37,7 @@ pub use client::{
     SceneForm, SceneReceiver, ServerInfo, ViewForm, ViewImageForm,
 };
 pub use engine::{Engine, EngineError};
+pub use objects::{BodyForm, Change, FieldForm, ShapesForm};
 pub use render::CameraUpdate;
 pub use scene::SceneUpdate;
 pub use server::{SceneCatalogue, ServeError, ServeOptions, Shutdown, run, signals};

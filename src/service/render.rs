@@ -1,7 +1,7 @@
 //! The render thread: it alone owns the engine. The other side reaches it through [`RenderHandle`].
 //!
 //! All that it is told stands under one lock, which is never held while a frame is rendered: the camera (a slot, the latest
-//! wins), how the scene's stars are drawn, requests for single frames (a bounded queue), and the subscribers, each with a latest-wins slot of its own. The
+//! wins), the scene but for its stars and how it is drawn, requests for single frames (a bounded queue), and the subscribers, each with a latest-wins slot of its own. The
 //! thread sleeps until a request is there or a subscriber is due, then renders **one** frame that serves all of them, with
 //! the camera that is the newest at that moment. Failure tests that a client asked for are run one at a time, each after a frame
 //! if one is due.
@@ -19,7 +19,8 @@ use tokio::sync::{oneshot, watch};
 use super::{
     engine::{Engine, EngineError},
     exposure::Adaptation,
-    scene::{RevisionMismatch, SceneState, SceneUpdate},
+    objects::Objects,
+    scene::{MadeUpdate, SceneError, SceneState},
     schedule::{Pace, Shown},
     slot::{RenderFailure, RenderedFrame, Slot},
 };
@@ -90,7 +91,7 @@ struct State {
     pose_time: SystemTime,
     /// Holds `None` when there will be no more changes.
     scene: watch::Sender<Option<SceneState>>,
-    /// The settings of frames but for the stars, which the scene holds.
+    /// The settings of frames but for stars and asteroids, which the scene holds.
     settings: RenderSettings,
     verifications: VecDeque<Verification>,
     requests: VecDeque<Request>,
@@ -177,9 +178,9 @@ impl RenderHandle {
     /// changes any more.
     pub(super) fn update_scene(
         &self,
-        update: &SceneUpdate,
+        update: &MadeUpdate,
         expected_revision: Option<u64>,
-    ) -> Result<Result<SceneState, RevisionMismatch>, Refused> {
+    ) -> Result<Result<SceneState, SceneError>, Refused> {
         let state = self.shared.state();
         let scene = state.scene.borrow().clone().ok_or(Refused::Ending)?;
         let changed = scene.changed(update, expected_revision);
@@ -198,7 +199,7 @@ impl RenderHandle {
     ) -> Result<oneshot::Receiver<CheckResult>, Refused> {
         let mut state = self.shared.state();
         let scene = state.scene.borrow().clone().filter(|_| !state.draining).ok_or(Refused::Ending)?;
-        let mut settings = RenderSettings { stars: scene.stars, ..state.settings.clone() };
+        let mut settings = RenderSettings { stars: scene.stars, asteroids: scene.asteroids, ..state.settings.clone() };
         settings.stars.method = method.unwrap_or(settings.stars.method);
         let (reply, receiver) = oneshot::channel();
         state.verifications.push_back(Verification { check, settings, reply });
@@ -307,14 +308,21 @@ impl Drop for Farewell {
 pub(super) fn spawn(
     engine: Box<dyn Engine>,
     scene: SceneSnapshot,
+    objects: Objects,
     rig: Arc<Rig>,
     settings: RenderSettings,
     room: Room,
 ) -> std::io::Result<(RenderHandle, RenderThread)> {
+    let shown = SceneState {
+        revision: scene.revision,
+        stars: settings.stars.clone(),
+        asteroids: settings.asteroids.clone(),
+        objects,
+    };
     let state = State {
         camera: scene.camera,
         pose_time: SystemTime::now(),
-        scene: watch::Sender::new(Some(SceneState { revision: scene.revision, stars: settings.stars.clone() })),
+        scene: watch::Sender::new(Some(shown.clone())),
         settings: settings.clone(),
         verifications: VecDeque::new(),
         requests: VecDeque::new(),
@@ -327,7 +335,7 @@ pub(super) fn spawn(
     let shared = Arc::new(Shared { state: Mutex::new(state), wake: Condvar::new(), room });
     let (sender, ended) = oneshot::channel();
     let farewell = Farewell { shared: Arc::clone(&shared), _ended: sender };
-    let worker = Worker { shared: Arc::clone(&shared), engine, scene, rig, settings };
+    let worker = Worker { shared: Arc::clone(&shared), engine, scene, shown, rig, settings };
     let join = thread::Builder::new().name("render".to_owned()).spawn(move || {
         // Dropped after the worker: whoever sees the end knows that the engine is gone too.
         let _farewell = farewell;
@@ -357,6 +365,8 @@ struct Worker {
     shared: Arc<Shared>,
     engine: Box<dyn Engine>,
     scene: SceneSnapshot,
+    /// What the last frame showed.
+    shown: SceneState,
     rig: Arc<Rig>,
     settings: RenderSettings,
 }
@@ -380,7 +390,10 @@ impl Worker {
             checked = false;
             self.scene.camera = job.camera;
             self.scene.revision = job.scene.revision;
+            self.scene.objects = Arc::clone(&job.scene.objects.drawn);
             self.settings.stars = job.scene.stars.clone();
+            self.settings.asteroids = job.scene.asteroids.clone();
+            self.shown = job.scene.clone();
             let shown = Shown { scene: self.scene.revision, camera: job.camera.revision };
             let (dt, changed) = last.map_or((Duration::ZERO, true), |(start, last)| (job.start - start, last != shown));
             let adapted_ev100 = adaptation.exposure(dt.as_secs_f64(), changed, &self.settings.exposure);
@@ -444,8 +457,7 @@ impl Worker {
                 return Some(Work::Check(verification));
             }
             if frame_due {
-                let stars = self.settings.stars.clone();
-                let scene = scene.unwrap_or(SceneState { revision, stars });
+                let scene = scene.unwrap_or_else(|| self.shown.clone());
                 return Some(Work::Frame(self.take_job(&mut state, scene, newest, exposure_converged, now)));
             }
             if state.stop {

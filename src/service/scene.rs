@@ -1,45 +1,102 @@
-//! What of the scene clients may change: how its stars are drawn. The render thread holds it, and every change is a revision.
+//! What of the scene clients may change: how its stars and asteroids are drawn, its bodies and fields, and the moment
+//! that is shown. The render thread holds it, and every change is a revision.
 
-use crate::plan::settings::{StarMethod, StarSettings};
+use super::objects::{BodyForm, Change, FieldForm, MadeChange, Objects};
+use crate::plan::settings::{AsteroidSettings, ImpostorMethod, StarMethod, StarSettings};
 
-/// How the scene is drawn, with its revision.
-#[derive(Clone, Debug, PartialEq)]
+/// The scene but for its stars, and how it is drawn, with its revision.
+#[derive(Clone, Debug)]
 pub(super) struct SceneState {
     /// Counts the changes.
     pub(super) revision: u64,
     /// How stars are drawn.
     pub(super) stars: StarSettings,
+    /// How asteroids are drawn.
+    pub(super) asteroids: AsteroidSettings,
+    /// Bodies and fields.
+    pub(super) objects: Objects,
 }
 
-/// Changes of the scene; what is `None` stays.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+/// Changes of the scene; what is `None` or [`Change::Nothing`] stays.
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct SceneUpdate {
     /// How stars are drawn.
     pub star_method: Option<StarMethod>,
     /// Faintest magnitude that is drawn, finite.
     pub magnitude_limit: Option<f64>,
+    /// The moment that is shown, s since 2000-01-01T12:00:00Z, of the years 1 to 9999.
+    pub time_s: Option<f64>,
+    /// What stands in for far asteroids.
+    pub impostor: Option<ImpostorMethod>,
+    /// Factor on the distances at which detail of asteroids is left out, 0.1 to 10.
+    pub quality: Option<f64>,
+    /// Bodies.
+    pub bodies: Change<BodyForm>,
+    /// Fields of asteroids.
+    pub asteroid_fields: Change<FieldForm>,
 }
 
-/// The scene has another revision than the one that a change was made for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("the scene has revision {found}, not {expected}: read it again")]
-pub(super) struct RevisionMismatch {
-    expected: u64,
-    found: u64,
+impl SceneUpdate {
+    /// Whether asteroids may have to be placed, which takes long.
+    pub(super) fn places_asteroids(&self) -> bool {
+        !self.asteroid_fields.is_nothing()
+    }
+
+    /// Makes what the change needs for a scene; the error says what is not allowed.
+    pub(super) fn make(&self, scene: &SceneState) -> Result<MadeUpdate, String> {
+        Ok(MadeUpdate {
+            star_method: self.star_method,
+            magnitude_limit: self.magnitude_limit,
+            impostor: self.impostor,
+            quality: self.quality,
+            objects: scene.objects.make(&self.bodies, &self.asteroid_fields, self.time_s)?,
+        })
+    }
+}
+
+/// A change for which everything is made: it takes no time any more.
+#[derive(Clone, Debug)]
+pub(super) struct MadeUpdate {
+    star_method: Option<StarMethod>,
+    magnitude_limit: Option<f64>,
+    impostor: Option<ImpostorMethod>,
+    quality: Option<f64>,
+    objects: MadeChange,
+}
+
+/// Why the scene stays as it is.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub(super) enum SceneError {
+    /// The scene has another revision than the one that a change was made for.
+    #[error("the scene has revision {found}, not {expected}: read it again")]
+    Revision {
+        /// What the change was made for.
+        expected: u64,
+        /// What the scene has.
+        found: u64,
+    },
+    /// The change is not allowed.
+    #[error("{0}")]
+    Invalid(String),
 }
 
 impl SceneState {
-    /// The scene after a change, if it has the revision expected.
-    pub(super) fn changed(
-        mut self,
-        update: &SceneUpdate,
-        expected_revision: Option<u64>,
-    ) -> Result<Self, RevisionMismatch> {
-        if let Some(expected) = expected_revision.filter(|expected| *expected != self.revision) {
-            return Err(RevisionMismatch { expected, found: self.revision });
+    /// Refuses changes that were made for another revision.
+    pub(super) fn expect(&self, revision: Option<u64>) -> Result<(), SceneError> {
+        match revision.filter(|expected| *expected != self.revision) {
+            Some(expected) => Err(SceneError::Revision { expected, found: self.revision }),
+            None => Ok(()),
         }
+    }
+
+    /// The scene after a change, if it has the revision expected.
+    pub(super) fn changed(mut self, update: &MadeUpdate, expected_revision: Option<u64>) -> Result<Self, SceneError> {
+        self.expect(expected_revision)?;
+        self.objects = self.objects.changed(&update.objects).map_err(SceneError::Invalid)?;
         self.stars.method = update.star_method.unwrap_or(self.stars.method);
         self.stars.magnitude_limit = update.magnitude_limit.unwrap_or(self.stars.magnitude_limit);
+        self.asteroids.impostor = update.impostor.unwrap_or(self.asteroids.impostor);
+        self.asteroids.quality = update.quality.unwrap_or(self.asteroids.quality);
         self.revision += 1;
         Ok(self)
     }

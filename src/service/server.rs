@@ -19,13 +19,18 @@ use tonic_web::GrpcWebLayer;
 use super::{
     engine::{Engine, EngineError},
     handlers::Service,
+    objects::Objects,
     proto::{
         self, camera_service_server::CameraServiceServer, diagnostics_service_server::DiagnosticsServiceServer,
         scene_service_server::SceneServiceServer, view_service_server::ViewServiceServer,
     },
     render::{self, RenderThread},
 };
-use crate::{plan::settings::RenderSettings, scene::SceneSnapshot, view::Rig};
+use crate::{
+    plan::settings::RenderSettings,
+    scene::{SceneSnapshot, asteroids::FieldSpec},
+    view::Rig,
+};
 
 /// A client that has not answered for this long is asked whether it is still there.
 const KEEPALIVE_INTERVAL: Duration = Duration::from_secs(20);
@@ -84,6 +89,8 @@ pub struct ServeOptions {
     pub scene: SceneSnapshot,
     /// Where the scene's stars come from.
     pub catalogues: Vec<SceneCatalogue>,
+    /// What the scene's asteroid fields were made from, one for each in their order.
+    pub asteroid_fields: Vec<Arc<FieldSpec>>,
     /// The views.
     pub rig: Rig,
     /// How they are drawn.
@@ -116,6 +123,7 @@ impl ServeOptions {
             engine,
             scene,
             catalogues: Vec::new(),
+            asteroid_fields: Vec::new(),
             rig,
             settings,
             ready: Box::new(ready),
@@ -152,6 +160,9 @@ pub enum ServeError {
         /// What the system says.
         source: io::Error,
     },
+    /// What was told of the asteroid fields is not of those of the scene.
+    #[error("asteroid fields: {0}")]
+    Fields(String),
     /// Signals cannot be received or a thread cannot be started.
     #[error("cannot set up the daemon: {0}")]
     System(#[from] io::Error),
@@ -280,6 +291,7 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
         engine,
         scene,
         catalogues,
+        asteroid_fields,
         rig,
         settings,
         ready,
@@ -288,6 +300,7 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
         pending_renders,
         subscribers,
     } = options;
+    let objects = Objects::new(Arc::clone(&scene.objects), &asteroid_fields).map_err(ServeError::Fields)?;
     let listener = bind(&listen).await?;
     let address = listener.local_addr()?;
     let mut shutdown = match shutdown {
@@ -307,7 +320,7 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
     let (rig, info) = (Arc::new(rig), engine.info());
     let stars = scene.stars.stars.len() as u64;
     let room = render::Room { requests: pending_renders, subscribers };
-    let (handle, mut thread) = render::spawn(engine, scene, Arc::clone(&rig), settings, room)?;
+    let (handle, mut thread) = render::spawn(engine, scene, objects, Arc::clone(&rig), settings, room)?;
     let service = Service::new(handle.clone(), rig, info, catalogues, stars, room);
 
     let (close, closed) = oneshot::channel::<()>();

@@ -11,13 +11,13 @@ use std::{
 
 use glam::{DQuat, DVec3};
 use steradian::{
-    frame::{Frame, FrameImage, FrameTimes, ViewStatistics, Wanted},
+    frame::{AsteroidCounts, Frame, FrameImage, FrameTimes, ViewStatistics, Wanted},
     gpu::AdapterReport,
     plan::{
         FramePlan,
-        settings::{RenderSettings, StarMethod},
+        settings::{AsteroidSettings, RenderSettings, StarMethod},
     },
-    scene::{Camera, SceneSnapshot},
+    scene::{Camera, SceneObjects, SceneSnapshot},
     service::{Client, Engine, EngineError, ServeError, ServeOptions, Shutdown, run},
     verify::{Check, CheckResult, Figure, Outcome},
     view::{Fov, Rig, View, ViewKind},
@@ -49,6 +49,8 @@ pub struct Controls {
     pub metered_ev100_per_m: Mutex<f64>,
     /// How the stars of each frame were drawn, and how many checks had been run before it.
     pub drawn: Mutex<Vec<(StarMethod, f64, u64)>>,
+    /// What the last frame showed besides stars, and how.
+    pub shown: Mutex<Option<(Arc<SceneObjects>, AsteroidSettings)>>,
     /// Checks begun.
     pub checks_started: AtomicU64,
     /// Methods that checks were run for.
@@ -92,6 +94,7 @@ impl Engine for TestEngine {
         let number = self.0.started.fetch_add(1, SeqCst);
         let (stars, checks) = (&settings.stars, self.0.checked.lock().unwrap().len() as u64);
         self.0.drawn.lock().unwrap().push((stars.method, stars.magnitude_limit, checks));
+        *self.0.shown.lock().unwrap() = Some((Arc::clone(&snapshot.objects), settings.asteroids.clone()));
         let closed = self.0.closed.lock().unwrap();
         drop(self.0.opened.wait_while(closed, |closed| *closed).unwrap());
         assert!(!self.0.panicking.load(SeqCst), "the test engine was told to panic");
@@ -121,8 +124,13 @@ impl Engine for TestEngine {
         }
         let metered_ev100 = *self.0.metered_ev100.lock().unwrap()
             + *self.0.metered_ev100_per_m.lock().unwrap() * snapshot.camera.position_m.x;
-        let statistics =
-            |view: &View| ViewStatistics { name: view.name.clone(), stars_drawn: 0, stars_in_map: 0, gpu_ms: None };
+        let statistics = |view: &View| ViewStatistics {
+            name: view.name.clone(),
+            stars_drawn: 0,
+            stars_in_map: 0,
+            asteroids: AsteroidCounts::default(),
+            gpu_ms: None,
+        };
         self.0.finished.fetch_add(1, SeqCst);
         Ok(Frame {
             number,

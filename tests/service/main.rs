@@ -5,6 +5,7 @@
 mod calls;
 mod daemon;
 mod lifecycle;
+mod objects;
 mod protocol;
 mod scene;
 mod streams;

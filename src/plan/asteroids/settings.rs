@@ -94,3 +94,39 @@ impl Default for AsteroidSettings {
         }
     }
 }
+
+/// Qualities that are allowed.
+const QUALITIES: [f64; 2] = [0.1, 10.0];
+
+impl AsteroidSettings {
+    /// Checks every number.
+    ///
+    /// # Errors
+    ///
+    /// The key at fault, and what is allowed.
+    pub fn check(&self) -> Result<(), (&'static str, String)> {
+        Self::check_quality(self.quality)?;
+        for (key, value, [least, most]) in [("tiles", self.tiles, [4, 64]), ("tile_px", self.tile_px, [8, 256])] {
+            if !(value.is_power_of_two() && (least..=most).contains(&value)) {
+                return Err((key, format!("{value}: allowed are powers of two from {least} to {most}")));
+            }
+        }
+        if !(1..=4).contains(&self.samples) {
+            return Err(("samples", format!("{}: allowed are 1 to 4", self.samples)));
+        }
+        Ok(())
+    }
+
+    /// Checks a quality.
+    ///
+    /// # Errors
+    ///
+    /// The key, and what is allowed.
+    pub fn check_quality(quality: f64) -> Result<(), (&'static str, String)> {
+        let [least, most] = QUALITIES;
+        if (least..=most).contains(&quality) {
+            return Ok(());
+        }
+        Err(("quality", format!("{quality}: allowed are {least} to {most}")))
+    }
+}

@@ -1,12 +1,13 @@
 //! Shapes from glTF 2.0 files (.glb, or .gltf with embedded or external buffers).
 //!
-//! A file is one shape. The triangles of all meshes of its scene, in the transforms of their nodes, make one surface; vertices at one
-//! place become one. The surface must be closed, as inertia, silhouette and impostors need an inside. Normals are computed, those of
-//! the file are not read; nor are materials: the albedo varies with the vertex colour (`COLOR_0`, its luminance) if there is one.
+//! A file is one shape. The triangles of all meshes of its scene, in the transforms of their nodes, make one surface;
+//! vertices at one place become one. The surface must be closed, as inertia, silhouette and impostors need an inside.
+//! Normals are computed, those of the file are not read; nor are materials: the albedo varies with the vertex colour
+//! (`COLOR_0`, its luminance) if there is one.
 //!
-//! If nodes or meshes have names that end in `_LOD0`, `_LOD1` and so on, these are the levels of detail, the finest first. If none
-//! has, the whole is the finest level, and coarser ones are made of it, down to [`LEVEL_TRIANGLES`]' last or, of a mesh that has fewer
-//! than their first, to the same share of it.
+//! If nodes or meshes have names that end in `_LOD0`, `_LOD1` and so on, these are the levels of detail, the finest
+//! first. If none has, the whole is the finest level, and coarser ones are made of it, down to [`LEVEL_TRIANGLES`]'
+//! last or, of a mesh that has fewer than their first, to the same share of it.
 
 mod accessors;
 
@@ -96,7 +97,8 @@ pub enum MeshProblem {
     },
     /// Only some meshes are named as levels, or levels are missing.
     #[error(
-        "{reason}; allowed are meshes without `_LOD` in their names, or all with `_LOD0`, `_LOD1` ... without gaps, {MOST_LEVELS} levels at most"
+        "{reason}; allowed are meshes without `_LOD` in their names, or all with `_LOD0`, `_LOD1` ... without gaps, \
+         {MOST_LEVELS} levels at most"
     )]
     Levels {
         /// What is wrong.
@@ -241,7 +243,7 @@ fn add_primitive(
             positions.count()
         )));
     }
-    if corners % 3 != 0 {
+    if !corners.is_multiple_of(3) {
         return Err(refused(format!("its {corners} corners do not make whole triangles")));
     }
     let numbers = accessors::numbers(&positions, buffers)?;

@@ -1,11 +1,13 @@
 //! Groups of neighbours, and the tree of these.
 //!
-//! Instances are halved across the longest side of their box, again and again, until a group is left: neighbours in the list are
-//! neighbours in space, also in thin rings, where a space-filling curve would jump from one end to the other. Halves are whole
-//! multiples of groups, and above that of the nodes of every level, so each node is a stretch of the list: all are full but the last.
+//! Instances are halved across the longest side of their box, again and again, until a group is left: neighbours in the
+//! list are neighbours in space, also in thin rings, where a space-filling curve would jump from one end to the other.
+//! Halves are whole multiples of groups, and above that of the nodes of every level, so each node is a stretch of the
+//! list: all are full but the last.
 //!
-//! A node's sphere holds all of every instance of it, as unpacked: place from the f32 offset, radius from its 16 bits, the shape's
-//! bound. It is taken from the instances themselves, not from the spheres below, so it is as narrow as theirs.
+//! A node's sphere holds all of every instance of it, as unpacked: place from the f32 offset, radius from its 16 bits,
+//! the shape's bound. It is taken from the instances themselves, not from the spheres below, so it is as narrow as
+//! theirs.
 
 use std::f64::consts::PI;
 

@@ -1,12 +1,13 @@
 //! Fields of asteroids: a few shapes, and up to millions of instances of them, in groups of neighbours.
 //!
-//! Places are f64 in the field's axes, f32 only relative to the middle of a group. An instance spins around its shape's +z axis, as
-//! a body does that has come to rest; where this axis points is its own. Its turn is counted in 2^32 parts, so that multiplying a
-//! moment by a rate wraps exactly, however far away the moment is.
+//! Places are f64 in the field's axes, f32 only relative to the middle of a group. An instance spins around its shape's
+//! +z axis, as a body does that has come to rest; where this axis points is its own. Its turn is counted in 2^32 parts,
+//! so that multiplying a moment by a rate wraps exactly, however far away the moment is.
 //!
 //! - `shapes`: the five procedural shapes (`surface`, `sphere`), and how any mesh becomes a shape (`solid`, `tree`);
 //! - `gltf`: shapes from files, their coarser levels from `simplify`;
-//! - `placement`: instances drawn from a seed, `groups` the groups and the tree, `packed` how an instance is packed.
+//! - `placement`: instances drawn from a seed, `groups` the groups and the tree, `packed` how an instance is packed;
+//! - `spec`: what a field is made from.
 
 mod gltf;
 mod groups;
@@ -15,6 +16,7 @@ mod placement;
 mod shapes;
 mod simplify;
 mod solid;
+mod spec;
 mod sphere;
 mod surface;
 #[cfg(test)]
@@ -34,6 +36,7 @@ pub use self::{
         Placement, STEEPEST_SIZE_INDEX,
     },
     shapes::{LEVEL_TRIANGLES, MOST_SHAPES, PROCEDURAL_SHAPES, surface_distance},
+    spec::{FieldSpec, MOST_FIELDS, MadeField, ShapeSource, SpecError, check_fields, make_fields},
     tree::{Hit, MeshTree},
 };
 use super::bodies::ReflectionLaw;
@@ -120,7 +123,8 @@ pub struct Node {
 pub struct Instances {
     /// All instances, group by group.
     pub packed: Vec<PackedAsteroid>,
-    /// Nodes by level: groups of at most [`GROUP`] instances first; the last level has one node, or none if there are no instances.
+    /// Nodes by level: groups of at most [`GROUP`] instances first; the last level has one node, or none if there are
+    /// no instances.
     pub levels: Vec<Vec<Node>>,
     /// Mean radius that the packed radii are parts of, m.
     pub largest_m: f64,

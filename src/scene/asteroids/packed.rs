@@ -1,16 +1,16 @@
 //! How an asteroid is packed in 24 bytes, and what the adapter reads out of them.
 //!
-//! **Axis.** Octahedral map (Meyer et al. 2010) in whole numbers: i and j, the two signed halves, from -32767 to 32767, and k =
-//! 32767 - |i| - |j|. The axis is (i, j, k) normalised; where k < 0, x is (32767 - |j|) with the sign of i and y is (32767 - |i|)
-//! with the sign of j, a zero counting as positive. Whole numbers, because the frame below depends on the sign of k: a shader that
-//! rounded 1 - |x| - |y| could come to the other side.
+//! **Axis.** Octahedral map (Meyer et al. 2010) in whole numbers: i and j, the two signed halves, from -32767 to 32767,
+//! and k = 32767 - |i| - |j|. The axis is (i, j, k) normalised; where k < 0, x is (32767 - |j|) with the sign of i and
+//! y is (32767 - |i|) with the sign of j, a zero counting as positive. Whole numbers, because the frame below depends
+//! on the sign of k: a shader that rounded 1 - |x| - |y| could come to the other side.
 //!
-//! **Frame.** (t, b, axis) of Duff et al. 2017, *Building an orthonormal basis, revisited*: with the axis (x, y, z), s = 1 where
-//! k >= 0 and -1 elsewhere, a = -1 / (s + z) and c = x y a, it is t = (1 + s x^2 a, s c, -s x) and b = (c, s + y^2 a, -y). Right-handed
-//! and defined for every axis, -z included.
+//! **Frame.** (t, b, axis) of Duff et al. 2017, *Building an orthonormal basis, revisited*: with the axis (x, y, z), s
+//! = 1 where k >= 0 and -1 elsewhere, a = -1 / (s + z) and c = x y a, it is t = (1 + s x^2 a, s c, -s x) and b = (c, s
+//! + y^2 a, -y). Right-handed and defined for every axis, -z included.
 //!
-//! **Orientation.** A point (x, y, z) of the shape comes to t x' + b y' + axis z, with (x', y') = (x cos w - y sin w, x sin w + y
-//! cos w) and w the turn.
+//! **Orientation.** A point (x, y, z) of the shape comes to t x' + b y' + axis z, with (x', y') = (x cos w - y sin w, x
+//! sin w + y cos w) and w the turn.
 //!
 //! **Turn.** phase 2^16 + rate time, in 2^32 parts of a turn, all whole numbers that wrap: exact for any moment.
 

@@ -1,7 +1,8 @@
 //! Where the asteroids of a field are, how large they are and how they spin: drawn from a seed.
 //!
-//! Every block of instances has its own random stream, so a field depends on its parameters alone and not on the number of threads.
-//! Lengths in metres, in the field's axes, times in seconds. Asteroids may overlap: nothing keeps them apart.
+//! Every block of instances has its own random stream, so a field depends on its parameters alone and not on the number
+//! of threads. Lengths in metres, in the field's axes, times in seconds. Asteroids may overlap: nothing keeps them
+//! apart.
 
 use std::f64::consts::{PI, TAU};
 
@@ -21,8 +22,8 @@ use super::{
 pub const MOST_INSTANCES: u32 = 1 << 26;
 /// Largest ratio of the radii of a field: the smallest then is 65 of the parts that radii are packed in, good to 0.8 %.
 pub const LARGEST_RADIUS_RATIO: f64 = 1000.0;
-/// Largest ratio of the spin periods of a field. A period is the base period over a whole number, 32767 for the shortest and 32 at
-/// least for the longest, which is good to 1.6 %.
+/// Largest ratio of the spin periods of a field. A period is the base period over a whole number, 32767 for the
+/// shortest and 32 at least for the longest, which is good to 1.6 %.
 pub const LARGEST_PERIOD_RATIO: f64 = 1000.0;
 /// Steepest distribution of sizes.
 pub const STEEPEST_SIZE_INDEX: f64 = 10.0;
@@ -42,8 +43,8 @@ pub enum Placement {
         /// Lengths of its sides along x, y and z, m.
         size_m: DVec3,
     },
-    /// In a torus around z whose cross-section is an ellipse. With q from 0 in the middle of the ellipse to 1 on its rim, the density
-    /// in space goes as cos^2(pi q / 2): a belt without edges.
+    /// In a torus around z whose cross-section is an ellipse. With q from 0 in the middle of the ellipse to 1 on its
+    /// rim, the density in space goes as cos^2(pi q / 2): a belt without edges.
     Belt {
         /// Inner radius, m.
         inner_m: f64,
@@ -74,9 +75,11 @@ pub struct FieldParameters {
     pub placement: Placement,
     /// Smallest and largest mean radius, m.
     pub radius_m: [f64; 2],
-    /// Slope of the sizes: the number of asteroids larger than r goes as r^-size_index. 0: evenly in the logarithm of r.
+    /// Slope of the sizes: the number of asteroids larger than r goes as r^-size_index. 0: evenly in the logarithm of
+    /// r.
     pub size_index: f64,
-    /// Shortest and longest spin period, s; periods are even in their logarithm, half of the asteroids spin the other way.
+    /// Shortest and longest spin period, s; periods are even in their logarithm, half of the asteroids spin the other
+    /// way.
     pub spin_period_s: [f64; 2],
 }
 
@@ -125,7 +128,8 @@ fn check_range(key: &'static str, [low, high]: [f64; 2], ratio: f64) -> Result<(
         return Ok(());
     }
     let allowed = format!(
-        "allowed are two numbers above 0, the smallest first, the largest at most {ratio} times as large and at most {LARGEST_EXTENT_M:e}"
+        "allowed are two numbers above 0, the smallest first, the largest at most {ratio} times as large and at most \
+         {LARGEST_EXTENT_M:e}"
     );
     Err(refused(key, format!("[{low}, {high}]"), allowed))
 }
@@ -216,7 +220,8 @@ impl FieldParameters {
         check_range("spin_period_s", self.spin_period_s, LARGEST_PERIOD_RATIO)
     }
 
-    /// Mean radius over the largest, for `share` from 0 (the smallest) to 1: the inverse of the cumulative distribution.
+    /// Mean radius over the largest, for `share` from 0 (the smallest) to 1: the inverse of the cumulative
+    /// distribution.
     fn radius_over_largest(&self, share: f64) -> f64 {
         let [smallest, largest] = self.radius_m;
         let ln_ratio = (largest / smallest).ln();
@@ -246,8 +251,8 @@ impl FieldParameters {
 }
 
 impl Instances {
-    /// Draws the asteroids of a field and puts them in groups of neighbours. `bounds` are the radii of the spheres that hold the
-    /// shapes ([`super::ShapeSet::bounds`]), mean radii.
+    /// Draws the asteroids of a field and puts them in groups of neighbours. `bounds` are the radii of the spheres that
+    /// hold the shapes ([`super::ShapeSet::bounds`]), mean radii.
     ///
     /// # Errors
     ///

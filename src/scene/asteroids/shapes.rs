@@ -1,10 +1,10 @@
-//! Shapes from meshes: centred, turned and scaled so that every shape of mean radius 1 spins about its +z axis; and the five
-//! procedural shapes.
+//! Shapes from meshes: centred, turned and scaled so that every shape of mean radius 1 spins about its +z axis; and the
+//! five procedural shapes.
 //!
-//! All levels are moved and turned alike, by the finest one: its centroid comes to the origin, its axis of the largest moment of
-//! inertia to +z, that of the smallest to +x (uniform density). Then each level is scaled by itself to a mean projected area of
-//! pi. A coarse mesh of points of the surface lies inside of it and would show less; so scaled, it shows as much as the finest on
-//! the mean, no light is lost where levels change, and it errs half as far.
+//! All levels are moved and turned alike, by the finest one: its centroid comes to the origin, its axis of the largest
+//! moment of inertia to +z, that of the smallest to +x (uniform density). Then each level is scaled by itself to a mean
+//! projected area of pi. A coarse mesh of points of the surface lies inside of it and would show less; so scaled, it
+//! shows as much as the finest on the mean, no light is lost where levels change, and it errs half as far.
 
 use std::f64::consts::PI;
 
@@ -19,8 +19,8 @@ use super::{
     tree::MeshTree,
 };
 
-/// Triangles of the levels of a procedural shape, the finest first: from 1400 down to 500, as published for the method that this
-/// follows.
+/// Triangles of the levels of a procedural shape, the finest first: from 1400 down to 500, as published for the method
+/// that this follows.
 pub const LEVEL_TRIANGLES: [usize; 5] = [1400, 1150, 900, 700, 500];
 
 /// Number of procedural shapes.
@@ -36,8 +36,8 @@ const ERROR_STEPS: usize = 4;
 pub(super) const F32_ROUNDING: f64 = 1e-6;
 
 impl ShapeSet {
-    /// Five shapes like asteroids, from nearly round to twice as long as thick, each with [`LEVEL_TRIANGLES`]. Another seed gives
-    /// others; the same seed the same bits.
+    /// Five shapes like asteroids, from nearly round to twice as long as thick, each with [`LEVEL_TRIANGLES`]. Another
+    /// seed gives others; the same seed the same bits.
     pub fn procedural(seed: u64) -> Self {
         let shapes = (0..PROCEDURAL_SHAPES)
             .into_par_iter()
@@ -106,8 +106,8 @@ fn longest_edge(mesh: &Mesh) -> f64 {
     mesh.triangles.iter().map(of).fold(0.0, f64::max).sqrt()
 }
 
-/// Greatest distance between the surfaces of two meshes, either way (Hausdorff distance), taken at points of a grid on every
-/// triangle, corners and edges included.
+/// Greatest distance between the surfaces of two meshes, either way (Hausdorff distance), taken at points of a grid on
+/// every triangle, corners and edges included.
 pub fn surface_distance(a: &Mesh, b: &Mesh) -> f64 {
     Sampled::new(a).distance(&Sampled::new(b))
 }

@@ -1,8 +1,10 @@
-//! Coarser meshes by collapsing edges (Garland and Heckbert 1997, *Surface simplification using quadric error metrics*).
+//! Coarser meshes by collapsing edges (Garland and Heckbert 1997, *Surface simplification using quadric error
+//! metrics*).
 //!
-//! Every vertex carries a quadric, the sum of squared distances from the planes of its triangles, weighted by their areas. The edge
-//! whose collapse costs least goes first, its vertices meet where the sum of both quadrics is least. A collapse that would turn a
-//! triangle over, or glue two parts of the surface together, is left out: a closed mesh stays closed.
+//! Every vertex carries a quadric, the sum of squared distances from the planes of its triangles, weighted by their
+//! areas. The edge whose collapse costs least goes first, its vertices meet where the sum of both quadrics is least. A
+//! collapse that would turn a triangle over, or glue two parts of the surface together, is left out: a closed mesh
+//! stays closed.
 
 use std::{
     cmp::{Ordering, Reverse},
@@ -19,7 +21,7 @@ const LEAST_COSINE: f64 = 0.2;
 const TOWARDS_MIDDLE: f64 = 1e-6;
 
 /// x -> x A x + 2 b x + c.
-#[derive(Clone, Copy, Default)]
+#[derive(Clone, Copy)]
 struct Quadric {
     a: DMat3,
     b: DVec3,
@@ -27,6 +29,8 @@ struct Quadric {
 }
 
 impl Quadric {
+    const ZERO: Self = Self { a: DMat3::ZERO, b: DVec3::ZERO, c: 0.0 };
+
     /// Squared distance from a point.
     fn of_point(point: DVec3, weight: f64) -> Self {
         Self { a: DMat3::IDENTITY * weight, b: -point * weight, c: point.length_squared() * weight }
@@ -86,7 +90,8 @@ struct Simplifier {
     queue: BinaryHeap<Reverse<Collapse>>,
 }
 
-/// Copies of a closed mesh with at most so many triangles each, `targets` falling. It ends early where no edge can go any more.
+/// Copies of a closed mesh with at most so many triangles each, `targets` falling. It ends early where no edge can go
+/// any more.
 pub(super) fn simplified(solid: &Solid, targets: &[usize]) -> Vec<Solid> {
     let mut simplifier = Simplifier::new(solid.clone());
     let mut made = Vec::new();
@@ -104,7 +109,7 @@ pub(super) fn simplified(solid: &Solid, targets: &[usize]) -> Vec<Solid> {
 impl Simplifier {
     fn new(solid: Solid) -> Self {
         let count = solid.positions.len();
-        let mut quadrics = vec![Quadric::default(); count];
+        let mut quadrics = vec![Quadric::ZERO; count];
         let mut around = vec![Vec::new(); count];
         let mut edges = BTreeSet::new();
         for (number, &triangle) in solid.triangles.iter().enumerate() {
@@ -237,7 +242,8 @@ mod tests {
             assert_eq!(level.positions.len(), level.triangles.len() / 2 + 2);
         }
         let shape = finished(std::iter::once(sphere).chain(levels).collect());
-        // The sagitta of a triangle of equal sides is a sixth of its squared side: 0.0034, 0.0097 and 0.048 for these counts.
+        // The sagitta of a triangle of equal sides is a sixth of its squared side: 0.0034, 0.0097 and 0.048 for these
+        // counts.
         let errors: Vec<f64> = shape.lods.iter().map(|lod| lod.error).collect();
         assert!(errors[0] == 0.0 && errors[1] < 0.01 && errors[2] < 0.025 && errors[3] < 0.12, "{errors:?}");
         assert!(errors[1] < errors[2] && errors[2] < errors[3], "{errors:?}");

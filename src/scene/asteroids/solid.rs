@@ -1,8 +1,8 @@
 //! A closed triangle mesh in f64, while a shape is made: its volume, axes, normals and silhouette.
 //!
-//! Moments are those of a body of uniform density, summed over the tetrahedra that the triangles span with a point. The mean
-//! projected area is measured, as a concave body's is less than a quarter of its surface (Cauchy's formula holds for convex ones):
-//! the silhouette is drawn from many directions and its pixels are counted.
+//! Moments are those of a body of uniform density, summed over the tetrahedra that the triangles span with a point. The
+//! mean projected area is measured, as a concave body's is less than a quarter of its surface (Cauchy's formula holds
+//! for convex ones): the silhouette is drawn from many directions and its pixels are counted.
 
 use std::f64::consts::PI;
 
@@ -13,7 +13,8 @@ use super::{Mesh, sphere::fibonacci_point};
 
 /// Directions from which silhouettes are drawn, on half of the sphere: the other half sees the same areas.
 const DIRECTIONS: usize = 256;
-/// Pixels along a side of a silhouette's picture. Counting errs by 1e-3 of one silhouette, at random: by 1e-4 of their mean.
+/// Pixels along a side of a silhouette's picture. Counting errs by 1e-3 of one silhouette, at random: by 1e-4 of their
+/// mean.
 const SIDE: usize = 160;
 
 /// A triangle mesh in f64, closed where nothing else is said.
@@ -88,8 +89,9 @@ impl Solid {
         }
     }
 
-    /// Unit normals of the vertices: those of the triangles around, weighted by their angles (Thuermer and Wuethrich 1998,
-    /// *Computing vertex normals from polygonal facets*). A vertex without a triangle has its direction from the origin.
+    /// Unit normals of the vertices: those of the triangles around, weighted by their angles (Thuermer and Wuethrich
+    /// 1998, *Computing vertex normals from polygonal facets*). A vertex without a triangle has its direction from the
+    /// origin.
     pub fn vertex_normals(&self) -> Vec<DVec3> {
         let mut normals = vec![DVec3::ZERO; self.positions.len()];
         for &triangle in &self.triangles {
@@ -158,7 +160,8 @@ impl Solid {
     }
 }
 
-/// Marks the pixels whose centres lie in a triangle that turns counter-clockwise. The others are the far side of a closed body.
+/// Marks the pixels whose centres lie in a triangle that turns counter-clockwise. The others are the far side of a
+/// closed body.
 fn fill([a, b, c]: [[f64; 2]; 3], covered: &mut [bool]) {
     if (b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1]) <= 0.0 {
         return;
@@ -186,8 +189,8 @@ fn fill([a, b, c]: [[f64; 2]; 3], covered: &mut [bool]) {
     }
 }
 
-/// The axes of a symmetric matrix, unit and right-handed, by falling eigenvalues (Jacobi's method). Where eigenvalues are equal
-/// the axes stay as near to x, y and z as the method leaves them.
+/// The axes of a symmetric matrix, unit and right-handed, by falling eigenvalues (Jacobi's method). Where eigenvalues
+/// are equal the axes stay as near to x, y and z as the method leaves them.
 pub(super) fn principal_axes(symmetric: DMat3) -> DMat3 {
     let mut matrix = symmetric.to_cols_array_2d();
     let mut axes = DMat3::IDENTITY.to_cols_array_2d();

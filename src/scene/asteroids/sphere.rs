@@ -1,7 +1,8 @@
 //! Points spread evenly on a sphere, and the triangles between them.
 //!
-//! The points lie on a spiral by the golden angle (Swinbank and Purser 2006, *Fibonacci grids*). Their convex hull is the mesh: any
-//! number n of points gives 2 n - 4 triangles of nearly one size, so a level of detail may have any even number of triangles.
+//! The points lie on a spiral by the golden angle (Swinbank and Purser 2006, *Fibonacci grids*). Their convex hull is
+//! the mesh: any number n of points gives 2 n - 4 triangles of nearly one size, so a level of detail may have any even
+//! number of triangles.
 
 use std::f64::consts::PI;
 
@@ -24,8 +25,8 @@ pub(super) fn sphere(triangles: usize) -> (Vec<DVec3>, Vec<[u32; 3]>) {
     (points, hull)
 }
 
-/// Triangles of the convex hull of points on a sphere, counter-clockwise seen from outside: one point after the other, the
-/// triangles that see it make way for a fan from it to their common rim.
+/// Triangles of the convex hull of points on a sphere, counter-clockwise seen from outside: one point after the other,
+/// the triangles that see it make way for a fan from it to their common rim.
 fn hull_of_sphere_points(points: &[DVec3]) -> Vec<[u32; 3]> {
     let volume = |[a, b, c]: [u32; 3], d: u32| {
         let [a, b, c, d] = [a, b, c, d].map(|index| points[index as usize]);

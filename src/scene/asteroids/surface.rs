@@ -1,7 +1,7 @@
 //! The surface of a procedural asteroid: how far it lies from the middle in every direction, and how bright it is.
 //!
-//! An ellipsoid of its own elongation, gradient noise in four octaves, and craters. All levels of detail sample this one
-//! function. Lengths are relative: the shape is scaled when it is finished.
+//! An ellipsoid of its own elongation, gradient noise in four octaves, and craters. All levels of detail sample this
+//! one function. Lengths are relative: the shape is scaled when it is finished.
 
 use std::f64::consts::TAU;
 
@@ -14,23 +14,23 @@ pub(super) const SEMI_AXES: [[f64; 3]; 5] =
     [[1.0, 0.95, 0.88], [1.0, 0.86, 0.74], [1.0, 0.74, 0.64], [1.0, 0.66, 0.56], [1.0, 0.54, 0.47]];
 
 /// Frequency, in waves per radius, and amplitude of the octaves of noise. The finest is still some edges long.
-const OCTAVES: [(f64, f64); 4] = [(0.9, 0.24), (1.7, 0.12), (3.1, 0.05), (4.9, 0.02)];
+const OCTAVES: [(f64, f64); 4] = [(0.8, 0.17), (1.5, 0.08), (2.5, 0.03), (4.0, 0.006)];
 
 /// Smallest and largest angular radius of a crater, rad, and the depth of its bowl over its radius.
-const CRATER_RAD: [f64; 2] = [0.2, 0.65];
-const CRATER_DEPTH: f64 = 0.2;
+const CRATER_RAD: [f64; 2] = [0.35, 0.75];
+const CRATER_DEPTH: f64 = 0.13;
 /// Height of a crater's rim over its radius, and the rim's width over its radius.
 const RIM_HEIGHT: f64 = 0.03;
-const RIM_WIDTH: f64 = 0.25;
-const CRATERS: usize = 14;
+const RIM_WIDTH: f64 = 0.45;
+const CRATERS: usize = 9;
 
 /// Frequency and amplitude of the albedo's noise, and how much brighter the floor of a crater is.
 const ALBEDO_FREQUENCY: f64 = 2.3;
 const ALBEDO_AMPLITUDE: f64 = 0.2;
 const CRATER_FLOOR: f64 = 0.06;
 
-/// Gradient noise (Perlin 2002, *Improving noise*): 0 at the points of the lattice, a random slope in each, smooth to the second
-/// derivative between them; from about -0.9 to 0.9.
+/// Gradient noise (Perlin 2002, *Improving noise*): 0 at the points of the lattice, a random slope in each, smooth to
+/// the second derivative between them; from about -0.9 to 0.9.
 struct GradientNoise {
     seed: u64,
 }

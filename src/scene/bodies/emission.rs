@@ -9,8 +9,9 @@ use crate::{
 };
 
 impl Emission {
-    /// That of a star of an absolute V magnitude, with the colour of a black body of `temperature_k`, as a sphere of `radius_m` whose
-    /// linear limb darkening is `limb_darkening`: its light, summed over the disc, gives the magnitude at 10 parsecs.
+    /// That of a star of an absolute V magnitude, with the colour of a black body of `temperature_k`, as a sphere of
+    /// `radius_m` whose linear limb darkening is `limb_darkening`: its light, summed over the disc, gives the magnitude
+    /// at 10 parsecs.
     pub fn of_star(absolute_magnitude: f64, temperature_k: f64, radius_m: f64, limb_darkening: f64) -> Self {
         let intensity_cd = illuminance_lx_from_magnitude(absolute_magnitude) * (10.0 * PARSEC_M).powi(2);
         let mean_cd_m2 = intensity_cd / (PI * radius_m * radius_m);

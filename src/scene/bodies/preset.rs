@@ -1,10 +1,12 @@
-//! Bodies of the Solar System by name: sizes, albedos, spins. Where they are and how their poles stand is the scene's to say.
+//! Bodies of the Solar System by name: sizes, albedos, spins. Where they are and how their poles stand is the scene's
+//! to say.
 //!
-//! Radii: Archinal et al. 2018, "Report of the IAU Working Group on Cartographic Coordinates and Rotational Elements: 2015"; the Sun's is
-//! the nominal one of IAU 2015 resolution B3. Geometric albedos in V and sidereal periods: NASA planetary fact sheets. The tints are
-//! mild colours chosen for the eye; their luminance is 1, so that the albedo's is that of V. Laws: Lommel-Seeliger where there is bare
-//! rock and dust, Lambert where there are clouds. The Sun: absolute magnitude 4.83, 5772 K, linear limb darkening 0.6 (of visible light;
-//! Cox, Allen's Astrophysical Quantities, 4th edition, 14.7).
+//! Radii: Archinal et al. 2018, "Report of the IAU Working Group on Cartographic Coordinates and Rotational Elements:
+//! 2015"; the Sun's is the nominal one of IAU 2015 resolution B3. Geometric albedos in V and sidereal periods: NASA
+//! planetary fact sheets. The tints are mild colours chosen for the eye; their luminance is 1, so that the albedo's is
+//! that of V. Laws: Lommel-Seeliger where there is bare rock and dust, Lambert where there are clouds. The Sun:
+//! absolute magnitude 4.83, 5772 K, linear limb darkening 0.6 (of visible light; Cox, Allen's Astrophysical Quantities,
+//! 4th edition, 14.7).
 
 use glam::{DQuat, DVec3};
 use serde::Deserialize;

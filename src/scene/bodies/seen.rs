@@ -1,7 +1,7 @@
 //! A body at a moment, as an eye sees it: where a ray meets it, and the luminance there.
 //!
-//! Divided by the semi-axes, the body is the unit sphere, rays stay rays, and the half that a sun lights stays a half. A point of
-//! the surface is named by the point of the unit sphere. Everything is f64.
+//! Divided by the semi-axes, the body is the unit sphere, rays stay rays, and the half that a sun lights stays a half.
+//! A point of the surface is named by the point of the unit sphere. Everything is f64.
 
 use glam::{DQuat, DVec3};
 
@@ -64,8 +64,8 @@ impl<'a> SeenBody<'a> {
         &self.lights
     }
 
-    /// Where a ray from the eye along `direction` (unit vector, world axes) meets the body first. `None` if it does not, and for an
-    /// eye within the body, which sees nothing of its surface.
+    /// Where a ray from the eye along `direction` (unit vector, world axes) meets the body first. `None` if it does
+    /// not, and for an eye within the body, which sees nothing of its surface.
     pub fn hit(&self, direction: DVec3) -> Option<Hit> {
         let ray = self.body_from_world * direction / self.body.radii_m;
         let length2 = ray.length_squared();
@@ -124,8 +124,8 @@ impl<'a> SeenBody<'a> {
     }
 }
 
-/// Whether a direction (unit vector, world axes) from an eye at `eye_m` is covered by a body at a time, s: exactly, by its outline.
-/// An eye within the body sees through it.
+/// Whether a direction (unit vector, world axes) from an eye at `eye_m` is covered by a body at a time, s: exactly, by
+/// its outline. An eye within the body sees through it.
 pub fn hides(body: &Body, eye_m: DVec3, direction: DVec3, time_s: f64) -> bool {
     SeenBody::new(body, eye_m, &[], time_s).hit(direction).is_some()
 }

@@ -12,8 +12,8 @@ use crate::scene::SceneObjects;
 pub struct Sun {
     /// Its centre: ICRS, barycentric, m.
     pub position_m: DVec3,
-    /// Luminous intensity as linear Rec. 709, cd (lx m^2): illuminance times the square of the distance. Of a body that is no sphere the
-    /// mean over all directions.
+    /// Luminous intensity as linear Rec. 709, cd (lx m^2): illuminance times the square of the distance. Of a body that
+    /// is no sphere the mean over all directions.
     pub intensity_cd: [f64; 3],
     /// Radius of the sphere with the same mean projected area, m.
     pub radius_m: f64,
@@ -31,13 +31,14 @@ pub struct Light {
 impl Sun {
     /// The sun that a body with an emission is.
     fn of(body: &Body, emission: &Emission) -> Self {
-        // Light of a limb-darkened element into all directions is pi L(1) (1 - u / 3), and the surface is four times the mean projected area.
-        let area_m2 = mean_projected_area_m2(body.radii_m);
-        let factor = area_m2 * emission.mean_over_middle();
+        // Light of a limb-darkened element into all directions is pi L(1) (1 - u / 3), and the surface is four times
+        // the mean projected area.
+        let radius_m = mean_radius_m(body.radii_m);
+        let factor = PI * radius_m * radius_m * emission.mean_over_middle();
         Self {
             position_m: body.position_m,
             intensity_cd: emission.luminance_cd_m2.map(|channel| channel * factor),
-            radius_m: (area_m2 / PI).sqrt(),
+            radius_m,
         }
     }
 
@@ -63,6 +64,11 @@ pub fn lights_on(body: &Body, suns: &[Sun]) -> Vec<Light> {
     let within_m = body.radii_m.min_element() / 2.0;
     let outside = suns.iter().filter(|sun| (sun.position_m - body.position_m).length() > within_m);
     outside.filter_map(|sun| sun.light_at(body.position_m)).collect()
+}
+
+/// Radius of the sphere whose projected area is the mean one of an ellipsoid, m.
+pub fn mean_radius_m(radii_m: DVec3) -> f64 {
+    if radii_m == DVec3::splat(radii_m.x) { radii_m.x } else { (mean_projected_area_m2(radii_m) / PI).sqrt() }
 }
 
 /// Projected area of an ellipsoid, averaged over all directions, m^2: along n it is pi |(b c n_x, a c n_y, a b n_z)|.

@@ -9,9 +9,10 @@ use std::{
 use glam::DVec3;
 use png::{BitDepth, ColorType, Transformations};
 
-/// Factors on the albedo of a body, in longitude and latitude: the left edge is longitude -180 degrees, the middle is the body's
-/// +x axis, the top is its +z axis; longitude grows to the right, towards +y. Both are those of the point on the unit sphere that
-/// the ellipsoid is stretched from. Between the middles of texels the factors are interpolated, around the edges left and right too.
+/// Factors on the albedo of a body, in longitude and latitude: the left edge is longitude -180 degrees, the middle is
+/// the body's +x axis, the top is its +z axis; longitude grows to the right, towards +y. Both are those of the point on
+/// the unit sphere that the ellipsoid is stretched from. Between the middles of texels the factors are interpolated,
+/// around the edges left and right too.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Texture {
     /// Width and height, texels.
@@ -53,8 +54,8 @@ pub enum TextureError {
 }
 
 impl Texture {
-    /// Reads a PNG of 8 bits per channel: grey or RGB, palettes too, an alpha channel is refused. Its values are decoded from sRGB
-    /// (IEC 61966-2-1) to linear factors.
+    /// Reads a PNG of 8 bits per channel: grey or RGB, palettes too, an alpha channel is refused. Its values are
+    /// decoded from sRGB (IEC 61966-2-1) to linear factors.
     ///
     /// # Errors
     ///

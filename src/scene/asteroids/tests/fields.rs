@@ -102,7 +102,8 @@ fn turns_are_exact_after_a_billion_seconds() {
     assert!((backwards - 1.5 * PI).abs() < 1e-4, "{backwards}");
 }
 
-/// Sum over bins of equal expectation of (found - expected)^2 / expected, over the number of bins: about 1 if the shares are even.
+/// Sum over bins of equal expectation of (found - expected)^2 / expected, over the number of bins: about 1 if the
+/// shares are even.
 fn chi_square(shares: impl Iterator<Item = f64>) -> f64 {
     const BINS: usize = 40;
     let mut counts = [0.0; BINS];
@@ -178,7 +179,8 @@ fn sizes_spins_and_shapes_follow_their_distributions() {
             let [low, high, r] = [50f64, 5000.0, r].map(|radius| radius.powf(-index));
             (low - r) / (low - high)
         };
-        // Radii are whole parts of the largest, so small ones are steps; a uniform draw inside of the step evens them out.
+        // Radii are whole parts of the largest, so small ones are steps; a uniform draw inside of the step evens them
+        // out.
         let step = 5000.0 / f64::from(RADIUS_PARTS);
         let smooth = |(k, r): (usize, &f64)| share(r + step * ((k as f64 * 0.618_034).fract() - 0.5)).clamp(0.0, 1.0);
         let chi = chi_square(radii.iter().enumerate().map(smooth));
@@ -252,7 +254,8 @@ fn nodes_hold_their_instances_and_add_them_up() {
 
 #[test]
 fn groups_are_neighbours() {
-    // A group of a box of n groups has a share of 1/n of it: its sphere is not much larger than that of a cube of this volume.
+    // A group of a box of n groups has a share of 1/n of it: its sphere is not much larger than that of a cube of this
+    // volume.
     let instances = placed(Placement::Box { size_m: DVec3::splat(1e9) }, 1 << 18);
     let groups = &instances.levels[0];
     let side = 1e9 / (groups.len() as f64).cbrt();
@@ -277,15 +280,18 @@ fn a_seed_gives_the_same_bits_on_any_number_of_threads() {
 }
 
 #[test]
-fn offsets_keep_metres_in_a_belt_of_astronomical_units() {
-    // 1000 asteroids within 20 km, the box 1e13 m wide in the field's axes would leave f32 no digits; offsets are of the group.
-    let instances = placed(Placement::Box { size_m: DVec3::splat(2e4) }, 1000);
-    for k in 0..1000 {
-        let offset = instances.packed[k].offset_m();
-        let rounding = offset.abs().max_element() * 6e-8;
-        assert!(rounding < 1e-3);
-        assert_eq!(instances.place_m(k).unwrap(), instances.levels[0][instances.group_of(k)].middle_m + offset);
+fn offsets_round_to_a_small_part_of_their_group() {
+    for placement in [BELT, RING, Placement::Box { size_m: DVec3::splat(2e4) }] {
+        let instances = placed(placement, 20_000);
+        for (k, one) in instances.packed.iter().enumerate() {
+            let group = &instances.levels[0][instances.group_of(k)];
+            // f32 keeps 24 bits of an offset, and no offset is longer than the group's radius.
+            let rounding_m = one.offset_m().abs().max_element() * 2f64.powi(-24);
+            assert!(rounding_m < 6e-8 * group.radius_m);
+            assert_eq!(instances.place_m(k).unwrap(), group.middle_m + one.offset_m());
+        }
     }
+    assert_eq!(placed(RING, 300).place_m(300), None);
 }
 
 #[test]

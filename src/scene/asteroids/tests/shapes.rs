@@ -19,7 +19,8 @@ fn meshes(set: &ShapeSet) -> impl Iterator<Item = &Mesh> {
     set.shapes.iter().flat_map(|shape| shape.lods.iter().map(|lod| &lod.mesh))
 }
 
-/// Share of rays that hit, on a grid across each of many directions, as an area: another way than silhouettes of pixels.
+/// Share of rays that hit, on a grid across each of many directions, as an area: another way than silhouettes of
+/// pixels.
 fn mean_area_by_rays(mesh: &Mesh) -> f64 {
     const DIRECTIONS: usize = 90;
     const SIDE: u32 = 70;
@@ -131,7 +132,8 @@ fn moments_by_rays(mesh: &Mesh) -> (f64, DVec3, DMat3) {
 fn is_aligned(mesh: &Mesh) -> bool {
     let (_, centroid, covariance) = moments_by_rays(mesh);
     let c = covariance.to_cols_array_2d();
-    // The moment of inertia about an axis is the sum of the other two spreads: the largest belongs to the smallest spread.
+    // The moment of inertia about an axis is the sum of the other two spreads: the largest belongs to the smallest
+    // spread.
     let off = c[0][1].abs().max(c[0][2].abs()).max(c[1][2].abs());
     centroid.length() < 2e-3 && off < 2e-3 && c[0][0] > c[1][1] && c[1][1] > c[2][2]
 }
@@ -156,9 +158,7 @@ fn errors_grow_from_level_to_level_and_a_wrong_mesh_has_a_large_one() {
         let edges: Vec<f64> = shape.lods.iter().map(|lod| lod.longest_edge).collect();
         println!("errors {errors:.4?}, longest edges {edges:.3?}, bound {:.3}", shape.bound);
         assert_eq!(errors[0], 0.0);
-        // Points of coarse and fine meshes lie elsewhere, so neighbouring levels may be near to each other.
-        assert!(errors[1] > 0.0 && errors[4] > errors[1] && errors[4] < 0.12, "{errors:?}");
-        assert!(errors.windows(2).all(|pair| pair[1] > 0.8 * pair[0]), "{errors:?}");
+        assert!(errors[1] > 0.0 && errors[4] > 1.2 * errors[1] && errors[4] < 0.08, "{errors:?}");
         assert!(edges[4] > edges[0] && edges[4] < 0.8, "{edges:?}");
         let finest = &shape.lods[0].mesh;
         assert!(surface_distance(finest, &moved(&shape.lods[4].mesh, |p| p * 1.3)) > 3.0 * errors[4]);

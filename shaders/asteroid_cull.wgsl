@@ -1,0 +1,231 @@
+// Culling and detail: every asteroid of every group that may hold anything larger than points, for all planes at once. A workgroup
+// takes a group and goes through the planes it is linked to. Run twice: the first time it counts, per plane and kind of list, how many
+// entries the group has; after asteroid_offsets.wgsl has turned counts into places, the second time writes the entries. Places follow from counts in
+// the order of groups and asteroids, so lists are the same from run to run.
+// Needs math.wgsl, viewport.wgsl, projection.wgsl, asteroid_instance.wgsl and asteroid_class.wgsl. The twin is src/plan/asteroids/cpu_cull.rs.
+
+struct AsteroidCullParameters {
+    items: u32,
+    row: u32,
+    kinds: u32,
+    buckets: u32,
+    capacity: u32,
+    mesh_kinds: u32,
+    unused_0: u32,
+    unused_1: u32,
+}
+
+struct AsteroidLink {
+    plane: u32,
+    column: u32,
+    faces: u32,
+    unused_0: u32,
+}
+
+struct AsteroidPlane {
+    view: u32,
+    face: u32,
+    first_count: u32,
+    columns: u32,
+}
+
+struct AsteroidEntry {
+    instance: u32,
+    item: u32,
+    fade: f32,
+}
+
+@group(0) @binding(0) var<uniform> parameters: AsteroidCullParameters;
+@group(0) @binding(1) var<storage, read> views: array<AsteroidView>;
+@group(0) @binding(2) var<storage, read> tables: array<vec2<f32>>;
+@group(0) @binding(3) var<storage, read> planes: array<AsteroidPlane>;
+@group(0) @binding(4) var<storage, read> links: array<AsteroidLink>;
+@group(0) @binding(5) var<storage, read> items: array<AsteroidItem>;
+@group(0) @binding(6) var<storage, read_write> counts: array<u32>;
+@group(1) @binding(0) var<storage, read> instances: array<u32>;
+@group(1) @binding(1) var<storage, read> fields: array<AsteroidField>;
+@group(1) @binding(2) var<storage, read> shapes: array<AsteroidShape>;
+// Error and longest edge of every mesh, mean radii.
+@group(1) @binding(3) var<storage, read> lods: array<vec2<f32>>;
+@group(1) @binding(4) var<storage, read_write> entries: array<AsteroidEntry>;
+@group(1) @binding(5) var<storage, read> bases: array<u32>;
+
+override WORKGROUP: u32 = 64u;
+// Whether this is the second time.
+override WRITES: bool = false;
+
+const GROUP: u32 = 256u;
+const WHOLE_PICTURE: u32 = 6u;
+const SEAM_BIT: u32 = 2147483648u;
+// Kinds of a field: meshes, impostors, and those seen at all.
+const MAX_LOCAL: u32 = 1282u;
+const NOWHERE: u32 = 4294967295u;
+// Fades: 2 is all of it, w the share that takes over, -w what it leaves.
+const WHOLE: f32 = 2.0;
+
+var<workgroup> local_counts: array<atomic<u32>, MAX_LOCAL>;
+// Of every asteroid: the local kinds of its one or two lists in 16 bits each, or NOWHERE; then its first place in them.
+var<workgroup> local_kinds: array<u32, GROUP>;
+var<workgroup> local_places: array<vec2<u32>, GROUP>;
+
+// What one plane shows of one asteroid.
+struct Shown {
+    seen: bool,
+    // Local kinds, or 65535.
+    kinds: vec2<u32>,
+    fades: vec2<f32>,
+    twice: bool,
+}
+
+fn kind_of(class_number: u32, shape: AsteroidShape, field: AsteroidField) -> u32 {
+    if class_number == CLASS_IMPOSTOR {
+        return field.kinds;
+    }
+    if class_number >= CLASS_IMPOSTOR {
+        return 65535u;
+    }
+    return shape.first_kind + class_number - field.first_kind;
+}
+
+// Longest edge of what is drawn, mean radii; the diagonal of an impostor's square is no edge of its outline.
+fn edge_of(class_number: u32, shape: AsteroidShape) -> f32 {
+    if class_number >= CLASS_IMPOSTOR {
+        return 2.0 * shape.bound;
+    }
+    return lods[shape.first_kind + class_number].y;
+}
+
+fn show(index: u32, item: AsteroidItem, field: AsteroidField, view: AsteroidView, plane: AsteroidPlane, link: AsteroidLink) -> Shown {
+    var shown = Shown(false, vec2(65535u), vec2(0.0), false);
+    let word = INSTANCE_WORDS * (item.first + index);
+    let offset = bitcast<vec3<f32>>(vec3(instances[word], instances[word + 1u], instances[word + 2u]));
+    let radius_and_shape = instances[word + 3u];
+    let shape = shapes[shape_of(field, radius_and_shape)];
+    let radius = radius_of(field, radius_and_shape);
+    let middle = view_from_camera(view, place_of(item, field, offset));
+    let bound = shape.bound * radius;
+    let distance = length(middle);
+    if !touches(view, middle, bound) || !(distance > 0.0) || !(radius > 0.0) {
+        return shown;
+    }
+    let place = table_place(view, middle, distance);
+    let classes = classes_of(view, shape, radius, distance, pixel_at(view, place));
+    var through_faces = false;
+    if link.faces != 0u {
+        var edge = edge_of(classes.current, shape);
+        if classes.before != CLASS_NONE {
+            edge = max(edge, edge_of(classes.before, shape));
+        }
+        through_faces = bends(view, place, edge, shape.bound, radius, distance);
+    }
+    shown.seen = plane.face == WHOLE_PICTURE;
+    if through_faces == (plane.face == WHOLE_PICTURE) {
+        return shown;
+    }
+    if plane.face != WHOLE_PICTURE && !touches_face(plane.face, middle, bound) {
+        return shown;
+    }
+    shown.kinds.x = kind_of(classes.current, shape, field);
+    shown.fades.x = WHOLE;
+    if classes.before != CLASS_NONE {
+        // Never 0, which has no sign.
+        let share = max(classes.share, 1e-6);
+        shown.fades = vec2(share, -share);
+        shown.kinds.y = kind_of(classes.before, shape, field);
+    }
+    shown.twice = view.kind == VIEW_LONGITUDE && plane.face == WHOLE_PICTURE && abs(middle.x) <= bound && middle.z > -bound;
+    return shown;
+}
+
+@compute @workgroup_size(WORKGROUP)
+fn cull(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
+    let item_index = group.y * parameters.row + group.x;
+    if item_index >= parameters.items {
+        return;
+    }
+    let item = items[item_index];
+    let field = fields[item.field];
+    let local_kind_count = field.kinds + 2u;
+    for (var l = 0u; l < item.link_count; l++) {
+        let link = links[item.first_link + l];
+        let plane = planes[link.plane];
+        let view = views[plane.view];
+        for (var k = local; k < local_kind_count; k += WORKGROUP) {
+            atomicStore(&local_counts[k], 0u);
+        }
+        workgroupBarrier();
+        for (var i = local; i < item.count; i += WORKGROUP) {
+            let shown = show(i, item, field, view, plane, link);
+            if WRITES {
+                local_kinds[i] = shown.kinds.x | (shown.kinds.y << 16u);
+                local_places[i] = select(vec2(1u), vec2(2u), shown.twice);
+            } else {
+                let copies = select(1u, 2u, shown.twice);
+                if shown.kinds.x != 65535u {
+                    atomicAdd(&local_counts[shown.kinds.x], copies);
+                }
+                if shown.kinds.y != 65535u {
+                    atomicAdd(&local_counts[shown.kinds.y], copies);
+                }
+                if shown.seen {
+                    atomicAdd(&local_counts[field.kinds + 1u], 1u);
+                }
+            }
+        }
+        workgroupBarrier();
+        if WRITES {
+            // One thread hands out places, in the order of the asteroids.
+            if local == 0u {
+                for (var i = 0u; i < item.count; i++) {
+                    let kinds = local_kinds[i];
+                    let copies = local_places[i].x;
+                    var places = vec2(0u);
+                    if (kinds & 65535u) != 65535u {
+                        places.x = atomicAdd(&local_counts[kinds & 65535u], copies);
+                    }
+                    if (kinds >> 16u) != 65535u {
+                        places.y = atomicAdd(&local_counts[kinds >> 16u], copies);
+                    }
+                    local_places[i] = places;
+                }
+            }
+            workgroupBarrier();
+            for (var i = local; i < item.count; i += WORKGROUP) {
+                let kinds = local_kinds[i];
+                if kinds == NOWHERE {
+                    continue;
+                }
+                let shown = show(i, item, field, view, plane, link);
+                for (var side = 0u; side < 2u; side++) {
+                    let kind = select(shown.kinds.x, shown.kinds.y, side == 1u);
+                    if kind == 65535u {
+                        continue;
+                    }
+                    let global_kind = select(field.first_kind + kind, field.impostor_kind, kind == field.kinds);
+                    let column = plane.first_count + global_kind * plane.columns + link.column;
+                    var at = bases[link.plane * parameters.kinds + global_kind] + counts[column]
+                        + select(local_places[i].x, local_places[i].y, side == 1u);
+                    let fade = select(shown.fades.x, shown.fades.y, side == 1u);
+                    // What does not fit is known from the counts, and an error.
+                    if at < parameters.capacity {
+                        entries[at] = AsteroidEntry(item.first + i, item_index, fade);
+                    }
+                    if shown.twice && at + 1u < parameters.capacity {
+                        entries[at + 1u] = AsteroidEntry(item.first + i, item_index | SEAM_BIT, fade);
+                    }
+                }
+            }
+        } else {
+            for (var k = local; k < local_kind_count; k += WORKGROUP) {
+                var global_kind = field.first_kind + k;
+                if k == field.kinds {
+                    global_kind = field.impostor_kind;
+                } else if k > field.kinds {
+                    global_kind = parameters.kinds - 1u;
+                }
+                counts[plane.first_count + global_kind * plane.columns + link.column] = atomicLoad(&local_counts[k]);
+            }
+        }
+        workgroupBarrier();
+    }
+}

@@ -1,0 +1,200 @@
+//! `[[asteroid_fields]]` and `[asteroids]`: where asteroids are, and how they are drawn.
+
+use std::path::{Path, PathBuf};
+
+use glam::DVec3;
+use serde::Deserialize;
+use toml::{Table, Value};
+
+use super::bodies::{albedo, body_fault};
+use super::document::deserialise;
+use super::error::Fault;
+use crate::plan::settings::AsteroidSettings;
+use crate::scene::asteroids::{FieldError, FieldParameters, FieldSpec, Placement, ShapeSource, SpecError};
+use crate::scene::bodies::ReflectionLaw;
+use crate::scene::unit_quaternion;
+
+/// The space that a field fills.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum FieldShape {
+    /// A box: `size_m`.
+    Box,
+    /// A torus without edges: `inner_m`, `outer_m`, `height_m`.
+    Belt,
+    /// A flat ring: `inner_m`, `outer_m`, `thickness_m`.
+    Ring,
+}
+
+/// One field.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FieldConfig {
+    /// Unique name: letters, digits, `_` and `-`.
+    pub name: String,
+    /// Its middle: ICRS, barycentric, m.
+    pub position_m: [f64; 3],
+    /// Unit quaternion x, y, z, w from the field's axes to ICRS axes.
+    #[serde(default = "identity")]
+    pub orientation: [f64; 4],
+    /// Number of asteroids.
+    pub instances: u32,
+    /// Seed of their places, sizes and spins.
+    #[serde(default = "one")]
+    pub seed: u64,
+    /// The space that they fill.
+    pub shape: FieldShape,
+    /// Sides of a box, m.
+    pub size_m: Option<[f64; 3]>,
+    /// Inner radius of a belt or ring, m.
+    pub inner_m: Option<f64>,
+    /// Outer radius of a belt or ring, m.
+    pub outer_m: Option<f64>,
+    /// Full height of a belt, m.
+    pub height_m: Option<f64>,
+    /// Full thickness of a ring, m.
+    pub thickness_m: Option<f64>,
+    /// Smallest and largest mean radius, m.
+    pub radius_m: [f64; 2],
+    /// The number of asteroids larger than r goes as r to minus this.
+    #[serde(default = "collisional")]
+    pub size_index: f64,
+    /// Shortest and longest spin period, s.
+    #[serde(default = "two_hours_to_two_days")]
+    pub spin_period_s: [f64; 2],
+    /// Geometric albedo: one number, or of red, green and blue.
+    #[serde(default, deserialize_with = "albedo")]
+    pub geometric_albedo: Option<[f64; 3]>,
+    /// How they reflect.
+    #[serde(default)]
+    pub law: ReflectionLaw,
+    /// glTF files, one shape each; relative paths start at the configuration's folder.
+    pub shapes: Option<Vec<PathBuf>>,
+    /// Seed of procedural shapes.
+    pub shape_seed: Option<u64>,
+}
+
+fn identity() -> [f64; 4] {
+    [0.0, 0.0, 0.0, 1.0]
+}
+
+fn one() -> u64 {
+    1
+}
+
+/// What collisions lead to (Dohnanyi 1969, "Collisional model of asteroids and their debris").
+fn collisional() -> f64 {
+    2.5
+}
+
+fn two_hours_to_two_days() -> [f64; 2] {
+    [7200.0, 172_800.0]
+}
+
+impl FieldConfig {
+    /// Reads a field's table and checks it; a fault names the key within it. Shapes are not read.
+    pub(super) fn from_table(table: Table) -> Result<Self, Fault> {
+        let config: Self = deserialise(Value::Table(table), "")?;
+        config.spec(Path::new(""))?;
+        Ok(config)
+    }
+
+    /// What the field is made from; paths start at `folder`.
+    pub(super) fn spec(&self, folder: &Path) -> Result<FieldSpec, Fault> {
+        let shapes = match (&self.shapes, self.shape_seed) {
+            (Some(_), Some(_)) => {
+                let problem = "shapes is given too: at most one of shape_seed and shapes is allowed";
+                return Err(Fault::new("shape_seed", problem));
+            }
+            (Some(files), None) if files.is_empty() => {
+                return Err(Fault::new("shapes", "an empty list: name glTF files, or leave the key out"));
+            }
+            (Some(files), None) => ShapeSource::Files(files.iter().map(|file| folder.join(file)).collect()),
+            (None, seed) => ShapeSource::Procedural { seed: seed.unwrap_or(1) },
+        };
+        let missing = "missing key: a number, or [red, green, blue], is needed";
+        let spec = FieldSpec {
+            name: self.name.clone(),
+            position_m: DVec3::from_array(self.position_m),
+            orientation: unit_quaternion(self.orientation).map_err(|e| Fault::new("orientation", e.to_string()))?,
+            parameters: FieldParameters {
+                instances: self.instances,
+                seed: self.seed,
+                placement: self.placement()?,
+                radius_m: self.radius_m,
+                size_index: self.size_index,
+                spin_period_s: self.spin_period_s,
+            },
+            shapes,
+            law: self.law,
+            geometric_albedo: self.geometric_albedo.ok_or_else(|| Fault::new("geometric_albedo", missing))?,
+        };
+        spec.check().map_err(|error| spec_fault(&error))?;
+        Ok(spec)
+    }
+
+    fn placement(&self) -> Result<Placement, Fault> {
+        let radii = || -> Result<(f64, f64), Fault> {
+            Ok((needed("inner_m", self.shape, self.inner_m)?, needed("outer_m", self.shape, self.outer_m)?))
+        };
+        let (allowed, placement): (&[&str], _) = match self.shape {
+            FieldShape::Box => {
+                let size_m = DVec3::from_array(needed("size_m", self.shape, self.size_m)?);
+                (&["size_m"], Placement::Box { size_m })
+            }
+            FieldShape::Belt => {
+                let (inner_m, outer_m) = radii()?;
+                let height_m = needed("height_m", self.shape, self.height_m)?;
+                (&["inner_m", "outer_m", "height_m"], Placement::Belt { inner_m, outer_m, height_m })
+            }
+            FieldShape::Ring => {
+                let (inner_m, outer_m) = radii()?;
+                let thickness_m = needed("thickness_m", self.shape, self.thickness_m)?;
+                (&["inner_m", "outer_m", "thickness_m"], Placement::Ring { inner_m, outer_m, thickness_m })
+            }
+        };
+        let given = [
+            ("size_m", self.size_m.is_some()),
+            ("inner_m", self.inner_m.is_some()),
+            ("outer_m", self.outer_m.is_some()),
+            ("height_m", self.height_m.is_some()),
+            ("thickness_m", self.thickness_m.is_some()),
+        ];
+        match given.into_iter().find(|(key, is_given)| *is_given && !allowed.contains(key)) {
+            Some((key, _)) => {
+                let problem = format!("no key of {}: that has {}", named(self.shape), allowed.join(", "));
+                Err(Fault::new(key, problem))
+            }
+            None => Ok(placement),
+        }
+    }
+}
+
+fn needed<T>(key: &'static str, shape: FieldShape, value: Option<T>) -> Result<T, Fault> {
+    value.ok_or_else(|| Fault::new(key, format!("missing key: {} needs it", named(shape))))
+}
+
+fn named(shape: FieldShape) -> &'static str {
+    match shape {
+        FieldShape::Box => "shape = \"box\"",
+        FieldShape::Belt => "shape = \"belt\"",
+        FieldShape::Ring => "shape = \"ring\"",
+    }
+}
+
+/// The fault of what a scene itself checks, by the keys of the configuration.
+pub(super) fn spec_fault(error: &SpecError) -> Fault {
+    match error {
+        SpecError::Part(error) => body_fault(error),
+        SpecError::Parameter(FieldError::OutOfRange { key, value, allowed }) => {
+            Fault::new(key.strip_prefix("placement.").unwrap_or(key), format!("{value}: {allowed}"))
+        }
+        SpecError::Parameter(error @ FieldError::Shapes { .. }) => Fault::new("shapes", error.to_string()),
+        SpecError::Shapes(error) => Fault::new("shapes", error.to_string()),
+    }
+}
+
+/// Ranges of `[asteroids]`.
+pub(super) fn check_settings(settings: &AsteroidSettings) -> Result<(), Fault> {
+    settings.check().map_err(|(key, problem)| Fault::new(key, problem))
+}

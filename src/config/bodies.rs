@@ -1,0 +1,208 @@
+//! `[[bodies]]`: one table per body. A preset fills in what is not given.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use glam::DVec3;
+use serde::de::{Error, SeqAccess, Visitor, value::SeqAccessDeserializer};
+use serde::{Deserialize, Deserializer};
+use toml::{Table, Value};
+
+use super::document::deserialise;
+use super::error::{Fault, finite};
+use crate::scene::bodies::{Body, BodyError, Emission, Preset, ReflectionLaw, Spin, Surface, Texture, mean_radius_m};
+use crate::scene::unit_quaternion;
+
+/// Brightest and faintest absolute magnitude of a sun.
+const MOST_MAGNITUDE: f64 = 50.0;
+/// Coolest and hottest sun, K.
+const TEMPERATURES_K: [f64; 2] = [100.0, 1e8];
+
+/// One body. What is `None` is the preset's, or missing.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BodyConfig {
+    /// Unique name: letters, digits, `_` and `-`.
+    pub name: String,
+    /// A body of the Solar System.
+    pub preset: Option<Preset>,
+    /// Its centre: ICRS, barycentric, m; the Sun's preset stands at the origin.
+    pub position_m: Option<[f64; 3]>,
+    /// Unit quaternion x, y, z, w from the body's axes to ICRS axes; it turns around its z.
+    #[serde(default = "identity")]
+    pub orientation: [f64; 4],
+    /// Semi-axes along its x, y and z, m.
+    pub radii_m: Option<[f64; 3]>,
+    /// The radius of a sphere, m.
+    pub radius_m: Option<f64>,
+    /// Geometric albedo: one number, or of red, green and blue.
+    #[serde(default, deserialize_with = "albedo")]
+    pub geometric_albedo: Option<[f64; 3]>,
+    /// How it reflects.
+    pub law: Option<ReflectionLaw>,
+    /// PNG with factors on the albedo; relative paths start at the configuration's folder.
+    pub texture: Option<PathBuf>,
+    /// How it turns.
+    pub spin: Option<SpinConfig>,
+    /// What a sun gives off.
+    pub emission: Option<EmissionConfig>,
+}
+
+/// `spin` of a body.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SpinConfig {
+    /// Sidereal period, s; negative turns the other way.
+    pub period_s: Option<f64>,
+    /// Turn at 2000-01-01T12:00:00Z, degrees.
+    #[serde(default)]
+    pub phase_deg: f64,
+}
+
+/// `emission` of a body.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct EmissionConfig {
+    /// Absolute V magnitude.
+    pub absolute_magnitude: Option<f64>,
+    /// Temperature of the black body that has its colour, K.
+    pub temperature_k: Option<f64>,
+    /// Linear limb darkening, 0 to 1.
+    pub limb_darkening: Option<f64>,
+}
+
+fn identity() -> [f64; 4] {
+    [0.0, 0.0, 0.0, 1.0]
+}
+
+/// One number, or one for each of red, green and blue.
+pub(super) fn albedo<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<[f64; 3]>, D::Error> {
+    struct Albedo;
+    impl<'de> Visitor<'de> for Albedo {
+        type Value = [f64; 3];
+
+        fn expecting(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+            formatter.write_str("a number, or [red, green, blue]")
+        }
+
+        fn visit_f64<E: Error>(self, value: f64) -> Result<[f64; 3], E> {
+            Ok([value; 3])
+        }
+
+        fn visit_i64<E: Error>(self, value: i64) -> Result<[f64; 3], E> {
+            Ok([value as f64; 3])
+        }
+
+        fn visit_seq<A: SeqAccess<'de>>(self, values: A) -> Result<[f64; 3], A::Error> {
+            <[f64; 3]>::deserialize(SeqAccessDeserializer::new(values))
+        }
+    }
+    deserializer.deserialize_any(Albedo).map(Some)
+}
+
+/// The faults of what a scene itself checks.
+pub(super) fn body_fault(error: &BodyError) -> Fault {
+    Fault::new(error.key, error.problem.clone())
+}
+
+impl BodyConfig {
+    /// Reads a body's table and checks it; a fault names the key within it.
+    pub(super) fn from_table(table: Table) -> Result<Self, Fault> {
+        let config: Self = deserialise(Value::Table(table), "")?;
+        config.body()?;
+        Ok(config)
+    }
+
+    /// The body without its texture.
+    pub(super) fn body(&self) -> Result<Body, Fault> {
+        let position_m = match (self.position_m, self.preset) {
+            (Some(position_m), _) => DVec3::from_array(position_m),
+            (None, Some(Preset::Sun)) => DVec3::ZERO,
+            (None, _) => {
+                return Err(Fault::new("position_m", "missing key: the body's place is needed, [x, y, z] in m"));
+            }
+        };
+        let preset = self.preset.map(|preset| preset.body(&self.name, position_m));
+        let needed =
+            |key: &'static str, what: &str| Fault::new(key, format!("missing key: without a preset {what} is needed"));
+        let radii_m = match (self.radii_m, self.radius_m, &preset) {
+            (Some(_), Some(_), _) => {
+                let problem = "radii_m is given too: exactly one of radius_m and radii_m is allowed";
+                return Err(Fault::new("radius_m", problem));
+            }
+            (Some(radii_m), None, _) => DVec3::from_array(radii_m),
+            (None, Some(radius_m), _) => DVec3::splat(radius_m),
+            (None, None, Some(preset)) => preset.radii_m,
+            (None, None, None) => return Err(needed("radius_m", "radius_m or radii_m")),
+        };
+        let geometric_albedo = match (self.geometric_albedo, &preset) {
+            (Some(albedo), _) => albedo,
+            (None, Some(preset)) => preset.surface.geometric_albedo,
+            (None, None) => return Err(needed("geometric_albedo", "it")),
+        };
+        let law = self.law.or(preset.as_ref().map(|preset| preset.surface.law)).unwrap_or_default();
+        let default_spin = preset.as_ref().map(|preset| preset.spin).unwrap_or_default();
+        let spin = match self.spin {
+            Some(spin) => {
+                finite("spin.phase_deg", spin.phase_deg)?;
+                let period_s = spin.period_s.or(default_spin.period_s);
+                Spin { period_s, phase_rad: spin.phase_deg.to_radians() }
+            }
+            None => default_spin,
+        };
+        let orientation = unit_quaternion(self.orientation).map_err(|e| Fault::new("orientation", e.to_string()))?;
+        let mut body = Body {
+            name: self.name.clone(),
+            position_m,
+            radii_m,
+            orientation,
+            spin,
+            surface: Surface { law, geometric_albedo, texture: None },
+            emission: None,
+        };
+        body.check().map_err(|error| match error.key {
+            "radii_m" if self.radius_m.is_some() => Fault::new("radius_m", error.problem),
+            "spin" => Fault::new("spin.period_s", error.problem),
+            _ => body_fault(&error),
+        })?;
+        body.emission = self.emission(radii_m)?;
+        body.check().map_err(|error| body_fault(&error))?;
+        Ok(body)
+    }
+
+    fn emission(&self, radii_m: DVec3) -> Result<Option<Emission>, Fault> {
+        let is_sun = self.preset == Some(Preset::Sun);
+        let given = match self.emission {
+            Some(emission) => emission,
+            None if is_sun => EmissionConfig { absolute_magnitude: None, temperature_k: None, limb_darkening: None },
+            None => return Ok(None),
+        };
+        let of_sun = |value: f64| is_sun.then_some(value);
+        let number = |key: &str, value: Option<f64>, [least, most]: [f64; 2]| {
+            let key = format!("emission.{key}");
+            let value = value.ok_or_else(|| Fault::new(&key, "missing key: without the preset `sun` it is needed"))?;
+            if (least..=most).contains(&value) {
+                return Ok(value);
+            }
+            Err(Fault::new(&key, format!("{value}: allowed are {least} to {most}")))
+        };
+        let sun_k = f64::from(crate::units::SOLAR_TEMPERATURE_K);
+        let magnitude = given.absolute_magnitude.or(of_sun(Preset::SUN_ABSOLUTE_MAGNITUDE));
+        let magnitude = number("absolute_magnitude", magnitude, [-MOST_MAGNITUDE, MOST_MAGNITUDE])?;
+        let temperature_k = number("temperature_k", given.temperature_k.or(of_sun(sun_k)), TEMPERATURES_K)?;
+        let darkening = given.limb_darkening.or(of_sun(Preset::SUN_LIMB_DARKENING)).unwrap_or(0.0);
+        let darkening = number("limb_darkening", Some(darkening), [0.0, 1.0])?;
+        Ok(Some(Emission::of_star(magnitude, temperature_k, mean_radius_m(radii_m), darkening)))
+    }
+
+    /// The body with its texture, which is read; paths start at `folder`.
+    pub(super) fn load(&self, folder: &Path) -> Result<Body, Fault> {
+        let mut body = self.body()?;
+        if let Some(file) = &self.texture {
+            let texture = Texture::from_png(&folder.join(file));
+            let texture = texture.map_err(|error| Fault::new("texture", error.to_string()))?;
+            body.surface.texture = Some(Arc::new(texture));
+        }
+        Ok(body)
+    }
+}

@@ -1,0 +1,115 @@
+//! Projected areas of shapes: what an asteroid that is too small to be told apart shines with, towards each direction.
+//!
+//! The outline of a mesh is what its triangles cover, wherever they face: they are drawn into a grid of cells, and a cell counts if its
+//! middle is covered. Directions are the nodes of an octahedral map of 16 x 16 steps; opposite ones have the same outline.
+
+use std::f64::consts::PI;
+
+use glam::{DVec2, DVec3};
+use rayon::prelude::*;
+
+use crate::scene::asteroids::{Mesh, Shape};
+
+/// Nodes along a side of a table.
+pub const AREA_NODES: usize = 17;
+
+/// Cells along a side of the grid that outlines are drawn into.
+const CELLS: usize = 192;
+
+/// Larger meshes give way to the shape's coarsest.
+const MOST_TRIANGLES: usize = 5000;
+
+/// Direction of a node.
+fn node_direction(column: usize, row: usize) -> DVec3 {
+    let part = |index: usize| 2.0 * index as f64 / (AREA_NODES - 1) as f64 - 1.0;
+    let (x, y) = (part(column), part(row));
+    let z = 1.0 - x.abs() - y.abs();
+    let sign = |value: f64| if value < 0.0 { -1.0 } else { 1.0 };
+    let (x, y) = if z < 0.0 { ((1.0 - y.abs()) * sign(x), (1.0 - x.abs()) * sign(y)) } else { (x, y) };
+    DVec3::new(x, y, z).normalize()
+}
+
+/// Projected areas of a shape over pi mean radii squared, at the nodes of its table, row by row.
+pub fn projected_areas(shape: &Shape) -> Vec<f32> {
+    let finest = shape.lods.first().filter(|lod| lod.mesh.triangles.len() <= MOST_TRIANGLES);
+    let Some(lod) = finest.or(shape.lods.last()) else { return vec![0.0; AREA_NODES * AREA_NODES] };
+    (0..AREA_NODES * AREA_NODES)
+        .into_par_iter()
+        .map(|node| {
+            let direction = node_direction(node % AREA_NODES, node / AREA_NODES);
+            (projected_area(&lod.mesh, shape.bound, direction) / PI) as f32
+        })
+        .collect()
+}
+
+/// Area of a mesh's outline seen along a direction, mean radii squared; `bound` holds it.
+fn projected_area(mesh: &Mesh, bound: f64, direction: DVec3) -> f64 {
+    let (right, up) = direction.any_orthonormal_pair();
+    let scale = CELLS as f64 / (2.0 * bound * 1.001);
+    let place = |vertex: u32| {
+        let vertex = DVec3::from_array(mesh.positions[vertex as usize].map(f64::from));
+        DVec2::new(vertex.dot(right), vertex.dot(up)) * scale + CELLS as f64 / 2.0
+    };
+    let mut covered = vec![false; CELLS * CELLS];
+    for &[a, b, c] in &mesh.triangles {
+        let corners = [place(a), place(b), place(c)];
+        let low = corners[0].min(corners[1]).min(corners[2]).max(DVec2::ZERO);
+        let high = corners[0].max(corners[1]).max(corners[2]).min(DVec2::splat(CELLS as f64));
+        let turn = (corners[1] - corners[0]).perp_dot(corners[2] - corners[0]).signum();
+        for row in low.y as usize..(high.y.ceil() as usize).min(CELLS) {
+            for column in low.x as usize..(high.x.ceil() as usize).min(CELLS) {
+                let middle = DVec2::new(column as f64 + 0.5, row as f64 + 0.5);
+                let inside =
+                    (0..3).all(|i| (corners[(i + 1) % 3] - corners[i]).perp_dot(middle - corners[i]) * turn >= 0.0);
+                covered[row * CELLS + column] |= inside;
+            }
+        }
+    }
+    covered.iter().filter(|covered| **covered).count() as f64 / (scale * scale)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::asteroids::ShapeSet;
+
+    #[test]
+    fn the_areas_of_a_shape_have_a_mean_of_pi_and_a_cube_has_its_own() {
+        let set = ShapeSet::procedural(5);
+        for shape in &set.shapes {
+            let areas = projected_areas(shape);
+            // Weights of an octahedral map: towards the middles of its faces it is coarser.
+            let weight = |node: usize| {
+                let direction = node_direction(node % AREA_NODES, node / AREA_NODES);
+                direction.abs().element_sum().powi(-3).recip().recip()
+            };
+            let inner = |node: &usize| !node.is_multiple_of(AREA_NODES) && node / AREA_NODES > 0;
+            let nodes = || (0..areas.len()).filter(inner);
+            let mean = nodes().map(|node| weight(node) * f64::from(areas[node])).sum::<f64>()
+                / nodes().map(weight).sum::<f64>();
+            assert!((mean - 1.0).abs() < 0.03, "{mean}");
+        }
+        let corner = |i: usize| [0, 1, 2].map(|axis| if i >> axis & 1 == 1 { 1.0 } else { -1.0 });
+        let side = |a: u32, b: u32, c: u32, d: u32| [[a, b, c], [a, c, d]];
+        let sides = [
+            side(0, 2, 3, 1),
+            side(4, 5, 7, 6),
+            side(0, 1, 5, 4),
+            side(2, 6, 7, 3),
+            side(0, 4, 6, 2),
+            side(1, 3, 7, 5),
+        ];
+        let mesh = Mesh {
+            positions: (0..8).map(corner).collect(),
+            normals: (0..8).map(corner).collect(),
+            albedos: vec![1.0; 8],
+            triangles: sides.into_iter().flatten().collect(),
+        };
+        for direction in [DVec3::X, DVec3::new(1.0, 1.0, 0.0), DVec3::ONE, DVec3::new(0.2, -0.7, 0.4)] {
+            let unit = direction.normalize();
+            let found = projected_area(&mesh, 3f64.sqrt(), unit);
+            let truth = 4.0 * unit.abs().element_sum();
+            assert!((found / truth - 1.0).abs() < 0.02, "{direction}: {found} for {truth}");
+        }
+    }
+}

@@ -1,0 +1,141 @@
+//! Culling and detail on the CPU, in f64: every asteroid of every field against every picture, one after the other, as renderers
+//! without compute shaders do. The lists are those of `shaders/asteroid_cull.wgsl`, up to the rounding of f32.
+
+use glam::{DMat3, DVec3};
+
+use super::{
+    classes::{Class, ClassRules},
+    kinds::Kinds,
+    views::{PictureBounds, PictureKind, touches_face},
+};
+use crate::{
+    scene::asteroids::{AsteroidField, PackedAsteroid},
+    view::projection::Face,
+};
+
+/// An asteroid in a list.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ListEntry {
+    /// Index among all fields'.
+    pub instance: u32,
+    /// Index of its group's item.
+    pub item: u32,
+    /// Whether it stands on the other side of the seam.
+    pub beyond_seam: bool,
+    /// 2: all of it; w: the share that takes over; -w: the rest beside the share w that has taken over.
+    pub fade: f32,
+}
+
+/// The lists of one picture.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct PictureLists {
+    /// Asteroids that may be seen, points among them.
+    pub seen: u64,
+    /// Of the picture itself (6) and of the faces behind it (0 to 5), the lists by kind.
+    pub lists: [Vec<Vec<ListEntry>>; 7],
+}
+
+/// Place of the picture itself in [`PictureLists::lists`].
+pub const WHOLE_PICTURE: usize = 6;
+
+/// Share below which a fade is held, so that it keeps its sign.
+const LEAST_SHARE: f64 = 1e-6;
+
+/// Culls all `fields` for a camera at `camera_m`. Items are numbered as groups come: all of one field, then of the next.
+pub fn cull(
+    fields: &[&AsteroidField],
+    kinds: &Kinds,
+    camera_m: DVec3,
+    pictures: &[PictureBounds],
+    rules: &[ClassRules],
+) -> Vec<PictureLists> {
+    let mut found: Vec<PictureLists> = pictures
+        .iter()
+        .map(|_| PictureLists { seen: 0, lists: std::array::from_fn(|_| vec![Vec::new(); kinds.lists()]) })
+        .collect();
+    let mut item = 0;
+    for (index, field) in fields.iter().enumerate() {
+        let rotation = DMat3::from_quat(field.orientation);
+        for node in field.instances.levels.first().into_iter().flatten() {
+            let origin_m = field.position_m - camera_m + rotation * node.middle_m;
+            for i in node.first..node.first + node.count {
+                let asteroid = &field.instances.packed[i as usize];
+                let place_m = origin_m + rotation * asteroid.offset_m();
+                let instance = (kinds.first_instance[index] + i as usize) as u32;
+                let seen = Asteroid { field, index, kinds, asteroid, place_m, instance, item };
+                for (picture, lists) in pictures.iter().zip(rules).zip(&mut found) {
+                    seen.show(picture.0, picture.1, lists);
+                }
+            }
+            item += 1;
+        }
+    }
+    found
+}
+
+struct Asteroid<'a> {
+    field: &'a AsteroidField,
+    index: usize,
+    kinds: &'a Kinds,
+    asteroid: &'a PackedAsteroid,
+    place_m: DVec3,
+    instance: u32,
+    item: u32,
+}
+
+impl Asteroid<'_> {
+    fn show(&self, picture: &PictureBounds, rules: &ClassRules, found: &mut PictureLists) {
+        let set = self.kinds.set(self.index);
+        let shape_index = self.asteroid.shape().min(set.shapes.shapes.len() - 1);
+        let shape = &set.shapes.shapes[shape_index];
+        let radius_m = self.asteroid.radius_m(self.field.instances.largest_m);
+        let bound_m = shape.bound * radius_m;
+        let middle = picture.view_from_world * (self.place_m - picture.eye_m);
+        let distance_m = middle.length();
+        if !picture.touches(middle, bound_m) || distance_m <= 0.0 || radius_m <= 0.0 {
+            return;
+        }
+        found.seen += 1;
+        let place = picture.place_of(middle, distance_m);
+        let errors = shape.lods.iter().map(|lod| lod.error);
+        let classes = rules.classes(errors, shape.bound, radius_m, distance_m, picture.table.pixel_rad_at(place));
+        let share = classes.share.max(LEAST_SHARE) as f32;
+        let drawn =
+            [(Some(classes.class), if classes.before.is_some() { share } else { 2.0 }), (classes.before, -share)];
+        let edge_of = |class: Class| match class {
+            Class::Mesh(level) => shape.lods[level as usize].longest_edge,
+            Class::Impostor | Class::Point => 2.0 * shape.bound,
+        };
+        let edge = drawn.iter().filter_map(|(class, _)| class.map(edge_of)).fold(0.0, f64::max);
+        let through_faces = picture.kind != PictureKind::Flat
+            && bends(picture, rules, place, edge, bound_m / radius_m, radius_m / distance_m);
+        for (class, fade) in drawn {
+            let kind = match class {
+                Some(Class::Mesh(level)) => set.shape_kinds[shape_index] + level as usize,
+                Some(Class::Impostor) => self.kinds.impostor_kind(self.kinds.set_of_field[self.index]),
+                Some(Class::Point) | None => continue,
+            };
+            let entry = ListEntry { instance: self.instance, item: self.item, beyond_seam: false, fade };
+            if through_faces {
+                for face in Face::ALL.into_iter().filter(|face| touches_face(*face, middle, bound_m)) {
+                    found.lists[face as usize][kind].push(entry);
+                }
+            } else {
+                let list = &mut found.lists[WHOLE_PICTURE][kind];
+                list.push(entry);
+                if picture.crosses_seam(middle, bound_m) {
+                    list.push(ListEntry { beyond_seam: true, ..entry });
+                }
+            }
+        }
+    }
+}
+
+/// Whether edges of `edge` mean radii bend by more than half a pixel; `size`: radius over distance.
+fn bends(picture: &PictureBounds, rules: &ClassRules, place: f64, edge: f64, bound: f64, size: f64) -> bool {
+    if bound * size >= 0.5 {
+        return true;
+    }
+    let bend = picture.table.bend_around(place, 0.53 * bound * size);
+    (edge * size).powi(2) / 8.0 * bend * rules.quality > 0.5
+}

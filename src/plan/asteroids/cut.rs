@@ -1,0 +1,385 @@
+//! Which groups of asteroids each picture may see, and how: in f64, once per frame, down the trees of the fields.
+//!
+//! Every node that no picture can see ends there. A node that is smaller than half a pixel in every picture that sees it, and all of whose
+//! asteroids are points there, becomes one point of light. What is left are groups, each with the pictures that may see it, the faces
+//! of the cubes behind pictures that are not flat which it may need, and whether it may hold points or anything larger. The rest, asteroid by
+//! asteroid, is decided on the adapter (`shaders/asteroid_cull.wgsl`) or in `cpu_cull`.
+//!
+//! An asteroid whose straight edges would bend by more than half a pixel (over the quality) goes through faces. Here the bound is taken for a
+//! whole group, so a face that an asteroid needs is always there.
+
+use glam::{DMat3, DVec3};
+use rayon::prelude::*;
+
+use super::{
+    classes::ClassRules,
+    views::{PictureBounds, PictureKind, touches_face},
+};
+use crate::{
+    plan::view_bodies::PointSource,
+    scene::{
+        asteroids::{AsteroidField, Node},
+        bodies::Sun,
+    },
+    view::projection::Face,
+};
+
+/// Factor by which the bound on a group is wider than that on its asteroids: f32 decides those.
+const SLACK: f64 = 1.02;
+
+/// A node that is one point of light.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct UnresolvedNode {
+    /// What it shines like.
+    pub point: PointSource,
+    /// Asteroids in it.
+    pub asteroids: u64,
+}
+
+/// A group that some picture may see.
+#[derive(Clone, Debug, PartialEq)]
+pub struct GroupItem {
+    /// Index of its field.
+    pub field: usize,
+    /// Index of its node on level 0.
+    pub node: usize,
+    /// Its middle minus camera, world axes, m.
+    pub origin_m: DVec3,
+    /// First asteroid of the field.
+    pub first: u32,
+    /// Number of asteroids.
+    pub count: u32,
+    /// Bit i: viewport i may see it.
+    pub viewports: u64,
+    /// Pictures that are not flat, and the faces (bit by [`Face`]) that it may need there.
+    pub faces: Vec<(usize, u8)>,
+    /// Whether it crosses the seam of a picture.
+    pub crosses_seam: bool,
+    /// To the sun, unit vector, world axes; 0 without a sun.
+    pub sun: DVec3,
+    /// Illuminance of a surface that faces the sun, lx.
+    pub illuminance_lx: [f64; 3],
+    /// Whether any of it may be drawn as a point.
+    pub holds_points: bool,
+    /// Whether any of it may be drawn as a mesh or an impostor.
+    pub holds_shapes: bool,
+}
+
+/// What a frame draws of all fields.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct AsteroidCut {
+    /// Groups: those that may hold shapes first.
+    pub items: Vec<GroupItem>,
+    /// How many of them may hold shapes.
+    pub shape_items: usize,
+    /// Nodes that are points of light.
+    pub unresolved: Vec<UnresolvedNode>,
+    /// Per viewport the faces that its cube needs, by bits.
+    pub faces: Vec<u8>,
+    /// Per viewport a bound of the light of all points but unresolved nodes, lx: its greatest channel.
+    pub points_lx: Vec<f64>,
+    /// Largest illuminance on any group, the greatest channel, lx.
+    pub brightest_lx: f64,
+}
+
+/// Numbers of a field that the cut needs.
+struct FieldCut<'a> {
+    field: &'a AsteroidField,
+    rotation: DMat3,
+    /// Field's middle minus camera, m.
+    origin_m: DVec3,
+    /// Longest edge of any level, mean radii.
+    longest_edge: f64,
+    /// Radius of the sphere that holds any shape, mean radii.
+    largest_bound: f64,
+    /// Greatest projected area of a shape over pi r^2, at most.
+    largest_area: f64,
+}
+
+/// What becomes of a node.
+enum Outcome {
+    Node { field: usize, level: usize, node: usize, viewports: u64 },
+    Point(UnresolvedNode, f64),
+    Group(Box<GroupItem>, f64),
+}
+
+/// Cuts the trees of `fields` for pictures that a camera at `camera_m` sees. `pixel_quality` is the factor on the distances of detail.
+pub fn cut(
+    fields: &[&AsteroidField],
+    camera_m: DVec3,
+    pictures: &[PictureBounds],
+    rules: &[ClassRules],
+    suns: &[Sun],
+) -> AsteroidCut {
+    let prepared: Vec<FieldCut<'_>> = fields.iter().map(|field| FieldCut::new(field, camera_m)).collect();
+    let all = if pictures.len() >= 64 { u64::MAX } else { (1 << pictures.len()) - 1 };
+    let mut level_nodes: Vec<Outcome> = Vec::new();
+    for (index, field) in fields.iter().enumerate() {
+        if let Some(level) = field.instances.levels.len().checked_sub(1) {
+            let nodes = 0..field.instances.levels[level].len();
+            level_nodes.extend(nodes.map(|node| Outcome::Node { field: index, level, node, viewports: all }));
+        }
+    }
+    let scene = Seen { fields: &prepared, pictures, rules, suns, camera_m };
+    let mut cut =
+        AsteroidCut { faces: vec![0; pictures.len()], points_lx: vec![0.0; pictures.len()], ..Default::default() };
+    let mut points_only = Vec::new();
+    // Level by level; the trees' heights may differ.
+    while !level_nodes.is_empty() {
+        let found: Vec<Outcome> = level_nodes.into_par_iter().flat_map_iter(|outcome| scene.look(&outcome)).collect();
+        level_nodes = Vec::new();
+        for outcome in found {
+            match outcome {
+                Outcome::Node { .. } => level_nodes.push(outcome),
+                Outcome::Point(node, brightest) => {
+                    cut.brightest_lx = cut.brightest_lx.max(brightest);
+                    cut.unresolved.push(node);
+                }
+                Outcome::Group(item, points_lx) => {
+                    let brightest = item.illuminance_lx.into_iter().fold(0.0, f64::max);
+                    cut.add_light(item.viewports, if item.holds_points { points_lx } else { 0.0 }, brightest);
+                    for (viewport, faces) in &item.faces {
+                        cut.faces[*viewport] |= faces;
+                    }
+                    if item.holds_shapes {
+                        cut.items.push(*item);
+                    } else {
+                        points_only.push(*item);
+                    }
+                }
+            }
+        }
+    }
+    cut.shape_items = cut.items.len();
+    cut.items.append(&mut points_only);
+    cut
+}
+
+/// All groups, whether a picture sees them or not: what culling on the CPU draws from.
+pub fn every_group(
+    fields: &[&AsteroidField],
+    camera_m: DVec3,
+    pictures: &[PictureBounds],
+    rules: &[ClassRules],
+    suns: &[Sun],
+) -> AsteroidCut {
+    let prepared: Vec<FieldCut<'_>> = fields.iter().map(|field| FieldCut::new(field, camera_m)).collect();
+    let scene = Seen { fields: &prepared, pictures, rules, suns, camera_m };
+    let viewports = if pictures.len() >= 64 { u64::MAX } else { (1 << pictures.len()) - 1 };
+    let mut cut =
+        AsteroidCut { faces: vec![0; pictures.len()], points_lx: vec![0.0; pictures.len()], ..Default::default() };
+    for (index, field) in prepared.iter().enumerate() {
+        for (node_index, node) in field.field.instances.levels.first().into_iter().flatten().enumerate() {
+            let mut item = scene.group(index, node_index, viewports);
+            (item.holds_points, item.holds_shapes) = (true, true);
+            let brightest = item.illuminance_lx.into_iter().fold(0.0, f64::max);
+            cut.add_light(viewports, scene.points_lx(field, node, &item), brightest);
+            cut.items.push(item);
+        }
+    }
+    cut.shape_items = cut.items.len();
+    cut
+}
+
+impl AsteroidCut {
+    fn add_light(&mut self, viewports: u64, lx: f64, brightest_lx: f64) {
+        for (viewport, sum) in self.points_lx.iter_mut().enumerate() {
+            if viewports >> viewport & 1 == 1 {
+                *sum += lx;
+            }
+        }
+        self.brightest_lx = self.brightest_lx.max(brightest_lx);
+    }
+}
+
+impl<'a> FieldCut<'a> {
+    fn new(field: &'a AsteroidField, camera_m: DVec3) -> Self {
+        let shapes = &field.shapes.shapes;
+        let largest_bound = shapes.iter().map(|shape| shape.bound).fold(0.0, f64::max);
+        let longest = shapes.iter().flat_map(|shape| &shape.lods).map(|lod| lod.longest_edge).fold(0.0, f64::max);
+        Self {
+            field,
+            rotation: DMat3::from_quat(field.orientation),
+            origin_m: field.position_m - camera_m,
+            longest_edge: longest,
+            largest_bound,
+            largest_area: largest_bound * largest_bound,
+        }
+    }
+}
+
+/// Everything that decides over a node.
+struct Seen<'a> {
+    fields: &'a [FieldCut<'a>],
+    pictures: &'a [PictureBounds],
+    rules: &'a [ClassRules],
+    suns: &'a [Sun],
+    camera_m: DVec3,
+}
+
+impl Seen<'_> {
+    /// What becomes of a node: nothing, a point, a group, or its children.
+    fn look(&self, outcome: &Outcome) -> Vec<Outcome> {
+        let &Outcome::Node { field: index, level, node: node_index, viewports: parents } = outcome else {
+            return vec![];
+        };
+        let field = &self.fields[index];
+        let node = &field.field.instances.levels[level][node_index];
+        let middle_m = field.origin_m + field.rotation * node.middle_m;
+        let mut viewports = 0;
+        let mut unresolved = true;
+        let (mut holds_points, mut holds_shapes) = (false, false);
+        let mut remaining = parents;
+        while remaining != 0 {
+            let viewport = remaining.trailing_zeros() as usize;
+            remaining &= remaining - 1;
+            let (picture, rules) = (&self.pictures[viewport], &self.rules[viewport]);
+            let from_eye = picture.view_from_world * (middle_m - picture.eye_m);
+            if !picture.touches(from_eye, node.radius_m) {
+                continue;
+            }
+            viewports |= 1 << viewport;
+            let distance_m = from_eye.length();
+            let [nearest_m, farthest_m] = [(distance_m - node.radius_m).max(0.0), distance_m + node.radius_m];
+            let [finest_rad, coarsest_rad] = picture.table.pixel_range_rad();
+            let points = !rules.finest_only && farthest_m * SLACK >= rules.quality * node.smallest_m / coarsest_rad;
+            let only_points =
+                !rules.finest_only && nearest_m >= SLACK * 2.0 * rules.quality * node.largest_m / finest_rad;
+            holds_points |= points;
+            holds_shapes |= !only_points;
+            unresolved &= only_points && 2.0 * node.radius_m * rules.quality <= 0.5 * finest_rad * nearest_m;
+        }
+        if viewports == 0 {
+            return vec![];
+        }
+        if unresolved {
+            return vec![self.point(field, level, node, viewports)];
+        }
+        if level > 0 {
+            let children = node.first as usize..node.first as usize + node.count as usize;
+            return children.map(|node| Outcome::Node { field: index, level: level - 1, node, viewports }).collect();
+        }
+        let mut item = self.group(index, node_index, viewports);
+        (item.holds_points, item.holds_shapes) = (holds_points, holds_shapes);
+        let points_lx = self.points_lx(field, node, &item);
+        if holds_shapes {
+            self.add_faces(field, node, &mut item);
+        }
+        vec![Outcome::Group(Box::new(item), points_lx)]
+    }
+
+    /// A group without what its pictures make of it.
+    fn group(&self, index: usize, node_index: usize, viewports: u64) -> GroupItem {
+        let field = &self.fields[index];
+        let node = &field.field.instances.levels[0][node_index];
+        let origin_m = field.origin_m + field.rotation * node.middle_m;
+        let (sun, illuminance_lx) = self.sunlight(origin_m);
+        GroupItem {
+            field: index,
+            node: node_index,
+            origin_m,
+            first: node.first,
+            count: node.count,
+            viewports,
+            faces: Vec::new(),
+            crosses_seam: false,
+            sun,
+            illuminance_lx,
+            holds_points: false,
+            holds_shapes: false,
+        }
+    }
+
+    /// The faces that a group may need, and whether it crosses a seam.
+    fn add_faces(&self, field: &FieldCut<'_>, node: &Node, item: &mut GroupItem) {
+        let mut remaining = item.viewports;
+        while remaining != 0 {
+            let viewport = remaining.trailing_zeros() as usize;
+            remaining &= remaining - 1;
+            let (picture, rules) = (&self.pictures[viewport], &self.rules[viewport]);
+            if picture.kind == PictureKind::Flat {
+                continue;
+            }
+            let from_eye = picture.view_from_world * (item.origin_m - picture.eye_m);
+            item.crosses_seam |= picture.crosses_seam(from_eye, node.radius_m * SLACK);
+            let distance_m = from_eye.length();
+            let nearest_m = distance_m - node.radius_m;
+            let size = SLACK * node.largest_m / nearest_m.max(f64::MIN_POSITIVE);
+            let bends = size * field.largest_bound >= 0.5 || {
+                let place = picture.place_of(from_eye, distance_m);
+                let reach = 0.55 * (node.radius_m / distance_m).min(1.0).asin();
+                let of_impostor = if picture.impostor.is_some() { 2.0 * field.largest_bound } else { 0.0 };
+                let length = field.longest_edge.max(of_impostor) * size;
+                length * length / 8.0 * picture.table.bend_around_all(place, reach) * rules.quality > 0.5
+            };
+            if bends {
+                let faces = Face::ALL.iter().filter(|face| touches_face(**face, from_eye, node.radius_m * SLACK));
+                item.faces.push((viewport, faces.fold(0, |bits, face| bits | 1 << *face as u8)));
+            }
+        }
+    }
+
+    /// Direction and illuminance of the strongest sun at a place relative to the camera.
+    fn sunlight(&self, middle_m: DVec3) -> (DVec3, [f64; 3]) {
+        let place_m = self.camera_m + middle_m;
+        let lights = self.suns.iter().map(|sun| {
+            let to_sun = sun.position_m - place_m;
+            let distance_m = to_sun.length();
+            let squared = (distance_m * distance_m).max(f64::MIN_POSITIVE);
+            (to_sun / distance_m.max(f64::MIN_POSITIVE), sun.intensity_cd.map(|cd| cd / squared))
+        });
+        let luminance = |[r, g, b]: [f64; 3]| 0.2126 * r + 0.7152 * g + 0.0722 * b;
+        lights
+            .fold(None, |best: Option<(DVec3, [f64; 3])>, light| match best {
+                Some(best) if luminance(best.1) >= luminance(light.1) => Some(best),
+                _ => Some(light),
+            })
+            .unwrap_or((DVec3::ZERO, [0.0; 3]))
+    }
+
+    /// A whole node as one point: spheres of its area at its centroid.
+    fn point(&self, field: &FieldCut<'_>, level: usize, node: &Node, viewports: u64) -> Outcome {
+        let offset_m = field.origin_m + field.rotation * node.centroid_m;
+        let (sun, illuminance_lx) = self.sunlight(offset_m);
+        let distance_m = offset_m.length();
+        let cos_phase = if distance_m > 0.0 { sun.dot(-offset_m / distance_m) } else { 1.0 };
+        let phase = field.field.law.phase_function(cos_phase.clamp(-1.0, 1.0).acos());
+        let albedo = field.field.geometric_albedo;
+        let intensity_cd: [f64; 3] =
+            std::array::from_fn(|i| albedo[i] * illuminance_lx[i] * node.area_m2 / std::f64::consts::PI * phase);
+        let asteroids = instances_below(field.field, level, node);
+        let point = PointSource { offset_m, intensity_cd, radius_m: node.radius_m, viewports };
+        Outcome::Point(UnresolvedNode { point, asteroids }, illuminance_lx.into_iter().fold(0.0, f64::max))
+    }
+
+    fn nearest_m(&self, middle_m: DVec3, radius_m: f64, viewports: u64) -> f64 {
+        let seeing = self.pictures.iter().enumerate().filter(|(viewport, _)| viewports >> viewport & 1 == 1);
+        seeing.map(|(_, picture)| (middle_m - picture.eye_m).length() - radius_m).fold(f64::INFINITY, f64::min).max(0.0)
+    }
+
+    /// Bound of the light of all points of a group, lx: an asteroid that is a point is at least so far away that its diameter is two
+    /// pixels.
+    fn points_lx(&self, field: &FieldCut<'_>, node: &Node, item: &GroupItem) -> f64 {
+        let albedo = field.field.geometric_albedo;
+        let full_cd = (0..3).map(|i| albedo[i] * item.illuminance_lx[i]).fold(0.0, f64::max) * field.largest_area;
+        let nearest_m = self.nearest_m(item.origin_m, node.radius_m, item.viewports);
+        let by_distance = node.area_m2 / std::f64::consts::PI / (nearest_m * nearest_m).max(f64::MIN_POSITIVE);
+        let coarsest = self
+            .pictures
+            .iter()
+            .zip(self.rules)
+            .map(|(picture, rules)| picture.table.pixel_range_rad()[1] / rules.quality);
+        let by_size = f64::from(node.count) * coarsest.fold(0.0, f64::max).powi(2);
+        full_cd * by_distance.min(by_size) * (1.0 + 1e-3)
+    }
+}
+
+/// Number of asteroids of a node: children stand side by side, so down the first and the last one.
+fn instances_below(field: &AsteroidField, level: usize, node: &Node) -> u64 {
+    let (mut first, mut last) = (node, node);
+    for nodes in field.instances.levels[..level].iter().rev() {
+        first = &nodes[first.first as usize];
+        last = &nodes[(last.first + last.count - 1) as usize];
+    }
+    u64::from(last.first + last.count - first.first)
+}

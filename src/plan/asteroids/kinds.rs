@@ -1,0 +1,109 @@
+//! Numbers of the lists that asteroids are sorted into: per plane one for each mesh of each set of shapes, then one for the impostors
+//! of each set. What is drawn onto is a plane: a picture, or a face of the cube behind it.
+
+use std::sync::Arc;
+
+use crate::{
+    scene::asteroids::{AsteroidField, ShapeSet},
+    view::projection::Face,
+};
+
+/// Most meshes of a set: culling counts them in the memory of a workgroup.
+pub const MAX_SET_MESHES: usize = 1280;
+
+/// A picture or a face of the cube around its axes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Plane {
+    /// Index of the viewport.
+    pub viewport: usize,
+    /// The face; `None`: the picture itself.
+    pub face: Option<Face>,
+}
+
+/// All planes of a frame: the pictures first, then the faces in need, by viewport.
+pub fn planes_of(faces: &[u8]) -> Vec<Plane> {
+    let pictures = (0..faces.len()).map(|viewport| Plane { viewport, face: None });
+    let behind = faces.iter().enumerate().flat_map(|(viewport, bits)| {
+        let needed = Face::ALL.into_iter().filter(move |face| bits >> *face as u8 & 1 == 1);
+        needed.map(move |face| Plane { viewport, face: Some(face) })
+    });
+    pictures.chain(behind).collect()
+}
+
+/// A set of shapes with its numbers.
+#[derive(Clone, Debug)]
+pub struct SetKinds {
+    /// The set.
+    pub shapes: Arc<ShapeSet>,
+    /// First of its shapes among all sets'.
+    pub first_shape: usize,
+    /// For each shape the kind of its finest mesh; coarser ones follow.
+    pub shape_kinds: Vec<usize>,
+    /// First of its kinds.
+    pub first_kind: usize,
+    /// Number of its meshes.
+    pub meshes: usize,
+}
+
+/// The kinds of all fields.
+#[derive(Clone, Debug, Default)]
+pub struct Kinds {
+    /// The sets, each once.
+    pub sets: Vec<SetKinds>,
+    /// For each field the index of its set.
+    pub set_of_field: Vec<usize>,
+    /// For each field its first asteroid among all fields'.
+    pub first_instance: Vec<usize>,
+    /// Meshes of all sets.
+    pub meshes: usize,
+}
+
+impl Kinds {
+    /// Numbers for these fields, in their order.
+    pub fn new<'a>(fields: impl IntoIterator<Item = &'a AsteroidField>) -> Self {
+        let mut kinds = Self::default();
+        let (mut shapes, mut instances) = (0, 0);
+        for field in fields {
+            let known = kinds.sets.iter().position(|set| Arc::ptr_eq(&set.shapes, &field.shapes));
+            let set = known.unwrap_or_else(|| {
+                let first_kind = kinds.meshes;
+                let shape_kinds = field.shapes.shapes.iter().map(|shape| {
+                    let first = kinds.meshes;
+                    kinds.meshes += shape.lods.len();
+                    first
+                });
+                let shape_kinds = shape_kinds.collect();
+                let meshes = kinds.meshes - first_kind;
+                let shapes_before = shapes;
+                shapes += field.shapes.shapes.len();
+                kinds.sets.push(SetKinds {
+                    shapes: Arc::clone(&field.shapes),
+                    first_shape: shapes_before,
+                    shape_kinds,
+                    first_kind,
+                    meshes,
+                });
+                kinds.sets.len() - 1
+            });
+            kinds.set_of_field.push(set);
+            kinds.first_instance.push(instances);
+            instances += field.instances.packed.len();
+        }
+        kinds
+    }
+
+    /// The set of a field.
+    pub fn set(&self, field: usize) -> &SetKinds {
+        &self.sets[self.set_of_field[field]]
+    }
+
+    /// Kind of the impostors of a set.
+    pub fn impostor_kind(&self, set: usize) -> usize {
+        self.meshes + set
+    }
+
+    /// Lists of a plane: meshes and impostors.
+    pub fn lists(&self) -> usize {
+        self.meshes + self.sets.len()
+    }
+}

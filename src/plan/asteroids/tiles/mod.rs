@@ -1,0 +1,167 @@
+//! Which tile of an atlas stands in for an asteroid, and how wrong it is. f64, pure.
+//!
+//! A tile is an orthographic picture of the shape, seen from one direction: *direction* points from the shape to the
+//! eye, *right* and *up* are the picture's axes, all in the shape's axes, right x up = direction. View axes are +x
+//! right, +y up, looking along -z. `view_from_shape` is the rotation of the asteroid as the view sees it, *to the eye*
+//! the unit vector from the asteroid to the eye; in the middle of a view that is +z.
+//!
+//! - `euler` holds the published choice, by the camera's orientation;
+//! - `octahedral` the choice by the eye's place, of one tile or of three;
+//! - [`super::bounds`] turns their errors into distances.
+
+pub mod euler;
+pub mod octahedral;
+#[cfg(test)]
+mod tests;
+
+use glam::{DMat3, DQuat, DVec3};
+
+use self::euler::Rounding;
+use super::ImpostorMethod;
+
+/// A tile of an atlas, from the top left.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Default)]
+pub struct AtlasTile {
+    /// Column.
+    pub column: u32,
+    /// Row.
+    pub row: u32,
+}
+
+/// How a tile's picture was taken: unit vectors in the shape's axes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TileAxes {
+    /// To the right of the picture.
+    pub right: DVec3,
+    /// To its top.
+    pub up: DVec3,
+    /// From the shape to the eye.
+    pub direction: DVec3,
+}
+
+impl TileAxes {
+    /// Rotation from the picture's axes (right, up, towards the eye) to the shape's.
+    pub fn shape_from_tile(&self) -> DMat3 {
+        DMat3::from_cols(self.right, self.up, self.direction)
+    }
+}
+
+/// What the tiles of an atlas show.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum AtlasLayout {
+    /// Columns are pitch, rows are yaw, both all around.
+    Euler,
+    /// The octahedral map of the sphere of directions.
+    Octahedral,
+}
+
+impl AtlasLayout {
+    /// The layout that a method reads; `None` for methods without an atlas.
+    pub fn of(method: ImpostorMethod) -> Option<Self> {
+        match method.chosen() {
+            ImpostorMethod::EulerAtlas => Some(Self::Euler),
+            ImpostorMethod::Octahedral | ImpostorMethod::OctahedralBlend => Some(Self::Octahedral),
+            ImpostorMethod::Auto | ImpostorMethod::None => None,
+        }
+    }
+
+    /// Name, for files and messages.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Euler => "euler",
+            Self::Octahedral => "octahedral",
+        }
+    }
+
+    /// How a tile is seen, in an atlas of `tiles` x `tiles`.
+    pub fn axes(self, tile: AtlasTile, tiles: u32) -> TileAxes {
+        match self {
+            Self::Euler => euler::axes(tile, tiles),
+            Self::Octahedral => octahedral::axes(tile, tiles),
+        }
+    }
+}
+
+/// The tiles that a method shows and their weights, which add up to 1; tiles of no weight fill up the three. `None` for
+/// methods without an atlas. `to_eye` in view axes.
+pub fn tiles_shown(
+    method: ImpostorMethod,
+    view_from_shape: DMat3,
+    to_eye: DVec3,
+    tiles: u32,
+) -> Option<[(AtlasTile, f64); 3]> {
+    let one = |tile: AtlasTile| [(tile, 1.0), (tile, 0.0), (tile, 0.0)];
+    let direction = view_from_shape.transpose() * to_eye;
+    match method.chosen() {
+        ImpostorMethod::EulerAtlas => Some(one(euler::tile(euler::Angles::of(view_from_shape), tiles, Rounding::Up))),
+        ImpostorMethod::Octahedral => Some(one(octahedral::nearest(direction, tiles))),
+        ImpostorMethod::OctahedralBlend => Some(octahedral::blended(direction, tiles)),
+        ImpostorMethod::Auto | ImpostorMethod::None => None,
+    }
+}
+
+/// How a picture of one tile lies in the view: rotation from the shape's axes to view axes as the tile shows them. The
+/// published method turns the tile by the roll in the image plane; the others turn it the shortest way until it faces
+/// the eye, which is what projecting the tile's axes on the plane across the line of sight gives.
+pub fn shown_view_from_shape(
+    method: ImpostorMethod,
+    tile: AtlasTile,
+    view_from_shape: DMat3,
+    to_eye: DVec3,
+    tiles: u32,
+) -> Option<DMat3> {
+    let layout = AtlasLayout::of(method)?;
+    let axes = layout.axes(tile, tiles);
+    Some(match layout {
+        AtlasLayout::Euler => {
+            let roll = euler::Angles::of(view_from_shape).roll_rad;
+            DMat3::from_rotation_z(roll) * axes.shape_from_tile().transpose()
+        }
+        AtlasLayout::Octahedral => {
+            DMat3::from_quat(DQuat::from_rotation_arc(view_from_shape * axes.direction, to_eye)) * view_from_shape
+        }
+    })
+}
+
+/// Angle between the direction that a method shows and the true one, rad. Of a blend: of the weighted mean direction.
+pub fn direction_error_rad(method: ImpostorMethod, view_from_shape: DMat3, to_eye: DVec3, tiles: u32) -> Option<f64> {
+    let layout = AtlasLayout::of(method)?;
+    let shown: DVec3 = tiles_shown(method, view_from_shape, to_eye, tiles)?
+        .iter()
+        .map(|(tile, weight)| *weight * layout.axes(*tile, tiles).direction)
+        .sum();
+    Some(angle_between_rad(shown, view_from_shape.transpose() * to_eye))
+}
+
+/// Angle of the rotation between what a method shows and the truth, rad: direction and turn in the picture. Of a blend:
+/// of its heaviest tile.
+pub fn orientation_error_rad(method: ImpostorMethod, view_from_shape: DMat3, to_eye: DVec3, tiles: u32) -> Option<f64> {
+    let shown = tiles_shown(method, view_from_shape, to_eye, tiles)?;
+    let heaviest = shown.iter().fold(shown[0], |best, next| if next.1 > best.1 { *next } else { best }).0;
+    let picture = shown_view_from_shape(method, heaviest, view_from_shape, to_eye, tiles)?;
+    // What lies in the image plane is seen as if the eye were before it; off the axis it is not.
+    let true_picture = match AtlasLayout::of(method)? {
+        AtlasLayout::Euler => DMat3::from_quat(DQuat::from_rotation_arc(to_eye, DVec3::Z)) * view_from_shape,
+        AtlasLayout::Octahedral => view_from_shape,
+    };
+    Some(rotation_angle_rad(picture, true_picture))
+}
+
+/// Number of tiles that any orientation can show, those included that only an exact pole shows.
+pub fn reachable_tiles(layout: AtlasLayout, tiles: u32) -> u32 {
+    match layout {
+        AtlasLayout::Euler => euler::reachable(tiles),
+        AtlasLayout::Octahedral => tiles * tiles,
+    }
+}
+
+/// Angle between two vectors that are not null, rad, also where the cosine would cancel.
+pub fn angle_between_rad(a: DVec3, b: DVec3) -> f64 {
+    a.cross(b).length().atan2(a.dot(b))
+}
+
+/// Angle of the rotation that leads from one orientation to another, rad.
+pub fn rotation_angle_rad(from: DMat3, to: DMat3) -> f64 {
+    let turn = DQuat::from_mat3(&(to * from.transpose()));
+    2.0 * turn.xyz().length().atan2(turn.w.abs())
+}

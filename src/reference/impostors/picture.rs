@@ -1,0 +1,215 @@
+//! Pictures of one asteroid through a flat window: of its mesh, and of the impostor that a method shows.
+
+use glam::{DMat3, DVec2, DVec3};
+
+use super::{
+    bake::{Atlas, Texel},
+    raster::{Projected, hits},
+};
+use crate::{
+    plan::asteroids::{
+        ImpostorMethod,
+        tiles::{AtlasLayout, AtlasTile, TileAxes, euler, shown_view_from_shape, tiles_shown},
+    },
+    scene::asteroids::Mesh,
+};
+
+/// How an asteroid is seen: a square window of the image plane z = -1.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sight {
+    /// Rotation from the shape's axes to those of the view.
+    pub view_from_shape: DMat3,
+    /// The asteroid's middle, view axes, mean radii from the eye.
+    pub centre: DVec3,
+    /// Middle of the window, tangents to the right and up.
+    pub middle: DVec2,
+    /// Half of its side, tangents.
+    pub half_width: f64,
+    /// Pixels along its side.
+    pub side: usize,
+    /// Samples along the side of a pixel.
+    pub samples: usize,
+}
+
+/// What a window shows, row by row from the top.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Picture {
+    /// Share of each pixel that is covered.
+    pub coverage: Vec<f64>,
+    /// Sum of the unit normals of its covered samples, view axes.
+    pub normals: Vec<DVec3>,
+}
+
+impl Sight {
+    /// A window of pixels of `pixel_rad` around an asteroid of that bounding radius.
+    pub fn around(view_from_shape: DMat3, centre: DVec3, bound: f64, pixel_rad: f64, samples: usize) -> Self {
+        let middle = centre.truncate() / -centre.z;
+        // Off the axis a sphere's image is longer by the square of the cosine's inverse.
+        let reach = 1.1 * bound / centre.length() * (1.0 + middle.length_squared());
+        let side = (2.0 * reach / pixel_rad).ceil() as usize + 2;
+        Self { view_from_shape, centre, middle, half_width: 0.5 * side as f64 * pixel_rad, side, samples }
+    }
+
+    /// The picture of what every sample sees: a unit normal in view axes, or nothing.
+    fn picture(&self, seen: impl Fn(usize, usize) -> Option<DVec3>) -> Picture {
+        let share = 1.0 / (self.samples * self.samples) as f64;
+        let pixels = self.side * self.side;
+        let mut picture = Picture { coverage: vec![0.0; pixels], normals: vec![DVec3::ZERO; pixels] };
+        for j in 0..self.side * self.samples {
+            for i in 0..self.side * self.samples {
+                if let Some(normal) = seen(i, j) {
+                    let pixel = j / self.samples * self.side + i / self.samples;
+                    picture.coverage[pixel] += share;
+                    picture.normals[pixel] += normal;
+                }
+            }
+        }
+        picture
+    }
+
+    /// Samples per tangent.
+    fn scale(&self) -> f64 {
+        0.5 * (self.side * self.samples) as f64 / self.half_width
+    }
+
+    /// Unit vector of what a sample looks at.
+    fn ray(&self, i: usize, j: usize) -> DVec3 {
+        let scale = self.scale();
+        let place = DVec2::new(i as f64 + 0.5, j as f64 + 0.5) / scale - self.half_width;
+        DVec3::new(self.middle.x + place.x, self.middle.y - place.y, -1.0).normalize()
+    }
+}
+
+/// The picture of a mesh.
+pub fn mesh_picture(mesh: &Mesh, sight: &Sight) -> Picture {
+    let side = sight.side * sight.samples;
+    let found = hits(mesh, side, |position| {
+        let point = sight.centre + sight.view_from_shape * position;
+        let place = point.truncate() / -point.z - sight.middle;
+        let weight = -1.0 / point.z;
+        Projected {
+            place: DVec2::new(place.x + sight.half_width, sight.half_width - place.y) * sight.scale(),
+            nearness: weight,
+            weight,
+        }
+    });
+    sight.picture(|i, j| found[j * side + i].map(|hit| sight.view_from_shape * hit.normal))
+}
+
+/// The picture that a method shows of an atlas; `None` if the method has none or the atlas is laid out for another.
+pub fn impostor_picture(method: ImpostorMethod, atlas: &Atlas, sight: &Sight) -> Option<Picture> {
+    if AtlasLayout::of(method) != Some(atlas.layout()) {
+        return None;
+    }
+    let square = Square::new(method, atlas, sight)?;
+    Some(sight.picture(|i, j| {
+        let texel = square.texel(sight.ray(i, j));
+        (texel.coverage >= 0.5).then(|| (sight.view_from_shape * texel.normal).normalize_or_zero())
+    }))
+}
+
+/// The square that carries an impostor, as rays meet it.
+struct Square<'a> {
+    atlas: &'a Atlas,
+    sight: &'a Sight,
+    blends: bool,
+    /// Unit vector across the square.
+    across: DVec3,
+    /// Radius of the asteroid's outline on the square.
+    outline: f64,
+    tiles: Vec<(AtlasTile, TileAxes, f64)>,
+    /// Rotation from the shape's axes to view axes as the first tile shows them.
+    shown: DMat3,
+    /// The turn of the square in the image plane.
+    roll: DMat3,
+}
+
+impl<'a> Square<'a> {
+    fn new(method: ImpostorMethod, atlas: &'a Atlas, sight: &'a Sight) -> Option<Self> {
+        let distance = sight.centre.length();
+        let to_eye = -sight.centre / distance;
+        let shown = tiles_shown(method, sight.view_from_shape, to_eye, atlas.tiles())?;
+        let tiles: Vec<_> = shown
+            .into_iter()
+            .filter(|(_, weight)| *weight > 0.0)
+            .map(|(tile, weight)| (tile, atlas.layout().axes(tile, atlas.tiles()), weight))
+            .collect();
+        let published = method.chosen() == ImpostorMethod::EulerAtlas;
+        let bound = atlas.bound();
+        Some(Self {
+            atlas,
+            sight,
+            blends: method.chosen() == ImpostorMethod::OctahedralBlend,
+            across: if published { DVec3::Z } else { to_eye },
+            outline: if published { bound } else { bound * distance / (distance * distance - bound * bound).sqrt() },
+            shown: shown_view_from_shape(method, tiles[0].0, sight.view_from_shape, to_eye, atlas.tiles())?,
+            roll: DMat3::from_rotation_z(euler::Angles::of(sight.view_from_shape).roll_rad),
+            tiles,
+        })
+    }
+
+    fn texel(&self, ray: DVec3) -> Texel {
+        let offset = ray * (self.sight.centre.dot(self.across) / ray.dot(self.across)) - self.sight.centre;
+        let (tile, axes, _) = self.tiles[0];
+        if self.blends {
+            return self.blended(offset, ray);
+        }
+        let place = if self.atlas.layout() == AtlasLayout::Euler {
+            (self.roll.transpose() * offset).truncate()
+        } else {
+            DVec2::new(offset.dot(self.shown * axes.right), offset.dot(self.shown * axes.up))
+        };
+        self.atlas.sample(tile, place / self.outline)
+    }
+
+    /// Three tiles, each where the ray meets its picture at the depth that it holds there.
+    fn blended(&self, offset: DVec3, ray: DVec3) -> Texel {
+        let shape_from_view = self.sight.view_from_shape.transpose();
+        let start = shape_from_view * offset / self.atlas.bound();
+        let along = shape_from_view * ray;
+        let mut sum = Texel::default();
+        let mut inner = 0.0;
+        for (tile, axes, weight) in &self.tiles {
+            let mut texel = Texel::default();
+            for _ in 0..PARALLAX_STEPS {
+                let step = (texel.depth - start.dot(axes.direction)) / along.dot(axes.direction);
+                let point = start + step * along;
+                texel = self.atlas.sample(*tile, DVec2::new(point.dot(axes.right), point.dot(axes.up)));
+            }
+            sum.coverage += weight * texel.coverage;
+            inner += weight * texel.coverage;
+            sum.normal += weight * texel.coverage * texel.normal;
+            sum.albedo += weight * texel.coverage * texel.albedo;
+        }
+        if inner > 0.0 {
+            sum.normal /= inner;
+            sum.albedo /= inner;
+        }
+        sum
+    }
+}
+
+/// How often the place on a tile is found from the depth at the place before: the first is that of depth 0.
+const PARALLAX_STEPS: usize = 3;
+
+/// Area that both pictures cover over the area that either covers.
+pub fn silhouette_iou(a: &Picture, b: &Picture) -> f64 {
+    let pairs = || a.coverage.iter().zip(&b.coverage);
+    let both: f64 = pairs().map(|(a, b)| a.min(*b)).sum();
+    let either: f64 = pairs().map(|(a, b)| a.max(*b)).sum();
+    if either > 0.0 { both / either } else { 1.0 }
+}
+
+/// Mean angle between the normals of two pictures over the pixels that both cover, weighted by how much they do, rad.
+pub fn normal_error_rad(a: &Picture, b: &Picture) -> f64 {
+    let (mut sum, mut area) = (0.0, 0.0);
+    for index in 0..a.coverage.len() {
+        let both = a.coverage[index].min(b.coverage[index]);
+        let (a, b) = (a.normals[index], b.normals[index]);
+        if both > 0.0 && a != DVec3::ZERO && b != DVec3::ZERO {
+            sum += both * a.cross(b).length().atan2(a.dot(b));
+            area += both;
+        }
+    }
+    if area > 0.0 { sum / area } else { 0.0 }
+}

@@ -1,0 +1,303 @@
+//! Bodies and asteroid fields as clients give them, and what a change makes of those of a scene.
+//!
+//! Textures and shapes from files are the configuration's: a client names the body or field that has them.
+
+use std::{fmt::Display, sync::Arc};
+
+use glam::{DQuat, DVec3};
+
+use crate::scene::{
+    SceneObjects,
+    asteroids::{FieldParameters, FieldSpec, MadeField, ShapeSource, check_fields, make_fields},
+    bodies::{Body, MOST_BODIES, ReflectionLaw, Texture, check_names},
+};
+
+/// A body with the name of its texture.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BodyForm {
+    /// The body, its texture left out.
+    pub body: Body,
+    /// The body of the configuration whose texture it has.
+    pub texture_of: Option<String>,
+}
+
+impl From<Body> for BodyForm {
+    /// The body without a texture.
+    fn from(mut body: Body) -> Self {
+        body.surface.texture = None;
+        Self { body, texture_of: None }
+    }
+}
+
+/// What the asteroids of a field look like.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum ShapesForm {
+    /// Procedural shapes of a seed.
+    Seed(u64),
+    /// The shapes from files that a field of the configuration has.
+    Of(String),
+}
+
+/// A field of asteroids.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FieldForm {
+    /// Unique among the fields of a scene.
+    pub name: String,
+    /// Its middle: ICRS, barycentric, m.
+    pub position_m: DVec3,
+    /// Rotation from the field's axes to world axes.
+    pub orientation: DQuat,
+    /// Where the asteroids are, how large, and how they spin.
+    pub parameters: FieldParameters,
+    /// What they look like.
+    pub shapes: ShapesForm,
+    /// How they reflect.
+    pub law: ReflectionLaw,
+    /// Geometric albedo, of red, green and blue.
+    pub geometric_albedo: [f64; 3],
+}
+
+/// A change of a list of named things.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum Change<T> {
+    /// It stays.
+    #[default]
+    Nothing,
+    /// These take the place of all.
+    All(Vec<T>),
+    /// Each name's one is added or changed; `None` removes it.
+    Named(Vec<(String, Option<T>)>),
+}
+
+impl<T> Change<T> {
+    /// Adds one, or changes the one of its name.
+    pub fn put(name: &str, value: T) -> Self {
+        Self::Named(vec![(name.to_owned(), Some(value))])
+    }
+
+    /// Removes the one of a name.
+    pub fn remove(name: &str) -> Self {
+        Self::Named(vec![(name.to_owned(), None)])
+    }
+
+    /// Whether it leaves everything as it is.
+    pub fn is_nothing(&self) -> bool {
+        matches!(self, Self::Nothing)
+    }
+
+    /// The change of other things, made from these one by one.
+    fn map<U, E>(&self, mut make: impl FnMut(&T) -> Result<U, E>) -> Result<Change<U>, E> {
+        Ok(match self {
+            Self::Nothing => Change::Nothing,
+            Self::All(all) => Change::All(all.iter().map(make).collect::<Result<_, E>>()?),
+            Self::Named(named) => {
+                let one = |(name, value): &(String, Option<T>)| {
+                    Ok((name.clone(), value.as_ref().map(&mut make).transpose()?))
+                };
+                Change::Named(named.iter().map(one).collect::<Result<_, E>>()?)
+            }
+        })
+    }
+}
+
+impl<T: Clone> Change<T> {
+    /// The list after the change; the error names what should have been removed and is not there. `kind` is what the
+    /// things are called.
+    fn applied(&self, list: &[T], kind: &str, name_of: impl Fn(&T) -> &str) -> Result<Vec<T>, String> {
+        let mut list = match self {
+            Self::Nothing => return Ok(list.to_vec()),
+            Self::All(all) => return Ok(all.clone()),
+            Self::Named(_) => list.to_vec(),
+        };
+        let Self::Named(named) = self else { return Ok(list) };
+        for (name, value) in named {
+            let place = list.iter().position(|one| name_of(one) == name);
+            match (place, value) {
+                (Some(place), Some(value)) => list[place] = value.clone(),
+                (None, Some(value)) => list.push(value.clone()),
+                (Some(place), None) => {
+                    list.remove(place);
+                }
+                (None, None) => {
+                    let names: Vec<&str> = list.iter().map(&name_of).collect();
+                    let names = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
+                    return Err(format!(
+                        "{kind}.{name}: there is none to remove, and none is given; there are: {names}"
+                    ));
+                }
+            }
+        }
+        Ok(list)
+    }
+}
+
+/// What the configuration lends to clients by name.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Library {
+    textures: Vec<(String, Arc<Texture>)>,
+    shapes: Vec<(String, ShapeSource)>,
+}
+
+/// The name under which something of the library is had.
+fn known<T: Clone>(list: &[(String, T)], name: &str, key: &str, what: &str) -> Result<T, String> {
+    if let Some((_, found)) = list.iter().find(|(known, _)| known == name) {
+        return Ok(found.clone());
+    }
+    let names: Vec<&str> = list.iter().map(|(name, _)| name.as_str()).collect();
+    let names = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
+    Err(format!("{key} = `{name}`: allowed are {what} of the configuration: {names}"))
+}
+
+/// The bodies and fields of a scene.
+#[derive(Clone, Debug)]
+pub(super) struct Objects {
+    /// What is drawn.
+    pub(super) drawn: Arc<SceneObjects>,
+    /// Its fields again, with what they were made from.
+    made: Arc<Vec<MadeField>>,
+    library: Arc<Library>,
+}
+
+/// A change whose fields are made.
+#[derive(Clone, Debug, Default)]
+pub(super) struct MadeChange {
+    bodies: Change<Arc<Body>>,
+    fields: Change<MadeField>,
+    time_s: Option<f64>,
+}
+
+impl Objects {
+    /// The objects that the daemon starts with; `specs` are what their fields were made from. The error says how these
+    /// do not match.
+    pub(super) fn new(drawn: Arc<SceneObjects>, specs: &[Arc<FieldSpec>]) -> Result<Self, String> {
+        let [of_fields, of_specs] = [
+            drawn.fields.iter().map(|field| field.name.as_str()).collect::<Vec<_>>(),
+            specs.iter().map(|spec| spec.name.as_str()).collect(),
+        ];
+        if of_fields != of_specs {
+            return Err(format!(
+                "the scene has the fields {of_fields:?}, and what is told of fields is of {of_specs:?}"
+            ));
+        }
+        let made = specs.iter().zip(&drawn.fields);
+        let made = made.map(|(spec, field)| MadeField { spec: Arc::clone(spec), field: Arc::clone(field) }).collect();
+        let texture = |body: &Arc<Body>| Some((body.name.clone(), Arc::clone(body.surface.texture.as_ref()?)));
+        let shapes = specs.iter().filter(|spec| matches!(spec.shapes, ShapeSource::Files(_)));
+        let library = Library {
+            textures: drawn.bodies.iter().filter_map(texture).collect(),
+            shapes: shapes.map(|spec| (spec.name.clone(), spec.shapes.clone())).collect(),
+        };
+        Ok(Self { drawn, made: Arc::new(made), library: Arc::new(library) })
+    }
+
+    /// The bodies as clients are told of them.
+    pub(super) fn body_forms(&self) -> Vec<BodyForm> {
+        let form = |body: &Arc<Body>| {
+            let texture = body.surface.texture.as_ref();
+            let lent = texture.and_then(|own| self.library.textures.iter().find(|(_, lent)| Arc::ptr_eq(lent, own)));
+            BodyForm { texture_of: lent.map(|(name, _)| name.clone()), ..BodyForm::from((**body).clone()) }
+        };
+        self.drawn.bodies.iter().map(form).collect()
+    }
+
+    /// The fields as clients are told of them.
+    pub(super) fn field_forms(&self) -> Vec<FieldForm> {
+        let form = |made: &MadeField| {
+            let spec = &made.spec;
+            let lent = self.library.shapes.iter().find(|(_, source)| *source == spec.shapes);
+            let shapes = match (&spec.shapes, lent) {
+                (ShapeSource::Procedural { seed }, _) => ShapesForm::Seed(*seed),
+                (ShapeSource::Files(_), lent) => {
+                    ShapesForm::Of(lent.map_or_else(String::new, |(name, _)| name.clone()))
+                }
+            };
+            FieldForm {
+                name: spec.name.clone(),
+                position_m: spec.position_m,
+                orientation: spec.orientation,
+                parameters: spec.parameters,
+                shapes,
+                law: spec.law,
+                geometric_albedo: spec.geometric_albedo,
+            }
+        };
+        self.made.iter().map(form).collect()
+    }
+
+    fn body(&self, form: &BodyForm) -> Result<Arc<Body>, String> {
+        let at = |problem: &dyn Display| format!("bodies.{}: {problem}", form.body.name);
+        let mut body = form.body.clone();
+        body.surface.texture = match &form.texture_of {
+            Some(name) => {
+                Some(known(&self.library.textures, name, "texture_of", "bodies with a texture").map_err(|e| at(&e))?)
+            }
+            None => None,
+        };
+        body.check().map_err(|error| at(&error))?;
+        // An equal body is the same body: what was made for it may stay.
+        let same = self.drawn.bodies.iter().find(|old| ***old == body);
+        Ok(same.map_or_else(|| Arc::new(body), Arc::clone))
+    }
+
+    fn spec(&self, form: &FieldForm) -> Result<Arc<FieldSpec>, String> {
+        let at = |problem: &dyn Display| format!("asteroid_fields.{}: {problem}", form.name);
+        let shapes = match &form.shapes {
+            ShapesForm::Seed(seed) => ShapeSource::Procedural { seed: *seed },
+            ShapesForm::Of(name) => {
+                known(&self.library.shapes, name, "shapes_of", "fields with shapes from files").map_err(|e| at(&e))?
+            }
+        };
+        let spec = FieldSpec {
+            name: form.name.clone(),
+            position_m: form.position_m,
+            orientation: form.orientation,
+            parameters: form.parameters,
+            shapes,
+            law: form.law,
+            geometric_albedo: form.geometric_albedo,
+        };
+        spec.check().map_err(|error| at(&error))?;
+        Ok(Arc::new(spec))
+    }
+
+    /// Makes what a change needs, which takes long where asteroids are placed anew. Nothing is made if the change is
+    /// not allowed.
+    pub(super) fn make(
+        &self,
+        bodies: &Change<BodyForm>,
+        fields: &Change<FieldForm>,
+        time_s: Option<f64>,
+    ) -> Result<MadeChange, String> {
+        let bodies = bodies.map(|form| self.body(form))?;
+        let specs = fields.map(|form| self.spec(form))?;
+        let now: Vec<Arc<FieldSpec>> = self.made.iter().map(|made| Arc::clone(&made.spec)).collect();
+        let after = specs.applied(&now, "asteroid_fields", |spec| &spec.name)?;
+        check_fields(after.iter().map(Arc::as_ref)).map_err(|(_, error)| format!("asteroid_fields: {error}"))?;
+        let made = make_fields(&after, &self.made)
+            .map_err(|(index, error)| format!("asteroid_fields.{}: {error}", after[index].name))?;
+        let fields = specs.map(|spec| {
+            let found = made.iter().find(|made| made.spec == *spec);
+            found.cloned().ok_or_else(|| format!("asteroid_fields.{}: given more than once", spec.name))
+        })?;
+        Ok(MadeChange { bodies, fields, time_s })
+    }
+
+    /// The objects after a change.
+    pub(super) fn changed(&self, change: &MadeChange) -> Result<Self, String> {
+        if change.bodies.is_nothing() && change.fields.is_nothing() && change.time_s.is_none() {
+            return Ok(self.clone());
+        }
+        let bodies = change.bodies.applied(&self.drawn.bodies, "bodies", |body| &body.name)?;
+        check_names(bodies.iter().map(|body| body.name.as_str()), MOST_BODIES)
+            .map_err(|(_, error)| format!("bodies: {error}"))?;
+        let made = change.fields.applied(&self.made, "asteroid_fields", |made| &made.spec.name)?;
+        check_fields(made.iter().map(|made| made.spec.as_ref()))
+            .map_err(|(_, error)| format!("asteroid_fields: {error}"))?;
+        let drawn = SceneObjects {
+            bodies,
+            fields: made.iter().map(|made| Arc::clone(&made.field)).collect(),
+            time_s: change.time_s.unwrap_or(self.drawn.time_s),
+        };
+        Ok(Self { drawn: Arc::new(drawn), made: Arc::new(made), library: Arc::clone(&self.library) })
+    }
+}
