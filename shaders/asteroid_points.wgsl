@@ -26,10 +26,11 @@ struct AsteroidPointParameters {
 @group(1) @binding(5) var<storage, read> tables: array<vec2<f32>>;
 // Projected areas over pi, shape by shape.
 @group(1) @binding(6) var<storage, read> areas: array<f32>;
-// Points whose image lies in a picture, by viewport.
+// By viewport the points seen; MAX_VIEWPORTS on, asteroids seen of groups that hold nothing but points.
 @group(1) @binding(7) var<storage, read_write> drawn_points: array<atomic<u32>>;
 
 const COUNTER_OVERFLOWS: u32 = 0u;
+const MAX_VIEWPORTS: u32 = 64u;
 override WORKGROUP: u32 = 64u;
 
 @compute @workgroup_size(WORKGROUP)
@@ -54,26 +55,31 @@ fn splat_asteroids(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invoc
         target_tile = vec3(tile.first_pixel, viewport.size.x, tile.first_flag);
         let size = vec2<f32>(viewport.size);
         let first_row = f32(tile.first_row);
+        let last_row = i32(viewport.size.y) - 1;
         var drawn = 0u;
         for (var i = local; i < item.count; i += WORKGROUP) {
             let word = INSTANCE_WORDS * (item.first + i);
             let offset = bitcast<vec3<f32>>(vec3(instances[word], instances[word + 1u], instances[word + 2u]));
             let direction = view_from_camera(view, place_of(item, field, offset));
             let distance = length(direction);
-            if !(distance > 0.0) {
-                continue;
-            }
-            let projected = pixel_from_direction(viewport, direction);
-            if projected.z == 0.0 || any(projected.xy < vec2(0.0, first_row) - viewport.gaussian_reach_px - 1.5)
-                || any(projected.xy > vec2(size.x, first_row + f32(tile.rows)) + viewport.gaussian_reach_px + 1.5) {
-                continue;
-            }
             let radius_and_shape = instances[word + 3u];
             let shape_index = shape_of(field, radius_and_shape);
             let radius = radius_of(field, radius_and_shape);
+            if !(distance > 0.0) || !touches(view, direction, shapes[shape_index].bound * radius) {
+                continue;
+            }
+            let projected = pixel_from_direction(viewport, direction);
             let pixel_rad = pixel_at(view, table_place(view, direction, distance));
             let classes = classes_of(view, shapes[shape_index], radius, distance, pixel_rad);
             if classes.current != CLASS_POINT {
+                continue;
+            }
+            // Counted by the tile that has its row, or the row next to it.
+            let row = select(0, clamp(i32(clamp(projected.y, -1.0, size.y)), 0, last_row), projected.z > 0.0);
+            drawn += select(0u, 1u, row >= i32(tile.first_row) && row < i32(tile.first_row + tile.rows));
+            let margin = viewport.gaussian_reach_px + 1.5;
+            if projected.z == 0.0 || any(projected.xy < vec2(0.0, first_row) - margin)
+                || any(projected.xy > vec2(size.x, first_row + f32(tile.rows)) + margin) {
                 continue;
             }
             // Back to the field's axes, and to those of the shape.
@@ -93,7 +99,6 @@ fn splat_asteroids(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invoc
             if !(illuminance > 0.0) {
                 continue;
             }
-            drawn += select(0u, 1u, holds_image(tile, viewport, projected.xy));
             let visible = visible_share(tile, viewport, direction, projected.xy, distance);
             if visible > 0.0 {
                 let scale = illuminance * visible * parameters.units_per_lx;
@@ -102,6 +107,9 @@ fn splat_asteroids(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invoc
         }
         if drawn > 0u {
             atomicAdd(&drawn_points[tile.viewport], drawn);
+            if (item.flags & ITEM_HOLDS_SHAPES) == 0u {
+                atomicAdd(&drawn_points[MAX_VIEWPORTS + tile.viewport], drawn);
+            }
         }
     }
 }

@@ -1,6 +1,8 @@
 //! Bodies: their light is what their size, surface and phase say, from a hundredth of a pixel to a hundred pixels, in every projection;
 //! and they hide exactly the stars behind them.
 
+#![allow(clippy::unwrap_used, reason = "a test may panic")]
+
 mod common;
 
 use std::{f64::consts::PI, sync::Arc};

@@ -6,13 +6,16 @@
 struct GlareNear {
     // Unit vector, world axes.
     direction: vec3<f32>,
-    // Chord within which the parts of it are to be taken in its place.
+    // Chord within which the parts of it are to be taken in its place; without parts the square of the chord by which its kernel is
+    // softened.
     reach: f32,
     // Linear Rec. 709, lx.
     light: vec3<f32>,
-    // So many parts follow.
+    // So many parts follow. Of a cloud IS_CLOUD, and in the low 16 bits the share of its light that its softened kernel leaves out.
     parts: u32,
 }
+
+const IS_CLOUD: u32 = 0x80000000u;
 
 @group(1) @binding(0) var<uniform> sky: GlareSkyParameters;
 @group(1) @binding(1) var<storage, read> views: array<GlareView>;
@@ -188,16 +191,26 @@ fn scattered_towards(viewport: Viewport, tile: Tile, at: vec3<u32>) -> Light8 {
     var light = column_from_map(view, viewport, top, directions);
     let first = vec3(directions[0].x.x, directions[0].y.x, directions[0].z.x);
     for (var i = view.first_near; i < view.first_near + view.near_count; i++) {
-        if near[i].parts > 0u {
+        let cloud = (near[i].parts & IS_CLOUD) != 0u;
+        let parts = select(near[i].parts, 0u, cloud);
+        if parts > 0u {
             if length(first - near[i].direction) < near[i].reach {
                 continue;
             }
         }
+        let soft = select(near[i].reach, 0.0, parts > 0u);
         for (var four = 0u; four < 2u; four++) {
-            let squared = chords_squared(directions[four], near[i].direction);
-            add_light(&light, four, near[i].light, shown(view, squared, angle_squared(squared)));
+            let own = chords_squared(directions[four], near[i].direction);
+            let squared = own + soft;
+            var kernel = shown(view, squared, angle_squared(squared));
+            if cloud {
+                // What is left out lies on the cloud: a bump of twice its radius whose integral is 1.
+                let inside = max(1.0 - own / (4.0 * soft), vec4(0.0));
+                kernel += f32(near[i].parts & 0xffffu) / 65535.0 * 3.0 / (PI * 4.0 * soft) * inside * inside;
+            }
+            add_light(&light, four, near[i].light, kernel);
         }
-        i += near[i].parts;
+        i += parts;
     }
     let block = vec3(at.xy / BLOCK_SIDE, at.z);
     let list = ((block.z * sky.rows + block.y) * sky.columns + block.x) * sky.list_words;

@@ -47,7 +47,7 @@ pub struct AsteroidCounts {
     pub points: u64,
     /// Part of points of light that stand for whole groups.
     pub unresolved: u64,
-    /// Not seen: no part of them lies in any picture of the view. Groups that hold nothing but points are tested as a whole.
+    /// Not seen: outside of every picture of the view, and of the margin around it that points reach over.
     pub culled: u64,
 }
 
@@ -158,7 +158,8 @@ impl Asteroids {
             return Ok(());
         }
         if passes.impostors.as_ref().is_none_or(|(of, _)| *of != method) {
-            passes.impostors = AsteroidImpostorPass::new(gpu, AsteroidSource::Lists, &passes.layout, method).map(|pass| (method, pass));
+            passes.impostors = AsteroidImpostorPass::new(gpu, AsteroidSource::Lists, &passes.layout, method)
+                .map(|pass| (method, pass));
         }
         let bake = passes.bake.get_or_insert_with(|| ImpostorBakePass::new(gpu));
         if let (Some(held), Some((_, pass))) = (&mut self.held, &passes.impostors) {
@@ -175,20 +176,23 @@ impl Asteroids {
         self.targets = LayerTargets::new();
     }
 
-    /// Plans the fields that are held, for a camera at `camera_m` (ICRS, barycentric, m); `None` if nothing is held or there are none.
+    /// Plans the fields that are held, for a camera at `camera_m` (ICRS, barycentric, m); points reach `margin_px` over borders. `None` if
+    /// nothing is held or there are none.
+    #[expect(clippy::too_many_arguments, reason = "a plan takes the scene, the pictures and the settings")]
     pub(crate) fn plan(
         &mut self,
         gpu: &Gpu,
         objects: &SceneObjects,
         settings: &AsteroidSettings,
         viewports: &[Viewport],
+        margin_px: f64,
         camera_m: DVec3,
         suns: &[Sun],
     ) -> Result<Option<AsteroidPlan>, RenderError> {
         let Self { held, tables, .. } = self;
         match held {
             Some(held) if !objects.fields.is_empty() && !viewports.is_empty() => {
-                AsteroidPlan::new(gpu, held, tables, objects, settings, viewports, camera_m, suns).map(Some)
+                AsteroidPlan::new(gpu, held, tables, objects, settings, viewports, margin_px, camera_m, suns).map(Some)
             }
             _ => Ok(None),
         }
@@ -221,7 +225,7 @@ impl Asteroids {
             let buffer = filled_buffer(gpu, "asteroid kinds", &uniforms, wgpu::BufferUsages::UNIFORM);
             buffers.kinds = Some((buffer, plan.kinds));
         }
-        let drawn_points = buffers.drawn_points.with_room(gpu, 4 * MAX_VIEWPORTS as u64).clone();
+        let drawn_points = buffers.drawn_points.with_room(gpu, 4 * POINT_COUNTS as u64).clone();
         encoder.clear_buffer(&drawn_points, 0, None);
         buffers.views.upload(gpu, &plan.views);
         buffers.tables.upload(gpu, &plan.tables);
@@ -306,14 +310,14 @@ impl Asteroids {
         let count = 1 + plan.planes.len() * plan.kinds as usize;
         let bytes = 4 * count as u64;
         let totals = readback.copy(gpu, encoder, self.buffers.totals.with_room(gpu, bytes), 0, bytes);
-        let points = self.buffers.drawn_points.with_room(gpu, 4 * MAX_VIEWPORTS as u64);
-        let points = readback.copy(gpu, encoder, points, 0, 4 * MAX_VIEWPORTS as u64);
+        let points = self.buffers.drawn_points.with_room(gpu, 4 * POINT_COUNTS as u64);
+        let points = readback.copy(gpu, encoder, points, 0, 4 * POINT_COUNTS as u64);
         CountPlaces { totals, count, points }
     }
 
     /// Bytes that the counts need in the readback buffer.
     pub(crate) fn count_bytes(plan: &AsteroidPlan) -> u64 {
-        4 * (1 + plan.planes.len() as u64 * u64::from(plan.kinds)) + 4 * MAX_VIEWPORTS as u64 + 64
+        4 * (1 + plan.planes.len() as u64 * u64::from(plan.kinds)) + 4 * POINT_COUNTS as u64 + 64
     }
 
     /// The counts of each of `views` views.
@@ -329,10 +333,13 @@ impl Asteroids {
         if u64::from(totals[0]) > plan.capacity {
             return Err(RenderError::AsteroidLists { needed: u64::from(totals[0]), limit: plan.capacity });
         }
-        let points: Vec<u32> = readback.read(gpu, places.points, MAX_VIEWPORTS)?;
+        let points: Vec<u32> = readback.read(gpu, places.points, POINT_COUNTS)?;
         Ok(self.held.as_ref().map_or_else(Vec::new, |held| plan.counts_of(held, &totals[1..], &points, views)))
     }
 }
+
+/// Counts of the pass over points: per viewport points, and those of groups that hold nothing else.
+const POINT_COUNTS: usize = 2 * MAX_VIEWPORTS;
 
 /// Bytes between the uniforms of two kinds.
 fn kind_stride(gpu: &Gpu) -> u32 {

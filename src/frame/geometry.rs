@@ -261,9 +261,10 @@ fn encode_body(objects: &SceneObjects, seen: &BodyDisc, first_sun: u32, textures
             ReflectionLaw::Lambert => 0,
             ReflectionLaw::LommelSeeliger => 1,
         },
-        reflectance: body.surface.geometric_albedo.map(|albedo| (albedo / std::f64::consts::PI) as f32),
+        reflectance: body.surface.geometric_albedo.map(|albedo| (seen.kept * albedo / std::f64::consts::PI) as f32),
         limb_darkening: emission.map_or(0.0, |emission| emission.limb_darkening as f32),
-        emission: emission.map_or([0.0; 3], |emission| emission.luminance_cd_m2.map(|channel| channel as f32)),
+        emission: emission
+            .map_or([0.0; 3], |emission| emission.luminance_cd_m2.map(|channel| (seen.kept * channel) as f32)),
         first_sun,
         sun_count: seen.suns.len() as u32,
         texture: texture.map_or(NO_TEXTURE, |texture| textures.first_of(texture)),

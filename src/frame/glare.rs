@@ -6,10 +6,10 @@ use super::{
 };
 use crate::{
     gpu::{Gpu, GpuTimer, layout},
-    photometry::glare::GlareKernelError,
+    photometry::glare::{GlareKernel, GlareKernelError},
     plan::{
         glare_pyramid::PyramidAxes,
-        object_glare::Source,
+        object_glare::{Cloud, Source},
         settings::{GlareMethod, GlareSettings},
         tiles::Batch,
     },
@@ -48,6 +48,8 @@ pub(super) struct GlareFrame<'a> {
     pub partial_sums: &'a wgpu::Buffer,
     /// What scatters besides the stars in the eye of each viewport; empty: nothing.
     pub object_sources: &'a [Vec<Source>],
+    /// The same of fields of asteroids.
+    pub clouds: &'a [Vec<Cloud>],
     pub batches: Vec<GlareBatch<'a>>,
 }
 
@@ -59,6 +61,11 @@ impl Glare {
     /// Holds the kernel of the settings, until they change: a file that changes alone is not read again.
     pub(super) fn hold_kernel(&mut self, settings: &GlareSettings) -> Result<(), GlareKernelError> {
         self.sky.hold_kernel(settings)
+    }
+
+    /// The kernel that is held.
+    pub(super) fn kernel(&self) -> Option<&dyn GlareKernel> {
+        self.sky.kernel()
     }
 
     /// Lets go of buffers and textures.

@@ -20,7 +20,7 @@ use crate::{
     },
     plan::{
         glare_sky::{FINEST_CELLS, SkyGlare, SkyGlareSettings, SpriteCell, eye_class_m, pixel_class_rad},
-        object_glare::PointOfLight,
+        object_glare::{Cloud, PointOfLight},
         settings::GlareSettings,
     },
     relativity::Motion,
@@ -41,6 +41,9 @@ const ENTRIES_PER_OCTAVE: u32 = 16;
 const OCTAVES: u32 = 48;
 /// Largest binary logarithm of the square of a chord.
 const LAST_OCTAVE: f64 = 2.0;
+/// Says that a source is a cloud, and the parts of its light that its softened kernel leaves out; both as in `glare_sky.wgsl`.
+const IS_CLOUD: u32 = 1 << 31;
+const SHARE_PARTS: u32 = 65535;
 
 /// Stars and camera of a frame.
 pub(super) struct SkyScene<'a> {
@@ -96,14 +99,27 @@ fn pixel_class(viewport: &Viewport) -> f64 {
     pixel_class_rad(viewport.projection.middle_pixel_rad())
 }
 
+/// Chord of an angle, rad.
+fn chord(angle_rad: f64) -> f64 {
+    2.0 * (0.5 * angle_rad.min(PI)).sin()
+}
+
 /// A source of one eye.
-fn encode_near((direction, light): PointOfLight, reach_rad: f64, parts: u32) -> layout::GlareNear {
+fn encode_near((direction, light): PointOfLight, reach: f64, parts: u32) -> layout::GlareNear {
     layout::GlareNear {
         direction: direction.as_vec3().to_array(),
-        reach: (2.0 * (0.5 * reach_rad.min(PI)).sin()) as f32,
+        reach: reach as f32,
         light: light.map(|channel| channel as f32),
         parts,
     }
+}
+
+/// A cloud of one eye: as wide as the kernel's core at least, so that its own image has a width.
+fn encode_cloud(cloud: &Cloud, kernel: &dyn GlareKernel) -> layout::GlareNear {
+    let radius_rad = cloud.radius_rad.max(kernel.inner_rad());
+    // The softened kernel leaves out what the kernel has within the radius.
+    let share = (kernel.share_within(radius_rad).clamp(0.0, 1.0) * f64::from(SHARE_PARTS)).round() as u32;
+    encode_near((cloud.direction, cloud.light), chord(radius_rad).powi(2), IS_CLOUD | share)
 }
 
 /// A buffer of a list, with one item of nothing if it is empty: a binding must hold one at least.
@@ -144,6 +160,11 @@ impl GlareSky {
             self.kernel = Some((of_kernel, settings.kernel()?));
         }
         Ok(())
+    }
+
+    /// The kernel that is held.
+    pub(super) fn kernel(&self) -> Option<&dyn GlareKernel> {
+        self.kernel.as_ref().map(|(_, kernel)| &**kernel)
     }
 
     /// Lets go of buffers.
@@ -294,8 +315,12 @@ impl GlareSky {
                     near.push(encode_near((direction, light), 0.0, 0));
                 }
                 for source in frame.object_sources.get(number).into_iter().flatten() {
-                    near.push(encode_near(source.whole, source.reach_rad, source.parts.len() as u32));
-                    near.extend(source.parts.iter().map(|part| encode_near(*part, 0.0, 0)));
+                    near.push(encode_near(source.whole, chord(source.reach_rad), source.parts.len() as u32));
+                    let soft = chord(source.soft_rad).powi(2);
+                    near.extend(source.parts.iter().map(|part| encode_near(*part, soft, 0)));
+                }
+                for cloud in frame.clouds.get(number).into_iter().flatten() {
+                    near.push(encode_cloud(cloud, &*held.key.kernel));
                 }
                 let class = &sky.classes[index];
                 layout::GlareView {

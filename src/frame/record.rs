@@ -302,6 +302,7 @@ impl Renderer {
                 encoded_viewports: &viewports,
                 partial_sums: &partials,
                 object_sources: prepared.bodies.as_ref().map_or(&[], |plan| &plan.glare),
+                clouds: &prepared.clouds,
                 batches: batches.collect(),
             };
             let scene = SkyScene {

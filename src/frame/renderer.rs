@@ -24,8 +24,11 @@ use crate::{
     passes::{exposure::ExposurePass, resolve::ResolvePass, stars::StarPass, tone_map::ToneMapPass},
     photometry::{glare::GlareKernelError, psf::PsfError},
     plan::{
+        asteroids::glare::field_clouds,
         cull::{CullSettings, MAX_VIEWPORTS, SPLAT_MARGIN_PX, VisibleChunk, distinct_eyes_pc, visible_chunks},
-        gaussian_of, plan_stars,
+        gaussian_of,
+        object_glare::Cloud,
+        plan_stars,
         range::{self, OtherLight, Ranges},
         settings::{Accumulator, ExposureSettings, GlareMethod, RenderSettings, StarMethod},
         tiles::{BYTES_PER_PIXEL, Batch, batches},
@@ -33,7 +36,7 @@ use crate::{
         view_bodies::{BodyPlan, plan_bodies},
     },
     relativity::Motion,
-    scene::{SceneObjects, SceneSnapshot, bodies::suns},
+    scene::{SceneObjects, SceneSnapshot, asteroids::AsteroidField, bodies::suns},
     units::{PARSEC_M, illuminance_lx_from_magnitude},
     view::{Rig, Viewport},
 };
@@ -104,7 +107,7 @@ pub enum RenderError {
     },
     /// An atlas of impostors cannot be made.
     #[error(transparent)]
-    Impostors(#[from] ImpostorAtlasError),
+    Impostors(#[from] Box<ImpostorAtlasError>),
     /// A set of shapes has more meshes than culling can count.
     #[error("field `{field}`: its shapes have {meshes} meshes at all levels of detail: at most {limit} are allowed")]
     TooManyMeshes {
@@ -241,6 +244,8 @@ pub(super) struct Prepared {
     pub(super) bodies: Option<BodyPlan>,
     /// Fields of asteroids; `None`: there are none.
     pub(super) asteroids: Option<AsteroidPlan>,
+    /// What fields of asteroids scatter in the eye of each viewport.
+    pub(super) clouds: Vec<Vec<Cloud>>,
 }
 
 impl Renderer {
@@ -447,9 +452,16 @@ impl Renderer {
         let cull_ms = start.elapsed().as_secs_f64() * 1e3;
         let mut bodies =
             (!snapshot.objects.is_empty()).then(|| plan_bodies(&snapshot.objects, camera.position_m, &viewports));
-        let asteroids = self.plan_asteroids(&snapshot.objects, settings, &viewports, camera.position_m)?;
+        let asteroids = self.plan_asteroids(&snapshot.objects, settings, &viewports, margin_px, camera.position_m)?;
         if let (Some(bodies), Some(asteroids)) = (&mut bodies, &asteroids) {
             bodies.points.extend(asteroids.cut.unresolved.iter().map(|node| node.point));
+        }
+        let mut clouds = Vec::new();
+        if settings.glare.chosen(settings.stars.method) == GlareMethod::SkyCube {
+            if let (Some(bodies), Some(kernel)) = (&mut bodies, self.glare.kernel()) {
+                bodies.keep_own_glare(kernel, settings.glare.fraction_scattered());
+            }
+            clouds = clouds_of(&snapshot.objects, camera.position_m, &viewports);
         }
         let other = bodies.as_ref().map_or_else(OtherLight::default, |bodies| OtherLight {
             points_lx: bodies.points.iter().map(|point| point.most_lx(&viewports)).collect(),
@@ -483,6 +495,7 @@ impl Renderer {
             motion,
             bodies,
             asteroids,
+            clouds,
         })
     }
 
@@ -492,6 +505,7 @@ impl Renderer {
         objects: &SceneObjects,
         settings: &RenderSettings,
         viewports: &[Viewport],
+        margin_px: f64,
         camera_m: DVec3,
     ) -> Result<Option<AsteroidPlan>, RenderError> {
         if objects.fields.is_empty() {
@@ -499,8 +513,18 @@ impl Renderer {
             return Ok(None);
         }
         self.asteroids.hold(&self.gpu, objects, &settings.asteroids)?;
-        self.asteroids.plan(&self.gpu, objects, &settings.asteroids, viewports, camera_m, &suns(objects))
+        self.asteroids.plan(&self.gpu, objects, &settings.asteroids, viewports, margin_px, camera_m, &suns(objects))
     }
+}
+
+/// What fields of asteroids scatter in the eye of each viewport; nothing where there are none.
+fn clouds_of(objects: &SceneObjects, camera_m: DVec3, viewports: &[Viewport]) -> Vec<Vec<Cloud>> {
+    if objects.fields.is_empty() {
+        return Vec::new();
+    }
+    let fields: Vec<&AsteroidField> = objects.fields.iter().map(Arc::as_ref).collect();
+    let suns = suns(objects);
+    viewports.iter().map(|viewport| field_clouds(&fields, camera_m + viewport.eye_offset_m, &suns)).collect()
 }
 
 /// The exposure that a frame will be metered at, as far as the stars' positions tell: good to a fraction of a stop.

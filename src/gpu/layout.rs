@@ -527,7 +527,7 @@ gpu_structs! {
     GlareNear {
         /// Unit vector, world axes.
         direction: [f32; 3],
-        /// Chord within which its parts are taken in its place.
+        /// Chord within which its parts are taken in its place; without parts the square of the chord by which it is softened.
         reach: f32,
         /// Linear Rec. 709, lx.
         light: [f32; 3],

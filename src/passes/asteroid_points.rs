@@ -23,7 +23,7 @@ pub(crate) struct AsteroidPoints<'a> {
     pub views: &'a wgpu::Buffer,
     pub tables: &'a wgpu::Buffer,
     pub areas: &'a wgpu::Buffer,
-    /// Points drawn, one count per viewport.
+    /// Points seen, one count per viewport (64 of them), then those of groups that hold nothing but points.
     pub drawn: &'a wgpu::Buffer,
 }
 

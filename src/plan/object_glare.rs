@@ -7,7 +7,7 @@
 use glam::DVec3;
 
 use crate::{
-    photometry::rec709::luminance,
+    photometry::{glare::GlareKernel, rec709::luminance},
     scene::{
         SceneObjects,
         bodies::{SeenBody, hides, lights_on, suns},
@@ -16,9 +16,14 @@ use crate::{
 
 /// Sources of an eye at most, with their parts.
 pub const MOST_SOURCES: usize = 256;
-/// Parts of a body at least, if it has any, and at most.
+/// Parts of a disc at least, if it has any, and at most.
 const LEAST_PARTS: usize = 12;
 const MOST_PARTS: usize = 48;
+/// Parts of it that are lit at least; a crescent has more and smaller parts, up to so many of the whole disc.
+const LEAST_LIT: usize = 6;
+const MOST_OF_CRESCENT: usize = 2048;
+/// Half width of a part over the root of its share of the disc, in radii: so wide that a disc of parts is smooth.
+const SOFTNESS: f64 = 2.0;
 /// Distance between the parts of a disc, rad: two thirds of the inner angle that glare has if nothing else is asked for.
 const SPACING_RAD: f64 = 1.2e-3;
 /// A body of a smaller radius is one source, rad.
@@ -38,13 +43,38 @@ pub struct Source {
     pub reach_rad: f64,
     /// Its parts; empty for what is small.
     pub parts: Vec<PointOfLight>,
+    /// Half width of a part, rad: its kernel is that of the root of the sum of the squares of the angle and of this.
+    pub soft_rad: f64,
+    /// Number of the body.
+    pub body: usize,
 }
 
 impl Source {
     /// A source without parts.
-    pub fn point(direction: DVec3, light: [f64; 3]) -> Self {
-        Self { whole: (direction, light), reach_rad: 0.0, parts: Vec::new() }
+    fn point(body: usize, direction: DVec3, light: [f64; 3]) -> Self {
+        Self { whole: (direction, light), reach_rad: 0.0, parts: Vec::new(), soft_rad: 0.0, body }
     }
+
+    /// Factor on the luminance of its body, as it stands in a picture that then gives `fraction` of it away to be scattered. The
+    /// softened kernels of its parts leave out what of their light falls on themselves: the share that `kernel` has within their half
+    /// width. On the disc of the body that light is where it came from, so the body keeps it.
+    pub fn kept(&self, kernel: &dyn GlareKernel, fraction: f64) -> f64 {
+        if self.parts.is_empty() || fraction >= 1.0 {
+            return 1.0;
+        }
+        1.0 + fraction * kernel.share_within(self.soft_rad) / (1.0 - fraction)
+    }
+}
+
+/// Light from all over a part of the sky, such as many small sources: glare falls on the dark between them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cloud {
+    /// Its middle: unit vector, world axes.
+    pub direction: DVec3,
+    /// Linear Rec. 709, lx.
+    pub light: [f64; 3],
+    /// Its radius, rad.
+    pub radius_rad: f64,
 }
 
 fn sum_of(lights: impl Iterator<Item = [f64; 3]>) -> [f64; 3] {
@@ -83,18 +113,18 @@ fn of_body(objects: &SceneObjects, eye_m: DVec3, number: usize, light: [f64; 3])
                 || !hides(of, eye_m, direction, objects.time_s)
         })
     };
-    let one = |direction: DVec3| is_open(direction, distance_m).then(|| Source::point(direction, light));
+    let one = |direction: DVec3| is_open(direction, distance_m).then(|| Source::point(number, direction, light));
     let radius_rad = (body.radii_m.max_element() / distance_m).min(1.0).asin();
     if radius_rad < SMALL_RAD {
         return one(axis);
     }
-    let count = ((radius_rad / SPACING_RAD).powi(2).ceil() as usize).clamp(LEAST_PARTS, MOST_PARTS);
+    let mut count = ((radius_rad / SPACING_RAD).powi(2).ceil() as usize).clamp(LEAST_PARTS, MOST_PARTS);
     let lights = lights_on(body, &suns(objects));
     let seen = SeenBody::new(body, eye_m, &lights, objects.time_s);
     let (right, up) = axis.any_orthonormal_pair();
     let golden_angle = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
-    let points: Vec<(DVec3, [f64; 3], f64)> = (0..count)
-        .filter_map(|i| {
+    let lit = |count: usize| -> Vec<(DVec3, [f64; 3], f64)> {
+        let point = |i: usize| {
             // Equal parts of a cap around the body.
             let half_sine = (0.5 * radius_rad).sin() * ((i as f64 + 0.5) / count as f64).sqrt();
             let angle = 2.0 * half_sine.asin();
@@ -102,9 +132,14 @@ fn of_body(objects: &SceneObjects, eye_m: DVec3, number: usize, light: [f64; 3])
             let direction = axis * angle.cos() + (right * cos + up * sin) * angle.sin();
             let hit = seen.hit(direction)?;
             Some((direction, seen.luminance_cd_m2(hit.unit), hit.distance_m))
-        })
-        .filter(|(_, own, _)| luminance(*own) > 0.0)
-        .collect();
+        };
+        (0..count).filter_map(point).filter(|(_, own, _)| luminance(*own) > 0.0).collect()
+    };
+    let mut points = lit(count);
+    while points.len() < LEAST_LIT && count < MOST_OF_CRESCENT {
+        count *= 4;
+        points = lit(count);
+    }
     if points.is_empty() {
         // A crescent between the points: at the limb, towards the sun.
         let towards = lights.iter().max_by(|a, b| luminance(a.illuminance_lx).total_cmp(&luminance(b.illuminance_lx)));
@@ -120,7 +155,8 @@ fn of_body(objects: &SceneObjects, eye_m: DVec3, number: usize, light: [f64; 3])
         .collect();
     let middle: DVec3 = parts.iter().map(|(direction, light)| *direction * luminance(*light)).sum();
     let whole = (middle.try_normalize()?, sum_of(parts.iter().map(|(_, light)| *light)));
-    Some(Source { whole, reach_rad: FAR_RADII * radius_rad, parts })
+    let soft_rad = SOFTNESS * radius_rad / (count as f64).sqrt();
+    Some(Source { whole, reach_rad: FAR_RADII * radius_rad, parts, soft_rad, body: number })
 }
 
 #[cfg(test)]

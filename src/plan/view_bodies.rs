@@ -11,7 +11,7 @@ use super::{
     object_glare::{Source, body_sources},
 };
 use crate::{
-    photometry::rec709::luminance,
+    photometry::{glare::GlareKernel, rec709::luminance},
     scene::{
         SceneObjects,
         bodies::{Body, Sun, lights_on, suns},
@@ -57,6 +57,8 @@ pub struct BodyDisc {
     pub unit_from_view: DMat3,
     /// Share of its light that the disc has.
     pub part: f64,
+    /// Factor on its luminance: 1, but for light that it scatters onto itself.
+    pub kept: f64,
     /// Unit vectors to the suns, view axes, and their light there, lx.
     pub suns: Vec<(DVec3, [f64; 3])>,
 }
@@ -88,6 +90,16 @@ impl PointSource {
 }
 
 impl BodyPlan {
+    /// Takes into account what glare of a kernel, which scatters `fraction` of all light, leaves on the discs it comes from.
+    pub fn keep_own_glare(&mut self, kernel: &dyn GlareKernel, fraction: f64) {
+        for (seen, sources) in self.seen.iter_mut().zip(&self.glare) {
+            for disc in seen {
+                let own = sources.iter().find(|source| source.body == disc.body);
+                disc.kept = own.map_or(1.0, |source| source.kept(kernel, fraction));
+            }
+        }
+    }
+
     /// Light of the bodies that viewports show, over all of them, lx.
     pub fn light_in_view_lx(&self) -> f64 {
         let of_viewport = |lights: &Vec<(usize, [f64; 3])>| lights.iter().map(|(_, lx)| luminance(*lx)).sum::<f64>();
@@ -213,6 +225,7 @@ fn body_disc(
         distance_m,
         unit_from_view: unit_from_world * DMat3::from_quat(viewport.world_from_view),
         part,
+        kept: 1.0,
         suns,
     }
 }

@@ -113,7 +113,7 @@ impl Held {
         self.atlases = None;
         let mut groups = Vec::new();
         for set in &self.kinds.sets {
-            let atlas = ImpostorAtlas::new(gpu, bake, &set.shapes, method, settings)?;
+            let atlas = ImpostorAtlas::new(gpu, bake, &set.shapes, method, settings).map_err(Box::new)?;
             groups.extend(atlas.map(|atlas| pass.atlas_group(gpu, &atlas.bindings())));
         }
         self.atlases = Some(Atlases { method, size, groups });

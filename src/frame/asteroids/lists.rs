@@ -3,7 +3,10 @@
 use super::{AsteroidCounts, AsteroidPlan, FrameBuffers, held::Held};
 use crate::{
     gpu::{Gpu, layout},
-    plan::asteroids::cpu_cull::{PictureLists, WHOLE_PICTURE},
+    plan::{
+        asteroids::cpu_cull::{PictureLists, WHOLE_PICTURE},
+        cull::MAX_VIEWPORTS,
+    },
 };
 
 /// Bit of an entry's group: the other side of the seam.
@@ -63,11 +66,7 @@ impl AsteroidPlan {
             if plane.face.is_none() {
                 let nodes = self.cut.unresolved.iter().filter(|point| point.point.viewports >> plane.viewport & 1 == 1);
                 let unresolved: u64 = nodes.map(|node| node.asteroids).sum();
-                let pointlike: u64 = self.cut.items[self.cut.shape_items..]
-                    .iter()
-                    .filter(|item| item.viewports >> plane.viewport & 1 == 1)
-                    .map(|item| u64::from(item.count))
-                    .sum();
+                let pointlike = u64::from(points[MAX_VIEWPORTS + plane.viewport]);
                 counts.points += u64::from(points[plane.viewport]);
                 counts.unresolved += unresolved;
                 let seen = u64::from(totals[totals.len() - 1]) + unresolved + pointlike;

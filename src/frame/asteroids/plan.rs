@@ -91,6 +91,7 @@ impl AsteroidPlan {
         objects: &SceneObjects,
         settings: &AsteroidSettings,
         viewports: &[Viewport],
+        margin_px: f64,
         camera_m: DVec3,
         suns: &[Sun],
     ) -> Result<Self, RenderError> {
@@ -101,7 +102,7 @@ impl AsteroidPlan {
             .map(|viewport| {
                 let eyes_m = eye_distance_m(viewports, viewport);
                 let reach = impostor_reach(settings, eyes_m);
-                PictureBounds::new(viewport, table_of(tables, &viewport.projection), reach)
+                PictureBounds::new(viewport, margin_px, table_of(tables, &viewport.projection), reach)
             })
             .collect();
         let rules: Vec<ClassRules> = pictures

@@ -18,6 +18,9 @@ use crate::{
     view::{Rig, View, ViewKind, projection::FisheyeMapping},
 };
 
+/// Around pictures.
+const MARGIN_PX: f64 = 2.0;
+
 fn gpu() -> Gpu {
     Gpu::open(&GpuOptions::default()).expect("tests need a Vulkan adapter; `make test` installs the software one")
 }
@@ -227,7 +230,7 @@ impl Bench {
     ) -> AsteroidPlan {
         self.asteroids.hold(&self.gpu, objects, settings).unwrap();
         let suns = [Sun { radius_m: 7e8, position_m: DVec3::ZERO, intensity_cd: [3e27, 2.9e27, 2.8e27] }];
-        self.asteroids.plan(&self.gpu, objects, settings, viewports, camera_m, &suns).unwrap().unwrap()
+        self.asteroids.plan(&self.gpu, objects, settings, viewports, MARGIN_PX, camera_m, &suns).unwrap().unwrap()
     }
 
     fn encoder(&self) -> wgpu::CommandEncoder {

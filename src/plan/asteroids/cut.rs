@@ -16,6 +16,7 @@ use super::{
     views::{PictureBounds, PictureKind, touches_face},
 };
 use crate::{
+    photometry::rec709::luminance,
     plan::view_bodies::PointSource,
     scene::{
         asteroids::{AsteroidField, Node},
@@ -322,34 +323,17 @@ impl Seen<'_> {
     /// Direction and illuminance of the strongest sun at a place relative to the camera.
     fn sunlight(&self, middle_m: DVec3) -> (DVec3, [f64; 3]) {
         let place_m = self.camera_m + middle_m;
-        let lights = self.suns.iter().map(|sun| {
-            let to_sun = sun.position_m - place_m;
-            let distance_m = to_sun.length();
-            let squared = (distance_m * distance_m).max(f64::MIN_POSITIVE);
-            (to_sun / distance_m.max(f64::MIN_POSITIVE), sun.intensity_cd.map(|cd| cd / squared))
-        });
-        let luminance = |[r, g, b]: [f64; 3]| 0.2126 * r + 0.7152 * g + 0.0722 * b;
-        lights
-            .fold(None, |best: Option<(DVec3, [f64; 3])>, light| match best {
-                Some(best) if luminance(best.1) >= luminance(light.1) => Some(best),
-                _ => Some(light),
-            })
-            .unwrap_or((DVec3::ZERO, [0.0; 3]))
+        strongest_light(self.suns, place_m)
     }
 
     /// A whole node as one point: spheres of its area at its centroid.
     fn point(&self, field: &FieldCut<'_>, level: usize, node: &Node, viewports: u64) -> Outcome {
         let offset_m = field.origin_m + field.rotation * node.centroid_m;
-        let (sun, illuminance_lx) = self.sunlight(offset_m);
-        let distance_m = offset_m.length();
-        let cos_phase = if distance_m > 0.0 { sun.dot(-offset_m / distance_m) } else { 1.0 };
-        let phase = field.field.law.phase_function(cos_phase.clamp(-1.0, 1.0).acos());
-        let albedo = field.field.geometric_albedo;
-        let intensity_cd: [f64; 3] =
-            std::array::from_fn(|i| albedo[i] * illuminance_lx[i] * node.area_m2 / std::f64::consts::PI * phase);
+        let light = self.sunlight(offset_m);
+        let intensity_cd = node_intensity_cd(field.field, node, offset_m, light);
         let asteroids = instances_below(field.field, level, node);
         let point = PointSource { offset_m, intensity_cd, radius_m: node.radius_m, viewports };
-        Outcome::Point(UnresolvedNode { point, asteroids }, illuminance_lx.into_iter().fold(0.0, f64::max))
+        Outcome::Point(UnresolvedNode { point, asteroids }, light.1.into_iter().fold(0.0, f64::max))
     }
 
     fn nearest_m(&self, middle_m: DVec3, radius_m: f64, viewports: u64) -> f64 {
@@ -372,6 +356,36 @@ impl Seen<'_> {
         let by_size = f64::from(node.count) * coarsest.fold(0.0, f64::max).powi(2);
         full_cd * by_distance.min(by_size) * (1.0 + 1e-3)
     }
+}
+
+/// Direction to the sun that gives a place most light, and that light, lx; none of it without a sun.
+pub(super) fn strongest_light(suns: &[Sun], place_m: DVec3) -> (DVec3, [f64; 3]) {
+    let lights = suns.iter().map(|sun| {
+        let to_sun = sun.position_m - place_m;
+        let distance_m = to_sun.length();
+        let squared = (distance_m * distance_m).max(f64::MIN_POSITIVE);
+        (to_sun / distance_m.max(f64::MIN_POSITIVE), sun.intensity_cd.map(|cd| cd / squared))
+    });
+    lights
+        .fold(None, |best: Option<(DVec3, [f64; 3])>, light| match best {
+            Some(best) if luminance(best.1) >= luminance(light.1) => Some(best),
+            _ => Some(light),
+        })
+        .unwrap_or((DVec3::ZERO, [0.0; 3]))
+}
+
+/// Intensity of all asteroids of a node towards an eye that is `-offset_m` from its centroid, as spheres of their mean areas, cd.
+pub(super) fn node_intensity_cd(
+    field: &AsteroidField,
+    node: &Node,
+    offset_m: DVec3,
+    (sun, illuminance_lx): (DVec3, [f64; 3]),
+) -> [f64; 3] {
+    let distance_m = offset_m.length();
+    let cos_phase = if distance_m > 0.0 { sun.dot(-offset_m / distance_m) } else { 1.0 };
+    let phase = field.law.phase_function(cos_phase.clamp(-1.0, 1.0).acos());
+    let albedo = field.geometric_albedo;
+    std::array::from_fn(|i| albedo[i] * illuminance_lx[i] * node.area_m2 / std::f64::consts::PI * phase)
 }
 
 /// Number of asteroids of a node: children stand side by side, so down the first and the last one.

@@ -5,6 +5,7 @@ pub mod bounds;
 pub mod classes;
 pub mod cpu_cull;
 pub mod cut;
+pub mod glare;
 pub mod kinds;
 mod settings;
 pub mod tiles;

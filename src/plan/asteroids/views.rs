@@ -25,9 +25,6 @@ pub const TABLE_STEPS: usize = 64;
 /// What stands for a bend beyond all bounds, px/rad^2.
 pub const UNBOUNDED_BEND: f64 = 1e30;
 
-/// Pixels around a picture in which asteroids are drawn: points reach that far over its border.
-const MARGIN_PX: f64 = 4.0;
-
 /// How a picture's directions are counted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PictureKind {
@@ -191,9 +188,14 @@ fn bend(mapping: &dyn PlaneMapping, direction: DVec3) -> f64 {
 }
 
 impl PictureBounds {
-    /// A viewport with its table.
-    pub fn new(viewport: &Viewport, table: std::sync::Arc<DirectionTable>, impostor: Option<ImpostorReach>) -> Self {
-        let cone = viewport.projection.mapping().bounding_cone(MARGIN_PX);
+    /// A viewport with its table; asteroids up to `margin_px` outside of it count as seen: points reach over its border.
+    pub fn new(
+        viewport: &Viewport,
+        margin_px: f64,
+        table: std::sync::Arc<DirectionTable>,
+        impostor: Option<ImpostorReach>,
+    ) -> Self {
+        let cone = viewport.projection.mapping().bounding_cone(margin_px);
         let (sin, cos) = cone.half_angle_rad.sin_cos();
         Self {
             kind: match viewport.projection {
@@ -203,7 +205,7 @@ impl PictureBounds {
             },
             view_from_world: DMat3::from_quat(viewport.world_from_view.conjugate()),
             eye_m: viewport.eye_offset_m,
-            planes: edge_planes(&viewport.projection, MARGIN_PX),
+            planes: edge_planes(&viewport.projection, margin_px),
             cone: [sin.max(0.0), cos],
             table,
             impostor,

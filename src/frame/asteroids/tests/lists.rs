@@ -80,7 +80,7 @@ fn lists_of_f64(
         .iter()
         .map(|viewport| {
             let reach = impostor_reach(settings, eye_distance_m(viewports, viewport));
-            PictureBounds::new(viewport, table_of(&mut Vec::new(), &viewport.projection), reach)
+            PictureBounds::new(viewport, MARGIN_PX, table_of(&mut Vec::new(), &viewport.projection), reach)
         })
         .collect();
     let rules: Vec<ClassRules> = pictures
@@ -182,4 +182,88 @@ fn lists_are_the_same_from_run_to_run_and_follow_the_order_of_asteroids() {
         entries.windows(2).all(|pair| pair[0].0 / 256 != pair[1].0 / 256 || pair[0].0 <= pair[1].0)
     };
     assert!(first.0.values().all(|entries| stays_in_group(entries)));
+}
+
+/// The counts that a frame reads back.
+fn counts(bench: &mut Bench, plan: &AsteroidPlan) -> Result<Vec<AsteroidCounts>, RenderError> {
+    let mut encoder = bench.encoder();
+    bench.asteroids.record_cull(&bench.gpu, &mut encoder, &mut bench.timer, plan);
+    let mut readback = ReadbackBuffer::new("readback");
+    readback.begin(Asteroids::count_bytes(plan));
+    let places = bench.asteroids.copy_counts(&bench.gpu, &mut encoder, &mut readback, plan);
+    bench.gpu.queue.submit([encoder.finish()]);
+    readback.map(&bench.gpu);
+    bench.gpu.device.poll(wgpu::PollType::wait_indefinitely()).unwrap();
+    let read = bench.asteroids.read_counts(&bench.gpu, &mut readback, places, plan, plan.viewports.len());
+    readback.unmap(&bench.gpu);
+    bench.gpu.take_failure().unwrap();
+    read
+}
+
+#[test]
+fn lists_without_room_are_an_error_and_never_silent() {
+    let mut bench = Bench::new();
+    let objects = cloud(2000, 5);
+    let settings = AsteroidSettings::default();
+    let viewports = viewports(&kinds(), DQuat::IDENTITY);
+    let mut plan = bench.plan(&objects, &settings, &viewports, objects.fields[0].position_m);
+    assert!(counts(&mut bench, &plan).is_ok());
+    plan.capacity = 500;
+    let error = counts(&mut bench, &plan).unwrap_err();
+    assert!(matches!(error, RenderError::AsteroidLists { limit: 500, needed } if needed > 500), "{error}");
+    assert!(error.to_string().contains("asteroids.quality"), "{error}");
+}
+
+#[test]
+fn more_asteroids_than_a_binding_holds_are_refused_with_the_limit() {
+    let options = GpuOptions { binding_limit_bytes: Some(24 * 2000), ..GpuOptions::default() };
+    let gpu = Gpu::open(&options).unwrap();
+    let mut asteroids = Asteroids::new();
+    let hold = |asteroids: &mut Asteroids, count: usize| {
+        asteroids.hold(
+            &gpu,
+            &cloud(count, 1),
+            &AsteroidSettings { impostor: ImpostorMethod::None, ..Default::default() },
+        )
+    };
+    hold(&mut asteroids, 2000).unwrap();
+    let error = hold(&mut asteroids, 2001).unwrap_err();
+    assert!(matches!(error, RenderError::TooManyAsteroids { asteroids: 2001, limit: 2000, .. }), "{error}");
+}
+
+/// A picture whose edges bend or not, by which asteroids go through faces; every asteroid is in one of both, and none is in a face that its
+/// sphere does not touch.
+#[test]
+fn bends_are_those_of_the_projection() {
+    use crate::plan::asteroids::views::{DirectionTable, table_place};
+    let viewports = viewports(&kinds(), DQuat::IDENTITY);
+    for viewport in &viewports {
+        let mapping = viewport.projection.mapping();
+        let table = DirectionTable::new(&viewport.projection);
+        let mut random = Random(4);
+        for _ in 0..300 {
+            let middle = random.direction();
+            let along = middle.cross(random.direction()).normalize().cross(middle).normalize();
+            let half = 0.01 + 0.02 * random.next();
+            let at = |angle: f64| mapping.pixel_from_direction(middle * angle.cos() + along * angle.sin());
+            let (Some(begin), Some(end)) = (at(-half), at(half)) else { continue };
+            let longitude = matches!(viewport.projection, crate::view::projection::Projection::Equirectangular(_));
+            if (longitude && begin.distance(end) > 60.0) || !begin.is_finite() || !end.is_finite() {
+                continue;
+            }
+            let cosine = if longitude { middle.y } else { -middle.z };
+            let bound = (2.0 * half).powi(2) / 8.0 * table.bend_around_all(table_place(cosine), 0.5 * half + 0.02);
+            if matches!(viewport.projection, crate::view::projection::Projection::Perspective(_)) {
+                assert_eq!(bound, 0.0);
+                continue;
+            }
+            let worst = (-9..10).filter_map(|i| at(half * f64::from(i) / 10.0)).map(|pixel| {
+                let chord = end - begin;
+                let t = ((pixel - begin).dot(chord) / chord.length_squared()).clamp(0.0, 1.0);
+                (begin + chord * t).distance(pixel)
+            });
+            let worst = worst.fold(0.0, f64::max);
+            assert!(worst <= bound * 1.05 + 1e-6, "{:?}: {worst} px for {bound} at {middle}", viewport.projection);
+        }
+    }
 }

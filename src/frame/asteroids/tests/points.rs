@@ -94,6 +94,7 @@ fn points_and_unresolved_nodes_together_have_the_light_of_their_spheres() {
                 let radius_m = asteroid.radius_m(field.instances.largest_m);
                 let picture = crate::plan::asteroids::views::PictureBounds::new(
                     &viewports[0],
+                    MARGIN_PX,
                     super::super::plan::table_of(&mut Vec::new(), &viewports[0].projection),
                     None,
                 );

@@ -1,12 +1,10 @@
 //! Rastered spheres against closed forms, in every kind of picture, on the picture itself and through faces.
 
-use glam::DVec2;
-
 use super::*;
 use crate::{
     plan::{bodies::illuminance_of, tiles::Tile},
     scene::bodies::{Body, Spin, Surface},
-    view::projection::{CubeFace, Face, PlaneMapping},
+    view::projection::{CubeFace, Face, PlaneMapping, pixel_centre},
 };
 
 /// What layers show: per sample of the window colour (units) and depth, and of the faces the same.
@@ -104,20 +102,17 @@ struct Measured {
     nearest_m: f64,
 }
 
-/// Puts layers together as a compositing pass does, sample by sample, and sums up.
+/// Puts layers together as a compositing pass does, sample by sample, and sums up. `mapping` has samples for pixels.
 fn measure(shown: &Shown, mapping: &dyn PlaneMapping, flat: bool, tile: &Tile) -> Measured {
     let width = mapping.size()[0];
-    let samples = shown.samples;
+    let first_row = tile.first_row * shown.samples;
     let mut sum = Measured { solid_angle_sr: 0.0, middle: DVec3::ZERO, light_lx: [0.0; 3], nearest_m: f64::INFINITY };
-    for y in 0..tile.rows {
+    for y in 0..tile.rows * shown.samples {
         for x in 0..width {
-            let omega = mapping.solid_angle_sr(x, y + tile.first_row) / f64::from(samples * samples);
-            for s in 0..samples * samples {
-                let (column, row) = (x * samples + s % samples, y * samples + s / samples);
-                let place = DVec2::new(f64::from(column) + 0.5, f64::from(row) + 0.5) / f64::from(samples)
-                    + DVec2::new(0.0, f64::from(tile.first_row));
-                let Some(direction) = mapping.direction_from_pixel(place) else { continue };
-                let index = (row * width * samples + column) as usize;
+            {
+                let omega = mapping.solid_angle_sr(x, y + first_row);
+                let Some(direction) = mapping.direction_from_pixel(pixel_centre(x, y + first_row)) else { continue };
+                let index = (y * width + x) as usize;
                 let mut nearest = 0.0;
                 let mut colour = [0.0; 3];
                 let mut take = |depth: f32, rgba: [f32; 4], along: f64| {
@@ -180,16 +175,33 @@ fn scene(direction: DVec3, size: f64, halvings: u32) -> (SceneObjects, DVec3, Su
     (SceneObjects { fields: vec![field], ..SceneObjects::default() }, camera_m, sun, body)
 }
 
+/// The same picture with `factor` times as many pixels each way.
+fn finer(kind: &ViewKind, factor: u32) -> ViewKind {
+    let mut finer = kind.clone();
+    match &mut finer {
+        ViewKind::Perspective { size, .. } | ViewKind::Fisheye { size, .. } | ViewKind::Equirectangular { size } => {
+            *size = size.map(|side| side * factor);
+        }
+        _ => unreachable!("tests have no other kinds"),
+    }
+    finer
+}
+
 /// Draws the sphere in one view, in tiles of `rows`, and gives what is shown and what is true.
 fn show(bench: &mut Bench, kind: &ViewKind, direction: DVec3, size: f64, rows: u32) -> (Measured, Measured, u8) {
     let (objects, camera_m, sun, body) = scene(direction, size, 5);
     let settings = AsteroidSettings { finest_only: true, samples: 4, ..AsteroidSettings::default() };
     let viewports = viewports(&[("view", kind.clone())], DQuat::IDENTITY);
     bench.asteroids.hold(&bench.gpu, &objects, &settings).unwrap();
-    let plan = bench.asteroids.plan(&bench.gpu, &objects, &settings, &viewports, camera_m, &[sun]).unwrap().unwrap();
-    let mapping = viewports[0].projection.mapping();
+    let plan = bench
+        .asteroids
+        .plan(&bench.gpu, &objects, &settings, &viewports, MARGIN_PX, camera_m, &[sun])
+        .unwrap()
+        .unwrap();
+    let height = viewports[0].size()[1];
+    let sampled = super::viewports(&[("view", finer(kind, plan.samples[0]))], DQuat::IDENTITY);
+    let mapping = sampled[0].projection.mapping();
     let flat = matches!(kind, ViewKind::Perspective { .. });
-    let height = mapping.size()[1];
     let mut found = Measured { solid_angle_sr: 0.0, middle: DVec3::ZERO, light_lx: [0.0; 3], nearest_m: f64::INFINITY };
     for first_row in (0..height).step_by(rows as usize) {
         let tile = Tile { viewport: 0, first_row, rows: rows.min(height - first_row), first_pixel: 0 };
