@@ -64,16 +64,24 @@ const NOWHERE: u32 = 4294967295u;
 const WHOLE: f32 = 2.0;
 
 var<workgroup> local_counts: array<atomic<u32>, MAX_LOCAL>;
-// Of every asteroid: the local kinds of its one or two lists in 16 bits each, or NOWHERE; then its first place in them.
+// Of every asteroid what the first eye's picture has: the local kinds of its one or two lists in 16 bits each, and its share of the first.
+var<workgroup> class_kinds: array<u32, GROUP>;
+var<workgroup> class_fades: array<f32, GROUP>;
+// The same in the plane at hand, or NOWHERE; how often it stands in its lists; its first place in each.
 var<workgroup> local_kinds: array<u32, GROUP>;
+var<workgroup> local_fades: array<f32, GROUP>;
+var<workgroup> local_copies: array<u32, GROUP>;
 var<workgroup> local_places: array<vec2<u32>, GROUP>;
+// Whether the second eye sees another asteroid than the first one.
+var<workgroup> differs: atomic<u32>;
 
 // What one plane shows of one asteroid.
 struct Shown {
     seen: bool,
-    // Local kinds, or 65535.
-    kinds: vec2<u32>,
-    fades: vec2<f32>,
+    // Local kinds of its lists in 16 bits each, 65535 for none.
+    kinds: u32,
+    // Share of the first list; WHOLE if there is no second one.
+    fade: f32,
     twice: bool,
 }
 
@@ -95,17 +103,25 @@ fn edge_of(class_number: u32, shape: AsteroidShape) -> f32 {
     return lods[shape.first_kind + class_number].y;
 }
 
-fn show(index: u32, item: AsteroidItem, field: AsteroidField, view: AsteroidView, plane: AsteroidPlane, link: AsteroidLink) -> Shown {
-    var shown = Shown(false, vec2(65535u), vec2(0.0), false);
+// Place of an asteroid relative to the eye, view axes.
+fn middle_of(index: u32, item: AsteroidItem, field: AsteroidField, view: AsteroidView) -> vec3<f32> {
     let word = INSTANCE_WORDS * (item.first + index);
     let offset = bitcast<vec3<f32>>(vec3(instances[word], instances[word + 1u], instances[word + 2u]));
-    let radius_and_shape = instances[word + 3u];
+    return view_from_camera(view, place_of(item, field, offset));
+}
+
+// What a plane shows of an asteroid. `all`: its kinds also where the picture does not see it.
+fn show(
+    index: u32, item: AsteroidItem, field: AsteroidField, view: AsteroidView, plane: AsteroidPlane, link: AsteroidLink, all: bool) -> Shown {
+    var shown = Shown(false, NOWHERE, WHOLE, false);
+    let radius_and_shape = instances[INSTANCE_WORDS * (item.first + index) + 3u];
     let shape = shapes[shape_of(field, radius_and_shape)];
     let radius = radius_of(field, radius_and_shape);
-    let middle = view_from_camera(view, place_of(item, field, offset));
+    let middle = middle_of(index, item, field, view);
     let bound = shape.bound * radius;
     let distance = length(middle);
-    if !touches(view, middle, bound) || !(distance > 0.0) || !(radius > 0.0) {
+    let seen = touches(view, middle, bound);
+    if !(seen || all) || !(distance > 0.0) || !(radius > 0.0) {
         return shown;
     }
     let place = table_place(view, middle, distance);
@@ -118,20 +134,18 @@ fn show(index: u32, item: AsteroidItem, field: AsteroidField, view: AsteroidView
         }
         through_faces = bends(view, place, edge, shape.bound, radius, distance);
     }
-    shown.seen = plane.face == WHOLE_PICTURE;
+    shown.seen = seen && plane.face == WHOLE_PICTURE;
     if through_faces == (plane.face == WHOLE_PICTURE) {
         return shown;
     }
     if plane.face != WHOLE_PICTURE && !touches_face(plane.face, middle, bound) {
         return shown;
     }
-    shown.kinds.x = kind_of(classes.current, shape, field);
-    shown.fades.x = WHOLE;
+    shown.kinds = kind_of(classes.current, shape, field) | 0xffff0000u;
     if classes.before != CLASS_NONE {
         // Never 0, which has no sign.
-        let share = max(classes.share, 1e-6);
-        shown.fades = vec2(share, -share);
-        shown.kinds.y = kind_of(classes.before, shape, field);
+        shown.fade = max(classes.share, 1e-6);
+        shown.kinds = (shown.kinds & 65535u) | (kind_of(classes.before, shape, field) << 16u);
     }
     shown.twice = view.kind == VIEW_LONGITUDE && plane.face == WHOLE_PICTURE && abs(middle.x) <= bound && middle.z > -bound;
     return shown;
@@ -146,6 +160,8 @@ fn cull(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index
     let item = items[item_index];
     let field = fields[item.field];
     let local_kind_count = field.kinds + 2u;
+    // The view whose classes are held.
+    var classes_of_view = NOWHERE;
     for (var l = 0u; l < item.link_count; l++) {
         let link = links[item.first_link + l];
         let plane = planes[link.plane];
@@ -153,32 +169,62 @@ fn cull(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index
         for (var k = local; k < local_kind_count; k += WORKGROUP) {
             atomicStore(&local_counts[k], 0u);
         }
+        if local == 0u {
+            atomicStore(&differs, 0u);
+        }
         workgroupBarrier();
+        // The eyes of a pair see an asteroid in the same class, from nearly the same distance: it is found once for both.
+        let follows = view.class_view == classes_of_view;
+        let first_of_pair = item.link_count > l + 1u && views[planes[links[item.first_link + l + 1u].plane].view].class_view == plane.view
+            && planes[links[item.first_link + l + 1u].plane].view != plane.view;
         for (var i = local; i < item.count; i += WORKGROUP) {
-            let shown = show(i, item, field, view, plane, link);
-            if WRITES {
-                local_kinds[i] = shown.kinds.x | (shown.kinds.y << 16u);
-                local_places[i] = select(vec2(1u), vec2(2u), shown.twice);
-            } else {
-                let copies = select(1u, 2u, shown.twice);
-                if shown.kinds.x != 65535u {
-                    atomicAdd(&local_counts[shown.kinds.x], copies);
+            var shown = Shown(false, NOWHERE, WHOLE, false);
+            if follows {
+                let radius_and_shape = instances[INSTANCE_WORDS * (item.first + i) + 3u];
+                let bound = shapes[shape_of(field, radius_and_shape)].bound * radius_of(field, radius_and_shape);
+                shown.seen = touches(view, middle_of(i, item, field, view), bound);
+                if shown.seen {
+                    shown.kinds = class_kinds[i];
+                    shown.fade = class_fades[i];
                 }
-                if shown.kinds.y != 65535u {
-                    atomicAdd(&local_counts[shown.kinds.y], copies);
+                if WRITES && shown.kinds != local_kinds[i] {
+                    atomicStore(&differs, 1u);
+                }
+            } else {
+                shown = show(i, item, field, view, plane, link, first_of_pair);
+                if first_of_pair {
+                    class_kinds[i] = shown.kinds;
+                    class_fades[i] = shown.fade;
+                    if !shown.seen {
+                        shown.kinds = NOWHERE;
+                    }
+                }
+            }
+            let copies = select(1u, 2u, shown.twice);
+            if WRITES {
+                local_kinds[i] = shown.kinds;
+                local_fades[i] = shown.fade;
+                local_copies[i] = copies;
+            } else {
+                if (shown.kinds & 65535u) != 65535u {
+                    atomicAdd(&local_counts[shown.kinds & 65535u], copies);
+                }
+                if (shown.kinds >> 16u) != 65535u {
+                    atomicAdd(&local_counts[shown.kinds >> 16u], copies);
                 }
                 if shown.seen {
                     atomicAdd(&local_counts[field.kinds + 1u], 1u);
                 }
             }
         }
+        classes_of_view = select(NOWHERE, plane.view, first_of_pair);
         workgroupBarrier();
         if WRITES {
-            // One thread hands out places, in the order of the asteroids.
-            if local == 0u {
+            // One thread hands out places, in the order of the asteroids. Mostly both eyes have the same.
+            if local == 0u && !(follows && atomicLoad(&differs) == 0u) {
                 for (var i = 0u; i < item.count; i++) {
                     let kinds = local_kinds[i];
-                    let copies = local_places[i].x;
+                    let copies = local_copies[i];
                     var places = vec2(0u);
                     if (kinds & 65535u) != 65535u {
                         places.x = atomicAdd(&local_counts[kinds & 65535u], copies);
@@ -195,9 +241,10 @@ fn cull(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index
                 if kinds == NOWHERE {
                     continue;
                 }
-                let shown = show(i, item, field, view, plane, link);
+                // What fades in has its share, what it takes over from the rest.
+                let share = local_fades[i];
                 for (var side = 0u; side < 2u; side++) {
-                    let kind = select(shown.kinds.x, shown.kinds.y, side == 1u);
+                    let kind = select(kinds & 65535u, kinds >> 16u, side == 1u);
                     if kind == 65535u {
                         continue;
                     }
@@ -205,12 +252,12 @@ fn cull(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index
                     let column = plane.first_count + global_kind * plane.columns + link.column;
                     var at = bases[link.plane * parameters.kinds + global_kind] + counts[column]
                         + select(local_places[i].x, local_places[i].y, side == 1u);
-                    let fade = select(shown.fades.x, shown.fades.y, side == 1u);
+                    let fade = select(share, -share, side == 1u);
                     // What does not fit is known from the counts, and an error.
                     if at < parameters.capacity {
                         entries[at] = AsteroidEntry(item.first + i, item_index, fade);
                     }
-                    if shown.twice && at + 1u < parameters.capacity {
+                    if local_copies[i] > 1u && at + 1u < parameters.capacity {
                         entries[at + 1u] = AsteroidEntry(item.first + i, item_index | SEAM_BIT, fade);
                     }
                 }

@@ -18,9 +18,10 @@ struct AsteroidView {
     impostor_exponent: f32,
     quality: f32,
     finest_only: u32,
+    // The view whose classes hold for this one: the other eye's, or this one itself.
+    class_view: u32,
     unused_0: u32,
     unused_1: u32,
-    unused_2: u32,
 }
 
 const VIEW_FLAT: u32 = 0u;

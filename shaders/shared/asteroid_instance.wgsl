@@ -67,18 +67,21 @@ fn shape_of(field: AsteroidField, radius_and_shape: u32) -> u32 {
     return field.first_shape + min((radius_and_shape >> 16u) & 255u, field.shape_count - 1u);
 }
 
-// Unit vector of an octahedral pair.
-fn octahedral_direction(pair: vec2<f32>) -> vec3<f32> {
-    let height = 1.0 - abs(pair.x) - abs(pair.y);
-    let folded = (1.0 - abs(pair.yx)) * select(vec2(-1.0), vec2(1.0), pair >= vec2(0.0));
-    return normalize(vec3(select(pair, folded, height < 0.0), height));
+// Spin axis in whole numbers, of any length: an octahedral pair. The sign of z decides which frame stands around it, so it must not
+// be rounded.
+fn whole_axis(packed: u32) -> vec3<i32> {
+    let pair = max(vec2(bitcast<i32>(packed << 16u), bitcast<i32>(packed)) >> vec2(16u), vec2(-32767));
+    let height = 32767 - abs(pair.x) - abs(pair.y);
+    let folded = (32767 - abs(pair.yx)) * select(vec2(-1), vec2(1), pair >= vec2(0));
+    return vec3(select(pair, folded, height < 0), height);
 }
 
 // Rotation from a shape's axes to the field's: turned around +z, which then points along the spin axis. The basis around the axis is
 // that of Duff et al., Building an Orthonormal Basis, Revisited, JCGT 6(1), 2017.
 fn field_from_shape(field: AsteroidField, packed_axis: u32, spin: u32) -> mat3x3<f32> {
-    let axis = octahedral_direction(unpack2x16snorm(packed_axis));
-    let side = select(-1.0, 1.0, axis.z >= 0.0);
+    let whole = whole_axis(packed_axis);
+    let axis = normalize(vec3<f32>(whole));
+    let side = select(-1.0, 1.0, whole.z >= 0);
     let a = -1.0 / (side + axis.z);
     let b = axis.x * axis.y * a;
     let first = vec3(1.0 + side * axis.x * axis.x * a, side * b, -side * axis.x);

@@ -705,12 +705,12 @@ gpu_structs! {
         quality: f32,
         /// 1: only the finest mesh.
         finest_only: u32,
+        /// The view whose classes hold for this one: the other eye's, or this one itself.
+        class_view: u32,
         /// Padding.
         unused_0: u32,
         /// Padding.
         unused_1: u32,
-        /// Padding.
-        unused_2: u32,
     }
     /// An asteroid in a list.
     AsteroidEntry {

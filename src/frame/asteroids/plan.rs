@@ -25,7 +25,7 @@ use crate::{
         bodies::{ReflectionLaw, Sun},
     },
     view::{
-        Viewport,
+        Part, Viewport,
         projection::{Face, Perspective, Projection},
     },
 };
@@ -133,8 +133,11 @@ impl AsteroidPlan {
             .flat_map(|picture| picture.table.pixel_rad.iter().zip(&picture.table.bend))
             .map(|(pixel, bend)| [*pixel as f32, *bend as f32])
             .collect();
-        let views =
-            (0..).zip(&pictures).zip(&rules).map(|((i, picture), rules)| encode_view(i, picture, rules)).collect();
+        let views = (0..)
+            .zip(&pictures)
+            .zip(&rules)
+            .map(|((i, picture), rules)| encode_view(i, picture, rules, class_view(viewports, i)))
+            .collect();
         let mut plan = Self {
             viewports: viewports.to_vec(),
             encoded_planes: Vec::new(),
@@ -333,7 +336,22 @@ fn encode_field(held: &Held, objects: &SceneObjects, index: usize, field: &Aster
     }
 }
 
-fn encode_view(index: u32, picture: &PictureBounds, rules: &ClassRules) -> layout::AsteroidView {
+/// The viewport whose classes hold for viewport `index`: of a pair of eyes with pixels alike the first one's, else its own.
+fn class_view(viewports: &[Viewport], index: u32) -> u32 {
+    let own = &viewports[index as usize];
+    let first = index.checked_sub(1).filter(|before| {
+        let other = &viewports[*before as usize];
+        own.part == Part::RightEye
+            && other.part == Part::LeftEye
+            && other.view == own.view
+            && own.size() == other.size()
+            && own.projection.middle_pixel_rad() <= 1.02 * other.projection.middle_pixel_rad()
+            && other.projection.middle_pixel_rad() <= 1.02 * own.projection.middle_pixel_rad()
+    });
+    first.unwrap_or(index)
+}
+
+fn encode_view(index: u32, picture: &PictureBounds, rules: &ClassRules, class_view: u32) -> layout::AsteroidView {
     let row = |i: usize| picture.view_from_world.row(i).extend(picture.eye_m[i]).as_vec4().to_array();
     let [x, y] = match picture.planes.as_slice() {
         [left, right, down, up] => [[left.x, left.z, right.x, right.z], [down.y, down.z, up.y, up.z]],
@@ -358,6 +376,7 @@ fn encode_view(index: u32, picture: &PictureBounds, rules: &ClassRules) -> layou
         impostor_exponent: picture.impostor.map_or(0.0, |impostor| impostor.exponent as f32),
         quality: rules.quality as f32,
         finest_only: u32::from(rules.finest_only),
+        class_view,
         ..Default::default()
     }
 }
