@@ -1,5 +1,5 @@
 //! Frame time on the adapter in use: ten million stars with and without chunk culling, a whole frame of a planetarium
-//! dome, and the passes of every glare method. All but the last draw no glare. Variants are interleaved in one run; medians are printed. Run: `cargo bench --bench frame_time`, or with the
+//! dome, the passes of every glare method, and those of fields of asteroids. None but those of glare draw glare. Variants are interleaved in one run; medians are printed. Run: `cargo bench --bench frame_time`, or with the
 //! names of some of the benchmarks.
 
 use std::{f64::consts::PI, sync::Arc};
@@ -17,8 +17,15 @@ use steradian::{
         cull::{CullSettings, SPLAT_MARGIN_PX, visible_chunks},
         settings::{ExposureMode, GlareMethod, GlareSettings, RenderSettings, StarMethod},
     },
-    scene::{Camera, SceneSnapshot},
-    view::{Rig, View, ViewKind, projection::FisheyeMapping},
+    scene::{
+        Camera, SceneObjects, SceneSnapshot,
+        asteroids::{FieldParameters, FieldSpec, Placement, ShapeSource},
+        bodies::{Preset, ReflectionLaw},
+    },
+    view::{
+        Fov, Rig, View, ViewKind,
+        projection::{Face, FisheyeMapping},
+    },
 };
 
 fn galaxy(stars: usize) -> Arc<StarSet> {
@@ -244,6 +251,96 @@ impl Bench {
     }
 }
 
+/// A field of asteroids in a box, its middle 25 km before the camera at the Earth's distance from the Sun.
+fn asteroids(instances: u32) -> SceneSnapshot {
+    let camera = Camera { position_m: DVec3::X * 1.496e11, ..Camera::default() };
+    let spec = FieldSpec {
+        name: "field".to_owned(),
+        position_m: camera.position_m - DVec3::Z * 25_000.0,
+        orientation: DQuat::IDENTITY,
+        parameters: FieldParameters {
+            instances,
+            seed: 7,
+            placement: Placement::Box { size_m: DVec3::new(20_000.0, 11_000.0, 30_000.0) },
+            radius_m: [16.0, 1000.0],
+            size_index: 2.5,
+            spin_period_s: [600.0, 36_000.0],
+        },
+        shapes: ShapeSource::Procedural { seed: 3 },
+        law: ReflectionLaw::LommelSeeliger,
+        geometric_albedo: [0.1; 3],
+    };
+    let field = Arc::new(spec).make(&[]).expect("a valid field").field;
+    let bodies = vec![Arc::new(Preset::Sun.body("sun", DVec3::ZERO))];
+    SceneSnapshot {
+        revision: 1,
+        stars: Arc::new(StarSet::from_records(Vec::new())),
+        objects: Arc::new(SceneObjects { bodies, fields: vec![field], time_s: 0.0 }),
+        camera,
+    }
+}
+
+/// Passes of a frame that draw asteroids.
+const ASTEROID_PASSES: [&str; 4] = ["asteroid cull", "asteroids", "geometry", "stars"];
+
+impl Bench {
+    /// What a field of asteroids takes, pass by pass, inside and outside of views, for two eyes and one, for six faces and the whole sky.
+    fn asteroids(&mut self, instances: u32) {
+        let scene = asteroids(instances);
+        let moved = |camera: Camera| SceneSnapshot { camera, ..scene.clone() };
+        let away = moved(Camera { world_from_camera: DQuat::from_rotation_y(PI), ..scene.camera });
+        let within = moved(Camera { position_m: scene.camera.position_m - DVec3::Z * 25_000.0, ..scene.camera });
+        let side = 512;
+        let eye = Fov { left_rad: -PI / 4.0, right_rad: PI / 4.0, up_rad: PI / 4.0, down_rad: -PI / 4.0 };
+        let one = || rig(ViewKind::Perspective { size: [side; 2], fov_y_rad: PI / 2.0 });
+        let stereo = ViewKind::Stereo { size: [side; 2], ipd_m: 0.063, fov_left: eye, fov_right: eye.mirrored() };
+        let cases = [
+            ("one eye, inside", &scene, one()),
+            ("one eye, outside", &away, one()),
+            ("two eyes, inside", &scene, rig(stereo)),
+            ("six faces, within", &within, rig(ViewKind::Cubemap { face_size: side / 2, faces: Face::ALL.to_vec() })),
+            ("whole sky, within", &within, rig(ViewKind::Equirectangular { size: [2 * side, side] })),
+        ];
+        self.settings.exposure.mode = ExposureMode::Manual;
+        let mut times = vec![vec![vec![]; ASTEROID_PASSES.len() + 1]; cases.len()];
+        for round in 0..=self.frames {
+            for ((_, scene, rig), times) in cases.iter().zip(&mut times) {
+                let (found, _) = self.frame(scene, rig);
+                // Atlases are baked and buffers grow in the first round.
+                if round > 0 {
+                    times[0].push(found.plan_ms);
+                    for (pass, times) in ASTEROID_PASSES.iter().zip(&mut times[1..]) {
+                        times.push(found.passes_ms.iter().filter(|of| of.0 == *pass).fold(0.0, |sum, of| sum + of.1));
+                    }
+                }
+            }
+        }
+        println!("{instances} asteroids, {side} px, medians of {} frames, ms", self.frames);
+        println!(
+            "{:20} {:>9} {:>9} {:>9} {:>9} {:>9} {:>9}",
+            "", "plan", "cull", "layers", "geometry", "points", "all"
+        );
+        let mut medians = vec![];
+        for ((name, _, _), times) in cases.iter().zip(times) {
+            let of_case: Vec<f64> = times.into_iter().map(median).collect();
+            let cells: String = of_case.iter().map(|ms| format!(" {ms:9.2}")).collect();
+            println!("{name:20}{cells} {:9.2}", of_case.iter().sum::<f64>());
+            medians.push(of_case);
+        }
+        let all = |case: usize| medians[case].iter().sum::<f64>();
+        let culling = |case: usize| medians[case][..2].iter().sum::<f64>();
+        let pass = |case: usize| medians[case][1];
+        println!("outside over inside: {:.4}", all(1) / all(0));
+        println!("culling, two eyes over one: {:.2} (pass alone {:.2})", culling(2) / culling(0), pass(2) / pass(0));
+        println!(
+            "culling, six faces over whole sky: {:.2} (pass alone {:.2})\n",
+            culling(3) / culling(4),
+            pass(3) / pass(4)
+        );
+        self.settings = stars_alone();
+    }
+}
+
 fn main() {
     // Cargo passes `--bench`; the other words choose benchmarks.
     let chosen: Vec<String> = std::env::args().skip(1).filter(|word| !word.starts_with("--")).collect();
@@ -262,6 +359,12 @@ fn main() {
     }
     if wanted("glare") {
         bench.glare(&galaxy(1_000_000));
+    }
+    if wanted("asteroids") {
+        let counts: Vec<u32> = chosen.iter().filter_map(|word| word.parse().ok()).collect();
+        for instances in if counts.is_empty() { vec![10_000, 100_000] } else { counts } {
+            bench.asteroids(instances);
+        }
     }
     if wanted("culling") {
         let start = std::time::Instant::now();

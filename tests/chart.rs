@@ -8,8 +8,8 @@ use std::{collections::BTreeSet, process::Command, time::Duration};
 use glam::DVec2;
 use steradian::{
     chart::{
-        self, About, Axis, COLUMNS, Extent, GlareExtent, GlareMetric, Metric, Row, ScoringSize, Sky, ViewShape,
-        read_csv, score_method, write_csv,
+        self, About, AsteroidExtent, AsteroidMetric, Axis, COLUMNS, Extent, GlareExtent, GlareMetric, Metric, Row,
+        ScoringSize, Sky, ViewShape, read_csv, score_method, write_csv,
     },
     plan::settings::{GlareMethod, StarMethod},
 };
@@ -36,6 +36,17 @@ fn tiny() -> Extent {
             pixels: 300,
             rounds: 2,
             budget: Duration::from_secs(60),
+        },
+        asteroids: AsteroidExtent {
+            instances: vec![200, 600],
+            views: vec![ViewShape::Flat([160, 90]), ViewShape::Stereo([64, 64]), ViewShape::Dome(96)],
+            other_views_instances: 200,
+            ratio_instances: 600,
+            ratio_px: 64,
+            scored_px: 256,
+            rounds: 2,
+            budget: Duration::from_secs(60),
+            cache: std::env::temp_dir().join("steradian-chart-atlases"),
         },
     }
 }
@@ -251,6 +262,73 @@ fn a_tiny_run_of_glare_has_the_figures_of_every_method() {
     }
 }
 
+/// Asteroids: every method is timed, ours keep to half a pixel, and what was published stands beside them as of other hardware.
+#[test]
+fn a_tiny_run_of_asteroids_has_the_figures_of_every_method() {
+    let mut renderer = common::renderer();
+    let extent = tiny();
+    let mut steps = Vec::new();
+    let rows = chart::run(&mut renderer, &[Axis::Asteroids], &extent, &mut |step| steps.push(step.clone())).unwrap();
+    assert!(steps.iter().enumerate().all(|(index, step)| step.done == index && step.of == steps.len()), "{steps:?}");
+    let keys: BTreeSet<_> = rows.iter().map(|row| (&row.method, &row.workload, &row.error_metric)).collect();
+    assert_eq!(keys.len(), rows.len());
+    let (published, measured): (Vec<&Row>, Vec<&Row>) =
+        rows.iter().partition(|row| row.method.starts_with("published"));
+    assert!(published.len() == 10 && published.iter().all(|row| row.notes.contains("other hardware")));
+    // Two ways of culling per ratio, five ways of drawing in four workloads.
+    assert_eq!(measured.len(), 3 * 2 + 5 * 4 * AsteroidMetric::ALL.len());
+    for row in &measured {
+        println!(
+            "{} {} {:?} ms {} {:?} {}",
+            row.method, row.workload, row.gpu_ms_median, row.error_metric, row.error_value, row.notes
+        );
+        assert!(row.gpu_ms_median.is_some_and(|ms| ms > 0.0), "{row:?}");
+        assert!(row.error_value.is_some() || row.notes.contains("does not apply"), "{row:?}");
+        assert!(row.notes.contains("plan on the CPU") && row.notes.contains("drawn: meshes"), "{row:?}");
+    }
+    let of = |method: &str, workload: &str, metric: AsteroidMetric| {
+        let key = (method, workload, metric.name());
+        let found = rows.iter().find(|row| (&*row.method, &*row.workload, &*row.error_metric) == key);
+        found.unwrap_or_else(|| panic!("no row {key:?}")).error_value
+    };
+    let workloads = ["200 asteroids 90p", "600 asteroids 90p", "200 asteroids stereo-64", "200 asteroids dome-96"];
+    for workload in workloads {
+        for method in [
+            "mesh_only",
+            "cpu_culling",
+            "gpu_culling_euler_atlas",
+            "gpu_culling_octahedral",
+            "gpu_culling_octahedral_blend",
+        ] {
+            let iou = of(method, workload, AsteroidMetric::SilhouetteIou).unwrap();
+            let outline = of(method, workload, AsteroidMetric::OutlinePx).unwrap();
+            assert!(iou > 0.6 && iou <= 1.0, "{method} {workload}: {iou}");
+            assert!(outline < 1.0, "{method} {workload}: {outline}");
+            let disparity = of(method, workload, AsteroidMetric::DisparityPx);
+            assert_eq!(disparity.is_some(), workload.contains("stereo"));
+        }
+        let light = of("mesh_only", workload, AsteroidMetric::Light).unwrap();
+        assert!(light < 0.3, "{workload}: {light}");
+        let normals = of("mesh_only", workload, AsteroidMetric::NormalDeg).unwrap();
+        assert!(normals < 10.0, "{workload}: {normals}");
+        // Culling on either side leads to the same pictures.
+        let [cpu, gpu] = ["cpu_culling", "gpu_culling_euler_atlas"]
+            .map(|method| of(method, workload, AsteroidMetric::SilhouetteIou).unwrap());
+        assert!((cpu - gpu).abs() < 1e-3, "{cpu} {gpu}");
+    }
+
+    let folder = tempfile::tempdir().unwrap();
+    chart::write(folder.path(), &rows, &about()).unwrap();
+    let read = |name: &str| std::fs::read_to_string(folder.path().join(name)).unwrap();
+    assert_eq!(read_csv(&read("chart.csv")).unwrap(), rows);
+    let (texts, html) = (well_formed(&read("asteroids.svg")), read("index.html"));
+    for method in ["mesh_only", "gpu_culling_octahedral_blend", "published", "published_mesh_only"] {
+        assert!(texts.iter().any(|text| text.contains(method)), "{method} is not in the picture");
+        assert!(html.contains(&format!("<td>{method}</td>")));
+    }
+    assert!(html.contains("outside_over_inside") && html.contains("published, other hardware"));
+}
+
 /// What the closed forms and the table of kernels say of the tent and the B-spline comes out of the chart's own scenes.
 #[test]
 fn scores_are_those_that_the_kernels_have() {
@@ -295,7 +373,7 @@ fn a_figure_that_is_none_is_refused() {
 #[test]
 fn axes_that_do_not_exist_are_bad_usage() {
     let folder = tempfile::tempdir().unwrap();
-    for axis in ["asteroids", "nothing"] {
+    for axis in ["rings", "nothing"] {
         let output = Command::new(env!("CARGO_BIN_EXE_steradian"))
             .args(["chart", "--out", "chart", "--quick", "--axis", axis])
             .current_dir(folder.path())
@@ -303,7 +381,10 @@ fn axes_that_do_not_exist_are_bad_usage() {
             .unwrap();
         let message = String::from_utf8(output.stderr).unwrap();
         assert_eq!(output.status.code(), Some(64), "{message}");
-        assert!(message.contains(axis) && message.contains("there is: stars, glare, views, scale"), "{message}");
+        assert!(
+            message.contains(axis) && message.contains("there is: stars, glare, asteroids, views, scale"),
+            "{message}"
+        );
     }
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0, "nothing is written");
 }

@@ -3,7 +3,9 @@
 
 use std::fmt::Write as _;
 
-use super::{About, Axis, GlareMetric, Row, scores::Metric, summary::Summary, svg::grouped, timing::TIMING_EV100};
+use super::{
+    About, AsteroidMetric, Axis, GlareMetric, Row, scores::Metric, summary::Summary, svg::grouped, timing::TIMING_EV100,
+};
 
 /// Columns of the table of the axis `stars`, each with its heading.
 const STARS: [(Metric, &str); 13] = [
@@ -33,6 +35,15 @@ const GLARE: [(GlareMetric, &str); 7] = [
     (GlareMetric::FluxKept, "light kept"),
 ];
 
+/// The same of the axis `asteroids`.
+const ASTEROIDS: [(AsteroidMetric, &str); 5] = [
+    (AsteroidMetric::SilhouetteIou, "silhouette, IoU"),
+    (AsteroidMetric::OutlinePx, "outline, px"),
+    (AsteroidMetric::NormalDeg, "normals, degrees"),
+    (AsteroidMetric::DisparityPx, "disparity, px"),
+    (AsteroidMetric::Light, "light"),
+];
+
 /// A column of errors.
 #[derive(Clone, Copy)]
 struct Column {
@@ -47,6 +58,7 @@ fn columns(axis: Axis) -> Vec<Column> {
     match axis {
         Axis::Stars => STARS.map(|(metric, heading)| of((metric.name(), heading, metric.meaning()))).to_vec(),
         Axis::Glare => GLARE.map(|(metric, heading)| of((metric.name(), heading, metric.meaning()))).to_vec(),
+        Axis::Asteroids => ASTEROIDS.map(|(metric, heading)| of((metric.name(), heading, metric.meaning()))).to_vec(),
         Axis::Views | Axis::Scale => Vec::new(),
     }
 }
@@ -115,15 +127,24 @@ pub(super) fn page(rows: &[Row], pictures: &[(Axis, String)], about: &About) -> 
             add(&matrix(&of_axis));
             continue;
         }
-        add(&if *axis == Axis::Stars {
-            let what = "flux error of single stars; identical: whether shuffled stars give the same bits";
-            summary(&Summary::stars(rows), what)
-        } else {
-            summary(&Summary::glare(rows), "rms error of the veil, workloads in the order of the times")
+        add(&match axis {
+            Axis::Glare => summary(&Summary::glare(rows), "rms error of the veil, workloads in the order of the times"),
+            Axis::Asteroids => {
+                let what = "errors in the first view and, of disparity, between two eyes; what was published is of other hardware";
+                summary(&Summary::asteroids(rows), what)
+            }
+            _ => {
+                let what = "flux error of single stars; identical: whether shuffled stars give the same bits";
+                summary(&Summary::stars(rows), what)
+            }
         });
         for workload in distinct(&of_axis, |row| &row.workload) {
             let of_workload: Vec<&Row> = of_axis.iter().filter(|row| row.workload == workload).copied().collect();
-            add(&table(workload, &of_workload, &columns));
+            if of_workload.iter().any(|row| columns.iter().any(|column| column.metric == row.error_metric)) {
+                add(&table(workload, &of_workload, &columns));
+            } else {
+                add(&matrix(&of_workload));
+            }
         }
     }
     add(
@@ -134,14 +155,15 @@ pub(super) fn page(rows: &[Row], pictures: &[(Axis, String)], about: &About) -> 
         "The exposure is manual, ev100 = {TIMING_EV100}, for every method: a star of magnitude 3 or so reaches display white if all \
          of its light falls into one pixel of a view of 1080 pixels and 60 degrees. It matters to methods that go by what the display \
          shows. On the axis <code>glare</code> it is the time of the passes of glare alone, the map of the sky made on the CPU included \
-         where it is made anew for every frame.</dd>\n"
+         where it is made anew for every frame; on the axis <code>asteroids</code> that of the passes that draw asteroids and of planning on \
+         the CPU.</dd>\n"
     ));
     for Column { metric, heading, meaning } in pictures.iter().flat_map(|(axis, _)| columns(*axis)) {
         add(&format!("<dt>{heading} (<code>{metric}</code>)</dt><dd>{}.</dd>\n", escaped(meaning)));
     }
     add(
         "</dl>\n<p>All figures but the frame's flux error and the time are of single stars in scenes of their own, the same for \
-         every workload; those of glare are measured in smaller views of the same projections. A dash: the figure does not apply or could not be measured, the notes say why. The Pareto front holds \
+         every workload; those of glare and of asteroids are measured in smaller views of the same projections. A dash: the figure does not apply or could not be measured, the notes say why. The Pareto front holds \
          the methods that no other beats in both time and error.</p>\n</body>\n</html>\n",
     );
     page
@@ -174,9 +196,14 @@ fn table(workload: &str, rows: &[&Row], columns: &[Column]) -> String {
         let _ = table.write_fmt(text);
     };
     add(format_args!(
-        "<h3>{}</h3>\n<p>{} stars in the catalogue, {width} x {height} pixels.</p>\n<div class=\"wide\"><table>\n<tr><th>method</th><th>source</th><th>ms</th>",
+        "<h3>{}</h3>\n<p>{} {}, {width} x {height} pixels.</p>\n<div class=\"wide\"><table>\n<tr><th>method</th><th>source</th><th>ms</th>",
         escaped(workload),
-        grouped(first.map_or(0, |row| row.items))
+        grouped(first.map_or(0, |row| row.items)),
+        if first.is_some_and(|row| row.axis == Axis::Asteroids.name()) {
+            "asteroids"
+        } else {
+            "stars in the catalogue"
+        }
     ));
     for Column { heading, meaning, .. } in columns {
         add(format_args!("<th title=\"{}\">{}</th>", escaped(meaning), escaped(heading)));
@@ -259,6 +286,7 @@ fn matrix(rows: &[&Row]) -> String {
 fn time(row: &Row) -> String {
     match (row.gpu_ms_median, row.gpu_ms_min, row.gpu_ms_max) {
         (Some(median), Some(min), Some(max)) => format!("{median:.2} ({min:.2}\u{2013}{max:.2})"),
+        (Some(published), _, _) => format!("{published:.2}"),
         _ => "\u{2013}".to_owned(),
     }
 }

@@ -2,12 +2,16 @@
 //! own solid angles; the metrics are those that tests and `verify` use. Methods of relative brightness are scored after one
 //! fitted scale per figure; they cannot be right in any other way.
 
+mod asteroids;
 mod cell_sky;
 mod glare;
 mod measure;
 
-pub use self::glare::GlareMetric;
-pub(super) use self::glare::{GlareScenes, ScoredSky, score_glare};
+pub use self::{asteroids::AsteroidMetric, glare::GlareMetric};
+pub(super) use self::{
+    asteroids::{AsteroidScenes, score_asteroids},
+    glare::{GlareScenes, ScoredSky, score_glare},
+};
 use super::{
     Budget, ChartError,
     scenes::{Placed, Scene},
@@ -179,6 +183,7 @@ impl Default for ScoringSize {
 }
 
 /// Why one figure of a method could not be measured, or none of anything any more.
+#[derive(Debug)]
 enum Failure {
     Chart(ChartError),
     Method(String),

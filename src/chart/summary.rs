@@ -1,7 +1,7 @@
 //! The summary: a line per method with its times and the errors that tell most, as text and for the page.
 
 use super::{
-    Axis, GlareMetric, Row,
+    AsteroidMetric, Axis, GlareMetric, Row,
     html::{distinct, figure, metric_of},
     scores::Metric,
 };
@@ -15,6 +15,14 @@ const ERRORS: [(Metric, &str); 6] = [
     (Metric::FlickerK100, "k100"),
     (Metric::EllipticityView45Deg, "ellipticity"),
 ];
+/// Errors of the summary of asteroids with their headings.
+const ASTEROID_ERRORS: [(AsteroidMetric, &str); 5] = [
+    (AsteroidMetric::SilhouetteIou, "IoU"),
+    (AsteroidMetric::OutlinePx, "outline px"),
+    (AsteroidMetric::NormalDeg, "normals deg"),
+    (AsteroidMetric::DisparityPx, "disparity px"),
+    (AsteroidMetric::Light, "light"),
+];
 /// With more workloads than this those of the larger skies alone have a column.
 const MANY_WORKLOADS: usize = 6;
 /// Stars of a larger sky.
@@ -22,7 +30,7 @@ const MANY_STARS: u64 = 1_000_000;
 /// What stands where there is no figure.
 const NONE: &str = "\u{2013}";
 
-/// A line per method of the axis `stars` or `glare`; nothing without one.
+/// A line per method of the axis `stars`, `glare` or `asteroids`; nothing without one.
 pub(super) struct Summary {
     /// Workloads with a column.
     pub workloads: Vec<String>,
@@ -84,6 +92,40 @@ impl Summary {
         Self { workloads: workloads.into_iter().map(str::to_owned).collect(), headings, lines }
     }
 
+    /// Summarises the axis `asteroids`: of every workload the time, and each error where it was measured first. A workload of a ratio has
+    /// the ratio.
+    pub(super) fn asteroids(rows: &[Row]) -> Self {
+        let asteroids: Vec<&Row> = rows.iter().filter(|row| row.axis == Axis::Asteroids.name()).collect();
+        let first_metric = AsteroidMetric::SilhouetteIou.name();
+        let is_error = |row: &&&Row| AsteroidMetric::ALL.iter().any(|metric| metric.name() == row.error_metric);
+        let timed: Vec<&Row> = asteroids.iter().filter(|row| row.error_metric == first_metric).copied().collect();
+        let ratios: Vec<&Row> = asteroids.iter().filter(|row| !is_error(row)).copied().collect();
+        let mut workloads = distinct(&timed, |row| &row.workload);
+        let items = |workload: &str| timed.iter().find(|row| row.workload == workload).map_or(0, |row| row.items);
+        // What was published comes first in the rows.
+        workloads.sort_by_key(|workload| items(workload));
+        let metrics = distinct(&ratios, |row| &row.error_metric);
+        let line = |method: &str| {
+            let of_method = || asteroids.iter().filter(|row| row.method == method);
+            let source = of_method().next().map_or(String::new(), |row| row.source.clone());
+            let times = workloads.iter().map(|workload| {
+                let row = timed.iter().find(|row| row.method == method && row.workload == *workload);
+                row.and_then(|row| row.gpu_ms_median).map_or(NONE.to_owned(), |ms| format!("{ms:.1}"))
+            });
+            let value = |metric: &str| {
+                let found = of_method().find(|row| row.error_metric == metric && row.error_value.is_some());
+                found.and_then(|row| row.error_value).map_or(NONE.to_owned(), figure)
+            };
+            let errors = ASTEROID_ERRORS.iter().map(|(metric, _)| value(metric.name()));
+            let ratios = metrics.iter().map(|metric| value(metric));
+            [method.to_owned(), source].into_iter().chain(times).chain(errors).chain(ratios).collect()
+        };
+        let lines = distinct(&asteroids, |row| &row.method).into_iter().map(line).collect();
+        let headings = ASTEROID_ERRORS.iter().map(|(_, heading)| (*heading).to_owned());
+        let headings = headings.chain(metrics.iter().map(|metric| (*metric).to_owned())).collect();
+        Self { workloads: workloads.into_iter().map(str::to_owned).collect(), headings, lines }
+    }
+
     /// As lines of text, in columns; workloads are numbered.
     pub(super) fn text(&self) -> Vec<String> {
         if self.lines.is_empty() {
@@ -109,9 +151,9 @@ impl Summary {
     }
 }
 
-/// The summary of a chart as lines of text: time per workload and errors of every method, of stars and then of glare.
+/// The summary of a chart as lines of text: time per workload and errors of every method, of stars, of glare, then of asteroids.
 pub fn summary(rows: &[Row]) -> Vec<String> {
-    [Summary::stars(rows), Summary::glare(rows)].iter().flat_map(Summary::text).collect()
+    [Summary::stars(rows), Summary::glare(rows), Summary::asteroids(rows)].iter().flat_map(Summary::text).collect()
 }
 
 #[cfg(test)]

@@ -15,7 +15,7 @@ use ::svg::{
 };
 
 use self::panel::{Panel, Point};
-use super::{About, Axis, GlareMetric, Row, html::distinct, scores::Metric, timing::TIMING_EV100};
+use super::{About, AsteroidMetric, Axis, GlareMetric, Row, html::distinct, scores::Metric, timing::TIMING_EV100};
 
 /// Workload of the picture, where it was run.
 const HEADLINE: &str = "1M anticentre-1080p";
@@ -48,6 +48,7 @@ pub(super) fn draw(axis: Axis, rows: &[&Row], about: &About) -> String {
     match axis {
         Axis::Stars => stars(axis, rows, about),
         Axis::Glare => glare(axis, rows, about),
+        Axis::Asteroids => series::draw(axis, &as_they_grow(rows), about),
         Axis::Views | Axis::Scale => series::draw(axis, rows, about),
     }
 }
@@ -128,6 +129,16 @@ fn glare(axis: Axis, rows: &[&Row], about: &About) -> String {
         None => "nothing was measured".to_owned(),
     };
     with_panels(axis, &subtitle, &panels, about)
+}
+
+/// Of the axis `asteroids` what shows how time grows with their number: one row per method and workload of the largest picture that is
+/// flat, by growing numbers.
+fn as_they_grow<'a>(rows: &[&'a Row]) -> Vec<&'a Row> {
+    let metric = AsteroidMetric::SilhouetteIou.name();
+    let flat = |row: &&&Row| row.error_metric == metric && row.workload.ends_with('p');
+    let mut shown: Vec<&Row> = rows.iter().filter(flat).copied().collect();
+    shown.sort_by_key(|row| row.items);
+    shown
 }
 
 /// A whole number in groups of three digits.
@@ -248,6 +259,6 @@ mod tests {
         let text = draw(Axis::Stars, &rows.iter().collect::<Vec<_>>(), &about);
         assert!(!text.contains("<script>") && !text.contains("a<b") && text.contains("a&lt;b"), "{text}");
         // Without any row there is still a picture.
-        assert!([Axis::Stars, Axis::Glare].iter().all(|axis| draw(*axis, &[], &about).contains("</svg>")));
+        assert!(Axis::ALL.iter().all(|axis| draw(*axis, &[], &about).contains("</svg>")));
     }
 }

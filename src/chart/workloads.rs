@@ -6,7 +6,7 @@ use std::{f64::consts::PI, sync::Arc, time::Duration};
 
 use glam::{DMat3, DQuat, DVec3};
 
-use super::{ChartError, scores::ScoringSize};
+use super::{ChartError, asteroids::AsteroidExtent, scores::ScoringSize};
 use crate::{
     catalogue::{
         StarRecord,
@@ -127,6 +127,17 @@ impl ViewShape {
         }
     }
 
+    /// The same projection, its longer side of that many pixels.
+    pub(super) fn like(self, px: u32) -> Self {
+        match self {
+            Self::Flat(_) => Self::Flat([px; 2]),
+            Self::Dome(_) => Self::Dome(px),
+            Self::FullSky(_) => Self::FullSky([px, px / 2]),
+            Self::Stereo(_) => Self::Stereo([px; 2]),
+            Self::Cubemap(_) => Self::Cubemap(px),
+        }
+    }
+
     /// Whether every image is a flat plane.
     pub fn is_flat(self) -> bool {
         matches!(self, Self::Flat(_) | Self::Stereo(_) | Self::Cubemap(_))
@@ -167,6 +178,8 @@ pub struct Extent {
     pub many_views_stars: usize,
     /// The axis `glare`.
     pub glare: GlareExtent,
+    /// The axis `asteroids`.
+    pub asteroids: AsteroidExtent,
 }
 
 /// How much the axis `glare` does.
@@ -218,11 +231,12 @@ impl Extent {
                 (Sky::Galaxy(1_000_000), vec![flat, dome]),
             ],
             rounds: 5,
-            budget: Duration::from_secs(105),
+            budget: Duration::from_secs(140),
             scoring: ScoringSize::default(),
             scale: vec![10_000, 100_000, 1_000_000],
             many_views_stars: 30_000,
             glare: GlareExtent::new(100_000, [1000, 500], 3, Duration::from_secs(40)),
+            asteroids: AsteroidExtent::quick(),
         }
     }
 
@@ -252,11 +266,12 @@ impl Extent {
         Self {
             skies,
             rounds: 11,
-            budget: Duration::from_secs(1300),
+            budget: Duration::from_secs(1900),
             scoring: ScoringSize::default(),
             scale,
             many_views_stars: 1_000_000,
             glare: GlareExtent::new(1_000_000, [3000, 2000], 11, Duration::from_secs(300)),
+            asteroids: AsteroidExtent::full(discrete_gpu),
         }
     }
 

@@ -20,7 +20,7 @@ use crate::gpu::{Gpu, GpuOptions};
     steradian chart --out chart --quick\n  \
     steradian chart --out chart --axis stars --adapter llvmpipe\n  \
     steradian chart --out chart --quick --axis glare\n\n\
-    Writes chart.csv, an SVG per axis and index.html that shows them, and prints a line per method. A quick run ends within three minutes on two cores\n\
+    Writes chart.csv, an SVG per axis and index.html that shows them, and prints a line per method. A quick run ends within four minutes on two cores\n\
     without a GPU; a full one has all workloads, from 10 thousand to 10 million stars and from 720p to 4K, and takes longer.\n\
     A method that cannot be drawn has rows with empty figures and the reason in its notes.")]
 pub struct ChartArguments {
@@ -30,7 +30,7 @@ pub struct ChartArguments {
     /// Fewer workloads and rounds.
     #[arg(long)]
     quick: bool,
-    /// One axis alone, stars, glare, views or scale; without it every axis.
+    /// One axis alone, stars, glare, asteroids, views or scale; without it every axis.
     #[arg(long, value_name = "AXIS", value_parser = Axis::from_name)]
     axis: Option<Axis>,
 }

@@ -13,6 +13,8 @@
 //! | `range` | light of a faint source beside a bright one | 0 |
 //! | `order` | whether images of shuffled input agree bit for bit | identical |
 //! | `glare` | fall-off around a source, evenness on a circle around it, light beyond an angle | the kernel's, 0, the share scattered |
+//! | `silhouette` | what two pictures cover: intersection over union, displacement of the outline | 1, 0 |
+//! | `normals` | angle between the normals of two pictures, each out of three suns | 0 |
 //! | `seam` | how a star's light varies while it crosses an edge | 0 |
 //!
 //! A figure that has no meaning (the ellipticity of a point, the colour of black) is an error or `None`, never 0: a black
@@ -26,10 +28,12 @@ mod flux;
 mod glare;
 mod image;
 mod moments;
+mod normals;
 mod order;
 mod range;
 mod seam;
 mod shape;
+mod silhouette;
 #[cfg(test)]
 mod synthetic;
 
@@ -47,8 +51,10 @@ pub use self::{
         scattered_flux_lx,
     },
     image::{HdrView, Pixels},
+    normals::{ThreeSuns, mean_normal_error_rad},
     order::{Difference, difference, order_dependence},
     range::{FaintBesideBright, PointSource, faint_beside_bright},
     seam::{relative_variation, seam_error},
     shape::{Shape, shape_px, shape_rad},
+    silhouette::{Overlap, overlap},
 };

@@ -18,6 +18,8 @@ pub enum MethodSource {
     BillionStarsCubemap,
     /// "Rendering star fields in 3D": textures of point-spread functions on billboards.
     StarFieldsPsf,
+    /// Marques Dias: "High-Performance Asteroid Field Rendering".
+    AsteroidFieldRendering,
 }
 
 impl MethodSource {
@@ -29,6 +31,7 @@ impl MethodSource {
             Self::CelestiaStarPsf => "celestia-star-psf",
             Self::BillionStarsCubemap => "billion-stars-cubemap",
             Self::StarFieldsPsf => "star-fields-psf-godot",
+            Self::AsteroidFieldRendering => "asteroid-field-rendering",
         }
     }
 }

@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 
+use super::objects::Fault;
 use crate::{
     frame::{Frame, FrameImage, RenderError, Renderer, Wanted},
     gpu::GpuError,
@@ -58,6 +59,8 @@ pub struct Context<'a> {
     pub glare: GlareSettings,
     /// What says how glare should fall off: the same, unless a test sets another to see a check fail.
     pub expected_glare: GlareSettings,
+    /// How the truth of bodies and asteroids differs from what is drawn: not at all, unless a test sets it to see a check fail.
+    pub object_fault: Fault,
 }
 
 impl<'a> Context<'a> {
@@ -65,7 +68,7 @@ impl<'a> Context<'a> {
     pub fn new(renderer: &'a mut Renderer, settings: &RenderSettings) -> Self {
         let glare = settings.glare.clone();
         let settings = RenderSettings { glare: GlareSettings::none(), ..settings.clone() };
-        Self { renderer, settings, expected_glare: glare.clone(), glare }
+        Self { renderer, settings, expected_glare: glare.clone(), glare, object_fault: Fault::NONE }
     }
 
     /// The star method under test.

@@ -11,6 +11,7 @@ mod context;
 mod exposure;
 mod glare;
 mod kernels;
+mod objects;
 pub mod scenes;
 mod sky;
 pub mod solid_angle;
@@ -21,7 +22,10 @@ use std::{fmt, time::Instant};
 
 use serde::Serialize;
 
-pub use self::context::{CheckError, Context};
+pub use self::{
+    context::{CheckError, Context},
+    objects::Fault,
+};
 use crate::{
     frame::Renderer,
     plan::settings::{GlareMethod, RenderSettings},
@@ -187,7 +191,11 @@ const fn of_glare(number: Option<u8>, name: &'static str, proves: &'static str, 
     Check { number, name, group: "glare", proves, needs_catalogue: true, needs_glare: true, run }
 }
 
-static ALL: [Check; 32] = [
+const fn of_objects(number: Option<u8>, name: &'static str, proves: &'static str, run: Run) -> Check {
+    Check { number, name, group: "objects", proves, needs_catalogue: false, needs_glare: false, run }
+}
+
+static ALL: [Check; 42] = [
     numbered(
         1,
         "solid-angle-sum",
@@ -370,6 +378,27 @@ static ALL: [Check; 32] = [
     ),
     of_glare(None, "glare-eyes", "what is near veils each eye from its own place", glare::two_eyes),
     of_glare(None, "glare-night-to-sun", "no frame shows anything of the one before", glare::night_to_sun),
+    of_objects(None, "body-light", "a body has its light at every size in every projection", objects::body_light),
+    of_objects(None, "body-shrinks", "a body that shrinks to a point does not pop", objects::shrinks),
+    Check {
+        needs_catalogue: true,
+        ..of_objects(None, "body-hides-stars", "a body hides the stars behind it and no others", objects::hides_stars)
+    },
+    of_objects(None, "asteroid-light", "meshes, impostors and points have the same light", objects::asteroid_light),
+    of_objects(None, "asteroid-seams", "asteroids are whole over edges, poles and rims", objects::seams),
+    Check {
+        needs_catalogue: true,
+        ..of_objects(None, "asteroid-occlusion", "what is nearer hides what is behind it", objects::occlusion)
+    },
+    of_objects(None, "impostor-tiles", "the tile that is shown is the one for the eye", objects::tiles),
+    of_objects(Some(24), "asteroid-tumbles", "an asteroid that tumbles over every pole does not jump", objects::tumbles),
+    of_objects(None, "head-motion", "a head that rolls, turns or moves sees what stands there", objects::moves),
+    of_objects(
+        Some(25),
+        "asteroid-stereo",
+        "both eyes see an asteroid at one depth through every change of detail",
+        objects::in_stereo,
+    ),
 ];
 
 /// No check has this name.

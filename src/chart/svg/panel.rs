@@ -13,10 +13,16 @@ use super::{
 use crate::chart::pareto_front;
 
 /// Sources in the order of the legend.
-pub const SOURCES: [&str; 5] =
-    ["steradian", "smaller-than-pixels", "celestia-star-psf", "billion-stars-cubemap", "star-fields-psf-godot"];
+pub const SOURCES: [&str; 6] = [
+    "steradian",
+    "smaller-than-pixels",
+    "celestia-star-psf",
+    "billion-stars-cubemap",
+    "star-fields-psf-godot",
+    "asteroid-field-rendering",
+];
 /// Their colours: the palette of Okabe and Ito, which the colour-blind tell apart.
-const COLOURS: [&str; 5] = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#b8860b"];
+const COLOURS: [&str; 6] = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#b8860b", "#3d3d3d"];
 
 /// A method in a panel.
 pub struct Point {
@@ -52,7 +58,8 @@ pub fn mark(source: &str, x: f64, y: f64, r: f64) -> Path {
         1 => format!("M{} {}h{}v{}h{}Z", x - r, y - r, 2.0 * r, 2.0 * r, -2.0 * r),
         2 => format!("M{x} {}L{} {}H{}Z", y - 1.2 * r, x + 1.1 * r, y + 0.9 * r, x - 1.1 * r),
         3 => format!("M{x} {}L{} {y}L{x} {}L{} {y}Z", y - 1.3 * r, x + 1.3 * r, y + 1.3 * r, x - 1.3 * r),
-        _ => format!("M{x} {}L{} {}H{}Z", y + 1.2 * r, x + 1.1 * r, y - 0.9 * r, x - 1.1 * r),
+        4 => format!("M{x} {}L{} {}H{}Z", y + 1.2 * r, x + 1.1 * r, y - 0.9 * r, x - 1.1 * r),
+        _ => format!("M{} {}H{}V{}H{}Z", x - 1.3 * r, y - 0.7 * r, x + 1.3 * r, y + 0.7 * r, x - 1.3 * r),
     };
     Path::new().set("d", shape).set("fill", COLOURS[index]).set("stroke", "#ffffff").set("stroke-width", 0.8)
 }

@@ -13,7 +13,7 @@ use crate::chart::{About, Axis, Row};
 
 const SIZE: [f64; 2] = [1100.0, 700.0];
 /// Room for the names at the right.
-const NAMES: f64 = 170.0;
+const NAMES: f64 = 200.0;
 
 /// The times of one method.
 struct Series<'a> {
@@ -29,7 +29,8 @@ pub fn draw(axis: Axis, rows: &[&Row], about: &About) -> String {
     let mut series: Vec<Series<'_>> = Vec::new();
     let mut without: Vec<&str> = Vec::new();
     for row in rows {
-        let known = workloads.iter().position(|known| known.workload == row.workload);
+        let same = |known: &&Row| known.workload == row.workload || by_count(axis) && known.items == row.items;
+        let known = workloads.iter().position(same);
         let place = known.unwrap_or_else(|| {
             workloads.push(row);
             workloads.len() - 1
@@ -49,6 +50,11 @@ pub fn draw(axis: Axis, rows: &[&Row], about: &About) -> String {
         Some(row) if axis == Axis::Scale => {
             format!("galaxy seen towards the anticentre, {} x {} pixels; lower is better", row.width, row.height)
         }
+        Some(row) if axis == Axis::Asteroids => format!(
+            "a field of constant volume, all of it on screen, {} x {} pixels; passes of asteroids and planning; what was published is \
+             of other hardware; lower is better",
+            row.width, row.height
+        ),
         Some(row) => format!("{} stars in the catalogue; lower is better", grouped(row.items)),
         None => "nothing was measured".to_owned(),
     };
@@ -86,7 +92,9 @@ pub fn draw(axis: Axis, rows: &[&Row], about: &About) -> String {
         }
         let places = places(axis, &workloads, &frame);
         for (place, row) in places.iter().zip(&workloads) {
-            document = axes::upright(document, *place, &row.workload, &frame);
+            let name =
+                if axis == Axis::Asteroids { row.workload.split(' ').next() } else { Some(row.workload.as_str()) };
+            document = axes::upright(document, *place, name.unwrap_or_default(), &frame);
         }
         let last: Vec<([f64; 2], f64)> = series
             .iter()
@@ -112,8 +120,17 @@ pub fn draw(axis: Axis, rows: &[&Row], about: &About) -> String {
             document = document.add(name);
         }
     }
-    let caption = if axis == Axis::Scale { "stars in the catalogue" } else { "views of one frame" };
+    let caption = match axis {
+        Axis::Scale => "stars in the catalogue",
+        Axis::Asteroids => "asteroids",
+        _ => "views of one frame",
+    };
     axes::caption(document, caption, &frame).to_string() + "\n"
+}
+
+/// Whether workloads lie by the logarithm of their count.
+fn by_count(axis: Axis) -> bool {
+    matches!(axis, Axis::Scale | Axis::Asteroids)
 }
 
 /// Where each workload lies: by the logarithm of its stars, or one beside the other.
@@ -121,8 +138,8 @@ fn places(axis: Axis, workloads: &[&Row], frame: &Box4) -> Vec<f64> {
     let inner = [frame.left + 40.0, frame.right - 20.0];
     let even = |index: usize| inner[0] + (inner[1] - inner[0]) * index as f64 / (workloads.len() - 1).max(1) as f64;
     let items = |row: &Row| (row.items.max(1)) as f64;
-    match (axis, workloads.first(), workloads.last()) {
-        (Axis::Scale, Some(first), Some(last)) if last.items > first.items => {
+    match (by_count(axis), workloads.first(), workloads.last()) {
+        (true, Some(first), Some(last)) if last.items > first.items => {
             let scale = Scale { from: items(first), to: items(last), start_px: inner[0], end_px: inner[1] };
             workloads.iter().map(|row| scale.px(items(row))).collect()
         }

@@ -1,0 +1,174 @@
+//! One frame of a way of drawing asteroids, and what its parts took.
+
+use std::time::{Duration, Instant};
+
+use super::workload::Variant;
+use crate::{
+    chart::{
+        ChartError, Spread, ViewShape,
+        timing::{Taken, message_of},
+        workloads::rig_of,
+    },
+    frame::{AsteroidCounts, FrameTimes, Renderer, Wanted},
+    scene::{Camera, SceneSnapshot},
+    view::Rig,
+};
+
+/// What a frame's asteroids took, ms.
+#[derive(Clone, Copy, Debug, PartialEq, Default)]
+pub struct Parts {
+    /// Planning on the CPU: culling groups, or all asteroids; uploads and the recording of passes.
+    pub plan_ms: f64,
+    /// Culling on the adapter.
+    pub cull_ms: f64,
+    /// Drawing meshes and impostors.
+    pub layers_ms: f64,
+    /// Putting them into the pictures, which holds bodies too.
+    pub geometry_ms: f64,
+    /// Drawing points; there are no stars.
+    pub points_ms: f64,
+}
+
+impl Parts {
+    /// The parts of a frame; `None` where the adapter has no timestamps.
+    pub fn of(times: &FrameTimes) -> Option<Self> {
+        times.gpu_ms?;
+        let of = |name: &str| times.passes_ms.iter().filter(|pass| pass.0 == name).fold(0.0, |sum, pass| sum + pass.1);
+        Some(Self {
+            plan_ms: times.plan_ms,
+            cull_ms: of("asteroid cull"),
+            layers_ms: of("asteroids"),
+            geometry_ms: of("geometry"),
+            points_ms: of("stars"),
+        })
+    }
+
+    /// All of them.
+    pub fn whole_ms(&self) -> f64 {
+        self.plan_ms + self.cull_ms + self.layers_ms + self.geometry_ms + self.points_ms
+    }
+
+    /// What it took to find out what is drawn, and how.
+    pub fn culling_ms(&self) -> f64 {
+        self.plan_ms + self.cull_ms
+    }
+
+    /// Median of every part by itself.
+    pub fn medians(all: &[Self]) -> Option<Self> {
+        let median = |part: fn(&Self) -> f64| {
+            Spread::of(&all.iter().map(part).collect::<Vec<_>>()).map(|spread| spread.median_ms)
+        };
+        Some(Self {
+            plan_ms: median(|parts| parts.plan_ms)?,
+            cull_ms: median(|parts| parts.cull_ms)?,
+            layers_ms: median(|parts| parts.layers_ms)?,
+            geometry_ms: median(|parts| parts.geometry_ms)?,
+            points_ms: median(|parts| parts.points_ms)?,
+        })
+    }
+}
+
+/// What all frames of a method in a workload had.
+#[derive(Clone, Debug, Default)]
+pub struct Seen {
+    /// The first is of the frame in which buffers grow.
+    pub parts: Vec<Parts>,
+    /// Of the last frame, all views.
+    pub counts: Option<AsteroidCounts>,
+}
+
+impl Seen {
+    /// What counts: without the first frame, unless there is no other.
+    pub fn counted(&self) -> &[Parts] {
+        self.parts.get(1..).filter(|rest| !rest.is_empty()).unwrap_or(&self.parts)
+    }
+
+    /// In a line.
+    pub fn note(&self) -> String {
+        let mut notes = Vec::new();
+        if let Some(parts) = Parts::medians(self.counted()) {
+            let Parts { plan_ms, cull_ms, layers_ms, geometry_ms, points_ms } = parts;
+            notes.push(format!(
+                "plan on the CPU {plan_ms:.2}, cull {cull_ms:.2}, meshes and impostors {layers_ms:.2}, geometry {geometry_ms:.2}, points {points_ms:.2} ms"
+            ));
+        }
+        if let Some(AsteroidCounts { meshes, impostors, points, culled, .. }) = &self.counts {
+            let meshes = meshes.iter().map(u64::to_string).collect::<Vec<_>>().join(" ");
+            notes.push(format!("drawn: meshes {meshes}, impostors {impostors}, points {points}, culled {culled}"));
+        }
+        notes.join("; ")
+    }
+}
+
+/// A frame of a tiny picture that sees nothing, so that shapes and atlases are held and do not count, then the one that counts.
+pub fn turn(
+    renderer: &mut Renderer,
+    variant: &Variant,
+    scene: &SceneSnapshot,
+    rig: &Rig,
+    seen: &mut Seen,
+) -> Result<Taken, ChartError> {
+    let settings = variant.render_settings();
+    let away = SceneSnapshot {
+        camera: Camera { position_m: scene.camera.position_m + glam::DVec3::Y * 1e9, ..scene.camera },
+        ..scene.clone()
+    };
+    let tiny = rig_of(vec![("tiny", ViewShape::Flat([16, 16]).kind())])?;
+    if let Err(error) =
+        renderer.render(&away, &tiny, &settings, &[Wanted { hdr_stays: true, ..Wanted::default() }], None)
+    {
+        return message_of(error).map(Err);
+    }
+    let wanted = vec![Wanted { hdr_stays: true, ..Wanted::default() }; rig.views().len()];
+    let start = Instant::now();
+    match renderer.render(scene, rig, &settings, &wanted, None) {
+        Ok(frame) => {
+            let parts = Parts::of(&frame.times);
+            seen.parts.extend(parts);
+            seen.counts = Some(sum(frame.views.iter().map(|view| &view.asteroids)));
+            let took: Duration = start.elapsed();
+            Ok(Ok((parts.map(|parts| parts.whole_ms()), took)))
+        }
+        Err(error) => message_of(error).map(Err),
+    }
+}
+
+fn sum<'a>(all: impl Iterator<Item = &'a AsteroidCounts>) -> AsteroidCounts {
+    all.fold(AsteroidCounts::default(), |mut sum, counts| {
+        sum.meshes.resize(sum.meshes.len().max(counts.meshes.len()), 0);
+        sum.meshes.iter_mut().zip(&counts.meshes).for_each(|(sum, count)| *sum += count);
+        sum.impostors += counts.impostors;
+        sum.points += counts.points;
+        sum.unresolved += counts.unresolved;
+        sum.culled += counts.culled;
+        sum
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn times(plan_ms: f64, gpu_ms: Option<f64>) -> FrameTimes {
+        let passes_ms = vec![
+            ("begin", 9.0),
+            ("asteroid cull", 1.0),
+            ("asteroids", 2.0),
+            ("asteroids", 3.0),
+            ("geometry", 4.0),
+            ("stars", 5.0),
+            ("resolve", 70.0),
+        ];
+        FrameTimes { passes_ms, plan_ms, gpu_ms, ..FrameTimes::default() }
+    }
+
+    #[test]
+    fn the_passes_of_asteroids_count_and_planning_but_not_the_rest() {
+        let parts = Parts::of(&times(0.5, Some(100.0))).unwrap();
+        assert_eq!((parts.whole_ms(), parts.culling_ms(), parts.layers_ms), (15.5, 1.5, 5.0));
+        assert_eq!(Parts::of(&times(0.5, None)), None);
+        let seen = Seen { parts: vec![Parts { plan_ms: 99.0, ..parts }, parts, parts], counts: None };
+        assert!(seen.note().starts_with("plan on the CPU 0.50, cull 1.00"), "{}", seen.note());
+        assert!(Seen::default().note().is_empty());
+    }
+}

@@ -1,0 +1,88 @@
+//! Normals out of pictures: a Lambert surface under three suns, one after the other, has three luminances, each in proportion to the
+//! cosine between the normal and the direction to that sun. The direction of the solution of the three equations is the normal; albedo,
+//! coverage and exposure are in its length (Woodham 1980, photometric stereo). Where a sun does not reach the surface there is none.
+
+use glam::{DMat3, DVec3};
+
+use super::error::{MetricError, not_negative, positive};
+
+/// Three suns, of equal illuminance.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ThreeSuns {
+    normal_from_luminances: DMat3,
+}
+
+impl ThreeSuns {
+    /// Unit vectors to the suns.
+    ///
+    /// # Errors
+    /// [`MetricError::NotPositive`] if they lie in one plane: then no normal follows.
+    pub fn new(directions: [DVec3; 3]) -> Result<Self, MetricError> {
+        let matrix = DMat3::from_cols(directions[0], directions[1], directions[2]).transpose();
+        positive("volume between the directions of the suns", matrix.determinant().abs() - 1e-9)?;
+        Ok(Self { normal_from_luminances: matrix.inverse() })
+    }
+
+    /// The unit normal of a pixel by its luminances under the three suns; `None` if one of them is not above `least`.
+    pub fn normal(&self, luminances: [f64; 3], least: f64) -> Option<DVec3> {
+        let lit = luminances.iter().all(|luminance| luminance.is_finite() && *luminance > least);
+        lit.then(|| (self.normal_from_luminances * DVec3::from_array(luminances)).try_normalize()).flatten()
+    }
+}
+
+/// Mean angle between two normals per pixel over the pixels that have both, weighted, rad; `None`: none has.
+///
+/// # Errors
+/// [`MetricError::NotPositive`] for a weight that is negative or not finite.
+pub fn mean_normal_error_rad(
+    pairs: impl IntoIterator<Item = (Option<DVec3>, Option<DVec3>, f64)>,
+) -> Result<Option<f64>, MetricError> {
+    let (mut sum, mut area) = (0.0, 0.0);
+    for (a, b, weight) in pairs {
+        let weight = not_negative("weight of a normal", weight)?;
+        if let (Some(a), Some(b)) = (a, b) {
+            sum += weight * a.cross(b).length().atan2(a.dot(b));
+            area += weight;
+        }
+    }
+    Ok((area > 0.0).then(|| sum / area))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn suns() -> [DVec3; 3] {
+        [DVec3::new(0.5, 0.0, 0.9), DVec3::new(-0.3, 0.4, 0.9), DVec3::new(-0.3, -0.4, 0.9)].map(DVec3::normalize)
+    }
+
+    #[test]
+    fn the_normal_of_a_lambert_surface_is_found_and_a_tilted_one_is_off_by_its_tilt() {
+        let three = ThreeSuns::new(suns()).unwrap();
+        let luminances = |normal: DVec3| suns().map(|sun| 0.37 * sun.dot(normal).max(0.0));
+        let mut pairs = Vec::new();
+        for i in 0..200 {
+            let (sin, cos) = (f64::from(i) * 2.4).sin_cos();
+            let away = 0.5 * f64::from(i) / 200.0;
+            let normal = DVec3::new(away.sin() * cos, away.sin() * sin, away.cos());
+            let found = three.normal(luminances(normal), 1e-6).unwrap();
+            assert!((found - normal).length() < 1e-12);
+            let axis = normal.any_orthonormal_vector();
+            let tilted = glam::DQuat::from_axis_angle(axis, 0.05) * normal;
+            pairs.push((three.normal(luminances(tilted), 1e-6), Some(normal), 1.0));
+        }
+        assert!((mean_normal_error_rad(pairs.iter().copied()).unwrap().unwrap() - 0.05).abs() < 1e-9);
+        let same = pairs.iter().map(|(_, b, weight)| (*b, *b, *weight));
+        assert_eq!(mean_normal_error_rad(same).unwrap(), Some(0.0));
+    }
+
+    #[test]
+    fn without_three_lights_there_is_no_normal() {
+        let three = ThreeSuns::new(suns()).unwrap();
+        assert_eq!(three.normal([1.0, 1.0, 0.0], 0.0), None);
+        assert_eq!(three.normal([1.0, f64::NAN, 1.0], 0.0), None);
+        assert!(ThreeSuns::new([DVec3::X, DVec3::Y, DVec3::new(0.6, 0.8, 0.0)]).is_err());
+        assert_eq!(mean_normal_error_rad([(None, Some(DVec3::Z), 1.0)]).unwrap(), None);
+        assert!(mean_normal_error_rad([(None, None, f64::NAN)]).is_err());
+    }
+}

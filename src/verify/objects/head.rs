@@ -1,0 +1,120 @@
+//! A head that rolls, turns and moves aside: what is shown of an asteroid goes by where the eye is, and by nothing else.
+
+use glam::{DQuat, DVec3};
+
+use super::{
+    super::{
+        Figure,
+        context::{CheckError, Context, worst},
+    },
+    stage::{Detail, Light, Posed, bound_m, iou, silhouette, window},
+};
+use crate::view::{Rig, View, ViewKind};
+
+/// Pixel of the windows, rad, and pixels along a side.
+const PIXEL_RAD: f64 = 1e-3;
+const SIDE: u32 = 48;
+/// Orientations of the asteroid that are looked at.
+const ORIENTATIONS: usize = 6;
+/// How far the eyes move aside, m: half of the asteroid's mean radius.
+const ASIDE_M: f64 = 0.5;
+
+/// A movement of the head: its name, camera axes from those of the view, the eye's place in m, and the angle that the asteroid then
+/// stands off the axis, rad.
+struct Movement {
+    name: &'static str,
+    turn: DQuat,
+    eye_m: DVec3,
+    off_axis_rad: f64,
+}
+
+fn movements() -> Vec<Movement> {
+    let still = Movement { name: "at rest", turn: DQuat::IDENTITY, eye_m: DVec3::ZERO, off_axis_rad: 0.0 };
+    let roll = |name, degrees: f64| Movement {
+        name,
+        turn: DQuat::from_rotation_z(degrees.to_radians()),
+        eye_m: DVec3::ZERO,
+        off_axis_rad: 0.0,
+    };
+    // To the left, so that the asteroid stands to the right.
+    let yaw = |name, degrees: f64, roll: f64| Movement {
+        name,
+        turn: DQuat::from_rotation_y(degrees.to_radians()) * DQuat::from_rotation_z(roll),
+        eye_m: DVec3::ZERO,
+        off_axis_rad: degrees.to_radians(),
+    };
+    let aside =
+        |name, x: f64| Movement { name, turn: DQuat::IDENTITY, eye_m: DVec3::X * x, off_axis_rad: 0.0 };
+    vec![
+        still,
+        roll("rolled by 90 deg", 90.0),
+        roll("rolled by 30 deg", 30.0),
+        yaw("turned by 20 deg", 20.0, 0.0),
+        yaw("turned by 40 deg", 40.0, 0.0),
+        aside("left eye aside", -ASIDE_M),
+        aside("right eye aside", ASIDE_M),
+    ]
+}
+
+/// Silhouettes against the finest mesh's after each movement, at the nearest distance of impostors, and whether the picture turns with
+/// the head: a quarter turn of a square picture back is exact.
+pub(in crate::verify) fn moves(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckError> {
+    let movements = movements();
+    let view = |index: usize, movement: &Movement| {
+        let kind: ViewKind = window(SIDE, PIXEL_RAD, movement.off_axis_rad);
+        View::new(&format!("head-{index}"), kind, movement.turn, movement.eye_m)
+    };
+    let views = movements.iter().enumerate().map(|(index, movement)| view(index, movement));
+    let rig = Rig::new(views.collect::<Result<_, _>>()?)?;
+    let images: Vec<_> = rig.views().iter().flat_map(|view| &view.images).collect();
+    let far_enough = images.iter().zip(&movements).map(|(image, movement)| {
+        let (sin, cos) = movement.off_axis_rad.sin_cos();
+        Detail::new(&context.settings.asteroids, &image.projection, DVec3::new(sin, 0.0, -cos), 0.0).nearest_m()
+    });
+    let distance_m = far_enough.fold(0.0, f64::max);
+
+    let mut differing = vec![Vec::new(); movements.len()];
+    let mut turned = Vec::new();
+    for index in 0..ORIENTATIONS {
+        let pose = Posed {
+            place_m: DVec3::NEG_Z * distance_m,
+            camera_from_shape: DQuat::from_rotation_x(1.0 + index as f64) * DQuat::from_rotation_y(0.7 * index as f64),
+        };
+        let [drawn, truth] = context.drawn_and_true(&[pose], Light::Wall, &rig)?;
+        let mut silhouettes = Vec::new();
+        for (number, ((drawn, truth), of)) in drawn.iter().zip(&truth).zip(&images).enumerate() {
+            let to_asteroid = of.camera_from_view.conjugate() * (pose.place_m - of.eye_position_m).normalize();
+            let within_rad = 1.5 * (bound_m() / distance_m).asin();
+            let of_drawn = silhouette(drawn, of, to_asteroid, within_rad)?;
+            differing[number].push(1.0 - iou(&of_drawn, &silhouette(truth, of, to_asteroid, within_rad)?));
+            silhouettes.push(of_drawn);
+        }
+        turned.push(1.0 - iou(&silhouettes[0], &rolled_back(&silhouettes[1], SIDE as usize)));
+    }
+    let of = |(movement, differing): (&Movement, Vec<f64>)| {
+        Figure::at_most(format!("1 - IoU, {}", movement.name), worst(differing), 0.05, "")
+    };
+    let mut figures: Vec<Figure> = movements.iter().zip(differing).map(of).collect();
+    // Rows of samples lie where columns lay: rounding of a sample at an edge is left.
+    figures.push(Figure::at_most("1 - IoU, rolled back by 90 deg", worst(turned), 0.01, ""));
+    Ok(figures)
+}
+
+/// A square picture seen with the head rolled to the left by a quarter turn, as seen upright: what was at the top is on the right.
+fn rolled_back(pixels: &[f64], side: usize) -> Vec<f64> {
+    let at = |x: usize, y: usize| pixels.get(y * side + x).copied().unwrap_or(f64::NAN);
+    // Upright (x, y) is seen at the same place from the axes that have turned: right of it is up.
+    (0..side * side).map(|index| at(side - 1 - index / side, index % side)).map(|value| value).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_head_rolled_to_the_left_sees_the_top_on_the_right() {
+        // Upright: 1 at the top left, 2 at the top right, 3 and 4 below. Rolled to the left, to the right of the view is up in the world.
+        let rolled = [3.0, 1.0, 4.0, 2.0];
+        assert_eq!(rolled_back(&rolled, 2), vec![1.0, 2.0, 3.0, 4.0]);
+    }
+}

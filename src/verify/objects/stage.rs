@@ -1,0 +1,367 @@
+//! A stage for single asteroids: up to 64 of them, each before an eye of its own, before a bright wall or in the light of a sun.
+//!
+//! Black asteroids before a wall of 1 cd/m^2 show their silhouettes, whatever they are drawn as: what is missing of the wall is
+//! what they cover. Every scene has the same number of fields with the same instances and shapes, so that atlases are baked once.
+
+use std::{
+    f64::consts::PI,
+    sync::{Arc, OnceLock},
+};
+
+use glam::{DQuat, DVec2, DVec3, Vec3};
+
+use super::super::{
+    context::{CheckError, Context, hdr_pixels, hdr_view, images},
+    scenes::snapshot,
+};
+use crate::{
+    frame::{Frame, FrameImage},
+    metrics::{self, HdrView},
+    photometry::rec709::luminance,
+    plan::{
+        asteroids::{
+            classes::BAND,
+            views::{DirectionTable, ImpostorReach, impostor_reach, table_place},
+        },
+        settings::AsteroidSettings,
+    },
+    scene::{
+        Camera, SceneObjects, SceneSnapshot,
+        asteroids::{AsteroidField, Instances, Node, ShapeSet, packed::Asteroid},
+        bodies::{Body, Emission, ReflectionLaw, Spin, Surface},
+    },
+    view::{
+        Fov, Rig, ViewImage, ViewKind,
+        projection::{PlaneMapping, Projection, pixel_centre},
+    },
+};
+
+/// Mean radius of the asteroids, m.
+pub const RADIUS_M: f64 = 1.0;
+/// Asteroids of a scene at most.
+pub const PLACES: usize = 64;
+/// Where the camera stands: far from the origin, as in the Solar System.
+const CAMERA_M: DVec3 = DVec3::new(1.3e11, -7e10, 2e10);
+/// Distance of the wall, m, and its radius: it covers 70 degrees around -z.
+const WALL_M: [f64; 2] = [1e10, 9.4e9];
+/// Distance of the sun, m.
+const SUN_M: f64 = 1e11;
+/// Geometric albedo of lit asteroids.
+pub const ALBEDO: f64 = 0.2;
+
+/// How the truth differs from what is drawn: not at all, unless a test sees a check fail.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Fault {
+    /// Factor on albedos.
+    pub albedo: f64,
+    /// Factor on radii of bodies.
+    pub radius: f64,
+    /// Shift of asteroids to the right of the camera, mean radii.
+    pub shift: f64,
+}
+
+impl Fault {
+    /// None.
+    pub const NONE: Self = Self { albedo: 1.0, radius: 1.0, shift: 0.0 };
+}
+
+/// An asteroid on the stage.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Posed {
+    /// Where it stands, camera axes, m.
+    pub place_m: DVec3,
+    /// Rotation from the shape's axes to those of the camera.
+    pub camera_from_shape: DQuat,
+}
+
+/// What asteroids are seen by.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Light {
+    /// Black before a wall that covers 70 degrees around -z.
+    Wall,
+    /// Grey in the light of a sun in this direction, camera axes.
+    Sun(DVec3),
+}
+
+/// The set of one shape, the longest: it shows most how it is turned.
+pub fn shape() -> Arc<ShapeSet> {
+    static SHAPE: OnceLock<Arc<ShapeSet>> = OnceLock::new();
+    let longest = || {
+        let mut set = all_shapes().as_ref().clone();
+        set.shapes = set.shapes.pop().into_iter().collect();
+        // Another set than that of all, which is told by its digest.
+        set.digest = set.digest.rotate_left(17) ^ 1;
+        Arc::new(set)
+    };
+    SHAPE.get_or_init(longest).clone()
+}
+
+/// The procedural shapes.
+pub fn all_shapes() -> Arc<ShapeSet> {
+    static SHAPES: OnceLock<Arc<ShapeSet>> = OnceLock::new();
+    SHAPES.get_or_init(|| Arc::new(ShapeSet::procedural(4))).clone()
+}
+
+/// Radius of the sphere that holds an asteroid, m.
+pub fn bound_m() -> f64 {
+    shape().shapes.first().map_or(1.0, |shape| shape.bound) * RADIUS_M
+}
+
+/// One asteroid that does not turn, its axes those of its field.
+fn one() -> Arc<Instances> {
+    static ONE: OnceLock<Arc<Instances>> = OnceLock::new();
+    let make = || {
+        let asteroid = Asteroid {
+            offset_m: Vec3::ZERO,
+            radius_over_largest: 1.0,
+            shape: 0,
+            axis: DVec3::Z,
+            phase: 0,
+            rate: 0,
+        };
+        let group = Node {
+            middle_m: DVec3::ZERO,
+            radius_m: bound_m() * (1.0 + 1e-6),
+            centroid_m: DVec3::ZERO,
+            area_m2: PI * RADIUS_M * RADIUS_M,
+            largest_m: RADIUS_M,
+            smallest_m: RADIUS_M,
+            first: 0,
+            count: 1,
+        };
+        Arc::new(Instances {
+            packed: vec![asteroid.into()],
+            levels: vec![vec![group]],
+            largest_m: RADIUS_M,
+            base_period_s: 1e6,
+        })
+    };
+    ONE.get_or_init(make).clone()
+}
+
+/// A black body.
+pub fn black(name: &str, position_m: DVec3, radii_m: DVec3) -> Body {
+    Body {
+        name: name.to_owned(),
+        position_m,
+        radii_m,
+        orientation: DQuat::IDENTITY,
+        spin: Spin::default(),
+        surface: Surface { law: ReflectionLaw::Lambert, geometric_albedo: [0.0; 3], texture: None },
+        emission: None,
+    }
+}
+
+/// A scene of bodies and fields whose places are relative to the camera, camera axes.
+pub fn scene_of(bodies: Vec<Body>, fields: Vec<AsteroidField>) -> SceneSnapshot {
+    let body = |body: Body| Arc::new(Body { position_m: CAMERA_M + body.position_m, ..body });
+    let field = |field: AsteroidField| Arc::new(AsteroidField { position_m: CAMERA_M + field.position_m, ..field });
+    let objects = SceneObjects {
+        bodies: bodies.into_iter().map(body).collect(),
+        fields: fields.into_iter().map(field).collect(),
+        time_s: 0.0,
+    };
+    SceneSnapshot {
+        objects: Arc::new(objects),
+        camera: Camera { position_m: CAMERA_M, ..Camera::default() },
+        ..snapshot(Vec::new())
+    }
+}
+
+/// A sun in a direction, which gives the stage some 1e5 lx.
+pub fn sun(direction: DVec3) -> Body {
+    let emission = Some(Emission { luminance_cd_m2: [2e9; 3], limb_darkening: 0.0 });
+    Body { emission, ..black("sun", direction.normalize() * SUN_M, DVec3::splat(4e8)) }
+}
+
+/// Asteroids on the stage; those that are not named stand behind the camera, out of sight.
+pub fn scene(posed: &[Posed], light: Light, fault: Fault) -> SceneSnapshot {
+    let body = match light {
+        Light::Wall => {
+            let emission = Some(Emission { luminance_cd_m2: [1.0; 3], limb_darkening: 0.0 });
+            Body { emission, ..black("wall", DVec3::NEG_Z * WALL_M[0], DVec3::splat(WALL_M[1])) }
+        }
+        Light::Sun(direction) => sun(direction),
+    };
+    let albedo = if light == Light::Wall { 0.0 } else { ALBEDO * fault.albedo };
+    let field = |index: usize| {
+        let away = Posed { place_m: DVec3::Z * 1e9, camera_from_shape: DQuat::IDENTITY };
+        let posed = posed.get(index).copied().unwrap_or(away);
+        AsteroidField {
+            name: format!("asteroid {index}"),
+            position_m: posed.place_m + DVec3::X * (fault.shift * RADIUS_M),
+            orientation: posed.camera_from_shape,
+            law: ReflectionLaw::LommelSeeliger,
+            geometric_albedo: [albedo; 3],
+            instances: one(),
+            shapes: shape(),
+        }
+    };
+    scene_of(vec![body], (0..PLACES).map(field).collect())
+}
+
+/// Where the eye of a place of the stage stands, camera axes, m: on a square of eight by eight.
+pub fn eye_m(place: usize, spacing_m: f64) -> DVec3 {
+    let along = |index: usize| (index as f64 - 3.5) * spacing_m;
+    DVec3::new(along(place % 8), along(place / 8), 0.0)
+}
+
+/// A square flat window of `side` pixels of `pixel_rad` around a direction that lies `off_axis_rad` to the right.
+pub fn window(side: u32, pixel_rad: f64, off_axis_rad: f64) -> ViewKind {
+    let (middle, step) = (off_axis_rad.tan(), pixel_rad / off_axis_rad.cos().powi(2));
+    let half = 0.5 * f64::from(side) * step;
+    let fov = Fov {
+        left_rad: (middle - half).atan(),
+        right_rad: (middle + half).atan(),
+        up_rad: half.atan(),
+        down_rad: -half.atan(),
+    };
+    ViewKind::OffAxis { size: [side; 2], fov }
+}
+
+/// Where detail is left out, for an asteroid of the stage in a direction (view axes, unit) of a picture.
+pub struct Detail {
+    /// Angle of a pixel there, over the quality, rad.
+    allowed_rad: f64,
+    impostor: Option<ImpostorReach>,
+}
+
+impl Detail {
+    /// For eyes that are `eyes_m` apart.
+    pub fn new(settings: &AsteroidSettings, projection: &Projection, direction: DVec3, eyes_m: f64) -> Self {
+        let along = match projection {
+            Projection::Equirectangular(_) => direction.y,
+            _ => -direction.z,
+        };
+        let pixel_rad = DirectionTable::new(projection).pixel_rad_at(table_place(along));
+        Self { allowed_rad: pixel_rad / settings.quality, impostor: impostor_reach(settings, eyes_m) }
+    }
+
+    /// Distance from which on its impostor stands alone, m; without impostors its coarsest mesh.
+    pub fn nearest_m(&self) -> f64 {
+        let coarsest = || {
+            let error = shape().shapes.iter().flat_map(|shape| &shape.lods).map(|lod| lod.error).fold(0.0, f64::max);
+            2.0 * error * RADIUS_M / self.allowed_rad
+        };
+        let start_m = self.impostor.map_or_else(coarsest, |reach| reach.start_m(bound_m(), self.allowed_rad));
+        // A hair's breadth after the end of the fade.
+        start_m * (1.0 + BAND) * 1.001
+    }
+
+    /// Distance from which on it is partly a point, m.
+    pub fn points_m(&self) -> f64 {
+        RADIUS_M / self.allowed_rad
+    }
+}
+
+impl Context<'_> {
+    /// Asteroids in all detail, 4 x 4 samples a pixel.
+    pub(super) fn finest(&self) -> AsteroidSettings {
+        AsteroidSettings { finest_only: true, samples: 4, ..self.settings.asteroids.clone() }
+    }
+
+    /// Renders the asteroids of the stage as they are drawn and in all detail, both with 4 x 4 samples a pixel: so edges, which are
+    /// sampled, do not count. The second is the truth.
+    pub(super) fn drawn_and_true(
+        &mut self,
+        posed: &[Posed],
+        light: Light,
+        rig: &Rig,
+    ) -> Result<[Vec<FrameImage>; 2], CheckError> {
+        let kept = self.settings.asteroids.clone();
+        self.settings.asteroids.samples = 4;
+        let drawn = self.render(&scene(posed, light, Fault::NONE), rig);
+        self.settings.asteroids = self.finest();
+        let truth = self.render(&scene(posed, light, self.object_fault), rig);
+        self.settings.asteroids = kept;
+        Ok([drawn?.images, truth?.images])
+    }
+}
+
+/// What an asteroid covers of a wall of 1 cd/m^2: per pixel within an angle of a direction (view axes) the covered share of its
+/// solid angle, sr; 0 elsewhere.
+pub fn silhouette(
+    image: &FrameImage,
+    of: &ViewImage,
+    direction: DVec3,
+    within_rad: f64,
+) -> Result<Vec<f64>, CheckError> {
+    let mapping = of.projection.mapping();
+    let pixels = (0..image.height).flat_map(|y| (0..image.width).map(move |x| (x, y))).zip(hdr_pixels(image)?);
+    Ok(pixels
+        .map(|((x, y), [r, g, b, _])| {
+            let at = mapping.direction_from_pixel(pixel_centre(x, y));
+            let near = at.is_some_and(|at| at.angle_between(direction) <= within_rad);
+            let covered = 1.0 - luminance([*r, *g, *b].map(f64::from));
+            if near { covered.clamp(0.0, 1.0) * mapping.solid_angle_sr(x, y) } else { 0.0 }
+        })
+        .collect())
+}
+
+/// What two silhouettes have in common over what either covers; not a number where both are empty.
+pub fn iou(a: &[f64], b: &[f64]) -> f64 {
+    let sum = |pick: fn(f64, f64) -> f64| a.iter().zip(b).map(|(a, b)| pick(*a, *b)).sum::<f64>();
+    sum(f64::min) / sum(f64::max)
+}
+
+/// Light of an image, lx, and the middle of it in pixels.
+pub fn light_and_middle(image: &FrameImage, mapping: &dyn PlaneMapping) -> Result<(f64, DVec2), CheckError> {
+    let view = HdrView::new(mapping, hdr_pixels(image)?)?;
+    let (mut sum, mut middle) = (0.0, DVec2::ZERO);
+    for y in 0..image.height {
+        for x in 0..image.width {
+            let light = view.illuminance_lx(x, y)?;
+            sum += light;
+            middle += light * pixel_centre(x, y);
+        }
+    }
+    Ok((sum, middle / sum))
+}
+
+/// Light of every view around a direction in camera axes, lx; of one eye.
+pub fn light_around_lx(
+    frame: &Frame,
+    rig: &Rig,
+    direction: DVec3,
+    reach_rad: f64,
+) -> Result<Vec<f64>, CheckError> {
+    let mut light = vec![0.0; rig.views().len()];
+    for (image, of) in images(frame, rig) {
+        let view = hdr_view(image, of.projection.mapping())?.turned(of.camera_from_view);
+        // Points reach four pixels around.
+        let reach_rad = reach_rad + 12.0 * of.projection.middle_pixel_rad();
+        let eyes = if matches!(rig.views()[image.view].kind, ViewKind::Stereo { .. }) { 2.0 } else { 1.0 };
+        light[image.view] += metrics::illuminance_near_direction_lx(&[view], direction, reach_rad)? / eyes;
+    }
+    Ok(light)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn silhouettes_are_compared_by_what_they_share() {
+        let iou_of = |a: &[f64], b: &[f64]| iou(a, b);
+        assert_eq!(iou_of(&[1.0, 1.0, 0.0], &[1.0, 1.0, 0.0]), 1.0);
+        assert_eq!(iou_of(&[1.0, 1.0, 0.0], &[0.0, 1.0, 1.0]), 1.0 / 3.0);
+        assert_eq!(iou_of(&[1.0, 0.5], &[0.5, 1.0]), 0.5);
+        assert!(iou_of(&[0.0], &[0.0]).is_nan(), "nothing is no silhouette");
+    }
+
+    #[test]
+    fn every_place_has_its_own_eye_and_windows_hold_their_direction() {
+        for (index, place) in (0..PLACES).map(|place| eye_m(place, 2.0)).enumerate() {
+            assert!((0..index).all(|other| (eye_m(other, 2.0) - place).length() > 1.9));
+        }
+        for off_axis in [0.0_f64, 0.5] {
+            let kind = window(40, 1e-3, off_axis);
+            let image = crate::verify::scenes::rig([("window", kind)]).unwrap().views()[0].images[0].clone();
+            let mapping = image.projection.mapping();
+            let direction = DVec3::new(off_axis.sin(), 0.0, -off_axis.cos());
+            assert!((mapping.pixel_from_direction(direction).unwrap() - DVec2::splat(20.0)).length() < 1e-3);
+            let [longer, shorter] = mapping.pixel_extent_rad(direction).unwrap();
+            assert!((shorter / 1e-3 - 1.0).abs() < 1e-3 && longer < 1.3e-3, "{longer} {shorter}");
+        }
+    }
+}
