@@ -99,7 +99,9 @@ fn splat_asteroids(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invoc
             if !(illuminance > 0.0) {
                 continue;
             }
-            let visible = visible_share(tile, viewport, direction, projected.xy, distance);
+            // Its own mesh or impostor, with which it shares its light, is not before it; distances of pixels are rounded down.
+            let foremost = (distance - shapes[shape_index].bound * radius) * 0.9999;
+            let visible = visible_share(tile, viewport, direction, projected.xy, foremost);
             if visible > 0.0 {
                 let scale = illuminance * visible * parameters.units_per_lx;
                 splat(tile, viewport, direction, projected.xy, illuminance, light / illuminance, scale, item.first + i);

@@ -53,6 +53,8 @@ const LEAST_PARTS: f32 = 4.0;
 const MOST_PARTS: f32 = 12.0;
 // Half the diagonal of a part, in semi-axes, for which a part is looked at in its middle alone.
 const SMALL: f32 = 0.05;
+// Bodies that one pixel may show.
+const MOST_HITS: u32 = 4u;
 // So many halves of the diagonal of a pixel from the limb a body is looked at more closely.
 const STEEP: f32 = 6.0;
 
@@ -265,7 +267,7 @@ fn draw_geometry(@builtin(global_invocation_id) id: vec3<u32>) {
             length(ray_of(viewport, corner, ray) - ray), length(ray_of(viewport, corner + 1.0, ray) - ray));
     }
 
-    var covered = 0u;
+    var covered = 0.0;
     if HAS_LAYERS {
         let samples = parameters.samples;
         var light = vec3(0.0);
@@ -277,64 +279,84 @@ fn draw_geometry(@builtin(global_invocation_id) id: vec3<u32>) {
             let place = corner + (vec2<f32>(within) + 0.5) / f32(samples);
             let found = layers_at(viewport, vec2(id.x, id.y) * samples + within, ray_of(viewport, place, ray));
             if found.w > 0.0 {
-                covered += 1u;
+                covered += 1.0;
                 light += found.xyz;
                 nearest = min(nearest, found.w);
             }
         }
-        if covered > 0u {
+        if covered > 0.0 {
             if run.y > 0u {
                 // Bodies too, sample by sample.
                 light = vec3(0.0);
                 nearest = 3e38;
-                covered = 0u;
+                var covered_share = 0.0;
                 for (var i = 0u; i < samples * samples; i++) {
                     let within = vec2(i % samples, i / samples);
                     let own = ray_of(viewport, corner + (vec2<f32>(within) + 0.5) / f32(samples), ray);
                     var found = layers_at(viewport, vec2(id.x, id.y) * samples + within, own);
+                    var share = select(0.0, 1.0, found.w > 0.0);
                     for (var b = run.x; b < run.x + run.y; b++) {
                         let passage = passage_of(view_bodies[b], own);
                         if passage.s <= 1.0 {
                             let entry = entry_of(view_bodies[b], passage);
                             if found.w == 0.0 || entry.w < found.w {
                                 let footprint = extent / f32(samples) * view_bodies[b].distance_m * view_bodies[b].inverse_smallest;
-                                found = vec4(luminance_at(view_bodies[b], passage, entry, footprint), entry.w);
+                                // A body that is half a point lets half of what is behind it through.
+                                let part = view_bodies[b].part;
+                                let shown = luminance_at(view_bodies[b], passage, entry, footprint);
+                                found = vec4(mix(found.xyz, shown, part), entry.w);
+                                share = mix(share, 1.0, part);
                             }
                         }
                         limb = limb || abs(passage.s - 1.0) < extent * view_bodies[b].distance_m * view_bodies[b].inverse_smallest;
                     }
                     if found.w > 0.0 {
-                        covered += 1u;
+                        covered_share += share;
                         light += found.xyz;
                         nearest = min(nearest, found.w);
                     }
                 }
+                covered = covered_share;
             }
             let share = 1.0 / f32(samples * samples);
-            write(index, light * share, cover_word(f32(covered) * share, COVER_MESH | select(0u, COVER_LIMB, limb), nearest));
+            write(index, light * share, cover_word(covered * share, COVER_MESH | select(0u, COVER_LIMB, limb), nearest));
             return;
         }
     }
 
-    // Bodies alone, the nearest first.
-    var light = vec3(0.0);
-    var open = 1.0;
-    var nearest = 3e38;
+    // Bodies alone, the nearest first, by where the ray meets them.
+    var hits: array<Shown, MOST_HITS>;
+    var count = 0u;
     var flags = 0u;
     for (var b = run.x; b < run.x + run.y; b++) {
         let body = view_bodies[b];
-        let shown = body_in_pixel(viewport, body, corner, ray, extent);
+        var shown = body_in_pixel(viewport, body, corner, ray, extent);
         if shown.coverage > 0.0 || shown.limb {
-            light += open * body.part * shown.light;
-            open *= 1.0 - body.part * shown.coverage;
-            nearest = min(nearest, shown.distance_m);
             if shown.limb || body.part < 1.0 {
                 flags |= COVER_LIMB;
             }
-            if open <= 0.0 {
-                break;
+            shown.light *= body.part;
+            shown.coverage *= body.part;
+            // Of more than fit the farthest is left out.
+            var at = min(count, MOST_HITS - 1u);
+            if count == MOST_HITS && hits[at].distance_m <= shown.distance_m {
+                continue;
             }
+            while at > 0u && hits[at - 1u].distance_m > shown.distance_m {
+                hits[at] = hits[at - 1u];
+                at--;
+            }
+            hits[at] = shown;
+            count = min(count + 1u, MOST_HITS);
         }
+    }
+    var light = vec3(0.0);
+    var open = 1.0;
+    var nearest = 3e38;
+    for (var i = 0u; i < count; i++) {
+        light += open * hits[i].light;
+        open *= 1.0 - hits[i].coverage;
+        nearest = min(nearest, hits[i].distance_m);
     }
     var word = 0u;
     if nearest < 3e38 {

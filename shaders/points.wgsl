@@ -51,11 +51,14 @@ fn splat_points(@builtin(global_invocation_id) id: vec3<u32>) {
         let viewport = viewports[tile.viewport];
         target_tile = vec3(tile.first_pixel, viewport.size.x, tile.first_flag);
         let relative = point.offset - PARSEC_M * eye_of(viewport);
-        let distance_m = length(relative);
-        if !(distance_m > 0.0) {
+        // Squares of metres overflow from 600 pc on.
+        let largest = max(abs(relative.x), max(abs(relative.y), abs(relative.z)));
+        if !(largest > 0.0) {
             continue;
         }
-        let unit = relative / distance_m;
+        let scaled = relative / largest;
+        let distance_m = largest * length(scaled);
+        let unit = normalize(scaled);
         let light = point.intensity / distance_m / distance_m;
         let illuminance = dot(light, vec3(0.2126, 0.7152, 0.0722));
         if !(illuminance >= parameters.faintest_lx && illuminance < parameters.brightest_lx) {

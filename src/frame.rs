@@ -7,6 +7,7 @@
 mod asteroids;
 mod blended;
 mod catalogue_buffers;
+mod error;
 mod geometry;
 mod glare;
 mod glare_pyramid;
@@ -26,10 +27,7 @@ mod star_buffers;
 
 use serde::Serialize;
 
-pub use self::{
-    asteroids::AsteroidCounts,
-    renderer::{RenderError, Renderer},
-};
+pub use self::{asteroids::AsteroidCounts, error::RenderError, renderer::Renderer};
 use crate::{plan::FramePlan, view::Part};
 
 /// One image of a frame.

@@ -246,3 +246,60 @@ fn a_body_too_large_by_a_fiftieth_hides_too_many() {
     };
     assert!(hidden_by(2.04e8) > hidden_by(2e8));
 }
+
+/// The largest bodies there are, as far as they can be: their outline and their light are as right as any.
+#[test]
+fn a_giant_has_its_light_and_hides_what_is_behind_it_only() {
+    let mut renderer = renderer();
+    let rig = rig(vec![("window", ViewKind::Perspective { size: [120, 100], fov_y_rad: 0.5 })]);
+    let mapping = rig.views()[0].images[0].projection.mapping();
+    for (radius_m, distance_m) in [(5e11, 1e13), (1e11, 1e13), (7e8, 1.5e11), (1e13, 3e14)] {
+        let mut giant = body("giant", DVec3::NEG_Z * distance_m, DVec3::splat(radius_m), ReflectionLaw::Lambert);
+        giant.emission = Some(Emission { luminance_cd_m2: [1e6; 3], limb_darkening: 0.3 });
+        let around: Vec<DVec3> =
+            (0..12).map(|i| DQuat::from_rotation_z(f64::from(i)) * DVec3::new(0.2, 0.0, -1.0)).collect();
+        let objects = SceneObjects { bodies: vec![Arc::new(giant)], ..Default::default() };
+        let scene = SceneSnapshot {
+            objects: Arc::new(objects),
+            ..snapshot(around.iter().map(|direction| star(*direction, 3.0)).collect())
+        };
+        let frame = render_hdr(&mut renderer, &scene, &rig, &settings(StarMethod::Auto));
+        assert_eq!(frame.views[0].stars_drawn, 12, "{radius_m:e} m at {distance_m:e} m");
+        let expected = luminance(illuminance_of(&scene.objects.bodies[0], DVec3::ZERO, &[], 0.0));
+        let found = light_around_lx(&frame.images[0], mapping, DVec3::NEG_Z, 0.15);
+        assert!((found / expected - 1.0).abs() < 0.01, "{radius_m:e} m at {distance_m:e} m: {found} {expected}");
+    }
+}
+
+/// A sun a thousand parsecs away is a star like any other.
+#[test]
+fn a_sun_at_a_kiloparsec_still_shines() {
+    let mut renderer = renderer();
+    let rig = rig(vec![("window", ViewKind::Perspective { size: [64, 64], fov_y_rad: 0.5 })]);
+    let mut sun = body("sun", DVec3::NEG_Z * 3.0857e19, DVec3::splat(6.957e8), ReflectionLaw::Lambert);
+    sun.emission = Some(Emission { luminance_cd_m2: [1.9e9; 3], limb_darkening: 0.0 });
+    let scene = scene(vec![sun]);
+    let expected = luminance(illuminance_of(&scene.objects.bodies[0], DVec3::ZERO, &[], 0.0));
+    let frame = render_hdr(&mut renderer, &scene, &rig, &settings(StarMethod::Auto));
+    let found = total_illuminance_lx(&frame, &rig);
+    assert!((found / expected - 1.0).abs() < 1e-3, "{found} {expected}");
+}
+
+/// Which of two bodies is before the other is told by the ray, not by their middles: a small one beside the eye, low above a large one.
+#[test]
+fn a_small_body_before_the_ground_of_a_large_one_is_seen() {
+    let mut renderer = renderer();
+    let rig = rig(vec![("window", ViewKind::Perspective { size: [100, 100], fov_y_rad: 1.0 })]);
+    let mut ground = body("ground", DVec3::new(0.0, -6.8e6, 0.0), DVec3::splat(6.4e6), ReflectionLaw::Lambert);
+    ground.emission = Some(Emission { luminance_cd_m2: [1.0; 3], limb_darkening: 0.0 });
+    let station_m = DVec3::new(0.0, -2.54e5, -5.44e5);
+    let mut station = body("station", station_m, DVec3::splat(5e4), ReflectionLaw::Lambert);
+    station.emission = Some(Emission { luminance_cd_m2: [100.0; 3], limb_darkening: 0.0 });
+    let scene = scene(vec![ground, station]);
+    let frame = render_hdr(&mut renderer, &scene, &rig, &settings(StarMethod::Auto));
+    let mapping = rig.views()[0].images[0].projection.mapping();
+    let pixel = mapping.pixel_from_direction(station_m.normalize()).unwrap();
+    let hdr = frame.images[0].hdr.as_ref().unwrap();
+    let shown = hdr[pixel.y as usize * 100 + pixel.x as usize][1];
+    assert!((shown - 100.0).abs() < 0.1, "{shown}");
+}

@@ -5,9 +5,9 @@
 // body is the unit sphere and the ray passes its middle at the distance s.
 
 struct ViewBody {
-    // Rows of the map from view axes (m) to the body's axes, in semi-axes.
+    // Rows of the map from view axes, in units of `distance_m`, to the body's axes, in semi-axes: numbers of ordinary size whatever the body's.
     unit_from_view_x: vec3<f32>,
-    // c maps to so much per metre, and the eye is so far along it: m over the length of c.
+    // How far the middle is along c: m over the length of c.
     distance_m: f32,
     unit_from_view_y: vec3<f32>,
     // 1: c is a tangent of a flat picture, with z = -1.
@@ -66,7 +66,7 @@ fn passage_of(body: ViewBody, direction: vec3<f32>) -> Passage {
     let ahead = dot(body.unit_centre, passage.along);
     // The eye stands outside: what it sees lies ahead.
     if ahead > 0.0 {
-        passage.s = body.distance_m * length(cross(body.unit_centre, passage.beside)) * inverseSqrt(dot(passage.along, passage.along));
+        passage.s = length(cross(body.unit_centre, passage.beside)) * inverseSqrt(dot(passage.along, passage.along));
     }
     return passage;
 }
@@ -76,10 +76,10 @@ fn passage_of(body: ViewBody, direction: vec3<f32>) -> Passage {
 fn entry_of(body: ViewBody, passage: Passage) -> vec4<f32> {
     let a = dot(passage.along, passage.along);
     let half = sqrt(max(1.0 - passage.s * passage.s, 0.0) / a);
-    // Metres per length of the ray, from the middle's distance on.
-    let nearer = -body.distance_m * dot(passage.beside, passage.along) / a - half;
-    let point = nearer * passage.along + body.distance_m * passage.beside;
-    return vec4(normalize(point), (body.distance_m + nearer) * length(passage.ray));
+    // In parts of the middle's distance, from there on.
+    let nearer = -dot(passage.beside, passage.along) / a - half;
+    let point = nearer * passage.along + passage.beside;
+    return vec4(normalize(point), body.distance_m * (1.0 + nearer) * length(passage.ray));
 }
 
 // Whether a body lies before what is seen in a direction at a distance.

@@ -16,10 +16,18 @@ fn visible_share(tile: Tile, viewport: Viewport, direction: vec3<f32>, pixel: ve
     let at = settle(viewport, vec2<i32>(floor(pixel)));
     let row = at.y - i32(tile.first_row);
     var word = COVER_LIMB;
-    if at.x >= 0 && row >= 0 && row < i32(tile.rows) {
-        word = geometry[tile.first_pixel + u32(row) * viewport.size.x + u32(at.x)].w;
-        if word == 0u || distance_of(word) >= distance_m {
-            return 1.0;
+    if at.x >= 0 {
+        // What lies in another tile is asked of the bodies; of asteroids the next row of this one tells.
+        let inside = row >= 0 && row < i32(tile.rows);
+        let held = clamp(row, 0, i32(tile.rows) - 1);
+        let own = geometry[tile.first_pixel + u32(held) * viewport.size.x + u32(at.x)].w;
+        if inside {
+            word = own;
+            if word == 0u || distance_of(word) >= distance_m {
+                return 1.0;
+            }
+        } else if (own & COVER_MESH) != 0u && distance_of(own) < distance_m {
+            word |= own;
         }
     }
     if (word & COVER_LIMB) != 0u {

@@ -1,9 +1,10 @@
-//! The axis `asteroids`: every way of drawing a field of asteroids, timed in turn as their number grows, with its errors against the
-//! meshes at the finest detail.
+//! The axis `asteroids`: every way of drawing a field of asteroids, timed in turn as their number grows, with its
+//! errors against the meshes at the finest detail.
 //!
-//! Time is that of the passes of asteroids (culling, meshes and impostors, putting them into the pictures, points) and of planning
-//! on the CPU, which is where culling is that the adapter does not do. It stands in parts in the notes. Atlases are baked
-//! before. There are no stars. Where a frame would take more than its share of the budget, as the workload before tells, it is not drawn.
+//! Time is that of the passes of asteroids (culling, meshes and impostors, putting them into the pictures, points) and
+//! of planning on the CPU, which is where culling is that the adapter does not do. It stands in parts in the notes.
+//! Atlases are baked before. There are no stars. Where a frame would take more than its share of the budget, as the
+//! workload before tells, it is not drawn.
 //!
 //! - `workload`: the field, the camera, the ways of drawing;
 //! - `turn`: one frame and its parts;
@@ -138,7 +139,8 @@ fn variants_settings(variants: &[Variant]) -> Vec<crate::plan::settings::Asteroi
     variants.iter().map(|variant| variant.settings.clone()).collect()
 }
 
-/// Scores of every variant in a view. Culling on the CPU leads to the same pictures as on the adapter, but is scored by itself.
+/// Scores of every variant in a view. Culling on the CPU leads to the same pictures as on the adapter, but is scored by
+/// itself.
 fn score_variants(
     renderer: &mut Renderer,
     variants: &[Variant],
@@ -187,14 +189,16 @@ fn time_variants(
 }
 
 impl Workload {
-    /// What a frame may take, all in all, after what another one took: more asteroids as many times as long, more pixels too.
+    /// What a frame may take, all in all, after what another one took: more asteroids as many times as long, more
+    /// pixels too.
     fn expected(&self, known: Known) -> Duration {
         let grows = f64::from(self.instances) / f64::from(known.instances);
         known.took.mul_f64(grows * (self.pixels() / known.pixels).max(1.0))
     }
 }
 
-/// Indices of those that one frame of each fits into a budget, the fastest first served. Of whom nothing is known yet is drawn.
+/// Indices of those that one frame of each fits into a budget, the fastest first served. Of whom nothing is known yet
+/// is drawn.
 fn affordable(expected: &[Option<Duration>], budget: Duration) -> Vec<usize> {
     let mut order: Vec<usize> = (0..expected.len()).collect();
     order.sort_by_key(|index| expected[*index]);

@@ -221,7 +221,7 @@ impl GlareExtent {
 }
 
 impl Extent {
-    /// Ends within three minutes on two cores without a GPU, all axes together. Of a million stars, the methods that blend need
+    /// Ends within four minutes on two cores without a GPU, all axes together. Of a million stars, the methods that blend need
     /// seconds for one frame of the whole sky there: the full run has it.
     pub fn quick() -> Self {
         let (flat, dome) = (ViewShape::Flat([1920, 1080]), ViewShape::Dome(1024));
@@ -240,7 +240,7 @@ impl Extent {
         }
     }
 
-    /// Everything, in some 25 minutes on two cores without a GPU; more stars where there is a GPU with memory of its own.
+    /// Everything, in some 40 minutes on two cores without a GPU; more stars where there is a GPU with memory of its own.
     pub fn full(discrete_gpu: bool) -> Self {
         let all = vec![
             ViewShape::Flat([1280, 720]),

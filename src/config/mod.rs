@@ -38,7 +38,7 @@ use crate::plan::settings::{
     AccuracySettings, AsteroidSettings, ExposureSettings, GlareSettings, RenderSettings, StarSettings, ToneMapSettings,
 };
 use crate::scene::asteroids::{FieldSpec, SpecError, check_fields, make_fields};
-use crate::scene::bodies::{MOST_BODIES, check_names};
+use crate::scene::bodies::{MOST_BODIES, check_names, check_suns};
 use crate::scene::loader::StarSource;
 use crate::scene::{Camera, SceneObjects};
 use crate::view::Rig;
@@ -250,7 +250,9 @@ impl Config {
             let loaded = config.load(&self.folder).map_err(|fault| self.fault_of_body(index, fault));
             loaded.map(Arc::new).map_err(|fault| self.error(fault))
         };
-        let bodies = self.bodies.iter().enumerate().map(body).collect::<Result<_, _>>()?;
+        let bodies = self.bodies.iter().enumerate().map(body).collect::<Result<Vec<_>, _>>()?;
+        check_suns(bodies.iter().map(Arc::as_ref))
+            .map_err(|(index, error)| self.error(self.fault_of_body(index, bodies::body_fault(&error))))?;
         let made = make_fields(&self.field_specs()?, &[]).map_err(|(index, error): (usize, SpecError)| {
             self.error(self.fault_of_field(index, asteroids::spec_fault(&error)))
         })?;

@@ -244,7 +244,8 @@ impl Geometry {
 
 fn encode_body(objects: &SceneObjects, seen: &BodyDisc, first_sun: u32, textures: &Textures) -> layout::ViewBody {
     let body = &objects.bodies[seen.body];
-    let row = |index: usize| seen.unit_from_view.row(index).as_vec3().to_array();
+    let unit_from_view = seen.unit_from_view * seen.distance_m;
+    let row = |index: usize| unit_from_view.row(index).as_vec3().to_array();
     let texture = body.surface.texture.as_ref();
     let emission = body.emission.as_ref();
     layout::ViewBody {
@@ -256,7 +257,7 @@ fn encode_body(objects: &SceneObjects, seen: &BodyDisc, first_sun: u32, textures
         inverse_smallest: (1.0 / body.radii_m.min_element()) as f32,
         centre: seen.centre.as_vec3().to_array(),
         part: seen.part as f32,
-        unit_centre: (seen.unit_from_view * seen.centre).as_vec3().to_array(),
+        unit_centre: (unit_from_view * seen.centre).as_vec3().to_array(),
         law: match body.surface.law {
             ReflectionLaw::Lambert => 0,
             ReflectionLaw::LommelSeeliger => 1,

@@ -2,8 +2,9 @@
 
 use super::{
     AsteroidCounts, Frame, FrameImage, FrameTimes, ViewStatistics,
+    error::RenderError,
     record::Places,
-    renderer::{DISPLAY_BYTES, Prepared, RenderError, Renderer},
+    renderer::{DISPLAY_BYTES, Prepared, Renderer},
 };
 use crate::{
     gpu::layout,

@@ -12,9 +12,9 @@ use super::{
     Frame, Wanted,
     asteroids::{AsteroidPlan, Asteroids},
     blended::{self, Blended},
+    error::RenderError,
     geometry::{self, Geometry},
     glare::Glare,
-    impostor_atlas::ImpostorAtlasError,
     published::Published,
     star_buffers::{ItemBuffers, StarBuffers},
 };
@@ -22,7 +22,6 @@ use crate::{
     catalogue::chunks::StarSet,
     gpu::{AdapterReport, Gpu, GpuError, GpuTimer, GrowingBuffer, ReadbackBuffer, encode_viewport, layout},
     passes::{exposure::ExposurePass, resolve::ResolvePass, stars::StarPass, tone_map::ToneMapPass},
-    photometry::{glare::GlareKernelError, psf::PsfError},
     plan::{
         asteroids::glare::field_clouds,
         cull::{CullSettings, MAX_VIEWPORTS, SPLAT_MARGIN_PX, VisibleChunk, distinct_eyes_pc, visible_chunks},
@@ -40,130 +39,6 @@ use crate::{
     units::{PARSEC_M, illuminance_lx_from_magnitude},
     view::{Rig, Viewport},
 };
-
-/// Why a frame could not be rendered.
-#[derive(Debug, thiserror::Error)]
-pub enum RenderError {
-    /// A view is larger than the adapter allows.
-    #[error("view `{view}`: {width} x {height} pixels: this adapter's views have at most {limit} pixels a side")]
-    TooLarge {
-        /// The view's name.
-        view: String,
-        /// Width, pixels.
-        width: u32,
-        /// Height, pixels.
-        height: u32,
-        /// The limit.
-        limit: u32,
-    },
-    /// The rig has more images than one frame can have.
-    #[error("the views have {images} images in all: one frame has at most {limit}")]
-    TooManyImages {
-        /// How many.
-        images: usize,
-        /// The limit.
-        limit: usize,
-    },
-    /// The images of all views together take too much memory.
-    #[error(
-        "view `{view}`: {bytes} bytes of pixels in all exceed what one frame may take ({limit} bytes): make the views smaller or fewer"
-    )]
-    TooManyPixels {
-        /// The view that went over the limit.
-        view: String,
-        /// Bytes needed.
-        bytes: u64,
-        /// The limit.
-        limit: u64,
-    },
-    /// Fixed-point sums overflowed. Units are chosen so that this cannot happen; it is reported, never shown.
-    #[error("{0} fixed-point sums overflowed")]
-    Overflow(u32),
-    /// The point-spread function of `psf_texture` cannot be made or read.
-    #[error("stars.psf_texture: {0}")]
-    Psf(#[from] PsfError),
-    /// The kernel of glare cannot be made or read.
-    #[error("glare: {0}")]
-    Glare(#[from] GlareKernelError),
-    /// A published method cannot draw for a moving camera.
-    #[error(
-        "stars.method = `{0}` draws for a camera at rest: set scene.camera.velocity_c = [0, 0, 0], or the method to auto, bspline, tent or pixel_gaussian"
-    )]
-    AtRestOnly(&'static str),
-    /// `sky_cube` scatters the light of the catalogue's stars.
-    #[error(
-        "glare.method = `sky_cube` reads the catalogue, of which stars.method = `{0}` draws no star: set glare.method to auto, view_pyramid, screen_pyramid or none"
-    )]
-    GlareOfCatalogue(&'static str),
-    /// The scene has more asteroids than the adapter can bind at once.
-    #[error("{asteroids} asteroids in all fields: this adapter binds at most {limit} at once ({bytes} bytes)")]
-    TooManyAsteroids {
-        /// How many there are.
-        asteroids: u64,
-        /// How many there may be.
-        limit: u64,
-        /// Bytes of one binding.
-        bytes: u64,
-    },
-    /// An atlas of impostors cannot be made.
-    #[error(transparent)]
-    Impostors(#[from] Box<ImpostorAtlasError>),
-    /// A set of shapes has more meshes than culling can count.
-    #[error("field `{field}`: its shapes have {meshes} meshes at all levels of detail: at most {limit} are allowed")]
-    TooManyMeshes {
-        /// The field's name.
-        field: String,
-        /// How many there are.
-        meshes: usize,
-        /// How many there may be.
-        limit: usize,
-    },
-    /// A field has no shape, or a shape no mesh.
-    #[error("field `{field}`: it needs at least one shape, and every shape at least one mesh with triangles")]
-    NoShape {
-        /// The field's name.
-        field: String,
-    },
-    /// The lists of asteroids take more than the adapter can bind at once.
-    #[error(
-        "lists of up to {needed} asteroids for all views: this adapter holds {limit}: use fewer views or asteroids, or a lower asteroids.quality"
-    )]
-    AsteroidLists {
-        /// Entries needed.
-        needed: u64,
-        /// Entries there is room for.
-        limit: u64,
-    },
-    /// A published star method leaves no room for anything else.
-    #[error(
-        "stars.method = `{0}` draws stars alone: bodies and asteroid fields need auto, bspline, tent or pixel_gaussian"
-    )]
-    StarsOnly(&'static str),
-    /// Bodies and asteroids are drawn as a resting camera sees them.
-    #[error(
-        "bodies and asteroid fields are drawn for a camera at rest: set scene.camera.velocity_c = [0, 0, 0], or remove them"
-    )]
-    ObjectsAtRest,
-    /// The textures of bodies do not fit.
-    #[error("the textures of the bodies take {bytes} bytes in all: this adapter binds at most {limit}")]
-    TooManyTexels {
-        /// Bytes needed.
-        bytes: u64,
-        /// The limit.
-        limit: u64,
-    },
-    /// There must be one choice of buffers per view.
-    #[error("{given} choices of buffers for {views} views")]
-    WantedCount {
-        /// How many were given.
-        given: usize,
-        /// How many views there are.
-        views: usize,
-    },
-    /// The device failed.
-    #[error(transparent)]
-    Gpu(#[from] GpuError),
-}
 
 /// Memory that the pixels of one frame may take in all.
 const MAX_FRAME_BYTES: u64 = 12 << 30;
@@ -377,7 +252,14 @@ impl Renderer {
             self.glare.hold_kernel(&settings.glare)?;
         }
         self.hold_stars(method, &snapshot.stars);
-        let prepared = self.prepare(snapshot, rig, settings, adapted_ev100)?;
+        let prepared = match self.prepare(snapshot, rig, settings, adapted_ev100) {
+            Ok(prepared) => prepared,
+            Err(error) => {
+                // Whatever could not be made or filled must not be used again.
+                self.forget_buffers();
+                return Err(error);
+            }
+        };
         let recorded = self.record(&prepared, snapshot, rig, settings, wanted, adapted_ev100);
         let plan_ms = start.elapsed().as_secs_f64() * 1e3;
         self.gpu.queue.submit([recorded.commands]);
@@ -450,8 +332,8 @@ impl Renderer {
             Vec::new()
         };
         let cull_ms = start.elapsed().as_secs_f64() * 1e3;
-        let mut bodies =
-            (!snapshot.objects.is_empty()).then(|| plan_bodies(&snapshot.objects, camera.position_m, &viewports));
+        let mut bodies = (!snapshot.objects.is_empty())
+            .then(|| plan_bodies(&snapshot.objects, camera.position_m, &viewports, margin_px));
         let asteroids = self.plan_asteroids(&snapshot.objects, settings, &viewports, margin_px, camera.position_m)?;
         if let (Some(bodies), Some(asteroids)) = (&mut bodies, &asteroids) {
             bodies.points.extend(asteroids.cut.unresolved.iter().map(|node| node.point));
@@ -463,11 +345,16 @@ impl Renderer {
             }
             clouds = clouds_of(&snapshot.objects, camera.position_m, &viewports);
         }
+        let eyes_pc = distinct_eyes_pc(&viewports);
+        let eyes_m: Vec<DVec3> = eyes_pc.iter().map(|eye| *eye * PARSEC_M).collect();
         let other = bodies.as_ref().map_or_else(OtherLight::default, |bodies| OtherLight {
-            points_lx: bodies.points.iter().map(|point| point.most_lx(&viewports)).collect(),
+            points_lx: bodies
+                .points
+                .iter()
+                .map(|point| eyes_m.iter().map(|eye| point.light_at_lx(*eye)).collect())
+                .collect(),
             crowd_lx: asteroids.iter().flat_map(|plan| &plan.cut.points_lx).copied().fold(0.0, f64::max),
         });
-        let eyes_pc = distinct_eyes_pc(&viewports);
         let mut ranges = range::choose(&snapshot.stars, &visible, &eyes_pc, faintest_lx, motion, &other);
         ranges.main.units_per_lx *= self.unit_factor;
         let total_solid_angle_sr = viewports.iter().map(|v| v.projection.picture_solid_angle_sr()).sum();

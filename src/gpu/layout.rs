@@ -129,7 +129,7 @@ gpu_structs! {
     }
     /// An ellipsoid as an eye sees it; see `shaders/shared/ellipsoid.wgsl`.
     ViewBody {
-        /// First row of the map from view axes (m) to the body's axes, in semi-axes.
+        /// First row of the map from view axes, in units of `distance_m`, to the body's axes, in semi-axes.
         unit_from_view_x: [f32; 3],
         /// How far the middle is, m over the length of `centre`.
         distance_m: f32,

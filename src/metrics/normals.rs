@@ -1,6 +1,7 @@
-//! Normals out of pictures: a Lambert surface under three suns, one after the other, has three luminances, each in proportion to the
-//! cosine between the normal and the direction to that sun. The direction of the solution of the three equations is the normal; albedo,
-//! coverage and exposure are in its length (Woodham 1980, photometric stereo). Where a sun does not reach the surface there is none.
+//! Normals out of pictures: a Lambert surface under three suns, one after the other, has three luminances, each in
+//! proportion to the cosine between the normal and the direction to that sun. The direction of the solution of the
+//! three equations is the normal; albedo, coverage and exposure are in its length (Woodham 1980, photometric stereo).
+//! Where a sun does not reach the surface there is none.
 
 use glam::{DMat3, DVec3};
 

@@ -1,8 +1,9 @@
 //! Silhouettes: what two pictures of one thing cover, pixel by pixel, as shares from 0 to 1.
 //!
-//! The intersection over the union is the usual figure, but says little without the size: half a pixel along the outline of a disc of
-//! two pixels is far more of it than of a disc of a hundred. The mean displacement of the outline, in pixels, is the area that only one
-//! of both covers over the outline's length; it compares with bounds that are in pixels.
+//! The intersection over the union is the usual figure, but says little without the size: half a pixel along the
+//! outline of a disc of two pixels is far more of it than of a disc of a hundred. The mean displacement of the outline,
+//! in pixels, is the area that only one of both covers over the outline's length; it compares with bounds that are in
+//! pixels.
 
 use super::error::{MetricError, not_negative};
 
@@ -23,7 +24,8 @@ impl Overlap {
         self.both_px / self.either_px
     }
 
-    /// Mean displacement of the outline, px: the area that one alone covers, over the girth of a disc of the second one's area.
+    /// Mean displacement of the outline, px: the area that one alone covers, over the girth of a disc of the second
+    /// one's area.
     pub fn outline_px(&self) -> f64 {
         (self.either_px - self.both_px) / (2.0 * (std::f64::consts::PI * self.second_px).sqrt())
     }
@@ -32,8 +34,8 @@ impl Overlap {
 /// Compares the coverage of two pictures; the second one is the truth.
 ///
 /// # Errors
-/// [`MetricError::TooFew`] if the first has fewer pixels than the second or more, [`MetricError::NotPositive`] for a share that is
-/// negative or not finite, [`MetricError::NoLight`] if the second covers nothing.
+/// [`MetricError::TooFew`] if the first has fewer pixels than the second or more, [`MetricError::NotPositive`] for a
+/// share that is negative or not finite, [`MetricError::NoLight`] if the second covers nothing.
 pub fn overlap(first: &[f64], second: &[f64]) -> Result<Overlap, MetricError> {
     if first.len() != second.len() {
         return Err(MetricError::TooFew {

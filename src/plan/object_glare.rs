@@ -10,7 +10,7 @@ use crate::{
     photometry::{glare::GlareKernel, rec709::luminance},
     scene::{
         SceneObjects,
-        bodies::{SeenBody, hides, lights_on, suns},
+        bodies::{SeenBody, Sun, hides, lights_on},
     },
 };
 
@@ -82,7 +82,7 @@ fn sum_of(lights: impl Iterator<Item = [f64; 3]>) -> [f64; 3] {
 }
 
 /// What scatters in an eye at `eye_m`, world axes, of the bodies' `lights`: numbers of bodies and what they give, lx.
-pub fn body_sources(objects: &SceneObjects, eye_m: DVec3, lights: &[(usize, [f64; 3])]) -> Vec<Source> {
+pub fn body_sources(objects: &SceneObjects, eye_m: DVec3, lights: &[(usize, [f64; 3])], suns: &[Sun]) -> Vec<Source> {
     let mut brightest: Vec<&(usize, [f64; 3])> = lights.iter().filter(|(_, light)| luminance(*light) > 0.0).collect();
     brightest.sort_by(|(_, a), (_, b)| luminance(*b).total_cmp(&luminance(*a)));
     brightest.truncate(MOST_SOURCES);
@@ -90,7 +90,7 @@ pub fn body_sources(objects: &SceneObjects, eye_m: DVec3, lights: &[(usize, [f64
     let mut left = MOST_SOURCES - brightest.len();
     let mut sources = Vec::new();
     for (number, light) in brightest {
-        let Some(mut source) = of_body(objects, eye_m, *number, *light) else { continue };
+        let Some(mut source) = of_body(objects, eye_m, *number, *light, suns) else { continue };
         if source.parts.len() > left {
             source.parts.clear();
         }
@@ -101,7 +101,7 @@ pub fn body_sources(objects: &SceneObjects, eye_m: DVec3, lights: &[(usize, [f64
 }
 
 /// One body, but for what others hide of it; `None`: all of it.
-fn of_body(objects: &SceneObjects, eye_m: DVec3, number: usize, light: [f64; 3]) -> Option<Source> {
+fn of_body(objects: &SceneObjects, eye_m: DVec3, number: usize, light: [f64; 3], suns: &[Sun]) -> Option<Source> {
     let body = &objects.bodies[number];
     let offset_m = body.position_m - eye_m;
     let distance_m = offset_m.length();
@@ -119,7 +119,7 @@ fn of_body(objects: &SceneObjects, eye_m: DVec3, number: usize, light: [f64; 3])
         return one(axis);
     }
     let mut count = ((radius_rad / SPACING_RAD).powi(2).ceil() as usize).clamp(LEAST_PARTS, MOST_PARTS);
-    let lights = lights_on(body, &suns(objects));
+    let lights = lights_on(body, suns);
     let seen = SeenBody::new(body, eye_m, &lights, objects.time_s);
     let (right, up) = axis.any_orthonormal_pair();
     let golden_angle = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
@@ -168,7 +168,7 @@ mod tests {
     use super::*;
     use crate::{
         plan::bodies::illuminance_of,
-        scene::bodies::{Body, Preset},
+        scene::bodies::{Body, Preset, suns},
     };
 
     const AU_M: f64 = 1.495_978_707e11;
@@ -190,7 +190,7 @@ mod tests {
         let sun = Preset::Sun.body("sun", DVec3::X * AU_M);
         let moon = Preset::Moon.body("moon", DVec3::new(-3.8e8, 1e7, 0.0));
         let (objects, lights) = scene(vec![sun, moon]);
-        let sources = body_sources(&objects, DVec3::ZERO, &lights);
+        let sources = body_sources(&objects, DVec3::ZERO, &lights, &suns(&objects));
         assert_eq!(sources.len(), 2);
         for source in &sources {
             assert!(source.parts.len() >= LEAST_PARTS && source.parts.len() <= MOST_PARTS, "{}", source.parts.len());
@@ -209,7 +209,7 @@ mod tests {
             Preset::Moon.body(&format!("moon-{i}"), DVec3::new(angle.cos(), angle.sin(), f64::from(i) * 0.01) * 4e8)
         });
         let (objects, lights) = scene(moons.chain([Preset::Sun.body("sun", DVec3::X * AU_M)]).collect());
-        let sources = body_sources(&objects, DVec3::ZERO, &lights);
+        let sources = body_sources(&objects, DVec3::ZERO, &lights, &suns(&objects));
         let count: usize = sources.iter().map(|source| 1 + source.parts.len()).sum();
         assert!(count <= MOST_SOURCES && sources.len() > 190, "{count} of {}", sources.len());
         assert!(!sources[0].parts.is_empty() && sources.last().unwrap().parts.is_empty());
@@ -222,7 +222,7 @@ mod tests {
             let sun = Preset::Sun.body("sun", DVec3::X * AU_M);
             let moon = Preset::Moon.body("moon", DVec3::new(3.5e8, aside * 3.5e8 * 4.65e-3, 0.0));
             let (objects, lights) = scene(vec![sun, moon]);
-            light_of(&body_sources(&objects, DVec3::ZERO, &lights)) / luminance(lights[0].1)
+            light_of(&body_sources(&objects, DVec3::ZERO, &lights, &suns(&objects))) / luminance(lights[0].1)
         };
         assert!(share(0.0) < 1e-4, "{}", share(0.0));
         assert!((0.3..0.8).contains(&share(1.0)), "{}", share(1.0));

@@ -84,10 +84,15 @@ struct Light {
 /// Light that is no star's.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct OtherLight {
-    /// The most that each point of light gives to any of the eyes, lx.
-    pub points_lx: Vec<f64>,
+    /// What each point of light gives to each of the eyes, lx.
+    pub points_lx: Vec<Vec<f64>>,
     /// Bound of what comes from a crowd of faint points, lx.
     pub crowd_lx: f64,
+}
+
+/// The most of what the eyes get.
+fn most(per_eye_lx: &[f64]) -> f64 {
+    per_eye_lx.iter().copied().fold(0.0, f64::max)
 }
 
 /// Chooses the units for the stars of `visible` not fainter than `faintest_lx`, and for `other` light, for eyes at `eyes_pc` from the
@@ -100,8 +105,12 @@ pub fn choose(
     motion: Option<Motion>,
     other: &OtherLight,
 ) -> Ranges {
-    let total_lx: f64 =
-        visible.iter().map(|chunk| chunk.total_lx).chain(other.points_lx.iter().copied()).sum::<f64>() + other.crowd_lx;
+    let total_lx: f64 = visible
+        .iter()
+        .map(|chunk| chunk.total_lx)
+        .chain(other.points_lx.iter().map(|per_eye_lx| most(per_eye_lx)))
+        .sum::<f64>()
+        + other.crowd_lx;
     // In flight the light of every star has changed by a factor of its own: then the range alone decides.
     let faintest_star_lx = match motion {
         Some(_) => 0.0,
@@ -129,7 +138,9 @@ pub fn choose(
             })
         })
         .collect();
-    lights.extend(other.points_lx.iter().map(|lx| Light { most_lx: *lx, per_eye_lx: vec![*lx] }));
+    lights.extend(
+        other.points_lx.iter().map(|per_eye_lx| Light { most_lx: most(per_eye_lx), per_eye_lx: per_eye_lx.clone() }),
+    );
     lights.sort_by(|a, b| b.most_lx.total_cmp(&a.most_lx));
     let others_lx = by_brightness[searched..].iter().map(|chunk| chunk.total_lx).sum::<f64>() + other.crowd_lx;
     // What is fainter than each star, summed from the faintest on.

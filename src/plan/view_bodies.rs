@@ -79,13 +79,10 @@ pub struct BodyPlan {
 }
 
 impl PointSource {
-    /// The most that it gives to any eye, lx.
-    pub fn most_lx(&self, viewports: &[Viewport]) -> f64 {
-        let nearest = viewports
-            .iter()
-            .map(|viewport| (self.offset_m - viewport.eye_offset_m).length_squared())
-            .fold(f64::INFINITY, f64::min);
-        luminance(self.intensity_cd) / nearest
+    /// What it gives to an eye at `eye_m` from the camera, lx; nothing at its very place.
+    pub fn light_at_lx(&self, eye_m: DVec3) -> f64 {
+        let squared = (self.offset_m - eye_m).length_squared();
+        if squared > 0.0 { luminance(self.intensity_cd) / squared } else { 0.0 }
     }
 }
 
@@ -128,8 +125,8 @@ fn pixel_across_rad(viewport: &Viewport, direction: DVec3) -> f64 {
     across.unwrap_or_else(|| viewport.projection.middle_pixel_rad())
 }
 
-/// Plans the bodies for a camera at `camera_m`, world axes.
-pub fn plan_bodies(objects: &SceneObjects, camera_m: DVec3, viewports: &[Viewport]) -> BodyPlan {
+/// Plans the bodies for a camera at `camera_m`, world axes; points reach `margin_px` over the border of a picture.
+pub fn plan_bodies(objects: &SceneObjects, camera_m: DVec3, viewports: &[Viewport], margin_px: f64) -> BodyPlan {
     let suns = suns(objects);
     let mut plan = BodyPlan::default();
     for (index, viewport) in viewports.iter().enumerate() {
@@ -159,7 +156,7 @@ pub fn plan_bodies(objects: &SceneObjects, camera_m: DVec3, viewports: &[Viewpor
             let in_view = viewport.world_from_view.conjugate().mul_vec3(offset_m);
             let reach_rad = (largest_m / distance_m).min(1.0).asin();
             let mapping = viewport.projection.mapping();
-            let cone = mapping.bounding_cone(super::cull::SPLAT_MARGIN_PX);
+            let cone = mapping.bounding_cone(margin_px);
             if in_view.angle_between(cone.axis) > cone.half_angle_rad + reach_rad {
                 continue;
             }
@@ -183,7 +180,7 @@ pub fn plan_bodies(objects: &SceneObjects, camera_m: DVec3, viewports: &[Viewpor
         plan.in_view.push(in_view_of);
         let glare = match same {
             Some(other) => plan.glare[other].clone(),
-            None => body_sources(objects, eye_m, &lights),
+            None => body_sources(objects, eye_m, &lights, &suns),
         };
         plan.glare.push(glare);
         plan.lights.push(lights);

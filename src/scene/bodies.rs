@@ -21,7 +21,7 @@ use glam::{DQuat, DVec3};
 
 pub(super) use self::check::{check_albedo, check_position};
 pub use self::{
-    check::{BodyError, MOST_BODIES, check_name, check_names},
+    check::{BodyError, MOST_BODIES, MOST_SUNS, check_name, check_names, check_suns},
     preset::Preset,
     seen::{Hit, SeenBody, hides},
     suns::{Light, Sun, lights_on, mean_radius_m, suns},

@@ -241,9 +241,14 @@ impl proto::scene_service_server::SceneService for Service {
         scene.expect(expected).map_err(|error| unchanged(&error))?;
         let made = if update.places_asteroids() {
             // One after the other: each may take all cores and much memory.
-            let _permit = self.placing.acquire().await.map_err(|_| refused(Refused::Ending))?;
+            let permit = Arc::clone(&self.placing).acquire_owned().await.map_err(|_| refused(Refused::Ending))?;
             let scene = self.render.scene().map_err(refused)?;
-            let placed = task::spawn_blocking(move || update.make(&scene)).await;
+            let placing = move || {
+                // Until it is done, also if the caller does not wait for it.
+                let _permit = permit;
+                update.make(&scene)
+            };
+            let placed = task::spawn_blocking(placing).await;
             placed.map_err(|error| Status::internal(format!("placing asteroids failed: {error}")))?
         } else {
             update.make(&scene)

@@ -9,7 +9,7 @@ use glam::{DQuat, DVec3};
 use crate::scene::{
     SceneObjects,
     asteroids::{FieldParameters, FieldSpec, MadeField, ShapeSource, check_fields, make_fields},
-    bodies::{Body, MOST_BODIES, ReflectionLaw, Texture, check_names},
+    bodies::{Body, MOST_BODIES, ReflectionLaw, Texture, check_names, check_suns},
 };
 
 /// A body with the name of its texture.
@@ -290,6 +290,7 @@ impl Objects {
         let bodies = change.bodies.applied(&self.drawn.bodies, "bodies", |body| &body.name)?;
         check_names(bodies.iter().map(|body| body.name.as_str()), MOST_BODIES)
             .map_err(|(_, error)| format!("bodies: {error}"))?;
+        check_suns(bodies.iter().map(|body| body.as_ref())).map_err(|(_, error)| format!("bodies: {error}"))?;
         let made = change.fields.applied(&self.made, "asteroid_fields", |made| &made.spec.name)?;
         check_fields(made.iter().map(|made| made.spec.as_ref()))
             .map_err(|(_, error)| format!("asteroid_fields: {error}"))?;

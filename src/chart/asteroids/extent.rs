@@ -43,10 +43,12 @@ impl AsteroidExtent {
         }
     }
 
-    /// The numbers that were published, and further: on a software driver one, where there is a GPU with memory of its own up to
-    /// what it binds.
+    /// The numbers that were published, and further: on a software driver one, where there is a GPU with memory of its
+    /// own up to what it binds.
     pub(in crate::chart) fn full(discrete_gpu: bool) -> Self {
-        let mut instances: Vec<u32> = (1..=8).map(|quarters| quarters * 250_000).chain([4_000_000]).collect();
+        // Where a frame of many is not drawn, few tell how the time grows. 100 thousand were published too.
+        let mut instances = if discrete_gpu { vec![100_000] } else { vec![10_000, 30_000, 100_000] };
+        instances.extend((1..=8).map(|quarters| quarters * 250_000).chain([4_000_000]));
         if discrete_gpu {
             instances.extend([8_000_000, 16_000_000, 32_000_000, 64_000_000]);
         }

@@ -1,4 +1,5 @@
-//! The figures that were published with the method, as they stand there: frames per second of whole frames on other hardware.
+//! The figures that were published with the method, as they stand there: frames per second of whole frames on other
+//! hardware.
 
 use crate::{
     chart::{AsteroidMetric, Axis, Row},

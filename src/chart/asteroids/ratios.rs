@@ -1,5 +1,5 @@
-//! Ratios that say whether work is shared: of a field that no view sees to one that is seen, of culling for two eyes to one, of
-//! culling for the six faces of a cube to one equirectangular picture. Both sides of a ratio are drawn in turn.
+//! Ratios that say whether work is shared: of a field that no view sees to one that is seen, of culling for two eyes to
+//! one, of culling for the six faces of a cube to one equirectangular picture. Both sides of a ratio are drawn in turn.
 
 use super::{
     AsteroidExtent, Place,
@@ -19,7 +19,8 @@ use crate::{
 /// A ratio: name of the workload and of the metric, and what is compared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ratio {
-    /// Everything that a field takes.
+    /// Everything that a field takes but for the pass that puts layers into pictures, which goes by pixels and holds
+    /// bodies too.
     OutsideOverInside,
     /// Planning and culling.
     TwoEyesOverOne,
@@ -54,7 +55,7 @@ impl Ratio {
 
     fn of(self, parts: &Parts) -> f64 {
         match self {
-            Self::OutsideOverInside => parts.whole_ms(),
+            Self::OutsideOverInside => parts.whole_ms() - parts.geometry_ms,
             Self::TwoEyesOverOne | Self::SixFacesOverSky => parts.culling_ms(),
         }
     }

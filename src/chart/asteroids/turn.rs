@@ -100,7 +100,8 @@ impl Seen {
     }
 }
 
-/// A frame of a tiny picture that sees nothing, so that shapes and atlases are held and do not count, then the one that counts.
+/// A frame of a tiny picture that sees nothing, so that shapes and atlases are held and do not count, then the one that
+/// counts.
 pub fn turn(
     renderer: &mut Renderer,
     variant: &Variant,

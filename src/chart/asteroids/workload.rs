@@ -1,8 +1,9 @@
-//! What the axis `asteroids` draws: a box of asteroids whose volume stays while their number grows, seen from just outside.
+//! What the axis `asteroids` draws: a box of asteroids whose volume stays while their number grows, seen from just
+//! outside.
 //!
-//! The box is as wide as the flat view where it begins, so all of it is on screen; it reaches from [`NEAR_M`] to four times as far. Radii are spread
-//! so that the largest near ones show the finest level of detail, and the smallest far ones are points: nothing smaller, all levels
-//! shown. The sun stands at the side.
+//! The box is as wide as the flat view where it begins, so all of it is on screen; it reaches from [`NEAR_M`] to four
+//! times as far. Radii are spread so that the largest near ones show the finest level of detail, and the smallest far
+//! ones are points: nothing smaller, all levels shown. The sun stands at the side.
 
 use std::{path::Path, sync::Arc};
 

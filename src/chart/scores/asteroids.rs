@@ -1,6 +1,6 @@
-//! Scores of asteroids: what a method draws of single asteroids against meshes at the finest detail, by the same renderer with 4 x 4
-//! samples per pixel. Every asteroid has a cell of the picture to itself; rows of cells differ in size, the last ones are of the sizes at
-//! which the impostors of each method have just taken over.
+//! Scores of asteroids: what a method draws of single asteroids against meshes at the finest detail, by the same
+//! renderer with 4 x 4 samples per pixel. Every asteroid has a cell of the picture to itself; rows of cells differ in
+//! size, the last ones are of the sizes at which the impostors of each method have just taken over.
 //!
 //! - *silhouettes*: asteroids that reflect nothing before a body that shines; what is dark is covered;
 //! - *normals*: a Lambert surface in the light of three suns, one picture after the other (`metrics::normals`);

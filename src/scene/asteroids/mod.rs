@@ -36,7 +36,7 @@ pub use self::{
         Placement, STEEPEST_SIZE_INDEX,
     },
     shapes::{LEVEL_TRIANGLES, MOST_SHAPES, PROCEDURAL_SHAPES, surface_distance},
-    spec::{FieldSpec, MOST_FIELDS, MadeField, ShapeSource, SpecError, check_fields, make_fields},
+    spec::{FieldSpec, MOST_FIELDS, MOST_SETS, MadeField, ShapeSource, SpecError, check_fields, make_fields},
     tree::{Hit, MeshTree},
 };
 use super::bodies::ReflectionLaw;

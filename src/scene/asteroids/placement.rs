@@ -122,14 +122,17 @@ fn check_length(key: &'static str, value: f64, zero_allowed: bool) -> Result<(),
     Err(refused(key, value, format!("allowed is {from}, at most {LARGEST_EXTENT_M:e} m")))
 }
 
-/// Two values, the first above 0, the second not below it and at most `ratio` times as large.
+/// Smallest mean radius, m, and spin period, s.
+const LEAST_OF_RANGE: f64 = 1e-3;
+
+/// Two values, the first at least [`LEAST_OF_RANGE`], the second not below it and at most `ratio` times as large.
 fn check_range(key: &'static str, [low, high]: [f64; 2], ratio: f64) -> Result<(), FieldError> {
-    if low > 0.0 && low <= high && high <= LARGEST_EXTENT_M && high <= low * ratio {
+    if low >= LEAST_OF_RANGE && low <= high && high <= LARGEST_EXTENT_M && high <= low * ratio {
         return Ok(());
     }
     let allowed = format!(
-        "allowed are two numbers above 0, the smallest first, the largest at most {ratio} times as large and at most \
-         {LARGEST_EXTENT_M:e}"
+        "allowed are two numbers above 0, from {LEAST_OF_RANGE} on, the smallest first, the largest at most {ratio} times as large and \
+         at most {LARGEST_EXTENT_M:e}"
     );
     Err(refused(key, format!("[{low}, {high}]"), allowed))
 }

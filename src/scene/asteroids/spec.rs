@@ -117,16 +117,27 @@ impl FieldSpec {
     }
 }
 
+/// Most sets of shapes of a scene: each has meshes and an atlas of impostors of its own.
+pub const MOST_SETS: usize = 8;
+
 /// Checks that the fields of a scene have unique names and are not too many, nor their instances. The error comes with
 /// the place of the field at fault.
 pub fn check_fields<'a>(specs: impl Iterator<Item = &'a FieldSpec> + Clone) -> Result<(), (usize, BodyError)> {
     check_names(specs.clone().map(|spec| spec.name.as_str()), MOST_FIELDS)?;
     let mut all = 0;
+    let mut sets: Vec<&ShapeSource> = Vec::new();
     for (index, spec) in specs.enumerate() {
         all += u64::from(spec.parameters.instances);
         if all > u64::from(MOST_INSTANCES) {
             let problem = format!("{all} up to this field: allowed are {MOST_INSTANCES} in all fields of a scene");
             return Err((index, BodyError::new("instances", problem)));
+        }
+        if !sets.contains(&&spec.shapes) {
+            sets.push(&spec.shapes);
+        }
+        if sets.len() > MOST_SETS {
+            let problem = format!("another set of shapes: allowed are {MOST_SETS} in all fields of a scene");
+            return Err((index, BodyError::new("shapes", problem)));
         }
     }
     Ok(())

@@ -6,6 +6,8 @@ use super::Body;
 
 /// Most bodies of a scene.
 pub const MOST_BODIES: usize = 256;
+/// Most suns of a scene: every one of them lights every body, in every pixel.
+pub const MOST_SUNS: usize = 8;
 
 /// Farthest from the barycentre along each axis, m: squares of it, and of what it is divided by, stay within f64.
 const FARTHEST_M: f64 = 1e25;
@@ -62,6 +64,18 @@ pub fn check_names<'a>(names: impl Iterator<Item = &'a str>, most: usize) -> Res
         }
     }
     Ok(())
+}
+
+/// Checks that not too many bodies are suns. The error comes with the place of the first that is one too many.
+pub fn check_suns<'a>(bodies: impl Iterator<Item = &'a Body>) -> Result<(), (usize, BodyError)> {
+    let mut suns = bodies.enumerate().filter(|(_, body)| body.emission.is_some());
+    match suns.nth(MOST_SUNS) {
+        Some((index, body)) => {
+            let problem = format!("`{}` is one sun too many: allowed are {MOST_SUNS}", body.name);
+            Err((index, BodyError::new("emission", problem)))
+        }
+        None => Ok(()),
+    }
 }
 
 /// Checks a place.
@@ -181,6 +195,11 @@ mod tests {
 
     #[test]
     fn names_are_unique_and_counted() {
+        let sun = crate::scene::bodies::Preset::Sun.body("sun", DVec3::ZERO);
+        let moon = crate::scene::bodies::Preset::Moon.body("moon", DVec3::ZERO);
+        let bodies = |suns: usize| std::iter::repeat_n(&sun, suns).chain(std::iter::repeat_n(&moon, 9));
+        check_suns(bodies(MOST_SUNS)).unwrap();
+        assert!(check_suns(bodies(MOST_SUNS + 1)).unwrap_err().1.to_string().contains("allowed are 8"));
         check_names(["a", "b"].into_iter(), 2).unwrap();
         let (place, error) = check_names(["a", "b", "a"].into_iter(), 9).unwrap_err();
         assert!(place == 2 && error.to_string().contains("unique"), "{error}");

@@ -10,7 +10,10 @@ use super::{
         context::{CheckError, Context, worst},
         scenes::{cube, fisheye, rig, star},
     },
-    stage::{ALBEDO, Detail, Fault, Light, Posed, all_shapes, black, light_around_lx, scene, scene_of, silhouette, sun, window},
+    stage::{
+        ALBEDO, Detail, Fault, Light, Posed, all_shapes, black, light_around_lx, scene, scene_of, silhouette, sun,
+        window,
+    },
 };
 use crate::{
     catalogue::chunks::StarSet,
@@ -25,6 +28,8 @@ use crate::{
 
 /// Distance of the fields, m.
 const DISTANCE_M: f64 = 1000.0;
+/// Phase at which they are lit, rad.
+const PHASE_RAD: f64 = 0.7;
 
 /// Asteroids in a box of a side, m; those of one size are made once.
 fn instances(count: u32, side_m: f64, radius_m: [f64; 2]) -> Result<Arc<Instances>, CheckError> {
@@ -46,7 +51,8 @@ fn small() -> Result<Arc<Instances>, CheckError> {
     if let Some(known) = SMALL.get() {
         return Ok(known.clone());
     }
-    let made = instances(60, 200.0, [2.0, 6.0])?;
+    // They cover a hundredth of their box, so that hardly any hides another: points hide nothing.
+    let made = instances(12, 200.0, [2.0, 6.0])?;
     Ok(SMALL.get_or_init(|| made).clone())
 }
 
@@ -59,10 +65,10 @@ fn large() -> Result<Arc<Instances>, CheckError> {
     Ok(LARGE.get_or_init(|| made).clone())
 }
 
-/// A field in a direction, lit from 40 degrees behind the eye.
-fn lit(instances: Arc<Instances>, direction: DVec3, fault: Fault, bodies: Vec<Body>) -> SceneSnapshot {
+/// A field in a direction, lit at a phase.
+fn lit(instances: Arc<Instances>, direction: DVec3, phase_rad: f64, fault: Fault, bodies: Vec<Body>) -> SceneSnapshot {
     let direction = direction.normalize();
-    let to_sun = DQuat::from_axis_angle(direction.any_orthonormal_vector(), 0.7) * -direction;
+    let to_sun = DQuat::from_axis_angle(direction.any_orthonormal_vector(), phase_rad) * -direction;
     let field = AsteroidField {
         name: "field".to_owned(),
         position_m: direction * DISTANCE_M + DVec3::X * fault.shift,
@@ -95,11 +101,10 @@ pub(in crate::verify) fn light(context: &mut Context<'_>) -> Result<Vec<Figure>,
     const WINDOWS: [(&str, f64); 5] =
         [("fine", 3e-4), ("medium", 8e-4), ("coarse", 2e-3), ("points", 6e-3), ("far", 3e-2)];
     let windows = WINDOWS.map(|(name, pixel_rad)| (name, window((0.3 / pixel_rad).ceil() as u32, pixel_rad, 0.0)));
-    let (settings, finest) = (context.settings.asteroids.clone(), context.finest());
+    let finest = context.finest();
+    // Edges, which are sampled, count as little as they can.
+    let settings = AsteroidSettings { samples: 4, ..context.settings.asteroids.clone() };
     let truth_rig = rig([windows[0].clone()])?;
-    let truth_scene = lit(small()?, DVec3::NEG_Z, context.object_fault, Vec::new());
-    let truth_lx = light_lx(context, &truth_scene, &truth_rig, DVec3::NEG_Z, finest)?[0];
-    let scene = lit(small()?, DVec3::NEG_Z, Fault::NONE, Vec::new());
     let ahead: Vec<(&str, ViewKind)> = vec![
         ("cube", cube(256)),
         ("equidistant", fisheye(256, FisheyeMapping::Equidistant, 170.0)),
@@ -108,11 +113,21 @@ pub(in crate::verify) fn light(context: &mut Context<'_>) -> Result<Vec<Figure>,
     ];
     let kinds: Vec<(&str, ViewKind)> = windows.into_iter().chain(ahead).collect();
     let names: Vec<&str> = kinds.iter().map(|(name, _)| *name).collect();
-    let light = light_lx(context, &scene, &rig(kinds)?, DVec3::NEG_Z, settings)?;
-    let error = |(name, light): (&&str, f64)| {
-        Figure::at_most(format!("error of light, {name}"), (light / truth_lx - 1.0).abs(), 0.02, "relative")
-    };
-    Ok(names.iter().zip(light).map(error).collect())
+    let rig = rig(kinds)?;
+    let mut figures = Vec::new();
+    // At full phase all of an outline is equally bright, so a point has the very light of its outline. Else a point shines as a sphere
+    // does, and single shapes by some tenths more or less; of twelve the mean errs by some per cent.
+    for (phase, phase_rad, limit) in [("full phase", 1e-3, 0.02), ("40 deg phase", PHASE_RAD, 0.05)] {
+        let truth_scene = lit(small()?, DVec3::NEG_Z, phase_rad, context.object_fault, Vec::new());
+        let truth_lx = light_lx(context, &truth_scene, &truth_rig, DVec3::NEG_Z, finest.clone())?[0];
+        let scene = lit(small()?, DVec3::NEG_Z, phase_rad, Fault::NONE, Vec::new());
+        let light = light_lx(context, &scene, &rig, DVec3::NEG_Z, settings.clone())?;
+        figures.extend(names.iter().zip(light).map(|(name, light)| {
+            let error = (light / truth_lx - 1.0).abs();
+            Figure::at_most(format!("error of light, {phase}, {name}"), error, limit, "relative")
+        }));
+    }
+    Ok(figures)
 }
 
 /// Large asteroids over the edges and corners of a cube, the date line and a pole of an equirectangular picture, and the rim of two round
@@ -136,45 +151,56 @@ pub(in crate::verify) fn seams(context: &mut Context<'_>) -> Result<Vec<Figure>,
     };
     let views = kinds().map(|(name, kind, orientation)| View::new(name, kind, orientation, DVec3::ZERO));
     let rig_of_all = Rig::new(views.into_iter().collect::<Result<_, _>>()?)?;
-    let (settings, finest) = (context.settings.asteroids.clone(), context.finest());
+    let finest = context.finest();
+    // Edges, which are sampled, do not count.
+    let settings = AsteroidSettings { samples: 4, ..context.settings.asteroids.clone() };
     let mut figures = Vec::new();
     for (name, direction) in places {
         let direction = direction.normalize();
         let look = DQuat::from_rotation_arc(DVec3::NEG_Z, direction);
         let flat = View::new("flat", window(320, 3e-3, 0.0), look, DVec3::ZERO)?;
-        let truth_scene = lit(large()?, direction, context.object_fault, Vec::new());
+        let truth_scene = lit(large()?, direction, PHASE_RAD, context.object_fault, Vec::new());
         let truth_lx = light_lx(context, &truth_scene, &Rig::new(vec![flat])?, direction, finest.clone())?[0];
-        let scene = lit(large()?, direction, Fault::NONE, Vec::new());
+        let scene = lit(large()?, direction, PHASE_RAD, Fault::NONE, Vec::new());
         let of = light_lx(context, &scene, &rig_of_all, direction, settings.clone())?;
-        let errors = [of[0], of[1], of[2] + of[3]].map(|light| (light / truth_lx - 1.0).abs());
-        figures.push(Figure::at_most(format!("error of light over the {name}"), worst(errors), 0.02, "relative"));
+        for (kind, light) in [("cube", of[0]), ("equirectangular", of[1]), ("two domes", of[2] + of[3])] {
+            let error = (light / truth_lx - 1.0).abs();
+            // The rim of a round picture is a staircase: a pixel belongs to it with its middle, as a whole.
+            let on_rim = kind == "two domes" && direction.z.abs() < 0.5;
+            let limit = if on_rim { 0.04 } else { 0.02 };
+            figures.push(Figure::at_most(format!("error of light over the {name}, {kind}"), error, limit, "relative"));
+        }
     }
     Ok(figures)
 }
 
 /// Asteroids before and behind a body, and stars behind an asteroid: as meshes, impostors and points.
 pub(in crate::verify) fn occlusion(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckError> {
-    let kinds = || [("meshes", 1e-3), ("impostors", 2e-3), ("points", 8e-3)].map(|(name, p)| (name, window((0.3 / p) as u32, p, 0.0)));
+    let kinds = || {
+        let pixels = [("fine-asteroids", 1e-3), ("coarse-asteroids", 2e-3), ("points", 8e-3)];
+        pixels.map(|(name, pixel_rad)| (name, window((0.3 / pixel_rad) as u32, pixel_rad, 0.0)))
+    };
     let rig_of_windows = rig(kinds())?;
-    let open_lx = context.light_lx(&lit(small()?, DVec3::NEG_Z, Fault::NONE, Vec::new()), &rig_of_windows)?;
+    let open_lx =
+        context.light_lx(&lit(small()?, DVec3::NEG_Z, PHASE_RAD, Fault::NONE, Vec::new()), &rig_of_windows)?;
     // Before them it covers all of them, behind them nothing.
     let radius = context.object_fault.radius;
     let body = |distance_m: f64, radius_m: f64| black("body", DVec3::NEG_Z * distance_m, DVec3::splat(radius_m));
-    let before = lit(small()?, DVec3::NEG_Z, Fault::NONE, vec![body(700.0, 160.0 / radius)]);
-    let behind = lit(small()?, DVec3::NEG_Z, Fault::NONE, vec![body(3000.0, 1000.0)]);
+    let before = lit(small()?, DVec3::NEG_Z, PHASE_RAD, Fault::NONE, vec![body(700.0, 160.0 / radius)]);
+    let behind = lit(small()?, DVec3::NEG_Z, PHASE_RAD, Fault::NONE, vec![body(3000.0, 1000.0)]);
     let [before, behind] = [context.light_lx(&before, &rig_of_windows)?, context.light_lx(&behind, &rig_of_windows)?];
     let share = |light: &[f64]| light.iter().zip(&open_lx).map(|(light, open)| light / open).collect::<Vec<_>>();
-    let changed = worst(share(&behind).into_iter().map(|share| (share - 1.0).abs()));
-    let mut figures = vec![
-        Figure::at_most("light of asteroids behind a body", worst(share(&before)), 1e-3, "of all"),
-        Figure::at_most("change of asteroids before a body", changed, 0.01, "relative"),
-    ];
+    let mut figures = vec![Figure::at_most("light of asteroids behind a body", worst(share(&before)), 1e-3, "of all")];
+    for ((name, _), share) in kinds().into_iter().zip(share(&behind)) {
+        let change = (share - 1.0).abs();
+        figures.push(Figure::at_most(format!("change of {name} before a body"), change, 0.01, "relative"));
+    }
 
     // A grid of stars behind one asteroid: as a mesh, and where its impostor stands alone.
     let single = rig([("window", window(96, 2e-3, 0.0))])?;
     let image = &single.views()[0].images[0];
     let detail = Detail::new(&context.settings.asteroids, &image.projection, DVec3::NEG_Z, 0.0);
-    for (name, distance_m) in [("mesh", 0.6 * detail.nearest_m()), ("impostor", detail.nearest_m())] {
+    for (name, distance_m) in [("a mesh", 0.6 * detail.nearest_m()), ("an impostor", detail.nearest_m())] {
         let pose = Posed { place_m: DVec3::NEG_Z * distance_m, camera_from_shape: DQuat::from_rotation_x(1.0) };
         let kept = context.settings.asteroids.clone();
         context.settings.asteroids.samples = 4;
@@ -203,7 +229,7 @@ pub(in crate::verify) fn occlusion(context: &mut Context<'_>) -> Result<Vec<Figu
         let [with, without] = [context.light_lx(&with, &single)?[0], context.light_lx(&without, &single)?[0]];
         let lost = (1.0 - with / without) * all;
         let error = (lost / hidden - 1.0).abs();
-        figures.push(Figure::at_most(format!("light of the stars behind a {name}"), error, 0.03, "relative"));
+        figures.push(Figure::at_most(format!("light of the stars behind {name}"), error, 0.03, "relative"));
     }
     Ok(figures)
 }

@@ -11,9 +11,8 @@ use super::{
 };
 use crate::view::{Rig, View, ViewKind};
 
-/// Pixel of the windows, rad, and pixels along a side.
+/// Pixel of the windows, rad.
 const PIXEL_RAD: f64 = 1e-3;
-const SIDE: u32 = 48;
 /// Orientations of the asteroid that are looked at.
 const ORIENTATIONS: usize = 6;
 /// How far the eyes move aside, m: half of the asteroid's mean radius.
@@ -43,8 +42,7 @@ fn movements() -> Vec<Movement> {
         eye_m: DVec3::ZERO,
         off_axis_rad: degrees.to_radians(),
     };
-    let aside =
-        |name, x: f64| Movement { name, turn: DQuat::IDENTITY, eye_m: DVec3::X * x, off_axis_rad: 0.0 };
+    let aside = |name, x: f64| Movement { name, turn: DQuat::IDENTITY, eye_m: DVec3::X * x, off_axis_rad: 0.0 };
     vec![
         still,
         roll("rolled by 90 deg", 90.0),
@@ -60,8 +58,10 @@ fn movements() -> Vec<Movement> {
 /// the head: a quarter turn of a square picture back is exact.
 pub(in crate::verify) fn moves(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckError> {
     let movements = movements();
+    // As large as the quality, which draws impostors near, asks for; an even number, so that the axis lies between pixels.
+    let side = 2 * (24.0 / context.settings.asteroids.quality.min(1.0)).ceil() as u32;
     let view = |index: usize, movement: &Movement| {
-        let kind: ViewKind = window(SIDE, PIXEL_RAD, movement.off_axis_rad);
+        let kind: ViewKind = window(side, PIXEL_RAD, movement.off_axis_rad);
         View::new(&format!("head-{index}"), kind, movement.turn, movement.eye_m)
     };
     let views = movements.iter().enumerate().map(|(index, movement)| view(index, movement));
@@ -89,7 +89,7 @@ pub(in crate::verify) fn moves(context: &mut Context<'_>) -> Result<Vec<Figure>,
             differing[number].push(1.0 - iou(&of_drawn, &silhouette(truth, of, to_asteroid, within_rad)?));
             silhouettes.push(of_drawn);
         }
-        turned.push(1.0 - iou(&silhouettes[0], &rolled_back(&silhouettes[1], SIDE as usize)));
+        turned.push(1.0 - iou(&silhouettes[0], &rolled_back(&silhouettes[1], side as usize)));
     }
     let of = |(movement, differing): (&Movement, Vec<f64>)| {
         Figure::at_most(format!("1 - IoU, {}", movement.name), worst(differing), 0.05, "")
@@ -104,7 +104,7 @@ pub(in crate::verify) fn moves(context: &mut Context<'_>) -> Result<Vec<Figure>,
 fn rolled_back(pixels: &[f64], side: usize) -> Vec<f64> {
     let at = |x: usize, y: usize| pixels.get(y * side + x).copied().unwrap_or(f64::NAN);
     // Upright (x, y) is seen at the same place from the axes that have turned: right of it is up.
-    (0..side * side).map(|index| at(side - 1 - index / side, index % side)).map(|value| value).collect()
+    (0..side * side).map(|index| at(side - 1 - index / side, index % side)).collect()
 }
 
 #[cfg(test)]

@@ -111,14 +111,8 @@ pub fn bound_m() -> f64 {
 fn one() -> Arc<Instances> {
     static ONE: OnceLock<Arc<Instances>> = OnceLock::new();
     let make = || {
-        let asteroid = Asteroid {
-            offset_m: Vec3::ZERO,
-            radius_over_largest: 1.0,
-            shape: 0,
-            axis: DVec3::Z,
-            phase: 0,
-            rate: 0,
-        };
+        let asteroid =
+            Asteroid { offset_m: Vec3::ZERO, radius_over_largest: 1.0, shape: 0, axis: DVec3::Z, phase: 0, rate: 0 };
         let group = Node {
             middle_m: DVec3::ZERO,
             radius_m: bound_m() * (1.0 + 1e-6),
@@ -319,12 +313,7 @@ pub fn light_and_middle(image: &FrameImage, mapping: &dyn PlaneMapping) -> Resul
 }
 
 /// Light of every view around a direction in camera axes, lx; of one eye.
-pub fn light_around_lx(
-    frame: &Frame,
-    rig: &Rig,
-    direction: DVec3,
-    reach_rad: f64,
-) -> Result<Vec<f64>, CheckError> {
+pub fn light_around_lx(frame: &Frame, rig: &Rig, direction: DVec3, reach_rad: f64) -> Result<Vec<f64>, CheckError> {
     let mut light = vec![0.0; rig.views().len()];
     for (image, of) in images(frame, rig) {
         let view = hdr_view(image, of.projection.mapping())?.turned(of.camera_from_view);

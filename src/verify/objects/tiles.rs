@@ -58,9 +58,7 @@ pub(in crate::verify) fn tiles(context: &mut Context<'_>) -> Result<Vec<Figure>,
     let mut shown = BTreeSet::new();
     for orientation in orientations(4 * ORIENTATIONS) {
         shown.extend(match layout {
-            AtlasLayout::Euler => {
-                Some(euler::tile(euler::Angles::of(orientation), tiles, euler::Rounding::Up))
-            }
+            AtlasLayout::Euler => Some(euler::tile(euler::Angles::of(orientation), tiles, euler::Rounding::Up)),
             AtlasLayout::Octahedral => Some(octahedral::nearest(orientation.transpose() * DVec3::Z, tiles)),
         });
     }
@@ -72,7 +70,12 @@ pub(in crate::verify) fn tiles(context: &mut Context<'_>) -> Result<Vec<Figure>,
         Figure::at_most("greatest", greatest_aside, bound_deg, "deg"),
         Figure::informative("tiles shown", shown.len() as f64, ""),
         Figure::at_most("share never shown", 1.0 - shown.len() as f64 / all, 0.0, ""),
-        Figure::at_most("tilted by 0.06 deg near a pole, the atlas is entered", swing_deg(method, tiles), 0.1, "deg further"),
+        Figure::at_most(
+            "tilted by 0.06 deg near a pole, the atlas is entered",
+            swing_deg(method, tiles),
+            0.1,
+            "deg further",
+        ),
         Figure::at_most("narrower 35 deg off the axis", narrower(method), 0.01, "relative"),
     ])
 }

@@ -84,14 +84,16 @@ struct Scene {
     tumbles: Vec<Tumble>,
 }
 
-fn scenes() -> [Scene; 3] {
+/// With windows as large as the quality, which draws impostors near, asks for.
+fn scenes(quality: f64) -> [Scene; 3] {
+    let side = (44.0 / quality.min(1.0)).ceil() as u32;
     // The middle of a dome: a whole one with pixels as fine is large.
     let dome = ViewKind::DomeMaster { size: 192, fov_rad: 0.5 * PI, tilt_rad: 0.0 };
-    let off_axis = window(44, PIXEL_RAD, 30.0_f64.to_radians());
+    let off_axis = window(side, PIXEL_RAD, 30.0_f64.to_radians());
     let both = vec![Tumble::over_poles(PLACES / 3), Tumble::oblique()];
     let poles = |steps: usize| vec![Tumble::over_poles(steps)];
     [
-        Scene { name: "window", kind: window(44, PIXEL_RAD, 0.0), off_axis_deg: 0.0, tumbles: both },
+        Scene { name: "window", kind: window(side, PIXEL_RAD, 0.0), off_axis_deg: 0.0, tumbles: both },
         Scene { name: "30 deg off the axis", kind: off_axis, off_axis_deg: 30.0, tumbles: poles(PLACES / 3) },
         Scene { name: "dome", kind: dome, off_axis_deg: 35.0, tumbles: poles(6) },
     ]
@@ -100,7 +102,7 @@ fn scenes() -> [Scene; 3] {
 /// 24: per step of half a degree the silhouette against that of the finest mesh, and how far it changes.
 pub(in crate::verify) fn tumbles(context: &mut Context<'_>) -> Result<Vec<Figure>, CheckError> {
     let mut figures = Vec::new();
-    for Scene { name, kind, off_axis_deg, tumbles } in scenes() {
+    for Scene { name, kind, off_axis_deg, tumbles } in scenes(context.settings.asteroids.quality) {
         let (sin, cos) = off_axis_deg.to_radians().sin_cos();
         let direction = DVec3::new(sin, 0.0, -cos);
         for (far, times) in [("", 1.0), (", twice as far", 2.0)] {

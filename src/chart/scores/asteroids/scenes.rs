@@ -13,7 +13,6 @@ use crate::{
             classes::{Class, ClassRules},
             views::{DirectionTable, PictureBounds, eye_distance_m, impostor_reach},
         },
-        cull::SPLAT_MARGIN_PX,
         settings::{AsteroidSettings, ImpostorMethod},
     },
     scene::{
@@ -99,7 +98,7 @@ impl AsteroidScenes {
                 finest_only: false,
             })
             .collect();
-        let bounds = PictureBounds::new(first, SPLAT_MARGIN_PX, Arc::clone(&table), None);
+        let bounds = PictureBounds::new(first, 0.0, Arc::clone(&table), None);
         let (mut cells, mut fields) = (Vec::new(), Vec::new());
         let offsets: Vec<DVec2> = sub_pixel_positions(SIDE * SIDE).collect();
         for row in 0..RADII_PX.len() + rules.len() {

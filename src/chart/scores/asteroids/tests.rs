@@ -9,8 +9,8 @@ fn scenes(view: ViewShape) -> AsteroidScenes {
     AsteroidScenes::new(view, &settings).unwrap()
 }
 
-/// Pictures of balls: dark before a background of 2, and lit by the three suns. `grown` changes radii by a factor, `moved` moves them in
-/// the second image, `tilt` turns normals.
+/// Pictures of balls: dark before a background of 2, and lit by the three suns. `grown` changes radii by a factor,
+/// `moved` moves them in the second image, `tilt` turns normals.
 fn shown(scenes: &AsteroidScenes, grown: f64, moved: f64, tilt: f64, dimmed: f64) -> Shown {
     let directions = scenes.lit.each_ref().map(|scene| scene.objects.bodies[0].position_m.normalize());
     let image = |index: usize, sun: Option<usize>| -> Pixels {

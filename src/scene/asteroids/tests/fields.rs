@@ -313,6 +313,7 @@ fn refusals_name_the_key_and_what_is_allowed() {
         (FieldParameters { radius_m: [2.0, 1.0], ..good }, "radius_m = [2, 1]", "smallest first"),
         (FieldParameters { radius_m: [1.0, 1001.0], ..good }, "radius_m = [1, 1001]", "1000 times"),
         (FieldParameters { radius_m: [0.0, 1.0], ..good }, "radius_m", "above 0"),
+        (FieldParameters { radius_m: [1e-170, 1e-170], ..good }, "radius_m", "from 0.001 on"),
         (FieldParameters { size_index: -1.0, ..good }, "size_index = -1", "0 to 10"),
         (FieldParameters { size_index: f64::NAN, ..good }, "size_index = NaN", "0 to 10"),
         (FieldParameters { spin_period_s: [1.0, f64::NAN], ..good }, "spin_period_s", "above 0"),
