@@ -2,37 +2,13 @@
 // takes a group and goes through the planes it is linked to. Run twice: the first time it counts, per plane and kind of list, how many
 // entries the group has; after asteroid_offsets.wgsl has turned counts into places, the second time writes the entries. Places follow from counts in
 // the order of groups and asteroids, so lists are the same from run to run.
-// Needs math.wgsl, viewport.wgsl, projection.wgsl, asteroid_instance.wgsl and asteroid_class.wgsl. The twin is src/plan/asteroids/cpu_cull.rs.
-
-struct AsteroidCullParameters {
-    items: u32,
-    row: u32,
-    kinds: u32,
-    buckets: u32,
-    capacity: u32,
-    mesh_kinds: u32,
-    unused_0: u32,
-    unused_1: u32,
-}
+// Needs math.wgsl, viewport.wgsl, projection.wgsl, asteroid_instance.wgsl, asteroid_class.wgsl and asteroid_lists.wgsl. The twin is src/plan/asteroids/cpu_cull.rs.
 
 struct AsteroidLink {
     plane: u32,
     column: u32,
     faces: u32,
     unused_0: u32,
-}
-
-struct AsteroidPlane {
-    view: u32,
-    face: u32,
-    first_count: u32,
-    columns: u32,
-}
-
-struct AsteroidEntry {
-    instance: u32,
-    item: u32,
-    fade: f32,
 }
 
 @group(0) @binding(0) var<uniform> parameters: AsteroidCullParameters;
@@ -56,7 +32,6 @@ override WRITES: bool = false;
 
 const GROUP: u32 = 256u;
 const WHOLE_PICTURE: u32 = 6u;
-const SEAM_BIT: u32 = 2147483648u;
 // Kinds of a field: meshes, impostors, and those seen at all.
 const MAX_LOCAL: u32 = 1282u;
 const NOWHERE: u32 = 4294967295u;

@@ -1,16 +1,5 @@
 // Where every list begins, and the arguments of its draw. One workgroup. Lists that would end beyond the room there is draw nothing;
-// totals[0], the length of all lists together, tells.
-
-struct AsteroidCullParameters {
-    items: u32,
-    row: u32,
-    kinds: u32,
-    buckets: u32,
-    capacity: u32,
-    mesh_kinds: u32,
-    unused_0: u32,
-    unused_1: u32,
-}
+// totals[0], the length of all lists together, tells. Needs asteroid_lists.wgsl.
 
 @group(0) @binding(0) var<uniform> parameters: AsteroidCullParameters;
 @group(0) @binding(1) var<storage, read_write> totals: array<u32>;

@@ -1,23 +1,5 @@
 // Turns the counts of every list, group by group, into places within the list, and writes its total. A workgroup takes a list.
-// Needs nothing else.
-
-struct AsteroidCullParameters {
-    items: u32,
-    row: u32,
-    kinds: u32,
-    buckets: u32,
-    capacity: u32,
-    mesh_kinds: u32,
-    unused_0: u32,
-    unused_1: u32,
-}
-
-struct AsteroidPlane {
-    view: u32,
-    face: u32,
-    first_count: u32,
-    columns: u32,
-}
+// Needs asteroid_lists.wgsl.
 
 @group(0) @binding(0) var<uniform> parameters: AsteroidCullParameters;
 @group(0) @binding(1) var<storage, read> planes: array<AsteroidPlane>;

@@ -1,6 +1,6 @@
 // Drawing asteroids out of the lists that culling left, onto a picture or a face of the cube behind it. What meshes and impostors share:
 // where an asteroid stands, how it is turned and lit, where a place lands on the target, how it fades.
-// Needs math.wgsl, viewport.wgsl, projection.wgsl and asteroid_instance.wgsl; reflection.wgsl has how surfaces reflect.
+// Needs math.wgsl, viewport.wgsl, projection.wgsl, asteroid_instance.wgsl and asteroid_lists.wgsl; reflection.wgsl has how surfaces reflect.
 //
 // Depth is near / distance, greater is nearer: on flat pictures and faces by the distance along the axis, which hardware divides by, on
 // others by the distance from the eye.
@@ -28,12 +28,6 @@ struct AsteroidBucket {
     unused_2: u32,
 }
 
-struct AsteroidEntry {
-    instance: u32,
-    item: u32,
-    fade: f32,
-}
-
 @group(0) @binding(0) var<uniform> asteroid_target: AsteroidTarget;
 @group(0) @binding(1) var<uniform> bucket: AsteroidBucket;
 @group(0) @binding(2) var<storage, read> items: array<AsteroidItem>;
@@ -42,8 +36,6 @@ struct AsteroidEntry {
 @group(0) @binding(5) var<storage, read> entries: array<AsteroidEntry>;
 @group(0) @binding(6) var<storage, read> bases: array<u32>;
 @group(0) @binding(7) var<storage, read> shapes: array<AsteroidShape>;
-
-const SEAM_BIT: u32 = 2147483648u;
 
 // An asteroid, in view axes.
 struct Asteroid {

@@ -1,6 +1,8 @@
 //! Shader sources of impostors: baking their atlases, and drawing them.
 
-use super::shaders::{ASTEROID, ASTEROID_INSTANCE, MATH, PROJECTION, REFLECTION, ShaderSource, VIEWPORT};
+use super::shaders::{
+    ASTEROID, ASTEROID_INSTANCE, ASTEROID_LISTS, MATH, PROJECTION, REFLECTION, ShaderSource, VIEWPORT,
+};
 
 const BAKE: &str = include_str!("../../shaders/shared/impostor_bake.wgsl");
 const IMPOSTOR: &str = include_str!("../../shaders/shared/impostor.wgsl");
@@ -16,16 +18,16 @@ pub enum AsteroidSource {
 }
 
 impl AsteroidSource {
-    fn text(self) -> [&'static str; 2] {
+    fn text(self) -> [&'static str; 3] {
         match self {
-            Self::Lists => [ASTEROID_INSTANCE, ASTEROID],
-            Self::Given => ["", include_str!("../../shaders/shared/asteroid_given.wgsl")],
+            Self::Lists => [ASTEROID_INSTANCE, ASTEROID_LISTS, ASTEROID],
+            Self::Given => ["", "", include_str!("../../shaders/shared/asteroid_given.wgsl")],
         }
     }
 
     fn module(self, name: &'static str, entry_point: &'static str, own: &str) -> ShaderSource {
-        let [instance, asteroid] = self.text();
-        let text = [VIEWPORT, MATH, PROJECTION, REFLECTION, instance, asteroid, IMPOSTOR, TILES, own].concat();
+        let [instance, lists, asteroid] = self.text();
+        let text = [VIEWPORT, MATH, PROJECTION, REFLECTION, instance, lists, asteroid, IMPOSTOR, TILES, own].concat();
         ShaderSource { name, entry_point, text, needs_u64: false }
     }
 }

@@ -34,6 +34,7 @@ const GLARE_SCALE: &str = include_str!("../../shaders/shared/glare_scale.wgsl");
 const GLARE_CONE: &str = include_str!("../../shaders/shared/glare_cone.wgsl");
 pub(super) const ASTEROID_INSTANCE: &str = include_str!("../../shaders/shared/asteroid_instance.wgsl");
 const ASTEROID_CLASS: &str = include_str!("../../shaders/shared/asteroid_class.wgsl");
+pub(super) const ASTEROID_LISTS: &str = include_str!("../../shaders/shared/asteroid_lists.wgsl");
 pub(super) const ASTEROID: &str = include_str!("../../shaders/shared/asteroid.wgsl");
 const PIXEL_GRID: &str = include_str!("../../shaders/shared/pixel_grid.wgsl");
 const SPLAT: &str = include_str!("../../shaders/shared/splat.wgsl");
@@ -339,19 +340,19 @@ pub fn glare_combine() -> ShaderSource {
 /// Culling and detail of asteroids: counts and lists.
 pub fn asteroid_cull() -> ShaderSource {
     let cull = include_str!("../../shaders/asteroid_cull.wgsl");
-    let text = [VIEWPORT, MATH, PROJECTION, ASTEROID_INSTANCE, ASTEROID_CLASS, cull].concat();
+    let text = [VIEWPORT, MATH, PROJECTION, ASTEROID_INSTANCE, ASTEROID_CLASS, ASTEROID_LISTS, cull].concat();
     ShaderSource { name: "asteroid cull", entry_point: "cull", text, needs_u64: false }
 }
 
 /// Turns counts of asteroids into places in their lists.
 pub fn asteroid_scan() -> ShaderSource {
-    let text = include_str!("../../shaders/asteroid_scan.wgsl").to_owned();
+    let text = [ASTEROID_LISTS, include_str!("../../shaders/asteroid_scan.wgsl")].concat();
     ShaderSource { name: "asteroid scan", entry_point: "scan", text, needs_u64: false }
 }
 
 /// Places the lists of asteroids and writes the arguments of their draws.
 pub fn asteroid_offsets() -> ShaderSource {
-    let text = include_str!("../../shaders/asteroid_offsets.wgsl").to_owned();
+    let text = [ASTEROID_LISTS, include_str!("../../shaders/asteroid_offsets.wgsl")].concat();
     ShaderSource { name: "asteroid offsets", entry_point: "place_lists", text, needs_u64: false }
 }
 
@@ -369,7 +370,7 @@ pub fn asteroid_points(wide: bool) -> ShaderSource {
 
 /// What every shader that draws asteroids begins with.
 fn asteroid_drawing(name: &'static str, entry_point: &'static str, own: &str) -> ShaderSource {
-    let text = [VIEWPORT, MATH, PROJECTION, REFLECTION, ASTEROID_INSTANCE, ASTEROID, own].concat();
+    let text = [VIEWPORT, MATH, PROJECTION, REFLECTION, ASTEROID_INSTANCE, ASTEROID_LISTS, ASTEROID, own].concat();
     ShaderSource { name, entry_point, text, needs_u64: false }
 }
 
