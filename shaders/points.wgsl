@@ -1,7 +1,7 @@
 // The point pass: bodies too small for a disc, and groups of asteroids too small to be told apart, splatted in illuminance as stars are.
 //
 // One invocation takes one point, into all tiles that may see it. Needs viewport.wgsl, math.wgsl, projection.wgsl, pixel_grid.wgsl,
-// splat.wgsl with what that needs, occlusion.wgsl and point_light.wgsl.
+// splat.wgsl with what that needs, and occlusion.wgsl.
 
 struct PointParameters {
     // Fixed-point units per lux.
@@ -64,6 +64,21 @@ fn splat_points(@builtin(global_invocation_id) id: vec3<u32>) {
         if !(illuminance >= parameters.faintest_lx && illuminance < parameters.brightest_lx) {
             continue;
         }
-        splat_light(tile, viewport, unit, light, distance_m - point.radius, parameters.units_per_lx, index);
+        let direction = vec3(
+            dot(unit, viewport.view_from_world_x.xyz),
+            dot(unit, viewport.view_from_world_y.xyz),
+            dot(unit, viewport.view_from_world_z.xyz));
+        let projected = pixel_from_direction(viewport, direction);
+        let margin = select(1.5, viewport.gaussian_reach_px, illuminance >= viewport.gaussian_from_lx);
+        let first_row = f32(tile.first_row);
+        if !(illuminance > 0.0) || projected.z == 0.0 || any(projected.xy < vec2(0.0, first_row) - margin)
+            || any(projected.xy > vec2(f32(viewport.size.x), first_row + f32(tile.rows)) + margin) {
+            continue;
+        }
+        let visible = visible_share(tile, viewport, direction, projected.xy, distance_m - point.radius);
+        if visible > 0.0 {
+            let scale = illuminance * visible * parameters.units_per_lx;
+            splat(tile, viewport, direction, projected.xy, illuminance, light / illuminance, scale, index);
+        }
     }
 }

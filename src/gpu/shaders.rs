@@ -75,8 +75,7 @@ pub fn geometry() -> ShaderSource {
 
 /// The point pass: points of light that are no stars.
 pub fn points(wide: bool) -> ShaderSource {
-    let point_light = include_str!("../../shaders/shared/point_light.wgsl");
-    let text = [&splatting(wide), point_light, include_str!("../../shaders/points.wgsl")].concat();
+    let text = [&splatting(wide), include_str!("../../shaders/points.wgsl")].concat();
     ShaderSource {
         name: if wide { "points u64" } else { "points u32" },
         entry_point: "splat_points",
