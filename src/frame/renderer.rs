@@ -35,7 +35,11 @@ use crate::{
         view_bodies::{BodyPlan, plan_bodies},
     },
     relativity::Motion,
-    scene::{SceneObjects, SceneSnapshot, asteroids::AsteroidField, bodies::suns},
+    scene::{
+        SceneObjects, SceneSnapshot,
+        asteroids::AsteroidField,
+        bodies::{Sun, suns},
+    },
     units::{PARSEC_M, illuminance_lx_from_magnitude},
     view::{Rig, Viewport},
 };
@@ -332,9 +336,11 @@ impl Renderer {
             Vec::new()
         };
         let cull_ms = start.elapsed().as_secs_f64() * 1e3;
+        let suns = suns(&snapshot.objects);
         let mut bodies = (!snapshot.objects.is_empty())
-            .then(|| plan_bodies(&snapshot.objects, camera.position_m, &viewports, margin_px));
-        let asteroids = self.plan_asteroids(&snapshot.objects, settings, &viewports, margin_px, camera.position_m)?;
+            .then(|| plan_bodies(&snapshot.objects, &suns, camera.position_m, &viewports, margin_px));
+        let asteroids =
+            self.plan_asteroids(&snapshot.objects, &suns, settings, &viewports, margin_px, camera.position_m)?;
         if let (Some(bodies), Some(asteroids)) = (&mut bodies, &asteroids) {
             bodies.points.extend(asteroids.cut.unresolved.iter().map(|node| node.point));
         }
@@ -343,7 +349,7 @@ impl Renderer {
             if let (Some(bodies), Some(kernel)) = (&mut bodies, self.glare.kernel()) {
                 bodies.keep_own_glare(kernel, settings.glare.fraction_scattered());
             }
-            clouds = clouds_of(&snapshot.objects, camera.position_m, &viewports);
+            clouds = clouds_of(&snapshot.objects, &suns, camera.position_m, &viewports);
         }
         let eyes_pc = distinct_eyes_pc(&viewports);
         let eyes_m: Vec<DVec3> = eyes_pc.iter().map(|eye| *eye * PARSEC_M).collect();
@@ -390,6 +396,7 @@ impl Renderer {
     fn plan_asteroids(
         &mut self,
         objects: &SceneObjects,
+        suns: &[Sun],
         settings: &RenderSettings,
         viewports: &[Viewport],
         margin_px: f64,
@@ -400,18 +407,26 @@ impl Renderer {
             return Ok(None);
         }
         self.asteroids.hold(&self.gpu, objects, &settings.asteroids)?;
-        self.asteroids.plan(&self.gpu, objects, &settings.asteroids, viewports, margin_px, camera_m, &suns(objects))
+        self.asteroids.plan(&self.gpu, objects, &settings.asteroids, viewports, margin_px, camera_m, suns)
     }
 }
 
 /// What fields of asteroids scatter in the eye of each viewport; nothing where there are none.
-fn clouds_of(objects: &SceneObjects, camera_m: DVec3, viewports: &[Viewport]) -> Vec<Vec<Cloud>> {
+fn clouds_of(objects: &SceneObjects, suns: &[Sun], camera_m: DVec3, viewports: &[Viewport]) -> Vec<Vec<Cloud>> {
     if objects.fields.is_empty() {
         return Vec::new();
     }
     let fields: Vec<&AsteroidField> = objects.fields.iter().map(Arc::as_ref).collect();
-    let suns = suns(objects);
-    viewports.iter().map(|viewport| field_clouds(&fields, camera_m + viewport.eye_offset_m, &suns)).collect()
+    let mut clouds: Vec<Vec<Cloud>> = Vec::with_capacity(viewports.len());
+    for (index, viewport) in viewports.iter().enumerate() {
+        // Eyes at one place see the same.
+        let same = viewports[..index].iter().position(|other| other.eye_offset_m == viewport.eye_offset_m);
+        clouds.push(match same {
+            Some(other) => clouds[other].clone(),
+            None => field_clouds(&fields, camera_m + viewport.eye_offset_m, suns),
+        });
+    }
+    clouds
 }
 
 /// The exposure that a frame will be metered at, as far as the stars' positions tell: good to a fraction of a stop.

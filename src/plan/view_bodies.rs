@@ -14,7 +14,7 @@ use crate::{
     photometry::{glare::GlareKernel, rec709::luminance},
     scene::{
         SceneObjects,
-        bodies::{Body, Sun, lights_on, suns},
+        bodies::{Body, Sun, lights_on},
     },
     view::{
         Viewport,
@@ -125,9 +125,14 @@ fn pixel_across_rad(viewport: &Viewport, direction: DVec3) -> f64 {
     across.unwrap_or_else(|| viewport.projection.middle_pixel_rad())
 }
 
-/// Plans the bodies for a camera at `camera_m`, world axes; points reach `margin_px` over the border of a picture.
-pub fn plan_bodies(objects: &SceneObjects, camera_m: DVec3, viewports: &[Viewport], margin_px: f64) -> BodyPlan {
-    let suns = suns(objects);
+/// Plans the bodies, lit by `suns` (those of the scene), for a camera at `camera_m`, world axes; points reach `margin_px` over the border of a picture.
+pub fn plan_bodies(
+    objects: &SceneObjects,
+    suns: &[Sun],
+    camera_m: DVec3,
+    viewports: &[Viewport],
+    margin_px: f64,
+) -> BodyPlan {
     let mut plan = BodyPlan::default();
     for (index, viewport) in viewports.iter().enumerate() {
         let eye_m = camera_m + viewport.eye_offset_m;
@@ -139,7 +144,7 @@ pub fn plan_bodies(objects: &SceneObjects, camera_m: DVec3, viewports: &[Viewpor
                 .bodies
                 .iter()
                 .enumerate()
-                .map(|(body, of)| (body, illuminance_of(of, eye_m, &suns, objects.time_s)))
+                .map(|(body, of)| (body, illuminance_of(of, eye_m, suns, objects.time_s)))
                 .collect(),
         };
         let mut seen: Vec<BodyDisc> = Vec::new();
@@ -172,7 +177,7 @@ pub fn plan_bodies(objects: &SceneObjects, camera_m: DVec3, viewports: &[Viewpor
                 });
             }
             if part > 0.0 {
-                seen.push(body_disc(light.0, body, in_view, viewport, unit_from_world, part, &suns));
+                seen.push(body_disc(light.0, body, in_view, viewport, unit_from_world, part, suns));
             }
         }
         seen.sort_by(|a, b| surface_m(objects, a).total_cmp(&surface_m(objects, b)));
@@ -180,7 +185,7 @@ pub fn plan_bodies(objects: &SceneObjects, camera_m: DVec3, viewports: &[Viewpor
         plan.in_view.push(in_view_of);
         let glare = match same {
             Some(other) => plan.glare[other].clone(),
-            None => body_sources(objects, eye_m, &lights, &suns),
+            None => body_sources(objects, eye_m, &lights, suns),
         };
         plan.glare.push(glare);
         plan.lights.push(lights);
