@@ -3,7 +3,7 @@
 //! A frame flows one way through the modules, in the order in which they stand here:
 //! `catalogue` and `config` make a `scene`; `view` turns configured views into a flat list of viewports; `plan` chooses a
 //! method for each technique; `gpu` and `passes` draw; `reference` is the same in f64 on the CPU; `metrics` judges
-//! images; `frame` runs it all; `verify` proves it and `chart` times and scores every method; `output` and `service` hand
+//! images; `frame` runs it all; `verify` proves it and `chart` times and scores every method; `output`, `service` and `xr` hand
 //! frames out. `docs/architecture.md` tells the whole story.
 
 pub mod coordinates;
@@ -36,5 +36,6 @@ pub mod verify;
 
 pub mod output;
 pub mod service;
+pub mod xr;
 
 pub mod cli;

@@ -6,6 +6,7 @@
 //! the numbers of the published methods of glare,
 //! `travel` says what motion does to the light of stars, and `frame_plan` puts them together.
 
+pub mod adaptation;
 pub mod asteroids;
 pub mod billboard;
 pub mod bodies;
@@ -15,6 +16,7 @@ mod frame_plan;
 mod glare;
 pub mod glare_pyramid;
 pub mod glare_sky;
+mod headset;
 mod kernels;
 pub mod object_glare;
 pub mod range;

@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 pub use super::{
     asteroids::{AsteroidSettings, Culling, ImpostorMethod},
     glare::{GlareMethod, GlareSettings, PyramidWeights},
+    headset::{AfterExit, HeadsetSettings, ReferenceSpace, SwapchainFormat, SwapchainLayout},
     star_method::{Accumulator, MethodSource, StarMethod},
     star_settings::{
         BillboardSettings, CellSkySettings, GaussianPsfSettings, PixelGaussianSettings, PsfTextureSettings,

@@ -22,7 +22,6 @@ mod client_scene;
 mod convert;
 mod convert_objects;
 mod engine;
-mod exposure;
 mod frames;
 mod handlers;
 mod objects;

@@ -18,7 +18,6 @@ use tokio::sync::{oneshot, watch};
 
 use super::{
     engine::{Engine, EngineError},
-    exposure::Adaptation,
     objects::Objects,
     scene::{MadeUpdate, SceneError, SceneState},
     schedule::{Pace, Shown},
@@ -26,7 +25,10 @@ use super::{
 };
 use crate::{
     frame::Wanted,
-    plan::settings::{RenderSettings, StarMethod},
+    plan::{
+        adaptation::Adaptation,
+        settings::{RenderSettings, StarMethod},
+    },
     scene::{Camera, PoseError, SceneSnapshot},
     verify::{Check, CheckResult},
     view::Rig,

@@ -65,6 +65,19 @@ impl Fov {
     }
 }
 
+/// An eye behind a lens of a headset.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Eye {
+    /// Width and height of its image, pixels.
+    pub size: [u32; 2],
+    /// Edges of what it sees.
+    pub fov: Fov,
+    /// Rotation from the eye's axes (+x right, +y up, looking -z) to those of the room.
+    pub room_from_eye: DQuat,
+    /// Its place in the room, m.
+    pub position_m: DVec3,
+}
+
 /// What a view shows, before it is divided into images.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ViewKind {
@@ -92,6 +105,11 @@ pub enum ViewKind {
         fov_left: Fov,
         /// Edges of the right eye.
         fov_right: Fov,
+    },
+    /// The eyes in a headset, left and right, each with a pose of its own, in a room whose axes are those of the view.
+    Headset {
+        /// Left and right.
+        eyes: [Eye; 2],
     },
     /// Square faces of 90 degrees.
     Cubemap {
@@ -131,6 +149,7 @@ impl ViewKind {
         match self {
             ViewKind::Perspective { .. } | ViewKind::OffAxis { .. } => "perspective",
             ViewKind::Stereo { .. } => "stereo",
+            ViewKind::Headset { .. } => "headset",
             ViewKind::Cubemap { .. } => "cubemap",
             ViewKind::Fisheye { .. } => "fisheye",
             ViewKind::DomeMaster { .. } => "dome_master",
@@ -240,6 +259,14 @@ fn images_of(name: &str, kind: &ViewKind, orientation: DQuat, position_m: DVec3)
                     Ok(image(part, off_axis(*size, *fov).map_err(wrong)?, orientation, eye))
                 })
                 .collect()
+        }
+        ViewKind::Headset { eyes } => {
+            let parts = [Part::LeftEye, Part::RightEye];
+            let images = parts.into_iter().zip(eyes).map(|(part, eye)| {
+                let place = position_m + orientation * eye.position_m;
+                Ok(image(part, off_axis(eye.size, eye.fov).map_err(wrong)?, orientation * eye.room_from_eye, place))
+            });
+            images.collect()
         }
         ViewKind::Cubemap { face_size, faces } => {
             if faces.is_empty() {

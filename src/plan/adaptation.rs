@@ -1,7 +1,7 @@
 //! Adaptation of the exposure over time: the exposure value approaches the metered one by 1 - exp(-dt/tau), which does not
 //! depend on how the time is cut into frames. Exposure values are EV at ISO 100, times seconds.
 
-use crate::plan::settings::{ExposureMode, ExposureSettings};
+use super::settings::{ExposureMode, ExposureSettings};
 
 /// Closer than this to the metered value the exposure counts as adapted, EV.
 const CONVERGED_EV: f64 = 0.01;
@@ -10,7 +10,7 @@ const ADAPTED_AFTER: f64 = 5.0;
 
 /// The state of one eye that looks at all views.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Adaptation {
+pub struct Adaptation {
     /// What the eye is adapted to.
     current: Option<f64>,
     /// What the last frame asked for.
@@ -25,7 +25,7 @@ impl Adaptation {
     /// and no frame was rendered meanwhile: the eye has looked at the new picture for that time, and where it is long
     /// enough, it is adapted to it (`None`) and not to the picture before. Shortly after the last frame, as in a stream, the
     /// goal is the last one known, which lags by that frame.
-    pub(super) fn exposure(&self, dt_s: f64, changed: bool, settings: &ExposureSettings) -> Option<f64> {
+    pub fn exposure(&self, dt_s: f64, changed: bool, settings: &ExposureSettings) -> Option<f64> {
         let tau_s = settings.adaptation_s;
         let adapts = settings.mode == ExposureMode::Auto && tau_s > 0.0 && !(changed && dt_s >= ADAPTED_AFTER * tau_s);
         let (Some(current), Some(metered), true) = (self.current, self.metered, adapts) else { return None };
@@ -35,7 +35,7 @@ impl Adaptation {
 
     /// Takes note of a frame: the exposure it had and the one it asks for. A value that is not finite (a frame without any
     /// light that counts) leaves the goal where it was.
-    pub(super) fn observe(&mut self, exposure_ev100: f64, metered_ev100: f64) {
+    pub fn observe(&mut self, exposure_ev100: f64, metered_ev100: f64) {
         if metered_ev100.is_finite() {
             self.metered = Some(metered_ev100);
         }
@@ -45,7 +45,7 @@ impl Adaptation {
     }
 
     /// Whether another frame of the same scene would have the same exposure.
-    pub(super) fn converged(&self, settings: &ExposureSettings) -> bool {
+    pub fn converged(&self, settings: &ExposureSettings) -> bool {
         match (self.current, self.metered, settings.mode) {
             (Some(current), Some(metered), ExposureMode::Auto) => (metered - current).abs() <= CONVERGED_EV,
             _ => true,
