@@ -1,8 +1,9 @@
 //! A frame: one snapshot of the scene in many views at once.
 //!
 //! [`Renderer::render`] plans on the CPU (which chunks each viewport may see, tiles, fixed-point units), records all passes
-//! of all viewports into one submission, waits, and reads back what was asked for. Nothing of a frame depends on the frame
-//! before it but the exposure that the caller hands in.
+//! of all viewports into one submission, waits, and reads back what was asked for. [`Renderer::submit`] and [`Renderer::finish`] are its
+//! two halves, for callers that have better to do than to wait, and draw images into textures too. Nothing of a frame depends on the
+//! frame before it but the exposure that the caller hands in.
 
 mod asteroids;
 mod blended;
@@ -19,15 +20,20 @@ mod impostor_tests;
 mod impostor_texels;
 #[cfg(test)]
 mod pass_tests;
+mod presentation;
 mod published;
 mod read;
 mod record;
 mod renderer;
 mod star_buffers;
+mod submit;
 
 use serde::Serialize;
 
-pub use self::{asteroids::AsteroidCounts, error::RenderError, renderer::Renderer};
+pub use self::{
+    asteroids::AsteroidCounts, error::RenderError, presentation::Presentation, renderer::Renderer,
+    submit::SubmittedFrame,
+};
 use crate::{plan::FramePlan, view::Part};
 
 /// One image of a frame.
@@ -87,9 +93,10 @@ pub struct FrameTimes {
     pub gpu_ms: Option<f64>,
     /// Culling on the CPU, part of `plan_ms`.
     pub cull_ms: f64,
-    /// From submission to the end of the readback.
+    /// From submission to the end of the readback, as far as the caller waited for it: without the time between
+    /// [`Renderer::submit`] and [`Renderer::finish`].
     pub gpu_and_readback_ms: f64,
-    /// All of [`Renderer::render`].
+    /// All of [`Renderer::render`], or of [`Renderer::submit`] and [`Renderer::finish`] together, without the time between them.
     pub total_ms: f64,
 }
 

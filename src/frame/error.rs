@@ -3,6 +3,7 @@
 use super::impostor_atlas::ImpostorAtlasError;
 use crate::{
     gpu::GpuError,
+    passes::present::PRESENT_FORMATS,
     photometry::{glare::GlareKernelError, psf::PsfError},
 };
 
@@ -125,6 +126,38 @@ pub enum RenderError {
         /// How many views there are.
         views: usize,
     },
+    /// A texture is to be drawn into whose image there is not.
+    #[error("presentation of image {viewport}: the views have {images} images in all")]
+    NoSuchImage {
+        /// Index of the image.
+        viewport: usize,
+        /// How many there are.
+        images: usize,
+    },
+    /// A texture is not as large as its image.
+    #[error(
+        "view `{view}`: an image of {} x {} pixels cannot be drawn into a texture of {} x {}",
+        image[0], image[1], texture[0], texture[1]
+    )]
+    PresentationSize {
+        /// The view's name.
+        view: String,
+        /// Width and height of the texture, pixels.
+        texture: [u32; 2],
+        /// Width and height of the image, pixels.
+        image: [u32; 2],
+    },
+    /// A texture has a format that images cannot be drawn into.
+    #[error("view `{view}`: images cannot be drawn into textures of format {format:?}: allowed are {PRESENT_FORMATS}")]
+    PresentationFormat {
+        /// The view's name.
+        view: String,
+        /// The texture's format.
+        format: wgpu::TextureFormat,
+    },
+    /// Another frame was begun before this one was finished.
+    #[error("the frame was thrown away: another one was begun before it was finished")]
+    Abandoned,
     /// The device failed.
     #[error(transparent)]
     Gpu(#[from] GpuError),

@@ -3,17 +3,17 @@
 use super::{
     AsteroidCounts, Frame, FrameImage, FrameTimes, ViewStatistics,
     error::RenderError,
-    record::Places,
     renderer::{DISPLAY_BYTES, Prepared, Renderer},
+    submit::SubmittedFrame,
 };
 use crate::{
     gpu::layout,
     passes::stars::{FIRST_VIEW_COUNTER, OVERFLOW_COUNTER},
-    view::Rig,
 };
 
 impl Renderer {
-    pub(super) fn read(&mut self, prepared: &Prepared, rig: &Rig, places: &Places) -> Result<Frame, RenderError> {
+    pub(super) fn read(&mut self, submitted: &SubmittedFrame) -> Result<Frame, RenderError> {
+        let SubmittedFrame { prepared, places, views: names, .. } = submitted;
         let Self { gpu, readback, timer, asteroids, .. } = self;
         let gpu = &*gpu;
         let counters: Vec<u32> = readback.read(gpu, places.counters, places.counter_count)?;
@@ -57,7 +57,7 @@ impl Renderer {
                 hdr.extend(red_green.iter().zip(&blue_omega).map(|([r, g], [b, omega])| [*r, *g, *b, *omega]));
             }
         }
-        let mut views = statistics(prepared, rig, &counters, &passes_ms);
+        let mut views = statistics(prepared, names, &counters, &passes_ms);
         if let (Some(plan), Some(places)) = (&prepared.asteroids, places.asteroids) {
             let counts = asteroids.read_counts(gpu, readback, places, plan, views.len())?;
             views.iter_mut().zip(counts).for_each(|(view, counts)| view.asteroids = counts);
@@ -80,7 +80,7 @@ impl Renderer {
 /// Stars drawn and GPU time of each view: the star pass is shared by stars drawn, the passes over pixels by pixels.
 fn statistics(
     prepared: &Prepared,
-    rig: &Rig,
+    names: &[String],
     counters: &[u32],
     passes_ms: &[(&'static str, f64)],
 ) -> Vec<ViewStatistics> {
@@ -92,12 +92,12 @@ fn statistics(
         let of_view = prepared.viewports.iter().filter(|viewport| viewport.view == view);
         of_view.map(|viewport| viewport.size().map(f64::from).iter().product::<f64>()).sum()
     };
-    let all_pixels: f64 = (0..rig.views().len()).map(pixels_of).sum::<f64>().max(1.0);
-    rig.views()
+    let all_pixels: f64 = (0..names.len()).map(pixels_of).sum::<f64>().max(1.0);
+    names
         .iter()
         .enumerate()
-        .map(|(index, view)| ViewStatistics {
-            name: view.name.clone(),
+        .map(|(index, name)| ViewStatistics {
+            name: name.clone(),
             stars_drawn: u64::from(drawn[index]),
             stars_in_map: 0,
             asteroids: AsteroidCounts::default(),

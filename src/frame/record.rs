@@ -7,6 +7,7 @@ use super::{
     geometry::encode_points,
     glare::{GlareBatch, GlareFrame},
     glare_sky::SkyScene,
+    presentation::{Outputs, record_presentation},
     published::PackedFrame,
     renderer::{BatchBuffers, DISPLAY_BYTES, Prepared, Renderer},
     star_buffers::{Items, build_items},
@@ -59,7 +60,7 @@ impl Renderer {
         snapshot: &SceneSnapshot,
         rig: &Rig,
         settings: &RenderSettings,
-        wanted: &[Wanted],
+        outputs: &Outputs<'_>,
         adapted_ev100: Option<f64>,
     ) -> Recorded {
         while self.batch_buffers.len() < prepared.batches.len() {
@@ -139,9 +140,9 @@ impl Renderer {
         let known_ev100 = settings.exposure.known_ev100(adapted_ev100);
         let glare_method = settings.glare.chosen(method);
         let glares = glare_method != GlareMethod::None;
-        let any = |batch: &Batch, what: &dyn Fn(Wanted) -> bool| {
-            batch.tiles.iter().any(|tile| what(wanted[prepared.viewports[tile.viewport].view]))
-        };
+        let made = outputs.made(&prepared.viewports);
+        let any =
+            |batch: &Batch, what: &dyn Fn(Wanted) -> bool| batch.tiles.iter().any(|tile| what(made[tile.viewport]));
         for (index, batch) in prepared.batches.iter().enumerate() {
             let buffers = &mut batch_buffers[index];
             let bytes = batch.pixels * BYTES_PER_PIXEL;
@@ -347,6 +348,20 @@ impl Renderer {
             self.tone_map_pass.record(gpu, &mut pass, &settings.tone_map, &target, grid_of(prepared, batch));
         }
 
+        for presentation in outputs.presentations {
+            record_presentation(
+                gpu,
+                &mut encoder,
+                timer,
+                &mut self.present_pass,
+                prepared,
+                batch_buffers,
+                &exposure,
+                &settings.tone_map,
+                presentation,
+            );
+        }
+
         if let Some(frame) = &blended_frame {
             let count = prepared.viewports.len() as u32;
             blended.record_count(gpu, &mut encoder, frame, (&viewports, count), &counters);
@@ -356,7 +371,7 @@ impl Renderer {
         let mut needed = 1024 + GpuTimer::readback_bytes() + 16 * counter_count as u64;
         for viewport in &prepared.viewports {
             let pixels = viewport.size().map(u64::from).iter().product::<u64>() + 64;
-            let Wanted { display, hdr, .. } = wanted[viewport.view];
+            let Wanted { display, hdr, .. } = outputs.wanted[viewport.view];
             needed += pixels * (u64::from(display) * DISPLAY_BYTES + u64::from(hdr) * BYTES_PER_PIXEL) + 4096;
         }
         needed += prepared.asteroids.as_ref().map_or(0, Asteroids::count_bytes);
@@ -367,7 +382,7 @@ impl Renderer {
                 let viewport = &prepared.viewports[tile.viewport];
                 let count = u64::from(tile.rows) * u64::from(viewport.size()[0]);
                 let first = u64::from(tile.first_pixel);
-                let Wanted { display, hdr, .. } = wanted[viewport.view];
+                let Wanted { display, hdr, .. } = outputs.wanted[viewport.view];
                 let mut copy = |buffer: &mut GrowingBuffer, room: u64, first_byte: u64, bytes: u64| {
                     let source = buffer.with_room(gpu, room).clone();
                     readback.copy(gpu, &mut encoder, &source, first_byte, bytes)

@@ -1,15 +1,11 @@
 //! The renderer: what it holds from frame to frame, and the plan of a frame. `record` turns the plan into commands, `read`
-//! takes the results back.
+//! takes the results back, and `submit` is the order of it all.
 
-use std::{
-    sync::Arc,
-    time::{Duration, Instant},
-};
+use std::{sync::Arc, time::Instant};
 
 use glam::DVec3;
 
 use super::{
-    Frame, Wanted,
     asteroids::{AsteroidPlan, Asteroids},
     blended::{self, Blended},
     error::RenderError,
@@ -17,11 +13,14 @@ use super::{
     glare::Glare,
     published::Published,
     star_buffers::{ItemBuffers, StarBuffers},
+    submit::InFlight,
 };
 use crate::{
     catalogue::chunks::StarSet,
-    gpu::{AdapterReport, Gpu, GpuError, GpuTimer, GrowingBuffer, ReadbackBuffer, encode_viewport, layout},
-    passes::{exposure::ExposurePass, resolve::ResolvePass, stars::StarPass, tone_map::ToneMapPass},
+    gpu::{AdapterReport, Gpu, GpuTimer, GrowingBuffer, ReadbackBuffer, encode_viewport, layout},
+    passes::{
+        exposure::ExposurePass, present::PresentPass, resolve::ResolvePass, stars::StarPass, tone_map::ToneMapPass,
+    },
     plan::{
         asteroids::glare::field_clouds,
         cull::{CullSettings, MAX_VIEWPORTS, SPLAT_MARGIN_PX, VisibleChunk, distinct_eyes_pc, visible_chunks},
@@ -29,7 +28,7 @@ use crate::{
         object_glare::Cloud,
         plan_stars,
         range::{self, OtherLight, Ranges},
-        settings::{Accumulator, ExposureSettings, GlareMethod, RenderSettings, StarMethod},
+        settings::{Accumulator, AsteroidSettings, ExposureSettings, GlareMethod, RenderSettings, StarMethod},
         tiles::{BYTES_PER_PIXEL, Batch, batches},
         travel,
         view_bodies::{BodyPlan, plan_bodies},
@@ -48,8 +47,6 @@ use crate::{
 const MAX_FRAME_BYTES: u64 = 12 << 30;
 /// What a pixel takes at most: sums (or HDR image) and display image, on the adapter, in readback and in the frame.
 const FRAME_BYTES_PER_PIXEL: u64 = 3 * (BYTES_PER_PIXEL + DISPLAY_BYTES) + BYTES_PER_PIXEL / 2;
-/// How long the device may take for a frame before it counts as lost.
-const FRAME_TIMEOUT: Duration = Duration::from_secs(600);
 /// Bytes of a pixel of the display image.
 pub(super) const DISPLAY_BYTES: u64 = 4;
 
@@ -82,6 +79,7 @@ pub struct Renderer {
     pub(super) resolve_pass: ResolvePass,
     pub(super) exposure_pass: ExposurePass,
     pub(super) tone_map_pass: ToneMapPass,
+    pub(super) present_pass: PresentPass,
     pub(super) published: Published,
     pub(super) blended: Blended,
     pub(super) geometry: Geometry,
@@ -94,6 +92,8 @@ pub struct Renderer {
     pub(super) partial_sums: GrowingBuffer,
     pub(super) readback: ReadbackBuffer,
     pub(super) frames: u64,
+    /// The frame that has been submitted and not finished.
+    pub(super) in_flight: Option<InFlight>,
     /// Whether chunks outside of every view are left out; false only to measure what that saves.
     pub culling: bool,
     /// Factor on the fixed-point units: 1. Tests raise it to provoke an overflow.
@@ -136,6 +136,7 @@ impl Renderer {
             resolve_pass: ResolvePass::new(&gpu),
             exposure_pass: ExposurePass::new(&gpu),
             tone_map_pass: ToneMapPass::new(&gpu),
+            present_pass: PresentPass::new(),
             published: Published::new(),
             blended: Blended::new(),
             geometry: Geometry::new(&gpu),
@@ -148,6 +149,7 @@ impl Renderer {
             partial_sums: GrowingBuffer::new("partial sums", usage),
             readback: ReadbackBuffer::new("readback"),
             frames: 0,
+            in_flight: None,
             culling: true,
             unit_factor: 1.0,
             catalogue_order: None,
@@ -192,7 +194,7 @@ impl Renderer {
 
     /// Whether the texture that methods which blend draw the largest image into leaves room for the images themselves: for a
     /// fisheye of a few degrees it is a cube's face as fine as the picture, far larger than the picture.
-    fn check_blended(&self, rig: &Rig) -> Result<(), RenderError> {
+    pub(super) fn check_blended(&self, rig: &Rig) -> Result<(), RenderError> {
         let images = || rig.views().iter().flat_map(|view| view.images.iter().map(move |image| (view, image)));
         let pixels: u64 =
             images().map(|(_, image)| image.projection.mapping().size().map(u64::from).iter().product::<u64>()).sum();
@@ -206,7 +208,7 @@ impl Renderer {
     }
 
     /// Whether bodies and asteroids can be drawn with a star method, as the camera moves.
-    fn check_objects(&self, snapshot: &SceneSnapshot, method: StarMethod) -> Result<(), RenderError> {
+    pub(super) fn check_objects(&self, snapshot: &SceneSnapshot, method: StarMethod) -> Result<(), RenderError> {
         if snapshot.objects.is_empty() {
             return Ok(());
         }
@@ -223,74 +225,9 @@ impl Renderer {
         Ok(())
     }
 
-    /// Draws all views of `rig`. `wanted` says per view what to read back. With automatic exposure, `adapted_ev100` is
-    /// the exposure to show the frame with; without it the frame is shown as fully adapted.
-    pub fn render(
-        &mut self,
-        snapshot: &SceneSnapshot,
-        rig: &Rig,
-        settings: &RenderSettings,
-        wanted: &[Wanted],
-        adapted_ev100: Option<f64>,
-    ) -> Result<Frame, RenderError> {
-        let start = Instant::now();
-        self.check(rig)?;
-        if wanted.len() != rig.views().len() {
-            return Err(RenderError::WantedCount { given: wanted.len(), views: rig.views().len() });
-        }
-        let method = settings.stars.method;
-        if snapshot.camera.velocity_c != DVec3::ZERO && method.accumulator() != Accumulator::FixedPoint {
-            return Err(RenderError::AtRestOnly(method.name()));
-        }
-        self.check_objects(snapshot, method)?;
-        if method.accumulator() == Accumulator::Blending {
-            self.check_blended(rig)?;
-        }
-        if method == StarMethod::PsfTexture {
-            self.blended.hold_psf(&settings.stars.psf_texture)?;
-        }
-        if settings.glare.chosen(method) == GlareMethod::SkyCube {
-            if !method.draws_catalogue() {
-                return Err(RenderError::GlareOfCatalogue(method.name()));
-            }
-            self.glare.hold_kernel(&settings.glare)?;
-        }
-        self.hold_stars(method, &snapshot.stars);
-        let prepared = match self.prepare(snapshot, rig, settings, adapted_ev100) {
-            Ok(prepared) => prepared,
-            Err(error) => {
-                // Whatever could not be made or filled must not be used again.
-                self.forget_buffers();
-                return Err(error);
-            }
-        };
-        let recorded = self.record(&prepared, snapshot, rig, settings, wanted, adapted_ev100);
-        let plan_ms = start.elapsed().as_secs_f64() * 1e3;
-        self.gpu.queue.submit([recorded.commands]);
-        self.readback.map(&self.gpu);
-        let wait = wgpu::PollType::Wait { submission_index: None, timeout: Some(FRAME_TIMEOUT) };
-        let waited = self.gpu.device.poll(wait).map_err(GpuError::Lost);
-        let read = self.gpu.take_failure().map_err(RenderError::from).and_then(|()| {
-            waited?;
-            self.read(&prepared, rig, &recorded.places)
-        });
-        self.readback.unmap(&self.gpu);
-        if let Err(RenderError::Gpu(_)) = &read {
-            // Whatever could not be made or filled must not be used again.
-            self.forget_buffers();
-        }
-        let mut frame = read?;
-        self.frames += 1;
-        frame.number = self.frames;
-        frame.scene_revision = snapshot.revision;
-        frame.camera_revision = snapshot.camera.revision;
-        frame.times.plan_ms = plan_ms;
-        frame.times.total_ms = start.elapsed().as_secs_f64() * 1e3;
-        frame.times.gpu_and_readback_ms = frame.times.total_ms - plan_ms;
-        Ok(frame)
-    }
-
-    fn forget_buffers(&mut self) {
+    /// Lets go of everything that belongs to a scene or a size, a frame in flight included.
+    pub(super) fn forget_buffers(&mut self) {
+        self.in_flight = None;
         self.stars = None;
         self.published.forget_buffers();
         self.blended.forget_buffers();
@@ -303,7 +240,7 @@ impl Renderer {
         self.readback = ReadbackBuffer::new("readback");
     }
 
-    fn hold_stars(&mut self, method: StarMethod, set: &Arc<StarSet>) {
+    pub(super) fn hold_stars(&mut self, method: StarMethod, set: &Arc<StarSet>) {
         self.published.hold_catalogue(&self.gpu, method, set, self.catalogue_order);
         if method.reads_visible() && self.stars.as_ref().is_none_or(|stars| !stars.holds(set)) {
             self.stars = None;
@@ -311,7 +248,7 @@ impl Renderer {
         }
     }
 
-    fn prepare(
+    pub(super) fn prepare(
         &mut self,
         snapshot: &SceneSnapshot,
         rig: &Rig,
@@ -339,8 +276,15 @@ impl Renderer {
         let suns = suns(&snapshot.objects);
         let mut bodies = (!snapshot.objects.is_empty())
             .then(|| plan_bodies(&snapshot.objects, &suns, camera.position_m, &viewports, margin_px));
-        let asteroids =
-            self.plan_asteroids(&snapshot.objects, &suns, settings, &viewports, margin_px, camera.position_m)?;
+        let asteroids = self.asteroids.plan(
+            &self.gpu,
+            &snapshot.objects,
+            &settings.asteroids,
+            &viewports,
+            margin_px,
+            camera.position_m,
+            &suns,
+        )?;
         if let (Some(bodies), Some(asteroids)) = (&mut bodies, &asteroids) {
             bodies.points.extend(asteroids.cut.unresolved.iter().map(|node| node.point));
         }
@@ -392,22 +336,17 @@ impl Renderer {
         })
     }
 
-    /// Holds and plans fields of asteroids; `None`: there are none.
-    fn plan_asteroids(
+    /// Holds fields of asteroids, or nothing where there are none.
+    pub(super) fn hold_asteroids(
         &mut self,
         objects: &SceneObjects,
-        suns: &[Sun],
-        settings: &RenderSettings,
-        viewports: &[Viewport],
-        margin_px: f64,
-        camera_m: DVec3,
-    ) -> Result<Option<AsteroidPlan>, RenderError> {
+        settings: &AsteroidSettings,
+    ) -> Result<(), RenderError> {
         if objects.fields.is_empty() {
             self.asteroids.release();
-            return Ok(None);
+            return Ok(());
         }
-        self.asteroids.hold(&self.gpu, objects, &settings.asteroids)?;
-        self.asteroids.plan(&self.gpu, objects, &settings.asteroids, viewports, margin_px, camera_m, suns)
+        self.asteroids.hold(&self.gpu, objects, settings)
     }
 }
 

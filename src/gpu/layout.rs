@@ -830,6 +830,19 @@ gpu_structs! {
         /// How the display image is made.
         shown: Display,
     }
+    /// Parameters of the present pass, for one tile.
+    PresentParameters {
+        /// Pixels of the batch.
+        plane_pixels: u32,
+        /// The tile's first pixel in the batch.
+        first_pixel: u32,
+        /// Its first row in the picture.
+        first_row: u32,
+        /// Width of the picture, pixels.
+        width: u32,
+        /// How light is shown.
+        shown: Display,
+    }
     /// What given asteroids are drawn onto; see `shaders/shared/asteroid_given.wgsl`.
     GivenTarget {
         /// The picture.

@@ -4,6 +4,7 @@ mod buffers;
 mod device;
 mod impostor_shaders;
 pub mod layout;
+mod pipelines;
 pub mod probe;
 mod shaders;
 mod timing;
@@ -15,12 +16,13 @@ pub use impostor_shaders::AsteroidSource;
 pub(crate) use impostor_shaders::{
     asteroid_impostor, asteroid_impostor_shade, impostor_bake, impostor_bake_sample, impostor_filter,
 };
-pub use shaders::{GlareSource, LuminanceSource, Profile, ShaderSource, sources};
+pub(crate) use pipelines::Stage;
+pub use shaders::{GlareSource, LuminanceSource, PresentSource, Profile, ShaderSource, sources};
 pub(crate) use shaders::{
     asteroid_cull, asteroid_mesh, asteroid_offsets, asteroid_points, asteroid_scan, asteroid_shade, billboard_fragment,
     billboard_vertex, count_stars, exposure, geometry, glare_assign, glare_base, glare_blur, glare_combine,
     glare_composite, glare_find, glare_gather, glare_maximum, glare_sharpen, packed_cas, packed_cas_sorted, points,
-    resolve, resolve_luminance, stars, tone_map,
+    present, present_corner, resolve, resolve_luminance, stars, tone_map,
 };
 pub(crate) use timing::GpuTimer;
 pub(crate) use viewport::encode_viewport;

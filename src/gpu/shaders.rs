@@ -399,6 +399,31 @@ pub fn tone_map() -> ShaderSource {
     ShaderSource { name: "tone map", entry_point: "tone_map", text, needs_u64: false }
 }
 
+/// What the present pass writes into a texture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PresentSource {
+    /// The codes of the display image.
+    Codes,
+    /// Light of the HDR image.
+    Light,
+}
+
+/// Places the corners of the present pass.
+pub fn present_corner() -> ShaderSource {
+    let text = include_str!("../../shaders/shared/present_corner.wgsl").to_owned();
+    ShaderSource { name: "present corner", entry_point: "place_corner", text, needs_u64: false }
+}
+
+/// The present pass.
+pub fn present(source: PresentSource) -> ShaderSource {
+    let (name, of_source) = match source {
+        PresentSource::Codes => ("present codes", include_str!("../../shaders/shared/present_codes.wgsl")),
+        PresentSource::Light => ("present light", include_str!("../../shaders/shared/present_light.wgsl")),
+    };
+    let text = [MATH, DISPLAY, EXPOSURE, of_source, include_str!("../../shaders/present.wgsl")].concat();
+    ShaderSource { name, entry_point: "present", text, needs_u64: false }
+}
+
 /// Evaluates the projections at given points, for tests and diagnostics.
 pub fn projection_probe() -> ShaderSource {
     let text = [VIEWPORT, MATH, PROJECTION, include_str!("../../shaders/projection_probe.wgsl")].concat();
@@ -443,6 +468,9 @@ pub fn sources() -> Vec<ShaderSource> {
         asteroid_shade(),
         exposure(),
         tone_map(),
+        present_corner(),
+        present(PresentSource::Codes),
+        present(PresentSource::Light),
         projection_probe(),
     ];
     sources.extend(Profile::ALL.map(billboard_fragment));
