@@ -114,50 +114,11 @@ apt_knows_backports() {
         /etc/apt/sources.list /etc/apt/sources.list.d
 }
 
-# backports_source: prints a source for bookworm-backports, made of the machine's source for bookworm.
-backports_source() {
-    local file found
-    for file in /etc/apt/sources.list.d/*.sources; do
-        if [[ ! -f $file ]]; then continue; fi
-        # Copies the first paragraph whose suites hold bookworm itself, key included, with the suite replaced.
-        found=$(grep -v '^#' "$file" | awk '
-            BEGIN { RS = ""; FS = "\n" }
-            /(^|\n)Enabled:[ \t]*no/ { next }
-            /(^|\n)Suites:[^\n]*[ \t]bookworm([ \t\n]|$)/ {
-                for (i = 1; i <= NF; i++) {
-                    if ($i ~ /^Types:/) $i = "Types: deb"
-                    if ($i ~ /^Suites:/) $i = "Suites: bookworm-backports"
-                    if ($i ~ /^Components:/) $i = "Components: main"
-                    print $i
-                }
-                exit
-            }')
-        if [[ -n $found ]]; then
-            printf '%s\n' "$found"
-            return 0
-        fi
-    done
-    for file in /etc/apt/sources.list /etc/apt/sources.list.d/*.list; do
-        if [[ ! -f $file ]]; then continue; fi
-        # One line: deb [options] URI bookworm components.
-        found=$(sed -nE 's/^deb[[:space:]]+(\[([^]]*)\][[:space:]]+)?([^[:space:]]+)[[:space:]]+bookworm[[:space:]].*/\3 \2/p' "$file" |
-            head -n 1)
-        if [[ -n $found ]]; then
-            local uri=${found%% *} key
-            key=$(sed -nE 's/.*signed-by=([^ ]+).*/\1/p' <<<"$found")
-            printf 'Types: deb\nURIs: %s\nSuites: bookworm-backports\nComponents: main\n' "$uri"
-            printf 'Signed-By: %s\n' "${key:-/usr/share/keyrings/debian-archive-keyring.gpg}"
-            return 0
-        fi
-    done
-    return 1
-}
-
 # ensure_backports: makes bookworm-backports available to apt, or says why not and returns 1.
 ensure_backports() {
     local source
     if apt_knows_backports; then return 0; fi
-    if ! source=$(backports_source); then
+    if ! source=$(debian_source bookworm bookworm-backports); then
         say 'no apt source for bookworm found to take the address of bookworm-backports from'
         return 1
     fi

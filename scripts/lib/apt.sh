@@ -78,3 +78,46 @@ apt_install() {
     apt_refresh
     apt_get "${options[@]}" install "$@" >&2
 }
+
+# debian_source OWN SUITE: prints a deb822 source for another suite of Debian's archive, made of the machine's source for
+# the suite OWN (an extended regular expression: 'bookworm', 'trixie|stable'), with its address and key. Others' archives
+# name their suites alike: Debian's has 'debian' in its address and a component 'main', and is not that of security.
+debian_source() {
+    local own=$1 suite=$2 file found
+    for file in /etc/apt/sources.list.d/*.sources; do
+        if [[ ! -f $file ]]; then continue; fi
+        # Copies the first paragraph whose suites hold OWN itself, key included, with the suite replaced.
+        found=$(grep -v '^#' "$file" | awk -v own="$own" -v suite="$suite" '
+            BEGIN { RS = ""; FS = "\n" }
+            /(^|\n)Enabled:[ \t]*no/ { next }
+            !/(^|\n)Components:[^\n]*[ \t]main([ \t\n]|$)/ { next }
+            !/(^|\n)URIs:[^\n]*debian/ || /(^|\n)URIs:[^\n]*debian-security/ { next }
+            $0 ~ "(^|\n)Suites:[^\n]*[ \t](" own ")([ \t\n]|$)" {
+                for (i = 1; i <= NF; i++) {
+                    if ($i ~ /^Types:/) $i = "Types: deb"
+                    if ($i ~ /^Suites:/) $i = "Suites: " suite
+                    if ($i ~ /^Components:/) $i = "Components: main"
+                    print $i
+                }
+                exit
+            }')
+        if [[ -n $found ]]; then
+            printf '%s\n' "$found"
+            return 0
+        fi
+    done
+    for file in /etc/apt/sources.list /etc/apt/sources.list.d/*.list; do
+        if [[ ! -f $file ]]; then continue; fi
+        # One line: deb [options] URI suite components.
+        found=$(sed -nE "s/^deb[[:space:]]+(\[([^]]*)\][[:space:]]+)?([^[:space:]]*debian[^[:space:]]*)[[:space:]]+($own)[[:space:]](.*[[:space:]])?main([[:space:]].*)?\$/\3 \2/p" "$file" |
+            grep -v '^[^ ]*debian-security' | head -n 1) || continue
+        if [[ -n $found ]]; then
+            local uri=${found%% *} key
+            key=$(sed -nE 's/.*signed-by=([^ ]+).*/\1/p' <<<"$found")
+            printf 'Types: deb\nURIs: %s\nSuites: %s\nComponents: main\n' "$uri" "$suite"
+            printf 'Signed-By: %s\n' "${key:-/usr/share/keyrings/debian-archive-keyring.gpg}"
+            return 0
+        fi
+    done
+    return 1
+}

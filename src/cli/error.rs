@@ -14,6 +14,7 @@ use crate::photometry::glare::GlareKernelError;
 use crate::photometry::psf::PsfError;
 use crate::scene::loader::LoadError;
 use crate::service::ServeError;
+use crate::xr::XrError;
 
 /// Exit code: a check or a job failed.
 pub const FAILED: u8 = 1;
@@ -67,6 +68,9 @@ pub enum CliError {
         /// Why.
         source: RenderError,
     },
+    /// A headset cannot be driven.
+    #[error(transparent)]
+    Headset(#[from] XrError),
     /// The threads of the daemon cannot be started.
     #[error("cannot start the daemon: {0}")]
     Runtime(io::Error),
@@ -109,28 +113,18 @@ impl CliError {
     /// The exit code of the contract with scripts.
     pub fn exit_code(&self) -> u8 {
         match self {
-            CliError::Gpu(error)
-            | CliError::Chart(ChartError::Gpu(error))
-            | CliError::Render { source: RenderError::Gpu(error), .. } => match error {
-                GpuError::NoAdapter(_) | GpuError::Device { .. } => NO_ADAPTER,
-                GpuError::Lost(_) | GpuError::Refused(_) | GpuError::Readback(_) => FAILED,
-            },
-            CliError::Render { source, .. } => match source {
-                RenderError::TooLarge { .. }
-                | RenderError::TooManyImages { .. }
-                | RenderError::TooManyPixels { .. }
-                | RenderError::AtRestOnly(_)
-                | RenderError::GlareOfCatalogue(_) => BAD_USAGE,
-                RenderError::Psf(error) => psf_exit_code(error),
-                RenderError::Glare(error) => match error {
-                    GlareKernelError::NoFile | GlareKernelError::Inner { .. } => BAD_USAGE,
-                    GlareKernelError::Read { .. } | GlareKernelError::Row { .. } | GlareKernelError::File { .. } => {
-                        BAD_DATA
-                    }
-                    GlareKernelError::Psf(error) => psf_exit_code(error),
-                    GlareKernelError::NoIntegral(_) => FAILED,
-                },
-                _ => FAILED,
+            CliError::Gpu(error) | CliError::Chart(ChartError::Gpu(error)) => gpu_exit_code(error),
+            CliError::Render { source, .. } => render_exit_code(source),
+            CliError::Headset(error) => match error {
+                XrError::Gpu(error) => gpu_exit_code(error),
+                XrError::Render(error) => render_exit_code(error),
+                XrError::Loader(_)
+                | XrError::NoRuntime { .. }
+                | XrError::MissingExtension { .. }
+                | XrError::NoHeadset { .. }
+                | XrError::Unsuitable { .. }
+                | XrError::Vulkan { .. } => NO_ADAPTER,
+                XrError::Call { .. } | XrError::LossPending => FAILED,
             },
             CliError::Serve(ServeError::Address { .. }) => BAD_USAGE,
             CliError::Serve(_) | CliError::Runtime(_) => FAILED,
@@ -147,6 +141,32 @@ impl CliError {
     /// Whether the reader of standard output has gone, which is no failure: `steradian ... | head`.
     pub fn is_broken_pipe(&self) -> bool {
         matches!(self, CliError::Stdout(error) if error.kind() == io::ErrorKind::BrokenPipe)
+    }
+}
+
+fn gpu_exit_code(error: &GpuError) -> u8 {
+    match error {
+        GpuError::NoAdapter(_) | GpuError::Device { .. } | GpuError::Adopt(_) => NO_ADAPTER,
+        GpuError::Lost(_) | GpuError::Refused(_) | GpuError::Readback(_) => FAILED,
+    }
+}
+
+fn render_exit_code(error: &RenderError) -> u8 {
+    match error {
+        RenderError::Gpu(error) => gpu_exit_code(error),
+        RenderError::TooLarge { .. }
+        | RenderError::TooManyImages { .. }
+        | RenderError::TooManyPixels { .. }
+        | RenderError::AtRestOnly(_)
+        | RenderError::GlareOfCatalogue(_) => BAD_USAGE,
+        RenderError::Psf(error) => psf_exit_code(error),
+        RenderError::Glare(error) => match error {
+            GlareKernelError::NoFile | GlareKernelError::Inner { .. } => BAD_USAGE,
+            GlareKernelError::Read { .. } | GlareKernelError::Row { .. } | GlareKernelError::File { .. } => BAD_DATA,
+            GlareKernelError::Psf(error) => psf_exit_code(error),
+            GlareKernelError::NoIntegral(_) => FAILED,
+        },
+        _ => FAILED,
     }
 }
 

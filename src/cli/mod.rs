@@ -15,6 +15,7 @@ mod render;
 mod results;
 mod serve;
 mod verify;
+mod xr;
 
 use clap::{Parser, Subcommand};
 pub use error::{BAD_DATA, BAD_USAGE, CliError, FAILED, NO_ADAPTER};
@@ -33,6 +34,7 @@ pub use error::{BAD_DATA, BAD_USAGE, CliError, FAILED, NO_ADAPTER};
         steradian chart --out chart --quick\n  \
         steradian catalogue synth --stars 1000000 --seed 1 --out galaxy.stars\n  \
         steradian catalogue info galaxy.stars\n  \
+        steradian xr --config configs/headset.toml\n  \
         steradian psf --aperture hexagon --diameter-mm 2 --out hexagon.exr\n\n\
         Exit codes: 0 done, 1 a check or job failed, 64 bad usage or configuration, 65 bad input data, 69 no usable adapter."
 )]
@@ -66,6 +68,8 @@ pub enum Command {
     Catalogue(catalogue::CatalogueArguments),
     /// Make the point-spread function of an aperture, or convert one.
     Psf(psf::PsfArguments),
+    /// Show a scene in the headset of the system's OpenXR runtime.
+    Xr(xr::XrArguments),
 }
 
 /// Runs a parsed command line.
@@ -79,5 +83,6 @@ pub fn run(arguments: Cli) -> Result<(), CliError> {
         Command::Chart(command) => chart::run(&command, arguments.adapter),
         Command::Catalogue(command) => catalogue::run(command),
         Command::Psf(command) => psf::run(&command),
+        Command::Xr(command) => xr::run(command, arguments.adapter),
     }
 }

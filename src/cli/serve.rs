@@ -37,10 +37,7 @@ pub struct ServeArguments {
 
 /// Runs the command.
 pub fn run(arguments: ServeArguments, adapter: Option<String>) -> Result<(), CliError> {
-    let config = match &arguments.config {
-        Some(path) => Config::load(path, &arguments.set)?,
-        None => Config::built_in(&arguments.set)?,
-    };
+    let config = Config::load_or_built_in(arguments.config.as_deref(), &arguments.set)?;
     let (rig, camera) = (config.rig()?, config.camera()?);
     let renderer = Renderer::new(Gpu::open(&GpuOptions { adapter, ..GpuOptions::default() })?);
     renderer.check(&rig).map_err(|error| CliError::render(error, &config.origin))?;

@@ -120,6 +120,11 @@ impl Config {
         Self::from_text(BUILT_IN, "built-in configuration", Path::new(""), overrides)
     }
 
+    /// A file, or without one the built-in configuration.
+    pub fn load_or_built_in(path: Option<&Path>, overrides: &[String]) -> Result<Self, ConfigError> {
+        path.map_or_else(|| Self::built_in(overrides), |path| Self::load(path, overrides))
+    }
+
     /// Reads TOML; `origin` names it in messages, relative paths start at `folder`.
     pub fn from_text(text: &str, origin: &str, folder: &Path, overrides: &[String]) -> Result<Self, ConfigError> {
         let mut table = document::parse(text, origin)?;

@@ -37,6 +37,9 @@ pub enum GpuError {
         /// What the driver said.
         source: wgpu::RequestDeviceError,
     },
+    /// A device that somebody else makes cannot be made or used.
+    #[error("cannot use the device of the headset's runtime: {0}")]
+    Adopt(String),
     /// The device does not answer any more.
     #[error("the device was lost: {0}")]
     Lost(#[from] wgpu::PollError),
@@ -81,6 +84,72 @@ impl fmt::Display for AdapterReport {
             write!(f, "fallbacks  none")
         } else {
             write!(f, "fallbacks  {}", self.fallbacks.join("; "))
+        }
+    }
+}
+
+/// What of an adapter is used, and what is done differently because it lacks something.
+pub(super) struct Selection {
+    pub(super) features: wgpu::Features,
+    pub(super) limits: wgpu::Limits,
+    wide_accumulator: bool,
+    timestamps: bool,
+    blend_format: wgpu::TextureFormat,
+    fallbacks: Vec<String>,
+}
+
+impl Selection {
+    pub(super) fn of(adapter: &wgpu::Adapter, options: &GpuOptions) -> Self {
+        let offered = adapter.features();
+        let u64_features = wgpu::Features::SHADER_INT64 | wgpu::Features::SHADER_INT64_ATOMIC_ALL_OPS;
+        let mut features = wgpu::Features::empty();
+        let mut fallbacks = Vec::new();
+        let wide_accumulator = offered.contains(u64_features) && !options.force_u32_accumulator;
+        if wide_accumulator {
+            features |= u64_features;
+        } else if options.force_u32_accumulator {
+            fallbacks.push("sums in 32-bit words with carries (asked for)".to_owned());
+        } else {
+            fallbacks.push("no 64-bit atomics: sums in 32-bit words with carries".to_owned());
+        }
+        let timestamps = offered.contains(wgpu::Features::TIMESTAMP_QUERY);
+        if timestamps {
+            features |= wgpu::Features::TIMESTAMP_QUERY;
+        } else {
+            fallbacks.push("no timestamps: GPU times are not measured".to_owned());
+        }
+
+        let blends_floats = offered.contains(wgpu::Features::FLOAT32_BLENDABLE) && !options.force_half_blending;
+        let blend_format = if blends_floats {
+            features |= wgpu::Features::FLOAT32_BLENDABLE;
+            wgpu::TextureFormat::Rgba32Float
+        } else {
+            let why = if options.force_half_blending { "asked for" } else { "no blending of 32-bit floats" };
+            fallbacks.push(format!("methods that blend add up in 16-bit floats, which end at 65504 cd/m^2 ({why})"));
+            wgpu::TextureFormat::Rgba16Float
+        };
+
+        // Only the limits that decide how much fits at once are raised over the defaults.
+        let available = adapter.limits();
+        let limits = wgpu::Limits {
+            max_storage_buffer_binding_size: available.max_storage_buffer_binding_size,
+            max_buffer_size: available.max_buffer_size,
+            max_texture_dimension_2d: available.max_texture_dimension_2d,
+            // The resolve pass binds nine, the pass over pixels of `sky_cube` thirteen.
+            max_storage_buffers_per_shader_stage: available.max_storage_buffers_per_shader_stage,
+            ..Default::default()
+        };
+        let limits = limits.or_worse_values_from(&available);
+        Self { features, limits, wide_accumulator, timestamps, blend_format, fallbacks }
+    }
+
+    /// How the device is asked for.
+    pub(super) fn descriptor(&self) -> wgpu::DeviceDescriptor<'static> {
+        wgpu::DeviceDescriptor {
+            label: Some("steradian"),
+            required_features: self.features,
+            required_limits: self.limits.clone(),
+            ..Default::default()
         }
     }
 }
@@ -130,54 +199,20 @@ impl Gpu {
     }
 
     fn open_adapter(adapter: &wgpu::Adapter, options: &GpuOptions) -> Result<Self, wgpu::RequestDeviceError> {
-        let offered = adapter.features();
-        let u64_features = wgpu::Features::SHADER_INT64 | wgpu::Features::SHADER_INT64_ATOMIC_ALL_OPS;
-        let mut features = wgpu::Features::empty();
-        let mut fallbacks = Vec::new();
-        let wide_accumulator = offered.contains(u64_features) && !options.force_u32_accumulator;
-        if wide_accumulator {
-            features |= u64_features;
-        } else if options.force_u32_accumulator {
-            fallbacks.push("sums in 32-bit words with carries (asked for)".to_owned());
-        } else {
-            fallbacks.push("no 64-bit atomics: sums in 32-bit words with carries".to_owned());
-        }
-        let timestamps = offered.contains(wgpu::Features::TIMESTAMP_QUERY);
-        if timestamps {
-            features |= wgpu::Features::TIMESTAMP_QUERY;
-        } else {
-            fallbacks.push("no timestamps: GPU times are not measured".to_owned());
-        }
+        let selection = Selection::of(adapter, options);
+        let (device, queue) = pollster::block_on(adapter.request_device(&selection.descriptor()))?;
+        Ok(Self::assemble(adapter.get_info(), device, queue, selection, options))
+    }
 
-        let blends_floats = offered.contains(wgpu::Features::FLOAT32_BLENDABLE) && !options.force_half_blending;
-        let blend_format = if blends_floats {
-            features |= wgpu::Features::FLOAT32_BLENDABLE;
-            wgpu::TextureFormat::Rgba32Float
-        } else {
-            let why = if options.force_half_blending { "asked for" } else { "no blending of 32-bit floats" };
-            fallbacks.push(format!("methods that blend add up in 16-bit floats, which end at 65504 cd/m^2 ({why})"));
-            wgpu::TextureFormat::Rgba16Float
-        };
-
-        // Only the limits that decide how much fits at once are raised over the defaults.
-        let available = adapter.limits();
-        let limits = wgpu::Limits {
-            max_storage_buffer_binding_size: available.max_storage_buffer_binding_size,
-            max_buffer_size: available.max_buffer_size,
-            max_texture_dimension_2d: available.max_texture_dimension_2d,
-            // The resolve pass binds nine, the pass over pixels of `sky_cube` thirteen.
-            max_storage_buffers_per_shader_stage: available.max_storage_buffers_per_shader_stage,
-            ..Default::default()
-        };
-        let limits = limits.or_worse_values_from(&available);
-
-        let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
-            label: Some("steradian"),
-            required_features: features,
-            required_limits: limits.clone(),
-            ..Default::default()
-        }))?;
-        let info = adapter.get_info();
+    /// A device that was opened with what `selection` describes.
+    pub(super) fn assemble(
+        info: wgpu::AdapterInfo,
+        device: wgpu::Device,
+        queue: wgpu::Queue,
+        selection: Selection,
+        options: &GpuOptions,
+    ) -> Self {
+        let Selection { features, limits, wide_accumulator, timestamps, blend_format, fallbacks } = selection;
         let software = info.device_type == wgpu::DeviceType::Cpu;
         let report = AdapterReport {
             adapter: info.name,
@@ -205,7 +240,7 @@ impl Gpu {
             let mut first = reported.lock().unwrap_or_else(PoisonError::into_inner);
             first.get_or_insert_with(|| error.to_string());
         }));
-        Ok(Self {
+        Self {
             device,
             queue,
             wide_accumulator,
@@ -216,7 +251,7 @@ impl Gpu {
             readback_limit_bytes: options.binding_limit_bytes.unwrap_or(1 << 30).min(limits.max_buffer_size / 16 * 16),
             failure,
             report,
-        })
+        }
     }
 
     /// What was opened.

@@ -1,5 +1,6 @@
 //! The GPU: adapter and device, buffers and their layouts, shader modules, timing, readback.
 
+pub(crate) mod adopt;
 mod buffers;
 mod device;
 mod impostor_shaders;

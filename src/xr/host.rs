@@ -8,7 +8,7 @@ use super::statistics::HeadsetStatistics;
 use crate::{
     frame::{Frame, Wanted},
     plan::settings::RenderSettings,
-    scene::SceneSnapshot,
+    scene::{Camera, PoseError, SceneSnapshot},
 };
 
 /// What a headset is to show now.
@@ -29,6 +29,20 @@ pub struct Flight {
     pub translation_m: DVec3,
     /// Rotation in world axes, to apply after the camera's own: unit length.
     pub rotation: DQuat,
+}
+
+impl Flight {
+    /// A camera after the flight: one revision later.
+    ///
+    /// # Errors
+    ///
+    /// It would be at a place that is no place any more.
+    pub fn moved(&self, camera: &Camera) -> Result<Camera, PoseError> {
+        let position_m = camera.position_m + self.translation_m;
+        let orientation = (self.rotation * camera.world_from_camera).normalize();
+        let moved = Camera::new(position_m.to_array(), orientation.to_array(), camera.velocity_c.to_array())?;
+        Ok(Camera { revision: camera.revision + 1, ..moved })
+    }
 }
 
 /// What the eyes saw in one frame, as clients get it.

@@ -1,0 +1,215 @@
+#!/usr/bin/env bash
+# Makes sure that Monado, an OpenXR runtime that needs no headset, is unpacked in a folder of this user, and prints that
+# folder. The tests of the headset start it there; it is no part of Steradian. Exit code 69: it cannot be had here.
+#
+# The packages come from Debian's suite trixie, with the address and key of the Debian source that the machine has. They
+# are fetched and unpacked, not installed: nothing of the system changes, its apt state included, and no root is needed.
+# The C library is among them, since the runtime wants a newer one than Debian 12 has. So both the service and a program
+# that loads the runtime are started through the dynamic linker unpacked here: see runtime.json in the folder.
+#
+# The folder, about 150 MB to fetch and 550 MB on disk, is kept outside of the build folder, so that all
+# checkouts share it: ~/.cache/steradian/monado-N. Another one: STERADIAN_MONADO_DIR. To fetch anew, remove it.
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+source scripts/lib/apt.sh
+
+# Number of this recipe, part of the folder's name: raise it with every change of what is put there.
+readonly RECIPE=1
+readonly SUITE=trixie
+readonly LIBRARIES=/usr/lib/x86_64-linux-gnu
+readonly PACKAGES=(
+    libopenxr1-monado monado-cli libopenxr-loader1 openxr-layer-corevalidation
+    libvulkan1 mesa-vulkan-drivers libblas3 liblapack3
+)
+# Needed by packages above, but not by the runtime: apt is told that they are there.
+readonly NEEDLESS=(
+    adduser debconf fontconfig-config gdal-data gdal-plugins gnupg iso-codes libglx-mesa0 libpam-modules lsb-base
+    mariadb-common openssl-provider-legacy passwd proj-data readline-common sysvinit-utils unixodbc-common x11-common
+    xkb-data
+)
+
+# write_status FILE: the list of installed packages that apt resolves against: those that are not wanted, in a version
+# that is new enough for everything.
+write_status() {
+    local package
+    for package in "${NEEDLESS[@]}"; do
+        printf 'Package: %s\nStatus: install ok installed\nVersion: 999:0\nArchitecture: amd64\n' "$package"
+        printf 'Multi-Arch: foreign\nMaintainer: none\nDescription: not wanted\n\n'
+    done >"$1"
+}
+
+# write_apt_configuration FOLDER: an apt that knows only FOLDER. Of the machine's settings it keeps those for fetching
+# (proxies, time limits), and none of the hooks, which act on the system.
+write_apt_configuration() {
+    local folder=$1
+    apt-config dump | grep '^Acquire::' >"$folder/apt.conf" || true
+    cat >>"$folder/apt.conf" <<CONFIGURATION
+Dir::Etc::main "/dev/null";
+Dir::Etc::parts "/dev/null";
+Dir::Etc::sourcelist "$folder/debian.sources";
+Dir::Etc::sourceparts "/dev/null";
+Dir::Etc::preferences "/dev/null";
+Dir::Etc::preferencesparts "/dev/null";
+Dir::State "$folder";
+Dir::State::lists "$folder/lists";
+Dir::State::status "$folder/status";
+Dir::Cache "$folder/cache";
+Dir::Log "$folder/log";
+APT::Architecture "amd64";
+APT::Architectures "amd64";
+APT::Install-Recommends "false";
+APT::Sandbox::User "";
+APT::Update::Error-Mode "any";
+Acquire::Retries "3";
+Debug::NoLocking "true";
+CONFIGURATION
+}
+
+# fetch FOLDER: downloads the packages and what they need to FOLDER/cache/archives.
+fetch() {
+    local folder=$1 own
+    own=$(os_release VERSION_CODENAME)
+    own="${own:+$own|}trixie|stable|testing|sid|unstable"
+    mkdir -p "$folder"/{lists/partial,cache/archives/partial,log}
+    write_status "$folder/status"
+    write_apt_configuration "$folder"
+    if ! debian_source "$own" "$SUITE" >"$folder/debian.sources"; then
+        fail "no apt source of Debian found to take the address of its suite $SUITE from"
+    fi
+    # Only what names packages: no lists of files, descriptions or icons.
+    printf 'Targets: Packages\n' >>"$folder/debian.sources"
+
+    say "reading the package lists of Debian $SUITE"
+    APT_CONFIG=$folder/apt.conf apt-get --quiet update >&2 ||
+        fail "the package lists of Debian $SUITE cannot be read (no network? see above)"
+    say "fetching Monado and what it needs from Debian $SUITE (about 150 MB)"
+    APT_CONFIG=$folder/apt.conf apt-get --quiet=2 --yes --download-only install "${PACKAGES[@]}" >&2 ||
+        fail "the packages of Monado cannot be fetched from Debian $SUITE (see above)"
+}
+
+# unpack FOLDER ROOT: unpacks what was fetched, but for what only people read.
+unpack() {
+    local folder=$1 root=$2 package
+    mkdir -p "$root"
+    say "unpacking Monado to $root"
+    for package in "$folder"/cache/archives/*.deb; do
+        dpkg-deb --fsys-tarfile "$package" | tar --extract --directory "$root" --keep-directory-symlink \
+            --no-same-owner --no-same-permissions --exclude './usr/share/doc' --exclude './usr/share/man' \
+            --exclude './usr/share/locale' --exclude './usr/share/i18n' ||
+            fail "${package##*/} cannot be unpacked (no space left? see above)"
+    done
+}
+
+# library_of MANIFEST: the library that a manifest of a driver, a runtime or a layer names.
+library_of() { sed -nE 's/.*"library_path"[[:space:]]*:[[:space:]]*"([^"]*)".*/\1/p' "$1" | head -n 1; }
+
+# absolute_manifest MANIFEST ROOT TARGET: copies a manifest, with the absolute path of its library below ROOT.
+absolute_manifest() {
+    local manifest=$1 root=$2 target=$3 library
+    library=$(library_of "$manifest")
+    # A bare name is one that the dynamic linker looks up.
+    if [[ $library != /* ]]; then library=$LIBRARIES/$library; fi
+    if [[ ! -f $root$library ]]; then fail "$manifest names a library that is not there: $library"; fi
+    sed -E "s|(\"library_path\"[[:space:]]*:[[:space:]]*\")[^\"]*|\1$root$library|" "$manifest" >"$target"
+}
+
+# only PATTERN: the one file that matches.
+only() {
+    local -a files
+    mapfile -t files < <(compgen -G "$1")
+    if [[ ${#files[@]} -ne 1 ]]; then fail "one file expected, ${#files[@]} found: $1"; fi
+    printf '%s\n' "${files[0]}"
+}
+
+# describe DIR: writes the manifests and runtime.json of what is unpacked in DIR/root.
+describe() {
+    local dir=$1 root=$1/root libraries=$1/root$LIBRARIES
+    local linker=$libraries/ld-linux-x86-64.so.2 driver runtime layer
+    # Below a real root, alternatives and the packages' own run paths would name these folders.
+    local path=$libraries:$root/usr/lib:$libraries/blas:$libraries/lapack:$libraries/pulseaudio
+    mkdir -p "$dir/manifests/layers"
+    driver=$(only "$root/usr/share/vulkan/icd.d/lvp_icd*.json")
+    runtime=$(only "$root/usr/share/openxr/1/openxr_monado*.json")
+    layer=$(only "$root/usr/share/openxr/1/api_layers/explicit.d/*core_validation*.json")
+    absolute_manifest "$driver" "$root" "$dir/manifests/lvp_icd.json"
+    absolute_manifest "$runtime" "$root" "$dir/manifests/openxr_monado.json"
+    absolute_manifest "$layer" "$root" "$dir/manifests/layers/${layer##*/}"
+
+    # Each part must find all of its libraries here, or it would fail in the middle of a test.
+    local part missing
+    for part in "$root/usr/bin/monado-service" "$root/usr/bin/monado-ctl" "$libraries/libopenxr_loader.so.1" \
+        "$libraries/libvulkan.so.1" "$(library_of "$dir/manifests/openxr_monado.json")" \
+        "$(library_of "$dir/manifests/lvp_icd.json")" "$(library_of "$dir/manifests/layers/${layer##*/}")"; do
+        missing=$("$linker" --library-path "$path" --list "$part" 2>&1) || fail "$part does not load: $missing"
+        if grep -q 'not found' <<<"$missing"; then
+            fail "$part lacks libraries: $(sed -n 's/^[[:space:]]*\(.*\) => not found.*/\1/p' <<<"$missing" | tr '\n' ' ')"
+        fi
+    done
+
+    # Steradian's tests read this. Written under another name first: whoever finds the file finds all that it names.
+    cat >"$dir/runtime.json.part" <<RUNTIME
+{
+    "recipe": $RECIPE,
+    "folder": "$dir",
+    "linker": "$linker",
+    "library_path": "$path",
+    "service": "$root/usr/bin/monado-service",
+    "control": "$root/usr/bin/monado-ctl",
+    "openxr_runtime": "$dir/manifests/openxr_monado.json",
+    "openxr_loader": "$libraries/libopenxr_loader.so.1",
+    "openxr_layers": "$dir/manifests/layers",
+    "vulkan_driver": "$dir/manifests/lvp_icd.json",
+    "vulkan_loader": "$libraries/libvulkan.so.1"
+}
+RUNTIME
+    mv "$dir/runtime.json.part" "$dir/runtime.json"
+}
+
+# complete DIR: whether all is there, at the place that its manifests name.
+complete() {
+    [[ -f $1/runtime.json ]] && grep -qF "\"recipe\": $RECIPE," "$1/runtime.json" &&
+        grep -qF "\"folder\": \"$1\"," "$1/runtime.json"
+}
+
+if [[ -n ${STERADIAN_MONADO_DIR-} ]]; then
+    dir=$STERADIAN_MONADO_DIR
+elif [[ -n ${XDG_CACHE_HOME:-${HOME-}} ]]; then
+    dir=${XDG_CACHE_HOME:-$HOME/.cache}/steradian/monado-$RECIPE
+else
+    dir=${CARGO_TARGET_DIR:-target}/monado-$RECIPE
+fi
+mkdir -p "$dir" 2>/dev/null || fail "the folder for Monado cannot be made: $dir"
+dir=$(realpath "$dir")
+# Manifests and library paths name the folder, and neither has a way to quote these.
+case $dir in
+*[\"\\:\|\&]* | *$'\n'*) fail "the folder for Monado must have no quote, backslash, colon, | or & in its name: $dir" ;;
+esac
+
+if ! complete "$dir"; then
+    # What is half done is removed below. Somebody else's folder, named by mistake, must not lose its own.
+    if [[ ! -e $dir/monado.lock && -n $(ls -A "$dir") ]]; then
+        fail "the folder for Monado must be a new or an empty one, and this one is neither: $dir"
+    fi
+    if [[ $(uname -s)-$(uname -m) != Linux-x86_64 ]]; then
+        fail "Monado is fetched for Linux on x86-64 only, not for $(uname -s) on $(uname -m)"
+    fi
+    for tool in apt-get apt-config dpkg-deb tar flock; do
+        command -v "$tool" >/dev/null || fail "Monado is fetched with the tools of Debian, and there is no $tool here"
+    done
+    # One run at a time: whoever comes second finds it done. The lock ends with the script.
+    if [[ ! -w $dir ]]; then fail "the folder for Monado is not writable: $dir"; fi
+    exec 9>>"$dir/monado.lock"
+    if ! flock --nonblock 9; then
+        say "waiting for another run that fetches Monado to $dir"
+        flock 9
+    fi
+    if ! complete "$dir"; then
+        rm -rf "$dir"/{apt,root,manifests,runtime.json}
+        fetch "$dir/apt"
+        unpack "$dir/apt" "$dir/root"
+        rm -rf "$dir/apt"
+        describe "$dir"
+        say "Monado is ready in $dir"
+    fi
+fi
+printf '%s\n' "$dir"

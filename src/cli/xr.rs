@@ -1,0 +1,139 @@
+//! `xr`: a headset, without a daemon.
+
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::SystemTime;
+
+use clap::Args;
+
+use super::{CliError, load, results};
+use crate::config::Config;
+use crate::frame::Wanted;
+use crate::scene::SceneSnapshot;
+use crate::service;
+use crate::xr::{self, Distribution, FirstFailure, Flight, HeadsetStatistics, Host, MirroredFrame, Shown, Status};
+
+/// Arguments of `xr`.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    steradian xr\n  \
+    steradian xr --config configs/headset.toml\n  \
+    steradian xr --config configs/headset.toml --set headset.resolution_scale=0.7 --frames 900\n\n\
+    Shows the scene of a configuration in the headset of the system's OpenXR runtime until the wearer ends the session, or\n\
+    SIGINT or SIGTERM; then prints how old poses were, what was missed and where the time went. The runtime chooses the\n\
+    adapter. The views of the configuration are not drawn: `serve` draws them beside a headset, with headset.enabled = true.\n\
+    Requirements and what to do when it fails: docs/headset.md.")]
+pub struct XrArguments {
+    /// The configuration; without it bright and synthetic stars.
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+    /// Change a key of the configuration; may be given several times.
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+    /// End after this many frames.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    frames: Option<u64>,
+}
+
+/// Runs the command.
+pub fn run(arguments: XrArguments, adapter: Option<String>) -> Result<(), CliError> {
+    if let Some(adapter) = adapter {
+        return Err(CliError::Usage(format!("--adapter {adapter}: the runtime of the headset chooses the adapter")));
+    }
+    let config = Config::load_or_built_in(arguments.config.as_deref(), &arguments.set)?;
+    let camera = config.camera()?;
+    let objects = Arc::new(config.objects()?);
+    let (stars, _) = load::stars(&config.star_sources(), &config.origin)?;
+    let snapshot = SceneSnapshot { revision: 1, stars: Arc::new(stars), objects, camera };
+    let host = Arc::new(Wearer {
+        shown: Mutex::new(Shown { snapshot, settings: config.render_settings(), camera_time: SystemTime::now() }),
+        statistics: Mutex::default(),
+        frames: arguments.frames,
+        ended: AtomicBool::new(false),
+    });
+
+    let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build();
+    let runtime = runtime.map_err(CliError::Runtime)?;
+    let signals = {
+        // Signals are received by the runtime's own thread.
+        let _inside = runtime.enter();
+        service::signals().map_err(CliError::Runtime)?
+    };
+    let told = Arc::clone(&host);
+    runtime.spawn(async move {
+        signals.await;
+        told.ended.store(true, Ordering::Relaxed);
+    });
+    let driven = xr::drive(host.as_ref(), &crate::plan::settings::HeadsetSettings::default(), FirstFailure::Fails);
+    runtime.shutdown_background();
+    driven?;
+    report(&lock(&host.statistics))
+}
+
+/// Whom `xr` drives the headset for: a scene that nothing changes but the wearer's flight.
+struct Wearer {
+    shown: Mutex<Shown>,
+    statistics: Mutex<HeadsetStatistics>,
+    /// Frames to end after.
+    frames: Option<u64>,
+    ended: AtomicBool,
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    // Nothing can panic while a lock is held, so what is poisoned is whole.
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Host for Wearer {
+    fn shown(&self) -> Option<Shown> {
+        let enough = self.frames.is_some_and(|most| lock(&self.statistics).rendered >= most);
+        (!enough && !self.ended.load(Ordering::Relaxed)).then(|| lock(&self.shown).clone())
+    }
+
+    fn fly(&self, flight: &Flight) {
+        let mut shown = lock(&self.shown);
+        match flight.moved(&shown.snapshot.camera) {
+            Ok(camera) => {
+                shown.snapshot.camera = camera;
+                shown.camera_time = SystemTime::now();
+            }
+            Err(error) => tracing::warn!("flight: {error}"),
+        }
+    }
+
+    fn mirror(&self) -> Wanted {
+        Wanted::default()
+    }
+
+    fn publish(&self, _: MirroredFrame) {}
+
+    fn status(&self, status: Status) {
+        tracing::debug!("{status:?}");
+    }
+
+    fn statistics(&self, statistics: &HeadsetStatistics) {
+        lock(&self.statistics).clone_from(statistics);
+    }
+}
+
+/// Prints the figures.
+fn report(statistics: &HeadsetStatistics) -> Result<(), CliError> {
+    let HeadsetStatistics { sessions, losses, frames, rendered, not_wanted, missed, recentred, period_ms, .. } =
+        statistics;
+    results::line(format!("sessions    {sessions}, {losses} lost, {recentred} recentred"))?;
+    results::line(format!(
+        "frames      {frames}: {rendered} rendered, {not_wanted} not wanted; {missed} refreshes missed, of {period_ms:.2} ms each"
+    ))?;
+    let spread = |of: &Distribution| {
+        format!("median {:.2} ms, 95 % below {:.2}, at most {:.2}", of.median_ms, of.p95_ms, of.max_ms)
+    };
+    results::line(format!("pose age    at submission {}", spread(&statistics.pose_age_at_submission)))?;
+    if let Some(at_display) = &statistics.pose_age_at_display {
+        results::line(format!("pose age    at display {}", spread(at_display)))?;
+    }
+    for (name, of) in &statistics.stages {
+        results::line(format!("{name:<12}{}", spread(of)))?;
+    }
+    Ok(())
+}

@@ -1,0 +1,73 @@
+//! The eyes as the runtime tells them, and as the rig takes them.
+
+use glam::{DQuat, DVec3};
+use openxr as xr;
+
+use crate::view::{Eye, Fov, Rig, RigError, View, ViewKind};
+
+/// An eye of the rig from a view of the session: both look along -z with +y up, and have the signed angles of four edges.
+pub(super) fn eye_from_view(view: &xr::View, size: [u32; 2]) -> Eye {
+    let xr::Posef { orientation: q, position: p } = view.pose;
+    let fov = view.fov;
+    // The runtime's quaternions have the precision of f32.
+    let room_from_eye = DQuat::from_xyzw(q.x.into(), q.y.into(), q.z.into(), q.w.into()).normalize();
+    Eye {
+        size,
+        fov: Fov {
+            left_rad: fov.angle_left.into(),
+            right_rad: fov.angle_right.into(),
+            up_rad: fov.angle_up.into(),
+            down_rad: fov.angle_down.into(),
+        },
+        room_from_eye,
+        position_m: DVec3::new(p.x.into(), p.y.into(), p.z.into()),
+    }
+}
+
+/// The rig of a frame: one view of both eyes.
+pub(super) fn rig_of(name: &str, eyes: [Eye; 2]) -> Result<Rig, RigError> {
+    Rig::new(vec![View::new(name, ViewKind::Headset { eyes }, DQuat::IDENTITY, DVec3::ZERO)?])
+}
+
+/// Where the head is in the room: between the eyes, looking as both do on average.
+pub(super) fn head(eyes: &[Eye; 2]) -> (DVec3, DQuat) {
+    let [left, right] = eyes;
+    let middle = (left.position_m + right.position_m) / 2.0;
+    // The shorter way between two quaternions that may differ by their sign.
+    (middle, left.room_from_eye.slerp(right.room_from_eye, 0.5).normalize())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_view_becomes_an_eye_with_all_of_its_numbers() {
+        let view = xr::View {
+            pose: xr::Posef {
+                orientation: xr::Quaternionf { x: 0.0, y: 0.6, z: 0.0, w: 0.8 },
+                position: xr::Vector3f { x: 1.0, y: 2.0, z: 3.0 },
+            },
+            fov: xr::Fovf { angle_left: -0.9, angle_right: 0.7, angle_up: 0.6, angle_down: -0.5 },
+        };
+        let eye = eye_from_view(&view, [10, 20]);
+        assert_eq!((eye.size, eye.position_m), ([10, 20], DVec3::new(1.0, 2.0, 3.0)));
+        assert!(eye.room_from_eye.angle_between(DQuat::from_xyzw(0.0, 0.6, 0.0, 0.8)) < 1e-7);
+        let edges = [eye.fov.left_rad, eye.fov.right_rad, eye.fov.up_rad, eye.fov.down_rad];
+        assert_eq!(edges.map(|edge| edge as f32), [-0.9, 0.7, 0.6, -0.5]);
+    }
+
+    #[test]
+    fn the_head_is_between_the_eyes_whatever_the_sign_of_their_quaternions() {
+        let fov = Fov { left_rad: -0.8, right_rad: 0.8, up_rad: 0.8, down_rad: -0.8 };
+        let eye = |angle: f64, sign: f64, x: f64| Eye {
+            size: [4, 4],
+            fov,
+            room_from_eye: DQuat::from_rotation_y(angle) * sign,
+            position_m: DVec3::new(x, 1.7, 0.0),
+        };
+        let (position, orientation) = head(&[eye(0.5, 1.0, -0.03), eye(0.3, -1.0, 0.05)]);
+        assert!((position - DVec3::new(0.01, 1.7, 0.0)).length() < 1e-12);
+        assert!((orientation * DVec3::NEG_Z - DQuat::from_rotation_y(0.4) * DVec3::NEG_Z).length() < 1e-12);
+    }
+}

@@ -1,0 +1,454 @@
+//! A headset: one session of the runtime, from its making to its loss, and the frames between.
+
+use std::{
+    mem, thread,
+    time::{Duration, Instant, SystemTime},
+};
+
+use glam::{DQuat, DVec3};
+use openxr as xr;
+
+use super::{
+    capture::{CapturedImage, capture},
+    error::{During, XrError},
+    eyes::{eye_from_view, head, rig_of},
+    flight::flight,
+    host::{Host, MirroredFrame, Shown, Status},
+    input::Input,
+    runtime::{Runtime, STEREO},
+    statistics::{FrameTimings, Recorder},
+    swapchain::Swapchains,
+};
+use crate::{
+    frame::{Presentation, RenderError, Renderer, SubmittedFrame, Wanted},
+    gpu::GpuError,
+    plan::{
+        adaptation::Adaptation,
+        settings::{HeadsetSettings, ReferenceSpace},
+    },
+    view::Eye,
+};
+
+/// How often a session that shows nothing is asked whether it may.
+const IDLE_INTERVAL: Duration = Duration::from_millis(5);
+
+/// What a step has come to.
+#[derive(Clone, Debug)]
+pub enum Step {
+    /// The session shows nothing now.
+    Idle,
+    /// The runtime has asked for a frame and got it.
+    Frame(Box<HeadsetFrame>),
+    /// The host wants no more frames.
+    HostEnded,
+    /// The session was ended: by the wearer, or as it was asked to.
+    Exited,
+}
+
+/// A frame as it was handed to the runtime.
+#[derive(Clone, Debug)]
+pub struct HeadsetFrame {
+    /// When the runtime expects to show it, ns of its clock.
+    pub display_time_ns: i64,
+    /// Left and right eye as they were drawn; `None`: the runtime did not want the frame, did not know where the head was, or
+    /// the scene could not be drawn.
+    pub eyes: Option<[Eye; 2]>,
+    /// What lay in the swapchain when it was given back, if it was asked for.
+    pub captured: Option<[CapturedImage; 2]>,
+}
+
+/// A frame that the device is at work on.
+struct InFlight {
+    submitted: SubmittedFrame,
+    wanted: Wanted,
+    pose_time: SystemTime,
+}
+
+/// A session with a headset. Fields are dropped in this order: what belongs to another before it.
+pub struct Headset {
+    swapchains: Swapchains,
+    input: Input,
+    space: xr::Space,
+    stream: xr::FrameStream<xr::Vulkan>,
+    waiter: xr::FrameWaiter,
+    session: xr::Session<xr::Vulkan>,
+    in_flight: Option<InFlight>,
+    renderer: Renderer,
+    runtime: Runtime,
+
+    settings: HeadsetSettings,
+    blend_mode: xr::EnvironmentBlendMode,
+    state: xr::SessionState,
+    running: bool,
+    recorder: Recorder,
+    adaptation: Adaptation,
+    /// Head in the room at the last frame.
+    head: (DVec3, DQuat),
+    /// Why the last frame could not be drawn, so that it is told once.
+    problem: Option<String>,
+    /// Whether frames are read back from the swapchain before they are given back: for tests, at a price.
+    pub captures: bool,
+}
+
+impl Headset {
+    /// Finds the runtime and its headset, lets it open a device, and makes a session. The figures go on from those of
+    /// `recorder`.
+    ///
+    /// # Errors
+    ///
+    /// What is missing, or the call that failed.
+    pub fn connect(settings: &HeadsetSettings, recorder: Recorder) -> Result<Self, XrError> {
+        let runtime = Runtime::find()?;
+        let modes = runtime.instance.enumerate_environment_blend_modes(runtime.system, STEREO);
+        let modes = modes.during("xrEnumerateEnvironmentBlendModes")?;
+        let opaque = xr::EnvironmentBlendMode::OPAQUE;
+        let blend_mode = modes.iter().copied().find(|mode| *mode == opaque).or(modes.first().copied());
+        let blend_mode = blend_mode.ok_or_else(|| XrError::Unsuitable {
+            runtime: runtime.name.clone(),
+            problem: "it knows no way to show an image".to_owned(),
+        })?;
+        let (gpu, handles) = runtime.open_gpu()?;
+        let renderer = Renderer::new(gpu);
+        let (session, waiter, stream) = runtime.open_session(&handles)?;
+        let kind = match settings.reference_space {
+            ReferenceSpace::Local => xr::ReferenceSpaceType::LOCAL,
+            ReferenceSpace::Stage => xr::ReferenceSpaceType::STAGE,
+        };
+        let kinds = session.enumerate_reference_spaces().during("xrEnumerateReferenceSpaces")?;
+        if !kinds.contains(&kind) {
+            let problem = format!("it has no reference space {kind:?}, only {kinds:?}: see headset.reference_space");
+            return Err(XrError::Unsuitable { runtime: runtime.name, problem });
+        }
+        let space = session.create_reference_space(kind, xr::Posef::IDENTITY).during("xrCreateReferenceSpace")?;
+        let input = Input::attach(&session)?;
+        let swapchains = Swapchains::new(&runtime, &session, renderer.gpu(), settings)?;
+        let mut recorder = recorder;
+        recorder.session();
+        tracing::info!(
+            "headset: {} of {}, on {}; {} of {:?} px, {:?}",
+            runtime.system_name,
+            runtime.name,
+            renderer.adapter().adapter,
+            if swapchains.is_array() { "a swapchain of two layers" } else { "two swapchains" },
+            swapchains.sizes,
+            swapchains.format,
+        );
+        Ok(Self {
+            swapchains,
+            input,
+            space,
+            stream,
+            waiter,
+            session,
+            in_flight: None,
+            renderer,
+            runtime,
+            settings: settings.clone(),
+            blend_mode,
+            state: xr::SessionState::UNKNOWN,
+            running: false,
+            recorder,
+            adaptation: Adaptation::default(),
+            head: (DVec3::ZERO, DQuat::IDENTITY),
+            problem: None,
+            captures: false,
+        })
+    }
+
+    /// How it stands.
+    pub fn status(&self) -> Status {
+        Status::Connected {
+            runtime: self.runtime.name.clone(),
+            system: self.runtime.system_name.clone(),
+            state: state_name(self.state),
+            sizes: self.swapchains.sizes,
+            adapter: self.renderer.adapter().adapter.clone(),
+        }
+    }
+
+    /// The figures so far.
+    pub fn recorder(&self) -> &Recorder {
+        &self.recorder
+    }
+
+    /// Ends the connection and keeps the figures.
+    pub fn close(mut self) -> Recorder {
+        mem::take(&mut self.recorder)
+    }
+
+    /// Asks the runtime to end the session: the steps that follow go on until one has [`Step::Exited`].
+    ///
+    /// # Errors
+    ///
+    /// The call fails, as it does where the session does not run.
+    pub fn request_exit(&self) -> Result<(), XrError> {
+        self.session.request_exit().during("xrRequestExitSession")
+    }
+
+    /// Does what the runtime asks for next: follows the states of the session, and makes a frame if one is due. Waits until then,
+    /// as long as the runtime paces it.
+    ///
+    /// # Errors
+    ///
+    /// The runtime, the session or the device is lost: connect again.
+    pub fn step(&mut self, host: &dyn Host) -> Result<Step, XrError> {
+        if self.follow_events()? {
+            return Ok(Step::Exited);
+        }
+        if !self.running {
+            // What is in flight has nothing to wait for.
+            self.finish(host)?;
+            thread::sleep(IDLE_INTERVAL);
+            return Ok(Step::Idle);
+        }
+        self.frame(host)
+    }
+
+    /// Takes the runtime's events; true: the session is over.
+    fn follow_events(&mut self) -> Result<bool, XrError> {
+        let mut buffer = xr::EventDataBuffer::new();
+        while let Some(event) = self.runtime.instance.poll_event(&mut buffer).during("xrPollEvent")? {
+            match event {
+                xr::Event::SessionStateChanged(changed) => {
+                    self.state = changed.state();
+                    tracing::info!("headset: the session is {}", state_name(self.state));
+                    match self.state {
+                        xr::SessionState::READY => {
+                            self.session.begin(STEREO).during("xrBeginSession")?;
+                            self.running = true;
+                        }
+                        xr::SessionState::STOPPING => {
+                            self.session.end().during("xrEndSession")?;
+                            self.running = false;
+                            self.recorder.pause();
+                        }
+                        xr::SessionState::EXITING => return Ok(true),
+                        xr::SessionState::LOSS_PENDING => return Err(XrError::LossPending),
+                        _ => {}
+                    }
+                }
+                xr::Event::InstanceLossPending(_) => return Err(XrError::LossPending),
+                xr::Event::ReferenceSpaceChangePending(_) => {
+                    tracing::info!("headset: the room's origin moves");
+                    self.recorder.recentred();
+                }
+                xr::Event::EventsLost(lost) => {
+                    tracing::warn!("headset: {} events of the runtime were lost", lost.lost_event_count());
+                }
+                _ => {}
+            }
+        }
+        Ok(false)
+    }
+
+    /// Takes back the frame in flight, if there is one, and gives it to the host.
+    fn finish(&mut self, host: &dyn Host) -> Result<(), XrError> {
+        let Some(InFlight { submitted, wanted, pose_time }) = self.in_flight.take() else { return Ok(()) };
+        match self.renderer.finish(submitted) {
+            Ok(frame) => {
+                self.problem = None;
+                self.adaptation.observe(frame.exposure_ev100, frame.metered_ev100);
+                frame.times.gpu_ms.into_iter().for_each(|ms| self.recorder.stage("gpu", ms));
+                if wanted.display || wanted.hdr {
+                    let render_time = SystemTime::now();
+                    host.publish(MirroredFrame { frame: frame.into(), pose_time, render_time });
+                }
+                Ok(())
+            }
+            Err(error) => self.tell(error),
+        }
+    }
+
+    /// A frame that cannot be drawn is told once and left out; only a lost device ends the session.
+    fn tell(&mut self, error: RenderError) -> Result<(), XrError> {
+        if let RenderError::Gpu(GpuError::Lost(_)) = error {
+            return Err(error.into());
+        }
+        let problem = error.to_string();
+        if self.problem.as_ref() != Some(&problem) {
+            tracing::error!("headset: frames are left out: {problem}");
+            self.problem = Some(problem);
+        }
+        Ok(())
+    }
+
+    /// One frame. What does not depend on where the head is comes before the poses are asked for, so that they are young when
+    /// the frame is drawn and when it is shown.
+    fn frame(&mut self, host: &dyn Host) -> Result<Step, XrError> {
+        let mut stages = Stages::begin();
+        let state = self.waiter.wait().during("xrWaitFrame")?;
+        stages.end("wait");
+        let display_ns = state.predicted_display_time.as_nanos();
+        let since_last_s =
+            self.recorder.frame(display_ns, state.predicted_display_period.as_nanos(), state.should_render);
+        self.finish(host)?;
+        stages.end("finish_last");
+        self.stream.begin().during("xrBeginFrame")?;
+        let mut made = HeadsetFrame { display_time_ns: display_ns, eyes: None, captured: None };
+        let Some(shown) = self.shown(host, since_last_s)? else {
+            self.end(state.predicted_display_time, None)?;
+            return Ok(Step::HostEnded);
+        };
+        let held = state.should_render && self.hold(&shown)?;
+        stages.end("hold");
+        let mut layers = None;
+        let mut timings = FrameTimings::default();
+        if held {
+            self.swapchains.acquire()?;
+            stages.end("acquire");
+            let wanted = host.mirror();
+            let asked = (Instant::now(), SystemTime::now());
+            let now = self.runtime.now()?;
+            if let Some(views) = self.locate(state.predicted_display_time)? {
+                let eyes = [0, 1].map(|eye| eye_from_view(&views[eye], self.swapchains.sizes[eye]));
+                let drawn = self.submit(&shown, eyes, wanted, asked.1, since_last_s.unwrap_or(0.0))?;
+                timings.pose_age_at_submission_ms = asked.0.elapsed().as_secs_f64() * 1e3;
+                timings.pose_age_at_display_ms = now.map(|now| (display_ns - now.as_nanos()) as f64 * 1e-6);
+                stages.end("draw");
+                if drawn {
+                    self.head = head(&eyes);
+                    made.eyes = Some(eyes);
+                    if self.captures {
+                        made.captured = Some(capture(self.renderer.gpu(), &self.swapchains)?);
+                    }
+                    layers = Some(views);
+                }
+            }
+            self.swapchains.release()?;
+        }
+        self.end(state.predicted_display_time, layers.as_ref())?;
+        stages.end("end");
+        if made.eyes.is_some() {
+            timings.stages = stages.times_ms;
+            self.recorder.rendered(&timings);
+        }
+        host.statistics(&self.recorder.figures());
+        Ok(Step::Frame(Box::new(made)))
+    }
+
+    /// What to show, after the controllers have moved the camera; `None`: the host wants no more.
+    fn shown(&mut self, host: &dyn Host, since_last_s: Option<f64>) -> Result<Option<Shown>, XrError> {
+        let Some(shown) = host.shown() else { return Ok(None) };
+        let controls = self.input.read(&self.session)?;
+        let world_from_room = shown.snapshot.camera.world_from_camera;
+        match flight(&controls, since_last_s.unwrap_or(0.0), &self.settings, world_from_room, self.head) {
+            Some(flight) => {
+                host.fly(&flight);
+                Ok(host.shown())
+            }
+            None => Ok(Some(shown)),
+        }
+    }
+
+    /// Holds what the frame takes; false: it cannot be drawn.
+    fn hold(&mut self, shown: &Shown) -> Result<bool, XrError> {
+        match self.renderer.hold(&shown.snapshot, &shown.settings) {
+            Ok(()) => Ok(true),
+            Err(error) => self.tell(error).map(|()| false),
+        }
+    }
+
+    /// Where the eyes are going to be; `None`: the runtime does not know which way the head looks.
+    fn locate(&self, time: xr::Time) -> Result<Option<[xr::View; 2]>, XrError> {
+        let (flags, views) = self.session.locate_views(STEREO, time, &self.space).during("xrLocateViews")?;
+        if !flags.contains(xr::ViewStateFlags::ORIENTATION_VALID) {
+            return Ok(None);
+        }
+        match views.as_slice() {
+            [left, right] => Ok(Some([*left, *right])),
+            _ => Err(XrError::Unsuitable {
+                runtime: self.runtime.name.clone(),
+                problem: format!("it locates {} views instead of 2", views.len()),
+            }),
+        }
+    }
+
+    /// Draws both eyes into the acquired images; false: they cannot be drawn.
+    fn submit(
+        &mut self,
+        shown: &Shown,
+        eyes: [Eye; 2],
+        wanted: Wanted,
+        pose_time: SystemTime,
+        since_last_s: f64,
+    ) -> Result<bool, XrError> {
+        let rig = match rig_of(&self.settings.name, eyes) {
+            Ok(rig) => rig,
+            Err(error) => {
+                let runtime = self.runtime.name.clone();
+                return Err(XrError::Unsuitable { runtime, problem: error.to_string() });
+            }
+        };
+        let format = self.swapchains.format;
+        let presentation = |eye| Some(Presentation { viewport: eye, target: self.swapchains.target(eye)?, format });
+        let presentations: Vec<Presentation<'_>> = [0, 1].into_iter().filter_map(presentation).collect();
+        let adapted = self.adaptation.exposure(since_last_s, true, &shown.settings.exposure);
+        let submitted =
+            self.renderer.submit(&shown.snapshot, &rig, &shown.settings, &[wanted], adapted, &presentations);
+        match submitted {
+            Ok(submitted) => {
+                self.in_flight = Some(InFlight { submitted, wanted, pose_time });
+                Ok(true)
+            }
+            Err(error) => self.tell(error).map(|()| false),
+        }
+    }
+
+    /// Hands the frame in: a projection layer with the poses and fields of view it was drawn for, or nothing.
+    fn end(&mut self, time: xr::Time, views: Option<&[xr::View; 2]>) -> Result<(), XrError> {
+        let Self { stream, swapchains, space, blend_mode, .. } = self;
+        let call = "xrEndFrame";
+        let Some(views) = views else { return stream.end(time, *blend_mode, &[]).during(call) };
+        let view = |eye: usize| {
+            xr::CompositionLayerProjectionView::new()
+                .pose(views[eye].pose)
+                .fov(views[eye].fov)
+                .sub_image(swapchains.sub_image(eye))
+        };
+        let views = [view(0), view(1)];
+        let layer = xr::CompositionLayerProjection::new().space(space).views(&views);
+        stream.end(time, *blend_mode, &[&layer]).during(call)
+    }
+}
+
+impl Drop for Headset {
+    fn drop(&mut self) {
+        // Images and session must not go while the device is at work with them. A device that is lost does no work.
+        if let Err(error) = self.renderer.gpu().device.poll(wgpu::PollType::wait_indefinitely()) {
+            tracing::warn!("headset: {error}");
+        }
+    }
+}
+
+/// Times the stages of a frame.
+struct Stages {
+    last: Instant,
+    times_ms: Vec<(&'static str, f64)>,
+}
+
+impl Stages {
+    fn begin() -> Self {
+        Self { last: Instant::now(), times_ms: Vec::new() }
+    }
+
+    /// What was done since the last stage is one of this name.
+    fn end(&mut self, name: &'static str) {
+        let now = Instant::now();
+        self.times_ms.push((name, (now - self.last).as_secs_f64() * 1e3));
+        self.last = now;
+    }
+}
+
+fn state_name(state: xr::SessionState) -> &'static str {
+    match state {
+        xr::SessionState::IDLE => "idle",
+        xr::SessionState::READY => "ready",
+        xr::SessionState::SYNCHRONIZED => "synchronized",
+        xr::SessionState::VISIBLE => "visible",
+        xr::SessionState::FOCUSED => "focused",
+        xr::SessionState::STOPPING => "stopping",
+        xr::SessionState::LOSS_PENDING => "about to be lost",
+        xr::SessionState::EXITING => "exiting",
+        _ => "new",
+    }
+}

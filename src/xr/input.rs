@@ -1,0 +1,120 @@
+//! Controllers: the actions of flying, and the buttons and sticks of common controllers that they are bound to.
+
+use openxr as xr;
+
+use super::{
+    error::{During, XrError},
+    flight::Controls,
+};
+
+/// Bindings of one kind of controller: its profile, then pairs of action and path.
+struct Profile {
+    path: &'static str,
+    translate: Option<&'static str>,
+    turn_rise: Option<&'static str>,
+    thrust: &'static str,
+    boost: &'static str,
+}
+
+/// Left hand: where to, and how fast. Right hand: turning, rising, and thrust.
+const PROFILES: [Profile; 5] = [
+    Profile {
+        path: "/interaction_profiles/khr/simple_controller",
+        translate: None,
+        turn_rise: None,
+        thrust: "/user/hand/right/input/select/click",
+        boost: "/user/hand/left/input/select/click",
+    },
+    Profile {
+        path: "/interaction_profiles/oculus/touch_controller",
+        translate: Some("/user/hand/left/input/thumbstick"),
+        turn_rise: Some("/user/hand/right/input/thumbstick"),
+        thrust: "/user/hand/right/input/trigger/value",
+        boost: "/user/hand/left/input/trigger/value",
+    },
+    Profile {
+        path: "/interaction_profiles/valve/index_controller",
+        translate: Some("/user/hand/left/input/thumbstick"),
+        turn_rise: Some("/user/hand/right/input/thumbstick"),
+        thrust: "/user/hand/right/input/trigger/value",
+        boost: "/user/hand/left/input/trigger/value",
+    },
+    Profile {
+        path: "/interaction_profiles/microsoft/motion_controller",
+        translate: Some("/user/hand/left/input/thumbstick"),
+        turn_rise: Some("/user/hand/right/input/thumbstick"),
+        thrust: "/user/hand/right/input/trigger/value",
+        boost: "/user/hand/left/input/trigger/value",
+    },
+    Profile {
+        path: "/interaction_profiles/htc/vive_controller",
+        translate: Some("/user/hand/left/input/trackpad"),
+        turn_rise: Some("/user/hand/right/input/trackpad"),
+        thrust: "/user/hand/right/input/trigger/value",
+        boost: "/user/hand/left/input/trigger/value",
+    },
+];
+
+/// The actions of a session.
+pub(super) struct Input {
+    set: xr::ActionSet,
+    translate: xr::Action<xr::Vector2f>,
+    turn_rise: xr::Action<xr::Vector2f>,
+    thrust: xr::Action<f32>,
+    boost: xr::Action<f32>,
+}
+
+impl Input {
+    /// Makes the actions and attaches them to the session.
+    pub(super) fn attach(session: &xr::Session<xr::Vulkan>) -> Result<Self, XrError> {
+        let instance = session.instance();
+        let set = instance.create_action_set("flight", "Flight", 0).during("xrCreateActionSet")?;
+        let call = "xrCreateAction";
+        let input = Self {
+            translate: set.create_action("translate", "Fly", &[]).during(call)?,
+            turn_rise: set.create_action("turn_rise", "Turn and rise", &[]).during(call)?,
+            thrust: set.create_action("thrust", "Thrust", &[]).during(call)?,
+            boost: set.create_action("boost", "Faster", &[]).during(call)?,
+            set,
+        };
+        for profile in &PROFILES {
+            let path = |text: &str| instance.string_to_path(text).during("xrStringToPath");
+            let mut bindings = vec![
+                xr::Binding::new(&input.thrust, path(profile.thrust)?),
+                xr::Binding::new(&input.boost, path(profile.boost)?),
+            ];
+            for (action, place) in [(&input.translate, profile.translate), (&input.turn_rise, profile.turn_rise)] {
+                if let Some(place) = place {
+                    bindings.push(xr::Binding::new(action, path(place)?));
+                }
+            }
+            if let Err(result) = instance.suggest_interaction_profile_bindings(path(profile.path)?, &bindings) {
+                // A runtime need not know every controller.
+                tracing::info!("headset: the runtime does not take bindings of {}: {result}", profile.path);
+            }
+        }
+        session.attach_action_sets(&[&input.set]).during("xrAttachSessionActionSets")?;
+        Ok(input)
+    }
+
+    /// What the controllers say now; nothing while the session has no focus.
+    pub(super) fn read(&self, session: &xr::Session<xr::Vulkan>) -> Result<Controls, XrError> {
+        session.sync_actions(&[(&self.set).into()]).during("xrSyncActions")?;
+        let none = xr::Path::NULL;
+        let pair = |action: &xr::Action<xr::Vector2f>| -> Result<[f64; 2], XrError> {
+            let state = action.state(session, none).during("xrGetActionStateVector2f")?;
+            let value = [f64::from(state.current_state.x), f64::from(state.current_state.y)];
+            Ok(if state.is_active { value } else { [0.0; 2] })
+        };
+        let one = |action: &xr::Action<f32>| -> Result<f64, XrError> {
+            let state = action.state(session, none).during("xrGetActionStateFloat")?;
+            Ok(if state.is_active { f64::from(state.current_state) } else { 0.0 })
+        };
+        Ok(Controls {
+            translate: pair(&self.translate)?,
+            turn_rise: pair(&self.turn_rise)?,
+            thrust: one(&self.thrust)?,
+            boost: one(&self.boost)?,
+        })
+    }
+}

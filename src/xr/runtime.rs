@@ -1,0 +1,173 @@
+//! The runtime: found through the system's loader, asked for what is needed, and told from others by what it lacks.
+#![expect(unsafe_code, reason = "the loader is a library of the system, and the runtime makes the Vulkan device")]
+
+use std::mem;
+
+use ash::vk::{self, Handle as _};
+use openxr as xr;
+
+use super::error::{During, XrError};
+use crate::gpu::{
+    Gpu, GpuOptions,
+    adopt::{DeviceMaker, VulkanHandles},
+};
+
+/// The eyes of a headset, as views of a session.
+pub(super) const STEREO: xr::ViewConfigurationType = xr::ViewConfigurationType::PRIMARY_STEREO;
+
+/// A runtime with a headset.
+pub(super) struct Runtime {
+    pub(super) instance: xr::Instance,
+    pub(super) system: xr::SystemId,
+    /// Name and version of the runtime.
+    pub(super) name: String,
+    /// Name of the system.
+    pub(super) system_name: String,
+    /// Whether the runtime's clock can be read, which the age of poses needs.
+    pub(super) has_clock: bool,
+}
+
+impl Runtime {
+    /// Finds the runtime and its headset.
+    pub(super) fn find() -> Result<Self, XrError> {
+        // SAFETY: the library of this name is the OpenXR loader, whose functions are those of the specification.
+        let entry = unsafe { xr::Entry::load(&()) }.map_err(|error| XrError::Loader(error.to_string()))?;
+        let no_runtime = |call| move |result| XrError::NoRuntime { call, result };
+        let available = entry.enumerate_extensions().map_err(no_runtime("xrEnumerateInstanceExtensionProperties"))?;
+        let missing = |runtime: &str| XrError::MissingExtension {
+            runtime: runtime.to_owned(),
+            extension: "XR_KHR_vulkan_enable2",
+            needed_for: "frames are drawn with Vulkan on a device of the runtime's",
+        };
+        let mut wanted = xr::ExtensionSet::default();
+        wanted.khr_vulkan_enable2 = available.khr_vulkan_enable2;
+        let has_clock = enable_clock(&available, &mut wanted);
+        let application = xr::ApplicationInfo {
+            application_name: "steradian",
+            application_version: 1,
+            engine_name: "steradian",
+            engine_version: 1,
+            api_version: xr::Version::new(1, 0, 0),
+        };
+        let instance =
+            entry.create_instance(&application, &wanted, &[], &()).map_err(no_runtime("xrCreateInstance"))?;
+        let properties = instance.properties().during("xrGetInstanceProperties")?;
+        let name = format!("{} {}", properties.runtime_name, properties.runtime_version);
+        if !available.khr_vulkan_enable2 {
+            return Err(missing(&name));
+        }
+        let system = instance.system(xr::FormFactor::HEAD_MOUNTED_DISPLAY);
+        let system = system.map_err(|result| XrError::NoHeadset { runtime: name.clone(), result })?;
+        let system_name = instance.system_properties(system).during("xrGetSystemProperties")?.system_name;
+        let configurations = instance.enumerate_view_configurations(system);
+        let configurations = configurations.during("xrEnumerateViewConfigurations")?;
+        if !configurations.contains(&STEREO) {
+            let problem = format!("it has no stereo views, only {configurations:?}");
+            return Err(XrError::Unsuitable { runtime: name, problem });
+        }
+        Ok(Self { instance, system, name, system_name, has_clock })
+    }
+
+    /// Lets the runtime make the device that the headset is drawn with.
+    pub(super) fn open_gpu(&self) -> Result<(Gpu, VulkanHandles), XrError> {
+        let requirements = self.instance.graphics_requirements::<xr::Vulkan>(self.system);
+        let requirements = requirements.during("xrGetVulkanGraphicsRequirements2KHR")?;
+        let version = requirements.max_api_version_supported;
+        let most = vk::make_api_version(0, u32::from(version.major()), u32::from(version.minor()), 0);
+        Gpu::adopt(&RuntimesDevice { runtime: self, max_api_version: most }, &GpuOptions::default())
+    }
+
+    /// The runtime's clock now; `None` where it cannot be read.
+    pub(super) fn now(&self) -> Result<Option<xr::Time>, XrError> {
+        if !self.has_clock {
+            return Ok(None);
+        }
+        self.instance.now().during("the runtime's clock").map(Some)
+    }
+}
+
+#[cfg(not(windows))]
+fn enable_clock(available: &xr::ExtensionSet, wanted: &mut xr::ExtensionSet) -> bool {
+    wanted.khr_convert_timespec_time = available.khr_convert_timespec_time;
+    available.khr_convert_timespec_time
+}
+
+#[cfg(windows)]
+fn enable_clock(available: &xr::ExtensionSet, wanted: &mut xr::ExtensionSet) -> bool {
+    wanted.khr_win32_convert_performance_counter_time = available.khr_win32_convert_performance_counter_time;
+    available.khr_win32_convert_performance_counter_time
+}
+
+struct RuntimesDevice<'a> {
+    runtime: &'a Runtime,
+    max_api_version: u32,
+}
+
+/// Vulkan's function that finds all others, as OpenXR's interface has it.
+fn get_instance_proc_addr(loader: &ash::Entry) -> xr::sys::platform::VkGetInstanceProcAddr {
+    let function: vk::PFN_vkGetInstanceProcAddr = loader.static_fn().get_instance_proc_addr;
+    // SAFETY: both are pointers to the same C function; the crates name its handle and its result differently.
+    unsafe { mem::transmute(function) }
+}
+
+// SAFETY: the runtime makes instance, physical device and device from what it is given and adds what it needs itself; by
+// XR_KHR_vulkan_enable2 the program owns what comes out.
+unsafe impl DeviceMaker for RuntimesDevice<'_> {
+    type Error = XrError;
+
+    fn max_api_version(&self) -> u32 {
+        self.max_api_version
+    }
+
+    fn instance(&self, loader: &ash::Entry, info: &vk::InstanceCreateInfo<'_>) -> Result<vk::Instance, XrError> {
+        let call = "xrCreateVulkanInstanceKHR";
+        let info = std::ptr::from_ref(info).cast();
+        let Runtime { instance, system, .. } = self.runtime;
+        // SAFETY: `info` is a VkInstanceCreateInfo that lives through the call.
+        let made = unsafe { instance.create_vulkan_instance(*system, get_instance_proc_addr(loader), info) };
+        let made = made.during(call)?.map_err(|result| XrError::Vulkan { call, result })?;
+        Ok(vk::Instance::from_raw(made as u64))
+    }
+
+    fn physical_device(&self, instance: vk::Instance) -> Result<vk::PhysicalDevice, XrError> {
+        let Runtime { instance: xr_instance, system, .. } = self.runtime;
+        // SAFETY: the instance was made by `instance` above.
+        let chosen = unsafe { xr_instance.vulkan_graphics_device(*system, instance.as_raw() as _) };
+        Ok(vk::PhysicalDevice::from_raw(chosen.during("xrGetVulkanGraphicsDevice2KHR")? as u64))
+    }
+
+    fn device(
+        &self,
+        loader: &ash::Entry,
+        physical_device: vk::PhysicalDevice,
+        info: &vk::DeviceCreateInfo<'_>,
+    ) -> Result<vk::Device, XrError> {
+        let call = "xrCreateVulkanDeviceKHR";
+        let info = std::ptr::from_ref(info).cast();
+        let Runtime { instance, system, .. } = self.runtime;
+        let function = get_instance_proc_addr(loader);
+        // SAFETY: the physical device is the runtime's choice, and `info` a VkDeviceCreateInfo that lives through the call.
+        let made = unsafe { instance.create_vulkan_device(*system, function, physical_device.as_raw() as _, info) };
+        let made = made.during(call)?.map_err(|result| XrError::Vulkan { call, result })?;
+        Ok(vk::Device::from_raw(made as u64))
+    }
+}
+
+impl Runtime {
+    /// Opens a session that draws with the device of these handles.
+    pub(super) fn open_session(
+        &self,
+        handles: &VulkanHandles,
+    ) -> Result<(xr::Session<xr::Vulkan>, xr::FrameWaiter, xr::FrameStream<xr::Vulkan>), XrError> {
+        let info = xr::vulkan::SessionCreateInfo {
+            instance: handles.instance as _,
+            physical_device: handles.physical_device as _,
+            device: handles.device as _,
+            queue_family_index: handles.queue_family_index,
+            queue_index: handles.queue_index,
+        };
+        // SAFETY: the handles are of the device that this runtime has made, which outlives the session: who holds both
+        // drops the session first.
+        unsafe { self.instance.create_session::<xr::Vulkan>(self.system, &info) }.during("xrCreateSession")
+    }
+}

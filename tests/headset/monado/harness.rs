@@ -1,0 +1,64 @@
+//! A test binary's `main` for tests that need Monado: libtest cannot ignore a test at run time, so such a binary has
+//! `harness = false`. Where Monado cannot run, its tests are shown as ignored, with the reason; with
+//! `STERADIAN_REQUIRE_XR=1` they fail. The arguments are those of libtest.
+
+use std::process::ExitCode;
+
+use libtest_mimic::{Arguments, Completion, Failed, Trial};
+
+use super::Monado;
+
+/// Names, for a run of this executable, the function to run in place of the tests: see [`super::Service::run_inner`].
+pub const INNER_VARIABLE: &str = "STERADIAN_TEST_INNER";
+/// If set, and neither empty nor 0, a test that cannot run is a failure.
+pub const REQUIRE_VARIABLE: &str = "STERADIAN_REQUIRE_XR";
+
+/// A test. It fails by a panic.
+#[derive(Clone, Copy)]
+pub enum Test {
+    /// One that needs Monado.
+    WithMonado(&'static str, fn(&'static Monado)),
+    /// One that runs anywhere.
+    Anywhere(&'static str, fn()),
+}
+
+/// A function that runs in a process of its own, started through Monado's dynamic linker; its result is what it prints.
+pub type Inner = (&'static str, fn());
+
+/// Runs the inner function that the environment names, or the tests, one at a time: each starts a service and draws with
+/// a software driver, which takes all cores.
+pub fn main(tests: &[Test], inners: &[Inner]) -> ExitCode {
+    if let Some(wanted) = std::env::var_os(INNER_VARIABLE) {
+        let (_, inner) = inners
+            .iter()
+            .find(|(name, _)| *name == wanted)
+            .unwrap_or_else(|| panic!("no inner function is named {}", wanted.display()));
+        inner();
+        return ExitCode::SUCCESS;
+    }
+    let mut arguments = Arguments::from_args();
+    arguments.test_threads = Some(1);
+    let trials = tests.iter().map(|&test| match test {
+        Test::WithMonado(name, run) => Trial::ignorable_test(name, move || with_monado(run)),
+        Test::Anywhere(name, run) => Trial::test(name, move || {
+            run();
+            Ok::<(), Failed>(())
+        }),
+    });
+    libtest_mimic::run(&arguments, trials.collect()).exit_code()
+}
+
+fn with_monado(run: fn(&'static Monado)) -> Result<Completion, Failed> {
+    match Monado::find() {
+        Ok(monado) => {
+            run(monado);
+            Ok(Completion::Completed)
+        }
+        Err(reason) if required() => Err(format!("{REQUIRE_VARIABLE} is set, and there is no Monado: {reason}").into()),
+        Err(reason) => Ok(Completion::ignored_with(format!("no Monado: {reason}"))),
+    }
+}
+
+fn required() -> bool {
+    std::env::var_os(REQUIRE_VARIABLE).is_some_and(|value| !value.is_empty() && value != "0")
+}
