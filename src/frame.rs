@@ -21,6 +21,8 @@ mod impostor_texels;
 #[cfg(test)]
 mod pass_tests;
 mod presentation;
+#[cfg(test)]
+mod presentation_tests;
 mod published;
 mod read;
 mod record;

@@ -13,7 +13,8 @@ use steradian::{
     photometry::glare::GlareKernelName,
     plan::settings::{GlareMethod, GlareSettings, RenderSettings, StarMethod},
     scene::SceneSnapshot,
-    verify::scenes::fisheye,
+    units::PARSEC_M,
+    verify::scenes::{fisheye, star_at},
     view::{
         Rig, ViewKind,
         projection::{FisheyeMapping, pixel_centre},
@@ -49,19 +50,49 @@ fn a_frame_does_not_depend_on_the_frames_before() {
     let scene = crowd(400);
     let mut turned = scene.clone();
     turned.camera.world_from_camera = DQuat::from_rotation_y(1.0);
+    let mut flown = scene.clone();
+    flown.camera.position_m = DVec3::new(0.3e9, -100.0, 0.4e9);
     let other = crowd(300);
     let mut wider = scattered();
     wider.glare.inner_deg = 0.5;
     let mut held = renderer();
-    let frames =
-        [(&scene, scattered()), (&turned, scattered()), (&other, scattered()), (&scene, wider), (&scene, scattered())];
+    let frames = [
+        (&scene, scattered()),
+        (&turned, scattered()),
+        (&other, scattered()),
+        (&scene, wider),
+        (&flown, scattered()),
+        (&scene, scattered()),
+    ];
     let of_held: Vec<_> = frames.iter().map(|(scene, settings)| pixels(&mut held, scene, settings)).collect();
     for ((scene, settings), seen) in frames.iter().zip(&of_held) {
         assert!(pixels(&mut renderer(), scene, settings) == *seen, "a fresh renderer draws the same bits");
     }
     assert!(
-        of_held[0] == of_held[4] && of_held[0] != of_held[1] && of_held[0] != of_held[2] && of_held[0] != of_held[3]
+        of_held[0] == of_held[5] && of_held[0] != of_held[1] && of_held[0] != of_held[2] && of_held[0] != of_held[3]
     );
+}
+
+/// A star so near that its place in the sky changes between the middle of a map and the camera glares where the camera sees it.
+#[test]
+fn a_near_star_glares_where_the_camera_sees_it() {
+    let rig = rig(vec![("window", ViewKind::Perspective { size: [100, 100], fov_y_rad: 0.01 })]);
+    let seen = |camera_m: DVec3, star_m: DVec3| {
+        let mut scene = snapshot(vec![star_at(star_m / PARSEC_M, 5.0)]);
+        scene.camera.position_m = camera_m;
+        let frame = render_hdr(&mut renderer(), &scene, &rig, &scattered());
+        frame.images[0].hdr.clone().unwrap()
+    };
+    let difference = |a: &[[f32; 4]], b: &[[f32; 4]]| {
+        a.iter().zip(b).map(|(a, b)| f64::from((a[1] / b[1] - 1.0).abs())).fold(0.0, f64::max)
+    };
+    let (camera_m, ahead_m) = (DVec3::new(0.45e9, -0.2e9, 0.0), DVec3::new(0.0, 0.0, -2e12));
+    let from_the_middle = seen(DVec3::ZERO, ahead_m);
+    let from_aside = seen(camera_m, camera_m + ahead_m);
+    let same = difference(&from_aside, &from_the_middle);
+    let beside = difference(&seen(camera_m, ahead_m), &from_the_middle);
+    println!("seen from aside: {same:.1e}; its parallax changes {beside:.2}");
+    assert!(same < 1e-3 && beside > 0.05);
 }
 
 /// Where lists of sprites are cut short by what may be bound, pixels look through those of their square, and then through the sky.

@@ -19,7 +19,7 @@ use crate::{
         GlareKernel, GlareKernelError, GlareKernelName, InverseSquareKernel, split::angle_of_chord_squared,
     },
     plan::{
-        glare_sky::{FINEST_CELLS, SkyGlare, SkyGlareSettings, SpriteCell, eye_class_m, pixel_class_rad},
+        glare_sky::{FINEST_CELLS, SkyGlare, SkyGlareSettings, SpriteCell, eye_class_m, map_place_pc, pixel_class_rad},
         object_glare::{Cloud, PointOfLight},
         settings::GlareSettings,
     },
@@ -187,9 +187,12 @@ impl GlareSky {
         let mut classes: Vec<f64> = frame.viewports.iter().map(pixel_class).collect();
         classes.sort_by(f64::total_cmp);
         classes.dedup();
-        let farthest_eye_m = frame.viewports.iter().map(|viewport| viewport.eye_offset_m.length()).fold(0.0, f64::max);
+        let place_pc = map_place_pc(scene.camera_pc);
+        let camera_m = (scene.camera_pc - place_pc) * PARSEC_M;
+        let eyes = frame.viewports.iter().map(|viewport| (camera_m + viewport.eye_offset_m).length());
+        let farthest_eye_m = eyes.fold(0.0, f64::max);
         let settings = SkyGlareSettings {
-            camera_pc: scene.camera_pc,
+            place_pc,
             motion: scene.motion,
             faintest_lx: scene.faintest_lx,
             farthest_eye_pc: eye_class_m(farthest_eye_m) / PARSEC_M,
@@ -302,6 +305,7 @@ impl GlareSky {
             unreachable!("the map is made before the views")
         };
         let sky = &held.sky;
+        let camera_pc = scene.camera_pc - held.key.settings.place_pc;
         let mut near: Vec<layout::GlareNear> = Vec::new();
         let views: Vec<layout::GlareView> = frame
             .viewports
@@ -311,7 +315,7 @@ impl GlareSky {
                 let class = pixel_class(viewport);
                 let index = held.key.settings.pixel_classes_rad.partition_point(|other| *other < class);
                 let first_near = near.len() as u32;
-                for (direction, light) in sky.near_for(viewport.eye_offset_m / PARSEC_M, scene.motion) {
+                for (direction, light) in sky.near_for(camera_pc + viewport.eye_offset_m / PARSEC_M, scene.motion) {
                     near.push(encode_near((direction, light), 0.0, 0));
                 }
                 for source in frame.object_sources.get(number).into_iter().flatten() {

@@ -91,7 +91,7 @@ impl Renderer {
     /// images are drawn into the textures of `presentations`, in the same submission.
     ///
     /// One frame may be in flight: if the last one was not finished, this waits for it and throws it away, and finishing it later is
-    /// [`RenderError::Abandoned`].
+    /// [`RenderError::Abandoned`]. Had the device failed in it, that is the error here.
     pub fn submit(
         &mut self,
         snapshot: &SceneSnapshot,

@@ -414,6 +414,62 @@ mod tests {
     }
 
     #[test]
+    fn a_headset_with_parallel_eyes_is_a_stereo_view() {
+        let fov = Fov { left_rad: -0.9, right_rad: 0.7, up_rad: 0.8, down_rad: -0.75 };
+        let ipd_m = 0.064;
+        let eye = |fov: Fov, side: f64| Eye {
+            size: [12, 10],
+            fov,
+            room_from_eye: DQuat::IDENTITY,
+            position_m: DVec3::X * (side * ipd_m),
+        };
+        let headset = ViewKind::Headset { eyes: [eye(fov, -0.5), eye(fov.mirrored(), 0.5)] };
+        let stereo = ViewKind::Stereo { size: [12, 10], ipd_m, fov_left: fov, fov_right: fov.mirrored() };
+        let (turn, place) = (DQuat::from_euler(glam::EulerRot::YXZ, 0.4, -0.2, 0.1), DVec3::new(1.0, 2.0, 3.0));
+        let images = |kind: ViewKind| View::new("eyes", kind, turn, place).unwrap().images;
+        assert_eq!(images(headset.clone()), images(stereo.clone()));
+        // Eyes in each other's place are not the same.
+        let ViewKind::Headset { eyes: [left, right] } = headset else { unreachable!("a headset was made") };
+        assert_ne!(images(ViewKind::Headset { eyes: [right, left] }), images(stereo));
+    }
+
+    #[test]
+    fn canted_eyes_turn_with_the_view_and_the_camera() {
+        let (size, half) = ([20, 20], std::f64::consts::FRAC_PI_4);
+        let fov = Fov { left_rad: -half, right_rad: half, up_rad: half, down_rad: -half };
+        let cant_rad = 0.1;
+        // Each eye outwards: the left one to the left. A rotation about +y turns to the left.
+        let eye = |side: f64, size: [u32; 2]| Eye {
+            size,
+            fov,
+            room_from_eye: DQuat::from_rotation_y(-side * cant_rad),
+            position_m: DVec3::new(side * 0.03, 1.7, -0.2),
+        };
+        let eyes = [eye(-1.0, size), eye(1.0, [30, 28])];
+        // The view is turned a quarter to the left, the camera a quarter upwards.
+        let quarter = std::f64::consts::FRAC_PI_2;
+        let place = DVec3::new(0.0, 0.0, 5.0);
+        let view = View::new("headset", ViewKind::Headset { eyes }, DQuat::from_rotation_y(quarter), place).unwrap();
+        let viewports = Rig::new(vec![view]).unwrap().viewports(DQuat::from_rotation_x(quarter));
+        assert_eq!([viewports[0].size(), viewports[1].size()], [size, [30, 28]]);
+        assert_eq!([viewports[0].part, viewports[1].part], [Part::LeftEye, Part::RightEye]);
+        let (sin, cos) = cant_rad.sin_cos();
+        for (viewport, side) in viewports.iter().zip([-1.0, 1.0]) {
+            // In the room an eye looks along (side sin, 0, -cos). Turned to the left, x becomes -z and z becomes x; turned upwards,
+            // -z becomes y and y becomes z.
+            let ahead = viewport.world_from_view * DVec3::NEG_Z;
+            assert!((ahead - DVec3::new(-cos, side * sin, 0.0)).length() < 1e-12, "{ahead}");
+            let up = viewport.world_from_view * DVec3::Y;
+            assert!((up - DVec3::Z).length() < 1e-12, "{up}");
+            let expected = DVec3::new(-0.2, side * 0.03 - 5.0, 1.7);
+            assert!((viewport.eye_offset_m - expected).length() < 1e-12, "{}", viewport.eye_offset_m);
+            let [width, height] = viewport.size().map(f64::from);
+            let middle = viewport.projection.mapping().direction_from_pixel(glam::DVec2::new(width, height) / 2.0);
+            assert!((middle.unwrap() - DVec3::NEG_Z).length() < 1e-12);
+        }
+    }
+
+    #[test]
     fn bad_names_twins_and_faces_are_refused() {
         let kind = ViewKind::Equirectangular { size: [4, 2] };
         for name in ["", "a b", "a/b", "ü"] {

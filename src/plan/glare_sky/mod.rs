@@ -31,6 +31,7 @@ use crate::{
         split::{Fade, ShownCore, SoftCore, bump_share, chord_squared},
     },
     relativity::Motion,
+    units::PARSEC_M,
     view::{
         Part, Viewport,
         projection::{Equirectangular, Projection},
@@ -63,13 +64,13 @@ pub fn smooth_angle_rad(level: usize) -> f64 {
 /// What the map of the sky depends on.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SkyGlareSettings {
-    /// Place of the camera, ICRS, pc.
-    pub camera_pc: DVec3,
+    /// Place that the map is made for, near the camera's, ICRS, pc.
+    pub place_pc: DVec3,
     /// Its motion.
     pub motion: Option<Motion>,
     /// Fainter stars do not glare, lx.
     pub faintest_lx: f64,
-    /// Distance from the camera to the farthest eye, pc.
+    /// Distance from there to the farthest eye, pc.
     pub farthest_eye_pc: f64,
     /// What a source may add to the veil around it without being drawn by itself, relative.
     pub tolerance: f64,
@@ -88,16 +89,27 @@ pub fn pixel_class_rad(pixel_rad: f64) -> f64 {
     (16.0 * pixel_rad.log2()).ceil().exp2().powf(0.0625)
 }
 
-/// The distance that stands for that of the farthest eye from the camera, m: up to 29 % larger, so that what a turning head
-/// changes by rounding changes no map. Powers of e are no distance that anyone sets, so none stands on the border of two classes.
+/// Edge of the cubes of space that share a map, m: so large that neither a walk through a room nor a flight in a headset makes a
+/// map in every frame, and so small that it is far from all stars but the Sun.
+pub const SHARED_CUBE_M: f64 = 1e9;
+
+/// The place that a map is made for: the middle of the cube that the camera is in, pc. A camera at the origin is in the middle.
+pub fn map_place_pc(camera_pc: DVec3) -> DVec3 {
+    let cube_pc = SHARED_CUBE_M / PARSEC_M;
+    (camera_pc / cube_pc).round() * cube_pc
+}
+
+/// The distance that stands for that of the farthest eye from the map's place, m: up to 29 % larger, so that what a turning head
+/// changes by rounding changes no map. No class is smaller than the farthest camera of a cube has. Powers of e are no distance that
+/// anyone sets, so none stands on the border of two classes.
 pub fn eye_class_m(farthest_eye_m: f64) -> f64 {
-    (((4.0 * farthest_eye_m.ln() - 0.5).ceil() + 0.5) / 4.0).exp()
+    (((4.0 * farthest_eye_m.max(SHARED_CUBE_M).ln() - 0.5).ceil() + 0.5) / 4.0).exp()
 }
 
 /// A star so near that every eye sees it elsewhere.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NearStar {
-    /// Place relative to the camera, pc.
+    /// Place relative to the map's, pc.
     pub place_pc: DVec3,
     /// Its light.
     pub star: PackedStar,
@@ -157,9 +169,9 @@ impl SkyGlare {
             world_from_view: glam::DQuat::IDENTITY,
             eye_offset_m: DVec3::ZERO,
         };
-        let SkyGlareSettings { camera_pc, motion, faintest_lx, .. } = *settings;
+        let SkyGlareSettings { place_pc, motion, faintest_lx, .. } = *settings;
         let cull = CullSettings { faintest_lx, enabled: false, motion, margin_px: SPLAT_MARGIN_PX };
-        let visible = visible_chunks(set, camera_pc, &[everywhere], cull);
+        let visible = visible_chunks(set, place_pc, &[everywhere], cull);
         let near_pc = settings.farthest_eye_pc / SHARED_PARALLAX_RAD;
         let sky = cells::Sky { set, visible: &visible, motion, faintest_lx, near_pc };
         let (finest, near) = sky.gather(FINEST_CELLS);
@@ -192,7 +204,7 @@ impl SkyGlare {
         Self { levels, sprites, fade, classes, soft, bump_squared, near, faintest_lx }
     }
 
-    /// The near stars as an eye sees them: directions in world axes, light in lx.
+    /// The near stars as an eye at this place, relative to the map's, sees them: directions in world axes, light in lx.
     pub fn near_for(&self, eye_pc: DVec3, motion: Option<Motion>) -> Vec<(DVec3, [f64; 3])> {
         self.near
             .iter()

@@ -20,7 +20,7 @@ fn sky(stars: u32) -> StarSet {
 
 fn settings() -> SkyGlareSettings {
     SkyGlareSettings {
-        camera_pc: DVec3::new(0.3, -0.2, 0.1),
+        place_pc: DVec3::new(0.3, -0.2, 0.1),
         motion: None,
         faintest_lx: 0.0,
         farthest_eye_pc: 0.0,
@@ -51,7 +51,7 @@ fn all_light_is_shared_out_once() {
     let expected: f64 = set
         .iter()
         .map(|(place, at_infinity, star)| {
-            let place = if at_infinity { place } else { place - settings().camera_pc };
+            let place = if at_infinity { place } else { place - settings().place_pc };
             star.illuminance_at_1_pc_lx() / place.length_squared()
         })
         .sum();
@@ -135,8 +135,13 @@ fn classes_of_pixels_are_never_smaller_and_hardly_larger() {
 }
 
 #[test]
-fn eyes_that_differ_by_rounding_are_of_one_class() {
-    for metres in [0.03, 0.03125, 0.0315, 0.032, 0.5, 1.0, 1e3] {
+fn eyes_that_differ_by_rounding_are_of_one_class_and_all_of_a_cube_too() {
+    let of_a_cube = eye_class_m(0.0);
+    let corner_m = SHARED_CUBE_M * 0.75_f64.sqrt();
+    for metres in [0.03, 1.0, 1e3, corner_m + 1e3] {
+        assert_eq!(eye_class_m(metres), of_a_cube);
+    }
+    for metres in [1e9, 3e9, 1e12, 3.1e16] {
         let class = eye_class_m(metres);
         assert!((metres..1.3 * metres).contains(&class), "{metres}: {class}");
         for part in [1.0 - 1e-15, 1.0 + 1e-15] {
@@ -144,5 +149,15 @@ fn eyes_that_differ_by_rounding_are_of_one_class() {
         }
         assert!(eye_class_m(1.3 * metres) > class);
     }
-    assert_eq!(eye_class_m(0.0), 0.0);
+}
+
+#[test]
+fn cameras_of_a_cube_share_the_place_of_their_map() {
+    assert_eq!(map_place_pc(DVec3::splat(0.49 * SHARED_CUBE_M / PARSEC_M)), DVec3::ZERO);
+    let far_pc = DVec3::new(8.0, -3.0, 1e4);
+    let place_pc = map_place_pc(far_pc);
+    let farthest_m = 0.75_f64.sqrt() * SHARED_CUBE_M;
+    assert!((place_pc - far_pc).length() * PARSEC_M <= 1.001 * farthest_m);
+    assert_eq!(map_place_pc(place_pc + DVec3::X * 1e3 / PARSEC_M), place_pc);
+    assert_ne!(map_place_pc(place_pc + DVec3::X * SHARED_CUBE_M / PARSEC_M), place_pc);
 }
