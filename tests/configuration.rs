@@ -8,7 +8,8 @@ use steradian::catalogue::galaxy::GalaxyParameters;
 use steradian::config::{CatalogueConfig, Config, ConfigError};
 use steradian::photometry::glare::{EyeColour, GlareKernelName};
 use steradian::plan::settings::{
-    ExposureMode, GlareMethod, RenderSettings, StarMethod, ToneMapOperator, ToneMapSettings,
+    AfterExit, ExposureMode, GlareMethod, HeadsetSettings, ReferenceSpace, RenderSettings, StarMethod, SwapchainFormat,
+    SwapchainLayout, ToneMapOperator, ToneMapSettings,
 };
 use steradian::scene::loader::{StarSource, load_stars};
 use steradian::view::{Part, ViewKind};
@@ -54,6 +55,7 @@ fn every_example_loads_and_makes_a_rig_that_looks_somewhere() {
         "demo",
         "dome",
         "equirectangular",
+        "headset",
         "mission-control",
         "perspective",
         "stereo",
@@ -475,6 +477,68 @@ fn mistakes_in_the_sections() {
     for listen in ["everywhere", ":7143", "localhost:http", "localhost:70000", "::1:7143"] {
         refused(&format!("[server]\nlisten = '{listen}'"), &["server.listen", listen, "127.0.0.1:7143"]);
     }
+}
+
+#[test]
+fn the_headset_is_off_unless_it_is_asked_for_and_every_key_is_taken() {
+    assert_eq!(parse("").unwrap().headset, HeadsetSettings::default());
+    assert!(!parse("[headset]\n").unwrap().headset.enabled);
+    assert!(parse_with("", &["headset.enabled=true"]).unwrap().headset.enabled);
+    let all = "[headset]\nenabled = true\nname = 'visor-1'\nswapchains = 'two'\nformat = 'rgba16f'\nresolution_scale = 4\n\
+               reference_space = 'stage'\nflight_m_s = 1e12\nturn_deg_s = 0\nafter_exit = 'reconnect'\n";
+    let expected = HeadsetSettings {
+        enabled: true,
+        name: "visor-1".to_owned(),
+        swapchains: SwapchainLayout::Two,
+        format: SwapchainFormat::Rgba16f,
+        resolution_scale: 4.0,
+        reference_space: ReferenceSpace::Stage,
+        flight_m_s: 1e12,
+        turn_deg_s: 0.0,
+        after_exit: AfterExit::Reconnect,
+    };
+    assert_eq!(parse(all).unwrap().headset, expected);
+    for (key, value) in [("resolution_scale", "0.1"), ("turn_deg_s", "360"), ("flight_m_s", "1e-3")] {
+        assert!(parse(&format!("[headset]\n{key} = {value}")).is_ok(), "{key} = {value}");
+    }
+}
+
+#[test]
+fn mistakes_in_the_headset() {
+    for (key, wrong, told) in [
+        ("enabled", "1", "invalid type"),
+        ("name", "''", "letters, digits, `_` and `-`"),
+        ("name", "'a b'", "view name `a b`"),
+        ("swapchains", "'three'", "`auto`, `array`, `two`"),
+        ("format", "'rgb565'", "`rgba8_srgb`"),
+        ("reference_space", "'floor'", "`stage`"),
+        ("after_exit", "'sleep'", "`reconnect`"),
+        ("resolution_scale", "0.09", "0.1 to 4"),
+        ("resolution_scale", "4.1", "0.1 to 4"),
+        ("resolution_scale", "nan", "finite"),
+        ("flight_m_s", "0", "above 0 up to 1e12 m/s"),
+        ("flight_m_s", "1.1e12", "above 0 up to 1e12 m/s"),
+        ("flight_m_s", "inf", "finite"),
+        ("turn_deg_s", "-1", "0 to 360 deg/s"),
+        ("turn_deg_s", "361", "0 to 360 deg/s"),
+        ("turn_deg_s", "nan", "finite"),
+        ("fov_deg", "90", "unknown key"),
+    ] {
+        refused(&format!("[headset]\n{key} = {wrong}"), &[&format!("headset.{key}"), told]);
+    }
+}
+
+#[test]
+fn a_headset_that_is_driven_has_a_name_of_its_own() {
+    let twin = view("type = 'cubemap'\nface_size = 4");
+    refused(
+        &format!("[headset]\nenabled = true\nname = 'v'\n{twin}"),
+        &["headset.name", "views[0] has the name `v` too"],
+    );
+    // A configuration whose view has the default name is still good where no headset is driven.
+    assert!(parse(&format!("[headset]\nname = 'v'\n{twin}")).is_ok());
+    let message = parse_with(&format!("[headset]\nname = 'v'\n{twin}"), &["headset.enabled=true"]).unwrap_err();
+    assert!(message.to_string().contains("headset.name"), "{message}");
 }
 
 #[test]

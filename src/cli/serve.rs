@@ -14,7 +14,8 @@ use crate::frame::Renderer;
 use crate::gpu::{Gpu, GpuOptions};
 use crate::scene::SceneSnapshot;
 use crate::scene::loader::LoadedCatalogue;
-use crate::service::{self, SceneCatalogue, ServeOptions, Shutdown};
+use crate::service::{self, HeadsetOptions, SceneCatalogue, ServeOptions, Shutdown};
+use crate::xr::{self, FirstFailure};
 
 /// Arguments of `serve`.
 #[derive(Debug, Args)]
@@ -65,8 +66,19 @@ pub fn run(arguments: ServeArguments, adapter: Option<String>) -> Result<(), Cli
         let catalogue = |loaded: LoadedCatalogue| SceneCatalogue { name: loaded.name, stars: loaded.stars as u64 };
         options.catalogues = report.catalogues.into_iter().map(catalogue).collect();
         options.asteroid_fields = config.field_specs()?;
+        options.headset = headset(&config);
         options.shutdown = Shutdown::When(signals);
         service::run(options).await.map_err(CliError::Serve)
+    })
+}
+
+/// The headset that a configuration asks for.
+fn headset(config: &Config) -> Option<HeadsetOptions> {
+    let settings = config.headset.clone();
+    settings.enabled.then(|| HeadsetOptions {
+        name: settings.name.clone(),
+        // Whoever starts a daemon may start the runtime later.
+        drive: Box::new(move |host| Ok(xr::drive(host.as_ref(), &settings, FirstFailure::Retries)?)),
     })
 }
 

@@ -65,7 +65,7 @@ pub fn run(arguments: XrArguments, adapter: Option<String>) -> Result<(), CliErr
         signals.await;
         told.ended.store(true, Ordering::Relaxed);
     });
-    let driven = xr::drive(host.as_ref(), &crate::plan::settings::HeadsetSettings::default(), FirstFailure::Fails);
+    let driven = xr::drive(host.as_ref(), &config.headset, FirstFailure::Fails);
     runtime.shutdown_background();
     driven?;
     report(&lock(&host.statistics))

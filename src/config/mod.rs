@@ -10,6 +10,7 @@ mod bodies;
 mod document;
 mod error;
 mod glare;
+mod headset;
 mod limits;
 mod overrides;
 mod scene;
@@ -35,7 +36,8 @@ pub use views::{
 use crate::catalogue::bright;
 use crate::catalogue::galaxy::GalaxyParameters;
 use crate::plan::settings::{
-    AccuracySettings, AsteroidSettings, ExposureSettings, GlareSettings, RenderSettings, StarSettings, ToneMapSettings,
+    AccuracySettings, AsteroidSettings, ExposureSettings, GlareSettings, HeadsetSettings, RenderSettings, StarSettings,
+    ToneMapSettings,
 };
 use crate::scene::asteroids::{FieldSpec, SpecError, check_fields, make_fields};
 use crate::scene::bodies::{MOST_BODIES, check_names, check_suns};
@@ -73,6 +75,8 @@ pub struct Config {
     pub tone_map: ToneMapSettings,
     /// `[accuracy]`.
     pub accuracy: AccuracySettings,
+    /// `[headset]`.
+    pub headset: HeadsetSettings,
     /// `[server]`.
     pub server: ServerConfig,
 }
@@ -101,6 +105,8 @@ struct Sections {
     tone_map: ToneMapSettings,
     #[serde(default)]
     accuracy: AccuracySettings,
+    #[serde(default)]
+    headset: HeadsetSettings,
     #[serde(default)]
     server: ServerConfig,
 }
@@ -172,6 +178,7 @@ impl Config {
             exposure: sections.exposure,
             tone_map: sections.tone_map,
             accuracy: sections.accuracy,
+            headset: sections.headset,
             server: sections.server,
         };
         config.scene.check().map_err(|fault| fault.within("scene"))?;
@@ -186,7 +193,9 @@ impl Config {
         limits::check_exposure(&config.exposure).map_err(|fault| fault.within("exposure"))?;
         limits::check_tone_map(&config.tone_map).map_err(|fault| fault.within("tone_map"))?;
         limits::check_accuracy(&config.accuracy).map_err(|fault| fault.within("accuracy"))?;
+        headset::check(&config.headset).map_err(|fault| fault.within("headset"))?;
         config.build_rig()?;
+        headset::check_views(&config.headset, &config.views).map_err(|fault| fault.within("headset"))?;
         Ok(config)
     }
 

@@ -7,7 +7,10 @@ use tonic::{
     transport::{Channel, Endpoint},
 };
 
-pub use super::client_scene::{CheckReceiver, ReceivedCheck, ReceivedFigure, SceneForm, SceneReceiver};
+pub use super::{
+    client_scene::{CheckReceiver, ReceivedCheck, ReceivedFigure, SceneForm, SceneReceiver},
+    client_stats::{HeadsetStatus, ReceivedHeadset, ReceivedStats, ReceivedTimes, StatsReceiver},
+};
 use super::{
     convert,
     proto::{
@@ -79,14 +82,20 @@ pub struct ViewImageForm {
     pub height: u32,
 }
 
+impl From<proto::ViewImage> for ViewImageForm {
+    fn from(image: proto::ViewImage) -> Self {
+        Self { part: image.part, width: image.width, height: image.height }
+    }
+}
+
 /// A view of the daemon.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ViewForm {
     /// Its name.
     pub name: String,
-    /// Its type, as in configurations.
+    /// Its type, as in configurations; or `headset`.
     pub kind: String,
-    /// Its images, in the order in which frames carry them.
+    /// Its images, in the order in which frames carry them. A headset has none while it is not connected.
     pub images: Vec<ViewImageForm>,
 }
 
@@ -110,13 +119,13 @@ pub struct ReceivedImage {
 pub struct ReceivedFrame {
     /// Name of the view.
     pub view: String,
-    /// Counts the frames of the renderer, over all views.
+    /// Counts the frames of the renderer, over all views; those of a headset are counted by themselves.
     pub number: u64,
     /// Revision of the scene.
     pub scene_revision: u64,
     /// Revision of the camera.
     pub camera_revision: u64,
-    /// When the daemon received that camera, by its clock.
+    /// When the daemon received that camera, by its clock; of a headset: when it asked for the poses of the eyes.
     pub pose_time: SystemTime,
     /// When the frame was rendered, by the daemon's clock.
     pub render_time: SystemTime,
@@ -141,6 +150,8 @@ pub struct ServerInfo {
     pub scene_revision: u64,
     /// Frames rendered since the start.
     pub frames_rendered: u64,
+    /// How it stands with the headset; `None` if the daemon drives none.
+    pub headset: Option<HeadsetStatus>,
 }
 
 fn camera_from_pb(camera: proto::Camera) -> Result<Camera, ClientError> {
@@ -153,7 +164,7 @@ fn camera_from_pb(camera: proto::Camera) -> Result<Camera, ClientError> {
     Ok(Camera { revision: camera.revision, ..plain })
 }
 
-fn time(time: Option<prost_types::Timestamp>, field: &'static str) -> Result<SystemTime, ClientError> {
+pub(super) fn time(time: Option<prost_types::Timestamp>, field: &'static str) -> Result<SystemTime, ClientError> {
     time.and_then(|time| time.try_into().ok()).ok_or(ClientError::Answer { field })
 }
 
@@ -235,12 +246,10 @@ impl Client {
     /// The views.
     pub async fn views(&mut self) -> Result<Vec<ViewForm>, ClientError> {
         let answer = self.view.list_views(proto::ListViewsRequest {}).await?.into_inner();
-        let image =
-            |image: proto::ViewImage| ViewImageForm { part: image.part, width: image.width, height: image.height };
         let form = |view: proto::View| ViewForm {
             name: view.name,
             kind: view.r#type,
-            images: view.images.into_iter().map(image).collect(),
+            images: view.images.into_iter().map(ViewImageForm::from).collect(),
         };
         Ok(answer.views.into_iter().map(form).collect())
     }
@@ -283,6 +292,7 @@ impl Client {
             stars: info.stars,
             scene_revision: info.scene_revision,
             frames_rendered: info.frames_rendered,
+            headset: info.headset.map(HeadsetStatus::from),
         })
     }
 }

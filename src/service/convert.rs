@@ -106,6 +106,7 @@ pub(super) fn info_to_pb(
         stars,
         scene_revision,
         frames_rendered,
+        headset: None,
     }
 }
 

@@ -12,7 +12,7 @@ use tonic::Status;
 use super::{
     handlers::{Order, failed},
     proto,
-    render::Subscription,
+    streams::Subscription,
 };
 
 /// The work on the next message; it owns the subscription meanwhile and hands it back.

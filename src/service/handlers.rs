@@ -5,15 +5,17 @@
 use std::{pin::Pin, sync::Arc, thread, time::Duration};
 
 use tokio::{
-    sync::{Semaphore, mpsc},
+    sync::{OwnedSemaphorePermit, Semaphore, mpsc},
     task,
+    time::timeout,
 };
 use tokio_stream::{Stream, wrappers::ReceiverStream};
 use tonic::{Request, Response, Status};
 
 use super::{
-    convert,
+    convert, convert_stats,
     frames::FrameStream,
+    headset::Headset,
     proto,
     render::{Refused, RenderHandle, Room},
     scene::SceneError,
@@ -24,27 +26,30 @@ use crate::{
     frame::Wanted,
     gpu::AdapterReport,
     output::{self, Encoding},
-    verify,
-    view::{Rig, View},
+    view::Rig,
 };
 
 /// Rates that `StreamFrames` takes, Hz, besides 0.
 const RATES_HZ: std::ops::RangeInclusive<f64> = 0.001..=10_000.0;
 
+/// A session that shows nothing for this long, as while nobody wears the headset, has no frame for a call.
+const HEADSET_PATIENCE: Duration = Duration::from_secs(5);
+
 /// What every call needs.
 #[derive(Clone)]
 pub(super) struct Service {
-    render: RenderHandle,
+    pub(super) render: RenderHandle,
+    pub(super) headset: Option<Arc<Headset>>,
     rig: Arc<Rig>,
-    adapter: Arc<AdapterReport>,
+    pub(super) adapter: Arc<AdapterReport>,
     catalogues: Arc<Vec<SceneCatalogue>>,
-    stars: u64,
-    /// Streams of the scene.
+    pub(super) stars: u64,
+    /// Streams of the scene and of figures.
     watchers: Arc<Semaphore>,
     /// Calls that place asteroids: one at a time.
     placing: Arc<Semaphore>,
     /// Calls of Verify: one at a time.
-    verifying: Arc<Semaphore>,
+    pub(super) verifying: Arc<Semaphore>,
     /// Calls of RenderFrame that are not finished yet, from the queue to the last encoded byte.
     pending: Arc<Semaphore>,
     encoders: Arc<Semaphore>,
@@ -53,8 +58,11 @@ pub(super) struct Service {
 /// The images of one view, and how they are to be encoded.
 #[derive(Clone)]
 pub(super) struct Order {
-    rig: Arc<Rig>,
+    name: Arc<str>,
+    /// Index in its frames.
     view: usize,
+    /// Who makes its frames, if not the render thread.
+    headset: Option<Arc<Headset>>,
     encoding: Encoding,
     encoders: Arc<Semaphore>,
 }
@@ -62,6 +70,7 @@ pub(super) struct Order {
 impl Service {
     pub(super) fn new(
         render: RenderHandle,
+        headset: Option<Arc<Headset>>,
         rig: Arc<Rig>,
         adapter: AdapterReport,
         catalogues: Vec<SceneCatalogue>,
@@ -71,6 +80,7 @@ impl Service {
         let cores = thread::available_parallelism().map_or(1, usize::from);
         Self {
             render,
+            headset,
             rig,
             adapter: Arc::new(adapter),
             catalogues: Arc::new(catalogues),
@@ -83,25 +93,45 @@ impl Service {
         }
     }
 
-    fn order(&self, view: &str, encoding: i32) -> Result<Order, Status> {
-        let index = self.rig.index_of(view).ok_or_else(|| {
-            let names: Vec<&str> = self.rig.views().iter().map(|view| view.name.as_str()).collect();
-            Status::not_found(format!("no view `{view}`; the views are: {}", names.join(", ")))
+    fn order(&self, name: &str, encoding: i32) -> Result<Order, Status> {
+        let headset = self.headset.as_ref().filter(|headset| headset.name() == name).map(Arc::clone);
+        // The frames of a headset have one view.
+        let view = self.rig.index_of(name).or(headset.as_ref().map(|_| 0)).ok_or_else(|| {
+            let views = self.rig.views().iter().map(|view| view.name.as_str());
+            let names: Vec<&str> = views.chain(self.headset.iter().map(|headset| headset.name())).collect();
+            Status::not_found(format!("no view `{name}`; the views are: {}", names.join(", ")))
         })?;
         let encoding = convert::encoding_from_pb(encoding).ok_or_else(|| {
             Status::invalid_argument(format!("encoding = {encoding}: one of RGBA8, PNG, JPEG, RGB32F, EXR is needed"))
         })?;
-        Ok(Order { rig: Arc::clone(&self.rig), view: index, encoding, encoders: Arc::clone(&self.encoders) })
+        Ok(Order { name: name.into(), view, headset, encoding, encoders: Arc::clone(&self.encoders) })
+    }
+
+    /// The place of a stream of the scene or of figures.
+    pub(super) fn watcher(&self) -> Result<OwnedSemaphorePermit, Status> {
+        let place = Arc::clone(&self.watchers).try_acquire_owned();
+        place.map_err(|_| Status::resource_exhausted("too many streams of scene and figures: end one first"))
+    }
+
+    /// A frame of the order's view, rendered after the call.
+    async fn rendered(&self, order: &Order) -> Result<Arc<RenderedFrame>, Status> {
+        let reply = match &order.headset {
+            None => self.render.request(order.view, order.wanted()).map_err(refused)?.await,
+            Some(headset) => {
+                let reply = headset.request(order.wanted()).map_err(refused)?;
+                timeout(HEADSET_PATIENCE, reply).await.map_err(|_| {
+                    let seconds = HEADSET_PATIENCE.as_secs();
+                    Status::unavailable(format!("the headset has not shown a frame for {seconds} s"))
+                })?
+            }
+        };
+        reply.unwrap_or(Err(RenderFailure::Ended)).map_err(|failure| failed(&failure))
     }
 }
 
 impl Order {
     fn wanted(&self) -> Wanted {
         self.encoding.wanted()
-    }
-
-    fn view(&self) -> &View {
-        &self.rig.views()[self.view]
     }
 
     /// Encodes the view's images of a frame, away from the threads that serve connections.
@@ -126,7 +156,7 @@ impl Order {
             })
         });
         Ok(proto::Frame {
-            view: self.view().name.clone(),
+            view: self.name.to_string(),
             frame_number: frame.number,
             scene_revision: frame.scene_revision,
             camera_revision: frame.camera_revision,
@@ -139,12 +169,13 @@ impl Order {
     }
 }
 
-fn refused(refused: Refused) -> Status {
+pub(super) fn refused(refused: Refused) -> Status {
     match refused {
         Refused::Full => Status::resource_exhausted("too many RenderFrame calls are waiting: try again later"),
         Refused::Subscribers(most) => Status::resource_exhausted(format!(
             "there are {most} streams already, the most there may be: end one first"
         )),
+        Refused::Headset(reason) => failed(&RenderFailure::Headset(reason)),
         Refused::Ending => Status::unavailable("the daemon is shutting down"),
     }
 }
@@ -159,7 +190,7 @@ fn unchanged(error: &SceneError) -> Status {
 pub(super) fn failed(failure: &RenderFailure) -> Status {
     match failure {
         RenderFailure::Engine(_) => Status::internal(failure.to_string()),
-        RenderFailure::Ended => Status::unavailable(failure.to_string()),
+        RenderFailure::Headset(_) | RenderFailure::Ended => Status::unavailable(failure.to_string()),
     }
 }
 
@@ -184,8 +215,9 @@ impl proto::view_service_server::ViewService for Service {
         &self,
         _: Request<proto::ListViewsRequest>,
     ) -> Result<Response<proto::ListViewsResponse>, Status> {
-        let views = self.rig.views().iter().map(convert::view_to_pb).collect();
-        Ok(Response::new(proto::ListViewsResponse { views }))
+        let views = self.rig.views().iter().map(convert::view_to_pb);
+        let headset = self.headset.iter().map(|headset| convert_stats::headset_view_to_pb(headset));
+        Ok(Response::new(proto::ListViewsResponse { views: views.chain(headset).collect() }))
     }
 
     async fn render_frame(
@@ -195,8 +227,7 @@ impl proto::view_service_server::ViewService for Service {
         let request = request.into_inner();
         let order = self.order(&request.view, request.encoding)?;
         let _pending = self.pending.try_acquire().map_err(|_| refused(Refused::Full))?;
-        let reply = self.render.request(order.view, order.wanted()).map_err(refused)?;
-        let rendered = reply.await.unwrap_or(Err(RenderFailure::Ended)).map_err(|failure| failed(&failure))?;
+        let rendered = self.rendered(&order).await?;
         Ok(Response::new(order.encode(rendered, 0).await?))
     }
 
@@ -216,7 +247,11 @@ impl proto::view_service_server::ViewService for Service {
             let message = format!("max_rate_hz = {rate}: allowed are 0 (every frame) and {min} to {max}");
             return Err(Status::invalid_argument(message));
         };
-        let subscription = self.render.subscribe(order.view, order.wanted(), interval).map_err(refused)?;
+        let subscription = match &order.headset {
+            None => self.render.subscribe(order.view, order.wanted(), interval),
+            Some(headset) => headset.subscribe(order.wanted(), interval),
+        };
+        let subscription = subscription.map_err(refused)?;
         Ok(Response::new(Box::pin(FrameStream::new(subscription, order))))
     }
 }
@@ -263,8 +298,7 @@ impl proto::scene_service_server::SceneService for Service {
         &self,
         _: Request<proto::WatchSceneRequest>,
     ) -> Result<Response<Self::WatchSceneStream>, Status> {
-        let permit = Arc::clone(&self.watchers).try_acquire_owned();
-        let permit = permit.map_err(|_| Status::resource_exhausted("too many streams of the scene: end one first"))?;
+        let permit = self.watcher()?;
         let mut scenes = self.render.watch_scene();
         if scenes.borrow().is_none() {
             return Err(refused(Refused::Ending));
@@ -281,47 +315,6 @@ impl proto::scene_service_server::SceneService for Service {
                 tokio::select! {
                     () = sender.closed() => return,
                     changed = scenes.changed() => if changed.is_err() { return },
-                }
-            }
-        });
-        Ok(Response::new(ReceiverStream::new(stream)))
-    }
-}
-
-#[tonic::async_trait]
-impl proto::diagnostics_service_server::DiagnosticsService for Service {
-    type VerifyStream = ReceiverStream<Result<proto::VerifyResult, Status>>;
-
-    async fn get_info(&self, _: Request<proto::GetInfoRequest>) -> Result<Response<proto::Info>, Status> {
-        let frames = self.render.frames_rendered();
-        let revision = self.render.scene().map_err(refused)?.revision;
-        Ok(Response::new(convert::info_to_pb(&self.adapter, self.stars, revision, frames)))
-    }
-
-    async fn verify(&self, request: Request<proto::VerifyRequest>) -> Result<Response<Self::VerifyStream>, Status> {
-        let request = request.into_inner();
-        let given = |text: String| Some(text).filter(|text| !text.is_empty());
-        let checks = verify::select(given(request.filter).as_deref())
-            .map_err(|error| Status::invalid_argument(format!("filter: {error}")))?;
-        let method = given(request.star_method).map(|name| convert::star_method(&name)).transpose();
-        let method = method.map_err(|problem| Status::invalid_argument(format!("star_method: {problem}")))?;
-        let permit = Arc::clone(&self.verifying).try_acquire_owned();
-        let permit = permit.map_err(|_| Status::resource_exhausted("another Verify call runs: try again later"))?;
-        let render = self.render.clone();
-        let (sender, stream) = mpsc::channel(1);
-        task::spawn(async move {
-            let _permit = permit;
-            for check in checks {
-                // Room first: a client that does not read or is gone keeps nobody busy.
-                let Ok(room) = sender.reserve().await else { return };
-                let result = match render.verify(check, method) {
-                    Ok(reply) => reply.await.map_err(|_| refused(Refused::Ending)),
-                    Err(reason) => Err(refused(reason)),
-                };
-                let failed = result.is_err();
-                room.send(result.map(convert::check_to_pb));
-                if failed {
-                    return;
                 }
             }
         });

@@ -5,6 +5,7 @@
 //! connections (tokio) --camera slot, bounded queue--> render thread (owns the Engine)
 //! connections (tokio) <--latest-wins slots, replies-- render thread
 //!                     `-- encoders on blocking threads
+//! connections (tokio) <--latest-wins slots, replies-- headset thread (drives the headset, with a device of its own)
 //! ```
 //!
 //! - [`run`] serves until SIGINT or SIGTERM and then drains.
@@ -15,27 +16,35 @@
 //! everyone who waits for one. What a client changes of the scene holds from the next frame on, for all views;
 //! asteroids are placed on blocking threads. A slow client drops frames (counted) and never slows the renderer or
 //! another client; a frame that fails fails for those who wait for it, and the daemon goes on; a renderer that panics
-//! ends the daemon with an error.
+//! ends the daemon with an error. A headset is one more view, and nothing that happens to it concerns the others.
 
 mod client;
 mod client_scene;
+mod client_stats;
 mod convert;
 mod convert_objects;
+mod convert_stats;
+mod diagnostics;
 mod engine;
 mod frames;
 mod handlers;
+mod headset;
 mod objects;
 mod render;
 mod scene;
 mod schedule;
 mod server;
 mod slot;
+mod streams;
+mod worker;
 
 pub use client::{
-    CheckReceiver, Client, ClientError, FrameReceiver, ReceivedCheck, ReceivedFigure, ReceivedFrame, ReceivedImage,
-    SceneForm, SceneReceiver, ServerInfo, ViewForm, ViewImageForm,
+    CheckReceiver, Client, ClientError, FrameReceiver, HeadsetStatus, ReceivedCheck, ReceivedFigure, ReceivedFrame,
+    ReceivedHeadset, ReceivedImage, ReceivedStats, ReceivedTimes, SceneForm, SceneReceiver, ServerInfo, StatsReceiver,
+    ViewForm, ViewImageForm,
 };
 pub use engine::{Engine, EngineError};
+pub use headset::{Drive, HeadsetOptions};
 pub use objects::{BodyForm, Change, FieldForm, ShapesForm};
 pub use render::CameraUpdate;
 pub use scene::SceneUpdate;

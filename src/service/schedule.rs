@@ -12,7 +12,7 @@ pub(super) const ADAPTATION_INTERVAL: Duration = Duration::from_nanos(16_666_667
 
 /// Revisions of the scene and of the camera: frames with the same revisions show the same light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Shown {
+pub(super) struct Revisions {
     /// Revision of the scene.
     pub(super) scene: u64,
     /// Revision of the camera.
@@ -25,7 +25,7 @@ pub(super) struct Pace {
     /// Shortest time between the starts of two of its frames.
     interval: Duration,
     /// What its last frame showed, and when that frame was started.
-    last: Option<(Shown, Instant)>,
+    last: Option<(Revisions, Instant)>,
 }
 
 impl Pace {
@@ -35,12 +35,12 @@ impl Pace {
     }
 
     /// A frame that shows `shown` was started for it at `start`.
-    pub(super) fn served(&mut self, shown: Shown, start: Instant) {
+    pub(super) fn served(&mut self, shown: Revisions, start: Instant) {
         self.last = Some((shown, start));
     }
 
     /// When the next frame is due if `newest` is what a frame would show now; `now` or earlier: it is due.
-    pub(super) fn due_at(&self, newest: Shown, exposure_converged: bool, now: Instant) -> Instant {
+    pub(super) fn due_at(&self, newest: Revisions, exposure_converged: bool, now: Instant) -> Instant {
         let Some((shown, start)) = self.last else { return now };
         let wait = if shown != newest {
             self.interval
@@ -60,9 +60,9 @@ mod tests {
     #[test]
     fn due_when_new_when_changed_while_adapting_and_as_a_heartbeat_but_never_too_soon() {
         let now = Instant::now();
-        let old = Shown { scene: 1, camera: 1 };
-        let moved = Shown { camera: 2, ..old };
-        let edited = Shown { scene: 2, ..old };
+        let old = Revisions { scene: 1, camera: 1 };
+        let moved = Revisions { camera: 2, ..old };
+        let edited = Revisions { scene: 2, ..old };
         let mut fast = Pace::new(Duration::ZERO);
         assert_eq!(fast.due_at(old, true, now), now, "the first frame");
         fast.served(old, now);

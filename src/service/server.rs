@@ -1,7 +1,7 @@
 //! The daemon: binds, serves, and on a signal drains: health turns to NOT_SERVING, no new connection is accepted, streams end
 //! cleanly, calls in flight finish, the render thread ends. What is not done within the drain time is left behind.
 
-use std::{any::Any, fmt, io, net::SocketAddr, pin::Pin, sync::Arc, time::Duration};
+use std::{fmt, io, net::SocketAddr, pin::Pin, sync::Arc, time::Duration};
 
 use tokio::{
     net::TcpListener,
@@ -19,17 +19,19 @@ use tonic_web::GrpcWebLayer;
 use super::{
     engine::{Engine, EngineError},
     handlers::Service,
+    headset::{Headset, HeadsetOptions, HeadsetThread, panic_message},
     objects::Objects,
     proto::{
         self, camera_service_server::CameraServiceServer, diagnostics_service_server::DiagnosticsServiceServer,
         scene_service_server::SceneServiceServer, view_service_server::ViewServiceServer,
     },
-    render::{self, RenderThread},
+    render::Room,
+    worker::{self, RenderThread},
 };
 use crate::{
     plan::settings::RenderSettings,
     scene::{SceneSnapshot, asteroids::FieldSpec},
-    view::Rig,
+    view::{Rig, RigError, check_name},
 };
 
 /// A client that has not answered for this long is asked whether it is still there.
@@ -95,6 +97,8 @@ pub struct ServeOptions {
     pub rig: Rig,
     /// How they are drawn.
     pub settings: RenderSettings,
+    /// A headset, as one more view.
+    pub headset: Option<HeadsetOptions>,
     /// Called once with the address when clients can connect.
     pub ready: Box<dyn FnOnce(SocketAddr) + Send>,
     /// What tells the daemon to end.
@@ -108,7 +112,7 @@ pub struct ServeOptions {
 }
 
 impl ServeOptions {
-    /// Options that end on signals, after a drain of at most 5 s, with up to 16 pending calls of `RenderFrame`
+    /// Options without a headset, that end on signals, after a drain of at most 5 s, with up to 16 pending calls of `RenderFrame`
     /// and 256 streams.
     pub fn new(
         listen: impl Into<String>,
@@ -126,6 +130,7 @@ impl ServeOptions {
             asteroid_fields: Vec::new(),
             rig,
             settings,
+            headset: None,
             ready: Box::new(ready),
             shutdown: Shutdown::Signals,
             drain: DRAIN,
@@ -163,6 +168,9 @@ pub enum ServeError {
     /// What was told of the asteroid fields is not of those of the scene.
     #[error("asteroid fields: {0}")]
     Fields(String),
+    /// The headset's name is none, or a view's.
+    #[error("headset: {0}")]
+    Headset(RigError),
     /// Signals cannot be received or a thread cannot be started.
     #[error("cannot set up the daemon: {0}")]
     System(#[from] io::Error),
@@ -258,12 +266,6 @@ async fn end_health(health: &mut HealthReporter) {
     }
 }
 
-/// The text of a panic.
-fn panic_message(payload: &(dyn Any + Send)) -> String {
-    let text = payload.downcast_ref::<String>().map(String::as_str);
-    text.or_else(|| payload.downcast_ref::<&str>().copied()).unwrap_or("no message").to_owned()
-}
-
 /// Waits until `deadline`, and a moment at least, for the render thread, which was told to end. One that is still busy then
 /// is left behind: it holds nothing that outlives the process.
 async fn join(mut thread: RenderThread, ended: bool, deadline: Instant) -> Result<(), ServeError> {
@@ -276,6 +278,16 @@ async fn join(mut thread: RenderThread, ended: bool, deadline: Instant) -> Resul
     match thread.join.join() {
         Ok(end) => end.map_err(ServeError::Lost),
         Err(payload) => Err(ServeError::Panicked { message: panic_message(payload.as_ref()) }),
+    }
+}
+
+/// The same for the headset's thread. How it has ended is known already.
+async fn join_headset(mut thread: HeadsetThread, deadline: Instant) {
+    let deadline = deadline.max(Instant::now() + FAREWELL);
+    if timeout_at(deadline, &mut thread.ended).await.is_err() {
+        tracing::warn!("the headset's thread is still busy: ending without it");
+    } else if thread.join.join().is_err() {
+        tracing::warn!("the headset's thread did not end in order");
     }
 }
 
@@ -294,6 +306,7 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
         asteroid_fields,
         rig,
         settings,
+        headset,
         ready,
         shutdown,
         drain,
@@ -301,6 +314,12 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
         subscribers,
     } = options;
     let objects = Objects::new(Arc::clone(&scene.objects), &asteroid_fields).map_err(ServeError::Fields)?;
+    if let Some(HeadsetOptions { name, .. }) = &headset {
+        check_name(name).map_err(ServeError::Headset)?;
+        if rig.index_of(name).is_some() {
+            return Err(ServeError::Headset(RigError::Duplicate { name: name.clone() }));
+        }
+    }
     let listener = bind(&listen).await?;
     let address = listener.local_addr()?;
     let mut shutdown = match shutdown {
@@ -319,9 +338,21 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
 
     let (rig, info) = (Arc::new(rig), engine.info());
     let stars = scene.stars.stars.len() as u64;
-    let room = render::Room { requests: pending_renders, subscribers };
-    let (handle, mut thread) = render::spawn(engine, scene, objects, Arc::clone(&rig), settings, room)?;
-    let service = Service::new(handle.clone(), rig, info, catalogues, stars, room);
+    let room = Room { requests: pending_renders, subscribers };
+    let (handle, mut thread) = worker::spawn(engine, scene, objects, Arc::clone(&rig), settings, room)?;
+    let (headset, drive) =
+        headset.map(|options| (Arc::new(Headset::new(options.name, handle.clone())), options.drive)).unzip();
+    let service = Service::new(handle.clone(), headset.clone(), rig, info, catalogues, stars, room);
+    let headset_thread = match headset.as_ref().zip(drive) {
+        Some((headset, drive)) => Some(headset.spawn(drive).inspect_err(|_| handle.stop())?),
+        None => None,
+    };
+    let drain_all = || {
+        handle.drain();
+        if let Some(headset) = &headset {
+            headset.drain();
+        }
+    };
 
     let (close, closed) = oneshot::channel::<()>();
     let incoming = TcpIncoming::from(listener).with_nodelay(Some(true));
@@ -354,15 +385,20 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
             Ok(())
         }
         result = &mut serving => {
+            let deadline = Instant::now() + drain;
+            drain_all();
             handle.stop();
-            join(thread, false, Instant::now() + drain).await?;
+            if let Some(thread) = headset_thread {
+                join_headset(thread, deadline).await;
+            }
+            join(thread, false, deadline).await?;
             return result.map_err(ServeError::from);
         }
     };
 
     let deadline = Instant::now() + drain;
     report_health(&health, ServingStatus::NotServing).await;
-    handle.drain();
+    drain_all();
     drop(close);
     end_health(&mut health).await;
     match timeout_at(deadline, &mut serving).await {
@@ -370,6 +406,9 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
         Err(_) => tracing::warn!("cut off clients that did not finish within {} s", drain.as_secs_f64()),
     }
     handle.stop();
+    if let Some(thread) = headset_thread {
+        join_headset(thread, deadline).await;
+    }
     join(thread, render_ended, deadline).await?;
     outcome
 }

@@ -1,8 +1,11 @@
-//! The latest-wins slot between the render thread and one subscriber: it holds the newest frame, counts those that were
-//! overwritten before the subscriber took them, and never makes the render thread wait.
+//! The latest-wins slot between a thread that renders and one subscriber: it holds the newest frame, counts those that were
+//! overwritten before the subscriber took them, and never makes the thread wait.
 
 use std::{
-    sync::{Arc, Mutex, MutexGuard, PoisonError},
+    sync::{
+        Arc, Mutex, MutexGuard, PoisonError,
+        atomic::{AtomicU64, Ordering::Relaxed},
+    },
     time::SystemTime,
 };
 
@@ -14,8 +17,8 @@ use crate::frame::Frame;
 #[derive(Debug)]
 pub(super) struct RenderedFrame {
     /// The frame, with the images of every view that was wanted.
-    pub(super) frame: Frame,
-    /// When the camera was set.
+    pub(super) frame: Arc<Frame>,
+    /// When the camera was set; of a headset: when the poses of the eyes were asked for.
     pub(super) pose_time: SystemTime,
     /// When the frame was finished.
     pub(super) render_time: SystemTime,
@@ -27,6 +30,9 @@ pub(super) enum RenderFailure {
     /// The engine failed.
     #[error("the frame could not be rendered: {0}")]
     Engine(String),
+    /// There is no headset, or none any more.
+    #[error("the headset shows no frames: {0}")]
+    Headset(String),
     /// There is no render thread any more, or it takes no more work.
     #[error("the daemon is shutting down")]
     Ended,
@@ -40,13 +46,20 @@ struct State {
 }
 
 /// One subscriber's slot.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct Slot {
     state: Mutex<State>,
     changed: Notify,
+    /// Frames that all slots together have dropped.
+    dropped_in_all: Arc<AtomicU64>,
 }
 
 impl Slot {
+    /// An empty slot; what it drops is added to `dropped_in_all` too.
+    pub(super) fn new(dropped_in_all: Arc<AtomicU64>) -> Self {
+        Self { state: Mutex::default(), changed: Notify::new(), dropped_in_all }
+    }
+
     fn state(&self) -> MutexGuard<'_, State> {
         // Nothing can panic while the lock is held, so a poisoned state is whole.
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
@@ -55,8 +68,13 @@ impl Slot {
     /// Puts the newest frame in. One that is still there is dropped and counted.
     pub(super) fn offer(&self, frame: Arc<RenderedFrame>) {
         let mut state = self.state();
-        if state.end.is_none() && state.frame.replace(frame).is_some() {
+        if state.end.is_some() {
+            return;
+        }
+        let overwritten = state.frame.replace(frame);
+        if overwritten.is_some() {
             state.dropped += 1;
+            self.dropped_in_all.fetch_add(1, Relaxed);
         }
         drop(state);
         self.changed.notify_one();

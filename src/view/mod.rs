@@ -3,4 +3,4 @@
 pub mod projection;
 mod rig;
 
-pub use rig::{Eye, Fov, Part, Rig, RigError, View, ViewImage, ViewKind, Viewport};
+pub use rig::{Eye, Fov, Part, Rig, RigError, View, ViewImage, ViewKind, Viewport, check_name};

@@ -207,13 +207,19 @@ pub struct View {
     pub images: Vec<ViewImage>,
 }
 
+/// Refuses what is no name of a view: needed are letters, digits, `_` and `-`, at least one.
+pub fn check_name(name: &str) -> Result<(), RigError> {
+    let valid = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
+    if name.is_empty() || !name.chars().all(valid) {
+        return Err(RigError::Name { name: name.to_owned() });
+    }
+    Ok(())
+}
+
 impl View {
     /// Builds a view. `orientation` takes view axes to camera axes (unit length), `position_m` is in camera axes.
     pub fn new(name: &str, kind: ViewKind, orientation: DQuat, position_m: DVec3) -> Result<Self, RigError> {
-        let valid = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
-        if name.is_empty() || !name.chars().all(valid) {
-            return Err(RigError::Name { name: name.to_owned() });
-        }
+        check_name(name)?;
         let images = images_of(name, &kind, orientation, position_m)?;
         if let Some(image) = images.iter().find(|image| image.eye_position_m.abs().max_element() > MAX_EYE_OFFSET_M) {
             return Err(RigError::Parameter {

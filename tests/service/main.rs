@@ -4,6 +4,7 @@
 
 mod calls;
 mod daemon;
+mod headset;
 mod lifecycle;
 mod objects;
 mod protocol;

@@ -1,0 +1,201 @@
+//! The client's call about figures.
+
+use std::time::SystemTime;
+
+use tonic::Streaming;
+
+use super::{
+    client::{Client, ClientError, ViewImageForm, time},
+    proto,
+};
+use crate::xr::Distribution;
+
+/// How it stands with a daemon's headset.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum HeadsetStatus {
+    /// There is no session.
+    Disconnected {
+        /// Why: what the last attempt came to.
+        reason: String,
+        /// Whether it is going to be tried again.
+        retrying: bool,
+    },
+    /// There is a session.
+    Connected {
+        /// Name and version of the OpenXR runtime.
+        runtime: String,
+        /// Name of the system, as the runtime tells it.
+        system: String,
+        /// Adapter that the runtime has chosen.
+        adapter: String,
+        /// State of the session: `idle`, `ready`, `synchronized`, `visible`, `focused`, `stopping` ...
+        session_state: String,
+        /// The images of the eyes.
+        images: Vec<ViewImageForm>,
+    },
+}
+
+impl From<proto::HeadsetStatus> for HeadsetStatus {
+    fn from(status: proto::HeadsetStatus) -> Self {
+        if status.connected {
+            Self::Connected {
+                runtime: status.runtime,
+                system: status.system,
+                adapter: status.adapter,
+                session_state: status.session_state,
+                images: status.images.into_iter().map(ViewImageForm::from).collect(),
+            }
+        } else {
+            Self::Disconnected { reason: status.reason, retrying: status.retrying }
+        }
+    }
+}
+
+/// Where the time of a frame went, ms.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ReceivedTimes {
+    /// Planning and recording on the CPU.
+    pub plan_ms: f64,
+    /// Culling on the CPU, part of `plan_ms`.
+    pub cull_ms: f64,
+    /// From submission to the end of the readback.
+    pub gpu_and_readback_ms: f64,
+    /// All of the frame.
+    pub total_ms: f64,
+    /// All passes on the GPU; `None` where the adapter has no timestamps.
+    pub gpu_ms: Option<f64>,
+    /// Each pass on the GPU, by name; empty where the adapter has no timestamps.
+    pub passes_ms: Vec<(String, f64)>,
+}
+
+impl From<proto::FrameTimes> for ReceivedTimes {
+    fn from(times: proto::FrameTimes) -> Self {
+        Self {
+            plan_ms: times.plan_ms,
+            cull_ms: times.cull_ms,
+            gpu_and_readback_ms: times.gpu_and_readback_ms,
+            total_ms: times.total_ms,
+            gpu_ms: times.gpu_ms,
+            passes_ms: times.passes.into_iter().map(|pass| (pass.name, pass.ms)).collect(),
+        }
+    }
+}
+
+/// Figures of a headset since the daemon started; times are of the last 300 frames that were rendered.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ReceivedHeadset {
+    /// Name of its view.
+    pub view: String,
+    /// How it stands.
+    pub status: HeadsetStatus,
+    /// Sessions so far.
+    pub sessions: u64,
+    /// How often the runtime or its session was lost.
+    pub losses: u64,
+    /// Frames that the runtime has asked for.
+    pub frames: u64,
+    /// Frames rendered and handed in.
+    pub rendered: u64,
+    /// Frames that the runtime did not want to be rendered.
+    pub not_wanted: u64,
+    /// Refreshes of the display that no frame came for in time.
+    pub missed: u64,
+    /// How often the room's origin has moved.
+    pub recentred: u64,
+    /// Time between refreshes of the display, ms.
+    pub period_ms: f64,
+    /// From the pose's being asked for to the submission of the frame's commands.
+    pub pose_age_at_submission: Distribution,
+    /// From the pose's being asked for to the moment at which the runtime expects to show the frame; `None` where the
+    /// runtime's clock cannot be read.
+    pub pose_age_at_display: Option<Distribution>,
+    /// Each stage of a frame in its order, by name.
+    pub stages: Vec<(String, Distribution)>,
+}
+
+impl From<proto::Distribution> for Distribution {
+    fn from(time: proto::Distribution) -> Self {
+        Self { median_ms: time.median_ms, p95_ms: time.p95_ms, max_ms: time.max_ms }
+    }
+}
+
+impl TryFrom<proto::HeadsetStats> for ReceivedHeadset {
+    type Error = ClientError;
+
+    fn try_from(stats: proto::HeadsetStats) -> Result<Self, ClientError> {
+        let status = stats.status.ok_or(ClientError::Answer { field: "status" })?;
+        let needed = |time: Option<proto::Distribution>, field| {
+            time.map(Distribution::from).ok_or(ClientError::Answer { field })
+        };
+        let stage = |stage: proto::StageTime| Ok((stage.name, needed(stage.time, "stages.time")?));
+        Ok(Self {
+            view: status.view.clone(),
+            status: status.into(),
+            sessions: stats.sessions,
+            losses: stats.losses,
+            frames: stats.frames,
+            rendered: stats.rendered,
+            not_wanted: stats.not_wanted,
+            missed: stats.missed,
+            recentred: stats.recentred,
+            period_ms: stats.period_ms,
+            pose_age_at_submission: needed(stats.pose_age_at_submission, "pose_age_at_submission")?,
+            pose_age_at_display: stats.pose_age_at_display.map(Distribution::from),
+            stages: stats.stages.into_iter().map(stage).collect::<Result<_, ClientError>>()?,
+        })
+    }
+}
+
+/// Figures of a daemon.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ReceivedStats {
+    /// When they were read, by the daemon's clock.
+    pub time: SystemTime,
+    /// Frames that the render thread has made since the start; a headset's are not among them.
+    pub frames_rendered: u64,
+    /// Streams of frames now, of all views.
+    pub streams: u32,
+    /// Frames that streams have dropped since the start.
+    pub frames_dropped: u64,
+    /// Where the time of the render thread's last frame went; `None` before the first.
+    pub last_frame: Option<ReceivedTimes>,
+    /// The headset; `None` if the daemon drives none.
+    pub headset: Option<ReceivedHeadset>,
+}
+
+impl TryFrom<proto::Stats> for ReceivedStats {
+    type Error = ClientError;
+
+    fn try_from(stats: proto::Stats) -> Result<Self, ClientError> {
+        Ok(Self {
+            time: time(stats.time, "time")?,
+            frames_rendered: stats.frames_rendered,
+            streams: stats.streams,
+            frames_dropped: stats.frames_dropped,
+            last_frame: stats.last_frame.map(ReceivedTimes::from),
+            headset: stats.headset.map(ReceivedHeadset::try_from).transpose()?,
+        })
+    }
+}
+
+/// Figures as they come. Dropping it ends the stream.
+#[derive(Debug)]
+pub struct StatsReceiver {
+    stream: Streaming<proto::Stats>,
+}
+
+impl StatsReceiver {
+    /// Waits for the next figures; `None` when the daemon has ended the stream in good order.
+    pub async fn next(&mut self) -> Result<Option<ReceivedStats>, ClientError> {
+        self.stream.message().await?.map(ReceivedStats::try_from).transpose()
+    }
+}
+
+impl Client {
+    /// Figures of the daemon and of its headset, every `interval_s` (0.1 to 60 s; `None`: 1 s) and whenever the headset's
+    /// status changes.
+    pub async fn watch_stats(&mut self, interval_s: Option<f64>) -> Result<StatsReceiver, ClientError> {
+        let request = proto::WatchStatsRequest { interval_s };
+        Ok(StatsReceiver { stream: self.diagnostics.watch_stats(request).await?.into_inner() })
+    }
+}

@@ -1,0 +1,115 @@
+//! Figures of the daemon and of its headset as messages.
+
+use std::time::SystemTime;
+
+use super::{headset::Headset, proto, render::RenderHandle};
+use crate::{
+    frame::FrameTimes,
+    view::Part,
+    xr::{Distribution, HeadsetStatistics, Status},
+};
+
+/// Name of the type of a headset's view.
+const TYPE: &str = "headset";
+
+fn images_to_pb(sizes: &[[u32; 2]; 2]) -> Vec<proto::ViewImage> {
+    let image = |(part, [width, height]): (Part, [u32; 2])| proto::ViewImage {
+        part: part.name().unwrap_or_default().to_owned(),
+        width,
+        height,
+    };
+    [Part::LeftEye, Part::RightEye].into_iter().zip(*sizes).map(image).collect()
+}
+
+fn known_to_pb(view: &str, status: &Status) -> proto::HeadsetStatus {
+    let view = view.to_owned();
+    match status {
+        Status::Disconnected { reason, retrying } => {
+            proto::HeadsetStatus { view, reason: reason.clone(), retrying: *retrying, ..Default::default() }
+        }
+        Status::Connected { runtime, system, state, sizes, adapter } => proto::HeadsetStatus {
+            view,
+            connected: true,
+            runtime: runtime.clone(),
+            system: system.clone(),
+            adapter: adapter.clone(),
+            session_state: (*state).to_owned(),
+            images: images_to_pb(sizes),
+            ..Default::default()
+        },
+    }
+}
+
+pub(super) fn status_to_pb(headset: &Headset) -> proto::HeadsetStatus {
+    known_to_pb(headset.name(), &headset.report().0)
+}
+
+/// The view that shows what the eyes see.
+pub(super) fn headset_view_to_pb(headset: &Headset) -> proto::View {
+    proto::View { name: headset.name().to_owned(), r#type: TYPE.to_owned(), images: status_to_pb(headset).images }
+}
+
+fn distribution_to_pb(time: &Distribution) -> proto::Distribution {
+    proto::Distribution { median_ms: time.median_ms, p95_ms: time.p95_ms, max_ms: time.max_ms }
+}
+
+fn headset_to_pb(headset: &Headset) -> proto::HeadsetStats {
+    let (status, statistics) = headset.report();
+    let HeadsetStatistics {
+        sessions,
+        losses,
+        frames,
+        rendered,
+        not_wanted,
+        missed,
+        recentred,
+        period_ms,
+        pose_age_at_submission,
+        pose_age_at_display,
+        stages,
+    } = statistics;
+    let stage = |(name, time): &(&str, Distribution)| proto::StageTime {
+        name: (*name).to_owned(),
+        time: Some(distribution_to_pb(time)),
+    };
+    proto::HeadsetStats {
+        status: Some(known_to_pb(headset.name(), &status)),
+        sessions,
+        losses,
+        frames,
+        rendered,
+        not_wanted,
+        missed,
+        recentred,
+        period_ms,
+        pose_age_at_submission: Some(distribution_to_pb(&pose_age_at_submission)),
+        pose_age_at_display: pose_age_at_display.as_ref().map(distribution_to_pb),
+        stages: stages.iter().map(stage).collect(),
+    }
+}
+
+fn times_to_pb(times: FrameTimes) -> proto::FrameTimes {
+    let FrameTimes { plan_ms, passes_ms, gpu_ms, cull_ms, gpu_and_readback_ms, total_ms } = times;
+    let pass = |(name, ms): (&str, f64)| proto::PassTime { name: name.to_owned(), ms };
+    proto::FrameTimes {
+        plan_ms,
+        cull_ms,
+        gpu_and_readback_ms,
+        total_ms,
+        gpu_ms,
+        passes: passes_ms.into_iter().map(pass).collect(),
+    }
+}
+
+/// The figures as they are now.
+pub(super) fn stats_to_pb(render: &RenderHandle, headset: Option<&Headset>) -> proto::Stats {
+    let (figures, streams) = (render.figures(), render.streams());
+    proto::Stats {
+        time: Some(SystemTime::now().into()),
+        frames_rendered: figures.frames_rendered,
+        streams: u32::try_from(streams.count()).unwrap_or(u32::MAX),
+        frames_dropped: streams.dropped(),
+        last_frame: figures.last_times.map(times_to_pb),
+        headset: headset.map(headset_to_pb),
+    }
+}

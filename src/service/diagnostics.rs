@@ -1,0 +1,118 @@
+//! The calls about the daemon itself: what it runs on, its figures, and the failure tests.
+
+use std::{future, ops::RangeInclusive, sync::Arc, time::Duration};
+
+use tokio::{
+    sync::{mpsc, watch},
+    task,
+    time::{MissedTickBehavior, interval},
+};
+use tokio_stream::wrappers::ReceiverStream;
+use tonic::{Request, Response, Status};
+
+use super::{
+    convert, convert_stats,
+    handlers::{Service, refused},
+    proto,
+    render::Refused,
+};
+use crate::{verify, xr};
+
+/// Time between two messages of figures unless another is asked for, s.
+const INTERVAL_S: f64 = 1.0;
+/// Times between two messages of figures that may be asked for, s.
+const INTERVALS_S: RangeInclusive<f64> = 0.1..=60.0;
+
+#[tonic::async_trait]
+impl proto::diagnostics_service_server::DiagnosticsService for Service {
+    type VerifyStream = ReceiverStream<Result<proto::VerifyResult, Status>>;
+    type WatchStatsStream = ReceiverStream<Result<proto::Stats, Status>>;
+
+    async fn get_info(&self, _: Request<proto::GetInfoRequest>) -> Result<Response<proto::Info>, Status> {
+        let frames = self.render.figures().frames_rendered;
+        let revision = self.render.scene().map_err(refused)?.revision;
+        let mut info = convert::info_to_pb(&self.adapter, self.stars, revision, frames);
+        info.headset = self.headset.as_ref().map(|headset| convert_stats::status_to_pb(headset));
+        Ok(Response::new(info))
+    }
+
+    async fn verify(&self, request: Request<proto::VerifyRequest>) -> Result<Response<Self::VerifyStream>, Status> {
+        let request = request.into_inner();
+        let given = |text: String| Some(text).filter(|text| !text.is_empty());
+        let checks = verify::select(given(request.filter).as_deref())
+            .map_err(|error| Status::invalid_argument(format!("filter: {error}")))?;
+        let method = given(request.star_method).map(|name| convert::star_method(&name)).transpose();
+        let method = method.map_err(|problem| Status::invalid_argument(format!("star_method: {problem}")))?;
+        let permit = Arc::clone(&self.verifying).try_acquire_owned();
+        let permit = permit.map_err(|_| Status::resource_exhausted("another Verify call runs: try again later"))?;
+        let render = self.render.clone();
+        let (sender, stream) = mpsc::channel(1);
+        task::spawn(async move {
+            let _permit = permit;
+            for check in checks {
+                // Room first: a client that does not read or is gone keeps nobody busy.
+                let Ok(room) = sender.reserve().await else { return };
+                let result = match render.verify(check, method) {
+                    Ok(reply) => reply.await.map_err(|_| refused(Refused::Ending)),
+                    Err(reason) => Err(refused(reason)),
+                };
+                let failed = result.is_err();
+                room.send(result.map(convert::check_to_pb));
+                if failed {
+                    return;
+                }
+            }
+        });
+        Ok(Response::new(ReceiverStream::new(stream)))
+    }
+
+    async fn watch_stats(
+        &self,
+        request: Request<proto::WatchStatsRequest>,
+    ) -> Result<Response<Self::WatchStatsStream>, Status> {
+        let interval_s = request.into_inner().interval_s.unwrap_or(INTERVAL_S);
+        if !INTERVALS_S.contains(&interval_s) {
+            let (min, max) = (INTERVALS_S.start(), INTERVALS_S.end());
+            return Err(Status::invalid_argument(format!("interval_s = {interval_s}: allowed are {min} to {max} s")));
+        }
+        let permit = self.watcher()?;
+        let mut scenes = self.render.watch_scene();
+        if scenes.borrow().is_none() {
+            return Err(refused(Refused::Ending));
+        }
+        let (render, headset) = (self.render.clone(), self.headset.clone());
+        let mut statuses = headset.as_ref().map(|headset| headset.watch_status());
+        let (sender, stream) = mpsc::channel(1);
+        task::spawn(async move {
+            let _permit = permit;
+            let mut ticks = interval(Duration::from_secs_f64(interval_s));
+            ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
+            loop {
+                tokio::select! {
+                    _ = ticks.tick() => {}
+                    () = changed(&mut statuses) => {}
+                    () = sender.closed() => return,
+                    _ = scenes.wait_for(Option::is_none) => return,
+                }
+                // A reader that is slow finds the newest figures when there is room for them.
+                let room = tokio::select! {
+                    room = sender.reserve() => room,
+                    _ = scenes.wait_for(Option::is_none) => return,
+                };
+                let Ok(room) = room else { return };
+                room.send(Ok(convert_stats::stats_to_pb(&render, headset.as_deref())));
+            }
+        });
+        Ok(Response::new(ReceiverStream::new(stream)))
+    }
+}
+
+/// Waits for a change of the headset's status; for ever if there is no headset.
+async fn changed(statuses: &mut Option<watch::Receiver<xr::Status>>) {
+    if let Some(statuses) = statuses
+        && statuses.changed().await.is_ok()
+    {
+        return;
+    }
+    future::pending().await
+}
