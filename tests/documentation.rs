@@ -6,6 +6,7 @@
 //!
 //! - `cargo run --release --example NAME -- ARGUMENTS` runs the example as `cargo test` has built it,
 //! - `steradian serve` goes on in the background, on a free port, and is stopped by SIGTERM after the last command,
+//! - `steradian xr` draws one frame, or says by exit code 69 what of OpenXR is missing here; `tests/headset` runs it on a runtime,
 //! - `make TARGET` is not run; the Makefile must have the target,
 //! - `grpcurl` may not be installed; the method that is called must be in the protocol.
 
@@ -153,11 +154,16 @@ impl Reader {
             }
             runs = format!("'{}' {arguments}", example.display());
         }
+        if command.starts_with("steradian xr") {
+            runs.push_str(" --frames 1");
+        }
         let output = self.shell(&runs).output().map_err(|error| format!("`{command}`: {error}"))?;
-        if output.status.success() {
+        let said = String::from_utf8_lossy(&output.stderr);
+        let needs_a_runtime = command.starts_with("steradian xr") && output.status.code() == Some(69);
+        if output.status.success() || (needs_a_runtime && said.contains("OpenXR")) {
             return Ok(());
         }
-        Err(format!("`{command}`: {}\n{}", output.status, String::from_utf8_lossy(&output.stderr)))
+        Err(format!("`{command}`: {}\n{said}", output.status))
     }
 
     fn serve(&mut self, command: &str) -> Result<(), String> {

@@ -26,11 +26,14 @@ use crate::{
         adaptation::Adaptation,
         settings::{HeadsetSettings, ReferenceSpace},
     },
-    view::Eye,
+    view::{Eye, Fov, Rig, RigError},
 };
 
 /// How often a session that shows nothing is asked whether it may.
 const IDLE_INTERVAL: Duration = Duration::from_millis(5);
+
+/// About what an eye sees in most headsets.
+const USUAL_FOV: Fov = Fov { left_rad: -0.8, right_rad: 0.8, up_rad: 0.8, down_rad: -0.8 };
 
 /// What a step has come to.
 #[derive(Clone, Debug)]
@@ -192,7 +195,7 @@ impl Headset {
     ///
     /// The runtime, the session or the device is lost: connect again.
     pub fn step(&mut self, host: &dyn Host) -> Result<Step, XrError> {
-        if self.follow_events()? {
+        if self.follow_events(host)? {
             return Ok(Step::Exited);
         }
         if !self.running {
@@ -205,7 +208,7 @@ impl Headset {
     }
 
     /// Takes the runtime's events; true: the session is over.
-    fn follow_events(&mut self) -> Result<bool, XrError> {
+    fn follow_events(&mut self, host: &dyn Host) -> Result<bool, XrError> {
         let mut buffer = xr::EventDataBuffer::new();
         while let Some(event) = self.runtime.instance.poll_event(&mut buffer).during("xrPollEvent")? {
             match event {
@@ -214,6 +217,7 @@ impl Headset {
                     tracing::info!("headset: the session is {}", state_name(self.state));
                     match self.state {
                         xr::SessionState::READY => {
+                            self.warm_up(host)?;
                             self.session.begin(STEREO).during("xrBeginSession")?;
                             self.running = true;
                         }
@@ -239,6 +243,19 @@ impl Headset {
             }
         }
         Ok(false)
+    }
+
+    /// Draws a frame that nobody sees, so that shaders are compiled, stars uploaded and impostors baked before the session
+    /// begins: until then the runtime shows the wearer something of its own, not a picture that stands still.
+    fn warm_up(&mut self, host: &dyn Host) -> Result<(), XrError> {
+        let Some(shown) = host.shown() else { return Ok(()) };
+        let eye = |size| Eye { size, fov: USUAL_FOV, room_from_eye: DQuat::IDENTITY, position_m: DVec3::ZERO };
+        let rig = self.rig(self.swapchains.sizes.map(eye))?;
+        let wanted = [Wanted { display: true, ..Wanted::default() }];
+        match self.renderer.render(&shown.snapshot, &rig, &shown.settings, &wanted, None) {
+            Ok(_) => Ok(()),
+            Err(error) => self.tell(error),
+        }
     }
 
     /// Takes back the frame in flight, if there is one, and gives it to the host.
@@ -363,6 +380,15 @@ impl Headset {
         }
     }
 
+    /// The rig of a frame.
+    fn rig(&self, eyes: [Eye; 2]) -> Result<Rig, XrError> {
+        let unsuitable = |error: RigError| XrError::Unsuitable {
+            runtime: self.runtime.name.clone(),
+            problem: format!("it has eyes that cannot be drawn: {error}"),
+        };
+        rig_of(&self.settings.name, eyes).map_err(unsuitable)
+    }
+
     /// Draws both eyes into the acquired images; false: they cannot be drawn.
     fn submit(
         &mut self,
@@ -372,13 +398,7 @@ impl Headset {
         pose_time: SystemTime,
         since_last_s: f64,
     ) -> Result<bool, XrError> {
-        let rig = match rig_of(&self.settings.name, eyes) {
-            Ok(rig) => rig,
-            Err(error) => {
-                let runtime = self.runtime.name.clone();
-                return Err(XrError::Unsuitable { runtime, problem: error.to_string() });
-            }
-        };
+        let rig = self.rig(eyes)?;
         let format = self.swapchains.format;
         let presentation = |eye| Some(Presentation { viewport: eye, target: self.swapchains.target(eye)?, format });
         let presentations: Vec<Presentation<'_>> = [0, 1].into_iter().filter_map(presentation).collect();
