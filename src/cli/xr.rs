@@ -10,6 +10,7 @@ use clap::Args;
 use super::{CliError, load, results};
 use crate::config::Config;
 use crate::frame::Wanted;
+use crate::plan::settings::{AfterExit, HeadsetSettings};
 use crate::scene::SceneSnapshot;
 use crate::service;
 use crate::xr::{self, Distribution, FirstFailure, Flight, HeadsetStatistics, Host, MirroredFrame, Shown, Status};
@@ -51,6 +52,7 @@ pub fn run(arguments: XrArguments, adapter: Option<String>) -> Result<(), CliErr
         statistics: Mutex::default(),
         frames: arguments.frames,
         ended: AtomicBool::new(false),
+        refusing: AtomicBool::new(false),
     });
 
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build();
@@ -65,7 +67,9 @@ pub fn run(arguments: XrArguments, adapter: Option<String>) -> Result<(), CliErr
         signals.await;
         told.ended.store(true, Ordering::Relaxed);
     });
-    let driven = xr::drive(host.as_ref(), &config.headset, FirstFailure::Fails);
+    // The wearer's exit is the program's.
+    let settings = HeadsetSettings { after_exit: AfterExit::Stop, ..config.headset.clone() };
+    let driven = xr::drive(host.as_ref(), &settings, FirstFailure::Fails);
     runtime.shutdown_background();
     driven?;
     report(&lock(&host.statistics))
@@ -78,6 +82,8 @@ struct Wearer {
     /// Frames to end after.
     frames: Option<u64>,
     ended: AtomicBool,
+    /// The last flight was refused.
+    refusing: AtomicBool,
 }
 
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
@@ -95,10 +101,15 @@ impl Host for Wearer {
         let mut shown = lock(&self.shown);
         match flight.moved(&shown.snapshot.camera) {
             Ok(camera) => {
+                self.refusing.store(false, Ordering::Relaxed);
                 shown.snapshot.camera = camera;
                 shown.camera_time = SystemTime::now();
             }
-            Err(error) => tracing::warn!("flight: {error}"),
+            // A controller goes on from frame to frame: once is enough.
+            Err(error) if !self.refusing.swap(true, Ordering::Relaxed) => {
+                tracing::warn!("the flight ends here: {error}")
+            }
+            Err(_) => {}
         }
     }
 
@@ -119,11 +130,21 @@ impl Host for Wearer {
 
 /// Prints the figures.
 fn report(statistics: &HeadsetStatistics) -> Result<(), CliError> {
-    let HeadsetStatistics { sessions, losses, frames, rendered, not_wanted, missed, recentred, period_ms, .. } =
-        statistics;
+    let HeadsetStatistics {
+        sessions,
+        losses,
+        frames,
+        rendered,
+        not_wanted,
+        left_out,
+        missed,
+        recentred,
+        period_ms,
+        ..
+    } = statistics;
     results::line(format!("sessions    {sessions}, {losses} lost, {recentred} recentred"))?;
     results::line(format!(
-        "frames      {frames}: {rendered} rendered, {not_wanted} not wanted; {missed} refreshes missed, of {period_ms:.2} ms each"
+        "frames      {frames}: {rendered} rendered, {not_wanted} not wanted, {left_out} left out; {missed} refreshes missed, of {period_ms:.2} ms each"
     ))?;
     let spread = |of: &Distribution| {
         format!("median {:.2} ms, 95 % below {:.2}, at most {:.2}", of.median_ms, of.p95_ms, of.max_ms)

@@ -63,6 +63,11 @@ impl Glare {
         self.sky.hold_kernel(settings)
     }
 
+    /// See [`GlareSky::hold_map`]. For the method `sky_cube`, after [`Glare::hold_kernel`].
+    pub(super) fn hold_map(&mut self, gpu: &Gpu, settings: &GlareSettings, scene: &SkyScene<'_>) {
+        self.sky.hold_map(gpu, settings, scene);
+    }
+
     /// The kernel that is held.
     pub(super) fn kernel(&self) -> Option<&dyn GlareKernel> {
         self.sky.kernel()

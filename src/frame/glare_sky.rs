@@ -21,10 +21,11 @@ use crate::{
     plan::{
         glare_sky::{FINEST_CELLS, SkyGlare, SkyGlareSettings, SpriteCell, eye_class_m, map_place_pc, pixel_class_rad},
         object_glare::{Cloud, PointOfLight},
-        settings::GlareSettings,
+        settings::{GlareSettings, RenderSettings},
     },
     relativity::Motion,
-    units::PARSEC_M,
+    scene::SceneSnapshot,
+    units::{PARSEC_M, illuminance_lx_from_magnitude},
     view::{Viewport, projection::Projection},
 };
 
@@ -53,6 +54,50 @@ pub(super) struct SkyScene<'a> {
     pub faintest_lx: f64,
     /// What a source may add to the veil around it without being drawn by itself, relative.
     pub tolerance: f64,
+}
+
+impl<'a> SkyScene<'a> {
+    pub(super) fn of(snapshot: &'a SceneSnapshot, settings: &RenderSettings) -> Self {
+        Self {
+            stars: &snapshot.stars,
+            camera_pc: snapshot.camera.position_m / PARSEC_M,
+            motion: Motion::new(snapshot.camera.velocity_c),
+            faintest_lx: illuminance_lx_from_magnitude(settings.stars.magnitude_limit),
+            tolerance: settings.accuracy.glare,
+        }
+    }
+
+    /// What the map of these views is made of.
+    fn settings(&self, views: &Views) -> SkyGlareSettings {
+        let place_pc = map_place_pc(self.camera_pc);
+        let camera_m = ((self.camera_pc - place_pc) * PARSEC_M).length();
+        SkyGlareSettings {
+            place_pc,
+            motion: self.motion,
+            faintest_lx: self.faintest_lx,
+            farthest_eye_pc: eye_class_m(camera_m + views.farthest_eye_m) / PARSEC_M,
+            tolerance: self.tolerance,
+            pixel_classes_rad: views.pixel_classes_rad.clone(),
+        }
+    }
+}
+
+/// What of views the map depends on.
+struct Views {
+    /// See [`SkyGlareSettings::pixel_classes_rad`].
+    pixel_classes_rad: Vec<f64>,
+    /// Distance from the camera to the farthest eye, m.
+    farthest_eye_m: f64,
+}
+
+impl Views {
+    fn of(viewports: &[Viewport]) -> Self {
+        let mut classes: Vec<f64> = viewports.iter().map(pixel_class).collect();
+        classes.sort_by(f64::total_cmp);
+        classes.dedup();
+        let eyes = viewports.iter().map(|viewport| viewport.eye_offset_m.length());
+        Self { pixel_classes_rad: classes, farthest_eye_m: eyes.fold(0.0, f64::max) }
+    }
 }
 
 /// What the map was made of.
@@ -91,6 +136,8 @@ pub(super) struct GlareSky {
     /// The kernel last asked for, with what it was made from.
     kernel: Option<(GlareSettings, Arc<dyn GlareKernel>)>,
     held: Option<Held>,
+    /// Of the last frame.
+    views: Option<Views>,
     lists: GrowingBuffer,
     square_lists: GrowingBuffer,
 }
@@ -146,6 +193,7 @@ impl GlareSky {
             composites: Vec::new(),
             kernel: None,
             held: None,
+            views: None,
             lists: GrowingBuffer::new("glare lists", wgpu::BufferUsages::STORAGE),
             square_lists: GrowingBuffer::new("glare square lists", wgpu::BufferUsages::STORAGE),
         }
@@ -183,45 +231,60 @@ impl GlareSky {
         frame: &GlareFrame<'_>,
         scene: &SkyScene<'_>,
     ) {
-        self.passes.get_or_init(|| GlareSkyPasses::new(gpu));
-        let mut classes: Vec<f64> = frame.viewports.iter().map(pixel_class).collect();
-        classes.sort_by(f64::total_cmp);
-        classes.dedup();
-        let place_pc = map_place_pc(scene.camera_pc);
-        let camera_m = (scene.camera_pc - place_pc) * PARSEC_M;
-        let eyes = frame.viewports.iter().map(|viewport| (camera_m + viewport.eye_offset_m).length());
-        let farthest_eye_m = eyes.fold(0.0, f64::max);
-        let settings = SkyGlareSettings {
-            place_pc,
-            motion: scene.motion,
-            faintest_lx: scene.faintest_lx,
-            farthest_eye_pc: eye_class_m(farthest_eye_m) / PARSEC_M,
-            tolerance: scene.tolerance,
-            pixel_classes_rad: classes,
-        };
-        let kernel = Arc::clone(&self.kernel.as_ref().expect("the kernel is held before a frame is recorded").1);
-        let holds = |held: &Held| {
-            let Key { stars, settings: of, kernel: of_kernel } = &held.key;
-            Arc::ptr_eq(stars, scene.stars) && *of == settings && Arc::ptr_eq(of_kernel, &kernel)
-        };
-        if !self.held.as_ref().is_some_and(holds) {
-            // Gone before its successor is made, so that both never exist at once.
-            self.held = None;
-            let key = Key { stars: Arc::clone(scene.stars), settings, kernel };
-            self.held = Some(self.make(gpu, encoder, timer, frame.settings, key));
+        let views = Views::of(frame.viewports);
+        let settings = scene.settings(&views);
+        self.views = Some(views);
+        if !self.holds(scene, &settings) {
+            let mut pass = begin_pass(encoder, timer, "glare");
+            self.hold_new(gpu, &mut pass, frame.settings, scene, settings);
         }
         self.record_views(gpu, encoder, timer, frame, scene);
     }
 
-    /// Makes the map.
-    fn make(
-        &self,
+    /// Makes the map of a scene that has changed before it is known where the views look, as they were in the last frame: that
+    /// is when it takes its time, not between the poses of a headset and its picture.
+    pub(super) fn hold_map(&mut self, gpu: &Gpu, glare: &GlareSettings, scene: &SkyScene<'_>) {
+        let Some(settings) = self.views.as_ref().map(|views| scene.settings(views)) else { return };
+        if self.holds(scene, &settings) {
+            return;
+        }
+        let mut encoder =
+            gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("glare map") });
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+        self.hold_new(gpu, &mut pass, glare, scene, settings);
+        drop(pass);
+        gpu.queue.submit([encoder.finish()]);
+    }
+
+    /// The kernel of the frame.
+    fn kernel_in_use(&self) -> &Arc<dyn GlareKernel> {
+        &self.kernel.as_ref().expect("the kernel is held before a map is made or a frame recorded").1
+    }
+
+    /// Whether the map that is held is one of these settings.
+    fn holds(&self, scene: &SkyScene<'_>, settings: &SkyGlareSettings) -> bool {
+        self.held.as_ref().is_some_and(|held| {
+            let Key { stars, settings: of, kernel } = &held.key;
+            Arc::ptr_eq(stars, scene.stars) && of == settings && Arc::ptr_eq(kernel, self.kernel_in_use())
+        })
+    }
+
+    fn hold_new(
+        &mut self,
         gpu: &Gpu,
-        encoder: &mut wgpu::CommandEncoder,
-        timer: &mut GpuTimer,
+        pass: &mut wgpu::ComputePass<'_>,
         glare: &GlareSettings,
-        key: Key,
-    ) -> Held {
+        scene: &SkyScene<'_>,
+        settings: SkyGlareSettings,
+    ) {
+        // Gone before its successor is made, so that both never exist at once.
+        self.held = None;
+        let key = Key { stars: Arc::clone(scene.stars), settings, kernel: Arc::clone(self.kernel_in_use()) };
+        self.held = Some(self.make(gpu, pass, glare, key));
+    }
+
+    /// Makes the map.
+    fn make(&self, gpu: &Gpu, pass: &mut wgpu::ComputePass<'_>, glare: &GlareSettings, key: Key) -> Held {
         let kernel = &*key.kernel;
         let inverse_square = (glare.kernel == GlareKernelName::InverseSquare).then(|| {
             let kernel = InverseSquareKernel::new(glare.inner_deg.to_radians());
@@ -239,12 +302,11 @@ impl GlareSky {
             })
         };
         let map = buffer("glare map", points * sky.classes.len() as u32);
-        let mut pass = begin_pass(encoder, timer, "glare");
         let mut coarser: Option<(wgpu::Buffer, u32)> = None;
         for level in sky.levels[1..].iter().rev() {
             let made = buffer("glare level", map_points(level.edge_cells));
             let below = coarser.as_ref().map(|(buffer, edge)| (buffer, *edge));
-            passes.level(gpu, &mut pass, &LevelBuffers::new(gpu, level), below, None, &made, 0);
+            passes.level(gpu, pass, &LevelBuffers::new(gpu, level), below, None, &made, 0);
             coarser = Some((made, level.edge_cells));
         }
         let finest = LevelBuffers::new(gpu, &sky.levels[0]);
@@ -254,9 +316,8 @@ impl GlareSky {
                 class.bumps.iter().map(|light| [light[0] as f32, light[1] as f32, light[2] as f32, 0.0]).collect();
             let light = storage_buffer(gpu, "glare bumps", &light);
             let bumps = Bumps { light: &light, squared: sky.bump_squared };
-            passes.level(gpu, &mut pass, &finest, below, Some(&bumps), &map, points * index as u32);
+            passes.level(gpu, pass, &finest, below, Some(&bumps), &map, points * index as u32);
         }
-        drop(pass);
         let sprites: Vec<layout::GlareSprite> = sky
             .sprites
             .sprites

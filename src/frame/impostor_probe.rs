@@ -131,7 +131,7 @@ impl ImpostorProbe {
         let places = [&colours, &depths].map(|copy| readback.copy(gpu, &mut encoder, &copy.buffer, 0, copy.bytes()));
         gpu.queue.submit([encoder.finish()]);
         readback.map(gpu);
-        gpu.device.poll(wgpu::PollType::wait_indefinitely())?;
+        gpu.wait(None)?;
         let halves: Vec<u16> = readback.read(gpu, places[0], (colours.bytes() / 2) as usize)?;
         let floats: Vec<f32> = readback.read(gpu, places[1], (depths.bytes() / 4) as usize)?;
         readback.unmap(gpu);

@@ -306,13 +306,7 @@ impl Renderer {
                 clouds: &prepared.clouds,
                 batches: batches.collect(),
             };
-            let scene = SkyScene {
-                stars: &snapshot.stars,
-                camera_pc: prepared.camera_pc,
-                motion: prepared.motion,
-                faintest_lx: prepared.faintest_lx,
-                tolerance: settings.accuracy.glare,
-            };
+            let scene = SkyScene::of(snapshot, settings);
             glare.record(gpu, &mut encoder, timer, &frame, &scene);
         } else {
             glare.release();

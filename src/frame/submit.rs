@@ -1,29 +1,23 @@
 //! A frame in two halves: [`Renderer::submit`] plans, records and hands the commands over, [`Renderer::finish`] waits for them and
 //! reads back. [`Renderer::render`] does both at once.
 
-use std::{
-    sync::Arc,
-    time::{Duration, Instant},
-};
+use std::{sync::Arc, time::Instant};
 
 use glam::DVec3;
 
 use super::{
     Frame, Wanted,
     error::RenderError,
+    glare_sky::SkyScene,
     presentation::{Outputs, Presentation, check_presentations},
     record::Places,
     renderer::{Prepared, Renderer},
 };
 use crate::{
-    gpu::GpuError,
     plan::settings::{Accumulator, GlareMethod, RenderSettings, StarMethod},
     scene::SceneSnapshot,
     view::Rig,
 };
-
-/// How long the device may take for a frame before it counts as lost.
-const FRAME_TIMEOUT: Duration = Duration::from_secs(600);
 
 /// A frame that the device has been given. [`Renderer::finish`] takes it back; one that is dropped instead is thrown away by the
 /// renderer's next frame, which waits for it.
@@ -63,11 +57,20 @@ impl Renderer {
     }
 
     /// Checks and holds all that a frame takes and that does not depend on where eyes stand and look: stars, fields of asteroids,
-    /// kernels and point-spread functions. [`Renderer::submit`] does it too; what is held already takes no time there, so call this
-    /// before the poses of a headset are asked for.
+    /// kernels and point-spread functions, and the map of the glaring sky for views like those of the last frame.
+    /// [`Renderer::submit`] does it too; what is held already takes no time there, so call this before the poses of a headset are
+    /// asked for.
     ///
     /// A frame in flight is thrown away, as by [`Renderer::submit`].
     pub fn hold(&mut self, snapshot: &SceneSnapshot, settings: &RenderSettings) -> Result<(), RenderError> {
+        self.hold_scene(snapshot, settings)?;
+        if settings.glare.chosen(settings.stars.method) == GlareMethod::SkyCube {
+            self.glare.hold_map(&self.gpu, &settings.glare, &SkyScene::of(snapshot, settings));
+        }
+        Ok(())
+    }
+
+    fn hold_scene(&mut self, snapshot: &SceneSnapshot, settings: &RenderSettings) -> Result<(), RenderError> {
         self.abandon()?;
         let method = settings.stars.method;
         if snapshot.camera.velocity_c != DVec3::ZERO && method.accumulator() != Accumulator::FixedPoint {
@@ -110,7 +113,7 @@ impl Renderer {
         if settings.stars.method.accumulator() == Accumulator::Blending {
             self.check_blended(rig)?;
         }
-        self.hold(snapshot, settings)?;
+        self.hold_scene(snapshot, settings)?;
         // Whatever could not be made or filled must not be used again.
         let prepared = self.prepare(snapshot, rig, settings, adapted_ev100).inspect_err(|_| self.forget_buffers())?;
         let outputs = Outputs { wanted, presentations };
@@ -157,8 +160,7 @@ impl Renderer {
 
     /// Waits for a frame; what the device has complained of meanwhile is the error.
     fn wait_for(&self, in_flight: InFlight) -> Result<(), RenderError> {
-        let wait = wgpu::PollType::Wait { submission_index: Some(in_flight.submission), timeout: Some(FRAME_TIMEOUT) };
-        let waited = self.gpu.device.poll(wait).map_err(GpuError::Lost);
+        let waited = self.gpu.wait(Some(in_flight.submission));
         // A refused frame was never submitted: what was refused says more than that it cannot be waited for.
         self.gpu.take_failure()?;
         waited?;

@@ -10,8 +10,8 @@ use wgpu::hal::{self, api::Vulkan};
 
 use super::{Gpu, GpuError, GpuOptions, device::Selection};
 
-/// Newest version of Vulkan that is asked for.
-const NEWEST_API_VERSION: u32 = vk::API_VERSION_1_3;
+/// Newest version of Vulkan that is asked for: the one that wgpu asks for itself.
+pub(crate) const NEWEST_API_VERSION: u32 = vk::API_VERSION_1_3;
 
 /// Makes the instance and the device of Vulkan.
 ///
@@ -23,9 +23,6 @@ const NEWEST_API_VERSION: u32 = vk::API_VERSION_1_3;
 pub(crate) unsafe trait DeviceMaker {
     /// Why something could not be made.
     type Error: From<GpuError>;
-
-    /// Newest version of Vulkan that the maker can do with.
-    fn max_api_version(&self) -> u32;
 
     /// Makes the instance.
     fn instance(&self, loader: &ash::Entry, info: &vk::InstanceCreateInfo<'_>) -> Result<vk::Instance, Self::Error>;
@@ -68,7 +65,8 @@ impl Gpu {
         // SAFETY: the loader was loaded just now.
         let available = unsafe { loader.try_enumerate_instance_version() };
         let available = available.map_err(|error| refused("Vulkan's version", error))?.unwrap_or(vk::API_VERSION_1_0);
-        let version = available.min(NEWEST_API_VERSION).min(maker.max_api_version());
+        // Not lowered to what the maker was tested with: wgpu uses all that a device of this version has.
+        let version = available.min(NEWEST_API_VERSION);
         let flags = wgpu::InstanceFlags::empty();
         let extensions = hal::vulkan::Instance::desired_extensions(&loader, version, flags)
             .map_err(|error| refused("extensions of the Vulkan instance", error))?;
@@ -125,6 +123,7 @@ impl Gpu {
             let raw_device = maker.device(&loader, physical_device, &features.add_to_device_create(info))?;
             // SAFETY: the maker has made it of a physical device of this instance.
             let device = unsafe { ash::Device::load(instance.fp_v1_0(), raw_device) };
+            let unused = device.clone();
             // SAFETY: made from this adapter with these extensions and features and a queue of this family; without a
             // callback it is destroyed with the last that uses it, and by nobody else.
             unsafe {
@@ -139,7 +138,11 @@ impl Gpu {
                     0,
                 )
             }
-            .map_err(|error| refused("the Vulkan device", error))?
+            .map_err(|error| {
+                // SAFETY: nobody has taken the device, and nothing was made with it that is not gone.
+                unsafe { unused.destroy_device(None) };
+                refused("the Vulkan device", error)
+            })?
         };
         let raw_device = open.device.raw_device().handle();
         // SAFETY: the device was opened from this adapter, with the features of the descriptor.

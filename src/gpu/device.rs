@@ -2,7 +2,9 @@
 
 use std::{
     fmt,
+    panic::{self, AssertUnwindSafe},
     sync::{Arc, Mutex, PoisonError},
+    time::Duration,
 };
 
 use serde::Serialize;
@@ -42,7 +44,7 @@ pub enum GpuError {
     Adopt(String),
     /// The device does not answer any more.
     #[error("the device was lost: {0}")]
-    Lost(#[from] wgpu::PollError),
+    Lost(String),
     /// The driver refused a command, or had no memory left.
     #[error("the device refused the frame: {0}")]
     Refused(String),
@@ -153,6 +155,9 @@ impl Selection {
         }
     }
 }
+
+/// How long a device may take for what was submitted before it counts as lost.
+const SUBMISSION_TIMEOUT: Duration = Duration::from_secs(600);
 
 /// An open device.
 pub struct Gpu {
@@ -293,6 +298,31 @@ impl Gpu {
         match self.failure.lock().unwrap_or_else(PoisonError::into_inner).take() {
             Some(message) => Err(GpuError::Refused(message)),
             None => Ok(()),
+        }
+    }
+
+    /// Waits for a submission; `None`: for all there are.
+    ///
+    /// # Errors
+    ///
+    /// The device is lost, or takes longer than any frame does.
+    pub(crate) fn wait(&self, submission_index: Option<wgpu::SubmissionIndex>) -> Result<(), GpuError> {
+        self.wait_at_most(submission_index, SUBMISSION_TIMEOUT)
+    }
+
+    /// The same for at most `timeout`.
+    pub(crate) fn wait_at_most(
+        &self,
+        submission_index: Option<wgpu::SubmissionIndex>,
+        timeout: Duration,
+    ) -> Result<(), GpuError> {
+        let wait = wgpu::PollType::Wait { submission_index, timeout: Some(timeout) };
+        // A driver that has lost its device is a panic in there. Of what is shared with it nothing is used after an error.
+        let polled = panic::catch_unwind(AssertUnwindSafe(|| self.device.poll(wait)));
+        match polled {
+            Ok(Ok(_)) => Ok(()),
+            Ok(Err(error)) => Err(GpuError::Lost(error.to_string())),
+            Err(_) => Err(GpuError::Lost("the driver has given it up".to_owned())),
         }
     }
 

@@ -65,7 +65,7 @@ pub fn probe(gpu: &Gpu, viewport: &Viewport, probes: &[Probe]) -> Result<Vec<Pro
     let place = readback.copy(gpu, &mut encoder, &outputs, 0, bytes);
     gpu.queue.submit([encoder.finish()]);
     readback.map(gpu);
-    gpu.device.poll(wgpu::PollType::wait_indefinitely())?;
+    gpu.wait(None)?;
     let results: Vec<layout::ProbeOutput> = readback.read(gpu, place, probes.len())?;
     readback.unmap(gpu);
     Ok(results

@@ -144,7 +144,7 @@ impl ImpostorBakePass {
         let place = readback.copy(gpu, &mut encoder, &block.texels, 0, bytes);
         gpu.queue.submit([encoder.finish()]);
         readback.map(gpu);
-        gpu.device.poll(wgpu::PollType::wait_indefinitely())?;
+        gpu.wait(None)?;
         let texels = readback.read(gpu, place, count)?;
         readback.unmap(gpu);
         Ok(texels)

@@ -32,6 +32,8 @@ pub enum HeadsetStatus {
         session_state: String,
         /// The images of the eyes.
         images: Vec<ViewImageForm>,
+        /// Why frames are left out, while they are.
+        problem: Option<String>,
     },
 }
 
@@ -44,6 +46,7 @@ impl From<proto::HeadsetStatus> for HeadsetStatus {
                 adapter: status.adapter,
                 session_state: status.session_state,
                 images: status.images.into_iter().map(ViewImageForm::from).collect(),
+                problem: Some(status.reason).filter(|reason| !reason.is_empty()),
             }
         } else {
             Self::Disconnected { reason: status.reason, retrying: status.retrying }
@@ -98,7 +101,9 @@ pub struct ReceivedHeadset {
     pub rendered: u64,
     /// Frames that the runtime did not want to be rendered.
     pub not_wanted: u64,
-    /// Refreshes of the display that no frame came for in time.
+    /// Frames that the runtime wanted and that could not be drawn.
+    pub left_out: u64,
+    /// Refreshes of the display that no frame came for in time, between two frames that were wanted.
     pub missed: u64,
     /// How often the room's origin has moved.
     pub recentred: u64,
@@ -136,6 +141,7 @@ impl TryFrom<proto::HeadsetStats> for ReceivedHeadset {
             frames: stats.frames,
             rendered: stats.rendered,
             not_wanted: stats.not_wanted,
+            left_out: stats.left_out,
             missed: stats.missed,
             recentred: stats.recentred,
             period_ms: stats.period_ms,

@@ -27,9 +27,10 @@ fn known_to_pb(view: &str, status: &Status) -> proto::HeadsetStatus {
         Status::Disconnected { reason, retrying } => {
             proto::HeadsetStatus { view, reason: reason.clone(), retrying: *retrying, ..Default::default() }
         }
-        Status::Connected { runtime, system, state, sizes, adapter } => proto::HeadsetStatus {
+        Status::Connected { runtime, system, state, sizes, adapter, problem } => proto::HeadsetStatus {
             view,
             connected: true,
+            reason: problem.clone().unwrap_or_default(),
             runtime: runtime.clone(),
             system: system.clone(),
             adapter: adapter.clone(),
@@ -61,6 +62,7 @@ fn headset_to_pb(headset: &Headset) -> proto::HeadsetStats {
         frames,
         rendered,
         not_wanted,
+        left_out,
         missed,
         recentred,
         period_ms,
@@ -79,6 +81,7 @@ fn headset_to_pb(headset: &Headset) -> proto::HeadsetStats {
         frames,
         rendered,
         not_wanted,
+        left_out,
         missed,
         recentred,
         period_ms,

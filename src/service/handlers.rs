@@ -27,6 +27,7 @@ use crate::{
     gpu::AdapterReport,
     output::{self, Encoding},
     view::Rig,
+    xr,
 };
 
 /// Rates that `StreamFrames` takes, Hz, besides 0.
@@ -121,7 +122,11 @@ impl Service {
                 let reply = headset.request(order.wanted()).map_err(refused)?;
                 timeout(HEADSET_PATIENCE, reply).await.map_err(|_| {
                     let seconds = HEADSET_PATIENCE.as_secs();
-                    Status::unavailable(format!("the headset has not shown a frame for {seconds} s"))
+                    let why = match headset.report().0 {
+                        xr::Status::Connected { problem: Some(problem), .. } => format!(": {problem}"),
+                        _ => String::new(),
+                    };
+                    Status::unavailable(format!("the headset has not shown a frame for {seconds} s{why}"))
                 })?
             }
         };

@@ -61,7 +61,7 @@ struct Subscriber {
     wanted: Wanted,
     /// Shortest time between two of its frames, from one's being asked for to the other's.
     interval: Duration,
-    /// When the last one that it got was asked for.
+    /// When the last one that it got was due.
     last: Option<Instant>,
     /// When the next one was asked for; it comes with the frame after, or never where that is lost.
     asked: Option<Instant>,
@@ -72,6 +72,14 @@ impl Subscriber {
     /// Every frame shows another pose, so only the interval counts.
     fn is_due(&self, now: Instant) -> bool {
         self.last.is_none_or(|last| now.duration_since(last) >= self.interval)
+    }
+
+    /// It gets the frame that it has asked for. The next is due an interval after this one was, not after it came: a display's
+    /// refreshes seldom fall on what is due, and would slow the stream down by up to a refresh each time.
+    fn serve(&mut self) {
+        let Some(asked) = self.asked.take() else { return };
+        let due = self.last.map(|last| last + self.interval).filter(|due| asked.duration_since(*due) < self.interval);
+        self.last = Some(due.unwrap_or(asked));
     }
 }
 
@@ -306,7 +314,7 @@ impl Host for Headset {
         let mut due = Vec::new();
         for subscriber in &mut state.subscribers {
             if subscriber.asked.is_some() && has(&frame, subscriber.wanted) {
-                subscriber.last = subscriber.asked.take();
+                subscriber.serve();
                 due.extend(subscriber.slot.upgrade());
             }
         }

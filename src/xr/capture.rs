@@ -60,7 +60,7 @@ fn capture_eye(gpu: &Gpu, swapchains: &Swapchains, eye: usize) -> Result<Capture
     encoder.transition_resources(std::iter::empty(), std::iter::once(whole));
     gpu.queue.submit([encoder.finish()]);
     buffer.map_async(wgpu::MapMode::Read, .., |_| {});
-    gpu.device.poll(wgpu::PollType::wait_indefinitely())?;
+    gpu.wait(None)?;
     gpu.take_failure()?;
     let bytes = buffer.get_mapped_range(..)?;
     let rows = bytes.chunks_exact(padded_bytes as usize).map(|row| &row[..row_bytes as usize]);

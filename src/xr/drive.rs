@@ -1,7 +1,7 @@
 //! Driving a headset for as long as its host wants it: connecting, frames, and connecting again.
 
 use std::{
-    thread,
+    mem, thread,
     time::{Duration, Instant},
 };
 
@@ -22,12 +22,12 @@ const HOST_INTERVAL: Duration = Duration::from_millis(50);
 /// How long the runtime may take to end the session when it is asked to.
 const FAREWELL: Duration = Duration::from_secs(2);
 
-/// What a failure to connect at the start means.
+/// What it means that the first connection fails, or that the scene cannot be drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FirstFailure {
     /// It is told.
     Fails,
-    /// It is tried again, as after a loss: the runtime may be started later.
+    /// It is tried again, as after a loss: the runtime may be started later, the scene may change.
     Retries,
 }
 
@@ -36,7 +36,7 @@ pub enum FirstFailure {
 ///
 /// # Errors
 ///
-/// The first connection failed, where `first` says that this is an error.
+/// The first connection failed, or the scene cannot be drawn, where `first` says that this is an error.
 pub fn drive(host: &dyn Host, settings: &HeadsetSettings, first: FirstFailure) -> Result<(), XrError> {
     let mut recorder = Recorder::default();
     let mut wait = FIRST_WAIT;
@@ -45,9 +45,14 @@ pub fn drive(host: &dyn Host, settings: &HeadsetSettings, first: FirstFailure) -
     while host.shown().is_some() {
         let reason = match Headset::connect(settings, recorder.clone()) {
             Ok(mut headset) => {
-                (connected_before, wait, told) = (true, FIRST_WAIT, None);
+                headset.fails = first == FirstFailure::Fails;
+                connected_before = true;
                 let end = frames(&mut headset, host);
-                recorder = headset.close();
+                let before = mem::replace(&mut recorder, headset.close());
+                // A runtime that takes every session and shows nothing is asked less and less often too.
+                if recorder.figures().rendered > before.figures().rendered {
+                    (wait, told) = (FIRST_WAIT, None);
+                }
                 match end {
                     Ok(End::Host) => return Ok(()),
                     Ok(End::Exit) => {
@@ -60,6 +65,7 @@ pub fn drive(host: &dyn Host, settings: &HeadsetSettings, first: FirstFailure) -
                         }
                         reason
                     }
+                    Err(error @ XrError::Render(_)) if first == FirstFailure::Fails => return Err(error),
                     Err(error) => {
                         recorder.loss();
                         host.statistics(&recorder.figures());

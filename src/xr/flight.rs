@@ -18,7 +18,7 @@ pub(super) struct Controls {
     pub(super) boost: f64,
 }
 
-/// Deflections of thumbsticks below this count as rest: worn ones do not return to 0.
+/// Deflections of thumbsticks and triggers below this count as rest: worn ones do not return to 0.
 const DEAD_ZONE: f64 = 0.15;
 /// Powers of ten between a boost of 0 and one of 1.
 const BOOST_DECADES: f64 = 3.0;
@@ -45,13 +45,14 @@ pub(super) fn flight(
     let dt_s = dt_s.clamp(0.0, LONGEST_STEP_S);
     let [right, forwards] = controls.translate.map(live);
     let [turn, rise] = controls.turn_rise.map(live);
-    let forwards = forwards + controls.thrust.clamp(0.0, 1.0);
-    let speed_m_s = settings.flight_m_s * 10_f64.powf(BOOST_DECADES * controls.boost.clamp(0.0, 1.0));
+    let [thrust, boost] = [controls.thrust, controls.boost].map(|trigger| live(trigger).max(0.0));
+    let forwards = forwards + thrust;
+    let speed_m_s = settings.flight_m_s * 10_f64.powf(BOOST_DECADES * boost);
     let in_room = room_from_head * DVec3::new(right, 0.0, -forwards) + DVec3::Y * rise;
     let turned = DQuat::from_rotation_y(-turn * settings.turn_deg_s.to_radians() * dt_s);
     // What turning about the head instead of the room's origin adds.
     let pivot_m = head_m - turned * head_m;
-    if in_room == DVec3::ZERO && turn == 0.0 {
+    if dt_s == 0.0 || (in_room == DVec3::ZERO && turn == 0.0) {
         return None;
     }
     Some(Flight {
@@ -103,9 +104,13 @@ mod tests {
     #[test]
     fn worn_thumbsticks_and_numbers_that_are_none_do_not_move() {
         for value in [0.0, 0.14, -0.149, f64::NAN] {
-            let controls = Controls { translate: [value; 2], turn_rise: [value; 2], ..Controls::default() };
+            let controls = Controls { translate: [value; 2], turn_rise: [value; 2], thrust: value, boost: value };
             assert_eq!(flight(&controls, 0.02, &settings(), DQuat::IDENTITY, AT_REST), None, "{value}");
         }
+        let pushed = Controls { thrust: 1.0, ..Controls::default() };
+        assert_eq!(flight(&pushed, 0.0, &settings(), DQuat::IDENTITY, AT_REST), None, "no time has passed");
+        let step = flight(&pushed, 0.1, &settings(), DQuat::IDENTITY, AT_REST).unwrap();
+        assert!((step.translation_m - DVec3::new(0.0, 0.0, -1.0)).length() < 1e-12);
         assert_eq!(live(1.0), 1.0);
         assert_eq!(live(-2.0), -1.0);
     }

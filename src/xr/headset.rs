@@ -26,12 +26,14 @@ use crate::{
         adaptation::Adaptation,
         settings::{HeadsetSettings, ReferenceSpace},
     },
-    view::{Eye, Fov, Rig, RigError},
+    view::{Eye, Fov},
 };
 
 /// How often a session that shows nothing is asked whether it may.
 const IDLE_INTERVAL: Duration = Duration::from_millis(5);
 
+/// How long the device may take to finish when the connection ends.
+const LAST_WORK: Duration = Duration::from_secs(10);
 /// About what an eye sees in most headsets.
 const USUAL_FOV: Fov = Fov { left_rad: -0.8, right_rad: 0.8, up_rad: 0.8, down_rad: -0.8 };
 
@@ -87,8 +89,12 @@ pub struct Headset {
     adaptation: Adaptation,
     /// Head in the room at the last frame.
     head: (DVec3, DQuat),
-    /// Why the last frame could not be drawn, so that it is told once.
+    /// Why frames are left out.
     problem: Option<String>,
+    /// When the runtime was to show the last frame that was drawn, ns of its clock.
+    last_drawn_ns: Option<i64>,
+    /// Whether a scene that cannot be drawn is an error of the step; otherwise frames are left out until it can.
+    pub fails: bool,
     /// Whether frames are read back from the swapchain before they are given back: for tests, at a price.
     pub captures: bool,
 }
@@ -154,6 +160,8 @@ impl Headset {
             adaptation: Adaptation::default(),
             head: (DVec3::ZERO, DQuat::IDENTITY),
             problem: None,
+            last_drawn_ns: None,
+            fails: false,
             captures: false,
         })
     }
@@ -166,6 +174,7 @@ impl Headset {
             state: state_name(self.state),
             sizes: self.swapchains.sizes,
             adapter: self.renderer.adapter().adapter.clone(),
+            problem: self.problem.clone(),
         }
     }
 
@@ -248,14 +257,38 @@ impl Headset {
     /// Draws a frame that nobody sees, so that shaders are compiled, stars uploaded and impostors baked before the session
     /// begins: until then the runtime shows the wearer something of its own, not a picture that stands still.
     fn warm_up(&mut self, host: &dyn Host) -> Result<(), XrError> {
+        self.finish(host)?;
         let Some(shown) = host.shown() else { return Ok(()) };
         let eye = |size| Eye { size, fov: USUAL_FOV, room_from_eye: DQuat::IDENTITY, position_m: DVec3::ZERO };
-        let rig = self.rig(self.swapchains.sizes.map(eye))?;
-        let wanted = [Wanted { display: true, ..Wanted::default() }];
-        match self.renderer.render(&shown.snapshot, &rig, &shown.settings, &wanted, None) {
+        let rig =
+            rig_of(&self.settings.name, self.swapchains.sizes.map(eye)).map_err(|error| self.unsuitable(error))?;
+        let format = self.swapchains.format;
+        let gpu = self.renderer.gpu();
+        let targets = self.swapchains.sizes.map(|[width, height]| {
+            let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
+                label: Some("warm-up"),
+                size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+                mip_level_count: 1,
+                sample_count: 1,
+                dimension: wgpu::TextureDimension::D2,
+                format,
+                usage: wgpu::TextureUsages::RENDER_ATTACHMENT,
+                view_formats: &[],
+            });
+            texture.create_view(&wgpu::TextureViewDescriptor::default())
+        });
+        let presentation = |viewport| Presentation { viewport, target: &targets[viewport], format };
+        let presentations = [presentation(0), presentation(1)];
+        let nothing = [Wanted::default()];
+        let submitted = self.renderer.submit(&shown.snapshot, &rig, &shown.settings, &nothing, None, &presentations);
+        match submitted.and_then(|submitted| self.renderer.finish(submitted)) {
             Ok(_) => Ok(()),
             Err(error) => self.tell(error),
         }
+    }
+
+    fn unsuitable(&self, problem: impl ToString) -> XrError {
+        XrError::Unsuitable { runtime: self.runtime.name.clone(), problem: problem.to_string() }
     }
 
     /// Takes back the frame in flight, if there is one, and gives it to the host.
@@ -276,17 +309,21 @@ impl Headset {
         }
     }
 
-    /// A frame that cannot be drawn is told once and left out; only a lost device ends the session.
+    /// What cannot be drawn is left out; only a lost device ends the session.
     fn tell(&mut self, error: RenderError) -> Result<(), XrError> {
-        if let RenderError::Gpu(GpuError::Lost(_)) = error {
+        if self.fails || matches!(error, RenderError::Gpu(GpuError::Lost(_))) {
             return Err(error.into());
         }
-        let problem = error.to_string();
+        self.leave_out(error.to_string());
+        Ok(())
+    }
+
+    /// Tells once why frames are left out.
+    fn leave_out(&mut self, problem: String) {
         if self.problem.as_ref() != Some(&problem) {
             tracing::error!("headset: frames are left out: {problem}");
             self.problem = Some(problem);
         }
-        Ok(())
     }
 
     /// One frame. What does not depend on where the head is comes before the poses are asked for, so that they are young when
@@ -318,7 +355,7 @@ impl Headset {
             let now = self.runtime.now()?;
             if let Some(views) = self.locate(state.predicted_display_time)? {
                 let eyes = [0, 1].map(|eye| eye_from_view(&views[eye], self.swapchains.sizes[eye]));
-                let drawn = self.submit(&shown, eyes, wanted, asked.1, since_last_s.unwrap_or(0.0))?;
+                let drawn = self.submit(&shown, eyes, wanted, asked.1, display_ns)?;
                 timings.pose_age_at_submission_ms = asked.0.elapsed().as_secs_f64() * 1e3;
                 timings.pose_age_at_display_ms = now.map(|now| (display_ns - now.as_nanos()) as f64 * 1e-6);
                 stages.end("draw");
@@ -338,6 +375,8 @@ impl Headset {
         if made.eyes.is_some() {
             timings.stages = stages.times_ms;
             self.recorder.rendered(&timings);
+        } else if state.should_render {
+            self.recorder.left_out();
         }
         host.statistics(&self.recorder.figures());
         Ok(Step::Frame(Box::new(made)))
@@ -365,28 +404,18 @@ impl Headset {
         }
     }
 
-    /// Where the eyes are going to be; `None`: the runtime does not know which way the head looks.
-    fn locate(&self, time: xr::Time) -> Result<Option<[xr::View; 2]>, XrError> {
+    /// Where the eyes are going to be; `None`: the runtime does not know where the head is.
+    fn locate(&mut self, time: xr::Time) -> Result<Option<[xr::View; 2]>, XrError> {
         let (flags, views) = self.session.locate_views(STEREO, time, &self.space).during("xrLocateViews")?;
-        if !flags.contains(xr::ViewStateFlags::ORIENTATION_VALID) {
+        // Without its place both eyes would be drawn from one point.
+        if !flags.contains(xr::ViewStateFlags::ORIENTATION_VALID | xr::ViewStateFlags::POSITION_VALID) {
+            self.leave_out("the runtime does not know where the head is".to_owned());
             return Ok(None);
         }
         match views.as_slice() {
             [left, right] => Ok(Some([*left, *right])),
-            _ => Err(XrError::Unsuitable {
-                runtime: self.runtime.name.clone(),
-                problem: format!("it locates {} views instead of 2", views.len()),
-            }),
+            _ => Err(self.unsuitable(format!("it locates {} views instead of 2", views.len()))),
         }
-    }
-
-    /// The rig of a frame.
-    fn rig(&self, eyes: [Eye; 2]) -> Result<Rig, XrError> {
-        let unsuitable = |error: RigError| XrError::Unsuitable {
-            runtime: self.runtime.name.clone(),
-            problem: format!("it has eyes that cannot be drawn: {error}"),
-        };
-        rig_of(&self.settings.name, eyes).map_err(unsuitable)
     }
 
     /// Draws both eyes into the acquired images; false: they cannot be drawn.
@@ -396,18 +425,26 @@ impl Headset {
         eyes: [Eye; 2],
         wanted: Wanted,
         pose_time: SystemTime,
-        since_last_s: f64,
+        display_ns: i64,
     ) -> Result<bool, XrError> {
-        let rig = self.rig(eyes)?;
+        let rig = match rig_of(&self.settings.name, eyes) {
+            Ok(rig) => rig,
+            Err(error) => {
+                self.leave_out(format!("the runtime's fields of view cannot be drawn: {error}"));
+                return Ok(false);
+            }
+        };
         let format = self.swapchains.format;
         let presentation = |eye| Some(Presentation { viewport: eye, target: self.swapchains.target(eye)?, format });
         let presentations: Vec<Presentation<'_>> = [0, 1].into_iter().filter_map(presentation).collect();
-        let adapted = self.adaptation.exposure(since_last_s, true, &shown.settings.exposure);
+        let since_drawn_s = self.last_drawn_ns.map_or(0.0, |last| (display_ns - last) as f64 * 1e-9);
+        let adapted = self.adaptation.exposure(since_drawn_s, true, &shown.settings.exposure);
         let submitted =
             self.renderer.submit(&shown.snapshot, &rig, &shown.settings, &[wanted], adapted, &presentations);
         match submitted {
             Ok(submitted) => {
                 self.in_flight = Some(InFlight { submitted, wanted, pose_time });
+                self.last_drawn_ns = Some(display_ns);
                 Ok(true)
             }
             Err(error) => self.tell(error).map(|()| false),
@@ -433,8 +470,8 @@ impl Headset {
 
 impl Drop for Headset {
     fn drop(&mut self) {
-        // Images and session must not go while the device is at work with them. A device that is lost does no work.
-        if let Err(error) = self.renderer.gpu().device.poll(wgpu::PollType::wait_indefinitely()) {
+        // Images and session must not go while the device is at work with them. One that is lost does no work any more.
+        if let Err(error) = self.renderer.gpu().wait_at_most(None, LAST_WORK) {
             tracing::warn!("headset: {error}");
         }
     }

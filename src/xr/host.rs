@@ -78,6 +78,8 @@ pub enum Status {
         sizes: [[u32; 2]; 2],
         /// Adapter that the runtime has chosen.
         adapter: String,
+        /// Why frames are left out, while they are.
+        problem: Option<String>,
     },
 }
 

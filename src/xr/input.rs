@@ -7,7 +7,7 @@ use super::{
     flight::Controls,
 };
 
-/// Bindings of one kind of controller: its profile, then pairs of action and path.
+/// Bindings of one kind of controller, as paths.
 struct Profile {
     path: &'static str,
     translate: Option<&'static str>,
@@ -16,7 +16,21 @@ struct Profile {
     boost: &'static str,
 }
 
-/// Left hand: where to, and how fast. Right hand: turning, rising, and thrust.
+const THUMBSTICKS: [&str; 2] = ["/user/hand/left/input/thumbstick", "/user/hand/right/input/thumbstick"];
+const TRACKPADS: [&str; 2] = ["/user/hand/left/input/trackpad", "/user/hand/right/input/trackpad"];
+
+/// A controller for each hand, with a trigger and a stick or pad. Left hand: where to, and how fast. Right hand: turning, rising
+/// and thrust.
+const fn pair(path: &'static str, [left, right]: [&'static str; 2]) -> Profile {
+    Profile {
+        path,
+        translate: Some(left),
+        turn_rise: Some(right),
+        thrust: "/user/hand/right/input/trigger/value",
+        boost: "/user/hand/left/input/trigger/value",
+    }
+}
+
 const PROFILES: [Profile; 5] = [
     Profile {
         path: "/interaction_profiles/khr/simple_controller",
@@ -25,34 +39,10 @@ const PROFILES: [Profile; 5] = [
         thrust: "/user/hand/right/input/select/click",
         boost: "/user/hand/left/input/select/click",
     },
-    Profile {
-        path: "/interaction_profiles/oculus/touch_controller",
-        translate: Some("/user/hand/left/input/thumbstick"),
-        turn_rise: Some("/user/hand/right/input/thumbstick"),
-        thrust: "/user/hand/right/input/trigger/value",
-        boost: "/user/hand/left/input/trigger/value",
-    },
-    Profile {
-        path: "/interaction_profiles/valve/index_controller",
-        translate: Some("/user/hand/left/input/thumbstick"),
-        turn_rise: Some("/user/hand/right/input/thumbstick"),
-        thrust: "/user/hand/right/input/trigger/value",
-        boost: "/user/hand/left/input/trigger/value",
-    },
-    Profile {
-        path: "/interaction_profiles/microsoft/motion_controller",
-        translate: Some("/user/hand/left/input/thumbstick"),
-        turn_rise: Some("/user/hand/right/input/thumbstick"),
-        thrust: "/user/hand/right/input/trigger/value",
-        boost: "/user/hand/left/input/trigger/value",
-    },
-    Profile {
-        path: "/interaction_profiles/htc/vive_controller",
-        translate: Some("/user/hand/left/input/trackpad"),
-        turn_rise: Some("/user/hand/right/input/trackpad"),
-        thrust: "/user/hand/right/input/trigger/value",
-        boost: "/user/hand/left/input/trigger/value",
-    },
+    pair("/interaction_profiles/oculus/touch_controller", THUMBSTICKS),
+    pair("/interaction_profiles/valve/index_controller", THUMBSTICKS),
+    pair("/interaction_profiles/microsoft/motion_controller", THUMBSTICKS),
+    pair("/interaction_profiles/htc/vive_controller", TRACKPADS),
 ];
 
 /// The actions of a session.

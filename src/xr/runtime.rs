@@ -9,7 +9,7 @@ use openxr as xr;
 use super::error::{During, XrError};
 use crate::gpu::{
     Gpu, GpuOptions,
-    adopt::{DeviceMaker, VulkanHandles},
+    adopt::{DeviceMaker, NEWEST_API_VERSION, VulkanHandles},
 };
 
 /// The eyes of a headset, as views of a session.
@@ -72,9 +72,14 @@ impl Runtime {
     pub(super) fn open_gpu(&self) -> Result<(Gpu, VulkanHandles), XrError> {
         let requirements = self.instance.graphics_requirements::<xr::Vulkan>(self.system);
         let requirements = requirements.during("xrGetVulkanGraphicsRequirements2KHR")?;
-        let version = requirements.max_api_version_supported;
-        let most = vk::make_api_version(0, u32::from(version.major()), u32::from(version.minor()), 0);
-        Gpu::adopt(&RuntimesDevice { runtime: self, max_api_version: most }, &GpuOptions::default())
+        let least = requirements.min_api_version_supported;
+        let newest = NEWEST_API_VERSION;
+        let (major, minor) = (vk::api_version_major(newest), vk::api_version_minor(newest));
+        if (u32::from(least.major()), u32::from(least.minor())) > (major, minor) {
+            let problem = format!("it needs Vulkan {least}, and frames are drawn with {major}.{minor} at most");
+            return Err(XrError::Unsuitable { runtime: self.name.clone(), problem });
+        }
+        Gpu::adopt(&RuntimesDevice(self), &GpuOptions::default())
     }
 
     /// The runtime's clock now; `None` where it cannot be read.
@@ -98,10 +103,7 @@ fn enable_clock(available: &xr::ExtensionSet, wanted: &mut xr::ExtensionSet) -> 
     available.khr_win32_convert_performance_counter_time
 }
 
-struct RuntimesDevice<'a> {
-    runtime: &'a Runtime,
-    max_api_version: u32,
-}
+struct RuntimesDevice<'a>(&'a Runtime);
 
 /// Vulkan's function that finds all others, as OpenXR's interface has it.
 fn get_instance_proc_addr(loader: &ash::Entry) -> xr::sys::platform::VkGetInstanceProcAddr {
@@ -115,14 +117,10 @@ fn get_instance_proc_addr(loader: &ash::Entry) -> xr::sys::platform::VkGetInstan
 unsafe impl DeviceMaker for RuntimesDevice<'_> {
     type Error = XrError;
 
-    fn max_api_version(&self) -> u32 {
-        self.max_api_version
-    }
-
     fn instance(&self, loader: &ash::Entry, info: &vk::InstanceCreateInfo<'_>) -> Result<vk::Instance, XrError> {
         let call = "xrCreateVulkanInstanceKHR";
         let info = std::ptr::from_ref(info).cast();
-        let Runtime { instance, system, .. } = self.runtime;
+        let Runtime { instance, system, .. } = self.0;
         // SAFETY: `info` is a VkInstanceCreateInfo that lives through the call.
         let made = unsafe { instance.create_vulkan_instance(*system, get_instance_proc_addr(loader), info) };
         let made = made.during(call)?.map_err(|result| XrError::Vulkan { call, result })?;
@@ -130,7 +128,7 @@ unsafe impl DeviceMaker for RuntimesDevice<'_> {
     }
 
     fn physical_device(&self, instance: vk::Instance) -> Result<vk::PhysicalDevice, XrError> {
-        let Runtime { instance: xr_instance, system, .. } = self.runtime;
+        let Runtime { instance: xr_instance, system, .. } = self.0;
         // SAFETY: the instance was made by `instance` above.
         let chosen = unsafe { xr_instance.vulkan_graphics_device(*system, instance.as_raw() as _) };
         Ok(vk::PhysicalDevice::from_raw(chosen.during("xrGetVulkanGraphicsDevice2KHR")? as u64))
@@ -144,7 +142,7 @@ unsafe impl DeviceMaker for RuntimesDevice<'_> {
     ) -> Result<vk::Device, XrError> {
         let call = "xrCreateVulkanDeviceKHR";
         let info = std::ptr::from_ref(info).cast();
-        let Runtime { instance, system, .. } = self.runtime;
+        let Runtime { instance, system, .. } = self.0;
         let function = get_instance_proc_addr(loader);
         // SAFETY: the physical device is the runtime's choice, and `info` a VkDeviceCreateInfo that lives through the call.
         let made = unsafe { instance.create_vulkan_device(*system, function, physical_device.as_raw() as _, info) };

@@ -28,7 +28,9 @@ pub struct HeadsetStatistics {
     pub rendered: u64,
     /// Frames that the runtime did not want to be rendered.
     pub not_wanted: u64,
-    /// Refreshes of the display that no frame came for in time.
+    /// Frames that the runtime wanted and that could not be drawn: see [`Status::Connected::problem`](super::Status).
+    pub left_out: u64,
+    /// Refreshes of the display that no frame came for in time, between two frames that were wanted.
     pub missed: u64,
     /// How often the room's origin has moved.
     pub recentred: u64,
@@ -84,20 +86,20 @@ pub struct Recorder {
     at_submission: Window,
     at_display: Window,
     stages: Vec<(&'static str, Window)>,
-    /// When the last frame of the session was to be shown, ns of the runtime's clock.
-    last_display_ns: Option<i64>,
+    /// When the last frame of the session was to be shown, ns of the runtime's clock, and whether it was wanted.
+    last: Option<(i64, bool)>,
 }
 
 impl Recorder {
     /// A session has begun.
     pub(super) fn session(&mut self) {
         self.counts.sessions += 1;
-        self.last_display_ns = None;
+        self.last = None;
     }
 
     /// The session does not run for a while: what passes meanwhile is not missed.
     pub(super) fn pause(&mut self) {
-        self.last_display_ns = None;
+        self.last = None;
     }
 
     /// The runtime or its session was lost.
@@ -116,13 +118,20 @@ impl Recorder {
         self.counts.frames += 1;
         self.counts.not_wanted += u64::from(!wanted);
         self.counts.period_ms = period_ns as f64 * 1e-6;
-        let since_ns = self.last_display_ns.map(|last| display_ns - last);
-        self.last_display_ns = Some(display_ns);
-        if let Some(since_ns) = since_ns.filter(|_| period_ns > 0) {
+        let last = self.last.replace((display_ns, wanted));
+        let since_ns = last.map(|(last_ns, _)| display_ns - last_ns);
+        // A runtime takes its time over frames that nobody sees.
+        let shown = wanted && last.is_some_and(|(_, wanted)| wanted);
+        if let Some(since_ns) = since_ns.filter(|_| shown && period_ns > 0) {
             let periods = (since_ns as f64 / period_ns as f64).round();
             self.counts.missed += (periods as u64).saturating_sub(1);
         }
         since_ns.map(|ns| ns as f64 * 1e-9)
+    }
+
+    /// A frame was wanted and could not be drawn.
+    pub(super) fn left_out(&mut self) {
+        self.counts.left_out += 1;
     }
 
     /// A frame was rendered and handed in.
@@ -163,7 +172,10 @@ mod tests {
         recorder.session();
         let period = 11_111_111;
         assert_eq!(recorder.frame(0, period, false), None);
-        for (display, missed) in [(1, 0), (2, 0), (4, 1), (5, 1), (9, 4)] {
+        recorder.frame(7 * period, period, false);
+        recorder.frame(10 * period, period, true);
+        assert_eq!(recorder.figures().missed, 0, "nobody has seen them");
+        for (display, missed) in [(11, 0), (12, 0), (14, 1), (15, 1), (19, 4)] {
             // The runtime's clock jitters.
             recorder.frame(display * period + 400_000, period, true);
             assert_eq!(recorder.figures().missed, missed, "at {display}");
@@ -173,7 +185,7 @@ mod tests {
         let since = recorder.frame(1001 * period, period, true).unwrap();
         assert!((since - 0.011_111_111).abs() < 1e-9);
         let figures = recorder.figures();
-        assert_eq!((figures.missed, figures.frames, figures.not_wanted, figures.sessions), (4, 8, 1, 1));
+        assert_eq!((figures.missed, figures.frames, figures.not_wanted, figures.sessions), (4, 10, 2, 1));
     }
 
     #[test]

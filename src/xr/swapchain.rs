@@ -79,7 +79,7 @@ impl Swapchains {
         let limit = gpu.max_view_side_px();
         let side = |recommended: u32, most: u32| {
             let scaled = (f64::from(recommended) * settings.resolution_scale).round() as u32;
-            scaled.clamp(1, most.min(limit))
+            scaled.min(most).min(limit).max(1)
         };
         let size = |view: &xr::ViewConfigurationView| {
             [

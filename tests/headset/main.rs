@@ -2,10 +2,13 @@
 #![allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
 
 mod monado;
+mod pixels;
 mod runtime;
 
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    monado::harness::main(runtime::TESTS, runtime::INNERS)
+    let tests = [runtime::TESTS, pixels::TESTS].concat();
+    let inners = [runtime::INNERS, pixels::INNERS].concat();
+    monado::harness::main(&tests, &inners)
 }

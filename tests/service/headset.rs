@@ -64,6 +64,7 @@ fn connected(state: &'static str) -> Status {
         state,
         sizes: SIZES,
         adapter: "another adapter".to_owned(),
+        problem: None,
     }
 }
 
@@ -236,7 +237,7 @@ async fn the_headset_is_a_view_whose_sizes_are_known_while_it_is_connected() {
     let images: Vec<_> = images.iter().map(|image| (image.part.as_str(), image.width, image.height)).collect();
     assert_eq!(images, [("left", 3, 2), ("right", 4, 2)]);
     match client.info().await.unwrap().headset {
-        Some(HeadsetStatus::Connected { runtime, system, adapter, session_state, images }) => {
+        Some(HeadsetStatus::Connected { runtime, system, adapter, session_state, images, problem: None }) => {
             let texts = [runtime.as_str(), &system, &adapter, &session_state];
             assert_eq!(texts, ["Test Runtime 1.2.3", "test system", "another adapter", "focused"]);
             assert_eq!(images.len(), 2);
@@ -679,6 +680,7 @@ fn figures() -> HeadsetStatistics {
         frames: 500,
         rendered: 450,
         not_wanted: 40,
+        left_out: 9,
         missed: 10,
         recentred: 3,
         period_ms: 11.125,
@@ -717,7 +719,7 @@ async fn the_figures_are_those_that_the_headset_gave() {
     let expected = figures();
     let counts = [given.sessions, given.losses, given.frames, given.rendered, given.not_wanted, given.missed];
     assert_eq!(counts, [2, 1, 500, 450, 40, 10]);
-    assert_eq!((given.recentred, given.period_ms), (3, 11.125));
+    assert_eq!((given.left_out, given.recentred, given.period_ms), (9, 3, 11.125));
     assert_eq!(given.pose_age_at_submission, expected.pose_age_at_submission);
     assert_eq!(given.pose_age_at_display, expected.pose_age_at_display);
     let stages: Vec<_> = given.stages.iter().map(|(name, time)| (name.as_str(), *time)).collect();

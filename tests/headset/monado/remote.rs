@@ -12,6 +12,7 @@ use std::{
 };
 
 use glam::{Quat, Vec3};
+use serde::{Deserialize, Serialize};
 
 const MESSAGE_LEN: usize = 376;
 const HEADER: [u8; 8] = *b"mndrmt3\0";
@@ -19,7 +20,7 @@ const HEADER: [u8; 8] = *b"mndrmt3\0";
 const TIME_LIMIT: Duration = Duration::from_secs(20);
 
 /// A pose in metres, in OpenXR's axes: x to the right, y up, z backwards.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Pose {
     /// Unit quaternion, x, y, z, w.
     pub orientation: [f32; 4],
@@ -47,7 +48,7 @@ impl Pose {
 }
 
 /// One eye of the headset.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Eye {
     /// Angles of the field of view's edges, rad: left, right, up, down. Left and down are negative.
     pub fov_rad: [f32; 4],
@@ -56,7 +57,7 @@ pub struct Eye {
 }
 
 /// Buttons of a controller, which is that of the Valve Index: `/interaction_profiles/valve/index_controller`.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Buttons {
     pub system_click: bool,
     pub system_touch: bool,
@@ -72,7 +73,7 @@ pub struct Buttons {
 }
 
 /// One controller.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Controller {
     /// Whether it is switched on. Without, its inputs are inactive.
     pub active: bool,
@@ -129,7 +130,7 @@ impl Controller {
 }
 
 /// Everything that the remote driver is told.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RemoteState {
     /// The eyes, left and right.
     pub eyes: [Eye; 2],

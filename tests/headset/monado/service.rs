@@ -197,8 +197,16 @@ impl Service {
     /// # Panics
     /// The service has none, or it does not answer.
     pub fn connect_remote(&self) -> Remote {
-        let port = self.port.expect("a service with the remote driver");
-        Remote::connect(port).unwrap_or_else(|error| panic!("{error}; the service's log:\n{}", self.log_tail()))
+        Remote::connect(self.remote_port())
+            .unwrap_or_else(|error| panic!("{error}; the service's log:\n{}", self.log_tail()))
+    }
+
+    /// The port of the remote driver, for programs that connect to it themselves.
+    ///
+    /// # Panics
+    /// The service has none.
+    pub fn remote_port(&self) -> u16 {
+        self.port.expect("a service with the remote driver")
     }
 
     /// A command that starts a program which finds this service's runtime: through Monado's dynamic linker, and so also

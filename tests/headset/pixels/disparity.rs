@@ -1,0 +1,131 @@
+//! Depth: where bodies stand in the two images.
+
+use glam::{DVec2, DVec3, Quat};
+use steradian::{
+    metrics::{HdrView, MetricError, centroid_direction},
+    plan::settings::{SwapchainFormat, SwapchainLayout},
+};
+
+use super::shots::{Assignment, Shot, Sphere, head, mapping, rig, sent_eyes, settings, take};
+use crate::monado::{Eye, Monado, Pose, RemoteState, Service};
+
+/// Limit on the error of the disparity and on the vertical disparity, pixels.
+const LIMIT_PX: f64 = 0.1;
+/// Between the eyes, m.
+const BASELINE_M: f64 = 0.064;
+/// Heights of the eyes above the floor, m.
+const HEIGHT_M: f64 = 1.6;
+/// Edges of the left eye's field of view, rad; the right eye's are those of its mirror image.
+const FOV_RAD: [f32; 4] = [-0.85, 0.75, 0.7, -0.72];
+/// Depth, m; direction from between the eyes, as a multiple of the depth; radius as an angle, rad.
+const BODIES: [(f64, [f64; 2], f64); 3] =
+    [(1.0, [-0.2, 0.12], 0.03), (10.0, [0.03, -0.08], 0.008), (1000.0, [0.22, 0.1], 0.05)];
+const SCENE: &str = r#"
+[scene]
+catalogues = []
+[glare]
+method = "none"
+[exposure]
+mode = "manual"
+ev100 = 0.0
+[tone_map]
+operator = "srgb"
+"#;
+
+/// A head that is rolled, and whose right eye stands higher than the left one.
+fn state(roll_deg: f32, raised_m: f32) -> RemoteState {
+    let [left, right, up, down] = FOV_RAD;
+    let half_m = BASELINE_M as f32 / 2.0;
+    let eye = |fov_rad, position_m| Eye { fov_rad, pose: Pose { position_m, ..Pose::IDENTITY } };
+    let eyes =
+        [eye([left, right, up, down], [-half_m, 0.0, 0.0]), eye([-right, -left, up, down], [half_m, raised_m, 0.0])];
+    head(Quat::from_rotation_z(roll_deg.to_radians()), eyes)
+}
+
+/// Where a body stands, m.
+fn place_m((depth_m, [x, y], _): (f64, [f64; 2], f64)) -> DVec3 {
+    DVec3::new(x, y, -1.0) * depth_m + HEIGHT_M * DVec3::Y
+}
+
+/// Difference of the places in the left and in the right image in closed form: of the angle under which the baseline is seen,
+/// and of the edges from which pixels are counted.
+fn closed_form_px(depth_m: f64, roll_rad: f64, [x, y]: [f64; 2], width: f64) -> f64 {
+    let [left, right] = [FOV_RAD[0], FOV_RAD[1]].map(|edge| f64::from(edge).tan());
+    let px_per_tangent = width / (right - left);
+    // Along the eyes' own x, which rolls with the head.
+    let along = x * roll_rad.cos() + y * roll_rad.sin();
+    let half = BASELINE_M / 2.0 / depth_m;
+    let left_px = (along + half - left) * px_per_tangent;
+    let right_px = (along - half + right) * px_per_tangent;
+    left_px - right_px
+}
+
+/// Where the middle of a body's light is in the images of both eyes, pixels; `None`: none of its light is where it should be.
+/// `images`: which image is taken for the left and for the right eye's.
+fn seen_px(shot: &Shot, state: &RemoteState, body: (f64, [f64; 2], f64), images: [usize; 2]) -> Option<[DVec2; 2]> {
+    let eyes = sent_eyes(state, [shot.images[0].size, shot.images[1].size]);
+    let rig = rig(eyes);
+    let seen = [0, 1].map(|eye| {
+        let mapping = mapping(&rig, eye);
+        let view = HdrView::new(mapping, shot.linear(images[eye])).unwrap();
+        let expected = eyes[eye].room_from_eye.conjugate() * (place_m(body) - eyes[eye].position_m);
+        // The mean direction of a disc is that of its middle; the middle of its image in a plane is not.
+        match centroid_direction(&[view], expected, body.2 + 0.02) {
+            Ok(direction) => mapping.pixel_from_direction(direction),
+            Err(MetricError::NoLight(_)) => None,
+            Err(error) => panic!("{error}"),
+        }
+    });
+    let [left, right] = seen;
+    Some([left?, right?])
+}
+
+/// Bodies at 1, 10 and 1000 m, with the head upright and rolled by 30 degrees.
+pub fn bodies_have_the_disparity_of_their_distance(monado: &'static Monado) {
+    let service = Service::remote(monado);
+    // The last has one eye higher than the other, to show that vertical disparity is seen where there is some.
+    let heads = [(0.0, 0.0), (30.0, 0.0), (0.0, 0.002)];
+    let spheres = BODIES.map(|body| Sphere {
+        position_m: place_m(body).to_array(),
+        radius_m: body.2 * body.0,
+        luminance_cd_m2: 1.0,
+    });
+    let order = heads.map(|(roll_deg, raised_m)| Assignment {
+        spheres: spheres.to_vec(),
+        ..Assignment::new(state(roll_deg, raised_m), SCENE)
+    });
+    let shots = take(&service, settings(SwapchainFormat::Rgba16f, SwapchainLayout::Auto, 2.0), order.to_vec());
+    let width = f64::from(shots[0].images[0].size[0]);
+    let [left_edge, right_edge] = [FOV_RAD[0], FOV_RAD[1]].map(|edge| f64::from(edge).tan());
+    for (shot, (roll_deg, raised_m)) in shots.iter().zip(heads).take(2) {
+        let roll_rad = f64::from(roll_deg).to_radians();
+        for body in BODIES {
+            let (depth_m, direction, radius_rad) = body;
+            let [left, right] = seen_px(shot, &state(roll_deg, raised_m), body, [0, 1]).unwrap();
+            let disparity_px = left - right;
+            let expected_px = closed_form_px(depth_m, roll_rad, direction, width);
+            let infinity_px = closed_form_px(f64::INFINITY, roll_rad, direction, width);
+            println!(
+                "{depth_m} m, {:.1} px across, rolled by {roll_deg} degrees: disparity {:.4} px, closed form {:.4}; vertical {:.4} px",
+                2.0 * radius_rad * width / (right_edge - left_edge),
+                disparity_px.x - infinity_px,
+                expected_px - infinity_px,
+                disparity_px.y,
+            );
+            let fits = |disparity_px: DVec2, expected_px: f64| {
+                (disparity_px.x - expected_px).abs() < LIMIT_PX && disparity_px.y.abs() < LIMIT_PX
+            };
+            assert!(fits(disparity_px, expected_px), "{disparity_px} for {expected_px}");
+            // The images in each other's place do not fit, nor does another distance as far as pixels can tell.
+            let swapped = seen_px(shot, &state(roll_deg, raised_m), body, [1, 0]);
+            assert!(swapped.is_none_or(|[left, right]| !fits(left - right, expected_px)), "{swapped:?}");
+            let other_m = if depth_m < 100.0 { 0.9 * depth_m } else { 100.0 };
+            assert!(!fits(disparity_px, closed_form_px(other_m, roll_rad, direction, width)), "{other_m} m");
+        }
+    }
+    let [left, right] = seen_px(&shots[2], &state(heads[2].0, heads[2].1), BODIES[0], [0, 1]).unwrap();
+    println!("with one eye 2 mm higher: vertical disparity {:.4} px at 1 m", (left - right).y);
+    let expected_px = f64::from(heads[2].1) * f64::from(shots[2].images[0].size[1])
+        / (f64::from(FOV_RAD[2]).tan() - f64::from(FOV_RAD[3]).tan());
+    assert!(expected_px > LIMIT_PX && ((left - right).y + expected_px).abs() < LIMIT_PX, "{left} {right}");
+}

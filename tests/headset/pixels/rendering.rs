@@ -1,0 +1,222 @@
+//! The images in the swapchains against those that `render` draws of the same eyes, with the driver of this machine, and
+//! against the frames that the host gets.
+
+use glam::{DQuat, Quat};
+use steradian::{
+    frame::{Frame, Renderer, Wanted},
+    gpu::{Gpu, GpuOptions},
+    photometry::{
+        exposure::white_luminance_cd_m2,
+        tone_map::{ToneMapSettings, linear_from_srgb},
+    },
+    plan::settings::{RenderSettings, SwapchainFormat, SwapchainLayout},
+    scene::SceneSnapshot,
+    view::Eye,
+    xr::CapturedPixels,
+};
+
+use super::shots::{Assignment, Shot, canted_eyes, head, rig, settings, take};
+use crate::monado::{Monado, Service};
+
+/// The bright stars, with all the defaults: glare, automatic exposure, a film's curve, dither.
+const NIGHT: &str = r#"
+[exposure]
+adaptation_s = 0.0
+"#;
+
+/// Asteroids before Mars, in the light of the Sun. Their impostors are coarse, to be made in a short time.
+const DAY: &str = r#"
+[scene.camera]
+position_m = [227895500000.0, 7794228.6, 0.0]
+orientation = [0.1830127, -0.6830127, -0.6830127, 0.1830127]
+[[bodies]]
+name = "sun"
+preset = "sun"
+[[bodies]]
+name = "mars"
+preset = "mars"
+position_m = [227900000000.0, 0.0, 0.0]
+[[asteroid_fields]]
+name = "swarm"
+position_m = [227895512500.0, 7772578.0, 0.0]
+instances = 400
+seed = 7
+shape = "box"
+size_m = [60000.0, 30000.0, 20000.0]
+radius_m = [150.0, 1200.0]
+size_index = 1.8
+spin_period_s = [600.0, 36000.0]
+geometric_albedo = [0.11, 0.1, 0.085]
+law = "lommel_seeliger"
+shape_seed = 3
+[asteroids]
+tiles = 8
+[exposure]
+adaptation_s = 0.0
+"#;
+
+/// Bytes may differ by so many codes, where two drivers round differently, and so large a share of them.
+const CODES: u8 = 1;
+const SHARE: f64 = 0.01;
+/// Linear light may differ by so much of display white, beyond the rounding to halves.
+const LIGHT: f64 = 1e-3;
+/// Exposures may differ by so much, EV.
+const EXPOSURE_EV: f64 = 1e-4;
+
+/// How far an image is from the expected one.
+#[derive(Clone, Copy, Debug)]
+struct Difference {
+    /// Greatest difference: codes, or shares of display white.
+    most: f64,
+    /// Share of the channels that differ at all, of light: beyond the rounding to halves.
+    share: f64,
+}
+
+impl Difference {
+    fn of(differences: impl ExactSizeIterator<Item = f64>) -> Self {
+        let count = differences.len();
+        let (most, different) =
+            differences.fold((0.0_f64, 0), |(most, different), d| (most.max(d), different + usize::from(d > 0.0)));
+        Self { most, share: different as f64 / count as f64 }
+    }
+
+    fn is_small(&self, format: SwapchainFormat) -> bool {
+        let limit = if format == SwapchainFormat::Rgba16f { LIGHT } else { f64::from(CODES) };
+        self.most <= limit && self.share <= SHARE
+    }
+}
+
+/// How far an eye's image is from what a frame shows.
+fn difference(
+    shot: &Shot,
+    eye: usize,
+    display: &[u8],
+    hdr: &[[f32; 4]],
+    ev100: f64,
+    tone_map: &ToneMapSettings,
+) -> Difference {
+    match &shot.images[eye].pixels {
+        CapturedPixels::Srgb8(seen) => {
+            let seen = seen.as_flattened();
+            assert_eq!(seen.len(), display.len());
+            Difference::of(seen.iter().zip(display).map(|(a, b)| f64::from(a.abs_diff(*b))))
+        }
+        CapturedPixels::Linear(seen) => {
+            assert_eq!(seen.len(), hdr.len());
+            let white = white_luminance_cd_m2(ev100);
+            let shown =
+                |[r, g, b, _]: [f32; 4]| tone_map.display_rgb([r, g, b].map(f64::from), white).map(linear_from_srgb);
+            let beyond_rounding = |(seen, hdr): (&[f32; 4], &[f32; 4])| {
+                assert_eq!(seen[3].to_bits(), 1_f32.to_bits(), "alpha");
+                let differences = seen.iter().zip(shown(*hdr)).map(|(seen, expected)| {
+                    let rounding = expected.max(2_f64.powi(-14)) * 2_f64.powi(-11);
+                    ((f64::from(*seen) - expected).abs() - rounding).max(0.0)
+                });
+                differences.fold(0.0, f64::max)
+            };
+            Difference::of(seen.iter().zip(hdr).map(beyond_rounding))
+        }
+    }
+}
+
+fn difference_from_frame(shot: &Shot, eye: usize, frame: &Frame, of: usize, tone_map: &ToneMapSettings) -> Difference {
+    let image = &frame.images[of];
+    let (display, hdr) = (image.display.as_ref().unwrap(), image.hdr.as_ref().unwrap());
+    difference(shot, eye, display, hdr, frame.exposure_ev100, tone_map)
+}
+
+fn render(renderer: &mut Renderer, scene: &(SceneSnapshot, RenderSettings), eyes: [Eye; 2]) -> Frame {
+    let wanted = [Wanted { display: true, hdr: true, ..Wanted::default() }];
+    renderer.render(&scene.0, &rig(eyes), &scene.1, &wanted, None).unwrap()
+}
+
+/// The same eyes, turned by a tenth of a degree.
+fn turned(eyes: [Eye; 2]) -> [Eye; 2] {
+    let turn = DQuat::from_rotation_y(0.1_f64.to_radians());
+    eyes.map(|eye| Eye { room_from_eye: turn * eye.room_from_eye, ..eye })
+}
+
+/// A scene, and what `render` makes of it.
+struct Expected {
+    name: &'static str,
+    assignment: Assignment,
+    scene: (SceneSnapshot, RenderSettings),
+    /// Eyes, what they see, and what they would see if the head were turned a little.
+    frames: Option<([Eye; 2], (Frame, Frame))>,
+}
+
+impl Expected {
+    fn new(name: &'static str, orientation: Quat, scene: &str) -> Self {
+        let assignment = Assignment::new(head(orientation, canted_eyes()), scene).mirrored();
+        let scene = assignment.load();
+        Self { name, assignment, scene, frames: None }
+    }
+
+    /// The frame, and that of the turned head; rendered once.
+    fn frames(&mut self, renderer: &mut Renderer, eyes: [Eye; 2]) -> &(Frame, Frame) {
+        let (of, frames) = self.frames.get_or_insert_with(|| {
+            (eyes, (render(renderer, &self.scene, eyes), render(renderer, &self.scene, turned(eyes))))
+        });
+        assert_eq!(*of, eyes, "the runtime gives the same poses in every session");
+        frames
+    }
+}
+
+/// For every format, in every layout of swapchains, by day and by night; and what the host gets is what the runtime gets.
+pub fn pixels_are_those_of_render(monado: &'static Monado) {
+    let service = Service::remote(monado);
+    let mut renderer = Renderer::new(Gpu::open(&GpuOptions::default()).unwrap());
+    println!("render draws with {}", renderer.adapter().driver);
+    let looking = Quat::from_rotation_y(0.2) * Quat::from_rotation_x(-0.1);
+    let mut scenes = [Expected::new("night", Quat::from_rotation_z(0.2), NIGHT), Expected::new("day", looking, DAY)];
+    for (format, layout, count) in [
+        (SwapchainFormat::Rgba8Srgb, SwapchainLayout::Array, 2),
+        (SwapchainFormat::Bgra8Srgb, SwapchainLayout::Two, 1),
+        (SwapchainFormat::Rgba16f, SwapchainLayout::Auto, 1),
+    ] {
+        let order = scenes[..count].iter().map(|scene| scene.assignment.clone()).collect();
+        let shots = take(&service, settings(format, layout, 1.0), order);
+        for (shot, scene) in shots.iter().zip(&mut scenes) {
+            let (name, tone_map) = (scene.name, scene.scene.1.tone_map);
+            let (expected, wrong) = scene.frames(&mut renderer, shot.eyes);
+            let (mirrored_ev100, mirrors) = shot.mirror.as_ref().unwrap();
+            let exposures_apart_ev = (mirrored_ev100 - expected.exposure_ev100).abs();
+            assert!(exposures_apart_ev <= EXPOSURE_EV, "{exposures_apart_ev}");
+            println!(
+                "{name} in {format:?}, {layout:?}: exposure {:.4} EV, {exposures_apart_ev:.1e} from render's; {:?}",
+                expected.exposure_ev100, expected.views[0].asteroids
+            );
+            for eye in [0, 1] {
+                let of_render = difference_from_frame(shot, eye, expected, eye, &tone_map);
+                let of_mirror =
+                    difference(shot, eye, &mirrors[eye].display, &mirrors[eye].hdr, *mirrored_ev100, &tone_map);
+                let of_turned = difference_from_frame(shot, eye, wrong, eye, &tone_map);
+                let of_other_eye = difference_from_frame(shot, eye, expected, 1 - eye, &tone_map);
+                println!(
+                    "    eye {eye}, from render's pixels {}; from the host's {}; from those of a head turned by 0.1 degrees {}; \
+                     from the other eye's {}",
+                    told(of_render, format),
+                    told(of_mirror, format),
+                    told(of_turned, format),
+                    told(of_other_eye, format),
+                );
+                assert!(of_render.is_small(format) && of_mirror.is_small(format));
+                if format != SwapchainFormat::Rgba16f {
+                    assert_eq!(of_mirror.most, 0.0, "the host gets the bytes that the runtime gets");
+                }
+                assert!(!of_turned.is_small(format) && !of_other_eye.is_small(format), "wrong images are told");
+            }
+        }
+    }
+    println!("(light is compared beyond the rounding to halves)");
+}
+
+fn told(difference: Difference, format: SwapchainFormat) -> String {
+    let Difference { most, share } = difference;
+    let share = 100.0 * share;
+    if format == SwapchainFormat::Rgba16f {
+        format!("at most {most:.1e} of white, {share:.2} % of the pixels")
+    } else {
+        format!("at most {most} codes, {share:.2} % of the bytes")
+    }
+}

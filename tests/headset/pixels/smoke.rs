@@ -1,0 +1,131 @@
+//! Three hundred frames on the simulated headset.
+
+use std::time::Duration;
+
+use serde::{Deserialize, Serialize};
+use steradian::xr::{HeadsetFrame, HeadsetStatistics, Status};
+
+use crate::monado::{Monado, Service};
+
+/// Frames that the program renders.
+pub const FRAMES: u64 = 300;
+/// How long it may take. The runtime asks for some 60 frames a second.
+const LIMIT: Duration = Duration::from_secs(120);
+/// What is shown.
+pub const SCENE: &str = "";
+
+/// What the program sees.
+#[derive(Debug, Default, Serialize, Deserialize)]
+pub struct Seen {
+    /// Name and version of the runtime, and of the system.
+    runtime: String,
+    system: String,
+    adapter: String,
+    sizes: [[u32; 2]; 2],
+    /// States of the session in their order.
+    states: Vec<String>,
+    /// Edges of the fields of view of the first frame, rad.
+    fovs_rad: Vec<[f64; 4]>,
+    /// Distance between the eyes in all frames, smallest and greatest, m.
+    between_eyes_m: Option<[f64; 2]>,
+    /// Frames counted: asked for, drawn.
+    frames: u64,
+    drawn: u64,
+    /// Time between two frames was never 0 or below.
+    display_times_rise: bool,
+    last_display_ns: Option<i64>,
+    /// The headset's own figures: counts, and spreads of times by name (median, 95 %, greatest), ms.
+    counts: Counts,
+    times_ms: Vec<(String, [f64; 3])>,
+}
+
+#[derive(Debug, Default, Serialize, Deserialize)]
+struct Counts {
+    sessions: u64,
+    losses: u64,
+    frames: u64,
+    rendered: u64,
+    not_wanted: u64,
+    missed: u64,
+    recentred: u64,
+    period_ms: f64,
+}
+
+impl Seen {
+    pub fn frame(&mut self, frame: &HeadsetFrame) {
+        self.frames += 1;
+        let rises = self.last_display_ns.is_none_or(|last| frame.display_time_ns > last);
+        self.display_times_rise = rises && (self.frames == 1 || self.display_times_rise);
+        self.last_display_ns = Some(frame.display_time_ns);
+        let Some([left, right]) = &frame.eyes else { return };
+        self.drawn += 1;
+        if self.fovs_rad.is_empty() {
+            self.fovs_rad =
+                [left, right].map(|eye| [eye.fov.left_rad, eye.fov.right_rad, eye.fov.up_rad, eye.fov.down_rad]).into();
+        }
+        let distance_m = (right.position_m - left.position_m).length();
+        let [least, most] = self.between_eyes_m.unwrap_or([distance_m; 2]);
+        self.between_eyes_m = Some([least.min(distance_m), most.max(distance_m)]);
+    }
+
+    pub fn status(&mut self, status: Status) {
+        let Status::Connected { runtime, system, state, sizes, adapter, problem } = status else { return };
+        assert_eq!(problem, None, "no frame is left out");
+        (self.runtime, self.system, self.sizes, self.adapter) = (runtime, system, sizes, adapter);
+        if self.states.last().is_none_or(|last| last != state) {
+            self.states.push(state.to_owned());
+        }
+    }
+
+    pub fn statistics(&mut self, figures: &HeadsetStatistics) {
+        let &HeadsetStatistics { sessions, losses, frames, rendered, not_wanted, missed, recentred, period_ms, .. } =
+            figures;
+        self.counts = Counts { sessions, losses, frames, rendered, not_wanted, missed, recentred, period_ms };
+        let ages = [("pose age at submission", Some(figures.pose_age_at_submission))]
+            .into_iter()
+            .chain([("pose age at display", figures.pose_age_at_display)]);
+        let ages = ages.filter_map(|(name, spread)| Some((name, spread?)));
+        let spreads = ages.chain(figures.stages.iter().copied());
+        self.times_ms = spreads.map(|(name, of)| (name.to_owned(), [of.median_ms, of.p95_ms, of.max_ms])).collect();
+    }
+}
+
+/// A whole session under the core validation layer: from its making to the farewell that the program asks for.
+pub fn three_hundred_frames(monado: &'static Monado) {
+    let service = Service::simulated(monado);
+    let folder = tempfile::tempdir().unwrap();
+    let log = folder.path().join("validation.txt");
+    let printed = service.run(service.validated(&mut service.inner("show_frames"), &log), LIMIT);
+    let seen: Seen = serde_json::from_str(&printed.unwrap_or_else(|error| panic!("{error}"))).unwrap();
+    println!("{}, {}, on {}; {:?} px", seen.runtime, seen.system, seen.adapter, seen.sizes);
+    println!("states {:?}; fields of view {:.3?} rad; {:.4?} m apart", seen.states, seen.fovs_rad, seen.between_eyes_m);
+    println!("{:?}", seen.counts);
+    for (name, [median, p95, most]) in &seen.times_ms {
+        println!("{name}: median {median:.2} ms, 95 % below {p95:.2}, at most {most:.2}");
+    }
+    assert_eq!(Service::complaints(&log), Vec::<String>::new());
+
+    assert!(seen.runtime.starts_with("Monado") && seen.runtime.contains("25."), "{}", seen.runtime);
+    assert!(seen.system.contains("Simulated HMD"), "{}", seen.system);
+    // States that the session passes through within one step are not seen.
+    assert!(seen.states.iter().any(|state| state == "focused"), "{:?}", seen.states);
+    assert_eq!(seen.fovs_rad.len(), 2);
+    for [left, right, up, down] in &seen.fovs_rad {
+        assert!((-1.5..-0.2).contains(left) && (0.2..1.5).contains(right), "{left} {right}");
+        assert!((-1.5..-0.2).contains(down) && (0.2..1.5).contains(up), "{down} {up}");
+    }
+    let [least_m, most_m] = seen.between_eyes_m.unwrap();
+    assert!(least_m > 0.05 && most_m < 0.08 && most_m - least_m < 1e-5, "{least_m} {most_m}");
+
+    // Every frame is drawn or not wanted, and none is counted twice.
+    let counts = &seen.counts;
+    assert!(seen.drawn >= FRAMES, "{}", seen.drawn);
+    assert_eq!((counts.sessions, counts.losses, counts.recentred), (1, 0, 0));
+    assert_eq!((counts.frames, counts.rendered), (seen.frames, seen.drawn));
+    assert_eq!(counts.frames, counts.rendered + counts.not_wanted);
+    assert!(seen.display_times_rise && counts.period_ms > 0.0);
+    for name in ["pose age at submission", "pose age at display", "wait", "acquire", "draw", "end", "gpu"] {
+        let (_, [median, p95, most]) = seen.times_ms.iter().find(|(of, _)| of == name).unwrap();
+        assert!(*median > 0.0 && median <= p95 && p95 <= most, "{name}: {median} {p95} {most}");
+    }
+}
