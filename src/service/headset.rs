@@ -336,3 +336,49 @@ impl Host for Headset {
         self.state().statistics.clone_from(statistics);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_stream_keeps_its_rate_beside_a_display_that_beats_with_it() {
+        let refresh = Duration::from_nanos(11_111_111);
+        for (interval_ms, expected) in [(0.0, 900), (11.111, 900), (33.333, 300), (25.0, 400), (50.0, 200)] {
+            let interval = Duration::from_secs_f64(interval_ms * 1e-3);
+            let mut subscriber =
+                Subscriber { wanted: Wanted::default(), interval, last: None, asked: None, slot: Weak::new() };
+            let start = Instant::now();
+            let (mut served, mut gaps, mut last) = (0, Vec::new(), None);
+            for number in 0..900_u32 {
+                // The time of the question jitters by half a millisecond.
+                let now = start + refresh * number + Duration::from_micros(u64::from(number * 7919 % 500));
+                if subscriber.is_due(now) {
+                    subscriber.asked = Some(now);
+                    subscriber.serve();
+                    served += 1;
+                    gaps.extend(last.replace(now).map(|last| now - last));
+                }
+            }
+            assert!(served * 50 >= expected * 49 && served <= expected + 1, "{interval_ms} ms: {served}");
+            // Never two at once to make up for lost ones.
+            assert!(gaps.iter().all(|gap| *gap + refresh + Duration::from_millis(1) >= interval), "{interval_ms} ms");
+        }
+    }
+
+    #[test]
+    fn after_a_pause_a_stream_goes_on_at_its_rate_and_makes_up_for_nothing() {
+        let interval = Duration::from_millis(100);
+        let start = Instant::now();
+        let mut subscriber =
+            Subscriber { wanted: Wanted::default(), interval, last: None, asked: None, slot: Weak::new() };
+        for (after_ms, due) in [(0, true), (99, false), (101, true), (5000, true), (5090, false), (5101, true)] {
+            let now = start + Duration::from_millis(after_ms);
+            assert_eq!(subscriber.is_due(now), due, "after {after_ms} ms");
+            if due {
+                subscriber.asked = Some(now);
+                subscriber.serve();
+            }
+        }
+    }
+}

@@ -9,7 +9,7 @@ use super::{
     error::XrError,
     headset::{Headset, Step},
     host::{Host, Status},
-    statistics::Recorder,
+    statistics::{HeadsetStatistics, Recorder},
 };
 use crate::plan::settings::{AfterExit, HeadsetSettings};
 
@@ -38,25 +38,68 @@ pub enum FirstFailure {
 ///
 /// The first connection failed, or the scene cannot be drawn, where `first` says that this is an error.
 pub fn drive(host: &dyn Host, settings: &HeadsetSettings, first: FirstFailure) -> Result<(), XrError> {
+    drive_with(host, settings.after_exit, first, |recorder| {
+        let mut headset = Headset::connect(settings, recorder)?;
+        headset.fails = first == FirstFailure::Fails;
+        Ok(headset)
+    })
+}
+
+/// What is driven: [`Headset`], and in tests what behaves as a test says.
+trait Connection {
+    fn status(&self) -> Status;
+    fn figures(&self) -> HeadsetStatistics;
+    fn request_exit(&self) -> Result<(), XrError>;
+    fn step(&mut self, host: &dyn Host) -> Result<Step, XrError>;
+    fn close(self) -> Recorder;
+}
+
+impl Connection for Headset {
+    fn status(&self) -> Status {
+        Headset::status(self)
+    }
+
+    fn figures(&self) -> HeadsetStatistics {
+        self.recorder().figures()
+    }
+
+    fn request_exit(&self) -> Result<(), XrError> {
+        Headset::request_exit(self)
+    }
+
+    fn step(&mut self, host: &dyn Host) -> Result<Step, XrError> {
+        Headset::step(self, host)
+    }
+
+    fn close(self) -> Recorder {
+        Headset::close(self)
+    }
+}
+
+fn drive_with<C: Connection>(
+    host: &dyn Host,
+    after_exit: AfterExit,
+    first: FirstFailure,
+    mut connect: impl FnMut(Recorder) -> Result<C, XrError>,
+) -> Result<(), XrError> {
     let mut recorder = Recorder::default();
-    let mut wait = FIRST_WAIT;
+    let mut pauses = Pauses::new();
     let mut connected_before = false;
     let mut told = None;
     while host.shown().is_some() {
-        let reason = match Headset::connect(settings, recorder.clone()) {
+        let reason = match connect(recorder.clone()) {
             Ok(mut headset) => {
-                headset.fails = first == FirstFailure::Fails;
                 connected_before = true;
                 let end = frames(&mut headset, host);
                 let before = mem::replace(&mut recorder, headset.close());
                 // A runtime that takes every session and shows nothing is asked less and less often too.
                 if recorder.figures().rendered > before.figures().rendered {
-                    (wait, told) = (FIRST_WAIT, None);
+                    (pauses, told) = (Pauses::new(), None);
                 }
                 match end {
                     Ok(End::Host) => return Ok(()),
                     Ok(End::Exit) => {
-                        let retrying = settings.after_exit == AfterExit::Reconnect;
+                        let retrying = after_exit == AfterExit::Reconnect;
                         let reason = "the session was ended in the headset".to_owned();
                         tracing::info!("headset: {reason}");
                         host.status(Status::Disconnected { reason: reason.clone(), retrying });
@@ -81,13 +124,26 @@ pub fn drive(host: &dyn Host, settings: &HeadsetSettings, first: FirstFailure) -
             told = Some(reason.clone());
         }
         host.status(Status::Disconnected { reason, retrying: true });
-        let until = Instant::now() + wait;
+        let until = Instant::now() + pauses.next();
         while host.shown().is_some() && Instant::now() < until {
             thread::sleep(HOST_INTERVAL.min(until.saturating_duration_since(Instant::now())));
         }
-        wait = (2 * wait).min(LONGEST_WAIT);
     }
     Ok(())
+}
+
+/// Pauses between attempts that come to nothing: each twice as long as the one before, up to the longest.
+struct Pauses(Duration);
+
+impl Pauses {
+    fn new() -> Self {
+        Self(FIRST_WAIT)
+    }
+
+    fn next(&mut self) -> Duration {
+        let longer = (2 * self.0).min(LONGEST_WAIT);
+        mem::replace(&mut self.0, longer)
+    }
 }
 
 enum End {
@@ -96,8 +152,10 @@ enum End {
 }
 
 /// Shows frames to the end of the session.
-fn frames(headset: &mut Headset, host: &dyn Host) -> Result<End, XrError> {
+fn frames(headset: &mut impl Connection, host: &dyn Host) -> Result<End, XrError> {
     let mut status = headset.status();
+    // The session is counted by whoever sees that there is one.
+    host.statistics(&headset.figures());
     host.status(status.clone());
     loop {
         let step = headset.step(host)?;
@@ -119,7 +177,7 @@ fn frames(headset: &mut Headset, host: &dyn Host) -> Result<End, XrError> {
 }
 
 /// Ends the session as the runtime wants it, if it does so in time: otherwise it finds the session gone.
-fn take_leave(headset: &mut Headset, host: &dyn Host) {
+fn take_leave(headset: &mut impl Connection, host: &dyn Host) {
     let until = Instant::now() + FAREWELL;
     let mut step = headset.request_exit().map(|()| Step::Idle);
     while Instant::now() < until {
@@ -133,4 +191,209 @@ fn take_leave(headset: &mut Headset, host: &dyn Host) {
         }
     }
     tracing::warn!("headset: the runtime has not ended the session within {} s", FAREWELL.as_secs());
+}
+
+#[cfg(test)]
+mod tests {
+    use std::{
+        cell::{Cell, RefCell},
+        collections::VecDeque,
+        sync::{
+            Mutex,
+            atomic::{AtomicBool, Ordering::Relaxed},
+        },
+        time::SystemTime,
+    };
+
+    use openxr::sys;
+
+    use super::*;
+    use crate::{
+        frame::Wanted,
+        plan::settings::RenderSettings,
+        verify::scenes,
+        xr::{Flight, MirroredFrame, Shown},
+    };
+
+    /// Keeps what it is told.
+    #[derive(Default)]
+    struct Told {
+        ended: AtomicBool,
+        /// It ends when it hears of a disconnection.
+        ends_when_disconnected: bool,
+        statuses: Mutex<Vec<Status>>,
+        statistics: Mutex<HeadsetStatistics>,
+    }
+
+    impl Host for Told {
+        fn shown(&self) -> Option<Shown> {
+            (!self.ended.load(Relaxed)).then(|| Shown {
+                snapshot: scenes::snapshot(Vec::new()),
+                settings: RenderSettings::default(),
+                camera_time: SystemTime::now(),
+            })
+        }
+
+        fn fly(&self, _: &Flight) {}
+
+        fn mirror(&self) -> Wanted {
+            Wanted::default()
+        }
+
+        fn publish(&self, _: MirroredFrame) {}
+
+        fn status(&self, status: Status) {
+            let disconnected = matches!(status, Status::Disconnected { .. });
+            self.ended.fetch_or(disconnected && self.ends_when_disconnected, Relaxed);
+            let mut statuses = self.statuses.lock().unwrap();
+            if statuses.last() != Some(&status) {
+                statuses.push(status);
+            }
+        }
+
+        fn statistics(&self, statistics: &HeadsetStatistics) {
+            self.statistics.lock().unwrap().clone_from(statistics);
+        }
+    }
+
+    impl Told {
+        /// C: connected; the reason of a disconnection, and ` again` where it is going to be tried again.
+        fn statuses(&self) -> Vec<String> {
+            let text = |status: &Status| match status {
+                Status::Connected { .. } => "C".to_owned(),
+                Status::Disconnected { reason, retrying } => {
+                    format!("{reason}{}", if *retrying { " again" } else { "" })
+                }
+            };
+            self.statuses.lock().unwrap().iter().map(text).collect()
+        }
+    }
+
+    type Steps = Vec<Result<Step, XrError>>;
+
+    /// A session that takes these steps.
+    struct Scripted<'a> {
+        steps: RefCell<VecDeque<Result<Step, XrError>>>,
+        recorder: Recorder,
+        exits_requested: &'a Cell<u32>,
+    }
+
+    impl Connection for Scripted<'_> {
+        fn status(&self) -> Status {
+            Status::Connected {
+                runtime: String::new(),
+                system: String::new(),
+                state: "focused",
+                sizes: [[1, 1]; 2],
+                adapter: String::new(),
+                problem: None,
+            }
+        }
+
+        fn figures(&self) -> HeadsetStatistics {
+            self.recorder.figures()
+        }
+
+        fn request_exit(&self) -> Result<(), XrError> {
+            self.exits_requested.set(self.exits_requested.get() + 1);
+            Ok(())
+        }
+
+        fn step(&mut self, _: &dyn Host) -> Result<Step, XrError> {
+            let step = self.steps.borrow_mut().pop_front();
+            step.expect("no step after the end of the session")
+        }
+
+        fn close(self) -> Recorder {
+            assert!(self.steps.borrow().is_empty(), "all steps were taken");
+            self.recorder
+        }
+    }
+
+    fn lost() -> XrError {
+        XrError::Call { call: "xrWaitFrame", result: sys::Result::ERROR_INSTANCE_LOST }
+    }
+
+    fn absent() -> XrError {
+        XrError::NoRuntime { call: "xrCreateInstance", result: sys::Result::ERROR_RUNTIME_FAILURE }
+    }
+
+    /// Drives sessions that take these steps, or cannot be made; returns how that ended and how often an exit was requested.
+    fn driven(
+        host: &Told,
+        after_exit: AfterExit,
+        first: FirstFailure,
+        sessions: Vec<Result<Steps, XrError>>,
+    ) -> (Result<(), XrError>, u32) {
+        let mut sessions = VecDeque::from(sessions);
+        let exits_requested = Cell::new(0);
+        let end = drive_with(host, after_exit, first, |mut recorder| {
+            let steps = sessions.pop_front().expect("no connection after the end")?;
+            recorder.session();
+            let steps = RefCell::new(steps.into());
+            Ok(Scripted { steps, recorder, exits_requested: &exits_requested })
+        });
+        assert!(sessions.is_empty(), "all connections were made");
+        (end, exits_requested.get())
+    }
+
+    #[test]
+    fn pauses_grow_to_the_longest() {
+        let mut pauses = Pauses::new();
+        let seconds: Vec<f64> = (0..8).map(|_| pauses.next().as_secs_f64()).collect();
+        assert_eq!(seconds, [0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 10.0, 10.0]);
+    }
+
+    #[test]
+    fn a_headset_that_the_wearer_left_is_left_alone_or_taken_again() {
+        let host = Told::default();
+        let stopped =
+            driven(&host, AfterExit::Stop, FirstFailure::Retries, vec![Ok(vec![Ok(Step::Idle), Ok(Step::Exited)])]);
+        assert!(matches!(stopped, (Ok(()), 0)), "{stopped:?}");
+        assert_eq!(host.statuses(), ["C", "the session was ended in the headset"]);
+
+        let host = Told::default();
+        let sessions = vec![Ok(vec![Ok(Step::Exited)]), Ok(vec![Ok(Step::HostEnded), Ok(Step::Exited)])];
+        let again = driven(&host, AfterExit::Reconnect, FirstFailure::Retries, sessions);
+        assert!(matches!(again, (Ok(()), 1)), "the host's end is asked of the runtime: {again:?}");
+        assert_eq!(host.statuses(), ["C", "the session was ended in the headset again", "C"]);
+        let figures = host.statistics.lock().unwrap().clone();
+        assert_eq!((figures.sessions, figures.losses), (2, 0), "an exit is no loss");
+    }
+
+    #[test]
+    fn a_lost_session_is_counted_and_made_again_whatever_the_first_failure_means() {
+        let host = Told::default();
+        let last = vec![Ok(Step::HostEnded), Err(lost())];
+        let sessions = vec![Ok(vec![Ok(Step::Idle), Err(lost())]), Err(absent()), Ok(last)];
+        let end = driven(&host, AfterExit::Stop, FirstFailure::Fails, sessions);
+        assert!(matches!(end, (Ok(()), 1)), "a runtime that is lost at the end is none to wait for: {end:?}");
+        assert_eq!(
+            host.statuses(),
+            ["C".to_owned(), format!("{} again", lost()), format!("{} again", absent()), "C".to_owned()]
+        );
+        let figures = host.statistics.lock().unwrap().clone();
+        assert_eq!((figures.sessions, figures.losses), (2, 1));
+    }
+
+    #[test]
+    fn a_first_failure_is_told_or_tried_again() {
+        let host = Told::default();
+        let (end, _) = driven(&host, AfterExit::Stop, FirstFailure::Fails, vec![Err(absent())]);
+        assert_eq!(end.unwrap_err().to_string(), absent().to_string());
+        assert_eq!(host.statuses(), Vec::<String>::new(), "who gets the error tells it");
+
+        let sessions = vec![Err(absent()), Ok(vec![Ok(Step::HostEnded), Ok(Step::Exited)])];
+        let (end, _) = driven(&host, AfterExit::Stop, FirstFailure::Retries, sessions);
+        assert!(end.is_ok(), "{end:?}");
+        assert_eq!(host.statuses(), [format!("{} again", absent()), "C".to_owned()]);
+    }
+
+    #[test]
+    fn a_host_that_ends_meanwhile_is_left_without_another_attempt() {
+        let host = Told { ends_when_disconnected: true, ..Told::default() };
+        let (end, _) = driven(&host, AfterExit::Stop, FirstFailure::Retries, vec![Err(absent())]);
+        assert!(end.is_ok(), "{end:?}");
+        assert_eq!(host.statuses(), [format!("{} again", absent())]);
+    }
 }

@@ -5,23 +5,23 @@ use openxr as xr;
 
 use crate::view::{Eye, Fov, Rig, RigError, View, ViewKind};
 
-/// An eye of the rig from a view of the session: both look along -z with +y up, and have the signed angles of four edges.
+/// The field of view of a view of the session: signed angles of four edges.
+pub(super) fn fov_of(view: &xr::View) -> Fov {
+    let xr::Fovf { angle_left, angle_right, angle_up, angle_down } = view.fov;
+    Fov {
+        left_rad: angle_left.into(),
+        right_rad: angle_right.into(),
+        up_rad: angle_up.into(),
+        down_rad: angle_down.into(),
+    }
+}
+
+/// An eye of the rig from a view of the session: both look along -z with +y up.
 pub(super) fn eye_from_view(view: &xr::View, size: [u32; 2]) -> Eye {
     let xr::Posef { orientation: q, position: p } = view.pose;
-    let fov = view.fov;
     // The runtime's quaternions have the precision of f32.
     let room_from_eye = DQuat::from_xyzw(q.x.into(), q.y.into(), q.z.into(), q.w.into()).normalize();
-    Eye {
-        size,
-        fov: Fov {
-            left_rad: fov.angle_left.into(),
-            right_rad: fov.angle_right.into(),
-            up_rad: fov.angle_up.into(),
-            down_rad: fov.angle_down.into(),
-        },
-        room_from_eye,
-        position_m: DVec3::new(p.x.into(), p.y.into(), p.z.into()),
-    }
+    Eye { size, fov: fov_of(view), room_from_eye, position_m: DVec3::new(p.x.into(), p.y.into(), p.z.into()) }
 }
 
 /// The rig of a frame: one view of both eyes.

@@ -14,7 +14,7 @@ pub(super) struct Controls {
     pub(super) turn_rise: [f64; 2],
     /// Forwards, 0 to 1: a trigger's share.
     pub(super) thrust: f64,
-    /// How much faster, 0 to 1: each tenth multiplies the speed by 10^0.3.
+    /// How much faster, 0 to 1: each tenth multiplies the speed by 10^0.3, behind the dead zone.
     pub(super) boost: f64,
 }
 

@@ -11,7 +11,7 @@ use openxr as xr;
 use super::{
     capture::{CapturedImage, capture},
     error::{During, XrError},
-    eyes::{eye_from_view, head, rig_of},
+    eyes::{eye_from_view, fov_of, head, rig_of},
     flight::flight,
     host::{Host, MirroredFrame, Shown, Status},
     input::Input,
@@ -259,9 +259,20 @@ impl Headset {
     fn warm_up(&mut self, host: &dyn Host) -> Result<(), XrError> {
         self.finish(host)?;
         let Some(shown) = host.shown() else { return Ok(()) };
-        let eye = |size| Eye { size, fov: USUAL_FOV, room_from_eye: DQuat::IDENTITY, position_m: DVec3::ZERO };
-        let rig =
-            rig_of(&self.settings.name, self.swapchains.sizes.map(eye)).map_err(|error| self.unsuitable(error))?;
+        let usual = |size| Eye { size, fov: USUAL_FOV, room_from_eye: DQuat::IDENTITY, position_m: DVec3::ZERO };
+        // Runtimes that tell the fields of view already save the first frame the map of glare for these.
+        let now = self.runtime.now()?;
+        let located = now.and_then(|now| self.session.locate_views(STEREO, now, &self.space).ok());
+        let told = located
+            .filter(|(_, views)| views.len() == 2)
+            .map(|(_, views)| [0, 1].map(|eye| Eye { fov: fov_of(&views[eye]), ..usual(self.swapchains.sizes[eye]) }));
+        let told = told.and_then(|eyes| rig_of(&self.settings.name, eyes).ok());
+        let rig = match told {
+            Some(rig) => rig,
+            None => {
+                rig_of(&self.settings.name, self.swapchains.sizes.map(usual)).map_err(|error| self.unsuitable(error))?
+            }
+        };
         let format = self.swapchains.format;
         let gpu = self.renderer.gpu();
         let targets = self.swapchains.sizes.map(|[width, height]| {

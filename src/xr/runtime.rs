@@ -15,6 +15,16 @@ use crate::gpu::{
 /// The eyes of a headset, as views of a session.
 pub(super) const STEREO: xr::ViewConfigurationType = xr::ViewConfigurationType::PRIMARY_STEREO;
 
+/// The system's OpenXR loader, through which programs find the runtime.
+///
+/// # Errors
+///
+/// [`XrError::Loader`]: it is not there, or is none.
+pub fn loader() -> Result<xr::Entry, XrError> {
+    // SAFETY: the library of this name is the OpenXR loader, whose functions are those of the specification.
+    unsafe { xr::Entry::load(&()) }.map_err(|error| XrError::Loader(error.to_string()))
+}
+
 /// A runtime with a headset.
 pub(super) struct Runtime {
     pub(super) instance: xr::Instance,
@@ -30,8 +40,7 @@ pub(super) struct Runtime {
 impl Runtime {
     /// Finds the runtime and its headset.
     pub(super) fn find() -> Result<Self, XrError> {
-        // SAFETY: the library of this name is the OpenXR loader, whose functions are those of the specification.
-        let entry = unsafe { xr::Entry::load(&()) }.map_err(|error| XrError::Loader(error.to_string()))?;
+        let entry = loader()?;
         let no_runtime = |call| move |result| XrError::NoRuntime { call, result };
         let available = entry.enumerate_extensions().map_err(no_runtime("xrEnumerateInstanceExtensionProperties"))?;
         let missing = |runtime: &str| XrError::MissingExtension {

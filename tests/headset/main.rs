@@ -1,14 +1,20 @@
 //! The headset, on a real OpenXR runtime that needs none: Monado, with the null compositor. See `monado`.
 #![allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
 
+mod absent;
+mod daemon;
+mod flying;
 mod monado;
 mod pixels;
+mod program;
 mod runtime;
+mod sessions;
+mod wearer;
 
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    let tests = [runtime::TESTS, pixels::TESTS].concat();
-    let inners = [runtime::INNERS, pixels::INNERS].concat();
+    let tests = [runtime::TESTS, pixels::TESTS, sessions::TESTS, daemon::TESTS, flying::TESTS, absent::TESTS].concat();
+    let inners = [runtime::INNERS, pixels::INNERS, wearer::INNERS].concat();
     monado::harness::main(&tests, &inners)
 }

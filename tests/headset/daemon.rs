@@ -1,0 +1,218 @@
+//! `serve` with a headset: the runtime comes late, goes, and comes back, while the other views go on.
+
+use std::time::Duration;
+
+use steradian::{
+    output::Encoding,
+    service::{CameraUpdate, HeadsetStatus, ReceivedFrame, ReceivedHeadset, ViewImageForm},
+};
+use tonic::Code;
+
+use crate::{
+    monado::{Monado, Service, harness::Test},
+    program::{Daemon, Resources, executable, until},
+};
+
+pub const TESTS: &[Test] = &[
+    Test::WithMonado("daemon_lives_when_the_runtime_is_killed_ten_times", killed_ten_times),
+    Test::WithMonado("runtime_may_die_while_the_daemon_connects", runtime_dies_early),
+    Test::WithMonado("daemon_picks_up_a_runtime_that_is_started_later", runtime_comes_later),
+    Test::WithMonado("mirror_goes_on_beside_another_view", mirror_beside),
+    Test::WithMonado("recentring_is_counted", recentring_is_counted),
+];
+
+/// Bright stars in a flat view, and in the headset.
+const SCENE: &str = r#"
+[scene]
+catalogues = ["builtin:bright"]
+[[views]]
+name = "flat"
+type = "perspective"
+size = [64, 48]
+fov_y_deg = 60.0
+[headset]
+enabled = true
+name = "eyes"
+resolution_scale = 0.5
+"#;
+
+fn is_connected(headset: &ReceivedHeadset) -> bool {
+    matches!(headset.status, HeadsetStatus::Connected { .. })
+}
+
+/// The runtime is killed ten times in one run: the daemon lives, the flat view's stream goes on all the time, and the
+/// mirror's goes on whenever the runtime is back. Nothing of a lost session stays behind.
+fn killed_ten_times(monado: &'static Monado) {
+    const ROUNDS: u64 = 10;
+    let mut service = Service::remote(monado);
+    let mut command = service.command(executable());
+    // Memory that is free goes back to the system, so that what does not is in use.
+    command.env("MALLOC_ARENA_MAX", "1").env("MALLOC_TRIM_THRESHOLD_", "131072");
+    let mut daemon = Daemon::of(command, SCENE);
+    daemon.wait_for_focus();
+    let flat = daemon.stream("flat", Encoding::Rgba8, 0.0);
+    let mirror = daemon.stream("eyes", Encoding::Rgba8, 0.0);
+    mirror.wait_beyond(0);
+
+    let mut resources: Vec<Resources> = vec![daemon.program.resources()];
+    for round in 1..=ROUNDS {
+        let before = daemon.headset();
+        service.kill();
+        let lost = daemon.wait_for_headset(|headset| headset.losses == round && !is_connected(headset));
+        let HeadsetStatus::Disconnected { reason, retrying } = &lost.status else { panic!("{lost:?}") };
+        assert!(*retrying, "{lost:?}");
+        let without = daemon.program.resources();
+        let frames = flat.count();
+        for step in 0..3 {
+            let at = Some([1e9 * round as f64, f64::from(step), 0.0]);
+            let update = CameraUpdate { position_m: at, ..CameraUpdate::default() };
+            let camera = daemon.call(async |client| client.set_camera(&update).await).unwrap();
+            let shows = || flat.seen().last.is_some_and(|frame| frame.camera_revision >= camera.revision).then_some(());
+            until(shows, || format!("no frame of {camera:?}"));
+        }
+        let meanwhile = flat.count() - frames;
+        assert!(meanwhile >= 3, "{meanwhile}");
+        let mirrored = mirror.count();
+        service.restart();
+        let returned = daemon.wait_for_headset(is_connected);
+        mirror.wait_beyond(mirrored + 2);
+        assert_eq!((returned.sessions, returned.losses), (round + 1, round), "{returned:?}");
+        assert!(returned.frames >= before.frames, "figures go on: {before:?}, {returned:?}");
+        let now = daemon.program.resources();
+        println!("loss {round}: {reason}; {meanwhile} frames of the flat view meanwhile");
+        println!("without: {without:?}, back: {now:?}");
+        assert!(without.threads < now.threads && without.files < now.files, "a lost session leaves nothing behind");
+        resources.push(now);
+    }
+    // A session with its device has some 10 MiB, 10 threads, 3 files and 100 mappings: one that stays behind is too much.
+    let (second, tenth) = (resources[2], resources[10]);
+    println!("back for the second time: {second:?}, for the tenth: {tenth:?}");
+    assert!(tenth.resident_kib < second.resident_kib + 8 * 1024, "{second:?}, {tenth:?}");
+    for (before, after, more) in
+        [(second.files, tenth.files, 2), (second.threads, tenth.threads, 4), (second.mappings, tenth.mappings, 60)]
+    {
+        assert!(after <= before + more, "{second:?}, {tenth:?}");
+    }
+    let last = daemon.headset();
+    println!("{} sessions, {} losses, {} frames rendered", last.sessions, last.losses, last.rendered);
+    assert_eq!((last.sessions, last.losses), (ROUNDS + 1, ROUNDS));
+    println!("flat view: {} frames, mirror: {} frames, each in one stream", flat.count(), mirror.count());
+
+    let ended = daemon.terminate();
+    assert_eq!(ended.code, Some(0), "{}", ended.err);
+}
+
+/// The runtime dies when a daemon has just made its instance, or its session: the first is a failed attempt, the second a
+/// loss.
+fn runtime_dies_early(monado: &'static Monado) {
+    let mut service = Service::remote(monado);
+    // The first is told by the runtime's library, the second by the program.
+    for (made, sessions) in [("Instance created", 0), ("headset: Monado", 1)] {
+        let mut daemon = Daemon::start(&service, SCENE);
+        daemon.program.wait_for_log(made, 1);
+        service.kill();
+        let tried = daemon.wait_for_headset(|headset| !is_connected(headset) && headset.losses == sessions);
+        daemon.program.wait_for_log("no OpenXR runtime answers", 1);
+        service.restart();
+        let back = daemon.wait_for_focus();
+        println!(
+            "after `{made}`: {} sessions, {} losses; then {}, {}",
+            tried.sessions, tried.losses, back.sessions, back.losses
+        );
+        println!("  {}", daemon.program.log().lines().find(|line| line.contains("trying again")).unwrap());
+        assert_eq!((back.sessions, back.losses), (sessions + 1, sessions), "{back:?}");
+        assert_eq!(daemon.terminate().code, Some(0));
+    }
+}
+
+/// The eyes of `SCENE`: half of what the runtime recommends.
+const EYES: [(&str, [u32; 2]); 2] = [("left", [160, 120]), ("right", [160, 120])];
+
+fn assert_eyes(frame: &ReceivedFrame) {
+    assert_eq!(frame.view, "eyes");
+    let eyes: Vec<(&str, [u32; 2])> =
+        frame.images.iter().map(|image| (image.part.as_str(), [image.width, image.height])).collect();
+    assert_eq!(eyes, EYES);
+    assert!(frame.images.iter().all(|image| image.data.len() == 160 * 120 * 4), "four bytes a pixel");
+    assert!(frame.pose_time <= frame.render_time, "{:?}, {:?}", frame.pose_time, frame.render_time);
+}
+
+/// A daemon that is there before the runtime has no frames of the headset, and says why; then it has.
+fn runtime_comes_later(monado: &'static Monado) {
+    let mut service = Service::remote(monado);
+    service.kill();
+    let mut daemon = Daemon::start(&service, SCENE);
+    let tried = |headset: &ReceivedHeadset| matches!(&headset.status, HeadsetStatus::Disconnected { reason, retrying: true } if reason.contains("no OpenXR runtime"));
+    println!("{:?}", daemon.wait_for_headset(tried).status);
+    let refused = daemon.frame("eyes", Encoding::Rgba8).unwrap_err();
+    println!("{refused}");
+    assert_eq!(refused.code(), Some(Code::Unavailable));
+    assert!(refused.to_string().contains("no OpenXR runtime answers"), "{refused}");
+    let views = daemon.call(async |client| client.views().await).unwrap();
+    let forms = |name: &str| views.iter().find(|view| view.name == name).unwrap().images.clone();
+    assert_eq!((forms("eyes"), forms("flat").len()), (vec![], 1));
+    let mirror = daemon.stream("eyes", Encoding::Rgba8, 0.0);
+    assert_eq!(mirror.count(), 0);
+
+    service.restart();
+    let connected = daemon.wait_for_focus();
+    println!("{:?}", connected.status);
+    assert_eq!((connected.sessions, connected.losses), (1, 0), "{connected:?}");
+    assert_eyes(&mirror.wait_beyond(0));
+    assert_eyes(&daemon.frame("eyes", Encoding::Rgba8).unwrap());
+    let views = daemon.call(async |client| client.views().await).unwrap();
+    let eyes = views.into_iter().find(|view| view.name == "eyes").unwrap();
+    let form = |(part, [width, height]): (&str, [u32; 2])| ViewImageForm { part: part.to_owned(), width, height };
+    assert_eq!((eyes.kind.as_str(), eyes.images), ("headset", EYES.map(form).to_vec()));
+    assert_eq!(daemon.terminate().code, Some(0));
+}
+
+/// Streams of the eyes at two rates and of the flat view, at once: each has its own form and pace.
+fn mirror_beside(monado: &'static Monado) {
+    const SLOW_HZ: f64 = 1.0;
+    let service = Service::remote(monado);
+    let mut daemon = Daemon::start(&service, SCENE);
+    daemon.wait_for_focus();
+    let every = daemon.stream("eyes", Encoding::Rgba8, 0.0);
+    let slow = daemon.stream("eyes", Encoding::Rgb32f, SLOW_HZ);
+    let flat = daemon.stream("flat", Encoding::Png, 0.0);
+    while slow.count() < 3 {
+        let update = CameraUpdate { position_m: Some([0.0, 0.0, flat.count() as f64]), ..CameraUpdate::default() };
+        let camera = daemon.call(async |client| client.set_camera(&update).await).unwrap();
+        let shows = || flat.seen().last.is_some_and(|frame| frame.camera_revision >= camera.revision).then_some(());
+        until(shows, || format!("no frame of {camera:?}"));
+    }
+    let [every, slow, flat] = [every, slow, flat].map(|stream| stream.seen());
+    println!("frames: {} of the eyes, {} at {SLOW_HZ} Hz, {} of the flat view", every.frames, slow.frames, flat.frames);
+    assert!(every.frames > slow.frames && flat.frames > slow.frames, "each at its own rate");
+    // A rate is one of the times at which the frames were asked for; the poses are asked for a moment later.
+    let shortest = Duration::from_secs_f64(0.9 / SLOW_HZ);
+    for seen in [&every, &slow] {
+        let between = seen.pose_times.windows(2).map(|two| two[1].duration_since(two[0]).unwrap());
+        assert!(between.clone().all(|between| between > Duration::ZERO), "each has a pose of its own: {seen:?}");
+        assert_eq!(between.clone().all(|between| between >= shortest), std::ptr::eq(seen, &slow), "{seen:?}");
+    }
+    assert_eyes(&every.last.unwrap());
+    let slow = slow.last.unwrap();
+    let bytes: Vec<usize> = slow.images.iter().map(|image| image.data.len()).collect();
+    assert_eq!((slow.images[0].encoding, bytes), (Encoding::Rgb32f, vec![160 * 120 * 12; 2]));
+    let flat = flat.last.unwrap();
+    assert_eq!((flat.view.as_str(), flat.images.len()), ("flat", 1));
+    let image = &flat.images[0];
+    assert_eq!((image.part.as_str(), image.width, image.height, &image.data[1..4]), ("", 64, 48, &b"PNG"[..]));
+    assert_eq!(daemon.terminate().code, Some(0));
+}
+
+/// Clients see how often the room's origin has moved.
+fn recentring_is_counted(monado: &'static Monado) {
+    let service = Service::remote(monado);
+    let mut daemon = Daemon::start(&service, SCENE);
+    assert_eq!(daemon.wait_for_focus().recentred, 0);
+    for times in 1..=2 {
+        service.control(&["-c"]);
+        let headset = daemon.wait_for_headset(|headset| headset.recentred >= times);
+        println!("recentred {} times, {} session", headset.recentred, headset.sessions);
+        assert_eq!((headset.recentred, headset.sessions), (times, 1));
+    }
+    assert_eq!(daemon.terminate().code, Some(0));
+}

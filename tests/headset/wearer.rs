@@ -1,0 +1,227 @@
+//! Programs that step through a session themselves, and the test's side of them.
+
+use std::{
+    path::PathBuf,
+    process::Command,
+    sync::{
+        Mutex,
+        atomic::{AtomicBool, Ordering::Relaxed},
+    },
+    time::{Duration, Instant, SystemTime},
+};
+
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+use steradian::{
+    frame::Wanted,
+    plan::settings::{HeadsetSettings, RenderSettings},
+    verify::scenes,
+    xr::{Flight, Headset, HeadsetStatistics, Host, MirroredFrame, Recorder, Shown, Status, Step},
+};
+
+use crate::{
+    monado::{Service, harness::Inner},
+    program::{LIMIT, Program},
+};
+
+pub const INNERS: &[Inner] = &[("watch", watch)];
+
+/// Settings of the headset, as JSON.
+const SETTINGS_VARIABLE: &str = "STERADIAN_TEST_HEADSET";
+/// The program asks for the session's end when there is a file of this name.
+const END_VARIABLE: &str = "STERADIAN_TEST_END";
+
+/// What the program writes, line by line.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Line {
+    /// The session is there.
+    Connected { runtime: String, system: String, sizes: [[u32; 2]; 2] },
+    /// The state of the session has changed.
+    State(String),
+    /// A frame was handed in.
+    Frame(SeenFrame),
+    /// The runtime has ended the session, or not.
+    Exited(bool),
+}
+
+/// A frame as the program has made it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SeenFrame {
+    pub display_time_ns: i64,
+    /// Left and right eye; none where the runtime did not want the frame.
+    pub eyes: Option<[SeenEye; 2]>,
+    pub recentred: u64,
+    pub rendered: u64,
+    pub not_wanted: u64,
+}
+
+/// An eye as it was drawn.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SeenEye {
+    pub size: [u32; 2],
+    /// Quaternion x, y, z, w.
+    pub orientation: [f64; 4],
+    pub position_m: [f64; 3],
+}
+
+/// Shows one star until it is told to end.
+#[derive(Default)]
+struct Wearer {
+    ending: AtomicBool,
+    statistics: Mutex<HeadsetStatistics>,
+}
+
+impl Host for Wearer {
+    fn shown(&self) -> Option<Shown> {
+        (!self.ending.load(Relaxed)).then(|| Shown {
+            snapshot: scenes::snapshot(vec![scenes::star(DVec3::NEG_Z, 0.0)]),
+            settings: RenderSettings::default(),
+            camera_time: SystemTime::now(),
+        })
+    }
+
+    fn fly(&self, flight: &Flight) {
+        panic!("nobody flies here: {flight:?}");
+    }
+
+    fn mirror(&self) -> Wanted {
+        Wanted::default()
+    }
+
+    fn publish(&self, _: MirroredFrame) {}
+
+    fn status(&self, _: Status) {}
+
+    fn statistics(&self, statistics: &HeadsetStatistics) {
+        self.statistics.lock().unwrap().clone_from(statistics);
+    }
+}
+
+fn say(line: &Line) {
+    println!("{}", serde_json::to_string(line).unwrap());
+}
+
+fn watch() {
+    let settings = std::env::var(SETTINGS_VARIABLE).unwrap();
+    let settings: HeadsetSettings = serde_json::from_str(&settings).unwrap();
+    let end = PathBuf::from(std::env::var_os(END_VARIABLE).unwrap());
+    let mut headset = Headset::connect(&settings, Recorder::default()).unwrap_or_else(|error| panic!("{error}"));
+    let host = Wearer::default();
+    let mut last_state = "";
+    let start = Instant::now();
+    let mut asked = false;
+    while start.elapsed() < LIMIT {
+        let step = headset.step(&host).unwrap();
+        let Status::Connected { runtime, system, state, sizes, .. } = headset.status() else { unreachable!() };
+        if last_state.is_empty() {
+            say(&Line::Connected { runtime, system, sizes });
+        }
+        if last_state != state {
+            last_state = state;
+            say(&Line::State(state.to_owned()));
+        }
+        match step {
+            Step::Frame(frame) => {
+                let figures = host.statistics.lock().unwrap().clone();
+                let eye = |eye: steradian::view::Eye| SeenEye {
+                    size: eye.size,
+                    orientation: eye.room_from_eye.to_array(),
+                    position_m: eye.position_m.to_array(),
+                };
+                say(&Line::Frame(SeenFrame {
+                    display_time_ns: frame.display_time_ns,
+                    eyes: frame.eyes.map(|eyes| eyes.map(eye)),
+                    recentred: figures.recentred,
+                    rendered: figures.rendered,
+                    not_wanted: figures.not_wanted,
+                }));
+            }
+            Step::Exited => return say(&Line::Exited(true)),
+            Step::Idle | Step::HostEnded => {}
+        }
+        if end.exists() && !asked {
+            asked = true;
+            headset.request_exit().unwrap();
+        }
+    }
+    say(&Line::Exited(false));
+}
+
+/// A program that watches, and what it has said.
+pub struct Watcher {
+    program: Program,
+    folder: tempfile::TempDir,
+}
+
+impl Watcher {
+    /// Starts one as a program of a service.
+    pub fn start(service: &Service, settings: &HeadsetSettings) -> Self {
+        Self::of(service.inner("watch"), settings)
+    }
+
+    /// The same by the command of the inner function.
+    pub fn of(mut command: Command, settings: &HeadsetSettings) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        command.env(SETTINGS_VARIABLE, serde_json::to_string(settings).unwrap());
+        command.env(END_VARIABLE, folder.path().join("end"));
+        Self { program: Program::start(command), folder }
+    }
+
+    /// Everything so far.
+    pub fn lines(&self) -> Vec<Line> {
+        let out = self.program.out();
+        // The last line may be written just now.
+        let whole = out.rfind('\n').map_or("", |end| &out[..end]);
+        lines(whole)
+    }
+
+    /// Waits until what it has said holds an answer.
+    ///
+    /// # Panics
+    /// It ends before, or takes too long.
+    pub fn until<T>(&mut self, answer: impl Fn(&[Line]) -> Option<T>) -> T {
+        let start = Instant::now();
+        loop {
+            let running = self.program.is_running();
+            let lines = self.lines();
+            if let Some(answer) = answer(&lines) {
+                return answer;
+            }
+            assert!(running && start.elapsed() < LIMIT, "{lines:?}\n{}", self.program.log());
+            std::thread::sleep(Duration::from_millis(10));
+        }
+    }
+
+    /// Waits for the session; returns the names of runtime and system, and the sizes of the eyes' images.
+    pub fn connected(&mut self) -> (String, String, [[u32; 2]; 2]) {
+        self.until(|lines| match lines.first()? {
+            Line::Connected { runtime, system, sizes } => Some((runtime.clone(), system.clone(), *sizes)),
+            other => panic!("{other:?}"),
+        })
+    }
+
+    /// Waits for a frame whose eyes are asked for after this call.
+    pub fn next_frame(&mut self) -> SeenFrame {
+        // The one after these may have been begun before.
+        let before = frames(&self.lines()).len() + 1;
+        self.until(|lines| frames(lines).into_iter().skip(before).find(|frame| frame.eyes.is_some()))
+    }
+
+    /// Tells it to ask for the end of the session, and waits for its own; returns everything that it has said.
+    pub fn end(self) -> Vec<Line> {
+        std::fs::write(self.folder.path().join("end"), "").unwrap();
+        let ended = self.program.wait();
+        assert_eq!(ended.code, Some(0), "{}", ended.err);
+        lines(&ended.out)
+    }
+}
+
+fn lines(out: &str) -> Vec<Line> {
+    out.lines().map(|line| serde_json::from_str(line).unwrap_or_else(|error| panic!("{error}: {line}"))).collect()
+}
+
+/// The frames among lines.
+pub fn frames(lines: &[Line]) -> Vec<SeenFrame> {
+    let frame = |line: &Line| if let Line::Frame(frame) = line { Some(frame.clone()) } else { None };
+    lines.iter().filter_map(frame).collect()
+}
