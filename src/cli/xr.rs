@@ -44,6 +44,8 @@ pub fn run(arguments: XrArguments, adapter: Option<String>) -> Result<(), CliErr
     }
     let config = Config::load_or_built_in(arguments.config.as_deref(), &arguments.set)?;
     let camera = config.camera()?;
+    // What can be refused is, before the stars, which take longest.
+    xr::check_set_up()?;
     let objects = Arc::new(config.objects()?);
     let (stars, _) = load::stars(&config.star_sources(), &config.origin)?;
     let snapshot = SceneSnapshot { revision: 1, stars: Arc::new(stars), objects, camera };

@@ -28,5 +28,5 @@ pub use drive::{FirstFailure, drive};
 pub use error::XrError;
 pub use headset::{Headset, HeadsetFrame, Step};
 pub use host::{Flight, Host, MirroredFrame, Shown, Status};
-pub use runtime::loader;
+pub use runtime::{check_set_up, loader};
 pub use statistics::{Distribution, HeadsetStatistics, Recorder};

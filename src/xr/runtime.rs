@@ -37,12 +37,30 @@ pub(super) struct Runtime {
     pub(super) has_clock: bool,
 }
 
+/// Whether a loader and a runtime are set up on this system. Connects to nothing: the runtime's service need not run.
+///
+/// # Errors
+///
+/// What is missing.
+pub fn check_set_up() -> Result<(), XrError> {
+    look().map(|_| ())
+}
+
+/// The loader, and what the active runtime has.
+fn look() -> Result<(xr::Entry, xr::ExtensionSet), XrError> {
+    let entry = loader()?;
+    let available = entry.enumerate_extensions().map_err(no_runtime("xrEnumerateInstanceExtensionProperties"))?;
+    Ok((entry, available))
+}
+
+fn no_runtime(call: &'static str) -> impl Fn(xr::sys::Result) -> XrError {
+    move |result| XrError::NoRuntime { call, result }
+}
+
 impl Runtime {
     /// Finds the runtime and its headset.
     pub(super) fn find() -> Result<Self, XrError> {
-        let entry = loader()?;
-        let no_runtime = |call| move |result| XrError::NoRuntime { call, result };
-        let available = entry.enumerate_extensions().map_err(no_runtime("xrEnumerateInstanceExtensionProperties"))?;
+        let (entry, available) = look()?;
         let missing = |runtime: &str| XrError::MissingExtension {
             runtime: runtime.to_owned(),
             extension: "XR_KHR_vulkan_enable2",
