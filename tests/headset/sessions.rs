@@ -1,17 +1,21 @@
 //! Sessions: their states from beginning to end, what they are made of, and the runtime's loss, as `xr` and programs of
 //! their own see them.
 
-use steradian::plan::settings::{HeadsetSettings, ReferenceSpace};
+use steradian::{
+    plan::settings::{HeadsetSettings, ReferenceSpace},
+    service::HeadsetStatus,
+};
 
 use crate::{
     monado::{Monado, Service, harness::Test},
-    program::{Ended, Program, executable},
+    program::{Daemon, Ended, Program, executable},
     wearer::{Line, Watcher, frames},
 };
 
 pub const TESTS: &[Test] = &[
     Test::WithMonado("xr_shows_frames_and_tells_figures", xr_shows_frames),
     Test::WithMonado("the_example_of_a_headset_is_shown", the_example_is_shown),
+    Test::WithMonado("scene_that_cannot_be_drawn_ends_xr_and_not_serve", scene_cannot_be_drawn),
     Test::WithMonado("signals_end_xr_in_good_order", signals_end_xr),
     Test::WithMonado("xr_comes_back_when_the_runtime_is_killed", xr_comes_back),
     Test::WithMonado("session_that_is_asked_to_end_goes_through_all_states", exit_is_requested),
@@ -76,6 +80,22 @@ fn the_example_is_shown(monado: &'static Monado) {
     assert_eq!(ended.code, Some(0), "{}", ended.err);
     let figures = figures(&ended);
     assert_eq!((figures.sessions, figures.rendered, figures.left_out), (1, 5, 0), "{figures:?}");
+}
+
+/// `xr` has nothing to wait for; a client of `serve` may mend the scene, and is told what is wrong with it meanwhile.
+fn scene_cannot_be_drawn(monado: &'static Monado) {
+    let service = Service::remote(monado);
+    let scene = format!("{SCENE}enabled = true\n[stars]\nmethod = 'cell_sky'\n[glare]\nmethod = 'sky_cube'\n");
+    let ended = Program::steradian(service.command(executable()), &["xr", "--frames", "60"], &scene).wait();
+    assert_eq!(ended.code, Some(64), "{}", ended.err);
+    assert!(ended.err.contains("cell_sky"), "{}", ended.err);
+
+    let mut daemon = Daemon::start(&service, &scene);
+    let told = daemon.wait_for_headset(|headset| headset.left_out > 3);
+    let HeadsetStatus::Connected { problem: Some(problem), .. } = &told.status else { panic!("{told:?}") };
+    assert!(problem.contains("cell_sky") && told.rendered == 0, "{told:?}");
+    println!("{problem}; {} frames left out", told.left_out);
+    assert_eq!(daemon.terminate().code, Some(0));
 }
 
 /// So many frames, then the session ends in good order and the figures agree.
