@@ -354,55 +354,6 @@ impl Gpu {
             cache: None,
         })
     }
-
-    /// A pipeline that adds what `fragment` gives to a target of [`Gpu::blend_format`].
-    pub(crate) fn blending_pipeline(
-        &self,
-        vertex: &super::ShaderSource,
-        constants: &[(&str, f64)],
-        fragment: &super::ShaderSource,
-        topology: wgpu::PrimitiveTopology,
-    ) -> wgpu::RenderPipeline {
-        let module = |source: &super::ShaderSource| {
-            self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-                label: Some(source.name),
-                source: wgpu::ShaderSource::Wgsl(source.text.as_str().into()),
-            })
-        };
-        let add = wgpu::BlendComponent {
-            src_factor: wgpu::BlendFactor::One,
-            dst_factor: wgpu::BlendFactor::One,
-            operation: wgpu::BlendOperation::Add,
-        };
-        self.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-            label: Some(fragment.name),
-            layout: None,
-            vertex: wgpu::VertexState {
-                module: &module(vertex),
-                entry_point: Some(vertex.entry_point),
-                compilation_options: wgpu::PipelineCompilationOptions {
-                    constants,
-                    zero_initialize_workgroup_memory: false,
-                },
-                buffers: &[],
-            },
-            primitive: wgpu::PrimitiveState { topology, ..Default::default() },
-            depth_stencil: None,
-            multisample: wgpu::MultisampleState::default(),
-            fragment: Some(wgpu::FragmentState {
-                module: &module(fragment),
-                entry_point: Some(fragment.entry_point),
-                compilation_options: wgpu::PipelineCompilationOptions::default(),
-                targets: &[Some(wgpu::ColorTargetState {
-                    format: self.blend_format,
-                    blend: Some(wgpu::BlendState { color: add, alpha: add }),
-                    write_mask: wgpu::ColorWrites::COLOR,
-                })],
-            }),
-            multiview_mask: None,
-            cache: None,
-        })
-    }
 }
 
 fn explain_no_adapter(wanted: Option<&str>, found: &[String]) -> String {

@@ -47,4 +47,26 @@ impl Gpu {
             cache: None,
         })
     }
+
+    /// A pipeline that adds what `fragment` gives to a target of [`Gpu::blend_format`].
+    pub(crate) fn blending_pipeline(
+        &self,
+        vertex: &ShaderSource,
+        constants: &[(&str, f64)],
+        fragment: &ShaderSource,
+        topology: wgpu::PrimitiveTopology,
+    ) -> wgpu::RenderPipeline {
+        let add = wgpu::BlendComponent {
+            src_factor: wgpu::BlendFactor::One,
+            dst_factor: wgpu::BlendFactor::One,
+            operation: wgpu::BlendOperation::Add,
+        };
+        let target = wgpu::ColorTargetState {
+            format: self.blend_format,
+            blend: Some(wgpu::BlendState { color: add, alpha: add }),
+            write_mask: wgpu::ColorWrites::COLOR,
+        };
+        let vertex = Stage { source: vertex, constants };
+        self.colour_pipeline(&vertex, &Stage { source: fragment, constants: &[] }, topology, target)
+    }
 }
