@@ -4,7 +4,10 @@ use glam::{DMat3, DVec3};
 
 use super::impostor_atlas::{ImpostorAtlas, ImpostorAtlasError};
 use crate::{
-    gpu::{AsteroidSource, Gpu, GpuError, ReadbackBuffer, encode_viewport, layout, storage_buffer, uniform_buffer},
+    gpu::{
+        AsteroidSource, Gpu, GpuError, encode_viewport, layout, read_layer, storage_buffer, texels_of_halves,
+        uniform_buffer,
+    },
     passes::{
         asteroid_impostor::{AsteroidImpostorPass, CORNERS},
         impostor_bake::ImpostorBakePass,
@@ -124,27 +127,13 @@ impl ImpostorProbe {
             self.pass.begin(&mut pass, &source, &[], &atlas);
             pass.draw(0..CORNERS, 0..asteroids.len() as u32);
         }
-        let colours = RowCopy::record(gpu, &mut encoder, &colour, 8);
-        let depths = RowCopy::record(gpu, &mut encoder, &depth, 4);
-        let mut readback = ReadbackBuffer::new("impostor probe");
-        readback.begin(colours.bytes() + depths.bytes());
-        let places = [&colours, &depths].map(|copy| readback.copy(gpu, &mut encoder, &copy.buffer, 0, copy.bytes()));
         gpu.queue.submit([encoder.finish()]);
-        readback.map(gpu);
-        gpu.wait(None)?;
-        let halves: Vec<u16> = readback.read(gpu, places[0], (colours.bytes() / 2) as usize)?;
-        let floats: Vec<f32> = readback.read(gpu, places[1], (depths.bytes() / 4) as usize)?;
-        readback.unmap(gpu);
-        gpu.take_failure()?;
-        let seen = colours.cut(&halves, 4);
-        let (pixels, _) = seen.as_chunks::<4>();
+        let (colours, depths) = (read_layer(gpu, &colour, 0)?, read_layer(gpu, &depth, 0)?);
+        let (depths, _) = depths.as_chunks::<4>();
+        let distance = |depth: &[u8; 4]| Some(f32::from_le_bytes(*depth)).filter(|depth| *depth > 0.0);
         Ok(ImpostorPicture {
-            luminance_cd_m2: pixels.iter().map(|[r, g, b, _]| [*r, *g, *b].map(f32_of_half)).collect(),
-            distance_m: depths
-                .cut(&floats, 1)
-                .iter()
-                .map(|depth| (*depth > 0.0).then(|| near_m / f64::from(*depth)))
-                .collect(),
+            luminance_cd_m2: texels_of_halves(&colours).into_iter().map(|[r, g, b, _]| [r, g, b]).collect(),
+            distance_m: depths.iter().map(|depth| distance(depth).map(|depth| near_m / f64::from(depth))).collect(),
         })
     }
 }
@@ -167,18 +156,6 @@ fn given_layout(gpu: &Gpu) -> wgpu::BindGroupLayout {
     })
 }
 
-/// The value of a 16-bit float.
-fn f32_of_half(half: u16) -> f32 {
-    let sign = if half >> 15 == 1 { -1.0 } else { 1.0 };
-    let mantissa = f32::from(half & 1023);
-    sign * match half >> 10 & 31 {
-        0 => mantissa * 2.0_f32.powi(-24),
-        31 if mantissa == 0.0 => f32::INFINITY,
-        31 => f32::NAN,
-        exponent => (1.0 + mantissa / 1024.0) * 2.0_f32.powi(i32::from(exponent) - 15),
-    }
-}
-
 fn encode(asteroid: &GivenAsteroid) -> layout::GivenAsteroid {
     let column = |index| asteroid.view_from_shape.col(index).as_vec3().to_array();
     layout::GivenAsteroid {
@@ -195,46 +172,5 @@ fn encode(asteroid: &GivenAsteroid) -> layout::GivenAsteroid {
         sun: asteroid.sun.as_vec3().to_array(),
         luminance: asteroid.luminance_cd_m2.as_vec3().to_array(),
         ..Default::default()
-    }
-}
-
-/// A texture copied to a buffer, whose rows are padded to what copies demand.
-struct RowCopy {
-    buffer: wgpu::Buffer,
-    row_bytes: u32,
-    padded: u32,
-    rows: u32,
-}
-
-impl RowCopy {
-    fn record(gpu: &Gpu, encoder: &mut wgpu::CommandEncoder, texture: &wgpu::Texture, texel_bytes: u32) -> Self {
-        let row_bytes = texture.width() * texel_bytes;
-        let padded = row_bytes.next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
-        let buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("rows"),
-            size: u64::from(padded) * u64::from(texture.height()),
-            usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC,
-            mapped_at_creation: false,
-        });
-        let layout = wgpu::TexelCopyBufferLayout {
-            offset: 0,
-            bytes_per_row: Some(padded),
-            rows_per_image: Some(texture.height()),
-        };
-        let to = wgpu::TexelCopyBufferInfo { buffer: &buffer, layout };
-        encoder.copy_texture_to_buffer(texture.as_image_copy(), to, texture.size());
-        Self { buffer, row_bytes, padded, rows: texture.height() }
-    }
-
-    fn bytes(&self) -> u64 {
-        u64::from(self.padded) * u64::from(self.rows)
-    }
-
-    /// The values without padding; `per_texel` of them are a texel.
-    fn cut<T: Copy>(&self, values: &[T], per_texel: u32) -> Vec<T> {
-        let texel_bytes = size_of::<T>() as u32 * per_texel;
-        let per_row = (self.padded / texel_bytes * per_texel) as usize;
-        let used = (self.row_bytes / texel_bytes * per_texel) as usize;
-        values.chunks_exact(per_row).flat_map(|row| &row[..used]).copied().collect()
     }
 }

@@ -10,7 +10,7 @@ use glam::{DQuat, DVec3};
 use super::{Frame, FrameImage, Wanted, error::RenderError, presentation::Presentation, renderer::Renderer};
 use crate::{
     catalogue::{StarRecord, chunks::StarSet},
-    gpu::{Gpu, GpuOptions, storage_buffer},
+    gpu::{Gpu, GpuOptions, read_layer, storage_buffer},
     metrics::{self, HdrView},
     passes::present::{PresentPass, PresentTile},
     photometry::{exposure::white_luminance_cd_m2, tone_map::linear_from_srgb},
@@ -116,30 +116,7 @@ fn target(gpu: &Gpu, [width, height]: [u32; 2], format: wgpu::TextureFormat) -> 
 
 /// The texels of the second layer.
 fn texels(gpu: &Gpu, texture: &wgpu::Texture) -> Vec<u8> {
-    let row = texture.width() * texture.format().block_copy_size(None).unwrap();
-    let stride = row.next_multiple_of(256);
-    let buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
-        label: Some("texels"),
-        size: u64::from(stride * texture.height()),
-        usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
-        mapped_at_creation: false,
-    });
-    let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    let origin = wgpu::Origin3d { x: 0, y: 0, z: 1 };
-    encoder.copy_texture_to_buffer(
-        wgpu::TexelCopyTextureInfo { origin, ..texture.as_image_copy() },
-        wgpu::TexelCopyBufferInfo {
-            buffer: &buffer,
-            layout: wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(stride), rows_per_image: None },
-        },
-        wgpu::Extent3d { depth_or_array_layers: 1, ..texture.size() },
-    );
-    gpu.queue.submit([encoder.finish()]);
-    buffer.slice(..).map_async(wgpu::MapMode::Read, |mapped| mapped.unwrap());
-    gpu.device.poll(wgpu::PollType::wait_indefinitely()).unwrap();
-    gpu.take_failure().unwrap();
-    let view = buffer.slice(..).get_mapped_range().unwrap();
-    view.chunks(stride as usize).flat_map(|padded| padded[..row as usize].to_vec()).collect()
+    read_layer(gpu, texture, 1).unwrap()
 }
 
 /// The value of a half that is a finite number, not negative.

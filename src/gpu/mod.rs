@@ -8,6 +8,7 @@ pub mod layout;
 mod pipelines;
 pub mod probe;
 mod shaders;
+mod texels;
 mod timing;
 mod viewport;
 
@@ -25,5 +26,6 @@ pub(crate) use shaders::{
     glare_composite, glare_find, glare_gather, glare_maximum, glare_sharpen, packed_cas, packed_cas_sorted, points,
     present, present_corner, resolve, resolve_luminance, stars, tone_map,
 };
+pub(crate) use texels::{read_layer, texels_of_halves};
 pub(crate) use timing::GpuTimer;
 pub(crate) use viewport::encode_viewport;

@@ -1,9 +1,7 @@
 //! What lies in the swapchains: the images that the runtime is going to show, read back.
 
-use half::f16;
-
 use super::swapchain::Swapchains;
-use crate::gpu::{Gpu, GpuError};
+use crate::gpu::{Gpu, GpuError, read_layer, texels_of_halves};
 
 /// An eye's image as it lies in the swapchain.
 #[derive(Clone, Debug, PartialEq)]
@@ -29,49 +27,20 @@ pub(super) fn capture(gpu: &Gpu, swapchains: &Swapchains) -> Result<[CapturedIma
 }
 
 fn capture_eye(gpu: &Gpu, swapchains: &Swapchains, eye: usize) -> Result<CapturedImage, GpuError> {
-    let size = swapchains.sizes[eye];
     let (texture, layer) =
         swapchains.texture(eye).ok_or_else(|| GpuError::Refused("no image of the swapchain is acquired".to_owned()))?;
-    let pixel_bytes = if swapchains.format == wgpu::TextureFormat::Rgba16Float { 8 } else { 4 };
-    let row_bytes = size[0] * pixel_bytes;
-    let padded_bytes = row_bytes.next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
-    let buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
-        label: Some("capture"),
-        size: u64::from(padded_bytes) * u64::from(size[1]),
-        usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
-        mapped_at_creation: false,
-    });
-    let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("capture") });
-    encoder.copy_texture_to_buffer(
-        wgpu::TexelCopyTextureInfo {
-            texture,
-            mip_level: 0,
-            origin: wgpu::Origin3d { x: 0, y: 0, z: layer },
-            aspect: wgpu::TextureAspect::All,
-        },
-        wgpu::TexelCopyBufferInfo {
-            buffer: &buffer,
-            layout: wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(padded_bytes), rows_per_image: None },
-        },
-        wgpu::Extent3d { width: size[0], height: size[1], depth_or_array_layers: 1 },
-    );
+    let bytes = read_layer(gpu, texture, layer)?;
     // The runtime takes images back as colour attachments.
+    let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("capture") });
     let whole = wgpu::TextureTransition { texture, selector: None, state: wgpu::TextureUses::COLOR_TARGET };
     encoder.transition_resources(std::iter::empty(), std::iter::once(whole));
     gpu.queue.submit([encoder.finish()]);
-    buffer.map_async(wgpu::MapMode::Read, .., |_| {});
-    gpu.wait(None)?;
-    gpu.take_failure()?;
-    let bytes = buffer.get_mapped_range(..)?;
-    let rows = bytes.chunks_exact(padded_bytes as usize).map(|row| &row[..row_bytes as usize]);
     let pixels = if swapchains.format == wgpu::TextureFormat::Rgba16Float {
-        let half = |bytes: &[u8]| f16::from_le_bytes([bytes[0], bytes[1]]).to_f32();
-        let texel = |texel: &[u8]| [0, 2, 4, 6].map(|first| half(&texel[first..]));
-        CapturedPixels::Linear(rows.flat_map(|row| row.chunks_exact(8).map(texel)).collect())
+        CapturedPixels::Linear(texels_of_halves(&bytes))
     } else {
         let swaps = swapchains.format == wgpu::TextureFormat::Bgra8UnormSrgb;
-        let texel = |t: &[u8]| if swaps { [t[2], t[1], t[0], t[3]] } else { [t[0], t[1], t[2], t[3]] };
-        CapturedPixels::Srgb8(rows.flat_map(|row| row.chunks_exact(4).map(texel)).collect())
+        let texel = |&[a, b, c, d]: &[u8; 4]| if swaps { [c, b, a, d] } else { [a, b, c, d] };
+        CapturedPixels::Srgb8(bytes.as_chunks::<4>().0.iter().map(texel).collect())
     };
-    Ok(CapturedImage { size, pixels })
+    Ok(CapturedImage { size: swapchains.sizes[eye], pixels })
 }

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::{
+    gpu::{read_layer, texels_of_halves},
     plan::{bodies::illuminance_of, tiles::Tile},
     scene::bodies::{Body, Spin, Surface},
     view::projection::{CubeFace, Face, PlaneMapping, pixel_centre},
@@ -18,40 +19,11 @@ struct Shown {
     scale: f64,
 }
 
-fn half(bits: u16) -> f32 {
-    let (sign, exponent, fraction) = (bits >> 15, i32::from(bits >> 10 & 31), f32::from(bits & 1023) / 1024.0);
-    let size = if exponent == 0 { fraction * 2f32.powi(-14) } else { (1.0 + fraction) * 2f32.powi(exponent - 15) };
-    if sign == 1 { -size } else { size }
-}
-
 /// Bytes of the top left of a layer of a texture, row by row.
 fn texels(bench: &Bench, view: &wgpu::TextureView, layer: u32, [width, height]: [u32; 2], texel_bytes: u32) -> Vec<u8> {
-    // Depth is copied whole or not at all.
-    let whole = view.texture().size();
-    let row_bytes = (whole.width * texel_bytes).next_multiple_of(256);
-    let buffer = bench.gpu.device.create_buffer(&wgpu::BufferDescriptor {
-        label: Some("texels"),
-        size: u64::from(row_bytes * whole.height),
-        usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC,
-        mapped_at_creation: false,
-    });
-    let mut encoder = bench.encoder();
-    let aspect = if texel_bytes == 4 { wgpu::TextureAspect::DepthOnly } else { wgpu::TextureAspect::All };
-    encoder.copy_texture_to_buffer(
-        wgpu::TexelCopyTextureInfo {
-            texture: view.texture(),
-            mip_level: 0,
-            origin: wgpu::Origin3d { x: 0, y: 0, z: layer },
-            aspect,
-        },
-        wgpu::TexelCopyBufferInfo {
-            buffer: &buffer,
-            layout: wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(row_bytes), rows_per_image: None },
-        },
-        wgpu::Extent3d { depth_or_array_layers: 1, ..whole },
-    );
-    let bytes: Vec<u8> = bench.read(encoder, &[(&buffer, (row_bytes * whole.height) as usize)]).remove(0);
-    bytes
+    let row_bytes = view.texture().width() * texel_bytes;
+    read_layer(&bench.gpu, view.texture(), layer)
+        .unwrap()
         .chunks_exact(row_bytes as usize)
         .take(height as usize)
         .flat_map(|row| row[..(width * texel_bytes) as usize].to_vec())
@@ -69,10 +41,7 @@ fn draw(bench: &mut Bench, plan: &AsteroidPlan, tile: &Tile) -> Shown {
         (views, layers.faces, layers.face_size_px, layers.samples, layers.near_m, layers.luminance_scale)
     };
     bench.gpu.queue.submit([encoder.finish()]);
-    let colours = |bytes: Vec<u8>| -> Vec<[f32; 4]> {
-        let words: Vec<u16> = bytes.chunks_exact(2).map(|pair| u16::from_le_bytes([pair[0], pair[1]])).collect();
-        words.chunks_exact(4).map(|rgba| [half(rgba[0]), half(rgba[1]), half(rgba[2]), half(rgba[3])]).collect()
-    };
+    let colours = |bytes: Vec<u8>| texels_of_halves(&bytes);
     let depths = |bytes: Vec<u8>| -> Vec<f32> {
         bytes.chunks_exact(4).map(|word| f32::from_le_bytes([word[0], word[1], word[2], word[3]])).collect()
     };
