@@ -1,5 +1,8 @@
 // Evaluates the projection of one viewport at given points, so that f32 on the adapter can be compared with f64.
-// Needs viewport.wgsl, math.wgsl and projection.wgsl.
+
+#import constants/workgroups
+#import shared/projection
+#import shared/viewport
 
 struct ProbeInput {
     // Direction in view space.
@@ -21,7 +24,7 @@ struct ProbeOutput {
 @group(0) @binding(1) var<storage, read> inputs: array<ProbeInput>;
 @group(0) @binding(2) var<storage, read_write> outputs: array<ProbeOutput>;
 
-@compute @workgroup_size(64)
+@compute @workgroup_size(PROBE_THREADS)
 fn probe(@builtin(global_invocation_id) id: vec3<u32>) {
     if id.x >= arrayLength(&inputs) {
         return;

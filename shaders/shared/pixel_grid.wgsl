@@ -1,8 +1,5 @@
 // Pixels of one workgroup of the passes over pixels; the same numbers stand in src/passes/shared.rs.
 
-const COLUMNS: u32 = 64u;
-const ROWS: u32 = 16u;
-
 // R and G as the HDR image holds them: zero bits where the pixel is dark, and there alone. What such a pixel has in the second plane
 // (B and the solid angle) is not to be read unless the whole image was asked for: it may be left from another frame.
 fn red_green_words(luminance: vec3<f32>) -> vec2<u32> {

@@ -18,10 +18,10 @@ pub(crate) use self::plan::AsteroidPlan;
 use self::{held::Held, layers::LayerTargets, plan::Tables};
 use super::RenderError;
 use crate::{
-    gpu::{AsteroidSource, Gpu, GpuTimer, GrowingBuffer, ReadbackBuffer, ReadbackPlace, filled_buffer, layout},
+    gpu::{Gpu, GpuTimer, GrowingBuffer, ReadbackBuffer, ReadbackPlace, filled_buffer, layout},
     passes::{
         asteroid_cull::{AsteroidCullPass, CullBuffers, CullNumbers},
-        asteroid_impostor::AsteroidImpostorPass,
+        asteroid_impostor::{AsteroidImpostorPass, AsteroidSource},
         asteroid_mesh::AsteroidMeshPass,
         asteroid_points::{AsteroidPointPass, AsteroidPoints},
         impostor_bake::ImpostorBakePass,

@@ -8,10 +8,10 @@ use glam::DQuat;
 
 use super::{catalogue_buffers::CatalogueBuffers, record::begin_pass};
 use crate::{
-    gpu::{Gpu, GpuTimer, LuminanceSource, encode_viewport, layout},
+    gpu::{Gpu, GpuTimer, encode_viewport, layout},
     passes::{
         billboards::{BillboardPass, BillboardPlane, CountPass, SquareImage},
-        luminance::LuminancePass,
+        luminance::{LuminancePass, LuminanceSource},
         shared::{CatalogueDraw, PictureTarget, pixel_grid},
     },
     photometry::{

@@ -3,7 +3,14 @@
 use std::sync::{Arc, OnceLock};
 
 use crate::{
-    gpu::{Gpu, GrowingBuffer, layout, storage_buffer},
+    gpu::{
+        Gpu, GrowingBuffer,
+        constants::{
+            bodies::NO_TEXTURE,
+            reflection::{LAW_LAMBERT, LAW_LOMMEL_SEELIGER},
+        },
+        layout, storage_buffer,
+    },
     passes::{
         geometry::{GeometryPass, GeometryTarget},
         points::PointPass,
@@ -18,9 +25,6 @@ use crate::{
         bodies::{ReflectionLaw, Texture},
     },
 };
-
-/// Says that a body has no texture.
-const NO_TEXTURE: u32 = u32::MAX;
 
 /// Passes and buffers, made when they are first asked for.
 pub(super) struct Geometry {
@@ -259,8 +263,8 @@ fn encode_body(objects: &SceneObjects, seen: &BodyDisc, first_sun: u32, textures
         part: seen.part as f32,
         unit_centre: (unit_from_view * seen.centre).as_vec3().to_array(),
         law: match body.surface.law {
-            ReflectionLaw::Lambert => 0,
-            ReflectionLaw::LommelSeeliger => 1,
+            ReflectionLaw::Lambert => LAW_LAMBERT,
+            ReflectionLaw::LommelSeeliger => LAW_LOMMEL_SEELIGER,
         },
         reflectance: body.surface.geometric_albedo.map(|albedo| (seen.kept * albedo / std::f64::consts::PI) as f32),
         limb_darkening: emission.map_or(0.0, |emission| emission.limb_darkening as f32),

@@ -7,9 +7,9 @@ use super::{
     record::begin_pass,
 };
 use crate::{
-    gpu::{GlareSource, Gpu, GpuTimer, GrowingBuffer, layout, storage_buffer},
+    gpu::{Gpu, GpuTimer, GrowingBuffer, layout, storage_buffer},
     passes::{
-        glare_composite::GlareCompositePass,
+        glare_composite::{GlareCompositePass, GlareSource},
         glare_pyramid::{GlarePyramidPass, PyramidFrame, PyramidTextures, PyramidTile},
         shared::{PictureTarget, pixel_grid},
     },

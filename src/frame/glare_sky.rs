@@ -9,9 +9,13 @@ use std::{
 use super::{glare::GlareFrame, record::begin_pass};
 use crate::{
     catalogue::chunks::StarSet,
-    gpu::{GlareSource, Gpu, GpuTimer, GrowingBuffer, layout, storage_buffer, uniform_buffer},
+    gpu::{
+        Gpu, GpuTimer, GrowingBuffer,
+        constants::glare_clouds::{IS_CLOUD, SHARE_PARTS},
+        layout, storage_buffer, uniform_buffer,
+    },
     passes::{
-        glare_composite::GlareCompositePass,
+        glare_composite::{GlareCompositePass, GlareSource},
         glare_sky::{Bumps, GlareSkyPasses, LevelBuffers, SpriteBuffers, block_grid, map_points, square_grid},
         shared::PictureTarget,
     },
@@ -42,10 +46,6 @@ const ENTRIES_PER_OCTAVE: u32 = 16;
 const OCTAVES: u32 = 48;
 /// Largest binary logarithm of the square of a chord.
 const LAST_OCTAVE: f64 = 2.0;
-/// Says that a source is a cloud, and the parts of its light that its softened kernel leaves out; both as in `glare_sky.wgsl`.
-const IS_CLOUD: u32 = 1 << 31;
-const SHARE_PARTS: u32 = 65535;
-
 /// Stars and camera of a frame.
 pub(super) struct SkyScene<'a> {
     pub stars: &'a Arc<StarSet>,

@@ -5,11 +5,12 @@ use glam::{DMat3, DVec3};
 use super::impostor_atlas::{ImpostorAtlas, ImpostorAtlasError};
 use crate::{
     gpu::{
-        AsteroidSource, Gpu, GpuError, encode_viewport, layout, read_layer, storage_buffer, texels_of_halves,
-        uniform_buffer,
+        Gpu, GpuError,
+        constants::reflection::{LAW_LAMBERT, LAW_LOMMEL_SEELIGER},
+        encode_viewport, layout, read_layer, storage_buffer, texels_of_halves, uniform_buffer,
     },
     passes::{
-        asteroid_impostor::{AsteroidImpostorPass, CORNERS},
+        asteroid_impostor::{AsteroidImpostorPass, AsteroidSource, CORNERS},
         impostor_bake::ImpostorBakePass,
         shared::{ASTEROID_COLOUR, ASTEROID_DEPTH, bind_to},
     },
@@ -138,7 +139,7 @@ impl ImpostorProbe {
     }
 }
 
-/// Group 0 of `shaders/shared/asteroid_given.wgsl`.
+/// Group 0 of `shaders/asteroids/impostors/given.wgsl`.
 fn given_layout(gpu: &Gpu) -> wgpu::BindGroupLayout {
     let entry = |binding, visibility, ty| wgpu::BindGroupLayoutEntry {
         binding,
@@ -165,8 +166,8 @@ fn encode(asteroid: &GivenAsteroid) -> layout::GivenAsteroid {
         shape: asteroid.shape,
         view_from_shape_y: column(1),
         law: match asteroid.law {
-            ReflectionLaw::Lambert => 0,
-            ReflectionLaw::LommelSeeliger => 1,
+            ReflectionLaw::Lambert => LAW_LAMBERT,
+            ReflectionLaw::LommelSeeliger => LAW_LOMMEL_SEELIGER,
         },
         view_from_shape_z: column(2),
         sun: asteroid.sun.as_vec3().to_array(),

@@ -4,10 +4,10 @@ use bytemuck::Pod;
 use glam::{DQuat, DVec3};
 
 use crate::{
-    gpu::{Gpu, GpuOptions, LuminanceSource, ReadbackBuffer, encode_viewport, layout, storage_buffer},
+    gpu::{Gpu, GpuOptions, ReadbackBuffer, encode_viewport, layout, storage_buffer},
     passes::{
         exposure::ExposurePass,
-        luminance::LuminancePass,
+        luminance::{LuminancePass, LuminanceSource},
         shared::{PARTIAL_SUM_BYTES, PictureTarget, partial_sums, pixel_grid},
         tone_map::{ToneMapPass, ToneMapTarget},
     },

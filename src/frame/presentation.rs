@@ -6,8 +6,8 @@ use super::{
     renderer::{BatchBuffers, DISPLAY_BYTES, Prepared},
 };
 use crate::{
-    gpu::{Gpu, GpuTimer, PresentSource},
-    passes::present::{PresentPass, PresentTile, present_source},
+    gpu::{Gpu, GpuTimer},
+    passes::present::{PresentPass, PresentSource, PresentTile, present_source},
     plan::{settings::ToneMapSettings, tiles::BYTES_PER_PIXEL},
     view::{Rig, Viewport},
 };

@@ -6,9 +6,9 @@ use std::sync::{Arc, OnceLock};
 use super::catalogue_buffers::CatalogueBuffers;
 use crate::{
     catalogue::chunks::StarSet,
-    gpu::{self, Gpu, GrowingBuffer, LuminanceSource, layout},
+    gpu::{self, Gpu, GrowingBuffer, layout},
     passes::{
-        luminance::LuminancePass,
+        luminance::{LuminancePass, LuminanceSource},
         packed::PackedPass,
         shared::{CatalogueDraw, PictureTarget, StarDraw, StarTarget},
     },

@@ -8,7 +8,7 @@ use super::{
 };
 use crate::{
     gpu::layout,
-    passes::stars::{FIRST_VIEW_COUNTER, OVERFLOW_COUNTER},
+    passes::stars::{OVERFLOW_COUNTER, VIEW_COUNTERS},
 };
 
 impl Renderer {
@@ -86,7 +86,7 @@ fn statistics(
 ) -> Vec<ViewStatistics> {
     let time_of =
         |stars: bool| passes_ms.iter().filter(|(name, _)| (*name == "stars") == stars).map(|(_, ms)| ms).sum::<f64>();
-    let drawn = &counters[FIRST_VIEW_COUNTER..];
+    let drawn = &counters[VIEW_COUNTERS..];
     let all_drawn: f64 = drawn.iter().map(|count| f64::from(*count)).sum::<f64>().max(1.0);
     let pixels_of = |view: usize| -> f64 {
         let of_view = prepared.viewports.iter().filter(|viewport| viewport.view == view);

@@ -17,7 +17,7 @@ use crate::{
     passes::{
         resolve::{HdrImage, ResolveTarget},
         shared::{PARTIAL_SUM_BYTES, PictureTarget, StarDraw, StarTarget, flags_of, partial_sums, pixel_grid},
-        stars::FIRST_VIEW_COUNTER,
+        stars::VIEW_COUNTERS,
         tone_map::ToneMapTarget,
     },
     plan::{
@@ -82,7 +82,7 @@ impl Renderer {
         let near_buffer = item_buffers.near.upload(gpu, &near).clone();
         let viewports = storage_buffer(gpu, "viewports", &prepared.encoded);
         // The flags of all batches follow the counters that are read back.
-        let counter_count = FIRST_VIEW_COUNTER + rig.views().len();
+        let counter_count = VIEW_COUNTERS + rig.views().len();
         let (tiles, partial_count, counters_and_flags) = encoded_tiles(prepared, counter_count as u32);
         let tile_buffers: Vec<_> = tiles.iter().map(|tiles| storage_buffer(gpu, "tiles", tiles)).collect();
         let counters = gpu.device.create_buffer(&wgpu::BufferDescriptor {

@@ -2,7 +2,10 @@
 
 use glam::DVec3;
 
-use super::{Gpu, GpuError, ReadbackBuffer, encode_viewport, layout, shaders, storage_buffer};
+use super::{
+    Gpu, GpuError, ReadbackBuffer, Shader, constants::workgroups::PROBE_THREADS, encode_viewport, layout,
+    storage_buffer,
+};
 use crate::plan::KernelPlan;
 use crate::view::Viewport;
 
@@ -36,7 +39,7 @@ pub fn probe(gpu: &Gpu, viewport: &Viewport, probes: &[Probe]) -> Result<Vec<Pro
             ..Default::default()
         })
         .collect();
-    let pipeline = gpu.compute_pipeline(&shaders::projection_probe());
+    let pipeline = gpu.compute_pipeline(&Shader::new("projection_probe").source());
     let viewports = storage_buffer(gpu, "viewports", &[encode_viewport(viewport, &KernelPlan::bspline())]);
     let input_buffer = storage_buffer(gpu, "probe inputs", &inputs);
     let bytes = (probes.len() * size_of::<layout::ProbeOutput>()) as u64;
@@ -60,7 +63,7 @@ pub fn probe(gpu: &Gpu, viewport: &Viewport, probes: &[Probe]) -> Result<Vec<Pro
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
         pass.set_pipeline(&pipeline);
         pass.set_bind_group(0, &group, &[]);
-        pass.dispatch_workgroups(probes.len().div_ceil(64) as u32, 1, 1);
+        pass.dispatch_workgroups(probes.len().div_ceil(PROBE_THREADS as usize) as u32, 1, 1);
     }
     let place = readback.copy(gpu, &mut encoder, &outputs, 0, bytes);
     gpu.queue.submit([encoder.finish()]);

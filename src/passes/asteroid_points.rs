@@ -1,6 +1,6 @@
-//! Asteroids that are points, splatted as stars are. Shader: `shaders/asteroid_points.wgsl`.
+//! Asteroids that are points, splatted as stars are. Shader: `shaders/asteroids/points.wgsl`.
 
-use super::shared::{Occlusion, StarTarget, bind_buffers, bind_occlusion, bind_sums, dispatch_rows};
+use super::shared::{Occlusion, StarTarget, bind_buffers, bind_occlusion, bind_sums, dispatch_rows, splatting};
 use crate::{
     gpu::{self, Gpu, layout},
     plan::range::FixedPoint,
@@ -31,7 +31,7 @@ impl AsteroidPointPass {
     pub(crate) fn new(gpu: &Gpu) -> Self {
         let workgroup = if gpu.software { 8.0 } else { 64.0 };
         let constants = [("WORKGROUP", workgroup), ("HAS_GEOMETRY", 1.0)];
-        Self { pipeline: gpu.compute_pipeline_with(&gpu::asteroid_points(gpu.wide_accumulator), &constants) }
+        Self { pipeline: gpu.compute_pipeline_with(&splatting(gpu, "asteroids/points"), &constants) }
     }
 
     /// Records the points of all groups into one batch of `tiles` tiles.

@@ -1,9 +1,9 @@
 //! The exposure pass: one exposure for all views from the mean luminance, weighted by solid angle. Shader:
-//! `shaders/exposure.wgsl`; the f64 twin is `crate::photometry::exposure`.
+//! `shaders/display/exposure.wgsl`; the f64 twin is `crate::photometry::exposure`.
 
 use super::shared::bind_buffers;
 use crate::{
-    gpu::{self, Gpu, layout},
+    gpu::{self, Gpu, Shader, layout},
     plan::settings::ExposureSettings,
 };
 
@@ -14,7 +14,7 @@ pub(crate) struct ExposurePass {
 
 impl ExposurePass {
     pub(crate) fn new(gpu: &Gpu) -> Self {
-        Self { pipeline: gpu.compute_pipeline(&gpu::exposure()) }
+        Self { pipeline: gpu.compute_pipeline(&Shader::new("display/exposure").source()) }
     }
 
     /// Records the pass. `known_ev100` takes the place of the metered exposure where it is given.

@@ -1,23 +1,20 @@
 //! The passes of `sky_cube` before the one over pixels: the map of the sky, level by level, and the search for the sprites of
-//! every block of pixels. Shaders: `shaders/glare_gather.wgsl`, `glare_sharpen.wgsl`, `glare_find.wgsl`,
-//! `glare_assign.wgsl`.
+//! every block of pixels. Shaders: `shaders/glare/sky_cube/map_gather.wgsl`, `shaders/glare/sky_cube/map_sharpen.wgsl`, `shaders/glare/sky_cube/sprites_find.wgsl`,
+//! `shaders/glare/sky_cube/sprites_assign.wgsl`.
 
 use super::shared::{COLUMNS, ROWS, bind_buffers};
 use crate::{
-    gpu::{self, Gpu, layout},
+    gpu::{
+        self, Gpu, Shader,
+        constants::{
+            glare_map::RIM,
+            glare_sprites::{BLOCK_SIDE, SQUARE_BLOCKS},
+            workgroups::{MAP_SIDE, SPRITE_SQUARES},
+        },
+        layout,
+    },
     plan::glare_sky::Level,
 };
-
-/// Points around each face that a level is computed at, beyond the face, and what sharpening leaves of them.
-const RIM: u32 = 2;
-/// Side of a workgroup over points.
-const POINTS: u32 = 8;
-/// Squares of a row that one workgroup looks for.
-const SQUARES: u32 = 8;
-/// Pixels along a side of a block.
-const BLOCK_SIDE: u32 = 8;
-/// Blocks along a side of a square.
-const SQUARE_BLOCKS: u32 = 4;
 
 /// The passes.
 pub(crate) struct GlareSkyPasses {
@@ -74,10 +71,10 @@ pub(crate) struct Bumps<'a> {
 impl GlareSkyPasses {
     pub(crate) fn new(gpu: &Gpu) -> Self {
         Self {
-            gather: gpu.compute_pipeline(&gpu::glare_gather()),
-            sharpen: gpu.compute_pipeline(&gpu::glare_sharpen()),
-            find: gpu.compute_pipeline(&gpu::glare_find()),
-            assign: gpu.compute_pipeline(&gpu::glare_assign()),
+            gather: gpu.compute_pipeline(&Shader::new("glare/sky_cube/map_gather").source()),
+            sharpen: gpu.compute_pipeline(&Shader::new("glare/sky_cube/map_sharpen").source()),
+            find: gpu.compute_pipeline(&Shader::new("glare/sky_cube/sprites_find").source()),
+            assign: gpu.compute_pipeline(&Shader::new("glare/sky_cube/sprites_assign").source()),
             nothing: gpu::storage_buffer(gpu, "nothing", &[[0.0_f32; 4]]),
         }
     }
@@ -123,7 +120,7 @@ impl GlareSkyPasses {
         ];
         pass.set_pipeline(&self.gather);
         pass.set_bind_group(0, &bind_buffers(gpu, &self.gather, 0, &buffers), &[]);
-        let groups = wide.div_ceil(POINTS);
+        let groups = wide.div_ceil(MAP_SIDE);
         pass.dispatch_workgroups(groups, groups, 6);
 
         let parameters =
@@ -133,7 +130,7 @@ impl GlareSkyPasses {
             [(0, parameters.as_entire_binding()), (1, scattered.as_entire_binding()), (2, map.as_entire_binding())];
         pass.set_pipeline(&self.sharpen);
         pass.set_bind_group(0, &bind_buffers(gpu, &self.sharpen, 0, &buffers), &[]);
-        let groups = (level.edge_cells + RIM).div_ceil(POINTS);
+        let groups = (level.edge_cells + RIM).div_ceil(MAP_SIDE);
         pass.dispatch_workgroups(groups, groups, 6);
     }
 
@@ -165,7 +162,7 @@ impl GlareSkyPasses {
         pass.set_pipeline(&self.find);
         let group = bind(&self.find, &[parameters, viewports, of_tiles, views, regions, cells, sprites, square_lists]);
         pass.set_bind_group(0, &group, &[]);
-        pass.dispatch_workgroups(columns.div_ceil(SQUARES), rows, tiles);
+        pass.dispatch_workgroups(columns.div_ceil(SPRITE_SQUARES), rows, tiles);
         pass.set_pipeline(&self.assign);
         let group = bind(&self.assign, &[parameters, viewports, of_tiles, views, sprites, square_lists, lists]);
         pass.set_bind_group(0, &group, &[]);

@@ -1,8 +1,33 @@
 //! The resolve pass of methods that leave luminance instead of illuminance: what a pixel holds goes, with its solid angle,
-//! where the exposure and tone-mapping passes read it. Shader: `shaders/resolve_luminance.wgsl`.
+//! where the exposure and tone-mapping passes read it. Shader: `shaders/display/resolve_luminance.wgsl`.
 
 use super::shared::{PictureTarget, bind_buffers, bind_picture};
-use crate::gpu::{self, Gpu, LuminanceSource, layout};
+use crate::gpu::{self, Gpu, Shader, layout};
+
+/// Where a method that leaves luminance instead of illuminance has left it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum LuminanceSource {
+    /// Halves of a word: the published rasteriser.
+    Packed,
+    /// A texture of the picture itself.
+    Texture,
+    /// Six textures: the faces of a cube around the view's axes.
+    Cube,
+    /// Nowhere: the procedural sky is computed here.
+    CellSky,
+}
+
+impl LuminanceSource {
+    fn shader(self) -> Shader {
+        let luminance = match self {
+            Self::Packed => "display/luminance_packed",
+            Self::Texture => "display/luminance_texture",
+            Self::Cube => "display/luminance_cube",
+            Self::CellSky => "display/luminance_cell_sky",
+        };
+        Shader::new("display/resolve_luminance").with("luminance", luminance)
+    }
+}
 
 /// The pass for one source of luminance.
 pub(crate) struct LuminancePass {
@@ -11,7 +36,7 @@ pub(crate) struct LuminancePass {
 
 impl LuminancePass {
     pub(crate) fn new(gpu: &Gpu, source: LuminanceSource) -> Self {
-        Self { pipeline: gpu.compute_pipeline(&gpu::resolve_luminance(source)) }
+        Self { pipeline: gpu.compute_pipeline(&source.shader().source()) }
     }
 
     /// Records the pass. `scale` is in cd/m^2 per unit of what the method left, `of_source` what the source of luminance

@@ -1,12 +1,9 @@
 //! The published rasteriser: luminance and temperature as two halves of one word, with compare-exchange. Shaders:
-//! `shaders/packed_cas.wgsl` (every star of the catalogue, once per view) and `shaders/packed_cas_sorted.wgsl` (on culled
+//! `shaders/stars/packed.wgsl` (every star of the catalogue, once per view) and `shaders/stars/packed_sorted.wgsl` (on culled
 //! and sorted stars). The f64 twin is `crate::reference::packed`.
 
 use super::shared::{CatalogueDraw, StarDraw, StarTarget, bind_buffers, bind_items, dispatch_rows};
-use crate::gpu::{self, Gpu, layout};
-
-/// Threads of a workgroup of the pass over the catalogue.
-const THREADS: u32 = 64;
+use crate::gpu::{self, Gpu, Shader, constants::workgroups::CATALOGUE_THREADS, layout};
 
 /// The passes.
 pub(crate) struct PackedPass {
@@ -18,8 +15,9 @@ impl PackedPass {
     pub(crate) fn new(gpu: &Gpu) -> Self {
         let workgroup = if gpu.software { 8.0 } else { 64.0 };
         Self {
-            catalogue: gpu.compute_pipeline(&gpu::packed_cas()),
-            sorted: gpu.compute_pipeline_with(&gpu::packed_cas_sorted(), &[("WORKGROUP", workgroup)]),
+            catalogue: gpu.compute_pipeline(&Shader::new("stars/packed").source()),
+            sorted: gpu
+                .compute_pipeline_with(&Shader::new("stars/packed_sorted").source(), &[("WORKGROUP", workgroup)]),
         }
     }
 
@@ -38,13 +36,13 @@ impl PackedPass {
         pass.set_pipeline(&self.catalogue);
         for tile in 0..tiles {
             for draw in draws {
-                let [columns, rows] = dispatch_rows(gpu, draw.count.div_ceil(THREADS));
+                let [columns, rows] = dispatch_rows(gpu, draw.count.div_ceil(CATALOGUE_THREADS));
                 let parameters = layout::CatalogueParameters {
                     camera: camera_pc,
                     star_count: draw.count,
                     faintest_lx: faintest_lx as f32,
                     tile,
-                    row_threads: columns * THREADS,
+                    row_threads: columns * CATALOGUE_THREADS,
                     ..Default::default()
                 };
                 let parameters = gpu::uniform_buffer(gpu, "catalogue parameters", &parameters);

@@ -1,17 +1,14 @@
 //! What the passes share: binding whole buffers, and the grid over the pixels of a batch.
 
 use crate::{
-    gpu::{Gpu, ShaderSource, layout},
+    gpu::{Gpu, Shader, ShaderSource, constants::display, layout},
     plan::{
         settings::{ToneMapOperator, ToneMapSettings},
         tiles::Tile,
     },
 };
 
-/// Pixels of one workgroup of the passes over pixels: 64 columns, 16 rows.
-pub(crate) const COLUMNS: u32 = 64;
-/// See [`COLUMNS`].
-pub(crate) const ROWS: u32 = 16;
+pub(crate) use crate::gpu::constants::pixel_grid::{COLUMNS, ROWS};
 
 /// Items of stars are bound from multiples of this many, so that their offset is aligned.
 pub(crate) const ITEM_ALIGNMENT: usize = 8;
@@ -109,6 +106,12 @@ pub(crate) fn bind_items(gpu: &Gpu, pipeline: &wgpu::ComputePipeline, draw: &Sta
     bind_buffers(gpu, pipeline, 1, &[(0, draw.stars.as_entire_binding()), (1, wgpu::BindingResource::Buffer(items))])
 }
 
+/// The complete module of a shader that splats in fixed point, with the words that the adapter can add to.
+pub(crate) fn splatting(gpu: &Gpu, file: &str) -> ShaderSource {
+    let accumulate = if gpu.wide_accumulator { "shared/accumulate_u64" } else { "shared/accumulate_u32" };
+    Shader::new(file).with("accumulate", accumulate).source()
+}
+
 /// Parameters and sums, as every pass that splats in fixed point binds them; `others` follow.
 pub(crate) fn bind_sums(
     gpu: &Gpu,
@@ -185,7 +188,7 @@ pub(crate) fn partial_sums(width: u32, rows: u32) -> u32 {
     width * rows.div_ceil(ROWS)
 }
 
-/// Lists of asteroids for one plane, as the passes that draw them bind them: `group` is group 0 of `shaders/shared/asteroid.wgsl`, whose
+/// Lists of asteroids for one plane, as the passes that draw them bind them: `group` is group 0 of `shaders/asteroids/listed.wgsl`, whose
 /// dynamic offset is the kind times `kind_stride`; `arguments` are five words per list.
 pub(crate) struct AsteroidDraw<'a> {
     /// Bindings of the plane.
@@ -308,17 +311,21 @@ impl DisplayVariant {
         }
     }
 
-    /// The constants of `shaders/shared/display.wgsl`.
+    /// The constants of `shaders/display/encode.wgsl`.
     pub(crate) fn constants(self) -> [(&'static str, f64); 3] {
         let operator = match self.operator {
-            ToneMapOperator::Filmic => 0.0,
-            ToneMapOperator::Srgb => 1.0,
-            ToneMapOperator::Reinhard => 2.0,
-            ToneMapOperator::Aces => 3.0,
-            ToneMapOperator::Calibrated => 4.0,
+            ToneMapOperator::Filmic => display::OPERATOR_FILMIC,
+            ToneMapOperator::Srgb => display::OPERATOR_SRGB,
+            ToneMapOperator::Reinhard => display::OPERATOR_REINHARD,
+            ToneMapOperator::Aces => display::OPERATOR_ACES,
+            ToneMapOperator::Calibrated => display::OPERATOR_CALIBRATED,
         };
         let flag = |on: bool| f64::from(u8::from(on));
-        [("TONE_OPERATOR", operator), ("DESATURATES", flag(self.desaturates)), ("SCOTOPIC", flag(self.scotopic))]
+        [
+            ("TONE_OPERATOR", f64::from(operator)),
+            ("DESATURATES", flag(self.desaturates)),
+            ("SCOTOPIC", flag(self.scotopic)),
+        ]
     }
 }
 

@@ -1,11 +1,11 @@
-//! The star pass: splats every visible star in illuminance, in fixed point. Shader: `shaders/stars.wgsl`; the f64 twin is
+//! The star pass: splats every visible star in illuminance, in fixed point. Shader: `shaders/stars/splat.wgsl`; the f64 twin is
 //! `crate::reference::stars`.
 
 use std::sync::OnceLock;
 
-use super::shared::{Occlusion, StarDraw, StarTarget, bind_items, bind_occlusion, bind_sums, dispatch_rows};
+use super::shared::{Occlusion, StarDraw, StarTarget, bind_items, bind_occlusion, bind_sums, dispatch_rows, splatting};
 use crate::{
-    gpu::{self, Gpu, layout},
+    gpu::{self, Gpu, constants::counters, layout},
     photometry::blackbody::ln_luminance_cd_m2,
     plan::{
         range::FixedPoint,
@@ -17,9 +17,9 @@ use crate::{
 /// Stars per workgroup at most.
 pub(crate) const ITEM_STARS: u32 = 1024;
 /// Counter of sums that overflowed.
-pub(crate) const OVERFLOW_COUNTER: usize = 0;
+pub(crate) const OVERFLOW_COUNTER: usize = counters::COUNTER_OVERFLOWS as usize;
 /// First of the counters of stars drawn, one per view.
-pub(crate) const FIRST_VIEW_COUNTER: usize = 1;
+pub(crate) const VIEW_COUNTERS: usize = counters::FIRST_VIEW_COUNTER as usize;
 
 /// The pass.
 pub(crate) struct StarPass {
@@ -56,7 +56,7 @@ fn encode_motion(motion: Motion) -> layout::Traveller {
 fn star_pipeline(gpu: &Gpu, has_geometry: bool) -> wgpu::ComputePipeline {
     let workgroup = if gpu.software { 8.0 } else { 64.0 };
     let constants = [("WORKGROUP", workgroup), ("HAS_GEOMETRY", f64::from(u8::from(has_geometry)))];
-    gpu.compute_pipeline_with(&gpu::stars(gpu.wide_accumulator), &constants)
+    gpu.compute_pipeline_with(&splatting(gpu, "stars/splat"), &constants)
 }
 
 impl StarPass {

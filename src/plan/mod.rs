@@ -10,6 +10,7 @@ pub mod adaptation;
 pub mod asteroids;
 pub mod billboard;
 pub mod bodies;
+pub mod cell_sky;
 pub mod cube_faces;
 pub mod cull;
 mod frame_plan;

@@ -2,17 +2,16 @@
 
 use super::{AsteroidCounts, AsteroidPlan, FrameBuffers, held::Held};
 use crate::{
-    gpu::{Gpu, layout},
+    gpu::{
+        Gpu,
+        constants::asteroid_lists::{IMPOSTOR_VERTICES, SEAM_BIT},
+        layout,
+    },
     plan::{
         asteroids::cpu_cull::{PictureLists, WHOLE_PICTURE},
         cull::MAX_VIEWPORTS,
     },
 };
-
-/// Bit of an entry's group: the other side of the seam.
-const SEAM_BIT: u32 = 1 << 31;
-/// Vertices of an impostor's square.
-const IMPOSTOR_VERTICES: u32 = 4;
 
 impl AsteroidPlan {
     /// Uploads lists, their places, totals and arguments.
