@@ -1,5 +1,6 @@
 //! Compiles the protocol definitions to Rust, without any other tool, and keeps their descriptors for server reflection. Tells
-//! the compiler which optional test data the environment offers, so that tests without it show as ignored. Finds the shaders.
+//! the compiler which optional test data the environment offers, so that tests without it show as ignored. Lists the
+//! shader files.
 
 use std::{
     env,

@@ -122,13 +122,17 @@ pub enum ShaderError {
         file: String,
     },
     /// A file has none or several entry points.
-    #[error("shaders/{file}.wgsl: one entry point is wanted, found: {}", if found.is_empty() { "none".to_owned() } else { found.join(", ") })]
+    #[error("shaders/{file}.wgsl: one entry point is wanted, found: {}", names_or_none(found))]
     EntryPoints {
         /// The shader's file.
         file: String,
         /// Their names.
         found: Vec<String>,
     },
+}
+
+fn names_or_none(names: &[String]) -> String {
+    if names.is_empty() { "none".to_owned() } else { names.join(", ") }
 }
 
 impl fmt::Display for Shader {

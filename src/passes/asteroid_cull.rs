@@ -1,5 +1,5 @@
 //! Culling and detail of asteroids on the adapter, for all planes at once: counts per group, plane and list, places from counts, lists.
-//! Shaders: `shaders/asteroids/cull.wgsl`, `shaders/asteroids/cull_scan.wgsl`, `shaders/asteroids/cull_offsets.wgsl`; the f64 twin is `crate::plan::asteroids::cpu_cull`.
+//! Shaders: `shaders/asteroids/cull*.wgsl`; the f64 twin is `crate::plan::asteroids::cpu_cull`.
 
 use super::shared::{bind_buffers, dispatch_rows};
 use crate::gpu::{self, Gpu, Shader, layout};

@@ -1,5 +1,5 @@
-//! Draws impostors of asteroids: a square each, out of an atlas, with depth. Shaders: `shaders/asteroids/impostors/draw.wgsl`
-//! and `shaders/asteroids/impostors/draw_shade.wgsl`; the f64 twin is `crate::reference::impostors`.
+//! Draws impostors of asteroids: a square each, out of an atlas, with depth. Shaders:
+//! `shaders/asteroids/impostors/draw*.wgsl`; the f64 twin is `crate::reference::impostors`.
 
 use super::shared::{AsteroidDraw, asteroid_pipeline, bind_to};
 use crate::{
@@ -37,7 +37,7 @@ impl AsteroidSource {
     }
 }
 
-/// Number of a method in `shaders/asteroids/impostors/atlas.wgsl`.
+/// Number of a method in the shaders.
 fn number_of(method: ImpostorMethod) -> Option<f64> {
     match method.chosen() {
         ImpostorMethod::EulerAtlas => Some(impostors::METHOD_EULER.into()),

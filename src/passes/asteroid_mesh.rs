@@ -1,5 +1,5 @@
-//! Meshes of asteroids: one indirect draw per mesh and plane, with the list that culling wrote. Shaders: `shaders/asteroids/mesh.wgsl`,
-//! `shaders/asteroids/mesh_shade.wgsl`.
+//! Meshes of asteroids: one indirect draw per mesh and plane, with the list that culling wrote. Shaders:
+//! `shaders/asteroids/mesh*.wgsl`.
 
 use super::shared::{AsteroidDraw, asteroid_pipeline};
 use crate::gpu::{Gpu, Shader};

@@ -1,5 +1,5 @@
 //! The published star methods that use the graphics pipeline: a point or a square per star of the catalogue, in its order,
-//! added by blending. Shaders: `shaders/shared/billboard*.wgsl` and `profile_*.wgsl`; the f64 twin is
+//! added by blending. Shaders: `shaders/stars/billboards/`; the f64 twin is
 //! `crate::reference::billboards`.
 
 use glam::DQuat;
@@ -90,7 +90,7 @@ impl Profile {
     }
 }
 
-/// The law and the profile of a method; laws are numbered in `shaders/stars/billboards/billboard.wgsl`.
+/// The law and the profile of a method.
 fn shaders_of(method: StarMethod) -> Option<(u32, Profile)> {
     Some(match method {
         StarMethod::HardwarePoint => (billboards::LAW_POINT, Profile::Point),

@@ -1,5 +1,5 @@
 //! The passes of the published glare pyramids: the brightest channel of a frame, the base, the blurs, and the sum over the levels.
-//! Shaders: `shaders/glare/pyramid/maximum.wgsl`, `shaders/glare/pyramid/base.wgsl`, `shaders/glare/pyramid/blur.wgsl`, `shaders/glare/pyramid/combine.wgsl`; the f64 twin is
+//! Shaders: `shaders/glare/pyramid/`; the f64 twin is
 //! `crate::reference::glare_pyramid`.
 //!
 //! Levels are half floats, as published. The light is scaled by the brightest channel of the frame itself, so that what is 2^28

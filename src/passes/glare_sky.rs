@@ -1,6 +1,5 @@
 //! The passes of `sky_cube` before the one over pixels: the map of the sky, level by level, and the search for the sprites of
-//! every block of pixels. Shaders: `shaders/glare/sky_cube/map_gather.wgsl`, `shaders/glare/sky_cube/map_sharpen.wgsl`, `shaders/glare/sky_cube/sprites_find.wgsl`,
-//! `shaders/glare/sky_cube/sprites_assign.wgsl`.
+//! every block of pixels. Shaders: `shaders/glare/sky_cube/`.
 
 use super::shared::{COLUMNS, ROWS, bind_buffers};
 use crate::{

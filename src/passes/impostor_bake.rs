@@ -1,5 +1,5 @@
 //! Bakes atlases of impostors: the finest mesh of a shape onto every tile, by the rasteriser that draws meshes, and the
-//! means of the samples. Shaders: `shaders/asteroids/impostors/bake.wgsl`, `shaders/asteroids/impostors/bake_sample.wgsl`, `shaders/asteroids/impostors/bake_filter.wgsl`;
+//! means of the samples. Shaders: `shaders/asteroids/impostors/bake*.wgsl`;
 //! the f64 twin is `crate::reference::impostors`.
 //!
 //! An atlas is made in square blocks of tiles, so that the textures of samples stay small.
