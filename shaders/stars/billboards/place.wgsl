@@ -17,7 +17,7 @@ override LAW: u32;
 // Outside of every picture.
 const NOWHERE = vec4<f32>(2.0, 2.0, 2.0, 1.0);
 // Points on the far side of the eye's plane are clipped; this keeps the division away from 0.
-const NEAREST: f32 = 1e-6;
+const LEAST_W: f32 = 1e-6;
 
 // Magnitude of an illuminance in lx.
 fn magnitude_of(illuminance: f32) -> f32 {
@@ -34,7 +34,7 @@ fn clip_from_plane(place: vec3<f32>) -> vec4<f32> {
     let size = vec2<f32>(plane.size);
     let w = -place.z;
     let pixel_w = plane.plane_offset * w + plane.plane_scale * place.xy;
-    return vec4(2.0 * pixel_w.x / size.x - w, w - 2.0 * pixel_w.y / size.y, w - NEAREST, w);
+    return vec4(2.0 * pixel_w.x / size.x - w, w - 2.0 * pixel_w.y / size.y, w - LEAST_W, w);
 }
 
 // Clip coordinates of a point of the picture.
