@@ -7,6 +7,7 @@ use common::*;
 use glam::{DQuat, DVec3};
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 use steradian::{
+    gpu::Shader,
     plan::settings::{CellSkySettings, ExposureMode, StarMethod},
     reference::stars::cell_sky,
     render::RenderError,
@@ -18,8 +19,6 @@ use steradian::{
 };
 use wgpu::util::DeviceExt;
 
-const MATH: &str = include_str!("../shaders/shared/math.wgsl");
-const CELL_SKY: &str = include_str!("../shaders/cell_sky.wgsl");
 /// An entry point about the function: directions in, brightness out.
 const ENTRY: &str = "
 struct Parameters { pixel_rad: f32, radius_px: f32, cells: u32, layers: u32, seed: u32 }
@@ -36,8 +35,13 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
 }
 ";
 
+/// The sky and what it imports.
+fn sky() -> String {
+    Shader::new("stars/cell_sky").text().unwrap()
+}
+
 fn source() -> String {
-    [MATH, CELL_SKY, ENTRY].concat()
+    sky() + ENTRY
 }
 
 fn validate(text: &str) -> Result<naga::Module, String> {
@@ -51,7 +55,7 @@ fn validate(text: &str) -> Result<naga::Module, String> {
 #[test]
 fn the_shader_is_valid_and_brings_no_entry_point_or_binding() {
     validate(&source()).unwrap();
-    let alone = validate(&[MATH, CELL_SKY].concat()).unwrap();
+    let alone = validate(&sky()).unwrap();
     assert_eq!((alone.entry_points.len(), alone.global_variables.len()), (0, 0));
     assert!(validate(&source().replace("pixel_rad, p.cells", "p.cells, pixel_rad")).is_err());
 }

@@ -16,10 +16,7 @@ use steradian::{
         kernel::SplatKernel,
         rec709::luminance,
     },
-    plan::{
-        settings::StarMethod,
-        stars::travel::{SHIFTED_STEPS, TABLE_STEPS, steps_per_e_fold},
-    },
+    plan::settings::StarMethod,
     reference::stars::splat::{Eye, draw},
     render::{Frame, Renderer},
     scene::{Camera, SceneSnapshot},
@@ -425,19 +422,4 @@ fn the_certificate_bounds_what_temperatures_in_steps_do() {
     }
     println!("light of stars of 3000 K at 0.9 c: off by {worst:.1e} for want of bits, certificate {:.1e}", bound.bound);
     assert!(worst <= bound.bound && worst > 0.1 * bound.bound);
-}
-
-/// WGSL cannot import: these numbers stand in the shader too.
-#[test]
-fn the_shader_has_the_numbers_of_the_plan() {
-    let text = include_str!("../shaders/shared/relativity.wgsl");
-    let number = |name: &str| -> f64 {
-        let start = text.find(&format!("const {name}:")).unwrap_or_else(|| panic!("no {name}"));
-        let (_, value) = text[start..].split_once('=').expect("a value");
-        value.split(';').next().expect("an end").trim().parse().expect("a number")
-    };
-    assert_eq!(number("TABLE_STEPS"), TABLE_STEPS as f64);
-    assert_eq!(number("COLDEST_STEP"), -f64::from(SHIFTED_STEPS));
-    let per_octave = steps_per_e_fold() * std::f64::consts::LN_2;
-    assert!((number("STEPS_PER_OCTAVE") / per_octave - 1.0).abs() < 1e-7, "{per_octave}");
 }

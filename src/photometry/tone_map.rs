@@ -20,7 +20,7 @@ use super::exposure::WHITE_LUMINANCE_AT_EV0_CD_M2;
 pub use super::rec709::luminance;
 
 /// Brighter light than this is shown as this, cd/m^2 and units of display white: in f32, too, sums of three stay finite.
-const BRIGHTEST: f64 = 1e30;
+pub(crate) const BRIGHTEST: f64 = 1e30;
 
 /// Display value of linear `value`: the sRGB transfer curve (IEC 61966-2-1). Not clipped; NaN gives NaN.
 pub fn srgb_from_linear(value: f64) -> f64 {

@@ -21,7 +21,10 @@ use self::{
     cull::{AsteroidCullPass, CullBuffers, CullNumbers},
     encode::Encoded,
     held::Held,
-    impostors::{bake::ImpostorBakePass, draw::AsteroidImpostorPass},
+    impostors::{
+        bake::ImpostorBakePass,
+        draw::{AsteroidImpostorPass, AsteroidSource},
+    },
     layers::LayerTargets,
     lists::{counts_of, upload_lists},
     mesh::AsteroidMeshPass,
@@ -35,7 +38,7 @@ use super::{
     technique::{FrameInputs, Holding, Phase, Recording, Technique, begin_pass},
 };
 use crate::{
-    gpu::{AsteroidSource, Gpu, GrowingBuffer, ReadbackBuffer, filled_buffer},
+    gpu::{Gpu, GrowingBuffer, ReadbackBuffer, filled_buffer},
     plan::{
         Plan, PlanError,
         asteroids::{AsteroidPlan, frame::ENTRY_BYTES},

@@ -4,7 +4,7 @@ use bytemuck::Pod;
 use glam::{DQuat, DVec3};
 
 use crate::{
-    gpu::{Gpu, GpuOptions, LuminanceSource, ReadbackBuffer, storage_buffer},
+    gpu::{Gpu, GpuOptions, ReadbackBuffer, storage_buffer},
     photometry::exposure::{mean_luminance_cd_m2, metered_ev100},
     plan::{
         KernelPlan,
