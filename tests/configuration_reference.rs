@@ -115,7 +115,7 @@ fn listed(list: &str, type_or_shape: &str) -> Map<String, Value> {
 }
 
 fn edges() -> Value {
-    json!({ "left_deg": -45.0, "right_deg": 45.0, "up_deg": 45.0, "down_deg": -45.0 })
+    json!({ "left_deg": -89.0, "right_deg": 89.0, "up_deg": 89.0, "down_deg": -89.0 })
 }
 
 /// Complete documents that have the key of a range, as JSON whose place of the key is to be filled.
@@ -180,18 +180,36 @@ fn put(document: &Value, key: &str, number: Value, whole_list: bool) -> Value {
             place = &mut place[0];
         }
     }
-    let lists =
-        ["position_m", "radii_m", "size_m", "radius_m", "spin_period_s", "size", "velocity_c", "geometric_albedo"];
-    let name = key.rsplit('.').next().unwrap();
     match place.as_array_mut() {
         Some(list) if whole_list => list.fill(number),
         Some(list) => list[0] = number,
-        None if name == "velocity_c" || name == "position_m" && lists.contains(&name) => {
-            *place = json!([number, 0.0, 0.0]);
-        }
+        None if key.ends_with("velocity_c") => *place = json!([number, 0.0, 0.0]),
         None => *place = number,
     }
     document
+}
+
+/// Bounds that no configuration reaches, since another rule refuses it before: the key, whether it is the upper bound, and a
+/// value near it that is taken.
+const UNREACHED: &[(&str, bool, f64)] = &[
+    // Two keys must differ, and the other one has the same bound.
+    ("stars.billboard.brightest_magnitude", true, 99.9),
+    ("stars.billboard.faintest_magnitude", false, -99.9),
+    ("stars.gaussian_psf.saturation_magnitude", true, 99.9),
+    ("stars.gaussian_psf.limiting_magnitude", false, -99.9),
+    ("asteroid_fields[].inner_m", true, 9e17),
+    ("left_deg", true, 88.9),
+    ("right_deg", false, -88.9),
+    ("up_deg", false, -88.9),
+    ("down_deg", true, 88.9),
+    // The luminance would be above what is allowed.
+    ("bodies[].emission.absolute_magnitude", false, -10.0),
+];
+
+/// A bound, or, where none reaches it, a value near it.
+fn reached(key: &str, upper: bool, bound: f64) -> f64 {
+    let matches = |entry: &str| if entry.contains('.') { entry == key } else { key.rsplit('.').next() == Some(entry) };
+    UNREACHED.iter().find(|(entry, of_upper, _)| matches(entry) && *of_upper == upper).map_or(bound, |entry| entry.2)
 }
 
 /// The next number in a direction that the kind of the key can tell from the bound.
@@ -239,13 +257,17 @@ fn schema_and_parser_agree_about_both_sides_of_every_bound() {
                 }
             }
         };
-        check(range.least, !range.above);
+        if range.above {
+            check(range.least, false);
+        } else {
+            check(reached(range.key, false, range.least), true);
+        }
         check(beyond(range.least, false, whole, angle), false);
         if range.above {
             check(beyond(range.least, true, whole, angle), true);
         }
         if range.most.is_finite() {
-            check(range.most, true);
+            check(reached(range.key, true, range.most), true);
             check(beyond(range.most, true, whole, angle), false);
         }
     }

@@ -27,7 +27,7 @@ pub enum FieldShape {
     Ring,
 }
 
-/// One field.
+/// A field of asteroids, generated from a seed; `shape` says which keys give its size.
 #[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FieldConfig {

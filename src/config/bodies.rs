@@ -19,7 +19,7 @@ pub(super) const MAGNITUDES: [f64; 2] = [-50.0, 50.0];
 /// Coolest and hottest sun, K.
 pub(super) const TEMPERATURES_K: [f64; 2] = [100.0, 1e8];
 
-/// One body. What is `None` is the preset's, or missing.
+/// An ellipsoid: a planet, moon or sun. A preset gives the keys that are left out.
 #[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BodyConfig {

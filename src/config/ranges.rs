@@ -190,8 +190,8 @@ impl std::fmt::Display for Range {
 
 /// A bound as people write it: 1e12, not 1000000000000.
 pub(super) fn number(value: f64) -> String {
-    let size = value.abs();
-    if size >= 1e7 || (size > 0.0 && size < 1e-6) { format!("{value:e}") } else { format!("{value}") }
+    let (plain, short) = (format!("{value}"), format!("{value:e}"));
+    if short.len() + 4 < plain.len() { short } else { plain }
 }
 
 /// Checks the numbers of the sections that are given in a document whose types have been checked.

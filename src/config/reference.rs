@@ -55,6 +55,9 @@ const UNITS: [(&str, &str); 20] = [
     ("size", "pixels"),
 ];
 
+/// What follows the unit of a range in which only powers of two are allowed.
+const POWERS: &str = ", powers of two";
+
 /// Schema of an albedo: one number, or one for each of red, green and blue.
 pub(super) fn albedo(_: &mut SchemaGenerator) -> Schema {
     json_schema!({
@@ -214,17 +217,17 @@ fn bound(schema: &mut Value, range: &Range) {
 /// The page of all keys, Markdown.
 pub fn page() -> String {
     let schema = schema();
-    let mut page = HEAD.to_owned();
+    let mut page = Page { text: HEAD.to_owned(), printed: Vec::new() };
     let properties = properties(&schema);
     for section in SECTIONS {
         let Some(inner) = properties.get(section) else { continue };
         if inner["type"] == json!("array") {
-            tables(&mut page, &format!("[[{section}]]"), section, &format!("{section}[]"), &inner["items"]);
+            page.table(&format!("[[{section}]]"), &format!("{section}[]"), &inner["items"]);
         } else {
-            tables(&mut page, &format!("[{section}]"), section, section, inner);
+            page.table(&format!("[{section}]"), section, inner);
         }
     }
-    page
+    page.text
 }
 
 const HEAD: &str = "# Configuration
@@ -246,74 +249,86 @@ fn properties(schema: &Value) -> Map<String, Value> {
     schema["properties"].as_object().cloned().unwrap_or_default()
 }
 
-/// The keys of a table and of the tables below it.
-fn tables(page: &mut String, heading: &str, name: &str, path: &str, schema: &Value) {
-    heading_and_text(page, heading, schema);
-    if let Some(Value::Array(forms)) = schema.get("oneOf") {
-        for form in forms {
-            let kind = form["properties"]["type"]["const"].as_str().unwrap_or_default();
-            tables(page, &format!("{heading}, type = \"{kind}\""), name, path, form);
+/// The page as far as it is written.
+struct Page {
+    text: String,
+    /// Headings and keys of the tables so far: a table with the same keys is not written again.
+    printed: Vec<(String, Map<String, Value>)>,
+}
+
+impl Page {
+    /// The keys of a table and of the tables below it; `path` is that of the ranges.
+    fn table(&mut self, heading: &str, path: &str, schema: &Value) {
+        self.text.push_str(&format!("\n## {heading}\n"));
+        let text = schema["description"].as_str().unwrap_or_default();
+        // Without the name of the table, with which the text of a type begins: "`[stars]`: how stars are drawn.".
+        let text = if text.starts_with("`[") { text.split_once("`: ").map_or("", |(_, text)| text) } else { text };
+        if !text.is_empty() {
+            self.text.push_str(&format!("\n{text}\n"));
         }
-        return;
-    }
-    let mut below: Vec<(String, String, String, Value)> = Vec::new();
-    let mut choices = String::new();
-    page.push_str("\n| key | type | unit | default | range | meaning |\n|---|---|---|---|---|---|\n");
-    let required: Vec<&str> = schema["required"].as_array().into_iter().flatten().filter_map(Value::as_str).collect();
-    for (key, inner) in properties(schema) {
-        let inner_path = format!("{path}.{key}");
-        if inner["type"] == json!("object") {
-            below.push((format!("{name}.{key}"), inner_path.clone(), key.clone(), inner.clone()));
-        }
-        for form in inner["items"]["anyOf"].as_array().into_iter().flatten() {
-            for (inner_key, entry) in properties(form) {
-                let path = format!("{inner_path}[].{inner_key}");
-                below.push((format!("{name}.{key} entry {inner_key}"), path, inner_key, entry));
-            }
-        }
-        let forms = inner["oneOf"].as_array().or(inner["items"]["oneOf"].as_array());
-        if let Some(forms) = forms {
-            choices.push_str(&format!("\nValues of `{key}`:\n\n"));
+        if let Some(Value::Array(forms)) = schema.get("oneOf") {
             for form in forms {
-                let (value, text) = (form["const"].as_str(), form["description"].as_str());
-                choices.push_str(&format!("- `{}`: {}\n", value.unwrap_or_default(), text.unwrap_or_default()));
+                let kind = form["properties"]["type"]["const"].as_str().unwrap_or_default();
+                self.table(&format!("{heading}, type = \"{kind}\""), path, form);
+            }
+            return;
+        }
+        let own = properties(schema);
+        self.printed.push((heading.to_owned(), own.clone()));
+        self.text.push_str("\n| key | type | unit | default | range | meaning |\n|---|---|---|---|---|---|\n");
+        let required: Vec<&str> =
+            schema["required"].as_array().into_iter().flatten().filter_map(Value::as_str).collect();
+        for (key, inner) in &own {
+            let needed = required.contains(&key.as_str());
+            let same = self.printed.iter().find(|(_, keys)| *keys == properties(inner) && !keys.is_empty());
+            let type_of = same.map_or_else(|| type_of(inner), |(heading, _)| format!("table as `{heading}`"));
+            self.text.push_str(&row(key, &format!("{path}.{key}"), &type_of, inner, needed));
+        }
+        for (key, inner) in &own {
+            let forms = inner["oneOf"].as_array().or(inner["items"]["oneOf"].as_array());
+            if let Some(forms) = forms {
+                self.text.push_str(&format!("\nValues of `{key}`:\n\n"));
+                for form in forms {
+                    let (value, text) = (form["const"].as_str(), form["description"].as_str());
+                    self.text.push_str(&format!("- `{}`: {}\n", value.unwrap_or_default(), text.unwrap_or_default()));
+                }
             }
         }
-        let default = match inner.get("default") {
-            Some(value) => format!("`{}`", toml_value(value)),
-            None if required.contains(&key.as_str()) => "–, needed".to_owned(),
-            None => "–".to_owned(),
-        };
-        let range = ranges::all().find(|range| range.key == inner_path);
-        let unit = range.map(|range| range.unit).filter(|unit| !unit.is_empty() && !unit.starts_with(','));
-        let unit = unit.map(|unit| unit.replace('^', "")).unwrap_or_else(|| unit_of(&key, &inner).to_owned());
-        let allowed = match (range, inner["enum"].as_array().or(inner["items"]["enum"].as_array())) {
-            (Some(range), _) => range_text(range),
-            (None, Some(values)) => list(values),
-            (None, None) => inner.get("const").map(|value| list(std::slice::from_ref(value))).unwrap_or_default(),
-        };
-        let text = inner["description"].as_str().unwrap_or_default().replace('|', "\\|");
-        page.push_str(&format!("| `{key}` | {} | {unit} | {default} | {allowed} | {text} |\n", type_of(&inner)));
-    }
-    page.push_str(&choices);
-    for (name, path, _, inner) in below {
-        let heading = if path.contains("[]") || heading.starts_with("[[") {
-            name.replace(" entry ", ", entry ")
-        } else {
-            format!("[{name}]")
-        };
-        tables(page, &heading, &name, &path, &inner);
+        for (key, inner) in &own {
+            let inner_path = format!("{path}.{key}");
+            if inner["type"] == json!("object") && !self.printed.iter().any(|(_, keys)| *keys == properties(inner)) {
+                let heading = inner_path.replace("[]", "");
+                let heading = if path.contains("[]") { heading } else { format!("[{heading}]") };
+                self.table(&heading, &inner_path, inner);
+            }
+            for form in inner["items"]["anyOf"].as_array().into_iter().flatten() {
+                for (name, entry) in properties(form) {
+                    self.table(&format!("{inner_path}, entry {name}"), &format!("{inner_path}[].{name}"), &entry);
+                }
+            }
+        }
     }
 }
 
-fn heading_and_text(page: &mut String, heading: &str, schema: &Value) {
-    page.push_str(&format!("\n## {heading}\n"));
-    let text = schema["description"].as_str().unwrap_or_default();
-    // Without the name of the table, with which the text of a type begins: "`[stars]`: how stars are drawn.".
-    let text = if text.starts_with("`[") { text.split_once("`: ").map_or("", |(_, text)| text) } else { text };
-    if !text.is_empty() {
-        page.push_str(&format!("\n{text}\n"));
-    }
+/// The row of a key.
+fn row(key: &str, path: &str, type_of: &str, schema: &Value, needed: bool) -> String {
+    let default = match schema.get("default") {
+        Some(value) => format!("`{}`", toml_value(value)),
+        None if needed => "–, needed".to_owned(),
+        None => "–".to_owned(),
+    };
+    let range = ranges::all().find(|range| range.key == path);
+    let unit = match unit_of(key, schema) {
+        "" => range.map_or("", |range| range.unit.trim_start_matches(POWERS)),
+        unit => unit,
+    };
+    let allowed = match (range, schema["enum"].as_array().or(schema["items"]["enum"].as_array())) {
+        (Some(range), _) => range_text(range),
+        (None, Some(values)) => list(values),
+        (None, None) => schema.get("const").map(|value| list(std::slice::from_ref(value))).unwrap_or_default(),
+    };
+    let text = schema["description"].as_str().unwrap_or_default().replace('|', "\\|");
+    format!("| `{key}` | {type_of} | {unit} | {default} | {allowed} | {text} |\n")
 }
 
 fn list(values: &[Value]) -> String {
@@ -322,9 +337,8 @@ fn list(values: &[Value]) -> String {
 
 /// Least and most, without the unit.
 fn range_text(range: &Range) -> String {
-    Range { unit: if range.unit.contains("powers of two") { ", powers of two" } else { "" }, ..*range }
-        .to_string()
-        .replace("values ", "")
+    let unit = if range.unit.ends_with(POWERS) { POWERS } else { "" };
+    Range { unit, ..*range }.to_string().replace("values ", "")
 }
 
 fn type_of(schema: &Value) -> String {

@@ -149,7 +149,7 @@ pub struct PsfTextureSettings {
     pub file: Option<PathBuf>,
     /// Aperture of the computed function; `curved_blades` has six blades.
     pub aperture: String,
-    /// Diameter of the circumscribed circle of the aperture. A wide texture limits it: at the default `width_arcmin` to a few mm.
+    /// Diameter of the circumscribed circle of the aperture. The wider the texture, the smaller it must be.
     pub diameter_mm: f64,
     /// Angular width of the texture; not used if the file gives the angle of its pixels.
     pub width_arcmin: f64,
