@@ -183,7 +183,7 @@ fn put(document: &Value, key: &str, number: Value, whole_list: bool) -> Value {
     match place.as_array_mut() {
         Some(list) if whole_list => list.fill(number),
         Some(list) => list[0] = number,
-        None if key.ends_with("velocity_c") => *place = json!([number, 0.0, 0.0]),
+        None if key.ends_with("velocity_c") || key.ends_with("position_m") => *place = json!([number, 0.0, 0.0]),
         None => *place = number,
     }
     document
