@@ -94,7 +94,7 @@ fn listed(list: &str, type_or_shape: &str) -> Map<String, Value> {
         ("asteroid_fields", shape) => {
             let mut field = json!({
                 "position_m": [0.0, 0.0, 0.0], "instances": 3, "shape": shape, "radius_m": [1.0, 1.0],
-                "spin_period_s": [1.0, 1.0], "geometric_albedo": 0.1,
+                "spin_period_s": [1.0, 1.0], "geometric_albedo": 0.1, "size_index": 2.5,
             });
             let place = match shape {
                 "box" => json!({ "size_m": [1.0, 1.0, 1.0] }),
