@@ -124,6 +124,8 @@ pub fn schema() -> Value {
     at(&mut schema, &["stars", "psf_texture", "aperture"], &mut |text| text["enum"] = apertures.clone());
     at(&mut schema, &["views[]", "faces[]"], &mut |text| text["enum"] = json!(all_faces()));
     schema["title"] = json!("Configuration of Steradian");
+    schema["description"] =
+        json!("Scene, views and settings of Steradian; docs/configuration.md is the same as a page.");
     schema
 }
 
@@ -239,8 +241,11 @@ unless a dash stands in the column *default*, all keys may be left out. Paths of
 configuration. `--set key=value` overrides a key for one run; an element of a list is named by its index or, if it has one, its
 name: `--set views.dome.tilt_deg=15`, `--set scene.catalogues.0=my.csv`.
 
-[steradian.schema.json](steradian.schema.json) is the same as JSON Schema. Editors with Taplo (Even Better TOML in VS Code) check
-and complete with it where the file begins with a line `#:schema` and the path of the schema, as those in [configs](../configs) do.
+[steradian.schema.json](steradian.schema.json) is the same reference as a JSON Schema. Editors with Taplo (Even Better TOML in VS Code) use it for
+validation and completion where the file begins with a line `#:schema` and the path of the schema, as those in [configs](../configs) do.
+
+The schema does not express rules that tie several keys together, such as \"exactly one of `fov_y_deg` and `fov`\"; `steradian render`
+and `serve` check them when they load a configuration.
 
 Lists have one entry for each axis or channel. Coordinates are ICRS, barycentric. Quaternions are written x, y, z, w.
 ";

@@ -62,7 +62,7 @@ pub struct GalaxyConfig {
     /// Seed of the random number generator.
     #[serde(default = "one")]
     pub seed: u64,
-    /// Stars of this apparent V magnitude or brighter are left out, so that a catalogue can provide them; no limit if it is not given.
+    /// Stars brighter than this apparent V magnitude are left out, so that a catalogue can provide them; without it there is no limit.
     pub fainter_than: Option<f64>,
 }
 
