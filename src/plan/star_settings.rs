@@ -52,9 +52,9 @@ impl Default for StarSettings {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct PixelGaussianSettings {
-    /// Standard deviation in pixels; a lower bound where `sigma_arcmin` is given too.
+    /// Standard deviation in pixels; not used if `sigma_arcmin` is given.
     pub sigma_px: f64,
-    /// Standard deviation as an angle on the sky, in place of `sigma_px`; widened where it is too narrow for the pixels.
+    /// Standard deviation as an angle on the sky, in place of `sigma_px`; at least 0.7 pixels everywhere.
     pub sigma_arcmin: Option<f64>,
 }
 
