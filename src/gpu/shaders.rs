@@ -1,6 +1,6 @@
 //! Shader sources. WGSL has no import: each entry point's module is the concatenation of the files it names.
 
-use crate::plan::glare_pyramid::PyramidAxes;
+use crate::plan::glare::pyramid::PyramidAxes;
 
 /// A complete shader module.
 #[derive(Clone, Debug)]

@@ -1,0 +1,199 @@
+//! The `[glare]` settings: which method, which kernel, how much light.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::photometry::glare::{
+    Cie, EyeColour, Gaussians, GlareKernel, GlareKernelError, GlareKernelName, InverseSquareKernel, Normalised,
+    PsfTable,
+};
+use crate::plan::stars::method::{MethodSource, StarMethod};
+
+/// How glare is computed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, Default, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum GlareMethod {
+    /// `sky_cube`; `view_pyramid` where no catalogue stars are drawn (`cell_sky`).
+    #[default]
+    Auto,
+    /// No glare.
+    None,
+    /// Convolution on the sphere: a low-resolution map shared by all views, and sprites near the sources.
+    SkyCube,
+    /// Published: a pyramid of images blurred along the axes of the screen.
+    ScreenPyramid,
+    /// Published: a pyramid of images blurred along axes of view space.
+    ViewPyramid,
+}
+
+impl GlareMethod {
+    /// Every method that draws glare.
+    pub const ALL: [Self; 3] = [Self::SkyCube, Self::ScreenPyramid, Self::ViewPyramid];
+
+    /// Name in configurations, manifests and charts.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Auto => "auto",
+            Self::None => "none",
+            Self::SkyCube => "sky_cube",
+            Self::ScreenPyramid => "screen_pyramid",
+            Self::ViewPyramid => "view_pyramid",
+        }
+    }
+
+    /// Where the method comes from.
+    pub fn source(self) -> MethodSource {
+        match self {
+            Self::Auto | Self::None | Self::SkyCube => MethodSource::Steradian,
+            Self::ScreenPyramid | Self::ViewPyramid => MethodSource::SmallerThanPixels,
+        }
+    }
+}
+
+/// Weights of the levels of a pyramid.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, Default, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum PyramidWeights {
+    /// Each level half as much as the one before, as published: falls off as theta^-3.
+    Halved,
+    /// All equal: falls off as theta^-2.
+    #[default]
+    Equal,
+}
+
+/// Glare: light scattered in the eye or the lens, as a veil around bright sources.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct GlareSettings {
+    /// Glare method, see [glare-methods.md](glare-methods.md).
+    pub method: GlareMethod,
+    /// Kernel of `sky_cube`; the pyramids have kernels of their own.
+    pub kernel: GlareKernelName,
+    /// Angle below which the kernel is constant; minimum width of the `gaussians`.
+    pub inner_deg: f64,
+    /// Fraction of the light that is scattered.
+    pub fraction: f64,
+    /// `cie`: age of the observer.
+    pub age_years: f64,
+    /// `cie`: colour of the iris.
+    pub eye_colour: EyeColour,
+    /// `cie`: whether the formula gives the scattered fraction, in place of `fraction` (0.39 at 35 years); it must be at most 1.
+    pub absolute: bool,
+    /// `psf`: CSV file with the columns theta_deg,per_sr, or an EXR or FITS image; needed for this kernel.
+    pub psf_file: Option<PathBuf>,
+    /// Weights of the levels of the pyramids.
+    pub weights: PyramidWeights,
+}
+
+impl Default for GlareSettings {
+    fn default() -> Self {
+        Self {
+            method: GlareMethod::Auto,
+            kernel: GlareKernelName::InverseSquare,
+            inner_deg: 0.1,
+            fraction: 0.1,
+            age_years: 35.0,
+            eye_colour: EyeColour::default(),
+            absolute: false,
+            psf_file: None,
+            weights: PyramidWeights::Equal,
+        }
+    }
+}
+
+impl GlareSettings {
+    /// No glare.
+    pub fn none() -> Self {
+        Self { method: GlareMethod::None, ..Self::default() }
+    }
+
+    fn cie(&self) -> Cie {
+        Cie::new(self.inner_deg.to_radians(), self.age_years, self.eye_colour)
+    }
+
+    /// The kernel, its integral over the sphere 1. That of `psf` is read from its file.
+    ///
+    /// # Errors
+    /// [`GlareKernelError`] where the file of `psf` is missing or not usable; the other kernels have none for settings in
+    /// their ranges.
+    pub fn kernel(&self) -> Result<Arc<dyn GlareKernel>, GlareKernelError> {
+        let inner_rad = self.inner_deg.to_radians();
+        let no_integral = || GlareKernelError::NoIntegral(self.kernel);
+        Ok(match self.kernel {
+            GlareKernelName::InverseSquare => Arc::new(InverseSquareKernel::new(inner_rad)),
+            GlareKernelName::Gaussians => Arc::new(Normalised::new(Gaussians::new(inner_rad)).ok_or_else(no_integral)?),
+            GlareKernelName::Cie => Arc::new(Normalised::new(self.cie()).ok_or_else(no_integral)?),
+            GlareKernelName::Psf => {
+                let file = self.psf_file.as_ref().ok_or(GlareKernelError::NoFile)?;
+                Arc::new(PsfTable::read(file)?.kernel(inner_rad)?)
+            }
+        })
+    }
+
+    /// Share of the light that is scattered: `fraction`, or what the kernel itself tells.
+    pub fn fraction_scattered(&self) -> f64 {
+        if self.is_absolute() { self.cie().scattered_share() } else { self.fraction }
+    }
+
+    /// Whether the kernel itself tells what share is scattered.
+    fn is_absolute(&self) -> bool {
+        self.absolute && self.kernel == GlareKernelName::Cie
+    }
+
+    /// The method that draws a frame whose stars are drawn by `stars`. `sky_cube` reads the catalogue; where no star of it is
+    /// drawn the image alone tells what glares.
+    pub fn chosen(&self, stars: StarMethod) -> GlareMethod {
+        match self.method {
+            // An eye that tells its own share scatters some.
+            _ if self.fraction == 0.0 && !self.is_absolute() => GlareMethod::None,
+            GlareMethod::Auto if stars.draws_catalogue() => GlareMethod::SkyCube,
+            GlareMethod::Auto => GlareMethod::ViewPyramid,
+            method => method,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::PI;
+
+    use super::*;
+
+    #[test]
+    fn every_name_is_a_kernel_of_its_own() {
+        let folder = tempfile::tempdir().unwrap();
+        let psf_file = folder.path().join("eye.csv");
+        std::fs::write(&psf_file, "theta_deg,per_sr\n0.1,3\n90,1e-3\n").unwrap();
+        let settings = |kernel| GlareSettings { kernel, psf_file: Some(psf_file.clone()), ..GlareSettings::default() };
+        let names =
+            [GlareKernelName::InverseSquare, GlareKernelName::Gaussians, GlareKernelName::Cie, GlareKernelName::Psf];
+        let kernels = names.map(|name| settings(name).kernel().unwrap());
+        for (i, kernel) in kernels.iter().enumerate() {
+            assert!((kernel.share_within(PI) - 1.0).abs() < 1e-12, "{:?}", names[i]);
+            for other in &kernels[..i] {
+                assert!((kernel.per_sr(1.0) / other.per_sr(1.0) - 1.0).abs() > 0.01, "{:?}", names[i]);
+            }
+        }
+        let missing = GlareSettings { psf_file: None, ..settings(GlareKernelName::Psf) };
+        assert!(matches!(missing.kernel(), Err(GlareKernelError::NoFile)));
+    }
+
+    #[test]
+    fn what_is_scattered_is_the_fraction_or_what_the_eye_scatters() {
+        let relative = GlareSettings { kernel: GlareKernelName::Cie, fraction: 0.25, ..GlareSettings::default() };
+        assert_eq!(relative.fraction_scattered(), 0.25);
+        let absolute = GlareSettings { absolute: true, ..relative };
+        // 28 per cent between 0.1 and 100 degrees, and what the formula adds below and beyond.
+        let share = absolute.fraction_scattered();
+        assert!((share - 0.39).abs() < 2e-3, "{share}");
+        let old = GlareSettings { age_years: 80.0, ..absolute.clone() };
+        assert!(old.fraction_scattered() > 1.2 * share);
+        let light = GlareSettings { eye_colour: EyeColour::Light, ..absolute.clone() };
+        assert!(light.fraction_scattered() > share);
+        // Nothing scattered needs no method, whatever the unused fraction says.
+        assert_eq!(GlareSettings { fraction: 0.0, ..absolute.clone() }.fraction_scattered(), share);
+    }
+}
