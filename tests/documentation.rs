@@ -1,14 +1,13 @@
-//! Proves that the documentation is true: the commands of README.md work as they stand there, every example runs, and every
-//! file that a document links to exists.
+//! Proves that the documentation is true: the commands of README.md and of every page in `docs/` work as they stand there, every
+//! example runs, every link leads to a file and a heading, and every path that a page names exists.
 //!
-//! Commands are the lines of the fenced blocks marked `sh`. They run one after the other by `sh`, in a folder that has the
-//! repository's configurations, with the built program in PATH:
+//! Commands are the lines of the fenced blocks marked `sh`. Those of a page run one after the other by `sh`, in a folder that has
+//! the repository's configurations, with the built program in PATH:
 //!
 //! - `cargo run --release --example NAME -- ARGUMENTS` runs the example as `cargo test` has built it,
 //! - `steradian serve` goes on in the background, on a free port, and is stopped by SIGTERM after the last command,
-//! - `steradian xr` draws one frame, or says by exit code 69 what of OpenXR is missing here; `tests/headset` runs it on a runtime,
-//! - `make TARGET` is not run; the Makefile must have the target,
-//! - `grpcurl` may not be installed; the method that is called must be in the protocol.
+//! - `steradian xr` draws one frame, or says by exit code 69 what of OpenXR is missing here,
+//! - commands in [`EXCUSED`] are not run; what they name is checked instead.
 
 #![allow(clippy::unwrap_used, reason = "a test: what it unwraps is there, or it fails")]
 
@@ -26,6 +25,29 @@ use std::{
 
 /// Address of the daemon in the documentation; commands get a free port in its place.
 const DOCUMENTED_ADDRESS: &str = "127.0.0.1:7143";
+/// Commands that are not run, by how they begin, and why. The check is what is done in place of running.
+const EXCUSED: &[(&str, &str, Check)] = &[
+    ("make ", "runs these tests, or installs packages; the Makefile must have the target", check_make),
+    ("grpcurl ", "may not be installed; the protocol must have the method that is called", check_grpcurl),
+];
+
+/// What is checked of a command that is not run.
+type Check = fn(&str) -> Result<(), String>;
+
+/// Paths in code spans that are no files of the repository, by how they begin, and why.
+const NO_FILES: &[(&str, &str)] = &[
+    ("out/", "what commands of the documentation write"),
+    ("target/", "what Cargo builds"),
+    ("~/", "a folder of the user"),
+    ("/", "a path of the system"),
+    ("openxr", "files of an OpenXR runtime"),
+    ("libopenxr1-", "a Debian package"),
+    ("chart.csv", "what `chart` writes"),
+    ("index.html", "what `chart` writes"),
+    ("manifest.json", "what `render` writes"),
+    ("http", "an address"),
+];
+
 /// Far longer than a daemon needs to start or to end.
 const PATIENCE: Duration = Duration::from_secs(120);
 
@@ -87,6 +109,21 @@ fn has_call(call: &str) -> bool {
     })
 }
 
+/// README.md and the pages in `docs/`.
+fn documents() -> Vec<String> {
+    let pages = fs::read_dir(repository().join("docs")).unwrap().map(|entry| entry.unwrap().file_name());
+    let pages = pages.map(|name| format!("docs/{}", name.to_str().unwrap())).filter(|name| name.ends_with(".md"));
+    let mut all: Vec<String> = pages.chain(["README.md".to_owned()]).collect();
+    all.sort();
+    all
+}
+
+/// Checks a `make` command by its target.
+fn check_make(command: &str) -> Result<(), String> {
+    let found = command.strip_prefix("make ").is_some_and(|target| has_target(&read("Makefile"), target));
+    if found { Ok(()) } else { Err(format!("`{command}`: the Makefile has no such target")) }
+}
+
 /// Checks a `grpcurl` command by the calls it names.
 fn check_grpcurl(command: &str) -> Result<(), String> {
     let mut calls = command.split_whitespace().filter(|word| word.contains('/') && word.starts_with("steradian"));
@@ -132,12 +169,8 @@ impl Reader {
 
     fn run(&mut self, command: &str) -> Result<(), String> {
         let command = command.replace(DOCUMENTED_ADDRESS, &self.address);
-        if let Some(target) = command.strip_prefix("make ") {
-            let found = has_target(&read("Makefile"), target);
-            return if found { Ok(()) } else { Err(format!("`{command}`: the Makefile has no such target")) };
-        }
-        if command.starts_with("grpcurl ") {
-            return check_grpcurl(&command);
+        if let Some((_, _, check)) = EXCUSED.iter().find(|(beginning, ..)| command.starts_with(beginning)) {
+            return check(&command);
         }
         if command.starts_with("steradian serve") {
             self.stop()?;
@@ -237,10 +270,25 @@ fn example(name: &str) -> PathBuf {
 }
 
 #[test]
-fn the_commands_of_the_readme_work() {
-    match Reader::new().follow(&read("README.md")) {
-        Ok(count) => assert!(count >= 10, "README.md has only {count} commands: were they found?"),
-        Err(problem) => panic!("{problem}"),
+fn the_commands_of_the_documents_work() {
+    let mut problems = Vec::new();
+    for document in documents() {
+        match Reader::new().follow(&read(&document)) {
+            Ok(count) if document == "README.md" && count < 10 => {
+                problems.push(format!("{document} has only {count} commands: were they found?"));
+            }
+            Ok(_) => {}
+            Err(problem) => problems.push(format!("{document}: {problem}")),
+        }
+    }
+    assert!(problems.is_empty(), "{}", problems.join("\n"));
+}
+
+#[test]
+fn every_excuse_is_needed() {
+    let commands: Vec<String> = documents().iter().flat_map(|document| commands(&read(document))).collect();
+    for (beginning, reason, _) in EXCUSED {
+        assert!(commands.iter().any(|command| command.starts_with(beginning)), "no page has `{beginning}` ({reason})");
     }
 }
 
@@ -270,43 +318,147 @@ fn commands_are_found_in_marked_blocks_alone() {
 }
 
 #[test]
-fn the_readme_runs_every_example_and_names_both_make_commands() {
-    let commands = commands(&read("README.md"));
+fn the_documents_run_every_example_and_the_readme_names_both_make_commands() {
+    let commands: Vec<String> = documents().iter().flat_map(|document| commands(&read(document))).collect();
     let named: BTreeSet<&str> =
         commands.iter().filter_map(|command| example_of(command)).map(|(name, _)| name).collect();
     for file in fs::read_dir(repository().join("examples")).unwrap() {
         let path = file.unwrap().path();
         let name = path.file_stem().unwrap().to_str().unwrap();
-        assert!(named.contains(name), "README.md does not run the example {name}");
+        assert!(named.contains(name), "no page runs the example {name}");
     }
     for command in ["make demo", "make test"] {
         assert!(commands.iter().any(|other| other == command), "README.md does not name `{command}`");
     }
 }
 
-/// Relative targets of the links and pictures of a document.
-fn links(document: &str) -> Vec<String> {
+/// Relative targets of the links and pictures of a document: a file, or nothing for the document itself, and a heading.
+fn links(document: &str) -> Vec<(String, Option<String>)> {
     let targets = document.split("](").skip(1).filter_map(|rest| rest.split(')').next());
-    let paths = targets.map(|target| target.split('#').next().unwrap_or_default().to_owned());
-    paths.filter(|path| !path.is_empty() && !path.contains("://")).collect()
+    let targets = targets.filter(|target| !target.contains("://"));
+    targets
+        .map(|target| match target.split_once('#') {
+            Some((file, heading)) => (file.to_owned(), Some(heading.to_owned())),
+            None => (target.to_owned(), None),
+        })
+        .collect()
+}
+
+/// Names by which headings of a document are linked to.
+fn anchors(document: &str) -> BTreeSet<String> {
+    let headings =
+        document.lines().filter(|line| line.starts_with('#')).map(|line| line.trim_start_matches('#').trim());
+    let kept = |c: char| c.is_alphanumeric() || c == '-' || c == '_' || c == ' ';
+    let anchor = |heading: &str| heading.to_lowercase().chars().filter(|&c| kept(c)).collect::<String>();
+    headings.map(|heading| anchor(heading).replace(' ', "-")).collect()
 }
 
 #[test]
-fn links_lead_to_files() {
-    assert_eq!(links("[a](b.md#c) ![d](e/f.png) [g](https://h.org/) [i](#j)"), ["b.md", "e/f.png"]);
-    for document in [
-        "README.md",
-        "CONTRIBUTING.md",
-        "CHANGELOG.md",
-        "docs/architecture.md",
-        "docs/benchmarks.md",
-        "docs/glare-methods.md",
-        "docs/star-methods.md",
-    ] {
-        let folder = repository().join(document);
-        for link in links(&read(document)) {
-            let path = folder.parent().unwrap().join(&link);
-            assert!(path.exists(), "{document} links to {link}, which does not exist");
+fn links_lead_to_files_and_headings() {
+    let found = links("[a](b.md#c) ![d](e/f.png) [g](https://h.org/) [i](#j)");
+    let link = |file: &str, heading: Option<&str>| (file.to_owned(), heading.map(str::to_owned));
+    assert_eq!(found, [link("b.md", Some("c")), link("e/f.png", None), link("", Some("j"))]);
+    assert_eq!(anchors("# Why, `so`\ntext\n## A b"), BTreeSet::from(["why-so".to_owned(), "a-b".to_owned()]));
+    for document in documents().into_iter().chain(["CONTRIBUTING.md".to_owned(), "CHANGELOG.md".to_owned()]) {
+        let text = read(&document);
+        for (file, heading) in links(&text) {
+            let path = repository().join(&document).with_file_name(&file);
+            let path = if file.is_empty() { repository().join(&document) } else { path };
+            assert!(path.exists(), "{document} links to {file}, which does not exist");
+            if let Some(heading) = heading {
+                let known = anchors(&fs::read_to_string(&path).unwrap());
+                assert!(known.contains(&heading), "{document} links to #{heading} of `{file}`, which has {known:?}");
+            }
         }
+    }
+}
+
+/// The code spans of a document, those in fenced blocks left out.
+fn code_spans(document: &str) -> Vec<String> {
+    let mut inside = false;
+    let prose = document.lines().filter(|line| {
+        let fence = line.trim_start().starts_with("```");
+        inside ^= fence;
+        !fence && !inside
+    });
+    let prose: Vec<&str> = prose.collect();
+    prose.join("\n").split('`').skip(1).step_by(2).map(str::to_owned).collect()
+}
+
+/// What `a/{b,c}.rs` stands for: `a/b.rs` and `a/c.rs`.
+fn expanded(path: &str) -> Vec<String> {
+    let Some((before, rest)) = path.split_once('{') else { return vec![path.to_owned()] };
+    let Some((choices, after)) = rest.split_once('}') else { return vec![path.to_owned()] };
+    choices.split(',').map(|choice| format!("{before}{}{after}", choice.trim())).collect()
+}
+
+/// All files under a folder.
+fn files_below(folder: &Path, found: &mut Vec<PathBuf>) {
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() { files_below(&path, found) } else { found.push(path) }
+    }
+}
+
+/// Whether a code span looks like the path of a source file: it ends as one, or it is of folders with lower-case names.
+fn is_path(span: &str) -> bool {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "_./{},-*~".contains(c);
+    let named = [".rs", ".wgsl", ".toml", ".proto", ".sh", ".md", ".svg", ".png", ".json"];
+    let folders = span.contains('/') && span.starts_with(|c: char| c.is_ascii_lowercase() || c == '~' || c == '/');
+    let code = span.contains("..") || span.contains("::") || span.starts_with('.');
+    !code && span.chars().all(plain) && (folders || named.iter().any(|ending| span.ends_with(ending)))
+}
+
+/// Whether a path exists: from the root, below `src/`, or, without a folder, as the name of a source file or shader. What has no
+/// ending may be a folder or a module. `*` stands for any text in a name.
+fn exists(path: &str, sources: &[PathBuf]) -> bool {
+    let whole = |root: &str| {
+        let path = repository().join(root).join(path);
+        path.exists() || path.with_extension("rs").exists()
+    };
+    let matches = |pattern: &str, name: &str| match pattern.split_once('*') {
+        Some((before, after)) => name.starts_with(before) && name.ends_with(after),
+        None => name == pattern,
+    };
+    let (folder, name) = path.rsplit_once('/').unwrap_or(("", path));
+    let by_name = || {
+        sources.iter().any(|file| {
+            let below = file.parent().unwrap().strip_prefix(repository()).unwrap();
+            let in_folder = folder.is_empty() || below == Path::new(folder) || below == Path::new("src").join(folder);
+            in_folder && matches(name, file.file_name().unwrap().to_str().unwrap())
+        })
+    };
+    whole("") || whole("src") || by_name()
+}
+
+/// Paths that a document names and that do not exist.
+fn missing_paths(document: &str) -> Vec<String> {
+    let mut sources = Vec::new();
+    for folder in ["src", "shaders", "tests", "benches", "examples", "configs", "scripts", "proto"] {
+        files_below(&repository().join(folder), &mut sources);
+    }
+    let excused = |path: &String| NO_FILES.iter().any(|(beginning, _)| path.starts_with(beginning));
+    let spans = code_spans(document).into_iter().filter(|span| is_path(span)).filter(|span| !excused(span));
+    spans.flat_map(|span| expanded(&span)).filter(|path| !exists(path, &sources)).collect()
+}
+
+#[test]
+fn paths_that_documents_name_exist() {
+    let mut problems = Vec::new();
+    for document in documents().into_iter().chain(["CONTRIBUTING.md".to_owned()]) {
+        problems.extend(missing_paths(&read(&document)).into_iter().map(|path| format!("{document}: {path}")));
+    }
+    assert!(problems.is_empty(), "paths that do not exist:\n{}", problems.join("\n"));
+}
+
+#[test]
+fn a_path_that_does_not_exist_is_noticed() {
+    let good = "`src/plan/mod.rs` `plan/` `plan/cull.rs` `cull.rs` `src/plan/{cull,tiles}.rs` `plan/cull` `tests/common/`\n\
+                ```\n`src/none.rs`\n```\n`SceneService/UpdateScene` `out/dome.png` `a.b` `L = E / A` `--set a.b=c`\n";
+    assert_eq!(missing_paths(good), Vec::<String>::new());
+    for wrong in
+        ["src/none.rs", "plan/none.rs", "none.wgsl", "passes/none/", "src/plan/{cull,none}.rs", "nowhere/at/all"]
+    {
+        assert_eq!(missing_paths(&format!("text `{wrong}` text")).len(), 1, "`{wrong}` passed");
     }
 }
