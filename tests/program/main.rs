@@ -1,0 +1,7 @@
+//! The built program as people and scripts see it, and the documentation that tells of it.
+#![allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
+
+mod command_line;
+#[cfg(unix)]
+mod daemon;
+mod documentation;
