@@ -70,7 +70,7 @@ fn every_star_of_the_table_is_in_the_yale_catalogue() {
 
 #[test]
 #[cfg_attr(not(has_bsc_csv), ignore = "set STERADIAN_BSC_CSV to a copy of the Yale Bright Star Catalogue as CSV")]
-fn the_table_is_complete() {
+fn the_table_has_every_bright_star_of_the_yale_catalogue() {
     let yale = yale();
     let table: Vec<StarRecord> = named_bright_stars().iter().map(|s| s.star).collect();
     let mut places = 0;
