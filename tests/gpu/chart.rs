@@ -48,6 +48,13 @@ fn tiny() -> Extent {
     }
 }
 
+/// Still less: every frame once, and one number of asteroids.
+fn least() -> Extent {
+    let tiny = tiny();
+    let asteroids = AsteroidExtent { instances: vec![200], ratio_instances: 200, rounds: 1, ..tiny.asteroids };
+    Extent { rounds: 1, asteroids, ..tiny }
+}
+
 fn tiny_scoring() -> ScoringSize {
     ScoringSize { image_px: 512, positions: 200, crowd: 400, heap: 1000, shuffles: 1 }
 }
@@ -158,11 +165,21 @@ fn the_procedural_sky_has_the_errors_of_its_cones() {
     assert!(ellipticity > 0.1 && ellipticity < 1.0, "{ellipticity}");
 }
 
-/// The other axes: times, and one figure beside them.
 #[test]
 fn tiny_runs_of_the_other_axes_have_their_figures() {
+    other_axes_have_their_figures(&least());
+}
+
+#[test]
+#[ignore = "long: make test-all"]
+fn the_other_axes_have_their_figures_over_several_rounds() {
+    other_axes_have_their_figures(&tiny());
+}
+
+/// The other axes: times, and one figure beside them.
+fn other_axes_have_their_figures(extent: &Extent) {
     let mut renderer = crate::common::renderer();
-    let rows = chart::run(&mut renderer, &[Axis::Views, Axis::Scale], &tiny(), &mut |_| {}).unwrap();
+    let rows = chart::run(&mut renderer, &[Axis::Views, Axis::Scale], extent, &mut |_| {}).unwrap();
     let of = |axis: &str, workload: &str, method: &str| {
         let found = rows.iter().find(|row| (&*row.axis, &*row.workload, &*row.method) == (axis, workload, method));
         found.unwrap_or_else(|| panic!("no row {axis}, {workload}, {method}"))
@@ -259,21 +276,33 @@ fn a_tiny_run_of_glare_has_the_figures_of_every_method() {
     }
 }
 
-/// Asteroids: every method is timed, ours keep to half a pixel, and what was published stands beside them as of other hardware.
 #[test]
 fn a_tiny_run_of_asteroids_has_the_figures_of_every_method() {
+    asteroids_have_the_figures_of_every_method(&least());
+}
+
+#[test]
+#[ignore = "long: make test-all"]
+fn fields_of_several_sizes_have_the_figures_of_every_method() {
+    asteroids_have_the_figures_of_every_method(&tiny());
+}
+
+/// Asteroids: every method is timed, ours keep to half a pixel, and what was published stands beside them as of other hardware.
+fn asteroids_have_the_figures_of_every_method(extent: &Extent) {
     let mut renderer = crate::common::renderer();
-    let extent = tiny();
     let mut steps = Vec::new();
-    let rows = chart::run(&mut renderer, &[Axis::Asteroids], &extent, &mut |step| steps.push(step.clone())).unwrap();
+    let rows = chart::run(&mut renderer, &[Axis::Asteroids], extent, &mut |step| steps.push(step.clone())).unwrap();
     assert!(steps.iter().enumerate().all(|(index, step)| step.done == index && step.of == steps.len()), "{steps:?}");
     let keys: BTreeSet<_> = rows.iter().map(|row| (&row.method, &row.workload, &row.error_metric)).collect();
     assert_eq!(keys.len(), rows.len());
     let (published, measured): (Vec<&Row>, Vec<&Row>) =
         rows.iter().partition(|row| row.method.starts_with("published"));
     assert!(published.len() == 10 && published.iter().all(|row| row.notes.contains("other hardware")));
-    // Two ways of culling per ratio, five ways of drawing in four workloads.
-    assert_eq!(measured.len(), 3 * 2 + 5 * 4 * AsteroidMetric::ALL.len());
+    let flat = extent.asteroids.instances.iter().map(|instances| format!("{instances} asteroids 90p"));
+    let other = ["200 asteroids stereo-64", "200 asteroids dome-96"].map(str::to_owned);
+    let workloads: Vec<String> = flat.chain(other).collect();
+    // Two ways of culling per ratio, five ways of drawing in every workload.
+    assert_eq!(measured.len(), 3 * 2 + 5 * workloads.len() * AsteroidMetric::ALL.len());
     for row in &measured {
         println!(
             "{} {} {:?} ms {} {:?} {}",
@@ -288,8 +317,7 @@ fn a_tiny_run_of_asteroids_has_the_figures_of_every_method() {
         let found = rows.iter().find(|row| (&*row.method, &*row.workload, &*row.error_metric) == key);
         found.unwrap_or_else(|| panic!("no row {key:?}")).error_value
     };
-    let workloads = ["200 asteroids 90p", "600 asteroids 90p", "200 asteroids stereo-64", "200 asteroids dome-96"];
-    for workload in workloads {
+    for workload in &workloads {
         for method in [
             "mesh_only",
             "cpu_culling",

@@ -95,6 +95,7 @@ fn a_renderer_that_loses_stars_fails() {
     // Check 17 moves the limit itself.
     for looks in verify::checks().iter().filter(|check| check.needs_catalogue && check.number != Some(17)) {
         let black = check(looks.name, -90.0);
+        println!("{}: {:.2} s", looks.name, black.seconds);
         assert_eq!(black.outcome, Outcome::Fail, "{black}");
     }
     for name in
