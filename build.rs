@@ -57,7 +57,7 @@ fn list_shaders() -> Result<(), Box<dyn Error>> {
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
-    // tests/bright_stars.rs
+    // tests/cpu/stars/bright_stars.rs, tests/gpu/stars/whole_sky.rs
     println!("cargo::rustc-check-cfg=cfg(has_bsc_csv)");
     println!("cargo::rerun-if-env-changed=STERADIAN_BSC_CSV");
     if std::env::var_os("STERADIAN_BSC_CSV").is_some_and(|path| !path.is_empty()) {

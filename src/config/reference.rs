@@ -234,7 +234,7 @@ pub fn page() -> String {
 
 const HEAD: &str = "# Configuration
 
-<!-- Generated from the types: `STERADIAN_WRITE_REFERENCE=1 cargo test --release --test configuration_reference` -->
+<!-- Generated from the types: `STERADIAN_WRITE_REFERENCE=1 cargo test --release --test program configuration_reference` -->
 
 Configurations are TOML. Unknown keys and values out of range are refused with file, key and what is allowed. All sections and,
 unless a dash stands in the column *default*, all keys may be left out. Paths of files are relative to the folder of the

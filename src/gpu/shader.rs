@@ -1,5 +1,5 @@
 //! Shaders: WGSL files below `shaders/`, joined with what they import. `build.rs` finds the files, so that no list of them
-//! stands anywhere; `tests/shaders.rs` checks every file with an entry point in every combination of its choices.
+//! stands anywhere; `tests/cpu/shaders.rs` checks every file with an entry point in every combination of its choices.
 
 mod library;
 

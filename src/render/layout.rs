@@ -1,4 +1,4 @@
-//! The structs that shaders read, with the same field names as in WGSL. `tests/shaders.rs` compares names, offsets and
+//! The structs that shaders read, with the same field names as in WGSL. `tests/cpu/shaders.rs` compares names, offsets and
 //! sizes with what naga reads from the shaders.
 
 use bytemuck::{Pod, Zeroable};

@@ -15,6 +15,8 @@ mod frame;
 mod glare;
 pub mod layout;
 #[cfg(test)]
+mod pass_tests;
+#[cfg(test)]
 mod presentation_tests;
 pub mod probe;
 mod read;

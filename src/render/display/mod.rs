@@ -4,8 +4,6 @@
 pub(crate) mod exposure;
 pub(crate) mod present;
 pub(crate) mod resolve;
-#[cfg(test)]
-mod tests;
 pub(crate) mod tone_map;
 mod variant;
 

@@ -4,7 +4,7 @@
 
 use glam::{DMat3, DQuat, DVec2, DVec3};
 
-use crate::render::{
+use super::{
     atlas::{ImpostorAtlas, ImpostorAtlasError},
     probe::{GivenAsteroid, ImpostorProbe},
     texels::{Texel, finest_level},
