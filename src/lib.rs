@@ -31,11 +31,15 @@ pub mod reference;
 
 pub mod render;
 
+#[cfg(feature = "chart")]
 pub mod chart;
 pub mod verify;
 
 pub mod output;
+#[cfg(feature = "service")]
 pub mod service;
+#[cfg(any(feature = "service", feature = "xr"))]
 pub mod xr;
 
+#[cfg(feature = "cli")]
 pub mod cli;

@@ -15,8 +15,8 @@ use super::{
     flight::flight,
     host::{Host, MirroredFrame, Shown, Status},
     input::Input,
+    recorder::{FrameTimings, Recorder},
     runtime::{Runtime, STEREO},
-    statistics::{FrameTimings, Recorder},
     swapchain::Swapchains,
 };
 use crate::{
