@@ -22,6 +22,7 @@ use crate::{
 
 /// Why a check has no figures.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum CheckError {
     /// A frame could not be rendered.
     #[error(transparent)]
