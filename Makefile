@@ -1,6 +1,6 @@
 # `make demo` runs the main job, `make test` the tests; both set the machine up first.
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-long test-all setup check clean
+.PHONY: help demo test test-long test-outside test-all setup check clean
 
 CARGO ?= cargo
 
@@ -18,14 +18,17 @@ test: setup ## Runs the tests, all but the long sweeps
 test-long: setup ## Runs the long sweeps alone
 	$(CARGO) test --release --tests -- --ignored --skip yale
 
-test-all: test test-long ## Runs the tests and the long sweeps
+test-outside: setup ## Runs a crate that uses the library without its features
+	$(CARGO) run --release -p steradian-outside
+
+test-all: test test-long test-outside ## Runs the tests, the long sweeps and the crate outside
 
 setup: ## Checks toolchain, linker and Vulkan driver; installs what is missing where it can
 	scripts/setup.sh
 
 check: ## Checks format and lints
-	$(CARGO) fmt --check
-	$(CARGO) clippy --release --all-targets -- -D warnings
+	$(CARGO) fmt --all --check
+	$(CARGO) clippy --release --workspace --all-targets -- -D warnings
 
 clean: ## Removes what was built and rendered
 	$(CARGO) clean

@@ -64,13 +64,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     // Luminance times solid angle is illuminance: what arrives from all the stars in the picture.
     let viewport = &rig.viewports(scene.camera.world_from_camera)[0];
     let mapping = viewport.projection.mapping();
-    let hdr = image.hdr.as_ref().ok_or("the frame has no HDR image")?;
-    let drawn_lx: f64 = hdr
-        .iter()
-        .map(|[red, green, blue, omega_sr]| {
-            luminance([red, green, blue].map(|channel| f64::from(*channel))) * f64::from(*omega_sr)
-        })
-        .sum();
+    let drawn_lx = image.illuminance_lx().ok_or("the frame has no HDR image")?;
     let eye = Eye {
         position_m: scene.camera.position_m,
         world_from_view: viewport.world_from_view,

@@ -1,10 +1,53 @@
 //! Steradian renders one space scene in many views at once, each pixel with the luminance that its solid angle asks for.
 //!
-//! A frame flows one way through the modules, in the order in which they stand here:
-//! `catalogue` and `config` make a `scene`; `view` turns configured views into a flat list of viewports; `plan` chooses a
-//! method for each technique; `gpu` and `passes` draw; `reference` is the same in f64 on the CPU; `metrics` judges
-//! images; `frame` runs it all; `verify` proves it and `chart` times and scores every method; `output`, `service` and `xr` hand
-//! frames out. `docs/architecture.md` tells the whole story.
+//! Bright stars in a planetarium's dome; the picture has the light of the catalogue:
+//!
+//! ```
+//! use std::f64::consts::PI;
+//! use steradian::{
+//!     FrameRequest, Gpu, GpuOptions, RenderSettings, Renderer, Rig, SceneSnapshot, StarSet, View, ViewKind, Wanted,
+//!     catalogue::bright::bright_stars, plan::settings::GlareSettings, units::illuminance_lx_from_magnitude,
+//!     glam::{DQuat, DVec3},
+//! };
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let mut stars = bright_stars();
+//! stars.retain(|star| star.position.normalize().y > 0.1); // the zenith is at +y, the dome ends at 0
+//! let catalogue_lx: f64 = stars.iter().map(|star| illuminance_lx_from_magnitude(star.apparent_magnitude())).sum();
+//! let scene = SceneSnapshot::of_stars(StarSet::from_records(stars));
+//!
+//! let dome = ViewKind::DomeMaster { size: 512, fov_rad: PI, tilt_rad: 0.0 };
+//! let rig = Rig::new(vec![View::new("dome", dome, DQuat::IDENTITY, DVec3::ZERO)?])?;
+//! let settings = RenderSettings { glare: GlareSettings::none(), ..RenderSettings::default() };
+//!
+//! let mut renderer = Renderer::new(Gpu::open(&GpuOptions::default())?);
+//! let frame = renderer.render(FrameRequest::new(&scene, &rig).settings(&settings).wanted(Wanted::hdr()))?;
+//! let picture_lx = frame.images[0].illuminance_lx().ok_or("there is no HDR image")?;
+//! assert!((picture_lx / catalogue_lx - 1.0).abs() < 1e-4, "{picture_lx} lx, not {catalogue_lx} lx");
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! - A [`SceneSnapshot`] is what there is: stars, bodies, asteroids, a camera. [`config::Config`] makes one from a file.
+//! - A [`Rig`] is a flat list of [`View`]s: flat windows, eyes, cubes, domes, maps.
+//! - A [`FrameRequest`] names both, with options; [`RenderSettings`] chooses a method for each technique.
+//! - A [`Renderer`] owns a [`Gpu`] (or a software driver) and draws all views of a request in one [`Frame`].
+//!
+//! The same in f64 on the CPU is in [`reference`](mod@reference), what judges images in [`metrics`]. `docs/architecture.md` tells
+//! how it all works.
+//!
+//! # Features
+//!
+//! All are on by default; without them no tonic, openxr or clap is compiled.
+//!
+//! | feature | what it brings |
+//! |---|---|
+//! | `service` | the module `service`: the daemon (gRPC) and its client |
+//! | `xr` | in the module `xr`: driving an OpenXR headset |
+//! | `chart` | the module `chart`: speed and accuracy of all methods, as tables and pictures |
+//! | `cli` | the program `steradian` with all of its subcommands; needs the others |
+
+pub use glam;
 
 pub use self::{
     catalogue::chunks::StarSet,
@@ -51,4 +94,5 @@ pub mod service;
 pub mod xr;
 
 #[cfg(feature = "cli")]
+#[doc(hidden)]
 pub mod cli;

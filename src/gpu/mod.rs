@@ -14,12 +14,15 @@ mod timing;
 
 pub(crate) use binding::{bind_buffers, bind_to, dispatch_rows};
 pub(crate) use buffers::{GrowingBuffer, ReadbackBuffer, ReadbackPlace, filled_buffer, storage_buffer, uniform_buffer};
+#[doc(hidden)]
 pub use constants::Table;
 pub(crate) use constants::{Shared, shared_constants};
 pub use device::{AdapterReport, Gpu, GpuError, GpuOptions};
 pub(crate) use pipelines::Stage;
 pub(crate) use shader::{Choices, Library};
+#[doc(hidden)]
 pub use shader::{Place, ShaderError, ShaderSource};
+#[doc(hidden)]
 pub use structs::StructLayout;
 pub(crate) use structs::gpu_structs;
 pub(crate) use texels::{read_layer, texels_of_halves};

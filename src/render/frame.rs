@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::AsteroidCounts;
 #[cfg(doc)]
 use super::Renderer;
-use crate::{plan::FramePlan, view::Part};
+use crate::{photometry::rec709::luminance, plan::FramePlan, view::Part};
 
 /// One image of a frame.
 #[derive(Clone, Debug)]
@@ -23,6 +23,16 @@ pub struct FrameImage {
     /// R, G, B in cd/m^2 (linear Rec. 709) and the pixel's solid angle in sr (0 outside of the picture), row by row from
     /// the top; if it was asked for.
     pub hdr: Option<Vec<[f32; 4]>>,
+}
+
+impl FrameImage {
+    /// Illuminance of the image: luminance times solid angle, summed over all pixels, lx. `None` if the HDR image was not asked for.
+    pub fn illuminance_lx(&self) -> Option<f64> {
+        let light = |[red, green, blue, omega_sr]: &[f32; 4]| {
+            luminance([red, green, blue].map(|channel| f64::from(*channel))) * f64::from(*omega_sr)
+        };
+        Some(self.hdr.as_ref()?.iter().map(light).sum())
+    }
 }
 
 /// What a view of a frame holds, for the manifest and for statistics.

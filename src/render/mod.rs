@@ -19,6 +19,7 @@ pub(crate) mod layout;
 mod pass_tests;
 #[cfg(test)]
 mod presentation_tests;
+#[doc(hidden)]
 pub mod probe;
 mod read;
 mod request;
@@ -31,14 +32,19 @@ mod technique;
 pub(crate) mod viewport;
 
 pub use self::{
-    asteroids::{AsteroidCounts, impostors::probe as impostor_probe},
-    constants::tables as constant_tables,
+    asteroids::AsteroidCounts,
     display::Presentation,
     error::RenderError,
     frame::{Frame, FrameImage, FrameTimes, ViewStatistics, Wanted},
     request::FrameRequest,
-    shader::{Shader, shaders},
     submit::SubmittedFrame,
+};
+// What tests look at, and no part of the interface.
+#[doc(hidden)]
+pub use self::{
+    asteroids::impostors::probe as impostor_probe,
+    constants::tables as constant_tables,
+    shader::{Shader, shaders},
 };
 use self::{
     submit::InFlight,
@@ -140,6 +146,7 @@ impl Renderer {
 }
 
 /// The layout of every structure that Rust shares with the shaders.
+#[doc(hidden)]
 pub fn struct_layouts() -> Vec<StructLayout> {
     let of_techniques = [
         layout::struct_layouts,

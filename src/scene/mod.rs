@@ -117,6 +117,13 @@ pub struct SceneSnapshot {
     pub camera: Camera,
 }
 
+impl SceneSnapshot {
+    /// Stars alone, seen from the Solar System's barycentre along the axes of ICRS.
+    pub fn of_stars(stars: StarSet) -> Self {
+        Self { revision: 1, stars: Arc::new(stars), objects: Arc::default(), camera: Camera::default() }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

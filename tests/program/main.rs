@@ -6,3 +6,4 @@ mod configuration_reference;
 #[cfg(unix)]
 mod daemon;
 mod documentation;
+mod features;
