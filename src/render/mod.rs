@@ -121,6 +121,7 @@ impl Renderer {
         self.in_flight = None;
         self.techniques.iter_mut().for_each(|technique| technique.release());
         self.targets.release();
+        self.gpu.forget_frames();
         self.readback = ReadbackBuffer::new("readback");
     }
 

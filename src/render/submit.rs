@@ -31,6 +31,7 @@ pub struct SubmittedFrame {
     camera_revision: u64,
     plan_ms: f64,
     submit_ms: f64,
+    objects_made: u64,
 }
 
 /// The frame that the device is at work on.
@@ -91,6 +92,7 @@ impl Renderer {
         presentations: &[Presentation<'_>],
     ) -> Result<SubmittedFrame, RenderError> {
         let start = Instant::now();
+        let made = self.gpu.made();
         self.limits.check(rig)?;
         if wanted.len() != rig.views().len() {
             return Err(RenderError::WantedCount { given: wanted.len(), views: rig.views().len() });
@@ -118,6 +120,7 @@ impl Renderer {
             camera_revision: snapshot.camera.revision,
             plan_ms,
             submit_ms: start.elapsed().as_secs_f64() * 1e3,
+            objects_made: self.gpu.made().since(&made).all(),
         })
     }
 
@@ -126,6 +129,7 @@ impl Renderer {
         let Self { gpu, techniques, targets, timer, readback, .. } = self;
         let gpu = &*gpu;
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("frame") });
+        gpu.begin_frame();
         timer.begin();
         targets.begin(gpu, &mut encoder, inputs, views);
         for technique in techniques.iter_mut() {
@@ -159,6 +163,7 @@ impl Renderer {
         frame.scene_revision = submitted.scene_revision;
         frame.camera_revision = submitted.camera_revision;
         frame.times.plan_ms = submitted.plan_ms;
+        frame.times.objects_made = submitted.objects_made;
         frame.times.total_ms = submitted.submit_ms + start.elapsed().as_secs_f64() * 1e3;
         frame.times.gpu_and_readback_ms = frame.times.total_ms - submitted.plan_ms;
         Ok(frame)

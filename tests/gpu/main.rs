@@ -12,4 +12,5 @@ mod glare;
 mod pool;
 mod solid_angle;
 mod stars;
+mod steady;
 mod verify;
