@@ -10,9 +10,10 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use protox::prost::Message;
-
+#[cfg(feature = "service")]
 fn compile_protocol() -> Result<(), Box<dyn Error>> {
+    use protox::prost::Message;
+
     println!("cargo::rerun-if-changed=proto");
     let files = ["scene", "camera", "view", "diagnostics"].map(|name| format!("proto/steradian/v1/{name}.proto"));
     let descriptors = protox::compile(files, ["proto"])?;
@@ -63,6 +64,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     if std::env::var_os("STERADIAN_BSC_CSV").is_some_and(|path| !path.is_empty()) {
         println!("cargo::rustc-cfg=has_bsc_csv");
     }
-    list_shaders()?;
-    compile_protocol()
+    #[cfg(feature = "service")]
+    compile_protocol()?;
+    list_shaders()
 }

@@ -16,7 +16,7 @@ use steradian::{
         settings::{ExposureMode, GlareMethod, GlareSettings, RenderSettings, StarMethod},
         stars::cull::{CullSettings, SPLAT_MARGIN_PX, visible_chunks},
     },
-    render::{FrameTimes, Renderer, Wanted},
+    render::{FrameRequest, FrameTimes, Renderer, Wanted},
     scene::{
         Camera, SceneObjects, SceneSnapshot,
         asteroids::{FieldParameters, FieldSpec, Placement, ShapeSource},
@@ -69,10 +69,16 @@ struct Bench {
 
 impl Bench {
     fn frame(&mut self, scene: &SceneSnapshot, rig: &Rig) -> (FrameTimes, u64) {
-        let wanted = [Wanted { display: true, hdr: false, ..Wanted::default() }];
         // As the daemon does, the exposure of the frame is the one that the frames before have adapted to.
-        let frame =
-            self.renderer.render(scene, rig, &self.settings, &wanted, self.adapted_ev100).expect("the frame renders");
+        let frame = self
+            .renderer
+            .render(
+                FrameRequest::new(scene, rig)
+                    .settings(&self.settings)
+                    .wanted(Wanted::display())
+                    .adapted_ev100(self.adapted_ev100),
+            )
+            .expect("the frame renders");
         self.adapted_ev100 = Some(frame.metered_ev100);
         (frame.times, frame.views[0].stars_drawn)
     }
@@ -150,8 +156,12 @@ impl Bench {
             for round in 0..self.frames {
                 for (i, method) in methods.into_iter().enumerate() {
                     self.settings.stars.method = method;
-                    let wanted = [Wanted { hdr_stays: true, ..Wanted::default() }];
-                    let frame = self.renderer.render(&scene, rig, &self.settings, &wanted, self.adapted_ev100);
+                    let frame = self.renderer.render(
+                        FrameRequest::new(&scene, rig)
+                            .settings(&self.settings)
+                            .wanted(Wanted { hdr_stays: true, ..Wanted::default() })
+                            .adapted_ev100(self.adapted_ev100),
+                    );
                     let frame = frame.expect("the frame renders");
                     if round > 0 {
                         let of = |pass| frame.times.passes_ms.iter().filter(|p| p.0 == pass).map(|p| p.1).sum::<f64>();

@@ -15,7 +15,7 @@ use steradian::{
     photometry::{kernel::SplatKernel, rec709::luminance},
     plan::settings::{GlareSettings, RenderSettings, StarMethod},
     reference::stars::splat::{Eye, draw},
-    render::{Renderer, Wanted},
+    render::{FrameRequest, Renderer, Wanted},
     scene::{Camera, SceneSnapshot},
     view::{Rig, View, ViewKind},
 };
@@ -49,8 +49,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     settings.exposure.compensation_ev = 10.0;
 
     let mut renderer = Renderer::new(Gpu::open(&GpuOptions::default())?);
-    let wanted = [Wanted { display: true, hdr: true, ..Wanted::default() }];
-    let frame = renderer.render(&scene, &rig, &settings, &wanted, None)?;
+    let frame = renderer.render(FrameRequest::new(&scene, &rig).settings(&settings).wanted(Wanted::both()))?;
     println!("adapter     {}", renderer.adapter().adapter);
     println!("stars       {} of {} in view", frame.views[0].stars_drawn, scene.stars.stars.len());
 

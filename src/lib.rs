@@ -6,6 +6,15 @@
 //! images; `frame` runs it all; `verify` proves it and `chart` times and scores every method; `output`, `service` and `xr` hand
 //! frames out. `docs/architecture.md` tells the whole story.
 
+pub use self::{
+    catalogue::chunks::StarSet,
+    gpu::{Gpu, GpuOptions},
+    plan::settings::RenderSettings,
+    render::{Frame, FrameRequest, RenderError, Renderer, Wanted},
+    scene::{Camera, SceneSnapshot},
+    view::{Rig, View, ViewKind},
+};
+
 pub mod coordinates;
 mod files;
 pub mod units;
@@ -31,11 +40,15 @@ pub mod reference;
 
 pub mod render;
 
+#[cfg(feature = "chart")]
 pub mod chart;
 pub mod verify;
 
 pub mod output;
+#[cfg(feature = "service")]
 pub mod service;
+#[cfg(any(feature = "service", feature = "xr"))]
 pub mod xr;
 
+#[cfg(feature = "cli")]
 pub mod cli;

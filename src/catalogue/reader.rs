@@ -130,6 +130,7 @@ impl fmt::Display for ReadReport {
 
 /// Why a catalogue could not be read. Every message names the file.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum CatalogueError {
     /// The file cannot be opened.
     #[error("cannot open the catalogue {}: {source}", path.display())]

@@ -29,6 +29,7 @@ const LONGEST_DESCRIPTION: usize = 1 << 16;
 
 /// Why a store cannot be written or read.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum StoreError {
     /// The system refuses.
     #[error("{}: {source}", path.display())]

@@ -19,7 +19,7 @@ use super::{
 };
 use crate::{
     plan::settings::{ExposureMode, GlareMethod, GlareSettings, PyramidWeights, RenderSettings},
-    render::{FrameTimes, Renderer, Wanted},
+    render::{FrameRequest, FrameTimes, Renderer, Wanted},
     scene::{Camera, SceneSnapshot},
     units::PARSEC_M,
     view::Rig,
@@ -226,13 +226,14 @@ fn turn(
     let mut settings = RenderSettings { glare: variant.settings.clone(), ..RenderSettings::default() };
     settings.exposure.mode = ExposureMode::Manual;
     settings.exposure.ev100 = TIMING_EV100;
-    let wanted = vec![Wanted { hdr_stays: true, ..Wanted::default() }; rig.views().len()];
     let start = Instant::now();
     let mut frame = |turned_rad: f64, along_m: f64| -> Result<Result<FrameTimes, String>, ChartError> {
         let world_from_camera = scene.camera.world_from_camera * DQuat::from_rotation_y(turned_rad);
         let position_m = scene.camera.position_m + DVec3::X * along_m;
         let moved = SceneSnapshot { camera: Camera { world_from_camera, position_m, ..scene.camera }, ..scene.clone() };
-        match renderer.render(&moved, rig, &settings, &wanted, None) {
+        match renderer.render(
+            FrameRequest::new(&moved, rig).settings(&settings).wanted(Wanted { hdr_stays: true, ..Wanted::default() }),
+        ) {
             Ok(frame) => Ok(Ok(frame.times)),
             Err(error) => message_of(error).map(Err),
         }

@@ -59,6 +59,7 @@ use crate::{
 
 /// Why a chart cannot be made.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum ChartError {
     /// The device failed; nothing measured after that would be worth anything.
     #[error(transparent)]

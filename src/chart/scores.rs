@@ -20,7 +20,7 @@ use super::{
 use crate::{
     metrics::MetricError,
     plan::settings::{ExposureMode, GlareSettings, RenderSettings, StarMethod},
-    render::{RenderError, Renderer, Wanted},
+    render::{FrameRequest, RenderError, Renderer, Wanted},
     units::magnitude_from_illuminance_lx,
 };
 
@@ -264,9 +264,9 @@ pub fn score_method(
     };
     let draw = |scene: &Scene, ev100: f64| {
         let settings = settings_of(method, ev100, faintest_lx(&scene.stars));
-        let wanted = [Wanted { hdr: true, ..Wanted::default() }];
         renderer.catalogue_order = scene.order;
-        let frame = renderer.render(&scene.snapshot, &scene.rig, &settings, &wanted, None);
+        let frame =
+            renderer.render(FrameRequest::new(&scene.snapshot, &scene.rig).settings(&settings).wanted(Wanted::hdr()));
         renderer.catalogue_order = None;
         let frame = frame?;
         Ok(frame.images.into_iter().filter_map(|image| image.hdr).collect())

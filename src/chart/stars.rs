@@ -17,7 +17,7 @@ use crate::{
     catalogue::StarRecord,
     metrics::{HdrView, relative_flux_error},
     plan::settings::{RenderSettings, StarMethod},
-    render::{Renderer, Wanted},
+    render::{FrameRequest, Renderer, Wanted},
     scene::SceneSnapshot,
     units::illuminance_lx_from_magnitude,
     view::{Rig, projection::PlaneMapping},
@@ -134,7 +134,6 @@ impl Workload<'_> {
         let expected_lx: f64 = inner.as_deref().unwrap_or(self.sky).iter().map(illuminance_lx).sum();
         let inner_scene = inner.map(snapshot);
         let scene = inner_scene.as_ref().unwrap_or(self.scene);
-        let wanted = [Wanted { hdr: true, ..Wanted::default() }];
         let mut totals = Vec::new();
         for ((method, settings), timed) in StarMethod::ALL.into_iter().zip(settings).zip(timed) {
             totals.push(if !method.draws_catalogue() {
@@ -146,7 +145,7 @@ impl Workload<'_> {
             } else if budget.is_over() && timed.took > FAST {
                 Score::none("not measured: the budget had no more")
             } else {
-                match renderer.render(scene, rig, settings, &wanted, None) {
+                match renderer.render(FrameRequest::new(scene, rig).settings(settings).wanted(Wanted::hdr())) {
                     Ok(frame) => score_of_light(&frame, mapping, expected_lx),
                     Err(error) => Score::none(message_of(error)?),
                 }

@@ -11,7 +11,7 @@ use super::{Axis, Budget, ChartError, Row, Score};
 use crate::{
     gpu::GpuError,
     plan::settings::{RenderSettings, StarMethod},
-    render::{RenderError, Renderer, Wanted},
+    render::{FrameRequest, RenderError, Renderer, Wanted},
     scene::SceneSnapshot,
     view::Rig,
 };
@@ -149,11 +149,14 @@ pub(super) fn frames(
     count: usize,
     budget: Budget,
 ) -> Result<Vec<Timed>, ChartError> {
-    let wanted = vec![Wanted { hdr_stays: true, ..Wanted::default() }; rig.views().len()];
     // Clear, cull, splat and resolve; and all of it with planning and waiting.
     rounds(settings.len(), count, budget, |index| {
         let start = Instant::now();
-        match renderer.render(scene, rig, &settings[index], &wanted, None) {
+        match renderer.render(
+            FrameRequest::new(scene, rig)
+                .settings(&settings[index])
+                .wanted(Wanted { hdr_stays: true, ..Wanted::default() }),
+        ) {
             Ok(frame) => Ok(Ok((frame.times.gpu_ms.map(|ms| ms + frame.times.cull_ms), start.elapsed()))),
             Err(error) => message_of(error).map(Err),
         }

@@ -27,6 +27,7 @@ pub const NO_ADAPTER: u8 = 69;
 
 /// Why a command failed.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum CliError {
     /// An argument is not what it must be.
     #[error("{0}")]

@@ -9,7 +9,7 @@ use super::{CliError, load, results};
 use crate::config::Config;
 use crate::gpu::{Gpu, GpuOptions};
 use crate::output::write_frame;
-use crate::render::{Renderer, Wanted};
+use crate::render::{FrameRequest, Renderer, Wanted};
 use crate::scene::SceneSnapshot;
 
 /// Arguments of `render`.
@@ -48,10 +48,9 @@ pub fn run(arguments: RenderArguments, adapter: Option<String>) -> Result<(), Cl
     let objects = Arc::new(config.objects()?);
     let (stars, _) = load::stars(&config.star_sources(), &config.origin)?;
     let snapshot = SceneSnapshot { revision: 1, stars: Arc::new(stars), objects, camera };
-    let wanted = vec![Wanted { display: true, hdr: true, ..Wanted::default() }; rig.views().len()];
     let settings = config.render_settings();
     let frame = renderer
-        .render(&snapshot, &rig, &settings, &wanted, None)
+        .render(FrameRequest::new(&snapshot, &rig).settings(&settings).wanted(Wanted::both()))
         .map_err(|error| CliError::render(error, &config.origin))?;
     let tell = |path: &Path| tracing::info!("wrote {}", path.display());
     for path in write_frame(&arguments.out, &rig, &frame, &renderer.adapter().adapter, &tell)? {

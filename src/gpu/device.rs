@@ -28,6 +28,7 @@ pub struct GpuOptions {
 
 /// Why no adapter could be opened, or why it failed later.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum GpuError {
     /// There is none, or none of that name.
     #[error("{0}")]

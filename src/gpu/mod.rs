@@ -1,5 +1,6 @@
 //! The GPU: adapter and device, buffers and their layouts, shader modules, timing, readback.
 
+#[cfg(feature = "xr")]
 pub(crate) mod adopt;
 mod binding;
 mod buffers;

@@ -29,6 +29,7 @@ pub struct ShaderSource {
 
 /// Why files cannot be joined to a shader.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum ShaderError {
     /// No such file.
     #[error("there is no shader file shaders/{0}.wgsl")]

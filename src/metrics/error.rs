@@ -2,6 +2,7 @@
 
 /// Why a metric has no value.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum MetricError {
     /// The pixels do not fill the mapping's picture.
     #[error("{pixels} pixels for a picture of {width} x {height}")]

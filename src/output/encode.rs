@@ -47,6 +47,7 @@ impl Encoding {
 
 /// Why an image cannot be encoded.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum EncodeError {
     /// The frame was rendered without the buffer that the encoding needs.
     #[error("{encoding} needs the {buffer} image, which was not rendered")]

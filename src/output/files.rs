@@ -15,6 +15,7 @@ use crate::view::Rig;
 
 /// Why the files of a frame cannot be written.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum OutputError {
     /// The system refuses.
     #[error("cannot write {}: {source}", path.display())]

@@ -107,6 +107,7 @@ pub fn ln_luminance_cd_m2(temperature_k: f64) -> f64 {
 
 /// Why a [`BlackbodyTable`] cannot be made.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
+#[non_exhaustive]
 pub enum BlackbodyTableError {
     /// The range is empty, not positive or not finite.
     #[error("temperatures from {min_k} K to {max_k} K: need 0 < lowest < highest < infinity")]

@@ -20,6 +20,7 @@ use serde::{Deserialize, Serialize};
 /// Reflection law of a surface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, Default, JsonSchema)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum ReflectionLaw {
     /// Lambertian: L = (3 p / 2) E cos(i) / pi.
     Lambert,

@@ -36,6 +36,7 @@ pub fn linear_from_srgb(value: f64) -> f64 {
 /// A tone-mapping operator: how light becomes a display value.
 #[derive(Clone, Copy, Debug, Default, Eq, Hash, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum ToneMapOperator {
     /// Duiker's film curve, per channel.
     #[default]

@@ -19,6 +19,7 @@ pub enum SwapchainLayout {
 /// Format of the swapchain images.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Default, JsonSchema)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum SwapchainFormat {
     /// The supported format that the runtime prefers.
     #[default]
@@ -34,6 +35,7 @@ pub enum SwapchainFormat {
 /// OpenXR reference space whose origin is the camera of the scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Default, JsonSchema)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum ReferenceSpace {
     /// LOCAL: the head position at the last recentring.
     #[default]

@@ -41,7 +41,7 @@ pub struct ViewStatistics {
     pub gpu_ms: Option<f64>,
 }
 
-/// Which buffers of a view leave the GPU.
+/// Which buffers of a view leave the GPU; by default none.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub struct Wanted {
     /// The tone-mapped display image.
@@ -50,6 +50,23 @@ pub struct Wanted {
     pub hdr: bool,
     /// The HDR image is made and stays on the GPU: to time the making of it.
     pub hdr_stays: bool,
+}
+
+impl Wanted {
+    /// The display image alone.
+    pub const fn display() -> Self {
+        Self { display: true, hdr: false, hdr_stays: false }
+    }
+
+    /// The HDR image alone.
+    pub const fn hdr() -> Self {
+        Self { display: false, hdr: true, hdr_stays: false }
+    }
+
+    /// Both images.
+    pub const fn both() -> Self {
+        Self { display: true, hdr: true, hdr_stays: false }
+    }
 }
 
 /// Time of the stages of a frame, ms.

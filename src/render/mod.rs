@@ -21,6 +21,7 @@ mod pass_tests;
 mod presentation_tests;
 pub mod probe;
 mod read;
+mod request;
 mod sequence;
 mod shader;
 mod stars;
@@ -35,6 +36,7 @@ pub use self::{
     display::Presentation,
     error::RenderError,
     frame::{Frame, FrameImage, FrameTimes, ViewStatistics, Wanted},
+    request::FrameRequest,
     shader::{Shader, shaders},
     submit::SubmittedFrame,
 };

@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
 
-use super::{Frame, FrameImage, Renderer, Wanted, display::Presentation, error::RenderError};
+use super::{Frame, FrameImage, FrameRequest, Renderer, Wanted, display::Presentation, error::RenderError};
 use crate::{
     catalogue::{StarRecord, chunks::StarSet},
     gpu::{Gpu, GpuOptions, read_layer, storage_buffer},
@@ -153,8 +153,15 @@ fn presented(
     let [left, right] = SIZES.map(|size| target(renderer.gpu(), size, format));
     let presentations =
         [(0, &left.1), (1, &right.1)].map(|(viewport, target)| Presentation { viewport, target, format });
-    let wanted = [Wanted::default()];
-    let submitted = renderer.submit(scene, &rig, settings, &wanted, adapted_ev100, &presentations).unwrap();
+    let submitted = renderer
+        .submit(
+            FrameRequest::new(scene, &rig)
+                .settings(settings)
+                .wanted(Wanted::default())
+                .adapted_ev100(adapted_ev100)
+                .presentations(&presentations),
+        )
+        .unwrap();
     let frame = renderer.finish(submitted).unwrap();
     assert!(frame.images.is_empty(), "nothing was wanted back");
     (frame, [left.0, right.0])
@@ -162,8 +169,10 @@ fn presented(
 
 /// What `render` reads back of both eyes.
 fn rendered(renderer: &mut Renderer, scene: &SceneSnapshot, settings: &RenderSettings, adapted: Option<f64>) -> Frame {
-    let wanted = [Wanted { display: true, hdr: true, ..Wanted::default() }];
-    renderer.render(scene, &headset(), settings, &wanted, adapted).unwrap()
+    let wanted = Wanted::both();
+    renderer
+        .render(FrameRequest::new(scene, &headset()).settings(settings).wanted(wanted).adapted_ev100(adapted))
+        .unwrap()
 }
 
 /// Whether the textures hold the display images.
@@ -432,7 +441,15 @@ fn what_is_read_back_and_what_is_presented_do_not_disturb_each_other() {
         Presentation { viewport: 0, target: &left.1, format: BYTES },
     ];
     for wanted in [Wanted { display: true, ..Wanted::default() }, Wanted { hdr: true, ..Wanted::default() }] {
-        let submitted = renderer.submit(&scene, &rig, &settings, &[wanted], Some(-8.0), &presentations).unwrap();
+        let submitted = renderer
+            .submit(
+                FrameRequest::new(&scene, &rig)
+                    .settings(&settings)
+                    .wanted(wanted)
+                    .adapted_ev100(-8.0)
+                    .presentations(&presentations),
+            )
+            .unwrap();
         let frame = renderer.finish(submitted).unwrap();
         for (image, expected) in frame.images.iter().zip(&reference.images) {
             assert_eq!(image.display, expected.display.clone().filter(|_| wanted.display));
@@ -504,10 +521,12 @@ fn a_shifted_eye_is_not_taken_for_the_right_one() {
 fn frames_in_two_halves_are_those_of_render_whatever_came_before() {
     let mut renderer = renderer();
     let (rig, settings) = (headset(), settings(StarMethod::Auto));
-    let wanted = [Wanted { display: true, hdr: true, ..Wanted::default() }];
+    let wanted = Wanted::both();
     let scenes = [sky(0.0), sky(1.0), scene(Vec::new()), sky(2.0)];
-    let expected: Vec<Frame> =
-        scenes.iter().map(|scene| renderer.render(scene, &rig, &settings, &wanted, None).unwrap()).collect();
+    let expected: Vec<Frame> = scenes
+        .iter()
+        .map(|scene| renderer.render(FrameRequest::new(scene, &rig).settings(&settings).wanted(wanted)).unwrap())
+        .collect();
     let same = |frame: &Frame, of: &Frame| {
         assert_eq!(frame.exposure_ev100, of.exposure_ev100);
         let drawn = |frame: &Frame| -> Vec<u64> { frame.views.iter().map(|view| view.stars_drawn).collect() };
@@ -518,27 +537,30 @@ fn frames_in_two_halves_are_those_of_render_whatever_came_before() {
     };
     for (index, scene) in scenes.iter().enumerate() {
         renderer.hold(scene, &settings).unwrap();
-        let submitted = renderer.submit(scene, &rig, &settings, &wanted, None, &[]).unwrap();
+        let submitted = renderer.submit(FrameRequest::new(scene, &rig).settings(&settings).wanted(wanted)).unwrap();
         let frame = renderer.finish(submitted).unwrap();
         assert_eq!(frame.number, (expected.len() + index + 1) as u64);
         same(&frame, &expected[index]);
     }
     // A frame that is dropped is waited for and thrown away; one that is overtaken cannot be finished any more.
-    drop(renderer.submit(&scenes[0], &rig, &settings, &wanted, None, &[]).unwrap());
-    let overtaken = renderer.submit(&scenes[1], &rig, &settings, &wanted, None, &[]).unwrap();
-    let submitted = renderer.submit(&scenes[3], &rig, &settings, &wanted, None, &[]).unwrap();
+    drop(renderer.submit(FrameRequest::new(&scenes[0], &rig).settings(&settings).wanted(wanted)).unwrap());
+    let overtaken = renderer.submit(FrameRequest::new(&scenes[1], &rig).settings(&settings).wanted(wanted)).unwrap();
+    let submitted = renderer.submit(FrameRequest::new(&scenes[3], &rig).settings(&settings).wanted(wanted)).unwrap();
     assert!(matches!(renderer.finish(overtaken), Err(RenderError::Abandoned)));
     same(&renderer.finish(submitted).unwrap(), &expected[3]);
-    let held_over = renderer.submit(&scenes[1], &rig, &settings, &wanted, None, &[]).unwrap();
+    let held_over = renderer.submit(FrameRequest::new(&scenes[1], &rig).settings(&settings).wanted(wanted)).unwrap();
     renderer.hold(&scenes[0], &settings).unwrap();
     assert!(matches!(renderer.finish(held_over), Err(RenderError::Abandoned)));
-    same(&renderer.render(&scenes[0], &rig, &settings, &wanted, None).unwrap(), &expected[0]);
+    same(
+        &renderer.render(FrameRequest::new(&scenes[0], &rig).settings(&settings).wanted(wanted)).unwrap(),
+        &expected[0],
+    );
     // What is refused before anything is submitted leaves the frame in flight, and a frame of another renderer is not taken for it.
-    let submitted = renderer.submit(&scenes[1], &rig, &settings, &wanted, None, &[]).unwrap();
-    let refused = renderer.submit(&scenes[1], &rig, &settings, &[], None, &[]).err();
+    let submitted = renderer.submit(FrameRequest::new(&scenes[1], &rig).settings(&settings).wanted(wanted)).unwrap();
+    let refused = renderer.submit(FrameRequest::new(&scenes[1], &rig).settings(&settings).wanted_of_each(&[])).err();
     assert!(matches!(refused, Some(RenderError::WantedCount { given: 0, views: 1 })));
     let mut other = self::renderer();
-    let foreign = other.submit(&scenes[0], &rig, &settings, &wanted, None, &[]).unwrap();
+    let foreign = other.submit(FrameRequest::new(&scenes[0], &rig).settings(&settings).wanted(wanted)).unwrap();
     assert!(matches!(renderer.finish(foreign), Err(RenderError::Abandoned)));
     same(&renderer.finish(submitted).unwrap(), &expected[1]);
 }
@@ -550,7 +572,16 @@ fn textures_that_cannot_be_drawn_into_are_refused_by_name() {
     let mut refused = |viewport: usize, size: [u32; 2], format: wgpu::TextureFormat| {
         let (_texture, view) = target(renderer.gpu(), size, format);
         let presentations = [Presentation { viewport, target: &view, format }];
-        renderer.submit(&scene, &rig, &settings, &[Wanted::default()], None, &presentations).err().unwrap().to_string()
+        renderer
+            .submit(
+                FrameRequest::new(&scene, &rig)
+                    .settings(&settings)
+                    .wanted(Wanted::default())
+                    .presentations(&presentations),
+            )
+            .err()
+            .unwrap()
+            .to_string()
     };
     let message = refused(0, SIZES[0], wgpu::TextureFormat::Rgba8Unorm);
     for part in ["`headset`", "Rgba8Unorm:", "Rgba8UnormSrgb", "Bgra8UnormSrgb", "Rgba16Float"] {
@@ -563,7 +594,11 @@ fn textures_that_cannot_be_drawn_into_are_refused_by_name() {
     // A format that is not the texture's is the driver's to refuse, and does not outlive its frame.
     let (_texture, view) = target(renderer.gpu(), SIZES[0], BYTES);
     let presentations = [Presentation { viewport: 0, target: &view, format: HALVES }];
-    let submitted = renderer.submit(&scene, &rig, &settings, &[Wanted::default()], None, &presentations).unwrap();
+    let submitted = renderer
+        .submit(
+            FrameRequest::new(&scene, &rig).settings(&settings).wanted(Wanted::default()).presentations(&presentations),
+        )
+        .unwrap();
     assert!(matches!(renderer.finish(submitted), Err(RenderError::Gpu(_))));
     rendered(&mut renderer, &scene, &settings, None);
 }

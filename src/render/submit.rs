@@ -4,7 +4,7 @@
 use std::{sync::Arc, time::Instant};
 
 use super::{
-    Frame, Presentation, RenderError, Renderer, Wanted,
+    Frame, FrameRequest, RenderError, Renderer,
     display::check_presentations,
     read::{self, Places},
     sequence,
@@ -14,7 +14,6 @@ use crate::{
     gpu::GpuTimer,
     plan::{Plan, settings::RenderSettings},
     scene::SceneSnapshot,
-    view::Rig,
 };
 
 /// A frame that the device has been given. [`Renderer::finish`] takes it back; one that is dropped instead is thrown away by the
@@ -41,17 +40,9 @@ pub(super) struct InFlight {
 }
 
 impl Renderer {
-    /// Draws all views of `rig`. `wanted` says per view what to read back. With automatic exposure, `adapted_ev100` is
-    /// the exposure to show the frame with; without it the frame is shown as fully adapted.
-    pub fn render(
-        &mut self,
-        snapshot: &SceneSnapshot,
-        rig: &Rig,
-        settings: &RenderSettings,
-        wanted: &[Wanted],
-        adapted_ev100: Option<f64>,
-    ) -> Result<Frame, RenderError> {
-        let submitted = self.submit(snapshot, rig, settings, wanted, adapted_ev100, &[])?;
+    /// Draws all views of a rig and waits for them.
+    pub fn render(&mut self, request: FrameRequest<'_>) -> Result<Frame, RenderError> {
+        let submitted = self.submit(request)?;
         self.finish(submitted)
     }
 
@@ -77,22 +68,15 @@ impl Renderer {
         held.inspect_err(|_| self.forget_buffers())
     }
 
-    /// The first half of [`Renderer::render`]: hands the frame to the device and does not wait for it. Besides what is read back,
-    /// images are drawn into the textures of `presentations`, in the same submission.
+    /// The first half of [`Renderer::render`]: hands the frame to the device and does not wait for it.
     ///
     /// One frame may be in flight: if the last one was not finished, this waits for it and throws it away, and finishing it later is
     /// [`RenderError::Abandoned`]. Had the device failed in it, that is the error here.
-    pub fn submit(
-        &mut self,
-        snapshot: &SceneSnapshot,
-        rig: &Rig,
-        settings: &RenderSettings,
-        wanted: &[Wanted],
-        adapted_ev100: Option<f64>,
-        presentations: &[Presentation<'_>],
-    ) -> Result<SubmittedFrame, RenderError> {
+    pub fn submit(&mut self, request: FrameRequest<'_>) -> Result<SubmittedFrame, RenderError> {
         let start = Instant::now();
         let made = self.gpu.made();
+        let FrameRequest { scene: snapshot, rig, settings, adapted_ev100, presentations, .. } = request;
+        let wanted = request.wanted_views();
         self.limits.check(rig)?;
         if wanted.len() != rig.views().len() {
             return Err(RenderError::WantedCount { given: wanted.len(), views: rig.views().len() });
@@ -102,7 +86,7 @@ impl Renderer {
         (self.planner.culling, self.planner.unit_factor) = (self.culling, self.unit_factor);
         let plan = self.planner.plan(snapshot, rig, settings, adapted_ev100, &self.limits)?;
         self.hold_scene(snapshot, settings)?;
-        let outputs = Outputs { wanted, presentations };
+        let outputs = Outputs { wanted: &wanted, presentations };
         let inputs =
             FrameInputs { plan: &plan, scene: snapshot, settings, outputs, catalogue_order: self.catalogue_order };
         let (commands, places) = self.record(&inputs, rig.views().len());

@@ -43,6 +43,7 @@ impl fmt::Display for StarSource {
 
 /// What happens next, for whoever watches.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum LoadStep {
     /// A catalogue is read or generated.
     Catalogue {
@@ -84,6 +85,7 @@ pub struct LoadReport {
 
 /// Why the stars of a scene cannot be loaded.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum LoadError {
     /// A catalogue's file.
     #[error(transparent)]

@@ -14,6 +14,7 @@ use crate::{catalogue::chunks::StarSet, relativity::MAX_SPEED_C};
 
 /// Why a pose is refused.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum PoseError {
     /// A component is NaN or infinite.
     #[error("{key} = {value:?}: every component must be a finite number")]

@@ -27,6 +27,7 @@ use crate::{
 
 /// Why a call did not succeed.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum ClientError {
     /// The address is none, or nobody answers there.
     #[error("cannot connect to {uri}: {source}")]

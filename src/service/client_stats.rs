@@ -12,6 +12,7 @@ use crate::xr::Distribution;
 
 /// How it stands with a daemon's headset.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum HeadsetStatus {
     /// There is no session.
     Disconnected {

@@ -3,7 +3,7 @@
 use crate::{
     gpu::{AdapterReport, GpuError},
     plan::settings::RenderSettings,
-    render::{Frame, RenderError, Renderer, Wanted},
+    render::{Frame, FrameRequest, RenderError, Renderer, Wanted},
     scene::SceneSnapshot,
     verify::{self, Check, CheckResult},
     view::Rig,
@@ -62,7 +62,9 @@ impl Engine for Renderer {
         wanted: &[Wanted],
         adapted_ev100: Option<f64>,
     ) -> Result<Frame, EngineError> {
-        Renderer::render(self, snapshot, rig, settings, wanted, adapted_ev100).map_err(|error| match error {
+        let request =
+            FrameRequest::new(snapshot, rig).settings(settings).wanted_of_each(wanted).adapted_ev100(adapted_ev100);
+        Renderer::render(self, request).map_err(|error| match error {
             RenderError::Gpu(GpuError::Lost(_)) => EngineError::lost(error),
             error => EngineError::new(error),
         })

@@ -142,6 +142,7 @@ impl ServeOptions {
 
 /// Why the daemon could not start, or ended other than it was told to.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum ServeError {
     /// The address is none.
     #[error("listen = `{listen}`: {problem}; needed is host:port, for example 127.0.0.1:7143, port 0 for a free one")]

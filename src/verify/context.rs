@@ -12,7 +12,7 @@ use crate::{
         settings::{ExposureMode, GlareSettings, RenderSettings, StarMethod},
     },
     reference::stars::{gaussian, point_spread::PointSpreadError},
-    render::{Frame, FrameImage, RenderError, Renderer, Wanted},
+    render::{Frame, FrameImage, FrameRequest, RenderError, Renderer, Wanted},
     scene::SceneSnapshot,
     view::{
         Rig, RigError, ViewImage,
@@ -22,6 +22,7 @@ use crate::{
 
 /// Why a check has no figures.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum CheckError {
     /// A frame could not be rendered.
     #[error(transparent)]
@@ -95,8 +96,7 @@ impl<'a> Context<'a> {
 
     /// Renders the HDR images of all views.
     pub fn render(&mut self, scene: &SceneSnapshot, rig: &Rig) -> Result<Frame, CheckError> {
-        let wanted = vec![Wanted { hdr: true, ..Wanted::default() }; rig.views().len()];
-        Ok(self.renderer.render(scene, rig, &self.settings, &wanted, None)?)
+        Ok(self.renderer.render(FrameRequest::new(scene, rig).settings(&self.settings).wanted(Wanted::hdr()))?)
     }
 
     /// Light of every view of a scene, lx.

@@ -11,6 +11,7 @@ use super::projection::{
 
 /// Why a rig cannot be built.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum RigError {
     /// A view's projection is impossible.
     #[error("view `{view}`: {source}")]
@@ -80,6 +81,7 @@ pub struct Eye {
 
 /// What a view shows, before it is divided into images.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum ViewKind {
     /// A symmetric flat window.
     Perspective {

@@ -9,7 +9,8 @@ use super::{
     error::XrError,
     headset::{Headset, Step},
     host::{Host, Status},
-    statistics::{HeadsetStatistics, Recorder},
+    recorder::Recorder,
+    statistics::HeadsetStatistics,
 };
 use crate::plan::settings::{AfterExit, HeadsetSettings};
 

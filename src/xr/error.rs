@@ -6,6 +6,7 @@ use crate::{gpu::GpuError, render::RenderError};
 
 /// Why a headset cannot be driven, or is not driven any more.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum XrError {
     /// The library through which programs find the runtime is not there.
     #[error(

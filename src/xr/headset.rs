@@ -15,8 +15,8 @@ use super::{
     flight::flight,
     host::{Host, MirroredFrame, Shown, Status},
     input::Input,
+    recorder::{FrameTimings, Recorder},
     runtime::{Runtime, STEREO},
-    statistics::{FrameTimings, Recorder},
     swapchain::Swapchains,
 };
 use crate::{
@@ -25,7 +25,7 @@ use crate::{
         adaptation::Adaptation,
         settings::{HeadsetSettings, ReferenceSpace},
     },
-    render::{Presentation, RenderError, Renderer, SubmittedFrame, Wanted},
+    render::{FrameRequest, Presentation, RenderError, Renderer, SubmittedFrame, Wanted},
     view::{Eye, Fov},
 };
 
@@ -290,8 +290,12 @@ impl Headset {
         });
         let presentation = |viewport| Presentation { viewport, target: &targets[viewport], format };
         let presentations = [presentation(0), presentation(1)];
-        let nothing = [Wanted::default()];
-        let submitted = self.renderer.submit(&shown.snapshot, &rig, &shown.settings, &nothing, None, &presentations);
+        let submitted = self.renderer.submit(
+            FrameRequest::new(&shown.snapshot, &rig)
+                .settings(&shown.settings)
+                .wanted(Wanted::default())
+                .presentations(&presentations),
+        );
         match submitted.and_then(|submitted| self.renderer.finish(submitted)) {
             Ok(_) => Ok(()),
             Err(error) => self.tell(error),
@@ -450,8 +454,13 @@ impl Headset {
         let presentations: Vec<Presentation<'_>> = [0, 1].into_iter().filter_map(presentation).collect();
         let since_drawn_s = self.last_drawn_ns.map_or(0.0, |last| (display_ns - last) as f64 * 1e-9);
         let adapted = self.adaptation.exposure(since_drawn_s, true, &shown.settings.exposure);
-        let submitted =
-            self.renderer.submit(&shown.snapshot, &rig, &shown.settings, &[wanted], adapted, &presentations);
+        let submitted = self.renderer.submit(
+            FrameRequest::new(&shown.snapshot, &rig)
+                .settings(&shown.settings)
+                .wanted(wanted)
+                .adapted_ev100(adapted)
+                .presentations(&presentations),
+        );
         match submitted {
             Ok(submitted) => {
                 self.in_flight = Some(InFlight { submitted, wanted, pose_time });

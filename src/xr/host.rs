@@ -58,6 +58,7 @@ pub struct MirroredFrame {
 
 /// How it stands with the headset.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum Status {
     /// There is no session.
     Disconnected {

@@ -8,25 +8,43 @@
 //! The thread owns a device of its own, which the runtime has made: a headset and the other views of a daemon neither
 //! wait for each other nor fail together, and the runtime may choose another adapter.
 //!
-//! [`drive`] connects, shows frames until the [`Host`] ends it, and connects again when the runtime was lost. [`Headset`] is
-//! one connection, step by step.
+//! `drive` connects, shows frames until the [`Host`] ends it, and connects again when the runtime was lost. `Headset` is
+//! one connection, step by step. Both need the feature `xr`; without it only the types are here that the service tells of a
+//! headset with.
 
+#[cfg(feature = "xr")]
 mod capture;
+#[cfg(feature = "xr")]
 mod drive;
+#[cfg(feature = "xr")]
 mod error;
+#[cfg(feature = "xr")]
 mod eyes;
+#[cfg(feature = "xr")]
 mod flight;
+#[cfg(feature = "xr")]
 mod headset;
 mod host;
+#[cfg(feature = "xr")]
 mod input;
+#[cfg(feature = "xr")]
+mod recorder;
+#[cfg(feature = "xr")]
 mod runtime;
 mod statistics;
+#[cfg(feature = "xr")]
 mod swapchain;
 
-pub use capture::{CapturedImage, CapturedPixels};
-pub use drive::{FirstFailure, drive};
-pub use error::XrError;
-pub use headset::{Headset, HeadsetFrame, Step};
-pub use host::{Flight, Host, MirroredFrame, Shown, Status};
-pub use runtime::{check_set_up, loader};
-pub use statistics::{Distribution, HeadsetStatistics, Recorder};
+#[cfg(feature = "xr")]
+pub use self::{
+    capture::{CapturedImage, CapturedPixels},
+    drive::{FirstFailure, drive},
+    error::XrError,
+    headset::{Headset, HeadsetFrame, Step},
+    recorder::Recorder,
+    runtime::{check_set_up, loader},
+};
+pub use self::{
+    host::{Flight, Host, MirroredFrame, Shown, Status},
+    statistics::{Distribution, HeadsetStatistics},
+};

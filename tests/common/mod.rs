@@ -11,7 +11,7 @@ use steradian::{
     metrics::{self, HdrView},
     plan::settings::{GlareSettings, RenderSettings, StarMethod},
     reference::stars::splat::ReferenceImage,
-    render::{Frame, FrameImage, Renderer, Wanted},
+    render::{Frame, FrameImage, FrameRequest, Renderer, Wanted},
     scene::SceneSnapshot,
     view::{Rig, View, ViewKind, projection::PlaneMapping},
 };
@@ -52,8 +52,9 @@ pub fn settings(method: StarMethod) -> RenderSettings {
 
 /// Renders the HDR images of all views.
 pub fn render_hdr(renderer: &mut Renderer, snapshot: &SceneSnapshot, rig: &Rig, settings: &RenderSettings) -> Frame {
-    let wanted = vec![Wanted { display: false, hdr: true, ..Wanted::default() }; rig.views().len()];
-    renderer.render(snapshot, rig, settings, &wanted, None).expect("the frame renders")
+    renderer
+        .render(FrameRequest::new(snapshot, rig).settings(settings).wanted(Wanted::hdr()))
+        .expect("the frame renders")
 }
 
 /// The HDR image as the metrics see it: solid angles come from f64, not from the shader.

@@ -49,6 +49,7 @@ pub struct GalaxyParameters {
 
 /// Why a galaxy cannot be made.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
+#[non_exhaustive]
 pub enum GalaxyError {
     /// The number of stars is out of range.
     #[error("a synthetic galaxy has 1 to {MOST_STARS} stars, not {stars}")]

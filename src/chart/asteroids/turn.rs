@@ -9,7 +9,7 @@ use crate::{
         timing::{Taken, message_of},
         workloads::rig_of,
     },
-    render::{AsteroidCounts, FrameTimes, Renderer, Wanted},
+    render::{AsteroidCounts, FrameRequest, FrameTimes, Renderer, Wanted},
     scene::{Camera, SceneSnapshot},
     view::Rig,
 };
@@ -115,14 +115,15 @@ pub fn turn(
         ..scene.clone()
     };
     let tiny = rig_of(vec![("tiny", ViewShape::Flat([16, 16]).kind())])?;
-    if let Err(error) =
-        renderer.render(&away, &tiny, &settings, &[Wanted { hdr_stays: true, ..Wanted::default() }], None)
-    {
+    if let Err(error) = renderer.render(
+        FrameRequest::new(&away, &tiny).settings(&settings).wanted(Wanted { hdr_stays: true, ..Wanted::default() }),
+    ) {
         return message_of(error).map(Err);
     }
-    let wanted = vec![Wanted { hdr_stays: true, ..Wanted::default() }; rig.views().len()];
     let start = Instant::now();
-    match renderer.render(scene, rig, &settings, &wanted, None) {
+    match renderer.render(
+        FrameRequest::new(scene, rig).settings(&settings).wanted(Wanted { hdr_stays: true, ..Wanted::default() }),
+    ) {
         Ok(frame) => {
             let parts = Parts::of(&frame.times);
             seen.parts.extend(parts);

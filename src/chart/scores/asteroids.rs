@@ -19,7 +19,7 @@ use crate::{
     metrics::{Overlap, mean_normal_error_rad, overlap},
     photometry::rec709::luminance,
     plan::settings::{AsteroidSettings, ExposureMode, GlareSettings, ImpostorMethod, RenderSettings},
-    render::{Renderer, Wanted},
+    render::{FrameRequest, Renderer, Wanted},
     scene::SceneSnapshot,
 };
 
@@ -95,8 +95,7 @@ fn draw(
     settings.glare = GlareSettings::none();
     settings.exposure.mode = ExposureMode::Manual;
     settings.exposure.ev100 = 12.0;
-    let wanted = [Wanted { hdr: true, ..Wanted::default() }];
-    let frame = renderer.render(scene, &scenes.rig, &settings, &wanted, None)?;
+    let frame = renderer.render(FrameRequest::new(scene, &scenes.rig).settings(&settings).wanted(Wanted::hdr()))?;
     Ok(frame.images.into_iter().filter_map(|image| image.hdr).collect())
 }
 

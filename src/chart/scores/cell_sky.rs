@@ -25,7 +25,7 @@ use crate::{
     },
     plan::settings::{CellSkySettings, StarMethod},
     reference::stars::cell_sky,
-    render::{Renderer, Wanted},
+    render::{FrameRequest, Renderer, Wanted},
     scene::{Camera, SceneSnapshot},
     view::{Rig, ViewKind, projection::PlaneMapping},
 };
@@ -104,8 +104,7 @@ impl Sky<'_> {
             objects: Default::default(),
             camera,
         };
-        let wanted = [Wanted { hdr: true, ..Wanted::default() }];
-        let frame = self.renderer.render(&scene, rig, &settings, &wanted, None)?;
+        let frame = self.renderer.render(FrameRequest::new(&scene, rig).settings(&settings).wanted(Wanted::hdr()))?;
         let frame: Vec<Pixels> = frame.images.into_iter().filter_map(|image| image.hdr).collect();
         pixels_of(&frame, 0).cloned()
     }
@@ -226,8 +225,9 @@ impl Sky<'_> {
     fn order(&mut self, size: ScoringSize, time: std::time::Duration) -> Result<Vec<Score>, Failure> {
         let mut draw = |scene: &super::Scene, ev100: f64| {
             let settings = settings_of(StarMethod::CellSky, ev100, f64::INFINITY);
-            let wanted = [Wanted { hdr: true, ..Wanted::default() }];
-            let frame = self.renderer.render(&scene.snapshot, &scene.rig, &settings, &wanted, None)?;
+            let frame = self
+                .renderer
+                .render(FrameRequest::new(&scene.snapshot, &scene.rig).settings(&settings).wanted(Wanted::hdr()))?;
             Ok(frame.images.into_iter().filter_map(|image| image.hdr).collect())
         };
         let method = StarMethod::CellSky;

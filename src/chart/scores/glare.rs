@@ -14,7 +14,7 @@ use crate::{
     chart::ChartError,
     metrics::{HdrView, log_log_slope, radial_profile, relative_errors, roundness, total_illuminance_lx},
     plan::settings::{ExposureMode, GlareSettings, RenderSettings},
-    render::{Renderer, Wanted},
+    render::{FrameRequest, Renderer, Wanted},
     scene::SceneSnapshot,
     view::{Rig, ViewImage},
 };
@@ -96,9 +96,8 @@ pub(in crate::chart) fn score_glare(
     let glare = GlareSettings { fraction: 1.0, ..settings.clone() };
     let mut all = RenderSettings { glare, ..RenderSettings::default() };
     all.exposure.mode = ExposureMode::Manual;
-    let wanted = [Wanted { hdr: true, ..Wanted::default() }];
     score(scenes, &mut |scene, rig| {
-        let frame = renderer.render(scene, rig, &all, &wanted, None)?;
+        let frame = renderer.render(FrameRequest::new(scene, rig).settings(&all).wanted(Wanted::hdr()))?;
         Ok(frame.images.into_iter().filter_map(|image| image.hdr).collect())
     })
 }

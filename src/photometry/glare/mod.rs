@@ -31,6 +31,7 @@ use super::psf::PsfError;
 /// How scattered light falls off with the angle theta from the source.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, Default, JsonSchema)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum GlareKernelName {
     /// theta^-2.
     #[default]
@@ -57,6 +58,7 @@ pub trait GlareKernel: Send + Sync {
 
 /// Why there is no kernel.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum GlareKernelError {
     /// The kernel `psf` without a file.
     #[error(

@@ -37,6 +37,7 @@ const HUBBLE_PADS: [DVec2; 3] = [DVec2::new(0.8921, 0.0), DVec2::new(-0.4615, 0.
 
 /// An aperture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum Aperture {
     /// A circle.
     Circle,

@@ -58,6 +58,7 @@ pub const WHITE_K: f64 = 6504.0;
 
 /// Why a point-spread function cannot be made, read or written.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum PsfError {
     /// A parameter is not what it must be.
     #[error("{name} = {value}: allowed is {allowed}")]

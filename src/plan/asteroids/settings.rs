@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 /// What replaces the mesh of a distant asteroid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, Default, JsonSchema)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum ImpostorMethod {
     /// `octahedral_blend`.
     #[default]
@@ -51,6 +52,7 @@ impl ImpostorMethod {
 /// Where instances are culled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, Default, JsonSchema)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum Culling {
     /// On the GPU, for all viewports in one pass.
     #[default]

@@ -15,6 +15,7 @@ use crate::plan::stars::method::{MethodSource, StarMethod};
 /// How glare is computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, Default, JsonSchema)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum GlareMethod {
     /// `sky_cube`; `view_pyramid` where no catalogue stars are drawn (`cell_sky`).
     #[default]

@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 
 /// Where a method comes from, as `chart.csv` names it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum MethodSource {
     /// This project.
     Steradian,
@@ -53,6 +54,7 @@ pub enum Accumulator {
 /// How stars are drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, Default, JsonSchema)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum StarMethod {
     /// Per star the cheapest of tent, B-spline and bright kernel whose flicker stays below `accuracy.flicker`.
     #[default]

@@ -23,6 +23,7 @@ pub trait PointSpread: Sync {
 
 /// Why a point-spread function cannot be made.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum PointSpreadError {
     /// A width that is not a positive number, or too wide for the sphere.
     #[error("{what} = {value} rad: allowed is more than 0 and at most {most}")]

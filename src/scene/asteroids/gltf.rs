@@ -38,6 +38,7 @@ pub const MOST_LEVELS: usize = 8;
 
 /// Why shapes cannot be read.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum ShapeError {
     /// No files, or too many.
     #[error("{count} shape files: allowed are 1 to {MOST_SHAPES}")]
@@ -58,6 +59,7 @@ pub enum ShapeError {
 
 /// What is wrong in a shape's file.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum MeshProblem {
     /// It cannot be read.
     #[error("cannot be read: {0}")]

@@ -85,6 +85,7 @@ pub struct FieldParameters {
 
 /// Why a field cannot be drawn.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum FieldError {
     /// A parameter is out of range.
     #[error("{key} = {value}: {allowed}")]

@@ -44,6 +44,7 @@ pub struct FieldSpec {
 
 /// Why a field cannot be made.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum SpecError {
     /// Name, place, orientation or albedo are out of range.
     #[error(transparent)]

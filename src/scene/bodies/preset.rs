@@ -18,6 +18,7 @@ use crate::{photometry::rec709::luminance, units::SOLAR_TEMPERATURE_K};
 /// A body of the Solar System.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum Preset {
     /// The Sun.
     Sun,

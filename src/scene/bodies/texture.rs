@@ -26,6 +26,7 @@ pub const MOST_TEXELS: u64 = 1 << 27;
 
 /// Why a texture cannot be had.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum TextureError {
     /// The file cannot be read.
     #[error("cannot read the texture {}: {source}", path.display())]

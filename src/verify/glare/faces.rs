@@ -16,7 +16,7 @@ use crate::{
     gpu::{Gpu, GpuOptions},
     photometry::glare::GlareKernel,
     plan::settings::ExposureMode,
-    render::{Frame, FrameImage, Renderer, Wanted},
+    render::{Frame, FrameImage, FrameRequest, Renderer, Wanted},
     scene::SceneSnapshot,
     view::{Rig, ViewKind, projection::FisheyeMapping},
 };
@@ -44,8 +44,8 @@ pub(in crate::verify) fn cut_into_faces(context: &mut Context<'_>) -> Result<Vec
     let kernel = context.expected_kernel()?;
     context.scatter_all();
     let all = rig(whole_spheres().into_iter().chain([("again", whole_spheres()[1].1.clone())]))?;
-    let wanted = vec![Wanted { display: true, hdr: true, ..Wanted::default() }; all.views().len()];
-    let frame = context.renderer.render(&scene, &all, &context.settings, &wanted, None)?;
+    let frame =
+        context.renderer.render(FrameRequest::new(&scene, &all).settings(&context.settings).wanted(Wanted::both()))?;
     let (between, upright) = between_views(&scene, &all, &frame, &*kernel)?;
 
     // Two views of one frame that look alike are alike, bit for bit, on the display too.
@@ -125,8 +125,7 @@ fn strips(context: &mut Context<'_>, scene: &SceneSnapshot) -> Result<f64, Check
         ..GpuOptions::default()
     };
     let mut renderer = Renderer::new(Gpu::open(&options)?);
-    let wanted = vec![Wanted { hdr: true, ..Wanted::default() }; rig.views().len()];
-    let cut = renderer.render(scene, &rig, &context.settings, &wanted, None)?;
+    let cut = renderer.render(FrameRequest::new(scene, &rig).settings(&context.settings).wanted(Wanted::hdr()))?;
     let mut different = 0.0;
     for (one, other) in whole.images.iter().zip(&cut.images) {
         different += different_pixels(one, other)?;

@@ -12,7 +12,7 @@ use super::{
 };
 use crate::{
     catalogue::StarRecord,
-    render::Wanted,
+    render::{FrameRequest, Wanted},
     scene::SceneSnapshot,
     view::{
         Rig, View, ViewKind,
@@ -88,10 +88,11 @@ pub(in crate::verify) fn night_to_sun(context: &mut Context<'_>) -> Result<Vec<F
         ("equirectangular", ViewKind::Equirectangular { size: [256, 128] }),
     ])?;
     context.scatter_all();
-    let wanted = vec![Wanted { display: true, hdr: true, ..Wanted::default() }; rig.views().len()];
     let (mut not_finite, mut frames) = (0, Vec::new());
     for scene in &scenes {
-        let frame = context.renderer.render(scene, &rig, &context.settings, &wanted, None)?;
+        let frame = context
+            .renderer
+            .render(FrameRequest::new(scene, &rig).settings(&context.settings).wanted(Wanted::both()))?;
         not_finite += u64::from(!frame.exposure_ev100.is_finite());
         for image in &frame.images {
             not_finite += hdr_pixels(image)?.iter().flatten().filter(|value| !value.is_finite()).count() as u64;

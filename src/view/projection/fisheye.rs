@@ -20,6 +20,7 @@ use super::{
 
 /// How the angle from the axis becomes a radius.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum FisheyeMapping {
     /// Radius proportional to the angle.
     Equidistant,

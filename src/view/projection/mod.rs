@@ -21,6 +21,7 @@ pub use perspective::Perspective;
 
 /// Why a projection cannot be built.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum ProjectionError {
     /// A side of the image is zero.
     #[error("size {width} x {height}: both sides must be at least 1 pixel")]
@@ -160,6 +161,7 @@ pub fn pixel_centre(x: u32, y: u32) -> DVec2 {
 
 /// The projections that the GPU knows.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum Projection {
     /// Flat image plane, symmetric or off-axis.
     Perspective(Perspective),

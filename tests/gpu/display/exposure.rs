@@ -13,7 +13,7 @@ use steradian::{
         rec709::luminance,
     },
     plan::settings::{RenderSettings, StarMethod, ToneMapSettings},
-    render::{Frame, Renderer, Wanted},
+    render::{Frame, FrameRequest, Renderer, Wanted},
     scene::SceneSnapshot,
     view::{
         Fov, Rig, ViewKind,
@@ -57,8 +57,9 @@ fn render(
     settings: &RenderSettings,
     adapted: Option<f64>,
 ) -> Frame {
-    let wanted = vec![Wanted { display: true, hdr: true, ..Wanted::default() }; rig.views().len()];
-    renderer.render(scene, rig, settings, &wanted, adapted).unwrap()
+    renderer
+        .render(FrameRequest::new(scene, rig).settings(settings).wanted(Wanted::both()).adapted_ev100(adapted))
+        .unwrap()
 }
 
 /// Luminance and solid angle, from f64, of every pixel of a frame.
@@ -220,7 +221,6 @@ fn from_night_to_the_sun_and_back_no_frame_is_bad() {
     let night = snapshot(stars().collect());
     let day = snapshot(stars().chain([star(glam::DVec3::new(0.2, 0.1, -1.0), -26.7)]).collect());
     let settings = RenderSettings::default();
-    let wanted = [Wanted { display: true, hdr: true, ..Wanted::default() }];
     // Exposures at every tenth of a second from the first frame with the Sun on, and from the first without it.
     let mut run = |rate_hz: u32| {
         let mut eye = Adaptation::default();
@@ -233,7 +233,11 @@ fn from_night_to_the_sun_and_back_no_frame_is_bad() {
             for frame in 0..frames {
                 let dt_s = 1.0 / f64::from(rate_hz);
                 let ev100 = eye.exposure(dt_s, frame == 0, &settings.exposure);
-                let drawn = renderer.render(scene, &rig, &settings, &wanted, ev100).unwrap();
+                let drawn = renderer
+                    .render(
+                        FrameRequest::new(scene, &rig).settings(&settings).wanted(Wanted::both()).adapted_ev100(ev100),
+                    )
+                    .unwrap();
                 let (shown, metered) = (drawn.exposure_ev100, drawn.metered_ev100);
                 assert!(shown.is_finite() && metered.is_finite());
                 goal = metered;

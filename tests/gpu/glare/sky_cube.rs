@@ -8,7 +8,7 @@ use steradian::{
     photometry::glare::GlareKernelName,
     plan::PlanError,
     plan::settings::{GlareMethod, GlareSettings, RenderSettings, StarMethod},
-    render::{RenderError, Renderer, Wanted},
+    render::{FrameRequest, RenderError, Renderer, Wanted},
     scene::SceneSnapshot,
     units::PARSEC_M,
     verify::scenes::{fisheye, star_at},
@@ -171,8 +171,9 @@ fn a_table_that_ends_gives_light_where_it_has_some() {
 fn the_glare_of_stars_that_are_not_drawn_is_refused() {
     let mut settings = scattered();
     settings.stars.method = StarMethod::CellSky;
-    let wanted = vec![Wanted { hdr: true, ..Wanted::default() }; 2];
-    let error = renderer().render(&crowd(10), &views(), &settings, &wanted, None).unwrap_err();
+    let error = renderer()
+        .render(FrameRequest::new(&crowd(10), &views()).settings(&settings).wanted(Wanted::hdr()))
+        .unwrap_err();
     assert!(matches!(error, RenderError::Plan(PlanError::GlareOfCatalogue("cell_sky"))), "{error}");
     assert!(error.to_string().contains("view_pyramid"));
 }

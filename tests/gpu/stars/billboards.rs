@@ -26,7 +26,7 @@ use steradian::{
         billboards::{self, Images},
         splat::Eye,
     },
-    render::{Frame, RenderError, Renderer, Wanted},
+    render::{Frame, FrameRequest, RenderError, Renderer, Wanted},
     scene::SceneSnapshot,
     units::{illuminance_lx_from_magnitude, magnitude_from_illuminance_lx},
     view::{
@@ -477,9 +477,14 @@ fn a_narrow_fisheye_is_drawn_on_one_face_and_vast_faces_are_refused() {
     assert!(difference(&frame, 0, &twin(&scene, &narrow, 0, &settings)) < 1e-3);
 
     let vast = lens(10_900, 95.0);
-    let wanted = [Wanted { hdr_stays: true, ..Wanted::default() }];
     assert!(renderer.check(&vast).is_ok(), "the picture itself fits");
-    let error = renderer.render(&scene, &vast, &settings, &wanted, None).expect_err("six faces do not fit");
+    let error = renderer
+        .render(
+            FrameRequest::new(&scene, &vast)
+                .settings(&settings)
+                .wanted(Wanted { hdr_stays: true, ..Wanted::default() }),
+        )
+        .expect_err("six faces do not fit");
     assert!(matches!(&error, RenderError::Plan(PlanError::TooManyPixels { view, .. }) if view == "lens"), "{error}");
 }
 
@@ -549,9 +554,10 @@ fn a_point_spread_function_comes_from_a_file_or_fails_one_frame() {
     let light = |frame: &Frame| frame.images[0].hdr.clone().expect("asked for");
     let expected = light(&render_hdr(&mut renderer, &scene, &rig, &computed));
 
-    let wanted = [Wanted { hdr: true, ..Wanted::default() }];
     let missing = with_file(folder.path().join("missing.exr"));
-    let error = renderer.render(&scene, &rig, &missing, &wanted, None).expect_err("no such file");
+    let error = renderer
+        .render(FrameRequest::new(&scene, &rig).settings(&missing).wanted(Wanted::hdr()))
+        .expect_err("no such file");
     assert!(
         matches!(&error, RenderError::Plan(PlanError::Psf(PsfError::Read { .. })))
             && error.to_string().contains("missing.exr")

@@ -7,8 +7,7 @@ use steradian::{
     plan::PlanError,
     plan::settings::{CellSkySettings, ExposureMode, StarMethod},
     reference::stars::cell_sky,
-    render::RenderError,
-    render::Shader,
+    render::{FrameRequest, RenderError, Shader},
     scene::{Camera, SceneSnapshot},
     view::{
         Rig, View, ViewKind,
@@ -249,6 +248,6 @@ fn strips_change_nothing_and_a_moving_camera_is_refused() {
     assert!(whole.mean_luminance_cd_m2 > 0.0);
     let camera = Camera { velocity_c: DVec3::X * 0.5, ..Camera::default() };
     let moving = SceneSnapshot { camera, ..scene };
-    let error = strips.render(&moving, &rig, &settings, &[steradian::render::Wanted::default()], None).unwrap_err();
+    let error = strips.render(FrameRequest::new(&moving, &rig).settings(&settings)).unwrap_err();
     assert!(matches!(error, RenderError::Plan(PlanError::AtRestOnly("cell_sky"))), "{error}");
 }

@@ -7,7 +7,7 @@ use steradian::{
     gpu::GpuOptions,
     photometry::rec709::luminance,
     plan::settings::StarMethod,
-    render::{RenderError, Wanted},
+    render::{FrameRequest, RenderError, Wanted},
     units::illuminance_lx_from_magnitude,
     view::{
         ViewKind,
@@ -75,10 +75,10 @@ fn a_provoked_overflow_is_reported() {
         let mut renderer = renderer_with(&GpuOptions { force_u32_accumulator, ..Default::default() });
         let rig = rig(vec![("v", ViewKind::Perspective { size: [9, 9], fov_y_rad: 0.5 })]);
         let scene = snapshot(vec![star(DVec3::NEG_Z, 2.0); 4096]);
-        let wanted = [Wanted { display: false, hdr: true, ..Wanted::default() }];
         let mut render = |factor: f64| {
             renderer.unit_factor = factor;
-            renderer.render(&scene, &rig, &settings(StarMethod::BSpline), &wanted, None)
+            renderer
+                .render(FrameRequest::new(&scene, &rig).settings(&settings(StarMethod::BSpline)).wanted(Wanted::hdr()))
         };
         let expected = 4096.0 * illuminance_lx_from_magnitude(2.0);
         assert!((total_illuminance_lx(&render(1.0).expect("in range"), &rig) / expected - 1.0).abs() < 1e-3);
@@ -220,9 +220,10 @@ fn five_frames_are_identical() {
     let mut renderer = renderer();
     let scene = snapshot(spiral(20_000).enumerate().map(|(i, d)| star(d, (i % 12) as f32)).collect());
     let rig = rig(vec![("a", ViewKind::Equirectangular { size: [256, 128] }), ("b", all_views()[5].1.clone())]);
-    let wanted = [Wanted { display: true, hdr: true, ..Wanted::default() }; 2];
     let mut frames = (0..5).map(|_| {
-        let frame = renderer.render(&scene, &rig, &settings(StarMethod::Auto), &wanted, None).expect("renders");
+        let frame = renderer
+            .render(FrameRequest::new(&scene, &rig).settings(&settings(StarMethod::Auto)).wanted(Wanted::both()))
+            .expect("renders");
         let images: Vec<_> = frame.images.into_iter().map(|image| (image.hdr, image.display)).collect();
         (frame.exposure_ev100, images)
     });
@@ -255,7 +256,9 @@ fn both_ways_to_the_display_image_agree() {
         settings.tone_map = tone_map;
         let operator = tone_map.operator;
         let mut render = |wanted: Wanted, ev100: Option<f64>| {
-            renderer.render(&scene, &rig, &settings, &[wanted; 2], ev100).expect("the frame renders")
+            renderer
+                .render(FrameRequest::new(&scene, &rig).settings(&settings).wanted(wanted).adapted_ev100(ev100))
+                .expect("the frame renders")
         };
         let metered = render(Wanted { display: true, hdr: true, ..Wanted::default() }, None);
         let known = render(Wanted { display: true, hdr: false, ..Wanted::default() }, Some(metered.exposure_ev100));
@@ -287,9 +290,10 @@ fn cut_into_strips_and_batches_the_picture_is_the_same() {
     let scene = snapshot(spiral(6000).enumerate().map(|(i, d)| star(d, (i % 14) as f32)).collect());
     let rig = rig(all_views());
     let images = |options: &GpuOptions| {
-        let wanted = vec![Wanted { display: true, hdr: true, ..Wanted::default() }; rig.views().len()];
         let mut renderer = renderer_with(options);
-        let frame = renderer.render(&scene, &rig, &settings(StarMethod::BSpline), &wanted, None).expect("renders");
+        let frame = renderer
+            .render(FrameRequest::new(&scene, &rig).settings(&settings(StarMethod::BSpline)).wanted(Wanted::both()))
+            .expect("renders");
         let drawn: Vec<u64> = frame.views.iter().map(|view| view.stars_drawn).collect();
         (frame.images.into_iter().map(|image| (image.part, image.hdr)).collect::<Vec<_>>(), drawn)
     };
@@ -308,10 +312,10 @@ fn a_single_star_beyond_the_range_is_reported() {
     for force_u32_accumulator in [false, true] {
         let mut renderer = renderer_with(&GpuOptions { force_u32_accumulator, ..Default::default() });
         let rig = rig(vec![("v", ViewKind::Perspective { size: [9, 9], fov_y_rad: 0.5 })]);
-        let wanted = [Wanted { display: false, hdr: true, ..Wanted::default() }];
         renderer.unit_factor = 1e6;
         let scene = snapshot(vec![star(DVec3::NEG_Z, 2.0)]);
-        let result = renderer.render(&scene, &rig, &settings(StarMethod::BSpline), &wanted, None);
+        let result = renderer
+            .render(FrameRequest::new(&scene, &rig).settings(&settings(StarMethod::BSpline)).wanted(Wanted::hdr()));
         assert!(matches!(result, Err(RenderError::Overflow(count)) if count > 0));
     }
 }
@@ -414,9 +418,12 @@ fn nothing_of_a_frame_is_left_in_the_next() {
                 (StarMethod::HardwarePoint, 1.0, false),
                 (StarMethod::CellSky, 1.0, true),
             ] {
-                let wanted = vec![Wanted { hdr, ..Wanted::default() }; before.views().len()];
                 used.unit_factor = unit_factor;
-                let frame = used.render(&bright, before, &settings(method), &wanted, None);
+                let frame = used.render(
+                    FrameRequest::new(&bright, before)
+                        .settings(&settings(method))
+                        .wanted(Wanted { hdr, ..Wanted::default() }),
+                );
                 used.unit_factor = 1.0;
                 let overflowed = matches!(frame, Err(RenderError::Overflow(_)));
                 assert!(frame.is_ok() != overflowed && overflowed == (unit_factor > 1.0), "{}", method.name());

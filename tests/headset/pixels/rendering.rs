@@ -9,7 +9,7 @@ use steradian::{
         tone_map::{ToneMapSettings, linear_from_srgb},
     },
     plan::settings::{RenderSettings, SwapchainFormat, SwapchainLayout},
-    render::{Frame, Renderer, Wanted},
+    render::{Frame, FrameRequest, Renderer, Wanted},
     scene::SceneSnapshot,
     view::Eye,
     xr::CapturedPixels,
@@ -126,8 +126,7 @@ fn difference_from_frame(shot: &Shot, eye: usize, frame: &Frame, of: usize, tone
 }
 
 fn render(renderer: &mut Renderer, scene: &(SceneSnapshot, RenderSettings), eyes: [Eye; 2]) -> Frame {
-    let wanted = [Wanted { display: true, hdr: true, ..Wanted::default() }];
-    renderer.render(&scene.0, &rig(eyes), &scene.1, &wanted, None).unwrap()
+    renderer.render(FrameRequest::new(&scene.0, &rig(eyes)).settings(&scene.1).wanted(Wanted::both())).unwrap()
 }
 
 /// The same eyes, turned by a tenth of a degree.

@@ -8,7 +8,7 @@ use steradian::{
     gpu::{Gpu, GpuOptions},
     photometry::{exposure::white_luminance_cd_m2, rec709::luminance},
     plan::settings::{GlareSettings, SwapchainFormat, SwapchainLayout},
-    render::{Renderer, Wanted},
+    render::{FrameRequest, Renderer, Wanted},
     units::illuminance_lx_from_magnitude,
     view::{
         Eye, Rig, View, ViewKind,
@@ -54,8 +54,7 @@ fn alone_ev100(renderer: &mut Renderer, assignment: &Assignment, eye: &Eye) -> f
     let (scene, settings) = assignment.load();
     let kind = ViewKind::OffAxis { size: eye.size, fov: eye.fov };
     let rig = Rig::new(vec![View::new("eye", kind, eye.room_from_eye, eye.position_m).unwrap()]).unwrap();
-    let wanted = [Wanted { hdr: true, ..Wanted::default() }];
-    renderer.render(&scene, &rig, &settings, &wanted, None).unwrap().exposure_ev100
+    renderer.render(FrameRequest::new(&scene, &rig).settings(&settings).wanted(Wanted::hdr())).unwrap().exposure_ev100
 }
 
 /// Metered over both eyes, which see different parts of the sky, and used for both.

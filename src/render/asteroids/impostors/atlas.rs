@@ -33,6 +33,7 @@ const VERSION: u32 = 1;
 
 /// Why an atlas cannot be made.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum ImpostorAtlasError {
     /// It would be too large.
     #[error(

@@ -1,0 +1,89 @@
+//! What a frame is asked to be: the scene, the views, and options.
+
+use std::{borrow::Cow, sync::LazyLock};
+
+use super::{Presentation, Wanted};
+#[cfg(doc)]
+use super::{RenderError, Renderer};
+use crate::{plan::settings::RenderSettings, scene::SceneSnapshot, view::Rig};
+
+/// What frames without settings of their own are drawn with.
+static DEFAULT_SETTINGS: LazyLock<RenderSettings> = LazyLock::new(RenderSettings::default);
+
+/// One frame of all views of a rig, for [`Renderer::render`] and [`Renderer::submit`].
+///
+/// Without options it is drawn with the default [`RenderSettings`], the display image of every view is read back, and
+/// automatic exposure shows it as to an eye that has fully adapted.
+///
+/// ```
+/// # use steradian::{FrameRequest, Rig, SceneSnapshot, Wanted};
+/// # fn requests(scene: &SceneSnapshot, rig: &Rig) {
+/// let shown = FrameRequest::new(scene, rig);
+/// let measured = FrameRequest::new(scene, rig).wanted(Wanted::hdr()).adapted_ev100(-3.0);
+/// # }
+/// ```
+#[derive(Clone, Copy, Debug)]
+#[must_use = "a request draws nothing: hand it to a renderer"]
+pub struct FrameRequest<'a> {
+    pub(super) scene: &'a SceneSnapshot,
+    pub(super) rig: &'a Rig,
+    pub(super) settings: &'a RenderSettings,
+    pub(super) adapted_ev100: Option<f64>,
+    pub(super) presentations: &'a [Presentation<'a>],
+    wanted: WantedViews<'a>,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum WantedViews<'a> {
+    Every(Wanted),
+    Each(&'a [Wanted]),
+}
+
+impl<'a> FrameRequest<'a> {
+    /// The display images of all views of `rig`, which is at the camera of `scene`.
+    pub fn new(scene: &'a SceneSnapshot, rig: &'a Rig) -> Self {
+        Self {
+            scene,
+            rig,
+            settings: &DEFAULT_SETTINGS,
+            adapted_ev100: None,
+            presentations: &[],
+            wanted: WantedViews::Every(Wanted::display()),
+        }
+    }
+
+    /// How it is drawn.
+    pub fn settings(self, settings: &'a RenderSettings) -> Self {
+        Self { settings, ..self }
+    }
+
+    /// What to read back of every view.
+    pub fn wanted(self, wanted: Wanted) -> Self {
+        Self { wanted: WantedViews::Every(wanted), ..self }
+    }
+
+    /// What to read back of each view, in the order of the rig. A frame is refused with [`RenderError::WantedCount`] where there
+    /// are not as many as views.
+    pub fn wanted_of_each(self, wanted: &'a [Wanted]) -> Self {
+        Self { wanted: WantedViews::Each(wanted), ..self }
+    }
+
+    /// With automatic exposure, the exposure to show the frame with (EV at ISO 100): that of an eye that adapts over time.
+    /// `None` is the same as no such call.
+    pub fn adapted_ev100(self, adapted_ev100: impl Into<Option<f64>>) -> Self {
+        Self { adapted_ev100: adapted_ev100.into(), ..self }
+    }
+
+    /// Textures to draw images into, in the same submission, besides what is read back.
+    pub fn presentations(self, presentations: &'a [Presentation<'a>]) -> Self {
+        Self { presentations, ..self }
+    }
+
+    /// What to read back, view by view.
+    pub(super) fn wanted_views(&self) -> Cow<'a, [Wanted]> {
+        match self.wanted {
+            WantedViews::Every(wanted) => Cow::Owned(vec![wanted; self.rig.views().len()]),
+            WantedViews::Each(wanted) => Cow::Borrowed(wanted),
+        }
+    }
+}
