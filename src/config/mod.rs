@@ -12,6 +12,7 @@ mod error;
 mod glare;
 mod headset;
 mod limits;
+mod overlay;
 mod overrides;
 mod scene;
 mod server;
@@ -24,6 +25,7 @@ pub use asteroids::{FieldConfig, FieldShape};
 pub use bodies::{BodyConfig, EmissionConfig, SpinConfig};
 pub use error::ConfigError;
 use error::{Fault, join};
+pub use overlay::{GridConfig, LabelConfig, OverlayConfig, TrajectoryConfig};
 pub use scene::{CameraConfig, CatalogueConfig, GalaxyConfig, SceneConfig};
 use serde::Deserialize;
 pub use server::{ServerConfig, parse_listen};
@@ -42,6 +44,7 @@ use crate::plan::settings::{
 use crate::scene::asteroids::{FieldSpec, SpecError, check_fields, make_fields};
 use crate::scene::bodies::{MOST_BODIES, check_names, check_suns};
 use crate::scene::loader::StarSource;
+use crate::scene::overlay::Overlay;
 use crate::scene::{Camera, SceneObjects};
 use crate::view::Rig;
 
@@ -63,6 +66,8 @@ pub struct Config {
     pub bodies: Vec<BodyConfig>,
     /// `[[asteroid_fields]]`.
     pub asteroid_fields: Vec<FieldConfig>,
+    /// `[overlay]`.
+    pub overlay: OverlayConfig,
     /// `[asteroids]`.
     pub asteroids: AsteroidSettings,
     /// `[stars]`.
@@ -93,6 +98,8 @@ struct Sections {
     bodies: Vec<Table>,
     #[serde(default)]
     asteroid_fields: Vec<Table>,
+    #[serde(default)]
+    overlay: OverlayConfig,
     #[serde(default)]
     asteroids: AsteroidSettings,
     #[serde(default)]
@@ -172,6 +179,7 @@ impl Config {
             views,
             bodies,
             asteroid_fields,
+            overlay: sections.overlay,
             asteroids,
             stars,
             glare,
@@ -195,6 +203,7 @@ impl Config {
         limits::check_accuracy(&config.accuracy).map_err(|fault| fault.within("accuracy"))?;
         headset::check(&config.headset).map_err(|fault| fault.within("headset"))?;
         config.build_rig()?;
+        config.build_overlay()?;
         headset::check_views(&config.headset, &config.views).map_err(|fault| fault.within("headset"))?;
         Ok(config)
     }
@@ -209,6 +218,12 @@ impl Config {
             views.push(config.view().map_err(|fault| VIEWS.fault(index, Some(&config.name), fault))?);
         }
         Rig::new(views).map_err(|error| Fault::new("views", error.to_string()))
+    }
+
+    fn build_overlay(&self) -> Result<Overlay, Fault> {
+        let patterned = self.views.iter().filter(|view| view.test_pattern);
+        let names = patterned.map(|view| view.name.clone()).collect();
+        self.overlay.overlay(names).map_err(|fault| fault.within("overlay"))
     }
 
     fn error(&self, fault: Fault) -> ConfigError {
@@ -271,7 +286,8 @@ impl Config {
             self.error(self.fault_of_field(index, asteroids::spec_fault(&error)))
         })?;
         let fields = made.into_iter().map(|made| made.field).collect();
-        Ok(SceneObjects { bodies, fields, time_s: self.scene.time_s() })
+        let overlay = Arc::new(self.build_overlay().map_err(|fault| self.error(fault))?);
+        Ok(SceneObjects { bodies, fields, time_s: self.scene.time_s(), overlay })
     }
 
     /// The star catalogues, with paths that start at the working directory or the root.

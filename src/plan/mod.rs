@@ -19,6 +19,7 @@ pub mod glare_sky;
 mod headset;
 mod kernels;
 pub mod object_glare;
+pub mod overlay;
 pub mod range;
 pub mod settings;
 mod star_method;
