@@ -10,6 +10,7 @@
 //! - `glare`: what light scatters into every direction, source by source;
 //! - `asteroids`: fields of asteroids, ray by ray against their meshes;
 //! - `impostors`: atlases of asteroids, what a method shows of them, and the mesh itself;
+//! - `overlay`: lines and text over display images;
 //! - `triangle_solid_angle`: a published way to a pixel's solid angle, in the arithmetic of a shader.
 
 pub mod asteroids;
@@ -20,6 +21,7 @@ pub mod gaussian;
 pub mod glare;
 pub mod glare_pyramid;
 pub mod impostors;
+pub mod overlay;
 pub mod packed;
 pub mod point_spread;
 pub mod sky;

@@ -16,6 +16,8 @@ mod pattern;
 pub mod text;
 pub mod trace;
 
+use std::sync::Arc;
+
 use glam::{DMat3, DVec2, DVec3};
 
 use self::{
@@ -27,7 +29,8 @@ use crate::{
     relativity::Motion,
     scene::{
         Camera, SceneObjects,
-        overlay::{Colour, LineStyle},
+        bodies::Body,
+        overlay::{Colour, LineStyle, Overlay},
     },
     view::Viewport,
 };
@@ -146,19 +149,67 @@ pub struct OverlayInputs<'a> {
     pub views: &'a [String],
 }
 
-/// Makes plans, and keeps bitmaps of glyphs from one to the next.
+/// Makes plans. Keeps the last one, for frames in which nothing moves, and bitmaps of glyphs; plans do not depend on what is kept.
 #[derive(Debug, Default)]
 pub struct OverlayPlanner {
     glyphs: GlyphCache,
+    last: Option<LastPlan>,
+}
+
+/// What a plan was made of.
+#[derive(Debug)]
+struct LastPlan {
+    overlay: Arc<Overlay>,
+    bodies: Vec<Arc<Body>>,
+    camera: Camera,
+    viewports: Vec<Viewport>,
+    views: Vec<String>,
+    plan: Arc<OverlayPlan>,
+}
+
+impl LastPlan {
+    fn is_of(&self, inputs: &OverlayInputs<'_>) -> bool {
+        let camera = Camera { revision: self.camera.revision, ..*inputs.camera };
+        let bodies = &inputs.objects.bodies;
+        let same_bodies =
+            self.bodies.len() == bodies.len() && self.bodies.iter().zip(bodies).all(|(a, b)| Arc::ptr_eq(a, b));
+        Arc::ptr_eq(&self.overlay, &inputs.objects.overlay)
+            && same_bodies
+            && self.camera == camera
+            && self.viewports == inputs.viewports
+            && self.views == inputs.views
+    }
 }
 
 impl OverlayPlanner {
-    /// Plans a frame.
-    pub fn plan(&mut self, inputs: &OverlayInputs<'_>) -> Result<OverlayPlan, OverlayPlanError> {
-        let overlay = &inputs.objects.overlay;
-        if overlay.is_empty() {
-            return Ok(OverlayPlan::default());
+    /// Plans a frame. `None`: nothing is drawn over any image. A frame like the last one has the same plan, in the same place.
+    ///
+    /// # Errors
+    ///
+    /// There is more to draw than one frame can hold.
+    pub fn plan(&mut self, inputs: &OverlayInputs<'_>) -> Result<Option<Arc<OverlayPlan>>, OverlayPlanError> {
+        if inputs.objects.overlay.is_empty() {
+            *self = Self::default();
+            return Ok(None);
         }
+        if let Some(last) = self.last.as_ref().filter(|last| last.is_of(inputs)) {
+            return Ok(Some(Arc::clone(&last.plan)));
+        }
+        self.last = None;
+        let plan = Arc::new(self.make(inputs)?);
+        self.last = Some(LastPlan {
+            overlay: Arc::clone(&inputs.objects.overlay),
+            bodies: inputs.objects.bodies.clone(),
+            camera: *inputs.camera,
+            viewports: inputs.viewports.to_vec(),
+            views: inputs.views.to_vec(),
+            plan: Arc::clone(&plan),
+        });
+        Ok(Some(plan))
+    }
+
+    fn make(&mut self, inputs: &OverlayInputs<'_>) -> Result<OverlayPlan, OverlayPlanError> {
+        let overlay = &inputs.objects.overlay;
         let mut drawing = Drawing { items: Vec::new(), stroke: 0, texels: Vec::new(), glyphs: &mut self.glyphs };
         drawing.glyphs.begin();
         let mut first_items = Vec::with_capacity(inputs.viewports.len() + 1);

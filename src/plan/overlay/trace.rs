@@ -20,6 +20,8 @@ const MOST_SPAN_RAD: f64 = PI / 32.0;
 const FIRST_SPAN_RAD: f64 = PI / 4.0;
 /// Pieces that are shorter are not cut.
 const LEAST_SPAN_RAD: f64 = 1e-8;
+/// How far lines go on where nobody sees them, pixels.
+const BORDER_PX: f64 = 16.0;
 /// The shortest piece that may be a jump, pixels.
 const JUMP_PX: f64 = 1.0;
 
@@ -147,7 +149,7 @@ impl<'a> Tracer<'a> {
 
     fn add(&mut self, [mut start, mut end]: [DVec2; 2], nearness: [f64; 2]) {
         let Some(width) = self.wrap_px else {
-            self.pieces.push(Piece { ends: [start, end], nearness });
+            self.push([start, end], nearness);
             return;
         };
         let turns = ((start.x + end.x) / 2.0 / width).floor() * width;
@@ -157,9 +159,36 @@ impl<'a> Tracer<'a> {
             let ends = [start, end].map(|point| point + DVec2::new(shift, 0.0));
             let (least, most) = (ends[0].x.min(ends[1].x), ends[0].x.max(ends[1].x));
             if shift == 0.0 || (least - self.margin_px < width && most + self.margin_px > 0.0) {
-                self.pieces.push(Piece { ends, nearness });
+                self.push(ends, nearness);
             }
         }
+    }
+
+    /// Adds what of a piece lies within [`BORDER_PX`] of where it may be seen, so that no coordinate is too large for f32.
+    fn push(&mut self, [start, end]: [DVec2; 2], nearness: [f64; 2]) {
+        let margin = DVec2::splat(self.margin_px + BORDER_PX);
+        let (least, most) = (-margin, self.size + margin);
+        let along = end - start;
+        let mut parts = [0.0_f64, 1.0];
+        for axis in 0..2 {
+            if along[axis] == 0.0 {
+                if !(least[axis]..=most[axis]).contains(&start[axis]) {
+                    return;
+                }
+                continue;
+            }
+            let crossings = [least[axis], most[axis]].map(|border| (border - start[axis]) / along[axis]);
+            parts[0] = parts[0].max(crossings[0].min(crossings[1]));
+            parts[1] = parts[1].min(crossings[0].max(crossings[1]));
+        }
+        if parts[0] > parts[1] {
+            return;
+        }
+        let ends = parts.map(|part| if part == 1.0 { end } else { start + along * part });
+        let between = |part: f64| {
+            if nearness[0] == nearness[1] { nearness[0] } else { nearness[0] + (nearness[1] - nearness[0]) * part }
+        };
+        self.pieces.push(Piece { ends, nearness: parts.map(between) });
     }
 }
 
