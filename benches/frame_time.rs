@@ -11,12 +11,12 @@ use steradian::{
         galaxy::{GalaxyParameters, generate},
     },
     coordinates::icrs_from_galactic,
-    frame::{FrameTimes, Renderer, Wanted},
     gpu::{Gpu, GpuOptions},
     plan::{
-        cull::{CullSettings, SPLAT_MARGIN_PX, visible_chunks},
         settings::{ExposureMode, GlareMethod, GlareSettings, RenderSettings, StarMethod},
+        stars::cull::{CullSettings, SPLAT_MARGIN_PX, visible_chunks},
     },
+    render::{FrameTimes, Renderer, Wanted},
     scene::{
         Camera, SceneObjects, SceneSnapshot,
         asteroids::{FieldParameters, FieldSpec, Placement, ShapeSource},

@@ -22,7 +22,6 @@ use steradian::{
         galaxy::{GalaxyParameters, generate},
     },
     coordinates::icrs_from_galactic,
-    frame::FrameImage,
     output::{Encoding, encode},
     photometry::{
         exposure::{ev100_from_mean_luminance, white_luminance_cd_m2},
@@ -30,7 +29,8 @@ use steradian::{
         rec709::luminance,
         tone_map::ToneMapSettings,
     },
-    reference::stars::{Eye, draw},
+    reference::stars::splat::{Eye, draw},
+    render::FrameImage,
     view::{
         Part,
         projection::{BoundingCone, Footprint, PlaneMapping, Tap},

@@ -10,12 +10,12 @@ use clap::Parser;
 use glam::{DQuat, DVec3};
 use steradian::{
     catalogue::{bright::bright_stars, chunks::StarSet},
-    frame::{Renderer, Wanted},
     gpu::{Gpu, GpuOptions},
     output::{Encoding, encode},
     photometry::{kernel::SplatKernel, rec709::luminance},
     plan::settings::{GlareSettings, RenderSettings, StarMethod},
-    reference::stars::{Eye, draw},
+    reference::stars::splat::{Eye, draw},
+    render::{Renderer, Wanted},
     scene::{Camera, SceneSnapshot},
     view::{Rig, View, ViewKind},
 };

@@ -26,10 +26,10 @@ pub mod config;
 pub mod gpu;
 
 pub mod metrics;
-pub(crate) mod passes;
+
 pub mod reference;
 
-pub mod frame;
+pub mod render;
 
 pub mod chart;
 pub mod verify;

@@ -12,7 +12,6 @@ use common::*;
 use glam::{DVec2, DVec3};
 use steradian::{
     catalogue::StarRecord,
-    frame::{Frame, RenderError, Renderer, Wanted},
     gpu::GpuOptions,
     metrics::{HdrView, illuminance_near_direction_lx, illuminance_near_pixel_lx, relative_variation, shape_rad},
     photometry::{
@@ -21,13 +20,14 @@ use steradian::{
         star_image::{SPRITE_SIZE, sprite},
     },
     plan::{
-        billboard::{BillboardPlan, DrawnPsf},
         settings::{Accumulator, ExposureMode, RenderSettings, StarMethod},
+        stars::billboards::{BillboardPlan, DrawnPsf},
     },
-    reference::{
+    reference::stars::{
         billboards::{self, Images},
-        stars::Eye,
+        splat::Eye,
     },
+    render::{Frame, RenderError, Renderer, Wanted},
     scene::SceneSnapshot,
     units::{illuminance_lx_from_magnitude, magnitude_from_illuminance_lx},
     view::{

@@ -7,8 +7,8 @@ use std::{f64::consts::PI, sync::Arc};
 use glam::{DQuat, DVec3};
 use steradian::{
     photometry::{rec709::luminance, reflection::sphere_illuminance_lx},
-    plan::bodies::illuminance_of,
-    reference::bodies::{BodyImage, Eye, draw, draw_lit, hides},
+    plan::bodies::light::illuminance_of,
+    reference::bodies::rays::{BodyImage, Eye, draw, draw_lit, hides},
     scene::{
         SceneObjects,
         bodies::{Body, Emission, Preset, ReflectionLaw, Texture, suns},

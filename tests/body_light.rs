@@ -10,10 +10,10 @@ use std::{f64::consts::PI, sync::Arc};
 use common::*;
 use glam::{DQuat, DVec3};
 use steradian::{
-    frame::{FrameImage, Renderer},
     photometry::rec709::luminance,
-    plan::{bodies::illuminance_of, settings::StarMethod},
-    reference::bodies::hides,
+    plan::{bodies::light::illuminance_of, settings::StarMethod},
+    reference::bodies::rays::hides,
+    render::{FrameImage, Renderer},
     scene::{
         SceneObjects, SceneSnapshot,
         bodies::{Body, Emission, ReflectionLaw, Spin, Surface, suns},

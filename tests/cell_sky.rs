@@ -7,9 +7,9 @@ use common::*;
 use glam::{DQuat, DVec3};
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 use steradian::{
-    frame::RenderError,
     plan::settings::{CellSkySettings, ExposureMode, StarMethod},
-    reference::cell_sky,
+    reference::stars::cell_sky,
+    render::RenderError,
     scene::{Camera, SceneSnapshot},
     view::{
         Rig, View, ViewKind,
@@ -247,6 +247,6 @@ fn strips_change_nothing_and_a_moving_camera_is_refused() {
     assert!(whole.mean_luminance_cd_m2 > 0.0);
     let camera = Camera { velocity_c: DVec3::X * 0.5, ..Camera::default() };
     let moving = SceneSnapshot { camera, ..scene };
-    let error = strips.render(&moving, &rig, &settings, &[steradian::frame::Wanted::default()], None).unwrap_err();
+    let error = strips.render(&moving, &rig, &settings, &[steradian::render::Wanted::default()], None).unwrap_err();
     assert!(matches!(error, RenderError::AtRestOnly("cell_sky")), "{error}");
 }

@@ -10,13 +10,13 @@ use common::*;
 use glam::DVec3;
 use steradian::{
     catalogue::StarRecord,
-    frame::{Frame, Renderer, Wanted},
     gpu::GpuOptions,
     photometry::{
         exposure::{mean_luminance_cd_m2, white_luminance_cd_m2},
         rec709::luminance,
     },
     plan::settings::{RenderSettings, StarMethod, ToneMapSettings},
+    render::{Frame, Renderer, Wanted},
     scene::SceneSnapshot,
     view::{
         Fov, Rig, ViewKind,

@@ -8,14 +8,14 @@ use std::f64::consts::PI;
 use common::*;
 use glam::DVec3;
 use steradian::{
-    frame::Renderer,
     gpu::GpuOptions,
     photometry::rec709::luminance,
     plan::{
-        glare_pyramid::{PyramidAxes, PyramidPlan},
+        glare::pyramid::{PyramidAxes, PyramidPlan},
         settings::{GlareMethod, GlareSettings, PyramidWeights, RenderSettings, StarMethod},
     },
-    reference::glare_pyramid::with_glare,
+    reference::glare::pyramid::with_glare,
+    render::Renderer,
     scene::SceneSnapshot,
     units::illuminance_lx_from_magnitude,
     verify::scenes::{cube, fisheye},

@@ -8,10 +8,10 @@ use common::*;
 use glam::{DQuat, DVec3};
 use steradian::{
     catalogue::StarRecord,
-    frame::{RenderError, Renderer, Wanted},
     gpu::GpuOptions,
     photometry::glare::GlareKernelName,
     plan::settings::{GlareMethod, GlareSettings, RenderSettings, StarMethod},
+    render::{RenderError, Renderer, Wanted},
     scene::SceneSnapshot,
     units::PARSEC_M,
     verify::scenes::{fisheye, star_at},

@@ -112,7 +112,7 @@ fn a_disc_shows_none_of_the_parts_of_its_glare() {
     let scene = wide_sun();
     let without = render_hdr(&mut renderer, &scene, &rig, &settings(StarMethod::Auto));
     let with = render_hdr(&mut renderer, &scene, &rig, &with_glare(0.1));
-    let of = |frame: &steradian::frame::Frame| -> Vec<f64> {
+    let of = |frame: &steradian::render::Frame| -> Vec<f64> {
         let hdr = frame.images[0].hdr.as_ref().unwrap();
         hdr.iter().map(|[r, g, b, _]| luminance([*r, *g, *b].map(f64::from))).collect()
     };

@@ -79,7 +79,9 @@ fn errors_px(projection: &Projection, arc: &SkyArc, pieces: &[[DVec2; 2]]) -> [f
     let [from, to] = arc.angles;
     let inside = |pixel: &DVec2| pixel.x >= 0.0 && pixel.x <= width && pixel.y >= 0.0 && pixel.y <= height;
     let curve: Vec<DVec2> = (0..=steps)
-        .filter_map(|step| mapping.pixel_from_direction(arc.direction(from + (to - from) * f64::from(step) / f64::from(steps))))
+        .filter_map(|step| {
+            mapping.pixel_from_direction(arc.direction(from + (to - from) * f64::from(step) / f64::from(steps)))
+        })
         .collect();
     // By cells, so that only what is near is compared.
     let cell = |pixel: DVec2| [(pixel.x / 8.0).floor() as i64, (pixel.y / 8.0).floor() as i64];
@@ -151,7 +153,12 @@ fn picture(plan: &OverlayPlan, viewport: usize, projection: &Projection) -> Vec<
 
 #[test]
 fn pictures() {
-    let grid = |kind, colour| Grid { kind, divisions: 6, numbers: true, style: LineStyle { colour: Colour(colour), ..Grid::STYLE } };
+    let grid = |kind, colour| Grid {
+        kind,
+        divisions: 6,
+        numbers: true,
+        style: LineStyle { colour: Colour(colour), ..Grid::STYLE },
+    };
     let label = |name: &str, ra: f64, dec: f64| Label {
         name: name.to_owned(),
         text: name.to_owned(),
@@ -160,12 +167,18 @@ fn pictures() {
         size_px: 16.0,
         opacity: 1.0,
     };
-    let points_m = (0..200).map(|i| f64::from(i) * 0.05).map(|t| DVec3::new(t.cos() * 2.0, t.sin() * 2.0, t * 0.5 - 2.0)).collect();
+    let points_m = (0..200)
+        .map(|i| f64::from(i) * 0.05)
+        .map(|t| DVec3::new(t.cos() * 2.0, t.sin() * 2.0, t * 0.5 - 2.0))
+        .collect();
     let overlay = Overlay {
         grids: vec![grid(GridKind::Equatorial, [79, 127, 191]), grid(GridKind::Altitude, [160, 90, 90])],
         trajectories: vec![Trajectory { name: "spiral".into(), points_m, style: Trajectory::STYLE }],
         labels: vec![label("Sirius", 101.3, -16.7), label("Betelgeuse", 88.8, 7.4), label("Vega", 279.2, 38.8)],
-        test_patterns: std::env::var("PATTERN").is_ok().then(|| vec!["dome".into(), "cube".into(), "flat".into(), "sphere".into()]).unwrap_or_default(),
+        test_patterns: std::env::var("PATTERN")
+            .is_ok()
+            .then(|| vec!["dome".into(), "cube".into(), "flat".into(), "sphere".into()])
+            .unwrap_or_default(),
     };
     let views: Vec<(&str, ViewKind)> = vec![
         ("dome", ViewKind::DomeMaster { size: 1024, fov_rad: PI, tilt_rad: 0.0 }),
@@ -173,8 +186,12 @@ fn pictures() {
         ("cube", ViewKind::Cubemap { face_size: 512, faces: Face::ALL.to_vec() }),
         ("sphere", ViewKind::Equirectangular { size: [1600, 800] }),
     ];
-    let rig = Rig::new(views.into_iter().map(|(name, kind)| View::new(name, kind, DQuat::IDENTITY, DVec3::ZERO).unwrap()).collect()).unwrap();
-    let camera = Camera { world_from_camera: DQuat::from_euler(glam::EulerRot::XYZ, 1.2, 0.4, 0.2), ..Camera::default() };
+    let rig = Rig::new(
+        views.into_iter().map(|(name, kind)| View::new(name, kind, DQuat::IDENTITY, DVec3::ZERO).unwrap()).collect(),
+    )
+    .unwrap();
+    let camera =
+        Camera { world_from_camera: DQuat::from_euler(glam::EulerRot::XYZ, 1.2, 0.4, 0.2), ..Camera::default() };
     let objects = SceneObjects { overlay: Arc::new(overlay), ..SceneObjects::default() };
     let viewports = rig.viewports(camera.world_from_camera);
     let names: Vec<String> = rig.views().iter().map(|view| view.name.clone()).collect();
@@ -186,13 +203,25 @@ fn pictures() {
     println!("first plan {:?}", start.elapsed());
     let start = std::time::Instant::now();
     let plan = planner.plan(&inputs).unwrap().unwrap();
-    println!("plan {:?}: {} items, {} blocks, {} entries, {} texels", start.elapsed(), plan.items.len(), plan.blocks.len(), plan.entries.len(), plan.texels.len());
+    println!(
+        "plan {:?}: {} items, {} blocks, {} entries, {} texels",
+        start.elapsed(),
+        plan.items.len(),
+        plan.blocks.len(),
+        plan.entries.len(),
+        plan.texels.len()
+    );
     let lines = plan.items.iter().filter(|item| matches!(item.shape, Shape::Line { .. })).count();
     println!("{lines} lines");
     for (index, viewport) in viewports.iter().enumerate() {
         let [width, height] = viewport.size();
         let codes = picture(&plan, index, &viewport.projection);
-        let file = std::fs::File::create(format!("/tmp/ov/{}{}.png", names[viewport.view], viewport.part.name().unwrap_or(""))).unwrap();
+        let file = std::fs::File::create(format!(
+            "/tmp/ov/{}{}.png",
+            names[viewport.view],
+            viewport.part.name().unwrap_or("")
+        ))
+        .unwrap();
         let mut encoder = png::Encoder::new(std::io::BufWriter::new(file), width, height);
         encoder.set_color(png::ColorType::Rgba);
         encoder.write_header().unwrap().write_image_data(&codes).unwrap();
@@ -227,7 +256,10 @@ fn configurations_are_read_as_written_and_filled_in() {
     assert_eq!(pole.text, "pole");
     let Anchor::Direction(direction) = pole.anchor else { panic!("a direction") };
     assert!((direction - DVec3::Z).length() < 1e-12);
-    assert_eq!((there.text.as_str(), there.anchor, there.size_px), ("β Ori", Anchor::Point(DVec3::new(1.0, 2.0, 3.0)), 30.0));
+    assert_eq!(
+        (there.text.as_str(), there.anchor, there.size_px),
+        ("β Ori", Anchor::Point(DVec3::new(1.0, 2.0, 3.0)), 30.0)
+    );
     let none = Config::from_text("", "test.toml", Path::new("/sky"), &[]).unwrap();
     assert!(none.objects().unwrap().overlay.is_empty());
 }
@@ -240,7 +272,10 @@ fn mistakes_in_configurations_are_refused() {
     let at = "ra_deg = 1\ndec_deg = 2\n";
     for (text, parts) in [
         ("[overlay]\ngrid = []".to_owned(), &["overlay.grid", "unknown key"][..]),
-        ("[[overlay.grids]]\nkind = 'ecliptic'".to_owned(), &["overlay.grids[0].kind", "equatorial, galactic, altitude"]),
+        (
+            "[[overlay.grids]]\nkind = 'ecliptic'".to_owned(),
+            &["overlay.grids[0].kind", "equatorial, galactic, altitude"],
+        ),
         (grid("spacing_deg = 7"), &["overlay.grids[0].spacing_deg", "1 to 90"]),
         (grid("spacing_deg = 0.5"), &["overlay.grids[0].spacing_deg", "1 to 90"]),
         (grid("spacing_deg = nan"), &["overlay.grids[0].spacing_deg", "finite"]),

@@ -7,9 +7,9 @@ mod common;
 use common::*;
 use steradian::{
     catalogue::StarRecord,
-    frame::FrameImage,
     plan::settings::StarMethod,
-    reference::{packed, stars::Eye},
+    reference::stars::{packed, splat::Eye},
+    render::FrameImage,
 };
 
 /// Largest difference of a pixel's luminance over the brightest of the image.

@@ -12,9 +12,11 @@ use steradian::{
     photometry::{kernel::SplatKernel, rec709::luminance},
     plan::settings::StarMethod,
     reference::{
-        point_spread::{Gaussian, ImageTable, PointSpread, RadialTable},
         sky::{SkyKernel, SkyStar, draw, stars_for},
-        stars::{Eye, ReferenceImage},
+        stars::{
+            point_spread::{Gaussian, ImageTable, PointSpread, RadialTable},
+            splat::{Eye, ReferenceImage},
+        },
     },
     view::{
         ViewKind,
@@ -283,7 +285,7 @@ fn a_moving_eye_sees_the_stars_of_the_twin() {
     let light = |velocity_c: DVec3| {
         let eye = Eye { velocity_c, ..Eye::default() };
         let truth = draw(&stars_for(&set, eye, 0.0), &mapping, SkyKernel::Point);
-        let twin = steradian::reference::stars::draw(&set, eye, &mapping, |_| Some(SplatKernel::Tent));
+        let twin = steradian::reference::stars::splat::draw(&set, eye, &mapping, |_| Some(SplatKernel::Tent));
         let sum = |image: &ReferenceImage| image.illuminance_lx.iter().map(|rgb| luminance(*rgb)).sum::<f64>();
         assert!((sum(&truth) / sum(&twin) - 1.0).abs() < 1e-12);
         sum(&truth)

@@ -10,7 +10,6 @@ use common::*;
 use glam::{DQuat, DVec2, DVec3};
 use steradian::{
     catalogue::{StarRecord, chunks::StarSet, packed::temperature_of_step_k},
-    frame::{Frame, Renderer},
     metrics::{centroid_px, uv_distance},
     photometry::{
         blackbody::{luminance_cd_m2, rec709_in_gamut},
@@ -19,9 +18,10 @@ use steradian::{
     },
     plan::{
         settings::StarMethod,
-        travel::{SHIFTED_STEPS, TABLE_STEPS, steps_per_e_fold},
+        stars::travel::{SHIFTED_STEPS, TABLE_STEPS, steps_per_e_fold},
     },
-    reference::stars::{Eye, draw},
+    reference::stars::splat::{Eye, draw},
+    render::{Frame, Renderer},
     scene::{Camera, SceneSnapshot},
     units::{PARSEC_M, illuminance_lx_from_magnitude},
     view::{Rig, ViewKind, projection::Face},

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use naga::valid::{Capabilities, ValidationFlags, Validator};
-use steradian::gpu::{layout, sources};
+use steradian::{gpu::sources, render::layout};
 
 fn parse(name: &str, text: &str) -> naga::Module {
     naga::front::wgsl::parse_str(text).unwrap_or_else(|error| panic!("{name}: {}", error.emit_to_string(text)))

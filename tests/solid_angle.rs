@@ -7,10 +7,8 @@ use std::f64::consts::PI;
 
 use glam::{DVec2, DVec3};
 use steradian::{
-    gpu::{
-        Gpu, GpuOptions,
-        probe::{Probe, probe},
-    },
+    gpu::{Gpu, GpuOptions},
+    render::probe::{Probe, probe},
     verify::solid_angle::{self, is_near_rim, limit_at, sample_pixels, viewport},
     view::projection::{
         CubeFace, Equirectangular, Face, Fisheye, FisheyeMapping, Perspective, PlaneMapping, Projection,

@@ -205,7 +205,7 @@ fn the_adapter_and_the_f64_twin_draw_the_same_picture() {
             GaussianWidth,
             settings::{ExposureMode, ExposureSettings, PixelGaussianSettings},
         },
-        reference::stars::{Eye, StarKernel, draw},
+        reference::stars::splat::{Eye, StarKernel, draw},
     };
     let mut renderer = renderer();
     let records: Vec<StarRecord> = spiral(3000)

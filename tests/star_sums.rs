@@ -6,10 +6,10 @@ use common::*;
 use glam::{DVec2, DVec3};
 use steradian::{
     catalogue::StarRecord,
-    frame::{RenderError, Wanted},
     gpu::GpuOptions,
     photometry::rec709::luminance,
     plan::settings::StarMethod,
+    render::{RenderError, Wanted},
     units::illuminance_lx_from_magnitude,
     view::{
         ViewKind,

@@ -5,9 +5,9 @@ mod common;
 
 use common::{renderer, settings};
 use steradian::{
-    frame::Renderer,
     photometry::glare::GlareKernelName,
     plan::settings::{GlareMethod, RenderSettings, StarMethod},
+    render::Renderer,
     verify::{self, Check, CheckResult, Context, Outcome},
 };
 

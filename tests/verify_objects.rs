@@ -5,8 +5,8 @@ mod common;
 
 use common::{renderer, settings};
 use steradian::{
-    frame::Renderer,
     plan::settings::{ImpostorMethod, RenderSettings, StarMethod},
+    render::Renderer,
     verify::{self, CheckResult, Context, Fault, Outcome},
 };
 

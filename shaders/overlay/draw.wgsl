@@ -1,13 +1,7 @@
 // The overlay pass: lines and text onto display images. One workgroup for each block of pixels that has something to draw; each pixel
 // goes through the items of its block in their order. Items of one stroke count as one thing: the largest coverage is what is mixed in, in
 // linear light. Bodies and asteroids hide what is farther away than they are, as far as they cover the pixel.
-// The f64 twin is src/reference/overlay/draw.rs.
-
-#import shared/viewport
-#import shared/math
-#import shared/projection
-#import shared/display
-#import shared/geometry
+// The f64 twin is src/reference/overlay/draw.rs. Needs viewport.wgsl, math.wgsl, projection.wgsl, display.wgsl and geometry.wgsl.
 
 // Side of a block, pixels.
 const OVERLAY_BLOCK_PX: u32 = 16u;

@@ -32,7 +32,7 @@ use super::{
     timing::{self, Case, Timed},
     workloads::rig_of,
 };
-use crate::{frame::Renderer, view::Rig};
+use crate::{render::Renderer, view::Rig};
 
 /// Share of the time for ratios, beside that of all sizes and views.
 const RATIOS_SHARE: f64 = 0.15;

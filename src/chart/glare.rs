@@ -18,8 +18,8 @@ use super::{
     workloads::{Skies, rig_of, snapshot},
 };
 use crate::{
-    frame::{FrameTimes, Renderer, Wanted},
     plan::settings::{ExposureMode, GlareMethod, GlareSettings, PyramidWeights, RenderSettings},
+    render::{FrameTimes, Renderer, Wanted},
     scene::{Camera, SceneSnapshot},
     units::PARSEC_M,
     view::Rig,

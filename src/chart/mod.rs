@@ -51,8 +51,8 @@ pub use self::{
 use crate::{
     catalogue::galaxy::GalaxyError,
     files,
-    frame::Renderer,
     gpu::{AdapterReport, GpuError},
+    render::Renderer,
     scene::asteroids::SpecError,
     view::RigError,
 };

@@ -7,7 +7,7 @@ use super::{
     timing::{self, Case, TIMING_EV100},
     workloads::{Skies, rig_of, snapshot},
 };
-use crate::{frame::Renderer, plan::settings::StarMethod, units::illuminance_lx_from_magnitude};
+use crate::{plan::settings::StarMethod, render::Renderer, units::illuminance_lx_from_magnitude};
 
 const VIEW: ViewShape = ViewShape::Flat([1920, 1080]);
 

@@ -18,9 +18,9 @@ use super::{
     timing::message_of,
 };
 use crate::{
-    frame::{RenderError, Renderer, Wanted},
     metrics::MetricError,
     plan::settings::{ExposureMode, GlareSettings, RenderSettings, StarMethod},
+    render::{RenderError, Renderer, Wanted},
     units::magnitude_from_illuminance_lx,
 };
 

@@ -15,9 +15,9 @@ use super::{
 };
 use crate::{
     catalogue::StarRecord,
-    frame::{Renderer, Wanted},
     metrics::{HdrView, relative_flux_error},
     plan::settings::{RenderSettings, StarMethod},
+    render::{Renderer, Wanted},
     scene::SceneSnapshot,
     units::illuminance_lx_from_magnitude,
     view::{Rig, projection::PlaneMapping},
@@ -161,7 +161,7 @@ fn illuminance_lx(record: &StarRecord) -> f64 {
 }
 
 /// Size of the relative error of the light of a frame.
-fn score_of_light(frame: &crate::frame::Frame, mapping: &dyn PlaneMapping, expected_lx: f64) -> Score {
+fn score_of_light(frame: &crate::render::Frame, mapping: &dyn PlaneMapping, expected_lx: f64) -> Score {
     let Some(pixels) = frame.images.first().and_then(|image| image.hdr.as_ref()) else {
         return Score::none("the frame has no HDR image");
     };

@@ -9,9 +9,9 @@ use std::time::{Duration, Instant};
 
 use super::{Axis, Budget, ChartError, Row, Score};
 use crate::{
-    frame::{RenderError, Renderer, Wanted},
     gpu::GpuError,
     plan::settings::{RenderSettings, StarMethod},
+    render::{RenderError, Renderer, Wanted},
     scene::SceneSnapshot,
     view::Rig,
 };

@@ -8,7 +8,7 @@ use super::{
     timing::{self, Case, TIMING_EV100},
     workloads::{Skies, rig_of, snapshot},
 };
-use crate::{frame::Renderer, plan::settings::StarMethod, units::illuminance_lx_from_magnitude, view::ViewKind};
+use crate::{plan::settings::StarMethod, render::Renderer, units::illuminance_lx_from_magnitude, view::ViewKind};
 
 /// The views, by name, with the size of their first image.
 fn views() -> Vec<(&'static str, ViewKind, [u32; 2])> {

@@ -11,8 +11,8 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use super::{CliError, results};
 use crate::chart::{self, About, Axis, Extent, Step};
-use crate::frame::Renderer;
 use crate::gpu::{Gpu, GpuOptions};
+use crate::render::Renderer;
 
 /// Arguments of `chart`.
 #[derive(Debug, Args)]

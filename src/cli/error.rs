@@ -7,7 +7,6 @@ use crate::catalogue::galaxy::GalaxyError;
 use crate::catalogue::store::StoreError;
 use crate::chart::ChartError;
 use crate::config::ConfigError;
-use crate::frame::RenderError;
 use crate::gpu::GpuError;
 use crate::output::OutputError;
 use crate::photometry::glare::GlareKernelError;
@@ -15,6 +14,7 @@ use crate::photometry::psf::PsfError;
 use crate::scene::loader::LoadError;
 use crate::service::ServeError;
 use crate::xr::XrError;
+use crate::{plan::PlanError, render::RenderError};
 
 /// Exit code: a check or a job failed.
 pub const FAILED: u8 = 1;
@@ -154,13 +154,20 @@ fn gpu_exit_code(error: &GpuError) -> u8 {
 fn render_exit_code(error: &RenderError) -> u8 {
     match error {
         RenderError::Gpu(error) => gpu_exit_code(error),
-        RenderError::TooLarge { .. }
-        | RenderError::TooManyImages { .. }
-        | RenderError::TooManyPixels { .. }
-        | RenderError::AtRestOnly(_)
-        | RenderError::GlareOfCatalogue(_) => BAD_USAGE,
-        RenderError::Psf(error) => psf_exit_code(error),
-        RenderError::Glare(error) => match error {
+        RenderError::Plan(error) => plan_exit_code(error),
+        _ => FAILED,
+    }
+}
+
+fn plan_exit_code(error: &PlanError) -> u8 {
+    match error {
+        PlanError::TooLarge { .. }
+        | PlanError::TooManyImages { .. }
+        | PlanError::TooManyPixels { .. }
+        | PlanError::AtRestOnly(_)
+        | PlanError::GlareOfCatalogue(_) => BAD_USAGE,
+        PlanError::Psf(error) => psf_exit_code(error),
+        PlanError::Glare(error) => match error {
             GlareKernelError::NoFile | GlareKernelError::Inner { .. } => BAD_USAGE,
             GlareKernelError::Read { .. } | GlareKernelError::Row { .. } | GlareKernelError::File { .. } => BAD_DATA,
             GlareKernelError::Psf(error) => psf_exit_code(error),
@@ -184,12 +191,12 @@ mod tests {
 
     #[test]
     fn glare_fails_as_a_configuration_or_as_data() {
-        let code = |error: GlareKernelError| CliError::render(error.into(), "a.toml").exit_code();
+        let code = |error: PlanError| CliError::render(error.into(), "a.toml").exit_code();
         let path = || PathBuf::from("eye.csv");
-        assert_eq!(code(GlareKernelError::NoFile), BAD_USAGE);
-        assert_eq!(code(GlareKernelError::Inner { path: path(), inner_deg: 2.0, last_deg: 1.0 }), BAD_USAGE);
+        assert_eq!(code(GlareKernelError::NoFile.into()), BAD_USAGE);
+        assert_eq!(code(GlareKernelError::Inner { path: path(), inner_deg: 2.0, last_deg: 1.0 }.into()), BAD_USAGE);
         let row = GlareKernelError::Row { path: path(), line: 7, problem: "`x`: two numbers are needed".to_owned() };
-        let error = CliError::render(row.into(), "a.toml");
+        let error = CliError::render(PlanError::from(row).into(), "a.toml");
         assert_eq!(error.exit_code(), BAD_DATA);
         assert_eq!(error.to_string(), "a.toml: glare: eye.csv:7: `x`: two numbers are needed");
         let missing = PsfError::NoScale { path: path(), looked_for: "CDELT1" };

@@ -7,9 +7,9 @@ use clap::Args;
 
 use super::{CliError, load, results};
 use crate::config::Config;
-use crate::frame::{Renderer, Wanted};
 use crate::gpu::{Gpu, GpuOptions};
 use crate::output::write_frame;
+use crate::render::{Renderer, Wanted};
 use crate::scene::SceneSnapshot;
 
 /// Arguments of `render`.
@@ -43,7 +43,7 @@ pub fn run(arguments: RenderArguments, adapter: Option<String>) -> Result<(), Cl
     }
     let gpu = Gpu::open(&GpuOptions { adapter, ..GpuOptions::default() })?;
     let mut renderer = Renderer::new(gpu);
-    renderer.check(&rig).map_err(|error| CliError::render(error, &config.origin))?;
+    renderer.check(&rig).map_err(|error| CliError::render(error.into(), &config.origin))?;
 
     let objects = Arc::new(config.objects()?);
     let (stars, _) = load::stars(&config.star_sources(), &config.origin)?;

@@ -10,8 +10,8 @@ use tokio::task;
 
 use super::{CliError, load, results};
 use crate::config::{Config, parse_listen};
-use crate::frame::Renderer;
 use crate::gpu::{Gpu, GpuOptions};
+use crate::render::Renderer;
 use crate::scene::SceneSnapshot;
 use crate::scene::loader::LoadedCatalogue;
 use crate::service::{self, HeadsetOptions, SceneCatalogue, ServeOptions, Shutdown};
@@ -41,7 +41,7 @@ pub fn run(arguments: ServeArguments, adapter: Option<String>) -> Result<(), Cli
     let config = Config::load_or_built_in(arguments.config.as_deref(), &arguments.set)?;
     let (rig, camera) = (config.rig()?, config.camera()?);
     let renderer = Renderer::new(Gpu::open(&GpuOptions { adapter, ..GpuOptions::default() })?);
-    renderer.check(&rig).map_err(|error| CliError::render(error, &config.origin))?;
+    renderer.check(&rig).map_err(|error| CliError::render(error.into(), &config.origin))?;
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build().map_err(CliError::Runtime)?;
     block_on_and_leave(runtime, async {
         // From here on a signal is an orderly end, while stars are still loading as well.

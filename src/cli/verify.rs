@@ -8,8 +8,8 @@ use serde::Serialize;
 
 use super::{CliError, results};
 use crate::config::Config;
-use crate::frame::Renderer;
 use crate::gpu::{Gpu, GpuOptions};
+use crate::render::Renderer;
 use crate::verify::{self, CheckResult, Outcome};
 
 /// Arguments of `verify`.

@@ -9,8 +9,8 @@ use clap::Args;
 
 use super::{CliError, load, results};
 use crate::config::Config;
-use crate::frame::Wanted;
 use crate::plan::settings::{AfterExit, HeadsetSettings};
+use crate::render::Wanted;
 use crate::scene::SceneSnapshot;
 use crate::service;
 use crate::xr::{self, Distribution, FirstFailure, Flight, HeadsetStatistics, Host, MirroredFrame, Shown, Status};

@@ -9,7 +9,7 @@ use std::{
 
 use serde::Serialize;
 
-use crate::plan::settings::Accumulator;
+use crate::plan::Limits;
 
 /// Which adapter to open, and how.
 #[derive(Clone, Debug, Default)]
@@ -264,18 +264,14 @@ impl Gpu {
         &self.report
     }
 
-    /// How light adds up here, as plans report it.
-    pub(crate) fn accumulator_name(&self, accumulator: Accumulator) -> &'static str {
-        match accumulator {
-            Accumulator::FixedPoint if self.wide_accumulator => "fixed point, 2 x 64 bits",
-            Accumulator::FixedPoint => "fixed point, 4 x 32 bits",
-            Accumulator::PackedCompareExchange => "two halves in a word, compare-exchange",
-            Accumulator::Blending if self.blend_format == wgpu::TextureFormat::Rgba32Float => {
-                "additive blending, 32-bit floats"
-            }
-            Accumulator::Blending => "additive blending, 16-bit floats",
-            Accumulator::PerPixel => "none: every pixel by itself",
-        }
+    /// What plans may ask of the adapter.
+    pub fn limits(&self) -> Limits {
+        let mut limits = Limits::default();
+        limits.max_binding_bytes = self.max_binding_bytes();
+        limits.max_view_side_px = self.max_view_side_px();
+        limits.wide_sums = self.wide_accumulator;
+        limits.blend_texel_bytes = u64::from(self.blend_format.block_copy_size(None).unwrap_or(16));
+        limits
     }
 
     /// Largest side of a view in pixels.

@@ -1,6 +1,6 @@
 //! Shader sources. WGSL has no import: each entry point's module is the concatenation of the files it names.
 
-use crate::plan::glare_pyramid::PyramidAxes;
+use crate::plan::glare::pyramid::PyramidAxes;
 
 /// A complete shader module.
 #[derive(Clone, Debug)]
@@ -387,6 +387,13 @@ pub fn asteroid_shade() -> ShaderSource {
     asteroid_drawing("asteroid shade", "shade", &own)
 }
 
+/// The overlay pass.
+pub fn overlay() -> ShaderSource {
+    let text =
+        [VIEWPORT, MATH, PROJECTION, DISPLAY, GEOMETRY, include_str!("../../shaders/overlay/draw.wgsl")].concat();
+    ShaderSource { name: "overlay", entry_point: "draw_overlay", text, needs_u64: false }
+}
+
 /// The exposure pass.
 pub fn exposure() -> ShaderSource {
     let text = [EXPOSURE, include_str!("../../shaders/exposure.wgsl")].concat();
@@ -436,6 +443,7 @@ pub fn sources() -> Vec<ShaderSource> {
         stars(true),
         stars(false),
         geometry(),
+        overlay(),
         points(true),
         points(false),
         packed_cas(),

@@ -6,7 +6,7 @@ use std::io::Cursor;
 
 use exr::prelude::{Encoding as ExrEncoding, Image, Layer, LayerAttributes, SpecificChannels, Vec2, WritableImage};
 
-use crate::frame::{FrameImage, Wanted};
+use crate::render::{FrameImage, Wanted};
 
 /// Quality of JPEG images, of 100.
 const JPEG_QUALITY: u8 = 92;

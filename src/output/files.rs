@@ -9,8 +9,8 @@ use serde::Serialize;
 
 use super::encode::{EncodeError, Encoding, encode};
 use crate::files::write_whole;
-use crate::frame::{AsteroidCounts, Frame};
 use crate::plan::FramePlan;
+use crate::render::{AsteroidCounts, Frame};
 use crate::view::Rig;
 
 /// Why the files of a frame cannot be written.
@@ -133,7 +133,7 @@ mod tests {
 
     use super::super::encode::tests::{exr_channel, sample};
     use super::*;
-    use crate::frame::{FrameImage, FrameTimes, ViewStatistics};
+    use crate::render::{FrameImage, FrameTimes, ViewStatistics};
     use crate::view::projection::Face;
     use crate::view::{Part, View, ViewKind};
 

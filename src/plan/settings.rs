@@ -4,10 +4,10 @@ use serde::{Deserialize, Serialize};
 
 pub use super::{
     asteroids::{AsteroidSettings, Culling, ImpostorMethod},
-    glare::{GlareMethod, GlareSettings, PyramidWeights},
+    glare::settings::{GlareMethod, GlareSettings, PyramidWeights},
     headset::{AfterExit, HeadsetSettings, ReferenceSpace, SwapchainFormat, SwapchainLayout},
-    star_method::{Accumulator, MethodSource, StarMethod},
-    star_settings::{
+    stars::method::{Accumulator, MethodSource, StarMethod},
+    stars::settings::{
         BillboardSettings, CellSkySettings, GaussianPsfSettings, PixelGaussianSettings, PsfTextureSettings,
         StarSettings,
     },

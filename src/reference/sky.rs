@@ -18,9 +18,9 @@ use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use glam::{DQuat, DVec2, DVec3};
 use rayon::prelude::*;
 
-use super::{
+use super::stars::{
     point_spread::{FIVE_POINTS, PointSpread},
-    stars::{Eye, ReferenceImage, Seen, seen_by},
+    splat::{Eye, ReferenceImage, SeenStar, seen_by},
 };
 use crate::{
     catalogue::chunks::StarSet,
@@ -49,8 +49,8 @@ pub enum SkyKernel<'a> {
 /// The stars of a set that are at least as bright as `faintest_lx` for the eye. A star at the eye's very place has no direction
 /// and is left out.
 pub fn stars_for(set: &StarSet, eye: Eye, faintest_lx: f64) -> Vec<SkyStar> {
-    let brighter = |star: &Seen| star.illuminance_lx >= faintest_lx;
-    let coloured = |star: Seen| SkyStar {
+    let brighter = |star: &SeenStar| star.illuminance_lx >= faintest_lx;
+    let coloured = |star: SeenStar| SkyStar {
         direction: star.direction.normalize(),
         rgb_lx: rec709_in_gamut(star.temperature_k).map(|channel| channel * star.illuminance_lx),
     };

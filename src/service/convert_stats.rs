@@ -4,7 +4,7 @@ use std::time::SystemTime;
 
 use super::{headset::Headset, proto, render::RenderHandle};
 use crate::{
-    frame::FrameTimes,
+    render::FrameTimes,
     view::Part,
     xr::{Distribution, HeadsetStatistics, Status},
 };

@@ -1,9 +1,9 @@
 //! What the service asks of a renderer, so that it can be run on the GPU, and tested without one.
 
 use crate::{
-    frame::{Frame, RenderError, Renderer, Wanted},
     gpu::{AdapterReport, GpuError},
     plan::settings::RenderSettings,
+    render::{Frame, RenderError, Renderer, Wanted},
     scene::SceneSnapshot,
     verify::{self, Check, CheckResult},
     view::Rig,

@@ -23,9 +23,9 @@ use super::{
     slot::{RenderFailure, RenderedFrame},
 };
 use crate::{
-    frame::Wanted,
     gpu::AdapterReport,
     output::{self, Encoding},
+    render::Wanted,
     view::Rig,
     xr,
 };

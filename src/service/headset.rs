@@ -31,7 +31,7 @@ use super::{
     streams::Subscription,
 };
 use crate::{
-    frame::Wanted,
+    render::Wanted,
     xr::{Flight, HeadsetStatistics, Host, MirroredFrame, Shown, Status},
 };
 

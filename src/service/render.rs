@@ -20,8 +20,8 @@ use super::{
 };
 use crate::{
     catalogue::chunks::StarSet,
-    frame::{FrameTimes, Wanted},
     plan::settings::{RenderSettings, StarMethod},
+    render::{FrameTimes, Wanted},
     scene::{Camera, PoseError, SceneSnapshot},
     verify::{Check, CheckResult},
     xr::{Flight, Shown},

@@ -11,7 +11,7 @@ use std::{
 
 use tokio::sync::Notify;
 
-use crate::frame::Frame;
+use crate::render::Frame;
 
 /// A frame with its times.
 #[derive(Debug)]

@@ -24,8 +24,8 @@ use super::{
     streams::Streams,
 };
 use crate::{
-    frame::Wanted,
     plan::{adaptation::Adaptation, settings::RenderSettings},
+    render::Wanted,
     scene::{Camera, SceneSnapshot},
     view::Rig,
 };

@@ -4,7 +4,6 @@ use glam::DVec3;
 
 use super::objects::Fault;
 use crate::{
-    frame::{Frame, FrameImage, RenderError, Renderer, Wanted},
     gpu::GpuError,
     metrics::{self, HdrView, MetricError},
     photometry::glare::GlareKernelError,
@@ -12,7 +11,8 @@ use crate::{
         GaussianWidth,
         settings::{ExposureMode, GlareSettings, RenderSettings, StarMethod},
     },
-    reference::{gaussian, point_spread::PointSpreadError},
+    reference::stars::{gaussian, point_spread::PointSpreadError},
+    render::{Frame, FrameImage, RenderError, Renderer, Wanted},
     scene::SceneSnapshot,
     view::{
         Rig, RigError, ViewImage,

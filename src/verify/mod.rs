@@ -27,8 +27,8 @@ pub use self::{
     objects::Fault,
 };
 use crate::{
-    frame::Renderer,
     plan::settings::{Accumulator, GlareMethod, RenderSettings},
+    render::Renderer,
 };
 
 /// One measured number of a check.

@@ -10,9 +10,9 @@ use super::{
     scenes::{cube, fisheye, rig, snapshot, spiral, star},
 };
 use crate::{
-    gpu::probe::{Probe, probe},
     metrics,
     reference::triangle_solid_angle::{face_errors, pixel_solid_angle_sr},
+    render::probe::{Probe, probe},
     units::illuminance_lx_from_magnitude,
     view::{
         Fov, Part, ViewKind, Viewport,

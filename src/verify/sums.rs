@@ -11,10 +11,10 @@ use super::{
 };
 use crate::{
     catalogue::{StarRecord, chunks::StarSet},
-    frame::{Frame, RenderError},
     metrics::{Difference, MetricError, PointSource, faint_beside_bright, order_dependence, uv_distance},
     photometry::{blackbody::rec709_in_gamut, rec709::luminance},
     plan::settings::Accumulator,
+    render::{Frame, RenderError},
     scene::{Camera, SceneSnapshot},
     units::illuminance_lx_from_magnitude,
     view::{Rig, ViewKind},

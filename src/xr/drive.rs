@@ -209,8 +209,8 @@ mod tests {
 
     use super::*;
     use crate::{
-        frame::Wanted,
         plan::settings::RenderSettings,
+        render::Wanted,
         verify::scenes,
         xr::{Flight, MirroredFrame, Shown},
     };

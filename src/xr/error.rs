@@ -2,7 +2,7 @@
 
 use openxr::sys;
 
-use crate::{frame::RenderError, gpu::GpuError};
+use crate::{gpu::GpuError, render::RenderError};
 
 /// Why a headset cannot be driven, or is not driven any more.
 #[derive(Debug, thiserror::Error)]

@@ -20,12 +20,12 @@ use super::{
     swapchain::Swapchains,
 };
 use crate::{
-    frame::{Presentation, RenderError, Renderer, SubmittedFrame, Wanted},
     gpu::GpuError,
     plan::{
         adaptation::Adaptation,
         settings::{HeadsetSettings, ReferenceSpace},
     },
+    render::{Presentation, RenderError, Renderer, SubmittedFrame, Wanted},
     view::{Eye, Fov},
 };
 

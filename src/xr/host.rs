@@ -6,8 +6,8 @@ use glam::{DQuat, DVec3};
 
 use super::statistics::HeadsetStatistics;
 use crate::{
-    frame::{Frame, Wanted},
     plan::settings::RenderSettings,
+    render::{Frame, Wanted},
     scene::{Camera, PoseError, SceneSnapshot},
 };
 

@@ -4,11 +4,11 @@
 use glam::{DQuat, DVec3};
 pub use steradian::verify::scenes::{all_views, directions_inside, hard_places, snapshot, spiral, star};
 use steradian::{
-    frame::{Frame, FrameImage, Renderer, Wanted},
     gpu::{Gpu, GpuOptions},
     metrics::{self, HdrView},
     plan::settings::{GlareSettings, RenderSettings, StarMethod},
-    reference::stars::ReferenceImage,
+    reference::stars::splat::ReferenceImage,
+    render::{Frame, FrameImage, Renderer, Wanted},
     scene::SceneSnapshot,
     view::{Rig, View, ViewKind, projection::PlaneMapping},
 };

@@ -13,8 +13,8 @@ use std::{
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use steradian::{
-    frame::Wanted,
     plan::settings::{HeadsetSettings, RenderSettings},
+    render::Wanted,
     verify::scenes,
     xr::{Flight, Headset, HeadsetStatistics, Host, MirroredFrame, Recorder, Shown, Status, Step},
 };

@@ -9,8 +9,8 @@ use std::{
 use exr::prelude::{ReadChannels, ReadLayers};
 use glam::{DQuat, DVec3};
 use steradian::{
-    frame::FrameImage,
     output::{Encoding, encode},
+    render::FrameImage,
     scene::Camera,
     service::{CameraUpdate, Client, ClientError, Engine, ReceivedFrame},
     view::Part,

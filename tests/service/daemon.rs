@@ -11,12 +11,12 @@ use std::{
 
 use glam::{DQuat, DVec3};
 use steradian::{
-    frame::{AsteroidCounts, Frame, FrameImage, FrameTimes, ViewStatistics, Wanted},
     gpu::AdapterReport,
     plan::{
         FramePlan,
         settings::{AsteroidSettings, RenderSettings, StarMethod},
     },
+    render::{AsteroidCounts, Frame, FrameImage, FrameTimes, ViewStatistics, Wanted},
     scene::{Camera, SceneObjects, SceneSnapshot},
     service::{Client, Engine, EngineError, ServeError, ServeOptions, Shutdown, run},
     verify::{Check, CheckResult, Figure, Outcome},

@@ -13,9 +13,9 @@ use std::{
 
 use glam::{DQuat, DVec3};
 use steradian::{
-    frame::{Frame, FrameImage, FrameTimes, Wanted},
     output::Encoding,
     plan::{FramePlan, settings::StarMethod},
+    render::{Frame, FrameImage, FrameTimes, Wanted},
     service::{
         CameraUpdate, ClientError, FrameReceiver, HeadsetOptions, HeadsetStatus, ReceivedFrame, SceneUpdate, ServeError,
     },

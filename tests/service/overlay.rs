@@ -20,7 +20,14 @@ fn way(name: &str) -> Trajectory {
 
 fn label(name: &str, text: &str) -> Label {
     let anchor = Anchor::Direction(DVec3::Y);
-    Label { name: name.to_owned(), text: text.to_owned(), anchor, colour: Colour([1, 2, 3]), size_px: 9.0, opacity: 0.5 }
+    Label {
+        name: name.to_owned(),
+        text: text.to_owned(),
+        anchor,
+        colour: Colour([1, 2, 3]),
+        size_px: 9.0,
+        opacity: 0.5,
+    }
 }
 
 async fn change(client: &mut Client, overlay: OverlayChange) -> Result<SceneForm, ClientError> {
@@ -69,13 +76,18 @@ async fn an_overlay_is_changed_in_parts_and_every_frame_shows_it() {
 async fn what_is_not_allowed_is_refused_and_leaves_the_overlay() {
     let daemon = Daemon::start(small_rig()).await;
     let mut client = daemon.client().await;
-    let before = change(&mut client, OverlayChange::all(Overlay { labels: vec![label("here", "x")], ..Default::default() }));
+    let before =
+        change(&mut client, OverlayChange::all(Overlay { labels: vec![label("here", "x")], ..Default::default() }));
     let before = before.await.unwrap();
     let trajectories = |list| OverlayChange { trajectories: Change::All(list), ..OverlayChange::default() };
     let labels = |list| OverlayChange { labels: Change::All(list), ..OverlayChange::default() };
-    let patterns = |name: &str| OverlayChange { test_patterns: Some(vec![name.to_owned()]), ..OverlayChange::default() };
+    let patterns =
+        |name: &str| OverlayChange { test_patterns: Some(vec![name.to_owned()]), ..OverlayChange::default() };
     for (update, parts) in [
-        (OverlayChange { grids: Some(vec![grid(91)]), ..OverlayChange::default() }, &["overlay.grids[0]", "1 to 90"][..]),
+        (
+            OverlayChange { grids: Some(vec![grid(91)]), ..OverlayChange::default() },
+            &["overlay.grids[0]", "1 to 90"][..],
+        ),
         (patterns("dome"), &["overlay.test_patterns", "`dome`", "flat, eyes"]),
         (
             trajectories(vec![Trajectory { points_m: vec![DVec3::X], ..way("a") }]),

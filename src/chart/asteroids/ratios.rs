@@ -12,7 +12,7 @@ use crate::{
         timing::{self, Case},
         workloads::{EYE_HALF_FOV_RAD, rig_of},
     },
-    frame::Renderer,
+    render::Renderer,
     view::ViewKind,
 };
 

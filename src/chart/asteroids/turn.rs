@@ -9,7 +9,7 @@ use crate::{
         timing::{Taken, message_of},
         workloads::rig_of,
     },
-    frame::{AsteroidCounts, FrameTimes, Renderer, Wanted},
+    render::{AsteroidCounts, FrameTimes, Renderer, Wanted},
     scene::{Camera, SceneSnapshot},
     view::Rig,
 };

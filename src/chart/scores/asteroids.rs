@@ -16,10 +16,10 @@ use super::{
 };
 use crate::{
     chart::ChartError,
-    frame::{Renderer, Wanted},
     metrics::{Overlap, mean_normal_error_rad, overlap},
     photometry::rec709::luminance,
     plan::settings::{AsteroidSettings, ExposureMode, GlareSettings, ImpostorMethod, RenderSettings},
+    render::{Renderer, Wanted},
     scene::SceneSnapshot,
 };
 

@@ -19,13 +19,13 @@ use crate::{
         scenes::usual_view,
         workloads::{projection_of, rig_of},
     },
-    frame::{Renderer, Wanted},
     metrics::{
         FlickerMeter, HdrView, centroid_error_px, fitted_scale, illuminance_near_pixel_lx, shape_px, shape_rad,
         sub_pixel_positions,
     },
     plan::settings::{CellSkySettings, StarMethod},
-    reference::cell_sky,
+    reference::stars::cell_sky,
+    render::{Renderer, Wanted},
     scene::{Camera, SceneSnapshot},
     view::{Rig, ViewKind, projection::PlaneMapping},
 };

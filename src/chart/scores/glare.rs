@@ -12,9 +12,9 @@ pub(in crate::chart) use self::scenes::{GlareScenes, ScoredSky};
 use super::{Failure, Pixels, Score, Scores, measure::pixels_of};
 use crate::{
     chart::ChartError,
-    frame::{Renderer, Wanted},
     metrics::{HdrView, log_log_slope, radial_profile, relative_errors, roundness, total_illuminance_lx},
     plan::settings::{ExposureMode, GlareSettings, RenderSettings},
+    render::{Renderer, Wanted},
     scene::SceneSnapshot,
     view::{Rig, ViewImage},
 };

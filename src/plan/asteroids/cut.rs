@@ -17,7 +17,7 @@ use super::{
 };
 use crate::{
     photometry::rec709::luminance,
-    plan::view_bodies::PointSource,
+    plan::bodies::seen::PointSource,
     scene::{
         asteroids::{AsteroidField, Node},
         bodies::Sun,

@@ -5,7 +5,7 @@ use glam::{DMat3, DVec3};
 use super::cut::{node_intensity_cd, strongest_light};
 use crate::{
     photometry::rec709::luminance,
-    plan::object_glare::Cloud,
+    plan::glare::objects::Cloud,
     scene::{
         asteroids::{AsteroidField, Node},
         bodies::Sun,

@@ -5,6 +5,7 @@ pub mod bounds;
 pub mod classes;
 pub mod cpu_cull;
 pub mod cut;
+pub mod frame;
 pub mod glare;
 pub mod kinds;
 mod settings;
@@ -12,4 +13,5 @@ pub mod tiles;
 pub mod views;
 
 pub use bounds::{ImpostorDistances, impostor_distances, nearest_distance_m};
+pub use frame::{AsteroidInputs, AsteroidPlan, Tables};
 pub use settings::{AsteroidSettings, Culling, ImpostorMethod};

@@ -12,7 +12,7 @@ use glam::{DMat3, DVec2, DVec3};
 
 use super::{bounds::impostor_distances, settings::AsteroidSettings};
 use crate::{
-    plan::cull::edge_planes,
+    plan::stars::cull::edge_planes,
     view::{
         Viewport,
         projection::{Face, PlaneMapping, Projection},

@@ -66,7 +66,8 @@ fn coverage(shape: &Shape, texels: &[u8], x: u32, y: u32) -> (f64, f64) {
             let centre = pixel_centre(x, y);
             let along = to - from;
             let part = ((centre - from).dot(along) / along.length_squared().max(1e-300)).clamp(0.0, 1.0);
-            let near = if nearness[0] == BEFORE_ALL { BEFORE_ALL } else { nearness[0] + (nearness[1] - nearness[0]) * part };
+            let near =
+                if nearness[0] == BEFORE_ALL { BEFORE_ALL } else { nearness[0] + (nearness[1] - nearness[0]) * part };
             (line_coverage(centre, from, to, half_width_px), near)
         }
         Shape::Box { checkered, .. } => (if checkered && (x + y) % 2 == 1 { 0.0 } else { 1.0 }, BEFORE_ALL),

@@ -1,7 +1,9 @@
 //! The overlay pass: `shaders/overlay/draw.wgsl`.
 
-use super::layout;
-use crate::gpu::{Gpu, GrowingBuffer, bind_buffers, dispatch_rows, shaders};
+use crate::{
+    gpu::{self, Gpu, GrowingBuffer, bind_buffers, dispatch_rows},
+    render::layout,
+};
 
 /// Numbers of the shapes; the same stand in the shader.
 pub const SHAPE_LINE: u32 = 0;
@@ -48,7 +50,7 @@ pub(super) struct OverlayPass {
 impl OverlayPass {
     pub(super) fn new(gpu: &Gpu, has_geometry: bool) -> Self {
         let constants = [("HAS_GEOMETRY", f64::from(u8::from(has_geometry)))];
-        Self { pipeline: gpu.compute_pipeline(&shaders::overlay(), &constants), has_geometry }
+        Self { pipeline: gpu.compute_pipeline_with(&gpu::overlay(), &constants), has_geometry }
     }
 
     /// Draws the blocks of a batch. `buffers`: viewports, tiles, display image, geometry, items, texels, entries.

@@ -5,13 +5,12 @@
 //! another than that of the last frame; a frame like the last one makes and uploads nothing.
 
 mod draw;
-pub mod layout;
 
 use std::sync::Arc;
 
 use self::draw::{BatchBlocks, OverlayPass};
 use super::{
-    RenderError,
+    RenderError, layout,
     targets::Targets,
     technique::{FrameInputs, Holding, Phase, Recording, Technique, begin_pass},
 };

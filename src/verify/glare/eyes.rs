@@ -11,7 +11,8 @@ use super::{
     Picture, pictures, stereo,
 };
 use crate::{
-    catalogue::StarRecord, metrics, photometry::rec709::luminance, reference::glare::sampled_pixels, units::PARSEC_M,
+    catalogue::StarRecord, metrics, photometry::rec709::luminance, reference::glare::sky_cube::sampled_pixels,
+    units::PARSEC_M,
 };
 
 /// Where the star stands, seen from between the eyes.

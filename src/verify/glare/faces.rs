@@ -13,10 +13,10 @@ use super::{
     Picture, flat, pictures,
 };
 use crate::{
-    frame::{Frame, FrameImage, Renderer, Wanted},
     gpu::{Gpu, GpuOptions},
     photometry::glare::GlareKernel,
     plan::settings::ExposureMode,
+    render::{Frame, FrameImage, Renderer, Wanted},
     scene::SceneSnapshot,
     view::{Rig, ViewKind, projection::FisheyeMapping},
 };

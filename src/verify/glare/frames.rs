@@ -12,7 +12,7 @@ use super::{
 };
 use crate::{
     catalogue::StarRecord,
-    frame::Wanted,
+    render::Wanted,
     scene::SceneSnapshot,
     view::{
         Rig, View, ViewKind,

@@ -2,7 +2,7 @@
 //! borders too.
 //!
 //! Most checks look at scattered light alone: with a share of 1 nothing else is left in a picture. What should be seen comes from
-//! [`crate::reference::glare`], for the eye of each image. Within two pixels of a source scattered light cannot be told from the
+//! [`crate::reference::glare::sky_cube`], for the eye of each image. Within two pixels of a source scattered light cannot be told from the
 //! source's own image; [`profile`] judges what is there by its sum. Pyramids have a kernel of their own that no setting reaches and
 //! that ends nowhere in particular: they are compared with the kernel of the settings after one fitted scale.
 //!
@@ -28,15 +28,15 @@ pub(super) use self::{
 };
 use super::context::{CheckError, Context, hdr_view, images};
 use crate::{
-    frame::Frame,
     metrics::{self, HdrView},
     photometry::{glare::GlareKernel, rec709::luminance},
-    plan::{glare_pyramid::PyramidAxes, settings::GlareSettings},
+    plan::{glare::pyramid::PyramidAxes, settings::GlareSettings},
     reference::{
-        glare::Veil,
+        glare::sky_cube::Veil,
         sky::{SkyStar, stars_for},
-        stars::Eye,
+        stars::splat::Eye,
     },
+    render::Frame,
     scene::SceneSnapshot,
     view::{Fov, Rig, RigError, View, ViewImage, ViewKind},
 };

@@ -15,7 +15,7 @@ use crate::{
     catalogue::StarRecord,
     metrics,
     photometry::{glare::GlareKernel, rec709::luminance},
-    reference::glare::sampled_pixels,
+    reference::glare::sky_cube::sampled_pixels,
     scene::SceneSnapshot,
     view::{
         Rig, ViewKind,

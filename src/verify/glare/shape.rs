@@ -11,10 +11,10 @@ use super::{
     Picture, flat, off_axis, pictures, stereo, turned,
 };
 use crate::{
-    frame::Frame,
     metrics::{self, Annulus, HdrView},
     photometry::glare::GlareKernel,
     plan::settings::GlareSettings,
+    render::Frame,
     scene::SceneSnapshot,
     units::illuminance_lx_from_magnitude,
     view::{Rig, View, ViewKind, projection::FisheyeMapping},

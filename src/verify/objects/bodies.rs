@@ -14,10 +14,10 @@ use super::{
 };
 use crate::{
     catalogue::chunks::StarSet,
-    frame::Frame,
     metrics,
     photometry::rec709::luminance,
-    plan::bodies::illuminance_of,
+    plan::bodies::light::illuminance_of,
+    render::Frame,
     scene::{
         SceneSnapshot,
         bodies::{Body, Emission, ReflectionLaw, Surface, hides, suns},

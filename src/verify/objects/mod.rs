@@ -1,7 +1,7 @@
 //! Bodies and asteroids: their light, their outlines, what they hide, and what stands in for their meshes.
 //!
 //! Truth of an asteroid is its finest mesh, drawn with 4 x 4 samples a pixel; of a body's light the integral over its disc in f64
-//! ([`crate::plan::bodies`]). What impostors, levels of detail and points may differ by follows from the half pixel that the
+//! ([`crate::plan::bodies::light`]). What impostors, levels of detail and points may differ by follows from the half pixel that the
 //! plan keeps. The settings say what is under test: `asteroids.impostor`, `asteroids.quality` and the others.
 
 mod bodies;

@@ -15,7 +15,6 @@ use super::super::{
     scenes::snapshot,
 };
 use crate::{
-    frame::{Frame, FrameImage},
     metrics::{self, HdrView},
     photometry::rec709::luminance,
     plan::{
@@ -25,6 +24,7 @@ use crate::{
         },
         settings::AsteroidSettings,
     },
+    render::{Frame, FrameImage},
     scene::{
         Camera, SceneObjects, SceneSnapshot,
         asteroids::{AsteroidField, Instances, Node, ShapeSet, packed::Asteroid},

@@ -10,7 +10,7 @@ use super::{
     stage::{Detail, Light, PLACES, Posed, RADIUS_M, bound_m, eye_m, light_and_middle, window},
 };
 use crate::{
-    frame::FrameImage,
+    render::FrameImage,
     view::{Fov, Rig, View, ViewKind, projection::Projection},
 };
 

@@ -13,8 +13,8 @@ use super::{
     stage::{Detail, Light, PLACES, Posed, bound_m, eye_m, iou, scene, silhouette, window},
 };
 use crate::{
-    frame::FrameImage,
     plan::asteroids::tiles::AtlasLayout,
+    render::FrameImage,
     view::{Rig, View, ViewKind},
 };
 

@@ -10,7 +10,7 @@ use std::{
 };
 
 use steradian::{
-    frame::Wanted,
+    render::Wanted,
     xr::{
         CapturedPixels, Flight, Headset, HeadsetFrame, HeadsetStatistics, Host, MirroredFrame, Recorder, Shown, Status,
         Step,

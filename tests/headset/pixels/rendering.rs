@@ -3,13 +3,13 @@
 
 use glam::{DQuat, Quat};
 use steradian::{
-    frame::{Frame, Renderer, Wanted},
     gpu::{Gpu, GpuOptions},
     photometry::{
         exposure::white_luminance_cd_m2,
         tone_map::{ToneMapSettings, linear_from_srgb},
     },
     plan::settings::{RenderSettings, SwapchainFormat, SwapchainLayout},
+    render::{Frame, Renderer, Wanted},
     scene::SceneSnapshot,
     view::Eye,
     xr::CapturedPixels,

@@ -5,10 +5,10 @@ use std::f64::consts::TAU;
 use glam::{DQuat, DVec2, DVec3, EulerRot, Quat};
 use steradian::{
     catalogue::bright::named_bright_stars,
-    frame::{Renderer, Wanted},
     gpu::{Gpu, GpuOptions},
     photometry::{exposure::white_luminance_cd_m2, rec709::luminance},
     plan::settings::{GlareSettings, SwapchainFormat, SwapchainLayout},
+    render::{Renderer, Wanted},
     units::illuminance_lx_from_magnitude,
     view::{
         Eye, Rig, View, ViewKind,

@@ -13,9 +13,9 @@ use crate::{
     },
     photometry::{glare::GlareKernel, rec709::luminance},
     reference::{
-        glare::{Veil, sampled_pixels},
+        glare::sky_cube::{Veil, sampled_pixels},
         sky::{SkyStar, stars_for},
-        stars::Eye,
+        stars::splat::Eye,
     },
     scene::{Camera, SceneSnapshot},
     units::SOLAR_TEMPERATURE_K,

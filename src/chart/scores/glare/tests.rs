@@ -5,7 +5,7 @@ use crate::{
     catalogue::bright::bright_stars,
     chart::ViewShape,
     photometry::{glare::GlareKernel, rec709::luminance},
-    reference::{glare::Veil, sky::SkyStar},
+    reference::{glare::sky_cube::Veil, sky::SkyStar},
 };
 
 /// A kernel that falls off with another power than the inverse square.

@@ -1,0 +1,355 @@
+//! The plan of a frame's asteroids: which groups are looked through for which picture, which faces of a cube stand behind pictures,
+//! how many entries the lists may have, and how finely pictures are sampled.
+
+use std::sync::Arc;
+
+use glam::DVec3;
+
+use super::{
+    classes::ClassRules,
+    cpu_cull::{self, PictureLists, WHOLE_PICTURE},
+    cut::{self, AsteroidCut},
+    kinds::{Kinds, MAX_SET_MESHES, Plane, planes_of},
+    settings::{AsteroidSettings, Culling},
+    views::{DirectionTable, PictureBounds, eye_distance_m, impostor_reach},
+};
+use crate::{
+    plan::{Approximation, Limits, PlanError},
+    scene::{
+        SceneObjects,
+        asteroids::{AsteroidField, PackedAsteroid, Shape},
+        bodies::Sun,
+    },
+    view::{
+        Part, Viewport,
+        projection::{Face, Projection},
+    },
+};
+
+/// Distance of depth 1, m: what is nearer is not drawn. Depth is relative, so it costs no accuracy.
+pub const NEAR_M: f64 = 1e-3;
+
+/// Memory that the faces of a cube may take.
+const FACE_BYTES: u64 = 1 << 30;
+/// Bytes of a texel of colour and depth.
+const TEXEL_BYTES: u64 = 12;
+/// Value of the target at p E / pi of the brightest group: halves end at 65504, and a mesh may be several times as bright.
+const BRIGHTEST_UNITS: f64 = 1024.0;
+
+/// Bytes of an entry of the lists on the adapter.
+pub const ENTRY_BYTES: u64 = 12;
+
+/// How a group is linked to a plane: where its asteroids are counted and listed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Link {
+    /// Index of the plane.
+    pub plane: usize,
+    /// Number of the group among those of the plane.
+    pub column: u32,
+    /// Bit set of the faces that the group may be seen on.
+    pub faces: u8,
+}
+
+/// Where the counts of a plane are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PlaneCounts {
+    /// First count.
+    pub first: u64,
+    /// Groups that are linked to the plane.
+    pub columns: u32,
+}
+
+/// See the module.
+#[derive(Clone, Debug)]
+pub struct AsteroidPlan {
+    /// Groups to look through, and points of light that stand for whole groups.
+    pub cut: AsteroidCut,
+    /// The pictures.
+    pub viewports: Vec<Viewport>,
+    /// What each picture's culling goes by.
+    pub pictures: Vec<PictureBounds>,
+    /// How classes of detail are chosen, per viewport.
+    pub rules: Vec<ClassRules>,
+    /// Whose classes hold, per viewport: of a pair of eyes with pixels alike the first one's.
+    pub class_views: Vec<u32>,
+    /// What is drawn onto.
+    pub planes: Vec<Plane>,
+    /// One per plane.
+    pub plane_counts: Vec<PlaneCounts>,
+    /// Links of all groups.
+    pub links: Vec<Link>,
+    /// First link and number of links, per group.
+    pub item_links: Vec<[u32; 2]>,
+    /// Numbers of the lists.
+    pub numbers: Kinds,
+    /// Lists per plane, the count of those seen included.
+    pub kinds: u32,
+    /// Entries that the lists may have.
+    pub capacity: u64,
+    /// Counts of all planes, lists and groups.
+    pub counts: u64,
+    /// Samples along each side of a pixel, per viewport.
+    pub samples: Vec<u32>,
+    /// Texels along a side of the faces, per viewport.
+    pub face_px: Vec<u32>,
+    /// cd/m^2 per unit of the targets.
+    pub luminance_scale: f64,
+    /// The lists where the CPU has made them.
+    pub lists: Option<Vec<PictureLists>>,
+    /// Asteroids of all fields.
+    pub asteroids: u64,
+    /// What is approximated.
+    pub certificate: Vec<Approximation>,
+}
+
+/// Tables of directions by projection, which take their time: kept from plan to plan.
+#[derive(Clone, Debug, Default)]
+pub struct Tables(Vec<(Projection, Arc<DirectionTable>)>);
+
+impl Tables {
+    /// The table of a projection.
+    pub fn of(&mut self, projection: &Projection) -> Arc<DirectionTable> {
+        if let Some((_, table)) = self.0.iter().find(|(known, _)| known == projection) {
+            return table.clone();
+        }
+        let table = Arc::new(DirectionTable::new(projection));
+        self.0.push((projection.clone(), table.clone()));
+        table
+    }
+
+    /// Forgets the tables that none of these viewports has.
+    fn keep(&mut self, viewports: &[Viewport]) {
+        self.0.retain(|(projection, _)| viewports.iter().any(|viewport| viewport.projection == *projection));
+    }
+}
+
+/// Whether the fields of a scene can be held: their number, and that every shape has meshes.
+pub fn check(objects: &SceneObjects, limits: &Limits) -> Result<(), PlanError> {
+    let asteroids = objects.fields.iter().map(|field| field.instances.packed.len() as u64).sum();
+    let bytes = limits.max_binding_bytes;
+    let limit = (bytes / size_of::<PackedAsteroid>() as u64).min(u64::from(u32::MAX));
+    if asteroids > limit {
+        return Err(PlanError::TooManyAsteroids { asteroids, limit, bytes });
+    }
+    for field in &objects.fields {
+        let shapes = &field.shapes.shapes;
+        let meshes = shapes.iter().map(|shape| shape.lods.len()).sum();
+        let drawable =
+            |shape: &Shape| !shape.lods.is_empty() && shape.lods.iter().all(|lod| !lod.mesh.triangles.is_empty());
+        if shapes.is_empty() || !shapes.iter().all(drawable) {
+            return Err(PlanError::NoShape { field: field.name.clone() });
+        }
+        if meshes > MAX_SET_MESHES {
+            return Err(PlanError::TooManyMeshes { field: field.name.clone(), meshes, limit: MAX_SET_MESHES });
+        }
+    }
+    Ok(())
+}
+
+/// What a plan of asteroids is made from.
+#[derive(Clone, Copy)]
+pub struct AsteroidInputs<'a> {
+    /// The fields.
+    pub objects: &'a SceneObjects,
+    /// How they are drawn.
+    pub settings: &'a AsteroidSettings,
+    /// The pictures.
+    pub viewports: &'a [Viewport],
+    /// How far points reach over borders, pixels.
+    pub margin_px: f64,
+    /// The camera (ICRS, barycentric, m).
+    pub camera_m: DVec3,
+    /// What lights them.
+    pub suns: &'a [Sun],
+    /// The adapter's.
+    pub limits: &'a Limits,
+}
+
+impl AsteroidPlan {
+    /// Plans the fields of a scene, which [`check`] accepts. `None` where there are no fields or no pictures.
+    ///
+    /// # Errors
+    ///
+    /// The lists may be longer than the adapter can bind.
+    pub fn new(inputs: &AsteroidInputs<'_>, tables: &mut Tables) -> Result<Option<Self>, PlanError> {
+        let AsteroidInputs { objects, settings, viewports, margin_px, camera_m, suns, limits } = *inputs;
+        if objects.fields.is_empty() || viewports.is_empty() {
+            return Ok(None);
+        }
+        let fields: Vec<&AsteroidField> = objects.fields.iter().map(Arc::as_ref).collect();
+        let numbers = Kinds::new(fields.iter().copied());
+        tables.keep(viewports);
+        let pictures: Vec<PictureBounds> = viewports
+            .iter()
+            .map(|viewport| {
+                let eyes_m = eye_distance_m(viewports, viewport);
+                let reach = impostor_reach(settings, eyes_m);
+                PictureBounds::new(viewport, margin_px, tables.of(&viewport.projection), reach)
+            })
+            .collect();
+        let rules: Vec<ClassRules> = pictures
+            .iter()
+            .map(|picture| ClassRules {
+                quality: settings.quality,
+                impostor: picture.impostor,
+                finest_only: settings.finest_only,
+            })
+            .collect();
+        let mut lists = None;
+        let cut = if settings.culling == Culling::Cpu {
+            let mut cut = cut::every_group(&fields, camera_m, &pictures, &rules, suns);
+            let found = cpu_cull::cull(&fields, &numbers, camera_m, &pictures, &rules);
+            for (faces, found) in cut.faces.iter_mut().zip(&found) {
+                let used = (0..WHOLE_PICTURE).filter(|face| found.lists[*face].iter().any(|list| !list.is_empty()));
+                *faces = used.fold(0, |bits, face| bits | 1 << face);
+            }
+            lists = Some(found);
+            cut
+        } else {
+            cut::cut(&fields, camera_m, &pictures, &rules, suns)
+        };
+        let mut plan = Self {
+            viewports: viewports.to_vec(),
+            class_views: (0..viewports.len() as u32).map(|index| class_view(viewports, index)).collect(),
+            planes: planes_of(&cut.faces),
+            plane_counts: Vec::new(),
+            links: Vec::new(),
+            item_links: Vec::new(),
+            kinds: numbers.lists() as u32 + 1,
+            capacity: 0,
+            counts: 0,
+            samples: Vec::new(),
+            face_px: Vec::new(),
+            luminance_scale: luminance_scale(&fields, cut.brightest_lx),
+            asteroids: fields.iter().map(|field| field.instances.packed.len() as u64).sum(),
+            certificate: Vec::new(),
+            pictures,
+            rules,
+            numbers,
+            lists,
+            cut,
+        };
+        plan.link(settings);
+        plan.choose_samples(limits, settings);
+        let limit = (limits.max_binding_bytes / ENTRY_BYTES).min(u64::from(u32::MAX));
+        if plan.capacity > limit {
+            return Err(PlanError::AsteroidLists { needed: plan.capacity, limit });
+        }
+        let limit = (limits.max_binding_bytes / 4).min(u64::from(u32::MAX));
+        if plan.counts > limit {
+            return Err(PlanError::AsteroidLists { needed: plan.counts, limit });
+        }
+        Ok(Some(plan))
+    }
+
+    /// Whether anything may be drawn as a mesh or an impostor in a viewport.
+    pub fn draws(&self, viewport: usize) -> bool {
+        match &self.lists {
+            Some(lists) => lists[viewport].lists.iter().flatten().any(|list| !list.is_empty()),
+            None => self.plane_counts[viewport].columns > 0,
+        }
+    }
+
+    /// Links groups to planes, and numbers counts and entries.
+    fn link(&mut self, settings: &AsteroidSettings) {
+        let mut columns = vec![0_u32; self.planes.len()];
+        let doubled = if settings.finest_only { 1 } else { 2 };
+        let by_lists = self.lists.as_ref().map(|lists| {
+            lists.iter().flat_map(|found| &found.lists).flatten().map(|list| list.len() as u64).sum::<u64>()
+        });
+        for (index, item) in self.cut.items.iter().enumerate() {
+            let first_link = self.links.len() as u32;
+            if index < self.cut.shape_items && by_lists.is_none() {
+                let mut remaining = item.viewports;
+                while remaining != 0 {
+                    let viewport = remaining.trailing_zeros() as usize;
+                    remaining &= remaining - 1;
+                    let faces = item.faces.iter().find(|(of, _)| *of == viewport).map_or(0, |(_, faces)| *faces);
+                    let mut link = |plane: usize, faces: u8| {
+                        self.links.push(Link { plane, column: columns[plane], faces });
+                        columns[plane] += 1;
+                        let copies = if item.crosses_seam { 2 } else { 1 };
+                        self.capacity += u64::from(item.count) * doubled * copies;
+                    };
+                    link(viewport, faces);
+                    for (plane, of) in self.planes.iter().enumerate().skip(self.viewports.len()) {
+                        if of.viewport == viewport && of.face.is_some_and(|face| faces >> face as u8 & 1 == 1) {
+                            link(plane, faces);
+                        }
+                    }
+                }
+            }
+            let link_count = self.links.len() as u32 - first_link;
+            self.item_links.push([first_link, link_count]);
+        }
+        self.capacity = by_lists.unwrap_or(self.capacity);
+        let mut first_count = 0_u64;
+        for columns in columns {
+            self.plane_counts.push(PlaneCounts { first: first_count, columns });
+            first_count += u64::from(columns) * u64::from(self.kinds);
+        }
+        self.counts = first_count;
+    }
+
+    fn choose_samples(&mut self, limits: &Limits, settings: &AsteroidSettings) {
+        let limit = limits.max_view_side_px;
+        let (mut fewest, mut coarsest) = (settings.samples, 1.0_f64);
+        for (index, (viewport, picture)) in self.viewports.iter().zip(&self.pictures).enumerate() {
+            let [width, height] = viewport.size();
+            let samples = settings.samples.clamp(1, (limit / width.max(height)).max(1));
+            fewest = fewest.min(samples);
+            self.samples.push(samples);
+            let layers = u64::from(8 - self.cut.faces[index].leading_zeros());
+            // In the middle of a face a texel covers 2 / side.
+            let wanted = (2.0 * f64::from(samples) / picture.table.needed_rad).ceil();
+            let fitting = ((FACE_BYTES / TEXEL_BYTES / layers.max(1)) as f64).sqrt().floor().min(f64::from(limit));
+            let side = wanted.min(fitting).max(1.0);
+            if layers > 0 {
+                coarsest = coarsest.max(wanted / side);
+            }
+            self.face_px.push(side as u32);
+        }
+        let mut state = |what: &str, bound: f64, unit: &str, within: Option<bool>| {
+            self.certificate.push(Approximation {
+                what: what.to_owned(),
+                bound,
+                unit: unit.to_owned(),
+                within_budget: within,
+            });
+        };
+        let half_px = 0.5 / settings.quality;
+        state("detail left out of an asteroid", half_px, "px", None);
+        state("straight edges of asteroids in pictures that are not flat", half_px, "px", None);
+        state("edges of asteroids, sampled", 0.5 / f64::from(fewest.max(1)), "px", Some(fewest == settings.samples));
+        if self.cut.faces.iter().any(|faces| *faces != 0) {
+            state("texels of the faces behind pictures, over a sample", coarsest, "px", Some(coarsest <= 1.0));
+        }
+    }
+
+    /// The plane of a face of a viewport.
+    pub fn plane_of(&self, viewport: usize, face: Option<Face>) -> Option<usize> {
+        self.planes.iter().position(|plane| *plane == Plane { viewport, face })
+    }
+}
+
+/// cd/m^2 per unit of the targets: a power of two, so that it stays while the light hardly changes.
+fn luminance_scale(fields: &[&AsteroidField], brightest_lx: f64) -> f64 {
+    let albedo = fields.iter().flat_map(|field| field.geometric_albedo).fold(0.0, f64::max);
+    let brightest = albedo * brightest_lx / std::f64::consts::PI;
+    if brightest > 0.0 { 2.0_f64.powf((brightest / BRIGHTEST_UNITS).log2().ceil()) } else { 1.0 }
+}
+
+/// The viewport whose classes hold for viewport `index`: of a pair of eyes with pixels alike the first one's, else its own.
+fn class_view(viewports: &[Viewport], index: u32) -> u32 {
+    let own = &viewports[index as usize];
+    let first = index.checked_sub(1).filter(|before| {
+        let other = &viewports[*before as usize];
+        own.part == Part::RightEye
+            && other.part == Part::LeftEye
+            && other.view == own.view
+            && own.size() == other.size()
+            && own.projection.middle_pixel_rad() <= 1.02 * other.projection.middle_pixel_rad()
+            && other.projection.middle_pixel_rad() <= 1.02 * own.projection.middle_pixel_rad()
+    });
+    first.unwrap_or(index)
+}

@@ -1,0 +1,5 @@
+//! Bodies in a plan: what each viewport sees of them, and the light that they send there.
+
+pub mod light;
+pub mod seen;
+pub mod textures;

@@ -1,0 +1,231 @@
+//! Bodies as every viewport's eye sees them: which ones are drawn as a disc, nearest first, which as a point of light, and what each
+//! gives to the eye.
+//!
+//! A body of less than [`POINT_BELOW_PX`] across is a point, one of more than [`DISC_FROM_PX`] a disc; in between its light is shared out,
+//! so that a body that shrinks does not pop.
+
+use glam::{DMat3, DVec2, DVec3};
+
+use super::light::illuminance_of;
+use crate::plan::glare::objects::{Source, body_sources};
+use crate::{
+    photometry::{glare::GlareKernel, rec709::luminance},
+    scene::{
+        SceneObjects,
+        bodies::{Body, Sun, lights_on},
+    },
+    view::{
+        Viewport,
+        projection::{Projection, pixel_centre},
+    },
+};
+
+/// Diameter below which a body is a point, pixels.
+pub const POINT_BELOW_PX: f64 = 2.0;
+/// Diameter from which on it is a disc, pixels.
+pub const DISC_FROM_PX: f64 = 4.0;
+/// A body whose direction is at least so far before the plane of a flat picture's eye is measured in tangents.
+const LEAST_COSINE: f64 = 0.05;
+
+/// A point of light that is no star.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PointSource {
+    /// Place relative to the camera, world axes, m.
+    pub offset_m: DVec3,
+    /// Intensity, linear Rec. 709, cd.
+    pub intensity_cd: [f64; 3],
+    /// What stands nearer than its place by this is not before it, m.
+    pub radius_m: f64,
+    /// Bit i: viewport i may see it.
+    pub viewports: u64,
+}
+
+/// A body that a viewport shows as a disc.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BodyDisc {
+    /// Its number in the scene.
+    pub body: usize,
+    /// Direction of its middle, view axes: a tangent (z = -1) if `on_plane`, else a unit vector.
+    pub centre: DVec3,
+    /// See `centre`.
+    pub on_plane: bool,
+    /// How far the middle is, m over the length of `centre`.
+    pub distance_m: f64,
+    /// From view axes, m, to the body's axes, in semi-axes.
+    pub unit_from_view: DMat3,
+    /// Share of its light that the disc has.
+    pub part: f64,
+    /// Factor on its luminance: 1, but for light that it scatters onto itself.
+    pub kept: f64,
+    /// Unit vectors to the suns, view axes, and their light there, lx.
+    pub suns: Vec<(DVec3, [f64; 3])>,
+}
+
+/// The bodies of a frame.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct BodyPlan {
+    /// Those that each viewport shows as discs, nearest first.
+    pub seen: Vec<Vec<BodyDisc>>,
+    /// Those that are points, with the share of their light that the point has.
+    pub points: Vec<PointSource>,
+    /// What every body gives to each viewport's eye: number of the body and lx.
+    pub lights: Vec<Vec<(usize, [f64; 3])>>,
+    /// The same of those that reach into its picture.
+    pub in_view: Vec<Vec<(usize, [f64; 3])>>,
+    /// What scatters in each viewport's eye.
+    pub glare: Vec<Vec<Source>>,
+}
+
+impl PointSource {
+    /// What it gives to an eye at `eye_m` from the camera, lx; nothing at its very place.
+    pub fn light_at_lx(&self, eye_m: DVec3) -> f64 {
+        let squared = (self.offset_m - eye_m).length_squared();
+        if squared > 0.0 { luminance(self.intensity_cd) / squared } else { 0.0 }
+    }
+}
+
+impl BodyPlan {
+    /// Takes into account what glare of a kernel, which scatters `fraction` of all light, leaves on the discs it comes from.
+    pub fn keep_own_glare(&mut self, kernel: &dyn GlareKernel, fraction: f64) {
+        for (seen, sources) in self.seen.iter_mut().zip(&self.glare) {
+            for disc in seen {
+                let own = sources.iter().find(|source| source.body == disc.body);
+                disc.kept = own.map_or(1.0, |source| source.kept(kernel, fraction));
+            }
+        }
+    }
+
+    /// Light of the bodies that viewports show, over all of them, lx.
+    pub fn light_in_view_lx(&self) -> f64 {
+        let of_viewport = |lights: &Vec<(usize, [f64; 3])>| lights.iter().map(|(_, lx)| luminance(*lx)).sum::<f64>();
+        self.in_view.iter().map(of_viewport).sum()
+    }
+}
+
+/// Share of its light that a body of a diameter has as a disc.
+fn disc_part(diameter_px: f64) -> f64 {
+    let t = ((diameter_px - POINT_BELOW_PX) / (DISC_FROM_PX - POINT_BELOW_PX)).clamp(0.0, 1.0);
+    t * t * (3.0 - 2.0 * t)
+}
+
+/// Longer angle across the pixel that shows a direction, rad; of the one next to it where that lies outside of the picture.
+fn pixel_across_rad(viewport: &Viewport, direction: DVec3) -> f64 {
+    let mapping = viewport.projection.mapping();
+    let [width, height] = mapping.size();
+    let across = mapping.pixel_from_direction(direction).and_then(|pixel| {
+        let held = |at: f64, side: u32| (at.max(0.0) as u32).min(side - 1);
+        let centre = pixel_centre(held(pixel.x, width), held(pixel.y, height));
+        let half = |x: f64, y: f64| mapping.direction_from_pixel(centre + DVec2::new(x, y));
+        let middle = mapping.direction_from_pixel(centre)?;
+        let sides = [half(0.5, 0.0), half(-0.5, 0.0), half(0.0, 0.5), half(0.0, -0.5)];
+        sides.into_iter().flatten().map(|side| 2.0 * side.angle_between(middle)).reduce(f64::max)
+    });
+    across.unwrap_or_else(|| viewport.projection.middle_pixel_rad())
+}
+
+/// Plans the bodies, lit by `suns` (those of the scene), for a camera at `camera_m`, world axes; points reach `margin_px` over the border of a picture.
+pub fn plan_bodies(
+    objects: &SceneObjects,
+    suns: &[Sun],
+    camera_m: DVec3,
+    viewports: &[Viewport],
+    margin_px: f64,
+) -> BodyPlan {
+    let mut plan = BodyPlan::default();
+    for (index, viewport) in viewports.iter().enumerate() {
+        let eye_m = camera_m + viewport.eye_offset_m;
+        // Eyes at one place see the same light.
+        let same = viewports[..index].iter().position(|other| other.eye_offset_m == viewport.eye_offset_m);
+        let lights = match same {
+            Some(other) => plan.lights[other].clone(),
+            None => objects
+                .bodies
+                .iter()
+                .enumerate()
+                .map(|(body, of)| (body, illuminance_of(of, eye_m, suns, objects.time_s)))
+                .collect(),
+        };
+        let mut seen: Vec<BodyDisc> = Vec::new();
+        let mut in_view_of: Vec<(usize, [f64; 3])> = Vec::new();
+        for (body, light) in objects.bodies.iter().zip(&lights) {
+            let offset_m = body.position_m - eye_m;
+            let distance_m = offset_m.length();
+            let largest_m = body.radii_m.max_element();
+            // From inside nothing of it is seen.
+            let unit_from_world = unit_from_world(body, objects.time_s);
+            if unit_from_world.mul_vec3(offset_m).length() <= 1.0 {
+                continue;
+            }
+            let in_view = viewport.world_from_view.conjugate().mul_vec3(offset_m);
+            let reach_rad = (largest_m / distance_m).min(1.0).asin();
+            let mapping = viewport.projection.mapping();
+            let cone = mapping.bounding_cone(margin_px);
+            if in_view.angle_between(cone.axis) > cone.half_angle_rad + reach_rad {
+                continue;
+            }
+            in_view_of.push(*light);
+            let part = disc_part(2.0 * reach_rad / pixel_across_rad(viewport, in_view));
+            if part < 1.0 {
+                let intensity = light.1.map(|lx| lx * (1.0 - part) * distance_m * distance_m);
+                plan.points.push(PointSource {
+                    offset_m: offset_m + viewport.eye_offset_m,
+                    intensity_cd: intensity,
+                    radius_m: 1.01 * largest_m,
+                    viewports: 1 << index,
+                });
+            }
+            if part > 0.0 {
+                seen.push(body_disc(light.0, body, in_view, viewport, unit_from_world, part, suns));
+            }
+        }
+        seen.sort_by(|a, b| surface_m(objects, a).total_cmp(&surface_m(objects, b)));
+        plan.seen.push(seen);
+        plan.in_view.push(in_view_of);
+        let glare = match same {
+            Some(other) => plan.glare[other].clone(),
+            None => body_sources(objects, eye_m, &lights, suns),
+        };
+        plan.glare.push(glare);
+        plan.lights.push(lights);
+    }
+    plan
+}
+
+/// From world axes, m, to the body's axes, in semi-axes.
+fn unit_from_world(body: &Body, time_s: f64) -> DMat3 {
+    DMat3::from_diagonal(body.radii_m.recip()) * DMat3::from_quat(body.world_from_body(time_s).conjugate())
+}
+
+/// Distance of the nearest that a seen body can have, m.
+fn surface_m(objects: &SceneObjects, seen: &BodyDisc) -> f64 {
+    seen.distance_m * seen.centre.length() - objects.bodies[seen.body].radii_m.max_element()
+}
+
+fn body_disc(
+    number: usize,
+    body: &Body,
+    in_view: DVec3,
+    viewport: &Viewport,
+    unit_from_world: DMat3,
+    part: f64,
+    suns: &[Sun],
+) -> BodyDisc {
+    let flat = matches!(viewport.projection, Projection::Perspective(_) | Projection::CubeFace(_));
+    let distance_m = in_view.length();
+    let on_plane = flat && -in_view.z > LEAST_COSINE * distance_m;
+    let (centre, distance_m) =
+        if on_plane { (in_view / -in_view.z, -in_view.z) } else { (in_view / distance_m, distance_m) };
+    let view_from_world = viewport.world_from_view.conjugate();
+    let suns = lights_on(body, suns);
+    let suns = suns.iter().map(|light| (view_from_world * light.direction, light.illuminance_lx)).collect();
+    BodyDisc {
+        body: number,
+        centre,
+        on_plane,
+        distance_m,
+        unit_from_view: unit_from_world * DMat3::from_quat(viewport.world_from_view),
+        part,
+        kept: 1.0,
+        suns,
+    }
+}

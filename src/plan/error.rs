@@ -1,0 +1,115 @@
+//! Why a frame cannot be planned: nothing of it has been drawn.
+
+use super::overlay::OverlayPlanError;
+use crate::photometry::{glare::GlareKernelError, psf::PsfError};
+
+/// Why a scene cannot be drawn in these views with these settings within these limits.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum PlanError {
+    /// A view is larger than the adapter allows.
+    #[error("view `{view}`: {width} x {height} pixels: this adapter's views have at most {limit} pixels a side")]
+    TooLarge {
+        /// The view's name.
+        view: String,
+        /// Width, pixels.
+        width: u32,
+        /// Height, pixels.
+        height: u32,
+        /// The limit.
+        limit: u32,
+    },
+    /// The rig has more images than one frame can have.
+    #[error("the views have {images} images in all: one frame has at most {limit}")]
+    TooManyImages {
+        /// How many.
+        images: usize,
+        /// The limit.
+        limit: usize,
+    },
+    /// The images of all views together take too much memory.
+    #[error(
+        "view `{view}`: {bytes} bytes of pixels in all exceed what one frame may take ({limit} bytes): make the views smaller or fewer"
+    )]
+    TooManyPixels {
+        /// The view that went over the limit.
+        view: String,
+        /// Bytes needed.
+        bytes: u64,
+        /// The limit.
+        limit: u64,
+    },
+    /// There is more of an overlay than one frame can hold.
+    #[error("overlay: {0}")]
+    Overlay(#[from] OverlayPlanError),
+    /// The point-spread function of `psf_texture` cannot be made or read.
+    #[error("stars.psf_texture: {0}")]
+    Psf(#[from] PsfError),
+    /// The kernel of glare cannot be made or read.
+    #[error("glare: {0}")]
+    Glare(#[from] GlareKernelError),
+    /// A published method cannot draw for a moving camera.
+    #[error(
+        "stars.method = `{0}` draws for a camera at rest: set scene.camera.velocity_c = [0, 0, 0], or the method to auto, bspline, tent or pixel_gaussian"
+    )]
+    AtRestOnly(&'static str),
+    /// `sky_cube` scatters the light of the catalogue's stars.
+    #[error(
+        "glare.method = `sky_cube` reads the catalogue, of which stars.method = `{0}` draws no star: set glare.method to auto, view_pyramid, screen_pyramid or none"
+    )]
+    GlareOfCatalogue(&'static str),
+    /// The scene has more asteroids than the adapter can bind at once.
+    #[error("{asteroids} asteroids in all fields: this adapter binds at most {limit} at once ({bytes} bytes)")]
+    TooManyAsteroids {
+        /// How many there are.
+        asteroids: u64,
+        /// How many there may be.
+        limit: u64,
+        /// Bytes of one binding.
+        bytes: u64,
+    },
+    /// A set of shapes has more meshes than culling can count.
+    #[error("field `{field}`: its shapes have {meshes} meshes at all levels of detail: at most {limit} are allowed")]
+    TooManyMeshes {
+        /// The field's name.
+        field: String,
+        /// How many there are.
+        meshes: usize,
+        /// How many there may be.
+        limit: usize,
+    },
+    /// A field has no shape, or a shape no mesh.
+    #[error("field `{field}`: it needs at least one shape, and every shape at least one mesh with triangles")]
+    NoShape {
+        /// The field's name.
+        field: String,
+    },
+    /// The lists of asteroids take more than the adapter can bind at once.
+    #[error(
+        "lists of up to {needed} asteroids for all views: this adapter holds {limit}: use fewer views or asteroids, or a lower asteroids.quality"
+    )]
+    AsteroidLists {
+        /// Entries needed.
+        needed: u64,
+        /// Entries there is room for.
+        limit: u64,
+    },
+    /// A published star method leaves no room for anything else.
+    #[error(
+        "stars.method = `{0}` draws stars alone: bodies and asteroid fields need auto, bspline, tent or pixel_gaussian"
+    )]
+    StarsOnly(&'static str),
+    /// Bodies and asteroids are drawn as a resting camera sees them.
+    #[error(
+        "bodies and asteroid fields are drawn for a camera at rest: set scene.camera.velocity_c = [0, 0, 0], or remove them"
+    )]
+    ObjectsAtRest,
+    /// The textures of bodies do not fit.
+    #[error("the textures of the bodies take {bytes} bytes in all: this adapter binds at most {limit}")]
+    TooManyTexels {
+        /// Bytes needed.
+        bytes: u64,
+        /// The limit.
+        limit: u64,
+    },
+}

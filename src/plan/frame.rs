@@ -1,0 +1,385 @@
+//! The plan of a frame: everything that is decided before a GPU is asked for anything, as plain data in f64.
+//!
+//! In order: checks against the adapter's [`Limits`]; viewports and their tiles; stars that may be seen, bodies, fields of asteroids,
+//! and what scatters light in the eye; the units that light adds up in; the kernel of every star; the certificate. The same scene, views,
+//! settings and limits give the same plan.
+
+use std::{f64::consts::PI, sync::Arc, time::Instant};
+
+use glam::DVec3;
+
+use super::{
+    Limits,
+    asteroids::{self, AsteroidInputs, AsteroidPlan, Tables, glare::field_clouds},
+    bodies::{
+        seen::{BodyPlan, plan_bodies},
+        textures::texture_bytes,
+    },
+    certificate::{FramePlan, plan_stars},
+    error::PlanError,
+    glare::objects::Cloud,
+    overlay::{OverlayInputs, OverlayPlan, OverlayPlanner},
+    settings::{
+        Accumulator, ExposureSettings, GlareMethod, GlareSettings, PsfTextureSettings, RenderSettings, StarMethod,
+    },
+    stars::{
+        billboards::{BillboardPlan, DrawnPsf},
+        cull::{CullSettings, SPLAT_MARGIN_PX, VisibleChunk, distinct_eyes_pc, visible_chunks},
+        kernels::{KernelPlan, gaussian_of},
+        range::{self, OtherLight, Ranges},
+        travel,
+    },
+    tiles::{BYTES_PER_PIXEL, Batch, batches},
+};
+use crate::{
+    catalogue::chunks::StarSet,
+    photometry::glare::GlareKernel,
+    relativity::Motion,
+    scene::{
+        SceneObjects, SceneSnapshot,
+        asteroids::AsteroidField,
+        bodies::{Sun, suns},
+    },
+    units::{PARSEC_M, illuminance_lx_from_magnitude},
+    view::{Rig, Viewport},
+};
+
+/// The plan of a frame.
+#[derive(Clone)]
+pub struct Plan {
+    /// What is reported: methods by name, and the certificate.
+    pub report: FramePlan,
+    /// Every image of every view.
+    pub viewports: Vec<Viewport>,
+    /// The tiles of all viewports, in batches that fit into one binding each.
+    pub batches: Vec<Batch>,
+    /// Kernels of the stars of each viewport.
+    pub kernels: Vec<KernelPlan>,
+    /// Stars that may be seen, by chunks.
+    pub visible: Vec<VisibleChunk>,
+    /// Units that light adds up in.
+    pub ranges: Ranges,
+    /// Solid angle of all pictures, sr.
+    pub total_solid_angle_sr: f64,
+    /// The camera's place, pc.
+    pub camera_pc: DVec3,
+    /// How it moves; `None`: it rests.
+    pub motion: Option<Motion>,
+    /// Fainter stars are not drawn, lx.
+    pub faintest_lx: f64,
+    /// Exposure of the display images as far as it is known before the frame is drawn.
+    pub known_ev100: Option<f64>,
+    /// Bodies, and points of light that are no stars; `None`: the scene has neither bodies nor fields.
+    pub bodies: Option<BodyPlan>,
+    /// Fields of asteroids; `None`: there are none.
+    pub asteroids: Option<AsteroidPlan>,
+    /// Glare.
+    pub glare: GlarePlan,
+    /// Lines and text over display images; `None`: nothing.
+    pub overlay: Option<Arc<OverlayPlan>>,
+    /// The numbers of star methods that blend; `None` for the others.
+    pub billboards: Option<BillboardPlan>,
+    /// The point-spread function of `psf_texture`.
+    pub psf: Option<Arc<DrawnPsf>>,
+    /// Time that culling took, ms.
+    pub cull_ms: f64,
+}
+
+/// The glare of a frame.
+#[derive(Clone)]
+pub struct GlarePlan {
+    /// What draws it; never `auto`.
+    pub method: GlareMethod,
+    /// Share of the light that is scattered.
+    pub fraction: f64,
+    /// The kernel of `sky_cube`.
+    pub kernel: Option<Arc<dyn GlareKernel>>,
+    /// What fields of asteroids scatter in the eye of each viewport; empty: nothing.
+    pub clouds: Vec<Vec<Cloud>>,
+}
+
+impl Plan {
+    /// The plan of a frame that is shown as fully adapted.
+    ///
+    /// # Errors
+    ///
+    /// What of the scene cannot be drawn in these views with these settings within these limits.
+    pub fn new(
+        scene: &SceneSnapshot,
+        rig: &Rig,
+        settings: &RenderSettings,
+        limits: &Limits,
+    ) -> Result<Self, PlanError> {
+        Planner::new().plan(scene, rig, settings, None, limits)
+    }
+}
+
+/// Makes plans, and keeps what takes its time to compute and depends on settings alone: kernels of glare, point-spread functions,
+/// tables of directions. Plans do not depend on what is kept.
+pub struct Planner {
+    tables: Tables,
+    kernel: Option<(GlareSettings, Arc<dyn GlareKernel>)>,
+    psf: Option<(PsfTextureSettings, Arc<DrawnPsf>)>,
+    overlay: OverlayPlanner,
+    /// Whether chunks outside of every view are left out; false only to measure what that saves.
+    pub culling: bool,
+    /// Factor on the fixed-point units: 1. Tests raise it to provoke an overflow.
+    #[doc(hidden)]
+    pub unit_factor: f64,
+}
+
+impl Default for Planner {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Planner {
+    /// A planner that keeps nothing yet.
+    pub fn new() -> Self {
+        Self {
+            tables: Tables::default(),
+            kernel: None,
+            psf: None,
+            overlay: OverlayPlanner::default(),
+            culling: true,
+            unit_factor: 1.0,
+        }
+    }
+
+    /// Whether a scene can be drawn with these settings, whatever views look at it; keeps what takes its time.
+    ///
+    /// # Errors
+    ///
+    /// What cannot be drawn, or read from the files that the settings name.
+    pub fn check(
+        &mut self,
+        scene: &SceneSnapshot,
+        settings: &RenderSettings,
+        limits: &Limits,
+    ) -> Result<(), PlanError> {
+        let method = settings.stars.method;
+        let moves = scene.camera.velocity_c != DVec3::ZERO;
+        if moves && method.accumulator() != Accumulator::FixedPoint {
+            return Err(PlanError::AtRestOnly(method.name()));
+        }
+        if !scene.objects.is_empty() {
+            if method.accumulator() != Accumulator::FixedPoint {
+                return Err(PlanError::StarsOnly(method.name()));
+            }
+            if moves {
+                return Err(PlanError::ObjectsAtRest);
+            }
+            let (bytes, limit) = (texture_bytes(&scene.objects), limits.max_binding_bytes);
+            if bytes > limit {
+                return Err(PlanError::TooManyTexels { bytes, limit });
+            }
+        }
+        // A file that changes alone is not read again.
+        if method == StarMethod::PsfTexture && self.psf.as_ref().is_none_or(|(of, _)| *of != settings.stars.psf_texture)
+        {
+            let psf = DrawnPsf::new(&settings.stars.psf_texture.texture()?);
+            self.psf = Some((settings.stars.psf_texture.clone(), Arc::new(psf)));
+        }
+        if settings.glare.chosen(method) == GlareMethod::SkyCube {
+            if !method.draws_catalogue() {
+                return Err(PlanError::GlareOfCatalogue(method.name()));
+            }
+            self.hold_kernel(&settings.glare)?;
+        }
+        asteroids::frame::check(&scene.objects, limits)
+    }
+
+    fn hold_kernel(&mut self, settings: &GlareSettings) -> Result<(), PlanError> {
+        // What the kernel does not depend on is left out.
+        let GlareSettings { method, fraction, absolute, weights, .. } = GlareSettings::default();
+        let of_kernel = GlareSettings { method, fraction, absolute, weights, ..settings.clone() };
+        if self.kernel.as_ref().is_none_or(|(of, _)| *of != of_kernel) {
+            self.kernel = Some((of_kernel, settings.kernel()?));
+        }
+        Ok(())
+    }
+
+    /// The kernel of glare that is kept.
+    pub(crate) fn kernel(&self) -> Option<&Arc<dyn GlareKernel>> {
+        self.kernel.as_ref().map(|(_, kernel)| kernel)
+    }
+
+    /// The plan of a frame. With automatic exposure, `adapted_ev100` is the exposure to show it with; without it the frame is shown as
+    /// fully adapted.
+    ///
+    /// # Errors
+    ///
+    /// What of the scene cannot be drawn in these views with these settings within these limits.
+    pub fn plan(
+        &mut self,
+        scene: &SceneSnapshot,
+        rig: &Rig,
+        settings: &RenderSettings,
+        adapted_ev100: Option<f64>,
+        limits: &Limits,
+    ) -> Result<Plan, PlanError> {
+        limits.check(rig)?;
+        let method = settings.stars.method;
+        if method.accumulator() == Accumulator::Blending {
+            limits.check_blended(rig)?;
+        }
+        self.check(scene, settings, limits)?;
+
+        let camera = &scene.camera;
+        let motion = Motion::new(camera.velocity_c);
+        let viewports = rig.viewports(camera.world_from_camera);
+        let sizes: Vec<[u32; 2]> = viewports.iter().map(Viewport::size).collect();
+        let batches = batches(&sizes, limits.max_binding_bytes / BYTES_PER_PIXEL);
+        // How far over a border the widest kernel reaches.
+        let reaches = viewports.iter().filter_map(|viewport| gaussian_of(settings, viewport));
+        let margin_px = reaches.map(|(_, reach_px)| reach_px).fold(SPLAT_MARGIN_PX, f64::max);
+        let faintest_lx = illuminance_lx_from_magnitude(settings.stars.magnitude_limit);
+
+        // Stars that may be seen.
+        let cull = CullSettings { faintest_lx, enabled: self.culling, motion, margin_px };
+        let start = Instant::now();
+        let camera_pc = camera.position_m / PARSEC_M;
+        let visible =
+            if method.reads_visible() { visible_chunks(&scene.stars, camera_pc, &viewports, cull) } else { Vec::new() };
+        let cull_ms = start.elapsed().as_secs_f64() * 1e3;
+
+        // Bodies, asteroids, and what they scatter in the eye.
+        let suns = suns(&scene.objects);
+        let mut bodies = (!scene.objects.is_empty())
+            .then(|| plan_bodies(&scene.objects, &suns, camera.position_m, &viewports, margin_px));
+        let inputs = AsteroidInputs {
+            objects: &scene.objects,
+            settings: &settings.asteroids,
+            viewports: &viewports,
+            margin_px,
+            camera_m: camera.position_m,
+            suns: &suns,
+            limits,
+        };
+        let asteroids = AsteroidPlan::new(&inputs, &mut self.tables)?;
+        if let (Some(bodies), Some(asteroids)) = (&mut bodies, &asteroids) {
+            bodies.points.extend(asteroids.cut.unresolved.iter().map(|node| node.point));
+        }
+        let mut glare = GlarePlan {
+            method: settings.glare.chosen(method),
+            fraction: settings.glare.fraction_scattered(),
+            kernel: None,
+            clouds: Vec::new(),
+        };
+        if glare.method == GlareMethod::SkyCube {
+            let kernel = self.kernel.as_ref().map(|(_, kernel)| Arc::clone(kernel));
+            if let (Some(bodies), Some(kernel)) = (&mut bodies, &kernel) {
+                bodies.keep_own_glare(&**kernel, glare.fraction);
+            }
+            glare.kernel = kernel;
+            glare.clouds = clouds_of(&scene.objects, &suns, camera.position_m, &viewports);
+        }
+
+        // Units of light.
+        let eyes_pc = distinct_eyes_pc(&viewports);
+        let eyes_m: Vec<DVec3> = eyes_pc.iter().map(|eye| *eye * PARSEC_M).collect();
+        let other = bodies.as_ref().map_or_else(OtherLight::default, |bodies| OtherLight {
+            points_lx: bodies
+                .points
+                .iter()
+                .map(|point| eyes_m.iter().map(|eye| point.light_at_lx(*eye)).collect())
+                .collect(),
+            crowd_lx: asteroids.iter().flat_map(|plan| &plan.cut.points_lx).copied().fold(0.0, f64::max),
+        });
+        let mut ranges = range::choose(&scene.stars, &visible, &eyes_pc, faintest_lx, motion, &other);
+        ranges.main.units_per_lx *= self.unit_factor;
+
+        // Kernels and certificate.
+        let total_solid_angle_sr = viewports.iter().map(|v| v.projection.picture_solid_angle_sr()).sum();
+        let expected_ev100 = settings
+            .known_white_ev100(adapted_ev100)
+            .or_else(|| expected_ev100(&visible, bodies.as_ref(), total_solid_angle_sr, &settings.exposure));
+        let accumulator = limits.accumulator_name(method.accumulator());
+        let mut stars = plan_stars(settings, &viewports, &ranges, expected_ev100, accumulator);
+        if let Some(motion) = motion {
+            let of_travel = travel::certificate(&scene.stars, &visible, &motion, &settings.accuracy);
+            stars.report.certificate.extend(of_travel);
+        }
+        stars.report.certificate.extend(asteroids.iter().flat_map(|plan| plan.certificate.iter().cloned()));
+
+        let psf = self.psf.as_ref().filter(|_| method == StarMethod::PsfTexture).map(|(_, psf)| Arc::clone(psf));
+        let billboards = (method.accumulator() == Accumulator::Blending).then(|| {
+            let shown_ev100 = settings
+                .known_white_ev100(adapted_ev100)
+                .unwrap_or_else(|| settings.exposure.metered_ev100(mean_luminance_cd_m2(&scene.stars, camera_pc)));
+            BillboardPlan::new(&settings.stars, settings.exposure.ev100, shown_ev100, psf.as_deref())
+        });
+        // Lines and text.
+        let views: Vec<String> = rig.views().iter().map(|view| view.name.clone()).collect();
+        let inputs = OverlayInputs { objects: &scene.objects, camera, viewports: &viewports, views: &views };
+        let overlay = self.overlay.plan(&inputs)?;
+
+        Ok(Plan {
+            overlay,
+            report: stars.report,
+            kernels: stars.kernels,
+            known_ev100: settings.exposure.known_ev100(adapted_ev100),
+            viewports,
+            batches,
+            visible,
+            ranges,
+            total_solid_angle_sr,
+            camera_pc,
+            motion,
+            faintest_lx,
+            bodies,
+            asteroids,
+            glare,
+            billboards,
+            psf,
+            cull_ms,
+        })
+    }
+}
+
+/// Mean luminance of the whole sky of stars, cd/m^2.
+fn mean_luminance_cd_m2(stars: &StarSet, camera_pc: DVec3) -> f64 {
+    let light_lx: f64 = stars
+        .chunks
+        .iter()
+        .map(|chunk| {
+            let distance_pc = if chunk.at_infinity { 1.0 } else { (chunk.origin_pc - camera_pc).length() };
+            chunk.total_lx / (distance_pc * distance_pc).max(1e-12)
+        })
+        .sum();
+    light_lx / (4.0 * PI)
+}
+
+/// What fields of asteroids scatter in the eye of each viewport; nothing where there are none.
+fn clouds_of(objects: &SceneObjects, suns: &[Sun], camera_m: DVec3, viewports: &[Viewport]) -> Vec<Vec<Cloud>> {
+    if objects.fields.is_empty() {
+        return Vec::new();
+    }
+    let fields: Vec<&AsteroidField> = objects.fields.iter().map(Arc::as_ref).collect();
+    let mut clouds: Vec<Vec<Cloud>> = Vec::with_capacity(viewports.len());
+    for (index, viewport) in viewports.iter().enumerate() {
+        // Eyes at one place see the same.
+        let same = viewports[..index].iter().position(|other| other.eye_offset_m == viewport.eye_offset_m);
+        clouds.push(match same {
+            Some(other) => clouds[other].clone(),
+            None => field_clouds(&fields, camera_m + viewport.eye_offset_m, suns),
+        });
+    }
+    clouds
+}
+
+/// The exposure that a frame will be metered at, as far as the stars' positions tell: good to a fraction of a stop.
+fn expected_ev100(
+    visible: &[VisibleChunk],
+    bodies: Option<&BodyPlan>,
+    total_solid_angle_sr: f64,
+    settings: &ExposureSettings,
+) -> Option<f64> {
+    if total_solid_angle_sr <= 0.0 {
+        return None;
+    }
+    let stars_lx: f64 = visible.iter().map(|chunk| chunk.total_lx * f64::from(chunk.viewports.count_ones())).sum();
+    let light_lx = stars_lx + bodies.map_or(0.0, BodyPlan::light_in_view_lx);
+    Some(settings.metered_ev100(light_lx / total_solid_angle_sr))
+}

@@ -1,0 +1,174 @@
+//! The stars gathered into the cells of a cube in world axes: their light and where its middle stands.
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::{
+    MOST_NEAR, NearStar, Source,
+    sprites::{Reach, Sprite, Veil},
+};
+use crate::{
+    catalogue::{chunks::StarSet, packed::PackedStar},
+    photometry::rec709::luminance,
+    plan::stars::cull::{VisibleChunk, light_at, near_stars},
+    relativity::Motion,
+    view::projection::Face,
+};
+
+/// Chunks that one thread gathers at a time, and such groups at most: they and not the number of threads say in which order
+/// light adds up.
+const GROUP_CHUNKS: usize = 64;
+const MOST_GROUPS: usize = 16;
+
+/// The light of a part of the sky.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cell {
+    /// Unit vector to the middle of its light; to the middle of the cell where it is dark.
+    pub direction: DVec3,
+    /// Linear Rec. 709, lx.
+    pub light: [f64; 3],
+}
+
+/// Number of the cell that holds a direction (of any length but 0), faces with `cells` along an edge; row by row from the top
+/// left of each face.
+pub fn cell_of(direction: DVec3, cells: u32) -> usize {
+    let size = direction.abs();
+    let face = if size.z >= size.x && size.z >= size.y {
+        if direction.z > 0.0 { Face::Back } else { Face::Front }
+    } else if size.y >= size.x {
+        if direction.y > 0.0 { Face::Up } else { Face::Down }
+    } else if direction.x > 0.0 {
+        Face::Right
+    } else {
+        Face::Left
+    };
+    let on_face = face.axes().transpose() * direction;
+    let place = |tangent: f64| ((0.5 * (1.0 + tangent) * f64::from(cells)) as u32).min(cells - 1) as usize;
+    let (column, row) = (place(on_face.x / -on_face.z), place(on_face.y / on_face.z));
+    (face as usize * cells as usize + row) * cells as usize + column
+}
+
+/// Unit vector to the middle of a cell.
+pub fn direction_of_cell(index: usize, cells: u32) -> DVec3 {
+    let n = cells as usize;
+    let (face, row, column) = (index / (n * n), index / n % n, index % n);
+    let tangent = |place: usize| 2.0 * (place as f64 + 0.5) / n as f64 - 1.0;
+    (Face::ALL[face].axes() * DVec3::new(tangent(column), -tangent(row), -1.0)).normalize()
+}
+
+/// Sums over the sources of a cell.
+#[derive(Clone, Copy, Debug, Default)]
+struct Moments {
+    light: [f64; 3],
+    /// Directions, weighted by illuminance.
+    place: DVec3,
+}
+
+impl Moments {
+    fn add(&mut self, other: &Self) {
+        (0..3).for_each(|c| self.light[c] += other.light[c]);
+        self.place += other.place;
+    }
+}
+
+/// The stars that glare.
+pub(super) struct Sky<'a> {
+    pub set: &'a StarSet,
+    pub visible: &'a [VisibleChunk],
+    pub motion: Option<Motion>,
+    pub faintest_lx: f64,
+    /// Nearer stars are every eye's own, pc.
+    pub near_pc: f64,
+}
+
+impl Sky<'_> {
+    /// Stars of a chunk that may glare: place relative to the camera, pc.
+    fn stars(&self, visible: &VisibleChunk) -> impl Iterator<Item = (DVec3, &PackedStar)> {
+        near_stars(self.set, &self.set.chunks[visible.chunk], visible.origin_pc).take(visible.count as usize)
+    }
+
+    fn is_near(&self, visible: &VisibleChunk, place_pc: DVec3) -> bool {
+        !self.set.chunks[visible.chunk].at_infinity && place_pc.length_squared() < self.near_pc * self.near_pc
+    }
+
+    fn source(&self, place_pc: DVec3, star: &PackedStar) -> Option<Source> {
+        Source::of(place_pc, star, self.motion).filter(|source| source.illuminance_lx >= self.faintest_lx)
+    }
+
+    /// The cells of all stars but the near ones, and those.
+    pub(super) fn gather(&self, cells: u32) -> (Vec<Cell>, Vec<NearStar>) {
+        let per_group = self.visible.len().div_ceil(MOST_GROUPS).max(GROUP_CHUNKS);
+        let groups: Vec<_> = self
+            .visible
+            .par_chunks(per_group)
+            .map(|chunks| {
+                let mut sums = vec![Moments::default(); 6 * cells as usize * cells as usize];
+                let mut near = Vec::new();
+                for visible in chunks {
+                    for (place_pc, star) in self.stars(visible) {
+                        if self.is_near(visible, place_pc) {
+                            near.push(NearStar { place_pc, star: *star });
+                        } else if let Some(Source { direction, illuminance_lx, light }) = self.source(place_pc, star) {
+                            sums[cell_of(direction, cells)].add(&Moments { light, place: direction * illuminance_lx });
+                        }
+                    }
+                }
+                (sums, near)
+            })
+            .collect();
+        let mut sums = vec![Moments::default(); 6 * cells as usize * cells as usize];
+        let mut near = Vec::new();
+        for (of_group, near_of_group) in groups {
+            sums.iter_mut().zip(&of_group).for_each(|(sum, part)| sum.add(part));
+            near.extend(near_of_group);
+        }
+        let light = |near: &NearStar| light_at(near.place_pc, &near.star, self.motion);
+        // Stable: the same order for the same stars.
+        near.sort_by(|a, b| light(b).total_cmp(&light(a)));
+        for NearStar { place_pc, star } in near.drain(near.len().min(MOST_NEAR)..) {
+            if let Some(Source { direction, illuminance_lx, light }) = self.source(place_pc, &star) {
+                sums[cell_of(direction, cells)].add(&Moments { light, place: direction * illuminance_lx });
+            }
+        }
+        (finished(&sums, cells), near)
+    }
+
+    /// The sources that are drawn one by one.
+    pub(super) fn sprites(&self, reach: &Reach, veil: &Veil) -> Vec<Sprite> {
+        let least_lx = reach.least_lx(veil.faintest());
+        self.visible
+            .par_iter()
+            .filter(|visible| visible.brightest_lx >= least_lx)
+            .flat_map_iter(|visible| {
+                self.stars(visible).filter_map(|(place_pc, star)| {
+                    if self.is_near(visible, place_pc) {
+                        return None;
+                    }
+                    let source = self.source(place_pc, star).filter(|source| source.illuminance_lx >= least_lx)?;
+                    reach.sprite(&source, veil.at(source.direction))
+                })
+            })
+            .collect()
+    }
+}
+
+fn finished(sums: &[Moments], cells: u32) -> Vec<Cell> {
+    let cell = |(index, sum): (usize, &Moments)| Cell {
+        direction: sum.place.try_normalize().unwrap_or_else(|| direction_of_cell(index, cells)),
+        light: sum.light,
+    };
+    sums.iter().enumerate().map(cell).collect()
+}
+
+/// The cells of a level with half as many along an edge.
+pub(super) fn halved(fine: &[Cell], fine_cells: u32) -> Vec<Cell> {
+    let cells = fine_cells / 2;
+    let mut sums = vec![Moments::default(); fine.len() / 4];
+    for (index, cell) in fine.iter().enumerate() {
+        let (n, half) = (fine_cells as usize, cells as usize);
+        let (face, row, column) = (index / (n * n), index / n % n, index % n);
+        let part = Moments { light: cell.light, place: cell.direction * luminance(cell.light) };
+        sums[(face * half + row / 2) * half + column / 2].add(&part);
+    }
+    finished(&sums, cells)
+}

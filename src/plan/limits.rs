@@ -1,0 +1,105 @@
+//! What planning asks of an adapter, as plain numbers.
+
+use serde::Serialize;
+
+use super::{
+    error::PlanError,
+    settings::Accumulator,
+    stars::{cube_faces::CubeFaces, cull::MAX_VIEWPORTS},
+    tiles::BYTES_PER_PIXEL,
+};
+use crate::view::{Rig, projection::Projection};
+
+/// Memory that the pixels of one frame may take in all, bytes.
+const MAX_FRAME_BYTES: u64 = 12 << 30;
+/// Bytes of a pixel of the display image.
+pub const DISPLAY_BYTES: u64 = 4;
+/// What a pixel takes at most: sums (or HDR image) and display image, on the adapter, in readback and in the frame.
+const FRAME_BYTES_PER_PIXEL: u64 = 3 * (BYTES_PER_PIXEL + DISPLAY_BYTES) + BYTES_PER_PIXEL / 2;
+
+/// Limits and abilities of an adapter that plans depend on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[non_exhaustive]
+pub struct Limits {
+    /// Bytes that one buffer binding may have.
+    pub max_binding_bytes: u64,
+    /// Largest side of a view or a texture, pixels.
+    pub max_view_side_px: u32,
+    /// Whether sums of light use 64-bit words.
+    pub wide_sums: bool,
+    /// Bytes of a texel of the textures that methods blend into: 16 (32-bit floats) or 8 (16-bit floats).
+    pub blend_texel_bytes: u64,
+}
+
+impl Default for Limits {
+    /// Those of a software Vulkan driver.
+    fn default() -> Self {
+        Self { max_binding_bytes: 128 << 20, max_view_side_px: 16384, wide_sums: true, blend_texel_bytes: 16 }
+    }
+}
+
+impl Limits {
+    /// How light adds up within these limits, as plans report it.
+    pub fn accumulator_name(&self, accumulator: Accumulator) -> &'static str {
+        match accumulator {
+            Accumulator::FixedPoint if self.wide_sums => "fixed point, 2 x 64 bits",
+            Accumulator::FixedPoint => "fixed point, 4 x 32 bits",
+            Accumulator::PackedCompareExchange => "two halves in a word, compare-exchange",
+            Accumulator::Blending if self.blend_texel_bytes >= 16 => "additive blending, 32-bit floats",
+            Accumulator::Blending => "additive blending, 16-bit floats",
+            Accumulator::PerPixel => "none: every pixel by itself",
+        }
+    }
+
+    /// Whether the images of a rig can be held.
+    ///
+    /// # Errors
+    ///
+    /// The first view that is too large, or that is one too many.
+    pub fn check(&self, rig: &Rig) -> Result<(), PlanError> {
+        let limit = self.max_view_side_px;
+        let mut bytes = 0;
+        let mut images = 0;
+        for view in rig.views() {
+            for image in &view.images {
+                let [width, height] = image.projection.mapping().size();
+                let name = || view.name.clone();
+                if width > limit || height > limit {
+                    return Err(PlanError::TooLarge { view: name(), width, height, limit });
+                }
+                bytes += u64::from(width) * u64::from(height) * FRAME_BYTES_PER_PIXEL;
+                if bytes > MAX_FRAME_BYTES {
+                    return Err(PlanError::TooManyPixels { view: name(), bytes, limit: MAX_FRAME_BYTES });
+                }
+                images += 1;
+            }
+        }
+        if images > MAX_VIEWPORTS {
+            return Err(PlanError::TooManyImages { images, limit: MAX_VIEWPORTS });
+        }
+        Ok(())
+    }
+
+    /// Whether the texture that methods which blend draw the largest image into leaves room for the images themselves: for a
+    /// fisheye of a few degrees it is a cube's face as fine as the picture, far larger than the picture.
+    pub(super) fn check_blended(&self, rig: &Rig) -> Result<(), PlanError> {
+        let images = || rig.views().iter().flat_map(|view| view.images.iter().map(move |image| (view, image)));
+        let pixels: u64 =
+            images().map(|(_, image)| image.projection.mapping().size().map(u64::from).iter().product::<u64>()).sum();
+        for (view, image) in images() {
+            let bytes = pixels * FRAME_BYTES_PER_PIXEL + self.blended_bytes(&image.projection);
+            if bytes > MAX_FRAME_BYTES {
+                return Err(PlanError::TooManyPixels { view: view.name.clone(), bytes, limit: MAX_FRAME_BYTES });
+            }
+        }
+        Ok(())
+    }
+
+    /// Bytes of the texture that a picture is blended into.
+    fn blended_bytes(&self, projection: &Projection) -> u64 {
+        let cube = CubeFaces::for_projection(projection, self.max_view_side_px);
+        let (size, layers) =
+            cube.map_or((projection.mapping().size(), 1), |cube| ([cube.side_px(); 2], cube.layers() as u64));
+        size.map(u64::from).iter().product::<u64>() * layers * self.blend_texel_bytes
+    }
+}

@@ -1,0 +1,127 @@
+//! The numbers of the star methods that blend, from the settings and the exposure. What they mean, method by method, stands
+//! in `docs/star-methods.md`.
+//!
+//! Methods of relative brightness draw in units of the display's white. A frame with automatic exposure is metered on what
+//! they draw, so their unit must not follow the meter: it is the white of the configured `ev100`, whatever the mode.
+
+use std::f64::consts::PI;
+
+use crate::plan::settings::{GaussianPsfSettings, StarMethod, StarSettings};
+use crate::{
+    photometry::{
+        exposure::white_luminance_cd_m2,
+        psf::{InverseSquare, Psf},
+    },
+    units::illuminance_lx_from_magnitude,
+};
+
+/// Relative brightness below which the published Gaussian is cut off: half a step of eight bits.
+pub const THRESHOLD_BRIGHTNESS: f64 = 1.0 / 512.0;
+
+/// Base of the magnitude scale as published: a rounded 100^(1/5).
+pub const PUBLISHED_POGSON: f64 = 2.512;
+
+/// Greatest relative brightness of a Gaussian: its exponent as published leaves the range of f32 a few magnitudes below zero.
+pub const GREATEST_BRIGHTNESS: f64 = 1e20;
+
+/// Diameters of `scaled_disc` at the brightest and the faintest magnitude over the configured one.
+pub const SCALED_DISC_RANGE: [f64; 2] = [3.0, 0.3];
+
+/// The point-spread function of `psf_texture`, as it is drawn with.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DrawnPsf {
+    /// The function.
+    pub form: InverseSquare,
+    /// [`InverseSquare::largest`] of it.
+    pub largest: f64,
+}
+
+impl DrawnPsf {
+    /// A texture, made ready.
+    pub fn new(psf: &Psf) -> Self {
+        let form = InverseSquare::holding_light(psf);
+        Self { largest: form.largest(), form }
+    }
+}
+
+/// Everything that a method that blends takes besides the stars and the plane.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BillboardPlan {
+    /// The method.
+    pub method: StarMethod,
+    /// Fainter stars are not drawn, lx.
+    pub faintest_lx: f64,
+    /// Discs and sprites: radius, rad.
+    pub radius_rad: f64,
+    /// Discs and sprites: solid angle, sr; in the flat form of the published program, pi times the radius squared.
+    pub solid_angle_sr: f64,
+    /// `scaled_disc`: magnitudes of the largest and the smallest disc.
+    pub magnitudes: [f64; 2],
+    /// `screen_billboard`: half of the side, pixels.
+    pub half_side_px: f64,
+    /// Gaussians.
+    pub gaussian: GaussianPsfSettings,
+    /// Luminance of relative brightness 1, cd/m^2.
+    pub white_cd_m2: f64,
+    /// `psf_texture`: half of the angle of a star of 1 lx, rad; that of another goes with the root of its illuminance.
+    pub crop_rad: f64,
+}
+
+impl BillboardPlan {
+    /// The plan of `stars`. `configured_ev100` gives the unit of relative methods, `shown_ev100` is the exposure that the
+    /// frame will be shown with, as far as it is known: `psf_texture` crops where that shows nothing more.
+    pub fn new(stars: &StarSettings, configured_ev100: f64, shown_ev100: f64, psf: Option<&DrawnPsf>) -> Self {
+        let radius_rad = (stars.billboard.diameter_arcmin / 120.0).to_radians();
+        let gaussian = stars.gaussian_psf;
+        let limit_lx = illuminance_lx_from_magnitude(stars.magnitude_limit);
+        let faintest_lx = match stars.method {
+            StarMethod::GaussianPsf | StarMethod::GaussianPsfIntegrated => {
+                // Beyond this neither Gaussian reaches the threshold, and the published point size is that of no point.
+                let steps = (gaussian.glare_brightness.max(1.0) / THRESHOLD_BRIGHTNESS).ln() / PUBLISHED_POGSON.ln();
+                let of_saturation = gaussian.limiting_magnitude - gaussian.saturation_magnitude;
+                limit_lx.max(illuminance_lx_from_magnitude(gaussian.saturation_magnitude + steps / of_saturation))
+            }
+            _ => limit_lx,
+        };
+        Self {
+            method: stars.method,
+            faintest_lx,
+            radius_rad,
+            solid_angle_sr: PI * radius_rad * radius_rad,
+            magnitudes: [stars.billboard.brightest_magnitude, stars.billboard.faintest_magnitude],
+            half_side_px: stars.billboard.screen_size_px / 2.0,
+            gaussian,
+            white_cd_m2: white_luminance_cd_m2(configured_ev100),
+            crop_rad: psf
+                .map_or(0.0, |psf| (psf.largest / (THRESHOLD_BRIGHTNESS * white_luminance_cd_m2(shown_ev100))).sqrt()),
+        }
+    }
+
+    /// The least half angle that `psf_texture` is cropped to: two texels, and a pixel of the middle of the plane, so that a
+    /// faint star is not lost between pixels more often than the texture makes it.
+    pub fn least_crop_rad(psf: &DrawnPsf, pixel_rad: f64) -> f64 {
+        (2.0 * psf.form.pixel_rad).max(pixel_rad).min(psf.form.half_width_rad())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::units::magnitude_from_illuminance_lx;
+
+    #[test]
+    fn the_faintest_star_of_the_gaussian_just_reaches_the_threshold() {
+        let stars = StarSettings { method: StarMethod::GaussianPsf, ..StarSettings::default() };
+        let plan = BillboardPlan::new(&stars, 0.0, 0.0, None);
+        let magnitude = magnitude_from_illuminance_lx(plan.faintest_lx);
+        let brightness = PUBLISHED_POGSON.powf((7.0 - 1.0) * (1.0 - magnitude));
+        assert!((brightness / THRESHOLD_BRIGHTNESS - 1.0).abs() < 1e-9, "{magnitude} {brightness}");
+        // The exponent as published multiplies two spans of magnitudes: six times too steep here, so that a star of
+        // magnitude 2.13 is the last one seen, though 7 is the limit.
+        assert!((magnitude - 2.129).abs() < 1e-3, "{magnitude}");
+        let disc = StarSettings { method: StarMethod::Disc, magnitude_limit: 6.0, ..StarSettings::default() };
+        let plan = BillboardPlan::new(&disc, 0.0, 0.0, None);
+        assert!((magnitude_from_illuminance_lx(plan.faintest_lx) - 6.0).abs() < 1e-9);
+        assert!((plan.radius_rad.to_degrees() - 0.1).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,265 @@
+//! Choosing the fixed-point units of a frame.
+//!
+//! Every channel of a pixel holds 42 bits. The unit is such that all the light of the frame in one pixel would still fit:
+//! sums cannot overflow, whatever the scene. Nor is it finer than the faintest star needs, since light above 2^21 units costs a
+//! second atomic add: with few stars of like brightness all of them would. Where one or a few stars outshine all others together by more than 65536 times
+//! (the Sun among the stars), they go through a second set of sums with a unit of its own, so that they do not cost the
+//! others their resolution.
+
+use glam::DVec3;
+
+use super::cull::{VisibleChunk, light_at, most_light, near_stars};
+use crate::{catalogue::chunks::StarSet, relativity::Motion};
+
+/// Bits of a channel's sum.
+const CHANNEL_BITS: i32 = 42;
+/// Units that the faintest star has at least, if the range allows: rounding each of nine pixels without bias then errs by 2.1e-4 of
+/// its light (one standard deviation), and by less the brighter the star.
+const STAR_UNITS: f64 = 4096.0;
+/// Where fewer stars than this are drawn a second add costs nothing, and the range alone decides.
+const FEW_STARS: u64 = 50_000;
+/// Greatest channel of a colour in gamut with luminance 1: pure red, 1 / 0.2126.
+const GREATEST_CHANNEL: f64 = 4.71;
+/// How many times brighter than everything fainter together a star must be to go apart.
+const OUTSHINES: f64 = 65_536.0;
+/// Chunks that are searched for outshining stars, the brightest ones.
+const SEARCHED_CHUNKS: usize = 16;
+
+/// Fixed-point sums over the stars of a range of brightness.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FixedPoint {
+    /// Units per lux.
+    pub units_per_lx: f64,
+    /// Stars of at least this illuminance, lx.
+    pub faintest_lx: f64,
+    /// Stars below this illuminance, lx.
+    pub brightest_lx: f64,
+}
+
+/// The sums of a frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ranges {
+    /// Nearly all stars.
+    pub main: FixedPoint,
+    /// The few that outshine them.
+    pub bright: Option<FixedPoint>,
+}
+
+fn units_per_lx(total_lx: f64, needed: f64) -> f64 {
+    // Half of the range in reserve for rounding; without any light every unit will do.
+    let greatest_sum_lx = total_lx * GREATEST_CHANNEL;
+    // A power of two: exact in f32, and the same from frame to frame while the light hardly changes.
+    if greatest_sum_lx > 0.0 {
+        (2f64.powi(CHANNEL_BITS - 1) / greatest_sum_lx).min(needed).min(1e30).log2().floor().exp2()
+    } else {
+        1.0
+    }
+}
+
+/// Bound of the light of the faintest star of the visible chunks, lx. A star can have lost as much of the light that it gives at
+/// the barycentre as the nearest one of its chunk has by the camera's and the eyes' distance from there.
+fn faintest_star_lx(set: &StarSet, visible: &[VisibleChunk], eyes_pc: &[DVec3]) -> f64 {
+    let farthest_eye_pc = eyes_pc.iter().map(|eye| eye.length()).fold(0.0, f64::max);
+    let seen_lx = set.faintest_seen_lx();
+    visible
+        .iter()
+        .map(|visible| {
+            let chunk = &set.chunks[visible.chunk];
+            if chunk.at_infinity {
+                return f64::from(seen_lx[visible.chunk]);
+            }
+            let travelled_pc = (chunk.origin_pc - visible.origin_pc).length() + farthest_eye_pc;
+            let kept = (chunk.nearest_pc / (chunk.nearest_pc + travelled_pc)).powi(2);
+            f64::from(seen_lx[visible.chunk]) * kept
+        })
+        .fold(f64::INFINITY, f64::min)
+}
+
+/// A star among the brightest: what it gives to the eye nearest to it, and to every eye, lx.
+struct Light {
+    most_lx: f64,
+    per_eye_lx: Vec<f64>,
+}
+
+/// Light that is no star's.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct OtherLight {
+    /// What each point of light gives to each of the eyes, lx.
+    pub points_lx: Vec<Vec<f64>>,
+    /// Bound of what comes from a crowd of faint points, lx.
+    pub crowd_lx: f64,
+}
+
+/// The most of what the eyes get.
+fn most(per_eye_lx: &[f64]) -> f64 {
+    per_eye_lx.iter().copied().fold(0.0, f64::max)
+}
+
+/// Chooses the units for the stars of `visible` not fainter than `faintest_lx`, and for `other` light, for eyes at `eyes_pc` from the
+/// camera, which may move.
+pub fn choose(
+    set: &StarSet,
+    visible: &[VisibleChunk],
+    eyes_pc: &[DVec3],
+    faintest_lx: f64,
+    motion: Option<Motion>,
+    other: &OtherLight,
+) -> Ranges {
+    let total_lx: f64 = visible
+        .iter()
+        .map(|chunk| chunk.total_lx)
+        .chain(other.points_lx.iter().map(|per_eye_lx| most(per_eye_lx)))
+        .sum::<f64>()
+        + other.crowd_lx;
+    // In flight the light of every star has changed by a factor of its own: then the range alone decides.
+    let faintest_star_lx = match motion {
+        Some(_) => 0.0,
+        None => faintest_star_lx(set, visible, eyes_pc).max(faintest_lx),
+    };
+    let drawn: u64 = visible.iter().map(|chunk| u64::from(chunk.count)).sum();
+    let needed =
+        if drawn >= FEW_STARS && faintest_star_lx > 0.0 { STAR_UNITS / faintest_star_lx } else { f64::INFINITY };
+    let mut by_brightness: Vec<&VisibleChunk> = visible.iter().collect();
+    let searched = SEARCHED_CHUNKS.min(by_brightness.len());
+    if searched > 0 {
+        by_brightness.select_nth_unstable_by(searched - 1, |a, b| b.brightest_lx.total_cmp(&a.brightest_lx));
+    }
+    let mut lights: Vec<Light> = by_brightness[..searched]
+        .iter()
+        .flat_map(|visible| {
+            let chunk = &set.chunks[visible.chunk];
+            near_stars(set, chunk, visible.origin_pc).map(|(place, star)| {
+                // At infinity the place is a direction, the same for every eye.
+                let eyes: &[DVec3] = if chunk.at_infinity { &[DVec3::ZERO] } else { eyes_pc };
+                Light {
+                    most_lx: most_light(place, star, eyes, motion),
+                    per_eye_lx: eyes.iter().map(|eye| light_at(place - *eye, star, motion)).collect(),
+                }
+            })
+        })
+        .collect();
+    lights.extend(
+        other.points_lx.iter().map(|per_eye_lx| Light { most_lx: most(per_eye_lx), per_eye_lx: per_eye_lx.clone() }),
+    );
+    lights.sort_by(|a, b| b.most_lx.total_cmp(&a.most_lx));
+    let others_lx = by_brightness[searched..].iter().map(|chunk| chunk.total_lx).sum::<f64>() + other.crowd_lx;
+    // What is fainter than each star, summed from the faintest on.
+    let mut fainter_lx = vec![others_lx; lights.len()];
+    for index in (1..lights.len()).rev() {
+        fainter_lx[index - 1] = fainter_lx[index] + lights[index].most_lx;
+    }
+    let outshines = |i: usize| fainter_lx[i] > 0.0 && lights[i].most_lx > OUTSHINES * fainter_lx[i];
+    if let Some(last) = (0..lights.len()).find(|&i| outshines(i)) {
+        let bright = &lights[..=last];
+        let bright_lx: f64 = bright.iter().map(|light| light.most_lx).sum();
+        let threshold_lx = lights[last].most_lx / 2.0;
+        // To an eye farther away the same star may be faint enough for the other sums.
+        let left_lx: f64 = bright
+            .iter()
+            .map(|light| light.per_eye_lx.iter().copied().filter(|lx| *lx < threshold_lx).fold(0.0, f64::max))
+            .sum();
+        return Ranges {
+            main: FixedPoint {
+                units_per_lx: units_per_lx(fainter_lx[last] + left_lx, needed),
+                faintest_lx,
+                brightest_lx: threshold_lx,
+            },
+            bright: Some(FixedPoint {
+                units_per_lx: units_per_lx(bright_lx * (1.0 + 1e-5), f64::INFINITY),
+                faintest_lx: threshold_lx.max(faintest_lx),
+                brightest_lx: f64::INFINITY,
+            }),
+        };
+    }
+    let main = FixedPoint { units_per_lx: units_per_lx(total_lx, needed), faintest_lx, brightest_lx: f64::INFINITY };
+    Ranges { main, bright: None }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        catalogue::StarRecord,
+        plan::stars::cull::{CullSettings, SPLAT_MARGIN_PX, visible_chunks},
+        units::illuminance_lx_from_magnitude,
+        view::{
+            Part, Viewport,
+            projection::{Equirectangular, Projection},
+        },
+    };
+
+    fn ranges_of(magnitudes: &[f32]) -> Ranges {
+        ranges_in_flight(magnitudes, None)
+    }
+
+    fn ranges_in_flight(magnitudes: &[f32], motion: Option<Motion>) -> Ranges {
+        let records = magnitudes
+            .iter()
+            .map(|&magnitude| StarRecord {
+                position: DVec3::X,
+                magnitude,
+                temperature_k: 5772.0,
+                distance_known: false,
+            })
+            .collect();
+        let set = StarSet::from_records(records);
+        let viewport = Viewport {
+            view: 0,
+            part: Part::Whole,
+            projection: Projection::Equirectangular(Equirectangular::new([8, 4]).unwrap()),
+            world_from_view: glam::DQuat::IDENTITY,
+            eye_offset_m: DVec3::ZERO,
+        };
+        let settings = CullSettings { faintest_lx: 0.0, enabled: true, motion, margin_px: SPLAT_MARGIN_PX };
+        choose(
+            &set,
+            &visible_chunks(&set, DVec3::ZERO, &[viewport], settings),
+            &[DVec3::ZERO],
+            0.0,
+            motion,
+            &OtherLight::default(),
+        )
+    }
+
+    #[test]
+    fn all_light_in_one_pixel_fits() {
+        let ranges = ranges_of(&[1.0, 2.0, 3.0, 3.0]);
+        assert_eq!(ranges.bright, None);
+        let total: f64 = [1.0, 2.0, 3.0, 3.0].into_iter().map(illuminance_lx_from_magnitude).sum();
+        let greatest = total * GREATEST_CHANNEL * ranges.main.units_per_lx;
+        assert!(greatest < 2f64.powi(42) && greatest > 2f64.powi(39), "{greatest}");
+    }
+
+    #[test]
+    fn where_many_stars_are_drawn_the_faintest_has_its_units_and_not_twice_as_many() {
+        let magnitudes: Vec<f32> = (0..FEW_STARS + 1).map(|i| if i == 0 { 12.0 } else { 9.0 }).collect();
+        let faintest = illuminance_lx_from_magnitude(12.0) * ranges_of(&magnitudes).main.units_per_lx;
+        assert!((0.49 * STAR_UNITS..1.01 * STAR_UNITS).contains(&faintest), "{faintest}");
+    }
+
+    #[test]
+    fn units_follow_the_light_in_flight() {
+        let at_rest = ranges_of(&[1.0; 64]).main.units_per_lx;
+        let ahead = ranges_in_flight(&[1.0; 64], Motion::new(DVec3::X * 0.9)).main.units_per_lx;
+        let behind = ranges_in_flight(&[1.0; 64], Motion::new(DVec3::X * -0.9)).main.units_per_lx;
+        assert!(at_rest / ahead >= 2.0 && at_rest / ahead <= 8.0, "{at_rest} {ahead}");
+        assert!(behind / at_rest > 1e3, "{at_rest} {behind}");
+    }
+
+    #[test]
+    fn the_sun_goes_apart_and_sirius_does_not() {
+        let with_sun = ranges_of(&[-26.7, -1.46, 6.0, 21.0]);
+        let bright = with_sun.bright.expect("the Sun outshines all others");
+        assert!(with_sun.main.brightest_lx < illuminance_lx_from_magnitude(-26.7));
+        assert!(with_sun.main.brightest_lx > illuminance_lx_from_magnitude(-1.46));
+        assert_eq!(bright.faintest_lx, with_sun.main.brightest_lx);
+        // A star of magnitude 21 keeps more than a hundred units beside the Sun.
+        assert!(illuminance_lx_from_magnitude(21.0) * with_sun.main.units_per_lx > 100.0);
+        assert_eq!(ranges_of(&[-1.46, 0.0, 0.5, 1.0, 6.0]).bright, None);
+    }
+
+    #[test]
+    fn no_stars_need_no_range() {
+        assert_eq!(ranges_of(&[]).main.units_per_lx, 1.0);
+    }
+}

@@ -1,0 +1,4 @@
+//! Twins of the passes that draw asteroids.
+
+pub mod impostors;
+pub mod mesh;

@@ -1,0 +1,3 @@
+//! Twins of the passes that draw bodies.
+
+pub mod rays;

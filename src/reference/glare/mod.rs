@@ -1,0 +1,4 @@
+//! Twins of the passes that draw glare.
+
+pub mod pyramid;
+pub mod sky_cube;

@@ -1,0 +1,139 @@
+//! What the adapter holds of the fields of a scene, until they change: instances, shapes and meshes.
+
+use std::sync::Arc;
+
+use super::{
+    impostors::{atlas::ImpostorAtlas, bake::ImpostorBakePass, draw::AsteroidImpostorPass},
+    mesh::MeshVertex,
+};
+use crate::{
+    gpu::{Gpu, filled_buffer, storage_buffer},
+    plan::{
+        asteroids::{areas::projected_areas, kinds::Kinds},
+        settings::{AsteroidSettings, ImpostorMethod},
+    },
+    render::{RenderError, layout},
+    scene::{
+        SceneObjects,
+        asteroids::{Instances, PackedAsteroid, ShapeSet},
+    },
+};
+
+/// The fields of a scene on the adapter.
+pub(super) struct Held {
+    of: Vec<(Arc<Instances>, Arc<ShapeSet>)>,
+    pub(super) kinds: Kinds,
+    pub(super) instances: wgpu::Buffer,
+    pub(super) shapes: wgpu::Buffer,
+    pub(super) lods: wgpu::Buffer,
+    /// Projected areas of every shape, over pi.
+    pub(super) areas: wgpu::Buffer,
+    pub(super) meshes: wgpu::Buffer,
+    /// Per mesh: number of indices, first index, first vertex.
+    mesh_arguments: Vec<[u32; 3]>,
+    pub(super) vertices: wgpu::Buffer,
+    pub(super) indices: wgpu::Buffer,
+    /// Impostors of every set, and which.
+    atlases: Option<Atlases>,
+}
+
+/// Atlases of all sets, in their order, and what they are of.
+struct Atlases {
+    method: ImpostorMethod,
+    size: [u32; 2],
+    groups: Vec<wgpu::BindGroup>,
+}
+
+impl Held {
+    pub(super) fn new(gpu: &Gpu, objects: &SceneObjects) -> Self {
+        let fields = objects.fields.iter().map(Arc::as_ref);
+        let kinds = Kinds::new(fields);
+        let of = objects.fields.iter().map(|field| (field.instances.clone(), field.shapes.clone())).collect();
+        let instances = match objects.fields.as_slice() {
+            [field] => storage_buffer(gpu, "asteroids", &field.instances.packed),
+            fields => {
+                let all: Vec<PackedAsteroid> =
+                    fields.iter().flat_map(|field| field.instances.packed.iter().copied()).collect();
+                storage_buffer(gpu, "asteroids", &all)
+            }
+        };
+        let (mut shapes, mut lods, mut meshes, mut areas) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        let (mut vertices, mut indices): (Vec<MeshVertex>, Vec<u32>) = (Vec::new(), Vec::new());
+        for set in &kinds.sets {
+            for (shape, first_kind) in set.shapes.shapes.iter().zip(&set.shape_kinds) {
+                areas.extend(projected_areas(shape));
+                shapes.push(layout::AsteroidShape {
+                    first_kind: *first_kind as u32,
+                    levels: shape.lods.len() as u32,
+                    bound: shape.bound as f32,
+                    unused_0: 0,
+                });
+                for lod in &shape.lods {
+                    lods.push([lod.error as f32, lod.longest_edge as f32]);
+                    let triangles = lod.mesh.triangles.as_flattened();
+                    meshes.push([triangles.len() as u32, indices.len() as u32, vertices.len() as u32, 0]);
+                    indices.extend_from_slice(triangles);
+                    let corners = lod.mesh.positions.iter().zip(&lod.mesh.normals).zip(&lod.mesh.albedos);
+                    vertices.extend(
+                        corners.map(|(([x, y, z], [nx, ny, nz]), albedo)| [*x, *y, *z, *nx, *ny, *nz, *albedo]),
+                    );
+                }
+            }
+        }
+        Self {
+            of,
+            instances,
+            shapes: storage_buffer(gpu, "asteroid shapes", &shapes),
+            areas: storage_buffer(gpu, "asteroid areas", &areas),
+            lods: storage_buffer(gpu, "asteroid levels", &lods),
+            meshes: storage_buffer(gpu, "asteroid meshes", &meshes),
+            vertices: filled_buffer(gpu, "asteroid vertices", &vertices, wgpu::BufferUsages::VERTEX),
+            indices: filled_buffer(gpu, "asteroid indices", &indices, wgpu::BufferUsages::INDEX),
+            mesh_arguments: meshes.iter().map(|[indices, index, vertex, _]| [*indices, *index, *vertex]).collect(),
+            atlases: None,
+            kinds,
+        }
+    }
+
+    /// Holds the atlases of a method, until its settings change.
+    pub(super) fn hold_atlases(
+        &mut self,
+        gpu: &Gpu,
+        bake: &ImpostorBakePass,
+        pass: &AsteroidImpostorPass,
+        settings: &AsteroidSettings,
+    ) -> Result<(), RenderError> {
+        let method = settings.impostor.chosen();
+        let size = [settings.tiles, settings.tile_px];
+        if self.atlases.as_ref().is_some_and(|held| held.method == method && held.size == size) {
+            return Ok(());
+        }
+        // Gone before its successor is made, so that both never exist at once.
+        self.atlases = None;
+        let mut groups = Vec::new();
+        for set in &self.kinds.sets {
+            let atlas = ImpostorAtlas::new(gpu, bake, &set.shapes, method, settings).map_err(Box::new)?;
+            groups.extend(atlas.map(|atlas| pass.atlas_group(gpu, &atlas.bindings())));
+        }
+        self.atlases = Some(Atlases { method, size, groups });
+        Ok(())
+    }
+
+    /// The atlases of all sets; none if there are no impostors.
+    pub(super) fn atlases(&self) -> &[wgpu::BindGroup] {
+        self.atlases.as_ref().map_or(&[], |held| &held.groups)
+    }
+
+    /// Per mesh: number of indices, first index, first vertex.
+    pub(super) fn mesh_arguments(&self) -> &[[u32; 3]] {
+        &self.mesh_arguments
+    }
+
+    /// Whether these are the instances and shapes of a scene.
+    pub(super) fn holds(&self, objects: &SceneObjects) -> bool {
+        self.of.len() == objects.fields.len()
+            && self.of.iter().zip(&objects.fields).all(|((instances, shapes), field)| {
+                Arc::ptr_eq(instances, &field.instances) && Arc::ptr_eq(shapes, &field.shapes)
+            })
+    }
+}

@@ -1,0 +1,329 @@
+//! Atlases of impostors as textures: baked on the adapter, kept on disk, one layer per shape.
+//!
+//! `octahedral` and `octahedral_blend` read the same atlas, `euler_atlas` has its own. Textures: *normals*,
+//! `Rgba8Unorm`, the mean normal in the shape's axes, halved and moved to 0..1, and coverage; *surfaces*, `Rg8Unorm`,
+//! albedo over [`ImpostorAtlas::albedo_scale`] and depth along the tile's direction in units of the shape's bound (0 to
+//! 1, 0.5 in the middle, 1 towards the eye). Both are arrays of one layer per shape, with mip levels.
+//!
+//! A file of the cache holds the finest level of all layers; its name and its header say what of. Little-endian:
+//! [`Header`], the bytes of the normals of all layers, those of the surfaces. A CRC-32 covers everything behind itself.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use bytemuck::{Pod, Zeroable};
+
+use super::texels::{Level, finest_level, level_count, levels};
+use crate::{
+    files,
+    gpu::{self, Gpu, GpuError},
+    plan::asteroids::{AsteroidSettings, ImpostorMethod, bounds::BORDER_PX, tiles::AtlasLayout},
+    render::{
+        asteroids::impostors::bake::{AtlasSize, ImpostorBakePass},
+        layout,
+    },
+    scene::asteroids::ShapeSet,
+};
+
+const _: () = assert!(cfg!(target_endian = "little"), "atlases are little-endian and read without conversion");
+
+const MAGIC: [u8; 8] = *b"STERIMPO";
+/// Grows with every change of what is baked.
+const VERSION: u32 = 1;
+
+/// Why an atlas cannot be made.
+#[derive(Debug, thiserror::Error)]
+pub enum ImpostorAtlasError {
+    /// It would be too large.
+    #[error(
+        "asteroids.tiles = {tiles} and asteroids.tile_px = {tile_px} make an atlas {side} pixels wide; \
+         this adapter allows {limit}"
+    )]
+    TooLarge {
+        /// Tiles along a side.
+        tiles: u32,
+        /// Texels along a side of a tile.
+        tile_px: u32,
+        /// Their product, texels.
+        side: u64,
+        /// The adapter's limit, texels.
+        limit: u32,
+    },
+    /// Too few tiles, or too small ones.
+    #[error("asteroids.tiles = {tiles} and asteroids.tile_px = {tile_px}: an atlas needs at least 2 tiles of 4 pixels")]
+    TooSmall {
+        /// Tiles along a side.
+        tiles: u32,
+        /// Texels along a side of a tile.
+        tile_px: u32,
+    },
+    /// No shapes, or too many for one texture.
+    #[error("{shapes} shapes in a field of asteroids: impostors need at least one, and this adapter holds {limit}")]
+    Shapes {
+        /// Their number.
+        shapes: usize,
+        /// The adapter's limit.
+        limit: u32,
+    },
+    /// The device failed.
+    #[error(transparent)]
+    Gpu(#[from] GpuError),
+}
+
+/// An atlas on the adapter: what `shaders/shared/impostor.wgsl` binds as group 1.
+pub(crate) struct ImpostorAtlas {
+    /// Binding 0: `layout::ImpostorAtlas`, uniform.
+    pub parameters: wgpu::Buffer,
+    /// Binding 1: an f32 per shape, storage.
+    pub bounds: wgpu::Buffer,
+    /// Binding 2, `Rgba8Unorm`, a 2D array.
+    pub normals: wgpu::TextureView,
+    /// Binding 3, `Rg8Unorm`, a 2D array.
+    pub surfaces: wgpu::TextureView,
+    /// Binding 4: linear, also between levels.
+    pub sampler: wgpu::Sampler,
+}
+
+impl ImpostorAtlas {
+    /// The atlas that a method reads, of all shapes of a set: from the cache, or baked and put there. `None` for
+    /// methods without an atlas. A file of the cache that cannot be used is reported and made anew.
+    pub(crate) fn new(
+        gpu: &Gpu,
+        pass: &ImpostorBakePass,
+        shapes: &ShapeSet,
+        method: ImpostorMethod,
+        settings: &AsteroidSettings,
+    ) -> Result<Option<Self>, ImpostorAtlasError> {
+        let Some(layout) = AtlasLayout::of(method) else { return Ok(None) };
+        let size = AtlasSize { layout, tiles: settings.tiles, tile_px: settings.tile_px };
+        check(gpu, shapes, size)?;
+        let header = Header::new(shapes, size);
+        let path = (!settings.cache.as_os_str().is_empty()).then(|| settings.cache.join(header.file_name(size)));
+        let kept = path.as_deref().and_then(|path| match read(path, &header) {
+            Ok(kept) => kept,
+            Err(problem) => {
+                tracing::warn!(file = %path.display(), %problem, "an atlas of impostors is baked anew");
+                None
+            }
+        });
+        let finest = match kept {
+            Some(finest) => finest,
+            None => {
+                let finest = bake(gpu, pass, shapes, size)?;
+                if let Some(path) = &path
+                    && let Err(problem) = write(path, header, &finest)
+                {
+                    tracing::warn!(file = %path.display(), %problem, "an atlas of impostors cannot be kept");
+                }
+                finest
+            }
+        };
+        let atlas = Self::upload(gpu, shapes, size, finest);
+        gpu.take_failure()?;
+        Ok(Some(atlas))
+    }
+
+    fn upload(gpu: &Gpu, shapes: &ShapeSet, size: AtlasSize, finest: Vec<Level>) -> Self {
+        let side = size.tiles * size.tile_px;
+        let count = level_count(size.tile_px);
+        let texture = |label, format| {
+            gpu.device.create_texture(&wgpu::TextureDescriptor {
+                label: Some(label),
+                size: wgpu::Extent3d { width: side, height: side, depth_or_array_layers: finest.len() as u32 },
+                mip_level_count: count,
+                sample_count: 1,
+                dimension: wgpu::TextureDimension::D2,
+                format,
+                usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
+                view_formats: &[],
+            })
+        };
+        let normals = texture("impostor normals", wgpu::TextureFormat::Rgba8Unorm);
+        let surfaces = texture("impostor surfaces", wgpu::TextureFormat::Rg8Unorm);
+        for (layer, finest) in (0..).zip(finest) {
+            for (level, texels) in (0..).zip(levels(finest, side, count)) {
+                write_level(gpu, &normals, &texels.normals, side >> level, level, layer);
+                write_level(gpu, &surfaces, &texels.surfaces, side >> level, level, layer);
+            }
+        }
+        let parameters = layout::ImpostorAtlas {
+            tiles: size.tiles,
+            tile_px: size.tile_px,
+            levels: count,
+            albedo_scale: albedo_scale(shapes),
+        };
+        let bounds: Vec<f32> = shapes.shapes.iter().map(|shape| shape.bound as f32).collect();
+        let whole = |texture: &wgpu::Texture| {
+            texture.create_view(&wgpu::TextureViewDescriptor {
+                dimension: Some(wgpu::TextureViewDimension::D2Array),
+                ..Default::default()
+            })
+        };
+        Self {
+            parameters: gpu::uniform_buffer(gpu, "impostor atlas", &parameters),
+            bounds: gpu::storage_buffer(gpu, "impostor bounds", &bounds),
+            normals: whole(&normals),
+            surfaces: whole(&surfaces),
+            sampler: gpu.device.create_sampler(&wgpu::SamplerDescriptor {
+                mag_filter: wgpu::FilterMode::Linear,
+                min_filter: wgpu::FilterMode::Linear,
+                mipmap_filter: wgpu::MipmapFilterMode::Linear,
+                ..Default::default()
+            }),
+        }
+    }
+
+    /// Group 1, for a layout that holds all of it.
+    pub(crate) fn bindings(&self) -> [(u32, wgpu::BindingResource<'_>); 5] {
+        [
+            (0, self.parameters.as_entire_binding()),
+            (1, self.bounds.as_entire_binding()),
+            (2, wgpu::BindingResource::TextureView(&self.normals)),
+            (3, wgpu::BindingResource::TextureView(&self.surfaces)),
+            (4, wgpu::BindingResource::Sampler(&self.sampler)),
+        ]
+    }
+}
+
+/// The factor on the albedo that is stored as 1: the greatest of all shapes.
+fn albedo_scale(shapes: &ShapeSet) -> f32 {
+    let finest = shapes.shapes.iter().filter_map(|shape| shape.lods.first());
+    let greatest = finest.flat_map(|lod| &lod.mesh.albedos).copied().fold(0.0, f32::max);
+    if greatest > 0.0 { greatest } else { 1.0 }
+}
+
+fn check(gpu: &Gpu, shapes: &ShapeSet, size: AtlasSize) -> Result<(), ImpostorAtlasError> {
+    let AtlasSize { tiles, tile_px, .. } = size;
+    let limits = gpu.device.limits();
+    if tiles < 2 || tile_px < 2 * BORDER_PX {
+        return Err(ImpostorAtlasError::TooSmall { tiles, tile_px });
+    }
+    let side = u64::from(tiles) * u64::from(tile_px);
+    if side > u64::from(limits.max_texture_dimension_2d) {
+        return Err(ImpostorAtlasError::TooLarge { tiles, tile_px, side, limit: limits.max_texture_dimension_2d });
+    }
+    let count = shapes.shapes.len();
+    if count == 0 || count > limits.max_texture_array_layers as usize {
+        return Err(ImpostorAtlasError::Shapes { shapes: count, limit: limits.max_texture_array_layers });
+    }
+    Ok(())
+}
+
+fn bake(
+    gpu: &Gpu,
+    pass: &ImpostorBakePass,
+    shapes: &ShapeSet,
+    size: AtlasSize,
+) -> Result<Vec<Level>, ImpostorAtlasError> {
+    let scale = albedo_scale(shapes);
+    let bake = |shape| Ok(finest_level(&pass.bake(gpu, shape, size, scale)?, size.tiles, size.tile_px));
+    shapes.shapes.iter().map(bake).collect()
+}
+
+fn write_level(gpu: &Gpu, texture: &wgpu::Texture, bytes: &[u8], side: u32, level: u32, layer: u32) {
+    let to = wgpu::TexelCopyTextureInfo {
+        texture,
+        mip_level: level,
+        origin: wgpu::Origin3d { x: 0, y: 0, z: layer },
+        aspect: wgpu::TextureAspect::All,
+    };
+    let bytes_per_row = bytes.len() as u32 / side;
+    let layout =
+        wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(bytes_per_row), rows_per_image: Some(side) };
+    gpu.queue.write_texture(to, bytes, layout, wgpu::Extent3d { width: side, height: side, depth_or_array_layers: 1 });
+}
+
+/// The first 48 bytes of a file.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+struct Header {
+    magic: [u8; 8],
+    crc32: u32,
+    version: u32,
+    digest: u64,
+    layout: u32,
+    tiles: u32,
+    tile_px: u32,
+    shapes: u32,
+    albedo_scale: f32,
+    reserved: u32,
+}
+
+/// Where in the header the checksum ends.
+const UNCHECKED: usize = 12;
+
+impl Header {
+    fn new(shapes: &ShapeSet, size: AtlasSize) -> Self {
+        Self {
+            magic: MAGIC,
+            crc32: 0,
+            version: VERSION,
+            digest: shapes.digest,
+            layout: size.layout as u32,
+            tiles: size.tiles,
+            tile_px: size.tile_px,
+            shapes: shapes.shapes.len() as u32,
+            albedo_scale: albedo_scale(shapes),
+            reserved: 0,
+        }
+    }
+
+    fn file_name(&self, size: AtlasSize) -> PathBuf {
+        format!("impostors-{}-{}x{}-{:016x}.atlas", size.layout.name(), self.tiles, self.tile_px, self.digest).into()
+    }
+
+    /// Texels of a layer.
+    fn texels(&self) -> usize {
+        (self.tiles as usize * self.tile_px as usize).pow(2)
+    }
+}
+
+/// Why a file of the cache cannot be used.
+#[derive(Debug, thiserror::Error)]
+enum CacheError {
+    #[error(transparent)]
+    Io(#[from] io::Error),
+    #[error("{found} bytes long, not {expected}")]
+    Length { found: usize, expected: usize },
+    #[error("the checksum does not fit")]
+    Checksum,
+    #[error("the header is another atlas's, or of another version of this program")]
+    Header,
+}
+
+/// The finest levels that a file holds; `None` if there is no file.
+fn read(path: &Path, wanted: &Header) -> Result<Option<Vec<Level>>, CacheError> {
+    let bytes = match std::fs::read(path) {
+        Ok(bytes) => bytes,
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
+        Err(error) => return Err(error.into()),
+    };
+    let (texels, shapes) = (wanted.texels(), wanted.shapes as usize);
+    let expected = size_of::<Header>() + 6 * texels * shapes;
+    if bytes.len() != expected {
+        return Err(CacheError::Length { found: bytes.len(), expected });
+    }
+    let (head, data) = bytes.split_at(size_of::<Header>());
+    let header: Header = bytemuck::pod_read_unaligned(head);
+    if header.crc32 != crc32fast::hash(&bytes[UNCHECKED..]) {
+        return Err(CacheError::Checksum);
+    }
+    if (Header { crc32: 0, ..header }) != *wanted {
+        return Err(CacheError::Header);
+    }
+    let (normals, surfaces) = data.split_at(4 * texels * shapes);
+    let layers = normals.chunks_exact(4 * texels).zip(surfaces.chunks_exact(2 * texels));
+    Ok(Some(layers.map(|(n, s)| Level { normals: n.to_vec(), surfaces: s.to_vec() }).collect()))
+}
+
+fn write(path: &Path, header: Header, finest: &[Level]) -> io::Result<()> {
+    if let Some(folder) = path.parent() {
+        std::fs::create_dir_all(folder)?;
+    }
+    let mut bytes = bytemuck::bytes_of(&header).to_vec();
+    finest.iter().for_each(|level| bytes.extend_from_slice(&level.normals));
+    finest.iter().for_each(|level| bytes.extend_from_slice(&level.surfaces));
+    let crc32 = crc32fast::hash(&bytes[UNCHECKED..]);
+    bytes[..size_of::<Header>()].copy_from_slice(bytemuck::bytes_of(&Header { crc32, ..header }));
+    files::write_whole(path, &bytes)
+}

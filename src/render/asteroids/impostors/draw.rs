@@ -1,0 +1,100 @@
+//! Draws impostors of asteroids: a square each, out of an atlas, with depth. Shaders: `shaders/asteroid_impostor.wgsl`
+//! and `asteroid_impostor_shade.wgsl`; the f64 twin is `crate::reference::asteroids::impostors`.
+
+use crate::{
+    gpu::{self, AsteroidSource, Gpu, bind_to},
+    plan::asteroids::ImpostorMethod,
+    render::asteroids::raster::{AsteroidDraw, asteroid_pipeline},
+};
+
+/// Corners of a square, a triangle strip.
+pub(crate) const CORNERS: u32 = 4;
+
+/// The pass of one method.
+pub(crate) struct AsteroidImpostorPass {
+    pipeline: wgpu::RenderPipeline,
+    atlas_layout: wgpu::BindGroupLayout,
+}
+
+/// Number of a method in `shaders/shared/impostor.wgsl`.
+fn number_of(method: ImpostorMethod) -> Option<f64> {
+    match method.chosen() {
+        ImpostorMethod::EulerAtlas => Some(0.0),
+        ImpostorMethod::Octahedral => Some(1.0),
+        ImpostorMethod::OctahedralBlend => Some(2.0),
+        ImpostorMethod::Auto | ImpostorMethod::None => None,
+    }
+}
+
+impl AsteroidImpostorPass {
+    /// The pass of a method, for asteroids out of a source whose group 0 has that layout; `None` for methods without
+    /// impostors.
+    pub(crate) fn new(
+        gpu: &Gpu,
+        source: AsteroidSource,
+        source_layout: &wgpu::BindGroupLayout,
+        method: ImpostorMethod,
+    ) -> Option<Self> {
+        let constants = [("METHOD", number_of(method)?)];
+        let shaders = [&gpu::asteroid_impostor(source), &gpu::asteroid_impostor_shade(source)];
+        let atlas_layout = atlas_layout(gpu);
+        let groups = [Some(source_layout), Some(&atlas_layout)];
+        let primitive = wgpu::PrimitiveState { topology: wgpu::PrimitiveTopology::TriangleStrip, ..Default::default() };
+        let pipeline = asteroid_pipeline(gpu, shaders, &constants, &groups, &[], primitive);
+        Some(Self { pipeline, atlas_layout })
+    }
+
+    /// What an atlas (`super::atlas`) is bound to as group 1.
+    pub(crate) fn atlas_group(&self, gpu: &Gpu, bindings: &[(u32, wgpu::BindingResource<'_>)]) -> wgpu::BindGroup {
+        bind_to(gpu, &self.atlas_layout, bindings)
+    }
+
+    /// Sets pipeline and groups (`offsets` of the source's dynamic bindings); draws of [`CORNERS`] vertices follow, an
+    /// instance per asteroid.
+    pub(crate) fn begin(
+        &self,
+        pass: &mut wgpu::RenderPass<'_>,
+        source: &wgpu::BindGroup,
+        offsets: &[u32],
+        atlas: &wgpu::BindGroup,
+    ) {
+        pass.set_pipeline(&self.pipeline);
+        pass.set_bind_group(0, source, offsets);
+        pass.set_bind_group(1, atlas, &[]);
+    }
+
+    /// Records the draw of one kind of impostors out of the lists that culling leaves, onto one plane.
+    pub(crate) fn record(
+        &self,
+        pass: &mut wgpu::RenderPass<'_>,
+        draw: &AsteroidDraw<'_>,
+        kind: u32,
+        atlas: &wgpu::BindGroup,
+    ) {
+        self.begin(pass, draw.group, &[kind * draw.kind_stride], atlas);
+        pass.draw_indirect(draw.arguments, draw.arguments_at(kind));
+    }
+}
+
+/// Group 1: the atlas of `shaders/shared/impostor.wgsl`.
+fn atlas_layout(gpu: &Gpu) -> wgpu::BindGroupLayout {
+    let buffer = |ty| wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None };
+    let texture = wgpu::BindingType::Texture {
+        sample_type: wgpu::TextureSampleType::Float { filterable: true },
+        view_dimension: wgpu::TextureViewDimension::D2Array,
+        multisampled: false,
+    };
+    let kinds = [
+        (wgpu::ShaderStages::VERTEX_FRAGMENT, buffer(wgpu::BufferBindingType::Uniform)),
+        (wgpu::ShaderStages::VERTEX, buffer(wgpu::BufferBindingType::Storage { read_only: true })),
+        (wgpu::ShaderStages::FRAGMENT, texture),
+        (wgpu::ShaderStages::FRAGMENT, texture),
+        (wgpu::ShaderStages::FRAGMENT, wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering)),
+    ];
+    let entries: Vec<wgpu::BindGroupLayoutEntry> = (0..)
+        .zip(kinds)
+        .map(|(binding, (visibility, ty))| wgpu::BindGroupLayoutEntry { binding, visibility, ty, count: None })
+        .collect();
+    gpu.device
+        .create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some("impostor atlas"), entries: &entries })
+}

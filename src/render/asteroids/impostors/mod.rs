@@ -1,0 +1,9 @@
+//! Impostors of asteroids on the adapter.
+
+pub(crate) mod atlas;
+pub(crate) mod bake;
+pub(crate) mod draw;
+pub mod probe;
+#[cfg(test)]
+mod tests;
+mod texels;

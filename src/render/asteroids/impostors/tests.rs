@@ -1,0 +1,298 @@
+//! Impostors on the adapter against their f64 twins and the mesh: atlas, pictures, cache.
+
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+use glam::{DMat3, DQuat, DVec2, DVec3};
+
+use super::{
+    atlas::{ImpostorAtlas, ImpostorAtlasError},
+    probe::{GivenAsteroid, ImpostorProbe},
+    texels::{Texel, finest_level},
+};
+use crate::{
+    gpu::{Gpu, GpuOptions},
+    plan::asteroids::{
+        AsteroidSettings,
+        ImpostorMethod::{self, EulerAtlas, Octahedral, OctahedralBlend},
+        tiles::{AtlasLayout, AtlasTile},
+    },
+    reference::asteroids::impostors::{
+        Atlas, Picture, Sight, impostor_picture, mesh_picture, silhouette_iou, test_shape::bumpy,
+    },
+    render::asteroids::impostors::bake::{AtlasSize, ImpostorBakePass},
+    scene::{
+        asteroids::{Shape, ShapeSet},
+        bodies::ReflectionLaw,
+    },
+    view::{Rig, View, ViewKind, Viewport},
+};
+
+const TILE_PX: u32 = 32;
+const TILES: u32 = 12;
+
+fn gpu() -> Gpu {
+    Gpu::open(&GpuOptions::default()).expect("tests need a Vulkan adapter; `make test` installs the software one")
+}
+
+/// The second is equally bright everywhere, so that only normals shade it.
+fn shapes() -> ShapeSet {
+    let mut plain = bumpy(0.25);
+    plain.lods[0].mesh.albedos.fill(1.0);
+    ShapeSet { shapes: vec![bumpy(0.1), plain], digest: 7 }
+}
+
+fn settings() -> AsteroidSettings {
+    AsteroidSettings { tiles: TILES, tile_px: TILE_PX, ..AsteroidSettings::default() }
+}
+
+/// Mean difference of coverage, greatest mean difference of covered normals, of depths and of albedos, between the
+/// adapter's texels and the twin's.
+fn atlas_difference(words: &[[u32; 2]], twin: &Atlas, albedo_scale: f64) -> [f64; 4] {
+    let side = TILES * TILE_PX;
+    let (mut coverage, mut normal, mut depth, mut albedo, mut covered) = (0.0, 0.0, 0.0, 0.0, 0.0);
+    for (i, words) in (0..).zip(words) {
+        let (x, y) = (i % side, i / side);
+        let tile = AtlasTile { column: x / TILE_PX, row: y / TILE_PX };
+        let expected = twin.texel(tile, x % TILE_PX, y % TILE_PX);
+        let found = Texel::from_words(*words);
+        coverage += (f64::from(found.normal[3]) - expected.coverage).abs();
+        if expected.coverage > 0.9 && found.normal[3] > 0.9 {
+            let [x, y, z, _] = found.normal.map(|part| 2.0 * f64::from(part) - 1.0);
+            normal += (DVec3::new(x, y, z) - expected.normal).length();
+            depth += (2.0 * f64::from(found.surface[1]) - 1.0 - expected.depth).abs();
+            albedo += (f64::from(found.surface[0]) * albedo_scale - expected.albedo).abs();
+            covered += 1.0;
+        }
+    }
+    [coverage / f64::from(side * side), normal / covered, depth / covered, albedo / covered]
+}
+
+#[test]
+fn baked_atlases_are_those_of_the_twin() {
+    let gpu = gpu();
+    let pass = ImpostorBakePass::new(&gpu);
+    let shape = bumpy(0.25);
+    for layout in [AtlasLayout::Octahedral, AtlasLayout::Euler] {
+        let words = pass.bake(&gpu, &shape, AtlasSize { layout, tiles: TILES, tile_px: TILE_PX }, 1.5).unwrap();
+        let twin = Atlas::bake(&shape, layout, TILES, TILE_PX, 4);
+        let [coverage, normal, depth, albedo] = atlas_difference(&words, &twin, 1.5);
+        println!("{layout:?}: coverage {coverage:.5}, normal {normal:.4}, depth {depth:.5}, albedo {albedo:.5}");
+        assert!(coverage < 2e-3 && normal < 8e-3 && depth < 2e-3 && albedo < 3e-3);
+        // Another shape's atlas is told from it, and so is another layout's.
+        let other = Atlas::bake(&bumpy(0.1), layout, TILES, TILE_PX, 4);
+        let [coverage, normal, ..] = atlas_difference(&words, &other, 1.5);
+        assert!(coverage > 0.01 && normal > 0.05, "{coverage} {normal}");
+    }
+    // The border stays free.
+    let level = finest_level(
+        &pass.bake(&gpu, &shape, AtlasSize { layout: AtlasLayout::Octahedral, tiles: 2, tile_px: 8 }, 1.5).unwrap(),
+        2,
+        8,
+    );
+    for i in (0..256).filter(|i| i % 8 == 0 || i % 8 == 7 || i / 16 % 8 == 0 || i / 16 % 8 == 7) {
+        assert_eq!(level.normals[4 * i + 3], 0);
+    }
+}
+
+/// A viewport of `side` pixels and 20 degrees, and the f64 window of the same.
+fn window(side: u32) -> (Viewport, f64) {
+    let fov: f64 = 20.0_f64.to_radians();
+    let kind = ViewKind::Perspective { size: [side, side], fov_y_rad: fov };
+    let view = View::new("v", kind, DQuat::IDENTITY, DVec3::ZERO).unwrap();
+    (Rig::new(vec![view]).unwrap().viewports(DQuat::IDENTITY).remove(0), (0.5 * fov).tan())
+}
+
+struct Seen {
+    /// What the adapter drew: coverage only.
+    drawn: Picture,
+    luminance: Vec<f64>,
+    distance: Vec<Option<f64>>,
+    sight: Sight,
+}
+
+const SIDE: u32 = 192;
+const RADIUS_M: f64 = 300.0;
+
+fn draw(gpu: &Gpu, probe: &ImpostorProbe, view_from_shape: DMat3, centre: DVec3, sun: DVec3) -> Seen {
+    let (viewport, half_width) = window(SIDE);
+    let asteroid = GivenAsteroid {
+        centre_m: centre * RADIUS_M,
+        radius_m: RADIUS_M,
+        shape: 1,
+        view_from_shape,
+        sun,
+        luminance_cd_m2: DVec3::splat(0.25),
+        law: ReflectionLaw::Lambert,
+    };
+    let picture = probe.picture(gpu, &viewport, 1.0, &[asteroid]).unwrap();
+    let sight = Sight { view_from_shape, centre, middle: DVec2::ZERO, half_width, side: SIDE as usize, samples: 1 };
+    let coverage: Vec<f64> = picture.distance_m.iter().map(|seen| f64::from(u8::from(seen.is_some()))).collect();
+    Seen {
+        drawn: Picture { normals: vec![DVec3::ZERO; coverage.len()], coverage },
+        luminance: picture.luminance_cd_m2.iter().map(|rgb| f64::from(rgb[1])).collect(),
+        distance: picture.distance_m,
+        sight,
+    }
+}
+
+/// Orientations and places of asteroids, in mean radii, some near the border of the view.
+fn poses() -> impl Iterator<Item = (DMat3, DVec3)> {
+    (0..10).map(|i| {
+        let i = f64::from(i);
+        let turn = DQuat::from_rotation_y(1.3 * i) * DQuat::from_rotation_x(0.9 * i) * DQuat::from_rotation_z(0.4 * i);
+        let centre = DVec3::new(2.2 * (2.0 * i).sin(), 2.2 * (3.0 * i).cos(), -30.0);
+        (DMat3::from_quat(turn), centre)
+    })
+}
+
+#[test]
+fn pictures_on_the_adapter_are_those_of_the_twin() {
+    let gpu = gpu();
+    let shape = bumpy(0.25);
+    let sun = DVec3::new(0.6, 0.3, 0.74).normalize();
+    for method in [OctahedralBlend, Octahedral, EulerAtlas] {
+        let probe = ImpostorProbe::new(&gpu, &shapes(), method, &settings()).unwrap().unwrap();
+        let atlas = Atlas::bake(&shape, AtlasLayout::of(method).unwrap(), TILES, TILE_PX, 4);
+        let (mut least, mut worst_light, mut least_mesh) = (1.0_f64, 0.0_f64, 1.0_f64);
+        for (view_from_shape, centre) in poses() {
+            let seen = draw(&gpu, &probe, view_from_shape, centre, sun);
+            let twin = impostor_picture(method, &atlas, &seen.sight).unwrap();
+            least = least.min(silhouette_iou(&seen.drawn, &twin));
+            least_mesh = least_mesh.min(silhouette_iou(&seen.drawn, &mesh_picture(&shape.lods[0].mesh, &seen.sight)));
+            // Lambert: 1.5 cos i.
+            let (mut error, mut sum) = (0.0, 0.0);
+            for (index, normal) in twin.normals.iter().enumerate() {
+                let expected = 0.25 * 1.5 * normal.dot(sun).max(0.0);
+                if seen.drawn.coverage[index] > 0.0 && twin.coverage[index] > 0.0 {
+                    error += seen.luminance[index] - expected;
+                    sum += expected;
+                }
+            }
+            worst_light = worst_light.max((error / sum).abs());
+        }
+        println!(
+            "{}: IoU with the twin {least:.4}, with the mesh {least_mesh:.4}; light {worst_light:.4} off",
+            method.name()
+        );
+        assert!(least > 0.99, "{} {least}", method.name());
+        assert!(worst_light < 0.02, "{} {worst_light}", method.name());
+        // Another orientation is told from it.
+        let (view_from_shape, centre) = poses().nth(3).unwrap();
+        let seen = draw(&gpu, &probe, view_from_shape, centre, sun);
+        let turned = Sight { view_from_shape: DMat3::from_rotation_z(0.6) * view_from_shape, ..seen.sight };
+        let wrong = silhouette_iou(&seen.drawn, &impostor_picture(method, &atlas, &turned).unwrap());
+        assert!(wrong < 0.97, "{} {wrong}", method.name());
+    }
+}
+
+#[test]
+fn far_asteroids_keep_their_area_and_light_on_coarse_levels() {
+    let gpu = gpu();
+    let shape = bumpy(0.25);
+    let sun = DVec3::new(0.6, 0.3, 0.74).normalize();
+    for method in [OctahedralBlend, Octahedral] {
+        let probe = ImpostorProbe::new(&gpu, &shapes(), method, &settings()).unwrap().unwrap();
+        // 23, 11 and 5 pixels across.
+        for distance in [60.0, 120.0, 240.0] {
+            let (mut area, mut true_area, mut light, mut true_light) = (0.0, 0.0, 0.0, 0.0);
+            for (view_from_shape, centre) in poses() {
+                let seen = draw(&gpu, &probe, view_from_shape, centre * (distance / 30.0), sun);
+                let truth = mesh_picture(&shape.lods[0].mesh, &Sight { samples: 4, ..seen.sight });
+                area += seen.drawn.coverage.iter().sum::<f64>();
+                light += seen.luminance.iter().sum::<f64>();
+                true_area += truth.coverage.iter().sum::<f64>();
+                // The sum over normals counts those that face away from the sun with the wrong sign; they are few.
+                true_light += truth.normals.iter().map(|n| 0.25 * 1.5 * n.dot(sun).max(0.0) / 16.0).sum::<f64>();
+            }
+            let [area, light] = [area / true_area, light / true_light];
+            println!("{} at {distance} radii: area {area:.3}, light {light:.3} of the mesh's", method.name());
+            assert!((area - 1.0).abs() < 0.06 && (light - 1.0).abs() < 0.06, "{} {distance}", method.name());
+        }
+    }
+}
+
+#[test]
+fn depth_is_that_of_the_surface() {
+    let gpu = gpu();
+    let shape = bumpy(0.25);
+    // Tiles are up to 20 degrees off here.
+    for (method, allowed) in [(OctahedralBlend, 0.06), (Octahedral, 0.25)] {
+        let probe = ImpostorProbe::new(&gpu, &shapes(), method, &settings()).unwrap().unwrap();
+        for (view_from_shape, centre) in poses() {
+            let seen = draw(&gpu, &probe, view_from_shape, centre, DVec3::Z);
+            let nearest = seen.distance.iter().flatten().copied().fold(f64::INFINITY, f64::min) / RADIUS_M;
+            // The nearest vertex of the mesh.
+            let vertices = shape.lods[0].mesh.positions.iter().map(|p| DVec3::from_array(p.map(f64::from)));
+            let expected = vertices.map(|p| -(centre + view_from_shape * p).z).fold(f64::INFINITY, f64::min);
+            assert!((nearest - expected).abs() < allowed, "{}: {nearest} for {expected}", method.name());
+            // A flat square would be at the distance of the middle.
+            assert!((nearest + centre.z).abs() > 0.5);
+        }
+    }
+}
+
+#[test]
+fn atlases_are_kept_and_broken_files_are_made_anew() {
+    let gpu = gpu();
+    let pass = ImpostorBakePass::new(&gpu);
+    let folder = tempfile::tempdir().unwrap();
+    let settings = AsteroidSettings { cache: folder.path().join("atlases"), tiles: 4, tile_px: 8, ..settings() };
+    let make = |method, shapes: &ShapeSet| ImpostorAtlas::new(&gpu, &pass, shapes, method, &settings).unwrap();
+    let files = || -> Vec<std::path::PathBuf> {
+        let mut files: Vec<_> =
+            std::fs::read_dir(&settings.cache).unwrap().map(|entry| entry.unwrap().path()).collect();
+        files.sort();
+        files
+    };
+    assert!(make(ImpostorMethod::None, &shapes()).is_none());
+    assert!(make(Octahedral, &shapes()).is_some());
+    assert_eq!(files().len(), 1);
+    // Both methods of ours share a file; the published one has its own, and so have other shapes.
+    assert!(make(OctahedralBlend, &shapes()).is_some());
+    assert_eq!(files().len(), 1);
+    assert!(make(EulerAtlas, &shapes()).is_some());
+    assert!(make(Octahedral, &ShapeSet { digest: 8, ..shapes() }).is_some());
+    assert_eq!(files().len(), 3);
+    // Each way of breaking a file leads to the same file again; one that is right is left alone.
+    for path in files() {
+        let right = std::fs::read(&path).unwrap();
+        let mut damaged = right.clone();
+        damaged[300] ^= 1;
+        let mut other = right.clone();
+        other[16] ^= 1;
+        let checksum = crc32fast::hash(&other[12..]);
+        other[8..12].copy_from_slice(&checksum.to_le_bytes());
+        for broken in [&right[..100], &damaged, &other, &[]] {
+            std::fs::write(&path, broken).unwrap();
+            make(Octahedral, &shapes());
+            make(EulerAtlas, &shapes());
+            make(Octahedral, &ShapeSet { digest: 8, ..shapes() });
+            assert!(std::fs::read(&path).unwrap() == right);
+        }
+    }
+    let before = files().iter().map(|path| std::fs::metadata(path).unwrap().modified().unwrap()).collect::<Vec<_>>();
+    make(Octahedral, &shapes());
+    let after = files().iter().map(|path| std::fs::metadata(path).unwrap().modified().unwrap()).collect::<Vec<_>>();
+    assert_eq!(before, after);
+}
+
+#[test]
+fn atlases_that_cannot_be_are_refused_with_what_is_allowed() {
+    let gpu = gpu();
+    let pass = ImpostorBakePass::new(&gpu);
+    let make = |shapes: &ShapeSet, tiles, tile_px| {
+        let settings = AsteroidSettings { tiles, tile_px, ..AsteroidSettings::default() };
+        ImpostorAtlas::new(&gpu, &pass, shapes, Octahedral, &settings).map(|_| ())
+    };
+    let limit = gpu.max_view_side_px();
+    let error = make(&shapes(), limit, 4).unwrap_err();
+    assert!(
+        matches!(error, ImpostorAtlasError::TooLarge { .. }) && error.to_string().contains(&limit.to_string()),
+        "{error}"
+    );
+    assert!(matches!(make(&shapes(), 32, 3), Err(ImpostorAtlasError::TooSmall { .. })));
+    assert!(matches!(make(&shapes(), 1, 32), Err(ImpostorAtlasError::TooSmall { .. })));
+    assert!(matches!(make(&ShapeSet::default(), 32, 32), Err(ImpostorAtlasError::Shapes { .. })));
+    let many = ShapeSet { shapes: vec![Shape::default(); 5000], digest: 0 };
+    assert!(matches!(make(&many, 32, 32), Err(ImpostorAtlasError::Shapes { .. })));
+}

@@ -1,0 +1,232 @@
+//! The layers of meshes and impostors: textures that are reused from tile to tile, and what draws into them.
+
+use super::{
+    Asteroids,
+    encode::encoded_viewport,
+    kind_stride,
+    raster::{ASTEROID_COLOUR, ASTEROID_DEPTH, AsteroidDraw},
+};
+use crate::{
+    gpu::{Gpu, GpuTimer, bind_to, uniform_buffer},
+    plan::{
+        asteroids::{AsteroidPlan, frame::NEAR_M},
+        tiles::Tile,
+    },
+    render::{layout, targets::RasterLayers},
+    view::projection::Face,
+};
+
+/// Colour and depth of one size, and views of them.
+struct Layers {
+    size: wgpu::Extent3d,
+    colour: wgpu::TextureView,
+    depth: wgpu::TextureView,
+    /// Per layer, to draw into.
+    single: Vec<[wgpu::TextureView; 2]>,
+}
+
+/// See the module.
+pub(super) struct LayerTargets {
+    window: Option<Layers>,
+    faces: Option<Layers>,
+    no_faces: Option<Layers>,
+    /// Whose faces are drawn.
+    faces_of: Option<usize>,
+}
+
+impl Layers {
+    fn new(gpu: &Gpu, size: wgpu::Extent3d, array: bool) -> Self {
+        let texture = |label: &str, format: wgpu::TextureFormat| {
+            gpu.device.create_texture(&wgpu::TextureDescriptor {
+                label: Some(label),
+                size,
+                mip_level_count: 1,
+                sample_count: 1,
+                dimension: wgpu::TextureDimension::D2,
+                format,
+                usage: wgpu::TextureUsages::RENDER_ATTACHMENT
+                    | wgpu::TextureUsages::TEXTURE_BINDING
+                    | wgpu::TextureUsages::COPY_SRC,
+                view_formats: &[],
+            })
+        };
+        let (colour, depth) = (texture("asteroid colour", ASTEROID_COLOUR), texture("asteroid depth", ASTEROID_DEPTH));
+        let whole = |texture: &wgpu::Texture| {
+            let dimension = if array { wgpu::TextureViewDimension::D2Array } else { wgpu::TextureViewDimension::D2 };
+            texture.create_view(&wgpu::TextureViewDescriptor { dimension: Some(dimension), ..Default::default() })
+        };
+        let layer = |texture: &wgpu::Texture, layer: u32| {
+            texture.create_view(&wgpu::TextureViewDescriptor {
+                dimension: Some(wgpu::TextureViewDimension::D2),
+                base_array_layer: layer,
+                array_layer_count: Some(1),
+                ..Default::default()
+            })
+        };
+        let single = (0..size.depth_or_array_layers).map(|i| [layer(&colour, i), layer(&depth, i)]).collect();
+        Self { size, colour: whole(&colour), depth: whole(&depth), single }
+    }
+
+    /// Layers of at least that size; those held if they are large enough.
+    fn at_least(held: &mut Option<Self>, gpu: &Gpu, [width, height, layers]: [u32; 3], array: bool) {
+        let mut size = wgpu::Extent3d { width, height, depth_or_array_layers: layers };
+        if let Some(old) = held {
+            if old.size.width >= width && old.size.height >= height && old.size.depth_or_array_layers >= layers {
+                return;
+            }
+            if !array {
+                size.width = width.max(old.size.width);
+                size.height = height.max(old.size.height);
+            }
+            // Gone before its successor is made, so that both never exist at once.
+            *held = None;
+        }
+        *held = Some(Self::new(gpu, size, array));
+    }
+}
+
+impl LayerTargets {
+    pub(super) fn new() -> Self {
+        Self { window: None, faces: None, no_faces: None, faces_of: None }
+    }
+
+    /// A frame begins: what faces hold is old.
+    pub(super) fn begin(&mut self) {
+        self.faces_of = None;
+    }
+}
+
+impl Asteroids {
+    /// Records meshes and impostors of one tile: onto its window, and onto the faces behind its picture, if they are not there already.
+    /// `None` if nothing is held.
+    pub(crate) fn record_layers(
+        &mut self,
+        gpu: &Gpu,
+        encoder: &mut wgpu::CommandEncoder,
+        timer: &mut GpuTimer,
+        plan: &AsteroidPlan,
+        tile: &Tile,
+    ) -> Option<RasterLayers> {
+        self.held.as_ref()?;
+        let viewport = tile.viewport;
+        let samples = plan.samples[viewport];
+        let width = plan.viewports[viewport].size()[0] * samples;
+        let height = tile.rows * samples;
+        let faces = plan.cut.faces[viewport];
+        let side = plan.face_px[viewport];
+        Layers::at_least(&mut self.targets.window, gpu, [width, height, 1], false);
+        Layers::at_least(&mut self.targets.no_faces, gpu, [1, 1, 1], true);
+        if faces != 0 {
+            Layers::at_least(&mut self.targets.faces, gpu, [side, side, 8 - faces.leading_zeros()], true);
+            if self.targets.faces_of != Some(viewport) {
+                for face in Face::ALL.into_iter().filter(|face| faces >> *face as u8 & 1 == 1) {
+                    let target = self.targets.faces.as_ref().map(|layers| layers.single[face as usize].clone());
+                    if let (Some(plane), Some(target)) = (plan.plane_of(viewport, Some(face)), target) {
+                        let window = layout::AsteroidTarget { rows: side, samples: 1, ..Default::default() };
+                        self.draw(gpu, encoder, timer, plan, plane, window, [side, side], &target);
+                    }
+                }
+                self.targets.faces_of = Some(viewport);
+            }
+        }
+        let target = self.targets.window.as_ref()?.single[0].clone();
+        let window =
+            layout::AsteroidTarget { first_row: tile.first_row, rows: tile.rows, samples, ..Default::default() };
+        self.draw(gpu, encoder, timer, plan, viewport, window, [width, height], &target);
+        let (window, no_faces) = (self.targets.window.as_ref()?, self.targets.no_faces.as_ref()?);
+        let behind = self.targets.faces.as_ref().filter(|_| faces != 0).unwrap_or(no_faces);
+        Some(RasterLayers {
+            colour: window.colour.clone(),
+            depth: window.depth.clone(),
+            faces_colour: behind.colour.clone(),
+            faces_depth: behind.depth.clone(),
+            faces: u32::from(faces),
+            face_size_px: side,
+            samples,
+            near_m: NEAR_M as f32,
+            luminance_scale: plan.luminance_scale as f32,
+        })
+    }
+
+    /// Draws the lists of a plane, the target cleared before.
+    #[expect(clippy::too_many_arguments, reason = "a draw takes its plane, its window and its target")]
+    fn draw(
+        &mut self,
+        gpu: &Gpu,
+        encoder: &mut wgpu::CommandEncoder,
+        timer: &mut GpuTimer,
+        plan: &AsteroidPlan,
+        plane: usize,
+        window: layout::AsteroidTarget,
+        [width, height]: [u32; 2],
+        [colour, depth]: &[wgpu::TextureView; 2],
+    ) {
+        let of = &plan.planes[plane];
+        let target = layout::AsteroidTarget {
+            viewport: encoded_viewport(plan, of),
+            eye: plan.viewports[of.viewport].eye_offset_m.as_vec3().to_array(),
+            near: NEAR_M as f32,
+            plane: plane as u32,
+            units_per_cd_m2: plan.luminance_scale.recip() as f32,
+            kinds: plan.kinds,
+            ..window
+        };
+        let target = uniform_buffer(gpu, "asteroid target", &target);
+        let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+            label: Some("asteroids"),
+            color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+                view: colour,
+                depth_slice: None,
+                resolve_target: None,
+                ops: wgpu::Operations {
+                    load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
+                    store: wgpu::StoreOp::Store,
+                },
+            })],
+            depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
+                view: depth,
+                depth_ops: Some(wgpu::Operations { load: wgpu::LoadOp::Clear(0.0), store: wgpu::StoreOp::Store }),
+                stencil_ops: None,
+            }),
+            timestamp_writes: timer.render_pass("asteroids"),
+            ..Default::default()
+        });
+        let Self { held: Some(held), passes: Some(passes), buffers, .. } = self else { return };
+        let Some(kinds) = buffers.kinds.as_ref().map(|(kinds, _)| kinds.clone()) else { return };
+        let one_kind = wgpu::BufferBinding {
+            buffer: &kinds,
+            offset: 0,
+            size: wgpu::BufferSize::new(size_of::<layout::AsteroidBucket>() as u64),
+        };
+        let group = bind_to(
+            gpu,
+            &passes.layout,
+            &[
+                (0, target.as_entire_binding()),
+                (1, wgpu::BindingResource::Buffer(one_kind)),
+                (2, buffers.items.with_room(gpu, 0).as_entire_binding()),
+                (3, buffers.fields.with_room(gpu, 0).as_entire_binding()),
+                (4, held.instances.as_entire_binding()),
+                (5, buffers.entries.with_room(gpu, 0).as_entire_binding()),
+                (6, buffers.bases.with_room(gpu, 0).as_entire_binding()),
+                (7, held.shapes.as_entire_binding()),
+            ],
+        );
+        let arguments = buffers.arguments.with_room(gpu, 0);
+        let draw = AsteroidDraw {
+            group: &group,
+            kind_stride: kind_stride(gpu),
+            arguments,
+            first_list: plane as u64 * u64::from(plan.kinds),
+        };
+        pass.set_viewport(0.0, 0.0, width as f32, height as f32, 0.0, 1.0);
+        pass.set_scissor_rect(0, 0, width, height);
+        // Without impostors of a method there are lists of meshes alone.
+        if let Some((_, impostors)) = &passes.impostors {
+            for (set, atlas) in held.atlases().iter().enumerate() {
+                impostors.record(&mut pass, &draw, held.kinds.impostor_kind(set) as u32, atlas);
+            }
+        }
+        passes.mesh.record(&mut pass, &draw, &held.vertices, &held.indices, held.kinds.meshes as u32);
+    }
+}

@@ -1,0 +1,85 @@
+//! Lists that the CPU has made, in the form in which culling on the adapter leaves them; and what counts say.
+
+use super::{AsteroidCounts, FrameBuffers, held::Held};
+use crate::{
+    gpu::Gpu,
+    plan::{
+        asteroids::{
+            AsteroidPlan,
+            cpu_cull::{PictureLists, WHOLE_PICTURE},
+        },
+        stars::cull::MAX_VIEWPORTS,
+    },
+    render::layout,
+};
+
+/// Bit of an entry's group: the other side of the seam.
+const SEAM_BIT: u32 = 1 << 31;
+/// Vertices of an impostor's square.
+const IMPOSTOR_VERTICES: u32 = 4;
+
+/// Uploads lists, their places, totals and arguments.
+pub(super) fn upload_lists(
+    gpu: &Gpu,
+    plan: &AsteroidPlan,
+    held: &Held,
+    buffers: &mut FrameBuffers,
+    found: &[PictureLists],
+) {
+    let kinds = plan.kinds as usize;
+    let mut entries: Vec<layout::AsteroidEntry> = Vec::with_capacity(plan.capacity as usize);
+    let mut totals = vec![0];
+    let (mut bases, mut arguments) = (Vec::new(), Vec::new());
+    let meshes = held.mesh_arguments();
+    for plane in &plan.planes {
+        let of = &found[plane.viewport];
+        let lists = &of.lists[plane.face.map_or(WHOLE_PICTURE, |face| face as usize)];
+        for kind in 0..kinds {
+            let list = lists.get(kind).map_or(&[][..], Vec::as_slice);
+            bases.push(entries.len() as u32);
+            let count = list.len() as u32;
+            let seen = if plane.face.is_none() { of.seen as u32 } else { 0 };
+            totals.push(if kind == kinds - 1 { seen } else { count });
+            let [indices, first_index, first_vertex] = meshes.get(kind).copied().unwrap_or([IMPOSTOR_VERTICES, 0, 0]);
+            arguments.extend([indices, count, first_index, first_vertex, 0]);
+            entries.extend(list.iter().map(|entry| layout::AsteroidEntry {
+                instance: entry.instance,
+                item: entry.item | if entry.beyond_seam { SEAM_BIT } else { 0 },
+                fade: entry.fade,
+            }));
+        }
+    }
+    totals[0] = entries.len() as u32;
+    buffers.entries.upload(gpu, &entries);
+    buffers.totals.upload(gpu, &totals);
+    buffers.bases.upload(gpu, &bases);
+    buffers.arguments.upload(gpu, &arguments);
+}
+
+/// What the totals of all lists say of each of `views` views.
+pub(super) fn counts_of(plan: &AsteroidPlan, totals: &[u32], points: &[u32], views: usize) -> Vec<AsteroidCounts> {
+    let levels = plan.numbers.sets.iter().flat_map(|set| &set.shapes.shapes).map(|shape| shape.lods.len()).max();
+    let mut counts = vec![AsteroidCounts { meshes: vec![0; levels.unwrap_or(0)], ..Default::default() }; views];
+    for (plane, totals) in plan.planes.iter().zip(totals.chunks_exact(plan.kinds as usize)) {
+        let Some(counts) = counts.get_mut(plan.viewports[plane.viewport].view) else { continue };
+        for set in &plan.numbers.sets {
+            for (shape, first) in set.shapes.shapes.iter().zip(&set.shape_kinds) {
+                for level in 0..shape.lods.len() {
+                    counts.meshes[level] += u64::from(totals[first + level]);
+                }
+            }
+        }
+        let impostors = &totals[plan.numbers.meshes..plan.numbers.lists()];
+        counts.impostors += impostors.iter().map(|count| u64::from(*count)).sum::<u64>();
+        if plane.face.is_none() {
+            let nodes = plan.cut.unresolved.iter().filter(|point| point.point.viewports >> plane.viewport & 1 == 1);
+            let unresolved: u64 = nodes.map(|node| node.asteroids).sum();
+            let pointlike = u64::from(points[MAX_VIEWPORTS + plane.viewport]);
+            counts.points += u64::from(points[plane.viewport]);
+            counts.unresolved += unresolved;
+            let seen = u64::from(totals[totals.len() - 1]) + unresolved + pointlike;
+            counts.culled += plan.asteroids.saturating_sub(seen);
+        }
+    }
+    counts
+}

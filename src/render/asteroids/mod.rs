@@ -1,0 +1,362 @@
+//! Fields of asteroids in a frame: what the adapter holds of them, culling for all pictures at once, and the layers of meshes and impostors
+//! that the geometry pass reads, tile by tile.
+//!
+//! Culling is recorded once per frame, layers once per tile, points once per batch; the counts come back after the frame.
+
+mod cull;
+mod encode;
+mod held;
+pub(crate) mod impostors;
+mod layers;
+mod lists;
+mod mesh;
+mod points;
+mod raster;
+#[cfg(test)]
+mod tests;
+
+use serde::Serialize;
+
+use self::{
+    cull::{AsteroidCullPass, CullBuffers, CullNumbers},
+    encode::Encoded,
+    held::Held,
+    impostors::{bake::ImpostorBakePass, draw::AsteroidImpostorPass},
+    layers::LayerTargets,
+    lists::{counts_of, upload_lists},
+    mesh::AsteroidMeshPass,
+    points::{AsteroidPointPass, AsteroidPoints},
+    raster::{ASTEROID_ARGUMENT_BYTES, asteroid_layout},
+};
+use super::{
+    RenderError, ViewStatistics, layout,
+    read::Places,
+    targets::{Sums, Targets},
+    technique::{FrameInputs, Holding, Phase, Recording, Technique, begin_pass},
+};
+use crate::{
+    gpu::{AsteroidSource, Gpu, GrowingBuffer, ReadbackBuffer, filled_buffer},
+    plan::{
+        Plan, PlanError,
+        asteroids::{AsteroidPlan, frame::ENTRY_BYTES},
+        settings::{AsteroidSettings, ImpostorMethod},
+        stars::{cull::MAX_VIEWPORTS, range::FixedPoint},
+    },
+    scene::SceneObjects,
+};
+
+/// Names of what is counted: totals of the lists, and points.
+const TOTALS: &str = "asteroid totals";
+const POINTS: &str = "asteroid points";
+
+/// Asteroids of a view, by what they are drawn as. One that is between two classes counts in both.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct AsteroidCounts {
+    /// Drawn as meshes, by level of detail, the finest first; on faces of a cube behind the picture once per face.
+    pub meshes: Vec<u64>,
+    /// Drawn as impostors, likewise.
+    pub impostors: u64,
+    /// Drawn as points.
+    pub points: u64,
+    /// Part of points of light that stand for whole groups.
+    pub unresolved: u64,
+    /// Not seen: outside of every picture of the view, and of the margin around it that points reach over.
+    pub culled: u64,
+}
+
+/// Passes and what they need.
+struct Passes {
+    cull: AsteroidCullPass,
+    mesh: AsteroidMeshPass,
+    points: AsteroidPointPass,
+    /// Of one method.
+    impostors: Option<(ImpostorMethod, AsteroidImpostorPass)>,
+    bake: Option<ImpostorBakePass>,
+    layout: wgpu::BindGroupLayout,
+}
+
+/// Buffers that are filled anew every frame.
+struct FrameBuffers {
+    items: GrowingBuffer,
+    links: GrowingBuffer,
+    planes: GrowingBuffer,
+    views: GrowingBuffer,
+    tables: GrowingBuffer,
+    fields: GrowingBuffer,
+    counts: GrowingBuffer,
+    totals: GrowingBuffer,
+    bases: GrowingBuffer,
+    entries: GrowingBuffer,
+    arguments: GrowingBuffer,
+    drawn_points: GrowingBuffer,
+    /// One uniform per kind of list.
+    kinds: Option<(wgpu::Buffer, u32)>,
+}
+
+/// See the module.
+pub(super) struct Asteroids {
+    held: Option<Held>,
+    passes: Option<Passes>,
+    buffers: FrameBuffers,
+    targets: LayerTargets,
+}
+
+impl FrameBuffers {
+    fn new() -> Self {
+        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
+        let buffer = |label: &'static str| GrowingBuffer::new(label, usage);
+        Self {
+            items: buffer("asteroid groups"),
+            links: buffer("asteroid links"),
+            planes: buffer("asteroid planes"),
+            views: buffer("asteroid views"),
+            tables: buffer("asteroid tables"),
+            fields: buffer("asteroid fields"),
+            counts: buffer("asteroid counts"),
+            totals: buffer("asteroid totals"),
+            bases: buffer("asteroid bases"),
+            entries: buffer("asteroid lists"),
+            arguments: GrowingBuffer::new("asteroid arguments", usage | wgpu::BufferUsages::INDIRECT),
+            drawn_points: buffer("asteroid points drawn"),
+            kinds: None,
+        }
+    }
+}
+
+impl Asteroids {
+    pub(super) fn new() -> Self {
+        Self { held: None, passes: None, buffers: FrameBuffers::new(), targets: LayerTargets::new() }
+    }
+
+    /// Holds the fields of a scene on the adapter, until their instances or shapes are others.
+    fn hold_fields(
+        &mut self,
+        gpu: &Gpu,
+        objects: &SceneObjects,
+        settings: &AsteroidSettings,
+    ) -> Result<(), RenderError> {
+        if self.held.as_ref().is_none_or(|held| !held.holds(objects)) {
+            // Gone before its successor is made, so that both never exist at once.
+            self.held = None;
+            self.held = Some(Held::new(gpu, objects));
+        }
+        let passes = self.passes.get_or_insert_with(|| {
+            let layout = asteroid_layout(gpu);
+            Passes {
+                cull: AsteroidCullPass::new(gpu),
+                mesh: AsteroidMeshPass::new(gpu, &layout),
+                points: AsteroidPointPass::new(gpu),
+                impostors: None,
+                bake: None,
+                layout,
+            }
+        });
+        let method = settings.impostor.chosen();
+        if settings.finest_only || method == ImpostorMethod::None {
+            return Ok(());
+        }
+        if passes.impostors.as_ref().is_none_or(|(of, _)| *of != method) {
+            passes.impostors = AsteroidImpostorPass::new(gpu, AsteroidSource::Lists, &passes.layout, method)
+                .map(|pass| (method, pass));
+        }
+        let bake = passes.bake.get_or_insert_with(|| ImpostorBakePass::new(gpu));
+        if let (Some(held), Some((_, pass))) = (&mut self.held, &passes.impostors) {
+            held.hold_atlases(gpu, bake, pass, settings)?;
+        }
+        Ok(())
+    }
+
+    /// Records culling for all pictures, unless the lists have come from the CPU.
+    fn record_cull(&mut self, recording: &mut Recording<'_>, plan: &AsteroidPlan) {
+        let gpu = recording.gpu;
+        let (Some(held), Some(passes)) = (&self.held, &self.passes) else { return };
+        let buffers = &mut self.buffers;
+        recording.encoder.clear_buffer(buffers.drawn_points.with_room(gpu, 4 * POINT_COUNTS as u64), 0, None);
+        if plan.lists.is_some() {
+            return;
+        }
+        let counts = buffers.counts.with_room(gpu, 4 * plan.counts).clone();
+        recording.encoder.clear_buffer(&counts, 0, None);
+        let mut pass = begin_pass(recording.encoder, recording.timer, "asteroid cull");
+        let numbers = CullNumbers {
+            items: plan.cut.shape_items as u32,
+            planes: plan.planes.len() as u32,
+            kinds: plan.kinds,
+            mesh_kinds: plan.numbers.meshes as u32,
+            capacity: plan.capacity as u32,
+        };
+        let cull = CullBuffers {
+            views: buffers.views.with_room(gpu, 0),
+            tables: buffers.tables.with_room(gpu, 0),
+            planes: buffers.planes.with_room(gpu, 0),
+            links: buffers.links.with_room(gpu, 0),
+            items: buffers.items.with_room(gpu, 0),
+            instances: &held.instances,
+            fields: buffers.fields.with_room(gpu, 0),
+            shapes: &held.shapes,
+            lods: &held.lods,
+            meshes: &held.meshes,
+            counts: &counts,
+            totals: buffers.totals.with_room(gpu, 0),
+            bases: buffers.bases.with_room(gpu, 0),
+            entries: buffers.entries.with_room(gpu, 0),
+            arguments: buffers.arguments.with_room(gpu, 0),
+        };
+        passes.cull.record(gpu, &mut pass, numbers, &cull);
+    }
+
+    /// Uploads a plan.
+    fn upload(&mut self, gpu: &Gpu, plan: &AsteroidPlan, objects: &SceneObjects) {
+        let Some(held) = &self.held else { return };
+        let encoded = Encoded::new(plan, objects);
+        let buffers = &mut self.buffers;
+        buffers.items.upload(gpu, &encoded.items);
+        buffers.fields.upload(gpu, &encoded.fields);
+        let lists = plan.planes.len() as u64 * u64::from(plan.kinds);
+        buffers.totals.with_room(gpu, 4 * (1 + lists));
+        buffers.bases.with_room(gpu, 4 * lists);
+        buffers.arguments.with_room(gpu, ASTEROID_ARGUMENT_BYTES * lists);
+        buffers.entries.with_room(gpu, plan.capacity * ENTRY_BYTES);
+        let stride = kind_stride(gpu);
+        if buffers.kinds.as_ref().is_none_or(|(_, kinds)| *kinds != plan.kinds) {
+            let mut uniforms = vec![0_u32; (plan.kinds * stride / 4) as usize];
+            for kind in 0..plan.kinds {
+                uniforms[(kind * stride / 4) as usize] = kind;
+            }
+            let buffer = filled_buffer(gpu, "asteroid kinds", &uniforms, wgpu::BufferUsages::UNIFORM);
+            buffers.kinds = Some((buffer, plan.kinds));
+        }
+        buffers.views.upload(gpu, &encoded.views);
+        buffers.tables.upload(gpu, &encoded.tables);
+        if let Some(lists) = &plan.lists {
+            upload_lists(gpu, plan, held, buffers, lists);
+        } else {
+            buffers.planes.upload(gpu, &encoded.planes);
+            buffers.links.upload(gpu, &encoded.links);
+        }
+    }
+
+    /// Records asteroids that are points into the sums of one batch.
+    fn record_points(
+        &mut self,
+        gpu: &Gpu,
+        pass: &mut wgpu::ComputePass<'_>,
+        plan: &AsteroidPlan,
+        range: &FixedPoint,
+        sums: &Sums<'_>,
+        tiles: u32,
+    ) {
+        let (Some(held), Some(passes)) = (&self.held, &self.passes) else { return };
+        let buffers = &mut self.buffers;
+        let points = AsteroidPoints {
+            items: buffers.items.with_room(gpu, 0),
+            count: plan.cut.items.len() as u32,
+            instances: &held.instances,
+            fields: buffers.fields.with_room(gpu, 0),
+            shapes: &held.shapes,
+            lods: &held.lods,
+            views: buffers.views.with_room(gpu, 0),
+            tables: buffers.tables.with_room(gpu, 0),
+            areas: &held.areas,
+            drawn: buffers.drawn_points.with_room(gpu, 0),
+        };
+        passes.points.record(gpu, pass, range, sums, tiles, &points);
+    }
+
+    /// Records the copy of the counts.
+    fn copy_counts(&mut self, recording: &mut Recording<'_>, plan: &AsteroidPlan) {
+        let Recording { gpu, encoder, readback, places, .. } = recording;
+        let count = totals_of(plan);
+        let bytes = 4 * count as u64;
+        let totals = readback.copy(gpu, encoder, self.buffers.totals.with_room(gpu, bytes), 0, bytes);
+        let points = self.buffers.drawn_points.with_room(gpu, 4 * POINT_COUNTS as u64);
+        let points = readback.copy(gpu, encoder, points, 0, 4 * POINT_COUNTS as u64);
+        places.counts.extend([(TOTALS, totals, count), (POINTS, points, POINT_COUNTS)]);
+    }
+}
+
+impl Technique for Asteroids {
+    fn hold(&mut self, holding: &Holding<'_>) -> Result<(), RenderError> {
+        if holding.scene.objects.fields.is_empty() {
+            self.release();
+            return Ok(());
+        }
+        self.hold_fields(holding.gpu, &holding.scene.objects, &holding.settings.asteroids)
+    }
+
+    fn encode(&mut self, gpu: &Gpu, frame: &FrameInputs<'_>, _targets: &mut Targets) {
+        self.targets.begin();
+        if let Some(plan) = &frame.plan.asteroids {
+            self.upload(gpu, plan, &frame.scene.objects);
+        }
+    }
+
+    fn record(&mut self, phase: Phase, recording: &mut Recording<'_>) {
+        let frame = recording.frame;
+        let Some(plan) = &frame.plan.asteroids else { return };
+        let gpu = recording.gpu;
+        match phase {
+            Phase::Cull => self.record_cull(recording, plan),
+            Phase::Geometry(batch, tile) => {
+                let tile = &frame.plan.batches[batch].tiles[tile];
+                if plan.draws(tile.viewport) {
+                    recording.targets.layers = self.record_layers(gpu, recording.encoder, recording.timer, plan, tile);
+                }
+            }
+            Phase::Splat(batch) if plan.cut.items.iter().any(|item| item.holds_points) => {
+                let Some(sums) = recording.targets.sums(batch, false) else { return };
+                let mut pass = begin_pass(recording.encoder, recording.timer, "stars");
+                let tiles = frame.plan.batches[batch].tiles.len() as u32;
+                self.record_points(gpu, &mut pass, plan, &frame.plan.ranges.main, &sums, tiles);
+            }
+            Phase::Count => self.copy_counts(recording, plan),
+            _ => {}
+        }
+    }
+
+    fn readback_bytes(&self, plan: &Plan) -> u64 {
+        plan.asteroids.as_ref().map_or(0, |plan| 4 * totals_of(plan) as u64 + 4 * POINT_COUNTS as u64 + 64)
+    }
+
+    fn read(
+        &self,
+        gpu: &Gpu,
+        readback: &mut ReadbackBuffer,
+        places: &Places,
+        plan: &Plan,
+        views: &mut [ViewStatistics],
+    ) -> Result<(), RenderError> {
+        let Some(plan) = &plan.asteroids else { return Ok(()) };
+        let mut words = |name: &str| match places.counts.iter().find(|(of, ..)| *of == name) {
+            Some((_, place, count)) => readback.read::<u32>(gpu, *place, *count).map_err(RenderError::from),
+            None => unreachable!("asteroids are counted in every frame that has any"),
+        };
+        let (totals, points) = (words(TOTALS)?, words(POINTS)?);
+        if u64::from(totals[0]) > plan.capacity {
+            let (needed, limit) = (u64::from(totals[0]), plan.capacity);
+            return Err(PlanError::AsteroidLists { needed, limit }.into());
+        }
+        let counts = counts_of(plan, &totals[1..], &points, views.len());
+        views.iter_mut().zip(counts).for_each(|(view, counts)| view.asteroids = counts);
+        Ok(())
+    }
+
+    fn release(&mut self) {
+        self.held = None;
+        self.buffers = FrameBuffers::new();
+        self.targets = LayerTargets::new();
+    }
+}
+
+/// Words of the totals of all lists.
+fn totals_of(plan: &AsteroidPlan) -> usize {
+    1 + plan.planes.len() * plan.kinds as usize
+}
+
+/// Counts of the pass over points: per viewport points, and those of groups that hold nothing else.
+const POINT_COUNTS: usize = 2 * MAX_VIEWPORTS;
+
+/// Bytes between the uniforms of two kinds.
+fn kind_stride(gpu: &Gpu) -> u32 {
+    gpu.device.limits().min_uniform_buffer_offset_alignment.max(size_of::<layout::AsteroidBucket>() as u32)
+}

@@ -1,0 +1,77 @@
+//! Asteroids that are points, splatted as stars are. Shader: `shaders/asteroid_points.wgsl`.
+
+use crate::{
+    gpu::{self, Gpu, bind_buffers, dispatch_rows},
+    plan::stars::range::FixedPoint,
+    render::{
+        layout,
+        targets::{Sums, bind_occlusion, bind_sums},
+    },
+};
+
+/// The pass.
+pub(crate) struct AsteroidPointPass {
+    pipeline: wgpu::ComputePipeline,
+}
+
+/// What it reads of asteroids, and where it counts.
+pub(crate) struct AsteroidPoints<'a> {
+    pub items: &'a wgpu::Buffer,
+    /// How many items.
+    pub count: u32,
+    pub instances: &'a wgpu::Buffer,
+    pub fields: &'a wgpu::Buffer,
+    pub shapes: &'a wgpu::Buffer,
+    pub lods: &'a wgpu::Buffer,
+    pub views: &'a wgpu::Buffer,
+    pub tables: &'a wgpu::Buffer,
+    pub areas: &'a wgpu::Buffer,
+    /// Points seen, one count per viewport (64 of them), then those of groups that hold nothing but points.
+    pub drawn: &'a wgpu::Buffer,
+}
+
+impl AsteroidPointPass {
+    pub(crate) fn new(gpu: &Gpu) -> Self {
+        let workgroup = if gpu.software { 8.0 } else { 64.0 };
+        let constants = [("WORKGROUP", workgroup), ("HAS_GEOMETRY", 1.0)];
+        Self { pipeline: gpu.compute_pipeline_with(&gpu::asteroid_points(gpu.wide_accumulator), &constants) }
+    }
+
+    /// Records the points of all groups into one batch of `tiles` tiles.
+    pub(crate) fn record(
+        &self,
+        gpu: &Gpu,
+        pass: &mut wgpu::ComputePass<'_>,
+        range: &FixedPoint,
+        sums: &Sums<'_>,
+        tiles: u32,
+        points: &AsteroidPoints<'_>,
+    ) {
+        let [row, rows] = dispatch_rows(gpu, points.count);
+        let parameters = layout::AsteroidPointParameters {
+            units_per_lx: range.units_per_lx as f32,
+            items: points.count,
+            row,
+            tiles,
+        };
+        let parameters = gpu::uniform_buffer(gpu, "asteroid points", &parameters);
+        let items = [(5, points.items.as_entire_binding())];
+        let asteroids = [
+            points.instances,
+            points.fields,
+            points.shapes,
+            points.lods,
+            points.views,
+            points.tables,
+            points.areas,
+            points.drawn,
+        ];
+        let asteroids: Vec<_> =
+            (0..).zip(asteroids).map(|(binding, buffer)| (binding, buffer.as_entire_binding())).collect();
+        pass.set_pipeline(&self.pipeline);
+        pass.set_bind_group(0, &bind_sums(gpu, &self.pipeline, &parameters, sums, &items), &[]);
+        pass.set_bind_group(1, &bind_buffers(gpu, &self.pipeline, 1, &asteroids), &[]);
+        pass.set_bind_group(2, &bind_occlusion(gpu, &self.pipeline, &sums.occlusion), &[]);
+        pass.dispatch_workgroups(row, rows, 1);
+    }
+}

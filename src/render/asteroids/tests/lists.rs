@@ -1,0 +1,267 @@
+//! The adapter's lists against those of f64.
+
+use std::collections::BTreeMap;
+
+use super::*;
+use crate::plan::{
+    asteroids::{
+        classes::ClassRules,
+        cpu_cull::{self, PictureLists, WHOLE_PICTURE},
+        frame::table_of,
+        views::{PictureBounds, eye_distance_m, impostor_reach},
+    },
+    settings::ImpostorMethod,
+};
+
+/// Lists by plane and kind: asteroid, side of the seam, share.
+type Found = BTreeMap<(usize, usize, usize), Vec<(u32, bool, f32)>>;
+
+/// Where two sets of lists differ: entries that only one has with a share worth the name, and shares that differ.
+fn differences(first: &Found, second: &Found) -> usize {
+    let missing = |one: &Found, other: &Found, both: bool| -> usize {
+        one.iter()
+            .flat_map(|(list, entries)| entries.iter().map(move |entry| (list, entry)))
+            .filter(|(list, (instance, seam, fade))| {
+                let twin = other
+                    .get(list)
+                    .and_then(|entries| entries.iter().find(|twin| (twin.0, twin.1) == (*instance, *seam)));
+                match twin {
+                    Some(twin) => both && (twin.2 - fade).abs() > 2e-3,
+                    None => true,
+                }
+            })
+            .count()
+    };
+    missing(first, second, true) + missing(second, first, false)
+}
+
+fn adapters_lists(bench: &mut Bench, plan: &AsteroidPlan) -> (Found, Vec<u32>) {
+    let mut encoder = bench.encoder();
+    bench.asteroids.record_cull(&bench.gpu, &mut encoder, &mut bench.timer, plan);
+    let lists = plan.planes.len() * plan.kinds as usize;
+    let (totals, bases, entries) = {
+        let buffers = &mut bench.asteroids.buffers;
+        (
+            buffers.totals.with_room(&bench.gpu, 0).clone(),
+            buffers.bases.with_room(&bench.gpu, 0).clone(),
+            buffers.entries.with_room(&bench.gpu, 0).clone(),
+        )
+    };
+    let words = 3 * plan.capacity as usize;
+    let values: Vec<Vec<u32>> = bench.read(encoder, &[(&totals, 1 + lists), (&bases, lists), (&entries, words)]);
+    let mut found = Found::new();
+    for list in 0..lists {
+        let (plane, kind) = (plan.planes[list / plan.kinds as usize], list % plan.kinds as usize);
+        if kind == plan.kinds as usize - 1 {
+            continue;
+        }
+        let (first, count) = (values[1][list] as usize, values[0][1 + list] as usize);
+        let of = values[2][3 * first..3 * (first + count)].chunks_exact(3);
+        let key = (plane.viewport, plane.face.map_or(WHOLE_PICTURE, |face| face as usize), kind);
+        let entries = of.map(|entry| (entry[0], entry[1] >> 31 == 1, f32::from_bits(entry[2]))).collect::<Vec<_>>();
+        if !entries.is_empty() {
+            found.insert(key, entries);
+        }
+    }
+    (found, values[0].clone())
+}
+
+fn lists_of_f64(
+    objects: &SceneObjects,
+    settings: &AsteroidSettings,
+    viewports: &[Viewport],
+    camera_m: DVec3,
+) -> Vec<PictureLists> {
+    let fields: Vec<&AsteroidField> = objects.fields.iter().map(Arc::as_ref).collect();
+    let kinds = crate::plan::asteroids::kinds::Kinds::new(fields.iter().copied());
+    let pictures: Vec<PictureBounds> = viewports
+        .iter()
+        .map(|viewport| {
+            let reach = impostor_reach(settings, eye_distance_m(viewports, viewport));
+            PictureBounds::new(viewport, MARGIN_PX, table_of(&mut Vec::new(), &viewport.projection), reach)
+        })
+        .collect();
+    let rules: Vec<ClassRules> = pictures
+        .iter()
+        .map(|picture| ClassRules {
+            quality: settings.quality,
+            impostor: picture.impostor,
+            finest_only: settings.finest_only,
+        })
+        .collect();
+    cpu_cull::cull(&fields, &kinds, camera_m, &pictures, &rules)
+}
+
+fn as_found(lists: &[PictureLists]) -> Found {
+    let mut found = Found::new();
+    for (viewport, of) in lists.iter().enumerate() {
+        for (plane, kinds) in of.lists.iter().enumerate() {
+            for (kind, list) in kinds.iter().enumerate().filter(|(_, list)| !list.is_empty()) {
+                let entries = list.iter().map(|entry| (entry.instance, entry.beyond_seam, entry.fade)).collect();
+                found.insert((viewport, plane, kind), entries);
+            }
+        }
+    }
+    found
+}
+
+/// Asteroids around the origin of a field: near ones and far ones, of many sizes.
+fn cloud(count: usize, seed: u64) -> SceneObjects {
+    let mut random = Random(seed);
+    let asteroids: Vec<(DVec3, f64, u32)> = (0..count)
+        .map(|i| {
+            let distance = 30.0 * 2000.0_f64.powf(random.next());
+            (random.direction() * distance, 2.0 * 40.0_f64.powf(random.next()), (i % 2) as u32)
+        })
+        .collect();
+    let instances = instances(&asteroids, seed);
+    SceneObjects { fields: vec![field(instances, shapes())], time_s: 4.2e8, ..SceneObjects::default() }
+}
+
+#[test]
+fn the_adapters_lists_are_those_of_f64_whatever_the_count_the_projection_and_the_place() {
+    let mut bench = Bench::new();
+    let mut random = Random(7);
+    let mut tails = 0;
+    for (round, count) in [1, 255, 256, 257, 2000, 10_007].into_iter().enumerate() {
+        for method in [ImpostorMethod::Auto, ImpostorMethod::None] {
+            let objects = cloud(count, 11 + round as u64);
+            let settings = AsteroidSettings { impostor: method, ..AsteroidSettings::default() };
+            let orientation = DQuat::from_axis_angle(random.direction(), 6.0 * random.next());
+            let viewports = viewports(&kinds(), orientation);
+            let camera_m = objects.fields[0].position_m + random.direction() * (25.0 * random.next());
+            let plan = bench.plan(&objects, &settings, &viewports, camera_m);
+            let (found, totals) = adapters_lists(&mut bench, &plan);
+            let expected = lists_of_f64(&objects, &settings, &viewports, camera_m);
+            let wanted = as_found(&expected);
+            let entries: usize = wanted.values().map(Vec::len).sum();
+            let differing = differences(&found, &wanted);
+            // On the border between two classes rounding decides.
+            assert!(differing <= entries / 1000 + 1, "{count} {method:?}: {differing} of {entries} differ");
+            assert!(u64::from(totals[0]) <= plan.capacity);
+            assert!(count < 1000 || entries > count, "{count} asteroids gave {entries} entries");
+            // All asteroids of a sphere are seen or points that were taken together; none is lost.
+            let sphere = viewports.len() - 1;
+            let seen = totals[(sphere + 1) * plan.kinds as usize];
+            let of_points: u64 =
+                plan.cut.unresolved.iter().filter(|p| p.point.viewports >> sphere & 1 == 1).map(|p| p.asteroids).sum();
+            let pointlike: u64 = plan.cut.items[plan.cut.shape_items..].iter().map(|item| u64::from(item.count)).sum();
+            assert_eq!(u64::from(seen) + of_points + pointlike, count as u64);
+            if count > 1000 {
+                let has_faces = found.keys().any(|(_, plane, _)| *plane != WHOLE_PICTURE);
+                let has_seam = found.values().flatten().any(|(_, seam, _)| *seam);
+                let fades = found.values().flatten().any(|(_, _, fade)| *fade < 0.0);
+                assert!(has_faces && has_seam && fades, "faces {has_faces}, seam {has_seam}, fades {fades}");
+            }
+            // A tail that is left out is found.
+            let in_tail = |entry: &(u32, bool, f32)| entry.0 as usize >= count / 16 * 16;
+            let tail = found.values().flatten().filter(|entry| in_tail(entry)).count();
+            let mut dropped = found.clone();
+            dropped.values_mut().for_each(|entries| entries.retain(|entry| !in_tail(entry)));
+            assert!(differences(&dropped, &wanted) + differing >= tail, "{count}");
+            tails += usize::from(tail > 0 && differences(&dropped, &wanted) > differing);
+        }
+    }
+    assert!(tails >= 4, "{tails} tails were found missing");
+}
+
+#[test]
+fn lists_are_the_same_from_run_to_run_and_follow_the_order_of_asteroids() {
+    let mut bench = Bench::new();
+    let objects = cloud(3001, 5);
+    let settings = AsteroidSettings::default();
+    let viewports = viewports(&kinds(), DQuat::IDENTITY);
+    let plan = bench.plan(&objects, &settings, &viewports, objects.fields[0].position_m);
+    let first = adapters_lists(&mut bench, &plan);
+    for _ in 0..3 {
+        assert_eq!(adapters_lists(&mut bench, &plan), first);
+    }
+    let stays_in_group = |entries: &[(u32, bool, f32)]| {
+        entries.windows(2).all(|pair| pair[0].0 / 256 != pair[1].0 / 256 || pair[0].0 <= pair[1].0)
+    };
+    assert!(first.0.values().all(|entries| stays_in_group(entries)));
+}
+
+/// The counts that a frame reads back.
+fn counts(bench: &mut Bench, plan: &AsteroidPlan) -> Result<Vec<AsteroidCounts>, RenderError> {
+    let mut encoder = bench.encoder();
+    bench.asteroids.record_cull(&bench.gpu, &mut encoder, &mut bench.timer, plan);
+    let mut readback = ReadbackBuffer::new("readback");
+    readback.begin(Asteroids::count_bytes(plan));
+    let places = bench.asteroids.copy_counts(&bench.gpu, &mut encoder, &mut readback, plan);
+    bench.gpu.queue.submit([encoder.finish()]);
+    readback.map(&bench.gpu);
+    bench.gpu.device.poll(wgpu::PollType::wait_indefinitely()).unwrap();
+    let read = bench.asteroids.read_counts(&bench.gpu, &mut readback, places, plan, plan.viewports.len());
+    readback.unmap(&bench.gpu);
+    bench.gpu.take_failure().unwrap();
+    read
+}
+
+#[test]
+fn lists_without_room_are_an_error_and_never_silent() {
+    let mut bench = Bench::new();
+    let objects = cloud(2000, 5);
+    let settings = AsteroidSettings::default();
+    let viewports = viewports(&kinds(), DQuat::IDENTITY);
+    let mut plan = bench.plan(&objects, &settings, &viewports, objects.fields[0].position_m);
+    assert!(counts(&mut bench, &plan).is_ok());
+    plan.capacity = 500;
+    let error = counts(&mut bench, &plan).unwrap_err();
+    assert!(matches!(error, RenderError::AsteroidLists { limit: 500, needed } if needed > 500), "{error}");
+    assert!(error.to_string().contains("asteroids.quality"), "{error}");
+}
+
+#[test]
+fn more_asteroids_than_a_binding_holds_are_refused_with_the_limit() {
+    let options = GpuOptions { binding_limit_bytes: Some(24 * 2000), ..GpuOptions::default() };
+    let gpu = Gpu::open(&options).unwrap();
+    let mut asteroids = Asteroids::new();
+    let hold = |asteroids: &mut Asteroids, count: usize| {
+        asteroids.hold(
+            &gpu,
+            &cloud(count, 1),
+            &AsteroidSettings { impostor: ImpostorMethod::None, ..Default::default() },
+        )
+    };
+    hold(&mut asteroids, 2000).unwrap();
+    let error = hold(&mut asteroids, 2001).unwrap_err();
+    assert!(matches!(error, RenderError::TooManyAsteroids { asteroids: 2001, limit: 2000, .. }), "{error}");
+}
+
+/// A picture whose edges bend or not, by which asteroids go through faces; every asteroid is in one of both, and none is in a face that its
+/// sphere does not touch.
+#[test]
+fn bends_are_those_of_the_projection() {
+    use crate::plan::asteroids::views::{DirectionTable, table_place};
+    let viewports = viewports(&kinds(), DQuat::IDENTITY);
+    for viewport in &viewports {
+        let mapping = viewport.projection.mapping();
+        let table = DirectionTable::new(&viewport.projection);
+        let mut random = Random(4);
+        for _ in 0..300 {
+            let middle = random.direction();
+            let along = middle.cross(random.direction()).normalize().cross(middle).normalize();
+            let half = 0.01 + 0.02 * random.next();
+            let at = |angle: f64| mapping.pixel_from_direction(middle * angle.cos() + along * angle.sin());
+            let (Some(begin), Some(end)) = (at(-half), at(half)) else { continue };
+            let longitude = matches!(viewport.projection, crate::view::projection::Projection::Equirectangular(_));
+            if (longitude && begin.distance(end) > 60.0) || !begin.is_finite() || !end.is_finite() {
+                continue;
+            }
+            let cosine = if longitude { middle.y } else { -middle.z };
+            let bound = (2.0 * half).powi(2) / 8.0 * table.bend_around_all(table_place(cosine), 0.5 * half + 0.02);
+            if matches!(viewport.projection, crate::view::projection::Projection::Perspective(_)) {
+                assert_eq!(bound, 0.0);
+                continue;
+            }
+            let worst = (-9..10).filter_map(|i| at(half * f64::from(i) / 10.0)).map(|pixel| {
+                let chord = end - begin;
+                let t = ((pixel - begin).dot(chord) / chord.length_squared()).clamp(0.0, 1.0);
+                (begin + chord * t).distance(pixel)
+            });
+            let worst = worst.fold(0.0, f64::max);
+            assert!(worst <= bound * 1.05 + 1e-6, "{:?}: {worst} px for {bound} at {middle}", viewport.projection);
+        }
+    }
+}

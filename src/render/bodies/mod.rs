@@ -1,0 +1,304 @@
+//! Bodies and points of light on the adapter: what the geometry pass and the point pass read, and what they leave for the others.
+
+pub(crate) mod points;
+mod rays;
+
+use std::sync::{Arc, OnceLock};
+
+use self::{
+    points::PointPass,
+    rays::{GeometryPass, GeometryTarget, RayTile},
+};
+use super::{
+    layout,
+    targets::{SeenBodies, Targets},
+    technique::{FrameInputs, Phase, Recording, Technique, begin_pass},
+};
+use crate::{
+    gpu::{Gpu, GrowingBuffer, storage_buffer},
+    plan::{
+        bodies::{
+            seen::{BodyDisc, PointSource},
+            textures::distinct_textures,
+        },
+        stars::range::FixedPoint,
+        tiles::{BYTES_PER_PIXEL, Tile},
+    },
+    scene::{
+        SceneObjects,
+        bodies::{ReflectionLaw, Texture},
+    },
+};
+
+/// Says that a body has no texture.
+const NO_TEXTURE: u32 = u32::MAX;
+
+/// Passes and buffers, made when they are first asked for.
+pub(super) struct Bodies {
+    rays: OnceLock<GeometryPass>,
+    points: OnceLock<PointPass>,
+    /// What the pixels of each batch show.
+    batches: Vec<GrowingBuffer>,
+    view_bodies: GrowingBuffer,
+    body_runs: GrowingBuffer,
+    suns: GrowingBuffer,
+    /// Points of each batch.
+    point_buffers: Vec<GrowingBuffer>,
+    point_counts: Vec<u32>,
+    textures: Option<Textures>,
+    stand_in: wgpu::Buffer,
+}
+
+/// The textures of a scene's bodies, with all their levels, in one buffer.
+struct Textures {
+    held: Vec<Arc<Texture>>,
+    /// First word of each.
+    first: Vec<u32>,
+    words: wgpu::Buffer,
+}
+
+/// Words of a texture: three channels of 10 bits each, of the square root, all levels from the finest on.
+pub(super) fn texture_words(texture: &Texture) -> Vec<u32> {
+    let mut words = Vec::new();
+    let [mut width, mut height] = texture.size.map(|side| side as usize);
+    let mut level: Vec<[f32; 3]> = texture.rgb.clone();
+    loop {
+        words.extend(level.iter().map(|rgb| {
+            let channel = |value: f32| (value.clamp(0.0, 1.0).sqrt() * 1023.0).round() as u32;
+            channel(rgb[0]) | channel(rgb[1]) << 10 | channel(rgb[2]) << 20
+        }));
+        if width * height == 1 {
+            return words;
+        }
+        let (half_width, half_height) = ((width / 2).max(1), (height / 2).max(1));
+        // The last row and column of an odd side count with the one before.
+        let mut coarser = Vec::with_capacity(half_width * half_height);
+        for y in 0..half_height {
+            let rows = y * height / half_height..(y + 1) * height / half_height;
+            for x in 0..half_width {
+                let columns = x * width / half_width..(x + 1) * width / half_width;
+                let mut sum = [0.0; 3];
+                for row in rows.clone() {
+                    for column in columns.clone() {
+                        let rgb = level[row * width + column];
+                        sum = [sum[0] + rgb[0], sum[1] + rgb[1], sum[2] + rgb[2]];
+                    }
+                }
+                let count = (rows.len() * columns.len()) as f32;
+                coarser.push(sum.map(|channel| channel / count));
+            }
+        }
+        (level, width, height) = (coarser, half_width, half_height);
+    }
+}
+
+impl Textures {
+    fn new(gpu: &Gpu, held: Vec<Arc<Texture>>) -> Self {
+        let mut words = Vec::new();
+        let first = held
+            .iter()
+            .map(|texture| {
+                let first = words.len() as u32;
+                words.extend(texture_words(texture));
+                first
+            })
+            .collect();
+        Self { held, first, words: storage_buffer(gpu, "body textures", &words) }
+    }
+
+    fn first_of(&self, texture: &Arc<Texture>) -> u32 {
+        let index = self.held.iter().position(|held| Arc::ptr_eq(held, texture));
+        index.map_or(NO_TEXTURE, |index| self.first[index])
+    }
+}
+
+impl Bodies {
+    pub(super) fn new(gpu: &Gpu) -> Self {
+        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
+        Self {
+            rays: OnceLock::new(),
+            points: OnceLock::new(),
+            batches: Vec::new(),
+            view_bodies: GrowingBuffer::new("view bodies", usage),
+            body_runs: GrowingBuffer::new("body runs", usage),
+            suns: GrowingBuffer::new("body suns", usage),
+            point_buffers: Vec::new(),
+            point_counts: Vec::new(),
+            textures: None,
+            stand_in: storage_buffer(gpu, "no geometry", &[[0_u32; 32]]),
+        }
+    }
+
+    /// Holds the textures of a scene.
+    fn hold_textures(&mut self, gpu: &Gpu, objects: &SceneObjects) -> &Textures {
+        let textures = distinct_textures(objects);
+        let same = |held: &Textures| {
+            held.held.len() == textures.len() && held.held.iter().zip(&textures).all(|(a, b)| Arc::ptr_eq(a, b))
+        };
+        let held = self.textures.take().filter(same);
+        self.textures.insert(held.unwrap_or_else(|| Textures::new(gpu, textures)))
+    }
+
+    /// What the passes over sums read of points of light, and how many there are in a batch.
+    fn points_of(&self, batch: usize) -> Option<(&wgpu::Buffer, u32)> {
+        let count = *self.point_counts.get(batch)?;
+        self.point_buffers.get(batch)?.held().filter(|_| count > 0).map(|buffer| (buffer, count))
+    }
+
+    fn record_rays(&self, recording: &mut Recording<'_>, batch: usize, index: usize) {
+        let (gpu, plan) = (recording.gpu, recording.frame.plan);
+        let targets = &*recording.targets;
+        let (Some(bodies), Some(geometry)) = (&targets.bodies, &targets.batches[batch].geometry) else { return };
+        let tile = &plan.batches[batch].tiles[index];
+        let target = GeometryTarget {
+            viewports: &targets.viewports,
+            tiles: &targets.batches[batch].tiles,
+            geometry,
+            view_bodies: &bodies.view_bodies,
+            body_runs: &bodies.body_runs,
+            suns: self.suns.held().unwrap_or(&self.stand_in),
+            texels: self.textures.as_ref().map_or(&self.stand_in, |textures| &textures.words),
+        };
+        let width = plan.viewports[tile.viewport].size()[0];
+        let of_tile = RayTile { index: index as u32, tile, width, layers: targets.layers.as_ref() };
+        let rays = self.rays.get_or_init(|| GeometryPass::new(gpu));
+        let mut pass = begin_pass(recording.encoder, recording.timer, "geometry");
+        rays.record(gpu, &mut pass, &of_tile, &target);
+    }
+
+    fn record_points(&self, recording: &mut Recording<'_>, batch: usize) {
+        let Some(points) = self.points_of(batch) else { return };
+        let gpu = recording.gpu;
+        let ranges = recording.frame.plan.ranges;
+        // The faintest magnitude is one of stars.
+        let main = FixedPoint { faintest_lx: 0.0, ..ranges.main };
+        for (range, bright) in [(Some(main), false), (ranges.bright, true)] {
+            let (Some(range), Some(sums)) = (range, recording.targets.sums(batch, bright)) else { continue };
+            let pass = self.points.get_or_init(|| PointPass::new(gpu));
+            let mut recorded = begin_pass(recording.encoder, recording.timer, "stars");
+            pass.record(gpu, &mut recorded, &range, &sums, points);
+        }
+    }
+}
+
+impl Technique for Bodies {
+    fn encode(&mut self, gpu: &Gpu, frame: &FrameInputs<'_>, targets: &mut Targets) {
+        let Some(plan) = &frame.plan.bodies else {
+            self.release();
+            return;
+        };
+        let objects = &frame.scene.objects;
+        let textures = self.hold_textures(gpu, objects);
+        let mut view_bodies: Vec<layout::ViewBody> = Vec::new();
+        let mut suns: Vec<layout::BodySun> = Vec::new();
+        let mut runs: Vec<[u32; 2]> = Vec::new();
+        for seen in &plan.seen {
+            runs.push([view_bodies.len() as u32, seen.len() as u32]);
+            for body in seen {
+                view_bodies.push(encode_body(objects, body, suns.len() as u32, textures));
+                suns.extend(body.suns.iter().map(|(direction, light)| layout::BodySun {
+                    direction: direction.as_vec3().to_array(),
+                    illuminance: light.map(|lx| lx as f32),
+                    ..Default::default()
+                }));
+            }
+        }
+        // Bindings must hold one item at least.
+        if view_bodies.is_empty() {
+            view_bodies.push(layout::ViewBody::default());
+        }
+        if suns.is_empty() {
+            suns.push(layout::BodySun::default());
+        }
+        targets.bodies = Some(SeenBodies {
+            view_bodies: self.view_bodies.upload(gpu, &view_bodies).clone(),
+            body_runs: self.body_runs.upload(gpu, &runs).clone(),
+        });
+        self.suns.upload(gpu, &suns);
+
+        let batches = &frame.plan.batches;
+        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
+        self.batches.resize_with(batches.len(), || GrowingBuffer::new("geometry", usage));
+        self.point_buffers.resize_with(batches.len(), || GrowingBuffer::new("points", usage));
+        self.point_counts.clear();
+        for (index, batch) in batches.iter().enumerate() {
+            let geometry = self.batches[index].with_room(gpu, batch.pixels * BYTES_PER_PIXEL);
+            targets.batches[index].geometry = Some(geometry.clone());
+            let points = encode_points(&plan.points, &batch.tiles);
+            self.point_counts.push(points.len() as u32);
+            if !points.is_empty() {
+                self.point_buffers[index].upload(gpu, &points);
+            }
+        }
+    }
+
+    fn record(&mut self, phase: Phase, recording: &mut Recording<'_>) {
+        if recording.frame.plan.bodies.is_none() {
+            return;
+        }
+        match phase {
+            Phase::Geometry(batch, tile) => self.record_rays(recording, batch, tile),
+            Phase::Splat(batch) => self.record_points(recording, batch),
+            _ => {}
+        }
+    }
+
+    fn release(&mut self) {
+        self.batches.clear();
+        self.point_buffers.clear();
+        self.point_counts.clear();
+        self.textures = None;
+        for buffer in [&mut self.view_bodies, &mut self.body_runs, &mut self.suns] {
+            buffer.release();
+        }
+    }
+}
+
+fn encode_body(objects: &SceneObjects, seen: &BodyDisc, first_sun: u32, textures: &Textures) -> layout::ViewBody {
+    let body = &objects.bodies[seen.body];
+    let unit_from_view = seen.unit_from_view * seen.distance_m;
+    let row = |index: usize| unit_from_view.row(index).as_vec3().to_array();
+    let texture = body.surface.texture.as_ref();
+    let emission = body.emission.as_ref();
+    layout::ViewBody {
+        unit_from_view_x: row(0),
+        unit_from_view_y: row(1),
+        unit_from_view_z: row(2),
+        distance_m: seen.distance_m as f32,
+        on_plane: u32::from(seen.on_plane),
+        inverse_smallest: (1.0 / body.radii_m.min_element()) as f32,
+        centre: seen.centre.as_vec3().to_array(),
+        part: seen.part as f32,
+        unit_centre: (unit_from_view * seen.centre).as_vec3().to_array(),
+        law: match body.surface.law {
+            ReflectionLaw::Lambert => 0,
+            ReflectionLaw::LommelSeeliger => 1,
+        },
+        reflectance: body.surface.geometric_albedo.map(|albedo| (seen.kept * albedo / std::f64::consts::PI) as f32),
+        limb_darkening: emission.map_or(0.0, |emission| emission.limb_darkening as f32),
+        emission: emission
+            .map_or([0.0; 3], |emission| emission.luminance_cd_m2.map(|channel| (seen.kept * channel) as f32)),
+        first_sun,
+        sun_count: seen.suns.len() as u32,
+        texture: texture.map_or(NO_TEXTURE, |texture| textures.first_of(texture)),
+        texture_size: texture.map_or([0; 2], |texture| texture.size),
+    }
+}
+
+/// The points that tiles of a batch may show, as shaders read them.
+pub(super) fn encode_points(points: &[PointSource], tiles: &[Tile]) -> Vec<layout::Point> {
+    points
+        .iter()
+        .filter_map(|point| {
+            let seen_by = |tile: &Tile| point.viewports & 1 << tile.viewport != 0;
+            let tiles: u32 =
+                tiles.iter().enumerate().filter(|(_, tile)| seen_by(tile)).fold(0, |set, (i, _)| set | 1 << i);
+            (tiles != 0).then(|| layout::Point {
+                offset: point.offset_m.as_vec3().to_array(),
+                tiles,
+                intensity: point.intensity_cd.map(|cd| cd as f32),
+                radius: point.radius_m as f32,
+            })
+        })
+        .collect()
+}

@@ -1,0 +1,51 @@
+//! The point pass: points of light that are no stars, splatted as stars are. Shader: `shaders/points.wgsl`.
+
+use crate::{
+    gpu::{self, Gpu, bind_buffers, dispatch_rows},
+    plan::stars::range::FixedPoint,
+    render::{
+        layout,
+        targets::{Sums, bind_occlusion, bind_sums},
+    },
+};
+
+/// Points of a workgroup.
+const THREADS: u32 = 64;
+
+/// The pass.
+pub(crate) struct PointPass {
+    pipeline: wgpu::ComputePipeline,
+}
+
+impl PointPass {
+    pub(crate) fn new(gpu: &Gpu) -> Self {
+        Self { pipeline: gpu.compute_pipeline_with(&gpu::points(gpu.wide_accumulator), &[("HAS_GEOMETRY", 1.0)]) }
+    }
+
+    /// Records `count` points into one batch.
+    pub(crate) fn record(
+        &self,
+        gpu: &Gpu,
+        pass: &mut wgpu::ComputePass<'_>,
+        range: &FixedPoint,
+        sums: &Sums<'_>,
+        (points, count): (&wgpu::Buffer, u32),
+    ) {
+        let [columns, rows] = dispatch_rows(gpu, count.div_ceil(THREADS));
+        let parameters = layout::PointParameters {
+            units_per_lx: range.units_per_lx as f32,
+            count,
+            per_row: columns * THREADS,
+            faintest_lx: range.faintest_lx as f32,
+            brightest_lx: range.brightest_lx.min(f64::from(f32::MAX)) as f32,
+            ..Default::default()
+        };
+        let parameters = gpu::uniform_buffer(gpu, "point parameters", &parameters);
+        pass.set_pipeline(&self.pipeline);
+        pass.set_bind_group(0, &bind_sums(gpu, &self.pipeline, &parameters, sums, &[]), &[]);
+        let points = [(0, points.as_entire_binding())];
+        pass.set_bind_group(1, &bind_buffers(gpu, &self.pipeline, 1, &points), &[]);
+        pass.set_bind_group(2, &bind_occlusion(gpu, &self.pipeline, &sums.occlusion), &[]);
+        pass.dispatch_workgroups(columns, rows, 1);
+    }
+}

@@ -1,0 +1,129 @@
+//! The geometry pass: what bodies and asteroids show in each pixel of a tile. Shader: `shaders/geometry.wgsl`; the f64 twin of its bodies
+//! is `crate::reference::bodies::rays`.
+
+use std::sync::OnceLock;
+
+use crate::{
+    gpu::{self, Gpu, bind_buffers, bind_to},
+    plan::tiles::Tile,
+    render::{layout, targets::RasterLayers},
+};
+
+/// Pixels along a side of a workgroup.
+const SIDE: u32 = 8;
+
+/// The pass.
+pub(crate) struct GeometryPass {
+    bodies: wgpu::ComputePipeline,
+    /// The same with layers of asteroids, made when there first are any.
+    layered: OnceLock<wgpu::ComputePipeline>,
+    /// Stand in for the layers where there are none.
+    no_layers: [wgpu::TextureView; 4],
+}
+
+/// Buffers of one frame and of the batch that the tile lies in.
+pub(crate) struct GeometryTarget<'a> {
+    pub viewports: &'a wgpu::Buffer,
+    pub tiles: &'a wgpu::Buffer,
+    pub geometry: &'a wgpu::Buffer,
+    pub view_bodies: &'a wgpu::Buffer,
+    pub body_runs: &'a wgpu::Buffer,
+    pub suns: &'a wgpu::Buffer,
+    pub texels: &'a wgpu::Buffer,
+}
+
+/// A tile to be drawn.
+#[derive(Clone, Copy)]
+pub(crate) struct RayTile<'a> {
+    /// Its number in its batch.
+    pub index: u32,
+    pub tile: &'a Tile,
+    /// Pixels.
+    pub width: u32,
+    /// Asteroids that were drawn before.
+    pub layers: Option<&'a RasterLayers>,
+}
+
+fn pipeline(gpu: &Gpu, has_layers: bool) -> wgpu::ComputePipeline {
+    gpu.compute_pipeline_with(&gpu::geometry(), &[("HAS_LAYERS", f64::from(u8::from(has_layers)))])
+}
+
+/// A texture of one texel that nothing has been drawn into.
+fn stand_in(gpu: &Gpu, format: wgpu::TextureFormat, dimension: wgpu::TextureViewDimension) -> wgpu::TextureView {
+    let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
+        label: Some("no layer"),
+        size: wgpu::Extent3d { width: 1, height: 1, depth_or_array_layers: 1 },
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format,
+        usage: wgpu::TextureUsages::TEXTURE_BINDING,
+        view_formats: &[],
+    });
+    texture.create_view(&wgpu::TextureViewDescriptor { dimension: Some(dimension), ..Default::default() })
+}
+
+impl GeometryPass {
+    pub(crate) fn new(gpu: &Gpu) -> Self {
+        use wgpu::{
+            TextureFormat::{Depth32Float, Rgba16Float},
+            TextureViewDimension::{D2, D2Array},
+        };
+        Self {
+            bodies: pipeline(gpu, false),
+            layered: OnceLock::new(),
+            no_layers: [(Rgba16Float, D2), (Depth32Float, D2), (Rgba16Float, D2Array), (Depth32Float, D2Array)]
+                .map(|(format, dimension)| stand_in(gpu, format, dimension)),
+        }
+    }
+
+    /// Records one tile.
+    pub(crate) fn record(
+        &self,
+        gpu: &Gpu,
+        pass: &mut wgpu::ComputePass<'_>,
+        of_tile: &RayTile<'_>,
+        target: &GeometryTarget<'_>,
+    ) {
+        let RayTile { index, tile, width, layers } = *of_tile;
+        let pipeline = match layers {
+            Some(_) => self.layered.get_or_init(|| pipeline(gpu, true)),
+            None => &self.bodies,
+        };
+        let mut parameters = layout::GeometryParameters { tile: index, ..Default::default() };
+        if let Some(layers) = layers {
+            parameters.samples = layers.samples;
+            parameters.faces = layers.faces;
+            parameters.face_size = layers.face_size_px;
+            parameters.near_m = layers.near_m;
+            parameters.luminance_scale = layers.luminance_scale;
+        }
+        let parameters = gpu::uniform_buffer(gpu, "geometry parameters", &parameters);
+        let buffers = [
+            &parameters,
+            target.viewports,
+            target.tiles,
+            target.geometry,
+            target.view_bodies,
+            target.body_runs,
+            target.suns,
+            target.texels,
+        ];
+        let bindings: Vec<_> =
+            (0..).zip(buffers).map(|(binding, buffer)| (binding, buffer.as_entire_binding())).collect();
+        pass.set_pipeline(pipeline);
+        pass.set_bind_group(0, &bind_buffers(gpu, pipeline, 0, &bindings), &[]);
+        let [colour, depth, faces_colour, faces_depth] = &self.no_layers;
+        let views = match layers {
+            Some(layers) if layers.faces != 0 => {
+                [&layers.colour, &layers.depth, &layers.faces_colour, &layers.faces_depth]
+            }
+            Some(layers) => [&layers.colour, &layers.depth, faces_colour, faces_depth],
+            None => [colour, depth, faces_colour, faces_depth],
+        };
+        let views: Vec<_> =
+            (0..).zip(views).map(|(binding, view)| (binding, wgpu::BindingResource::TextureView(view))).collect();
+        pass.set_bind_group(1, &bind_to(gpu, &pipeline.get_bind_group_layout(1), &views), &[]);
+        pass.dispatch_workgroups(width.div_ceil(SIDE), tile.rows.div_ceil(SIDE), 1);
+    }
+}

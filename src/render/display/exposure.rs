@@ -1,0 +1,64 @@
+//! The exposure pass: one exposure for all views from the mean luminance, weighted by solid angle. Shader:
+//! `shaders/exposure.wgsl`; the f64 twin is `crate::photometry::exposure`.
+
+use crate::{
+    gpu::{self, Gpu, bind_buffers},
+    plan::settings::ExposureSettings,
+    render::layout,
+};
+
+/// The pass.
+pub(crate) struct ExposurePass {
+    pipeline: wgpu::ComputePipeline,
+}
+
+/// What the exposure goes by.
+pub(crate) struct ExposureInputs<'a> {
+    pub settings: &'a ExposureSettings,
+    /// Takes the place of the metered exposure where it is given.
+    pub known_ev100: Option<f64>,
+    pub total_solid_angle_sr: f64,
+    pub partial_count: u32,
+}
+
+impl ExposurePass {
+    pub(crate) fn new(gpu: &Gpu) -> Self {
+        Self { pipeline: gpu.compute_pipeline(&gpu::exposure()) }
+    }
+
+    /// Records the pass.
+    pub(crate) fn record(
+        &self,
+        gpu: &Gpu,
+        pass: &mut wgpu::ComputePass<'_>,
+        inputs: &ExposureInputs<'_>,
+        partial_sums: &wgpu::Buffer,
+        exposure: &wgpu::Buffer,
+    ) {
+        let ExposureInputs { settings, known_ev100, total_solid_angle_sr, partial_count } = *inputs;
+        let parameters = layout::ExposureParameters {
+            total_solid_angle_sr: total_solid_angle_sr as f32,
+            min_ev100: settings.min_ev100 as f32,
+            max_ev100: settings.max_ev100 as f32,
+            offset_ev: settings.offset_ev() as f32,
+            fixed_ev100: known_ev100.unwrap_or(0.0) as f32,
+            fixed: u32::from(known_ev100.is_some()),
+            partial_count,
+            ..Default::default()
+        };
+        let parameters = gpu::uniform_buffer(gpu, "exposure parameters", &parameters);
+        let group = bind_buffers(
+            gpu,
+            &self.pipeline,
+            0,
+            &[
+                (0, parameters.as_entire_binding()),
+                (1, partial_sums.as_entire_binding()),
+                (2, exposure.as_entire_binding()),
+            ],
+        );
+        pass.set_pipeline(&self.pipeline);
+        pass.set_bind_group(0, &group, &[]);
+        pass.dispatch_workgroups(1, 1, 1);
+    }
+}

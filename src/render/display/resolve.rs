@@ -1,0 +1,142 @@
+//! The resolve pass: fixed-point illuminance becomes luminance by the pixel's solid angle, and display values where the
+//! exposure is known before. Shader: `shaders/resolve.wgsl`; the f64 twin is `crate::reference::stars`, which divides at
+//! its end.
+
+use super::variant::{DisplayVariant, encode_display};
+use crate::{
+    gpu::{self, Gpu, ShaderSource, bind_buffers},
+    photometry::exposure::white_luminance_cd_m2,
+    plan::{settings::ToneMapSettings, stars::range::Ranges},
+    render::{layout, targets::Targets},
+};
+
+/// What a batch's resolve pass writes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct ResolveOutputs {
+    /// Luminance and solid angle, in the place of the sums.
+    pub hdr: bool,
+    /// The display image.
+    pub display: bool,
+    /// Dark pixels too.
+    pub dark: bool,
+    /// Whether there is anything but stars.
+    pub geometry: bool,
+}
+
+/// The pass.
+pub(crate) struct ResolvePass {
+    source: ShaderSource,
+    /// One for every combination of outputs and variant of the display image asked for so far.
+    pipelines: Vec<(ResolveOutputs, DisplayVariant, wgpu::ComputePipeline)>,
+    /// Stands in for the bright sums where there are none.
+    no_bright: wgpu::Buffer,
+    /// Stands in for the display image where it is not written.
+    no_display: wgpu::Buffer,
+}
+
+/// How much of the HDR image is made.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum HdrImage {
+    /// Nothing.
+    None,
+    /// Where there is light; what a dark pixel has in the second plane may be left from another frame.
+    Lit,
+    /// Every pixel, with its solid angle.
+    Whole,
+}
+
+/// What decides what is written.
+pub(crate) struct ResolveInputs<'a> {
+    pub ranges: &'a Ranges,
+    pub hdr: HdrImage,
+    /// Exposure of the display image, as far as it is known before.
+    pub known_ev100: Option<f64>,
+    pub tone_map: &'a ToneMapSettings,
+    /// Whether the display image is written: the exposure is known then.
+    pub shows: bool,
+}
+
+impl ResolvePass {
+    pub(crate) fn new(gpu: &Gpu) -> Self {
+        let mut pass = Self {
+            source: gpu::resolve(gpu.wide_accumulator),
+            pipelines: Vec::new(),
+            no_bright: gpu::storage_buffer(gpu, "no bright sums", &[[0_u32; 4]]),
+            no_display: gpu::storage_buffer(gpu, "no display", &[0_u32]),
+        };
+        for i in 0..6 {
+            let outputs = ResolveOutputs { hdr: i >= 2, dark: i >= 4, display: i % 2 == 1, geometry: false };
+            pass.prepare(gpu, outputs, DisplayVariant::default());
+        }
+        pass
+    }
+
+    /// Index of the pipeline, which is made if it is the first time.
+    fn prepare(&mut self, gpu: &Gpu, outputs: ResolveOutputs, variant: DisplayVariant) -> usize {
+        let held = self.pipelines.iter().position(|(of, shown, _)| (*of, *shown) == (outputs, variant));
+        held.unwrap_or_else(|| {
+            let written = [
+                ("WRITE_HDR", outputs.hdr),
+                ("WRITE_DISPLAY", outputs.display),
+                ("WRITE_DARK", outputs.dark),
+                ("HAS_GEOMETRY", outputs.geometry),
+            ]
+            .map(|(name, value)| (name, f64::from(u8::from(value))));
+            let constants = [&written[..], &variant.constants()].concat();
+            self.pipelines.push((outputs, variant, gpu.compute_pipeline_with(&self.source, &constants)));
+            self.pipelines.len() - 1
+        })
+    }
+
+    /// Records the pass over a batch.
+    pub(crate) fn record(
+        &mut self,
+        gpu: &Gpu,
+        pass: &mut wgpu::ComputePass<'_>,
+        inputs: &ResolveInputs<'_>,
+        targets: &Targets,
+        number: usize,
+    ) {
+        let ResolveInputs { ranges, hdr, known_ev100, tone_map, shows } = *inputs;
+        let batch = &targets.batches[number];
+        let occlusion = targets.occlusion(number);
+        let display = batch.display.as_ref().filter(|_| shows);
+        let outputs = ResolveOutputs {
+            hdr: hdr != HdrImage::None,
+            dark: hdr == HdrImage::Whole,
+            display: display.is_some(),
+            geometry: occlusion.present,
+        };
+        let parameters = layout::ResolveParameters {
+            lx_per_unit: (1.0 / ranges.main.units_per_lx) as f32,
+            lx_per_bright_unit: ranges.bright.map_or(0.0, |bright| (1.0 / bright.units_per_lx) as f32),
+            display_per_cd_m2: known_ev100.map_or(0.0, |ev100| (1.0 / white_luminance_cd_m2(ev100)) as f32),
+            plane_pixels: batch.plane_pixels,
+            shown: encode_display(tone_map),
+        };
+        let parameters = gpu::uniform_buffer(gpu, "resolve parameters", &parameters);
+        let variant = if outputs.display { DisplayVariant::of(tone_map) } else { DisplayVariant::default() };
+        let index = self.prepare(gpu, outputs, variant);
+        let pipeline = &self.pipelines[index].2;
+        let [bright, bright_high] = batch.bright.as_ref().map_or([&self.no_bright; 2], |[low, high]| [low, high]);
+        let buffers = [
+            &parameters,
+            &targets.viewports,
+            &batch.tiles,
+            &batch.pixels,
+            &targets.partial_sums,
+            bright,
+            display.unwrap_or(&self.no_display),
+            &batch.high_words,
+            &targets.counters,
+            bright_high,
+            occlusion.geometry,
+        ];
+        let buffers: Vec<_> =
+            (0..).zip(buffers).map(|(binding, buffer)| (binding, buffer.as_entire_binding())).collect();
+        pass.set_pipeline(pipeline);
+        pass.set_bind_group(0, &bind_buffers(gpu, pipeline, 0, &buffers), &[]);
+        let [columns, rows, tiles] = batch.grid;
+        pass.dispatch_workgroups(columns, rows, tiles);
+    }
+}

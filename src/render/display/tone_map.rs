@@ -1,0 +1,67 @@
+//! The tone-mapping pass: luminance to 8 bits of a display. Shader: `shaders/tone_map.wgsl`; the f64 twin
+//! is `crate::photometry::tone_map`.
+
+use super::variant::{DisplayVariant, encode_display};
+use crate::{
+    gpu::{self, Gpu, bind_buffers},
+    plan::settings::ToneMapSettings,
+    render::{layout, targets::PictureTarget},
+};
+
+/// The pass.
+pub(crate) struct ToneMapPass {
+    /// One for every variant asked for so far.
+    pipelines: Vec<(DisplayVariant, wgpu::ComputePipeline)>,
+}
+
+impl ToneMapPass {
+    pub(crate) fn new(gpu: &Gpu) -> Self {
+        let mut pass = Self { pipelines: Vec::new() };
+        pass.pipeline(gpu, DisplayVariant::default());
+        pass
+    }
+
+    fn pipeline(&mut self, gpu: &Gpu, variant: DisplayVariant) -> &wgpu::ComputePipeline {
+        let index = self.pipelines.iter().position(|(of, _)| *of == variant).unwrap_or_else(|| {
+            let pipeline = gpu.compute_pipeline_with(&gpu::tone_map(), &variant.constants());
+            self.pipelines.push((variant, pipeline));
+            self.pipelines.len() - 1
+        });
+        &self.pipelines[index].1
+    }
+
+    /// Records the pass from a picture to a display image.
+    pub(crate) fn record(
+        &mut self,
+        gpu: &Gpu,
+        pass: &mut wgpu::ComputePass<'_>,
+        settings: &ToneMapSettings,
+        picture: &PictureTarget<'_>,
+        (exposure, display): (&wgpu::Buffer, &wgpu::Buffer),
+        grid: [u32; 3],
+    ) {
+        let parameters = layout::ToneMapParameters {
+            plane_pixels: picture.plane_pixels,
+            shown: encode_display(settings),
+            ..Default::default()
+        };
+        let parameters = gpu::uniform_buffer(gpu, "tone map parameters", &parameters);
+        let pipeline = self.pipeline(gpu, DisplayVariant::of(settings));
+        let group = bind_buffers(
+            gpu,
+            pipeline,
+            0,
+            &[
+                (0, parameters.as_entire_binding()),
+                (1, picture.viewports.as_entire_binding()),
+                (2, picture.tiles.as_entire_binding()),
+                (3, picture.pixels.as_entire_binding()),
+                (4, exposure.as_entire_binding()),
+                (5, display.as_entire_binding()),
+            ],
+        );
+        pass.set_pipeline(pipeline);
+        pass.set_bind_group(0, &group, &[]);
+        pass.dispatch_workgroups(grid[0], grid[1], grid[2]);
+    }
+}

@@ -1,0 +1,50 @@
+//! What the passes that make display values share: the variant of the tone mapping, and its numbers.
+
+use crate::{
+    plan::settings::{ToneMapOperator, ToneMapSettings},
+    render::layout,
+};
+
+/// What of the tone mapping is compiled into a pipeline, so that what is not asked for costs nothing.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct DisplayVariant {
+    operator: ToneMapOperator,
+    desaturates: bool,
+    scotopic: bool,
+}
+
+impl DisplayVariant {
+    pub(crate) fn of(settings: &ToneMapSettings) -> Self {
+        Self {
+            operator: settings.operator,
+            desaturates: settings.desaturation > 0.0,
+            scotopic: settings.scotopic > 0.0,
+        }
+    }
+
+    /// The constants of `shaders/shared/display.wgsl`.
+    pub(crate) fn constants(self) -> [(&'static str, f64); 3] {
+        let operator = match self.operator {
+            ToneMapOperator::Filmic => 0.0,
+            ToneMapOperator::Srgb => 1.0,
+            ToneMapOperator::Reinhard => 2.0,
+            ToneMapOperator::Aces => 3.0,
+            ToneMapOperator::Calibrated => 4.0,
+        };
+        let flag = |on: bool| f64::from(u8::from(on));
+        [("TONE_OPERATOR", operator), ("DESATURATES", flag(self.desaturates)), ("SCOTOPIC", flag(self.scotopic))]
+    }
+}
+
+/// The numbers of the tone mapping as shaders read them.
+pub(crate) fn encode_display(settings: &ToneMapSettings) -> layout::Display {
+    layout::Display {
+        white: settings.white as f32,
+        peak_cd_m2: settings.peak_cd_m2 as f32,
+        black_cd_m2: settings.black_cd_m2 as f32,
+        desaturation: settings.desaturation as f32,
+        scotopic: settings.scotopic as f32,
+        dither: u32::from(settings.dither),
+        ..Default::default()
+    }
+}

@@ -1,0 +1,97 @@
+//! What a frame is: images, statistics and times.
+
+use serde::Serialize;
+
+use super::AsteroidCounts;
+#[cfg(doc)]
+use super::Renderer;
+use crate::{plan::FramePlan, view::Part};
+
+/// One image of a frame.
+#[derive(Clone, Debug)]
+pub struct FrameImage {
+    /// Index of the view in the rig.
+    pub view: usize,
+    /// Which image of the view.
+    pub part: Part,
+    /// Width, pixels.
+    pub width: u32,
+    /// Height, pixels.
+    pub height: u32,
+    /// Display image, 8 bits each of R, G, B, A, row by row from the top; if it was asked for.
+    pub display: Option<Vec<u8>>,
+    /// R, G, B in cd/m^2 (linear Rec. 709) and the pixel's solid angle in sr (0 outside of the picture), row by row from
+    /// the top; if it was asked for.
+    pub hdr: Option<Vec<[f32; 4]>>,
+}
+
+/// What a view of a frame holds, for the manifest and for statistics.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ViewStatistics {
+    /// The view's name.
+    pub name: String,
+    /// Stars whose image lies in the picture.
+    pub stars_drawn: u64,
+    /// Stars whose light reaches the view through the map of unresolved light.
+    pub stars_in_map: u64,
+    /// Asteroids by what they are drawn as.
+    pub asteroids: AsteroidCounts,
+    /// The view's share of the GPU's time, ms: of the star pass by stars drawn, of the passes over pixels by pixels. `None`
+    /// where the adapter has no timestamps.
+    pub gpu_ms: Option<f64>,
+}
+
+/// Which buffers of a view leave the GPU.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub struct Wanted {
+    /// The tone-mapped display image.
+    pub display: bool,
+    /// The HDR image.
+    pub hdr: bool,
+    /// The HDR image is made and stays on the GPU: to time the making of it.
+    pub hdr_stays: bool,
+}
+
+/// Time of the stages of a frame, ms.
+#[derive(Clone, Debug, PartialEq, Default, Serialize)]
+pub struct FrameTimes {
+    /// Planning and recording on the CPU.
+    pub plan_ms: f64,
+    /// Each pass on the GPU, by name; empty where the adapter has no timestamps.
+    pub passes_ms: Vec<(&'static str, f64)>,
+    /// On the GPU from the clearing of the first buffer to the end of the last pass, without the copies that are read
+    /// back; `None` where the adapter has no timestamps.
+    pub gpu_ms: Option<f64>,
+    /// Culling on the CPU, part of `plan_ms`.
+    pub cull_ms: f64,
+    /// From submission to the end of the readback, as far as the caller waited for it: without the time between
+    /// [`Renderer::submit`] and [`Renderer::finish`].
+    pub gpu_and_readback_ms: f64,
+    /// All of [`Renderer::render`], or of [`Renderer::submit`] and [`Renderer::finish`] together, without the time between them.
+    pub total_ms: f64,
+}
+
+/// A finished frame.
+#[derive(Clone, Debug)]
+pub struct Frame {
+    /// Counts the frames of a renderer.
+    pub number: u64,
+    /// Revision of the scene shown.
+    pub scene_revision: u64,
+    /// Revision of the camera.
+    pub camera_revision: u64,
+    /// Exposure of all views.
+    pub exposure_ev100: f64,
+    /// What the meter reads: the exposure to adapt to.
+    pub metered_ev100: f64,
+    /// Mean luminance over all views, weighted by solid angle, cd/m^2.
+    pub mean_luminance_cd_m2: f64,
+    /// The images, in the order of views and parts; a view of which nothing was wanted has none.
+    pub images: Vec<FrameImage>,
+    /// One entry per view of the rig.
+    pub views: Vec<ViewStatistics>,
+    /// Methods chosen and the certificate.
+    pub plan: FramePlan,
+    /// Where the time went.
+    pub times: FrameTimes,
+}

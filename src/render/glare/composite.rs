@@ -1,0 +1,55 @@
+//! The glare pass over pixels: keeps what is not scattered of every pixel's light and adds what is scattered towards it.
+//! Shader: `shaders/glare_composite.wgsl`.
+
+use crate::{
+    gpu::{self, GlareSource, Gpu, bind_buffers},
+    render::{
+        layout,
+        targets::{COLUMNS, PictureTarget, bind_picture},
+    },
+};
+
+/// Columns of one workgroup.
+const BLOCK_COLUMNS: u32 = 8;
+/// Runs of rows of one workgroup on a GPU.
+const ROW_GROUPS: u32 = 8;
+
+/// The pass for one source of glare.
+pub(crate) struct GlareCompositePass {
+    pipeline: wgpu::ComputePipeline,
+    /// Runs of rows of one workgroup.
+    row_groups: u32,
+}
+
+impl GlareCompositePass {
+    /// The pass with values for the constants of its source.
+    pub(crate) fn new(gpu: &Gpu, source: GlareSource, constants: &[(&str, f64)]) -> Self {
+        let row_groups = if gpu.software { 1 } else { ROW_GROUPS };
+        let of_groups = ("ROW_GROUPS", f64::from(row_groups));
+        let constants: Vec<_> = constants.iter().copied().chain([of_groups]).collect();
+        Self { pipeline: gpu.compute_pipeline_with(&gpu::glare_composite(source), &constants), row_groups }
+    }
+
+    /// Records the pass. `of_source` is what the source of glare binds in group 1.
+    pub(crate) fn record(
+        &self,
+        gpu: &Gpu,
+        pass: &mut wgpu::ComputePass<'_>,
+        fraction: f64,
+        target: &PictureTarget<'_>,
+        of_source: &[(u32, wgpu::BindingResource<'_>)],
+        grid: [u32; 3],
+    ) {
+        let parameters = layout::GlareParameters {
+            fraction: fraction as f32,
+            plane_pixels: target.plane_pixels,
+            ..Default::default()
+        };
+        let parameters = gpu::uniform_buffer(gpu, "glare parameters", &parameters);
+        let group = bind_picture(gpu, &self.pipeline, &parameters, target);
+        pass.set_pipeline(&self.pipeline);
+        pass.set_bind_group(0, &group, &[]);
+        pass.set_bind_group(1, &bind_buffers(gpu, &self.pipeline, 1, of_source), &[]);
+        pass.dispatch_workgroups(grid[0] * (COLUMNS / BLOCK_COLUMNS), grid[1].div_ceil(self.row_groups), grid[2]);
+    }
+}

@@ -1,0 +1,64 @@
+//! Glare: after every batch has left its picture, whole, in its pixels, scattered light is added to it: from a map of the whole sky and its
+//! brightest sources (`sky_cube`), or from a pyramid of blurred pictures, as published (`pyramid`).
+
+mod composite;
+mod pyramid;
+mod sky_cube;
+
+use self::{pyramid::GlarePyramid, sky_cube::SkyCube};
+use super::{
+    targets::Targets,
+    technique::{FrameInputs, Holding, Phase, Recording, Technique},
+};
+use crate::{
+    gpu::Gpu,
+    plan::{glare::pyramid::PyramidAxes, settings::GlareMethod},
+};
+
+/// Passes and buffers of glare, made when they are first asked for.
+pub(super) struct Glare {
+    sky_cube: SkyCube,
+    pyramid: GlarePyramid,
+}
+
+impl Glare {
+    pub(super) fn new() -> Self {
+        Self { sky_cube: SkyCube::new(), pyramid: GlarePyramid::new() }
+    }
+}
+
+impl Technique for Glare {
+    fn warm(&mut self, holding: &Holding<'_>) {
+        let settings = holding.settings;
+        if settings.glare.chosen(settings.stars.method) == GlareMethod::SkyCube {
+            self.sky_cube.hold_map(holding);
+        }
+    }
+
+    fn encode(&mut self, _gpu: &Gpu, frame: &FrameInputs<'_>, _targets: &mut Targets) {
+        let method = frame.plan.glare.method;
+        if method != GlareMethod::SkyCube {
+            self.sky_cube.release();
+        }
+        if PyramidAxes::of(method).is_none() {
+            self.pyramid.release();
+        }
+    }
+
+    fn record(&mut self, phase: Phase, recording: &mut Recording<'_>) {
+        if phase != Phase::Glare {
+            return;
+        }
+        let method = recording.frame.plan.glare.method;
+        if method == GlareMethod::SkyCube {
+            self.sky_cube.record(recording);
+        } else if let Some(axes) = PyramidAxes::of(method) {
+            self.pyramid.record(recording, axes);
+        }
+    }
+
+    fn release(&mut self) {
+        self.sky_cube.release();
+        self.pyramid.release();
+    }
+}

@@ -1,0 +1,127 @@
+//! Recording the published glare pyramids: viewport by viewport, each from its own finished picture.
+
+mod passes;
+
+use std::sync::OnceLock;
+
+use self::passes::{GlarePyramidPass, PyramidFrame, PyramidTextures, PyramidTile};
+use super::composite::GlareCompositePass;
+use crate::{
+    gpu::{GlareSource, GrowingBuffer, storage_buffer},
+    plan::{Plan, glare::pyramid::PyramidAxes, tiles::Tile},
+    render::{
+        layout,
+        targets::{BatchTargets, PictureTarget, Targets, tile_grid},
+        technique::{Recording, begin_pass},
+    },
+    view::Viewport,
+};
+
+/// Passes and textures of the pyramids, made when they are first asked for.
+pub(super) struct GlarePyramid {
+    screen: OnceLock<GlarePyramidPass>,
+    view: OnceLock<GlarePyramidPass>,
+    composite: OnceLock<GlareCompositePass>,
+    maximum: GrowingBuffer,
+    /// One pyramid for each size of a picture: viewports of a frame use it one after the other.
+    textures: Vec<([u32; 2], PyramidTextures)>,
+}
+
+/// A tile of the viewport at hand.
+struct Place<'a> {
+    batch: &'a BatchTargets,
+    tile: &'a Tile,
+    encoded: layout::Tile,
+}
+
+impl GlarePyramid {
+    pub(super) fn new() -> Self {
+        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
+        Self {
+            screen: OnceLock::new(),
+            view: OnceLock::new(),
+            composite: OnceLock::new(),
+            maximum: GrowingBuffer::new("glare maximum", usage),
+            textures: Vec::new(),
+        }
+    }
+
+    /// Lets go of buffers and textures.
+    pub(super) fn release(&mut self) {
+        self.textures.clear();
+        self.maximum.release();
+    }
+
+    /// Records the glare of a frame along these axes.
+    pub(super) fn record(&mut self, recording: &mut Recording<'_>, axes: PyramidAxes) {
+        let gpu = recording.gpu;
+        let frame = recording.frame;
+        let viewports = &frame.plan.viewports;
+        self.textures.retain(|(size, _)| viewports.iter().any(|viewport| viewport.size() == *size));
+        for size in viewports.iter().map(Viewport::size) {
+            if self.textures.iter().all(|(held, _)| *held != size) {
+                self.textures.push((size, PyramidTextures::new(gpu, size)));
+            }
+        }
+        let of_axes = match axes {
+            PyramidAxes::Screen => &self.screen,
+            PyramidAxes::View => &self.view,
+        };
+        let pyramid = of_axes.get_or_init(|| GlarePyramidPass::new(gpu, axes));
+        let composite = self.composite.get_or_init(|| GlareCompositePass::new(gpu, GlareSource::Pyramid, &[]));
+        let maximum = self.maximum.with_room(gpu, 16);
+        recording.encoder.clear_buffer(maximum, 0, None);
+        let targets = &*recording.targets;
+        let mut pass = begin_pass(recording.encoder, recording.timer, "glare");
+        for batch in &targets.batches {
+            pyramid.find_maximum(gpu, &mut pass, &targets.viewports, batch, maximum);
+        }
+        for (index, viewport) in viewports.iter().enumerate() {
+            let Some((_, textures)) = self.textures.iter().find(|(size, _)| *size == viewport.size()) else { continue };
+            let places = places_of(frame.plan, targets, index);
+            let tiles: Vec<PyramidTile<'_>> = places
+                .iter()
+                .map(|Place { batch, encoded, .. }| PyramidTile {
+                    tile: *encoded,
+                    pixels: &batch.pixels,
+                    plane_pixels: batch.plane_pixels,
+                })
+                .collect();
+            let of_viewport = PyramidFrame {
+                weights: frame.settings.glare.weights,
+                viewports: &targets.viewports,
+                maximum,
+                viewport: index as u32,
+                pixel_rad: viewport.projection.middle_pixel_rad(),
+            };
+            pyramid.record(gpu, &mut pass, &of_viewport, textures, &tiles);
+            for Place { batch, tile, encoded } in places {
+                let encoded = storage_buffer(gpu, "tile", std::slice::from_ref(&encoded));
+                let target = PictureTarget {
+                    viewports: &targets.viewports,
+                    tiles: &encoded,
+                    pixels: &batch.pixels,
+                    partial_sums: &targets.partial_sums,
+                    plane_pixels: batch.plane_pixels,
+                };
+                let of_source = [
+                    (0, wgpu::BindingResource::TextureView(textures.combined())),
+                    (1, wgpu::BindingResource::Sampler(pyramid.bilinear())),
+                    (2, maximum.as_entire_binding()),
+                ];
+                let fraction = frame.plan.glare.fraction;
+                composite.record(gpu, &mut pass, fraction, &target, &of_source, tile_grid(tile, viewport));
+            }
+        }
+    }
+}
+
+/// The tiles of a viewport, from the top.
+fn places_of<'a>(plan: &'a Plan, targets: &'a Targets, viewport: usize) -> Vec<Place<'a>> {
+    let batches = plan.batches.iter().zip(&targets.batches);
+    let places = batches.flat_map(|(of_plan, batch)| {
+        let tiles = of_plan.tiles.iter().zip(&batch.encoded_tiles);
+        tiles.map(move |(tile, encoded)| Place { batch, tile, encoded: *encoded })
+    });
+    places.filter(|place| place.tile.viewport == viewport).collect()
+}

@@ -1,0 +1,251 @@
+//! The map of the glaring sky: made level by level from the light of all stars, with the sprites that are drawn one by one. Shaders:
+//! `shaders/glare_gather.wgsl`, `glare_sharpen.wgsl`.
+
+use std::sync::Arc;
+
+use crate::{
+    catalogue::chunks::StarSet,
+    gpu::{self, Gpu, bind_buffers, storage_buffer},
+    photometry::glare::{GlareKernel, GlareKernelName, InverseSquareKernel, split::angle_of_chord_squared},
+    plan::{
+        glare::sky_cube::{Level, SkyGlare, SkyGlareSettings, SpriteCell},
+        settings::GlareSettings,
+    },
+    render::layout,
+};
+
+/// Entries of the kernel's table per octave of the square of the chord, and octaves.
+pub(super) const ENTRIES_PER_OCTAVE: u32 = 16;
+pub(super) const OCTAVES: u32 = 48;
+/// Largest binary logarithm of the square of a chord.
+pub(super) const LAST_OCTAVE: f64 = 2.0;
+/// What the map was made of.
+pub(super) struct Key {
+    pub(super) stars: Arc<StarSet>,
+    pub(super) settings: SkyGlareSettings,
+    pub(super) kernel: Arc<dyn GlareKernel>,
+}
+
+/// The sky that glares, on the adapter.
+pub(super) struct Held {
+    pub(super) key: Key,
+    pub(super) sky: SkyGlare,
+    pub(super) map: wgpu::Buffer,
+    pub(super) sprites: wgpu::Buffer,
+    pub(super) sprite_cells: wgpu::Buffer,
+    pub(super) regions: wgpu::Buffer,
+    pub(super) kernel_table: wgpu::Buffer,
+    /// Constant of the inverse square and the square of its inner angle; `None` for other kernels.
+    pub(super) inverse_square: Option<[f32; 2]>,
+}
+
+/// Points around each face that a level is computed at, beyond the face, and what sharpening leaves of them.
+const RIM: u32 = 2;
+/// Side of a workgroup over points.
+const POINTS: u32 = 8;
+
+/// The passes of a level.
+pub(super) struct MapPasses {
+    gather: wgpu::ComputePipeline,
+    sharpen: wgpu::ComputePipeline,
+    /// Stands in where there is no coarser level, or there are no bumps.
+    nothing: wgpu::Buffer,
+}
+
+/// A level as the adapter holds it.
+struct LevelBuffers {
+    edge_cells: u32,
+    end_squared: f64,
+    entries: usize,
+    cells: wgpu::Buffer,
+    table: wgpu::Buffer,
+}
+
+/// Points of a finished map.
+pub(super) fn map_points(edge_cells: u32) -> u32 {
+    6 * (edge_cells + RIM) * (edge_cells + RIM)
+}
+
+impl LevelBuffers {
+    fn new(gpu: &Gpu, level: &Level) -> Self {
+        let cells: Vec<layout::GlareCell> = level
+            .cells
+            .iter()
+            .map(|cell| layout::GlareCell {
+                direction: cell.direction.as_vec3().to_array(),
+                light: cell.light.map(|channel| channel as f32),
+                ..Default::default()
+            })
+            .collect();
+        let table: Vec<f32> = level.table.iter().map(|per_sr| *per_sr as f32).collect();
+        Self {
+            edge_cells: level.edge_cells,
+            end_squared: level.end_squared,
+            entries: level.table.len(),
+            cells: gpu::storage_buffer(gpu, "glare cells", &cells),
+            table: gpu::storage_buffer(gpu, "glare level kernel", &table),
+        }
+    }
+}
+
+/// Bumps of the finest level: the light of each and the square of their radius.
+struct Bumps<'a> {
+    light: &'a wgpu::Buffer,
+    squared: f64,
+}
+
+/// What a level is added to.
+struct Below<'a> {
+    /// The coarser level, and the cells along its edge.
+    coarser: Option<(&'a wgpu::Buffer, u32)>,
+    bumps: Option<Bumps<'a>>,
+}
+
+impl MapPasses {
+    pub(super) fn new(gpu: &Gpu) -> Self {
+        Self {
+            gather: gpu.compute_pipeline(&gpu::glare_gather()),
+            sharpen: gpu.compute_pipeline(&gpu::glare_sharpen()),
+            nothing: gpu::storage_buffer(gpu, "nothing", &[[0.0_f32; 4]]),
+        }
+    }
+
+    /// Records a level on top of what lies below: into a map from a point on.
+    fn level(
+        &self,
+        gpu: &Gpu,
+        pass: &mut wgpu::ComputePass<'_>,
+        level: &LevelBuffers,
+        below: &Below<'_>,
+        (map, first_point): (&wgpu::Buffer, u32),
+    ) {
+        let Below { coarser, bumps } = below;
+        let wide = level.edge_cells + 2 * RIM;
+        let scattered = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("glare level"),
+            size: 16 * 6 * u64::from(wide) * u64::from(wide),
+            usage: wgpu::BufferUsages::STORAGE,
+            mapped_at_creation: false,
+        });
+        let end_angle = angle_of_chord_squared(level.end_squared);
+        let reaches_all = end_angle >= std::f64::consts::FRAC_PI_2;
+        let parameters = layout::GlareLevelParameters {
+            edge_cells: level.edge_cells,
+            coarser_cells: coarser.map_or(0, |(_, edge_cells)| edge_cells),
+            end_squared: level.end_squared as f32,
+            end_sine: if reaches_all { 2.0 } else { end_angle.sin() as f32 },
+            entries: ((level.entries - 1) as f64 / level.end_squared) as f32,
+            bump_inverse: bumps.as_ref().map_or(0.0, |bumps| (1.0 / bumps.squared) as f32),
+            ..Default::default()
+        };
+        let parameters = gpu::uniform_buffer(gpu, "glare level parameters", &parameters);
+        let buffers = [
+            (0, parameters.as_entire_binding()),
+            (1, level.cells.as_entire_binding()),
+            (2, level.table.as_entire_binding()),
+            (3, bumps.as_ref().map_or(&self.nothing, |bumps| bumps.light).as_entire_binding()),
+            (4, coarser.map_or(&self.nothing, |(map, _)| map).as_entire_binding()),
+            (5, scattered.as_entire_binding()),
+        ];
+        pass.set_pipeline(&self.gather);
+        pass.set_bind_group(0, &bind_buffers(gpu, &self.gather, 0, &buffers), &[]);
+        let groups = wide.div_ceil(POINTS);
+        pass.dispatch_workgroups(groups, groups, 6);
+
+        let parameters =
+            layout::GlareSharpenParameters { edge_cells: level.edge_cells, first_point, ..Default::default() };
+        let parameters = gpu::uniform_buffer(gpu, "glare sharpen parameters", &parameters);
+        let buffers =
+            [(0, parameters.as_entire_binding()), (1, scattered.as_entire_binding()), (2, map.as_entire_binding())];
+        pass.set_pipeline(&self.sharpen);
+        pass.set_bind_group(0, &bind_buffers(gpu, &self.sharpen, 0, &buffers), &[]);
+        let groups = (level.edge_cells + RIM).div_ceil(POINTS);
+        pass.dispatch_workgroups(groups, groups, 6);
+    }
+
+    /// Makes the map.
+    pub(super) fn make(&self, gpu: &Gpu, pass: &mut wgpu::ComputePass<'_>, glare: &GlareSettings, key: Key) -> Held {
+        let kernel = &*key.kernel;
+        let inverse_square = (glare.kernel == GlareKernelName::InverseSquare).then(|| {
+            let kernel = InverseSquareKernel::new(glare.inner_deg.to_radians());
+            [kernel.constant(), kernel.inner_rad() * kernel.inner_rad()].map(|value| value as f32)
+        });
+        let sky = SkyGlare::new(&key.stars, kernel, &key.settings);
+        let points = map_points(sky.levels[0].edge_cells);
+        let buffer = |label, points: u32| {
+            gpu.device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some(label),
+                size: 16 * u64::from(points),
+                usage: wgpu::BufferUsages::STORAGE,
+                mapped_at_creation: false,
+            })
+        };
+        let map = buffer("glare map", points * sky.classes.len() as u32);
+        let mut coarser: Option<(wgpu::Buffer, u32)> = None;
+        for level in sky.levels[1..].iter().rev() {
+            let made = buffer("glare level", map_points(level.edge_cells));
+            let below = coarser.as_ref().map(|(buffer, edge)| (buffer, *edge));
+            let below = Below { coarser: below, bumps: None };
+            self.level(gpu, pass, &LevelBuffers::new(gpu, level), &below, (&made, 0));
+            coarser = Some((made, level.edge_cells));
+        }
+        let finest = LevelBuffers::new(gpu, &sky.levels[0]);
+        let below = coarser.as_ref().map(|(buffer, edge)| (buffer, *edge));
+        for (index, class) in sky.classes.iter().enumerate() {
+            let light: Vec<[f32; 4]> =
+                class.bumps.iter().map(|light| [light[0] as f32, light[1] as f32, light[2] as f32, 0.0]).collect();
+            let light = storage_buffer(gpu, "glare bumps", &light);
+            let bumps = Some(Bumps { light: &light, squared: sky.bump_squared });
+            self.level(gpu, pass, &finest, &Below { coarser: below, bumps }, (&map, points * index as u32));
+        }
+        let sprites: Vec<layout::GlareSprite> = sky
+            .sprites
+            .sprites
+            .iter()
+            .map(|sprite| layout::GlareSprite {
+                direction: sprite.direction.as_vec3().to_array(),
+                inverse_squared: (1.0 / sprite.squared) as f32,
+                light: sprite.light.map(|channel| channel as f32),
+                whole: u32::from(sprite.whole),
+            })
+            .collect();
+        let encoded_cells = |cells: &[SpriteCell]| -> Vec<layout::GlareSpriteCell> {
+            let encode = |cell: &SpriteCell| layout::GlareSpriteCell {
+                direction: cell.direction.as_vec3().to_array(),
+                // f32 must not make it shorter.
+                reach: cell.reach as f32 * 1.00001,
+                first: cell.first,
+                count: cell.count,
+                ..Default::default()
+            };
+            cells.iter().map(encode).collect()
+        };
+        Held {
+            map,
+            sprites: buffer_of(gpu, "glare sprites", sprites),
+            sprite_cells: buffer_of(gpu, "glare sprite cells", encoded_cells(&sky.sprites.cells)),
+            regions: buffer_of(gpu, "glare sprite regions", encoded_cells(&sky.sprites.regions)),
+            kernel_table: storage_buffer(gpu, "glare kernel", &kernel_table(kernel)),
+            inverse_square,
+            sky,
+            key,
+        }
+    }
+}
+
+/// A buffer of a list, with one item of nothing if it is empty: a binding must hold one at least.
+pub(super) fn buffer_of<T: Default + bytemuck::NoUninit>(gpu: &Gpu, label: &str, mut items: Vec<T>) -> wgpu::Buffer {
+    if items.is_empty() {
+        items.push(T::default());
+    }
+    storage_buffer(gpu, label, &items)
+}
+
+/// The kernel times the square of the chord, over the binary logarithm of that square.
+fn kernel_table(kernel: &dyn GlareKernel) -> Vec<f32> {
+    let first = LAST_OCTAVE - f64::from(OCTAVES);
+    (0..=OCTAVES * ENTRIES_PER_OCTAVE)
+        .map(|entry| (first + f64::from(entry) / f64::from(ENTRIES_PER_OCTAVE)).exp2())
+        .map(|squared| (squared * kernel.per_sr(angle_of_chord_squared(squared))) as f32)
+        .collect()
+}

@@ -1,0 +1,194 @@
+//! What depends on where the views look: sources of each eye, lists of sprites, and the pass over pixels.
+
+use std::f64::consts::PI;
+
+use super::{
+    SkyCube,
+    map::{ENTRIES_PER_OCTAVE, LAST_OCTAVE, OCTAVES, buffer_of, map_points},
+    pixel_class,
+    sprites::{SpriteBuffers, SpritePasses, block_grid, square_grid},
+};
+use crate::{
+    gpu::{GlareSource, storage_buffer, uniform_buffer},
+    photometry::glare::GlareKernel,
+    plan::glare::{
+        objects::{Cloud, PointOfLight},
+        sky_cube::FINEST_CELLS,
+    },
+    render::{
+        glare::composite::GlareCompositePass,
+        layout,
+        technique::{Recording, begin_pass},
+    },
+    units::PARSEC_M,
+    view::{Viewport, projection::Projection},
+};
+
+/// Words of the list of sprites of a block, and of a square of blocks: a block with more sprites looks through those of its
+/// square, a square with more through all.
+const MOST_LIST_WORDS: u32 = 256;
+const MOST_SQUARE_WORDS: u32 = 2048;
+/// Bytes that the lists of all blocks, and those of all squares, may take: beyond that they are shorter.
+const MOST_LIST_BYTES: u64 = 256 << 20;
+/// Pixels of flat views up to which eight of them see the map as a parabola: half a cell of it, rad.
+const MOST_FLAT_PIXEL_RAD: f64 = 0.5 * 2.0 / FINEST_CELLS as f64 / 7.0;
+/// Says that a source is a cloud, and the parts of its light that its softened kernel leaves out; both as in `glare_sky.wgsl`.
+const IS_CLOUD: u32 = 1 << 31;
+const SHARE_PARTS: u32 = 65535;
+
+/// Forms of the pass over pixels.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) struct Variant {
+    /// The kernel is read from a table.
+    tabulated: bool,
+    /// All views are flat, with pixels far smaller than the cells of the map.
+    flat: bool,
+}
+
+/// Chord of an angle, rad.
+fn chord(angle_rad: f64) -> f64 {
+    2.0 * (0.5 * angle_rad.min(PI)).sin()
+}
+
+/// A source of one eye.
+fn encode_near((direction, light): PointOfLight, reach: f64, parts: u32) -> layout::GlareNear {
+    layout::GlareNear {
+        direction: direction.as_vec3().to_array(),
+        reach: reach as f32,
+        light: light.map(|channel| channel as f32),
+        parts,
+    }
+}
+
+/// A cloud of one eye: as wide as the kernel's core at least, so that its own image has a width.
+fn encode_cloud(cloud: &Cloud, kernel: &dyn GlareKernel) -> layout::GlareNear {
+    let radius_rad = cloud.radius_rad.max(kernel.inner_rad());
+    // The softened kernel leaves out what the kernel has within the radius.
+    let share = (kernel.share_within(radius_rad).clamp(0.0, 1.0) * f64::from(SHARE_PARTS)).round() as u32;
+    encode_near((cloud.direction, cloud.light), chord(radius_rad).powi(2), IS_CLOUD | share)
+}
+
+impl SkyCube {
+    /// Records what depends on where the views look.
+    pub(super) fn record_views(&mut self, recording: &mut Recording<'_>) {
+        let Self { sprites, composites, held, lists, square_lists, .. } = self;
+        let Some(held) = held.as_ref() else { unreachable!("the map is made before the views") };
+        let gpu = recording.gpu;
+        let sprites = sprites.get_or_init(|| SpritePasses::new(gpu));
+        let plan = recording.frame.plan;
+        let targets = &*recording.targets;
+        let object_sources = plan.bodies.as_ref().map_or(&[][..], |plan| &plan.glare);
+        let sky = &held.sky;
+        let camera_pc = plan.camera_pc - held.key.settings.place_pc;
+        let mut near: Vec<layout::GlareNear> = Vec::new();
+        let views: Vec<layout::GlareView> = plan
+            .viewports
+            .iter()
+            .enumerate()
+            .map(|(number, viewport)| {
+                let class = pixel_class(viewport);
+                let index = held.key.settings.pixel_classes_rad.partition_point(|other| *other < class);
+                let first_near = near.len() as u32;
+                for (direction, light) in sky.near_for(camera_pc + viewport.eye_offset_m / PARSEC_M, plan.motion) {
+                    near.push(encode_near((direction, light), 0.0, 0));
+                }
+                for source in object_sources.get(number).into_iter().flatten() {
+                    near.push(encode_near(source.whole, chord(source.reach_rad), source.parts.len() as u32));
+                    let soft = chord(source.soft_rad).powi(2);
+                    near.extend(source.parts.iter().map(|part| encode_near(*part, soft, 0)));
+                }
+                for cloud in plan.glare.clouds.get(number).into_iter().flatten() {
+                    near.push(encode_cloud(cloud, &*held.key.kernel));
+                }
+                let class = &sky.classes[index];
+                layout::GlareView {
+                    core: class.shown.core.coefficients.map(|coefficient| coefficient as f32),
+                    core_squared: class.shown.core.squared as f32,
+                    greatest_inverse: (1.0 / class.least_squared) as f32,
+                    first_point: map_points(sky.levels[0].edge_cells) * index as u32,
+                    first_near,
+                    near_count: near.len() as u32 - first_near,
+                }
+            })
+            .collect();
+        let views = storage_buffer(gpu, "glare views", &views);
+        let near = buffer_of(gpu, "near glare", near);
+        let flat = |viewport: &Viewport| {
+            matches!(viewport.projection, Projection::Perspective(_) | Projection::CubeFace(_))
+                && viewport.projection.middle_pixel_rad() <= MOST_FLAT_PIXEL_RAD
+        };
+        let variant = Variant { tabulated: held.inverse_square.is_none(), flat: plan.viewports.iter().all(flat) };
+        if composites.iter().all(|(of, _)| *of != variant) {
+            let constants = [("TABULATED", variant.tabulated), ("FLAT", variant.flat)];
+            let constants = constants.map(|(name, value)| (name, f64::from(u8::from(value))));
+            composites.push((variant, GlareCompositePass::new(gpu, GlareSource::Sky, &constants)));
+        }
+        let (_, composite) = composites.iter().find(|(of, _)| *of == variant).expect("it was made above");
+        let [constant, inner_squared] = held.inverse_square.unwrap_or_default();
+        for (number, batch) in targets.batches.iter().enumerate() {
+            let blocks = block_grid(batch.grid);
+            let [columns, rows, tiles] = blocks;
+            let squares = square_grid(blocks);
+            let count = |[columns, rows, tiles]: [u32; 3]| u64::from(columns) * u64::from(rows) * u64::from(tiles);
+            // As many as fit.
+            let words = |lists: [u32; 3], most: u32| {
+                let fitting = gpu.max_binding_bytes().min(MOST_LIST_BYTES) / 4 / count(lists).max(1);
+                u32::try_from(fitting).map_or(most, |fitting| fitting.min(most))
+            };
+            let list_words = words(blocks, MOST_LIST_WORDS);
+            let square_words = words(squares, MOST_SQUARE_WORDS);
+            let parameters = layout::GlareSkyParameters {
+                soft: sky.soft.coefficients.map(|coefficient| coefficient as f32),
+                soft_inverse: (1.0 / sky.soft.squared) as f32,
+                edge_cells: sky.levels[0].edge_cells,
+                regions: sky.sprites.regions.len() as u32,
+                constant,
+                inner_squared,
+                first_octave: (LAST_OCTAVE - f64::from(OCTAVES)) as f32,
+                entries_per_octave: ENTRIES_PER_OCTAVE as f32,
+                entries: OCTAVES * ENTRIES_PER_OCTAVE + 1,
+                list_words,
+                square_words,
+                columns,
+                rows,
+                tiles,
+                flatness: sky.fade.flatness as f32,
+                ..Default::default()
+            };
+            let parameters = uniform_buffer(gpu, "glare sky parameters", &parameters);
+            let lists = lists.with_room(gpu, 4 * count(blocks) * u64::from(list_words)).clone();
+            let square_lists = square_lists.with_room(gpu, 4 * count(squares) * u64::from(square_words)).clone();
+            let mut pass = begin_pass(recording.encoder, recording.timer, "glare");
+            let buffers = SpriteBuffers {
+                parameters: &parameters,
+                viewports: &targets.viewports,
+                tiles: &batch.tiles,
+                views: &views,
+                regions: &held.regions,
+                cells: &held.sprite_cells,
+                sprites: &held.sprites,
+                square_lists: &square_lists,
+                lists: &lists,
+            };
+            sprites.find(gpu, &mut pass, &buffers, blocks);
+            let target = targets.picture(number);
+            let of_source: Vec<_> = [
+                &parameters,
+                &views,
+                &held.map,
+                &near,
+                &held.sprites,
+                &held.regions,
+                &held.sprite_cells,
+                &lists,
+                &square_lists,
+                &held.kernel_table,
+            ]
+            .into_iter()
+            .enumerate()
+            .map(|(binding, buffer)| (binding as u32, buffer.as_entire_binding()))
+            .collect();
+            composite.record(gpu, &mut pass, plan.glare.fraction, &target, &of_source, batch.grid);
+        }
+    }
+}

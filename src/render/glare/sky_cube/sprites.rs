@@ -1,0 +1,84 @@
+//! The search for the sprites of every block of pixels. Shaders: `shaders/glare_find.wgsl`, `glare_assign.wgsl`.
+
+use crate::{
+    gpu::{self, Gpu, bind_buffers},
+    render::targets::{COLUMNS, ROWS},
+};
+
+/// Squares of a row that one workgroup looks for.
+const SQUARES: u32 = 8;
+/// Pixels along a side of a block.
+const BLOCK_SIDE: u32 = 8;
+/// Blocks along a side of a square.
+const SQUARE_BLOCKS: u32 = 4;
+
+/// The passes.
+pub(super) struct SpritePasses {
+    find: wgpu::ComputePipeline,
+    assign: wgpu::ComputePipeline,
+}
+
+impl SpritePasses {
+    pub(super) fn new(gpu: &Gpu) -> Self {
+        Self { find: gpu.compute_pipeline(&gpu::glare_find()), assign: gpu.compute_pipeline(&gpu::glare_assign()) }
+    }
+
+    /// Records the search for the sprites of every block, on a grid of blocks (columns, rows, tiles).
+    pub(super) fn find(
+        &self,
+        gpu: &Gpu,
+        pass: &mut wgpu::ComputePass<'_>,
+        buffers: &SpriteBuffers<'_>,
+        grid: [u32; 3],
+    ) {
+        let [columns, rows, tiles] = square_grid(grid);
+        let SpriteBuffers {
+            parameters,
+            viewports,
+            tiles: of_tiles,
+            views,
+            regions,
+            cells,
+            sprites,
+            square_lists,
+            lists,
+        } = *buffers;
+        let bind = |pipeline: &wgpu::ComputePipeline, buffers: &[&wgpu::Buffer]| {
+            let bindings: Vec<_> =
+                (0..).zip(buffers.iter()).map(|(binding, buffer)| (binding, buffer.as_entire_binding())).collect();
+            bind_buffers(gpu, pipeline, 0, &bindings)
+        };
+        pass.set_pipeline(&self.find);
+        let group = bind(&self.find, &[parameters, viewports, of_tiles, views, regions, cells, sprites, square_lists]);
+        pass.set_bind_group(0, &group, &[]);
+        pass.dispatch_workgroups(columns.div_ceil(SQUARES), rows, tiles);
+        pass.set_pipeline(&self.assign);
+        let group = bind(&self.assign, &[parameters, viewports, of_tiles, views, sprites, square_lists, lists]);
+        pass.set_bind_group(0, &group, &[]);
+        pass.dispatch_workgroups(columns, rows, tiles);
+    }
+}
+
+/// What the search for sprites reads, and its results.
+#[derive(Clone, Copy)]
+pub(super) struct SpriteBuffers<'a> {
+    pub parameters: &'a wgpu::Buffer,
+    pub viewports: &'a wgpu::Buffer,
+    pub tiles: &'a wgpu::Buffer,
+    pub views: &'a wgpu::Buffer,
+    pub regions: &'a wgpu::Buffer,
+    pub cells: &'a wgpu::Buffer,
+    pub sprites: &'a wgpu::Buffer,
+    pub square_lists: &'a wgpu::Buffer,
+    pub lists: &'a wgpu::Buffer,
+}
+
+/// Blocks (columns, rows, tiles) of the workgroups that the passes over pixels have.
+pub(super) fn block_grid([columns, rows, tiles]: [u32; 3]) -> [u32; 3] {
+    [columns * (COLUMNS / BLOCK_SIDE), rows * (ROWS / BLOCK_SIDE), tiles]
+}
+
+/// Squares of a grid of blocks.
+pub(super) fn square_grid([columns, rows, tiles]: [u32; 3]) -> [u32; 3] {
+    [columns.div_ceil(SQUARE_BLOCKS), rows.div_ceil(SQUARE_BLOCKS), tiles]
+}

@@ -1,0 +1,133 @@
+//! Rendering: one snapshot of the scene in many views at once.
+//!
+//! [`Renderer::render`] makes the plan of a frame (`crate::plan`, no GPU in sight), records all phases of all techniques into one
+//! submission, waits, and reads back what was asked for. [`Renderer::submit`] and [`Renderer::finish`] are its two halves, for callers that
+//! have better to do than to wait. Nothing of a frame depends on the frame before it but the exposure that the caller hands in.
+//!
+//! A technique is a folder: `stars`, `bodies`, `asteroids`, `glare`, `display`. `technique` says what each one does, `sequence`
+//! in which order; what two of them share lies in `targets`. No technique imports another.
+
+pub(crate) mod asteroids;
+mod bodies;
+mod display;
+mod error;
+mod frame;
+mod glare;
+pub mod layout;
+mod overlay;
+#[cfg(test)]
+mod presentation_tests;
+pub mod probe;
+mod read;
+mod sequence;
+mod stars;
+mod submit;
+mod targets;
+mod technique;
+pub(crate) mod viewport;
+
+pub use self::{
+    asteroids::{AsteroidCounts, impostors::probe as impostor_probe},
+    display::Presentation,
+    error::RenderError,
+    frame::{Frame, FrameImage, FrameTimes, ViewStatistics, Wanted},
+    submit::SubmittedFrame,
+};
+use self::{
+    submit::InFlight,
+    targets::Targets,
+    technique::{Holding, Technique},
+};
+use crate::{
+    gpu::{AdapterReport, Gpu, GpuTimer, ReadbackBuffer},
+    plan::{Limits, PlanError, Planner},
+    view::Rig,
+};
+
+/// Draws frames on one GPU.
+pub struct Renderer {
+    gpu: Gpu,
+    limits: Limits,
+    planner: Planner,
+    techniques: Vec<Box<dyn Technique + Send>>,
+    targets: Targets,
+    timer: GpuTimer,
+    readback: ReadbackBuffer,
+    frames: u64,
+    /// The frame that has been submitted and not finished.
+    in_flight: Option<InFlight>,
+    /// Whether chunks outside of every view are left out; false only to measure what that saves.
+    pub culling: bool,
+    /// Factor on the fixed-point units: 1. Tests raise it to provoke an overflow.
+    #[doc(hidden)]
+    pub unit_factor: f64,
+    /// Order in which the stars reach the GPU. `None`: that of right ascension for methods that read the whole catalogue, that of
+    /// the chunks for those that read what culling leaves. `Some(seed)`: one that the seed shuffles, star by star, to measure
+    /// what depends on it.
+    #[doc(hidden)]
+    pub catalogue_order: Option<u64>,
+}
+
+impl Renderer {
+    /// A renderer on an open device.
+    pub fn new(gpu: Gpu) -> Self {
+        Self {
+            limits: gpu.limits(),
+            planner: Planner::new(),
+            techniques: sequence::techniques(&gpu),
+            targets: Targets::new(&gpu),
+            timer: GpuTimer::new(&gpu),
+            readback: ReadbackBuffer::new("readback"),
+            frames: 0,
+            in_flight: None,
+            culling: true,
+            unit_factor: 1.0,
+            catalogue_order: None,
+            gpu,
+        }
+    }
+
+    /// The adapter in use.
+    pub fn adapter(&self) -> &AdapterReport {
+        self.gpu.report()
+    }
+
+    /// What plans may ask of the adapter.
+    pub fn limits(&self) -> &Limits {
+        &self.limits
+    }
+
+    /// The device, to compute on it beside frames.
+    pub(crate) fn gpu(&self) -> &Gpu {
+        &self.gpu
+    }
+
+    /// Whether the adapter can hold the images of a rig.
+    ///
+    /// # Errors
+    ///
+    /// The first view that is too large, or that is one too many.
+    pub fn check(&self, rig: &Rig) -> Result<(), PlanError> {
+        self.limits.check(rig)
+    }
+
+    /// Lets go of everything that belongs to a scene or a size, a frame in flight included.
+    fn forget_buffers(&mut self) {
+        self.in_flight = None;
+        self.techniques.iter_mut().for_each(|technique| technique.release());
+        self.targets.release();
+        self.readback = ReadbackBuffer::new("readback");
+    }
+
+    /// Runs `step` for every technique, with what it takes to hold a scene.
+    fn holding<'a>(
+        &'a mut self,
+        scene: &'a crate::scene::SceneSnapshot,
+        settings: &'a crate::plan::settings::RenderSettings,
+        mut step: impl FnMut(&mut dyn Technique, &Holding<'_>) -> Result<(), RenderError>,
+    ) -> Result<(), RenderError> {
+        let (gpu, catalogue_order) = (&self.gpu, self.catalogue_order);
+        let holding = Holding { gpu, scene, settings, kernel: self.planner.kernel(), catalogue_order };
+        self.techniques.iter_mut().try_for_each(|technique| step(&mut **technique, &holding))
+    }
+}

@@ -1,0 +1,49 @@
+//! The order of a frame: which techniques there are, and the phases that they go through.
+
+use super::{
+    asteroids::Asteroids,
+    bodies::Bodies,
+    display::Display,
+    glare::Glare,
+    overlay::Overlay,
+    stars::Stars,
+    technique::{Phase, Recording, Technique},
+};
+use crate::{gpu::Gpu, plan::Plan};
+
+/// All techniques. Within a phase they record in this order.
+pub(super) fn techniques(gpu: &Gpu) -> Vec<Box<dyn Technique + Send>> {
+    vec![
+        Box::new(Asteroids::new()),
+        Box::new(Bodies::new(gpu)),
+        Box::new(Stars::new(gpu)),
+        Box::new(Glare::new()),
+        Box::new(Display::new(gpu)),
+        Box::new(Overlay::new()),
+    ]
+}
+
+/// The phases of a frame, one after the other: surfaces tile by tile, light batch by batch, the rest for all batches at once.
+fn phases(plan: &Plan) -> Vec<Phase> {
+    let mut phases = vec![Phase::Cull];
+    for (number, batch) in plan.batches.iter().enumerate() {
+        phases.extend((0..batch.tiles.len()).map(|tile| Phase::Geometry(number, tile)));
+    }
+    for batch in 0..plan.batches.len() {
+        phases.extend([Phase::Splat(batch), Phase::Resolve(batch)]);
+    }
+    phases.extend([Phase::Glare, Phase::Meter, Phase::Display, Phase::Overlay, Phase::Present, Phase::Count]);
+    phases
+}
+
+/// Records a whole frame.
+pub(super) fn record(techniques: &mut [Box<dyn Technique + Send>], recording: &mut Recording<'_>) {
+    // An empty pass, for the time at which the GPU begins.
+    drop(recording.compute_pass("begin"));
+    for phase in phases(recording.frame.plan) {
+        recording.targets.enter(phase, recording.encoder, recording.gpu, &recording.frame);
+        for technique in techniques.iter_mut() {
+            technique.record(phase, recording);
+        }
+    }
+}

@@ -1,0 +1,223 @@
+//! The published star methods that use the graphics pipeline: a point or a square per star of the catalogue, in its order,
+//! added by blending. Shaders: `shaders/shared/billboard*.wgsl` and `profile_*.wgsl`; the f64 twin is
+//! `crate::reference::stars::billboards`.
+
+use glam::DQuat;
+
+use crate::{
+    gpu::{self, Gpu, Profile, bind_buffers, bind_to, dispatch_rows},
+    plan::{
+        settings::StarMethod,
+        stars::billboards::{BillboardPlan, DrawnPsf},
+    },
+    render::{layout, stars::catalogue_buffers::CatalogueDraw},
+};
+
+/// Threads of a workgroup of the counting pass.
+const THREADS: u32 = 64;
+
+/// One method.
+pub(crate) struct BillboardPass {
+    pipeline: wgpu::RenderPipeline,
+    /// Corners per star.
+    vertices: u32,
+    /// The image of the methods that carry one.
+    image: Option<wgpu::TextureView>,
+}
+
+/// An image of a star: texels along a side, and their colours row by row from the top.
+#[derive(Clone, Copy)]
+pub(crate) struct SquareImage<'a> {
+    pub size: u32,
+    pub rgb: &'a [[f32; 3]],
+}
+
+/// What is drawn in a frame.
+#[derive(Clone, Copy)]
+pub(crate) struct BillboardFrame<'a> {
+    pub plan: &'a BillboardPlan,
+    pub psf: Option<&'a DrawnPsf>,
+    pub camera_pc: [f32; 3],
+    pub colours: &'a wgpu::Buffer,
+    /// All stars.
+    pub draws: &'a [CatalogueDraw<'a>],
+}
+
+/// A plane that is drawn on.
+pub(crate) struct BillboardPlane {
+    /// The plane as shaders read it.
+    pub viewport: layout::Viewport,
+    /// Rotation from its axes to those of the view.
+    pub view_from_plane: DQuat,
+    /// Angle of a pixel at the principal ray, rad.
+    pub pixel_rad: f64,
+}
+
+/// The law and the profile of a method; laws are numbered in `billboard.wgsl`.
+fn shaders_of(method: StarMethod) -> Option<(u32, Profile)> {
+    Some(match method {
+        StarMethod::HardwarePoint => (0, Profile::Point),
+        StarMethod::HardwareSmoothPoint => (1, Profile::SmoothPoint),
+        StarMethod::Disc => (2, Profile::Disc),
+        StarMethod::SmoothDisc => (2, Profile::Cone),
+        StarMethod::Sprite => (2, Profile::Sprite),
+        StarMethod::ScaledDisc => (3, Profile::Cone),
+        StarMethod::GlareDisc => (4, Profile::Glare),
+        StarMethod::GaussianPsf => (5, Profile::Gaussian),
+        StarMethod::GaussianPsfIntegrated => (5, Profile::GaussianIntegrated),
+        StarMethod::ScreenBillboard => (6, Profile::Screen),
+        StarMethod::PsfTexture => (7, Profile::Psf),
+        _ => return None,
+    })
+}
+
+impl BillboardPass {
+    /// The pass of a method that blends; `None` for the others. `image` is what `sprite` and `psf_texture` carry.
+    pub(crate) fn new(gpu: &Gpu, method: StarMethod, image: Option<SquareImage<'_>>) -> Option<Self> {
+        let (law, profile) = shaders_of(method)?;
+        let (topology, vertices) = match profile {
+            Profile::Point => (wgpu::PrimitiveTopology::PointList, 1),
+            _ => (wgpu::PrimitiveTopology::TriangleStrip, 4),
+        };
+        let pipeline = gpu.blending_pipeline(
+            &gpu::billboard_vertex(),
+            &[("LAW", f64::from(law))],
+            &gpu::billboard_fragment(profile),
+            topology,
+        );
+        let image = image.filter(|_| profile.has_image()).map(|image| image_texture(gpu, image));
+        Some(Self { pipeline, vertices, image })
+    }
+
+    /// Records all stars onto one plane.
+    pub(crate) fn record(
+        &self,
+        gpu: &Gpu,
+        pass: &mut wgpu::RenderPass<'_>,
+        frame: &BillboardFrame<'_>,
+        plane: &BillboardPlane,
+    ) {
+        let BillboardFrame { plan, psf, camera_pc, colours, draws } = *frame;
+        let parameters = gpu::uniform_buffer(gpu, "billboards", &parameters(plan, psf, camera_pc, plane));
+        let viewport = gpu::uniform_buffer(gpu, "plane", &plane.viewport);
+        let group = bind_to(
+            gpu,
+            &self.pipeline.get_bind_group_layout(0),
+            &[(0, parameters.as_entire_binding()), (1, viewport.as_entire_binding()), (2, colours.as_entire_binding())],
+        );
+        pass.set_pipeline(&self.pipeline);
+        pass.set_bind_group(0, &group, &[]);
+        if let Some(image) = &self.image {
+            let layout = self.pipeline.get_bind_group_layout(2);
+            pass.set_bind_group(2, &bind_to(gpu, &layout, &[(0, wgpu::BindingResource::TextureView(image))]), &[]);
+        }
+        for draw in draws {
+            let layout = self.pipeline.get_bind_group_layout(1);
+            pass.set_bind_group(1, &bind_to(gpu, &layout, &[(0, draw.stars.as_entire_binding())]), &[]);
+            pass.draw(0..self.vertices, 0..draw.count);
+        }
+    }
+}
+
+fn parameters(
+    plan: &BillboardPlan,
+    psf: Option<&DrawnPsf>,
+    camera: [f32; 3],
+    plane: &BillboardPlane,
+) -> layout::BillboardParameters {
+    let rotation = glam::DMat3::from_quat(plane.view_from_plane);
+    let row = |index: usize| {
+        let row = rotation.row(index);
+        [row.x as f32, row.y as f32, row.z as f32, 0.0]
+    };
+    let gaussian = plan.gaussian;
+    layout::BillboardParameters {
+        view_from_plane_x: row(0),
+        view_from_plane_y: row(1),
+        view_from_plane_z: row(2),
+        camera,
+        faintest_lx: plan.faintest_lx as f32,
+        radius_rad: plan.radius_rad as f32,
+        solid_angle_sr: plan.solid_angle_sr as f32,
+        brightest_magnitude: plan.magnitudes[0] as f32,
+        faintest_magnitude: plan.magnitudes[1] as f32,
+        half_side_px: plan.half_side_px as f32,
+        limiting_magnitude: gaussian.limiting_magnitude as f32,
+        saturation_magnitude: gaussian.saturation_magnitude as f32,
+        sigma2_px2: gaussian.sigma2_px2 as f32,
+        glare_sigma2_px2: gaussian.glare_sigma2_px2 as f32,
+        glare_brightness: gaussian.glare_brightness as f32,
+        white_cd_m2: plan.white_cd_m2 as f32,
+        half_width_rad: psf.map_or(0.0, |psf| psf.form.half_width_rad() as f32),
+        texel_rad: psf.map_or(0.0, |psf| psf.form.pixel_rad as f32),
+        crop_rad: plan.crop_rad as f32,
+        least_crop_rad: psf.map_or(0.0, |psf| BillboardPlan::least_crop_rad(psf, plane.pixel_rad) as f32),
+        softening_rad2: psf.map_or(0.0, |psf| psf.form.softening_rad2() as f32),
+    }
+}
+
+fn image_texture(gpu: &Gpu, image: SquareImage<'_>) -> wgpu::TextureView {
+    let side = image.size;
+    let size = wgpu::Extent3d { width: side, height: side, depth_or_array_layers: 1 };
+    let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
+        label: Some("star image"),
+        size,
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format: wgpu::TextureFormat::Rgba32Float,
+        usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
+        view_formats: &[],
+    });
+    let texels: Vec<[f32; 4]> = image.rgb.iter().map(|[r, g, b]| [*r, *g, *b, 0.0]).collect();
+    let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(16 * side), rows_per_image: Some(side) };
+    gpu.queue.write_texture(texture.as_image_copy(), bytemuck::cast_slice(&texels), layout, size);
+    texture.create_view(&wgpu::TextureViewDescriptor::default())
+}
+
+/// Counts stars in pictures. It is recorded after all timed passes: no method needs the number to draw.
+pub(crate) struct CountPass {
+    pipeline: wgpu::ComputePipeline,
+}
+
+impl CountPass {
+    pub(crate) fn new(gpu: &Gpu) -> Self {
+        Self { pipeline: gpu.compute_pipeline(&gpu::count_stars()) }
+    }
+
+    /// Counts the stars of every viewport, into the counter of its view.
+    pub(crate) fn record(
+        &self,
+        gpu: &Gpu,
+        pass: &mut wgpu::ComputePass<'_>,
+        (camera, faintest_lx): ([f32; 3], f64),
+        viewports: (&wgpu::Buffer, u32),
+        counters: &wgpu::Buffer,
+        draws: &[CatalogueDraw<'_>],
+    ) {
+        pass.set_pipeline(&self.pipeline);
+        for tile in 0..viewports.1 {
+            for draw in draws {
+                let [columns, rows] = dispatch_rows(gpu, draw.count.div_ceil(THREADS));
+                let parameters = layout::CatalogueParameters {
+                    camera,
+                    star_count: draw.count,
+                    faintest_lx: faintest_lx as f32,
+                    tile,
+                    row_threads: columns * THREADS,
+                    ..Default::default()
+                };
+                let parameters = gpu::uniform_buffer(gpu, "catalogue parameters", &parameters);
+                let buffers = [
+                    (0, parameters.as_entire_binding()),
+                    (1, viewports.0.as_entire_binding()),
+                    (2, counters.as_entire_binding()),
+                ];
+                pass.set_bind_group(0, &bind_buffers(gpu, &self.pipeline, 0, &buffers), &[]);
+                let stars = [(0, draw.stars.as_entire_binding())];
+                pass.set_bind_group(1, &bind_buffers(gpu, &self.pipeline, 1, &stars), &[]);
+                pass.dispatch_workgroups(columns, rows, 1);
+            }
+        }
+    }
+}

@@ -1,0 +1,274 @@
+//! Recording the star methods that blend: every plane is drawn whole into a texture, once per frame, and the resolve pass of
+//! its tiles reads it there. Flat pictures are planes themselves; other projections go through the six faces of a cube
+//! (`plan::cube_faces`).
+
+mod draw;
+
+use std::sync::{Arc, OnceLock};
+
+use glam::DQuat;
+
+use self::draw::{BillboardFrame, BillboardPass, BillboardPlane, CountPass, SquareImage};
+use super::{
+    catalogue_buffers::CatalogueBuffers,
+    luminance::{LuminanceInputs, LuminancePass},
+};
+use crate::{
+    gpu::{self, Gpu, GpuTimer, LuminanceSource},
+    photometry::star_image::{SPRITE_SIZE, sprite},
+    plan::{
+        KernelPlan,
+        settings::StarMethod,
+        stars::{
+            billboards::{BillboardPlan, DrawnPsf},
+            cube_faces::{CubeFaces, GUARD_PX},
+        },
+        tiles::Tile,
+    },
+    render::{
+        layout,
+        targets::{PictureTarget, tile_grid},
+        technique::{Recording, begin_pass},
+        viewport::encode_viewport,
+    },
+    view::{
+        Viewport,
+        projection::{Face, Perspective, Projection},
+    },
+};
+
+/// Passes and textures of the methods that blend, made when they are first asked for.
+pub(super) struct Billboards {
+    /// The passes of the methods used so far, with their images.
+    methods: Vec<MethodPass>,
+    /// The one in use.
+    in_use: Option<usize>,
+    from_texture: OnceLock<LuminancePass>,
+    from_cube: OnceLock<LuminancePass>,
+    count: OnceLock<CountPass>,
+    target: Option<wgpu::Texture>,
+    /// The viewport that `target` holds in the frame being recorded.
+    drawn: Option<usize>,
+}
+
+struct MethodPass {
+    method: StarMethod,
+    pass: BillboardPass,
+    /// Whose texture it holds.
+    psf: Option<Arc<DrawnPsf>>,
+}
+
+impl Billboards {
+    pub(super) fn new() -> Self {
+        Self {
+            methods: Vec::new(),
+            in_use: None,
+            from_texture: OnceLock::new(),
+            from_cube: OnceLock::new(),
+            count: OnceLock::new(),
+            target: None,
+            drawn: None,
+        }
+    }
+
+    /// Forgets everything that belongs to a scene or a size.
+    pub(super) fn release(&mut self) {
+        self.methods.clear();
+        self.in_use = None;
+        self.target = None;
+        self.drawn = None;
+    }
+
+    /// Prepares the method of a frame.
+    pub(super) fn begin(&mut self, gpu: &Gpu, method: StarMethod, psf: Option<&Arc<DrawnPsf>>) {
+        self.drawn = None;
+        let same = |held: &Option<Arc<DrawnPsf>>| match (held, psf) {
+            (Some(held), Some(psf)) => Arc::ptr_eq(held, psf),
+            (None, None) => true,
+            _ => false,
+        };
+        // A pass holds the texture of its function.
+        self.methods.retain(|held| held.method != method || same(&held.psf));
+        self.in_use = self.methods.iter().position(|held| held.method == method);
+        if self.in_use.is_none() {
+            let sprite = (method == StarMethod::Sprite).then(|| sprite(SPRITE_SIZE));
+            let of_sprite = sprite.as_ref().map(|image| SquareImage { size: image.size, rgb: &image.rgb });
+            let of_psf = psf.map(|psf| SquareImage { size: psf.form.size, rgb: &psf.form.rgb });
+            if let Some(pass) = BillboardPass::new(gpu, method, of_psf.or(of_sprite)) {
+                self.methods.push(MethodPass { method, pass, psf: psf.cloned() });
+                self.in_use = Some(self.methods.len() - 1);
+            }
+        }
+    }
+
+    /// Records the tiles of a batch. The stars of a viewport are drawn with its first tile.
+    pub(super) fn record_batch(
+        &mut self,
+        recording: &mut Recording<'_>,
+        number: usize,
+        catalogue: Option<&CatalogueBuffers>,
+        colours: &wgpu::Buffer,
+    ) {
+        let (gpu, plan) = (recording.gpu, recording.frame.plan);
+        let (Some(billboards), Some(catalogue)) = (&plan.billboards, catalogue) else { return };
+        let frame = BillboardFrame {
+            plan: billboards,
+            psf: plan.psf.as_deref(),
+            camera_pc: plan.camera_pc.as_vec3().to_array(),
+            colours,
+            draws: &catalogue.draws(),
+        };
+        for (index, tile) in plan.batches[number].tiles.iter().enumerate() {
+            let encoded = &recording.targets.batches[number].encoded_tiles[index];
+            let encoded = gpu::storage_buffer(gpu, "tile", std::slice::from_ref(encoded));
+            let viewport = &plan.viewports[tile.viewport];
+            let cube = CubeFaces::for_projection(&viewport.projection, gpu.max_view_side_px());
+            if self.drawn != Some(tile.viewport) {
+                self.draw_planes(gpu, recording.encoder, recording.timer, &frame, viewport, cube);
+                self.drawn = Some(tile.viewport);
+            }
+            let target = PictureTarget { tiles: &encoded, ..recording.targets.picture(number) };
+            let mut pass = begin_pass(recording.encoder, recording.timer, "resolve");
+            self.resolve(gpu, &mut pass, cube, viewport, tile, &target);
+        }
+    }
+
+    /// Records the resolve pass of a tile.
+    fn resolve(
+        &self,
+        gpu: &Gpu,
+        pass: &mut wgpu::ComputePass<'_>,
+        cube: Option<CubeFaces>,
+        viewport: &Viewport,
+        tile: &Tile,
+        target: &PictureTarget<'_>,
+    ) {
+        let Some(texture) = &self.target else { return };
+        let view = texture.create_view(&wgpu::TextureViewDescriptor {
+            dimension: Some(wgpu::TextureViewDimension::D2Array),
+            ..Default::default()
+        });
+        let (resolve, numbers) = match cube {
+            Some(cube) => {
+                let pass = self.from_cube.get_or_init(|| LuminancePass::new(gpu, LuminanceSource::Cube));
+                (pass, [cube.edge_px, GUARD_PX])
+            }
+            None => (self.from_texture.get_or_init(|| LuminancePass::new(gpu, LuminanceSource::Texture)), [0, 0]),
+        };
+        let of_source = [(0, wgpu::BindingResource::TextureView(&view))];
+        let inputs = LuminanceInputs { scale: 1.0, numbers, of_source: &of_source };
+        resolve.record(gpu, pass, &inputs, target, tile_grid(tile, viewport));
+    }
+
+    /// Records the planes of a viewport: itself, or the faces of its cube.
+    fn draw_planes(
+        &mut self,
+        gpu: &Gpu,
+        encoder: &mut wgpu::CommandEncoder,
+        timer: &mut GpuTimer,
+        frame: &BillboardFrame<'_>,
+        viewport: &Viewport,
+        cube: Option<CubeFaces>,
+    ) {
+        let planes: Vec<Option<BillboardPlane>> = match cube {
+            Some(cube) => {
+                let face_plane = |face: Face| {
+                    let turned = Viewport {
+                        projection: Projection::Perspective(cube.plane()),
+                        world_from_view: viewport.world_from_view * face.cube_from_face(),
+                        ..viewport.clone()
+                    };
+                    plane_of(&turned, &cube.plane(), face.cube_from_face())
+                };
+                let faces = Face::ALL.into_iter().zip(cube.needed).take(cube.layers());
+                faces.map(|(face, needed)| needed.then(|| face_plane(face))).collect()
+            }
+            None => match &viewport.projection {
+                Projection::Perspective(plane) => vec![Some(plane_of(viewport, plane, DQuat::IDENTITY))],
+                // Billboards of a cubemap's faces stand the same way across its edges.
+                Projection::CubeFace(face) => {
+                    vec![Some(plane_of(viewport, face.plane(), face.face.cube_from_face()))]
+                }
+                Projection::Fisheye(_) | Projection::Equirectangular(_) => Vec::new(),
+            },
+        };
+        let size = cube.map_or(viewport.size(), |cube| [cube.side_px(); 2]);
+        let texture = self.target_of(gpu, size, planes.len() as u32);
+        let Some(held) = self.in_use.and_then(|index| self.methods.get(index)) else { return };
+        for (layer, plane) in planes.iter().enumerate() {
+            let Some(plane) = plane else { continue };
+            let view = texture.create_view(&wgpu::TextureViewDescriptor {
+                dimension: Some(wgpu::TextureViewDimension::D2),
+                base_array_layer: layer as u32,
+                array_layer_count: Some(1),
+                ..Default::default()
+            });
+            let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+                label: Some("stars"),
+                color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+                    view: &view,
+                    depth_slice: None,
+                    resolve_target: None,
+                    ops: wgpu::Operations {
+                        load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
+                        store: wgpu::StoreOp::Store,
+                    },
+                })],
+                depth_stencil_attachment: None,
+                timestamp_writes: timer.render_pass("stars"),
+                occlusion_query_set: None,
+                multiview_mask: None,
+            });
+            held.pass.record(gpu, &mut pass, frame, plane);
+        }
+    }
+
+    /// A texture of that size, the one held if it fits.
+    fn target_of(&mut self, gpu: &Gpu, [width, height]: [u32; 2], layers: u32) -> wgpu::Texture {
+        let size = wgpu::Extent3d { width, height, depth_or_array_layers: layers };
+        if self.target.as_ref().is_some_and(|held| held.size() != size) {
+            // Gone before its successor is made, so that both never exist at once.
+            self.target = None;
+        }
+        self.target
+            .get_or_insert_with(|| {
+                gpu.device.create_texture(&wgpu::TextureDescriptor {
+                    label: Some("blended stars"),
+                    size,
+                    mip_level_count: 1,
+                    sample_count: 1,
+                    dimension: wgpu::TextureDimension::D2,
+                    format: gpu.blend_format,
+                    usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING,
+                    view_formats: &[],
+                })
+            })
+            .clone()
+    }
+
+    /// Counts the stars drawn: after everything that is timed.
+    pub(super) fn record_count(
+        &self,
+        recording: &mut Recording<'_>,
+        plan: &BillboardPlan,
+        catalogue: &CatalogueBuffers,
+    ) {
+        let (gpu, targets) = (recording.gpu, &*recording.targets);
+        let count = self.count.get_or_init(|| CountPass::new(gpu));
+        let camera_pc = recording.frame.plan.camera_pc.as_vec3().to_array();
+        let viewports = (&targets.viewports, recording.frame.plan.viewports.len() as u32);
+        let descriptor = wgpu::ComputePassDescriptor { label: Some("count stars"), timestamp_writes: None };
+        let mut pass = recording.encoder.begin_compute_pass(&descriptor);
+        let draws = catalogue.draws();
+        count.record(gpu, &mut pass, (camera_pc, plan.faintest_lx), viewports, &targets.counters, &draws);
+    }
+}
+
+fn plane_of(viewport: &Viewport, plane: &Perspective, view_from_plane: DQuat) -> BillboardPlane {
+    let [left, right, ..] = plane.edge_tangents(0.0);
+    BillboardPlane {
+        viewport: layout::Viewport { kind: 0, ..encode_viewport(viewport, &KernelPlan::bspline()) },
+        view_from_plane,
+        pixel_rad: (right - left) / f64::from(viewport.size()[0]),
+    }
+}

@@ -1,0 +1,55 @@
+//! The procedural sky: every pixel by itself, in the resolve pass. Shader: `shaders/cell_sky.wgsl`; the f64 twin is
+//! `crate::reference::stars::cell_sky`.
+
+use std::sync::OnceLock;
+
+use super::luminance::{LuminanceInputs, LuminancePass};
+use crate::{
+    gpu::{self, LuminanceSource},
+    photometry::exposure::white_luminance_cd_m2,
+    plan::settings::CellSkySettings,
+    render::{
+        layout,
+        targets::{PictureTarget, tile_grid},
+        technique::{Recording, begin_pass},
+    },
+};
+
+/// The pass, made when it is first asked for.
+pub(super) struct CellSky {
+    resolve: OnceLock<LuminancePass>,
+}
+
+impl CellSky {
+    pub(super) fn new() -> Self {
+        Self { resolve: OnceLock::new() }
+    }
+
+    /// Records the tiles of a batch, one by one: a pixel's angle is that of its viewport. Brightness is relative: 1 is the white of the
+    /// configured exposure.
+    pub(super) fn record_batch(&self, recording: &mut Recording<'_>, number: usize) {
+        let (gpu, frame) = (recording.gpu, recording.frame);
+        let resolve = self.resolve.get_or_init(|| LuminancePass::new(gpu, LuminanceSource::CellSky));
+        let CellSkySettings { cells, layers, radius_px, seed } = frame.settings.stars.cell_sky;
+        let scale = white_luminance_cd_m2(frame.settings.exposure.ev100) as f32;
+        let batch = &recording.targets.batches[number];
+        for (tile, encoded) in frame.plan.batches[number].tiles.iter().zip(&batch.encoded_tiles) {
+            let viewport = &frame.plan.viewports[tile.viewport];
+            let parameters = layout::CellSkyParameters {
+                pixel_rad: viewport.projection.middle_pixel_rad() as f32,
+                radius_px: radius_px as f32,
+                cells,
+                layers,
+                seed,
+                ..Default::default()
+            };
+            let parameters = gpu::uniform_buffer(gpu, "cell sky", &parameters);
+            let encoded = gpu::storage_buffer(gpu, "tile", std::slice::from_ref(encoded));
+            let target = PictureTarget { tiles: &encoded, ..recording.targets.picture(number) };
+            let of_source = [(0, parameters.as_entire_binding())];
+            let inputs = LuminanceInputs { scale, numbers: [0, 0], of_source: &of_source };
+            let mut pass = begin_pass(recording.encoder, recording.timer, "stars");
+            resolve.record(gpu, &mut pass, &inputs, &target, tile_grid(tile, viewport));
+        }
+    }
+}

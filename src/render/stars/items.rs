@@ -1,0 +1,198 @@
+//! Items: runs of stars that tell the passes over stars which of them to draw into which tiles, and how they are bound.
+
+use glam::DVec3;
+use rand::{SeedableRng, seq::SliceRandom};
+use rand_chacha::ChaCha8Rng;
+
+use super::buffers::StarBuffers;
+use crate::{
+    catalogue::{chunks::Chunk, packed::PackedStar},
+    gpu::{Gpu, GrowingBuffer, bind_buffers},
+    plan::{
+        stars::cull::{VisibleChunk, near_stars},
+        tiles::Batch,
+    },
+    render::layout,
+};
+
+/// Stars per workgroup at most.
+const ITEM_STARS: u32 = 1024;
+/// Items of stars are bound from multiples of this many, so that their offset is aligned.
+const ITEM_ALIGNMENT: usize = 8;
+
+/// A run of items that read from one buffer of stars.
+pub(crate) struct StarDraw<'a> {
+    pub stars: &'a wgpu::Buffer,
+    pub items: &'a wgpu::Buffer,
+    /// First item; a multiple of [`ITEM_ALIGNMENT`].
+    pub first_item: u64,
+    pub item_count: u32,
+}
+
+/// Stars and their items, as every pass over items binds them.
+pub(crate) fn bind_items(gpu: &Gpu, pipeline: &wgpu::ComputePipeline, draw: &StarDraw<'_>) -> wgpu::BindGroup {
+    let items = wgpu::BufferBinding {
+        buffer: draw.items,
+        offset: draw.first_item * size_of::<layout::StarItem>() as u64,
+        size: wgpu::BufferSize::new(u64::from(draw.item_count) * size_of::<layout::StarItem>() as u64),
+    };
+    bind_buffers(gpu, pipeline, 1, &[(0, draw.stars.as_entire_binding()), (1, wgpu::BindingResource::Buffer(items))])
+}
+
+/// A run of items of one batch that read from one buffer of stars.
+pub(super) struct ItemRun {
+    /// Index of the batch.
+    pub batch: usize,
+    /// Index of the segment; `None`: the near stars.
+    pub segment: Option<usize>,
+    /// First item.
+    pub first_item: u64,
+    /// Number of items.
+    pub item_count: u32,
+}
+
+/// Items of all batches, in one buffer.
+#[derive(Default)]
+pub(super) struct Items {
+    pub items: Vec<layout::StarItem>,
+    pub runs: Vec<ItemRun>,
+    /// Near stars, relative to the camera.
+    pub near: Vec<PackedStar>,
+}
+
+/// As long as there are no more stars than this, items of an order by seed hold one star each: every order can come out.
+const SINGLE_STARS: u64 = 1 << 16;
+
+/// Builds the items of a frame. With a seed they are those of single stars (of many stars, where there are many), in the order
+/// that it shuffles them into; a star keeps its number within the set.
+pub(super) fn build_items(
+    buffers: &StarBuffers,
+    visible: &[VisibleChunk],
+    batches: &[Batch],
+    order: Option<u64>,
+) -> Items {
+    let set = &*buffers.set;
+    let shown: u64 = visible.iter().map(|chunk| u64::from(chunk.count)).sum();
+    let most = if order.is_some() && shown <= SINGLE_STARS { 1 } else { ITEM_STARS };
+    let mut random = order.map(ChaCha8Rng::seed_from_u64);
+    let mut near = Vec::new();
+    let mut near_first = Vec::new();
+    for chunk in visible.iter().filter(|chunk| chunk.near) {
+        near_first.push(near.len() as u32);
+        near.extend(
+            near_stars(set, &set.chunks[chunk.chunk], chunk.origin_pc)
+                .map(|(place, star)| PackedStar { offset_pc: place.as_vec3().to_array(), light: star.light }),
+        );
+    }
+    let mut items = Vec::new();
+    let mut runs = Vec::new();
+    for (batch_index, batch) in batches.iter().enumerate() {
+        // Tiles of each viewport in this batch.
+        let mut tiles_of_viewport = [0_u32; 64];
+        for (index, tile) in batch.tiles.iter().enumerate() {
+            tiles_of_viewport[tile.viewport] |= 1 << index;
+        }
+        let tiles_of = |viewports: u64| {
+            let mut remaining = viewports;
+            let mut tiles = 0;
+            while remaining != 0 {
+                tiles |= tiles_of_viewport[remaining.trailing_zeros() as usize];
+                remaining &= remaining - 1;
+            }
+            tiles
+        };
+        let mut far = visible.iter().filter(|chunk| !chunk.near).peekable();
+        for (segment_index, segment) in buffers.segments.iter().enumerate() {
+            let first_item = items.len();
+            while let Some(chunk) = far.next_if(|chunk| chunk.chunk < segment.end_chunk) {
+                let stars = &set.chunks[chunk.chunk];
+                push_items(
+                    &mut items,
+                    chunk,
+                    stars,
+                    stars.first - segment.first_star,
+                    chunk.origin_pc,
+                    tiles_of(chunk.viewports),
+                    most,
+                );
+            }
+            shuffle(&mut items[first_item..], &mut random);
+            close_run(&mut items, &mut runs, batch_index, Some(segment_index), first_item);
+        }
+        let first_item = items.len();
+        for (chunk, first) in visible.iter().filter(|chunk| chunk.near).zip(&near_first) {
+            push_items(
+                &mut items,
+                chunk,
+                &set.chunks[chunk.chunk],
+                *first,
+                DVec3::ZERO,
+                tiles_of(chunk.viewports),
+                most,
+            );
+        }
+        shuffle(&mut items[first_item..], &mut random);
+        close_run(&mut items, &mut runs, batch_index, None, first_item);
+    }
+    Items { items, runs, near }
+}
+
+fn push_items(
+    items: &mut Vec<layout::StarItem>,
+    visible: &VisibleChunk,
+    chunk: &Chunk,
+    first_in_buffer: u32,
+    origin_pc: DVec3,
+    tiles: u32,
+    most: u32,
+) {
+    if tiles == 0 {
+        return;
+    }
+    let mut start = 0;
+    while start < visible.count {
+        let count = (visible.count - start).min(most);
+        items.push(layout::StarItem {
+            origin: origin_pc.as_vec3().to_array(),
+            first: first_in_buffer + start,
+            count,
+            tiles,
+            first_number: chunk.first + start,
+            at_infinity: u32::from(chunk.at_infinity),
+        });
+        start += count;
+    }
+}
+
+fn shuffle(items: &mut [layout::StarItem], random: &mut Option<ChaCha8Rng>) {
+    if let Some(random) = random {
+        items.shuffle(random);
+    }
+}
+
+fn close_run(
+    items: &mut Vec<layout::StarItem>,
+    runs: &mut Vec<ItemRun>,
+    batch: usize,
+    segment: Option<usize>,
+    first_item: usize,
+) {
+    let item_count = (items.len() - first_item) as u32;
+    if item_count > 0 {
+        runs.push(ItemRun { batch, segment, first_item: first_item as u64, item_count });
+        items.resize(items.len().next_multiple_of(ITEM_ALIGNMENT), layout::StarItem::default());
+    }
+}
+
+/// The buffers into which items and near stars are uploaded, kept from frame to frame.
+pub(super) struct ItemBuffers {
+    pub items: GrowingBuffer,
+    pub near: GrowingBuffer,
+}
+
+impl ItemBuffers {
+    pub(super) fn new() -> Self {
+        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
+        Self { items: GrowingBuffer::new("star items", usage), near: GrowingBuffer::new("near stars", usage) }
+    }
+}

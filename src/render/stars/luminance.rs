@@ -1,0 +1,57 @@
+//! The resolve pass of methods that leave luminance instead of illuminance: what a pixel holds goes, with its solid angle,
+//! where the exposure and tone-mapping passes read it. Shader: `shaders/resolve_luminance.wgsl`.
+
+use crate::{
+    gpu::{self, Gpu, LuminanceSource, bind_buffers},
+    render::{
+        layout,
+        targets::{PictureTarget, bind_picture},
+    },
+};
+
+/// What is made of what a method left.
+pub(crate) struct LuminanceInputs<'a> {
+    /// cd/m^2 per unit of what the method left.
+    pub scale: f32,
+    /// Parameters of the source of luminance.
+    pub numbers: [u32; 2],
+    /// What the source binds in group 1.
+    pub of_source: &'a [(u32, wgpu::BindingResource<'a>)],
+}
+
+/// The pass for one source of luminance.
+pub(crate) struct LuminancePass {
+    pipeline: wgpu::ComputePipeline,
+}
+
+impl LuminancePass {
+    pub(crate) fn new(gpu: &Gpu, source: LuminanceSource) -> Self {
+        Self { pipeline: gpu.compute_pipeline(&gpu::resolve_luminance(source)) }
+    }
+
+    /// Records the pass over a picture.
+    pub(crate) fn record(
+        &self,
+        gpu: &Gpu,
+        pass: &mut wgpu::ComputePass<'_>,
+        inputs: &LuminanceInputs<'_>,
+        target: &PictureTarget<'_>,
+        grid: [u32; 3],
+    ) {
+        let LuminanceInputs { scale, numbers, of_source } = *inputs;
+        let parameters = layout::LuminanceParameters {
+            plane_pixels: target.plane_pixels,
+            scale,
+            source_0: numbers[0],
+            source_1: numbers[1],
+        };
+        let parameters = gpu::uniform_buffer(gpu, "luminance parameters", &parameters);
+        let group = bind_picture(gpu, &self.pipeline, &parameters, target);
+        pass.set_pipeline(&self.pipeline);
+        pass.set_bind_group(0, &group, &[]);
+        if !of_source.is_empty() {
+            pass.set_bind_group(1, &bind_buffers(gpu, &self.pipeline, 1, of_source), &[]);
+        }
+        pass.dispatch_workgroups(grid[0], grid[1], grid[2]);
+    }
+}

@@ -1,0 +1,162 @@
+//! Stars: ours splat what culling leaves in fixed point (`splat`); the published methods leave luminance, most of them from every star
+//! in the order of the catalogue (`packed`, `billboards`, `cell_sky`), and a resolve pass of their own brings it where the other passes
+//! read it (`luminance`).
+
+mod billboards;
+mod buffers;
+mod catalogue_buffers;
+mod cell_sky;
+mod items;
+pub(crate) mod luminance;
+mod packed;
+mod splat;
+
+use self::{
+    billboards::Billboards,
+    buffers::StarBuffers,
+    catalogue_buffers::CatalogueBuffers,
+    cell_sky::CellSky,
+    items::{ItemBuffers, ItemRun, Items, StarDraw, build_items},
+    packed::{Packed, PackedFrame},
+    splat::StarPass,
+};
+use super::{
+    RenderError,
+    targets::Targets,
+    technique::{FrameInputs, Holding, Phase, Recording, Technique, begin_pass},
+};
+use crate::{gpu::Gpu, plan::settings::Accumulator};
+
+/// Passes and buffers of all methods; those of the published ones are made when they are first asked for.
+pub(super) struct Stars {
+    splat: StarPass,
+    packed: Packed,
+    billboards: Billboards,
+    cell_sky: CellSky,
+    /// What culling picks from.
+    held: Option<StarBuffers>,
+    /// All stars in the order of a catalogue.
+    catalogue: Option<CatalogueBuffers>,
+    item_buffers: ItemBuffers,
+    /// Of the frame that is being recorded.
+    runs: Vec<ItemRun>,
+}
+
+impl Stars {
+    pub(super) fn new(gpu: &Gpu) -> Self {
+        Self {
+            splat: StarPass::new(gpu),
+            packed: Packed::new(),
+            billboards: Billboards::new(),
+            cell_sky: CellSky::new(),
+            held: None,
+            catalogue: None,
+            item_buffers: ItemBuffers::new(),
+            runs: Vec::new(),
+        }
+    }
+
+    /// What of a batch is drawn of what culling has left.
+    fn draws(&self, batch: usize) -> Vec<StarDraw<'_>> {
+        let (Some(items), Some(near)) = (self.item_buffers.items.held(), self.item_buffers.near.held()) else {
+            return Vec::new();
+        };
+        let of_batch = self.runs.iter().filter(|run| run.batch == batch);
+        of_batch
+            .map(|run| StarDraw {
+                stars: run.segment.zip(self.held.as_ref()).map_or(near, |(segment, stars)| stars.buffer(segment)),
+                items,
+                first_item: run.first_item,
+                item_count: run.item_count,
+            })
+            .collect()
+    }
+
+    fn splat(&mut self, recording: &mut Recording<'_>, batch: usize) {
+        let frame = recording.frame;
+        let gpu = recording.gpu;
+        match frame.settings.stars.method.accumulator() {
+            Accumulator::FixedPoint => {
+                let ranges = [(Some(frame.plan.ranges.main), false), (frame.plan.ranges.bright, true)];
+                for (range, bright) in ranges {
+                    let (Some(range), Some(sums)) = (range, recording.targets.sums(batch, bright)) else { continue };
+                    let mut pass = begin_pass(recording.encoder, recording.timer, "stars");
+                    self.splat.record(gpu, &mut pass, &range, frame.plan.motion, &sums, &self.draws(batch));
+                }
+            }
+            Accumulator::PackedCompareExchange => {
+                let words = self.packed.clear_words(gpu, recording.encoder, frame.plan.batches[batch].pixels);
+                let drawn = PackedFrame {
+                    camera_pc: frame.plan.camera_pc.as_vec3().to_array(),
+                    faintest_lx: frame.plan.faintest_lx,
+                    tiles: frame.plan.batches[batch].tiles.len() as u32,
+                    visible: &self.draws(batch),
+                    catalogue: self.catalogue.as_ref().filter(|_| frame.settings.stars.method.reads_catalogue()),
+                };
+                let mut pass = begin_pass(recording.encoder, recording.timer, "stars");
+                self.packed.record(gpu, &mut pass, &drawn, &words, recording.targets, batch);
+                drop(pass);
+                let mut pass = begin_pass(recording.encoder, recording.timer, "resolve");
+                let (picture, grid) = (recording.targets.picture(batch), recording.targets.batches[batch].grid);
+                self.packed.resolve(gpu, &mut pass, &words, self.splat.colours(), &picture, grid);
+            }
+            Accumulator::Blending => {
+                let catalogue = self.catalogue.as_ref();
+                self.billboards.record_batch(recording, batch, catalogue, self.splat.colours());
+            }
+            Accumulator::PerPixel => self.cell_sky.record_batch(recording, batch),
+        }
+    }
+}
+
+impl Technique for Stars {
+    fn hold(&mut self, holding: &Holding<'_>) -> Result<(), RenderError> {
+        let Holding { gpu, scene, settings, catalogue_order: order, .. } = *holding;
+        let (method, set) = (settings.stars.method, &scene.stars);
+        if method.reads_catalogue() && self.catalogue.as_ref().is_none_or(|catalogue| !catalogue.holds(set, order)) {
+            // Gone before its successor is made, so that both never exist at once.
+            self.catalogue = None;
+            self.catalogue = Some(CatalogueBuffers::new(gpu, set.clone(), order));
+        }
+        if method.reads_visible() && self.held.as_ref().is_none_or(|stars| !stars.holds(set)) {
+            self.held = None;
+            self.held = Some(StarBuffers::new(gpu, set.clone()));
+        }
+        Ok(())
+    }
+
+    fn encode(&mut self, gpu: &Gpu, frame: &FrameInputs<'_>, _targets: &mut Targets) {
+        let method = frame.settings.stars.method;
+        let held = self.held.as_ref().filter(|_| method.reads_visible());
+        let Items { items, runs, near } = held
+            .map(|buffers| build_items(buffers, &frame.plan.visible, &frame.plan.batches, frame.catalogue_order))
+            .unwrap_or_default();
+        self.item_buffers.items.upload(gpu, &items);
+        self.item_buffers.near.upload(gpu, &near);
+        self.runs = runs;
+        if frame.plan.billboards.is_some() {
+            self.billboards.begin(gpu, method, frame.plan.psf.as_ref());
+        }
+    }
+
+    fn record(&mut self, phase: Phase, recording: &mut Recording<'_>) {
+        match phase {
+            Phase::Splat(batch) => self.splat(recording, batch),
+            Phase::Count => {
+                if let (Some(plan), Some(catalogue)) = (&recording.frame.plan.billboards, &self.catalogue) {
+                    self.billboards.record_count(recording, plan, catalogue);
+                }
+            }
+            _ => {}
+        }
+    }
+
+    fn release(&mut self) {
+        self.held = None;
+        self.catalogue = None;
+        self.item_buffers = ItemBuffers::new();
+        self.runs.clear();
+        self.packed.release();
+        self.billboards.release();
+    }
+}

@@ -1,0 +1,203 @@
+//! The published rasteriser: luminance and temperature as two halves of one word, with compare-exchange. Shaders:
+//! `shaders/packed_cas.wgsl` (every star of the catalogue, once per view) and `shaders/packed_cas_sorted.wgsl` (on culled
+//! and sorted stars). The f64 twin is `crate::reference::stars::packed`.
+
+use std::sync::OnceLock;
+
+use super::{
+    catalogue_buffers::{CatalogueBuffers, CatalogueDraw},
+    items::{StarDraw, bind_items},
+    luminance::{LuminanceInputs, LuminancePass},
+};
+use crate::{
+    gpu::{self, Gpu, GrowingBuffer, LuminanceSource, bind_buffers, dispatch_rows},
+    render::{
+        layout,
+        targets::{PictureTarget, Sums, Targets},
+    },
+};
+
+/// Bytes of a packed pixel: two halves.
+const PACKED_BYTES: u64 = 4;
+
+/// Passes and buffers of the rasteriser, made when they are first asked for.
+pub(super) struct Packed {
+    pass: OnceLock<PackedPass>,
+    resolve: OnceLock<LuminancePass>,
+    words: GrowingBuffer,
+}
+
+/// What the rasteriser draws.
+pub(super) struct PackedFrame<'a> {
+    pub camera_pc: [f32; 3],
+    pub faintest_lx: f64,
+    /// Tiles of the batch.
+    pub tiles: u32,
+    /// What culling has left.
+    pub visible: &'a [StarDraw<'a>],
+    /// All stars, where those are drawn instead.
+    pub catalogue: Option<&'a CatalogueBuffers>,
+}
+
+impl Packed {
+    pub(super) fn new() -> Self {
+        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
+        Self { pass: OnceLock::new(), resolve: OnceLock::new(), words: GrowingBuffer::new("packed pixels", usage) }
+    }
+
+    pub(super) fn release(&mut self) {
+        self.words.release();
+    }
+
+    /// The words of a batch, cleared.
+    pub(super) fn clear_words(&mut self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder, pixels: u64) -> wgpu::Buffer {
+        let words = self.words.with_room(gpu, pixels * PACKED_BYTES).clone();
+        encoder.clear_buffer(&words, 0, Some((pixels * PACKED_BYTES).next_multiple_of(4)));
+        words
+    }
+
+    /// Records the rasteriser into the words of a batch.
+    pub(super) fn record(
+        &self,
+        gpu: &Gpu,
+        pass: &mut wgpu::ComputePass<'_>,
+        frame: &PackedFrame<'_>,
+        words: &wgpu::Buffer,
+        targets: &Targets,
+        batch: usize,
+    ) {
+        let packed = self.pass.get_or_init(|| PackedPass::new(gpu));
+        let Some(sums) = targets.sums(batch, false) else { return };
+        let target = Sums { low_words: words, ..sums };
+        match frame.catalogue {
+            Some(catalogue) => {
+                let draws = catalogue.draws();
+                let PackedFrame { camera_pc, faintest_lx, tiles, .. } = *frame;
+                let all = WholeCatalogue { camera_pc, faintest_lx, tiles, draws: &draws };
+                packed.record_catalogue(gpu, pass, &all, &target);
+            }
+            None => packed.record_sorted(gpu, pass, frame.faintest_lx, &target, frame.visible),
+        }
+    }
+
+    /// Records its full-screen pass, which makes colours of temperatures.
+    pub(super) fn resolve(
+        &self,
+        gpu: &Gpu,
+        pass: &mut wgpu::ComputePass<'_>,
+        words: &wgpu::Buffer,
+        colours: &wgpu::Buffer,
+        target: &PictureTarget<'_>,
+        grid: [u32; 3],
+    ) {
+        let resolve = self.resolve.get_or_init(|| LuminancePass::new(gpu, LuminanceSource::Packed));
+        let of_source = [(0, words.as_entire_binding()), (1, colours.as_entire_binding())];
+        let inputs = LuminanceInputs { scale: 1.0, numbers: [0, 0], of_source: &of_source };
+        resolve.record(gpu, pass, &inputs, target, grid);
+    }
+}
+
+/// Threads of a workgroup of the pass over the catalogue.
+const THREADS: u32 = 64;
+
+/// The passes.
+struct PackedPass {
+    catalogue: wgpu::ComputePipeline,
+    sorted: wgpu::ComputePipeline,
+}
+
+/// All stars of a catalogue, drawn into every tile.
+struct WholeCatalogue<'a> {
+    pub camera_pc: [f32; 3],
+    pub faintest_lx: f64,
+    /// Tiles of the batch.
+    pub tiles: u32,
+    pub draws: &'a [CatalogueDraw<'a>],
+}
+
+impl PackedPass {
+    fn new(gpu: &Gpu) -> Self {
+        let workgroup = if gpu.software { 8.0 } else { 64.0 };
+        Self {
+            catalogue: gpu.compute_pipeline(&gpu::packed_cas()),
+            sorted: gpu.compute_pipeline_with(&gpu::packed_cas_sorted(), &[("WORKGROUP", workgroup)]),
+        }
+    }
+
+    /// Records the published pass: all stars into every tile. `target.low_words` are the packed words.
+    fn record_catalogue(
+        &self,
+        gpu: &Gpu,
+        pass: &mut wgpu::ComputePass<'_>,
+        all: &WholeCatalogue<'_>,
+        target: &Sums<'_>,
+    ) {
+        pass.set_pipeline(&self.catalogue);
+        for tile in 0..all.tiles {
+            for draw in all.draws {
+                let [columns, rows] = dispatch_rows(gpu, draw.count.div_ceil(THREADS));
+                let parameters = layout::CatalogueParameters {
+                    camera: all.camera_pc,
+                    star_count: draw.count,
+                    faintest_lx: all.faintest_lx as f32,
+                    tile,
+                    row_threads: columns * THREADS,
+                    ..Default::default()
+                };
+                let parameters = gpu::uniform_buffer(gpu, "catalogue parameters", &parameters);
+                let group = self.target_group(gpu, &self.catalogue, &parameters, target);
+                let stars = bind_buffers(gpu, &self.catalogue, 1, &[(0, draw.stars.as_entire_binding())]);
+                pass.set_bind_group(0, &group, &[]);
+                pass.set_bind_group(1, &stars, &[]);
+                pass.dispatch_workgroups(columns, rows, 1);
+            }
+        }
+    }
+
+    /// Records the same splat on the items of the visible chunks.
+    fn record_sorted(
+        &self,
+        gpu: &Gpu,
+        pass: &mut wgpu::ComputePass<'_>,
+        faintest_lx: f64,
+        target: &Sums<'_>,
+        draws: &[StarDraw<'_>],
+    ) {
+        pass.set_pipeline(&self.sorted);
+        for draw in draws {
+            let [columns, rows] = dispatch_rows(gpu, draw.item_count);
+            let parameters = layout::PackedParameters {
+                faintest_lx: faintest_lx as f32,
+                item_count: draw.item_count,
+                items_per_row: columns,
+                ..Default::default()
+            };
+            let parameters = gpu::uniform_buffer(gpu, "packed parameters", &parameters);
+            let group = self.target_group(gpu, &self.sorted, &parameters, target);
+            pass.set_bind_group(0, &group, &[]);
+            pass.set_bind_group(1, &bind_items(gpu, &self.sorted, draw), &[]);
+            pass.dispatch_workgroups(columns, rows, 1);
+        }
+    }
+
+    fn target_group(
+        &self,
+        gpu: &Gpu,
+        pipeline: &wgpu::ComputePipeline,
+        parameters: &wgpu::Buffer,
+        target: &Sums<'_>,
+    ) -> wgpu::BindGroup {
+        bind_buffers(
+            gpu,
+            pipeline,
+            0,
+            &[
+                (0, parameters.as_entire_binding()),
+                (1, target.viewports.as_entire_binding()),
+                (2, target.tiles.as_entire_binding()),
+                (3, target.counters.as_entire_binding()),
+                (4, target.low_words.as_entire_binding()),
+            ],
+        )
+    }
+}

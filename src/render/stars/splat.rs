@@ -1,0 +1,106 @@
+//! The star pass: splats every visible star in illuminance, in fixed point. Shader: `shaders/stars.wgsl`; the f64 twin is
+//! `crate::reference::stars`.
+
+use std::sync::OnceLock;
+
+use super::items::{StarDraw, bind_items};
+use crate::{
+    gpu::{self, Gpu, dispatch_rows},
+    photometry::blackbody::ln_luminance_cd_m2,
+    plan::stars::{
+        range::FixedPoint,
+        travel::{SHIFTED_STEPS, TABLE_STEPS, colour_of_step, temperature_of_shifted_step_k},
+    },
+    relativity::Motion,
+    render::{
+        layout,
+        targets::{Sums, bind_occlusion, bind_sums},
+    },
+};
+
+/// The pass.
+pub(crate) struct StarPass {
+    pipeline: wgpu::ComputePipeline,
+    /// The same where something may stand before the stars, made when it first does.
+    occluded: OnceLock<wgpu::ComputePipeline>,
+    colours: wgpu::Buffer,
+}
+
+/// Colours with Y = 1, and the logarithm of the luminance, of all temperature steps: from 0 on, then those below 0, which
+/// only a moving camera can ask for.
+fn colour_table() -> Vec<[f32; 4]> {
+    let above = (TABLE_STEPS as u32 - SHIFTED_STEPS) as i32;
+    (0..above)
+        .chain(-(SHIFTED_STEPS as i32)..0)
+        .map(|step| {
+            let [r, g, b] = colour_of_step(step);
+            [r, g, b, ln_luminance_cd_m2(temperature_of_shifted_step_k(f64::from(step))) as f32]
+        })
+        .collect()
+}
+
+fn encode_motion(motion: Motion) -> layout::Traveller {
+    layout::Traveller {
+        direction: motion.direction.as_vec3().to_array(),
+        gamma: motion.gamma() as f32,
+        gamma_beta: (motion.gamma() * motion.beta) as f32,
+        doppler_behind: motion.doppler_behind() as f32,
+        ..Default::default()
+    }
+}
+
+/// The pass with or without the test for what stands before the stars.
+fn star_pipeline(gpu: &Gpu, has_geometry: bool) -> wgpu::ComputePipeline {
+    let workgroup = if gpu.software { 8.0 } else { 64.0 };
+    let constants = [("WORKGROUP", workgroup), ("HAS_GEOMETRY", f64::from(u8::from(has_geometry)))];
+    gpu.compute_pipeline_with(&gpu::stars(gpu.wide_accumulator), &constants)
+}
+
+impl StarPass {
+    pub(crate) fn new(gpu: &Gpu) -> Self {
+        Self {
+            pipeline: star_pipeline(gpu, false),
+            occluded: OnceLock::new(),
+            colours: gpu::storage_buffer(gpu, "star colours", &colour_table()),
+        }
+    }
+
+    /// Colours of luminance 1 for every step of temperature.
+    pub(crate) fn colours(&self) -> &wgpu::Buffer {
+        &self.colours
+    }
+
+    /// Records the draws of one range of brightness into one batch, seen by a camera that may move.
+    pub(crate) fn record(
+        &self,
+        gpu: &Gpu,
+        pass: &mut wgpu::ComputePass<'_>,
+        range: &FixedPoint,
+        motion: Option<Motion>,
+        sums: &Sums<'_>,
+        draws: &[StarDraw<'_>],
+    ) {
+        let occlusion = &sums.occlusion;
+        let pipeline =
+            if occlusion.present { self.occluded.get_or_init(|| star_pipeline(gpu, true)) } else { &self.pipeline };
+        pass.set_pipeline(pipeline);
+        pass.set_bind_group(2, &bind_occlusion(gpu, pipeline, occlusion), &[]);
+        for draw in draws {
+            let [items_per_row, rows] = dispatch_rows(gpu, draw.item_count);
+            let parameters = layout::StarParameters {
+                units_per_lx: range.units_per_lx as f32,
+                faintest_lx: range.faintest_lx as f32,
+                brightest_lx: range.brightest_lx as f32,
+                item_count: draw.item_count,
+                items_per_row,
+                traveller: motion.map(encode_motion).unwrap_or_default(),
+                ..Default::default()
+            };
+            let parameters = gpu::uniform_buffer(gpu, "star parameters", &parameters);
+            let colours = [(5, self.colours.as_entire_binding())];
+            pass.set_bind_group(0, &bind_sums(gpu, pipeline, &parameters, sums, &colours), &[]);
+            pass.set_bind_group(1, &bind_items(gpu, pipeline, draw), &[]);
+            pass.dispatch_workgroups(items_per_row, rows, 1);
+        }
+    }
+}

@@ -1,0 +1,462 @@
+//! What techniques share in a frame: the buffers of every batch of tiles, what stands before the stars, and how they are bound.
+//!
+//! A batch has two planes of half a pixel each, `pixels`: sums of light first, luminance and solid angle after the resolve pass. Its
+//! display image lies in a buffer of its own. [`Targets::begin`] makes room for a frame; [`Targets::enter`] clears what a phase fills.
+
+use super::{
+    layout,
+    technique::{FrameInputs, Phase},
+    viewport::encode_viewport,
+};
+use crate::{
+    gpu::{Gpu, GrowingBuffer, bind_buffers, storage_buffer},
+    plan::{
+        DISPLAY_BYTES, Plan,
+        settings::{Accumulator, GlareMethod},
+        tiles::{BYTES_PER_PIXEL, Batch, Tile},
+    },
+    view::Viewport,
+};
+
+/// Pixels of one workgroup of the passes over pixels: 64 columns, 16 rows.
+pub(crate) const COLUMNS: u32 = 64;
+/// See [`COLUMNS`].
+pub(crate) const ROWS: u32 = 16;
+/// Bytes of a partial sum: illuminance that counts, and solid angle that does not.
+pub(crate) const PARTIAL_SUM_BYTES: u64 = 8;
+/// Counter of sums that overflowed.
+pub(crate) const OVERFLOW_COUNTER: usize = 0;
+/// First of the counters of stars drawn, one per view.
+pub(crate) const FIRST_VIEW_COUNTER: usize = 1;
+
+/// Buffers of one batch of tiles, kept from frame to frame.
+struct BatchBuffers {
+    tiles: GrowingBuffer,
+    pixels: GrowingBuffer,
+    high_words: GrowingBuffer,
+    bright_pixels: GrowingBuffer,
+    bright_high_words: GrowingBuffer,
+    display: GrowingBuffer,
+}
+
+impl BatchBuffers {
+    fn new() -> Self {
+        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
+        Self {
+            tiles: GrowingBuffer::new("tiles", usage),
+            pixels: GrowingBuffer::new("pixels", usage),
+            high_words: GrowingBuffer::new("high words", usage),
+            bright_pixels: GrowingBuffer::new("bright pixels", usage),
+            bright_high_words: GrowingBuffer::new("bright high words", usage),
+            display: GrowingBuffer::new("display", usage),
+        }
+    }
+}
+
+/// The buffers of one batch in a frame.
+pub(crate) struct BatchTargets {
+    /// Its tiles as shaders read them.
+    pub tiles: wgpu::Buffer,
+    /// The same on this side.
+    pub encoded_tiles: Vec<layout::Tile>,
+    /// First words of the sums, then the picture.
+    pub pixels: wgpu::Buffer,
+    /// Second words of the sums.
+    pub high_words: wgpu::Buffer,
+    /// First and second words of the stars that outshine the rest.
+    pub bright: Option<[wgpu::Buffer; 2]>,
+    /// The display image, where one is made.
+    pub display: Option<wgpu::Buffer>,
+    /// What the geometry pass leaves in the pixels; `None` without bodies and asteroids.
+    pub geometry: Option<wgpu::Buffer>,
+    /// Pixels of the batch.
+    pub plane_pixels: u32,
+    /// Workgroups of the passes over its pixels.
+    pub grid: [u32; 3],
+    /// Whether a display image of it is made, and what of the HDR image.
+    pub made: Made,
+}
+
+/// What is made of the pictures of a batch, for any of its tiles.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Made {
+    pub display: bool,
+    pub hdr: bool,
+    pub hdr_stays: bool,
+}
+
+/// Layers of samples that asteroids were drawn into, for one tile.
+#[derive(Clone)]
+pub(crate) struct RasterLayers {
+    /// Luminance in units of `luminance_scale`, `samples` times as wide and high as the tile.
+    pub colour: wgpu::TextureView,
+    /// Reversed depth of the same size: `near_m` over the distance; 0: nothing.
+    pub depth: wgpu::TextureView,
+    /// The same of six cube faces, as arrays.
+    pub faces_colour: wgpu::TextureView,
+    /// See `faces_colour`.
+    pub faces_depth: wgpu::TextureView,
+    /// Bit set of the faces that were drawn; 0: the views of faces are stand-ins.
+    pub faces: u32,
+    /// Side of a face, samples.
+    pub face_size_px: u32,
+    /// Samples along a side of a pixel.
+    pub samples: u32,
+    /// Distance at depth 1, m.
+    pub near_m: f32,
+    /// cd/m^2 per unit of luminance.
+    pub luminance_scale: f32,
+}
+
+/// Bodies as the passes that splat read them.
+#[derive(Clone)]
+pub(crate) struct SeenBodies {
+    pub view_bodies: wgpu::Buffer,
+    pub body_runs: wgpu::Buffer,
+}
+
+/// Everything that techniques share in a frame.
+pub(crate) struct Targets {
+    batch_buffers: Vec<BatchBuffers>,
+    viewport_buffer: GrowingBuffer,
+    counter_buffer: GrowingBuffer,
+    partial_buffer: GrowingBuffer,
+    stand_in: wgpu::Buffer,
+    /// The exposure that was found.
+    pub exposure: wgpu::Buffer,
+    /// One per batch.
+    pub batches: Vec<BatchTargets>,
+    /// All viewports as shaders read them.
+    pub viewports: wgpu::Buffer,
+    /// Counters that are read back, then the flags of the blocks of all tiles.
+    pub counters: wgpu::Buffer,
+    /// How many counters are read back.
+    pub counter_count: usize,
+    /// Sums for the exposure.
+    pub partial_sums: wgpu::Buffer,
+    /// How many there are.
+    pub partial_count: u32,
+    /// Bodies; `None`: there are neither bodies nor asteroids.
+    pub bodies: Option<SeenBodies>,
+    /// Asteroids of the tile whose geometry is being recorded.
+    pub layers: Option<RasterLayers>,
+}
+
+impl Targets {
+    pub(crate) fn new(gpu: &Gpu) -> Self {
+        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
+        let stand_in = storage_buffer(gpu, "nothing", &[[0_u32; 32]]);
+        let exposure = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("exposure"),
+            size: size_of::<layout::Exposure>() as u64,
+            usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC,
+            mapped_at_creation: false,
+        });
+        Self {
+            batch_buffers: Vec::new(),
+            viewport_buffer: GrowingBuffer::new("viewports", usage),
+            counter_buffer: GrowingBuffer::new("counters", usage),
+            partial_buffer: GrowingBuffer::new("partial sums", usage),
+            exposure,
+            batches: Vec::new(),
+            viewports: stand_in.clone(),
+            counters: stand_in.clone(),
+            counter_count: 0,
+            partial_sums: stand_in.clone(),
+            partial_count: 0,
+            bodies: None,
+            layers: None,
+            stand_in,
+        }
+    }
+
+    /// Lets go of everything that belongs to a size.
+    pub(crate) fn release(&mut self) {
+        self.batch_buffers.clear();
+        self.batches.clear();
+        for buffer in [&mut self.viewport_buffer, &mut self.counter_buffer, &mut self.partial_buffer] {
+            buffer.release();
+        }
+        for buffer in [&mut self.viewports, &mut self.counters, &mut self.partial_sums] {
+            *buffer = self.stand_in.clone();
+        }
+        self.bodies = None;
+        self.layers = None;
+    }
+
+    /// Makes room for a frame, and uploads its viewports and tiles.
+    pub(crate) fn begin(
+        &mut self,
+        gpu: &Gpu,
+        encoder: &mut wgpu::CommandEncoder,
+        frame: &FrameInputs<'_>,
+        views: usize,
+    ) {
+        let plan = frame.plan;
+        let encoded: Vec<layout::Viewport> =
+            plan.viewports.iter().zip(&plan.kernels).map(|(v, kernels)| encode_viewport(v, kernels)).collect();
+        self.viewports = self.viewport_buffer.upload(gpu, &encoded).clone();
+        // The flags of all batches follow the counters that are read back.
+        self.counter_count = FIRST_VIEW_COUNTER + views;
+        let (tiles, partials, counters_and_flags) = encoded_tiles(plan, self.counter_count as u32);
+        self.partial_count = partials;
+        self.partial_sums = self.partial_buffer.with_room(gpu, u64::from(partials) * PARTIAL_SUM_BYTES).clone();
+        self.counters = self.counter_buffer.with_room(gpu, 4 * u64::from(counters_and_flags)).clone();
+        encoder.clear_buffer(&self.counters, 0, None);
+        self.bodies = None;
+        self.layers = None;
+
+        self.batch_buffers.truncate(plan.batches.len().max(1));
+        self.batch_buffers.resize_with(plan.batches.len(), BatchBuffers::new);
+        let made = frame.outputs.made(&plan.viewports);
+        self.batches = plan
+            .batches
+            .iter()
+            .zip(&mut self.batch_buffers)
+            .zip(tiles)
+            .map(|((batch, buffers), encoded_tiles)| {
+                let of_batch = batch.tiles.iter().fold(Made::default(), |all, tile| Made {
+                    display: all.display || made[tile.viewport].display,
+                    hdr: all.hdr || made[tile.viewport].hdr,
+                    hdr_stays: all.hdr_stays || made[tile.viewport].hdr_stays,
+                });
+                let bytes = batch.pixels * BYTES_PER_PIXEL;
+                let bright = plan.ranges.bright.map(|_| {
+                    let low = buffers.bright_pixels.with_room(gpu, bytes / 2).clone();
+                    [low, buffers.bright_high_words.with_room(gpu, bytes / 2).clone()]
+                });
+                if bright.is_none() {
+                    buffers.bright_pixels.release();
+                    buffers.bright_high_words.release();
+                }
+                BatchTargets {
+                    tiles: buffers.tiles.upload(gpu, &encoded_tiles).clone(),
+                    encoded_tiles,
+                    pixels: buffers.pixels.with_room(gpu, bytes).clone(),
+                    high_words: buffers.high_words.with_room(gpu, bytes / 2).clone(),
+                    bright,
+                    display: of_batch
+                        .display
+                        .then(|| buffers.display.with_room(gpu, batch.pixels * DISPLAY_BYTES).clone()),
+                    geometry: None,
+                    plane_pixels: batch.pixels as u32,
+                    grid: grid_of(plan, batch),
+                    made: of_batch,
+                }
+            })
+            .collect();
+    }
+
+    /// Clears what a phase fills.
+    pub(crate) fn enter(
+        &mut self,
+        phase: Phase,
+        encoder: &mut wgpu::CommandEncoder,
+        gpu: &Gpu,
+        frame: &FrameInputs<'_>,
+    ) {
+        match phase {
+            Phase::Geometry(..) => self.layers = None,
+            Phase::Splat(number) if adds_up(frame) => {
+                let batch = &self.batches[number];
+                let plane_bytes = frame.plan.batches[number].pixels * BYTES_PER_PIXEL / 2;
+                // The second plane needs no clearing: what stands there beside a dark pixel is not read.
+                encoder.clear_buffer(&batch.pixels, 0, Some(plane_bytes));
+                if !gpu.wide_accumulator {
+                    encoder.clear_buffer(&batch.high_words, 0, Some(plane_bytes));
+                }
+                for bright in batch.bright.iter().flatten() {
+                    encoder.clear_buffer(bright, 0, Some(plane_bytes));
+                }
+            }
+            _ => {}
+        }
+    }
+
+    /// Where the light of a batch adds up: of the stars that outshine the rest, or of everything else.
+    pub(crate) fn sums(&self, batch: usize, bright: bool) -> Option<Sums<'_>> {
+        let of_batch = &self.batches[batch];
+        let [low_words, high_words] = match &of_batch.bright {
+            Some([low, high]) if bright => [low, high],
+            None if bright => return None,
+            _ => [&of_batch.pixels, &of_batch.high_words],
+        };
+        Some(Sums {
+            viewports: &self.viewports,
+            tiles: &of_batch.tiles,
+            counters: &self.counters,
+            low_words,
+            high_words,
+            occlusion: self.occlusion(batch),
+        })
+    }
+
+    /// The picture of a batch.
+    pub(crate) fn picture(&self, batch: usize) -> PictureTarget<'_> {
+        let of_batch = &self.batches[batch];
+        PictureTarget {
+            viewports: &self.viewports,
+            tiles: &of_batch.tiles,
+            pixels: &of_batch.pixels,
+            partial_sums: &self.partial_sums,
+            plane_pixels: of_batch.plane_pixels,
+        }
+    }
+
+    /// What stands before the stars of a batch.
+    pub(crate) fn occlusion(&self, batch: usize) -> Occlusion<'_> {
+        match (&self.bodies, &self.batches[batch].geometry) {
+            (Some(bodies), Some(geometry)) => {
+                Occlusion { present: true, geometry, view_bodies: &bodies.view_bodies, body_runs: &bodies.body_runs }
+            }
+            _ => Occlusion {
+                present: false,
+                geometry: &self.stand_in,
+                view_bodies: &self.stand_in,
+                body_runs: &self.stand_in,
+            },
+        }
+    }
+}
+
+/// What bodies and asteroids leave for what is drawn behind and beside them: see `shaders/shared/occlusion.wgsl`.
+#[derive(Clone, Copy)]
+pub(crate) struct Occlusion<'a> {
+    /// Whether there is anything; the buffers are stand-ins otherwise.
+    pub present: bool,
+    /// What the geometry pass has left in the pixels of the batch.
+    pub geometry: &'a wgpu::Buffer,
+    pub view_bodies: &'a wgpu::Buffer,
+    pub body_runs: &'a wgpu::Buffer,
+}
+
+/// Buffers in which the light of a batch adds up.
+#[derive(Clone, Copy)]
+pub(crate) struct Sums<'a> {
+    pub viewports: &'a wgpu::Buffer,
+    pub tiles: &'a wgpu::Buffer,
+    pub counters: &'a wgpu::Buffer,
+    pub low_words: &'a wgpu::Buffer,
+    pub high_words: &'a wgpu::Buffer,
+    pub occlusion: Occlusion<'a>,
+}
+
+/// Buffers of a batch whose picture is written, or written over, as luminance and summed for the exposure.
+#[derive(Clone, Copy)]
+pub(crate) struct PictureTarget<'a> {
+    pub viewports: &'a wgpu::Buffer,
+    pub tiles: &'a wgpu::Buffer,
+    pub pixels: &'a wgpu::Buffer,
+    pub partial_sums: &'a wgpu::Buffer,
+    /// Pixels of the batch.
+    pub plane_pixels: u32,
+}
+
+/// Binds what stands before the stars as every pass that splats does.
+pub(crate) fn bind_occlusion(
+    gpu: &Gpu,
+    pipeline: &wgpu::ComputePipeline,
+    occlusion: &Occlusion<'_>,
+) -> wgpu::BindGroup {
+    let buffers = [occlusion.geometry, occlusion.view_bodies, occlusion.body_runs];
+    let bindings: Vec<_> = (0..).zip(buffers).map(|(binding, buffer)| (binding, buffer.as_entire_binding())).collect();
+    bind_buffers(gpu, pipeline, 2, &bindings)
+}
+
+/// Parameters and sums, as every pass that splats in fixed point binds them; `others` follow.
+pub(crate) fn bind_sums(
+    gpu: &Gpu,
+    pipeline: &wgpu::ComputePipeline,
+    parameters: &wgpu::Buffer,
+    sums: &Sums<'_>,
+    others: &[(u32, wgpu::BindingResource<'_>)],
+) -> wgpu::BindGroup {
+    let of_sums = [
+        (0, parameters.as_entire_binding()),
+        (1, sums.viewports.as_entire_binding()),
+        (2, sums.tiles.as_entire_binding()),
+        (3, sums.counters.as_entire_binding()),
+        (4, sums.low_words.as_entire_binding()),
+        (6, sums.high_words.as_entire_binding()),
+    ];
+    bind_buffers(gpu, pipeline, 0, &[&of_sums[..], others].concat())
+}
+
+/// Parameters and picture, as every pass over pictures of luminance binds them.
+pub(crate) fn bind_picture(
+    gpu: &Gpu,
+    pipeline: &wgpu::ComputePipeline,
+    parameters: &wgpu::Buffer,
+    target: &PictureTarget<'_>,
+) -> wgpu::BindGroup {
+    let buffers = [parameters, target.viewports, target.tiles, target.pixels, target.partial_sums];
+    let bindings: Vec<_> = (0..).zip(buffers).map(|(binding, buffer)| (binding, buffer.as_entire_binding())).collect();
+    bind_buffers(gpu, pipeline, 0, &bindings)
+}
+
+/// Flags of a tile: one for each block of pixels of the grid, in rows.
+fn flags_of(width: u32, rows: u32) -> u32 {
+    width.div_ceil(COLUMNS) * rows.div_ceil(ROWS)
+}
+
+/// Workgroups over all pixels of a batch's tiles: columns, rows, tiles. `widths` are those of the tiles.
+pub(crate) fn pixel_grid(tiles: &[Tile], widths: &[u32]) -> [u32; 3] {
+    let columns = widths.iter().max().copied().unwrap_or(0).div_ceil(COLUMNS);
+    let rows = tiles.iter().map(|tile| tile.rows).max().unwrap_or(0).div_ceil(ROWS);
+    [columns, rows, tiles.len() as u32]
+}
+
+/// The same of a single tile.
+pub(crate) fn tile_grid(tile: &Tile, viewport: &Viewport) -> [u32; 3] {
+    pixel_grid(std::slice::from_ref(tile), &[viewport.size()[0]])
+}
+
+fn grid_of(plan: &Plan, batch: &Batch) -> [u32; 3] {
+    let widths: Vec<u32> = batch.tiles.iter().map(|tile| plan.viewports[tile.viewport].size()[0]).collect();
+    pixel_grid(&batch.tiles, &widths)
+}
+
+/// Partial sums that a tile's workgroups write: one per column of pixels and row of workgroups.
+pub(crate) fn partial_sums(width: u32, rows: u32) -> u32 {
+    width * rows.div_ceil(ROWS)
+}
+
+/// The tiles of every batch as shaders read them, the number of partial sums of all, and the number of counters with the
+/// flags of all tiles, which follow the first `counters`.
+fn encoded_tiles(plan: &Plan, counters: u32) -> (Vec<Vec<layout::Tile>>, u32, u32) {
+    let mut first_flag = counters;
+    let mut first_partial = 0;
+    let tiles = plan
+        .batches
+        .iter()
+        .map(|batch| {
+            let tiles = batch.tiles.iter().map(|tile| {
+                let encoded = layout::Tile {
+                    viewport: tile.viewport as u32,
+                    first_row: tile.first_row,
+                    rows: tile.rows,
+                    first_pixel: tile.first_pixel,
+                    first_partial,
+                    first_flag,
+                    ..Default::default()
+                };
+                let width = plan.viewports[tile.viewport].size()[0];
+                first_partial += partial_sums(width, tile.rows);
+                first_flag += flags_of(width, tile.rows);
+                encoded
+            });
+            tiles.collect()
+        })
+        .collect();
+    (tiles, first_partial, first_flag)
+}
+
+/// Whether light adds up in sums that the resolve pass turns into luminance.
+pub(crate) fn adds_up(frame: &FrameInputs<'_>) -> bool {
+    frame.settings.stars.method.accumulator() == Accumulator::FixedPoint
+}
+
+/// Whether the resolve pass writes the display images itself: where the exposure is known before the pixels are, and nothing is scattered.
+pub(crate) fn resolves_to_display(frame: &FrameInputs<'_>) -> bool {
+    frame.plan.known_ev100.is_some() && frame.plan.glare.method == GlareMethod::None && adds_up(frame)
+}
