@@ -55,14 +55,27 @@ pub(super) fn draw(drawing: &mut Drawing<'_>, eye: &Eye<'_>, grid: &Grid) -> Res
     } else {
         drawing.lines(eye, &grid.style, arcs)?;
     }
+    Ok(())
+}
+
+/// Numbers of the circles.
+pub(super) fn draw_numbers(drawing: &mut Drawing<'_>, eye: &Eye<'_>, grid: &Grid) -> Result<(), OverlayPlanError> {
     if !grid.numbers {
         return Ok(());
     }
+    let axes = axes(grid.kind, eye);
+    let step = FRAC_PI_2 / f64::from(grid.divisions);
+    let divisions = i64::from(grid.divisions);
+    let own_axes = grid.kind == GridKind::Altitude;
     let ink = Ink { colour: grid.style.colour, opacity: grid.style.opacity };
     let mut number = |text: &str, direction: DVec3| {
         let direction = if own_axes { eye.view_from_world * direction } else { eye.seen(direction) };
         let place = Place::Beside { gap_px: grid.style.width_px / 2.0 + 2.0 };
-        drawing.text_at(eye, direction, &Run { text, size_px: NUMBER_PX, ink, nearness: AT_INFINITY, place })
+        drawing.text_at(
+            eye,
+            direction,
+            &Run { text, size_px: NUMBER_PX, ink, nearness: AT_INFINITY, place, edged: true },
+        )
     };
     // Longitudes along the equator, latitudes along four meridians.
     for index in 0..4 * divisions {

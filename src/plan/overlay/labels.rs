@@ -20,7 +20,7 @@ pub(super) fn draw(drawing: &mut Drawing<'_>, eye: &Eye<'_>, objects: &SceneObje
         }
         let ink = Ink { colour: label.colour, opacity: label.opacity };
         let place = Place::Beside { gap_px: 0.3 * label.size_px };
-        let run = Run { text: &label.text, size_px: label.size_px, ink, nearness, place };
+        let run = Run { text: &label.text, size_px: label.size_px, ink, nearness, place, edged: true };
         drawing.text_at(eye, eye.seen(direction), &run)?;
     }
     Ok(())

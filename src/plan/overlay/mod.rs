@@ -223,6 +223,9 @@ impl OverlayPlanner {
                 let arcs = trajectory.points_m.windows(2).filter_map(|ends| eye.straight_line(ends[0], ends[1]));
                 drawing.lines(&eye, &trajectory.style, arcs)?;
             }
+            for grid in &overlay.grids {
+                grid::draw_numbers(&mut drawing, &eye, grid)?;
+            }
             labels::draw(&mut drawing, &eye, inputs.objects)?;
             let name = inputs.views.get(viewport.view);
             if let Some(name) = name.filter(|name| overlay.test_patterns.contains(name)) {

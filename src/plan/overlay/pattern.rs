@@ -48,9 +48,10 @@ pub(super) fn draw(drawing: &mut Drawing<'_>, eye: &Eye<'_>, name: &str) -> Resu
     // Great circles through the axis, from it to both sides.
     let cross = [DVec3::X, DVec3::Y].map(|across| Arc::half_circle(axis, across, PI).before_all());
     drawing.view_lines(eye, &CROSS, cross.into_iter())?;
-    patches(drawing, eye.viewport.size())?;
     numbers(drawing, eye)?;
-    names(drawing, eye, name)
+    patches(drawing, eye.viewport.size())?;
+    names(drawing, eye, name)?;
+    frame(drawing, eye.viewport.size())
 }
 
 fn boxed(drawing: &mut Drawing<'_>, ink: Ink, [x0, y0]: [i32; 2], [x1, y1]: [i32; 2]) -> Result<(), OverlayPlanError> {
@@ -68,6 +69,12 @@ fn pixel_grid(drawing: &mut Drawing<'_>, size: [u32; 2]) -> Result<(), OverlayPl
     for y in lines(height) {
         boxed(drawing, opaque(LINES.colour), [0, y], [width, y + 1])?;
     }
+    Ok(())
+}
+
+/// The outermost pixels, over everything else: they say whether the whole picture is seen.
+fn frame(drawing: &mut Drawing<'_>, size: [u32; 2]) -> Result<(), OverlayPlanError> {
+    let [width, height] = size.map(|side| side as i32);
     drawing.next_stroke();
     for (from, to) in [
         ([0, 0], [width, 1]),
@@ -125,7 +132,7 @@ fn numbers(drawing: &mut Drawing<'_>, eye: &Eye<'_>) -> Result<(), OverlayPlanEr
                 eye,
                 pixel,
                 0.0,
-                &Run { text: &text, size_px, ink: opaque(CIRCLES.colour), nearness: BEFORE_ALL, place },
+                &Run { text: &text, size_px, ink: opaque(CIRCLES.colour), nearness: BEFORE_ALL, place, edged: true },
             )?;
         }
     }
@@ -140,8 +147,12 @@ fn names(drawing: &mut Drawing<'_>, eye: &Eye<'_>, name: &str) -> Result<(), Ove
     };
     let middle = |y: f64| DVec2::new(f64::from(width) / 2.0, f64::from(height) * y);
     let size_px = (f64::from(width.min(height)) / 16.0).clamp(10.0, 64.0);
-    for (text, size_px, y) in [(name, size_px, 0.25), (format!("{width} x {height}"), size_px / 2.0, 0.30)] {
-        let run = Run { text: &text, size_px, ink: opaque(WHITE), nearness: BEFORE_ALL, place: Place::Centred };
+    for (text, size_px, y) in [
+        (name, size_px, 0.25),
+        (format!("{width} x {height}"), size_px / 2.0, 0.25 + 1.1 * size_px / f64::from(height)),
+    ] {
+        let run =
+            Run { text: &text, size_px, ink: opaque(WHITE), nearness: BEFORE_ALL, place: Place::Centred, edged: false };
         // On a plate, so that it can be read before the lines.
         let half = [super::text::width_px(&text, size_px) / 2.0 + size_px / 3.0, size_px * 0.6];
         let at = middle(y);

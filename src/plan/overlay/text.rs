@@ -1,7 +1,7 @@
 //! Text: glyphs as bitmaps of exact coverage.
 //!
 //! The outline of a glyph is placed, turned, and filled by area, once for each quarter of a pixel and each 1024th of a turn; the bitmap then
-//! lies on whole pixels. Text beside a direction stands upright towards the camera's +y axis, so that it can be read all around a dome.
+//! lies on whole pixels. Text beside lines has a dark edge, drawn first, so that it can be read before anything. Text beside a direction stands upright towards the camera's +y axis, so that it can be read all around a dome.
 
 use std::{collections::HashMap, f64::consts::TAU};
 
@@ -10,7 +10,10 @@ use ab_glyph_rasterizer::{Point, Rasterizer};
 use glam::{DVec2, DVec3};
 
 use super::{Drawing, Eye, Ink, OverlayPlanError, Shape};
-use crate::{scene::overlay::font, view::projection::Projection};
+use crate::{
+    scene::overlay::{Colour, font},
+    view::projection::Projection,
+};
 
 /// Steps of a turn.
 const TURNS: f64 = 1024.0;
@@ -18,6 +21,11 @@ const TURNS: f64 = 1024.0;
 const PLACES: f64 = 4.0;
 /// Bitmaps that are kept from frame to frame.
 const MOST_KEPT: usize = 8192;
+/// Width of the dark edge, in parts of the font's height and at least, pixels.
+const EDGE: f64 = 0.1;
+const LEAST_EDGE_PX: f64 = 1.5;
+/// Opacity of the dark edge, in parts of the text's.
+const EDGE_OPACITY: f64 = 0.75;
 /// Step along the upward direction by which its image is found, rad.
 const UP_STEP_RAD: f64 = 1e-4;
 
@@ -46,6 +54,8 @@ pub struct Run<'a> {
     pub nearness: f64,
     /// Where it stands beside its anchor.
     pub place: Place,
+    /// Whether it has a dark edge.
+    pub edged: bool,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -55,6 +65,8 @@ struct Key {
     size: u64,
     turn: u16,
     place: [u8; 2],
+    /// Whether it is the dark edge, which lies under the glyph.
+    edge: bool,
 }
 
 /// A glyph's coverage.
@@ -90,7 +102,30 @@ fn text_axes(turn_rad: f64) -> [DVec2; 2] {
     [DVec2::new(cos, sin), DVec2::new(sin, -cos)]
 }
 
+/// A bitmap that reaches farther than another by `reach_px`, all around.
+fn widened(inner: &Bitmap, reach_px: f64) -> Bitmap {
+    let margin = reach_px.ceil() as i32;
+    let size = inner.size.map(|side| side + 2 * margin as u32);
+    let mut coverage = vec![0_u8; (size[0] * size[1]) as usize];
+    for (index, &covered) in inner.coverage.iter().enumerate().filter(|(_, covered)| **covered > 0) {
+        let (x, y) = (index as i32 % inner.size[0] as i32, index as i32 / inner.size[0] as i32);
+        for dy in -margin..=margin {
+            for dx in -margin..=margin {
+                let share = (reach_px + 0.5 - f64::from(dx).hypot(f64::from(dy))).clamp(0.0, 1.0);
+                let at = (y + margin + dy) as usize * size[0] as usize + (x + margin + dx) as usize;
+                coverage[at] = coverage[at].max((f64::from(covered) * share).round() as u8);
+            }
+        }
+    }
+    Bitmap { from: inner.from.map(|first| first - margin), size, coverage }
+}
+
 fn bitmap(key: Key) -> Bitmap {
+    if key.edge {
+        let inner = bitmap(Key { edge: false, ..key });
+        let reach_px = (EDGE * f64::from_bits(key.size)).max(LEAST_EDGE_PX);
+        return if inner.coverage.is_empty() { inner } else { widened(&inner, reach_px) };
+    }
     let font = font();
     let Some(outline) = font.outline(GlyphId(key.glyph)) else { return Bitmap::default() };
     let scale = f64::from_bits(key.size) / f64::from(font.units_per_em().unwrap_or(1000.0));
@@ -163,7 +198,6 @@ impl Drawing<'_> {
         let reach = length_px + 2.0 * run.size_px;
         let inside =
             |pixel: DVec2| pixel.x > -reach && pixel.x < width + reach && pixel.y > -reach && pixel.y < height + reach;
-        self.next_stroke();
         if !inside(anchor) {
             return Ok(());
         }
@@ -176,25 +210,39 @@ impl Drawing<'_> {
             };
         // What goes over the side of an image that has none comes in at the other.
         let wraps = matches!(eye.viewport.projection, Projection::Equirectangular(_));
-        for shift in if wraps { &[0.0, 1.0, -1.0][..] } else { &[0.0] } {
-            let shifted = start + DVec2::new(shift * width, 0.0);
-            if *shift == 0.0 || inside(shifted) {
-                self.glyphs_of(shifted, turn as u16, right, run)?;
+        for edge in [true, false] {
+            if edge && !run.edged {
+                continue;
+            }
+            self.next_stroke();
+            for shift in if wraps { &[0.0, 1.0, -1.0][..] } else { &[0.0] } {
+                let shifted = start + DVec2::new(shift * width, 0.0);
+                if *shift == 0.0 || inside(shifted) {
+                    self.glyphs_of(shifted, turn as u16, right, run, edge)?;
+                }
             }
         }
         Ok(())
     }
 
-    fn glyphs_of(&mut self, start: DVec2, turn: u16, right: DVec2, run: &Run<'_>) -> Result<(), OverlayPlanError> {
+    fn glyphs_of(
+        &mut self,
+        start: DVec2,
+        turn: u16,
+        right: DVec2,
+        run: &Run<'_>,
+        edge: bool,
+    ) -> Result<(), OverlayPlanError> {
         let font = font();
         let scale = run.size_px / f64::from(font.units_per_em().unwrap_or(1000.0));
+        let ink = if edge { Ink { colour: Colour([0; 3]), opacity: EDGE_OPACITY * run.ink.opacity } } else { run.ink };
         let mut pen = start;
         for character in run.text.chars() {
             let glyph = font.glyph_id(character);
             let place = (pen * PLACES).round() / PLACES;
             let pixel = place.floor();
             let within = ((place - pixel) * PLACES).to_array().map(|part| part as u8);
-            let key = Key { glyph: glyph.0, size: run.size_px.to_bits(), turn, place: within };
+            let key = Key { glyph: glyph.0, size: run.size_px.to_bits(), turn, place: within, edge };
             let bitmap = self.glyphs.bitmaps.entry(key).or_insert_with(|| bitmap(key));
             if !bitmap.coverage.is_empty() {
                 let first_texel = *self.glyphs.first_texels.entry(key).or_insert_with(|| {
@@ -204,7 +252,7 @@ impl Drawing<'_> {
                 });
                 let (from, size) = (bitmap.from, bitmap.size);
                 let from = [pixel.x as i32 + from[0], pixel.y as i32 + from[1]];
-                self.push(run.ink, Shape::Glyph { from, size, first_texel, nearness: run.nearness })?;
+                self.push(ink, Shape::Glyph { from, size, first_texel, nearness: run.nearness })?;
             }
             pen += right * (f64::from(font.h_advance_unscaled(glyph)) * scale);
         }
