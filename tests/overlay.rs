@@ -1,4 +1,4 @@
-//! Overlays: their plan in f64, and what the twin draws of it.
+//! Overlays in f64: their plan, and their configuration.
 #![allow(clippy::unwrap_used, reason = "a failed expectation of a test's own helpers is a failed test")]
 
 use std::{f64::consts::PI, path::Path, sync::Arc};
@@ -6,11 +6,17 @@ use std::{f64::consts::PI, path::Path, sync::Arc};
 use glam::{DQuat, DVec2, DVec3};
 use steradian::{
     config::Config,
-    plan::overlay::{OverlayInputs, OverlayPlan, OverlayPlanner, Shape, arc::Arc as SkyArc, trace::Tracer},
-    reference::overlay::draw::{OverlayTarget, draw},
-    scene::{Camera, SceneObjects, overlay::*},
+    coordinates::{direction_from_lon_lat, icrs_from_galactic},
+    plan::overlay::{
+        OverlayInputs, OverlayPlan, OverlayPlanError, OverlayPlanner, Shape, arc::Arc as SkyArc, trace::Tracer,
+    },
+    relativity::Motion,
+    scene::{
+        Camera, SceneObjects,
+        overlay::{Anchor, Colour, Grid, GridKind, LineStyle, Overlay, Trajectory},
+    },
     view::{
-        Rig, View, ViewKind,
+        Fov, Rig, View, ViewKind, Viewport,
         projection::{CubeFace, Equirectangular, Face, Fisheye, FisheyeMapping, Perspective, Projection},
     },
 };
@@ -168,91 +174,138 @@ fn pieces_follow_their_curve_in_every_projection_and_leave_no_gap() {
     }
 }
 
-fn picture(plan: &OverlayPlan, viewport: usize, projection: &Projection) -> Vec<u8> {
-    let [width, height] = projection.mapping().size();
-    let mut codes: Vec<u8> = [0, 0, 0, 255].repeat((width * height) as usize);
-    let contains = |x, y| projection.mapping().contains(x, y);
-    let mut target =
-        OverlayTarget { size: [width, height], codes: &mut codes, contains: &contains, cover: &|_, _| None };
-    draw(&mut target, plan.items_of(viewport), &plan.texels);
-    codes
+/// The plan of a scene for views that all look along the camera's axes.
+fn plan_of(objects: &SceneObjects, camera: &Camera, viewports: &[Viewport], names: &[String]) -> Arc<OverlayPlan> {
+    let inputs = OverlayInputs { objects, camera, viewports, views: names };
+    OverlayPlanner::default().plan(&inputs).unwrap().unwrap()
+}
+
+fn rig() -> (Rig, Vec<String>) {
+    let fov = Fov { left_rad: -0.9, right_rad: 0.7, up_rad: 0.8, down_rad: -0.8 };
+    let views = [
+        ("dome", ViewKind::DomeMaster { size: 300, fov_rad: PI, tilt_rad: 0.0 }),
+        ("eyes", ViewKind::Stereo { size: [300, 240], ipd_m: 0.4, fov_left: fov, fov_right: fov.mirrored() }),
+        ("sphere", ViewKind::Equirectangular { size: [400, 200] }),
+    ];
+    let view = |(name, kind)| View::new(name, kind, DQuat::IDENTITY, DVec3::ZERO).unwrap();
+    let rig = Rig::new(views.into_iter().map(view).collect()).unwrap();
+    let names = rig.views().iter().map(|view| view.name.clone()).collect();
+    (rig, names)
+}
+
+/// The line of a viewport that is nearest to a pixel: its distance, pixels, and 1 over the distance in space there.
+fn nearest_line(plan: &OverlayPlan, viewport: usize, pixel: DVec2) -> (f64, f64) {
+    let lines = plan.items_of(viewport).iter().filter_map(|item| match item.shape {
+        Shape::Line { from, to, nearness, .. } => Some((from, to, nearness)),
+        _ => None,
+    });
+    let distances = lines.map(|(from, to, nearness)| {
+        let along = to - from;
+        let part = ((pixel - from).dot(along) / along.length_squared().max(1e-300)).clamp(0.0, 1.0);
+        (pixel.distance(from + along * part), nearness[0] + (nearness[1] - nearness[0]) * part)
+    });
+    distances.min_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((f64::INFINITY, 0.0))
+}
+
+/// Pixel of a vector in world axes, if it lies in the picture.
+fn pixel_of(viewport: &Viewport, vector: DVec3) -> Option<DVec2> {
+    let mapping = viewport.projection.mapping();
+    let pixel = mapping.pixel_from_direction(viewport.world_from_view.inverse() * vector)?;
+    mapping.direction_from_pixel(pixel).map(|_| pixel)
 }
 
 #[test]
-fn pictures() {
-    let grid = |kind, colour| Grid {
-        kind,
-        divisions: 6,
-        numbers: true,
-        style: LineStyle { colour: Colour(colour), ..Grid::STYLE },
-    };
-    let label = |name: &str, ra: f64, dec: f64| Label {
-        name: name.to_owned(),
-        text: name.to_owned(),
-        anchor: Anchor::Direction(steradian::coordinates::direction_from_lon_lat(ra.to_radians(), dec.to_radians())),
-        colour: Label::COLOUR,
-        size_px: 16.0,
-        opacity: 1.0,
-    };
-    let points_m = (0..200)
-        .map(|i| f64::from(i) * 0.05)
-        .map(|t| DVec3::new(t.cos() * 2.0, t.sin() * 2.0, t * 0.5 - 2.0))
-        .collect();
-    let overlay = Overlay {
-        grids: vec![grid(GridKind::Equatorial, [79, 127, 191]), grid(GridKind::Altitude, [160, 90, 90])],
-        trajectories: vec![Trajectory { name: "spiral".into(), points_m, style: Trajectory::STYLE }],
-        labels: vec![label("Sirius", 101.3, -16.7), label("Betelgeuse", 88.8, 7.4), label("Vega", 279.2, 38.8)],
-        test_patterns: std::env::var("PATTERN")
-            .is_ok()
-            .then(|| vec!["dome".into(), "cube".into(), "flat".into(), "sphere".into()])
-            .unwrap_or_default(),
-    };
-    let views: Vec<(&str, ViewKind)> = vec![
-        ("dome", ViewKind::DomeMaster { size: 1024, fov_rad: PI, tilt_rad: 0.0 }),
-        ("flat", ViewKind::Perspective { size: [1024, 768], fov_y_rad: 1.2 }),
-        ("cube", ViewKind::Cubemap { face_size: 512, faces: Face::ALL.to_vec() }),
-        ("sphere", ViewKind::Equirectangular { size: [1600, 800] }),
-    ];
-    let rig = Rig::new(
-        views.into_iter().map(|(name, kind)| View::new(name, kind, DQuat::IDENTITY, DVec3::ZERO).unwrap()).collect(),
-    )
-    .unwrap();
-    let camera =
-        Camera { world_from_camera: DQuat::from_euler(glam::EulerRot::XYZ, 1.2, 0.4, 0.2), ..Camera::default() };
-    let objects = SceneObjects { overlay: Arc::new(overlay), ..SceneObjects::default() };
-    let viewports = rig.viewports(camera.world_from_camera);
-    let names: Vec<String> = rig.views().iter().map(|view| view.name.clone()).collect();
-    let inputs = OverlayInputs { objects: &objects, camera: &camera, viewports: &viewports, views: &names };
-    let mut planner = OverlayPlanner::default();
-    let start = std::time::Instant::now();
-    planner.plan(&inputs).unwrap().unwrap();
-    planner = OverlayPlanner::default();
-    println!("first plan {:?}", start.elapsed());
-    let start = std::time::Instant::now();
-    let plan = planner.plan(&inputs).unwrap().unwrap();
-    println!(
-        "plan {:?}: {} items, {} blocks, {} entries, {} texels",
-        start.elapsed(),
-        plan.items.len(),
-        plan.blocks.len(),
-        plan.entries.len(),
-        plan.texels.len()
-    );
-    let lines = plan.items.iter().filter(|item| matches!(item.shape, Shape::Line { .. })).count();
-    println!("{lines} lines");
+fn a_moving_camera_sees_grids_where_it_sees_the_stars() {
+    let (rig, names) = rig();
+    let grid = Grid { kind: GridKind::Galactic, divisions: 1, numbers: false, style: Grid::STYLE };
+    let overlay = Arc::new(Overlay { grids: vec![grid], ..Overlay::default() });
+    let objects = SceneObjects { overlay, ..SceneObjects::default() };
+    let resting = Camera { world_from_camera: DQuat::from_rotation_x(1.0), ..Camera::default() };
+    let moving = Camera { velocity_c: DVec3::new(0.5, 0.3, -0.4), ..resting };
+    let motion = Motion::new(moving.velocity_c).unwrap();
+    let viewports = rig.viewports(moving.world_from_camera);
+    let [right, wrong] = [moving, resting].map(|camera| plan_of(&objects, &camera, &viewports, &names));
+    let (mut worst, mut worst_wrong, mut count) = (0.0_f64, 0.0_f64, 0);
     for (index, viewport) in viewports.iter().enumerate() {
-        let [width, height] = viewport.size();
-        let codes = picture(&plan, index, &viewport.projection);
-        let file = std::fs::File::create(format!(
-            "/tmp/ov/{}{}.png",
-            names[viewport.view],
-            viewport.part.name().unwrap_or("")
-        ))
-        .unwrap();
-        let mut encoder = png::Encoder::new(std::io::BufWriter::new(file), width, height);
-        encoder.set_color(png::ColorType::Rgba);
-        encoder.write_header().unwrap().write_image_data(&codes).unwrap();
+        for step in 0..360 {
+            let star = icrs_from_galactic() * direction_from_lon_lat(f64::from(step).to_radians(), 0.0);
+            let Some(pixel) = pixel_of(viewport, motion.seen(star)) else { continue };
+            count += 1;
+            worst = worst.max(nearest_line(&right, index, pixel).0);
+            worst_wrong = worst_wrong.max(nearest_line(&wrong, index, pixel).0);
+        }
     }
+    println!("{count} places, at most {worst} px off; without aberration {worst_wrong} px");
+    assert!(count > 500 && worst < 0.1 && worst_wrong > 10.0, "{count} {worst} {worst_wrong}");
+}
+
+#[test]
+fn trajectories_are_where_each_eye_sees_them_and_as_far_away() {
+    let (rig, names) = rig();
+    let points_m: Vec<DVec3> = (0..12)
+        .map(|i| f64::from(i) * 0.9)
+        .map(|t| DVec3::new(6.0 * t.cos(), 3.0 * t.sin() + 1.0, -4.0 + 5.0 * (t * 0.7).sin()))
+        .collect();
+    let camera = Camera { position_m: DVec3::new(1e3, 0.0, 5e2), ..Camera::default() };
+    let way = Trajectory {
+        name: "way".to_owned(),
+        points_m: points_m.iter().map(|point| camera.position_m + *point).collect(),
+        style: Trajectory::STYLE,
+    };
+    let overlay = Arc::new(Overlay { trajectories: vec![way], ..Overlay::default() });
+    let objects = SceneObjects { overlay, ..SceneObjects::default() };
+    let viewports = rig.viewports(camera.world_from_camera);
+    let plan = plan_of(&objects, &camera, &viewports, &names);
+    let (mut worst_px, mut worst_nearness, mut count) = (0.0_f64, 0.0_f64, 0);
+    for (index, viewport) in viewports.iter().enumerate() {
+        for pair in points_m.windows(2) {
+            for step in 0..50 {
+                let point = pair[0].lerp(pair[1], f64::from(step) / 50.0) - viewport.eye_offset_m;
+                let Some(pixel) = pixel_of(viewport, point) else { continue };
+                let (off_px, nearness) = nearest_line(&plan, index, pixel);
+                count += 1;
+                worst_px = worst_px.max(off_px);
+                worst_nearness = worst_nearness.max((nearness * point.length() - 1.0).abs());
+            }
+        }
+    }
+    println!("{count} places, at most {worst_px} px off, distance off by {worst_nearness}");
+    assert!(count > 1000 && worst_px < 0.1, "{count} {worst_px}");
+    // Where lines cross, the nearest piece may be another one's: they do not, here.
+    assert!(worst_nearness < 0.01, "{worst_nearness}");
+    // The eyes see different pictures.
+    let lines = |index: usize| plan.items_of(index).first().map(|item| item.shape);
+    assert_ne!(lines(1), lines(2));
+}
+
+#[test]
+fn a_frame_like_the_last_one_has_the_same_plan_and_too_much_is_refused() {
+    let (rig, names) = rig();
+    let fine = Grid { kind: GridKind::Equatorial, divisions: 90, numbers: false, style: Grid::STYLE };
+    let objects_of = |grids: Vec<Grid>| SceneObjects {
+        overlay: Arc::new(Overlay { grids, ..Overlay::default() }),
+        ..SceneObjects::default()
+    };
+    let objects = objects_of(vec![Grid { divisions: 3, ..fine }]);
+    let (camera, viewports) = (Camera::default(), rig.viewports(DQuat::IDENTITY));
+    let mut planner = OverlayPlanner::default();
+    let mut plan = |objects: &SceneObjects, camera: &Camera, viewports: &[Viewport], names: &[String]| {
+        planner.plan(&OverlayInputs { objects, camera, viewports, views: names })
+    };
+    let first = plan(&objects, &camera, &viewports, &names).unwrap().unwrap();
+    let later = Camera { revision: 7, ..camera };
+    let again = plan(&objects, &later, &viewports, &names).unwrap().unwrap();
+    assert!(Arc::ptr_eq(&first, &again));
+    let turned = Camera { world_from_camera: DQuat::from_rotation_y(0.1), ..camera };
+    let other = plan(&objects, &turned, &rig.viewports(turned.world_from_camera), &names).unwrap().unwrap();
+    assert!(!Arc::ptr_eq(&first, &other) && *first != *other);
+    assert_eq!(plan(&objects_of(vec![]), &camera, &viewports, &names), Ok(None));
+    // Thirty spheres with eight grids of 1 degree.
+    let sphere = &viewports[3];
+    let many: Vec<Viewport> = vec![sphere.clone(); 30];
+    let names = vec!["sphere".to_owned(); 5];
+    let refused = plan(&objects_of(vec![fine; 8]), &camera, &many, &names);
+    assert_eq!(refused, Err(OverlayPlanError::TooMany));
 }
 
 fn refused(text: &str, parts: &[&str]) {

@@ -260,7 +260,8 @@ fn lines_go_through_their_directions_and_have_one_width_in_every_projection() {
                         let (x, y) = ((pixel.x as i64 + dx) as u32, (pixel.y as i64 + dy) as u32);
                         rim |= !mapping.contains(x, y);
                         let offset = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5) - pixel;
-                        let weight = (-0.5 * (offset.dot(tangent) / SIGMA_PX).powi(2)).exp() / (SIGMA_PX * (2.0 * PI).sqrt());
+                        let weight =
+                            (-0.5 * (offset.dot(tangent) / SIGMA_PX).powi(2)).exp() / (SIGMA_PX * (2.0 * PI).sqrt());
                         if offset.dot(normal).abs() < 4.0 {
                             let value = covered[(y * width + x) as usize];
                             sum += weight * value;
@@ -342,6 +343,34 @@ fn bodies_hide_what_is_behind_them() {
     }
     // The label of the ball stands before it: inside of the disc, right of and above its point.
     assert_eq!(code(hidden, centre_px(0.0, 0.06) + DVec2::new(6.0, -6.0)), [255, 255, 0]);
+}
+
+#[test]
+fn the_limb_of_a_body_hides_as_much_of_a_line_as_it_covers() {
+    let rig = rig_of(vec![("flat", ViewKind::Perspective { size: [200, 200], fov_y_rad: 0.8 })]);
+    let mut ball = Preset::Moon.body("ball", DVec3::NEG_Z * 1e8);
+    ball.radii_m = DVec3::splat(1e7);
+    ball.surface.geometric_albedo = [0.0; 3];
+    let radius_px = (1e7_f64 / 1e8).asin().tan() / 0.4_f64.tan() * 100.0;
+    let grid = Grid { kind: GridKind::Altitude, divisions: 1, numbers: false, style: style([255; 3], 32.0, 1.0) };
+    let overlay = Overlay { grids: vec![grid], ..Overlay::default() };
+    let sky = SceneSnapshot { camera: Camera::default(), stars: snapshot(vec![]).stars, ..scene(overlay, vec![ball]) };
+    let frame = render(&mut renderer(), &sky, &rig);
+    let open = coverage(&frame.images[0]);
+    // Share of a pixel outside of a disc of a radius around the middle of the image.
+    let outside = |x: usize, y: usize, radius_px: f64| {
+        let at = |corner: usize, part: usize| corner as f64 + (part as f64 + 0.5) / 32.0 - 100.0;
+        let parts = (0..32).flat_map(|j| (0..32).map(move |i| (i, j)));
+        parts.filter(|(i, j)| at(x, *i).hypot(at(y, *j)) > radius_px).count() as f64 / 1024.0
+    };
+    let error = |radius_px: f64| {
+        let pixels = (88..112).flat_map(|y| (60..140).map(move |x| (x, y)));
+        pixels.map(|(x, y)| (open[y * 200 + x] - outside(x, y, radius_px)).abs()).fold(0.0, f64::max)
+    };
+    println!("radius {radius_px} px: share off by {}", error(radius_px));
+    assert!(error(radius_px) < 0.06, "{}", error(radius_px));
+    // A disc that is a quarter of a pixel larger is another one.
+    assert!(error(radius_px + 0.25) > 0.15, "{}", error(radius_px + 0.25));
 }
 
 #[test]
