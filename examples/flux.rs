@@ -1,4 +1,4 @@
-//! Weighs pictures: `cargo run --release --example flux -- --config configs/demo.toml --pictures out`.
+//! Compares the light in images with the catalogue: `cargo run --release --example flux -- --config configs/demo.toml --pictures out`.
 //!
 //! For every view of a configuration that shows the whole sphere, sums luminance times solid angle over the pixels of its EXR
 //! files, and compares that with the sum over the stars. Solid angles are those of the projection in f64, not the ones

@@ -1,15 +1,13 @@
 // The overlay pass: lines and text onto display images. One workgroup for each block of pixels that has something to draw; each pixel
 // goes through the items of its block in their order. Items of one stroke count as one thing: the largest coverage is what is mixed in, in
 // linear light. Bodies and asteroids hide what is farther away than they are, as far as they cover the pixel.
-// The f64 twin is src/reference/overlay/draw.rs. Needs viewport.wgsl, math.wgsl, projection.wgsl, display.wgsl and geometry.wgsl.
+// The f64 twin is src/reference/overlay/draw.rs.
 
-// Side of a block, pixels.
-const OVERLAY_BLOCK_PX: u32 = 16u;
-
-const SHAPE_LINE: u32 = 0u;
-const SHAPE_BOX: u32 = 1u;
-const SHAPE_CHECKERS: u32 = 2u;
-const SHAPE_GLYPH: u32 = 3u;
+#import constants/overlay
+#import shared/cover
+#import shared/projection
+#import shared/srgb
+#import shared/viewport
 
 const NO_STROKE: u32 = 0xffffffffu;
 

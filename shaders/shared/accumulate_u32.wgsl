@@ -2,10 +2,13 @@
 // and a word of carries (11 bits for R, 11 for G, 10 for B). R and G lie in one buffer, B and the carries in
 // another.
 
+#import constants/counters
+#import constants/fixed_point
+
 @group(0) @binding(4) var<storage, read_write> pixels: array<atomic<u32>>;
 @group(0) @binding(6) var<storage, read_write> high_words: array<atomic<u32>>;
 
-// Nothing here depends on the tile: see accumulate_u64.wgsl.
+// Nothing here depends on the tile: see shared/accumulate_u64.wgsl.
 var<private> target_tile: vec3<u32>;
 
 fn add_channel(pixel: u32, channel: u32, value: f32) -> u32 {
@@ -25,7 +28,7 @@ fn add_channel(pixel: u32, channel: u32, value: f32) -> u32 {
 
 // Adds `units` (whole numbers) to a pixel; more than a channel can hold is counted as an overflow and not added.
 fn accumulate(pixel: u32, units: vec3<f32>) {
-    if any(units >= vec3(4398046511104.0)) {
+    if any(units >= vec3(CHANNEL_UNITS)) {
         atomicAdd(&counters[COUNTER_OVERFLOWS], 1u);
         return;
     }

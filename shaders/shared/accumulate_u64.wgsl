@@ -2,11 +2,17 @@
 // second. The first words of all pixels lie in one buffer, the second words in another: a faint star costs one atomic add
 // per pixel, and its neighbours lie in the same line of the cache. Adding is order-free, so the same frame gives the same bits.
 //
-// Few stars reach the second words. Where one does, it raises the flag of the pixel's block, and the resolve pass reads the
-// second words of raised blocks alone and leaves zeros there for the next frame. Needs pixel_grid.wgsl.
+// Few stars reach the second words. Where one does, it raises the flag of the pixel's block, and the resolve pass reads
+// the second words of raised blocks alone and leaves zeros there for the next frame.
 //
 // When a low field overflows, its carry runs into the next field: one unit of G per 2^21 units of R (relative 4.8e-7), the
 // same whatever the order. The carry is added to the high field by the thread whose add caused it.
+
+#requires u64
+#import constants/counters
+#import constants/fixed_point
+#import constants/pixel_grid
+#import shared/pixel_grid
 
 @group(0) @binding(4) var<storage, read_write> pixels: array<atomic<u64>>;
 @group(0) @binding(6) var<storage, read_write> high_words: array<atomic<u64>>;
@@ -23,7 +29,6 @@ fn raise_flag(pixel: u32) {
 }
 
 const FIELD_BITS: u32 = 21u;
-const FIELD_MASK: u32 = 0x1fffffu;
 
 fn packed_fields(fields: vec3<u32>) -> u64 {
     let low = fields.x | (fields.y << 21u);
@@ -52,7 +57,7 @@ fn accumulate_high(pixel: u32, added: u64) {
 
 // Adds `units` (whole numbers) to a pixel; more than a channel can hold is counted as an overflow and not added.
 fn accumulate(pixel: u32, units: vec3<f32>) {
-    if any(units >= vec3(4398046511104.0)) {
+    if any(units >= vec3(CHANNEL_UNITS)) {
         atomicAdd(&counters[COUNTER_OVERFLOWS], 1u);
         return;
     }

@@ -32,8 +32,6 @@ struct ViewBody {
     texture_size: vec2<u32>,
 }
 
-const NO_TEXTURE: u32 = 0xffffffffu;
-
 // Where a ray passes a body.
 struct Passage {
     // Unit vector of the ray times the length of the ray given: view axes.

@@ -1,9 +1,12 @@
-// A Gaussian that is round in view space: every pixel within its reach gets the density at the pixel's centre times the pixel's
-// solid angle. It is as wide as asked for, as an angle or in pixels, and never narrower than keeps the sum over the pixels the
-// same wherever the star stands. The f64 twin is src/reference/gaussian.rs. Needs viewport.wgsl, math.wgsl and projection.wgsl.
+// A Gaussian that is round in view space: every pixel within its reach gets the density at the pixel's centre times the
+// pixel's solid angle. It is as wide as asked for, as an angle or in pixels, and never narrower than keeps the sum over
+// the pixels the same wherever the star stands. The f64 twin is src/reference/gaussian.rs.
 
-// Where the density is cut off, in standard deviations.
-const GAUSSIAN_CUT: f32 = 4.5;
+#import constants/kernels
+#import constants/projections
+#import shared/math
+#import shared/projection
+#import shared/viewport
 
 struct Gaussian {
     // Unit vector, and its image.

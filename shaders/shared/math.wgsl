@@ -1,6 +1,8 @@
 // Functions whose built-in forms are too coarse on some drivers: the polynomials are Cephes' for single precision, with
 // errors of a few units in the last place.
 
+#import constants/temperatures
+
 const PI: f32 = 3.14159265358979;
 
 // Angle of the vector (x, y), both finite; 0 for the null vector.
@@ -52,15 +54,12 @@ fn hash(value: u32) -> u32 {
     return (word >> 22u) ^ word;
 }
 
-// Temperatures of stars lie on a logarithmic scale of 2047 steps from 500 to 100000 K: src/catalogue/packed.rs.
-const TEMPERATURE_OCTAVES: f32 = 7.64385619;
-
 // Place of a temperature (K) on the scale, held within it.
 fn step_of_temperature(kelvin: f32) -> f32 {
-    return clamp(log2(max(kelvin, 1.0) / 500.0) * (2047.0 / TEMPERATURE_OCTAVES), 0.0, 2047.0);
+    return clamp(log2(max(kelvin, 1.0) / COLDEST_K) * (LAST_STEP / TEMPERATURE_OCTAVES), 0.0, LAST_STEP);
 }
 
 // Temperature of a step, K.
 fn temperature_of_step(step: u32) -> f32 {
-    return 500.0 * exp2(f32(step) * (TEMPERATURE_OCTAVES / 2047.0));
+    return COLDEST_K * exp2(f32(step) * (TEMPERATURE_OCTAVES / LAST_STEP));
 }

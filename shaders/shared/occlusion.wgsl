@@ -1,4 +1,9 @@
-// Whether bodies and asteroids stand before a point of light. Needs viewport.wgsl, splat.wgsl, ellipsoid.wgsl and geometry.wgsl.
+// Whether bodies and asteroids stand before a point of light.
+
+#import shared/cover
+#import shared/ellipsoid
+#import shared/splat
+#import shared/viewport
 
 @group(2) @binding(0) var<storage, read> geometry: array<vec4<u32>>;
 @group(2) @binding(1) var<storage, read> view_bodies: array<ViewBody>;
@@ -8,7 +13,7 @@
 // Whether there is anything but stars.
 override HAS_GEOMETRY: bool = false;
 // What is at infinity, m.
-const FARTHEST_M: f32 = 3e38;
+const INFINITELY_FAR_M: f32 = 3e38;
 
 // Share of a point of light that is seen, whose image is at `pixel` and which is `distance_m` away: bodies hide it or not, exactly; of
 // asteroids the pixel tells.

@@ -1,7 +1,4 @@
-// Pixels of one workgroup of the passes over pixels; the same numbers stand in src/passes/shared.rs.
-
-const COLUMNS: u32 = 64u;
-const ROWS: u32 = 16u;
+// How the passes over pixels store and sum the light of pixels.
 
 // R and G as the HDR image holds them: zero bits where the pixel is dark, and there alone. What such a pixel has in the second plane
 // (B and the solid angle) is not to be read unless the whole image was asked for: it may be left from another frame.

@@ -1,11 +1,12 @@
-// What `auto` draws of stars so bright that the B-spline would be seen to flicker: along each axis a mixture of the B-spline and a
-// Gaussian of 0.757 pixels, sampled at the centres of seven pixels. Both keep the centroid and the width; the brighter the star, the
-// more of the Gaussian, so that nothing jumps where it takes the B-spline's place. The f64 twin is `bright_kernel` in
-// src/photometry/kernel.rs. Needs viewport.wgsl and projection.wgsl.
+// What `auto` draws of stars so bright that the B-spline would be seen to flicker: along each axis a mixture of the
+// B-spline and a Gaussian of 0.757 pixels, sampled at the centres of seven pixels. Both keep the centroid and the
+// width; the brighter the star, the more of the Gaussian, so that nothing jumps where it takes the B-spline's place.
+// The f64 twin is `bright_kernel` in src/photometry/kernel.rs.
 
-const PLANE_GAUSSIAN_PIXELS: i32 = 7;
-// How many times brighter than the first star that takes it a star is that has nothing of the B-spline left.
-const PLANE_GAUSSIAN_GROWTH: f32 = 6.0;
+#import constants/kernels
+#import shared/projection
+#import shared/viewport
+
 // 1 / (2 * 0.757^2), and 1 / (0.757 sqrt(2 pi)).
 const PLANE_GAUSSIAN_INVERSE: f32 = 0.872526;
 const PLANE_GAUSSIAN_PEAK: f32 = 0.527005;

@@ -1,10 +1,9 @@
 // The projections in f32: the same functions, under the same names, as src/view/projection/ has in f64.
-// Needs viewport.wgsl and math.wgsl.
 
-const FACE_FORWARD = array<vec3<f32>, 6>(
-    vec3(0.0, 0.0, -1.0), vec3(1.0, 0.0, 0.0), vec3(-1.0, 0.0, 0.0), vec3(0.0, 0.0, 1.0), vec3(0.0, 1.0, 0.0), vec3(0.0, -1.0, 0.0));
-const FACE_UP = array<vec3<f32>, 6>(
-    vec3(0.0, 1.0, 0.0), vec3(0.0, 1.0, 0.0), vec3(0.0, 1.0, 0.0), vec3(0.0, 1.0, 0.0), vec3(0.0, 0.0, 1.0), vec3(0.0, 0.0, -1.0));
+#import constants/faces
+#import constants/projections
+#import shared/math
+#import shared/viewport
 
 // Continuous pixel coordinates of the image of a direction in view space (any length but 0); z = 1 where there is one.
 fn pixel_from_direction(viewport: Viewport, direction: vec3<f32>) -> vec3<f32> {

@@ -1,7 +1,6 @@
 // How surfaces spread the light that falls on them; the same laws stand in src/photometry/reflection.rs.
 
-const LAW_LAMBERT: u32 = 0u;
-const LAW_LOMMEL_SEELIGER: u32 = 1u;
+#import constants/reflection
 
 // Luminance over that of a white Lambert surface in full light times the geometric albedo; 0 where the surface faces away from either.
 fn reflected(law: u32, cos_i: f32, cos_e: f32) -> f32 {

@@ -1,6 +1,14 @@
-// Splatting a point of light into a tile, in fixed point: the kernels on the image plane, exact at every border of a picture.
-// Needs viewport.wgsl, math.wgsl, projection.wgsl, gaussian.wgsl, plane_gaussian.wgsl and one of accumulate_*.wgsl. The f64 twin is
-// src/reference/stars.rs.
+// Splatting a point of light into a tile, in fixed point: the kernels on the image plane, exact at every border of a
+// picture. The f64 twin is src/reference/stars.rs.
+
+#import accumulate = shared/accumulate_u32 | shared/accumulate_u64
+#import constants/kernels
+#import constants/projections
+#import shared/gaussian
+#import shared/math
+#import shared/plane_gaussian
+#import shared/projection
+#import shared/viewport
 
 // First pixel and weights along one axis. Tent: pixels first, first + 1; B-spline: first .. first + 2.
 fn kernel_first(x: f32, tent: bool) -> f32 {

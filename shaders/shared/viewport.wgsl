@@ -1,14 +1,6 @@
 // What the renderer knows of a viewport and of the tiles it is cut into. The same structs stand in src/gpu/layout.rs; a
 // test compares names, offsets and sizes.
 
-const KIND_PERSPECTIVE: u32 = 0u;
-const KIND_CUBE_FACE: u32 = 1u;
-const KIND_EQUIDISTANT: u32 = 2u;
-const KIND_EQUISOLID: u32 = 3u;
-const KIND_ORTHOGRAPHIC: u32 = 4u;
-const KIND_STEREOGRAPHIC: u32 = 5u;
-const KIND_EQUIRECTANGULAR: u32 = 6u;
-
 struct Viewport {
     // Rows of the rotation from world axes to view axes; w: the eye's offset from the camera along world x, y, z, pc.
     view_from_world_x: vec4<f32>,
@@ -45,8 +37,6 @@ struct Viewport {
     gaussian_on_plane: u32,
     unused_0: u32,
 }
-
-const PARSEC_M: f32 = 3.0856775814913673e16;
 
 // Where the eye stands, relative to the camera, world axes, pc.
 fn eye_of(viewport: Viewport) -> vec3<f32> {

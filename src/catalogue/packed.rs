@@ -11,11 +11,13 @@ use glam::Vec3;
 pub const MIN_TEMPERATURE_K: f64 = 500.0;
 /// Highest temperature that the word can hold, kelvin.
 pub const MAX_TEMPERATURE_K: f64 = 100_000.0;
+/// Octaves between the two: their ratio's logarithm to base 2.
+pub const TEMPERATURE_OCTAVES: f64 = 7.643_856_189_774_724;
 /// Number of temperature steps.
 pub const TEMPERATURE_STEPS: u32 = 2048;
 
 /// Exponent of f32 (biased by 127) that the word's exponent 0 stands for: 2^-78 lx, absolute magnitude 49.
-const EXPONENT_BIAS: u32 = 49;
+pub const EXPONENT_BIAS: u32 = 49;
 
 /// Illuminances at 1 pc that the word can hold, in lux: 2^-78 to just below 2^50.
 pub const ILLUMINANCE_RANGE_LX: RangeInclusive<f64> = {
@@ -94,6 +96,11 @@ mod tests {
         assert!(PackedStar::new(Vec3::X, 1e30, 5772.0).illuminance_at_1_pc_lx() > 1e14);
         let faint = PackedStar::new(Vec3::X, 0.0, 5772.0).illuminance_at_1_pc_lx();
         assert!(faint > 0.0 && faint < 1e-20);
+    }
+
+    #[test]
+    fn octaves_are_those_between_the_temperatures() {
+        assert_eq!(TEMPERATURE_OCTAVES, (MAX_TEMPERATURE_K / MIN_TEMPERATURE_K).log2());
     }
 
     #[test]

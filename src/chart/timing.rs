@@ -248,6 +248,7 @@ impl Run {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::plan::PlanError;
 
     #[test]
     fn the_median_is_in_the_middle() {
@@ -292,7 +293,7 @@ mod tests {
 
     #[test]
     fn only_a_lost_device_ends_the_run() {
-        assert!(message_of(RenderError::AtRestOnly("sprite")).unwrap().contains("sprite"));
+        assert!(message_of(PlanError::AtRestOnly("sprite").into()).unwrap().contains("sprite"));
         assert!(message_of(RenderError::Gpu(GpuError::Refused("no memory".to_owned()))).unwrap().contains("no memory"));
         assert!(message_of(RenderError::Gpu(GpuError::NoAdapter("none".to_owned()))).is_err());
     }

@@ -27,29 +27,29 @@ enum CatalogueCommand {
         steradian catalogue import builtin:bright faint.json --out sky.stars\n\n\
         A row that cannot be used is reported with its line number; exit code 65 if no row is usable.")]
     Import {
-        /// Catalogues; they add up.
+        /// Catalogues, concatenated.
         #[arg(required = true, value_name = "FILE")]
         files: Vec<PathBuf>,
         /// The store to write.
         #[arg(long, value_name = "STORE")]
         out: PathBuf,
     },
-    /// Tell what a store holds.
+    /// Show the contents of a store.
     #[command(after_help = "Example:\n  steradian catalogue info hipparcos.stars")]
     Info {
         /// The store.
         #[arg(value_name = "STORE")]
         store: PathBuf,
     },
-    /// Make a synthetic Milky Way and write it as a store.
+    /// Generate a synthetic Milky Way and write it as a store.
     #[command(after_help = "Examples:\n  \
         steradian catalogue synth --stars 10000000 --seed 1 --out galaxy.stars\n  \
         steradian catalogue synth --stars 300000 --seed 1 --fainter-than 3.5 --out faint.stars")]
     Synth {
-        /// Number of stars: the brightest of the model as seen from the Sun.
+        /// Number of stars: the apparently brightest of the model, as seen from the Sun.
         #[arg(long, value_name = "N", value_parser = star_count)]
         stars: usize,
-        /// Seed of the random numbers: the same seed gives the same stars.
+        /// Seed of the random number generator: the same seed gives the same stars.
         #[arg(long, value_name = "S")]
         seed: u64,
         /// No star brighter than this apparent V magnitude.

@@ -24,13 +24,13 @@ use crate::render::Renderer;
     without a GPU; a full one has all workloads, from 10 thousand to 10 million stars and from 720p to 4K, and takes longer.\n\
     A method that cannot be drawn has rows with empty figures and the reason in its notes.")]
 pub struct ChartArguments {
-    /// The folder for the files; made if it is not there.
+    /// Output folder; created if it does not exist.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     /// Fewer workloads and rounds.
     #[arg(long)]
     quick: bool,
-    /// One axis alone, stars, glare, asteroids, views or scale; without it every axis.
+    /// Only this axis: stars, glare, asteroids, views or scale; all axes without it.
     #[arg(long, value_name = "AXIS", value_parser = Axis::from_name)]
     axis: Option<Axis>,
 }
@@ -58,7 +58,7 @@ pub fn run(arguments: &ChartArguments, adapter: Option<String>) -> Result<(), Cl
     Ok(())
 }
 
-/// The command line, as it may be typed again.
+/// The command line, ready to be repeated.
 fn command() -> String {
     let words = std::env::args_os().skip(1).map(|word| {
         let word = word.to_string_lossy().into_owned();

@@ -25,7 +25,7 @@ pub use error::{BAD_DATA, BAD_USAGE, CliError, FAILED, NO_ADAPTER};
 #[command(
     name = "steradian",
     version,
-    about = "Renders a space scene in many views at once, each pixel with the luminance its solid angle asks for.",
+    about = "Renders a space scene in many views at once, each pixel with the correct luminance for its solid angle.",
     after_help = "Examples:\n  \
         steradian render --config configs/demo.toml --out out\n  \
         steradian serve --config configs/demo.toml --listen 127.0.0.1:7143\n  \
@@ -39,11 +39,11 @@ pub use error::{BAD_DATA, BAD_USAGE, CliError, FAILED, NO_ADAPTER};
         Exit codes: 0 done, 1 a check or job failed, 64 bad usage or configuration, 65 bad input data, 69 no usable adapter."
 )]
 pub struct Cli {
-    /// Graphics adapter to use: part of its name, in any case.
+    /// Graphics adapter to use: part of its name, case-insensitive.
     #[arg(long, global = true, value_name = "NAME")]
     pub adapter: Option<String>,
     /// What to log on standard error: a level (error, warn, info, debug, trace) or filters per module.
-    /// Without it the environment variable STERADIAN_LOG counts, else info.
+    /// Default: the environment variable STERADIAN_LOG, otherwise info.
     #[arg(long, global = true, value_name = "FILTER")]
     pub log: Option<String>,
     /// What to do.
@@ -58,15 +58,15 @@ pub enum Command {
     Render(render::RenderArguments),
     /// Run the daemon: renders views for clients over gRPC until SIGINT or SIGTERM.
     Serve(serve::ServeArguments),
-    /// Run the failure tests on this machine's adapter: where methods of drawing fail, each with a number and a limit.
+    /// Run the failure tests on the adapter of this machine, each with figures and limits.
     Verify(verify::VerifyArguments),
-    /// Tell the adapter, its driver, the features and limits used, and the fallbacks taken.
+    /// Show the adapter, its driver, the features and limits used, and the fallbacks in use.
     Info(info::InfoArguments),
-    /// Chart the speed of every method against its accuracy.
+    /// Compare speed and accuracy of every method.
     Chart(chart::ChartArguments),
     /// Work with star catalogues.
     Catalogue(catalogue::CatalogueArguments),
-    /// Make the point-spread function of an aperture, or convert one.
+    /// Compute the point-spread function of an aperture, or convert one.
     Psf(psf::PsfArguments),
     /// Show a scene in the headset of the system's OpenXR runtime.
     Xr(xr::XrArguments),

@@ -19,9 +19,9 @@ const CENTRED_WITHIN_PX: f64 = 1.0;
     steradian psf --aperture curved_blades --blades 7 --diameter-mm 5 --size 1024 --pixel-arcsec 10 --out lens.exr\n  \
     steradian psf --aperture jwst --diameter-mm 6600 --wavelengths 64 --temperature 4000 --out webb.exr\n  \
     steradian psf --from measured.fits --pixel-arcsec 0.031 --out measured.exr\n\n\
-    Writes 32-bit R, G, B: the share of a star's light in each pixel, the sum of Y being 1, and the angle of a pixel in\n\
-    the header. Without --temperature each channel's sum is 1, which suits stars of every colour; with it they are the\n\
-    colour of that star.")]
+    Writes 32-bit R, G, B: the fraction of a star's flux in each pixel, with a sum of Y of 1, and the angle of a pixel in\n\
+    the header. Without --temperature the sum of each channel is 1, for stars of every colour; with it the channels have\n\
+    the colour of that star.")]
 pub struct PsfArguments {
     /// Aperture to compute: circle, hexagon, curved_blades, jwst or hubble.
     #[arg(long, value_name = "NAME", required_unless_present = "from", requires = "diameter_mm")]
@@ -30,7 +30,7 @@ pub struct PsfArguments {
     #[arg(long, value_name = "FILE", conflicts_with_all = ["aperture", "diameter_mm", "blades", "size", "wavelengths",
         "temperature"])]
     from: Option<PathBuf>,
-    /// Diameter of the circle about the aperture, millimetres.
+    /// Diameter of the circumscribed circle of the aperture, millimetres.
     #[arg(long, value_name = "D")]
     diameter_mm: Option<f64>,
     /// Number of blades of curved_blades.
@@ -39,7 +39,7 @@ pub struct PsfArguments {
     /// Pixels along a side.
     #[arg(long, value_name = "N", default_value_t = 512)]
     size: u32,
-    /// Angle of a pixel, arcseconds. Without it a quarter of lambda / D at 550 nm, or what the header of --from says.
+    /// Angle of a pixel, arcseconds. Default: a quarter of lambda / D at 550 nm, or the value in the header of --from.
     #[arg(long, value_name = "P")]
     pixel_arcsec: Option<f64>,
     /// Number of wavelengths.

@@ -24,10 +24,10 @@ pub struct RenderArguments {
     /// The configuration.
     #[arg(long, value_name = "FILE")]
     config: PathBuf,
-    /// The folder for the files; made if it is not there.
+    /// Output folder; created if it does not exist.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Change a key of the configuration; may be given several times.
+    /// Override a key of the configuration; can be repeated.
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
 }

@@ -22,16 +22,16 @@ use crate::xr::{self, FirstFailure};
 #[command(after_help = "Examples:\n  \
     steradian serve\n  \
     steradian serve --config configs/mission-control.toml --listen 0.0.0.0:7143\n  \
-    steradian serve --listen 127.0.0.1:0     # takes a free port and prints it\n\n\
-    Prints `listening on ADDR` when clients can connect. SIGINT and SIGTERM drain and end it.")]
+    steradian serve --listen 127.0.0.1:0     # selects a free port and prints it\n\n\
+    Prints `listening on ADDR` when clients can connect. SIGINT and SIGTERM drain calls and shut down.")]
 pub struct ServeArguments {
     /// The configuration; without it a dome and a flat view of bright and synthetic stars.
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
-    /// Address to listen on, before the configuration's.
+    /// Address to listen on, in place of that of the configuration.
     #[arg(long, value_name = "ADDR", value_parser = parse_listen)]
     listen: Option<String>,
-    /// Change a key of the configuration; may be given several times.
+    /// Override a key of the configuration; can be repeated.
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
 }

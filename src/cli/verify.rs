@@ -18,16 +18,16 @@ use crate::verify::{self, CheckResult, Outcome};
     steradian verify\n  \
     steradian verify --filter slow-pan-flicker --set stars.method=tent\n  \
     steradian verify --filter sums --json verify.json --set stars.method=packed_cas\n\n\
-    A line per check: its number in the list of places where methods fail, its name, pass, FAIL or n/a, and each figure with\n\
-    its limit. Ends with 0 only if every check that applies to the method passes, else with 1.")]
+    A line per check: its number in the list of failure cases, its name, pass, FAIL or n/a, and each figure with\n\
+    its limit. Exit code 0 only if every check that applies to the method passes, else with 1.")]
 pub struct VerifyArguments {
     /// Write the results to a file as JSON.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-    /// Run only these: a name, a part of names, a group, or a number.
+    /// Run only these checks: a name, a part of names, a group, or a number.
     #[arg(long, value_name = "NAME")]
     filter: Option<String>,
-    /// Change a key of the configuration, such as stars.method; may be given several times.
+    /// Override a key of the configuration, such as stars.method; can be repeated.
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
 }

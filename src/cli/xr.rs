@@ -21,18 +21,18 @@ use crate::xr::{self, Distribution, FirstFailure, Flight, HeadsetStatistics, Hos
     steradian xr\n  \
     steradian xr --config configs/headset.toml\n  \
     steradian xr --config configs/headset.toml --set headset.resolution_scale=0.7 --frames 900\n\n\
-    Shows the scene of a configuration in the headset of the system's OpenXR runtime until the wearer ends the session, or\n\
-    SIGINT or SIGTERM; then prints how old poses were, what was missed and where the time went. The runtime chooses the\n\
+    Shows the scene of a configuration in the headset of the system's OpenXR runtime until the user ends the session, or\n\
+    SIGINT or SIGTERM; then prints pose ages, missed frames and the time of each stage. The runtime chooses the\n\
     adapter. The views of the configuration are not drawn: `serve` draws them beside a headset, with headset.enabled = true.\n\
     Requirements and what to do when it fails: docs/headset.md.")]
 pub struct XrArguments {
     /// The configuration; without it bright and synthetic stars.
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
-    /// Change a key of the configuration; may be given several times.
+    /// Override a key of the configuration; can be repeated.
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
-    /// End after this many frames.
+    /// Exit after this many frames.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     frames: Option<u64>,
 }

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
+use schemars::JsonSchema;
 use serde::Deserialize;
 use toml::{Table, Value};
 
@@ -14,8 +15,8 @@ use crate::scene::asteroids::{FieldError, FieldParameters, FieldSpec, Placement,
 use crate::scene::bodies::ReflectionLaw;
 use crate::scene::unit_quaternion;
 
-/// The space that a field fills.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+/// Shape of the volume that a field fills.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum FieldShape {
     /// A box: `size_m`.
@@ -26,51 +27,52 @@ pub enum FieldShape {
     Ring,
 }
 
-/// One field.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+/// A field of asteroids, generated from a seed; `shape` says which keys give its size.
+#[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FieldConfig {
     /// Unique name: letters, digits, `_` and `-`.
     pub name: String,
-    /// Its middle: ICRS, barycentric, m.
+    /// Centre, ICRS, barycentric.
     pub position_m: [f64; 3],
-    /// Unit quaternion x, y, z, w from the field's axes to ICRS axes.
+    /// Unit quaternion from the field's axes to ICRS axes.
     #[serde(default = "identity")]
     pub orientation: [f64; 4],
     /// Number of asteroids.
     pub instances: u32,
-    /// Seed of their places, sizes and spins.
+    /// Seed of positions, sizes and spins.
     #[serde(default = "one")]
     pub seed: u64,
-    /// The space that they fill.
+    /// Shape of the volume that the asteroids fill.
     pub shape: FieldShape,
-    /// Sides of a box, m.
+    /// `box`: lengths of the sides.
     pub size_m: Option<[f64; 3]>,
-    /// Inner radius of a belt or ring, m.
+    /// `belt`, `ring`: inner radius.
     pub inner_m: Option<f64>,
-    /// Outer radius of a belt or ring, m.
+    /// `belt`, `ring`: outer radius, larger than the inner one.
     pub outer_m: Option<f64>,
-    /// Full height of a belt, m.
+    /// `belt`: full height.
     pub height_m: Option<f64>,
-    /// Full thickness of a ring, m.
+    /// `ring`: full thickness.
     pub thickness_m: Option<f64>,
-    /// Smallest and largest mean radius, m.
+    /// Smallest and largest mean radius; the largest is at most 1000 times the smallest.
     pub radius_m: [f64; 2],
-    /// The number of asteroids larger than r goes as r to minus this.
+    /// Exponent of the cumulative size distribution: N(>r) ~ r^-size_index.
     #[serde(default = "collisional")]
     pub size_index: f64,
-    /// Shortest and longest spin period, s.
+    /// Shortest and longest spin period, uniform in the logarithm; the longest is at most 1000 times the shortest.
     #[serde(default = "two_hours_to_two_days")]
     pub spin_period_s: [f64; 2],
-    /// Geometric albedo: one number, or of red, green and blue.
+    /// Geometric albedo, one number or [red, green, blue]; needed.
     #[serde(default, deserialize_with = "albedo")]
+    #[schemars(schema_with = "super::reference::albedo")]
     pub geometric_albedo: Option<[f64; 3]>,
-    /// How they reflect.
+    /// Reflection law of the surfaces.
     #[serde(default)]
     pub law: ReflectionLaw,
-    /// glTF files, one shape each; relative paths start at the configuration's folder.
+    /// glTF files, one shape each, in place of procedural shapes.
     pub shapes: Option<Vec<PathBuf>>,
-    /// Seed of procedural shapes.
+    /// Seed of the procedural shapes; 1 if neither it nor `shapes` is given.
     pub shape_seed: Option<u64>,
 }
 

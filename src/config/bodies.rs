@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use glam::DVec3;
+use schemars::JsonSchema;
 use serde::de::{Error, SeqAccess, Visitor, value::SeqAccessDeserializer};
 use serde::{Deserialize, Deserializer};
 use toml::{Table, Value};
@@ -14,60 +15,61 @@ use crate::scene::bodies::{Body, BodyError, Emission, Preset, ReflectionLaw, Spi
 use crate::scene::unit_quaternion;
 
 /// Brightest and faintest absolute magnitude of a sun.
-const MOST_MAGNITUDE: f64 = 50.0;
+pub(super) const MAGNITUDES: [f64; 2] = [-50.0, 50.0];
 /// Coolest and hottest sun, K.
-const TEMPERATURES_K: [f64; 2] = [100.0, 1e8];
+pub(super) const TEMPERATURES_K: [f64; 2] = [100.0, 1e8];
 
-/// One body. What is `None` is the preset's, or missing.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+/// An ellipsoid: a planet, moon or sun. A preset gives the keys that are left out.
+#[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BodyConfig {
     /// Unique name: letters, digits, `_` and `-`.
     pub name: String,
-    /// A body of the Solar System.
+    /// A body of the Solar System: gives the size, albedo, reflection law and spin that are not given here, and the Sun's position and emission.
     pub preset: Option<Preset>,
-    /// Its centre: ICRS, barycentric, m; the Sun's preset stands at the origin.
+    /// Centre, ICRS, barycentric; needed except for the preset `sun`, which is at the origin.
     pub position_m: Option<[f64; 3]>,
-    /// Unit quaternion x, y, z, w from the body's axes to ICRS axes; it turns around its z.
+    /// Unit quaternion from the body's axes to ICRS axes; the body spins about its z axis.
     #[serde(default = "identity")]
     pub orientation: [f64; 4],
-    /// Semi-axes along its x, y and z, m.
+    /// Semi-axes along x, y and z; the largest is at most 100 times the smallest. Needed, or `radius_m`, without a preset.
     pub radii_m: Option<[f64; 3]>,
-    /// The radius of a sphere, m.
+    /// Radius of a sphere, in place of `radii_m`.
     pub radius_m: Option<f64>,
-    /// Geometric albedo: one number, or of red, green and blue.
+    /// Geometric albedo, one number or [red, green, blue]; needed without a preset.
     #[serde(default, deserialize_with = "albedo")]
+    #[schemars(schema_with = "super::reference::albedo")]
     pub geometric_albedo: Option<[f64; 3]>,
-    /// How it reflects.
+    /// Reflection law of the surface; `lommel_seeliger` without a preset.
     pub law: Option<ReflectionLaw>,
-    /// PNG with factors on the albedo; relative paths start at the configuration's folder.
+    /// PNG file, 8 bits, sRGB, equirectangular (longitude and latitude): factors on the albedo.
     pub texture: Option<PathBuf>,
-    /// How it turns.
+    /// Rotation about the z axis.
     pub spin: Option<SpinConfig>,
-    /// What a sun gives off.
+    /// Emission; makes the body a sun. A scene has at most 8 suns.
     pub emission: Option<EmissionConfig>,
 }
 
 /// `spin` of a body.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SpinConfig {
-    /// Sidereal period, s; negative turns the other way.
+    /// Sidereal period, at least 0.001 s; negative for retrograde rotation. Without it the preset's, or no rotation.
     pub period_s: Option<f64>,
-    /// Turn at 2000-01-01T12:00:00Z, degrees.
+    /// Rotation angle at 2000-01-01T12:00:00Z.
     #[serde(default)]
     pub phase_deg: f64,
 }
 
 /// `emission` of a body.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct EmissionConfig {
-    /// Absolute V magnitude.
+    /// Absolute V magnitude; needed without the preset `sun`.
     pub absolute_magnitude: Option<f64>,
-    /// Temperature of the black body that has its colour, K.
+    /// Temperature of the black body that has the same colour; needed without the preset `sun`.
     pub temperature_k: Option<f64>,
-    /// Linear limb darkening, 0 to 1.
+    /// Coefficient of linear limb darkening; 0 without the preset `sun`.
     pub limb_darkening: Option<f64>,
 }
 
@@ -188,7 +190,7 @@ impl BodyConfig {
         };
         let sun_k = f64::from(crate::units::SOLAR_TEMPERATURE_K);
         let magnitude = given.absolute_magnitude.or(of_sun(Preset::SUN_ABSOLUTE_MAGNITUDE));
-        let magnitude = number("absolute_magnitude", magnitude, [-MOST_MAGNITUDE, MOST_MAGNITUDE])?;
+        let magnitude = number("absolute_magnitude", magnitude, MAGNITUDES)?;
         let temperature_k = number("temperature_k", given.temperature_k.or(of_sun(sun_k)), TEMPERATURES_K)?;
         let darkening = given.limb_darkening.or(of_sun(Preset::SUN_LIMB_DARKENING)).unwrap_or(0.0);
         let darkening = number("limb_darkening", Some(darkening), [0.0, 1.0])?;

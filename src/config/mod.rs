@@ -9,11 +9,12 @@ mod asteroids;
 mod bodies;
 mod document;
 mod error;
-mod glare;
 mod headset;
 mod limits;
 mod overlay;
 mod overrides;
+pub mod ranges;
+pub mod reference;
 mod scene;
 mod server;
 mod views;
@@ -27,6 +28,7 @@ pub use error::ConfigError;
 use error::{Fault, join};
 pub use overlay::{GridConfig, LabelConfig, OverlayConfig, TrajectoryConfig};
 pub use scene::{CameraConfig, CatalogueConfig, GalaxyConfig, SceneConfig};
+use schemars::JsonSchema;
 use serde::Deserialize;
 pub use server::{ServerConfig, parse_listen};
 use toml::{Table, Value};
@@ -87,16 +89,20 @@ pub struct Config {
 }
 
 /// Everything but the views, bodies and fields, which are read one by one, so that messages have their names.
-#[derive(Deserialize)]
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct Sections {
+    /// What there is to see, when, and from where.
     #[serde(default)]
     scene: SceneConfig,
     #[serde(default)]
+    #[schemars(with = "Vec<ViewConfig>")]
     views: Vec<Table>,
     #[serde(default)]
+    #[schemars(with = "Vec<BodyConfig>")]
     bodies: Vec<Table>,
     #[serde(default)]
+    #[schemars(with = "Vec<FieldConfig>")]
     asteroid_fields: Vec<Table>,
     #[serde(default)]
     overlay: OverlayConfig,
@@ -160,7 +166,8 @@ impl Config {
     }
 
     fn from_table(table: Table, origin: &str, folder: &Path) -> Result<Self, Fault> {
-        let sections: Sections = document::deserialise(Value::Table(table), "")?;
+        let sections: Sections = document::deserialise(Value::Table(table.clone()), "")?;
+        ranges::check(&table)?;
         let views = each(&VIEWS, sections.views, ViewConfig::from_table)?;
         let bodies = each(&BODIES, sections.bodies, BodyConfig::from_table)?;
         let asteroid_fields = each(&FIELDS, sections.asteroid_fields, FieldConfig::from_table)?;
@@ -197,10 +204,9 @@ impl Config {
             .map_err(|(index, error)| config.fault_of_field(index, bodies::body_fault(&error)))?;
         asteroids::check_settings(&config.asteroids).map_err(|fault| fault.within("asteroids"))?;
         limits::check_stars(&config.stars).map_err(|fault| fault.within("stars"))?;
-        glare::check(&config.glare).map_err(|fault| fault.within("glare"))?;
+        limits::check_glare(&config.glare).map_err(|fault| fault.within("glare"))?;
         limits::check_exposure(&config.exposure).map_err(|fault| fault.within("exposure"))?;
         limits::check_tone_map(&config.tone_map).map_err(|fault| fault.within("tone_map"))?;
-        limits::check_accuracy(&config.accuracy).map_err(|fault| fault.within("accuracy"))?;
         headset::check(&config.headset).map_err(|fault| fault.within("headset"))?;
         config.build_rig()?;
         config.build_overlay()?;

@@ -1,87 +1,88 @@
 //! `[overlay]`: grids, trajectories and labels over display images. Test patterns are `test_pattern = true` of a view.
 
 use glam::DVec3;
-use serde::Deserialize;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 use super::error::{Fault, finite};
 use crate::coordinates::direction_from_lon_lat;
 use crate::scene::overlay::{Anchor, Colour, Grid, GridKind, Label, LineStyle, Lists, Overlay, Trajectory};
 
-/// `[overlay]`.
-#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+/// `[overlay]`: lines and text over display images, never in light.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct OverlayConfig {
-    /// Grids, later ones over earlier ones.
+    /// Grids of coordinates, 8 at most; later ones are drawn over earlier ones.
     pub grids: Vec<GridConfig>,
-    /// Polylines in space.
+    /// Polylines in space, 256 at most with at most 32768 points together.
     pub trajectories: Vec<TrajectoryConfig>,
-    /// Text beside directions and points.
+    /// Text beside directions and points, 1024 at most.
     pub labels: Vec<LabelConfig>,
 }
 
-/// One of `grids`.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+/// Circles of longitude and latitude.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct GridConfig {
-    /// `equatorial`, `galactic` or `altitude`.
-    pub kind: String,
-    /// Angle between neighbouring circles, degrees: 90 is a whole multiple of it.
+    /// Coordinates that it shows.
+    pub kind: GridKind,
+    /// Angle between neighbouring circles; 90 is a whole multiple of it.
     #[serde(default = "grid_spacing_deg")]
     pub spacing_deg: f64,
     /// Whether the circles are numbered.
     #[serde(default = "yes")]
     pub numbers: bool,
-    /// `#rrggbb`, in codes of the display.
+    /// Colour, `#rrggbb` in sRGB codes.
     #[serde(default = "grid_colour")]
     pub colour: String,
-    /// Width of the lines, pixels.
+    /// Width of the lines.
     #[serde(default = "grid_width_px")]
     pub width_px: f64,
-    /// 0 to 1.
+    /// Share of what is behind that it replaces, in linear light.
     #[serde(default = "grid_opacity")]
     pub opacity: f64,
 }
 
-/// One of `trajectories`.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+/// A polyline in space.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TrajectoryConfig {
     /// Unique name: letters, digits, `_` and `-`.
     pub name: String,
-    /// Corners: ICRS, barycentric, m.
+    /// Corners, ICRS, barycentric, at least 2.
     pub points_m: Vec<[f64; 3]>,
-    /// `#rrggbb`, in codes of the display.
+    /// Colour, `#rrggbb` in sRGB codes.
     #[serde(default = "trajectory_colour")]
     pub colour: String,
-    /// Width of the line, pixels.
+    /// Width of the line.
     #[serde(default = "trajectory_width_px")]
     pub width_px: f64,
-    /// 0 to 1.
+    /// Share of what is behind that it replaces, in linear light.
     #[serde(default = "one")]
     pub opacity: f64,
 }
 
-/// One of `labels`: beside `ra_deg` and `dec_deg`, or `position_m`.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+/// Text beside a direction (`ra_deg` and `dec_deg`) or a point (`position_m`).
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LabelConfig {
     /// Unique name: letters, digits, `_` and `-`.
     pub name: String,
-    /// What is written; without it the name.
+    /// Text, one line of at most 64 characters; without it the name.
     pub text: Option<String>,
-    /// Right ascension, degrees.
+    /// Right ascension (ICRS) of a direction.
     pub ra_deg: Option<f64>,
-    /// Declination, degrees.
+    /// Declination (ICRS) of a direction.
     pub dec_deg: Option<f64>,
-    /// A point: ICRS, barycentric, m.
+    /// A point, ICRS, barycentric, in place of `ra_deg` and `dec_deg`.
     pub position_m: Option<[f64; 3]>,
-    /// `#rrggbb`, in codes of the display.
+    /// Colour, `#rrggbb` in sRGB codes.
     #[serde(default = "label_colour")]
     pub colour: String,
-    /// Height of the font, pixels.
+    /// Height of the font.
     #[serde(default = "label_size_px")]
     pub size_px: f64,
-    /// 0 to 1.
+    /// Share of what is behind that it replaces, in linear light.
     #[serde(default = "one")]
     pub opacity: f64,
 }
@@ -132,15 +133,11 @@ fn colour(text: &str) -> Result<Colour, Fault> {
 
 impl GridConfig {
     fn grid(&self) -> Result<Grid, Fault> {
-        let kind = GridKind::from_name(&self.kind).ok_or_else(|| {
-            let names = GridKind::ALL.map(GridKind::name).join(", ");
-            Fault::new("kind", format!("`{}`: allowed are {names}", self.kind))
-        })?;
         finite("spacing_deg", self.spacing_deg)?;
         let divisions =
             Grid::divisions_from_spacing_deg(self.spacing_deg).map_err(|problem| Fault::new("spacing_deg", problem))?;
         let style = LineStyle { colour: colour(&self.colour)?, width_px: self.width_px, opacity: self.opacity };
-        Ok(Grid { kind, divisions, numbers: self.numbers, style })
+        Ok(Grid { kind: self.kind, divisions, numbers: self.numbers, style })
     }
 }
 

@@ -1,8 +1,9 @@
 //! `[scene]`: what there is to see, when, and from where.
 
+use schemars::JsonSchema;
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{Error, MapAccess, Visitor};
-use serde::{Deserialize, Deserializer};
+use serde::{Deserialize, Deserializer, Serialize};
 use toml::value::{Date, Datetime, Offset, Time};
 
 use super::error::Fault;
@@ -10,14 +11,15 @@ use crate::catalogue::galaxy::MOST_STARS;
 use crate::scene::{Camera, PoseError};
 
 /// `[scene]`.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SceneConfig {
-    /// Star catalogues; they add up.
+    /// Star catalogues, concatenated: `"builtin:bright"`, files (CSV, JSON or stores), or `{ galaxy = { ... } }` for synthetic stars.
     pub catalogues: Vec<CatalogueConfig>,
-    /// The moment that is shown, with its offset from UTC: spins and orbits follow it.
+    /// Time shown, with its offset from UTC: spins follow it. Leap seconds are ignored.
+    #[schemars(schema_with = "super::reference::time")]
     pub time: Datetime,
-    /// The camera at the start.
+    /// Initial camera pose and velocity.
     pub camera: CameraConfig,
 }
 
@@ -41,24 +43,26 @@ fn default_time() -> Datetime {
 }
 
 /// One entry of `catalogues`.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum CatalogueConfig {
-    /// `builtin:bright`, or a file: CSV, JSON or a store. Relative paths start at the configuration's folder.
-    Named(String),
-    /// `{ galaxy = { stars, seed, fainter_than } }`: synthetic stars.
+    /// Synthetic stars.
     Galaxy(GalaxyConfig),
+    /// `builtin:bright`, or a file: CSV, JSON or a store. Relative paths start at the configuration's folder.
+    #[serde(untagged)]
+    Named(String),
 }
 
-/// A synthetic galaxy.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+/// A synthetic Milky Way whose star counts follow those of the real sky.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct GalaxyConfig {
-    /// Number of stars: the brightest of the model, as seen from the Sun.
+    /// Number of stars: the apparently brightest of the model, as seen from the Sun.
     pub stars: usize,
-    /// Seed of the random numbers.
+    /// Seed of the random number generator.
     #[serde(default = "one")]
     pub seed: u64,
-    /// No star is brighter than this apparent V magnitude: the real bright stars come from a catalogue.
+    /// Stars brighter than this apparent V magnitude are left out, so that a catalogue can provide them; without it there is no limit.
     pub fainter_than: Option<f64>,
 }
 
@@ -74,7 +78,7 @@ impl<'de> Deserialize<'de> for CatalogueConfig {
 
 struct CatalogueVisitor;
 
-#[derive(Deserialize)]
+#[derive(Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct GalaxyEntry {
     galaxy: GalaxyConfig,
@@ -106,14 +110,14 @@ impl<'de> Visitor<'de> for CatalogueVisitor {
 }
 
 /// `[scene.camera]`.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct CameraConfig {
-    /// ICRS barycentric position, m.
+    /// Position, ICRS, barycentric.
     pub position_m: [f64; 3],
-    /// Unit quaternion x, y, z, w from view axes to world axes.
+    /// Unit quaternion from camera axes (+x right, +y up, looking along -z) to ICRS axes.
     pub orientation: [f64; 4],
-    /// Velocity in units of the speed of light, ICRS axes; at most 0.9999.
+    /// Velocity, ICRS axes; the speed is at most 0.9999.
     pub velocity_c: [f64; 3],
 }
 

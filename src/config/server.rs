@@ -1,12 +1,13 @@
 //! `[server]`: where the daemon listens.
 
-use serde::{Deserialize, Deserializer};
+use schemars::JsonSchema;
+use serde::{Deserialize, Deserializer, Serialize};
 
 /// `[server]`.
-#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ServerConfig {
-    /// Host and port, `host:port`; port 0 takes a free one.
+    /// Address to listen on, `host:port`; port 0 selects a free port.
     #[serde(deserialize_with = "address")]
     pub listen: String,
 }

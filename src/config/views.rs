@@ -4,7 +4,8 @@
 //! type is unknown. Degrees end here: what comes out is the rig's [`View`] in radians.
 
 use glam::DQuat;
-use serde::Deserialize;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use toml::{Table, Value};
 
 use super::document::deserialise;
@@ -48,101 +49,101 @@ pub enum ViewKindConfig {
     Equirectangular(EquirectangularConfig),
 }
 
-/// Signed angles of the four edges, degrees: left and down usually negative.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+/// Signed angles of the four edges from the view axis; left and down are usually negative.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FovConfig {
-    /// To the left edge.
+    /// Angle of the left edge, less than that of the right edge.
     pub left_deg: f64,
-    /// To the right edge.
+    /// Angle of the right edge.
     pub right_deg: f64,
-    /// To the upper edge.
+    /// Angle of the upper edge.
     pub up_deg: f64,
-    /// To the lower edge.
+    /// Angle of the lower edge, less than that of the upper edge.
     pub down_deg: f64,
 }
 
-/// A flat window: `fov_y_deg`, or `fov` for four independent edges.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+/// A flat (gnomonic) view: exactly one of `fov_y_deg` and `fov` is needed.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PerspectiveConfig {
-    /// Width and height, pixels.
+    /// Width and height.
     pub size: [u32; 2],
-    /// Vertical field of view, degrees.
+    /// Vertical field of view; the horizontal one must not exceed 178 degrees either.
     pub fov_y_deg: Option<f64>,
-    /// Four edges.
+    /// Off-axis field of view by its four edges.
     pub fov: Option<FovConfig>,
 }
 
-/// Two eyes: `fov` for the left one, mirrored for the right, or `fov_left` and `fov_right`.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+/// Two eyes: needs either `fov` (left eye, mirrored for the right eye) or both `fov_left` and `fov_right`.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct StereoConfig {
-    /// Width and height per eye, pixels.
+    /// Width and height per eye.
     pub size: [u32; 2],
-    /// Distance between the eyes, m.
+    /// Interpupillary distance.
     pub ipd_m: f64,
-    /// Edges of the left eye, mirrored for the right one.
+    /// Field of view of the left eye, mirrored for the right eye.
     pub fov: Option<FovConfig>,
-    /// Edges of the left eye.
+    /// Field of view of the left eye.
     pub fov_left: Option<FovConfig>,
-    /// Edges of the right eye.
+    /// Field of view of the right eye.
     pub fov_right: Option<FovConfig>,
 }
 
-/// Square faces of 90 degrees.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+/// Square faces with a field of view of 90 degrees.
+#[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CubemapConfig {
-    /// Side of a face, pixels.
+    /// Side of a face.
     pub face_size: u32,
-    /// Faces to render, by name.
+    /// Faces to render, each at most once.
     #[serde(default = "all_faces")]
     pub faces: Vec<String>,
 }
 
-fn all_faces() -> Vec<String> {
+pub(super) fn all_faces() -> Vec<String> {
     Face::ALL.iter().map(|face| face.name().to_owned()).collect()
 }
 
 /// Name of a fisheye mapping.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Default)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize, Default, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum MappingConfig {
-    /// Radius proportional to the angle.
+    /// r ~ theta: radius proportional to the angle from the axis, up to 360 degrees.
     #[default]
     Equidistant,
-    /// Equal areas.
+    /// r ~ sin(theta/2): equal solid angles have equal areas, up to 360 degrees.
     Equisolid,
-    /// As a sphere seen from far away.
+    /// r ~ sin(theta), up to 180 degrees.
     Orthographic,
-    /// Conformal.
+    /// r ~ tan(theta/2): conformal, up to 359 degrees.
     Stereographic,
 }
 
-/// A round picture.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+/// A circular fisheye image.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FisheyeConfig {
-    /// Width and height, pixels.
+    /// Width and height.
     pub size: [u32; 2],
-    /// How the angle from the axis becomes a radius.
+    /// Mapping from the angle to the axis to the radius in the image.
     #[serde(default)]
     pub mapping: MappingConfig,
-    /// Field of view, degrees.
+    /// Field of view across the circle; the mapping limits it.
     pub fov_deg: f64,
 }
 
-/// A planetarium's domemaster.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+/// The domemaster of planetariums: an equidistant fisheye image, zenith in the centre, front at the bottom.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DomeMasterConfig {
-    /// Width and height, equal, pixels.
+    /// Width and height, equal.
     pub size: [u32; 2],
-    /// Field of view, degrees.
+    /// Field of view across the circle.
     #[serde(default = "half_turn_deg")]
     pub fov_deg: f64,
-    /// Tilt of the dome towards the front, degrees.
+    /// Tilt of the dome towards the front.
     #[serde(default)]
     pub tilt_deg: f64,
 }
@@ -151,20 +152,23 @@ fn half_turn_deg() -> f64 {
     180.0
 }
 
-/// Longitude and latitude.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+/// An equirectangular (plate carrée) map of the whole sky in the axes of the view: -z in the centre, +y at the top.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct EquirectangularConfig {
-    /// Width and height, pixels.
+    /// Width, an even number, and height.
     pub size: [u32; 2],
 }
 
-/// The keys that every view has.
-#[derive(Deserialize)]
+/// The keys that every view has beside its name and type.
+#[derive(Deserialize, Serialize, JsonSchema)]
 #[serde(default)]
-struct Common {
+pub(super) struct Common {
+    /// Unit quaternion from view axes to camera axes.
     orientation: [f64; 4],
+    /// Position of the view in camera axes.
     position_m: [f64; 3],
+    /// Whether display images show a test pattern for aligning projectors.
     test_pattern: bool,
 }
 

@@ -12,7 +12,7 @@ use serde::Serialize;
 use crate::plan::Limits;
 
 /// Which adapter to open, and how.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct GpuOptions {
     /// Part of the adapter's name, in any case; `None`: the fastest kind there is.
     pub adapter: Option<String>,

@@ -8,6 +8,9 @@ pub const GAUSSIAN_CUT: f64 = 4.5;
 /// Standard deviation of the Gaussian that the brightest stars have on the image plane, pixels: 0.7, integrated over pixels.
 const PLANE_GAUSSIAN_PX: f64 = 0.757;
 
+/// Pixels along a side of [`bright_kernel`].
+pub const BRIGHT_KERNEL_PIXELS: i64 = 7;
+
 /// The kernel of stars so bright that the B-spline would be seen to flicker, around `centre` (continuous pixel coordinates): along
 /// each axis a mixture of the B-spline and of a Gaussian, of which `part` is the Gaussian's share, on seven pixels, divided by its
 /// sum. Column, row, weight.
@@ -20,12 +23,12 @@ pub fn bright_kernel(part: f64, centre: DVec2) -> Vec<(i64, i64, f64)> {
         (-0.5 * (offset / PLANE_GAUSSIAN_PX).powi(2)).exp() / (PLANE_GAUSSIAN_PX * std::f64::consts::TAU.sqrt())
     };
     let axis = |x: f64| -> Vec<(i64, f64)> {
-        let first = x.floor() as i64 - 3;
+        let first = x.floor() as i64 - BRIGHT_KERNEL_PIXELS / 2;
         let at = |i: i64| {
             let offset = (i as f64 + 0.5 - x).abs();
             (i, (1.0 - part) * spline(offset) + part * gaussian(offset))
         };
-        let taps: Vec<(i64, f64)> = (first..first + 7).map(at).collect();
+        let taps: Vec<(i64, f64)> = (first..first + BRIGHT_KERNEL_PIXELS).map(at).collect();
         let sum: f64 = taps.iter().map(|tap| tap.1).sum();
         taps.into_iter().map(|(i, weight)| (i, weight / sum)).collect()
     };
@@ -34,7 +37,7 @@ pub fn bright_kernel(part: f64, centre: DVec2) -> Vec<(i64, i64, f64)> {
 }
 
 /// How many times brighter than the first star that takes [`bright_kernel`] a star is that has nothing of the B-spline left.
-const BRIGHT_KERNEL_GROWTH: f64 = 6.0;
+pub const BRIGHT_KERNEL_GROWTH: f64 = 6.0;
 
 /// The Gaussian's share for a star, where the faintest one that takes [`bright_kernel`] has `from_lx`.
 pub fn gaussian_part(illuminance_lx: f64, from_lx: f64) -> f64 {

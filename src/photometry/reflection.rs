@@ -14,16 +14,17 @@
 
 use std::f64::consts::PI;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// How a surface spreads the light that falls on it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, Default)]
+/// Reflection law of a surface.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, Default, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ReflectionLaw {
-    /// Equally bright from everywhere: L = (3 p / 2) E cos(i) / pi.
+    /// Lambertian: L = (3 p / 2) E cos(i) / pi.
     Lambert,
-    /// Single scattering in a dark, powdery surface: L = 2 p E / pi * cos(i) / (cos(i) + cos(e)). At full phase the
-    /// disc is flat.
+    /// Lommel-Seeliger, single scattering in a dark regolith: L = 2 p E / pi * cos(i) / (cos(i) + cos(e)); no limb
+    /// darkening at full phase.
     #[default]
     LommelSeeliger,
 }

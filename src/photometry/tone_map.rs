@@ -13,6 +13,7 @@ pub mod curves;
 pub mod hue;
 pub mod scotopic;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use self::curves::{aces, filmic, reinhard_scale};
@@ -20,7 +21,7 @@ use super::exposure::WHITE_LUMINANCE_AT_EV0_CD_M2;
 pub use super::rec709::luminance;
 
 /// Brighter light than this is shown as this, cd/m^2 and units of display white: in f32, too, sums of three stay finite.
-const BRIGHTEST: f64 = 1e30;
+pub(crate) const BRIGHTEST: f64 = 1e30;
 
 /// Display value of linear `value`: the sRGB transfer curve (IEC 61966-2-1). Not clipped; NaN gives NaN.
 pub fn srgb_from_linear(value: f64) -> f64 {
@@ -33,19 +34,19 @@ pub fn linear_from_srgb(value: f64) -> f64 {
 }
 
 /// A tone-mapping operator: how light becomes a display value.
-#[derive(Clone, Copy, Debug, Default, Eq, Hash, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, Eq, Hash, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ToneMapOperator {
-    /// Film-like roll-off of highlights, channel by channel: [`filmic`].
+    /// Duiker's film curve, per channel.
     #[default]
     Filmic,
-    /// Clip at white, then [`srgb_from_linear`].
+    /// Linear, clipped at display white, sRGB transfer function.
     Srgb,
-    /// Roll-off of the luminance, which keeps the ratios of the channels: [`reinhard_scale`].
+    /// Reinhard's extended operator on luminance; keeps the ratios of the channels.
     Reinhard,
-    /// A film's curve with toe and shoulder, channel by channel: [`aces`].
+    /// Narkowicz's fit of the ACES film curve, per channel.
     Aces,
-    /// The light itself on a display of known peak and black.
+    /// Absolute: cd/m^2 on a display of known peak and black, whatever the exposure.
     Calibrated,
 }
 
@@ -65,24 +66,24 @@ impl ToneMapOperator {
     }
 }
 
-/// Tone mapping settings.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+/// From luminance to display values.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ToneMapSettings {
-    /// The operator.
+    /// Tone-mapping operator.
     pub operator: ToneMapOperator,
-    /// `reinhard`: the luminance over display white that is shown as the brightest the display has.
+    /// `reinhard`: smallest luminance, relative to display white, that is mapped to the display's maximum.
     pub white: f64,
-    /// `calibrated`: luminance that the display gives for white, cd/m^2.
+    /// `calibrated`: luminance of the display's white.
     pub peak_cd_m2: f64,
-    /// `calibrated`: luminance that the display gives for black, cd/m^2.
+    /// `calibrated`: luminance of the display's black, at most half of `peak_cd_m2`.
     pub black_cd_m2: f64,
-    /// How much of the hue of light beyond the display's range is kept by moving it towards white instead of clipping or
-    /// rolling off each channel by itself: 0 to 1.
+    /// Preservation of hue beyond the display's gamut: 0 clips or compresses each channel, 1 desaturates towards white at
+    /// constant hue.
     pub desaturation: f64,
-    /// How much dim light is seen as rods see it, without colour and bluish: 0 to 1.
+    /// Strength of the shift to scotopic (rod) vision below 5 cd/m^2: less saturation, Purkinje shift to blue.
     pub scotopic: f64,
-    /// Whether rounding to 8 bits is spread over neighbouring pixels.
+    /// Whether rounding to 8 bits is dithered, with an ordered pattern.
     pub dither: bool,
 }
 

@@ -1,78 +1,79 @@
 //! `[headset]`: how a headset is driven.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// How the eyes' images are handed to the runtime.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Default)]
+/// Layout of the swapchains.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Default, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum SwapchainLayout {
-    /// One swapchain of two layers, or two where the runtime has none of layers or wants eyes of different sizes.
+    /// `array`, or `two` if the runtime has no array swapchains or the eyes differ in size.
     #[default]
     Auto,
-    /// One swapchain of two layers.
+    /// One swapchain with two array layers.
     Array,
-    /// A swapchain for each eye.
+    /// One swapchain per eye.
     Two,
 }
 
-/// Format of the images.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Default)]
+/// Format of the swapchain images.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Default, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum SwapchainFormat {
-    /// What the runtime likes best of the others.
+    /// The supported format that the runtime prefers.
     #[default]
     Auto,
-    /// Linear light in 16-bit floats.
+    /// 16-bit float, linear.
     Rgba16f,
-    /// Eight bits, encoded as sRGB.
+    /// 8 bits, sRGB.
     Rgba8Srgb,
-    /// The same with red and blue exchanged.
+    /// 8 bits, sRGB, channels in the order BGRA.
     Bgra8Srgb,
 }
 
-/// Where the scene's camera stands in the room.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Default)]
+/// OpenXR reference space whose origin is the camera of the scene.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Default, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ReferenceSpace {
-    /// Where the head was when the runtime was last recentred.
+    /// LOCAL: the head position at the last recentring.
     #[default]
     Local,
-    /// In the middle of the floor of the play area.
+    /// STAGE: the centre of the play area at floor level.
     Stage,
 }
 
-/// What a daemon does when the wearer ends the session in the runtime's own menu.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Default)]
+/// What `serve` does after the user has ended the session in the menu of the runtime.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Default, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum AfterExit {
-    /// It leaves the headset alone until it is started anew.
+    /// Leaves the headset alone until the daemon is restarted.
     #[default]
     Stop,
-    /// It connects again, as after a loss.
+    /// Reconnects, as after a loss of the session.
     Reconnect,
 }
 
-/// `[headset]`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+/// `[headset]`: an OpenXR headset.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct HeadsetSettings {
     /// Whether `serve` drives a headset; `xr` always does.
     pub enabled: bool,
-    /// Name of the view that shows clients what the eyes see.
+    /// Name of the view under which clients see the images of the eyes: letters, digits, `_` and `-`.
     pub name: String,
-    /// Swapchains.
+    /// Layout of the swapchains.
     pub swapchains: SwapchainLayout,
-    /// Format of their images.
+    /// Format of the swapchain images.
     pub format: SwapchainFormat,
-    /// Factor on the width and height that the runtime recommends, 0.1 to 4.
+    /// Factor on the width and height that the runtime recommends.
     pub resolution_scale: f64,
-    /// Where the camera stands in the room.
+    /// OpenXR reference space whose origin is the camera of the scene.
     pub reference_space: ReferenceSpace,
-    /// Speed of flight with a thumbstick pushed to its end, m/s, above 0 to 1e12.
+    /// Speed of flight at full deflection of the thumbstick.
     pub flight_m_s: f64,
-    /// Speed of turning with a thumbstick pushed to its end, deg/s, 0 to 360.
+    /// Turn rate at full deflection of the thumbstick.
     pub turn_deg_s: f64,
-    /// After the wearer has ended the session.
+    /// What `serve` does after the user has ended the session in the menu of the runtime.
     pub after_exit: AfterExit,
 }
 

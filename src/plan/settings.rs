@@ -1,5 +1,6 @@
 //! The render settings of a frame: methods by name, exposure, tone mapping and the error budget.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 pub use super::{
@@ -15,34 +16,34 @@ pub use super::{
 use crate::photometry::exposure::{STANDARD_KEY, key_compensation_ev, metered_ev100};
 pub use crate::photometry::tone_map::{ToneMapOperator, ToneMapSettings};
 
-/// Who chooses the exposure.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, Default)]
+/// How the exposure is chosen.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, Default, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ExposureMode {
-    /// From the mean luminance of all views, weighted by solid angle.
+    /// Automatic: from the mean luminance of all views, weighted by solid angle.
     #[default]
     Auto,
-    /// `ev100` as given.
+    /// Fixed: `ev100`.
     Manual,
 }
 
 /// Exposure settings.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ExposureSettings {
-    /// Who chooses.
+    /// How the exposure is chosen.
     pub mode: ExposureMode,
-    /// Exposure value at ISO 100 for `manual`: display white is 1.2 * 2^ev100 cd/m^2.
+    /// `manual`: exposure value at ISO 100; display white is 1.2 * 2^ev100 cd/m^2.
     pub ev100: f64,
-    /// Share of display white at which the automatic exposure shows the mean luminance of all views.
+    /// `auto`: fraction of display white at which the mean luminance of all views is shown; the default is that of ISO 2720 and ISO 12232.
     pub key: f64,
-    /// Added to the automatic exposure value: positive darkens.
+    /// `auto`: exposure compensation, added to the exposure value; positive darkens.
     pub compensation_ev: f64,
-    /// Lowest automatic exposure value.
+    /// `auto`: lowest exposure value, not above `max_ev100`.
     pub min_ev100: f64,
-    /// Highest automatic exposure value.
+    /// `auto`: highest exposure value.
     pub max_ev100: f64,
-    /// Time constant of adaptation in `serve`, s; 0 adapts at once.
+    /// Time constant of exposure adaptation in `serve` and `xr`; 0 adapts at once.
     pub adaptation_s: f64,
 }
 
@@ -81,18 +82,18 @@ impl Default for ExposureSettings {
     }
 }
 
-/// The error budget. `auto` chooses between its kernels by `flicker`; the certificate of a frame tells for each of the
-/// three whether it is kept.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+/// The error budget. `stars.method = "auto"` selects kernels by `flicker`; the certificate of a frame says for each budget
+/// whether it is kept.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct AccuracySettings {
-    /// Relative error of the light of a star.
+    /// Relative error of the flux of a star.
     pub flux: f64,
-    /// Error of a star's centroid, pixels.
+    /// Error of the centroid of a star.
     pub centroid_px: f64,
-    /// Standard deviation over mean of a star's displayed light while it moves through a pixel.
+    /// Standard deviation over mean of the displayed flux of a star over its sub-pixel positions.
     pub flicker: f64,
-    /// What one source may add to the scattered light around it without being drawn by itself, relative.
+    /// `sky_cube`: a source is drawn individually where its veil exceeds this fraction of the veil around it.
     pub glare: f64,
 }
 

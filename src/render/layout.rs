@@ -1,4 +1,4 @@
-//! The structs that shaders read, with the same field names as in WGSL. `tests/shaders.rs` compares names, offsets and
+//! The structs that shaders read, with the same field names as in WGSL. `tests/cpu/shaders.rs` compares names, offsets and
 //! sizes with what naga reads from the shaders.
 
 use bytemuck::{Pod, Zeroable};
@@ -97,7 +97,7 @@ gpu_structs! {
         /// Padding.
         unused_1: u32,
     }
-    /// A run of stars for one workgroup; see `shaders/stars.wgsl`.
+    /// A run of stars for one workgroup; see `shaders/stars/splat.wgsl`.
     StarItem {
         /// Chunk origin minus camera, pc.
         origin: [f32; 3],
@@ -112,7 +112,7 @@ gpu_structs! {
         /// 1: directions instead of places.
         at_infinity: u32,
     }
-    /// How the camera moves; see `shaders/shared/relativity.wgsl`. All zero: it rests.
+    /// How the camera moves; see `shaders/stars/relativity.wgsl`. All zero: it rests.
     Traveller {
         /// Unit vector of the velocity, world axes.
         direction: [f32; 3],
@@ -164,7 +164,7 @@ gpu_structs! {
         /// Width and height of the texture.
         texture_size: [u32; 2],
     }
-    /// Light that falls on a body; see `shaders/geometry.wgsl`.
+    /// Light that falls on a body; see `shaders/bodies/rays.wgsl`.
     BodySun {
         /// Unit vector towards it, view axes.
         direction: [f32; 3],
@@ -213,7 +213,7 @@ gpu_structs! {
         /// Padding.
         unused_2: u32,
     }
-    /// A point of light that is no star; see `shaders/points.wgsl`.
+    /// A point of light that is no star; see `shaders/bodies/points.wgsl`.
     Point {
         /// Place relative to the camera, world axes, m.
         offset: [f32; 3],
@@ -245,7 +245,7 @@ gpu_structs! {
         /// How the camera moves.
         traveller: Traveller,
     }
-    /// A star as the published methods read it; see `shaders/shared/catalogue_star.wgsl`.
+    /// A star as the published methods read it; see `shaders/stars/catalogue_star.wgsl`.
     CatalogueStar {
         /// ICRS, from the barycentre, pc.
         x: f32,
@@ -273,7 +273,7 @@ gpu_structs! {
         /// Padding.
         unused_0: u32,
     }
-    /// Parameters of the methods that blend; see `shaders/shared/billboard.wgsl`.
+    /// Parameters of the methods that blend; see `shaders/stars/billboards/billboard.wgsl`.
     BillboardParameters {
         /// First row of the rotation from the axes of the plane to those of the view.
         view_from_plane_x: [f32; 4],
@@ -340,7 +340,7 @@ gpu_structs! {
         /// For the source of luminance.
         source_1: u32,
     }
-    /// The procedural sky; see `shaders/shared/luminance_cell_sky.wgsl`.
+    /// The procedural sky; see `shaders/stars/luminance_cell_sky.wgsl`.
     CellSkyParameters {
         /// Angle of a pixel in the middle of the view, rad.
         pixel_rad: f32,
@@ -359,7 +359,7 @@ gpu_structs! {
         /// Padding.
         unused_2: u32,
     }
-    /// The numbers of the tone mapping; see `shaders/shared/display.wgsl`.
+    /// The numbers of the tone mapping; see `shaders/display/encode.wgsl`.
     Display {
         /// Luminance over display white that Reinhard's operator shows white.
         white: f32,
@@ -402,7 +402,7 @@ gpu_structs! {
         /// Padding.
         unused_1: u32,
     }
-    /// A cell of the sky; see `shaders/glare_gather.wgsl`.
+    /// A cell of the sky; see `shaders/glare/sky_cube/map_gather.wgsl`.
     GlareCell {
         /// Unit vector to the middle of its light.
         direction: [f32; 3],
@@ -443,7 +443,7 @@ gpu_structs! {
         /// Padding.
         unused_1: u32,
     }
-    /// A source that is drawn by itself; see `shaders/shared/glare_sprites.wgsl`.
+    /// A source that is drawn by itself; see `shaders/glare/sky_cube/sprites.wgsl`.
     GlareSprite {
         /// Unit vector, world axes.
         direction: [f32; 3],
@@ -588,7 +588,7 @@ gpu_structs! {
         /// Padding.
         unused_0: u32,
     }
-    /// A group of asteroids; see `shaders/shared/asteroid_instance.wgsl`.
+    /// A group of asteroids; see `shaders/asteroids/instance.wgsl`.
     AsteroidItem {
         /// Its middle minus camera, world axes, m.
         origin: [f32; 3],
@@ -718,7 +718,7 @@ gpu_structs! {
         instance: u32,
         /// Its group; bit 31: on the other side of the seam.
         item: u32,
-        /// How it fades; see `faded` in `shaders/shared/asteroid.wgsl`.
+        /// How it fades; see `faded` in `shaders/asteroids/listed.wgsl`.
         fade: f32,
     }
     /// Parameters of culling asteroids.
@@ -751,7 +751,7 @@ gpu_structs! {
         /// Tiles of the batch.
         tiles: u32,
     }
-    /// What asteroids are drawn onto; see `shaders/shared/asteroid.wgsl`.
+    /// What asteroids are drawn onto; see `shaders/asteroids/listed.wgsl`.
     AsteroidTarget {
         /// The picture, or the face.
         viewport: Viewport,
@@ -843,7 +843,7 @@ gpu_structs! {
         /// How light is shown.
         shown: Display,
     }
-    /// What given asteroids are drawn onto; see `shaders/shared/asteroid_given.wgsl`.
+    /// What given asteroids are drawn onto; see `shaders/asteroids/impostors/given.wgsl`.
     GivenTarget {
         /// The picture.
         viewport: Viewport,
@@ -883,7 +883,7 @@ gpu_structs! {
         /// Padding.
         unused_2: u32,
     }
-    /// An atlas of impostors; see `shaders/shared/impostor.wgsl`.
+    /// An atlas of impostors; see `shaders/asteroids/impostors/atlas.wgsl`.
     ImpostorAtlas {
         /// Tiles along a side.
         tiles: u32,
@@ -894,7 +894,7 @@ gpu_structs! {
         /// Factor on the albedo that is stored as 1.
         albedo_scale: f32,
     }
-    /// Parameters of baking a block of an atlas; see `shaders/shared/impostor_bake.wgsl`.
+    /// Parameters of baking a block of an atlas; see `shaders/asteroids/impostors/bake_block.wgsl`.
     ImpostorBakeParameters {
         /// Samples along the side of the block.
         side: f32,
@@ -935,7 +935,7 @@ gpu_structs! {
         /// Padding.
         unused_1: u32,
     }
-    /// A point at which a projection is evaluated; see `shaders/projection_probe.wgsl`.
+    /// A point at which a projection is evaluated; see `shaders/probe.wgsl`.
     ProbeInput {
         /// Direction in view space.
         direction: [f32; 3],

@@ -16,6 +16,8 @@ mod glare;
 pub mod layout;
 mod overlay;
 #[cfg(test)]
+mod pass_tests;
+#[cfg(test)]
 mod presentation_tests;
 pub mod probe;
 mod read;

@@ -268,14 +268,29 @@ fn every_code_of_every_channel_comes_out_as_it_went_in() {
 }
 
 #[test]
+fn textures_of_bytes_hold_the_display_images_in_every_operator_exposure_and_glare_and_cut_in_one() {
+    textures_of_bytes_hold_the_display_images(&[
+        (None, &ToneMapOperator::ALL),
+        (Some(STRIPS), &[ToneMapOperator::Filmic]),
+    ]);
+}
+
+#[test]
+#[ignore = "long: make test-all"]
 fn textures_of_bytes_hold_the_display_images_in_every_operator_exposure_glare_and_cut() {
+    let all = &ToneMapOperator::ALL;
+    textures_of_bytes_hold_the_display_images(&[(None, all), (Some(STRIPS), all)]);
+}
+
+/// By how many bytes may be bound at once: the operators to try.
+fn textures_of_bytes_hold_the_display_images(cases: &[(Option<u64>, &[ToneMapOperator])]) {
     let pixels = STRIPS / BYTES_PER_PIXEL;
     let cut = batches(&SIZES, pixels);
     assert!(cut.len() > 3 && cut.iter().any(|batch| batch.tiles.len() > 1), "{cut:?}");
     let scene = sky(0.0);
-    for limit in [None, Some(STRIPS)] {
+    for &(limit, operators) in cases {
         let mut renderer = Renderer::new(gpu(limit));
-        for operator in ToneMapOperator::ALL {
+        for &operator in operators {
             let tone_map = ToneMapSettings { peak_cd_m2: 0.01, ..ToneMapSettings::of(operator) };
             let base = RenderSettings { tone_map, ..settings(StarMethod::Auto) };
             for (settings, adapted) in exposures_and_glares(&base) {
@@ -296,40 +311,55 @@ fn textures_of_bytes_hold_the_display_images_in_every_operator_exposure_glare_an
     }
 }
 
+/// Shares of desaturation and of scotopic vision.
+const PLAIN: (f64, f64) = (0.0, 0.0);
+const NIGHT: (f64, f64) = (0.7, 0.6);
+
 #[test]
-fn textures_of_halves_hold_the_tone_mapped_light() {
+fn textures_of_halves_hold_the_tone_mapped_light_of_every_operator_and_of_one_at_night_and_cut() {
+    let plain = ToneMapOperator::ALL.map(|operator| (operator, PLAIN));
+    let filmic = ToneMapOperator::Filmic;
+    textures_of_halves_hold_the_tone_mapped_light(&[
+        (None, &[&plain[..], &[(filmic, NIGHT)]].concat()),
+        (Some(STRIPS), &[(filmic, PLAIN)]),
+    ]);
+}
+
+#[test]
+#[ignore = "long: make test-all"]
+fn textures_of_halves_hold_the_tone_mapped_light_of_every_operator_at_night_and_cut() {
+    let [plain, night] = [PLAIN, NIGHT].map(|eye| ToneMapOperator::ALL.map(|operator| (operator, eye)));
+    textures_of_halves_hold_the_tone_mapped_light(&[(None, &[plain, night].concat()), (Some(STRIPS), &plain)]);
+}
+
+/// What is tried, by how many bytes may be bound at once.
+fn textures_of_halves_hold_the_tone_mapped_light(cases: &[(Option<u64>, &[(ToneMapOperator, (f64, f64))])]) {
     let scene = sky(0.0);
-    for limit in [None, Some(STRIPS)] {
+    for &(limit, eyes) in cases {
         let mut renderer = Renderer::new(gpu(limit));
-        for operator in ToneMapOperator::ALL {
-            let options = [(0.0, 0.0), (0.7, 0.6)];
-            for (desaturation, scotopic) in options.into_iter().take(if limit.is_none() { 2 } else { 1 }) {
-                let tone_map =
-                    ToneMapSettings { peak_cd_m2: 0.01, desaturation, scotopic, ..ToneMapSettings::of(operator) };
-                let base = RenderSettings { tone_map, ..settings(StarMethod::Auto) };
-                for (settings, adapted) in exposures_and_glares(&base) {
-                    let reference = rendered(&mut renderer, &scene, &settings, adapted);
-                    let (frame, textures) = presented(&mut renderer, &scene, &settings, adapted, HALVES);
-                    assert_eq!(frame.exposure_ev100, reference.exposure_ev100);
-                    for (texture, image) in textures.iter().zip(&reference.images) {
-                        let light = light_of(renderer.gpu(), texture);
-                        let off = halves_off(&light, image, &tone_map, frame.exposure_ev100);
-                        assert_eq!(off, 0, "{operator:?}, {desaturation}, {scotopic}, {adapted:?}, {limit:?}");
-                        // Another operator, another exposure and halves that are cut off instead of rounded are found.
-                        let other = if operator == ToneMapOperator::Aces {
-                            ToneMapOperator::Srgb
-                        } else {
-                            ToneMapOperator::Aces
-                        };
-                        let other = ToneMapSettings { operator: other, ..tone_map };
-                        assert!(halves_off(&light, image, &other, frame.exposure_ev100) > 50);
-                        if operator != ToneMapOperator::Calibrated {
-                            assert!(halves_off(&light, image, &tone_map, frame.exposure_ev100 + 0.01) > 50);
-                        }
-                        let below = |value: f64| value * (1.0 - 2f64.powi(-11));
-                        let cut: Vec<[f64; 3]> = light.iter().map(|rgb| rgb.map(below)).collect();
-                        assert!(halves_off(&cut, image, &tone_map, frame.exposure_ev100) > 50);
+        for &(operator, (desaturation, scotopic)) in eyes {
+            let tone_map =
+                ToneMapSettings { peak_cd_m2: 0.01, desaturation, scotopic, ..ToneMapSettings::of(operator) };
+            let base = RenderSettings { tone_map, ..settings(StarMethod::Auto) };
+            for (settings, adapted) in exposures_and_glares(&base) {
+                let reference = rendered(&mut renderer, &scene, &settings, adapted);
+                let (frame, textures) = presented(&mut renderer, &scene, &settings, adapted, HALVES);
+                assert_eq!(frame.exposure_ev100, reference.exposure_ev100);
+                for (texture, image) in textures.iter().zip(&reference.images) {
+                    let light = light_of(renderer.gpu(), texture);
+                    let off = halves_off(&light, image, &tone_map, frame.exposure_ev100);
+                    assert_eq!(off, 0, "{operator:?}, {desaturation}, {scotopic}, {adapted:?}, {limit:?}");
+                    // Another operator, another exposure and halves that are cut off instead of rounded are found.
+                    let other =
+                        if operator == ToneMapOperator::Aces { ToneMapOperator::Srgb } else { ToneMapOperator::Aces };
+                    let other = ToneMapSettings { operator: other, ..tone_map };
+                    assert!(halves_off(&light, image, &other, frame.exposure_ev100) > 50);
+                    if operator != ToneMapOperator::Calibrated {
+                        assert!(halves_off(&light, image, &tone_map, frame.exposure_ev100 + 0.01) > 50);
                     }
+                    let below = |value: f64| value * (1.0 - 2f64.powi(-11));
+                    let cut: Vec<[f64; 3]> = light.iter().map(|rgb| rgb.map(below)).collect();
+                    assert!(halves_off(&cut, image, &tone_map, frame.exposure_ev100) > 50);
                 }
             }
         }

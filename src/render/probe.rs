@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::{layout, viewport::encode_viewport};
-use crate::gpu::{Gpu, GpuError, ReadbackBuffer, projection_probe, storage_buffer};
+use crate::gpu::{Gpu, GpuError, ReadbackBuffer, Shader, constants::workgroups::PROBE_THREADS, storage_buffer};
 use crate::plan::KernelPlan;
 use crate::view::Viewport;
 
@@ -37,7 +37,7 @@ pub fn probe(gpu: &Gpu, viewport: &Viewport, probes: &[Probe]) -> Result<Vec<Pro
             ..Default::default()
         })
         .collect();
-    let pipeline = gpu.compute_pipeline(&projection_probe());
+    let pipeline = gpu.compute_pipeline(&Shader::new("probe").source());
     let viewports = storage_buffer(gpu, "viewports", &[encode_viewport(viewport, &KernelPlan::bspline())]);
     let input_buffer = storage_buffer(gpu, "probe inputs", &inputs);
     let bytes = (probes.len() * size_of::<layout::ProbeOutput>()) as u64;
@@ -61,7 +61,7 @@ pub fn probe(gpu: &Gpu, viewport: &Viewport, probes: &[Probe]) -> Result<Vec<Pro
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
         pass.set_pipeline(&pipeline);
         pass.set_bind_group(0, &group, &[]);
-        pass.dispatch_workgroups(probes.len().div_ceil(64) as u32, 1, 1);
+        pass.dispatch_workgroups(probes.len().div_ceil(PROBE_THREADS as usize) as u32, 1, 1);
     }
     let place = readback.copy(gpu, &mut encoder, &outputs, 0, bytes);
     gpu.queue.submit([encoder.finish()]);

@@ -3,7 +3,7 @@
 use super::{
     AsteroidCounts, Frame, FrameImage, FrameTimes, RenderError, Renderer, ViewStatistics, Wanted, layout,
     submit::SubmittedFrame,
-    targets::{FIRST_VIEW_COUNTER, OVERFLOW_COUNTER, Targets},
+    targets::{OVERFLOW_COUNTER, Targets, VIEW_COUNTERS},
     technique::{FrameInputs, Recording},
 };
 use crate::{
@@ -149,7 +149,7 @@ fn statistics(
 ) -> Vec<ViewStatistics> {
     let time_of =
         |stars: bool| passes_ms.iter().filter(|(name, _)| (*name == "stars") == stars).map(|(_, ms)| ms).sum::<f64>();
-    let drawn = &counters[FIRST_VIEW_COUNTER..];
+    let drawn = &counters[VIEW_COUNTERS..];
     let all_drawn: f64 = drawn.iter().map(|count| f64::from(*count)).sum::<f64>().max(1.0);
     let pixels_of = |view: usize| -> f64 {
         let of_view = plan.viewports.iter().filter(|viewport| viewport.view == view);

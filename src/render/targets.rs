@@ -9,7 +9,7 @@ use super::{
     viewport::encode_viewport,
 };
 use crate::{
-    gpu::{Gpu, GrowingBuffer, bind_buffers, storage_buffer},
+    gpu::{Gpu, GrowingBuffer, Shader, ShaderSource, bind_buffers, constants::counters, storage_buffer},
     plan::{
         DISPLAY_BYTES, Plan,
         settings::{Accumulator, GlareMethod},
@@ -18,16 +18,14 @@ use crate::{
     view::Viewport,
 };
 
-/// Pixels of one workgroup of the passes over pixels: 64 columns, 16 rows.
-pub(crate) const COLUMNS: u32 = 64;
-/// See [`COLUMNS`].
-pub(crate) const ROWS: u32 = 16;
+pub(crate) use crate::gpu::constants::pixel_grid::{COLUMNS, ROWS};
+
 /// Bytes of a partial sum: illuminance that counts, and solid angle that does not.
 pub(crate) const PARTIAL_SUM_BYTES: u64 = 8;
 /// Counter of sums that overflowed.
-pub(crate) const OVERFLOW_COUNTER: usize = 0;
+pub(crate) const OVERFLOW_COUNTER: usize = counters::COUNTER_OVERFLOWS as usize;
 /// First of the counters of stars drawn, one per view.
-pub(crate) const FIRST_VIEW_COUNTER: usize = 1;
+pub(crate) const VIEW_COUNTERS: usize = counters::FIRST_VIEW_COUNTER as usize;
 
 /// Buffers of one batch of tiles, kept from frame to frame.
 struct BatchBuffers {
@@ -197,7 +195,7 @@ impl Targets {
             plan.viewports.iter().zip(&plan.kernels).map(|(v, kernels)| encode_viewport(v, kernels)).collect();
         self.viewports = self.viewport_buffer.upload(gpu, &encoded).clone();
         // The flags of all batches follow the counters that are read back.
-        self.counter_count = FIRST_VIEW_COUNTER + views;
+        self.counter_count = VIEW_COUNTERS + views;
         let (tiles, partials, counters_and_flags) = encoded_tiles(plan, self.counter_count as u32);
         self.partial_count = partials;
         self.partial_sums = self.partial_buffer.with_room(gpu, u64::from(partials) * PARTIAL_SUM_BYTES).clone();
@@ -361,6 +359,12 @@ pub(crate) fn bind_occlusion(
     let buffers = [occlusion.geometry, occlusion.view_bodies, occlusion.body_runs];
     let bindings: Vec<_> = (0..).zip(buffers).map(|(binding, buffer)| (binding, buffer.as_entire_binding())).collect();
     bind_buffers(gpu, pipeline, 2, &bindings)
+}
+
+/// The complete module of a shader that splats in fixed point, with the words that the adapter can add to.
+pub(crate) fn splatting(gpu: &Gpu, file: &str) -> ShaderSource {
+    let accumulate = if gpu.wide_accumulator { "shared/accumulate_u64" } else { "shared/accumulate_u32" };
+    Shader::new(file).with("accumulate", accumulate).source()
 }
 
 /// Parameters and sums, as every pass that splats in fixed point binds them; `others` follow.

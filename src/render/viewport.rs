@@ -5,6 +5,10 @@ use std::f64::consts::PI;
 use glam::DMat3;
 
 use super::layout;
+use crate::gpu::constants::projections::{
+    KIND_CUBE_FACE, KIND_EQUIDISTANT, KIND_EQUIRECTANGULAR, KIND_EQUISOLID, KIND_ORTHOGRAPHIC, KIND_PERSPECTIVE,
+    KIND_STEREOGRAPHIC,
+};
 use crate::{
     plan::{GaussianKernel, KernelPlan},
     units::PARSEC_M,
@@ -35,6 +39,7 @@ pub(crate) fn encode_viewport(viewport: &Viewport, kernels: &KernelPlan) -> layo
         view_from_world_y: row(1),
         view_from_world_z: row(2),
         size,
+        kind: KIND_PERSPECTIVE,
         tent_below_lx: finite_f32(kernels.tent_below_lx),
         gaussian_from_lx: finite_f32(kernels.gaussian_from_lx),
         gaussian_sigma_rad: width.map_or(0.0, |width| width.sigma_rad as f32),
@@ -48,7 +53,7 @@ pub(crate) fn encode_viewport(viewport: &Viewport, kernels: &KernelPlan) -> layo
         Projection::Perspective(plane) => encode_plane(&mut encoded, plane, size),
         Projection::CubeFace(face) => {
             encode_plane(&mut encoded, face.plane(), size);
-            encoded.kind = 1;
+            encoded.kind = KIND_CUBE_FACE;
             encoded.face = face.face as u32;
         }
         Projection::Fisheye(fisheye) => {
@@ -58,10 +63,10 @@ pub(crate) fn encode_viewport(viewport: &Viewport, kernels: &KernelPlan) -> layo
             encoded.rim = fisheye.rim as f32;
             encoded.full_sphere = u32::from(fisheye.is_full_sphere());
             (encoded.kind, encoded.rim_complement) = match fisheye.mapping {
-                FisheyeMapping::Equidistant => (2, (PI - fisheye.rim) as f32),
-                FisheyeMapping::Equisolid => (3, 0.0),
-                FisheyeMapping::Orthographic => (4, fisheye.half_fov_rad.cos().powi(2) as f32),
-                FisheyeMapping::Stereographic => (5, 0.0),
+                FisheyeMapping::Equidistant => (KIND_EQUIDISTANT, (PI - fisheye.rim) as f32),
+                FisheyeMapping::Equisolid => (KIND_EQUISOLID, 0.0),
+                FisheyeMapping::Orthographic => (KIND_ORTHOGRAPHIC, fisheye.half_fov_rad.cos().powi(2) as f32),
+                FisheyeMapping::Stereographic => (KIND_STEREOGRAPHIC, 0.0),
             };
             // The centre and half way out; the orthographic rim is treated apart in the shader.
             let [x, y] = [size[0] / 2, size[1] / 2];
@@ -72,7 +77,7 @@ pub(crate) fn encode_viewport(viewport: &Viewport, kernels: &KernelPlan) -> layo
                 exact > 0.0 && (midpoint / exact - 1.0).abs() > MIDPOINT_TOLERANCE
             }));
         }
-        Projection::Equirectangular(_) => encoded.kind = 6,
+        Projection::Equirectangular(_) => encoded.kind = KIND_EQUIRECTANGULAR,
     }
     encoded
 }

@@ -21,7 +21,9 @@ use glam::{DQuat, DVec3};
 
 pub(super) use self::check::{check_albedo, check_position};
 pub use self::{
-    check::{BodyError, MOST_BODIES, MOST_SUNS, check_name, check_names, check_suns},
+    check::{
+        BRIGHTEST_ALBEDO, BodyError, FARTHEST_M, MOST_BODIES, MOST_SUNS, RADII_M, check_name, check_names, check_suns,
+    },
     preset::Preset,
     seen::{Hit, SeenBody, hides},
     suns::{Light, Sun, lights_on, mean_radius_m, suns},

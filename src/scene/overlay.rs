@@ -7,6 +7,8 @@ mod check;
 mod font;
 
 use glam::DVec3;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 pub use self::{
     check::{
@@ -53,7 +55,8 @@ pub struct LineStyle {
 }
 
 /// Whose circles a grid shows.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum GridKind {
     /// Right ascension and declination (ICRS).
     Equatorial,
@@ -104,7 +107,7 @@ impl Grid {
     /// Spaces between the equator and a pole for circles that are `spacing_deg` apart; the error says what is allowed.
     pub fn divisions_from_spacing_deg(spacing_deg: f64) -> Result<u32, String> {
         let divisions = (90.0 / spacing_deg).round();
-        let allowed = (1.0..=f64::from(MOST_DIVISIONS)).contains(&divisions);
+        let allowed = (90.0 / f64::from(MOST_DIVISIONS)..=90.0).contains(&spacing_deg);
         if allowed && (divisions * spacing_deg - 90.0).abs() <= 1e-6 {
             return Ok(divisions as u32);
         }

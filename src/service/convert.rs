@@ -191,8 +191,9 @@ pub(super) fn scene_update_from_pb(request: &proto::UpdateSceneRequest) -> Resul
             update.star_method = Some(method);
         }
         if names("stars", ".magnitude_limit") {
-            if !(-100.0..=100.0).contains(&stars.magnitude_limit) {
-                let allowed = "allowed are magnitudes from -100 to 100";
+            let [least, most] = crate::plan::settings::StarSettings::MAGNITUDES;
+            if !(least..=most).contains(&stars.magnitude_limit) {
+                let allowed = format!("allowed are magnitudes from {least} to {most}");
                 return Err(format!("stars.magnitude_limit = {}: {allowed}", stars.magnitude_limit));
             }
             update.magnitude_limit = Some(stars.magnitude_limit);

@@ -3,4 +3,4 @@
 pub mod projection;
 mod rig;
 
-pub use rig::{Eye, Fov, Part, Rig, RigError, View, ViewImage, ViewKind, Viewport, check_name};
+pub use rig::{Eye, Fov, MAX_EYE_OFFSET_M, Part, Rig, RigError, View, ViewImage, ViewKind, Viewport, check_name};

@@ -1,10 +1,13 @@
 //! What the integration tests share: a renderer on the software adapter, made-up skies, and sums of light in f64.
 #![allow(dead_code, unused_imports, reason = "each test binary uses its own part of this")]
 
+mod pool;
+
 use glam::{DQuat, DVec3};
+pub use pool::{Lent, Pool};
 pub use steradian::verify::scenes::{all_views, directions_inside, hard_places, snapshot, spiral, star};
 use steradian::{
-    gpu::{Gpu, GpuOptions},
+    gpu::GpuOptions,
     metrics::{self, HdrView},
     plan::settings::{GlareSettings, RenderSettings, StarMethod},
     reference::stars::splat::ReferenceImage,
@@ -13,13 +16,23 @@ use steradian::{
     view::{Rig, View, ViewKind, projection::PlaneMapping},
 };
 
-/// A renderer. There is always an adapter where tests run: `make test` sees to it, and without one this fails.
-pub fn renderer() -> Renderer {
+/// A renderer from the pool: its pictures are those of a new one, but not the numbers of its frames.
+pub fn renderer() -> Lent {
     renderer_with(&GpuOptions::default())
 }
 
-pub fn renderer_with(options: &GpuOptions) -> Renderer {
-    Renderer::new(Gpu::open(options).expect("tests need a Vulkan adapter; `make test` installs the software one"))
+pub fn renderer_with(options: &GpuOptions) -> Lent {
+    static POOL: Pool = Pool::new();
+    POOL.lend(options)
+}
+
+/// A renderer that has drawn nothing yet, for tests of what one leaves behind.
+pub fn new_renderer() -> Renderer {
+    new_renderer_with(&GpuOptions::default())
+}
+
+pub fn new_renderer_with(options: &GpuOptions) -> Renderer {
+    pool::open(options)
 }
 
 pub fn view(name: &str, kind: ViewKind) -> View {

@@ -86,16 +86,30 @@ pub enum GalaxyError {
 ///
 /// [`GalaxyError`] if a parameter is out of range, or if the model has not so many stars.
 pub fn generate(parameters: &GalaxyParameters) -> Result<Vec<StarRecord>, GalaxyError> {
-    let &GalaxyParameters { stars, seed, fainter_than } = parameters;
+    check(parameters)?;
+    let sky = Sky::new();
+    let mut made = draw(&sky, parameters)?;
+    // The model's tables are large: gone before the temporary list of magnitudes comes.
+    drop(sky);
+    keep_brightest(&mut made, parameters.stars);
+    Ok(made)
+}
+
+fn check(parameters: &GalaxyParameters) -> Result<(), GalaxyError> {
+    let &GalaxyParameters { stars, fainter_than, .. } = parameters;
     if stars == 0 || stars > MOST_STARS {
         return Err(GalaxyError::StarCount { stars });
     }
     if let Some(fainter_than) = fainter_than.filter(|v| !v.is_finite()) {
         return Err(GalaxyError::NotFinite { fainter_than });
     }
-    let brightest = fainter_than.unwrap_or(f64::NEG_INFINITY);
+    Ok(())
+}
 
-    let sky = Sky::new();
+/// The wanted number of stars, and a few fainter ones that [`keep_brightest`] takes away.
+fn draw(sky: &Sky, parameters: &GalaxyParameters) -> Result<Vec<StarRecord>, GalaxyError> {
+    let &GalaxyParameters { stars, seed, fainter_than } = parameters;
+    let brightest = fainter_than.unwrap_or(f64::NEG_INFINITY);
     let left_out = sky.brighter_than(brightest);
     let available = (sky.brighter_than(FAINTEST_APPARENT_MAGNITUDE) - left_out).max(0.0);
     let too_few = GalaxyError::TooFewStars { stars, fainter_than: brightest, available: available as u64 };
@@ -127,9 +141,6 @@ pub fn generate(parameters: &GalaxyParameters) -> Result<Vec<StarRecord>, Galaxy
         aim = 1.01 * aim + 10.0;
         round += 1;
     }
-    // The model's tables are large: gone before the temporary list of magnitudes comes.
-    drop(sky);
-    keep_brightest(&mut made, stars);
     Ok(made)
 }
 

@@ -260,7 +260,7 @@ mod tests {
 
     #[test]
     fn no_place_in_a_cell_is_denser_than_its_bound() {
-        let sky = Sky::new();
+        let sky = &*super::super::tests::SKY;
         let mut rng = ChaCha8Rng::seed_from_u64(11);
         let mut worst: f64 = 0.0;
         // Towards the centre, where the profiles are steepest, and in an ordinary direction.
@@ -291,7 +291,7 @@ mod tests {
 
     #[test]
     fn drawn_counts_match_the_expected_integral() {
-        let sky = Sky::new();
+        let sky = &*super::super::tests::SKY;
         // A second range with its own round, as when a first one did not give enough; it is narrower than a cell is deep.
         for (round, (brightest, faintest)) in (0..).zip([(4.0, 9.5), (9.5, 9.6)]) {
             let range = MagnitudeRange { brightest, faintest };

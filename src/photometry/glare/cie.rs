@@ -8,6 +8,7 @@
 //! Below 0.1 degree, or the inner angle if that is larger, it stays constant; above 100 degrees the formula goes on, outside of
 //! what it was made for. It is absolute: its integral is the share of the light that the eye scatters.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::normalised::{Normalised, Shape};
@@ -16,17 +17,17 @@ use super::normalised::{Normalised, Shape};
 const VALID_FROM_DEG: f64 = 0.1;
 
 /// Colour of the iris: what passes through it adds to the glare.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, Default)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, Default, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum EyeColour {
-    /// Black.
+    /// Black iris.
     Black,
-    /// Brown.
+    /// Brown iris.
     #[default]
     Brown,
-    /// Light.
+    /// Light iris.
     Light,
-    /// Very light.
+    /// Very light iris.
     VeryLight,
 }
 

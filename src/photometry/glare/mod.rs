@@ -16,6 +16,7 @@ pub mod split;
 use std::io;
 use std::path::PathBuf;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 pub use self::{
@@ -27,18 +28,18 @@ pub use self::{
 };
 use super::psf::PsfError;
 
-/// How scattered light falls off with the angle.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, Default)]
+/// How scattered light falls off with the angle theta from the source.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, Default, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum GlareKernelName {
-    /// Inverse square of the angle.
+    /// theta^-2.
     #[default]
     InverseSquare,
-    /// Sum of Gaussians.
+    /// The sum of Gaussians of "Smaller than Pixels".
     Gaussians,
-    /// CIE general disability glare.
+    /// CIE 135/1 general disability glare equation, valid from 0.1 to 100 degrees.
     Cie,
-    /// A given table.
+    /// A table or image from `psf_file`.
     Psf,
 }
 

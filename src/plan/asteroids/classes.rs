@@ -7,7 +7,7 @@
 //!
 //! The coarsest that is allowed is drawn. After the start of a level or an impostor the distance grows by [`BAND`] until it has taken
 //! over; a point takes over between u and 2 u. In between an asteroid stands in both classes with shares that add up to 1 and depend on the distance
-//! alone. What would not have taken over before the next class begins is left out. `shaders/shared/asteroid_class.wgsl` has the same in f32.
+//! alone. What would not have taken over before the next class begins is left out. `shaders/asteroids/class.wgsl` has the same in f32.
 
 use super::views::ImpostorReach;
 

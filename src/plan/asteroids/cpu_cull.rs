@@ -1,5 +1,5 @@
 //! Culling and detail on the CPU, in f64: every asteroid of every field against every picture, one after the other, as renderers
-//! without compute shaders do. The lists are those of `shaders/asteroid_cull.wgsl`, up to the rounding of f32.
+//! without compute shaders do. The lists are those of `shaders/asteroids/cull.wgsl`, up to the rounding of f32.
 
 use glam::{DMat3, DVec3};
 
@@ -38,8 +38,11 @@ pub struct PictureLists {
 /// Place of the picture itself in [`PictureLists::lists`].
 pub const WHOLE_PICTURE: usize = 6;
 
+/// The fade of what is drawn as a whole.
+pub const WHOLE: f32 = 2.0;
+
 /// Share below which a fade is held, so that it keeps its sign.
-const LEAST_SHARE: f64 = 1e-6;
+pub const LEAST_SHARE: f64 = 1e-6;
 
 /// Culls all `fields` for a camera at `camera_m`. Items are numbered as groups come: all of one field, then of the next.
 pub fn cull(
@@ -101,7 +104,7 @@ impl Asteroid<'_> {
         let classes = rules.classes(errors, shape.bound, radius_m, distance_m, picture.table.pixel_rad_at(place));
         let share = classes.share.max(LEAST_SHARE) as f32;
         let drawn =
-            [(Some(classes.class), if classes.before.is_some() { share } else { 2.0 }), (classes.before, -share)];
+            [(Some(classes.class), if classes.before.is_some() { share } else { WHOLE }), (classes.before, -share)];
         let edge_of = |class: Class| match class {
             Class::Mesh(level) => shape.lods[level as usize].longest_edge,
             Class::Impostor | Class::Point => 2.0 * shape.bound,

@@ -3,7 +3,7 @@
 //! Every node that no picture can see ends there. A node that is smaller than half a pixel in every picture that sees it, and all of whose
 //! asteroids are points there, becomes one point of light. What is left are groups, each with the pictures that may see it, the faces
 //! of the cubes behind pictures that are not flat which it may need, and whether it may hold points or anything larger. The rest, asteroid by
-//! asteroid, is decided on the adapter (`shaders/asteroid_cull.wgsl`) or in `cpu_cull`.
+//! asteroid, is decided on the adapter (`shaders/asteroids/cull.wgsl`) or in `cpu_cull`.
 //!
 //! An asteroid whose straight edges would bend by more than half a pixel (over the quality) goes through faces. Here the bound is taken for a
 //! whole group, so a face that an asteroid needs is always there.

@@ -2,22 +2,23 @@
 
 use std::path::PathBuf;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// What stands in for the mesh of an asteroid that is far enough away.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, Default)]
+/// What replaces the mesh of a distant asteroid.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, Default, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ImpostorMethod {
-    /// The best of ours.
+    /// `octahedral_blend`.
     #[default]
     Auto,
-    /// Nothing: meshes at every distance, down to points.
+    /// No impostors: meshes down to points.
     None,
-    /// Published: an atlas over pitch and yaw, chosen by the camera's orientation, rolled on a square parallel to the image plane.
+    /// Published: an atlas over pitch and yaw, selected by the orientation of the camera, on a quad parallel to the image plane.
     EulerAtlas,
-    /// An octahedral atlas; the nearest tile, chosen by the eye's place, on a square that faces the eye.
+    /// An octahedral atlas: the nearest tile by the position of the eye, on a quad that faces the eye.
     Octahedral,
-    /// The same with three tiles blended, moved by their depth.
+    /// An octahedral atlas: three tiles blended, each with parallax by its depth.
     OctahedralBlend,
 }
 
@@ -47,36 +48,36 @@ impl ImpostorMethod {
     }
 }
 
-/// Where instances are tested against viewports.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, Default)]
+/// Where instances are culled.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, Default, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Culling {
-    /// On the adapter, for all viewports at once.
+    /// On the GPU, for all viewports in one pass.
     #[default]
     Gpu,
-    /// On the CPU, one instance after the other, as renderers without compute shaders do.
+    /// On the CPU, instance by instance, as renderers without compute shaders do.
     Cpu,
 }
 
-/// `[asteroids]`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+/// `[asteroids]`: how asteroids are drawn.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct AsteroidSettings {
-    /// What stands in for far meshes.
+    /// Impostor method, see [asteroid-methods.md](asteroid-methods.md).
     pub impostor: ImpostorMethod,
     /// Where instances are culled.
     pub culling: Culling,
-    /// Factor on the distances at which detail is left out: 1 keeps every error below half a pixel.
+    /// Factor on the level-of-detail distances; 1 keeps every error below half a pixel.
     pub quality: f64,
-    /// Tiles along a side of an impostor atlas.
+    /// Tiles along a side of an impostor atlas, a power of two.
     pub tiles: u32,
-    /// Pixels along a side of a tile.
+    /// Pixels along a side of a tile, a power of two.
     pub tile_px: u32,
-    /// Samples along each side of a pixel.
+    /// Samples along each axis of a pixel: samples² per pixel.
     pub samples: u32,
-    /// Whether only the finest mesh is drawn, for every asteroid: what the others are compared with.
+    /// Draws every asteroid with the finest mesh, as a reference.
     pub finest_only: bool,
-    /// Where baked atlases are kept; empty: nowhere.
+    /// Folder in which baked atlases are cached; empty for none.
     pub cache: PathBuf,
 }
 
@@ -95,10 +96,16 @@ impl Default for AsteroidSettings {
     }
 }
 
-/// Qualities that are allowed.
-const QUALITIES: [f64; 2] = [0.1, 10.0];
-
 impl AsteroidSettings {
+    /// Range of `quality`.
+    pub const QUALITIES: [f64; 2] = [0.1, 10.0];
+    /// Range of `tiles`, powers of two.
+    pub const TILES: [f64; 2] = [4.0, 64.0];
+    /// Range of `tile_px`, powers of two.
+    pub const TILE_PX: [f64; 2] = [8.0, 256.0];
+    /// Range of `samples`.
+    pub const SAMPLES: [f64; 2] = [1.0, 4.0];
+
     /// Checks every number.
     ///
     /// # Errors
@@ -106,13 +113,16 @@ impl AsteroidSettings {
     /// The key at fault, and what is allowed.
     pub fn check(&self) -> Result<(), (&'static str, String)> {
         Self::check_quality(self.quality)?;
-        for (key, value, [least, most]) in [("tiles", self.tiles, [4, 64]), ("tile_px", self.tile_px, [8, 256])] {
-            if !(value.is_power_of_two() && (least..=most).contains(&value)) {
+        for (key, value, [least, most]) in
+            [("tiles", self.tiles, Self::TILES), ("tile_px", self.tile_px, Self::TILE_PX)]
+        {
+            if !(value.is_power_of_two() && (least..=most).contains(&f64::from(value))) {
                 return Err((key, format!("{value}: allowed are powers of two from {least} to {most}")));
             }
         }
-        if !(1..=4).contains(&self.samples) {
-            return Err(("samples", format!("{}: allowed are 1 to 4", self.samples)));
+        let [least, most] = Self::SAMPLES;
+        if !(least..=most).contains(&f64::from(self.samples)) {
+            return Err(("samples", format!("{}: allowed are {least} to {most}", self.samples)));
         }
         Ok(())
     }
@@ -123,7 +133,7 @@ impl AsteroidSettings {
     ///
     /// The key, and what is allowed.
     pub fn check_quality(quality: f64) -> Result<(), (&'static str, String)> {
-        let [least, most] = QUALITIES;
+        let [least, most] = Self::QUALITIES;
         if (least..=most).contains(&quality) {
             return Ok(());
         }

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::photometry::glare::{
@@ -12,19 +13,19 @@ use crate::photometry::glare::{
 use crate::plan::stars::method::{MethodSource, StarMethod};
 
 /// How glare is computed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, Default)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, Default, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum GlareMethod {
-    /// The cheapest method that is right in every projection.
+    /// `sky_cube`; `view_pyramid` where no catalogue stars are drawn (`cell_sky`).
     #[default]
     Auto,
     /// No glare.
     None,
-    /// On the sky: far from its source from a map that all views share, near it from the sources one by one.
+    /// Convolution on the sphere: a low-resolution map shared by all views, and sprites near the sources.
     SkyCube,
-    /// A pyramid of blurred images, horizontal and vertical on the screen.
+    /// Published: a pyramid of images blurred along the axes of the screen.
     ScreenPyramid,
-    /// A pyramid of blurred images, along axes of view space.
+    /// Published: a pyramid of images blurred along axes of view space.
     ViewPyramid,
 }
 
@@ -53,37 +54,37 @@ impl GlareMethod {
 }
 
 /// Weights of the levels of a pyramid.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, Default)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, Default, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum PyramidWeights {
-    /// Each level half as much as the one before, as published: the inverse cube of the angle.
+    /// Each level half as much as the one before, as published: falls off as theta^-3.
     Halved,
-    /// All the same: the inverse square of the angle.
+    /// All equal: falls off as theta^-2.
     #[default]
     Equal,
 }
 
-/// Glare settings.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+/// Glare: light scattered in the eye or the lens, as a veil around bright sources.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct GlareSettings {
-    /// The method.
+    /// Glare method, see [glare-methods.md](glare-methods.md).
     pub method: GlareMethod,
-    /// The kernel. Pyramids have one of their own.
+    /// Kernel of `sky_cube`; the pyramids have kernels of their own.
     pub kernel: GlareKernelName,
-    /// Angle below which the kernel stays constant, degrees.
+    /// Angle below which the kernel is constant; minimum width of the `gaussians`.
     pub inner_deg: f64,
-    /// Share of the light that is scattered.
+    /// Fraction of the light that is scattered.
     pub fraction: f64,
-    /// Age of the eye, years, for the kernel `cie`.
+    /// `cie`: age of the observer.
     pub age_years: f64,
-    /// Colour of the eye, for the kernel `cie`.
+    /// `cie`: colour of the iris.
     pub eye_colour: EyeColour,
-    /// Whether the kernel itself tells what share is scattered, in place of `fraction`. Only `cie` does.
+    /// `cie`: whether the formula gives the scattered fraction, in place of `fraction` (0.39 at 35 years); it must be at most 1.
     pub absolute: bool,
-    /// Table or picture of the kernel `psf`.
+    /// `psf`: CSV file with the columns theta_deg,per_sr, or an EXR or FITS image; needed for this kernel.
     pub psf_file: Option<PathBuf>,
-    /// Weights of the levels of a pyramid.
+    /// Weights of the levels of the pyramids.
     pub weights: PyramidWeights,
 }
 

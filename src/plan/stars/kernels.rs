@@ -8,7 +8,7 @@
 
 use std::f64::consts::FRAC_PI_4;
 
-use super::settings::PixelGaussianSettings;
+use crate::plan::settings::PixelGaussianSettings;
 use crate::plan::settings::{RenderSettings, StarMethod};
 use crate::{
     photometry::{exposure::white_luminance_cd_m2, kernel::GAUSSIAN_CUT},

@@ -3,6 +3,7 @@
 //! A method is a footprint (which pixels a star reaches) times a profile (how its light is shared among them) times an
 //! accumulator (how the light of many stars adds up).
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Where a method comes from, as `chart.csv` names it.
@@ -50,46 +51,46 @@ pub enum Accumulator {
 }
 
 /// How stars are drawn.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, Default)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, Default, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum StarMethod {
-    /// For each star the cheapest of tent, B-spline and Gaussian whose flicker stays below what the display shows.
+    /// Per star the cheapest of tent, B-spline and bright kernel whose flicker stays below `accuracy.flicker`.
     #[default]
     Auto,
-    /// 3x3 quadratic B-spline.
+    /// 3 × 3 quadratic B-spline: constant width at every sub-pixel position.
     #[serde(rename = "bspline")]
     BSpline,
-    /// 2x2 bilinear tent.
+    /// 2 × 2 bilinear tent: cheaper, but its width depends on the sub-pixel position.
     Tent,
-    /// Gaussian integrated over the pixels, its width in pixels or as an angle; round in view space.
+    /// Gaussian integrated over the pixels, its width in pixels or as an angle; circular on the sky.
     PixelGaussian,
-    /// The published compute rasteriser: 2x2, two halves in a word, every star in the order of the catalogue.
+    /// Published compute rasteriser: 2 × 2 splat, two half floats in a 32-bit word, every star in catalogue order.
     PackedCas,
-    /// The same on stars that were culled and sorted as ours are.
+    /// `packed_cas` on stars that are culled and sorted as ours.
     PackedCasSorted,
-    /// Points of one pixel, drawn by the graphics pipeline.
+    /// Published: points of one pixel.
     HardwarePoint,
-    /// Points of one pixel with antialiased edges.
+    /// Published: points of one pixel with antialiased edges.
     HardwareSmoothPoint,
-    /// Discs of constant solid angle that face the camera.
+    /// Published: discs of constant solid angle that face the camera.
     Disc,
-    /// The same with a brightness that falls off to the edge.
+    /// Published: `disc` with a brightness that falls off to the edge.
     SmoothDisc,
-    /// Discs whose size grows with the star's brightness.
+    /// Published: discs whose size increases with the brightness of the star.
     ScaledDisc,
-    /// Large billboards with a built-in glare.
+    /// Published: large billboards with built-in glare.
     GlareDisc,
-    /// Textured billboards of constant solid angle that face the camera.
+    /// Published: textured billboards of constant solid angle that face the camera.
     Sprite,
-    /// Gaussian with a glare Gaussian, sampled at the pixels' centres, relative to a limiting magnitude.
+    /// Published: Gaussian plus glare Gaussian, sampled at pixel centres, relative to a limiting magnitude.
     GaussianPsf,
-    /// The same, integrated over the pixels.
+    /// `gaussian_psf`, integrated over the pixels.
     GaussianPsfIntegrated,
-    /// Squares parallel to the screen, of constant size in pixels.
+    /// Published: squares parallel to the screen, of constant size in pixels.
     ScreenBillboard,
-    /// A procedural sky: one star per cell of a distorted cube grid.
+    /// Published: procedural sky, one star per cell of a distorted cube grid.
     CellSky,
-    /// A texture of a point-spread function, cropped by the star's brightness.
+    /// Published: point-spread function texture, cropped by brightness.
     PsfTexture,
 }
 

@@ -12,7 +12,7 @@ use super::cull::{VisibleChunk, light_at, most_light, near_stars};
 use crate::{catalogue::chunks::StarSet, relativity::Motion};
 
 /// Bits of a channel's sum.
-const CHANNEL_BITS: i32 = 42;
+pub const CHANNEL_BITS: i32 = 42;
 /// Units that the faintest star has at least, if the range allows: rounding each of nine pixels without bias then errs by 2.1e-4 of
 /// its light (one standard deviation), and by less the brighter the star.
 const STAR_UNITS: f64 = 4096.0;

@@ -2,29 +2,36 @@
 
 use std::{ops::RangeInclusive, path::PathBuf};
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::method::StarMethod;
 use crate::photometry::psf::{self, Aperture, Optics, Psf, PsfError, WHITE_K};
 
-/// Star settings.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+/// How stars are drawn.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct StarSettings {
-    /// The method.
+    /// Star method, see [star-methods.md](star-methods.md).
     pub method: StarMethod,
-    /// Stars fainter than this apparent magnitude, for the camera's place, are not drawn.
+    /// Stars with a fainter apparent magnitude, at the position of the camera, are not drawn.
     pub magnitude_limit: f64,
-    /// `[stars.pixel_gaussian]`.
+    /// Parameters of `pixel_gaussian`.
     pub pixel_gaussian: PixelGaussianSettings,
-    /// `[stars.billboard]`.
+    /// Parameters of billboard methods.
     pub billboard: BillboardSettings,
-    /// `[stars.gaussian_psf]`.
+    /// Parameters of `gaussian_psf` and `gaussian_psf_integrated`.
     pub gaussian_psf: GaussianPsfSettings,
-    /// `[stars.cell_sky]`.
+    /// Parameters of `cell_sky`.
     pub cell_sky: CellSkySettings,
-    /// `[stars.psf_texture]`.
+    /// Parameters of `psf_texture`.
     pub psf_texture: PsfTextureSettings,
+}
+
+impl StarSettings {
+    /// Range of `magnitude_limit` and of the magnitudes of the methods: beyond it an illuminance leaves the numbers that the
+    /// planner works with.
+    pub const MAGNITUDES: [f64; 2] = [-100.0, 100.0];
 }
 
 impl Default for StarSettings {
@@ -42,12 +49,12 @@ impl Default for StarSettings {
 }
 
 /// Parameters of `pixel_gaussian`.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct PixelGaussianSettings {
-    /// Standard deviation, pixels, where no angle is given.
+    /// Standard deviation in pixels; not used if `sigma_arcmin` is given.
     pub sigma_px: f64,
-    /// Standard deviation as an angle in the sky, arcminutes; it takes the place of `sigma_px`.
+    /// Standard deviation as an angle on the sky, in place of `sigma_px`; at least 0.7 pixels everywhere.
     pub sigma_arcmin: Option<f64>,
 }
 
@@ -65,18 +72,17 @@ impl Default for PixelGaussianSettings {
     }
 }
 
-/// Parameters of the discs, of `sprite` and `screen_billboard`.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+/// Parameters of `disc`, `smooth_disc`, `scaled_disc`, `glare_disc`, `sprite` and `screen_billboard`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct BillboardSettings {
-    /// Diameter in the sky of discs and sprites, arcminutes; of `glare_disc`: of its core. `scaled_disc` draws from 3 to 0.3
-    /// times this.
+    /// Angular diameter of discs and sprites, of the core of `glare_disc`; `scaled_disc` uses 0.3 to 3 times this.
     pub diameter_arcmin: f64,
-    /// `scaled_disc`: magnitude from which on stars are not drawn larger.
+    /// `scaled_disc`: magnitude at and below which the size is the largest; brighter (smaller) than `faintest_magnitude`.
     pub brightest_magnitude: f64,
-    /// `scaled_disc`: magnitude from which on stars are not drawn smaller.
+    /// `scaled_disc`: magnitude at and above which the size is the smallest.
     pub faintest_magnitude: f64,
-    /// Side of `screen_billboard`, pixels.
+    /// `screen_billboard`: side of the square.
     pub screen_size_px: f64,
 }
 
@@ -86,20 +92,20 @@ impl Default for BillboardSettings {
     }
 }
 
-/// Parameters of `gaussian_psf` and `gaussian_psf_integrated`, under the names of the proposal; `screen_billboard` reads
-/// `saturation_magnitude`.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+/// Parameters of `gaussian_psf` and `gaussian_psf_integrated`, under the names of the publication; `screen_billboard` uses
+/// `saturation_magnitude` too.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct GaussianPsfSettings {
-    /// Faintest magnitude that is seen.
+    /// Limiting magnitude: the faintest visible.
     pub limiting_magnitude: f64,
-    /// Magnitude from which on a star's centre is at display white.
+    /// Magnitude at which the centre of a star reaches display white; brighter (smaller) than `limiting_magnitude`.
     pub saturation_magnitude: f64,
-    /// Variance of the point-spread function with the pixel's response, pixels^2.
+    /// Variance of the point-spread function including the pixel response.
     pub sigma2_px2: f64,
-    /// Variance of the glare Gaussian, pixels^2.
+    /// Variance of the glare Gaussian.
     pub glare_sigma2_px2: f64,
-    /// Brightness of the glare Gaussian.
+    /// Brightness of the glare Gaussian relative to the core.
     pub glare_brightness: f64,
 }
 
@@ -116,14 +122,14 @@ impl Default for GaussianPsfSettings {
 }
 
 /// Parameters of `cell_sky`.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct CellSkySettings {
-    /// Cells along an edge of a cube face, at least 1.
+    /// Cells along an edge of a cube face.
     pub cells: u32,
     /// Layers of stars.
     pub layers: u32,
-    /// Radius of a star, in pixels of the middle of the view.
+    /// Radius of a star, in pixels at the centre of the view.
     pub radius_px: f64,
     /// Seed of the sky.
     pub seed: u32,
@@ -136,16 +142,16 @@ impl Default for CellSkySettings {
 }
 
 /// Parameters of `psf_texture`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct PsfTextureSettings {
-    /// EXR or FITS file of a point-spread function; without one, that of `aperture` is computed.
+    /// EXR or FITS file of a point-spread function; without it the function of `aperture` is computed.
     pub file: Option<PathBuf>,
-    /// Name of the aperture where no file is given: circle, hexagon, curved_blades (six of them), jwst or hubble.
+    /// Aperture of the computed function; `curved_blades` has six blades.
     pub aperture: String,
-    /// Diameter of the circle about the aperture, mm; the wider the texture, the smaller it must be. The default makes spikes that a wide view shows.
+    /// Diameter of the circumscribed circle of the aperture. The wider the texture, the smaller it must be.
     pub diameter_mm: f64,
-    /// Angle that the whole texture covers, arcminutes, where no file tells the angle of its pixels.
+    /// Angular width of the texture; not used if the file gives the angle of its pixels.
     pub width_arcmin: f64,
 }
 

@@ -1,5 +1,5 @@
-//! The published glare pyramids in f64: the twin of `shaders/glare_base.wgsl`, `glare_blur.wgsl`, `glare_combine.wgsl` and
-//! `shared/glare_pyramid.wgsl`. It rounds nothing, so what half floats cost shows in the difference.
+//! The published glare pyramids in f64: the twin of the shaders in `shaders/glare/pyramid/`.
+//! It rounds nothing, so what half floats cost shows in the difference.
 //!
 //! What is published is kept as it is: luminance is blurred, not illuminance; sources outside of the picture give nothing; beyond
 //! the picture its border goes on and is counted again; round pictures stand in black; flat pictures mirror what lies behind the eye;

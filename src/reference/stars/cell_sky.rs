@@ -1,4 +1,4 @@
-//! The procedural sky of the seed "Rendering a Billion Stars?" in f64: the twin of `shaders/cell_sky.wgsl`.
+//! The procedural sky of the seed "Rendering a Billion Stars?" in f64: the twin of `shaders/stars/cell_sky.wgsl`.
 //!
 //! A direction becomes a place on a cube face, u and v in [-1, 1]; the published distortion u, v *= sqrt(2 - max(|u|, |v|))
 //! moves it; a grid of `cells` x `cells` per face says which cell it is in. Each cell of each layer has one star with
@@ -35,15 +35,8 @@ use glam::{DVec2, DVec3};
 use crate::coordinates::{GALACTIC_POLE_DEC_DEG, GALACTIC_POLE_RA_DEG, direction_from_lon_lat};
 use crate::photometry::blackbody::rec709_in_gamut;
 use crate::plan::settings::CellSkySettings;
+use crate::plan::stars::cell_sky::{BAND_SINE, EVEN_DENSITY, FAINTEST, JITTER};
 
-/// A star's place lies within this part of the cell's half side from the cell's middle.
-const JITTER: f64 = 0.5;
-/// Faintest star; the brightest is 1, and the numbers fall as brightness^-2.5.
-const FAINTEST: f64 = 0.02;
-/// Share of the cells that have a star far from the galactic equator, where all have one.
-const EVEN_DENSITY: f64 = 0.25;
-/// Sine of the latitude at which the band has sunk to 1/e.
-const BAND_SINE: f64 = 0.2;
 /// Colours between which stars are mixed, by their temperatures.
 const COLOURS_K: [f64; 3] = [3500.0, 6504.0, 12_000.0];
 

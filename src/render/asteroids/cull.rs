@@ -1,8 +1,8 @@
 //! Culling and detail of asteroids on the adapter, for all planes at once: counts per group, plane and list, places from counts, lists.
-//! Shaders: `shaders/asteroid_cull.wgsl`, `asteroid_scan.wgsl`, `asteroid_offsets.wgsl`; the f64 twin is `crate::plan::asteroids::cpu_cull`.
+//! Shaders: `shaders/asteroids/cull*.wgsl`; the f64 twin is `crate::plan::asteroids::cpu_cull`.
 
 use crate::{
-    gpu::{self, Gpu, bind_buffers, dispatch_rows},
+    gpu::{self, Gpu, Shader, bind_buffers, dispatch_rows},
     render::layout,
 };
 
@@ -56,12 +56,12 @@ pub(crate) struct CullBuffers<'a> {
 impl AsteroidCullPass {
     pub(crate) fn new(gpu: &Gpu) -> Self {
         let workgroup = ("WORKGROUP", if gpu.software { 8.0 } else { 64.0 });
-        let cull = gpu::asteroid_cull();
+        let cull = Shader::new("asteroids/cull").source();
         Self {
             count: gpu.compute_pipeline_with(&cull, &[workgroup, ("WRITES", 0.0)]),
             write: gpu.compute_pipeline_with(&cull, &[workgroup, ("WRITES", 1.0)]),
-            scan: gpu.compute_pipeline(&gpu::asteroid_scan()),
-            place: gpu.compute_pipeline(&gpu::asteroid_offsets()),
+            scan: gpu.compute_pipeline(&Shader::new("asteroids/cull_scan").source()),
+            place: gpu.compute_pipeline(&Shader::new("asteroids/cull_offsets").source()),
         }
     }
 

@@ -5,6 +5,11 @@ use std::sync::Arc;
 use glam::DMat3;
 
 use crate::{
+    gpu::constants::{
+        asteroid_classes::{VIEW_FLAT, VIEW_LONGITUDE, VIEW_ROUND},
+        asteroid_instances::{ITEM_HOLDS_POINTS, ITEM_HOLDS_SHAPES},
+        reflection::{LAW_LAMBERT, LAW_LOMMEL_SEELIGER},
+    },
     plan::{
         KernelPlan,
         asteroids::{
@@ -95,7 +100,7 @@ fn encode_item(numbers: &Kinds, item: &GroupItem, first_link: u32, link_count: u
         sun: item.sun.as_vec3().to_array(),
         field: item.field as u32,
         illuminance: item.illuminance_lx.map(|lx| lx as f32),
-        flags: u32::from(item.holds_points) | u32::from(item.holds_shapes) << 1,
+        flags: u32::from(item.holds_points) * ITEM_HOLDS_POINTS | u32::from(item.holds_shapes) * ITEM_HOLDS_SHAPES,
         viewports: [item.viewports as u32, (item.viewports >> 32) as u32],
         first_link,
         link_count,
@@ -112,8 +117,8 @@ fn encode_field(numbers: &Kinds, objects: &SceneObjects, index: usize, field: &A
         world_from_field_z: row(2, 0.0),
         albedo: field.geometric_albedo.map(|albedo| albedo as f32),
         law: match field.law {
-            ReflectionLaw::Lambert => 0,
-            ReflectionLaw::LommelSeeliger => 1,
+            ReflectionLaw::Lambert => LAW_LAMBERT,
+            ReflectionLaw::LommelSeeliger => LAW_LOMMEL_SEELIGER,
         },
         time_parts: field.instances.time_parts(objects.time_s),
         first_shape: set.first_shape as u32,
@@ -140,9 +145,9 @@ fn encode_view(index: u32, picture: &PictureBounds, rules: &ClassRules, class_vi
         cone_sine: picture.cone[0] as f32,
         cone_cosine: picture.cone[1] as f32,
         kind: match picture.kind {
-            PictureKind::Flat => 0,
-            PictureKind::Round => 1,
-            PictureKind::Longitude => 2,
+            PictureKind::Flat => VIEW_FLAT,
+            PictureKind::Round => VIEW_ROUND,
+            PictureKind::Longitude => VIEW_LONGITUDE,
         },
         first_entry: index * picture.table.pixel_rad.len() as u32,
         impostor_eyes: picture.impostor.map_or(0.0, |impostor| impostor.eyes_m as f32),

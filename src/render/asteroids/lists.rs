@@ -2,7 +2,10 @@
 
 use super::{AsteroidCounts, FrameBuffers, held::Held};
 use crate::{
-    gpu::Gpu,
+    gpu::{
+        Gpu,
+        constants::asteroid_lists::{IMPOSTOR_VERTICES, SEAM_BIT},
+    },
     plan::{
         asteroids::{
             AsteroidPlan,
@@ -12,11 +15,6 @@ use crate::{
     },
     render::layout,
 };
-
-/// Bit of an entry's group: the other side of the seam.
-const SEAM_BIT: u32 = 1 << 31;
-/// Vertices of an impostor's square.
-const IMPOSTOR_VERTICES: u32 = 4;
 
 /// Uploads lists, their places, totals and arguments.
 pub(super) fn upload_lists(

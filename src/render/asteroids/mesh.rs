@@ -1,8 +1,8 @@
-//! Meshes of asteroids: one indirect draw per mesh and plane, with the list that culling wrote. Shaders: `shaders/asteroid_mesh.wgsl`,
-//! `shaders/asteroid_shade.wgsl`.
+//! Meshes of asteroids: one indirect draw per mesh and plane, with the list that culling wrote. Shaders:
+//! `shaders/asteroids/mesh*.wgsl`.
 
 use super::raster::{AsteroidDraw, asteroid_pipeline};
-use crate::gpu::{self, Gpu};
+use crate::gpu::{Gpu, Shader};
 
 /// The pass.
 pub(crate) struct AsteroidMeshPass {
@@ -26,7 +26,7 @@ impl AsteroidMeshPass {
             cull_mode: Some(wgpu::Face::Back),
             ..Default::default()
         };
-        let shaders = [&gpu::asteroid_mesh(), &gpu::asteroid_shade()];
+        let shaders = [&Shader::new("asteroids/mesh").source(), &Shader::new("asteroids/mesh_shade").source()];
         Self { pipeline: asteroid_pipeline(gpu, shaders, &[], &[Some(group)], &[Some(buffer)], primitive) }
     }
 

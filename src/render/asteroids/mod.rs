@@ -21,7 +21,10 @@ use self::{
     cull::{AsteroidCullPass, CullBuffers, CullNumbers},
     encode::Encoded,
     held::Held,
-    impostors::{bake::ImpostorBakePass, draw::AsteroidImpostorPass},
+    impostors::{
+        bake::ImpostorBakePass,
+        draw::{AsteroidImpostorPass, AsteroidSource},
+    },
     layers::LayerTargets,
     lists::{counts_of, upload_lists},
     mesh::AsteroidMeshPass,
@@ -35,7 +38,7 @@ use super::{
     technique::{FrameInputs, Holding, Phase, Recording, Technique, begin_pass},
 };
 use crate::{
-    gpu::{AsteroidSource, Gpu, GrowingBuffer, ReadbackBuffer, filled_buffer},
+    gpu::{Gpu, GpuTimer, GrowingBuffer, ReadbackBuffer, filled_buffer},
     plan::{
         Plan, PlanError,
         asteroids::{AsteroidPlan, frame::ENTRY_BYTES},
@@ -167,17 +170,22 @@ impl Asteroids {
     }
 
     /// Records culling for all pictures, unless the lists have come from the CPU.
-    fn record_cull(&mut self, recording: &mut Recording<'_>, plan: &AsteroidPlan) {
-        let gpu = recording.gpu;
+    fn record_cull(
+        &mut self,
+        gpu: &Gpu,
+        encoder: &mut wgpu::CommandEncoder,
+        timer: &mut GpuTimer,
+        plan: &AsteroidPlan,
+    ) {
         let (Some(held), Some(passes)) = (&self.held, &self.passes) else { return };
         let buffers = &mut self.buffers;
-        recording.encoder.clear_buffer(buffers.drawn_points.with_room(gpu, 4 * POINT_COUNTS as u64), 0, None);
+        encoder.clear_buffer(buffers.drawn_points.with_room(gpu, 4 * POINT_COUNTS as u64), 0, None);
         if plan.lists.is_some() {
             return;
         }
         let counts = buffers.counts.with_room(gpu, 4 * plan.counts).clone();
-        recording.encoder.clear_buffer(&counts, 0, None);
-        let mut pass = begin_pass(recording.encoder, recording.timer, "asteroid cull");
+        encoder.clear_buffer(&counts, 0, None);
+        let mut pass = begin_pass(encoder, timer, "asteroid cull");
         let numbers = CullNumbers {
             items: plan.cut.shape_items as u32,
             planes: plan.planes.len() as u32,
@@ -264,8 +272,14 @@ impl Asteroids {
     }
 
     /// Records the copy of the counts.
-    fn copy_counts(&mut self, recording: &mut Recording<'_>, plan: &AsteroidPlan) {
-        let Recording { gpu, encoder, readback, places, .. } = recording;
+    fn copy_counts(
+        &mut self,
+        gpu: &Gpu,
+        encoder: &mut wgpu::CommandEncoder,
+        readback: &mut ReadbackBuffer,
+        places: &mut Places,
+        plan: &AsteroidPlan,
+    ) {
         let count = totals_of(plan);
         let bytes = 4 * count as u64;
         let totals = readback.copy(gpu, encoder, self.buffers.totals.with_room(gpu, bytes), 0, bytes);
@@ -296,7 +310,7 @@ impl Technique for Asteroids {
         let Some(plan) = &frame.plan.asteroids else { return };
         let gpu = recording.gpu;
         match phase {
-            Phase::Cull => self.record_cull(recording, plan),
+            Phase::Cull => self.record_cull(gpu, recording.encoder, recording.timer, plan),
             Phase::Geometry(batch, tile) => {
                 let tile = &frame.plan.batches[batch].tiles[tile];
                 if plan.draws(tile.viewport) {
@@ -309,13 +323,16 @@ impl Technique for Asteroids {
                 let tiles = frame.plan.batches[batch].tiles.len() as u32;
                 self.record_points(gpu, &mut pass, plan, &frame.plan.ranges.main, &sums, tiles);
             }
-            Phase::Count => self.copy_counts(recording, plan),
+            Phase::Count => {
+                let Recording { encoder, readback, places, .. } = recording;
+                self.copy_counts(gpu, encoder, readback, places, plan);
+            }
             _ => {}
         }
     }
 
     fn readback_bytes(&self, plan: &Plan) -> u64 {
-        plan.asteroids.as_ref().map_or(0, |plan| 4 * totals_of(plan) as u64 + 4 * POINT_COUNTS as u64 + 64)
+        plan.asteroids.as_ref().map_or(0, count_bytes)
     }
 
     fn read(
@@ -327,16 +344,7 @@ impl Technique for Asteroids {
         views: &mut [ViewStatistics],
     ) -> Result<(), RenderError> {
         let Some(plan) = &plan.asteroids else { return Ok(()) };
-        let mut words = |name: &str| match places.counts.iter().find(|(of, ..)| *of == name) {
-            Some((_, place, count)) => readback.read::<u32>(gpu, *place, *count).map_err(RenderError::from),
-            None => unreachable!("asteroids are counted in every frame that has any"),
-        };
-        let (totals, points) = (words(TOTALS)?, words(POINTS)?);
-        if u64::from(totals[0]) > plan.capacity {
-            let (needed, limit) = (u64::from(totals[0]), plan.capacity);
-            return Err(PlanError::AsteroidLists { needed, limit }.into());
-        }
-        let counts = counts_of(plan, &totals[1..], &points, views.len());
+        let counts = read_counts(gpu, readback, places, plan, views.len())?;
         views.iter_mut().zip(counts).for_each(|(view, counts)| view.asteroids = counts);
         Ok(())
     }
@@ -346,6 +354,31 @@ impl Technique for Asteroids {
         self.buffers = FrameBuffers::new();
         self.targets = LayerTargets::new();
     }
+}
+
+/// The counts of each of `views` views.
+fn read_counts(
+    gpu: &Gpu,
+    readback: &mut ReadbackBuffer,
+    places: &Places,
+    plan: &AsteroidPlan,
+    views: usize,
+) -> Result<Vec<AsteroidCounts>, RenderError> {
+    let mut words = |name: &str| match places.counts.iter().find(|(of, ..)| *of == name) {
+        Some((_, place, count)) => readback.read::<u32>(gpu, *place, *count).map_err(RenderError::from),
+        None => unreachable!("asteroids are counted in every frame that has any"),
+    };
+    let (totals, points) = (words(TOTALS)?, words(POINTS)?);
+    if u64::from(totals[0]) > plan.capacity {
+        let (needed, limit) = (u64::from(totals[0]), plan.capacity);
+        return Err(PlanError::AsteroidLists { needed, limit }.into());
+    }
+    Ok(counts_of(plan, &totals[1..], &points, views))
+}
+
+/// Bytes that the counts need in the readback buffer.
+fn count_bytes(plan: &AsteroidPlan) -> u64 {
+    4 * totals_of(plan) as u64 + 4 * POINT_COUNTS as u64 + 64
 }
 
 /// Words of the totals of all lists.

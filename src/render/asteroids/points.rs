@@ -1,11 +1,11 @@
-//! Asteroids that are points, splatted as stars are. Shader: `shaders/asteroid_points.wgsl`.
+//! Asteroids that are points, splatted as stars are. Shader: `shaders/asteroids/points.wgsl`.
 
 use crate::{
     gpu::{self, Gpu, bind_buffers, dispatch_rows},
     plan::stars::range::FixedPoint,
     render::{
         layout,
-        targets::{Sums, bind_occlusion, bind_sums},
+        targets::{Sums, bind_occlusion, bind_sums, splatting},
     },
 };
 
@@ -34,7 +34,7 @@ impl AsteroidPointPass {
     pub(crate) fn new(gpu: &Gpu) -> Self {
         let workgroup = if gpu.software { 8.0 } else { 64.0 };
         let constants = [("WORKGROUP", workgroup), ("HAS_GEOMETRY", 1.0)];
-        Self { pipeline: gpu.compute_pipeline_with(&gpu::asteroid_points(gpu.wide_accumulator), &constants) }
+        Self { pipeline: gpu.compute_pipeline_with(&splatting(gpu, "asteroids/points"), &constants) }
     }
 
     /// Records the points of all groups into one batch of `tiles` tiles.

@@ -2,7 +2,7 @@
 
 use crate::gpu::{Gpu, ShaderSource};
 
-/// Lists of asteroids for one plane, as the passes that draw them bind them: `group` is group 0 of `shaders/shared/asteroid.wgsl`, whose
+/// Lists of asteroids for one plane, as the passes that draw them bind them: `group` is group 0 of `shaders/asteroids/listed.wgsl`, whose
 /// dynamic offset is the kind times `kind_stride`; `arguments` are five words per list.
 pub(crate) struct AsteroidDraw<'a> {
     /// Bindings of the plane.

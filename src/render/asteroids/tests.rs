@@ -11,11 +11,12 @@ use glam::{DQuat, DVec3};
 use super::*;
 use crate::{
     gpu::GpuOptions,
+    plan::asteroids::{AsteroidInputs, Tables},
     scene::{
         asteroids::{AsteroidField, GROUP, Instances, Lod, Mesh, Node, PackedAsteroid, Shape, ShapeSet},
-        bodies::ReflectionLaw,
+        bodies::{ReflectionLaw, Sun},
     },
-    view::{Rig, View, ViewKind, projection::FisheyeMapping},
+    view::{Rig, View, ViewKind, Viewport, projection::FisheyeMapping},
 };
 
 /// Around pictures.
@@ -228,9 +229,25 @@ impl Bench {
         viewports: &[Viewport],
         camera_m: DVec3,
     ) -> AsteroidPlan {
-        self.asteroids.hold(&self.gpu, objects, settings).unwrap();
         let suns = [Sun { radius_m: 7e8, position_m: DVec3::ZERO, intensity_cd: [3e27, 2.9e27, 2.8e27] }];
-        self.asteroids.plan(&self.gpu, objects, settings, viewports, MARGIN_PX, camera_m, &suns).unwrap().unwrap()
+        self.plan_lit(objects, settings, viewports, camera_m, &suns)
+    }
+
+    fn plan_lit(
+        &mut self,
+        objects: &SceneObjects,
+        settings: &AsteroidSettings,
+        viewports: &[Viewport],
+        camera_m: DVec3,
+        suns: &[Sun],
+    ) -> AsteroidPlan {
+        self.asteroids.hold_fields(&self.gpu, objects, settings).unwrap();
+        let limits = &self.gpu.limits();
+        let inputs = AsteroidInputs { objects, settings, viewports, margin_px: MARGIN_PX, camera_m, suns, limits };
+        let plan = AsteroidPlan::new(&inputs, &mut Tables::default()).unwrap().unwrap();
+        self.asteroids.targets.begin();
+        self.asteroids.upload(&self.gpu, &plan, objects);
+        plan
     }
 
     fn encoder(&self) -> wgpu::CommandEncoder {

@@ -15,7 +15,14 @@ use super::{
     technique::{FrameInputs, Phase, Recording, Technique, begin_pass},
 };
 use crate::{
-    gpu::{Gpu, GrowingBuffer, storage_buffer},
+    gpu::{
+        Gpu, GrowingBuffer,
+        constants::{
+            bodies::NO_TEXTURE,
+            reflection::{LAW_LAMBERT, LAW_LOMMEL_SEELIGER},
+        },
+        storage_buffer,
+    },
     plan::{
         bodies::{
             seen::{BodyDisc, PointSource},
@@ -29,9 +36,6 @@ use crate::{
         bodies::{ReflectionLaw, Texture},
     },
 };
-
-/// Says that a body has no texture.
-const NO_TEXTURE: u32 = u32::MAX;
 
 /// Passes and buffers, made when they are first asked for.
 pub(super) struct Bodies {
@@ -271,8 +275,8 @@ fn encode_body(objects: &SceneObjects, seen: &BodyDisc, first_sun: u32, textures
         part: seen.part as f32,
         unit_centre: (unit_from_view * seen.centre).as_vec3().to_array(),
         law: match body.surface.law {
-            ReflectionLaw::Lambert => 0,
-            ReflectionLaw::LommelSeeliger => 1,
+            ReflectionLaw::Lambert => LAW_LAMBERT,
+            ReflectionLaw::LommelSeeliger => LAW_LOMMEL_SEELIGER,
         },
         reflectance: body.surface.geometric_albedo.map(|albedo| (seen.kept * albedo / std::f64::consts::PI) as f32),
         limb_darkening: emission.map_or(0.0, |emission| emission.limb_darkening as f32),

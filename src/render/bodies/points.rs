@@ -1,16 +1,13 @@
-//! The point pass: points of light that are no stars, splatted as stars are. Shader: `shaders/points.wgsl`.
+//! The point pass: points of light that are no stars, splatted as stars are. Shader: `shaders/bodies/points.wgsl`.
 
 use crate::{
-    gpu::{self, Gpu, bind_buffers, dispatch_rows},
+    gpu::{self, Gpu, bind_buffers, constants::workgroups::POINT_THREADS, dispatch_rows},
     plan::stars::range::FixedPoint,
     render::{
         layout,
-        targets::{Sums, bind_occlusion, bind_sums},
+        targets::{Sums, bind_occlusion, bind_sums, splatting},
     },
 };
-
-/// Points of a workgroup.
-const THREADS: u32 = 64;
 
 /// The pass.
 pub(crate) struct PointPass {
@@ -19,7 +16,7 @@ pub(crate) struct PointPass {
 
 impl PointPass {
     pub(crate) fn new(gpu: &Gpu) -> Self {
-        Self { pipeline: gpu.compute_pipeline_with(&gpu::points(gpu.wide_accumulator), &[("HAS_GEOMETRY", 1.0)]) }
+        Self { pipeline: gpu.compute_pipeline_with(&splatting(gpu, "bodies/points"), &[("HAS_GEOMETRY", 1.0)]) }
     }
 
     /// Records `count` points into one batch.
@@ -31,11 +28,11 @@ impl PointPass {
         sums: &Sums<'_>,
         (points, count): (&wgpu::Buffer, u32),
     ) {
-        let [columns, rows] = dispatch_rows(gpu, count.div_ceil(THREADS));
+        let [columns, rows] = dispatch_rows(gpu, count.div_ceil(POINT_THREADS));
         let parameters = layout::PointParameters {
             units_per_lx: range.units_per_lx as f32,
             count,
-            per_row: columns * THREADS,
+            per_row: columns * POINT_THREADS,
             faintest_lx: range.faintest_lx as f32,
             brightest_lx: range.brightest_lx.min(f64::from(f32::MAX)) as f32,
             ..Default::default()

@@ -1,16 +1,13 @@
-//! The geometry pass: what bodies and asteroids show in each pixel of a tile. Shader: `shaders/geometry.wgsl`; the f64 twin of its bodies
+//! The geometry pass: what bodies and asteroids show in each pixel of a tile. Shader: `shaders/bodies/rays.wgsl`; the f64 twin of its bodies
 //! is `crate::reference::bodies::rays`.
 
 use std::sync::OnceLock;
 
 use crate::{
-    gpu::{self, Gpu, bind_buffers, bind_to},
+    gpu::{self, Gpu, Shader, bind_buffers, bind_to, constants::workgroups::RAY_SIDE},
     plan::tiles::Tile,
     render::{layout, targets::RasterLayers},
 };
-
-/// Pixels along a side of a workgroup.
-const SIDE: u32 = 8;
 
 /// The pass.
 pub(crate) struct GeometryPass {
@@ -45,7 +42,7 @@ pub(crate) struct RayTile<'a> {
 }
 
 fn pipeline(gpu: &Gpu, has_layers: bool) -> wgpu::ComputePipeline {
-    gpu.compute_pipeline_with(&gpu::geometry(), &[("HAS_LAYERS", f64::from(u8::from(has_layers)))])
+    gpu.compute_pipeline_with(&Shader::new("bodies/rays").source(), &[("HAS_LAYERS", f64::from(u8::from(has_layers)))])
 }
 
 /// A texture of one texel that nothing has been drawn into.
@@ -124,6 +121,6 @@ impl GeometryPass {
         let views: Vec<_> =
             (0..).zip(views).map(|(binding, view)| (binding, wgpu::BindingResource::TextureView(view))).collect();
         pass.set_bind_group(1, &bind_to(gpu, &pipeline.get_bind_group_layout(1), &views), &[]);
-        pass.dispatch_workgroups(width.div_ceil(SIDE), tile.rows.div_ceil(SIDE), 1);
+        pass.dispatch_workgroups(width.div_ceil(RAY_SIDE), tile.rows.div_ceil(RAY_SIDE), 1);
     }
 }

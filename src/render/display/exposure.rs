@@ -1,8 +1,8 @@
 //! The exposure pass: one exposure for all views from the mean luminance, weighted by solid angle. Shader:
-//! `shaders/exposure.wgsl`; the f64 twin is `crate::photometry::exposure`.
+//! `shaders/display/exposure.wgsl`; the f64 twin is `crate::photometry::exposure`.
 
 use crate::{
-    gpu::{self, Gpu, bind_buffers},
+    gpu::{self, Gpu, Shader, bind_buffers},
     plan::settings::ExposureSettings,
     render::layout,
 };
@@ -23,7 +23,7 @@ pub(crate) struct ExposureInputs<'a> {
 
 impl ExposurePass {
     pub(crate) fn new(gpu: &Gpu) -> Self {
-        Self { pipeline: gpu.compute_pipeline(&gpu::exposure()) }
+        Self { pipeline: gpu.compute_pipeline(&Shader::new("display/exposure").source()) }
     }
 
     /// Records the pass.

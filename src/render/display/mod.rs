@@ -4,14 +4,12 @@
 pub(crate) mod exposure;
 pub(crate) mod present;
 pub(crate) mod resolve;
-#[cfg(test)]
-mod tests;
 pub(crate) mod tone_map;
 mod variant;
 
 use self::{
     exposure::{ExposureInputs, ExposurePass},
-    present::{PresentPass, PresentTile, present_source},
+    present::{PresentPass, PresentSource, PresentTile, present_source},
     resolve::{HdrImage, ResolveInputs, ResolvePass},
     tone_map::ToneMapPass,
 };
@@ -20,11 +18,7 @@ use super::{
     targets::{adds_up, resolves_to_display},
     technique::{Phase, Recording, Technique},
 };
-use crate::{
-    gpu::{Gpu, PresentSource},
-    plan::settings::GlareMethod,
-    view::Rig,
-};
+use crate::{gpu::Gpu, plan::settings::GlareMethod, view::Rig};
 
 /// A texture that an image of the frame is drawn into.
 #[derive(Clone, Copy, Debug)]

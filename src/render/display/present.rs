@@ -1,12 +1,30 @@
-//! The present pass: a tile of a picture into a texture that leaves the renderer. Shader: `shaders/present.wgsl`; the f64 twin is
+//! The present pass: a tile of a picture into a texture that leaves the renderer. Shader: `shaders/display/present.wgsl`; the f64 twin is
 //! `crate::photometry::tone_map`.
 
 use super::variant::{DisplayVariant, encode_display};
 use crate::{
-    gpu::{self, Gpu, PresentSource, Stage, bind_to},
+    gpu::{self, Gpu, Shader, Stage, bind_to},
     plan::{settings::ToneMapSettings, tiles::Tile},
     render::layout,
 };
+
+/// What the present pass writes into a texture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum PresentSource {
+    /// The codes of the display image.
+    Codes,
+    /// Light of the HDR image.
+    Light,
+}
+
+impl PresentSource {
+    fn file(self) -> &'static str {
+        match self {
+            Self::Codes => "display/present_codes",
+            Self::Light => "display/present_light",
+        }
+    }
+}
 
 /// What a texture of that format is given; `None`: it cannot be drawn into.
 pub(crate) fn present_source(format: wgpu::TextureFormat) -> Option<PresentSource> {
@@ -56,8 +74,8 @@ impl PresentPass {
             let constants = variant.shown.constants();
             let constants = if source == PresentSource::Light { &constants[..] } else { &[] };
             let pipeline = gpu.colour_pipeline(
-                &Stage { source: &gpu::present_corner(), constants: &[] },
-                &Stage { source: &gpu::present(source), constants },
+                &Stage { source: &Shader::new("display/present_corner").source(), constants: &[] },
+                &Stage { source: &Shader::new("display/present").with("source", source.file()).source(), constants },
                 wgpu::PrimitiveTopology::TriangleList,
                 variant.format.into(),
             );

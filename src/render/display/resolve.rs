@@ -1,10 +1,10 @@
 //! The resolve pass: fixed-point illuminance becomes luminance by the pixel's solid angle, and display values where the
-//! exposure is known before. Shader: `shaders/resolve.wgsl`; the f64 twin is `crate::reference::stars`, which divides at
+//! exposure is known before. Shader: `shaders/display/resolve.wgsl`; the f64 twin is `crate::reference::stars`, which divides at
 //! its end.
 
 use super::variant::{DisplayVariant, encode_display};
 use crate::{
-    gpu::{self, Gpu, ShaderSource, bind_buffers},
+    gpu::{self, Gpu, Shader, ShaderSource, bind_buffers},
     photometry::exposure::white_luminance_cd_m2,
     plan::{settings::ToneMapSettings, stars::range::Ranges},
     render::{layout, targets::Targets},
@@ -58,8 +58,9 @@ pub(crate) struct ResolveInputs<'a> {
 
 impl ResolvePass {
     pub(crate) fn new(gpu: &Gpu) -> Self {
+        let decode = if gpu.wide_accumulator { "display/decode_u64" } else { "display/decode_u32" };
         let mut pass = Self {
-            source: gpu::resolve(gpu.wide_accumulator),
+            source: Shader::new("display/resolve").with("decode", decode).source(),
             pipelines: Vec::new(),
             no_bright: gpu::storage_buffer(gpu, "no bright sums", &[[0_u32; 4]]),
             no_display: gpu::storage_buffer(gpu, "no display", &[0_u32]),

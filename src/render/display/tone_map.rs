@@ -1,9 +1,9 @@
-//! The tone-mapping pass: luminance to 8 bits of a display. Shader: `shaders/tone_map.wgsl`; the f64 twin
+//! The tone-mapping pass: luminance to 8 bits of a display. Shader: `shaders/display/tone_map.wgsl`; the f64 twin
 //! is `crate::photometry::tone_map`.
 
 use super::variant::{DisplayVariant, encode_display};
 use crate::{
-    gpu::{self, Gpu, bind_buffers},
+    gpu::{self, Gpu, Shader, bind_buffers},
     plan::settings::ToneMapSettings,
     render::{layout, targets::PictureTarget},
 };
@@ -23,7 +23,7 @@ impl ToneMapPass {
 
     fn pipeline(&mut self, gpu: &Gpu, variant: DisplayVariant) -> &wgpu::ComputePipeline {
         let index = self.pipelines.iter().position(|(of, _)| *of == variant).unwrap_or_else(|| {
-            let pipeline = gpu.compute_pipeline_with(&gpu::tone_map(), &variant.constants());
+            let pipeline = gpu.compute_pipeline_with(&Shader::new("display/tone_map").source(), &variant.constants());
             self.pipelines.push((variant, pipeline));
             self.pipelines.len() - 1
         });

@@ -1,6 +1,7 @@
 //! What the passes that make display values share: the variant of the tone mapping, and its numbers.
 
 use crate::{
+    gpu::constants::display,
     plan::settings::{ToneMapOperator, ToneMapSettings},
     render::layout,
 };
@@ -22,17 +23,21 @@ impl DisplayVariant {
         }
     }
 
-    /// The constants of `shaders/shared/display.wgsl`.
+    /// The constants of `shaders/display/encode.wgsl`.
     pub(crate) fn constants(self) -> [(&'static str, f64); 3] {
         let operator = match self.operator {
-            ToneMapOperator::Filmic => 0.0,
-            ToneMapOperator::Srgb => 1.0,
-            ToneMapOperator::Reinhard => 2.0,
-            ToneMapOperator::Aces => 3.0,
-            ToneMapOperator::Calibrated => 4.0,
+            ToneMapOperator::Filmic => display::OPERATOR_FILMIC,
+            ToneMapOperator::Srgb => display::OPERATOR_SRGB,
+            ToneMapOperator::Reinhard => display::OPERATOR_REINHARD,
+            ToneMapOperator::Aces => display::OPERATOR_ACES,
+            ToneMapOperator::Calibrated => display::OPERATOR_CALIBRATED,
         };
         let flag = |on: bool| f64::from(u8::from(on));
-        [("TONE_OPERATOR", operator), ("DESATURATES", flag(self.desaturates)), ("SCOTOPIC", flag(self.scotopic))]
+        [
+            ("TONE_OPERATOR", f64::from(operator)),
+            ("DESATURATES", flag(self.desaturates)),
+            ("SCOTOPIC", flag(self.scotopic)),
+        ]
     }
 }
 

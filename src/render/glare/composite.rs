@@ -1,18 +1,35 @@
 //! The glare pass over pixels: keeps what is not scattered of every pixel's light and adds what is scattered towards it.
-//! Shader: `shaders/glare_composite.wgsl`.
+//! Shader: `shaders/glare/composite.wgsl`.
 
 use crate::{
-    gpu::{self, GlareSource, Gpu, bind_buffers},
+    gpu::{self, Gpu, Shader, bind_buffers, constants::glare_composite::BLOCK_COLUMNS},
     render::{
         layout,
         targets::{COLUMNS, PictureTarget, bind_picture},
     },
 };
 
-/// Columns of one workgroup.
-const BLOCK_COLUMNS: u32 = 8;
 /// Runs of rows of one workgroup on a GPU.
 const ROW_GROUPS: u32 = 8;
+
+/// Where the pass finds what is scattered.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum GlareSource {
+    /// On the sky: a map of the whole sky, and the brightest sources one by one.
+    Sky,
+    /// On the picture: a pyramid of blurred images.
+    Pyramid,
+}
+
+impl GlareSource {
+    fn shader(self) -> Shader {
+        let scattered = match self {
+            Self::Sky => "glare/sky_cube/scattered",
+            Self::Pyramid => "glare/pyramid/scattered",
+        };
+        Shader::new("glare/composite").with("scattered", scattered)
+    }
+}
 
 /// The pass for one source of glare.
 pub(crate) struct GlareCompositePass {
@@ -27,7 +44,7 @@ impl GlareCompositePass {
         let row_groups = if gpu.software { 1 } else { ROW_GROUPS };
         let of_groups = ("ROW_GROUPS", f64::from(row_groups));
         let constants: Vec<_> = constants.iter().copied().chain([of_groups]).collect();
-        Self { pipeline: gpu.compute_pipeline_with(&gpu::glare_composite(source), &constants), row_groups }
+        Self { pipeline: gpu.compute_pipeline_with(&source.shader().source(), &constants), row_groups }
     }
 
     /// Records the pass. `of_source` is what the source of glare binds in group 1.

@@ -1,18 +1,9 @@
 //! The overlay pass: `shaders/overlay/draw.wgsl`.
 
 use crate::{
-    gpu::{self, Gpu, GrowingBuffer, bind_buffers, dispatch_rows},
+    gpu::{Gpu, GrowingBuffer, Shader, bind_buffers, dispatch_rows},
     render::layout,
 };
-
-/// Numbers of the shapes; the same stand in the shader.
-pub const SHAPE_LINE: u32 = 0;
-/// See [`SHAPE_LINE`].
-pub const SHAPE_BOX: u32 = 1;
-/// See [`SHAPE_LINE`].
-pub const SHAPE_CHECKERS: u32 = 2;
-/// See [`SHAPE_LINE`].
-pub const SHAPE_GLYPH: u32 = 3;
 
 /// The blocks of one batch, and how they were bound last.
 pub(super) struct BatchBlocks {
@@ -50,7 +41,7 @@ pub(super) struct OverlayPass {
 impl OverlayPass {
     pub(super) fn new(gpu: &Gpu, has_geometry: bool) -> Self {
         let constants = [("HAS_GEOMETRY", f64::from(u8::from(has_geometry)))];
-        Self { pipeline: gpu.compute_pipeline_with(&gpu::overlay(), &constants), has_geometry }
+        Self { pipeline: gpu.compute_pipeline_with(&Shader::new("overlay/draw").source(), &constants), has_geometry }
     }
 
     /// Draws the blocks of a batch. `buffers`: viewports, tiles, display image, geometry, items, texels, entries.

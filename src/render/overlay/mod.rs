@@ -15,12 +15,9 @@ use super::{
     technique::{FrameInputs, Holding, Phase, Recording, Technique, begin_pass},
 };
 use crate::{
-    gpu::{Gpu, GrowingBuffer},
+    gpu::{Gpu, GrowingBuffer, constants::overlay as constants},
     plan::overlay::{Item, OverlayPlan, Shape, blocks::BLOCK_PX},
 };
-
-/// Nearness of what nothing hides, 1/m: within f32.
-const BEFORE_ALL: f32 = 3e38;
 
 /// What overlays hold: nothing where there are none.
 pub(super) struct Overlay {
@@ -92,10 +89,10 @@ fn blocks_of(plan: &OverlayPlan, batch: &crate::plan::tiles::Batch) -> Vec<layou
 
 fn encode_item(item: &Item) -> layout::OverlayItem {
     let [red, green, blue] = item.ink.colour.0.map(u32::from);
-    let near = |nearness: f64| nearness.min(f64::from(BEFORE_ALL)) as f32;
+    let near = |nearness: f64| nearness.min(f64::from(constants::NEAREST)) as f32;
     let corners = |from: [i32; 2], to: [i32; 2]| (from.map(|side| side as f32), to.map(|side| side as f32));
     let mut encoded = layout::OverlayItem {
-        nearness: [BEFORE_ALL; 2],
+        nearness: [constants::NEAREST; 2],
         opacity: item.ink.opacity as f32,
         colour: red | green << 8 | blue << 16,
         stroke: item.stroke,
@@ -106,17 +103,17 @@ fn encode_item(item: &Item) -> layout::OverlayItem {
             (encoded.begin, encoded.end) = (from.as_vec2().to_array(), to.as_vec2().to_array());
             encoded.half_width_px = half_width_px as f32;
             encoded.nearness = nearness.map(near);
-            encoded.shape = draw::SHAPE_LINE;
+            encoded.shape = constants::SHAPE_LINE;
         }
         Shape::Box { from, to, checkered } => {
             (encoded.begin, encoded.end) = corners(from, to);
-            encoded.shape = if checkered { draw::SHAPE_CHECKERS } else { draw::SHAPE_BOX };
+            encoded.shape = if checkered { constants::SHAPE_CHECKERS } else { constants::SHAPE_BOX };
         }
         Shape::Glyph { from, size, first_texel, nearness } => {
             (encoded.begin, encoded.end) = corners(from, [from[0] + size[0] as i32, from[1] + size[1] as i32]);
             encoded.nearness = [near(nearness); 2];
             encoded.first_texel = first_texel;
-            encoded.shape = draw::SHAPE_GLYPH;
+            encoded.shape = constants::SHAPE_GLYPH;
         }
     }
     encoded

@@ -1,11 +1,11 @@
-//! The procedural sky: every pixel by itself, in the resolve pass. Shader: `shaders/cell_sky.wgsl`; the f64 twin is
+//! The procedural sky: every pixel by itself, in the resolve pass. Shader: `shaders/stars/cell_sky.wgsl`; the f64 twin is
 //! `crate::reference::stars::cell_sky`.
 
 use std::sync::OnceLock;
 
-use super::luminance::{LuminanceInputs, LuminancePass};
+use super::luminance::{LuminanceInputs, LuminancePass, LuminanceSource};
 use crate::{
-    gpu::{self, LuminanceSource},
+    gpu,
     photometry::exposure::white_luminance_cd_m2,
     plan::settings::CellSkySettings,
     render::{

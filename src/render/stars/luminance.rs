@@ -1,13 +1,38 @@
 //! The resolve pass of methods that leave luminance instead of illuminance: what a pixel holds goes, with its solid angle,
-//! where the exposure and tone-mapping passes read it. Shader: `shaders/resolve_luminance.wgsl`.
+//! where the exposure and tone-mapping passes read it. Shader: `shaders/stars/luminance.wgsl`.
 
 use crate::{
-    gpu::{self, Gpu, LuminanceSource, bind_buffers},
+    gpu::{self, Gpu, Shader, bind_buffers},
     render::{
         layout,
         targets::{PictureTarget, bind_picture},
     },
 };
+
+/// Where a method that leaves luminance instead of illuminance has left it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum LuminanceSource {
+    /// Halves of a word: the published rasteriser.
+    Packed,
+    /// A texture of the picture itself.
+    Texture,
+    /// Six textures: the faces of a cube around the view's axes.
+    Cube,
+    /// Nowhere: the procedural sky is computed here.
+    CellSky,
+}
+
+impl LuminanceSource {
+    fn shader(self) -> Shader {
+        let luminance = match self {
+            Self::Packed => "stars/luminance_packed",
+            Self::Texture => "stars/luminance_texture",
+            Self::Cube => "stars/luminance_cube",
+            Self::CellSky => "stars/luminance_cell_sky",
+        };
+        Shader::new("stars/luminance").with("luminance", luminance)
+    }
+}
 
 /// What is made of what a method left.
 pub(crate) struct LuminanceInputs<'a> {
@@ -26,7 +51,7 @@ pub(crate) struct LuminancePass {
 
 impl LuminancePass {
     pub(crate) fn new(gpu: &Gpu, source: LuminanceSource) -> Self {
-        Self { pipeline: gpu.compute_pipeline(&gpu::resolve_luminance(source)) }
+        Self { pipeline: gpu.compute_pipeline(&source.shader().source()) }
     }
 
     /// Records the pass over a picture.

@@ -1,16 +1,16 @@
 //! The published rasteriser: luminance and temperature as two halves of one word, with compare-exchange. Shaders:
-//! `shaders/packed_cas.wgsl` (every star of the catalogue, once per view) and `shaders/packed_cas_sorted.wgsl` (on culled
+//! `shaders/stars/packed.wgsl` (every star of the catalogue, once per view) and `shaders/stars/packed_sorted.wgsl` (on culled
 //! and sorted stars). The f64 twin is `crate::reference::stars::packed`.
 
 use std::sync::OnceLock;
 
+use super::luminance::{LuminanceInputs, LuminancePass, LuminanceSource};
 use super::{
     catalogue_buffers::{CatalogueBuffers, CatalogueDraw},
     items::{StarDraw, bind_items},
-    luminance::{LuminanceInputs, LuminancePass},
 };
 use crate::{
-    gpu::{self, Gpu, GrowingBuffer, LuminanceSource, bind_buffers, dispatch_rows},
+    gpu::{self, Gpu, GrowingBuffer, Shader, bind_buffers, constants::workgroups::CATALOGUE_THREADS, dispatch_rows},
     render::{
         layout,
         targets::{PictureTarget, Sums, Targets},
@@ -97,9 +97,6 @@ impl Packed {
     }
 }
 
-/// Threads of a workgroup of the pass over the catalogue.
-const THREADS: u32 = 64;
-
 /// The passes.
 struct PackedPass {
     catalogue: wgpu::ComputePipeline,
@@ -119,8 +116,9 @@ impl PackedPass {
     fn new(gpu: &Gpu) -> Self {
         let workgroup = if gpu.software { 8.0 } else { 64.0 };
         Self {
-            catalogue: gpu.compute_pipeline(&gpu::packed_cas()),
-            sorted: gpu.compute_pipeline_with(&gpu::packed_cas_sorted(), &[("WORKGROUP", workgroup)]),
+            catalogue: gpu.compute_pipeline(&Shader::new("stars/packed").source()),
+            sorted: gpu
+                .compute_pipeline_with(&Shader::new("stars/packed_sorted").source(), &[("WORKGROUP", workgroup)]),
         }
     }
 
@@ -135,13 +133,13 @@ impl PackedPass {
         pass.set_pipeline(&self.catalogue);
         for tile in 0..all.tiles {
             for draw in all.draws {
-                let [columns, rows] = dispatch_rows(gpu, draw.count.div_ceil(THREADS));
+                let [columns, rows] = dispatch_rows(gpu, draw.count.div_ceil(CATALOGUE_THREADS));
                 let parameters = layout::CatalogueParameters {
                     camera: all.camera_pc,
                     star_count: draw.count,
                     faintest_lx: all.faintest_lx as f32,
                     tile,
-                    row_threads: columns * THREADS,
+                    row_threads: columns * CATALOGUE_THREADS,
                     ..Default::default()
                 };
                 let parameters = gpu::uniform_buffer(gpu, "catalogue parameters", &parameters);

@@ -1,4 +1,4 @@
-//! The star pass: splats every visible star in illuminance, in fixed point. Shader: `shaders/stars.wgsl`; the f64 twin is
+//! The star pass: splats every visible star in illuminance, in fixed point. Shader: `shaders/stars/splat.wgsl`; the f64 twin is
 //! `crate::reference::stars`.
 
 use std::sync::OnceLock;
@@ -14,7 +14,7 @@ use crate::{
     relativity::Motion,
     render::{
         layout,
-        targets::{Sums, bind_occlusion, bind_sums},
+        targets::{Sums, bind_occlusion, bind_sums, splatting},
     },
 };
 
@@ -53,7 +53,7 @@ fn encode_motion(motion: Motion) -> layout::Traveller {
 fn star_pipeline(gpu: &Gpu, has_geometry: bool) -> wgpu::ComputePipeline {
     let workgroup = if gpu.software { 8.0 } else { 64.0 };
     let constants = [("WORKGROUP", workgroup), ("HAS_GEOMETRY", f64::from(u8::from(has_geometry)))];
-    gpu.compute_pipeline_with(&gpu::stars(gpu.wide_accumulator), &constants)
+    gpu.compute_pipeline_with(&splatting(gpu, "stars/splat"), &constants)
 }
 
 impl StarPass {

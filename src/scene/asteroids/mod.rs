@@ -32,8 +32,8 @@ pub use self::{
     gltf::{MOST_TRIANGLES, ShapeError},
     groups::BRANCHING,
     placement::{
-        FieldError, FieldParameters, LARGEST_EXTENT_M, LARGEST_PERIOD_RATIO, LARGEST_RADIUS_RATIO, MOST_INSTANCES,
-        Placement, STEEPEST_SIZE_INDEX,
+        FieldError, FieldParameters, LARGEST_EXTENT_M, LARGEST_PERIOD_RATIO, LARGEST_RADIUS_RATIO, LEAST_OF_RANGE,
+        MOST_INSTANCES, Placement, STEEPEST_SIZE_INDEX,
     },
     shapes::{LEVEL_TRIANGLES, MOST_SHAPES, PROCEDURAL_SHAPES, surface_distance},
     spec::{FieldSpec, MOST_FIELDS, MOST_SETS, MadeField, ShapeSource, SpecError, check_fields, make_fields},

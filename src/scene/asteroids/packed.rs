@@ -23,7 +23,7 @@ use super::PackedAsteroid;
 /// Parts of the largest radius.
 pub const RADIUS_PARTS: u32 = 65_535;
 /// Largest component of a packed axis.
-const AXIS_PARTS: i32 = 32_767;
+pub const AXIS_PARTS: i32 = 32_767;
 
 /// What is packed: see [`PackedAsteroid`].
 #[derive(Clone, Copy, Debug, PartialEq)]

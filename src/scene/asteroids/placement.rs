@@ -123,7 +123,7 @@ fn check_length(key: &'static str, value: f64, zero_allowed: bool) -> Result<(),
 }
 
 /// Smallest mean radius, m, and spin period, s.
-const LEAST_OF_RANGE: f64 = 1e-3;
+pub const LEAST_OF_RANGE: f64 = 1e-3;
 
 /// Two values, the first at least [`LEAST_OF_RANGE`], the second not below it and at most `ratio` times as large.
 fn check_range(key: &'static str, [low, high]: [f64; 2], ratio: f64) -> Result<(), FieldError> {

@@ -10,13 +10,13 @@ pub const MOST_BODIES: usize = 256;
 pub const MOST_SUNS: usize = 8;
 
 /// Farthest from the barycentre along each axis, m: squares of it, and of what it is divided by, stay within f64.
-const FARTHEST_M: f64 = 1e25;
+pub const FARTHEST_M: f64 = 1e25;
 /// Smallest and largest semi-axis, m.
-const RADII_M: [f64; 2] = [1e-3, 1e13];
+pub const RADII_M: [f64; 2] = [1e-3, 1e13];
 /// Largest over smallest semi-axis.
 const MOST_ELONGATED: f64 = 100.0;
 /// Brightest geometric albedo; what throws light back towards the light can exceed 1.
-const BRIGHTEST_ALBEDO: f64 = 2.0;
+pub const BRIGHTEST_ALBEDO: f64 = 2.0;
 /// Shortest period of a spin, s.
 const SHORTEST_PERIOD_S: f64 = 1e-3;
 /// Brightest luminance, cd/m^2: a million times that of the Sun.

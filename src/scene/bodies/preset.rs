@@ -9,13 +9,14 @@
 //! 4th edition, 14.7).
 
 use glam::{DQuat, DVec3};
+use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::{Body, Emission, ReflectionLaw, Spin, Surface};
 use crate::{photometry::rec709::luminance, units::SOLAR_TEMPERATURE_K};
 
 /// A body of the Solar System.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Preset {
     /// The Sun.

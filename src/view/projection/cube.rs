@@ -43,16 +43,21 @@ impl Face {
         Face::ALL.into_iter().find(|face| face.name() == name)
     }
 
+    /// The direction that the face looks in, and the one that is up in its image, in cube space.
+    pub const fn forward_and_up(self) -> [DVec3; 2] {
+        match self {
+            Face::Front => [DVec3::NEG_Z, DVec3::Y],
+            Face::Right => [DVec3::X, DVec3::Y],
+            Face::Left => [DVec3::NEG_X, DVec3::Y],
+            Face::Back => [DVec3::Z, DVec3::Y],
+            Face::Up => [DVec3::Y, DVec3::Z],
+            Face::Down => [DVec3::NEG_Y, DVec3::NEG_Z],
+        }
+    }
+
     /// Axes of the face's image in cube space: right, up, backwards (the direction it looks at is minus the third).
     pub fn axes(self) -> DMat3 {
-        let (forward, up) = match self {
-            Face::Front => (DVec3::NEG_Z, DVec3::Y),
-            Face::Right => (DVec3::X, DVec3::Y),
-            Face::Left => (DVec3::NEG_X, DVec3::Y),
-            Face::Back => (DVec3::Z, DVec3::Y),
-            Face::Up => (DVec3::Y, DVec3::Z),
-            Face::Down => (DVec3::NEG_Y, DVec3::NEG_Z),
-        };
+        let [forward, up] = self.forward_and_up();
         DMat3::from_cols(forward.cross(up), up, -forward)
     }
 

@@ -1,4 +1,4 @@
-use std::f64::consts::PI;
+use std::{collections::BTreeSet, f64::consts::PI};
 
 use super::*;
 use crate::{
@@ -54,14 +54,16 @@ fn shows(image: &ViewImage, star: &SkyStar) -> bool {
     })
 }
 
-fn picture(scene: &SceneSnapshot, image: &ViewImage, wrong: Wrong) -> Pixels {
+/// The picture, black but for the pixels that are `looked_at`.
+fn picture(scene: &SceneSnapshot, image: &ViewImage, wrong: Wrong, looked_at: impl Fn([u32; 2]) -> bool) -> Pixels {
     let mapping = image.projection.mapping();
     let [width, height] = mapping.size();
     let mut sources = scenes::sources(scene, image);
     if wrong == Wrong::InsideAlone {
         sources.retain(|star| shows(image, star));
     }
-    let pixels: Vec<[u32; 2]> = (0..height).flat_map(|y| (0..width).map(move |x| [x, y])).collect();
+    let all: Vec<[u32; 2]> = (0..height).flat_map(|y| (0..width).map(move |x| [x, y])).collect();
+    let pixels: Vec<[u32; 2]> = all.iter().copied().filter(|pixel| looked_at(*pixel)).collect();
     let right = GlareSettings::default().kernel().unwrap();
     let light: Vec<[f64; 3]> = match wrong {
         Wrong::OnScreen => {
@@ -94,13 +96,22 @@ fn picture(scene: &SceneSnapshot, image: &ViewImage, wrong: Wrong) -> Pixels {
         let factor = if inside(pixel) { factor } else { 0.0 };
         [(factor * r) as f32, (factor * g) as f32, (factor * b) as f32, 1.0]
     };
-    pixels.iter().zip(light).map(as_frame).collect()
+    let mut lit = pixels.iter().zip(light).map(as_frame);
+    let black = [0.0, 0.0, 0.0, 1.0];
+    all.iter().map(|pixel| if looked_at(*pixel) { lit.next().unwrap() } else { black }).collect()
 }
 
 fn scored(scenes: &GlareScenes, wrong: Wrong) -> impl Fn(GlareMetric) -> Option<f64> + use<> {
-    let scores =
-        score(scenes, &mut |scene, _| Ok(scenes.images().iter().map(|image| picture(scene, image, wrong)).collect()))
-            .unwrap();
+    // Of the starry sky, whose light is that of many sources in every pixel, some pixels are compared; of the others all.
+    let compared: BTreeSet<(usize, [u32; 2])> = scenes.places.iter().map(|place| (place.image, place.pixel)).collect();
+    let mut draw = |scene: &SceneSnapshot, _: &Rig| {
+        let sky = std::ptr::eq(scene, &scenes.sky);
+        let of_image = |(index, image): (usize, &ViewImage)| {
+            picture(scene, image, wrong, |pixel| !sky || compared.contains(&(index, pixel)))
+        };
+        Ok(scenes.images().iter().enumerate().map(of_image).collect())
+    };
+    let scores = score(scenes, &mut draw).unwrap();
     move |metric| scores.get(metric).and_then(|score| score.value)
 }
 

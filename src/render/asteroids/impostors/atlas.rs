@@ -70,7 +70,7 @@ pub enum ImpostorAtlasError {
     Gpu(#[from] GpuError),
 }
 
-/// An atlas on the adapter: what `shaders/shared/impostor.wgsl` binds as group 1.
+/// An atlas on the adapter: what `shaders/asteroids/impostors/atlas.wgsl` binds as group 1.
 pub(crate) struct ImpostorAtlas {
     /// Binding 0: `layout::ImpostorAtlas`, uniform.
     pub parameters: wgpu::Buffer,

@@ -1,11 +1,11 @@
 //! Bakes atlases of impostors: the finest mesh of a shape onto every tile, by the rasteriser that draws meshes, and the
-//! means of the samples. Shaders: `shaders/impostor_bake.wgsl`, `impostor_bake_sample.wgsl`, `impostor_filter.wgsl`;
+//! means of the samples. Shaders: `shaders/asteroids/impostors/bake*.wgsl`;
 //! the f64 twin is `crate::reference::asteroids::impostors`.
 //!
 //! An atlas is made in square blocks of tiles, so that the textures of samples stay small.
 
 use crate::{
-    gpu::{self, Gpu, GpuError, ReadbackBuffer, bind_buffers, bind_to},
+    gpu::{self, Gpu, GpuError, ReadbackBuffer, Shader, bind_buffers, bind_to, constants::workgroups::FILTER_SIDE},
     plan::asteroids::{
         bounds::BORDER_PX,
         tiles::{AtlasLayout, AtlasTile},
@@ -18,8 +18,6 @@ use crate::{
 const SAMPLES: u32 = 4;
 /// Most samples along the side of a block.
 const BLOCK_SAMPLES: u32 = 2048;
-/// Threads of a workgroup of the filter along either side.
-const FILTER_SIDE: u32 = 8;
 
 /// The pipelines of baking.
 pub(crate) struct ImpostorBakePass {
@@ -56,10 +54,13 @@ struct MeshBuffers {
 
 impl ImpostorBakePass {
     pub(crate) fn new(gpu: &Gpu) -> Self {
-        Self { draw: draw_pipeline(gpu), filter: gpu.compute_pipeline(&gpu::impostor_filter()) }
+        Self {
+            draw: draw_pipeline(gpu),
+            filter: gpu.compute_pipeline(&Shader::new("asteroids/impostors/bake_filter").source()),
+        }
     }
 
-    /// Bakes the atlas of a shape: two words per texel (see `shaders/impostor_filter.wgsl`), row by row from the top.
+    /// Bakes the atlas of a shape: two words per texel (see `shaders/asteroids/impostors/bake_filter.wgsl`), row by row from the top.
     /// Waits for the device.
     pub(crate) fn bake(
         &self,
@@ -242,7 +243,8 @@ fn begin<'a>(encoder: &'a mut wgpu::CommandEncoder, block: &'a Block) -> wgpu::R
 }
 
 fn draw_pipeline(gpu: &Gpu) -> wgpu::RenderPipeline {
-    let [vertex, fragment] = [gpu::impostor_bake(), gpu::impostor_bake_sample()];
+    let [vertex, fragment] =
+        ["asteroids/impostors/bake", "asteroids/impostors/bake_sample"].map(|file| Shader::new(file).source());
     let module = |source: &gpu::ShaderSource| {
         gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some(source.name),

@@ -1,14 +1,17 @@
-//! Draws impostors of asteroids: a square each, out of an atlas, with depth. Shaders: `shaders/asteroid_impostor.wgsl`
-//! and `asteroid_impostor_shade.wgsl`; the f64 twin is `crate::reference::asteroids::impostors`.
+//! Draws impostors of asteroids: a square each, out of an atlas, with depth. Shaders:
+//! `shaders/asteroids/impostors/draw*.wgsl`; the f64 twin is `crate::reference::asteroids::impostors`.
 
 use crate::{
-    gpu::{self, AsteroidSource, Gpu, bind_to},
+    gpu::{
+        Gpu, Shader, bind_to,
+        constants::{asteroid_lists::IMPOSTOR_VERTICES, impostors},
+    },
     plan::asteroids::ImpostorMethod,
     render::asteroids::raster::{AsteroidDraw, asteroid_pipeline},
 };
 
 /// Corners of a square, a triangle strip.
-pub(crate) const CORNERS: u32 = 4;
+pub(crate) const CORNERS: u32 = IMPOSTOR_VERTICES;
 
 /// The pass of one method.
 pub(crate) struct AsteroidImpostorPass {
@@ -16,12 +19,30 @@ pub(crate) struct AsteroidImpostorPass {
     atlas_layout: wgpu::BindGroupLayout,
 }
 
-/// Number of a method in `shaders/shared/impostor.wgsl`.
+/// Where the asteroids that are drawn come from: WGSL with `slot_of`, `load_asteroid`, `clip_from_view` and `faded`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum AsteroidSource {
+    /// The lists that culling leaves.
+    Lists,
+    /// Given one by one, to check impostors by themselves.
+    Given,
+}
+
+impl AsteroidSource {
+    fn file(self) -> &'static str {
+        match self {
+            Self::Lists => "asteroids/listed",
+            Self::Given => "asteroids/impostors/given",
+        }
+    }
+}
+
+/// Number of a method in the shaders.
 fn number_of(method: ImpostorMethod) -> Option<f64> {
     match method.chosen() {
-        ImpostorMethod::EulerAtlas => Some(0.0),
-        ImpostorMethod::Octahedral => Some(1.0),
-        ImpostorMethod::OctahedralBlend => Some(2.0),
+        ImpostorMethod::EulerAtlas => Some(impostors::METHOD_EULER.into()),
+        ImpostorMethod::Octahedral => Some(impostors::METHOD_OCTAHEDRAL.into()),
+        ImpostorMethod::OctahedralBlend => Some(impostors::METHOD_BLEND.into()),
         ImpostorMethod::Auto | ImpostorMethod::None => None,
     }
 }
@@ -36,7 +57,8 @@ impl AsteroidImpostorPass {
         method: ImpostorMethod,
     ) -> Option<Self> {
         let constants = [("METHOD", number_of(method)?)];
-        let shaders = [&gpu::asteroid_impostor(source), &gpu::asteroid_impostor_shade(source)];
+        let shader = |file| Shader::new(file).with("source", source.file()).source();
+        let shaders = [&shader("asteroids/impostors/draw"), &shader("asteroids/impostors/draw_shade")];
         let atlas_layout = atlas_layout(gpu);
         let groups = [Some(source_layout), Some(&atlas_layout)];
         let primitive = wgpu::PrimitiveState { topology: wgpu::PrimitiveTopology::TriangleStrip, ..Default::default() };
@@ -76,7 +98,7 @@ impl AsteroidImpostorPass {
     }
 }
 
-/// Group 1: the atlas of `shaders/shared/impostor.wgsl`.
+/// Group 1: the atlas of `shaders/asteroids/impostors/atlas.wgsl`.
 fn atlas_layout(gpu: &Gpu) -> wgpu::BindGroupLayout {
     let buffer = |ty| wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None };
     let texture = wgpu::BindingType::Texture {

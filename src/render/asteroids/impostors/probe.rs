@@ -3,8 +3,10 @@
 use glam::{DMat3, DVec3};
 
 use super::atlas::{ImpostorAtlas, ImpostorAtlasError};
+use super::draw::AsteroidSource;
+use crate::gpu::constants::reflection::{LAW_LAMBERT, LAW_LOMMEL_SEELIGER};
 use crate::{
-    gpu::{AsteroidSource, Gpu, GpuError, bind_to, read_layer, storage_buffer, texels_of_halves, uniform_buffer},
+    gpu::{Gpu, GpuError, bind_to, read_layer, storage_buffer, texels_of_halves, uniform_buffer},
     plan::{
         KernelPlan,
         asteroids::{AsteroidSettings, ImpostorMethod},
@@ -141,7 +143,7 @@ impl ImpostorProbe {
     }
 }
 
-/// Group 0 of `shaders/shared/asteroid_given.wgsl`.
+/// Group 0 of `shaders/asteroids/impostors/given.wgsl`.
 fn given_layout(gpu: &Gpu) -> wgpu::BindGroupLayout {
     let entry = |binding, visibility, ty| wgpu::BindGroupLayoutEntry {
         binding,
@@ -168,8 +170,8 @@ fn encode(asteroid: &GivenAsteroid) -> layout::GivenAsteroid {
         shape: asteroid.shape,
         view_from_shape_y: column(1),
         law: match asteroid.law {
-            ReflectionLaw::Lambert => 0,
-            ReflectionLaw::LommelSeeliger => 1,
+            ReflectionLaw::Lambert => LAW_LAMBERT,
+            ReflectionLaw::LommelSeeliger => LAW_LOMMEL_SEELIGER,
         },
         view_from_shape_z: column(2),
         sun: asteroid.sun.as_vec3().to_array(),

@@ -17,7 +17,7 @@ pub(super) struct Texel {
 }
 
 impl Texel {
-    /// A texel from the words of `shaders/impostor_filter.wgsl`.
+    /// A texel from the words of `shaders/asteroids/impostors/bake_filter.wgsl`.
     pub(super) fn from_words([normal, surface]: [u32; 2]) -> Self {
         Self {
             normal: normal.to_le_bytes().map(|byte| f32::from(byte) / 255.0),

@@ -5,7 +5,7 @@ use crate::{
     gpu::storage_buffer,
     photometry::reflection::sphere_illuminance_lx,
     plan::{KernelPlan, stars::range::FixedPoint},
-    render::viewport::encode_viewport,
+    render::{targets::Occlusion, viewport::encode_viewport},
     scene::bodies::suns,
 };
 
@@ -29,14 +29,15 @@ fn summed(bench: &mut Bench, plan: &AsteroidPlan, units_per_lx: f64) -> ([f64; 3
     };
     let (counters, low, high) = (zeros(4096), zeros(2 * pixels), zeros(2 * pixels));
     let (geometry, bodies, runs) = (zeros(4 * pixels), zeros(64), zeros(64));
-    let target = StarTarget { viewports: &encoded, tiles: &tiles, counters: &counters, pixels: &low };
     let occlusion = Occlusion { present: true, geometry: &geometry, view_bodies: &bodies, body_runs: &runs };
+    let sums =
+        Sums { viewports: &encoded, tiles: &tiles, counters: &counters, low_words: &low, high_words: &high, occlusion };
     let range = FixedPoint { units_per_lx, faintest_lx: 0.0, brightest_lx: f64::INFINITY };
     let mut encoder = bench.encoder();
     bench.asteroids.record_cull(&bench.gpu, &mut encoder, &mut bench.timer, plan);
     {
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-        bench.asteroids.record_points(&bench.gpu, &mut pass, plan, &range, &target, 1, &high, &occlusion);
+        bench.asteroids.record_points(&bench.gpu, &mut pass, plan, &range, &sums, 1);
     }
     let drawn = bench.asteroids.buffers.drawn_points.with_room(&bench.gpu, 0).clone();
     let values: Vec<Vec<u64>> = bench.read(encoder, &[(&low, pixels as usize), (&high, pixels as usize), (&drawn, 1)]);
@@ -96,7 +97,7 @@ fn points_and_unresolved_nodes_together_have_the_light_of_their_spheres() {
                 let picture = crate::plan::asteroids::views::PictureBounds::new(
                     &viewports[0],
                     MARGIN_PX,
-                    super::super::plan::table_of(&mut Vec::new(), &viewports[0].projection),
+                    Tables::default().of(&viewports[0].projection),
                     None,
                 );
                 let pixel_rad =

@@ -37,7 +37,7 @@ fn draw(bench: &mut Bench, plan: &AsteroidPlan, tile: &Tile) -> Shown {
     let size = plan.viewports[tile.viewport].size();
     let (views, faces, face_px, samples, near_m, scale) = {
         let layers = bench.asteroids.record_layers(&bench.gpu, &mut encoder, &mut bench.timer, plan, tile).unwrap();
-        let views = [layers.colour, layers.depth, layers.faces_colour, layers.faces_depth].map(Clone::clone);
+        let views = [layers.colour, layers.depth, layers.faces_colour, layers.faces_depth];
         (views, layers.faces, layers.face_size_px, layers.samples, layers.near_m, layers.luminance_scale)
     };
     bench.gpu.queue.submit([encoder.finish()]);
@@ -161,12 +161,7 @@ fn show(bench: &mut Bench, kind: &ViewKind, direction: DVec3, size: f64, rows: u
     let (objects, camera_m, sun, body) = scene(direction, size, 5);
     let settings = AsteroidSettings { finest_only: true, samples: 4, ..AsteroidSettings::default() };
     let viewports = viewports(&[("view", kind.clone())], DQuat::IDENTITY);
-    bench.asteroids.hold(&bench.gpu, &objects, &settings).unwrap();
-    let plan = bench
-        .asteroids
-        .plan(&bench.gpu, &objects, &settings, &viewports, MARGIN_PX, camera_m, &[sun])
-        .unwrap()
-        .unwrap();
+    let plan = bench.plan_lit(&objects, &settings, &viewports, camera_m, &[sun]);
     let height = viewports[0].size()[1];
     let sampled = super::viewports(&[("view", finer(kind, plan.samples[0]))], DQuat::IDENTITY);
     let mapping = sampled[0].projection.mapping();

@@ -5,9 +5,9 @@ mod passes;
 use std::sync::OnceLock;
 
 use self::passes::{GlarePyramidPass, PyramidFrame, PyramidTextures, PyramidTile};
-use super::composite::GlareCompositePass;
+use super::composite::{GlareCompositePass, GlareSource};
 use crate::{
-    gpu::{GlareSource, GrowingBuffer, storage_buffer},
+    gpu::{GrowingBuffer, storage_buffer},
     plan::{Plan, glare::pyramid::PyramidAxes, tiles::Tile},
     render::{
         layout,

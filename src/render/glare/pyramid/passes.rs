@@ -1,5 +1,5 @@
 //! The passes of the published glare pyramids: the brightest channel of a frame, the base, the blurs, and the sum over the levels.
-//! Shaders: `shaders/glare_maximum.wgsl`, `glare_base.wgsl`, `glare_blur.wgsl`, `glare_combine.wgsl`; the f64 twin is
+//! Shaders: `shaders/glare/pyramid/`; the f64 twin is
 //! `crate::reference::glare::pyramid`.
 //!
 //! Levels are half floats, as published. The light is scaled by the brightest channel of the frame itself, so that what is 2^28
@@ -9,16 +9,13 @@
 //! software driver does, it is 3e-3 and 5.6e-3.
 
 use crate::{
-    gpu::{self, Gpu, bind_buffers},
+    gpu::{self, Gpu, Shader, bind_buffers, constants::workgroups::PYRAMID_SIDE},
     plan::{
         glare::pyramid::{PyramidAxes, PyramidPlan, level_ratio, tap_weights, texel_px},
         settings::PyramidWeights,
     },
     render::{layout, targets::BatchTargets},
 };
-
-/// Threads of a workgroup along either side.
-const SIDE: u32 = 8;
 
 /// The passes for one pair of axes.
 pub(crate) struct GlarePyramidPass {
@@ -92,11 +89,15 @@ impl PyramidTextures {
 
 impl GlarePyramidPass {
     pub(crate) fn new(gpu: &Gpu, axes: PyramidAxes) -> Self {
+        let taps = match axes {
+            PyramidAxes::Screen => "glare/pyramid/taps_screen",
+            PyramidAxes::View => "glare/pyramid/taps_view",
+        };
         Self {
-            maximum: gpu.compute_pipeline(&gpu::glare_maximum()),
-            base: gpu.compute_pipeline(&gpu::glare_base()),
-            blur: gpu.compute_pipeline(&gpu::glare_blur(axes)),
-            combine: gpu.compute_pipeline(&gpu::glare_combine()),
+            maximum: gpu.compute_pipeline(&Shader::new("glare/pyramid/maximum").source()),
+            base: gpu.compute_pipeline(&Shader::new("glare/pyramid/base").source()),
+            blur: gpu.compute_pipeline(&Shader::new("glare/pyramid/blur").with("taps", taps).source()),
+            combine: gpu.compute_pipeline(&Shader::new("glare/pyramid/combine").source()),
             bilinear: gpu.device.create_sampler(&wgpu::SamplerDescriptor {
                 label: Some("glare"),
                 mag_filter: wgpu::FilterMode::Linear,
@@ -228,7 +229,7 @@ fn view(view: &wgpu::TextureView) -> wgpu::BindingResource<'_> {
 }
 
 fn grid_of([width, height]: [u32; 2]) -> [u32; 3] {
-    [width.div_ceil(SIDE), height.div_ceil(SIDE), 1]
+    [width.div_ceil(PYRAMID_SIDE), height.div_ceil(PYRAMID_SIDE), 1]
 }
 
 fn dispatch(

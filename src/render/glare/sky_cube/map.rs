@@ -1,11 +1,15 @@
 //! The map of the glaring sky: made level by level from the light of all stars, with the sprites that are drawn one by one. Shaders:
-//! `shaders/glare_gather.wgsl`, `glare_sharpen.wgsl`.
+//! `shaders/glare/sky_cube/map_*.wgsl`.
 
 use std::sync::Arc;
 
 use crate::{
     catalogue::chunks::StarSet,
-    gpu::{self, Gpu, bind_buffers, storage_buffer},
+    gpu::{
+        self, Gpu, Shader, bind_buffers,
+        constants::{glare_map::RIM, workgroups::MAP_SIDE},
+        storage_buffer,
+    },
     photometry::glare::{GlareKernel, GlareKernelName, InverseSquareKernel, split::angle_of_chord_squared},
     plan::{
         glare::sky_cube::{Level, SkyGlare, SkyGlareSettings, SpriteCell},
@@ -38,11 +42,6 @@ pub(super) struct Held {
     /// Constant of the inverse square and the square of its inner angle; `None` for other kernels.
     pub(super) inverse_square: Option<[f32; 2]>,
 }
-
-/// Points around each face that a level is computed at, beyond the face, and what sharpening leaves of them.
-const RIM: u32 = 2;
-/// Side of a workgroup over points.
-const POINTS: u32 = 8;
 
 /// The passes of a level.
 pub(super) struct MapPasses {
@@ -104,8 +103,8 @@ struct Below<'a> {
 impl MapPasses {
     pub(super) fn new(gpu: &Gpu) -> Self {
         Self {
-            gather: gpu.compute_pipeline(&gpu::glare_gather()),
-            sharpen: gpu.compute_pipeline(&gpu::glare_sharpen()),
+            gather: gpu.compute_pipeline(&Shader::new("glare/sky_cube/map_gather").source()),
+            sharpen: gpu.compute_pipeline(&Shader::new("glare/sky_cube/map_sharpen").source()),
             nothing: gpu::storage_buffer(gpu, "nothing", &[[0.0_f32; 4]]),
         }
     }
@@ -149,7 +148,7 @@ impl MapPasses {
         ];
         pass.set_pipeline(&self.gather);
         pass.set_bind_group(0, &bind_buffers(gpu, &self.gather, 0, &buffers), &[]);
-        let groups = wide.div_ceil(POINTS);
+        let groups = wide.div_ceil(MAP_SIDE);
         pass.dispatch_workgroups(groups, groups, 6);
 
         let parameters =
@@ -159,7 +158,7 @@ impl MapPasses {
             [(0, parameters.as_entire_binding()), (1, scattered.as_entire_binding()), (2, map.as_entire_binding())];
         pass.set_pipeline(&self.sharpen);
         pass.set_bind_group(0, &bind_buffers(gpu, &self.sharpen, 0, &buffers), &[]);
-        let groups = (level.edge_cells + RIM).div_ceil(POINTS);
+        let groups = (level.edge_cells + RIM).div_ceil(MAP_SIDE);
         pass.dispatch_workgroups(groups, groups, 6);
     }
 

@@ -9,14 +9,17 @@ use super::{
     sprites::{SpriteBuffers, SpritePasses, block_grid, square_grid},
 };
 use crate::{
-    gpu::{GlareSource, storage_buffer, uniform_buffer},
+    gpu::{
+        constants::glare_clouds::{IS_CLOUD, SHARE_PARTS},
+        storage_buffer, uniform_buffer,
+    },
     photometry::glare::GlareKernel,
     plan::glare::{
         objects::{Cloud, PointOfLight},
         sky_cube::FINEST_CELLS,
     },
     render::{
-        glare::composite::GlareCompositePass,
+        glare::composite::{GlareCompositePass, GlareSource},
         layout,
         technique::{Recording, begin_pass},
     },
@@ -32,10 +35,6 @@ const MOST_SQUARE_WORDS: u32 = 2048;
 const MOST_LIST_BYTES: u64 = 256 << 20;
 /// Pixels of flat views up to which eight of them see the map as a parabola: half a cell of it, rad.
 const MOST_FLAT_PIXEL_RAD: f64 = 0.5 * 2.0 / FINEST_CELLS as f64 / 7.0;
-/// Says that a source is a cloud, and the parts of its light that its softened kernel leaves out; both as in `glare_sky.wgsl`.
-const IS_CLOUD: u32 = 1 << 31;
-const SHARE_PARTS: u32 = 65535;
-
 /// Forms of the pass over pixels.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) struct Variant {

@@ -1,16 +1,15 @@
-//! The search for the sprites of every block of pixels. Shaders: `shaders/glare_find.wgsl`, `glare_assign.wgsl`.
+//! The search for the sprites of every block of pixels. Shaders: `shaders/glare/sky_cube/sprites_*.wgsl`.
 
 use crate::{
-    gpu::{self, Gpu, bind_buffers},
+    gpu::{
+        Gpu, Shader, bind_buffers,
+        constants::{
+            glare_sprites::{BLOCK_SIDE, SQUARE_BLOCKS},
+            workgroups::SPRITE_SQUARES,
+        },
+    },
     render::targets::{COLUMNS, ROWS},
 };
-
-/// Squares of a row that one workgroup looks for.
-const SQUARES: u32 = 8;
-/// Pixels along a side of a block.
-const BLOCK_SIDE: u32 = 8;
-/// Blocks along a side of a square.
-const SQUARE_BLOCKS: u32 = 4;
 
 /// The passes.
 pub(super) struct SpritePasses {
@@ -20,7 +19,10 @@ pub(super) struct SpritePasses {
 
 impl SpritePasses {
     pub(super) fn new(gpu: &Gpu) -> Self {
-        Self { find: gpu.compute_pipeline(&gpu::glare_find()), assign: gpu.compute_pipeline(&gpu::glare_assign()) }
+        Self {
+            find: gpu.compute_pipeline(&Shader::new("glare/sky_cube/sprites_find").source()),
+            assign: gpu.compute_pipeline(&Shader::new("glare/sky_cube/sprites_assign").source()),
+        }
     }
 
     /// Records the search for the sprites of every block, on a grid of blocks (columns, rows, tiles).
@@ -51,7 +53,7 @@ impl SpritePasses {
         pass.set_pipeline(&self.find);
         let group = bind(&self.find, &[parameters, viewports, of_tiles, views, regions, cells, sprites, square_lists]);
         pass.set_bind_group(0, &group, &[]);
-        pass.dispatch_workgroups(columns.div_ceil(SQUARES), rows, tiles);
+        pass.dispatch_workgroups(columns.div_ceil(SPRITE_SQUARES), rows, tiles);
         pass.set_pipeline(&self.assign);
         let group = bind(&self.assign, &[parameters, viewports, of_tiles, views, sprites, square_lists, lists]);
         pass.set_bind_group(0, &group, &[]);

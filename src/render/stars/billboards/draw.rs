@@ -1,20 +1,21 @@
 //! The published star methods that use the graphics pipeline: a point or a square per star of the catalogue, in its order,
-//! added by blending. Shaders: `shaders/shared/billboard*.wgsl` and `profile_*.wgsl`; the f64 twin is
+//! added by blending. Shaders: `shaders/stars/billboards/`; the f64 twin is
 //! `crate::reference::stars::billboards`.
 
 use glam::DQuat;
 
 use crate::{
-    gpu::{self, Gpu, Profile, bind_buffers, bind_to, dispatch_rows},
+    gpu::{
+        self, Gpu, Shader, bind_buffers, bind_to,
+        constants::{billboards, workgroups::CATALOGUE_THREADS},
+        dispatch_rows,
+    },
     plan::{
         settings::StarMethod,
         stars::billboards::{BillboardPlan, DrawnPsf},
     },
     render::{layout, stars::catalogue_buffers::CatalogueDraw},
 };
-
-/// Threads of a workgroup of the counting pass.
-const THREADS: u32 = 64;
 
 /// One method.
 pub(crate) struct BillboardPass {
@@ -53,20 +54,67 @@ pub(crate) struct BillboardPlane {
     pub pixel_rad: f64,
 }
 
-/// The law and the profile of a method; laws are numbered in `billboard.wgsl`.
+/// How the light of a star is spread over its billboard: one fragment shader each.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Profile {
+    /// A whole pixel.
+    Point,
+    /// The share of a pixel that a small disc covers.
+    SmoothPoint,
+    /// Constant luminance.
+    Disc,
+    /// A cone.
+    Cone,
+    /// A cone and a glare.
+    Glare,
+    /// Two Gaussians at the pixel's centre.
+    Gaussian,
+    /// Two Gaussians averaged over the pixel.
+    GaussianIntegrated,
+    /// A round spot on the screen.
+    Screen,
+    /// An image.
+    Sprite,
+    /// An image of a point-spread function.
+    Psf,
+}
+
+impl Profile {
+    /// Whether it reads an image of a star.
+    fn has_image(self) -> bool {
+        matches!(self, Self::Sprite | Self::Psf)
+    }
+
+    fn file(self) -> &'static str {
+        match self {
+            Self::Point => "stars/billboards/profile_point",
+            Self::SmoothPoint => "stars/billboards/profile_smooth_point",
+            Self::Disc => "stars/billboards/profile_disc",
+            Self::Cone => "stars/billboards/profile_cone",
+            Self::Glare => "stars/billboards/profile_glare",
+            Self::Gaussian => "stars/billboards/profile_gaussian",
+            Self::GaussianIntegrated => "stars/billboards/profile_gaussian_integrated",
+            Self::Screen => "stars/billboards/profile_screen",
+            Self::Sprite => "stars/billboards/profile_sprite",
+            Self::Psf => "stars/billboards/profile_psf",
+        }
+    }
+}
+
+/// The law and the profile of a method.
 fn shaders_of(method: StarMethod) -> Option<(u32, Profile)> {
     Some(match method {
-        StarMethod::HardwarePoint => (0, Profile::Point),
-        StarMethod::HardwareSmoothPoint => (1, Profile::SmoothPoint),
-        StarMethod::Disc => (2, Profile::Disc),
-        StarMethod::SmoothDisc => (2, Profile::Cone),
-        StarMethod::Sprite => (2, Profile::Sprite),
-        StarMethod::ScaledDisc => (3, Profile::Cone),
-        StarMethod::GlareDisc => (4, Profile::Glare),
-        StarMethod::GaussianPsf => (5, Profile::Gaussian),
-        StarMethod::GaussianPsfIntegrated => (5, Profile::GaussianIntegrated),
-        StarMethod::ScreenBillboard => (6, Profile::Screen),
-        StarMethod::PsfTexture => (7, Profile::Psf),
+        StarMethod::HardwarePoint => (billboards::LAW_POINT, Profile::Point),
+        StarMethod::HardwareSmoothPoint => (billboards::LAW_SMOOTH_POINT, Profile::SmoothPoint),
+        StarMethod::Disc => (billboards::LAW_CONSTANT, Profile::Disc),
+        StarMethod::SmoothDisc => (billboards::LAW_CONSTANT, Profile::Cone),
+        StarMethod::Sprite => (billboards::LAW_CONSTANT, Profile::Sprite),
+        StarMethod::ScaledDisc => (billboards::LAW_SCALED, Profile::Cone),
+        StarMethod::GlareDisc => (billboards::LAW_GLARE, Profile::Glare),
+        StarMethod::GaussianPsf => (billboards::LAW_GAUSSIAN, Profile::Gaussian),
+        StarMethod::GaussianPsfIntegrated => (billboards::LAW_GAUSSIAN, Profile::GaussianIntegrated),
+        StarMethod::ScreenBillboard => (billboards::LAW_SCREEN, Profile::Screen),
+        StarMethod::PsfTexture => (billboards::LAW_PSF, Profile::Psf),
         _ => return None,
     })
 }
@@ -80,9 +128,9 @@ impl BillboardPass {
             _ => (wgpu::PrimitiveTopology::TriangleStrip, 4),
         };
         let pipeline = gpu.blending_pipeline(
-            &gpu::billboard_vertex(),
+            &Shader::new("stars/billboards/place").source(),
             &[("LAW", f64::from(law))],
-            &gpu::billboard_fragment(profile),
+            &Shader::new("stars/billboards/shade").with("profile", profile.file()).source(),
             topology,
         );
         let image = image.filter(|_| profile.has_image()).map(|image| image_texture(gpu, image));
@@ -182,7 +230,7 @@ pub(crate) struct CountPass {
 
 impl CountPass {
     pub(crate) fn new(gpu: &Gpu) -> Self {
-        Self { pipeline: gpu.compute_pipeline(&gpu::count_stars()) }
+        Self { pipeline: gpu.compute_pipeline(&Shader::new("stars/billboards/count").source()) }
     }
 
     /// Counts the stars of every viewport, into the counter of its view.
@@ -198,13 +246,13 @@ impl CountPass {
         pass.set_pipeline(&self.pipeline);
         for tile in 0..viewports.1 {
             for draw in draws {
-                let [columns, rows] = dispatch_rows(gpu, draw.count.div_ceil(THREADS));
+                let [columns, rows] = dispatch_rows(gpu, draw.count.div_ceil(CATALOGUE_THREADS));
                 let parameters = layout::CatalogueParameters {
                     camera,
                     star_count: draw.count,
                     faintest_lx: faintest_lx as f32,
                     tile,
-                    row_threads: columns * THREADS,
+                    row_threads: columns * CATALOGUE_THREADS,
                     ..Default::default()
                 };
                 let parameters = gpu::uniform_buffer(gpu, "catalogue parameters", &parameters);

@@ -9,12 +9,10 @@ use std::sync::{Arc, OnceLock};
 use glam::DQuat;
 
 use self::draw::{BillboardFrame, BillboardPass, BillboardPlane, CountPass, SquareImage};
-use super::{
-    catalogue_buffers::CatalogueBuffers,
-    luminance::{LuminanceInputs, LuminancePass},
-};
+use super::catalogue_buffers::CatalogueBuffers;
+use super::luminance::{LuminanceInputs, LuminancePass, LuminanceSource};
 use crate::{
-    gpu::{self, Gpu, GpuTimer, LuminanceSource},
+    gpu::{self, Gpu, GpuTimer},
     photometry::star_image::{SPRITE_SIZE, sprite},
     plan::{
         KernelPlan,

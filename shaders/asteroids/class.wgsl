@@ -1,0 +1,143 @@
+// What an asteroid is drawn as, and whether a picture may see it: src/plan/asteroids/classes.rs and views.rs in f32.
+
+#import asteroids/instance
+#import constants/asteroid_classes
+#import constants/faces
+#import shared/projection
+
+struct AsteroidView {
+    // Rows of the rotation from world to view axes; w: eye minus camera along world x, y, z, m.
+    view_from_world_x: vec4<f32>,
+    view_from_world_y: vec4<f32>,
+    view_from_world_z: vec4<f32>,
+    // Inward normals of the edges' planes: of left and right x and z, of lower and upper y and z.
+    edges_x: vec4<f32>,
+    edges_y: vec4<f32>,
+    cone_sine: f32,
+    cone_cosine: f32,
+    kind: u32,
+    first_entry: u32,
+    impostor_eyes: f32,
+    impostor_linear: f32,
+    impostor_exponent: f32,
+    quality: f32,
+    finest_only: u32,
+    // The view whose classes hold for this one: the other eye's, or this one itself.
+    class_view: u32,
+    unused_0: u32,
+    unused_1: u32,
+}
+
+// Classes: levels of detail from 0 on.
+const CLASS_NONE: u32 = 4294967295u;
+const CLASS_IMPOSTOR: u32 = 4096u;
+const CLASS_POINT: u32 = 4097u;
+
+struct Classes {
+    // The class that takes over, its share, and the class before, which has the rest.
+    current: u32,
+    share: f32,
+    before: u32,
+}
+
+// Place relative to the eye in view axes, from the place relative to the camera in world axes.
+fn view_from_camera(view: AsteroidView, place: vec3<f32>) -> vec3<f32> {
+    let eye = vec3(view.view_from_world_x.w, view.view_from_world_y.w, view.view_from_world_z.w);
+    let relative = place - eye;
+    return vec3(
+        dot(relative, view.view_from_world_x.xyz),
+        dot(relative, view.view_from_world_y.xyz),
+        dot(relative, view.view_from_world_z.xyz));
+}
+
+// Whether a sphere may be seen.
+fn touches(view: AsteroidView, middle: vec3<f32>, radius: f32) -> bool {
+    if view.kind == VIEW_FLAT {
+        let inside_x = vec2(dot(view.edges_x.xy, middle.xz), dot(view.edges_x.zw, middle.xz));
+        let inside_y = vec2(dot(view.edges_y.xy, middle.yz), dot(view.edges_y.zw, middle.yz));
+        return all(inside_x >= vec2(-radius)) && all(inside_y >= vec2(-radius));
+    }
+    return length(middle.xy) * view.cone_cosine + middle.z * view.cone_sine <= radius;
+}
+
+// Whether a sphere may be seen on a face of the cube around view axes.
+fn touches_face(face: u32, middle: vec3<f32>, radius: f32) -> bool {
+    var forwards = FACE_FORWARD;
+    var ups = FACE_UP;
+    let forward = forwards[face];
+    let up = ups[face];
+    let reach = dot(middle, forward) + radius * 1.41435;
+    return reach >= abs(dot(middle, up)) && reach >= abs(dot(middle, cross(forward, up)));
+}
+
+// Place of a direction in the tables.
+fn table_place(view: AsteroidView, middle: vec3<f32>, distance: f32) -> f32 {
+    let along = select(-middle.z, middle.y, view.kind == VIEW_LONGITUDE);
+    return sqrt(clamp(0.5 * (1.0 - along / distance), 0.0, 1.0));
+}
+
+// Finer side of a pixel there, rad.
+fn pixel_at(view: AsteroidView, place: f32) -> f32 {
+    let x = place * f32(TABLE_STEPS);
+    let i = min(u32(x), TABLE_STEPS - 1u);
+    let f = x - f32(i);
+    return tables[view.first_entry + i].x * (1.0 - f) + tables[view.first_entry + i + 1u].x * f;
+}
+
+fn bend_beside(view: AsteroidView, place: f32) -> f32 {
+    let i = min(u32(clamp(place, 0.0, 1.0) * f32(TABLE_STEPS)), TABLE_STEPS - 1u);
+    return max(tables[view.first_entry + i].y, tables[view.first_entry + i + 1u].y);
+}
+
+// Whether the edges of an asteroid, `edge` mean radii long, bend by more than half a pixel.
+fn bends(view: AsteroidView, place: f32, edge: f32, bound: f32, radius: f32, distance: f32) -> bool {
+    let size = bound * radius / distance;
+    if size >= 0.5 {
+        return true;
+    }
+    let bend = max(bend_beside(view, place), max(bend_beside(view, place - 0.53 * size), bend_beside(view, place + 0.53 * size)));
+    let edge_rad = edge * radius / distance;
+    return edge_rad * edge_rad * 0.125 * bend * view.quality > 0.5;
+}
+
+// Distance from which on an impostor is allowed; `per_pixel`: 1 over the pixel, times the quality.
+fn impostor_start(view: AsteroidView, bound: f32, per_pixel: f32) -> f32 {
+    let disparity = sqrt(2.0 * view.impostor_eyes * bound * per_pixel);
+    return max(max(disparity, view.impostor_linear * bound * per_pixel), bound * pow(per_pixel, view.impostor_exponent));
+}
+
+// The classes of an asteroid: `levels` of detail whose errors stand from `first_kind` on.
+fn classes_of(view: AsteroidView, shape: AsteroidShape, radius: f32, distance: f32, pixel: f32) -> Classes {
+    var classes = Classes(0u, 1.0, CLASS_NONE);
+    if view.finest_only != 0u {
+        return classes;
+    }
+    let unit = view.quality * radius / pixel;
+    let reach = impostor_start(view, shape.bound * radius, view.quality / pixel);
+    let uses_impostor = view.impostor_linear >= 0.0 && reach * (1.0 + BAND) <= unit;
+    let meshes_until = select(unit, reach, uses_impostor);
+    var end = 0.0;
+    for (var level = 1u; level < shape.levels; level++) {
+        let start = max(2.0 * lods[shape.first_kind + level].x * unit, end);
+        let stop = start * (1.0 + BAND);
+        if stop > meshes_until || distance < start {
+            break;
+        }
+        classes = taken(classes, level, start, stop, distance);
+        end = stop;
+    }
+    if uses_impostor && distance >= reach {
+        classes = taken(classes, CLASS_IMPOSTOR, reach, reach * (1.0 + BAND), distance);
+    }
+    if distance >= unit {
+        classes = taken(classes, CLASS_POINT, unit, 2.0 * unit, distance);
+    }
+    return classes;
+}
+
+fn taken(before: Classes, current: u32, start: f32, stop: f32, distance: f32) -> Classes {
+    if distance >= stop {
+        return Classes(current, 1.0, CLASS_NONE);
+    }
+    return Classes(current, (distance - start) / (stop - start), before.current);
+}

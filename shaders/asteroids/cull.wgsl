@@ -1,0 +1,255 @@
+// Culling and detail: every asteroid of every group that may hold anything larger than points, for all planes at once.
+// A workgroup takes a group and goes through the planes it is linked to. Run twice: the first time it counts, per plane
+// and kind of list, how many entries the group has; after asteroids/cull_offsets.wgsl has turned counts into places, the
+// second time writes the entries. Places follow from counts in the order of groups and asteroids, so lists are the same
+// from run to run. The twin is src/plan/asteroids/cpu_cull.rs.
+
+#import asteroids/class
+#import asteroids/instance
+#import asteroids/lists
+#import constants/asteroid_classes
+#import constants/asteroid_culling
+#import constants/asteroid_instances
+#import constants/asteroid_lists
+
+struct AsteroidLink {
+    plane: u32,
+    column: u32,
+    faces: u32,
+    unused_0: u32,
+}
+
+@group(0) @binding(0) var<uniform> parameters: AsteroidCullParameters;
+@group(0) @binding(1) var<storage, read> views: array<AsteroidView>;
+@group(0) @binding(2) var<storage, read> tables: array<vec2<f32>>;
+@group(0) @binding(3) var<storage, read> planes: array<AsteroidPlane>;
+@group(0) @binding(4) var<storage, read> links: array<AsteroidLink>;
+@group(0) @binding(5) var<storage, read> items: array<AsteroidItem>;
+@group(0) @binding(6) var<storage, read_write> counts: array<u32>;
+@group(1) @binding(0) var<storage, read> instances: array<u32>;
+@group(1) @binding(1) var<storage, read> fields: array<AsteroidField>;
+@group(1) @binding(2) var<storage, read> shapes: array<AsteroidShape>;
+// Error and longest edge of every mesh, mean radii.
+@group(1) @binding(3) var<storage, read> lods: array<vec2<f32>>;
+@group(1) @binding(4) var<storage, read_write> entries: array<AsteroidEntry>;
+@group(1) @binding(5) var<storage, read> bases: array<u32>;
+
+override WORKGROUP: u32;
+// Whether this is the second time.
+override WRITES: bool = false;
+
+const NOWHERE: u32 = 4294967295u;
+
+var<workgroup> local_counts: array<atomic<u32>, MAX_LOCAL>;
+// Of every asteroid what the first eye's picture has: the local kinds of its one or two lists in 16 bits each, and its share of the first.
+var<workgroup> class_kinds: array<u32, GROUP>;
+var<workgroup> class_fades: array<f32, GROUP>;
+// The same in the plane at hand, or NOWHERE; how often it stands in its lists; its first place in each.
+var<workgroup> local_kinds: array<u32, GROUP>;
+var<workgroup> local_fades: array<f32, GROUP>;
+var<workgroup> local_copies: array<u32, GROUP>;
+var<workgroup> local_places: array<vec2<u32>, GROUP>;
+// Whether the second eye sees another asteroid than the first one.
+var<workgroup> differs: atomic<u32>;
+
+// What one plane shows of one asteroid.
+struct Shown {
+    seen: bool,
+    // Local kinds of its lists in 16 bits each, 65535 for none.
+    kinds: u32,
+    // Share of the first list; WHOLE if there is no second one.
+    fade: f32,
+    twice: bool,
+}
+
+fn kind_of(class_number: u32, shape: AsteroidShape, field: AsteroidField) -> u32 {
+    if class_number == CLASS_IMPOSTOR {
+        return field.kinds;
+    }
+    if class_number >= CLASS_IMPOSTOR {
+        return 65535u;
+    }
+    return shape.first_kind + class_number - field.first_kind;
+}
+
+// Longest edge of what is drawn, mean radii; the diagonal of an impostor's square is no edge of its outline.
+fn edge_of(class_number: u32, shape: AsteroidShape) -> f32 {
+    if class_number >= CLASS_IMPOSTOR {
+        return 2.0 * shape.bound;
+    }
+    return lods[shape.first_kind + class_number].y;
+}
+
+// Place of an asteroid relative to the eye, view axes.
+fn middle_of(index: u32, item: AsteroidItem, field: AsteroidField, view: AsteroidView) -> vec3<f32> {
+    let word = INSTANCE_WORDS * (item.first + index);
+    let offset = bitcast<vec3<f32>>(vec3(instances[word], instances[word + 1u], instances[word + 2u]));
+    return view_from_camera(view, place_of(item, field, offset));
+}
+
+// What a plane shows of an asteroid. `all`: its kinds also where the picture does not see it.
+fn show(
+    index: u32, item: AsteroidItem, field: AsteroidField, view: AsteroidView, plane: AsteroidPlane, link: AsteroidLink, all: bool) -> Shown {
+    var shown = Shown(false, NOWHERE, WHOLE, false);
+    let radius_and_shape = instances[INSTANCE_WORDS * (item.first + index) + 3u];
+    let shape = shapes[shape_of(field, radius_and_shape)];
+    let radius = radius_of(field, radius_and_shape);
+    let middle = middle_of(index, item, field, view);
+    let bound = shape.bound * radius;
+    let distance = length(middle);
+    let seen = touches(view, middle, bound);
+    if !(seen || all) || !(distance > 0.0) || !(radius > 0.0) {
+        return shown;
+    }
+    let place = table_place(view, middle, distance);
+    let classes = classes_of(view, shape, radius, distance, pixel_at(view, place));
+    var through_faces = false;
+    if link.faces != 0u {
+        var edge = edge_of(classes.current, shape);
+        if classes.before != CLASS_NONE {
+            edge = max(edge, edge_of(classes.before, shape));
+        }
+        through_faces = bends(view, place, edge, shape.bound, radius, distance);
+    }
+    shown.seen = seen && plane.face == WHOLE_PICTURE;
+    if through_faces == (plane.face == WHOLE_PICTURE) {
+        return shown;
+    }
+    if plane.face != WHOLE_PICTURE && !touches_face(plane.face, middle, bound) {
+        return shown;
+    }
+    shown.kinds = kind_of(classes.current, shape, field) | 0xffff0000u;
+    if classes.before != CLASS_NONE {
+        // Never 0, which has no sign.
+        shown.fade = max(classes.share, LEAST_SHARE);
+        shown.kinds = (shown.kinds & 65535u) | (kind_of(classes.before, shape, field) << 16u);
+    }
+    shown.twice = view.kind == VIEW_LONGITUDE && plane.face == WHOLE_PICTURE && abs(middle.x) <= bound && middle.z > -bound;
+    return shown;
+}
+
+@compute @workgroup_size(WORKGROUP)
+fn cull(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
+    let item_index = group.y * parameters.row + group.x;
+    if item_index >= parameters.items {
+        return;
+    }
+    let item = items[item_index];
+    let field = fields[item.field];
+    let local_kind_count = field.kinds + 2u;
+    // The view whose classes are held.
+    var classes_of_view = NOWHERE;
+    for (var l = 0u; l < item.link_count; l++) {
+        let link = links[item.first_link + l];
+        let plane = planes[link.plane];
+        let view = views[plane.view];
+        for (var k = local; k < local_kind_count; k += WORKGROUP) {
+            atomicStore(&local_counts[k], 0u);
+        }
+        if local == 0u {
+            atomicStore(&differs, 0u);
+        }
+        workgroupBarrier();
+        // The eyes of a pair see an asteroid in the same class, from nearly the same distance: it is found once for both.
+        let follows = view.class_view == classes_of_view;
+        let first_of_pair = item.link_count > l + 1u && views[planes[links[item.first_link + l + 1u].plane].view].class_view == plane.view
+            && planes[links[item.first_link + l + 1u].plane].view != plane.view;
+        for (var i = local; i < item.count; i += WORKGROUP) {
+            var shown = Shown(false, NOWHERE, WHOLE, false);
+            if follows {
+                let radius_and_shape = instances[INSTANCE_WORDS * (item.first + i) + 3u];
+                let bound = shapes[shape_of(field, radius_and_shape)].bound * radius_of(field, radius_and_shape);
+                shown.seen = touches(view, middle_of(i, item, field, view), bound);
+                if shown.seen {
+                    shown.kinds = class_kinds[i];
+                    shown.fade = class_fades[i];
+                }
+                if WRITES && shown.kinds != local_kinds[i] {
+                    atomicStore(&differs, 1u);
+                }
+            } else {
+                shown = show(i, item, field, view, plane, link, first_of_pair);
+                if first_of_pair {
+                    class_kinds[i] = shown.kinds;
+                    class_fades[i] = shown.fade;
+                    if !shown.seen {
+                        shown.kinds = NOWHERE;
+                    }
+                }
+            }
+            let copies = select(1u, 2u, shown.twice);
+            if WRITES {
+                local_kinds[i] = shown.kinds;
+                local_fades[i] = shown.fade;
+                local_copies[i] = copies;
+            } else {
+                if (shown.kinds & 65535u) != 65535u {
+                    atomicAdd(&local_counts[shown.kinds & 65535u], copies);
+                }
+                if (shown.kinds >> 16u) != 65535u {
+                    atomicAdd(&local_counts[shown.kinds >> 16u], copies);
+                }
+                if shown.seen {
+                    atomicAdd(&local_counts[field.kinds + 1u], 1u);
+                }
+            }
+        }
+        classes_of_view = select(NOWHERE, plane.view, first_of_pair);
+        workgroupBarrier();
+        if WRITES {
+            // One thread hands out places, in the order of the asteroids. Mostly both eyes have the same.
+            if local == 0u && !(follows && atomicLoad(&differs) == 0u) {
+                for (var i = 0u; i < item.count; i++) {
+                    let kinds = local_kinds[i];
+                    let copies = local_copies[i];
+                    var places = vec2(0u);
+                    if (kinds & 65535u) != 65535u {
+                        places.x = atomicAdd(&local_counts[kinds & 65535u], copies);
+                    }
+                    if (kinds >> 16u) != 65535u {
+                        places.y = atomicAdd(&local_counts[kinds >> 16u], copies);
+                    }
+                    local_places[i] = places;
+                }
+            }
+            workgroupBarrier();
+            for (var i = local; i < item.count; i += WORKGROUP) {
+                let kinds = local_kinds[i];
+                if kinds == NOWHERE {
+                    continue;
+                }
+                // What fades in has its share, what it takes over from the rest.
+                let share = local_fades[i];
+                for (var side = 0u; side < 2u; side++) {
+                    let kind = select(kinds & 65535u, kinds >> 16u, side == 1u);
+                    if kind == 65535u {
+                        continue;
+                    }
+                    let global_kind = select(field.first_kind + kind, field.impostor_kind, kind == field.kinds);
+                    let column = plane.first_count + global_kind * plane.columns + link.column;
+                    var at = bases[link.plane * parameters.kinds + global_kind] + counts[column]
+                        + select(local_places[i].x, local_places[i].y, side == 1u);
+                    let fade = select(share, -share, side == 1u);
+                    // What does not fit is known from the counts, and an error.
+                    if at < parameters.capacity {
+                        entries[at] = AsteroidEntry(item.first + i, item_index, fade);
+                    }
+                    if local_copies[i] > 1u && at + 1u < parameters.capacity {
+                        entries[at + 1u] = AsteroidEntry(item.first + i, item_index | SEAM_BIT, fade);
+                    }
+                }
+            }
+        } else {
+            for (var k = local; k < local_kind_count; k += WORKGROUP) {
+                var global_kind = field.first_kind + k;
+                if k == field.kinds {
+                    global_kind = field.impostor_kind;
+                } else if k > field.kinds {
+                    global_kind = parameters.kinds - 1u;
+                }
+                counts[plane.first_count + global_kind * plane.columns + link.column] = atomicLoad(&local_counts[k]);
+            }
+        }
+        workgroupBarrier();
+    }
+}

@@ -1,0 +1,58 @@
+// Where every list begins, and the arguments of its draw. One workgroup. Lists that would end beyond the room there is
+// draw nothing; totals[0], the length of all lists together, tells.
+
+#import asteroids/lists
+#import constants/asteroid_lists
+
+@group(0) @binding(0) var<uniform> parameters: AsteroidCullParameters;
+@group(0) @binding(1) var<storage, read_write> totals: array<u32>;
+// Of every mesh: number of indices, first index, first vertex.
+@group(0) @binding(2) var<storage, read> meshes: array<vec4<u32>>;
+@group(0) @binding(3) var<storage, read_write> bases: array<u32>;
+// Five words per list; of impostors the first four are those of a draw without indices.
+@group(0) @binding(4) var<storage, read_write> arguments: array<u32>;
+
+const PLACE_THREADS: u32 = 64u;
+var<workgroup> sums: array<u32, PLACE_THREADS>;
+
+// Entries of a list; the last kind of a plane is a count alone.
+fn entries_of(bucket: u32) -> u32 {
+    return select(totals[1u + bucket], 0u, bucket % parameters.kinds == parameters.kinds - 1u);
+}
+
+@compute @workgroup_size(PLACE_THREADS)
+fn place_lists(@builtin(local_invocation_index) local: u32) {
+    let run = (parameters.buckets + PLACE_THREADS - 1u) / PLACE_THREADS;
+    let begin = min(local * run, parameters.buckets);
+    let end = min(begin + run, parameters.buckets);
+    var sum = 0u;
+    for (var i = begin; i < end; i++) {
+        sum += entries_of(i);
+    }
+    sums[local] = sum;
+    workgroupBarrier();
+    var place = 0u;
+    for (var i = 0u; i < local; i++) {
+        place += sums[i];
+    }
+    for (var i = begin; i < end; i++) {
+        let count = entries_of(i);
+        bases[i] = place;
+        place += count;
+        let drawn = select(0u, count, place <= parameters.capacity);
+        let kind = i % parameters.kinds;
+        var first = vec4(IMPOSTOR_VERTICES, 0u, 0u, 0u);
+        if kind < parameters.mesh_kinds {
+            first = meshes[kind];
+        }
+        arguments[5u * i] = first.x;
+        arguments[5u * i + 1u] = drawn;
+        // Indexed: first index and first vertex. Otherwise first vertex and first instance, both 0.
+        arguments[5u * i + 2u] = first.y;
+        arguments[5u * i + 3u] = first.z;
+        arguments[5u * i + 4u] = 0u;
+    }
+    if local == PLACE_THREADS - 1u {
+        totals[0] = place;
+    }
+}

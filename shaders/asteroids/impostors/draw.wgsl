@@ -1,0 +1,58 @@
+// Places the squares that stand in for asteroids, a triangle strip of four corners each.
+//
+// The published square lies parallel to the image plane and is turned by the roll; its tile goes by how the camera is
+// turned. The others face the eye, their tiles go by where it is, and they are as large as the outline that perspective
+// shows.
+
+#import asteroids/impostors/atlas
+#import asteroids/impostors/tiles
+#import constants/impostors
+#import shared/math
+#import source = asteroids/listed | asteroids/impostors/given
+
+@vertex
+fn place_impostor(@builtin(vertex_index) index: u32, @builtin(instance_index) instance: u32) -> ImpostorCorner {
+    let asteroid = load_asteroid(slot_of(instance));
+    let view_from_shape = asteroid.view_from_shape;
+    let radius = asteroid.radius * bounds[asteroid.shape];
+    let centre = asteroid.centre / radius;
+    let distance = length(centre);
+    let to_eye = -centre / distance;
+    let place = vec2(f32(index & 1u), f32(index >> 1u)) * 2.0 - 1.0;
+    var corner: ImpostorCorner;
+    corner.place = place;
+    corner.tiles.w = asteroid.shape;
+    corner.weights = vec3(1.0, 0.0, 0.0);
+    if METHOD == METHOD_EULER {
+        let angles = euler_angles(view_from_shape);
+        corner.tiles.x = euler_tile(angles);
+        let turn = vec2(precise_cos(angles.z), precise_sin(angles.z));
+        corner.offset = vec3(turn.x * place.x - turn.y * place.y, turn.y * place.x + turn.x * place.y, 0.0);
+    } else {
+        let direction = transpose(view_from_shape) * to_eye;
+        let tile = octahedral_nearest(direction);
+        corner.tiles.x = tile.x | (tile.y << 16u);
+        if METHOD == METHOD_BLEND {
+            let blend = octahedral_blend(direction);
+            corner.tiles = vec4(blend.tiles, asteroid.shape);
+            corner.weights = blend.weights;
+        }
+        // The tile's axes, turned the shortest way until it faces the eye.
+        let axes = octahedral_axes(tile);
+        let seen = view_from_shape * axes.direction;
+        let between = (seen + to_eye) / (1.0 + dot(seen, to_eye));
+        let right = view_from_shape * axes.right;
+        let up = view_from_shape * axes.up;
+        let outline = distance * inverseSqrt(max(distance * distance - 1.0, 1e-6));
+        corner.offset = outline
+            * (place.x * (right - dot(right, to_eye) * between) + place.y * (up - dot(up, to_eye) * between));
+    }
+    corner.centre = vec4(centre, radius);
+    corner.view_from_shape_x = view_from_shape[0];
+    corner.view_from_shape_y = view_from_shape[1];
+    corner.view_from_shape_z = view_from_shape[2];
+    corner.sun = vec4(asteroid.sun, asteroid.fade);
+    corner.luminance = vec4(asteroid.luminance, f32(asteroid.law));
+    corner.clip = clip_from_view(asteroid.centre + corner.offset * radius);
+    return corner;
+}

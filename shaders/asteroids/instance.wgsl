@@ -1,0 +1,94 @@
+// Asteroids as every pass over them reads them: groups, fields and shapes, and how an instance is unpacked. The same structs stand in
+// src/gpu/layout.rs; instances are six words each (PackedAsteroid in src/scene/asteroids/mod.rs).
+
+#import constants/asteroid_instances
+
+struct AsteroidItem {
+    // Middle of the group minus camera, world axes, m; origin_low is what its rounding left.
+    origin: vec3<f32>,
+    first: u32,
+    origin_low: vec3<f32>,
+    count: u32,
+    // To the sun, unit vector, world axes.
+    sun: vec3<f32>,
+    field: u32,
+    // Of a surface that faces the sun, lx.
+    illuminance: vec3<f32>,
+    flags: u32,
+    viewports: vec2<u32>,
+    first_link: u32,
+    link_count: u32,
+}
+
+struct AsteroidField {
+    // Rows of the rotation from the field's axes to world axes; x.w: m per part of a radius.
+    world_from_field_x: vec4<f32>,
+    world_from_field_y: vec4<f32>,
+    world_from_field_z: vec4<f32>,
+    albedo: vec3<f32>,
+    law: u32,
+    time_parts: u32,
+    first_shape: u32,
+    shape_count: u32,
+    first_kind: u32,
+    kinds: u32,
+    impostor_kind: u32,
+    unused_0: u32,
+    unused_1: u32,
+}
+
+struct AsteroidShape {
+    first_kind: u32,
+    levels: u32,
+    bound: f32,
+    unused_0: u32,
+}
+
+// From the field's axes to world axes.
+fn world_from_field(field: AsteroidField, v: vec3<f32>) -> vec3<f32> {
+    return vec3(
+        dot(field.world_from_field_x.xyz, v), dot(field.world_from_field_y.xyz, v), dot(field.world_from_field_z.xyz, v));
+}
+
+// Place of an instance minus camera, world axes, m. The large parts cancel first, then what rounding left of the origin is added.
+fn place_of(item: AsteroidItem, field: AsteroidField, offset: vec3<f32>) -> vec3<f32> {
+    return (item.origin + world_from_field(field, offset)) + item.origin_low;
+}
+
+// Mean radius, m.
+fn radius_of(field: AsteroidField, radius_and_shape: u32) -> f32 {
+    return f32(radius_and_shape & 65535u) * field.world_from_field_x.w;
+}
+
+// Index of the shape among all fields'.
+fn shape_of(field: AsteroidField, radius_and_shape: u32) -> u32 {
+    return field.first_shape + min((radius_and_shape >> 16u) & 255u, field.shape_count - 1u);
+}
+
+// Spin axis in whole numbers, of any length: an octahedral pair. The sign of z decides which frame stands around it, so it must not
+// be rounded.
+fn whole_axis(packed: u32) -> vec3<i32> {
+    let pair = max(vec2(bitcast<i32>(packed << 16u), bitcast<i32>(packed)) >> vec2(16u), vec2(-AXIS_PARTS));
+    let height = AXIS_PARTS - abs(pair.x) - abs(pair.y);
+    let folded = (AXIS_PARTS - abs(pair.yx)) * select(vec2(-1), vec2(1), pair >= vec2(0));
+    return vec3(select(pair, folded, height < 0), height);
+}
+
+// Rotation from a shape's axes to the field's: turned around +z, which then points along the spin axis. The basis around the axis is
+// that of Duff et al., Building an Orthonormal Basis, Revisited, JCGT 6(1), 2017.
+fn field_from_shape(field: AsteroidField, packed_axis: u32, spin: u32) -> mat3x3<f32> {
+    let whole = whole_axis(packed_axis);
+    let axis = normalize(vec3<f32>(whole));
+    let side = select(-1.0, 1.0, whole.z >= 0);
+    let a = -1.0 / (side + axis.z);
+    let b = axis.x * axis.y * a;
+    let first = vec3(1.0 + side * axis.x * axis.x * a, side * b, -side * axis.x);
+    let second = vec3(b, side + axis.y * axis.y * a, -axis.y);
+    // Whole turns fall out of the product of 32 bits.
+    let rate = u32(bitcast<i32>(spin) >> 16u);
+    let turn = (spin << 16u) + rate * field.time_parts;
+    let angle = f32(bitcast<i32>(turn)) * (3.14159265358979 / 2147483648.0);
+    let cosine = cos(angle);
+    let sine = sin(angle);
+    return mat3x3(cosine * first + sine * second, cosine * second - sine * first, axis);
+}

@@ -1,0 +1,147 @@
+// Drawing asteroids out of the lists that culling left, onto a picture or a face of the cube behind it. What meshes and
+// impostors share: where an asteroid stands, how it is turned and lit, where a place lands on the target, how it fades.
+//
+// Depth is near / distance, greater is nearer: on flat pictures and faces by the distance along the axis, which hardware divides by, on
+// others by the distance from the eye.
+
+#import asteroids/instance
+#import asteroids/lists
+#import constants/asteroid_instances
+#import constants/asteroid_lists
+#import constants/projections
+#import shared/math
+#import shared/projection
+#import shared/viewport
+
+struct AsteroidTarget {
+    viewport: Viewport,
+    // Eye minus camera, world axes, m.
+    eye: vec3<f32>,
+    near: f32,
+    // The window is the viewport's rows first_row .. first_row + rows; `samples` along each side of a pixel.
+    first_row: u32,
+    rows: u32,
+    samples: u32,
+    plane: u32,
+    units_per_cd_m2: f32,
+    kinds: u32,
+    unused_0: u32,
+    unused_1: u32,
+}
+
+struct AsteroidBucket {
+    kind: u32,
+    unused_0: u32,
+    unused_1: u32,
+    unused_2: u32,
+}
+
+@group(0) @binding(0) var<uniform> asteroid_target: AsteroidTarget;
+@group(0) @binding(1) var<uniform> bucket: AsteroidBucket;
+@group(0) @binding(2) var<storage, read> items: array<AsteroidItem>;
+@group(0) @binding(3) var<storage, read> fields: array<AsteroidField>;
+@group(0) @binding(4) var<storage, read> instances: array<u32>;
+@group(0) @binding(5) var<storage, read> entries: array<AsteroidEntry>;
+@group(0) @binding(6) var<storage, read> bases: array<u32>;
+@group(0) @binding(7) var<storage, read> shapes: array<AsteroidShape>;
+
+// An asteroid, in view axes.
+struct Asteroid {
+    // Its middle relative to the eye, m.
+    centre: vec3<f32>,
+    // Mean radius, m.
+    radius: f32,
+    // Index of the shape within its field's set.
+    shape: u32,
+    view_from_shape: mat3x3<f32>,
+    // To the sun, unit vector.
+    sun: vec3<f32>,
+    // Geometric albedo times illuminance over pi, in units of the target.
+    luminance: vec3<f32>,
+    law: u32,
+    fade: f32,
+}
+
+// Where the asteroid that was loaded last stands on an equirectangular picture, so that its vertices stay together: longitude of its
+// middle over 2 pi, and the shift of its image, pixels.
+var<private> seam_turn: f32;
+var<private> seam_shift: f32;
+
+fn view_from_world(v: vec3<f32>) -> vec3<f32> {
+    return vec3(
+        dot(asteroid_target.viewport.view_from_world_x.xyz, v),
+        dot(asteroid_target.viewport.view_from_world_y.xyz, v),
+        dot(asteroid_target.viewport.view_from_world_z.xyz, v));
+}
+
+// Entry of the bucket of the draw.
+fn slot_of(instance_index: u32) -> u32 {
+    return bases[asteroid_target.plane * asteroid_target.kinds + bucket.kind] + instance_index;
+}
+
+fn load_asteroid(slot: u32) -> Asteroid {
+    let entry = entries[slot];
+    let item = items[entry.item & ~SEAM_BIT];
+    let field = fields[item.field];
+    let word = INSTANCE_WORDS * entry.instance;
+    let offset = bitcast<vec3<f32>>(vec3(instances[word], instances[word + 1u], instances[word + 2u]));
+    let radius_and_shape = instances[word + 3u];
+    var asteroid: Asteroid;
+    asteroid.centre = view_from_world(place_of(item, field, offset) - asteroid_target.eye);
+    asteroid.radius = radius_of(field, radius_and_shape);
+    asteroid.shape = shape_of(field, radius_and_shape) - field.first_shape;
+    let turned = field_from_shape(field, instances[word + 4u], instances[word + 5u]);
+    asteroid.view_from_shape = mat3x3(
+        view_from_world(world_from_field(field, turned[0])),
+        view_from_world(world_from_field(field, turned[1])),
+        view_from_world(world_from_field(field, turned[2])));
+    asteroid.sun = view_from_world(item.sun);
+    asteroid.luminance = field.albedo * item.illuminance * (asteroid_target.units_per_cd_m2 / PI);
+    asteroid.law = field.law;
+    asteroid.fade = entry.fade;
+    seam_turn = precise_atan2(asteroid.centre.x, -asteroid.centre.z) / (2.0 * PI);
+    let width = f32(asteroid_target.viewport.size.x);
+    seam_shift = select(0.0, select(width, -width, seam_turn > 0.0), (entry.item & SEAM_BIT) != 0u);
+    return asteroid;
+}
+
+// Clip coordinates of a place relative to the eye, view axes, m.
+fn clip_from_view(place: vec3<f32>) -> vec4<f32> {
+    let viewport = asteroid_target.viewport;
+    let size = vec2(f32(viewport.size.x), f32(asteroid_target.rows));
+    let row = f32(asteroid_target.first_row);
+    if viewport.kind <= KIND_CUBE_FACE {
+        // Perspective: pixel coordinates times w, so that hardware clips and interpolates as a plane demands.
+        let w = -place.z;
+        let pixel_w = (viewport.plane_offset - vec2(0.0, row)) * w + viewport.plane_scale * place.xy;
+        return vec4(2.0 * pixel_w.x / size.x - w, w - 2.0 * pixel_w.y / size.y, asteroid_target.near, w);
+    }
+    let projected = pixel_from_direction(viewport, place);
+    if projected.z == 0.0 {
+        // No image: beyond the far plane, which nothing passes.
+        return vec4(0.0, 0.0, -1.0, 1.0);
+    }
+    var pixel = projected.xy;
+    if viewport.kind == KIND_EQUIRECTANGULAR {
+        let turn = pixel.x / f32(viewport.size.x) - 0.5;
+        pixel.x = (0.5 + turn - round(turn - seam_turn)) * f32(viewport.size.x) + seam_shift;
+    }
+    let ndc = 2.0 * (pixel - vec2(0.0, row)) / size - 1.0;
+    return vec4(ndc.x, -ndc.y, asteroid_target.near / length(place), 1.0);
+}
+
+// Whether a fading asteroid leaves a sample out; `pixel`: the sample's place on the target. 2: none; w: all but a share w; -w: a share w, the
+// others. By an ordered pattern of 8 x 8 samples that stays in its place.
+fn faded(fade: f32, pixel: vec2<u32>) -> bool {
+    if fade >= 1.0 {
+        return false;
+    }
+    let at = pixel + vec2(0u, asteroid_target.first_row * asteroid_target.samples);
+    let mixed = vec2(at.x ^ at.y, at.y);
+    var order = 0u;
+    for (var bit = 0u; bit < 3u; bit++) {
+        order = (order << 2u) | (((mixed.x >> bit) & 1u) << 1u) | ((mixed.y >> bit) & 1u);
+    }
+    let threshold = (f32(order) + 0.5) / 64.0;
+    return select(threshold >= fade, threshold < -fade, fade < 0.0);
+}

@@ -1,0 +1,89 @@
+// The point pass: bodies too small for a disc, and groups of asteroids too small to be told apart, splatted in illuminance as stars are.
+//
+// One invocation takes one point, into all tiles that may see it.
+
+#import constants/rec709
+#import constants/units
+#import constants/workgroups
+#import shared/occlusion
+#import shared/projection
+#import shared/splat
+#import shared/viewport
+
+struct PointParameters {
+    // Fixed-point units per lux.
+    units_per_lx: f32,
+    count: u32,
+    // Invocations per row of the dispatch.
+    per_row: u32,
+    // Fainter light is left to other sums, lx.
+    faintest_lx: f32,
+    // Brighter light too, lx.
+    brightest_lx: f32,
+    unused_0: u32,
+    unused_1: u32,
+    unused_2: u32,
+}
+
+struct Point {
+    // Place relative to the camera, world axes, m.
+    offset: vec3<f32>,
+    // Bit set of tiles.
+    tiles: u32,
+    // Intensity, linear Rec. 709, cd.
+    intensity: vec3<f32>,
+    // How much nearer than its place it begins, m.
+    radius: f32,
+}
+
+@group(0) @binding(0) var<uniform> parameters: PointParameters;
+@group(0) @binding(1) var<storage, read> viewports: array<Viewport>;
+@group(0) @binding(2) var<storage, read> tiles: array<Tile>;
+@group(0) @binding(3) var<storage, read_write> counters: array<atomic<u32>>;
+@group(1) @binding(0) var<storage, read> points: array<Point>;
+
+@compute @workgroup_size(POINT_THREADS)
+fn splat_points(@builtin(global_invocation_id) id: vec3<u32>) {
+    let index = id.y * parameters.per_row + id.x;
+    if id.x >= parameters.per_row || index >= parameters.count {
+        return;
+    }
+    let point = points[index];
+    var remaining = point.tiles;
+    while remaining != 0u {
+        let tile = tiles[firstTrailingBit(remaining)];
+        remaining &= remaining - 1u;
+        let viewport = viewports[tile.viewport];
+        target_tile = vec3(tile.first_pixel, viewport.size.x, tile.first_flag);
+        let relative = point.offset - PARSEC_M * eye_of(viewport);
+        // Squares of metres overflow from 600 pc on.
+        let largest = max(abs(relative.x), max(abs(relative.y), abs(relative.z)));
+        if !(largest > 0.0) {
+            continue;
+        }
+        let scaled = relative / largest;
+        let distance_m = largest * length(scaled);
+        let unit = normalize(scaled);
+        let light = point.intensity / distance_m / distance_m;
+        let illuminance = dot(light, LUMINANCE_WEIGHTS);
+        if !(illuminance >= parameters.faintest_lx && illuminance < parameters.brightest_lx) {
+            continue;
+        }
+        let direction = vec3(
+            dot(unit, viewport.view_from_world_x.xyz),
+            dot(unit, viewport.view_from_world_y.xyz),
+            dot(unit, viewport.view_from_world_z.xyz));
+        let projected = pixel_from_direction(viewport, direction);
+        let margin = select(1.5, viewport.gaussian_reach_px, illuminance >= viewport.gaussian_from_lx);
+        let first_row = f32(tile.first_row);
+        if !(illuminance > 0.0) || projected.z == 0.0 || any(projected.xy < vec2(0.0, first_row) - margin)
+            || any(projected.xy > vec2(f32(viewport.size.x), first_row + f32(tile.rows)) + margin) {
+            continue;
+        }
+        let visible = visible_share(tile, viewport, direction, projected.xy, distance_m - point.radius);
+        if visible > 0.0 {
+            let scale = illuminance * visible * parameters.units_per_lx;
+            splat(tile, viewport, direction, projected.xy, illuminance, light / illuminance, scale, index);
+        }
+    }
+}

@@ -1,0 +1,377 @@
+// The geometry pass: what bodies and asteroids show in each pixel of a tile, and how far they cover it.
+//
+// Bodies are ellipsoids, met by a ray per pixel in every projection alike. Where the limb goes through a pixel, each of
+// its parts counts as far as it is covered, by the area that a straight limb leaves of it. Asteroids come from layers
+// of samples, drawn before: one of the picture itself, and one of cube faces where straight edges would not do. In
+// pixels with asteroids each sample takes what is nearest. The f64 twin is src/reference/bodies.rs.
+
+#import constants/bodies
+#import constants/faces
+#import constants/projections
+#import constants/workgroups
+#import shared/cover
+#import shared/ellipsoid
+#import shared/math
+#import shared/projection
+#import shared/reflection
+#import shared/viewport
+
+struct GeometryParameters {
+    // Number of the tile.
+    tile: u32,
+    // Samples along a side of a pixel.
+    samples: u32,
+    // Bit set of cube faces; 0: none.
+    faces: u32,
+    // Side of a face, samples.
+    face_size: u32,
+    // Distance at depth 1, m.
+    near_m: f32,
+    // cd/m^2 per unit of the layers.
+    luminance_scale: f32,
+    unused_0: u32,
+    unused_1: u32,
+}
+
+// Light that falls on a body.
+struct BodySun {
+    // Unit vector towards it, view axes.
+    direction: vec3<f32>,
+    unused_0: u32,
+    // lx.
+    illuminance: vec3<f32>,
+    unused_1: u32,
+}
+
+@group(0) @binding(0) var<uniform> parameters: GeometryParameters;
+@group(0) @binding(1) var<storage, read> viewports: array<Viewport>;
+@group(0) @binding(2) var<storage, read> tiles: array<Tile>;
+@group(0) @binding(3) var<storage, read_write> geometry: array<vec4<u32>>;
+@group(0) @binding(4) var<storage, read> view_bodies: array<ViewBody>;
+@group(0) @binding(5) var<storage, read> body_runs: array<vec2<u32>>;
+@group(0) @binding(6) var<storage, read> suns: array<BodySun>;
+@group(0) @binding(7) var<storage, read> texels: array<u32>;
+@group(1) @binding(0) var colour: texture_2d<f32>;
+@group(1) @binding(1) var depth: texture_depth_2d;
+@group(1) @binding(2) var faces_colour: texture_2d_array<f32>;
+@group(1) @binding(3) var faces_depth: texture_depth_2d_array;
+
+// Whether there are layers of asteroids.
+override HAS_LAYERS: bool = false;
+
+// Parts of a pixel on the limb, along a side, at least and at most.
+const LEAST_LIMB_PARTS: f32 = 4.0;
+const MOST_LIMB_PARTS: f32 = 12.0;
+// Half the diagonal of a part, in semi-axes, for which a part is looked at in its middle alone.
+const SMALL_PART: f32 = 0.05;
+// Bodies that one pixel may show.
+const MOST_HITS: u32 = 4u;
+// So many halves of the diagonal of a pixel from the limb a body is looked at more closely.
+const STEEP_REACHES: f32 = 6.0;
+
+fn texel(index: u32) -> vec3<f32> {
+    let word = texels[index];
+    let root = vec3(f32(word & 1023u), f32((word >> 10u) & 1023u), f32((word >> 20u) & 1023u)) * (1.0 / 1023.0);
+    return root * root;
+}
+
+// One level of a texture, between its four nearest texels. Longitude wraps.
+fn level_texel(first: u32, size: vec2<u32>, place: vec2<f32>) -> vec3<f32> {
+    let at = place * vec2<f32>(size) - 0.5;
+    let low = floor(at);
+    let part = at - low;
+    let width = i32(size.x);
+    let x = vec2((i32(low.x) % width + width) % width, (i32(low.x) + 1 + width) % width);
+    let y = clamp(vec2(i32(low.y), i32(low.y) + 1), vec2(0), vec2(i32(size.y) - 1));
+    let top = mix(texel(first + u32(y.x * width + x.x)), texel(first + u32(y.x * width + x.y)), part.x);
+    let bottom = mix(texel(first + u32(y.y * width + x.x)), texel(first + u32(y.y * width + x.y)), part.x);
+    return mix(top, bottom, part.y);
+}
+
+// Factor on the albedo at a point of the unit sphere, seen with texels of `footprint` rad.
+fn surface_factor(body: ViewBody, point: vec3<f32>, footprint: f32) -> vec3<f32> {
+    if body.texture == NO_TEXTURE {
+        return vec3(1.0);
+    }
+    let place = vec2(
+        precise_atan2(point.y, point.x) / (2.0 * PI) + 0.5,
+        precise_atan2(length(point.xy), point.z) / PI);
+    // Each level has half the texels of the one before along each side, down to one.
+    var size = body.texture_size;
+    var first = body.texture;
+    var level = clamp(log2(max(footprint * f32(size.x) / (2.0 * PI), 1.0)), 0.0, 31.0);
+    while level >= 1.0 && size.x * size.y > 1u {
+        first += size.x * size.y;
+        size = max(size / 2u, vec2(1u));
+        level -= 1.0;
+    }
+    let fine = level_texel(first, size, place);
+    if level <= 0.0 || size.x * size.y == 1u {
+        return fine;
+    }
+    return mix(fine, level_texel(first + size.x * size.y, max(size / 2u, vec2(1u)), place), level);
+}
+
+// Luminance of a body where a ray enters it.
+fn luminance_at(body: ViewBody, passage: Passage, entry: vec4<f32>, footprint: f32) -> vec3<f32> {
+    let normal = normalize(
+        entry.x * body.unit_from_view_x + entry.y * body.unit_from_view_y + entry.z * body.unit_from_view_z);
+    let cos_e = clamp(-dot(normal, normalize(passage.ray)), 0.0, 1.0);
+    var luminance = body.emission * (1.0 - body.limb_darkening * (1.0 - cos_e));
+    var lit = vec3(0.0);
+    for (var i = body.first_sun; i < body.first_sun + body.sun_count; i++) {
+        lit += suns[i].illuminance * reflected(body.law, dot(normal, suns[i].direction), cos_e);
+    }
+    if any(lit > vec3(0.0)) {
+        luminance += body.reflectance * lit * surface_factor(body, entry.xyz, footprint / max(cos_e, 0.1));
+    }
+    return luminance;
+}
+
+// Share of a unit square in which a plane with this value at the middle and these slopes is positive.
+fn positive_share(middle: f32, slopes: vec2<f32>) -> f32 {
+    let half = 0.5 * vec2(max(abs(slopes.x), abs(slopes.y)), min(abs(slopes.x), abs(slopes.y)));
+    let size = abs(middle);
+    var share = 1.0;
+    if size < half.x + half.y {
+        if size <= half.x - half.y {
+            share = 0.5 + 0.5 * size / half.x;
+        } else {
+            let missing = half.x + half.y - size;
+            share = 1.0 - missing * missing / max(8.0 * half.x * half.y, 1e-30);
+        }
+    }
+    return select(1.0 - share, share, middle >= 0.0);
+}
+
+// Direction of a point of the picture; beside a round one, that of `otherwise`.
+fn ray_of(viewport: Viewport, pixel: vec2<f32>, otherwise: vec3<f32>) -> vec3<f32> {
+    if viewport.kind <= KIND_CUBE_FACE {
+        return vec3((pixel - viewport.plane_offset) / viewport.plane_scale, -1.0);
+    }
+    let direction = direction_from_pixel(viewport, pixel);
+    return select(otherwise, direction.xyz, direction.w > 0.0);
+}
+
+// What a body shows in a pixel: luminance times coverage, and coverage.
+struct Shown {
+    light: vec3<f32>,
+    coverage: f32,
+    distance_m: f32,
+    limb: bool,
+}
+
+// `extent`: half of a pixel's diagonal in units of the ray.
+fn body_in_pixel(viewport: Viewport, body: ViewBody, corner: vec2<f32>, ray: vec3<f32>, extent: f32) -> Shown {
+    var shown: Shown;
+    let middle = passage_of(body, ray);
+    let scale = body.distance_m * body.inverse_smallest * length(body.unit_centre) * inverseSqrt(max(dot(middle.along, middle.along), 1e-30));
+    let reach = extent * scale;
+    if middle.s > 1.0 + reach {
+        return shown;
+    }
+    let footprint = 1.4 * extent * body.distance_m * body.inverse_smallest;
+    let entry = entry_of(body, middle);
+    shown.distance_m = entry.w;
+    shown.limb = middle.s >= 1.0 - reach;
+    // Towards the limb the cosines change with the root of the distance from it.
+    let steep = middle.s >= 1.0 - STEEP_REACHES * reach;
+    let parts = u32(clamp(ceil(reach / SMALL_PART), select(select(1.0, 2.0, steep), LEAST_LIMB_PARTS, shown.limb), MOST_LIMB_PARTS));
+    if parts == 1u {
+        shown.coverage = 1.0;
+        shown.light = luminance_at(body, middle, entry, footprint);
+        return shown;
+    }
+    let step = 1.0 / f32(parts);
+    var whole = 0.0;
+    for (var i = 0u; i < parts * parts; i++) {
+        let at = corner + (vec2(f32(i % parts), f32(i / parts)) + 0.5) * step;
+        let own = ray_of(viewport, at, ray);
+        let right = ray_of(viewport, at + vec2(0.5 * step, 0.0), own);
+        let left = ray_of(viewport, at - vec2(0.5 * step, 0.0), own);
+        let down = ray_of(viewport, at + vec2(0.0, 0.5 * step), own);
+        let up = ray_of(viewport, at - vec2(0.0, 0.5 * step), own);
+        // Towards a pole the parts of a pixel cover ever less of the sky.
+        let weight = length(cross(right - left, down - up));
+        var passage = passage_of(body, own);
+        var share = 1.0;
+        if steep {
+            let slopes = vec2(
+                passage_of(body, right).s - passage_of(body, left).s, passage_of(body, down).s - passage_of(body, up).s);
+            share = positive_share(1.0 - passage.s, slopes);
+            // What is covered lies between these distances from the limb; at this one the root has its mean.
+            let half = 0.5 * length(slopes);
+            let near = max(1.0 - passage.s - half, 0.0);
+            let far = max(1.0 - passage.s + half, near + 1e-6);
+            let root = (2.0 / 3.0) * (far * sqrt(far) - near * sqrt(near)) / (far - near);
+            let inside = clamp((1.0 - root * root) / max(passage.s, 1e-6), 0.0, 1.0 / max(passage.s, 1e-6));
+            passage.beside *= inside;
+            passage.along = body.unit_centre + passage.beside;
+            passage.s *= inside;
+        }
+        whole += weight;
+        if share > 0.0 {
+            shown.light += weight * share * luminance_at(body, passage, entry_of(body, passage), footprint * step);
+            shown.coverage += weight * share;
+        }
+    }
+    shown.light /= whole;
+    // Not more than all of it, and all of it only where it is.
+    shown.coverage = min(shown.coverage / whole, 1.0);
+    return shown;
+}
+
+// What the layers hold at a sample: luminance and distance; w = 0: nothing.
+fn layers_at(viewport: Viewport, texel: vec2<u32>, ray: vec3<f32>) -> vec4<f32> {
+    var found = vec4(0.0);
+    let unit = normalize(ray);
+    let own = textureLoad(depth, texel, 0);
+    if own > 0.0 {
+        // Flat pictures have the distance along the axis of view.
+        let along = select(1.0, -unit.z, viewport.kind <= KIND_CUBE_FACE);
+        found = vec4(textureLoad(colour, texel, 0).xyz * parameters.luminance_scale, parameters.near_m / own / along);
+    }
+    if parameters.faces != 0u {
+        let face = cube_face_of(unit);
+        if (parameters.faces & (1u << face)) != 0u {
+            var forwards = FACE_FORWARD;
+            var ups = FACE_UP;
+            let along = dot(unit, forwards[face]);
+            let right = cross(forwards[face], ups[face]);
+            let tangents = vec2(dot(unit, right), -dot(unit, ups[face])) / along;
+            let size = i32(parameters.face_size);
+            let at = clamp(vec2<i32>(floor((0.5 + 0.5 * tangents) * f32(size))), vec2(0), vec2(size - 1));
+            let other = textureLoad(faces_depth, at, face, 0);
+            let distance_m = parameters.near_m / max(other, 1e-38) / along;
+            if other > 0.0 && (found.w == 0.0 || distance_m < found.w) {
+                found = vec4(textureLoad(faces_colour, at, face, 0).xyz * parameters.luminance_scale, distance_m);
+            }
+        }
+    }
+    return found;
+}
+
+fn write(index: u32, light: vec3<f32>, word: u32) {
+    geometry[index] = vec4(bitcast<vec3<u32>>(light), word);
+}
+
+@compute @workgroup_size(RAY_SIDE, RAY_SIDE)
+fn draw_geometry(@builtin(global_invocation_id) id: vec3<u32>) {
+    let tile = tiles[parameters.tile];
+    let viewport = viewports[tile.viewport];
+    if id.x >= viewport.size.x || id.y >= tile.rows {
+        return;
+    }
+    let index = tile.first_pixel + id.y * viewport.size.x + id.x;
+    let pixel = vec2(id.x, tile.first_row + id.y);
+    if !contains(viewport, vec2<i32>(pixel)) {
+        write(index, vec3(0.0), 0u);
+        return;
+    }
+    let corner = vec2<f32>(pixel);
+    let ray = ray_of(viewport, corner + 0.5, vec3(0.0, 0.0, -1.0));
+    let run = body_runs[tile.viewport];
+    var extent = 0.0;
+    if run.y > 0u {
+        // A third more for pixels that are not square.
+        extent = 1.35 * max(
+            length(ray_of(viewport, corner, ray) - ray), length(ray_of(viewport, corner + 1.0, ray) - ray));
+    }
+
+    var covered = 0.0;
+    if HAS_LAYERS {
+        let samples = parameters.samples;
+        var light = vec3(0.0);
+        var nearest = 3e38;
+        var body_covered = 0.0;
+        var limb = false;
+        for (var i = 0u; i < samples * samples; i++) {
+            let within = vec2(i % samples, i / samples);
+            let place = corner + (vec2<f32>(within) + 0.5) / f32(samples);
+            let found = layers_at(viewport, vec2(id.x, id.y) * samples + within, ray_of(viewport, place, ray));
+            if found.w > 0.0 {
+                covered += 1.0;
+                light += found.xyz;
+                nearest = min(nearest, found.w);
+            }
+        }
+        if covered > 0.0 {
+            if run.y > 0u {
+                // Bodies too, sample by sample.
+                light = vec3(0.0);
+                nearest = 3e38;
+                var covered_share = 0.0;
+                for (var i = 0u; i < samples * samples; i++) {
+                    let within = vec2(i % samples, i / samples);
+                    let own = ray_of(viewport, corner + (vec2<f32>(within) + 0.5) / f32(samples), ray);
+                    var found = layers_at(viewport, vec2(id.x, id.y) * samples + within, own);
+                    var share = select(0.0, 1.0, found.w > 0.0);
+                    for (var b = run.x; b < run.x + run.y; b++) {
+                        let passage = passage_of(view_bodies[b], own);
+                        if passage.s <= 1.0 {
+                            let entry = entry_of(view_bodies[b], passage);
+                            if found.w == 0.0 || entry.w < found.w {
+                                let footprint = extent / f32(samples) * view_bodies[b].distance_m * view_bodies[b].inverse_smallest;
+                                // A body that is half a point lets half of what is behind it through.
+                                let part = view_bodies[b].part;
+                                let shown = luminance_at(view_bodies[b], passage, entry, footprint);
+                                found = vec4(mix(found.xyz, shown, part), entry.w);
+                                share = mix(share, 1.0, part);
+                            }
+                        }
+                        limb = limb || abs(passage.s - 1.0) < extent * view_bodies[b].distance_m * view_bodies[b].inverse_smallest;
+                    }
+                    if found.w > 0.0 {
+                        covered_share += share;
+                        light += found.xyz;
+                        nearest = min(nearest, found.w);
+                    }
+                }
+                covered = covered_share;
+            }
+            let share = 1.0 / f32(samples * samples);
+            write(index, light * share, cover_word(covered * share, COVER_MESH | select(0u, COVER_LIMB, limb), nearest));
+            return;
+        }
+    }
+
+    // Bodies alone, the nearest first, by where the ray meets them.
+    var hits: array<Shown, MOST_HITS>;
+    var count = 0u;
+    var flags = 0u;
+    for (var b = run.x; b < run.x + run.y; b++) {
+        let body = view_bodies[b];
+        var shown = body_in_pixel(viewport, body, corner, ray, extent);
+        if shown.coverage > 0.0 || shown.limb {
+            if shown.limb || body.part < 1.0 {
+                flags |= COVER_LIMB;
+            }
+            shown.light *= body.part;
+            shown.coverage *= body.part;
+            // Of more than fit the farthest is left out.
+            var at = min(count, MOST_HITS - 1u);
+            if count == MOST_HITS && hits[at].distance_m <= shown.distance_m {
+                continue;
+            }
+            while at > 0u && hits[at - 1u].distance_m > shown.distance_m {
+                hits[at] = hits[at - 1u];
+                at--;
+            }
+            hits[at] = shown;
+            count = min(count + 1u, MOST_HITS);
+        }
+    }
+    var light = vec3(0.0);
+    var open = 1.0;
+    var nearest = 3e38;
+    for (var i = 0u; i < count; i++) {
+        light += open * hits[i].light;
+        open *= 1.0 - hits[i].coverage;
+        nearest = min(nearest, hits[i].distance_m);
+    }
+    var word = 0u;
+    if nearest < 3e38 {
+        word = cover_word(1.0 - open, flags, nearest);
+    }
+    write(index, light, word);
+}

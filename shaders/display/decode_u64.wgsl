@@ -1,0 +1,38 @@
+// Reads what shared/accumulate_u64.wgsl has summed, and writes luminance in its place. The 64-bit words are read as pairs of 32
+// bits, low first, which is as WGSL stores them and cheaper to take apart.
+
+#import shared/pixel_grid
+
+@group(0) @binding(3) var<storage, read_write> pixels: array<vec2<u32>>;
+@group(0) @binding(5) var<storage, read> bright_pixels: array<vec2<u32>>;
+@group(0) @binding(7) var<storage, read_write> high_words: array<vec2<u32>>;
+@group(0) @binding(8) var<storage, read> counters: array<u32>;
+@group(0) @binding(9) var<storage, read> bright_high_words: array<vec2<u32>>;
+
+fn fields(word: vec2<u32>) -> vec3<f32> {
+    return vec3<f32>(vec3(word.x & 0x1fffffu, (word.x >> 21u) | ((word.y & 0x3ffu) << 11u), (word.y >> 10u) & 0x1fffffu));
+}
+
+// Whether the block of that flag may have high words.
+fn has_high_words(flag: u32) -> bool {
+    return counters[flag] != 0u;
+}
+
+// Units of the three channels of a pixel. High words are left at zero, where the next frame finds them.
+fn sums(pixel: u32, high: bool) -> vec3<f32> {
+    var units = fields(pixels[pixel]);
+    if high {
+        units += 2097152.0 * fields(high_words[pixel]);
+        high_words[pixel] = vec2(0u);
+    }
+    return units;
+}
+
+fn bright_sums(pixel: u32) -> vec3<f32> {
+    return fields(bright_pixels[pixel]) + 2097152.0 * fields(bright_high_words[pixel]);
+}
+
+fn store_luminance(pixel: u32, luminance: vec4<f32>) {
+    pixels[pixel] = red_green_words(luminance.xyz);
+    pixels[parameters.plane_pixels + pixel] = bitcast<vec2<u32>>(luminance.zw);
+}

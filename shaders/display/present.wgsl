@@ -1,0 +1,24 @@
+// The present pass: pixels of a tile into a texture that leaves the renderer, a headset's for example. The texture
+// takes linear light; one with sRGB codes encodes it itself. The corners come from display/present_corner.wgsl.
+
+#import display/encode
+#import source = display/present_codes | display/present_light
+
+struct PresentParameters {
+    // Pixels of the batch: where B and the solid angles begin.
+    plane_pixels: u32,
+    // The tile's first pixel in the batch, its first row in the picture, and the picture's width.
+    first_pixel: u32,
+    first_row: u32,
+    width: u32,
+    shown: Display,
+}
+
+@group(0) @binding(0) var<uniform> parameters: PresentParameters;
+
+@fragment
+fn present(@builtin(position) place: vec4<f32>) -> @location(0) vec4<f32> {
+    let pixel = vec2<u32>(place.xy);
+    let index = parameters.first_pixel + (pixel.y - parameters.first_row) * parameters.width + pixel.x;
+    return vec4(linear_light(index), 1.0);
+}

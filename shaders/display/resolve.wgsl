@@ -1,0 +1,91 @@
+// The resolve pass: sums of illuminance become luminance. Each pixel's fixed-point sum, in units of `lx_per_unit`, is
+// divided by the pixel's solid angle. Where HDR is wanted, R, G, B in cd/m^2 and the solid angle in sr take the place
+// of the sums; where the exposure is known already, the display image is written at once. The pixel's illuminance,
+// which is its luminance times its solid angle, is summed for the exposure.
+
+#import constants/pixel_grid
+#import constants/rec709
+#import decode = display/decode_u32 | display/decode_u64
+#import display/encode
+#import shared/pixel_grid
+#import shared/projection
+#import shared/viewport
+
+struct ResolveParameters {
+    lx_per_unit: f32,
+    // The same for the sums of the few stars that outshine the rest; 0 if there are none.
+    lx_per_bright_unit: f32,
+    // Display values per cd/m^2, if the display image is written here.
+    display_per_cd_m2: f32,
+    // Pixels of the batch: where B and the solid angles begin.
+    plane_pixels: u32,
+    shown: Display,
+}
+
+@group(0) @binding(0) var<uniform> parameters: ResolveParameters;
+@group(0) @binding(1) var<storage, read> viewports: array<Viewport>;
+@group(0) @binding(2) var<storage, read> tiles: array<Tile>;
+@group(0) @binding(4) var<storage, read_write> partial_sums: array<vec2<f32>>;
+@group(0) @binding(6) var<storage, read_write> display: array<u32>;
+
+// What bodies and asteroids show: see shared/cover.wgsl.
+@group(0) @binding(10) var<storage, read> geometry: array<vec4<u32>>;
+
+override WRITE_HDR: bool = true;
+override WRITE_DISPLAY: bool = false;
+// Whether dark pixels are written too, with their solid angle: where the HDR image leaves the GPU. Otherwise they keep their zero
+// sums, which is what says that they are dark: see shared/pixel_grid.wgsl.
+override WRITE_DARK: bool = true;
+// Whether there is anything but stars.
+override HAS_GEOMETRY: bool = false;
+
+@compute @workgroup_size(COLUMNS)
+fn resolve(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
+    let tile = tiles[group.z];
+    let viewport = viewports[tile.viewport];
+    let x = group.x * COLUMNS + local;
+    if x >= viewport.size.x || group.y * ROWS >= tile.rows {
+        return;
+    }
+    // One flag for the block of this workgroup.
+    let columns = (viewport.size.x + COLUMNS - 1u) / COLUMNS;
+    let high = has_high_words(tile.first_flag + group.y * columns + group.x);
+    var sum = 0.0;
+    let end_row = min(tile.rows, (group.y + 1u) * ROWS);
+    for (var row = group.y * ROWS; row < end_row; row++) {
+        let index = tile.first_pixel + row * viewport.size.x + x;
+        let image_row = tile.first_row + row;
+        var illuminance = sums(index, high) * parameters.lx_per_unit;
+        if parameters.lx_per_bright_unit > 0.0 {
+            illuminance += bright_sums(index) * parameters.lx_per_bright_unit;
+        }
+        var shown = vec3(0.0);
+        if HAS_GEOMETRY {
+            shown = bitcast<vec3<f32>>(geometry[index].xyz);
+        }
+        let lit = any(illuminance > vec3(0.0)) || any(shown > vec3(0.0));
+        if !(lit || WRITE_DARK || WRITE_DISPLAY) {
+            continue;
+        }
+        var luminance = vec4(0.0);
+        if lit || (WRITE_HDR && WRITE_DARK) {
+            luminance.w = solid_angle(viewport, vec2(i32(x), i32(image_row)));
+        }
+        if lit && luminance.w > 0.0 {
+            sum += dot(illuminance + shown * luminance.w, LUMINANCE_WEIGHTS);
+            luminance = vec4(illuminance * (1.0 / luminance.w) + shown, luminance.w);
+        }
+        if WRITE_HDR && (lit || WRITE_DARK) {
+            store_luminance(index, luminance);
+        }
+        if WRITE_DISPLAY {
+            var word = BLACK;
+            if lit {
+                word = display_word(luminance.xyz, parameters.display_per_cd_m2, parameters.shown, x, image_row);
+            }
+            display[index] = word;
+        }
+    }
+    // Whole numbers times a unit: no pixel is left out, because none is not finite.
+    partial_sums[tile.first_partial + group.y * viewport.size.x + x] = vec2(sum, 0.0);
+}

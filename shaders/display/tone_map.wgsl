@@ -1,0 +1,49 @@
+// The tone-mapping pass: luminance to 8 bits of a display. The f64 twin is src/photometry/tone_map.rs. It runs where
+// the exposure is not known before the pixels are; otherwise the resolve pass writes the display image itself.
+
+#import constants/pixel_grid
+#import display/encode
+#import display/exposed
+#import shared/pixel_grid
+#import shared/viewport
+
+struct ToneMapParameters {
+    // Pixels of the batch: where B and the solid angles begin.
+    plane_pixels: u32,
+    unused_0: u32,
+    unused_1: u32,
+    unused_2: u32,
+    shown: Display,
+}
+
+@group(0) @binding(0) var<uniform> parameters: ToneMapParameters;
+@group(0) @binding(1) var<storage, read> viewports: array<Viewport>;
+@group(0) @binding(2) var<storage, read> tiles: array<Tile>;
+// R and G of all pixels in cd/m^2, then B and the solid angle.
+@group(0) @binding(3) var<storage, read> luminances: array<vec2<f32>>;
+@group(0) @binding(4) var<storage, read> exposure: Exposure;
+@group(0) @binding(5) var<storage, read_write> display: array<u32>;
+
+@compute @workgroup_size(COLUMNS)
+fn tone_map(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
+    let tile = tiles[group.z];
+    let size = viewports[tile.viewport].size;
+    let x = group.x * COLUMNS + local;
+    if x >= size.x || group.y * ROWS >= tile.rows {
+        return;
+    }
+    for (var j = 0u; j < ROWS; j++) {
+        let row = group.y * ROWS + j;
+        if row >= tile.rows {
+            break;
+        }
+        let index = tile.first_pixel + row * size.x + x;
+        let red_green = luminances[index];
+        var word = BLACK;
+        if any(bitcast<vec2<u32>>(red_green) != vec2(0u)) {
+            let luminance = vec3(red_green, luminances[parameters.plane_pixels + index].x);
+            word = display_word(luminance, exposure.display_per_cd_m2, parameters.shown, x, tile.first_row + row);
+        }
+        display[index] = word;
+    }
+}

@@ -1,0 +1,46 @@
+// A blur of a glare pyramid along one axis: a Gaussian of seven taps, a texel of the level apart. The first axis reads
+// the level before, where a bilinear lookup between four texels is their mean; the second one reads what the first has
+// left. Where the taps lie comes from the chosen taps.
+
+#import constants/workgroups
+#import glare/pyramid/scale
+#import shared/viewport
+#import taps = glare/pyramid/taps_screen | glare/pyramid/taps_view
+
+struct GlareBlurParameters {
+    // Weights of the taps: the middle one, and those on either side.
+    weights: vec4<f32>,
+    // Cosines and sines of the taps' angles, for axes in view space.
+    cosines: vec4<f32>,
+    sines: vec4<f32>,
+    viewport: u32,
+    // 0 or 1: the first axis or the second.
+    axis: u32,
+    unused_0: u32,
+    unused_1: u32,
+}
+
+@group(0) @binding(0) var<uniform> parameters: GlareBlurParameters;
+@group(0) @binding(1) var<storage, read> viewports: array<Viewport>;
+@group(0) @binding(2) var wider: texture_2d<f32>;
+@group(0) @binding(3) var bilinear: sampler;
+@group(0) @binding(4) var blurred: texture_storage_2d<rgba16float, write>;
+
+@compute @workgroup_size(PYRAMID_SIDE, PYRAMID_SIDE)
+fn blur_level(@builtin(global_invocation_id) id: vec3<u32>) {
+    let size = textureDimensions(blurred);
+    if any(id.xy >= size) {
+        return;
+    }
+    let viewport = viewports[parameters.viewport];
+    let taps = taps_at(viewport, (vec2<f32>(id.xy) + 0.5) / vec2<f32>(size), 1.0 / vec2<f32>(size));
+    var sum = vec3(0.0);
+    for (var k = -3; k <= 3; k++) {
+        let place = place_of_tap(viewport, taps, k);
+        if place.z > 0.0 {
+            // Beyond the picture its border goes on.
+            sum += parameters.weights[abs(k)] * textureSampleLevel(wider, bilinear, place.xy, 0.0).xyz;
+        }
+    }
+    textureStore(blurred, vec2<i32>(id.xy), nearest_half(sum));
+}

@@ -1,0 +1,51 @@
+// The brightest channel of the pictures of a batch, as the bits of the number: those of numbers that are not negative
+// are ordered as the numbers are, so that the greatest is the same in any order.
+
+#import constants/pixel_grid
+#import shared/pixel_grid
+#import shared/viewport
+
+struct GlareMaximumParameters {
+    // Pixels of the batch: where B and the solid angles begin.
+    plane_pixels: u32,
+    unused_0: u32,
+    unused_1: u32,
+    unused_2: u32,
+}
+
+@group(0) @binding(0) var<uniform> parameters: GlareMaximumParameters;
+@group(0) @binding(1) var<storage, read> viewports: array<Viewport>;
+@group(0) @binding(2) var<storage, read> tiles: array<Tile>;
+@group(0) @binding(3) var<storage, read> pixels: array<vec2<f32>>;
+@group(0) @binding(4) var<storage, read_write> maximum: array<atomic<u32>>;
+
+var<workgroup> of_group: atomic<u32>;
+
+@compute @workgroup_size(COLUMNS)
+fn find_maximum(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
+    if local == 0u {
+        atomicStore(&of_group, 0u);
+    }
+    workgroupBarrier();
+    let tile = tiles[group.z];
+    let width = viewports[tile.viewport].size.x;
+    let x = group.x * COLUMNS + local;
+    var greatest = 0.0;
+    if x < width {
+        let end_row = min(tile.rows, (group.y + 1u) * ROWS);
+        for (var row = group.y * ROWS; row < end_row; row++) {
+            let index = tile.first_pixel + row * width + x;
+            let blue_omega = pixels[parameters.plane_pixels + index];
+            let brightest = max(blue_omega.x, max(pixels[index].x, pixels[index].y));
+            // What is not finite has no glare.
+            if blue_omega.y > 0.0 && brightest < 3e38 {
+                greatest = max(greatest, brightest);
+            }
+        }
+    }
+    atomicMax(&of_group, bitcast<u32>(greatest));
+    workgroupBarrier();
+    if local == 0u {
+        atomicMax(&maximum[0], atomicLoad(&of_group));
+    }
+}

@@ -1,0 +1,30 @@
+// Sharpens a level of the map of glare by as much as reading it with quadratic B-splines will smooth it: these take one eighth
+// of each neighbour along either axis. The rim loses one point.
+
+#import constants/workgroups
+
+struct GlareSharpenParameters {
+    // Cells along an edge of a face.
+    edge_cells: u32,
+    // Where the result begins.
+    first_point: u32,
+    unused_0: u32,
+    unused_1: u32,
+}
+
+@group(0) @binding(0) var<uniform> parameters: GlareSharpenParameters;
+@group(0) @binding(1) var<storage, read> scattered: array<vec4<f32>>;
+@group(0) @binding(2) var<storage, read_write> sharpened: array<vec4<f32>>;
+
+@compute @workgroup_size(MAP_SIDE, MAP_SIDE)
+fn sharpen(@builtin(global_invocation_id) point: vec3<u32>) {
+    let row_points = parameters.edge_cells + 2u;
+    if any(point.xy >= vec2(row_points)) {
+        return;
+    }
+    let wide = row_points + 2u;
+    let middle = (point.z * wide + point.y + 1u) * wide + point.x + 1u;
+    let around = scattered[middle - 1u] + scattered[middle + 1u] + scattered[middle - wide] + scattered[middle + wide];
+    let index = (point.z * row_points + point.y) * row_points + point.x;
+    sharpened[parameters.first_point + index] = scattered[middle] - (around - 4.0 * scattered[middle]) / 8.0;
+}

@@ -1,0 +1,36 @@
+// Evaluates the projection of one viewport at given points, so that f32 on the adapter can be compared with f64.
+
+#import constants/workgroups
+#import shared/projection
+#import shared/viewport
+
+struct ProbeInput {
+    // Direction in view space.
+    direction: vec3<f32>,
+    unused_0: f32,
+    // Pixel whose solid angle and centre direction are wanted.
+    pixel: vec2<i32>,
+    unused_1: vec2<i32>,
+}
+
+struct ProbeOutput {
+    // Continuous pixel coordinates of the direction's image; z: 1 if there is one; w: solid angle of the pixel, sr.
+    image: vec4<f32>,
+    // Direction of the pixel's centre; w: 1 inside of the picture.
+    direction: vec4<f32>,
+}
+
+@group(0) @binding(0) var<storage, read> viewports: array<Viewport>;
+@group(0) @binding(1) var<storage, read> inputs: array<ProbeInput>;
+@group(0) @binding(2) var<storage, read_write> outputs: array<ProbeOutput>;
+
+@compute @workgroup_size(PROBE_THREADS)
+fn probe(@builtin(global_invocation_id) id: vec3<u32>) {
+    if id.x >= arrayLength(&inputs) {
+        return;
+    }
+    let viewport = viewports[0];
+    let input = inputs[id.x];
+    outputs[id.x].image = vec4(pixel_from_direction(viewport, input.direction), solid_angle(viewport, input.pixel));
+    outputs[id.x].direction = direction_from_pixel(viewport, vec2<f32>(input.pixel) + 0.5);
+}

@@ -1,7 +1,0 @@
-// Luminance that was drawn on the picture's own plane.
-
-@group(1) @binding(0) var drawn: texture_2d_array<f32>;
-
-fn luminance_of(viewport: Viewport, index: u32, at: vec2<i32>) -> vec3<f32> {
-    return textureLoad(drawn, at, 0, 0).xyz;
-}

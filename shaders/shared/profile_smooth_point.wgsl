@@ -1,6 +1,0 @@
-// hardware_smooth_point: the share of a pixel that a disc of one pixel's diameter covers, as drivers estimate it: from the
-// distance between the pixel's centre and the disc's edge alone. The shares do not sum to 1.
-
-fn profile(star: Splat) -> vec3<f32> {
-    return vec3(clamp(1.0 - length(pixels_from_star(star)), 0.0, 1.0));
-}

@@ -1,0 +1,29 @@
+// The procedural sky: every pixel asks for the brightness in the direction of its centre, in whatever projection.
+// Nothing was drawn before.
+
+#import shared/projection
+#import shared/viewport
+#import stars/cell_sky
+
+struct CellSkyParameters {
+    // Angle of a pixel in the middle of the view.
+    pixel_rad: f32,
+    radius_px: f32,
+    cells: u32,
+    layers: u32,
+    seed: u32,
+    unused_0: u32,
+    unused_1: u32,
+    unused_2: u32,
+}
+
+@group(1) @binding(0) var<uniform> cell_sky: CellSkyParameters;
+
+fn luminance_of(viewport: Viewport, index: u32, at: vec2<i32>) -> vec3<f32> {
+    let in_view = direction_from_pixel(viewport, vec2<f32>(at) + 0.5).xyz;
+    // The rows turn world axes into those of the view: the sum of the rows is the way back.
+    let direction = in_view.x * viewport.view_from_world_x.xyz + in_view.y * viewport.view_from_world_y.xyz
+        + in_view.z * viewport.view_from_world_z.xyz;
+    return cell_sky_brightness(
+        direction, cell_sky.pixel_rad, cell_sky.cells, cell_sky.layers, cell_sky.radius_px, cell_sky.seed);
+}

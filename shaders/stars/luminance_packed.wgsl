@@ -1,0 +1,18 @@
+// What the published rasteriser left in a pixel: luminance and mixed temperature as two halves.
+
+#import shared/math
+#import shared/viewport
+
+@group(1) @binding(0) var<storage, read> packed: array<u32>;
+// Colours of luminance 1 from 500 to 100000 K on a logarithmic scale.
+@group(1) @binding(1) var<storage, read> colours: array<vec4<f32>>;
+
+fn luminance_of(viewport: Viewport, index: u32, at: vec2<i32>) -> vec3<f32> {
+    let word = packed[index];
+    if word == 0u {
+        return vec3(0.0);
+    }
+    let halves = unpack2x16float(word);
+    let step = step_of_temperature(halves.y);
+    return halves.x * colours[u32(step + 0.5)].xyz;
+}

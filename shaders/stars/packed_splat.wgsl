@@ -1,0 +1,66 @@
+// The published splat: four pixels, luminance and temperature as two halves of one word, exchanged until nobody came
+// between.
+
+#import constants/counters
+#import shared/projection
+#import shared/viewport
+#import stars/triangle_solid_angle
+
+@group(0) @binding(1) var<storage, read> viewports: array<Viewport>;
+@group(0) @binding(2) var<storage, read> tiles: array<Tile>;
+@group(0) @binding(3) var<storage, read_write> counters: array<atomic<u32>>;
+@group(0) @binding(4) var<storage, read_write> packed: array<atomic<u32>>;
+
+// Greatest half.
+const MOST: f32 = 65504.0;
+
+// Adds luminance (cd/m^2) to a pixel; its temperature (K) becomes the mean of both, weighted by luminance.
+fn add_packed(pixel: u32, luminance: f32, temperature: f32) {
+    var old = atomicLoad(&packed[pixel]);
+    loop {
+        let before = unpack2x16float(old);
+        let sum = before.x + luminance;
+        var mixed = temperature;
+        if sum > 0.0 {
+            mixed = (before.x * before.y + luminance * temperature) / sum;
+        }
+        // Beyond the range of halves WGSL says nothing of the result: held at the greatest.
+        let word = pack2x16float(min(vec2(sum, mixed), vec2(MOST)));
+        let result = atomicCompareExchangeWeak(&packed[pixel], old, word);
+        if result.exchanged {
+            break;
+        }
+        old = result.old_value;
+    }
+}
+
+// Splats a star of that illuminance (lx) into one tile.
+fn splat_packed(tile: Tile, viewport: Viewport, direction: vec3<f32>, illuminance: f32, temperature: f32) {
+    let projected = pixel_from_direction(viewport, direction);
+    let size = vec2<i32>(viewport.size);
+    let own = vec2<i32>(floor(projected.xy));
+    if projected.z == 0.0 || any(projected.xy < vec2(0.0)) || any(own >= size) {
+        return;
+    }
+    let first_row = i32(tile.first_row);
+    let end_row = first_row + i32(tile.rows);
+    if own.y < first_row - 1 || own.y > end_row || !contains(viewport, own) {
+        return;
+    }
+    // All four pixels get what the star's own pixel would get, by weight, whatever their own solid angle.
+    let luminance = illuminance / pixel_of_triangles(viewport, own);
+    let first = floor(projected.xy - 0.5);
+    let part = projected.xy - 0.5 - first;
+    for (var j = 0; j < 2; j++) {
+        for (var i = 0; i < 2; i++) {
+            let at = vec2<i32>(first) + vec2(i, j);
+            let weight = select(1.0 - part.x, part.x, i == 1) * select(1.0 - part.y, part.y, j == 1);
+            if all(at >= vec2(0, first_row)) && all(at < vec2(size.x, end_row)) {
+                add_packed(tile.first_pixel + u32((at.y - first_row) * size.x + at.x), luminance * weight, temperature);
+            }
+        }
+    }
+    if own.y >= first_row && own.y < end_row {
+        atomicAdd(&counters[FIRST_VIEW_COUNTER + viewport.view], 1u);
+    }
+}

@@ -1,0 +1,52 @@
+// What a moving observer sees of a star: place, Doppler factor, temperature and light. Formulas: src/relativity.rs; the table
+// and its size: src/plan/travel.rs. Whoever includes this declares `colours`, the table: colour, and in w the logarithm of
+// the luminance, one entry per temperature step. It starts at step 0; the steps below 0 stand at its end, in their order.
+
+#import constants/shifted_temperatures
+
+struct Traveller {
+    // Unit vector of the velocity, world axes.
+    direction: vec3<f32>,
+    // gamma; gamma * beta, which is 0 at rest; gamma * (1 - beta). All from f64.
+    gamma: f32,
+    gamma_beta: f32,
+    doppler_behind: f32,
+    unused_0: u32,
+    unused_1: u32,
+}
+
+fn moves(traveller: Traveller) -> bool {
+    return traveller.gamma_beta > 0.0;
+}
+
+// xyz: where the star at `place` from the eye (not 0) is seen, D times as far away. w: the Doppler factor D.
+fn seen_by(traveller: Traveller, place: vec3<f32>) -> vec4<f32> {
+    let distance = length(place);
+    let along = dot(place, traveller.direction);
+    let across = place - traveller.direction * along;
+    // 1 + cos a; behind, where the sum would cancel, as sin^2 a / (1 - cos a).
+    let one_plus_cos = select(distance + along, dot(across, across) / (distance - along), along < 0.0) / distance;
+    let seen_along = distance * (traveller.gamma * one_plus_cos - traveller.doppler_behind);
+    return vec4(across + traveller.direction * seen_along,
+        traveller.doppler_behind + traveller.gamma_beta * one_plus_cos);
+}
+
+// Steps by which a Doppler factor shifts a temperature.
+fn doppler_steps(doppler: f32) -> f32 {
+    return STEPS_PER_OCTAVE * log2(doppler);
+}
+
+// Place of a step in the table.
+fn table_index(step: i32) -> u32 {
+    let held = clamp(step, COLDEST_STEP, COLDEST_STEP + TABLE_STEPS - 1);
+    return u32(select(held, held + TABLE_STEPS, held < 0));
+}
+
+// What the light of a star of temperature step `step` is multiplied by: D^-2 Y(D T) / Y(T).
+fn light_factor(step: u32, doppler: f32) -> f32 {
+    let shifted = f32(step) + doppler_steps(doppler);
+    let below = floor(shifted);
+    let low = colours[table_index(i32(below))].w;
+    let high = colours[table_index(i32(below) + 1)].w;
+    return exp(low + (shifted - below) * (high - low) - colours[step].w) / (doppler * doppler);
+}

@@ -1,0 +1,106 @@
+// The star pass: every star of every visible chunk, splatted in illuminance into all tiles that may see it.
+//
+// One workgroup takes one item: a run of stars of one chunk, and the set of tiles. The f64 twin is
+// src/reference/stars.rs.
+
+#import constants/counters
+#import constants/star_light
+#import constants/units
+#import shared/occlusion
+#import shared/projection
+#import shared/splat
+#import shared/viewport
+#import stars/relativity
+#import stars/star
+
+struct StarParameters {
+    // Fixed-point units per lux.
+    units_per_lx: f32,
+    // Stars fainter than this are not drawn, lx.
+    faintest_lx: f32,
+    // Brighter stars are left to another pass of coarser unit, lx.
+    brightest_lx: f32,
+    item_count: u32,
+    // Workgroups per row of the dispatch.
+    items_per_row: u32,
+    unused_0: u32,
+    unused_1: u32,
+    unused_2: u32,
+    // How the camera moves.
+    traveller: Traveller,
+}
+
+@group(0) @binding(0) var<uniform> parameters: StarParameters;
+@group(0) @binding(1) var<storage, read> viewports: array<Viewport>;
+@group(0) @binding(2) var<storage, read> tiles: array<Tile>;
+@group(0) @binding(3) var<storage, read_write> counters: array<atomic<u32>>;
+@group(0) @binding(5) var<storage, read> colours: array<vec4<f32>>;
+@group(1) @binding(0) var<storage, read> stars: array<Star>;
+@group(1) @binding(1) var<storage, read> items: array<StarItem>;
+
+// Invocations that share an item. A GPU wants a full wave or two; a software driver runs a workgroup as a loop of SIMD
+// steps and loads the item and its viewports anew in each, so there one step is best.
+override WORKGROUP: u32;
+
+@compute @workgroup_size(WORKGROUP)
+fn splat_stars(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
+    let item_index = group.y * parameters.items_per_row + group.x;
+    if item_index >= parameters.item_count {
+        return;
+    }
+    let item = items[item_index];
+    var remaining = item.tiles;
+    while remaining != 0u {
+        let tile = tiles[firstTrailingBit(remaining)];
+        remaining &= remaining - 1u;
+        let viewport = viewports[tile.viewport];
+        let origin = item.origin - select(eye_of(viewport), vec3(0.0), item.at_infinity != 0u);
+        target_tile = vec3(tile.first_pixel, viewport.size.x, tile.first_flag);
+        let size = vec2<f32>(viewport.size);
+        let first_row = f32(tile.first_row);
+        var drawn = 0u;
+        for (var i = local; i < item.count; i += WORKGROUP) {
+            let star = stars[item.first + i];
+            var relative = origin + vec3(star.offset_x, star.offset_y, star.offset_z);
+            let distance_squared = dot(relative, relative);
+            var illuminance = illuminance_at_1_pc(star) / distance_squared;
+            var colour_index = star.light & LAST_TEMPERATURE_STEP;
+            if moves(parameters.traveller) && distance_squared > 0.0 {
+                let seen = seen_by(parameters.traveller, relative);
+                relative = seen.xyz;
+                illuminance *= light_factor(colour_index, seen.w);
+                colour_index = table_index(i32(round(f32(colour_index) + doppler_steps(seen.w))));
+            }
+            // A star at the camera's place has no direction; the comparison is also false for NaN.
+            if !(illuminance >= parameters.faintest_lx && illuminance < parameters.brightest_lx && distance_squared > 0.0) {
+                continue;
+            }
+            let direction = vec3(
+                dot(relative, viewport.view_from_world_x.xyz),
+                dot(relative, viewport.view_from_world_y.xyz),
+                dot(relative, viewport.view_from_world_z.xyz));
+            let projected = pixel_from_direction(viewport, direction);
+            let bright = illuminance >= viewport.gaussian_from_lx;
+            let margin = select(1.5, viewport.gaussian_reach_px, bright);
+            if projected.z == 0.0 || any(projected.xy < vec2(0.0, first_row) - margin)
+                || any(projected.xy > vec2(size.x, first_row + f32(tile.rows)) + margin) {
+                continue;
+            }
+            let pixel = projected.xy;
+            var visible = 1.0;
+            if HAS_GEOMETRY {
+                let distance_m = select(PARSEC_M * sqrt(distance_squared), INFINITELY_FAR_M, item.at_infinity != 0u);
+                visible = visible_share(tile, viewport, direction, pixel, distance_m);
+                if visible <= 0.0 {
+                    continue;
+                }
+            }
+            let scale = illuminance * visible * parameters.units_per_lx;
+            splat(tile, viewport, direction, pixel, illuminance, colours[colour_index].xyz, scale, item.first_number + i);
+            drawn += select(0u, 1u, holds_image(tile, viewport, pixel));
+        }
+        if drawn > 0u {
+            atomicAdd(&counters[FIRST_VIEW_COUNTER + viewport.view], drawn);
+        }
+    }
+}

@@ -1,0 +1,398 @@
+//! The reference of all keys, generated from the types of the configuration: a JSON Schema for editors and a page for people,
+//! `docs/steradian.schema.json` and `docs/configuration.md`.
+//!
+//! Keys, types, defaults and texts come from the types by `schemars` (texts are the doc comments), ranges from [`super::ranges`],
+//! units from the endings of the keys. Rules that tie several keys together are not in the schema; the parser knows them.
+
+use schemars::{JsonSchema, Schema, SchemaGenerator, generate::SchemaSettings, json_schema};
+use serde_json::{Map, Value, json};
+
+use super::Sections;
+use super::ranges::{self, Range, number};
+use super::views::{
+    Common, CubemapConfig, DomeMasterConfig, EquirectangularConfig, FisheyeConfig, PerspectiveConfig, StereoConfig,
+    VIEW_TYPES, ViewConfig, all_faces,
+};
+use crate::photometry::psf::Aperture;
+
+/// Order of the sections on the page; a test holds it complete.
+const SECTIONS: [&str; 13] = [
+    "scene",
+    "views",
+    "bodies",
+    "asteroid_fields",
+    "overlay",
+    "asteroids",
+    "stars",
+    "glare",
+    "exposure",
+    "tone_map",
+    "accuracy",
+    "headset",
+    "server",
+];
+
+/// Units by the ending of a key, longer endings first.
+const UNITS: [(&str, &str); 20] = [
+    ("_cd_m2", "cd/m²"),
+    ("_deg_s", "deg/s"),
+    ("_m_s", "m/s"),
+    ("_px2", "pixels²"),
+    ("_arcmin", "arcminutes"),
+    ("_deg", "degrees"),
+    ("_years", "years"),
+    ("_px", "pixels"),
+    ("_mm", "mm"),
+    ("_m", "m"),
+    ("_s", "s"),
+    ("_k", "K"),
+    ("_c", "speed of light"),
+    ("_ev", "EV"),
+    ("ev100", "EV100"),
+    ("magnitude", "mag"),
+    ("magnitude_limit", "mag"),
+    ("fainter_than", "mag"),
+    ("face_size", "pixels"),
+    ("size", "pixels"),
+];
+
+/// What follows the unit of a range in which only powers of two are allowed.
+const POWERS: &str = ", powers of two";
+
+/// Schema of an albedo: one number, or one for each of red, green and blue.
+pub(super) fn albedo(_: &mut SchemaGenerator) -> Schema {
+    json_schema!({
+        "anyOf": [
+            { "type": "number" },
+            { "type": "array", "items": { "type": "number" }, "minItems": 3, "maxItems": 3 },
+        ]
+    })
+}
+
+/// Schema of a date with time and offset.
+pub(super) fn time(_: &mut SchemaGenerator) -> Schema {
+    json_schema!({ "type": "string", "format": "date-time" })
+}
+
+impl JsonSchema for ViewConfig {
+    fn schema_name() -> std::borrow::Cow<'static, str> {
+        "ViewConfig".into()
+    }
+
+    /// One alternative for each type, each with the keys that all views have.
+    fn json_schema(generator: &mut SchemaGenerator) -> Schema {
+        let common = Common::json_schema(generator).to_value();
+        let kinds = [
+            PerspectiveConfig::json_schema(generator),
+            StereoConfig::json_schema(generator),
+            CubemapConfig::json_schema(generator),
+            FisheyeConfig::json_schema(generator),
+            DomeMasterConfig::json_schema(generator),
+            EquirectangularConfig::json_schema(generator),
+        ];
+        let alternatives: Vec<Value> = VIEW_TYPES
+            .iter()
+            .zip(kinds)
+            .map(|(name, kind)| {
+                let mut kind = kind.to_value();
+                if let Some(properties) = kind["properties"].as_object_mut() {
+                    properties.extend(common["properties"].as_object().cloned().unwrap_or_default());
+                    let letters = "Unique name: letters, digits, `_` and `-`.";
+                    properties.insert("name".to_owned(), json!({ "type": "string", "description": letters }));
+                    properties.insert("type".to_owned(), json!({ "const": name, "description": "Type of the view." }));
+                }
+                if let Some(required) = kind["required"].as_array_mut() {
+                    required.extend([json!("name"), json!("type")]);
+                }
+                kind
+            })
+            .collect();
+        json_schema!({ "oneOf": alternatives })
+    }
+}
+
+/// The JSON Schema of a configuration, draft 7, without references.
+pub fn schema() -> Value {
+    let mut settings = SchemaSettings::draft07();
+    settings.inline_subschemas = true;
+    let mut schema = settings.into_generator().into_root_schema_for::<Sections>().to_value();
+    tidy(&mut schema);
+    for range in ranges::all() {
+        let path: Vec<&str> = range.key.split('.').collect();
+        at(&mut schema, &path, &mut |number| bound(number, range));
+    }
+    let apertures = json!(Aperture::NAMES);
+    at(&mut schema, &["stars", "psf_texture", "aperture"], &mut |text| text["enum"] = apertures.clone());
+    at(&mut schema, &["views[]", "faces[]"], &mut |text| text["enum"] = json!(all_faces()));
+    schema["title"] = json!("Configuration of Steradian");
+    schema["description"] =
+        json!("Scene, views and settings of Steradian; docs/configuration.md is the same as a page.");
+    schema
+}
+
+/// Takes away what TOML has not (null) and what editors do not know (formats of numbers), and writes times as TOML does.
+fn tidy(schema: &mut Value) {
+    match schema {
+        Value::Array(values) => values.iter_mut().for_each(tidy),
+        Value::Object(object) => {
+            object.values_mut().for_each(tidy);
+            let null = |value: &Value| *value == json!("null") || *value == json!({ "type": "null" });
+            if let Some(Value::Array(types)) = object.get_mut("type") {
+                types.retain(|name| !null(name));
+                if let [only] = types.as_slice() {
+                    let only = only.clone();
+                    object.insert("type".to_owned(), only);
+                }
+            }
+            if let Some(Value::Array(forms)) = object.get_mut("anyOf") {
+                forms.retain(|form| !null(form));
+                if let [Value::Object(only)] = forms.as_slice() {
+                    // What the key says goes before what its type says.
+                    let mut only = only.clone();
+                    object.remove("anyOf");
+                    only.append(object);
+                    *object = only;
+                }
+            }
+            let is_object = object.get("type") == Some(&json!("object"));
+            match object.get_mut("default") {
+                Some(Value::Null) => {
+                    object.remove("default");
+                }
+                // The defaults of a table are those of its keys.
+                Some(Value::Object(_)) if is_object => {
+                    object.remove("default");
+                }
+                Some(Value::Object(time)) => {
+                    if let Some(text) = time.get("$__toml_private_datetime").cloned() {
+                        object.insert("default".to_owned(), text);
+                    }
+                }
+                _ => {}
+            }
+            if matches!(object.get("type"), Some(Value::String(kind)) if kind == "number" || kind == "integer") {
+                object.remove("format");
+            }
+            if let Some(Value::String(text)) = object.get_mut("description") {
+                *text = text.replace('\n', " ").replace("[`", "`").replace("`]", "`");
+            }
+        }
+        _ => {}
+    }
+}
+
+/// Calls `change` with every schema at a path; all alternatives are followed.
+fn at(schema: &mut Value, path: &[&str], change: &mut dyn FnMut(&mut Value)) {
+    for form in ["oneOf", "anyOf"] {
+        if let Some(Value::Array(forms)) = schema.get_mut(form) {
+            forms.iter_mut().for_each(|form| at(form, path, change));
+            return;
+        }
+    }
+    let Some((step, rest)) = path.split_first() else { return change(schema) };
+    let (name, element) = step.strip_suffix("[]").map_or((*step, false), |name| (name, true));
+    let Some(mut inner) = schema.get_mut("properties").and_then(|properties| properties.get_mut(name)) else { return };
+    if element {
+        match inner.get_mut("items") {
+            Some(items) => inner = items,
+            None => return,
+        }
+    }
+    at(inner, rest, change);
+}
+
+/// Puts a range into the schema of a number, or of each element of a list.
+fn bound(schema: &mut Value, range: &Range) {
+    if let Some(items) = schema.get_mut("items") {
+        return bound(items, range);
+    }
+    let whole = schema["type"] == json!("integer");
+    let value = |bound: f64| if whole { json!(bound as i64) } else { json!(bound) };
+    if let Some(object) = schema.as_object_mut() {
+        object.remove("minimum");
+        object.insert(if range.above { "exclusiveMinimum" } else { "minimum" }.to_owned(), value(range.least));
+        if range.most.is_finite() {
+            object.insert("maximum".to_owned(), value(range.most));
+        }
+    }
+}
+
+/// The page of all keys, Markdown.
+pub fn page() -> String {
+    let schema = schema();
+    let mut page = Page { text: HEAD.to_owned(), printed: Vec::new() };
+    let properties = properties(&schema);
+    for section in SECTIONS {
+        let Some(inner) = properties.get(section) else { continue };
+        if inner["type"] == json!("array") {
+            page.table(&format!("[[{section}]]"), &format!("{section}[]"), &inner["items"]);
+        } else {
+            page.table(&format!("[{section}]"), section, inner);
+        }
+    }
+    page.text
+}
+
+const HEAD: &str = "# Configuration
+
+<!-- Generated from the types: `STERADIAN_WRITE_REFERENCE=1 cargo test --release --test program configuration_reference` -->
+
+Configurations are TOML. Unknown keys and values out of range are refused with file, key and what is allowed. All sections and,
+unless a dash stands in the column *default*, all keys may be left out. Paths of files are relative to the folder of the
+configuration. `--set key=value` overrides a key for one run; an element of a list is named by its index or, if it has one, its
+name: `--set views.dome.tilt_deg=15`, `--set scene.catalogues.0=my.csv`.
+
+[steradian.schema.json](steradian.schema.json) is the same reference as a JSON Schema. Editors with Taplo (Even Better TOML in VS Code) use it for
+validation and completion where the file begins with a line `#:schema` and the path of the schema, as those in [configs](../configs) do.
+
+The schema does not express rules that tie several keys together, such as \"exactly one of `fov_y_deg` and `fov`\"; `steradian render`
+and `serve` check them when they load a configuration.
+
+Lists have one entry for each axis or channel. Coordinates are ICRS, barycentric. Quaternions are written x, y, z, w.
+";
+
+fn properties(schema: &Value) -> Map<String, Value> {
+    schema["properties"].as_object().cloned().unwrap_or_default()
+}
+
+/// The page as far as it is written.
+struct Page {
+    text: String,
+    /// Headings and keys of the tables so far: a table with the same keys is not written again.
+    printed: Vec<(String, Map<String, Value>)>,
+}
+
+impl Page {
+    /// The keys of a table and of the tables below it; `path` is that of the ranges.
+    fn table(&mut self, heading: &str, path: &str, schema: &Value) {
+        self.text.push_str(&format!("\n## {heading}\n"));
+        let text = schema["description"].as_str().unwrap_or_default();
+        // Without the name of the table, with which the text of a type begins: "`[stars]`: how stars are drawn.".
+        let text = if text.starts_with("`[") { text.split_once("`: ").map_or("", |(_, text)| text) } else { text };
+        if !text.is_empty() {
+            self.text.push_str(&format!("\n{text}\n"));
+        }
+        if let Some(Value::Array(forms)) = schema.get("oneOf") {
+            for form in forms {
+                let kind = form["properties"]["type"]["const"].as_str().unwrap_or_default();
+                self.table(&format!("{heading}, type = \"{kind}\""), path, form);
+            }
+            return;
+        }
+        let own = properties(schema);
+        self.printed.push((heading.to_owned(), own.clone()));
+        self.text.push_str("\n| key | type | unit | default | range | meaning |\n|---|---|---|---|---|---|\n");
+        let required: Vec<&str> =
+            schema["required"].as_array().into_iter().flatten().filter_map(Value::as_str).collect();
+        for (key, inner) in &own {
+            let needed = required.contains(&key.as_str());
+            let same = self.printed.iter().find(|(_, keys)| *keys == properties(inner) && !keys.is_empty());
+            let type_of = same.map_or_else(|| type_of(inner), |(heading, _)| format!("table as `{heading}`"));
+            self.text.push_str(&row(key, &format!("{path}.{key}"), &type_of, inner, needed));
+        }
+        for (key, inner) in &own {
+            let forms = inner["oneOf"].as_array().or(inner["items"]["oneOf"].as_array());
+            if let Some(forms) = forms {
+                self.text.push_str(&format!("\nValues of `{key}`:\n\n"));
+                for form in forms {
+                    let (value, text) = (form["const"].as_str(), form["description"].as_str());
+                    self.text.push_str(&format!("- `{}`: {}\n", value.unwrap_or_default(), text.unwrap_or_default()));
+                }
+            }
+        }
+        for (key, inner) in &own {
+            let inner_path = format!("{path}.{key}");
+            if inner["type"] == json!("object") && !self.printed.iter().any(|(_, keys)| *keys == properties(inner)) {
+                let heading = inner_path.replace("[]", "");
+                let heading = if path.contains("[]") { heading } else { format!("[{heading}]") };
+                self.table(&heading, &inner_path, inner);
+            }
+            if inner["items"]["type"] == json!("object") {
+                self.table(&format!("[[{inner_path}]]"), &format!("{inner_path}[]"), &inner["items"]);
+            }
+            for form in inner["items"]["anyOf"].as_array().into_iter().flatten() {
+                for (name, entry) in properties(form) {
+                    self.table(&format!("{inner_path}, entry {name}"), &format!("{inner_path}[].{name}"), &entry);
+                }
+            }
+        }
+    }
+}
+
+/// The row of a key.
+fn row(key: &str, path: &str, type_of: &str, schema: &Value, needed: bool) -> String {
+    let default = match schema.get("default") {
+        Some(value) => format!("`{}`", toml_value(value)),
+        None if needed => "–, needed".to_owned(),
+        None => "–".to_owned(),
+    };
+    let range = ranges::all().find(|range| range.key == path);
+    let unit = match unit_of(key, schema) {
+        "" => range.map_or("", |range| range.unit.trim_start_matches(POWERS)),
+        unit => unit,
+    };
+    let allowed = match (range, schema["enum"].as_array().or(schema["items"]["enum"].as_array())) {
+        (Some(range), _) => range_text(range),
+        (None, Some(values)) => list(values),
+        (None, None) => schema.get("const").map(|value| list(std::slice::from_ref(value))).unwrap_or_default(),
+    };
+    let text = schema["description"].as_str().unwrap_or_default().replace('|', "\\|");
+    format!("| `{key}` | {type_of} | {unit} | {default} | {allowed} | {text} |\n")
+}
+
+fn list(values: &[Value]) -> String {
+    values.iter().map(|value| format!("`{}`", toml_value(value))).collect::<Vec<_>>().join(", ")
+}
+
+/// Least and most, without the unit.
+fn range_text(range: &Range) -> String {
+    let unit = if range.unit.ends_with(POWERS) { POWERS } else { "" };
+    Range { unit, ..*range }.to_string().replace("values ", "")
+}
+
+fn type_of(schema: &Value) -> String {
+    if let Some(forms) = schema["anyOf"].as_array() {
+        return forms.iter().map(type_of).collect::<Vec<_>>().join(" or ");
+    }
+    if schema.get("oneOf").is_some() || schema.get("const").is_some() {
+        return "name".to_owned();
+    }
+    match schema["type"].as_str() {
+        Some("array") => {
+            let of = match schema["items"].get("anyOf") {
+                Some(_) => "entries".to_owned(),
+                None => plural(&type_of(&schema["items"])),
+            };
+            schema["minItems"].as_u64().map_or(format!("list of {of}"), |count| format!("{count} {of}"))
+        }
+        Some("object") => "table".to_owned(),
+        Some("string") if schema["format"] == json!("date-time") => "date and time".to_owned(),
+        Some(name) => name.to_owned(),
+        None => String::new(),
+    }
+}
+
+fn plural(name: &str) -> String {
+    format!("{name}s")
+}
+
+fn unit_of(key: &str, schema: &Value) -> &'static str {
+    let counts = schema["type"] == json!("number")
+        || schema["type"] == json!("integer")
+        || schema["items"]["type"] == json!("number")
+        || schema["items"]["type"] == json!("integer");
+    let unit = UNITS.iter().find(|(ending, _)| key.ends_with(ending));
+    unit.filter(|_| counts).map_or("", |(_, unit)| unit)
+}
+
+/// A default as it stands in TOML.
+fn toml_value(value: &Value) -> String {
+    match value {
+        Value::Array(values) => format!("[{}]", values.iter().map(toml_value).collect::<Vec<_>>().join(", ")),
+        Value::Number(value) if value.is_f64() => {
+            let text = number(value.as_f64().unwrap_or_default());
+            if text.contains(['.', 'e']) { text } else { format!("{text}.0") }
+        }
+        other => other.to_string(),
+    }
+}

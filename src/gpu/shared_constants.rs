@@ -1,0 +1,157 @@
+//! Constants that Rust and WGSL share: they stand in Rust, and their WGSL is made from them. Shaders import a table by its name
+//! (`#import constants/pixel_grid`), as they import files.
+
+use std::fmt::Write;
+
+/// A table of constants.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Table {
+    /// Name, to be imported as `constants/{name}`.
+    pub name: &'static str,
+    /// The constants: name, type and value in WGSL.
+    pub constants: Vec<(&'static str, String, String)>,
+}
+
+impl Table {
+    /// The declarations.
+    pub fn wgsl(&self) -> String {
+        let mut text = String::new();
+        for (name, kind, value) in &self.constants {
+            writeln!(text, "const {name}: {kind} = {value};").expect("strings have room");
+        }
+        text
+    }
+}
+
+/// What can stand in a table.
+pub(super) trait Shared {
+    /// Its type in WGSL.
+    const TYPE: &'static str;
+
+    /// Its value in WGSL.
+    fn value(&self) -> String;
+}
+
+impl Shared for u32 {
+    const TYPE: &'static str = "u32";
+
+    fn value(&self) -> String {
+        format!("{self}u")
+    }
+}
+
+impl Shared for i32 {
+    const TYPE: &'static str = "i32";
+
+    fn value(&self) -> String {
+        self.to_string()
+    }
+}
+
+impl Shared for f32 {
+    const TYPE: &'static str = "f32";
+
+    /// The shortest decimal that is nearest to this number and to no other.
+    fn value(&self) -> String {
+        assert!(self.is_finite(), "WGSL has no literal for {self}");
+        format!("{self:?}")
+    }
+}
+
+impl Shared for [f32; 3] {
+    const TYPE: &'static str = "vec3<f32>";
+
+    fn value(&self) -> String {
+        let [x, y, z] = self.map(|value| value.value());
+        format!("vec3<f32>({x}, {y}, {z})")
+    }
+}
+
+impl Shared for [[f32; 3]; 6] {
+    const TYPE: &'static str = "array<vec3<f32>, 6>";
+
+    fn value(&self) -> String {
+        format!("{}({})", Self::TYPE, self.map(|vector| vector.value()).join(", "))
+    }
+}
+
+/// Declares modules of constants, and a function `tables` that returns them as [`Table`]s. Names and types are those of WGSL.
+macro_rules! shared_constants {
+    ($($(#[$doc:meta])* mod $table:ident {
+        $($(#[$constant_doc:meta])* $name:ident: $type:ty = $value:expr;)+
+    })+) => {
+        $(
+            $(#[$doc])*
+            pub(crate) mod $table {
+                $($(#[$constant_doc])* pub(crate) const $name: $type = $value;)+
+            }
+        )+
+
+        /// All tables.
+        pub fn tables() -> Vec<$crate::gpu::shared_constants::Table> {
+            use $crate::gpu::shared_constants::{Shared, Table};
+            vec![$(Table {
+                name: stringify!($table),
+                constants: vec![$(
+                    (stringify!($name), <$type as Shared>::TYPE.to_owned(), Shared::value(&$table::$name))
+                ),+],
+            }),+]
+        }
+    };
+}
+
+pub(super) use shared_constants;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    shared_constants! {
+        mod sample {
+            COUNT: u32 = 4_294_967_295;
+            STEP: i32 = -1920;
+            LIGHT: f32 = 3.085_677_6e16;
+            TINY: f32 = 1e-6;
+            WHOLE: f32 = 2.0;
+            AXIS: [f32; 3] = [0.2126, -0.0, 1.0];
+        }
+    }
+
+    #[test]
+    fn a_table_is_wgsl() {
+        assert_eq!(
+            tables()[0].wgsl(),
+            "const COUNT: u32 = 4294967295u;\nconst STEP: i32 = -1920;\nconst LIGHT: f32 = 3.0856776e16;\n\
+             const TINY: f32 = 1e-6;\nconst WHOLE: f32 = 2.0;\nconst AXIS: vec3<f32> = vec3<f32>(0.2126, -0.0, 1.0);\n"
+        );
+    }
+
+    #[test]
+    #[should_panic(expected = "WGSL has no literal for inf")]
+    fn infinity_is_no_literal() {
+        f32::INFINITY.value();
+    }
+
+    /// The value that naga reads for a constant.
+    fn read(kind: &str, value: &str) -> naga::Literal {
+        let module = naga::front::wgsl::parse_str(&format!("const X: {kind} = {value};")).unwrap();
+        let (_, constant) = module.constants.iter().next().unwrap();
+        match module.global_expressions[constant.init] {
+            naga::Expression::Literal(literal) => literal,
+            ref other => panic!("{other:?}"),
+        }
+    }
+
+    #[test]
+    fn numbers_come_back_bit_by_bit() {
+        let numbers = (0..40_000_u32).map(|i| f32::from_bits(i.wrapping_mul(2_654_435_761)));
+        let special = [f32::MIN_POSITIVE, f32::MAX, f32::from_bits(1), 1.0 / 3.0, 16_777_216.0, 7.643_856];
+        for number in numbers.chain(special).filter(|number| number.is_finite() && *number > 0.0) {
+            let naga::Literal::F32(back) = read("f32", &number.value()) else { panic!("{number}: no f32") };
+            assert_eq!(back.to_bits(), number.to_bits(), "{number:?}");
+        }
+        assert_eq!(read("u32", &u32::MAX.value()), naga::Literal::U32(u32::MAX));
+        assert_eq!(read("i32", &7_i32.value()), naga::Literal::I32(7));
+        assert_ne!(read("f32", &0.1_f32.value()), naga::Literal::F32(0.1_f32.next_up()));
+    }
+}

@@ -1,0 +1,3 @@
+//! Bodies without an adapter.
+
+mod light;

@@ -1,0 +1,4 @@
+//! Configuration files, read and refused.
+
+mod objects;
+mod sections;

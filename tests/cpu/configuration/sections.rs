@@ -1,0 +1,593 @@
+//! Every example configuration loads and makes a rig; every concept is parsed as written; every mistake is refused with a
+//! message that names file, key and what is allowed.
+
+use std::path::{Path, PathBuf};
+
+use steradian::catalogue::galaxy::GalaxyParameters;
+use steradian::config::{CatalogueConfig, Config, ConfigError};
+use steradian::photometry::glare::{EyeColour, GlareKernelName};
+use steradian::plan::settings::{
+    AfterExit, ExposureMode, GlareMethod, HeadsetSettings, ReferenceSpace, RenderSettings, StarMethod, SwapchainFormat,
+    SwapchainLayout, ToneMapOperator, ToneMapSettings,
+};
+use steradian::scene::loader::{StarSource, load_stars};
+use steradian::view::{Part, ViewKind};
+
+fn examples() -> Vec<PathBuf> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs");
+    let mut files: Vec<PathBuf> = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+    files.sort();
+    files
+}
+
+fn parse(text: &str) -> Result<Config, ConfigError> {
+    Config::from_text(text, "test.toml", Path::new("/sky"), &[])
+}
+
+fn parse_with(text: &str, overrides: &[&str]) -> Result<Config, ConfigError> {
+    let overrides: Vec<String> = overrides.iter().map(|&text| text.to_owned()).collect();
+    Config::from_text(text, "test.toml", Path::new("/sky"), &overrides)
+}
+
+/// A view with these keys beside its name.
+fn view(keys: &str) -> String {
+    format!("[[views]]\nname = \"v\"\n{keys}\n")
+}
+
+/// The text is refused, and the message has all of these parts.
+#[track_caller]
+fn refused(text: &str, parts: &[&str]) {
+    let message = parse(text).expect_err("the configuration is refused").to_string();
+    for part in parts.iter().chain(&["test.toml"]) {
+        assert!(message.contains(part), "`{part}` is not in: {message}");
+    }
+}
+
+#[test]
+fn every_example_loads_and_makes_a_rig_that_looks_somewhere() {
+    let examples = examples();
+    let names: Vec<&str> = examples.iter().map(|path| path.file_stem().unwrap().to_str().unwrap()).collect();
+    for expected in [
+        "asteroids",
+        "calibrated",
+        "cubemap",
+        "demo",
+        "dome",
+        "equirectangular",
+        "headset",
+        "mission-control",
+        "perspective",
+        "stereo",
+    ] {
+        assert!(names.contains(&expected), "configs/{expected}.toml");
+    }
+    for path in &examples {
+        assert_eq!(path.extension().unwrap(), "toml", "{}", path.display());
+        let config = Config::load(path, &[]).unwrap_or_else(|error| panic!("{error}"));
+        let rig = config.rig().unwrap();
+        assert!(!rig.views().is_empty(), "{}", path.display());
+        let camera = config.camera().unwrap();
+        let pixels: u64 = rig
+            .viewports(camera.world_from_camera)
+            .iter()
+            .map(|viewport| u64::from(viewport.size()[0]) * u64::from(viewport.size()[1]))
+            .sum();
+        assert!(pixels > 0 && pixels < 8_000_000, "{}: {pixels} pixels", path.display());
+        assert!(!config.star_sources().is_empty());
+    }
+}
+
+#[test]
+fn the_demo_shows_the_four_kinds_of_views_and_the_southern_cross() {
+    let path = examples().into_iter().find(|path| path.ends_with("demo.toml")).unwrap();
+    let config = Config::load(&path, &[]).unwrap();
+    let rig = config.rig().unwrap();
+    let kinds: Vec<&str> = rig.views().iter().map(|view| view.kind.type_name()).collect();
+    assert_eq!(kinds, ["dome_master", "stereo", "cubemap", "equirectangular"]);
+    // Acrux and Hadar are in the picture of every view (of a cubemap: on one of its faces).
+    let camera = config.camera().unwrap();
+    for (ra_deg, dec_deg) in [(186.650f64, -63.099f64), (210.956, -60.373)] {
+        let (sin_ra, cos_ra) = ra_deg.to_radians().sin_cos();
+        let (sin_dec, cos_dec) = dec_deg.to_radians().sin_cos();
+        let star = glam::DVec3::new(cos_dec * cos_ra, cos_dec * sin_ra, sin_dec);
+        for (index, view) in rig.views().iter().enumerate() {
+            let seen = rig.viewports(camera.world_from_camera).iter().filter(|v| v.view == index).any(|viewport| {
+                let mapping = viewport.projection.mapping();
+                let pixel = mapping.pixel_from_direction(viewport.world_from_view.inverse() * star);
+                pixel.is_some_and(|p| p.x >= 0.0 && p.y >= 0.0 && mapping.contains(p.x as u32, p.y as u32))
+            });
+            assert!(seen, "{} shows no star at {ra_deg}, {dec_deg}", view.name);
+        }
+    }
+}
+
+#[test]
+fn the_built_in_configuration_has_a_dome_and_a_window() {
+    let config = Config::built_in(&["server.listen=127.0.0.1:0".to_owned()]).unwrap();
+    let rig = config.rig().unwrap();
+    assert!(matches!(rig.views()[0].kind, ViewKind::DomeMaster { size: 1024, .. }));
+    assert!(matches!(rig.views()[1].kind, ViewKind::Perspective { .. }));
+    assert_eq!(config.star_sources().len(), 2);
+    assert_eq!(config.server.listen, "127.0.0.1:0");
+}
+
+#[test]
+fn an_empty_file_is_all_defaults() {
+    let config = parse("").unwrap();
+    assert_eq!(config.render_settings(), RenderSettings::default());
+    assert_eq!(config.star_sources(), [StarSource::Bright]);
+    assert_eq!(config.camera().unwrap(), steradian::scene::Camera::default());
+    assert_eq!(config.server.listen, "127.0.0.1:7143");
+    assert_eq!(config.scene.time.to_string(), "2026-01-01T00:00:00Z");
+    assert_eq!(config.glare.inner_deg, 0.1);
+    assert!(config.rig().unwrap().views().is_empty());
+}
+
+#[test]
+fn scene_time_camera_and_catalogues() {
+    let config = parse(
+        "[scene]\ncatalogues = ['builtin:bright', 'near/x.csv', '/far/y.stars', { galaxy = { stars = 5, seed = 7, fainter_than = 3.5 } }, { galaxy = { stars = 6 } }]\n\
+         time = 2031-05-06T07:08:09.5+02:00\n[scene.camera]\nposition_m = [1, 2.5, -3e20]\norientation = [0.0, 0.0, 0.70712, 0.70712]\nvelocity_c = [0, 0.5, -0.25]\n",
+    )
+    .unwrap();
+    let galaxy = |stars, seed, fainter_than| StarSource::Galaxy(GalaxyParameters { stars, seed, fainter_than });
+    assert_eq!(
+        config.star_sources(),
+        [
+            StarSource::Bright,
+            StarSource::File("/sky/near/x.csv".into()),
+            StarSource::File("/far/y.stars".into()),
+            galaxy(5, 7, Some(3.5)),
+            galaxy(6, 1, None)
+        ]
+    );
+    assert!(matches!(&config.scene.catalogues[1], CatalogueConfig::Named(name) if name == "near/x.csv"));
+    let camera = config.camera().unwrap();
+    assert_eq!(camera.position_m, glam::DVec3::new(1.0, 2.5, -3e20));
+    assert_eq!(camera.velocity_c, glam::DVec3::new(0.0, 0.5, -0.25));
+    assert!((camera.world_from_camera.length() - 1.0).abs() < 1e-12, "normalised");
+    assert_eq!(config.scene.time.offset.unwrap().to_string(), "+02:00");
+}
+
+#[test]
+fn mistakes_in_the_scene() {
+    refused("[scene]\ncatalogs = []", &["scene.catalogs", "unknown key", "catalogues"]);
+    refused("[scene]\ncatalogues = 'x.csv'", &["scene.catalogues", "sequence"]);
+    refused("[scene]\ncatalogues = [3]", &["scene.catalogues[0]", "builtin:bright", "galaxy"]);
+    refused("[scene]\ncatalogues = ['builtin:hyg']", &["scene.catalogues[0]", "builtin:hyg", "builtin:bright"]);
+    refused("[scene]\ncatalogues = ['builtin:galaxy']", &["scene.catalogues[0]", "galaxy = {"]);
+    refused("[scene]\ncatalogues = ['']", &["scene.catalogues[0]", "empty"]);
+    refused(
+        "[scene]\ncatalogues = [{ galaxy = { stars = 'x' } }]",
+        &["scene.catalogues[0].galaxy.stars", "invalid type"],
+    );
+    refused(
+        "[scene]\ncatalogues = [{ galaxy = { seed = 1 } }]",
+        &["scene.catalogues[0].galaxy", "missing key `stars`"],
+    );
+    refused(
+        "[scene]\ncatalogues = [{ galaxy = { stars = 0 } }]",
+        &["scene.catalogues[0].galaxy.stars", "0: allowed are 1"],
+    );
+    refused(
+        "[scene]\ncatalogues = [{ galaxy = { stars = 1, star = 1 } }]",
+        &["scene.catalogues[0].galaxy.star", "unknown key"],
+    );
+    refused(
+        "[scene]\ncatalogues = [{ galaxy = { stars = 1, fainter_than = nan } }]",
+        &["galaxy.fainter_than", "finite"],
+    );
+    refused("[scene]\ncatalogues = [{ nebula = { } }]", &["scene.catalogues[0].nebula", "unknown key", "galaxy"]);
+    refused("[scene]\ntime = 2026-01-01", &["scene.time", "offset", "2026-01-01T00:00:00Z"]);
+    refused("[scene]\ntime = 'noon'", &["scene.time"]);
+    refused("[scene.camera]\nposition_m = [nan, 0, 0]", &["scene.camera.position_m", "finite"]);
+    refused("[scene.camera]\nposition_m = [0, 0]", &["scene.camera.position_m", "invalid length 2"]);
+    refused("[scene.camera]\norientation = [0, 0, 0, 1.01]", &["scene.camera.orientation", "unit quaternion"]);
+    refused("[scene.camera]\norientation = [0, 0, inf, 1]", &["scene.camera.orientation", "finite"]);
+    refused("[scene.camera]\nvelocity_c = [0.99991, 0, 0]", &["scene.camera.velocity_c", "0.99991", "0 to 0.9999"]);
+    refused("[scene.camera]\nvelocity_c = [0.6, 0.8, 0]", &["scene.camera.velocity_c", "from 0 to 0.9999"]);
+    refused("[scene.camera]\nvelocity_c = [nan, 0, 0]", &["scene.camera.velocity_c", "finite"]);
+    refused("[scene.camera]\nheading = 3", &["scene.camera.heading", "unknown key", "orientation"]);
+}
+
+#[test]
+fn every_type_of_view() {
+    let text = "
+        [[views]]
+        name = 'flat'
+        type = 'perspective'
+        size = [16, 9]
+        fov_y_deg = 60
+        orientation = [0, 1, 0, 0]
+        position_m = [1, 2, 3]
+        [[views]]
+        name = 'off'
+        type = 'perspective'
+        size = [10, 10]
+        fov = { left_deg = -10, right_deg = 20, up_deg = 30, down_deg = -40 }
+        [[views]]
+        name = 'eyes'
+        type = 'stereo'
+        size = [10, 10]
+        ipd_m = 0.064
+        fov = { left_deg = -50, right_deg = 40, up_deg = 45, down_deg = -45 }
+        [[views]]
+        name = 'eyes2'
+        type = 'stereo'
+        size = [10, 10]
+        ipd_m = 0
+        fov_left = { left_deg = -50, right_deg = 40, up_deg = 45, down_deg = -45 }
+        fov_right = { left_deg = -41, right_deg = 51, up_deg = 44, down_deg = -44 }
+        [[views]]
+        name = 'cube'
+        type = 'cubemap'
+        face_size = 8
+        [[views]]
+        name = 'some'
+        type = 'cubemap'
+        face_size = 8
+        faces = ['up', 'front']
+        [[views]]
+        name = 'fish'
+        type = 'fisheye'
+        mapping = 'stereographic'
+        fov_deg = 300
+        size = [20, 10]
+        [[views]]
+        name = 'dome'
+        type = 'dome_master'
+        size = [10, 10]
+        [[views]]
+        name = 'map'
+        type = 'equirectangular'
+        size = [20, 10]
+    ";
+    let rig = parse(text).unwrap().rig().unwrap();
+    let parts: Vec<usize> = rig.views().iter().map(|view| view.images.len()).collect();
+    assert_eq!(parts, [1, 1, 2, 2, 6, 2, 1, 1, 1]);
+    let view = |name: &str| &rig.views()[rig.index_of(name).unwrap()];
+    assert_eq!(view("flat").images[0].eye_position_m, glam::DVec3::new(1.0, 2.0, 3.0));
+    assert!(
+        matches!(&view("flat").kind, ViewKind::Perspective { size: [16, 9], fov_y_rad } if (fov_y_rad - 60f64.to_radians()).abs() < 1e-15)
+    );
+    assert!(
+        matches!(&view("off").kind, ViewKind::OffAxis { fov, .. } if (fov.down_rad + 40f64.to_radians()).abs() < 1e-15)
+    );
+    let ViewKind::Stereo { fov_left, fov_right, ipd_m, .. } = &view("eyes").kind else { panic!("stereo") };
+    assert_eq!(*fov_right, fov_left.mirrored());
+    assert_eq!(*ipd_m, 0.064);
+    let ViewKind::Stereo { fov_right, .. } = &view("eyes2").kind else { panic!("stereo") };
+    assert!((fov_right.right_rad - 51f64.to_radians()).abs() < 1e-15);
+    assert!(matches!(view("some").images[0].part, Part::Face(face) if face.name() == "up"));
+    assert!(matches!(&view("fish").kind, ViewKind::Fisheye { mapping, .. } if mapping.name() == "stereographic"));
+    assert!(
+        matches!(&view("dome").kind, ViewKind::DomeMaster { fov_rad, tilt_rad, .. } if *fov_rad == std::f64::consts::PI && *tilt_rad == 0.0)
+    );
+}
+
+#[test]
+fn mistakes_in_views() {
+    refused("[[views]]\ntype = 'cubemap'", &["views[0].name", "missing key"]);
+    refused("[[views]]\nname = 'v'", &["views[0].type", "view `v`", "missing key", "fisheye", "equirectangular"]);
+    refused(&view("type = 'panorama'"), &["views[0].type", "panorama", "dome_master"]);
+    refused(&view("type = 7"), &["views[0].type", "perspective"]);
+    refused(&view("type = 'perspective'\nsize = [4, 4]\nfov_y_deg = 180"), &["views[0].fov_y_deg", "view `v`", "178"]);
+    refused(&view("type = 'perspective'\nsize = [4, 4]\nfov_y_deg = nan"), &["views[0].fov_y_deg", "finite"]);
+    refused(&view("type = 'perspective'\nsize = [4, 4]"), &["views[0].fov_y_deg", "exactly one"]);
+    let both = "type = 'perspective'\nsize = [4, 4]\nfov_y_deg = 60\nfov = { left_deg = -1, right_deg = 1, up_deg = 1, down_deg = -1 }";
+    refused(&view(both), &["views[0].fov", "exactly one of fov and fov_y_deg"]);
+    refused(&view("type = 'perspective'\nsize = [0, 4]\nfov_y_deg = 60"), &["views[0].size", "0 x 4", "at least 1"]);
+    refused(&view("type = 'perspective'\nsize = [-3, 4]\nfov_y_deg = 60"), &["views[0].size[0]", "-3"]);
+    refused(&view("type = 'perspective'\nsize = 4\nfov_y_deg = 60"), &["views[0].size", "invalid type"]);
+    refused(
+        &view("type = 'perspective'\nsize = [4, 4]\nfov_y_deg = 60\nmapping = 'equisolid'"),
+        &["views[0].mapping", "unknown key"],
+    );
+    let crossed =
+        "type = 'perspective'\nsize = [4, 4]\nfov = { left_deg = 2, right_deg = 1, up_deg = 1, down_deg = -1 }";
+    refused(&view(crossed), &["views[0].fov.left_deg", "smaller"]);
+    refused(&view("type = 'stereo'\nsize = [4, 4]\nipd_m = 0.06"), &["views[0].fov", "fov_left and fov_right"]);
+    let eyes = "type = 'stereo'\nsize = [4, 4]\nfov = { left_deg = -9, right_deg = 9, up_deg = 9, down_deg = -9 }";
+    refused(&view(eyes), &["views[0]", "missing key `ipd_m`"]);
+    refused(&view(&format!("{eyes}\nipd_m = -1")), &["views[0]", "ipd_m = -1", "finite distances from 0"]);
+    refused(&view("type = 'cubemap'\nface_size = 0"), &["views[0].face_size", "at least 1"]);
+    refused(&view("type = 'cubemap'\nface_size = 4\nfaces = ['top']"), &["views[0].faces[0]", "top", "front, right"]);
+    refused(&view("type = 'cubemap'\nface_size = 4\nfaces = []"), &["views[0]", "faces", "at least one"]);
+    refused(&view("type = 'cubemap'\nface_size = 4\nfaces = ['up', 'up']"), &["views[0]", "faces", "twice"]);
+    refused(&view("type = 'fisheye'\nsize = [4, 4]\nfov_deg = 400"), &["views[0].fov_deg", "400", "360"]);
+    refused(
+        &view("type = 'fisheye'\nmapping = 'orthographic'\nsize = [4, 4]\nfov_deg = 200"),
+        &["views[0].fov_deg", "200", "180"],
+    );
+    refused(
+        &view("type = 'fisheye'\nmapping = 'stereographic'\nsize = [4, 4]\nfov_deg = 360"),
+        &["views[0].fov_deg", "360"],
+    );
+    refused(
+        &view("type = 'fisheye'\nmapping = 'round'\nsize = [4, 4]\nfov_deg = 180"),
+        &["views[0].mapping", "round", "equisolid"],
+    );
+    refused(&view("type = 'dome_master'\nsize = [4, 5]"), &["views[0].size", "square"]);
+    refused(&view("type = 'dome_master'\nsize = [4, 4]\ntilt_deg = inf"), &["views[0].tilt_deg", "finite"]);
+    refused(&view("type = 'equirectangular'\nsize = [5, 4]"), &["views[0].size[0]", "even"]);
+    let map = "type = 'equirectangular'\nsize = [4, 2]";
+    refused(&view(&format!("{map}\norientation = [0, 0, 0, 2]")), &["views[0].orientation", "unit quaternion"]);
+    refused(&view(&format!("{map}\nposition_m = [0, nan, 0]")), &["views[0].position_m", "finite"]);
+    refused(&view(&format!("{map}\nposition_m = 'here'")), &["views[0].position_m", "invalid type"]);
+    refused(&format!("[[views]]\nname = 'a b'\n{map}"), &["views[0].name", "letters, digits"]);
+    refused(&format!("{}{}", view(map), view(map)), &["views[1].name", "views[0]", "unique"]);
+    refused("views = 3", &["views", "invalid type"]);
+}
+
+#[test]
+fn sections_of_rendering() {
+    let config = parse(
+        "[stars]\nmethod = 'tent'\nmagnitude_limit = 8\n[glare]\nmethod = 'none'\nkernel = 'cie'\ninner_deg = 0.5\nfraction = 0.2\n\
+         [exposure]\nmode = 'manual'\nev100 = 2\nkey = 0.2\n[tone_map]\noperator = 'calibrated'\n\
+         peak_cd_m2 = 12\nblack_cd_m2 = 0.01\nwhite = 8\ndesaturation = 0.5\nscotopic = 0.25\ndither = false\n[accuracy]\nflux = 1e-2\ncentroid_px = 0.1\nflicker = 0.5\n\
+         [server]\nlisten = '[::1]:99'\n",
+    )
+    .unwrap();
+    let settings = config.render_settings();
+    assert_eq!((settings.stars.method, settings.stars.magnitude_limit), (StarMethod::Tent, 8.0));
+    assert_eq!(settings.glare.method, GlareMethod::None);
+    assert_eq!((config.glare.kernel, config.glare.inner_deg, config.glare.fraction), (GlareKernelName::Cie, 0.5, 0.2));
+    assert_eq!((settings.exposure.mode, settings.exposure.ev100), (ExposureMode::Manual, 2.0));
+    assert_eq!(settings.exposure.key, 0.2);
+    let expected = ToneMapSettings {
+        operator: ToneMapOperator::Calibrated,
+        white: 8.0,
+        peak_cd_m2: 12.0,
+        black_cd_m2: 0.01,
+        desaturation: 0.5,
+        scotopic: 0.25,
+        dither: false,
+    };
+    assert_eq!(settings.tone_map, expected);
+    for operator in ToneMapOperator::ALL {
+        let config = parse(&format!("[tone_map]\noperator = '{}'", operator.name())).unwrap();
+        assert_eq!(config.tone_map, ToneMapSettings::of(operator));
+    }
+    assert_eq!((settings.accuracy.flux, settings.accuracy.centroid_px, settings.accuracy.flicker), (1e-2, 0.1, 0.5));
+    assert_eq!(config.server.listen, "[::1]:99");
+}
+
+#[test]
+fn the_eye_and_the_table_of_glare() {
+    let glare =
+        parse("[glare]\nkernel = 'cie'\nage_years = 20\neye_colour = 'very_light'\nabsolute = true").unwrap().glare;
+    assert_eq!((glare.age_years, glare.eye_colour, glare.absolute), (20.0, EyeColour::VeryLight, true));
+    assert!((glare.fraction_scattered() - glare.fraction).abs() > 0.1);
+    // The path starts at the folder of the file, unless it starts at the root.
+    let file = |path| parse(&format!("[glare]\nkernel = 'psf'\npsf_file = '{path}'")).unwrap().glare.psf_file.unwrap();
+    assert_eq!(file("eyes/mine.csv"), Path::new("/sky/eyes/mine.csv"));
+    assert_eq!(file("/eyes/mine.csv"), Path::new("/eyes/mine.csv"));
+}
+
+#[test]
+fn mistakes_in_the_sections() {
+    refused("[[moons]]\nname = 'Io'", &["moons", "unknown key", "bodies"]);
+    refused("[stars]\nmethod = 'dots'", &["stars.method", "dots", "bspline"]);
+    refused("[stars]\nmagnitude_limit = inf", &["stars.magnitude_limit", "finite"]);
+    refused("[stars]\nmagnitude_limit = 'all'", &["stars.magnitude_limit", "invalid type"]);
+    for (table, key, wrong, told) in [
+        ("billboard", "diameter_arcmin", "0", "above 0 up to 1800"),
+        ("billboard", "diameter_arcmin", "1801", "above 0 up to 1800"),
+        ("billboard", "screen_size_px", "-3", "above 0 up to 1024"),
+        ("billboard", "brightest_magnitude", "15", "faintest_magnitude"),
+        ("billboard", "faintest_magnitude", "101", "-100 to 100"),
+        ("gaussian_psf", "saturation_magnitude", "7", "limiting_magnitude"),
+        ("gaussian_psf", "limiting_magnitude", "nan", "finite"),
+        ("gaussian_psf", "sigma2_px2", "0.001", "0.01 to 10000"),
+        ("gaussian_psf", "glare_sigma2_px2", "20000", "0.01 to 10000"),
+        ("gaussian_psf", "glare_brightness", "1.5", "0 to 1"),
+        ("pixel_gaussian", "sigma_px", "0.69", "0.7 to 64"),
+        ("pixel_gaussian", "sigma_px", "-1", "0.7 to 64"),
+        ("pixel_gaussian", "sigma_px", "64.1", "0.7 to 64"),
+        ("pixel_gaussian", "sigma_px", "nan", "finite"),
+        ("pixel_gaussian", "sigma_arcmin", "0", "above 0 up to 600"),
+        ("pixel_gaussian", "sigma_arcmin", "601", "above 0 up to 600"),
+        ("pixel_gaussian", "sigma_arcmin", "inf", "finite"),
+        ("psf_texture", "width_arcmin", "0", "above 0 up to 1200"),
+        ("psf_texture", "width_arcmin", "1201", "above 0 up to 1200"),
+        ("psf_texture", "aperture", "'square'", "circle, hexagon, curved_blades, jwst, hubble"),
+        ("psf_texture", "diameter_mm", "0", "0.01 to 100000"),
+        ("psf_texture", "diameter_mm", "nan", "finite"),
+        ("psf_texture", "diameter_mm", "500", "at width_arcmin = 240 allowed are at most"),
+        ("psf_texture", "file", "3", "invalid type"),
+        ("cell_sky", "cells", "0", "1 to 65535"),
+        ("cell_sky", "cells", "65536", "1 to 65535"),
+        ("cell_sky", "layers", "0", "1 to 64"),
+        ("cell_sky", "layers", "65", "1 to 64"),
+        ("cell_sky", "radius_px", "0", "above 0 up to 1024"),
+        ("cell_sky", "radius_px", "inf", "finite"),
+        ("cell_sky", "seed", "-1", "invalid value"),
+    ] {
+        refused(&format!("[stars.{table}]\n{key} = {wrong}"), &[&format!("stars.{table}.{key}"), told]);
+    }
+    assert!(parse("[stars.gaussian_psf]\nglare_brightness = 0\n[stars.billboard]\ndiameter_arcmin = 1800").is_ok());
+    assert!(parse("[stars.pixel_gaussian]\nsigma_px = 64\nsigma_arcmin = 600").is_ok());
+    assert!(parse("[stars.cell_sky]\ncells = 65535\nlayers = 64\nradius_px = 1024").is_ok());
+    assert!(parse("[stars.psf_texture]\naperture = 'jwst'\ndiameter_mm = 0.5\nwidth_arcmin = 1200").is_ok());
+    // What is computed no more does not matter where a file is given.
+    assert!(parse("[stars.psf_texture]\nfile = 'star.exr'\ndiameter_mm = 500").is_ok());
+    refused("[glare]\nmethod = 'pyramid'", &["glare.method", "pyramid", "none"]);
+    refused("[glare]\nkernel = 'wide'", &["glare.kernel", "inverse_square"]);
+    refused("[glare]\ninner_deg = 0", &["glare.inner_deg", "above 0"]);
+    refused("[glare]\nfraction = 1.5", &["glare.fraction", "0 to 1"]);
+    refused("[glare]\nfraction = nan", &["glare.fraction"]);
+    refused("[glare]\nage_years = 121", &["glare.age_years", "0 to 120"]);
+    refused("[glare]\nage_years = -1", &["glare.age_years", "0 to 120"]);
+    refused("[glare]\nage_years = nan", &["glare.age_years", "finite"]);
+    refused("[glare]\neye_colour = 'green'", &["glare.eye_colour", "green", "very_light"]);
+    refused("[glare]\nkernel = 'psf'", &["glare.psf_file", "missing key", "theta_deg,per_sr"]);
+    refused("[glare]\nkernel = 'psf'\npsf_file = 3", &["glare.psf_file", "invalid type"]);
+    refused("[glare]\nabsolute = 1", &["glare.absolute", "invalid type"]);
+    refused("[glare]\nabsolute = true", &["glare.absolute", "cie"]);
+    let old = "[glare]\nkernel = 'cie'\nage_years = 120\n";
+    refused(&format!("{old}absolute = true"), &["glare.absolute", "age_years = 120", "at most 1"]);
+    assert!(parse(old).is_ok() && parse(&format!("{old}absolute = true\ninner_deg = 30")).is_ok());
+    refused("[exposure]\nmode = 'night'", &["exposure.mode", "manual"]);
+    refused("[exposure]\nev100 = nan", &["exposure.ev100", "finite"]);
+    refused("[exposure]\nev100 = 300", &["exposure.ev100", "-100 to 100"]);
+    refused("[exposure]\nmin_ev100 = 5\nmax_ev100 = 4", &["exposure.min_ev100", "max_ev100 = 4"]);
+    refused("[exposure]\nadaptation_s = -1", &["exposure.adaptation_s", "from 0"]);
+    refused("[exposure]\niso = 100", &["exposure.iso", "unknown key", "ev100"]);
+    for key in ["0", "1e-7", "1.01", "-0.1"] {
+        refused(&format!("[exposure]\nkey = {key}"), &["exposure.key", "0.000001 to 1 of display white"]);
+    }
+    refused("[exposure]\nkey = nan", &["exposure.key", "finite"]);
+    assert!(parse("[exposure]\nkey = 1\n").is_ok() && parse("[exposure]\nkey = 1e-6\n").is_ok());
+    refused("[tone_map]\noperator = 'hable'", &["tone_map.operator", "filmic", "reinhard", "calibrated"]);
+    refused("[tone_map]\ngamma = 2.2", &["tone_map.gamma", "unknown key", "peak_cd_m2"]);
+    refused("[tone_map]\ndither = 1", &["tone_map.dither", "invalid type"]);
+    for (key, wrong, told) in [
+        ("white", "0.99", "1 to 1000000 times display white"),
+        ("white", "inf", "finite"),
+        ("peak_cd_m2", "0", "above 0 up to 1000000 cd/m^2"),
+        ("peak_cd_m2", "1e7", "above 0 up to 1000000 cd/m^2"),
+        ("black_cd_m2", "-0.1", "0 to 50 cd/m^2"),
+        ("black_cd_m2", "50.1", "half of peak_cd_m2 = 100"),
+        ("black_cd_m2", "nan", "finite"),
+        ("desaturation", "1.1", "0 to 1"),
+        ("desaturation", "-0.1", "0 to 1"),
+        ("scotopic", "2", "0 to 1"),
+        ("scotopic", "nan", "finite"),
+    ] {
+        refused(&format!("[tone_map]\n{key} = {wrong}"), &[&format!("tone_map.{key}"), told]);
+    }
+    let widest =
+        "[tone_map]\nwhite = 1\npeak_cd_m2 = 1e6\nblack_cd_m2 = 5e5\ndesaturation = 1\nscotopic = 1\ndither = false";
+    assert!(parse(widest).is_ok());
+    for value in ["1e300", "30.1", "-31"] {
+        refused(&format!("[exposure]\ncompensation_ev = {value}"), &["exposure.compensation_ev", "-30 to 30"]);
+    }
+    refused("[accuracy]\nflux = 0", &["accuracy.flux", "above 0"]);
+    for (key, most) in [("flux", "1"), ("centroid_px", "10"), ("flicker", "1")] {
+        let allowed = format!("above 0 up to {most}");
+        for value in ["1e30", "-1", &format!("{most}.001")] {
+            refused(&format!("[accuracy]\n{key} = {value}"), &[&format!("accuracy.{key}"), &allowed]);
+        }
+        assert!(parse(&format!("[accuracy]\n{key} = {most}")).is_ok());
+    }
+    for value in [-30, 30] {
+        assert!(parse(&format!("[exposure]\ncompensation_ev = {value}")).is_ok());
+    }
+    for listen in ["everywhere", ":7143", "localhost:http", "localhost:70000", "::1:7143"] {
+        refused(&format!("[server]\nlisten = '{listen}'"), &["server.listen", listen, "127.0.0.1:7143"]);
+    }
+}
+
+#[test]
+fn the_headset_is_off_unless_it_is_asked_for_and_every_key_is_taken() {
+    assert_eq!(parse("").unwrap().headset, HeadsetSettings::default());
+    assert!(!parse("[headset]\n").unwrap().headset.enabled);
+    assert!(parse_with("", &["headset.enabled=true"]).unwrap().headset.enabled);
+    let all = "[headset]\nenabled = true\nname = 'visor-1'\nswapchains = 'two'\nformat = 'rgba16f'\nresolution_scale = 4\n\
+               reference_space = 'stage'\nflight_m_s = 1e12\nturn_deg_s = 0\nafter_exit = 'reconnect'\n";
+    let expected = HeadsetSettings {
+        enabled: true,
+        name: "visor-1".to_owned(),
+        swapchains: SwapchainLayout::Two,
+        format: SwapchainFormat::Rgba16f,
+        resolution_scale: 4.0,
+        reference_space: ReferenceSpace::Stage,
+        flight_m_s: 1e12,
+        turn_deg_s: 0.0,
+        after_exit: AfterExit::Reconnect,
+    };
+    assert_eq!(parse(all).unwrap().headset, expected);
+    for (key, value) in [("resolution_scale", "0.1"), ("turn_deg_s", "360"), ("flight_m_s", "1e-3")] {
+        assert!(parse(&format!("[headset]\n{key} = {value}")).is_ok(), "{key} = {value}");
+    }
+}
+
+#[test]
+fn mistakes_in_the_headset() {
+    for (key, wrong, told) in [
+        ("enabled", "1", "invalid type"),
+        ("name", "''", "letters, digits, `_` and `-`"),
+        ("name", "'a b'", "view name `a b`"),
+        ("swapchains", "'three'", "`auto`, `array`, `two`"),
+        ("format", "'rgb565'", "`rgba8_srgb`"),
+        ("reference_space", "'floor'", "`stage`"),
+        ("after_exit", "'sleep'", "`reconnect`"),
+        ("resolution_scale", "0.09", "0.1 to 4"),
+        ("resolution_scale", "4.1", "0.1 to 4"),
+        ("resolution_scale", "nan", "finite"),
+        ("flight_m_s", "0", "above 0 up to 1e12 m/s"),
+        ("flight_m_s", "1.1e12", "above 0 up to 1e12 m/s"),
+        ("flight_m_s", "inf", "finite"),
+        ("turn_deg_s", "-1", "0 to 360 deg/s"),
+        ("turn_deg_s", "361", "0 to 360 deg/s"),
+        ("turn_deg_s", "nan", "finite"),
+        ("fov_deg", "90", "unknown key"),
+    ] {
+        refused(&format!("[headset]\n{key} = {wrong}"), &[&format!("headset.{key}"), told]);
+    }
+}
+
+#[test]
+fn a_headset_that_is_driven_has_a_name_of_its_own() {
+    let twin = view("type = 'cubemap'\nface_size = 4");
+    refused(
+        &format!("[headset]\nenabled = true\nname = 'v'\n{twin}"),
+        &["headset.name", "views[0] has the name `v` too"],
+    );
+    // A configuration whose view has the default name is still good where no headset is driven.
+    assert!(parse(&format!("[headset]\nname = 'v'\n{twin}")).is_ok());
+    let message = parse_with(&format!("[headset]\nname = 'v'\n{twin}"), &["headset.enabled=true"]).unwrap_err();
+    assert!(message.to_string().contains("headset.name"), "{message}");
+}
+
+#[test]
+fn syntax_errors_tell_line_and_column() {
+    refused("[scene]\n\ncatalogues = [\n'x' 'y']\n", &["test.toml:4:"]);
+    refused("[stars]\nmethod = 'auto'\nmethod = 'tent'\n", &["test.toml:3:1", "duplicate"]);
+    refused("[stars]\nmethod = auto\n", &["test.toml:2:"]);
+}
+
+#[test]
+fn a_missing_file_is_named() {
+    let error = Config::load(Path::new("no/such/sky.toml"), &[]).unwrap_err();
+    assert!(matches!(error, ConfigError::Read { .. }));
+    assert!(error.to_string().contains("no/such/sky.toml"), "{error}");
+}
+
+#[test]
+fn overrides_change_what_the_file_says_and_are_checked_alike() {
+    let text = view("type = 'fisheye'\nsize = [4, 4]\nfov_deg = 180");
+    let overrides = ["views.v.fov_deg=210", "views.0.mapping=equisolid", "exposure.mode=manual", "exposure.ev100=4"];
+    let config = parse_with(&text, &overrides).unwrap();
+    assert!(matches!(&config.rig().unwrap().views()[0].kind,
+        ViewKind::Fisheye { fov_rad, mapping, .. } if (fov_rad.to_degrees() - 210.0).abs() < 1e-9 && mapping.name() == "equisolid"));
+    assert_eq!(config.render_settings().exposure.ev100, 4.0);
+
+    for (argument, parts) in [
+        ("views.v.fov_deg=400", ["views[0].fov_deg", "360"]),
+        ("views.w.fov_deg=40", ["no `w`", "by name v"]),
+        ("views.3.fov_deg=40", ["no `3`", "0 to 0"]),
+        ("exposure.mood=dark", ["exposure.mood", "unknown key"]),
+        ("exposure.ev100=dark", ["exposure.ev100", "invalid type"]),
+        ("moons.io=1", ["moons", "unknown key"]),
+        ("exposure.ev100", ["key=value", "exposure.ev100=2"]),
+        ("scene.catalogues=[1", ["not a TOML value", "numbers"]),
+    ] {
+        let message = parse_with(&text, &[argument]).unwrap_err().to_string();
+        for part in parts.into_iter().chain(["--set", argument]) {
+            assert!(message.contains(part), "`{part}` is not in: {message}");
+        }
+    }
+}
+
+#[test]
+fn paths_start_at_the_folder_of_the_file() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("one.csv"), "ra_deg,dec_deg,v_mag\n10,20,3.0\n").unwrap();
+    let path = folder.path().join("sky.toml");
+    std::fs::write(&path, "[scene]\ncatalogues = ['one.csv']\n").unwrap();
+    let sources = Config::load(&path, &[]).unwrap().star_sources();
+    let (stars, report) = load_stars(&sources, &mut |_| ()).unwrap();
+    assert_eq!(stars.stars.len(), 1);
+    assert_eq!(report.catalogues[0].rows.as_ref().unwrap().used, 1);
+}

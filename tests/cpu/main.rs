@@ -1,0 +1,13 @@
+//! What needs no adapter: twins in f64 against closed forms, configurations, catalogues, shaders as text, and the order of modules.
+#![allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
+
+#[path = "../common/mod.rs"]
+mod common;
+
+mod bodies;
+mod configuration;
+mod layering;
+mod overlay;
+mod psf;
+mod shaders;
+mod stars;

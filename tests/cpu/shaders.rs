@@ -1,0 +1,253 @@
+//! Every shader is valid in every combination of its choices, the structs that Rust and WGSL share have the same layout, and
+//! constants that both have stand in Rust alone.
+#![allow(clippy::unwrap_used, reason = "a failed expectation of a test's own helpers is a failed test")]
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use naga::valid::{Capabilities, ValidationFlags, Validator};
+use steradian::{
+    gpu::{Shader, ShaderSource, constant_tables, shaders},
+    render::layout,
+};
+
+fn parse(name: &str, text: &str) -> naga::Module {
+    naga::front::wgsl::parse_str(text).unwrap_or_else(|error| panic!("{name}: {}", error.emit_to_string(text)))
+}
+
+/// Every shader with its module.
+fn sources() -> Vec<(Shader, ShaderSource)> {
+    let shaders = shaders().unwrap_or_else(|error| panic!("{error}"));
+    shaders
+        .into_iter()
+        .map(|shader| {
+            let source = shader.resolve().unwrap_or_else(|error| panic!("{shader}: {error}"));
+            (shader, source)
+        })
+        .collect()
+}
+
+#[test]
+fn every_shader_is_valid() {
+    // Packing two halves in a word needs no optional feature of the adapter.
+    let narrow = Capabilities::SHADER_FLOAT16_IN_FLOAT32;
+    let wide = narrow | Capabilities::SHADER_INT64 | Capabilities::SHADER_INT64_ATOMIC_ALL_OPS;
+    let mut with_u64 = 0;
+    for (shader, source) in sources() {
+        let module = parse(&shader.to_string(), &source.text);
+        let check = |capabilities| Validator::new(ValidationFlags::all(), capabilities).validate(&module);
+        check(wide).unwrap_or_else(|error| panic!("{shader}: {error:?}"));
+        assert_eq!(check(narrow).is_err(), source.needs_u64, "{shader}: `#requires u64` is missing, or stands in vain");
+        let entry_points: Vec<_> = module.entry_points.iter().map(|entry| entry.name.as_str()).collect();
+        assert_eq!(entry_points, [source.entry_point], "{shader}");
+        with_u64 += usize::from(source.needs_u64);
+    }
+    assert!(with_u64 > 0);
+}
+
+#[test]
+fn an_invalid_shader_is_found() {
+    let module = parse("wrong", "@compute @workgroup_size(1) fn main() { let x: u64 = 1lu; }");
+    assert!(Validator::new(ValidationFlags::all(), Capabilities::empty()).validate(&module).is_err());
+}
+
+/// What WGSL says of a struct: its size, and name and offset of every field.
+type WgslLayout = (usize, Vec<(String, usize)>);
+
+fn wgsl_layouts(module: &naga::Module) -> BTreeMap<String, WgslLayout> {
+    // What buffers hold, at any depth; other structs stay inside of a shader and have no counterpart.
+    let mut held: Vec<_> = module.global_variables.iter().map(|(_, variable)| variable.ty).collect();
+    let mut next = 0;
+    while next < held.len() {
+        match &module.types[held[next]].inner {
+            naga::TypeInner::Array { base, .. } => held.push(*base),
+            naga::TypeInner::Struct { members, .. } => held.extend(members.iter().map(|member| member.ty)),
+            _ => {}
+        }
+        next += 1;
+    }
+    module
+        .types
+        .iter()
+        .filter(|(handle, _)| held.contains(handle))
+        .filter_map(|(_, kind)| match (&kind.name, &kind.inner) {
+            (Some(name), naga::TypeInner::Struct { members, span }) => {
+                let fields = members.iter().map(|m| (m.name.clone().unwrap_or_default(), m.offset as usize)).collect();
+                Some((name.clone(), (*span as usize, fields)))
+            }
+            _ => None,
+        })
+        .collect()
+}
+
+/// Where a struct of Rust and one of WGSL differ.
+fn difference(rust: &layout::StructLayout, wgsl: &WgslLayout) -> Option<String> {
+    let rust_fields: Vec<(String, usize)> =
+        rust.fields.iter().map(|(name, offset)| ((*name).to_owned(), *offset)).collect();
+    if rust.size != wgsl.0 {
+        return Some(format!("{}: {} bytes in Rust, {} in WGSL", rust.name, rust.size, wgsl.0));
+    }
+    (rust_fields != wgsl.1).then(|| format!("{}: {rust_fields:?} in Rust, {:?} in WGSL", rust.name, wgsl.1))
+}
+
+#[test]
+fn structs_have_the_same_fields_offsets_and_sizes() {
+    let mut seen = BTreeMap::new();
+    for (shader, source) in sources() {
+        for (name, wgsl) in wgsl_layouts(&parse(source.name, &source.text)) {
+            if name == "Star" {
+                // The star is the catalogue's own type, with its offsets as an array.
+                assert_eq!(wgsl.0, size_of::<steradian::catalogue::packed::PackedStar>());
+                continue;
+            }
+            let rust = layout::struct_layouts().into_iter().find(|rust| rust.name == name);
+            let rust = rust.unwrap_or_else(|| panic!("{shader}: struct {name} has no counterpart in Rust"));
+            assert_eq!(difference(&rust, &wgsl), None, "{shader}");
+            seen.insert(name, ());
+        }
+    }
+    for rust in layout::struct_layouts() {
+        assert!(seen.contains_key(rust.name), "no shader has the struct {}", rust.name);
+    }
+}
+
+#[test]
+fn a_moved_field_and_a_wrong_size_are_found() {
+    let rust = layout::struct_layouts().into_iter().find(|rust| rust.name == "Tile").unwrap();
+    let right: Vec<(String, usize)> = rust.fields.iter().map(|(name, offset)| ((*name).to_owned(), *offset)).collect();
+    assert_eq!(difference(&rust, &(rust.size, right.clone())), None);
+    let mut swapped = right.clone();
+    swapped.swap(1, 2);
+    assert!(difference(&rust, &(rust.size, swapped)).is_some());
+    assert!(difference(&rust, &(rust.size + 16, right)).is_some());
+}
+
+/// Files of a folder and below, by their paths from the crate's root.
+fn files(folder: &str, extension: &str) -> BTreeMap<PathBuf, String> {
+    fn walk(folder: &Path, extension: &str, found: &mut Vec<PathBuf>) {
+        for entry in fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                walk(&path, extension, found);
+            } else if path.extension().is_some_and(|of_path| of_path == extension) {
+                found.push(path);
+            }
+        }
+    }
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut found = Vec::new();
+    walk(&root.join(folder), extension, &mut found);
+    found
+        .into_iter()
+        .map(|path| (path.strip_prefix(root).unwrap().into(), fs::read_to_string(&path).unwrap()))
+        .collect()
+}
+
+/// Names of the constants that a source declares, in Rust or in WGSL; comments do not count.
+fn constants(source: &str) -> BTreeSet<String> {
+    let code = source.lines().filter_map(|line| line.split("//").next());
+    let declared = code.flat_map(|line| line.match_indices("const ").map(move |(at, word)| &line[at + word.len()..]));
+    declared
+        .filter_map(|after| {
+            let end = after.find(|c: char| !c.is_ascii_alphanumeric() && c != '_')?;
+            let (name, rest) = after.split_at(end);
+            let is_constant =
+                name.starts_with(|c: char| c.is_ascii_uppercase()) && rest.trim_start().starts_with([':', '=']);
+            is_constant.then(|| name.to_owned())
+        })
+        .collect()
+}
+
+/// Constants of WGSL that a constant of Rust has the name of, although it means something else.
+const OTHER_MEANING: &[(&str, &str)] = &[];
+
+/// Constants that WGSL declares and Rust has too.
+fn declared_twice(wgsl: &BTreeSet<String>, rust: &BTreeSet<String>, excused: &[(&str, &str)]) -> Vec<String> {
+    wgsl.intersection(rust).filter(|name| excused.iter().all(|(excused, _)| excused != name)).cloned().collect()
+}
+
+/// Names of all constants of Rust, those of the shared tables among them.
+fn rust_constants() -> BTreeSet<String> {
+    let tables = constant_tables();
+    let shared = tables.iter().flat_map(|table| table.constants.iter().map(|(name, ..)| (*name).to_owned()));
+    files("src", "rs").values().flat_map(|source| constants(source)).chain(shared).collect()
+}
+
+#[test]
+fn no_constant_stands_in_wgsl_and_in_rust() {
+    let rust = rust_constants();
+    for (path, text) in files("shaders", "wgsl") {
+        let twice = declared_twice(&constants(&text), &rust, OTHER_MEANING);
+        assert!(
+            twice.is_empty(),
+            "{}: {} stand in Rust too; share them by a table in src/gpu/constants.rs, or give them another name",
+            path.display(),
+            twice.join(", ")
+        );
+    }
+}
+
+#[test]
+fn a_constant_that_stands_twice_is_found() {
+    let wgsl =
+        constants("// const COMMENT: u32 = 1u;\nconst COLUMNS: u32 = 64u;\n    const INNER = 2.0;\nlet x = constant;");
+    assert_eq!(wgsl, ["COLUMNS", "INNER"].map(str::to_owned).into());
+    let rust = constants("/// Const generics: const N: usize\npub(crate) const COLUMNS: u32 = 64;\nconst fn side() {}");
+    assert_eq!(rust, ["COLUMNS".to_owned()].into());
+    assert_eq!(declared_twice(&wgsl, &rust, &[]), ["COLUMNS"]);
+    assert!(declared_twice(&wgsl, &rust, &[("COLUMNS", "for this test")]).is_empty());
+    let rust = rust_constants();
+    assert!(["COLUMNS", "KIND_CUBE_FACE", "PARSEC_M", "MAX_VIEWPORTS"].iter().all(|name| rust.contains(*name)));
+}
+
+/// Which of these files no shader has in it.
+fn unused(stems: impl IntoIterator<Item = String>, sources: &[(Shader, ShaderSource)]) -> Vec<String> {
+    let used =
+        |stem: &String| sources.iter().any(|(_, source)| source.text.contains(&format!("// shaders/{stem}.wgsl\n")));
+    stems.into_iter().filter(|stem| !used(stem)).collect()
+}
+
+#[test]
+fn every_file_and_every_table_is_part_of_a_shader() {
+    let sources = sources();
+    let stem =
+        |path: &PathBuf| path.with_extension("").strip_prefix("shaders").unwrap().to_str().unwrap().replace('\\', "/");
+    let stems: Vec<String> = files("shaders", "wgsl").keys().map(stem).collect();
+    assert!(stems.len() > 50);
+    let tables = constant_tables().into_iter().map(|table| format!("constants/{}", table.name));
+    assert_eq!(unused(stems.into_iter().chain(tables), &sources), [""; 0]);
+    assert_eq!(unused(["constants/none".to_owned()], &sources), ["constants/none"]);
+}
+
+#[test]
+fn a_table_reads_in_wgsl_as_in_rust() {
+    for table in constant_tables() {
+        let module = parse(table.name, &table.wgsl());
+        assert_eq!(module.constants.len(), table.constants.len(), "{}", table.name);
+    }
+}
+
+/// Names of shaders in a Rust source: what `Shader::new` is given as it stands.
+fn named_shaders(source: &str) -> BTreeSet<String> {
+    let after = source.split("Shader::new(\"").skip(1);
+    after.filter_map(|text| text.split('"').next()).map(str::to_owned).collect()
+}
+
+#[test]
+fn shaders_that_rust_names_exist_and_all_are_named() {
+    let entries: BTreeSet<&str> = sources().iter().map(|(_, source)| source.name).collect();
+    let code = files("src", "rs");
+    for (path, source) in &code {
+        for name in named_shaders(source) {
+            assert!(entries.contains(name.as_str()), "{}: there is no shader `{name}`", path.display());
+        }
+    }
+    for entry in entries {
+        assert!(
+            code.values().any(|source| source.contains(&format!("\"{entry}\""))),
+            "no code uses the shader `{entry}`"
+        );
+    }
+    assert_eq!(named_shaders("a(&Shader::new(\"stars/none\").source())"), ["stars/none".to_owned()].into());
+}

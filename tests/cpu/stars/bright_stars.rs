@@ -1,0 +1,109 @@
+//! The built-in table of bright stars against the Yale Bright Star Catalogue, which is not part of this project: the
+//! environment variable `STERADIAN_BSC_CSV` names it as CSV with the columns `hr,ra_deg,dec_deg,v_mag,teff_k,name`.
+
+use std::path::Path;
+
+use steradian::catalogue::StarRecord;
+use steradian::catalogue::bright::{COMPLETE_TO_V_MAG, named_bright_stars};
+use steradian::catalogue::reader::read_csv;
+
+/// Entries nearer than this are compared by their combined light: catalogues differ in what they split.
+const SAME_PLACE_DEG: f64 = 0.05;
+
+const MAGNITUDE_TOLERANCE: f64 = 0.15;
+
+/// Stars that the Yale catalogue lists with light they do not have. T Coronae Borealis (HR 5958, right ascension and
+/// declination in degrees) stands there with the 2.0 mag of its outbursts, of a few days in eighty years; it has 10 mag.
+const NOT_BRIGHT: [(f64, f64); 1] = [(239.876, 25.920)];
+
+/// Delta Serpentis stands in the Yale catalogue as two stars of 3.80 mag each, which is what they give together.
+const COUNTED_TWICE: [(f64, f64); 1] = [(233.7004, 10.5388)];
+
+fn yale() -> Vec<StarRecord> {
+    let path = std::env::var("STERADIAN_BSC_CSV").expect("STERADIAN_BSC_CSV was set when this test was built");
+    let read = read_csv(Path::new(&path)).unwrap_or_else(|e| panic!("{e}"));
+    assert!(read.stars.len() > 9000, "this is not the Yale catalogue: {}", read.report);
+    read.stars
+}
+
+fn separation_deg(a: &StarRecord, b: &StarRecord) -> f64 {
+    a.position.angle_between(b.position).to_degrees()
+}
+
+fn near<'a>(star: &StarRecord, stars: &'a [StarRecord]) -> Vec<&'a StarRecord> {
+    stars.iter().filter(|other| separation_deg(star, other) < SAME_PLACE_DEG).collect()
+}
+
+fn combined_magnitude(stars: &[&StarRecord]) -> f64 {
+    -2.5 * stars.iter().map(|s| 10f64.powf(-0.4 * s.apparent_magnitude())).sum::<f64>().log10()
+}
+
+fn is_at(star: &StarRecord, places: &[(f64, f64)]) -> bool {
+    places.iter().any(|&(ra_deg, dec_deg)| {
+        let (ra, dec) = (ra_deg.to_radians(), dec_deg.to_radians());
+        let place = glam::DVec3::new(dec.cos() * ra.cos(), dec.cos() * ra.sin(), dec.sin());
+        star.position.angle_between(place).to_degrees() < SAME_PLACE_DEG
+    })
+}
+
+/// Whether `star` is one of `counterparts`, or their combined light.
+fn is_among(star: &StarRecord, counterparts: &[&StarRecord]) -> bool {
+    let agrees = |magnitude: f64| (magnitude - star.apparent_magnitude()).abs() <= MAGNITUDE_TOLERANCE;
+    counterparts.iter().any(|other| agrees(other.apparent_magnitude()))
+        || (!counterparts.is_empty() && agrees(combined_magnitude(counterparts)))
+}
+
+#[test]
+#[cfg_attr(not(has_bsc_csv), ignore = "set STERADIAN_BSC_CSV to a copy of the Yale Bright Star Catalogue as CSV")]
+fn every_star_of_the_table_is_in_the_yale_catalogue() {
+    let yale = yale();
+    let table = named_bright_stars();
+    let mut worst_deg = 0.0f64;
+    for entry in &table {
+        let counterparts = near(&entry.star, &yale);
+        assert!(is_among(&entry.star, &counterparts), "{}: {counterparts:?}", entry.designation);
+        let nearest = counterparts.iter().map(|c| separation_deg(&entry.star, c)).fold(f64::INFINITY, f64::min);
+        worst_deg = worst_deg.max(nearest);
+    }
+    println!("{} stars, each within {:.1} arcsec of one in the Yale catalogue", table.len(), worst_deg * 3600.0);
+}
+
+#[test]
+#[cfg_attr(not(has_bsc_csv), ignore = "set STERADIAN_BSC_CSV to a copy of the Yale Bright Star Catalogue as CSV")]
+fn the_table_has_every_bright_star_of_the_yale_catalogue() {
+    let yale = yale();
+    let table: Vec<StarRecord> = named_bright_stars().iter().map(|s| s.star).collect();
+    let mut places = 0;
+    for star in &yale {
+        let group = near(star, &yale);
+        let light = combined_magnitude(&group);
+        if light >= COMPLETE_TO_V_MAG || is_at(star, &NOT_BRIGHT) || is_at(star, &COUNTED_TWICE) {
+            continue;
+        }
+        let ours = near(star, &table);
+        assert!(!ours.is_empty(), "no entry near {star:?}");
+        // The place as a whole gives the right light; and a star that is bright enough by itself is there as such.
+        let difference = (combined_magnitude(&ours) - light).abs();
+        assert!(difference <= MAGNITUDE_TOLERANCE, "{difference} mag of difference near {star:?}");
+        places += 1;
+    }
+    assert!(places > 270, "{places}");
+    println!("{places} entries of the Yale catalogue at places brighter than V = {COMPLETE_TO_V_MAG} are all there");
+}
+
+#[test]
+fn no_star_is_there_twice() {
+    let table = named_bright_stars();
+    for (i, a) in table.iter().enumerate() {
+        for b in &table[i + 1..] {
+            // Close pairs are two stars only if their designations say so.
+            if separation_deg(&a.star, &b.star) < SAME_PLACE_DEG {
+                let stem = |designation: &str| {
+                    designation.chars().filter(|c| !c.is_ascii_digit()).collect::<String>().replace([' ', 'A', 'B'], "")
+                };
+                let (name_a, name_b) = (a.designation, b.designation);
+                assert!(name_a != name_b && stem(name_a) == stem(name_b), "{name_a} and {name_b} at one place");
+            }
+        }
+    }
+}

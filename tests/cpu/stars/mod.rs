@@ -1,0 +1,4 @@
+//! Stars without an adapter.
+
+mod bright_stars;
+mod reference;

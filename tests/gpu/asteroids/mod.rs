@@ -1,0 +1,3 @@
+//! Asteroids on the adapter.
+
+mod fields;

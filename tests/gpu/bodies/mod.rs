@@ -1,0 +1,3 @@
+//! Bodies on the adapter.
+
+mod light;

@@ -1,0 +1,298 @@
+//! Exposure of whole frames: the mean that f64 finds in the pictures, one for all of them, however they are cut, in darkness, and
+//! after whatever frame came before.
+
+use std::f64::consts::FRAC_PI_3;
+
+use crate::common::*;
+use glam::DVec3;
+use steradian::{
+    catalogue::StarRecord,
+    gpu::GpuOptions,
+    photometry::{
+        exposure::{mean_luminance_cd_m2, white_luminance_cd_m2},
+        rec709::luminance,
+    },
+    plan::settings::{RenderSettings, StarMethod, ToneMapSettings},
+    render::{Frame, Renderer, Wanted},
+    scene::SceneSnapshot,
+    view::{
+        Fov, Rig, ViewKind,
+        projection::{Face, FisheyeMapping},
+    },
+};
+
+fn fov() -> Fov {
+    Fov { left_rad: -0.9, right_rad: 0.7, up_rad: 0.8, down_rad: -0.85 }
+}
+
+fn fisheye(mapping: FisheyeMapping, degrees: f64) -> ViewKind {
+    ViewKind::Fisheye { size: [160; 2], mapping, fov_rad: degrees.to_radians() }
+}
+
+/// A flat view, two eyes, a cube, domes beyond and within the half of the sky, and all of it.
+fn rig_of_all() -> Rig {
+    rig(vec![
+        ("flat", ViewKind::Perspective { size: [160, 90], fov_y_rad: FRAC_PI_3 }),
+        ("eyes", ViewKind::Stereo { size: [96, 100], ipd_m: 0.064, fov_left: fov(), fov_right: fov().mirrored() }),
+        ("cube", ViewKind::Cubemap { face_size: 64, faces: Face::ALL.to_vec() }),
+        ("dome-180", fisheye(FisheyeMapping::Equidistant, 180.0)),
+        ("dome-220", fisheye(FisheyeMapping::Equisolid, 220.0)),
+        ("map", ViewKind::Equirectangular { size: [192, 96] }),
+    ])
+}
+
+/// Stars that crowd towards +x: their mean is not the same everywhere.
+fn crowd() -> SceneSnapshot {
+    let crowded = |(i, d): (usize, DVec3)| StarRecord {
+        temperature_k: 2500.0 + 13.0 * i as f32,
+        ..star(d + DVec3::X * 0.8, (i % 9) as f32)
+    };
+    snapshot(spiral(4000).enumerate().map(crowded).collect())
+}
+
+fn render(
+    renderer: &mut Renderer,
+    scene: &SceneSnapshot,
+    rig: &Rig,
+    settings: &RenderSettings,
+    adapted: Option<f64>,
+) -> Frame {
+    let wanted = vec![Wanted { display: true, hdr: true, ..Wanted::default() }; rig.views().len()];
+    renderer.render(scene, rig, settings, &wanted, adapted).unwrap()
+}
+
+/// Luminance and solid angle, from f64, of every pixel of a frame.
+fn pixels(frame: &Frame, rig: &Rig) -> Vec<[f64; 2]> {
+    let mappings = rig.views().iter().flat_map(|view| &view.images).map(|image| image.projection.mapping());
+    let mut pixels = Vec::new();
+    for (image, mapping) in frame.images.iter().zip(mappings) {
+        for (i, [r, g, b, _]) in image.hdr.as_ref().unwrap().iter().enumerate() {
+            let omega = mapping.solid_angle_sr(i as u32 % image.width, i as u32 / image.width);
+            pixels.push([luminance([*r, *g, *b].map(f64::from)), omega]);
+        }
+    }
+    pixels
+}
+
+#[test]
+fn the_exposure_of_a_rig_is_that_of_the_f64_mean_over_its_pictures() {
+    let mut renderer = renderer();
+    let rig = rig_of_all();
+    for (key, scene) in [(None, crowd()), (Some(0.3), snapshot(vec![star(DVec3::new(0.3, 0.2, -1.0), -26.7)]))] {
+        let mut settings = settings(StarMethod::Auto);
+        settings.exposure.max_ev100 = 60.0;
+        settings.exposure.key = key.unwrap_or(settings.exposure.key);
+        let frame = render(&mut renderer, &scene, &rig, &settings, None);
+        let pixels = pixels(&frame, &rig);
+        let expected = settings.exposure.metered_ev100(mean_luminance_cd_m2(pixels.iter().copied()));
+        let error = frame.exposure_ev100 - expected;
+        println!(
+            "{} images: exposure {:.5}, in f64 {expected:.5}: {error:+.1e} EV",
+            frame.images.len(),
+            frame.exposure_ev100
+        );
+        assert!(error.abs() < 0.01, "{error}");
+        assert_eq!(frame.exposure_ev100, frame.metered_ev100);
+        // A mean of the pixels that takes them for equally large is found.
+        let in_picture = pixels.iter().filter(|[_, omega]| *omega > 0.0).map(|[luminance, _]| [*luminance, 1.0]);
+        let unweighted = settings.exposure.metered_ev100(mean_luminance_cd_m2(in_picture));
+        assert!((unweighted - expected).abs() > 0.03, "{unweighted}");
+    }
+}
+
+/// Bytes of an image that are not those of its HDR pixels at an exposure.
+fn bytes_off(frame: &Frame, image: usize, tone_map: &ToneMapSettings, ev100: f64) -> usize {
+    let image = &frame.images[image];
+    let white = white_luminance_cd_m2(ev100);
+    let pairs = image.hdr.as_ref().unwrap().iter().zip(image.display.as_ref().unwrap().as_chunks::<4>().0);
+    pairs
+        .map(|([r, g, b, _], bytes)| {
+            let expected = tone_map.display_rgb([*r, *g, *b].map(f64::from), white);
+            bytes.iter().zip(expected).filter(|(byte, value)| (f64::from(**byte) - 255.0 * value).abs() > 0.51).count()
+        })
+        .sum()
+}
+
+/// Both eyes, all faces and every other image of a frame are shown with the exposure that the frame reports, where it is known before
+/// the pixels are and where it is not.
+#[test]
+fn all_images_of_a_frame_are_shown_with_the_one_exposure_that_it_reports() {
+    let mut renderer = renderer();
+    let (rig, scene) = (rig_of_all(), crowd());
+    let mut settings = settings(StarMethod::Auto);
+    settings.tone_map.dither = false;
+    let metered = render(&mut renderer, &scene, &rig, &settings, None);
+    assert_eq!(metered.images.len(), 12);
+    let known = render(&mut renderer, &scene, &rig, &settings, Some(metered.exposure_ev100 + 1.5));
+    assert!((known.exposure_ev100 - metered.exposure_ev100 - 1.5).abs() < 1e-5);
+    for frame in [&metered, &known] {
+        for image in 0..frame.images.len() {
+            assert_eq!(bytes_off(frame, image, &settings.tone_map, frame.exposure_ev100), 0, "image {image}");
+            // A fiftieth of a step is seen in every one of them.
+            let off = bytes_off(frame, image, &settings.tone_map, frame.exposure_ev100 + 0.02);
+            assert!(off > 20, "image {image}: {off} bytes");
+        }
+    }
+}
+
+#[test]
+fn a_picture_cut_into_faces_windows_or_tiles_has_the_same_exposure() {
+    let scene = crowd();
+    let settings = settings(StarMethod::BSpline);
+    let exposure = |options: &GpuOptions, views| {
+        render_hdr(&mut renderer_with(options), &scene, &rig(views), &settings).exposure_ev100
+    };
+    let whole = GpuOptions::default();
+    // The whole sky as one map, as six faces, and as a fisheye of 360 degrees.
+    let map = exposure(&whole, vec![("map", ViewKind::Equirectangular { size: [512, 256] })]);
+    let cube = exposure(&whole, vec![("cube", ViewKind::Cubemap { face_size: 128, faces: Face::ALL.to_vec() })]);
+    println!("map {map:.6}, cube {cube:.6}: {:+.1e} EV", cube - map);
+    assert!((cube - map).abs() < 1e-3);
+    // One face of the six is another picture.
+    let right = exposure(&whole, vec![("right", ViewKind::Cubemap { face_size: 128, faces: vec![Face::Right] })]);
+    assert!((right - map).abs() > 0.1, "{right}");
+    // A window, and the same one cut in two off the axis; stars on the cut lie in both halves in part.
+    let window = |left_rad: f64, right_rad: f64, width: u32| {
+        let fov = Fov { left_rad, right_rad, up_rad: 0.6, down_rad: -0.6 };
+        ViewKind::OffAxis { size: [width, 256], fov }
+    };
+    let one = exposure(&whole, vec![("whole", window(-0.6, 0.6, 256))]);
+    let two = exposure(&whole, vec![("left", window(-0.6, 0.0, 128)), ("right", window(0.0, 0.6, 128))]);
+    println!("window {one:.6}, in two {two:.6}: {:+.1e} EV", two - one);
+    assert!((two - one).abs() < 1e-3);
+    // Strips of a few rows, as an adapter that binds little needs them.
+    for rows in [17, 40] {
+        let options = GpuOptions { binding_limit_bytes: Some(16 * 256 * rows), ..GpuOptions::default() };
+        let strips = exposure(&options, vec![("whole", window(-0.6, 0.6, 256))]);
+        println!("strips of {rows} rows: {:+.1e} EV", strips - one);
+        assert!((strips - one).abs() < 1e-5);
+    }
+}
+
+#[test]
+fn darkness_has_the_lowest_exposure_and_stays_black() {
+    let mut renderer = renderer();
+    let rig = rig(vec![("map", ViewKind::Equirectangular { size: [64, 32] })]);
+    let settings = settings(StarMethod::Auto);
+    for adapted in [None, Some(-20.0)] {
+        let frame = render(&mut renderer, &snapshot(vec![]), &rig, &settings, adapted);
+        assert_eq!((frame.exposure_ev100, frame.metered_ev100, frame.mean_luminance_cd_m2), (-20.0, -20.0, 0.0));
+        let display = frame.images[0].display.as_ref().unwrap();
+        assert!(display.as_chunks::<4>().0.iter().all(|bytes| *bytes == [0, 0, 0, 255]));
+    }
+}
+
+/// Nothing of what a meter has read is left in the next frame, however bright and large the one before was.
+#[test]
+fn the_exposure_never_comes_from_a_frame_before() {
+    let small = rig(vec![("small", ViewKind::Perspective { size: [61, 37], fov_y_rad: 1.0 })]);
+    let faint = crowd();
+    let mut records: Vec<StarRecord> = spiral(100).map(|d| star(d, 3.0)).collect();
+    records.push(star(DVec3::NEG_Z, -26.7));
+    let bright = snapshot(records);
+    for method in [StarMethod::Auto, StarMethod::HardwarePoint] {
+        let settings = settings(method);
+        let expected = render(&mut new_renderer(), &faint, &small, &settings, None);
+        let mut used = renderer();
+        for before in [rig_of_all(), rig(vec![("sky", ViewKind::Equirectangular { size: [256, 128] })])] {
+            let frame = render(&mut used, &bright, &before, &settings, Some(-10.0));
+            let (brighter, fainter) = (frame.metered_ev100, expected.metered_ev100);
+            assert!(brighter > fainter + 5.0, "{}: {brighter} {fainter} {}", method.name(), frame.plan.accumulator);
+            let next = render(&mut used, &faint, &small, &settings, None);
+            assert_eq!(next.exposure_ev100.to_bits(), expected.exposure_ev100.to_bits(), "{}", method.name());
+            assert_eq!(next.mean_luminance_cd_m2.to_bits(), expected.mean_luminance_cd_m2.to_bits());
+            assert!(next.images[0].display == expected.images[0].display, "{}", method.name());
+        }
+    }
+}
+
+/// The Sun appears among the stars, and goes again: every frame is shown as its own light and the exposure that it reports ask for,
+/// the exposure goes one way and is the same at the same time for every frame rate.
+#[test]
+fn from_night_to_the_sun_and_back_no_frame_is_bad() {
+    use steradian::{
+        plan::adaptation::Adaptation,
+        verify::scenes::{rig, snapshot, spiral, star},
+    };
+    let mut renderer = renderer();
+    let rig = rig([("sky", ViewKind::Equirectangular { size: [64, 32] })]).unwrap();
+    let stars = || spiral(400).enumerate().map(|(i, d)| star(d, (i % 7) as f32));
+    let night = snapshot(stars().collect());
+    let day = snapshot(stars().chain([star(glam::DVec3::new(0.2, 0.1, -1.0), -26.7)]).collect());
+    let settings = RenderSettings::default();
+    let wanted = [Wanted { display: true, hdr: true, ..Wanted::default() }];
+    // Exposures at every tenth of a second from the first frame with the Sun on, and from the first without it.
+    let mut run = |rate_hz: u32| {
+        let mut eye = Adaptation::default();
+        let mut tenths = Vec::new();
+        let seconds = 4;
+        let mut previous = f64::NAN;
+        for (scene, frames) in [(&night, 1), (&day, seconds * rate_hz), (&night, seconds * rate_hz)] {
+            let (mut start, mut goal) = (f64::NAN, f64::NAN);
+            let (mut all_black, mut all_white) = (0, 0);
+            for frame in 0..frames {
+                let dt_s = 1.0 / f64::from(rate_hz);
+                let ev100 = eye.exposure(dt_s, frame == 0, &settings.exposure);
+                let drawn = renderer.render(scene, &rig, &settings, &wanted, ev100).unwrap();
+                let (shown, metered) = (drawn.exposure_ev100, drawn.metered_ev100);
+                assert!(shown.is_finite() && metered.is_finite());
+                goal = metered;
+                if frame == 0 {
+                    start = shown;
+                }
+                // One way, and never beyond the goal. The frame itself holds its exposure in f32.
+                if previous.is_finite() && frame > 0 {
+                    let (low, high) = if metered > previous { (previous, metered) } else { (metered, previous) };
+                    assert!((low - 1e-5..=high + 1e-5).contains(&shown), "frame {frame}: {previous} {shown} {metered}");
+                }
+                previous = shown;
+                eye.observe(shown, metered);
+                let image = &drawn.images[0];
+                let bytes = image.display.as_ref().unwrap().as_chunks::<4>().0;
+                let hdr = image.hdr.as_ref().unwrap();
+                let white = white_luminance_cd_m2(shown);
+                for (pixel, bytes) in hdr.iter().zip(bytes) {
+                    let rgb = [pixel[0], pixel[1], pixel[2]].map(f64::from);
+                    assert!(rgb.iter().all(|channel| channel.is_finite()));
+                    for (byte, value) in bytes.iter().zip(settings.tone_map.display_rgb(rgb, white)) {
+                        assert!((f64::from(*byte) - 255.0 * value).abs() <= 1.02, "frame {frame}: {byte} for {value}");
+                    }
+                }
+                // All black or all white only as long as an eye that adapts by the closed form sees nothing else.
+                let elapsed_s = f64::from(frame) * dt_s;
+                let eye_ev100 = goal + (start - goal) * (-elapsed_s / settings.exposure.adaptation_s).exp();
+                let green = |pixel: &[f32; 4]| f64::from(pixel[1]);
+                let seen = |cd_m2: f64| settings.tone_map.display_rgb([cd_m2; 3], white_luminance_cd_m2(eye_ev100))[0];
+                let brightest = seen(hdr.iter().map(green).fold(0.0, f64::max));
+                let darkest = seen(hdr.iter().map(green).fold(f64::INFINITY, f64::min));
+                let black = bytes.iter().all(|bytes| bytes[..3] == [0; 3]);
+                let white = bytes.iter().all(|bytes| bytes[..3].iter().all(|byte| *byte > 250));
+                assert!(!black || brightest < 1.5 / 255.0, "frame {frame} is black: {brightest}");
+                assert!(!white || darkest > 249.0 / 255.0, "frame {frame} is white: {darkest}");
+                all_black += u32::from(black);
+                all_white += u32::from(white);
+                if (frame * 10) % rate_hz == 0 && frames > 1 {
+                    tenths.push(shown);
+                }
+            }
+            if frames > 1 {
+                // After eight time constants the last frame is adapted.
+                assert!((previous - goal).abs() < 0.02, "{previous} for {goal}");
+                let seconds = |count: u32| f64::from(count) / f64::from(rate_hz);
+                println!("{rate_hz} Hz: black for {:.2} s, white for {:.2} s", seconds(all_black), seconds(all_white));
+                assert!(seconds(all_black) < 2.0 && seconds(all_white) < 2.0);
+            }
+        }
+        tenths
+    };
+    let runs = [10, 30, 120].map(&mut run);
+    println!("at 0, 0.1, 0.5, 1 and 2 s: {:.3?} EV", [0, 1, 5, 10, 20].map(|i| runs[0][i]));
+    assert_eq!(runs[0].len(), 80);
+    for run in &runs[1..] {
+        for (tenth, (a, b)) in run.iter().zip(&runs[0]).enumerate() {
+            // The exposure of each frame is rounded to f32 on its way.
+            assert!((a - b).abs() < 1e-3, "after {tenth} tenths of a second: {a} and {b}");
+        }
+    }
+    assert!(runs[0][39] > runs[0][0] + 15.0, "the Sun is far brighter than the stars");
+}

@@ -1,0 +1,3 @@
+//! What makes a display image of light.
+
+mod exposure;

@@ -1,0 +1,5 @@
+//! Glare on the adapter.
+
+mod objects;
+mod pyramid;
+mod sky_cube;

@@ -1,0 +1,178 @@
+//! `sky_cube` beyond what `verify` shows: what is kept from frame to frame, and lists that are too short for their sprites.
+
+use crate::common::*;
+use glam::{DQuat, DVec3};
+use steradian::{
+    catalogue::StarRecord,
+    gpu::GpuOptions,
+    photometry::glare::GlareKernelName,
+    plan::PlanError,
+    plan::settings::{GlareMethod, GlareSettings, RenderSettings, StarMethod},
+    render::{RenderError, Renderer, Wanted},
+    scene::SceneSnapshot,
+    units::PARSEC_M,
+    verify::scenes::{fisheye, star_at},
+    view::{
+        Rig, ViewKind,
+        projection::{FisheyeMapping, pixel_centre},
+    },
+};
+
+fn scattered() -> RenderSettings {
+    let glare = GlareSettings { method: GlareMethod::SkyCube, fraction: 1.0, ..GlareSettings::default() };
+    RenderSettings { glare, ..RenderSettings::default() }
+}
+
+fn crowd(stars: usize) -> SceneSnapshot {
+    let records: Vec<StarRecord> =
+        spiral(stars).enumerate().map(|(i, direction)| star(direction, (i * 7919 % 60) as f32 / 10.0)).collect();
+    snapshot(records)
+}
+
+fn views() -> Rig {
+    rig(vec![
+        ("window", ViewKind::Perspective { size: [200, 120], fov_y_rad: 1.0 }),
+        ("dome", fisheye(96, FisheyeMapping::Equidistant, 200.0)),
+    ])
+}
+
+fn pixels(renderer: &mut Renderer, scene: &SceneSnapshot, settings: &RenderSettings) -> Vec<[f32; 4]> {
+    let frame = render_hdr(renderer, scene, &views(), settings);
+    frame.images.into_iter().flat_map(|image| image.hdr.unwrap()).collect()
+}
+
+/// What is kept of the sky is that of the scene, the camera's place and the settings at hand, wherever the frame before was.
+#[test]
+fn a_frame_does_not_depend_on_the_frames_before() {
+    let scene = crowd(400);
+    let mut turned = scene.clone();
+    turned.camera.world_from_camera = DQuat::from_rotation_y(1.0);
+    let mut flown = scene.clone();
+    flown.camera.position_m = DVec3::new(0.3e9, -100.0, 0.4e9);
+    let other = crowd(300);
+    let mut wider = scattered();
+    wider.glare.inner_deg = 0.5;
+    let mut held = renderer();
+    let frames = [
+        (&scene, scattered()),
+        (&turned, scattered()),
+        (&other, scattered()),
+        (&scene, wider),
+        (&flown, scattered()),
+        (&scene, scattered()),
+    ];
+    let of_held: Vec<_> = frames.iter().map(|(scene, settings)| pixels(&mut held, scene, settings)).collect();
+    for ((scene, settings), seen) in frames.iter().zip(&of_held) {
+        assert!(pixels(&mut new_renderer(), scene, settings) == *seen, "a fresh renderer draws the same bits");
+    }
+    assert!(
+        of_held[0] == of_held[5] && of_held[0] != of_held[1] && of_held[0] != of_held[2] && of_held[0] != of_held[3]
+    );
+}
+
+/// A star so near that its place in the sky changes between the middle of a map and the camera glares where the camera sees it.
+#[test]
+fn a_near_star_glares_where_the_camera_sees_it() {
+    let rig = rig(vec![("window", ViewKind::Perspective { size: [100, 100], fov_y_rad: 0.01 })]);
+    let seen = |camera_m: DVec3, star_m: DVec3| {
+        let mut scene = snapshot(vec![star_at(star_m / PARSEC_M, 5.0)]);
+        scene.camera.position_m = camera_m;
+        let frame = render_hdr(&mut renderer(), &scene, &rig, &scattered());
+        frame.images[0].hdr.clone().unwrap()
+    };
+    let difference = |a: &[[f32; 4]], b: &[[f32; 4]]| {
+        a.iter().zip(b).map(|(a, b)| f64::from((a[1] / b[1] - 1.0).abs())).fold(0.0, f64::max)
+    };
+    let (camera_m, ahead_m) = (DVec3::new(0.45e9, -0.2e9, 0.0), DVec3::new(0.0, 0.0, -2e12));
+    let from_the_middle = seen(DVec3::ZERO, ahead_m);
+    let from_aside = seen(camera_m, camera_m + ahead_m);
+    let same = difference(&from_aside, &from_the_middle);
+    let beside = difference(&seen(camera_m, ahead_m), &from_the_middle);
+    println!("seen from aside: {same:.1e}; its parallax changes {beside:.2}");
+    assert!(same < 1e-3 && beside > 0.05);
+}
+
+/// Where lists of sprites are cut short by what may be bound, pixels look through those of their square, and then through the sky.
+#[test]
+fn lists_that_are_too_short_lose_no_light() {
+    let scene = crowd(3000);
+    let whole = pixels(&mut renderer(), &scene, &scattered());
+    let sum = |pixels: &[[f32; 4]]| pixels.iter().map(|pixel| f64::from(pixel[1])).sum::<f64>();
+    for binding_limit_bytes in [1 << 20, 600 << 10] {
+        let options = GpuOptions { binding_limit_bytes: Some(binding_limit_bytes), ..GpuOptions::default() };
+        let short = pixels(&mut renderer_with(&options), &scene, &scattered());
+        let worst = whole
+            .iter()
+            .zip(&short)
+            .map(|(a, b)| f64::from((a[1] - b[1]).abs() / a[1].max(1e-30)))
+            .fold(0.0_f64, f64::max);
+        assert!(worst < 1e-5, "{binding_limit_bytes}: {worst}");
+        assert!((sum(&short) / sum(&whole) - 1.0).abs() < 1e-6);
+    }
+}
+
+/// A camera that moves sees the glare where it sees the star.
+#[test]
+fn glare_follows_aberration() {
+    let mut scene = snapshot(vec![star(DVec3::new(0.9, 0.0, -0.2), 0.0)]);
+    let brightest = |scene: &SceneSnapshot| {
+        let rig = rig(vec![("window", ViewKind::Perspective { size: [200, 120], fov_y_rad: 1.0 })]);
+        let frame = render_hdr(&mut renderer(), scene, &rig, &scattered());
+        let hdr = frame.images[0].hdr.clone().unwrap();
+        let brightest = (0..hdr.len()).max_by(|a, b| hdr[*a][1].total_cmp(&hdr[*b][1])).unwrap();
+        (brightest % 200, hdr[brightest][1])
+    };
+    let (column, at_rest) = brightest(&scene);
+    assert_eq!(column, 199, "the star stands to the right of the picture");
+    scene.camera.velocity_c = DVec3::new(0.0, 0.0, -0.9);
+    let (column, moving) = brightest(&scene);
+    // tan(seen) = sin a / (gamma (cos a + beta)), a from the direction of flight.
+    let sine = 0.9 / 0.9_f64.hypot(0.2);
+    let cosine = 0.2 / 0.9_f64.hypot(0.2);
+    let tangent = sine * (1.0 - 0.81_f64).sqrt() / (cosine + 0.9);
+    let expected = 100.0 + tangent / 0.5_f64.tan() * 60.0;
+    assert!((column as f64 + 0.5 - expected).abs() < 1.0, "column {column}, expected {expected}");
+    assert!(moving > 10.0 * at_rest);
+}
+
+/// A table that ends near its source: nothing beyond, and no star is drawn over the whole sky for it.
+#[test]
+fn a_table_that_ends_gives_light_where_it_has_some() {
+    let folder = tempfile::tempdir().unwrap();
+    let psf_file = folder.path().join("narrow.csv");
+    std::fs::write(&psf_file, "theta_deg,per_sr\n0.1,100\n1,1\n4,0.0625\n5,0\n").unwrap();
+    let mut settings = scattered();
+    settings.glare.kernel = GlareKernelName::Psf;
+    settings.glare.psf_file = Some(psf_file);
+    let scene = snapshot(vec![star(DVec3::new(0.0, 0.0, -1.0), 0.0)]);
+    let rig = rig(vec![("window", ViewKind::Perspective { size: [300, 300], fov_y_rad: 30f64.to_radians() })]);
+    let frame = render_hdr(&mut renderer(), &scene, &rig, &settings);
+    let hdr = frame.images[0].hdr.as_ref().unwrap();
+    let kernel = settings.glare.kernel().unwrap();
+    let illuminance_lx = steradian::units::illuminance_lx_from_magnitude(0.0);
+    let mapping = rig.views()[0].images[0].projection.mapping();
+    for column in 150..300_u32 {
+        let angle = mapping.direction_from_pixel(pixel_centre(column, 150)).unwrap().angle_between(DVec3::NEG_Z);
+        let expected = illuminance_lx * kernel.per_sr(angle);
+        let seen = f64::from(hdr[150 * 300 + column as usize][1]);
+        let scale = illuminance_lx * kernel.per_sr(0.05);
+        // The light is neutral to a tenth; within two pixels it is spread, and towards the
+        // end of the table it fades.
+        if (0.004..0.03).contains(&angle) {
+            assert!((seen / expected - 1.0).abs() < 0.2, "{angle}: {seen} {expected}");
+        } else if angle > 0.2 {
+            assert!(seen < 0.02 * scale, "{angle}: {seen}");
+        }
+    }
+}
+
+/// A procedural sky has no stars of the catalogue to glare.
+#[test]
+fn the_glare_of_stars_that_are_not_drawn_is_refused() {
+    let mut settings = scattered();
+    settings.stars.method = StarMethod::CellSky;
+    let wanted = vec![Wanted { hdr: true, ..Wanted::default() }; 2];
+    let error = renderer().render(&crowd(10), &views(), &settings, &wanted, None).unwrap_err();
+    assert!(matches!(error, RenderError::Plan(PlanError::GlareOfCatalogue("cell_sky"))), "{error}");
+    assert!(error.to_string().contains("view_pyramid"));
+}

@@ -1,0 +1,16 @@
+//! The renderer on an adapter, one folder per technique: `cargo test --release --test gpu glare::` runs those of glare.
+#![allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
+
+#[path = "../common/mod.rs"]
+mod common;
+
+mod asteroids;
+mod bodies;
+mod chart;
+mod display;
+mod glare;
+mod overlay;
+mod pool;
+mod solid_angle;
+mod stars;
+mod verify;

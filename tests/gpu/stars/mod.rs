@@ -1,0 +1,10 @@
+//! Stars on the adapter.
+
+mod billboards;
+mod cell_sky;
+mod light;
+mod packed;
+mod reference;
+mod relativity;
+mod sums;
+mod whole_sky;

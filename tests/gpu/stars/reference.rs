@@ -1,0 +1,31 @@
+//! The renderer against the truth in f64.
+
+use steradian::{
+    metrics::{HdrView, illuminance_lx},
+    plan::settings::StarMethod,
+    reference::{
+        sky::{SkyKernel, draw, stars_for},
+        stars::splat::Eye,
+    },
+    view::ViewKind,
+};
+
+use crate::common::{render_hdr, renderer, rig, settings, snapshot, spiral, star, total_illuminance_lx};
+
+/// The renderer against the truth: the same light, star by star, and for wide kernels nothing else can be compared pixel by
+/// pixel.
+#[test]
+fn the_renderer_has_the_light_of_the_truth() {
+    let mut renderer = renderer();
+    let scene = snapshot(spiral(60).enumerate().map(|(i, d)| star(d, (i % 7) as f32)).collect());
+    let kind = ViewKind::Equirectangular { size: [256, 128] };
+    let rig = rig(vec![("sky", kind)]);
+    let mapping = rig.views()[0].images[0].projection.mapping();
+    let stars = stars_for(&scene.stars, Eye::default(), 0.0);
+    let luminances = draw(&stars, mapping, SkyKernel::Point).luminance_cd_m2(mapping);
+    let truth = illuminance_lx(&HdrView::new(mapping, &luminances).unwrap()).unwrap();
+    let frame = render_hdr(&mut renderer, &scene, &rig, &settings(StarMethod::BSpline));
+    let error = total_illuminance_lx(&frame, &rig) / truth - 1.0;
+    println!("light of the renderer over the truth's: {error:.1e}");
+    assert!(error.abs() < 1e-4);
+}

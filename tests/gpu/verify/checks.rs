@@ -1,0 +1,162 @@
+//! `verify`: it passes what is right, fails what is wrong, and says so to people and to scripts.
+
+use std::{
+    path::Path,
+    process::{Command, Output, Stdio},
+};
+
+use crate::common::{renderer, settings};
+use steradian::{
+    plan::settings::{GlareSettings, StarMethod},
+    render::Renderer,
+    verify::{self, Check, CheckResult, Outcome},
+};
+
+fn steradian(arguments: &[&str]) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_steradian"));
+    command.args(arguments).env_remove("STERADIAN_LOG").stdin(Stdio::null()).output().unwrap()
+}
+
+#[track_caller]
+fn run(arguments: &[&str], code: i32) -> (String, String) {
+    let output = steradian(arguments);
+    let [out, err] = [output.stdout, output.stderr].map(|bytes| String::from_utf8(bytes).unwrap());
+    assert_eq!(output.status.code(), Some(code), "{arguments:?}\nstdout: {out}\nstderr: {err}");
+    (out, err)
+}
+
+fn json(path: &Path) -> serde_json::Value {
+    serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap()
+}
+
+#[test]
+fn a_method_that_is_right_passes_with_a_line_per_check_and_json() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("verify.json");
+    let file = path.to_str().unwrap();
+    let (out, err) = run(&["verify", "--filter", "sums", "--json", file, "--set", "stars.method=bspline"], 0);
+    let names: Vec<&str> = verify::select(Some("sums")).unwrap().iter().map(|check| check.name).collect();
+    assert_eq!(out.lines().count(), names.len(), "{out}");
+    for (line, name) in out.lines().zip(&names) {
+        assert!(line.contains(name) && line.contains("  pass  ") && line.contains("(limit "), "{line}");
+    }
+    assert!(err.contains("(1 of 6)") && err.contains("6 passed, 0 failed"), "{err}");
+    let report = json(&path);
+    assert_eq!(report["method"], "bspline");
+    assert!(report["adapter"].as_str().is_some_and(|adapter| !adapter.is_empty()));
+    let checks = report["checks"].as_array().unwrap();
+    assert_eq!(checks.len(), names.len());
+    for (check, name) in checks.iter().zip(names) {
+        assert_eq!((check["name"].as_str(), check["outcome"].as_str()), (Some(name), Some("pass")));
+        let figures = check["figures"].as_array().unwrap();
+        let bounded = |figure: &serde_json::Value| figure["measured"].as_f64() <= figure["limit"].as_f64();
+        assert!(figures.iter().all(|figure| figure["limit"].is_null() || bounded(figure)), "{check}");
+        assert!(figures.iter().any(|figure| figure["limit"].is_number()), "{check}");
+    }
+}
+
+#[test]
+fn the_tent_flickers_and_the_command_says_so() {
+    let (out, err) = run(&["verify", "--filter", "10", "--set", "stars.method=tent"], 1);
+    assert!(out.starts_with("10  slow-pan-flicker ") && out.contains("  FAIL  flicker at 1 times white 0.08"), "{out}");
+    assert!(err.contains("1 of 1 checks"), "{err}");
+}
+
+#[test]
+fn a_method_with_stars_of_its_own_has_checks_that_do_not_apply() {
+    let (out, err) = run(&["verify", "--filter", "two-colours", "--set", "stars.method=cell_sky"], 1);
+    assert!(out.contains("  n/a   cell_sky has stars of its own"), "{out}");
+    assert!(err.contains("0 passed, 0 failed, 1 do not apply"), "{err}");
+}
+
+#[test]
+fn bad_usage_names_what_is_allowed() {
+    let (_, err) = run(&["verify", "--filter", "nothing"], 64);
+    assert!(err.contains("`nothing`") && err.contains("slow-pan-flicker") && err.contains("star-light"), "{err}");
+    let (_, err) = run(&["verify", "--set", "stars.method=dots"], 64);
+    assert!(err.contains("stars.method") && err.contains("bspline"), "{err}");
+    let (_, err) = run(&["verify", "--set", "star.method=tent"], 64);
+    assert!(err.contains("star"), "{err}");
+    let (_, err) = run(&["verify", "--adapter", "no such adapter", "--filter", "two-colours"], 69);
+    assert!(err.contains("no such adapter"), "{err}");
+    let (_, err) = run(&["verify", "--filter", "two-colours", "--json", "/no/such/folder/x.json"], 1);
+    assert!(err.contains("/no/such/folder/x.json"), "{err}");
+}
+
+/// The outcome of a check of a renderer that draws no star fainter than the limit.
+fn with_limit(renderer: &mut Renderer, name: &str, magnitude_limit: f64) -> CheckResult {
+    let mut settings = settings(StarMethod::BSpline);
+    settings.stars.magnitude_limit = magnitude_limit;
+    settings.glare = GlareSettings::default();
+    verify::run(verify::select(Some(name)).unwrap()[0], renderer, &settings)
+}
+
+/// Whether the tests of glare in the default run see the check fail.
+fn fails_elsewhere(check: &Check) -> bool {
+    check.needs_glare && check.name != "glare-reference"
+}
+
+/// The checks that look for stars, but for check 17, which moves the limit itself.
+fn looking_for_stars() -> impl Iterator<Item = &'static Check> {
+    verify::checks().iter().filter(|check| check.needs_catalogue && check.number != Some(17))
+}
+
+/// A renderer that draws no stars must fail every check that looks for them; and one that draws too few those of light.
+#[test]
+fn a_renderer_that_loses_stars_fails() {
+    let mut renderer = renderer();
+    let mut check = |name: &str, magnitude_limit: f64| with_limit(&mut renderer, name, magnitude_limit);
+    for looks in looking_for_stars().filter(|check| !fails_elsewhere(check)) {
+        let black = check(looks.name, -90.0);
+        assert_eq!(black.outcome, Outcome::Fail, "{black}");
+    }
+    for name in
+        ["million-faint-stars", "equal-stars-in-a-pixel", "sirius-beside-21", "flux-every-projection", "whole-sky"]
+    {
+        let some = check(name, 5.5);
+        assert_eq!(some.outcome, Outcome::Fail, "{some}");
+    }
+}
+
+#[test]
+#[ignore = "long: make test-all"]
+fn a_renderer_that_loses_stars_fails_the_checks_of_glare_too() {
+    let mut renderer = renderer();
+    for looks in looking_for_stars().filter(|check| fails_elsewhere(check)) {
+        let black = with_limit(&mut renderer, looks.name, -90.0);
+        assert_eq!(black.outcome, Outcome::Fail, "{black}");
+    }
+}
+
+/// The tent is wrong in width and flicker, and right in all that concerns light.
+#[test]
+fn each_check_tells_its_own_fault() {
+    let mut renderer = renderer();
+    let mut outcome = |name: &str| {
+        let check = verify::select(Some(name)).unwrap()[0];
+        let result = verify::run(check, &mut renderer, &settings(StarMethod::Tent));
+        println!("{result}");
+        result
+    };
+    let sweep = outcome("sub-pixel-sweep");
+    assert_eq!(sweep.outcome, Outcome::Fail);
+    let passes: Vec<bool> = sweep.figures.iter().map(|figure| figure.pass).collect();
+    assert_eq!(passes, [true, false, true], "the centroid is right, the width is not: {sweep}");
+    for name in ["two-colours", "centre-to-corner", "equirectangular-pole", "shuffled-order"] {
+        assert_eq!(outcome(name).outcome, Outcome::Pass);
+    }
+}
+
+/// Sums that go by the order of the stars, in the catalogue's order or ours, blended or exchanged, fail the check of orders.
+#[test]
+fn sums_that_depend_on_order_fail_the_shuffles() {
+    let mut renderer = renderer();
+    let check = verify::select(Some("shuffled-order")).unwrap()[0];
+    for method in [StarMethod::PackedCas, StarMethod::PackedCasSorted, StarMethod::HardwarePoint] {
+        let result = verify::run(check, &mut renderer, &settings(method));
+        println!("{}: {result}", method.name());
+        assert_eq!(result.outcome, Outcome::Fail, "{result}");
+        assert!(result.figures[0].measured > 90.0, "{result}");
+    }
+    assert_eq!(renderer.catalogue_order, None, "later checks have the usual order");
+}

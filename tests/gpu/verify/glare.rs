@@ -1,0 +1,74 @@
+//! The checks of glare: what is right passes, each fault fails, and glare that is off has nothing to check.
+
+use crate::common::{renderer, settings};
+use steradian::{
+    photometry::glare::GlareKernelName,
+    plan::settings::{GlareMethod, RenderSettings, StarMethod},
+    render::Renderer,
+    verify::{self, Check, CheckResult, Context, Outcome},
+};
+
+fn with_glare(method: GlareMethod) -> RenderSettings {
+    let mut settings = settings(StarMethod::BSpline);
+    settings.glare.method = method;
+    settings
+}
+
+fn check(name: &str) -> &'static Check {
+    verify::select(Some(name)).unwrap()[0]
+}
+
+fn run(name: &str, renderer: &mut Renderer, settings: &RenderSettings) -> CheckResult {
+    let result = verify::run(check(name), renderer, settings);
+    println!("{result}");
+    result
+}
+
+#[test]
+fn glare_on_the_sky_passes_every_check() {
+    let mut renderer = renderer();
+    for check in verify::select(Some("glare")).unwrap() {
+        let result = run(check.name, &mut renderer, &with_glare(GlareMethod::Auto));
+        assert_eq!(result.outcome, Outcome::Pass, "{result}");
+    }
+}
+
+/// Glare on the screen is no ellipse where it should be, knows nothing beyond the picture, and stops at the edge of a face.
+#[test]
+fn glare_on_the_screen_fails() {
+    let mut renderer = renderer();
+    let settings = with_glare(GlareMethod::ScreenPyramid);
+    for name in ["glare-roundness", "glare-profile", "glare-leaves-frame", "glare-cut-into-faces", "glare-eyes"] {
+        assert_eq!(run(name, &mut renderer, &settings).outcome, Outcome::Fail, "{name}");
+    }
+}
+
+/// What is drawn is right, what is expected is not: a plateau five times as wide, and another kernel.
+#[test]
+fn glare_of_another_kernel_fails() {
+    let mut renderer = renderer();
+    let settings = with_glare(GlareMethod::Auto);
+    for name in ["glare-profile", "glare-eyes", "glare-night-to-sun"] {
+        for wrong in [(0.5, GlareKernelName::InverseSquare), (0.1, GlareKernelName::Cie)] {
+            let mut context = Context::new(&mut renderer, &settings);
+            (context.expected_glare.inner_deg, context.expected_glare.kernel) = wrong;
+            let result = CheckResult::judge(check(name), (check(name).run)(&mut context).unwrap());
+            assert_eq!(result.outcome, Outcome::Fail, "{wrong:?}: {result}");
+        }
+    }
+}
+
+#[test]
+fn glare_that_is_off_has_nothing_to_check() {
+    let mut renderer = renderer();
+    let off = with_glare(GlareMethod::None);
+    let mut nothing = with_glare(GlareMethod::Auto);
+    nothing.glare.fraction = 0.0;
+    for settings in [off, nothing] {
+        let result = run("glare-roundness", &mut renderer, &settings);
+        assert_eq!(result.outcome, Outcome::NotApplicable);
+        assert!(result.message.unwrap().contains("glare.method"), "where to change it");
+    }
+    // Other checks go on, whatever the glare.
+    assert_eq!(run("two-colours", &mut renderer, &with_glare(GlareMethod::None)).outcome, Outcome::Pass);
+}

@@ -1,0 +1,368 @@
+//! The program as scripts see it: what it prints where, and its exit codes.
+
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+
+const CSV: &str = "ra_deg,dec_deg,v_mag,parallax_mas\n10,20,3.0,100\n11,oops,3.0,\n12,22,4.0,\n";
+
+fn steradian(folder: &Path, arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_steradian"))
+        .args(arguments)
+        .current_dir(folder)
+        .env_remove("STERADIAN_LOG")
+        .stdin(Stdio::null())
+        .output()
+        .unwrap()
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8(bytes.to_vec()).unwrap()
+}
+
+/// Runs, checks the exit code, and returns standard output and standard error.
+#[track_caller]
+fn run(folder: &Path, arguments: &[&str], code: i32) -> (String, String) {
+    let output = steradian(folder, arguments);
+    let (out, err) = (text(&output.stdout), text(&output.stderr));
+    assert_eq!(output.status.code(), Some(code), "{arguments:?}\nstdout: {out}\nstderr: {err}");
+    (out, err)
+}
+
+#[test]
+fn help_and_version_go_to_standard_output_with_examples() {
+    let folder = tempfile::tempdir().unwrap();
+    for arguments in [
+        &["--help"][..],
+        &["render", "--help"],
+        &["serve", "--help"],
+        &["info", "--help"],
+        &["chart", "--help"],
+        &["verify", "--help"],
+        &["catalogue", "import", "--help"],
+        &["catalogue", "info", "--help"],
+        &["catalogue", "synth", "--help"],
+    ] {
+        let (out, err) = run(folder.path(), arguments, 0);
+        assert!(out.contains("Example") && out.contains("\n  steradian "), "{out}");
+        assert!(err.is_empty(), "{err}");
+    }
+    let (out, _) = run(folder.path(), &["--version"], 0);
+    assert_eq!(out.trim(), format!("steradian {}", env!("CARGO_PKG_VERSION")));
+}
+
+#[test]
+fn bad_usage_is_64() {
+    let folder = tempfile::tempdir().unwrap();
+    for arguments in [
+        &[][..],
+        &["dance"],
+        &["catalogue"],
+        &["catalogue", "import", "--out", "x.stars"],
+        &["catalogue", "import", "x.csv"],
+        &["catalogue", "synth", "--stars", "0", "--seed", "1", "--out", "x.stars"],
+        &["catalogue", "synth", "--stars", "many", "--seed", "1", "--out", "x.stars"],
+        &["catalogue", "synth", "--stars", "9", "--seed", "1", "--fainter-than", "nan", "--out", "x.stars"],
+        &["--log", "steradian=loudly", "catalogue", "info", "x.stars"],
+    ] {
+        let (out, err) = run(folder.path(), arguments, 64);
+        assert!(out.is_empty(), "{arguments:?}: {out}");
+        assert!(!err.is_empty(), "{arguments:?}");
+    }
+    let (_, err) = run(folder.path(), &["catalogue", "synth", "--stars", "0", "--seed", "1", "--out", "x"], 64);
+    assert!(err.contains("--stars") && err.contains("from 1 to"), "{err}");
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0, "nothing is written");
+}
+
+#[test]
+fn bad_data_is_65_and_named_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str, content: &str| std::fs::write(folder.path().join(name), content).unwrap();
+    file("broken.csv", "ra_deg,dec_deg,v_mag\nx,y,z\n1,2,\n");
+    file("columns.csv", "a,b\n1,2\n");
+    file("broken.stars", "STERSTAR and no more");
+    file("text.stars", "no store at all");
+    for (arguments, parts) in [
+        (&["catalogue", "import", "missing.csv", "--out", "o.stars"][..], &["missing.csv"][..]),
+        (&["catalogue", "import", "broken.csv", "--out", "o.stars"], &["broken.csv", "line 2", "2 rows"]),
+        (&["catalogue", "import", "columns.csv", "--out", "o.stars"], &["columns.csv", "ra_deg"]),
+        (&["catalogue", "import", "broken.stars", "--out", "o.stars"], &["broken.stars", "damaged"]),
+        (&["catalogue", "info", "broken.stars"], &["broken.stars", "damaged"]),
+        (&["catalogue", "info", "text.stars"], &["text.stars", "not a star store"]),
+        (&["catalogue", "info", "missing.stars"], &["missing.stars"]),
+    ] {
+        let (out, err) = run(folder.path(), arguments, 65);
+        assert!(out.is_empty(), "{out}");
+        for part in parts {
+            assert!(err.contains(part), "`{part}` is not in: {err}");
+        }
+        assert_eq!(err.matches("error:").count(), 1, "{err}");
+    }
+    assert!(!folder.path().join("o.stars").exists());
+}
+
+#[test]
+fn a_million_broken_rows_end_quickly_in_one_short_message() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut csv = String::from("ra_deg,dec_deg,v_mag\n");
+    csv.push_str(&"junk,more junk,\n".repeat(1_000_000));
+    std::fs::write(folder.path().join("junk.csv"), csv).unwrap();
+    let (_, err) = run(folder.path(), &["catalogue", "import", "junk.csv", "--out", "o.stars"], 65);
+    assert!(err.contains("1000000 rows") && err.contains("line 2"), "{err}");
+    assert!(err.len() < 2000, "{}", err.len());
+}
+
+#[test]
+fn import_reports_bad_rows_and_info_tells_what_is_in_the_store() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("two.csv"), CSV).unwrap();
+    let (out, err) = run(folder.path(), &["catalogue", "import", "two.csv", "builtin:bright", "--out", "sky.stars"], 0);
+    assert!(out.contains("two.csv: 2 stars, 1 of 3 rows rejected"), "{out}");
+    assert!(out.contains("wrote sky.stars"), "{out}");
+    assert!(err.contains("line 3"), "{err}");
+    assert!(err.contains("loading two.csv (1 of 2)"), "plain progress lines: {err}");
+
+    let (out, err) = run(folder.path(), &["--log", "warn", "catalogue", "info", "sky.stars"], 0);
+    assert!(err.is_empty(), "{err}");
+    let value = |key: &str| {
+        let line = out.lines().find(|line| line.starts_with(key)).unwrap_or_else(|| panic!("{key} is not in: {out}"));
+        line[key.len()..].trim().to_owned()
+    };
+    let stars: usize = value("stars").parse().unwrap();
+    assert!(stars > 302, "{out}");
+    let at_infinity: usize = value("at infinity").parse().unwrap();
+    assert!(at_infinity >= 1 && at_infinity < stars, "{out}");
+    // Sirius is the brightest.
+    assert!(value("apparent V").starts_with("-1.4"), "{out}");
+    assert!(out.contains("from              builtin:bright"), "{out}");
+}
+
+#[test]
+fn the_same_seed_gives_the_same_store_and_another_seed_another() {
+    let folder = tempfile::tempdir().unwrap();
+    let synth = |seed: &str, out: &str| {
+        let arguments =
+            ["catalogue", "synth", "--stars", "5000", "--seed", seed, "--fainter-than", "3.5", "--out", out];
+        let (result, _) = run(folder.path(), &arguments, 0);
+        assert!(result.contains("5000 stars") && result.contains("synthetic"), "{result}");
+        std::fs::read(folder.path().join(out)).unwrap()
+    };
+    let first = synth("1", "a.stars");
+    assert_eq!(first, synth("1", "b.stars"));
+    assert_ne!(first, synth("2", "c.stars"));
+
+    let (out, _) = run(folder.path(), &["catalogue", "info", "a.stars"], 0);
+    assert!(out.contains("synthetic galaxy (5000 stars, seed 1, fainter than V = 3.5)"), "{out}");
+    let range = out.lines().find(|line| line.starts_with("apparent V")).unwrap();
+    let brightest: f64 = range.split_whitespace().nth(2).unwrap().parse().unwrap();
+    assert!((3.5..4.5).contains(&brightest), "{range}");
+
+    // Stores are catalogues, too: they add up.
+    let (out, _) = run(folder.path(), &["catalogue", "import", "a.stars", "c.stars", "--out", "both.stars"], 0);
+    assert!(out.contains("wrote both.stars: 10000 stars"), "{out}");
+}
+
+#[test]
+fn a_store_that_cannot_be_written_is_a_failed_job() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("two.csv"), CSV).unwrap();
+    let (_, err) = run(folder.path(), &["catalogue", "import", "two.csv", "--out", "no/such/folder/x.stars"], 1);
+    assert!(err.contains("no/such/folder/x.stars"), "{err}");
+}
+
+#[test]
+fn a_reader_that_leaves_is_no_failure() {
+    let folder = tempfile::tempdir().unwrap();
+    run(folder.path(), &["catalogue", "import", "builtin:bright", "--out", "b.stars"], 0);
+    let (reader, writer) = std::io::pipe().unwrap();
+    drop(reader);
+    let output = Command::new(env!("CARGO_BIN_EXE_steradian"))
+        .args(["catalogue", "info", "b.stars"])
+        .current_dir(folder.path())
+        .stdout(writer)
+        .output()
+        .unwrap();
+    assert_eq!(output.status.code(), Some(0));
+    assert!(text(&output.stderr).is_empty(), "{}", text(&output.stderr));
+}
+
+const SCENE: &str = "[scene]\ncatalogues = ['builtin:bright']\n[[views]]\nname = 'all'\ntype = 'equirectangular'\nsize = [64, 32]\n\
+    [[views]]\nname = 'cube'\ntype = 'cubemap'\nface_size = 16\nfaces = ['up', 'front']\n[[views]]\nname = 'eyes'\ntype = 'stereo'\n\
+    size = [16, 16]\nipd_m = 0.06\nfov = { left_deg = -40, right_deg = 30, up_deg = 30, down_deg = -30 }\n";
+
+#[test]
+fn render_writes_every_image_and_the_manifest_and_repeats_itself() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("sky.toml"), SCENE).unwrap();
+    let (out, _) = run(folder.path(), &["render", "--config", "sky.toml", "--out", "a"], 0);
+    let expected = ["all", "cube.up", "cube.front", "eyes.left", "eyes.right"];
+    for stem in expected {
+        for extension in ["exr", "png"] {
+            assert!(
+                out.lines().any(|line| Path::new(line) == Path::new("a").join(format!("{stem}.{extension}"))),
+                "{out}"
+            );
+        }
+    }
+    let manifest = std::fs::read(folder.path().join("a/manifest.json")).unwrap();
+    let manifest: serde_json::Value = serde_json::from_slice(&manifest).unwrap();
+    assert!(!manifest["adapter"].as_str().unwrap().is_empty());
+    let views = manifest["views"].as_array().unwrap();
+    assert_eq!(views.iter().map(|view| view["name"].as_str().unwrap()).collect::<Vec<_>>(), ["all", "cube", "eyes"]);
+    assert_eq!(views[1]["files"].as_array().unwrap().len(), 4);
+    assert!(views[0]["stars_drawn"].as_u64().unwrap() > 300, "every star is in the full sphere: {manifest}");
+
+    run(folder.path(), &["render", "--config", "sky.toml", "--out", "b"], 0);
+    for stem in expected {
+        for extension in ["exr", "png"] {
+            let read = |out: &str| std::fs::read(folder.path().join(format!("{out}/{stem}.{extension}"))).unwrap();
+            assert_eq!(read("a"), read("b"), "{stem}.{extension}");
+        }
+    }
+    // An override reaches the picture.
+    run(folder.path(), &["render", "--config", "sky.toml", "--out", "c", "--set", "views.all.size=[32, 16]"], 0);
+    let size = |out: &str| {
+        let png = std::fs::File::open(folder.path().join(format!("{out}/all.png"))).unwrap();
+        png::Decoder::new(std::io::BufReader::new(png)).read_info().unwrap().info().size()
+    };
+    assert_eq!((size("a"), size("c")), ((64, 32), (32, 16)));
+}
+
+#[test]
+fn render_refuses_bad_configurations_with_64_bad_catalogues_with_65_and_unknown_adapters_with_69() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str, content: &str| std::fs::write(folder.path().join(name), content).unwrap();
+    file("sky.toml", SCENE);
+    file("empty.toml", "");
+    file("lost.toml", &SCENE.replace("'builtin:bright'", "'lost.csv'"));
+    for (arguments, code, parts) in [
+        (&["--config", "missing.toml"][..], 64, &["missing.toml"][..]),
+        (&["--config", "empty.toml"], 64, &["empty.toml", "[[views]]"]),
+        (&["--config", "sky.toml", "--set", "views.all.siz=3"], 64, &["sky.toml", "views[0].siz", "--set"]),
+        (&["--config", "sky.toml", "--set", "views.all.size=[2000000, 2]"], 64, &["sky.toml", "view `all`", "2000000"]),
+        (&["--config", "lost.toml"], 65, &["lost.toml", "lost.csv"]),
+        (&["--config", "sky.toml", "--adapter", "no such adapter"], 69, &["no such adapter"]),
+    ] {
+        let (out, err) = run(folder.path(), &[&["render", "--out", "out"], arguments].concat(), code);
+        assert!(out.is_empty(), "{out}");
+        for part in parts {
+            assert!(err.contains(part), "`{part}` is not in: {err}");
+        }
+        assert_eq!(err.matches("error:").count(), 1, "{err}");
+    }
+    assert!(!folder.path().join("out").exists());
+    file("out", "a file where the folder should be");
+    let (_, err) = run(folder.path(), &["render", "--out", "out", "--config", "sky.toml"], 1);
+    assert!(err.contains("cannot write out"), "{err}");
+}
+
+#[test]
+fn info_tells_the_adapter_as_text_and_as_json() {
+    let folder = tempfile::tempdir().unwrap();
+    let (out, _) = run(folder.path(), &["info"], 0);
+    assert!(out.contains("adapter") && out.contains("fallbacks"), "{out}");
+    let (out, _) = run(folder.path(), &["info", "--json"], 0);
+    let report: serde_json::Value = serde_json::from_str(&out).unwrap();
+    for key in ["adapter", "driver", "features", "limits", "fallbacks"] {
+        assert!(!report[key].is_null(), "{key} is not in {out}");
+    }
+    let (out, err) = run(folder.path(), &["info", "--json", "--adapter", "no such adapter"], 69);
+    assert!(out.is_empty() && err.contains("no such adapter"), "{err}");
+}
+
+/// The daemon; killed if a test ends early.
+struct Daemon(std::process::Child);
+
+impl Drop for Daemon {
+    fn drop(&mut self) {
+        // It may have ended already, which is what most tests are about.
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn serve_says_where_it_listens_and_ends_with_0_on_sigterm_and_sigint() {
+    use std::io::{BufRead, BufReader, Read};
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("sky.toml"), SCENE).unwrap();
+    for signal in ["TERM", "INT"] {
+        let child = Command::new(env!("CARGO_BIN_EXE_steradian"))
+            .args(["serve", "--config", "sky.toml", "--listen", "127.0.0.1:0"])
+            .current_dir(folder.path())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        let mut daemon = Daemon(child);
+        let mut out = BufReader::new(daemon.0.stdout.take().unwrap());
+        let mut line = String::new();
+        out.read_line(&mut line).unwrap();
+        let address = line.trim().strip_prefix("listening on ").unwrap_or_else(|| panic!("{line}"));
+        std::net::TcpStream::connect(address).unwrap();
+        let kill = Command::new("kill").args(["-s", signal, &daemon.0.id().to_string()]).status().unwrap();
+        assert!(kill.success());
+        assert_eq!(daemon.0.wait().unwrap().code(), Some(0), "SIG{signal}");
+        let mut rest = String::new();
+        out.read_to_string(&mut rest).unwrap();
+        assert!(rest.is_empty(), "{rest}");
+    }
+}
+
+#[test]
+fn serve_refuses_what_it_cannot_do() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("sky.toml"), SCENE).unwrap();
+    let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let taken = listener.local_addr().unwrap().to_string();
+    for (arguments, code, part) in [
+        (&["--listen", "nowhere"][..], 64, "127.0.0.1:7143"),
+        (&["--config", "missing.toml"], 64, "missing.toml"),
+        (&["--config", "sky.toml", "--set", "server.listen=nowhere"], 64, "server.listen"),
+        (&["--config", "sky.toml", "--adapter", "no such adapter"], 69, "no such adapter"),
+        (&["--config", "sky.toml", "--listen", &taken], 1, "in use"),
+    ] {
+        let (out, err) = run(folder.path(), &[&["serve"], arguments].concat(), code);
+        assert!(out.is_empty() && err.contains(part), "{err}");
+    }
+    drop(listener);
+}
+
+#[test]
+fn a_published_method_and_a_moving_camera_are_bad_configuration() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("sky.toml"), SCENE).unwrap();
+    let render = |method: &str, code: i32| {
+        let moving = ["--set", "scene.camera.velocity_c=[0.5, 0.0, 0.0]", "--set", method];
+        run(folder.path(), &[&["render", "--config", "sky.toml", "--out", "out"], &moving[..]].concat(), code).1
+    };
+    let err = render("stars.method=packed_cas", 64);
+    assert!(err.contains("sky.toml") && err.contains("`packed_cas`") && err.contains("velocity_c"), "{err}");
+    assert!(!folder.path().join("out").exists());
+    render("stars.method=tent", 0);
+}
+
+#[test]
+fn a_point_spread_function_that_cannot_be_had_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str, content: &str| std::fs::write(folder.path().join(name), content).unwrap();
+    file("broken.exr", "not a picture");
+    file("scene.toml", "[[views]]\nname = 'flat'\ntype = 'perspective'\nfov_y_deg = 40\nsize = [64, 64]\n");
+    let render = |set: &str, code: i32| {
+        let arguments =
+            ["render", "--config", "scene.toml", "--out", "out", "--set", "stars.method=psf_texture", "--set", set];
+        run(folder.path(), &arguments, code)
+    };
+    let (_, err) = render("stars.psf_texture.file=missing.exr", 65);
+    assert!(err.contains("psf_texture") && err.contains("missing.exr"), "{err}");
+    let (_, err) = render("stars.psf_texture.file=broken.exr", 65);
+    assert!(err.contains("broken.exr") && err.contains("OpenEXR"), "{err}");
+    let (_, err) = render("stars.psf_texture.aperture=square", 64);
+    assert!(err.contains("aperture") && err.contains("hexagon"), "{err}");
+    assert!(!folder.path().join("out").exists());
+    // One that we made ourselves is drawn.
+    let make = ["psf", "--aperture", "circle", "--diameter-mm", "1", "--size", "32", "--out", "star.exr"];
+    run(folder.path(), &make, 0);
+    render("stars.psf_texture.file=star.exr", 0);
+    assert!(folder.path().join("out/flat.png").exists());
+}

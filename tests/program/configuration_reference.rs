@@ -1,0 +1,373 @@
+//! Proves that `docs/configuration.md` and `docs/steradian.schema.json` are what the types say, and that the schema and the
+//! parser agree: about every configuration in `configs/`, about both sides of every bound of every range, and about mistakes.
+//!
+//! `STERADIAN_WRITE_REFERENCE=1 cargo test --release --test program configuration_reference` writes both files anew.
+
+#![allow(clippy::unwrap_used, reason = "a test: what it unwraps is there, or it fails")]
+
+use std::{collections::BTreeSet, fs, path::Path};
+
+use serde_json::{Map, Value, json};
+use steradian::config::{
+    Config,
+    ranges::{self, Range},
+    reference,
+};
+
+fn repository() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+/// The JSON that an editor makes of TOML.
+fn json_of(value: &toml::Value) -> Value {
+    match value {
+        toml::Value::Array(values) => values.iter().map(json_of).collect(),
+        toml::Value::Table(table) => table.iter().map(|(key, value)| (key.clone(), json_of(value))).collect(),
+        toml::Value::Datetime(time) => json!(time.to_string()),
+        toml::Value::String(text) => json!(text),
+        toml::Value::Integer(number) => json!(number),
+        toml::Value::Float(number) => json!(number),
+        toml::Value::Boolean(value) => json!(value),
+    }
+}
+
+fn validator() -> jsonschema::Validator {
+    jsonschema::draft7::new(&reference::schema()).unwrap()
+}
+
+/// Whether the schema and whether the parser take a text.
+fn taken(validator: &jsonschema::Validator, text: &str) -> [bool; 2] {
+    let document = json_of(&toml::Value::Table(text.parse().unwrap_or_else(|error| panic!("{error} in\n{text}"))));
+    [validator.is_valid(&document), Config::from_text(text, "test.toml", Path::new("/sky"), &[]).is_ok()]
+}
+
+/// The generated files differ from the committed ones in nothing.
+#[test]
+fn the_page_and_the_schema_are_those_of_the_types() {
+    let schema = format!("{}\n", serde_json::to_string_pretty(&reference::schema()).unwrap());
+    let write = std::env::var_os("STERADIAN_WRITE_REFERENCE").is_some();
+    for (file, generated) in [("docs/configuration.md", reference::page()), ("docs/steradian.schema.json", schema)] {
+        let path = repository().join(file);
+        if write {
+            fs::write(&path, &generated).unwrap();
+        }
+        let committed = fs::read_to_string(&path).unwrap_or_else(|error| panic!("{file}: {error}"));
+        let differs = committed.lines().zip(generated.lines()).position(|(old, new)| old != new);
+        assert!(
+            committed == generated,
+            "{file} is not what the types say (line {:?}): STERADIAN_WRITE_REFERENCE=1 writes it anew",
+            differs.map(|line| line + 1)
+        );
+    }
+}
+
+#[test]
+fn every_configuration_fits_the_schema_and_names_it() {
+    let validator = validator();
+    for file in fs::read_dir(repository().join("configs")).unwrap() {
+        let path = file.unwrap().path();
+        let text = fs::read_to_string(&path).unwrap();
+        let document = json_of(&toml::Value::Table(text.parse().unwrap()));
+        let problems: Vec<String> =
+            validator.iter_errors(&document).map(|error| format!("{}: {error}", error.instance_path())).collect();
+        assert!(problems.is_empty(), "{}: {problems:#?}", path.display());
+        assert!(text.starts_with("#:schema ../docs/steradian.schema.json\n"), "{}: no #:schema line", path.display());
+    }
+}
+
+/// The least that a view, a body or a field needs, with the keys that `rest` gives in place of these.
+fn listed(list: &str, type_or_shape: &str) -> Map<String, Value> {
+    let value = match (list, type_or_shape) {
+        ("views", "perspective") => json!({ "size": [8, 8], "fov_y_deg": 60.0 }),
+        ("views", "off_axis") => json!({ "type": "perspective", "size": [8, 8], "fov": edges() }),
+        ("views", "stereo") => json!({ "size": [8, 8], "ipd_m": 0.06, "fov_left": edges(), "fov_right": edges() }),
+        ("views", "mirrored") => json!({ "type": "stereo", "size": [8, 8], "ipd_m": 0.06, "fov": edges() }),
+        ("views", "cubemap") => json!({ "face_size": 8 }),
+        ("views", "fisheye") => json!({ "size": [8, 8], "fov_deg": 180.0 }),
+        ("views", "dome_master") => json!({ "size": [8, 8] }),
+        ("views", _) => json!({ "size": [8, 8] }),
+        ("bodies", "sphere") => json!({ "position_m": [1e11, 0.0, 0.0], "radius_m": 1e3, "geometric_albedo": 0.1 }),
+        ("bodies", "ellipsoid") => {
+            json!({ "position_m": [1e11, 0.0, 0.0], "radii_m": [1e3, 1e3, 1e3], "geometric_albedo": [0.1, 0.2, 0.3] })
+        }
+        ("bodies", _) => json!({ "preset": "sun", "emission": {} }),
+        ("asteroid_fields", shape) => {
+            let mut field = json!({
+                "position_m": [0.0, 0.0, 0.0], "instances": 3, "shape": shape, "radius_m": [1.0, 1.0],
+                "spin_period_s": [1.0, 1.0], "geometric_albedo": 0.1, "size_index": 2.5,
+            });
+            let place = match shape {
+                "box" => json!({ "size_m": [1.0, 1.0, 1.0] }),
+                "belt" => json!({ "inner_m": 0.0, "outer_m": 1e18, "height_m": 1.0 }),
+                _ => json!({ "inner_m": 0.0, "outer_m": 1e18, "thickness_m": 1.0 }),
+            };
+            field.as_object_mut().unwrap().extend(place.as_object().unwrap().clone());
+            field
+        }
+        _ => panic!("no list {list}"),
+    };
+    let mut table = value.as_object().unwrap().clone();
+    table.insert("name".to_owned(), json!("it"));
+    if list == "views" {
+        table.entry("type").or_insert(json!(type_or_shape));
+    }
+    table
+}
+
+fn edges() -> Value {
+    json!({ "left_deg": -89.0, "right_deg": 89.0, "up_deg": 89.0, "down_deg": -89.0 })
+}
+
+/// Complete documents that have the key of a range, as JSON whose place of the key is to be filled.
+fn documents(range: &Range) -> Vec<Value> {
+    let list = range.key.split("[]").next().unwrap();
+    let kinds: &[&str] = match list {
+        "views" => {
+            &["perspective", "off_axis", "stereo", "mirrored", "cubemap", "fisheye", "dome_master", "equirectangular"]
+        }
+        "bodies" => &["sphere", "ellipsoid", "sun"],
+        "asteroid_fields" => &["box", "belt", "ring"],
+        "scene.catalogues" => return vec![json!({ "scene": { "catalogues": [{ "galaxy": { "stars": 3 } }] } })],
+        "overlay.grids" => return vec![json!({ "overlay": { "grids": [{ "kind": "galactic" }] } })],
+        "overlay.trajectories" => {
+            let way = json!({ "name": "it", "points_m": [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]] });
+            return vec![json!({ "overlay": { "trajectories": [way] } })];
+        }
+        "overlay.labels" => {
+            let labels = [
+                json!({ "name": "it", "ra_deg": 0.0, "dec_deg": 0.0 }),
+                json!({ "name": "it", "position_m": [0.0, 0.0, 0.0] }),
+            ];
+            return labels.into_iter().map(|label| json!({ "overlay": { "labels": [label] } })).collect();
+        }
+        _ => {
+            // What a bound needs of other keys.
+            let others = match range.key {
+                "tone_map.black_cd_m2" => json!({ "tone_map": { "peak_cd_m2": 1e6 } }),
+                "stars.psf_texture.diameter_mm" => json!({ "stars": { "psf_texture": { "file": "star.exr" } } }),
+                "stars.psf_texture.width_arcmin" => json!({ "stars": { "psf_texture": { "file": "star.exr" } } }),
+                "stars.billboard.brightest_magnitude" => {
+                    json!({ "stars": { "billboard": { "faintest_magnitude": 100.0 } } })
+                }
+                "stars.billboard.faintest_magnitude" => {
+                    json!({ "stars": { "billboard": { "brightest_magnitude": -100.0 } } })
+                }
+                "stars.gaussian_psf.limiting_magnitude" => {
+                    json!({ "stars": { "gaussian_psf": { "saturation_magnitude": -100.0 } } })
+                }
+                "stars.gaussian_psf.saturation_magnitude" => {
+                    json!({ "stars": { "gaussian_psf": { "limiting_magnitude": 100.0 } } })
+                }
+                "exposure.min_ev100" => json!({ "exposure": { "max_ev100": 100.0 } }),
+                "exposure.max_ev100" => json!({ "exposure": { "min_ev100": -100.0 } }),
+                _ => json!({}),
+            };
+            return vec![others];
+        }
+    };
+    // Of the lists, the kinds that have the key.
+    let keys: Vec<&str> = range.key.split("[].").nth(1).unwrap().split('.').collect();
+    let all = kinds.iter().map(|kind| listed(list, kind));
+    let has = |table: &Map<String, Value>| match keys.as_slice() {
+        ["emission", ..] => table.contains_key("emission"),
+        ["position_m"] => true,
+        ["fov_deg"] => table["type"] == "fisheye" || table["type"] == "dome_master",
+        [key, ..] => table.contains_key(*key),
+        [] => false,
+    };
+    all.filter(has).map(|table| json!({ list: [table] })).collect()
+}
+
+/// Puts a number where a key is; into a list of numbers, as its first element, or as all of them.
+fn put(document: &Value, key: &str, number: Value, whole_list: bool) -> Value {
+    let mut document = document.clone();
+    let mut place = &mut document;
+    for step in key.split('.') {
+        let (name, element) = step.strip_suffix("[]").map_or((step, false), |name| (name, true));
+        if place.is_null() {
+            *place = json!({});
+        }
+        place = &mut place[name];
+        if element {
+            place = &mut place[0];
+        }
+    }
+    match place.as_array_mut() {
+        Some(list) if whole_list => list.fill(number),
+        Some(list) => list[0] = number,
+        None if key.ends_with("velocity_c") || key.ends_with("position_m") => *place = json!([number, 0.0, 0.0]),
+        None => *place = number,
+    }
+    document
+}
+
+/// Bounds that no configuration reaches, since another rule refuses it before: the key, whether it is the upper bound, and a
+/// value near it that is taken.
+const UNREACHED: &[(&str, bool, f64)] = &[
+    // Two keys must differ, and the other one has the same bound.
+    ("stars.billboard.brightest_magnitude", true, 99.9),
+    ("stars.billboard.faintest_magnitude", false, -99.9),
+    ("stars.gaussian_psf.saturation_magnitude", true, 99.9),
+    ("stars.gaussian_psf.limiting_magnitude", false, -99.9),
+    ("asteroid_fields[].inner_m", true, 9e17),
+    ("left_deg", true, 88.9),
+    ("right_deg", false, -88.9),
+    ("up_deg", false, -88.9),
+    ("down_deg", true, 88.9),
+    // The luminance would be above what is allowed.
+    ("bodies[].emission.absolute_magnitude", false, -10.0),
+];
+
+/// A bound, or, where none reaches it, a value near it.
+fn reached(key: &str, upper: bool, bound: f64) -> f64 {
+    let matches = |entry: &str| if entry.contains('.') { entry == key } else { key.rsplit('.').next() == Some(entry) };
+    UNREACHED.iter().find(|(entry, of_upper, _)| matches(entry) && *of_upper == upper).map_or(bound, |entry| entry.2)
+}
+
+/// The next number in a direction that the kind of the key can tell from the bound.
+fn beyond(bound: f64, upwards: bool, whole: bool, angle: bool) -> f64 {
+    let sign = if upwards { 1.0 } else { -1.0 };
+    if whole {
+        bound + sign
+    } else if angle {
+        // Degrees are compared in radians, with a slack for their rounding.
+        bound + sign * 1e-6
+    } else {
+        bound + sign * (bound.abs() * 1e-9).max(1e-12)
+    }
+}
+
+/// Where the parser or the schema does not take a bound of a range, or takes what lies just beyond; and how often they were asked.
+fn disagreements(validator: &jsonschema::Validator, range: &Range) -> (Vec<String>, usize) {
+    let documents = documents(range);
+    assert!(!documents.is_empty(), "{}: nothing has this key", range.key);
+    let name = range.key.rsplit('.').next().unwrap();
+    let whole =
+        ["cells", "layers", "stars", "size", "face_size", "instances", "tiles", "tile_px", "samples"].contains(&name);
+    let angle = range.key.starts_with("views") && name.ends_with("_deg");
+    // Values, and whether they are allowed.
+    let mut values = vec![(beyond(range.least, false, whole, angle), false)];
+    if range.above {
+        values.extend([(range.least, false), (beyond(range.least, true, whole, angle), true)]);
+    } else {
+        values.push((reached(range.key, false, range.least), true));
+    }
+    if range.most.is_finite() {
+        values.push((reached(range.key, true, range.most), true));
+        values.push((beyond(range.most, true, whole, angle), false));
+    }
+    let (mut found, mut asked) = (Vec::new(), 0);
+    for (value, allowed) in values {
+        let number = if whole { json!(value as i64) } else { json!(value) };
+        let both: Vec<[bool; 2]> = documents
+            .iter()
+            .flat_map(|document| [false, true].map(|whole_list| put(document, range.key, number.clone(), whole_list)))
+            .map(|document| taken(validator, &toml::to_string(&document).unwrap()))
+            .collect();
+        asked += both.len();
+        // Other rules may refuse an allowed value in some combinations; in one of them it is taken.
+        let agree =
+            if allowed { both.contains(&[true, true]) } else { both.iter().all(|taken| *taken == [false, false]) };
+        if !agree {
+            found.push(format!("{} = {value}, allowed: {allowed}, taken by [schema, parser]: {both:?}", range.key));
+        }
+    }
+    (found, asked)
+}
+
+#[test]
+fn schema_and_parser_agree_about_both_sides_of_every_bound() {
+    let validator = validator();
+    let (found, asked): (Vec<_>, Vec<_>) = ranges::all().map(|range| disagreements(&validator, range)).unzip();
+    let found = found.concat();
+    assert!(found.is_empty(), "{found:#?}");
+    assert!(asked.iter().sum::<usize>() > 300, "asked only {asked:?} times");
+}
+
+#[test]
+fn a_wrong_bound_is_noticed() {
+    let validator = validator();
+    for key in
+        ["accuracy.flux", "views[].fov_y_deg", "bodies[].radii_m", "asteroid_fields[].size_index", "asteroids.samples"]
+    {
+        let range = *ranges::all().find(|range| range.key == key).unwrap();
+        assert_eq!(disagreements(&validator, &range).0, Vec::<String>::new());
+        for wrong in [
+            Range { most: range.most * 2.0, ..range },
+            Range { most: range.most - 0.1 * range.most.max(10.0), ..range },
+            Range { least: range.least - 1.0, ..range },
+        ] {
+            assert!(!disagreements(&validator, &wrong).0.is_empty(), "{wrong:?} passed");
+        }
+    }
+}
+
+#[test]
+fn schema_and_parser_refuse_the_same_mistakes() {
+    let validator = validator();
+    let map = "[[views]]\nname = 'v'\ntype = 'equirectangular'\nsize = [8, 4]\n";
+    for good in ["", "[stars]\nmethod = 'tent'", map, "[scene]\ntime = 2026-01-01T00:00:00Z"] {
+        assert_eq!(taken(&validator, good), [true, true], "{good}");
+    }
+    for wrong in [
+        "[moons]",
+        "colour = 3",
+        "[stars]\ncolour = 3",
+        "[stars.billboard]\ncolour = 3",
+        "[stars]\nmethod = 'dots'",
+        "[stars]\nmethod = 3",
+        "[stars.psf_texture]\naperture = 'square'",
+        "[exposure]\nkey = 'bright'",
+        "[scene]\ncatalogues = [3]",
+        "[scene]\ncatalogues = [{ galaxy = { stars = 3, colour = 4 } }]",
+        "[scene]\ntime = 3",
+        "[scene.camera]\nposition_m = [0.0, 0.0]",
+        "[[views]]\nname = 'v'\ntype = 'panorama'\nsize = [8, 4]",
+        "[[views]]\nname = 'v'\nsize = [8, 4]",
+        "[[views]]\ntype = 'equirectangular'\nsize = [8, 4]",
+        &format!("{map}fov_deg = 90"),
+        &format!("{map}orientation = [1, 0, 0]"),
+        "[[views]]\nname = 'v'\ntype = 'cubemap'\nface_size = 4\nfaces = ['top']",
+        "[[bodies]]\nname = 'b'\npreset = 'pluto'",
+        "[[bodies]]\nname = 'b'\npreset = 'sun'\ncolour = 3",
+        "[[bodies]]\nname = 'b'\npreset = 'sun'\ngeometric_albedo = [0.1, 0.2]",
+        "[[asteroid_fields]]\nname = 'f'",
+        "[headset]\nformat = 'rgb565'",
+        "[server]\nport = 7143",
+    ] {
+        assert_eq!(taken(&validator, wrong), [false, false], "[schema, parser] {wrong}");
+    }
+}
+
+/// Calls `visit` with the path and schema of every key.
+fn keys(schema: &Value, path: &str, visit: &mut dyn FnMut(&str, &Value)) {
+    for form in ["oneOf", "anyOf"].iter().filter_map(|form| schema[*form].as_array()).flatten() {
+        keys(form, path, visit);
+    }
+    if schema["items"].is_object() {
+        keys(&schema["items"], &format!("{path}[]"), visit);
+    }
+    for (key, inner) in schema["properties"].as_object().into_iter().flatten() {
+        let path = if path.is_empty() { key.clone() } else { format!("{path}.{key}") };
+        visit(&path, inner);
+        keys(inner, &path, visit);
+    }
+}
+
+#[test]
+fn every_key_stands_on_the_page_with_a_text_and_every_range_has_its_key() {
+    let (schema, page) = (reference::schema(), reference::page());
+    let mut known = BTreeSet::new();
+    keys(&schema, "", &mut |path, inner| {
+        known.insert(path.to_owned());
+        let top = !path.contains('.');
+        assert!(top || inner["description"].as_str().is_some_and(|text| !text.is_empty()), "{path} has no text");
+        let key = path.rsplit('.').next().unwrap();
+        let found = if top { page.contains(&format!("[{key}]")) } else { page.contains(&format!("| `{key}` |")) };
+        assert!(found || path == "scene.catalogues[].galaxy", "{path} is not on the page");
+    });
+    assert!(known.len() > 100, "only {} keys", known.len());
+    for range in ranges::all() {
+        assert!(known.contains(range.key), "there is a range for {}, but no such key", range.key);
+    }
+}

@@ -1,0 +1,156 @@
+//! The program as a daemon: the real renderer, over a real socket, ended by real signals.
+
+use std::{
+    io::{BufRead, BufReader, Read},
+    path::Path,
+    process::{Child, ChildStderr, ChildStdout, Command, Stdio},
+};
+
+use glam::{DQuat, DVec3};
+use steradian::{
+    catalogue::bright::named_bright_stars,
+    output::Encoding,
+    photometry::rec709::luminance,
+    service::{CameraUpdate, Client, ReceivedFrame},
+    units::illuminance_lx_from_magnitude,
+    view::{View, ViewKind},
+};
+use tonic::Code;
+
+const SIZE: [u32; 2] = [128, 64];
+
+/// A running daemon; killed if its test ends early.
+struct Daemon {
+    process: Child,
+    out: BufReader<ChildStdout>,
+    err: BufReader<ChildStderr>,
+}
+
+impl Drop for Daemon {
+    fn drop(&mut self) {
+        // It may have ended already, which is what the tests are about.
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+    }
+}
+
+impl Daemon {
+    fn start(folder: &Path, catalogue: &str) -> Self {
+        let scene = format!(
+            "[scene]\ncatalogues = ['{catalogue}']\n[[views]]\nname = 'all'\ntype = 'equirectangular'\nsize = {SIZE:?}\n"
+        );
+        std::fs::write(folder.join("sky.toml"), scene).unwrap();
+        let mut process = Command::new(env!("CARGO_BIN_EXE_steradian"))
+            .args(["--log", "info", "serve", "--config", "sky.toml", "--listen", "127.0.0.1:0"])
+            .current_dir(folder)
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let out = BufReader::new(process.stdout.take().unwrap());
+        let err = BufReader::new(process.stderr.take().unwrap());
+        Self { process, out, err }
+    }
+
+    fn address(&mut self) -> String {
+        let mut line = String::new();
+        self.out.read_line(&mut line).unwrap();
+        line.trim().strip_prefix("listening on ").unwrap_or_else(|| panic!("{line}")).to_owned()
+    }
+
+    /// Reads the log up to a line that contains `text`.
+    fn wait_for_log(&mut self, text: &str) {
+        let mut line = String::new();
+        while !line.contains(text) {
+            line.clear();
+            assert!(self.err.read_line(&mut line).unwrap() > 0, "the log ends without `{text}`");
+        }
+    }
+
+    /// SIGTERM; returns the exit code and what else came on standard output and in the log.
+    fn terminate(mut self) -> (Option<i32>, String, String) {
+        let kill = Command::new("kill").args(["-TERM", &self.process.id().to_string()]).status().unwrap();
+        assert!(kill.success());
+        let (mut out, mut err) = (String::new(), String::new());
+        self.out.read_to_string(&mut out).unwrap();
+        self.err.read_to_string(&mut err).unwrap();
+        (self.process.wait().unwrap().code(), out, err)
+    }
+}
+
+/// Illuminance in lux of all pixels together, and the brightest pixel.
+fn light(frame: &ReceivedFrame, view: &View) -> (f64, [u32; 2]) {
+    let image = &frame.images[0];
+    assert_eq!([image.width, image.height], SIZE);
+    let floats: Vec<f32> = image.data.chunks_exact(4).map(|b| f32::from_le_bytes(b.try_into().unwrap())).collect();
+    assert_eq!(floats.len(), (3 * SIZE[0] * SIZE[1]) as usize);
+    let mapping = view.images[0].projection.mapping();
+    let (mut sum_lx, mut most_lx, mut brightest) = (0.0, 0.0, [0; 2]);
+    for (i, rgb) in floats.chunks_exact(3).enumerate() {
+        let [x, y] = [i as u32 % SIZE[0], i as u32 / SIZE[0]];
+        let lx = luminance([0, 1, 2].map(|c| f64::from(rgb[c]))) * mapping.solid_angle_sr(x, y);
+        sum_lx += lx;
+        if lx > most_lx {
+            (most_lx, brightest) = (lx, [x, y]);
+        }
+    }
+    (sum_lx, brightest)
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_client_gets_the_light_of_the_stars_wherever_the_camera_turns_and_after_refusals() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut daemon = Daemon::start(folder.path(), "builtin:bright");
+    let address = daemon.address();
+    let mut client = Client::connect(&format!("http://{address}")).await.unwrap();
+
+    let stars = named_bright_stars();
+    let expected_lx: f64 = stars.iter().map(|s| illuminance_lx_from_magnitude(s.star.apparent_magnitude())).sum();
+    let sirius = stars.iter().min_by(|a, b| a.star.apparent_magnitude().total_cmp(&b.star.apparent_magnitude()));
+    let sirius = sirius.unwrap().star.position.normalize();
+    let view = View::new("all", ViewKind::Equirectangular { size: SIZE }, DQuat::IDENTITY, DVec3::ZERO).unwrap();
+    let image = &view.images[0];
+
+    let turns = [DQuat::IDENTITY, DQuat::from_axis_angle(DVec3::new(1.0, 2.0, -0.5).normalize(), 2.0)];
+    let mut places = Vec::new();
+    for turn in turns {
+        let update = CameraUpdate { orientation: Some(turn.to_array()), ..CameraUpdate::default() };
+        let camera = client.set_camera(&update).await.unwrap();
+
+        let unknown = client.render_frame("none", Encoding::Rgb32f).await.unwrap_err();
+        assert_eq!(unknown.code(), Some(Code::NotFound), "{unknown}");
+        let nowhere = CameraUpdate { position_m: Some([0.0, f64::NAN, 0.0]), ..CameraUpdate::default() };
+        let nowhere = client.set_camera(&nowhere).await.unwrap_err();
+        assert_eq!(nowhere.code(), Some(Code::InvalidArgument), "{nowhere}");
+
+        let frame = client.render_frame("all", Encoding::Rgb32f).await.unwrap();
+        assert_eq!(frame.camera_revision, camera.revision);
+        let (seen_lx, brightest) = light(&frame, &view);
+        let error = seen_lx / expected_lx - 1.0;
+        println!("{seen_lx:.6e} lx, relative error {error:.1e}; brightest pixel {brightest:?}");
+        assert!(error.abs() < 1e-3, "{seen_lx} lx instead of {expected_lx} lx");
+        let seen = image.projection.mapping();
+        let centre = glam::DVec2::new(f64::from(brightest[0]) + 0.5, f64::from(brightest[1]) + 0.5);
+        let direction = turn * (image.camera_from_view * seen.direction_from_pixel(centre).unwrap());
+        // Pixels are 2.8 degrees wide.
+        assert!(direction.angle_between(sirius).to_degrees() < 3.0, "the brightest pixel is not Sirius");
+        places.push(brightest);
+    }
+    assert_ne!(places[0], places[1], "the picture turned");
+    drop(client);
+    let (code, out, err) = daemon.terminate();
+    assert_eq!((code, out.as_str()), (Some(0), ""), "{err}");
+}
+
+#[test]
+fn sigterm_while_stars_are_loading_is_an_orderly_end() {
+    let folder = tempfile::tempdir().unwrap();
+    // A pipe that nobody writes to: loading it does not come to an end.
+    assert!(Command::new("mkfifo").arg(folder.path().join("endless.csv")).status().unwrap().success());
+    let mut daemon = Daemon::start(folder.path(), "endless.csv");
+    daemon.wait_for_log("loading endless.csv");
+    let (code, out, err) = daemon.terminate();
+    assert_eq!((code, out.as_str()), (Some(0), ""), "{err}");
+    assert!(err.contains("SIGTERM"), "{err}");
+}

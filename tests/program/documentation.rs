@@ -1,0 +1,462 @@
+//! Proves that the documentation is true: the commands of README.md and of every page in `docs/` work as they stand there, every
+//! example runs, every link leads to a file and a heading, and every path that a page names exists.
+//!
+//! Commands are the lines of the fenced blocks marked `sh`. Those of a page run one after the other by `sh`, in a folder that has
+//! the repository's configurations, with the built program in PATH:
+//!
+//! - `cargo run --release --example NAME -- ARGUMENTS` runs the example as `cargo test` has built it,
+//! - `steradian serve` goes on in the background, on a free port, and is stopped by SIGTERM after the last command,
+//! - `steradian xr` draws one frame, or says by exit code 69 what of OpenXR is missing here,
+//! - commands in [`EXCUSED`] are not run; what they name is checked instead.
+
+use std::{
+    collections::BTreeSet,
+    fs,
+    io::{BufRead, BufReader},
+    net::TcpListener,
+    path::{Path, PathBuf},
+    process::{Child, Command, Stdio},
+    sync::mpsc,
+    thread,
+    time::{Duration, Instant},
+};
+
+/// Address of the daemon in the documentation; commands get a free port in its place.
+const DOCUMENTED_ADDRESS: &str = "127.0.0.1:7143";
+/// Commands that are not run, by how they begin, and why. The check is what is done in place of running.
+const EXCUSED: &[(&str, &str, Check)] = &[
+    ("make ", "runs these tests, or installs packages; the Makefile must have the target", check_make),
+    ("grpcurl ", "may not be installed; the protocol must have the method that is called", check_grpcurl),
+];
+
+/// What is checked of a command that is not run.
+type Check = fn(&str) -> Result<(), String>;
+
+/// Paths in code spans that are no files of the repository, by how they begin, and why.
+const NO_FILES: &[(&str, &str)] = &[
+    ("out/", "what commands of the documentation write"),
+    ("target/", "what Cargo builds"),
+    ("~/", "a folder of the user"),
+    ("/", "a path of the system"),
+    ("openxr", "files of an OpenXR runtime"),
+    ("libopenxr1-", "a Debian package"),
+    ("chart.csv", "what `chart` writes"),
+    ("index.html", "what `chart` writes"),
+    ("manifest.json", "what `render` writes"),
+    ("http", "an address"),
+];
+
+/// Far longer than a daemon needs to start or to end.
+const PATIENCE: Duration = Duration::from_secs(120);
+
+fn repository() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+fn read(path: &str) -> String {
+    fs::read_to_string(repository().join(path)).unwrap_or_else(|error| panic!("{path}: {error}"))
+}
+
+/// The commands in the blocks marked `sh`. Comments and blank lines are left out, continued lines joined.
+fn commands(document: &str) -> Vec<String> {
+    let mut found: Vec<String> = Vec::new();
+    let (mut inside, mut continued) = (false, false);
+    for line in document.lines() {
+        if let Some(mark) = line.trim_start().strip_prefix("```") {
+            inside = !inside && mark.trim() == "sh";
+            continue;
+        }
+        let line = line.trim();
+        if !inside || line.is_empty() || line.starts_with('#') {
+            continue;
+        }
+        let (text, goes_on) = line.strip_suffix('\\').map_or((line, false), |text| (text.trim_end(), true));
+        match found.last_mut().filter(|_| continued) {
+            Some(command) => {
+                command.push(' ');
+                command.push_str(text);
+            }
+            None => found.push(text.to_owned()),
+        }
+        continued = goes_on;
+    }
+    found
+}
+
+/// Name of the example that a command runs, and what follows `--`.
+fn example_of(command: &str) -> Option<(&str, &str)> {
+    let rest = command.strip_prefix("cargo run --release --example ")?;
+    Some(rest.split_once(" -- ").unwrap_or((rest, "")))
+}
+
+fn has_target(makefile: &str, target: &str) -> bool {
+    makefile.lines().any(|line| line.starts_with(&format!("{target}:")))
+}
+
+/// Whether a call like `steradian.v1.ViewService/ListViews` is in the protocol.
+fn has_call(call: &str) -> bool {
+    let Some((service, method)) = call.strip_prefix("steradian.v1.").and_then(|name| name.split_once('/')) else {
+        return false;
+    };
+    let folder = repository().join("proto/steradian/v1");
+    fs::read_dir(folder).unwrap().any(|file| {
+        let text = fs::read_to_string(file.unwrap().path()).unwrap();
+        let declared = text.split_once(&format!("service {service} {{")).map(|(_, rest)| rest);
+        let body = declared.and_then(|rest| rest.split_once("\n}")).map(|(body, _)| body);
+        body.is_some_and(|body| body.contains(&format!("rpc {method}(")))
+    })
+}
+
+/// README.md and the pages in `docs/`.
+fn documents() -> Vec<String> {
+    let pages = fs::read_dir(repository().join("docs")).unwrap().map(|entry| entry.unwrap().file_name());
+    let pages = pages.map(|name| format!("docs/{}", name.to_str().unwrap())).filter(|name| name.ends_with(".md"));
+    let mut all: Vec<String> = pages.chain(["README.md".to_owned()]).collect();
+    all.sort();
+    all
+}
+
+/// Checks a `make` command by its target.
+fn check_make(command: &str) -> Result<(), String> {
+    let found = command.strip_prefix("make ").is_some_and(|target| has_target(&read("Makefile"), target));
+    if found { Ok(()) } else { Err(format!("`{command}`: the Makefile has no such target")) }
+}
+
+/// Checks a `grpcurl` command by the calls it names.
+fn check_grpcurl(command: &str) -> Result<(), String> {
+    let mut calls = command.split_whitespace().filter(|word| word.contains('/') && word.starts_with("steradian"));
+    match calls.find(|call| !has_call(call)) {
+        Some(call) => Err(format!("`{command}`: the protocol has no {call}")),
+        None => Ok(()),
+    }
+}
+
+/// Runs the commands of a document in a folder of its own.
+struct Reader {
+    folder: tempfile::TempDir,
+    daemon: Option<Child>,
+    address: String,
+}
+
+impl Reader {
+    fn new() -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        fs::create_dir(folder.path().join("configs")).unwrap();
+        for file in fs::read_dir(repository().join("configs")).unwrap() {
+            let file = file.unwrap();
+            fs::copy(file.path(), folder.path().join("configs").join(file.file_name())).unwrap();
+        }
+        // A port that nobody listens on. Another process may take it in between; then the daemon's error says so.
+        let free = TcpListener::bind("127.0.0.1:0").unwrap();
+        let address = free.local_addr().unwrap().to_string();
+        Self { folder, daemon: None, address }
+    }
+
+    /// `sh` for a command, with the program in PATH.
+    fn shell(&self, command: &str) -> Command {
+        let program = Path::new(env!("CARGO_BIN_EXE_steradian"));
+        let mut path = program.parent().unwrap().as_os_str().to_owned();
+        if let Some(rest) = std::env::var_os("PATH") {
+            path.push(":");
+            path.push(rest);
+        }
+        let mut shell = Command::new("sh");
+        shell.arg("-c").arg(command).env("PATH", path).current_dir(self.folder.path()).stdin(Stdio::null());
+        shell
+    }
+
+    fn run(&mut self, command: &str) -> Result<(), String> {
+        let command = command.replace(DOCUMENTED_ADDRESS, &self.address);
+        if let Some((_, _, check)) = EXCUSED.iter().find(|(beginning, ..)| command.starts_with(beginning)) {
+            return check(&command);
+        }
+        if command.starts_with("steradian serve") {
+            self.stop()?;
+            return self.serve(&command);
+        }
+        let mut runs = command.clone();
+        if let Some((name, arguments)) = example_of(&command) {
+            let example = example(name);
+            if !example.is_file() {
+                return Err(format!(
+                    "{}: not built: `cargo test` builds all examples, or there is none",
+                    example.display()
+                ));
+            }
+            runs = format!("'{}' {arguments}", example.display());
+        }
+        if command.starts_with("steradian xr") {
+            runs.push_str(" --frames 1");
+        }
+        let output = self.shell(&runs).output().map_err(|error| format!("`{command}`: {error}"))?;
+        let said = String::from_utf8_lossy(&output.stderr);
+        let needs_a_runtime = command.starts_with("steradian xr") && output.status.code() == Some(69);
+        if output.status.success() || (needs_a_runtime && said.contains("OpenXR")) {
+            return Ok(());
+        }
+        Err(format!("`{command}`: {}\n{said}", output.status))
+    }
+
+    fn serve(&mut self, command: &str) -> Result<(), String> {
+        let log = self.folder.path().join("daemon.log");
+        let mut shell = self.shell(&format!("exec {command}"));
+        shell.stdout(Stdio::piped()).stderr(fs::File::create(&log).map_err(|error| error.to_string())?);
+        let mut daemon = shell.spawn().map_err(|error| format!("`{command}`: {error}"))?;
+        let output = daemon.stdout.take().expect("standard output is a pipe");
+        self.daemon = Some(daemon);
+        let (sender, lines) = mpsc::channel();
+        thread::spawn(move || {
+            for line in BufReader::new(output).lines().map_while(Result::ok) {
+                if sender.send(line).is_err() {
+                    return;
+                }
+            }
+        });
+        let line = lines.recv_timeout(PATIENCE).map_err(|error| {
+            let logged = fs::read_to_string(&log).unwrap_or_default();
+            format!("`{command}`: prints nothing: {error}\n{logged}")
+        })?;
+        let listening = line.strip_prefix("listening on ").is_some_and(|address| address == self.address);
+        if listening { Ok(()) } else { Err(format!("`{command}`: prints `{line}`, listens not on {}", self.address)) }
+    }
+
+    /// Stops the daemon, if one runs, as a service manager does.
+    fn stop(&mut self) -> Result<(), String> {
+        let Some(mut daemon) = self.daemon.take() else { return Ok(()) };
+        let told = Command::new("kill").arg("-TERM").arg(daemon.id().to_string()).status();
+        if !told.is_ok_and(|status| status.success()) {
+            let _ = daemon.kill();
+            return Err("the daemon could not be told to end".to_owned());
+        }
+        let deadline = Instant::now() + PATIENCE;
+        loop {
+            match daemon.try_wait().map_err(|error| error.to_string())? {
+                Some(status) if status.success() => return Ok(()),
+                Some(status) => return Err(format!("the daemon ends with {status} after SIGTERM")),
+                None if Instant::now() > deadline => {
+                    let _ = daemon.kill();
+                    return Err("the daemon does not end after SIGTERM".to_owned());
+                }
+                None => thread::sleep(Duration::from_millis(20)),
+            }
+        }
+    }
+
+    /// Runs everything that a document tells its reader to do.
+    fn follow(mut self, document: &str) -> Result<usize, String> {
+        let commands = commands(document);
+        for command in &commands {
+            self.run(command)?;
+        }
+        self.stop()?;
+        Ok(commands.len())
+    }
+}
+
+impl Drop for Reader {
+    fn drop(&mut self) {
+        if let Some(mut daemon) = self.daemon.take() {
+            let _ = daemon.kill();
+            let _ = daemon.wait();
+        }
+    }
+}
+
+/// Where `cargo test` puts the example of that name.
+fn example(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_BIN_EXE_steradian")).with_file_name("examples").join(name)
+}
+
+#[test]
+fn the_commands_of_the_documents_work() {
+    let mut problems = Vec::new();
+    for document in documents() {
+        match Reader::new().follow(&read(&document)) {
+            Ok(count) if document == "README.md" && count < 10 => {
+                problems.push(format!("{document} has only {count} commands: were they found?"));
+            }
+            Ok(_) => {}
+            Err(problem) => problems.push(format!("{document}: {problem}")),
+        }
+    }
+    assert!(problems.is_empty(), "{}", problems.join("\n"));
+}
+
+#[test]
+fn every_excuse_is_needed() {
+    let commands: Vec<String> = documents().iter().flat_map(|document| commands(&read(document))).collect();
+    for (beginning, reason, _) in EXCUSED {
+        assert!(commands.iter().any(|command| command.starts_with(beginning)), "no page has `{beginning}` ({reason})");
+    }
+}
+
+#[test]
+fn a_wrong_command_is_noticed() {
+    for wrong in [
+        "steradian rendr --config configs/demo.toml --out out",
+        "steradian render --config configs/no-such.toml --out out",
+        "steradian serve --config configs/no-such.toml --listen 127.0.0.1:7143",
+        "steradian catalogue info no-such.stars",
+        "no-such-program --help",
+        "make no-such-target",
+        "grpcurl -plaintext 127.0.0.1:7143 steradian.v1.ViewService/NoSuchCall",
+        "grpcurl -plaintext 127.0.0.1:7143 steradian.v1.NoSuchService/ListViews",
+        "cargo run --release --example no_such_example -- --out out",
+        "cargo run --release --example render_view -- --no-such-option",
+    ] {
+        let document = format!("text\n```sh\n# a comment\n{wrong}\n```\n");
+        assert!(Reader::new().follow(&document).is_err(), "`{wrong}` passed");
+    }
+}
+
+#[test]
+fn commands_are_found_in_marked_blocks_alone() {
+    let document = "make a\n```sh\n# no\nmake b \\\n  c\n\nmake d\n```\n```toml\nmake e\n```\n```\nmake f\n```\n";
+    assert_eq!(commands(document), ["make b c", "make d"]);
+}
+
+#[test]
+fn the_documents_run_every_example_and_the_readme_names_both_make_commands() {
+    let commands: Vec<String> = documents().iter().flat_map(|document| commands(&read(document))).collect();
+    let named: BTreeSet<&str> =
+        commands.iter().filter_map(|command| example_of(command)).map(|(name, _)| name).collect();
+    for file in fs::read_dir(repository().join("examples")).unwrap() {
+        let path = file.unwrap().path();
+        let name = path.file_stem().unwrap().to_str().unwrap();
+        assert!(named.contains(name), "no page runs the example {name}");
+    }
+    for command in ["make demo", "make test"] {
+        assert!(commands.iter().any(|other| other == command), "README.md does not name `{command}`");
+    }
+}
+
+/// Relative targets of the links and pictures of a document: a file, or nothing for the document itself, and a heading.
+fn links(document: &str) -> Vec<(String, Option<String>)> {
+    let targets = document.split("](").skip(1).filter_map(|rest| rest.split(')').next());
+    let targets = targets.filter(|target| !target.contains("://"));
+    targets
+        .map(|target| match target.split_once('#') {
+            Some((file, heading)) => (file.to_owned(), Some(heading.to_owned())),
+            None => (target.to_owned(), None),
+        })
+        .collect()
+}
+
+/// Names by which headings of a document are linked to.
+fn anchors(document: &str) -> BTreeSet<String> {
+    let headings =
+        document.lines().filter(|line| line.starts_with('#')).map(|line| line.trim_start_matches('#').trim());
+    let kept = |c: char| c.is_alphanumeric() || c == '-' || c == '_' || c == ' ';
+    let anchor = |heading: &str| heading.to_lowercase().chars().filter(|&c| kept(c)).collect::<String>();
+    headings.map(|heading| anchor(heading).replace(' ', "-")).collect()
+}
+
+#[test]
+fn links_lead_to_files_and_headings() {
+    let found = links("[a](b.md#c) ![d](e/f.png) [g](https://h.org/) [i](#j)");
+    let link = |file: &str, heading: Option<&str>| (file.to_owned(), heading.map(str::to_owned));
+    assert_eq!(found, [link("b.md", Some("c")), link("e/f.png", None), link("", Some("j"))]);
+    assert_eq!(anchors("# Why, `so`\ntext\n## A b"), BTreeSet::from(["why-so".to_owned(), "a-b".to_owned()]));
+    for document in documents().into_iter().chain(["CONTRIBUTING.md".to_owned(), "CHANGELOG.md".to_owned()]) {
+        let text = read(&document);
+        for (file, heading) in links(&text) {
+            let path = repository().join(&document).with_file_name(&file);
+            let path = if file.is_empty() { repository().join(&document) } else { path };
+            assert!(path.exists(), "{document} links to {file}, which does not exist");
+            if let Some(heading) = heading {
+                let known = anchors(&fs::read_to_string(&path).unwrap());
+                assert!(known.contains(&heading), "{document} links to #{heading} of `{file}`, which has {known:?}");
+            }
+        }
+    }
+}
+
+/// The code spans of a document, those in fenced blocks left out.
+fn code_spans(document: &str) -> Vec<String> {
+    let mut inside = false;
+    let prose = document.lines().filter(|line| {
+        let fence = line.trim_start().starts_with("```");
+        inside ^= fence;
+        !fence && !inside
+    });
+    let prose: Vec<&str> = prose.collect();
+    prose.join("\n").split('`').skip(1).step_by(2).map(str::to_owned).collect()
+}
+
+/// What `a/{b,c}.rs` stands for: `a/b.rs` and `a/c.rs`.
+fn expanded(path: &str) -> Vec<String> {
+    let Some((before, rest)) = path.split_once('{') else { return vec![path.to_owned()] };
+    let Some((choices, after)) = rest.split_once('}') else { return vec![path.to_owned()] };
+    choices.split(',').map(|choice| format!("{before}{}{after}", choice.trim())).collect()
+}
+
+/// All files under a folder.
+fn files_below(folder: &Path, found: &mut Vec<PathBuf>) {
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() { files_below(&path, found) } else { found.push(path) }
+    }
+}
+
+/// Whether a code span looks like the path of a source file: it ends as one, or it is of folders with lower-case names.
+fn is_path(span: &str) -> bool {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "_./{},-*~".contains(c);
+    let named = [".rs", ".wgsl", ".toml", ".proto", ".sh", ".md", ".svg", ".png", ".json"];
+    let folders = span.contains('/') && span.starts_with(|c: char| c.is_ascii_lowercase() || c == '~' || c == '/');
+    let code = span.contains("..") || span.contains("::") || span.starts_with('.');
+    !code && span.chars().all(plain) && (folders || named.iter().any(|ending| span.ends_with(ending)))
+}
+
+/// Whether a path exists: from the root, below `src/`, or, without a folder, as the name of a source file or shader. What has no
+/// ending may be a folder or a module. `*` stands for any text in a name.
+fn exists(path: &str, sources: &[PathBuf]) -> bool {
+    let whole = |root: &str| {
+        let path = repository().join(root).join(path);
+        path.exists() || path.with_extension("rs").exists()
+    };
+    let matches = |pattern: &str, name: &str| match pattern.split_once('*') {
+        Some((before, after)) => name.starts_with(before) && name.ends_with(after),
+        None => name == pattern,
+    };
+    let (folder, name) = path.rsplit_once('/').unwrap_or(("", path));
+    let by_name = || {
+        sources.iter().any(|file| {
+            let below = file.parent().unwrap().strip_prefix(repository()).unwrap();
+            let in_folder = folder.is_empty() || below == Path::new(folder) || below == Path::new("src").join(folder);
+            in_folder && matches(name, file.file_name().unwrap().to_str().unwrap())
+        })
+    };
+    whole("") || whole("src") || by_name()
+}
+
+/// Paths that a document names and that do not exist.
+fn missing_paths(document: &str) -> Vec<String> {
+    let mut sources = Vec::new();
+    for folder in ["src", "shaders", "tests", "benches", "examples", "configs", "scripts", "proto"] {
+        files_below(&repository().join(folder), &mut sources);
+    }
+    let excused = |path: &String| NO_FILES.iter().any(|(beginning, _)| path.starts_with(beginning));
+    let spans = code_spans(document).into_iter().filter(|span| is_path(span)).filter(|span| !excused(span));
+    spans.flat_map(|span| expanded(&span)).filter(|path| !exists(path, &sources)).collect()
+}
+
+#[test]
+fn paths_that_documents_name_exist() {
+    let mut problems = Vec::new();
+    for document in documents().into_iter().chain(["CONTRIBUTING.md".to_owned()]) {
+        problems.extend(missing_paths(&read(&document)).into_iter().map(|path| format!("{document}: {path}")));
+    }
+    assert!(problems.is_empty(), "paths that do not exist:\n{}", problems.join("\n"));
+}
+
+#[test]
+fn a_path_that_does_not_exist_is_noticed() {
+    let good = "`src/plan/mod.rs` `plan/` `plan/cull.rs` `cull.rs` `src/plan/{cull,tiles}.rs` `plan/cull` `tests/common/`\n\
+                ```\n`src/none.rs`\n```\n`SceneService/UpdateScene` `out/dome.png` `a.b` `L = E / A` `--set a.b=c`\n";
+    assert_eq!(missing_paths(good), Vec::<String>::new());
+    for wrong in
+        ["src/none.rs", "plan/none.rs", "none.wgsl", "passes/none/", "src/plan/{cull,none}.rs", "nowhere/at/all"]
+    {
+        assert_eq!(missing_paths(&format!("text `{wrong}` text")).len(), 1, "`{wrong}` passed");
+    }
+}
