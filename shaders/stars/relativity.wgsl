@@ -4,7 +4,7 @@
 
 #import constants/shifted_temperatures
 
-struct Traveller {
+struct CameraMotion {
     // Unit vector of the velocity, world axes.
     direction: vec3<f32>,
     // gamma; gamma * beta, which is 0 at rest; gamma * (1 - beta). All from f64.
@@ -15,20 +15,20 @@ struct Traveller {
     unused_1: u32,
 }
 
-fn moves(traveller: Traveller) -> bool {
-    return traveller.gamma_beta > 0.0;
+fn moves(camera_motion: CameraMotion) -> bool {
+    return camera_motion.gamma_beta > 0.0;
 }
 
 // xyz: where the star at `place` from the eye (not 0) is seen, D times as far away. w: the Doppler factor D.
-fn seen_by(traveller: Traveller, place: vec3<f32>) -> vec4<f32> {
+fn seen_by(camera_motion: CameraMotion, place: vec3<f32>) -> vec4<f32> {
     let distance = length(place);
-    let along = dot(place, traveller.direction);
-    let across = place - traveller.direction * along;
+    let along = dot(place, camera_motion.direction);
+    let across = place - camera_motion.direction * along;
     // 1 + cos a; behind, where the sum would cancel, as sin^2 a / (1 - cos a).
     let one_plus_cos = select(distance + along, dot(across, across) / (distance - along), along < 0.0) / distance;
-    let seen_along = distance * (traveller.gamma * one_plus_cos - traveller.doppler_behind);
-    return vec4(across + traveller.direction * seen_along,
-        traveller.doppler_behind + traveller.gamma_beta * one_plus_cos);
+    let seen_along = distance * (camera_motion.gamma * one_plus_cos - camera_motion.doppler_behind);
+    return vec4(across + camera_motion.direction * seen_along,
+        camera_motion.doppler_behind + camera_motion.gamma_beta * one_plus_cos);
 }
 
 // Steps by which a Doppler factor shifts a temperature.

@@ -27,7 +27,7 @@ struct StarParameters {
     unused_1: u32,
     unused_2: u32,
     // How the camera moves.
-    traveller: Traveller,
+    camera_motion: CameraMotion,
 }
 
 @group(0) @binding(0) var<uniform> parameters: StarParameters;
@@ -65,8 +65,8 @@ fn splat_stars(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocatio
             let distance_squared = dot(relative, relative);
             var illuminance = illuminance_at_1_pc(star) / distance_squared;
             var colour_index = star.light & LAST_TEMPERATURE_STEP;
-            if moves(parameters.traveller) && distance_squared > 0.0 {
-                let seen = seen_by(parameters.traveller, relative);
+            if moves(parameters.camera_motion) && distance_squared > 0.0 {
+                let seen = seen_by(parameters.camera_motion, relative);
                 relative = seen.xyz;
                 illuminance *= light_factor(colour_index, seen.w);
                 colour_index = table_index(i32(round(f32(colour_index) + doppler_steps(seen.w))));

@@ -23,7 +23,7 @@ use std::time::Duration;
 pub use self::extent::AsteroidExtent;
 pub(super) use self::workload::SHAPE_SEED;
 use self::{
-    turn::{Seen, turn},
+    turn::{FrameParts, turn},
     workload::{Fields, Place, Variant, count_name},
 };
 use super::{
@@ -165,7 +165,7 @@ fn time_variants(
     let expected: Vec<Option<Duration>> =
         known.iter().map(|known| known.map(|known| workload.expected(known))).collect();
     let drawn = affordable(&expected, budget.left());
-    let mut seen = vec![Seen::default(); variants.len()];
+    let mut seen = vec![FrameParts::default(); variants.len()];
     let found = timing::rounds(drawn.len(), rounds, budget, |turn_of| {
         let index = drawn[turn_of];
         turn(renderer, &variants[index], scene, rig, &mut seen[index])

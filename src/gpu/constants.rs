@@ -1,254 +1,157 @@
-//! Constants that shaders and Rust share, in tables that shaders import as `constants/...`. What belongs to a rule of
-//! `plan`, `photometry` or the catalogue stands there, and is only named here.
+//! Constants that Rust and WGSL share: they stand in Rust, and their WGSL is made from them. Shaders import a table by its name
+//! (`#import constants/pixel_grid`), as they import files.
 
-use super::shared_constants::shared_constants;
-use crate::view::projection::Face;
+use std::fmt::Write;
 
-/// Axis `axis` of every face of a cube: 0, where it looks; 1, up.
-const fn face_axes(axis: usize) -> [[f32; 3]; 6] {
-    let mut axes = [[0.0; 3]; 6];
-    let mut face = 0;
-    while face < 6 {
-        let direction = Face::ALL[face].forward_and_up()[axis];
-        axes[face] = [direction.x as f32, direction.y as f32, direction.z as f32];
-        face += 1;
-    }
-    axes
+/// A table of constants.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Table {
+    /// Name, to be imported as `constants/{name}`.
+    pub name: &'static str,
+    /// The constants: name, type and value in WGSL.
+    pub constants: Vec<(&'static str, String, String)>,
 }
 
-shared_constants! {
-    /// Lengths.
-    mod units {
-        /// Metres in a parsec.
-        PARSEC_M: f32 = crate::units::PARSEC_M as f32;
+impl Table {
+    /// The declarations.
+    pub fn wgsl(&self) -> String {
+        let mut text = String::new();
+        for (name, kind, value) in &self.constants {
+            writeln!(text, "const {name}: {kind} = {value};").expect("strings have room");
+        }
+        text
     }
-    /// Linear Rec. 709.
-    mod rec709 {
-        /// Luminance of red, green and blue.
-        LUMINANCE_WEIGHTS: [f32; 3] = {
-            let [r, g, b] = crate::photometry::rec709::LUMINANCE_WEIGHTS;
-            [r as f32, g as f32, b as f32]
-        };
+}
+
+/// What can stand in a table.
+pub(crate) trait Shared {
+    /// Its type in WGSL.
+    const TYPE: &'static str;
+
+    /// Its value in WGSL.
+    fn value(&self) -> String;
+}
+
+impl Shared for u32 {
+    const TYPE: &'static str = "u32";
+
+    fn value(&self) -> String {
+        format!("{self}u")
     }
-    /// Kinds of projections in a viewport.
-    mod projections {
-        KIND_PERSPECTIVE: u32 = 0;
-        KIND_CUBE_FACE: u32 = 1;
-        KIND_EQUIDISTANT: u32 = 2;
-        KIND_EQUISOLID: u32 = 3;
-        KIND_ORTHOGRAPHIC: u32 = 4;
-        KIND_STEREOGRAPHIC: u32 = 5;
-        KIND_EQUIRECTANGULAR: u32 = 6;
+}
+
+impl Shared for i32 {
+    const TYPE: &'static str = "i32";
+
+    fn value(&self) -> String {
+        self.to_string()
     }
-    /// Axes of the faces of a cube, by their numbers.
-    mod faces {
-        /// Where a face looks.
-        FACE_FORWARD: [[f32; 3]; 6] = super::face_axes(0);
-        /// Upwards in its picture.
-        FACE_UP: [[f32; 3]; 6] = super::face_axes(1);
+}
+
+impl Shared for f32 {
+    const TYPE: &'static str = "f32";
+
+    /// The shortest decimal that is nearest to this number and to no other.
+    fn value(&self) -> String {
+        assert!(self.is_finite(), "WGSL has no literal for {self}");
+        format!("{self:?}")
     }
-    /// Pixels of one workgroup of the passes over pixels.
-    mod pixel_grid {
-        COLUMNS: u32 = 64;
-        ROWS: u32 = 16;
+}
+
+impl Shared for [f32; 3] {
+    const TYPE: &'static str = "vec3<f32>";
+
+    fn value(&self) -> String {
+        let [x, y, z] = self.map(|value| value.value());
+        format!("vec3<f32>({x}, {y}, {z})")
     }
-    /// Sizes of workgroups: invocations of those in a row, or along each side of square ones.
-    mod workgroups {
-        /// Of the passes over a catalogue, star by star.
-        CATALOGUE_THREADS: u32 = 64;
-        /// Of the pass over points of light that are no stars.
-        POINT_THREADS: u32 = 64;
-        /// Of the probe of projections.
-        PROBE_THREADS: u32 = 64;
-        /// Of the rays towards bodies.
-        RAY_SIDE: u32 = 8;
-        /// Of the passes over the texels of a glare pyramid.
-        PYRAMID_SIDE: u32 = 8;
-        /// Of the passes over the points of a map of glare.
-        MAP_SIDE: u32 = 8;
-        /// Squares of a row that one workgroup finds sprites for.
-        SPRITE_SQUARES: u32 = 8;
-        /// Of the filter of an atlas.
-        FILTER_SIDE: u32 = 8;
+}
+
+impl Shared for [[f32; 3]; 6] {
+    const TYPE: &'static str = "array<vec3<f32>, 6>";
+
+    fn value(&self) -> String {
+        format!("{}({})", Self::TYPE, self.map(|vector| vector.value()).join(", "))
     }
-    /// Places in the buffer of counters.
-    mod counters {
-        /// Sums that overflowed.
-        COUNTER_OVERFLOWS: u32 = 0;
-        /// First of the counters of stars drawn, one per view.
-        FIRST_VIEW_COUNTER: u32 = 1;
+}
+
+/// Declares modules of constants, and a function `tables` that returns them as [`Table`]s. Names and types are those of WGSL.
+macro_rules! shared_constants {
+    ($($(#[$doc:meta])* mod $table:ident {
+        $($(#[$constant_doc:meta])* $name:ident: $type:ty = $value:expr;)+
+    })+) => {
+        $(
+            $(#[$doc])*
+            pub(crate) mod $table {
+                $($(#[$constant_doc])* pub(crate) const $name: $type = $value;)+
+            }
+        )+
+
+        /// All tables.
+        pub fn tables() -> Vec<$crate::gpu::Table> {
+            use $crate::gpu::{Shared, Table};
+            vec![$(Table {
+                name: stringify!($table),
+                constants: vec![$(
+                    (stringify!($name), <$type as Shared>::TYPE.to_owned(), Shared::value(&$table::$name))
+                ),+],
+            }),+]
+        }
+    };
+}
+
+pub(crate) use shared_constants;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    shared_constants! {
+        mod sample {
+            COUNT: u32 = 4_294_967_295;
+            STEP: i32 = -1920;
+            LIGHT: f32 = 3.085_677_6e16;
+            TINY: f32 = 1e-6;
+            WHOLE: f32 = 2.0;
+            AXIS: [f32; 3] = [0.2126, -0.0, 1.0];
+        }
     }
-    /// Sums in fixed point.
-    mod fixed_point {
-        /// What a channel cannot hold any more, units.
-        CHANNEL_UNITS: f32 = (1_u64 << crate::plan::stars::range::CHANNEL_BITS) as f32;
+
+    #[test]
+    fn a_table_is_wgsl() {
+        assert_eq!(
+            tables()[0].wgsl(),
+            "const COUNT: u32 = 4294967295u;\nconst STEP: i32 = -1920;\nconst LIGHT: f32 = 3.0856776e16;\n\
+             const TINY: f32 = 1e-6;\nconst WHOLE: f32 = 2.0;\nconst AXIS: vec3<f32> = vec3<f32>(0.2126, -0.0, 1.0);\n"
+        );
     }
-    /// The kernels of bright stars.
-    mod kernels {
-        /// Where round Gaussians are cut off, in standard deviations.
-        GAUSSIAN_CUT: f32 = crate::photometry::kernel::GAUSSIAN_CUT as f32;
-        /// Pixels along a side of the kernel on the image plane.
-        PLANE_GAUSSIAN_PIXELS: i32 = crate::photometry::kernel::BRIGHT_KERNEL_PIXELS as i32;
-        /// How many times brighter than the first star that takes it a star is that has nothing of the B-spline left.
-        PLANE_GAUSSIAN_GROWTH: f32 = crate::photometry::kernel::BRIGHT_KERNEL_GROWTH as f32;
+
+    #[test]
+    #[should_panic(expected = "WGSL has no literal for inf")]
+    fn infinity_is_no_literal() {
+        f32::INFINITY.value();
     }
-    /// The word of light of a packed star.
-    mod star_light {
-        /// Bits of its temperature, which are the lowest ones.
-        TEMPERATURE_BITS: u32 = crate::catalogue::packed::TEMPERATURE_STEPS.ilog2();
-        /// The temperature's last step, and its mask.
-        LAST_TEMPERATURE_STEP: u32 = crate::catalogue::packed::TEMPERATURE_STEPS - 1;
-        /// Exponent of f32 that the exponent 0 of its illuminance stands for.
-        EXPONENT_BIAS: u32 = crate::catalogue::packed::EXPONENT_BIAS;
+
+    /// The value that naga reads for a constant.
+    fn read(kind: &str, value: &str) -> naga::Literal {
+        let module = naga::front::wgsl::parse_str(&format!("const X: {kind} = {value};")).unwrap();
+        let (_, constant) = module.constants.iter().next().unwrap();
+        match module.global_expressions[constant.init] {
+            naga::Expression::Literal(literal) => literal,
+            ref other => panic!("{other:?}"),
+        }
     }
-    /// The scale of temperatures.
-    mod temperatures {
-        /// Temperature of step 0, kelvin.
-        COLDEST_K: f32 = crate::catalogue::packed::MIN_TEMPERATURE_K as f32;
-        /// Number of the last step of stars at rest.
-        LAST_STEP: f32 = (crate::catalogue::packed::TEMPERATURE_STEPS - 1) as f32;
-        /// Octaves between the two ends.
-        TEMPERATURE_OCTAVES: f32 = crate::catalogue::packed::TEMPERATURE_OCTAVES as f32;
-    }
-    /// The table of colours that moving observers see.
-    mod shifted_temperatures {
-        /// Its entries.
-        TABLE_STEPS: i32 = crate::plan::stars::travel::TABLE_STEPS as i32;
-        /// Its coldest step.
-        COLDEST_STEP: i32 = -(crate::plan::stars::travel::SHIFTED_STEPS as i32);
-        /// Steps per octave of temperature.
-        STEPS_PER_OCTAVE: f32 = ((crate::catalogue::packed::TEMPERATURE_STEPS - 1) as f64
-            / crate::catalogue::packed::TEMPERATURE_OCTAVES) as f32;
-    }
-    /// How size and light of billboards follow from a star's brightness.
-    mod billboards {
-        LAW_POINT: u32 = 0;
-        LAW_SMOOTH_POINT: u32 = 1;
-        LAW_CONSTANT: u32 = 2;
-        LAW_SCALED: u32 = 3;
-        LAW_GLARE: u32 = 4;
-        LAW_GAUSSIAN: u32 = 5;
-        LAW_SCREEN: u32 = 6;
-        LAW_PSF: u32 = 7;
-    }
-    /// The procedural sky.
-    mod cell_sky {
-        /// A star's place lies within this part of the cell's half side from the cell's middle.
-        CELL_SKY_JITTER: f32 = crate::plan::stars::cell_sky::JITTER as f32;
-        /// Faintest star; the brightest is 1.
-        CELL_SKY_FAINTEST: f32 = crate::plan::stars::cell_sky::FAINTEST as f32;
-        /// Share of the cells that have a star far from the galactic equator.
-        CELL_SKY_EVEN_DENSITY: f32 = crate::plan::stars::cell_sky::EVEN_DENSITY as f32;
-        /// Sine of the latitude at which the band has sunk to 1/e.
-        CELL_SKY_BAND_SINE: f32 = crate::plan::stars::cell_sky::BAND_SINE as f32;
-    }
-    /// Lines and text over display images.
-    mod overlay {
-        /// Side of a block of pixels.
-        OVERLAY_BLOCK_PX: u32 = crate::plan::overlay::blocks::BLOCK_PX;
-        SHAPE_LINE: u32 = 0;
-        SHAPE_BOX: u32 = 1;
-        SHAPE_CHECKERS: u32 = 2;
-        SHAPE_GLYPH: u32 = 3;
-        /// Nearness of what nothing hides, 1/m.
-        NEAREST: f32 = 3e38;
-    }
-    /// How surfaces reflect.
-    mod reflection {
-        LAW_LAMBERT: u32 = 0;
-        LAW_LOMMEL_SEELIGER: u32 = 1;
-    }
-    /// Bodies.
-    mod bodies {
-        /// In place of the first word of a texture: there is none.
-        NO_TEXTURE: u32 = u32::MAX;
-    }
-    /// How light is shown on a display.
-    mod display {
-        OPERATOR_FILMIC: u32 = 0;
-        OPERATOR_SRGB: u32 = 1;
-        OPERATOR_REINHARD: u32 = 2;
-        OPERATOR_ACES: u32 = 3;
-        OPERATOR_CALIBRATED: u32 = 4;
-        /// Brighter light is shown as this, cd/m^2 and units of display white: sums of three stay finite.
-        BRIGHTEST: f32 = crate::photometry::tone_map::BRIGHTEST as f32;
-    }
-    /// The map of glare.
-    mod glare_map {
-        /// Points around each face that a level is computed at, beyond the face, and what sharpening leaves of them.
-        RIM: u32 = 2;
-    }
-    /// The grid of sprites of glare.
-    mod glare_sprites {
-        /// Pixels along a side of a block.
-        BLOCK_SIDE: u32 = 8;
-        /// Blocks along a side of a square.
-        SQUARE_BLOCKS: u32 = 4;
-    }
-    /// Clouds among the sources of an eye's own.
-    mod glare_clouds {
-        /// Says that a source is a cloud.
-        IS_CLOUD: u32 = 1 << 31;
-        /// Parts of the share of its light that its softened kernel leaves out, and their mask.
-        SHARE_PARTS: u32 = 65_535;
-    }
-    /// The glare pass over pixels.
-    mod glare_composite {
-        /// Columns of one workgroup: so few that what concerns a workgroup concerns each of its pixels.
-        BLOCK_COLUMNS: u32 = 8;
-    }
-    /// Groups of asteroids and their instances.
-    mod asteroid_instances {
-        /// Flag of a group: it may hold points.
-        ITEM_HOLDS_POINTS: u32 = 1;
-        /// Flag of a group: it may hold more than points.
-        ITEM_HOLDS_SHAPES: u32 = 2;
-        /// Words of an instance.
-        INSTANCE_WORDS: u32 = (size_of::<crate::scene::asteroids::PackedAsteroid>() / 4) as u32;
-        /// Largest component of a packed axis.
-        AXIS_PARTS: i32 = crate::scene::asteroids::packed::AXIS_PARTS;
-    }
-    /// Classes of asteroids by their distance, and the tables of pictures that they follow from.
-    mod asteroid_classes {
-        VIEW_FLAT: u32 = 0;
-        VIEW_ROUND: u32 = 1;
-        VIEW_LONGITUDE: u32 = 2;
-        /// Steps of a picture's table.
-        TABLE_STEPS: u32 = crate::plan::asteroids::views::TABLE_STEPS as u32;
-        /// Part of a class's range over which it fades in.
-        BAND: f32 = crate::plan::asteroids::classes::BAND as f32;
-    }
-    /// Culling asteroids.
-    mod asteroid_culling {
-        /// Asteroids of a group at most.
-        GROUP: u32 = crate::scene::asteroids::GROUP as u32;
-        /// In place of a face's number: the picture itself.
-        WHOLE_PICTURE: u32 = crate::plan::asteroids::cpu_cull::WHOLE_PICTURE as u32;
-        /// Kinds of a field at most: meshes, impostors, and those seen at all.
-        MAX_LOCAL: u32 = crate::plan::asteroids::kinds::MAX_SET_MESHES as u32 + 2;
-        /// A fade: all of it. Others are w, the share that takes over, and -w, what it leaves.
-        WHOLE: f32 = crate::plan::asteroids::cpu_cull::WHOLE;
-        /// Share below which a fade is held, so that it keeps its sign.
-        LEAST_SHARE: f32 = crate::plan::asteroids::cpu_cull::LEAST_SHARE as f32;
-    }
-    /// Lists of asteroids.
-    mod asteroid_lists {
-        /// Says that an entry stands on the other side of the seam of an equirectangular picture.
-        SEAM_BIT: u32 = 1 << 31;
-        /// Vertices of an impostor's square.
-        IMPOSTOR_VERTICES: u32 = 4;
-    }
-    /// Asteroids that are points.
-    mod asteroid_points {
-        /// Viewports of a frame at most.
-        MAX_VIEWPORTS: u32 = crate::plan::stars::cull::MAX_VIEWPORTS as u32;
-        /// Nodes along a side of the octahedral table of a shape's projected areas.
-        AREA_NODES: u32 = crate::plan::asteroids::areas::AREA_NODES as u32;
-    }
-    /// Methods of impostors.
-    mod impostors {
-        METHOD_EULER: u32 = 0;
-        METHOD_OCTAHEDRAL: u32 = 1;
-        METHOD_BLEND: u32 = 2;
+
+    #[test]
+    fn numbers_come_back_bit_by_bit() {
+        let numbers = (0..40_000_u32).map(|i| f32::from_bits(i.wrapping_mul(2_654_435_761)));
+        let special = [f32::MIN_POSITIVE, f32::MAX, f32::from_bits(1), 1.0 / 3.0, 16_777_216.0, 7.643_856];
+        for number in numbers.chain(special).filter(|number| number.is_finite() && *number > 0.0) {
+            let naga::Literal::F32(back) = read("f32", &number.value()) else { panic!("{number}: no f32") };
+            assert_eq!(back.to_bits(), number.to_bits(), "{number:?}");
+        }
+        assert_eq!(read("u32", &u32::MAX.value()), naga::Literal::U32(u32::MAX));
+        assert_eq!(read("i32", &7_i32.value()), naga::Literal::I32(7));
+        assert_ne!(read("f32", &0.1_f32.value()), naga::Literal::F32(0.1_f32.next_up()));
     }
 }

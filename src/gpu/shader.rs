@@ -1,25 +1,18 @@
-//! Shaders: WGSL files below `shaders/`, joined with what they import. `build.rs` finds the files, so that no list of them
-//! stands anywhere; `tests/cpu/shaders.rs` checks every file with an entry point in every combination of its choices.
+//! Joins the files that a shader needs into one module: WGSL itself has no import.
+//!
+//! A file names what it needs in lines of its own, and a shader is a file with everything that it needs before it, each
+//! file once, in the order in which a walk from the first to the last `#import` meets them:
+//!
+//! - `#import shared/projection`: the file `shaders/shared/projection.wgsl`, or a table of constants that Rust has too
+//!   (`constants/...`, see [`super::constants`]);
+//! - `#import accumulate = shared/accumulate_u32 | shared/accumulate_u64`: one of these, which the shader chooses by the
+//!   name `accumulate`. `stars/billboards/profile_*` stands for all files whose names begin so;
+//! - `#requires u64`: 64-bit integers and atomics.
+//!
+//! Comments are the `//` kind alone.
 
-mod library;
-
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
-use std::sync::LazyLock;
-
-pub use library::Place;
-use library::{Choices, Library};
-
-use super::constants;
-
-include!(concat!(env!("OUT_DIR"), "/shader_files.rs"));
-
-/// All files, and the constants that they share with Rust.
-static LIBRARY: LazyLock<Library> = LazyLock::new(|| {
-    let constants: Vec<(String, String)> =
-        constants::tables().iter().map(|table| (format!("constants/{}", table.name), table.wgsl())).collect();
-    let constants = constants.iter().map(|(stem, text)| (stem.as_str(), text.as_str()));
-    Library::new(SHADER_FILES.iter().copied().chain(constants))
-});
 
 /// A complete shader module.
 #[derive(Clone, Debug)]
@@ -32,13 +25,6 @@ pub struct ShaderSource {
     pub text: String,
     /// Whether it needs 64-bit integers and atomics.
     pub needs_u64: bool,
-}
-
-/// A shader: a file with one entry point, and what is chosen where it or what it imports has alternatives.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Shader {
-    file: String,
-    choices: Choices,
 }
 
 /// Why files cannot be joined to a shader.
@@ -135,54 +121,367 @@ fn names_or_none(names: &[String]) -> String {
     if names.is_empty() { "none".to_owned() } else { names.join(", ") }
 }
 
-impl fmt::Display for Shader {
+/// A line of a file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Place {
+    /// Path below `shaders/`, without its extension.
+    pub file: String,
+    /// Number of the line, from 1.
+    pub line: usize,
+}
+
+impl fmt::Display for Place {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.file)?;
-        self.choices.iter().try_for_each(|(slot, chosen)| write!(f, ", {slot} = {chosen}"))
+        write!(f, "shaders/{}.wgsl:{}", self.file, self.line)
     }
 }
 
-impl Shader {
-    /// The shader of `shaders/{file}.wgsl`.
-    pub fn new(file: &str) -> Self {
-        Self { file: file.to_owned(), choices: Choices::new() }
-    }
+/// Chosen files, by what the importing files call them.
+pub(crate) type Choices = BTreeMap<String, String>;
 
-    /// Chooses `file` where files import alternatives under the name `slot`.
-    #[must_use]
-    pub fn with(mut self, slot: &str, file: &str) -> Self {
-        self.choices.insert(slot.to_owned(), file.to_owned());
-        self
-    }
+/// Files by their paths without extension.
+pub(crate) struct Library {
+    texts: BTreeMap<String, String>,
+}
 
-    /// The file and all that it imports, whether it has an entry point or not.
-    pub fn text(&self) -> Result<String, ShaderError> {
-        Ok(LIBRARY.join(&self.file, &self.choices)?.text)
-    }
+/// A file with all that it needs.
+#[derive(Debug, PartialEq)]
+pub(crate) struct Joined {
+    pub text: String,
+    pub needs_u64: bool,
+}
 
-    /// The complete module.
-    pub fn resolve(&self) -> Result<ShaderSource, ShaderError> {
-        let (name, entry_point) = LIBRARY.entry(&self.file)?;
-        let joined = LIBRARY.join(&self.file, &self.choices)?;
-        Ok(ShaderSource { name, entry_point, text: joined.text, needs_u64: joined.needs_u64 })
-    }
+enum Directive<'a> {
+    Import(&'a str),
+    Choose { slot: &'a str, patterns: Vec<&'a str> },
+    RequiresU64,
+}
 
-    /// The complete module of a shader that the program itself names.
-    ///
-    /// # Panics
-    ///
-    /// If there is no such shader, which is an error of the program: files and choices do not depend on input.
-    pub(crate) fn source(&self) -> ShaderSource {
-        self.resolve().unwrap_or_else(|error| panic!("shader {self}: {error}"))
+impl<'a> Directive<'a> {
+    /// The directive of a line, `None` if it is none at all, an error if it cannot be read.
+    fn of(line: &'a str) -> Option<Result<Self, ()>> {
+        if !line.trim_start().starts_with('#') {
+            return None;
+        }
+        let words: Vec<&str> = line.split_whitespace().collect();
+        Some(match words.as_slice() {
+            ["#requires", "u64"] => Ok(Self::RequiresU64),
+            ["#import", stem] => Ok(Self::Import(stem)),
+            ["#import", slot, "=", alternatives @ ..] if alternatives.len() % 2 == 1 => {
+                let bars = alternatives.iter().skip(1).step_by(2);
+                let patterns: Vec<&str> = alternatives.iter().step_by(2).copied().collect();
+                if bars.copied().all(|bar| bar == "|") && !patterns.contains(&"|") {
+                    Ok(Self::Choose { slot, patterns })
+                } else {
+                    Err(())
+                }
+            }
+            _ => Err(()),
+        })
     }
 }
 
-/// Every shader: every file with an entry point, in every combination of choices.
-pub fn shaders() -> Result<Vec<Shader>, ShaderError> {
-    let mut shaders = Vec::new();
-    for file in LIBRARY.entry_files() {
-        let of_file = |choices| Shader { file: file.to_owned(), choices };
-        shaders.extend(LIBRARY.combinations(file)?.into_iter().map(of_file));
+/// Names of the entry points of a file.
+fn entry_points(text: &str) -> Vec<&str> {
+    let mut found = Vec::new();
+    let mut marked = false;
+    for line in text.lines() {
+        let code = line.split("//").next().unwrap_or_default();
+        marked |= ["@compute", "@vertex", "@fragment"].iter().any(|stage| code.contains(stage));
+        if marked && let Some((_, function)) = code.split_once("fn ") {
+            found.push(function.split('(').next().unwrap_or_default().trim());
+            marked = false;
+        }
     }
-    Ok(shaders)
+    found
+}
+
+impl Library {
+    pub(crate) fn new<'a>(files: impl IntoIterator<Item = (&'a str, &'a str)>) -> Self {
+        Self { texts: files.into_iter().map(|(stem, text)| (stem.to_owned(), text.to_owned())).collect() }
+    }
+
+    /// The files that have an entry point.
+    pub(crate) fn entry_files(&self) -> impl Iterator<Item = &str> {
+        self.texts.iter().filter(|(_, text)| !entry_points(text).is_empty()).map(|(stem, _)| stem.as_str())
+    }
+
+    /// Name and entry point of a file that must have exactly one.
+    pub(crate) fn entry(&self, stem: &str) -> Result<(&str, &str), ShaderError> {
+        let (name, text) = self.texts.get_key_value(stem).ok_or_else(|| ShaderError::UnknownFile(stem.to_owned()))?;
+        match entry_points(text).as_slice() {
+            [one] => Ok((name, one)),
+            several => Err(ShaderError::EntryPoints {
+                file: stem.to_owned(),
+                found: several.iter().map(|&name| name.to_owned()).collect(),
+            }),
+        }
+    }
+
+    /// A file after everything that it needs.
+    pub(crate) fn join(&self, stem: &str, choices: &Choices) -> Result<Joined, ShaderError> {
+        let (stem, text) = self.texts.get_key_value(stem).ok_or_else(|| ShaderError::UnknownFile(stem.to_owned()))?;
+        let mut walk = Walk {
+            library: self,
+            choices,
+            path: Vec::new(),
+            done: BTreeSet::new(),
+            slots: BTreeMap::new(),
+            joined: Joined { text: String::new(), needs_u64: false },
+        };
+        walk.visit(stem, text)?;
+        if let Some((slot, _)) = choices.iter().find(|(slot, _)| !walk.slots.contains_key(slot.as_str())) {
+            return Err(ShaderError::UnusedChoice { file: stem.clone(), slot: slot.clone() });
+        }
+        Ok(walk.joined)
+    }
+
+    /// Every combination of choices with which a file can be joined.
+    pub(crate) fn combinations(&self, stem: &str) -> Result<Vec<Choices>, ShaderError> {
+        let mut complete = Vec::new();
+        let mut open = vec![Choices::new()];
+        while let Some(choices) = open.pop() {
+            match self.join(stem, &choices) {
+                Ok(_) => complete.push(choices),
+                Err(ShaderError::NoChoice { slot, alternatives, .. }) => {
+                    open.extend(alternatives.into_iter().rev().map(|alternative| {
+                        let mut choices = choices.clone();
+                        choices.insert(slot.clone(), alternative);
+                        choices
+                    }));
+                }
+                Err(error) => return Err(error),
+            }
+        }
+        Ok(complete)
+    }
+
+    /// The files that a pattern names.
+    fn matching(&self, pattern: &str) -> Vec<&str> {
+        match pattern.strip_suffix('*') {
+            Some(start) => self.texts.keys().map(String::as_str).filter(|stem| stem.starts_with(start)).collect(),
+            None => self.texts.get_key_value(pattern).map(|(stem, _)| stem.as_str()).into_iter().collect(),
+        }
+    }
+}
+
+/// A walk through the files that one file needs.
+struct Walk<'a> {
+    library: &'a Library,
+    choices: &'a Choices,
+    /// The files between the first one and the one at hand.
+    path: Vec<&'a str>,
+    done: BTreeSet<&'a str>,
+    /// Where each choice was asked for first, and between what.
+    slots: BTreeMap<&'a str, (Place, Vec<&'a str>)>,
+    joined: Joined,
+}
+
+impl<'a> Walk<'a> {
+    fn visit(&mut self, stem: &'a str, text: &'a str) -> Result<(), ShaderError> {
+        self.path.push(stem);
+        let mut own = format!("// shaders/{stem}.wgsl\n");
+        for (index, line) in text.lines().enumerate() {
+            let place = || Place { file: stem.to_owned(), line: index + 1 };
+            match Directive::of(line) {
+                None => {
+                    own.push_str(line);
+                    own.push('\n');
+                }
+                Some(Err(())) => {
+                    return Err(ShaderError::Directive { place: place(), line: line.trim().to_owned() });
+                }
+                Some(Ok(Directive::RequiresU64)) => self.joined.needs_u64 = true,
+                Some(Ok(Directive::Import(stem))) => self.import(stem, place())?,
+                Some(Ok(Directive::Choose { slot, patterns })) => {
+                    let chosen = self.chosen(slot, &patterns, &place())?;
+                    self.import(chosen, place())?;
+                }
+            }
+        }
+        self.path.pop();
+        self.done.insert(stem);
+        self.joined.text.push_str(&own);
+        Ok(())
+    }
+
+    fn import(&mut self, stem: &str, place: Place) -> Result<(), ShaderError> {
+        let Some((stem, text)) = self.library.texts.get_key_value(stem) else {
+            return Err(ShaderError::UnknownImport { place, file: stem.to_owned() });
+        };
+        if let Some(start) = self.path.iter().position(|&before| before == stem) {
+            let mut cycle: Vec<String> = self.path[start..].iter().map(|&stem| stem.to_owned()).collect();
+            cycle.push(stem.clone());
+            return Err(ShaderError::Cycle { place, cycle });
+        }
+        if self.done.contains(stem.as_str()) {
+            return Ok(());
+        }
+        if !entry_points(text).is_empty() {
+            return Err(ShaderError::ImportsEntryPoint { place, file: stem.clone() });
+        }
+        self.visit(stem, text)
+    }
+
+    /// The file that was chosen among those that the patterns name.
+    fn chosen(&mut self, slot: &'a str, patterns: &[&'a str], place: &Place) -> Result<&'a str, ShaderError> {
+        let mut alternatives = Vec::new();
+        for pattern in patterns {
+            let found = self.library.matching(pattern);
+            if found.is_empty() {
+                return Err(ShaderError::UnknownImport { place: place.clone(), file: (*pattern).to_owned() });
+            }
+            alternatives.extend(found);
+        }
+        let (first, known) = self.slots.entry(slot).or_insert_with(|| (place.clone(), alternatives.clone()));
+        if *known != alternatives {
+            let [slot, first] = [slot.to_owned(), first.to_string()];
+            return Err(ShaderError::OtherAlternatives { place: place.clone(), slot, first });
+        }
+        let owned = || alternatives.iter().map(|&stem| stem.to_owned()).collect();
+        let Some(chosen) = self.choices.get(slot) else {
+            return Err(ShaderError::NoChoice { place: place.clone(), slot: slot.to_owned(), alternatives: owned() });
+        };
+        alternatives.iter().copied().find(|&stem| stem == chosen).ok_or_else(|| ShaderError::WrongChoice {
+            place: place.clone(),
+            slot: slot.to_owned(),
+            chosen: chosen.clone(),
+            alternatives: owned(),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn join(files: &[(&str, &str)], choices: &[(&str, &str)]) -> Result<Joined, ShaderError> {
+        Library::new(files.iter().copied()).join("main", &chosen(choices))
+    }
+
+    fn chosen(choices: &[(&str, &str)]) -> Choices {
+        choices.iter().map(|(slot, stem)| ((*slot).to_owned(), (*stem).to_owned())).collect()
+    }
+
+    fn error(files: &[(&str, &str)], choices: &[(&str, &str)]) -> String {
+        join(files, choices).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn every_file_stands_once_after_what_it_needs() {
+        let files = [
+            ("main", "#import b\n#import a\nmain"),
+            ("a", "// head\n\n#import c\na"),
+            ("b", "#import c\n#import c\n#import a\nb"),
+            ("c", "c"),
+            ("d", "never asked for"),
+        ];
+        let joined = join(&files, &[]).unwrap();
+        let text =
+            "// shaders/c.wgsl\nc\n// shaders/a.wgsl\n// head\n\na\n// shaders/b.wgsl\nb\n// shaders/main.wgsl\nmain\n";
+        assert_eq!(joined, Joined { text: text.to_owned(), needs_u64: false });
+    }
+
+    #[test]
+    fn unknown_files_name_file_and_line() {
+        let files = [("main", "#import a"), ("a", "// head\n#import wrong/file")];
+        assert_eq!(
+            error(&files, &[]),
+            "shaders/a.wgsl:2: `wrong/file` is neither a file below shaders/ nor a table of constants"
+        );
+        assert_eq!(
+            Library::new(files).join("other", &Choices::new()).unwrap_err().to_string(),
+            "there is no shader file shaders/other.wgsl"
+        );
+        assert!(error(&[("main", "#import x = none_*")], &[("x", "a")]).contains("main.wgsl:1: `none_*`"));
+    }
+
+    #[test]
+    fn cycles_are_named() {
+        let files = [("main", "#import a"), ("a", "#import b"), ("b", "\n#import a")];
+        assert_eq!(error(&files, &[]), "shaders/b.wgsl:2: imports run in a circle: a -> b -> a");
+        assert_eq!(
+            error(&[("main", "#import main")], &[]),
+            "shaders/main.wgsl:1: imports run in a circle: main -> main"
+        );
+    }
+
+    #[test]
+    fn one_alternative_is_chosen() {
+        let files = [("main", "#import sum = u32 | u64\nmain"), ("u32", "narrow"), ("u64", "#requires u64\nwide")];
+        let wide = join(&files, &[("sum", "u64")]).unwrap();
+        assert!(wide.needs_u64 && wide.text.contains("wide") && !wide.text.contains("narrow"));
+        assert!(!join(&files, &[("sum", "u32")]).unwrap().needs_u64);
+        assert_eq!(error(&files, &[]), "shaders/main.wgsl:1: `sum` is not chosen; allowed: u32, u64");
+        assert_eq!(
+            error(&files, &[("sum", "main")]),
+            "shaders/main.wgsl:1: `main` cannot be chosen as `sum`; allowed: u32, u64"
+        );
+        assert_eq!(
+            error(&files, &[("sum", "u64"), ("total", "u32")]),
+            "shaders/main.wgsl: neither it nor what it imports asks for a choice `total`"
+        );
+        let twice = [("main", "#import sum = u32\n#import sum = u64"), ("u32", ""), ("u64", "")];
+        assert_eq!(
+            error(&twice, &[("sum", "u32")]),
+            "shaders/main.wgsl:2: `sum` has other alternatives than at shaders/main.wgsl:1"
+        );
+    }
+
+    #[test]
+    fn all_combinations_are_found() {
+        let files = [
+            ("main", "#import of = kind_*\n@compute fn main() {}"),
+            ("kind_a", ""),
+            ("kind_b", "#import sum = u32 | u64"),
+            ("u32", ""),
+            ("u64", ""),
+        ];
+        let library = Library::new(files);
+        let wanted: &[&[(&str, &str)]] =
+            &[&[("of", "kind_a")], &[("of", "kind_b"), ("sum", "u32")], &[("of", "kind_b"), ("sum", "u64")]];
+        let wanted: Vec<Choices> = wanted.iter().map(|choices| chosen(choices)).collect();
+        assert_eq!(library.combinations("main").unwrap(), wanted);
+        assert_eq!(library.entry_files().collect::<Vec<_>>(), ["main"]);
+        assert!(Library::new([("main", "#import none")]).combinations("main").is_err());
+    }
+
+    #[test]
+    fn directives_that_cannot_be_read_are_errors() {
+        for line in [
+            "#import",
+            "#import a b",
+            "#import a = b |",
+            "#import a = b c d",
+            "#import x = | | |",
+            "#requires f16",
+            "#include a",
+        ] {
+            let found = error(&[("main", &format!("\n{line}")), ("a", ""), ("b", ""), ("d", "")], &[("a", "b")]);
+            assert!(found.starts_with(&format!("shaders/main.wgsl:2: `{line}` is no directive")), "{found}");
+        }
+    }
+
+    #[test]
+    fn a_file_has_one_entry_point_and_is_not_imported_with_it() {
+        let two = "@vertex\nfn first() {}\n// @fragment fn not() {}\nfn plain() {}\n@fragment fn second(a: u32) {}";
+        let library = Library::new([
+            ("main", "#import other"),
+            ("other", two),
+            ("one", "@compute @workgroup_size(1)\nfn go() {}"),
+        ]);
+        assert_eq!(library.entry("one").unwrap(), ("one", "go"));
+        assert_eq!(
+            library.entry("other").unwrap_err().to_string(),
+            "shaders/other.wgsl: one entry point is wanted, found: first, second"
+        );
+        assert_eq!(
+            library.entry("main").unwrap_err().to_string(),
+            "shaders/main.wgsl: one entry point is wanted, found: none"
+        );
+        assert_eq!(
+            library.join("main", &Choices::new()).unwrap_err().to_string(),
+            "shaders/main.wgsl:1: `other` has an entry point, and cannot be imported"
+        );
+    }
 }

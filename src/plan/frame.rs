@@ -10,14 +10,14 @@ use glam::DVec3;
 
 use super::{
     Limits,
-    asteroids::{self, AsteroidInputs, AsteroidPlan, Tables, glare::field_clouds},
+    asteroids::{self, AsteroidInputs, AsteroidPlan, Tables, glare::field_sources},
     bodies::{
         seen::{BodyPlan, plan_bodies},
         textures::texture_bytes,
     },
     certificate::{FramePlan, plan_stars},
     error::PlanError,
-    glare::objects::Cloud,
+    glare::objects::ExtendedSource,
     overlay::{OverlayInputs, OverlayPlan, OverlayPlanner},
     settings::{
         Accumulator, ExposureSettings, GlareMethod, GlareSettings, PsfTextureSettings, RenderSettings, StarMethod,
@@ -95,7 +95,7 @@ pub struct GlarePlan {
     /// The kernel of `sky_cube`.
     pub kernel: Option<Arc<dyn GlareKernel>>,
     /// What fields of asteroids scatter in the eye of each viewport; empty: nothing.
-    pub clouds: Vec<Vec<Cloud>>,
+    pub extended_sources: Vec<Vec<ExtendedSource>>,
 }
 
 impl Plan {
@@ -265,7 +265,7 @@ impl Planner {
             method: settings.glare.chosen(method),
             fraction: settings.glare.fraction_scattered(),
             kernel: None,
-            clouds: Vec::new(),
+            extended_sources: Vec::new(),
         };
         if glare.method == GlareMethod::SkyCube {
             let kernel = self.kernel.as_ref().map(|(_, kernel)| Arc::clone(kernel));
@@ -273,7 +273,7 @@ impl Planner {
                 bodies.keep_own_glare(&**kernel, glare.fraction);
             }
             glare.kernel = kernel;
-            glare.clouds = clouds_of(&scene.objects, &suns, camera.position_m, &viewports);
+            glare.extended_sources = extended_sources_of(&scene.objects, &suns, camera.position_m, &viewports);
         }
 
         // Units of light.
@@ -352,21 +352,26 @@ fn mean_luminance_cd_m2(stars: &StarSet, camera_pc: DVec3) -> f64 {
 }
 
 /// What fields of asteroids scatter in the eye of each viewport; nothing where there are none.
-fn clouds_of(objects: &SceneObjects, suns: &[Sun], camera_m: DVec3, viewports: &[Viewport]) -> Vec<Vec<Cloud>> {
+fn extended_sources_of(
+    objects: &SceneObjects,
+    suns: &[Sun],
+    camera_m: DVec3,
+    viewports: &[Viewport],
+) -> Vec<Vec<ExtendedSource>> {
     if objects.fields.is_empty() {
         return Vec::new();
     }
     let fields: Vec<&AsteroidField> = objects.fields.iter().map(Arc::as_ref).collect();
-    let mut clouds: Vec<Vec<Cloud>> = Vec::with_capacity(viewports.len());
+    let mut extended_sources: Vec<Vec<ExtendedSource>> = Vec::with_capacity(viewports.len());
     for (index, viewport) in viewports.iter().enumerate() {
         // Eyes at one place see the same.
         let same = viewports[..index].iter().position(|other| other.eye_offset_m == viewport.eye_offset_m);
-        clouds.push(match same {
-            Some(other) => clouds[other].clone(),
-            None => field_clouds(&fields, camera_m + viewport.eye_offset_m, suns),
+        extended_sources.push(match same {
+            Some(other) => extended_sources[other].clone(),
+            None => field_sources(&fields, camera_m + viewport.eye_offset_m, suns),
         });
     }
-    clouds
+    extended_sources
 }
 
 /// The exposure that a frame will be metered at, as far as the stars' positions tell: good to a fraction of a stop.

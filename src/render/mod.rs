@@ -9,11 +9,12 @@
 
 pub(crate) mod asteroids;
 mod bodies;
+pub(crate) mod constants;
 mod display;
 mod error;
 mod frame;
 mod glare;
-pub mod layout;
+pub(crate) mod layout;
 mod overlay;
 #[cfg(test)]
 mod pass_tests;
@@ -22,6 +23,7 @@ mod presentation_tests;
 pub mod probe;
 mod read;
 mod sequence;
+mod shader;
 mod stars;
 mod submit;
 mod targets;
@@ -30,9 +32,11 @@ pub(crate) mod viewport;
 
 pub use self::{
     asteroids::{AsteroidCounts, impostors::probe as impostor_probe},
+    constants::tables as constant_tables,
     display::Presentation,
     error::RenderError,
     frame::{Frame, FrameImage, FrameTimes, ViewStatistics, Wanted},
+    shader::{Shader, shaders},
     submit::SubmittedFrame,
 };
 use self::{
@@ -41,7 +45,7 @@ use self::{
     technique::{Holding, Technique},
 };
 use crate::{
-    gpu::{AdapterReport, Gpu, GpuTimer, ReadbackBuffer},
+    gpu::{AdapterReport, Gpu, GpuTimer, ReadbackBuffer, StructLayout},
     plan::{Limits, PlanError, Planner},
     view::Rig,
 };
@@ -132,4 +136,18 @@ impl Renderer {
         let holding = Holding { gpu, scene, settings, kernel: self.planner.kernel(), catalogue_order };
         self.techniques.iter_mut().try_for_each(|technique| step(&mut **technique, &holding))
     }
+}
+
+/// The layout of every structure that Rust shares with the shaders.
+pub fn struct_layouts() -> Vec<StructLayout> {
+    let of_techniques = [
+        layout::struct_layouts,
+        asteroids::layout::struct_layouts,
+        bodies::layout::struct_layouts,
+        display::layout::struct_layouts,
+        glare::layout::struct_layouts,
+        overlay::layout::struct_layouts,
+        stars::layout::struct_layouts,
+    ];
+    of_techniques.iter().flat_map(|layouts| layouts()).collect()
 }

@@ -3,8 +3,9 @@
 use glam::DVec3;
 
 use super::{layout, viewport::encode_viewport};
-use crate::gpu::{Gpu, GpuError, ReadbackBuffer, Shader, constants::workgroups::PROBE_THREADS, storage_buffer};
+use crate::gpu::{Gpu, GpuError, ReadbackBuffer, storage_buffer};
 use crate::plan::KernelPlan;
+use crate::render::{constants::workgroups::PROBE_THREADS, shader::Shader};
 use crate::view::Viewport;
 
 /// A direction to project, in view space, and a pixel whose solid angle and direction are wanted.

@@ -8,8 +8,9 @@ use super::{
     technique::{FrameInputs, Phase},
     viewport::encode_viewport,
 };
+use crate::render::{constants::counters, shader::Shader};
 use crate::{
-    gpu::{Gpu, GrowingBuffer, Shader, ShaderSource, bind_buffers, constants::counters, storage_buffer},
+    gpu::{Gpu, GrowingBuffer, ShaderSource, bind_buffers, storage_buffer},
     plan::{
         DISPLAY_BYTES, Plan,
         settings::{Accumulator, GlareMethod},
@@ -18,7 +19,7 @@ use crate::{
     view::Viewport,
 };
 
-pub(crate) use crate::gpu::constants::pixel_grid::{COLUMNS, ROWS};
+pub(crate) use crate::render::constants::pixel_grid::{COLUMNS, ROWS};
 
 /// Bytes of a partial sum: illuminance that counts, and solid angle that does not.
 pub(crate) const PARTIAL_SUM_BYTES: u64 = 8;

@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use glam::DMat3;
 
 use super::layout;
-use crate::gpu::constants::projections::{
+use crate::render::constants::projections::{
     KIND_CUBE_FACE, KIND_EQUIDISTANT, KIND_EQUIRECTANGULAR, KIND_EQUISOLID, KIND_ORTHOGRAPHIC, KIND_PERSPECTIVE,
     KIND_STEREOGRAPHIC,
 };

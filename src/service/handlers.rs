@@ -17,7 +17,7 @@ use super::{
     frames::FrameStream,
     headset::Headset,
     proto,
-    render::{Refused, RenderHandle, Room},
+    render::{Capacity, Refused, RenderHandle},
     scene::SceneError,
     server::SceneCatalogue,
     slot::{RenderFailure, RenderedFrame},
@@ -76,7 +76,7 @@ impl Service {
         adapter: AdapterReport,
         catalogues: Vec<SceneCatalogue>,
         stars: u64,
-        room: Room,
+        capacity: Capacity,
     ) -> Self {
         let cores = thread::available_parallelism().map_or(1, usize::from);
         Self {
@@ -86,10 +86,10 @@ impl Service {
             adapter: Arc::new(adapter),
             catalogues: Arc::new(catalogues),
             stars,
-            watchers: Arc::new(Semaphore::new(room.subscribers)),
+            watchers: Arc::new(Semaphore::new(capacity.subscribers)),
             placing: Arc::new(Semaphore::new(1)),
             verifying: Arc::new(Semaphore::new(1)),
-            pending: Arc::new(Semaphore::new(room.requests)),
+            pending: Arc::new(Semaphore::new(capacity.requests)),
             encoders: Arc::new(Semaphore::new(cores)),
         }
     }

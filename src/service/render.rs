@@ -40,7 +40,7 @@ pub struct CameraUpdate {
 
 /// How much the thread takes on.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Room {
+pub(super) struct Capacity {
     /// Requests that may wait.
     pub(super) requests: usize,
     /// Subscribers at the same time.
@@ -128,7 +128,7 @@ pub(super) struct Shared {
     pub(super) wake: Condvar,
     /// All stars of the scene, which never change.
     pub(super) stars: Arc<StarSet>,
-    pub(super) room: Room,
+    pub(super) capacity: Capacity,
     pub(super) streams: Streams,
 }
 
@@ -268,11 +268,11 @@ impl RenderHandle {
         if state.draining {
             return Err(Refused::Ending);
         }
-        if state.requests.len() >= self.shared.room.requests {
+        if state.requests.len() >= self.shared.capacity.requests {
             // Callers that went away need no place.
             state.requests.retain(|request| !request.reply.is_closed());
         }
-        if state.requests.len() >= self.shared.room.requests {
+        if state.requests.len() >= self.shared.capacity.requests {
             return Err(Refused::Full);
         }
         let (reply, receiver) = oneshot::channel();

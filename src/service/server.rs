@@ -25,7 +25,7 @@ use super::{
         self, camera_service_server::CameraServiceServer, diagnostics_service_server::DiagnosticsServiceServer,
         scene_service_server::SceneServiceServer, view_service_server::ViewServiceServer,
     },
-    render::Room,
+    render::Capacity,
     worker::{self, RenderThread},
 };
 use crate::{
@@ -338,11 +338,11 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
 
     let (rig, info) = (Arc::new(rig), engine.info());
     let stars = scene.stars.stars.len() as u64;
-    let room = Room { requests: pending_renders, subscribers };
-    let (handle, mut thread) = worker::spawn(engine, scene, objects, Arc::clone(&rig), settings, room)?;
+    let capacity = Capacity { requests: pending_renders, subscribers };
+    let (handle, mut thread) = worker::spawn(engine, scene, objects, Arc::clone(&rig), settings, capacity)?;
     let (headset, drive) =
         headset.map(|options| (Arc::new(Headset::new(options.name, handle.clone())), options.drive)).unzip();
-    let service = Service::new(handle.clone(), headset.clone(), rig, info, catalogues, stars, room);
+    let service = Service::new(handle.clone(), headset.clone(), rig, info, catalogues, stars, capacity);
     let headset_thread = match headset.as_ref().zip(drive) {
         Some((headset, drive)) => Some(headset.spawn(drive).inspect_err(|_| handle.stop())?),
         None => None,

@@ -17,7 +17,7 @@ use tokio::sync::{oneshot, watch};
 use super::{
     engine::{Engine, EngineError},
     objects::Objects,
-    render::{RenderHandle, Request, Room, Shared, State, Verification},
+    render::{Capacity, RenderHandle, Request, Shared, State, Verification},
     scene::SceneState,
     schedule::Revisions,
     slot::{RenderFailure, RenderedFrame, Slot},
@@ -60,7 +60,7 @@ pub(super) fn spawn(
     objects: Objects,
     rig: Arc<Rig>,
     settings: RenderSettings,
-    room: Room,
+    capacity: Capacity,
 ) -> std::io::Result<(RenderHandle, RenderThread)> {
     let shown = SceneState {
         revision: scene.revision,
@@ -85,8 +85,8 @@ pub(super) fn spawn(
         state: Mutex::new(state),
         wake: Condvar::new(),
         stars: Arc::clone(&scene.stars),
-        room,
-        streams: Streams::new(room.subscribers),
+        capacity,
+        streams: Streams::new(capacity.subscribers),
     });
     let (sender, ended) = oneshot::channel();
     let farewell = Farewell { shared: Arc::clone(&shared), _ended: sender };

@@ -16,8 +16,7 @@ const LAYERS: &[&[&str]] = &[
     &["scene", "view"],
     &["plan"],
     &["config", "gpu"],
-    &["passes", "reference", "metrics"],
-    &["frame"],
+    &["render", "reference", "metrics"],
     &["verify", "chart"],
     &["output", "xr", "service"],
     &["cli"],
@@ -31,7 +30,7 @@ const SIBLINGS: &[(&str, &str)] =
 
 /// Imports that the layers would allow and that are refused all the same: a twin on the CPU is worth nothing as a check
 /// if it shares code with what it checks.
-const REFUSED: &[(&str, &str)] = &[("reference", "gpu"), ("reference", "passes")];
+const REFUSED: &[(&str, &str)] = &[("reference", "gpu"), ("reference", "render")];
 
 /// Crates that a module must not name: (modules, crates). A name with an underscore after it counts too (`tonic_web`).
 const FOREIGN: &[(&[&str], &[&str])] = &[(&["photometry", "scene", "view", "plan"], &["wgpu", "tokio", "tonic"])];
@@ -42,8 +41,59 @@ const ONLY_SERVICE: &[&str] = &["tonic", "prost", "include_proto"];
 /// Modules of `service` that hold generated protobuf types.
 const GENERATED: &[&str] = &["proto"];
 
-/// What all passes may share.
-const SHARED_BY_PASSES: &str = "shared";
+/// Modules of `render` that are techniques: each knows no other one. What two of them need is in the other modules.
+const TECHNIQUES: &[&str] = &["stars", "smooth_light", "bodies", "asteroids", "glare", "overlay", "display"];
+
+/// Modules of `render` that know techniques: the list of them, the module itself, and its errors, which name theirs.
+const KNOW_TECHNIQUES: &[&str] = &["sequence", "error", "pass_tests", "presentation_tests"];
+
+/// Stems of techniques in `src/render/` that have no shader of their own, with the reason.
+const NO_SHADER: &[(&str, &str)] = &[
+    ("stars/buffers", "holds buffers"),
+    ("stars/catalogue_buffers", "holds buffers"),
+    ("stars/items", "encodes what culling leaves"),
+    ("stars/billboards/draw", "the passes of shaders/stars/billboards"),
+    ("asteroids/encode", "encodes the plan"),
+    ("asteroids/held", "holds buffers"),
+    ("asteroids/layers", "holds textures and orders the draws of mesh and impostors"),
+    ("asteroids/raster", "what mesh and impostors share"),
+    ("asteroids/impostors/probe", "draws with the shaders of asteroids/impostors/draw, for tests"),
+    ("asteroids/impostors/texels", "works on texels on the CPU"),
+    ("glare/pyramid/passes", "the passes of shaders/glare/pyramid"),
+    ("glare/sky_cube/record", "orders the passes of sprites and composite"),
+    ("display/variant", "what the passes that make display values share: shaders/display/encode.wgsl"),
+];
+
+/// Stems of techniques that have no twin of the same path in `src/reference/`, with the reason: where the twin is, or why there is none.
+const NO_TWIN: &[(&str, &str)] = &[
+    ("stars/buffers", "holds buffers"),
+    ("stars/catalogue_buffers", "holds buffers"),
+    ("stars/items", "encodes what culling leaves"),
+    ("stars/luminance", "divides nothing: the twins of the methods give luminance"),
+    ("stars/billboards/draw", "reference/stars/billboards.rs"),
+    ("bodies/points", "reference/stars/splat.rs: the same splat"),
+    ("asteroids/encode", "encodes the plan"),
+    ("asteroids/held", "holds buffers"),
+    ("asteroids/layers", "reference/asteroids/mesh.rs"),
+    ("asteroids/lists", "plan/asteroids/cpu_cull.rs"),
+    ("asteroids/cull", "plan/asteroids/cpu_cull.rs"),
+    ("asteroids/points", "photometry/reflection.rs: closed forms"),
+    ("asteroids/raster", "what mesh and impostors share"),
+    ("asteroids/impostors/atlas", "reference/asteroids/impostors/bake.rs"),
+    ("asteroids/impostors/draw", "reference/asteroids/impostors/picture.rs"),
+    ("asteroids/impostors/probe", "reference/asteroids/impostors/picture.rs"),
+    ("asteroids/impostors/texels", "works on texels on the CPU"),
+    ("glare/composite", "reference/glare/sky_cube.rs and pyramid.rs"),
+    ("glare/pyramid/passes", "reference/glare/pyramid.rs"),
+    ("glare/sky_cube/map", "reference/glare/sky_cube.rs: source by source"),
+    ("glare/sky_cube/sprites", "reference/glare/sky_cube.rs: source by source"),
+    ("glare/sky_cube/record", "reference/glare/sky_cube.rs: source by source"),
+    ("display/exposure", "photometry/exposure.rs"),
+    ("display/resolve", "reference/stars/splat.rs, which divides by the solid angle at its end"),
+    ("display/tone_map", "photometry/tone_map.rs"),
+    ("display/present", "photometry/tone_map.rs"),
+    ("display/variant", "photometry/tone_map.rs"),
+];
 
 /// Token of Rust source, as far as paths go.
 #[derive(Clone, Debug, PartialEq)]
@@ -148,7 +198,7 @@ fn end_of_raw_string(text: &[char], mut i: usize, hashes: usize) -> usize {
 }
 
 /// Every path of the source that starts at the crate's root, without the root, cut after two parts:
-/// `crate::gpu::Device` gives `["gpu", "Device"]`. `module` is the path of the file's module: `["passes", "resolve"]`.
+/// `crate::gpu::Device` gives `["gpu", "Device"]`. `module` is the path of the file's module: `["render", "display"]`.
 fn root_paths(tokens: &[Token], module: &[&str]) -> Vec<Vec<String>> {
     let mut paths = Vec::new();
     // For each open brace, the name of the inline module that it opens, if it opens one.
@@ -251,9 +301,8 @@ fn may_import(importer: &str, imported: &str) -> Result<(), String> {
     }
 }
 
-/// Breaches of the order in one file. `module` is the path of its module, `passes` the names of the modules in
-/// `passes`.
-fn breaches(module: &[&str], source: &str, passes: &BTreeSet<String>) -> Vec<String> {
+/// Breaches of the order in one file. `module` is the path of its module.
+fn breaches(module: &[&str], source: &str) -> Vec<String> {
     let importer = module[0];
     let tokens = tokens(source);
     let mut found = Vec::new();
@@ -263,13 +312,16 @@ fn breaches(module: &[&str], source: &str, passes: &BTreeSet<String>) -> Vec<Str
             found.push(breach);
         }
         let Some(part) = path.get(1) else { continue };
-        if let ("passes", Some(own)) = (importer, module.get(1))
-            && imported == "passes"
-            && part != own
-            && part != SHARED_BY_PASSES
-            && passes.contains(part)
-        {
-            found.push(format!("pass `{own}` must not import pass `{part}`"));
+        if importer == "render" && imported == "render" && TECHNIQUES.contains(&part.as_str()) {
+            match module.get(1) {
+                Some(own) if TECHNIQUES.contains(own) && part != own => {
+                    found.push(format!("technique `{own}` must not import technique `{part}`"));
+                }
+                Some(own) if !TECHNIQUES.contains(own) && !KNOW_TECHNIQUES.contains(own) => {
+                    found.push(format!("`render::{own}` must not know technique `{part}`"));
+                }
+                _ => {}
+            }
         }
         if importer != "service" && imported == "service" && GENERATED.contains(&part.as_str()) {
             found.push(format!("`{importer}` must not name generated types of `service::{part}`"));
@@ -292,7 +344,7 @@ fn breaches(module: &[&str], source: &str, passes: &BTreeSet<String>) -> Vec<Str
     found
 }
 
-/// Path of the module that a file holds, from its path below `src`: `passes/mod.rs` holds `passes`.
+/// Path of the module that a file holds, from its path below `src`: `render/mod.rs` holds `render`.
 fn module_of(file: &Path) -> Vec<String> {
     let mut parts: Vec<String> =
         file.with_extension("").iter().map(|part| part.to_str().expect("names in src are UTF-8").to_owned()).collect();
@@ -322,8 +374,6 @@ fn modules_import_in_one_direction_only() {
     files.sort();
     assert!(files.contains(&PathBuf::from("units.rs")) && files.contains(&PathBuf::from("main.rs")), "{files:?}");
     let modules: Vec<Vec<String>> = files.iter().map(|file| module_of(file)).collect();
-    let passes =
-        modules.iter().filter(|module| module[0] == "passes").filter_map(|module| module.get(1)).cloned().collect();
 
     let mut report = Vec::new();
     for (file, module) in files.iter().zip(&modules) {
@@ -337,18 +387,86 @@ fn modules_import_in_one_direction_only() {
         }
         let source = std::fs::read_to_string(root.join(file)).expect("source can be read");
         let module: Vec<&str> = module.iter().map(String::as_str).collect();
-        report.extend(
-            breaches(&module, &source, &passes).into_iter().map(|breach| format!("{}: {breach}", file.display())),
-        );
+        report.extend(breaches(&module, &source).into_iter().map(|breach| format!("{}: {breach}", file.display())));
     }
     assert!(report.is_empty(), "the order of LAYERS is breached:\n{}", report.join("\n"));
+}
+
+/// Stems of the techniques' files: paths below `src/render/` without extension; `mod.rs` stands for its folder. Layouts and tests
+/// apart.
+fn stems(files: &[PathBuf]) -> Vec<String> {
+    let mut stems: Vec<String> = files
+        .iter()
+        .filter_map(|file| file.strip_prefix("render").ok())
+        .filter(|file| file.iter().next().is_some_and(|first| TECHNIQUES.iter().any(|name| first == *name)))
+        .map(|file| file.with_extension("").to_str().expect("names in src are UTF-8").to_owned())
+        .map(|stem| stem.strip_suffix("/mod").unwrap_or(&stem).to_owned())
+        .filter(|stem| !stem.contains("/tests") && !stem.ends_with("/layout"))
+        .collect();
+    stems.sort();
+    stems
+}
+
+/// Stems that have no counterpart among `others` and no excuse, and excuses that nobody needs. A counterpart has the same path, is
+/// below it, or continues the name of the file (`map_gather` of `map`).
+fn without_counterpart(stems: &[String], others: &[String], excuses: &[(&str, &str)], of: &str) -> Vec<String> {
+    let has = |stem: &str| {
+        others.iter().any(|other| {
+            other
+                .strip_prefix(stem)
+                .is_some_and(|rest| rest.is_empty() || rest.starts_with('/') || rest.starts_with('_'))
+        })
+    };
+    let excused = |stem: &str| excuses.iter().any(|(name, reason)| *name == stem && !reason.is_empty());
+    let missing = stems.iter().filter(|stem| !has(stem) && !excused(stem));
+    let missing = missing.map(|stem| format!("src/render/{stem} has no counterpart in {of} and no excuse"));
+    let unneeded = excuses.iter().filter(|(name, _)| !stems.iter().any(|stem| stem == name) || has(name));
+    missing.chain(unneeded.map(|(name, _)| format!("{name} needs no excuse for {of}"))).collect()
+}
+
+/// Paths of files with an extension below a folder, without it.
+fn stems_below(folder: &Path, extension: &str) -> Vec<String> {
+    let mut found = Vec::new();
+    let mut open = vec![folder.to_owned()];
+    while let Some(at) = open.pop() {
+        for entry in std::fs::read_dir(&at).expect("the folder can be read") {
+            let path = entry.expect("the folder can be read").path();
+            if path.is_dir() {
+                open.push(path);
+            } else if path.extension().is_some_and(|of_path| of_path == extension) {
+                let stem = path.strip_prefix(folder).expect("below the folder").with_extension("");
+                found.push(stem.to_str().expect("names are UTF-8").to_owned());
+            }
+        }
+    }
+    found
+}
+
+#[test]
+fn every_stem_of_render_has_a_shader_and_a_twin_or_an_excuse() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut files = Vec::new();
+    rust_files(&root.join("src"), &root.join("src"), &mut files);
+    let stems = stems(&files);
+    assert!(stems.iter().any(|stem| stem == "stars/splat"), "{stems:?}");
+    let mut report = without_counterpart(&stems, &stems_below(&root.join("shaders"), "wgsl"), NO_SHADER, "shaders/");
+    let twins = stems_below(&root.join("src/reference"), "rs");
+    report.extend(without_counterpart(&stems, &twins, NO_TWIN, "src/reference/"));
+    assert!(report.is_empty(), "{}", report.join("\n"));
+}
+
+#[test]
+fn the_sequence_stays_short() {
+    let text = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("src/render/sequence.rs"));
+    let lines = text.expect("the sequence can be read").lines().count();
+    assert!(lines < 100, "src/render/sequence.rs has {lines} lines");
 }
 
 mod the_check_itself {
     use super::*;
 
     fn check(module: &[&str], source: &str) -> Vec<String> {
-        breaches(module, source, &["glare", "stars", "resolve", "shared"].map(str::to_owned).into())
+        breaches(module, source)
     }
 
     #[test]
@@ -360,14 +478,14 @@ mod the_check_itself {
             (&["scene", "body"], "fn f(x: &crate::plan::Plan) {}"),
             (&["plan", "budget"], "use super::super::gpu::Device;"),
             (&["plan"], "use super::gpu;"),
-            (&["plan"], "use {crate::units, super::passes::resolve};"),
-            (&["plan"], "mod tests { use super::super::frame::Frame; }"),
-            (&["plan"], "use self::super::frame::Frame;"),
+            (&["plan"], "use {crate::units, super::render::display::resolve};"),
+            (&["plan"], "mod tests { use super::super::render::Frame; }"),
+            (&["plan"], "use self::super::render::Frame;"),
             (&["reference", "resolve"], "use crate::render::display::resolve::KERNEL;"),
             (&["reference"], "use crate::gpu::Device;"),
             (&["metrics"], "use crate::reference::resolve;"),
             (&["verify"], "use crate::chart::Workload;"),
-            (&["frame"], "let a = 'x'; let s: &'static str = \"\\\"\"; crate::output::write()"),
+            (&["render"], "let a = 'x'; let s: &'static str = \"\\\"\"; crate::output::write()"),
             (&["cli"], "use crate::main::run;"),
             (&["gpu"], "use crate::*;"),
             (&["gpu"], "use crate::nowhere::Thing;"),
@@ -376,12 +494,14 @@ mod the_check_itself {
             (&["scene"], "fn f(d: &wgpu::Device) {}"),
             (&["view"], "use tokio::sync::mpsc;"),
             (&["photometry", "rec709"], "use tonic_web as w;"),
-            (&["frame"], "use prost::Message;"),
-            (&["frame"], "tonic::include_proto!(\"steradian.v1\");"),
+            (&["render"], "use prost::Message;"),
+            (&["render"], "tonic::include_proto!(\"steradian.v1\");"),
             (&["cli", "serve"], "use crate::service::proto::Frame;"),
-            (&["passes", "glare"], "use crate::render::stars::splat::Splat;"),
-            (&["passes", "glare", "pyramid"], "use super::super::{glare, resolve};"),
-            (&["passes", "glare"], "use super::stars::Splat;"),
+            (&["render", "glare"], "use crate::render::stars::splat::Splat;"),
+            (&["render", "glare", "pyramid"], "use super::super::{glare, display};"),
+            (&["render", "glare"], "use super::stars::Splat;"),
+            (&["render", "targets"], "use super::stars::Stars;"),
+            (&["render", "technique"], "use crate::render::{layout, glare::Glare};"),
         ];
         for (module, source) in cases {
             assert!(!check(module, source).is_empty(), "not found in {module:?}: {source}");
@@ -402,11 +522,11 @@ mod the_check_itself {
             (&["plan"], "const A: &str = \"crate::gpu and \\\" wgpu\"; const B: &str = r#\"use \"crate::gpu;\"#;"),
             (&["reference", "resolve"], "use crate::{plan::StarMethod as Method, units::{self, PARSEC_M}};"),
             (
-                &["passes", "glare", "pyramid"],
-                "use super::kernel; use crate::passes::glare::K; use crate::render::targets::S;",
+                &["render", "glare", "pyramid"],
+                "use super::composite; use crate::render::glare::layout; use crate::render::targets::Targets;",
             ),
-            (&["passes"], "use self::glare::Glare; use crate::render::stars::splat::Splat; use wgpu::Device;"),
-            (&["passes", "glare"], "use crate::passes::PassError; use super::PassError as E;"),
+            (&["render", "sequence"], "use super::{glare::Glare, stars::Stars}; use wgpu::Device;"),
+            (&["render", "glare"], "use crate::render::RenderError; use super::RenderError as E;"),
             (&["service", "scene"], "use super::proto; use crate::output::png; use tonic::Status;"),
             (&["main"], "use steradian::cli; fn main() { steradian::telemetry::start(); }"),
             (&["gpu"], "fn f<'a>(x: &'a str) -> std::result::Result<(), E> { other::crate_name::g() }"),
@@ -432,9 +552,21 @@ mod the_check_itself {
     }
 
     #[test]
+    fn a_stem_without_counterpart_and_a_needless_excuse_are_found() {
+        let names = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect::<Vec<_>>();
+        let stems = names(&["stars/splat", "glare/map", "overlay"]);
+        let others = names(&["stars/splat", "glare/map_gather", "overlay/draw", "starship"]);
+        assert!(without_counterpart(&stems, &others, &[], "x").is_empty());
+        assert_eq!(without_counterpart(&stems, &others[1..], &[], "x").len(), 1);
+        assert_eq!(without_counterpart(&stems, &others[1..], &[("stars/splat", "")], "x").len(), 2);
+        assert!(without_counterpart(&stems, &others[1..], &[("stars/splat", "why")], "x").is_empty());
+        assert_eq!(without_counterpart(&stems, &others, &[("stars/splat", "why"), ("gone", "why")], "x").len(), 2);
+    }
+
+    #[test]
     fn files_hold_the_modules_that_their_paths_say() {
         for (file, module) in
-            [("units.rs", "units"), ("passes/mod.rs", "passes"), ("passes/stars/mod.rs", "passes/stars")]
+            [("units.rs", "units"), ("render/mod.rs", "render"), ("render/stars/mod.rs", "render/stars")]
         {
             assert_eq!(module_of(Path::new(file)).join("/"), module);
         }

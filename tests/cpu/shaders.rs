@@ -8,8 +8,8 @@ use std::path::{Path, PathBuf};
 
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 use steradian::{
-    gpu::{Shader, ShaderSource, constant_tables, shaders},
-    render::layout,
+    gpu::{ShaderSource, StructLayout},
+    render::{Shader, constant_tables, shaders, struct_layouts},
 };
 
 fn parse(name: &str, text: &str) -> naga::Module {
@@ -82,7 +82,7 @@ fn wgsl_layouts(module: &naga::Module) -> BTreeMap<String, WgslLayout> {
 }
 
 /// Where a struct of Rust and one of WGSL differ.
-fn difference(rust: &layout::StructLayout, wgsl: &WgslLayout) -> Option<String> {
+fn difference(rust: &StructLayout, wgsl: &WgslLayout) -> Option<String> {
     let rust_fields: Vec<(String, usize)> =
         rust.fields.iter().map(|(name, offset)| ((*name).to_owned(), *offset)).collect();
     if rust.size != wgsl.0 {
@@ -101,20 +101,20 @@ fn structs_have_the_same_fields_offsets_and_sizes() {
                 assert_eq!(wgsl.0, size_of::<steradian::catalogue::packed::PackedStar>());
                 continue;
             }
-            let rust = layout::struct_layouts().into_iter().find(|rust| rust.name == name);
+            let rust = struct_layouts().into_iter().find(|rust| rust.name == name);
             let rust = rust.unwrap_or_else(|| panic!("{shader}: struct {name} has no counterpart in Rust"));
             assert_eq!(difference(&rust, &wgsl), None, "{shader}");
             seen.insert(name, ());
         }
     }
-    for rust in layout::struct_layouts() {
+    for rust in struct_layouts() {
         assert!(seen.contains_key(rust.name), "no shader has the struct {}", rust.name);
     }
 }
 
 #[test]
 fn a_moved_field_and_a_wrong_size_are_found() {
-    let rust = layout::struct_layouts().into_iter().find(|rust| rust.name == "Tile").unwrap();
+    let rust = struct_layouts().into_iter().find(|rust| rust.name == "Tile").unwrap();
     let right: Vec<(String, usize)> = rust.fields.iter().map(|(name, offset)| ((*name).to_owned(), *offset)).collect();
     assert_eq!(difference(&rust, &(rust.size, right.clone())), None);
     let mut swapped = right.clone();

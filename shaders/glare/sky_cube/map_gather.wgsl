@@ -1,6 +1,6 @@
 // A level of the map of glare: the light that is scattered towards each of its points, from the cells of the sky that
 // the level's kernel reaches, and what the coarser levels have. Points lie at the centres of cells, and in a rim of two
-// more around each face. What it works from: src/plan/glare_sky.
+// more around each face. What it works from: src/plan/glare/sky_cube.
 
 #import constants/glare_map
 #import constants/workgroups

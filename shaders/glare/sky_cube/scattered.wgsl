@@ -1,7 +1,7 @@
 // What is scattered towards a pixel, by the method `sky_cube`: from the map of the sky, from the sources of the view's
 // own eye and from the sprites that reach the pixel's block.
 
-#import constants/glare_clouds
+#import constants/extended_sources
 #import constants/glare_sprites
 #import glare/sky_cube/cells
 #import glare/sky_cube/sprites
@@ -18,11 +18,11 @@ struct GlareNear {
     reach: f32,
     // Linear Rec. 709, lx.
     light: vec3<f32>,
-    // So many parts follow. Of a cloud IS_CLOUD, and in the low 16 bits the share of its light that its softened kernel leaves out.
+    // So many parts follow. Of an extended source IS_EXTENDED, and in the low 16 bits the share of its light that its softened kernel leaves out.
     parts: u32,
 }
 
-@group(1) @binding(0) var<uniform> sky: GlareSkyParameters;
+@group(1) @binding(0) var<uniform> sky: SkyCubeParameters;
 @group(1) @binding(1) var<storage, read> views: array<GlareView>;
 @group(1) @binding(2) var<storage, read> map: array<vec4<f32>>;
 @group(1) @binding(3) var<storage, read> near: array<GlareNear>;
@@ -196,8 +196,8 @@ fn scattered_towards(viewport: Viewport, tile: Tile, at: vec3<u32>) -> Light8 {
     var light = column_from_map(view, viewport, top, directions);
     let first = vec3(directions[0].x.x, directions[0].y.x, directions[0].z.x);
     for (var i = view.first_near; i < view.first_near + view.near_count; i++) {
-        let cloud = (near[i].parts & IS_CLOUD) != 0u;
-        let parts = select(near[i].parts, 0u, cloud);
+        let extended = (near[i].parts & IS_EXTENDED) != 0u;
+        let parts = select(near[i].parts, 0u, extended);
         if parts > 0u {
             if length(first - near[i].direction) < near[i].reach {
                 continue;
@@ -208,8 +208,8 @@ fn scattered_towards(viewport: Viewport, tile: Tile, at: vec3<u32>) -> Light8 {
             let own = chords_squared(directions[four], near[i].direction);
             let squared = own + soft;
             var kernel = shown(view, squared, angle_squared(squared));
-            if cloud {
-                // What is left out lies on the cloud: a bump of twice its radius whose integral is 1.
+            if extended {
+                // What is left out lies on the source: a bump of twice its radius whose integral is 1.
                 let inside = max(1.0 - own / (4.0 * soft), vec4(0.0));
                 kernel += f32(near[i].parts & SHARE_PARTS) / f32(SHARE_PARTS) * 3.0 / (PI * 4.0 * soft) * inside * inside;
             }

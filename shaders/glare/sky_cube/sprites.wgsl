@@ -39,7 +39,7 @@ struct GlareView {
     near_count: u32,
 }
 
-struct GlareSkyParameters {
+struct SkyCubeParameters {
     // What the map's kernel is within a square of a chord: coefficients of 1, u and u^2.
     soft: vec3<f32>,
     // 1 over that square.
@@ -69,7 +69,7 @@ struct GlareSkyParameters {
     unused_2: u32,
 }
 
-fn square_grid(parameters: GlareSkyParameters) -> vec3<u32> {
+fn square_grid(parameters: SkyCubeParameters) -> vec3<u32> {
     return vec3((vec2(parameters.columns, parameters.rows) + SQUARE_BLOCKS - 1u) / SQUARE_BLOCKS, parameters.tiles);
 }
 

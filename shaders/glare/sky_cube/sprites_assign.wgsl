@@ -6,7 +6,7 @@
 #import glare/sky_cube/sprites
 #import shared/viewport
 
-@group(0) @binding(0) var<uniform> parameters: GlareSkyParameters;
+@group(0) @binding(0) var<uniform> parameters: SkyCubeParameters;
 @group(0) @binding(1) var<storage, read> viewports: array<Viewport>;
 @group(0) @binding(2) var<storage, read> tiles: array<Tile>;
 @group(0) @binding(3) var<storage, read> views: array<GlareView>;

@@ -3,7 +3,7 @@
 
 use super::{
     AsteroidExtent, Place,
-    turn::{Parts, Seen, turn},
+    turn::{FrameParts, Parts, turn},
     workload::{Fields, Variant, count_name},
 };
 use crate::{
@@ -80,7 +80,7 @@ pub fn rows(
             sides.push((rig_of(vec![("chart", kind)])?, fields.scene(extent.ratio_instances, place)?));
         }
         for (index, variant) in variants.iter().filter(|variant| charted.contains(&variant.name)).enumerate() {
-            let mut seen = [Seen::default(), Seen::default()];
+            let mut seen = [FrameParts::default(), FrameParts::default()];
             let budget = budget.part(1.0, charted.len() - index);
             let mut timed = timing::rounds(2, extent.rounds, budget, |side| {
                 let (rig, scene) = &sides[side];

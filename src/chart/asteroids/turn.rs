@@ -70,14 +70,14 @@ impl Parts {
 
 /// What all frames of a method in a workload had.
 #[derive(Clone, Debug, Default)]
-pub struct Seen {
+pub struct FrameParts {
     /// The first is of the frame in which buffers grow.
     pub parts: Vec<Parts>,
     /// Of the last frame, all views.
     pub counts: Option<AsteroidCounts>,
 }
 
-impl Seen {
+impl FrameParts {
     /// What counts: without the first frame, unless there is no other.
     pub fn counted(&self) -> &[Parts] {
         self.parts.get(1..).filter(|rest| !rest.is_empty()).unwrap_or(&self.parts)
@@ -107,7 +107,7 @@ pub fn turn(
     variant: &Variant,
     scene: &SceneSnapshot,
     rig: &Rig,
-    seen: &mut Seen,
+    seen: &mut FrameParts,
 ) -> Result<Taken, ChartError> {
     let settings = variant.render_settings();
     let away = SceneSnapshot {
@@ -168,8 +168,8 @@ mod tests {
         let parts = Parts::of(&times(0.5, Some(100.0))).unwrap();
         assert_eq!((parts.whole_ms(), parts.culling_ms(), parts.layers_ms), (15.5, 1.5, 5.0));
         assert_eq!(Parts::of(&times(0.5, None)), None);
-        let seen = Seen { parts: vec![Parts { plan_ms: 99.0, ..parts }, parts, parts], counts: None };
+        let seen = FrameParts { parts: vec![Parts { plan_ms: 99.0, ..parts }, parts, parts], counts: None };
         assert!(seen.note().starts_with("plan on the CPU 0.50, cull 1.00"), "{}", seen.note());
-        assert!(Seen::default().note().is_empty());
+        assert!(FrameParts::default().note().is_empty());
     }
 }

@@ -87,7 +87,7 @@ pub(super) fn scores(
 }
 
 /// A star in a picture.
-struct Seen {
+struct VisibleStar {
     pixel: DVec2,
     direction: DVec3,
     brightness: f64,
@@ -111,21 +111,21 @@ impl Sky<'_> {
     }
 
     /// The stars of a picture with nobody within two windows, and their windows inside.
-    fn isolated(&self, mapping: &dyn PlaneMapping, world_from_camera: DQuat, window_px: f64) -> Vec<Seen> {
+    fn isolated(&self, mapping: &dyn PlaneMapping, world_from_camera: DQuat, window_px: f64) -> Vec<VisibleStar> {
         let [width, height] = mapping.size().map(f64::from);
         let camera_from_world = world_from_camera.conjugate();
         let seen = self.stars.iter().filter_map(|&(direction, brightness)| {
             let direction = camera_from_world * direction;
             let pixel = mapping.pixel_from_direction(direction)?;
             let near = |at: f64, side: f64| at > -window_px && at < side + window_px;
-            (near(pixel.x, width) && near(pixel.y, height)).then_some(Seen { pixel, direction, brightness })
+            (near(pixel.x, width) && near(pixel.y, height)).then_some(VisibleStar { pixel, direction, brightness })
         });
-        let mut seen: Vec<Seen> = seen.collect();
+        let mut seen: Vec<VisibleStar> = seen.collect();
         seen.sort_by(|a, b| a.pixel.x.total_cmp(&b.pixel.x));
         let room = 2.0 * window_px;
         let alone = |index: usize| {
             let at = seen[index].pixel;
-            let close = |other: &&Seen| (other.pixel.x - at.x).abs() < room;
+            let close = |other: &&VisibleStar| (other.pixel.x - at.x).abs() < room;
             let right = seen[index + 1..].iter().take_while(close);
             let left = seen[..index].iter().rev().take_while(close);
             right.chain(left).all(|other| other.pixel.distance(at) >= room)
@@ -155,7 +155,7 @@ impl Sky<'_> {
             let turn = DQuat::from_rotation_y(shift.x * pixel_rad) * DQuat::from_rotation_x(shift.y * pixel_rad);
             let pixels = self.draw(&rig, turn)?;
             let image = HdrView::new(mapping, &pixels)?;
-            let place = |star: &Seen| mapping.pixel_from_direction(turn.conjugate() * star.direction);
+            let place = |star: &VisibleStar| mapping.pixel_from_direction(turn.conjugate() * star.direction);
             let places: Vec<DVec2> = stars.iter().filter_map(place).collect();
             if meters.is_empty() {
                 let light = light_of(&image, &stars, &places, NEAR_PX)?;
@@ -206,7 +206,7 @@ impl Sky<'_> {
             let places: Vec<DVec2> = stars.iter().map(|star| star.pixel).collect();
             pairs.extend(light_of(&image, &stars, &places, WIDE_PX)?);
             let off_axis =
-                |star: &&Seen| OFF_AXIS_DEG.contains(&star.direction.angle_between(DVec3::NEG_Z).to_degrees());
+                |star: &&VisibleStar| OFF_AXIS_DEG.contains(&star.direction.angle_between(DVec3::NEG_Z).to_degrees());
             for star in stars.iter().filter(off_axis) {
                 let window_rad = WIDE_PX * mapping.solid_angle_sr(star.pixel.x as u32, star.pixel.y as u32).sqrt();
                 ellipticities.extend(shape_rad(&[image], star.direction, window_rad)?.ellipticity());
@@ -236,8 +236,14 @@ impl Sky<'_> {
 }
 
 /// Light and brightness of stars.
-fn light_of(image: &HdrView<'_>, stars: &[Seen], places: &[DVec2], window_px: f64) -> Result<Vec<(f64, f64)>, Failure> {
-    let light = |(star, at): (&Seen, &DVec2)| Ok((illuminance_near_pixel_lx(image, *at, window_px)?, star.brightness));
+fn light_of(
+    image: &HdrView<'_>,
+    stars: &[VisibleStar],
+    places: &[DVec2],
+    window_px: f64,
+) -> Result<Vec<(f64, f64)>, Failure> {
+    let light =
+        |(star, at): (&VisibleStar, &DVec2)| Ok((illuminance_near_pixel_lx(image, *at, window_px)?, star.brightness));
     stars.iter().zip(places).map(light).collect()
 }
 

@@ -121,7 +121,7 @@ pub fn cut(
             level_nodes.extend(nodes.map(|node| Outcome::Node { field: index, level, node, viewports: all }));
         }
     }
-    let scene = Seen { fields: &prepared, pictures, rules, suns, camera_m };
+    let scene = NodeCut { fields: &prepared, pictures, rules, suns, camera_m };
     let mut cut =
         AsteroidCut { faces: vec![0; pictures.len()], points_lx: vec![0.0; pictures.len()], ..Default::default() };
     let mut points_only = Vec::new();
@@ -165,7 +165,7 @@ pub fn every_group(
     suns: &[Sun],
 ) -> AsteroidCut {
     let prepared: Vec<FieldCut<'_>> = fields.iter().map(|field| FieldCut::new(field, camera_m)).collect();
-    let scene = Seen { fields: &prepared, pictures, rules, suns, camera_m };
+    let scene = NodeCut { fields: &prepared, pictures, rules, suns, camera_m };
     let viewports = if pictures.len() >= 64 { u64::MAX } else { (1 << pictures.len()) - 1 };
     let mut cut =
         AsteroidCut { faces: vec![0; pictures.len()], points_lx: vec![0.0; pictures.len()], ..Default::default() };
@@ -210,7 +210,7 @@ impl<'a> FieldCut<'a> {
 }
 
 /// Everything that decides over a node.
-struct Seen<'a> {
+struct NodeCut<'a> {
     fields: &'a [FieldCut<'a>],
     pictures: &'a [PictureBounds],
     rules: &'a [ClassRules],
@@ -218,7 +218,7 @@ struct Seen<'a> {
     camera_m: DVec3,
 }
 
-impl Seen<'_> {
+impl NodeCut<'_> {
     /// What becomes of a node: nothing, a point, a group, or its children.
     fn look(&self, outcome: &Outcome) -> Vec<Outcome> {
         let &Outcome::Node { field: index, level, node: node_index, viewports: parents } = outcome else {

@@ -68,7 +68,7 @@ impl Source {
 
 /// Light from all over a part of the sky, such as many small sources: glare falls on the dark between them.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Cloud {
+pub struct ExtendedSource {
     /// Its middle: unit vector, world axes.
     pub direction: DVec3,
     /// Linear Rec. 709, lx.

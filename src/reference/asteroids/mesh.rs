@@ -84,7 +84,7 @@ struct Model<'a> {
 }
 
 /// A field relative to the eye.
-struct Seen<'a> {
+struct FieldView<'a> {
     lit: LitField<'a>,
     models: Vec<Model<'a>>,
     /// Rotation from the field's axes to world axes.
@@ -142,7 +142,7 @@ pub fn render_meshes(
     fields: &[LitField<'_>],
     sampling: MeshSampling,
 ) -> MeshImage {
-    let seen: Vec<Seen<'_>> = fields.iter().map(|lit| Seen::new(*lit, eye, sampling.level)).collect();
+    let seen: Vec<FieldView<'_>> = fields.iter().map(|lit| FieldView::new(*lit, eye, sampling.level)).collect();
     let size = mapping.size();
     let [width, height] = size;
     let world_from_view = DMat3::from_quat(eye.world_from_view);
@@ -192,7 +192,7 @@ fn rays_of(mapping: &dyn PlaneMapping, (x, y): (u32, u32), per_side: u32, world_
 }
 
 /// What a pixel's rays meet.
-fn shown(seen: &[Seen<'_>], candidates: &[Candidate], rays: &[DVec3]) -> MeshPixel {
+fn shown(seen: &[FieldView<'_>], candidates: &[Candidate], rays: &[DVec3]) -> MeshPixel {
     let Some(cone) = Cone::around(rays) else { return MeshPixel::EMPTY };
     let mut near: Vec<Candidate> = candidates.iter().filter(|c| cone.meets(c.middle_m, c.bound_m)).copied().collect();
     let front = |candidate: &Candidate| candidate.middle_m.length() - candidate.bound_m;
@@ -233,7 +233,7 @@ struct Met {
     normal: DVec3,
 }
 
-impl<'a> Seen<'a> {
+impl<'a> FieldView<'a> {
     fn new(lit: LitField<'a>, eye: Eye, level: usize) -> Self {
         let field = lit.field;
         let model = |shape: &'a crate::scene::asteroids::Shape| {

@@ -1,9 +1,10 @@
 //! Culling and detail of asteroids on the adapter, for all planes at once: counts per group, plane and list, places from counts, lists.
 //! Shaders: `shaders/asteroids/cull*.wgsl`; the f64 twin is `crate::plan::asteroids::cpu_cull`.
 
+use crate::render::shader::Shader;
 use crate::{
-    gpu::{self, Gpu, Shader, bind_buffers, dispatch_rows},
-    render::layout,
+    gpu::{self, Gpu, bind_buffers, dispatch_rows},
+    render::asteroids::layout,
 };
 
 /// The pass.

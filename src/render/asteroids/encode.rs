@@ -4,12 +4,12 @@ use std::sync::Arc;
 
 use glam::DMat3;
 
+use crate::render::constants::{
+    asteroid_classes::{VIEW_FLAT, VIEW_LONGITUDE, VIEW_ROUND},
+    asteroid_instances::{ITEM_HOLDS_POINTS, ITEM_HOLDS_SHAPES},
+    reflection::{LAW_LAMBERT, LAW_LOMMEL_SEELIGER},
+};
 use crate::{
-    gpu::constants::{
-        asteroid_classes::{VIEW_FLAT, VIEW_LONGITUDE, VIEW_ROUND},
-        asteroid_instances::{ITEM_HOLDS_POINTS, ITEM_HOLDS_SHAPES},
-        reflection::{LAW_LAMBERT, LAW_LOMMEL_SEELIGER},
-    },
     plan::{
         KernelPlan,
         asteroids::{
@@ -21,7 +21,7 @@ use crate::{
             views::{PictureBounds, PictureKind},
         },
     },
-    render::{layout, viewport::encode_viewport},
+    render::{asteroids::layout, viewport::encode_viewport},
     scene::{SceneObjects, asteroids::AsteroidField, bodies::ReflectionLaw},
     view::{
         Viewport,

@@ -12,7 +12,7 @@ use crate::{
         asteroids::{areas::projected_areas, kinds::Kinds},
         settings::{AsteroidSettings, ImpostorMethod},
     },
-    render::{RenderError, layout},
+    render::{RenderError, asteroids::layout},
     scene::{
         SceneObjects,
         asteroids::{Instances, PackedAsteroid, ShapeSet},

@@ -12,7 +12,7 @@ use crate::{
         asteroids::{AsteroidPlan, frame::NEAR_M},
         tiles::Tile,
     },
-    render::{layout, targets::RasterLayers},
+    render::{asteroids::layout, targets::RasterLayers},
     view::projection::Face,
 };
 

@@ -1,11 +1,9 @@
 //! Lists that the CPU has made, in the form in which culling on the adapter leaves them; and what counts say.
 
 use super::{AsteroidCounts, FrameBuffers, held::Held};
+use crate::render::constants::asteroid_lists::{IMPOSTOR_VERTICES, SEAM_BIT};
 use crate::{
-    gpu::{
-        Gpu,
-        constants::asteroid_lists::{IMPOSTOR_VERTICES, SEAM_BIT},
-    },
+    gpu::Gpu,
     plan::{
         asteroids::{
             AsteroidPlan,
@@ -13,7 +11,7 @@ use crate::{
         },
         stars::cull::MAX_VIEWPORTS,
     },
-    render::layout,
+    render::asteroids::layout,
 };
 
 /// Uploads lists, their places, totals and arguments.

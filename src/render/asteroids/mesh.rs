@@ -2,7 +2,8 @@
 //! `shaders/asteroids/mesh*.wgsl`.
 
 use super::raster::{AsteroidDraw, asteroid_pipeline};
-use crate::gpu::{Gpu, Shader};
+use crate::gpu::Gpu;
+use crate::render::shader::Shader;
 
 /// The pass.
 pub(crate) struct AsteroidMeshPass {

@@ -8,6 +8,7 @@ mod encode;
 mod held;
 pub(crate) mod impostors;
 mod layers;
+pub(crate) mod layout;
 mod lists;
 mod mesh;
 mod points;
@@ -32,7 +33,7 @@ use self::{
     raster::{ASTEROID_ARGUMENT_BYTES, asteroid_layout},
 };
 use super::{
-    RenderError, ViewStatistics, layout,
+    RenderError, ViewStatistics,
     read::Places,
     targets::{Sums, Targets},
     technique::{FrameInputs, Holding, Phase, Recording, Technique, begin_pass},

@@ -4,7 +4,7 @@ use crate::{
     gpu::{self, Gpu, bind_buffers, dispatch_rows},
     plan::stars::range::FixedPoint,
     render::{
-        layout,
+        asteroids::layout,
         targets::{Sums, bind_occlusion, bind_sums, splatting},
     },
 };

@@ -1,5 +1,6 @@
 //! Bodies and points of light on the adapter: what the geometry pass and the point pass read, and what they leave for the others.
 
+pub(crate) mod layout;
 pub(crate) mod points;
 mod rays;
 
@@ -10,19 +11,15 @@ use self::{
     rays::{GeometryPass, GeometryTarget, RayTile},
 };
 use super::{
-    layout,
     targets::{SeenBodies, Targets},
     technique::{FrameInputs, Phase, Recording, Technique, begin_pass},
 };
+use crate::render::constants::{
+    bodies::NO_TEXTURE,
+    reflection::{LAW_LAMBERT, LAW_LOMMEL_SEELIGER},
+};
 use crate::{
-    gpu::{
-        Gpu, GrowingBuffer,
-        constants::{
-            bodies::NO_TEXTURE,
-            reflection::{LAW_LAMBERT, LAW_LOMMEL_SEELIGER},
-        },
-        storage_buffer,
-    },
+    gpu::{Gpu, GrowingBuffer, storage_buffer},
     plan::{
         bodies::{
             seen::{BodyDisc, PointSource},

@@ -1,10 +1,11 @@
 //! The point pass: points of light that are no stars, splatted as stars are. Shader: `shaders/bodies/points.wgsl`.
 
+use crate::render::constants::workgroups::POINT_THREADS;
 use crate::{
-    gpu::{self, Gpu, bind_buffers, constants::workgroups::POINT_THREADS, dispatch_rows},
+    gpu::{self, Gpu, bind_buffers, dispatch_rows},
     plan::stars::range::FixedPoint,
     render::{
-        layout,
+        bodies::layout,
         targets::{Sums, bind_occlusion, bind_sums, splatting},
     },
 };

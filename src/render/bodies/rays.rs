@@ -3,10 +3,11 @@
 
 use std::sync::OnceLock;
 
+use crate::render::{constants::workgroups::RAY_SIDE, shader::Shader};
 use crate::{
-    gpu::{self, Gpu, Shader, bind_buffers, bind_to, constants::workgroups::RAY_SIDE},
+    gpu::{self, Gpu, bind_buffers, bind_to},
     plan::tiles::Tile,
-    render::{layout, targets::RasterLayers},
+    render::{bodies::layout, targets::RasterLayers},
 };
 
 /// The pass.

@@ -1,10 +1,11 @@
 //! The exposure pass: one exposure for all views from the mean luminance, weighted by solid angle. Shader:
 //! `shaders/display/exposure.wgsl`; the f64 twin is `crate::photometry::exposure`.
 
+use crate::render::shader::Shader;
 use crate::{
-    gpu::{self, Gpu, Shader, bind_buffers},
+    gpu::{self, Gpu, bind_buffers},
     plan::settings::ExposureSettings,
-    render::layout,
+    render::display::layout,
 };
 
 /// The pass.

@@ -2,6 +2,7 @@
 //! renderer, those of a headset's swapchain for example.
 
 pub(crate) mod exposure;
+pub(crate) mod layout;
 pub(crate) mod present;
 pub(crate) mod resolve;
 pub(crate) mod tone_map;

@@ -2,10 +2,11 @@
 //! `crate::photometry::tone_map`.
 
 use super::variant::{DisplayVariant, encode_display};
+use crate::render::shader::Shader;
 use crate::{
-    gpu::{self, Gpu, Shader, Stage, bind_to},
+    gpu::{self, Gpu, Stage, bind_to},
     plan::{settings::ToneMapSettings, tiles::Tile},
-    render::layout,
+    render::display::layout,
 };
 
 /// What the present pass writes into a texture.

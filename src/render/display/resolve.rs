@@ -3,11 +3,12 @@
 //! its end.
 
 use super::variant::{DisplayVariant, encode_display};
+use crate::render::shader::Shader;
 use crate::{
-    gpu::{self, Gpu, Shader, ShaderSource, bind_buffers},
+    gpu::{self, Gpu, ShaderSource, bind_buffers},
     photometry::exposure::white_luminance_cd_m2,
     plan::{settings::ToneMapSettings, stars::range::Ranges},
-    render::{layout, targets::Targets},
+    render::{display::layout, targets::Targets},
 };
 
 /// What a batch's resolve pass writes.

@@ -2,10 +2,11 @@
 //! is `crate::photometry::tone_map`.
 
 use super::variant::{DisplayVariant, encode_display};
+use crate::render::shader::Shader;
 use crate::{
-    gpu::{self, Gpu, Shader, bind_buffers},
+    gpu::{self, Gpu, bind_buffers},
     plan::settings::ToneMapSettings,
-    render::{layout, targets::PictureTarget},
+    render::{display::layout, targets::PictureTarget},
 };
 
 /// The pass.

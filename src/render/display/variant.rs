@@ -1,9 +1,9 @@
 //! What the passes that make display values share: the variant of the tone mapping, and its numbers.
 
+use crate::render::constants::display;
 use crate::{
-    gpu::constants::display,
     plan::settings::{ToneMapOperator, ToneMapSettings},
-    render::layout,
+    render::display::layout,
 };
 
 /// What of the tone mapping is compiled into a pipeline, so that what is not asked for costs nothing.

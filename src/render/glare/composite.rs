@@ -1,10 +1,11 @@
 //! The glare pass over pixels: keeps what is not scattered of every pixel's light and adds what is scattered towards it.
 //! Shader: `shaders/glare/composite.wgsl`.
 
+use crate::render::{constants::glare_composite::BLOCK_COLUMNS, shader::Shader};
 use crate::{
-    gpu::{self, Gpu, Shader, bind_buffers, constants::glare_composite::BLOCK_COLUMNS},
+    gpu::{self, Gpu, bind_buffers},
     render::{
-        layout,
+        glare::layout,
         targets::{COLUMNS, PictureTarget, bind_picture},
     },
 };

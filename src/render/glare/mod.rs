@@ -2,6 +2,7 @@
 //! brightest sources (`sky_cube`), or from a pyramid of blurred pictures, as published (`pyramid`).
 
 mod composite;
+pub(crate) mod layout;
 mod pyramid;
 mod sky_cube;
 

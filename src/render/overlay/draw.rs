@@ -1,8 +1,8 @@
 //! The overlay pass: `shaders/overlay/draw.wgsl`.
 
 use crate::{
-    gpu::{Gpu, GrowingBuffer, Shader, bind_buffers, dispatch_rows},
-    render::layout,
+    gpu::{Gpu, GrowingBuffer, bind_buffers, dispatch_rows},
+    render::{overlay::layout, shader::Shader},
 };
 
 /// The blocks of one batch, and how they were bound last.

@@ -5,17 +5,19 @@
 //! another than that of the last frame; a frame like the last one makes and uploads nothing.
 
 mod draw;
+pub(super) mod layout;
 
 use std::sync::Arc;
 
 use self::draw::{BatchBlocks, OverlayPass};
 use super::{
-    RenderError, layout,
+    RenderError,
+    constants::overlay as constants,
     targets::Targets,
     technique::{FrameInputs, Holding, Phase, Recording, Technique, begin_pass},
 };
 use crate::{
-    gpu::{Gpu, GrowingBuffer, constants::overlay as constants},
+    gpu::{Gpu, GrowingBuffer},
     plan::overlay::{Item, OverlayPlan, Shape, blocks::BLOCK_PX},
 };
 

@@ -17,7 +17,7 @@ use crate::{
         packed::{PackedStar, temperature_of_step_k},
     },
     gpu::{Gpu, storage_buffer},
-    render::layout,
+    render::stars::layout,
     units::magnitude_from_illuminance_lx,
 };
 

@@ -9,7 +9,7 @@ use crate::{
     photometry::exposure::white_luminance_cd_m2,
     plan::settings::CellSkySettings,
     render::{
-        layout,
+        stars::layout,
         targets::{PictureTarget, tile_grid},
         technique::{Recording, begin_pass},
     },

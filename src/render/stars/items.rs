@@ -12,7 +12,7 @@ use crate::{
         stars::cull::{VisibleChunk, near_stars},
         tiles::Batch,
     },
-    render::layout,
+    render::stars::layout,
 };
 
 /// Stars per workgroup at most.

@@ -1,10 +1,11 @@
 //! The resolve pass of methods that leave luminance instead of illuminance: what a pixel holds goes, with its solid angle,
 //! where the exposure and tone-mapping passes read it. Shader: `shaders/stars/luminance.wgsl`.
 
+use crate::render::shader::Shader;
 use crate::{
-    gpu::{self, Gpu, Shader, bind_buffers},
+    gpu::{self, Gpu, bind_buffers},
     render::{
-        layout,
+        stars::layout,
         targets::{PictureTarget, bind_picture},
     },
 };

@@ -7,6 +7,7 @@ mod buffers;
 mod catalogue_buffers;
 mod cell_sky;
 mod items;
+pub(crate) mod layout;
 pub(crate) mod luminance;
 mod packed;
 mod splat;

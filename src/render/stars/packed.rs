@@ -9,10 +9,11 @@ use super::{
     catalogue_buffers::{CatalogueBuffers, CatalogueDraw},
     items::{StarDraw, bind_items},
 };
+use crate::render::{constants::workgroups::CATALOGUE_THREADS, shader::Shader};
 use crate::{
-    gpu::{self, Gpu, GrowingBuffer, Shader, bind_buffers, constants::workgroups::CATALOGUE_THREADS, dispatch_rows},
+    gpu::{self, Gpu, GrowingBuffer, bind_buffers, dispatch_rows},
     render::{
-        layout,
+        stars::layout,
         targets::{PictureTarget, Sums, Targets},
     },
 };

@@ -13,7 +13,7 @@ use crate::{
     },
     relativity::Motion,
     render::{
-        layout,
+        stars::layout,
         targets::{Sums, bind_occlusion, bind_sums, splatting},
     },
 };
@@ -39,8 +39,8 @@ fn colour_table() -> Vec<[f32; 4]> {
         .collect()
 }
 
-fn encode_motion(motion: Motion) -> layout::Traveller {
-    layout::Traveller {
+fn encode_motion(motion: Motion) -> layout::CameraMotion {
+    layout::CameraMotion {
         direction: motion.direction.as_vec3().to_array(),
         gamma: motion.gamma() as f32,
         gamma_beta: (motion.gamma() * motion.beta) as f32,
@@ -93,7 +93,7 @@ impl StarPass {
                 brightest_lx: range.brightest_lx as f32,
                 item_count: draw.item_count,
                 items_per_row,
-                traveller: motion.map(encode_motion).unwrap_or_default(),
+                camera_motion: motion.map(encode_motion).unwrap_or_default(),
                 ..Default::default()
             };
             let parameters = gpu::uniform_buffer(gpu, "star parameters", &parameters);

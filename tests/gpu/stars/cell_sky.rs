@@ -4,11 +4,11 @@ use crate::common::*;
 use glam::{DQuat, DVec3};
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 use steradian::{
-    gpu::Shader,
     plan::PlanError,
     plan::settings::{CellSkySettings, ExposureMode, StarMethod},
     reference::stars::cell_sky,
     render::RenderError,
+    render::Shader,
     scene::{Camera, SceneSnapshot},
     view::{
         Rig, View, ViewKind,

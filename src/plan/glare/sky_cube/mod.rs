@@ -63,7 +63,7 @@ pub fn smooth_angle_rad(level: usize) -> f64 {
 
 /// What the map of the sky depends on.
 #[derive(Clone, Debug, PartialEq)]
-pub struct SkyGlareSettings {
+pub struct SkyCubeSettings {
     /// Place that the map is made for, near the camera's, ICRS, pc.
     pub place_pc: DVec3,
     /// Its motion.
@@ -128,7 +128,7 @@ pub struct PixelClass {
 
 /// The sky that glares.
 #[derive(Clone, Debug, PartialEq)]
-pub struct SkyGlare {
+pub struct SkyCubePlan {
     /// Cells and kernels, from the finest on.
     pub levels: Vec<Level>,
     /// Sources that are drawn one by one.
@@ -157,9 +157,9 @@ struct Source {
     light: [f64; 3],
 }
 
-impl SkyGlare {
+impl SkyCubePlan {
     /// Gathers the stars of a set.
-    pub fn new(set: &StarSet, kernel: &dyn GlareKernel, settings: &SkyGlareSettings) -> Self {
+    pub fn new(set: &StarSet, kernel: &dyn GlareKernel, settings: &SkyCubeSettings) -> Self {
         let everywhere = Viewport {
             view: 0,
             part: Part::Whole,
@@ -169,7 +169,7 @@ impl SkyGlare {
             world_from_view: glam::DQuat::IDENTITY,
             eye_offset_m: DVec3::ZERO,
         };
-        let SkyGlareSettings { place_pc, motion, faintest_lx, .. } = *settings;
+        let SkyCubeSettings { place_pc, motion, faintest_lx, .. } = *settings;
         let cull = CullSettings { faintest_lx, enabled: false, motion, margin_px: SPLAT_MARGIN_PX };
         let visible = visible_chunks(set, place_pc, &[everywhere], cull);
         let near_pc = settings.farthest_eye_pc / SHARED_PARALLAX_RAD;

@@ -18,8 +18,8 @@ fn sky(stars: u32) -> StarSet {
     StarSet::from_records(records)
 }
 
-fn settings() -> SkyGlareSettings {
-    SkyGlareSettings {
+fn settings() -> SkyCubeSettings {
+    SkyCubeSettings {
         place_pc: DVec3::new(0.3, -0.2, 0.1),
         motion: None,
         faintest_lx: 0.0,
@@ -46,7 +46,7 @@ fn cells_and_their_middles_agree() {
 #[test]
 fn all_light_is_shared_out_once() {
     let set = sky(20_000);
-    let glare = SkyGlare::new(&set, &kernel(), &settings());
+    let glare = SkyCubePlan::new(&set, &kernel(), &settings());
     let total: f64 = glare.levels[0].cells.iter().map(|cell| luminance(cell.light)).sum();
     let expected: f64 = set
         .iter()
@@ -92,7 +92,7 @@ fn all_light_is_shared_out_once() {
 
 #[test]
 fn sprites_are_found_by_their_cells() {
-    let glare = SkyGlare::new(&sky(5000), &kernel(), &settings());
+    let glare = SkyCubePlan::new(&sky(5000), &kernel(), &settings());
     let Sprites { sprites, cells, regions } = &glare.sprites;
     let held = |cell: &SpriteCell| cell.first as usize..(cell.first + cell.count) as usize;
     assert_eq!(cells.iter().map(|cell| held(cell).len()).sum::<usize>(), sprites.len());
@@ -112,16 +112,16 @@ fn sprites_are_found_by_their_cells() {
 #[test]
 fn only_stars_that_the_eyes_see_in_different_places_are_an_eyes_own() {
     let set = sky(300);
-    let far = SkyGlare::new(&set, &kernel(), &settings());
+    let far = SkyCubePlan::new(&set, &kernel(), &settings());
     assert!(far.near.is_empty());
     let near_pc = 5.0;
-    let near = SkyGlare::new(
+    let near = SkyCubePlan::new(
         &set,
         &kernel(),
-        &SkyGlareSettings { farthest_eye_pc: near_pc * SHARED_PARALLAX_RAD, ..settings() },
+        &SkyCubeSettings { farthest_eye_pc: near_pc * SHARED_PARALLAX_RAD, ..settings() },
     );
     assert!(!near.near.is_empty() && near.near.iter().all(|star| star.place_pc.length() < near_pc));
-    let light = |glare: &SkyGlare| glare.levels[0].cells.iter().map(|cell| luminance(cell.light)).sum::<f64>();
+    let light = |glare: &SkyCubePlan| glare.levels[0].cells.iter().map(|cell| luminance(cell.light)).sum::<f64>();
     let own: f64 = near.near_for(DVec3::ZERO, None).iter().map(|(_, light)| luminance(*light)).sum();
     assert!(((light(&near) + own) / light(&far) - 1.0).abs() < 1e-9);
 }

@@ -20,7 +20,7 @@ use crate::{
     plan::asteroids::{AsteroidSettings, ImpostorMethod, bounds::BORDER_PX, tiles::AtlasLayout},
     render::{
         asteroids::impostors::bake::{AtlasSize, ImpostorBakePass},
-        layout,
+        asteroids::layout,
     },
     scene::asteroids::ShapeSet,
 };

@@ -4,13 +4,14 @@
 //!
 //! An atlas is made in square blocks of tiles, so that the textures of samples stay small.
 
+use crate::render::{constants::workgroups::FILTER_SIDE, shader::Shader};
 use crate::{
-    gpu::{self, Gpu, GpuError, ReadbackBuffer, Shader, bind_buffers, bind_to, constants::workgroups::FILTER_SIDE},
+    gpu::{self, Gpu, GpuError, ReadbackBuffer, bind_buffers, bind_to},
     plan::asteroids::{
         bounds::BORDER_PX,
         tiles::{AtlasLayout, AtlasTile},
     },
-    render::layout,
+    render::asteroids::layout,
     scene::asteroids::{Mesh, Shape},
 };
 

@@ -1,11 +1,12 @@
 //! Draws impostors of asteroids: a square each, out of an atlas, with depth. Shaders:
 //! `shaders/asteroids/impostors/draw*.wgsl`; the f64 twin is `crate::reference::asteroids::impostors`.
 
+use crate::render::{
+    constants::{asteroid_lists::IMPOSTOR_VERTICES, impostors},
+    shader::Shader,
+};
 use crate::{
-    gpu::{
-        Gpu, Shader, bind_to,
-        constants::{asteroid_lists::IMPOSTOR_VERTICES, impostors},
-    },
+    gpu::{Gpu, bind_to},
     plan::asteroids::ImpostorMethod,
     render::asteroids::raster::{AsteroidDraw, asteroid_pipeline},
 };

@@ -4,7 +4,7 @@ use glam::{DMat3, DVec3};
 
 use super::atlas::{ImpostorAtlas, ImpostorAtlasError};
 use super::draw::AsteroidSource;
-use crate::gpu::constants::reflection::{LAW_LAMBERT, LAW_LOMMEL_SEELIGER};
+use crate::render::constants::reflection::{LAW_LAMBERT, LAW_LOMMEL_SEELIGER};
 use crate::{
     gpu::{Gpu, GpuError, bind_to, read_layer, storage_buffer, texels_of_halves, uniform_buffer},
     plan::{
@@ -12,6 +12,7 @@ use crate::{
         asteroids::{AsteroidSettings, ImpostorMethod},
     },
     render::{
+        asteroids::layout,
         asteroids::{
             impostors::{
                 bake::ImpostorBakePass,
@@ -19,7 +20,6 @@ use crate::{
             },
             raster::{ASTEROID_COLOUR, ASTEROID_DEPTH},
         },
-        layout,
         viewport::encode_viewport,
     },
     scene::{asteroids::ShapeSet, bodies::ReflectionLaw},

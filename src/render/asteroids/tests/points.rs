@@ -17,7 +17,7 @@ fn summed(bench: &mut Bench, plan: &AsteroidPlan, units_per_lx: f64) -> ([f64; 3
     let [width, height] = viewport.size();
     let pixels = u64::from(width * height);
     let encoded = storage_buffer(gpu, "viewports", &[encode_viewport(viewport, &KernelPlan::bspline())]);
-    let tile = layout::Tile { rows: height, first_flag: 1, ..Default::default() };
+    let tile = crate::render::layout::Tile { rows: height, first_flag: 1, ..Default::default() };
     let tiles = storage_buffer(gpu, "tiles", &[tile]);
     let zeros = |words: u64| {
         gpu.device.create_buffer(&wgpu::BufferDescriptor {

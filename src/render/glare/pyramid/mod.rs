@@ -10,7 +10,7 @@ use crate::{
     gpu::{GrowingBuffer, storage_buffer},
     plan::{Plan, glare::pyramid::PyramidAxes, tiles::Tile},
     render::{
-        layout,
+        glare::layout,
         targets::{BatchTargets, PictureTarget, Targets, tile_grid},
         technique::{Recording, begin_pass},
     },

@@ -8,13 +8,14 @@
 //! pixel (twelve projections, and 1920 x 1080 pixels with stars 17 magnitudes apart). Left to a driver that cuts off, as the
 //! software driver does, it is 3e-3 and 5.6e-3.
 
+use crate::render::{constants::workgroups::PYRAMID_SIDE, shader::Shader};
 use crate::{
-    gpu::{self, Gpu, Shader, bind_buffers, constants::workgroups::PYRAMID_SIDE},
+    gpu::{self, Gpu, bind_buffers},
     plan::{
         glare::pyramid::{PyramidAxes, PyramidPlan, level_ratio, tap_weights, texel_px},
         settings::PyramidWeights,
     },
-    render::{layout, targets::BatchTargets},
+    render::{glare::layout, targets::BatchTargets},
 };
 
 /// The passes for one pair of axes.

@@ -3,19 +3,19 @@
 
 use std::sync::Arc;
 
+use crate::render::{
+    constants::{glare_map::RIM, workgroups::MAP_SIDE},
+    shader::Shader,
+};
 use crate::{
     catalogue::chunks::StarSet,
-    gpu::{
-        self, Gpu, Shader, bind_buffers,
-        constants::{glare_map::RIM, workgroups::MAP_SIDE},
-        storage_buffer,
-    },
+    gpu::{self, Gpu, bind_buffers, storage_buffer},
     photometry::glare::{GlareKernel, GlareKernelName, InverseSquareKernel, split::angle_of_chord_squared},
     plan::{
-        glare::sky_cube::{Level, SkyGlare, SkyGlareSettings, SpriteCell},
+        glare::sky_cube::{Level, SkyCubePlan, SkyCubeSettings, SpriteCell},
         settings::GlareSettings,
     },
-    render::layout,
+    render::glare::layout,
 };
 
 /// Entries of the kernel's table per octave of the square of the chord, and octaves.
@@ -26,14 +26,14 @@ pub(super) const LAST_OCTAVE: f64 = 2.0;
 /// What the map was made of.
 pub(super) struct Key {
     pub(super) stars: Arc<StarSet>,
-    pub(super) settings: SkyGlareSettings,
+    pub(super) settings: SkyCubeSettings,
     pub(super) kernel: Arc<dyn GlareKernel>,
 }
 
 /// The sky that glares, on the adapter.
 pub(super) struct Held {
     pub(super) key: Key,
-    pub(super) sky: SkyGlare,
+    pub(super) sky: SkyCubePlan,
     pub(super) map: wgpu::Buffer,
     pub(super) sprites: wgpu::Buffer,
     pub(super) sprite_cells: wgpu::Buffer,
@@ -169,7 +169,7 @@ impl MapPasses {
             let kernel = InverseSquareKernel::new(glare.inner_deg.to_radians());
             [kernel.constant(), kernel.inner_rad() * kernel.inner_rad()].map(|value| value as f32)
         });
-        let sky = SkyGlare::new(&key.stars, kernel, &key.settings);
+        let sky = SkyCubePlan::new(&key.stars, kernel, &key.settings);
         let points = map_points(sky.levels[0].edge_cells);
         let buffer = |label, points: u32| {
             gpu.device.create_buffer(&wgpu::BufferDescriptor {

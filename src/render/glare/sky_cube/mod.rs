@@ -20,7 +20,7 @@ use crate::{
     gpu::{Gpu, GrowingBuffer},
     photometry::glare::GlareKernel,
     plan::{
-        glare::sky_cube::{SkyGlareSettings, eye_class_m, map_place_pc, pixel_class_rad},
+        glare::sky_cube::{SkyCubeSettings, eye_class_m, map_place_pc, pixel_class_rad},
         settings::{GlareSettings, RenderSettings},
     },
     relativity::Motion,
@@ -52,10 +52,10 @@ impl<'a> SkyScene<'a> {
     }
 
     /// What the map of these views is made of.
-    fn settings(&self, views: &Views) -> SkyGlareSettings {
+    fn settings(&self, views: &Views) -> SkyCubeSettings {
         let place_pc = map_place_pc(self.camera_pc);
         let camera_m = ((self.camera_pc - place_pc) * PARSEC_M).length();
-        SkyGlareSettings {
+        SkyCubeSettings {
             place_pc,
             motion: self.motion,
             faintest_lx: self.faintest_lx,
@@ -68,7 +68,7 @@ impl<'a> SkyScene<'a> {
 
 /// What of views the map depends on.
 struct Views {
-    /// See [`SkyGlareSettings::pixel_classes_rad`].
+    /// See [`SkyCubeSettings::pixel_classes_rad`].
     pixel_classes_rad: Vec<f64>,
     /// Distance from the camera to the farthest eye, m.
     farthest_eye_m: f64,
@@ -157,7 +157,7 @@ impl SkyCube {
     }
 
     /// Whether the map that is held is one of these settings.
-    fn holds(&self, scene: &SkyScene<'_>, settings: &SkyGlareSettings, of_frame: &Arc<dyn GlareKernel>) -> bool {
+    fn holds(&self, scene: &SkyScene<'_>, settings: &SkyCubeSettings, of_frame: &Arc<dyn GlareKernel>) -> bool {
         self.held.as_ref().is_some_and(|held| {
             let Key { stars, settings: of, kernel } = &held.key;
             Arc::ptr_eq(stars, scene.stars) && of == settings && Arc::ptr_eq(kernel, of_frame)

@@ -8,19 +8,17 @@ use super::{
     pixel_class,
     sprites::{SpriteBuffers, SpritePasses, block_grid, square_grid},
 };
+use crate::render::constants::extended_sources::{IS_EXTENDED, SHARE_PARTS};
 use crate::{
-    gpu::{
-        constants::glare_clouds::{IS_CLOUD, SHARE_PARTS},
-        storage_buffer, uniform_buffer,
-    },
+    gpu::{storage_buffer, uniform_buffer},
     photometry::glare::GlareKernel,
     plan::glare::{
-        objects::{Cloud, PointOfLight},
+        objects::{ExtendedSource, PointOfLight},
         sky_cube::FINEST_CELLS,
     },
     render::{
         glare::composite::{GlareCompositePass, GlareSource},
-        layout,
+        glare::layout,
         technique::{Recording, begin_pass},
     },
     units::PARSEC_M,
@@ -59,12 +57,12 @@ fn encode_near((direction, light): PointOfLight, reach: f64, parts: u32) -> layo
     }
 }
 
-/// A cloud of one eye: as wide as the kernel's core at least, so that its own image has a width.
-fn encode_cloud(cloud: &Cloud, kernel: &dyn GlareKernel) -> layout::GlareNear {
-    let radius_rad = cloud.radius_rad.max(kernel.inner_rad());
+/// An extended source of one eye: as wide as the kernel's core at least, so that its own image has a width.
+fn encode_extended(source: &ExtendedSource, kernel: &dyn GlareKernel) -> layout::GlareNear {
+    let radius_rad = source.radius_rad.max(kernel.inner_rad());
     // The softened kernel leaves out what the kernel has within the radius.
     let share = (kernel.share_within(radius_rad).clamp(0.0, 1.0) * f64::from(SHARE_PARTS)).round() as u32;
-    encode_near((cloud.direction, cloud.light), chord(radius_rad).powi(2), IS_CLOUD | share)
+    encode_near((source.direction, source.light), chord(radius_rad).powi(2), IS_EXTENDED | share)
 }
 
 impl SkyCube {
@@ -96,8 +94,8 @@ impl SkyCube {
                     let soft = chord(source.soft_rad).powi(2);
                     near.extend(source.parts.iter().map(|part| encode_near(*part, soft, 0)));
                 }
-                for cloud in plan.glare.clouds.get(number).into_iter().flatten() {
-                    near.push(encode_cloud(cloud, &*held.key.kernel));
+                for source in plan.glare.extended_sources.get(number).into_iter().flatten() {
+                    near.push(encode_extended(source, &*held.key.kernel));
                 }
                 let class = &sky.classes[index];
                 layout::GlareView {
@@ -136,7 +134,7 @@ impl SkyCube {
             };
             let list_words = words(blocks, MOST_LIST_WORDS);
             let square_words = words(squares, MOST_SQUARE_WORDS);
-            let parameters = layout::GlareSkyParameters {
+            let parameters = layout::SkyCubeParameters {
                 soft: sky.soft.coefficients.map(|coefficient| coefficient as f32),
                 soft_inverse: (1.0 / sky.soft.squared) as f32,
                 edge_cells: sky.levels[0].edge_cells,

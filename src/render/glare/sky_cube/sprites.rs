@@ -1,13 +1,14 @@
 //! The search for the sprites of every block of pixels. Shaders: `shaders/glare/sky_cube/sprites_*.wgsl`.
 
-use crate::{
-    gpu::{
-        Gpu, Shader, bind_buffers,
-        constants::{
-            glare_sprites::{BLOCK_SIDE, SQUARE_BLOCKS},
-            workgroups::SPRITE_SQUARES,
-        },
+use crate::render::{
+    constants::{
+        glare_sprites::{BLOCK_SIDE, SQUARE_BLOCKS},
+        workgroups::SPRITE_SQUARES,
     },
+    shader::Shader,
+};
+use crate::{
+    gpu::{Gpu, bind_buffers},
     render::targets::{COLUMNS, ROWS},
 };
 

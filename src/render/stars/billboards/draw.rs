@@ -4,17 +4,17 @@
 
 use glam::DQuat;
 
+use crate::render::{
+    constants::{billboards, workgroups::CATALOGUE_THREADS},
+    shader::Shader,
+};
 use crate::{
-    gpu::{
-        self, Gpu, Shader, bind_buffers, bind_to,
-        constants::{billboards, workgroups::CATALOGUE_THREADS},
-        dispatch_rows,
-    },
+    gpu::{self, Gpu, bind_buffers, bind_to, dispatch_rows},
     plan::{
         settings::StarMethod,
         stars::billboards::{BillboardPlan, DrawnPsf},
     },
-    render::{layout, stars::catalogue_buffers::CatalogueDraw},
+    render::{stars::catalogue_buffers::CatalogueDraw, stars::layout},
 };
 
 /// One method.

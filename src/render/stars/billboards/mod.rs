@@ -24,7 +24,7 @@ use crate::{
         tiles::Tile,
     },
     render::{
-        layout,
+        stars::layout,
         targets::{PictureTarget, tile_grid},
         technique::{Recording, begin_pass},
         viewport::encode_viewport,
