@@ -15,6 +15,7 @@ mod error;
 mod frame;
 mod glare;
 pub(crate) mod layout;
+mod overlay;
 #[cfg(test)]
 mod pass_tests;
 #[cfg(test)]
@@ -148,6 +149,7 @@ pub fn struct_layouts() -> Vec<StructLayout> {
         bodies::layout::struct_layouts,
         display::layout::struct_layouts,
         glare::layout::struct_layouts,
+        overlay::layout::struct_layouts,
         stars::layout::struct_layouts,
     ];
     of_techniques.iter().flat_map(|layouts| layouts()).collect()

@@ -9,6 +9,7 @@ mod bodies;
 mod chart;
 mod display;
 mod glare;
+mod overlay;
 mod pool;
 mod solid_angle;
 mod stars;

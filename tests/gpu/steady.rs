@@ -36,7 +36,11 @@ fn made(renderer: &mut Renderer, file: &str, overrides: &[&str], frames: usize) 
             // To and fro, so that what is seen does not grow.
             let angle_rad = [0.0, 1e-3][frame % 2];
             scene.camera.world_from_camera = from * DQuat::from_rotation_y(angle_rad);
-            renderer.render(FrameRequest::new(&scene, &rig).settings(&settings).wanted(&wanted)).unwrap().times.objects_made
+            renderer
+                .render(FrameRequest::new(&scene, &rig).settings(&settings).wanted_of_each(&wanted))
+                .unwrap()
+                .times
+                .objects_made
         })
         .collect()
 }
