@@ -285,7 +285,7 @@ fn asteroids(instances: u32) -> SceneSnapshot {
     SceneSnapshot {
         revision: 1,
         stars: Arc::new(StarSet::from_records(Vec::new())),
-        objects: Arc::new(SceneObjects { bodies, fields: vec![field], time_s: 0.0 }),
+        objects: Arc::new(SceneObjects { bodies, fields: vec![field], time_s: 0.0, ..Default::default() }),
         camera,
     }
 }

@@ -4,6 +4,7 @@
 #import constants/display
 #import constants/rec709
 #import shared/math
+#import shared/srgb
 
 const BLACK: u32 = 0xff000000u;
 
@@ -44,15 +45,6 @@ fn aces(value: vec3<f32>) -> vec3<f32> {
 // What Reinhard's operator multiplies a colour of luminance y over white by.
 fn reinhard_scale(y: f32, white: f32) -> f32 {
     return (1.0 + y / (white * white)) / (1.0 + y);
-}
-
-fn srgb_from_linear(value: vec3<f32>) -> vec3<f32> {
-    let x = clamp(value, vec3(0.0), vec3(1.0));
-    return select(1.055 * pow(x, vec3(1.0 / 2.4)) - 0.055, 12.92 * x, x <= vec3(0.0031308));
-}
-
-fn linear_from_srgb(value: vec3<f32>) -> vec3<f32> {
-    return select(pow((value + 0.055) / 1.055, vec3(2.4)), value / 12.92, value <= vec3(0.04045));
 }
 
 // Light, black where it is no number. Told by the bits: compilers may take it that comparisons see numbers only.

@@ -11,6 +11,7 @@ mod document;
 mod error;
 mod headset;
 mod limits;
+mod overlay;
 mod overrides;
 pub mod ranges;
 pub mod reference;
@@ -25,6 +26,7 @@ pub use asteroids::{FieldConfig, FieldShape};
 pub use bodies::{BodyConfig, EmissionConfig, SpinConfig};
 pub use error::ConfigError;
 use error::{Fault, join};
+pub use overlay::{GridConfig, LabelConfig, OverlayConfig, TrajectoryConfig};
 pub use scene::{CameraConfig, CatalogueConfig, GalaxyConfig, SceneConfig};
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -44,6 +46,7 @@ use crate::plan::settings::{
 use crate::scene::asteroids::{FieldSpec, SpecError, check_fields, make_fields};
 use crate::scene::bodies::{MOST_BODIES, check_names, check_suns};
 use crate::scene::loader::StarSource;
+use crate::scene::overlay::Overlay;
 use crate::scene::{Camera, SceneObjects};
 use crate::view::Rig;
 
@@ -65,6 +68,8 @@ pub struct Config {
     pub bodies: Vec<BodyConfig>,
     /// `[[asteroid_fields]]`.
     pub asteroid_fields: Vec<FieldConfig>,
+    /// `[overlay]`.
+    pub overlay: OverlayConfig,
     /// `[asteroids]`.
     pub asteroids: AsteroidSettings,
     /// `[stars]`.
@@ -99,6 +104,8 @@ struct Sections {
     #[serde(default)]
     #[schemars(with = "Vec<FieldConfig>")]
     asteroid_fields: Vec<Table>,
+    #[serde(default)]
+    overlay: OverlayConfig,
     #[serde(default)]
     asteroids: AsteroidSettings,
     #[serde(default)]
@@ -179,6 +186,7 @@ impl Config {
             views,
             bodies,
             asteroid_fields,
+            overlay: sections.overlay,
             asteroids,
             stars,
             glare,
@@ -201,6 +209,7 @@ impl Config {
         limits::check_tone_map(&config.tone_map).map_err(|fault| fault.within("tone_map"))?;
         headset::check(&config.headset).map_err(|fault| fault.within("headset"))?;
         config.build_rig()?;
+        config.build_overlay()?;
         headset::check_views(&config.headset, &config.views).map_err(|fault| fault.within("headset"))?;
         Ok(config)
     }
@@ -215,6 +224,12 @@ impl Config {
             views.push(config.view().map_err(|fault| VIEWS.fault(index, Some(&config.name), fault))?);
         }
         Rig::new(views).map_err(|error| Fault::new("views", error.to_string()))
+    }
+
+    fn build_overlay(&self) -> Result<Overlay, Fault> {
+        let patterned = self.views.iter().filter(|view| view.test_pattern);
+        let names = patterned.map(|view| view.name.clone()).collect();
+        self.overlay.overlay(names).map_err(|fault| fault.within("overlay"))
     }
 
     fn error(&self, fault: Fault) -> ConfigError {
@@ -277,7 +292,8 @@ impl Config {
             self.error(self.fault_of_field(index, asteroids::spec_fault(&error)))
         })?;
         let fields = made.into_iter().map(|made| made.field).collect();
-        Ok(SceneObjects { bodies, fields, time_s: self.scene.time_s() })
+        let overlay = Arc::new(self.build_overlay().map_err(|fault| self.error(fault))?);
+        Ok(SceneObjects { bodies, fields, time_s: self.scene.time_s(), overlay })
     }
 
     /// The star catalogues, with paths that start at the working directory or the root.

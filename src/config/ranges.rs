@@ -15,6 +15,7 @@ use crate::plan::settings::{AsteroidSettings, PixelGaussianSettings, StarSetting
 use crate::relativity::MAX_SPEED_C;
 use crate::scene::asteroids::{LARGEST_EXTENT_M, LEAST_OF_RANGE, MOST_INSTANCES, STEEPEST_SIZE_INDEX};
 use crate::scene::bodies::{BRIGHTEST_ALBEDO, FARTHEST_M, RADII_M};
+use crate::scene::overlay::{SIZES_PX, WIDTHS_PX};
 use crate::view::MAX_EYE_OFFSET_M;
 
 /// What a number may be.
@@ -138,6 +139,15 @@ const CHECKED_ELSEWHERE: &[Range] = &[
     closed("bodies[].emission.absolute_magnitude", MAGNITUDES, ""),
     closed("bodies[].emission.temperature_k", TEMPERATURES_K, "K"),
     closed("bodies[].emission.limb_darkening", SHARE, ""),
+    closed("overlay.grids[].spacing_deg", [1.0, 90.0], "degrees"),
+    closed("overlay.grids[].width_px", WIDTHS_PX, "pixels"),
+    closed("overlay.grids[].opacity", SHARE, ""),
+    closed("overlay.trajectories[].width_px", WIDTHS_PX, "pixels"),
+    closed("overlay.trajectories[].opacity", SHARE, ""),
+    closed("overlay.labels[].dec_deg", [-90.0, 90.0], "degrees"),
+    closed("overlay.labels[].position_m", PLACE_M, "m"),
+    closed("overlay.labels[].size_px", SIZES_PX, "pixels"),
+    closed("overlay.labels[].opacity", SHARE, ""),
     closed("asteroid_fields[].position_m", PLACE_M, "m"),
     closed("asteroid_fields[].instances", [1.0, MOST_INSTANCES as f64], ""),
     above_0("asteroid_fields[].size_m", LARGEST_EXTENT_M, "m"),

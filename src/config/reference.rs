@@ -16,11 +16,12 @@ use super::views::{
 use crate::photometry::psf::Aperture;
 
 /// Order of the sections on the page; a test holds it complete.
-const SECTIONS: [&str; 12] = [
+const SECTIONS: [&str; 13] = [
     "scene",
     "views",
     "bodies",
     "asteroid_fields",
+    "overlay",
     "asteroids",
     "stars",
     "glare",
@@ -305,6 +306,9 @@ impl Page {
                 let heading = inner_path.replace("[]", "");
                 let heading = if path.contains("[]") { heading } else { format!("[{heading}]") };
                 self.table(&heading, &inner_path, inner);
+            }
+            if inner["items"]["type"] == json!("object") {
+                self.table(&format!("[[{inner_path}]]"), &format!("{inner_path}[]"), &inner["items"]);
             }
             for form in inner["items"]["anyOf"].as_array().into_iter().flatten() {
                 for (name, entry) in properties(form) {

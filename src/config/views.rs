@@ -1,6 +1,6 @@
 //! `[[views]]`: one table per view, six types.
 //!
-//! The keys `name`, `type`, `orientation` and `position_m` are common; the others belong to the type, and a key of another
+//! The keys `name`, `type`, `orientation`, `position_m` and `test_pattern` are common; the others belong to the type, and a key of another
 //! type is unknown. Degrees end here: what comes out is the rig's [`View`] in radians.
 
 use glam::DQuat;
@@ -26,6 +26,8 @@ pub struct ViewConfig {
     pub orientation: [f64; 4],
     /// Position in camera axes, m.
     pub position_m: [f64; 3],
+    /// Whether its display images show a test pattern.
+    pub test_pattern: bool,
     /// Type and what belongs to it.
     pub kind: ViewKindConfig,
 }
@@ -166,11 +168,13 @@ pub(super) struct Common {
     orientation: [f64; 4],
     /// Position of the view in camera axes.
     position_m: [f64; 3],
+    /// Whether display images show a test pattern for aligning projectors.
+    test_pattern: bool,
 }
 
 impl Default for Common {
     fn default() -> Self {
-        Self { orientation: [0.0, 0.0, 0.0, 1.0], position_m: [0.0; 3] }
+        Self { orientation: [0.0, 0.0, 0.0, 1.0], position_m: [0.0; 3], test_pattern: false }
     }
 }
 
@@ -180,7 +184,7 @@ impl ViewConfig {
         let name = text(&mut table, "name", "a unique name of letters, digits, `_` and `-`")?;
         let kind = text(&mut table, "type", &VIEW_TYPES.join(", "))?;
         let mut common = Table::new();
-        for key in ["orientation", "position_m"] {
+        for key in ["orientation", "position_m", "test_pattern"] {
             common.extend(table.remove_entry(key));
         }
         let common: Common = deserialise(Value::Table(common), "")?;
@@ -199,7 +203,8 @@ impl ViewConfig {
                 ));
             }
         };
-        Ok(Self { name, orientation: common.orientation, position_m: common.position_m, kind })
+        let Common { orientation, position_m, test_pattern } = common;
+        Ok(Self { name, orientation, position_m, test_pattern, kind })
     }
 
     /// The rig's view; a fault names the key within the view.

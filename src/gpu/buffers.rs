@@ -22,7 +22,7 @@ pub(crate) fn filled_buffer<T: NoUninit>(
     usage: wgpu::BufferUsages,
 ) -> wgpu::Buffer {
     let bytes: &[u8] = bytemuck::cast_slice(data);
-    let buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+    let buffer = gpu.create_buffer(&wgpu::BufferDescriptor {
         label: Some(label),
         size: (bytes.len() as u64).max(16).next_multiple_of(16),
         usage: usage | wgpu::BufferUsages::COPY_DST,
@@ -55,10 +55,10 @@ impl GrowingBuffer {
         let bytes = bytes.max(16).next_multiple_of(16);
         if self.buffer.as_ref().is_some_and(|buffer| buffer.size() < bytes) {
             // Gone before its successor is made, so that both never exist at once.
-            self.buffer = None;
+            self.release();
         }
         self.buffer.get_or_insert_with(|| {
-            gpu.device.create_buffer(&wgpu::BufferDescriptor {
+            gpu.create_buffer(&wgpu::BufferDescriptor {
                 label: Some(self.label),
                 size: bytes,
                 usage: self.usage,
@@ -80,8 +80,11 @@ impl GrowingBuffer {
         self.buffer.as_ref()
     }
 
+    /// Gives the buffer back once what was submitted is done with it, whoever still names it.
     pub(crate) fn release(&mut self) {
-        self.buffer = None;
+        if let Some(buffer) = self.buffer.take() {
+            buffer.destroy();
+        }
     }
 }
 

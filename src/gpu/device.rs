@@ -3,12 +3,13 @@
 use std::{
     fmt,
     panic::{self, AssertUnwindSafe},
-    sync::{Arc, Mutex, PoisonError},
+    sync::{Arc, Mutex, PoisonError, atomic::Ordering},
     time::Duration,
 };
 
 use serde::Serialize;
 
+use super::frame_pool::{Counters, FramePool};
 use crate::plan::Limits;
 
 /// Which adapter to open, and how.
@@ -176,6 +177,10 @@ pub struct Gpu {
     /// The first error that the driver reported and nobody has seen yet.
     failure: Arc<Mutex<Option<String>>>,
     report: AdapterReport,
+    pub(super) pool: Mutex<FramePool>,
+    pub(super) counters: Counters,
+    /// Workgroups of a dispatch along each axis, at most.
+    pub(super) max_workgroups: u32,
 }
 
 impl Gpu {
@@ -257,6 +262,9 @@ impl Gpu {
             readback_limit_bytes: options.binding_limit_bytes.unwrap_or(1 << 30).min(limits.max_buffer_size / 16 * 16),
             failure,
             report,
+            pool: Mutex::default(),
+            counters: Counters::default(),
+            max_workgroups: limits.max_compute_workgroups_per_dimension,
         }
     }
 
@@ -339,6 +347,7 @@ impl Gpu {
             source: wgpu::ShaderSource::Wgsl(source.text.as_str().into()),
         };
         let module = self.device.create_shader_module(descriptor);
+        self.counters.pipelines.fetch_add(1, Ordering::Relaxed);
         self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
             label: Some(source.name),
             layout: None,

@@ -6,18 +6,21 @@ mod binding;
 mod buffers;
 mod constants;
 mod device;
+mod frame_pool;
 mod pipelines;
 mod shader;
 mod structs;
 mod texels;
 mod timing;
 
-pub(crate) use binding::{bind_buffers, bind_to, dispatch_rows};
+pub(crate) use binding::{bind_buffers, dispatch_rows};
 pub(crate) use buffers::{GrowingBuffer, ReadbackBuffer, ReadbackPlace, filled_buffer, storage_buffer, uniform_buffer};
 #[doc(hidden)]
 pub use constants::Table;
 pub(crate) use constants::{Shared, shared_constants};
 pub use device::{AdapterReport, Gpu, GpuError, GpuOptions};
+pub(crate) use frame_pool::LayoutOf;
+pub use frame_pool::ObjectsMade;
 pub(crate) use pipelines::Stage;
 pub(crate) use shader::{Choices, Library};
 #[doc(hidden)]

@@ -1,5 +1,7 @@
 //! Pipelines of the graphics stages.
 
+use std::sync::atomic::Ordering;
+
 use super::{Gpu, ShaderSource};
 
 /// A shader of a stage, with values for its overridable constants.
@@ -9,6 +11,12 @@ pub(crate) struct Stage<'a> {
 }
 
 impl Gpu {
+    /// A render pipeline, counted.
+    pub(crate) fn render_pipeline(&self, descriptor: &wgpu::RenderPipelineDescriptor<'_>) -> wgpu::RenderPipeline {
+        self.counters.pipelines.fetch_add(1, Ordering::Relaxed);
+        self.device.create_render_pipeline(descriptor)
+    }
+
     /// A pipeline onto one colour target, without depth and vertex buffers, with the layout that its shaders imply.
     pub(crate) fn colour_pipeline(
         &self,
@@ -25,7 +33,7 @@ impl Gpu {
         };
         let options =
             |constants| wgpu::PipelineCompilationOptions { constants, zero_initialize_workgroup_memory: false };
-        self.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+        self.render_pipeline(&wgpu::RenderPipelineDescriptor {
             label: Some(fragment.source.name),
             layout: None,
             vertex: wgpu::VertexState {

@@ -13,7 +13,7 @@ pub(crate) fn read_layer(gpu: &Gpu, texture: &wgpu::Texture, layer: u32) -> Resu
         .ok_or_else(|| GpuError::Refused(format!("textures of format {format:?} cannot be read back")))?;
     let row_bytes = texture.width() * texel_bytes;
     let padded_bytes = row_bytes.next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
-    let buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+    let buffer = gpu.create_buffer(&wgpu::BufferDescriptor {
         label: Some("texels"),
         size: u64::from(padded_bytes) * u64::from(texture.height()),
         usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,

@@ -1,5 +1,6 @@
 //! Why a frame cannot be planned: nothing of it has been drawn.
 
+use super::overlay::OverlayPlanError;
 use crate::photometry::{glare::GlareKernelError, psf::PsfError};
 
 /// Why a scene cannot be drawn in these views with these settings within these limits.
@@ -38,6 +39,9 @@ pub enum PlanError {
         /// The limit.
         limit: u64,
     },
+    /// There is more of an overlay than one frame can hold.
+    #[error("overlay: {0}")]
+    Overlay(#[from] OverlayPlanError),
     /// The point-spread function of `psf_texture` cannot be made or read.
     #[error("stars.psf_texture: {0}")]
     Psf(#[from] PsfError),

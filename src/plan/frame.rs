@@ -18,6 +18,7 @@ use super::{
     certificate::{FramePlan, plan_stars},
     error::PlanError,
     glare::objects::ExtendedSource,
+    overlay::{OverlayInputs, OverlayPlan, OverlayPlanner},
     settings::{
         Accumulator, ExposureSettings, GlareMethod, GlareSettings, PsfTextureSettings, RenderSettings, StarMethod,
     },
@@ -74,6 +75,8 @@ pub struct Plan {
     pub asteroids: Option<AsteroidPlan>,
     /// Glare.
     pub glare: GlarePlan,
+    /// Lines and text over display images; `None`: nothing.
+    pub overlay: Option<Arc<OverlayPlan>>,
     /// The numbers of star methods that blend; `None` for the others.
     pub billboards: Option<BillboardPlan>,
     /// The point-spread function of `psf_texture`.
@@ -117,6 +120,7 @@ pub struct Planner {
     tables: Tables,
     kernel: Option<(GlareSettings, Arc<dyn GlareKernel>)>,
     psf: Option<(PsfTextureSettings, Arc<DrawnPsf>)>,
+    overlay: OverlayPlanner,
     /// Whether chunks outside of every view are left out; false only to measure what that saves.
     pub culling: bool,
     /// Factor on the fixed-point units: 1. Tests raise it to provoke an overflow.
@@ -133,7 +137,14 @@ impl Default for Planner {
 impl Planner {
     /// A planner that keeps nothing yet.
     pub fn new() -> Self {
-        Self { tables: Tables::default(), kernel: None, psf: None, culling: true, unit_factor: 1.0 }
+        Self {
+            tables: Tables::default(),
+            kernel: None,
+            psf: None,
+            overlay: OverlayPlanner::default(),
+            culling: true,
+            unit_factor: 1.0,
+        }
     }
 
     /// Whether a scene can be drawn with these settings, whatever views look at it; keeps what takes its time.
@@ -299,7 +310,13 @@ impl Planner {
                 .unwrap_or_else(|| settings.exposure.metered_ev100(mean_luminance_cd_m2(&scene.stars, camera_pc)));
             BillboardPlan::new(&settings.stars, settings.exposure.ev100, shown_ev100, psf.as_deref())
         });
+        // Lines and text.
+        let views: Vec<String> = rig.views().iter().map(|view| view.name.clone()).collect();
+        let inputs = OverlayInputs { objects: &scene.objects, camera, viewports: &viewports, views: &views };
+        let overlay = self.overlay.plan(&inputs)?;
+
         Ok(Plan {
+            overlay,
             report: stars.report,
             kernels: stars.kernels,
             known_ev100: settings.exposure.known_ev100(adapted_ev100),

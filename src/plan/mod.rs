@@ -13,6 +13,7 @@ mod frame;
 pub mod glare;
 mod headset;
 mod limits;
+pub mod overlay;
 pub mod settings;
 pub mod stars;
 pub mod tiles;

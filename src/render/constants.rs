@@ -142,6 +142,17 @@ shared_constants! {
         /// Sine of the latitude at which the band has sunk to 1/e.
         CELL_SKY_BAND_SINE: f32 = crate::plan::stars::cell_sky::BAND_SINE as f32;
     }
+    /// Lines and text over display images.
+    mod overlay {
+        /// Side of a block of pixels.
+        OVERLAY_BLOCK_PX: u32 = crate::plan::overlay::blocks::BLOCK_PX;
+        SHAPE_LINE: u32 = 0;
+        SHAPE_BOX: u32 = 1;
+        SHAPE_CHECKERS: u32 = 2;
+        SHAPE_GLYPH: u32 = 3;
+        /// Nearness of what nothing hides, 1/m.
+        NEAREST: f32 = 3e38;
+    }
     /// How surfaces reflect.
     mod reflection {
         LAW_LAMBERT: u32 = 0;

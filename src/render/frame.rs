@@ -91,6 +91,8 @@ pub struct FrameTimes {
     pub gpu_ms: Option<f64>,
     /// Culling on the CPU, part of `plan_ms`.
     pub cull_ms: f64,
+    /// Buffers, bind groups and pipelines that were made for the frame: none in a steady state.
+    pub objects_made: u64,
     /// From submission to the end of the readback, as far as the caller waited for it: without the time between
     /// [`Renderer::submit`] and [`Renderer::finish`].
     pub gpu_and_readback_ms: f64,

@@ -15,6 +15,7 @@ mod error;
 mod frame;
 mod glare;
 pub(crate) mod layout;
+mod overlay;
 #[cfg(test)]
 mod pass_tests;
 #[cfg(test)]
@@ -129,6 +130,7 @@ impl Renderer {
         self.in_flight = None;
         self.techniques.iter_mut().for_each(|technique| technique.release());
         self.targets.release();
+        self.gpu.forget_frames();
         self.readback = ReadbackBuffer::new("readback");
     }
 
@@ -154,6 +156,7 @@ pub fn struct_layouts() -> Vec<StructLayout> {
         bodies::layout::struct_layouts,
         display::layout::struct_layouts,
         glare::layout::struct_layouts,
+        overlay::layout::struct_layouts,
         stars::layout::struct_layouts,
     ];
     of_techniques.iter().flat_map(|layouts| layouts()).collect()

@@ -42,7 +42,7 @@ pub fn probe(gpu: &Gpu, viewport: &Viewport, probes: &[Probe]) -> Result<Vec<Pro
     let viewports = storage_buffer(gpu, "viewports", &[encode_viewport(viewport, &KernelPlan::bspline())]);
     let input_buffer = storage_buffer(gpu, "probe inputs", &inputs);
     let bytes = (probes.len() * size_of::<layout::ProbeOutput>()) as u64;
-    let outputs = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+    let outputs = gpu.create_buffer(&wgpu::BufferDescriptor {
         label: Some("probe outputs"),
         size: bytes,
         usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC,

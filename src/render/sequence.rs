@@ -5,6 +5,7 @@ use super::{
     bodies::Bodies,
     display::Display,
     glare::Glare,
+    overlay::Overlay,
     stars::Stars,
     technique::{Phase, Recording, Technique},
 };
@@ -18,6 +19,7 @@ pub(super) fn techniques(gpu: &Gpu) -> Vec<Box<dyn Technique + Send>> {
         Box::new(Stars::new(gpu)),
         Box::new(Glare::new()),
         Box::new(Display::new(gpu)),
+        Box::new(Overlay::new()),
     ]
 }
 

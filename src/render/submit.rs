@@ -30,6 +30,7 @@ pub struct SubmittedFrame {
     camera_revision: u64,
     plan_ms: f64,
     submit_ms: f64,
+    objects_made: u64,
 }
 
 /// The frame that the device is at work on.
@@ -73,6 +74,7 @@ impl Renderer {
     /// [`RenderError::Abandoned`]. Had the device failed in it, that is the error here.
     pub fn submit(&mut self, request: FrameRequest<'_>) -> Result<SubmittedFrame, RenderError> {
         let start = Instant::now();
+        let made = self.gpu.made();
         let FrameRequest { scene: snapshot, rig, settings, adapted_ev100, presentations, .. } = request;
         let wanted = request.wanted_views();
         self.limits.check(rig)?;
@@ -102,6 +104,7 @@ impl Renderer {
             camera_revision: snapshot.camera.revision,
             plan_ms,
             submit_ms: start.elapsed().as_secs_f64() * 1e3,
+            objects_made: self.gpu.made().since(&made).all(),
         })
     }
 
@@ -110,6 +113,7 @@ impl Renderer {
         let Self { gpu, techniques, targets, timer, readback, .. } = self;
         let gpu = &*gpu;
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("frame") });
+        gpu.begin_frame();
         timer.begin();
         targets.begin(gpu, &mut encoder, inputs, views);
         for technique in techniques.iter_mut() {
@@ -143,6 +147,7 @@ impl Renderer {
         frame.scene_revision = submitted.scene_revision;
         frame.camera_revision = submitted.camera_revision;
         frame.times.plan_ms = submitted.plan_ms;
+        frame.times.objects_made = submitted.objects_made;
         frame.times.total_ms = submitted.submit_ms + start.elapsed().as_secs_f64() * 1e3;
         frame.times.gpu_and_readback_ms = frame.times.total_ms - submitted.plan_ms;
         Ok(frame)

@@ -145,7 +145,7 @@ impl Targets {
     pub(crate) fn new(gpu: &Gpu) -> Self {
         let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
         let stand_in = storage_buffer(gpu, "nothing", &[[0_u32; 32]]);
-        let exposure = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+        let exposure = gpu.create_buffer(&wgpu::BufferDescriptor {
             label: Some("exposure"),
             size: size_of::<layout::Exposure>() as u64,
             usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC,

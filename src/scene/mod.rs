@@ -4,6 +4,7 @@ pub mod asteroids;
 pub mod bodies;
 pub mod loader;
 mod objects;
+pub mod overlay;
 
 use std::sync::Arc;
 

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::{asteroids::AsteroidField, bodies::Body};
+use super::{asteroids::AsteroidField, bodies::Body, overlay::Overlay};
 
 /// See the module.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -13,6 +13,8 @@ pub struct SceneObjects {
     pub fields: Vec<Arc<AsteroidField>>,
     /// The moment, s since 2000-01-01T12:00:00Z: spins follow it.
     pub time_s: f64,
+    /// What is drawn over display images.
+    pub overlay: Arc<Overlay>,
 }
 
 impl SceneObjects {

@@ -6,12 +6,13 @@ use super::{
     client::{Client, ClientError},
     convert,
     convert_objects::{body_from_pb, field_from_pb, time_from_pb},
+    convert_overlay::overlay_from_pb,
     objects::{BodyForm, Change, FieldForm},
     proto,
     scene::SceneUpdate,
     server::SceneCatalogue,
 };
-use crate::verify::Outcome;
+use crate::{scene::overlay::Overlay, verify::Outcome};
 
 /// The scene of a daemon.
 #[derive(Clone, Debug, PartialEq)]
@@ -34,6 +35,8 @@ pub struct SceneForm {
     pub impostor: String,
     /// Factor on the distances at which detail of asteroids is left out.
     pub quality: f64,
+    /// What is drawn over display images.
+    pub overlay: Overlay,
 }
 
 impl TryFrom<proto::Scene> for SceneForm {
@@ -56,6 +59,7 @@ impl TryFrom<proto::Scene> for SceneForm {
             time_s: time_from_pb(scene.time).map_err(|_| lacks("time"))?,
             impostor: asteroids.impostor,
             quality: asteroids.quality,
+            overlay: overlay_from_pb(scene.overlay.unwrap_or_default()).map_err(|_| lacks("overlay"))?,
         })
     }
 }

@@ -70,6 +70,8 @@ pub struct ReceivedTimes {
     pub gpu_ms: Option<f64>,
     /// Each pass on the GPU, by name; empty where the adapter has no timestamps.
     pub passes_ms: Vec<(String, f64)>,
+    /// Buffers, bind groups and pipelines that were made for the frame: none in a steady state.
+    pub objects_made: u64,
 }
 
 impl From<proto::FrameTimes> for ReceivedTimes {
@@ -81,6 +83,7 @@ impl From<proto::FrameTimes> for ReceivedTimes {
             total_ms: times.total_ms,
             gpu_ms: times.gpu_ms,
             passes_ms: times.passes.into_iter().map(|pass| (pass.name, pass.ms)).collect(),
+            objects_made: times.objects_made,
         }
     }
 }

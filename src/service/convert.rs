@@ -6,6 +6,7 @@ use super::{
     convert_objects::{
         add_change, body_from_pb, body_to_pb, change_to_pb, field_from_pb, field_to_pb, time_from_pb, time_to_pb,
     },
+    convert_overlay::{add_overlay_change, overlay_change_to_pb, overlay_to_pb},
     proto,
     render::CameraUpdate,
     scene::{SceneState, SceneUpdate},
@@ -127,6 +128,7 @@ pub(super) fn scene_to_pb(scene: &SceneState, catalogues: &[SceneCatalogue]) -> 
             impostor: scene.asteroids.impostor.name().to_owned(),
             quality: scene.asteroids.quality,
         }),
+        overlay: Some(overlay_to_pb(&scene.objects.drawn.overlay)),
     }
 }
 
@@ -149,7 +151,9 @@ fn impostor(name: &str) -> Result<ImpostorMethod, String> {
 /// The fields that the mask names; the error tells what is wrong and what is allowed.
 pub(super) fn scene_update_from_pb(request: &proto::UpdateSceneRequest) -> Result<SceneUpdate, String> {
     const ALLOWED: &str = "allowed are stars, stars.method, stars.magnitude_limit, time, asteroids, \
-                           asteroids.impostor, asteroids.quality, bodies, bodies.NAME, asteroid_fields, asteroid_fields.NAME";
+                           asteroids.impostor, asteroids.quality, bodies, bodies.NAME, asteroid_fields, asteroid_fields.NAME, overlay, \
+                           overlay.grids, overlay.trajectories, overlay.trajectories.NAME, overlay.labels, \
+                           overlay.labels.NAME, overlay.test_patterns";
     let paths = request.update_mask.as_ref().map_or(&[][..], |mask| &mask.paths);
     if paths.is_empty() {
         return Err(format!("update_mask names no field: {ALLOWED}"));
@@ -166,6 +170,11 @@ pub(super) fn scene_update_from_pb(request: &proto::UpdateSceneRequest) -> Resul
         if let Some(rest) = below("asteroid_fields") {
             let (change, given) = (&mut update.asteroid_fields, &scene.asteroid_fields);
             add_change(change, "asteroid_fields", rest, given, |field| &field.name, field_from_pb)?;
+            continue;
+        }
+        if let Some(rest) = below("overlay")
+            && add_overlay_change(&mut update.overlay, rest, scene.overlay.as_ref())?
+        {
             continue;
         }
         let names = |whole: &str, part: &str| path == whole || path.strip_prefix(whole) == Some(part);
@@ -215,7 +224,9 @@ pub(super) fn scene_update_to_pb(update: &SceneUpdate, expected_revision: Option
     ];
     let (body_paths, bodies) = change_to_pb(&update.bodies, "bodies", body_to_pb);
     let (field_paths, asteroid_fields) = change_to_pb(&update.asteroid_fields, "asteroid_fields", field_to_pb);
-    let paths = named.into_iter().flatten().map(str::to_owned).chain(body_paths).chain(field_paths).collect();
+    let (overlay_paths, overlay) = overlay_change_to_pb(&update.overlay);
+    let paths = named.into_iter().flatten().map(str::to_owned);
+    let paths = paths.chain(body_paths).chain(field_paths).chain(overlay_paths).collect();
     let scene = proto::Scene {
         stars: Some(proto::StarSettings {
             method: update.star_method.map(|method| method.name().to_owned()).unwrap_or_default(),
@@ -228,6 +239,7 @@ pub(super) fn scene_update_to_pb(update: &SceneUpdate, expected_revision: Option
             impostor: update.impostor.map(|method| method.name().to_owned()).unwrap_or_default(),
             quality: update.quality.unwrap_or_default(),
         }),
+        overlay: Some(overlay),
         ..proto::Scene::default()
     };
     proto::UpdateSceneRequest {

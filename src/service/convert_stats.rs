@@ -92,9 +92,10 @@ fn headset_to_pb(headset: &Headset) -> proto::HeadsetStats {
 }
 
 fn times_to_pb(times: FrameTimes) -> proto::FrameTimes {
-    let FrameTimes { plan_ms, passes_ms, gpu_ms, cull_ms, gpu_and_readback_ms, total_ms } = times;
+    let FrameTimes { plan_ms, passes_ms, gpu_ms, cull_ms, objects_made, gpu_and_readback_ms, total_ms } = times;
     let pass = |(name, ms): (&str, f64)| proto::PassTime { name: name.to_owned(), ms };
     proto::FrameTimes {
+        objects_made,
         plan_ms,
         cull_ms,
         gpu_and_readback_ms,

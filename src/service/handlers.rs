@@ -94,13 +94,16 @@ impl Service {
         }
     }
 
+    fn view_names(&self) -> Vec<&str> {
+        let views = self.rig.views().iter().map(|view| view.name.as_str());
+        views.chain(self.headset.iter().map(|headset| headset.name())).collect()
+    }
+
     fn order(&self, name: &str, encoding: i32) -> Result<Order, Status> {
         let headset = self.headset.as_ref().filter(|headset| headset.name() == name).map(Arc::clone);
         // The frames of a headset have one view.
         let view = self.rig.index_of(name).or(headset.as_ref().map(|_| 0)).ok_or_else(|| {
-            let views = self.rig.views().iter().map(|view| view.name.as_str());
-            let names: Vec<&str> = views.chain(self.headset.iter().map(|headset| headset.name())).collect();
-            Status::not_found(format!("no view `{name}`; the views are: {}", names.join(", ")))
+            Status::not_found(format!("no view `{name}`; the views are: {}", self.view_names().join(", ")))
         })?;
         let encoding = convert::encoding_from_pb(encoding).ok_or_else(|| {
             Status::invalid_argument(format!("encoding = {encoding}: one of RGBA8, PNG, JPEG, RGB32F, EXR is needed"))
@@ -276,6 +279,7 @@ impl proto::scene_service_server::SceneService for Service {
     ) -> Result<Response<proto::Scene>, Status> {
         let request = request.into_inner();
         let update = convert::scene_update_from_pb(&request).map_err(Status::invalid_argument)?;
+        update.overlay.check_views(&self.view_names()).map_err(Status::invalid_argument)?;
         let expected = request.expected_revision;
         let scene = self.render.scene().map_err(refused)?;
         scene.expect(expected).map_err(|error| unchanged(&error))?;

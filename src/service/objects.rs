@@ -103,7 +103,7 @@ impl<T> Change<T> {
 impl<T: Clone> Change<T> {
     /// The list after the change; the error names what should have been removed and is not there. `kind` is what the
     /// things are called.
-    fn applied(&self, list: &[T], kind: &str, name_of: impl Fn(&T) -> &str) -> Result<Vec<T>, String> {
+    pub(super) fn applied(&self, list: &[T], kind: &str, name_of: impl Fn(&T) -> &str) -> Result<Vec<T>, String> {
         let mut list = match self {
             Self::Nothing => return Ok(list.to_vec()),
             Self::All(all) => return Ok(all.clone()),
@@ -298,6 +298,7 @@ impl Objects {
             bodies,
             fields: made.iter().map(|made| Arc::clone(&made.field)).collect(),
             time_s: change.time_s.unwrap_or(self.drawn.time_s),
+            overlay: Arc::clone(&self.drawn.overlay),
         };
         Ok(Self { drawn: Arc::new(drawn), made: Arc::new(made), library: Arc::clone(&self.library) })
     }

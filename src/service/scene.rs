@@ -1,7 +1,10 @@
 //! What of the scene clients may change: how its stars and asteroids are drawn, its bodies and fields, and the moment
 //! that is shown. The render thread holds it, and every change is a revision.
 
-use super::objects::{BodyForm, Change, FieldForm, MadeChange, Objects};
+use super::{
+    objects::{BodyForm, Change, FieldForm, MadeChange, Objects},
+    overlay::OverlayChange,
+};
 use crate::plan::settings::{AsteroidSettings, ImpostorMethod, StarMethod, StarSettings};
 
 /// The scene but for its stars, and how it is drawn, with its revision.
@@ -34,6 +37,8 @@ pub struct SceneUpdate {
     pub bodies: Change<BodyForm>,
     /// Fields of asteroids.
     pub asteroid_fields: Change<FieldForm>,
+    /// Lines and text over display images.
+    pub overlay: OverlayChange,
 }
 
 impl SceneUpdate {
@@ -50,6 +55,7 @@ impl SceneUpdate {
             impostor: self.impostor,
             quality: self.quality,
             objects: scene.objects.make(&self.bodies, &self.asteroid_fields, self.time_s)?,
+            overlay: self.overlay.clone(),
         })
     }
 }
@@ -62,6 +68,7 @@ pub(super) struct MadeUpdate {
     impostor: Option<ImpostorMethod>,
     quality: Option<f64>,
     objects: MadeChange,
+    overlay: OverlayChange,
 }
 
 /// Why the scene stays as it is.
@@ -93,6 +100,7 @@ impl SceneState {
     pub(super) fn changed(mut self, update: &MadeUpdate, expected_revision: Option<u64>) -> Result<Self, SceneError> {
         self.expect(expected_revision)?;
         self.objects = self.objects.changed(&update.objects).map_err(SceneError::Invalid)?;
+        self.objects = self.objects.with_overlay(&update.overlay).map_err(SceneError::Invalid)?;
         self.stars.method = update.star_method.unwrap_or(self.stars.method);
         self.stars.magnitude_limit = update.magnitude_limit.unwrap_or(self.stars.magnitude_limit);
         self.asteroids.impostor = update.impostor.unwrap_or(self.asteroids.impostor);

@@ -7,6 +7,7 @@ mod common;
 mod bodies;
 mod configuration;
 mod layering;
+mod overlay;
 mod psf;
 mod shaders;
 mod stars;

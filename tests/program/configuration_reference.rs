@@ -128,6 +128,18 @@ fn documents(range: &Range) -> Vec<Value> {
         "bodies" => &["sphere", "ellipsoid", "sun"],
         "asteroid_fields" => &["box", "belt", "ring"],
         "scene.catalogues" => return vec![json!({ "scene": { "catalogues": [{ "galaxy": { "stars": 3 } }] } })],
+        "overlay.grids" => return vec![json!({ "overlay": { "grids": [{ "kind": "galactic" }] } })],
+        "overlay.trajectories" => {
+            let way = json!({ "name": "it", "points_m": [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]] });
+            return vec![json!({ "overlay": { "trajectories": [way] } })];
+        }
+        "overlay.labels" => {
+            let labels = [
+                json!({ "name": "it", "ra_deg": 0.0, "dec_deg": 0.0 }),
+                json!({ "name": "it", "position_m": [0.0, 0.0, 0.0] }),
+            ];
+            return labels.into_iter().map(|label| json!({ "overlay": { "labels": [label] } })).collect();
+        }
         _ => {
             // What a bound needs of other keys.
             let others = match range.key {

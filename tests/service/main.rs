@@ -7,6 +7,7 @@ mod daemon;
 mod headset;
 mod lifecycle;
 mod objects;
+mod overlay;
 mod protocol;
 mod scene;
 mod streams;

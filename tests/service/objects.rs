@@ -211,7 +211,7 @@ async fn textures_of_the_configuration_can_be_kept_and_lent() {
         geometric_albedo: [0.2; 3],
     });
     let fields = make_fields(&[Arc::clone(&spec)], &[]).unwrap().into_iter().map(|made| made.field).collect();
-    let objects = SceneObjects { bodies: vec![Arc::new(moon)], fields, time_s: 1.0 };
+    let objects = SceneObjects { bodies: vec![Arc::new(moon)], fields, time_s: 1.0, ..Default::default() };
     let daemon = Daemon::start_with(small_rig(), |options| {
         options.scene.objects = Arc::new(objects);
         options.asteroid_fields = vec![spec];

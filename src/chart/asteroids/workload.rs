@@ -144,7 +144,12 @@ impl Fields {
         Ok(SceneSnapshot {
             revision: 1,
             stars: Arc::new(StarSet::from_records(Vec::new())),
-            objects: Arc::new(SceneObjects { bodies: vec![sun], fields: vec![field], time_s: 0.0 }),
+            objects: Arc::new(SceneObjects {
+                bodies: vec![sun],
+                fields: vec![field],
+                time_s: 0.0,
+                ..Default::default()
+            }),
             camera,
         })
     }

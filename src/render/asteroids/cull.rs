@@ -3,7 +3,7 @@
 
 use crate::render::shader::Shader;
 use crate::{
-    gpu::{self, Gpu, bind_buffers, dispatch_rows},
+    gpu::{Gpu, bind_buffers, dispatch_rows},
     render::asteroids::layout,
 };
 
@@ -84,7 +84,7 @@ impl AsteroidCullPass {
             mesh_kinds: numbers.mesh_kinds,
             ..Default::default()
         };
-        let uniform = |row: u32| gpu::uniform_buffer(gpu, "asteroid culling", &parameters(row));
+        let uniform = |row: u32| gpu.frame_uniform("asteroid culling", &parameters(row));
         let [row, rows] = dispatch_rows(gpu, numbers.items);
         let of_items = uniform(row);
         let [list_row, list_rows] = dispatch_rows(gpu, lists);

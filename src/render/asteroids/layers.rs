@@ -7,7 +7,7 @@ use super::{
     raster::{ASTEROID_COLOUR, ASTEROID_DEPTH, AsteroidDraw},
 };
 use crate::{
-    gpu::{Gpu, GpuTimer, bind_to, uniform_buffer},
+    gpu::{Gpu, GpuTimer, LayoutOf},
     plan::{
         asteroids::{AsteroidPlan, frame::NEAR_M},
         tiles::Tile,
@@ -171,7 +171,7 @@ impl Asteroids {
             kinds: plan.kinds,
             ..window
         };
-        let target = uniform_buffer(gpu, "asteroid target", &target);
+        let target = gpu.frame_uniform("asteroid target", &target);
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("asteroids"),
             color_attachments: &[Some(wgpu::RenderPassColorAttachment {
@@ -198,9 +198,8 @@ impl Asteroids {
             offset: 0,
             size: wgpu::BufferSize::new(size_of::<layout::AsteroidBucket>() as u64),
         };
-        let group = bind_to(
-            gpu,
-            &passes.layout,
+        let group = gpu.bind(
+            LayoutOf::Own(&passes.layout),
             &[
                 (0, target.as_entire_binding()),
                 (1, wgpu::BindingResource::Buffer(one_kind)),

@@ -1,7 +1,7 @@
 //! Asteroids that are points, splatted as stars are. Shader: `shaders/asteroids/points.wgsl`.
 
 use crate::{
-    gpu::{self, Gpu, bind_buffers, dispatch_rows},
+    gpu::{Gpu, bind_buffers, dispatch_rows},
     plan::stars::range::FixedPoint,
     render::{
         asteroids::layout,
@@ -54,7 +54,7 @@ impl AsteroidPointPass {
             row,
             tiles,
         };
-        let parameters = gpu::uniform_buffer(gpu, "asteroid points", &parameters);
+        let parameters = gpu.frame_uniform("asteroid points", &parameters);
         let items = [(5, points.items.as_entire_binding())];
         let asteroids = [
             points.instances,

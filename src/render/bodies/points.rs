@@ -2,7 +2,7 @@
 
 use crate::render::constants::workgroups::POINT_THREADS;
 use crate::{
-    gpu::{self, Gpu, bind_buffers, dispatch_rows},
+    gpu::{Gpu, bind_buffers, dispatch_rows},
     plan::stars::range::FixedPoint,
     render::{
         bodies::layout,
@@ -38,7 +38,7 @@ impl PointPass {
             brightest_lx: range.brightest_lx.min(f64::from(f32::MAX)) as f32,
             ..Default::default()
         };
-        let parameters = gpu::uniform_buffer(gpu, "point parameters", &parameters);
+        let parameters = gpu.frame_uniform("point parameters", &parameters);
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(0, &bind_sums(gpu, &self.pipeline, &parameters, sums, &[]), &[]);
         let points = [(0, points.as_entire_binding())];

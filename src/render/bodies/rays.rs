@@ -5,7 +5,7 @@ use std::sync::OnceLock;
 
 use crate::render::{constants::workgroups::RAY_SIDE, shader::Shader};
 use crate::{
-    gpu::{self, Gpu, bind_buffers, bind_to},
+    gpu::{Gpu, bind_buffers},
     plan::tiles::Tile,
     render::{bodies::layout, targets::RasterLayers},
 };
@@ -96,7 +96,7 @@ impl GeometryPass {
             parameters.near_m = layers.near_m;
             parameters.luminance_scale = layers.luminance_scale;
         }
-        let parameters = gpu::uniform_buffer(gpu, "geometry parameters", &parameters);
+        let parameters = gpu.frame_uniform("geometry parameters", &parameters);
         let buffers = [
             &parameters,
             target.viewports,
@@ -121,7 +121,7 @@ impl GeometryPass {
         };
         let views: Vec<_> =
             (0..).zip(views).map(|(binding, view)| (binding, wgpu::BindingResource::TextureView(view))).collect();
-        pass.set_bind_group(1, &bind_to(gpu, &pipeline.get_bind_group_layout(1), &views), &[]);
+        pass.set_bind_group(1, &bind_buffers(gpu, pipeline, 1, &views), &[]);
         pass.dispatch_workgroups(width.div_ceil(RAY_SIDE), tile.rows.div_ceil(RAY_SIDE), 1);
     }
 }

@@ -3,7 +3,7 @@
 
 use crate::render::shader::Shader;
 use crate::{
-    gpu::{self, Gpu, bind_buffers},
+    gpu::{Gpu, bind_buffers},
     plan::settings::ExposureSettings,
     render::display::layout,
 };
@@ -47,7 +47,7 @@ impl ExposurePass {
             partial_count,
             ..Default::default()
         };
-        let parameters = gpu::uniform_buffer(gpu, "exposure parameters", &parameters);
+        let parameters = gpu.frame_uniform("exposure parameters", &parameters);
         let group = bind_buffers(
             gpu,
             &self.pipeline,

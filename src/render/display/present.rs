@@ -4,7 +4,7 @@
 use super::variant::{DisplayVariant, encode_display};
 use crate::render::shader::Shader;
 use crate::{
-    gpu::{self, Gpu, Stage, bind_to},
+    gpu::{Gpu, LayoutOf, Stage},
     plan::{settings::ToneMapSettings, tiles::Tile},
     render::display::layout,
 };
@@ -103,7 +103,7 @@ impl PresentPass {
             width: target.width,
             shown: encode_display(settings),
         };
-        let parameters = gpu::uniform_buffer(gpu, "present parameters", &parameters);
+        let parameters = gpu.frame_uniform("present parameters", &parameters);
         let mut bindings = vec![(0, parameters.as_entire_binding()), (1, target.pixels.as_entire_binding())];
         let shown = match source {
             PresentSource::Codes => DisplayVariant::default(),
@@ -114,7 +114,7 @@ impl PresentPass {
         };
         let pipeline = self.pipeline(gpu, PresentVariant { format, shown }, source);
         pass.set_pipeline(pipeline);
-        pass.set_bind_group(0, &bind_to(gpu, &pipeline.get_bind_group_layout(0), &bindings), &[]);
+        pass.set_bind_group(0, &gpu.bind(LayoutOf::Render(pipeline, 0), &bindings), &[]);
         pass.set_scissor_rect(0, target.tile.first_row, target.width, target.tile.rows);
         pass.draw(0..3, 0..1);
     }

@@ -116,7 +116,7 @@ impl ResolvePass {
             plane_pixels: batch.plane_pixels,
             shown: encode_display(tone_map),
         };
-        let parameters = gpu::uniform_buffer(gpu, "resolve parameters", &parameters);
+        let parameters = gpu.frame_uniform("resolve parameters", &parameters);
         let variant = if outputs.display { DisplayVariant::of(tone_map) } else { DisplayVariant::default() };
         let index = self.prepare(gpu, outputs, variant);
         let pipeline = &self.pipelines[index].2;

@@ -4,7 +4,7 @@
 use super::variant::{DisplayVariant, encode_display};
 use crate::render::shader::Shader;
 use crate::{
-    gpu::{self, Gpu, bind_buffers},
+    gpu::{Gpu, bind_buffers},
     plan::settings::ToneMapSettings,
     render::{display::layout, targets::PictureTarget},
 };
@@ -46,7 +46,7 @@ impl ToneMapPass {
             shown: encode_display(settings),
             ..Default::default()
         };
-        let parameters = gpu::uniform_buffer(gpu, "tone map parameters", &parameters);
+        let parameters = gpu.frame_uniform("tone map parameters", &parameters);
         let pipeline = self.pipeline(gpu, DisplayVariant::of(settings));
         let group = bind_buffers(
             gpu,

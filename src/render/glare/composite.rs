@@ -3,7 +3,7 @@
 
 use crate::render::{constants::glare_composite::BLOCK_COLUMNS, shader::Shader};
 use crate::{
-    gpu::{self, Gpu, bind_buffers},
+    gpu::{Gpu, bind_buffers},
     render::{
         glare::layout,
         targets::{COLUMNS, PictureTarget, bind_picture},
@@ -63,7 +63,7 @@ impl GlareCompositePass {
             plane_pixels: target.plane_pixels,
             ..Default::default()
         };
-        let parameters = gpu::uniform_buffer(gpu, "glare parameters", &parameters);
+        let parameters = gpu.frame_uniform("glare parameters", &parameters);
         let group = bind_picture(gpu, &self.pipeline, &parameters, target);
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(0, &group, &[]);

@@ -5,7 +5,6 @@ use std::sync::OnceLock;
 
 use super::luminance::{LuminanceInputs, LuminancePass, LuminanceSource};
 use crate::{
-    gpu,
     photometry::exposure::white_luminance_cd_m2,
     plan::settings::CellSkySettings,
     render::{
@@ -43,8 +42,8 @@ impl CellSky {
                 seed,
                 ..Default::default()
             };
-            let parameters = gpu::uniform_buffer(gpu, "cell sky", &parameters);
-            let encoded = gpu::storage_buffer(gpu, "tile", std::slice::from_ref(encoded));
+            let parameters = gpu.frame_uniform("cell sky", &parameters);
+            let encoded = gpu.frame_storage("tile", std::slice::from_ref(encoded));
             let target = PictureTarget { tiles: &encoded, ..recording.targets.picture(number) };
             let of_source = [(0, parameters.as_entire_binding())];
             let inputs = LuminanceInputs { scale, numbers: [0, 0], of_source: &of_source };

@@ -3,7 +3,7 @@
 
 use crate::render::shader::Shader;
 use crate::{
-    gpu::{self, Gpu, bind_buffers},
+    gpu::{Gpu, bind_buffers},
     render::{
         stars::layout,
         targets::{PictureTarget, bind_picture},
@@ -71,7 +71,7 @@ impl LuminancePass {
             source_0: numbers[0],
             source_1: numbers[1],
         };
-        let parameters = gpu::uniform_buffer(gpu, "luminance parameters", &parameters);
+        let parameters = gpu.frame_uniform("luminance parameters", &parameters);
         let group = bind_picture(gpu, &self.pipeline, &parameters, target);
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(0, &group, &[]);

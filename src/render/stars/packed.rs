@@ -11,7 +11,7 @@ use super::{
 };
 use crate::render::{constants::workgroups::CATALOGUE_THREADS, shader::Shader};
 use crate::{
-    gpu::{self, Gpu, GrowingBuffer, bind_buffers, dispatch_rows},
+    gpu::{Gpu, GrowingBuffer, bind_buffers, dispatch_rows},
     render::{
         stars::layout,
         targets::{PictureTarget, Sums, Targets},
@@ -143,7 +143,7 @@ impl PackedPass {
                     row_threads: columns * CATALOGUE_THREADS,
                     ..Default::default()
                 };
-                let parameters = gpu::uniform_buffer(gpu, "catalogue parameters", &parameters);
+                let parameters = gpu.frame_uniform("catalogue parameters", &parameters);
                 let group = self.target_group(gpu, &self.catalogue, &parameters, target);
                 let stars = bind_buffers(gpu, &self.catalogue, 1, &[(0, draw.stars.as_entire_binding())]);
                 pass.set_bind_group(0, &group, &[]);
@@ -171,7 +171,7 @@ impl PackedPass {
                 items_per_row: columns,
                 ..Default::default()
             };
-            let parameters = gpu::uniform_buffer(gpu, "packed parameters", &parameters);
+            let parameters = gpu.frame_uniform("packed parameters", &parameters);
             let group = self.target_group(gpu, &self.sorted, &parameters, target);
             pass.set_bind_group(0, &group, &[]);
             pass.set_bind_group(1, &bind_items(gpu, &self.sorted, draw), &[]);

@@ -96,7 +96,7 @@ impl StarPass {
                 camera_motion: motion.map(encode_motion).unwrap_or_default(),
                 ..Default::default()
             };
-            let parameters = gpu::uniform_buffer(gpu, "star parameters", &parameters);
+            let parameters = gpu.frame_uniform("star parameters", &parameters);
             let colours = [(5, self.colours.as_entire_binding())];
             pass.set_bind_group(0, &bind_sums(gpu, pipeline, &parameters, sums, &colours), &[]);
             pass.set_bind_group(1, &bind_items(gpu, pipeline, draw), &[]);

@@ -223,7 +223,7 @@ pub(in crate::verify) fn occlusion(context: &mut Context<'_>) -> Result<Vec<Figu
         let stars = Arc::new(StarSet::from_records(records));
         let dark = SceneSnapshot { stars: stars.clone(), ..scene(&[pose], Light::Wall, Fault::NONE) };
         let fields = dark.objects.fields.clone();
-        let only = |fields| SceneObjects { bodies: Vec::new(), fields, time_s: 0.0 };
+        let only = |fields| SceneObjects { bodies: Vec::new(), fields, time_s: 0.0, ..Default::default() };
         let with = SceneSnapshot { objects: Arc::new(only(fields)), ..dark.clone() };
         let without = SceneSnapshot { objects: Arc::new(only(Vec::new())), ..dark };
         let [with, without] = [context.light_lx(&with, &single)?[0], context.light_lx(&without, &single)?[0]];

@@ -153,7 +153,7 @@ pub fn scene_of(bodies: Vec<Body>, fields: Vec<AsteroidField>) -> SceneSnapshot 
     let objects = SceneObjects {
         bodies: bodies.into_iter().map(body).collect(),
         fields: fields.into_iter().map(field).collect(),
-        time_s: 0.0,
+        ..SceneObjects::default()
     };
     SceneSnapshot {
         objects: Arc::new(objects),

@@ -45,7 +45,8 @@ fn scene(instances: u32, half_m: f64, radius_m: [f64; 2]) -> SceneSnapshot {
         surface: Surface { law: ReflectionLaw::Lambert, geometric_albedo: [0.0; 3], texture: None },
         emission: Some(Emission { luminance_cd_m2: [1.9e9, 1.9e9, 1.9e9], limb_darkening: 0.6 }),
     };
-    let objects = SceneObjects { bodies: vec![Arc::new(sun)], fields: vec![Arc::new(field)], time_s: 1e7 };
+    let objects =
+        SceneObjects { bodies: vec![Arc::new(sun)], fields: vec![Arc::new(field)], time_s: 1e7, ..Default::default() };
     SceneSnapshot {
         objects: Arc::new(objects),
         camera: Camera { position_m, ..Camera::default() },

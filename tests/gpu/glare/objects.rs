@@ -64,7 +64,8 @@ fn swarm() -> SceneSnapshot {
         shapes,
     };
     let sun = Preset::Sun.body("sun", DVec3::ZERO);
-    let objects = SceneObjects { bodies: vec![Arc::new(sun)], fields: vec![Arc::new(field)], time_s: 0.0 };
+    let objects =
+        SceneObjects { bodies: vec![Arc::new(sun)], fields: vec![Arc::new(field)], time_s: 0.0, ..Default::default() };
     let mut scene = scene(objects);
     scene.camera.position_m = DVec3::new(AU_M, 0.0, 0.0);
     scene

@@ -200,7 +200,7 @@ fn scene(bodies: Vec<Arc<Body>>, fields: Vec<Arc<AsteroidField>>) -> SceneSnapsh
     SceneSnapshot {
         revision: 1,
         stars: Arc::new(StarSet::from_records(Vec::new())),
-        objects: Arc::new(SceneObjects { bodies, fields, time_s: 0.0 }),
+        objects: Arc::new(SceneObjects { bodies, fields, time_s: 0.0, ..Default::default() }),
         camera: Camera::default(),
     }
 }

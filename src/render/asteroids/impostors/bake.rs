@@ -6,7 +6,7 @@
 
 use crate::render::{constants::workgroups::FILTER_SIDE, shader::Shader};
 use crate::{
-    gpu::{self, Gpu, GpuError, ReadbackBuffer, bind_buffers, bind_to},
+    gpu::{self, Gpu, GpuError, LayoutOf, ReadbackBuffer, bind_buffers},
     plan::asteroids::{
         bounds::BORDER_PX,
         tiles::{AtlasLayout, AtlasTile},
@@ -113,7 +113,7 @@ impl ImpostorBakePass {
         let parameters = gpu::uniform_buffer(gpu, "impostor bake parameters", &parameters);
         let tile_buffer = gpu::storage_buffer(gpu, "impostor tiles", &tiles);
         let bindings = [(0, parameters.as_entire_binding()), (1, tile_buffer.as_entire_binding())];
-        let group = bind_to(gpu, &self.draw.get_bind_group_layout(0), &bindings);
+        let group = gpu.bind_once(LayoutOf::Render(&self.draw, 0), &bindings);
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         {
             let mut pass = begin(&mut encoder, block);
@@ -212,7 +212,7 @@ impl Block {
             normals: view(wgpu::TextureFormat::Rgba16Float, read),
             surfaces: view(wgpu::TextureFormat::Rg16Float, read),
             depth: view(wgpu::TextureFormat::Depth32Float, wgpu::TextureUsages::empty()),
-            texels: gpu.device.create_buffer(&wgpu::BufferDescriptor {
+            texels: gpu.create_buffer(&wgpu::BufferDescriptor {
                 label: Some("impostor texels"),
                 size: (u64::from(texels).pow(2) * size_of::<[u32; 2]>() as u64).next_multiple_of(16),
                 usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC,
@@ -268,7 +268,7 @@ fn draw_pipeline(gpu: &Gpu) -> wgpu::RenderPipeline {
         })
         .collect();
     let target = |format| Some(wgpu::ColorTargetState { format, blend: None, write_mask: wgpu::ColorWrites::ALL });
-    gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+    gpu.render_pipeline(&wgpu::RenderPipelineDescriptor {
         label: Some(vertex.name),
         layout: None,
         vertex: wgpu::VertexState {

@@ -6,7 +6,7 @@ use crate::render::{
     shader::Shader,
 };
 use crate::{
-    gpu::{Gpu, bind_to},
+    gpu::{Gpu, LayoutOf},
     plan::asteroids::ImpostorMethod,
     render::asteroids::raster::{AsteroidDraw, asteroid_pipeline},
 };
@@ -69,7 +69,7 @@ impl AsteroidImpostorPass {
 
     /// What an atlas (`super::atlas`) is bound to as group 1.
     pub(crate) fn atlas_group(&self, gpu: &Gpu, bindings: &[(u32, wgpu::BindingResource<'_>)]) -> wgpu::BindGroup {
-        bind_to(gpu, &self.atlas_layout, bindings)
+        gpu.bind_once(LayoutOf::Own(&self.atlas_layout), bindings)
     }
 
     /// Sets pipeline and groups (`offsets` of the source's dynamic bindings); draws of [`CORNERS`] vertices follow, an

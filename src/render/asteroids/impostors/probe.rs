@@ -6,7 +6,7 @@ use super::atlas::{ImpostorAtlas, ImpostorAtlasError};
 use super::draw::AsteroidSource;
 use crate::render::constants::reflection::{LAW_LAMBERT, LAW_LOMMEL_SEELIGER};
 use crate::{
-    gpu::{Gpu, GpuError, bind_to, read_layer, storage_buffer, texels_of_halves, uniform_buffer},
+    gpu::{Gpu, GpuError, LayoutOf, read_layer, storage_buffer, texels_of_halves, uniform_buffer},
     plan::{
         KernelPlan,
         asteroids::{AsteroidSettings, ImpostorMethod},
@@ -94,7 +94,8 @@ impl ImpostorProbe {
         let target = uniform_buffer(gpu, "given target", &target);
         let given: Vec<layout::GivenAsteroid> = asteroids.iter().map(encode).collect();
         let given = storage_buffer(gpu, "given asteroids", &given);
-        let source = bind_to(gpu, &self.source, &[(0, target.as_entire_binding()), (1, given.as_entire_binding())]);
+        let source = gpu
+            .bind_once(LayoutOf::Own(&self.source), &[(0, target.as_entire_binding()), (1, given.as_entire_binding())]);
         let atlas = self.pass.atlas_group(gpu, &self.atlas.bindings());
         let texture = |format| {
             gpu.device.create_texture(&wgpu::TextureDescriptor {

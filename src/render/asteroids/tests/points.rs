@@ -20,7 +20,7 @@ fn summed(bench: &mut Bench, plan: &AsteroidPlan, units_per_lx: f64) -> ([f64; 3
     let tile = crate::render::layout::Tile { rows: height, first_flag: 1, ..Default::default() };
     let tiles = storage_buffer(gpu, "tiles", &[tile]);
     let zeros = |words: u64| {
-        gpu.device.create_buffer(&wgpu::BufferDescriptor {
+        gpu.create_buffer(&wgpu::BufferDescriptor {
             label: Some("zeros"),
             size: 4 * words,
             usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC,

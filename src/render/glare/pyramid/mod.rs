@@ -7,7 +7,7 @@ use std::sync::OnceLock;
 use self::passes::{GlarePyramidPass, PyramidFrame, PyramidTextures, PyramidTile};
 use super::composite::{GlareCompositePass, GlareSource};
 use crate::{
-    gpu::{GrowingBuffer, storage_buffer},
+    gpu::GrowingBuffer,
     plan::{Plan, glare::pyramid::PyramidAxes, tiles::Tile},
     render::{
         glare::layout,
@@ -96,7 +96,7 @@ impl GlarePyramid {
             };
             pyramid.record(gpu, &mut pass, &of_viewport, textures, &tiles);
             for Place { batch, tile, encoded } in places {
-                let encoded = storage_buffer(gpu, "tile", std::slice::from_ref(&encoded));
+                let encoded = gpu.frame_storage("tile", std::slice::from_ref(&encoded));
                 let target = PictureTarget {
                     viewports: &targets.viewports,
                     tiles: &encoded,

@@ -10,7 +10,7 @@
 
 use crate::render::{constants::workgroups::PYRAMID_SIDE, shader::Shader};
 use crate::{
-    gpu::{self, Gpu, bind_buffers},
+    gpu::{Gpu, bind_buffers},
     plan::{
         glare::pyramid::{PyramidAxes, PyramidPlan, level_ratio, tap_weights, texel_px},
         settings::PyramidWeights,
@@ -123,7 +123,7 @@ impl GlarePyramidPass {
         maximum: &wgpu::Buffer,
     ) {
         let parameters = layout::GlareMaximumParameters { plane_pixels: batch.plane_pixels, ..Default::default() };
-        let parameters = gpu::uniform_buffer(gpu, "glare maximum parameters", &parameters);
+        let parameters = gpu.frame_uniform("glare maximum parameters", &parameters);
         let resources = [
             (0, parameters.as_entire_binding()),
             (1, viewports.as_entire_binding()),
@@ -153,7 +153,7 @@ impl GlarePyramidPass {
                 lower_plane_pixels: lower.plane_pixels,
                 ..Default::default()
             };
-            let parameters = gpu::uniform_buffer(gpu, "glare base parameters", &parameters);
+            let parameters = gpu.frame_uniform("glare base parameters", &parameters);
             let resources = [
                 (0, parameters.as_entire_binding()),
                 (1, frame.viewports.as_entire_binding()),
@@ -172,7 +172,7 @@ impl GlarePyramidPass {
                     _ => (&textures.between[level], &textures.levels[level]),
                 };
                 let parameters = blur_parameters(frame, level, axis);
-                let parameters = gpu::uniform_buffer(gpu, "glare blur parameters", &parameters);
+                let parameters = gpu.frame_uniform("glare blur parameters", &parameters);
                 let resources = [
                     (0, parameters.as_entire_binding()),
                     (1, frame.viewports.as_entire_binding()),
@@ -189,7 +189,7 @@ impl GlarePyramidPass {
             levels: textures.plan.sizes.len() as u32,
             ..Default::default()
         };
-        let parameters = gpu::uniform_buffer(gpu, "glare combine parameters", &parameters);
+        let parameters = gpu.frame_uniform("glare combine parameters", &parameters);
         let resources = [
             (0, parameters.as_entire_binding()),
             (1, view(&textures.all_levels)),

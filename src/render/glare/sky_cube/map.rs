@@ -9,7 +9,7 @@ use crate::render::{
 };
 use crate::{
     catalogue::chunks::StarSet,
-    gpu::{self, Gpu, bind_buffers, storage_buffer},
+    gpu::{self, Gpu, LayoutOf, storage_buffer},
     photometry::glare::{GlareKernel, GlareKernelName, InverseSquareKernel, split::angle_of_chord_squared},
     plan::{
         glare::sky_cube::{Level, SkyCubePlan, SkyCubeSettings, SpriteCell},
@@ -120,7 +120,7 @@ impl MapPasses {
     ) {
         let Below { coarser, bumps } = below;
         let wide = level.edge_cells + 2 * RIM;
-        let scattered = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+        let scattered = gpu.create_buffer(&wgpu::BufferDescriptor {
             label: Some("glare level"),
             size: 16 * 6 * u64::from(wide) * u64::from(wide),
             usage: wgpu::BufferUsages::STORAGE,
@@ -147,7 +147,7 @@ impl MapPasses {
             (5, scattered.as_entire_binding()),
         ];
         pass.set_pipeline(&self.gather);
-        pass.set_bind_group(0, &bind_buffers(gpu, &self.gather, 0, &buffers), &[]);
+        pass.set_bind_group(0, &gpu.bind_once(LayoutOf::Compute(&self.gather, 0), &buffers), &[]);
         let groups = wide.div_ceil(MAP_SIDE);
         pass.dispatch_workgroups(groups, groups, 6);
 
@@ -157,7 +157,7 @@ impl MapPasses {
         let buffers =
             [(0, parameters.as_entire_binding()), (1, scattered.as_entire_binding()), (2, map.as_entire_binding())];
         pass.set_pipeline(&self.sharpen);
-        pass.set_bind_group(0, &bind_buffers(gpu, &self.sharpen, 0, &buffers), &[]);
+        pass.set_bind_group(0, &gpu.bind_once(LayoutOf::Compute(&self.sharpen, 0), &buffers), &[]);
         let groups = (level.edge_cells + RIM).div_ceil(MAP_SIDE);
         pass.dispatch_workgroups(groups, groups, 6);
     }
@@ -172,7 +172,7 @@ impl MapPasses {
         let sky = SkyCubePlan::new(&key.stars, kernel, &key.settings);
         let points = map_points(sky.levels[0].edge_cells);
         let buffer = |label, points: u32| {
-            gpu.device.create_buffer(&wgpu::BufferDescriptor {
+            gpu.create_buffer(&wgpu::BufferDescriptor {
                 label: Some(label),
                 size: 16 * u64::from(points),
                 usage: wgpu::BufferUsages::STORAGE,
@@ -233,7 +233,7 @@ impl MapPasses {
 }
 
 /// A buffer of a list, with one item of nothing if it is empty: a binding must hold one at least.
-pub(super) fn buffer_of<T: Default + bytemuck::NoUninit>(gpu: &Gpu, label: &str, mut items: Vec<T>) -> wgpu::Buffer {
+fn buffer_of<T: Default + bytemuck::NoUninit>(gpu: &Gpu, label: &str, mut items: Vec<T>) -> wgpu::Buffer {
     if items.is_empty() {
         items.push(T::default());
     }

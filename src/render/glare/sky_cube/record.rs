@@ -4,13 +4,12 @@ use std::f64::consts::PI;
 
 use super::{
     SkyCube,
-    map::{ENTRIES_PER_OCTAVE, LAST_OCTAVE, OCTAVES, buffer_of, map_points},
+    map::{ENTRIES_PER_OCTAVE, LAST_OCTAVE, OCTAVES, map_points},
     pixel_class,
     sprites::{SpriteBuffers, SpritePasses, block_grid, square_grid},
 };
 use crate::render::constants::extended_sources::{IS_EXTENDED, SHARE_PARTS};
 use crate::{
-    gpu::{storage_buffer, uniform_buffer},
     photometry::glare::GlareKernel,
     plan::glare::{
         objects::{ExtendedSource, PointOfLight},
@@ -108,8 +107,8 @@ impl SkyCube {
                 }
             })
             .collect();
-        let views = storage_buffer(gpu, "glare views", &views);
-        let near = buffer_of(gpu, "near glare", near);
+        let views = gpu.frame_storage("glare views", &views);
+        let near = gpu.frame_storage("near glare", &near);
         let flat = |viewport: &Viewport| {
             matches!(viewport.projection, Projection::Perspective(_) | Projection::CubeFace(_))
                 && viewport.projection.middle_pixel_rad() <= MOST_FLAT_PIXEL_RAD
@@ -152,7 +151,7 @@ impl SkyCube {
                 flatness: sky.fade.flatness as f32,
                 ..Default::default()
             };
-            let parameters = uniform_buffer(gpu, "glare sky parameters", &parameters);
+            let parameters = gpu.frame_uniform("glare sky parameters", &parameters);
             let lists = lists.with_room(gpu, 4 * count(blocks) * u64::from(list_words)).clone();
             let square_lists = square_lists.with_room(gpu, 4 * count(squares) * u64::from(square_words)).clone();
             let mut pass = begin_pass(recording.encoder, recording.timer, "glare");

@@ -9,7 +9,7 @@ use crate::render::{
     shader::Shader,
 };
 use crate::{
-    gpu::{self, Gpu, bind_buffers, bind_to, dispatch_rows},
+    gpu::{Gpu, LayoutOf, bind_buffers, dispatch_rows},
     plan::{
         settings::StarMethod,
         stars::billboards::{BillboardPlan, DrawnPsf},
@@ -146,22 +146,27 @@ impl BillboardPass {
         plane: &BillboardPlane,
     ) {
         let BillboardFrame { plan, psf, camera_pc, colours, draws } = *frame;
-        let parameters = gpu::uniform_buffer(gpu, "billboards", &parameters(plan, psf, camera_pc, plane));
-        let viewport = gpu::uniform_buffer(gpu, "plane", &plane.viewport);
-        let group = bind_to(
-            gpu,
-            &self.pipeline.get_bind_group_layout(0),
+        let parameters = gpu.frame_uniform("billboards", &parameters(plan, psf, camera_pc, plane));
+        let viewport = gpu.frame_uniform("plane", &plane.viewport);
+        let group = gpu.bind(
+            LayoutOf::Render(&self.pipeline, 0),
             &[(0, parameters.as_entire_binding()), (1, viewport.as_entire_binding()), (2, colours.as_entire_binding())],
         );
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(0, &group, &[]);
         if let Some(image) = &self.image {
-            let layout = self.pipeline.get_bind_group_layout(2);
-            pass.set_bind_group(2, &bind_to(gpu, &layout, &[(0, wgpu::BindingResource::TextureView(image))]), &[]);
+            pass.set_bind_group(
+                2,
+                &gpu.bind(LayoutOf::Render(&self.pipeline, 2), &[(0, wgpu::BindingResource::TextureView(image))]),
+                &[],
+            );
         }
         for draw in draws {
-            let layout = self.pipeline.get_bind_group_layout(1);
-            pass.set_bind_group(1, &bind_to(gpu, &layout, &[(0, draw.stars.as_entire_binding())]), &[]);
+            pass.set_bind_group(
+                1,
+                &gpu.bind(LayoutOf::Render(&self.pipeline, 1), &[(0, draw.stars.as_entire_binding())]),
+                &[],
+            );
             pass.draw(0..self.vertices, 0..draw.count);
         }
     }
@@ -255,7 +260,7 @@ impl CountPass {
                     row_threads: columns * CATALOGUE_THREADS,
                     ..Default::default()
                 };
-                let parameters = gpu::uniform_buffer(gpu, "catalogue parameters", &parameters);
+                let parameters = gpu.frame_uniform("catalogue parameters", &parameters);
                 let buffers = [
                     (0, parameters.as_entire_binding()),
                     (1, viewports.0.as_entire_binding()),

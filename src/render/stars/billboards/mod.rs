@@ -12,7 +12,7 @@ use self::draw::{BillboardFrame, BillboardPass, BillboardPlane, CountPass, Squar
 use super::catalogue_buffers::CatalogueBuffers;
 use super::luminance::{LuminanceInputs, LuminancePass, LuminanceSource};
 use crate::{
-    gpu::{self, Gpu, GpuTimer},
+    gpu::{Gpu, GpuTimer},
     photometry::star_image::{SPRITE_SIZE, sprite},
     plan::{
         KernelPlan,
@@ -35,6 +35,15 @@ use crate::{
     },
 };
 
+/// What is blended into.
+struct BlendTarget {
+    size: wgpu::Extent3d,
+    /// All layers.
+    whole: wgpu::TextureView,
+    /// Each layer.
+    layers: Vec<wgpu::TextureView>,
+}
+
 /// Passes and textures of the methods that blend, made when they are first asked for.
 pub(super) struct Billboards {
     /// The passes of the methods used so far, with their images.
@@ -44,7 +53,7 @@ pub(super) struct Billboards {
     from_texture: OnceLock<LuminancePass>,
     from_cube: OnceLock<LuminancePass>,
     count: OnceLock<CountPass>,
-    target: Option<wgpu::Texture>,
+    target: Option<BlendTarget>,
     /// The viewport that `target` holds in the frame being recorded.
     drawn: Option<usize>,
 }
@@ -118,7 +127,7 @@ impl Billboards {
         };
         for (index, tile) in plan.batches[number].tiles.iter().enumerate() {
             let encoded = &recording.targets.batches[number].encoded_tiles[index];
-            let encoded = gpu::storage_buffer(gpu, "tile", std::slice::from_ref(encoded));
+            let encoded = gpu.frame_storage("tile", std::slice::from_ref(encoded));
             let viewport = &plan.viewports[tile.viewport];
             let cube = CubeFaces::for_projection(&viewport.projection, gpu.max_view_side_px());
             if self.drawn != Some(tile.viewport) {
@@ -141,11 +150,7 @@ impl Billboards {
         tile: &Tile,
         target: &PictureTarget<'_>,
     ) {
-        let Some(texture) = &self.target else { return };
-        let view = texture.create_view(&wgpu::TextureViewDescriptor {
-            dimension: Some(wgpu::TextureViewDimension::D2Array),
-            ..Default::default()
-        });
+        let Some(drawn) = &self.target else { return };
         let (resolve, numbers) = match cube {
             Some(cube) => {
                 let pass = self.from_cube.get_or_init(|| LuminancePass::new(gpu, LuminanceSource::Cube));
@@ -153,7 +158,7 @@ impl Billboards {
             }
             None => (self.from_texture.get_or_init(|| LuminancePass::new(gpu, LuminanceSource::Texture)), [0, 0]),
         };
-        let of_source = [(0, wgpu::BindingResource::TextureView(&view))];
+        let of_source = [(0, wgpu::BindingResource::TextureView(&drawn.whole))];
         let inputs = LuminanceInputs { scale: 1.0, numbers, of_source: &of_source };
         resolve.record(gpu, pass, &inputs, target, tile_grid(tile, viewport));
     }
@@ -191,20 +196,15 @@ impl Billboards {
             },
         };
         let size = cube.map_or(viewport.size(), |cube| [cube.side_px(); 2]);
-        let texture = self.target_of(gpu, size, planes.len() as u32);
+        self.make_target(gpu, size, planes.len() as u32);
         let Some(held) = self.in_use.and_then(|index| self.methods.get(index)) else { return };
-        for (layer, plane) in planes.iter().enumerate() {
+        let Some(target) = &self.target else { return };
+        for (view, plane) in target.layers.iter().zip(&planes) {
             let Some(plane) = plane else { continue };
-            let view = texture.create_view(&wgpu::TextureViewDescriptor {
-                dimension: Some(wgpu::TextureViewDimension::D2),
-                base_array_layer: layer as u32,
-                array_layer_count: Some(1),
-                ..Default::default()
-            });
             let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
                 label: Some("stars"),
                 color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-                    view: &view,
+                    view,
                     depth_slice: None,
                     resolve_target: None,
                     ops: wgpu::Operations {
@@ -221,27 +221,37 @@ impl Billboards {
         }
     }
 
-    /// A texture of that size, the one held if it fits.
-    fn target_of(&mut self, gpu: &Gpu, [width, height]: [u32; 2], layers: u32) -> wgpu::Texture {
+    /// Makes the texture that is blended into, unless the one that is held has that size.
+    fn make_target(&mut self, gpu: &Gpu, [width, height]: [u32; 2], layers: u32) {
         let size = wgpu::Extent3d { width, height, depth_or_array_layers: layers };
-        if self.target.as_ref().is_some_and(|held| held.size() != size) {
-            // Gone before its successor is made, so that both never exist at once.
-            self.target = None;
+        if self.target.as_ref().is_some_and(|held| held.size == size) {
+            return;
         }
-        self.target
-            .get_or_insert_with(|| {
-                gpu.device.create_texture(&wgpu::TextureDescriptor {
-                    label: Some("blended stars"),
-                    size,
-                    mip_level_count: 1,
-                    sample_count: 1,
-                    dimension: wgpu::TextureDimension::D2,
-                    format: gpu.blend_format,
-                    usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING,
-                    view_formats: &[],
-                })
+        // Gone before its successor is made, so that both never exist at once.
+        self.target = None;
+        let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
+            label: Some("blended stars"),
+            size,
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format: gpu.blend_format,
+            usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING,
+            view_formats: &[],
+        });
+        let view = |dimension, base_array_layer, array_layer_count| {
+            texture.create_view(&wgpu::TextureViewDescriptor {
+                dimension: Some(dimension),
+                base_array_layer,
+                array_layer_count,
+                ..Default::default()
             })
-            .clone()
+        };
+        self.target = Some(BlendTarget {
+            size,
+            whole: view(wgpu::TextureViewDimension::D2Array, 0, None),
+            layers: (0..layers).map(|layer| view(wgpu::TextureViewDimension::D2, layer, Some(1))).collect(),
+        });
     }
 
     /// Counts the stars drawn: after everything that is timed.

@@ -1,0 +1,150 @@
+// The overlay pass: lines and text onto display images. One workgroup for each block of pixels that has something to draw; each pixel
+// goes through the items of its block in their order. Items of one stroke count as one thing: the largest coverage is what is mixed in, in
+// linear light. Bodies and asteroids hide what is farther away than they are, as far as they cover the pixel.
+// The f64 twin is src/reference/overlay/draw.rs.
+
+#import constants/overlay
+#import shared/cover
+#import shared/projection
+#import shared/srgb
+#import shared/viewport
+
+const NO_STROKE: u32 = 0xffffffffu;
+
+struct OverlayParameters {
+    // Number of blocks.
+    blocks: u32,
+    unused_0: u32,
+    unused_1: u32,
+    unused_2: u32,
+}
+
+struct OverlayItem {
+    // A line's ends; of the others the first corner and the one after the last, whole pixels.
+    begin: vec2<f32>,
+    end: vec2<f32>,
+    // 1 over the distance at both ends, 1/m.
+    nearness: vec2<f32>,
+    half_width_px: f32,
+    // 0 to 1.
+    opacity: f32,
+    // sRGB codes, red in the lowest byte.
+    colour: u32,
+    // Items of one stroke follow each other.
+    stroke: u32,
+    shape: u32,
+    // Glyphs: index of the first pixel's coverage, in bytes.
+    first_texel: u32,
+}
+
+struct OverlayBlock {
+    // First column and row.
+    corner: vec2<u32>,
+    // Number of the tile.
+    tile: u32,
+    first_entry: u32,
+    entries: u32,
+    unused_0: u32,
+}
+
+@group(0) @binding(0) var<uniform> parameters: OverlayParameters;
+@group(0) @binding(1) var<storage, read> viewports: array<Viewport>;
+@group(0) @binding(2) var<storage, read> tiles: array<Tile>;
+@group(0) @binding(3) var<storage, read_write> display: array<u32>;
+@group(0) @binding(4) var<storage, read> geometry: array<vec4<u32>>;
+@group(0) @binding(5) var<storage, read> items: array<OverlayItem>;
+@group(0) @binding(6) var<storage, read> texels: array<u32>;
+@group(0) @binding(7) var<storage, read> entries: array<u32>;
+@group(0) @binding(8) var<storage, read> blocks: array<OverlayBlock>;
+
+// Whether there is anything but stars.
+override HAS_GEOMETRY: bool = false;
+
+// Coverage of a pixel by an item, and 1 over the distance of what covers it.
+fn item_coverage(item: OverlayItem, pixel: vec2<u32>) -> vec2<f32> {
+    if item.shape == SHAPE_LINE {
+        let along = item.end - item.begin;
+        let offset = vec2<f32>(pixel) + 0.5 - item.begin;
+        let part = clamp(dot(offset, along) / max(dot(along, along), 1e-30), 0.0, 1.0);
+        let distance = length(offset - along * part);
+        return vec2(clamp(item.half_width_px + 0.5 - distance, 0.0, 1.0), mix(item.nearness.x, item.nearness.y, part));
+    }
+    let corner = vec2<i32>(item.begin);
+    let size = vec2<i32>(item.end) - corner;
+    let at = vec2<i32>(pixel) - corner;
+    if any(at < vec2(0)) || any(at >= size) {
+        return vec2(0.0);
+    }
+    var coverage = 1.0;
+    if item.shape == SHAPE_CHECKERS {
+        coverage = f32(1u - ((pixel.x + pixel.y) & 1u));
+    } else if item.shape == SHAPE_GLYPH {
+        let texel = item.first_texel + u32(at.y * size.x + at.x);
+        coverage = f32((texels[texel / 4u] >> (8u * (texel % 4u))) & 0xffu) / 255.0;
+    }
+    return vec2(coverage, item.nearness.x);
+}
+
+fn light_of(codes: u32) -> vec3<f32> {
+    return linear_from_srgb(vec3<f32>(vec3(codes, codes >> 8u, codes >> 16u) & vec3(0xffu)) / 255.0);
+}
+
+@compute @workgroup_size(OVERLAY_BLOCK_PX, OVERLAY_BLOCK_PX)
+fn draw_overlay(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_id) local: vec3<u32>,
+) {
+    let number = group.y * groups.x + group.x;
+    if number >= parameters.blocks {
+        return;
+    }
+    let block = blocks[number];
+    let tile = tiles[block.tile];
+    let viewport = viewports[tile.viewport];
+    let pixel = block.corner + local.xy;
+    if pixel.y < tile.first_row || pixel.y >= tile.first_row + tile.rows || !contains(viewport, vec2<i32>(pixel)) {
+        return;
+    }
+    let index = tile.first_pixel + (pixel.y - tile.first_row) * viewport.size.x + pixel.x;
+    var word = 0u;
+    if HAS_GEOMETRY {
+        word = geometry[index].w;
+    }
+    let before_m = distance_of(word);
+    let open = 1.0 - coverage_of(word);
+
+    let below = display[index];
+    var light = light_of(below);
+    var touched = false;
+    var stroke = NO_STROKE;
+    var share = 0.0;
+    var colour = 0u;
+    var opacity = 0.0;
+    for (var i = 0u; i <= block.entries; i++) {
+        var item: OverlayItem;
+        item.stroke = NO_STROKE;
+        if i < block.entries {
+            item = items[entries[block.first_entry + i]];
+        }
+        if item.stroke != stroke {
+            if share > 0.0 {
+                light = mix(light, light_of(colour), share * opacity);
+                touched = true;
+            }
+            stroke = item.stroke;
+            colour = item.colour;
+            opacity = item.opacity;
+            share = 0.0;
+        }
+        if i < block.entries {
+            let covered = item_coverage(item, pixel);
+            let hidden = word != 0u && before_m * covered.y < 1.0;
+            share = max(share, covered.x * select(1.0, open, hidden));
+        }
+    }
+    if touched {
+        let codes = vec3<u32>(srgb_from_linear(light) * 255.0 + 0.5);
+        display[index] = (below & 0xff000000u) | codes.x | (codes.y << 8u) | (codes.z << 16u);
+    }
+}

@@ -1,0 +1,110 @@
+//! Grids of longitude and latitude.
+
+use std::f64::consts::{FRAC_PI_2, TAU};
+
+use glam::{DMat3, DVec3};
+
+use super::{
+    AT_INFINITY, Drawing, Eye, Ink, OverlayPlanError,
+    arc::Arc,
+    text::{Place, Run},
+};
+use crate::{
+    coordinates::icrs_from_galactic,
+    scene::overlay::{Grid, GridKind},
+};
+
+/// Height of the numbers, pixels.
+const NUMBER_PX: f64 = 13.0;
+
+/// Directions of longitude 0, of longitude 90 degrees and of the pole: what the eye sees, in view axes, is `Eye::seen` of them, but for the
+/// camera's own axes, which no motion moves.
+fn axes(kind: GridKind, eye: &Eye<'_>) -> DMat3 {
+    match kind {
+        GridKind::Equatorial => DMat3::IDENTITY,
+        GridKind::Galactic => icrs_from_galactic(),
+        GridKind::Altitude => {
+            let turn = eye.camera.world_from_camera;
+            DMat3::from_cols(turn * DVec3::NEG_Z, turn * DVec3::X, turn * DVec3::Y)
+        }
+    }
+}
+
+fn direction(axes: &DMat3, longitude: f64, latitude: f64) -> DVec3 {
+    *axes * crate::coordinates::direction_from_lon_lat(longitude, latitude)
+}
+
+pub(super) fn draw(drawing: &mut Drawing<'_>, eye: &Eye<'_>, grid: &Grid) -> Result<(), OverlayPlanError> {
+    let axes = axes(grid.kind, eye);
+    let step = FRAC_PI_2 / f64::from(grid.divisions);
+    let divisions = i64::from(grid.divisions);
+    let parallels = (1 - divisions..divisions).map(|number| {
+        let from_pole = FRAC_PI_2 - number as f64 * step;
+        Arc::circle(axes.z_axis, axes.x_axis, axes.y_axis, from_pole)
+    });
+    // Every fourth of the circle goes up to the poles; the others would crowd there.
+    let meridians = (0..4 * divisions).map(|number| {
+        let reach = if number % divisions == 0 { FRAC_PI_2 } else { FRAC_PI_2 - step };
+        Arc::half_circle(direction(&axes, number as f64 * step, 0.0), axes.z_axis, reach)
+    });
+    let arcs = parallels.chain(meridians);
+    let own_axes = grid.kind == GridKind::Altitude;
+    if own_axes {
+        let turned = arcs.map(|arc| arc.turned(&eye.view_from_world));
+        drawing.view_lines(eye, &grid.style, turned)?;
+    } else {
+        drawing.lines(eye, &grid.style, arcs)?;
+    }
+    Ok(())
+}
+
+/// Numbers of the circles.
+pub(super) fn draw_numbers(drawing: &mut Drawing<'_>, eye: &Eye<'_>, grid: &Grid) -> Result<(), OverlayPlanError> {
+    if !grid.numbers {
+        return Ok(());
+    }
+    let axes = axes(grid.kind, eye);
+    let step = FRAC_PI_2 / f64::from(grid.divisions);
+    let divisions = i64::from(grid.divisions);
+    let own_axes = grid.kind == GridKind::Altitude;
+    let ink = Ink { colour: grid.style.colour, opacity: grid.style.opacity };
+    let mut number = |text: &str, direction: DVec3| {
+        let direction = if own_axes { eye.view_from_world * direction } else { eye.seen(direction) };
+        let place = Place::Beside { gap_px: grid.style.width_px / 2.0 + 2.0 };
+        drawing.text_at(
+            eye,
+            direction,
+            &Run { text, size_px: NUMBER_PX, ink, nearness: AT_INFINITY, place, edged: true },
+        )
+    };
+    // Longitudes along the equator, latitudes along four meridians.
+    for index in 0..4 * divisions {
+        let longitude = index as f64 * step;
+        number(&longitude_text(grid.kind, longitude), direction(&axes, longitude, 0.0))?;
+    }
+    for quarter in 0..4 {
+        for index in (1 - divisions..divisions).filter(|index| *index != 0) {
+            let latitude = index as f64 * step;
+            let text = format!("{}{}°", if index > 0 { "+" } else { "-" }, trimmed(latitude.abs().to_degrees()));
+            number(&text, direction(&axes, f64::from(quarter) * FRAC_PI_2, latitude))?;
+        }
+    }
+    Ok(())
+}
+
+/// At most three decimals, and none that are 0.
+fn trimmed(value: f64) -> String {
+    let text = format!("{value:.3}");
+    text.trim_end_matches('0').trim_end_matches('.').to_owned()
+}
+
+/// Hours and minutes of right ascension, degrees of the others.
+fn longitude_text(kind: GridKind, longitude: f64) -> String {
+    if kind != GridKind::Equatorial {
+        return format!("{}°", trimmed(longitude.to_degrees()));
+    }
+    let minutes = longitude / TAU * 24.0 * 60.0;
+    let hours = (minutes / 60.0 + 1e-9).floor();
+    let rest = minutes - hours * 60.0;
+    if rest.abs() < 1e-3 { format!("{hours}h") } else { format!("{hours}h{}m", trimmed(rest)) }
+}

@@ -1,0 +1,347 @@
+//! What overlays draw into each image, in pixels: f64 and plain data.
+//!
+//! Every line is a circle on the sphere of directions around an eye, or a part of one: grids and test patterns by themselves, and straight
+//! lines in space because a straight line and the eye lie in one plane. [`arc`] has these, [`trace`] takes them through a projection
+//! and cuts them into straight pieces that stay within a twentieth of a pixel of the curve. Text becomes one bitmap per glyph
+//! ([`text`]). What there is to draw is then sorted into blocks of pixels ([`blocks`]).
+//!
+//! Items are drawn in their order. Those of one stroke are drawn as one thing: where they overlap, the largest coverage counts, so that
+//! half-transparent lines have no beads at their joints.
+
+pub mod arc;
+pub mod blocks;
+mod grid;
+mod labels;
+mod pattern;
+pub mod text;
+pub mod trace;
+
+use std::sync::Arc;
+
+use glam::{DMat3, DVec2, DVec3};
+
+use self::{
+    blocks::{Block, sort_into_blocks},
+    text::GlyphCache,
+    trace::Tracer,
+};
+use crate::{
+    relativity::Motion,
+    scene::{
+        Camera, SceneObjects,
+        bodies::Body,
+        overlay::{Colour, LineStyle, Overlay},
+    },
+    view::Viewport,
+};
+
+/// Most items of a frame: 64 bytes each on the adapter.
+pub const MOST_ITEMS: usize = 1 << 20;
+
+/// Nearness of what nothing hides.
+pub const BEFORE_ALL: f64 = f64::INFINITY;
+/// Nearness of what is at infinity.
+pub const AT_INFINITY: f64 = 0.0;
+
+/// Why an overlay cannot be drawn.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum OverlayPlanError {
+    /// There are too many lines in too many images.
+    #[error(
+        "the overlay has more than {MOST_ITEMS} pieces of lines and text in all images: use wider spacings of grids, fewer views or shorter trajectories"
+    )]
+    TooMany,
+}
+
+/// Colour and opacity of a stroke.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ink {
+    /// Codes of the display.
+    pub colour: Colour,
+    /// 0 to 1.
+    pub opacity: f64,
+}
+
+/// What an item covers of the image, in continuous pixel coordinates.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Shape {
+    /// A straight line with round ends. A pixel whose centre is `d` from it is covered by `half_width_px + 0.5 - d`, from 0 to 1.
+    Line {
+        /// One end.
+        from: DVec2,
+        /// The other end.
+        to: DVec2,
+        /// Half its width.
+        half_width_px: f64,
+        /// 1 over the distance of both ends, 1/m; between them it changes evenly along the line.
+        nearness: [f64; 2],
+    },
+    /// Whole pixels, or every other one of them.
+    Box {
+        /// First column and row.
+        from: [i32; 2],
+        /// The column and row after the last.
+        to: [i32; 2],
+        /// Whether only pixels count whose column and row have an even sum.
+        checkered: bool,
+    },
+    /// Pixels with a coverage of their own.
+    Glyph {
+        /// First column and row.
+        from: [i32; 2],
+        /// Columns and rows.
+        size: [u32; 2],
+        /// Coverage of the first pixel: index into [`OverlayPlan::texels`]; the others follow row by row.
+        first_texel: u32,
+        /// 1 over its distance, 1/m.
+        nearness: f64,
+    },
+}
+
+/// Something to draw.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Item {
+    /// Items of one stroke are drawn as one thing.
+    pub stroke: u32,
+    /// The stroke's.
+    pub ink: Ink,
+    /// Where.
+    pub shape: Shape,
+}
+
+/// What overlays draw in a frame.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct OverlayPlan {
+    /// All items, viewport by viewport, in the order in which they are drawn.
+    pub items: Vec<Item>,
+    /// First item of each viewport; and one entry more, the number of items.
+    pub first_items: Vec<usize>,
+    /// Coverage of the pixels of glyphs, in parts of 255.
+    pub texels: Vec<u8>,
+    /// Blocks of pixels that have items, viewport by viewport.
+    pub blocks: Vec<Block>,
+    /// Items of the blocks.
+    pub entries: Vec<u32>,
+}
+
+impl OverlayPlan {
+    /// Whether nothing is drawn.
+    pub fn is_empty(&self) -> bool {
+        self.blocks.is_empty()
+    }
+
+    /// Items of a viewport.
+    pub fn items_of(&self, viewport: usize) -> &[Item] {
+        &self.items[self.first_items[viewport]..self.first_items[viewport + 1]]
+    }
+}
+
+/// What a plan is made of.
+#[derive(Clone, Copy, Debug)]
+pub struct OverlayInputs<'a> {
+    /// The overlay, and the bodies that labels may belong to.
+    pub objects: &'a SceneObjects,
+    /// The camera.
+    pub camera: &'a Camera,
+    /// All viewports.
+    pub viewports: &'a [Viewport],
+    /// Names of the views.
+    pub views: &'a [String],
+}
+
+/// Makes plans. Keeps the last one, for frames in which nothing moves, and bitmaps of glyphs; plans do not depend on what is kept.
+#[derive(Debug, Default)]
+pub struct OverlayPlanner {
+    glyphs: GlyphCache,
+    last: Option<LastPlan>,
+}
+
+/// What a plan was made of.
+#[derive(Debug)]
+struct LastPlan {
+    overlay: Arc<Overlay>,
+    bodies: Vec<Arc<Body>>,
+    camera: Camera,
+    viewports: Vec<Viewport>,
+    views: Vec<String>,
+    plan: Arc<OverlayPlan>,
+}
+
+impl LastPlan {
+    fn is_of(&self, inputs: &OverlayInputs<'_>) -> bool {
+        let camera = Camera { revision: self.camera.revision, ..*inputs.camera };
+        let bodies = &inputs.objects.bodies;
+        let same_bodies =
+            self.bodies.len() == bodies.len() && self.bodies.iter().zip(bodies).all(|(a, b)| Arc::ptr_eq(a, b));
+        Arc::ptr_eq(&self.overlay, &inputs.objects.overlay)
+            && same_bodies
+            && self.camera == camera
+            && self.viewports == inputs.viewports
+            && self.views == inputs.views
+    }
+}
+
+impl OverlayPlanner {
+    /// Plans a frame. `None`: nothing is drawn over any image. A frame like the last one has the same plan, in the same place.
+    ///
+    /// # Errors
+    ///
+    /// There is more to draw than one frame can hold.
+    pub fn plan(&mut self, inputs: &OverlayInputs<'_>) -> Result<Option<Arc<OverlayPlan>>, OverlayPlanError> {
+        if inputs.objects.overlay.is_empty() {
+            *self = Self::default();
+            return Ok(None);
+        }
+        if let Some(last) = self.last.as_ref().filter(|last| last.is_of(inputs)) {
+            return Ok(Some(Arc::clone(&last.plan)));
+        }
+        self.last = None;
+        let plan = Arc::new(self.make(inputs)?);
+        self.last = Some(LastPlan {
+            overlay: Arc::clone(&inputs.objects.overlay),
+            bodies: inputs.objects.bodies.clone(),
+            camera: *inputs.camera,
+            viewports: inputs.viewports.to_vec(),
+            views: inputs.views.to_vec(),
+            plan: Arc::clone(&plan),
+        });
+        Ok(Some(plan))
+    }
+
+    fn make(&mut self, inputs: &OverlayInputs<'_>) -> Result<OverlayPlan, OverlayPlanError> {
+        let overlay = &inputs.objects.overlay;
+        let mut drawing = Drawing { items: Vec::new(), stroke: 0, texels: Vec::new(), glyphs: &mut self.glyphs };
+        drawing.glyphs.begin();
+        let mut first_items = Vec::with_capacity(inputs.viewports.len() + 1);
+        for viewport in inputs.viewports {
+            first_items.push(drawing.items.len());
+            let eye = Eye::new(inputs.camera, viewport);
+            for grid in &overlay.grids {
+                grid::draw(&mut drawing, &eye, grid)?;
+            }
+            for trajectory in &overlay.trajectories {
+                let arcs = trajectory.points_m.windows(2).filter_map(|ends| eye.straight_line(ends[0], ends[1]));
+                drawing.lines(&eye, &trajectory.style, arcs)?;
+            }
+            for grid in &overlay.grids {
+                grid::draw_numbers(&mut drawing, &eye, grid)?;
+            }
+            labels::draw(&mut drawing, &eye, inputs.objects)?;
+            let name = inputs.views.get(viewport.view);
+            if let Some(name) = name.filter(|name| overlay.test_patterns.contains(name)) {
+                pattern::draw(&mut drawing, &eye, name)?;
+            }
+        }
+        first_items.push(drawing.items.len());
+        let Drawing { items, texels, .. } = drawing;
+        let (blocks, entries) = sort_into_blocks(&items, &first_items, inputs.viewports);
+        Ok(OverlayPlan { items, first_items, texels, blocks, entries })
+    }
+}
+
+/// An image, and the eye that sees it.
+struct Eye<'a> {
+    viewport: &'a Viewport,
+    view_from_world: DMat3,
+    /// The camera's upward axis, in view axes.
+    up: DVec3,
+    camera: &'a Camera,
+    /// Where it stands, m.
+    position_m: DVec3,
+    motion: Option<Motion>,
+}
+
+impl<'a> Eye<'a> {
+    fn new(camera: &'a Camera, viewport: &'a Viewport) -> Self {
+        let view_from_world = DMat3::from_quat(viewport.world_from_view.conjugate());
+        Self {
+            viewport,
+            view_from_world,
+            up: view_from_world * (camera.world_from_camera * DVec3::Y),
+            camera,
+            position_m: camera.position_m + viewport.eye_offset_m,
+            motion: Motion::new(camera.velocity_c),
+        }
+    }
+
+    /// Where the eye sees what lies in a direction of the world (of any length but 0): view axes, any length.
+    fn seen(&self, direction: DVec3) -> DVec3 {
+        let seen = self.motion.map_or(direction, |motion| motion.seen(direction));
+        self.view_from_world * seen
+    }
+
+    /// A straight line between two points; `None` where it cannot be seen because the eye lies on it.
+    fn straight_line(&self, from_m: DVec3, to_m: DVec3) -> Option<arc::Arc> {
+        arc::Arc::straight_line(from_m - self.position_m, to_m - self.position_m)
+    }
+}
+
+/// A plan in the making.
+struct Drawing<'a> {
+    items: Vec<Item>,
+    stroke: u32,
+    texels: Vec<u8>,
+    glyphs: &'a mut GlyphCache,
+}
+
+impl Drawing<'_> {
+    /// What is added from now on is another stroke.
+    fn next_stroke(&mut self) {
+        self.stroke += 1;
+    }
+
+    fn push(&mut self, ink: Ink, shape: Shape) -> Result<(), OverlayPlanError> {
+        if self.items.len() >= MOST_ITEMS {
+            return Err(OverlayPlanError::TooMany);
+        }
+        self.items.push(Item { stroke: self.stroke, ink, shape });
+        Ok(())
+    }
+
+    /// Lines in the axes of the world, as one stroke.
+    fn lines(
+        &mut self,
+        eye: &Eye<'_>,
+        style: &LineStyle,
+        arcs: impl Iterator<Item = arc::Arc>,
+    ) -> Result<(), OverlayPlanError> {
+        if let Some(motion) = eye.motion {
+            // Aberration bends circles into other circles, unevenly: the whole map is traced.
+            let map = |direction: DVec3| eye.view_from_world * motion.seen(direction);
+            return self.traced(eye, style, arcs, &map, false);
+        }
+        let turned = arcs.map(|arc| arc.turned(&eye.view_from_world));
+        self.traced(eye, style, turned, &|direction| direction, true)
+    }
+
+    /// Lines in the axes of the view, as one stroke.
+    fn view_lines(
+        &mut self,
+        eye: &Eye<'_>,
+        style: &LineStyle,
+        arcs: impl Iterator<Item = arc::Arc>,
+    ) -> Result<(), OverlayPlanError> {
+        self.traced(eye, style, arcs, &|direction| direction, true)
+    }
+
+    fn traced(
+        &mut self,
+        eye: &Eye<'_>,
+        style: &LineStyle,
+        arcs: impl Iterator<Item = arc::Arc>,
+        map: &dyn Fn(DVec3) -> DVec3,
+        rigid: bool,
+    ) -> Result<(), OverlayPlanError> {
+        self.next_stroke();
+        let half_width_px = style.width_px / 2.0;
+        let ink = Ink { colour: style.colour, opacity: style.opacity };
+        let mut tracer = Tracer::new(&eye.viewport.projection, half_width_px + 1.0, map, rigid);
+        for arc in arcs {
+            for piece in tracer.trace(&arc) {
+                let [from, to] = piece.ends;
+                self.push(ink, Shape::Line { from, to, half_width_px, nearness: piece.nearness })?;
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,133 @@
+//! The twin of the overlay pass: it goes through the items of a plan, not through pixels, and knows no blocks.
+
+use std::collections::BTreeMap;
+
+use glam::DVec2;
+
+use crate::{
+    photometry::tone_map::{linear_from_srgb, srgb_from_linear},
+    plan::overlay::{BEFORE_ALL, Ink, Item, Shape},
+    view::projection::pixel_centre,
+};
+
+/// What bodies and asteroids cover of a pixel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cover {
+    /// 0 to 1.
+    pub share: f64,
+    /// How far away the nearest of it is, m.
+    pub distance_m: f64,
+}
+
+/// An image that items are drawn onto.
+pub struct OverlayTarget<'a> {
+    /// Width and height, pixels.
+    pub size: [u32; 2],
+    /// Red, green, blue and alpha of each pixel, row by row from the top: sRGB codes.
+    pub codes: &'a mut [u8],
+    /// Whether a pixel belongs to the picture: nothing is drawn outside of a round one.
+    pub contains: &'a dyn Fn(u32, u32) -> bool,
+    /// What stands before a pixel.
+    pub cover: &'a dyn Fn(u32, u32) -> Option<Cover>,
+}
+
+/// Share of a pixel that a line of round ends covers: `half_width_px + 0.5` less the distance of the pixel's centre.
+pub fn line_coverage(centre: DVec2, from: DVec2, to: DVec2, half_width_px: f64) -> f64 {
+    let along = to - from;
+    let length_squared = along.length_squared();
+    let part = if length_squared > 0.0 { ((centre - from).dot(along) / length_squared).clamp(0.0, 1.0) } else { 0.0 };
+    (half_width_px + 0.5 - centre.distance(from + along * part)).clamp(0.0, 1.0)
+}
+
+/// Where a shape may cover pixels: first column and row, and those after the last.
+fn bounds(shape: &Shape, size: [u32; 2]) -> [[u32; 2]; 2] {
+    let (least, most) = match *shape {
+        Shape::Line { from, to, half_width_px, .. } => {
+            let reach = DVec2::splat(half_width_px + 1.0);
+            (from.min(to) - reach, from.max(to) + reach)
+        }
+        Shape::Box { from, to, .. } => (DVec2::from_array(from.map(f64::from)), DVec2::from_array(to.map(f64::from))),
+        Shape::Glyph { from, size, .. } => {
+            let first = DVec2::from_array(from.map(f64::from));
+            (first, first + DVec2::from_array(size.map(f64::from)))
+        }
+    };
+    let held = |value: f64, side: u32| value.clamp(0.0, f64::from(side)) as u32;
+    [
+        [held(least.x.floor(), size[0]), held(least.y.floor(), size[1])],
+        [held(most.x.ceil(), size[0]), held(most.y.ceil(), size[1])],
+    ]
+}
+
+/// Coverage of a pixel by a shape, and 1 over the distance of what covers it.
+fn coverage(shape: &Shape, texels: &[u8], x: u32, y: u32) -> (f64, f64) {
+    match *shape {
+        Shape::Line { from, to, half_width_px, nearness } => {
+            let centre = pixel_centre(x, y);
+            let along = to - from;
+            let part = ((centre - from).dot(along) / along.length_squared().max(1e-300)).clamp(0.0, 1.0);
+            let near =
+                if nearness[0] == BEFORE_ALL { BEFORE_ALL } else { nearness[0] + (nearness[1] - nearness[0]) * part };
+            (line_coverage(centre, from, to, half_width_px), near)
+        }
+        Shape::Box { checkered, .. } => (if checkered && (x + y) % 2 == 1 { 0.0 } else { 1.0 }, BEFORE_ALL),
+        Shape::Glyph { from, size, first_texel, nearness } => {
+            let [column, row] = [x as i32 - from[0], y as i32 - from[1]].map(|offset| offset as u32);
+            let texel = texels[(first_texel + row * size[0] + column) as usize];
+            (f64::from(texel) / 255.0, nearness)
+        }
+    }
+}
+
+/// Draws items in their order.
+pub fn draw(target: &mut OverlayTarget<'_>, items: &[Item], texels: &[u8]) {
+    // Light of the pixels that were touched: rounded once, at the end.
+    let mut lights: BTreeMap<(u32, u32), [f64; 3]> = BTreeMap::new();
+    let [width, _] = target.size;
+    let index_of = |(x, y): (u32, u32)| 4 * (y as usize * width as usize + x as usize);
+    let mut rest = items;
+    while let Some(first) = rest.first() {
+        let count = rest.iter().take_while(|item| item.stroke == first.stroke).count();
+        let (stroke, after) = rest.split_at(count);
+        // The largest coverage of the stroke at each pixel that it touches.
+        let mut covered: BTreeMap<(u32, u32), f64> = BTreeMap::new();
+        for item in stroke {
+            let [[left, top], [right, bottom]] = bounds(&item.shape, target.size);
+            for y in top..bottom {
+                for x in left..right {
+                    let (mut share, nearness) = coverage(&item.shape, texels, x, y);
+                    if let Some(cover) = (target.cover)(x, y).filter(|cover| cover.distance_m * nearness < 1.0) {
+                        share *= 1.0 - cover.share;
+                    }
+                    if share > 0.0 && (target.contains)(x, y) {
+                        let most = covered.entry((x, y)).or_insert(0.0);
+                        *most = most.max(share);
+                    }
+                }
+            }
+        }
+        for (pixel, share) in covered {
+            let index = index_of(pixel);
+            let codes = [0, 1, 2].map(|channel| target.codes[index + channel]);
+            mix(lights.entry(pixel).or_insert(light_of(codes)), &first.ink, share);
+        }
+        rest = after;
+    }
+    for (pixel, light) in lights {
+        let index = index_of(pixel);
+        for (channel, value) in light.into_iter().enumerate() {
+            target.codes[index + channel] = (srgb_from_linear(value) * 255.0).round() as u8;
+        }
+    }
+}
+
+fn light_of(codes: [u8; 3]) -> [f64; 3] {
+    codes.map(|code| linear_from_srgb(f64::from(code) / 255.0))
+}
+
+/// Mixes an ink into the light of a pixel.
+fn mix(light: &mut [f64; 3], ink: &Ink, share: f64) {
+    for (below, above) in light.iter_mut().zip(light_of(ink.colour.0)) {
+        *below += (above - *below) * share * ink.opacity;
+    }
+}

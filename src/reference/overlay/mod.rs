@@ -1,0 +1,3 @@
+//! The twins of overlays.
+
+pub mod draw;

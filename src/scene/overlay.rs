@@ -1,0 +1,191 @@
+//! Overlays: lines and text that are drawn over display images, never into light.
+//!
+//! Everything here is plain data. Colours are codes of the display (sRGB), widths and sizes are pixels of the image that is drawn:
+//! the same in every projection.
+
+mod check;
+mod font;
+
+use glam::DVec3;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+pub use self::{
+    check::{
+        LONGEST_TEXT, Lists, MOST_DIVISIONS, MOST_GRIDS, MOST_LABELS, MOST_POINTS, MOST_TRAJECTORIES, OverlayError,
+        SIZES_PX, WIDTHS_PX,
+    },
+    font::{font, missing_character},
+};
+
+/// A colour of the display: sRGB codes of red, green and blue.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Colour(pub [u8; 3]);
+
+impl Colour {
+    /// The colour of `#rrggbb`; the error says what is allowed.
+    pub fn from_hex(text: &str) -> Result<Self, String> {
+        let wrong =
+            || format!("`{text}`: a colour as `#rrggbb` is needed, with two hexadecimal digits for each channel");
+        let digits = text.strip_prefix('#').filter(|digits| digits.len() == 6).ok_or_else(wrong)?;
+        if !digits.bytes().all(|digit| digit.is_ascii_hexdigit()) {
+            return Err(wrong());
+        }
+        let number = u32::from_str_radix(digits, 16).map_err(|_| wrong())?;
+        let [_, red, green, blue] = number.to_be_bytes();
+        Ok(Self([red, green, blue]))
+    }
+
+    /// The colour as `#rrggbb`.
+    pub fn to_hex(self) -> String {
+        let [red, green, blue] = self.0;
+        format!("#{red:02x}{green:02x}{blue:02x}")
+    }
+}
+
+/// How lines are drawn.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LineStyle {
+    /// Their colour.
+    pub colour: Colour,
+    /// Their width, pixels.
+    pub width_px: f64,
+    /// How much of what is behind a line it replaces, 0 to 1, in linear light.
+    pub opacity: f64,
+}
+
+/// Whose circles a grid shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum GridKind {
+    /// Right ascension and declination (ICRS).
+    Equatorial,
+    /// Galactic longitude and latitude.
+    Galactic,
+    /// Azimuth and altitude of the camera's own axes: the zenith is its +y, azimuth 0 its -z, growing to the right.
+    Altitude,
+}
+
+impl GridKind {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Equatorial, Self::Galactic, Self::Altitude];
+
+    /// Its name in configurations and messages.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Equatorial => "equatorial",
+            Self::Galactic => "galactic",
+            Self::Altitude => "altitude",
+        }
+    }
+
+    /// The kind of that name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|kind| kind.name() == name)
+    }
+}
+
+/// Circles of longitude and latitude.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Grid {
+    /// Of which coordinates.
+    pub kind: GridKind,
+    /// Spaces between the equator and a pole: the circles are 90 degrees over this apart.
+    pub divisions: u32,
+    /// Whether the circles are numbered.
+    pub numbers: bool,
+    /// How its lines are drawn.
+    pub style: LineStyle,
+}
+
+impl Grid {
+    /// How lines are drawn where nothing is said.
+    pub const STYLE: LineStyle = LineStyle { colour: Colour([79, 127, 191]), width_px: 1.5, opacity: 0.7 };
+    /// Angle between neighbouring circles where nothing is said, degrees.
+    pub const SPACING_DEG: f64 = 15.0;
+
+    /// Spaces between the equator and a pole for circles that are `spacing_deg` apart; the error says what is allowed.
+    pub fn divisions_from_spacing_deg(spacing_deg: f64) -> Result<u32, String> {
+        let divisions = (90.0 / spacing_deg).round();
+        let allowed = (90.0 / f64::from(MOST_DIVISIONS)..=90.0).contains(&spacing_deg);
+        if allowed && (divisions * spacing_deg - 90.0).abs() <= 1e-6 {
+            return Ok(divisions as u32);
+        }
+        let least = 90.0 / f64::from(MOST_DIVISIONS);
+        Err(format!("{spacing_deg}: allowed are {least} to 90 degrees of which 90 is a whole multiple"))
+    }
+
+    /// Angle between neighbouring circles, degrees.
+    pub fn spacing_deg(&self) -> f64 {
+        90.0 / f64::from(self.divisions)
+    }
+}
+
+/// A polyline in space.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Trajectory {
+    /// Unique among trajectories.
+    pub name: String,
+    /// Its corners: ICRS, barycentric, m.
+    pub points_m: Vec<DVec3>,
+    /// How it is drawn.
+    pub style: LineStyle,
+}
+
+impl Trajectory {
+    /// How lines are drawn where nothing is said.
+    pub const STYLE: LineStyle = LineStyle { colour: Colour([255, 176, 64]), width_px: 2.0, opacity: 1.0 };
+}
+
+/// What a label stands beside.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Anchor {
+    /// A direction of the sky: a unit vector, ICRS.
+    Direction(DVec3),
+    /// A point: ICRS, barycentric, m.
+    Point(DVec3),
+}
+
+/// Text beside a direction or a point.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Label {
+    /// Unique among labels.
+    pub name: String,
+    /// What is written: one line.
+    pub text: String,
+    /// Where.
+    pub anchor: Anchor,
+    /// Its colour.
+    pub colour: Colour,
+    /// Height of the font, pixels.
+    pub size_px: f64,
+    /// As of lines.
+    pub opacity: f64,
+}
+
+impl Label {
+    /// Colour where nothing is said.
+    pub const COLOUR: Colour = Colour([224; 3]);
+    /// Height of the font where nothing is said, pixels.
+    pub const SIZE_PX: f64 = 16.0;
+}
+
+/// Everything that is drawn over the display images of a scene.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Overlay {
+    /// Grids; later ones are drawn over earlier ones.
+    pub grids: Vec<Grid>,
+    /// Trajectories, drawn over grids.
+    pub trajectories: Vec<Trajectory>,
+    /// Labels, drawn over lines.
+    pub labels: Vec<Label>,
+    /// Names of the views that show a test pattern, drawn over everything.
+    pub test_patterns: Vec<String>,
+}
+
+impl Overlay {
+    /// Whether nothing is drawn.
+    pub fn is_empty(&self) -> bool {
+        self.grids.is_empty() && self.trajectories.is_empty() && self.labels.is_empty() && self.test_patterns.is_empty()
+    }
+}

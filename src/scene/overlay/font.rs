@@ -1,0 +1,19 @@
+//! The font of all text: Hack, whose licences (MIT and Bitstream Vera) stand in `LICENSE-FONT-HACK`.
+
+use std::sync::LazyLock;
+
+use ab_glyph::{Font, FontRef, GlyphId};
+
+/// The font.
+pub fn font() -> &'static FontRef<'static> {
+    static FONT: LazyLock<FontRef<'static>> = LazyLock::new(|| {
+        FontRef::try_from_slice(epaint_default_fonts::HACK_REGULAR)
+            .unwrap_or_else(|error| panic!("the font that is built in cannot be read: {error}"))
+    });
+    &FONT
+}
+
+/// The first character of a text that the font does not have.
+pub fn missing_character(text: &str) -> Option<char> {
+    text.chars().find(|character| character.is_control() || font().glyph_id(*character) == GlyphId(0))
+}

@@ -1,0 +1,83 @@
+//! What a change makes of a scene's overlay.
+
+use std::sync::Arc;
+
+use super::objects::{Change, Objects};
+use crate::scene::{
+    SceneObjects,
+    overlay::{Grid, Label, Lists, Overlay, Trajectory},
+};
+
+/// A change of an overlay; what is `None` or [`Change::Nothing`] stays.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct OverlayChange {
+    /// These take the place of all grids.
+    pub grids: Option<Vec<Grid>>,
+    /// Trajectories.
+    pub trajectories: Change<Trajectory>,
+    /// Labels.
+    pub labels: Change<Label>,
+    /// Names of all views that show a test pattern.
+    pub test_patterns: Option<Vec<String>>,
+}
+
+impl OverlayChange {
+    /// The change that leaves this overlay, whatever there was.
+    pub fn all(overlay: Overlay) -> Self {
+        Self {
+            grids: Some(overlay.grids),
+            trajectories: Change::All(overlay.trajectories),
+            labels: Change::All(overlay.labels),
+            test_patterns: Some(overlay.test_patterns),
+        }
+    }
+
+    /// Whether it leaves everything as it is.
+    pub fn is_nothing(&self) -> bool {
+        self.grids.is_none()
+            && self.trajectories.is_nothing()
+            && self.labels.is_nothing()
+            && self.test_patterns.is_none()
+    }
+
+    /// Refuses test patterns of views that do not exist.
+    pub(super) fn check_views(&self, views: &[&str]) -> Result<(), String> {
+        match self.test_patterns.iter().flatten().find(|name| !views.contains(&name.as_str())) {
+            Some(name) => Err(format!("overlay.test_patterns: no view `{name}`: allowed are {}", views.join(", "))),
+            None => Ok(()),
+        }
+    }
+
+    fn applied(&self, overlay: &Overlay) -> Result<Overlay, String> {
+        let applied = Overlay {
+            grids: self.grids.clone().unwrap_or_else(|| overlay.grids.clone()),
+            trajectories: self.trajectories.applied(&overlay.trajectories, "overlay.trajectories", |one| &one.name)?,
+            labels: self.labels.applied(&overlay.labels, "overlay.labels", |one| &one.name)?,
+            test_patterns: self.test_patterns.clone().unwrap_or_else(|| overlay.test_patterns.clone()),
+        };
+        applied.check().map_err(|wrong| {
+            let name = match wrong.list {
+                Lists::Grids => None,
+                Lists::Trajectories => applied.trajectories.get(wrong.index).map(|one| &one.name),
+                Lists::Labels => applied.labels.get(wrong.index).map(|one| &one.name),
+            };
+            match name {
+                Some(name) => format!("overlay.{}.{name}: {}", wrong.list.key(), wrong.error),
+                None => wrong.to_string(),
+            }
+        })?;
+        Ok(applied)
+    }
+}
+
+impl Objects {
+    /// The objects with a changed overlay.
+    pub(super) fn with_overlay(mut self, change: &OverlayChange) -> Result<Self, String> {
+        if change.is_nothing() {
+            return Ok(self);
+        }
+        let overlay = Arc::new(change.applied(&self.drawn.overlay)?);
+        self.drawn = Arc::new(SceneObjects { overlay, ..(*self.drawn).clone() });
+        Ok(self)
+    }
+}

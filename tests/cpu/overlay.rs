@@ -1,0 +1,390 @@
+//! Overlays in f64: their plan, and their configuration.
+
+use std::{f64::consts::PI, path::Path, sync::Arc};
+
+use glam::{DQuat, DVec2, DVec3};
+use steradian::{
+    config::Config,
+    coordinates::{direction_from_lon_lat, icrs_from_galactic},
+    plan::overlay::{
+        OverlayInputs, OverlayPlan, OverlayPlanError, OverlayPlanner, Shape, arc::Arc as SkyArc, trace::Tracer,
+    },
+    relativity::Motion,
+    scene::{
+        Camera, SceneObjects,
+        overlay::{Anchor, Colour, Grid, GridKind, LineStyle, Overlay, Trajectory},
+    },
+    view::{
+        Fov, Rig, View, ViewKind, Viewport,
+        projection::{CubeFace, Equirectangular, Face, Fisheye, FisheyeMapping, Perspective, Projection},
+    },
+};
+
+fn fisheye(mapping: FisheyeMapping, degrees: f64) -> Projection {
+    Projection::Fisheye(Fisheye::new([400, 400], mapping, f64::to_radians(degrees)).unwrap())
+}
+
+fn projections() -> Vec<(&'static str, Projection)> {
+    let degrees = f64::to_radians;
+    vec![
+        ("perspective", Projection::Perspective(Perspective::symmetric([400, 300], degrees(60.0)).unwrap())),
+        ("wide", Projection::Perspective(Perspective::symmetric([300, 300], degrees(170.0)).unwrap())),
+        (
+            "off-axis",
+            Projection::Perspective(
+                Perspective::off_axis([400, 300], degrees(-10.0), degrees(70.0), degrees(50.0), degrees(-5.0)).unwrap(),
+            ),
+        ),
+        ("cube face", Projection::CubeFace(CubeFace::new(Face::Up, 300).unwrap())),
+        ("equidistant 180", fisheye(FisheyeMapping::Equidistant, 180.0)),
+        ("equidistant 360", fisheye(FisheyeMapping::Equidistant, 360.0)),
+        ("equisolid 360", fisheye(FisheyeMapping::Equisolid, 360.0)),
+        ("orthographic 180", fisheye(FisheyeMapping::Orthographic, 180.0)),
+        ("stereographic 300", fisheye(FisheyeMapping::Stereographic, 300.0)),
+        ("equirectangular", Projection::Equirectangular(Equirectangular::new([600, 300]).unwrap())),
+    ]
+}
+
+/// Circles of many sizes in many places, some through poles, axes and antipodes.
+fn arcs() -> Vec<SkyArc> {
+    let mut arcs = Vec::new();
+    for index in 0..20 {
+        let turn = DQuat::from_euler(
+            glam::EulerRot::XYZ,
+            f64::from(index) * 0.7,
+            f64::from(index) * 1.1 + 0.03,
+            f64::from(index) * 0.3,
+        );
+        let [x, y, z] = [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| turn * axis);
+        arcs.push(SkyArc::circle(z, x, y, 0.02 + 0.16 * f64::from(index)));
+    }
+    for (middle, along) in [
+        (DVec3::NEG_Z, DVec3::X),
+        (DVec3::NEG_Z, DVec3::Y),
+        (DVec3::X, DVec3::Y),
+        (DVec3::NEG_Z, DVec3::new(0.6, 0.8, 0.0)),
+    ] {
+        arcs.push(SkyArc::half_circle(middle, along, PI));
+    }
+    arcs.push(SkyArc::straight_line(DVec3::new(-3.0, 1.0, 5.0), DVec3::new(40.0, 2.0, -3.0)).unwrap());
+    arcs
+}
+
+fn distance_to_piece(point: DVec2, [from, to]: [DVec2; 2]) -> f64 {
+    let along = to - from;
+    let part = ((point - from).dot(along) / along.length_squared().max(1e-300)).clamp(0.0, 1.0);
+    point.distance(from + along * part)
+}
+
+/// Points of a curve a twentieth of a pixel apart, wherever it is near the picture and does not jump.
+fn sample_densely(
+    at: &dyn Fn(f64) -> Option<DVec2>,
+    [a, b]: [f64; 2],
+    pixels: [Option<DVec2>; 2],
+    depth: u32,
+    curve: &mut Vec<DVec2>,
+) {
+    let near = |pixel: Option<DVec2>| pixel.filter(|pixel| pixel.abs().max_element() < 2000.0);
+    let [start, end] = pixels.map(near);
+    curve.extend(start);
+    let (Some(start), Some(end)) = (start, end) else { return };
+    if start.distance(end) > 0.05 && depth > 0 {
+        let middle = (a + b) / 2.0;
+        let pixel = at(middle);
+        sample_densely(at, [a, middle], [Some(start), pixel], depth - 1, curve);
+        sample_densely(at, [middle, b], [pixel, Some(end)], depth - 1, curve);
+    }
+}
+
+/// Farthest that a point of the pieces is from the curve, and a point of the curve inside of the picture from the pieces; pixels.
+fn errors_px(projection: &Projection, arc: &SkyArc, pieces: &[[DVec2; 2]]) -> [f64; 2] {
+    let mapping = projection.mapping();
+    let [width, height] = mapping.size().map(f64::from);
+    let steps = 20_000;
+    let [from, to] = arc.angles;
+    // Of round pictures the corners are outside.
+    let inside = |pixel: &DVec2| {
+        let in_image = pixel.x >= 0.0 && pixel.x <= width && pixel.y >= 0.0 && pixel.y <= height;
+        in_image && mapping.direction_from_pixel(*pixel).is_some()
+    };
+    let at = |angle: f64| mapping.pixel_from_direction(arc.direction(angle));
+    let mut curve: Vec<DVec2> = Vec::new();
+    for step in 0..steps {
+        let angles = [step, step + 1].map(|step| from + (to - from) * f64::from(step) / f64::from(steps));
+        sample_densely(&at, angles, angles.map(at), 30, &mut curve);
+    }
+    // By cells, so that only what is near is compared.
+    let cell = |pixel: DVec2| [(pixel.x / 8.0).floor() as i64, (pixel.y / 8.0).floor() as i64];
+    let mut cells: std::collections::HashMap<[i64; 2], Vec<DVec2>> = std::collections::HashMap::new();
+    // An equirectangular image goes on at its sides.
+    let turns = if matches!(projection, Projection::Equirectangular(_)) { &[0.0, 1.0, -1.0][..] } else { &[0.0] };
+    for pixel in curve.iter().flat_map(|pixel| turns.iter().map(|turn| *pixel + DVec2::new(turn * width, 0.0))) {
+        cells.entry(cell(pixel)).or_default().push(pixel);
+    }
+    let mut piece_cells: std::collections::HashMap<[i64; 2], Vec<usize>> = std::collections::HashMap::new();
+    let mut off_curve = 0.0_f64;
+    for (index, &[a, b]) in pieces.iter().enumerate() {
+        let count = (a.distance(b) / 2.0).ceil().max(1.0) as usize;
+        for step in 0..=count {
+            let point = a + (b - a) * step as f64 / count as f64;
+            let [x, y] = cell(point);
+            for dy in -1..=1 {
+                for dx in -1..=1 {
+                    let list = piece_cells.entry([x + dx, y + dy]).or_default();
+                    if list.last() != Some(&index) {
+                        list.push(index);
+                    }
+                }
+            }
+            if inside(&point) {
+                let near = (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| [x + dx, y + dy]));
+                let nearest = near
+                    .filter_map(|cell| cells.get(&cell))
+                    .flatten()
+                    .map(|pixel| pixel.distance(point))
+                    .fold(8.0, f64::min);
+                off_curve = off_curve.max(nearest);
+            }
+        }
+    }
+    let mut uncovered = 0.0_f64;
+    for pixel in curve.iter().filter(|pixel| inside(pixel)) {
+        let near = piece_cells.get(&cell(*pixel)).map_or(&[][..], Vec::as_slice);
+        let nearest = near.iter().map(|&index| distance_to_piece(*pixel, pieces[index])).fold(8.0, f64::min);
+        uncovered = uncovered.max(nearest);
+    }
+    [off_curve, uncovered]
+}
+
+#[test]
+fn pieces_follow_their_curve_in_every_projection_and_leave_no_gap() {
+    for (name, projection) in projections() {
+        let identity = |direction: DVec3| direction;
+        let (mut worst, mut count) = ([0.0_f64; 2], 0);
+        for arc in arcs() {
+            let mut tracer = Tracer::new(&projection, 3.0, &identity, true);
+            let pieces: Vec<[DVec2; 2]> = tracer.trace(&arc).into_iter().map(|piece| piece.ends).collect();
+            count += pieces.len();
+            let errors = errors_px(&projection, &arc, &pieces);
+            worst = [worst[0].max(errors[0]), worst[1].max(errors[1])];
+        }
+        println!("{name}: {worst:?} px, {count} pieces");
+        assert!(worst[0] < 0.1 && worst[1] < 0.1, "{name}: {worst:?}");
+    }
+}
+
+/// The plan of a scene for views that all look along the camera's axes.
+fn plan_of(objects: &SceneObjects, camera: &Camera, viewports: &[Viewport], names: &[String]) -> Arc<OverlayPlan> {
+    let inputs = OverlayInputs { objects, camera, viewports, views: names };
+    OverlayPlanner::default().plan(&inputs).unwrap().unwrap()
+}
+
+fn rig() -> (Rig, Vec<String>) {
+    let fov = Fov { left_rad: -0.9, right_rad: 0.7, up_rad: 0.8, down_rad: -0.8 };
+    let views = [
+        ("dome", ViewKind::DomeMaster { size: 300, fov_rad: PI, tilt_rad: 0.0 }),
+        ("eyes", ViewKind::Stereo { size: [300, 240], ipd_m: 0.4, fov_left: fov, fov_right: fov.mirrored() }),
+        ("sphere", ViewKind::Equirectangular { size: [400, 200] }),
+    ];
+    let view = |(name, kind)| View::new(name, kind, DQuat::IDENTITY, DVec3::ZERO).unwrap();
+    let rig = Rig::new(views.into_iter().map(view).collect()).unwrap();
+    let names = rig.views().iter().map(|view| view.name.clone()).collect();
+    (rig, names)
+}
+
+/// The line of a viewport that is nearest to a pixel: its distance, pixels, and 1 over the distance in space there.
+fn nearest_line(plan: &OverlayPlan, viewport: usize, pixel: DVec2) -> (f64, f64) {
+    let lines = plan.items_of(viewport).iter().filter_map(|item| match item.shape {
+        Shape::Line { from, to, nearness, .. } => Some((from, to, nearness)),
+        _ => None,
+    });
+    let distances = lines.map(|(from, to, nearness)| {
+        let along = to - from;
+        let part = ((pixel - from).dot(along) / along.length_squared().max(1e-300)).clamp(0.0, 1.0);
+        (pixel.distance(from + along * part), nearness[0] + (nearness[1] - nearness[0]) * part)
+    });
+    distances.min_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((f64::INFINITY, 0.0))
+}
+
+/// Pixel of a vector in world axes, if it lies in the picture.
+fn pixel_of(viewport: &Viewport, vector: DVec3) -> Option<DVec2> {
+    let mapping = viewport.projection.mapping();
+    let pixel = mapping.pixel_from_direction(viewport.world_from_view.inverse() * vector)?;
+    mapping.direction_from_pixel(pixel).map(|_| pixel)
+}
+
+#[test]
+fn a_moving_camera_sees_grids_where_it_sees_the_stars() {
+    let (rig, names) = rig();
+    let grid = Grid { kind: GridKind::Galactic, divisions: 1, numbers: false, style: Grid::STYLE };
+    let overlay = Arc::new(Overlay { grids: vec![grid], ..Overlay::default() });
+    let objects = SceneObjects { overlay, ..SceneObjects::default() };
+    let resting = Camera { world_from_camera: DQuat::from_rotation_x(1.0), ..Camera::default() };
+    let moving = Camera { velocity_c: DVec3::new(0.5, 0.3, -0.4), ..resting };
+    let motion = Motion::new(moving.velocity_c).unwrap();
+    let viewports = rig.viewports(moving.world_from_camera);
+    let [right, wrong] = [moving, resting].map(|camera| plan_of(&objects, &camera, &viewports, &names));
+    let (mut worst, mut worst_wrong, mut count) = (0.0_f64, 0.0_f64, 0);
+    for (index, viewport) in viewports.iter().enumerate() {
+        for step in 0..360 {
+            let star = icrs_from_galactic() * direction_from_lon_lat(f64::from(step).to_radians(), 0.0);
+            let Some(pixel) = pixel_of(viewport, motion.seen(star)) else { continue };
+            count += 1;
+            worst = worst.max(nearest_line(&right, index, pixel).0);
+            worst_wrong = worst_wrong.max(nearest_line(&wrong, index, pixel).0);
+        }
+    }
+    println!("{count} places, at most {worst} px off; without aberration {worst_wrong} px");
+    assert!(count > 500 && worst < 0.1 && worst_wrong > 10.0, "{count} {worst} {worst_wrong}");
+}
+
+#[test]
+fn trajectories_are_where_each_eye_sees_them_and_as_far_away() {
+    let (rig, names) = rig();
+    let points_m: Vec<DVec3> = (0..12)
+        .map(|i| f64::from(i) * 0.9)
+        .map(|t| DVec3::new(6.0 * t.cos(), 3.0 * t.sin() + 1.0, -4.0 + 5.0 * (t * 0.7).sin()))
+        .collect();
+    let camera = Camera { position_m: DVec3::new(1e3, 0.0, 5e2), ..Camera::default() };
+    let way = Trajectory {
+        name: "way".to_owned(),
+        points_m: points_m.iter().map(|point| camera.position_m + *point).collect(),
+        style: Trajectory::STYLE,
+    };
+    let overlay = Arc::new(Overlay { trajectories: vec![way], ..Overlay::default() });
+    let objects = SceneObjects { overlay, ..SceneObjects::default() };
+    let viewports = rig.viewports(camera.world_from_camera);
+    let plan = plan_of(&objects, &camera, &viewports, &names);
+    let (mut worst_px, mut worst_nearness, mut count) = (0.0_f64, 0.0_f64, 0);
+    for (index, viewport) in viewports.iter().enumerate() {
+        for pair in points_m.windows(2) {
+            for step in 0..50 {
+                let point = pair[0].lerp(pair[1], f64::from(step) / 50.0) - viewport.eye_offset_m;
+                let Some(pixel) = pixel_of(viewport, point) else { continue };
+                let (off_px, nearness) = nearest_line(&plan, index, pixel);
+                count += 1;
+                worst_px = worst_px.max(off_px);
+                worst_nearness = worst_nearness.max((nearness * point.length() - 1.0).abs());
+            }
+        }
+    }
+    println!("{count} places, at most {worst_px} px off, distance off by {worst_nearness}");
+    assert!(count > 1000 && worst_px < 0.1, "{count} {worst_px}");
+    // Where lines cross, the nearest piece may be another one's: they do not, here.
+    assert!(worst_nearness < 0.01, "{worst_nearness}");
+    // The eyes see different pictures.
+    let lines = |index: usize| plan.items_of(index).first().map(|item| item.shape);
+    assert_ne!(lines(1), lines(2));
+}
+
+#[test]
+fn a_frame_like_the_last_one_has_the_same_plan_and_too_much_is_refused() {
+    let (rig, names) = rig();
+    let fine = Grid { kind: GridKind::Equatorial, divisions: 90, numbers: false, style: Grid::STYLE };
+    let objects_of = |grids: Vec<Grid>| SceneObjects {
+        overlay: Arc::new(Overlay { grids, ..Overlay::default() }),
+        ..SceneObjects::default()
+    };
+    let objects = objects_of(vec![Grid { divisions: 3, ..fine }]);
+    let (camera, viewports) = (Camera::default(), rig.viewports(DQuat::IDENTITY));
+    let mut planner = OverlayPlanner::default();
+    let mut plan = |objects: &SceneObjects, camera: &Camera, viewports: &[Viewport], names: &[String]| {
+        planner.plan(&OverlayInputs { objects, camera, viewports, views: names })
+    };
+    let first = plan(&objects, &camera, &viewports, &names).unwrap().unwrap();
+    let later = Camera { revision: 7, ..camera };
+    let again = plan(&objects, &later, &viewports, &names).unwrap().unwrap();
+    assert!(Arc::ptr_eq(&first, &again));
+    let turned = Camera { world_from_camera: DQuat::from_rotation_y(0.1), ..camera };
+    let other = plan(&objects, &turned, &rig.viewports(turned.world_from_camera), &names).unwrap().unwrap();
+    assert!(!Arc::ptr_eq(&first, &other) && *first != *other);
+    assert_eq!(plan(&objects_of(vec![]), &camera, &viewports, &names), Ok(None));
+    // Thirty spheres with eight grids of 1 degree.
+    let sphere = &viewports[3];
+    let many: Vec<Viewport> = vec![sphere.clone(); 30];
+    let names = vec!["sphere".to_owned(); 5];
+    let refused = plan(&objects_of(vec![fine; 8]), &camera, &many, &names);
+    assert_eq!(refused, Err(OverlayPlanError::TooMany));
+}
+
+fn refused(text: &str, parts: &[&str]) {
+    let message = Config::from_text(text, "test.toml", Path::new("/sky"), &[]).expect_err(text).to_string();
+    for part in parts.iter().chain(&["test.toml"]) {
+        assert!(message.contains(part), "`{part}` is not in: {message}");
+    }
+}
+
+#[test]
+fn configurations_are_read_as_written_and_filled_in() {
+    let text = "[[views]]\nname = 'a'\ntype = 'perspective'\nsize = [8, 8]\nfov_y_deg = 60\ntest_pattern = true\n\
+        [[views]]\nname = 'b'\ntype = 'equirectangular'\nsize = [8, 4]\n\
+        [[overlay.grids]]\nkind = 'galactic'\nspacing_deg = 22.5\ncolour = '#0aFF10'\nwidth_px = 3\nopacity = 0.25\nnumbers = false\n\
+        [[overlay.grids]]\nkind = 'altitude'\n\
+        [[overlay.trajectories]]\nname = 'way'\npoints_m = [[0, 0, 0], [1e9, 0, 2]]\n\
+        [[overlay.labels]]\nname = 'pole'\nra_deg = 0\ndec_deg = 90\n\
+        [[overlay.labels]]\nname = 'there'\ntext = 'β Ori'\nposition_m = [1, 2, 3]\nsize_px = 30\n";
+    let config = Config::from_text(text, "test.toml", Path::new("/sky"), &[]).unwrap();
+    let overlay = config.objects().unwrap().overlay;
+    assert_eq!(overlay.test_patterns, ["a"]);
+    let style = LineStyle { colour: Colour([10, 255, 16]), width_px: 3.0, opacity: 0.25 };
+    assert_eq!(overlay.grids[0], Grid { kind: GridKind::Galactic, divisions: 4, numbers: false, style });
+    assert_eq!(overlay.grids[1], Grid { kind: GridKind::Altitude, divisions: 6, numbers: true, style: Grid::STYLE });
+    assert_eq!(overlay.trajectories[0].points_m, [DVec3::ZERO, DVec3::new(1e9, 0.0, 2.0)]);
+    assert_eq!(overlay.trajectories[0].style, Trajectory::STYLE);
+    let [pole, there] = &overlay.labels[..] else { panic!("two labels") };
+    assert_eq!(pole.text, "pole");
+    let Anchor::Direction(direction) = pole.anchor else { panic!("a direction") };
+    assert!((direction - DVec3::Z).length() < 1e-12);
+    assert_eq!(
+        (there.text.as_str(), there.anchor, there.size_px),
+        ("β Ori", Anchor::Point(DVec3::new(1.0, 2.0, 3.0)), 30.0)
+    );
+    let none = Config::from_text("", "test.toml", Path::new("/sky"), &[]).unwrap();
+    assert!(none.objects().unwrap().overlay.is_empty());
+}
+
+#[test]
+fn mistakes_in_configurations_are_refused() {
+    let grid = |keys: &str| format!("[[overlay.grids]]\nkind = 'equatorial'\n{keys}");
+    let way = |keys: &str| format!("[[overlay.trajectories]]\nname = 'way'\n{keys}");
+    let label = |keys: &str| format!("[[overlay.labels]]\nname = 'star'\n{keys}");
+    let at = "ra_deg = 1\ndec_deg = 2\n";
+    for (text, parts) in [
+        ("[overlay]\ngrid = []".to_owned(), &["overlay.grid", "unknown key"][..]),
+        (
+            "[[overlay.grids]]\nkind = 'ecliptic'".to_owned(),
+            &["overlay.grids[0].kind", "equatorial", "galactic", "altitude"],
+        ),
+        (grid("spacing_deg = 7"), &["overlay.grids[0].spacing_deg", "1 to 90"]),
+        (grid("spacing_deg = 0.5"), &["overlay.grids[0].spacing_deg", "1 to 90"]),
+        (grid("spacing_deg = nan"), &["overlay.grids[0].spacing_deg", "finite"]),
+        (grid("colour = 'red'"), &["overlay.grids[0].colour", "#rrggbb"]),
+        (grid("colour = '#12345+'"), &["overlay.grids[0].colour", "#rrggbb"]),
+        (grid("width_px = 0.5"), &["overlay.grids[0].width_px", "1 to 32"]),
+        (grid("opacity = 1.5"), &["overlay.grids[0].opacity", "0 to 1"]),
+        (grid("").repeat(9), &["overlay.grids[8]", "allowed are 8"]),
+        (way("points_m = [[0, 0, 0]]"), &["overlay.trajectories[0].points_m", "2 to 32768"]),
+        (way("points_m = [[0, 0, 0], [inf, 0, 0]]"), &["overlay.trajectories[0].points_m", "[1]"]),
+        (way("points_m = [[0, 0, 0], [1, 0, 0]]\n").repeat(2), &["overlay.trajectories[1].name", "unique"]),
+        (
+            way(&format!("points_m = [{}]", "[0, 0, 0],".repeat(20_000)))
+                + "\n"
+                + &way(&format!("points_m = [{}]", "[0, 0, 0],".repeat(20_000))).replace("'way'", "'other'"),
+            &["overlay.trajectories[1].points_m", "40000 points", "32768"],
+        ),
+        (label(""), &["overlay.labels[0].position_m", "exactly one"]),
+        (label(&format!("{at}position_m = [0, 0, 0]")), &["overlay.labels[0].position_m", "exactly one"]),
+        (label("ra_deg = 1"), &["overlay.labels[0].position_m", "exactly one"]),
+        (label("ra_deg = 1\ndec_deg = 91"), &["overlay.labels[0].dec_deg", "-90 to 90"]),
+        (label(&format!("{at}text = ''")), &["overlay.labels[0].text", "1 to 64"]),
+        (label(&format!("{at}text = '{}'", "x".repeat(65))), &["overlay.labels[0].text", "65 characters"]),
+        (label(&format!("{at}text = '漢'")), &["overlay.labels[0].text", "漢"]),
+        (label(&format!("{at}size_px = 5")), &["overlay.labels[0].size_px", "6 to 200"]),
+        (
+            "[[views]]\nname = 'a'\ntype = 'equirectangular'\nsize = [8, 4]\ntest_pattern = 'yes'".to_owned(),
+            &["views[0].test_pattern", "boolean"],
+        ),
+    ] {
+        refused(&text, parts);
+    }
+}
