@@ -3,6 +3,8 @@
 
 use std::{fs, path::Path};
 
+use steradian::{plan::settings::StarMethod, verify};
+
 use crate::figures::{FIGURES, Figure};
 
 /// The first line of the table.
@@ -112,6 +114,24 @@ fn every_measured_figure_is_asserted_by_a_test_with_a_bound_close_to_it() {
     let readme = fs::read_to_string(repository().join("README.md")).unwrap();
     let problems = problems(&readme, FIGURES, &test_by_path);
     assert!(problems.is_empty(), "{}", problems.join("\n"));
+}
+
+/// The number between two texts of a document, which may be broken into lines anywhere.
+fn number_between(document: &str, before: &str, after: &str) -> Option<usize> {
+    let text = document.split_whitespace().collect::<Vec<_>>().join(" ");
+    let (_, rest) = text.split_once(before)?;
+    rest.split_once(after)?.0.parse().ok()
+}
+
+#[test]
+fn the_readme_counts_checks_and_methods_as_the_program_does() {
+    let readme = fs::read_to_string(repository().join("README.md")).unwrap();
+    assert_eq!(number_between(&readme, "`verify` runs ", " checks"), Some(verify::checks().len()));
+    let ours = number_between(&readme, "(docs/catalogues.md)); ", " methods of our own").unwrap();
+    let published = number_between(&readme, "methods of our own and ", " published ones").unwrap();
+    assert_eq!(ours + published, StarMethod::ALL.len());
+    assert_eq!(number_between("a 12\nb", "a ", " b"), Some(12));
+    assert_eq!(number_between("a few b", "a ", " b"), None);
 }
 
 /// A figure that is as it should be.
