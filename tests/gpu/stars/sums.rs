@@ -71,7 +71,7 @@ fn sirius_and_a_star_of_magnitude_21_are_both_right() {
             }
         }
     }
-    [of_sirius, of_faint, of_faint_by_day].iter().for_each(Worst::print);
+    [of_sirius, of_faint, of_faint_by_day].into_iter().for_each(Worst::print);
 }
 
 /// Units chosen too fine on purpose: the frame is refused, nothing wraps.
