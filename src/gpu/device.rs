@@ -3,7 +3,7 @@
 use std::{
     fmt,
     panic::{self, AssertUnwindSafe},
-    sync::{Arc, Mutex, PoisonError},
+    sync::{Arc, Mutex, PoisonError, atomic::AtomicU64},
     time::Duration,
 };
 
@@ -172,6 +172,8 @@ pub struct Gpu {
     pub(crate) software: bool,
     binding_limit_bytes: u64,
     readback_limit_bytes: u64,
+    /// Pipelines made so far.
+    pub(super) pipelines: AtomicU64,
     /// The first error that the driver reported and nobody has seen yet.
     failure: Arc<Mutex<Option<String>>>,
     report: AdapterReport,
@@ -254,6 +256,7 @@ impl Gpu {
             software,
             binding_limit_bytes,
             readback_limit_bytes: options.binding_limit_bytes.unwrap_or(1 << 30).min(limits.max_buffer_size / 16 * 16),
+            pipelines: AtomicU64::new(0),
             failure,
             report,
         }
@@ -320,35 +323,6 @@ impl Gpu {
             Ok(Err(error)) => Err(GpuError::Lost(error.to_string())),
             Err(_) => Err(GpuError::Lost("the driver has given it up".to_owned())),
         }
-    }
-
-    /// A compute pipeline with the layout that its shader implies.
-    pub(crate) fn compute_pipeline(&self, source: &super::ShaderSource) -> wgpu::ComputePipeline {
-        self.compute_pipeline_with(source, &[])
-    }
-
-    /// The same with values for the shader's overridable constants.
-    pub(crate) fn compute_pipeline_with(
-        &self,
-        source: &super::ShaderSource,
-        constants: &[(&str, f64)],
-    ) -> wgpu::ComputePipeline {
-        let descriptor = wgpu::ShaderModuleDescriptor {
-            label: Some(source.name),
-            source: wgpu::ShaderSource::Wgsl(source.text.as_str().into()),
-        };
-        let module = self.device.create_shader_module(descriptor);
-        self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label: Some(source.name),
-            layout: None,
-            module: &module,
-            entry_point: Some(source.entry_point),
-            compilation_options: wgpu::PipelineCompilationOptions {
-                constants,
-                zero_initialize_workgroup_memory: false,
-            },
-            cache: None,
-        })
     }
 }
 

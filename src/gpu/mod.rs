@@ -16,7 +16,7 @@ pub(crate) use buffers::{GrowingBuffer, ReadbackBuffer, ReadbackPlace, filled_bu
 pub use constants::Table;
 pub(crate) use constants::{Shared, shared_constants};
 pub use device::{AdapterReport, Gpu, GpuError, GpuOptions};
-pub(crate) use pipelines::Stage;
+pub(crate) use pipelines::{Stage, Variants};
 pub(crate) use shader::{Choices, Library};
 pub use shader::{Place, ShaderError, ShaderSource};
 pub use structs::StructLayout;

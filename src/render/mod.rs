@@ -17,6 +17,7 @@ mod glare;
 pub(crate) mod layout;
 #[cfg(test)]
 mod pass_tests;
+mod prepare;
 #[cfg(test)]
 mod presentation_tests;
 pub mod probe;
@@ -35,6 +36,7 @@ pub use self::{
     display::Presentation,
     error::RenderError,
     frame::{Frame, FrameImage, FrameTimes, ViewStatistics, Wanted},
+    prepare::PrepareStep,
     shader::{Shader, shaders},
     submit::SubmittedFrame,
 };

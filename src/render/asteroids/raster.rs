@@ -79,7 +79,7 @@ pub(crate) fn asteroid_pipeline(
         bind_group_layouts: groups,
         ..Default::default()
     });
-    gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+    gpu.render_pipeline(&wgpu::RenderPipelineDescriptor {
         label: Some(fragment.name),
         layout: Some(&layout),
         vertex: wgpu::VertexState {

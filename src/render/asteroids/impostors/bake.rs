@@ -268,7 +268,7 @@ fn draw_pipeline(gpu: &Gpu) -> wgpu::RenderPipeline {
         })
         .collect();
     let target = |format| Some(wgpu::ColorTargetState { format, blend: None, write_mask: wgpu::ColorWrites::ALL });
-    gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+    gpu.render_pipeline(&wgpu::RenderPipelineDescriptor {
         label: Some(vertex.name),
         layout: None,
         vertex: wgpu::VertexState {
