@@ -59,7 +59,7 @@ impl Renderer {
     ///
     /// The driver has refused a shader.
     pub fn prepare(
-        &self,
+        &mut self,
         objects: &SceneObjects,
         rig: &Rig,
         settings: &RenderSettings,

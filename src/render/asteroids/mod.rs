@@ -45,7 +45,7 @@ use crate::{
     plan::{
         Plan, PlanError,
         asteroids::{AsteroidPlan, frame::ENTRY_BYTES},
-        settings::{AsteroidSettings, ImpostorMethod},
+        settings::{AsteroidSettings, Culling, ImpostorMethod},
         stars::{cull::MAX_VIEWPORTS, range::FixedPoint},
     },
     scene::SceneObjects,
