@@ -60,7 +60,7 @@ pub(super) fn composite(
     variant: Variant,
 ) -> GlareCompositePass {
     composites.get(variant, || {
-        let constants = [("TABULATED", variant.tabulated), ("FLAT", variant.flat)];
+        let constants = [("TABULATED", variant.tabulated), ("FLAT", variant.flat), ("ROLLED", gpu.software)];
         let constants = constants.map(|(name, value)| (name, f64::from(u8::from(value))));
         GlareCompositePass::new(gpu, GlareSource::Sky, &constants)
     })
