@@ -5,7 +5,54 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
+use crate::render::PrepareStep;
 use crate::scene::loader::LoadStep;
+
+/// A bar, where standard error is a terminal.
+fn bar() -> Option<ProgressBar> {
+    io::stderr().is_terminal().then(|| {
+        let bar = ProgressBar::no_length();
+        // A template without any unknown key parses; the plain style is what is left otherwise.
+        let style = ProgressStyle::with_template("{spinner} {wide_bar} {pos}/{len} {msg} [{elapsed}]");
+        bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+        bar.enable_steady_tick(Duration::from_millis(120));
+        bar
+    })
+}
+
+/// Progress of making pipelines, and of the first frame.
+pub struct PreparingProgress {
+    bar: Option<ProgressBar>,
+    started: Instant,
+}
+
+impl PreparingProgress {
+    /// Begins.
+    pub fn new() -> Self {
+        tracing::info!("preparing shaders");
+        Self { bar: bar(), started: Instant::now() }
+    }
+
+    /// Tells of the next step.
+    pub fn step(&mut self, PrepareStep { name, done, of }: PrepareStep) {
+        match &self.bar {
+            Some(bar) => {
+                bar.set_length(of as u64);
+                bar.set_position(done as u64);
+                bar.set_message(format!("shaders: {name}"));
+            }
+            None => tracing::debug!("shaders: {name} ({done} of {of})"),
+        }
+    }
+
+    /// Ends.
+    pub fn finish(self) {
+        if let Some(bar) = self.bar {
+            bar.finish_and_clear();
+        }
+        tracing::info!("shaders ready after {:.1} s", self.started.elapsed().as_secs_f64());
+    }
+}
 
 /// Progress of loading a scene.
 pub struct LoadingProgress {
@@ -16,15 +63,7 @@ pub struct LoadingProgress {
 impl LoadingProgress {
     /// Begins.
     pub fn new() -> Self {
-        let bar = io::stderr().is_terminal().then(|| {
-            let bar = ProgressBar::no_length();
-            // A template without any unknown key parses; the plain style is what is left otherwise.
-            let style = ProgressStyle::with_template("{spinner} {wide_bar} {pos}/{len} {msg} [{elapsed}]");
-            bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
-            bar.enable_steady_tick(Duration::from_millis(120));
-            bar
-        });
-        Self { bar, started: Instant::now() }
+        Self { bar: bar(), started: Instant::now() }
     }
 
     /// Tells of the next step.

@@ -46,11 +46,19 @@ pub fn run(arguments: RenderArguments, adapter: Option<String>) -> Result<(), Cl
     renderer.check(&rig).map_err(|error| CliError::render(error.into(), &config.origin))?;
 
     let objects = Arc::new(config.objects()?);
-    let (stars, _) = load::stars(&config.star_sources(), &config.origin)?;
-    let snapshot = SceneSnapshot { revision: 1, stars: Arc::new(stars), objects, camera };
     let settings = config.render_settings();
+    let wanted = Wanted { display: true, hdr: true, ..Wanted::default() };
+    // Pipelines are made while stars are loaded.
+    let (prepared, loaded) = std::thread::scope(|scope| {
+        let preparing = scope.spawn(|| renderer.prepare(&objects, &rig, &settings, wanted, &[], &mut |_| ()));
+        let loaded = load::stars(&config.star_sources(), &config.origin);
+        (preparing.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)), loaded)
+    });
+    let (stars, _) = loaded?;
+    prepared.map_err(|error| CliError::render(error, &config.origin))?;
+    let snapshot = SceneSnapshot { revision: 1, stars: Arc::new(stars), objects, camera };
     let frame = renderer
-        .render(FrameRequest::new(&snapshot, &rig).settings(&settings).wanted(Wanted::both()))
+        .render(FrameRequest::new(&snapshot, &rig).settings(&settings).wanted(wanted))
         .map_err(|error| CliError::render(error, &config.origin))?;
     let tell = |path: &Path| tracing::info!("wrote {}", path.display());
     for path in write_frame(&arguments.out, &rig, &frame, &renderer.adapter().adapter, &tell)? {

@@ -8,13 +8,15 @@ use clap::Args;
 use tokio::runtime::Runtime;
 use tokio::task;
 
-use super::{CliError, load, results};
+use super::{CliError, load, progress::PreparingProgress, results};
 use crate::config::{Config, parse_listen};
 use crate::gpu::{Gpu, GpuOptions};
-use crate::render::Renderer;
+use crate::plan::settings::RenderSettings;
+use crate::render::{Renderer, Wanted};
 use crate::scene::SceneSnapshot;
 use crate::scene::loader::LoadedCatalogue;
 use crate::service::{self, HeadsetOptions, SceneCatalogue, ServeOptions, Shutdown};
+use crate::view::Rig;
 use crate::xr::{self, FirstFailure};
 
 /// Arguments of `serve`.
@@ -40,7 +42,7 @@ pub struct ServeArguments {
 pub fn run(arguments: ServeArguments, adapter: Option<String>) -> Result<(), CliError> {
     let config = Config::load_or_built_in(arguments.config.as_deref(), &arguments.set)?;
     let (rig, camera) = (config.rig()?, config.camera()?);
-    let renderer = Renderer::new(Gpu::open(&GpuOptions { adapter, ..GpuOptions::default() })?);
+    let mut renderer = Renderer::new(Gpu::open(&GpuOptions { adapter, ..GpuOptions::default() })?);
     renderer.check(&rig).map_err(|error| CliError::render(error.into(), &config.origin))?;
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build().map_err(CliError::Runtime)?;
     block_on_and_leave(runtime, async {
@@ -61,6 +63,19 @@ pub fn run(arguments: ServeArguments, adapter: Option<String>) -> Result<(), Cli
             },
         };
         let scene = SceneSnapshot { revision: 1, stars: Arc::new(stars), objects: Arc::new(objects), camera };
+        // Shaders are compiled before anybody can ask for a frame.
+        let (settings, of_scene, of_rig) = (config.render_settings(), scene.clone(), rig.clone());
+        let preparing = task::spawn_blocking(move || {
+            prepare(&mut renderer, &of_scene, &of_rig, &settings);
+            renderer
+        });
+        let renderer = tokio::select! {
+            () = &mut signals => return Ok(()),
+            prepared = preparing => match prepared {
+                Ok(renderer) => renderer,
+                Err(error) => std::panic::resume_unwind(error.into_panic()),
+            },
+        };
         let listen = arguments.listen.unwrap_or_else(|| config.server.listen.clone());
         let mut options = ServeOptions::new(listen, Box::new(renderer), scene, rig, config.render_settings(), announce);
         let catalogue = |loaded: LoadedCatalogue| SceneCatalogue { name: loaded.name, stars: loaded.stars as u64 };
@@ -70,6 +85,23 @@ pub fn run(arguments: ServeArguments, adapter: Option<String>) -> Result<(), Cli
         options.shutdown = Shutdown::When(signals);
         service::run(options).await.map_err(CliError::Serve)
     })
+}
+
+/// Makes what the first frame takes, with progress. What cannot be drawn is told here, and to every client that asks for it: the scene may
+/// be changed by then.
+fn prepare(renderer: &mut Renderer, scene: &SceneSnapshot, rig: &Rig, settings: &RenderSettings) {
+    if rig.views().is_empty() {
+        return;
+    }
+    let wanted = Wanted { display: true, hdr: true, ..Wanted::default() };
+    let mut progress = PreparingProgress::new();
+    let prepared = renderer
+        .prepare(&scene.objects, rig, settings, wanted, &[], &mut |step| progress.step(step))
+        .and_then(|()| renderer.warm_up(scene, rig, settings, wanted));
+    progress.finish();
+    if let Err(error) = prepared {
+        tracing::warn!("the first frame cannot be drawn: {error}");
+    }
 }
 
 /// The headset that a configuration asks for.

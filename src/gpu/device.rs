@@ -3,7 +3,7 @@
 use std::{
     fmt,
     panic::{self, AssertUnwindSafe},
-    sync::{Arc, Mutex, PoisonError, atomic::Ordering},
+    sync::{Arc, Mutex, PoisonError},
     time::Duration,
 };
 
@@ -329,36 +329,6 @@ impl Gpu {
             Ok(Err(error)) => Err(GpuError::Lost(error.to_string())),
             Err(_) => Err(GpuError::Lost("the driver has given it up".to_owned())),
         }
-    }
-
-    /// A compute pipeline with the layout that its shader implies.
-    pub(crate) fn compute_pipeline(&self, source: &super::ShaderSource) -> wgpu::ComputePipeline {
-        self.compute_pipeline_with(source, &[])
-    }
-
-    /// The same with values for the shader's overridable constants.
-    pub(crate) fn compute_pipeline_with(
-        &self,
-        source: &super::ShaderSource,
-        constants: &[(&str, f64)],
-    ) -> wgpu::ComputePipeline {
-        let descriptor = wgpu::ShaderModuleDescriptor {
-            label: Some(source.name),
-            source: wgpu::ShaderSource::Wgsl(source.text.as_str().into()),
-        };
-        let module = self.device.create_shader_module(descriptor);
-        self.counters.pipelines.fetch_add(1, Ordering::Relaxed);
-        self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label: Some(source.name),
-            layout: None,
-            module: &module,
-            entry_point: Some(source.entry_point),
-            compilation_options: wgpu::PipelineCompilationOptions {
-                constants,
-                zero_initialize_workgroup_memory: false,
-            },
-            cache: None,
-        })
     }
 }
 

@@ -21,7 +21,7 @@ pub(crate) use constants::{Shared, shared_constants};
 pub use device::{AdapterReport, Gpu, GpuError, GpuOptions};
 pub(crate) use frame_pool::LayoutOf;
 pub use frame_pool::ObjectsMade;
-pub(crate) use pipelines::Stage;
+pub(crate) use pipelines::{Stage, Variants};
 pub(crate) use shader::{Choices, Library};
 #[doc(hidden)]
 pub use shader::{Place, ShaderError, ShaderSource};

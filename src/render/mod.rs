@@ -18,6 +18,7 @@ pub(crate) mod layout;
 mod overlay;
 #[cfg(test)]
 mod pass_tests;
+mod prepare;
 #[doc(hidden)]
 mod presentation;
 #[cfg(test)]
@@ -37,6 +38,7 @@ pub use self::{
     asteroids::AsteroidCounts,
     error::RenderError,
     frame::{Frame, FrameImage, FrameTimes, ViewStatistics, Wanted},
+    prepare::PrepareStep,
     presentation::Presentation,
     request::FrameRequest,
     submit::SubmittedFrame,

@@ -61,7 +61,7 @@ fn run<T: Pod>(
 
 /// What the exposure pass makes of partial sums (illuminance that counts, solid angle that does not).
 fn exposure_of(gpu: &Gpu, settings: &ExposureSettings, known: Option<f64>, partials: &[[f32; 2]]) -> layout::Exposure {
-    let pass = ExposurePass::new(gpu);
+    let pass = ExposurePass::new();
     let found = buffer_for_results(gpu, size_of::<layout::Exposure>() as u64);
     let sums = storage_buffer(gpu, "partial sums", partials);
     run(gpu, &found, 1, |encoder| {
@@ -147,7 +147,7 @@ fn a_pixel_that_is_not_finite_loses_itself_only() {
     };
     let metered = |words: &[u32]| -> layout::Exposure {
         let resolve = LuminancePass::new(&gpu, LuminanceSource::Packed);
-        let meter = ExposurePass::new(&gpu);
+        let meter = ExposurePass::new();
         let viewports = storage_buffer(&gpu, "viewports", &[encode_viewport(&viewport, &KernelPlan::bspline())]);
         let tiles = storage_buffer(&gpu, "tiles", &[encoded]);
         let picture = buffer_for_results(&gpu, u64::from(pixels) * 16);
@@ -221,7 +221,7 @@ fn displayed(gpu: &Gpu, settings: &ToneMapSettings, size: [u32; 2], picture: &[[
         };
         let exposure = storage_buffer(gpu, "exposure", &[exposure]);
         let grid = pixel_grid(&[tile], &[size[0]]);
-        ToneMapPass::new(gpu).record(gpu, pass, settings, &picture, (&exposure, &display), grid);
+        ToneMapPass::new().record(gpu, pass, settings, &picture, (&exposure, &display), grid);
     })
 }
 

@@ -241,7 +241,7 @@ fn every_code_of_every_channel_comes_out_as_it_went_in() {
     let exposure = storage_buffer(&gpu, "exposure", &[[0.0_f32; 4]]);
     let drawn = |format: wgpu::TextureFormat, tiles: &[Tile]| -> Vec<[u8; 4]> {
         let (texture, view) = target(&gpu, size, format);
-        let mut present = PresentPass::new();
+        let present = PresentPass::new();
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         {
             let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {

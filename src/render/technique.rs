@@ -11,7 +11,7 @@ use crate::{
     gpu::{Gpu, GpuTimer, ReadbackBuffer},
     photometry::glare::GlareKernel,
     plan::{Plan, settings::RenderSettings},
-    scene::SceneSnapshot,
+    scene::{SceneObjects, SceneSnapshot},
     view::Viewport,
 };
 
@@ -84,6 +84,32 @@ pub(crate) struct Holding<'a> {
     pub catalogue_order: Option<u64>,
 }
 
+/// What frames are going to be asked for, as far as it tells which pipelines they take.
+#[derive(Clone, Copy)]
+pub(crate) struct Wish<'a> {
+    pub gpu: &'a Gpu,
+    pub objects: &'a SceneObjects,
+    pub settings: &'a RenderSettings,
+    pub viewports: &'a [Viewport],
+    /// What is made of any view.
+    pub made: Wanted,
+    /// Formats of the textures that images are drawn into.
+    pub formats: &'a [wgpu::TextureFormat],
+}
+
+/// Pipelines that are made ahead, in one go on one thread.
+pub(crate) struct PipelineJob<'a> {
+    pub name: &'static str,
+    pub make: Box<dyn FnOnce() + Send + 'a>,
+}
+
+impl<'a> PipelineJob<'a> {
+    /// `make` makes and keeps pipelines. What it returns is what is kept, or a handle to it.
+    pub(crate) fn new<P>(name: &'static str, make: impl FnOnce() -> P + Send + 'a) -> Self {
+        Self { name, make: Box::new(move || drop(make())) }
+    }
+}
+
 /// Where a technique records.
 pub(crate) struct Recording<'a> {
     pub gpu: &'a Gpu,
@@ -122,6 +148,12 @@ pub(crate) trait Technique {
 
     /// Makes ahead what a frame like the last one would make, after [`Technique::hold`].
     fn warm(&mut self, _holding: &Holding<'_>) {}
+
+    /// The pipelines that such frames take, to be made ahead. What is made already takes no time; what is not made ahead is made by the
+    /// first frame that needs it.
+    fn pipelines<'a>(&'a self, _wish: &Wish<'a>) -> Vec<PipelineJob<'a>> {
+        Vec::new()
+    }
 
     /// Uploads what the plan of a frame says, and leaves in `targets` what others read.
     fn encode(&mut self, _gpu: &Gpu, _frame: &FrameInputs<'_>, _targets: &mut Targets) {}

@@ -37,6 +37,14 @@ struct GlareNear {
 override TABULATED: bool = false;
 // Whether all views are flat, with pixels far smaller than the cells of the map.
 override FLAT: bool = false;
+// Whether loops over the pixels of a column stay loops. A GPU is best served by code that is written out; a software driver takes seconds to
+// compile that.
+override ROLLED: bool = false;
+
+// So many turns of a loop; where it is to stay one, in a form that the driver cannot know. There is always a tile.
+fn turns(count: u32) -> u32 {
+    return select(count, 0u, ROLLED && sky.tiles == 0u);
+}
 
 // Squares of the angles of chords no longer than those of sprites, from the squares of the chords.
 fn near_angle_squared(squared: vec4<f32>) -> vec4<f32> {
@@ -113,11 +121,15 @@ fn direction_of(viewport: Viewport, pixel: vec2<f32>) -> vec3<f32> {
 }
 
 fn directions_of(viewport: Viewport, top: vec2<f32>) -> Directions4 {
-    let a = direction_of(viewport, top);
-    let b = direction_of(viewport, top + vec2(0.0, 1.0));
-    let c = direction_of(viewport, top + vec2(0.0, 2.0));
-    let d = direction_of(viewport, top + vec2(0.0, 3.0));
-    return Directions4(vec4(a.x, b.x, c.x, d.x), vec4(a.y, b.y, c.y, d.y), vec4(a.z, b.z, c.z, d.z));
+    var four: Directions4;
+    for (var one = 0u; one < turns(4u); one++) {
+        let direction = direction_of(viewport, top + vec2(0.0, f32(one)));
+        let here = vec4(0u, 1u, 2u, 3u) == vec4(one);
+        four.x = select(four.x, vec4(direction.x), here);
+        four.y = select(four.y, vec4(direction.y), here);
+        four.z = select(four.z, vec4(direction.z), here);
+    }
+    return four;
 }
 
 // What the map has for eight pixels of a column.
@@ -138,8 +150,8 @@ fn column_from_map(view: GlareView, viewport: Viewport, top: vec2<f32>, directio
         }
         return light;
     }
-    for (var four = 0u; four < 2u; four++) {
-        for (var one = 0u; one < 4u; one++) {
+    for (var four = 0u; four < turns(2u); four++) {
+        for (var one = 0u; one < turns(4u); one++) {
             let direction = vec3(directions[four].x[one], directions[four].y[one], directions[four].z[one]);
             let of_pixel = read_map(view.first_point, sky.edge_cells, direction);
             light.red[four][one] = of_pixel.x;

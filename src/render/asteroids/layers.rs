@@ -191,7 +191,7 @@ impl Asteroids {
             timestamp_writes: timer.render_pass("asteroids"),
             ..Default::default()
         });
-        let Self { held: Some(held), passes: Some(passes), buffers, .. } = self else { return };
+        let Self { held: Some(held), passes, impostors, buffers, .. } = self else { return };
         let Some(kinds) = buffers.kinds.as_ref().map(|(kinds, _)| kinds.clone()) else { return };
         let one_kind = wgpu::BufferBinding {
             buffer: &kinds,
@@ -199,7 +199,7 @@ impl Asteroids {
             size: wgpu::BufferSize::new(size_of::<layout::AsteroidBucket>() as u64),
         };
         let group = gpu.bind(
-            LayoutOf::Own(&passes.layout),
+            LayoutOf::Own(passes.layout(gpu)),
             &[
                 (0, target.as_entire_binding()),
                 (1, wgpu::BindingResource::Buffer(one_kind)),
@@ -221,11 +221,11 @@ impl Asteroids {
         pass.set_viewport(0.0, 0.0, width as f32, height as f32, 0.0, 1.0);
         pass.set_scissor_rect(0, 0, width, height);
         // Without impostors of a method there are lists of meshes alone.
-        if let Some((_, impostors)) = &passes.impostors {
+        if let Some(impostors) = impostors {
             for (set, atlas) in held.atlases().iter().enumerate() {
                 impostors.record(&mut pass, &draw, held.kinds.impostor_kind(set) as u32, atlas);
             }
         }
-        passes.mesh.record(&mut pass, &draw, &held.vertices, &held.indices, held.kinds.meshes as u32);
+        passes.mesh(gpu).record(&mut pass, &draw, &held.vertices, &held.indices, held.kinds.meshes as u32);
     }
 }

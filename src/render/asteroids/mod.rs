@@ -16,6 +16,8 @@ mod raster;
 #[cfg(test)]
 mod tests;
 
+use std::sync::OnceLock;
+
 use serde::Serialize;
 
 use self::{
@@ -36,14 +38,14 @@ use super::{
     RenderError, ViewStatistics,
     read::Places,
     targets::{Sums, Targets},
-    technique::{FrameInputs, Holding, Phase, Recording, Technique, begin_pass},
+    technique::{FrameInputs, Holding, Phase, PipelineJob, Recording, Technique, Wish, begin_pass},
 };
 use crate::{
-    gpu::{Gpu, GpuTimer, GrowingBuffer, ReadbackBuffer, filled_buffer},
+    gpu::{Gpu, GpuTimer, GrowingBuffer, ReadbackBuffer, Variants, filled_buffer},
     plan::{
         Plan, PlanError,
         asteroids::{AsteroidPlan, frame::ENTRY_BYTES},
-        settings::{AsteroidSettings, ImpostorMethod},
+        settings::{AsteroidSettings, Culling, ImpostorMethod},
         stars::{cull::MAX_VIEWPORTS, range::FixedPoint},
     },
     scene::SceneObjects,
@@ -70,13 +72,51 @@ pub struct AsteroidCounts {
 
 /// Passes and what they need.
 struct Passes {
-    cull: AsteroidCullPass,
-    mesh: AsteroidMeshPass,
-    points: AsteroidPointPass,
-    /// Of one method.
-    impostors: Option<(ImpostorMethod, AsteroidImpostorPass)>,
-    bake: Option<ImpostorBakePass>,
-    layout: wgpu::BindGroupLayout,
+    cull: OnceLock<AsteroidCullPass>,
+    mesh: OnceLock<AsteroidMeshPass>,
+    points: OnceLock<AsteroidPointPass>,
+    impostors: Variants<ImpostorMethod, Option<AsteroidImpostorPass>>,
+    bake: OnceLock<ImpostorBakePass>,
+    layout: OnceLock<wgpu::BindGroupLayout>,
+}
+
+impl Passes {
+    fn new() -> Self {
+        Self {
+            cull: OnceLock::new(),
+            mesh: OnceLock::new(),
+            points: OnceLock::new(),
+            impostors: Variants::new(),
+            bake: OnceLock::new(),
+            layout: OnceLock::new(),
+        }
+    }
+
+    fn layout(&self, gpu: &Gpu) -> &wgpu::BindGroupLayout {
+        self.layout.get_or_init(|| asteroid_layout(gpu))
+    }
+
+    fn cull(&self, gpu: &Gpu) -> &AsteroidCullPass {
+        self.cull.get_or_init(|| AsteroidCullPass::new(gpu))
+    }
+
+    fn mesh(&self, gpu: &Gpu) -> &AsteroidMeshPass {
+        self.mesh.get_or_init(|| AsteroidMeshPass::new(gpu, self.layout(gpu)))
+    }
+
+    fn points(&self, gpu: &Gpu) -> &AsteroidPointPass {
+        self.points.get_or_init(|| AsteroidPointPass::new(gpu))
+    }
+
+    fn bake(&self, gpu: &Gpu) -> &ImpostorBakePass {
+        self.bake.get_or_init(|| ImpostorBakePass::new(gpu))
+    }
+
+    /// The pass of a method; `None` for methods without impostors.
+    fn impostors(&self, gpu: &Gpu, method: ImpostorMethod) -> Option<AsteroidImpostorPass> {
+        let make = || AsteroidImpostorPass::new(gpu, AsteroidSource::Lists, self.layout(gpu), method);
+        self.impostors.get(method, make)
+    }
 }
 
 /// Buffers that are filled anew every frame.
@@ -100,7 +140,10 @@ struct FrameBuffers {
 /// See the module.
 pub(super) struct Asteroids {
     held: Option<Held>,
-    passes: Option<Passes>,
+    /// Each made when it is first asked for.
+    passes: Passes,
+    /// Of the method in use.
+    impostors: Option<AsteroidImpostorPass>,
     buffers: FrameBuffers,
     targets: LayerTargets,
 }
@@ -129,7 +172,13 @@ impl FrameBuffers {
 
 impl Asteroids {
     pub(super) fn new() -> Self {
-        Self { held: None, passes: None, buffers: FrameBuffers::new(), targets: LayerTargets::new() }
+        Self {
+            held: None,
+            passes: Passes::new(),
+            impostors: None,
+            buffers: FrameBuffers::new(),
+            targets: LayerTargets::new(),
+        }
     }
 
     /// Holds the fields of a scene on the adapter, until their instances or shapes are others.
@@ -144,28 +193,13 @@ impl Asteroids {
             self.held = None;
             self.held = Some(Held::new(gpu, objects));
         }
-        let passes = self.passes.get_or_insert_with(|| {
-            let layout = asteroid_layout(gpu);
-            Passes {
-                cull: AsteroidCullPass::new(gpu),
-                mesh: AsteroidMeshPass::new(gpu, &layout),
-                points: AsteroidPointPass::new(gpu),
-                impostors: None,
-                bake: None,
-                layout,
-            }
-        });
         let method = settings.impostor.chosen();
         if settings.finest_only || method == ImpostorMethod::None {
             return Ok(());
         }
-        if passes.impostors.as_ref().is_none_or(|(of, _)| *of != method) {
-            passes.impostors = AsteroidImpostorPass::new(gpu, AsteroidSource::Lists, &passes.layout, method)
-                .map(|pass| (method, pass));
-        }
-        let bake = passes.bake.get_or_insert_with(|| ImpostorBakePass::new(gpu));
-        if let (Some(held), Some((_, pass))) = (&mut self.held, &passes.impostors) {
-            held.hold_atlases(gpu, bake, pass, settings)?;
+        self.impostors = self.passes.impostors(gpu, method);
+        if let (Some(held), Some(pass)) = (&mut self.held, &self.impostors) {
+            held.hold_atlases(gpu, self.passes.bake(gpu), pass, settings)?;
         }
         Ok(())
     }
@@ -178,7 +212,7 @@ impl Asteroids {
         timer: &mut GpuTimer,
         plan: &AsteroidPlan,
     ) {
-        let (Some(held), Some(passes)) = (&self.held, &self.passes) else { return };
+        let Some(held) = &self.held else { return };
         let buffers = &mut self.buffers;
         encoder.clear_buffer(buffers.drawn_points.with_room(gpu, 4 * POINT_COUNTS as u64), 0, None);
         if plan.lists.is_some() {
@@ -211,7 +245,7 @@ impl Asteroids {
             entries: buffers.entries.with_room(gpu, 0),
             arguments: buffers.arguments.with_room(gpu, 0),
         };
-        passes.cull.record(gpu, &mut pass, numbers, &cull);
+        self.passes.cull(gpu).record(gpu, &mut pass, numbers, &cull);
     }
 
     /// Uploads a plan.
@@ -255,7 +289,7 @@ impl Asteroids {
         sums: &Sums<'_>,
         tiles: u32,
     ) {
-        let (Some(held), Some(passes)) = (&self.held, &self.passes) else { return };
+        let Some(held) = &self.held else { return };
         let buffers = &mut self.buffers;
         let points = AsteroidPoints {
             items: buffers.items.with_room(gpu, 0),
@@ -269,7 +303,7 @@ impl Asteroids {
             areas: &held.areas,
             drawn: buffers.drawn_points.with_room(gpu, 0),
         };
-        passes.points.record(gpu, pass, range, sums, tiles, &points);
+        self.passes.points(gpu).record(gpu, pass, range, sums, tiles, &points);
     }
 
     /// Records the copy of the counts.
@@ -291,6 +325,34 @@ impl Asteroids {
 }
 
 impl Technique for Asteroids {
+    fn pipelines<'a>(&'a self, wish: &Wish<'a>) -> Vec<PipelineJob<'a>> {
+        let (gpu, settings, passes) = (wish.gpu, &wish.settings.asteroids, &self.passes);
+        if wish.objects.fields.is_empty() {
+            return Vec::new();
+        }
+        let mut jobs = vec![
+            PipelineJob::new("asteroids", move || {
+                passes.mesh(gpu);
+            }),
+            PipelineJob::new("asteroids that are points", move || {
+                passes.points(gpu);
+            }),
+        ];
+        if settings.culling == Culling::Gpu {
+            jobs.push(PipelineJob::new("culling of asteroids", move || {
+                passes.cull(gpu);
+            }));
+        }
+        let method = settings.impostor.chosen();
+        if !settings.finest_only && method != ImpostorMethod::None {
+            jobs.push(PipelineJob::new("impostors", move || passes.impostors(gpu, method)));
+            jobs.push(PipelineJob::new("baking of impostors", move || {
+                passes.bake(gpu);
+            }));
+        }
+        jobs
+    }
+
     fn hold(&mut self, holding: &Holding<'_>) -> Result<(), RenderError> {
         if holding.scene.objects.fields.is_empty() {
             self.release();

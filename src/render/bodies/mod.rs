@@ -12,7 +12,7 @@ use self::{
 };
 use super::{
     targets::{SeenBodies, Targets},
-    technique::{FrameInputs, Phase, Recording, Technique, begin_pass},
+    technique::{FrameInputs, Phase, PipelineJob, Recording, Technique, Wish, begin_pass},
 };
 use crate::render::constants::{
     bodies::NO_TEXTURE,
@@ -130,6 +130,14 @@ impl Bodies {
         }
     }
 
+    fn rays(&self, gpu: &Gpu) -> &GeometryPass {
+        self.rays.get_or_init(|| GeometryPass::new(gpu))
+    }
+
+    fn points(&self, gpu: &Gpu) -> &PointPass {
+        self.points.get_or_init(|| PointPass::new(gpu))
+    }
+
     /// Holds the textures of a scene.
     fn hold_textures(&mut self, gpu: &Gpu, objects: &SceneObjects) -> &Textures {
         let textures = distinct_textures(objects);
@@ -162,7 +170,7 @@ impl Bodies {
         };
         let width = plan.viewports[tile.viewport].size()[0];
         let of_tile = RayTile { index: index as u32, tile, width, layers: targets.layers.as_ref() };
-        let rays = self.rays.get_or_init(|| GeometryPass::new(gpu));
+        let rays = self.rays(gpu);
         let mut pass = begin_pass(recording.encoder, recording.timer, "geometry");
         rays.record(gpu, &mut pass, &of_tile, &target);
     }
@@ -175,7 +183,7 @@ impl Bodies {
         let main = FixedPoint { faintest_lx: 0.0, ..ranges.main };
         for (range, bright) in [(Some(main), false), (ranges.bright, true)] {
             let (Some(range), Some(sums)) = (range, recording.targets.sums(batch, bright)) else { continue };
-            let pass = self.points.get_or_init(|| PointPass::new(gpu));
+            let pass = self.points(gpu);
             let mut recorded = begin_pass(recording.encoder, recording.timer, "stars");
             pass.record(gpu, &mut recorded, &range, &sums, points);
         }
@@ -183,6 +191,22 @@ impl Bodies {
 }
 
 impl Technique for Bodies {
+    fn pipelines<'a>(&'a self, wish: &Wish<'a>) -> Vec<PipelineJob<'a>> {
+        let Wish { gpu, objects, .. } = *wish;
+        if objects.is_empty() {
+            return Vec::new();
+        }
+        // With fields, pictures that none of them reaches are drawn without layers.
+        let mut jobs = vec![PipelineJob::new("bodies", move || self.rays(gpu).pipeline(gpu, false))];
+        if !objects.fields.is_empty() {
+            jobs.push(PipelineJob::new("bodies and asteroids", move || self.rays(gpu).pipeline(gpu, true)));
+        }
+        jobs.push(PipelineJob::new("points of light", move || {
+            self.points(gpu);
+        }));
+        jobs
+    }
+
     fn encode(&mut self, gpu: &Gpu, frame: &FrameInputs<'_>, targets: &mut Targets) {
         let Some(plan) = &frame.plan.bodies else {
             self.release();

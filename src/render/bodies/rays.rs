@@ -1,20 +1,17 @@
 //! The geometry pass: what bodies and asteroids show in each pixel of a tile. Shader: `shaders/bodies/rays.wgsl`; the f64 twin of its bodies
 //! is `crate::reference::bodies::rays`.
 
-use std::sync::OnceLock;
-
 use crate::render::{constants::workgroups::RAY_SIDE, shader::Shader};
 use crate::{
-    gpu::{Gpu, bind_buffers},
+    gpu::{Gpu, Variants, bind_buffers},
     plan::tiles::Tile,
     render::{bodies::layout, targets::RasterLayers},
 };
 
 /// The pass.
 pub(crate) struct GeometryPass {
-    bodies: wgpu::ComputePipeline,
-    /// The same with layers of asteroids, made when there first are any.
-    layered: OnceLock<wgpu::ComputePipeline>,
+    /// By whether there are layers of asteroids.
+    pipelines: Variants<bool, wgpu::ComputePipeline>,
     /// Stand in for the layers where there are none.
     no_layers: [wgpu::TextureView; 4],
 }
@@ -68,11 +65,15 @@ impl GeometryPass {
             TextureViewDimension::{D2, D2Array},
         };
         Self {
-            bodies: pipeline(gpu, false),
-            layered: OnceLock::new(),
+            pipelines: Variants::new(),
             no_layers: [(Rgba16Float, D2), (Depth32Float, D2), (Rgba16Float, D2Array), (Depth32Float, D2Array)]
                 .map(|(format, dimension)| stand_in(gpu, format, dimension)),
         }
+    }
+
+    /// The pipeline with or without layers of asteroids.
+    pub(crate) fn pipeline(&self, gpu: &Gpu, has_layers: bool) -> wgpu::ComputePipeline {
+        self.pipelines.get(has_layers, || pipeline(gpu, has_layers))
     }
 
     /// Records one tile.
@@ -84,10 +85,7 @@ impl GeometryPass {
         target: &GeometryTarget<'_>,
     ) {
         let RayTile { index, tile, width, layers } = *of_tile;
-        let pipeline = match layers {
-            Some(_) => self.layered.get_or_init(|| pipeline(gpu, true)),
-            None => &self.bodies,
-        };
+        let pipeline = &self.pipeline(gpu, layers.is_some());
         let mut parameters = layout::GeometryParameters { tile: index, ..Default::default() };
         if let Some(layers) = layers {
             parameters.samples = layers.samples;

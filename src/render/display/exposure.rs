@@ -1,6 +1,8 @@
 //! The exposure pass: one exposure for all views from the mean luminance, weighted by solid angle. Shader:
 //! `shaders/display/exposure.wgsl`; the f64 twin is `crate::photometry::exposure`.
 
+use std::sync::OnceLock;
+
 use crate::render::shader::Shader;
 use crate::{
     gpu::{Gpu, bind_buffers},
@@ -10,7 +12,7 @@ use crate::{
 
 /// The pass.
 pub(crate) struct ExposurePass {
-    pipeline: wgpu::ComputePipeline,
+    pipeline: OnceLock<wgpu::ComputePipeline>,
 }
 
 /// What the exposure goes by.
@@ -23,8 +25,13 @@ pub(crate) struct ExposureInputs<'a> {
 }
 
 impl ExposurePass {
-    pub(crate) fn new(gpu: &Gpu) -> Self {
-        Self { pipeline: gpu.compute_pipeline(&Shader::new("display/exposure").source()) }
+    pub(crate) fn new() -> Self {
+        Self { pipeline: OnceLock::new() }
+    }
+
+    /// The pipeline, made if it is the first time.
+    pub(crate) fn pipeline(&self, gpu: &Gpu) -> &wgpu::ComputePipeline {
+        self.pipeline.get_or_init(|| gpu.compute_pipeline(&Shader::new("display/exposure").source()))
     }
 
     /// Records the pass.
@@ -48,9 +55,10 @@ impl ExposurePass {
             ..Default::default()
         };
         let parameters = gpu.frame_uniform("exposure parameters", &parameters);
+        let pipeline = self.pipeline(gpu);
         let group = bind_buffers(
             gpu,
-            &self.pipeline,
+            pipeline,
             0,
             &[
                 (0, parameters.as_entire_binding()),
@@ -58,7 +66,7 @@ impl ExposurePass {
                 (2, exposure.as_entire_binding()),
             ],
         );
-        pass.set_pipeline(&self.pipeline);
+        pass.set_pipeline(pipeline);
         pass.set_bind_group(0, &group, &[]);
         pass.dispatch_workgroups(1, 1, 1);
     }

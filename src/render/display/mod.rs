@@ -11,14 +11,18 @@ mod variant;
 use self::{
     exposure::{ExposureInputs, ExposurePass},
     present::{PresentPass, PresentTile},
-    resolve::{HdrImage, ResolveInputs, ResolvePass},
+    resolve::{HdrImage, ResolveInputs, ResolveOutputs, ResolvePass},
     tone_map::ToneMapPass,
 };
 use super::{
+    presentation::{PresentSource, present_source},
     targets::{adds_up, resolves_to_display},
-    technique::{Phase, Recording, Technique},
+    technique::{Phase, PipelineJob, Recording, Technique, Wish},
 };
-use crate::{gpu::Gpu, plan::settings::GlareMethod};
+use crate::{
+    gpu::Gpu,
+    plan::settings::{Accumulator, GlareMethod},
+};
 
 /// The passes.
 pub(super) struct Display {
@@ -32,8 +36,8 @@ impl Display {
     pub(super) fn new(gpu: &Gpu) -> Self {
         Self {
             resolve: ResolvePass::new(gpu),
-            exposure: ExposurePass::new(gpu),
-            tone_map: ToneMapPass::new(gpu),
+            exposure: ExposurePass::new(),
+            tone_map: ToneMapPass::new(),
             present: PresentPass::new(),
         }
     }
@@ -42,13 +46,7 @@ impl Display {
         let frame = recording.frame;
         let made = recording.targets.batches[number].made;
         let known_ev100 = frame.plan.known_ev100;
-        let hdr = if frame.plan.glare.method != GlareMethod::None || made.hdr {
-            HdrImage::Whole
-        } else if made.hdr_stays || (made.display && known_ev100.is_none()) {
-            HdrImage::Lit
-        } else {
-            HdrImage::None
-        };
+        let hdr = hdr_image(frame.plan.glare.method, [made.display, made.hdr, made.hdr_stays], known_ev100.is_some());
         let inputs = ResolveInputs {
             ranges: &frame.plan.ranges,
             hdr,
@@ -132,7 +130,62 @@ impl Display {
     }
 }
 
+/// How much of the HDR image is made of a batch, of which the display image, the HDR image and one that stays on the adapter are made.
+fn hdr_image(glare: GlareMethod, [display, hdr, hdr_stays]: [bool; 3], exposure_is_known: bool) -> HdrImage {
+    if glare != GlareMethod::None || hdr {
+        HdrImage::Whole
+    } else if hdr_stays || (display && !exposure_is_known) {
+        HdrImage::Lit
+    } else {
+        HdrImage::None
+    }
+}
+
 impl Technique for Display {
+    /// With automatic exposure the first frame is metered; later ones may be shown with an exposure that adapts, and where nothing is
+    /// scattered the resolve pass writes their display images: both forms are made then.
+    fn pipelines<'a>(&'a self, wish: &Wish<'a>) -> Vec<PipelineJob<'a>> {
+        let Wish { gpu, objects, settings, made, formats, .. } = *wish;
+        let tone_map = &settings.tone_map;
+        let codes = |format: &&wgpu::TextureFormat| present_source(**format) == Some(PresentSource::Codes);
+        let display = made.display || formats.iter().any(|format| codes(&format));
+        let hdr_stays =
+            made.hdr_stays || formats.iter().any(|format| present_source(*format) == Some(PresentSource::Light));
+        let glare = settings.glare.chosen(settings.stars.method);
+        let adds_up = settings.stars.method.accumulator() == Accumulator::FixedPoint;
+        let may_be_metered = settings.exposure.known_ev100(None).is_none();
+        let known: &[bool] = if may_be_metered { &[false, true] } else { &[true] };
+        let mut resolves: Vec<ResolveOutputs> = Vec::new();
+        let mut maps_tones = false;
+        for &known in known {
+            let resolves_to_display = known && glare == GlareMethod::None && adds_up;
+            let outputs = ResolveOutputs::new(
+                hdr_image(glare, [display, made.hdr, hdr_stays], known),
+                resolves_to_display && display,
+                !objects.is_empty(),
+            );
+            if adds_up && !resolves.contains(&outputs) {
+                resolves.push(outputs);
+            }
+            maps_tones |= display && !resolves_to_display;
+        }
+        let mut jobs: Vec<PipelineJob<'a>> = resolves
+            .into_iter()
+            .map(|outputs| PipelineJob::new("resolve", move || self.resolve.pipeline(gpu, outputs, tone_map)))
+            .collect();
+        jobs.push(PipelineJob::new("exposure", move || {
+            self.exposure.pipeline(gpu);
+        }));
+        if maps_tones {
+            jobs.push(PipelineJob::new("tone map", move || self.tone_map.pipeline(gpu, tone_map)));
+        }
+        let present = |format: wgpu::TextureFormat| {
+            PipelineJob::new("present", move || self.present.pipeline(gpu, format, tone_map))
+        };
+        jobs.extend(formats.iter().copied().map(present));
+        jobs
+    }
+
     fn record(&mut self, phase: Phase, recording: &mut Recording<'_>) {
         match phase {
             Phase::Resolve(batch) if adds_up(&recording.frame) => self.resolve(recording, batch),

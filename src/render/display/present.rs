@@ -5,7 +5,7 @@ use super::variant::{DisplayVariant, encode_display};
 use crate::render::presentation::{PresentSource, present_source};
 use crate::render::shader::Shader;
 use crate::{
-    gpu::{Gpu, LayoutOf, Stage},
+    gpu::{Gpu, LayoutOf, Stage, Variants},
     plan::{settings::ToneMapSettings, tiles::Tile},
     render::display::layout,
 };
@@ -28,8 +28,7 @@ struct PresentVariant {
 
 /// The pass.
 pub(crate) struct PresentPass {
-    /// One for every variant asked for so far.
-    pipelines: Vec<(PresentVariant, wgpu::RenderPipeline)>,
+    pipelines: Variants<PresentVariant, wgpu::RenderPipeline>,
 }
 
 /// A tile, and the buffers of its batch.
@@ -46,35 +45,44 @@ pub(crate) struct PresentTile<'a> {
 
 impl PresentPass {
     pub(crate) fn new() -> Self {
-        Self { pipelines: Vec::new() }
+        Self { pipelines: Variants::new() }
     }
 
-    fn pipeline(&mut self, gpu: &Gpu, variant: PresentVariant, source: PresentSource) -> &wgpu::RenderPipeline {
-        let index = self.pipelines.iter().position(|(of, _)| *of == variant).unwrap_or_else(|| {
+    /// The pipeline into textures of that format; `None`: [`present_source`] knows no such format.
+    pub(crate) fn pipeline(
+        &self,
+        gpu: &Gpu,
+        format: wgpu::TextureFormat,
+        settings: &ToneMapSettings,
+    ) -> Option<wgpu::RenderPipeline> {
+        let source = present_source(format)?;
+        let shown = match source {
+            PresentSource::Codes => DisplayVariant::default(),
+            PresentSource::Light => DisplayVariant::of(settings),
+        };
+        let variant = PresentVariant { format, shown };
+        Some(self.pipelines.get(variant, || {
             let constants = variant.shown.constants();
             let constants = if source == PresentSource::Light { &constants[..] } else { &[] };
-            let pipeline = gpu.colour_pipeline(
+            gpu.colour_pipeline(
                 &Stage { source: &Shader::new("display/present_corner").source(), constants: &[] },
                 &Stage { source: &Shader::new("display/present").with("source", file_of(source)).source(), constants },
                 wgpu::PrimitiveTopology::TriangleList,
                 variant.format.into(),
-            );
-            self.pipelines.push((variant, pipeline));
-            self.pipelines.len() - 1
-        });
-        &self.pipelines[index].1
+            )
+        }))
     }
 
     /// Records one tile into a target of that format; nothing where [`present_source`] knows no such format.
     pub(crate) fn record(
-        &mut self,
+        &self,
         gpu: &Gpu,
         pass: &mut wgpu::RenderPass<'_>,
         settings: &ToneMapSettings,
         format: wgpu::TextureFormat,
         target: &PresentTile<'_>,
     ) {
-        let Some(source) = present_source(format) else { return };
+        let Some((source, pipeline)) = present_source(format).zip(self.pipeline(gpu, format, settings)) else { return };
         let parameters = layout::PresentParameters {
             plane_pixels: target.plane_pixels,
             first_pixel: target.tile.first_pixel,
@@ -84,16 +92,11 @@ impl PresentPass {
         };
         let parameters = gpu.frame_uniform("present parameters", &parameters);
         let mut bindings = vec![(0, parameters.as_entire_binding()), (1, target.pixels.as_entire_binding())];
-        let shown = match source {
-            PresentSource::Codes => DisplayVariant::default(),
-            PresentSource::Light => {
-                bindings.push((2, target.exposure.as_entire_binding()));
-                DisplayVariant::of(settings)
-            }
-        };
-        let pipeline = self.pipeline(gpu, PresentVariant { format, shown }, source);
-        pass.set_pipeline(pipeline);
-        pass.set_bind_group(0, &gpu.bind(LayoutOf::Render(pipeline, 0), &bindings), &[]);
+        if source == PresentSource::Light {
+            bindings.push((2, target.exposure.as_entire_binding()));
+        }
+        pass.set_pipeline(&pipeline);
+        pass.set_bind_group(0, &gpu.bind(LayoutOf::Render(&pipeline, 0), &bindings), &[]);
         pass.set_scissor_rect(0, target.tile.first_row, target.width, target.tile.rows);
         pass.draw(0..3, 0..1);
     }

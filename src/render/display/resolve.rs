@@ -5,7 +5,7 @@
 use super::variant::{DisplayVariant, encode_display};
 use crate::render::shader::Shader;
 use crate::{
-    gpu::{self, Gpu, ShaderSource, bind_buffers},
+    gpu::{self, Gpu, ShaderSource, Variants, bind_buffers},
     photometry::exposure::white_luminance_cd_m2,
     plan::{settings::ToneMapSettings, stars::range::Ranges},
     render::{display::layout, targets::Targets},
@@ -27,8 +27,8 @@ pub(crate) struct ResolveOutputs {
 /// The pass.
 pub(crate) struct ResolvePass {
     source: ShaderSource,
-    /// One for every combination of outputs and variant of the display image asked for so far.
-    pipelines: Vec<(ResolveOutputs, DisplayVariant, wgpu::ComputePipeline)>,
+    /// By outputs and variant of the display image.
+    pipelines: Variants<(ResolveOutputs, DisplayVariant), wgpu::ComputePipeline>,
     /// Stands in for the bright sums where there are none.
     no_bright: wgpu::Buffer,
     /// Stands in for the display image where it is not written.
@@ -57,26 +57,33 @@ pub(crate) struct ResolveInputs<'a> {
     pub shows: bool,
 }
 
+impl ResolveOutputs {
+    /// What is written where that much of the HDR image is made.
+    pub(crate) fn new(hdr: HdrImage, display: bool, geometry: bool) -> Self {
+        Self { hdr: hdr != HdrImage::None, dark: hdr == HdrImage::Whole, display, geometry }
+    }
+}
+
 impl ResolvePass {
     pub(crate) fn new(gpu: &Gpu) -> Self {
         let decode = if gpu.wide_accumulator { "display/decode_u64" } else { "display/decode_u32" };
-        let mut pass = Self {
+        Self {
             source: Shader::new("display/resolve").with("decode", decode).source(),
-            pipelines: Vec::new(),
+            pipelines: Variants::new(),
             no_bright: gpu::storage_buffer(gpu, "no bright sums", &[[0_u32; 4]]),
             no_display: gpu::storage_buffer(gpu, "no display", &[0_u32]),
-        };
-        for i in 0..6 {
-            let outputs = ResolveOutputs { hdr: i >= 2, dark: i >= 4, display: i % 2 == 1, geometry: false };
-            pass.prepare(gpu, outputs, DisplayVariant::default());
         }
-        pass
     }
 
-    /// Index of the pipeline, which is made if it is the first time.
-    fn prepare(&mut self, gpu: &Gpu, outputs: ResolveOutputs, variant: DisplayVariant) -> usize {
-        let held = self.pipelines.iter().position(|(of, shown, _)| (*of, *shown) == (outputs, variant));
-        held.unwrap_or_else(|| {
+    /// The pipeline that writes that.
+    pub(crate) fn pipeline(
+        &self,
+        gpu: &Gpu,
+        outputs: ResolveOutputs,
+        tone_map: &ToneMapSettings,
+    ) -> wgpu::ComputePipeline {
+        let variant = if outputs.display { DisplayVariant::of(tone_map) } else { DisplayVariant::default() };
+        self.pipelines.get((outputs, variant), || {
             let written = [
                 ("WRITE_HDR", outputs.hdr),
                 ("WRITE_DISPLAY", outputs.display),
@@ -85,14 +92,13 @@ impl ResolvePass {
             ]
             .map(|(name, value)| (name, f64::from(u8::from(value))));
             let constants = [&written[..], &variant.constants()].concat();
-            self.pipelines.push((outputs, variant, gpu.compute_pipeline_with(&self.source, &constants)));
-            self.pipelines.len() - 1
+            gpu.compute_pipeline_with(&self.source, &constants)
         })
     }
 
     /// Records the pass over a batch.
     pub(crate) fn record(
-        &mut self,
+        &self,
         gpu: &Gpu,
         pass: &mut wgpu::ComputePass<'_>,
         inputs: &ResolveInputs<'_>,
@@ -103,12 +109,7 @@ impl ResolvePass {
         let batch = &targets.batches[number];
         let occlusion = targets.occlusion(number);
         let display = batch.display.as_ref().filter(|_| shows);
-        let outputs = ResolveOutputs {
-            hdr: hdr != HdrImage::None,
-            dark: hdr == HdrImage::Whole,
-            display: display.is_some(),
-            geometry: occlusion.present,
-        };
+        let outputs = ResolveOutputs::new(hdr, display.is_some(), occlusion.present);
         let parameters = layout::ResolveParameters {
             lx_per_unit: (1.0 / ranges.main.units_per_lx) as f32,
             lx_per_bright_unit: ranges.bright.map_or(0.0, |bright| (1.0 / bright.units_per_lx) as f32),
@@ -117,9 +118,7 @@ impl ResolvePass {
             shown: encode_display(tone_map),
         };
         let parameters = gpu.frame_uniform("resolve parameters", &parameters);
-        let variant = if outputs.display { DisplayVariant::of(tone_map) } else { DisplayVariant::default() };
-        let index = self.prepare(gpu, outputs, variant);
-        let pipeline = &self.pipelines[index].2;
+        let pipeline = &self.pipeline(gpu, outputs, tone_map);
         let [bright, bright_high] = batch.bright.as_ref().map_or([&self.no_bright; 2], |[low, high]| [low, high]);
         let buffers = [
             &parameters,

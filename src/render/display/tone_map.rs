@@ -4,36 +4,31 @@
 use super::variant::{DisplayVariant, encode_display};
 use crate::render::shader::Shader;
 use crate::{
-    gpu::{Gpu, bind_buffers},
+    gpu::{Gpu, Variants, bind_buffers},
     plan::settings::ToneMapSettings,
     render::{display::layout, targets::PictureTarget},
 };
 
 /// The pass.
 pub(crate) struct ToneMapPass {
-    /// One for every variant asked for so far.
-    pipelines: Vec<(DisplayVariant, wgpu::ComputePipeline)>,
+    pipelines: Variants<DisplayVariant, wgpu::ComputePipeline>,
 }
 
 impl ToneMapPass {
-    pub(crate) fn new(gpu: &Gpu) -> Self {
-        let mut pass = Self { pipelines: Vec::new() };
-        pass.pipeline(gpu, DisplayVariant::default());
-        pass
+    pub(crate) fn new() -> Self {
+        Self { pipelines: Variants::new() }
     }
 
-    fn pipeline(&mut self, gpu: &Gpu, variant: DisplayVariant) -> &wgpu::ComputePipeline {
-        let index = self.pipelines.iter().position(|(of, _)| *of == variant).unwrap_or_else(|| {
-            let pipeline = gpu.compute_pipeline_with(&Shader::new("display/tone_map").source(), &variant.constants());
-            self.pipelines.push((variant, pipeline));
-            self.pipelines.len() - 1
-        });
-        &self.pipelines[index].1
+    /// The pipeline for these settings.
+    pub(crate) fn pipeline(&self, gpu: &Gpu, settings: &ToneMapSettings) -> wgpu::ComputePipeline {
+        let variant = DisplayVariant::of(settings);
+        let make = || gpu.compute_pipeline_with(&Shader::new("display/tone_map").source(), &variant.constants());
+        self.pipelines.get(variant, make)
     }
 
     /// Records the pass from a picture to a display image.
     pub(crate) fn record(
-        &mut self,
+        &self,
         gpu: &Gpu,
         pass: &mut wgpu::ComputePass<'_>,
         settings: &ToneMapSettings,
@@ -47,7 +42,7 @@ impl ToneMapPass {
             ..Default::default()
         };
         let parameters = gpu.frame_uniform("tone map parameters", &parameters);
-        let pipeline = self.pipeline(gpu, DisplayVariant::of(settings));
+        let pipeline = &self.pipeline(gpu, settings);
         let group = bind_buffers(
             gpu,
             pipeline,

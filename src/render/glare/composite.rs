@@ -32,7 +32,8 @@ impl GlareSource {
     }
 }
 
-/// The pass for one source of glare.
+/// The pass for one source of glare. Copies share its pipeline.
+#[derive(Clone)]
 pub(crate) struct GlareCompositePass {
     pipeline: wgpu::ComputePipeline,
     /// Runs of rows of one workgroup.

@@ -9,7 +9,7 @@ mod sky_cube;
 use self::{pyramid::GlarePyramid, sky_cube::SkyCube};
 use super::{
     targets::Targets,
-    technique::{FrameInputs, Holding, Phase, Recording, Technique},
+    technique::{FrameInputs, Holding, Phase, PipelineJob, Recording, Technique, Wish},
 };
 use crate::{
     gpu::Gpu,
@@ -33,6 +33,15 @@ impl Technique for Glare {
         let settings = holding.settings;
         if settings.glare.chosen(settings.stars.method) == GlareMethod::SkyCube {
             self.sky_cube.hold_map(holding);
+        }
+    }
+
+    fn pipelines<'a>(&'a self, wish: &Wish<'a>) -> Vec<PipelineJob<'a>> {
+        let method = wish.settings.glare.chosen(wish.settings.stars.method);
+        match PyramidAxes::of(method) {
+            _ if method == GlareMethod::SkyCube => self.sky_cube.pipelines(wish),
+            Some(axes) => self.pyramid.pipelines(wish, axes),
+            None => Vec::new(),
         }
     }
 

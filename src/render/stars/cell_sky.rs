@@ -5,6 +5,7 @@ use std::sync::OnceLock;
 
 use super::luminance::{LuminanceInputs, LuminancePass, LuminanceSource};
 use crate::{
+    gpu::Gpu,
     photometry::exposure::white_luminance_cd_m2,
     plan::settings::CellSkySettings,
     render::{
@@ -24,11 +25,16 @@ impl CellSky {
         Self { resolve: OnceLock::new() }
     }
 
+    /// The pass, made if it is the first time.
+    pub(super) fn pass(&self, gpu: &Gpu) -> &LuminancePass {
+        self.resolve.get_or_init(|| LuminancePass::new(gpu, LuminanceSource::CellSky))
+    }
+
     /// Records the tiles of a batch, one by one: a pixel's angle is that of its viewport. Brightness is relative: 1 is the white of the
     /// configured exposure.
     pub(super) fn record_batch(&self, recording: &mut Recording<'_>, number: usize) {
         let (gpu, frame) = (recording.gpu, recording.frame);
-        let resolve = self.resolve.get_or_init(|| LuminancePass::new(gpu, LuminanceSource::CellSky));
+        let resolve = self.pass(gpu);
         let CellSkySettings { cells, layers, radius_px, seed } = frame.settings.stars.cell_sky;
         let scale = white_luminance_cd_m2(frame.settings.exposure.ev100) as f32;
         let batch = &recording.targets.batches[number];

@@ -24,7 +24,7 @@ use self::{
 use super::{
     RenderError,
     targets::Targets,
-    technique::{FrameInputs, Holding, Phase, Recording, Technique, begin_pass},
+    technique::{FrameInputs, Holding, Phase, PipelineJob, Recording, Technique, Wish, begin_pass},
 };
 use crate::{gpu::Gpu, plan::settings::Accumulator};
 
@@ -124,6 +124,24 @@ impl Technique for Stars {
             self.held = Some(StarBuffers::new(gpu, set.clone()));
         }
         Ok(())
+    }
+
+    fn pipelines<'a>(&'a self, wish: &Wish<'a>) -> Vec<PipelineJob<'a>> {
+        let (gpu, method) = (wish.gpu, wish.settings.stars.method);
+        let has_geometry = !wish.objects.is_empty();
+        match method.accumulator() {
+            Accumulator::FixedPoint if !method.draws_catalogue() => Vec::new(),
+            Accumulator::FixedPoint => {
+                vec![PipelineJob::new("stars", move || self.splat.pipeline(gpu, has_geometry))]
+            }
+            Accumulator::PackedCompareExchange => {
+                vec![PipelineJob::new("stars", move || self.packed.prepare(gpu, method.reads_catalogue()))]
+            }
+            Accumulator::Blending => self.billboards.pipelines(wish, method),
+            Accumulator::PerPixel => vec![PipelineJob::new("stars", move || {
+                self.cell_sky.pass(gpu);
+            })],
+        }
     }
 
     fn encode(&mut self, gpu: &Gpu, frame: &FrameInputs<'_>, _targets: &mut Targets) {

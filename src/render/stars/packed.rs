@@ -23,7 +23,7 @@ const PACKED_BYTES: u64 = 4;
 
 /// Passes and buffers of the rasteriser, made when they are first asked for.
 pub(super) struct Packed {
-    pass: OnceLock<PackedPass>,
+    pass: PackedPass,
     resolve: OnceLock<LuminancePass>,
     words: GrowingBuffer,
 }
@@ -43,11 +43,29 @@ pub(super) struct PackedFrame<'a> {
 impl Packed {
     pub(super) fn new() -> Self {
         let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
-        Self { pass: OnceLock::new(), resolve: OnceLock::new(), words: GrowingBuffer::new("packed pixels", usage) }
+        Self {
+            pass: PackedPass::default(),
+            resolve: OnceLock::new(),
+            words: GrowingBuffer::new("packed pixels", usage),
+        }
     }
 
     pub(super) fn release(&mut self) {
         self.words.release();
+    }
+
+    /// Makes the pipelines of one of the two forms ahead.
+    pub(super) fn prepare(&self, gpu: &Gpu, reads_catalogue: bool) {
+        if reads_catalogue {
+            self.pass.catalogue(gpu);
+        } else {
+            self.pass.sorted(gpu);
+        }
+        self.resolve_pass(gpu);
+    }
+
+    fn resolve_pass(&self, gpu: &Gpu) -> &LuminancePass {
+        self.resolve.get_or_init(|| LuminancePass::new(gpu, LuminanceSource::Packed))
     }
 
     /// The words of a batch, cleared.
@@ -67,7 +85,7 @@ impl Packed {
         targets: &Targets,
         batch: usize,
     ) {
-        let packed = self.pass.get_or_init(|| PackedPass::new(gpu));
+        let packed = &self.pass;
         let Some(sums) = targets.sums(batch, false) else { return };
         let target = Sums { low_words: words, ..sums };
         match frame.catalogue {
@@ -91,17 +109,18 @@ impl Packed {
         target: &PictureTarget<'_>,
         grid: [u32; 3],
     ) {
-        let resolve = self.resolve.get_or_init(|| LuminancePass::new(gpu, LuminanceSource::Packed));
+        let resolve = self.resolve_pass(gpu);
         let of_source = [(0, words.as_entire_binding()), (1, colours.as_entire_binding())];
         let inputs = LuminanceInputs { scale: 1.0, numbers: [0, 0], of_source: &of_source };
         resolve.record(gpu, pass, &inputs, target, grid);
     }
 }
 
-/// The passes.
+/// The passes, each made when it is first asked for.
+#[derive(Default)]
 struct PackedPass {
-    catalogue: wgpu::ComputePipeline,
-    sorted: wgpu::ComputePipeline,
+    catalogue: OnceLock<wgpu::ComputePipeline>,
+    sorted: OnceLock<wgpu::ComputePipeline>,
 }
 
 /// All stars of a catalogue, drawn into every tile.
@@ -114,13 +133,15 @@ struct WholeCatalogue<'a> {
 }
 
 impl PackedPass {
-    fn new(gpu: &Gpu) -> Self {
+    fn catalogue(&self, gpu: &Gpu) -> &wgpu::ComputePipeline {
+        self.catalogue.get_or_init(|| gpu.compute_pipeline(&Shader::new("stars/packed").source()))
+    }
+
+    fn sorted(&self, gpu: &Gpu) -> &wgpu::ComputePipeline {
         let workgroup = if gpu.software { 8.0 } else { 64.0 };
-        Self {
-            catalogue: gpu.compute_pipeline(&Shader::new("stars/packed").source()),
-            sorted: gpu
-                .compute_pipeline_with(&Shader::new("stars/packed_sorted").source(), &[("WORKGROUP", workgroup)]),
-        }
+        self.sorted.get_or_init(|| {
+            gpu.compute_pipeline_with(&Shader::new("stars/packed_sorted").source(), &[("WORKGROUP", workgroup)])
+        })
     }
 
     /// Records the published pass: all stars into every tile. `target.low_words` are the packed words.
@@ -131,7 +152,8 @@ impl PackedPass {
         all: &WholeCatalogue<'_>,
         target: &Sums<'_>,
     ) {
-        pass.set_pipeline(&self.catalogue);
+        let pipeline = self.catalogue(gpu);
+        pass.set_pipeline(pipeline);
         for tile in 0..all.tiles {
             for draw in all.draws {
                 let [columns, rows] = dispatch_rows(gpu, draw.count.div_ceil(CATALOGUE_THREADS));
@@ -144,8 +166,8 @@ impl PackedPass {
                     ..Default::default()
                 };
                 let parameters = gpu.frame_uniform("catalogue parameters", &parameters);
-                let group = self.target_group(gpu, &self.catalogue, &parameters, target);
-                let stars = bind_buffers(gpu, &self.catalogue, 1, &[(0, draw.stars.as_entire_binding())]);
+                let group = self.target_group(gpu, pipeline, &parameters, target);
+                let stars = bind_buffers(gpu, pipeline, 1, &[(0, draw.stars.as_entire_binding())]);
                 pass.set_bind_group(0, &group, &[]);
                 pass.set_bind_group(1, &stars, &[]);
                 pass.dispatch_workgroups(columns, rows, 1);
@@ -162,7 +184,8 @@ impl PackedPass {
         target: &Sums<'_>,
         draws: &[StarDraw<'_>],
     ) {
-        pass.set_pipeline(&self.sorted);
+        let pipeline = self.sorted(gpu);
+        pass.set_pipeline(pipeline);
         for draw in draws {
             let [columns, rows] = dispatch_rows(gpu, draw.item_count);
             let parameters = layout::PackedParameters {
@@ -172,9 +195,9 @@ impl PackedPass {
                 ..Default::default()
             };
             let parameters = gpu.frame_uniform("packed parameters", &parameters);
-            let group = self.target_group(gpu, &self.sorted, &parameters, target);
+            let group = self.target_group(gpu, pipeline, &parameters, target);
             pass.set_bind_group(0, &group, &[]);
-            pass.set_bind_group(1, &bind_items(gpu, &self.sorted, draw), &[]);
+            pass.set_bind_group(1, &bind_items(gpu, pipeline, draw), &[]);
             pass.dispatch_workgroups(columns, rows, 1);
         }
     }

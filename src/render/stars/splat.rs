@@ -1,11 +1,9 @@
 //! The star pass: splats every visible star in illuminance, in fixed point. Shader: `shaders/stars/splat.wgsl`; the f64 twin is
 //! `crate::reference::stars`.
 
-use std::sync::OnceLock;
-
 use super::items::{StarDraw, bind_items};
 use crate::{
-    gpu::{self, Gpu, dispatch_rows},
+    gpu::{self, Gpu, Variants, dispatch_rows},
     photometry::blackbody::ln_luminance_cd_m2,
     plan::stars::{
         range::FixedPoint,
@@ -20,9 +18,8 @@ use crate::{
 
 /// The pass.
 pub(crate) struct StarPass {
-    pipeline: wgpu::ComputePipeline,
-    /// The same where something may stand before the stars, made when it first does.
-    occluded: OnceLock<wgpu::ComputePipeline>,
+    /// By whether something may stand before the stars.
+    pipelines: Variants<bool, wgpu::ComputePipeline>,
     colours: wgpu::Buffer,
 }
 
@@ -58,11 +55,12 @@ fn star_pipeline(gpu: &Gpu, has_geometry: bool) -> wgpu::ComputePipeline {
 
 impl StarPass {
     pub(crate) fn new(gpu: &Gpu) -> Self {
-        Self {
-            pipeline: star_pipeline(gpu, false),
-            occluded: OnceLock::new(),
-            colours: gpu::storage_buffer(gpu, "star colours", &colour_table()),
-        }
+        Self { pipelines: Variants::new(), colours: gpu::storage_buffer(gpu, "star colours", &colour_table()) }
+    }
+
+    /// The pipeline with or without the test for what stands before the stars.
+    pub(crate) fn pipeline(&self, gpu: &Gpu, has_geometry: bool) -> wgpu::ComputePipeline {
+        self.pipelines.get(has_geometry, || star_pipeline(gpu, has_geometry))
     }
 
     /// Colours of luminance 1 for every step of temperature.
@@ -81,8 +79,7 @@ impl StarPass {
         draws: &[StarDraw<'_>],
     ) {
         let occlusion = &sums.occlusion;
-        let pipeline =
-            if occlusion.present { self.occluded.get_or_init(|| star_pipeline(gpu, true)) } else { &self.pipeline };
+        let pipeline = &self.pipeline(gpu, occlusion.present);
         pass.set_pipeline(pipeline);
         pass.set_bind_group(2, &bind_occlusion(gpu, pipeline, occlusion), &[]);
         for draw in draws {

@@ -14,7 +14,8 @@ use crate::{
 /// Corners of a square, a triangle strip.
 pub(crate) const CORNERS: u32 = IMPOSTOR_VERTICES;
 
-/// The pass of one method.
+/// The pass of one method. Copies share its pipeline.
+#[derive(Clone)]
 pub(crate) struct AsteroidImpostorPass {
     pipeline: wgpu::RenderPipeline,
     atlas_layout: wgpu::BindGroupLayout,

@@ -7,12 +7,12 @@ use std::sync::OnceLock;
 use self::passes::{GlarePyramidPass, PyramidFrame, PyramidTextures, PyramidTile};
 use super::composite::{GlareCompositePass, GlareSource};
 use crate::{
-    gpu::GrowingBuffer,
+    gpu::{Gpu, GrowingBuffer},
     plan::{Plan, glare::pyramid::PyramidAxes, tiles::Tile},
     render::{
         glare::layout,
         targets::{BatchTargets, PictureTarget, Targets, tile_grid},
-        technique::{Recording, begin_pass},
+        technique::{PipelineJob, Recording, Wish, begin_pass},
     },
     view::Viewport,
 };
@@ -46,6 +46,31 @@ impl GlarePyramid {
         }
     }
 
+    /// The pipelines along these axes.
+    pub(super) fn pipelines<'a>(&'a self, wish: &Wish<'a>, axes: PyramidAxes) -> Vec<PipelineJob<'a>> {
+        let gpu = wish.gpu;
+        vec![
+            PipelineJob::new("glare pyramid", move || {
+                self.pass(gpu, axes);
+            }),
+            PipelineJob::new("glare", move || {
+                self.composite(gpu);
+            }),
+        ]
+    }
+
+    fn pass(&self, gpu: &Gpu, axes: PyramidAxes) -> &GlarePyramidPass {
+        let of_axes = match axes {
+            PyramidAxes::Screen => &self.screen,
+            PyramidAxes::View => &self.view,
+        };
+        of_axes.get_or_init(|| GlarePyramidPass::new(gpu, axes))
+    }
+
+    fn composite(&self, gpu: &Gpu) -> &GlareCompositePass {
+        self.composite.get_or_init(|| GlareCompositePass::new(gpu, GlareSource::Pyramid, &[]))
+    }
+
     /// Lets go of buffers and textures.
     pub(super) fn release(&mut self) {
         self.textures.clear();
@@ -63,13 +88,9 @@ impl GlarePyramid {
                 self.textures.push((size, PyramidTextures::new(gpu, size)));
             }
         }
-        let of_axes = match axes {
-            PyramidAxes::Screen => &self.screen,
-            PyramidAxes::View => &self.view,
-        };
-        let pyramid = of_axes.get_or_init(|| GlarePyramidPass::new(gpu, axes));
-        let composite = self.composite.get_or_init(|| GlareCompositePass::new(gpu, GlareSource::Pyramid, &[]));
-        let maximum = self.maximum.with_room(gpu, 16);
+        let maximum = self.maximum.with_room(gpu, 16).clone();
+        let maximum = &maximum;
+        let (pyramid, composite) = (self.pass(gpu, axes), self.composite(gpu));
         recording.encoder.clear_buffer(maximum, 0, None);
         let targets = &*recording.targets;
         let mut pass = begin_pass(recording.encoder, recording.timer, "glare");

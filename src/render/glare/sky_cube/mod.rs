@@ -11,20 +11,20 @@ use glam::DVec3;
 
 use self::{
     map::{Held, Key, MapPasses},
-    record::Variant,
+    record::{Variant, composite},
     sprites::SpritePasses,
 };
 use super::composite::GlareCompositePass;
 use crate::{
     catalogue::chunks::StarSet,
-    gpu::{Gpu, GrowingBuffer},
+    gpu::{Gpu, GrowingBuffer, Variants},
     photometry::glare::GlareKernel,
     plan::{
         glare::sky_cube::{SkyCubeSettings, eye_class_m, map_place_pc, pixel_class_rad},
         settings::{GlareSettings, RenderSettings},
     },
     relativity::Motion,
-    render::technique::{Holding, Recording, begin_pass},
+    render::technique::{Holding, PipelineJob, Recording, Wish, begin_pass},
     scene::SceneSnapshot,
     units::{PARSEC_M, illuminance_lx_from_magnitude},
     view::Viewport,
@@ -88,7 +88,7 @@ impl Views {
 pub(super) struct SkyCube {
     passes: OnceLock<MapPasses>,
     sprites: OnceLock<SpritePasses>,
-    composites: Vec<(Variant, GlareCompositePass)>,
+    composites: Variants<Variant, GlareCompositePass>,
     held: Option<Held>,
     /// Of the last frame.
     views: Option<Views>,
@@ -105,12 +105,28 @@ impl SkyCube {
         Self {
             passes: OnceLock::new(),
             sprites: OnceLock::new(),
-            composites: Vec::new(),
+            composites: Variants::new(),
             held: None,
             views: None,
             lists: GrowingBuffer::new("glare lists", wgpu::BufferUsages::STORAGE),
             square_lists: GrowingBuffer::new("glare square lists", wgpu::BufferUsages::STORAGE),
         }
+    }
+
+    /// The pipelines for these viewports.
+    pub(super) fn pipelines<'a>(&'a self, wish: &Wish<'a>) -> Vec<PipelineJob<'a>> {
+        let gpu = wish.gpu;
+        let variant = Variant::of(wish.settings.glare.kernel, wish.viewports);
+        vec![
+            // Longest first.
+            PipelineJob::new("glare", move || composite(&self.composites, gpu, variant)),
+            PipelineJob::new("glare map", move || {
+                self.passes.get_or_init(|| MapPasses::new(gpu));
+            }),
+            PipelineJob::new("glare sprites", move || {
+                self.sprites.get_or_init(|| SpritePasses::new(gpu));
+            }),
+        ]
     }
 
     /// Lets go of buffers.

@@ -10,7 +10,8 @@ use super::{
 };
 use crate::render::constants::extended_sources::{IS_EXTENDED, SHARE_PARTS};
 use crate::{
-    photometry::glare::GlareKernel,
+    gpu::{Gpu, Variants},
+    photometry::glare::{GlareKernel, GlareKernelName},
     plan::glare::{
         objects::{ExtendedSource, PointOfLight},
         sky_cube::FINEST_CELLS,
@@ -39,6 +40,30 @@ pub(super) struct Variant {
     tabulated: bool,
     /// All views are flat, with pixels far smaller than the cells of the map.
     flat: bool,
+}
+
+impl Variant {
+    /// What draws the scattered light of a kernel into these viewports.
+    pub(super) fn of(kernel: GlareKernelName, viewports: &[Viewport]) -> Self {
+        let flat = |viewport: &Viewport| {
+            matches!(viewport.projection, Projection::Perspective(_) | Projection::CubeFace(_))
+                && viewport.projection.middle_pixel_rad() <= MOST_FLAT_PIXEL_RAD
+        };
+        Self { tabulated: kernel != GlareKernelName::InverseSquare, flat: viewports.iter().all(flat) }
+    }
+}
+
+/// The pass over pixels in that form.
+pub(super) fn composite(
+    composites: &Variants<Variant, GlareCompositePass>,
+    gpu: &Gpu,
+    variant: Variant,
+) -> GlareCompositePass {
+    composites.get(variant, || {
+        let constants = [("TABULATED", variant.tabulated), ("FLAT", variant.flat), ("ROLLED", gpu.software)];
+        let constants = constants.map(|(name, value)| (name, f64::from(u8::from(value))));
+        GlareCompositePass::new(gpu, GlareSource::Sky, &constants)
+    })
 }
 
 /// Chord of an angle, rad.
@@ -109,17 +134,7 @@ impl SkyCube {
             .collect();
         let views = gpu.frame_storage("glare views", &views);
         let near = gpu.frame_storage("near glare", &near);
-        let flat = |viewport: &Viewport| {
-            matches!(viewport.projection, Projection::Perspective(_) | Projection::CubeFace(_))
-                && viewport.projection.middle_pixel_rad() <= MOST_FLAT_PIXEL_RAD
-        };
-        let variant = Variant { tabulated: held.inverse_square.is_none(), flat: plan.viewports.iter().all(flat) };
-        if composites.iter().all(|(of, _)| *of != variant) {
-            let constants = [("TABULATED", variant.tabulated), ("FLAT", variant.flat)];
-            let constants = constants.map(|(name, value)| (name, f64::from(u8::from(value))));
-            composites.push((variant, GlareCompositePass::new(gpu, GlareSource::Sky, &constants)));
-        }
-        let (_, composite) = composites.iter().find(|(of, _)| *of == variant).expect("it was made above");
+        let composite = composite(composites, gpu, Variant::of(recording.frame.settings.glare.kernel, &plan.viewports));
         let [constant, inner_squared] = held.inverse_square.unwrap_or_default();
         for (number, batch) in targets.batches.iter().enumerate() {
             let blocks = block_grid(batch.grid);

@@ -9,7 +9,7 @@ use crate::render::{
     shader::Shader,
 };
 use crate::{
-    gpu::{Gpu, LayoutOf, bind_buffers, dispatch_rows},
+    gpu::{Gpu, LayoutOf, Variants, bind_buffers, dispatch_rows},
     plan::{
         settings::StarMethod,
         stars::billboards::{BillboardPlan, DrawnPsf},
@@ -119,20 +119,49 @@ fn shaders_of(method: StarMethod) -> Option<(u32, Profile)> {
     })
 }
 
+/// How the corners of a billboard are joined, and how many there are.
+fn corners_of(profile: Profile) -> (wgpu::PrimitiveTopology, u32) {
+    match profile {
+        Profile::Point => (wgpu::PrimitiveTopology::PointList, 1),
+        _ => (wgpu::PrimitiveTopology::TriangleStrip, 4),
+    }
+}
+
+/// The pipelines of all methods, each made when it is first asked for.
+pub(crate) struct BillboardPipelines(Variants<StarMethod, wgpu::RenderPipeline>);
+
+impl BillboardPipelines {
+    /// None yet.
+    pub(crate) fn new() -> Self {
+        Self(Variants::new())
+    }
+
+    /// That of a method that blends; `None` for the others.
+    pub(crate) fn get(&self, gpu: &Gpu, method: StarMethod) -> Option<wgpu::RenderPipeline> {
+        let (law, profile) = shaders_of(method)?;
+        let make = || {
+            gpu.blending_pipeline(
+                &Shader::new("stars/billboards/place").source(),
+                &[("LAW", f64::from(law))],
+                &Shader::new("stars/billboards/shade").with("profile", profile.file()).source(),
+                corners_of(profile).0,
+            )
+        };
+        Some(self.0.get(method, make))
+    }
+}
+
 impl BillboardPass {
     /// The pass of a method that blends; `None` for the others. `image` is what `sprite` and `psf_texture` carry.
-    pub(crate) fn new(gpu: &Gpu, method: StarMethod, image: Option<SquareImage<'_>>) -> Option<Self> {
-        let (law, profile) = shaders_of(method)?;
-        let (topology, vertices) = match profile {
-            Profile::Point => (wgpu::PrimitiveTopology::PointList, 1),
-            _ => (wgpu::PrimitiveTopology::TriangleStrip, 4),
-        };
-        let pipeline = gpu.blending_pipeline(
-            &Shader::new("stars/billboards/place").source(),
-            &[("LAW", f64::from(law))],
-            &Shader::new("stars/billboards/shade").with("profile", profile.file()).source(),
-            topology,
-        );
+    pub(crate) fn new(
+        gpu: &Gpu,
+        pipelines: &BillboardPipelines,
+        method: StarMethod,
+        image: Option<SquareImage<'_>>,
+    ) -> Option<Self> {
+        let (_, profile) = shaders_of(method)?;
+        let (_, vertices) = corners_of(profile);
+        let pipeline = pipelines.get(gpu, method)?;
         let image = image.filter(|_| profile.has_image()).map(|image| image_texture(gpu, image));
         Some(Self { pipeline, vertices, image })
     }

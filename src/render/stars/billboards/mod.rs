@@ -8,7 +8,7 @@ use std::sync::{Arc, OnceLock};
 
 use glam::DQuat;
 
-use self::draw::{BillboardFrame, BillboardPass, BillboardPlane, CountPass, SquareImage};
+use self::draw::{BillboardFrame, BillboardPass, BillboardPipelines, BillboardPlane, CountPass, SquareImage};
 use super::catalogue_buffers::CatalogueBuffers;
 use super::luminance::{LuminanceInputs, LuminancePass, LuminanceSource};
 use crate::{
@@ -26,7 +26,7 @@ use crate::{
     render::{
         stars::layout,
         targets::{PictureTarget, tile_grid},
-        technique::{Recording, begin_pass},
+        technique::{PipelineJob, Recording, Wish, begin_pass},
         viewport::encode_viewport,
     },
     view::{
@@ -46,6 +46,7 @@ struct BlendTarget {
 
 /// Passes and textures of the methods that blend, made when they are first asked for.
 pub(super) struct Billboards {
+    pipelines: BillboardPipelines,
     /// The passes of the methods used so far, with their images.
     methods: Vec<MethodPass>,
     /// The one in use.
@@ -68,6 +69,7 @@ struct MethodPass {
 impl Billboards {
     pub(super) fn new() -> Self {
         Self {
+            pipelines: BillboardPipelines::new(),
             methods: Vec::new(),
             in_use: None,
             from_texture: OnceLock::new(),
@@ -76,6 +78,42 @@ impl Billboards {
             target: None,
             drawn: None,
         }
+    }
+
+    /// The pipelines of a method, for these viewports.
+    pub(super) fn pipelines<'a>(&'a self, wish: &Wish<'a>, method: StarMethod) -> Vec<PipelineJob<'a>> {
+        let gpu = wish.gpu;
+        let needs_cube =
+            |viewport: &Viewport| CubeFaces::for_projection(&viewport.projection, gpu.max_view_side_px()).is_some();
+        let mut jobs = vec![
+            PipelineJob::new("stars", move || self.pipelines.get(gpu, method)),
+            PipelineJob::new("star counts", move || {
+                self.count_pass(gpu);
+            }),
+        ];
+        if wish.viewports.iter().any(needs_cube) {
+            jobs.push(PipelineJob::new("stars from a cube", move || {
+                self.from_cube(gpu);
+            }));
+        }
+        if !wish.viewports.iter().all(needs_cube) {
+            jobs.push(PipelineJob::new("stars from a plane", move || {
+                self.from_texture(gpu);
+            }));
+        }
+        jobs
+    }
+
+    fn from_cube(&self, gpu: &Gpu) -> &LuminancePass {
+        self.from_cube.get_or_init(|| LuminancePass::new(gpu, LuminanceSource::Cube))
+    }
+
+    fn from_texture(&self, gpu: &Gpu) -> &LuminancePass {
+        self.from_texture.get_or_init(|| LuminancePass::new(gpu, LuminanceSource::Texture))
+    }
+
+    fn count_pass(&self, gpu: &Gpu) -> &CountPass {
+        self.count.get_or_init(|| CountPass::new(gpu))
     }
 
     /// Forgets everything that belongs to a scene or a size.
@@ -101,7 +139,7 @@ impl Billboards {
             let sprite = (method == StarMethod::Sprite).then(|| sprite(SPRITE_SIZE));
             let of_sprite = sprite.as_ref().map(|image| SquareImage { size: image.size, rgb: &image.rgb });
             let of_psf = psf.map(|psf| SquareImage { size: psf.form.size, rgb: &psf.form.rgb });
-            if let Some(pass) = BillboardPass::new(gpu, method, of_psf.or(of_sprite)) {
+            if let Some(pass) = BillboardPass::new(gpu, &self.pipelines, method, of_psf.or(of_sprite)) {
                 self.methods.push(MethodPass { method, pass, psf: psf.cloned() });
                 self.in_use = Some(self.methods.len() - 1);
             }
@@ -152,11 +190,8 @@ impl Billboards {
     ) {
         let Some(drawn) = &self.target else { return };
         let (resolve, numbers) = match cube {
-            Some(cube) => {
-                let pass = self.from_cube.get_or_init(|| LuminancePass::new(gpu, LuminanceSource::Cube));
-                (pass, [cube.edge_px, GUARD_PX])
-            }
-            None => (self.from_texture.get_or_init(|| LuminancePass::new(gpu, LuminanceSource::Texture)), [0, 0]),
+            Some(cube) => (self.from_cube(gpu), [cube.edge_px, GUARD_PX]),
+            None => (self.from_texture(gpu), [0, 0]),
         };
         let of_source = [(0, wgpu::BindingResource::TextureView(&drawn.whole))];
         let inputs = LuminanceInputs { scale: 1.0, numbers, of_source: &of_source };
@@ -262,7 +297,7 @@ impl Billboards {
         catalogue: &CatalogueBuffers,
     ) {
         let (gpu, targets) = (recording.gpu, &*recording.targets);
-        let count = self.count.get_or_init(|| CountPass::new(gpu));
+        let count = self.count_pass(gpu);
         let camera_pc = recording.frame.plan.camera_pc.as_vec3().to_array();
         let viewports = (&targets.viewports, recording.frame.plan.viewports.len() as u32);
         let descriptor = wgpu::ComputePassDescriptor { label: Some("count stars"), timestamp_writes: None };
