@@ -1,6 +1,6 @@
 //! Why a frame cannot be drawn.
 
-use super::{asteroids::impostors::atlas::ImpostorAtlasError, display::present::PRESENT_FORMATS};
+use super::{asteroids::impostors::atlas::ImpostorAtlasError, presentation::PRESENT_FORMATS};
 use crate::{gpu::GpuError, plan::PlanError};
 
 /// Why a frame could not be rendered.

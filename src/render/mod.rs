@@ -18,9 +18,10 @@ pub(crate) mod layout;
 mod overlay;
 #[cfg(test)]
 mod pass_tests;
+#[doc(hidden)]
+mod presentation;
 #[cfg(test)]
 mod presentation_tests;
-#[doc(hidden)]
 pub mod probe;
 mod read;
 mod request;
@@ -34,9 +35,9 @@ pub(crate) mod viewport;
 
 pub use self::{
     asteroids::AsteroidCounts,
-    display::Presentation,
     error::RenderError,
     frame::{Frame, FrameImage, FrameTimes, ViewStatistics, Wanted},
+    presentation::Presentation,
     request::FrameRequest,
     submit::SubmittedFrame,
 };

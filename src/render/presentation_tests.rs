@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
 
-use super::{Frame, FrameImage, FrameRequest, Renderer, Wanted, display::Presentation, error::RenderError};
+use super::{Frame, FrameImage, FrameRequest, Presentation, Renderer, Wanted, error::RenderError};
 use crate::{
     catalogue::{StarRecord, chunks::StarSet},
     gpu::{Gpu, GpuOptions, read_layer, storage_buffer},

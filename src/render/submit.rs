@@ -5,7 +5,7 @@ use std::{sync::Arc, time::Instant};
 
 use super::{
     Frame, FrameRequest, RenderError, Renderer,
-    display::check_presentations,
+    presentation::check_presentations,
     read::{self, Places},
     sequence,
     technique::{FrameInputs, Outputs, Recording},

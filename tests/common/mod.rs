@@ -1,6 +1,7 @@
 //! What the integration tests share: a renderer on the software adapter, made-up skies, and sums of light in f64.
 #![allow(dead_code, unused_imports, reason = "each test binary uses its own part of this")]
 
+pub mod figures;
 mod pool;
 
 use glam::{DQuat, DVec3};

@@ -12,13 +12,16 @@ use steradian::{
 };
 use svg::{node::element::tag::Type, parser::Event};
 
+/// Far longer than any run here takes, on a busy machine too, so that no frame is left out for want of time.
+const AMPLE: Duration = Duration::from_secs(3600);
+
 fn tiny() -> Extent {
     Extent {
         skies: [Sky::Bright, Sky::Galaxy(300)]
             .map(|sky| (sky, vec![ViewShape::Flat([160, 90]), ViewShape::FullSky([128, 64])]))
             .to_vec(),
         rounds: 2,
-        budget: Duration::from_secs(120),
+        budget: AMPLE,
         scoring: tiny_scoring(),
         scale: vec![200, 400],
         many_views_stars: 300,
@@ -32,7 +35,7 @@ fn tiny() -> Extent {
             scored_stars: 300,
             pixels: 300,
             rounds: 2,
-            budget: Duration::from_secs(60),
+            budget: AMPLE,
         },
         asteroids: AsteroidExtent {
             instances: vec![200, 600],
@@ -42,7 +45,7 @@ fn tiny() -> Extent {
             ratio_px: 64,
             scored_px: 256,
             rounds: 2,
-            budget: Duration::from_secs(60),
+            budget: AMPLE,
             cache: std::env::temp_dir().join("steradian-chart-atlases"),
         },
     }
@@ -137,7 +140,7 @@ fn a_tiny_run_has_every_method_and_leaves_no_cell_wrong() {
 #[test]
 fn the_procedural_sky_has_the_errors_of_its_cones() {
     let mut renderer = crate::common::renderer();
-    let scores = score_method(&mut renderer, StarMethod::CellSky, tiny_scoring(), Duration::from_secs(60)).unwrap();
+    let scores = score_method(&mut renderer, StarMethod::CellSky, tiny_scoring(), AMPLE).unwrap();
     for metric in Metric::ALL {
         let score = scores.get(metric).cloned().unwrap_or_default();
         println!("cell_sky {}: {:?} ({})", metric.name(), score.value, score.note);
@@ -360,7 +363,7 @@ fn scores_are_those_that_the_kernels_have() {
     let mut renderer = crate::common::renderer();
     let size = ScoringSize { positions: 1000, image_px: 1024, ..tiny_scoring() };
     let mut of = |method| {
-        let scores = score_method(&mut renderer, method, size, Duration::from_secs(60)).unwrap();
+        let scores = score_method(&mut renderer, method, size, AMPLE).unwrap();
         let values: Vec<(&str, f64)> = Metric::ALL
             .into_iter()
             .filter(|metric| *metric != Metric::FluxTotal)

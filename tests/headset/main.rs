@@ -1,6 +1,9 @@
 //! The headset, on a real OpenXR runtime that needs none: Monado, with the null compositor. See `monado`.
 #![allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
 
+#[path = "../common/figures.rs"]
+mod figures;
+
 mod absent;
 mod daemon;
 mod flying;

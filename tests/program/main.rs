@@ -1,9 +1,13 @@
 //! The built program as people and scripts see it, and the documentation that tells of it.
 #![allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
 
+#[path = "../common/figures.rs"]
+mod figures;
+
 mod command_line;
 mod configuration_reference;
 #[cfg(unix)]
 mod daemon;
 mod documentation;
 mod features;
+mod measured;

@@ -2,6 +2,7 @@
 //! `crate::photometry::tone_map`.
 
 use super::variant::{DisplayVariant, encode_display};
+use crate::render::presentation::{PresentSource, present_source};
 use crate::render::shader::Shader;
 use crate::{
     gpu::{Gpu, LayoutOf, Stage},
@@ -9,35 +10,13 @@ use crate::{
     render::display::layout,
 };
 
-/// What the present pass writes into a texture.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum PresentSource {
-    /// The codes of the display image.
-    Codes,
-    /// Light of the HDR image.
-    Light,
-}
-
-impl PresentSource {
-    fn file(self) -> &'static str {
-        match self {
-            Self::Codes => "display/present_codes",
-            Self::Light => "display/present_light",
-        }
+/// The file of what is written.
+fn file_of(source: PresentSource) -> &'static str {
+    match source {
+        PresentSource::Codes => "display/present_codes",
+        PresentSource::Light => "display/present_light",
     }
 }
-
-/// What a texture of that format is given; `None`: it cannot be drawn into.
-pub(crate) fn present_source(format: wgpu::TextureFormat) -> Option<PresentSource> {
-    match format {
-        wgpu::TextureFormat::Rgba8UnormSrgb | wgpu::TextureFormat::Bgra8UnormSrgb => Some(PresentSource::Codes),
-        wgpu::TextureFormat::Rgba16Float => Some(PresentSource::Light),
-        _ => None,
-    }
-}
-
-/// The formats that [`present_source`] knows, for messages.
-pub(crate) const PRESENT_FORMATS: &str = "Rgba8UnormSrgb, Bgra8UnormSrgb and Rgba16Float";
 
 /// What is compiled into a pipeline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -76,7 +55,7 @@ impl PresentPass {
             let constants = if source == PresentSource::Light { &constants[..] } else { &[] };
             let pipeline = gpu.colour_pipeline(
                 &Stage { source: &Shader::new("display/present_corner").source(), constants: &[] },
-                &Stage { source: &Shader::new("display/present").with("source", source.file()).source(), constants },
+                &Stage { source: &Shader::new("display/present").with("source", file_of(source)).source(), constants },
                 wgpu::PrimitiveTopology::TriangleList,
                 variant.format.into(),
             );

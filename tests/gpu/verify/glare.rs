@@ -1,6 +1,6 @@
 //! The checks of glare: what is right passes, each fault fails, and glare that is off has nothing to check.
 
-use crate::common::{renderer, settings};
+use crate::common::{figures, renderer, settings};
 use steradian::{
     photometry::glare::GlareKernelName,
     plan::settings::{GlareMethod, RenderSettings, StarMethod},
@@ -27,9 +27,19 @@ fn run(name: &str, renderer: &mut Renderer, settings: &RenderSettings) -> CheckR
 #[test]
 fn glare_on_the_sky_passes_every_check() {
     let mut renderer = renderer();
+    let mut measured = Vec::new();
     for check in verify::select(Some("glare")).unwrap() {
         let result = run(check.name, &mut renderer, &with_glare(GlareMethod::Auto));
         assert_eq!(result.outcome, Outcome::Pass, "{result}");
+        measured.extend(result.figures);
+    }
+    // What the README says is held closer than the limits of the checks.
+    for (figure, what) in
+        [(figures::VEIL_OF_ONE_STAR, "one star: rms"), (figures::VEIL_OF_9000_STARS, "9000 stars: rms")]
+    {
+        let found: Vec<f64> = measured.iter().filter(|of| of.what.starts_with(what)).map(|of| of.measured).collect();
+        assert_eq!(found.len(), 1, "{what}");
+        figure.check(found[0]);
     }
 }
 

@@ -7,10 +7,11 @@ use steradian::{
 };
 
 use super::shots::{Assignment, Shot, Sphere, head, mapping, rig, sent_eyes, settings, take};
-use crate::monado::{Eye, Monado, Pose, RemoteState, Service};
+use crate::{
+    figures,
+    monado::{Eye, Monado, Pose, RemoteState, Service},
+};
 
-/// Limit on the error of the disparity and on the vertical disparity, pixels.
-const LIMIT_PX: f64 = 0.1;
 /// Between the eyes, m.
 const BASELINE_M: f64 = 0.064;
 /// Heights of the eyes above the floor, m.
@@ -83,6 +84,7 @@ fn seen_px(shot: &Shot, state: &RemoteState, body: (f64, [f64; 2], f64), images:
 /// Bodies at 1, 10 and 1000 m, with the head upright and rolled by 30 degrees.
 pub fn bodies_have_the_disparity_of_their_distance(monado: &'static Monado) {
     let service = Service::remote(monado);
+    let (mut error, mut vertical) = (figures::HEADSET_DISPARITY.worst(), figures::HEADSET_VERTICAL_DISPARITY.worst());
     // The last has one eye higher than the other, to show that vertical disparity is seen where there is some.
     let heads = [(0.0, 0.0), (30.0, 0.0), (0.0, 0.002)];
     let spheres = BODIES.map(|body| Sphere {
@@ -113,9 +115,12 @@ pub fn bodies_have_the_disparity_of_their_distance(monado: &'static Monado) {
                 disparity_px.y,
             );
             let fits = |disparity_px: DVec2, expected_px: f64| {
-                (disparity_px.x - expected_px).abs() < LIMIT_PX && disparity_px.y.abs() < LIMIT_PX
+                let along = figures::HEADSET_DISPARITY.holds(disparity_px.x - expected_px);
+                along && figures::HEADSET_VERTICAL_DISPARITY.holds(disparity_px.y)
             };
-            assert!(fits(disparity_px, expected_px), "{disparity_px} for {expected_px}");
+            let of = format!("{depth_m} m, rolled by {roll_deg} degrees");
+            error.add(disparity_px.x - expected_px, &of);
+            vertical.add(disparity_px.y, &of);
             // The images in each other's place do not fit, nor does another distance as far as pixels can tell.
             let swapped = seen_px(shot, &state(roll_deg, raised_m), body, [1, 0]);
             assert!(swapped.is_none_or(|[left, right]| !fits(left - right, expected_px)), "{swapped:?}");
@@ -123,9 +128,12 @@ pub fn bodies_have_the_disparity_of_their_distance(monado: &'static Monado) {
             assert!(!fits(disparity_px, closed_form_px(other_m, roll_rad, direction, width)), "{other_m} m");
         }
     }
+    error.print();
+    vertical.print();
     let [left, right] = seen_px(&shots[2], &state(heads[2].0, heads[2].1), BODIES[0], [0, 1]).unwrap();
     println!("with one eye 2 mm higher: vertical disparity {:.4} px at 1 m", (left - right).y);
     let expected_px = f64::from(heads[2].1) * f64::from(shots[2].images[0].size[1])
         / (f64::from(FOV_RAD[2]).tan() - f64::from(FOV_RAD[3]).tan());
-    assert!(expected_px > LIMIT_PX && ((left - right).y + expected_px).abs() < LIMIT_PX, "{left} {right}");
+    assert!(!figures::HEADSET_VERTICAL_DISPARITY.holds(expected_px));
+    assert!(figures::HEADSET_DISPARITY.holds((left - right).y + expected_px), "{left} {right}");
 }

@@ -22,7 +22,10 @@ pub const TESTS: &[Test] = &[
         disparity::bodies_have_the_disparity_of_their_distance,
     ),
     Test::WithMonado("both_eyes_have_one_exposure", shared_light::both_eyes_have_one_exposure),
-    Test::WithMonado("glare_is_the_same_around_a_star_for_both_eyes", shared_light::glare_is_the_same_for_both_eyes),
+    Test::WithMonado(
+        "glare_is_the_same_around_a_star_for_both_eyes",
+        shared_light::glare_is_the_same_around_a_star_for_both_eyes,
+    ),
 ];
 
 pub const INNERS: &[Inner] = &[("photograph", program::photograph), ("show_frames", program::show_frames)];
