@@ -45,6 +45,7 @@ pub const AT_INFINITY: f64 = 0.0;
 
 /// Why an overlay cannot be drawn.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum OverlayPlanError {
     /// There are too many lines in too many images.
     #[error(
