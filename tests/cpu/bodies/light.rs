@@ -116,7 +116,7 @@ fn a_far_sphere_in_a_long_lens_has_the_light_of_the_closed_form() {
                 assert!((found[channel] / closed(albedo * 1.01) - 1.0).abs() > 5e-3);
             }
             let covered = image.covered_sr(&lens) / (PI * (1e6 / distance_m).powi(2));
-            assert!((covered - 1.0).abs() < 1e-3, "{covered}");
+            assert!((covered - 1.0).abs() < 3e-5, "{covered}");
         }
     }
 }
@@ -134,7 +134,7 @@ fn an_ellipsoid_covers_its_cross_section_along_every_axis() {
         let lens = Perspective::symmetric([96, 96], 6.6e6 / distance_m).unwrap();
         let image = draw_first(&objects, eye_m, looking(-eye_m), &lens, 12);
         let covered_m2 = image.covered_sr(&lens) * distance_m * distance_m;
-        assert!((covered_m2 / (PI * area_m2) - 1.0).abs() < 1e-3, "{axis}: {covered_m2}");
+        assert!((covered_m2 / (PI * area_m2) - 1.0).abs() < 3.7e-4, "{axis}: {covered_m2}");
         assert!((covered_m2 / (PI * area_m2 * 1.01) - 1.0).abs() > 5e-3);
         let expected = illuminance_of(&objects.bodies[0], eye_m, &suns(&objects), 0.0);
         let found = image.illuminance_lx(&lens);
@@ -172,7 +172,7 @@ fn the_suns_disc_at_one_astronomical_unit_has_its_magnitude() {
     let found_lx = luminance(image.illuminance_lx(&lens));
     let magnitude = steradian::units::magnitude_from_illuminance_lx(found_lx);
     let expected = 4.83 + 5.0 * (AU_M / (10.0 * steradian::units::PARSEC_M)).log10();
-    assert!((magnitude - expected).abs() < 1e-3, "{magnitude} {expected}");
+    assert!((magnitude - expected).abs() < 3.2e-4, "{magnitude} {expected}");
     assert!((found_lx / 1.26e5 - 1.0).abs() < 0.01, "{found_lx} lx");
     // The limb is darker than the middle: 0.4 of it at the very edge.
     let middle = luminance(image.luminance_cd_m2[32 * 64 + 32]);
@@ -209,7 +209,7 @@ fn the_nearest_body_hides_the_others_and_exactly_the_directions_behind_it() {
             let kind = if near_hides { 0 } else { 1 + usize::from(!far_hides) };
             counts[kind] += 1;
             // The lamp lights the near body's far side only, so its near side is dark.
-            assert!((rgb[0] - [0.0, 7.0, 0.0][kind]).abs() < 1e-12, "pixel {index}: {rgb:?}");
+            assert!((rgb[0] - [0.0, 7.0, 0.0][kind]).abs() < 4e-15, "pixel {index}: {rgb:?}");
             assert_eq!(image.coverage[index], [1.0, 1.0, 0.0][kind]);
         }
         assert!(counts.iter().all(|&count| count > 50), "{counts:?}");

@@ -145,7 +145,7 @@ fn scene_time_camera_and_catalogues() {
     let camera = config.camera().unwrap();
     assert_eq!(camera.position_m, glam::DVec3::new(1.0, 2.5, -3e20));
     assert_eq!(camera.velocity_c, glam::DVec3::new(0.0, 0.5, -0.25));
-    assert!((camera.world_from_camera.length() - 1.0).abs() < 1e-12, "normalised");
+    assert!((camera.world_from_camera.length() - 1.0).abs() < 1e-15, "normalised");
     assert_eq!(config.scene.time.offset.unwrap().to_string(), "+02:00");
 }
 

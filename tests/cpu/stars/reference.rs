@@ -108,11 +108,11 @@ fn all_light_arrives_in_every_projection_over_every_edge() {
         }
         for place in &places {
             let error = (share_of_view(*place, kind, SkyKernel::Point) - 1.0).abs();
-            assert!(error < 1e-12, "a point at {place} in {}: {error}", kind.type_name());
+            assert!(error < 1e-15, "a point at {place} in {}: {error}", kind.type_name());
         }
         println!("{}: all light to {:.1e}, near the rim to {:.1e}", kind.type_name(), worst[0], worst[1]);
         let equisolid = matches!(kind, ViewKind::Fisheye { mapping: FisheyeMapping::Equisolid, .. });
-        assert!(worst[0] < 2e-6 && worst[1] < if equisolid { 0.15 } else { 5e-3 }, "{}: {worst:?}", kind.type_name());
+        assert!(worst[0] < 1e-7 && worst[1] < if equisolid { 0.15 } else { 5e-3 }, "{}: {worst:?}", kind.type_name());
     }
     // Inside of every other picture.
     for (name, kind) in all_views() {
@@ -123,7 +123,7 @@ fn all_light_arrives_in_every_projection_over_every_edge() {
         let direction = if name == "domemaster" { DVec3::new(0.1, 1.0, -0.4) } else { DVec3::new(0.2, -0.15, -1.0) };
         for kernel in [SkyKernel::Point, SkyKernel::Spread(&gaussian)] {
             let found = share_of_view(direction, &kind, kernel) / eyes;
-            assert!((found - 1.0).abs() < 2e-6, "{name}: {found}");
+            assert!((found - 1.0).abs() < 8e-11, "{name}: {found}");
         }
     }
 }
@@ -151,7 +151,7 @@ fn place_width_and_peak_are_those_of_the_gaussian() {
             assert!(error_rad < 3e-6);
             // The pixels, up to 0.0087 rad, add their own width, and the curved sky takes some; the peak is a mean over a pixel.
             assert!((shape.major / sigma - 1.0).abs() < 0.01 && (shape.minor / sigma - 1.0).abs() < 0.01);
-            assert!(shape.ellipticity().unwrap() < 0.01);
+            assert!(shape.ellipticity().unwrap() < 5e-3);
             assert!(peak_error > -0.07 && peak_error < 1e-3, "{peak_error}");
         }
     }
@@ -215,15 +215,15 @@ fn a_kernel_that_is_too_bright_shifted_or_too_wide_is_found() {
     let good = Gaussian::new(1.5 * pixel_rad).unwrap();
     let bright = Wrong(good, 1.001, DVec2::ZERO);
     let found = share(white(DVec3::NEG_Z), &plane, SkyKernel::Spread(&bright));
-    assert!((found - 1.001).abs() < 2e-6, "{found}");
+    assert!((found - 1.001).abs() < 8e-12, "{found}");
     let shift = DVec2::new(0.3, -0.4) * pixel_rad;
     let shifted = draw(&[white(DVec3::NEG_Z)], &plane, SkyKernel::Spread(&Wrong(good, 1.0, shift)));
     let luminances = shifted.luminance_cd_m2(&plane);
     let image = HdrView::new(&plane, &luminances).unwrap();
     let error = centroid_error_px(&image, DVec2::splat(32.0), 100.0).unwrap();
-    assert!((error - 0.5).abs() < 1e-3, "{error}");
+    assert!((error - 0.5).abs() < 6.6e-5, "{error}");
     // +x is right and +y is up.
-    assert!(centroid_error_px(&image, DVec2::new(32.3, 32.4), 100.0).unwrap() < 1e-3);
+    assert!(centroid_error_px(&image, DVec2::new(32.3, 32.4), 100.0).unwrap() < 6.6e-5);
     let wide = Gaussian::new(1.51 * pixel_rad).unwrap();
     let peak = |spread: &Gaussian| {
         draw(&[white(DVec3::NEG_Z)], &plane, SkyKernel::Spread(spread)).illuminance_lx[32 * 64 + 32][0]
@@ -250,7 +250,7 @@ fn tables_draw_what_they_hold() {
         let worst = pairs.map(|(a, b)| (a[1] - b[1]).abs() / peak).fold(0.0, f64::max);
         assert!(worst < limit, "{worst}");
         let sum: f64 = found.illuminance_lx.iter().map(|rgb| rgb[2]).sum();
-        assert!((sum / WHITE_LX - 1.0).abs() < 1e-4, "{sum}");
+        assert!((sum / WHITE_LX - 1.0).abs() < 1.5e-8, "{sum}");
     }
 }
 
@@ -283,7 +283,7 @@ fn a_moving_eye_sees_the_stars_of_the_twin() {
         let truth = draw(&stars_for(&set, eye, 0.0), &mapping, SkyKernel::Point);
         let twin = steradian::reference::stars::splat::draw(&set, eye, &mapping, |_| Some(SplatKernel::Tent));
         let sum = |image: &ReferenceImage| image.illuminance_lx.iter().map(|rgb| luminance(*rgb)).sum::<f64>();
-        assert!((sum(&truth) / sum(&twin) - 1.0).abs() < 1e-12);
+        assert!((sum(&truth) / sum(&twin) - 1.0).abs() < 6.4e-15);
         sum(&truth)
     };
     assert!(light(DVec3::X * 0.5) / light(DVec3::ZERO) > 1.01, "and not those of an eye at rest");

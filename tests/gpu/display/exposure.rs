@@ -92,7 +92,7 @@ fn the_exposure_of_a_rig_is_that_of_the_f64_mean_over_its_pictures() {
             frame.images.len(),
             frame.exposure_ev100
         );
-        assert!(error.abs() < 0.01, "{error}");
+        assert!(error.abs() < 1.5e-4, "{error}");
         assert_eq!(frame.exposure_ev100, frame.metered_ev100);
         // A mean of the pixels that takes them for equally large is found.
         let in_picture = pixels.iter().filter(|[_, omega]| *omega > 0.0).map(|[luminance, _]| [*luminance, 1.0]);
@@ -148,7 +148,7 @@ fn a_picture_cut_into_faces_windows_or_tiles_has_the_same_exposure() {
     let map = exposure(&whole, vec![("map", ViewKind::Equirectangular { size: [512, 256] })]);
     let cube = exposure(&whole, vec![("cube", ViewKind::Cubemap { face_size: 128, faces: Face::ALL.to_vec() })]);
     println!("map {map:.6}, cube {cube:.6}: {:+.1e} EV", cube - map);
-    assert!((cube - map).abs() < 1e-3);
+    assert!((cube - map).abs() < 1e-5);
     // One face of the six is another picture.
     let right = exposure(&whole, vec![("right", ViewKind::Cubemap { face_size: 128, faces: vec![Face::Right] })]);
     assert!((right - map).abs() > 0.1, "{right}");
@@ -160,7 +160,7 @@ fn a_picture_cut_into_faces_windows_or_tiles_has_the_same_exposure() {
     let one = exposure(&whole, vec![("whole", window(-0.6, 0.6, 256))]);
     let two = exposure(&whole, vec![("left", window(-0.6, 0.0, 128)), ("right", window(0.0, 0.6, 128))]);
     println!("window {one:.6}, in two {two:.6}: {:+.1e} EV", two - one);
-    assert!((two - one).abs() < 1e-3);
+    assert!((two - one).abs() < 1e-5);
     // Strips of a few rows, as an adapter that binds little needs them.
     for rows in [17, 40] {
         let options = GpuOptions { binding_limit_bytes: Some(16 * 256 * rows), ..GpuOptions::default() };

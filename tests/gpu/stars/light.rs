@@ -180,7 +180,7 @@ fn two_colours_in_one_pixel_add_as_light() {
     // What averaging the temperatures would show lies ten times the limit away.
     let wrong = uv_distance(rec709_in_gamut(11_500.0), expected).expect("light");
     println!("u'v' of 3000 K + 20000 K: off by {error:.1e}; averaged temperatures would be by {wrong:.1e}");
-    assert!(error < 0.003 && wrong > 0.03);
+    assert!(error < 1.5e-4 && wrong > 0.03);
 }
 
 /// The twin in f64 draws the same picture.
@@ -270,5 +270,5 @@ fn an_off_axis_view_is_a_window_of_the_symmetric_one() {
         }
     }
     println!("window against whole: luminance {worst:.1e} of the brightest pixel, solid angle {worst_omega:.1e}");
-    assert!(worst_omega < 1e-6 && worst < 1e-4);
+    assert!(worst_omega < 2.4e-7 && worst < 2.5e-5);
 }

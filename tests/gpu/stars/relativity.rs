@@ -123,9 +123,9 @@ fn direction_light_and_colour_are_those_of_the_closed_forms() {
                 let case = format!("{beta} c, {degrees} degrees, {kelvin:.0} K");
                 let flux_error = (seen.illuminance_lx / expected_lx - 1.0).abs();
                 let colour_error = uv_distance(seen.rgb, rec709_in_gamut(d * kelvin)).expect("light");
-                assert!(flux_error < 1e-3, "{case}: light off by {flux_error:.1e}");
-                assert!(seen.centroid_error_px < 0.005, "{case}: centroid off by {} px", seen.centroid_error_px);
-                assert!(colour_error < 0.003, "{case}: u'v' off by {colour_error}");
+                assert!(flux_error < 1.1e-4, "{case}: light off by {flux_error:.1e}");
+                assert!(seen.centroid_error_px < 2.1e-3, "{case}: centroid off by {} px", seen.centroid_error_px);
+                assert!(colour_error < 8.2e-4, "{case}: u'v' off by {colour_error}");
                 (centroid, flux, colour) =
                     (centroid.max(seen.centroid_error_px), flux.max(flux_error), colour.max(colour_error));
             }
@@ -148,8 +148,8 @@ fn other_laws_fail() {
     let seen = look_at(&mut renderer, record, camera, direction_of_travel(), DVec2::new(0.4, 1.3));
     let growth = seen.illuminance_lx / at_rest_lx;
     println!("5800 K head-on at 0.9 c: {growth:.4} times the light; D^2 = {:.1}, D^4 = {:.1}", d.powi(2), d.powi(4));
-    assert!((growth / light(kelvin, d) - 1.0).abs() < 1e-3);
-    assert!((growth - 2.6).abs() < 0.05);
+    assert!((growth / light(kelvin, d) - 1.0).abs() < 4e-6);
+    assert!((growth - 2.6).abs() < 2.8e-3);
     for wrong in [1.0, d.powi(2), d.powi(4), light(kelvin, d) * d * d, light(kelvin, 1.0 / d)] {
         assert!((growth / wrong - 1.0).abs() > 0.5, "{wrong}");
     }
@@ -161,7 +161,7 @@ fn other_laws_fail() {
         let error = look_at(&mut renderer, record, camera, wrong, DVec2::ZERO).centroid_error_px;
         assert!(error.is_nan(), "a star where there is none");
         let right = look_at(&mut renderer, record, camera, expected, DVec2::ZERO).centroid_error_px;
-        assert!(right < 0.005);
+        assert!(right < 8e-5);
     }
 }
 
@@ -189,7 +189,7 @@ fn stars_near_the_camera_obey_the_same_laws() {
         }
     }
     println!("stars with a distance: light within {:.1e}, centroid {:.1e} px", worst.0, worst.1);
-    assert!(worst.0 < 1e-3 && worst.1 < 0.005);
+    assert!(worst.0 < 1.3e-5 && worst.1 < 7.4e-4);
 }
 
 fn sky() -> Vec<StarRecord> {
@@ -226,7 +226,7 @@ fn the_adapter_and_the_f64_twin_draw_the_same_picture() {
             }
             println!("{beta} c, {name}: from f64, luminance within {worst:.1e}, colour {worst_channel:.1e}");
             // Shifted temperatures are rounded to steps of 0.26 %.
-            assert!(worst < 1e-3 && worst_channel < 3e-3, "{beta} c, {name}: {worst} {worst_channel}");
+            assert!(worst < 4.5e-4 && worst_channel < 3e-3, "{beta} c, {name}: {worst} {worst_channel}");
         }
     }
 }
@@ -254,7 +254,7 @@ fn the_whole_sky_has_the_light_of_the_closed_form() {
             let frame = render_hdr(&mut renderer, &moving(sky(), camera), &rig, &settings(StarMethod::Auto));
             let error = total_illuminance_lx(&frame, &rig) / expected - 1.0;
             println!("{beta} c, {name}: light of the whole sky off by {error:.1e}");
-            assert!(error.abs() < 1e-3);
+            assert!(error.abs() < 2.4e-5);
         }
     }
 }
@@ -365,7 +365,7 @@ fn cool_stars_ahead_do_not_overflow_the_sums_nor_spoil_them() {
         found / expected - 1.0
     );
     assert!(growth > 1e9);
-    assert!((found / expected - 1.0).abs() < 1e-3);
+    assert!((found / expected - 1.0).abs() < 1.6e-5);
 }
 
 fn bits(frame: &Frame) -> Vec<[u32; 4]> {
@@ -386,7 +386,7 @@ fn no_velocity_is_no_change_and_little_velocity_little_change() {
     assert!(at_rest.plan.certificate.iter().all(|entry| !entry.what.contains("in flight")));
     let slow = render([0.0, 1e-9, 0.0]);
     let (a, b) = (total_illuminance_lx(&at_rest, &rig), total_illuminance_lx(&slow, &rig));
-    assert!((b / a - 1.0).abs() < 1e-4, "{a} {b}");
+    assert!((b / a - 1.0).abs() < 1.5e-6, "{a} {b}");
     let fast = render([0.0, 0.9, 0.0]);
     assert_ne!(bits(&at_rest), bits(&fast));
     let in_flight: Vec<_> = fast.plan.certificate.iter().filter(|entry| entry.what.contains("in flight")).collect();

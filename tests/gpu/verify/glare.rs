@@ -8,6 +8,17 @@ use steradian::{
     verify::{self, Check, CheckResult, Context, Outcome},
 };
 
+/// What `sky_cube` keeps far below the limits of the checks, which are for any method: about four times the figure.
+const CLOSER: &[(&str, f64)] = &[
+    ("off the kernel's", 2.4e-4),
+    ("largest error", 9.2e-3),
+    ("light of the own image", 7.6e-5),
+    ("between upright and rolled", 8.4e-3),
+    ("exposure between views and rolls", 6.8e-4),
+    ("at 1 km: between the eyes", 6e-3),
+    ("at infinity", 1e-6),
+];
+
 fn with_glare(method: GlareMethod) -> RenderSettings {
     let mut settings = settings(StarMethod::BSpline);
     settings.glare.method = method;
@@ -33,13 +44,16 @@ fn glare_on_the_sky_passes_every_check() {
         assert_eq!(result.outcome, Outcome::Pass, "{result}");
         measured.extend(result.figures);
     }
-    // What the README says is held closer than the limits of the checks.
-    for (figure, what) in
-        [(figures::VEIL_OF_ONE_STAR, "one star: rms"), (figures::VEIL_OF_9000_STARS, "9000 stars: rms")]
-    {
-        let found: Vec<f64> = measured.iter().filter(|of| of.what.starts_with(what)).map(|of| of.measured).collect();
-        assert_eq!(found.len(), 1, "{what}");
-        figure.check(found[0]);
+    let found = |what: &str| {
+        let of: Vec<f64> = measured.iter().filter(|of| of.what.starts_with(what)).map(|of| of.measured).collect();
+        assert!(!of.is_empty(), "no figure begins with `{what}`");
+        of.into_iter().fold(0.0_f64, f64::max)
+    };
+    figures::VEIL_OF_ONE_STAR.check(found("one star: rms"));
+    figures::VEIL_OF_9000_STARS.check(found("9000 stars: rms"));
+    for (what, limit) in CLOSER {
+        let measured = found(what);
+        assert!(measured <= *limit, "{what}: {measured:.2e}, limit {limit:.1e}");
     }
 }
 
