@@ -59,9 +59,9 @@ figures! {
     MILLION_FAINT_STARS: "flux of a million stars of magnitude 20 in one pixel, relative",
         1.2e-5, 5e-5, "gpu::stars::sums::a_million_faint_stars_in_one_pixel_add_up";
     SIRIUS: "flux of Sirius beside a star of magnitude 21, relative",
-        9e-6, 3.6e-5, "gpu::stars::sums::sirius_and_a_star_of_magnitude_21_are_both_right";
+        9.1e-6, 3.6e-5, "gpu::stars::sums::sirius_and_a_star_of_magnitude_21_are_both_right";
     STAR_BESIDE_SIRIUS: "flux of a star of magnitude 21 beside Sirius, relative",
-        2e-5, 8e-5, "gpu::stars::sums::sirius_and_a_star_of_magnitude_21_are_both_right";
+        2.0e-5, 8e-5, "gpu::stars::sums::sirius_and_a_star_of_magnitude_21_are_both_right";
     STAR_BESIDE_THE_SUN: "flux of a star of magnitude 21 beside Sirius with the Sun in the view, relative",
         3.3e-3, 1.3e-2, "gpu::stars::sums::sirius_and_a_star_of_magnitude_21_are_both_right";
     HEADSET_FLUX: "flux of stars in images of a headset, half floats, relative",
@@ -78,7 +78,7 @@ figures! {
         6.7e-3, 0.01, "gpu::bodies::light::the_light_of_a_body_is_its_illuminance_at_every_size",
         "the contract's limit is 0.01, and bodies of a few pixels come near it";
     VEIL_OF_ONE_STAR: "veil of one star (`sky_cube`) against f64, rms, relative",
-        2.5e-3, 1e-2, "gpu::verify::glare::glare_on_the_sky_passes_every_check";
+        2.6e-3, 1e-2, "gpu::verify::glare::glare_on_the_sky_passes_every_check";
     VEIL_OF_9000_STARS: "veil of 9000 stars (`sky_cube`) against f64, rms, relative",
         1.2e-2, 0.02, "gpu::verify::glare::glare_on_the_sky_passes_every_check",
         "the contract's limit is 0.02";

@@ -152,7 +152,7 @@ fn a_frame_does_not_depend_on_how_bright_the_one_before_was() {
             image[0].iter().map(|[r, ..]| f64::from(*r)).sum::<f64>()
         });
         // What is 35 magnitudes fainter is fainter by 10^14.
-        assert!((light[0] / light[1] / 1e14 - 1.0).abs() < 1e-3, "{light:?}");
+        assert!((light[0] / light[1] / 1e14 - 1.0).abs() < 3.4e-4, "{light:?}");
         assert!(light.iter().all(|light| light.is_finite() && *light > 0.0), "{light:?}");
     }
 }
@@ -248,7 +248,7 @@ fn light_of_a_star_in_the_middle_is_kept_in_a_narrow_picture_and_not_in_a_wide_o
         let cases = METHODS.into_iter().flat_map(|method| WEIGHTS.map(|weights| (method, weights)));
         for ((method, weights), expected) in cases.zip(expected) {
             let (found, _) = kept(&mut renderer, &rig, DVec3::NEG_Z, method, weights);
-            assert!((found - expected).abs() < 0.005, "{degrees} {method:?} {weights:?}: {found}");
+            assert!((found - expected).abs() < 2.2e-3, "{degrees} {method:?} {weights:?}: {found}");
         }
     }
 }

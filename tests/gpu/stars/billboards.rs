@@ -279,10 +279,10 @@ fn discs_are_round_off_axis_and_screen_billboards_are_not() {
         found
     };
     for method in [StarMethod::Disc, StarMethod::SmoothDisc, StarMethod::ScaledDisc, StarMethod::GlareDisc] {
-        assert!(found(method) < 0.02);
+        assert!(found(method) < 8.7e-3);
     }
     for method in [StarMethod::ScreenBillboard, StarMethod::GaussianPsf, StarMethod::GaussianPsfIntegrated] {
-        assert!((found(method) - (1.0 - FRAC_PI_4.cos())).abs() < 0.02);
+        assert!((found(method) - (1.0 - FRAC_PI_4.cos())).abs() < 3.7e-3);
     }
 }
 
@@ -319,7 +319,7 @@ fn a_sampled_gaussian_flickers_and_an_integrated_one_does_not() {
     };
     let (sampled, integrated) = (std(StarMethod::GaussianPsf), std(StarMethod::GaussianPsfIntegrated));
     println!("std of a star's light at sigma 0.5 px: sampled {sampled:.5}, integrated {integrated:.5}");
-    assert!((sampled - 0.014).abs() < 0.002 && integrated < 1e-3);
+    assert!((sampled - 0.014).abs() < 0.002 && integrated < 6.4e-5);
 }
 
 /// The point-spread function covers the same angle in views of any shape and projection: solid angle of the lit pixels of a
@@ -473,8 +473,8 @@ fn a_narrow_fisheye_is_drawn_on_one_face_and_vast_faces_are_refused() {
     let frame = render_hdr(&mut renderer, &scene, &narrow, &settings);
     let light = illuminance_lx(&frame.images[0], mapping(&narrow, 0)) / illuminance_lx_from_magnitude(2.0);
     println!("a disc of a degree in a fisheye of 8 degrees: {light:.4} of its light");
-    assert!((light - 1.0).abs() < 0.02);
-    assert!(difference(&frame, 0, &twin(&scene, &narrow, 0, &settings)) < 1e-3);
+    assert!((light - 1.0).abs() < 6e-3);
+    assert!(difference(&frame, 0, &twin(&scene, &narrow, 0, &settings)) < 4.2e-5);
 
     let vast = lens(10_900, 95.0);
     assert!(renderer.check(&vast).is_ok(), "the picture itself fits");
@@ -500,7 +500,7 @@ fn halves_are_a_fallback_that_is_told() {
     assert_eq!(frame.plan.accumulator, "additive blending, 16-bit floats");
     let error = illuminance_lx(&frame.images[0], mapping(&rig, 0)) / illuminance_lx_from_magnitude(-4.0) - 1.0;
     println!("smooth_disc blended in halves: error of the light {error:.1e}");
-    assert!(error.abs() < 1e-2);
+    assert!(error.abs() < 1.9e-4);
 }
 
 /// Nothing that is not finite: stars at the camera, beside it and behind it, and a star far too bright for the published exponent.
@@ -569,7 +569,7 @@ fn a_point_spread_function_comes_from_a_file_or_fails_one_frame() {
     };
     let found = light(&render_hdr(&mut renderer, &scene, &rig, &with_file(path)));
     println!("psf_texture from a file against the same computed: {:.1e}", difference(&found));
-    assert!(difference(&found) < 1e-4);
+    assert!(difference(&found) < 1e-6);
     let mut other = computed.clone();
     other.stars.psf_texture.aperture = "hubble".to_owned();
     let found = light(&render_hdr(&mut renderer, &scene, &rig, &other));

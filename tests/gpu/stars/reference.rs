@@ -27,5 +27,6 @@ fn the_renderer_has_the_light_of_the_truth() {
     let frame = render_hdr(&mut renderer, &scene, &rig, &settings(StarMethod::BSpline));
     let error = total_illuminance_lx(&frame, &rig) / truth - 1.0;
     println!("light of the renderer over the truth's: {error:.1e}");
-    assert!(error.abs() < 1e-4);
+    // Four roundings of f32: what 60 stars are off by cancels to 4e-9.
+    assert!(error.abs() < 2.4e-7);
 }
