@@ -71,7 +71,7 @@ figures! {
     HEADSET_DISPARITY: "disparity of a body at 1, 10 and 1000 m in a headset, pixels",
         1.5e-3, 6e-3, "headset::pixels::disparity::bodies_have_the_disparity_of_their_distance";
     HEADSET_VERTICAL_DISPARITY: "vertical disparity of the same, pixels",
-        1e-4, 4e-4, "headset::pixels::disparity::bodies_have_the_disparity_of_their_distance";
+        6.4e-5, 2.6e-4, "headset::pixels::disparity::bodies_have_the_disparity_of_their_distance";
     HEADSET_VEIL: "veil of Sirius, left eye against right eye, relative",
         3.9e-3, 1e-2, "headset::pixels::shared_light::glare_is_the_same_around_a_star_for_both_eyes";
     BODY_FLUX: "flux of a body from 0.01 to 100 pixels, relative",
