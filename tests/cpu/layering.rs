@@ -566,7 +566,7 @@ mod the_check_itself {
         let others = names(&["stars/splat", "glare/map_gather", "overlay/draw", "starship"]);
         assert!(without_counterpart(&stems, &others, &[], "x").is_empty());
         assert_eq!(without_counterpart(&stems, &others[1..], &[], "x").len(), 1);
-        assert_eq!(without_counterpart(&stems, &others[1..], &[("stars/splat", "")], "x").len(), 2);
+        assert_eq!(without_counterpart(&stems, &others[1..], &[("stars/splat", "")], "x").len(), 1);
         assert!(without_counterpart(&stems, &others[1..], &[("stars/splat", "why")], "x").is_empty());
         assert_eq!(without_counterpart(&stems, &others, &[("stars/splat", "why"), ("gone", "why")], "x").len(), 2);
     }
