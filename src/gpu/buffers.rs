@@ -54,8 +54,8 @@ impl GrowingBuffer {
     pub(crate) fn with_room(&mut self, gpu: &Gpu, bytes: u64) -> &wgpu::Buffer {
         let bytes = bytes.max(16).next_multiple_of(16);
         if self.buffer.as_ref().is_some_and(|buffer| buffer.size() < bytes) {
-            // Gone before its successor is made, so that both never exist at once.
-            self.release();
+            // Not destroyed: what was recorded with it in this frame may not have been submitted.
+            self.buffer = None;
         }
         self.buffer.get_or_insert_with(|| {
             gpu.create_buffer(&wgpu::BufferDescriptor {

@@ -29,7 +29,6 @@ const LAYERS: &[&[&str]] = &[
 const SIBLINGS: &[(&str, &str)] = &[
     ("coordinates", "units"),
     ("scene", "view"),
-    ("render", "reference"),
     ("xr", "output"),
     ("service", "output"),
     ("service", "xr"),
