@@ -275,12 +275,12 @@ impl Gpu {
 
     /// What plans may ask of the adapter.
     pub fn limits(&self) -> Limits {
-        let mut limits = Limits::default();
-        limits.max_binding_bytes = self.max_binding_bytes();
-        limits.max_view_side_px = self.max_view_side_px();
-        limits.wide_sums = self.wide_accumulator;
-        limits.blend_texel_bytes = u64::from(self.blend_format.block_copy_size(None).unwrap_or(16));
-        limits
+        Limits {
+            max_binding_bytes: self.max_binding_bytes(),
+            max_view_side_px: self.max_view_side_px(),
+            wide_sums: self.wide_accumulator,
+            blend_texel_bytes: u64::from(self.blend_format.block_copy_size(None).unwrap_or(16)),
+        }
     }
 
     /// Largest side of a view in pixels.

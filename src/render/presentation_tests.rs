@@ -341,8 +341,10 @@ fn textures_of_halves_hold_the_tone_mapped_light_of_every_operator_at_night_and_
     textures_of_halves_hold_the_tone_mapped_light(&[(None, &[plain, night].concat()), (Some(STRIPS), &plain)]);
 }
 
-/// What is tried, by how many bytes may be bound at once.
-fn textures_of_halves_hold_the_tone_mapped_light(cases: &[(Option<u64>, &[(ToneMapOperator, (f64, f64))])]) {
+/// What is tried: operators with desaturation and scotopic share, and how many bytes may be bound at once.
+type HalvesCase<'a> = (Option<u64>, &'a [(ToneMapOperator, (f64, f64))]);
+
+fn textures_of_halves_hold_the_tone_mapped_light(cases: &[HalvesCase<'_>]) {
     let scene = sky(0.0);
     for &(limit, eyes) in cases {
         let mut renderer = Renderer::new(gpu(limit));

@@ -26,13 +26,8 @@ const LAYERS: &[&[&str]] = &[
 
 /// Imports between modules of one layer: (importer, imported). A scene has what its views are made of, and a headset and
 /// the service hand out what `output` encodes.
-const SIBLINGS: &[(&str, &str)] = &[
-    ("coordinates", "units"),
-    ("scene", "view"),
-    ("xr", "output"),
-    ("service", "output"),
-    ("service", "xr"),
-];
+const SIBLINGS: &[(&str, &str)] =
+    &[("coordinates", "units"), ("scene", "view"), ("xr", "output"), ("service", "output"), ("service", "xr")];
 
 /// Imports that the layers would allow and that are refused all the same: a twin on the CPU is worth nothing as a check
 /// if it shares code with what it checks.

@@ -36,7 +36,8 @@ fn every_shader_is_valid() {
     let mut with_u64 = 0;
     for (shader, source) in sources() {
         let module = parse(&shader.to_string(), &source.text);
-        let check = |capabilities| Validator::new(ValidationFlags::all(), capabilities).validate(&module);
+        let check =
+            |capabilities| Validator::new(ValidationFlags::all(), capabilities).validate(&module).map_err(Box::new);
         check(wide).unwrap_or_else(|error| panic!("{shader}: {error:?}"));
         assert_eq!(check(narrow).is_err(), source.needs_u64, "{shader}: `#requires u64` is missing, or stands in vain");
         let entry_points: Vec<_> = module.entry_points.iter().map(|entry| entry.name.as_str()).collect();

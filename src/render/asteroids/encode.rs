@@ -100,7 +100,7 @@ fn encode_item(numbers: &Kinds, item: &GroupItem, first_link: u32, link_count: u
         sun: item.sun.as_vec3().to_array(),
         field: item.field as u32,
         illuminance: item.illuminance_lx.map(|lx| lx as f32),
-        flags: u32::from(item.holds_points) * ITEM_HOLDS_POINTS | u32::from(item.holds_shapes) * ITEM_HOLDS_SHAPES,
+        flags: (u32::from(item.holds_points) * ITEM_HOLDS_POINTS) | (u32::from(item.holds_shapes) * ITEM_HOLDS_SHAPES),
         viewports: [item.viewports as u32, (item.viewports >> 32) as u32],
         first_link,
         link_count,

@@ -93,22 +93,22 @@ impl Billboards {
         ];
         if wish.viewports.iter().any(needs_cube) {
             jobs.push(PipelineJob::new("stars from a cube", move || {
-                self.from_cube(gpu);
+                self.cube_resolve(gpu);
             }));
         }
         if !wish.viewports.iter().all(needs_cube) {
             jobs.push(PipelineJob::new("stars from a plane", move || {
-                self.from_texture(gpu);
+                self.texture_resolve(gpu);
             }));
         }
         jobs
     }
 
-    fn from_cube(&self, gpu: &Gpu) -> &LuminancePass {
+    fn cube_resolve(&self, gpu: &Gpu) -> &LuminancePass {
         self.from_cube.get_or_init(|| LuminancePass::new(gpu, LuminanceSource::Cube))
     }
 
-    fn from_texture(&self, gpu: &Gpu) -> &LuminancePass {
+    fn texture_resolve(&self, gpu: &Gpu) -> &LuminancePass {
         self.from_texture.get_or_init(|| LuminancePass::new(gpu, LuminanceSource::Texture))
     }
 
@@ -190,8 +190,8 @@ impl Billboards {
     ) {
         let Some(drawn) = &self.target else { return };
         let (resolve, numbers) = match cube {
-            Some(cube) => (self.from_cube(gpu), [cube.edge_px, GUARD_PX]),
-            None => (self.from_texture(gpu), [0, 0]),
+            Some(cube) => (self.cube_resolve(gpu), [cube.edge_px, GUARD_PX]),
+            None => (self.texture_resolve(gpu), [0, 0]),
         };
         let of_source = [(0, wgpu::BindingResource::TextureView(&drawn.whole))];
         let inputs = LuminanceInputs { scale: 1.0, numbers, of_source: &of_source };
