@@ -451,11 +451,11 @@ fn paths_that_documents_name_exist() {
 
 #[test]
 fn a_path_that_does_not_exist_is_noticed() {
-    let good = "`src/plan/mod.rs` `plan/` `plan/cull.rs` `cull.rs` `src/plan/{cull,tiles}.rs` `plan/cull` `tests/common/`\n\
+    let good = "`src/plan/mod.rs` `plan/` `plan/tiles.rs` `tiles.rs` `src/plan/{limits,tiles}.rs` `plan/tiles` `tests/common/`\n\
                 ```\n`src/none.rs`\n```\n`SceneService/UpdateScene` `out/dome.png` `a.b` `L = E / A` `--set a.b=c`\n";
     assert_eq!(missing_paths(good), Vec::<String>::new());
     for wrong in
-        ["src/none.rs", "plan/none.rs", "none.wgsl", "passes/none/", "src/plan/{cull,none}.rs", "nowhere/at/all"]
+        ["src/none.rs", "plan/none.rs", "none.wgsl", "passes/none/", "src/plan/{tiles,none}.rs", "nowhere/at/all"]
     {
         assert_eq!(missing_paths(&format!("text `{wrong}` text")).len(), 1, "`{wrong}` passed");
     }
