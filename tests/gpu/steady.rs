@@ -46,6 +46,7 @@ fn made(renderer: &mut Renderer, file: &str, overrides: &[&str], frames: usize) 
 }
 
 const DOME: &str = "views.dome.size=[96,96]";
+const FACE: &str = "views.0.face_size=48";
 const FEW_STARS: &str = "scene.catalogues=[\"builtin:bright\"]";
 
 #[test]
@@ -56,9 +57,9 @@ fn a_steady_frame_makes_no_buffer_bind_group_or_pipeline() {
         ("dome.toml", &[DOME, FEW_STARS, "glare.method=view_pyramid"]),
         ("dome.toml", &[DOME, FEW_STARS, "stars.method=packed_cas"]),
         // Views of unlike sizes share one texture that is blended into, which is made anew for each: here they are alike.
-        ("cubemap.toml", &[FEW_STARS, "views.cubemap.face_size=48", "stars.method=psf_texture", "glare.method=none"]),
+        ("cubemap.toml", &[FEW_STARS, FACE, "views.1.face_size=48", "stars.method=psf_texture", "glare.method=none"]),
         ("dome.toml", &[DOME, FEW_STARS, "stars.method=cell_sky", "glare.method=none"]),
-        ("cubemap.toml", &[FEW_STARS, "views.cubemap.face_size=48"]),
+        ("cubemap.toml", &[FEW_STARS, FACE]),
         ("perspective.toml", &[FEW_STARS]),
         ("asteroids.toml", &[FEW_STARS, DOME, "views.window.size=[96,54]", "views.headset.size=[48,48]"]),
     ];
