@@ -47,7 +47,7 @@ pub fn run(arguments: RenderArguments, adapter: Option<String>) -> Result<(), Cl
 
     let objects = Arc::new(config.objects()?);
     let settings = config.render_settings();
-    let wanted = Wanted { display: true, hdr: true, ..Wanted::default() };
+    let wanted = Wanted::both();
     // Pipelines are made while stars are loaded.
     let (prepared, loaded) = std::thread::scope(|scope| {
         let preparing = scope.spawn(|| renderer.prepare(&objects, &rig, &settings, wanted, &[], &mut |_| ()));

@@ -93,7 +93,7 @@ fn prepare(renderer: &mut Renderer, scene: &SceneSnapshot, rig: &Rig, settings: 
     if rig.views().is_empty() {
         return;
     }
-    let wanted = Wanted { display: true, hdr: true, ..Wanted::default() };
+    let wanted = Wanted::both();
     let mut progress = PreparingProgress::new();
     let prepared = renderer
         .prepare(&scene.objects, rig, settings, wanted, &[], &mut |step| progress.step(step))

@@ -113,7 +113,7 @@ mod tests {
         let mut renderer = Renderer::new(Gpu::open(&GpuOptions::default()).unwrap());
         assert_eq!(renderer.gpu.made().pipelines, 0, "a renderer makes none before it knows what for");
         let objects = Arc::new(config.objects().unwrap());
-        let wanted = Wanted { display: true, hdr: true, ..Wanted::default() };
+        let wanted = Wanted::both();
         let mut steps = Vec::new();
         renderer.prepare(&objects, &rig, &settings, wanted, &[], &mut |step| steps.push(step)).unwrap();
         let of = steps.len();
