@@ -43,8 +43,3 @@ fn accumulate(pixel: u32, units: vec3<f32>) {
         }
     }
 }
-
-// Adds `units` below 2^21 to a pixel.
-fn accumulate_small(pixel: u32, units: vec3<u32>) {
-    accumulate(pixel, vec3<f32>(units));
-}

@@ -36,25 +36,6 @@ fn packed_fields(fields: vec3<u32>) -> u64 {
     return u64(low) | (u64(high) << 32u);
 }
 
-// Adds `units` below 2^21 to a pixel.
-fn accumulate_small(pixel: u32, units: vec3<u32>) {
-    let added = packed_fields(units);
-    let before = atomicAdd(&pixels[pixel], added);
-    // Carries into bit 21, 42 and 63 are carries out of the three fields.
-    let carried = (before ^ added ^ (before + added)) & 0x8000040000200000lu;
-    if carried != 0lu {
-        accumulate_high(pixel, carried >> FIELD_BITS);
-    }
-}
-
-fn accumulate_high(pixel: u32, added: u64) {
-    let before = atomicAdd(&high_words[pixel], added);
-    raise_flag(pixel);
-    if ((before ^ added ^ (before + added)) & 0x8000040000200000lu) != 0lu {
-        atomicAdd(&counters[COUNTER_OVERFLOWS], 1u);
-    }
-}
-
 // Adds `units` (whole numbers) to a pixel; more than a channel can hold is counted as an overflow and not added.
 fn accumulate(pixel: u32, units: vec3<f32>) {
     if any(units >= vec3(CHANNEL_UNITS)) {
@@ -62,8 +43,16 @@ fn accumulate(pixel: u32, units: vec3<f32>) {
         return;
     }
     let high = floor(units * (1.0 / 2097152.0));
-    accumulate_small(pixel, vec3<u32>(units - high * 2097152.0));
-    if any(high > vec3(0.0)) {
-        accumulate_high(pixel, packed_fields(vec3<u32>(high)));
+    let added = packed_fields(vec3<u32>(units - high * 2097152.0));
+    let before = atomicAdd(&pixels[pixel], added);
+    // Carries into bit 21, 42 and 63 are carries out of the three fields.
+    let carried = (before ^ added ^ (before + added)) & 0x8000040000200000lu;
+    if carried != 0lu || any(high > vec3(0.0)) {
+        let added_high = (carried >> FIELD_BITS) + packed_fields(vec3<u32>(high));
+        let before_high = atomicAdd(&high_words[pixel], added_high);
+        raise_flag(pixel);
+        if ((before_high ^ added_high ^ (before_high + added_high)) & 0x8000040000200000lu) != 0lu {
+            atomicAdd(&counters[COUNTER_OVERFLOWS], 1u);
+        }
     }
 }

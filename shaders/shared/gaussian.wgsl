@@ -17,8 +17,6 @@ struct Gaussian {
     cut_squared: f32,
     first: vec2<i32>,
     last: vec2<i32>,
-    // What the weights are divided by.
-    norm: f32,
 }
 
 // Larger and smaller angle that a pixel covers around a direction (unit vector), rad.
@@ -123,36 +121,34 @@ fn gaussian_weight(viewport: Viewport, gaussian: Gaussian, at: vec2<i32>) -> f32
     return exp(-squared * gaussian.inverse) * solid_angle(viewport, pixel);
 }
 
-// Sum of the weights over the pixels of the picture.
-fn gaussian_sum(viewport: Viewport, gaussian: Gaussian) -> f32 {
-    var sum = 0.0;
-    for (var y = gaussian.first.y; y <= gaussian.last.y; y++) {
-        for (var x = gaussian.first.x; x <= gaussian.last.x; x++) {
-            sum += gaussian_weight(viewport, gaussian, vec2(x, y));
-        }
+// How far a kernel of a given radius (rad) reaches on a flat plane, pixels: no farther than the picture is wide.
+fn flat_gaussian_reach(viewport: Viewport, direction: vec3<f32>, cut: f32) -> f32 {
+    var reach = f32(max(viewport.size.x, viewport.size.y));
+    let most = reach;
+    let outwards = precise_atan2(length(direction.xy), -direction.z) + cut;
+    // Outwards a flat plane has more and more pixels.
+    if outwards < 1.56 {
+        reach = (tan(outwards) - tan(outwards - cut)) * max(abs(viewport.plane_scale.x), abs(viewport.plane_scale.y));
     }
-    return sum;
+    return min(reach, most) + 0.5;
 }
 
-// How far a kernel of a given radius (rad) reaches on the plane, pixels: no farther than the picture is wide.
+// The same in any projection; `shorter` is the smaller angle that a pixel covers, rad.
 fn gaussian_reach(viewport: Viewport, direction: vec3<f32>, shorter: f32, cut: f32) -> f32 {
+    if viewport.kind <= KIND_CUBE_FACE {
+        return flat_gaussian_reach(viewport, direction, cut);
+    }
     let most = f32(max(viewport.size.x, viewport.size.y));
     let outwards = precise_atan2(length(direction.xy), -direction.z) + cut;
     var reach = 1.3 * cut / shorter;
-    if viewport.kind <= KIND_CUBE_FACE {
-        // Outwards a flat plane has more and more pixels.
-        reach = most;
-        if outwards < 1.56 {
-            reach = (tan(outwards) - tan(outwards - cut)) * max(abs(viewport.plane_scale.x), abs(viewport.plane_scale.y));
-        }
-    } else if outwards > 0.97 * PI {
+    if outwards > 0.97 * PI {
         // Around the antipode lies the whole rim.
         reach = most;
     }
     return min(reach, most) + 0.5;
 }
 
-// The kernel around the image `pixel` of a star; `sigma` and `cut` in rad. The norm is not set.
+// The kernel around the image `pixel` of a star; `sigma` and `cut` in rad.
 fn gaussian_around(viewport: Viewport, direction: vec3<f32>, pixel: vec2<f32>, reach: f32, sigma: f32, cut: f32) -> Gaussian {
     var gaussian: Gaussian;
     gaussian.direction = direction;
@@ -184,47 +180,37 @@ fn gaussian_around(viewport: Viewport, direction: vec3<f32>, pixel: vec2<f32>, r
     return gaussian;
 }
 
-// Sum of the weights over the pictures of all six faces of the cube, rendered or not.
-fn gaussian_sum_on_cube(viewport: Viewport, direction: vec3<f32>, sigma: f32, cut: f32) -> f32 {
-    var sum = 0.0;
-    for (var other = 0u; other < 6u; other++) {
-        let seen = face_from_face(other, viewport.face, direction);
-        let pixel = pixel_from_direction(viewport, seen);
-        if pixel.z > 0.0 {
-            let reach = gaussian_reach(viewport, seen, 1.0, cut);
-            if all(pixel.xy > vec2(-reach)) && all(pixel.xy < vec2<f32>(viewport.size) + reach) {
-                sum += gaussian_sum(viewport, gaussian_around(viewport, seen, pixel.xy, reach, sigma, cut));
-            }
+// The kernel as it reaches into another face of the cube, rendered or not: nothing where it does not.
+fn gaussian_on_face(viewport: Viewport, gaussian: Gaussian, face: u32, cut: f32) -> Gaussian {
+    var on_face = gaussian;
+    on_face.direction = face_from_face(face, viewport.face, gaussian.direction);
+    on_face.last = on_face.first - 1;
+    let pixel = flat_pixel_from_direction(viewport, on_face.direction);
+    if pixel.z > 0.0 {
+        let reach = flat_gaussian_reach(viewport, on_face.direction, cut);
+        if all(pixel.xy > vec2(-reach)) && all(pixel.xy < vec2<f32>(viewport.size) + reach) {
+            on_face.pixel = pixel.xy;
+            on_face.first = vec2<i32>(floor(pixel.xy - reach));
+            on_face.last = vec2<i32>(floor(pixel.xy + reach));
         }
     }
-    return sum;
+    return on_face;
 }
 
-// The kernel of a star at `direction` (any length), whose image is `pixel`. The norm is the sum over the pixels where the kernel
-// lies inside of the picture or other pictures go on beyond its border; elsewhere the integral, so that what lies outside is
-// missing and no more.
-fn gaussian_of(viewport: Viewport, towards: vec3<f32>, pixel: vec2<f32>) -> Gaussian {
-    let direction = normalize(towards);
-    let extent = pixel_extent(viewport, direction);
-    let sigma = max(viewport.gaussian_sigma_rad, viewport.gaussian_sigma_px * extent.x);
-    let cut = GAUSSIAN_CUT * sigma;
-    let reach = gaussian_reach(viewport, direction, extent.y, cut);
-    var gaussian = gaussian_around(viewport, direction, pixel, reach, sigma, cut);
+// Over how many pictures the weights are to be summed for the norm. The norm is the sum over the pixels where the kernel lies inside of
+// the picture (1) or other pictures go on beyond its border (the faces of a cube: 6); elsewhere (0) the integral, so that what lies outside
+// is missing and no more.
+fn gaussian_pictures(viewport: Viewport, gaussian: Gaussian, reach: f32) -> u32 {
     let size = vec2<i32>(viewport.size);
     var whole = viewport.kind == KIND_EQUIRECTANGULAR || viewport.full_sphere != 0u;
     if !whole {
         whole = all(gaussian.first >= vec2(0)) && all(gaussian.last < size);
         if is_fisheye(viewport) {
-            whole = whole && length(pixel - viewport.plane_offset) + 1.5 * reach < 0.5 * f32(min(size.x, size.y));
+            whole = whole && length(gaussian.pixel - viewport.plane_offset) + 1.5 * reach < 0.5 * f32(min(size.x, size.y));
         }
     }
     if whole {
-        gaussian.norm = gaussian_sum(viewport, gaussian);
-    } else if viewport.kind == KIND_CUBE_FACE {
-        gaussian.norm = gaussian_sum_on_cube(viewport, direction, sigma, cut);
-    } else {
-        // The integral of exp(-chord^2 / (2 sigma^2)) over the sphere within the cut.
-        gaussian.norm = 2.0 * PI * sigma * sigma * (1.0 - exp(-0.5 * GAUSSIAN_CUT * GAUSSIAN_CUT));
+        return 1u;
     }
-    return gaussian;
+    return select(0u, 6u, viewport.kind == KIND_CUBE_FACE);
 }

@@ -31,10 +31,11 @@ fn plane_density(x: f32, pixel: f32, part: f32) -> f32 {
 }
 
 // Sums along one axis: of all weights, and of those within 0 .. n.
-fn plane_sums(x: f32, n: u32, part: f32) -> vec2<f32> {
+fn plane_sums(viewport: Viewport, x: f32, n: u32, part: f32) -> vec2<f32> {
     let first = plane_first(x);
+    let pixels = turns(viewport, PLANE_GAUSSIAN_PIXELS);
     var sums = vec2(0.0);
-    for (var i = 0; i < PLANE_GAUSSIAN_PIXELS; i++) {
+    for (var i = 0; i < pixels; i++) {
         let pixel = first + f32(i);
         let density = plane_density(x, pixel, part);
         sums += vec2(density, select(0.0, density, pixel >= 0.0 && pixel < f32(n)));
@@ -45,11 +46,12 @@ fn plane_sums(x: f32, n: u32, part: f32) -> vec2<f32> {
 // Share of the kernel that lies inside any of the six faces of the cube.
 fn plane_weight_on_cube(viewport: Viewport, direction: vec3<f32>, part: f32) -> f32 {
     var total = 0.0;
-    for (var other = 0u; other < 6u; other++) {
-        let pixel = pixel_from_direction(viewport, face_from_face(other, viewport.face, direction));
+    let faces = u32(turns(viewport, 6));
+    for (var other = 0u; other < faces; other++) {
+        let pixel = flat_pixel_from_direction(viewport, face_from_face(other, viewport.face, direction));
         if pixel.z > 0.0 {
-            let x = plane_sums(pixel.x, viewport.size.x, part);
-            let y = plane_sums(pixel.y, viewport.size.y, part);
+            let x = plane_sums(viewport, pixel.x, viewport.size.x, part);
+            let y = plane_sums(viewport, pixel.y, viewport.size.y, part);
             total += x.y * y.y / (x.x * y.x);
         }
     }
@@ -61,8 +63,9 @@ fn plane_weight_in_circle(viewport: Viewport, pixel: vec2<f32>, part: f32) -> f3
     let first = vec2(plane_first(pixel.x), plane_first(pixel.y));
     var total = 0.0;
     var inside = 0.0;
-    for (var j = 0; j < PLANE_GAUSSIAN_PIXELS; j++) {
-        for (var i = 0; i < PLANE_GAUSSIAN_PIXELS; i++) {
+    let pixels = turns(viewport, PLANE_GAUSSIAN_PIXELS);
+    for (var j = 0; j < pixels; j++) {
+        for (var i = 0; i < pixels; i++) {
             let at = first + vec2(f32(i), f32(j));
             let density = plane_density(pixel.x, at.x, part) * plane_density(pixel.y, at.y, part);
             total += density;

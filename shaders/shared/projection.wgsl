@@ -5,16 +5,21 @@
 #import shared/math
 #import shared/viewport
 
-// Continuous pixel coordinates of the image of a direction in view space (any length but 0); z = 1 where there is one.
+// Continuous pixel coordinates of the image of a direction in view space (any length but 0) on a flat plane; z = 1 where there is one.
+fn flat_pixel_from_direction(viewport: Viewport, direction: vec3<f32>) -> vec3<f32> {
+    if direction.z >= 0.0 {
+        return vec3(0.0);
+    }
+    let pixel = viewport.plane_offset + direction.xy * viewport.plane_scale / -direction.z;
+    // A direction in the plane of the eye has its image beyond all numbers.
+    return vec3(pixel, select(0.0, 1.0, all(abs(pixel) < vec2(1e9))));
+}
+
+// The same in any projection.
 fn pixel_from_direction(viewport: Viewport, direction: vec3<f32>) -> vec3<f32> {
     switch viewport.kind {
         case KIND_PERSPECTIVE, KIND_CUBE_FACE: {
-            if direction.z >= 0.0 {
-                return vec3(0.0);
-            }
-            let pixel = viewport.plane_offset + direction.xy * viewport.plane_scale / -direction.z;
-            // A direction in the plane of the eye has its image beyond all numbers.
-            return vec3(pixel, select(0.0, 1.0, all(abs(pixel) < vec2(1e9))));
+            return flat_pixel_from_direction(viewport, direction);
         }
         case KIND_EQUIRECTANGULAR: {
             let longitude = precise_atan2(direction.x, -direction.z);
@@ -228,8 +233,9 @@ fn solid_angle(viewport: Viewport, pixel: vec2<i32>) -> f32 {
 // Gauss-Legendre mean of the density over a pixel, three points each way.
 fn averaged_density(viewport: Viewport, centre: vec2<f32>, step: vec2<f32>) -> f32 {
     var sum = 0.0;
-    for (var j = -1; j <= 1; j++) {
-        for (var i = -1; i <= 1; i++) {
+    let end = turns(viewport, 2);
+    for (var j = -1; j < end; j++) {
+        for (var i = -1; i < end; i++) {
             let p = centre + 0.5 * 0.774596669 * vec2(f32(i), f32(j)) * step;
             let weight = select(5.0, 8.0, i == 0) * select(5.0, 8.0, j == 0) / 324.0;
             sum += weight * solid_angle_density(viewport, p, 1.0 - dot(p, p));

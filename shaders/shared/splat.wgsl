@@ -33,8 +33,9 @@ fn weight_inside(x: f32, n: u32, tent: bool) -> f32 {
 // Share of the kernel that lies inside any of the six faces of the cube.
 fn weight_on_cube(viewport: Viewport, direction: vec3<f32>, tent: bool) -> f32 {
     var total = 0.0;
-    for (var other = 0u; other < 6u; other++) {
-        let pixel = pixel_from_direction(viewport, face_from_face(other, viewport.face, direction));
+    let faces = u32(turns(viewport, 6));
+    for (var other = 0u; other < faces; other++) {
+        let pixel = flat_pixel_from_direction(viewport, face_from_face(other, viewport.face, direction));
         if pixel.z > 0.0 {
             total += weight_inside(pixel.x, viewport.size.x, tent) * weight_inside(pixel.y, viewport.size.y, tent);
         }
@@ -48,8 +49,9 @@ fn weight_in_circle(viewport: Viewport, pixel: vec2<f32>, tent: bool) -> f32 {
     let weights_x = kernel_weights(pixel.x, first.x, tent);
     let weights_y = kernel_weights(pixel.y, first.y, tent);
     var total = 0.0;
-    for (var j = 0; j < 3; j++) {
-        for (var i = 0; i < 3; i++) {
+    let n = turns(viewport, 3);
+    for (var j = 0; j < n; j++) {
+        for (var i = 0; i < n; i++) {
             if contains(viewport, vec2<i32>(first) + vec2(i, j)) {
                 total += weights_x[i] * weights_y[j];
             }
@@ -84,34 +86,47 @@ fn rounding_threshold(number: u32) -> vec3<f32> {
     return (vec3(f32(random & 1023u), f32((random >> 10u) & 1023u), f32((random >> 20u) & 1023u)) + 0.5) * (1.0 / 1024.0);
 }
 
-// Adds one row of a kernel that lies inside, of a star whose light is below 2^20 units.
-fn add_row(pixel: u32, light: vec3<f32>, weights: vec3<f32>, threshold: vec3<f32>, tent: bool) {
-    accumulate_small(pixel, vec3<u32>(light * weights.x + threshold));
-    accumulate_small(pixel + 1u, vec3<u32>(light * weights.y + threshold));
-    if !tent {
-        accumulate_small(pixel + 2u, vec3<u32>(light * weights.z + threshold));
-    }
-}
-
-// Splats a star as a Gaussian that is round in view space.
-fn splat_round(tile: Tile, viewport: Viewport, direction: vec3<f32>, pixel: vec2<f32>, light: vec3<f32>, threshold: vec3<f32>) {
-    let gaussian = gaussian_of(viewport, direction, pixel);
-    if gaussian.norm <= 0.0 {
-        return;
-    }
+// Splats a star as a Gaussian that is round in view space. Its weights are summed for the norm, picture by picture, and then drawn, in
+// the same loop: a software driver takes long to compile what computes a weight, and has it once.
+fn splat_round(tile: Tile, viewport: Viewport, towards: vec3<f32>, pixel: vec2<f32>, light: vec3<f32>, threshold: vec3<f32>) {
+    let direction = normalize(towards);
+    let extent = pixel_extent(viewport, direction);
+    let sigma = max(viewport.gaussian_sigma_rad, viewport.gaussian_sigma_px * extent.x);
+    let cut = GAUSSIAN_CUT * sigma;
+    let reach = gaussian_reach(viewport, direction, extent.y, cut);
+    let own = gaussian_around(viewport, direction, pixel, reach, sigma, cut);
+    let columns = own.last.x - own.first.x + 1;
     let row_0 = i32(tile.first_row);
-    let columns = gaussian.last.x - gaussian.first.x + 1;
-    for (var y = max(gaussian.first.y, row_0); y <= min(gaussian.last.y, row_0 + i32(tile.rows) - 1); y++) {
-        for (var x = gaussian.first.x; x <= gaussian.last.x; x++) {
-            let weight = gaussian_weight(viewport, gaussian, vec2(x, y)) / gaussian.norm;
-            if weight > 0.0 {
-                let column = gaussian_pixel(viewport, vec2(x, y)).x;
-                let index = tile.first_pixel + u32((y - row_0) * i32(viewport.size.x) + column);
-                // Many pixels get a fraction of a unit: with one threshold for all of them the sum would be rounded as they are.
-                let tap = f32((y - gaussian.first.y) * columns + x - gaussian.first.x);
-                accumulate(index, floor(light * weight + fract(threshold + tap * 0.61803399)));
+    let pictures = gaussian_pictures(viewport, own, reach);
+    // The integral of exp(-chord^2 / (2 sigma^2)) over the sphere within the cut.
+    var norm = select(0.0, 2.0 * PI * sigma * sigma * (1.0 - exp(-0.5 * GAUSSIAN_CUT * GAUSSIAN_CUT)), pictures == 0u);
+    for (var picture = 0u; picture <= pictures; picture++) {
+        let draws = picture == pictures;
+        var gaussian = own;
+        if draws {
+            if norm <= 0.0 {
+                return;
+            }
+            gaussian.first.y = max(own.first.y, row_0);
+            gaussian.last.y = min(own.last.y, row_0 + i32(tile.rows) - 1);
+        } else if pictures > 1u {
+            gaussian = gaussian_on_face(viewport, own, picture, cut);
+        }
+        var sum = 0.0;
+        for (var y = gaussian.first.y; y <= gaussian.last.y; y++) {
+            for (var x = gaussian.first.x; x <= gaussian.last.x; x++) {
+                let weight = gaussian_weight(viewport, gaussian, vec2(x, y));
+                sum += weight;
+                if draws && weight > 0.0 {
+                    let column = gaussian_pixel(viewport, vec2(x, y)).x;
+                    let index = tile.first_pixel + u32((y - row_0) * i32(viewport.size.x) + column);
+                    // Many pixels get a fraction of a unit: with one threshold for all of them the sum would be rounded as they are.
+                    let tap = f32((y - own.first.y) * columns + x - own.first.x);
+                    accumulate(index, floor(light * (weight / norm) + fract(threshold + tap * 0.61803399)));
+                }
             }
         }
+        norm += sum;
     }
 }
 
@@ -131,10 +146,12 @@ fn splat_plane(
     } else if viewport.full_sphere != 0u {
         share = plane_weight_in_circle(viewport, pixel, part);
     }
-    let scale = 1.0 / (share * plane_sums(pixel.x, viewport.size.x, part).x * plane_sums(pixel.y, viewport.size.y, part).x);
-    for (var j = 0; j < PLANE_GAUSSIAN_PIXELS; j++) {
+    let sums = plane_sums(viewport, pixel.x, viewport.size.x, part).x * plane_sums(viewport, pixel.y, viewport.size.y, part).x;
+    let scale = 1.0 / (share * sums);
+    let pixels = turns(viewport, PLANE_GAUSSIAN_PIXELS);
+    for (var j = 0; j < pixels; j++) {
         let row_light = light * (scale * plane_density(pixel.y, first.y + f32(j), part));
-        for (var k = 0; k < PLANE_GAUSSIAN_PIXELS; k++) {
+        for (var k = 0; k < pixels; k++) {
             let at = settle(viewport, first_pixel + vec2(k, j));
             if at.x >= 0 && at.y >= row_0 && at.y < row_1 {
                 let weight = plane_density(pixel.x, first.x + f32(k), part);
@@ -196,17 +213,6 @@ fn splat(
         }
     }
     let light = colour * (scale / share);
-    // Most stars are faint, and most stand inside: they take the short way.
-    if inside && max(light.x, max(light.y, light.z)) < 1048576.0 {
-        let row = u32(size.x);
-        let pixel_0 = tile.first_pixel + u32(first_pixel.y - row_0) * row + u32(first_pixel.x);
-        add_row(pixel_0, light * weights_y.x, weights_x, threshold, tent);
-        add_row(pixel_0 + row, light * weights_y.y, weights_x, threshold, tent);
-        if !tent {
-            add_row(pixel_0 + 2u * row, light * weights_y.z, weights_x, threshold, tent);
-        }
-        return;
-    }
     for (var j = 0; j < n; j++) {
         let row_light = light * weights_y[j];
         for (var k = 0; k < n; k++) {

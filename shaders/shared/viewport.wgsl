@@ -38,6 +38,14 @@ struct Viewport {
     unused_0: u32,
 }
 
+// Whether loops of few turns stay loops. A GPU is best served by code that is written out; a software driver takes seconds to compile that.
+override ROLLED: bool = false;
+
+// So many turns of a loop; where it is to stay one, in a form that the driver cannot know. Every viewport has pixels.
+fn turns(viewport: Viewport, count: i32) -> i32 {
+    return select(count, 0, ROLLED && viewport.size.x == 0u);
+}
+
 // Where the eye stands, relative to the camera, world axes, pc.
 fn eye_of(viewport: Viewport) -> vec3<f32> {
     return vec3(viewport.view_from_world_x.w, viewport.view_from_world_y.w, viewport.view_from_world_z.w);

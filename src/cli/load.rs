@@ -1,9 +1,46 @@
-//! Loading stars with progress, and the warnings about what was found on the way.
+//! What there is before the first frame: stars and pipelines, with progress.
+
+use std::sync::Arc;
 
 use super::CliError;
-use super::progress::LoadingProgress;
+use super::progress::{LoadingProgress, PreparingProgress};
 use crate::catalogue::chunks::StarSet;
+use crate::config::Config;
+use crate::render::{RenderError, Renderer, Wanted};
+use crate::scene::SceneObjects;
 use crate::scene::loader::{LoadReport, StarSource, load_stars};
+use crate::view::Rig;
+
+/// The scene of a configuration.
+pub struct LoadedScene {
+    /// The stars.
+    pub stars: StarSet,
+    /// What was found while they were loaded.
+    pub report: LoadReport,
+    /// All that is no star.
+    pub objects: Arc<SceneObjects>,
+    /// Whether the driver has taken all shaders.
+    pub prepared: Result<(), RenderError>,
+}
+
+/// Loads the scene of a configuration, and meanwhile makes the pipelines of frames that have both images of all views.
+pub fn scene(config: &Config, rig: &Rig, renderer: &mut Renderer) -> Result<LoadedScene, CliError> {
+    let objects = Arc::new(config.objects()?);
+    let settings = config.render_settings();
+    let (prepared, loaded) = std::thread::scope(|scope| {
+        let preparing = scope.spawn(|| {
+            let mut progress = PreparingProgress::new();
+            let mut tell = |step| progress.step(step);
+            let prepared = renderer.prepare(&objects, rig, &settings, Wanted::both(), &[], &mut tell);
+            progress.finish();
+            prepared
+        });
+        let loaded = stars(&config.star_sources(), &config.origin);
+        (preparing.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)), loaded)
+    });
+    let (stars, report) = loaded?;
+    Ok(LoadedScene { stars, report, objects, prepared })
+}
 
 /// Loads the catalogues, shows progress, and warns of rejected rows and of stars that stand in two catalogues. `origin`
 /// names the configuration in errors; empty for arguments.

@@ -1,17 +1,21 @@
 //! Progress of long work on standard error: a bar on a terminal, plain lines elsewhere.
 
 use std::io::{self, IsTerminal};
+use std::sync::LazyLock;
 use std::time::{Duration, Instant};
 
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
 
 use crate::render::PrepareStep;
 use crate::scene::loader::LoadStep;
 
+/// All bars: several kinds of work go on at the same time.
+static BARS: LazyLock<MultiProgress> = LazyLock::new(MultiProgress::new);
+
 /// A bar, where standard error is a terminal.
 fn bar() -> Option<ProgressBar> {
     io::stderr().is_terminal().then(|| {
-        let bar = ProgressBar::no_length();
+        let bar = BARS.add(ProgressBar::no_length());
         // A template without any unknown key parses; the plain style is what is left otherwise.
         let style = ProgressStyle::with_template("{spinner} {wide_bar} {pos}/{len} {msg} [{elapsed}]");
         bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
@@ -20,7 +24,7 @@ fn bar() -> Option<ProgressBar> {
     })
 }
 
-/// Progress of making pipelines, and of the first frame.
+/// Progress of making pipelines.
 pub struct PreparingProgress {
     bar: Option<ProgressBar>,
     started: Instant,

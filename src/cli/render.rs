@@ -5,7 +5,11 @@ use std::sync::Arc;
 
 use clap::Args;
 
-use super::{CliError, load, results};
+use super::{
+    CliError,
+    load::{self, LoadedScene},
+    results,
+};
 use crate::config::Config;
 use crate::gpu::{Gpu, GpuOptions};
 use crate::output::write_frame;
@@ -45,20 +49,12 @@ pub fn run(arguments: RenderArguments, adapter: Option<String>) -> Result<(), Cl
     let mut renderer = Renderer::new(gpu);
     renderer.check(&rig).map_err(|error| CliError::render(error.into(), &config.origin))?;
 
-    let objects = Arc::new(config.objects()?);
     let settings = config.render_settings();
-    let wanted = Wanted::both();
-    // Pipelines are made while stars are loaded.
-    let (prepared, loaded) = std::thread::scope(|scope| {
-        let preparing = scope.spawn(|| renderer.prepare(&objects, &rig, &settings, wanted, &[], &mut |_| ()));
-        let loaded = load::stars(&config.star_sources(), &config.origin);
-        (preparing.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)), loaded)
-    });
-    let (stars, _) = loaded?;
+    let LoadedScene { stars, objects, prepared, .. } = load::scene(&config, &rig, &mut renderer)?;
     prepared.map_err(|error| CliError::render(error, &config.origin))?;
     let snapshot = SceneSnapshot { revision: 1, stars: Arc::new(stars), objects, camera };
     let frame = renderer
-        .render(FrameRequest::new(&snapshot, &rig).settings(&settings).wanted(wanted))
+        .render(FrameRequest::new(&snapshot, &rig).settings(&settings).wanted(Wanted::both()))
         .map_err(|error| CliError::render(error, &config.origin))?;
     let tell = |path: &Path| tracing::info!("wrote {}", path.display());
     for path in write_frame(&arguments.out, &rig, &frame, &renderer.adapter().adapter, &tell)? {

@@ -8,13 +8,16 @@ use clap::Args;
 use tokio::runtime::Runtime;
 use tokio::task;
 
-use super::{CliError, load, progress::PreparingProgress, results};
+use super::{
+    CliError,
+    load::{self, LoadedScene},
+    results,
+};
 use crate::config::{Config, parse_listen};
 use crate::gpu::{Gpu, GpuOptions};
-use crate::plan::settings::RenderSettings;
 use crate::render::{Renderer, Wanted};
-use crate::scene::SceneSnapshot;
-use crate::scene::loader::LoadedCatalogue;
+use crate::scene::loader::{LoadReport, LoadedCatalogue};
+use crate::scene::{Camera, SceneSnapshot};
 use crate::service::{self, HeadsetOptions, SceneCatalogue, ServeOptions, Shutdown};
 use crate::view::Rig;
 use crate::xr::{self, FirstFailure};
@@ -42,37 +45,20 @@ pub struct ServeArguments {
 pub fn run(arguments: ServeArguments, adapter: Option<String>) -> Result<(), CliError> {
     let config = Config::load_or_built_in(arguments.config.as_deref(), &arguments.set)?;
     let (rig, camera) = (config.rig()?, config.camera()?);
-    let mut renderer = Renderer::new(Gpu::open(&GpuOptions { adapter, ..GpuOptions::default() })?);
+    let renderer = Renderer::new(Gpu::open(&GpuOptions { adapter, ..GpuOptions::default() })?);
     renderer.check(&rig).map_err(|error| CliError::render(error.into(), &config.origin))?;
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build().map_err(CliError::Runtime)?;
     block_on_and_leave(runtime, async {
         // From here on a signal is an orderly end, while stars are still loading as well.
         let mut signals = Box::pin(service::signals().map_err(CliError::Runtime)?);
-        let (sources, origin) = (config.star_sources(), config.origin.clone());
-        let of_objects = config.clone();
-        let loading = task::spawn_blocking(move || {
-            let objects = of_objects.objects()?;
-            load::stars(&sources, &origin).map(|(stars, report)| (stars, report, objects))
-        });
-        let (stars, report, objects) = tokio::select! {
-            () = &mut signals => return Ok(()),
-            loaded = loading => match loaded {
-                Ok(loaded) => loaded?,
-                // Nobody cancels it, so it panicked; the panic goes on here.
-                Err(error) => std::panic::resume_unwind(error.into_panic()),
-            },
-        };
-        let scene = SceneSnapshot { revision: 1, stars: Arc::new(stars), objects: Arc::new(objects), camera };
+        let (of_scene, of_rig) = (config.clone(), rig.clone());
         // Shaders are compiled before anybody can ask for a frame.
-        let (settings, of_scene, of_rig) = (config.render_settings(), scene.clone(), rig.clone());
-        let preparing = task::spawn_blocking(move || {
-            prepare(&mut renderer, &of_scene, &of_rig, &settings);
-            renderer
-        });
-        let renderer = tokio::select! {
+        let starting = task::spawn_blocking(move || start(&of_scene, &of_rig, camera, renderer));
+        let (renderer, scene, report) = tokio::select! {
             () = &mut signals => return Ok(()),
-            prepared = preparing => match prepared {
-                Ok(renderer) => renderer,
+            started = starting => match started {
+                Ok(started) => started?,
+                // Nobody cancels it, so it panicked; the panic goes on here.
                 Err(error) => std::panic::resume_unwind(error.into_panic()),
             },
         };
@@ -87,21 +73,24 @@ pub fn run(arguments: ServeArguments, adapter: Option<String>) -> Result<(), Cli
     })
 }
 
-/// Makes what the first frame takes, with progress. What cannot be drawn is told here, and to every client that asks for it: the scene may
-/// be changed by then.
-fn prepare(renderer: &mut Renderer, scene: &SceneSnapshot, rig: &Rig, settings: &RenderSettings) {
-    if rig.views().is_empty() {
-        return;
+/// Loads the scene and makes what the first frame takes. What cannot be drawn is told here, and to every client that asks for it: the scene
+/// may be changed by then.
+fn start(
+    config: &Config,
+    rig: &Rig,
+    camera: Camera,
+    mut renderer: Renderer,
+) -> Result<(Renderer, SceneSnapshot, LoadReport), CliError> {
+    let LoadedScene { stars, report, objects, prepared } = load::scene(config, rig, &mut renderer)?;
+    let scene = SceneSnapshot { revision: 1, stars: Arc::new(stars), objects, camera };
+    if !rig.views().is_empty() {
+        let settings = config.render_settings();
+        let drawn = prepared.and_then(|()| renderer.warm_up(&scene, rig, &settings, Wanted::both()));
+        if let Err(error) = drawn {
+            tracing::warn!("the first frame cannot be drawn: {error}");
+        }
     }
-    let wanted = Wanted::both();
-    let mut progress = PreparingProgress::new();
-    let prepared = renderer
-        .prepare(&scene.objects, rig, settings, wanted, &[], &mut |step| progress.step(step))
-        .and_then(|()| renderer.warm_up(scene, rig, settings, wanted));
-    progress.finish();
-    if let Err(error) = prepared {
-        tracing::warn!("the first frame cannot be drawn: {error}");
-    }
+    Ok((renderer, scene, report))
 }
 
 /// The headset that a configuration asks for.

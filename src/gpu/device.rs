@@ -9,7 +9,10 @@ use std::{
 
 use serde::Serialize;
 
-use super::frame_pool::{Counters, FramePool};
+use super::{
+    compile_ahead::CompileAhead,
+    frame_pool::{Counters, FramePool},
+};
 use crate::plan::Limits;
 
 /// Which adapter to open, and how.
@@ -93,6 +96,7 @@ impl fmt::Display for AdapterReport {
 }
 
 /// What of an adapter is used, and what is done differently because it lacks something.
+#[derive(Clone)]
 pub(super) struct Selection {
     pub(super) features: wgpu::Features,
     pub(super) limits: wgpu::Limits,
@@ -179,6 +183,8 @@ pub struct Gpu {
     report: AdapterReport,
     pub(super) pool: Mutex<FramePool>,
     pub(super) counters: Counters,
+    /// Software drivers alone have it, where the device was opened here.
+    pub(super) compile_ahead: Option<CompileAhead>,
     /// Workgroups of a dispatch along each axis, at most.
     pub(super) max_workgroups: u32,
 }
@@ -212,7 +218,10 @@ impl Gpu {
     fn open_adapter(adapter: &wgpu::Adapter, options: &GpuOptions) -> Result<Self, wgpu::RequestDeviceError> {
         let selection = Selection::of(adapter, options);
         let (device, queue) = pollster::block_on(adapter.request_device(&selection.descriptor()))?;
-        Ok(Self::assemble(adapter.get_info(), device, queue, selection, options))
+        let ahead = CompileAhead::new(adapter.clone(), selection.clone());
+        let mut gpu = Self::assemble(adapter.get_info(), device, queue, selection, options);
+        gpu.compile_ahead = gpu.software.then_some(ahead);
+        Ok(gpu)
     }
 
     /// A device that was opened with what `selection` describes.
@@ -264,6 +273,7 @@ impl Gpu {
             report,
             pool: Mutex::default(),
             counters: Counters::default(),
+            compile_ahead: None,
             max_workgroups: limits.max_compute_workgroups_per_dimension,
         }
     }

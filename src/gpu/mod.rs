@@ -4,6 +4,7 @@
 pub(crate) mod adopt;
 mod binding;
 mod buffers;
+mod compile_ahead;
 mod constants;
 mod device;
 mod frame_pool;

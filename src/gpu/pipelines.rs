@@ -46,6 +46,26 @@ pub(crate) struct Stage<'a> {
     pub constants: &'a [(&'a str, f64)],
 }
 
+/// A compute pipeline with the layout that its shader implies, and values for the shader's overridable constants.
+pub(super) fn make_compute_pipeline(
+    device: &wgpu::Device,
+    source: &ShaderSource,
+    constants: &[(&str, f64)],
+) -> wgpu::ComputePipeline {
+    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        label: Some(source.name),
+        source: wgpu::ShaderSource::Wgsl(source.text.as_str().into()),
+    });
+    device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+        label: Some(source.name),
+        layout: None,
+        module: &module,
+        entry_point: Some(source.entry_point),
+        compilation_options: wgpu::PipelineCompilationOptions { constants, zero_initialize_workgroup_memory: false },
+        cache: None,
+    })
+}
+
 impl Gpu {
     /// Makes a pipeline: counts it, and tells how long it took.
     fn timed<P>(&self, name: &str, make: impl FnOnce() -> P) -> P {
@@ -72,24 +92,19 @@ impl Gpu {
         source: &ShaderSource,
         constants: &[(&str, f64)],
     ) -> wgpu::ComputePipeline {
-        let descriptor = wgpu::ShaderModuleDescriptor {
-            label: Some(source.name),
-            source: wgpu::ShaderSource::Wgsl(source.text.as_str().into()),
-        };
-        let module = self.device.create_shader_module(descriptor);
-        self.timed(source.name, || {
-            self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-                label: Some(source.name),
-                layout: None,
-                module: &module,
-                entry_point: Some(source.entry_point),
-                compilation_options: wgpu::PipelineCompilationOptions {
-                    constants,
-                    zero_initialize_workgroup_memory: false,
-                },
-                cache: None,
-            })
-        })
+        let pipeline = self.timed(source.name, || make_compute_pipeline(&self.device, source, constants));
+        if let Some(ahead) = &self.compile_ahead {
+            ahead.compile(source, constants);
+        }
+        pipeline
+    }
+
+    /// Runs `make`; on a software driver the compute shaders of all pipelines that it makes are compiled meanwhile, by the threads that make them.
+    pub(crate) fn compiling_ahead(&self, make: impl FnOnce()) {
+        match &self.compile_ahead {
+            Some(ahead) => ahead.during(make),
+            None => make(),
+        }
     }
 
     /// A pipeline onto one colour target, without depth and vertex buffers, with the layout that its shaders imply.

@@ -1,8 +1,8 @@
 //! Pipelines before the first frame: those that a scene's objects, a rig and settings can ask for, on all cores.
 //!
 //! Drivers of GPUs compile a shader when its pipeline is made, on the thread that makes it. Software drivers compile it when it first runs, one
-//! after the other on the queue's own thread: there [`Renderer::prepare`] is quick, and it takes a frame ([`Renderer::warm_up`]) to have
-//! them compiled.
+//! after the other on the queue's own thread; there compute shaders are compiled ahead on devices of their own (`gpu/compile_ahead.rs`), and
+//! it takes a frame ([`Renderer::warm_up`]) to have the others compiled.
 
 use std::sync::{Mutex, PoisonError};
 
@@ -70,7 +70,7 @@ impl Renderer {
         let viewports = rig.viewports(glam::DQuat::IDENTITY);
         let wish = Wish { gpu: &self.gpu, objects, settings, viewports: &viewports, made: wanted, formats };
         let jobs = self.techniques.iter().flat_map(|technique| technique.pipelines(&wish)).collect();
-        run(jobs, progress);
+        self.gpu.compiling_ahead(|| run(jobs, progress));
         self.gpu.take_failure()?;
         Ok(())
     }

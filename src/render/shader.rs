@@ -5,7 +5,7 @@ use std::fmt;
 use std::sync::LazyLock;
 
 use super::constants;
-use crate::gpu::{Choices, Library, ShaderError, ShaderSource};
+use crate::gpu::{Choices, Gpu, Library, ShaderError, ShaderSource};
 
 include!(concat!(env!("OUT_DIR"), "/shader_files.rs"));
 
@@ -64,6 +64,11 @@ impl Shader {
     pub(crate) fn source(&self) -> ShaderSource {
         self.resolve().unwrap_or_else(|error| panic!("shader {self}: {error}"))
     }
+}
+
+/// The constant by which loops of few turns stay loops: a software driver takes seconds to compile what is written out.
+pub(crate) fn rolled_loops(gpu: &Gpu) -> (&'static str, f64) {
+    ("ROLLED", f64::from(u8::from(gpu.software)))
 }
 
 /// Every shader: every file with an entry point, in every combination of choices.

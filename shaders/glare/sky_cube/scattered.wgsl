@@ -37,15 +37,6 @@ struct GlareNear {
 override TABULATED: bool = false;
 // Whether all views are flat, with pixels far smaller than the cells of the map.
 override FLAT: bool = false;
-// Whether loops over the pixels of a column stay loops. A GPU is best served by code that is written out; a software driver takes seconds to
-// compile that.
-override ROLLED: bool = false;
-
-// So many turns of a loop; where it is to stay one, in a form that the driver cannot know. There is always a tile.
-fn turns(count: u32) -> u32 {
-    return select(count, 0u, ROLLED && sky.tiles == 0u);
-}
-
 // Squares of the angles of chords no longer than those of sprites, from the squares of the chords.
 fn near_angle_squared(squared: vec4<f32>) -> vec4<f32> {
     return squared * (1.0 + squared * (1.0 / 12.0) * (1.0 + squared * (2.0 / 15.0)));
@@ -122,7 +113,7 @@ fn direction_of(viewport: Viewport, pixel: vec2<f32>) -> vec3<f32> {
 
 fn directions_of(viewport: Viewport, top: vec2<f32>) -> Directions4 {
     var four: Directions4;
-    for (var one = 0u; one < turns(4u); one++) {
+    for (var one = 0u; one < u32(turns(viewport, 4)); one++) {
         let direction = direction_of(viewport, top + vec2(0.0, f32(one)));
         let here = vec4(0u, 1u, 2u, 3u) == vec4(one);
         four.x = select(four.x, vec4(direction.x), here);
@@ -150,8 +141,8 @@ fn column_from_map(view: GlareView, viewport: Viewport, top: vec2<f32>, directio
         }
         return light;
     }
-    for (var four = 0u; four < turns(2u); four++) {
-        for (var one = 0u; one < turns(4u); one++) {
+    for (var four = 0u; four < u32(turns(viewport, 2)); four++) {
+        for (var one = 0u; one < u32(turns(viewport, 4)); one++) {
             let direction = vec3(directions[four].x[one], directions[four].y[one], directions[four].z[one]);
             let of_pixel = read_map(view.first_point, sky.edge_cells, direction);
             light.red[four][one] = of_pixel.x;

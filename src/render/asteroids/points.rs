@@ -5,6 +5,7 @@ use crate::{
     plan::stars::range::FixedPoint,
     render::{
         asteroids::layout,
+        shader::rolled_loops,
         targets::{Sums, bind_occlusion, bind_sums, splatting},
     },
 };
@@ -33,7 +34,7 @@ pub(crate) struct AsteroidPoints<'a> {
 impl AsteroidPointPass {
     pub(crate) fn new(gpu: &Gpu) -> Self {
         let workgroup = if gpu.software { 8.0 } else { 64.0 };
-        let constants = [("WORKGROUP", workgroup), ("HAS_GEOMETRY", 1.0)];
+        let constants = [("WORKGROUP", workgroup), ("HAS_GEOMETRY", 1.0), rolled_loops(gpu)];
         Self { pipeline: gpu.compute_pipeline_with(&splatting(gpu, "asteroids/points"), &constants) }
     }
 

@@ -6,6 +6,7 @@ use crate::{
     plan::stars::range::FixedPoint,
     render::{
         bodies::layout,
+        shader::rolled_loops,
         targets::{Sums, bind_occlusion, bind_sums, splatting},
     },
 };
@@ -17,7 +18,8 @@ pub(crate) struct PointPass {
 
 impl PointPass {
     pub(crate) fn new(gpu: &Gpu) -> Self {
-        Self { pipeline: gpu.compute_pipeline_with(&splatting(gpu, "bodies/points"), &[("HAS_GEOMETRY", 1.0)]) }
+        let constants = [("HAS_GEOMETRY", 1.0), rolled_loops(gpu)];
+        Self { pipeline: gpu.compute_pipeline_with(&splatting(gpu, "bodies/points"), &constants) }
     }
 
     /// Records `count` points into one batch.

@@ -1,0 +1,208 @@
+//! Shaders of a software driver, compiled on several threads.
+//!
+//! Such a driver compiles a compute shader when it first runs, on the thread of the queue, one shader after the other, and keeps the
+//! machine code in a cache on disk. So the shaders are dispatched once on devices that are opened for that alone, one per thread, with zero
+//! workgroups: the device that draws frames then finds them in the cache. Without such a cache this gains nothing.
+
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use wgpu::naga;
+
+use super::{ShaderSource, device::Selection};
+
+/// Every buffer has at least this size, bytes; more where a shader's structure asks for it.
+const LEAST_BUFFER_BYTES: u64 = 1 << 16;
+
+/// A binding of a compute shader.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct BufferBinding {
+    group: u32,
+    binding: u32,
+    uniform: bool,
+    bytes: u64,
+}
+
+/// Why a shader is left to the first frame.
+#[derive(Debug, thiserror::Error)]
+enum SkipReason {
+    #[error("no second device: {0}")]
+    Device(#[from] wgpu::RequestDeviceError),
+    #[error("it cannot be read: {0}")]
+    Parse(String),
+    #[error("it binds something else than buffers")]
+    Binding,
+    #[error("{0}")]
+    Driver(String),
+}
+
+/// The devices that compile, of one adapter.
+pub(super) struct CompileAhead {
+    adapter: wgpu::Adapter,
+    selection: Selection,
+    /// Devices that no thread uses at the moment; `None` while nothing is compiled ahead.
+    idle: Mutex<Option<Vec<(wgpu::Device, wgpu::Queue)>>>,
+}
+
+impl CompileAhead {
+    pub(super) fn new(adapter: wgpu::Adapter, selection: Selection) -> Self {
+        Self { adapter, selection, idle: Mutex::new(None) }
+    }
+
+    fn idle(&self) -> MutexGuard<'_, Option<Vec<(wgpu::Device, wgpu::Queue)>>> {
+        // Nothing can panic while the lock is held.
+        self.idle.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Compiles the compute shaders of all pipelines that `make` makes.
+    pub(super) fn during(&self, make: impl FnOnce()) {
+        *self.idle() = Some(Vec::new());
+        make();
+        *self.idle() = None;
+    }
+
+    /// Compiles a shader with values for its overridable constants, if this is the time to.
+    pub(super) fn compile(&self, source: &ShaderSource, constants: &[(&str, f64)]) {
+        let Some(device) = self.idle().as_mut().map(Vec::pop) else { return };
+        let compiled = device.map_or_else(|| self.open(), Ok).and_then(|(device, queue)| {
+            dispatch_nothing(&device, &queue, source, constants)?;
+            Ok((device, queue))
+        });
+        match compiled {
+            Ok(device) => {
+                if let Some(idle) = self.idle().as_mut() {
+                    idle.push(device);
+                }
+            }
+            // The first frame compiles it, as it would without all this.
+            Err(reason) => tracing::debug!("{} is not compiled ahead: {reason}", source.name),
+        }
+    }
+
+    fn open(&self) -> Result<(wgpu::Device, wgpu::Queue), SkipReason> {
+        Ok(pollster::block_on(self.adapter.request_device(&self.selection.descriptor()))?)
+    }
+}
+
+/// The buffers that an entry point uses: those that stand in the layout which a pipeline derives from it.
+fn bindings(source: &ShaderSource) -> Result<Vec<BufferBinding>, SkipReason> {
+    let module = naga::front::wgsl::parse_str(&source.text).map_err(|error| SkipReason::Parse(error.to_string()))?;
+    let mut validator =
+        naga::valid::Validator::new(naga::valid::ValidationFlags::empty(), naga::valid::Capabilities::all());
+    let info = validator.validate(&module).map_err(|error| SkipReason::Parse(error.to_string()))?;
+    let entry = module.entry_points.iter().position(|entry| entry.name == source.entry_point);
+    let entry = info.get_entry_point(entry.ok_or_else(|| SkipReason::Parse("it has no such entry point".to_owned()))?);
+    let used = module.global_variables.iter().filter(|(handle, _)| !entry[*handle].is_empty());
+    let bound = used.filter_map(|(_, variable)| variable.binding.map(|binding| (binding, variable)));
+    bound
+        .map(|(binding, variable)| {
+            let uniform = match variable.space {
+                naga::AddressSpace::Uniform => true,
+                naga::AddressSpace::Storage { .. } => false,
+                _ => return Err(SkipReason::Binding),
+            };
+            let size = u64::from(module.types[variable.ty].inner.size(module.to_ctx()));
+            let bytes = size.max(LEAST_BUFFER_BYTES).next_multiple_of(16);
+            Ok(BufferBinding { group: binding.group, binding: binding.binding, uniform, bytes })
+        })
+        .collect()
+}
+
+/// Makes the pipeline on a device and dispatches it with zero workgroups: the driver compiles it for that.
+fn dispatch_nothing(
+    device: &wgpu::Device,
+    queue: &wgpu::Queue,
+    source: &ShaderSource,
+    constants: &[(&str, f64)],
+) -> Result<(), SkipReason> {
+    let mut bindings = bindings(source)?;
+    bindings.sort_by_key(|binding| (binding.group, binding.binding));
+    let scope = device.push_error_scope(wgpu::ErrorFilter::Validation);
+    let pipeline = super::pipelines::make_compute_pipeline(device, source, constants);
+    let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some(source.name) });
+    {
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+        pass.set_pipeline(&pipeline);
+        for of_group in bindings.chunk_by(|a, b| a.group == b.group) {
+            let buffers: Vec<wgpu::Buffer> = of_group.iter().map(|binding| buffer(device, binding)).collect();
+            let entries: Vec<_> = of_group
+                .iter()
+                .zip(&buffers)
+                .map(|(binding, buffer)| wgpu::BindGroupEntry {
+                    binding: binding.binding,
+                    resource: buffer.as_entire_binding(),
+                })
+                .collect();
+            let group = of_group[0].group;
+            let layout = pipeline.get_bind_group_layout(group);
+            let descriptor = wgpu::BindGroupDescriptor { label: Some(source.name), layout: &layout, entries: &entries };
+            pass.set_bind_group(group, &device.create_bind_group(&descriptor), &[]);
+        }
+        pass.dispatch_workgroups(0, 0, 0);
+    }
+    let submission_index = queue.submit([encoder.finish()]);
+    if let Some(error) = pollster::block_on(scope.pop()) {
+        return Err(SkipReason::Driver(error.to_string()));
+    }
+    let wait = wgpu::PollType::Wait { submission_index: Some(submission_index), timeout: None };
+    device.poll(wait).map(|_| ()).map_err(|error| SkipReason::Driver(error.to_string()))
+}
+
+fn buffer(device: &wgpu::Device, binding: &BufferBinding) -> wgpu::Buffer {
+    let usage = if binding.uniform { wgpu::BufferUsages::UNIFORM } else { wgpu::BufferUsages::STORAGE };
+    device.create_buffer(&wgpu::BufferDescriptor {
+        label: Some("compile ahead"),
+        size: binding.bytes,
+        usage,
+        mapped_at_creation: false,
+    })
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
+mod tests {
+    use super::*;
+    use crate::gpu::{Gpu, GpuOptions};
+
+    const DOUBLES: &str = "
+        struct Parameters { factor: f32, unused: array<vec4<f32>, 8192> }
+        @group(0) @binding(0) var<uniform> unread: vec4<f32>;
+        @group(0) @binding(2) var<storage, read> parameters: Parameters;
+        @group(2) @binding(1) var<storage, read_write> values: array<f32>;
+        override WIDTH: u32;
+        @compute @workgroup_size(WIDTH) fn double(@builtin(local_invocation_index) i: u32) {
+            values[i] *= parameters.factor;
+        }";
+
+    fn source(text: &str) -> ShaderSource {
+        ShaderSource { name: "double", entry_point: "double", text: text.to_owned(), needs_u64: false }
+    }
+
+    #[test]
+    fn only_what_an_entry_point_uses_is_bound() {
+        let binding = |group, binding, bytes| BufferBinding { group, binding, uniform: false, bytes };
+        let expected = [binding(0, 2, 16 * 8193), binding(2, 1, LEAST_BUFFER_BYTES)];
+        assert_eq!(bindings(&source(DOUBLES)).unwrap(), expected);
+    }
+
+    #[test]
+    fn a_shader_is_compiled_and_a_broken_one_is_left_alone() {
+        let gpu = Gpu::open(&GpuOptions::default()).unwrap();
+        let Some(ahead) = &gpu.compile_ahead else { return assert!(!gpu.software, "software drivers have it") };
+        let (device, queue) = ahead.open().unwrap();
+        dispatch_nothing(&device, &queue, &source(DOUBLES), &[("WIDTH", 8.0)]).unwrap();
+        let sampled = "@group(0) @binding(0) var from: texture_2d<f32>;
+            @group(0) @binding(1) var<storage, read_write> values: array<f32>;
+            @compute @workgroup_size(1) fn double() { values[0] = textureLoad(from, vec2(0), 0).x; }";
+        let wrong = [
+            (source(sampled), "something else than buffers"),
+            (source("fn double() {"), "cannot be read"),
+            (source("@compute @workgroup_size(1) fn other() {}"), "entry point"),
+        ];
+        for (source, words) in wrong {
+            let reason = dispatch_nothing(&device, &queue, &source, &[]).unwrap_err().to_string();
+            assert!(reason.contains(words), "{reason}");
+        }
+        let reason = dispatch_nothing(&device, &queue, &source(DOUBLES), &[("NO_SUCH", 1.0)]).unwrap_err();
+        assert!(matches!(reason, SkipReason::Driver(_)), "{reason}");
+    }
+}
