@@ -325,6 +325,7 @@ const PLAIN: (f64, f64) = (0.0, 0.0);
 const NIGHT: (f64, f64) = (0.7, 0.6);
 
 #[test]
+#[ignore = "long: make test-all"]
 fn textures_of_halves_hold_the_tone_mapped_light_of_every_operator_and_of_one_at_night_and_cut() {
     let plain = ToneMapOperator::ALL.map(|operator| (operator, PLAIN));
     let filmic = ToneMapOperator::Filmic;
@@ -378,6 +379,7 @@ fn textures_of_halves_hold_the_tone_mapped_light(cases: &[HalvesCase<'_>]) {
 }
 
 #[test]
+#[ignore = "long: make test-all"]
 fn every_star_method_is_presented_with_glare_and_without() {
     let scene = sky(0.3);
     let mut renderer = Renderer::new(gpu(Some(STRIPS)));

@@ -169,6 +169,7 @@ fn the_procedural_sky_has_the_errors_of_its_cones() {
 }
 
 #[test]
+#[ignore = "long: make test-all"]
 fn tiny_runs_of_the_other_axes_have_their_figures() {
     other_axes_have_their_figures(&least());
 }
@@ -218,6 +219,7 @@ fn other_axes_have_their_figures(extent: &Extent) {
 
 /// Glare: ours is right in every projection, and the published pyramids have the flaws that they are known for.
 #[test]
+#[ignore = "long: make test-all"]
 fn a_tiny_run_of_glare_has_the_figures_of_every_method() {
     let mut renderer = crate::common::renderer();
     let extent = tiny();
@@ -280,6 +282,7 @@ fn a_tiny_run_of_glare_has_the_figures_of_every_method() {
 }
 
 #[test]
+#[ignore = "long: make test-all"]
 fn a_tiny_run_of_asteroids_has_the_figures_of_every_method() {
     asteroids_have_the_figures_of_every_method(&least());
 }

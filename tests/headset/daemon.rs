@@ -14,7 +14,7 @@ use crate::{
 };
 
 pub const TESTS: &[Test] = &[
-    Test::WithMonado("daemon_lives_when_the_runtime_is_killed_ten_times", killed_ten_times),
+    Test::Long("daemon_lives_when_the_runtime_is_killed_ten_times", killed_ten_times),
     Test::WithMonado("runtime_may_die_while_the_daemon_connects", runtime_dies_early),
     Test::WithMonado("daemon_picks_up_a_runtime_that_is_started_later", runtime_comes_later),
     Test::WithMonado("mirror_goes_on_beside_another_view", mirror_beside),

@@ -268,17 +268,18 @@ fn example(name: &str) -> PathBuf {
 }
 
 #[test]
-fn the_commands_of_the_documents_work() {
-    let mut problems = Vec::new();
-    for document in documents() {
-        match Reader::new().follow(&read(&document)) {
-            Ok(count) if document == "README.md" && count < 10 => {
-                problems.push(format!("{document} has only {count} commands: were they found?"));
-            }
-            Ok(_) => {}
-            Err(problem) => problems.push(format!("{document}: {problem}")),
-        }
-    }
+fn the_commands_of_the_readme_work() {
+    let count = Reader::new().follow(&read("README.md")).unwrap();
+    assert!(count >= 10, "README.md has only {count} commands: were they found?");
+}
+
+#[test]
+#[ignore = "long: make test-all"]
+fn the_commands_of_the_pages_work() {
+    let pages = documents().into_iter().filter(|document| document != "README.md");
+    let failed =
+        pages.filter_map(|page| Reader::new().follow(&read(&page)).err().map(|problem| format!("{page}: {problem}")));
+    let problems: Vec<String> = failed.collect();
     assert!(problems.is_empty(), "{}", problems.join("\n"));
 }
 

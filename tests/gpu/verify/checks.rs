@@ -103,6 +103,7 @@ fn looking_for_stars() -> impl Iterator<Item = &'static Check> {
 
 /// A renderer that draws no stars must fail every check that looks for them; and one that draws too few those of light.
 #[test]
+#[ignore = "long: make test-all"]
 fn a_renderer_that_loses_stars_fails() {
     let mut renderer = renderer();
     let mut check = |name: &str, magnitude_limit: f64| with_limit(&mut renderer, name, magnitude_limit);

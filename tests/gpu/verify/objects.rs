@@ -54,6 +54,7 @@ const PLACE: Fault = Fault { shift: 0.2, ..Fault::NONE };
 
 /// Every check that the tests above do not see fail.
 #[test]
+#[ignore = "long: make test-all"]
 fn another_truth_fails() {
     fail_of_another_truth(&[
         ("body-light", ALBEDO),

@@ -18,6 +18,8 @@ pub const REQUIRE_VARIABLE: &str = "STERADIAN_REQUIRE_XR";
 pub enum Test {
     /// One that needs Monado.
     WithMonado(&'static str, fn(&'static Monado)),
+    /// One that needs Monado and takes long: `make test-long`.
+    Long(&'static str, fn(&'static Monado)),
     /// One that runs anywhere.
     Anywhere(&'static str, fn()),
 }
@@ -40,6 +42,7 @@ pub fn main(tests: &[Test], inners: &[Inner]) -> ExitCode {
     arguments.test_threads = Some(1);
     let trials = tests.iter().map(|&test| match test {
         Test::WithMonado(name, run) => Trial::ignorable_test(name, move || with_monado(run)),
+        Test::Long(name, run) => Trial::ignorable_test(name, move || with_monado(run)).with_ignored_flag(true),
         Test::Anywhere(name, run) => Trial::test(name, move || {
             run();
             Ok::<(), Failed>(())

@@ -13,7 +13,7 @@ mod smoke;
 use crate::monado::harness::{Inner, Test};
 
 pub const TESTS: &[Test] = &[
-    Test::WithMonado("three_hundred_frames_without_a_complaint", smoke::three_hundred_frames),
+    Test::Long("three_hundred_frames_without_a_complaint", smoke::three_hundred_frames),
     Test::WithMonado("eyes_are_those_sent", poses::eyes_are_those_sent),
     Test::WithMonado("stars_have_the_light_of_the_catalogue", light::stars_have_the_light_of_the_catalogue),
     Test::WithMonado("pixels_are_those_of_render", rendering::pixels_are_those_of_render),

@@ -119,6 +119,7 @@ fn cloud(count: usize, seed: u64) -> SceneObjects {
 }
 
 #[test]
+#[ignore = "long: make test-all"]
 fn the_adapters_lists_are_those_of_f64_whatever_the_count_the_projection_and_the_place() {
     let (auto, none) = (ImpostorMethod::Auto, ImpostorMethod::None);
     let found = tails_found(&[(1, auto), (255, none), (256, auto), (257, auto), (2001, auto), (2001, none)]);
