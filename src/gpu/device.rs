@@ -163,7 +163,7 @@ impl Selection {
 }
 
 /// How long a device may take for what was submitted before it counts as lost.
-const SUBMISSION_TIMEOUT: Duration = Duration::from_secs(600);
+pub(crate) const SUBMISSION_TIMEOUT: Duration = Duration::from_secs(600);
 
 /// An open device.
 pub struct Gpu {
@@ -331,14 +331,31 @@ impl Gpu {
         submission_index: Option<wgpu::SubmissionIndex>,
         timeout: Duration,
     ) -> Result<(), GpuError> {
+        self.poll(submission_index, timeout)?.map_err(|error| GpuError::Lost(error.to_string()))
+    }
+
+    /// Waits for a submission for at most `timeout`; whether the device is through with it.
+    ///
+    /// # Errors
+    ///
+    /// The device is lost.
+    pub(crate) fn done_within(&self, submission: wgpu::SubmissionIndex, timeout: Duration) -> Result<bool, GpuError> {
+        match self.poll(Some(submission), timeout)? {
+            Ok(()) => Ok(true),
+            Err(wgpu::PollError::Timeout) => Ok(false),
+            Err(error) => Err(GpuError::Lost(error.to_string())),
+        }
+    }
+
+    fn poll(
+        &self,
+        submission_index: Option<wgpu::SubmissionIndex>,
+        timeout: Duration,
+    ) -> Result<Result<(), wgpu::PollError>, GpuError> {
         let wait = wgpu::PollType::Wait { submission_index, timeout: Some(timeout) };
         // A driver that has lost its device is a panic in there. Of what is shared with it nothing is used after an error.
         let polled = panic::catch_unwind(AssertUnwindSafe(|| self.device.poll(wait)));
-        match polled {
-            Ok(Ok(_)) => Ok(()),
-            Ok(Err(error)) => Err(GpuError::Lost(error.to_string())),
-            Err(_) => Err(GpuError::Lost("the driver has given it up".to_owned())),
-        }
+        polled.map(|polled| polled.map(drop)).map_err(|_| GpuError::Lost("the driver has given it up".to_owned()))
     }
 }
 

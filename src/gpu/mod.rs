@@ -19,6 +19,7 @@ pub(crate) use buffers::{GrowingBuffer, ReadbackBuffer, ReadbackPlace, filled_bu
 #[doc(hidden)]
 pub use constants::Table;
 pub(crate) use constants::{Shared, shared_constants};
+pub(crate) use device::SUBMISSION_TIMEOUT;
 pub use device::{AdapterReport, Gpu, GpuError, GpuOptions};
 pub(crate) use frame_pool::LayoutOf;
 pub use frame_pool::ObjectsMade;

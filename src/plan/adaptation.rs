@@ -18,16 +18,23 @@ pub struct Adaptation {
 }
 
 impl Adaptation {
+    /// Whether the exposure follows what frames ask for, with a delay.
+    pub fn adapts(settings: &ExposureSettings) -> bool {
+        settings.mode == ExposureMode::Auto && settings.adaptation_s > 0.0
+    }
+
     /// The exposure for a frame that comes `dt_s` after the last one that was observed; `None` for the fully adapted value:
     /// before the first frame, without a time constant, and where the exposure is manual.
     ///
-    /// `changed`: the frame shows something else than the last one did. What it asks for is known only when it is rendered,
-    /// and no frame was rendered meanwhile: the eye has looked at the new picture for that time, and where it is long
-    /// enough, it is adapted to it (`None`) and not to the picture before. Shortly after the last frame, as in a stream, the
-    /// goal is the last one known, which lags by that frame.
-    pub fn exposure(&self, dt_s: f64, changed: bool, settings: &ExposureSettings) -> Option<f64> {
+    /// `new_for_s`: for how long the scene has been another than any frame has shown: since the last frame was begun, if this one
+    /// shows something else; otherwise 0. What the new picture asks for is known only when it is rendered: the eye has looked at
+    /// it for that time, and where it is long enough, it is adapted to it (`None`) and not to the picture before. Shortly after the
+    /// last frame, as in a stream, the goal is the last one known, which lags by that frame; by one more where this frame is planned
+    /// before the last one is observed. The time counts from the frame that was observed, so nothing is lost of what the eye has
+    /// adapted since.
+    pub fn exposure(&self, dt_s: f64, new_for_s: f64, settings: &ExposureSettings) -> Option<f64> {
         let tau_s = settings.adaptation_s;
-        let adapts = settings.mode == ExposureMode::Auto && tau_s > 0.0 && !(changed && dt_s >= ADAPTED_AFTER * tau_s);
+        let adapts = Self::adapts(settings) && new_for_s < ADAPTED_AFTER * tau_s;
         let (Some(current), Some(metered), true) = (self.current, self.metered, adapts) else { return None };
         let share = -(-dt_s.max(0.0) / tau_s).exp_m1();
         Some(current + (metered - current) * share)
@@ -65,12 +72,12 @@ mod tests {
     fn adaptation_does_not_depend_on_the_frame_rate() {
         let after = |frames: u32| {
             let mut eye = Adaptation::default();
-            assert_eq!(eye.exposure(0.0, false, &settings(0.5)), None, "the first frame is fully adapted");
+            assert_eq!(eye.exposure(0.0, 0.0, &settings(0.5)), None, "the first frame is fully adapted");
             eye.observe(-3.0, 5.0);
             assert!(!eye.converged(&settings(0.5)));
             let mut ev = f64::NAN;
             for _ in 0..frames {
-                ev = eye.exposure(0.75 / f64::from(frames), false, &settings(0.5)).unwrap();
+                ev = eye.exposure(0.75 / f64::from(frames), 0.0, &settings(0.5)).unwrap();
                 eye.observe(ev, 5.0);
             }
             ev
@@ -82,12 +89,22 @@ mod tests {
     }
 
     #[test]
+    fn a_frame_planned_before_the_last_one_is_observed_goes_on_where_that_one_is() {
+        let mut eye = Adaptation::default();
+        eye.observe(-3.0, 5.0);
+        let ahead = eye.exposure(0.3, 0.2, &settings(0.5)).unwrap();
+        let last = eye.exposure(0.1, 0.1, &settings(0.5)).unwrap();
+        eye.observe(last, 5.0);
+        assert!((eye.exposure(0.2, 0.2, &settings(0.5)).unwrap() - ahead).abs() < 1e-12);
+    }
+
+    #[test]
     fn a_jump_from_night_to_the_sun_converges_and_nan_is_survived() {
         let mut eye = Adaptation::default();
         eye.observe(-20.0, 24.0);
         let mut frames = 0;
         while !eye.converged(&settings(0.5)) {
-            let ev = eye.exposure(1.0 / 60.0, false, &settings(0.5)).unwrap();
+            let ev = eye.exposure(1.0 / 60.0, 0.0, &settings(0.5)).unwrap();
             eye.observe(ev, if frames == 10 { f64::NAN } else { 24.0 });
             frames += 1;
             assert!(frames < 10_000 && ev.is_finite());
@@ -100,9 +117,9 @@ mod tests {
     fn no_time_constant_and_manual_exposure_ask_for_the_renderers_own_value() {
         let mut eye = Adaptation::default();
         eye.observe(1.0, 2.0);
-        assert_eq!(eye.exposure(0.1, false, &settings(0.0)), None);
+        assert_eq!(eye.exposure(0.1, 0.0, &settings(0.0)), None);
         let manual = ExposureSettings { mode: ExposureMode::Manual, ..settings(0.5) };
-        assert_eq!(eye.exposure(0.1, false, &manual), None);
+        assert_eq!(eye.exposure(0.1, 0.0, &manual), None);
         assert!(eye.converged(&manual), "it has nothing to wait for");
     }
 
@@ -111,13 +128,13 @@ mod tests {
         let mut eye = Adaptation::default();
         eye.observe(10.0, 10.0);
         let settings = settings(0.5);
-        assert_eq!(eye.exposure(2.5, true, &settings), None, "the eye had the time to adapt to what it sees");
-        assert_eq!(eye.exposure(2.4, true, &settings), Some(10.0), "it still adapts, and goes on from where it was");
-        assert_eq!(eye.exposure(3600.0, false, &settings), Some(10.0), "the same picture is adapted to already");
+        assert_eq!(eye.exposure(2.5, 2.5, &settings), None, "the eye had the time to adapt to what it sees");
+        assert_eq!(eye.exposure(2.4, 2.4, &settings), Some(10.0), "it still adapts, and goes on from where it was");
+        assert_eq!(eye.exposure(3600.0, 0.0, &settings), Some(10.0), "the same picture is adapted to already");
         eye.observe(10.0, 2.0);
         let expected = 2.0 + 8.0 * (-0.2_f64).exp();
         assert!(
-            (eye.exposure(0.1, true, &settings).unwrap() - expected).abs() < 1e-12,
+            (eye.exposure(0.1, 0.1, &settings).unwrap() - expected).abs() < 1e-12,
             "smoothly while the camera moves"
         );
     }

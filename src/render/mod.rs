@@ -2,7 +2,7 @@
 //!
 //! [`Renderer::render`] makes the plan of a frame (`crate::plan`, no GPU in sight), records all phases of all techniques into one
 //! submission, waits, and reads back what was asked for. [`Renderer::submit`] and [`Renderer::finish`] are its two halves, for callers that
-//! have better to do than to wait. Nothing of a frame depends on the frame before it but the exposure that the caller hands in.
+//! have better to do than to wait; two frames may be in flight. Nothing of a frame depends on the frame before it but the exposure that the caller hands in.
 //!
 //! A technique is a folder: `stars`, `bodies`, `asteroids`, `glare`, `display`. `technique` says what each one does, `sequence`
 //! in which order; what two of them share lies in `targets`. No technique imports another.
@@ -34,6 +34,8 @@ mod targets;
 mod technique;
 pub(crate) mod viewport;
 
+use std::collections::VecDeque;
+
 pub use self::{
     asteroids::AsteroidCounts,
     error::RenderError,
@@ -51,12 +53,12 @@ pub use self::{
     shader::{Shader, shaders},
 };
 use self::{
-    submit::InFlight,
+    submit::{FrameSlot, InFlight},
     targets::Targets,
     technique::{Holding, Technique},
 };
 use crate::{
-    gpu::{AdapterReport, Gpu, GpuTimer, ReadbackBuffer, StructLayout},
+    gpu::{AdapterReport, Gpu, StructLayout},
     plan::{Limits, PlanError, Planner},
     view::Rig,
 };
@@ -68,11 +70,11 @@ pub struct Renderer {
     planner: Planner,
     techniques: Vec<Box<dyn Technique + Send>>,
     targets: Targets,
-    timer: GpuTimer,
-    readback: ReadbackBuffer,
     frames: u64,
-    /// The frame that has been submitted and not finished.
-    in_flight: Option<InFlight>,
+    /// The frames that have been submitted and not finished, the oldest first.
+    in_flight: VecDeque<InFlight>,
+    /// For the frames to come.
+    spare_slots: Vec<FrameSlot>,
     /// Whether chunks outside of every view are left out; false only to measure what that saves.
     pub culling: bool,
     /// Factor on the fixed-point units: 1. Tests raise it to provoke an overflow.
@@ -93,10 +95,9 @@ impl Renderer {
             planner: Planner::new(),
             techniques: sequence::techniques(&gpu),
             targets: Targets::new(&gpu),
-            timer: GpuTimer::new(&gpu),
-            readback: ReadbackBuffer::new("readback"),
             frames: 0,
-            in_flight: None,
+            in_flight: VecDeque::new(),
+            spare_slots: Vec::new(),
             culling: true,
             unit_factor: 1.0,
             catalogue_order: None,
@@ -128,13 +129,12 @@ impl Renderer {
         self.limits.check(rig)
     }
 
-    /// Lets go of everything that belongs to a scene or a size, a frame in flight included.
+    /// Lets go of everything that belongs to a scene or a size. Frames in flight keep what they use and can still be finished.
     fn forget_buffers(&mut self) {
-        self.in_flight = None;
         self.techniques.iter_mut().for_each(|technique| technique.release());
         self.targets.release();
         self.gpu.forget_frames();
-        self.readback = ReadbackBuffer::new("readback");
+        self.spare_slots.clear();
     }
 
     /// Runs `step` for every technique, with what it takes to hold a scene.

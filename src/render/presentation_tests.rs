@@ -546,15 +546,22 @@ fn frames_in_two_halves_are_those_of_render_whatever_came_before() {
         assert_eq!(frame.number, (expected.len() + index + 1) as u64);
         same(&frame, &expected[index]);
     }
-    // A frame that is dropped is waited for and thrown away; one that is overtaken cannot be finished any more.
-    drop(renderer.submit(FrameRequest::new(&scenes[0], &rig).settings(&settings).wanted(wanted)).unwrap());
-    let overtaken = renderer.submit(FrameRequest::new(&scenes[1], &rig).settings(&settings).wanted(wanted)).unwrap();
-    let submitted = renderer.submit(FrameRequest::new(&scenes[3], &rig).settings(&settings).wanted(wanted)).unwrap();
-    assert!(matches!(renderer.finish(overtaken), Err(RenderError::Abandoned)));
-    same(&renderer.finish(submitted).unwrap(), &expected[3]);
-    let held_over = renderer.submit(FrameRequest::new(&scenes[1], &rig).settings(&settings).wanted(wanted)).unwrap();
+    let submit = |renderer: &mut Renderer, index: usize| {
+        renderer.submit(FrameRequest::new(&scenes[index], &rig).settings(&settings).wanted(wanted)).unwrap()
+    };
+    // Two are in flight, whichever is finished first, and holding a scene does not disturb them.
+    let [first, second] = [1, 3].map(|index| submit(&mut renderer, index));
     renderer.hold(&scenes[0], &settings).unwrap();
-    assert!(matches!(renderer.finish(held_over), Err(RenderError::Abandoned)));
+    same(&renderer.finish(first).unwrap(), &expected[1]);
+    let third = submit(&mut renderer, 0);
+    same(&renderer.finish(third).unwrap(), &expected[0]);
+    same(&renderer.finish(second).unwrap(), &expected[3]);
+    // A frame that is dropped is waited for and thrown away; one that two have overtaken cannot be finished any more.
+    drop(submit(&mut renderer, 0));
+    let [overtaken, second, third] = [1, 3, 0].map(|index| submit(&mut renderer, index));
+    assert!(matches!(renderer.finish(overtaken), Err(RenderError::Abandoned)));
+    same(&renderer.finish(second).unwrap(), &expected[3]);
+    same(&renderer.finish(third).unwrap(), &expected[0]);
     same(
         &renderer.render(FrameRequest::new(&scenes[0], &rig).settings(&settings).wanted(wanted)).unwrap(),
         &expected[0],
@@ -598,11 +605,12 @@ fn textures_that_cannot_be_drawn_into_are_refused_by_name() {
     // A format that is not the texture's is the driver's to refuse, and does not outlive its frame.
     let (_texture, view) = target(renderer.gpu(), SIZES[0], BYTES);
     let presentations = [Presentation { viewport: 0, target: &view, format: HALVES }];
-    let submitted = renderer
-        .submit(
-            FrameRequest::new(&scene, &rig).settings(&settings).wanted(Wanted::default()).presentations(&presentations),
-        )
-        .unwrap();
-    assert!(matches!(renderer.finish(submitted), Err(RenderError::Gpu(_))));
-    rendered(&mut renderer, &scene, &settings, None);
+    // Nor is the frame before it concerned, which is still being drawn.
+    let request = FrameRequest::new(&scene, &rig).settings(&settings);
+    let before = renderer.submit(request).unwrap();
+    let refused = renderer.submit(request.wanted(Wanted::default()).presentations(&presentations));
+    assert!(matches!(refused, Err(RenderError::Gpu(_))));
+    let before = renderer.finish(before).unwrap();
+    let after = rendered(&mut renderer, &scene, &settings, None);
+    assert!(before.images.iter().zip(&after.images).all(|(before, after)| before.display == after.display));
 }

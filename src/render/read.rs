@@ -2,7 +2,7 @@
 
 use super::{
     AsteroidCounts, Frame, FrameImage, FrameTimes, RenderError, Renderer, ViewStatistics, Wanted, layout,
-    submit::SubmittedFrame,
+    submit::{FrameSlot, InFlight},
     targets::{OVERFLOW_COUNTER, Targets, VIEW_COUNTERS},
     technique::{FrameInputs, Recording},
 };
@@ -73,10 +73,10 @@ pub(super) fn copy(recording: &mut Recording<'_>) {
 }
 
 impl Renderer {
-    pub(super) fn read(&mut self, submitted: &SubmittedFrame) -> Result<Frame, RenderError> {
-        let SubmittedFrame { plan, places, views: names, .. } = submitted;
-        let Self { gpu, readback, timer, techniques, .. } = self;
-        let gpu = &*gpu;
+    pub(super) fn read(&self, in_flight: &mut InFlight) -> Result<Frame, RenderError> {
+        let InFlight { plan, places, views: names, slot: FrameSlot { timer, readback }, .. } = in_flight;
+        let Self { gpu, techniques, .. } = self;
+        let plan = &*plan;
         let (Some((counters, count)), Some(exposure)) = (places.counters, places.exposure) else {
             unreachable!("every frame has counters and an exposure")
         };

@@ -79,8 +79,28 @@ impl<'a> FrameRequest<'a> {
         Self { presentations, ..self }
     }
 
+    /// The scene, with its camera.
+    pub fn get_scene(&self) -> &'a SceneSnapshot {
+        self.scene
+    }
+
+    /// The views.
+    pub fn get_rig(&self) -> &'a Rig {
+        self.rig
+    }
+
+    /// See [`Self::settings`].
+    pub fn get_settings(&self) -> &'a RenderSettings {
+        self.settings
+    }
+
+    /// See [`Self::adapted_ev100`].
+    pub fn get_adapted_ev100(&self) -> Option<f64> {
+        self.adapted_ev100
+    }
+
     /// What to read back, view by view.
-    pub(super) fn wanted_views(&self) -> Cow<'a, [Wanted]> {
+    pub fn wanted_views(&self) -> Cow<'a, [Wanted]> {
         match self.wanted {
             WantedViews::Every(wanted) => Cow::Owned(vec![wanted; self.rig.views().len()]),
             WantedViews::Each(wanted) => Cow::Borrowed(wanted),

@@ -1,7 +1,14 @@
 //! A frame in two halves: [`Renderer::submit`] plans, records and hands the commands over, [`Renderer::finish`] waits for them and
 //! reads back. [`Renderer::render`] does both at once.
+//!
+//! Two frames may be in flight: the next one is planned and recorded while the device draws the last one. Buffers on the device are
+//! shared by both: what is written to them, and what is submitted, happens in the order of the calls, and each frame copies what is
+//! read back of it in its own submission. What the host keeps of a frame until it is finished is its own (`FrameSlot`).
 
-use std::{sync::Arc, time::Instant};
+use std::{
+    sync::Arc,
+    time::{Duration, Instant},
+};
 
 use super::{
     Frame, FrameRequest, RenderError, Renderer,
@@ -11,17 +18,39 @@ use super::{
     technique::{FrameInputs, Outputs, Recording},
 };
 use crate::{
-    gpu::GpuTimer,
+    gpu::{Gpu, GpuError, GpuTimer, ReadbackBuffer, SUBMISSION_TIMEOUT},
     plan::{Plan, settings::RenderSettings},
     scene::SceneSnapshot,
 };
 
+/// Frames that may be in flight.
+const MOST_IN_FLIGHT: usize = 2;
+
 /// A frame that the device has been given. [`Renderer::finish`] takes it back; one that is dropped instead is thrown away by the
-/// renderer's next frame, which waits for it.
+/// renderer's next frames, which wait for it.
 #[must_use = "a frame that is not finished is thrown away"]
 pub struct SubmittedFrame {
     /// Which of all frames it is.
     token: Arc<()>,
+}
+
+/// What the host keeps of one frame in flight: used again by a later frame when this one is finished.
+pub(super) struct FrameSlot {
+    pub(super) timer: GpuTimer,
+    pub(super) readback: ReadbackBuffer,
+}
+
+impl FrameSlot {
+    fn new(gpu: &Gpu) -> Self {
+        Self { timer: GpuTimer::new(gpu), readback: ReadbackBuffer::new("readback") }
+    }
+}
+
+/// A frame that the device is at work on.
+pub(super) struct InFlight {
+    token: Arc<()>,
+    submission: wgpu::SubmissionIndex,
+    pub(super) slot: FrameSlot,
     pub(super) plan: Plan,
     pub(super) places: Places,
     /// Names of the views.
@@ -31,12 +60,35 @@ pub struct SubmittedFrame {
     plan_ms: f64,
     submit_ms: f64,
     objects_made: u64,
+    /// How long it was waited for so far.
+    waited: Duration,
+    /// How the wait has ended. After an error the device is not asked again.
+    done: Option<Result<(), GpuError>>,
 }
 
-/// The frame that the device is at work on.
-pub(super) struct InFlight {
-    token: Arc<()>,
-    submission: wgpu::SubmissionIndex,
+impl InFlight {
+    /// Waits for at most `timeout`, and all in all no longer than any frame takes; whether the wait has ended.
+    fn wait(&mut self, gpu: &Gpu, timeout: Duration) -> bool {
+        if self.done.is_none() {
+            let start = Instant::now();
+            let timeout = timeout.min(SUBMISSION_TIMEOUT.saturating_sub(self.waited));
+            let done = gpu.done_within(self.submission.clone(), timeout);
+            self.waited += start.elapsed();
+            self.done = match done {
+                Ok(true) => Some(gpu.take_failure()),
+                Ok(false) if self.waited < SUBMISSION_TIMEOUT => None,
+                Ok(false) => Some(Err(GpuError::Lost(format!("a frame takes longer than {SUBMISSION_TIMEOUT:?}")))),
+                Err(error) => Some(Err(error)),
+            };
+        }
+        self.done.is_some()
+    }
+
+    /// Waits for the frame; what the device has complained of meanwhile is the error.
+    fn wait_to_the_end(&mut self, gpu: &Gpu) -> Result<(), RenderError> {
+        while !self.wait(gpu, SUBMISSION_TIMEOUT) {}
+        Ok(self.done.take().unwrap_or(Ok(()))?)
+    }
 }
 
 impl Renderer {
@@ -51,15 +103,15 @@ impl Renderer {
     /// [`Renderer::submit`] does it too; what is held already takes no time there, so call this before the poses of a headset are
     /// asked for.
     ///
-    /// A frame in flight is thrown away, as by [`Renderer::submit`].
+    /// Frames in flight are not disturbed.
     pub fn hold(&mut self, snapshot: &SceneSnapshot, settings: &RenderSettings) -> Result<(), RenderError> {
-        self.abandon()?;
         self.planner.check(snapshot, settings, &self.limits)?;
         self.hold_scene(snapshot, settings)?;
         self.holding(snapshot, settings, |technique, holding| {
             technique.warm(holding);
             Ok(())
-        })
+        })?;
+        self.forget_what_failed()
     }
 
     fn hold_scene(&mut self, snapshot: &SceneSnapshot, settings: &RenderSettings) -> Result<(), RenderError> {
@@ -68,10 +120,22 @@ impl Renderer {
         held.inspect_err(|_| self.forget_buffers())
     }
 
+    /// What the driver has refused since it was last asked is the error; then whatever could not be made or filled must not be used
+    /// again.
+    fn forget_what_failed(&mut self) -> Result<(), RenderError> {
+        self.gpu.take_failure().inspect_err(|_| self.forget_buffers())?;
+        Ok(())
+    }
+
     /// The first half of [`Renderer::render`]: hands the frame to the device and does not wait for it.
     ///
-    /// One frame may be in flight: if the last one was not finished, this waits for it and throws it away, and finishing it later is
-    /// [`RenderError::Abandoned`]. Had the device failed in it, that is the error here.
+    /// Two frames may be in flight, and are finished in the order of their submission. If two are in flight already, this waits for
+    /// the older one and throws it away, and finishing it later is [`RenderError::Abandoned`]. Had the device failed in it, that is
+    /// the error here.
+    ///
+    /// # Errors
+    ///
+    /// The request cannot be drawn, or the driver refuses its commands. Frames in flight are not concerned.
     pub fn submit(&mut self, request: FrameRequest<'_>) -> Result<SubmittedFrame, RenderError> {
         let start = Instant::now();
         let made = self.gpu.made();
@@ -82,21 +146,27 @@ impl Renderer {
             return Err(RenderError::WantedCount { given: wanted.len(), views: rig.views().len() });
         }
         check_presentations(rig, presentations)?;
-        self.abandon()?;
+        if self.in_flight.len() >= MOST_IN_FLIGHT {
+            self.abandon_oldest()?;
+        }
         (self.planner.culling, self.planner.unit_factor) = (self.culling, self.unit_factor);
         let plan = self.planner.plan(snapshot, rig, settings, adapted_ev100, &self.limits)?;
         self.hold_scene(snapshot, settings)?;
         let outputs = Outputs { wanted: &wanted, presentations };
         let inputs =
             FrameInputs { plan: &plan, scene: snapshot, settings, outputs, catalogue_order: self.catalogue_order };
-        let (commands, places) = self.record(&inputs, rig.views().len());
+        let mut slot = self.spare_slots.pop().unwrap_or_else(|| FrameSlot::new(&self.gpu));
+        let (commands, places) = self.record(&inputs, rig.views().len(), &mut slot);
         let plan_ms = start.elapsed().as_secs_f64() * 1e3;
         let submission = self.gpu.queue.submit([commands]);
-        self.readback.map(&self.gpu);
+        slot.readback.map(&self.gpu);
+        // The driver complains at once, so the complaint is about this frame and none that is still being drawn.
+        self.forget_what_failed()?;
         let token = Arc::new(());
-        self.in_flight = Some(InFlight { token: token.clone(), submission });
-        Ok(SubmittedFrame {
-            token,
+        self.in_flight.push_back(InFlight {
+            token: Arc::clone(&token),
+            submission,
+            slot,
             plan,
             places,
             views: rig.views().iter().map(|view| view.name.clone()).collect(),
@@ -105,12 +175,21 @@ impl Renderer {
             plan_ms,
             submit_ms: start.elapsed().as_secs_f64() * 1e3,
             objects_made: self.gpu.made().since(&made).all(),
-        })
+            waited: Duration::ZERO,
+            done: None,
+        });
+        Ok(SubmittedFrame { token })
     }
 
     /// Uploads what changes from frame to frame, and records all phases and the copies of what leaves the GPU.
-    fn record(&mut self, inputs: &FrameInputs<'_>, views: usize) -> (wgpu::CommandBuffer, Places) {
-        let Self { gpu, techniques, targets, timer, readback, .. } = self;
+    fn record(
+        &mut self,
+        inputs: &FrameInputs<'_>,
+        views: usize,
+        slot: &mut FrameSlot,
+    ) -> (wgpu::CommandBuffer, Places) {
+        let Self { gpu, techniques, targets, .. } = self;
+        let FrameSlot { timer, readback } = slot;
         let gpu = &*gpu;
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("frame") });
         gpu.begin_frame();
@@ -131,42 +210,59 @@ impl Renderer {
 
     /// The second half of [`Renderer::render`]: waits for the frame and reads back what was wanted of it.
     pub fn finish(&mut self, submitted: SubmittedFrame) -> Result<Frame, RenderError> {
+        let found = self.in_flight.iter().position(|in_flight| Arc::ptr_eq(&in_flight.token, &submitted.token));
+        let in_flight = found.and_then(|index| self.in_flight.remove(index)).ok_or(RenderError::Abandoned)?;
+        self.take_back(in_flight)
+    }
+
+    /// [`Renderer::finish`] for the frame that was submitted first.
+    pub(crate) fn finish_oldest(&mut self) -> Result<Frame, RenderError> {
+        let in_flight = self.in_flight.pop_front().ok_or(RenderError::Abandoned)?;
+        self.take_back(in_flight)
+    }
+
+    /// Waits for the frame that was submitted first, for at most `timeout`; whether finishing it takes no more waiting.
+    pub(crate) fn oldest_done_within(&mut self, timeout: Duration) -> bool {
+        self.in_flight.front_mut().is_none_or(|in_flight| in_flight.wait(&self.gpu, timeout))
+    }
+
+    fn take_back(&mut self, mut in_flight: InFlight) -> Result<Frame, RenderError> {
+        let waited_before = in_flight.waited;
         let start = Instant::now();
-        let in_flight = self.in_flight.take_if(|in_flight| Arc::ptr_eq(&in_flight.token, &submitted.token));
-        let in_flight = in_flight.ok_or(RenderError::Abandoned)?;
-        let waited = self.wait_for(in_flight);
-        let read = waited.and_then(|()| self.read(&submitted));
-        self.readback.unmap(&self.gpu);
-        if let Err(RenderError::Gpu(_)) = &read {
-            // Whatever could not be made or filled must not be used again.
-            self.forget_buffers();
-        }
-        let mut frame = read?;
+        let read = in_flight.wait_to_the_end(&self.gpu).and_then(|()| self.read(&mut in_flight));
+        let InFlight { plan_ms, submit_ms, .. } = in_flight;
+        let mut frame = self.end(in_flight.slot, read)?;
         self.frames += 1;
         frame.number = self.frames;
-        frame.scene_revision = submitted.scene_revision;
-        frame.camera_revision = submitted.camera_revision;
-        frame.times.plan_ms = submitted.plan_ms;
-        frame.times.objects_made = submitted.objects_made;
-        frame.times.total_ms = submitted.submit_ms + start.elapsed().as_secs_f64() * 1e3;
-        frame.times.gpu_and_readback_ms = frame.times.total_ms - submitted.plan_ms;
+        frame.scene_revision = in_flight.scene_revision;
+        frame.camera_revision = in_flight.camera_revision;
+        frame.times.plan_ms = plan_ms;
+        frame.times.objects_made = in_flight.objects_made;
+        frame.times.total_ms = submit_ms + (waited_before + start.elapsed()).as_secs_f64() * 1e3;
+        frame.times.gpu_and_readback_ms = frame.times.total_ms - plan_ms;
         Ok(frame)
     }
 
-    /// Waits for a frame; what the device has complained of meanwhile is the error.
-    fn wait_for(&self, in_flight: InFlight) -> Result<(), RenderError> {
-        let waited = self.gpu.wait(Some(in_flight.submission));
-        // A refused frame was never submitted: what was refused says more than that it cannot be waited for.
-        self.gpu.take_failure()?;
-        waited?;
-        Ok(())
+    /// Waits for the oldest frame in flight, if there is one, and throws it away.
+    fn abandon_oldest(&mut self) -> Result<(), RenderError> {
+        let Some(mut in_flight) = self.in_flight.pop_front() else { return Ok(()) };
+        let waited = in_flight.wait_to_the_end(&self.gpu);
+        self.end(in_flight.slot, waited)
     }
 
-    /// Waits for the frame in flight, if there is one, and throws it away.
-    fn abandon(&mut self) -> Result<(), RenderError> {
-        let Some(in_flight) = self.in_flight.take() else { return Ok(()) };
-        let waited = self.wait_for(in_flight);
-        self.readback.unmap(&self.gpu);
-        waited.inspect_err(|_| self.forget_buffers())
+    /// Keeps the slot of a frame for later ones, unless the device has failed in it.
+    fn end<T>(&mut self, mut slot: FrameSlot, result: Result<T, RenderError>) -> Result<T, RenderError> {
+        if let Err(RenderError::Gpu(error)) = &result {
+            if matches!(error, GpuError::Lost(_)) {
+                // Nor will the others ever be done.
+                self.in_flight.clear();
+            }
+            // Whatever could not be made or filled must not be used again.
+            self.forget_buffers();
+        } else {
+            slot.readback.unmap(&self.gpu);
+            self.spare_slots.push(slot);
+        }
+        result
     }
 }

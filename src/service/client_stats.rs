@@ -62,9 +62,9 @@ pub struct ReceivedTimes {
     pub plan_ms: f64,
     /// Culling on the CPU, part of `plan_ms`.
     pub cull_ms: f64,
-    /// From submission to the end of the readback.
+    /// From submission to the end of the readback, without the time in which other frames were planned or read back.
     pub gpu_and_readback_ms: f64,
-    /// All of the frame.
+    /// Planning and the time above together.
     pub total_ms: f64,
     /// All passes on the GPU; `None` where the adapter has no timestamps.
     pub gpu_ms: Option<f64>,

@@ -1,12 +1,12 @@
 //! What the service asks of a renderer, so that it can be run on the GPU, and tested without one.
 
+use std::time::Duration;
+
 use crate::{
     gpu::{AdapterReport, GpuError},
     plan::settings::RenderSettings,
-    render::{Frame, FrameRequest, RenderError, Renderer, Wanted},
-    scene::SceneSnapshot,
+    render::{Frame, FrameRequest, RenderError, Renderer},
     verify::{self, Check, CheckResult},
-    view::Rig,
 };
 
 /// A frame could not be rendered.
@@ -31,43 +31,55 @@ impl EngineError {
 }
 
 /// A renderer. It moves to the render thread, which is then the only one that touches it.
+///
+/// A frame comes in two halves, [`Self::submit`] and [`Self::finish`], so that the next one can be planned while this one is drawn.
+/// At most two are in flight, and they are finished in the order of their submission.
 pub trait Engine: Send + 'static {
-    /// Renders one frame of all views of `rig`: `wanted` has one entry per view. `adapted_ev100` is the exposure (EV at ISO
-    /// 100) of an eye that adapts over time; `None` asks for the fully adapted value. The frame's images are those wanted,
-    /// its camera and scene revisions those of the snapshot.
+    /// Begins a frame and does not wait for it. The frame's images are those wanted, its camera and scene revisions those of the
+    /// scene.
     ///
-    /// An error concerns this frame alone, unless the renderer is lost; that, and a panic, end the daemon.
-    fn render(
-        &mut self,
-        snapshot: &SceneSnapshot,
-        rig: &Rig,
-        settings: &RenderSettings,
-        wanted: &[Wanted],
-        adapted_ev100: Option<f64>,
-    ) -> Result<Frame, EngineError>;
+    /// An error concerns this frame alone, which is then not to be finished, unless the renderer is lost; that, and a panic, end the
+    /// daemon.
+    fn submit(&mut self, request: FrameRequest<'_>) -> Result<(), EngineError>;
 
-    /// Runs a failure test with the methods of `settings`. What it renders for that is no frame.
+    /// Waits for the oldest frame that was begun and not finished, for at most `timeout` ([`Duration::MAX`]: as long as it takes).
+    /// Whether [`Self::finish`] needs no more waiting: the frame is drawn, or cannot be.
+    fn is_drawn_within(&mut self, timeout: Duration) -> bool;
+
+    /// Waits for the oldest frame that was begun and not finished, and gives it.
+    ///
+    /// Errors are as those of [`Self::submit`].
+    fn finish(&mut self) -> Result<Frame, EngineError>;
+
+    /// Runs a failure test with the methods of `settings`, while no frame is in flight. What it renders for that is no frame.
     fn verify(&mut self, check: &'static Check, settings: &RenderSettings) -> CheckResult;
 
     /// What it runs on. Asked once, before the first frame.
     fn info(&self) -> AdapterReport;
 }
 
+impl From<RenderError> for EngineError {
+    fn from(error: RenderError) -> Self {
+        match error {
+            RenderError::Gpu(GpuError::Lost(_)) => Self::lost(error),
+            error => Self::new(error),
+        }
+    }
+}
+
 impl Engine for Renderer {
-    fn render(
-        &mut self,
-        snapshot: &SceneSnapshot,
-        rig: &Rig,
-        settings: &RenderSettings,
-        wanted: &[Wanted],
-        adapted_ev100: Option<f64>,
-    ) -> Result<Frame, EngineError> {
-        let request =
-            FrameRequest::new(snapshot, rig).settings(settings).wanted_of_each(wanted).adapted_ev100(adapted_ev100);
-        Renderer::render(self, request).map_err(|error| match error {
-            RenderError::Gpu(GpuError::Lost(_)) => EngineError::lost(error),
-            error => EngineError::new(error),
-        })
+    fn submit(&mut self, request: FrameRequest<'_>) -> Result<(), EngineError> {
+        // It is the oldest one when its turn to be finished comes.
+        let _submitted = Self::submit(self, request)?;
+        Ok(())
+    }
+
+    fn is_drawn_within(&mut self, timeout: Duration) -> bool {
+        self.oldest_done_within(timeout)
+    }
+
+    fn finish(&mut self) -> Result<Frame, EngineError> {
+        Ok(self.finish_oldest()?)
     }
 
     fn verify(&mut self, check: &'static Check, settings: &RenderSettings) -> CheckResult {

@@ -27,6 +27,7 @@ mod convert_overlay;
 mod convert_stats;
 mod diagnostics;
 mod engine;
+mod forecast;
 mod frames;
 mod handlers;
 mod headset;

@@ -1,8 +1,13 @@
 //! The render thread: it alone owns the engine. What it is told stands in [`super::render`].
 //!
-//! It sleeps until a request is there or a subscriber is due, then renders **one** frame that serves all of them, with the
-//! camera that is the newest at that moment. Failure tests that a client asked for are run one at a time, each after a frame
-//! if one is due.
+//! It sleeps until a request is there or a subscriber is due, then begins **one** frame that serves all of them, with the
+//! camera that is the newest at that moment. While that frame is drawn, the next one is begun if one is due: as late as it
+//! can be without the device having to wait for it ([`super::forecast`]). There are never more than two at a time, and they
+//! are finished in order. Failure tests that a client asked for are run one at a time, each after a frame if one is due, and
+//! while no frame is drawn.
+
+#[cfg(test)]
+mod tests;
 
 use std::{
     collections::VecDeque,
@@ -16,6 +21,7 @@ use tokio::sync::{oneshot, watch};
 
 use super::{
     engine::{Engine, EngineError},
+    forecast::{Expected, Forecast},
     objects::Objects,
     render::{Capacity, RenderHandle, Request, Shared, State, Verification},
     scene::SceneState,
@@ -25,10 +31,15 @@ use super::{
 };
 use crate::{
     plan::{adaptation::Adaptation, settings::RenderSettings},
-    render::Wanted,
+    render::{FrameRequest, Wanted},
     scene::{Camera, SceneSnapshot},
     view::Rig,
 };
+
+/// Frames at a time.
+const MOST_IN_FLIGHT: usize = 2;
+/// While a frame is about to end, it is looked this often whether the next one is due.
+const LOOK_INTERVAL: Duration = Duration::from_millis(1);
 
 /// The running thread.
 pub(super) struct RenderThread {
@@ -62,6 +73,19 @@ pub(super) fn spawn(
     settings: RenderSettings,
     capacity: Capacity,
 ) -> std::io::Result<(RenderHandle, RenderThread)> {
+    spawn_with(engine, scene, objects, rig, settings, capacity, Forecast::default())
+}
+
+/// The same with what is known already of how long frames take.
+fn spawn_with(
+    engine: Box<dyn Engine>,
+    scene: SceneSnapshot,
+    objects: Objects,
+    rig: Arc<Rig>,
+    settings: RenderSettings,
+    capacity: Capacity,
+    forecast: Forecast,
+) -> std::io::Result<(RenderHandle, RenderThread)> {
     let shown = SceneState {
         revision: scene.revision,
         stars: settings.stars.clone(),
@@ -90,7 +114,20 @@ pub(super) fn spawn(
     });
     let (sender, ended) = oneshot::channel();
     let farewell = Farewell { shared: Arc::clone(&shared), _ended: sender };
-    let worker = Worker { shared: Arc::clone(&shared), engine, scene, shown, rig, settings };
+    let worker = Worker {
+        shared: Arc::clone(&shared),
+        engine,
+        scene,
+        shown,
+        rig,
+        settings,
+        adaptation: Adaptation::default(),
+        last: None,
+        checked: false,
+        in_flight: VecDeque::new(),
+        forecast,
+        last_drawn: Instant::now(),
+    };
     let join = thread::Builder::new().name("render".to_owned()).spawn(move || {
         // Dropped after the worker: whoever sees the end knows that the engine is gone too.
         let _farewell = farewell;
@@ -110,10 +147,35 @@ struct Job {
     start: Instant,
 }
 
+impl Job {
+    fn shows(&self) -> Revisions {
+        Revisions { scene: self.scene.revision, camera: self.camera.revision }
+    }
+}
+
+/// A frame that the engine is at work on.
+struct InFlight {
+    job: Job,
+    submitted: Instant,
+    /// The exposure was not given, and the eye adapts from what this frame is going to have.
+    starts_adaptation: bool,
+}
+
 /// What the thread does next.
 enum Work {
-    Frame(Job),
+    /// A frame is begun.
+    Begin(Job),
+    /// The oldest frame is waited for and handed out.
+    Finish,
     Check(Verification),
+}
+
+/// What there is to do at a moment.
+struct Tasks {
+    scene: SceneState,
+    newest: Revisions,
+    /// When the next frame is due; `None`: nobody wants one.
+    due: Option<Instant>,
 }
 
 struct Worker {
@@ -124,65 +186,121 @@ struct Worker {
     shown: SceneState,
     rig: Arc<Rig>,
     settings: RenderSettings,
+    adaptation: Adaptation,
+    /// When the last frame that came out was started, and what it showed.
+    last: Option<(Instant, Revisions)>,
+    /// The last work was a check.
+    checked: bool,
+    /// The oldest one first.
+    in_flight: VecDeque<InFlight>,
+    forecast: Forecast,
+    /// When the engine was through with the last frame.
+    last_drawn: Instant,
 }
 
 impl Worker {
     fn run(mut self) -> Result<(), EngineError> {
-        let mut adaptation = Adaptation::default();
-        // When the last frame that came out was started, and what it showed.
-        let mut last: Option<(Instant, Revisions)> = None;
-        let mut checked = false;
-        while let Some(work) = self.next_work(adaptation.converged(&self.settings.exposure), checked) {
-            let job = match work {
+        while let Some(work) = self.next_work() {
+            match work {
+                Work::Begin(job) => self.begin(job)?,
+                Work::Finish => self.finish()?,
                 Work::Check(Verification { check, settings, reply }) => {
                     // A caller that went away meanwhile needs no answer.
                     let _ = reply.send(self.engine.verify(check, &settings));
-                    checked = true;
-                    continue;
-                }
-                Work::Frame(job) => job,
-            };
-            checked = false;
-            self.scene.camera = job.camera;
-            self.scene.revision = job.scene.revision;
-            self.scene.objects = Arc::clone(&job.scene.objects.drawn);
-            self.settings.stars = job.scene.stars.clone();
-            self.settings.asteroids = job.scene.asteroids.clone();
-            self.shown = job.scene.clone();
-            let shown = Revisions { scene: self.scene.revision, camera: job.camera.revision };
-            let (dt, changed) = last.map_or((Duration::ZERO, true), |(start, last)| (job.start - start, last != shown));
-            let adapted_ev100 = adaptation.exposure(dt.as_secs_f64(), changed, &self.settings.exposure);
-            let result = self.engine.render(&self.scene, &self.rig, &self.settings, &job.wanted, adapted_ev100);
-            match result {
-                Ok(frame) => {
-                    last = Some((job.start, shown));
-                    adaptation.observe(frame.exposure_ev100, frame.metered_ev100);
-                    let mut state = self.shared.state();
-                    state.frames_rendered += 1;
-                    state.last_times = Some(frame.times.clone());
-                    drop(state);
-                    let frame = Arc::new(RenderedFrame {
-                        frame: Arc::new(frame),
-                        pose_time: job.pose_time,
-                        render_time: SystemTime::now(),
-                    });
-                    for request in job.requests {
-                        // A caller that went away meanwhile needs no answer.
-                        let _ = request.reply.send(Ok(Arc::clone(&frame)));
-                    }
-                    for slot in job.subscribers {
-                        slot.offer(Arc::clone(&frame));
-                    }
-                }
-                Err(error) => {
-                    self.refuse(job, &RenderFailure::Engine(error.to_string()));
-                    if error.lost {
-                        return Err(error);
-                    }
+                    self.checked = true;
                 }
             }
         }
         Ok(())
+    }
+
+    /// Begins a frame. An error is one that the engine does not outlive.
+    fn begin(&mut self, job: Job) -> Result<(), EngineError> {
+        self.checked = false;
+        self.scene.camera = job.camera;
+        self.scene.revision = job.scene.revision;
+        self.scene.objects = Arc::clone(&job.scene.objects.drawn);
+        self.settings.stars = job.scene.stars.clone();
+        self.settings.asteroids = job.scene.asteroids.clone();
+        self.shown = job.scene.clone();
+        let exposure = &self.settings.exposure;
+        let adapted_ev100 = self.adapted_ev100(&job);
+        let starts_adaptation = Adaptation::adapts(exposure) && adapted_ev100.is_none();
+        let request = FrameRequest::new(&self.scene, &self.rig)
+            .settings(&self.settings)
+            .wanted_of_each(&job.wanted)
+            .adapted_ev100(adapted_ev100);
+        match self.engine.submit(request) {
+            Ok(()) => {
+                let submitted = Instant::now();
+                self.in_flight.push_back(InFlight { job, submitted, starts_adaptation });
+                Ok(())
+            }
+            Err(error) if error.lost => Err(self.lose(job, error)),
+            Err(error) => {
+                // Those who wait for a frame before this one get it first.
+                while !self.in_flight.is_empty() {
+                    self.finish()?;
+                }
+                self.refuse(job, &RenderFailure::Engine(error.to_string()));
+                Ok(())
+            }
+        }
+    }
+
+    /// The exposure of a frame, from the last one that came out: the one in flight has not told yet what it asks for.
+    fn adapted_ev100(&self, job: &Job) -> Option<f64> {
+        let begun = self.in_flight.back().map(|before| (before.job.start, before.job.shows())).or(self.last);
+        let new_for = begun.filter(|(_, showed)| *showed != job.shows()).map(|(start, _)| job.start - start);
+        let dt = self.last.map_or(Duration::ZERO, |(start, _)| job.start - start);
+        self.adaptation.exposure(dt.as_secs_f64(), new_for.unwrap_or_default().as_secs_f64(), &self.settings.exposure)
+    }
+
+    /// Waits for the oldest frame and hands it out. An error is one that the engine does not outlive.
+    fn finish(&mut self) -> Result<(), EngineError> {
+        let Some(InFlight { job, submitted, .. }) = self.in_flight.pop_front() else { return Ok(()) };
+        self.engine.is_drawn_within(Duration::MAX);
+        let drawn = Instant::now();
+        // One frame is drawn after the other.
+        let began = mem::replace(&mut self.last_drawn, drawn).max(submitted);
+        match self.engine.finish() {
+            Ok(frame) => {
+                let planned = Duration::try_from_secs_f64(frame.times.plan_ms * 1e-3).unwrap_or_default();
+                self.forecast.note(planned, drawn - began);
+                self.last = Some((job.start, job.shows()));
+                self.adaptation.observe(frame.exposure_ev100, frame.metered_ev100);
+                let mut state = self.shared.state();
+                state.frames_rendered += 1;
+                state.last_times = Some(frame.times.clone());
+                drop(state);
+                let frame = Arc::new(RenderedFrame {
+                    frame: Arc::new(frame),
+                    pose_time: job.pose_time,
+                    render_time: SystemTime::now(),
+                });
+                for request in job.requests {
+                    // A caller that went away meanwhile needs no answer.
+                    let _ = request.reply.send(Ok(Arc::clone(&frame)));
+                }
+                for slot in job.subscribers {
+                    slot.offer(Arc::clone(&frame));
+                }
+                Ok(())
+            }
+            Err(error) if error.lost => Err(self.lose(job, error)),
+            Err(error) => {
+                self.refuse(job, &RenderFailure::Engine(error.to_string()));
+                Ok(())
+            }
+        }
+    }
+
+    /// No frame will come any more, neither of `job` nor of those in flight.
+    fn lose(&mut self, job: Job, error: EngineError) -> EngineError {
+        let failure = RenderFailure::Engine(error.to_string());
+        let jobs: Vec<Job> = self.in_flight.drain(..).map(|frame| frame.job).chain([job]).collect();
+        jobs.into_iter().for_each(|job| self.refuse(job, &failure));
+        error
     }
 
     /// Tells everyone who waited for a frame that there is none.
@@ -198,34 +316,37 @@ impl Worker {
         }
     }
 
-    /// Sleeps until there is something to do; `None`: the thread is to end. Frames and checks take turns: `checked` says that
-    /// the last work was a check.
-    fn next_work(&self, exposure_converged: bool, checked: bool) -> Option<Work> {
+    /// Sleeps until there is something to do; `None`: the thread is to end.
+    fn next_work(&mut self) -> Option<Work> {
+        match self.in_flight.back() {
+            None => self.next_work_at_rest(),
+            Some(frame) if self.in_flight.len() < MOST_IN_FLIGHT && !frame.starts_adaptation => {
+                let began = frame.submitted.max(self.last_drawn);
+                Some(self.forecast.of(began).map_or(Work::Finish, |expected| self.work_beside_a_frame(expected)))
+            }
+            Some(_) => Some(Work::Finish),
+        }
+    }
+
+    /// The next work while no frame is drawn. Frames and checks take turns.
+    fn next_work_at_rest(&self) -> Option<Work> {
         let mut state = self.shared.state();
         loop {
-            state.requests.retain(|request| !request.reply.is_closed());
-            state.subscribers.retain(|subscriber| subscriber.slot.strong_count() > 0);
-            state.verifications.retain(|verification| !verification.reply.is_closed());
-            let scene = state.scene.borrow().clone();
-            // At the end the scene is as it was in the last frame.
-            let revision = scene.as_ref().map_or(self.scene.revision, |scene| scene.revision);
-            let newest = Revisions { scene: revision, camera: state.camera.revision };
             let now = Instant::now();
-            let due = state.subscribers.iter().map(|s| s.pace.due_at(newest, exposure_converged, now)).min();
-            let frame_due = !state.requests.is_empty() || due.is_some_and(|due| due <= now);
-            if !(frame_due && checked)
+            let tasks = self.tasks(&mut state, now);
+            let frame_due = tasks.due.is_some_and(|due| due <= now);
+            if !(frame_due && self.checked)
                 && let Some(verification) = state.verifications.pop_front()
             {
                 return Some(Work::Check(verification));
             }
             if frame_due {
-                let scene = scene.unwrap_or_else(|| self.shown.clone());
-                return Some(Work::Frame(self.take_job(&mut state, scene, newest, exposure_converged, now)));
+                return Some(Work::Begin(self.take_job(&mut state, tasks, now)));
             }
             if state.stop {
                 return None;
             }
-            state = match due {
+            state = match tasks.due {
                 Some(due) => {
                     let wait = self.shared.wake.wait_timeout(state, due - now);
                     wait.unwrap_or_else(PoisonError::into_inner).0
@@ -235,14 +356,50 @@ impl Worker {
         }
     }
 
-    fn take_job(
-        &self,
-        state: &mut State,
-        scene: SceneState,
-        newest: Revisions,
-        exposure_converged: bool,
-        start: Instant,
-    ) -> Job {
+    /// The next work while a frame is drawn: another one, if one is due before this one is expected to end. A frame that ends
+    /// sooner is not kept waiting, and what is due only later has the camera of that time.
+    fn work_beside_a_frame(&mut self, Expected { plan_next, end }: Expected) -> Work {
+        let mut wait = plan_next.saturating_duration_since(Instant::now());
+        loop {
+            if self.engine.is_drawn_within(wait) {
+                return Work::Finish;
+            }
+            let mut state = self.shared.state();
+            let now = Instant::now();
+            let tasks = self.tasks(&mut state, now);
+            if !state.verifications.is_empty() {
+                return Work::Finish;
+            }
+            if tasks.due.is_some_and(|due| due <= now) {
+                return Work::Begin(self.take_job(&mut state, tasks, now));
+            }
+            if now >= end {
+                return Work::Finish;
+            }
+            wait = LOOK_INTERVAL;
+        }
+    }
+
+    /// What there is to do, without those who went away.
+    fn tasks(&self, state: &mut State, now: Instant) -> Tasks {
+        state.requests.retain(|request| !request.reply.is_closed());
+        state.subscribers.retain(|subscriber| subscriber.slot.strong_count() > 0);
+        state.verifications.retain(|verification| !verification.reply.is_closed());
+        // At the end the scene is as it was in the last frame.
+        let scene = state.scene.borrow().clone().unwrap_or_else(|| self.shown.clone());
+        let newest = Revisions { scene: scene.revision, camera: state.camera.revision };
+        let converged = self.converged();
+        let of_streams = state.subscribers.iter().map(|s| s.pace.due_at(newest, converged, now)).min();
+        let due = if state.requests.is_empty() { of_streams } else { Some(now) };
+        Tasks { scene, newest, due }
+    }
+
+    fn converged(&self) -> bool {
+        self.adaptation.converged(&self.settings.exposure)
+    }
+
+    fn take_job(&self, state: &mut State, Tasks { scene, newest, .. }: Tasks, start: Instant) -> Job {
+        let converged = self.converged();
         let mut wanted = vec![Wanted::default(); self.rig.views().len()];
         let mut want = |view: usize, what: Wanted| {
             wanted[view].display |= what.display;
@@ -254,7 +411,7 @@ impl Worker {
         }
         let mut subscribers = Vec::new();
         for subscriber in &mut state.subscribers {
-            if subscriber.pace.due_at(newest, exposure_converged, start) <= start
+            if subscriber.pace.due_at(newest, converged, start) <= start
                 && let Some(slot) = subscriber.slot.upgrade()
             {
                 subscriber.pace.served(newest, start);

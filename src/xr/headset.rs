@@ -453,7 +453,7 @@ impl Headset {
         let presentation = |eye| Some(Presentation { viewport: eye, target: self.swapchains.target(eye)?, format });
         let presentations: Vec<Presentation<'_>> = [0, 1].into_iter().filter_map(presentation).collect();
         let since_drawn_s = self.last_drawn_ns.map_or(0.0, |last| (display_ns - last) as f64 * 1e-9);
-        let adapted = self.adaptation.exposure(since_drawn_s, true, &shown.settings.exposure);
+        let adapted = self.adaptation.exposure(since_drawn_s, since_drawn_s, &shown.settings.exposure);
         let submitted = self.renderer.submit(
             FrameRequest::new(&shown.snapshot, &rig)
                 .settings(&shown.settings)

@@ -89,7 +89,7 @@ async fn views_and_info_are_listed() {
     client.render_frame("flat", Encoding::Rgba8).await.unwrap();
     let info = client.info().await.unwrap();
     assert_eq!(info.version, env!("CARGO_PKG_VERSION"));
-    assert_eq!(info.adapter, TestEngine(Arc::default()).info());
+    assert_eq!(info.adapter, TestEngine::new(Arc::default()).info());
     assert_eq!((info.stars, info.scene_revision, info.frames_rendered), (0, 7, 1));
     daemon.shutdown().await.unwrap();
 }

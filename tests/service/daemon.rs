@@ -1,6 +1,7 @@
 //! A daemon in this process, and an engine whose images say which frame they belong to.
 
 use std::{
+    collections::VecDeque,
     net::SocketAddr,
     sync::{
         Arc, Condvar, Mutex,
@@ -16,7 +17,7 @@ use steradian::{
         FramePlan,
         settings::{AsteroidSettings, RenderSettings, StarMethod},
     },
-    render::{AsteroidCounts, Frame, FrameImage, FrameTimes, ViewStatistics, Wanted},
+    render::{AsteroidCounts, Frame, FrameImage, FrameRequest, FrameTimes, ViewStatistics},
     scene::{Camera, SceneObjects, SceneSnapshot},
     service::{Client, Engine, EngineError, ServeError, ServeOptions, Shutdown, run},
     verify::{Check, CheckResult, Figure, Outcome},
@@ -39,9 +40,9 @@ pub struct Controls {
     pub finished: AtomicU64,
     /// Frames fail.
     pub failing: AtomicBool,
-    /// The next frame panics.
+    /// The next frame to be finished panics.
     pub panicking: AtomicBool,
-    /// The next frame finds the device lost.
+    /// The next frame to be finished finds the device lost.
     pub lost: AtomicBool,
     /// Exposure that frames ask for, EV, at x = 0.
     pub metered_ev100: Mutex<f64>,
@@ -58,7 +59,7 @@ pub struct Controls {
 }
 
 impl Controls {
-    /// Frames that begin from now on wait.
+    /// Frames that are not finished wait, and checks.
     pub fn close_gate(&self) {
         *self.closed.lock().unwrap() = true;
     }
@@ -70,7 +71,17 @@ impl Controls {
     }
 }
 
-pub struct TestEngine(pub Arc<Controls>);
+pub struct TestEngine {
+    pub controls: Arc<Controls>,
+    /// Frames begun and not finished.
+    begun: VecDeque<Frame>,
+}
+
+impl TestEngine {
+    pub fn new(controls: Arc<Controls>) -> Self {
+        Self { controls, begun: VecDeque::new() }
+    }
+}
 
 /// Luminance of pixel `index` of view `view`, and the solid angle.
 pub fn hdr_pixel(camera_x_m: f64, frame: u64, view: usize, index: usize) -> [f32; 4] {
@@ -83,28 +94,14 @@ pub fn display_pixel(camera_revision: u64, view: usize, index: usize) -> [u8; 4]
 }
 
 impl Engine for TestEngine {
-    fn render(
-        &mut self,
-        snapshot: &SceneSnapshot,
-        rig: &Rig,
-        settings: &RenderSettings,
-        wanted: &[Wanted],
-        adapted_ev100: Option<f64>,
-    ) -> Result<Frame, EngineError> {
-        let number = self.0.started.fetch_add(1, SeqCst);
-        let (stars, checks) = (&settings.stars, self.0.checked.lock().unwrap().len() as u64);
-        self.0.drawn.lock().unwrap().push((stars.method, stars.magnitude_limit, checks));
-        *self.0.shown.lock().unwrap() = Some((Arc::clone(&snapshot.objects), settings.asteroids.clone()));
-        let closed = self.0.closed.lock().unwrap();
-        drop(self.0.opened.wait_while(closed, |closed| *closed).unwrap());
-        assert!(!self.0.panicking.load(SeqCst), "the test engine was told to panic");
-        if self.0.lost.load(SeqCst) {
-            return Err(EngineError::lost("the test engine was told to lose its device"));
-        }
-        if self.0.failing.load(SeqCst) {
-            self.0.finished.fetch_add(1, SeqCst);
-            return Err(EngineError::new("the test engine was told to fail"));
-        }
+    fn submit(&mut self, request: FrameRequest<'_>) -> Result<(), EngineError> {
+        let (snapshot, rig, settings) = (request.get_scene(), request.get_rig(), request.get_settings());
+        let wanted = request.wanted_views();
+        let controls = &self.controls;
+        let number = controls.started.fetch_add(1, SeqCst);
+        let (stars, checks) = (&settings.stars, controls.checked.lock().unwrap().len() as u64);
+        controls.drawn.lock().unwrap().push((stars.method, stars.magnitude_limit, checks));
+        *controls.shown.lock().unwrap() = Some((Arc::clone(&snapshot.objects), settings.asteroids.clone()));
         let mut images = Vec::new();
         for viewport in rig.viewports(snapshot.camera.world_from_camera) {
             let [width, height] = viewport.size();
@@ -122,8 +119,8 @@ impl Engine for TestEngine {
                 hdr: want.hdr.then_some(hdr),
             });
         }
-        let metered_ev100 = *self.0.metered_ev100.lock().unwrap()
-            + *self.0.metered_ev100_per_m.lock().unwrap() * snapshot.camera.position_m.x;
+        let metered_ev100 = *controls.metered_ev100.lock().unwrap()
+            + *controls.metered_ev100_per_m.lock().unwrap() * snapshot.camera.position_m.x;
         let statistics = |view: &View| ViewStatistics {
             name: view.name.clone(),
             stars_drawn: 0,
@@ -131,26 +128,50 @@ impl Engine for TestEngine {
             asteroids: AsteroidCounts::default(),
             gpu_ms: None,
         };
-        self.0.finished.fetch_add(1, SeqCst);
-        Ok(Frame {
+        self.begun.push_back(Frame {
             number,
             scene_revision: snapshot.revision,
             camera_revision: snapshot.camera.revision,
-            exposure_ev100: adapted_ev100.unwrap_or(metered_ev100),
+            exposure_ev100: request.get_adapted_ev100().unwrap_or(metered_ev100),
             metered_ev100,
             mean_luminance_cd_m2: 0.0,
             times: FrameTimes::default(),
             images,
             views: rig.views().iter().map(statistics).collect(),
             plan: FramePlan::default(),
-        })
+        });
+        assert!(self.begun.len() <= 2, "more than two frames at a time");
+        Ok(())
+    }
+
+    fn is_drawn_within(&mut self, timeout: Duration) -> bool {
+        let closed = self.controls.closed.lock().unwrap();
+        !*self.controls.opened.wait_timeout_while(closed, timeout, |closed| *closed).unwrap().0
+    }
+
+    fn finish(&mut self) -> Result<Frame, EngineError> {
+        let controls = &self.controls;
+        let closed = controls.closed.lock().unwrap();
+        drop(controls.opened.wait_while(closed, |closed| *closed).unwrap());
+        assert!(!controls.panicking.load(SeqCst), "the test engine was told to panic");
+        if controls.lost.load(SeqCst) {
+            return Err(EngineError::lost("the test engine was told to lose its device"));
+        }
+        let frame = self.begun.pop_front().expect("a frame was begun");
+        controls.finished.fetch_add(1, SeqCst);
+        if controls.failing.load(SeqCst) {
+            return Err(EngineError::new("the test engine was told to fail"));
+        }
+        Ok(frame)
     }
 
     fn verify(&mut self, check: &'static Check, settings: &RenderSettings) -> CheckResult {
-        self.0.checks_started.fetch_add(1, SeqCst);
-        let closed = self.0.closed.lock().unwrap();
-        drop(self.0.opened.wait_while(closed, |closed| *closed).unwrap());
-        self.0.checked.lock().unwrap().push(settings.stars.method);
+        assert!(self.begun.is_empty(), "a check while a frame is drawn");
+        let controls = &self.controls;
+        controls.checks_started.fetch_add(1, SeqCst);
+        let closed = controls.closed.lock().unwrap();
+        drop(controls.opened.wait_while(closed, |closed| *closed).unwrap());
+        controls.checked.lock().unwrap().push(settings.stars.method);
         match check.number {
             // One of each kind of result.
             Some(1) => CheckResult::judge(check, vec![Figure::at_most("wrong", 0.5, 0.25, "px")]),
@@ -222,7 +243,7 @@ impl Daemon {
             objects: Default::default(),
             camera: Camera::default(),
         };
-        let engine = Box::new(TestEngine(Arc::clone(&controls)));
+        let engine = Box::new(TestEngine::new(Arc::clone(&controls)));
         let settings = RenderSettings::default();
         let ready = move |address| ready.send(address).unwrap();
         let mut options = ServeOptions::new("127.0.0.1:0", engine, scene, rig, settings, ready);

@@ -655,7 +655,7 @@ async fn streams_of_all_views_share_the_cap() {
 async fn names_that_are_taken_or_none_are_refused_at_the_start() {
     for (name, told) in [("eyes", "`eyes` is used twice"), ("a b", "letters, digits")] {
         let (_, options) = visor(name);
-        let engine = Box::new(crate::daemon::TestEngine(Arc::default()));
+        let engine = Box::new(crate::daemon::TestEngine::new(Arc::default()));
         let scene = steradian::scene::SceneSnapshot {
             revision: 0,
             stars: Arc::default(),

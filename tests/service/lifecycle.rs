@@ -105,7 +105,7 @@ async fn bad_and_taken_addresses_are_clear_errors() {
             objects: Default::default(),
             camera: Default::default(),
         };
-        let engine = Box::new(TestEngine(Default::default()));
+        let engine = Box::new(TestEngine::new(Default::default()));
         let never = |address| panic!("ready on {address}");
         let error = within(run(ServeOptions::new(listen, engine, scene, small_rig(), Default::default(), never)));
         let error = error.await.unwrap_err();

@@ -248,7 +248,7 @@ async fn fields_that_nothing_is_told_of_are_refused_at_the_start() {
         geometric_albedo: [0.2; 3],
     };
     let fields = make_fields(&[Arc::new(spec)], &[]).unwrap().into_iter().map(|made| made.field).collect();
-    let engine = Box::new(crate::daemon::TestEngine(Arc::default()));
+    let engine = Box::new(crate::daemon::TestEngine::new(Arc::default()));
     let scene = steradian::scene::SceneSnapshot {
         revision: 1,
         stars: Arc::default(),

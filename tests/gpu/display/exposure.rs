@@ -232,7 +232,7 @@ fn from_night_to_the_sun_and_back_no_frame_is_bad() {
             let (mut all_black, mut all_white) = (0, 0);
             for frame in 0..frames {
                 let dt_s = 1.0 / f64::from(rate_hz);
-                let ev100 = eye.exposure(dt_s, frame == 0, &settings.exposure);
+                let ev100 = eye.exposure(dt_s, if frame == 0 { dt_s } else { 0.0 }, &settings.exposure);
                 let drawn = renderer
                     .render(
                         FrameRequest::new(scene, &rig).settings(&settings).wanted(Wanted::both()).adapted_ev100(ev100),

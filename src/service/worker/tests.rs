@@ -1,0 +1,332 @@
+//! Two frames at a time, with an engine that draws when it is told to.
+
+#![allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
+
+use glam::{DQuat, DVec3};
+
+use super::*;
+use crate::{
+    gpu::AdapterReport,
+    plan::{FramePlan, settings::ExposureMode},
+    render::{Frame, FrameTimes},
+    service::CameraUpdate,
+    verify::{self, Check, CheckResult, Outcome},
+    view::{View, ViewKind},
+};
+
+/// Far longer than any test takes.
+const PATIENCE: Duration = Duration::from_secs(60);
+/// In which a thread does what it is about to do wrong.
+const A_WHILE: Duration = Duration::from_millis(50);
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Event {
+    /// With the revision of its camera.
+    Begun(u64),
+    /// With its number: frames count from 0.
+    Finished(usize),
+    Checked,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Failure {
+    OfSubmit,
+    OfFinish,
+    Lost,
+}
+
+#[derive(Default)]
+struct DeviceState {
+    events: Vec<Event>,
+    begun: usize,
+    finished: usize,
+    /// How many frames may be drawn.
+    allowed: usize,
+    /// Number of a frame, and how it fails.
+    failing: Option<(usize, Failure)>,
+}
+
+/// What the test and the engine share.
+#[derive(Default)]
+struct Device {
+    state: Mutex<DeviceState>,
+    changed: Condvar,
+}
+
+impl Device {
+    fn change(&self, change: impl FnOnce(&mut DeviceState)) {
+        change(&mut self.state.lock().unwrap());
+        self.changed.notify_all();
+    }
+
+    /// Lets `frames` frames in all be drawn.
+    fn allow(&self, frames: usize) {
+        self.change(|state| state.allowed = frames);
+    }
+
+    fn fail(&self, number: usize, failure: Failure) {
+        self.change(|state| state.failing = Some((number, failure)));
+    }
+
+    fn wait_while(&self, timeout: Duration, condition: impl Fn(&DeviceState) -> bool) -> bool {
+        let state = self.state.lock().unwrap();
+        let (state, _) = self.changed.wait_timeout_while(state, timeout, |state| condition(state)).unwrap();
+        !condition(&state)
+    }
+
+    /// Waits until so many frames have been begun.
+    fn until_begun(&self, frames: usize) {
+        assert!(self.wait_while(PATIENCE, |state| state.begun < frames), "frame {frames} is not begun");
+    }
+
+    fn begun(&self) -> usize {
+        self.state.lock().unwrap().begun
+    }
+
+    fn events(&self) -> Vec<Event> {
+        self.state.lock().unwrap().events.clone()
+    }
+}
+
+struct TestEngine {
+    device: Arc<Device>,
+    in_flight: VecDeque<(usize, Frame)>,
+}
+
+impl Engine for TestEngine {
+    fn submit(&mut self, request: FrameRequest<'_>) -> Result<(), EngineError> {
+        let scene = request.get_scene();
+        let mut number = 0;
+        let mut fails = false;
+        self.device.change(|state| {
+            number = state.begun;
+            fails = state.failing == Some((number, Failure::OfSubmit));
+            state.begun += 1;
+            state.events.push(Event::Begun(scene.camera.revision));
+        });
+        if fails {
+            return Err(EngineError::new("told to fail"));
+        }
+        let frame = Frame {
+            number: number as u64,
+            scene_revision: scene.revision,
+            camera_revision: scene.camera.revision,
+            exposure_ev100: request.get_adapted_ev100().unwrap_or(0.0),
+            metered_ev100: 0.0,
+            mean_luminance_cd_m2: 0.0,
+            images: Vec::new(),
+            views: Vec::new(),
+            plan: FramePlan::default(),
+            times: FrameTimes::default(),
+        };
+        self.in_flight.push_back((number, frame));
+        assert!(self.in_flight.len() <= 2, "three frames at a time");
+        Ok(())
+    }
+
+    fn is_drawn_within(&mut self, timeout: Duration) -> bool {
+        let (number, _) = *self.in_flight.front().unwrap();
+        self.device.wait_while(timeout, |state| state.allowed <= number)
+    }
+
+    fn finish(&mut self) -> Result<Frame, EngineError> {
+        assert!(self.is_drawn_within(PATIENCE));
+        let (number, frame) = self.in_flight.pop_front().unwrap();
+        let mut failing = None;
+        self.device.change(|state| {
+            state.finished += 1;
+            state.events.push(Event::Finished(number));
+            failing = state.failing;
+        });
+        match failing.filter(|(failing, _)| *failing == number) {
+            Some((_, Failure::Lost)) => Err(EngineError::lost("told to be lost")),
+            Some(_) => Err(EngineError::new("told to fail")),
+            None => Ok(frame),
+        }
+    }
+
+    fn verify(&mut self, check: &'static Check, _settings: &RenderSettings) -> CheckResult {
+        assert!(self.in_flight.is_empty(), "a check while a frame is drawn");
+        self.device.change(|state| state.events.push(Event::Checked));
+        CheckResult::without_figures(check, Outcome::NotApplicable, "no stars")
+    }
+
+    fn info(&self) -> AdapterReport {
+        unreachable!("the render thread does not ask")
+    }
+}
+
+/// A thread whose first frame is expected to take `drawn` once it is planned, and the next one `planned` to plan.
+fn start(planned: Duration, drawn: Duration, mode: ExposureMode) -> (RenderHandle, RenderThread, Arc<Device>) {
+    let device = Arc::new(Device::default());
+    let engine = Box::new(TestEngine { device: Arc::clone(&device), in_flight: VecDeque::new() });
+    let scene =
+        SceneSnapshot { revision: 1, stars: Arc::default(), objects: Arc::default(), camera: Camera::default() };
+    let objects = Objects::new(Arc::default(), &[]).unwrap();
+    let kind = ViewKind::Perspective { size: [4, 4], fov_y_rad: 1.0 };
+    let rig = Rig::new(vec![View::new("flat", kind, DQuat::IDENTITY, DVec3::ZERO).unwrap()]).unwrap();
+    let mut settings = RenderSettings::default();
+    settings.exposure.mode = mode;
+    let mut forecast = Forecast::default();
+    forecast.note(planned, drawn);
+    let capacity = Capacity { requests: 16, subscribers: 16 };
+    let (handle, thread) = spawn_with(engine, scene, objects, Arc::new(rig), settings, capacity, forecast).unwrap();
+    (handle, thread, device)
+}
+
+/// A frame beside which the next one is begun as soon as it is due.
+fn start_eager() -> (RenderHandle, RenderThread, Arc<Device>) {
+    start(PATIENCE, PATIENCE, ExposureMode::Manual)
+}
+
+type Receiver = oneshot::Receiver<Result<Arc<RenderedFrame>, RenderFailure>>;
+
+fn request(handle: &RenderHandle) -> Receiver {
+    handle.request(0, Wanted::display()).unwrap()
+}
+
+/// Two requests, each with a frame of its own that is in flight.
+fn two_in_flight(handle: &RenderHandle, device: &Device) -> [Receiver; 2] {
+    let first = request(handle);
+    device.until_begun(1);
+    let second = request(handle);
+    device.until_begun(2);
+    [first, second]
+}
+
+fn number(receiver: Receiver) -> u64 {
+    receiver.blocking_recv().unwrap().unwrap().frame.number
+}
+
+fn failure(receiver: Receiver) -> String {
+    receiver.blocking_recv().unwrap().unwrap_err().to_string()
+}
+
+fn move_to(handle: &RenderHandle, x: f64) -> u64 {
+    let update = CameraUpdate { position_m: Some([x, 0.0, 0.0]), ..CameraUpdate::default() };
+    handle.set_camera(&update).unwrap().revision
+}
+
+fn end(handle: &RenderHandle, thread: RenderThread) {
+    handle.stop();
+    thread.join.join().unwrap().unwrap();
+}
+
+#[test]
+fn the_next_frame_is_begun_while_one_is_drawn_and_never_a_third() {
+    let (handle, thread, device) = start_eager();
+    let [first, second] = two_in_flight(&handle, &device);
+    let third = request(&handle);
+    thread::sleep(A_WHILE);
+    assert_eq!(device.events(), [Event::Begun(0); 2]);
+    device.allow(1);
+    assert_eq!(number(first), 0);
+    device.allow(3);
+    assert_eq!([number(second), number(third)], [1, 2]);
+    let finished: Vec<Event> = device.events().into_iter().filter(|e| matches!(e, Event::Finished(_))).collect();
+    assert_eq!(finished, [Event::Finished(0), Event::Finished(1), Event::Finished(2)]);
+    end(&handle, thread);
+}
+
+#[test]
+fn the_next_frame_is_begun_no_sooner_than_it_must_and_shows_the_newest_camera() {
+    let (handle, thread, device) = start(Duration::from_secs(1), Duration::from_secs(2), ExposureMode::Manual);
+    let stream = handle.subscribe(0, Wanted::display(), Duration::ZERO).unwrap();
+    device.until_begun(1);
+    let begun = Instant::now();
+    let newest = [1.0, 2.0, 3.0, 4.0, 5.0].map(|x| move_to(&handle, x))[4];
+    device.until_begun(2);
+    assert!(begun.elapsed() > Duration::from_millis(500), "{:?}", begun.elapsed());
+    let later = move_to(&handle, 6.0);
+    device.allow(usize::MAX);
+    device.until_begun(3);
+    let begun: Vec<Event> = device.events().into_iter().filter(|e| matches!(e, Event::Begun(_))).collect();
+    assert_eq!(begun[..3], [0, newest, later].map(Event::Begun));
+    while pollster::block_on(stream.next()).unwrap().unwrap().0.frame.camera_revision < later {}
+    end(&handle, thread);
+}
+
+#[test]
+fn a_single_frame_is_handed_out_as_soon_as_it_is_drawn() {
+    let (handle, thread, device) = start(Duration::ZERO, PATIENCE, ExposureMode::Manual);
+    let first = request(&handle);
+    device.until_begun(1);
+    let allowed = Instant::now();
+    device.allow(1);
+    assert_eq!(number(first), 0);
+    assert!(allowed.elapsed() < PATIENCE / 4, "{:?}", allowed.elapsed());
+    end(&handle, thread);
+}
+
+#[test]
+fn a_frame_that_fails_concerns_those_alone_who_wait_for_it() {
+    let (handle, thread, device) = start_eager();
+    device.fail(0, Failure::OfFinish);
+    let [first, second] = two_in_flight(&handle, &device);
+    device.allow(2);
+    assert!(failure(first).contains("told to fail"));
+    assert_eq!(number(second), 1);
+    end(&handle, thread);
+
+    let (handle, thread, device) = start_eager();
+    device.fail(1, Failure::OfSubmit);
+    let [first, mut second] = two_in_flight(&handle, &device);
+    thread::sleep(A_WHILE);
+    assert!(second.try_recv().is_err(), "the frame before comes first");
+    device.allow(3);
+    assert_eq!(number(first), 0);
+    assert!(failure(second).contains("told to fail"));
+    assert_eq!(number(request(&handle)), 2);
+    end(&handle, thread);
+}
+
+#[test]
+fn a_check_is_run_while_no_frame_is_drawn_and_before_the_next_one() {
+    let (handle, thread, device) = start_eager();
+    let first = request(&handle);
+    device.until_begun(1);
+    let check = handle.verify(&verify::checks()[0], None).unwrap();
+    let second = request(&handle);
+    thread::sleep(A_WHILE);
+    device.allow(2);
+    assert_eq!([number(first), number(second)], [0, 1]);
+    check.blocking_recv().unwrap();
+    let expected = [Event::Begun(0), Event::Finished(0), Event::Checked, Event::Begun(0), Event::Finished(1)];
+    assert_eq!(device.events(), expected);
+    end(&handle, thread);
+}
+
+#[test]
+fn the_end_waits_for_both_frames() {
+    let (handle, thread, device) = start_eager();
+    let [first, second] = two_in_flight(&handle, &device);
+    handle.stop();
+    device.allow(2);
+    assert_eq!([number(first), number(second)], [0, 1]);
+    thread.join.join().unwrap().unwrap();
+}
+
+#[test]
+fn a_lost_engine_ends_the_thread_and_both_frames() {
+    let (handle, thread, device) = start_eager();
+    device.fail(0, Failure::Lost);
+    let both = two_in_flight(&handle, &device);
+    device.allow(1);
+    for receiver in both {
+        assert!(failure(receiver).contains("told to be lost"));
+    }
+    assert!(thread.join.join().unwrap().unwrap_err().lost);
+}
+
+#[test]
+fn the_frame_that_the_eye_starts_from_is_waited_for() {
+    let (handle, thread, device) = start(PATIENCE, PATIENCE, ExposureMode::Auto);
+    let first = request(&handle);
+    device.until_begun(1);
+    let second = request(&handle);
+    thread::sleep(A_WHILE);
+    assert_eq!(device.begun(), 1, "its exposure is not known before it is drawn");
+    device.allow(2);
+    assert_eq!([number(first), number(second)], [0, 1]);
+    end(&handle, thread);
+}
