@@ -23,6 +23,11 @@ struct Gaussian {
 
 // Larger and smaller angle that a pixel covers around a direction (unit vector), rad.
 fn pixel_extent(viewport: Viewport, direction: vec3<f32>) -> vec2<f32> {
+#when shared/tabulated
+    if viewport.kind == KIND_TABULATED {
+        return tabulated_extent(viewport, direction);
+    }
+#end
     let step = abs(1.0 / viewport.plane_scale);
     let sine = length(direction.xy);
     let cosine = -direction.z;
@@ -137,6 +142,11 @@ fn gaussian_sum(viewport: Viewport, gaussian: Gaussian) -> f32 {
 // How far a kernel of a given radius (rad) reaches on the plane, pixels: no farther than the picture is wide.
 fn gaussian_reach(viewport: Viewport, direction: vec3<f32>, shorter: f32, cut: f32) -> f32 {
     let most = f32(max(viewport.size.x, viewport.size.y));
+#when shared/tabulated
+    if viewport.kind == KIND_TABULATED {
+        return min(1.3 * cut / shorter, most) + 0.5;
+    }
+#end
     let outwards = precise_atan2(length(direction.xy), -direction.z) + cut;
     var reach = 1.3 * cut / shorter;
     if viewport.kind <= KIND_CUBE_FACE {
@@ -217,6 +227,11 @@ fn gaussian_of(viewport: Viewport, towards: vec3<f32>, pixel: vec2<f32>) -> Gaus
         if is_fisheye(viewport) {
             whole = whole && length(pixel - viewport.plane_offset) + 1.5 * reach < 0.5 * f32(min(size.x, size.y));
         }
+#when shared/tabulated
+        if viewport.kind == KIND_TABULATED {
+            whole = whole && tabulated_holds(viewport, gaussian.first, gaussian.last);
+        }
+#end
     }
     if whole {
         gaussian.norm = gaussian_sum(viewport, gaussian);

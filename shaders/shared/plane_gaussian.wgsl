@@ -56,7 +56,7 @@ fn plane_weight_on_cube(viewport: Viewport, direction: vec3<f32>, part: f32) -> 
     return total;
 }
 
-// Share of the kernel that lies inside a round picture.
+// Share of the kernel that lies inside a round or tabulated picture.
 fn plane_weight_in_circle(viewport: Viewport, pixel: vec2<f32>, part: f32) -> f32 {
     let first = vec2(plane_first(pixel.x), plane_first(pixel.y));
     var total = 0.0;

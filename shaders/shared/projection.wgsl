@@ -3,10 +3,16 @@
 #import constants/faces
 #import constants/projections
 #import shared/math
+#import tabulated = shared/tabulated_off | shared/tabulated
 #import shared/viewport
 
 // Continuous pixel coordinates of the image of a direction in view space (any length but 0); z = 1 where there is one.
 fn pixel_from_direction(viewport: Viewport, direction: vec3<f32>) -> vec3<f32> {
+#when shared/tabulated
+    if viewport.kind == KIND_TABULATED {
+        return tabulated_pixel(viewport, direction);
+    }
+#end
     switch viewport.kind {
         case KIND_PERSPECTIVE, KIND_CUBE_FACE: {
             if direction.z >= 0.0 {
@@ -66,6 +72,11 @@ fn direction_from_pixel(viewport: Viewport, pixel: vec2<f32>) -> vec4<f32> {
     if any(pixel < vec2(0.0)) || any(pixel > size) {
         return vec4(0.0);
     }
+#when shared/tabulated
+    if viewport.kind == KIND_TABULATED {
+        return tabulated_direction(viewport, pixel);
+    }
+#end
     switch viewport.kind {
         case KIND_PERSPECTIVE, KIND_CUBE_FACE: {
             return vec4(normalize(vec3((pixel - viewport.plane_offset) / viewport.plane_scale, -1.0)), 1.0);
@@ -123,6 +134,11 @@ fn is_fisheye(viewport: Viewport) -> bool {
 
 // Whether a pixel lies inside the picture: for round pictures, whether its centre does.
 fn contains(viewport: Viewport, pixel: vec2<i32>) -> bool {
+#when shared/tabulated
+    if viewport.kind == KIND_TABULATED {
+        return tabulated_solid_angle(viewport, pixel) > 0.0;
+    }
+#end
     if any(pixel < vec2(0)) || any(pixel >= vec2<i32>(viewport.size)) {
         return false;
     }
@@ -187,6 +203,11 @@ fn is_flat(viewport: Viewport) -> bool {
 
 // Solid angle of a pixel in sr; 0 outside of the picture. The pixel lies inside of the image.
 fn solid_angle(viewport: Viewport, pixel: vec2<i32>) -> f32 {
+#when shared/tabulated
+    if viewport.kind == KIND_TABULATED {
+        return tabulated_solid_angle(viewport, pixel);
+    }
+#end
     if is_flat(viewport) {
         return flat_solid_angle(viewport, pixel);
     }

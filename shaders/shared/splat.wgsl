@@ -42,7 +42,7 @@ fn weight_on_cube(viewport: Viewport, direction: vec3<f32>, tent: bool) -> f32 {
     return total;
 }
 
-// Share of the kernel that lies inside a round picture.
+// Share of the kernel that lies inside a round or tabulated picture.
 fn weight_in_circle(viewport: Viewport, pixel: vec2<f32>, tent: bool) -> f32 {
     let first = vec2(kernel_first(pixel.x, tent), kernel_first(pixel.y, tent));
     let weights_x = kernel_weights(pixel.x, first.x, tent);
@@ -185,6 +185,11 @@ fn splat(
         let reach = f32(min(size.x, size.y)) - 6.0;
         in_picture = in_picture && reach > 0.0 && dot(doubled, doubled) < reach * reach;
     }
+#when shared/tabulated
+    if viewport.kind == KIND_TABULATED {
+        in_picture = in_picture && tabulated_holds(viewport, first_pixel, last_pixel);
+    }
+#end
     let inside = in_picture && first_pixel.y >= row_0 && last_pixel.y < row_1;
     var share = 1.0;
     if !in_picture {

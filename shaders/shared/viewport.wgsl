@@ -12,13 +12,13 @@ struct Viewport {
     plane_offset: vec2<f32>,
     size: vec2<u32>,
     kind: u32,
-    // Cube faces: number of the face.
+    // Cube faces: number of the face. Tabulated: where the table begins, in groups of four words.
     face: u32,
     // Fisheye: the rim's radius before normalisation, F/2, sin(F/4), sin(F/2) or tan(F/4).
     rim: f32,
     // Equidistant: pi - F/2. Orthographic: cos^2(F/2). Both from f64: f32 would cancel.
     rim_complement: f32,
-    // Fisheye: 1 where the picture shows the full sphere, so that its rim is no border.
+    // Fisheye and tabulated: 1 where the picture shows the full sphere, so that its rim is no border.
     full_sphere: u32,
     // 1 where the density at the pixel's centre is not good enough and nine points are averaged.
     quadrature: u32,

@@ -181,6 +181,8 @@ pub struct Gpu {
     pub(super) counters: Counters,
     /// Workgroups of a dispatch along each axis, at most.
     pub(super) max_workgroups: u32,
+    /// What passes bind beside their own buffers: see [`Gpu::bind_tables`].
+    pub(super) tables: Option<wgpu::Buffer>,
 }
 
 impl Gpu {
@@ -265,6 +267,7 @@ impl Gpu {
             pool: Mutex::default(),
             counters: Counters::default(),
             max_workgroups: limits.max_compute_workgroups_per_dimension,
+            tables: None,
         }
     }
 

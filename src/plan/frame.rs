@@ -25,7 +25,7 @@ use super::{
     stars::{
         billboards::{BillboardPlan, DrawnPsf},
         cull::{CullSettings, SPLAT_MARGIN_PX, VisibleChunk, distinct_eyes_pc, visible_chunks},
-        kernels::{KernelPlan, gaussian_of},
+        kernels::{GaussianWidth, KernelPlan, gaussian_of},
         range::{self, OtherLight, Ranges},
         travel,
     },
@@ -223,6 +223,10 @@ impl Planner {
         let method = settings.stars.method;
         if method.accumulator() == Accumulator::Blending {
             limits.check_blended(rig)?;
+        }
+        if method == StarMethod::PixelGaussian {
+            let width = GaussianWidth::new(&settings.stars.pixel_gaussian);
+            Limits::check_round_kernels(rig, method.name(), |projection| width.reach_px(projection))?;
         }
         self.check(scene, settings, limits)?;
 

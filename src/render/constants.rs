@@ -40,6 +40,28 @@ shared_constants! {
         KIND_STEREOGRAPHIC: u32 = 5;
         KIND_EQUIRECTANGULAR: u32 = 6;
     }
+    /// Tabulated projections.
+    mod tabulated {
+        KIND_TABULATED: u32 = 7;
+        /// Groups of words before a table's directions.
+        TABLE_HEADER: u32 = crate::view::projection::HEADER;
+        /// Nodes around the picture on every side.
+        TABLE_FRINGE: i32 = crate::view::projection::FRINGE as i32;
+        /// In place of a node at which the search begins: there is none.
+        NO_START: u32 = crate::view::projection::NO_START;
+        /// Set in a cell's word that names a patch.
+        PATCH_BIT: u32 = crate::view::projection::PATCH_BIT;
+        /// Intervals along a side of a patch.
+        PATCH_STEPS: u32 = crate::view::projection::PATCH_STEPS;
+        /// Steps of the search, at most.
+        MOST_STEPS: u32 = crate::view::projection::MOST_STEPS;
+        /// The longest step, pixels.
+        LONGEST_STEP_PX: f32 = crate::view::projection::LONGEST_STEP_PX;
+        /// After a shorter step directions are taken from the cubic, pixels.
+        NEAR_PX: f32 = crate::view::projection::NEAR_PX;
+        /// After a shorter step the place is found, pixels.
+        DONE_PX: f32 = crate::view::projection::DONE_PX;
+    }
     /// Axes of the faces of a cube, by their numbers.
     mod faces {
         /// Where a face looks.

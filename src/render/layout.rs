@@ -19,7 +19,7 @@ gpu_structs! {
         size: [u32; 2],
         /// Number of the projection.
         kind: u32,
-        /// Number of the cube face.
+        /// Number of the cube face; where the table of a tabulated projection begins.
         face: u32,
         /// Fisheye: radius of the rim before normalisation.
         rim: f32,

@@ -85,6 +85,7 @@ impl Renderer {
         self.abandon()?;
         (self.planner.culling, self.planner.unit_factor) = (self.culling, self.unit_factor);
         let plan = self.planner.plan(snapshot, rig, settings, adapted_ev100, &self.limits)?;
+        self.hold_tables(&plan.viewports)?;
         self.hold_scene(snapshot, settings)?;
         let outputs = Outputs { wanted: &wanted, presentations };
         let inputs =
@@ -110,12 +111,12 @@ impl Renderer {
 
     /// Uploads what changes from frame to frame, and records all phases and the copies of what leaves the GPU.
     fn record(&mut self, inputs: &FrameInputs<'_>, views: usize) -> (wgpu::CommandBuffer, Places) {
-        let Self { gpu, techniques, targets, timer, readback, .. } = self;
+        let Self { gpu, techniques, targets, tables, timer, readback, .. } = self;
         let gpu = &*gpu;
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("frame") });
         gpu.begin_frame();
         timer.begin();
-        targets.begin(gpu, &mut encoder, inputs, views);
+        targets.begin(gpu, &mut encoder, inputs, views, tables);
         for technique in techniques.iter_mut() {
             technique.encode(gpu, inputs, targets);
         }
@@ -163,7 +164,7 @@ impl Renderer {
     }
 
     /// Waits for the frame in flight, if there is one, and throws it away.
-    fn abandon(&mut self) -> Result<(), RenderError> {
+    pub(super) fn abandon(&mut self) -> Result<(), RenderError> {
         let Some(in_flight) = self.in_flight.take() else { return Ok(()) };
         let waited = self.wait_for(in_flight);
         self.readback.unmap(&self.gpu);

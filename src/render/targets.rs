@@ -5,14 +5,15 @@
 
 use super::{
     layout,
+    tabulated::{MappingTables, projecting},
     technique::{FrameInputs, Phase},
     viewport::encode_viewport,
 };
-use crate::render::{constants::counters, shader::Shader};
+use crate::render::constants::counters;
 use crate::{
     gpu::{Gpu, GrowingBuffer, ShaderSource, bind_buffers, storage_buffer},
     plan::{
-        DISPLAY_BYTES, Plan,
+        DISPLAY_BYTES, KernelPlan, Plan,
         settings::{Accumulator, GlareMethod},
         tiles::{BYTES_PER_PIXEL, Batch, Tile},
     },
@@ -190,10 +191,11 @@ impl Targets {
         encoder: &mut wgpu::CommandEncoder,
         frame: &FrameInputs<'_>,
         views: usize,
+        tables: &MappingTables,
     ) {
         let plan = frame.plan;
         let encoded: Vec<layout::Viewport> =
-            plan.viewports.iter().zip(&plan.kernels).map(|(v, kernels)| encode_viewport(v, kernels)).collect();
+            plan.viewports.iter().zip(&plan.kernels).map(|(v, kernels)| encode(v, kernels, tables)).collect();
         self.viewports = self.viewport_buffer.upload(gpu, &encoded).clone();
         // The flags of all batches follow the counters that are read back.
         self.counter_count = VIEW_COUNTERS + views;
@@ -365,7 +367,7 @@ pub(crate) fn bind_occlusion(
 /// The complete module of a shader that splats in fixed point, with the words that the adapter can add to.
 pub(crate) fn splatting(gpu: &Gpu, file: &str) -> ShaderSource {
     let accumulate = if gpu.wide_accumulator { "shared/accumulate_u64" } else { "shared/accumulate_u32" };
-    Shader::new(file).with("accumulate", accumulate).source()
+    projecting(gpu, file).with("accumulate", accumulate).source()
 }
 
 /// Parameters and sums, as every pass that splats in fixed point binds them; `others` follow.
@@ -397,6 +399,15 @@ pub(crate) fn bind_picture(
     let buffers = [parameters, target.viewports, target.tiles, target.pixels, target.partial_sums];
     let bindings: Vec<_> = (0..).zip(buffers).map(|(binding, buffer)| (binding, buffer.as_entire_binding())).collect();
     bind_buffers(gpu, pipeline, 0, &bindings)
+}
+
+/// A viewport, with the place of its table if it is tabulated.
+fn encode(viewport: &Viewport, kernels: &KernelPlan, tables: &MappingTables) -> layout::Viewport {
+    let mut encoded = encode_viewport(viewport, kernels);
+    if let Some(first) = tables.first_group(viewport) {
+        encoded.face = first;
+    }
+    encoded
 }
 
 /// Flags of a tile: one for each block of pixels of the grid, in rows.

@@ -9,6 +9,7 @@ use crate::render::constants::projections::{
     KIND_CUBE_FACE, KIND_EQUIDISTANT, KIND_EQUIRECTANGULAR, KIND_EQUISOLID, KIND_ORTHOGRAPHIC, KIND_PERSPECTIVE,
     KIND_STEREOGRAPHIC,
 };
+use crate::render::constants::tabulated::KIND_TABULATED;
 use crate::{
     plan::{GaussianKernel, KernelPlan},
     units::PARSEC_M,
@@ -21,7 +22,7 @@ use crate::{
 /// Solid angles whose one-point form errs by more than this are averaged over nine points in the shader.
 const MIDPOINT_TOLERANCE: f64 = 3e-6;
 
-/// Encodes a viewport with the kernels of its stars.
+/// Encodes a viewport with the kernels of its stars. Where the table of a tabulated one begins is up to who holds it.
 pub(crate) fn encode_viewport(viewport: &Viewport, kernels: &KernelPlan) -> layout::Viewport {
     let view_from_world = DMat3::from_quat(viewport.world_from_view.conjugate());
     let eye_pc = viewport.eye_offset_m / PARSEC_M;
@@ -78,6 +79,11 @@ pub(crate) fn encode_viewport(viewport: &Viewport, kernels: &KernelPlan) -> layo
             }));
         }
         Projection::Equirectangular(_) => encoded.kind = KIND_EQUIRECTANGULAR,
+        Projection::Tabulated(table) => {
+            encoded.kind = KIND_TABULATED;
+            encoded.plane_scale = [1.0; 2];
+            encoded.full_sphere = u32::from(table.shows_full_sphere());
+        }
     }
     encoded
 }

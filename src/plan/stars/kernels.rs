@@ -82,7 +82,7 @@ impl GaussianWidth {
     }
 
     /// How far the kernel reaches at most in a picture, pixels, no farther than the picture is wide: looked for along both diagonals and both axes.
-    fn reach_px(&self, projection: &Projection) -> f64 {
+    pub(crate) fn reach_px(&self, projection: &Projection) -> f64 {
         let mapping = projection.mapping();
         let [width, height] = mapping.size();
         let mut most: f64 = 0.0;

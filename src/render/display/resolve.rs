@@ -3,12 +3,11 @@
 //! its end.
 
 use super::variant::{DisplayVariant, encode_display};
-use crate::render::shader::Shader;
 use crate::{
     gpu::{self, Gpu, ShaderSource, Variants, bind_buffers},
     photometry::exposure::white_luminance_cd_m2,
     plan::{settings::ToneMapSettings, stars::range::Ranges},
-    render::{display::layout, targets::Targets},
+    render::{display::layout, tabulated::projecting, targets::Targets},
 };
 
 /// What a batch's resolve pass writes.
@@ -68,7 +67,7 @@ impl ResolvePass {
     pub(crate) fn new(gpu: &Gpu) -> Self {
         let decode = if gpu.wide_accumulator { "display/decode_u64" } else { "display/decode_u32" };
         Self {
-            source: Shader::new("display/resolve").with("decode", decode).source(),
+            source: projecting(gpu, "display/resolve").with("decode", decode).source(),
             pipelines: Variants::new(),
             no_bright: gpu::storage_buffer(gpu, "no bright sums", &[[0_u32; 4]]),
             no_display: gpu::storage_buffer(gpu, "no display", &[0_u32]),
@@ -136,6 +135,7 @@ impl ResolvePass {
         let buffers: Vec<_> =
             (0..).zip(buffers).map(|(binding, buffer)| (binding, buffer.as_entire_binding())).collect();
         pass.set_pipeline(pipeline);
+        gpu.bind_tables(pass, pipeline);
         pass.set_bind_group(0, &bind_buffers(gpu, pipeline, 0, &buffers), &[]);
         let [columns, rows, tiles] = batch.grid;
         pass.dispatch_workgroups(columns, rows, tiles);
