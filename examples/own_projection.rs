@@ -7,7 +7,7 @@
 
 use std::{
     error::Error,
-    f64::consts::{PI, SQRT_2, TAU},
+    f64::consts::{PI, SQRT_2},
     io::Write,
     path::PathBuf,
     process::ExitCode,
@@ -24,21 +24,23 @@ use steradian::{
     coordinates::icrs_from_galactic,
     output::{Encoding, encode},
     photometry::{
-        exposure::{ev100_from_mean_luminance, white_luminance_cd_m2},
+        exposure::{limiting_ev100, white_luminance_cd_m2},
         kernel::SplatKernel,
         rec709::luminance,
         tone_map::ToneMapSettings,
     },
     reference::stars::splat::{Eye, draw},
     render::FrameImage,
+    units::illuminance_lx_from_magnitude,
     view::{
         Part,
         projection::{BoundingCone, Footprint, PlaneMapping, Tap},
     },
 };
 
-/// Darker than the mean asks for, so that single stars stand out.
-const COMPENSATION_EV: f64 = 5.0;
+/// Magnitude of the stars that are just seen, and the code of 255 that they peak at.
+const LIMITING_MAGNITUDE: f64 = 6.5;
+const JUST_SEEN_CODE: f64 = 20.0;
 
 /// Draws the whole sky as an ellipse.
 #[derive(Debug, Parser)]
@@ -148,8 +150,11 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         return Err("the map does not hold the light of all stars".into());
     }
 
-    let white_cd_m2 = white_luminance_cd_m2(ev100_from_mean_luminance(drawn_lx / (2.0 * TAU)) + COMPENSATION_EV);
     let tone_map = ToneMapSettings::default();
+    // All pixels have the same solid angle: the ellipse has the area 4 pi where the map's height is 2 sqrt 2.
+    let pixel_sr = 8.0 / f64::from(arguments.height).powi(2);
+    let limit_lx = illuminance_lx_from_magnitude(LIMITING_MAGNITUDE);
+    let white_cd_m2 = white_luminance_cd_m2(limiting_ev100(limit_lx, pixel_sr, tone_map.light_of_code(JUST_SEEN_CODE)));
     let display = map
         .luminance_cd_m2(&mapping)
         .into_iter()

@@ -89,6 +89,8 @@ const CHECKED_HERE: &[Range] = &[
     above_0("glare.inner_deg", 180.0, "degrees"),
     closed("glare.fraction", SHARE, "of the light"),
     closed("glare.age_years", [0.0, 120.0], "years"),
+    // From brighter than any star to fainter than any telescope sees.
+    closed("exposure.limiting_magnitude", [-10.0, 30.0], ""),
     closed("exposure.ev100", EV100, ""),
     closed("exposure.min_ev100", EV100, ""),
     closed("exposure.max_ev100", EV100, ""),

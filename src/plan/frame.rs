@@ -10,13 +10,17 @@ use glam::DVec3;
 
 use super::{
     Limits,
-    asteroids::{self, AsteroidInputs, AsteroidPlan, Tables, glare::field_sources},
+    asteroids::{
+        self, AsteroidInputs, AsteroidPlan, Tables,
+        glare::{Cloud, field_clouds},
+    },
     bodies::{
         seen::{BodyPlan, plan_bodies},
         textures::texture_bytes,
     },
     certificate::{FramePlan, plan_stars},
     error::PlanError,
+    exposure::{ShownStars, guard::Lit, pictures::Pictures, planned_ev100},
     glare::objects::ExtendedSource,
     overlay::{OverlayInputs, OverlayPlan, OverlayPlanner},
     settings::{
@@ -69,6 +73,10 @@ pub struct Plan {
     pub faintest_lx: f64,
     /// Exposure of the display images as far as it is known before the frame is drawn.
     pub known_ev100: Option<f64>,
+    /// The exposure that the frame asks for, where that follows from the plan; elsewhere the meter tells.
+    pub planned_ev100: Option<f64>,
+    /// Which stars the views show.
+    pub shown_stars: ShownStars,
     /// Bodies, and points of light that are no stars; `None`: the scene has neither bodies nor fields.
     pub bodies: Option<BodyPlan>,
     /// Fields of asteroids; `None`: there are none.
@@ -121,6 +129,7 @@ pub struct Planner {
     kernel: Option<(GlareSettings, Arc<dyn GlareKernel>)>,
     psf: Option<(PsfTextureSettings, Arc<DrawnPsf>)>,
     overlay: OverlayPlanner,
+    pictures: Pictures,
     /// Whether chunks outside of every view are left out; false only to measure what that saves.
     pub culling: bool,
     /// Factor on the fixed-point units: 1. Tests raise it to provoke an overflow.
@@ -142,6 +151,7 @@ impl Planner {
             kernel: None,
             psf: None,
             overlay: OverlayPlanner::default(),
+            pictures: Pictures::default(),
             culling: true,
             unit_factor: 1.0,
         }
@@ -185,6 +195,10 @@ impl Planner {
             if !method.draws_catalogue() {
                 return Err(PlanError::GlareOfCatalogue(method.name()));
             }
+        }
+        // Bodies' glare is weighed by the kernel, whichever method draws it.
+        let weighs_glare = !scene.objects.is_empty() && settings.glare.chosen(method) != GlareMethod::None;
+        if settings.glare.chosen(method) == GlareMethod::SkyCube || weighs_glare {
             self.hold_kernel(&settings.glare)?;
         }
         asteroids::frame::check(&scene.objects, limits)
@@ -267,13 +281,15 @@ impl Planner {
             kernel: None,
             extended_sources: Vec::new(),
         };
+        let clouds = clouds_of(&scene.objects, &suns, camera.position_m, &viewports);
         if glare.method == GlareMethod::SkyCube {
             let kernel = self.kernel.as_ref().map(|(_, kernel)| Arc::clone(kernel));
             if let (Some(bodies), Some(kernel)) = (&mut bodies, &kernel) {
                 bodies.keep_own_glare(&**kernel, glare.fraction);
             }
             glare.kernel = kernel;
-            glare.extended_sources = extended_sources_of(&scene.objects, &suns, camera.position_m, &viewports);
+            glare.extended_sources =
+                clouds.iter().map(|clouds| clouds.iter().map(|cloud| cloud.source).collect()).collect();
         }
 
         // Units of light.
@@ -292,8 +308,24 @@ impl Planner {
 
         // Kernels and certificate.
         let total_solid_angle_sr = viewports.iter().map(|v| v.projection.picture_solid_angle_sr()).sum();
+        let pictures = self.pictures.of(&viewports);
+        let shown_stars = ShownStars::new(settings, &viewports, &pictures);
+        let planned_ev100 = {
+            let kernel = self.kernel().filter(|_| glare.method != GlareMethod::None);
+            let lit = bodies.as_ref().map(|bodies| Lit {
+                objects: &scene.objects,
+                suns: &suns,
+                camera_m: camera.position_m,
+                viewports: &viewports,
+                bodies,
+                clouds: &clouds,
+                glare: kernel.map(|kernel| (&**kernel, glare.fraction)),
+            });
+            planned_ev100(settings, &shown_stars, &pictures, lit.as_ref())
+        };
+        let known_ev100 = settings.exposure.known_ev100(adapted_ev100, planned_ev100);
         let expected_ev100 = settings
-            .known_white_ev100(adapted_ev100)
+            .known_white_ev100(known_ev100)
             .or_else(|| expected_ev100(&visible, bodies.as_ref(), total_solid_angle_sr, &settings.exposure));
         let accumulator = limits.accumulator_name(method.accumulator());
         let mut stars = plan_stars(settings, &viewports, &ranges, expected_ev100, accumulator);
@@ -306,7 +338,7 @@ impl Planner {
         let psf = self.psf.as_ref().filter(|_| method == StarMethod::PsfTexture).map(|(_, psf)| Arc::clone(psf));
         let billboards = (method.accumulator() == Accumulator::Blending).then(|| {
             let shown_ev100 = settings
-                .known_white_ev100(adapted_ev100)
+                .known_white_ev100(known_ev100)
                 .unwrap_or_else(|| settings.exposure.metered_ev100(mean_luminance_cd_m2(&scene.stars, camera_pc)));
             BillboardPlan::new(&settings.stars, settings.exposure.ev100, shown_ev100, psf.as_deref())
         });
@@ -319,7 +351,9 @@ impl Planner {
             overlay,
             report: stars.report,
             kernels: stars.kernels,
-            known_ev100: settings.exposure.known_ev100(adapted_ev100),
+            known_ev100,
+            planned_ev100,
+            shown_stars,
             viewports,
             batches,
             visible,
@@ -351,27 +385,22 @@ fn mean_luminance_cd_m2(stars: &StarSet, camera_pc: DVec3) -> f64 {
     light_lx / (4.0 * PI)
 }
 
-/// What fields of asteroids scatter in the eye of each viewport; nothing where there are none.
-fn extended_sources_of(
-    objects: &SceneObjects,
-    suns: &[Sun],
-    camera_m: DVec3,
-    viewports: &[Viewport],
-) -> Vec<Vec<ExtendedSource>> {
+/// What the eye of each viewport has fields of asteroids as; nothing where there are none.
+fn clouds_of(objects: &SceneObjects, suns: &[Sun], camera_m: DVec3, viewports: &[Viewport]) -> Vec<Vec<Cloud>> {
     if objects.fields.is_empty() {
         return Vec::new();
     }
     let fields: Vec<&AsteroidField> = objects.fields.iter().map(Arc::as_ref).collect();
-    let mut extended_sources: Vec<Vec<ExtendedSource>> = Vec::with_capacity(viewports.len());
+    let mut clouds: Vec<Vec<Cloud>> = Vec::with_capacity(viewports.len());
     for (index, viewport) in viewports.iter().enumerate() {
         // Eyes at one place see the same.
         let same = viewports[..index].iter().position(|other| other.eye_offset_m == viewport.eye_offset_m);
-        extended_sources.push(match same {
-            Some(other) => extended_sources[other].clone(),
-            None => field_sources(&fields, camera_m + viewport.eye_offset_m, suns),
+        clouds.push(match same {
+            Some(other) => clouds[other].clone(),
+            None => field_clouds(&fields, camera_m + viewport.eye_offset_m, suns),
         });
     }
-    extended_sources
+    clouds
 }
 
 /// The exposure that a frame will be metered at, as far as the stars' positions tell: good to a fraction of a stop.

@@ -1,6 +1,7 @@
 //! What is drawn how, as plain data in f64, with no GPU in sight: settings that name methods, and the plan that a frame follows.
 //!
-//! `settings` names the methods, `frame` makes the plan of a frame and `certificate` the bounds of its approximations. `tiles` cuts
+//! `settings` names the methods, `frame` makes the plan of a frame and `certificate` the bounds of its approximations. `exposure` finds the
+//! exposure as far as it follows from the plan. `tiles` cuts
 //! viewports into what the adapter can hold. Each technique has a folder: `stars` (culling, fixed-point ranges, kernels, motion, the
 //! numbers of the methods that blend), `bodies`, `asteroids` and `glare`.
 
@@ -9,6 +10,7 @@ pub mod asteroids;
 pub mod bodies;
 mod certificate;
 mod error;
+pub mod exposure;
 mod frame;
 pub mod glare;
 mod headset;

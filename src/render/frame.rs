@@ -44,6 +44,9 @@ pub struct ViewStatistics {
     pub stars_drawn: u64,
     /// Stars whose light reaches the view through the map of unresolved light.
     pub stars_in_map: u64,
+    /// Magnitude of the stars that the display image just shows: they peak at 20 of 255. It follows from the exposure and the view's
+    /// mean pixel; `None` for star methods that do not draw stars with their own light.
+    pub limiting_magnitude: Option<f64>,
     /// Asteroids by what they are drawn as.
     pub asteroids: AsteroidCounts,
     /// The view's share of the GPU's time, ms: of the star pass by stars drawn, of the passes over pixels by pixels. `None`
@@ -111,7 +114,7 @@ pub struct Frame {
     pub camera_revision: u64,
     /// Exposure of all views.
     pub exposure_ev100: f64,
-    /// What the meter reads: the exposure to adapt to.
+    /// What the frame asks for: the exposure to adapt to.
     pub metered_ev100: f64,
     /// Mean luminance over all views, weighted by solid angle, cd/m^2.
     pub mean_luminance_cd_m2: f64,

@@ -142,7 +142,7 @@ fn hdr_image(glare: GlareMethod, [display, hdr, hdr_stays]: [bool; 3], exposure_
 }
 
 impl Technique for Display {
-    /// With automatic exposure the first frame is metered; later ones may be shown with an exposure that adapts, and where nothing is
+    /// With an exposure by the mean the first frame is metered; later ones may be shown with an exposure that adapts, and where nothing is
     /// scattered the resolve pass writes their display images: both forms are made then.
     fn pipelines<'a>(&'a self, wish: &Wish<'a>) -> Vec<PipelineJob<'a>> {
         let Wish { gpu, objects, settings, made, formats, .. } = *wish;
@@ -153,7 +153,7 @@ impl Technique for Display {
             made.hdr_stays || formats.iter().any(|format| present_source(*format) == Some(PresentSource::Light));
         let glare = settings.glare.chosen(settings.stars.method);
         let adds_up = settings.stars.method.accumulator() == Accumulator::FixedPoint;
-        let may_be_metered = settings.exposure.known_ev100(None).is_none();
+        let may_be_metered = settings.exposure.is_metered();
         let known: &[bool] = if may_be_metered { &[false, true] } else { &[true] };
         let mut resolves: Vec<ResolveOutputs> = Vec::new();
         let mut maps_tones = false;

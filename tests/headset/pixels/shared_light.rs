@@ -61,7 +61,8 @@ fn alone_ev100(renderer: &mut Renderer, assignment: &Assignment, eye: &Eye) -> f
 /// Metered over both eyes, which see different parts of the sky, and used for both.
 pub fn both_eyes_have_one_exposure(monado: &'static Monado) {
     let service = Service::remote(monado);
-    let scene = "[exposure]\nadaptation_s = 0.0\ncompensation_ev = 6.0\n[tone_map]\noperator = \"srgb\"\n";
+    let scene =
+        "[exposure]\nmetering = \"mean\"\nadaptation_s = 0.0\ncompensation_ev = 6.0\n[tone_map]\noperator = \"srgb\"\n";
     let state = head(Quat::from_euler(EulerRot::YXZ, 1.9, -0.2, 0.4), canted_eyes());
     let assignment = Assignment::new(state, scene).mirrored();
     let settings = settings(SwapchainFormat::Rgba16f, SwapchainLayout::Auto, 1.0);
