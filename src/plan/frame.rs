@@ -321,7 +321,8 @@ impl Planner {
                 clouds: &clouds,
                 glare: kernel.map(|kernel| (&**kernel, glare.fraction)),
             });
-            planned_ev100(settings, &shown_stars, &pictures, lit.as_ref())
+            // In f32, as frames tell their exposure: one that has adapted to it is shown with the very same value.
+            planned_ev100(settings, &shown_stars, &pictures, lit.as_ref()).map(|ev100| f64::from(ev100 as f32))
         };
         let known_ev100 = settings.exposure.known_ev100(adapted_ev100, planned_ev100);
         let expected_ev100 = settings

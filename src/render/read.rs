@@ -131,8 +131,7 @@ impl Renderer {
             scene_revision: 0,
             camera_revision: 0,
             exposure_ev100,
-            // In f32, as the exposure of the frame is: an adapted frame has the very value that it asks for.
-            metered_ev100: f64::from(plan.planned_ev100.map_or(exposure[0].metered_ev100, |ev100| ev100 as f32)),
+            metered_ev100: plan.planned_ev100.unwrap_or_else(|| f64::from(exposure[0].metered_ev100)),
             mean_luminance_cd_m2: f64::from(exposure[0].mean_luminance_cd_m2),
             images,
             views,

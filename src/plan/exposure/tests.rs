@@ -113,7 +113,7 @@ fn magnitudes_are_told_apart_and_bright_stars_keep_their_colours_in_domes_of_eve
         let [red, green, blue] = codes(0.0, 3000.0, BSPLINE_PEAK);
         assert!(red > green + 10.0 && green > blue + 10.0, "{red} {green} {blue}");
         let [red, green, blue] = codes(0.0, 20_000.0, BSPLINE_PEAK);
-        assert!(blue > green + 5.0 && green > red + 5.0, "{red} {green} {blue}");
+        assert!(blue > green + 10.0 && green > red + 2.0, "{red} {green} {blue}");
         // At the exposure that the mean of a sky asks for the same stars are hardly told apart.
         let at_the_mean = [3.0, 6.0].map(|magnitude| {
             let peak = illuminance_lx_from_magnitude(magnitude) * BSPLINE_PEAK / stars.pixels_sr[0];
@@ -201,7 +201,7 @@ fn sunlit_surfaces_are_below_white_once_they_cover_a_thousandth_and_nothing_jump
             // Towards the limb Lommel and Seeliger's law gives a near eye up to twice as much.
             assert!((0.97..2.0).contains(&over), "at {distance}: white is {over} of the surface");
         } else if share < 2e-6 {
-            assert!((ev100 - night).abs() < 1e-9, "at {distance}: {ev100} instead of {night}");
+            assert!((ev100 - night).abs() < 1e-6, "at {distance}: {ev100} instead of {night}");
         }
         largest_step = largest_step.max((ev100 - previous).abs());
         previous = ev100;
@@ -211,7 +211,7 @@ fn sunlit_surfaces_are_below_white_once_they_cover_a_thousandth_and_nothing_jump
     assert!(largest_step < 0.6, "{largest_step}");
     // The night side, and a body out of the picture, ask for nothing.
     let mut eclipse = planet(20.0, true);
-    assert!((planned(eclipse.clone(), &view, &settings) - night).abs() < 1e-9);
+    assert!((planned(eclipse.clone(), &view, &settings) - night).abs() < 1e-6);
     eclipse[0].position_m = DVec3::Z * 1e8;
     eclipse[1].position_m = DVec3::Z * -AU_M;
     assert!(
@@ -221,7 +221,7 @@ fn sunlit_surfaces_are_below_white_once_they_cover_a_thousandth_and_nothing_jump
     let mut behind = planet(5.0, false);
     behind[0].position_m = DVec3::Z * 5.0 * 6.4e6;
     behind[1].position_m = DVec3::NEG_X * AU_M;
-    assert!((planned(behind, &view, &settings) - night).abs() < 1e-9);
+    assert!((planned(behind, &view, &settings) - night).abs() < 1e-6);
 }
 
 #[test]
@@ -241,7 +241,7 @@ fn a_picture_within_a_disc_is_exposed_for_it_and_what_is_hidden_is_not() {
     screen.radii_m = DVec3::splat(1.5e7);
     screen.surface.geometric_albedo = [0.0; 3];
     hidden.push(screen);
-    assert!((planned(hidden, &view, &settings) - night).abs() < 1e-9);
+    assert!((planned(hidden, &view, &settings) - night).abs() < 1e-6);
 }
 
 #[test]
@@ -264,7 +264,7 @@ fn the_veil_of_the_sun_is_a_background_below_a_fifth_of_white_wherever_the_sun_s
     let mut ground = Preset::Earth.body("ground", -zenith * 6.4e6);
     ground.radii_m = DVec3::splat(6.399e6);
     let sunset = planned(vec![ground, Preset::Sun.body("sun", -zenith * AU_M)], &view, &settings);
-    assert!((sunset - night).abs() < 1e-9, "{sunset}");
+    assert!((sunset - night).abs() < 1e-6, "{sunset}");
     // The full Moon, 14 magnitudes fainter, hardly changes it: its veil is a fifth of white already.
     let mut moon = Preset::Moon.body("moon", zenith * 3.84e8);
     moon.emission = Some(Emission { luminance_cd_m2: [4e3; 3], limb_darkening: 0.0 });
