@@ -191,14 +191,12 @@ impl Planner {
             let psf = DrawnPsf::new(&settings.stars.psf_texture.texture()?);
             self.psf = Some((settings.stars.psf_texture.clone(), Arc::new(psf)));
         }
-        if settings.glare.chosen(method) == GlareMethod::SkyCube {
-            if !method.draws_catalogue() {
-                return Err(PlanError::GlareOfCatalogue(method.name()));
-            }
+        let glare = settings.glare.chosen(method);
+        if glare == GlareMethod::SkyCube && !method.draws_catalogue() {
+            return Err(PlanError::GlareOfCatalogue(method.name()));
         }
-        // Bodies' glare is weighed by the kernel, whichever method draws it.
-        let weighs_glare = !scene.objects.is_empty() && settings.glare.chosen(method) != GlareMethod::None;
-        if settings.glare.chosen(method) == GlareMethod::SkyCube || weighs_glare {
+        // The exposure weighs the glare of bodies by the kernel, whichever method draws it.
+        if glare == GlareMethod::SkyCube || (glare != GlareMethod::None && !scene.objects.is_empty()) {
             self.hold_kernel(&settings.glare)?;
         }
         asteroids::frame::check(&scene.objects, limits)
