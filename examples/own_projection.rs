@@ -1,44 +1,49 @@
 //! A projection of one's own: `cargo run --release --example own_projection -- --out out`.
 //!
 //! The Hammer projection shows the whole sphere in an ellipse twice as wide as high, and every pixel of it has the same
-//! solid angle. The library does not know it: here it implements `PlaneMapping`, and the f64 renderer draws through it,
-//! without any adapter. `hammer.png` is the sky in galactic coordinates. Ends with 1 if the map does not hold the light
-//! of all stars to 1e-9.
+//! solid angle. The library does not know it: here it implements `PlaneMapping`. The f64 renderer draws through it; the
+//! adapter draws through a table of it. `hammer.png` is the sky in galactic coordinates in f64, `hammer_adapter.png` what the adapter
+//! makes of it. Ends with 1 if the f64 map does not hold the light of all stars to 1e-9 or the adapter's to 1e-4, or if
+//! the adapter's pixels are not those of the f64 map.
 
 use std::{
     error::Error,
-    f64::consts::{PI, SQRT_2, TAU},
+    f64::consts::{PI, SQRT_2},
     io::Write,
     path::PathBuf,
     process::ExitCode,
+    sync::Arc,
 };
 
 use clap::Parser;
 use glam::{DMat3, DQuat, DVec2, DVec3};
 use steradian::{
+    FrameRequest, Gpu, GpuOptions, RenderSettings, Renderer, Rig, SceneSnapshot, StarSet, View, ViewKind, Wanted,
     catalogue::{
         bright::bright_stars,
-        chunks::StarSet,
         galaxy::{GalaxyParameters, generate},
     },
     coordinates::icrs_from_galactic,
     output::{Encoding, encode},
     photometry::{
-        exposure::{ev100_from_mean_luminance, white_luminance_cd_m2},
+        exposure::{limiting_ev100, white_luminance_cd_m2},
         kernel::SplatKernel,
         rec709::luminance,
         tone_map::ToneMapSettings,
     },
-    reference::stars::splat::{Eye, draw},
+    plan::settings::{GlareSettings, StarMethod},
+    reference::stars::splat::{Eye, ReferenceImage, draw},
     render::FrameImage,
+    units::illuminance_lx_from_magnitude,
     view::{
         Part,
-        projection::{BoundingCone, Footprint, PlaneMapping, Tap},
+        projection::{BoundingCone, Footprint, PlaneMapping, TabulatedMapping, Tap},
     },
 };
 
-/// Darker than the mean asks for, so that single stars stand out.
-const COMPENSATION_EV: f64 = 5.0;
+/// Magnitude of the stars that are just seen, and the code of 255 that they peak at.
+const LIMITING_MAGNITUDE: f64 = 6.5;
+const JUST_SEEN_CODE: f64 = 20.0;
 
 /// Draws the whole sky as an ellipse.
 #[derive(Debug, Parser)]
@@ -104,6 +109,10 @@ impl PlaneMapping for Hammer {
         if self.contains(x, y) { self.scale().powi(-2) } else { 0.0 }
     }
 
+    fn shows_full_sphere(&self) -> bool {
+        true
+    }
+
     fn bounding_cone(&self, _margin_px: f64) -> BoundingCone {
         BoundingCone { axis: DVec3::NEG_Z, half_angle_rad: PI }
     }
@@ -121,6 +130,57 @@ impl PlaneMapping for Hammer {
     }
 }
 
+/// Where a map of the adapter may differ from the f64 one: sum of all differences over the sum of all light. A star a hundredth of
+/// a pixel off would make 1e-2 of its light.
+const MOST_APART: f64 = 6e-4;
+
+/// Draws the map on the adapter, through a table of the mapping. Light is compared with `true_lx`, pixels with those of `map`.
+fn draw_on_adapter(
+    stars: StarSet,
+    world_from_view: DQuat,
+    (mapping, map): (Hammer, &ReferenceImage),
+    true_lx: f64,
+) -> Result<FrameImage, Box<dyn Error>> {
+    let table = Arc::new(TabulatedMapping::new(mapping)?);
+    println!("table       {:.1} MiB, {:?}", table.bytes() as f64 / f64::from(1 << 20), table.accuracy());
+    let rig = Rig::new(vec![View::new(
+        "hammer",
+        ViewKind::Tabulated { mapping: Arc::clone(&table) },
+        world_from_view,
+        DVec3::ZERO,
+    )?])?;
+    let mut settings = RenderSettings { glare: GlareSettings::none(), ..RenderSettings::default() };
+    settings.stars.method = StarMethod::BSpline;
+    let scene = SceneSnapshot::of_stars(stars);
+    let mut renderer = Renderer::new(Gpu::open(&GpuOptions::default())?);
+    let frame = renderer.render(FrameRequest::new(&scene, &rig).settings(&settings).wanted(Wanted::both()))?;
+    let image = frame.images.into_iter().next().ok_or("no image")?;
+    let drawn_lx = image.illuminance_lx().ok_or("no HDR image")?;
+    let error = drawn_lx / true_lx - 1.0;
+    println!("adapter     {}: {drawn_lx:.9e} lx, relative difference {error:+.1e}", renderer.adapter().adapter);
+    if error.is_nan() || error.abs() > 1e-4 {
+        return Err("the adapter's map does not hold the light of all stars".into());
+    }
+    let expected = map.luminance_cd_m2(&*table);
+    let apart: f64 = image
+        .hdr
+        .iter()
+        .flatten()
+        .zip(&expected)
+        .map(|(seen, expected)| {
+            let [red, green, blue, omega_sr] = seen.map(f64::from);
+            let seen = [red, green, blue];
+            (0..3).map(|channel| (seen[channel] - expected[channel]).abs() * omega_sr).sum::<f64>() / 3.0
+        })
+        .sum::<f64>()
+        / true_lx;
+    println!("pixels      differences from f64 add up to {apart:.1e} of the light");
+    if apart.is_nan() || apart > MOST_APART {
+        return Err("the adapter's pixels are not those of the f64 map".into());
+    }
+    Ok(image)
+}
+
 fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let mut records = bright_stars();
     let real = records.len();
@@ -130,7 +190,8 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
 
     // Galactic coordinates: the centre of the Milky Way in the middle, its north pole at the top, longitude to the left.
     let [centre, left, north] = icrs_from_galactic().to_cols_array_2d().map(DVec3::from_array);
-    let eye = Eye { world_from_view: DQuat::from_mat3(&DMat3::from_cols(-left, north, -centre)), ..Eye::default() };
+    let world_from_view = DQuat::from_mat3(&DMat3::from_cols(-left, north, -centre));
+    let eye = Eye { world_from_view, ..Eye::default() };
     let mapping = Hammer { height: arguments.height };
     let map = draw(&stars, eye, &mapping, |_| Some(SplatKernel::BSpline));
 
@@ -148,8 +209,11 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         return Err("the map does not hold the light of all stars".into());
     }
 
-    let white_cd_m2 = white_luminance_cd_m2(ev100_from_mean_luminance(drawn_lx / (2.0 * TAU)) + COMPENSATION_EV);
     let tone_map = ToneMapSettings::default();
+    // All pixels have the same solid angle: the ellipse has the area 4 pi where the map's height is 2 sqrt 2.
+    let pixel_sr = 8.0 / f64::from(arguments.height).powi(2);
+    let limit_lx = illuminance_lx_from_magnitude(LIMITING_MAGNITUDE);
+    let white_cd_m2 = white_luminance_cd_m2(limiting_ev100(limit_lx, pixel_sr, tone_map.light_of_code(JUST_SEEN_CODE)));
     let display = map
         .luminance_cd_m2(&mapping)
         .into_iter()
@@ -161,10 +225,14 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let [width, height] = map.size;
     let image = FrameImage { view: 0, part: Part::Whole, width, height, display: Some(display), hdr: None };
     std::fs::create_dir_all(&arguments.out)?;
-    let path = arguments.out.join("hammer.png");
-    std::fs::write(&path, encode(Encoding::Png, &image)?)?;
-    println!("picture     {}", path.display());
-    Ok(())
+    let write = |name: &str, image: &FrameImage| -> Result<(), Box<dyn Error>> {
+        let path = arguments.out.join(name);
+        std::fs::write(&path, encode(Encoding::Png, image)?)?;
+        println!("picture     {}", path.display());
+        Ok(())
+    };
+    write("hammer.png", &image)?;
+    write("hammer_adapter.png", &draw_on_adapter(stars, world_from_view, (mapping, &map), true_lx)?)
 }
 
 fn main() -> ExitCode {

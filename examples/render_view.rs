@@ -45,8 +45,8 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     settings.stars.method = StarMethod::BSpline;
     // Glare would take light from stars near the border out of the picture: what is compared below is the stars' own.
     settings.glare = GlareSettings::none();
-    // Stars fill few of the pixels: white at the mean of such a picture would burn all of them out, colours included.
-    settings.exposure.compensation_ev = 10.0;
+    // Stars to this magnitude are just seen; the brighter ones keep their colours.
+    settings.exposure.limiting_magnitude = 6.5;
 
     let mut renderer = Renderer::new(Gpu::open(&GpuOptions::default())?);
     let frame = renderer.render(FrameRequest::new(&scene, &rig).settings(&settings).wanted(Wanted::both()))?;

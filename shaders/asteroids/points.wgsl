@@ -114,7 +114,8 @@ fn splat_asteroids(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invoc
             let visible = visible_share(tile, viewport, direction, projected.xy, foremost);
             if visible > 0.0 {
                 let scale = illuminance * visible * parameters.units_per_lx;
-                splat(tile, viewport, direction, projected.xy, illuminance, light / illuminance, scale, item.first + i);
+                let peak = peak_luminance(viewport, direction, illuminance);
+                splat(tile, viewport, direction, projected.xy, peak, light / illuminance, scale, item.first + i);
             }
         }
         if drawn > 0u {

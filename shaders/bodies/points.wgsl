@@ -74,7 +74,8 @@ fn splat_points(@builtin(global_invocation_id) id: vec3<u32>) {
             dot(unit, viewport.view_from_world_y.xyz),
             dot(unit, viewport.view_from_world_z.xyz));
         let projected = pixel_from_direction(viewport, direction);
-        let margin = select(1.5, viewport.gaussian_reach_px, illuminance >= viewport.gaussian_from_lx);
+        let peak = peak_luminance(viewport, direction, illuminance);
+        let margin = select(1.5, viewport.gaussian_reach_px, peak >= viewport.gaussian_from_cd_m2);
         let first_row = f32(tile.first_row);
         if !(illuminance > 0.0) || projected.z == 0.0 || any(projected.xy < vec2(0.0, first_row) - margin)
             || any(projected.xy > vec2(f32(viewport.size.x), first_row + f32(tile.rows)) + margin) {
@@ -83,7 +84,7 @@ fn splat_points(@builtin(global_invocation_id) id: vec3<u32>) {
         let visible = visible_share(tile, viewport, direction, projected.xy, distance_m - point.radius);
         if visible > 0.0 {
             let scale = illuminance * visible * parameters.units_per_lx;
-            splat(tile, viewport, direction, projected.xy, illuminance, light / illuminance, scale, index);
+            splat(tile, viewport, direction, projected.xy, peak, light / illuminance, scale, index);
         }
     }
 }

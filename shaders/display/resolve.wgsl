@@ -9,6 +9,7 @@
 #import display/encode
 #import shared/pixel_grid
 #import shared/projection
+#import shared/veil
 #import shared/viewport
 
 struct ResolveParameters {
@@ -31,6 +32,10 @@ struct ResolveParameters {
 // What bodies and asteroids show: see shared/cover.wgsl.
 @group(0) @binding(10) var<storage, read> geometry: array<vec4<u32>>;
 
+// The smooth part of scattered light.
+@group(0) @binding(11) var<storage, read> veil_grids: array<VeilGrid>;
+@group(0) @binding(12) var<storage, read> veil_points: array<vec4<f32>>;
+
 override WRITE_HDR: bool = true;
 override WRITE_DISPLAY: bool = false;
 // Whether dark pixels are written too, with their solid angle: where the HDR image leaves the GPU. Otherwise they keep their zero
@@ -38,6 +43,8 @@ override WRITE_DISPLAY: bool = false;
 override WRITE_DARK: bool = true;
 // Whether there is anything but stars.
 override HAS_GEOMETRY: bool = false;
+// Whether scattered light is added: its smooth part, since the rest is part of the sums.
+override HAS_VEIL: bool = false;
 
 @compute @workgroup_size(COLUMNS)
 fn resolve(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
@@ -51,6 +58,10 @@ fn resolve(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
     let columns = (viewport.size.x + COLUMNS - 1u) / COLUMNS;
     let high = has_high_words(tile.first_flag + group.y * columns + group.x);
     var sum = 0.0;
+    var veil: VeilColumn;
+    if HAS_VEIL {
+        veil = veil_column(veil_grids[tile.viewport], x);
+    }
     let end_row = min(tile.rows, (group.y + 1u) * ROWS);
     for (var row = group.y * ROWS; row < end_row; row++) {
         let index = tile.first_pixel + row * viewport.size.x + x;
@@ -63,7 +74,11 @@ fn resolve(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
         if HAS_GEOMETRY {
             shown = bitcast<vec3<f32>>(geometry[index].xyz);
         }
-        let lit = any(illuminance > vec3(0.0)) || any(shown > vec3(0.0));
+        var scattered = vec3(0.0);
+        if HAS_VEIL {
+            scattered = veil_in_row(&veil, image_row);
+        }
+        let lit = HAS_VEIL || any(illuminance > vec3(0.0)) || any(shown > vec3(0.0));
         if !(lit || WRITE_DARK || WRITE_DISPLAY) {
             continue;
         }
@@ -72,8 +87,9 @@ fn resolve(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
             luminance.w = solid_angle(viewport, vec2(i32(x), i32(image_row)));
         }
         if lit && luminance.w > 0.0 {
-            sum += dot(illuminance + shown * luminance.w, LUMINANCE_WEIGHTS);
-            luminance = vec4(illuminance * (1.0 / luminance.w) + shown, luminance.w);
+            let surface = shown + scattered;
+            sum += dot(illuminance + surface * luminance.w, LUMINANCE_WEIGHTS);
+            luminance = vec4(illuminance * (1.0 / luminance.w) + surface, luminance.w);
         }
         if WRITE_HDR && (lit || WRITE_DARK) {
             store_luminance(index, luminance);

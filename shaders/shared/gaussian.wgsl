@@ -21,6 +21,11 @@ struct Gaussian {
 
 // Larger and smaller angle that a pixel covers around a direction (unit vector), rad.
 fn pixel_extent(viewport: Viewport, direction: vec3<f32>) -> vec2<f32> {
+#when shared/tabulated
+    if viewport.kind == KIND_TABULATED {
+        return tabulated_extent(viewport, direction);
+    }
+#end
     let step = abs(1.0 / viewport.plane_scale);
     let sine = length(direction.xy);
     let cosine = -direction.z;
@@ -139,6 +144,11 @@ fn gaussian_reach(viewport: Viewport, direction: vec3<f32>, shorter: f32, cut: f
         return flat_gaussian_reach(viewport, direction, cut);
     }
     let most = f32(max(viewport.size.x, viewport.size.y));
+#when shared/tabulated
+    if viewport.kind == KIND_TABULATED {
+        return min(1.3 * cut / shorter, most) + 0.5;
+    }
+#end
     let outwards = precise_atan2(length(direction.xy), -direction.z) + cut;
     var reach = 1.3 * cut / shorter;
     if outwards > 0.97 * PI {
@@ -208,6 +218,11 @@ fn gaussian_pictures(viewport: Viewport, gaussian: Gaussian, reach: f32) -> u32 
         if is_fisheye(viewport) {
             whole = whole && length(gaussian.pixel - viewport.plane_offset) + 1.5 * reach < 0.5 * f32(min(size.x, size.y));
         }
+#when shared/tabulated
+        if viewport.kind == KIND_TABULATED {
+            whole = whole && tabulated_holds(viewport, gaussian.first, gaussian.last);
+        }
+#end
     }
     if whole {
         return 1u;

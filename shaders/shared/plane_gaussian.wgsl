@@ -11,9 +11,9 @@
 const PLANE_GAUSSIAN_INVERSE: f32 = 0.872526;
 const PLANE_GAUSSIAN_PEAK: f32 = 0.527005;
 
-// Share of the Gaussian for a star of that illuminance.
-fn gaussian_part(viewport: Viewport, illuminance: f32) -> f32 {
-    let brighter = illuminance / max(viewport.gaussian_from_lx, 1e-30);
+// Share of the Gaussian for a star of that illuminance over the solid angle of a pixel.
+fn gaussian_part(viewport: Viewport, peak: f32) -> f32 {
+    let brighter = peak / max(viewport.gaussian_from_cd_m2, 1e-30);
     return smoothstep(0.0, 1.0, log2(max(brighter, 1e-30)) / log2(PLANE_GAUSSIAN_GROWTH));
 }
 
@@ -58,7 +58,7 @@ fn plane_weight_on_cube(viewport: Viewport, direction: vec3<f32>, part: f32) -> 
     return total;
 }
 
-// Share of the kernel that lies inside a round picture.
+// Share of the kernel that lies inside a round or tabulated picture.
 fn plane_weight_in_circle(viewport: Viewport, pixel: vec2<f32>, part: f32) -> f32 {
     let first = vec2(plane_first(pixel.x), plane_first(pixel.y));
     var total = 0.0;

@@ -3,6 +3,7 @@
 #import constants/faces
 #import constants/projections
 #import shared/math
+#import tabulated = shared/tabulated_off | shared/tabulated
 #import shared/viewport
 
 // Continuous pixel coordinates of the image of a direction in view space (any length but 0) on a flat plane; z = 1 where there is one.
@@ -17,6 +18,11 @@ fn flat_pixel_from_direction(viewport: Viewport, direction: vec3<f32>) -> vec3<f
 
 // The same in any projection.
 fn pixel_from_direction(viewport: Viewport, direction: vec3<f32>) -> vec3<f32> {
+#when shared/tabulated
+    if viewport.kind == KIND_TABULATED {
+        return tabulated_pixel(viewport, direction);
+    }
+#end
     switch viewport.kind {
         case KIND_PERSPECTIVE, KIND_CUBE_FACE: {
             return flat_pixel_from_direction(viewport, direction);
@@ -67,26 +73,38 @@ fn pixel_from_direction(viewport: Viewport, direction: vec3<f32>) -> vec3<f32> {
 
 // Unit direction in view space of a pixel coordinate of the picture; w = 0 outside of it.
 fn direction_from_pixel(viewport: Viewport, pixel: vec2<f32>) -> vec4<f32> {
-    let size = vec2<f32>(viewport.size);
-    if any(pixel < vec2(0.0)) || any(pixel > size) {
+    if any(pixel < vec2(0.0)) || any(pixel > vec2<f32>(viewport.size)) {
         return vec4(0.0);
     }
+#when shared/tabulated
+    if viewport.kind == KIND_TABULATED {
+        return tabulated_direction(viewport, pixel);
+    }
+#end
+    if is_fisheye(viewport) && length((pixel - viewport.plane_offset) / viewport.plane_scale) > 1.0 {
+        return vec4(0.0);
+    }
+    return vec4(direction_of_point(viewport, pixel), 1.0);
+}
+
+// Unit direction in view space of a point of the plane, also beyond the picture as far as the mapping goes on there, and beyond that the
+// direction where it ends.
+fn direction_of_point(viewport: Viewport, pixel: vec2<f32>) -> vec3<f32> {
     switch viewport.kind {
         case KIND_PERSPECTIVE, KIND_CUBE_FACE: {
-            return vec4(normalize(vec3((pixel - viewport.plane_offset) / viewport.plane_scale, -1.0)), 1.0);
+            return normalize(vec3((pixel - viewport.plane_offset) / viewport.plane_scale, -1.0));
         }
         case KIND_EQUIRECTANGULAR: {
+            let size = vec2<f32>(viewport.size);
+            // A little beyond the date line the sine's polynomial still holds.
             let longitude = (pixel.x / size.x - 0.5) * 2.0 * PI;
-            let colatitude = pixel.y / size.y * PI;
+            let colatitude = clamp(pixel.y / size.y, 0.0, 1.0) * PI;
             let across = precise_sin(colatitude);
-            return vec4(across * precise_sin(longitude), precise_cos(colatitude), -across * precise_cos(longitude), 1.0);
+            return vec3(across * precise_sin(longitude), precise_cos(colatitude), -across * precise_cos(longitude));
         }
         default: {
             let p = (pixel - viewport.plane_offset) / viewport.plane_scale * vec2(1.0, -1.0);
             let rho = length(p);
-            if rho > 1.0 {
-                return vec4(0.0);
-            }
             var azimuth = vec2(1.0, 0.0);
             if rho > 0.0 {
                 azimuth = p / rho;
@@ -96,23 +114,25 @@ fn direction_from_pixel(viewport: Viewport, pixel: vec2<f32>) -> vec4<f32> {
             var along = 1.0;
             switch viewport.kind {
                 case KIND_EQUIDISTANT: {
-                    across = precise_sin(t);
-                    along = precise_cos(t);
+                    let theta = min(t, PI);
+                    across = precise_sin(theta);
+                    along = precise_cos(theta);
                 }
                 case KIND_EQUISOLID: {
-                    across = 2.0 * t * sqrt(max(0.0, 1.0 - t * t));
-                    along = 1.0 - 2.0 * t * t;
+                    let half = min(t, 1.0);
+                    across = 2.0 * half * sqrt(max(0.0, 1.0 - half * half));
+                    along = 1.0 - 2.0 * half * half;
                 }
                 case KIND_ORTHOGRAPHIC: {
-                    across = t;
-                    along = sqrt(max(0.0, 1.0 - t * t));
+                    across = min(t, 1.0);
+                    along = sqrt(max(0.0, 1.0 - across * across));
                 }
                 default: {
                     across = 2.0 * t / (1.0 + t * t);
                     along = (1.0 - t * t) / (1.0 + t * t);
                 }
             }
-            return vec4(azimuth * across, -along, 1.0);
+            return vec3(azimuth * across, -along);
         }
     }
 }
@@ -128,6 +148,11 @@ fn is_fisheye(viewport: Viewport) -> bool {
 
 // Whether a pixel lies inside the picture: for round pictures, whether its centre does.
 fn contains(viewport: Viewport, pixel: vec2<i32>) -> bool {
+#when shared/tabulated
+    if viewport.kind == KIND_TABULATED {
+        return tabulated_solid_angle(viewport, pixel) > 0.0;
+    }
+#end
     if any(pixel < vec2(0)) || any(pixel >= vec2<i32>(viewport.size)) {
         return false;
     }
@@ -192,6 +217,11 @@ fn is_flat(viewport: Viewport) -> bool {
 
 // Solid angle of a pixel in sr; 0 outside of the picture. The pixel lies inside of the image.
 fn solid_angle(viewport: Viewport, pixel: vec2<i32>) -> f32 {
+#when shared/tabulated
+    if viewport.kind == KIND_TABULATED {
+        return tabulated_solid_angle(viewport, pixel);
+    }
+#end
     if is_flat(viewport) {
         return flat_solid_angle(viewport, pixel);
     }

@@ -43,7 +43,7 @@ fn weight_on_cube(viewport: Viewport, direction: vec3<f32>, tent: bool) -> f32 {
     return total;
 }
 
-// Share of the kernel that lies inside a round picture.
+// Share of the kernel that lies inside a round or tabulated picture.
 fn weight_in_circle(viewport: Viewport, pixel: vec2<f32>, tent: bool) -> f32 {
     let first = vec2(kernel_first(pixel.x, tent), kernel_first(pixel.y, tent));
     let weights_x = kernel_weights(pixel.x, first.x, tent);
@@ -172,23 +172,29 @@ fn holds_image(tile: Tile, viewport: Viewport, pixel: vec2<f32>) -> bool {
     return own.x >= 0 && own.y >= i32(tile.first_row) && own.y < i32(tile.first_row + tile.rows);
 }
 
-// Splats light of `illuminance` lx in `direction`, whose image is at `pixel`, into a tile. `scale` is the light in units of the sums for
-// a colour of luminance 1, `number` decides how it is rounded.
+// Luminance of a pixel that holds all light of `illuminance` lx from `direction` (any length): what kernels are chosen by.
+fn peak_luminance(viewport: Viewport, direction: vec3<f32>, illuminance: f32) -> f32 {
+    let extent = pixel_extent(viewport, normalize(direction));
+    return illuminance / (extent.x * extent.y);
+}
+
+// Splats light in `direction`, whose image is at `pixel`, into a tile, with the kernel of light of that peak luminance. `scale` is the light
+// in units of the sums for a colour of luminance 1, `number` decides how it is rounded.
 fn splat(
-    tile: Tile, viewport: Viewport, direction: vec3<f32>, pixel: vec2<f32>, illuminance: f32, colour: vec3<f32>, scale: f32, number: u32) {
+    tile: Tile, viewport: Viewport, direction: vec3<f32>, pixel: vec2<f32>, peak: f32, colour: vec3<f32>, scale: f32, number: u32) {
     let row_0 = i32(tile.first_row);
     let row_1 = i32(tile.first_row + tile.rows);
     let size = vec2<i32>(viewport.size);
     let threshold = rounding_threshold(number);
-    if illuminance >= viewport.gaussian_from_lx {
+    if peak >= viewport.gaussian_from_cd_m2 {
         if viewport.gaussian_on_plane != 0u {
-            splat_plane(tile, viewport, direction, pixel, gaussian_part(viewport, illuminance), colour * scale, threshold);
+            splat_plane(tile, viewport, direction, pixel, gaussian_part(viewport, peak), colour * scale, threshold);
         } else {
             splat_round(tile, viewport, direction, pixel, colour * scale, threshold);
         }
         return;
     }
-    let tent = illuminance < viewport.tent_below_lx;
+    let tent = peak < viewport.tent_below_cd_m2;
     let n = select(3, 2, tent);
     let first = vec2(kernel_first(pixel.x, tent), kernel_first(pixel.y, tent));
     let first_pixel = vec2<i32>(first);
@@ -202,6 +208,11 @@ fn splat(
         let reach = f32(min(size.x, size.y)) - 6.0;
         in_picture = in_picture && reach > 0.0 && dot(doubled, doubled) < reach * reach;
     }
+#when shared/tabulated
+    if viewport.kind == KIND_TABULATED {
+        in_picture = in_picture && tabulated_holds(viewport, first_pixel, last_pixel);
+    }
+#end
     let inside = in_picture && first_pixel.y >= row_0 && last_pixel.y < row_1;
     var share = 1.0;
     if !in_picture {

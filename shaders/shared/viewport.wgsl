@@ -12,22 +12,22 @@ struct Viewport {
     plane_offset: vec2<f32>,
     size: vec2<u32>,
     kind: u32,
-    // Cube faces: number of the face.
+    // Cube faces: number of the face. Tabulated: where the table begins, in groups of four words.
     face: u32,
     // Fisheye: the rim's radius before normalisation, F/2, sin(F/4), sin(F/2) or tan(F/4).
     rim: f32,
     // Equidistant: pi - F/2. Orthographic: cos^2(F/2). Both from f64: f32 would cancel.
     rim_complement: f32,
-    // Fisheye: 1 where the picture shows the full sphere, so that its rim is no border.
+    // Fisheye and tabulated: 1 where the picture shows the full sphere, so that its rim is no border.
     full_sphere: u32,
     // 1 where the density at the pixel's centre is not good enough and nine points are averaged.
     quadrature: u32,
-    // Stars fainter than this take the tent, brighter ones the B-spline, lx.
-    tent_below_lx: f32,
+    // Stars below this take the tent, others the B-spline: illuminance over the solid angle of a pixel at their place, cd/m^2.
+    tent_below_cd_m2: f32,
     // Index of the view, for counting stars.
     view: u32,
-    // Stars as bright as this or brighter take the Gaussian, lx.
-    gaussian_from_lx: f32,
+    // Stars from this on take the Gaussian, the same.
+    gaussian_from_cd_m2: f32,
     // Its standard deviation: the larger of an angle in rad and of pixels.
     gaussian_sigma_rad: f32,
     gaussian_sigma_px: f32,

@@ -80,7 +80,8 @@ fn splat_stars(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocatio
                 dot(relative, viewport.view_from_world_y.xyz),
                 dot(relative, viewport.view_from_world_z.xyz));
             let projected = pixel_from_direction(viewport, direction);
-            let bright = illuminance >= viewport.gaussian_from_lx;
+            let peak = peak_luminance(viewport, direction, illuminance);
+            let bright = peak >= viewport.gaussian_from_cd_m2;
             let margin = select(1.5, viewport.gaussian_reach_px, bright);
             if projected.z == 0.0 || any(projected.xy < vec2(0.0, first_row) - margin)
                 || any(projected.xy > vec2(size.x, first_row + f32(tile.rows)) + margin) {
@@ -96,7 +97,7 @@ fn splat_stars(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocatio
                 }
             }
             let scale = illuminance * visible * parameters.units_per_lx;
-            splat(tile, viewport, direction, pixel, illuminance, colours[colour_index].xyz, scale, item.first_number + i);
+            splat(tile, viewport, direction, pixel, peak, colours[colour_index].xyz, scale, item.first_number + i);
             drawn += select(0u, 1u, holds_image(tile, viewport, pixel));
         }
         if drawn > 0u {

@@ -205,7 +205,8 @@ impl Config {
         asteroids::check_settings(&config.asteroids).map_err(|fault| fault.within("asteroids"))?;
         limits::check_stars(&config.stars).map_err(|fault| fault.within("stars"))?;
         limits::check_glare(&config.glare).map_err(|fault| fault.within("glare"))?;
-        limits::check_exposure(&config.exposure).map_err(|fault| fault.within("exposure"))?;
+        limits::check_exposure(&config.exposure, table.get("exposure"), config.stars.method)
+            .map_err(|fault| fault.within("exposure"))?;
         limits::check_tone_map(&config.tone_map).map_err(|fault| fault.within("tone_map"))?;
         headset::check(&config.headset).map_err(|fault| fault.within("headset"))?;
         config.build_rig()?;

@@ -89,6 +89,8 @@ const CHECKED_HERE: &[Range] = &[
     above_0("glare.inner_deg", 180.0, "degrees"),
     closed("glare.fraction", SHARE, "of the light"),
     closed("glare.age_years", [0.0, 120.0], "years"),
+    // From brighter than any star to fainter than any telescope sees.
+    closed("exposure.limiting_magnitude", [-10.0, 30.0], ""),
     closed("exposure.ev100", EV100, ""),
     closed("exposure.min_ev100", EV100, ""),
     closed("exposure.max_ev100", EV100, ""),
@@ -104,6 +106,7 @@ const CHECKED_HERE: &[Range] = &[
     above_0("accuracy.centroid_px", 10.0, "pixels"),
     above_0("accuracy.flicker", 1.0, ""),
     above_0("accuracy.glare", 1.0, ""),
+    closed("accuracy.display_codes", [0.0, 64.0], "codes of 8 bits"),
     closed("headset.resolution_scale", [0.1, 4.0], ""),
     above_0("headset.flight_m_s", 1e12, "m/s"),
     closed("headset.turn_deg_s", [0.0, 360.0], "deg/s"),

@@ -17,3 +17,36 @@ pub(crate) fn dispatch_rows(gpu: &Gpu, workgroups: u32) -> [u32; 2] {
     let columns = workgroups.clamp(1, gpu.max_workgroups);
     [columns, workgroups.div_ceil(columns)]
 }
+
+/// The last of the groups that every adapter has: passes number their own ones from 0 on.
+const TABLES_GROUP: u32 = 3;
+
+impl Gpu {
+    /// Whether there are tables that all passes share: their shaders read them then.
+    pub(crate) fn has_tables(&self) -> bool {
+        self.tables.is_some()
+    }
+
+    /// Has passes read these tables from now on, or none. Pipelines that were made for the other case cannot be used then.
+    pub(crate) fn set_tables(&mut self, tables: Option<wgpu::Buffer>) {
+        self.tables = tables;
+    }
+
+    /// Binds the tables, where there are any, for a pipeline whose shader reads them.
+    pub(crate) fn bind_tables(&self, pass: &mut wgpu::ComputePass<'_>, pipeline: &wgpu::ComputePipeline) {
+        if let Some(tables) = &self.tables {
+            self.bind_as_tables(pass, pipeline, tables);
+        }
+    }
+
+    /// Binds a buffer in their place.
+    pub(crate) fn bind_as_tables(
+        &self,
+        pass: &mut wgpu::ComputePass<'_>,
+        pipeline: &wgpu::ComputePipeline,
+        tables: &wgpu::Buffer,
+    ) {
+        let group = bind_buffers(self, pipeline, TABLES_GROUP, &[(0, tables.as_entire_binding())]);
+        pass.set_bind_group(TABLES_GROUP, &group, &[]);
+    }
+}

@@ -190,9 +190,9 @@ mod tests {
         let Some(ahead) = &gpu.compile_ahead else { return assert!(!gpu.software, "software drivers have it") };
         let (device, queue) = ahead.open().unwrap();
         dispatch_nothing(&device, &queue, &source(DOUBLES), &[("WIDTH", 8.0)]).unwrap();
-        let sampled = "@group(0) @binding(0) var from: texture_2d<f32>;
+        let sampled = "@group(0) @binding(0) var picture: texture_2d<f32>;
             @group(0) @binding(1) var<storage, read_write> values: array<f32>;
-            @compute @workgroup_size(1) fn double() { values[0] = textureLoad(from, vec2(0), 0).x; }";
+            @compute @workgroup_size(1) fn double() { values[0] = textureLoad(picture, vec2(0), 0).x; }";
         let wrong = [
             (source(sampled), "something else than buffers"),
             (source("fn double() {"), "cannot be read"),

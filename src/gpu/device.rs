@@ -187,6 +187,8 @@ pub struct Gpu {
     pub(super) compile_ahead: Option<CompileAhead>,
     /// Workgroups of a dispatch along each axis, at most.
     pub(super) max_workgroups: u32,
+    /// What passes bind beside their own buffers: see [`Gpu::bind_tables`].
+    pub(super) tables: Option<wgpu::Buffer>,
 }
 
 impl Gpu {
@@ -275,6 +277,7 @@ impl Gpu {
             counters: Counters::default(),
             compile_ahead: None,
             max_workgroups: limits.max_compute_workgroups_per_dimension,
+            tables: None,
         }
     }
 

@@ -24,7 +24,7 @@ pub use device::{AdapterReport, Gpu, GpuError, GpuOptions};
 pub(crate) use frame_pool::LayoutOf;
 pub use frame_pool::ObjectsMade;
 pub(crate) use pipelines::{Stage, Variants};
-pub(crate) use shader::{Choices, Library};
+pub(crate) use shader::{Choices, Joined, Library};
 #[doc(hidden)]
 pub use shader::{Place, ShaderError, ShaderSource};
 #[doc(hidden)]

@@ -7,6 +7,8 @@
 //!   (`constants/...`, see [`super::constants`]);
 //! - `#import accumulate = shared/accumulate_u32 | shared/accumulate_u64`: one of these, which the shader chooses by the
 //!   name `accumulate`. `stars/billboards/profile_*` stands for all files whose names begin so;
+//! - `#when shared/tabulated` ... `#end`: what stands between is part of the shader only if that file is, and has been met
+//!   before; there are no directives in it;
 //! - `#requires u64`: 64-bit integers and atomics.
 //!
 //! Comments are the `//` kind alone.
@@ -52,13 +54,19 @@ pub enum ShaderError {
     },
     /// A line that begins like a directive.
     #[error(
-        "{place}: `{line}` is no directive; allowed: `#import FILE`, `#import NAME = FILE | FILE`, `#requires u64`"
+        "{place}: `{line}` is no directive here; allowed: `#import FILE`, `#import NAME = FILE | FILE`, `#when FILE`, `#end`, `#requires u64`"
     )]
     Directive {
         /// Where it stands.
         place: Place,
         /// What stands there.
         line: String,
+    },
+    /// A `#when` without its `#end`.
+    #[error("{place}: this `#when` has no `#end`")]
+    NoEnd {
+        /// Where it stands.
+        place: Place,
     },
     /// Nothing is chosen between alternatives.
     #[error("{place}: `{slot}` is not chosen; allowed: {}", alternatives.join(", "))]
@@ -155,6 +163,8 @@ pub(crate) struct Joined {
 enum Directive<'a> {
     Import(&'a str),
     Choose { slot: &'a str, patterns: Vec<&'a str> },
+    When(&'a str),
+    End,
     RequiresU64,
 }
 
@@ -168,6 +178,8 @@ impl<'a> Directive<'a> {
         Some(match words.as_slice() {
             ["#requires", "u64"] => Ok(Self::RequiresU64),
             ["#import", stem] => Ok(Self::Import(stem)),
+            ["#when", stem] => Ok(Self::When(stem)),
+            ["#end"] => Ok(Self::End),
             ["#import", slot, "=", alternatives @ ..] if alternatives.len() % 2 == 1 => {
                 let bars = alternatives.iter().skip(1).step_by(2);
                 let patterns: Vec<&str> = alternatives.iter().step_by(2).copied().collect();
@@ -282,14 +294,28 @@ impl<'a> Walk<'a> {
     fn visit(&mut self, stem: &'a str, text: &'a str) -> Result<(), ShaderError> {
         self.path.push(stem);
         let mut own = format!("// shaders/{stem}.wgsl\n");
+        // Where a `#when` stands that has not ended yet, and whether what it encloses is left out.
+        let mut when: Option<(Place, bool)> = None;
         for (index, line) in text.lines().enumerate() {
             let place = || Place { file: stem.to_owned(), line: index + 1 };
             match Directive::of(line) {
                 None => {
-                    own.push_str(line);
-                    own.push('\n');
+                    if !matches!(when, Some((_, true))) {
+                        own.push_str(line);
+                        own.push('\n');
+                    }
                 }
-                Some(Err(())) => {
+                Some(Ok(Directive::End)) if when.is_some() => when = None,
+                Some(Ok(Directive::When(file))) if when.is_none() => {
+                    if !self.library.texts.contains_key(file) {
+                        return Err(ShaderError::UnknownImport { place: place(), file: file.to_owned() });
+                    }
+                    when = Some((place(), !self.done.contains(file)));
+                }
+                Some(Err(()) | Ok(Directive::End | Directive::When(_))) => {
+                    return Err(ShaderError::Directive { place: place(), line: line.trim().to_owned() });
+                }
+                Some(Ok(_)) if when.is_some() => {
                     return Err(ShaderError::Directive { place: place(), line: line.trim().to_owned() });
                 }
                 Some(Ok(Directive::RequiresU64)) => self.joined.needs_u64 = true,
@@ -299,6 +325,9 @@ impl<'a> Walk<'a> {
                     self.import(chosen, place())?;
                 }
             }
+        }
+        if let Some((place, _)) = when {
+            return Err(ShaderError::NoEnd { place });
         }
         self.path.pop();
         self.done.insert(stem);
@@ -353,136 +382,4 @@ impl<'a> Walk<'a> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn join(files: &[(&str, &str)], choices: &[(&str, &str)]) -> Result<Joined, ShaderError> {
-        Library::new(files.iter().copied()).join("main", &chosen(choices))
-    }
-
-    fn chosen(choices: &[(&str, &str)]) -> Choices {
-        choices.iter().map(|(slot, stem)| ((*slot).to_owned(), (*stem).to_owned())).collect()
-    }
-
-    fn error(files: &[(&str, &str)], choices: &[(&str, &str)]) -> String {
-        join(files, choices).unwrap_err().to_string()
-    }
-
-    #[test]
-    fn every_file_stands_once_after_what_it_needs() {
-        let files = [
-            ("main", "#import b\n#import a\nmain"),
-            ("a", "// head\n\n#import c\na"),
-            ("b", "#import c\n#import c\n#import a\nb"),
-            ("c", "c"),
-            ("d", "never asked for"),
-        ];
-        let joined = join(&files, &[]).unwrap();
-        let text =
-            "// shaders/c.wgsl\nc\n// shaders/a.wgsl\n// head\n\na\n// shaders/b.wgsl\nb\n// shaders/main.wgsl\nmain\n";
-        assert_eq!(joined, Joined { text: text.to_owned(), needs_u64: false });
-    }
-
-    #[test]
-    fn unknown_files_name_file_and_line() {
-        let files = [("main", "#import a"), ("a", "// head\n#import wrong/file")];
-        assert_eq!(
-            error(&files, &[]),
-            "shaders/a.wgsl:2: `wrong/file` is neither a file below shaders/ nor a table of constants"
-        );
-        assert_eq!(
-            Library::new(files).join("other", &Choices::new()).unwrap_err().to_string(),
-            "there is no shader file shaders/other.wgsl"
-        );
-        assert!(error(&[("main", "#import x = none_*")], &[("x", "a")]).contains("main.wgsl:1: `none_*`"));
-    }
-
-    #[test]
-    fn cycles_are_named() {
-        let files = [("main", "#import a"), ("a", "#import b"), ("b", "\n#import a")];
-        assert_eq!(error(&files, &[]), "shaders/b.wgsl:2: imports run in a circle: a -> b -> a");
-        assert_eq!(
-            error(&[("main", "#import main")], &[]),
-            "shaders/main.wgsl:1: imports run in a circle: main -> main"
-        );
-    }
-
-    #[test]
-    fn one_alternative_is_chosen() {
-        let files = [("main", "#import sum = u32 | u64\nmain"), ("u32", "narrow"), ("u64", "#requires u64\nwide")];
-        let wide = join(&files, &[("sum", "u64")]).unwrap();
-        assert!(wide.needs_u64 && wide.text.contains("wide") && !wide.text.contains("narrow"));
-        assert!(!join(&files, &[("sum", "u32")]).unwrap().needs_u64);
-        assert_eq!(error(&files, &[]), "shaders/main.wgsl:1: `sum` is not chosen; allowed: u32, u64");
-        assert_eq!(
-            error(&files, &[("sum", "main")]),
-            "shaders/main.wgsl:1: `main` cannot be chosen as `sum`; allowed: u32, u64"
-        );
-        assert_eq!(
-            error(&files, &[("sum", "u64"), ("total", "u32")]),
-            "shaders/main.wgsl: neither it nor what it imports asks for a choice `total`"
-        );
-        let twice = [("main", "#import sum = u32\n#import sum = u64"), ("u32", ""), ("u64", "")];
-        assert_eq!(
-            error(&twice, &[("sum", "u32")]),
-            "shaders/main.wgsl:2: `sum` has other alternatives than at shaders/main.wgsl:1"
-        );
-    }
-
-    #[test]
-    fn all_combinations_are_found() {
-        let files = [
-            ("main", "#import of = kind_*\n@compute fn main() {}"),
-            ("kind_a", ""),
-            ("kind_b", "#import sum = u32 | u64"),
-            ("u32", ""),
-            ("u64", ""),
-        ];
-        let library = Library::new(files);
-        let wanted: &[&[(&str, &str)]] =
-            &[&[("of", "kind_a")], &[("of", "kind_b"), ("sum", "u32")], &[("of", "kind_b"), ("sum", "u64")]];
-        let wanted: Vec<Choices> = wanted.iter().map(|choices| chosen(choices)).collect();
-        assert_eq!(library.combinations("main").unwrap(), wanted);
-        assert_eq!(library.entry_files().collect::<Vec<_>>(), ["main"]);
-        assert!(Library::new([("main", "#import none")]).combinations("main").is_err());
-    }
-
-    #[test]
-    fn directives_that_cannot_be_read_are_errors() {
-        for line in [
-            "#import",
-            "#import a b",
-            "#import a = b |",
-            "#import a = b c d",
-            "#import x = | | |",
-            "#requires f16",
-            "#include a",
-        ] {
-            let found = error(&[("main", &format!("\n{line}")), ("a", ""), ("b", ""), ("d", "")], &[("a", "b")]);
-            assert!(found.starts_with(&format!("shaders/main.wgsl:2: `{line}` is no directive")), "{found}");
-        }
-    }
-
-    #[test]
-    fn a_file_has_one_entry_point_and_is_not_imported_with_it() {
-        let two = "@vertex\nfn first() {}\n// @fragment fn not() {}\nfn plain() {}\n@fragment fn second(a: u32) {}";
-        let library = Library::new([
-            ("main", "#import other"),
-            ("other", two),
-            ("one", "@compute @workgroup_size(1)\nfn go() {}"),
-        ]);
-        assert_eq!(library.entry("one").unwrap(), ("one", "go"));
-        assert_eq!(
-            library.entry("other").unwrap_err().to_string(),
-            "shaders/other.wgsl: one entry point is wanted, found: first, second"
-        );
-        assert_eq!(
-            library.entry("main").unwrap_err().to_string(),
-            "shaders/main.wgsl: one entry point is wanted, found: none"
-        );
-        assert_eq!(
-            library.join("main", &Choices::new()).unwrap_err().to_string(),
-            "shaders/main.wgsl:1: `other` has an entry point, and cannot be imported"
-        );
-    }
-}
+mod tests;

@@ -65,6 +65,8 @@ struct ManifestView<'a> {
     files: Vec<String>,
     stars_drawn: u64,
     stars_in_map: u64,
+    /// Magnitude of the stars that the display image just shows.
+    limiting_magnitude: Option<f64>,
     /// Asteroids by what they are drawn as.
     asteroids: &'a AsteroidCounts,
     gpu_ms: Option<f64>,
@@ -111,6 +113,7 @@ pub fn write_frame(
             files,
             stars_drawn: statistics.stars_drawn,
             stars_in_map: statistics.stars_in_map,
+            limiting_magnitude: statistics.limiting_magnitude,
             asteroids: &statistics.asteroids,
             gpu_ms: statistics.gpu_ms,
             plan: &frame.plan,
@@ -159,6 +162,7 @@ mod tests {
                 name: view.name.clone(),
                 stars_drawn,
                 stars_in_map: 0,
+                limiting_magnitude: (stars_drawn == 4).then_some(6.25),
                 asteroids: AsteroidCounts::default(),
                 gpu_ms: (stars_drawn == 3).then_some(1.5),
             })
@@ -199,6 +203,8 @@ mod tests {
         assert_eq!(manifest["views"][1]["stars_drawn"], 4);
         assert_eq!(manifest["views"][0]["gpu_ms"], 1.5);
         assert!(manifest["views"][1]["gpu_ms"].is_null());
+        assert_eq!(manifest["views"][1]["limiting_magnitude"], 6.25);
+        assert!(manifest["views"][0]["limiting_magnitude"].is_null());
         assert_eq!(manifest["views"][0]["plan"]["stars"], "bspline");
 
         let omega = exr_channel(&std::fs::read(out.join("cube.down.exr")).unwrap(), "omega");

@@ -11,7 +11,12 @@
 //! A scene of even luminance is therefore shown at 0.125 / 1.2 = 10.4 % of white: [`STANDARD_KEY`]. Another share of white,
 //! the key, is the same as a compensation ([`key_compensation_ev`]).
 //!
-//! Units: cd/m^2, EV100.
+//! A night sky has no such mean: that of a dark sky is a thousandth of what its stars have in their pixels, and it changes with the
+//! catalogue. What is asked of its picture is that stars of a certain magnitude are just seen ([`limiting_ev100`]).
+//!
+//! Units: cd/m^2, EV100, lx, sr, magnitudes.
+
+use super::kernel::BSPLINE_PEAK;
 
 /// Luminance of display white at EV100 = 0, cd/m^2.
 pub const WHITE_LUMINANCE_AT_EV0_CD_M2: f64 = 1.2;
@@ -62,9 +67,35 @@ pub fn metered_ev100(mean_cd_m2: f64, compensation_ev: f64, min_ev100: f64, max_
     }
 }
 
+/// The exposure at which a star of `illuminance_lx`, drawn with the B-spline into pixels of `pixel_sr`, peaks at `shown` of display
+/// white.
+pub fn limiting_ev100(illuminance_lx: f64, pixel_sr: f64, shown: f64) -> f64 {
+    (BSPLINE_PEAK * illuminance_lx / (WHITE_LUMINANCE_AT_EV0_CD_M2 * pixel_sr * shown)).log2()
+}
+
+/// Illuminance of the star that peaks at `shown` of display white at an exposure, lx: the inverse of [`limiting_ev100`].
+pub fn limiting_illuminance_lx(ev100: f64, pixel_sr: f64, shown: f64) -> f64 {
+    white_luminance_cd_m2(ev100) * pixel_sr * shown / BSPLINE_PEAK
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_limiting_exposure_is_that_of_the_published_example_and_has_an_inverse() {
+        use crate::units::illuminance_lx_from_magnitude;
+        // A dome of 1024 pixels, 7.63e-6 sr each in the mean; filmic shows 0.01095 of white as code 20. By hand: V = 6.5 is 6.4e-9 lx,
+        // its peak 3.7e-4 cd/m^2, white 0.034 cd/m^2.
+        let lx = illuminance_lx_from_magnitude(6.5);
+        let ev100 = limiting_ev100(lx, 7.63e-6, 0.010_95);
+        assert!((ev100 + 5.16).abs() < 0.02, "{ev100}");
+        assert!((limiting_illuminance_lx(ev100, 7.63e-6, 0.010_95) / lx - 1.0).abs() < 1e-12);
+        // A sixteenth of the pixel is four stops, five magnitudes are a factor of a hundred.
+        assert!((limiting_ev100(lx, 7.63e-6 / 16.0, 0.010_95) - ev100 - 4.0).abs() < 1e-12);
+        let five_brighter = limiting_ev100(illuminance_lx_from_magnitude(1.5), 7.63e-6, 0.010_95);
+        assert!((five_brighter - ev100 - 100_f64.log2()).abs() < 1e-9);
+    }
 
     #[test]
     fn exposure_values_are_the_published_ones() {

@@ -36,6 +36,10 @@ pub fn bright_kernel(part: f64, centre: DVec2) -> Vec<(i64, i64, f64)> {
     rows.iter().flat_map(|(y, wy)| columns.iter().map(move |(x, wx)| (*x, *y, wx * wy))).collect()
 }
 
+/// Share of its light that a star drawn with the B-spline has in its brightest pixel: the geometric mean over its places within a
+/// pixel, which is the mean in magnitudes. It is 0.5625 in the middle of a pixel and 0.25 at a corner.
+pub const BSPLINE_PEAK: f64 = 0.439;
+
 /// How many times brighter than the first star that takes [`bright_kernel`] a star is that has nothing of the B-spline left.
 pub const BRIGHT_KERNEL_GROWTH: f64 = 6.0;
 
@@ -118,6 +122,23 @@ mod tests {
                 assert!((centroid - centre).length() < 1e-12, "{kernel:?} {centre} {centroid}");
             }
         }
+    }
+
+    #[test]
+    fn the_peak_of_the_bspline_is_its_mean_in_magnitudes() {
+        const N: u32 = 64;
+        let at = |i: u32| 5.0 + (f64::from(i) + 0.5) / f64::from(N);
+        let peak = |x: u32, y: u32| {
+            let taps = SplatKernel::BSpline.footprint(DVec2::new(at(x), at(y)));
+            taps.iter().map(|tap| tap.2).fold(0.0, f64::max)
+        };
+        let places: Vec<(u32, u32)> = (0..N).flat_map(|y| (0..N).map(move |x| (x, y))).collect();
+        let logs: f64 = places.iter().map(|(x, y)| peak(*x, *y).ln()).sum();
+        let mean = (logs / places.len() as f64).exp();
+        assert!((mean - BSPLINE_PEAK).abs() < 5e-4, "{mean}");
+        // The arithmetic mean is another one.
+        let plain = places.iter().map(|(x, y)| peak(*x, *y)).sum::<f64>() / places.len() as f64;
+        assert!((plain - 4.0 / 9.0).abs() < 1e-4 && plain - BSPLINE_PEAK > 4e-3, "{plain}");
     }
 
     #[test]

@@ -17,7 +17,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use self::curves::{aces, filmic, reinhard_scale};
-use super::exposure::WHITE_LUMINANCE_AT_EV0_CD_M2;
+use super::exposure::{WHITE_LUMINANCE_AT_EV0_CD_M2, white_luminance_cd_m2};
 pub use super::rec709::luminance;
 
 /// Brighter light than this is shown as this, cd/m^2 and units of display white: in f32, too, sums of three stay finite.
@@ -95,7 +95,7 @@ impl Default for ToneMapSettings {
             white: 16.0,
             peak_cd_m2: 100.0,
             black_cd_m2: 0.0,
-            desaturation: 0.0,
+            desaturation: 1.0,
             scotopic: 0.0,
             dither: true,
         }
@@ -148,6 +148,40 @@ impl ToneMapSettings {
         };
         let kept = hue::at_luminance(value, wanted.min(1.0));
         std::array::from_fn(|c| encoded(linear[c] + self.desaturation * (kept[c] - linear[c])))
+    }
+
+    /// Greatest slope of the display value of grey over its luminance in units of what is shown white, above a quarter of a code.
+    pub fn greatest_slope(&self) -> f64 {
+        const STEPS_PER_OCTAVE: f64 = 16.0;
+        const OCTAVES: f64 = 20.0;
+        // What `calibrated` shows white is its peak, whatever the exposure.
+        let white = self.white_ev100().map_or(1.0, |_| self.peak_cd_m2);
+        let ratio = STEPS_PER_OCTAVE.recip().exp2();
+        let shown = |value: f64| self.display_rgb([value * white; 3], white)[0];
+        let values = (0..=(OCTAVES * STEPS_PER_OCTAVE) as u32).map(|step| (-f64::from(step) / STEPS_PER_OCTAVE).exp2());
+        values
+            .filter(|value| shown(value * ratio) > 0.25 / 255.0)
+            .map(|value| (shown(value * ratio) - shown(value)) / (value * (ratio - 1.0)))
+            .fold(0.0, f64::max)
+    }
+
+    /// White light over display white whose display value is `code` of 255, before rounding: for `calibrated` display white is the
+    /// display's peak. Dim light is taken as cones see it: `scotopic` leaves the luminance of white as it is.
+    pub fn light_of_code(&self, code: f64) -> f64 {
+        let plain = Self { scotopic: 0.0, ..*self };
+        let white_cd_m2 = white_luminance_cd_m2(self.white_ev100().unwrap_or(0.0));
+        let shown = |light: f64| 255.0 * plain.display_rgb([light * white_cd_m2; 3], white_cd_m2)[1];
+        // Every operator rises with the light: halve the range of its logarithm until it is as narrow as f64 is fine.
+        let (mut dark, mut bright) = (-60.0_f64, 60.0_f64);
+        for _ in 0..64 {
+            let middle = 0.5 * (dark + bright);
+            if shown(middle.exp2()) < code {
+                dark = middle;
+            } else {
+                bright = middle;
+            }
+        }
+        bright.exp2()
     }
 
     /// The byte of a display value without dithering.

@@ -61,8 +61,8 @@ pub fn plan_stars(
         viewports.iter().map(|viewport| kernels_of(settings, viewport, expected_ev100)).collect();
     let stars = match settings.stars.method {
         StarMethod::Auto => {
-            let tent = kernels.iter().any(|kernels| kernels.tent_below_lx > 0.0);
-            let gaussian = kernels.iter().any(|kernels| kernels.gaussian_from_lx.is_finite());
+            let tent = kernels.iter().any(|kernels| kernels.tent_below_cd_m2 > 0.0);
+            let gaussian = kernels.iter().any(|kernels| kernels.gaussian_from_cd_m2.is_finite());
             match (tent, gaussian) {
                 (true, true) => {
                     "auto: bspline; tent for stars too faint, Gaussian for stars too bright for its flicker not to be seen"
@@ -96,6 +96,14 @@ pub fn plan_stars(
         bound("a star's temperature, held in 11 bits", 1.3e-3, "relative", None),
         bound("a star's direction, f32 from its chunk", 5e-7, "rad", None),
     ];
+    let off_px = viewports.iter().filter_map(|viewport| match &viewport.projection {
+        Projection::Tabulated(table) => Some(table.accuracy().smooth_px),
+        _ => None,
+    });
+    if let Some(off_px) = off_px.reduce(f64::max) {
+        let what = "a direction's place in a tabulated picture, where its mapping is smooth";
+        certificate.push(bound(what, off_px, "px", Some(budget.centroid_px)));
+    }
     if !settings.stars.method.draws_catalogue() {
         // All of these are of stars of the catalogue.
         certificate.clear();

@@ -39,6 +39,42 @@ pub enum PlanError {
         /// The limit.
         limit: u64,
     },
+    /// The tables of tabulated pictures do not fit.
+    #[error(
+        "view `{view}`: the tables of tabulated pictures take {bytes} bytes in all: this adapter binds at most {limit}: make them smaller or fewer"
+    )]
+    TooLargeTables {
+        /// The view that went over the limit.
+        view: String,
+        /// Bytes needed.
+        bytes: u64,
+        /// The limit.
+        limit: u64,
+    },
+    /// Kernels that are round in the sky go on beyond the cuts of a tabulated picture.
+    #[error(
+        "view `{view}`: stars.method = `{method}` spreads light over the sky, and a tabulated picture with a cut, or of the full sphere, does not know what lies beyond its edges: set the method to auto, bspline or tent"
+    )]
+    RoundKernelAtCut {
+        /// The view's name.
+        view: String,
+        /// The star method.
+        method: &'static str,
+    },
+    /// The kernels of stars reach farther than a tabulated picture knows directions.
+    #[error(
+        "view `{view}`: the kernels of stars.method = `{method}` reach {reach_px:.1} pixels, and a tabulated picture knows directions up to {limit_px} pixels beyond its border: make them narrower"
+    )]
+    KernelBeyondTable {
+        /// The view's name.
+        view: String,
+        /// The star method.
+        method: &'static str,
+        /// How far they reach, pixels.
+        reach_px: f64,
+        /// The limit.
+        limit_px: f64,
+    },
     /// There is more of an overlay than one frame can hold.
     #[error("overlay: {0}")]
     Overlay(#[from] OverlayPlanError),

@@ -10,13 +10,18 @@ use glam::DVec3;
 
 use super::{
     Limits,
-    asteroids::{self, AsteroidInputs, AsteroidPlan, Tables, glare::field_sources},
+    asteroids::{
+        self, AsteroidInputs, AsteroidPlan, Tables,
+        glare::{Cloud, field_clouds},
+    },
     bodies::{
         seen::{BodyPlan, plan_bodies},
         textures::texture_bytes,
     },
+    budget::{Output, display_step_cd_m2, draws_outputs_apart, least_veil_cd_m2},
     certificate::{FramePlan, plan_stars},
     error::PlanError,
+    exposure::{ShownStars, guard::Lit, pictures::Pictures, planned_ev100},
     glare::objects::ExtendedSource,
     overlay::{OverlayInputs, OverlayPlan, OverlayPlanner},
     settings::{
@@ -25,7 +30,7 @@ use super::{
     stars::{
         billboards::{BillboardPlan, DrawnPsf},
         cull::{CullSettings, SPLAT_MARGIN_PX, VisibleChunk, distinct_eyes_pc, visible_chunks},
-        kernels::{KernelPlan, gaussian_of},
+        kernels::{GaussianWidth, KernelPlan, gaussian_of},
         range::{self, OtherLight, Ranges},
         travel,
     },
@@ -33,7 +38,7 @@ use super::{
 };
 use crate::{
     catalogue::chunks::StarSet,
-    photometry::glare::GlareKernel,
+    photometry::{exposure::white_luminance_cd_m2, glare::GlareKernel},
     relativity::Motion,
     scene::{
         SceneObjects, SceneSnapshot,
@@ -49,8 +54,10 @@ use crate::{
 pub struct Plan {
     /// What is reported: methods by name, and the certificate.
     pub report: FramePlan,
-    /// Every image of every view.
+    /// Every image of every view that is drawn.
     pub viewports: Vec<Viewport>,
+    /// Every image of every view, drawn or not: what frames of one rig share depends on these.
+    pub all_viewports: Vec<Viewport>,
     /// The tiles of all viewports, in batches that fit into one binding each.
     pub batches: Vec<Batch>,
     /// Kernels of the stars of each viewport.
@@ -69,6 +76,10 @@ pub struct Plan {
     pub faintest_lx: f64,
     /// Exposure of the display images as far as it is known before the frame is drawn.
     pub known_ev100: Option<f64>,
+    /// The exposure that the frame asks for, where that follows from the plan; elsewhere the meter tells.
+    pub planned_ev100: Option<f64>,
+    /// Which stars the views show.
+    pub shown_stars: ShownStars,
     /// Bodies, and points of light that are no stars; `None`: the scene has neither bodies nor fields.
     pub bodies: Option<BodyPlan>,
     /// Fields of asteroids; `None`: there are none.
@@ -96,10 +107,26 @@ pub struct GlarePlan {
     pub kernel: Option<Arc<dyn GlareKernel>>,
     /// What fields of asteroids scatter in the eye of each viewport; empty: nothing.
     pub extended_sources: Vec<Vec<ExtendedSource>>,
+    /// `sky_cube` for display images alone: the veil of single sources adds up with the stars, and the rest is read from a coarse grid.
+    pub in_sums: Option<VeilInSums>,
+}
+
+/// The glare of display images.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct VeilInSums {
+    /// A source's veil below this is part of the smooth rest, cd/m^2 as if all light were scattered.
+    pub least_cd_m2: f64,
+}
+
+impl GlarePlan {
+    /// Share of a star's light that adds up in its image before glare is drawn.
+    pub fn share_in_sums(&self) -> f64 {
+        if self.in_sums.is_some() { 1.0 - self.fraction } else { 1.0 }
+    }
 }
 
 impl Plan {
-    /// The plan of a frame that is shown as fully adapted.
+    /// The plan of a frame with HDR images that is shown as fully adapted.
     ///
     /// # Errors
     ///
@@ -110,8 +137,17 @@ impl Plan {
         settings: &RenderSettings,
         limits: &Limits,
     ) -> Result<Self, PlanError> {
-        Planner::new().plan(scene, rig, settings, None, limits)
+        Planner::new().plan(scene, rig, settings, None, PlanOutputs { output: Output::Hdr, views: None }, limits)
     }
+}
+
+/// What a plan is for.
+#[derive(Clone, Copy, Debug)]
+pub struct PlanOutputs<'a> {
+    /// Kind of images.
+    pub output: Output,
+    /// Which views are wanted, in the order of the rig; `None`: all of them. Others are drawn only where the exposure depends on them.
+    pub views: Option<&'a [bool]>,
 }
 
 /// Makes plans, and keeps what takes its time to compute and depends on settings alone: kernels of glare, point-spread functions,
@@ -121,6 +157,7 @@ pub struct Planner {
     kernel: Option<(GlareSettings, Arc<dyn GlareKernel>)>,
     psf: Option<(PsfTextureSettings, Arc<DrawnPsf>)>,
     overlay: OverlayPlanner,
+    pictures: Pictures,
     /// Whether chunks outside of every view are left out; false only to measure what that saves.
     pub culling: bool,
     /// Factor on the fixed-point units: 1. Tests raise it to provoke an overflow.
@@ -142,6 +179,7 @@ impl Planner {
             kernel: None,
             psf: None,
             overlay: OverlayPlanner::default(),
+            pictures: Pictures::default(),
             culling: true,
             unit_factor: 1.0,
         }
@@ -181,10 +219,12 @@ impl Planner {
             let psf = DrawnPsf::new(&settings.stars.psf_texture.texture()?);
             self.psf = Some((settings.stars.psf_texture.clone(), Arc::new(psf)));
         }
-        if settings.glare.chosen(method) == GlareMethod::SkyCube {
-            if !method.draws_catalogue() {
-                return Err(PlanError::GlareOfCatalogue(method.name()));
-            }
+        let glare = settings.glare.chosen(method);
+        if glare == GlareMethod::SkyCube && !method.draws_catalogue() {
+            return Err(PlanError::GlareOfCatalogue(method.name()));
+        }
+        // The exposure weighs the glare of bodies by the kernel, whichever method draws it.
+        if glare == GlareMethod::SkyCube || (glare != GlareMethod::None && !scene.objects.is_empty()) {
             self.hold_kernel(&settings.glare)?;
         }
         asteroids::frame::check(&scene.objects, limits)
@@ -217,6 +257,7 @@ impl Planner {
         rig: &Rig,
         settings: &RenderSettings,
         adapted_ev100: Option<f64>,
+        outputs: PlanOutputs<'_>,
         limits: &Limits,
     ) -> Result<Plan, PlanError> {
         limits.check(rig)?;
@@ -224,11 +265,20 @@ impl Planner {
         if method.accumulator() == Accumulator::Blending {
             limits.check_blended(rig)?;
         }
+        if method == StarMethod::PixelGaussian {
+            let width = GaussianWidth::new(&settings.stars.pixel_gaussian);
+            Limits::check_round_kernels(rig, method.name(), |projection| width.reach_px(projection))?;
+        }
         self.check(scene, settings, limits)?;
 
         let camera = &scene.camera;
         let motion = Motion::new(camera.velocity_c);
-        let viewports = rig.viewports(camera.world_from_camera);
+        let PlanOutputs { output, views } = outputs;
+        let all_viewports = rig.viewports(camera.world_from_camera);
+        // The meter looks at all views, and bodies and asteroids in any of them may ask for another exposure.
+        let views = views.filter(|_| !settings.exposure.is_metered() && scene.objects.is_empty());
+        let is_drawn = |viewport: &&Viewport| views.is_none_or(|views| views[viewport.view]);
+        let viewports: Vec<Viewport> = all_viewports.iter().filter(is_drawn).cloned().collect();
         let sizes: Vec<[u32; 2]> = viewports.iter().map(Viewport::size).collect();
         let batches = batches(&sizes, limits.max_binding_bytes / BYTES_PER_PIXEL);
         // How far over a border the widest kernel reaches.
@@ -266,20 +316,53 @@ impl Planner {
             fraction: settings.glare.fraction_scattered(),
             kernel: None,
             extended_sources: Vec::new(),
+            in_sums: None,
         };
+        let clouds = clouds_of(&scene.objects, &suns, camera.position_m, &viewports);
         if glare.method == GlareMethod::SkyCube {
             let kernel = self.kernel.as_ref().map(|(_, kernel)| Arc::clone(kernel));
             if let (Some(bodies), Some(kernel)) = (&mut bodies, &kernel) {
                 bodies.keep_own_glare(&**kernel, glare.fraction);
             }
             glare.kernel = kernel;
-            glare.extended_sources = extended_sources_of(&scene.objects, &suns, camera.position_m, &viewports);
+            glare.extended_sources =
+                clouds.iter().map(|clouds| clouds.iter().map(|cloud| cloud.source).collect()).collect();
         }
 
+        // Kernels and certificate.
+        let total_solid_angle_sr = viewports.iter().map(|v| v.projection.picture_solid_angle_sr()).sum();
+        let pictures = self.pictures.of(&all_viewports);
+        let shown_stars = ShownStars::new(settings, &all_viewports, &pictures);
+        let planned_ev100 = {
+            let kernel = self.kernel().filter(|_| glare.method != GlareMethod::None);
+            let lit = bodies.as_ref().map(|bodies| Lit {
+                objects: &scene.objects,
+                suns: &suns,
+                camera_m: camera.position_m,
+                viewports: &viewports,
+                bodies,
+                clouds: &clouds,
+                glare: kernel.map(|kernel| (&**kernel, glare.fraction)),
+            });
+            // In f32, as frames tell their exposure: one that has adapted to it is shown with the very same value.
+            planned_ev100(settings, &shown_stars, &pictures, lit.as_ref()).map(|ev100| f64::from(ev100 as f32))
+        };
+        let known_ev100 = settings.exposure.known_ev100(adapted_ev100, planned_ev100);
+        let expected_ev100 = settings
+            .known_white_ev100(known_ev100)
+            .or_else(|| expected_ev100(&visible, bodies.as_ref(), total_solid_angle_sr, &settings.exposure));
+        if output == Output::Display && draws_outputs_apart(settings, &scene.objects, &all_viewports) {
+            let white_cd_m2 = expected_ev100.map_or(0.0, white_luminance_cd_m2);
+            glare.in_sums = display_step_cd_m2(&settings.accuracy, &settings.tone_map, white_cd_m2)
+                .map(|step| VeilInSums { least_cd_m2: least_veil_cd_m2(step) / glare.fraction });
+        }
         // Units of light.
         let eyes_pc = distinct_eyes_pc(&viewports);
         let eyes_m: Vec<DVec3> = eyes_pc.iter().map(|eye| *eye * PARSEC_M).collect();
-        let other = bodies.as_ref().map_or_else(OtherLight::default, |bodies| OtherLight {
+        let smallest_sr = viewports.iter().map(|v| v.projection.smallest_pixel_sr()).fold(f64::INFINITY, f64::min);
+        let pixel_step_lx = glare.in_sums.map_or(0.0, |veil| veil.least_cd_m2 * glare.fraction * smallest_sr);
+        let other = bodies.as_ref().map_or(OtherLight { pixel_step_lx, ..Default::default() }, |bodies| OtherLight {
+            pixel_step_lx,
             points_lx: bodies
                 .points
                 .iter()
@@ -290,11 +373,6 @@ impl Planner {
         let mut ranges = range::choose(&scene.stars, &visible, &eyes_pc, faintest_lx, motion, &other);
         ranges.main.units_per_lx *= self.unit_factor;
 
-        // Kernels and certificate.
-        let total_solid_angle_sr = viewports.iter().map(|v| v.projection.picture_solid_angle_sr()).sum();
-        let expected_ev100 = settings
-            .known_white_ev100(adapted_ev100)
-            .or_else(|| expected_ev100(&visible, bodies.as_ref(), total_solid_angle_sr, &settings.exposure));
         let accumulator = limits.accumulator_name(method.accumulator());
         let mut stars = plan_stars(settings, &viewports, &ranges, expected_ev100, accumulator);
         if let Some(motion) = motion {
@@ -306,7 +384,7 @@ impl Planner {
         let psf = self.psf.as_ref().filter(|_| method == StarMethod::PsfTexture).map(|(_, psf)| Arc::clone(psf));
         let billboards = (method.accumulator() == Accumulator::Blending).then(|| {
             let shown_ev100 = settings
-                .known_white_ev100(adapted_ev100)
+                .known_white_ev100(known_ev100)
                 .unwrap_or_else(|| settings.exposure.metered_ev100(mean_luminance_cd_m2(&scene.stars, camera_pc)));
             BillboardPlan::new(&settings.stars, settings.exposure.ev100, shown_ev100, psf.as_deref())
         });
@@ -319,8 +397,11 @@ impl Planner {
             overlay,
             report: stars.report,
             kernels: stars.kernels,
-            known_ev100: settings.exposure.known_ev100(adapted_ev100),
+            known_ev100,
+            planned_ev100,
+            shown_stars,
             viewports,
+            all_viewports,
             batches,
             visible,
             ranges,
@@ -351,27 +432,22 @@ fn mean_luminance_cd_m2(stars: &StarSet, camera_pc: DVec3) -> f64 {
     light_lx / (4.0 * PI)
 }
 
-/// What fields of asteroids scatter in the eye of each viewport; nothing where there are none.
-fn extended_sources_of(
-    objects: &SceneObjects,
-    suns: &[Sun],
-    camera_m: DVec3,
-    viewports: &[Viewport],
-) -> Vec<Vec<ExtendedSource>> {
+/// What the eye of each viewport has fields of asteroids as; nothing where there are none.
+fn clouds_of(objects: &SceneObjects, suns: &[Sun], camera_m: DVec3, viewports: &[Viewport]) -> Vec<Vec<Cloud>> {
     if objects.fields.is_empty() {
         return Vec::new();
     }
     let fields: Vec<&AsteroidField> = objects.fields.iter().map(Arc::as_ref).collect();
-    let mut extended_sources: Vec<Vec<ExtendedSource>> = Vec::with_capacity(viewports.len());
+    let mut clouds: Vec<Vec<Cloud>> = Vec::with_capacity(viewports.len());
     for (index, viewport) in viewports.iter().enumerate() {
         // Eyes at one place see the same.
         let same = viewports[..index].iter().position(|other| other.eye_offset_m == viewport.eye_offset_m);
-        extended_sources.push(match same {
-            Some(other) => extended_sources[other].clone(),
-            None => field_sources(&fields, camera_m + viewport.eye_offset_m, suns),
+        clouds.push(match same {
+            Some(other) => clouds[other].clone(),
+            None => field_clouds(&fields, camera_m + viewport.eye_offset_m, suns),
         });
     }
-    extended_sources
+    clouds
 }
 
 /// The exposure that a frame will be metered at, as far as the stars' positions tell: good to a fraction of a stop.

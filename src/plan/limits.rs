@@ -8,7 +8,10 @@ use super::{
     stars::{cube_faces::CubeFaces, cull::MAX_VIEWPORTS},
     tiles::BYTES_PER_PIXEL,
 };
-use crate::view::{Rig, projection::Projection};
+use crate::view::{
+    Rig,
+    projection::{FRINGE, PlaneMapping, Projection},
+};
 
 /// Memory that the pixels of one frame may take in all, bytes.
 const MAX_FRAME_BYTES: u64 = 12 << 30;
@@ -60,12 +63,22 @@ impl Limits {
         let limit = self.max_view_side_px;
         let mut bytes = 0;
         let mut images = 0;
+        let mut tables = Vec::new();
         for view in rig.views() {
             for image in &view.images {
                 let [width, height] = image.projection.mapping().size();
                 let name = || view.name.clone();
                 if width > limit || height > limit {
                     return Err(PlanError::TooLarge { view: name(), width, height, limit });
+                }
+                if let Projection::Tabulated(table) = &image.projection
+                    && !tables.contains(&table)
+                {
+                    tables.push(table);
+                    let (bytes, limit) = (tables.iter().map(|table| table.bytes()).sum(), self.max_binding_bytes);
+                    if bytes > limit {
+                        return Err(PlanError::TooLargeTables { view: name(), bytes, limit });
+                    }
                 }
                 bytes += u64::from(width) * u64::from(height) * FRAME_BYTES_PER_PIXEL;
                 if bytes > MAX_FRAME_BYTES {
@@ -76,6 +89,29 @@ impl Limits {
         }
         if images > MAX_VIEWPORTS {
             return Err(PlanError::TooManyImages { images, limit: MAX_VIEWPORTS });
+        }
+        Ok(())
+    }
+
+    /// Whether kernels that are round in the sky find their pixels in the tabulated pictures of a rig: these have no pixels
+    /// beyond a cut, and know directions no farther than so many pixels from their border.
+    pub(super) fn check_round_kernels(
+        rig: &Rig,
+        method: &'static str,
+        reach_px: impl Fn(&Projection) -> f64,
+    ) -> Result<(), PlanError> {
+        for view in rig.views() {
+            for image in &view.images {
+                let Projection::Tabulated(table) = &image.projection else { continue };
+                let view = || view.name.clone();
+                if table.has_cut() || table.shows_full_sphere() {
+                    return Err(PlanError::RoundKernelAtCut { view: view(), method });
+                }
+                let (reach_px, limit_px) = (reach_px(&image.projection), FRINGE as f64);
+                if reach_px > limit_px {
+                    return Err(PlanError::KernelBeyondTable { view: view(), method, reach_px, limit_px });
+                }
+            }
         }
         Ok(())
     }

@@ -1,14 +1,17 @@
 //! What is drawn how, as plain data in f64, with no GPU in sight: settings that name methods, and the plan that a frame follows.
 //!
-//! `settings` names the methods, `frame` makes the plan of a frame and `certificate` the bounds of its approximations. `tiles` cuts
+//! `settings` names the methods, `frame` makes the plan of a frame and `certificate` the bounds of its approximations. `exposure` finds the
+//! exposure as far as it follows from the plan. `tiles` cuts
 //! viewports into what the adapter can hold. Each technique has a folder: `stars` (culling, fixed-point ranges, kernels, motion, the
 //! numbers of the methods that blend), `bodies`, `asteroids` and `glare`.
 
 pub mod adaptation;
 pub mod asteroids;
 pub mod bodies;
+pub mod budget;
 mod certificate;
 mod error;
+pub mod exposure;
 mod frame;
 pub mod glare;
 mod headset;
@@ -18,9 +21,10 @@ pub mod settings;
 pub mod stars;
 pub mod tiles;
 
+pub use budget::Output;
 pub use certificate::{Approximation, FramePlan, StarPlan, plan_stars};
 pub use error::PlanError;
-pub use frame::{GlarePlan, Plan, Planner};
+pub use frame::{GlarePlan, Plan, PlanOutputs, Planner, VeilInSums};
 pub use limits::{DISPLAY_BYTES, Limits};
 pub use stars::kernels::{
     BSPLINE_FLICKER, GAUSSIAN_FLICKER, GaussianKernel, GaussianWidth, KernelPlan, PLANE_GAUSSIAN_FLICKER,

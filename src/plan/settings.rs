@@ -20,11 +20,33 @@ pub use crate::photometry::tone_map::{ToneMapOperator, ToneMapSettings};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, Default, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ExposureMode {
-    /// Automatic: from the mean luminance of all views, weighted by solid angle.
+    /// Automatic: by `metering`.
     #[default]
     Auto,
     /// Fixed: `ev100`.
     Manual,
+}
+
+/// What the automatic exposure goes by.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, Default, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+#[non_exhaustive]
+pub enum Metering {
+    /// Stars of `limiting_magnitude` are just seen in the first view; less where sunlit bodies or asteroids would be too bright.
+    #[default]
+    LimitingMagnitude,
+    /// The mean luminance of all views, weighted by solid angle.
+    Mean,
+}
+
+impl Metering {
+    /// Name in configurations.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::LimitingMagnitude => "limiting_magnitude",
+            Self::Mean => "mean",
+        }
+    }
 }
 
 /// Exposure settings.
@@ -33,9 +55,13 @@ pub enum ExposureMode {
 pub struct ExposureSettings {
     /// How the exposure is chosen.
     pub mode: ExposureMode,
-    /// `manual`: exposure value at ISO 100; display white is 1.2 * 2^ev100 cd/m^2.
+    /// `auto`: what the exposure goes by.
+    pub metering: Metering,
+    /// Metering `limiting_magnitude`: the faintest stars that the first view shows; they peak at 20 of 255.
+    pub limiting_magnitude: f64,
+    /// `manual`: exposure value at ISO 100; display white is 1.2 * 2^ev100 cd/m^2. Unit of star methods of relative brightness.
     pub ev100: f64,
-    /// `auto`: fraction of display white at which the mean luminance of all views is shown; the default is that of ISO 2720 and ISO 12232.
+    /// Metering `mean`: fraction of display white at which the mean luminance of all views is shown; the default is that of ISO 2720 and ISO 12232.
     pub key: f64,
     /// `auto`: exposure compensation, added to the exposure value; positive darkens.
     pub compensation_ev: f64,
@@ -48,13 +74,18 @@ pub struct ExposureSettings {
 }
 
 impl ExposureSettings {
-    /// The exposure of a frame as far as it is known before the frame is drawn: the manual one, or the one that the frames
-    /// before have led to.
-    pub fn known_ev100(&self, adapted_ev100: Option<f64>) -> Option<f64> {
+    /// The exposure of a frame as far as it is known before the frame is drawn: the manual one, the one that the frames
+    /// before have led to, or the one that follows from the plan ([`super::exposure::planned_ev100`]).
+    pub fn known_ev100(&self, adapted_ev100: Option<f64>, planned_ev100: Option<f64>) -> Option<f64> {
         match self.mode {
             ExposureMode::Manual => Some(self.ev100),
-            ExposureMode::Auto => adapted_ev100,
+            ExposureMode::Auto => adapted_ev100.or(planned_ev100),
         }
+    }
+
+    /// Whether a frame that is shown as fully adapted has to be drawn before its exposure is known.
+    pub fn is_metered(&self) -> bool {
+        self.mode == ExposureMode::Auto && self.metering == Metering::Mean
     }
 
     /// What key and compensation together add to what a meter of the standards reads.
@@ -62,7 +93,7 @@ impl ExposureSettings {
         self.compensation_ev + key_compensation_ev(self.key)
     }
 
-    /// The automatic exposure of a mean luminance.
+    /// The automatic exposure of a mean luminance, by metering `mean`.
     pub fn metered_ev100(&self, mean_cd_m2: f64) -> f64 {
         metered_ev100(mean_cd_m2, self.offset_ev(), self.min_ev100, self.max_ev100)
     }
@@ -72,6 +103,8 @@ impl Default for ExposureSettings {
     fn default() -> Self {
         Self {
             mode: ExposureMode::Auto,
+            metering: Metering::LimitingMagnitude,
+            limiting_magnitude: 6.5,
             ev100: -3.0,
             key: STANDARD_KEY,
             compensation_ev: 0.0,
@@ -95,11 +128,13 @@ pub struct AccuracySettings {
     pub flicker: f64,
     /// `sky_cube`: a source is drawn individually where its veil exceeds this fraction of the veil around it.
     pub glare: f64,
+    /// Display images: error against an exact frame, codes of 8 bits; 0 draws them as exactly as HDR images.
+    pub display_codes: f64,
 }
 
 impl Default for AccuracySettings {
     fn default() -> Self {
-        Self { flux: 1e-3, centroid_px: 0.05, flicker: 0.02, glare: 0.02 }
+        Self { flux: 1e-3, centroid_px: 0.05, flicker: 0.02, glare: 0.02, display_codes: 0.5 }
     }
 }
 
@@ -123,7 +158,7 @@ pub struct RenderSettings {
 impl RenderSettings {
     /// The exposure whose display white is the luminance that a frame shows white, as far as it is known before the frame is
     /// drawn: the exposure's own, unless the operator does not go by it.
-    pub fn known_white_ev100(&self, adapted_ev100: Option<f64>) -> Option<f64> {
-        self.tone_map.white_ev100().or_else(|| self.exposure.known_ev100(adapted_ev100))
+    pub fn known_white_ev100(&self, known_ev100: Option<f64>) -> Option<f64> {
+        self.tone_map.white_ev100().or(known_ev100)
     }
 }

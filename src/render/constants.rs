@@ -40,6 +40,28 @@ shared_constants! {
         KIND_STEREOGRAPHIC: u32 = 5;
         KIND_EQUIRECTANGULAR: u32 = 6;
     }
+    /// Tabulated projections.
+    mod tabulated {
+        KIND_TABULATED: u32 = 7;
+        /// Groups of words before a table's directions.
+        TABLE_HEADER: u32 = crate::view::projection::HEADER;
+        /// Nodes around the picture on every side.
+        TABLE_FRINGE: i32 = crate::view::projection::FRINGE as i32;
+        /// In place of a node at which the search begins: there is none.
+        NO_START: u32 = crate::view::projection::NO_START;
+        /// Set in a cell's word that names a patch.
+        PATCH_BIT: u32 = crate::view::projection::PATCH_BIT;
+        /// Intervals along a side of a patch.
+        PATCH_STEPS: u32 = crate::view::projection::PATCH_STEPS;
+        /// Steps of the search, at most.
+        MOST_STEPS: u32 = crate::view::projection::MOST_STEPS;
+        /// The longest step, pixels.
+        LONGEST_STEP_PX: f32 = crate::view::projection::LONGEST_STEP_PX;
+        /// After a shorter step directions are taken from the cubic, pixels.
+        NEAR_PX: f32 = crate::view::projection::NEAR_PX;
+        /// After a shorter step the place is found, pixels.
+        DONE_PX: f32 = crate::view::projection::DONE_PX;
+    }
     /// Axes of the faces of a cube, by their numbers.
     mod faces {
         /// Where a face looks.
@@ -66,6 +88,8 @@ shared_constants! {
         PYRAMID_SIDE: u32 = 8;
         /// Of the passes over the points of a map of glare.
         MAP_SIDE: u32 = 8;
+        /// Of the pass over the points of a veil.
+        VEIL_SIDE: u32 = 8;
         /// Squares of a row that one workgroup finds sprites for.
         SPRITE_SQUARES: u32 = 8;
         /// Of the filter of an atlas.
@@ -191,6 +215,11 @@ shared_constants! {
         IS_EXTENDED: u32 = 1 << 31;
         /// Parts of the share of its light that its softened kernel leaves out, and their mask.
         SHARE_PARTS: u32 = 65_535;
+    }
+    /// The veil of single sources.
+    mod veil {
+        /// In place of a viewport's number: all see them.
+        EVERY_VIEWPORT: u32 = u32::MAX;
     }
     /// The glare pass over pixels.
     mod glare_composite {

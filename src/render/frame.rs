@@ -35,6 +35,29 @@ impl FrameImage {
     }
 }
 
+impl Frame {
+    /// The same frame with the HDR images of another one, which shows the same.
+    pub(super) fn with_hdr_of(mut self, exact: Frame) -> Self {
+        for image in exact.images {
+            match self.images.iter_mut().find(|own| (own.view, own.part) == (image.view, image.part)) {
+                Some(own) => own.hdr = image.hdr,
+                None => self.images.push(image),
+            }
+        }
+        // Views lie in the order of the rig; a view's parts keep theirs.
+        self.images.sort_by_key(|image| image.view);
+        let (own, other) = (&mut self.times, exact.times);
+        own.plan_ms += other.plan_ms;
+        own.cull_ms += other.cull_ms;
+        own.objects_made += other.objects_made;
+        own.gpu_and_readback_ms += other.gpu_and_readback_ms;
+        own.total_ms += other.total_ms;
+        own.gpu_ms = own.gpu_ms.zip(other.gpu_ms).map(|(own, other)| own + other);
+        own.passes_ms.extend(other.passes_ms);
+        self
+    }
+}
+
 /// What a view of a frame holds, for the manifest and for statistics.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ViewStatistics {
@@ -44,6 +67,9 @@ pub struct ViewStatistics {
     pub stars_drawn: u64,
     /// Stars whose light reaches the view through the map of unresolved light.
     pub stars_in_map: u64,
+    /// Magnitude of the stars that the display image just shows: they peak at 20 of 255. It follows from the exposure and the view's
+    /// mean pixel; `None` for star methods that do not draw stars with their own light.
+    pub limiting_magnitude: Option<f64>,
     /// Asteroids by what they are drawn as.
     pub asteroids: AsteroidCounts,
     /// The view's share of the GPU's time, ms: of the star pass by stars drawn, of the passes over pixels by pixels. `None`
@@ -111,7 +137,7 @@ pub struct Frame {
     pub camera_revision: u64,
     /// Exposure of all views.
     pub exposure_ev100: f64,
-    /// What the meter reads: the exposure to adapt to.
+    /// What the frame asks for: the exposure to adapt to.
     pub metered_ev100: f64,
     /// Mean luminance over all views, weighted by solid angle, cd/m^2.
     pub mean_luminance_cd_m2: f64,

@@ -19,7 +19,7 @@ gpu_structs! {
         size: [u32; 2],
         /// Number of the projection.
         kind: u32,
-        /// Number of the cube face.
+        /// Number of the cube face; where the table of a tabulated projection begins.
         face: u32,
         /// Fisheye: radius of the rim before normalisation.
         rim: f32,
@@ -29,12 +29,12 @@ gpu_structs! {
         full_sphere: u32,
         /// 1: nine points per pixel for the solid angle.
         quadrature: u32,
-        /// Fainter stars take the tent, lx.
-        tent_below_lx: f32,
+        /// Stars below this take the tent, cd/m^2.
+        tent_below_cd_m2: f32,
         /// Index of the view.
         view: u32,
-        /// Brighter stars take the Gaussian, lx.
-        gaussian_from_lx: f32,
+        /// Stars from this on take the Gaussian, cd/m^2.
+        gaussian_from_cd_m2: f32,
         /// Its standard deviation as an angle, rad.
         gaussian_sigma_rad: f32,
         /// The same in pixels.
@@ -64,6 +64,17 @@ gpu_structs! {
         unused_0: u32,
         /// Padding.
         unused_1: u32,
+    }
+    /// The grid of points of the smooth part of a viewport's veil; see `shaders/shared/veil.wgsl`.
+    VeilGrid {
+        /// Index of its first point.
+        first: u32,
+        /// Points of a row.
+        columns: u32,
+        /// Rows of points.
+        rows: u32,
+        /// Pixels from point to point.
+        spacing: u32,
     }
     /// What the exposure pass found.
     Exposure {

@@ -30,6 +30,7 @@ mod sequence;
 mod shader;
 mod stars;
 mod submit;
+mod tabulated;
 mod targets;
 mod technique;
 pub(crate) mod viewport;
@@ -54,13 +55,14 @@ pub use self::{
 };
 use self::{
     submit::{FrameSlot, InFlight},
+    tabulated::MappingTables,
     targets::Targets,
     technique::{Holding, Technique},
 };
 use crate::{
     gpu::{AdapterReport, Gpu, StructLayout},
     plan::{Limits, PlanError, Planner},
-    view::Rig,
+    view::{Rig, Viewport},
 };
 
 /// Draws frames on one GPU.
@@ -69,7 +71,10 @@ pub struct Renderer {
     limits: Limits,
     planner: Planner,
     techniques: Vec<Box<dyn Technique + Send>>,
+    /// Those for rigs with tabulated pictures, or for rigs without, whichever the last one was not.
+    idle_techniques: Option<Vec<Box<dyn Technique + Send>>>,
     targets: Targets,
+    tables: MappingTables,
     frames: u64,
     /// The frames that have been submitted and not finished, the oldest first.
     in_flight: VecDeque<InFlight>,
@@ -94,7 +99,9 @@ impl Renderer {
             limits: gpu.limits(),
             planner: Planner::new(),
             techniques: sequence::techniques(&gpu),
+            idle_techniques: None,
             targets: Targets::new(&gpu),
+            tables: MappingTables::default(),
             frames: 0,
             in_flight: VecDeque::new(),
             spare_slots: Vec::new(),
@@ -133,8 +140,27 @@ impl Renderer {
     fn forget_buffers(&mut self) {
         self.techniques.iter_mut().for_each(|technique| technique.release());
         self.targets.release();
+        self.tables.release();
         self.gpu.forget_frames();
         self.spare_slots.clear();
+    }
+
+    /// Puts the tables of tabulated pictures onto the device. Where the last rig had some and this one has none, or the other way
+    /// round, the pipelines for such rigs take the place of those in use, which are kept.
+    fn hold_tables(&mut self, viewports: &[Viewport]) -> Result<(), RenderError> {
+        if MappingTables::are_needed(viewports) != self.gpu.has_tables() {
+            // Who has recorded a frame reads it back.
+            while !self.in_flight.is_empty() {
+                self.abandon_oldest()?;
+            }
+            self.tables.hold(&mut self.gpu, viewports);
+            self.techniques.iter_mut().for_each(|technique| technique.release());
+            self.gpu.forget_frames();
+            let others = self.idle_techniques.take().unwrap_or_else(|| sequence::techniques(&self.gpu));
+            self.idle_techniques = Some(std::mem::replace(&mut self.techniques, others));
+        }
+        self.tables.hold(&mut self.gpu, viewports);
+        Ok(())
     }
 
     /// Runs `step` for every technique, with what it takes to hold a scene.

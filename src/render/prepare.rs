@@ -68,6 +68,7 @@ impl Renderer {
         progress: &mut (dyn FnMut(PrepareStep) + Send),
     ) -> Result<(), RenderError> {
         let viewports = rig.viewports(glam::DQuat::IDENTITY);
+        self.hold_tables(&viewports)?;
         let wish = Wish { gpu: &self.gpu, objects, settings, viewports: &viewports, made: wanted, formats };
         let jobs = self.techniques.iter().flat_map(|technique| technique.pipelines(&wish)).collect();
         self.gpu.compiling_ahead(|| run(jobs, progress));

@@ -15,7 +15,8 @@ use crate::{
     photometry::{exposure::white_luminance_cd_m2, tone_map::linear_from_srgb},
     plan::{
         settings::{
-            ExposureMode, GlareMethod, GlareSettings, RenderSettings, StarMethod, ToneMapOperator, ToneMapSettings,
+            ExposureMode, GlareMethod, GlareSettings, Metering, RenderSettings, StarMethod, ToneMapOperator,
+            ToneMapSettings,
         },
         tiles::{BYTES_PER_PIXEL, Tile, batches},
     },
@@ -216,7 +217,9 @@ fn exposures_and_glares(settings: &RenderSettings) -> Vec<(RenderSettings, Optio
     let mut manual = settings.clone();
     manual.exposure.mode = ExposureMode::Manual;
     manual.exposure.ev100 = -9.0;
-    let cases = [(settings.clone(), None), (settings.clone(), Some(-8.0)), (manual, None)];
+    let mut metered = settings.clone();
+    metered.exposure.metering = Metering::Mean;
+    let cases = [(metered, None), (settings.clone(), Some(-8.0)), (manual, None)];
     let with_glare = |(settings, adapted): (RenderSettings, Option<f64>)| {
         let glaring = RenderSettings { glare: GlareSettings::default(), ..settings.clone() };
         [(settings, adapted), (glaring, adapted)]

@@ -2,11 +2,11 @@
 
 use glam::DVec3;
 
-use super::{layout, viewport::encode_viewport};
+use super::{layout, tabulated, viewport::encode_viewport};
 use crate::gpu::{Gpu, GpuError, ReadbackBuffer, storage_buffer};
 use crate::plan::KernelPlan;
 use crate::render::{constants::workgroups::PROBE_THREADS, shader::Shader};
-use crate::view::Viewport;
+use crate::view::{Viewport, projection::Projection};
 
 /// A direction to project, in view space, and a pixel whose solid angle and direction are wanted.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -38,7 +38,12 @@ pub fn probe(gpu: &Gpu, viewport: &Viewport, probes: &[Probe]) -> Result<Vec<Pro
             ..Default::default()
         })
         .collect();
-    let pipeline = gpu.compute_pipeline(&Shader::new("probe").source());
+    let table = match &viewport.projection {
+        Projection::Tabulated(table) => Some(storage_buffer(gpu, "mapping table", &table.words())),
+        _ => None,
+    };
+    let shader = Shader::new("probe").with(tabulated::SLOT, tabulated::file(table.is_some()));
+    let pipeline = gpu.compute_pipeline(&shader.source());
     let viewports = storage_buffer(gpu, "viewports", &[encode_viewport(viewport, &KernelPlan::bspline())]);
     let input_buffer = storage_buffer(gpu, "probe inputs", &inputs);
     let bytes = (probes.len() * size_of::<layout::ProbeOutput>()) as u64;
@@ -62,6 +67,9 @@ pub fn probe(gpu: &Gpu, viewport: &Viewport, probes: &[Probe]) -> Result<Vec<Pro
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
         pass.set_pipeline(&pipeline);
         pass.set_bind_group(0, &group, &[]);
+        if let Some(table) = &table {
+            gpu.bind_as_tables(&mut pass, &pipeline, table);
+        }
         pass.dispatch_workgroups(probes.len().div_ceil(PROBE_THREADS as usize) as u32, 1, 1);
     }
     let place = readback.copy(gpu, &mut encoder, &outputs, 0, bytes);

@@ -121,7 +121,8 @@ impl Renderer {
                 hdr.extend(red_green.iter().zip(&blue_omega).map(|([r, g], [b, omega])| [*r, *g, *b, *omega]));
             }
         }
-        let mut views = statistics(plan, names, &counters, &passes_ms);
+        let exposure_ev100 = f64::from(exposure[0].ev100);
+        let mut views = statistics(plan, names, exposure_ev100, &counters, &passes_ms);
         for technique in techniques.iter() {
             technique.read(gpu, readback, places, plan, &mut views)?;
         }
@@ -129,8 +130,8 @@ impl Renderer {
             number: 0,
             scene_revision: 0,
             camera_revision: 0,
-            exposure_ev100: f64::from(exposure[0].ev100),
-            metered_ev100: f64::from(exposure[0].metered_ev100),
+            exposure_ev100,
+            metered_ev100: plan.planned_ev100.unwrap_or_else(|| f64::from(exposure[0].metered_ev100)),
             mean_luminance_cd_m2: f64::from(exposure[0].mean_luminance_cd_m2),
             images,
             views,
@@ -144,6 +145,7 @@ impl Renderer {
 fn statistics(
     plan: &Plan,
     names: &[String],
+    exposure_ev100: f64,
     counters: &[u32],
     passes_ms: &[(&'static str, f64)],
 ) -> Vec<ViewStatistics> {
@@ -163,6 +165,7 @@ fn statistics(
             name: name.clone(),
             stars_drawn: u64::from(drawn[index]),
             stars_in_map: 0,
+            limiting_magnitude: plan.shown_stars.limiting_magnitude(index, exposure_ev100),
             asteroids: AsteroidCounts::default(),
             gpu_ms: (!passes_ms.is_empty()).then(|| {
                 time_of(true) * f64::from(drawn[index]) / all_drawn + time_of(false) * pixels_of(index) / all_pixels

@@ -5,7 +5,11 @@ use std::{borrow::Cow, sync::LazyLock};
 use super::{Presentation, Wanted};
 #[cfg(doc)]
 use super::{RenderError, Renderer};
-use crate::{plan::settings::RenderSettings, scene::SceneSnapshot, view::Rig};
+use crate::{
+    plan::{Output, budget::draws_outputs_apart, settings::RenderSettings},
+    scene::SceneSnapshot,
+    view::Rig,
+};
 
 /// What frames without settings of their own are drawn with.
 static DEFAULT_SETTINGS: LazyLock<RenderSettings> = LazyLock::new(RenderSettings::default);
@@ -31,6 +35,7 @@ pub struct FrameRequest<'a> {
     pub(super) adapted_ev100: Option<f64>,
     pub(super) presentations: &'a [Presentation<'a>],
     wanted: WantedViews<'a>,
+    output: Option<Output>,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -49,6 +54,7 @@ impl<'a> FrameRequest<'a> {
             adapted_ev100: None,
             presentations: &[],
             wanted: WantedViews::Every(Wanted::display()),
+            output: None,
         }
     }
 
@@ -97,6 +103,36 @@ impl<'a> FrameRequest<'a> {
     /// See [`Self::adapted_ev100`].
     pub fn get_adapted_ev100(&self) -> Option<f64> {
         self.adapted_ev100
+    }
+
+    /// Draws within the budget of that output, whatever is read back: to measure what a budget costs.
+    #[doc(hidden)]
+    pub fn drawn_for(self, output: Output) -> Self {
+        Self { output: Some(output), ..self }
+    }
+
+    /// What the frame is for: its budget.
+    pub(super) fn output(&self) -> Output {
+        if let Some(output) = self.output {
+            return output;
+        }
+        let exact = |wanted: &Wanted| wanted.hdr || wanted.hdr_stays;
+        if self.wanted_views().iter().any(exact) { Output::Hdr } else { Output::Display }
+    }
+
+    /// What to read back in a frame of display images and in one of HDR images, where these are two frames.
+    pub(super) fn outputs(&self) -> Option<[Vec<Wanted>; 2]> {
+        let wanted = self.wanted_views();
+        let apart = self.output.is_none() && self.presentations.is_empty() && {
+            let viewports = self.rig.viewports(glam::DQuat::IDENTITY);
+            draws_outputs_apart(self.settings, &self.scene.objects, &viewports)
+        };
+        let both = self.output() == Output::Hdr && wanted.iter().any(|wanted| wanted.display);
+        (apart && both).then(|| {
+            let shown = |wanted: &Wanted| Wanted { hdr: false, hdr_stays: false, ..*wanted };
+            let exact = |wanted: &Wanted| Wanted { display: false, ..*wanted };
+            [wanted.iter().map(shown).collect(), wanted.iter().map(exact).collect()]
+        })
     }
 
     /// What to read back, view by view.

@@ -4,8 +4,8 @@
 use std::fmt;
 use std::sync::LazyLock;
 
-use super::constants;
-use crate::gpu::{Choices, Gpu, Library, ShaderError, ShaderSource};
+use super::{constants, tabulated};
+use crate::gpu::{Choices, Gpu, Joined, Library, ShaderError, ShaderSource};
 
 include!(concat!(env!("OUT_DIR"), "/shader_files.rs"));
 
@@ -46,13 +46,23 @@ impl Shader {
 
     /// The file and all that it imports, whether it has an entry point or not.
     pub fn text(&self) -> Result<String, ShaderError> {
-        Ok(LIBRARY.join(&self.file, &self.choices)?.text)
+        Ok(self.join()?.text)
+    }
+
+    /// Files that project do so without tables, unless they are told otherwise.
+    fn join(&self) -> Result<Joined, ShaderError> {
+        match LIBRARY.join(&self.file, &self.choices) {
+            Err(ShaderError::NoChoice { slot, .. }) if slot == tabulated::SLOT => {
+                LIBRARY.join(&self.file, &self.clone().with(tabulated::SLOT, tabulated::file(false)).choices)
+            }
+            joined => joined,
+        }
     }
 
     /// The complete module.
     pub fn resolve(&self) -> Result<ShaderSource, ShaderError> {
         let (name, entry_point) = LIBRARY.entry(&self.file)?;
-        let joined = LIBRARY.join(&self.file, &self.choices)?;
+        let joined = self.join()?;
         Ok(ShaderSource { name, entry_point, text: joined.text, needs_u64: joined.needs_u64 })
     }
 

@@ -11,7 +11,7 @@ use std::{
 };
 
 use super::{
-    Frame, FrameRequest, RenderError, Renderer,
+    Frame, FrameRequest, RenderError, Renderer, Wanted,
     presentation::check_presentations,
     read::{self, Places},
     sequence,
@@ -19,7 +19,7 @@ use super::{
 };
 use crate::{
     gpu::{Gpu, GpuError, GpuTimer, ReadbackBuffer, SUBMISSION_TIMEOUT},
-    plan::{Plan, settings::RenderSettings},
+    plan::{Plan, PlanOutputs, settings::RenderSettings},
     scene::SceneSnapshot,
 };
 
@@ -92,8 +92,18 @@ impl InFlight {
 }
 
 impl Renderer {
-    /// Draws all views of a rig and waits for them.
+    /// Draws all views of a rig and waits for them. Display images and HDR images are drawn apart, each within its own budget: which of
+    /// them are asked for together changes neither.
     pub fn render(&mut self, request: FrameRequest<'_>) -> Result<Frame, RenderError> {
+        let Some([shown, exact]) = request.outputs() else { return self.render_at_once(request) };
+        let shown = self.render_at_once(request.wanted_of_each(&shown))?;
+        let exact = self.render_at_once(request.wanted_of_each(&exact))?;
+        // They are one frame to whoever asked.
+        self.frames -= 1;
+        Ok(shown.with_hdr_of(exact))
+    }
+
+    fn render_at_once(&mut self, request: FrameRequest<'_>) -> Result<Frame, RenderError> {
         let submitted = self.submit(request)?;
         self.finish(submitted)
     }
@@ -127,7 +137,8 @@ impl Renderer {
         Ok(())
     }
 
-    /// The first half of [`Renderer::render`]: hands the frame to the device and does not wait for it.
+    /// The first half of [`Renderer::render`]: hands the frame to the device and does not wait for it. Where HDR images are asked for, display
+    /// images of the same frame are drawn as exactly.
     ///
     /// Two frames may be in flight, and are finished in the order of their submission. If two are in flight already, this waits for
     /// the older one and throws it away, and finishing it later is [`RenderError::Abandoned`]. Had the device failed in it, that is
@@ -150,7 +161,12 @@ impl Renderer {
             self.abandon_oldest()?;
         }
         (self.planner.culling, self.planner.unit_factor) = (self.culling, self.unit_factor);
-        let plan = self.planner.plan(snapshot, rig, settings, adapted_ev100, &self.limits)?;
+        let views: Vec<bool> = wanted.iter().map(|wanted| *wanted != Wanted::default()).collect();
+        // Presentations name viewports of the whole rig.
+        let some = presentations.is_empty() && views.contains(&true);
+        let outputs = PlanOutputs { output: request.output(), views: some.then_some(&views[..]) };
+        let plan = self.planner.plan(snapshot, rig, settings, adapted_ev100, outputs, &self.limits)?;
+        self.hold_tables(&plan.viewports)?;
         self.hold_scene(snapshot, settings)?;
         let outputs = Outputs { wanted: &wanted, presentations };
         let inputs =
@@ -188,13 +204,13 @@ impl Renderer {
         views: usize,
         slot: &mut FrameSlot,
     ) -> (wgpu::CommandBuffer, Places) {
-        let Self { gpu, techniques, targets, .. } = self;
+        let Self { gpu, techniques, targets, tables, .. } = self;
         let FrameSlot { timer, readback } = slot;
         let gpu = &*gpu;
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("frame") });
         gpu.begin_frame();
         timer.begin();
-        targets.begin(gpu, &mut encoder, inputs, views);
+        targets.begin(gpu, &mut encoder, inputs, views, tables);
         for technique in techniques.iter_mut() {
             technique.encode(gpu, inputs, targets);
         }
@@ -244,7 +260,7 @@ impl Renderer {
     }
 
     /// Waits for the oldest frame in flight, if there is one, and throws it away.
-    fn abandon_oldest(&mut self) -> Result<(), RenderError> {
+    pub(super) fn abandon_oldest(&mut self) -> Result<(), RenderError> {
         let Some(mut in_flight) = self.in_flight.pop_front() else { return Ok(()) };
         let waited = in_flight.wait_to_the_end(&self.gpu);
         self.end(in_flight.slot, waited)

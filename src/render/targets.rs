@@ -5,14 +5,15 @@
 
 use super::{
     layout,
+    tabulated::{MappingTables, projecting},
     technique::{FrameInputs, Phase},
     viewport::encode_viewport,
 };
-use crate::render::{constants::counters, shader::Shader};
+use crate::render::constants::counters;
 use crate::{
     gpu::{Gpu, GrowingBuffer, ShaderSource, bind_buffers, storage_buffer},
     plan::{
-        DISPLAY_BYTES, Plan,
+        DISPLAY_BYTES, GlarePlan, KernelPlan, Plan,
         settings::{Accumulator, GlareMethod},
         tiles::{BYTES_PER_PIXEL, Batch, Tile},
     },
@@ -114,6 +115,15 @@ pub(crate) struct SeenBodies {
     pub body_runs: wgpu::Buffer,
 }
 
+/// The smooth part of the light that is scattered towards every picture: see `shaders/shared/veil.wgsl`.
+#[derive(Clone)]
+pub(crate) struct SmoothVeil {
+    /// A grid per viewport.
+    pub grids: wgpu::Buffer,
+    /// Luminance at the points of all grids, cd/m^2.
+    pub points: wgpu::Buffer,
+}
+
 /// Everything that techniques share in a frame.
 pub(crate) struct Targets {
     batch_buffers: Vec<BatchBuffers>,
@@ -139,6 +149,8 @@ pub(crate) struct Targets {
     pub bodies: Option<SeenBodies>,
     /// Asteroids of the tile whose geometry is being recorded.
     pub layers: Option<RasterLayers>,
+    /// The smooth part of scattered light, where the resolve pass adds it.
+    pub veil: Option<SmoothVeil>,
 }
 
 impl Targets {
@@ -165,6 +177,7 @@ impl Targets {
             partial_count: 0,
             bodies: None,
             layers: None,
+            veil: None,
             stand_in,
         }
     }
@@ -181,6 +194,7 @@ impl Targets {
         }
         self.bodies = None;
         self.layers = None;
+        self.veil = None;
     }
 
     /// Makes room for a frame, and uploads its viewports and tiles.
@@ -190,10 +204,11 @@ impl Targets {
         encoder: &mut wgpu::CommandEncoder,
         frame: &FrameInputs<'_>,
         views: usize,
+        tables: &MappingTables,
     ) {
         let plan = frame.plan;
         let encoded: Vec<layout::Viewport> =
-            plan.viewports.iter().zip(&plan.kernels).map(|(v, kernels)| encode_viewport(v, kernels)).collect();
+            plan.viewports.iter().zip(&plan.kernels).map(|(v, kernels)| encode(v, kernels, tables)).collect();
         self.viewports = self.viewport_buffer.upload(gpu, &encoded).clone();
         // The flags of all batches follow the counters that are read back.
         self.counter_count = VIEW_COUNTERS + views;
@@ -204,6 +219,7 @@ impl Targets {
         encoder.clear_buffer(&self.counters, 0, None);
         self.bodies = None;
         self.layers = None;
+        self.veil = None;
 
         self.batch_buffers.truncate(plan.batches.len().max(1));
         self.batch_buffers.resize_with(plan.batches.len(), BatchBuffers::new);
@@ -365,7 +381,7 @@ pub(crate) fn bind_occlusion(
 /// The complete module of a shader that splats in fixed point, with the words that the adapter can add to.
 pub(crate) fn splatting(gpu: &Gpu, file: &str) -> ShaderSource {
     let accumulate = if gpu.wide_accumulator { "shared/accumulate_u64" } else { "shared/accumulate_u32" };
-    Shader::new(file).with("accumulate", accumulate).source()
+    projecting(gpu, file).with("accumulate", accumulate).source()
 }
 
 /// Parameters and sums, as every pass that splats in fixed point binds them; `others` follow.
@@ -397,6 +413,15 @@ pub(crate) fn bind_picture(
     let buffers = [parameters, target.viewports, target.tiles, target.pixels, target.partial_sums];
     let bindings: Vec<_> = (0..).zip(buffers).map(|(binding, buffer)| (binding, buffer.as_entire_binding())).collect();
     bind_buffers(gpu, pipeline, 0, &bindings)
+}
+
+/// A viewport, with the place of its table if it is tabulated.
+fn encode(viewport: &Viewport, kernels: &KernelPlan, tables: &MappingTables) -> layout::Viewport {
+    let mut encoded = encode_viewport(viewport, kernels);
+    if let Some(first) = tables.first_group(viewport) {
+        encoded.face = first;
+    }
+    encoded
 }
 
 /// Flags of a tile: one for each block of pixels of the grid, in rows.
@@ -461,7 +486,13 @@ pub(crate) fn adds_up(frame: &FrameInputs<'_>) -> bool {
     frame.settings.stars.method.accumulator() == Accumulator::FixedPoint
 }
 
-/// Whether the resolve pass writes the display images itself: where the exposure is known before the pixels are, and nothing is scattered.
+/// Whether the resolve pass writes the display images itself: where the exposure is known before the pixels are, and nothing is scattered
+/// afterwards.
 pub(crate) fn resolves_to_display(frame: &FrameInputs<'_>) -> bool {
-    frame.plan.known_ev100.is_some() && frame.plan.glare.method == GlareMethod::None && adds_up(frame)
+    frame.plan.known_ev100.is_some() && !is_scattered_after(&frame.plan.glare) && adds_up(frame)
+}
+
+/// Whether scattered light is added to pictures that are resolved already.
+pub(crate) fn is_scattered_after(glare: &GlarePlan) -> bool {
+    glare.method != GlareMethod::None && glare.in_sums.is_none()
 }

@@ -10,7 +10,7 @@ use super::{Presentation, RenderError, ViewStatistics, Wanted, read::Places, tar
 use crate::{
     gpu::{Gpu, GpuTimer, ReadbackBuffer},
     photometry::glare::GlareKernel,
-    plan::{Plan, settings::RenderSettings},
+    plan::{Plan, budget::draws_outputs_apart, settings::RenderSettings},
     scene::{SceneObjects, SceneSnapshot},
     view::Viewport,
 };
@@ -95,6 +95,14 @@ pub(crate) struct Wish<'a> {
     pub made: Wanted,
     /// Formats of the textures that images are drawn into.
     pub formats: &'a [wgpu::TextureFormat],
+}
+
+impl Wish<'_> {
+    /// Whether frames that have display images alone may have the veil of single sources in their sums of light: see
+    /// [`crate::plan::GlarePlan::in_sums`].
+    pub(crate) fn may_have_veil_in_sums(&self) -> bool {
+        draws_outputs_apart(self.settings, self.objects, self.viewports)
+    }
 }
 
 /// Pipelines that are made ahead, in one go on one thread.

@@ -9,6 +9,7 @@ use crate::render::constants::projections::{
     KIND_CUBE_FACE, KIND_EQUIDISTANT, KIND_EQUIRECTANGULAR, KIND_EQUISOLID, KIND_ORTHOGRAPHIC, KIND_PERSPECTIVE,
     KIND_STEREOGRAPHIC,
 };
+use crate::render::constants::tabulated::KIND_TABULATED;
 use crate::{
     plan::{GaussianKernel, KernelPlan},
     units::PARSEC_M,
@@ -21,7 +22,7 @@ use crate::{
 /// Solid angles whose one-point form errs by more than this are averaged over nine points in the shader.
 const MIDPOINT_TOLERANCE: f64 = 3e-6;
 
-/// Encodes a viewport with the kernels of its stars.
+/// Encodes a viewport with the kernels of its stars. Where the table of a tabulated one begins is up to who holds it.
 pub(crate) fn encode_viewport(viewport: &Viewport, kernels: &KernelPlan) -> layout::Viewport {
     let view_from_world = DMat3::from_quat(viewport.world_from_view.conjugate());
     let eye_pc = viewport.eye_offset_m / PARSEC_M;
@@ -40,8 +41,8 @@ pub(crate) fn encode_viewport(viewport: &Viewport, kernels: &KernelPlan) -> layo
         view_from_world_z: row(2),
         size,
         kind: KIND_PERSPECTIVE,
-        tent_below_lx: finite_f32(kernels.tent_below_lx),
-        gaussian_from_lx: finite_f32(kernels.gaussian_from_lx),
+        tent_below_cd_m2: finite_f32(kernels.tent_below_cd_m2),
+        gaussian_from_cd_m2: finite_f32(kernels.gaussian_from_cd_m2),
         gaussian_sigma_rad: width.map_or(0.0, |width| width.sigma_rad as f32),
         gaussian_sigma_px: width.map_or(0.0, |width| width.sigma_px as f32),
         gaussian_on_plane: u32::from(width.is_none()),
@@ -78,6 +79,11 @@ pub(crate) fn encode_viewport(viewport: &Viewport, kernels: &KernelPlan) -> layo
             }));
         }
         Projection::Equirectangular(_) => encoded.kind = KIND_EQUIRECTANGULAR,
+        Projection::Tabulated(table) => {
+            encoded.kind = KIND_TABULATED;
+            encoded.plane_scale = [1.0; 2];
+            encoded.full_sphere = u32::from(table.shows_full_sphere());
+        }
     }
     encoded
 }

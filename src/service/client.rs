@@ -132,6 +132,8 @@ pub struct ReceivedFrame {
     pub render_time: SystemTime,
     /// Exposure, EV at ISO 100.
     pub exposure_ev100: f64,
+    /// Magnitude of the stars that the display image just shows; `None` where none is known.
+    pub limiting_magnitude: Option<f64>,
     /// Frames that this stream has dropped so far.
     pub dropped: u64,
     /// The images of the view.
@@ -191,6 +193,7 @@ impl TryFrom<proto::Frame> for ReceivedFrame {
             pose_time: time(frame.pose_time, "pose_time")?,
             render_time: time(frame.render_time, "render_time")?,
             exposure_ev100: frame.exposure_ev100,
+            limiting_magnitude: frame.limiting_magnitude,
             dropped: frame.dropped,
             images: images.collect::<Result<_, ClientError>>()?,
         })

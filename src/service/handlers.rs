@@ -171,6 +171,7 @@ impl Order {
             pose_time: Some(rendered.pose_time.into()),
             render_time: Some(rendered.render_time.into()),
             exposure_ev100: frame.exposure_ev100,
+            limiting_magnitude: frame.views.get(self.view).and_then(|view| view.limiting_magnitude),
             dropped,
             images: images.collect::<Result<_, Status>>()?,
         })

@@ -23,14 +23,14 @@ use super::{
     engine::{Engine, EngineError},
     forecast::{Expected, Forecast},
     objects::Objects,
-    render::{Capacity, RenderHandle, Request, Shared, State, Verification},
+    render::{Capacity, RenderHandle, Request, Shared, State, Subscriber, Verification},
     scene::SceneState,
     schedule::Revisions,
     slot::{RenderFailure, RenderedFrame, Slot},
     streams::Streams,
 };
 use crate::{
-    plan::{adaptation::Adaptation, settings::RenderSettings},
+    plan::{adaptation::Adaptation, budget::draws_outputs_apart, settings::RenderSettings},
     render::{FrameRequest, Wanted},
     scene::{Camera, SceneSnapshot},
     view::Rig,
@@ -124,6 +124,7 @@ fn spawn_with(
         adaptation: Adaptation::default(),
         last: None,
         checked: false,
+        last_exact: false,
         in_flight: VecDeque::new(),
         forecast,
         last_drawn: Instant::now(),
@@ -141,6 +142,8 @@ struct Job {
     requests: Vec<Request>,
     subscribers: Vec<Arc<Slot>>,
     wanted: Vec<Wanted>,
+    /// For HDR images; otherwise for display images alone, within their budget.
+    exact: bool,
     camera: Camera,
     pose_time: SystemTime,
     scene: SceneState,
@@ -191,6 +194,8 @@ struct Worker {
     last: Option<(Instant, Revisions)>,
     /// The last work was a check.
     checked: bool,
+    /// The last frame was one for HDR images.
+    last_exact: bool,
     /// The oldest one first.
     in_flight: VecDeque<InFlight>,
     forecast: Forecast,
@@ -217,6 +222,7 @@ impl Worker {
     /// Begins a frame. An error is one that the engine does not outlive.
     fn begin(&mut self, job: Job) -> Result<(), EngineError> {
         self.checked = false;
+        self.last_exact = job.exact;
         self.scene.camera = job.camera;
         self.scene.revision = job.scene.revision;
         self.scene.objects = Arc::clone(&job.scene.objects.drawn);
@@ -405,13 +411,25 @@ impl Worker {
             wanted[view].display |= what.display;
             wanted[view].hdr |= what.hdr;
         };
-        let requests: Vec<Request> = mem::take(&mut state.requests).into();
+        let is_due = |subscriber: &Subscriber| subscriber.pace.due_at(newest, converged, start) <= start;
+        let due = state.subscribers.iter().filter(|subscriber| is_due(subscriber)).map(|subscriber| subscriber.wanted);
+        let exact = self.is_exact(state.requests.iter().map(|request| request.wanted).chain(due));
+        let (requests, later): (Vec<Request>, VecDeque<Request>) = {
+            let mut now = Vec::new();
+            let mut later = VecDeque::new();
+            for request in mem::take(&mut state.requests) {
+                if self.belongs_to(exact, request.wanted) { now.push(request) } else { later.push_back(request) }
+            }
+            (now, later)
+        };
+        state.requests = later;
         for request in &requests {
             want(request.view, request.wanted);
         }
         let mut subscribers = Vec::new();
         for subscriber in &mut state.subscribers {
-            if subscriber.pace.due_at(newest, converged, start) <= start
+            if is_due(subscriber)
+                && self.belongs_to(exact, subscriber.wanted)
                 && let Some(slot) = subscriber.slot.upgrade()
             {
                 subscriber.pace.served(newest, start);
@@ -419,6 +437,23 @@ impl Worker {
                 subscribers.push(slot);
             }
         }
-        Job { requests, subscribers, wanted, camera: state.camera, pose_time: state.pose_time, scene, start }
+        Job { requests, subscribers, wanted, exact, camera: state.camera, pose_time: state.pose_time, scene, start }
+    }
+
+    /// Whether the next frame is one for HDR images. Those of display images have a budget of their own, and who asks for HDR images
+    /// beside them must not change them: they are two frames, which take turns.
+    fn is_exact(&self, due: impl Iterator<Item = Wanted>) -> bool {
+        let (exact, shown): (Vec<Wanted>, Vec<Wanted>) = due.partition(|wanted| wanted.hdr);
+        if shown.is_empty() || exact.is_empty() { !exact.is_empty() } else { !self.last_exact }
+    }
+
+    /// Whether images belong to a frame for HDR images, or to one without them. An exact budget has them in one.
+    fn belongs_to(&self, exact: bool, wanted: Wanted) -> bool {
+        wanted.hdr == exact || !self.draws_outputs_apart()
+    }
+
+    fn draws_outputs_apart(&self) -> bool {
+        let viewports = self.rig.viewports(glam::DQuat::IDENTITY);
+        draws_outputs_apart(&self.settings, &self.scene.objects, &viewports)
     }
 }

@@ -3,10 +3,13 @@
 //! Three frames of reference meet here: *view* axes (+x right, +y up, looking -z) of one image, *camera* axes of the rig,
 //! and *world* axes (ICRS). `camera_from_view` and `world_from_camera` are rotations between them.
 
+use std::sync::Arc;
+
 use glam::{DMat3, DQuat, DVec3};
 
 use super::projection::{
     CubeFace, Equirectangular, Face, Fisheye, FisheyeMapping, Perspective, Projection, ProjectionError,
+    TabulatedMapping,
 };
 
 /// Why a rig cannot be built.
@@ -143,6 +146,11 @@ pub enum ViewKind {
         /// Width and height, pixels.
         size: [u32; 2],
     },
+    /// A projection of one's own, as a table; configurations cannot name it.
+    Tabulated {
+        /// The mapping.
+        mapping: Arc<TabulatedMapping>,
+    },
 }
 
 impl ViewKind {
@@ -156,6 +164,7 @@ impl ViewKind {
             ViewKind::Fisheye { .. } => "fisheye",
             ViewKind::DomeMaster { .. } => "dome_master",
             ViewKind::Equirectangular { .. } => "equirectangular",
+            ViewKind::Tabulated { .. } => "tabulated",
         }
     }
 }
@@ -245,17 +254,15 @@ fn images_of(name: &str, kind: &ViewKind, orientation: DQuat, position_m: DVec3)
         camera_from_view,
         eye_position_m,
     };
+    let whole = |projection: Projection| Ok(vec![image(Part::Whole, projection, orientation, position_m)]);
     let off_axis = |size: [u32; 2], fov: Fov| {
         Perspective::off_axis(size, fov.left_rad, fov.right_rad, fov.up_rad, fov.down_rad).map(Projection::Perspective)
     };
     match kind {
         ViewKind::Perspective { size, fov_y_rad } => {
-            let projection = Perspective::symmetric(*size, *fov_y_rad).map_err(wrong)?;
-            Ok(vec![image(Part::Whole, Projection::Perspective(projection), orientation, position_m)])
+            whole(Projection::Perspective(Perspective::symmetric(*size, *fov_y_rad).map_err(wrong)?))
         }
-        ViewKind::OffAxis { size, fov } => {
-            Ok(vec![image(Part::Whole, off_axis(*size, *fov).map_err(wrong)?, orientation, position_m)])
-        }
+        ViewKind::OffAxis { size, fov } => whole(off_axis(*size, *fov).map_err(wrong)?),
         ViewKind::Stereo { size, ipd_m, fov_left, fov_right } => {
             if !(ipd_m.is_finite() && *ipd_m >= 0.0) {
                 return Err(parameter(format!("ipd_m = {ipd_m}: allowed are finite distances from 0 m")));
@@ -294,8 +301,7 @@ fn images_of(name: &str, kind: &ViewKind, orientation: DQuat, position_m: DVec3)
                 .collect()
         }
         ViewKind::Fisheye { size, mapping, fov_rad } => {
-            let projection = Fisheye::new(*size, *mapping, *fov_rad).map_err(wrong)?;
-            Ok(vec![image(Part::Whole, Projection::Fisheye(projection), orientation, position_m)])
+            whole(Projection::Fisheye(Fisheye::new(*size, *mapping, *fov_rad).map_err(wrong)?))
         }
         ViewKind::DomeMaster { size, fov_rad, tilt_rad } => {
             if !tilt_rad.is_finite() {
@@ -310,9 +316,9 @@ fn images_of(name: &str, kind: &ViewKind, orientation: DQuat, position_m: DVec3)
             Ok(vec![image(Part::Whole, Projection::Fisheye(projection), orientation * tilt, position_m)])
         }
         ViewKind::Equirectangular { size } => {
-            let projection = Equirectangular::new(*size).map_err(wrong)?;
-            Ok(vec![image(Part::Whole, Projection::Equirectangular(projection), orientation, position_m)])
+            whole(Projection::Equirectangular(Equirectangular::new(*size).map_err(wrong)?))
         }
+        ViewKind::Tabulated { mapping } => whole(Projection::Tabulated(Arc::clone(mapping))),
     }
 }
 

@@ -2,6 +2,7 @@
 #![allow(dead_code, unused_imports, reason = "each test binary uses its own part of this")]
 
 pub mod figures;
+pub mod hammer;
 mod pool;
 
 use glam::{DQuat, DVec3};

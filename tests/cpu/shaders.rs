@@ -221,6 +221,30 @@ fn every_file_and_every_table_is_part_of_a_shader() {
     assert_eq!(unused(["constants/none".to_owned()], &sources), ["constants/none"]);
 }
 
+/// Whether a shader's text has anything of tabulated projections.
+fn knows_tables(text: &str) -> bool {
+    ["mapping_tables", "KIND_TABULATED", "@group(3)"].iter().any(|name| text.contains(name))
+}
+
+#[test]
+fn shaders_of_rigs_without_tables_have_nothing_of_them() {
+    let mut with_tables = 0;
+    for (shader, source) in sources() {
+        let name = shader.to_string();
+        let wanted = name.contains("tabulated = shared/tabulated") && !name.contains("tabulated_off");
+        if knows_tables(&source.text) {
+            assert!(wanted, "{shader}: reads tables, though it is made without");
+            with_tables += 1;
+        }
+    }
+    assert!(with_tables > 20, "{with_tables}");
+    // What names no choice is made without.
+    let resolve = || Shader::new("display/resolve").with("decode", "display/decode_u32");
+    let text = |shader: Shader| shader.text().unwrap();
+    assert_eq!(text(resolve()), text(resolve().with("tabulated", "shared/tabulated_off")));
+    assert!(knows_tables(&text(resolve().with("tabulated", "shared/tabulated"))));
+}
+
 #[test]
 fn a_table_reads_in_wgsl_as_in_rust() {
     for table in constant_tables() {

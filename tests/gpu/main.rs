@@ -14,4 +14,5 @@ mod pool;
 mod solid_angle;
 mod stars;
 mod steady;
+mod tabulated;
 mod verify;

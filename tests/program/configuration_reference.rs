@@ -158,6 +158,9 @@ fn documents(range: &Range) -> Vec<Value> {
                 "stars.gaussian_psf.saturation_magnitude" => {
                     json!({ "stars": { "gaussian_psf": { "limiting_magnitude": 100.0 } } })
                 }
+                // What they have an effect with.
+                "exposure.ev100" => json!({ "exposure": { "mode": "manual" } }),
+                "exposure.key" => json!({ "exposure": { "metering": "mean" } }),
                 "exposure.min_ev100" => json!({ "exposure": { "max_ev100": 100.0 } }),
                 "exposure.max_ev100" => json!({ "exposure": { "min_ev100": -100.0 } }),
                 _ => json!({}),

@@ -125,6 +125,7 @@ impl Engine for TestEngine {
             name: view.name.clone(),
             stars_drawn: 0,
             stars_in_map: 0,
+            limiting_magnitude: Some(6.5),
             asteroids: AsteroidCounts::default(),
             gpu_ms: None,
         };

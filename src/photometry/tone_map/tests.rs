@@ -13,6 +13,11 @@ fn all_settings() -> Vec<ToneMapSettings> {
     all
 }
 
+/// An operator that clips or compresses each channel by itself.
+fn by_channel(operator: ToneMapOperator) -> ToneMapSettings {
+    ToneMapSettings { desaturation: 0.0, ..ToneMapSettings::of(operator) }
+}
+
 #[test]
 fn srgb_has_the_values_of_the_standard() {
     assert_eq!(srgb_from_linear(0.0), 0.0);
@@ -68,18 +73,17 @@ fn what_is_no_light_is_black_and_leaves_the_other_channels_alone() {
 
 #[test]
 fn display_white_is_white_for_srgb_and_leaves_room_for_filmic() {
-    let clipped = ToneMapSettings::of(ToneMapOperator::Srgb).display_rgb([0.15, 0.075, 0.3], 0.15);
+    let clipped = by_channel(ToneMapOperator::Srgb).display_rgb([0.15, 0.075, 0.3], 0.15);
     for (shown, expected) in clipped.into_iter().zip([1.0, srgb_from_linear(0.5), 1.0]) {
         assert!((shown - expected).abs() < 1e-15, "{clipped:?}");
     }
-    let [red, green, blue] = ToneMapSettings::default().display_rgb([0.15, 0.075, 0.3], 0.15);
+    let [red, green, blue] = by_channel(ToneMapOperator::Filmic).display_rgb([0.15, 0.075, 0.3], 0.15);
     assert!(green < red && red < blue && blue < 0.95, "{red} {green} {blue}");
 }
 
 #[test]
 fn a_calibrated_display_gives_the_light_that_is_there_whatever_the_exposure() {
-    let settings =
-        ToneMapSettings { peak_cd_m2: 250.0, black_cd_m2: 0.3, ..ToneMapSettings::of(ToneMapOperator::Calibrated) };
+    let settings = ToneMapSettings { peak_cd_m2: 250.0, black_cd_m2: 0.3, ..by_channel(ToneMapOperator::Calibrated) };
     let given = |rgb: [f64; 3], white_cd_m2: f64| {
         settings.display_rgb(rgb, white_cd_m2).map(|value| 0.3 + (250.0 - 0.3) * linear_from_srgb(value))
     };
@@ -156,6 +160,26 @@ fn desaturation_keeps_the_luminance_that_an_operator_gives() {
         };
         assert!((seen(1.0, red) / kept - 1.0).abs() < 1e-6, "{operator:?}: {} for {kept}", seen(1.0, red));
     }
-    let clipped = ToneMapSettings::of(ToneMapOperator::Srgb).display_rgb([3.0, 0.2, 0.1], 1.0);
+    let clipped = by_channel(ToneMapOperator::Srgb).display_rgb([3.0, 0.2, 0.1], 1.0);
     assert!(luminance(clipped.map(linear_from_srgb)) < 0.5 * luminance([3.0, 0.2, 0.1]));
+}
+
+#[test]
+fn the_light_of_a_code_is_shown_as_that_code() {
+    for settings in all_settings() {
+        let white_cd_m2 = crate::photometry::exposure::white_luminance_cd_m2(settings.white_ev100().unwrap_or(0.0));
+        for code in [1.0, 20.0, 100.0, 230.0] {
+            let light = settings.light_of_code(code);
+            let plain = ToneMapSettings { scotopic: 0.0, ..settings };
+            let shown = plain.display_rgb([light * white_cd_m2; 3], white_cd_m2)[1] * 255.0;
+            assert!((shown - code).abs() < 1e-6, "{settings:?}: {light} is shown as {shown} for {code}");
+        }
+    }
+    // By hand: filmic's quadratic, and the linear part of sRGB and its power above.
+    assert!((ToneMapSettings::default().light_of_code(20.0) - 0.010_962).abs() < 1e-5);
+    assert!((ToneMapSettings::of(ToneMapOperator::Srgb).light_of_code(20.0) - 0.006_995).abs() < 1e-5);
+    // The display's black is there without any light.
+    let display =
+        ToneMapSettings { peak_cd_m2: 5.0, black_cd_m2: 0.01, ..ToneMapSettings::of(ToneMapOperator::Calibrated) };
+    assert!((display.light_of_code(20.0) * 5.0 - (0.01 + 4.99 * 0.006_995)).abs() < 1e-4);
 }

@@ -19,47 +19,58 @@ const FINE_RAD: f64 = 0.03;
 /// Clouds that have less of all light than this are not divided.
 const LEAST_SHARE: f64 = 1e-3;
 
+/// A part of a field as an eye sees it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cloud {
+    /// All of its light.
+    pub source: ExtendedSource,
+    /// Luminance of the surfaces that it comes from, where they face the sun and the eye: p E / pi, cd/m^2.
+    pub surface_cd_m2: f64,
+}
+
 /// A node that may be divided.
 struct Open<'a> {
     field: &'a AsteroidField,
     level: usize,
     node: &'a Node,
-    source: ExtendedSource,
+    cloud: Cloud,
 }
 
-/// The extended_sources that an eye at `eye_m`, world axes, has fields as: the widest nodes are divided first.
-pub fn field_sources(fields: &[&AsteroidField], eye_m: DVec3, suns: &[Sun]) -> Vec<ExtendedSource> {
-    let open = |field: &'_ AsteroidField, node: &Node| -> ExtendedSource {
+/// The clouds that an eye at `eye_m`, world axes, has fields as: the widest nodes are divided first.
+pub fn field_clouds(fields: &[&AsteroidField], eye_m: DVec3, suns: &[Sun]) -> Vec<Cloud> {
+    let open = |field: &'_ AsteroidField, node: &Node| -> Cloud {
         let place_m = field.position_m + DMat3::from_quat(field.orientation) * node.centroid_m;
         let offset_m = place_m - eye_m;
         let light = strongest_light(suns, place_m);
         let distance_m = offset_m.length().max(f64::MIN_POSITIVE);
         let intensity_cd = node_intensity_cd(field, node, offset_m, light);
-        ExtendedSource {
+        let reflected = [0, 1, 2].map(|channel| field.geometric_albedo[channel] * light.1[channel]);
+        let source = ExtendedSource {
             direction: offset_m / distance_m,
             // An eye among the asteroids is as far from them as they are spread.
             light: intensity_cd.map(|cd| cd / distance_m.max(node.radius_m).powi(2)),
             radius_rad: (node.radius_m / distance_m).min(1.0).asin(),
-        }
+        };
+        Cloud { source, surface_cd_m2: luminance(reflected) / std::f64::consts::PI }
     };
     let mut nodes: Vec<Open<'_>> = fields
         .iter()
         .filter_map(|field| {
             let level = field.instances.levels.len().checked_sub(1)?;
             let node = field.instances.levels[level].first()?;
-            Some(Open { field, level, node, source: open(field, node) })
+            Some(Open { field, level, node, cloud: open(field, node) })
         })
         .take(MOST_CLOUDS)
         .collect();
-    let all_lx: f64 = nodes.iter().map(|open| luminance(open.source.light)).sum();
+    let all_lx: f64 = nodes.iter().map(|open| luminance(open.cloud.source.light)).sum();
     loop {
         let divisible = |open: &Open<'_>| {
             open.level > 0
-                && open.source.radius_rad > FINE_RAD
-                && luminance(open.source.light) > LEAST_SHARE * all_lx
+                && open.cloud.source.radius_rad > FINE_RAD
+                && luminance(open.cloud.source.light) > LEAST_SHARE * all_lx
                 && nodes.len() + open.node.count as usize <= MOST_CLOUDS + 1
         };
-        let weight = |open: &Open<'_>| open.source.radius_rad * luminance(open.source.light);
+        let weight = |open: &Open<'_>| open.cloud.source.radius_rad * luminance(open.cloud.source.light);
         let widest = (0..nodes.len())
             .filter(|index| divisible(&nodes[*index]))
             .max_by(|a, b| weight(&nodes[*a]).total_cmp(&weight(&nodes[*b])));
@@ -67,9 +78,9 @@ pub fn field_sources(fields: &[&AsteroidField], eye_m: DVec3, suns: &[Sun]) -> V
         let Open { field, level, node, .. } = nodes.swap_remove(widest);
         let below = &field.instances.levels[level - 1];
         let children = &below[node.first as usize..(node.first + node.count) as usize];
-        nodes.extend(children.iter().map(|node| Open { field, level: level - 1, node, source: open(field, node) }));
+        nodes.extend(children.iter().map(|node| Open { field, level: level - 1, node, cloud: open(field, node) }));
     }
-    nodes.into_iter().map(|open| open.source).filter(|source| luminance(source.light) > 0.0).collect()
+    nodes.into_iter().map(|open| open.cloud).filter(|cloud| luminance(cloud.source.light) > 0.0).collect()
 }
 
 #[cfg(test)]
@@ -110,15 +121,18 @@ mod tests {
         let field = field();
         let sun = Sun { position_m: DVec3::ZERO, intensity_cd: [3e27; 3], radius_m: 7e8 };
         let eye_m = field.position_m - DVec3::new(1e9, 2e8, 5e7);
-        let extended_sources = field_sources(&[&field], eye_m, &[sun]);
-        let light: f64 = extended_sources.iter().map(|source| luminance(source.light)).sum();
+        let clouds = field_clouds(&[&field], eye_m, &[sun]);
+        let light: f64 = clouds.iter().map(|cloud| luminance(cloud.source.light)).sum();
         let area_m2: f64 = field.instances.levels[0].iter().map(|node| node.area_m2).sum();
         let offset_m = field.position_m - eye_m;
         let phase = field.law.phase_function((-offset_m).angle_between(-field.position_m));
         let full = 0.1 * 3e27 / 1e22 * area_m2 / std::f64::consts::PI / offset_m.length_squared() * phase;
         assert!((light / full - 1.0).abs() < 2e-3, "{light} {full}");
-        let near = field_sources(&[&field], field.position_m + DVec3::new(9e6, 0.0, 1e6), &[sun]);
+        // Albedo 0.1 in 3e5 lx.
+        let surface = 0.1 * 3e27 / 1e22 / std::f64::consts::PI;
+        assert!(clouds.iter().all(|cloud| (cloud.surface_cd_m2 / surface - 1.0).abs() < 1e-3), "{clouds:?}");
+        let near = field_clouds(&[&field], field.position_m + DVec3::new(9e6, 0.0, 1e6), &[sun]);
         assert!(near.len() > 30 && near.len() <= MOST_CLOUDS, "{}", near.len());
-        assert!(near.iter().all(|source| source.light.iter().all(|lx| lx.is_finite() && *lx > 0.0)));
+        assert!(near.iter().all(|cloud| cloud.source.light.iter().all(|lx| lx.is_finite() && *lx > 0.0)));
     }
 }

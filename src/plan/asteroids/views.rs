@@ -120,6 +120,12 @@ impl DirectionTable {
                     needed_rad: (PI / height).max(TAU / width),
                 }
             }
+            Projection::Tabulated(table) => {
+                // Pixels are of any size in any direction: the finest of all stands for each. Edges always go through faces.
+                let [shortest_rad, needed_rad] = table.finest_pixel_rad();
+                let entries = TABLE_STEPS + 1;
+                Self { pixel_rad: vec![shortest_rad; entries], bend: vec![UNBOUNDED_BEND; entries], needed_rad }
+            }
         }
     }
 
@@ -196,11 +202,15 @@ impl PictureBounds {
         impostor: Option<ImpostorReach>,
     ) -> Self {
         let cone = viewport.projection.mapping().bounding_cone(margin_px);
-        let (sin, cos) = cone.half_angle_rad.sin_cos();
+        let half_angle_rad = match viewport.projection {
+            Projection::Tabulated(_) => cone.around_view_axis_rad(),
+            _ => cone.half_angle_rad,
+        };
+        let (sin, cos) = half_angle_rad.sin_cos();
         Self {
             kind: match viewport.projection {
                 Projection::Perspective(_) | Projection::CubeFace(_) => PictureKind::Flat,
-                Projection::Fisheye(_) => PictureKind::Round,
+                Projection::Fisheye(_) | Projection::Tabulated(_) => PictureKind::Round,
                 Projection::Equirectangular(_) => PictureKind::Longitude,
             },
             view_from_world: DMat3::from_quat(viewport.world_from_view.conjugate()),

@@ -7,7 +7,7 @@
 
 use std::f64::consts::{FRAC_PI_4, PI};
 
-use crate::view::projection::{Face, Perspective, Projection};
+use crate::view::projection::{Face, Perspective, PlaneMapping, Projection};
 
 /// Texels by which every face is drawn larger on each side: interpolation reaches one texel beyond the edge.
 pub const GUARD_PX: u32 = 2;
@@ -30,6 +30,7 @@ impl CubeFaces {
             Projection::Perspective(_) | Projection::CubeFace(_) => return None,
             Projection::Fisheye(fisheye) => (PI * fisheye.radius_px().powi(2), fisheye.half_fov_rad),
             Projection::Equirectangular(_) => (f64::from(width) * f64::from(height), PI),
+            Projection::Tabulated(table) => (table.pixels() as f64, table.bounding_cone(0.0).around_view_axis_rad()),
         };
         let mean_sr = projection.picture_solid_angle_sr() / pixels;
         let edge = (4.0 * PI / 6.0 / mean_sr).sqrt().ceil();
@@ -71,7 +72,7 @@ mod tests {
     use glam::{DVec2, DVec3};
 
     use super::*;
-    use crate::view::projection::{CubeFace, Equirectangular, Fisheye, FisheyeMapping, PlaneMapping};
+    use crate::view::projection::{CubeFace, Equirectangular, Fisheye, FisheyeMapping};
 
     #[test]
     fn flat_planes_need_no_cube_and_texels_match_pixels() {

@@ -37,7 +37,7 @@ pub(crate) fn edge_planes(projection: &Projection, margin_px: f64) -> Vec<DVec3>
     let tangents = match projection {
         Projection::Perspective(plane) => Some(plane.edge_tangents(margin_px)),
         Projection::CubeFace(face) => Some(face.plane().edge_tangents(margin_px)),
-        Projection::Fisheye(_) | Projection::Equirectangular(_) => None,
+        Projection::Fisheye(_) | Projection::Equirectangular(_) | Projection::Tabulated(_) => None,
     };
     tangents.map_or_else(Vec::new, |[left, right, down, up]| {
         [

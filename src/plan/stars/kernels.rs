@@ -82,7 +82,7 @@ impl GaussianWidth {
     }
 
     /// How far the kernel reaches at most in a picture, pixels, no farther than the picture is wide: looked for along both diagonals and both axes.
-    fn reach_px(&self, projection: &Projection) -> f64 {
+    pub(crate) fn reach_px(&self, projection: &Projection) -> f64 {
         let mapping = projection.mapping();
         let [width, height] = mapping.size();
         let mut most: f64 = 0.0;
@@ -121,10 +121,10 @@ pub enum GaussianKernel {
 /// The kernels of one viewport.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct KernelPlan {
-    /// Stars fainter than this take the tent, lx.
-    pub tent_below_lx: f64,
-    /// Stars as bright as this or brighter take the Gaussian, lx; those between take the B-spline.
-    pub gaussian_from_lx: f64,
+    /// Stars below this take the tent: illuminance over the solid angle of a pixel at their place, cd/m^2.
+    pub tent_below_cd_m2: f64,
+    /// Stars from this on take the Gaussian, the same; those between take the B-spline.
+    pub gaussian_from_cd_m2: f64,
     /// The Gaussian.
     pub gaussian: GaussianKernel,
     /// How far it reaches, pixels.
@@ -135,8 +135,8 @@ impl KernelPlan {
     /// The B-spline alone.
     pub fn bspline() -> Self {
         Self {
-            tent_below_lx: 0.0,
-            gaussian_from_lx: f64::INFINITY,
+            tent_below_cd_m2: 0.0,
+            gaussian_from_cd_m2: f64::INFINITY,
             gaussian: GaussianKernel::Plane,
             gaussian_reach_px: 0.0,
         }
@@ -168,15 +168,14 @@ pub fn kernels_of(settings: &RenderSettings, viewport: &Viewport, expected_ev100
         (kernels.gaussian, kernels.gaussian_reach_px) = (gaussian, reach_px);
     }
     match settings.stars.method {
-        StarMethod::Tent => kernels.tent_below_lx = f64::INFINITY,
-        StarMethod::PixelGaussian => kernels.gaussian_from_lx = 0.0,
+        StarMethod::Tent => kernels.tent_below_cd_m2 = f64::INFINITY,
+        StarMethod::PixelGaussian => kernels.gaussian_from_cd_m2 = 0.0,
         StarMethod::Auto => {
-            let white_lx = expected_ev100
-                .map_or(0.0, |ev100| white_luminance_cd_m2(ev100) * viewport.projection.smallest_pixel_sr());
-            kernels.tent_below_lx = settings.accuracy.flicker / TENT_FLICKER_PER_PEAK * white_lx;
+            let white_cd_m2 = expected_ev100.map_or(0.0, white_luminance_cd_m2);
+            kernels.tent_below_cd_m2 = settings.accuracy.flicker / TENT_FLICKER_PER_PEAK * white_cd_m2;
             let peak = bspline_peak_within(settings.accuracy.flicker);
             if peak.is_finite() {
-                kernels.gaussian_from_lx = BSPLINE_ALONE * peak * white_lx;
+                kernels.gaussian_from_cd_m2 = BSPLINE_ALONE * peak * white_cd_m2;
             }
         }
         _ => {}

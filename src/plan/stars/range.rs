@@ -16,6 +16,8 @@ pub const CHANNEL_BITS: i32 = 42;
 /// Units that the faintest star has at least, if the range allows: rounding each of nine pixels without bias then errs by 2.1e-4 of
 /// its light (one standard deviation), and by less the brighter the star.
 const STAR_UNITS: f64 = 4096.0;
+/// Units of what may be seen of a pixel to which many sources add, each of them rounded without bias.
+const PIXEL_STEP_UNITS: f64 = 32.0;
 /// Where fewer stars than this are drawn a second add costs nothing, and the range alone decides.
 const FEW_STARS: u64 = 50_000;
 /// Greatest channel of a colour in gamut with luminance 1: pure red, 1 / 0.2126.
@@ -88,6 +90,8 @@ pub struct OtherLight {
     pub points_lx: Vec<Vec<f64>>,
     /// Bound of what comes from a crowd of faint points, lx.
     pub crowd_lx: f64,
+    /// Light of a pixel that may be seen, to which many sources add a little each, lx; 0: stars alone add to pixels.
+    pub pixel_step_lx: f64,
 }
 
 /// The most of what the eyes get.
@@ -119,6 +123,7 @@ pub fn choose(
     let drawn: u64 = visible.iter().map(|chunk| u64::from(chunk.count)).sum();
     let needed =
         if drawn >= FEW_STARS && faintest_star_lx > 0.0 { STAR_UNITS / faintest_star_lx } else { f64::INFINITY };
+    let needed = if other.pixel_step_lx > 0.0 { needed.max(PIXEL_STEP_UNITS / other.pixel_step_lx) } else { needed };
     let mut by_brightness: Vec<&VisibleChunk> = visible.iter().collect();
     let searched = SEARCHED_CHUNKS.min(by_brightness.len());
     if searched > 0 {

@@ -70,6 +70,7 @@ impl AsteroidPointPass {
         let asteroids: Vec<_> =
             (0..).zip(asteroids).map(|(binding, buffer)| (binding, buffer.as_entire_binding())).collect();
         pass.set_pipeline(&self.pipeline);
+        gpu.bind_tables(pass, &self.pipeline);
         pass.set_bind_group(0, &bind_sums(gpu, &self.pipeline, &parameters, sums, &items), &[]);
         pass.set_bind_group(1, &bind_buffers(gpu, &self.pipeline, 1, &asteroids), &[]);
         pass.set_bind_group(2, &bind_occlusion(gpu, &self.pipeline, &sums.occlusion), &[]);

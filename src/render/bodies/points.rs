@@ -42,6 +42,7 @@ impl PointPass {
         };
         let parameters = gpu.frame_uniform("point parameters", &parameters);
         pass.set_pipeline(&self.pipeline);
+        gpu.bind_tables(pass, &self.pipeline);
         pass.set_bind_group(0, &bind_sums(gpu, &self.pipeline, &parameters, sums, &[]), &[]);
         let points = [(0, points.as_entire_binding())];
         pass.set_bind_group(1, &bind_buffers(gpu, &self.pipeline, 1, &points), &[]);

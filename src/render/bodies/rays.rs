@@ -1,11 +1,11 @@
 //! The geometry pass: what bodies and asteroids show in each pixel of a tile. Shader: `shaders/bodies/rays.wgsl`; the f64 twin of its bodies
 //! is `crate::reference::bodies::rays`.
 
-use crate::render::{constants::workgroups::RAY_SIDE, shader::Shader};
+use crate::render::constants::workgroups::RAY_SIDE;
 use crate::{
     gpu::{Gpu, Variants, bind_buffers},
     plan::tiles::Tile,
-    render::{bodies::layout, targets::RasterLayers},
+    render::{bodies::layout, tabulated::projecting, targets::RasterLayers},
 };
 
 /// The pass.
@@ -40,7 +40,10 @@ pub(crate) struct RayTile<'a> {
 }
 
 fn pipeline(gpu: &Gpu, has_layers: bool) -> wgpu::ComputePipeline {
-    gpu.compute_pipeline_with(&Shader::new("bodies/rays").source(), &[("HAS_LAYERS", f64::from(u8::from(has_layers)))])
+    gpu.compute_pipeline_with(
+        &projecting(gpu, "bodies/rays").source(),
+        &[("HAS_LAYERS", f64::from(u8::from(has_layers)))],
+    )
 }
 
 /// A texture of one texel that nothing has been drawn into.
@@ -108,6 +111,7 @@ impl GeometryPass {
         let bindings: Vec<_> =
             (0..).zip(buffers).map(|(binding, buffer)| (binding, buffer.as_entire_binding())).collect();
         pass.set_pipeline(pipeline);
+        gpu.bind_tables(pass, pipeline);
         pass.set_bind_group(0, &bind_buffers(gpu, pipeline, 0, &bindings), &[]);
         let [colour, depth, faces_colour, faces_depth] = &self.no_layers;
         let views = match layers {

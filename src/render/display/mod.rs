@@ -16,7 +16,7 @@ use self::{
 };
 use super::{
     presentation::{PresentSource, present_source},
-    targets::{adds_up, resolves_to_display},
+    targets::{Made, adds_up, is_scattered_after, resolves_to_display},
     technique::{Phase, PipelineJob, Recording, Technique, Wish},
 };
 use crate::{
@@ -46,7 +46,11 @@ impl Display {
         let frame = recording.frame;
         let made = recording.targets.batches[number].made;
         let known_ev100 = frame.plan.known_ev100;
-        let hdr = hdr_image(frame.plan.glare.method, [made.display, made.hdr, made.hdr_stays], known_ev100.is_some());
+        let hdr = hdr_image(
+            is_scattered_after(&frame.plan.glare),
+            [made.display, made.hdr, made.hdr_stays],
+            known_ev100.is_some(),
+        );
         let inputs = ResolveInputs {
             ranges: &frame.plan.ranges,
             hdr,
@@ -131,8 +135,8 @@ impl Display {
 }
 
 /// How much of the HDR image is made of a batch, of which the display image, the HDR image and one that stays on the adapter are made.
-fn hdr_image(glare: GlareMethod, [display, hdr, hdr_stays]: [bool; 3], exposure_is_known: bool) -> HdrImage {
-    if glare != GlareMethod::None || hdr {
+fn hdr_image(is_scattered_after: bool, [display, hdr, hdr_stays]: [bool; 3], exposure_is_known: bool) -> HdrImage {
+    if is_scattered_after || hdr {
         HdrImage::Whole
     } else if hdr_stays || (display && !exposure_is_known) {
         HdrImage::Lit
@@ -142,27 +146,42 @@ fn hdr_image(glare: GlareMethod, [display, hdr, hdr_stays]: [bool; 3], exposure_
 }
 
 impl Technique for Display {
-    /// With automatic exposure the first frame is metered; later ones may be shown with an exposure that adapts, and where nothing is
+    /// With an exposure by the mean the first frame is metered; later ones may be shown with an exposure that adapts, and where nothing is
     /// scattered the resolve pass writes their display images: both forms are made then.
     fn pipelines<'a>(&'a self, wish: &Wish<'a>) -> Vec<PipelineJob<'a>> {
         let Wish { gpu, objects, settings, made, formats, .. } = *wish;
         let tone_map = &settings.tone_map;
-        let codes = |format: &&wgpu::TextureFormat| present_source(**format) == Some(PresentSource::Codes);
-        let display = made.display || formats.iter().any(|format| codes(&format));
-        let hdr_stays =
-            made.hdr_stays || formats.iter().any(|format| present_source(*format) == Some(PresentSource::Light));
+        let presents = |source| formats.iter().any(|format| present_source(*format) == Some(source));
+        let (presents_codes, presents_light) = (presents(PresentSource::Codes), presents(PresentSource::Light));
+        let exact = Made {
+            display: made.display || presents_codes,
+            hdr: made.hdr,
+            hdr_stays: made.hdr_stays || presents_light,
+        };
+        let shown = Made { hdr: false, hdr_stays: presents_light, ..exact };
+        // Of each kind of frame: what is made, and whether glare is part of the sums.
+        let kinds = match wish.may_have_veil_in_sums() {
+            false => vec![(exact, false)],
+            true if made.hdr || made.hdr_stays => {
+                vec![(shown, true), (exact, false), (Made { display: false, ..exact }, false)]
+            }
+            true => vec![(shown, true)],
+        };
         let glare = settings.glare.chosen(settings.stars.method);
         let adds_up = settings.stars.method.accumulator() == Accumulator::FixedPoint;
-        let may_be_metered = settings.exposure.known_ev100(None).is_none();
+        let may_be_metered = settings.exposure.is_metered();
         let known: &[bool] = if may_be_metered { &[false, true] } else { &[true] };
         let mut resolves: Vec<ResolveOutputs> = Vec::new();
         let mut maps_tones = false;
-        for &known in known {
-            let resolves_to_display = known && glare == GlareMethod::None && adds_up;
+        for (known, (made, veil)) in known.iter().flat_map(|&known| kinds.iter().map(move |&kind| (known, kind))) {
+            let Made { display, hdr, hdr_stays } = made;
+            let is_scattered_after = glare != GlareMethod::None && !veil;
+            let resolves_to_display = known && !is_scattered_after && adds_up;
             let outputs = ResolveOutputs::new(
-                hdr_image(glare, [display, made.hdr, hdr_stays], known),
+                hdr_image(is_scattered_after, [display, hdr, hdr_stays], known),
                 resolves_to_display && display,
                 !objects.is_empty(),
+                veil,
             );
             if adds_up && !resolves.contains(&outputs) {
                 resolves.push(outputs);

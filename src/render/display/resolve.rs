@@ -3,12 +3,11 @@
 //! its end.
 
 use super::variant::{DisplayVariant, encode_display};
-use crate::render::shader::Shader;
 use crate::{
     gpu::{self, Gpu, ShaderSource, Variants, bind_buffers},
     photometry::exposure::white_luminance_cd_m2,
     plan::{settings::ToneMapSettings, stars::range::Ranges},
-    render::{display::layout, targets::Targets},
+    render::{display::layout, tabulated::projecting, targets::Targets},
 };
 
 /// What a batch's resolve pass writes.
@@ -22,6 +21,8 @@ pub(crate) struct ResolveOutputs {
     pub dark: bool,
     /// Whether there is anything but stars.
     pub geometry: bool,
+    /// Whether the smooth part of scattered light is added.
+    pub veil: bool,
 }
 
 /// The pass.
@@ -29,7 +30,7 @@ pub(crate) struct ResolvePass {
     source: ShaderSource,
     /// By outputs and variant of the display image.
     pipelines: Variants<(ResolveOutputs, DisplayVariant), wgpu::ComputePipeline>,
-    /// Stands in for the bright sums where there are none.
+    /// Stands in for the bright sums and for a veil where there are none.
     no_bright: wgpu::Buffer,
     /// Stands in for the display image where it is not written.
     no_display: wgpu::Buffer,
@@ -59,8 +60,8 @@ pub(crate) struct ResolveInputs<'a> {
 
 impl ResolveOutputs {
     /// What is written where that much of the HDR image is made.
-    pub(crate) fn new(hdr: HdrImage, display: bool, geometry: bool) -> Self {
-        Self { hdr: hdr != HdrImage::None, dark: hdr == HdrImage::Whole, display, geometry }
+    pub(crate) fn new(hdr: HdrImage, display: bool, geometry: bool, veil: bool) -> Self {
+        Self { hdr: hdr != HdrImage::None, dark: hdr == HdrImage::Whole, display, geometry, veil }
     }
 }
 
@@ -68,7 +69,7 @@ impl ResolvePass {
     pub(crate) fn new(gpu: &Gpu) -> Self {
         let decode = if gpu.wide_accumulator { "display/decode_u64" } else { "display/decode_u32" };
         Self {
-            source: Shader::new("display/resolve").with("decode", decode).source(),
+            source: projecting(gpu, "display/resolve").with("decode", decode).source(),
             pipelines: Variants::new(),
             no_bright: gpu::storage_buffer(gpu, "no bright sums", &[[0_u32; 4]]),
             no_display: gpu::storage_buffer(gpu, "no display", &[0_u32]),
@@ -89,6 +90,7 @@ impl ResolvePass {
                 ("WRITE_DISPLAY", outputs.display),
                 ("WRITE_DARK", outputs.dark),
                 ("HAS_GEOMETRY", outputs.geometry),
+                ("HAS_VEIL", outputs.veil),
             ]
             .map(|(name, value)| (name, f64::from(u8::from(value))));
             let constants = [&written[..], &variant.constants()].concat();
@@ -109,7 +111,7 @@ impl ResolvePass {
         let batch = &targets.batches[number];
         let occlusion = targets.occlusion(number);
         let display = batch.display.as_ref().filter(|_| shows);
-        let outputs = ResolveOutputs::new(hdr, display.is_some(), occlusion.present);
+        let outputs = ResolveOutputs::new(hdr, display.is_some(), occlusion.present, targets.veil.is_some());
         let parameters = layout::ResolveParameters {
             lx_per_unit: (1.0 / ranges.main.units_per_lx) as f32,
             lx_per_bright_unit: ranges.bright.map_or(0.0, |bright| (1.0 / bright.units_per_lx) as f32),
@@ -120,6 +122,8 @@ impl ResolvePass {
         let parameters = gpu.frame_uniform("resolve parameters", &parameters);
         let pipeline = &self.pipeline(gpu, outputs, tone_map);
         let [bright, bright_high] = batch.bright.as_ref().map_or([&self.no_bright; 2], |[low, high]| [low, high]);
+        let [veil_grids, veil_points] =
+            targets.veil.as_ref().map_or([&self.no_bright; 2], |veil| [&veil.grids, &veil.points]);
         let buffers = [
             &parameters,
             &targets.viewports,
@@ -132,10 +136,13 @@ impl ResolvePass {
             &targets.counters,
             bright_high,
             occlusion.geometry,
+            veil_grids,
+            veil_points,
         ];
         let buffers: Vec<_> =
             (0..).zip(buffers).map(|(binding, buffer)| (binding, buffer.as_entire_binding())).collect();
         pass.set_pipeline(pipeline);
+        gpu.bind_tables(pass, pipeline);
         pass.set_bind_group(0, &bind_buffers(gpu, pipeline, 0, &buffers), &[]);
         let [columns, rows, tiles] = batch.grid;
         pass.dispatch_workgroups(columns, rows, tiles);

@@ -6,6 +6,7 @@ use crate::{
     gpu::{Gpu, bind_buffers},
     render::{
         glare::layout,
+        tabulated::projecting,
         targets::{COLUMNS, PictureTarget, bind_picture},
     },
 };
@@ -23,12 +24,11 @@ pub(crate) enum GlareSource {
 }
 
 impl GlareSource {
-    fn shader(self) -> Shader {
-        let scattered = match self {
-            Self::Sky => "glare/sky_cube/scattered",
-            Self::Pyramid => "glare/pyramid/scattered",
-        };
-        Shader::new("glare/composite").with("scattered", scattered)
+    fn shader(self, gpu: &Gpu) -> Shader {
+        match self {
+            Self::Sky => projecting(gpu, "glare/composite").with("scattered", "glare/sky_cube/scattered"),
+            Self::Pyramid => Shader::new("glare/composite").with("scattered", "glare/pyramid/scattered"),
+        }
     }
 }
 
@@ -38,6 +38,8 @@ pub(crate) struct GlareCompositePass {
     pipeline: wgpu::ComputePipeline,
     /// Runs of rows of one workgroup.
     row_groups: u32,
+    /// Whether its shader projects.
+    projects: bool,
 }
 
 impl GlareCompositePass {
@@ -46,7 +48,11 @@ impl GlareCompositePass {
         let row_groups = if gpu.software { 1 } else { ROW_GROUPS };
         let of_groups = ("ROW_GROUPS", f64::from(row_groups));
         let constants: Vec<_> = constants.iter().copied().chain([of_groups]).collect();
-        Self { pipeline: gpu.compute_pipeline_with(&source.shader().source(), &constants), row_groups }
+        Self {
+            pipeline: gpu.compute_pipeline_with(&source.shader(gpu).source(), &constants),
+            row_groups,
+            projects: source == GlareSource::Sky,
+        }
     }
 
     /// Records the pass. `of_source` is what the source of glare binds in group 1.
@@ -67,6 +73,9 @@ impl GlareCompositePass {
         let parameters = gpu.frame_uniform("glare parameters", &parameters);
         let group = bind_picture(gpu, &self.pipeline, &parameters, target);
         pass.set_pipeline(&self.pipeline);
+        if self.projects {
+            gpu.bind_tables(pass, &self.pipeline);
+        }
         pass.set_bind_group(0, &group, &[]);
         pass.set_bind_group(1, &bind_buffers(gpu, &self.pipeline, 1, of_source), &[]);
         pass.dispatch_workgroups(grid[0] * (COLUMNS / BLOCK_COLUMNS), grid[1].div_ceil(self.row_groups), grid[2]);

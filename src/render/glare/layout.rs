@@ -136,6 +136,36 @@ gpu_structs! {
         /// Padding.
         unused_2: u32,
     }
+    /// Parameters of the pass over the points of veils.
+    VeilParameters {
+        /// Share of the light that is scattered.
+        fraction: f32,
+        /// Padding.
+        unused_0: u32,
+        /// Padding.
+        unused_1: u32,
+        /// Padding.
+        unused_2: u32,
+    }
+    /// Parameters of the pass that adds the veil of single sources to sums.
+    VeilSplatParameters {
+        /// Fixed-point units per lux of all light, scattered or not.
+        units_per_lx: f32,
+        /// Brightness of the faintest source, lx.
+        faintest_lx: f32,
+        /// What every source is fainter than, lx.
+        brightest_lx: f32,
+        /// First source.
+        first: u32,
+        /// Number of sources.
+        count: u32,
+        /// Sources per row of the dispatch.
+        per_row: u32,
+        /// The viewport that sees them.
+        viewport: u32,
+        /// Invocations that share a source.
+        shared_by: u32,
+    }
     /// A source of an eye's own.
     GlareNear {
         /// Unit vector, world axes.

@@ -56,8 +56,10 @@ impl Technique for Glare {
     }
 
     fn record(&mut self, phase: Phase, recording: &mut Recording<'_>) {
-        if phase != Phase::Glare {
-            return;
+        match (phase, recording.frame.plan.glare.in_sums) {
+            (Phase::Splat(batch), Some(_)) => return self.sky_cube.record_in_sums(recording, batch),
+            (Phase::Glare, None) => {}
+            _ => return,
         }
         let method = recording.frame.plan.glare.method;
         if method == GlareMethod::SkyCube {

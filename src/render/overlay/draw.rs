@@ -2,7 +2,7 @@
 
 use crate::{
     gpu::{Gpu, GrowingBuffer, bind_buffers, dispatch_rows},
-    render::{overlay::layout, shader::Shader},
+    render::{overlay::layout, tabulated::projecting},
 };
 
 /// The blocks of one batch, and how they were bound last.
@@ -41,7 +41,10 @@ pub(super) struct OverlayPass {
 impl OverlayPass {
     pub(super) fn new(gpu: &Gpu, has_geometry: bool) -> Self {
         let constants = [("HAS_GEOMETRY", f64::from(u8::from(has_geometry)))];
-        Self { pipeline: gpu.compute_pipeline_with(&Shader::new("overlay/draw").source(), &constants), has_geometry }
+        Self {
+            pipeline: gpu.compute_pipeline_with(&projecting(gpu, "overlay/draw").source(), &constants),
+            has_geometry,
+        }
     }
 
     /// Draws the blocks of a batch. `buffers`: viewports, tiles, display image, geometry, items, texels, entries.
@@ -64,6 +67,7 @@ impl OverlayPass {
         let Some((_, group)) = &blocks.bound else { return };
         let [columns, rows] = dispatch_rows(gpu, blocks.count);
         pass.set_pipeline(&self.pipeline);
+        gpu.bind_tables(pass, &self.pipeline);
         pass.set_bind_group(0, group, &[]);
         pass.dispatch_workgroups(columns, rows, 1);
     }

@@ -6,6 +6,7 @@ use crate::{
     gpu::{Gpu, bind_buffers},
     render::{
         stars::layout,
+        tabulated::projecting,
         targets::{PictureTarget, bind_picture},
     },
 };
@@ -24,14 +25,14 @@ pub(crate) enum LuminanceSource {
 }
 
 impl LuminanceSource {
-    fn shader(self) -> Shader {
+    fn shader(self, gpu: &Gpu) -> Shader {
         let luminance = match self {
             Self::Packed => "stars/luminance_packed",
             Self::Texture => "stars/luminance_texture",
             Self::Cube => "stars/luminance_cube",
             Self::CellSky => "stars/luminance_cell_sky",
         };
-        Shader::new("stars/luminance").with("luminance", luminance)
+        projecting(gpu, "stars/luminance").with("luminance", luminance)
     }
 }
 
@@ -52,7 +53,7 @@ pub(crate) struct LuminancePass {
 
 impl LuminancePass {
     pub(crate) fn new(gpu: &Gpu, source: LuminanceSource) -> Self {
-        Self { pipeline: gpu.compute_pipeline(&source.shader().source()) }
+        Self { pipeline: gpu.compute_pipeline(&source.shader(gpu).source()) }
     }
 
     /// Records the pass over a picture.
@@ -74,6 +75,7 @@ impl LuminancePass {
         let parameters = gpu.frame_uniform("luminance parameters", &parameters);
         let group = bind_picture(gpu, &self.pipeline, &parameters, target);
         pass.set_pipeline(&self.pipeline);
+        gpu.bind_tables(pass, &self.pipeline);
         pass.set_bind_group(0, &group, &[]);
         if !of_source.is_empty() {
             pass.set_bind_group(1, &bind_buffers(gpu, &self.pipeline, 1, of_source), &[]);

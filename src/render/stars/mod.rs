@@ -26,7 +26,10 @@ use super::{
     targets::Targets,
     technique::{FrameInputs, Holding, Phase, PipelineJob, Recording, Technique, Wish, begin_pass},
 };
-use crate::{gpu::Gpu, plan::settings::Accumulator};
+use crate::{
+    gpu::Gpu,
+    plan::{settings::Accumulator, stars::range::FixedPoint},
+};
 
 /// Passes and buffers of all methods; those of the published ones are made when they are first asked for.
 pub(super) struct Stars {
@@ -82,6 +85,8 @@ impl Stars {
                 for (range, bright) in ranges {
                     let (Some(range), Some(sums)) = (range, recording.targets.sums(batch, bright)) else { continue };
                     let mut pass = begin_pass(recording.encoder, recording.timer, "stars");
+                    let share = frame.plan.glare.share_in_sums();
+                    let range = FixedPoint { units_per_lx: range.units_per_lx * share, ..range };
                     self.splat.record(gpu, &mut pass, &range, frame.plan.motion, &sums, &self.draws(batch));
                 }
             }

@@ -9,11 +9,12 @@ use super::{
     catalogue_buffers::{CatalogueBuffers, CatalogueDraw},
     items::{StarDraw, bind_items},
 };
-use crate::render::{constants::workgroups::CATALOGUE_THREADS, shader::Shader};
+use crate::render::constants::workgroups::CATALOGUE_THREADS;
 use crate::{
     gpu::{Gpu, GrowingBuffer, bind_buffers, dispatch_rows},
     render::{
         stars::layout,
+        tabulated::projecting,
         targets::{PictureTarget, Sums, Targets},
     },
 };
@@ -134,13 +135,13 @@ struct WholeCatalogue<'a> {
 
 impl PackedPass {
     fn catalogue(&self, gpu: &Gpu) -> &wgpu::ComputePipeline {
-        self.catalogue.get_or_init(|| gpu.compute_pipeline(&Shader::new("stars/packed").source()))
+        self.catalogue.get_or_init(|| gpu.compute_pipeline(&projecting(gpu, "stars/packed").source()))
     }
 
     fn sorted(&self, gpu: &Gpu) -> &wgpu::ComputePipeline {
         let workgroup = if gpu.software { 8.0 } else { 64.0 };
         self.sorted.get_or_init(|| {
-            gpu.compute_pipeline_with(&Shader::new("stars/packed_sorted").source(), &[("WORKGROUP", workgroup)])
+            gpu.compute_pipeline_with(&projecting(gpu, "stars/packed_sorted").source(), &[("WORKGROUP", workgroup)])
         })
     }
 
@@ -154,6 +155,7 @@ impl PackedPass {
     ) {
         let pipeline = self.catalogue(gpu);
         pass.set_pipeline(pipeline);
+        gpu.bind_tables(pass, pipeline);
         for tile in 0..all.tiles {
             for draw in all.draws {
                 let [columns, rows] = dispatch_rows(gpu, draw.count.div_ceil(CATALOGUE_THREADS));
@@ -186,6 +188,7 @@ impl PackedPass {
     ) {
         let pipeline = self.sorted(gpu);
         pass.set_pipeline(pipeline);
+        gpu.bind_tables(pass, pipeline);
         for draw in draws {
             let [columns, rows] = dispatch_rows(gpu, draw.item_count);
             let parameters = layout::PackedParameters {

@@ -83,6 +83,7 @@ impl StarPass {
         let pipeline = &self.pipeline(gpu, occlusion.present);
         pass.set_pipeline(pipeline);
         pass.set_bind_group(2, &bind_occlusion(gpu, pipeline, occlusion), &[]);
+        gpu.bind_tables(pass, pipeline);
         for draw in draws {
             let [items_per_row, rows] = dispatch_rows(gpu, draw.item_count);
             let parameters = layout::StarParameters {

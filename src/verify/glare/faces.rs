@@ -15,7 +15,7 @@ use super::{
 use crate::{
     gpu::{Gpu, GpuOptions},
     photometry::glare::GlareKernel,
-    plan::settings::ExposureMode,
+    plan::settings::{ExposureMode, Metering},
     render::{Frame, FrameImage, FrameRequest, Renderer, Wanted},
     scene::SceneSnapshot,
     view::{Rig, ViewKind, projection::FisheyeMapping},
@@ -133,11 +133,12 @@ fn strips(context: &mut Context<'_>, scene: &SceneSnapshot) -> Result<f64, Check
     Ok(if whole.images.len() == cut.images.len() { different } else { f64::NAN })
 }
 
-/// Largest difference of the automatic exposure between views that see the whole sphere, each alone, and of one of them to a head
+/// Largest difference of the exposure by the mean between views that see the whole sphere, each alone, and of one of them to a head
 /// that rolls, EV. With the share of the settings: stars are light too.
 fn exposures(context: &mut Context<'_>, scene: &SceneSnapshot, rolled: &SceneSnapshot) -> Result<f64, CheckError> {
     context.settings.glare = context.glare.clone();
     context.settings.exposure.mode = ExposureMode::Auto;
+    context.settings.exposure.metering = Metering::Mean;
     let mut found = Vec::new();
     for kind in whole_spheres() {
         found.push(context.render(scene, &rig([kind])?)?.metered_ev100);

@@ -5,19 +5,26 @@
 //! shader `shaders/shared/projection.wgsl` has the same functions in f32 under the same names.
 //!
 //! A projection of your own implements [`PlaneMapping`]; the f64 renderer in [`crate::reference`] draws through any of them.
+//! The adapter draws through a table of it: bake it with [`TabulatedMapping::new`], and put it into a rig as a view of the kind
+//! [`ViewKind::Tabulated`](super::ViewKind::Tabulated). `examples/own_projection.rs` does so.
 
 mod cube;
 mod equirectangular;
 mod fisheye;
 mod perspective;
+mod tabulated;
 
-use std::f64::consts::PI;
+use std::{f64::consts::PI, sync::Arc};
 
 pub use cube::{CubeFace, Face};
 pub use equirectangular::Equirectangular;
 pub use fisheye::{Fisheye, FisheyeMapping};
 use glam::{DVec2, DVec3};
 pub use perspective::Perspective;
+pub(crate) use tabulated::{
+    DONE_PX, FRINGE, HEADER, LONGEST_STEP_PX, MOST_STEPS, NEAR_PX, NO_START, PATCH_BIT, PATCH_STEPS,
+};
+pub use tabulated::{LIMIT_PX, MOST_SIDE_PX, TableAccuracy, TabulatedMapping, TabulationError};
 
 /// Why a projection cannot be built.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -57,6 +64,13 @@ pub struct BoundingCone {
     pub axis: DVec3,
     /// Half of the opening angle, rad; pi for the whole sphere.
     pub half_angle_rad: f64,
+}
+
+impl BoundingCone {
+    /// Half of the opening angle of the cone around the axis of view (-z) that holds this one, rad.
+    pub fn around_view_axis_rad(&self) -> f64 {
+        (self.axis.angle_between(DVec3::NEG_Z) + self.half_angle_rad).min(PI)
+    }
 }
 
 /// One pixel that a splat reaches, with the share of the kernel that belongs to it.
@@ -171,6 +185,8 @@ pub enum Projection {
     Fisheye(Fisheye),
     /// Longitude and latitude.
     Equirectangular(Equirectangular),
+    /// Any other, as a table.
+    Tabulated(Arc<TabulatedMapping>),
 }
 
 impl Projection {
@@ -181,30 +197,42 @@ impl Projection {
             Projection::CubeFace(p) => p,
             Projection::Fisheye(p) => p,
             Projection::Equirectangular(p) => p,
+            Projection::Tabulated(p) => &**p,
         }
     }
 
-    /// Solid angle of the whole picture in closed form, sr. The sum over a round picture's pixels differs from it by what a
-    /// circle differs from its pixels (2e-7 of it at 4096 pixels).
+    /// Solid angle of the whole picture, sr: in closed form, of a table the sum over its pixels. The sum over a round picture's
+    /// pixels differs from it by what a circle differs from its pixels (2e-7 of it at 4096 pixels).
     pub fn picture_solid_angle_sr(&self) -> f64 {
         match self {
             Projection::Perspective(plane) => plane.picture_solid_angle_sr(),
             Projection::CubeFace(face) => face.plane().picture_solid_angle_sr(),
             Projection::Fisheye(fisheye) => 4.0 * PI * (fisheye.half_fov_rad / 2.0).sin().powi(2),
             Projection::Equirectangular(_) => 4.0 * PI,
+            Projection::Tabulated(table) => table.picture_solid_angle_sr(),
         }
     }
 
-    /// Angle of the pixel in the middle of the picture, rad: the root of its solid angle.
+    /// Angle of the pixel in the middle of the picture, rad: the root of its solid angle. Of a table without a pixel there, that of the
+    /// mean pixel.
     pub fn middle_pixel_rad(&self) -> f64 {
         let mapping = self.mapping();
         let [width, height] = mapping.size();
-        mapping.solid_angle_sr(width / 2, height / 2).sqrt()
+        let middle_sr = mapping.solid_angle_sr(width / 2, height / 2);
+        match self {
+            Projection::Tabulated(table) if middle_sr <= 0.0 => {
+                (table.picture_solid_angle_sr() / table.pixels() as f64).sqrt()
+            }
+            _ => middle_sr.sqrt(),
+        }
     }
 
     /// Smallest solid angle of a pixel of the picture, sr, among the centre, the corners, and the middles of the edges
-    /// (for round pictures half a pixel inside of them), where all these mappings have their extremes.
+    /// (for round pictures half a pixel inside of them), where all these mappings have their extremes; of a table among all.
     pub fn smallest_pixel_sr(&self) -> f64 {
+        if let Projection::Tabulated(table) = self {
+            return table.smallest_pixel_sr();
+        }
         let mapping = self.mapping();
         let [width, height] = mapping.size();
         let mut smallest = f64::INFINITY;

@@ -7,8 +7,8 @@ use steradian::catalogue::galaxy::GalaxyParameters;
 use steradian::config::{CatalogueConfig, Config, ConfigError};
 use steradian::photometry::glare::{EyeColour, GlareKernelName};
 use steradian::plan::settings::{
-    AfterExit, ExposureMode, GlareMethod, HeadsetSettings, ReferenceSpace, RenderSettings, StarMethod, SwapchainFormat,
-    SwapchainLayout, ToneMapOperator, ToneMapSettings,
+    AfterExit, ExposureMode, ExposureSettings, GlareMethod, HeadsetSettings, Metering, ReferenceSpace, RenderSettings,
+    StarMethod, SwapchainFormat, SwapchainLayout, ToneMapOperator, ToneMapSettings,
 };
 use steradian::scene::loader::{StarSource, load_stars};
 use steradian::view::{Part, ViewKind};
@@ -323,7 +323,7 @@ fn mistakes_in_views() {
 fn sections_of_rendering() {
     let config = parse(
         "[stars]\nmethod = 'tent'\nmagnitude_limit = 8\n[glare]\nmethod = 'none'\nkernel = 'cie'\ninner_deg = 0.5\nfraction = 0.2\n\
-         [exposure]\nmode = 'manual'\nev100 = 2\nkey = 0.2\n[tone_map]\noperator = 'calibrated'\n\
+         [exposure]\nmode = 'manual'\nev100 = 2\n[tone_map]\noperator = 'calibrated'\n\
          peak_cd_m2 = 12\nblack_cd_m2 = 0.01\nwhite = 8\ndesaturation = 0.5\nscotopic = 0.25\ndither = false\n[accuracy]\nflux = 1e-2\ncentroid_px = 0.1\nflicker = 0.5\n\
          [server]\nlisten = '[::1]:99'\n",
     )
@@ -333,7 +333,6 @@ fn sections_of_rendering() {
     assert_eq!(settings.glare.method, GlareMethod::None);
     assert_eq!((config.glare.kernel, config.glare.inner_deg, config.glare.fraction), (GlareKernelName::Cie, 0.5, 0.2));
     assert_eq!((settings.exposure.mode, settings.exposure.ev100), (ExposureMode::Manual, 2.0));
-    assert_eq!(settings.exposure.key, 0.2);
     let expected = ToneMapSettings {
         operator: ToneMapOperator::Calibrated,
         white: 8.0,
@@ -437,7 +436,12 @@ fn mistakes_in_the_sections() {
         refused(&format!("[exposure]\nkey = {key}"), &["exposure.key", "0.000001 to 1 of display white"]);
     }
     refused("[exposure]\nkey = nan", &["exposure.key", "finite"]);
-    assert!(parse("[exposure]\nkey = 1\n").is_ok() && parse("[exposure]\nkey = 1e-6\n").is_ok());
+    for key in ["1", "1e-6"] {
+        let config = parse(&format!("[exposure]\nmetering = 'mean'\nkey = {key}\n")).unwrap();
+        assert_eq!(config.exposure.key, key.parse::<f64>().unwrap());
+    }
+    refused("[exposure]\nmetering = 'median'", &["exposure.metering", "limiting_magnitude", "mean"]);
+    refused("[exposure]\nlimiting_magnitude = 31", &["exposure.limiting_magnitude", "-10 to 30"]);
     refused("[tone_map]\noperator = 'hable'", &["tone_map.operator", "filmic", "reinhard", "calibrated"]);
     refused("[tone_map]\ngamma = 2.2", &["tone_map.gamma", "unknown key", "peak_cd_m2"]);
     refused("[tone_map]\ndither = 1", &["tone_map.dither", "invalid type"]);
@@ -552,6 +556,42 @@ fn a_missing_file_is_named() {
     let error = Config::load(Path::new("no/such/sky.toml"), &[]).unwrap_err();
     assert!(matches!(error, ConfigError::Read { .. }));
     assert!(error.to_string().contains("no/such/sky.toml"), "{error}");
+}
+
+#[test]
+fn keys_of_the_exposure_without_effect_are_refused_with_what_they_need() {
+    let config = parse("").unwrap();
+    assert_eq!(config.exposure, ExposureSettings::default());
+    assert_eq!((config.exposure.metering, config.exposure.limiting_magnitude), (Metering::LimitingMagnitude, 6.5));
+    let auto = "compensation_ev = 1\nmin_ev100 = -9\nmax_ev100 = 9\nadaptation_s = 1\n";
+    let taken = [
+        format!("mode = 'auto'\nlimiting_magnitude = 5\n{auto}"),
+        format!("metering = 'limiting_magnitude'\n{auto}"),
+        format!("metering = 'mean'\nkey = 0.2\n{auto}"),
+        "mode = 'manual'\nev100 = -5".to_owned(),
+    ];
+    for text in taken {
+        parse(&format!("[exposure]\n{text}")).unwrap_or_else(|error| panic!("{text}: {error}"));
+    }
+    // The unit of methods of relative brightness.
+    parse("[exposure]\nev100 = -5\n[stars]\nmethod = 'gaussian_psf'").unwrap();
+    for (text, key, told) in [
+        ("ev100 = -5", "ev100", "has no effect with mode = \"auto\": leave it out, or set mode = \"manual\""),
+        ("key = 0.2", "key", "metering = \"limiting_magnitude\": leave it out, or set metering = \"mean\""),
+        ("metering = 'mean'\nlimiting_magnitude = 6", "limiting_magnitude", "with metering = \"mean\""),
+        ("mode = 'manual'\nmetering = 'mean'", "metering", "with mode = \"manual\""),
+        ("mode = 'manual'\nlimiting_magnitude = 6", "limiting_magnitude", "with mode = \"manual\""),
+        ("mode = 'manual'\nkey = 0.2", "key", "with mode = \"manual\""),
+        ("mode = 'manual'\ncompensation_ev = 0", "compensation_ev", "or set mode = \"auto\""),
+        ("mode = 'manual'\nmin_ev100 = 0", "min_ev100", "mode = \"manual\""),
+        ("mode = 'manual'\nmax_ev100 = 0", "max_ev100", "mode = \"manual\""),
+        ("mode = 'manual'\nadaptation_s = 0", "adaptation_s", "mode = \"manual\""),
+    ] {
+        refused(&format!("[exposure]\n{text}"), &[&format!("exposure.{key}"), told]);
+    }
+    // An override is refused as the file is, and named.
+    let message = parse_with("", &["exposure.ev100=-5"]).unwrap_err().to_string();
+    assert!(message.contains("--set exposure.ev100=-5") && message.contains("no effect"), "{message}");
 }
 
 #[test]

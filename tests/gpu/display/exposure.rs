@@ -12,7 +12,7 @@ use steradian::{
         exposure::{mean_luminance_cd_m2, white_luminance_cd_m2},
         rec709::luminance,
     },
-    plan::settings::{RenderSettings, StarMethod, ToneMapSettings},
+    plan::settings::{Metering, RenderSettings, StarMethod, ToneMapSettings},
     render::{Frame, FrameRequest, Renderer, Wanted},
     scene::SceneSnapshot,
     view::{
@@ -81,6 +81,7 @@ fn the_exposure_of_a_rig_is_that_of_the_f64_mean_over_its_pictures() {
     let rig = rig_of_all();
     for (key, scene) in [(None, crowd()), (Some(0.3), snapshot(vec![star(DVec3::new(0.3, 0.2, -1.0), -26.7)]))] {
         let mut settings = settings(StarMethod::Auto);
+        settings.exposure.metering = Metering::Mean;
         settings.exposure.max_ev100 = 60.0;
         settings.exposure.key = key.unwrap_or(settings.exposure.key);
         let frame = render(&mut renderer, &scene, &rig, &settings, None);
@@ -122,6 +123,7 @@ fn all_images_of_a_frame_are_shown_with_the_one_exposure_that_it_reports() {
     let (rig, scene) = (rig_of_all(), crowd());
     let mut settings = settings(StarMethod::Auto);
     settings.tone_map.dither = false;
+    settings.exposure.metering = Metering::Mean;
     let metered = render(&mut renderer, &scene, &rig, &settings, None);
     assert_eq!(metered.images.len(), 12);
     let known = render(&mut renderer, &scene, &rig, &settings, Some(metered.exposure_ev100 + 1.5));
@@ -139,7 +141,8 @@ fn all_images_of_a_frame_are_shown_with_the_one_exposure_that_it_reports() {
 #[test]
 fn a_picture_cut_into_faces_windows_or_tiles_has_the_same_exposure() {
     let scene = crowd();
-    let settings = settings(StarMethod::BSpline);
+    let mut settings = settings(StarMethod::BSpline);
+    settings.exposure.metering = Metering::Mean;
     let exposure = |options: &GpuOptions, views| {
         render_hdr(&mut renderer_with(options), &scene, &rig(views), &settings).exposure_ev100
     };
@@ -174,7 +177,8 @@ fn a_picture_cut_into_faces_windows_or_tiles_has_the_same_exposure() {
 fn darkness_has_the_lowest_exposure_and_stays_black() {
     let mut renderer = renderer();
     let rig = rig(vec![("map", ViewKind::Equirectangular { size: [64, 32] })]);
-    let settings = settings(StarMethod::Auto);
+    let mut settings = settings(StarMethod::Auto);
+    settings.exposure.metering = Metering::Mean;
     for adapted in [None, Some(-20.0)] {
         let frame = render(&mut renderer, &snapshot(vec![]), &rig, &settings, adapted);
         assert_eq!((frame.exposure_ev100, frame.metered_ev100, frame.mean_luminance_cd_m2), (-20.0, -20.0, 0.0));
@@ -192,7 +196,8 @@ fn the_exposure_never_comes_from_a_frame_before() {
     records.push(star(DVec3::NEG_Z, -26.7));
     let bright = snapshot(records);
     for method in [StarMethod::Auto, StarMethod::HardwarePoint] {
-        let settings = settings(method);
+        let mut settings = settings(method);
+        settings.exposure.metering = Metering::Mean;
         let expected = render(&mut new_renderer(), &faint, &small, &settings, None);
         let mut used = renderer();
         for before in [rig_of_all(), rig(vec![("sky", ViewKind::Equirectangular { size: [256, 128] })])] {
@@ -220,7 +225,8 @@ fn from_night_to_the_sun_and_back_no_frame_is_bad() {
     let stars = || spiral(400).enumerate().map(|(i, d)| star(d, (i % 7) as f32));
     let night = snapshot(stars().collect());
     let day = snapshot(stars().chain([star(glam::DVec3::new(0.2, 0.1, -1.0), -26.7)]).collect());
-    let settings = RenderSettings::default();
+    let mut settings = RenderSettings::default();
+    settings.exposure.metering = Metering::Mean;
     // Exposures at every tenth of a second from the first frame with the Sun on, and from the first without it.
     let mut run = |rate_hz: u32| {
         let mut eye = Adaptation::default();

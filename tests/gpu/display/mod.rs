@@ -1,3 +1,4 @@
 //! What makes a display image of light.
 
 mod exposure;
+mod wanted;

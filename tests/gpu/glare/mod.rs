@@ -1,5 +1,6 @@
 //! Glare on the adapter.
 
+mod display_budget;
 mod objects;
 mod pyramid;
 mod sky_cube;

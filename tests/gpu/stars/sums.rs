@@ -243,7 +243,7 @@ fn five_frames_are_identical() {
 fn both_ways_to_the_display_image_agree() {
     use steradian::{
         photometry::exposure::white_luminance_cd_m2,
-        plan::settings::{ToneMapOperator, ToneMapSettings},
+        plan::settings::{Metering, ToneMapOperator, ToneMapSettings},
     };
     let mut renderer = renderer();
     let scene = snapshot(spiral(20_000).enumerate().map(|(i, d)| star(d, (i % 12) as f32)).collect());
@@ -260,6 +260,7 @@ fn both_ways_to_the_display_image_agree() {
     {
         let mut settings = settings(StarMethod::BSpline);
         settings.tone_map = tone_map;
+        settings.exposure.metering = Metering::Mean;
         let operator = tone_map.operator;
         let mut render = |wanted: Wanted, ev100: Option<f64>| {
             renderer
@@ -361,14 +362,18 @@ fn an_eye_apart_from_the_camera_sees_the_light_of_its_own_place() {
 /// One exposure from the mean luminance of all views, each pixel weighted by its solid angle.
 #[test]
 fn the_exposure_is_metered_over_all_views_by_solid_angle() {
-    use steradian::{photometry::exposure::metered_ev100, plan::settings::ExposureSettings};
+    use steradian::{
+        photometry::exposure::metered_ev100,
+        plan::settings::{ExposureSettings, Metering},
+    };
     let mut renderer = renderer();
     let crowded = |(i, d): (usize, DVec3)| star(d + DVec3::X * 0.8, (i % 9) as f32);
     let scene = snapshot(spiral(4000).enumerate().map(crowded).collect());
     let rig = rig(all_views());
     for (compensation_ev, max_ev100) in [(0.0, 24.0), (3.5, 24.0), (0.0, -15.0)] {
         let mut settings = settings(StarMethod::BSpline);
-        settings.exposure = ExposureSettings { compensation_ev, max_ev100, ..Default::default() };
+        settings.exposure =
+            ExposureSettings { metering: Metering::Mean, compensation_ev, max_ev100, ..Default::default() };
         let frame = render_hdr(&mut renderer, &scene, &rig, &settings);
         let (mut light, mut solid_angle, mut plain_sum, mut pixels) = (0.0, 0.0, 0.0, 0.0);
         let images = rig.views().iter().flat_map(|view| &view.images);

@@ -83,7 +83,7 @@ pub fn stars_have_the_light_of_the_catalogue(monado: &'static Monado) {
     let stars = bright_stars();
     let directions: Vec<DVec3> = stars.iter().map(|star| star.position.normalize()).collect();
     let scene = format!(
-        "[glare]\nmethod = \"none\"\n[exposure]\nmode = \"manual\"\nev100 = {EV100:?}\n[tone_map]\noperator = \"srgb\"\n"
+        "[glare]\nmethod = \"none\"\n[exposure]\nmode = \"manual\"\nev100 = {EV100:?}\n[tone_map]\noperator = \"srgb\"\ndesaturation = 0.0\n"
     );
     let turns =
         [(0.3, 0.1, 0.0), (1.9, -0.2, 0.4), (3.5, 0.3, -0.5), (5.1, 0.0, 0.2), (0.7, 1.0, 0.0), (2.5, -1.0, 0.3)];

@@ -130,7 +130,11 @@ fn difference_from_frame(shot: &Shot, eye: usize, frame: &Frame, of: usize, tone
 }
 
 fn render(renderer: &mut Renderer, scene: &(SceneSnapshot, RenderSettings), eyes: [Eye; 2]) -> Frame {
-    renderer.render(FrameRequest::new(&scene.0, &rig(eyes)).settings(&scene.1).wanted(Wanted::both())).unwrap()
+    // One frame with both images, as the mirror of a headset gets it.
+    let rig = rig(eyes);
+    let request = FrameRequest::new(&scene.0, &rig).settings(&scene.1).wanted(Wanted::both());
+    let submitted = renderer.submit(request).unwrap();
+    renderer.finish(submitted).unwrap()
 }
 
 /// The same eyes, turned by a tenth of a degree.

@@ -61,7 +61,7 @@ fn alone_ev100(renderer: &mut Renderer, assignment: &Assignment, eye: &Eye) -> f
 /// Metered over both eyes, which see different parts of the sky, and used for both.
 pub fn both_eyes_have_one_exposure(monado: &'static Monado) {
     let service = Service::remote(monado);
-    let scene = "[exposure]\nadaptation_s = 0.0\ncompensation_ev = 6.0\n[tone_map]\noperator = \"srgb\"\n";
+    let scene = "[exposure]\nmetering = \"mean\"\nadaptation_s = 0.0\ncompensation_ev = 6.0\n[tone_map]\noperator = \"srgb\"\ndesaturation = 0.0\n";
     let state = head(Quat::from_euler(EulerRot::YXZ, 1.9, -0.2, 0.4), canted_eyes());
     let assignment = Assignment::new(state, scene).mirrored();
     let settings = settings(SwapchainFormat::Rgba16f, SwapchainLayout::Auto, 1.0);
@@ -147,7 +147,7 @@ pub fn glare_is_the_same_around_a_star_for_both_eyes(monado: &'static Monado) {
     let mut between_eyes = figures::HEADSET_VEIL.worst();
     let ev100 = -12.5;
     let scene = format!(
-        "[stars]\nmagnitude_limit = -1.0\n[exposure]\nmode = \"manual\"\nev100 = {ev100:?}\n[tone_map]\noperator = \"srgb\"\n"
+        "[stars]\nmagnitude_limit = -1.0\n[exposure]\nmode = \"manual\"\nev100 = {ev100:?}\n[tone_map]\noperator = \"srgb\"\ndesaturation = 0.0\n"
     );
     let sirius = named_bright_stars().into_iter().find(|star| star.name == "Sirius").unwrap().star;
     let star = sirius.position.normalize();

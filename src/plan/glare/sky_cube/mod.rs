@@ -74,6 +74,8 @@ pub struct SkyCubeSettings {
     pub farthest_eye_pc: f64,
     /// What a source may add to the veil around it without being drawn by itself, relative.
     pub tolerance: f64,
+    /// What it may add at least, cd/m^2 as if all light were scattered: what a display image does not show; 0 for exact images.
+    pub least_cd_m2: f64,
     /// Angles of the pixels of the views, rad, rounded by [`pixel_class_rad`]; ascending, no two the same.
     pub pixel_classes_rad: Vec<f64>,
 }
@@ -178,9 +180,11 @@ impl SkyCubePlan {
         let levels = levels::of_kernel(kernel, finest);
         let soft = SoftCore::new(kernel, smooth_angle_rad(0));
         let veil = sprites::Veil::new(kernel, &levels[LEVELS - 1].cells);
-        let fade = Fade::of(kernel);
+        // Where a sprite ends by what a display shows, as little as possible of it may be missing inside.
+        let fade = if settings.least_cd_m2 > 0.0 { Fade { flatness: 1.0 } } else { Fade::of(kernel) };
         let finest = settings.pixel_classes_rad.first().map(|pixel| ShownCore::new(kernel, shown_rad(*pixel)));
-        let reach = sprites::Reach::new(kernel, fade, finest.as_ref(), smooth_angle_rad(0), settings.tolerance);
+        let hidden = sprites::Hidden { tolerance: settings.tolerance, least_cd_m2: settings.least_cd_m2 };
+        let reach = sprites::Reach::new(kernel, fade, finest.as_ref(), smooth_angle_rad(0), hidden);
         let sprites = sky.sprites(&reach, &veil);
         let narrow_share = kernel.share_within(smooth_angle_rad(0)) - soft.share();
         let bump_squared = chord_squared(BUMP_CELLS * 2.0 / f64::from(FINEST_CELLS));

@@ -92,9 +92,24 @@ impl Veil {
     }
 }
 
+/// What the glare of a source does not stand out by.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Hidden {
+    /// Share of the veil around it.
+    pub tolerance: f64,
+    /// Luminance, whatever the veil, cd/m^2.
+    pub least_cd_m2: f64,
+}
+
+impl Hidden {
+    fn behind_cd_m2(&self, veil_cd_m2: f64) -> f64 {
+        (self.tolerance * veil_cd_m2).max(self.least_cd_m2)
+    }
+}
+
 /// How far from its source glare stands out of the veil.
 pub(super) struct Reach {
-    tolerance: f64,
+    hidden: Hidden,
     /// Squares of chords, and the kernel there, 1/sr, from the narrowest sprite to the widest.
     squares: Vec<f64>,
     per_sr: Vec<f64>,
@@ -103,13 +118,13 @@ pub(super) struct Reach {
 }
 
 impl Reach {
-    /// Sprites from what pixels as `shown` can show to `most_rad`; the kernel may add `tolerance` of the veil around each.
+    /// Sprites from what pixels as `shown` can show to `most_rad`.
     pub(super) fn new(
         kernel: &dyn GlareKernel,
         fade: Fade,
         shown: Option<&ShownCore>,
         most_rad: f64,
-        tolerance: f64,
+        hidden: Hidden,
     ) -> Self {
         const ENTRIES: u32 = 512;
         let least_squared = shown.map_or(f64::INFINITY, |shown| shown.core.squared);
@@ -131,19 +146,19 @@ impl Reach {
         }
         let narrowest_per_sr =
             shown.map_or(0.0, |shown| shown.faded_share(kernel, fade, least_squared) / (PI * least_squared));
-        Self { tolerance, squares, per_sr, narrowest_per_sr }
+        Self { hidden, squares, per_sr, narrowest_per_sr }
     }
 
     /// Illuminance from which on a source stands out of a veil, lx.
     pub(super) fn least_lx(&self, veil_cd_m2: f64) -> f64 {
         let most = self.per_sr.first().map_or(0.0, |narrowest| narrowest.max(self.narrowest_per_sr));
-        if most > 0.0 { self.tolerance * veil_cd_m2 / most } else { f64::INFINITY }
+        if most > 0.0 { self.hidden.behind_cd_m2(veil_cd_m2) / most } else { f64::INFINITY }
     }
 
     /// The sprite of a source in front of a veil, if it stands out: as wide as the kernel does, and the narrowest one where what
     /// that has does.
     pub(super) fn sprite(&self, source: &Source, veil_cd_m2: f64) -> Option<Sprite> {
-        let hidden = self.tolerance * veil_cd_m2 / source.illuminance_lx;
+        let hidden = self.hidden.behind_cd_m2(veil_cd_m2) / source.illuminance_lx;
         // Entries where it stands out.
         let visible = self.per_sr.partition_point(|per_sr| *per_sr > 0.0 && *per_sr >= hidden);
         let last =

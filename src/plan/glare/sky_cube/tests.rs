@@ -25,6 +25,7 @@ fn settings() -> SkyCubeSettings {
         faintest_lx: 0.0,
         farthest_eye_pc: 0.0,
         tolerance: 0.01,
+        least_cd_m2: 0.0,
         pixel_classes_rad: vec![pixel_class_rad(0.001), pixel_class_rad(0.02)],
     }
 }

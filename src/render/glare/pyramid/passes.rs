@@ -15,7 +15,7 @@ use crate::{
         glare::pyramid::{PyramidAxes, PyramidPlan, level_ratio, tap_weights, texel_px},
         settings::PyramidWeights,
     },
-    render::{glare::layout, targets::BatchTargets},
+    render::{glare::layout, tabulated::projecting, targets::BatchTargets},
 };
 
 /// The passes for one pair of axes.
@@ -25,6 +25,8 @@ pub(crate) struct GlarePyramidPass {
     blur: wgpu::ComputePipeline,
     combine: wgpu::ComputePipeline,
     bilinear: wgpu::Sampler,
+    /// Whether the blur's shader projects.
+    projects: bool,
 }
 
 /// Textures of one pyramid, to be used by every viewport of that size in turn.
@@ -90,14 +92,14 @@ impl PyramidTextures {
 
 impl GlarePyramidPass {
     pub(crate) fn new(gpu: &Gpu, axes: PyramidAxes) -> Self {
-        let taps = match axes {
-            PyramidAxes::Screen => "glare/pyramid/taps_screen",
-            PyramidAxes::View => "glare/pyramid/taps_view",
+        let blur = match axes {
+            PyramidAxes::Screen => Shader::new("glare/pyramid/blur").with("taps", "glare/pyramid/taps_screen"),
+            PyramidAxes::View => projecting(gpu, "glare/pyramid/blur").with("taps", "glare/pyramid/taps_view"),
         };
         Self {
             maximum: gpu.compute_pipeline(&Shader::new("glare/pyramid/maximum").source()),
             base: gpu.compute_pipeline(&Shader::new("glare/pyramid/base").source()),
-            blur: gpu.compute_pipeline(&Shader::new("glare/pyramid/blur").with("taps", taps).source()),
+            blur: gpu.compute_pipeline(&blur.source()),
             combine: gpu.compute_pipeline(&Shader::new("glare/pyramid/combine").source()),
             bilinear: gpu.device.create_sampler(&wgpu::SamplerDescriptor {
                 label: Some("glare"),
@@ -105,6 +107,7 @@ impl GlarePyramidPass {
                 min_filter: wgpu::FilterMode::Linear,
                 ..Default::default()
             }),
+            projects: axes == PyramidAxes::View,
         }
     }
 
@@ -180,6 +183,10 @@ impl GlarePyramidPass {
                     (3, wgpu::BindingResource::Sampler(&self.bilinear)),
                     (4, view(to)),
                 ];
+                pass.set_pipeline(&self.blur);
+                if self.projects {
+                    gpu.bind_tables(pass, &self.blur);
+                }
                 dispatch(gpu, pass, &self.blur, &resources, grid_of(*size));
             }
         }

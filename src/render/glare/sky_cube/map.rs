@@ -3,6 +3,7 @@
 
 use std::sync::Arc;
 
+use super::pixel_class;
 use crate::render::{
     constants::{glare_map::RIM, workgroups::MAP_SIDE},
     shader::Shader,
@@ -12,17 +13,18 @@ use crate::{
     gpu::{self, Gpu, LayoutOf, storage_buffer},
     photometry::glare::{GlareKernel, GlareKernelName, InverseSquareKernel, split::angle_of_chord_squared},
     plan::{
-        glare::sky_cube::{Level, SkyCubePlan, SkyCubeSettings, SpriteCell},
+        glare::sky_cube::{Level, SkyCubePlan, SkyCubeSettings, Sprite, SpriteCell},
         settings::GlareSettings,
     },
     render::glare::layout,
+    view::Viewport,
 };
 
 /// Entries of the kernel's table per octave of the square of the chord, and octaves.
-pub(super) const ENTRIES_PER_OCTAVE: u32 = 16;
-pub(super) const OCTAVES: u32 = 48;
+const ENTRIES_PER_OCTAVE: u32 = 16;
+const OCTAVES: u32 = 48;
 /// Largest binary logarithm of the square of a chord.
-pub(super) const LAST_OCTAVE: f64 = 2.0;
+const LAST_OCTAVE: f64 = 2.0;
 /// What the map was made of.
 pub(super) struct Key {
     pub(super) stars: Arc<StarSet>,
@@ -36,11 +38,49 @@ pub(super) struct Held {
     pub(super) sky: SkyCubePlan,
     pub(super) map: wgpu::Buffer,
     pub(super) sprites: wgpu::Buffer,
+    /// Chords at which they end, in their order.
+    pub(super) chords: Vec<f64>,
     pub(super) sprite_cells: wgpu::Buffer,
     pub(super) regions: wgpu::Buffer,
     pub(super) kernel_table: wgpu::Buffer,
     /// Constant of the inverse square and the square of its inner angle; `None` for other kernels.
     pub(super) inverse_square: Option<[f32; 2]>,
+}
+
+impl Held {
+    /// Parameters of passes that read the map and the kernel; those of lists of sprites are left 0.
+    pub(super) fn parameters(&self) -> layout::SkyCubeParameters {
+        let sky = &self.sky;
+        let [constant, inner_squared] = self.inverse_square.unwrap_or_default();
+        layout::SkyCubeParameters {
+            soft: sky.soft.coefficients.map(|coefficient| coefficient as f32),
+            soft_inverse: (1.0 / sky.soft.squared) as f32,
+            edge_cells: sky.levels[0].edge_cells,
+            regions: sky.sprites.regions.len() as u32,
+            constant,
+            inner_squared,
+            first_octave: (LAST_OCTAVE - f64::from(OCTAVES)) as f32,
+            entries_per_octave: ENTRIES_PER_OCTAVE as f32,
+            entries: OCTAVES * ENTRIES_PER_OCTAVE + 1,
+            flatness: sky.fade.flatness as f32,
+            ..Default::default()
+        }
+    }
+
+    /// How a viewport sees it, with sources of its own.
+    pub(super) fn view(&self, viewport: &Viewport, near: std::ops::Range<u32>) -> layout::GlareView {
+        let class = pixel_class(viewport);
+        let index = self.key.settings.pixel_classes_rad.partition_point(|other| *other < class);
+        let class = &self.sky.classes[index];
+        layout::GlareView {
+            core: class.shown.core.coefficients.map(|coefficient| coefficient as f32),
+            core_squared: class.shown.core.squared as f32,
+            greatest_inverse: (1.0 / class.least_squared) as f32,
+            first_point: map_points(self.sky.levels[0].edge_cells) * index as u32,
+            first_near: near.start,
+            near_count: near.end - near.start,
+        }
+    }
 }
 
 /// The passes of a level.
@@ -197,10 +237,14 @@ impl MapPasses {
             let bumps = Some(Bumps { light: &light, squared: sky.bump_squared });
             self.level(gpu, pass, &finest, &Below { coarser: below, bumps }, (&map, points * index as u32));
         }
-        let sprites: Vec<layout::GlareSprite> = sky
-            .sprites
-            .sprites
-            .iter()
+        let mut drawn: Vec<&Sprite> = sky.sprites.sprites.iter().collect();
+        if key.settings.least_cd_m2 > 0.0 {
+            // Invocations side by side have alike much to do; nobody looks them up by cells.
+            drawn.sort_by(|a, b| b.squared.total_cmp(&a.squared));
+        }
+        let chords = drawn.iter().map(|sprite| sprite.squared.sqrt()).collect();
+        let sprites: Vec<layout::GlareSprite> = drawn
+            .into_iter()
             .map(|sprite| layout::GlareSprite {
                 direction: sprite.direction.as_vec3().to_array(),
                 inverse_squared: (1.0 / sprite.squared) as f32,
@@ -222,6 +266,7 @@ impl MapPasses {
         Held {
             map,
             sprites: buffer_of(gpu, "glare sprites", sprites),
+            chords,
             sprite_cells: buffer_of(gpu, "glare sprite cells", encoded_cells(&sky.sprites.cells)),
             regions: buffer_of(gpu, "glare sprite regions", encoded_cells(&sky.sprites.regions)),
             kernel_table: storage_buffer(gpu, "glare kernel", &kernel_table(kernel)),

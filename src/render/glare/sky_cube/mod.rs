@@ -4,6 +4,7 @@
 mod map;
 mod record;
 mod sprites;
+mod veil;
 
 use std::sync::{Arc, OnceLock};
 
@@ -13,6 +14,7 @@ use self::{
     map::{Held, Key, MapPasses},
     record::{Variant, composite},
     sprites::SpritePasses,
+    veil::VeilPasses,
 };
 use super::composite::GlareCompositePass;
 use crate::{
@@ -20,6 +22,7 @@ use crate::{
     gpu::{Gpu, GrowingBuffer, Variants},
     photometry::glare::GlareKernel,
     plan::{
+        VeilInSums,
         glare::sky_cube::{SkyCubeSettings, eye_class_m, map_place_pc, pixel_class_rad},
         settings::{GlareSettings, RenderSettings},
     },
@@ -38,16 +41,19 @@ struct SkyScene<'a> {
     faintest_lx: f64,
     /// What a source may add to the veil around it without being drawn by itself, relative.
     tolerance: f64,
+    /// What it may add at least, cd/m^2 as if all light were scattered.
+    least_cd_m2: f64,
 }
 
 impl<'a> SkyScene<'a> {
-    fn of(snapshot: &'a SceneSnapshot, settings: &RenderSettings) -> Self {
+    fn of(snapshot: &'a SceneSnapshot, settings: &RenderSettings, in_sums: Option<VeilInSums>) -> Self {
         Self {
             stars: &snapshot.stars,
             camera_pc: snapshot.camera.position_m / PARSEC_M,
             motion: Motion::new(snapshot.camera.velocity_c),
             faintest_lx: illuminance_lx_from_magnitude(settings.stars.magnitude_limit),
             tolerance: settings.accuracy.glare,
+            least_cd_m2: in_sums.map_or(0.0, |veil| veil.least_cd_m2),
         }
     }
 
@@ -61,6 +67,7 @@ impl<'a> SkyScene<'a> {
             faintest_lx: self.faintest_lx,
             farthest_eye_pc: eye_class_m(camera_m + views.farthest_eye_m) / PARSEC_M,
             tolerance: self.tolerance,
+            least_cd_m2: self.least_cd_m2,
             pixel_classes_rad: views.pixel_classes_rad.clone(),
         }
     }
@@ -89,9 +96,12 @@ pub(super) struct SkyCube {
     passes: OnceLock<MapPasses>,
     sprites: OnceLock<SpritePasses>,
     composites: Variants<Variant, GlareCompositePass>,
-    held: Option<Held>,
-    /// Of the last frame.
-    views: Option<Views>,
+    veil: OnceLock<VeilPasses>,
+    /// The map of exact frames, and that of frames whose veil is in the sums.
+    held: [Option<Held>; 2],
+    /// Of the last frame: its views, and its budget where its veil was in the sums.
+    last: Option<(Views, Option<VeilInSums>)>,
+    veil_points: GrowingBuffer,
     lists: GrowingBuffer,
     square_lists: GrowingBuffer,
 }
@@ -106,8 +116,10 @@ impl SkyCube {
             passes: OnceLock::new(),
             sprites: OnceLock::new(),
             composites: Variants::new(),
-            held: None,
-            views: None,
+            veil: OnceLock::new(),
+            held: [None, None],
+            last: None,
+            veil_points: GrowingBuffer::new("veil points", wgpu::BufferUsages::STORAGE),
             lists: GrowingBuffer::new("glare lists", wgpu::BufferUsages::STORAGE),
             square_lists: GrowingBuffer::new("glare square lists", wgpu::BufferUsages::STORAGE),
         }
@@ -117,47 +129,70 @@ impl SkyCube {
     pub(super) fn pipelines<'a>(&'a self, wish: &Wish<'a>) -> Vec<PipelineJob<'a>> {
         let gpu = wish.gpu;
         let variant = Variant::of(wish.settings.glare.kernel, wish.viewports);
-        vec![
-            // Longest first.
-            PipelineJob::new("glare", move || composite(&self.composites, gpu, variant)),
-            PipelineJob::new("glare map", move || {
-                self.passes.get_or_init(|| MapPasses::new(gpu));
-            }),
-            PipelineJob::new("glare sprites", move || {
+        let in_sums = wish.may_have_veil_in_sums();
+        let mut jobs = Vec::new();
+        // Longest first.
+        if !in_sums || wish.made.hdr || wish.made.hdr_stays {
+            jobs.push(PipelineJob::new("glare", move || composite(&self.composites, gpu, variant)));
+            jobs.push(PipelineJob::new("glare sprites", move || {
                 self.sprites.get_or_init(|| SpritePasses::new(gpu));
-            }),
-        ]
+            }));
+        }
+        if in_sums {
+            jobs.push(PipelineJob::new("glare veil", move || {
+                self.veil.get_or_init(|| VeilPasses::new()).pipelines(gpu, variant.tabulated);
+            }));
+        }
+        jobs.push(PipelineJob::new("glare map", move || {
+            self.passes.get_or_init(|| MapPasses::new(gpu));
+        }));
+        jobs
     }
 
     /// Lets go of buffers.
     pub(super) fn release(&mut self) {
-        self.held = None;
+        self.held = [None, None];
         self.lists.release();
         self.square_lists.release();
+        self.veil_points.release();
     }
 
-    /// Records the glare of a frame.
+    /// Records the glare of a frame, over its pictures.
     pub(super) fn record(&mut self, recording: &mut Recording<'_>) {
+        self.hold_for(recording);
+        self.record_views(recording);
+    }
+
+    /// Records the glare of a frame whose veil is in the sums: of one batch, and before the first one what all share.
+    pub(super) fn record_in_sums(&mut self, recording: &mut Recording<'_>, batch: usize) {
+        if batch == 0 {
+            self.hold_for(recording);
+        }
+        self.record_veil(recording, batch);
+    }
+
+    /// Makes the map that a frame takes, if it is not held.
+    fn hold_for(&mut self, recording: &mut Recording<'_>) {
         let frame = recording.frame;
         let Some(kernel) = &frame.plan.glare.kernel else { unreachable!("a plan of this method has its kernel") };
-        let scene = SkyScene::of(frame.scene, frame.settings);
-        let views = Views::of(&frame.plan.viewports);
+        let in_sums = frame.plan.glare.in_sums;
+        let scene = SkyScene::of(frame.scene, frame.settings, in_sums);
+        let views = Views::of(&frame.plan.all_viewports);
         let settings = scene.settings(&views);
-        self.views = Some(views);
+        self.last = Some((views, in_sums));
         if !self.holds(&scene, &settings, kernel) {
             let gpu = recording.gpu;
             let mut pass = begin_pass(recording.encoder, recording.timer, "glare");
             let key = Key { stars: Arc::clone(scene.stars), settings, kernel: Arc::clone(kernel) };
             self.hold_new(gpu, &mut pass, &frame.settings.glare, key);
         }
-        self.record_views(recording);
     }
 
     /// Makes the map of a scene that has changed before it is known where the views look, as they were in the last frame: that
     /// is when it takes its time, not between the poses of a headset and its picture.
     pub(super) fn hold_map(&mut self, holding: &Holding<'_>) {
-        let (Some(views), Some(kernel)) = (&self.views, holding.kernel) else { return };
-        let scene = SkyScene::of(holding.scene, holding.settings);
+        let (Some((views, in_sums)), Some(kernel)) = (&self.last, holding.kernel) else { return };
+        let scene = SkyScene::of(holding.scene, holding.settings, *in_sums);
         let settings = scene.settings(views);
         if self.holds(&scene, &settings, kernel) {
             return;
@@ -174,15 +209,21 @@ impl SkyCube {
 
     /// Whether the map that is held is one of these settings.
     fn holds(&self, scene: &SkyScene<'_>, settings: &SkyCubeSettings, of_frame: &Arc<dyn GlareKernel>) -> bool {
-        self.held.as_ref().is_some_and(|held| {
+        self.held[kind_of(settings)].as_ref().is_some_and(|held| {
             let Key { stars, settings: of, kernel } = &held.key;
             Arc::ptr_eq(stars, scene.stars) && of == settings && Arc::ptr_eq(kernel, of_frame)
         })
     }
 
     fn hold_new(&mut self, gpu: &Gpu, pass: &mut wgpu::ComputePass<'_>, glare: &GlareSettings, key: Key) {
+        let kind = kind_of(&key.settings);
         // Gone before its successor is made, so that both never exist at once.
-        self.held = None;
-        self.held = Some(self.passes.get_or_init(|| MapPasses::new(gpu)).make(gpu, pass, glare, key));
+        self.held[kind] = None;
+        self.held[kind] = Some(self.passes.get_or_init(|| MapPasses::new(gpu)).make(gpu, pass, glare, key));
     }
+}
+
+/// Which of the two maps these are the settings of.
+fn kind_of(settings: &SkyCubeSettings) -> usize {
+    usize::from(settings.least_cd_m2 > 0.0)
 }

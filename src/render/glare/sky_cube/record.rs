@@ -4,8 +4,6 @@ use std::f64::consts::PI;
 
 use super::{
     SkyCube,
-    map::{ENTRIES_PER_OCTAVE, LAST_OCTAVE, OCTAVES, map_points},
-    pixel_class,
     sprites::{SpriteBuffers, SpritePasses, block_grid, square_grid},
 };
 use crate::render::constants::extended_sources::{IS_EXTENDED, SHARE_PARTS};
@@ -37,7 +35,7 @@ const MOST_FLAT_PIXEL_RAD: f64 = 0.5 * 2.0 / FINEST_CELLS as f64 / 7.0;
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) struct Variant {
     /// The kernel is read from a table.
-    tabulated: bool,
+    pub(super) tabulated: bool,
     /// All views are flat, with pixels far smaller than the cells of the map.
     flat: bool,
 }
@@ -93,7 +91,7 @@ impl SkyCube {
     /// Records what depends on where the views look.
     pub(super) fn record_views(&mut self, recording: &mut Recording<'_>) {
         let Self { sprites, composites, held, lists, square_lists, .. } = self;
-        let Some(held) = held.as_ref() else { unreachable!("the map is made before the views") };
+        let Some(held) = held[0].as_ref() else { unreachable!("the map is made before the views") };
         let gpu = recording.gpu;
         let sprites = sprites.get_or_init(|| SpritePasses::new(gpu));
         let plan = recording.frame.plan;
@@ -107,8 +105,6 @@ impl SkyCube {
             .iter()
             .enumerate()
             .map(|(number, viewport)| {
-                let class = pixel_class(viewport);
-                let index = held.key.settings.pixel_classes_rad.partition_point(|other| *other < class);
                 let first_near = near.len() as u32;
                 for (direction, light) in sky.near_for(camera_pc + viewport.eye_offset_m / PARSEC_M, plan.motion) {
                     near.push(encode_near((direction, light), 0.0, 0));
@@ -121,21 +117,13 @@ impl SkyCube {
                 for source in plan.glare.extended_sources.get(number).into_iter().flatten() {
                     near.push(encode_extended(source, &*held.key.kernel));
                 }
-                let class = &sky.classes[index];
-                layout::GlareView {
-                    core: class.shown.core.coefficients.map(|coefficient| coefficient as f32),
-                    core_squared: class.shown.core.squared as f32,
-                    greatest_inverse: (1.0 / class.least_squared) as f32,
-                    first_point: map_points(sky.levels[0].edge_cells) * index as u32,
-                    first_near,
-                    near_count: near.len() as u32 - first_near,
-                }
+                held.view(viewport, first_near..near.len() as u32)
             })
             .collect();
         let views = gpu.frame_storage("glare views", &views);
         let near = gpu.frame_storage("near glare", &near);
-        let composite = composite(composites, gpu, Variant::of(recording.frame.settings.glare.kernel, &plan.viewports));
-        let [constant, inner_squared] = held.inverse_square.unwrap_or_default();
+        let composite =
+            composite(composites, gpu, Variant::of(recording.frame.settings.glare.kernel, &plan.all_viewports));
         for (number, batch) in targets.batches.iter().enumerate() {
             let blocks = block_grid(batch.grid);
             let [columns, rows, tiles] = blocks;
@@ -148,24 +136,8 @@ impl SkyCube {
             };
             let list_words = words(blocks, MOST_LIST_WORDS);
             let square_words = words(squares, MOST_SQUARE_WORDS);
-            let parameters = layout::SkyCubeParameters {
-                soft: sky.soft.coefficients.map(|coefficient| coefficient as f32),
-                soft_inverse: (1.0 / sky.soft.squared) as f32,
-                edge_cells: sky.levels[0].edge_cells,
-                regions: sky.sprites.regions.len() as u32,
-                constant,
-                inner_squared,
-                first_octave: (LAST_OCTAVE - f64::from(OCTAVES)) as f32,
-                entries_per_octave: ENTRIES_PER_OCTAVE as f32,
-                entries: OCTAVES * ENTRIES_PER_OCTAVE + 1,
-                list_words,
-                square_words,
-                columns,
-                rows,
-                tiles,
-                flatness: sky.fade.flatness as f32,
-                ..Default::default()
-            };
+            let parameters =
+                layout::SkyCubeParameters { list_words, square_words, columns, rows, tiles, ..held.parameters() };
             let parameters = gpu.frame_uniform("glare sky parameters", &parameters);
             let lists = lists.with_room(gpu, 4 * count(blocks) * u64::from(list_words)).clone();
             let square_lists = square_lists.with_room(gpu, 4 * count(squares) * u64::from(square_words)).clone();

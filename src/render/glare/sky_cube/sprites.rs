@@ -1,15 +1,15 @@
 //! The search for the sprites of every block of pixels. Shaders: `shaders/glare/sky_cube/sprites_*.wgsl`.
 
-use crate::render::{
-    constants::{
-        glare_sprites::{BLOCK_SIDE, SQUARE_BLOCKS},
-        workgroups::SPRITE_SQUARES,
-    },
-    shader::Shader,
+use crate::render::constants::{
+    glare_sprites::{BLOCK_SIDE, SQUARE_BLOCKS},
+    workgroups::SPRITE_SQUARES,
 };
 use crate::{
     gpu::{Gpu, bind_buffers},
-    render::targets::{COLUMNS, ROWS},
+    render::{
+        tabulated::projecting,
+        targets::{COLUMNS, ROWS},
+    },
 };
 
 /// The passes.
@@ -21,8 +21,8 @@ pub(super) struct SpritePasses {
 impl SpritePasses {
     pub(super) fn new(gpu: &Gpu) -> Self {
         Self {
-            find: gpu.compute_pipeline(&Shader::new("glare/sky_cube/sprites_find").source()),
-            assign: gpu.compute_pipeline(&Shader::new("glare/sky_cube/sprites_assign").source()),
+            find: gpu.compute_pipeline(&projecting(gpu, "glare/sky_cube/sprites_find").source()),
+            assign: gpu.compute_pipeline(&projecting(gpu, "glare/sky_cube/sprites_assign").source()),
         }
     }
 
@@ -52,10 +52,12 @@ impl SpritePasses {
             bind_buffers(gpu, pipeline, 0, &bindings)
         };
         pass.set_pipeline(&self.find);
+        gpu.bind_tables(pass, &self.find);
         let group = bind(&self.find, &[parameters, viewports, of_tiles, views, regions, cells, sprites, square_lists]);
         pass.set_bind_group(0, &group, &[]);
         pass.dispatch_workgroups(columns.div_ceil(SPRITE_SQUARES), rows, tiles);
         pass.set_pipeline(&self.assign);
+        gpu.bind_tables(pass, &self.assign);
         let group = bind(&self.assign, &[parameters, viewports, of_tiles, views, sprites, square_lists, lists]);
         pass.set_bind_group(0, &group, &[]);
         pass.dispatch_workgroups(columns, rows, tiles);

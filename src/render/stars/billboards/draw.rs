@@ -14,7 +14,7 @@ use crate::{
         settings::StarMethod,
         stars::billboards::{BillboardPlan, DrawnPsf},
     },
-    render::{stars::catalogue_buffers::CatalogueDraw, stars::layout},
+    render::{stars::catalogue_buffers::CatalogueDraw, stars::layout, tabulated::projecting},
 };
 
 /// One method.
@@ -264,7 +264,7 @@ pub(crate) struct CountPass {
 
 impl CountPass {
     pub(crate) fn new(gpu: &Gpu) -> Self {
-        Self { pipeline: gpu.compute_pipeline(&Shader::new("stars/billboards/count").source()) }
+        Self { pipeline: gpu.compute_pipeline(&projecting(gpu, "stars/billboards/count").source()) }
     }
 
     /// Counts the stars of every viewport, into the counter of its view.
@@ -278,6 +278,7 @@ impl CountPass {
         draws: &[CatalogueDraw<'_>],
     ) {
         pass.set_pipeline(&self.pipeline);
+        gpu.bind_tables(pass, &self.pipeline);
         for tile in 0..viewports.1 {
             for draw in draws {
                 let [columns, rows] = dispatch_rows(gpu, draw.count.div_ceil(CATALOGUE_THREADS));

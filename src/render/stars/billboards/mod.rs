@@ -227,7 +227,7 @@ impl Billboards {
                 Projection::CubeFace(face) => {
                     vec![Some(plane_of(viewport, face.plane(), face.face.cube_from_face()))]
                 }
-                Projection::Fisheye(_) | Projection::Equirectangular(_) => Vec::new(),
+                Projection::Fisheye(_) | Projection::Equirectangular(_) | Projection::Tabulated(_) => Vec::new(),
             },
         };
         let size = cube.map_or(viewport.size(), |cube| [cube.side_px(); 2]);

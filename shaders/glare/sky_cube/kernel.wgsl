@@ -1,0 +1,74 @@
+// The kernel of glare as the pixels of a view show it, in four directions at a time. The importer binds `sky`, the parameters, and
+// `kernel_table`.
+
+#import glare/sky_cube/sprites
+#import shared/math
+#import shared/viewport
+
+// Whether the kernel is read from the table; otherwise it is the inverse square.
+override TABULATED: bool = false;
+
+// Squares of the angles of chords no longer than those of sprites, from the squares of the chords.
+fn near_angle_squared(squared: vec4<f32>) -> vec4<f32> {
+    return squared * (1.0 + squared * (1.0 / 12.0) * (1.0 + squared * (2.0 / 15.0)));
+}
+
+// The same of any chord.
+fn angle_squared(squared: vec4<f32>) -> vec4<f32> {
+    let sines = sqrt(squared);
+    let cosines = sqrt(max(4.0 - squared, vec4(0.0)));
+    let half = vec4(
+        precise_atan2(sines.x, cosines.x), precise_atan2(sines.y, cosines.y),
+        precise_atan2(sines.z, cosines.z), precise_atan2(sines.w, cosines.w));
+    return select(near_angle_squared(squared), 4.0 * half * half, squared > vec4(0.05));
+}
+
+// The kernel as the view's pixels show it, 1/sr, from the squares of chords and of their angles.
+fn shown(view: GlareView, squared: vec4<f32>, of_angle: vec4<f32>) -> vec4<f32> {
+    let u = squared / view.core_squared;
+    let core = view.core.x + u * (view.core.y + u * view.core.z);
+    var beyond = sky.constant / max(of_angle, vec4(sky.inner_squared));
+    if TABULATED {
+        let last = vec4(f32(sky.entries - 1u) - 0.001);
+        let place = clamp((log2(squared) - sky.first_octave) * sky.entries_per_octave, vec4(0.0), last);
+        let entry = vec4<u32>(place);
+        let from_entry = vec4(
+            kernel_table[entry.x], kernel_table[entry.y], kernel_table[entry.z], kernel_table[entry.w]);
+        let to_entry = vec4(
+            kernel_table[entry.x + 1u], kernel_table[entry.y + 1u], kernel_table[entry.z + 1u], kernel_table[entry.w + 1u]);
+        beyond = mix(from_entry, to_entry, place - floor(place)) / squared;
+    }
+    return select(beyond, core, squared < vec4(view.core_squared));
+}
+
+// Directions of four pixels, world axes.
+struct Directions4 {
+    x: vec4<f32>,
+    y: vec4<f32>,
+    z: vec4<f32>,
+}
+
+// Squares of the chords from a direction.
+fn chords_squared(directions: Directions4, other: vec3<f32>) -> vec4<f32> {
+    let x = directions.x - other.x;
+    let y = directions.y - other.y;
+    let z = directions.z - other.z;
+    return x * x + y * y + z * z;
+}
+
+// Kernel of a sprite in four directions. Without branches: a software driver would go through all of them.
+fn of_sprite(view: GlareView, sprite: GlareSprite, directions: Directions4) -> vec4<f32> {
+    let squared = chords_squared(directions, sprite.direction);
+    let share = min(squared * sprite.inverse_squared, vec4(1.0));
+    let value = shown(view, squared, near_angle_squared(squared));
+    let u = squared * sky.soft_inverse;
+    let left = select(vec4(0.0), value - sky.soft.x - u * (sky.soft.y + u * sky.soft.z), share < vec4(1.0));
+    let inside = 1.0 - share;
+    let fade = mix(inside * inside * inside, 1.0 - share * share * (3.0 - 2.0 * share), vec4(sky.flatness));
+    return select(value * fade, left, sprite.whole != 0u);
+}
+
+fn world_direction(viewport: Viewport, in_view: vec3<f32>) -> vec3<f32> {
+    return in_view.x * viewport.view_from_world_x.xyz + in_view.y * viewport.view_from_world_y.xyz
+        + in_view.z * viewport.view_from_world_z.xyz;
+}

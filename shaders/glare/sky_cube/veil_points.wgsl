@@ -1,0 +1,50 @@
+// The smooth part of scattered light at the points of a grid over each picture: the map of the sky, and of the sources that every eye sees
+// elsewhere what the map's kernel has.
+
+#import constants/workgroups
+#import glare/sky_cube/cells
+#import glare/sky_cube/kernel
+#import glare/sky_cube/sprites
+#import shared/projection
+#import shared/veil
+#import shared/viewport
+
+struct VeilParameters {
+    // Share of the light that is scattered.
+    fraction: f32,
+    unused_0: u32,
+    unused_1: u32,
+    unused_2: u32,
+}
+
+@group(0) @binding(0) var<uniform> parameters: VeilParameters;
+@group(0) @binding(1) var<uniform> sky: SkyCubeParameters;
+@group(0) @binding(2) var<storage, read> viewports: array<Viewport>;
+@group(0) @binding(3) var<storage, read> veil_grids: array<VeilGrid>;
+@group(0) @binding(4) var<storage, read> views: array<GlareView>;
+@group(0) @binding(5) var<storage, read> map: array<vec4<f32>>;
+// Of every viewport, one after the other.
+@group(0) @binding(6) var<storage, read> near: array<GlareSprite>;
+@group(0) @binding(7) var<storage, read> kernel_table: array<f32>;
+@group(0) @binding(8) var<storage, read_write> veil_points: array<vec4<f32>>;
+
+@compute @workgroup_size(VEIL_SIDE, VEIL_SIDE)
+fn place_veil(@builtin(global_invocation_id) place: vec3<u32>) {
+    let grid = veil_grids[place.z];
+    if place.x >= grid.columns || place.y >= grid.rows {
+        return;
+    }
+    let viewport = viewports[place.z];
+    let view = views[place.z];
+    let direction = world_direction(viewport, direction_of_point(viewport, vec2<f32>(place.xy * grid.spacing)));
+    // Where the map is steep its interpolation may fall below 0 by a little.
+    var light = max(read_map(view.first_point, sky.edge_cells, direction), vec3(0.0));
+    for (var i = view.first_near; i < view.first_near + view.near_count; i++) {
+        let beside = direction - near[i].direction;
+        let squared = vec4(dot(beside, beside));
+        let u = squared.x * sky.soft_inverse;
+        let soft = sky.soft.x + u * (sky.soft.y + u * sky.soft.z);
+        light += near[i].light * select(shown(view, squared, angle_squared(squared)).x, soft, u < 1.0);
+    }
+    veil_points[grid.first + place.y * grid.columns + place.x] = vec4(parameters.fraction * light, 0.0);
+}

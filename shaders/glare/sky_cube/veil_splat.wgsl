@@ -1,0 +1,131 @@
+// Adds the veil of sources that stand out by themselves to the sums of light of a batch: one or several invocations take one source and one
+// tile, four pixels of a row at a time. Sources are sorted by their reach, so that invocations of a workgroup have alike much to do.
+
+#import constants/rec709
+#import constants/veil
+#import glare/sky_cube/kernel
+#import glare/sky_cube/sprites
+#import shared/gaussian
+#import shared/projection
+#import shared/splat
+#import shared/viewport
+
+struct VeilSplatParameters {
+    // Fixed-point units per lux of scattered light, times the share that is scattered.
+    units_per_lx: f32,
+    // Brightness of the sources that belong into these sums, lx.
+    faintest_lx: f32,
+    brightest_lx: f32,
+    first: u32,
+    count: u32,
+    // Sources per row of the dispatch.
+    per_row: u32,
+    // The viewport that sees these sources, or EVERY_VIEWPORT.
+    viewport: u32,
+    // Invocations that share a source.
+    shared_by: u32,
+}
+
+@group(0) @binding(0) var<uniform> parameters: VeilSplatParameters;
+@group(0) @binding(1) var<storage, read> viewports: array<Viewport>;
+@group(0) @binding(2) var<storage, read> tiles: array<Tile>;
+@group(0) @binding(3) var<storage, read_write> counters: array<atomic<u32>>;
+@group(1) @binding(0) var<uniform> sky: SkyCubeParameters;
+@group(1) @binding(1) var<storage, read> views: array<GlareView>;
+@group(1) @binding(2) var<storage, read> sprites: array<GlareSprite>;
+@group(1) @binding(3) var<storage, read> kernel_table: array<f32>;
+
+override WORKGROUP: u32;
+
+// Whether a direction outside of a round picture is farther away from it than a chord: the nearest point of the picture lies on the rim.
+fn lies_beyond_rim(viewport: Viewport, direction: vec3<f32>, projected: vec3<f32>, chord: f32) -> bool {
+    if !is_fisheye(viewport) || viewport.full_sphere != 0u || projected.z == 0.0 {
+        return false;
+    }
+    let outwards = (projected.xy - viewport.plane_offset) / viewport.plane_scale;
+    let rho = length(outwards);
+    let at_rim = direction_of_point(viewport, viewport.plane_offset + outwards / rho * viewport.plane_scale);
+    return rho > 1.0 && length(direction - at_rim) > chord;
+}
+
+// The pixels around a source that its veil may reach.
+fn reached_pixels(viewport: Viewport, direction: vec3<f32>, chord: f32) -> Gaussian {
+    // Chords of sprites are so short that this is more than the angle.
+    let cut = 1.01 * chord;
+    let projected = pixel_from_direction(viewport, direction);
+    var reached: Gaussian;
+    reached.last = vec2<i32>(viewport.size) - 1;
+    if lies_beyond_rim(viewport, direction, projected, chord) {
+        reached.last.y = -1;
+    } else if projected.z > 0.0 {
+        let reach = gaussian_reach(viewport, direction, pixel_extent(viewport, direction).y, cut);
+        reached = gaussian_around(viewport, direction, projected.xy, reach, 1.0, cut);
+    } else if direction.z > cut {
+        // It has no image, and is too far behind the edge of what has one.
+        reached.last.y = -1;
+    }
+    if viewport.kind != KIND_EQUIRECTANGULAR {
+        reached.first.x = max(reached.first.x, 0);
+        reached.last.x = min(reached.last.x, i32(viewport.size.x) - 1);
+    }
+    return reached;
+}
+
+@compute @workgroup_size(WORKGROUP)
+fn splat_veils(@builtin(global_invocation_id) place: vec3<u32>) {
+    let number = place.y * parameters.per_row + place.x / parameters.shared_by;
+    let tile = tiles[place.z];
+    if number >= parameters.count || (parameters.viewport != EVERY_VIEWPORT && parameters.viewport != tile.viewport) {
+        return;
+    }
+    let sprite = sprites[parameters.first + number];
+    let view = views[tile.viewport];
+    let illuminance = dot(sprite.light, LUMINANCE_WEIGHTS);
+    if sprite.inverse_squared > view.greatest_inverse
+        || !(illuminance >= parameters.faintest_lx && illuminance < parameters.brightest_lx) {
+        return;
+    }
+    let viewport = viewports[tile.viewport];
+    let direction = vec3(
+        dot(sprite.direction, viewport.view_from_world_x.xyz),
+        dot(sprite.direction, viewport.view_from_world_y.xyz),
+        dot(sprite.direction, viewport.view_from_world_z.xyz));
+    let row_0 = i32(tile.first_row);
+    let reached = reached_pixels(viewport, direction, inverseSqrt(sprite.inverse_squared));
+    let first = vec2(reached.first.x, max(reached.first.y, row_0));
+    let last = vec2(reached.last.x, min(reached.last.y, row_0 + i32(tile.rows) - 1));
+    if any(last < first) {
+        return;
+    }
+    target_tile = vec3(tile.first_pixel, viewport.size.x, tile.first_flag);
+    var in_view = sprite;
+    in_view.direction = direction;
+    let threshold = rounding_threshold(parameters.first + number);
+    let quads = (last.x - first.x) / 4 + 1;
+    let count = quads * (last.y - first.y + 1);
+    let lanes = turns(viewport, 4);
+    for (var i = i32(place.x % parameters.shared_by); i < count; i += i32(parameters.shared_by)) {
+        let row = i / quads;
+        let at = vec2(first.x + 4 * (i - row * quads), first.y + row);
+        var four: Directions4;
+        for (var lane = 0; lane < lanes; lane++) {
+            let pixel = gaussian_pixel(viewport, vec2(at.x + lane, at.y));
+            let towards = direction_from_pixel(viewport, vec2<f32>(pixel) + 0.5).xyz;
+            let here = vec4(0, 1, 2, 3) == vec4(lane);
+            four.x = select(four.x, vec4(towards.x), here);
+            four.y = select(four.y, vec4(towards.y), here);
+            four.z = select(four.z, vec4(towards.z), here);
+        }
+        let kernel = of_sprite(view, in_view, four);
+        for (var lane = 0; lane < lanes; lane++) {
+            let pixel = gaussian_pixel(viewport, vec2(at.x + lane, at.y));
+            if at.x + lane <= last.x && kernel[lane] > 0.0 && contains(viewport, pixel) {
+                let light = sprite.light * (kernel[lane] * solid_angle(viewport, pixel) * parameters.units_per_lx);
+                // Many pixels get a fraction of a unit: with one threshold for all of them the sum would be rounded as they are.
+                let tap = f32(4 * i + lane);
+                let index = tile.first_pixel + u32((pixel.y - row_0) * i32(viewport.size.x) + pixel.x);
+                accumulate(index, floor(light + fract(threshold + tap * 0.61803399)));
+            }
+        }
+    }
+}

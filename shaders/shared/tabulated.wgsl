@@ -1,0 +1,231 @@
+// Tabulated projections: directions at the centres of pixels, and where to begin the search for the pixel of a direction. Made, checked
+// and described in src/view/projection/tabulated/, whose search.rs and nodes.rs are the same in f64.
+
+#import constants/tabulated
+#import shared/math
+#import shared/viewport
+
+// The tables of all viewports, in groups of four words: `viewport.face` is the number of the first group of its own.
+@group(3) @binding(0) var<storage, read> mapping_tables: array<vec4<u32>>;
+
+// Direction at a node, and its pixel's solid angle in sr: 0 outside of the picture. All 0 where there is no direction.
+fn tabulated_node(viewport: Viewport, node: vec2<i32>) -> vec4<f32> {
+    let counts = vec2<i32>(viewport.size) + 2 * TABLE_FRINGE;
+    if any(node < vec2(0)) || any(node >= counts) {
+        return vec4(0.0);
+    }
+    return bitcast<vec4<f32>>(mapping_tables[viewport.face + TABLE_HEADER + u32(node.y * counts.x + node.x)]);
+}
+
+// Solid angle of a pixel, sr; 0 outside of the picture, also outside of the image.
+fn tabulated_solid_angle(viewport: Viewport, pixel: vec2<i32>) -> f32 {
+    if any(pixel < vec2(0)) || any(pixel >= vec2<i32>(viewport.size)) {
+        return 0.0;
+    }
+    return tabulated_node(viewport, pixel + TABLE_FRINGE).w;
+}
+
+// Whether all pixels of a rectangle lie in the picture.
+fn tabulated_holds(viewport: Viewport, first: vec2<i32>, last: vec2<i32>) -> bool {
+    for (var y = first.y; y <= last.y; y++) {
+        for (var x = first.x; x <= last.x; x++) {
+            if tabulated_solid_angle(viewport, vec2(x, y)) <= 0.0 {
+                return false;
+            }
+        }
+    }
+    return true;
+}
+
+// Directions at the four nodes around a place, row by row.
+struct TableQuad {
+    directions: array<vec3<f32>, 4>,
+    exists: bool,
+}
+
+fn is_direction(v: vec3<f32>) -> bool {
+    return dot(v, v) > 0.0;
+}
+
+fn table_quad(viewport: Viewport, place: vec2<f32>) -> TableQuad {
+    let first = vec2<i32>(floor(place));
+    let a = tabulated_node(viewport, first).xyz;
+    let b = tabulated_node(viewport, first + vec2(1, 0)).xyz;
+    let c = tabulated_node(viewport, first + vec2(0, 1)).xyz;
+    let d = tabulated_node(viewport, first + vec2(1, 1)).xyz;
+    let exists = is_direction(a) && is_direction(b) && is_direction(c) && is_direction(d);
+    return TableQuad(array<vec3<f32>, 4>(a, b, c, d), exists);
+}
+
+fn linear_in_quad(quad: TableQuad, part: vec2<f32>) -> vec3<f32> {
+    return mix(
+        mix(quad.directions[0], quad.directions[1], part.x), mix(quad.directions[2], quad.directions[3], part.x), part.y);
+}
+
+// Weights of a cubic convolution (Keys 1981, with a = -1/2) at a part of the way between the second node and the third.
+fn cubic_weights(part: f32) -> vec4<f32> {
+    let rest = 1.0 - part;
+    return vec4(
+        -0.5 * part * rest * rest,
+        1.0 + part * part * (1.5 * part - 2.5),
+        1.0 + rest * rest * (1.5 * rest - 2.5),
+        -0.5 * rest * part * part);
+}
+
+// Direction at a place by cubic convolution, of nearly unit length; w = 0 where a node is missing.
+fn cubic_in_table(viewport: Viewport, place: vec2<f32>) -> vec4<f32> {
+    let first = floor(place);
+    let across = cubic_weights(place.x - first.x);
+    let down = cubic_weights(place.y - first.y);
+    let corner = vec2<i32>(first) - 1;
+    var sum = vec3(0.0);
+    for (var j = 0; j < 4; j++) {
+        for (var i = 0; i < 4; i++) {
+            let direction = tabulated_node(viewport, corner + vec2(i, j)).xyz;
+            if !is_direction(direction) {
+                return vec4(0.0);
+            }
+            sum += direction * (across[i] * down[j]);
+        }
+    }
+    return vec4(sum, 1.0);
+}
+
+// Unit direction of a pixel coordinate, also a little beyond the picture; w = 0 where the table has none.
+fn tabulated_at(viewport: Viewport, pixel: vec2<f32>) -> vec4<f32> {
+    let place = pixel - 0.5 + f32(TABLE_FRINGE);
+    if all(place == floor(place)) {
+        let own = tabulated_node(viewport, vec2<i32>(place)).xyz;
+        return vec4(own, select(0.0, 1.0, is_direction(own)));
+    }
+    let cubic = cubic_in_table(viewport, place);
+    if cubic.w > 0.0 {
+        return vec4(normalize(cubic.xyz), 1.0);
+    }
+    let quad = table_quad(viewport, place);
+    if quad.exists {
+        return vec4(normalize(linear_in_quad(quad, place - floor(place))), 1.0);
+    }
+    return vec4(0.0);
+}
+
+// Unit direction of a pixel coordinate of the image; w = 0 outside of the picture.
+fn tabulated_direction(viewport: Viewport, pixel: vec2<f32>) -> vec4<f32> {
+    let holder = min(vec2<i32>(pixel), vec2<i32>(viewport.size) - 1);
+    let own = tabulated_node(viewport, holder + TABLE_FRINGE);
+    if own.w <= 0.0 {
+        return vec4(0.0);
+    }
+    let found = tabulated_at(viewport, pixel);
+    return select(vec4(own.xyz, 1.0), found, found.w > 0.0);
+}
+
+// Where the search for a direction begins.
+struct TableStart {
+    // Column of a node in the lower half and its row in the upper one; NO_START; or PATCH_BIT and the number of a patch's first group.
+    word: u32,
+    // Place in the cell, from (0, 0) to (1, 1).
+    part: vec2<f32>,
+}
+
+// The same of a unit vector.
+fn start_in_table(viewport: Viewport, direction: vec3<f32>) -> TableStart {
+    let grid = mapping_tables[viewport.face].xy;
+    let axis = bitcast<vec4<f32>>(mapping_tables[viewport.face + 1u]);
+    let right = bitcast<vec4<f32>>(mapping_tables[viewport.face + 2u]).xyz;
+    let up = bitcast<vec4<f32>>(mapping_tables[viewport.face + 3u]).xyz;
+    let across = vec2(dot(direction, right), dot(direction, up));
+    let sine = length(across);
+    var azimuth = vec2(1.0, 0.0);
+    if sine > 1e-18 {
+        azimuth = across / sine;
+    }
+    let side = f32(grid.x);
+    let place = azimuth * (precise_atan2(sine, dot(direction, axis.xyz)) * axis.w) + 0.5 * side;
+    if any(place < vec2(0.0)) || any(place >= vec2(side)) {
+        return TableStart(NO_START, vec2(0.0));
+    }
+    let held = floor(place);
+    let cell = mapping_tables[viewport.face + grid.y + u32(held.y) * grid.x + u32(held.x)];
+    // A cut goes through the cell: on which side of it the direction lies decides.
+    let beyond = dot(unpack2x16snorm(cell.z), place - held - 0.5) <= bitcast<f32>(cell.w);
+    return TableStart(select(cell.x, cell.y, cell.y != NO_START && beyond), place - held);
+}
+
+// An image that stands in a patch, by the number of its first group.
+fn image_in_patch(viewport: Viewport, first: u32, part: vec2<f32>) -> vec2<f32> {
+    let place = clamp(part, vec2(0.0), vec2(1.0)) * f32(PATCH_STEPS);
+    let held = min(floor(place), vec2(f32(PATCH_STEPS) - 1.0));
+    let at = viewport.face + first + u32(held.y) * (PATCH_STEPS + 1u) + u32(held.x);
+    let a = bitcast<vec2<f32>>(mapping_tables[at].xy);
+    let b = bitcast<vec2<f32>>(mapping_tables[at + 1u].xy);
+    let c = bitcast<vec2<f32>>(mapping_tables[at + PATCH_STEPS + 1u].xy);
+    let d = bitcast<vec2<f32>>(mapping_tables[at + PATCH_STEPS + 2u].xy);
+    let inside = place - held;
+    return mix(mix(a, b, inside.x), mix(c, d, inside.x), inside.y);
+}
+
+// Continuous pixel coordinates of the image of a direction (any length but 0); z = 1 where there is one.
+fn tabulated_pixel(viewport: Viewport, towards: vec3<f32>) -> vec3<f32> {
+    let direction = normalize(towards);
+    let start = start_in_table(viewport, direction);
+    if start.word == NO_START {
+        return vec3(0.0);
+    }
+    if (start.word & PATCH_BIT) != 0u {
+        return vec3(image_in_patch(viewport, start.word & ~PATCH_BIT, start.part), 1.0);
+    }
+    var place = vec2(f32(start.word & 0xffffu), f32(start.word >> 16u)) + 0.5;
+    var held = place;
+    var near = false;
+    // Where the way leads out of the table there is no image; but if the picture shows everything, it ends there.
+    let exists = f32(viewport.full_sphere);
+    for (var i = 0u; i < MOST_STEPS; i++) {
+        let quad = table_quad(viewport, place);
+        if !quad.exists {
+            return vec3(held + 0.5 - f32(TABLE_FRINGE), exists);
+        }
+        held = place;
+        let part = place - floor(place);
+        let along_x = mix(quad.directions[1] - quad.directions[0], quad.directions[3] - quad.directions[2], part.y);
+        let along_y = mix(quad.directions[2] - quad.directions[0], quad.directions[3] - quad.directions[1], part.x);
+        var at = linear_in_quad(quad, part);
+        if near {
+            let cubic = cubic_in_table(viewport, place);
+            at = select(at, cubic.xyz, cubic.w > 0.0);
+        }
+        // at + x along_x + y along_y is to be parallel to the direction: Cramer's rule, without what lies along it.
+        let missing = direction - normalize(at);
+        let across = cross(along_y, direction);
+        let determinant = dot(along_x, across);
+        if determinant == 0.0 {
+            return vec3(held + 0.5 - f32(TABLE_FRINGE), exists);
+        }
+        let step = vec2(dot(missing, across), dot(missing, cross(direction, along_x))) / determinant;
+        place += clamp(step, vec2(-LONGEST_STEP_PX), vec2(LONGEST_STEP_PX));
+        let squared = dot(step, step);
+        if near && squared < DONE_PX * DONE_PX {
+            break;
+        }
+        near = squared < NEAR_PX * NEAR_PX;
+    }
+    return vec3(place + 0.5 - f32(TABLE_FRINGE), 1.0);
+}
+
+// Larger and smaller angle that a pixel covers around a direction (unit vector), rad: singular values of the derivative.
+fn tabulated_extent(viewport: Viewport, direction: vec3<f32>) -> vec2<f32> {
+    let pixel = tabulated_pixel(viewport, direction).xy;
+    let middle = tabulated_at(viewport, pixel);
+    var along: array<vec3<f32>, 2>;
+    for (var axis = 0; axis < 2; axis++) {
+        let half = select(vec2(0.0, 0.5), vec2(0.5, 0.0), axis == 0);
+        let ahead = tabulated_at(viewport, pixel + half);
+        let behind = tabulated_at(viewport, pixel - half);
+        // At a border to the side that there is.
+        along[axis] = (ahead.xyz - middle.xyz) * ahead.w * (2.0 - behind.w) + (middle.xyz - behind.xyz) * behind.w * (2.0 - ahead.w);
+    }
+    let squares = vec2(dot(along[0], along[0]), dot(along[1], along[1]));
+    let mixed = dot(along[0], along[1]);
+    let larger = sqrt(0.5 * (squares.x + squares.y + length(vec2(squares.x - squares.y, 2.0 * mixed))));
+    return vec2(larger, length(cross(along[0], along[1])) / max(larger, 1e-30));
+}

@@ -1,0 +1,1 @@
+// In place of shared/tabulated: no picture is tabulated.

@@ -1,0 +1,113 @@
+//! What an output can show: the error budget of a frame, in the unit of its output.
+//!
+//! An HDR image keeps relative errors. A display image of 8 bits shows nothing below a part of a code: where the whole transform from
+//! luminance to the display value is steepest, a step of `display_codes` codes is the least luminance that counts
+//! ([`ToneMapSettings::greatest_slope`]).
+
+use super::settings::{Accumulator, AccuracySettings, GlareMethod, RenderSettings, ToneMapSettings};
+use std::f64::consts::PI;
+
+use crate::{
+    scene::SceneObjects,
+    view::{Viewport, projection::Projection},
+};
+
+/// Codes of an 8-bit image above black.
+const CODES: f64 = 255.0;
+/// Share of the budget that the veil of one source may take where it is not drawn by itself: it goes into the smooth part, which errs by far
+/// less than all of it.
+const SHARE_OF_ONE_VEIL: f64 = 0.2;
+
+/// What a frame is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Output {
+    /// Display images of 8 bits alone.
+    Display,
+    /// HDR images, whatever else.
+    Hdr,
+}
+
+/// Steps of budgets per octave: automatic exposures that differ by less share what depends on the budget.
+const STEPS_PER_OCTAVE: f64 = 2.0;
+
+/// Whether frames of display images alone may differ from those that have HDR images beside them: glare has a budget of its own there.
+pub fn draws_outputs_apart(settings: &RenderSettings, objects: &SceneObjects, viewports: &[Viewport]) -> bool {
+    let method = settings.stars.method;
+    settings.accuracy.display_codes > 0.0
+        && settings.glare.chosen(method) == GlareMethod::SkyCube
+        && method.accumulator() == Accumulator::FixedPoint
+        && objects.is_empty()
+        && !viewports.iter().any(|viewport| surrounds(viewport) || is_coarse(viewport))
+}
+
+/// Angle of the pixels of a picture up to which the smooth part of a veil is smooth from pixel to pixel, rad.
+const MOST_PIXEL_OF_VEIL_RAD: f64 = 0.0123;
+
+/// Whether pixels are so large that single sources are no more than a pixel or two.
+fn is_coarse(viewport: &Viewport) -> bool {
+    viewport.projection.middle_pixel_rad() > MOST_PIXEL_OF_VEIL_RAD
+}
+
+/// Whether a picture may show the surroundings of a direction all along its rim: round ones that of the direction behind them.
+fn surrounds(viewport: &Viewport) -> bool {
+    match &viewport.projection {
+        Projection::Fisheye(fisheye) => fisheye.half_fov_rad > 0.9 * PI,
+        Projection::Tabulated(_) => true,
+        _ => false,
+    }
+}
+
+/// The least luminance that a display image with display white at `white_cd_m2` shows within its budget, cd/m^2, rounded down to half
+/// octaves; `None` where the budget asks for exact images.
+pub fn display_step_cd_m2(accuracy: &AccuracySettings, tone_map: &ToneMapSettings, white_cd_m2: f64) -> Option<f64> {
+    let step = accuracy.display_codes / CODES / tone_map.greatest_slope() * white_cd_m2;
+    (step > 0.0 && step.is_finite()).then(|| ((step.log2() * STEPS_PER_OCTAVE).floor() / STEPS_PER_OCTAVE).exp2())
+}
+
+/// The luminance from which on the veil of one source is drawn by itself, for a display step in cd/m^2.
+pub fn least_veil_cd_m2(display_step_cd_m2: f64) -> f64 {
+    SHARE_OF_ONE_VEIL * display_step_cd_m2
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
+mod tests {
+    use super::*;
+    use crate::plan::settings::ToneMapOperator;
+
+    #[test]
+    fn no_step_is_seen_within_half_a_code() {
+        let accuracy = AccuracySettings::default();
+        for operator in ToneMapOperator::ALL {
+            let tone_map = ToneMapSettings::of(operator);
+            // `calibrated` goes by the display's own white.
+            let white = if operator == ToneMapOperator::Calibrated { tone_map.peak_cd_m2 } else { 0.03 };
+            let step = display_step_cd_m2(&accuracy, &tone_map, white).unwrap();
+            let code = |luminance: f64| 255.0 * tone_map.display_rgb([luminance; 3], white)[0];
+            let mut largest: f64 = 0.0;
+            for i in 0..4000 {
+                let luminance = white * (-16.0 + f64::from(i) * 0.005).exp2();
+                largest = largest.max(code(luminance + step) - code(luminance));
+            }
+            // Rounded down by half an octave at most.
+            assert!(largest <= 0.5 + 1e-9 && largest > 0.34, "{operator:?}: {largest}");
+        }
+    }
+
+    #[test]
+    fn an_exact_budget_has_no_step() {
+        let exact = AccuracySettings { display_codes: 0.0, ..AccuracySettings::default() };
+        assert_eq!(display_step_cd_m2(&exact, &ToneMapSettings::default(), 1.0), None);
+        assert_eq!(display_step_cd_m2(&AccuracySettings::default(), &ToneMapSettings::default(), 0.0), None);
+    }
+
+    #[test]
+    fn neighbouring_exposures_share_a_step() {
+        let step = |ev100: f64| {
+            display_step_cd_m2(&AccuracySettings::default(), &ToneMapSettings::default(), ev100.exp2()).unwrap()
+        };
+        let steps: std::collections::BTreeSet<u64> = (0..100).map(|i| step(f64::from(i) * 0.01).to_bits()).collect();
+        assert!(steps.len() <= 3, "{}", steps.len());
+        assert!(step(1.0) > step(0.0));
+    }
+}

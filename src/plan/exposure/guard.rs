@@ -1,0 +1,169 @@
+//! What bodies and asteroids in the light of a sun ask of the exposure: their surfaces are 17 stops brighter than a night sky, and
+//! what of their light scatters in the eye covers the whole picture.
+//!
+//! It is found on the CPU from what the plan knows of them, not metered from the picture. A meter reads stars with the rest, so the
+//! exposure would depend on the catalogue again; it knows means alone, and not how bright the surfaces are that cover a thousandth of
+//! the picture; and every frame that it has to wait for is written twice.
+//!
+//! - **Surfaces.** White is as bright as lit surfaces that cover [`SURFACE_SHARE`] of all pictures; smaller ones may be brighter.
+//!   Towards that share it rises with the fourth power of what they cover, so that nothing jumps as a planet comes closer.
+//! - **Background.** The veil of glare of all bodies and fields, in the picture or not, is at most [`BACKGROUND_SHARE`] of white in the
+//!   half of the pictures where it is darkest: the halo next to a sun may be brighter.
+
+use glam::DVec3;
+
+use super::pictures::Picture;
+use crate::{
+    photometry::{glare::GlareKernel, rec709::luminance},
+    plan::{asteroids::glare::Cloud, bodies::seen::BodyPlan},
+    scene::{
+        SceneObjects,
+        bodies::{SeenBody, Sun, lights_on},
+    },
+    view::Viewport,
+};
+
+/// Share of the solid angle of all pictures that lit surfaces brighter than white cover at most.
+pub const SURFACE_SHARE: f64 = 1e-3;
+/// The background is at most this of white.
+pub const BACKGROUND_SHARE: f64 = 0.18;
+/// How white rises with the share of the pictures, below [`SURFACE_SHARE`].
+const GROWTH: i32 = 4;
+/// Points on a disc.
+const DISC_POINTS: usize = 256;
+/// Of so many directions one tells the background.
+const VEIL_STEP: usize = 3;
+
+/// What is lit.
+pub struct Lit<'a> {
+    /// Bodies and fields.
+    pub objects: &'a SceneObjects,
+    /// What gives light.
+    pub suns: &'a [Sun],
+    /// The camera's place, m.
+    pub camera_m: DVec3,
+    /// Every image of every view.
+    pub viewports: &'a [Viewport],
+    /// The bodies that they see.
+    pub bodies: &'a BodyPlan,
+    /// Fields of asteroids as each viewport's eye sees them; empty without fields.
+    pub clouds: &'a [Vec<Cloud>],
+    /// Kernel of glare and the share of the light that it scatters; `None`: none.
+    pub glare: Option<(&'a dyn GlareKernel, f64)>,
+}
+
+/// The least luminance of display white that what is lit asks for, cd/m^2; 0: any.
+pub fn white_for_lit_cd_m2(lit: &Lit<'_>, pictures: &[Picture]) -> f64 {
+    white_for_surfaces_cd_m2(lit, pictures).max(background_cd_m2(lit, pictures) / BACKGROUND_SHARE)
+}
+
+fn white_for_surfaces_cd_m2(lit: &Lit<'_>, pictures: &[Picture]) -> f64 {
+    let all_sr: f64 = pictures.iter().map(|picture| picture.pixel_sums[0]).sum();
+    // Luminance and solid angle of every piece of a lit surface in the pictures.
+    let mut pieces: Vec<[f64; 2]> = Vec::new();
+    for (index, (viewport, picture)) in lit.viewports.iter().zip(pictures).enumerate() {
+        discs(lit, index, viewport, picture, &mut pieces);
+        for cloud in lit.clouds.get(index).into_iter().flatten() {
+            if cloud.surface_cd_m2 > 0.0 && is_in_picture(viewport, cloud.source.direction) {
+                pieces.push([cloud.surface_cd_m2, luminance(cloud.source.light) / cloud.surface_cd_m2]);
+            }
+        }
+    }
+    pieces.sort_by(|a, b| b[0].total_cmp(&a[0]));
+    let (mut white, mut covered_sr) = (0.0_f64, 0.0);
+    for [surface_cd_m2, solid_angle_sr] in pieces {
+        covered_sr += solid_angle_sr;
+        white = white.max(surface_cd_m2 * (covered_sr / (SURFACE_SHARE * all_sr)).min(1.0).powi(GROWTH));
+    }
+    white
+}
+
+/// The lit pieces of the bodies' discs in a picture.
+fn discs(lit: &Lit<'_>, index: usize, viewport: &Viewport, picture: &Picture, pieces: &mut Vec<[f64; 2]>) {
+    let eye_m = lit.camera_m + viewport.eye_offset_m;
+    // Nearest first: what is before a body stands before it in the list.
+    let mut before: Vec<SeenBody<'_>> = Vec::new();
+    for disc in &lit.bodies.seen[index] {
+        let body = &lit.objects.bodies[disc.body];
+        let seen = SeenBody::new(body, eye_m, &lights_on(body, lit.suns), lit.objects.time_s);
+        let offset_m = body.position_m - eye_m;
+        let radius_rad = (body.radii_m.max_element() / offset_m.length()).min(1.0).asin();
+        let cap_sr = 4.0 * std::f64::consts::PI * (0.5 * radius_rad).sin().powi(2);
+        let mut take = |direction: DVec3, solid_angle_sr: f64| {
+            let Some(hit) = seen.hit(direction) else { return };
+            let surface_cd_m2 = luminance(seen.luminance_cd_m2(hit.unit));
+            if surface_cd_m2 > 0.0 && before.iter().all(|other| other.hit(direction).is_none()) {
+                pieces.push([surface_cd_m2, disc.part * solid_angle_sr]);
+            }
+        };
+        if cap_sr < picture.pixel_sums[0] {
+            for direction in directions_of_cap(offset_m.normalize(), radius_rad) {
+                if is_in_picture(viewport, direction) {
+                    take(direction, cap_sr / DISC_POINTS as f64);
+                }
+            }
+        } else {
+            for (direction, solid_angle_sr) in &picture.directions {
+                take(viewport.world_from_view * *direction, *solid_angle_sr);
+            }
+        }
+        before.push(seen);
+    }
+}
+
+/// Directions spread evenly over a cap: a spiral of equal parts.
+fn directions_of_cap(axis: DVec3, radius_rad: f64) -> impl Iterator<Item = DVec3> {
+    let (right, up) = axis.any_orthonormal_pair();
+    let golden_angle = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
+    let half_sine = (0.5 * radius_rad).sin();
+    (0..DISC_POINTS).map(move |i| {
+        let angle = 2.0 * (half_sine * ((i as f64 + 0.5) / DISC_POINTS as f64).sqrt()).asin();
+        let (sin, cos) = (i as f64 * golden_angle).sin_cos();
+        axis * angle.cos() + (right * cos + up * sin) * angle.sin()
+    })
+}
+
+fn is_in_picture(viewport: &Viewport, direction: DVec3) -> bool {
+    let mapping = viewport.projection.mapping();
+    let [width, height] = mapping.size().map(f64::from);
+    let in_view = viewport.world_from_view.conjugate() * direction;
+    mapping.pixel_from_direction(in_view).is_some_and(|pixel| {
+        (0.0..width).contains(&pixel.x)
+            && (0.0..height).contains(&pixel.y)
+            && mapping.direction_from_pixel(pixel).is_some()
+    })
+}
+
+/// Median over the pictures, by solid angle, of the veil of everything that is no star, cd/m^2.
+fn background_cd_m2(lit: &Lit<'_>, pictures: &[Picture]) -> f64 {
+    let Some((kernel, fraction)) = lit.glare else { return 0.0 };
+    let mut veils: Vec<[f64; 2]> = Vec::new();
+    for (index, (viewport, picture)) in lit.viewports.iter().zip(pictures).enumerate() {
+        let bodies = lit.bodies.glare[index].iter().map(|source| (source.whole.0, source.whole.1, 0.0));
+        let clouds = lit.clouds.get(index).into_iter().flatten();
+        let clouds = clouds.map(|cloud| (cloud.source.direction, cloud.source.light, cloud.source.radius_rad));
+        let sources: Vec<(DVec3, f64, f64)> =
+            bodies.chain(clouds).map(|(direction, light, radius)| (direction, luminance(light), radius)).collect();
+        if sources.is_empty() {
+            continue;
+        }
+        for (direction, solid_angle_sr) in picture.directions.iter().step_by(VEIL_STEP) {
+            let direction = viewport.world_from_view * *direction;
+            let of_source = |(towards, lx, radius_rad): &(DVec3, f64, f64)| {
+                let angle_rad = direction.angle_between(*towards).hypot(*radius_rad).min(std::f64::consts::PI);
+                lx * kernel.per_sr(angle_rad)
+            };
+            veils.push([fraction * sources.iter().map(of_source).sum::<f64>(), *solid_angle_sr]);
+        }
+    }
+    veils.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    let half = 0.5 * veils.iter().map(|veil| veil[1]).sum::<f64>();
+    let mut passed = 0.0;
+    veils
+        .into_iter()
+        .find(|[_, solid_angle_sr]| {
+            passed += solid_angle_sr;
+            passed >= half
+        })
+        .map_or(0.0, |[veil, _]| veil)
+}

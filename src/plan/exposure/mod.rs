@@ -1,0 +1,94 @@
+//! The exposure that follows from the plan alone: stars of the limiting magnitude are just seen, unless bodies or asteroids in the
+//! light of a sun ask for a higher one ([`guard`]).
+//!
+//! It depends on the pixels of the first view, on the tone mapping and on what is lit, and not on the catalogue, on where the camera
+//! looks among the stars, or on their glare. So it is known before a pixel is drawn: the resolve pass writes the display image at
+//! once, and the same plan has the same exposure on every adapter.
+
+pub mod guard;
+pub mod pictures;
+
+use self::{
+    guard::{Lit, white_for_lit_cd_m2},
+    pictures::Picture,
+};
+use super::settings::{Accumulator, ExposureMode, Metering, RenderSettings};
+use crate::{
+    photometry::exposure::{WHITE_LUMINANCE_AT_EV0_CD_M2, limiting_ev100, limiting_illuminance_lx},
+    units::{illuminance_lx_from_magnitude, magnitude_from_illuminance_lx},
+    view::Viewport,
+};
+
+/// Code of 255 that is just seen in a dark room: a star of the limiting magnitude peaks at it.
+pub const JUST_SEEN_CODE: f64 = 20.0;
+
+/// Which stars the views of a frame show.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ShownStars {
+    /// Mean solid angle of each view's pixels, weighted by solid angle, sr.
+    pub pixels_sr: Vec<f64>,
+    /// Peak of a star that is just seen, over display white.
+    pub just_seen: f64,
+    /// The exposure value of display white, where the tone mapping does not go by the exposure.
+    pub white_ev100: Option<f64>,
+    /// Whether stars are drawn with their own light in kernels of pixels; of other methods no limit is known.
+    pub are_physical: bool,
+}
+
+impl ShownStars {
+    /// Which stars views show whose pictures are given, viewport by viewport.
+    pub fn new(settings: &RenderSettings, viewports: &[Viewport], pictures: &[Picture]) -> Self {
+        let views = viewports.iter().map(|viewport| viewport.view + 1).max().unwrap_or(0);
+        let mut sums = vec![[0.0; 2]; views];
+        for (viewport, picture) in viewports.iter().zip(pictures) {
+            let [solid_angle, squares] = picture.pixel_sums;
+            sums[viewport.view][0] += solid_angle;
+            sums[viewport.view][1] += squares;
+        }
+        Self {
+            pixels_sr: sums.into_iter().map(|[sum, squares]| squares / sum).collect(),
+            just_seen: settings.tone_map.light_of_code(JUST_SEEN_CODE),
+            white_ev100: settings.tone_map.white_ev100(),
+            are_physical: settings.stars.method.accumulator() == Accumulator::FixedPoint,
+        }
+    }
+
+    /// The magnitude of the stars that a view just shows where the frame has an exposure; `None`: no limit is known.
+    pub fn limiting_magnitude(&self, view: usize, ev100: f64) -> Option<f64> {
+        let pixel_sr = self.pixels_sr.get(view).filter(|_| self.are_physical)?;
+        let lx = limiting_illuminance_lx(self.white_ev100.unwrap_or(ev100), *pixel_sr, self.just_seen);
+        Some(magnitude_from_illuminance_lx(lx)).filter(|magnitude| magnitude.is_finite())
+    }
+
+    /// The exposure at which the first view just shows stars of a magnitude.
+    fn ev100_for(&self, magnitude: f64) -> Option<f64> {
+        let pixel_sr = *self.pixels_sr.first()?;
+        Some(limiting_ev100(illuminance_lx_from_magnitude(magnitude), pixel_sr, self.just_seen))
+    }
+}
+
+/// The exposure that the plan alone gives; `None` where it is manual or follows from the picture's light.
+///
+/// A calibrated display has an exposure of its own.
+pub fn planned_ev100(
+    settings: &RenderSettings,
+    stars: &ShownStars,
+    pictures: &[Picture],
+    lit: Option<&Lit<'_>>,
+) -> Option<f64> {
+    let exposure = &settings.exposure;
+    if exposure.mode != ExposureMode::Auto || exposure.metering != Metering::LimitingMagnitude {
+        return None;
+    }
+    if let Some(white_ev100) = stars.white_ev100 {
+        return Some(white_ev100);
+    }
+    let dark = stars.ev100_for(exposure.limiting_magnitude)?;
+    let white_cd_m2 = lit.map_or(0.0, |lit| white_for_lit_cd_m2(lit, pictures));
+    // Without anything lit: minus infinity.
+    let bright = (white_cd_m2 / WHITE_LUMINANCE_AT_EV0_CD_M2).log2();
+    Some((dark.max(bright) + exposure.compensation_ev).clamp(exposure.min_ev100, exposure.max_ev100))
+}
+
+#[cfg(test)]
+mod tests;

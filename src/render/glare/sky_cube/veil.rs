@@ -1,0 +1,231 @@
+//! Glare of display images: the veil of sources that stand out adds up with the stars, the rest is computed on a coarse grid of points,
+//! between which the resolve pass reads. Shaders: `shaders/glare/sky_cube/veil_*.wgsl`.
+//!
+//! What the map holds is smooth over some degrees, so that points less than 1.5 degrees apart are enough for it; and within a display's
+//! budget few pixels see single sources. No pass over the pixels is left but the one that resolves them.
+
+use std::f64::consts::PI;
+
+use super::{SkyCube, map::Held};
+use crate::{
+    gpu::{Gpu, Variants, bind_buffers, dispatch_rows},
+    plan::stars::range::FixedPoint,
+    render::{
+        constants::{veil::EVERY_VIEWPORT, workgroups::VEIL_SIDE},
+        glare::layout,
+        layout::VeilGrid,
+        shader::{Shader, rolled_loops},
+        targets::{SmoothVeil, bind_sums, splatting},
+        technique::{Recording, begin_pass},
+    },
+    units::PARSEC_M,
+    view::{
+        Viewport,
+        projection::{FisheyeMapping, Projection},
+    },
+};
+
+/// Greatest angle between two points of the grid, rad, and pixels.
+const MOST_SPACING_RAD: f64 = 0.0246;
+const MOST_SPACING_PX: u32 = 16;
+/// The same of a mapping that ends in an infinite derivative, pixels.
+const ORTHOGRAPHIC_SPACING_PX: u32 = 2;
+
+/// Reach from which on a source is wide, pixels.
+const WIDE_PX: f64 = 8.0;
+
+/// The passes.
+pub(super) struct VeilPasses {
+    /// By whether the kernel is read from a table.
+    points: Variants<bool, wgpu::ComputePipeline>,
+    splat: Variants<bool, wgpu::ComputePipeline>,
+}
+
+impl VeilPasses {
+    pub(super) fn new() -> Self {
+        Self { points: Variants::new(), splat: Variants::new() }
+    }
+
+    /// The pass over points, and the one over sources.
+    pub(super) fn pipelines(&self, gpu: &Gpu, tabulated: bool) -> [wgpu::ComputePipeline; 2] {
+        let of_kernel = ("TABULATED", f64::from(u8::from(tabulated)));
+        let splat = self.splat.get(tabulated, || {
+            let constants = [of_kernel, ("WORKGROUP", f64::from(workgroup(gpu))), rolled_loops(gpu)];
+            gpu.compute_pipeline_with(&splatting(gpu, "glare/sky_cube/veil_splat"), &constants)
+        });
+        let points = self.points.get(tabulated, || {
+            let constants = [of_kernel, rolled_loops(gpu)];
+            gpu.compute_pipeline_with(&Shader::new("glare/sky_cube/veil_points").source(), &constants)
+        });
+        [points, splat]
+    }
+}
+
+/// Sources of one workgroup: a step of a software driver's SIMD.
+fn workgroup(gpu: &Gpu) -> u32 {
+    if gpu.software { 8 } else { 64 }
+}
+
+/// Pixels from point to point: as many as keep points close together on the sky.
+fn spacing_px(viewport: &Viewport) -> u32 {
+    if let Projection::Fisheye(fisheye) = &viewport.projection
+        && fisheye.mapping == FisheyeMapping::Orthographic
+    {
+        return ORTHOGRAPHIC_SPACING_PX;
+    }
+    let fitting = (MOST_SPACING_RAD / viewport.projection.middle_pixel_rad()).clamp(1.0, f64::from(MOST_SPACING_PX));
+    1 << fitting.log2().floor() as u32
+}
+
+/// Grids over all pictures, one after the other, and the number of their points.
+fn grids(viewports: &[Viewport]) -> (Vec<VeilGrid>, u32) {
+    let mut first = 0;
+    let grids = viewports
+        .iter()
+        .map(|viewport| {
+            let spacing = spacing_px(viewport);
+            let [columns, rows] = viewport.size().map(|side| side.div_ceil(spacing) + 1);
+            let grid = VeilGrid { first, columns, rows, spacing };
+            first += columns * rows;
+            grid
+        })
+        .collect();
+    (grids, first)
+}
+
+/// What of a frame all batches share.
+struct VeilFrame {
+    parameters: wgpu::Buffer,
+    views: wgpu::Buffer,
+    near: wgpu::Buffer,
+    /// Sources of its own of every viewport.
+    near_of: Vec<std::ops::Range<u32>>,
+}
+
+impl VeilFrame {
+    fn new(gpu: &Gpu, held: &Held, recording: &Recording<'_>) -> Self {
+        let plan = recording.frame.plan;
+        let camera_pc = plan.camera_pc - held.key.settings.place_pc;
+        let mut near: Vec<layout::GlareSprite> = Vec::new();
+        let mut near_of = Vec::new();
+        let mut views = Vec::new();
+        for viewport in &plan.viewports {
+            let first = near.len() as u32;
+            let eye_pc = camera_pc + viewport.eye_offset_m / PARSEC_M;
+            near.extend(held.sky.near_for(eye_pc, plan.motion).into_iter().map(|(direction, light)| {
+                layout::GlareSprite {
+                    direction: direction.as_vec3().to_array(),
+                    inverse_squared: (1.0 / held.sky.soft.squared) as f32,
+                    light: light.map(|channel| channel as f32),
+                    whole: 1,
+                }
+            }));
+            let own = first..near.len() as u32;
+            views.push(held.view(viewport, own.clone()));
+            near_of.push(own);
+        }
+        Self {
+            parameters: gpu.frame_uniform("glare sky parameters", &held.parameters()),
+            views: gpu.frame_storage("glare views", &views),
+            near: gpu.frame_storage("near glare", &near),
+            near_of,
+        }
+    }
+}
+
+impl SkyCube {
+    /// Records the veil of single sources into the sums of a batch; before the first one, the smooth part of all pictures.
+    pub(super) fn record_veil(&mut self, recording: &mut Recording<'_>, number: usize) {
+        let Self { veil, held, veil_points, .. } = self;
+        let Some(held) = held[1].as_ref() else { unreachable!("the map is made before the veil") };
+        let gpu = recording.gpu;
+        let tabulated = held.inverse_square.is_none();
+        let [points, splat] = veil.get_or_init(|| VeilPasses::new()).pipelines(gpu, tabulated);
+        let of_frame = VeilFrame::new(gpu, held, recording);
+        if number == 0 {
+            let (grids, count) = grids(&recording.frame.plan.viewports);
+            let smooth = SmoothVeil {
+                grids: gpu.frame_storage("veil grids", &grids),
+                points: veil_points.with_room(gpu, 16 * u64::from(count)).clone(),
+            };
+            record_points(gpu, recording, &points, (held, &of_frame), (&smooth, &grids));
+            recording.targets.veil = Some(smooth);
+        }
+        record_sources(gpu, recording, &splat, (held, &of_frame), number);
+    }
+}
+
+fn record_points(
+    gpu: &Gpu,
+    recording: &mut Recording<'_>,
+    pipeline: &wgpu::ComputePipeline,
+    (held, of_frame): (&Held, &VeilFrame),
+    (smooth, grids): (&SmoothVeil, &[VeilGrid]),
+) {
+    let fraction = recording.frame.plan.glare.fraction as f32;
+    let parameters = gpu.frame_uniform("veil parameters", &layout::VeilParameters { fraction, ..Default::default() });
+    let buffers = [
+        &parameters,
+        &of_frame.parameters,
+        &recording.targets.viewports,
+        &smooth.grids,
+        &of_frame.views,
+        &held.map,
+        &of_frame.near,
+        &held.kernel_table,
+        &smooth.points,
+    ];
+    let bindings: Vec<_> = (0..).zip(buffers).map(|(binding, buffer)| (binding, buffer.as_entire_binding())).collect();
+    let mut pass = begin_pass(recording.encoder, recording.timer, "glare");
+    pass.set_pipeline(pipeline);
+    pass.set_bind_group(0, &bind_buffers(gpu, pipeline, 0, &bindings), &[]);
+    let most = |side: fn(&VeilGrid) -> u32| grids.iter().map(side).max().unwrap_or(0).div_ceil(VEIL_SIDE);
+    pass.dispatch_workgroups(most(|grid| grid.columns), most(|grid| grid.rows), grids.len() as u32);
+}
+
+fn record_sources(
+    gpu: &Gpu,
+    recording: &mut Recording<'_>,
+    pipeline: &wgpu::ComputePipeline,
+    (held, of_frame): (&Held, &VeilFrame),
+    number: usize,
+) {
+    let plan = recording.frame.plan;
+    let tiles = plan.batches[number].tiles.len() as u32;
+    // Those that cover many pixels are shared by the invocations of a workgroup.
+    let pixel_rad = plan.viewports.iter().map(|viewport| viewport.projection.middle_pixel_rad()).fold(PI, f64::min);
+    let wide = held.chords.partition_point(|chord| *chord > WIDE_PX * pixel_rad) as u32;
+    let group = workgroup(gpu);
+    let of_sky = [(0..wide, group), (wide..held.chords.len() as u32, 1)];
+    let of_sky = of_sky.into_iter().map(|(range, shared_by)| (&held.sprites, range, EVERY_VIEWPORT, shared_by));
+    let own = of_frame.near_of.iter().cloned().zip(0..);
+    let own = own.map(|(range, viewport)| (&of_frame.near, range, viewport, group));
+    let sources: Vec<_> = of_sky.chain(own).filter(|(_, range, ..)| !range.is_empty()).collect();
+    for (range, bright) in [(Some(plan.ranges.main), false), (plan.ranges.bright, true)] {
+        let (Some(range), Some(sums)) = (range, recording.targets.sums(number, bright)) else { continue };
+        let FixedPoint { units_per_lx, faintest_lx, brightest_lx } = range;
+        let mut pass = begin_pass(recording.encoder, recording.timer, "glare");
+        pass.set_pipeline(pipeline);
+        for (sprites, numbers, viewport, shared_by) in &sources {
+            let count = numbers.end - numbers.start;
+            let [groups_per_row, rows] = dispatch_rows(gpu, (count * shared_by).div_ceil(group));
+            let parameters = layout::VeilSplatParameters {
+                units_per_lx: (units_per_lx * plan.glare.fraction) as f32,
+                faintest_lx: faintest_lx as f32,
+                brightest_lx: brightest_lx.min(f64::from(f32::MAX)) as f32,
+                first: numbers.start,
+                count,
+                per_row: groups_per_row * group / shared_by,
+                viewport: *viewport,
+                shared_by: *shared_by,
+            };
+            let parameters = gpu.frame_uniform("veil source parameters", &parameters);
+            pass.set_bind_group(0, &bind_sums(gpu, pipeline, &parameters, &sums, &[]), &[]);
+            let buffers = [&of_frame.parameters, &of_frame.views, sprites, &held.kernel_table];
+            let bindings: Vec<_> =
+                (0..).zip(buffers).map(|(binding, buffer)| (binding, buffer.as_entire_binding())).collect();
+            pass.set_bind_group(1, &bind_buffers(gpu, pipeline, 1, &bindings), &[]);
+            pass.dispatch_workgroups(groups_per_row, rows, tiles);
+        }
+    }
+}

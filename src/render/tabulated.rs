@@ -1,0 +1,90 @@
+//! The tables of tabulated projections on the adapter: one buffer with those of a rig, bound by every pass that projects.
+//!
+//! Shaders know tables only if they are made so (`shaders/shared/tabulated.wgsl` in place of `tabulated_off.wgsl`), and those of
+//! rigs without tabulated pictures are not: a renderer has a set of pipelines for each kind of rig.
+
+use std::sync::Arc;
+
+use super::shader::Shader;
+use crate::{
+    gpu::{Gpu, storage_buffer},
+    view::{
+        Viewport,
+        projection::{Projection, TabulatedMapping},
+    },
+};
+
+/// What a shader imports in place of tabulated projections where there are none, and where there are some.
+const FILES: [&str; 2] = ["shared/tabulated_off", "shared/tabulated"];
+/// How files call the choice between them.
+pub(super) const SLOT: &str = "tabulated";
+
+/// The file for shaders with tabulated projections or without.
+pub(super) fn file(with_tables: bool) -> &'static str {
+    FILES[usize::from(with_tables)]
+}
+
+/// The shader of a file that projects, for what the device holds.
+pub(crate) fn projecting(gpu: &Gpu, file: &str) -> Shader {
+    Shader::new(file).with(SLOT, self::file(gpu.has_tables()))
+}
+
+fn table_of(viewport: &Viewport) -> Option<&Arc<TabulatedMapping>> {
+    match &viewport.projection {
+        Projection::Tabulated(table) => Some(table),
+        _ => None,
+    }
+}
+
+/// Which tables the device holds, each with the number of its first group of words.
+#[derive(Default)]
+pub(crate) struct MappingTables {
+    held: Vec<(Arc<TabulatedMapping>, u32)>,
+    buffer: Option<wgpu::Buffer>,
+}
+
+impl MappingTables {
+    /// Has passes read the tables of these viewports, which go onto the device unless they are there; without any, passes read none.
+    pub(crate) fn hold(&mut self, gpu: &mut Gpu, viewports: &[Viewport]) {
+        let mut wanted: Vec<&Arc<TabulatedMapping>> = Vec::new();
+        for table in viewports.iter().filter_map(table_of) {
+            if !wanted.contains(&table) {
+                wanted.push(table);
+            }
+        }
+        if wanted.is_empty() {
+            gpu.set_tables(None);
+            return;
+        }
+        if wanted.iter().any(|table| self.first_of(table).is_none()) {
+            self.release();
+            let mut words = Vec::new();
+            for table in wanted {
+                self.held.push((Arc::clone(table), words.len() as u32));
+                words.extend(table.words());
+            }
+            self.buffer = Some(storage_buffer(gpu, "mapping tables", &words));
+        }
+        gpu.set_tables(self.buffer.clone());
+    }
+
+    /// Whether any of these viewports is tabulated.
+    pub(crate) fn are_needed(viewports: &[Viewport]) -> bool {
+        viewports.iter().any(|viewport| table_of(viewport).is_some())
+    }
+
+    /// Lets go of all tables.
+    pub(crate) fn release(&mut self) {
+        self.held.clear();
+        self.buffer = None;
+    }
+
+    fn first_of(&self, table: &Arc<TabulatedMapping>) -> Option<u32> {
+        self.held.iter().find(|(held, _)| held == table).map(|(_, first)| *first)
+    }
+
+    /// The first group of words of a viewport's table; `None` if it is not tabulated.
+    pub(crate) fn first_group(&self, viewport: &Viewport) -> Option<u32> {
+        self.first_of(table_of(viewport)?)
+    }
+}

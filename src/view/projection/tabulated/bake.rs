@@ -1,0 +1,289 @@
+//! Baking: directions and solid angles of all pixels from a mapping, checked, and the fringe around them.
+
+use std::f64::consts::PI;
+
+use glam::{DVec2, DVec3};
+
+use super::{
+    super::{PlaneMapping, check_size, pixel_centre},
+    error::TabulationError,
+    nodes::{FRINGE, Nodes, node_counts, pixel_of_place},
+    rows::by_rows,
+};
+
+/// Pixels along a side of a tabulated picture, at most.
+pub const MOST_SIDE_PX: u32 = 16_384;
+/// How far from a pixel's centre its direction may be mapped by the mapping's other way, pixels.
+pub(super) const INVERSE_PX: f64 = 0.01;
+/// A pixel's solid angle may be so much from what its directions span: parts.
+const SOLID_ANGLE_PARTS: f64 = 0.1;
+/// Part of a pixel over which its solid angle per unit of area is taken.
+const DENSITY_STEP_PX: f64 = 1e-3;
+/// Of the fringe, so many rings may be made up where the mapping does not go on.
+const MADE_UP_RINGS: i64 = 3;
+
+const NEIGHBOURS: [[i64; 2]; 8] = [[-1, -1], [0, -1], [1, -1], [-1, 0], [1, 0], [-1, 1], [0, 1], [1, 1]];
+
+/// The middles of a pixel's sides: right, left, below, above.
+const SIDES: [DVec2; 4] = [DVec2::new(0.5, 0.0), DVec2::new(-0.5, 0.0), DVec2::new(0.0, 0.5), DVec2::new(0.0, -0.5)];
+
+/// What is known of the pixels of a picture.
+pub(super) struct Baked {
+    pub(super) nodes: Nodes,
+    /// Pixels in the picture.
+    pub(super) pixels: u64,
+    /// Sum of their solid angles, and the least, sr.
+    pub(super) sum_sr: f64,
+    pub(super) least_sr: f64,
+    /// Shortest and longest of the longer sides of pixels, and the shortest of the shorter ones, rad.
+    pub(super) longer_rad: [f64; 2],
+    pub(super) shortest_rad: f64,
+    /// Mean direction, weighted by solid angle; -z where there is none.
+    pub(super) axis: DVec3,
+    /// Greatest angles from the axis to a pixel's centre, and to a node of the fringe, rad.
+    pub(super) reach_rad: [f64; 2],
+}
+
+/// A pixel of the picture.
+#[derive(Clone, Copy)]
+struct Pixel {
+    direction: DVec3,
+    solid_angle_sr: f64,
+    /// Longer and shorter side, rad.
+    sides_rad: [f64; 2],
+    /// Whether it is seen as from outside of the sphere; `None` where that cannot be told.
+    mirrored: Option<bool>,
+}
+
+/// Whether a value keeps a limit, which what is not a number never does.
+pub(super) fn is_within(value: f64, limit: f64) -> bool {
+    value <= limit
+}
+
+/// Longer and shorter side of the parallelogram of two derivatives: the singular values of the matrix of both.
+pub(super) fn singular_values(along_x: DVec3, along_y: DVec3) -> [f64; 2] {
+    let (xx, yy, xy) = (along_x.length_squared(), along_y.length_squared(), along_x.dot(along_y));
+    let larger = ((xx + yy + (xx - yy).hypot(2.0 * xy)) / 2.0).sqrt();
+    [larger, along_x.cross(along_y).length() / larger.max(1e-300)]
+}
+
+/// Derivatives of the direction at a point of the picture, per pixel: central differences, at a border to the side that there is.
+pub(super) fn derivatives(mapping: &dyn PlaneMapping, pixel: DVec2) -> Option<[DVec3; 2]> {
+    let middle = mapping.direction_from_pixel(pixel)?;
+    let [right, left, below, above] = SIDES.map(|side| mapping.direction_from_pixel(pixel + side));
+    let along = |ahead: Option<DVec3>, behind: Option<DVec3>| match (ahead, behind) {
+        (Some(ahead), Some(behind)) => Some(ahead - behind),
+        (Some(ahead), None) => Some((ahead - middle) * 2.0),
+        (None, Some(behind)) => Some((middle - behind) * 2.0),
+        (None, None) => None,
+    };
+    Some([along(right, left)?, along(below, above)?])
+}
+
+fn pixel_at(source: &dyn PlaneMapping, x: u32, y: u32) -> Result<Option<Pixel>, TabulationError> {
+    if !source.contains(x, y) {
+        return Ok(None);
+    }
+    let value = |what: String| TabulationError::Value { pixel: [x, y], what };
+    let centre = pixel_centre(x, y);
+    let direction = source
+        .direction_from_pixel(centre)
+        .ok_or_else(|| value("it lies in the picture, but its centre has no direction".to_owned()))?;
+    if !is_within((direction.length() - 1.0).abs(), 1e-6) {
+        return Err(value(format!("its direction {direction} is no unit vector")));
+    }
+    let solid_angle_sr = source.solid_angle_sr(x, y);
+    if !(solid_angle_sr.is_finite() && solid_angle_sr >= 0.0) {
+        return Err(value(format!("its solid angle is {solid_angle_sr} sr")));
+    }
+    let image = source.pixel_from_direction(direction).unwrap_or(DVec2::NAN);
+    if !is_within(image.distance(centre), INVERSE_PX) {
+        return Err(TabulationError::NotInverse { pixel: [x, y], image: image.to_array() });
+    }
+    let mut pixel = Pixel { direction, solid_angle_sr, sides_rad: [solid_angle_sr.sqrt(); 2], mirrored: None };
+    if let Some([along_x, along_y]) = derivatives(source, centre) {
+        let spanned = along_x.cross(along_y);
+        pixel.sides_rad = singular_values(along_x, along_y);
+        pixel.mirrored = Some(spanned.dot(direction) < 0.0);
+        // Where the solid angle changes fast from pixel to pixel, that of the whole pixel and that per unit of area at its
+        // centre are not the same: either will do.
+        let at = |side: DVec2| source.direction_from_pixel(centre + side);
+        let [right, left, below, above] = SIDES.map(|side| at(side * DENSITY_STEP_PX));
+        let density_sr = match (right, left, below, above) {
+            (Some(right), Some(left), Some(below), Some(above)) => {
+                (right - left).cross(below - above).length() / DENSITY_STEP_PX.powi(2)
+            }
+            _ => f64::NAN,
+        };
+        let whole = SIDES.iter().all(|side| at(*side).is_some());
+        let spanned_sr = spanned.length();
+        let (least, most) = (spanned_sr.min(density_sr), spanned_sr.max(density_sr));
+        let allowed = (1.0 - SOLID_ANGLE_PARTS) * least..=(1.0 + SOLID_ANGLE_PARTS) * most;
+        if whole && !allowed.contains(&solid_angle_sr) {
+            return Err(TabulationError::SolidAngle { pixel: [x, y], given_sr: solid_angle_sr, spanned_sr });
+        }
+    }
+    // What shows nothing is no pixel of the picture.
+    Ok((solid_angle_sr > 0.0).then_some(pixel))
+}
+
+/// Directions and solid angles of a mapping, checked.
+pub(super) fn bake(source: &(dyn PlaneMapping + Send)) -> Result<Baked, TabulationError> {
+    let size = source.size();
+    check_size(size)?;
+    let [width, height] = size;
+    if width > MOST_SIDE_PX || height > MOST_SIDE_PX {
+        return Err(TabulationError::TooLarge { width, height, limit: MOST_SIDE_PX });
+    }
+    let rows = by_rows(height, |y| (0..width).map(|x| pixel_at(source, x, y)).collect::<Result<Vec<_>, _>>());
+    let mut pixels = Vec::with_capacity(width as usize * height as usize);
+    for row in rows {
+        pixels.extend(row?);
+    }
+    let in_picture = || pixels.iter().flatten();
+    let count = in_picture().count() as u64;
+    if count == 0 {
+        return Err(TabulationError::Empty);
+    }
+    let mirrored = in_picture().find_map(|pixel| pixel.mirrored);
+    let folded =
+        |pixel: &Option<Pixel>| pixel.is_some_and(|pixel| pixel.mirrored.is_some() && pixel.mirrored != mirrored);
+    if let Some(index) = pixels.iter().position(folded) {
+        return Err(TabulationError::Folded { pixel: [index as u32 % width, index as u32 / width] });
+    }
+    let sum_sr = in_picture().map(|pixel| pixel.solid_angle_sr).sum::<f64>();
+    if source.shows_full_sphere() && !is_within((sum_sr / (4.0 * PI) - 1.0).abs(), 0.02) {
+        return Err(TabulationError::NotFullSphere { sum_sr });
+    }
+    let mean = in_picture().map(|pixel| pixel.direction * pixel.solid_angle_sr).sum::<DVec3>() / sum_sr;
+    let axis = if mean.length() > 0.05 { mean.normalize() } else { DVec3::NEG_Z };
+    let directions = with_fringe(source, &pixels);
+    let farthest = |directions: &mut dyn Iterator<Item = DVec3>| {
+        directions.map(|direction| axis.angle_between(direction)).fold(0.0, f64::max)
+    };
+    let reach_rad =
+        [farthest(&mut in_picture().map(|pixel| pixel.direction)), farthest(&mut directions.iter().flatten().copied())];
+    let least = |of: fn(&Pixel) -> f64| in_picture().map(of).fold(f64::INFINITY, f64::min);
+    let longest_rad = in_picture().map(|pixel| pixel.sides_rad[0]).fold(0.0, f64::max);
+    Ok(Baked {
+        pixels: count,
+        sum_sr,
+        least_sr: least(|pixel| pixel.solid_angle_sr),
+        longer_rad: [least(|pixel| pixel.sides_rad[0]), longest_rad],
+        shortest_rad: least(|pixel| pixel.sides_rad[1]),
+        axis,
+        reach_rad,
+        nodes: nodes(size, &pixels, &directions),
+    })
+}
+
+/// Directions at all nodes: those of the pixels, and around them ring by ring.
+fn with_fringe(source: &dyn PlaneMapping, pixels: &[Option<Pixel>]) -> Vec<Option<DVec3>> {
+    let size = source.size();
+    let [columns, rows] = node_counts(size);
+    let mut directions = vec![None; (columns * rows) as usize];
+    let index = move |[x, y]: [i64; 2]| {
+        ((0..columns).contains(&x) && (0..rows).contains(&y)).then_some((y * columns + x) as usize)
+    };
+    let mut last: Vec<[i64; 2]> = Vec::new();
+    for (number, pixel) in pixels.iter().enumerate() {
+        let Some(pixel) = pixel else { continue };
+        let (x, y) = (number as i64 % i64::from(size[0]) + FRINGE, number as i64 / i64::from(size[0]) + FRINGE);
+        directions[(y * columns + x) as usize] = Some(pixel.direction);
+        last.push([x, y]);
+    }
+    for ring in 1..=FRINGE {
+        let mut next: Vec<[i64; 2]> = last
+            .iter()
+            .flat_map(|[x, y]| NEIGHBOURS.map(|[i, j]| [x + i, y + j]))
+            .filter(|node| index(*node).is_some_and(|index| directions[index].is_none()))
+            .collect();
+        next.sort_unstable();
+        next.dedup();
+        let held = |node: [i64; 2]| index(node).and_then(|index| directions[index]);
+        let found: Vec<_> = next
+            .iter()
+            .filter_map(|node| {
+                let guess = continued(*node, &held)?;
+                let pixel = pixel_of_place(DVec2::new(node[0] as f64, node[1] as f64));
+                let direction = on_source(source, pixel, guess).or((ring <= MADE_UP_RINGS).then_some(guess))?;
+                Some((*node, direction))
+            })
+            .collect();
+        last = found.iter().map(|(node, _)| *node).collect();
+        for (node, direction) in found {
+            if let Some(index) = index(node) {
+                directions[index] = Some(direction);
+            }
+        }
+    }
+    directions
+}
+
+/// The direction of a node as those beside it go on: parabolas through three of them, of all sides that have so many; of two,
+/// or of one, where there are no more.
+fn continued([x, y]: [i64; 2], held: &impl Fn([i64; 2]) -> Option<DVec3>) -> Option<DVec3> {
+    for order in [3, 2, 1] {
+        let mut sum = DVec3::ZERO;
+        for [i, j] in NEIGHBOURS {
+            let at = |step: i64| held([x + step * i, y + step * j]);
+            let of_side = || {
+                Some(match order {
+                    3 => at(1)? * 3.0 - at(2)? * 3.0 + at(3)?,
+                    2 => at(1)? * 2.0 - at(2)?,
+                    _ => at(1)?,
+                })
+            };
+            sum += of_side().unwrap_or_default();
+        }
+        if let Some(direction) = sum.try_normalize() {
+            return Some(direction);
+        }
+    }
+    None
+}
+
+/// The direction whose image is `pixel`, where the mapping goes on beyond its picture: Newton steps from one that is near.
+fn on_source(source: &dyn PlaneMapping, pixel: DVec2, near: DVec3) -> Option<DVec3> {
+    let mut direction = near;
+    for _ in 0..6 {
+        let image = source.pixel_from_direction(direction)?;
+        let missing = pixel - image;
+        if missing.length() < 1e-6 {
+            return Some(direction);
+        }
+        let (right, up) = direction.any_orthonormal_pair();
+        let step = 1e-6;
+        let slope = |along: DVec3| {
+            let ahead = source.pixel_from_direction((direction + along * step).normalize())?;
+            Some((ahead - image) / step)
+        };
+        let (a, b) = (slope(right)?, slope(up)?);
+        let determinant = a.perp_dot(b);
+        let turn = right * (missing.perp_dot(b) / determinant) + up * (a.perp_dot(missing) / determinant);
+        // Whoever has to turn far has come from behind a cut.
+        if !is_within(turn.length(), 0.3) {
+            return None;
+        }
+        direction = (direction + turn).normalize();
+    }
+    None
+}
+
+fn nodes(size: [u32; 2], pixels: &[Option<Pixel>], directions: &[Option<DVec3>]) -> Nodes {
+    let [columns, _] = node_counts(size);
+    let mut values: Vec<[f32; 4]> = directions
+        .iter()
+        .map(|direction| {
+            let [x, y, z] = direction.unwrap_or_default().as_vec3().to_array();
+            [x, y, z, 0.0]
+        })
+        .collect();
+    for (number, pixel) in pixels.iter().enumerate() {
+        let Some(pixel) = pixel else { continue };
+        let (x, y) = (number as i64 % i64::from(size[0]), number as i64 / i64::from(size[0]));
+        let solid_angle_sr = (pixel.solid_angle_sr as f32).max(f32::MIN_POSITIVE);
+        values[((y + FRINGE) * columns + x + FRINGE) as usize][3] = solid_angle_sr;
+    }
+    Nodes { size, values }
+}

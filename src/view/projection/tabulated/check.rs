@@ -1,0 +1,167 @@
+//! The comparison of a table with its mapping.
+
+use glam::{DVec2, DVec3};
+
+use super::{
+    super::{PlaneMapping, pixel_centre},
+    bake::{INVERSE_PX, derivatives, is_within, singular_values},
+    error::TabulationError,
+    nodes::{Nodes, place_of_pixel},
+    rows::by_rows,
+};
+
+/// How far a point of the picture may be from where the table has it, pixels.
+pub const LIMIT_PX: f64 = 0.01;
+/// The same at kinks of the mapping, which has no derivative there.
+const KINK_LIMIT_PX: f64 = 0.25;
+/// A kink: the direction is so far from half way between those of points a pixel away on both sides, pixels.
+const KINK_PX: f64 = 0.05;
+/// Points that are farther off get more than nodes, as long as they are not too many, so that what lies between the points that are
+/// looked at keeps [`LIMIT_PX`] too, pixels.
+const REFINED_PX: f64 = LIMIT_PX / 4.0;
+/// Points that may need more than nodes: parts of the pixels, and so many anyway.
+const MOST_OFF: (f64, usize) = (0.01, 2048);
+
+/// How good a table is.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct TableAccuracy {
+    /// Greatest distance of a point of the picture from where the table has it, where the mapping is smooth, pixels.
+    pub smooth_px: f64,
+    /// The same at kinks, pixels; 0 if there are none.
+    pub kink_px: f64,
+}
+
+/// A point that the table has elsewhere.
+pub(super) struct Off {
+    pub(super) pixel: DVec2,
+    pub(super) direction: DVec3,
+    pub(super) off_px: f64,
+}
+
+/// What a comparison has found.
+pub(super) struct Found {
+    smooth_px: f64,
+    /// What is off by more than [`REFINED_PX`].
+    off: Vec<Off>,
+    /// A pixel beside which the directions of the table are those of other pixels.
+    torn: Option<[u32; 2]>,
+}
+
+/// Four points of a pixel: its centre, a corner, and two that are others in every pixel (multiples of the golden ratio and of the
+/// root of 2).
+fn points_of(x: u32, y: u32) -> [DVec2; 4] {
+    let corner = DVec2::new(f64::from(x), f64::from(y));
+    let number = corner.x + 1021.0 * corner.y;
+    let other =
+        |step: f64| corner + DVec2::new(number * 0.618_033_988_75 + step, number * 0.414_213_562_37 + step).fract();
+    [pixel_centre(x, y), corner, other(0.0), other(0.37)]
+}
+
+/// Compares what `lookup` finds with the mapping, at four points of every pixel.
+pub(super) fn compare(
+    source: &(dyn PlaneMapping + Send),
+    nodes: &Nodes,
+    lookup: impl Fn(DVec3) -> Option<DVec2> + Sync,
+) -> Found {
+    let [width, height] = nodes.size;
+    let of_point = |pixel: DVec2| {
+        let direction = source.direction_from_pixel(pixel)?.try_normalize()?;
+        // A corner on a cut may be on either side of it.
+        let image = source.pixel_from_direction(direction)?;
+        if image.distance(pixel) > INVERSE_PX || nodes.quad(place_of_pixel(pixel)).is_none() {
+            return None;
+        }
+        let off_px = lookup(direction).map_or(f64::INFINITY, |found| found.distance(pixel));
+        Some(Off { pixel, direction, off_px })
+    };
+    let is_torn = |point: &Off| {
+        let between = nodes.between(place_of_pixel(point.pixel)).and_then(DVec3::try_normalize);
+        let (Some(between), Some([along_x, along_y])) = (between, derivatives(source, point.pixel)) else {
+            return false;
+        };
+        between.distance(point.direction) > singular_values(along_x, along_y)[0]
+    };
+    let of_row = |y: u32| {
+        let mut row = Found { smooth_px: 0.0, off: Vec::new(), torn: None };
+        let points = (0..width).filter(|x| nodes.contains(*x, y)).flat_map(|x| points_of(x, y));
+        for point in points.filter_map(of_point) {
+            if row.torn.is_none() && is_torn(&point) {
+                row.torn = Some(point.place());
+            }
+            if point.off_px <= REFINED_PX {
+                row.smooth_px = row.smooth_px.max(point.off_px);
+            } else {
+                row.off.push(point);
+            }
+        }
+        row
+    };
+    let nothing = Found { smooth_px: 0.0, off: Vec::new(), torn: None };
+    by_rows(height, of_row).into_iter().fold(nothing, |mut all, row| {
+        all.smooth_px = all.smooth_px.max(row.smooth_px);
+        all.off.extend(row.off);
+        all.torn = all.torn.or(row.torn);
+        all
+    })
+}
+
+impl Off {
+    /// Also if it is not a number.
+    fn is_beyond(&self, limit_px: f64) -> bool {
+        !is_within(self.off_px, limit_px)
+    }
+
+    /// The pixel that holds it.
+    fn place(&self) -> [u32; 2] {
+        [self.pixel.x as u32, self.pixel.y as u32]
+    }
+
+    fn error(&self) -> TabulationError {
+        TabulationError::Coarse { pixel: self.place(), off_px: self.off_px, limit_px: LIMIT_PX }
+    }
+}
+
+impl Found {
+    /// What has to be refined of a picture of so many pixels. If it is too much for kinks, the mapping is refused.
+    pub(super) fn to_refine(&self, pixels: u64) -> Result<Vec<DVec3>, TabulationError> {
+        if let Some(pixel) = self.torn {
+            return Err(TabulationError::Torn { pixel });
+        }
+        let allowed = ((pixels as f64 * MOST_OFF.0) as usize).max(MOST_OFF.1);
+        for limit_px in [REFINED_PX, LIMIT_PX] {
+            let beyond = || self.off.iter().filter(|off| off.is_beyond(limit_px));
+            if beyond().count() <= allowed {
+                return Ok(beyond().map(|off| off.direction).collect());
+            }
+        }
+        self.off.iter().find(|off| off.is_beyond(LIMIT_PX)).map_or(Ok(Vec::new()), |off| Err(off.error()))
+    }
+
+    /// How good the table is; an error if it is off where the mapping is smooth, or by too much at a kink.
+    pub(super) fn accuracy(&self, source: &dyn PlaneMapping) -> Result<TableAccuracy, TabulationError> {
+        let mut accuracy = TableAccuracy { smooth_px: self.smooth_px, kink_px: 0.0 };
+        for off in &self.off {
+            if !off.is_beyond(LIMIT_PX) {
+                accuracy.smooth_px = accuracy.smooth_px.max(off.off_px);
+            } else if !off.is_beyond(KINK_LIMIT_PX) && is_kink(source, off.pixel) {
+                accuracy.kink_px = accuracy.kink_px.max(off.off_px);
+            } else {
+                return Err(off.error());
+            }
+        }
+        Ok(accuracy)
+    }
+}
+
+/// Whether the mapping has a kink around a point of the picture.
+fn is_kink(source: &dyn PlaneMapping, pixel: DVec2) -> bool {
+    let Some(middle) = source.direction_from_pixel(pixel) else { return false };
+    let Some([along_x, along_y]) = derivatives(source, pixel) else { return true };
+    let [_, shorter_rad] = singular_values(along_x, along_y);
+    let bent = |step: DVec2| {
+        let (ahead, behind) = (source.direction_from_pixel(pixel + step), source.direction_from_pixel(pixel - step));
+        let (Some(ahead), Some(behind)) = (ahead, behind) else { return true };
+        ((ahead + behind).normalize_or_zero() - middle).length() > KINK_PX * shorter_rad
+    };
+    [DVec2::X, DVec2::Y, DVec2::ONE, DVec2::new(1.0, -1.0)].into_iter().any(bent)
+}

@@ -1,0 +1,234 @@
+//! Any mapping as a table: what a projection of one's own needs to be drawn on the adapter.
+//!
+//! [`TabulatedMapping::new`] asks a [`PlaneMapping`] for the direction and the solid angle of every pixel, and for where to begin the
+//! search for the pixel of a direction; the adapter has these numbers and no formula. Between the centres of pixels directions come from cubic
+//! convolution (Keys 1981); a direction's place is found by Newton steps on them, and around kinks, such as the poles of many maps
+//! of the sphere, in a finer table. The mapping itself stays behind it: in f64 everything goes through it, so that the f64 twins draw
+//! what it says and not what the table makes of it. Baking compares both at four points of every pixel, and refuses by name of
+//! the pixel what differs by more than [`LIMIT_PX`], folds, tears, or is not finite.
+//!
+//! Where the mapping has a cut, a star's image is on the side that the mapping says. If it shows the full sphere, what
+//! of the star's light falls over the picture's edge goes to the pixels inside, so that it is whole; otherwise the edge is
+//! a border, and what lies beyond is not in the picture.
+
+mod bake;
+mod check;
+mod error;
+mod nodes;
+mod patches;
+mod rows;
+mod search;
+mod starts;
+#[cfg(test)]
+mod tests;
+
+use std::{f64::consts::PI, fmt, sync::Arc};
+
+pub use bake::MOST_SIDE_PX;
+pub use check::{LIMIT_PX, TableAccuracy};
+pub use error::TabulationError;
+use glam::{DVec2, DVec3};
+pub use nodes::FRINGE;
+pub use patches::{PATCH_BIT, PATCH_STEPS};
+pub use search::{DONE_PX, LONGEST_STEP_PX, MOST_STEPS, NEAR_PX};
+pub use starts::NO_START;
+
+use self::{
+    bake::Baked,
+    nodes::Nodes,
+    starts::{Beginning, Starts},
+};
+use super::{BoundingCone, Footprint, PlaneMapping, Tap};
+
+/// Groups of four words before the directions of a table: see [`TabulatedMapping::words`].
+pub const HEADER: u32 = 4;
+
+/// A mapping with its table. Two are equal if they are the same one.
+pub struct TabulatedMapping {
+    source: Arc<dyn PlaneMapping + Send>,
+    baked: Baked,
+    starts: Starts,
+    accuracy: TableAccuracy,
+}
+
+impl fmt::Debug for TabulatedMapping {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut fields = f.debug_struct("TabulatedMapping");
+        fields.field("size", &self.size()).field("sum_sr", &self.baked.sum_sr).field("accuracy", &self.accuracy);
+        fields.finish_non_exhaustive()
+    }
+}
+
+impl PartialEq for TabulatedMapping {
+    fn eq(&self, other: &Self) -> bool {
+        std::ptr::eq(self, other)
+    }
+}
+
+impl TabulatedMapping {
+    /// Bakes a mapping. This takes one to three seconds for a million pixels on two cores.
+    ///
+    /// # Errors
+    ///
+    /// What a table cannot hold, with the pixel at which it is.
+    pub fn new(source: impl PlaneMapping + Send + 'static) -> Result<Self, TabulationError> {
+        Self::shared(Arc::new(source))
+    }
+
+    /// The same of a mapping that others use too.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`TabulatedMapping::new`].
+    pub fn shared(source: Arc<dyn PlaneMapping + Send>) -> Result<Self, TabulationError> {
+        let baked = bake::bake(&*source)?;
+        let all = source.shows_full_sphere();
+        let around = (baked.axis, if all || baked.reach_rad[1] > 0.98 * PI { PI } else { baked.reach_rad[1] });
+        let mut starts = starts::starts(&*source, &baked.nodes, around, baked.pixels)
+            .map_err(|starts::Junction(pixel)| TabulationError::Junction { pixel })?;
+        let compare =
+            |starts: &Starts| check::compare(&*source, &baked.nodes, |n| lookup(starts, &baked.nodes, n, all));
+        let mut found = compare(&starts);
+        let directions = found.to_refine(baked.pixels)?;
+        if !directions.is_empty() {
+            let base = HEADER as usize + baked.nodes.values.len() + starts.cells.len();
+            patches::refine(&mut starts, &*source, &directions, base as u32);
+            found = compare(&starts);
+        }
+        let accuracy = found.accuracy(&*source)?;
+        Ok(Self { source, baked, starts, accuracy })
+    }
+
+    /// How good the table is.
+    pub fn accuracy(&self) -> TableAccuracy {
+        self.accuracy
+    }
+
+    /// Where the table has a direction (any length but 0), as the adapter finds it: in f64, but for the numbers of the table.
+    pub fn lookup(&self, direction: DVec3) -> Option<DVec2> {
+        lookup(&self.starts, &self.baked.nodes, direction.try_normalize()?, self.shows_full_sphere())
+    }
+
+    /// Whether two neighbouring directions may have their images far apart, each with neighbours around it.
+    pub fn has_cut(&self) -> bool {
+        self.starts.has_cut()
+    }
+
+    /// Solid angle of the picture: the sum over its pixels, sr.
+    pub fn picture_solid_angle_sr(&self) -> f64 {
+        self.baked.sum_sr
+    }
+
+    /// Least solid angle of a pixel, sr.
+    pub fn smallest_pixel_sr(&self) -> f64 {
+        self.baked.least_sr
+    }
+
+    /// Pixels in the picture.
+    pub fn pixels(&self) -> u64 {
+        self.baked.pixels
+    }
+
+    /// The shortest side of any pixel, and the shortest of their longer sides, rad.
+    pub fn finest_pixel_rad(&self) -> [f64; 2] {
+        [self.baked.shortest_rad, self.baked.longer_rad[0]]
+    }
+
+    /// Bytes that the table takes on the adapter.
+    pub fn bytes(&self) -> u64 {
+        let Starts { cells, patches, .. } = &self.starts;
+        (HEADER as usize + self.baked.nodes.values.len() + cells.len() + patches.len()) as u64 * 16
+    }
+
+    /// The table as the adapter reads it, in groups of four words: cells along a side of the grid of beginnings and the number of the
+    /// first one's group; the grid's axis and its cells per radian; its columns' direction; its rows' direction; then the
+    /// nodes of pixels' centres, the cells, and the samples of their patches.
+    pub(crate) fn words(&self) -> Vec<[u32; 4]> {
+        let Starts { side, axis, right, up, scale, cells, patches } = &self.starts;
+        let nodes = &self.baked.nodes.values;
+        let vector = |direction: &DVec3, last: f64| {
+            let [x, y, z] = direction.as_vec3().to_array();
+            [x, y, z, last as f32].map(f32::to_bits)
+        };
+        let mut words = Vec::with_capacity(HEADER as usize + nodes.len() + cells.len() + patches.len());
+        words.push([*side, HEADER + nodes.len() as u32, 0, 0]);
+        words.extend([vector(axis, *scale), vector(right, 0.0), vector(up, 0.0)]);
+        words.extend(nodes.iter().map(|node| node.map(f32::to_bits)));
+        words.extend(cells);
+        words.extend(patches.iter().map(|[x, y]| [x.to_bits(), y.to_bits(), 0, 0]));
+        words
+    }
+}
+
+fn lookup(starts: &Starts, nodes: &Nodes, direction: DVec3, shows_everything: bool) -> Option<DVec2> {
+    match starts.start(direction)? {
+        Beginning::Node(node) => search::search(nodes, direction, node, shows_everything),
+        Beginning::Patch(group, part) => {
+            let first = group as usize - HEADER as usize - nodes.values.len() - starts.cells.len();
+            Some(patches::in_patch(&starts.patches[first..], part))
+        }
+    }
+}
+
+/// Through the mapping itself, as far as the picture goes that the table has.
+impl PlaneMapping for TabulatedMapping {
+    fn size(&self) -> [u32; 2] {
+        self.baked.nodes.size
+    }
+
+    fn pixel_from_direction(&self, direction: DVec3) -> Option<DVec2> {
+        self.source.pixel_from_direction(direction)
+    }
+
+    fn direction_from_pixel(&self, pixel: DVec2) -> Option<DVec3> {
+        let [width, height] = self.size();
+        if !(pixel.x >= 0.0 && pixel.y >= 0.0 && pixel.x <= f64::from(width) && pixel.y <= f64::from(height)) {
+            return None;
+        }
+        let held = self.contains((pixel.x as u32).min(width - 1), (pixel.y as u32).min(height - 1));
+        if held { self.source.direction_from_pixel(pixel) } else { None }
+    }
+
+    fn contains(&self, x: u32, y: u32) -> bool {
+        self.baked.nodes.contains(x, y)
+    }
+
+    fn solid_angle_sr(&self, x: u32, y: u32) -> f64 {
+        if self.contains(x, y) { self.source.solid_angle_sr(x, y) } else { 0.0 }
+    }
+
+    fn shows_full_sphere(&self) -> bool {
+        self.source.shows_full_sphere()
+    }
+
+    /// From the directions around the image: across a cut the image has no derivative, its direction has.
+    fn pixel_extent_rad(&self, direction: DVec3) -> Option<[f64; 2]> {
+        let pixel = self.source.pixel_from_direction(direction)?;
+        match bake::derivatives(&*self.source, pixel) {
+            Some([along_x, along_y]) => Some(bake::singular_values(along_x, along_y)),
+            None => self.source.pixel_extent_rad(direction),
+        }
+    }
+
+    fn bounding_cone(&self, margin_px: f64) -> BoundingCone {
+        if self.shows_full_sphere() {
+            return BoundingCone { axis: self.baked.axis, half_angle_rad: PI };
+        }
+        // Half the diagonal of the last pixel, too.
+        let reach_rad = self.baked.reach_rad[0] + (margin_px + 0.75) * self.baked.longer_rad[1];
+        BoundingCone { axis: self.baked.axis, half_angle_rad: reach_rad.min(PI) }
+    }
+
+    fn taps(&self, kernel: Footprint<'_>, direction: DVec3) -> Vec<Tap> {
+        let Some(centre) = self.pixel_from_direction(direction) else { return Vec::new() };
+        let mut taps: Vec<Tap> = kernel(centre).into_iter().filter_map(|tap| self.tap_inside(tap)).collect();
+        if self.shows_full_sphere() {
+            // Nothing lies outside of this picture, so what falls over its edge belongs to the pixels inside.
+            let inside: f64 = taps.iter().map(|tap| tap.weight).sum();
+            for tap in &mut taps {
+                tap.weight /= inside;
+            }
+        }
+        taps
+    }
+}

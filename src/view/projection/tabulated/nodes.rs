@@ -1,0 +1,91 @@
+//! The directions of a tabulated picture, at the centres of its pixels and of some around it, and what lies between them.
+
+use glam::{DVec2, DVec3};
+
+/// So many pixels around every pixel of the picture have a direction too, where the mapping goes on: kernels of stars that
+/// stand outside reach over the border.
+pub const FRINGE: i64 = 8;
+
+/// Unit directions at the nodes of a grid of pixels' centres; node (0, 0) is the centre of pixel (-[`FRINGE`], -[`FRINGE`]).
+pub(super) struct Nodes {
+    /// Width and height of the picture, pixels.
+    pub(super) size: [u32; 2],
+    /// Direction in view axes, and solid angle in sr: 0 outside of the picture. All 0 where there is no direction.
+    pub(super) values: Vec<[f32; 4]>,
+}
+
+/// Nodes along each side.
+pub(super) fn node_counts(size: [u32; 2]) -> [i64; 2] {
+    size.map(|side| i64::from(side) + 2 * FRINGE)
+}
+
+/// Place in nodes of a point of the picture.
+pub(super) fn place_of_pixel(pixel: DVec2) -> DVec2 {
+    pixel - 0.5 + FRINGE as f64
+}
+
+/// Point of the picture of a place in nodes.
+pub(super) fn pixel_of_place(place: DVec2) -> DVec2 {
+    place + 0.5 - FRINGE as f64
+}
+
+/// Weights of a cubic convolution (Keys 1981, with a = -1/2) at a part of the way between the second node and the third.
+fn cubic_weights(part: f64) -> [f64; 4] {
+    let rest = 1.0 - part;
+    [
+        -0.5 * part * rest * rest,
+        1.0 + part * part * (1.5 * part - 2.5),
+        1.0 + rest * rest * (1.5 * rest - 2.5),
+        -0.5 * rest * part * part,
+    ]
+}
+
+impl Nodes {
+    fn value(&self, [x, y]: [i64; 2]) -> Option<[f32; 4]> {
+        let [columns, rows] = node_counts(self.size);
+        let inside = (0..columns).contains(&x) && (0..rows).contains(&y);
+        inside.then(|| self.values[(y * columns + x) as usize])
+    }
+
+    /// Direction at a node, if it has one.
+    pub(super) fn direction(&self, node: [i64; 2]) -> Option<DVec3> {
+        let [x, y, z, _] = self.value(node)?;
+        let direction = DVec3::new(f64::from(x), f64::from(y), f64::from(z));
+        (direction != DVec3::ZERO).then_some(direction)
+    }
+
+    /// Whether a pixel lies in the picture.
+    pub(super) fn contains(&self, x: u32, y: u32) -> bool {
+        let inside = x < self.size[0] && y < self.size[1];
+        inside && self.value([x, y].map(|at| i64::from(at) + FRINGE)).is_some_and(|value| value[3] > 0.0)
+    }
+
+    /// Directions at the four nodes around a place, row by row.
+    pub(super) fn quad(&self, place: DVec2) -> Option<[DVec3; 4]> {
+        let [x, y] = [place.x.floor() as i64, place.y.floor() as i64];
+        let at = |i: i64, j: i64| self.direction([x + i, y + j]);
+        Some([at(0, 0)?, at(1, 0)?, at(0, 1)?, at(1, 1)?])
+    }
+
+    /// Direction at a place by cubic convolution, of nearly unit length; where a node is missing, between the four nodes
+    /// around it.
+    pub(super) fn between(&self, place: DVec2) -> Option<DVec3> {
+        let first = place.floor();
+        let part = place - first;
+        let [x, y] = [first.x as i64 - 1, first.y as i64 - 1];
+        let (across, down) = (cubic_weights(part.x), cubic_weights(part.y));
+        let cubic = || {
+            let mut sum = DVec3::ZERO;
+            for (j, down) in (0..).zip(down) {
+                for (i, across) in (0..).zip(across) {
+                    sum += self.direction([x + i, y + j])? * (across * down);
+                }
+            }
+            Some(sum)
+        };
+        cubic().or_else(|| {
+            let [a, b, c, d] = self.quad(place)?;
+            Some(a.lerp(b, part.x).lerp(c.lerp(d, part.x), part.y))
+        })
+    }
+}

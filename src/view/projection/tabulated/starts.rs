@@ -1,0 +1,328 @@
+//! Where the search for a direction begins: a grid over the part of the sky that the picture shows, azimuthal equidistant around
+//! an axis. Each cell has a node of the table near the image of its directions.
+//!
+//! A map of the sphere has cuts: two neighbouring directions may have their images far apart. A cell that a cut goes through has
+//! two beginnings, and the line between them: through the places where the mapping itself jumps, found by halving.
+
+use std::f64::consts::PI;
+
+use glam::{DVec2, DVec3};
+
+use super::{
+    super::PlaneMapping,
+    nodes::{Nodes, place_of_pixel},
+    patches::PATCH_BIT,
+};
+
+/// In place of a node: there is none.
+pub const NO_START: u32 = u32::MAX;
+/// Pixels of a cell's side, about.
+const CELL_PX: f64 = 2.5;
+/// Cells along a side of the grid, at most.
+const MOST_SIDE: f64 = 2047.0;
+/// Jumps are looked for where a cell's images are so far from evenly spaced: parts of their distance, and pixels.
+const UNEVEN: [f64; 2] = [0.1, 0.05];
+/// Points along a side of a cell at which a cut is looked for.
+const CUT_POINTS: usize = 9;
+/// Halvings of the way between two of them.
+const HALVINGS: usize = 28;
+/// What is farther apart than this after so many halvings is a jump, pixels.
+const JUMP_PX: f64 = 0.05;
+
+/// A cell: the nodes at which the search begins on both sides of a cut (column in the lower half of the word, row in the
+/// upper one), the cut's unit normal as two signed 16-bit fractions, and its distance from the cell's middle along the normal in cells, as the
+/// bits of an f32. Without a cut the second node is [`NO_START`]. A word with [`PATCH_BIT`] names a patch in place of a node.
+pub(super) type Cell = [u32; 4];
+
+const EMPTY: Cell = [NO_START, NO_START, 0, 0];
+
+/// The grid.
+pub(super) struct Starts {
+    /// Cells along a side.
+    pub(super) side: u32,
+    /// Unit vectors: what the grid lies around, and its columns and rows.
+    pub(super) axis: DVec3,
+    pub(super) right: DVec3,
+    pub(super) up: DVec3,
+    /// Cells per radian.
+    pub(super) scale: f64,
+    pub(super) cells: Vec<Cell>,
+    /// Images in the cells that have patches in place of nodes: see [`super::patches`].
+    pub(super) patches: Vec<[f32; 2]>,
+}
+
+/// What a cell has for a direction.
+pub(super) enum Beginning {
+    /// The search begins in the middle of the four nodes around this one.
+    Node([u32; 2]),
+    /// The image is in the patch with this group of words, at this place in the cell.
+    Patch(u32, DVec2),
+}
+
+/// How far a place in a cell, from (-0.5, -0.5) to (0.5, 0.5), lies from the cell's cut: the first beginning is for places above 0.
+pub(super) fn side_of_cut([.., normal, offset]: Cell, at: DVec2) -> f64 {
+    let fraction = |word: u32| f64::from(word as u16 as i16) / 32767.0;
+    DVec2::new(fraction(normal), fraction(normal >> 16)).dot(at) - f64::from(f32::from_bits(offset))
+}
+
+/// Three pieces of the picture meet where this pixel's direction is.
+pub(super) struct Junction(pub(super) [u32; 2]);
+
+/// A direction that was looked at, within a cell.
+#[derive(Clone, Copy)]
+struct Sample {
+    /// Place in the cell, from -0.5 to 0.5.
+    at: DVec2,
+    /// Its image.
+    pixel: Option<DVec2>,
+    /// Whether the search can begin there.
+    held: bool,
+}
+
+fn packed(pixel: DVec2) -> u32 {
+    let node = place_of_pixel(pixel).floor();
+    (node.x as u32) | ((node.y as u32) << 16)
+}
+
+impl Starts {
+    /// A grid around `axis` that reaches to `half_angle_rad`, for a picture of so many pixels. No cell is filled yet.
+    fn new(axis: DVec3, half_angle_rad: f64, pixels: u64) -> Self {
+        let wanted = ((pixels as f64).sqrt() / CELL_PX).clamp(9.0, MOST_SIDE) as u32;
+        // Odd, so that no border between cells goes through the axis: cuts are likely to.
+        let side = wanted | 1;
+        let (right, up) = if axis == DVec3::NEG_Z { (DVec3::X, DVec3::Y) } else { axis.any_orthonormal_pair() };
+        let scale = f64::from(side) / 2.0 / (half_angle_rad.min(PI) * 1.001);
+        Self { side, axis, right, up, scale, cells: Vec::new(), patches: Vec::new() }
+    }
+
+    /// Place of a direction (unit vector) in the grid, cells.
+    pub(super) fn place(&self, direction: DVec3) -> DVec2 {
+        let across = DVec2::new(direction.dot(self.right), direction.dot(self.up));
+        let sine = across.length();
+        let azimuth = if sine > 1e-20 { across / sine } else { DVec2::X };
+        azimuth * (sine.atan2(direction.dot(self.axis)) * self.scale) + f64::from(self.side) / 2.0
+    }
+
+    /// The direction of a place; `None` beyond the antipode.
+    pub(super) fn direction(&self, place: DVec2) -> Option<DVec3> {
+        let from_middle = (place - f64::from(self.side) / 2.0) / self.scale;
+        let angle = from_middle.length();
+        if angle > PI {
+            return None;
+        }
+        let azimuth = if angle > 0.0 { from_middle / angle } else { DVec2::X };
+        let (sin, cos) = angle.sin_cos();
+        Some(self.axis * cos + (self.right * azimuth.x + self.up * azimuth.y) * sin)
+    }
+
+    /// Where the search for a direction begins; `None` where it has no image.
+    pub(super) fn start(&self, direction: DVec3) -> Option<Beginning> {
+        let place = self.place(direction);
+        let side = f64::from(self.side);
+        if !(0.0..side).contains(&place.x) || !(0.0..side).contains(&place.y) {
+            return None;
+        }
+        let held = place.floor();
+        let cell = self.cells[held.y as usize * self.side as usize + held.x as usize];
+        let [first, second, ..] = cell;
+        let beyond = side_of_cut(cell, place - held - 0.5) <= 0.0;
+        match if second != NO_START && beyond { second } else { first } {
+            NO_START => None,
+            patch if patch & PATCH_BIT != 0 => Some(Beginning::Patch(patch & !PATCH_BIT, place - held)),
+            node => Some(Beginning::Node([node & 0xffff, node >> 16])),
+        }
+    }
+
+    /// Whether the mapping has a cut.
+    pub(super) fn has_cut(&self) -> bool {
+        self.cells.iter().any(|[_, second, ..]| *second != NO_START)
+    }
+}
+
+/// Fills a grid from the mapping's own way to its pixels.
+struct Filler<'a> {
+    starts: Starts,
+    source: &'a dyn PlaneMapping,
+    nodes: &'a Nodes,
+}
+
+/// The grid of a mapping.
+pub(super) fn starts(
+    source: &(dyn PlaneMapping + Send),
+    nodes: &Nodes,
+    (axis, half_angle_rad): (DVec3, f64),
+    pixels: u64,
+) -> Result<Starts, Junction> {
+    let mut filler = Filler { starts: Starts::new(axis, half_angle_rad, pixels), source, nodes };
+    let side = filler.starts.side;
+    let rows = super::rows::by_rows(side, |y| (0..side).map(|x| filler.cell(x, y)).collect::<Result<Vec<_>, _>>());
+    let mut cells = Vec::with_capacity((side * side) as usize);
+    for row in rows {
+        cells.extend(row?);
+    }
+    filler.starts.cells = spread(cells, side as usize);
+    Ok(filler.starts)
+}
+
+/// Cells without a beginning get that of a neighbour: the picture may reach into them between the points that were looked at.
+fn spread(mut cells: Vec<Cell>, side: usize) -> Vec<Cell> {
+    for _ in 0..2 {
+        let before = &cells.clone();
+        for (index, cell) in cells.iter_mut().enumerate().filter(|(_, cell)| cell[0] == NO_START) {
+            let (x, y) = (index % side, index / side);
+            let near = |at: usize| at.saturating_sub(1)..(at + 2).min(side);
+            let neighbours = near(y).flat_map(|y| near(x).map(move |x| before[y * side + x]));
+            if let Some(found) = neighbours.into_iter().find(|other| other[0] != NO_START) {
+                *cell = [found[0], NO_START, 0, 0];
+            }
+        }
+    }
+    cells
+}
+
+impl Filler<'_> {
+    fn sample(&self, cell: DVec2, at: DVec2) -> Sample {
+        let direction = self.starts.direction(cell + 0.5 + at);
+        let pixel = direction.and_then(|direction| self.source.pixel_from_direction(direction));
+        let held = pixel.is_some_and(|pixel| self.nodes.quad(place_of_pixel(pixel)).is_some());
+        Sample { at, pixel, held }
+    }
+
+    /// Samples of a cell, `count` a side, its corners among them.
+    fn samples(&self, cell: DVec2, count: usize) -> Vec<Sample> {
+        let at = |index: usize| index as f64 / (count - 1) as f64 - 0.5;
+        let places = (0..count).flat_map(|j| (0..count).map(move |i| DVec2::new(at(i), at(j))));
+        places.map(|at| self.sample(cell, at)).collect()
+    }
+
+    fn cell(&self, x: u32, y: u32) -> Result<Cell, Junction> {
+        let cell = DVec2::new(f64::from(x), f64::from(y));
+        let coarse = self.samples(cell, 3);
+        if coarse.iter().any(|sample| sample.held) && is_even(&coarse) {
+            return Ok(nearest_to(&coarse, DVec2::ZERO));
+        }
+        if coarse.iter().all(|sample| sample.pixel.is_none()) {
+            return Ok(EMPTY);
+        }
+        if !coarse.iter().any(|sample| sample.held) && is_even(&coarse) {
+            return Ok(EMPTY);
+        }
+        let fine = self.samples(cell, CUT_POINTS);
+        if !fine.iter().any(|sample| sample.held) {
+            return Ok(EMPTY);
+        }
+        let pairs = (0..CUT_POINTS * CUT_POINTS).flat_map(|index| {
+            let right = (index % CUT_POINTS + 1 < CUT_POINTS).then_some(index + 1);
+            let below = (index / CUT_POINTS + 1 < CUT_POINTS).then_some(index + CUT_POINTS);
+            [right, below].into_iter().flatten().map(move |other| (index, other))
+        });
+        let mut jumps = Vec::new();
+        let mut pieces: Vec<usize> = (0..fine.len()).collect();
+        for (a, b) in pairs {
+            match self.jump(cell, fine[a], fine[b]) {
+                Some(place) => jumps.push((place, fine[b].at - fine[a].at)),
+                None if fine[a].held && fine[b].held => join(&mut pieces, a, b),
+                None => {}
+            }
+        }
+        let mut found: Vec<usize> = (0..fine.len()).filter(|i| fine[*i].held).map(|i| root(&pieces, i)).collect();
+        found.sort_unstable();
+        found.dedup();
+        if jumps.is_empty() {
+            return Ok(nearest_to(&fine, DVec2::ZERO));
+        }
+        if found.len() > 2 {
+            let held = fine.iter().find(|sample| sample.held).and_then(|sample| sample.pixel).unwrap_or_default();
+            return Err(Junction([held.x.max(0.0) as u32, held.y.max(0.0) as u32]));
+        }
+        Ok(divided(&fine, &jumps))
+    }
+
+    /// Where between two neighbouring samples the mapping jumps, if it does.
+    fn jump(&self, cell: DVec2, a: Sample, b: Sample) -> Option<DVec2> {
+        let (mut a, mut b) = (a, b);
+        if a.pixel?.distance(b.pixel?) < JUMP_PX {
+            return None;
+        }
+        for _ in 0..HALVINGS {
+            let middle = self.sample(cell, (a.at + b.at) / 2.0);
+            let pixel = middle.pixel?;
+            if pixel.distance(a.pixel?) < pixel.distance(b.pixel?) {
+                a = middle
+            } else {
+                b = middle
+            }
+            if a.pixel?.distance(b.pixel?) < JUMP_PX {
+                return None;
+            }
+        }
+        Some((a.at + b.at) / 2.0)
+    }
+}
+
+/// Whether the images of three by three samples lie evenly, as far as there are any.
+fn is_even(samples: &[Sample]) -> bool {
+    const TRIPLES: [[usize; 3]; 8] =
+        [[0, 1, 2], [3, 4, 5], [6, 7, 8], [0, 3, 6], [1, 4, 7], [2, 5, 8], [0, 4, 8], [2, 4, 6]];
+    TRIPLES.iter().all(|triple| match triple.map(|index| samples[index].pixel) {
+        [Some(a), Some(middle), Some(b)] => (a + b - 2.0 * middle).length() <= UNEVEN[0] * a.distance(b) + UNEVEN[1],
+        _ => false,
+    })
+}
+
+/// A cell without a cut that begins at the sample nearest to a place.
+fn nearest_to(samples: &[Sample], place: DVec2) -> Cell {
+    start_near(samples, place, |_| true).map_or(EMPTY, |start| [start, NO_START, 0, 0])
+}
+
+fn start_near(samples: &[Sample], place: DVec2, allowed: impl Fn(&Sample) -> bool) -> Option<u32> {
+    let held = samples.iter().filter(|sample| sample.held && allowed(sample));
+    let nearest = held.min_by(|a, b| a.at.distance_squared(place).total_cmp(&b.at.distance_squared(place)))?;
+    nearest.pixel.map(packed)
+}
+
+/// A cell with a cut through its jumps, each with the way on which it was met.
+fn divided(samples: &[Sample], jumps: &[(DVec2, DVec2)]) -> Cell {
+    let count = jumps.len() as f64;
+    let middle = jumps.iter().map(|(place, _)| *place).sum::<DVec2>() / count;
+    let way = jumps.iter().map(|(_, way)| *way).sum::<DVec2>();
+    let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
+    for (place, _) in jumps {
+        let offset = *place - middle;
+        (xx, xy, yy) = (xx + offset.x * offset.x, xy + offset.x * offset.y, yy + offset.y * offset.y);
+    }
+    // Across the longer axis of the jumps' scatter; of a single jump the way on which it was met.
+    let normal = if xx + yy > 1e-6 {
+        let turn = 0.5 * (2.0 * xy).atan2(xx - yy);
+        DVec2::new(-turn.sin(), turn.cos())
+    } else {
+        way.normalize_or(DVec2::X)
+    };
+    let offset = normal.dot(middle);
+    let of_side = |sign: f64| {
+        let on_side = |sample: &Sample| sign * (normal.dot(sample.at) - offset) > 1e-6;
+        let places = samples.iter().filter(|sample| sample.held && on_side(sample)).map(|sample| sample.at);
+        let (sum, held) = places.fold((DVec2::ZERO, 0.0), |(sum, held), at| (sum + at, held + 1.0));
+        start_near(samples, sum / f64::max(held, 1.0), on_side)
+    };
+    match (of_side(1.0), of_side(-1.0)) {
+        (Some(first), Some(second)) => {
+            let fraction = |value: f64| u32::from((value * 32767.0).round() as i16 as u16);
+            [first, second, fraction(normal.x) | (fraction(normal.y) << 16), (offset as f32).to_bits()]
+        }
+        (Some(only), None) | (None, Some(only)) => [only, NO_START, 0, 0],
+        (None, None) => EMPTY,
+    }
+}
+
+fn root(pieces: &[usize], mut index: usize) -> usize {
+    while pieces[index] != index {
+        index = pieces[index];
+    }
+    index
+}
+
+fn join(pieces: &mut [usize], a: usize, b: usize) {
+    let (a, b) = (root(pieces, a), root(pieces, b));
+    pieces[b.max(a)] = a.min(b);
+}

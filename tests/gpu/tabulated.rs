@@ -1,0 +1,339 @@
+//! Tabulated pictures on the adapter: a table of a projection that the adapter knows in closed form shows what the closed form
+//! shows, in every technique; a map that it does not know agrees with the f64 twin and keeps the light of all stars.
+
+use std::{f64::consts::PI, path::Path, sync::Arc};
+
+use glam::{DQuat, DVec2, DVec3};
+use steradian::{
+    config::Config,
+    gpu::{Gpu, GpuOptions},
+    photometry::kernel::SplatKernel,
+    plan::settings::{GlareMethod, Metering, RenderSettings, StarMethod},
+    reference::stars::splat::{Eye, draw},
+    render::{
+        Frame, FrameImage, FrameRequest, Renderer, Wanted,
+        probe::{Probe, probe},
+    },
+    scene::{SceneSnapshot, loader::load_stars},
+    view::{
+        Part, Rig, ViewKind, Viewport,
+        projection::{Fisheye, FisheyeMapping, Perspective, PlaneMapping, Projection, TabulatedMapping},
+    },
+};
+
+use crate::common::{
+    self, difference_from_twin, hammer::Hammer, illuminance_lx, new_renderer, render_hdr, renderer, rig, settings,
+    snapshot, spiral, star,
+};
+
+fn table(mapping: impl PlaneMapping + Send + 'static) -> Arc<TabulatedMapping> {
+    Arc::new(TabulatedMapping::new(mapping).unwrap())
+}
+
+fn tabulated(mapping: &Arc<TabulatedMapping>) -> ViewKind {
+    ViewKind::Tabulated { mapping: Arc::clone(mapping) }
+}
+
+/// A closed form, and the table of it.
+fn pairs() -> Vec<(&'static str, ViewKind, Arc<TabulatedMapping>)> {
+    let [flat, round] = [[120, 90], [128, 128]];
+    let fisheye = Fisheye::new(round, FisheyeMapping::Equidistant, PI).unwrap();
+    vec![
+        (
+            "perspective",
+            ViewKind::Perspective { size: flat, fov_y_rad: 1.2 },
+            table(Perspective::symmetric(flat, 1.2).unwrap()),
+        ),
+        (
+            "fisheye",
+            ViewKind::Fisheye { size: round, mapping: FisheyeMapping::Equidistant, fov_rad: PI },
+            table(fisheye),
+        ),
+    ]
+}
+
+/// Centre of the light of an image, pixels.
+fn centroid(image: &FrameImage) -> DVec2 {
+    let (mut sum, mut weighted) = (0.0, DVec2::ZERO);
+    for (index, [r, g, b, omega]) in image.hdr.as_ref().unwrap().iter().enumerate() {
+        let light = f64::from(r + g + b) * f64::from(*omega);
+        let (x, y) = (index as u32 % image.width, index as u32 / image.width);
+        sum += light;
+        weighted += light * DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
+    }
+    weighted / sum
+}
+
+#[test]
+fn stars_stand_where_the_closed_form_has_them_with_their_light() {
+    let mut renderer = renderer();
+    let (mut worst_px, mut worst_light) = (0.0_f64, 0.0_f64);
+    for (name, closed, table) in pairs() {
+        let rig = rig(vec![("closed", closed), ("table", tabulated(&table))]);
+        for direction in common::directions_inside(&rig.views()[0], 24, 3) {
+            let sky = snapshot(vec![star(direction, 3.0)]);
+            let frame = render_hdr(&mut renderer, &sky, &rig, &settings(StarMethod::BSpline));
+            let [closed, of_table] = [&frame.images[0], &frame.images[1]];
+            worst_px = worst_px.max(centroid(closed).distance(centroid(of_table)));
+            let [closed, of_table] = [closed, of_table].map(|image| illuminance_lx(image, &*table));
+            worst_light = worst_light.max((of_table / closed - 1.0).abs());
+            assert!(closed > 0.0, "{name} {direction}");
+        }
+        assert_eq!(frame_counts(&mut renderer, &rig), [1, 1], "{name}: each view shows the star");
+    }
+    println!("centroids {worst_px:.1e} px apart, light {worst_light:.1e}");
+    assert!(worst_px < 8e-5 && worst_light < 1e-6, "{worst_px} px, {worst_light}");
+}
+
+/// Stars that each view of a rig shows, of one straight ahead.
+fn frame_counts(renderer: &mut Renderer, rig: &Rig) -> Vec<u64> {
+    let sky = snapshot(vec![star(DVec3::new(0.1, 0.05, -1.0), 3.0)]);
+    let frame = render_hdr(renderer, &sky, rig, &settings(StarMethod::BSpline));
+    frame.views.iter().map(|view| view.stars_drawn).collect()
+}
+
+/// Sum of the differences between two images of one size over the sum of the first.
+fn difference(closed: &FrameImage, other: &FrameImage) -> f64 {
+    let [closed, other] = [closed, other].map(|image| image.hdr.as_ref().unwrap());
+    let light = |pixel: &[f32; 4]| f64::from(pixel[0] + pixel[1] + pixel[2]);
+    let apart: f64 = closed.iter().zip(other).map(|(a, b)| (light(a) - light(b)).abs()).sum();
+    apart / closed.iter().map(light).sum::<f64>()
+}
+
+/// Greatest difference of a code between two display images, and the share of codes that differ by more than one.
+fn code_difference(closed: &FrameImage, other: &FrameImage) -> (u8, f64) {
+    let [closed, other] = [closed, other].map(|image| image.display.as_ref().unwrap());
+    let apart: Vec<u8> = closed.iter().zip(other).map(|(a, b)| a.abs_diff(*b)).collect();
+    let beyond = apart.iter().filter(|apart| **apart > 1).count();
+    (apart.iter().copied().max().unwrap(), beyond as f64 / apart.len() as f64)
+}
+
+fn frame(renderer: &mut Renderer, scene: &SceneSnapshot, rig: &Rig, settings: &RenderSettings) -> Frame {
+    renderer.render(FrameRequest::new(scene, rig).settings(settings).wanted(Wanted::both())).unwrap()
+}
+
+/// The scene of a configuration, with fewer stars.
+fn scene_of(file: &str, set: &[&str]) -> (SceneSnapshot, RenderSettings) {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs").join(file);
+    let few = ["scene.catalogues=[\"builtin:bright\"]"];
+    let set: Vec<String> = few.iter().chain(set).map(|text| (*text).to_owned()).collect();
+    let config = Config::load(&path, &set).unwrap();
+    let (stars, _) = load_stars(&config.star_sources(), &mut |_| {}).unwrap();
+    let scene = SceneSnapshot {
+        revision: 1,
+        stars: Arc::new(stars),
+        objects: Arc::new(config.objects().unwrap()),
+        camera: config.camera().unwrap(),
+    };
+    (scene, config.render_settings())
+}
+
+#[test]
+fn every_technique_draws_a_table_as_the_closed_form() {
+    let mut renderer = renderer();
+    // Bounds are four times what was measured.
+    let methods = [
+        (StarMethod::Auto, GlareMethod::SkyCube, 7e-5),
+        // At the rim its texels lie on the corners of pixels, of which the table knows less than the closed form.
+        (StarMethod::BSpline, GlareMethod::ViewPyramid, 8e-3),
+        (StarMethod::Tent, GlareMethod::ScreenPyramid, 9e-5),
+        (StarMethod::PixelGaussian, GlareMethod::None, 1.4e-4),
+        (StarMethod::PackedCas, GlareMethod::None, 8e-5),
+        (StarMethod::PackedCasSorted, GlareMethod::None, 8e-5),
+        (StarMethod::Disc, GlareMethod::None, 2e-5),
+        (StarMethod::CellSky, GlareMethod::None, 1e-5),
+    ];
+    let sky = snapshot(spiral(3000).enumerate().map(|(i, at)| star(at, (i % 9) as f32 - 1.0)).collect());
+    for (name, closed, table) in pairs().into_iter().skip(1) {
+        for (stars, glare, bound) in methods {
+            let rig = rig(vec![("closed", closed.clone()), ("table", tabulated(&table))]);
+            let mut settings = settings(stars);
+            settings.glare.method = glare;
+            settings.exposure.metering = Metering::Mean;
+            settings.tone_map.desaturation = 0.0;
+            let frame = frame(&mut renderer, &sky, &rig, &settings);
+            let apart = difference(&frame.images[0], &frame.images[1]);
+            let (codes, beyond) = code_difference(&frame.images[0], &frame.images[1]);
+            println!("{name} {stars:?} {glare:?}: light {apart:.1e}, codes up to {codes}, {beyond:.1e} beyond 1");
+            assert!(apart < bound && beyond < 4.0 * bound, "{name} {stars:?} {glare:?}: {apart} {codes} {beyond}");
+            let [of_closed, of_table] = [0, 1].map(|view: usize| frame.views[view].stars_drawn);
+            assert!(of_closed.abs_diff(of_table) <= 2, "{stars:?}: {of_closed} stars, {of_table} by the table");
+        }
+    }
+}
+
+#[test]
+fn overlays_are_those_of_the_closed_form() {
+    let (scene, settings) = scene_of("overlay.toml", &[]);
+    let mut renderer = renderer();
+    for (name, closed, table) in pairs() {
+        let rig = rig(vec![("closed", closed), ("table", tabulated(&table))]);
+        let with_overlay = frame(&mut renderer, &scene, &rig, &settings);
+        let (codes, beyond) = code_difference(&with_overlay.images[0], &with_overlay.images[1]);
+        let bare = SceneSnapshot { objects: Default::default(), ..scene.clone() };
+        let bare = frame(&mut renderer, &bare, &rig, &settings);
+        let (_, drawn) = code_difference(&with_overlay.images[1], &bare.images[1]);
+        println!("{name}: codes up to {codes}, {beyond:.1e} beyond 1; the overlay is {drawn:.1e} of them");
+        assert!(drawn > 0.01 && beyond < 0.01 * drawn, "{name}: {codes} {beyond} {drawn}");
+    }
+}
+
+#[test]
+fn bodies_and_asteroids_are_those_of_the_closed_form() {
+    let (mut scene, settings) = scene_of("asteroids.toml", &[]);
+    scene.camera.world_from_camera *= DQuat::from_rotation_x(0.2);
+    let mut renderer = renderer();
+    for (name, closed, table) in pairs().into_iter().skip(1) {
+        let rig = rig(vec![("closed", closed), ("table", tabulated(&table))]);
+        let frame = frame(&mut renderer, &scene, &rig, &settings);
+        let apart = difference(&frame.images[0], &frame.images[1]);
+        println!("{name}: light {apart:.1e} apart");
+        // The closed form draws small asteroids without the faces of a cube: their edges lie a fraction of a sample elsewhere.
+        assert!(apart < 0.02, "{name}: {apart}");
+    }
+}
+
+const HEIGHT: u32 = 96;
+/// Four times the greatest difference of a pixel that was measured, relative to its surroundings.
+const TWIN_BOUND: f64 = 0.0125;
+
+#[test]
+fn a_map_that_the_adapter_does_not_know_agrees_with_f64() {
+    let table = table(Hammer(HEIGHT));
+    let rig = rig(vec![("hammer", tabulated(&table))]);
+    // Away from the poles, where the mapping has no derivative.
+    let places = spiral(4000).filter(|at| at.y.abs() < 0.97);
+    let sky = snapshot(places.map(|at| star(at, 4.0)).collect());
+    let frame = render_hdr(&mut renderer(), &sky, &rig, &settings(StarMethod::BSpline));
+    let twin = |mapping: &dyn PlaneMapping| draw(&sky.stars, Eye::default(), mapping, |_| Some(SplatKernel::BSpline));
+    let apart = difference_from_twin(&frame.images[0], &twin(&*table), &*table);
+    println!("pixels {apart:.1e} apart");
+    assert!(apart < TWIN_BOUND, "{apart}");
+    // What is turned by half a pixel is not taken for the same.
+    let turned =
+        Eye { world_from_view: DQuat::from_rotation_y(0.5 * 2.0 * PI / f64::from(2 * HEIGHT)), ..Eye::default() };
+    let wrong = draw(&sky.stars, turned, &*table, |_| Some(SplatKernel::BSpline));
+    assert!(difference_from_twin(&frame.images[0], &wrong, &*table) > 4.0 * TWIN_BOUND);
+}
+
+#[test]
+fn a_map_of_the_sphere_keeps_the_light_of_all_stars() {
+    let table = table(Hammer(HEIGHT));
+    let rig = rig(vec![("hammer", tabulated(&table))]);
+    let mut renderer = renderer();
+    let all: Vec<_> = spiral(20_000).map(|at| star(at, 5.0)).collect();
+    // On the cut behind, and as near to it as f32 tells, from pole to pole.
+    let on_cut = |angle: f64, side: f64| DVec3::new(side, angle.sin(), angle.cos());
+    let at_cut = [0.0, 1e-7, -1e-7, 1e-3, -1e-3, 0.02, -0.02]
+        .into_iter()
+        .flat_map(|side| (-15..=15).map(move |step| star(on_cut(f64::from(step) / 15.0 * (PI / 2.0), side), 3.0)));
+    for (name, stars) in [("all over", all), ("at the cut", at_cut.collect())] {
+        for method in [StarMethod::Auto, StarMethod::Tent, StarMethod::BSpline] {
+            let sky = snapshot(stars.clone());
+            let frame = render_hdr(&mut renderer, &sky, &rig, &settings(method));
+            let drawn_lx = illuminance_lx(&frame.images[0], &*table);
+            let true_lx: f64 = sky.stars.iter().map(|(_, _, star)| star.illuminance_at_1_pc_lx()).sum();
+            let error = drawn_lx / true_lx - 1.0;
+            println!("{name} {method:?}: light {error:+.1e}");
+            assert!(error.abs() < 1e-6, "{name} {method:?}: {error}");
+            assert_eq!(frame.views[0].stars_drawn, stars.len() as u64, "{name} {method:?}");
+        }
+    }
+}
+
+#[test]
+fn the_adapter_finds_directions_where_f64_does() {
+    let gpu = Gpu::open(&GpuOptions::default()).unwrap();
+    let fisheye = Fisheye::new([256, 256], FisheyeMapping::Equisolid, 3.5).unwrap();
+    // Bounds in pixels, four times what was measured: of the search in f32 against that in f64, and against the mapping.
+    for (table, bounds_px) in [(table(fisheye), [1.2e-4, 1.5e-4]), (table(Hammer(256)), [5e-4, 7e-3])] {
+        let projection = Projection::Tabulated(Arc::clone(&table));
+        let viewport = Viewport {
+            view: 0,
+            part: Part::Whole,
+            projection,
+            world_from_view: DQuat::IDENTITY,
+            eye_offset_m: DVec3::ZERO,
+        };
+        let [width, height] = table.size();
+        let inside = |direction: &DVec3| {
+            let image = table.pixel_from_direction(*direction).unwrap();
+            let held = image.x >= 0.0 && image.y >= 0.0 && table.contains(image.x as u32, image.y as u32);
+            held && direction.y.abs() < 0.98
+        };
+        let directions: Vec<DVec3> = spiral(40_000).filter(inside).collect();
+        let pixel = |i: usize| [(i as u32 * 7919) % width, (i as u32 * 104_729) % height];
+        let probes: Vec<Probe> = directions
+            .iter()
+            .enumerate()
+            .map(|(i, direction)| Probe { direction: *direction, pixel: pixel(i) })
+            .collect();
+        let probed = probe(&gpu, &viewport, &probes).unwrap();
+        let (mut to_search, mut to_mapping, mut omega, mut to_direction) = (0.0_f64, 0.0_f64, 0.0_f64, 0.0_f64);
+        for (of_probe, found) in probes.iter().zip(&probed) {
+            let image = found.image.unwrap_or_else(|| panic!("{} has no image", of_probe.direction));
+            let image = DVec2::new(f64::from(image[0]), f64::from(image[1]));
+            to_search = to_search.max(image.distance(table.lookup(of_probe.direction).unwrap()));
+            to_mapping = to_mapping.max(image.distance(table.pixel_from_direction(of_probe.direction).unwrap()));
+            let [x, y] = of_probe.pixel;
+            let expected_sr = table.solid_angle_sr(x, y);
+            omega = omega.max((f64::from(found.solid_angle_sr) - expected_sr).abs() / table.smallest_pixel_sr());
+            let centre = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
+            match (table.direction_from_pixel(centre), found.direction) {
+                (Some(expected), Some(found)) => {
+                    to_direction = to_direction.max(expected.distance(DVec3::from(found.map(f64::from))));
+                }
+                (None, None) => {}
+                other => panic!("pixel ({x}, {y}): {other:?}"),
+            }
+        }
+        println!(
+            "{table:?}: {} directions, {to_search:.1e} px to the search in f64, {to_mapping:.1e} px to the mapping, solid angle {omega:.1e}, direction {to_direction:.1e}",
+            probes.len()
+        );
+        assert!(to_search < bounds_px[0] && to_mapping < bounds_px[1], "{table:?}: {to_search} {to_mapping}");
+        assert!(omega < 1e-6 && to_direction < 2e-7, "{table:?}: {omega} {to_direction}");
+    }
+}
+
+#[test]
+fn other_rigs_are_drawn_as_by_a_renderer_that_has_seen_no_table() {
+    let plain = rig(vec![("sky", ViewKind::Equirectangular { size: [96, 48] })]);
+    let with_table = rig(vec![("hammer", tabulated(&table(Hammer(64))))]);
+    let sky = snapshot(spiral(500).map(|at| star(at, 2.0)).collect());
+    let settings = RenderSettings::default();
+    let mut renderer = new_renderer();
+    let before = frame(&mut renderer, &sky, &plain, &settings);
+    let first = frame(&mut renderer, &sky, &with_table, &settings);
+    let after = frame(&mut renderer, &sky, &plain, &settings);
+    assert_eq!(before.images[0].hdr, after.images[0].hdr);
+    assert_eq!(before.images[0].display, after.images[0].display);
+    let again = frame(&mut renderer, &sky, &with_table, &settings);
+    assert_eq!(first.images[0].display, again.images[0].display);
+    // Another table of the same size takes the first one's place; frames like the last one make nothing.
+    let other = rig(vec![("hammer", tabulated(&table(Hammer(64))))]);
+    let made: Vec<u64> = (0..6).map(|_| frame(&mut renderer, &sky, &other, &settings).times.objects_made).collect();
+    assert!(made[0] > 0 && made[4..] == [0, 0], "{made:?}");
+}
+
+#[test]
+fn what_cannot_be_drawn_through_a_table_is_refused_by_name() {
+    let hammer = rig(vec![("map", tabulated(&table(Hammer(64))))]);
+    let sky = snapshot(vec![star(DVec3::NEG_Z, 3.0)]);
+    let mut renderer = renderer();
+    let mut refusal = |rig: &Rig, settings: &RenderSettings| {
+        renderer.render(FrameRequest::new(&sky, rig).settings(settings)).unwrap_err().to_string()
+    };
+    let error = refusal(&hammer, &settings(StarMethod::PixelGaussian));
+    assert!(error.contains("view `map`") && error.contains("`pixel_gaussian`") && error.contains("cut"), "{error}");
+    let flat = table(Perspective::symmetric([64, 64], 1.0).unwrap());
+    let window = rig(vec![("window", tabulated(&flat))]);
+    let mut wide = settings(StarMethod::PixelGaussian);
+    wide.stars.pixel_gaussian.sigma_px = 6.0;
+    let error = refusal(&window, &wide);
+    assert!(error.contains("view `window`") && error.contains("reach"), "{error}");
+    let options = GpuOptions { binding_limit_bytes: Some(64 << 10), ..GpuOptions::default() };
+    let mut small = common::renderer_with(&options);
+    let error = small.render(FrameRequest::new(&sky, &window)).unwrap_err().to_string();
+    assert!(error.contains("view `window`") && error.contains("binds at most 65536"), "{error}");
+}
