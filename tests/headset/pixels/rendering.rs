@@ -21,10 +21,17 @@ use crate::{
     monado::{Monado, Service},
 };
 
-/// The bright stars, with all the defaults: glare, automatic exposure, a film's curve, dither.
+/// The bright stars, with glare, metered exposure, a film's curve, dither.
 const NIGHT: &str = r#"
 [exposure]
+metering = "mean"
 adaptation_s = 0.0
+[accuracy]
+# Images with light for a host beside them are the same then.
+display_codes = 0.0
+[tone_map]
+# At other exposures and with the shift of hue a channel in ten thousand falls on the other half float.
+desaturation = 0.0
 "#;
 
 /// Asteroids before Mars, in the light of the Sun. Their impostors are coarse, to be made in a short time.
@@ -56,6 +63,9 @@ shape_seed = 3
 tiles = 8
 [exposure]
 adaptation_s = 0.0
+[tone_map]
+# At other exposures and with the shift of hue a channel in ten thousand falls on the other half float.
+desaturation = 0.0
 "#;
 
 /// Bytes may differ by so many codes, where two drivers round differently, and so large a share of them. Monado draws with a

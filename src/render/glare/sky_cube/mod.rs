@@ -140,7 +140,7 @@ impl SkyCube {
         }
         if in_sums {
             jobs.push(PipelineJob::new("glare veil", move || {
-                self.veil.get_or_init(|| VeilPasses::new()).pipelines(gpu, variant.tabulated);
+                self.veil.get_or_init(VeilPasses::new).pipelines(gpu, variant.tabulated);
             }));
         }
         jobs.push(PipelineJob::new("glare map", move || {

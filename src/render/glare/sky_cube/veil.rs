@@ -140,7 +140,7 @@ impl SkyCube {
         let Some(held) = held[1].as_ref() else { unreachable!("the map is made before the veil") };
         let gpu = recording.gpu;
         let tabulated = held.inverse_square.is_none();
-        let [points, splat] = veil.get_or_init(|| VeilPasses::new()).pipelines(gpu, tabulated);
+        let [points, splat] = veil.get_or_init(VeilPasses::new).pipelines(gpu, tabulated);
         let of_frame = VeilFrame::new(gpu, held, recording);
         if number == 0 {
             let (grids, count) = grids(&recording.frame.plan.viewports);
