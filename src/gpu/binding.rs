@@ -12,6 +12,17 @@ pub(crate) fn bind_buffers(
     gpu.bind(LayoutOf::Compute(pipeline, group), resources)
 }
 
+/// A bind group of a compute pipeline that binds whole buffers to 0, 1, 2 and so on.
+pub(crate) fn bind_in_order(
+    gpu: &Gpu,
+    pipeline: &wgpu::ComputePipeline,
+    group: u32,
+    buffers: &[&wgpu::Buffer],
+) -> wgpu::BindGroup {
+    let bindings: Vec<_> = (0..).zip(buffers).map(|(binding, buffer)| (binding, buffer.as_entire_binding())).collect();
+    bind_buffers(gpu, pipeline, group, &bindings)
+}
+
 /// Columns and rows of a dispatch of at least `workgroups`, each within the adapter's limit.
 pub(crate) fn dispatch_rows(gpu: &Gpu, workgroups: u32) -> [u32; 2] {
     let columns = workgroups.clamp(1, gpu.max_workgroups);

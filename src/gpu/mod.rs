@@ -14,7 +14,7 @@ mod structs;
 mod texels;
 mod timing;
 
-pub(crate) use binding::{bind_buffers, dispatch_rows};
+pub(crate) use binding::{bind_buffers, bind_in_order, dispatch_rows};
 pub(crate) use buffers::{GrowingBuffer, ReadbackBuffer, ReadbackPlace, filled_buffer, storage_buffer, uniform_buffer};
 #[doc(hidden)]
 pub use constants::Table;

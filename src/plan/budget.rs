@@ -4,9 +4,9 @@
 //! luminance to the display value is steepest, a step of `display_codes` codes is the least luminance that counts
 //! ([`ToneMapSettings::greatest_slope`]).
 
-use super::settings::{Accumulator, AccuracySettings, GlareMethod, RenderSettings, ToneMapSettings};
 use std::f64::consts::PI;
 
+use super::settings::{Accumulator, AccuracySettings, GlareMethod, RenderSettings, ToneMapSettings};
 use crate::{
     scene::SceneObjects,
     view::{Viewport, projection::Projection},
@@ -18,6 +18,11 @@ const CODES: f64 = 255.0;
 /// less than all of it.
 const SHARE_OF_ONE_VEIL: f64 = 0.2;
 
+/// Steps of budgets per octave: automatic exposures that differ by less share what depends on the budget.
+const STEPS_PER_OCTAVE: f64 = 2.0;
+/// Angle of the pixels of a picture up to which the smooth part of a veil is smooth from pixel to pixel, rad.
+const MOST_PIXEL_OF_VEIL_RAD: f64 = 0.0123;
+
 /// What a frame is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Output {
@@ -26,9 +31,6 @@ pub enum Output {
     /// HDR images, whatever else.
     Hdr,
 }
-
-/// Steps of budgets per octave: automatic exposures that differ by less share what depends on the budget.
-const STEPS_PER_OCTAVE: f64 = 2.0;
 
 /// Whether frames of display images alone may differ from those that have HDR images beside them: glare has a budget of its own there.
 pub fn draws_outputs_apart(settings: &RenderSettings, objects: &SceneObjects, viewports: &[Viewport]) -> bool {
@@ -39,9 +41,6 @@ pub fn draws_outputs_apart(settings: &RenderSettings, objects: &SceneObjects, vi
         && objects.is_empty()
         && !viewports.iter().any(|viewport| surrounds(viewport) || is_coarse(viewport))
 }
-
-/// Angle of the pixels of a picture up to which the smooth part of a veil is smooth from pixel to pixel, rad.
-const MOST_PIXEL_OF_VEIL_RAD: f64 = 0.0123;
 
 /// Whether pixels are so large that single sources are no more than a pixel or two.
 fn is_coarse(viewport: &Viewport) -> bool {

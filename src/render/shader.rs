@@ -81,6 +81,17 @@ pub(crate) fn rolled_loops(gpu: &Gpu) -> (&'static str, f64) {
     ("ROLLED", f64::from(u8::from(gpu.software)))
 }
 
+/// Invocations of a workgroup whose size depends on the adapter: a wave or two of a GPU. A software driver runs a workgroup as a loop of
+/// SIMD steps and does again in each what concerns them all: one step.
+pub(crate) fn workgroup(gpu: &Gpu) -> u32 {
+    if gpu.software { 8 } else { 64 }
+}
+
+/// The constant of shaders with such workgroups.
+pub(crate) fn workgroup_constant(gpu: &Gpu) -> (&'static str, f64) {
+    ("WORKGROUP", f64::from(workgroup(gpu)))
+}
+
 /// Every shader: every file with an entry point, in every combination of choices.
 pub fn shaders() -> Result<Vec<Shader>, ShaderError> {
     let mut shaders = Vec::new();

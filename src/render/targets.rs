@@ -11,7 +11,7 @@ use super::{
 };
 use crate::render::constants::counters;
 use crate::{
-    gpu::{Gpu, GrowingBuffer, ShaderSource, bind_buffers, storage_buffer},
+    gpu::{Gpu, GrowingBuffer, ShaderSource, bind_buffers, bind_in_order, storage_buffer},
     plan::{
         DISPLAY_BYTES, GlarePlan, KernelPlan, Plan,
         settings::{Accumulator, GlareMethod},
@@ -374,8 +374,7 @@ pub(crate) fn bind_occlusion(
     occlusion: &Occlusion<'_>,
 ) -> wgpu::BindGroup {
     let buffers = [occlusion.geometry, occlusion.view_bodies, occlusion.body_runs];
-    let bindings: Vec<_> = (0..).zip(buffers).map(|(binding, buffer)| (binding, buffer.as_entire_binding())).collect();
-    bind_buffers(gpu, pipeline, 2, &bindings)
+    bind_in_order(gpu, pipeline, 2, &buffers)
 }
 
 /// The complete module of a shader that splats in fixed point, with the words that the adapter can add to.
@@ -411,8 +410,7 @@ pub(crate) fn bind_picture(
     target: &PictureTarget<'_>,
 ) -> wgpu::BindGroup {
     let buffers = [parameters, target.viewports, target.tiles, target.pixels, target.partial_sums];
-    let bindings: Vec<_> = (0..).zip(buffers).map(|(binding, buffer)| (binding, buffer.as_entire_binding())).collect();
-    bind_buffers(gpu, pipeline, 0, &bindings)
+    bind_in_order(gpu, pipeline, 0, &buffers)
 }
 
 /// A viewport, with the place of its table if it is tabulated.

@@ -414,14 +414,13 @@ impl Worker {
         let is_due = |subscriber: &Subscriber| subscriber.pace.due_at(newest, converged, start) <= start;
         let due = state.subscribers.iter().filter(|subscriber| is_due(subscriber)).map(|subscriber| subscriber.wanted);
         let exact = self.is_exact(state.requests.iter().map(|request| request.wanted).chain(due));
-        let (requests, later): (Vec<Request>, VecDeque<Request>) = {
-            let mut now = Vec::new();
-            let mut later = VecDeque::new();
-            for request in mem::take(&mut state.requests) {
-                if self.belongs_to(exact, request.wanted) { now.push(request) } else { later.push_back(request) }
-            }
-            (now, later)
-        };
+        let viewports = self.rig.viewports(glam::DQuat::IDENTITY);
+        let apart = draws_outputs_apart(&self.settings, &self.scene.objects, &viewports);
+        // Images belong to a frame for HDR images or to one without them. An exact budget has them in one.
+        let belongs = |wanted: Wanted| wanted.hdr == exact || !apart;
+        let (requests, later): (VecDeque<Request>, VecDeque<Request>) =
+            mem::take(&mut state.requests).into_iter().partition(|request| belongs(request.wanted));
+        let requests = Vec::from(requests);
         state.requests = later;
         for request in &requests {
             want(request.view, request.wanted);
@@ -429,7 +428,7 @@ impl Worker {
         let mut subscribers = Vec::new();
         for subscriber in &mut state.subscribers {
             if is_due(subscriber)
-                && self.belongs_to(exact, subscriber.wanted)
+                && belongs(subscriber.wanted)
                 && let Some(slot) = subscriber.slot.upgrade()
             {
                 subscriber.pace.served(newest, start);
@@ -445,15 +444,5 @@ impl Worker {
     fn is_exact(&self, due: impl Iterator<Item = Wanted>) -> bool {
         let (exact, shown): (Vec<Wanted>, Vec<Wanted>) = due.partition(|wanted| wanted.hdr);
         if shown.is_empty() || exact.is_empty() { !exact.is_empty() } else { !self.last_exact }
-    }
-
-    /// Whether images belong to a frame for HDR images, or to one without them. An exact budget has them in one.
-    fn belongs_to(&self, exact: bool, wanted: Wanted) -> bool {
-        wanted.hdr == exact || !self.draws_outputs_apart()
-    }
-
-    fn draws_outputs_apart(&self) -> bool {
-        let viewports = self.rig.viewports(glam::DQuat::IDENTITY);
-        draws_outputs_apart(&self.settings, &self.scene.objects, &viewports)
     }
 }

@@ -1,9 +1,9 @@
 //! Culling and detail of asteroids on the adapter, for all planes at once: counts per group, plane and list, places from counts, lists.
 //! Shaders: `shaders/asteroids/cull*.wgsl`; the f64 twin is `crate::plan::asteroids::cpu_cull`.
 
-use crate::render::shader::Shader;
+use crate::render::shader::{Shader, workgroup_constant};
 use crate::{
-    gpu::{Gpu, bind_buffers, dispatch_rows},
+    gpu::{Gpu, bind_in_order, dispatch_rows},
     render::asteroids::layout,
 };
 
@@ -56,7 +56,7 @@ pub(crate) struct CullBuffers<'a> {
 
 impl AsteroidCullPass {
     pub(crate) fn new(gpu: &Gpu) -> Self {
-        let workgroup = ("WORKGROUP", if gpu.software { 8.0 } else { 64.0 });
+        let workgroup = workgroup_constant(gpu);
         let cull = Shader::new("asteroids/cull").source();
         Self {
             count: gpu.compute_pipeline_with(&cull, &[workgroup, ("WRITES", 0.0)]),
@@ -102,8 +102,8 @@ impl AsteroidCullPass {
             ];
             let second =
                 [buffers.instances, buffers.fields, buffers.shapes, buffers.lods, buffers.entries, buffers.bases];
-            pass.set_bind_group(0, &bind_all(gpu, pipeline, 0, &first), &[]);
-            pass.set_bind_group(1, &bind_all(gpu, pipeline, 1, &second), &[]);
+            pass.set_bind_group(0, &bind_in_order(gpu, pipeline, 0, &first), &[]);
+            pass.set_bind_group(1, &bind_in_order(gpu, pipeline, 1, &second), &[]);
             pass.dispatch_workgroups(row, rows, 1);
         };
         if numbers.items > 0 {
@@ -111,19 +111,14 @@ impl AsteroidCullPass {
         }
         pass.set_pipeline(&self.scan);
         let scanned = [&of_lists, buffers.planes, buffers.counts, buffers.totals];
-        pass.set_bind_group(0, &bind_all(gpu, &self.scan, 0, &scanned), &[]);
+        pass.set_bind_group(0, &bind_in_order(gpu, &self.scan, 0, &scanned), &[]);
         pass.dispatch_workgroups(list_row, list_rows, 1);
         pass.set_pipeline(&self.place);
         let placed = [&of_lists, buffers.totals, buffers.meshes, buffers.bases, buffers.arguments];
-        pass.set_bind_group(0, &bind_all(gpu, &self.place, 0, &placed), &[]);
+        pass.set_bind_group(0, &bind_in_order(gpu, &self.place, 0, &placed), &[]);
         pass.dispatch_workgroups(1, 1, 1);
         if numbers.items > 0 {
             cull(pass, &self.write);
         }
     }
-}
-
-fn bind_all(gpu: &Gpu, pipeline: &wgpu::ComputePipeline, group: u32, buffers: &[&wgpu::Buffer]) -> wgpu::BindGroup {
-    let bindings: Vec<_> = (0..).zip(buffers).map(|(binding, buffer)| (binding, buffer.as_entire_binding())).collect();
-    bind_buffers(gpu, pipeline, group, &bindings)
 }

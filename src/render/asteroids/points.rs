@@ -1,11 +1,11 @@
 //! Asteroids that are points, splatted as stars are. Shader: `shaders/asteroids/points.wgsl`.
 
 use crate::{
-    gpu::{Gpu, bind_buffers, dispatch_rows},
+    gpu::{Gpu, bind_in_order, dispatch_rows},
     plan::stars::range::FixedPoint,
     render::{
         asteroids::layout,
-        shader::rolled_loops,
+        shader::{rolled_loops, workgroup_constant},
         targets::{Sums, bind_occlusion, bind_sums, splatting},
     },
 };
@@ -33,8 +33,7 @@ pub(crate) struct AsteroidPoints<'a> {
 
 impl AsteroidPointPass {
     pub(crate) fn new(gpu: &Gpu) -> Self {
-        let workgroup = if gpu.software { 8.0 } else { 64.0 };
-        let constants = [("WORKGROUP", workgroup), ("HAS_GEOMETRY", 1.0), rolled_loops(gpu)];
+        let constants = [workgroup_constant(gpu), ("HAS_GEOMETRY", 1.0), rolled_loops(gpu)];
         Self { pipeline: gpu.compute_pipeline_with(&splatting(gpu, "asteroids/points"), &constants) }
     }
 
@@ -67,12 +66,10 @@ impl AsteroidPointPass {
             points.areas,
             points.drawn,
         ];
-        let asteroids: Vec<_> =
-            (0..).zip(asteroids).map(|(binding, buffer)| (binding, buffer.as_entire_binding())).collect();
         pass.set_pipeline(&self.pipeline);
         gpu.bind_tables(pass, &self.pipeline);
         pass.set_bind_group(0, &bind_sums(gpu, &self.pipeline, &parameters, sums, &items), &[]);
-        pass.set_bind_group(1, &bind_buffers(gpu, &self.pipeline, 1, &asteroids), &[]);
+        pass.set_bind_group(1, &bind_in_order(gpu, &self.pipeline, 1, &asteroids), &[]);
         pass.set_bind_group(2, &bind_occlusion(gpu, &self.pipeline, &sums.occlusion), &[]);
         pass.dispatch_workgroups(row, rows, 1);
     }

@@ -3,7 +3,7 @@
 
 use crate::render::constants::workgroups::RAY_SIDE;
 use crate::{
-    gpu::{Gpu, Variants, bind_buffers},
+    gpu::{Gpu, Variants, bind_buffers, bind_in_order},
     plan::tiles::Tile,
     render::{bodies::layout, tabulated::projecting, targets::RasterLayers},
 };
@@ -108,11 +108,9 @@ impl GeometryPass {
             target.suns,
             target.texels,
         ];
-        let bindings: Vec<_> =
-            (0..).zip(buffers).map(|(binding, buffer)| (binding, buffer.as_entire_binding())).collect();
         pass.set_pipeline(pipeline);
         gpu.bind_tables(pass, pipeline);
-        pass.set_bind_group(0, &bind_buffers(gpu, pipeline, 0, &bindings), &[]);
+        pass.set_bind_group(0, &bind_in_order(gpu, pipeline, 0, &buffers), &[]);
         let [colour, depth, faces_colour, faces_depth] = &self.no_layers;
         let views = match layers {
             Some(layers) if layers.faces != 0 => {

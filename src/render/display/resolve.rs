@@ -4,7 +4,7 @@
 
 use super::variant::{DisplayVariant, encode_display};
 use crate::{
-    gpu::{self, Gpu, ShaderSource, Variants, bind_buffers},
+    gpu::{self, Gpu, ShaderSource, Variants, bind_in_order},
     photometry::exposure::white_luminance_cd_m2,
     plan::{settings::ToneMapSettings, stars::range::Ranges},
     render::{display::layout, tabulated::projecting, targets::Targets},
@@ -139,11 +139,9 @@ impl ResolvePass {
             veil_grids,
             veil_points,
         ];
-        let buffers: Vec<_> =
-            (0..).zip(buffers).map(|(binding, buffer)| (binding, buffer.as_entire_binding())).collect();
         pass.set_pipeline(pipeline);
         gpu.bind_tables(pass, pipeline);
-        pass.set_bind_group(0, &bind_buffers(gpu, pipeline, 0, &buffers), &[]);
+        pass.set_bind_group(0, &bind_in_order(gpu, pipeline, 0, &buffers), &[]);
         let [columns, rows, tiles] = batch.grid;
         pass.dispatch_workgroups(columns, rows, tiles);
     }

@@ -1,7 +1,7 @@
 //! The overlay pass: `shaders/overlay/draw.wgsl`.
 
 use crate::{
-    gpu::{Gpu, GrowingBuffer, bind_buffers, dispatch_rows},
+    gpu::{Gpu, GrowingBuffer, bind_in_order, dispatch_rows},
     render::{overlay::layout, tabulated::projecting},
 };
 
@@ -59,9 +59,7 @@ impl OverlayPass {
         let all: Vec<wgpu::Buffer> =
             [&[parameters][..], &buffers[..], &[of_batch]].concat().into_iter().cloned().collect();
         if blocks.bound.as_ref().is_none_or(|(bound, _)| *bound != all) {
-            let bindings: Vec<_> =
-                (0..).zip(&all).map(|(binding, buffer)| (binding, buffer.as_entire_binding())).collect();
-            let group = bind_buffers(gpu, &self.pipeline, 0, &bindings);
+            let group = bind_in_order(gpu, &self.pipeline, 0, &all.iter().collect::<Vec<_>>());
             blocks.bound = Some((all, group));
         }
         let Some((_, group)) = &blocks.bound else { return };

@@ -13,6 +13,7 @@ use crate::render::constants::workgroups::CATALOGUE_THREADS;
 use crate::{
     gpu::{Gpu, GrowingBuffer, bind_buffers, dispatch_rows},
     render::{
+        shader::workgroup_constant,
         stars::layout,
         tabulated::projecting,
         targets::{PictureTarget, Sums, Targets},
@@ -139,9 +140,8 @@ impl PackedPass {
     }
 
     fn sorted(&self, gpu: &Gpu) -> &wgpu::ComputePipeline {
-        let workgroup = if gpu.software { 8.0 } else { 64.0 };
         self.sorted.get_or_init(|| {
-            gpu.compute_pipeline_with(&projecting(gpu, "stars/packed_sorted").source(), &[("WORKGROUP", workgroup)])
+            gpu.compute_pipeline_with(&projecting(gpu, "stars/packed_sorted").source(), &[workgroup_constant(gpu)])
         })
     }
 

@@ -11,7 +11,7 @@ use crate::{
     },
     relativity::Motion,
     render::{
-        shader::rolled_loops,
+        shader::{rolled_loops, workgroup_constant},
         stars::layout,
         targets::{Sums, bind_occlusion, bind_sums, splatting},
     },
@@ -49,8 +49,7 @@ fn encode_motion(motion: Motion) -> layout::CameraMotion {
 
 /// The pass with or without the test for what stands before the stars.
 fn star_pipeline(gpu: &Gpu, has_geometry: bool) -> wgpu::ComputePipeline {
-    let workgroup = if gpu.software { 8.0 } else { 64.0 };
-    let constants = [("WORKGROUP", workgroup), ("HAS_GEOMETRY", f64::from(u8::from(has_geometry))), rolled_loops(gpu)];
+    let constants = [workgroup_constant(gpu), ("HAS_GEOMETRY", f64::from(u8::from(has_geometry))), rolled_loops(gpu)];
     gpu.compute_pipeline_with(&splatting(gpu, "stars/splat"), &constants)
 }
 

@@ -14,7 +14,7 @@ use self::{
     map::{Held, Key, MapPasses},
     record::{Variant, composite},
     sprites::SpritePasses,
-    veil::VeilPasses,
+    veil::{VeilFrame, VeilPasses},
 };
 use super::composite::GlareCompositePass;
 use crate::{
@@ -102,6 +102,8 @@ pub(super) struct SkyCube {
     /// Of the last frame: its views, and its budget where its veil was in the sums.
     last: Option<(Views, Option<VeilInSums>)>,
     veil_points: GrowingBuffer,
+    /// What the batches of a frame share.
+    veil_frame: Option<VeilFrame>,
     lists: GrowingBuffer,
     square_lists: GrowingBuffer,
 }
@@ -120,6 +122,7 @@ impl SkyCube {
             held: [None, None],
             last: None,
             veil_points: GrowingBuffer::new("veil points", wgpu::BufferUsages::STORAGE),
+            veil_frame: None,
             lists: GrowingBuffer::new("glare lists", wgpu::BufferUsages::STORAGE),
             square_lists: GrowingBuffer::new("glare square lists", wgpu::BufferUsages::STORAGE),
         }
@@ -155,6 +158,7 @@ impl SkyCube {
         self.lists.release();
         self.square_lists.release();
         self.veil_points.release();
+        self.veil_frame = None;
     }
 
     /// Records the glare of a frame, over its pictures.

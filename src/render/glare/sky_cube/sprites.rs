@@ -5,7 +5,7 @@ use crate::render::constants::{
     workgroups::SPRITE_SQUARES,
 };
 use crate::{
-    gpu::{Gpu, bind_buffers},
+    gpu::{Gpu, bind_in_order},
     render::{
         tabulated::projecting,
         targets::{COLUMNS, ROWS},
@@ -46,19 +46,24 @@ impl SpritePasses {
             square_lists,
             lists,
         } = *buffers;
-        let bind = |pipeline: &wgpu::ComputePipeline, buffers: &[&wgpu::Buffer]| {
-            let bindings: Vec<_> =
-                (0..).zip(buffers.iter()).map(|(binding, buffer)| (binding, buffer.as_entire_binding())).collect();
-            bind_buffers(gpu, pipeline, 0, &bindings)
-        };
         pass.set_pipeline(&self.find);
         gpu.bind_tables(pass, &self.find);
-        let group = bind(&self.find, &[parameters, viewports, of_tiles, views, regions, cells, sprites, square_lists]);
+        let group = bind_in_order(
+            gpu,
+            &self.find,
+            0,
+            &[parameters, viewports, of_tiles, views, regions, cells, sprites, square_lists],
+        );
         pass.set_bind_group(0, &group, &[]);
         pass.dispatch_workgroups(columns.div_ceil(SPRITE_SQUARES), rows, tiles);
         pass.set_pipeline(&self.assign);
         gpu.bind_tables(pass, &self.assign);
-        let group = bind(&self.assign, &[parameters, viewports, of_tiles, views, sprites, square_lists, lists]);
+        let group = bind_in_order(
+            gpu,
+            &self.assign,
+            0,
+            &[parameters, viewports, of_tiles, views, sprites, square_lists, lists],
+        );
         pass.set_bind_group(0, &group, &[]);
         pass.dispatch_workgroups(columns, rows, tiles);
     }

@@ -8,13 +8,14 @@ use std::f64::consts::PI;
 
 use super::{SkyCube, map::Held};
 use crate::{
-    gpu::{Gpu, Variants, bind_buffers, dispatch_rows},
+    gpu::{Gpu, Variants, bind_in_order, dispatch_rows},
     plan::stars::range::FixedPoint,
     render::{
         constants::{veil::EVERY_VIEWPORT, workgroups::VEIL_SIDE},
         glare::layout,
         layout::VeilGrid,
-        shader::{Shader, rolled_loops},
+        shader::{rolled_loops, workgroup, workgroup_constant},
+        tabulated::projecting,
         targets::{SmoothVeil, bind_sums, splatting},
         technique::{Recording, begin_pass},
     },
@@ -50,20 +51,15 @@ impl VeilPasses {
     pub(super) fn pipelines(&self, gpu: &Gpu, tabulated: bool) -> [wgpu::ComputePipeline; 2] {
         let of_kernel = ("TABULATED", f64::from(u8::from(tabulated)));
         let splat = self.splat.get(tabulated, || {
-            let constants = [of_kernel, ("WORKGROUP", f64::from(workgroup(gpu))), rolled_loops(gpu)];
+            let constants = [of_kernel, workgroup_constant(gpu), rolled_loops(gpu)];
             gpu.compute_pipeline_with(&splatting(gpu, "glare/sky_cube/veil_splat"), &constants)
         });
         let points = self.points.get(tabulated, || {
             let constants = [of_kernel, rolled_loops(gpu)];
-            gpu.compute_pipeline_with(&Shader::new("glare/sky_cube/veil_points").source(), &constants)
+            gpu.compute_pipeline_with(&projecting(gpu, "glare/sky_cube/veil_points").source(), &constants)
         });
         [points, splat]
     }
-}
-
-/// Sources of one workgroup: a step of a software driver's SIMD.
-fn workgroup(gpu: &Gpu) -> u32 {
-    if gpu.software { 8 } else { 64 }
 }
 
 /// Pixels from point to point: as many as keep points close together on the sky.
@@ -94,7 +90,7 @@ fn grids(viewports: &[Viewport]) -> (Vec<VeilGrid>, u32) {
 }
 
 /// What of a frame all batches share.
-struct VeilFrame {
+pub(super) struct VeilFrame {
     parameters: wgpu::Buffer,
     views: wgpu::Buffer,
     near: wgpu::Buffer,
@@ -136,22 +132,23 @@ impl VeilFrame {
 impl SkyCube {
     /// Records the veil of single sources into the sums of a batch; before the first one, the smooth part of all pictures.
     pub(super) fn record_veil(&mut self, recording: &mut Recording<'_>, number: usize) {
-        let Self { veil, held, veil_points, .. } = self;
+        let Self { veil, held, veil_points, veil_frame, .. } = self;
         let Some(held) = held[1].as_ref() else { unreachable!("the map is made before the veil") };
         let gpu = recording.gpu;
         let tabulated = held.inverse_square.is_none();
         let [points, splat] = veil.get_or_init(VeilPasses::new).pipelines(gpu, tabulated);
-        let of_frame = VeilFrame::new(gpu, held, recording);
         if number == 0 {
+            let of_frame = veil_frame.insert(VeilFrame::new(gpu, held, recording));
             let (grids, count) = grids(&recording.frame.plan.viewports);
             let smooth = SmoothVeil {
                 grids: gpu.frame_storage("veil grids", &grids),
                 points: veil_points.with_room(gpu, 16 * u64::from(count)).clone(),
             };
-            record_points(gpu, recording, &points, (held, &of_frame), (&smooth, &grids));
+            record_points(gpu, recording, &points, (held, of_frame), (&smooth, &grids));
             recording.targets.veil = Some(smooth);
         }
-        record_sources(gpu, recording, &splat, (held, &of_frame), number);
+        let Some(of_frame) = veil_frame.as_ref() else { unreachable!("batches are recorded from the first one on") };
+        record_sources(gpu, recording, &splat, (held, of_frame), number);
     }
 }
 
@@ -175,10 +172,10 @@ fn record_points(
         &held.kernel_table,
         &smooth.points,
     ];
-    let bindings: Vec<_> = (0..).zip(buffers).map(|(binding, buffer)| (binding, buffer.as_entire_binding())).collect();
     let mut pass = begin_pass(recording.encoder, recording.timer, "glare");
     pass.set_pipeline(pipeline);
-    pass.set_bind_group(0, &bind_buffers(gpu, pipeline, 0, &bindings), &[]);
+    gpu.bind_tables(&mut pass, pipeline);
+    pass.set_bind_group(0, &bind_in_order(gpu, pipeline, 0, &buffers), &[]);
     let most = |side: fn(&VeilGrid) -> u32| grids.iter().map(side).max().unwrap_or(0).div_ceil(VEIL_SIDE);
     pass.dispatch_workgroups(most(|grid| grid.columns), most(|grid| grid.rows), grids.len() as u32);
 }
@@ -206,6 +203,7 @@ fn record_sources(
         let FixedPoint { units_per_lx, faintest_lx, brightest_lx } = range;
         let mut pass = begin_pass(recording.encoder, recording.timer, "glare");
         pass.set_pipeline(pipeline);
+        gpu.bind_tables(&mut pass, pipeline);
         for (sprites, numbers, viewport, shared_by) in &sources {
             let count = numbers.end - numbers.start;
             let [groups_per_row, rows] = dispatch_rows(gpu, (count * shared_by).div_ceil(group));
@@ -222,9 +220,7 @@ fn record_sources(
             let parameters = gpu.frame_uniform("veil source parameters", &parameters);
             pass.set_bind_group(0, &bind_sums(gpu, pipeline, &parameters, &sums, &[]), &[]);
             let buffers = [&of_frame.parameters, &of_frame.views, sprites, &held.kernel_table];
-            let bindings: Vec<_> =
-                (0..).zip(buffers).map(|(binding, buffer)| (binding, buffer.as_entire_binding())).collect();
-            pass.set_bind_group(1, &bind_buffers(gpu, pipeline, 1, &bindings), &[]);
+            pass.set_bind_group(1, &bind_in_order(gpu, pipeline, 1, &buffers), &[]);
             pass.dispatch_workgroups(groups_per_row, rows, tiles);
         }
     }
