@@ -32,13 +32,13 @@ struct Display {
 
 fn filmic(value: vec3<f32>) -> vec3<f32> {
     // Beyond 1e4 the curve is within 2e-5 of 1, and the products stay finite.
-    let x = clamp(value, vec3(0.0), vec3(1e4));
+    let x = min(value, vec3(1e4));
     return x * (6.2 * x + 0.5) / (x * (6.2 * x + 1.7) + 0.06);
 }
 
 fn aces(value: vec3<f32>) -> vec3<f32> {
     // At 1 from 7.24 on.
-    let x = clamp(value, vec3(0.0), vec3(1e4));
+    let x = min(value, vec3(1e4));
     return min(x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14), vec3(1.0));
 }
 
@@ -81,11 +81,11 @@ fn at_luminance(value: vec3<f32>, y: f32) -> vec3<f32> {
     if !(own > 0.0 && y > 0.0) {
         return vec3(0.0);
     }
-    let of_unit_luminance = value / own;
+    let of_unit_luminance = value * (1.0 / own);
     let most = max(of_unit_luminance.x, max(of_unit_luminance.y, of_unit_luminance.z));
     var purity = 1.0;
     if y * most > 1.0 {
-        purity = clamp((1.0 / y - 1.0) / (most - 1.0), 0.0, 1.0);
+        purity = clamp((1.0 - y) / (y * (most - 1.0)), 0.0, 1.0);
     }
     return y * (1.0 + purity * (of_unit_luminance - 1.0));
 }
@@ -93,22 +93,15 @@ fn at_luminance(value: vec3<f32>, y: f32) -> vec3<f32> {
 // Display values, encoded, of light in cd/m^2.
 fn encoded_display(luminance: vec3<f32>, display_per_cd_m2: f32, shown: Display) -> vec3<f32> {
     var light = without_nan(luminance);
-    // Curves by channel have bounds of their own.
-    let mixes_channels = SCOTOPIC || DESATURATES || TONE_OPERATOR == OPERATOR_REINHARD;
-    if mixes_channels {
-        light = bounded(light);
-    }
     if SCOTOPIC {
-        light = seen_at_night(light, shown.scotopic);
+        light = seen_at_night(bounded(light), shown.scotopic);
     }
     var value = light * display_per_cd_m2;
     if TONE_OPERATOR == OPERATOR_CALIBRATED {
         // The display adds its black to everything.
         value = (light - shown.black_cd_m2) / (shown.peak_cd_m2 - shown.black_cd_m2);
     }
-    if mixes_channels {
-        value = bounded(value);
-    }
+    value = bounded(value);
     var scale = 1.0;
     var encoded = vec3(0.0);
     if TONE_OPERATOR == OPERATOR_FILMIC {
@@ -141,6 +134,7 @@ fn display_word(luminance: vec3<f32>, display_per_cd_m2: f32, shown: Display, co
         // One threshold for the three channels, from the place in the image alone: no colour noise, no flicker.
         threshold = f32(hash(column + 65536u * row) >> 8u) / 16777216.0;
     }
-    let bytes = vec3<u32>(min(encoded * 255.0 + threshold, vec3(255.0)));
+    // Whole numbers below 2^23 are the last bits of their sum with it.
+    let bytes = bitcast<vec3<u32>>(floor(min(encoded * 255.0 + threshold, vec3(255.0))) + 8388608.0) & vec3(255u);
     return BLACK | bytes.x | (bytes.y << 8u) | (bytes.z << 16u);
 }

@@ -17,8 +17,8 @@ struct VeilColumn {
     // Points left of it, and how far it stands from them.
     left: u32,
     share: f32,
-    // The run of rows that `top` and `bottom` hold.
-    held: u32,
+    // The run of rows that `top` and `bottom` hold; below 0 for none.
+    held: f32,
     top: vec3<f32>,
     bottom: vec3<f32>,
 }
@@ -28,7 +28,7 @@ fn veil_column(grid: VeilGrid, x: u32) -> VeilColumn {
     column.grid = grid;
     column.left = x / grid.spacing;
     column.share = (f32(x - column.left * grid.spacing) + 0.5) / f32(grid.spacing);
-    column.held = 0xffffffffu;
+    column.held = -1.0;
     return column;
 }
 
@@ -39,12 +39,13 @@ fn veil_points_between(column: VeilColumn, row: u32) -> vec3<f32> {
 
 // Luminance in a row of the picture, cd/m^2.
 fn veil_in_row(column: ptr<function, VeilColumn>, y: u32) -> vec3<f32> {
-    let spacing = (*column).grid.spacing;
-    let above = y / spacing;
+    // A product and no division of whole numbers, which CPUs do one by one: exact, since it is a half from the next whole number.
+    let at = (f32(y) + 0.5) / f32((*column).grid.spacing);
+    let above = floor(at);
     if above != (*column).held {
         (*column).held = above;
-        (*column).top = veil_points_between(*column, above);
-        (*column).bottom = veil_points_between(*column, above + 1u);
+        (*column).top = veil_points_between(*column, u32(above));
+        (*column).bottom = veil_points_between(*column, u32(above) + 1u);
     }
-    return mix((*column).top, (*column).bottom, (f32(y - above * spacing) + 0.5) / f32(spacing));
+    return mix((*column).top, (*column).bottom, at - above);
 }
