@@ -48,6 +48,18 @@ fn lies_beyond_rim(viewport: Viewport, direction: vec3<f32>, projected: vec3<f32
     return rho > 1.0 && length(direction - at_rim) > chord;
 }
 
+// Whether a unit direction is farther than an angle, given by its sine, outside of one of the planes through the eye and the edges of a flat
+// picture. Beside the eye, where pixels grow beyond all bounds, its veil would seem to reach all of them.
+fn lies_beside(viewport: Viewport, direction: vec3<f32>, sine: f32) -> bool {
+    let first = -viewport.plane_offset / viewport.plane_scale;
+    let last = (vec2<f32>(viewport.size) - viewport.plane_offset) / viewport.plane_scale;
+    let least = min(first, last);
+    let most = max(first, last);
+    let before = (direction.xy + least * direction.z) * inverseSqrt(1.0 + least * least);
+    let beyond = -(direction.xy + most * direction.z) * inverseSqrt(1.0 + most * most);
+    return any(min(before, beyond) < vec2(-sine));
+}
+
 // The pixels around a source that its veil may reach.
 fn reached_pixels(viewport: Viewport, direction: vec3<f32>, chord: f32) -> Gaussian {
     // Chords of sprites are so short that this is more than the angle.
@@ -55,7 +67,8 @@ fn reached_pixels(viewport: Viewport, direction: vec3<f32>, chord: f32) -> Gauss
     let projected = pixel_from_direction(viewport, direction);
     var reached: Gaussian;
     reached.last = vec2<i32>(viewport.size) - 1;
-    if lies_beyond_rim(viewport, direction, projected, chord) {
+    if lies_beyond_rim(viewport, direction, projected, chord)
+        || (viewport.kind <= KIND_CUBE_FACE && lies_beside(viewport, direction, cut)) {
         reached.last.y = -1;
     } else if projected.z > 0.0 {
         let reach = gaussian_reach(viewport, direction, pixel_extent(viewport, direction).y, cut);

@@ -1,7 +1,7 @@
 //! The map of the glaring sky: made level by level from the light of all stars, with the sprites that are drawn one by one. Shaders:
 //! `shaders/glare/sky_cube/map_*.wgsl`.
 
-use std::sync::Arc;
+use std::{cmp::Reverse, sync::Arc};
 
 use super::pixel_class;
 use crate::render::{
@@ -38,7 +38,7 @@ pub(super) struct Held {
     pub(super) sky: SkyCubePlan,
     pub(super) map: wgpu::Buffer,
     pub(super) sprites: wgpu::Buffer,
-    /// Chords at which they end, in their order.
+    /// Chords within which they end, in their order: the longest of their class.
     pub(super) chords: Vec<f64>,
     pub(super) sprite_cells: wgpu::Buffer,
     pub(super) regions: wgpu::Buffer,
@@ -239,10 +239,11 @@ impl MapPasses {
         }
         let mut drawn: Vec<&Sprite> = sky.sprites.sprites.iter().collect();
         if key.settings.least_cd_m2 > 0.0 {
-            // Invocations side by side have alike much to do; nobody looks them up by cells.
-            drawn.sort_by(|a, b| b.squared.total_cmp(&a.squared));
+            // Invocations side by side have alike much to do, and lie side by side on the sky, where a view sees all of them or none: the order
+            // of the cells stays within a class of reach.
+            drawn.sort_by_key(|sprite| Reverse(reach_class(sprite.squared)));
         }
-        let chords = drawn.iter().map(|sprite| sprite.squared.sqrt()).collect();
+        let chords = drawn.iter().map(|sprite| class_chord(reach_class(sprite.squared))).collect();
         let sprites: Vec<layout::GlareSprite> = drawn
             .into_iter()
             .map(|sprite| layout::GlareSprite {
@@ -275,6 +276,16 @@ impl MapPasses {
             key,
         }
     }
+}
+
+/// Sources of a class reach alike far, within a quarter of an octave.
+fn reach_class(squared: f64) -> i32 {
+    (2.0 * squared.log2()).ceil() as i32
+}
+
+/// The longest chord of a class.
+fn class_chord(class: i32) -> f64 {
+    (0.25 * f64::from(class)).exp2()
 }
 
 /// A buffer of a list, with one item of nothing if it is empty: a binding must hold one at least.
