@@ -9,6 +9,7 @@
 #import display/encode
 #import shared/pixel_grid
 #import shared/projection
+#import shared/sky_map
 #import shared/veil
 #import shared/viewport
 
@@ -21,6 +22,7 @@ struct ResolveParameters {
     // Pixels of the batch: where B and the solid angles begin.
     plane_pixels: u32,
     shown: Display,
+    sky: SkyMap,
 }
 
 @group(0) @binding(0) var<uniform> parameters: ResolveParameters;
@@ -36,6 +38,9 @@ struct ResolveParameters {
 @group(0) @binding(11) var<storage, read> veil_grids: array<VeilGrid>;
 @group(0) @binding(12) var<storage, read> veil_points: array<vec4<f32>>;
 
+// The map of faint light.
+@group(0) @binding(13) var<storage, read> sky_texels: array<u32>;
+
 override WRITE_HDR: bool = true;
 override WRITE_DISPLAY: bool = false;
 // Whether dark pixels are written too, with their solid angle: where the HDR image leaves the GPU. Otherwise they keep their zero
@@ -45,6 +50,8 @@ override WRITE_DARK: bool = true;
 override HAS_GEOMETRY: bool = false;
 // Whether scattered light is added: its smooth part, since the rest is part of the sums.
 override HAS_VEIL: bool = false;
+// Whether the stars of the map of faint light are added.
+override HAS_SKY: bool = false;
 
 @compute @workgroup_size(COLUMNS)
 fn resolve(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
@@ -78,7 +85,7 @@ fn resolve(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
         if HAS_VEIL {
             scattered = veil_in_row(&veil, image_row);
         }
-        let lit = HAS_VEIL || any(illuminance > vec3(0.0)) || any(shown > vec3(0.0));
+        let lit = HAS_VEIL || HAS_SKY || any(illuminance > vec3(0.0)) || any(shown > vec3(0.0));
         if !(lit || WRITE_DARK || WRITE_DISPLAY) {
             continue;
         }
@@ -87,7 +94,13 @@ fn resolve(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
             luminance.w = solid_angle(viewport, vec2(i32(x), i32(image_row)));
         }
         if lit && luminance.w > 0.0 {
-            let surface = shown + scattered;
+            var surface = shown + scattered;
+            if HAS_SKY {
+                let in_view = direction_of_point(viewport, vec2(f32(x), f32(image_row)) + 0.5);
+                let towards = in_view.x * viewport.view_from_world_x.xyz + in_view.y * viewport.view_from_world_y.xyz
+                    + in_view.z * viewport.view_from_world_z.xyz;
+                surface += sky_luminance(parameters.sky, towards);
+            }
             sum += dot(illuminance + surface * luminance.w, LUMINANCE_WEIGHTS);
             luminance = vec4(illuminance * (1.0 / luminance.w) + surface, luminance.w);
         }

@@ -1,7 +1,10 @@
 //! Why a frame cannot be planned: nothing of it has been drawn.
 
 use super::overlay::OverlayPlanError;
-use crate::photometry::{glare::GlareKernelError, psf::PsfError};
+use crate::{
+    photometry::{glare::GlareKernelError, psf::PsfError},
+    view::RigError,
+};
 
 /// Why a scene cannot be drawn in these views with these settings within these limits.
 #[derive(Debug, thiserror::Error)]
@@ -81,6 +84,9 @@ pub enum PlanError {
     /// The point-spread function of `psf_texture` cannot be made or read.
     #[error("stars.psf_texture: {0}")]
     Psf(#[from] PsfError),
+    /// A picture of a map of faint light cannot be a view.
+    #[error("map of faint light: {0}")]
+    Sky(#[from] RigError),
     /// The kernel of glare cannot be made or read.
     #[error("glare: {0}")]
     Glare(#[from] GlareKernelError),

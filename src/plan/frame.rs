@@ -19,7 +19,7 @@ use super::{
         textures::texture_bytes,
     },
     budget::{Output, display_step_cd_m2, draws_outputs_apart, least_veil_cd_m2},
-    certificate::{FramePlan, plan_stars},
+    certificate::{Approximation, FramePlan, plan_stars},
     error::PlanError,
     exposure::{ShownStars, guard::Lit, pictures::Pictures, planned_ev100},
     glare::objects::ExtendedSource,
@@ -27,6 +27,7 @@ use super::{
     settings::{
         Accumulator, ExposureSettings, GlareMethod, GlareSettings, PsfTextureSettings, RenderSettings, StarMethod,
     },
+    smooth_light::{BRIGHTEST_STEPS, SkyFace, SkyInputs, SkyMap, SkyMaps, SkyStars},
     stars::{
         billboards::{BillboardPlan, DrawnPsf},
         cull::{CullSettings, SPLAT_MARGIN_PX, VisibleChunk, distinct_eyes_pc, visible_chunks},
@@ -92,6 +93,12 @@ pub struct Plan {
     pub billboards: Option<BillboardPlan>,
     /// The point-spread function of `psf_texture`.
     pub psf: Option<Arc<DrawnPsf>>,
+    /// The map of faint light that the frame reads; `None`: it draws all stars one by one.
+    pub sky_map: Option<SkyMap>,
+    /// What it divides the stars into.
+    pub sky_stars: Option<SkyStars>,
+    /// The picture of such a map that the frame is.
+    pub sky_face: Option<SkyFace>,
     /// Time that culling took, ms.
     pub cull_ms: f64,
 }
@@ -137,7 +144,14 @@ impl Plan {
         settings: &RenderSettings,
         limits: &Limits,
     ) -> Result<Self, PlanError> {
-        Planner::new().plan(scene, rig, settings, None, PlanOutputs { output: Output::Hdr, views: None }, limits)
+        Planner::new().plan(
+            scene,
+            rig,
+            settings,
+            None,
+            PlanOutputs { output: Output::Hdr, views: None, sky: SkyUse::StarByStar },
+            limits,
+        )
     }
 }
 
@@ -148,6 +162,19 @@ pub struct PlanOutputs<'a> {
     pub output: Output,
     /// Which views are wanted, in the order of the rig; `None`: all of them. Others are drawn only where the exposure depends on them.
     pub views: Option<&'a [bool]>,
+    /// What it has to do with maps of faint light.
+    pub sky: SkyUse,
+}
+
+/// What a frame has to do with maps of faint light.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum SkyUse {
+    /// It draws every star by itself.
+    StarByStar,
+    /// It may read one.
+    Map,
+    /// It is one of the pictures of one.
+    Face(SkyFace),
 }
 
 /// Makes plans, and keeps what takes its time to compute and depends on settings alone: kernels of glare, point-spread functions,
@@ -158,6 +185,7 @@ pub struct Planner {
     psf: Option<(PsfTextureSettings, Arc<DrawnPsf>)>,
     overlay: OverlayPlanner,
     pictures: Pictures,
+    sky_maps: SkyMaps,
     /// Whether chunks outside of every view are left out; false only to measure what that saves.
     pub culling: bool,
     /// Factor on the fixed-point units: 1. Tests raise it to provoke an overflow.
@@ -180,6 +208,7 @@ impl Planner {
             psf: None,
             overlay: OverlayPlanner::default(),
             pictures: Pictures::default(),
+            sky_maps: SkyMaps::default(),
             culling: true,
             unit_factor: 1.0,
         }
@@ -273,7 +302,7 @@ impl Planner {
 
         let camera = &scene.camera;
         let motion = Motion::new(camera.velocity_c);
-        let PlanOutputs { output, views } = outputs;
+        let PlanOutputs { output, views, sky } = outputs;
         let all_viewports = rig.viewports(camera.world_from_camera);
         // The meter looks at all views, and bodies and asteroids in any of them may ask for another exposure.
         let views = views.filter(|_| !settings.exposure.is_metered() && scene.objects.is_empty());
@@ -285,14 +314,6 @@ impl Planner {
         let reaches = viewports.iter().filter_map(|viewport| gaussian_of(settings, viewport));
         let margin_px = reaches.map(|(_, reach_px)| reach_px).fold(SPLAT_MARGIN_PX, f64::max);
         let faintest_lx = illuminance_lx_from_magnitude(settings.stars.magnitude_limit);
-
-        // Stars that may be seen.
-        let cull = CullSettings { faintest_lx, enabled: self.culling, motion, margin_px };
-        let start = Instant::now();
-        let camera_pc = camera.position_m / PARSEC_M;
-        let visible =
-            if method.reads_visible() { visible_chunks(&scene.stars, camera_pc, &viewports, cull) } else { Vec::new() };
-        let cull_ms = start.elapsed().as_secs_f64() * 1e3;
 
         // Bodies, asteroids, and what they scatter in the eye.
         let suns = suns(&scene.objects);
@@ -348,14 +369,47 @@ impl Planner {
             planned_ev100(settings, &shown_stars, &pictures, lit.as_ref()).map(|ev100| f64::from(ev100 as f32))
         };
         let known_ev100 = settings.exposure.known_ev100(adapted_ev100, planned_ev100);
-        let expected_ev100 = settings
-            .known_white_ev100(known_ev100)
-            .or_else(|| expected_ev100(&visible, bodies.as_ref(), total_solid_angle_sr, &settings.exposure));
+        // Stars that may be seen: all of them, or those that the map of faint light leaves, which follows from the exposure.
+        let camera_pc = camera.position_m / PARSEC_M;
+        let mut cull_ms = 0.0;
+        let mut seen_from = |stars: &StarSet, faintest_lx: f64| {
+            let cull = CullSettings { faintest_lx, enabled: self.culling, motion, margin_px };
+            let start = Instant::now();
+            let visible = match method.reads_visible() {
+                true => visible_chunks(stars, camera_pc, &viewports, cull),
+                false => Vec::new(),
+            };
+            cull_ms += start.elapsed().as_secs_f64() * 1e3;
+            visible
+        };
+        let known_white_ev100 = settings.known_white_ev100(known_ev100);
+        let all_visible = known_white_ev100.is_none().then(|| seen_from(&scene.stars, faintest_lx));
+        let expected_ev100 = known_white_ev100.or_else(|| {
+            let visible = all_visible.as_deref().unwrap_or_default();
+            expected_ev100(visible, bodies.as_ref(), total_solid_angle_sr, &settings.exposure)
+        });
+        let mut step_cd_m2 = None;
         if output == Output::Display && draws_outputs_apart(settings, &scene.objects, &all_viewports) {
             let white_cd_m2 = expected_ev100.map_or(0.0, white_luminance_cd_m2);
-            glare.in_sums = display_step_cd_m2(&settings.accuracy, &settings.tone_map, white_cd_m2)
-                .map(|step| VeilInSums { least_cd_m2: least_veil_cd_m2(step) / glare.fraction });
+            step_cd_m2 = display_step_cd_m2(&settings.accuracy, &settings.tone_map, white_cd_m2);
+            glare.in_sums = step_cd_m2.map(|step| VeilInSums { least_cd_m2: least_veil_cd_m2(step) / glare.fraction });
         }
+        let map =
+            step_cd_m2.filter(|_| sky == SkyUse::Map && all_visible.is_none() && motion.is_none()).and_then(|step| {
+                self.sky_maps.choose(&SkyInputs {
+                    settings,
+                    stars: &scene.stars,
+                    camera_pc,
+                    viewports: &viewports,
+                    step_cd_m2: step,
+                    faintest_lx,
+                    limits,
+                })
+            });
+        let (sky_map, sky_stars) = map.unzip();
+        let stars = sky_stars.as_ref().map_or(&scene.stars, |divided| &divided.others);
+        let drawn_from_lx = sky_map.map_or(faintest_lx, |map| map.others_from_lx());
+        let visible = all_visible.unwrap_or_else(|| seen_from(stars, drawn_from_lx));
         // Units of light.
         let eyes_pc = distinct_eyes_pc(&viewports);
         let eyes_m: Vec<DVec3> = eyes_pc.iter().map(|eye| *eye * PARSEC_M).collect();
@@ -370,7 +424,12 @@ impl Planner {
                 .collect(),
             crowd_lx: asteroids.iter().flat_map(|plan| &plan.cut.points_lx).copied().fold(0.0, f64::max),
         });
-        let mut ranges = range::choose(&scene.stars, &visible, &eyes_pc, faintest_lx, motion, &other);
+        let mut ranges = range::choose(stars, &visible, &eyes_pc, drawn_from_lx, motion, &other);
+        let sky_face = if let SkyUse::Face(face) = sky { Some(face) } else { None };
+        if let Some(SkyFace { map, .. }) = sky_face {
+            ranges.main.brightest_lx = map.below_lx;
+            ranges.bright = None;
+        }
         ranges.main.units_per_lx *= self.unit_factor;
 
         let accumulator = limits.accumulator_name(method.accumulator());
@@ -379,6 +438,7 @@ impl Planner {
             let of_travel = travel::certificate(&scene.stars, &visible, &motion, &settings.accuracy);
             stars.report.certificate.extend(of_travel);
         }
+        stars.report.certificate.extend(sky_map.map(|_| of_sky_map(settings.accuracy.display_codes)));
         stars.report.certificate.extend(asteroids.iter().flat_map(|plan| plan.certificate.iter().cloned()));
 
         let psf = self.psf.as_ref().filter(|_| method == StarMethod::PsfTexture).map(|(_, psf)| Arc::clone(psf));
@@ -414,8 +474,22 @@ impl Planner {
             glare,
             billboards,
             psf,
+            sky_map,
+            sky_stars,
+            sky_face,
             cull_ms,
         })
+    }
+}
+
+/// What the map of faint light costs in accuracy: weights of its kernel and of the tent lie between 0 and 1.
+fn of_sky_map(display_codes: f64) -> Approximation {
+    let bound = BRIGHTEST_STEPS * display_codes;
+    Approximation {
+        what: "a star of the map of faint light, against itself drawn alone".to_owned(),
+        bound,
+        unit: "codes of 8 bits".to_owned(),
+        within_budget: Some(bound <= display_codes),
     }
 }
 

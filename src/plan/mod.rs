@@ -3,7 +3,8 @@
 //! `settings` names the methods, `frame` makes the plan of a frame and `certificate` the bounds of its approximations. `exposure` finds the
 //! exposure as far as it follows from the plan. `tiles` cuts
 //! viewports into what the adapter can hold. Each technique has a folder: `stars` (culling, fixed-point ranges, kernels, motion, the
-//! numbers of the methods that blend), `bodies`, `asteroids` and `glare`.
+//! numbers of the methods that blend), `bodies`, `asteroids` and `glare`; `smooth_light` chooses the map of faint
+//! stars.
 
 pub mod adaptation;
 pub mod asteroids;
@@ -18,13 +19,14 @@ mod headset;
 mod limits;
 pub mod overlay;
 pub mod settings;
+pub mod smooth_light;
 pub mod stars;
 pub mod tiles;
 
 pub use budget::Output;
 pub use certificate::{Approximation, FramePlan, StarPlan, plan_stars};
 pub use error::PlanError;
-pub use frame::{GlarePlan, Plan, PlanOutputs, Planner, VeilInSums};
+pub use frame::{GlarePlan, Plan, PlanOutputs, Planner, SkyUse, VeilInSums};
 pub use limits::{DISPLAY_BYTES, Limits};
 pub use stars::kernels::{
     BSPLINE_FLICKER, GAUSSIAN_FLICKER, GaussianKernel, GaussianWidth, KernelPlan, PLANE_GAUSSIAN_FLICKER,

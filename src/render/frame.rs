@@ -65,7 +65,7 @@ pub struct ViewStatistics {
     pub name: String,
     /// Stars whose image lies in the picture.
     pub stars_drawn: u64,
-    /// Stars whose light reaches the view through the map of unresolved light.
+    /// Stars in the map of faint light that the view reads, all over the sky; 0: it reads none.
     pub stars_in_map: u64,
     /// Magnitude of the stars that the display image just shows: they peak at 20 of 255. It follows from the exposure and the view's
     /// mean pixel; `None` for star methods that do not draw stars with their own light.

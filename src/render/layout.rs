@@ -76,6 +76,17 @@ gpu_structs! {
         /// Pixels from point to point.
         spacing: u32,
     }
+    /// The map of faint light; see `shaders/shared/sky_map.wgsl`.
+    SkyMap {
+        /// Luminance of a texel's unit, cd/m^2; 0: there is no map.
+        unit_cd_m2: f32,
+        /// Texels per rad.
+        texels_per_rad: f32,
+        /// Side of a picture, texels.
+        side: u32,
+        /// Padding.
+        unused_0: u32,
+    }
     /// What the exposure pass found.
     Exposure {
         /// Exposure of the frame.

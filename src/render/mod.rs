@@ -28,6 +28,7 @@ mod read;
 mod request;
 mod sequence;
 mod shader;
+mod smooth_light;
 mod stars;
 mod submit;
 mod tabulated;
@@ -43,7 +44,7 @@ pub use self::{
     frame::{Frame, FrameImage, FrameTimes, ViewStatistics, Wanted},
     prepare::PrepareStep,
     presentation::Presentation,
-    request::FrameRequest,
+    request::{FrameRequest, SkyMapUse},
     submit::SubmittedFrame,
 };
 // What tests look at, and no part of the interface.
@@ -74,6 +75,8 @@ pub struct Renderer {
     /// Those for rigs with tabulated pictures, or for rigs without, whichever the last one was not.
     idle_techniques: Option<Vec<Box<dyn Technique + Send>>>,
     targets: Targets,
+    /// Those of the pictures of a map of faint light, while there are some to draw.
+    sky_targets: Option<Targets>,
     tables: MappingTables,
     frames: u64,
     /// The frames that have been submitted and not finished, the oldest first.
@@ -101,6 +104,7 @@ impl Renderer {
             techniques: sequence::techniques(&gpu),
             idle_techniques: None,
             targets: Targets::new(&gpu),
+            sky_targets: None,
             tables: MappingTables::default(),
             frames: 0,
             in_flight: VecDeque::new(),
@@ -140,6 +144,7 @@ impl Renderer {
     fn forget_buffers(&mut self) {
         self.techniques.iter_mut().for_each(|technique| technique.release());
         self.targets.release();
+        self.sky_targets = None;
         self.tables.release();
         self.gpu.forget_frames();
         self.spare_slots.clear();
@@ -186,6 +191,7 @@ pub fn struct_layouts() -> Vec<StructLayout> {
         display::layout::struct_layouts,
         glare::layout::struct_layouts,
         overlay::layout::struct_layouts,
+        smooth_light::layout::struct_layouts,
         stars::layout::struct_layouts,
     ];
     of_techniques.iter().flat_map(|layouts| layouts()).collect()

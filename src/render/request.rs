@@ -36,6 +36,19 @@ pub struct FrameRequest<'a> {
     pub(super) presentations: &'a [Presentation<'a>],
     wanted: WantedViews<'a>,
     output: Option<Output>,
+    pub(super) sky_map: SkyMapUse,
+}
+
+/// What a frame does that may read a map of faint light where none is there.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum SkyMapUse {
+    /// It waits for one.
+    #[default]
+    Wait,
+    /// It makes a part of one and draws every star by itself meanwhile.
+    InTurn,
+    /// It draws every star by itself.
+    Off,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -55,6 +68,7 @@ impl<'a> FrameRequest<'a> {
             presentations: &[],
             wanted: WantedViews::Every(Wanted::display()),
             output: None,
+            sky_map: SkyMapUse::default(),
         }
     }
 
@@ -83,6 +97,11 @@ impl<'a> FrameRequest<'a> {
     /// Textures to draw images into, in the same submission, besides what is read back.
     pub fn presentations(self, presentations: &'a [Presentation<'a>]) -> Self {
         Self { presentations, ..self }
+    }
+
+    /// What to do where display images may read a map of faint light and none is there.
+    pub fn sky_map(self, sky_map: SkyMapUse) -> Self {
+        Self { sky_map, ..self }
     }
 
     /// The scene, with its camera.

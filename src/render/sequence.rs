@@ -6,6 +6,7 @@ use super::{
     display::Display,
     glare::Glare,
     overlay::Overlay,
+    smooth_light::SmoothLight,
     stars::Stars,
     technique::{Phase, Recording, Technique},
 };
@@ -19,6 +20,7 @@ pub(super) fn techniques(gpu: &Gpu) -> Vec<Box<dyn Technique + Send>> {
         Box::new(Stars::new(gpu)),
         Box::new(Glare::new()),
         Box::new(Display::new(gpu)),
+        Box::new(SmoothLight::new()),
         Box::new(Overlay::new()),
     ]
 }

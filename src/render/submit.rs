@@ -6,21 +6,27 @@
 //! read back of it in its own submission. What the host keeps of a frame until it is finished is its own (`FrameSlot`).
 
 use std::{
+    mem,
     sync::Arc,
     time::{Duration, Instant},
 };
 
 use super::{
-    Frame, FrameRequest, RenderError, Renderer, Wanted,
+    Frame, FrameRequest, RenderError, Renderer, SkyMapUse, Wanted,
     presentation::check_presentations,
     read::{self, Places},
     sequence,
+    targets::Targets,
     technique::{FrameInputs, Outputs, Recording},
 };
 use crate::{
     gpu::{Gpu, GpuError, GpuTimer, ReadbackBuffer, SUBMISSION_TIMEOUT},
-    plan::{Plan, PlanOutputs, settings::RenderSettings},
-    scene::SceneSnapshot,
+    plan::{
+        Output, Plan, PlanError, PlanOutputs, SkyUse,
+        settings::RenderSettings,
+        smooth_light::{SkyFace, map_camera_m},
+    },
+    scene::{Camera, SceneSnapshot},
 };
 
 /// Frames that may be in flight.
@@ -164,10 +170,15 @@ impl Renderer {
         let views: Vec<bool> = wanted.iter().map(|wanted| *wanted != Wanted::default()).collect();
         // Presentations name viewports of the whole rig.
         let some = presentations.is_empty() && views.contains(&true);
-        let outputs = PlanOutputs { output: request.output(), views: some.then_some(&views[..]) };
-        let plan = self.planner.plan(snapshot, rig, settings, adapted_ev100, outputs, &self.limits)?;
+        let sky = if request.sky_map == SkyMapUse::Off { SkyUse::StarByStar } else { SkyUse::Map };
+        let outputs = PlanOutputs { output: request.output(), views: some.then_some(&views[..]), sky };
+        let mut plan = self.planner.plan(snapshot, rig, settings, adapted_ev100, outputs, &self.limits)?;
         self.hold_tables(&plan.viewports)?;
         self.hold_scene(snapshot, settings)?;
+        if !self.draw_sky(&plan, snapshot, settings, request.sky_map)? {
+            let outputs = PlanOutputs { sky: SkyUse::StarByStar, ..outputs };
+            plan = self.planner.plan(snapshot, rig, settings, adapted_ev100, outputs, &self.limits)?;
+        }
         let outputs = Outputs { wanted: &wanted, presentations };
         let inputs =
             FrameInputs { plan: &plan, scene: snapshot, settings, outputs, catalogue_order: self.catalogue_order };
@@ -195,6 +206,51 @@ impl Renderer {
             done: None,
         });
         Ok(SubmittedFrame { token })
+    }
+
+    /// Draws what is missing of the map of faint light that a plan reads, or a part of it; whether all of it is there now.
+    fn draw_sky(
+        &mut self,
+        plan: &Plan,
+        snapshot: &SceneSnapshot,
+        settings: &RenderSettings,
+        sky_map: SkyMapUse,
+    ) -> Result<bool, RenderError> {
+        let missing: Vec<SkyFace> =
+            self.techniques.iter().flat_map(|technique| technique.missing(plan, snapshot)).collect();
+        let most = if sky_map == SkyMapUse::InTurn { 1 } else { missing.len() };
+        for face in &missing[..most.min(missing.len())] {
+            self.draw_sky_face(face, snapshot, settings)?;
+        }
+        if most >= missing.len() {
+            self.sky_targets = None;
+        }
+        Ok(most >= missing.len())
+    }
+
+    fn draw_sky_face(
+        &mut self,
+        face: &SkyFace,
+        snapshot: &SceneSnapshot,
+        settings: &RenderSettings,
+    ) -> Result<(), RenderError> {
+        let camera = Camera { position_m: map_camera_m(&face.map), ..Camera::default() };
+        let sky = SceneSnapshot { objects: Arc::default(), camera, ..snapshot.clone() };
+        let rig = face.rig().map_err(PlanError::from)?;
+        let settings = face.settings(settings);
+        let outputs = PlanOutputs { output: Output::Hdr, views: None, sky: SkyUse::Face(*face) };
+        let plan = self.planner.plan(&sky, &rig, &settings, None, outputs, &self.limits)?;
+        let wanted = [Wanted { hdr_stays: true, ..Wanted::default() }];
+        let outputs = Outputs { wanted: &wanted, presentations: &[] };
+        let inputs = FrameInputs { plan: &plan, scene: &sky, settings: &settings, outputs, catalogue_order: None };
+        // Nothing is read back of it.
+        let mut slot = FrameSlot::new(&self.gpu);
+        let targets = self.sky_targets.take().unwrap_or_else(|| Targets::new(&self.gpu));
+        let of_frames = mem::replace(&mut self.targets, targets);
+        let (commands, _) = self.record(&inputs, 1, &mut slot);
+        self.sky_targets = Some(mem::replace(&mut self.targets, of_frames));
+        self.gpu.queue.submit([commands]);
+        self.forget_what_failed()
     }
 
     /// Uploads what changes from frame to frame, and records all phases and the copies of what leaves the GPU.

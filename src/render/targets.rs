@@ -124,6 +124,15 @@ pub(crate) struct SmoothVeil {
     pub points: wgpu::Buffer,
 }
 
+/// The map of faint light: see `shaders/shared/sky_map.wgsl`.
+#[derive(Clone)]
+pub(crate) struct SkyTexels {
+    /// Where its texels lie.
+    pub map: layout::SkyMap,
+    /// The texels.
+    pub texels: wgpu::Buffer,
+}
+
 /// Everything that techniques share in a frame.
 pub(crate) struct Targets {
     batch_buffers: Vec<BatchBuffers>,
@@ -151,6 +160,8 @@ pub(crate) struct Targets {
     pub layers: Option<RasterLayers>,
     /// The smooth part of scattered light, where the resolve pass adds it.
     pub veil: Option<SmoothVeil>,
+    /// The map of faint light, where the resolve pass adds it.
+    pub sky: Option<SkyTexels>,
 }
 
 impl Targets {
@@ -178,6 +189,7 @@ impl Targets {
             bodies: None,
             layers: None,
             veil: None,
+            sky: None,
             stand_in,
         }
     }
@@ -195,6 +207,7 @@ impl Targets {
         self.bodies = None;
         self.layers = None;
         self.veil = None;
+        self.sky = None;
     }
 
     /// Makes room for a frame, and uploads its viewports and tiles.
@@ -220,6 +233,7 @@ impl Targets {
         self.bodies = None;
         self.layers = None;
         self.veil = None;
+        self.sky = None;
 
         self.batch_buffers.truncate(plan.batches.len().max(1));
         self.batch_buffers.resize_with(plan.batches.len(), BatchBuffers::new);

@@ -10,7 +10,7 @@ use super::{Presentation, RenderError, ViewStatistics, Wanted, read::Places, tar
 use crate::{
     gpu::{Gpu, GpuTimer, ReadbackBuffer},
     photometry::glare::GlareKernel,
-    plan::{Plan, budget::draws_outputs_apart, settings::RenderSettings},
+    plan::{Plan, budget::draws_outputs_apart, settings::RenderSettings, smooth_light::SkyFace},
     scene::{SceneObjects, SceneSnapshot},
     view::Viewport,
 };
@@ -160,6 +160,11 @@ pub(crate) trait Technique {
     /// The pipelines that such frames take, to be made ahead. What is made already takes no time; what is not made ahead is made by the
     /// first frame that needs it.
     fn pipelines<'a>(&'a self, _wish: &Wish<'a>) -> Vec<PipelineJob<'a>> {
+        Vec::new()
+    }
+
+    /// Pictures of the map of faint light that the frame of a plan reads and that are not there yet.
+    fn missing(&self, _plan: &Plan, _scene: &SceneSnapshot) -> Vec<SkyFace> {
         Vec::new()
     }
 

@@ -17,6 +17,7 @@ use std::{
     time::{Duration, Instant, SystemTime},
 };
 
+use glam::DVec3;
 use tokio::sync::{oneshot, watch};
 
 use super::{
@@ -30,9 +31,12 @@ use super::{
     streams::Streams,
 };
 use crate::{
-    plan::{adaptation::Adaptation, budget::draws_outputs_apart, settings::RenderSettings},
-    render::{FrameRequest, Wanted},
+    plan::{
+        adaptation::Adaptation, budget::draws_outputs_apart, glare::sky_cube::map_place_pc, settings::RenderSettings,
+    },
+    render::{FrameRequest, SkyMapUse, Wanted},
     scene::{Camera, SceneSnapshot},
+    units::PARSEC_M,
     view::Rig,
 };
 
@@ -125,6 +129,7 @@ fn spawn_with(
         last: None,
         checked: false,
         last_exact: false,
+        map_place_pc: None,
         in_flight: VecDeque::new(),
         forecast,
         last_drawn: Instant::now(),
@@ -196,6 +201,8 @@ struct Worker {
     checked: bool,
     /// The last frame was one for HDR images.
     last_exact: bool,
+    /// Where a map of faint light would be made for the camera of the last frame.
+    map_place_pc: Option<DVec3>,
     /// The oldest one first.
     in_flight: VecDeque<InFlight>,
     forecast: Forecast,
@@ -229,12 +236,16 @@ impl Worker {
         self.settings.stars = job.scene.stars.clone();
         self.settings.asteroids = job.scene.asteroids.clone();
         self.shown = job.scene.clone();
+        // While the camera travels, a map would be out of date when it is there.
+        let place_pc = map_place_pc(self.scene.camera.position_m / PARSEC_M);
+        let rests = self.map_place_pc.replace(place_pc).is_none_or(|last| last == place_pc);
         let exposure = &self.settings.exposure;
         let adapted_ev100 = self.adapted_ev100(&job);
         let starts_adaptation = Adaptation::adapts(exposure) && adapted_ev100.is_none();
         let request = FrameRequest::new(&self.scene, &self.rig)
             .settings(&self.settings)
             .wanted_of_each(&job.wanted)
+            .sky_map(if rests { SkyMapUse::InTurn } else { SkyMapUse::Off })
             .adapted_ev100(adapted_ev100);
         match self.engine.submit(request) {
             Ok(()) => {

@@ -25,7 +25,7 @@ use crate::{
         adaptation::Adaptation,
         settings::{HeadsetSettings, ReferenceSpace},
     },
-    render::{FrameRequest, Presentation, RenderError, Renderer, SubmittedFrame, Wanted},
+    render::{FrameRequest, Presentation, RenderError, Renderer, SkyMapUse, SubmittedFrame, Wanted},
     view::{Eye, Fov},
 };
 
@@ -294,6 +294,7 @@ impl Headset {
             FrameRequest::new(&shown.snapshot, &rig)
                 .settings(&shown.settings)
                 .wanted(Wanted::default())
+                .sky_map(SkyMapUse::Off)
                 .presentations(&presentations),
         );
         match submitted.and_then(|submitted| self.renderer.finish(submitted)) {
@@ -458,6 +459,7 @@ impl Headset {
             FrameRequest::new(&shown.snapshot, &rig)
                 .settings(&shown.settings)
                 .wanted(wanted)
+                .sky_map(SkyMapUse::Off)
                 .adapted_ev100(adapted)
                 .presentations(&presentations),
         );

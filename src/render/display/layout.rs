@@ -1,6 +1,7 @@
 //! Structures that the shaders from light to display read.
 
 use crate::gpu::gpu_structs;
+pub(crate) use crate::render::layout::SkyMap;
 
 gpu_structs! {
     /// The numbers of the tone mapping; see `shaders/display/encode.wgsl`.
@@ -34,6 +35,8 @@ gpu_structs! {
         plane_pixels: u32,
         /// How the display image is made there.
         shown: Display,
+        /// The map of faint light.
+        sky: SkyMap,
     }
     /// Parameters of the exposure pass.
     ExposureParameters {

@@ -182,6 +182,8 @@ impl Technique for Display {
                 resolves_to_display && display,
                 !objects.is_empty(),
                 veil,
+                // Whether there is a map depends on the stars: that form is made by the first frame that reads one.
+                false,
             );
             if adds_up && !resolves.contains(&outputs) {
                 resolves.push(outputs);

@@ -23,6 +23,8 @@ pub(crate) struct ResolveOutputs {
     pub geometry: bool,
     /// Whether the smooth part of scattered light is added.
     pub veil: bool,
+    /// Whether the map of faint light is added.
+    pub sky: bool,
 }
 
 /// The pass.
@@ -60,8 +62,8 @@ pub(crate) struct ResolveInputs<'a> {
 
 impl ResolveOutputs {
     /// What is written where that much of the HDR image is made.
-    pub(crate) fn new(hdr: HdrImage, display: bool, geometry: bool, veil: bool) -> Self {
-        Self { hdr: hdr != HdrImage::None, dark: hdr == HdrImage::Whole, display, geometry, veil }
+    pub(crate) fn new(hdr: HdrImage, display: bool, geometry: bool, veil: bool, sky: bool) -> Self {
+        Self { hdr: hdr != HdrImage::None, dark: hdr == HdrImage::Whole, display, geometry, veil, sky }
     }
 }
 
@@ -91,6 +93,7 @@ impl ResolvePass {
                 ("WRITE_DARK", outputs.dark),
                 ("HAS_GEOMETRY", outputs.geometry),
                 ("HAS_VEIL", outputs.veil),
+                ("HAS_SKY", outputs.sky),
             ]
             .map(|(name, value)| (name, f64::from(u8::from(value))));
             let constants = [&written[..], &variant.constants()].concat();
@@ -111,13 +114,16 @@ impl ResolvePass {
         let batch = &targets.batches[number];
         let occlusion = targets.occlusion(number);
         let display = batch.display.as_ref().filter(|_| shows);
-        let outputs = ResolveOutputs::new(hdr, display.is_some(), occlusion.present, targets.veil.is_some());
+        let sky = targets.sky.as_ref();
+        let outputs =
+            ResolveOutputs::new(hdr, display.is_some(), occlusion.present, targets.veil.is_some(), sky.is_some());
         let parameters = layout::ResolveParameters {
             lx_per_unit: (1.0 / ranges.main.units_per_lx) as f32,
             lx_per_bright_unit: ranges.bright.map_or(0.0, |bright| (1.0 / bright.units_per_lx) as f32),
             display_per_cd_m2: known_ev100.map_or(0.0, |ev100| (1.0 / white_luminance_cd_m2(ev100)) as f32),
             plane_pixels: batch.plane_pixels,
             shown: encode_display(tone_map),
+            sky: sky.map(|sky| sky.map).unwrap_or_default(),
         };
         let parameters = gpu.frame_uniform("resolve parameters", &parameters);
         let pipeline = &self.pipeline(gpu, outputs, tone_map);
@@ -138,6 +144,7 @@ impl ResolvePass {
             occlusion.geometry,
             veil_grids,
             veil_points,
+            sky.map_or(&self.no_bright, |sky| &sky.texels),
         ];
         pass.set_pipeline(pipeline);
         gpu.bind_tables(pass, pipeline);

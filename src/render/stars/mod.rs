@@ -28,7 +28,7 @@ use super::{
 };
 use crate::{
     gpu::Gpu,
-    plan::{settings::Accumulator, stars::range::FixedPoint},
+    plan::{settings::Accumulator, smooth_light::SkyStars, stars::range::FixedPoint},
 };
 
 /// Passes and buffers of all methods; those of the published ones are made when they are first asked for.
@@ -39,11 +39,15 @@ pub(super) struct Stars {
     cell_sky: CellSky,
     /// What culling picks from.
     held: Option<StarBuffers>,
+    /// The stars that a map of faint light leaves, where the frame reads one.
+    beside_map: Option<StarBuffers>,
     /// All stars in the order of a catalogue.
     catalogue: Option<CatalogueBuffers>,
     item_buffers: ItemBuffers,
     /// Of the frame that is being recorded.
     runs: Vec<ItemRun>,
+    /// Whether that frame reads a map of faint light.
+    reads_map: bool,
 }
 
 impl Stars {
@@ -54,10 +58,17 @@ impl Stars {
             billboards: Billboards::new(),
             cell_sky: CellSky::new(),
             held: None,
+            beside_map: None,
             catalogue: None,
             item_buffers: ItemBuffers::new(),
             runs: Vec::new(),
+            reads_map: false,
         }
+    }
+
+    /// What the items of the frame name stars of.
+    fn drawn(&self) -> Option<&StarBuffers> {
+        if self.reads_map { self.beside_map.as_ref() } else { self.held.as_ref() }
     }
 
     /// What of a batch is drawn of what culling has left.
@@ -68,7 +79,7 @@ impl Stars {
         let of_batch = self.runs.iter().filter(|run| run.batch == batch);
         of_batch
             .map(|run| StarDraw {
-                stars: run.segment.zip(self.held.as_ref()).map_or(near, |(segment, stars)| stars.buffer(segment)),
+                stars: run.segment.zip(self.drawn()).map_or(near, |(segment, stars)| stars.buffer(segment)),
                 items,
                 first_item: run.first_item,
                 item_count: run.item_count,
@@ -151,7 +162,14 @@ impl Technique for Stars {
 
     fn encode(&mut self, gpu: &Gpu, frame: &FrameInputs<'_>, _targets: &mut Targets) {
         let method = frame.settings.stars.method;
-        let held = self.held.as_ref().filter(|_| method.reads_visible());
+        self.reads_map = frame.plan.sky_stars.is_some();
+        if let Some(SkyStars { others, .. }) = &frame.plan.sky_stars
+            && self.beside_map.as_ref().is_none_or(|stars| !stars.holds(others))
+        {
+            self.beside_map = None;
+            self.beside_map = Some(StarBuffers::new(gpu, others.clone()));
+        }
+        let held = self.drawn().filter(|_| method.reads_visible());
         let Items { items, runs, near } = held
             .map(|buffers| build_items(buffers, &frame.plan.visible, &frame.plan.batches, frame.catalogue_order))
             .unwrap_or_default();
@@ -177,6 +195,7 @@ impl Technique for Stars {
 
     fn release(&mut self) {
         self.held = None;
+        self.beside_map = None;
         self.catalogue = None;
         self.item_buffers = ItemBuffers::new();
         self.runs.clear();

@@ -1,0 +1,339 @@
+//! The map of faint light: six round pictures of the whole sky, fixed in the world, in which the stars are added up that a display image
+//! shows no more than a few steps of. A frame reads the map pixel by pixel, so that these stars cost it nothing one by one, however many
+//! they are. It is made anew where the camera is elsewhere, and stays while the camera turns.
+//!
+//! Each picture is an equidistant fisheye around an axis of the world, a little wider than a face of the cube around it: texels are of
+//! nearly the same size everywhere, and no star is cut by an edge. A star is shared among four texels (the tent) and a pixel is read
+//! between four (the tent again): in the mean a variance of (1/6 + 1/6) texels^2, which [`TEXEL_PX`] makes that of the tent, 1/6 px^2, as
+//! which exact images draw such stars.
+
+use std::{
+    f64::consts::PI,
+    sync::{Arc, Weak},
+};
+
+use glam::{DMat3, DQuat, DVec3};
+use rayon::prelude::*;
+
+use super::{
+    Limits,
+    glare::sky_cube::map_place_pc,
+    settings::{ExposureMode, GlareMethod, RenderSettings, StarMethod},
+    stars::cull::{light_at, near_stars},
+};
+use crate::{
+    catalogue::{
+        StarRecord,
+        chunks::{Chunk, StarSet},
+        packed::{PackedStar, temperature_of_step_k},
+    },
+    photometry::glare::GlareKernelName,
+    units::{PARSEC_M, magnitude_from_illuminance_lx},
+    view::{
+        Rig, RigError, View, ViewKind, Viewport,
+        projection::{FisheyeMapping, Projection},
+    },
+};
+
+/// Pictures of a map.
+pub const SKY_FACES: u32 = 6;
+/// Side of a texel in the middle of a view, pixels.
+const TEXEL_PX: f64 = 0.707;
+/// Illuminance of the brightest star of the map over the solid angle of the smallest pixel, in steps of the display image.
+pub(super) const BRIGHTEST_STEPS: f64 = 1.15;
+/// How far a picture goes beyond the face's corners, texels: what the tent and the B-spline reach, and rounding.
+const MARGIN_TEXELS: f64 = 4.0;
+/// Angle from the middle of a cube's face to its corner, rad.
+const CORNER_RAD: f64 = 0.955_316_618_124_509_3;
+/// Stars per pixel of the views from which on reading the map costs less than drawing them.
+const WORTH_PER_PIXEL: f64 = 0.3;
+/// Smallest solid angle of a pixel over that of the middle one, and largest ratio of the middle pixels of two views, for which the
+/// texels of one map fit.
+const LEAST_PIXEL_RATIO: f64 = 0.45;
+const MOST_VIEW_RATIO: f64 = 1.25;
+/// Nearer stars keep their distance: farther away a way of 1e9 m turns none by more than 3e-8 rad.
+const NEAR_PC: f64 = 1.0;
+/// An eye farther away from the camera would see the map's stars elsewhere.
+const FARTHEST_EYE_M: f64 = 1e9;
+
+/// Which map a frame reads.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SkyMap {
+    /// Where its stars are seen from, pc.
+    pub place_pc: DVec3,
+    /// The stars below this belong to it, lx.
+    pub below_lx: f64,
+    /// Fainter ones are not drawn at all, lx.
+    pub faintest_lx: f64,
+    /// Luminance that texels are stored in units of: a step of the display image, cd/m^2.
+    pub unit_cd_m2: f64,
+    /// Side of a picture, texels.
+    pub side: u32,
+}
+
+/// One of the pictures that a map is made of.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SkyFace {
+    /// The map.
+    pub map: SkyMap,
+    /// Number of the picture: +x, +y, +z, -x, -y, -z of the world.
+    pub number: u32,
+}
+
+impl SkyMap {
+    /// Half of a picture's field of view, rad.
+    pub fn half_fov_rad(&self) -> f64 {
+        0.5 * f64::from(self.side) * self.texel_rad()
+    }
+
+    /// Angle of a texel along the radius, rad.
+    pub fn texel_rad(&self) -> f64 {
+        2.0 * CORNER_RAD / (f64::from(self.side) - 2.0 * MARGIN_TEXELS)
+    }
+
+    /// What the stars beside the map have at least, lx. They are packed anew, which changes their light by 3e-5.
+    pub fn others_from_lx(&self) -> f64 {
+        self.below_lx * (1.0 - 1e-3)
+    }
+
+    /// Texels of all pictures.
+    pub fn texels(&self) -> u64 {
+        u64::from(SKY_FACES) * u64::from(self.side) * u64::from(self.side)
+    }
+}
+
+impl SkyFace {
+    /// The picture as a rig of one view, for a camera along the axes of the world.
+    ///
+    /// # Errors
+    ///
+    /// None that a map within the limits could have.
+    pub fn rig(&self) -> Result<Rig, RigError> {
+        let kind = ViewKind::Fisheye {
+            size: [self.map.side; 2],
+            mapping: FisheyeMapping::Equidistant,
+            fov_rad: 2.0 * self.map.half_fov_rad(),
+        };
+        Rig::new(vec![View::new("sky", kind, world_from_face(self.number), DVec3::ZERO)?])
+    }
+
+    /// How it is drawn: the faint stars alone, as they are.
+    pub fn settings(&self, of_frame: &RenderSettings) -> RenderSettings {
+        let mut settings = of_frame.clone();
+        settings.stars.method = StarMethod::Tent;
+        settings.glare.method = GlareMethod::None;
+        settings.glare.kernel = GlareKernelName::InverseSquare;
+        settings.exposure.mode = ExposureMode::Manual;
+        settings
+    }
+}
+
+/// Right, up and backwards of a picture are world axes: see `shaders/smooth_light/add.wgsl`, which turns directions by the same rule.
+fn world_from_face(number: u32) -> DQuat {
+    let axis = number as usize % 3;
+    let sign = if number < 3 { 1.0 } else { -1.0 };
+    let right = sign * DVec3::AXES[(axis + 2) % 3];
+    let up = DVec3::AXES[(axis + 1) % 3];
+    DQuat::from_mat3(&DMat3::from_cols(right, up, -sign * DVec3::AXES[axis]))
+}
+
+/// What the choice of a map goes by.
+pub(super) struct SkyInputs<'a> {
+    pub settings: &'a RenderSettings,
+    pub stars: &'a Arc<StarSet>,
+    pub camera_pc: DVec3,
+    /// Those that are drawn.
+    pub viewports: &'a [Viewport],
+    /// Step of the display image, cd/m^2.
+    pub step_cd_m2: f64,
+    pub faintest_lx: f64,
+    pub limits: &'a Limits,
+}
+
+/// Which stars belong to a map, and which are left.
+#[derive(Clone, Debug)]
+pub struct SkyStars {
+    /// Stars of the map.
+    pub in_map: u64,
+    /// The others, as they are seen from the map's place: in chunks that are full, since few of each chunk of the scene are left.
+    pub others: Arc<StarSet>,
+}
+
+/// Chooses maps, and keeps what the stars are divided into for the last one.
+#[derive(Default)]
+pub(super) struct SkyMaps {
+    divided: Option<(Weak<StarSet>, SkyMap, SkyStars)>,
+}
+
+impl SkyMaps {
+    /// The map for these views, and what it divides the stars into; `None` where one does not fit them, or does not pay.
+    pub(super) fn choose(&mut self, inputs: &SkyInputs<'_>) -> Option<(SkyMap, SkyStars)> {
+        let map = fitting(inputs)?;
+        let SkyInputs { stars, viewports, .. } = inputs;
+        let pixels: f64 = viewports.iter().map(|viewport| viewport.size().map(f64::from).iter().product::<f64>()).sum();
+        let share: f64 = viewports.iter().map(|v| v.projection.picture_solid_angle_sr()).sum::<f64>() / (4.0 * PI);
+        let pays = |in_map: f64| in_map * share >= WORTH_PER_PIXEL * pixels;
+        // Before they are looked at one by one.
+        if !pays(stars.stars.len() as f64) {
+            return None;
+        }
+        let is_of = |of: &Weak<StarSet>| of.upgrade().is_some_and(|of| Arc::ptr_eq(&of, stars));
+        let held = self.divided.as_ref().filter(|(of, divided, _)| *divided == map && is_of(of));
+        let divided = held.map_or_else(|| divide(stars, &map), |(.., divided)| divided.clone());
+        self.divided = Some((Arc::downgrade(stars), map, divided.clone()));
+        pays(divided.in_map as f64).then_some((map, divided))
+    }
+}
+
+fn fitting(inputs: &SkyInputs<'_>) -> Option<SkyMap> {
+    let SkyInputs { settings, viewports, step_cd_m2, faintest_lx, .. } = *inputs;
+    if settings.stars.method != StarMethod::Auto || viewports.is_empty() {
+        return None;
+    }
+    let mut middle = [f64::INFINITY, 0.0];
+    let mut smallest_sr = f64::INFINITY;
+    for viewport in viewports {
+        let fits = match &viewport.projection {
+            Projection::Perspective(_) => true,
+            Projection::Fisheye(fisheye) => fisheye.mapping != FisheyeMapping::Orthographic,
+            _ => false,
+        };
+        let (pixel_rad, least_sr) = (viewport.projection.middle_pixel_rad(), viewport.projection.smallest_pixel_sr());
+        if !fits
+            || least_sr < LEAST_PIXEL_RATIO * pixel_rad * pixel_rad
+            || viewport.eye_offset_m.length() > FARTHEST_EYE_M
+        {
+            return None;
+        }
+        middle = [middle[0].min(pixel_rad), middle[1].max(pixel_rad)];
+        smallest_sr = smallest_sr.min(least_sr);
+    }
+    if middle[1] > MOST_VIEW_RATIO * middle[0] {
+        return None;
+    }
+    let map = SkyMap {
+        place_pc: map_place_pc(inputs.camera_pc),
+        below_lx: BRIGHTEST_STEPS * step_cd_m2 * smallest_sr,
+        faintest_lx,
+        unit_cd_m2: step_cd_m2,
+        side: 2 * ((CORNER_RAD / (TEXEL_PX * middle[0])).ceil() + MARGIN_TEXELS) as u32,
+    };
+    (4 * map.texels() <= inputs.limits.max_binding_bytes
+        && map.side <= inputs.limits.max_view_side_px
+        && map.below_lx > faintest_lx)
+        .then_some(map)
+}
+
+/// Divides the stars.
+fn divide(set: &StarSet, map: &SkyMap) -> SkyStars {
+    let of_chunk = |chunk: &Chunk| {
+        let origin_pc = if chunk.at_infinity { DVec3::ZERO } else { chunk.origin_pc - map.place_pc };
+        let mut in_map = 0;
+        let mut others = Vec::new();
+        for (place, star) in near_stars(set, chunk, origin_pc) {
+            let light_lx = light_at(place, star, None);
+            if light_lx >= map.below_lx {
+                others.push(seen_from(map, chunk, place, star, light_lx));
+            } else if light_lx >= map.faintest_lx {
+                in_map += 1;
+            }
+        }
+        (in_map, others)
+    };
+    let divided: Vec<_> = set.chunks.par_iter().map(of_chunk).collect();
+    let in_map = divided.iter().map(|(in_map, _)| in_map).sum();
+    let others = divided.into_iter().flat_map(|(_, others)| others).collect();
+    SkyStars { in_map, others: Arc::new(StarSet::from_records(others)) }
+}
+
+/// A star as it is seen from the map's place: at infinity, unless the camera's way within the map's reach would show its distance.
+fn seen_from(map: &SkyMap, chunk: &Chunk, place: DVec3, star: &PackedStar, light_lx: f64) -> StarRecord {
+    let distance_pc = place.length();
+    let distance_known = !chunk.at_infinity && distance_pc < NEAR_PC;
+    let (position, of_lx) = match distance_known {
+        true => (map.place_pc + place, star.illuminance_at_1_pc_lx() / (10.0 * 10.0)),
+        false => (place / distance_pc, light_lx),
+    };
+    StarRecord {
+        position,
+        magnitude: magnitude_from_illuminance_lx(of_lx) as f32,
+        temperature_k: temperature_of_step_k(star.temperature_step()) as f32,
+        distance_known,
+    }
+}
+
+/// The camera of a map's pictures, m.
+pub fn map_camera_m(map: &SkyMap) -> DVec3 {
+    map.place_pc * PARSEC_M
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
+mod tests {
+    use super::*;
+    use crate::units::illuminance_lx_from_magnitude;
+
+    fn map(side: u32) -> SkyMap {
+        SkyMap {
+            place_pc: DVec3::ZERO,
+            below_lx: illuminance_lx_from_magnitude(8.0),
+            faintest_lx: illuminance_lx_from_magnitude(12.0),
+            unit_cd_m2: 1e-5,
+            side,
+        }
+    }
+
+    #[test]
+    fn every_direction_lies_in_the_picture_of_its_largest_axis() {
+        for side in [64, 838, 2400] {
+            let map = map(side);
+            let viewports: Vec<Viewport> = (0..SKY_FACES)
+                .flat_map(|number| SkyFace { map, number }.rig().unwrap().viewports(DQuat::IDENTITY))
+                .collect();
+            for i in 0..2000 {
+                let z = 1.0 - 2.0 * (f64::from(i) + 0.5) / 2000.0;
+                let (sin, cos) = (f64::from(i) * 2.399_963).sin_cos();
+                let towards = DVec3::new(cos, sin, 0.0) * (1.0 - z * z).sqrt() + DVec3::Z * z;
+                let axis = towards.abs().max_position();
+                let face = axis + if towards[axis] < 0.0 { 3 } else { 0 };
+                let viewport = &viewports[face];
+                let in_view = viewport.world_from_view.conjugate() * towards;
+                let pixel = viewport.projection.mapping().pixel_from_direction(in_view).unwrap();
+                let off = pixel - 0.5 * f64::from(side);
+                assert!(off.length() < 0.5 * f64::from(side) - 3.0, "{side} {towards} {off}");
+                // Right, up and forwards are world axes, as the shader has them.
+                let sign = if towards[axis] < 0.0 { -1.0 } else { 1.0 };
+                let [right, up] = [sign * towards[(axis + 2) % 3], towards[(axis + 1) % 3]];
+                let scale = (right.hypot(up)).atan2(towards[axis].abs()) / right.hypot(up) / map.texel_rad();
+                assert!((off - glam::DVec2::new(right, -up) * scale).length() < 1e-6 * f64::from(side), "{towards}");
+            }
+        }
+    }
+
+    #[test]
+    fn each_star_is_in_the_map_or_beside_it() {
+        let records = (0..20_000)
+            .map(|i| {
+                let turn = f64::from(i) * 2.399_963;
+                let position =
+                    DVec3::new(turn.cos(), turn.sin(), (f64::from(i) * 0.7).sin()) * (0.2 + f64::from(i % 89));
+                StarRecord { position, magnitude: (i % 13) as f32 - 1.0, temperature_k: 6000.0, distance_known: true }
+            })
+            .collect();
+        let set = StarSet::from_records(records);
+        let map = SkyMap { place_pc: DVec3::new(0.3, 0.0, -2.0), ..map(64) };
+        let seen: Vec<f64> = set.iter().map(|(place, _, star)| light_at(place - map.place_pc, star, None)).collect();
+        let SkyStars { in_map, others } = divide(&set, &map);
+        assert_eq!(in_map, seen.iter().filter(|lx| (map.faintest_lx..map.below_lx).contains(*lx)).count() as u64);
+        assert_eq!(others.stars.len(), seen.iter().filter(|lx| **lx >= map.below_lx).count());
+        let light: f64 =
+            others
+                .iter()
+                .map(|(place, at_infinity, star)| {
+                    if at_infinity { star.illuminance_at_1_pc_lx() } else { light_at(place - map.place_pc, star, None) }
+                })
+                .sum();
+        let expected: f64 = seen.iter().filter(|lx| **lx >= map.below_lx).sum();
+        assert!((light / expected - 1.0).abs() < 1e-5, "{light} {expected}");
+    }
+}

@@ -1,0 +1,17 @@
+//! Structures that the shaders of the map of faint light read.
+
+use crate::gpu::gpu_structs;
+
+gpu_structs! {
+    /// Parameters of the pass that stores a picture as texels; see `shaders/smooth_light/pack.wgsl`.
+    PackParameters {
+        /// Pixels of the batch.
+        plane_pixels: u32,
+        /// Side of a picture, texels.
+        side: u32,
+        /// Index of the picture's first texel.
+        first_texel: u32,
+        /// Units of luminance per cd/m^2.
+        units_per_cd_m2: f32,
+    }
+}

@@ -1,0 +1,112 @@
+//! The map of faint light (`crate::plan::smooth_light`): pictures of the sky are drawn in frames of their own and stored as texels of 32
+//! bits; the resolve pass of frames that read the map adds it to the light of their pixels. Shaders: `shaders/smooth_light/`,
+//! `shaders/shared/sky_map.wgsl`.
+
+pub(crate) mod layout;
+
+use std::sync::{Arc, OnceLock};
+
+use super::{
+    layout::SkyMap as SkyMapLayout,
+    shader::Shader,
+    targets::{SkyTexels, Targets},
+    technique::{FrameInputs, Phase, Recording, Technique, begin_pass},
+};
+use crate::{
+    catalogue::chunks::StarSet,
+    gpu::{Gpu, GrowingBuffer, bind_in_order},
+    plan::{
+        Plan,
+        smooth_light::{SKY_FACES, SkyFace, SkyMap},
+    },
+    scene::SceneSnapshot,
+};
+
+/// A map, as far as it is made.
+struct Held {
+    stars: Arc<StarSet>,
+    map: SkyMap,
+    /// Bit i: picture i is there.
+    faces: u32,
+}
+
+/// Passes and buffers, made when they are first asked for.
+pub(super) struct SmoothLight {
+    pack: OnceLock<wgpu::ComputePipeline>,
+    held: Option<Held>,
+    texels: GrowingBuffer,
+}
+
+impl SmoothLight {
+    pub(super) fn new() -> Self {
+        Self {
+            pack: OnceLock::new(),
+            held: None,
+            texels: GrowingBuffer::new("smooth light", wgpu::BufferUsages::STORAGE),
+        }
+    }
+
+    fn pack(&self, recording: &mut Recording<'_>, face: &SkyFace, batch: usize) {
+        let gpu = recording.gpu;
+        let Some(texels) = self.texels.held() else { unreachable!("there is room for a map before it is drawn") };
+        let picture = recording.targets.picture(batch);
+        let parameters = layout::PackParameters {
+            plane_pixels: picture.plane_pixels,
+            side: face.map.side,
+            first_texel: face.number * face.map.side * face.map.side,
+            units_per_cd_m2: (1.0 / face.map.unit_cd_m2) as f32,
+        };
+        let parameters = gpu.frame_uniform("smooth light parameters", &parameters);
+        let pipeline = self.pack.get_or_init(|| gpu.compute_pipeline(&Shader::new("smooth_light/pack").source()));
+        let buffers = [&parameters, picture.tiles, picture.pixels, texels];
+        let group = bind_in_order(gpu, pipeline, 0, &buffers);
+        let [columns, rows, tiles] = recording.targets.batches[batch].grid;
+        let mut pass = begin_pass(recording.encoder, recording.timer, "smooth light");
+        pass.set_pipeline(pipeline);
+        pass.set_bind_group(0, &group, &[]);
+        pass.dispatch_workgroups(columns, rows, tiles);
+    }
+}
+
+impl Technique for SmoothLight {
+    fn missing(&self, plan: &Plan, scene: &SceneSnapshot) -> Vec<SkyFace> {
+        let Some(map) = plan.sky_map else { return Vec::new() };
+        let held = self.held.as_ref().filter(|held| held.map == map && Arc::ptr_eq(&held.stars, &scene.stars));
+        let there = held.map_or(0, |held| held.faces);
+        (0..SKY_FACES).filter(|number| there & 1 << number == 0).map(|number| SkyFace { map, number }).collect()
+    }
+
+    fn encode(&mut self, gpu: &Gpu, frame: &FrameInputs<'_>, targets: &mut Targets) {
+        if let (Some(map), Some(texels)) = (frame.plan.sky_map, self.texels.held()) {
+            let unit_cd_m2 = map.unit_cd_m2 * frame.plan.glare.share_in_sums();
+            let of_map = SkyMapLayout {
+                unit_cd_m2: unit_cd_m2 as f32,
+                texels_per_rad: (1.0 / map.texel_rad()) as f32,
+                side: map.side,
+                unused_0: 0,
+            };
+            targets.sky = Some(SkyTexels { map: of_map, texels: texels.clone() });
+        }
+        let Some(SkyFace { map, number }) = frame.plan.sky_face else { return };
+        let stars = &frame.scene.stars;
+        if self.held.as_ref().is_none_or(|held| held.map != map || !Arc::ptr_eq(&held.stars, stars)) {
+            self.texels.with_room(gpu, 4 * map.texels());
+            self.held = Some(Held { stars: Arc::clone(stars), map, faces: 0 });
+        }
+        if let Some(held) = &mut self.held {
+            held.faces |= 1 << number;
+        }
+    }
+
+    fn record(&mut self, phase: Phase, recording: &mut Recording<'_>) {
+        // After the resolve pass.
+        if let (Phase::Resolve(batch), Some(face)) = (phase, recording.frame.plan.sky_face) {
+            self.pack(recording, &face, batch);
+        }
+    }
+
+    fn release(&mut self) {
+        self.held = None;
+        self.texels.release();
+    }
+}
