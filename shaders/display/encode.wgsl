@@ -92,16 +92,15 @@ fn at_luminance(value: vec3<f32>, y: f32) -> vec3<f32> {
 
 // Display values, encoded, of light in cd/m^2.
 fn encoded_display(luminance: vec3<f32>, display_per_cd_m2: f32, shown: Display) -> vec3<f32> {
-    var light = without_nan(luminance);
+    var light = bounded(without_nan(luminance));
     if SCOTOPIC {
-        light = seen_at_night(bounded(light), shown.scotopic);
+        light = bounded(seen_at_night(light, shown.scotopic));
     }
-    var value = light * display_per_cd_m2;
+    var value = min(light * display_per_cd_m2, vec3(BRIGHTEST));
     if TONE_OPERATOR == OPERATOR_CALIBRATED {
         // The display adds its black to everything.
-        value = (light - shown.black_cd_m2) / (shown.peak_cd_m2 - shown.black_cd_m2);
+        value = bounded((light - shown.black_cd_m2) / (shown.peak_cd_m2 - shown.black_cd_m2));
     }
-    value = bounded(value);
     var scale = 1.0;
     var encoded = vec3(0.0);
     if TONE_OPERATOR == OPERATOR_FILMIC {

@@ -6,6 +6,7 @@
 mod catalogue;
 mod chart;
 mod error;
+mod explain;
 mod info;
 mod load;
 mod logging;

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use clap::Args;
 
 use super::{
-    CliError,
+    CliError, explain,
     load::{self, LoadedScene},
     results,
 };
@@ -20,8 +20,9 @@ use crate::scene::SceneSnapshot;
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
     steradian render --config configs/dome.toml --out out\n  \
-    steradian render --config configs/demo.toml --out out --set views.dome.size=[2048,2048] --set exposure.mode=manual\n\n\
-    Writes <view>.exr and <view>.png (with several images <view>.<part>.exr and .png) and manifest.json.\n\
+    steradian render --config configs/demo.toml --out out --set views.dome.size=[2048,2048] --set exposure.mode=manual\n  \
+    steradian render --config configs/dome.toml --out out --explain\n\n\
+    Writes <view>.exr and <view>.png (with several images <view>.<part>.exr and .png) timings.json and manifest.json.\n\
     The key of --set is a dotted path; a view is named by its name or its index from 0. Values are TOML; a bare word is a\n\
     string. Relative paths of catalogues start at the folder of the configuration.")]
 pub struct RenderArguments {
@@ -34,6 +35,9 @@ pub struct RenderArguments {
     /// Override a key of the configuration; can be repeated.
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
+    /// Print what was drawn how, with the bound of every approximation.
+    #[arg(long)]
+    explain: bool,
 }
 
 /// Runs the command.
@@ -56,6 +60,9 @@ pub fn run(arguments: RenderArguments, adapter: Option<String>) -> Result<(), Cl
     let frame = renderer
         .render(FrameRequest::new(&snapshot, &rig).settings(&settings).wanted(Wanted::both()))
         .map_err(|error| CliError::render(error, &config.origin))?;
+    if arguments.explain {
+        results::line(explain::text(&frame))?;
+    }
     let tell = |path: &Path| tracing::info!("wrote {}", path.display());
     for path in write_frame(&arguments.out, &rig, &frame, &renderer.adapter().adapter, &tell)? {
         results::line(path.display())?;

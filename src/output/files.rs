@@ -1,5 +1,5 @@
-//! The files of a frame: `<view>.exr` and `<view>.png`, with `<view>.<part>.` for a view of several images, and
-//! `manifest.json`, which comes last: where it is, the images are.
+//! The files of a frame: `<view>.exr` and `<view>.png`, with `<view>.<part>.` for a view of several images, `timings.json`, and
+//! `manifest.json`, which comes last: where it is, the images are. All but the times are the same whenever the frame is.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -10,7 +10,7 @@ use serde::Serialize;
 use super::encode::{EncodeError, Encoding, encode};
 use crate::files::write_whole;
 use crate::plan::FramePlan;
-use crate::render::{AsteroidCounts, Frame};
+use crate::render::{AsteroidCounts, Frame, FrameTimes};
 use crate::view::Rig;
 
 /// Why the files of a frame cannot be written.
@@ -41,10 +41,10 @@ pub enum OutputError {
         /// Number of views.
         views: usize,
     },
-    /// The manifest cannot be put into JSON: a number in it is not finite.
+    /// The manifest or the times cannot be put into JSON: a number in it is not finite.
     #[error("cannot encode {}: {source}", path.display())]
     Manifest {
-        /// The manifest.
+        /// The file.
         path: PathBuf,
         /// Why.
         source: serde_json::Error,
@@ -69,11 +69,36 @@ struct ManifestView<'a> {
     limiting_magnitude: Option<f64>,
     /// Asteroids by what they are drawn as.
     asteroids: &'a AsteroidCounts,
-    gpu_ms: Option<f64>,
+    /// How display images were drawn, and HDR images where these are frames of their own.
     plan: &'a FramePlan,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    hdr_plan: Option<&'a FramePlan>,
 }
 
-/// Writes every image of the frame as EXR and PNG, and the manifest, into `folder`, which is made if it is not there.
+#[derive(Serialize)]
+struct Timings<'a> {
+    /// Of the frame; of display and HDR images together where they were drawn apart.
+    frame: &'a FrameTimes,
+    views: Vec<ViewTimings<'a>>,
+}
+
+#[derive(Serialize)]
+struct ViewTimings<'a> {
+    name: &'a str,
+    gpu_ms: Option<f64>,
+}
+
+fn write_json(path: PathBuf, content: &impl Serialize) -> Result<PathBuf, OutputError> {
+    let mut json =
+        serde_json::to_vec_pretty(content).map_err(|source| OutputError::Manifest { path: path.clone(), source })?;
+    json.push(b'\n');
+    match write_whole(&path, &json) {
+        Ok(()) => Ok(path),
+        Err(source) => Err(OutputError::Write { path, source }),
+    }
+}
+
+/// Writes every image of the frame as EXR and PNG, the times and the manifest, into `folder`, which is made if it is not there.
 /// Files are encoded side by side; `written` is told each as soon as it is there. Returns the paths in the order of views
 /// and images, the manifest last. Each file appears whole or not at all.
 pub fn write_frame(
@@ -115,19 +140,20 @@ pub fn write_frame(
             stars_in_map: statistics.stars_in_map,
             limiting_magnitude: statistics.limiting_magnitude,
             asteroids: &statistics.asteroids,
-            gpu_ms: statistics.gpu_ms,
             plan: &frame.plan,
+            hdr_plan: frame.hdr_plan.as_ref(),
         })
         .collect();
     let manifest =
         Manifest { adapter, scene_revision: frame.scene_revision, exposure_ev100: frame.exposure_ev100, views };
-    let path = folder.join("manifest.json");
-    let mut json =
-        serde_json::to_vec_pretty(&manifest).map_err(|source| OutputError::Manifest { path: path.clone(), source })?;
-    json.push(b'\n');
-    write_whole(&path, &json).map_err(|source| OutputError::Write { path: path.clone(), source })?;
-    written(&path);
-    paths.push(path);
+    let views = frame.views.iter().map(|view| ViewTimings { name: &view.name, gpu_ms: view.gpu_ms }).collect();
+    let timings = Timings { frame: &frame.times, views };
+    for path in
+        [write_json(folder.join("timings.json"), &timings)?, write_json(folder.join("manifest.json"), &manifest)?]
+    {
+        written(&path);
+        paths.push(path);
+    }
     Ok(paths)
 }
 
@@ -137,7 +163,7 @@ mod tests {
 
     use super::super::encode::tests::{exr_channel, sample};
     use super::*;
-    use crate::render::{FrameImage, FrameTimes, ViewStatistics};
+    use crate::render::{FrameImage, ViewStatistics};
     use crate::view::projection::Face;
     use crate::view::{Part, View, ViewKind};
 
@@ -177,6 +203,7 @@ mod tests {
             images,
             views,
             plan: FramePlan { stars: "bspline".to_owned(), ..FramePlan::default() },
+            hdr_plan: None,
             times: FrameTimes::default(),
         };
         (rig, frame)
@@ -189,7 +216,8 @@ mod tests {
         let (rig, frame) = rig_and_frame();
         let written = write_frame(&out, &rig, &frame, "some adapter", &|_| {}).unwrap();
         let names: Vec<&str> = written.iter().map(|path| path.file_name().unwrap().to_str().unwrap()).collect();
-        let expected = "sky.exr sky.png cube.front.exr cube.front.png cube.down.exr cube.down.png manifest.json";
+        let expected =
+            "sky.exr sky.png cube.front.exr cube.front.png cube.down.exr cube.down.png timings.json manifest.json";
         assert_eq!(names.join(" "), expected);
         assert_eq!(std::fs::read_dir(&out).unwrap().count(), written.len(), "nothing else is left");
 
@@ -201,11 +229,15 @@ mod tests {
         assert_eq!(manifest["views"][1]["name"], "cube");
         assert_eq!(manifest["views"][1]["files"].as_array().unwrap().len(), 4);
         assert_eq!(manifest["views"][1]["stars_drawn"], 4);
-        assert_eq!(manifest["views"][0]["gpu_ms"], 1.5);
-        assert!(manifest["views"][1]["gpu_ms"].is_null());
         assert_eq!(manifest["views"][1]["limiting_magnitude"], 6.25);
         assert!(manifest["views"][0]["limiting_magnitude"].is_null());
         assert_eq!(manifest["views"][0]["plan"]["stars"], "bspline");
+
+        let timings: serde_json::Value =
+            serde_json::from_slice(&std::fs::read(out.join("timings.json")).unwrap()).unwrap();
+        assert_eq!(timings["views"][0]["gpu_ms"], 1.5);
+        assert!(timings["views"][1]["gpu_ms"].is_null());
+        assert_eq!(timings["frame"]["total_ms"], 0.0);
 
         let omega = exr_channel(&std::fs::read(out.join("cube.down.exr")).unwrap(), "omega");
         let expected: Vec<f32> = frame.images[2].hdr.as_ref().unwrap().iter().map(|pixel| pixel[3]).collect();

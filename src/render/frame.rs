@@ -44,6 +44,7 @@ impl Frame {
                 None => self.images.push(image),
             }
         }
+        self.hdr_plan = Some(exact.plan);
         // Views lie in the order of the rig; a view's parts keep theirs.
         self.images.sort_by_key(|image| image.view);
         let (own, other) = (&mut self.times, exact.times);
@@ -147,6 +148,8 @@ pub struct Frame {
     pub views: Vec<ViewStatistics>,
     /// Methods chosen and the certificate.
     pub plan: FramePlan,
+    /// The same of the HDR images, where these were drawn apart from the display images.
+    pub hdr_plan: Option<FramePlan>,
     /// Where the time went.
     pub times: FrameTimes,
 }

@@ -4,7 +4,7 @@
 //! submission, waits, and reads back what was asked for. [`Renderer::submit`] and [`Renderer::finish`] are its two halves, for callers that
 //! have better to do than to wait; two frames may be in flight. Nothing of a frame depends on the frame before it but the exposure that the caller hands in.
 //!
-//! A technique is a folder: `stars`, `bodies`, `asteroids`, `glare`, `display`. `technique` says what each one does, `sequence`
+//! A technique is a folder: `stars`, `smooth_light`, `bodies`, `asteroids`, `glare`, `display`. `technique` says what each one does, `sequence`
 //! in which order; what two of them share lies in `targets`. No technique imports another.
 
 pub(crate) mod asteroids;

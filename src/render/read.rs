@@ -136,6 +136,7 @@ impl Renderer {
             images,
             views,
             plan: plan.report.clone(),
+            hdr_plan: None,
             times: FrameTimes { passes_ms, gpu_ms, cull_ms: plan.cull_ms, ..Default::default() },
         })
     }

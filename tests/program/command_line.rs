@@ -190,6 +190,46 @@ const SCENE: &str = "[scene]\ncatalogues = ['builtin:bright']\n[[views]]\nname =
     size = [16, 16]\nipd_m = 0.06\nfov = { left_deg = -40, right_deg = 30, up_deg = 30, down_deg = -30 }\n";
 
 #[test]
+fn five_renders_have_the_same_bytes_whatever_the_threads() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = "[scene]\ncatalogues = ['builtin:bright', { galaxy = { stars = 150000, seed = 1, fainter_than = 3.5 } }]\n\
+        [[views]]\nname = 'dome'\ntype = 'dome_master'\nsize = [192, 192]\n";
+    std::fs::write(folder.path().join("dome.toml"), scene).unwrap();
+    let mut first: Option<Vec<Vec<u8>>> = None;
+    for threads in ["1", "2", "3", "8", "1"] {
+        let output = Command::new(env!("CARGO_BIN_EXE_steradian"))
+            .args(["render", "--config", "dome.toml", "--out", threads])
+            .current_dir(folder.path())
+            .env("RAYON_NUM_THREADS", threads)
+            .output()
+            .unwrap();
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+        let read = |name: &str| std::fs::read(folder.path().join(threads).join(name)).unwrap();
+        let files = ["dome.png", "dome.exr", "manifest.json"].map(read).to_vec();
+        let manifest: serde_json::Value = serde_json::from_slice(&files[2]).unwrap();
+        assert!(manifest["views"][0]["stars_in_map"].as_u64().unwrap() > 10_000, "the map is among them: {manifest}");
+        assert!(first.get_or_insert_with(|| files.clone()) == &files, "{threads} threads");
+    }
+}
+
+#[test]
+fn explain_tells_bounds_of_display_and_hdr_images() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("sky.toml"), SCENE).unwrap();
+    let (out, _) = run(folder.path(), &["render", "--config", "sky.toml", "--out", "a", "--explain"], 0);
+    for expected in [
+        "exposure    EV100 ",
+        "view        all: ",
+        "shows stars to V = ",
+        "display images\n",
+        "HDR images\n",
+        "  bound     ",
+    ] {
+        assert!(out.contains(expected), "{expected}: {out}");
+    }
+}
+
+#[test]
 fn render_writes_every_image_and_the_manifest_and_repeats_itself() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("sky.toml"), SCENE).unwrap();

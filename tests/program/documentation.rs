@@ -43,6 +43,7 @@ const NO_FILES: &[(&str, &str)] = &[
     ("chart.csv", "what `chart` writes"),
     ("index.html", "what `chart` writes"),
     ("manifest.json", "what `render` writes"),
+    ("timings.json", "what `render` writes"),
     ("http", "an address"),
 ];
 

@@ -140,6 +140,7 @@ impl Engine for TestEngine {
             images,
             views: rig.views().iter().map(statistics).collect(),
             plan: FramePlan::default(),
+            hdr_plan: None,
         });
         assert!(self.begun.len() <= 2, "more than two frames at a time");
         Ok(())

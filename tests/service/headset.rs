@@ -103,6 +103,7 @@ fn mirrored(number: u64, shown: &Shown, wanted: Wanted) -> MirroredFrame {
         images: images.collect(),
         views: Vec::new(),
         plan: FramePlan::default(),
+        hdr_plan: None,
     };
     MirroredFrame { frame: Arc::new(frame), pose_time: pose_time(number), render_time: SystemTime::now() }
 }

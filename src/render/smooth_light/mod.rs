@@ -7,10 +7,11 @@ pub(crate) mod layout;
 use std::sync::{Arc, OnceLock};
 
 use super::{
+    RenderError,
     layout::SkyMap as SkyMapLayout,
     shader::Shader,
     targets::{SkyTexels, Targets},
-    technique::{FrameInputs, Phase, Recording, Technique, begin_pass},
+    technique::{FrameInputs, Holding, Phase, Recording, Technique, begin_pass},
 };
 use crate::{
     catalogue::chunks::StarSet,
@@ -69,6 +70,14 @@ impl SmoothLight {
 }
 
 impl Technique for SmoothLight {
+    fn hold(&mut self, holding: &Holding<'_>) -> Result<(), RenderError> {
+        // A map of other stars would keep these alive.
+        if self.held.as_ref().is_some_and(|held| !Arc::ptr_eq(&held.stars, &holding.scene.stars)) {
+            self.release();
+        }
+        Ok(())
+    }
+
     fn missing(&self, plan: &Plan, scene: &SceneSnapshot) -> Vec<SkyFace> {
         let Some(map) = plan.sky_map else { return Vec::new() };
         let held = self.held.as_ref().filter(|held| held.map == map && Arc::ptr_eq(&held.stars, &scene.stars));

@@ -137,6 +137,7 @@ impl Technique for Stars {
         }
         if method.reads_visible() && self.held.as_ref().is_none_or(|stars| !stars.holds(set)) {
             self.held = None;
+            self.beside_map = None;
             self.held = Some(StarBuffers::new(gpu, set.clone()));
         }
         Ok(())

@@ -117,6 +117,7 @@ impl Engine for TestEngine {
             images: Vec::new(),
             views: Vec::new(),
             plan: FramePlan::default(),
+            hdr_plan: None,
             times: FrameTimes::default(),
         };
         self.in_flight.push_back((number, frame));

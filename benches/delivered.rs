@@ -1,0 +1,185 @@
+//! Frames per second that reach a client over gRPC while the camera turns: the whole way, everything on. Two daemons, or two configurations, take
+//! turns in one run, and medians over rounds are printed with the ratio. `cargo bench --bench delivered -- --help`.
+
+use std::{
+    error::Error,
+    io::{BufRead, BufReader},
+    path::PathBuf,
+    process::{Child, Command, ExitCode, Stdio},
+    time::{Duration, Instant},
+};
+
+use clap::Parser;
+use steradian::{
+    output::Encoding,
+    service::{CameraUpdate, Client},
+};
+use tokio::time::{sleep, timeout};
+
+/// A daemon that has not begun to listen by then has failed.
+const START: Duration = Duration::from_secs(300);
+/// Poses per second.
+const POSES_HZ: f64 = 250.0;
+
+/// Frames per second that a daemon delivers while the camera turns.
+#[derive(Debug, Parser)]
+struct Arguments {
+    /// Configuration of the daemon.
+    #[arg(long, default_value = "configs/dome.toml")]
+    config: PathBuf,
+    /// View that is read.
+    #[arg(long, default_value = "dome")]
+    view: String,
+    /// Overrides of keys, for both.
+    #[arg(long = "set")]
+    set: Vec<String>,
+    /// Overrides of keys for the second one alone.
+    #[arg(long = "beside-set")]
+    beside_set: Vec<String>,
+    /// Program of the second daemon; absent: the same, if it has overrides of its own.
+    #[arg(long)]
+    beside: Option<PathBuf>,
+    /// Rounds, in each of which either is measured once.
+    #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..))]
+    rounds: u32,
+    /// Seconds of a round.
+    #[arg(long, default_value_t = 3.0)]
+    seconds: f64,
+    /// Turn of the camera, degrees per second.
+    #[arg(long, default_value_t = 5.0)]
+    turn_deg_s: f64,
+    /// What cargo gives to every benchmark.
+    #[arg(long, hide = true)]
+    bench: bool,
+}
+
+/// A daemon that ends with this.
+struct Daemon {
+    child: Child,
+    address: String,
+}
+
+impl Daemon {
+    fn start(program: &PathBuf, arguments: &Arguments, set: &[String]) -> Result<Self, Box<dyn Error>> {
+        let mut command = Command::new(program);
+        command.args(["--log", "error", "serve", "--listen", "127.0.0.1:0", "--config"]).arg(&arguments.config);
+        for key in arguments.set.iter().chain(set) {
+            command.args(["--set", key]);
+        }
+        let mut child = command.stdout(Stdio::piped()).spawn()?;
+        let output = child.stdout.take().ok_or("the daemon has no output")?;
+        let begin = Instant::now();
+        for line in BufReader::new(output).lines() {
+            if let Some(address) = line?.strip_prefix("listening on ") {
+                println!("{} listens after {:.1} s", program.display(), begin.elapsed().as_secs_f64());
+                return Ok(Self { child, address: format!("http://{address}") });
+            }
+            if begin.elapsed() > START {
+                break;
+            }
+        }
+        child.kill()?;
+        Err(format!("{} does not listen", program.display()).into())
+    }
+}
+
+impl Drop for Daemon {
+    fn drop(&mut self) {
+        // One that has ended already needs no end.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// What a client saw in a round.
+struct Round {
+    frames_per_s: f64,
+    /// From the time of a frame's pose to the frame here, ms, median.
+    age_ms: f64,
+    ev100: f64,
+    pixels: u64,
+}
+
+/// One round of one daemon: a client turns the camera, another one reads.
+async fn round(daemon: &Daemon, arguments: &Arguments, number: u32) -> Result<Round, Box<dyn Error>> {
+    let mut client = Client::connect(&daemon.address).await?;
+    let start = client.camera().await?;
+    let mut steering = Client::connect(&daemon.address).await?;
+    let turn_deg_s = arguments.turn_deg_s;
+    let steer = tokio::spawn(async move {
+        let begin = Instant::now();
+        loop {
+            let angle = (turn_deg_s * begin.elapsed().as_secs_f64()).to_radians();
+            let orientation = (start.world_from_camera * glam::DQuat::from_rotation_y(angle)).normalize().to_array();
+            let update = CameraUpdate { orientation: Some(orientation), ..CameraUpdate::default() };
+            if steering.set_camera(&update).await.is_err() {
+                return;
+            }
+            sleep(Duration::from_secs_f64(1.0 / POSES_HZ)).await;
+        }
+    });
+    let mut stream = client.stream_frames(&arguments.view, Encoding::Rgba8, 0.0).await?;
+    // What is made for the first frames, a map of faint light among it.
+    for _ in 0..if number == 0 { 12 } else { 3 } {
+        stream.next().await?.ok_or("the stream has ended")?;
+    }
+    let begin = Instant::now();
+    let mut ages_ms = Vec::new();
+    let (mut ev100, mut pixels) = (0.0, 0);
+    while begin.elapsed().as_secs_f64() < arguments.seconds {
+        let frame = timeout(START, stream.next()).await??.ok_or("the stream has ended")?;
+        ages_ms.push(frame.pose_time.elapsed()?.as_secs_f64() * 1e3);
+        ev100 = frame.exposure_ev100;
+        pixels = frame.images.iter().map(|image| u64::from(image.width) * u64::from(image.height)).sum();
+    }
+    let frames_per_s = ages_ms.len() as f64 / begin.elapsed().as_secs_f64();
+    steer.abort();
+    Ok(Round { frames_per_s, age_ms: median(ages_ms), ev100, pixels })
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
+}
+
+async fn run(arguments: Arguments) -> Result<(), Box<dyn Error>> {
+    let own = PathBuf::from(env!("CARGO_BIN_EXE_steradian"));
+    let mut daemons = vec![Daemon::start(&own, &arguments, &[])?];
+    if arguments.beside.is_some() || !arguments.beside_set.is_empty() {
+        let program = arguments.beside.as_ref().unwrap_or(&own);
+        daemons.push(Daemon::start(program, &arguments, &arguments.beside_set)?);
+    }
+    let mut rounds: Vec<Vec<Round>> = daemons.iter().map(|_| Vec::new()).collect();
+    for number in 0..arguments.rounds {
+        for (daemon, rounds) in daemons.iter().zip(&mut rounds) {
+            rounds.push(round(daemon, &arguments, number).await?);
+        }
+    }
+    let median_of = |rounds: &[Round], value: fn(&Round) -> f64| median(rounds.iter().map(value).collect());
+    for (name, rounds) in ["this", "beside"].into_iter().zip(&rounds) {
+        let (fps, age) = (median_of(rounds, |round| round.frames_per_s), median_of(rounds, |round| round.age_ms));
+        println!(
+            "{name:7} {} px, EV {:.2}: {fps:.1} frames/s delivered ({:.1} ms), pose {age:.1} ms old, median of {} rounds",
+            rounds[0].pixels,
+            rounds[0].ev100,
+            1e3 / fps,
+            rounds.len()
+        );
+    }
+    if let [this, beside] = &rounds[..] {
+        let ratios = this.iter().zip(beside).map(|(this, beside)| this.frames_per_s / beside.frames_per_s).collect();
+        println!("ratio   {:.2}, median of pairs", median(ratios));
+    }
+    Ok(())
+}
+
+#[tokio::main]
+async fn main() -> ExitCode {
+    match run(Arguments::parse()).await {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            println!("error: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}

@@ -1,0 +1,83 @@
+//! The plan of a frame in words: what was drawn how, and the bound of every approximation.
+
+use std::fmt::Write;
+
+use crate::{
+    plan::{Approximation, FramePlan},
+    render::{AsteroidCounts, Frame, ViewStatistics},
+};
+
+/// What `render --explain` prints.
+pub(super) fn text(frame: &Frame) -> String {
+    let mut text = format!("exposure    EV100 {:.2}\n", frame.exposure_ev100);
+    for view in &frame.views {
+        text += &of_view(view);
+    }
+    match &frame.hdr_plan {
+        Some(hdr) => {
+            text += &of_plan("display images", &frame.plan);
+            text += &of_plan("HDR images", hdr);
+        }
+        None => text += &of_plan("all images", &frame.plan),
+    }
+    // Whoever prints it ends the last line.
+    text.truncate(text.trim_end().len());
+    text
+}
+
+fn of_view(view: &ViewStatistics) -> String {
+    let AsteroidCounts { meshes, impostors, points, unresolved, .. } = &view.asteroids;
+    let asteroids = meshes.iter().sum::<u64>() + impostors + points + unresolved;
+    let mut line = format!("view        {}: {} stars drawn", view.name, view.stars_drawn);
+    let written = [
+        (view.stars_in_map > 0).then(|| format!("{} in the map of faint stars", view.stars_in_map)),
+        view.limiting_magnitude.map(|magnitude| format!("shows stars to V = {magnitude:.2}")),
+        (asteroids > 0).then(|| format!("{asteroids} asteroids drawn")),
+    ];
+    for part in written.into_iter().flatten() {
+        line += ", ";
+        line += &part;
+    }
+    line + "\n"
+}
+
+fn of_plan(images: &str, plan: &FramePlan) -> String {
+    let FramePlan { stars, accumulator, glare, certificate } = plan;
+    let mut text = format!("{images}\n  stars     {stars}\n  sums      {accumulator}\n  glare     {glare}\n");
+    for Approximation { what, bound, unit, within_budget } in certificate {
+        let verdict = match within_budget {
+            Some(true) => ", within the budget",
+            Some(false) => ", beyond the budget",
+            None => "",
+        };
+        // Writing to a string cannot fail.
+        let _ = writeln!(text, "  bound     {what}: {bound:.2e} {unit}{verdict}");
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bounds_are_told_with_their_verdict() {
+        let approximation = |within_budget| Approximation {
+            what: "a thing".to_owned(),
+            bound: 0.012,
+            unit: "px".to_owned(),
+            within_budget,
+        };
+        let certificate = vec![approximation(Some(true)), approximation(Some(false)), approximation(None)];
+        let text = of_plan("all images", &FramePlan { certificate, ..FramePlan::default() });
+        let bounds: Vec<&str> = text.lines().filter(|line| line.contains("bound")).collect();
+        assert_eq!(
+            bounds,
+            [
+                "  bound     a thing: 1.20e-2 px, within the budget",
+                "  bound     a thing: 1.20e-2 px, beyond the budget",
+                "  bound     a thing: 1.20e-2 px"
+            ]
+        );
+    }
+}

@@ -1,0 +1,144 @@
+//! The error of display images against exact ones must not jump from frame to frame: what a viewer would see as flicker.
+
+use std::{path::Path, sync::Arc};
+
+use glam::{DQuat, DVec3};
+use steradian::{
+    config::Config,
+    photometry::exposure::white_luminance_cd_m2,
+    plan::{Output, settings::RenderSettings},
+    render::{Frame, FrameRequest, Renderer, Wanted},
+    scene::{SceneSnapshot, loader::load_stars},
+    units::PARSEC_M,
+    view::{Rig, ViewKind, projection::FisheyeMapping},
+};
+
+use crate::common::{renderer, rig};
+
+/// The budget of display images, codes.
+const BUDGET: f64 = 0.5;
+
+fn fisheye(fov_deg: f64, size: u32) -> Rig {
+    let fov_rad = fov_deg.to_radians();
+    rig(vec![("dome", ViewKind::Fisheye { size: [size; 2], mapping: FisheyeMapping::Equidistant, fov_rad })])
+}
+
+fn scene_and_settings(stars: u32) -> (SceneSnapshot, RenderSettings) {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/dome.toml");
+    let galaxy = format!(
+        "scene.catalogues=[\"builtin:bright\", {{ galaxy = {{ stars = {stars}, seed = 1, fainter_than = 3.5 }} }}]"
+    );
+    let exposure = "exposure={ mode = \"manual\", ev100 = -5.4 }".to_owned();
+    let config = Config::load(&path, &[galaxy, exposure]).unwrap();
+    let (stars, _) = load_stars(&config.star_sources(), &mut |_| ()).unwrap();
+    let camera = config.camera().unwrap();
+    (SceneSnapshot { revision: 1, stars: Arc::new(stars), objects: Arc::default(), camera }, config.render_settings())
+}
+
+/// Errors of display values, in the order of pixels and channels.
+fn errors(renderer: &mut Renderer, scene: &SceneSnapshot, rig: &Rig, settings: &RenderSettings) -> (Vec<f32>, u64) {
+    let mut draw = |output: Output| -> Frame {
+        let request = FrameRequest::new(scene, rig).settings(settings).wanted(Wanted::hdr());
+        renderer.render(request.drawn_for(output)).unwrap()
+    };
+    let (exact, shown) = (draw(Output::Hdr), draw(Output::Display));
+    let white = white_luminance_cd_m2(exact.exposure_ev100);
+    let code = |[r, g, b, _]: &[f32; 4]| settings.tone_map.display_rgb([*r, *g, *b].map(f64::from), white);
+    let pixels = exact.images[0].hdr.as_ref().unwrap().iter().zip(shown.images[0].hdr.as_ref().unwrap());
+    let of_pixel = |(exact, shown): (&[f32; 4], &[f32; 4])| {
+        let (exact, shown) = (code(exact), code(shown));
+        std::array::from_fn::<f32, 3, _>(|channel| (255.0 * (shown[channel] - exact[channel])) as f32)
+    };
+    (pixels.flat_map(of_pixel).collect(), shown.views[0].stars_in_map)
+}
+
+/// Changes of the error between neighbouring frames: the largest of the quantiles of 99.9 %, the largest of all, and the least number of stars in a
+/// map.
+fn changes(frames: impl Iterator<Item = (Vec<f32>, u64)>) -> ([f64; 2], u64) {
+    let mut before: Option<Vec<f32>> = None;
+    let (mut most, mut least_in_map) = ([0.0_f64; 2], u64::MAX);
+    for (errors, in_map) in frames {
+        least_in_map = least_in_map.min(in_map);
+        if let Some(before) = before.filter(|before| before.len() == errors.len()) {
+            let mut changes: Vec<f32> = errors.iter().zip(&before).map(|(now, before)| (now - before).abs()).collect();
+            changes.sort_by(f32::total_cmp);
+            let of_frame = [0.999, 1.0].map(|share| changes[((changes.len() - 1) as f64 * share) as usize]);
+            most = std::array::from_fn(|index| most[index].max(f64::from(of_frame[index])));
+        }
+        before = Some(errors);
+    }
+    (most, least_in_map)
+}
+
+fn check(name: &str, (most, in_map): ([f64; 2], u64)) {
+    println!(
+        "{name}: change of the error 99.9 % {:.3}, largest {:.3}; at least {in_map} stars in a map",
+        most[0], most[1]
+    );
+    assert!(most[0] <= 2.0 * BUDGET && most[1] <= 4.0 * BUDGET, "{name}: {most:?}");
+}
+
+fn a_turn(frames: u32) {
+    let ((mut scene, settings), rig) = (scene_and_settings(300_000), fisheye(180.0, 256));
+    let from = scene.camera.world_from_camera;
+    let mut renderer = renderer();
+    let turned = (0..frames).map(|frame| {
+        // A third of a pixel per frame.
+        scene.camera.world_from_camera = from * DQuat::from_rotation_y(f64::from(frame) * 0.004);
+        errors(&mut renderer, &scene, &rig, &settings)
+    });
+    let changes = changes(turned);
+    assert!(changes.1 > 50_000, "all frames read a map: {changes:?}");
+    check("turn", changes);
+}
+
+fn a_flight(frames: u32) {
+    let ((mut scene, settings), rig) = (scene_and_settings(300_000), fisheye(180.0, 256));
+    let mut renderer = renderer();
+    let flown = (0..frames).map(|frame| {
+        scene.camera.position_m = DVec3::new(0.6, -0.7, 0.3).normalize() * PARSEC_M * f64::from(frame) / 600.0;
+        errors(&mut renderer, &scene, &rig, &settings)
+    });
+    check("flight", changes(flown));
+}
+
+fn a_zoom(frames: u32) {
+    let (scene, settings) = scene_and_settings(300_000);
+    let mut renderer = renderer();
+    let zoomed = (0..frames).map(|frame| {
+        let fov_deg = 180.0 * (1.0_f64 / 180.0).powf(f64::from(frame) / 599.0);
+        errors(&mut renderer, &scene, &fisheye(fov_deg, 256), &settings)
+    });
+    check("zoom", changes(zoomed));
+}
+
+#[test]
+fn the_error_does_not_jump_while_the_camera_turns() {
+    a_turn(12);
+}
+
+#[test]
+#[ignore = "long: make test-all"]
+fn the_error_does_not_jump_in_600_frames_of_a_turn_a_flight_and_a_zoom() {
+    a_turn(600);
+    a_flight(600);
+    a_zoom(600);
+}
+
+/// An error that grows with the light from one frame to the next is found.
+#[test]
+fn a_jump_is_found() {
+    let ((mut scene, settings), rig) = (scene_and_settings(50_000), fisheye(180.0, 128));
+    let mut renderer = renderer();
+    let steady = errors(&mut renderer, &scene, &rig, &settings);
+    let mut off = steady.clone();
+    scene.camera.world_from_camera *= DQuat::from_rotation_y(0.01);
+    let exact = |renderer: &mut Renderer, scene: &SceneSnapshot| {
+        let request = FrameRequest::new(scene, &rig).settings(&settings).wanted(Wanted::hdr());
+        renderer.render(request).unwrap().images[0].hdr.clone().unwrap()
+    };
+    let turned = exact(&mut renderer, &scene);
+    off.0.iter_mut().zip(turned.iter().flatten()).for_each(|(error, light)| *error += 1e3 * light);
+    let (most, _) = changes([steady, off].into_iter());
+    assert!(most[1] > 4.0 * BUDGET, "{most:?}");
+}
