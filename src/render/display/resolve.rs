@@ -32,7 +32,7 @@ pub(crate) struct ResolvePass {
     source: ShaderSource,
     /// By outputs and variant of the display image.
     pipelines: Variants<(ResolveOutputs, DisplayVariant), wgpu::ComputePipeline>,
-    /// Stands in for the bright sums and for a veil where there are none.
+    /// Stands in for the bright sums, for a veil and for the map of faint light where there are none.
     no_bright: wgpu::Buffer,
     /// Stands in for the display image where it is not written.
     no_display: wgpu::Buffer,
