@@ -288,12 +288,14 @@ impl Renderer {
     }
 
     /// [`Renderer::finish`] for the frame that was submitted first.
+    #[cfg(feature = "service")]
     pub(crate) fn finish_oldest(&mut self) -> Result<Frame, RenderError> {
         let in_flight = self.in_flight.pop_front().ok_or(RenderError::Abandoned)?;
         self.take_back(in_flight)
     }
 
     /// Waits for the frame that was submitted first, for at most `timeout`; whether finishing it takes no more waiting.
+    #[cfg(feature = "service")]
     pub(crate) fn oldest_done_within(&mut self, timeout: Duration) -> bool {
         self.in_flight.front_mut().is_none_or(|in_flight| in_flight.wait(&self.gpu, timeout))
     }
