@@ -5,7 +5,7 @@ use std::{
     error::Error,
     io::{BufRead, BufReader},
     path::PathBuf,
-    process::{Child, Command, ExitCode, Stdio},
+    process::{Child, Command, Stdio},
     time::{Duration, Instant},
 };
 
@@ -142,7 +142,9 @@ fn median(mut values: Vec<f64>) -> f64 {
     values[values.len() / 2]
 }
 
-async fn run(arguments: Arguments) -> Result<(), Box<dyn Error>> {
+#[tokio::main]
+async fn main() -> Result<(), Box<dyn Error>> {
+    let arguments = Arguments::parse();
     let own = PathBuf::from(env!("CARGO_BIN_EXE_steradian"));
     let mut daemons = vec![Daemon::start(&own, &arguments, &[])?];
     if arguments.beside.is_some() || !arguments.beside_set.is_empty() {
@@ -171,15 +173,4 @@ async fn run(arguments: Arguments) -> Result<(), Box<dyn Error>> {
         println!("ratio   {:.2}, median of pairs", median(ratios));
     }
     Ok(())
-}
-
-#[tokio::main]
-async fn main() -> ExitCode {
-    match run(Arguments::parse()).await {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            println!("error: {error}");
-            ExitCode::FAILURE
-        }
-    }
 }

@@ -97,9 +97,7 @@ fn resolve(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
             var surface = shown + scattered;
             if HAS_SKY {
                 let in_view = direction_of_point(viewport, vec2(f32(x), f32(image_row)) + 0.5);
-                let towards = in_view.x * viewport.view_from_world_x.xyz + in_view.y * viewport.view_from_world_y.xyz
-                    + in_view.z * viewport.view_from_world_z.xyz;
-                surface += sky_luminance(parameters.sky, towards);
+                surface += sky_luminance(parameters.sky, world_direction(viewport, in_view));
             }
             sum += dot(illuminance + surface * luminance.w, LUMINANCE_WEIGHTS);
             luminance = vec4(illuminance * (1.0 / luminance.w) + surface, luminance.w);

@@ -5,7 +5,7 @@
 
 // Where the map's texels lie.
 struct SkyMap {
-    // Luminance of a texel's unit, cd/m^2; 0: there is no map.
+    // Luminance of a texel's unit, cd/m^2.
     unit_cd_m2: f32,
     texels_per_rad: f32,
     // Side of a picture, texels.

@@ -46,6 +46,20 @@ fn turns(viewport: Viewport, count: i32) -> i32 {
     return select(count, 0, ROLLED && viewport.size.x == 0u);
 }
 
+// A direction from view axes to those of the world: the rows turn the other way, so that their sum is the way back.
+fn world_direction(viewport: Viewport, in_view: vec3<f32>) -> vec3<f32> {
+    return in_view.x * viewport.view_from_world_x.xyz + in_view.y * viewport.view_from_world_y.xyz
+        + in_view.z * viewport.view_from_world_z.xyz;
+}
+
+// A direction from the world's axes to those of the view.
+fn view_direction(viewport: Viewport, in_world: vec3<f32>) -> vec3<f32> {
+    return vec3(
+        dot(in_world, viewport.view_from_world_x.xyz),
+        dot(in_world, viewport.view_from_world_y.xyz),
+        dot(in_world, viewport.view_from_world_z.xyz));
+}
+
 // Where the eye stands, relative to the camera, world axes, pc.
 fn eye_of(viewport: Viewport) -> vec3<f32> {
     return vec3(viewport.view_from_world_x.w, viewport.view_from_world_y.w, viewport.view_from_world_z.w);

@@ -21,9 +21,6 @@ struct CellSkyParameters {
 
 fn luminance_of(viewport: Viewport, index: u32, at: vec2<i32>) -> vec3<f32> {
     let in_view = direction_from_pixel(viewport, vec2<f32>(at) + 0.5).xyz;
-    // The rows turn world axes into those of the view: the sum of the rows is the way back.
-    let direction = in_view.x * viewport.view_from_world_x.xyz + in_view.y * viewport.view_from_world_y.xyz
-        + in_view.z * viewport.view_from_world_z.xyz;
     return cell_sky_brightness(
-        direction, cell_sky.pixel_rad, cell_sky.cells, cell_sky.layers, cell_sky.radius_px, cell_sky.seed);
+        world_direction(viewport, in_view), cell_sky.pixel_rad, cell_sky.cells, cell_sky.layers, cell_sky.radius_px, cell_sky.seed);
 }

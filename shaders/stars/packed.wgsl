@@ -20,10 +20,7 @@ fn splat_catalogue(@builtin(global_invocation_id) thread: vec3<u32>) {
     let viewport = viewports[tile.viewport];
     let eye = vec3(viewport.view_from_world_x.w, viewport.view_from_world_y.w, viewport.view_from_world_z.w);
     let relative = vec3(star.x, star.y, star.z) - (parameters.camera + eye);
-    let direction = vec3(
-        dot(relative, viewport.view_from_world_x.xyz),
-        dot(relative, viewport.view_from_world_y.xyz),
-        dot(relative, viewport.view_from_world_z.xyz));
+    let direction = view_direction(viewport, relative);
     let projected = pixel_from_direction(viewport, direction);
     if projected.z == 0.0 || any(projected.xy < vec2(0.0)) || any(projected.xy >= vec2<f32>(viewport.size)) {
         return;

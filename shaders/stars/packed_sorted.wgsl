@@ -42,10 +42,7 @@ fn splat_sorted(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocati
             if !(illuminance >= parameters.faintest_lx && distance_squared > 0.0) {
                 continue;
             }
-            let direction = vec3(
-                dot(relative, viewport.view_from_world_x.xyz),
-                dot(relative, viewport.view_from_world_y.xyz),
-                dot(relative, viewport.view_from_world_z.xyz));
+            let direction = view_direction(viewport, relative);
             let temperature = temperature_of_step(star.light & LAST_TEMPERATURE_STEP);
             splat_packed(tile, viewport, direction, illuminance, temperature);
         }

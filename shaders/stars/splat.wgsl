@@ -75,10 +75,7 @@ fn splat_stars(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocatio
             if !(illuminance >= parameters.faintest_lx && illuminance < parameters.brightest_lx && distance_squared > 0.0) {
                 continue;
             }
-            let direction = vec3(
-                dot(relative, viewport.view_from_world_x.xyz),
-                dot(relative, viewport.view_from_world_y.xyz),
-                dot(relative, viewport.view_from_world_z.xyz));
+            let direction = view_direction(viewport, relative);
             let projected = pixel_from_direction(viewport, direction);
             let peak = peak_luminance(viewport, direction, illuminance);
             let bright = peak >= viewport.gaussian_from_cd_m2;

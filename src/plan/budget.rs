@@ -2,11 +2,11 @@
 //!
 //! An HDR image keeps relative errors. A display image of 8 bits shows nothing below a part of a code: where the whole transform from
 //! luminance to the display value is steepest, a step of `display_codes` codes is the least luminance that counts
-//! ([`ToneMapSettings::greatest_slope`]).
+//! ([`super::settings::ToneMapSettings::greatest_slope`]).
 
 use std::f64::consts::PI;
 
-use super::settings::{Accumulator, AccuracySettings, GlareMethod, RenderSettings, ToneMapSettings};
+use super::settings::{Accumulator, AccuracySettings, GlareMethod, RenderSettings};
 use crate::{
     scene::SceneObjects,
     view::{Viewport, projection::Projection},
@@ -57,9 +57,10 @@ fn surrounds(viewport: &Viewport) -> bool {
 }
 
 /// The least luminance that a display image with display white at `white_cd_m2` shows within its budget, cd/m^2, rounded down to half
-/// octaves; `None` where the budget asks for exact images.
-pub fn display_step_cd_m2(accuracy: &AccuracySettings, tone_map: &ToneMapSettings, white_cd_m2: f64) -> Option<f64> {
-    let step = accuracy.display_codes / CODES / tone_map.greatest_slope() * white_cd_m2;
+/// octaves; `None` where the budget asks for exact images. The display transform has the given greatest slope
+/// ([`super::settings::ToneMapSettings::greatest_slope`]).
+pub fn display_step_cd_m2(accuracy: &AccuracySettings, greatest_slope: f64, white_cd_m2: f64) -> Option<f64> {
+    let step = accuracy.display_codes / CODES / greatest_slope * white_cd_m2;
     (step > 0.0 && step.is_finite()).then(|| ((step.log2() * STEPS_PER_OCTAVE).floor() / STEPS_PER_OCTAVE).exp2())
 }
 
@@ -72,7 +73,7 @@ pub fn least_veil_cd_m2(display_step_cd_m2: f64) -> f64 {
 #[allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
 mod tests {
     use super::*;
-    use crate::plan::settings::ToneMapOperator;
+    use crate::plan::settings::{ToneMapOperator, ToneMapSettings};
 
     #[test]
     fn no_step_is_seen_within_half_a_code() {
@@ -81,7 +82,7 @@ mod tests {
             let tone_map = ToneMapSettings::of(operator);
             // `calibrated` goes by the display's own white.
             let white = if operator == ToneMapOperator::Calibrated { tone_map.peak_cd_m2 } else { 0.03 };
-            let step = display_step_cd_m2(&accuracy, &tone_map, white).unwrap();
+            let step = display_step_cd_m2(&accuracy, tone_map.greatest_slope(), white).unwrap();
             let code = |luminance: f64| 255.0 * tone_map.display_rgb([luminance; 3], white)[0];
             let mut largest: f64 = 0.0;
             for i in 0..4000 {
@@ -96,15 +97,15 @@ mod tests {
     #[test]
     fn an_exact_budget_has_no_step() {
         let exact = AccuracySettings { display_codes: 0.0, ..AccuracySettings::default() };
-        assert_eq!(display_step_cd_m2(&exact, &ToneMapSettings::default(), 1.0), None);
-        assert_eq!(display_step_cd_m2(&AccuracySettings::default(), &ToneMapSettings::default(), 0.0), None);
+        let slope = ToneMapSettings::default().greatest_slope();
+        assert_eq!(display_step_cd_m2(&exact, slope, 1.0), None);
+        assert_eq!(display_step_cd_m2(&AccuracySettings::default(), slope, 0.0), None);
     }
 
     #[test]
     fn neighbouring_exposures_share_a_step() {
-        let step = |ev100: f64| {
-            display_step_cd_m2(&AccuracySettings::default(), &ToneMapSettings::default(), ev100.exp2()).unwrap()
-        };
+        let slope = ToneMapSettings::default().greatest_slope();
+        let step = |ev100: f64| display_step_cd_m2(&AccuracySettings::default(), slope, ev100.exp2()).unwrap();
         let steps: std::collections::BTreeSet<u64> = (0..100).map(|i| step(f64::from(i) * 0.01).to_bits()).collect();
         assert!(steps.len() <= 3, "{}", steps.len());
         assert!(step(1.0) > step(0.0));

@@ -26,8 +26,9 @@ use super::{
     overlay::{OverlayInputs, OverlayPlan, OverlayPlanner},
     settings::{
         Accumulator, ExposureSettings, GlareMethod, GlareSettings, PsfTextureSettings, RenderSettings, StarMethod,
+        ToneMapSettings,
     },
-    smooth_light::{BRIGHTEST_STEPS, SkyFace, SkyInputs, SkyMap, SkyMaps, SkyStars},
+    smooth_light::{BRIGHTEST_STEPS, SkyFace, SkyInputs, SkyMaps, SkyPlan},
     stars::{
         billboards::{BillboardPlan, DrawnPsf},
         cull::{CullSettings, SPLAT_MARGIN_PX, VisibleChunk, distinct_eyes_pc, visible_chunks},
@@ -94,9 +95,7 @@ pub struct Plan {
     /// The point-spread function of `psf_texture`.
     pub psf: Option<Arc<DrawnPsf>>,
     /// The map of faint light that the frame reads; `None`: it draws all stars one by one.
-    pub sky_map: Option<SkyMap>,
-    /// What it divides the stars into.
-    pub sky_stars: Option<SkyStars>,
+    pub sky: Option<SkyPlan>,
     /// The picture of such a map that the frame is.
     pub sky_face: Option<SkyFace>,
     /// Time that culling took, ms.
@@ -186,6 +185,8 @@ pub struct Planner {
     overlay: OverlayPlanner,
     pictures: Pictures,
     sky_maps: SkyMaps,
+    /// Greatest slope of a display transform.
+    slope: Option<(ToneMapSettings, f64)>,
     /// Whether chunks outside of every view are left out; false only to measure what that saves.
     pub culling: bool,
     /// Factor on the fixed-point units: 1. Tests raise it to provoke an overflow.
@@ -209,6 +210,7 @@ impl Planner {
             overlay: OverlayPlanner::default(),
             pictures: Pictures::default(),
             sky_maps: SkyMaps::default(),
+            slope: None,
             culling: true,
             unit_factor: 1.0,
         }
@@ -267,6 +269,18 @@ impl Planner {
             self.kernel = Some((of_kernel, settings.kernel()?));
         }
         Ok(())
+    }
+
+    /// See [`ToneMapSettings::greatest_slope`], which looks at hundreds of luminances.
+    fn slope_of(&mut self, tone_map: &ToneMapSettings) -> f64 {
+        match self.slope {
+            Some((of, slope)) if of == *tone_map => slope,
+            _ => {
+                let slope = tone_map.greatest_slope();
+                self.slope = Some((*tone_map, slope));
+                slope
+            }
+        }
     }
 
     /// The kernel of glare that is kept.
@@ -372,8 +386,9 @@ impl Planner {
         // Stars that may be seen: all of them, or those that the map of faint light leaves, which follows from the exposure.
         let camera_pc = camera.position_m / PARSEC_M;
         let mut cull_ms = 0.0;
+        let culling = self.culling;
         let mut seen_from = |stars: &StarSet, faintest_lx: f64| {
-            let cull = CullSettings { faintest_lx, enabled: self.culling, motion, margin_px };
+            let cull = CullSettings { faintest_lx, enabled: culling, motion, margin_px };
             let start = Instant::now();
             let visible = match method.reads_visible() {
                 true => visible_chunks(stars, camera_pc, &viewports, cull),
@@ -383,32 +398,35 @@ impl Planner {
             visible
         };
         let known_white_ev100 = settings.known_white_ev100(known_ev100);
-        let all_visible = known_white_ev100.is_none().then(|| seen_from(&scene.stars, faintest_lx));
-        let expected_ev100 = known_white_ev100.or_else(|| {
-            let visible = all_visible.as_deref().unwrap_or_default();
-            expected_ev100(visible, bodies.as_ref(), total_solid_angle_sr, &settings.exposure)
-        });
+        let (expected_ev100, all_visible) = match known_white_ev100 {
+            Some(ev100) => (Some(ev100), None),
+            None => {
+                let visible = seen_from(&scene.stars, faintest_lx);
+                let ev100 = expected_ev100(&visible, bodies.as_ref(), total_solid_angle_sr, &settings.exposure);
+                (ev100, Some(visible))
+            }
+        };
         let mut step_cd_m2 = None;
         if output == Output::Display && draws_outputs_apart(settings, &scene.objects, &all_viewports) {
             let white_cd_m2 = expected_ev100.map_or(0.0, white_luminance_cd_m2);
-            step_cd_m2 = display_step_cd_m2(&settings.accuracy, &settings.tone_map, white_cd_m2);
+            let slope = self.slope_of(&settings.tone_map);
+            step_cd_m2 = display_step_cd_m2(&settings.accuracy, slope, white_cd_m2);
             glare.in_sums = step_cd_m2.map(|step| VeilInSums { least_cd_m2: least_veil_cd_m2(step) / glare.fraction });
         }
-        let map =
-            step_cd_m2.filter(|_| sky == SkyUse::Map && all_visible.is_none() && motion.is_none()).and_then(|step| {
-                self.sky_maps.choose(&SkyInputs {
-                    settings,
-                    stars: &scene.stars,
-                    camera_pc,
-                    viewports: &viewports,
-                    step_cd_m2: step,
-                    faintest_lx,
-                    limits,
-                })
-            });
-        let (sky_map, sky_stars) = map.unzip();
-        let stars = sky_stars.as_ref().map_or(&scene.stars, |divided| &divided.others);
-        let drawn_from_lx = sky_map.map_or(faintest_lx, |map| map.others_from_lx());
+        let may_read_map = sky == SkyUse::Map && all_visible.is_none() && motion.is_none();
+        let sky_plan = step_cd_m2.filter(|_| may_read_map).and_then(|step_cd_m2| {
+            self.sky_maps.choose(&SkyInputs {
+                settings,
+                stars: &scene.stars,
+                camera_pc,
+                viewports: &viewports,
+                step_cd_m2,
+                faintest_lx,
+                limits,
+            })
+        });
+        let (stars, drawn_from_lx) =
+            sky_plan.as_ref().map_or((&scene.stars, faintest_lx), |sky| (&sky.others, sky.map.others_from_lx()));
         let visible = all_visible.unwrap_or_else(|| seen_from(stars, drawn_from_lx));
         // Units of light.
         let eyes_pc = distinct_eyes_pc(&viewports);
@@ -438,7 +456,7 @@ impl Planner {
             let of_travel = travel::certificate(&scene.stars, &visible, &motion, &settings.accuracy);
             stars.report.certificate.extend(of_travel);
         }
-        stars.report.certificate.extend(sky_map.map(|_| of_sky_map(settings.accuracy.display_codes)));
+        stars.report.certificate.extend(sky_plan.as_ref().map(|_| of_sky_map(settings.accuracy.display_codes)));
         stars.report.certificate.extend(asteroids.iter().flat_map(|plan| plan.certificate.iter().cloned()));
 
         let psf = self.psf.as_ref().filter(|_| method == StarMethod::PsfTexture).map(|(_, psf)| Arc::clone(psf));
@@ -474,8 +492,7 @@ impl Planner {
             glare,
             billboards,
             psf,
-            sky_map,
-            sky_stars,
+            sky: sky_plan,
             sky_face,
             cull_ms,
         })

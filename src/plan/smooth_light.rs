@@ -79,6 +79,11 @@ pub struct SkyFace {
 }
 
 impl SkyMap {
+    /// The camera of its pictures, m.
+    pub fn camera_m(&self) -> DVec3 {
+        self.place_pc * PARSEC_M
+    }
+
     /// Half of a picture's field of view, rad.
     pub fn half_fov_rad(&self) -> f64 {
         0.5 * f64::from(self.side) * self.texel_rad()
@@ -148,9 +153,11 @@ pub(super) struct SkyInputs<'a> {
     pub limits: &'a Limits,
 }
 
-/// Which stars belong to a map, and which are left.
+/// A map that a frame reads, and what it divides the stars into.
 #[derive(Clone, Debug)]
-pub struct SkyStars {
+pub struct SkyPlan {
+    /// The map.
+    pub map: SkyMap,
     /// Stars of the map.
     pub in_map: u64,
     /// The others: in chunks of their own, which are full, since few stars of each chunk of the scene are left.
@@ -160,12 +167,12 @@ pub struct SkyStars {
 /// Chooses maps, and keeps what the stars are divided into for the last one.
 #[derive(Default)]
 pub(super) struct SkyMaps {
-    divided: Option<(Weak<StarSet>, SkyMap, SkyStars)>,
+    divided: Option<(Weak<StarSet>, SkyPlan)>,
 }
 
 impl SkyMaps {
     /// The map for these views, and what it divides the stars into; `None` where one does not fit them, or does not pay.
-    pub(super) fn choose(&mut self, inputs: &SkyInputs<'_>) -> Option<(SkyMap, SkyStars)> {
+    pub(super) fn choose(&mut self, inputs: &SkyInputs<'_>) -> Option<SkyPlan> {
         let map = fitting(inputs)?;
         let SkyInputs { stars, viewports, .. } = inputs;
         let pixels: f64 = viewports.iter().map(|viewport| viewport.size().map(f64::from).iter().product::<f64>()).sum();
@@ -176,10 +183,10 @@ impl SkyMaps {
             return None;
         }
         let is_of = |of: &Weak<StarSet>| of.upgrade().is_some_and(|of| Arc::ptr_eq(&of, stars));
-        let held = self.divided.as_ref().filter(|(of, divided, _)| *divided == map && is_of(of));
-        let divided = held.map_or_else(|| divide(stars, &map), |(.., divided)| divided.clone());
-        self.divided = Some((Arc::downgrade(stars), map, divided.clone()));
-        pays(divided.in_map as f64).then_some((map, divided))
+        let held = self.divided.as_ref().filter(|(of, divided)| divided.map == map && is_of(of));
+        let divided = held.map_or_else(|| divide(stars, map), |(_, divided)| divided.clone());
+        self.divided = Some((Arc::downgrade(stars), divided.clone()));
+        pays(divided.in_map as f64).then_some(divided)
     }
 }
 
@@ -223,7 +230,7 @@ fn fitting(inputs: &SkyInputs<'_>) -> Option<SkyMap> {
 }
 
 /// Divides the stars.
-fn divide(set: &StarSet, map: &SkyMap) -> SkyStars {
+fn divide(set: &StarSet, map: SkyMap) -> SkyPlan {
     let of_chunk = |chunk: &Chunk| {
         let origin_pc = if chunk.at_infinity { DVec3::ZERO } else { chunk.origin_pc - map.place_pc };
         let mut in_map = 0;
@@ -231,7 +238,7 @@ fn divide(set: &StarSet, map: &SkyMap) -> SkyStars {
         for (place, star) in near_stars(set, chunk, origin_pc) {
             let light_lx = light_at(place, star, None);
             if light_lx >= map.below_lx {
-                others.push(record_of(map, chunk, place, star));
+                others.push(record_of(&map, chunk, place, star));
             } else if light_lx >= map.faintest_lx {
                 in_map += 1;
             }
@@ -241,7 +248,7 @@ fn divide(set: &StarSet, map: &SkyMap) -> SkyStars {
     let divided: Vec<_> = set.chunks.par_iter().map(of_chunk).collect();
     let in_map = divided.iter().map(|(in_map, _)| in_map).sum();
     let others = divided.into_iter().flat_map(|(_, others)| others).collect();
-    SkyStars { in_map, others: Arc::new(StarSet::from_records(others)) }
+    SkyPlan { map, in_map, others: Arc::new(StarSet::from_records(others)) }
 }
 
 /// A star of the scene as a catalogue would have it. Packed again it has the very same light, so that it keeps its kernel.
@@ -256,11 +263,6 @@ fn record_of(map: &SkyMap, chunk: &Chunk, place: DVec3, star: &PackedStar) -> St
         temperature_k: temperature_of_step_k(star.temperature_step()) as f32,
         distance_known: !chunk.at_infinity,
     }
-}
-
-/// The camera of a map's pictures, m.
-pub fn map_camera_m(map: &SkyMap) -> DVec3 {
-    map.place_pc * PARSEC_M
 }
 
 #[cfg(test)]
@@ -319,7 +321,7 @@ mod tests {
         let set = StarSet::from_records(records);
         let map = SkyMap { place_pc: DVec3::new(0.3, 0.0, -2.0), ..map(64) };
         let seen: Vec<f64> = set.iter().map(|(place, _, star)| light_at(place - map.place_pc, star, None)).collect();
-        let SkyStars { in_map, others } = divide(&set, &map);
+        let SkyPlan { in_map, others, .. } = divide(&set, map);
         assert_eq!(in_map, seen.iter().filter(|lx| (map.faintest_lx..map.below_lx).contains(*lx)).count() as u64);
         assert_eq!(others.stars.len(), seen.iter().filter(|lx| **lx >= map.below_lx).count());
         let seen_from_map = |(place, _, star): (DVec3, bool, &PackedStar)| light_at(place - map.place_pc, star, None);

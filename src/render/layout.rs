@@ -78,7 +78,7 @@ gpu_structs! {
     }
     /// The map of faint light; see `shaders/shared/sky_map.wgsl`.
     SkyMap {
-        /// Luminance of a texel's unit, cd/m^2; 0: there is no map.
+        /// Luminance of a texel's unit, cd/m^2.
         unit_cd_m2: f32,
         /// Texels per rad.
         texels_per_rad: f32,

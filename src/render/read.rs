@@ -165,7 +165,7 @@ fn statistics(
         .map(|(index, name)| ViewStatistics {
             name: name.clone(),
             stars_drawn: u64::from(drawn[index]),
-            stars_in_map: plan.sky_stars.as_ref().map_or(0, |divided| divided.in_map),
+            stars_in_map: plan.sky.as_ref().map_or(0, |sky| sky.in_map),
             limiting_magnitude: plan.shown_stars.limiting_magnitude(index, exposure_ev100),
             asteroids: AsteroidCounts::default(),
             gpu_ms: (!passes_ms.is_empty()).then(|| {

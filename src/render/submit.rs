@@ -21,11 +21,7 @@ use super::{
 };
 use crate::{
     gpu::{Gpu, GpuError, GpuTimer, ReadbackBuffer, SUBMISSION_TIMEOUT},
-    plan::{
-        Output, Plan, PlanError, PlanOutputs, SkyUse,
-        settings::RenderSettings,
-        smooth_light::{SkyFace, map_camera_m},
-    },
+    plan::{Output, Plan, PlanError, PlanOutputs, SkyUse, settings::RenderSettings, smooth_light::SkyFace},
     scene::{Camera, SceneSnapshot},
 };
 
@@ -218,14 +214,15 @@ impl Renderer {
     ) -> Result<bool, RenderError> {
         let missing: Vec<SkyFace> =
             self.techniques.iter().flat_map(|technique| technique.missing(plan, snapshot)).collect();
-        let most = if sky_map == SkyMapUse::InTurn { 1 } else { missing.len() };
-        for face in &missing[..most.min(missing.len())] {
+        let most = if sky_map == SkyMapUse::InTurn { 1 } else { usize::MAX };
+        for face in missing.iter().take(most) {
             self.draw_sky_face(face, snapshot, settings)?;
         }
-        if most >= missing.len() {
+        let is_whole = missing.len() <= most;
+        if is_whole {
             self.sky_targets = None;
         }
-        Ok(most >= missing.len())
+        Ok(is_whole)
     }
 
     fn draw_sky_face(
@@ -234,7 +231,7 @@ impl Renderer {
         snapshot: &SceneSnapshot,
         settings: &RenderSettings,
     ) -> Result<(), RenderError> {
-        let camera = Camera { position_m: map_camera_m(&face.map), ..Camera::default() };
+        let camera = Camera { position_m: face.map.camera_m(), ..Camera::default() };
         let sky = SceneSnapshot { objects: Arc::default(), camera, ..snapshot.clone() };
         let rig = face.rig().map_err(PlanError::from)?;
         let settings = face.settings(settings);

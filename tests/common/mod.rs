@@ -5,16 +5,19 @@ pub mod figures;
 pub mod hammer;
 mod pool;
 
+use std::{path::Path, sync::Arc};
+
 use glam::{DQuat, DVec3};
 pub use pool::{Lent, Pool};
 pub use steradian::verify::scenes::{all_views, directions_inside, hard_places, snapshot, spiral, star};
 use steradian::{
+    config::Config,
     gpu::GpuOptions,
     metrics::{self, HdrView},
     plan::settings::{GlareSettings, RenderSettings, StarMethod},
     reference::stars::splat::ReferenceImage,
     render::{Frame, FrameImage, FrameRequest, Renderer, Wanted},
-    scene::SceneSnapshot,
+    scene::{SceneSnapshot, loader::load_stars},
     view::{Rig, View, ViewKind, projection::PlaneMapping},
 };
 
@@ -43,6 +46,21 @@ pub fn view(name: &str, kind: ViewKind) -> View {
 
 pub fn rig(kinds: Vec<(&str, ViewKind)>) -> Rig {
     Rig::new(kinds.into_iter().map(|(name, kind)| view(name, kind)).collect()).expect("a valid rig")
+}
+
+/// Scene, views and settings of a file of `configs/` with overrides of keys.
+pub fn configured(file: &str, overrides: &[&str]) -> (SceneSnapshot, Rig, RenderSettings) {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs").join(file);
+    let overrides: Vec<String> = overrides.iter().map(|&text| text.to_owned()).collect();
+    let config = Config::load(&path, &overrides).expect("the configuration is valid");
+    let (stars, _) = load_stars(&config.star_sources(), &mut |_| {}).expect("the stars can be loaded");
+    let scene = SceneSnapshot {
+        revision: 1,
+        stars: Arc::new(stars),
+        objects: Arc::new(config.objects().expect("the objects are valid")),
+        camera: config.camera().expect("the camera is valid"),
+    };
+    (scene, config.rig().expect("the views are valid"), config.render_settings())
 }
 
 /// Stars alone: glare, which takes light from them, is off.

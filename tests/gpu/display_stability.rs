@@ -1,19 +1,18 @@
 //! The error of display images against exact ones must not jump from frame to frame: what a viewer would see as flicker.
 
-use std::{path::Path, sync::Arc};
-
 use glam::{DQuat, DVec3};
 use steradian::{
-    config::Config,
-    photometry::exposure::white_luminance_cd_m2,
     plan::{Output, settings::RenderSettings},
     render::{Frame, FrameRequest, Renderer, Wanted},
-    scene::{SceneSnapshot, loader::load_stars},
+    scene::SceneSnapshot,
     units::PARSEC_M,
     view::{Rig, ViewKind, projection::FisheyeMapping},
 };
 
-use crate::common::{renderer, rig};
+use crate::{
+    common::{configured, renderer, rig},
+    display_errors::code_errors,
+};
 
 /// The budget of display images, codes.
 const BUDGET: f64 = 0.5;
@@ -24,15 +23,12 @@ fn fisheye(fov_deg: f64, size: u32) -> Rig {
 }
 
 fn scene_and_settings(stars: u32) -> (SceneSnapshot, RenderSettings) {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/dome.toml");
     let galaxy = format!(
         "scene.catalogues=[\"builtin:bright\", {{ galaxy = {{ stars = {stars}, seed = 1, fainter_than = 3.5 }} }}]"
     );
-    let exposure = "exposure={ mode = \"manual\", ev100 = -5.4 }".to_owned();
-    let config = Config::load(&path, &[galaxy, exposure]).unwrap();
-    let (stars, _) = load_stars(&config.star_sources(), &mut |_| ()).unwrap();
-    let camera = config.camera().unwrap();
-    (SceneSnapshot { revision: 1, stars: Arc::new(stars), objects: Arc::default(), camera }, config.render_settings())
+    let exposure = "exposure={ mode = \"manual\", ev100 = -5.4 }";
+    let (scene, _, settings) = configured("dome.toml", &[&galaxy, exposure]);
+    (scene, settings)
 }
 
 /// Errors of display values, in the order of pixels and channels.
@@ -42,14 +38,8 @@ fn errors(renderer: &mut Renderer, scene: &SceneSnapshot, rig: &Rig, settings: &
         renderer.render(request.drawn_for(output)).unwrap()
     };
     let (exact, shown) = (draw(Output::Hdr), draw(Output::Display));
-    let white = white_luminance_cd_m2(exact.exposure_ev100);
-    let code = |[r, g, b, _]: &[f32; 4]| settings.tone_map.display_rgb([*r, *g, *b].map(f64::from), white);
-    let pixels = exact.images[0].hdr.as_ref().unwrap().iter().zip(shown.images[0].hdr.as_ref().unwrap());
-    let of_pixel = |(exact, shown): (&[f32; 4], &[f32; 4])| {
-        let (exact, shown) = (code(exact), code(shown));
-        std::array::from_fn::<f32, 3, _>(|channel| (255.0 * (shown[channel] - exact[channel])) as f32)
-    };
-    (pixels.flat_map(of_pixel).collect(), shown.views[0].stars_in_map)
+    let [errors] = &code_errors(&exact, &shown, settings)[..] else { panic!("there is one image") };
+    (errors.iter().flatten().map(|error| *error as f32).collect(), shown.views[0].stars_in_map)
 }
 
 /// Changes of the error between neighbouring frames: the largest of the quantiles of 99.9 %, the largest of all, and the least number of stars in a

@@ -1,45 +1,41 @@
 //! Display images that read the map of faint light, against exact frames that draw every star.
 
-use std::{f64::consts::PI, path::Path, sync::Arc, sync::OnceLock};
+use std::{f64::consts::PI, sync::OnceLock};
 
 use glam::{DQuat, DVec3};
 use steradian::{
-    catalogue::chunks::StarSet,
-    config::Config,
     plan::{Output, settings::RenderSettings},
     render::{Frame, FrameRequest, Renderer, SkyMapUse, Wanted},
-    scene::{SceneSnapshot, loader::load_stars},
+    scene::SceneSnapshot,
     units::PARSEC_M,
     view::{Rig, ViewKind, projection::FisheyeMapping},
 };
 
 use crate::{
-    common::{renderer, rig},
+    common::{configured, renderer, rig},
     display_errors::Errors,
 };
 
 /// Of the 1.2 million stars more than a third belong to the map at this exposure and in such a dome.
 const EV100: f64 = -5.4;
 
-fn stars() -> Arc<StarSet> {
-    static STARS: OnceLock<Arc<StarSet>> = OnceLock::new();
-    Arc::clone(STARS.get_or_init(|| {
-        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/dome.toml");
-        let galaxy = "scene.catalogues=[{ galaxy = { stars = 1200000, seed = 1, fainter_than = 3.5 } }]".to_owned();
-        let config = Config::load(&path, &[galaxy]).unwrap();
-        Arc::new(load_stars(&config.star_sources(), &mut |_| ()).unwrap().0)
-    }))
+/// Scene and settings, loaded once.
+fn loaded() -> &'static (SceneSnapshot, RenderSettings) {
+    static LOADED: OnceLock<(SceneSnapshot, RenderSettings)> = OnceLock::new();
+    LOADED.get_or_init(|| {
+        let galaxy = "scene.catalogues=[{ galaxy = { stars = 1200000, seed = 1, fainter_than = 3.5 } }]";
+        let exposure = format!("exposure={{ mode = \"manual\", ev100 = {EV100} }}");
+        let (scene, _, settings) = configured("dome.toml", &[galaxy, &exposure]);
+        (scene, settings)
+    })
 }
 
 fn settings() -> RenderSettings {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/dome.toml");
-    let exposure = format!("exposure={{ mode = \"manual\", ev100 = {EV100} }}");
-    Config::load(&path, &[exposure]).unwrap().render_settings()
+    loaded().1.clone()
 }
 
 fn scene(world_from_camera: DQuat) -> SceneSnapshot {
-    let mut scene = SceneSnapshot::of_stars(StarSet::default());
-    scene.stars = stars();
+    let mut scene = loaded().0.clone();
     scene.camera.world_from_camera = world_from_camera;
     scene
 }

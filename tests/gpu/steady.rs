@@ -1,34 +1,21 @@
 //! A steady state makes nothing: frames like the last one use its buffers, bind groups and pipelines again.
 
-use std::{collections::VecDeque, path::Path, sync::Arc};
+use std::collections::VecDeque;
 
 use glam::DQuat;
 use steradian::{
-    config::Config,
     gpu::GpuOptions,
     render::{Frame, FrameRequest, Renderer},
-    scene::{SceneSnapshot, loader::load_stars},
 };
 
-use crate::common::renderer_with;
+use crate::common::{configured, renderer_with};
 
 /// Frames until everything is there: a view may turn to where its tiles have more items.
 const WARM_FRAMES: usize = 4;
 
 /// Frames of a configuration while the camera turns, `in_flight` at a time. Pictures are 96 pixels wide at most.
 fn drawn(renderer: &mut Renderer, file: &str, overrides: &[&str], frames: usize, in_flight: usize) -> Vec<Frame> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs").join(file);
-    let overrides: Vec<String> = overrides.iter().map(|&text| text.to_owned()).collect();
-    let config = Config::load(&path, &overrides).unwrap();
-    let rig = config.rig().unwrap();
-    let (stars, _) = load_stars(&config.star_sources(), &mut |_| {}).unwrap();
-    let mut scene = SceneSnapshot {
-        revision: 1,
-        stars: Arc::new(stars),
-        objects: Arc::new(config.objects().unwrap()),
-        camera: config.camera().unwrap(),
-    };
-    let settings = config.render_settings();
+    let (mut scene, rig, settings) = configured(file, overrides);
     let from = scene.camera.world_from_camera;
     let mut submitted = VecDeque::new();
     let mut drawn = Vec::new();

@@ -1,11 +1,10 @@
 //! Tabulated pictures on the adapter: a table of a projection that the adapter knows in closed form shows what the closed form
 //! shows, in every technique; a map that it does not know agrees with the f64 twin and keeps the light of all stars.
 
-use std::{f64::consts::PI, path::Path, sync::Arc};
+use std::{f64::consts::PI, sync::Arc};
 
 use glam::{DQuat, DVec2, DVec3};
 use steradian::{
-    config::Config,
     gpu::{Gpu, GpuOptions},
     photometry::kernel::SplatKernel,
     plan::settings::{GlareMethod, Metering, RenderSettings, StarMethod},
@@ -14,7 +13,7 @@ use steradian::{
         Frame, FrameImage, FrameRequest, Renderer, Wanted,
         probe::{Probe, probe},
     },
-    scene::{SceneSnapshot, loader::load_stars},
+    scene::SceneSnapshot,
     view::{
         Part, Rig, ViewKind, Viewport,
         projection::{Fisheye, FisheyeMapping, Perspective, PlaneMapping, Projection, TabulatedMapping},
@@ -22,8 +21,8 @@ use steradian::{
 };
 
 use crate::common::{
-    self, difference_from_twin, hammer::Hammer, illuminance_lx, new_renderer, render_hdr, renderer, rig, settings,
-    snapshot, spiral, star,
+    self, configured, difference_from_twin, hammer::Hammer, illuminance_lx, new_renderer, render_hdr, renderer, rig,
+    settings, snapshot, spiral, star,
 };
 
 fn table(mapping: impl PlaneMapping + Send + 'static) -> Arc<TabulatedMapping> {
@@ -114,18 +113,9 @@ fn frame(renderer: &mut Renderer, scene: &SceneSnapshot, rig: &Rig, settings: &R
 
 /// The scene of a configuration, with fewer stars.
 fn scene_of(file: &str, set: &[&str]) -> (SceneSnapshot, RenderSettings) {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs").join(file);
     let few = ["scene.catalogues=[\"builtin:bright\"]"];
-    let set: Vec<String> = few.iter().chain(set).map(|text| (*text).to_owned()).collect();
-    let config = Config::load(&path, &set).unwrap();
-    let (stars, _) = load_stars(&config.star_sources(), &mut |_| {}).unwrap();
-    let scene = SceneSnapshot {
-        revision: 1,
-        stars: Arc::new(stars),
-        objects: Arc::new(config.objects().unwrap()),
-        camera: config.camera().unwrap(),
-    };
-    (scene, config.render_settings())
+    let (scene, _, settings) = configured(file, &[&few[..], set].concat());
+    (scene, settings)
 }
 
 #[test]

@@ -70,8 +70,6 @@ fn cone_of(viewport: Viewport, corner: vec2<f32>, size: vec2<u32>, some_points: 
             }
         }
     }
-    let world = axis.x * viewport.view_from_world_x.xyz + axis.y * viewport.view_from_world_y.xyz
-        + axis.z * viewport.view_from_world_z.xyz;
     // A little for the rounding of f32.
-    return Cone(world, (chord + 2.0 * bend) * 1.0001 + 1e-6);
+    return Cone(world_direction(viewport, axis), (chord + 2.0 * bend) * 1.0001 + 1e-6);
 }

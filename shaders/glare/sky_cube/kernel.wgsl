@@ -48,6 +48,14 @@ struct Directions4 {
     z: vec4<f32>,
 }
 
+// Sets the direction of one of the four; `lane` may vary from turn to turn of a loop.
+fn set_lane(four: ptr<function, Directions4>, lane: u32, direction: vec3<f32>) {
+    let here = vec4(0u, 1u, 2u, 3u) == vec4(lane);
+    (*four).x = select((*four).x, vec4(direction.x), here);
+    (*four).y = select((*four).y, vec4(direction.y), here);
+    (*four).z = select((*four).z, vec4(direction.z), here);
+}
+
 // Squares of the chords from a direction.
 fn chords_squared(directions: Directions4, other: vec3<f32>) -> vec4<f32> {
     let x = directions.x - other.x;
@@ -66,9 +74,4 @@ fn of_sprite(view: GlareView, sprite: GlareSprite, directions: Directions4) -> v
     let inside = 1.0 - share;
     let fade = mix(inside * inside * inside, 1.0 - share * share * (3.0 - 2.0 * share), vec4(sky.flatness));
     return select(value * fade, left, sprite.whole != 0u);
-}
-
-fn world_direction(viewport: Viewport, in_view: vec3<f32>) -> vec3<f32> {
-    return in_view.x * viewport.view_from_world_x.xyz + in_view.y * viewport.view_from_world_y.xyz
-        + in_view.z * viewport.view_from_world_z.xyz;
 }

@@ -48,11 +48,7 @@ fn direction_of(viewport: Viewport, pixel: vec2<f32>) -> vec3<f32> {
 fn directions_of(viewport: Viewport, top: vec2<f32>) -> Directions4 {
     var four: Directions4;
     for (var one = 0u; one < u32(turns(viewport, 4)); one++) {
-        let direction = direction_of(viewport, top + vec2(0.0, f32(one)));
-        let here = vec4(0u, 1u, 2u, 3u) == vec4(one);
-        four.x = select(four.x, vec4(direction.x), here);
-        four.y = select(four.y, vec4(direction.y), here);
-        four.z = select(four.z, vec4(direction.z), here);
+        set_lane(&four, one, direction_of(viewport, top + vec2(0.0, f32(one))));
     }
     return four;
 }

@@ -99,10 +99,7 @@ fn splat_veils(@builtin(global_invocation_id) place: vec3<u32>) {
         return;
     }
     let viewport = viewports[tile.viewport];
-    let direction = vec3(
-        dot(sprite.direction, viewport.view_from_world_x.xyz),
-        dot(sprite.direction, viewport.view_from_world_y.xyz),
-        dot(sprite.direction, viewport.view_from_world_z.xyz));
+    let direction = view_direction(viewport, sprite.direction);
     let row_0 = i32(tile.first_row);
     let reached = reached_pixels(viewport, direction, inverseSqrt(sprite.inverse_squared));
     let first = vec2(reached.first.x, max(reached.first.y, row_0));
@@ -123,11 +120,7 @@ fn splat_veils(@builtin(global_invocation_id) place: vec3<u32>) {
         var four: Directions4;
         for (var lane = 0; lane < lanes; lane++) {
             let pixel = gaussian_pixel(viewport, vec2(at.x + lane, at.y));
-            let towards = direction_from_pixel(viewport, vec2<f32>(pixel) + 0.5).xyz;
-            let here = vec4(0, 1, 2, 3) == vec4(lane);
-            four.x = select(four.x, vec4(towards.x), here);
-            four.y = select(four.y, vec4(towards.y), here);
-            four.z = select(four.z, vec4(towards.z), here);
+            set_lane(&four, u32(lane), direction_from_pixel(viewport, vec2<f32>(pixel) + 0.5).xyz);
         }
         let kernel = of_sprite(view, in_view, four);
         for (var lane = 0; lane < lanes; lane++) {

@@ -18,7 +18,7 @@ use crate::{
     gpu::{Gpu, GrowingBuffer, bind_in_order},
     plan::{
         Plan,
-        smooth_light::{SKY_FACES, SkyFace, SkyMap},
+        smooth_light::{SKY_FACES, SkyFace, SkyMap, SkyPlan},
     },
     scene::SceneSnapshot,
 };
@@ -79,14 +79,14 @@ impl Technique for SmoothLight {
     }
 
     fn missing(&self, plan: &Plan, scene: &SceneSnapshot) -> Vec<SkyFace> {
-        let Some(map) = plan.sky_map else { return Vec::new() };
+        let Some(map) = plan.sky.as_ref().map(|sky| sky.map) else { return Vec::new() };
         let held = self.held.as_ref().filter(|held| held.map == map && Arc::ptr_eq(&held.stars, &scene.stars));
         let there = held.map_or(0, |held| held.faces);
         (0..SKY_FACES).filter(|number| there & 1 << number == 0).map(|number| SkyFace { map, number }).collect()
     }
 
     fn encode(&mut self, gpu: &Gpu, frame: &FrameInputs<'_>, targets: &mut Targets) {
-        if let (Some(map), Some(texels)) = (frame.plan.sky_map, self.texels.held()) {
+        if let (Some(SkyPlan { map, .. }), Some(texels)) = (&frame.plan.sky, self.texels.held()) {
             let unit_cd_m2 = map.unit_cd_m2 * frame.plan.glare.share_in_sums();
             let of_map = SkyMapLayout {
                 unit_cd_m2: unit_cd_m2 as f32,

@@ -28,7 +28,7 @@ use super::{
 };
 use crate::{
     gpu::Gpu,
-    plan::{settings::Accumulator, smooth_light::SkyStars, stars::range::FixedPoint},
+    plan::{settings::Accumulator, smooth_light::SkyPlan, stars::range::FixedPoint},
 };
 
 /// Passes and buffers of all methods; those of the published ones are made when they are first asked for.
@@ -163,8 +163,8 @@ impl Technique for Stars {
 
     fn encode(&mut self, gpu: &Gpu, frame: &FrameInputs<'_>, _targets: &mut Targets) {
         let method = frame.settings.stars.method;
-        self.reads_map = frame.plan.sky_stars.is_some();
-        if let Some(SkyStars { others, .. }) = &frame.plan.sky_stars
+        self.reads_map = frame.plan.sky.is_some();
+        if let Some(SkyPlan { others, .. }) = &frame.plan.sky
             && self.beside_map.as_ref().is_none_or(|stars| !stars.holds(others))
         {
             self.beside_map = None;

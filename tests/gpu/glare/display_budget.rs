@@ -1,18 +1,15 @@
 //! Display images are drawn within a budget of codes: against exact frames, before rounding.
 
-use std::path::Path;
-use std::sync::Arc;
-
 use glam::DQuat;
 use steradian::{
-    config::Config,
-    plan::{Output, settings::RenderSettings},
+    plan::Output,
     render::{FrameRequest, Wanted},
-    scene::{SceneSnapshot, loader::load_stars},
-    view::Rig,
 };
 
-use crate::{common::renderer, display_errors::Errors};
+use crate::{
+    common::{configured, renderer},
+    display_errors::Errors,
+};
 
 const CONFIGURATION: &[&str] = &[
     "scene.catalogues=[\"builtin:bright\", { galaxy = { stars = 50000, seed = 1, fainter_than = 3.5 } }]",
@@ -21,17 +18,9 @@ const CONFIGURATION: &[&str] = &[
 
 /// The same frame drawn exactly and within the budget of display images.
 fn errors(file: &str, set: &[&str], ev100: f64, turn_rad: f64) -> Errors {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs").join(file);
     let exposure = format!("exposure.ev100={ev100}");
-    let set: Vec<String> =
-        CONFIGURATION.iter().chain(set).copied().chain([exposure.as_str()]).map(str::to_owned).collect();
-    let config = Config::load(&path, &set).unwrap();
-    let (rig, settings): (Rig, RenderSettings) = (config.rig().unwrap(), config.render_settings());
-    let (stars, _) = load_stars(&config.star_sources(), &mut |_| ()).unwrap();
-    let mut camera = config.camera().unwrap();
-    camera.world_from_camera *= DQuat::from_rotation_y(turn_rad);
-    let scene =
-        SceneSnapshot { revision: 1, stars: Arc::new(stars), objects: Arc::new(config.objects().unwrap()), camera };
+    let (mut scene, rig, settings) = configured(file, &[CONFIGURATION, set, &[exposure.as_str()]].concat());
+    scene.camera.world_from_camera *= DQuat::from_rotation_y(turn_rad);
     let mut renderer = renderer();
     let mut draw = |output: Output| {
         let request = FrameRequest::new(&scene, &rig).settings(&settings).wanted(Wanted::hdr()).drawn_for(output);
