@@ -9,7 +9,8 @@
 // Of every mesh: number of indices, first index, first vertex.
 @group(0) @binding(2) var<storage, read> meshes: array<vec4<u32>>;
 @group(0) @binding(3) var<storage, read_write> bases: array<u32>;
-// Five words per list; of impostors the first four are those of a draw without indices.
+// Five words per list; of impostors the first four are those of a draw without indices. Of those that are splatted: workgroups along x, y
+// and z, number of entries, first entry.
 @group(0) @binding(4) var<storage, read_write> arguments: array<u32>;
 
 const PLACE_THREADS: u32 = 64u;
@@ -51,6 +52,15 @@ fn place_lists(@builtin(local_invocation_index) local: u32) {
         arguments[5u * i + 2u] = first.y;
         arguments[5u * i + 3u] = first.z;
         arguments[5u * i + 4u] = 0u;
+        if parameters.splat_row > 0u && kind >= parameters.mesh_kinds {
+            let groups = (drawn + parameters.splats_per_workgroup - 1u) / parameters.splats_per_workgroup;
+            let columns = clamp(groups, 1u, parameters.splat_row);
+            arguments[5u * i] = columns;
+            arguments[5u * i + 1u] = (groups + columns - 1u) / columns;
+            arguments[5u * i + 2u] = 1u;
+            arguments[5u * i + 3u] = drawn;
+            arguments[5u * i + 4u] = bases[i];
+        }
     }
     if local == PLACE_THREADS - 1u {
         totals[0] = place;

@@ -51,8 +51,9 @@ struct Asteroid {
     centre: vec3<f32>,
     // Mean radius, m.
     radius: f32,
-    // Index of the shape within its field's set.
+    // Index of the shape within its field's set, and of the set's first one.
     shape: u32,
+    first_shape: u32,
     view_from_shape: mat3x3<f32>,
     // To the sun, unit vector.
     sun: vec3<f32>,
@@ -90,6 +91,7 @@ fn load_asteroid(slot: u32) -> Asteroid {
     asteroid.centre = view_from_world(place_of(item, field, offset) - asteroid_target.eye);
     asteroid.radius = radius_of(field, radius_and_shape);
     asteroid.shape = shape_of(field, radius_and_shape) - field.first_shape;
+    asteroid.first_shape = field.first_shape;
     let turned = field_from_shape(field, instances[word + 4u], instances[word + 5u]);
     asteroid.view_from_shape = mat3x3(
         view_from_world(world_from_field(field, turned[0])),
@@ -105,6 +107,22 @@ fn load_asteroid(slot: u32) -> Asteroid {
     return asteroid;
 }
 
+// Pixel coordinates of a place relative to the eye, view axes, m; z = 0 where there is no image.
+fn pixel_of(place: vec3<f32>) -> vec3<f32> {
+    let viewport = asteroid_target.viewport;
+    var image = pixel_from_direction(viewport, place);
+    if viewport.kind == KIND_EQUIRECTANGULAR {
+        let turn = image.x / f32(viewport.size.x) - 0.5;
+        image.x = (0.5 + turn - round(turn - seam_turn)) * f32(viewport.size.x) + seam_shift;
+    }
+    return image;
+}
+
+fn depth_of_place(place: vec3<f32>) -> f32 {
+    let on_plane = asteroid_target.viewport.kind <= KIND_CUBE_FACE;
+    return asteroid_target.near / select(length(place), -place.z, on_plane);
+}
+
 // Clip coordinates of a place relative to the eye, view axes, m.
 fn clip_from_view(place: vec3<f32>) -> vec4<f32> {
     let viewport = asteroid_target.viewport;
@@ -116,18 +134,13 @@ fn clip_from_view(place: vec3<f32>) -> vec4<f32> {
         let pixel_w = (viewport.plane_offset - vec2(0.0, row)) * w + viewport.plane_scale * place.xy;
         return vec4(2.0 * pixel_w.x / size.x - w, w - 2.0 * pixel_w.y / size.y, asteroid_target.near, w);
     }
-    let projected = pixel_from_direction(viewport, place);
-    if projected.z == 0.0 {
+    let image = pixel_of(place);
+    if image.z == 0.0 {
         // No image: beyond the far plane, which nothing passes.
         return vec4(0.0, 0.0, -1.0, 1.0);
     }
-    var pixel = projected.xy;
-    if viewport.kind == KIND_EQUIRECTANGULAR {
-        let turn = pixel.x / f32(viewport.size.x) - 0.5;
-        pixel.x = (0.5 + turn - round(turn - seam_turn)) * f32(viewport.size.x) + seam_shift;
-    }
-    let ndc = 2.0 * (pixel - vec2(0.0, row)) / size - 1.0;
-    return vec4(ndc.x, -ndc.y, asteroid_target.near / length(place), 1.0);
+    let ndc = 2.0 * (image.xy - vec2(0.0, row)) / size - 1.0;
+    return vec4(ndc.x, -ndc.y, depth_of_place(place), 1.0);
 }
 
 // Whether a fading asteroid leaves a sample out; `pixel`: the sample's place on the target. 2: none; w: all but a share w; -w: a share w, the

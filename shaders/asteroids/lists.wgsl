@@ -8,8 +8,10 @@ struct AsteroidCullParameters {
     buckets: u32,
     capacity: u32,
     mesh_kinds: u32,
-    unused_0: u32,
-    unused_1: u32,
+    // Workgroups along a row where impostors are splatted; 0: they are drawn.
+    splat_row: u32,
+    // Impostors per workgroup there.
+    splats_per_workgroup: u32,
 }
 
 // A picture, or a face of the cube behind one.

@@ -1,5 +1,5 @@
 // The present pass: pixels of a tile into a texture that leaves the renderer, a headset's for example. The texture
-// takes linear light; one with sRGB codes encodes it itself. The corners come from display/present_corner.wgsl.
+// takes linear light; one with sRGB codes encodes it itself. The corners come from shared/whole_target.wgsl.
 
 #import display/encode
 #import source = display/present_codes | display/present_light

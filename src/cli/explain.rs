@@ -26,13 +26,14 @@ pub(super) fn text(frame: &Frame) -> String {
 }
 
 fn of_view(view: &ViewStatistics) -> String {
-    let AsteroidCounts { meshes, impostors, points, unresolved, .. } = &view.asteroids;
+    let AsteroidCounts { meshes, impostors, hidden, points, unresolved, .. } = &view.asteroids;
     let asteroids = meshes.iter().sum::<u64>() + impostors + points + unresolved;
     let mut line = format!("view        {}: {} stars drawn", view.name, view.stars_drawn);
     let written = [
         (view.stars_in_map > 0).then(|| format!("{} in the map of faint stars", view.stars_in_map)),
         view.limiting_magnitude.map(|magnitude| format!("shows stars to V = {magnitude:.2}")),
         (asteroids > 0).then(|| format!("{asteroids} asteroids drawn")),
+        (*hidden > 0).then(|| format!("{hidden} of them hidden by nearer ones")),
     ];
     for part in written.into_iter().flatten() {
         line += ", ";

@@ -301,6 +301,11 @@ impl Gpu {
         self.device.limits().max_texture_dimension_2d
     }
 
+    /// Most workgroups along an axis of a dispatch.
+    pub(crate) fn max_workgroups(&self) -> u32 {
+        self.max_workgroups
+    }
+
     /// Bytes that one buffer binding may have.
     pub(crate) fn max_binding_bytes(&self) -> u64 {
         self.binding_limit_bytes

@@ -279,5 +279,9 @@ shared_constants! {
         METHOD_EULER: u32 = 0;
         METHOD_OCTAHEDRAL: u32 = 1;
         METHOD_BLEND: u32 = 2;
+        /// Threads that splat an impostor together.
+        SPLAT_LANES: u32 = 8;
+        /// Pictures and faces of a frame at most.
+        MAX_PLANES: u32 = crate::plan::asteroids::kinds::MAX_PLANES as u32;
     }
 }

@@ -20,7 +20,7 @@ struct ImpostorAtlas {
 // One layer per shape. Normals in the shape's axes, halved and moved to 0..1; alpha: coverage.
 @group(1) @binding(2) var normals: texture_2d_array<f32>;
 // Red: albedo over its scale. Green: depth along the tile's direction, 0.5 in the middle, 1 one bounding radius towards
-// the eye.
+// the eye. Blue: coverage again.
 @group(1) @binding(3) var surfaces: texture_2d_array<f32>;
 @group(1) @binding(4) var trilinear: sampler;
 

@@ -5,6 +5,7 @@
 // shows.
 
 #import asteroids/impostors/atlas
+#import asteroids/impostors/square
 #import asteroids/impostors/tiles
 #import constants/impostors
 #import shared/math
@@ -16,8 +17,6 @@ fn place_impostor(@builtin(vertex_index) index: u32, @builtin(instance_index) in
     let view_from_shape = asteroid.view_from_shape;
     let radius = asteroid.radius * bounds[asteroid.shape];
     let centre = asteroid.centre / radius;
-    let distance = length(centre);
-    let to_eye = -centre / distance;
     let place = vec2(f32(index & 1u), f32(index >> 1u)) * 2.0 - 1.0;
     var corner: ImpostorCorner;
     corner.place = place;
@@ -29,23 +28,10 @@ fn place_impostor(@builtin(vertex_index) index: u32, @builtin(instance_index) in
         let turn = vec2(precise_cos(angles.z), precise_sin(angles.z));
         corner.offset = vec3(turn.x * place.x - turn.y * place.y, turn.y * place.x + turn.x * place.y, 0.0);
     } else {
-        let direction = transpose(view_from_shape) * to_eye;
-        let tile = octahedral_nearest(direction);
-        corner.tiles.x = tile.x | (tile.y << 16u);
-        if METHOD == METHOD_BLEND {
-            let blend = octahedral_blend(direction);
-            corner.tiles = vec4(blend.tiles, asteroid.shape);
-            corner.weights = blend.weights;
-        }
-        // The tile's axes, turned the shortest way until it faces the eye.
-        let axes = octahedral_axes(tile);
-        let seen = view_from_shape * axes.direction;
-        let between = (seen + to_eye) / (1.0 + dot(seen, to_eye));
-        let right = view_from_shape * axes.right;
-        let up = view_from_shape * axes.up;
-        let outline = distance * inverseSqrt(max(distance * distance - 1.0, 1e-6));
-        corner.offset = outline
-            * (place.x * (right - dot(right, to_eye) * between) + place.y * (up - dot(up, to_eye) * between));
+        let square = facing_square(centre, view_from_shape, METHOD == METHOD_BLEND);
+        corner.tiles = vec4(square.tiles, asteroid.shape);
+        corner.weights = square.weights;
+        corner.offset = place.x * square.right + place.y * square.up;
     }
     corner.centre = vec4(centre, radius);
     corner.view_from_shape_x = view_from_shape[0];

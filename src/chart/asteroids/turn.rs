@@ -92,9 +92,9 @@ impl FrameParts {
                 "plan on the CPU {plan_ms:.2}, cull {cull_ms:.2}, meshes and impostors {layers_ms:.2}, geometry {geometry_ms:.2}, points {points_ms:.2} ms"
             ));
         }
-        if let Some(AsteroidCounts { meshes, impostors, points, culled, .. }) = &self.counts {
+        if let Some(AsteroidCounts { meshes, impostors, hidden, points, culled, .. }) = &self.counts {
             let meshes = meshes.iter().map(u64::to_string).collect::<Vec<_>>().join(" ");
-            notes.push(format!("drawn: meshes {meshes}, impostors {impostors}, points {points}, culled {culled}"));
+            notes.push(format!("drawn: meshes {meshes}, impostors {impostors} ({hidden} hidden), points {points}, culled {culled}"));
         }
         notes.join("; ")
     }
@@ -140,6 +140,7 @@ fn sum<'a>(all: impl Iterator<Item = &'a AsteroidCounts>) -> AsteroidCounts {
         sum.meshes.resize(sum.meshes.len().max(counts.meshes.len()), 0);
         sum.meshes.iter_mut().zip(&counts.meshes).for_each(|(sum, count)| *sum += count);
         sum.impostors += counts.impostors;
+        sum.hidden += counts.hidden;
         sum.points += counts.points;
         sum.unresolved += counts.unresolved;
         sum.culled += counts.culled;

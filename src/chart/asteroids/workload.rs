@@ -86,6 +86,7 @@ impl Variant {
             ),
             of("gpu_culling_octahedral", ours, ImpostorMethod::Octahedral, Culling::Gpu, ""),
             of("gpu_culling_octahedral_blend", ours, ImpostorMethod::OctahedralBlend, Culling::Gpu, ""),
+            of("gpu_culling_octahedral_splat", ours, ImpostorMethod::OctahedralSplat, Culling::Gpu, ""),
         ]
     }
 

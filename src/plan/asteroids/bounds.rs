@@ -45,7 +45,7 @@ pub fn direction_error_bound_rad(method: ImpostorMethod, tiles: u32) -> Option<f
     match method.chosen() {
         ImpostorMethod::EulerAtlas => Some(2.0 * (std::f64::consts::PI / n).cos().powi(2).acos()),
         ImpostorMethod::Octahedral => Some(18.0_f64.sqrt() / n),
-        ImpostorMethod::OctahedralBlend => Some(BLEND_ERROR / n),
+        ImpostorMethod::OctahedralBlend | ImpostorMethod::OctahedralSplat => Some(BLEND_ERROR / n),
         ImpostorMethod::Auto | ImpostorMethod::None => None,
     }
 }
@@ -68,7 +68,7 @@ pub fn impostor_distances(
     let texels = f64::from(settings.tile_px.saturating_sub(BORDER_PX).max(1));
     let direction_rad = direction_error_bound_rad(method, settings.tiles)?;
     let perspective = match method.chosen() {
-        ImpostorMethod::OctahedralBlend => allowed_rad.cbrt().recip(),
+        ImpostorMethod::OctahedralBlend | ImpostorMethod::OctahedralSplat => allowed_rad.cbrt().recip(),
         _ => allowed_rad.sqrt().recip(),
     };
     Some(ImpostorDistances {

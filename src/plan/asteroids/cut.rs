@@ -151,6 +151,8 @@ pub fn cut(
             }
         }
     }
+    // From near to far, so that most of what is hidden is found behind what is drawn already.
+    cut.items.sort_by(|a, b| a.origin_m.length_squared().total_cmp(&b.origin_m.length_squared()));
     cut.shape_items = cut.items.len();
     cut.items.append(&mut points_only);
     cut

@@ -6,11 +6,12 @@ use std::sync::Arc;
 use glam::DVec3;
 
 use super::{
+    bounds::direction_error_bound_rad,
     classes::ClassRules,
     cpu_cull::{self, PictureLists, WHOLE_PICTURE},
     cut::{self, AsteroidCut},
     kinds::{Kinds, MAX_SET_MESHES, Plane, planes_of},
-    settings::{AsteroidSettings, Culling},
+    settings::{AsteroidSettings, Culling, ImpostorMethod},
     views::{DirectionTable, PictureBounds, eye_distance_m, impostor_reach},
 };
 use crate::{
@@ -48,6 +49,26 @@ pub struct Link {
     pub column: u32,
     /// Bit set of the faces that the group may be seen on.
     pub faces: u8,
+}
+
+/// Where one tile will do for an impostor that is splatted: where each of its errors is below half a pixel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Splats {
+    /// Factor on distances of detail.
+    pub quality: f64,
+    /// Greatest error of the direction of the nearest tile, rad.
+    pub tile_error_rad: f64,
+}
+
+impl Splats {
+    /// Those of these settings.
+    fn new(settings: &AsteroidSettings) -> Option<Self> {
+        if settings.finest_only || settings.impostor.chosen() != ImpostorMethod::OctahedralSplat {
+            return None;
+        }
+        let tile_error_rad = direction_error_bound_rad(ImpostorMethod::Octahedral, settings.tiles)?;
+        Some(Self { quality: settings.quality, tile_error_rad })
+    }
 }
 
 /// Where the counts of a plane are.
@@ -94,6 +115,8 @@ pub struct AsteroidPlan {
     pub face_px: Vec<u32>,
     /// cd/m^2 per unit of the targets.
     pub luminance_scale: f64,
+    /// How impostors are splatted; `None`: they are drawn as squares, or there are none.
+    pub splats: Option<Splats>,
     /// The lists where the CPU has made them.
     pub lists: Option<Vec<PictureLists>>,
     /// Asteroids of all fields.
@@ -223,6 +246,7 @@ impl AsteroidPlan {
             luminance_scale: luminance_scale(&fields, cut.brightest_lx),
             asteroids: fields.iter().map(|field| field.instances.packed.len() as u64).sum(),
             certificate: Vec::new(),
+            splats: Splats::new(settings),
             pictures,
             rules,
             numbers,

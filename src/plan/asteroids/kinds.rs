@@ -4,12 +4,16 @@
 use std::sync::Arc;
 
 use crate::{
+    plan::stars::cull::MAX_VIEWPORTS,
     scene::asteroids::{AsteroidField, ShapeSet},
     view::projection::Face,
 };
 
 /// Most meshes of a set: culling counts them in the memory of a workgroup.
 pub const MAX_SET_MESHES: usize = 1280;
+
+/// Most planes of a frame: pictures, and six faces behind each.
+pub const MAX_PLANES: usize = 7 * MAX_VIEWPORTS;
 
 /// A picture or a face of the cube around its axes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]
 pub enum ImpostorMethod {
-    /// `octahedral_blend`.
+    /// `octahedral_splat`.
     #[default]
     Auto,
     /// No impostors: meshes down to points.
@@ -21,11 +21,14 @@ pub enum ImpostorMethod {
     Octahedral,
     /// An octahedral atlas: three tiles blended, each with parallax by its depth.
     OctahedralBlend,
+    /// The same, and from where half a pixel allows it one tile, splatted sample by sample: what nearer asteroids hide is left out.
+    OctahedralSplat,
 }
 
 impl ImpostorMethod {
     /// All of them.
-    pub const ALL: [Self; 5] = [Self::Auto, Self::None, Self::EulerAtlas, Self::Octahedral, Self::OctahedralBlend];
+    pub const ALL: [Self; 6] =
+        [Self::Auto, Self::None, Self::EulerAtlas, Self::Octahedral, Self::OctahedralBlend, Self::OctahedralSplat];
 
     /// Name in configurations and charts.
     pub fn name(self) -> &'static str {
@@ -35,6 +38,7 @@ impl ImpostorMethod {
             Self::EulerAtlas => "euler_atlas",
             Self::Octahedral => "octahedral",
             Self::OctahedralBlend => "octahedral_blend",
+            Self::OctahedralSplat => "octahedral_splat",
         }
     }
 
@@ -45,7 +49,7 @@ impl ImpostorMethod {
 
     /// What draws: no `auto`.
     pub fn chosen(self) -> Self {
-        if self == Self::Auto { Self::OctahedralBlend } else { self }
+        if self == Self::Auto { Self::OctahedralSplat } else { self }
     }
 }
 

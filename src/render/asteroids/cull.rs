@@ -28,6 +28,8 @@ pub(crate) struct CullNumbers {
     pub mesh_kinds: u32,
     /// Entries that there is room for.
     pub capacity: u32,
+    /// Impostors per workgroup where they are splatted; 0: they are drawn as squares.
+    pub splats_per_workgroup: u32,
 }
 
 /// What it reads and writes.
@@ -82,7 +84,8 @@ impl AsteroidCullPass {
             buckets: lists,
             capacity: numbers.capacity,
             mesh_kinds: numbers.mesh_kinds,
-            ..Default::default()
+            splat_row: if numbers.splats_per_workgroup > 0 { gpu.max_workgroups() } else { 0 },
+            splats_per_workgroup: numbers.splats_per_workgroup,
         };
         let uniform = |row: u32| gpu.frame_uniform("asteroid culling", &parameters(row));
         let [row, rows] = dispatch_rows(gpu, numbers.items);

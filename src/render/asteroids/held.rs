@@ -41,6 +41,8 @@ pub(super) struct Held {
 struct Atlases {
     method: ImpostorMethod,
     size: [u32; 2],
+    atlases: Vec<ImpostorAtlas>,
+    /// The same for squares.
     groups: Vec<wgpu::BindGroup>,
 }
 
@@ -100,7 +102,7 @@ impl Held {
         &mut self,
         gpu: &Gpu,
         bake: &ImpostorBakePass,
-        pass: &AsteroidImpostorPass,
+        pass: Option<&AsteroidImpostorPass>,
         settings: &AsteroidSettings,
     ) -> Result<(), RenderError> {
         let method = settings.impostor.chosen();
@@ -110,17 +112,26 @@ impl Held {
         }
         // Gone before its successor is made, so that both never exist at once.
         self.atlases = None;
-        let mut groups = Vec::new();
+        let mut atlases = Vec::new();
         for set in &self.kinds.sets {
             let atlas = ImpostorAtlas::new(gpu, bake, &set.shapes, method, settings).map_err(Box::new)?;
-            groups.extend(atlas.map(|atlas| pass.atlas_group(gpu, &atlas.bindings())));
+            atlases.extend(atlas);
         }
-        self.atlases = Some(Atlases { method, size, groups });
+        let groups = match pass {
+            Some(pass) => atlases.iter().map(|atlas| pass.atlas_group(gpu, &atlas.bindings())).collect(),
+            None => Vec::new(),
+        };
+        self.atlases = Some(Atlases { method, size, atlases, groups });
         Ok(())
     }
 
     /// The atlases of all sets; none if there are no impostors.
-    pub(super) fn atlases(&self) -> &[wgpu::BindGroup] {
+    pub(super) fn atlases(&self) -> &[ImpostorAtlas] {
+        self.atlases.as_ref().map_or(&[], |held| &held.atlases)
+    }
+
+    /// The same as squares bind them; none where none are drawn.
+    pub(super) fn atlas_groups(&self) -> &[wgpu::BindGroup] {
         self.atlases.as_ref().map_or(&[], |held| &held.groups)
     }
 

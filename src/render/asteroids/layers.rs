@@ -3,6 +3,7 @@
 use super::{
     Asteroids,
     encode::encoded_viewport,
+    impostors::splat::{SplatLayers, SplatList, SplatLists},
     kind_stride,
     raster::{ASTEROID_COLOUR, ASTEROID_DEPTH, AsteroidDraw},
 };
@@ -36,7 +37,7 @@ pub(super) struct LayerTargets {
 
 impl Layers {
     fn new(gpu: &Gpu, size: wgpu::Extent3d, array: bool) -> Self {
-        let texture = |label: &str, format: wgpu::TextureFormat| {
+        let texture = |label: &str, format: wgpu::TextureFormat, usage: wgpu::TextureUsages| {
             gpu.device.create_texture(&wgpu::TextureDescriptor {
                 label: Some(label),
                 size,
@@ -46,11 +47,14 @@ impl Layers {
                 format,
                 usage: wgpu::TextureUsages::RENDER_ATTACHMENT
                     | wgpu::TextureUsages::TEXTURE_BINDING
-                    | wgpu::TextureUsages::COPY_SRC,
+                    | wgpu::TextureUsages::COPY_SRC
+                    | usage,
                 view_formats: &[],
             })
         };
-        let (colour, depth) = (texture("asteroid colour", ASTEROID_COLOUR), texture("asteroid depth", ASTEROID_DEPTH));
+        // Splats write colour from a compute pass.
+        let colour = texture("asteroid colour", ASTEROID_COLOUR, wgpu::TextureUsages::STORAGE_BINDING);
+        let depth = texture("asteroid depth", ASTEROID_DEPTH, wgpu::TextureUsages::empty());
         let whole = |texture: &wgpu::Texture| {
             let dimension = if array { wgpu::TextureViewDimension::D2Array } else { wgpu::TextureViewDimension::D2 };
             texture.create_view(&wgpu::TextureViewDescriptor { dimension: Some(dimension), ..Default::default() })
@@ -211,21 +215,39 @@ impl Asteroids {
                 (7, held.shapes.as_entire_binding()),
             ],
         );
-        let arguments = buffers.arguments.with_room(gpu, 0);
+        let arguments = buffers.arguments.with_room(gpu, 0).clone();
         let draw = AsteroidDraw {
             group: &group,
             kind_stride: kind_stride(gpu),
-            arguments,
+            arguments: &arguments,
             first_list: plane as u64 * u64::from(plan.kinds),
         };
         pass.set_viewport(0.0, 0.0, width as f32, height as f32, 0.0, 1.0);
         pass.set_scissor_rect(0, 0, width, height);
         // Without impostors of a method there are lists of meshes alone.
         if let Some(impostors) = impostors {
-            for (set, atlas) in held.atlases().iter().enumerate() {
+            for (set, atlas) in held.atlas_groups().iter().enumerate() {
                 impostors.record(&mut pass, &draw, held.kinds.impostor_kind(set) as u32, atlas);
             }
         }
         passes.mesh(gpu).record(&mut pass, &draw, &held.vertices, &held.indices, held.kinds.meshes as u32);
+        drop(pass);
+        let Some(splats) = &plan.splats else { return };
+        let lists = SplatLists {
+            target: &target,
+            items: buffers.items.with_room(gpu, 0),
+            fields: buffers.fields.with_room(gpu, 0),
+            instances: &held.instances,
+            entries: buffers.entries.with_room(gpu, 0),
+            shapes: &held.shapes,
+            arguments: &arguments,
+            still_seen: buffers.still_seen.with_room(gpu, 0),
+        };
+        let layers = SplatLayers { colour, depth, size: [width, height] };
+        for (set, atlas) in held.atlases().iter().enumerate() {
+            let list = draw.first_list + held.kinds.impostor_kind(set) as u64;
+            let splatted = SplatList { list, atlas, lists: &lists };
+            passes.splats(gpu).record(gpu, encoder, timer, splats, &splatted, layers, &mut buffers.samples);
+        }
     }
 }

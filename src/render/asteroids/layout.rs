@@ -151,10 +151,34 @@ gpu_structs! {
         capacity: u32,
         /// Kinds that are meshes.
         mesh_kinds: u32,
-        /// Padding.
-        unused_0: u32,
-        /// Padding.
-        unused_1: u32,
+        /// Workgroups along a row where impostors are splatted; 0: they are drawn.
+        splat_row: u32,
+        /// Impostors per workgroup there.
+        splats_per_workgroup: u32,
+    }
+    /// Samples that impostors are splatted onto at once; see `shaders/asteroids/impostors/splat_band.wgsl`.
+    SplatBand {
+        /// Samples in a row.
+        width: u32,
+        /// First of the rows.
+        first_row: u32,
+        /// Their number.
+        rows: u32,
+        /// Blocks of samples in a row of them.
+        blocks: u32,
+    }
+    /// What impostors are splatted onto; see `shaders/asteroids/impostors/footprint.wgsl`.
+    SplatTarget {
+        /// The samples.
+        band: SplatBand,
+        /// First word of the list's arguments.
+        arguments: u32,
+        /// 0: depths are found; 1: whose they are; 2: samples are lit.
+        stage: u32,
+        /// Factor on distances of detail.
+        quality: f32,
+        /// Greatest error of the direction of the nearest tile, rad.
+        tile_error_rad: f32,
     }
     /// Parameters of the pass over asteroids that are points.
     AsteroidPointParameters {

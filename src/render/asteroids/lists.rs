@@ -3,7 +3,7 @@
 use super::{AsteroidCounts, FrameBuffers, held::Held};
 use crate::render::constants::asteroid_lists::{IMPOSTOR_VERTICES, SEAM_BIT};
 use crate::{
-    gpu::Gpu,
+    gpu::{Gpu, dispatch_rows},
     plan::{
         asteroids::{
             AsteroidPlan,
@@ -21,6 +21,7 @@ pub(super) fn upload_lists(
     held: &Held,
     buffers: &mut FrameBuffers,
     found: &[PictureLists],
+    splats_per_workgroup: u32,
 ) {
     let kinds = plan.kinds as usize;
     let mut entries: Vec<layout::AsteroidEntry> = Vec::with_capacity(plan.capacity as usize);
@@ -37,7 +38,12 @@ pub(super) fn upload_lists(
             let seen = if plane.face.is_none() { of.seen as u32 } else { 0 };
             totals.push(if kind == kinds - 1 { seen } else { count });
             let [indices, first_index, first_vertex] = meshes.get(kind).copied().unwrap_or([IMPOSTOR_VERTICES, 0, 0]);
-            arguments.extend([indices, count, first_index, first_vertex, 0]);
+            if splats_per_workgroup > 0 && kind >= plan.numbers.meshes {
+                let [columns, rows] = dispatch_rows(gpu, count.div_ceil(splats_per_workgroup));
+                arguments.extend([columns, rows, 1, count, entries.len() as u32]);
+            } else {
+                arguments.extend([indices, count, first_index, first_vertex, 0]);
+            }
             entries.extend(list.iter().map(|entry| layout::AsteroidEntry {
                 instance: entry.instance,
                 item: entry.item | if entry.beyond_seam { SEAM_BIT } else { 0 },
@@ -53,10 +59,16 @@ pub(super) fn upload_lists(
 }
 
 /// What the totals of all lists say of each of `views` views.
-pub(super) fn counts_of(plan: &AsteroidPlan, totals: &[u32], points: &[u32], views: usize) -> Vec<AsteroidCounts> {
+pub(super) fn counts_of(
+    plan: &AsteroidPlan,
+    totals: &[u32],
+    points: &[u32],
+    hidden: &[u32],
+    views: usize,
+) -> Vec<AsteroidCounts> {
     let levels = plan.numbers.sets.iter().flat_map(|set| &set.shapes.shapes).map(|shape| shape.lods.len()).max();
     let mut counts = vec![AsteroidCounts { meshes: vec![0; levels.unwrap_or(0)], ..Default::default() }; views];
-    for (plane, totals) in plan.planes.iter().zip(totals.chunks_exact(plan.kinds as usize)) {
+    for ((plane, totals), hidden) in plan.planes.iter().zip(totals.chunks_exact(plan.kinds as usize)).zip(hidden) {
         let Some(counts) = counts.get_mut(plan.viewports[plane.viewport].view) else { continue };
         for set in &plan.numbers.sets {
             for (shape, first) in set.shapes.shapes.iter().zip(&set.shape_kinds) {
@@ -67,6 +79,7 @@ pub(super) fn counts_of(plan: &AsteroidPlan, totals: &[u32], points: &[u32], vie
         }
         let impostors = &totals[plan.numbers.meshes..plan.numbers.lists()];
         counts.impostors += impostors.iter().map(|count| u64::from(*count)).sum::<u64>();
+        counts.hidden += u64::from(*hidden);
         if plane.face.is_none() {
             let nodes = plan.cut.unresolved.iter().filter(|point| point.point.viewports >> plane.viewport & 1 == 1);
             let unresolved: u64 = nodes.map(|node| node.asteroids).sum();

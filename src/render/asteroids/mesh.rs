@@ -1,7 +1,7 @@
 //! Meshes of asteroids: one indirect draw per mesh and plane, with the list that culling wrote. Shaders:
 //! `shaders/asteroids/mesh*.wgsl`.
 
-use super::raster::{AsteroidDraw, asteroid_pipeline};
+use super::raster::{AsteroidDraw, AsteroidPipeline};
 use crate::gpu::Gpu;
 use crate::render::shader::Shader;
 
@@ -28,7 +28,16 @@ impl AsteroidMeshPass {
             ..Default::default()
         };
         let shaders = [&Shader::new("asteroids/mesh").source(), &Shader::new("asteroids/mesh_shade").source()];
-        Self { pipeline: asteroid_pipeline(gpu, shaders, &[], &[Some(group)], &[Some(buffer)], primitive) }
+        let (groups, buffers) = ([Some(group)], [Some(buffer)]);
+        let of = AsteroidPipeline {
+            shaders,
+            constants: &[],
+            groups: Some(&groups),
+            buffers: &buffers,
+            primitive,
+            colour: true,
+        };
+        Self { pipeline: of.make(gpu) }
     }
 
     /// Records the draws of all meshes onto one plane.

@@ -27,6 +27,7 @@ use self::{
     impostors::{
         bake::ImpostorBakePass,
         draw::{AsteroidImpostorPass, AsteroidSource},
+        splat::AsteroidSplatPass,
     },
     layers::LayerTargets,
     lists::{counts_of, upload_lists},
@@ -44,7 +45,7 @@ use crate::{
     gpu::{Gpu, GpuTimer, GrowingBuffer, ReadbackBuffer, Variants, filled_buffer},
     plan::{
         Plan, PlanError,
-        asteroids::{AsteroidPlan, frame::ENTRY_BYTES},
+        asteroids::{AsteroidPlan, frame::ENTRY_BYTES, kinds::MAX_PLANES},
         settings::{AsteroidSettings, Culling, ImpostorMethod},
         stars::{cull::MAX_VIEWPORTS, range::FixedPoint},
     },
@@ -54,6 +55,7 @@ use crate::{
 /// Names of what is counted: totals of the lists, and points.
 const TOTALS: &str = "asteroid totals";
 const POINTS: &str = "asteroid points";
+const HIDDEN: &str = "asteroids hidden";
 
 /// Asteroids of a view, by what they are drawn as. One that is between two classes counts in both.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -62,6 +64,8 @@ pub struct AsteroidCounts {
     pub meshes: Vec<u64>,
     /// Drawn as impostors, likewise.
     pub impostors: u64,
+    /// Impostors among them that nearer asteroids hide: they are not lit. Of `octahedral_splat` alone.
+    pub hidden: u64,
     /// Drawn as points.
     pub points: u64,
     /// Part of points of light that stand for whole groups.
@@ -76,6 +80,7 @@ struct Passes {
     mesh: OnceLock<AsteroidMeshPass>,
     points: OnceLock<AsteroidPointPass>,
     impostors: Variants<ImpostorMethod, Option<AsteroidImpostorPass>>,
+    splats: OnceLock<AsteroidSplatPass>,
     bake: OnceLock<ImpostorBakePass>,
     layout: OnceLock<wgpu::BindGroupLayout>,
 }
@@ -87,6 +92,7 @@ impl Passes {
             mesh: OnceLock::new(),
             points: OnceLock::new(),
             impostors: Variants::new(),
+            splats: OnceLock::new(),
             bake: OnceLock::new(),
             layout: OnceLock::new(),
         }
@@ -108,12 +114,19 @@ impl Passes {
         self.points.get_or_init(|| AsteroidPointPass::new(gpu))
     }
 
+    fn splats(&self, gpu: &Gpu) -> &AsteroidSplatPass {
+        self.splats.get_or_init(|| AsteroidSplatPass::new(gpu))
+    }
+
     fn bake(&self, gpu: &Gpu) -> &ImpostorBakePass {
         self.bake.get_or_init(|| ImpostorBakePass::new(gpu))
     }
 
-    /// The pass of a method; `None` for methods without impostors.
+    /// The pass of a method that draws squares; `None` for others.
     fn impostors(&self, gpu: &Gpu, method: ImpostorMethod) -> Option<AsteroidImpostorPass> {
+        if method == ImpostorMethod::OctahedralSplat {
+            return None;
+        }
         let make = || AsteroidImpostorPass::new(gpu, AsteroidSource::Lists, self.layout(gpu), method);
         self.impostors.get(method, make)
     }
@@ -133,6 +146,10 @@ struct FrameBuffers {
     entries: GrowingBuffer,
     arguments: GrowingBuffer,
     drawn_points: GrowingBuffer,
+    /// Per plane the impostors that nearer ones hide; then of every entry of the list at hand whether a sample of it may be seen.
+    still_seen: GrowingBuffer,
+    /// Samples that impostors are splatted onto.
+    samples: GrowingBuffer,
     /// One uniform per kind of list.
     kinds: Option<(wgpu::Buffer, u32)>,
 }
@@ -165,6 +182,8 @@ impl FrameBuffers {
             entries: buffer("asteroid lists"),
             arguments: GrowingBuffer::new("asteroid arguments", usage | wgpu::BufferUsages::INDIRECT),
             drawn_points: buffer("asteroid points drawn"),
+            still_seen: buffer("asteroids still seen"),
+            samples: buffer("asteroid samples"),
             kinds: None,
         }
     }
@@ -198,8 +217,8 @@ impl Asteroids {
             return Ok(());
         }
         self.impostors = self.passes.impostors(gpu, method);
-        if let (Some(held), Some(pass)) = (&mut self.held, &self.impostors) {
-            held.hold_atlases(gpu, self.passes.bake(gpu), pass, settings)?;
+        if let Some(held) = &mut self.held {
+            held.hold_atlases(gpu, self.passes.bake(gpu), self.impostors.as_ref(), settings)?;
         }
         Ok(())
     }
@@ -213,8 +232,12 @@ impl Asteroids {
         plan: &AsteroidPlan,
     ) {
         let Some(held) = &self.held else { return };
+        let per_workgroup = self.splats_per_workgroup(gpu, plan);
         let buffers = &mut self.buffers;
         encoder.clear_buffer(buffers.drawn_points.with_room(gpu, 4 * POINT_COUNTS as u64), 0, None);
+        let seen_words = if plan.splats.is_some() { plan.capacity } else { 0 };
+        let still_seen = buffers.still_seen.with_room(gpu, 4 * (MAX_PLANES as u64 + seen_words));
+        encoder.clear_buffer(still_seen, 0, Some(4 * MAX_PLANES as u64));
         if plan.lists.is_some() {
             return;
         }
@@ -227,6 +250,7 @@ impl Asteroids {
             kinds: plan.kinds,
             mesh_kinds: plan.numbers.meshes as u32,
             capacity: plan.capacity as u32,
+            splats_per_workgroup: per_workgroup,
         };
         let cull = CullBuffers {
             views: buffers.views.with_room(gpu, 0),
@@ -248,8 +272,14 @@ impl Asteroids {
         self.passes.cull(gpu).record(gpu, &mut pass, numbers, &cull);
     }
 
+    /// Impostors per workgroup where they are splatted; 0 where they are not.
+    fn splats_per_workgroup(&self, gpu: &Gpu, plan: &AsteroidPlan) -> u32 {
+        plan.splats.map_or(0, |_| self.passes.splats(gpu).per_workgroup)
+    }
+
     /// Uploads a plan.
     fn upload(&mut self, gpu: &Gpu, plan: &AsteroidPlan, objects: &SceneObjects) {
+        let per_workgroup = self.splats_per_workgroup(gpu, plan);
         let Some(held) = &self.held else { return };
         let encoded = Encoded::new(plan, objects);
         let buffers = &mut self.buffers;
@@ -272,7 +302,7 @@ impl Asteroids {
         buffers.views.upload(gpu, &encoded.views);
         buffers.tables.upload(gpu, &encoded.tables);
         if let Some(lists) = &plan.lists {
-            upload_lists(gpu, plan, held, buffers, lists);
+            upload_lists(gpu, plan, held, buffers, lists, per_workgroup);
         } else {
             buffers.planes.upload(gpu, &encoded.planes);
             buffers.links.upload(gpu, &encoded.links);
@@ -320,7 +350,10 @@ impl Asteroids {
         let totals = readback.copy(gpu, encoder, self.buffers.totals.with_room(gpu, bytes), 0, bytes);
         let points = self.buffers.drawn_points.with_room(gpu, 4 * POINT_COUNTS as u64);
         let points = readback.copy(gpu, encoder, points, 0, 4 * POINT_COUNTS as u64);
-        places.counts.extend([(TOTALS, totals, count), (POINTS, points, POINT_COUNTS)]);
+        let planes = plan.planes.len();
+        let hidden = self.buffers.still_seen.with_room(gpu, 4 * MAX_PLANES as u64);
+        let hidden = readback.copy(gpu, encoder, hidden, 0, 4 * planes as u64);
+        places.counts.extend([(TOTALS, totals, count), (POINTS, points, POINT_COUNTS), (HIDDEN, hidden, planes)]);
     }
 }
 
@@ -345,7 +378,10 @@ impl Technique for Asteroids {
         }
         let method = settings.impostor.chosen();
         if !settings.finest_only && method != ImpostorMethod::None {
-            jobs.push(PipelineJob::new("impostors", move || passes.impostors(gpu, method)));
+            jobs.push(match method {
+                ImpostorMethod::OctahedralSplat => PipelineJob::new("splats of impostors", move || passes.splats(gpu)),
+                squares => PipelineJob::new("impostors", move || passes.impostors(gpu, squares)),
+            });
             jobs.push(PipelineJob::new("baking of impostors", move || {
                 passes.bake(gpu);
             }));
@@ -431,17 +467,17 @@ fn read_counts(
         Some((_, place, count)) => readback.read::<u32>(gpu, *place, *count).map_err(RenderError::from),
         None => unreachable!("asteroids are counted in every frame that has any"),
     };
-    let (totals, points) = (words(TOTALS)?, words(POINTS)?);
+    let (totals, points, hidden) = (words(TOTALS)?, words(POINTS)?, words(HIDDEN)?);
     if u64::from(totals[0]) > plan.capacity {
         let (needed, limit) = (u64::from(totals[0]), plan.capacity);
         return Err(PlanError::AsteroidLists { needed, limit }.into());
     }
-    Ok(counts_of(plan, &totals[1..], &points, views))
+    Ok(counts_of(plan, &totals[1..], &points, &hidden, views))
 }
 
 /// Bytes that the counts need in the readback buffer.
 fn count_bytes(plan: &AsteroidPlan) -> u64 {
-    4 * totals_of(plan) as u64 + 4 * POINT_COUNTS as u64 + 64
+    4 * (totals_of(plan) + POINT_COUNTS + plan.planes.len()) as u64 + 64
 }
 
 /// Words of the totals of all lists.

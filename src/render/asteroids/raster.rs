@@ -58,52 +58,67 @@ pub(crate) fn asteroid_layout(gpu: &Gpu) -> wgpu::BindGroupLayout {
         .create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some("asteroids"), entries: &entries })
 }
 
-/// A pipeline that draws asteroids: `groups` are its bind groups, the first that of [`asteroid_layout`].
-pub(crate) fn asteroid_pipeline(
-    gpu: &Gpu,
-    [vertex, fragment]: [&ShaderSource; 2],
-    constants: &[(&str, f64)],
-    groups: &[Option<&wgpu::BindGroupLayout>],
-    buffers: &[Option<wgpu::VertexBufferLayout<'_>>],
-    primitive: wgpu::PrimitiveState,
-) -> wgpu::RenderPipeline {
-    let module = |source: &ShaderSource| {
-        gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label: Some(source.name),
-            source: wgpu::ShaderSource::Wgsl(source.text.as_str().into()),
+/// A pipeline that draws asteroids.
+pub(crate) struct AsteroidPipeline<'a> {
+    /// Vertices and fragments.
+    pub shaders: [&'a ShaderSource; 2],
+    /// Values of the overridable constants of both.
+    pub constants: &'a [(&'a str, f64)],
+    /// Bind groups, the first that of [`asteroid_layout`]; `None`: those that the shaders imply.
+    pub groups: Option<&'a [Option<&'a wgpu::BindGroupLayout>]>,
+    /// Vertices.
+    pub buffers: &'a [Option<wgpu::VertexBufferLayout<'a>>],
+    /// What they make up.
+    pub primitive: wgpu::PrimitiveState,
+    /// Whether colour is written, or depth alone.
+    pub colour: bool,
+}
+
+impl AsteroidPipeline<'_> {
+    /// Makes it.
+    pub(crate) fn make(self, gpu: &Gpu) -> wgpu::RenderPipeline {
+        let Self { shaders: [vertex, fragment], constants, groups, buffers, primitive, colour } = self;
+        let module = |source: &ShaderSource| {
+            gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+                label: Some(source.name),
+                source: wgpu::ShaderSource::Wgsl(source.text.as_str().into()),
+            })
+        };
+        let targets = [Some(ASTEROID_COLOUR.into())];
+        let options = wgpu::PipelineCompilationOptions { constants, zero_initialize_workgroup_memory: false };
+        let layout = groups.map(|groups| {
+            gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+                label: Some(vertex.name),
+                bind_group_layouts: groups,
+                ..Default::default()
+            })
+        });
+        gpu.render_pipeline(&wgpu::RenderPipelineDescriptor {
+            label: Some(fragment.name),
+            layout: layout.as_ref(),
+            vertex: wgpu::VertexState {
+                module: &module(vertex),
+                entry_point: Some(vertex.entry_point),
+                compilation_options: options.clone(),
+                buffers,
+            },
+            primitive,
+            depth_stencil: Some(wgpu::DepthStencilState {
+                format: ASTEROID_DEPTH,
+                depth_write_enabled: Some(true),
+                depth_compare: Some(wgpu::CompareFunction::Greater),
+                stencil: wgpu::StencilState::default(),
+                bias: wgpu::DepthBiasState::default(),
+            }),
+            multisample: wgpu::MultisampleState::default(),
+            fragment: Some(wgpu::FragmentState {
+                module: &module(fragment),
+                entry_point: Some(fragment.entry_point),
+                compilation_options: options.clone(),
+                targets: if colour { &targets } else { &[] },
+            }),
+            multiview_mask: None,
+            cache: None,
         })
-    };
-    let options = wgpu::PipelineCompilationOptions { constants, zero_initialize_workgroup_memory: false };
-    let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-        label: Some(vertex.name),
-        bind_group_layouts: groups,
-        ..Default::default()
-    });
-    gpu.render_pipeline(&wgpu::RenderPipelineDescriptor {
-        label: Some(fragment.name),
-        layout: Some(&layout),
-        vertex: wgpu::VertexState {
-            module: &module(vertex),
-            entry_point: Some(vertex.entry_point),
-            compilation_options: options.clone(),
-            buffers,
-        },
-        primitive,
-        depth_stencil: Some(wgpu::DepthStencilState {
-            format: ASTEROID_DEPTH,
-            depth_write_enabled: Some(true),
-            depth_compare: Some(wgpu::CompareFunction::Greater),
-            stencil: wgpu::StencilState::default(),
-            bias: wgpu::DepthBiasState::default(),
-        }),
-        multisample: wgpu::MultisampleState::default(),
-        fragment: Some(wgpu::FragmentState {
-            module: &module(fragment),
-            entry_point: Some(fragment.entry_point),
-            compilation_options: options.clone(),
-            targets: &[Some(ASTEROID_COLOUR.into())],
-        }),
-        multiview_mask: None,
-        cache: None,
-    })
+    }
 }

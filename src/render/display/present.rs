@@ -65,7 +65,7 @@ impl PresentPass {
             let constants = variant.shown.constants();
             let constants = if source == PresentSource::Light { &constants[..] } else { &[] };
             gpu.colour_pipeline(
-                &Stage { source: &Shader::new("display/present_corner").source(), constants: &[] },
+                &Stage { source: &Shader::new("shared/whole_target").source(), constants: &[] },
                 &Stage { source: &Shader::new("display/present").with("source", file_of(source)).source(), constants },
                 wgpu::PrimitiveTopology::TriangleList,
                 variant.format.into(),

@@ -139,7 +139,7 @@ impl<'a> Square<'a> {
         Some(Self {
             atlas,
             sight,
-            blends: method.chosen() == ImpostorMethod::OctahedralBlend,
+            blends: matches!(method.chosen(), ImpostorMethod::OctahedralBlend | ImpostorMethod::OctahedralSplat),
             across: if published { DVec3::Z } else { to_eye },
             outline: if published { bound } else { bound * distance / (distance * distance - bound * bound).sqrt() },
             shown: shown_view_from_shape(method, tiles[0].0, sight.view_from_shape, to_eye, atlas.tiles())?,

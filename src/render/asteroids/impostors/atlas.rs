@@ -1,7 +1,7 @@
 //! Atlases of impostors as textures: baked on the adapter, kept on disk, one layer per shape.
 //!
 //! `octahedral` and `octahedral_blend` read the same atlas, `euler_atlas` has its own. Textures: *normals*,
-//! `Rgba8Unorm`, the mean normal in the shape's axes, halved and moved to 0..1, and coverage; *surfaces*, `Rg8Unorm`,
+//! `Rgba8Unorm`, the mean normal in the shape's axes, halved and moved to 0..1, and coverage; *surfaces*, `Rgba8Unorm`,
 //! albedo over [`ImpostorAtlas::albedo_scale`] and depth along the tile's direction in units of the shape's bound (0 to
 //! 1, 0.5 in the middle, 1 towards the eye). Both are arrays of one layer per shape, with mip levels.
 //!
@@ -79,7 +79,7 @@ pub(crate) struct ImpostorAtlas {
     pub bounds: wgpu::Buffer,
     /// Binding 2, `Rgba8Unorm`, a 2D array.
     pub normals: wgpu::TextureView,
-    /// Binding 3, `Rg8Unorm`, a 2D array.
+    /// Binding 3, `Rgba8Unorm`, a 2D array.
     pub surfaces: wgpu::TextureView,
     /// Binding 4: linear, also between levels.
     pub sampler: wgpu::Sampler,
@@ -140,11 +140,11 @@ impl ImpostorAtlas {
             })
         };
         let normals = texture("impostor normals", wgpu::TextureFormat::Rgba8Unorm);
-        let surfaces = texture("impostor surfaces", wgpu::TextureFormat::Rg8Unorm);
+        let surfaces = texture("impostor surfaces", wgpu::TextureFormat::Rgba8Unorm);
         for (layer, finest) in (0..).zip(finest) {
             for (level, texels) in (0..).zip(levels(finest, side, count)) {
                 write_level(gpu, &normals, &texels.normals, side >> level, level, layer);
-                write_level(gpu, &surfaces, &texels.surfaces, side >> level, level, layer);
+                write_level(gpu, &surfaces, &texels.surfaces_with_coverage(), side >> level, level, layer);
             }
         }
         let parameters = layout::ImpostorAtlas {

@@ -8,7 +8,7 @@ use crate::render::{
 use crate::{
     gpu::{Gpu, LayoutOf},
     plan::asteroids::ImpostorMethod,
-    render::asteroids::raster::{AsteroidDraw, asteroid_pipeline},
+    render::asteroids::raster::{AsteroidDraw, AsteroidPipeline},
 };
 
 /// Corners of a square, a triangle strip.
@@ -44,7 +44,8 @@ fn number_of(method: ImpostorMethod) -> Option<f64> {
     match method.chosen() {
         ImpostorMethod::EulerAtlas => Some(impostors::METHOD_EULER.into()),
         ImpostorMethod::Octahedral => Some(impostors::METHOD_OCTAHEDRAL.into()),
-        ImpostorMethod::OctahedralBlend => Some(impostors::METHOD_BLEND.into()),
+        // Splats are drawn apart; as squares they are those of the blend.
+        ImpostorMethod::OctahedralBlend | ImpostorMethod::OctahedralSplat => Some(impostors::METHOD_BLEND.into()),
         ImpostorMethod::Auto | ImpostorMethod::None => None,
     }
 }
@@ -64,8 +65,15 @@ impl AsteroidImpostorPass {
         let atlas_layout = atlas_layout(gpu);
         let groups = [Some(source_layout), Some(&atlas_layout)];
         let primitive = wgpu::PrimitiveState { topology: wgpu::PrimitiveTopology::TriangleStrip, ..Default::default() };
-        let pipeline = asteroid_pipeline(gpu, shaders, &constants, &groups, &[], primitive);
-        Some(Self { pipeline, atlas_layout })
+        let of = AsteroidPipeline {
+            shaders,
+            constants: &constants,
+            groups: Some(&groups),
+            buffers: &[],
+            primitive,
+            colour: true,
+        };
+        Some(Self { pipeline: of.make(gpu), atlas_layout })
     }
 
     /// What an atlas (`super::atlas`) is bound to as group 1.

@@ -4,6 +4,7 @@ pub(crate) mod atlas;
 pub(crate) mod bake;
 pub(crate) mod draw;
 pub mod probe;
+pub(crate) mod splat;
 #[cfg(test)]
 mod tests;
 mod texels;

@@ -58,6 +58,15 @@ pub(super) struct Level {
 }
 
 impl Level {
+    /// Bytes of the texture of surfaces with the coverage beside them: albedo, depth, coverage and 0, so that depth and coverage are read at
+    /// once.
+    pub(super) fn surfaces_with_coverage(&self) -> Vec<u8> {
+        let (normals, _) = self.normals.as_chunks::<4>();
+        let (surfaces, _) = self.surfaces.as_chunks::<2>();
+        let texels = surfaces.iter().zip(normals);
+        texels.flat_map(|([albedo, depth], [.., coverage])| [*albedo, *depth, *coverage, 0]).collect()
+    }
+
     fn from_texels(texels: &[Texel]) -> Self {
         let byte = |value: &f32| (value * 255.0).round().clamp(0.0, 255.0) as u8;
         Self {

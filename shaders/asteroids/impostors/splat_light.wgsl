@@ -1,0 +1,27 @@
+// Lights the samples that are an impostor's own. Colour: luminance in units of the target, alpha 1.
+
+#import asteroids/impostors/footprint
+#import shared/reflection
+
+@group(2) @binding(4) var colour: texture_storage_2d<rgba16float, write>;
+
+fn look_at(footprint: Footprint, sample_at: u32) -> u32 {
+    return select(0u, OWN, is_own(sample_at, footprint.slot));
+}
+
+fn work_on(footprint: Footprint, sample_at: u32, at: vec2<i32>, place: vec2<f32>) -> u32 {
+    let offset = place.x * footprint.square.right + place.y * footprint.square.up;
+    let ray = normalize(footprint.centre + offset);
+    let seen = seen_at(footprint, place, ray, offset);
+    let asteroid = footprint.asteroid;
+    let normal = normalize(asteroid.view_from_shape * seen.normal);
+    // What is seen faces the eye, also at the limb of a tile whose direction is a little off.
+    let cos_e = max(dot(normal, -ray), 1e-3);
+    let light = seen.albedo * reflected(asteroid.law, dot(normal, asteroid.sun), cos_e);
+    textureStore(colour, at, vec4(asteroid.luminance * light, 1.0));
+    return OWN;
+}
+
+fn counts_as_hidden(finding: u32) -> bool {
+    return finding == 0u;
+}

@@ -1,0 +1,232 @@
+//! Splats impostors of asteroids: compute passes find for every sample of a target the nearest one, and light it once. Shaders:
+//! `shaders/asteroids/impostors/{footprint,splat*}.wgsl`.
+//!
+//! Squares that go through the rasteriser cost microseconds each on a software driver, however small they are, and are lit before it is
+//! known whether they are seen. Most impostors are a few pixels wide.
+
+use super::atlas::ImpostorAtlas;
+use crate::{
+    gpu::{Gpu, GpuTimer, GrowingBuffer, LayoutOf, bind_buffers},
+    plan::asteroids::frame::Splats,
+    render::{
+        asteroids::{
+            layout,
+            raster::{ASTEROID_ARGUMENT_BYTES, AsteroidPipeline},
+        },
+        shader::{Shader, workgroup, workgroup_constant},
+        technique::begin_pass,
+    },
+};
+
+/// Bytes of a sample: depth and entry.
+const SAMPLE_BYTES: u64 = 8;
+/// Bytes of the samples that are held at once. Larger targets are splatted band by band.
+const BAND_BYTES: u64 = 128 << 20;
+/// Corners of the triangle that covers a target.
+const TARGET_CORNERS: u32 = 3;
+/// Samples along a side of the blocks that samples stand in, and of the workgroups that make them ready.
+const BLOCK: u32 = 8;
+
+/// The pass.
+pub(crate) struct AsteroidSplatPass {
+    begin: wgpu::ComputePipeline,
+    /// Depths and whose they are: of impostors without and with parallax.
+    nearest: [wgpu::ComputePipeline; 2],
+    /// Lights the samples of the same.
+    light: [wgpu::ComputePipeline; 2],
+    depth: wgpu::RenderPipeline,
+    /// Impostors per workgroup.
+    pub per_workgroup: u32,
+}
+
+/// Buffers that the shaders of `shaders/asteroids/listed.wgsl` read, and those of the splats.
+pub(crate) struct SplatLists<'a> {
+    /// `layout::AsteroidTarget`.
+    pub target: &'a wgpu::Buffer,
+    pub items: &'a wgpu::Buffer,
+    pub fields: &'a wgpu::Buffer,
+    pub instances: &'a wgpu::Buffer,
+    pub entries: &'a wgpu::Buffer,
+    pub shapes: &'a wgpu::Buffer,
+    /// Arguments of each list: see `shaders/asteroids/cull_offsets.wgsl`.
+    pub arguments: &'a wgpu::Buffer,
+    /// Per plane the impostors that nearer ones hide; then a word per entry of the list at hand.
+    pub still_seen: &'a wgpu::Buffer,
+}
+
+/// A list that is splatted.
+pub(crate) struct SplatList<'a> {
+    /// Its number among all planes' lists.
+    pub list: u64,
+    /// What its impostors look like.
+    pub atlas: &'a ImpostorAtlas,
+    /// What it is one of.
+    pub lists: &'a SplatLists<'a>,
+}
+
+/// What is splatted onto: colour and depth, with the meshes that are drawn already.
+#[derive(Clone, Copy)]
+pub(crate) struct SplatLayers<'a> {
+    pub colour: &'a wgpu::TextureView,
+    pub depth: &'a wgpu::TextureView,
+    /// Samples in a row, and rows.
+    pub size: [u32; 2],
+}
+
+impl AsteroidSplatPass {
+    pub(crate) fn new(gpu: &Gpu) -> Self {
+        let source = |name: &str| Shader::new(name).source();
+        let samples = if gpu.wide_accumulator { "samples_u64" } else { "samples_u32" };
+        let samples = format!("asteroids/impostors/{samples}");
+        let task = |task: &str, parallax: f64| {
+            let shader = Shader::new("asteroids/impostors/splat").with("samples", &samples).with("task", task).source();
+            gpu.compute_pipeline_with(&shader, &[workgroup_constant(gpu), ("PARALLAX", parallax)])
+        };
+        let shaders = [&source("shared/whole_target"), &source("asteroids/impostors/splat_depth")];
+        let depth = AsteroidPipeline {
+            shaders,
+            constants: &[],
+            groups: None,
+            buffers: &[],
+            primitive: wgpu::PrimitiveState::default(),
+            colour: false,
+        };
+        Self {
+            begin: gpu.compute_pipeline(&source("asteroids/impostors/splat_begin")),
+            nearest: [0.0, 1.0].map(|parallax| task("asteroids/impostors/splat_nearest", parallax)),
+            light: [0.0, 1.0].map(|parallax| task("asteroids/impostors/splat_light", parallax)),
+            depth: depth.make(gpu),
+            per_workgroup: workgroup(gpu),
+        }
+    }
+
+    /// Records the splats of one list onto a target, whose samples `samples` holds band by band.
+    #[expect(clippy::too_many_arguments, reason = "a list, what it keeps, and its target")]
+    pub(crate) fn record(
+        &self,
+        gpu: &Gpu,
+        encoder: &mut wgpu::CommandEncoder,
+        timer: &mut GpuTimer,
+        splats: &Splats,
+        list: &SplatList<'_>,
+        layers: SplatLayers<'_>,
+        samples: &mut GrowingBuffer,
+    ) {
+        let [width, height] = layers.size;
+        let band_bytes = BAND_BYTES.min(gpu.max_binding_bytes());
+        let blocks = width.div_ceil(BLOCK);
+        let block_row_bytes = SAMPLE_BYTES * u64::from(blocks * BLOCK * BLOCK);
+        let block_rows = ((band_bytes / block_row_bytes) as u32).clamp(1, height.div_ceil(BLOCK));
+        let samples = samples.with_room(gpu, block_row_bytes * u64::from(block_rows)).clone();
+        let band_rows = block_rows * BLOCK;
+        for first_row in (0..height).step_by(band_rows as usize) {
+            let band = layout::SplatBand { width, first_row, rows: band_rows.min(height - first_row), blocks };
+            let of_band = gpu.frame_uniform("asteroid splat band", &band);
+            {
+                let mut pass = begin_pass(encoder, timer, "asteroid splats");
+                self.begin(gpu, &mut pass, &band, &of_band, layers, &samples);
+                self.splat(gpu, &mut pass, splats, list, &band, layers, &samples);
+            }
+            let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+                label: Some("asteroid splats"),
+                depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
+                    view: layers.depth,
+                    depth_ops: Some(wgpu::Operations { load: wgpu::LoadOp::Load, store: wgpu::StoreOp::Store }),
+                    stencil_ops: None,
+                }),
+                timestamp_writes: timer.render_pass("asteroid splats"),
+                ..Default::default()
+            });
+            pass.set_viewport(0.0, 0.0, width as f32, height as f32, 0.0, 1.0);
+            pass.set_scissor_rect(0, first_row, width, band.rows);
+            pass.set_pipeline(&self.depth);
+            let bindings = [(0, of_band.as_entire_binding()), (1, samples.as_entire_binding())];
+            pass.set_bind_group(0, &gpu.bind(LayoutOf::Render(&self.depth, 0), &bindings), &[]);
+            pass.draw(0..TARGET_CORNERS, 0..1);
+        }
+    }
+
+    /// Gives every sample of a band the depth of what is drawn already.
+    fn begin(
+        &self,
+        gpu: &Gpu,
+        pass: &mut wgpu::ComputePass<'_>,
+        band: &layout::SplatBand,
+        of_band: &wgpu::Buffer,
+        layers: SplatLayers<'_>,
+        samples: &wgpu::Buffer,
+    ) {
+        let bindings = [
+            (0, of_band.as_entire_binding()),
+            (1, wgpu::BindingResource::TextureView(layers.depth)),
+            (2, samples.as_entire_binding()),
+        ];
+        pass.set_pipeline(&self.begin);
+        pass.set_bind_group(0, &bind_buffers(gpu, &self.begin, 0, &bindings), &[]);
+        pass.dispatch_workgroups(band.width.div_ceil(BLOCK), band.rows.div_ceil(BLOCK), 1);
+    }
+
+    /// Finds the depths of all samples, whose they are, and lights them.
+    #[expect(clippy::too_many_arguments, reason = "a list, what it keeps, and its target")]
+    fn splat(
+        &self,
+        gpu: &Gpu,
+        pass: &mut wgpu::ComputePass<'_>,
+        splats: &Splats,
+        SplatList { list, atlas, lists }: &SplatList<'_>,
+        band: &layout::SplatBand,
+        layers: SplatLayers<'_>,
+        samples: &wgpu::Buffer,
+    ) {
+        let target = |stage: u32| {
+            let target = layout::SplatTarget {
+                band: *band,
+                arguments: (list * ASTEROID_ARGUMENT_BYTES / 4) as u32,
+                stage,
+                quality: splats.quality as f32,
+                tile_error_rad: splats.tile_error_rad as f32,
+            };
+            gpu.frame_uniform("asteroid splats", &target)
+        };
+        let targets = [0, 1, 2].map(target);
+        let steps = [&self.nearest, &self.nearest, &self.light];
+        for ((stage, pipelines), target) in (0..).zip(steps).zip(&targets) {
+            // Depth and entry in one word need no second stage.
+            if stage == 1 && gpu.wide_accumulator {
+                continue;
+            }
+            for pipeline in pipelines {
+                pass.set_pipeline(pipeline);
+                lists.bind(gpu, pass, pipeline, atlas);
+                let mut bindings = vec![
+                    (0, target.as_entire_binding()),
+                    (1, samples.as_entire_binding()),
+                    (2, lists.arguments.as_entire_binding()),
+                    (3, lists.still_seen.as_entire_binding()),
+                ];
+                if stage == 2 {
+                    bindings.push((4, wgpu::BindingResource::TextureView(layers.colour)));
+                }
+                pass.set_bind_group(2, &bind_buffers(gpu, pipeline, 2, &bindings), &[]);
+                pass.dispatch_workgroups_indirect(lists.arguments, list * ASTEROID_ARGUMENT_BYTES);
+            }
+        }
+    }
+}
+
+impl SplatLists<'_> {
+    /// Binds groups 0 and 1: the lists, and an atlas, whose bounds come from the lists' shapes.
+    fn bind(&self, gpu: &Gpu, pass: &mut wgpu::ComputePass<'_>, pipeline: &wgpu::ComputePipeline, atlas: &ImpostorAtlas) {
+        let bindings = [
+            (0, self.target.as_entire_binding()),
+            (2, self.items.as_entire_binding()),
+            (3, self.fields.as_entire_binding()),
+            (4, self.instances.as_entire_binding()),
+            (5, self.entries.as_entire_binding()),
+            (7, self.shapes.as_entire_binding()),
+        ];
+        pass.set_bind_group(0, &bind_buffers(gpu, pipeline, 0, &bindings), &[]);
+        let [parameters, _bounds, normals, surfaces, sampler] = atlas.bindings();
+        pass.set_bind_group(1, &bind_buffers(gpu, pipeline, 1, &[parameters, normals, surfaces, sampler]), &[]);
+    }
+}
