@@ -98,8 +98,8 @@ pub fn frame_groups(rig: &Rig, common: &RenderSettings, views: &[ViewSettings]) 
         .collect()
 }
 
-/// Side of the picture that a spot is metered in, pixels.
-pub const SPOT_PX: u32 = 64;
+/// Side of the picture that a spot is metered in, pixels: so many that those inside of the circle cover it to 1.4e-4, as few others do.
+pub const SPOT_PX: u32 = 86;
 
 /// The cone that `spot` meters for a rig, as a rig of one round picture: around the middle of the first view's picture, of a view of two eyes
 /// between them, of a view of several faces in the first one. `None`: there is no view.
