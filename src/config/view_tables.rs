@@ -13,6 +13,9 @@ use crate::plan::settings::{ExposureSettings, RenderSettings, StarMethod};
 use crate::plan::view_settings::{ExposureGroup, ViewSettings};
 use crate::view::check_name;
 
+/// Letters of the name of a group at most: clients give such names.
+const MOST_GROUP_LETTERS: usize = 64;
+
 /// What one view has of its own; keys that its tables do not give are those of the general tables.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ViewTables {
@@ -78,10 +81,13 @@ fn settings_of(
     limits::check_glare(&settings.glare).map_err(|fault| fault.within("glare"))?;
     limits::check_tone_map(&settings.tone_map).map_err(|fault| fault.within("tone_map"))?;
     if let Some(group) = &tables.exposure_group {
-        check_name(group).map_err(|_| {
-            let problem = format!("`{group}`: allowed are letters, digits, `_` and `-`, at least one");
-            Fault::new("exposure_group", problem)
-        })?;
+        if check_name(group).is_err() || group.len() > MOST_GROUP_LETTERS {
+            let shown: String = group.chars().take(MOST_GROUP_LETTERS).collect();
+            let problem = format!(
+                "`{shown}`: allowed are letters, digits, `_` and `-`, at least one and at most {MOST_GROUP_LETTERS}"
+            );
+            return Err(Fault::new("exposure_group", problem));
+        }
         settings.group = ExposureGroup::Named(group.clone());
     }
     Ok(settings)

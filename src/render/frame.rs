@@ -37,6 +37,10 @@ impl FrameImage {
 
 impl Frame {
     /// The same frame of a part of a rig, with the views' numbers in the whole rig: `numbers` has them in the order of the part.
+    ///
+    /// # Panics
+    ///
+    /// There are fewer numbers than views.
     #[must_use]
     pub fn of_views(mut self, numbers: &[usize]) -> Self {
         for image in &mut self.images {

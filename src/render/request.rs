@@ -80,6 +80,10 @@ impl<'a> FrameRequest<'a> {
 
     /// The display images of the views of one of the frames that [`frame_groups`](crate::plan::view_settings::frame_groups) has made
     /// of a rig. The renderer keeps maps of glare and of faint stars for each of them, so that they may be drawn in turn.
+    ///
+    /// # Panics
+    ///
+    /// There is no group of that number.
     pub fn of_group(scene: &'a SceneSnapshot, groups: &'a [FrameGroup], number: usize) -> Self {
         let group = &groups[number];
         let exposed_as = group.exposed_as.as_ref().map(|(rig, settings)| (rig, settings));
