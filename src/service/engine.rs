@@ -92,7 +92,7 @@ impl Engine for Renderer {
     }
 
     fn limits(&self) -> Limits {
-        Self::limits(self).clone()
+        *Self::limits(self)
     }
 
     fn info(&self) -> AdapterReport {
