@@ -7,18 +7,21 @@ use crate::{
     render::{AsteroidCounts, Frame, ViewStatistics},
 };
 
-/// What `render --explain` prints.
-pub(super) fn text(frame: &Frame) -> String {
-    let mut text = format!("exposure    EV100 {:.2}\n", frame.exposure_ev100);
-    for view in &frame.views {
-        text += &of_view(view);
-    }
-    match &frame.hdr_plan {
-        Some(hdr) => {
-            text += &of_plan("display images", &frame.plan);
-            text += &of_plan("HDR images", hdr);
+/// What `render --explain` prints of frames that show views of one rig, each with settings of its own.
+pub(super) fn text(frames: &[Frame]) -> String {
+    let mut text = String::new();
+    for frame in frames {
+        text += &format!("exposure    EV100 {:.2}\n", frame.exposure_ev100);
+        for view in &frame.views {
+            text += &of_view(view);
         }
-        None => text += &of_plan("all images", &frame.plan),
+        match &frame.hdr_plan {
+            Some(hdr) => {
+                text += &of_plan("display images", &frame.plan);
+                text += &of_plan("HDR images", hdr);
+            }
+            None => text += &of_plan("all images", &frame.plan),
+        }
     }
     // Whoever prints it ends the last line.
     text.truncate(text.trim_end().len());

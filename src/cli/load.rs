@@ -6,10 +6,10 @@ use super::CliError;
 use super::progress::{LoadingProgress, PreparingProgress};
 use crate::catalogue::chunks::StarSet;
 use crate::config::Config;
+use crate::plan::view_settings::FrameGroup;
 use crate::render::{RenderError, Renderer, Wanted};
 use crate::scene::SceneObjects;
 use crate::scene::loader::{LoadReport, StarSource, load_stars};
-use crate::view::Rig;
 
 /// The scene of a configuration.
 pub struct LoadedScene {
@@ -23,15 +23,16 @@ pub struct LoadedScene {
     pub prepared: Result<(), RenderError>,
 }
 
-/// Loads the scene of a configuration, and meanwhile makes the pipelines of frames that have both images of all views.
-pub fn scene(config: &Config, rig: &Rig, renderer: &mut Renderer) -> Result<LoadedScene, CliError> {
+/// Loads the scene of a configuration, and meanwhile makes the pipelines of its frames, which have both images of all views.
+pub fn scene(config: &Config, groups: &[FrameGroup], renderer: &mut Renderer) -> Result<LoadedScene, CliError> {
     let objects = Arc::new(config.objects()?);
-    let settings = config.render_settings();
     let (prepared, loaded) = std::thread::scope(|scope| {
         let preparing = scope.spawn(|| {
             let mut progress = PreparingProgress::new();
             let mut tell = |step| progress.step(step);
-            let prepared = renderer.prepare(&objects, rig, &settings, Wanted::both(), &[], &mut tell);
+            let prepared = groups.iter().try_for_each(|FrameGroup { rig, settings, .. }| {
+                renderer.prepare(&objects, rig, settings, Wanted::both(), &[], &mut tell)
+            });
             progress.finish();
             prepared
         });

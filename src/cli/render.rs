@@ -12,8 +12,8 @@ use super::{
 };
 use crate::config::Config;
 use crate::gpu::{Gpu, GpuOptions};
-use crate::output::write_frame;
-use crate::render::{FrameRequest, Renderer, Wanted};
+use crate::output::write_frames;
+use crate::render::{Frame, FrameRequest, RenderError, Renderer, Wanted};
 use crate::scene::SceneSnapshot;
 
 /// Arguments of `render`.
@@ -53,18 +53,21 @@ pub fn run(arguments: RenderArguments, adapter: Option<String>) -> Result<(), Cl
     let mut renderer = Renderer::new(gpu);
     renderer.check(&rig).map_err(|error| CliError::render(error.into(), &config.origin))?;
 
-    let settings = config.render_settings();
-    let LoadedScene { stars, objects, prepared, .. } = load::scene(&config, &rig, &mut renderer)?;
+    let groups = config.frame_groups()?;
+    let LoadedScene { stars, objects, prepared, .. } = load::scene(&config, &groups, &mut renderer)?;
     prepared.map_err(|error| CliError::render(error, &config.origin))?;
     let snapshot = SceneSnapshot { revision: 1, stars: Arc::new(stars), objects, camera };
-    let frame = renderer
-        .render(FrameRequest::new(&snapshot, &rig).settings(&settings).wanted(Wanted::both()))
-        .map_err(|error| CliError::render(error, &config.origin))?;
+    let mut draw = |number: usize| -> Result<Frame, RenderError> {
+        let frame = renderer.render(FrameRequest::of_group(&snapshot, &groups, number).wanted(Wanted::both()))?;
+        Ok(frame.of_views(&groups[number].views))
+    };
+    let frames: Result<Vec<Frame>, RenderError> = (0..groups.len()).map(&mut draw).collect();
+    let frames = frames.map_err(|error| CliError::render(error, &config.origin))?;
     if arguments.explain {
-        results::line(explain::text(&frame))?;
+        results::line(explain::text(&frames))?;
     }
     let tell = |path: &Path| tracing::info!("wrote {}", path.display());
-    for path in write_frame(&arguments.out, &rig, &frame, &renderer.adapter().adapter, &tell)? {
+    for path in write_frames(&arguments.out, &rig, &frames, &renderer.adapter().adapter, &tell)? {
         results::line(path.display())?;
     }
     Ok(())

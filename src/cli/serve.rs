@@ -15,11 +15,11 @@ use super::{
 };
 use crate::config::{Config, parse_listen};
 use crate::gpu::{Gpu, GpuOptions};
-use crate::render::{Renderer, Wanted};
+use crate::plan::view_settings::FrameGroup;
+use crate::render::{FrameRequest, Renderer, Wanted};
 use crate::scene::loader::{LoadReport, LoadedCatalogue};
 use crate::scene::{Camera, SceneSnapshot};
 use crate::service::{self, HeadsetOptions, SceneCatalogue, ServeOptions, Shutdown};
-use crate::view::Rig;
 use crate::xr::{self, FirstFailure};
 
 /// Arguments of `serve`.
@@ -45,15 +45,16 @@ pub struct ServeArguments {
 pub fn run(arguments: ServeArguments, adapter: Option<String>) -> Result<(), CliError> {
     let config = Config::load_or_built_in(arguments.config.as_deref(), &arguments.set)?;
     let (rig, camera) = (config.rig()?, config.camera()?);
+    let groups = config.frame_groups()?;
     let renderer = Renderer::new(Gpu::open(&GpuOptions { adapter, ..GpuOptions::default() })?);
     renderer.check(&rig).map_err(|error| CliError::render(error.into(), &config.origin))?;
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build().map_err(CliError::Runtime)?;
     block_on_and_leave(runtime, async {
         // From here on a signal is an orderly end, while stars are still loading as well.
         let mut signals = Box::pin(service::signals().map_err(CliError::Runtime)?);
-        let (of_scene, of_rig) = (config.clone(), rig.clone());
+        let of_scene = config.clone();
         // Shaders are compiled before anybody can ask for a frame.
-        let starting = task::spawn_blocking(move || start(&of_scene, &of_rig, camera, renderer));
+        let starting = task::spawn_blocking(move || start(&of_scene, &groups, camera, renderer));
         let (renderer, scene, report) = tokio::select! {
             () = &mut signals => return Ok(()),
             started = starting => match started {
@@ -67,6 +68,8 @@ pub fn run(arguments: ServeArguments, adapter: Option<String>) -> Result<(), Cli
         let catalogue = |loaded: LoadedCatalogue| SceneCatalogue { name: loaded.name, stars: loaded.stars as u64 };
         options.catalogues = report.catalogues.into_iter().map(catalogue).collect();
         options.asteroid_fields = config.field_specs()?;
+        options.view_tables = config.views.iter().map(|view| view.tables.clone()).collect();
+        options.folder.clone_from(&config.folder);
         options.headset = headset(&config);
         options.shutdown = Shutdown::When(signals);
         service::run(options).await.map_err(CliError::Serve)
@@ -77,18 +80,18 @@ pub fn run(arguments: ServeArguments, adapter: Option<String>) -> Result<(), Cli
 /// may be changed by then.
 fn start(
     config: &Config,
-    rig: &Rig,
+    groups: &[FrameGroup],
     camera: Camera,
     mut renderer: Renderer,
 ) -> Result<(Renderer, SceneSnapshot, LoadReport), CliError> {
-    let LoadedScene { stars, report, objects, prepared } = load::scene(config, rig, &mut renderer)?;
+    let LoadedScene { stars, report, objects, prepared } = load::scene(config, groups, &mut renderer)?;
     let scene = SceneSnapshot { revision: 1, stars: Arc::new(stars), objects, camera };
-    if !rig.views().is_empty() {
-        let settings = config.render_settings();
-        let drawn = prepared.and_then(|()| renderer.warm_up(&scene, rig, &settings, Wanted::both()));
-        if let Err(error) = drawn {
-            tracing::warn!("the first frame cannot be drawn: {error}");
-        }
+    let drawn = prepared.and_then(|()| {
+        let mut requests = (0..groups.len()).map(|number| FrameRequest::of_group(&scene, groups, number));
+        requests.try_for_each(|request| renderer.render(request.wanted(Wanted::both())).map(drop))
+    });
+    if let Err(error) = drawn {
+        tracing::warn!("the first frame cannot be drawn: {error}");
     }
     Ok((renderer, scene, report))
 }

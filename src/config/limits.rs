@@ -1,8 +1,9 @@
 //! Rules of `[stars]`, `[glare]`, `[exposure]` and `[tone_map]` that tie several keys together. The range of a single key stands
 //! in [`super::ranges`] and has been checked before.
 
-use toml::Value;
+use toml::Table;
 
+use super::effects;
 use super::error::{Fault, finite};
 use crate::{
     photometry::{
@@ -10,8 +11,8 @@ use crate::{
         psf::{Aperture, PsfError},
     },
     plan::settings::{
-        BillboardSettings, ExposureMode, ExposureSettings, GaussianPsfSettings, GlareSettings, Metering,
-        PsfTextureSettings, StarMethod, StarSettings, ToneMapSettings,
+        BillboardSettings, ExposureSettings, GaussianPsfSettings, GlareSettings, PsfTextureSettings, StarMethod,
+        StarSettings, ToneMapSettings,
     },
 };
 
@@ -79,35 +80,8 @@ pub(super) fn check_glare(glare: &GlareSettings) -> Result<(), Fault> {
 
 /// Rules of `[exposure]`, of which `given` is the table as it stands in the document: a key that it has without any effect is a
 /// mistake of whoever wrote it, who expects one.
-pub(super) fn check_exposure(
-    exposure: &ExposureSettings,
-    given: Option<&Value>,
-    stars: StarMethod,
-) -> Result<(), Fault> {
-    let (mode, metering) = (exposure.mode, exposure.metering);
-    let is_auto = mode == ExposureMode::Auto;
-    let goes_by = |wanted: Metering| is_auto && metering == wanted;
-    let has_effect = [
-        ("metering", is_auto, "mode = \"auto\""),
-        ("limiting_magnitude", goes_by(Metering::LimitingMagnitude), "metering = \"limiting_magnitude\""),
-        ("key", goes_by(Metering::Mean), "metering = \"mean\""),
-        ("compensation_ev", is_auto, "mode = \"auto\""),
-        ("min_ev100", is_auto, "mode = \"auto\""),
-        ("max_ev100", is_auto, "mode = \"auto\""),
-        ("adaptation_s", is_auto, "mode = \"auto\""),
-        // The unit of methods whose brightness is relative, whatever the mode.
-        ("ev100", !is_auto || stars.is_relative(), "mode = \"manual\""),
-    ];
-    for (key, has_effect, needs) in has_effect {
-        if !has_effect && given.and_then(|table| table.get(key)).is_some() {
-            let is = if is_auto && needs.starts_with("metering") {
-                format!("metering = \"{}\"", metering.name())
-            } else {
-                format!("mode = \"{}\"", if is_auto { "auto" } else { "manual" })
-            };
-            return Err(Fault::new(key, format!("has no effect with {is}: leave it out, or set {needs}")));
-        }
-    }
+pub(super) fn check_exposure(exposure: &ExposureSettings, given: &Table, stars: StarMethod) -> Result<(), Fault> {
+    effects::check(exposure, given, stars)?;
     if exposure.min_ev100 > exposure.max_ev100 {
         let problem = format!("{} is above max_ev100 = {}: it must not be", exposure.min_ev100, exposure.max_ev100);
         return Err(Fault::new("min_ev100", problem));

@@ -8,6 +8,7 @@
 mod asteroids;
 mod bodies;
 mod document;
+mod effects;
 mod error;
 mod headset;
 mod limits;
@@ -17,6 +18,7 @@ pub mod ranges;
 pub mod reference;
 mod scene;
 mod server;
+mod view_tables;
 mod views;
 
 use std::path::{Path, PathBuf};
@@ -24,6 +26,7 @@ use std::sync::Arc;
 
 pub use asteroids::{FieldConfig, FieldShape};
 pub use bodies::{BodyConfig, EmissionConfig, SpinConfig};
+pub use effects::has_effect;
 pub use error::ConfigError;
 use error::{Fault, join};
 pub use overlay::{GridConfig, LabelConfig, OverlayConfig, TrajectoryConfig};
@@ -32,6 +35,7 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 pub use server::{ServerConfig, parse_listen};
 use toml::{Table, Value};
+pub use view_tables::{ViewTables, ViewTablesError, resolve_views};
 pub use views::{
     CubemapConfig, DomeMasterConfig, EquirectangularConfig, FisheyeConfig, FovConfig, MappingConfig, PerspectiveConfig,
     StereoConfig, VIEW_TYPES, ViewConfig, ViewKindConfig,
@@ -43,6 +47,7 @@ use crate::plan::settings::{
     AccuracySettings, AsteroidSettings, ExposureSettings, GlareSettings, HeadsetSettings, RenderSettings, StarSettings,
     ToneMapSettings,
 };
+use crate::plan::view_settings::{FrameGroup, ViewSettings, frame_groups};
 use crate::scene::asteroids::{FieldSpec, SpecError, check_fields, make_fields};
 use crate::scene::bodies::{MOST_BODIES, check_names, check_suns};
 use crate::scene::loader::StarSource;
@@ -151,6 +156,7 @@ impl Config {
             .iter()
             .map(|argument| overrides::apply(&mut table, argument))
             .collect::<Result<Vec<_>, ConfigError>>()?;
+        effects::leave_out_overridden(&mut table, &applied, origin);
         Self::from_table(table, origin, folder).map_err(|fault| {
             // The last override that touches the key is to blame, if there is one; for an unknown table, one that put it there.
             let key = fault.key.split(" (").next().unwrap_or_default();
@@ -205,11 +211,13 @@ impl Config {
         asteroids::check_settings(&config.asteroids).map_err(|fault| fault.within("asteroids"))?;
         limits::check_stars(&config.stars).map_err(|fault| fault.within("stars"))?;
         limits::check_glare(&config.glare).map_err(|fault| fault.within("glare"))?;
-        limits::check_exposure(&config.exposure, table.get("exposure"), config.stars.method)
+        let exposure = table.get("exposure").and_then(Value::as_table).cloned().unwrap_or_default();
+        limits::check_exposure(&config.exposure, &exposure, config.stars.method)
             .map_err(|fault| fault.within("exposure"))?;
         limits::check_tone_map(&config.tone_map).map_err(|fault| fault.within("tone_map"))?;
         headset::check(&config.headset).map_err(|fault| fault.within("headset"))?;
         config.build_rig()?;
+        config.resolve_views()?;
         config.build_overlay()?;
         headset::check_views(&config.headset, &config.views).map_err(|fault| fault.within("headset"))?;
         Ok(config)
@@ -225,6 +233,13 @@ impl Config {
             views.push(config.view().map_err(|fault| VIEWS.fault(index, Some(&config.name), fault))?);
         }
         Rig::new(views).map_err(|error| Fault::new("views", error.to_string()))
+    }
+
+    fn resolve_views(&self) -> Result<Vec<ViewSettings>, Fault> {
+        let views: Vec<(&str, &ViewTables)> = self.views.iter().map(|view| (&view.name[..], &view.tables)).collect();
+        view_tables::resolve_views(&self.render_settings(), &views, &self.folder).map_err(
+            |ViewTablesError { view, key, problem }| VIEWS.fault(view, Some(views[view].0), Fault::new(key, problem)),
+        )
     }
 
     fn build_overlay(&self) -> Result<Overlay, Fault> {
@@ -257,6 +272,16 @@ impl Config {
             tone_map: self.tone_map,
             accuracy: self.accuracy,
         }
+    }
+
+    /// The settings of every view: its own tables over the general ones.
+    pub fn view_settings(&self) -> Result<Vec<ViewSettings>, ConfigError> {
+        self.resolve_views().map_err(|fault| self.error(fault))
+    }
+
+    /// The frames that the views make, which are drawn one after the other: one, unless views have settings of their own.
+    pub fn frame_groups(&self) -> Result<Vec<FrameGroup>, ConfigError> {
+        Ok(frame_groups(&self.rig()?, &self.render_settings(), &self.view_settings()?))
     }
 
     fn fault_of_body(&self, index: usize, fault: Fault) -> Fault {

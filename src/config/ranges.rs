@@ -95,6 +95,8 @@ const CHECKED_HERE: &[Range] = &[
     closed("exposure.min_ev100", EV100, ""),
     closed("exposure.max_ev100", EV100, ""),
     closed("exposure.key", [1e-6, 1.0], "of display white"),
+    // Below, a pixel of the meter is narrower than f32 tells directions apart well.
+    closed("exposure.spot_deg", [0.05, 90.0], "degrees"),
     closed("exposure.compensation_ev", [-30.0, 30.0], ""),
     from("exposure.adaptation_s", 0.0, "s"),
     closed("tone_map.white", [1.0, 1e6], "times display white"),

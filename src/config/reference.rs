@@ -56,6 +56,9 @@ const UNITS: [(&str, &str); 20] = [
     ("size", "pixels"),
 ];
 
+/// Sections that views may have of their own; keys that these do not give are those of the section.
+const OF_VIEWS: [&str; 3] = ["exposure", "glare", "tone_map"];
+
 /// What follows the unit of a range in which only powers of two are allowed.
 const POWERS: &str = ", powers of two";
 
@@ -120,6 +123,13 @@ pub fn schema() -> Value {
     for range in ranges::all() {
         let path: Vec<&str> = range.key.split('.').collect();
         at(&mut schema, &path, &mut |number| bound(number, range));
+        let of_view: Vec<&str> = ["views[]"].into_iter().chain(path.iter().copied()).collect();
+        if OF_VIEWS.contains(&path[0]) {
+            at(&mut schema, &of_view, &mut |number| bound(number, range));
+        }
+    }
+    for section in OF_VIEWS {
+        at(&mut schema, &["views[]", section], &mut without_defaults);
     }
     let apertures = json!(Aperture::NAMES);
     at(&mut schema, &["stars", "psf_texture", "aperture"], &mut |text| text["enum"] = apertures.clone());
@@ -201,6 +211,15 @@ fn at(schema: &mut Value, path: &[&str], change: &mut dyn FnMut(&mut Value)) {
     at(inner, rest, change);
 }
 
+/// Takes the defaults from the keys of a table.
+fn without_defaults(table: &mut Value) {
+    for (_, key) in table.get_mut("properties").and_then(Value::as_object_mut).into_iter().flatten() {
+        if let Some(key) = key.as_object_mut() {
+            key.remove("default");
+        }
+    }
+}
+
 /// Puts a range into the schema of a number, or of each element of a list.
 fn bound(schema: &mut Value, range: &Range) {
     if let Some(items) = schema.get_mut("items") {
@@ -222,6 +241,13 @@ pub fn page() -> String {
     let schema = schema();
     let mut page = Page { text: HEAD.to_owned(), printed: Vec::new() };
     let properties = properties(&schema);
+    // Tables of views are not written again.
+    for section in OF_VIEWS {
+        let mut schema = schema.clone();
+        at(&mut schema, &["views[]", section], &mut |table| {
+            page.printed.push((format!("[{section}]"), table["properties"].as_object().cloned().unwrap_or_default()));
+        });
+    }
     for section in SECTIONS {
         let Some(inner) = properties.get(section) else { continue };
         if inner["type"] == json!("array") {

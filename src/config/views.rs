@@ -1,7 +1,7 @@
 //! `[[views]]`: one table per view, six types.
 //!
-//! The keys `name`, `type`, `orientation`, `position_m` and `test_pattern` are common; the others belong to the type, and a key of another
-//! type is unknown. Degrees end here: what comes out is the rig's [`View`] in radians.
+//! The keys `name`, `type`, `orientation`, `position_m`, `test_pattern`, `exposure_group` and the tables `exposure`, `glare` and `tone_map`
+//! are common; the others belong to the type, and a key of another type is unknown. Degrees end here: what comes out is the rig's [`View`] in radians.
 
 use glam::DQuat;
 use schemars::JsonSchema;
@@ -10,6 +10,8 @@ use toml::{Table, Value};
 
 use super::document::deserialise;
 use super::error::{Fault, finite};
+use super::view_tables::ViewTables;
+use crate::plan::settings::{ExposureSettings, GlareSettings, ToneMapSettings};
 use crate::scene::{PoseError, finite_vector, unit_quaternion};
 use crate::view::projection::{Face, FisheyeMapping, ProjectionError};
 use crate::view::{Fov, RigError, View, ViewKind};
@@ -28,6 +30,8 @@ pub struct ViewConfig {
     pub position_m: [f64; 3],
     /// Whether its display images show a test pattern.
     pub test_pattern: bool,
+    /// Its exposure, glare and tone mapping, as far as it has its own.
+    pub tables: ViewTables,
     /// Type and what belongs to it.
     pub kind: ViewKindConfig,
 }
@@ -170,11 +174,30 @@ pub(super) struct Common {
     position_m: [f64; 3],
     /// Whether display images show a test pattern for aligning projectors.
     test_pattern: bool,
+    /// Name of a group of views that share one exposure: letters, digits, `_` and `-`.
+    exposure_group: Option<String>,
+    /// Exposure of this view, or of its group; keys that are not given are those of the general table.
+    #[schemars(with = "Option<ExposureSettings>")]
+    exposure: Option<Table>,
+    /// Glare of this view; keys that are not given are those of the general table.
+    #[schemars(with = "Option<GlareSettings>")]
+    glare: Option<Table>,
+    /// Tone mapping of this view; keys that are not given are those of the general table.
+    #[schemars(with = "Option<ToneMapSettings>")]
+    tone_map: Option<Table>,
 }
 
 impl Default for Common {
     fn default() -> Self {
-        Self { orientation: [0.0, 0.0, 0.0, 1.0], position_m: [0.0; 3], test_pattern: false }
+        Self {
+            orientation: [0.0, 0.0, 0.0, 1.0],
+            position_m: [0.0; 3],
+            test_pattern: false,
+            exposure_group: None,
+            exposure: None,
+            glare: None,
+            tone_map: None,
+        }
     }
 }
 
@@ -184,7 +207,7 @@ impl ViewConfig {
         let name = text(&mut table, "name", "a unique name of letters, digits, `_` and `-`")?;
         let kind = text(&mut table, "type", &VIEW_TYPES.join(", "))?;
         let mut common = Table::new();
-        for key in ["orientation", "position_m", "test_pattern"] {
+        for key in ["orientation", "position_m", "test_pattern", "exposure_group", "exposure", "glare", "tone_map"] {
             common.extend(table.remove_entry(key));
         }
         let common: Common = deserialise(Value::Table(common), "")?;
@@ -203,8 +226,9 @@ impl ViewConfig {
                 ));
             }
         };
-        let Common { orientation, position_m, test_pattern } = common;
-        Ok(Self { name, orientation, position_m, test_pattern, kind })
+        let Common { orientation, position_m, test_pattern, exposure_group, exposure, glare, tone_map } = common;
+        let tables = ViewTables { exposure_group, exposure, glare, tone_map };
+        Ok(Self { name, orientation, position_m, test_pattern, tables, kind })
     }
 
     /// The rig's view; a fault names the key within the view.

@@ -1,4 +1,4 @@
-//! The files of a frame: `<view>.exr` and `<view>.png`, with `<view>.<part>.` for a view of several images, `timings.json`, and
+//! The files of a frame, or of the frames that the views of one rig make: `<view>.exr` and `<view>.png`, with `<view>.<part>.` for a view of several images, `timings.json`, and
 //! `manifest.json`, which comes last: where it is, the images are. All but the times are the same whenever the frame is.
 
 use std::io;
@@ -10,8 +10,8 @@ use serde::Serialize;
 use super::encode::{EncodeError, Encoding, encode};
 use crate::files::write_whole;
 use crate::plan::FramePlan;
-use crate::render::{AsteroidCounts, Frame, FrameTimes};
-use crate::view::Rig;
+use crate::render::{AsteroidCounts, Frame, FrameImage, FrameTimes, ViewStatistics};
+use crate::view::{Rig, View};
 
 /// Why the files of a frame cannot be written.
 #[derive(Debug, thiserror::Error)]
@@ -63,6 +63,8 @@ struct Manifest<'a> {
 struct ManifestView<'a> {
     name: &'a str,
     files: Vec<String>,
+    /// Exposure of its display images.
+    exposure_ev100: f64,
     stars_drawn: u64,
     stars_in_map: u64,
     /// Magnitude of the stars that the display image just shows.
@@ -77,8 +79,11 @@ struct ManifestView<'a> {
 
 #[derive(Serialize)]
 struct Timings<'a> {
-    /// Of the frame; of display and HDR images together where they were drawn apart.
-    frame: &'a FrameTimes,
+    /// Of the frame; of display and HDR images together where they were drawn apart. The first frame where there are several.
+    frame: Option<&'a FrameTimes>,
+    /// Of all frames where there are several, in the order of their first views.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    frames: Vec<&'a FrameTimes>,
     views: Vec<ViewTimings<'a>>,
 }
 
@@ -98,9 +103,11 @@ fn write_json(path: PathBuf, content: &impl Serialize) -> Result<PathBuf, Output
     }
 }
 
-/// Writes every image of the frame as EXR and PNG, the times and the manifest, into `folder`, which is made if it is not there.
-/// Files are encoded side by side; `written` is told each as soon as it is there. Returns the paths in the order of views
-/// and images, the manifest last. Each file appears whole or not at all.
+/// [`write_frames`] of one frame.
+///
+/// # Errors
+///
+/// See [`OutputError`].
 pub fn write_frame(
     folder: &Path,
     rig: &Rig,
@@ -108,11 +115,33 @@ pub fn write_frame(
     adapter: &str,
     written: &(dyn Fn(&Path) + Sync),
 ) -> Result<Vec<PathBuf>, OutputError> {
+    write_frames(folder, rig, std::slice::from_ref(frame), adapter, written)
+}
+
+/// Writes every image of the frames as EXR and PNG, the times and the manifest, into `folder`, which is made if it is not there. Each
+/// view of the rig belongs to one of the frames; the exposure of the first one is that of the manifest.
+///
+/// Files are encoded side by side; `written` is told each as soon as it is there. Returns the paths in the order of views
+/// and images, the manifest last. Each file appears whole or not at all.
+///
+/// # Errors
+///
+/// See [`OutputError`].
+pub fn write_frames(
+    folder: &Path,
+    rig: &Rig,
+    frames: &[Frame],
+    adapter: &str,
+    written: &(dyn Fn(&Path) + Sync),
+) -> Result<Vec<PathBuf>, OutputError> {
     std::fs::create_dir_all(folder).map_err(|source| OutputError::Write { path: folder.to_owned(), source })?;
     let views = rig.views();
     let mut files: Vec<Vec<String>> = vec![Vec::new(); views.len()];
     let mut jobs = Vec::new();
-    for image in &frame.images {
+    let mut images: Vec<&FrameImage> = frames.iter().flat_map(|frame| &frame.images).collect();
+    // Views in the order of the rig; a view's parts keep theirs.
+    images.sort_by_key(|image| image.view);
+    for image in images {
         let other_rig = OutputError::OtherRig { view: image.view, views: views.len() };
         let view = views.get(image.view).ok_or(other_rig)?;
         let stem = image.part.name().map_or(view.name.clone(), |part| format!("{}.{part}", view.name));
@@ -129,13 +158,20 @@ pub fn write_frame(
         Ok(())
     })?;
     let mut paths: Vec<PathBuf> = jobs.into_iter().map(|(_, _, path)| path).collect();
-    let views = frame
-        .views
+    let statistics = |view: &View| {
+        frames.iter().find_map(|frame| Some((frame, frame.views.iter().find(|of| of.name == view.name)?)))
+    };
+    let known: Vec<(&Frame, &ViewStatistics, Vec<String>)> = views
         .iter()
         .zip(files)
-        .map(|(statistics, files)| ManifestView {
+        .filter_map(|(view, files)| statistics(view).map(|(frame, statistics)| (frame, statistics, files)))
+        .collect();
+    let views = known
+        .iter()
+        .map(|(frame, statistics, files)| ManifestView {
             name: &statistics.name,
-            files,
+            files: files.clone(),
+            exposure_ev100: frame.exposure_ev100,
             stars_drawn: statistics.stars_drawn,
             stars_in_map: statistics.stars_in_map,
             limiting_magnitude: statistics.limiting_magnitude,
@@ -144,10 +180,15 @@ pub fn write_frame(
             hdr_plan: frame.hdr_plan.as_ref(),
         })
         .collect();
-    let manifest =
-        Manifest { adapter, scene_revision: frame.scene_revision, exposure_ev100: frame.exposure_ev100, views };
-    let views = frame.views.iter().map(|view| ViewTimings { name: &view.name, gpu_ms: view.gpu_ms }).collect();
-    let timings = Timings { frame: &frame.times, views };
+    let manifest = Manifest {
+        adapter,
+        scene_revision: frames.first().map_or(0, |frame| frame.scene_revision),
+        exposure_ev100: frames.first().map_or(0.0, |frame| frame.exposure_ev100),
+        views,
+    };
+    let views = known.iter().map(|(_, view, _)| ViewTimings { name: &view.name, gpu_ms: view.gpu_ms }).collect();
+    let several = frames.iter().map(|frame| &frame.times).filter(|_| frames.len() > 1);
+    let timings = Timings { frame: frames.first().map(|frame| &frame.times), frames: several.collect(), views };
     for path in
         [write_json(folder.join("timings.json"), &timings)?, write_json(folder.join("manifest.json"), &manifest)?]
     {
@@ -163,9 +204,8 @@ mod tests {
 
     use super::super::encode::tests::{exr_channel, sample};
     use super::*;
-    use crate::render::{FrameImage, ViewStatistics};
     use crate::view::projection::Face;
-    use crate::view::{Part, View, ViewKind};
+    use crate::view::{Part, ViewKind};
 
     fn rig_and_frame() -> (Rig, Frame) {
         let view = |name: &str, kind: ViewKind| View::new(name, kind, DQuat::IDENTITY, DVec3::ZERO).unwrap();

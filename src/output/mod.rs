@@ -4,4 +4,4 @@ mod encode;
 mod files;
 
 pub use encode::{EncodeError, Encoding, encode};
-pub use files::{OutputError, write_frame};
+pub use files::{OutputError, write_frame, write_frames};

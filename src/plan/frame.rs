@@ -143,14 +143,7 @@ impl Plan {
         settings: &RenderSettings,
         limits: &Limits,
     ) -> Result<Self, PlanError> {
-        Planner::new().plan(
-            scene,
-            rig,
-            settings,
-            None,
-            PlanOutputs { output: Output::Hdr, views: None, sky: SkyUse::StarByStar },
-            limits,
-        )
+        Planner::new().plan(scene, rig, settings, None, PlanOutputs::new(Output::Hdr), limits)
     }
 }
 
@@ -163,6 +156,27 @@ pub struct PlanOutputs<'a> {
     pub views: Option<&'a [bool]>,
     /// What it has to do with maps of faint light.
     pub sky: SkyUse,
+    /// Where an automatic exposure comes from.
+    pub exposure: ExposureSource,
+}
+
+impl PlanOutputs<'_> {
+    /// Images of that kind of all views, star by star, with an exposure of their own.
+    pub fn new(output: Output) -> Self {
+        Self { output, views: None, sky: SkyUse::StarByStar, exposure: ExposureSource::Own }
+    }
+}
+
+/// Where the automatic exposure of a frame comes from.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum ExposureSource {
+    /// From its own views: planned or metered.
+    #[default]
+    Own,
+    /// From the plan of other views: this is what they ask for.
+    Planned(f64),
+    /// From a meter of its own, which has looked before the frame is drawn. Its exposure is known then.
+    Meter,
 }
 
 /// What a frame has to do with maps of faint light.
@@ -261,6 +275,43 @@ impl Planner {
         asteroids::frame::check(&scene.objects, limits)
     }
 
+    /// The exposure that the plan alone gives views: what [`Self::plan`] finds for them, without the rest of the plan.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`Self::check`].
+    pub fn exposure(
+        &mut self,
+        scene: &SceneSnapshot,
+        rig: &Rig,
+        settings: &RenderSettings,
+        limits: &Limits,
+    ) -> Result<Option<f64>, PlanError> {
+        self.check(scene, settings, limits)?;
+        let viewports = rig.viewports(scene.camera.world_from_camera);
+        let pictures = self.pictures.of(&viewports);
+        let stars = ShownStars::new(settings, &viewports, &pictures);
+        if scene.objects.is_empty() {
+            return Ok(as_told(planned_ev100(settings, &stars, &pictures, None)));
+        }
+        let (suns, camera_m) = (suns(&scene.objects), scene.camera.position_m);
+        let glare = settings.glare.chosen(settings.stars.method);
+        let fraction = settings.glare.fraction_scattered();
+        let bodies = plan_bodies(&scene.objects, &suns, camera_m, &viewports, SPLAT_MARGIN_PX);
+        let clouds = clouds_of(&scene.objects, &suns, camera_m, &viewports);
+        let kernel = self.kernel().filter(|_| glare != GlareMethod::None);
+        let lit = Lit {
+            objects: &scene.objects,
+            suns: &suns,
+            camera_m,
+            viewports: &viewports,
+            bodies: &bodies,
+            clouds: &clouds,
+            glare: kernel.map(|kernel| (&**kernel, fraction)),
+        };
+        Ok(as_told(planned_ev100(settings, &stars, &pictures, Some(&lit))))
+    }
+
     fn hold_kernel(&mut self, settings: &GlareSettings) -> Result<(), PlanError> {
         // What the kernel does not depend on is left out.
         let GlareSettings { method, fraction, absolute, weights, .. } = GlareSettings::default();
@@ -316,10 +367,11 @@ impl Planner {
 
         let camera = &scene.camera;
         let motion = Motion::new(camera.velocity_c);
-        let PlanOutputs { output, views, sky } = outputs;
+        let PlanOutputs { output, views, sky, exposure } = outputs;
         let all_viewports = rig.viewports(camera.world_from_camera);
         // The meter looks at all views, and bodies and asteroids in any of them may ask for another exposure.
-        let views = views.filter(|_| !settings.exposure.is_metered() && scene.objects.is_empty());
+        let metered_here = settings.exposure.is_metered() && exposure == ExposureSource::Own;
+        let views = views.filter(|_| !metered_here && scene.objects.is_empty());
         let is_drawn = |viewport: &&Viewport| views.is_none_or(|views| views[viewport.view]);
         let viewports: Vec<Viewport> = all_viewports.iter().filter(is_drawn).cloned().collect();
         let sizes: Vec<[u32; 2]> = viewports.iter().map(Viewport::size).collect();
@@ -368,7 +420,9 @@ impl Planner {
         let total_solid_angle_sr = viewports.iter().map(|v| v.projection.picture_solid_angle_sr()).sum();
         let pictures = self.pictures.of(&all_viewports);
         let shown_stars = ShownStars::new(settings, &all_viewports, &pictures);
-        let planned_ev100 = {
+        let planned_ev100 = if let ExposureSource::Planned(ev100) = exposure {
+            Some(ev100)
+        } else {
             let kernel = self.kernel().filter(|_| glare.method != GlareMethod::None);
             let lit = bodies.as_ref().map(|bodies| Lit {
                 objects: &scene.objects,
@@ -379,8 +433,7 @@ impl Planner {
                 clouds: &clouds,
                 glare: kernel.map(|kernel| (&**kernel, glare.fraction)),
             });
-            // In f32, as frames tell their exposure: one that has adapted to it is shown with the very same value.
-            planned_ev100(settings, &shown_stars, &pictures, lit.as_ref()).map(|ev100| f64::from(ev100 as f32))
+            as_told(planned_ev100(settings, &shown_stars, &pictures, lit.as_ref()))
         };
         let known_ev100 = settings.exposure.known_ev100(adapted_ev100, planned_ev100);
         // Stars that may be seen: all of them, or those that the map of faint light leaves, which follows from the exposure.
@@ -497,6 +550,11 @@ impl Planner {
             cull_ms,
         })
     }
+}
+
+/// In f32, as frames tell their exposure: one that has adapted to it is shown with the very same value.
+fn as_told(ev100: Option<f64>) -> Option<f64> {
+    ev100.map(|ev100| f64::from(ev100 as f32))
 }
 
 /// What the map of faint light costs in accuracy: weights of its kernel and of the tent lie between 0 and 1.

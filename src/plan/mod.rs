@@ -1,7 +1,7 @@
 //! What is drawn how, as plain data in f64, with no GPU in sight: settings that name methods, and the plan that a frame follows.
 //!
 //! `settings` names the methods, `frame` makes the plan of a frame and `certificate` the bounds of its approximations. `exposure` finds the
-//! exposure as far as it follows from the plan. `tiles` cuts
+//! exposure as far as it follows from the plan, `view_settings` which views are drawn together. `tiles` cuts
 //! viewports into what the adapter can hold. Each technique has a folder: `stars` (culling, fixed-point ranges, kernels, motion, the
 //! numbers of the methods that blend), `bodies`, `asteroids` and `glare`; `smooth_light` chooses the map of faint
 //! stars.
@@ -22,11 +22,12 @@ pub mod settings;
 pub mod smooth_light;
 pub mod stars;
 pub mod tiles;
+pub mod view_settings;
 
 pub use budget::Output;
 pub use certificate::{Approximation, FramePlan, StarPlan, plan_stars};
 pub use error::PlanError;
-pub use frame::{GlarePlan, Plan, PlanOutputs, Planner, SkyUse, VeilInSums};
+pub use frame::{ExposureSource, GlarePlan, Plan, PlanOutputs, Planner, SkyUse, VeilInSums};
 pub use limits::{DISPLAY_BYTES, Limits};
 pub use stars::kernels::{
     BSPLINE_FLICKER, GAUSSIAN_FLICKER, GaussianKernel, GaussianWidth, KernelPlan, PLANE_GAUSSIAN_FLICKER,

@@ -37,6 +37,8 @@ pub enum Metering {
     LimitingMagnitude,
     /// The mean luminance of all views, weighted by solid angle.
     Mean,
+    /// The mean luminance of a small cone around the middle of the first view's picture, weighted by solid angle.
+    Spot,
 }
 
 impl Metering {
@@ -45,6 +47,7 @@ impl Metering {
         match self {
             Self::LimitingMagnitude => "limiting_magnitude",
             Self::Mean => "mean",
+            Self::Spot => "spot",
         }
     }
 }
@@ -61,8 +64,10 @@ pub struct ExposureSettings {
     pub limiting_magnitude: f64,
     /// `manual`: exposure value at ISO 100; display white is 1.2 * 2^ev100 cd/m^2. Unit of star methods of relative brightness.
     pub ev100: f64,
-    /// Metering `mean`: fraction of display white at which the mean luminance of all views is shown; the default is that of ISO 2720 and ISO 12232.
+    /// Metering `mean` and `spot`: fraction of display white at which the mean luminance is shown; the default is that of ISO 2720 and ISO 12232.
     pub key: f64,
+    /// Metering `spot`: angle across the cone whose mean luminance is metered.
+    pub spot_deg: f64,
     /// `auto`: exposure compensation, added to the exposure value; positive darkens.
     pub compensation_ev: f64,
     /// `auto`: lowest exposure value, not above `max_ev100`.
@@ -83,9 +88,14 @@ impl ExposureSettings {
         }
     }
 
+    /// Whether the exposure goes by that.
+    pub fn goes_by(&self, metering: Metering) -> bool {
+        self.mode == ExposureMode::Auto && self.metering == metering
+    }
+
     /// Whether a frame that is shown as fully adapted has to be drawn before its exposure is known.
     pub fn is_metered(&self) -> bool {
-        self.mode == ExposureMode::Auto && self.metering == Metering::Mean
+        self.goes_by(Metering::Mean)
     }
 
     /// What key and compensation together add to what a meter of the standards reads.
@@ -93,7 +103,7 @@ impl ExposureSettings {
         self.compensation_ev + key_compensation_ev(self.key)
     }
 
-    /// The automatic exposure of a mean luminance, by metering `mean`.
+    /// The automatic exposure of a mean luminance, by metering `mean` and `spot`.
     pub fn metered_ev100(&self, mean_cd_m2: f64) -> f64 {
         metered_ev100(mean_cd_m2, self.offset_ev(), self.min_ev100, self.max_ev100)
     }
@@ -107,6 +117,7 @@ impl Default for ExposureSettings {
             limiting_magnitude: 6.5,
             ev100: -3.0,
             key: STANDARD_KEY,
+            spot_deg: 2.0,
             compensation_ev: 0.0,
             min_ev100: -20.0,
             max_ev100: 24.0,

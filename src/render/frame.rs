@@ -36,6 +36,19 @@ impl FrameImage {
 }
 
 impl Frame {
+    /// The same frame of a part of a rig, with the views' numbers in the whole rig: `numbers` has them in the order of the part.
+    ///
+    /// # Panics
+    ///
+    /// There are fewer numbers than views.
+    #[must_use]
+    pub fn of_views(mut self, numbers: &[usize]) -> Self {
+        for image in &mut self.images {
+            image.view = numbers[image.view];
+        }
+        self
+    }
+
     /// The same frame with the HDR images of another one, which shows the same.
     pub(super) fn with_hdr_of(mut self, exact: Frame) -> Self {
         for image in exact.images {
@@ -140,11 +153,11 @@ pub struct Frame {
     pub exposure_ev100: f64,
     /// What the frame asks for: the exposure to adapt to.
     pub metered_ev100: f64,
-    /// Mean luminance over all views, weighted by solid angle, cd/m^2.
+    /// Mean luminance over all views, weighted by solid angle, cd/m^2; where a meter of its own has looked, over what that has seen.
     pub mean_luminance_cd_m2: f64,
     /// The images, in the order of views and parts; a view of which nothing was wanted has none.
     pub images: Vec<FrameImage>,
-    /// One entry per view of the rig.
+    /// One entry per view that it was drawn for.
     pub views: Vec<ViewStatistics>,
     /// Methods chosen and the certificate.
     pub plan: FramePlan,

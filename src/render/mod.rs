@@ -15,6 +15,7 @@ mod error;
 mod frame;
 mod glare;
 pub(crate) mod layout;
+mod meter;
 mod overlay;
 #[cfg(test)]
 mod pass_tests;
@@ -55,6 +56,7 @@ pub use self::{
     shader::{Shader, shaders},
 };
 use self::{
+    meter::Meter,
     submit::{FrameSlot, InFlight},
     tabulated::MappingTables,
     targets::Targets,
@@ -70,13 +72,15 @@ use crate::{
 pub struct Renderer {
     gpu: Gpu,
     limits: Limits,
-    planner: Planner,
+    /// One for each series of frames.
+    planners: Vec<Planner>,
     techniques: Vec<Box<dyn Technique + Send>>,
     /// Those for rigs with tabulated pictures, or for rigs without, whichever the last one was not.
     idle_techniques: Option<Vec<Box<dyn Technique + Send>>>,
     targets: Targets,
     /// Those of the pictures of a map of faint light, while there are some to draw.
     sky_targets: Option<Targets>,
+    meter: Meter,
     tables: MappingTables,
     frames: u64,
     /// The frames that have been submitted and not finished, the oldest first.
@@ -100,11 +104,12 @@ impl Renderer {
     pub fn new(gpu: Gpu) -> Self {
         Self {
             limits: gpu.limits(),
-            planner: Planner::new(),
+            planners: vec![Planner::new()],
             techniques: sequence::techniques(&gpu),
             idle_techniques: None,
             targets: Targets::new(&gpu),
             sky_targets: None,
+            meter: Meter::default(),
             tables: MappingTables::default(),
             frames: 0,
             in_flight: VecDeque::new(),
@@ -145,6 +150,7 @@ impl Renderer {
         self.techniques.iter_mut().for_each(|technique| technique.release());
         self.targets.release();
         self.sky_targets = None;
+        self.meter = Meter::default();
         self.tables.release();
         self.gpu.forget_frames();
         self.spare_slots.clear();
@@ -168,15 +174,16 @@ impl Renderer {
         Ok(())
     }
 
-    /// Runs `step` for every technique, with what it takes to hold a scene.
+    /// Runs `step` for every technique, with what it takes to hold a scene for frames of a series.
     fn holding<'a>(
         &'a mut self,
+        slot: usize,
         scene: &'a crate::scene::SceneSnapshot,
         settings: &'a crate::plan::settings::RenderSettings,
         mut step: impl FnMut(&mut dyn Technique, &Holding<'_>) -> Result<(), RenderError>,
     ) -> Result<(), RenderError> {
         let (gpu, catalogue_order) = (&self.gpu, self.catalogue_order);
-        let holding = Holding { gpu, scene, settings, kernel: self.planner.kernel(), catalogue_order };
+        let holding = Holding { gpu, scene, settings, kernel: self.planners[slot].kernel(), catalogue_order };
         self.techniques.iter_mut().try_for_each(|technique| step(&mut **technique, &holding))
     }
 }

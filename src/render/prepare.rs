@@ -11,7 +11,11 @@ use super::{
     technique::{PipelineJob, Wish},
 };
 use crate::{
-    plan::settings::RenderSettings,
+    plan::{
+        PlanError,
+        settings::{Metering, RenderSettings},
+        view_settings::{meter_settings, spot_rig},
+    },
     scene::{SceneObjects, SceneSnapshot},
     view::Rig,
 };
@@ -69,8 +73,26 @@ impl Renderer {
     ) -> Result<(), RenderError> {
         let viewports = rig.viewports(glam::DQuat::IDENTITY);
         self.hold_tables(&viewports)?;
+        // A meter of its own draws a picture that nobody sees.
+        let spot = match settings.exposure.goes_by(Metering::Spot) {
+            true => spot_rig(rig, &settings.exposure).map_err(PlanError::from)?,
+            false => None,
+        };
+        let spot_viewports = spot.map(|spot| spot.viewports(glam::DQuat::IDENTITY));
+        let of_meter = meter_settings(settings);
         let wish = Wish { gpu: &self.gpu, objects, settings, viewports: &viewports, made: wanted, formats };
-        let jobs = self.techniques.iter().flat_map(|technique| technique.pipelines(&wish)).collect();
+        let mut jobs: Vec<PipelineJob<'_>> =
+            self.techniques.iter().flat_map(|technique| technique.pipelines(&wish)).collect();
+        let meter_wish = spot_viewports.as_ref().map(|viewports| Wish {
+            settings: &of_meter,
+            viewports,
+            made: Wanted::default(),
+            formats: &[],
+            ..wish
+        });
+        if let Some(wish) = &meter_wish {
+            jobs.extend(self.techniques.iter().flat_map(|technique| technique.pipelines(wish)));
+        }
         self.gpu.compiling_ahead(|| run(jobs, progress));
         self.gpu.take_failure()?;
         Ok(())

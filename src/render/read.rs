@@ -7,7 +7,7 @@ use super::{
     technique::{FrameInputs, Recording},
 };
 use crate::{
-    gpu::ReadbackPlace,
+    gpu::{Gpu, ReadbackBuffer, ReadbackPlace},
     plan::{DISPLAY_BYTES, Plan, tiles::BYTES_PER_PIXEL},
 };
 
@@ -29,6 +29,21 @@ struct TilePlace {
     display: Option<ReadbackPlace>,
     /// The planes of R and G, and of B and the solid angle.
     hdr: Option<[ReadbackPlace; 2]>,
+}
+
+impl Places {
+    /// The exposure that a frame has found which was asked for nothing else.
+    pub(super) fn metered_ev100(&self, gpu: &Gpu, readback: &mut ReadbackBuffer) -> Result<f64, RenderError> {
+        let (Some((counters, count)), Some(exposure)) = (self.counters, self.exposure) else {
+            unreachable!("every frame has counters and an exposure")
+        };
+        let counters: Vec<u32> = readback.read(gpu, counters, count)?;
+        if counters[OVERFLOW_COUNTER] > 0 {
+            return Err(RenderError::Overflow(counters[OVERFLOW_COUNTER]));
+        }
+        let exposure: Vec<layout::Exposure> = readback.read(gpu, exposure, 1)?;
+        Ok(f64::from(exposure[0].metered_ev100))
+    }
 }
 
 /// Bytes of images, counters and exposure: wanted beforehand, alignment included.

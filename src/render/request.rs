@@ -6,7 +6,7 @@ use super::{Presentation, Wanted};
 #[cfg(doc)]
 use super::{RenderError, Renderer};
 use crate::{
-    plan::{Output, budget::draws_outputs_apart, settings::RenderSettings},
+    plan::{Output, budget::draws_outputs_apart, settings::RenderSettings, view_settings::FrameGroup},
     scene::SceneSnapshot,
     view::Rig,
 };
@@ -37,6 +37,10 @@ pub struct FrameRequest<'a> {
     wanted: WantedViews<'a>,
     output: Option<Output>,
     pub(super) sky_map: SkyMapUse,
+    /// Number of the series that the frame belongs to, and how many there are.
+    pub(super) series: [usize; 2],
+    /// The views that an automatic exposure is found for, and the settings that it is found with.
+    pub(super) exposed_as: Option<(&'a Rig, &'a RenderSettings)>,
 }
 
 /// What a frame does that may read a map of faint light where none is there.
@@ -69,7 +73,22 @@ impl<'a> FrameRequest<'a> {
             wanted: WantedViews::Every(Wanted::display()),
             output: None,
             sky_map: SkyMapUse::default(),
+            series: [0, 1],
+            exposed_as: None,
         }
+    }
+
+    /// The display images of the views of one of the frames that [`frame_groups`](crate::plan::view_settings::frame_groups) has made
+    /// of a rig. The renderer keeps maps of glare and of faint stars for each of them, so that they may be drawn in turn.
+    ///
+    /// # Panics
+    ///
+    /// There is no group of that number.
+    pub fn of_group(scene: &'a SceneSnapshot, groups: &'a [FrameGroup], number: usize) -> Self {
+        let group = &groups[number];
+        let exposed_as = group.exposed_as.as_ref().map(|(rig, settings)| (rig, settings));
+        let series = [number, groups.len()];
+        Self { series, exposed_as, ..Self::new(scene, &group.rig).settings(&group.settings) }
     }
 
     /// How it is drawn.

@@ -13,11 +13,12 @@ use std::{
 
 use super::{
     Frame, FrameRequest, RenderError, Renderer, SkyMapUse, Wanted,
+    meter::Metered,
     presentation::check_presentations,
     read::{self, Places},
     sequence,
     targets::Targets,
-    technique::{FrameInputs, Outputs, Recording},
+    technique::{FrameInputs, Outputs, Recording, Series},
 };
 use crate::{
     gpu::{Gpu, GpuError, GpuTimer, ReadbackBuffer, SUBMISSION_TIMEOUT},
@@ -43,7 +44,7 @@ pub(super) struct FrameSlot {
 }
 
 impl FrameSlot {
-    fn new(gpu: &Gpu) -> Self {
+    pub(super) fn new(gpu: &Gpu) -> Self {
         Self { timer: GpuTimer::new(gpu), readback: ReadbackBuffer::new("readback") }
     }
 }
@@ -117,30 +118,36 @@ impl Renderer {
     ///
     /// Frames in flight are not disturbed.
     pub fn hold(&mut self, snapshot: &SceneSnapshot, settings: &RenderSettings) -> Result<(), RenderError> {
-        self.planner.check(snapshot, settings, &self.limits)?;
-        self.hold_scene(snapshot, settings)?;
-        self.holding(snapshot, settings, |technique, holding| {
+        self.planners[0].check(snapshot, settings, &self.limits)?;
+        self.hold_scene(0, snapshot, settings)?;
+        self.holding(0, snapshot, settings, |technique, holding| {
             technique.warm(holding);
             Ok(())
         })?;
         self.forget_what_failed()
     }
 
-    fn hold_scene(&mut self, snapshot: &SceneSnapshot, settings: &RenderSettings) -> Result<(), RenderError> {
-        let held = self.holding(snapshot, settings, |technique, holding| technique.hold(holding));
+    pub(super) fn hold_scene(
+        &mut self,
+        slot: usize,
+        snapshot: &SceneSnapshot,
+        settings: &RenderSettings,
+    ) -> Result<(), RenderError> {
+        let held = self.holding(slot, snapshot, settings, |technique, holding| technique.hold(holding));
         // Whatever could not be made or filled must not be used again.
         held.inspect_err(|_| self.forget_buffers())
     }
 
     /// What the driver has refused since it was last asked is the error; then whatever could not be made or filled must not be used
     /// again.
-    fn forget_what_failed(&mut self) -> Result<(), RenderError> {
+    pub(super) fn forget_what_failed(&mut self) -> Result<(), RenderError> {
         self.gpu.take_failure().inspect_err(|_| self.forget_buffers())?;
         Ok(())
     }
 
     /// The first half of [`Renderer::render`]: hands the frame to the device and does not wait for it. Where HDR images are asked for, display
-    /// images of the same frame are drawn as exactly.
+    /// images of the same frame are drawn as exactly. With metering by `spot`, and no exposure to adapt from, the meter's small picture is waited
+    /// for.
     ///
     /// Two frames may be in flight, and are finished in the order of their submission. If two are in flight already, this waits for
     /// the older one and throws it away, and finishing it later is [`RenderError::Abandoned`]. Had the device failed in it, that is
@@ -152,7 +159,7 @@ impl Renderer {
     pub fn submit(&mut self, request: FrameRequest<'_>) -> Result<SubmittedFrame, RenderError> {
         let start = Instant::now();
         let made = self.gpu.made();
-        let FrameRequest { scene: snapshot, rig, settings, adapted_ev100, presentations, .. } = request;
+        let FrameRequest { scene: snapshot, rig, settings, presentations, .. } = request;
         let wanted = request.wanted_views();
         self.limits.check(rig)?;
         if wanted.len() != rig.views().len() {
@@ -162,22 +169,32 @@ impl Renderer {
         if self.in_flight.len() >= MOST_IN_FLIGHT {
             self.abandon_oldest()?;
         }
-        (self.planner.culling, self.planner.unit_factor) = (self.culling, self.unit_factor);
+        let series = self.keep_series(&request);
         let views: Vec<bool> = wanted.iter().map(|wanted| *wanted != Wanted::default()).collect();
         // Presentations name viewports of the whole rig.
         let some = presentations.is_empty() && views.contains(&true);
         let sky = if request.sky_map == SkyMapUse::Off { SkyUse::StarByStar } else { SkyUse::Map };
-        let outputs = PlanOutputs { output: request.output(), views: some.then_some(&views[..]), sky };
-        let mut plan = self.planner.plan(snapshot, rig, settings, adapted_ev100, outputs, &self.limits)?;
+        let Metered { exposure, adapted_ev100, buffer: metered } = self.meter_for(&request, series)?;
+        let outputs = PlanOutputs { output: request.output(), views: some.then_some(&views[..]), sky, exposure };
+        let planner = &mut self.planners[series.slot];
+        let mut plan = planner.plan(snapshot, rig, settings, adapted_ev100, outputs, &self.limits)?;
         self.hold_tables(&plan.viewports)?;
-        self.hold_scene(snapshot, settings)?;
-        if !self.draw_sky(&plan, snapshot, settings, request.sky_map)? {
+        self.hold_scene(series.slot, snapshot, settings)?;
+        if !self.draw_sky(&plan, snapshot, settings, request.sky_map, series)? {
             let outputs = PlanOutputs { sky: SkyUse::StarByStar, ..outputs };
-            plan = self.planner.plan(snapshot, rig, settings, adapted_ev100, outputs, &self.limits)?;
+            let planner = &mut self.planners[series.slot];
+            plan = planner.plan(snapshot, rig, settings, adapted_ev100, outputs, &self.limits)?;
         }
         let outputs = Outputs { wanted: &wanted, presentations };
-        let inputs =
-            FrameInputs { plan: &plan, scene: snapshot, settings, outputs, catalogue_order: self.catalogue_order };
+        let inputs = FrameInputs {
+            plan: &plan,
+            scene: snapshot,
+            settings,
+            outputs,
+            catalogue_order: self.catalogue_order,
+            series,
+            metered: metered.as_ref(),
+        };
         let mut slot = self.spare_slots.pop().unwrap_or_else(|| FrameSlot::new(&self.gpu));
         let (commands, places) = self.record(&inputs, rig.views().len(), &mut slot);
         let plan_ms = start.elapsed().as_secs_f64() * 1e3;
@@ -211,12 +228,13 @@ impl Renderer {
         snapshot: &SceneSnapshot,
         settings: &RenderSettings,
         sky_map: SkyMapUse,
+        series: Series,
     ) -> Result<bool, RenderError> {
         let missing: Vec<SkyFace> =
-            self.techniques.iter().flat_map(|technique| technique.missing(plan, snapshot)).collect();
+            self.techniques.iter().flat_map(|technique| technique.missing(plan, snapshot, series)).collect();
         let most = if sky_map == SkyMapUse::InTurn { 1 } else { usize::MAX };
         for face in missing.iter().take(most) {
-            self.draw_sky_face(face, snapshot, settings)?;
+            self.draw_sky_face(face, snapshot, settings, series)?;
         }
         let is_whole = missing.len() <= most;
         if is_whole {
@@ -230,16 +248,25 @@ impl Renderer {
         face: &SkyFace,
         snapshot: &SceneSnapshot,
         settings: &RenderSettings,
+        series: Series,
     ) -> Result<(), RenderError> {
         let camera = Camera { position_m: face.map.camera_m(), ..Camera::default() };
         let sky = SceneSnapshot { objects: Arc::default(), camera, ..snapshot.clone() };
         let rig = face.rig().map_err(PlanError::from)?;
         let settings = face.settings(settings);
-        let outputs = PlanOutputs { output: Output::Hdr, views: None, sky: SkyUse::Face(*face) };
-        let plan = self.planner.plan(&sky, &rig, &settings, None, outputs, &self.limits)?;
+        let outputs = PlanOutputs { sky: SkyUse::Face(*face), ..PlanOutputs::new(Output::Hdr) };
+        let plan = self.planners[series.slot].plan(&sky, &rig, &settings, None, outputs, &self.limits)?;
         let wanted = [Wanted { hdr_stays: true, ..Wanted::default() }];
         let outputs = Outputs { wanted: &wanted, presentations: &[] };
-        let inputs = FrameInputs { plan: &plan, scene: &sky, settings: &settings, outputs, catalogue_order: None };
+        let inputs = FrameInputs {
+            plan: &plan,
+            scene: &sky,
+            settings: &settings,
+            outputs,
+            catalogue_order: None,
+            series,
+            metered: None,
+        };
         // Nothing is read back of it.
         let mut slot = FrameSlot::new(&self.gpu);
         let targets = self.sky_targets.take().unwrap_or_else(|| Targets::new(&self.gpu));
@@ -251,7 +278,7 @@ impl Renderer {
     }
 
     /// Uploads what changes from frame to frame, and records all phases and the copies of what leaves the GPU.
-    fn record(
+    pub(super) fn record(
         &mut self,
         inputs: &FrameInputs<'_>,
         views: usize,

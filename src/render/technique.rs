@@ -49,6 +49,19 @@ pub(crate) struct FrameInputs<'a> {
     pub outputs: Outputs<'a>,
     /// See [`super::Renderer::catalogue_order`].
     pub catalogue_order: Option<u64>,
+    /// Which frames it shares maps with.
+    pub series: Series,
+    /// What a meter has found that looked for this frame; `None`: the frame's own light tells.
+    pub metered: Option<&'a wgpu::Buffer>,
+}
+
+/// Frames that are drawn in turn with different settings: each series keeps maps of its own.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Series {
+    /// Number of the series.
+    pub slot: usize,
+    /// How many series there are.
+    pub slots: usize,
 }
 
 /// Whom a frame is made for: what is read back, and what is drawn into textures.
@@ -164,7 +177,7 @@ pub(crate) trait Technique {
     }
 
     /// Pictures of the map of faint light that the frame of a plan reads and that are not there yet.
-    fn missing(&self, _plan: &Plan, _scene: &SceneSnapshot) -> Vec<SkyFace> {
+    fn missing(&self, _plan: &Plan, _scene: &SceneSnapshot, _series: Series) -> Vec<SkyFace> {
         Vec::new()
     }
 

@@ -13,11 +13,13 @@ pub use super::{
 };
 use super::{
     convert,
+    convert_views::{exposure_to_table, glare_to_table, tone_map_to_table, view_update_to_pb},
     proto::{
         self, camera_service_client::CameraServiceClient, diagnostics_service_client::DiagnosticsServiceClient,
         scene_service_client::SceneServiceClient, view_service_client::ViewServiceClient,
     },
     render::CameraUpdate,
+    views::ViewUpdate,
 };
 use crate::{
     gpu::AdapterReport,
@@ -51,6 +53,9 @@ pub enum ClientError {
         /// The field.
         field: &'static str,
     },
+    /// The change names a key that there is none of.
+    #[error("{0}")]
+    Update(String),
     /// The daemon sent an impossible camera.
     #[error("the answer holds an impossible camera: {0}")]
     Camera(#[from] PoseError),
@@ -90,7 +95,7 @@ impl From<proto::ViewImage> for ViewImageForm {
 }
 
 /// A view of the daemon.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct ViewForm {
     /// Its name.
     pub name: String,
@@ -98,6 +103,34 @@ pub struct ViewForm {
     pub kind: String,
     /// Its images, in the order in which frames carry them. A headset has none while it is not connected.
     pub images: Vec<ViewImageForm>,
+    /// Name of the group of views that it shares one exposure with; empty: none.
+    pub exposure_group: String,
+    /// Keys of `[exposure]` in effect.
+    pub exposure: toml::Table,
+    /// Keys of `[glare]` in effect.
+    pub glare: toml::Table,
+    /// Keys of `[tone_map]` in effect.
+    pub tone_map: toml::Table,
+    /// Keys that the view or its group has of its own: `glare.fraction`.
+    pub own_keys: Vec<String>,
+    /// Revision of the scene, which counts the changes of views too.
+    pub revision: u64,
+}
+
+impl From<proto::View> for ViewForm {
+    fn from(view: proto::View) -> Self {
+        Self {
+            images: view.images.into_iter().map(ViewImageForm::from).collect(),
+            exposure: view.exposure.as_ref().map(exposure_to_table).unwrap_or_default(),
+            glare: view.glare.as_ref().map(glare_to_table).unwrap_or_default(),
+            tone_map: view.tone_map.as_ref().map(tone_map_to_table).unwrap_or_default(),
+            name: view.name,
+            kind: view.r#type,
+            exposure_group: view.exposure_group,
+            own_keys: view.own_keys,
+            revision: view.revision,
+        }
+    }
 }
 
 /// An image as it came.
@@ -250,12 +283,23 @@ impl Client {
     /// The views.
     pub async fn views(&mut self) -> Result<Vec<ViewForm>, ClientError> {
         let answer = self.view.list_views(proto::ListViewsRequest {}).await?.into_inner();
-        let form = |view: proto::View| ViewForm {
-            name: view.name,
-            kind: view.r#type,
-            images: view.images.into_iter().map(ViewImageForm::from).collect(),
-        };
-        Ok(answer.views.into_iter().map(form).collect())
+        Ok(answer.views.into_iter().map(ViewForm::from).collect())
+    }
+
+    /// A view.
+    pub async fn view(&mut self, name: &str) -> Result<ViewForm, ClientError> {
+        Ok(self.view.get_view(proto::GetViewRequest { view: name.to_owned() }).await?.into_inner().into())
+    }
+
+    /// Changes a view, if the scene has the revision expected; returns the view after the change.
+    pub async fn update_view(
+        &mut self,
+        name: &str,
+        update: &ViewUpdate,
+        expected_revision: Option<u64>,
+    ) -> Result<ViewForm, ClientError> {
+        let request = view_update_to_pb(name, update, expected_revision).map_err(ClientError::Update)?;
+        Ok(self.view.update_view(request).await?.into_inner().into())
     }
 
     /// Renders a view with the newest camera.

@@ -18,7 +18,6 @@ use crate::{
     plan::settings::{AsteroidSettings, ImpostorMethod, StarMethod},
     scene::Camera,
     verify::{CheckResult, Outcome},
-    view::View,
 };
 
 pub(super) fn vector_to_pb(v: DVec3) -> proto::Vector3 {
@@ -57,14 +56,6 @@ pub(super) fn update_to_pb(update: &CameraUpdate) -> proto::SetCameraRequest {
         orientation: update.orientation.map(|[x, y, z, w]| proto::Quaternion { x, y, z, w }),
         velocity_c: update.velocity_c.map(|[x, y, z]| proto::Vector3 { x, y, z }),
     }
-}
-
-pub(super) fn view_to_pb(view: &View) -> proto::View {
-    let images = view.images.iter().map(|image| {
-        let [width, height] = image.projection.mapping().size();
-        proto::ViewImage { part: image.part.name().unwrap_or_default().to_owned(), width, height }
-    });
-    proto::View { name: view.name.clone(), r#type: view.kind.type_name().to_owned(), images: images.collect() }
 }
 
 pub(super) fn encoding_to_pb(encoding: Encoding) -> proto::Encoding {

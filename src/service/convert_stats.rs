@@ -2,8 +2,9 @@
 
 use std::time::SystemTime;
 
-use super::{headset::Headset, proto, render::RenderHandle};
+use super::{convert_views::settings_to_pb, headset::Headset, proto, render::RenderHandle, scene::SceneState};
 use crate::{
+    plan::{settings::RenderSettings, view_settings::ViewSettings},
     render::FrameTimes,
     view::Part,
     xr::{Distribution, HeadsetStatistics, Status},
@@ -45,9 +46,15 @@ pub(super) fn status_to_pb(headset: &Headset) -> proto::HeadsetStatus {
     known_to_pb(headset.name(), &headset.report().0)
 }
 
-/// The view that shows what the eyes see.
-pub(super) fn headset_view_to_pb(headset: &Headset) -> proto::View {
-    proto::View { name: headset.name().to_owned(), r#type: TYPE.to_owned(), images: status_to_pb(headset).images }
+/// The view that shows what the eyes see, with the general settings.
+pub(super) fn headset_view_to_pb(headset: &Headset, general: &RenderSettings, scene: &SceneState) -> proto::View {
+    proto::View {
+        name: headset.name().to_owned(),
+        r#type: TYPE.to_owned(),
+        images: status_to_pb(headset).images,
+        revision: scene.revision,
+        ..settings_to_pb(&ViewSettings::general(general), scene.stars.method)
+    }
 }
 
 fn distribution_to_pb(time: &Distribution) -> proto::Distribution {

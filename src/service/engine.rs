@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use crate::{
     gpu::{AdapterReport, GpuError},
-    plan::settings::RenderSettings,
+    plan::{Limits, settings::RenderSettings},
     render::{Frame, FrameRequest, RenderError, Renderer},
     verify::{self, Check, CheckResult},
 };
@@ -54,6 +54,11 @@ pub trait Engine: Send + 'static {
     /// Runs a failure test with the methods of `settings`, while no frame is in flight. What it renders for that is no frame.
     fn verify(&mut self, check: &'static Check, settings: &RenderSettings) -> CheckResult;
 
+    /// What plans may ask of it: changes are checked against these before they are made. Asked once, before the first frame.
+    fn limits(&self) -> Limits {
+        Limits::default()
+    }
+
     /// What it runs on. Asked once, before the first frame.
     fn info(&self) -> AdapterReport;
 }
@@ -84,6 +89,10 @@ impl Engine for Renderer {
 
     fn verify(&mut self, check: &'static Check, settings: &RenderSettings) -> CheckResult {
         verify::run(check, self, settings)
+    }
+
+    fn limits(&self) -> Limits {
+        *Self::limits(self)
     }
 
     fn info(&self) -> AdapterReport {

@@ -14,24 +14,33 @@ use tonic::{Request, Response, Status};
 
 use super::{
     convert, convert_stats,
+    convert_views::{view_to_pb, view_update_from_pb},
     frames::FrameStream,
     headset::Headset,
     proto,
     render::{Capacity, Refused, RenderHandle},
-    scene::SceneError,
+    scene::{SceneError, SceneState},
     server::SceneCatalogue,
     slot::{RenderFailure, RenderedFrame},
+    views::{ViewSet, ViewUpdate},
 };
 use crate::{
     gpu::AdapterReport,
     output::{self, Encoding},
-    render::Wanted,
+    plan::{
+        Limits, Output, PlanOutputs, Planner,
+        view_settings::{FrameGroup, frame_groups},
+    },
+    render::{ViewStatistics, Wanted},
     view::Rig,
     xr,
 };
 
 /// Rates that `StreamFrames` takes, Hz, besides 0.
 const RATES_HZ: std::ops::RangeInclusive<f64> = 0.001..=10_000.0;
+
+/// How often a change is checked anew because the scene has changed meanwhile.
+const MOST_ATTEMPTS: usize = 8;
 
 /// A session that shows nothing for this long, as while nobody wears the headset, has no frame for a call.
 const HEADSET_PATIENCE: Duration = Duration::from_secs(5);
@@ -43,12 +52,15 @@ pub(super) struct Service {
     pub(super) headset: Option<Arc<Headset>>,
     rig: Arc<Rig>,
     pub(super) adapter: Arc<AdapterReport>,
+    limits: Arc<Limits>,
     catalogues: Arc<Vec<SceneCatalogue>>,
     pub(super) stars: u64,
     /// Streams of the scene and of figures.
     watchers: Arc<Semaphore>,
     /// Calls that place asteroids: one at a time.
     placing: Arc<Semaphore>,
+    /// Calls that plan frames to see whether they can be drawn: one at a time.
+    planning: Arc<Semaphore>,
     /// Calls of Verify: one at a time.
     pub(super) verifying: Arc<Semaphore>,
     /// Calls of RenderFrame that are not finished yet, from the queue to the last encoded byte.
@@ -73,7 +85,7 @@ impl Service {
         render: RenderHandle,
         headset: Option<Arc<Headset>>,
         rig: Arc<Rig>,
-        adapter: AdapterReport,
+        (adapter, limits): (AdapterReport, Limits),
         catalogues: Vec<SceneCatalogue>,
         stars: u64,
         capacity: Capacity,
@@ -84,10 +96,12 @@ impl Service {
             headset,
             rig,
             adapter: Arc::new(adapter),
+            limits: Arc::new(limits),
             catalogues: Arc::new(catalogues),
             stars,
             watchers: Arc::new(Semaphore::new(capacity.subscribers)),
             placing: Arc::new(Semaphore::new(1)),
+            planning: Arc::new(Semaphore::new(1)),
             verifying: Arc::new(Semaphore::new(1)),
             pending: Arc::new(Semaphore::new(capacity.requests)),
             encoders: Arc::new(Semaphore::new(cores)),
@@ -99,12 +113,47 @@ impl Service {
         views.chain(self.headset.iter().map(|headset| headset.name())).collect()
     }
 
+    fn no_view(&self, name: &str) -> Status {
+        Status::not_found(format!("no view `{name}`; the views are: {}", self.view_names().join(", ")))
+    }
+
+    /// A view as it is in a scene.
+    fn view(&self, name: &str, scene: &SceneState) -> Result<proto::View, Status> {
+        if let Some(number) = self.rig.index_of(name) {
+            return Ok(view_to_pb(&self.rig.views()[number], number, scene));
+        }
+        let headset = self.headset.as_ref().filter(|headset| headset.name() == name);
+        let headset = headset.ok_or_else(|| self.no_view(name))?;
+        Ok(convert_stats::headset_view_to_pb(headset, &self.render.general(scene), scene))
+    }
+
+    /// The views of a scene after a change of one of them, if they can be drawn then.
+    async fn changed_views(&self, scene: &SceneState, number: usize, update: &ViewUpdate) -> Result<ViewSet, Status> {
+        let general = self.render.general(scene);
+        let views = scene.views.changed(&general, number, update).map_err(Status::invalid_argument)?;
+        // One after the other: each plan may take long, and memory.
+        let permit = Arc::clone(&self.planning).acquire_owned().await.map_err(|_| refused(Refused::Ending))?;
+        let (snapshot, rig, limits) = (self.render.snapshot(scene), Arc::clone(&self.rig), Arc::clone(&self.limits));
+        let before = frame_groups(&rig, &general, &scene.views.settings);
+        let planning = move || {
+            let _permit = permit;
+            let after = frame_groups(&rig, &general, &views.settings);
+            let check = |group: &&FrameGroup| {
+                let outputs = PlanOutputs::new(Output::Hdr);
+                Planner::new().plan(&snapshot, &group.rig, &group.settings, None, outputs, &limits).map(drop)
+            };
+            // What has not changed is drawn already.
+            after.iter().filter(|group| !before.contains(group)).try_for_each(|group| check(&group)).map(|()| views)
+        };
+        let planned = task::spawn_blocking(planning).await;
+        let planned = planned.map_err(|error| Status::internal(format!("planning a frame failed: {error}")))?;
+        planned.map_err(|error| Status::invalid_argument(error.to_string()))
+    }
+
     fn order(&self, name: &str, encoding: i32) -> Result<Order, Status> {
         let headset = self.headset.as_ref().filter(|headset| headset.name() == name).map(Arc::clone);
         // The frames of a headset have one view.
-        let view = self.rig.index_of(name).or(headset.as_ref().map(|_| 0)).ok_or_else(|| {
-            Status::not_found(format!("no view `{name}`; the views are: {}", self.view_names().join(", ")))
-        })?;
+        let view = self.rig.index_of(name).or(headset.as_ref().map(|_| 0)).ok_or_else(|| self.no_view(name))?;
         let encoding = convert::encoding_from_pb(encoding).ok_or_else(|| {
             Status::invalid_argument(format!("encoding = {encoding}: one of RGBA8, PNG, JPEG, RGB32F, EXR is needed"))
         })?;
@@ -163,6 +212,7 @@ impl Order {
                 data,
             })
         });
+        let of_view = |view: &ViewStatistics| view.limiting_magnitude;
         Ok(proto::Frame {
             view: self.name.to_string(),
             frame_number: frame.number,
@@ -171,7 +221,7 @@ impl Order {
             pose_time: Some(rendered.pose_time.into()),
             render_time: Some(rendered.render_time.into()),
             exposure_ev100: frame.exposure_ev100,
-            limiting_magnitude: frame.views.get(self.view).and_then(|view| view.limiting_magnitude),
+            limiting_magnitude: frame.views.iter().find(|view| *view.name == *self.name).and_then(of_view),
             dropped,
             images: images.collect::<Result<_, Status>>()?,
         })
@@ -224,9 +274,40 @@ impl proto::view_service_server::ViewService for Service {
         &self,
         _: Request<proto::ListViewsRequest>,
     ) -> Result<Response<proto::ListViewsResponse>, Status> {
-        let views = self.rig.views().iter().map(convert::view_to_pb);
-        let headset = self.headset.iter().map(|headset| convert_stats::headset_view_to_pb(headset));
-        Ok(Response::new(proto::ListViewsResponse { views: views.chain(headset).collect() }))
+        let scene = self.render.scene().map_err(refused)?;
+        let views = self.view_names().into_iter().map(|name| self.view(name, &scene));
+        Ok(Response::new(proto::ListViewsResponse { views: views.collect::<Result<_, Status>>()? }))
+    }
+
+    async fn get_view(&self, request: Request<proto::GetViewRequest>) -> Result<Response<proto::View>, Status> {
+        let scene = self.render.scene().map_err(refused)?;
+        Ok(Response::new(self.view(&request.into_inner().view, &scene)?))
+    }
+
+    async fn update_view(&self, request: Request<proto::UpdateViewRequest>) -> Result<Response<proto::View>, Status> {
+        let request = request.into_inner();
+        let name = request.view.as_ref().map(|view| view.name.clone()).unwrap_or_default();
+        let Some(number) = self.rig.index_of(&name) else {
+            if self.headset.as_ref().is_some_and(|headset| headset.name() == name) {
+                let problem = "the headset has the general settings, those of the configuration";
+                return Err(Status::invalid_argument(format!("view `{name}`: {problem}")));
+            }
+            return Err(self.no_view(&name));
+        };
+        let update = view_update_from_pb(&request).map_err(Status::invalid_argument)?;
+        let expected = request.expected_revision;
+        for _ in 0..MOST_ATTEMPTS {
+            let scene = self.render.scene().map_err(refused)?;
+            scene.expect(expected).map_err(|error| unchanged(&error))?;
+            let views = self.changed_views(&scene, number, &update).await?;
+            match self.render.update_views(views, scene.revision).map_err(refused)? {
+                Ok(scene) => return Ok(Response::new(self.view(&name, &scene)?)),
+                Err(error) if expected.is_some() => return Err(unchanged(&error)),
+                // What was checked is not the scene any more.
+                Err(_) => {}
+            }
+        }
+        Err(Status::aborted("the scene has changed again and again meanwhile: try again"))
     }
 
     async fn render_frame(

@@ -25,6 +25,7 @@ mod convert;
 mod convert_objects;
 mod convert_overlay;
 mod convert_stats;
+mod convert_views;
 mod diagnostics;
 mod engine;
 mod forecast;
@@ -39,6 +40,7 @@ mod schedule;
 mod server;
 mod slot;
 mod streams;
+mod views;
 mod worker;
 
 pub use client::{
@@ -53,6 +55,7 @@ pub use overlay::OverlayChange;
 pub use render::CameraUpdate;
 pub use scene::SceneUpdate;
 pub use server::{SceneCatalogue, ServeError, ServeOptions, Shutdown, run, signals};
+pub use views::{TableChange, ViewUpdate};
 
 /// Generated from `proto/steradian/v1`.
 mod proto {

@@ -17,6 +17,7 @@ use super::{
     schedule::{Pace, Revisions},
     slot::{RenderFailure, RenderedFrame, Slot},
     streams::{Streams, Subscription},
+    views::ViewSet,
 };
 use crate::{
     catalogue::chunks::StarSet,
@@ -106,7 +107,7 @@ pub(super) struct State {
 
 impl State {
     /// The settings of frames of a scene.
-    fn settings_of(&self, scene: &SceneState) -> RenderSettings {
+    pub(super) fn settings_of(&self, scene: &SceneState) -> RenderSettings {
         RenderSettings { stars: scene.stars.clone(), asteroids: scene.asteroids.clone(), ..self.settings.clone() }
     }
 
@@ -234,6 +235,40 @@ impl RenderHandle {
             self.shared.wake.notify_one();
         }
         Ok(changed)
+    }
+
+    /// The settings of frames whose views have none of their own.
+    pub(super) fn general(&self, scene: &SceneState) -> RenderSettings {
+        self.shared.state().settings_of(scene)
+    }
+
+    /// Changes the settings of views, if the scene still has the revision that they were made for; returns it with its new one. The outer error:
+    /// it takes no changes any more.
+    pub(super) fn update_views(
+        &self,
+        views: ViewSet,
+        made_for: u64,
+    ) -> Result<Result<SceneState, SceneError>, Refused> {
+        let state = self.shared.state();
+        let mut scene = state.scene.borrow().clone().ok_or(Refused::Ending)?;
+        if let Err(error) = scene.expect(Some(made_for)) {
+            return Ok(Err(error));
+        }
+        scene.views = Arc::new(views);
+        scene.revision += 1;
+        state.scene.send_replace(Some(scene.clone()));
+        self.shared.wake.notify_one();
+        Ok(Ok(scene))
+    }
+
+    /// A scene with the newest camera.
+    pub(super) fn snapshot(&self, scene: &SceneState) -> SceneSnapshot {
+        SceneSnapshot {
+            revision: scene.revision,
+            stars: Arc::clone(&self.shared.stars),
+            objects: Arc::clone(&scene.objects.drawn),
+            camera: self.camera(),
+        }
     }
 
     /// Asks for a failure test, of the method in use unless another is named.

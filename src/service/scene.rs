@@ -4,7 +4,10 @@
 use super::{
     objects::{BodyForm, Change, FieldForm, MadeChange, Objects},
     overlay::OverlayChange,
+    views::ViewSet,
 };
+use std::sync::Arc;
+
 use crate::plan::settings::{AsteroidSettings, ImpostorMethod, StarMethod, StarSettings};
 
 /// The scene but for its stars, and how it is drawn, with its revision.
@@ -18,6 +21,8 @@ pub(super) struct SceneState {
     pub(super) asteroids: AsteroidSettings,
     /// Bodies and fields.
     pub(super) objects: Objects,
+    /// Exposure, glare and tone mapping of views.
+    pub(super) views: Arc<ViewSet>,
 }
 
 /// Changes of the scene; what is `None` or [`Change::Nothing`] stays.

@@ -1,7 +1,7 @@
 //! The daemon: binds, serves, and on a signal drains: health turns to NOT_SERVING, no new connection is accepted, streams end
 //! cleanly, calls in flight finish, the render thread ends. What is not done within the drain time is left behind.
 
-use std::{fmt, io, net::SocketAddr, pin::Pin, sync::Arc, time::Duration};
+use std::{fmt, io, net::SocketAddr, path::PathBuf, pin::Pin, sync::Arc, time::Duration};
 
 use tokio::{
     net::TcpListener,
@@ -26,9 +26,11 @@ use super::{
         scene_service_server::SceneServiceServer, view_service_server::ViewServiceServer,
     },
     render::Capacity,
+    views::ViewSet,
     worker::{self, RenderThread},
 };
 use crate::{
+    config::ViewTables,
     plan::settings::RenderSettings,
     scene::{SceneSnapshot, asteroids::FieldSpec},
     view::{Rig, RigError, check_name},
@@ -97,6 +99,10 @@ pub struct ServeOptions {
     pub rig: Rig,
     /// How they are drawn.
     pub settings: RenderSettings,
+    /// What views have of their own, in the order of the rig; views beyond its end have nothing.
+    pub view_tables: Vec<ViewTables>,
+    /// The folder at which relative paths in these start.
+    pub folder: PathBuf,
     /// A headset, as one more view.
     pub headset: Option<HeadsetOptions>,
     /// Called once with the address when clients can connect.
@@ -130,6 +136,8 @@ impl ServeOptions {
             asteroid_fields: Vec::new(),
             rig,
             settings,
+            view_tables: Vec::new(),
+            folder: PathBuf::new(),
             headset: None,
             ready: Box::new(ready),
             shutdown: Shutdown::Signals,
@@ -169,6 +177,9 @@ pub enum ServeError {
     /// What was told of the asteroid fields is not of those of the scene.
     #[error("asteroid fields: {0}")]
     Fields(String),
+    /// What views have of their own is not allowed.
+    #[error("{0}")]
+    Views(String),
     /// The headset's name is none, or a view's.
     #[error("headset: {0}")]
     Headset(RigError),
@@ -307,6 +318,8 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
         asteroid_fields,
         rig,
         settings,
+        view_tables,
+        folder,
         headset,
         ready,
         shutdown,
@@ -321,6 +334,8 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
             return Err(ServeError::Headset(RigError::Duplicate { name: name.clone() }));
         }
     }
+    let names = rig.views().iter().map(|view| view.name.clone()).collect();
+    let views = ViewSet::new(&settings, names, &view_tables, &folder).map_err(ServeError::Views)?;
     let listener = bind(&listen).await?;
     let address = listener.local_addr()?;
     let mut shutdown = match shutdown {
@@ -337,13 +352,13 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
     let (mut health, health_service) = tonic_health::server::health_reporter();
     report_health(&health, ServingStatus::Serving).await;
 
-    let (rig, info) = (Arc::new(rig), engine.info());
+    let (rig, info, limits) = (Arc::new(rig), engine.info(), engine.limits());
     let stars = scene.stars.stars.len() as u64;
     let capacity = Capacity { requests: pending_renders, subscribers };
-    let (handle, mut thread) = worker::spawn(engine, scene, objects, Arc::clone(&rig), settings, capacity)?;
+    let (handle, mut thread) = worker::spawn(engine, scene, (objects, views), Arc::clone(&rig), settings, capacity)?;
     let (headset, drive) =
         headset.map(|options| (Arc::new(Headset::new(options.name, handle.clone())), options.drive)).unzip();
-    let service = Service::new(handle.clone(), headset.clone(), rig, info, catalogues, stars, capacity);
+    let service = Service::new(handle.clone(), headset.clone(), rig, (info, limits), catalogues, stars, capacity);
     let headset_thread = match headset.as_ref().zip(drive) {
         Some((headset, drive)) => Some(headset.spawn(drive).inspect_err(|_| handle.stop())?),
         None => None,

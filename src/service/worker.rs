@@ -1,7 +1,8 @@
 //! The render thread: it alone owns the engine. What it is told stands in [`super::render`].
 //!
 //! It sleeps until a request is there or a subscriber is due, then begins **one** frame that serves all of them, with the
-//! camera that is the newest at that moment. While that frame is drawn, the next one is begun if one is due: as late as it
+//! camera that is the newest at that moment. Views with settings of their own, and HDR images that are drawn apart, are frames of their own,
+//! which take turns. While that frame is drawn, the next one is begun if one is due: as late as it
 //! can be without the device having to wait for it ([`super::forecast`]). There are never more than two at a time, and they
 //! are finished in order. Failure tests that a client asked for are run one at a time, each after a frame if one is due, and
 //! while no frame is drawn.
@@ -10,7 +11,7 @@
 mod tests;
 
 use std::{
-    collections::VecDeque,
+    collections::{HashMap, VecDeque},
     mem,
     sync::{Arc, Condvar, Mutex, PoisonError},
     thread,
@@ -29,10 +30,15 @@ use super::{
     schedule::Revisions,
     slot::{RenderFailure, RenderedFrame, Slot},
     streams::Streams,
+    views::ViewSet,
 };
 use crate::{
     plan::{
-        adaptation::Adaptation, budget::draws_outputs_apart, glare::sky_cube::map_place_pc, settings::RenderSettings,
+        adaptation::Adaptation,
+        budget::draws_outputs_apart,
+        glare::sky_cube::map_place_pc,
+        settings::{ExposureSettings, RenderSettings},
+        view_settings::{ExposureGroup, FrameGroup, frame_groups},
     },
     render::{FrameRequest, SkyMapUse, Wanted},
     scene::{Camera, SceneSnapshot},
@@ -72,19 +78,19 @@ impl Drop for Farewell {
 pub(super) fn spawn(
     engine: Box<dyn Engine>,
     scene: SceneSnapshot,
-    objects: Objects,
+    shown: (Objects, ViewSet),
     rig: Arc<Rig>,
     settings: RenderSettings,
     capacity: Capacity,
 ) -> std::io::Result<(RenderHandle, RenderThread)> {
-    spawn_with(engine, scene, objects, rig, settings, capacity, Forecast::default())
+    spawn_with(engine, scene, shown, rig, settings, capacity, Forecast::default())
 }
 
 /// The same with what is known already of how long frames take.
 fn spawn_with(
     engine: Box<dyn Engine>,
     scene: SceneSnapshot,
-    objects: Objects,
+    (objects, views): (Objects, ViewSet),
     rig: Arc<Rig>,
     settings: RenderSettings,
     capacity: Capacity,
@@ -95,6 +101,7 @@ fn spawn_with(
         stars: settings.stars.clone(),
         asteroids: settings.asteroids.clone(),
         objects,
+        views: Arc::new(views),
     };
     let state = State {
         camera: scene.camera,
@@ -118,6 +125,7 @@ fn spawn_with(
     });
     let (sender, ended) = oneshot::channel();
     let farewell = Farewell { shared: Arc::clone(&shared), _ended: sender };
+    let groups = Groups::new(&rig, &settings, &shown);
     let worker = Worker {
         shared: Arc::clone(&shared),
         engine,
@@ -125,11 +133,11 @@ fn spawn_with(
         shown,
         rig,
         settings,
-        adaptation: Adaptation::default(),
-        last: None,
+        groups: Arc::new(groups),
+        eyes: HashMap::new(),
         checked: false,
-        last_exact: false,
-        map_place_pc: None,
+        last_kind: (0, false),
+        map_place_pc: HashMap::new(),
         in_flight: VecDeque::new(),
         forecast,
         last_drawn: Instant::now(),
@@ -146,9 +154,11 @@ fn spawn_with(
 struct Job {
     requests: Vec<Request>,
     subscribers: Vec<Arc<Slot>>,
+    /// Of each view of the group.
     wanted: Vec<Wanted>,
-    /// For HDR images; otherwise for display images alone, within their budget.
-    exact: bool,
+    /// The frames of the scene, and which of them this one is.
+    groups: Arc<Groups>,
+    group: usize,
     camera: Camera,
     pose_time: SystemTime,
     scene: SceneState,
@@ -156,9 +166,68 @@ struct Job {
 }
 
 impl Job {
+    fn frame_group(&self) -> &FrameGroup {
+        &self.groups.all[self.group]
+    }
+
     fn shows(&self) -> Revisions {
         Revisions { scene: self.scene.revision, camera: self.camera.revision }
     }
+}
+
+/// The frames that the views of a scene make.
+struct Groups {
+    /// Revision of the scene that they are of.
+    revision: u64,
+    all: Vec<FrameGroup>,
+    /// For each view of the rig the number of its group, and its own number there.
+    of_view: Vec<(usize, usize)>,
+    /// For each group whether images of its frames differ by whether HDR images are asked for.
+    apart: Vec<bool>,
+}
+
+impl Groups {
+    fn new(rig: &Rig, general: &RenderSettings, scene: &SceneState) -> Self {
+        let common =
+            RenderSettings { stars: scene.stars.clone(), asteroids: scene.asteroids.clone(), ..general.clone() };
+        let all = frame_groups(rig, &common, &scene.views.settings);
+        let mut of_view = vec![(0, 0); rig.views().len()];
+        for (number, group) in all.iter().enumerate() {
+            group.views.iter().enumerate().for_each(|(own, view)| of_view[*view] = (number, own));
+        }
+        let is_apart = |group: &FrameGroup| {
+            let viewports = group.rig.viewports(glam::DQuat::IDENTITY);
+            draws_outputs_apart(&group.settings, &scene.objects.drawn, &viewports)
+        };
+        let apart = all.iter().map(is_apart).collect();
+        Self { revision: scene.revision, all, of_view, apart }
+    }
+
+    /// The exposure of a view, and whom it is shared with.
+    fn exposure_of(&self, view: usize) -> Option<&FrameGroup> {
+        self.all.get(self.of_view.get(view)?.0)
+    }
+
+    /// Which frame shows what is wanted of a view: the number of its group, and whether that is one for HDR images. Those of display images
+    /// have a budget of their own, and who asks for HDR images beside them must not change them: they are two frames. An exact budget
+    /// has them in one.
+    fn kind_of(&self, view: usize, wanted: Wanted) -> Kind {
+        let group = self.of_view[view].0;
+        (group, self.apart[group] && wanted.hdr)
+    }
+}
+
+/// Number of a group, and whether its frame is one for HDR images that is drawn apart.
+type Kind = (usize, bool);
+
+/// An eye that looks at all views of an exposure group.
+#[derive(Default)]
+struct AdaptingEye {
+    /// What it adapts by; one that has changed is another eye.
+    settings: Option<ExposureSettings>,
+    adaptation: Adaptation,
+    /// When the last frame that came out was started, and what it showed.
+    last: Option<(Instant, Revisions)>,
 }
 
 /// A frame that the engine is at work on.
@@ -184,6 +253,8 @@ struct Tasks {
     newest: Revisions,
     /// When the next frame is due; `None`: nobody wants one.
     due: Option<Instant>,
+    /// The frames of the scene.
+    groups: Arc<Groups>,
 }
 
 struct Worker {
@@ -193,16 +264,17 @@ struct Worker {
     /// What the last frame showed.
     shown: SceneState,
     rig: Arc<Rig>,
+    /// The settings of views that have none of their own.
     settings: RenderSettings,
-    adaptation: Adaptation,
-    /// When the last frame that came out was started, and what it showed.
-    last: Option<(Instant, Revisions)>,
+    /// The frames of the newest scene.
+    groups: Arc<Groups>,
+    eyes: HashMap<ExposureGroup, AdaptingEye>,
     /// The last work was a check.
     checked: bool,
-    /// The last frame was one for HDR images.
-    last_exact: bool,
-    /// Where a map of faint light would be made for the camera of the last frame.
-    map_place_pc: Option<DVec3>,
+    /// What the last frame was.
+    last_kind: Kind,
+    /// Where a map of faint light would be made for the camera of the last frame of each group.
+    map_place_pc: HashMap<usize, DVec3>,
     /// The oldest one first.
     in_flight: VecDeque<InFlight>,
     forecast: Forecast,
@@ -229,21 +301,18 @@ impl Worker {
     /// Begins a frame. An error is one that the engine does not outlive.
     fn begin(&mut self, job: Job) -> Result<(), EngineError> {
         self.checked = false;
-        self.last_exact = job.exact;
         self.scene.camera = job.camera;
         self.scene.revision = job.scene.revision;
         self.scene.objects = Arc::clone(&job.scene.objects.drawn);
-        self.settings.stars = job.scene.stars.clone();
-        self.settings.asteroids = job.scene.asteroids.clone();
         self.shown = job.scene.clone();
         // While the camera travels, a map would be out of date when it is there.
         let place_pc = map_place_pc(self.scene.camera.position_m / PARSEC_M);
-        let rests = self.map_place_pc.replace(place_pc).is_none_or(|last| last == place_pc);
-        let exposure = &self.settings.exposure;
+        let rests = self.map_place_pc.insert(job.group, place_pc).is_none_or(|last| last == place_pc);
+        let exposure = job.frame_group().settings.exposure;
         let adapted_ev100 = self.adapted_ev100(&job);
-        let starts_adaptation = Adaptation::adapts(exposure) && adapted_ev100.is_none();
-        let request = FrameRequest::new(&self.scene, &self.rig)
-            .settings(&self.settings)
+        let starts_adaptation = Adaptation::adapts(&exposure) && adapted_ev100.is_none();
+        let groups = Arc::clone(&job.groups);
+        let request = FrameRequest::of_group(&self.scene, &groups.all, job.group)
             .wanted_of_each(&job.wanted)
             .sky_map(if rests { SkyMapUse::InTurn } else { SkyMapUse::Off })
             .adapted_ev100(adapted_ev100);
@@ -266,11 +335,19 @@ impl Worker {
     }
 
     /// The exposure of a frame, from the last one that came out: the one in flight has not told yet what it asks for.
-    fn adapted_ev100(&self, job: &Job) -> Option<f64> {
-        let begun = self.in_flight.back().map(|before| (before.job.start, before.job.shows())).or(self.last);
+    fn adapted_ev100(&mut self, job: &Job) -> Option<f64> {
+        let FrameGroup { exposure_group, settings, .. } = job.frame_group();
+        let exposure = settings.exposure;
+        let eye = self.eyes.entry(exposure_group.clone()).or_default();
+        if eye.settings.replace(exposure).is_some_and(|of| of != exposure) {
+            *eye = AdaptingEye { settings: Some(exposure), ..AdaptingEye::default() };
+        }
+        let shares = |before: &&InFlight| before.job.frame_group().exposure_group == *exposure_group;
+        let before = self.in_flight.iter().rev().find(shares);
+        let begun = before.map(|before| (before.job.start, before.job.shows())).or(eye.last);
         let new_for = begun.filter(|(_, showed)| *showed != job.shows()).map(|(start, _)| job.start - start);
-        let dt = self.last.map_or(Duration::ZERO, |(start, _)| job.start - start);
-        self.adaptation.exposure(dt.as_secs_f64(), new_for.unwrap_or_default().as_secs_f64(), &self.settings.exposure)
+        let dt = eye.last.map_or(Duration::ZERO, |(start, _)| job.start - start);
+        eye.adaptation.exposure(dt.as_secs_f64(), new_for.unwrap_or_default().as_secs_f64(), &exposure)
     }
 
     /// Waits for the oldest frame and hands it out. An error is one that the engine does not outlive.
@@ -284,8 +361,14 @@ impl Worker {
             Ok(frame) => {
                 let planned = Duration::try_from_secs_f64(frame.times.plan_ms * 1e-3).unwrap_or_default();
                 self.forecast.note(planned, drawn - began);
-                self.last = Some((job.start, job.shows()));
-                self.adaptation.observe(frame.exposure_ev100, frame.metered_ev100);
+                let FrameGroup { exposure_group, settings, views, .. } = job.frame_group();
+                let eye = self.eyes.entry(exposure_group.clone()).or_default();
+                // One of settings that have changed since is the eye of those.
+                if eye.settings.is_none_or(|of| of == settings.exposure) {
+                    eye.last = Some((job.start, job.shows()));
+                    eye.adaptation.observe(frame.exposure_ev100, frame.metered_ev100);
+                }
+                let frame = frame.of_views(views);
                 let mut state = self.shared.state();
                 state.frames_rendered += 1;
                 state.last_times = Some(frame.times.clone());
@@ -346,8 +429,9 @@ impl Worker {
     }
 
     /// The next work while no frame is drawn. Frames and checks take turns.
-    fn next_work_at_rest(&self) -> Option<Work> {
-        let mut state = self.shared.state();
+    fn next_work_at_rest(&mut self) -> Option<Work> {
+        let shared = Arc::clone(&self.shared);
+        let mut state = shared.state();
         loop {
             let now = Instant::now();
             let tasks = self.tasks(&mut state, now);
@@ -365,10 +449,10 @@ impl Worker {
             }
             state = match tasks.due {
                 Some(due) => {
-                    let wait = self.shared.wake.wait_timeout(state, due - now);
+                    let wait = shared.wake.wait_timeout(state, due - now);
                     wait.unwrap_or_else(PoisonError::into_inner).0
                 }
-                None => self.shared.wake.wait(state).unwrap_or_else(PoisonError::into_inner),
+                None => shared.wake.wait(state).unwrap_or_else(PoisonError::into_inner),
             };
         }
     }
@@ -377,11 +461,12 @@ impl Worker {
     /// sooner is not kept waiting, and what is due only later has the camera of that time.
     fn work_beside_a_frame(&mut self, Expected { plan_next, end }: Expected) -> Work {
         let mut wait = plan_next.saturating_duration_since(Instant::now());
+        let shared = Arc::clone(&self.shared);
         loop {
             if self.engine.is_drawn_within(wait) {
                 return Work::Finish;
             }
-            let mut state = self.shared.state();
+            let mut state = shared.state();
             let now = Instant::now();
             let tasks = self.tasks(&mut state, now);
             if !state.verifications.is_empty() {
@@ -398,48 +483,58 @@ impl Worker {
     }
 
     /// What there is to do, without those who went away.
-    fn tasks(&self, state: &mut State, now: Instant) -> Tasks {
+    fn tasks(&mut self, state: &mut State, now: Instant) -> Tasks {
         state.requests.retain(|request| !request.reply.is_closed());
         state.subscribers.retain(|subscriber| subscriber.slot.strong_count() > 0);
         state.verifications.retain(|verification| !verification.reply.is_closed());
         // At the end the scene is as it was in the last frame.
         let scene = state.scene.borrow().clone().unwrap_or_else(|| self.shown.clone());
         let newest = Revisions { scene: scene.revision, camera: state.camera.revision };
-        let converged = self.converged();
-        let of_streams = state.subscribers.iter().map(|s| s.pace.due_at(newest, converged, now)).min();
+        if self.groups.revision != scene.revision {
+            self.groups = Arc::new(Groups::new(&self.rig, &self.settings, &scene));
+            let groups = &self.groups;
+            self.eyes.retain(|of, _| groups.all.iter().any(|group| group.exposure_group == *of));
+        }
+        let due_at = |s: &Subscriber| s.pace.due_at(newest, self.converged(s.view), now);
+        let of_streams = state.subscribers.iter().map(due_at).min();
         let due = if state.requests.is_empty() { of_streams } else { Some(now) };
-        Tasks { scene, newest, due }
+        Tasks { scene, newest, due, groups: Arc::clone(&self.groups) }
     }
 
-    fn converged(&self) -> bool {
-        self.adaptation.converged(&self.settings.exposure)
+    /// Whether another frame of the same scene would show a view with the same exposure.
+    fn converged(&self, view: usize) -> bool {
+        let group = self.groups.exposure_of(view);
+        let eye = group.and_then(|group| Some((self.eyes.get(&group.exposure_group)?, &group.settings.exposure)));
+        eye.is_none_or(|(eye, exposure)| eye.adaptation.converged(exposure))
     }
 
-    fn take_job(&self, state: &mut State, Tasks { scene, newest, .. }: Tasks, start: Instant) -> Job {
-        let converged = self.converged();
-        let mut wanted = vec![Wanted::default(); self.rig.views().len()];
+    fn take_job(&mut self, state: &mut State, Tasks { scene, newest, groups, .. }: Tasks, start: Instant) -> Job {
+        let is_due =
+            |subscriber: &Subscriber| subscriber.pace.due_at(newest, self.converged(subscriber.view), start) <= start;
+        let due: Vec<bool> = state.subscribers.iter().map(is_due).collect();
+        let of_requests = state.requests.iter().map(|request| groups.kind_of(request.view, request.wanted));
+        let of_streams = state.subscribers.iter().zip(&due).filter(|(_, due)| **due);
+        let of_streams = of_streams.map(|(subscriber, _)| groups.kind_of(subscriber.view, subscriber.wanted));
+        let kind = next_kind(of_requests.chain(of_streams), self.last_kind);
+        self.last_kind = kind;
+        let mut wanted = vec![Wanted::default(); groups.all.get(kind.0).map_or(0, |group| group.views.len())];
         let mut want = |view: usize, what: Wanted| {
-            wanted[view].display |= what.display;
-            wanted[view].hdr |= what.hdr;
+            let wanted = &mut wanted[groups.of_view[view].1];
+            wanted.display |= what.display;
+            wanted.hdr |= what.hdr;
         };
-        let is_due = |subscriber: &Subscriber| subscriber.pace.due_at(newest, converged, start) <= start;
-        let due = state.subscribers.iter().filter(|subscriber| is_due(subscriber)).map(|subscriber| subscriber.wanted);
-        let exact = self.is_exact(state.requests.iter().map(|request| request.wanted).chain(due));
-        let viewports = self.rig.viewports(glam::DQuat::IDENTITY);
-        let apart = draws_outputs_apart(&self.settings, &self.scene.objects, &viewports);
-        // Images belong to a frame for HDR images or to one without them. An exact budget has them in one.
-        let belongs = |wanted: Wanted| wanted.hdr == exact || !apart;
-        let (requests, later): (VecDeque<Request>, VecDeque<Request>) =
-            mem::take(&mut state.requests).into_iter().partition(|request| belongs(request.wanted));
+        let (requests, later): (VecDeque<Request>, VecDeque<Request>) = mem::take(&mut state.requests)
+            .into_iter()
+            .partition(|request| groups.kind_of(request.view, request.wanted) == kind);
         let requests = Vec::from(requests);
         state.requests = later;
         for request in &requests {
             want(request.view, request.wanted);
         }
         let mut subscribers = Vec::new();
-        for subscriber in &mut state.subscribers {
-            if is_due(subscriber)
-                && belongs(subscriber.wanted)
+        for (subscriber, due) in state.subscribers.iter_mut().zip(due) {
+            if due
+                && groups.kind_of(subscriber.view, subscriber.wanted) == kind
                 && let Some(slot) = subscriber.slot.upgrade()
             {
                 subscriber.pace.served(newest, start);
@@ -447,13 +542,14 @@ impl Worker {
                 subscribers.push(slot);
             }
         }
-        Job { requests, subscribers, wanted, exact, camera: state.camera, pose_time: state.pose_time, scene, start }
+        let (camera, pose_time) = (state.camera, state.pose_time);
+        Job { requests, subscribers, wanted, groups, group: kind.0, camera, pose_time, scene, start }
     }
+}
 
-    /// Whether the next frame is one for HDR images. Those of display images have a budget of their own, and who asks for HDR images
-    /// beside them must not change them: they are two frames, which take turns.
-    fn is_exact(&self, due: impl Iterator<Item = Wanted>) -> bool {
-        let (exact, shown): (Vec<Wanted>, Vec<Wanted>) = due.partition(|wanted| wanted.hdr);
-        if shown.is_empty() || exact.is_empty() { !exact.is_empty() } else { !self.last_exact }
-    }
+/// What the next frame is, of those that are due: they take turns.
+fn next_kind(due: impl Iterator<Item = Kind>, last: Kind) -> Kind {
+    let due: Vec<Kind> = due.collect();
+    let after = due.iter().filter(|kind| **kind > last).min();
+    after.or(due.iter().min()).copied().unwrap_or(last)
 }

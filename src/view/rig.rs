@@ -371,6 +371,11 @@ impl Rig {
         self.views.iter().position(|view| view.name == name)
     }
 
+    /// The rig of those views alone, by their numbers; numbers that are none are left out.
+    pub fn of_views(&self, numbers: &[usize]) -> Self {
+        Self { views: numbers.iter().filter_map(|&number| self.views.get(number)).cloned().collect() }
+    }
+
     /// The flat list of viewports for a camera whose axes `world_from_camera` takes to world axes, in the order of views
     /// and images.
     pub fn viewports(&self, world_from_camera: DQuat) -> Vec<Viewport> {

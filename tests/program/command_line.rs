@@ -272,6 +272,42 @@ fn render_writes_every_image_and_the_manifest_and_repeats_itself() {
 }
 
 #[test]
+fn the_manifest_names_the_exposure_of_each_view_and_explain_that_of_each_frame() {
+    let folder = tempfile::tempdir().unwrap();
+    let own = "[exposure]\nlimiting_magnitude = 5.0\n[[views]]\nname = 'manual'\ntype = 'equirectangular'\nsize = [64, 32]\n\
+               exposure = { mode = 'manual', ev100 = -7.5 }\n[[views]]\nname = 'plain'\ntype = 'equirectangular'\nsize = [64, 32]\n\
+               [[views]]\nname = 'clear'\ntype = 'equirectangular'\nsize = [64, 32]\n[views.glare]\nmethod = 'none'\n";
+    std::fs::write(folder.path().join("own.toml"), own).unwrap();
+    let (out, _) = run(folder.path(), &["render", "--config", "own.toml", "--out", "a", "--explain"], 0);
+    assert_eq!(out.matches("exposure    EV100 ").count(), 3, "{out}");
+    let manifest = std::fs::read(folder.path().join("a/manifest.json")).unwrap();
+    let manifest: serde_json::Value = serde_json::from_slice(&manifest).unwrap();
+    let views = manifest["views"].as_array().unwrap();
+    assert_eq!(
+        views.iter().map(|view| view["name"].as_str().unwrap()).collect::<Vec<_>>(),
+        ["manual", "plain", "clear"]
+    );
+    let ev100 = |value: &serde_json::Value| value["exposure_ev100"].as_f64().unwrap();
+    assert_eq!(ev100(&views[0]), -7.5);
+    // The general exposure, which the other two share: that of the first of them.
+    assert_eq!([ev100(&views[1]), ev100(&views[2])], [ev100(&manifest); 2]);
+    assert!((views[1]["limiting_magnitude"].as_f64().unwrap() - 5.0).abs() < 1e-3, "{manifest}");
+    assert_eq!(views[2]["plan"]["glare"].as_str().unwrap(), "none");
+    let read = |name: &str| std::fs::read(folder.path().join("a").join(name)).unwrap();
+    assert!(read("plain.png") != read("clear.png") && read("manual.png") != read("plain.png"));
+    // Alone, under its settings, a view has the same files.
+    let alone = "[[views]]\nname = 'manual'\ntype = 'equirectangular'\nsize = [64, 32]\n[exposure]\nmode = 'manual'\nev100 = -7.5\n";
+    std::fs::write(folder.path().join("alone.toml"), alone).unwrap();
+    run(folder.path(), &["render", "--config", "alone.toml", "--out", "b"], 0);
+    for name in ["manual.png", "manual.exr"] {
+        assert_eq!(read(name), std::fs::read(folder.path().join("b").join(name)).unwrap(), "{name}");
+    }
+    let metered = ["--set", "exposure.metering=spot", "--set", "exposure.spot_deg=60"];
+    let (out, err) = run(folder.path(), &[&["render", "--config", "own.toml", "--out", "c"][..], &metered].concat(), 0);
+    assert!(out.contains("manifest.json") && err.contains("exposure.limiting_magnitude is left out"), "{err}");
+}
+
+#[test]
 fn render_refuses_bad_configurations_with_64_bad_catalogues_with_65_and_unknown_adapters_with_69() {
     let folder = tempfile::tempdir().unwrap();
     let file = |name: &str, content: &str| std::fs::write(folder.path().join(name), content).unwrap();

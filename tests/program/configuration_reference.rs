@@ -161,6 +161,7 @@ fn documents(range: &Range) -> Vec<Value> {
                 // What they have an effect with.
                 "exposure.ev100" => json!({ "exposure": { "mode": "manual" } }),
                 "exposure.key" => json!({ "exposure": { "metering": "mean" } }),
+                "exposure.spot_deg" => json!({ "exposure": { "metering": "spot" } }),
                 "exposure.min_ev100" => json!({ "exposure": { "max_ev100": 100.0 } }),
                 "exposure.max_ev100" => json!({ "exposure": { "min_ev100": -100.0 } }),
                 _ => json!({}),
@@ -309,7 +310,9 @@ fn a_wrong_bound_is_noticed() {
 fn schema_and_parser_refuse_the_same_mistakes() {
     let validator = validator();
     let map = "[[views]]\nname = 'v'\ntype = 'equirectangular'\nsize = [8, 4]\n";
-    for good in ["", "[stars]\nmethod = 'tent'", map, "[scene]\ntime = 2026-01-01T00:00:00Z"] {
+    let own =
+        format!("{map}exposure_group = 'g'\nexposure = {{ limiting_magnitude = 8 }}\n[views.glare]\nfraction = 0.5");
+    for good in ["", &own, "[stars]\nmethod = 'tent'", map, "[scene]\ntime = 2026-01-01T00:00:00Z"] {
         assert_eq!(taken(&validator, good), [true, true], "{good}");
     }
     for wrong in [
@@ -330,6 +333,11 @@ fn schema_and_parser_refuse_the_same_mistakes() {
         "[[views]]\ntype = 'equirectangular'\nsize = [8, 4]",
         &format!("{map}fov_deg = 90"),
         &format!("{map}orientation = [1, 0, 0]"),
+        &format!("{map}exposure_group = 3"),
+        &format!("{map}exposure = {{ colour = 3 }}"),
+        &format!("{map}exposure = {{ limiting_magnitude = 31 }}"),
+        &format!("{map}[views.glare]\nfraction = 1.5"),
+        &format!("{map}[views.tone_map]\noperator = 'hable'"),
         "[[views]]\nname = 'v'\ntype = 'cubemap'\nface_size = 4\nfaces = ['top']",
         "[[bodies]]\nname = 'b'\npreset = 'pluto'",
         "[[bodies]]\nname = 'b'\npreset = 'sun'\ncolour = 3",

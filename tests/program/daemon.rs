@@ -11,7 +11,8 @@ use steradian::{
     catalogue::bright::named_bright_stars,
     output::Encoding,
     photometry::rec709::luminance,
-    service::{CameraUpdate, Client, ReceivedFrame},
+    plan::settings::StarMethod,
+    service::{CameraUpdate, Client, ReceivedFrame, SceneUpdate, TableChange, ViewUpdate},
     units::illuminance_lx_from_magnitude,
     view::{View, ViewKind},
 };
@@ -139,6 +140,57 @@ async fn a_client_gets_the_light_of_the_stars_wherever_the_camera_turns_and_afte
     }
     assert_ne!(places[0], places[1], "the picture turned");
     drop(client);
+    let (code, out, err) = daemon.terminate();
+    assert_eq!((code, out.as_str()), (Some(0), ""), "{err}");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_view_is_exposed_as_a_client_asks_and_what_the_adapter_cannot_draw_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut daemon = Daemon::start(folder.path(), "builtin:bright");
+    let mut client = Client::connect(&format!("http://{}", daemon.address())).await.unwrap();
+    let exposed =
+        |text: &str| ViewUpdate { exposure: TableChange::All(text.parse().unwrap()), ..ViewUpdate::default() };
+    let mut stream = client.stream_frames("all", Encoding::Rgba8, 0.0).await.unwrap();
+    let before = stream.next().await.unwrap().unwrap();
+    let mut last = before.clone();
+    for (text, expected_ev100) in [
+        ("mode = 'manual'\nev100 = -9.0", Some(-9.0)),
+        ("metering = 'spot'\nspot_deg = 90.0\nadaptation_s = 0.0", None),
+        ("metering = 'spot'\nspot_deg = 90.0", None),
+        ("metering = 'mean'", None),
+        ("", Some(before.exposure_ev100)),
+    ] {
+        let view = client.update_view("all", &exposed(text), Some(last.scene_revision)).await.unwrap();
+        assert_eq!(view.revision, last.scene_revision + 1, "{text}");
+        let frame = loop {
+            let frame = stream.next().await.unwrap().unwrap();
+            if frame.scene_revision == view.revision {
+                break frame;
+            }
+        };
+        // The first frame after the change has it, and one that is asked for by itself.
+        let single = client.render_frame("all", Encoding::Rgba8).await.unwrap();
+        for frame in [&frame, &single] {
+            let off = frame.exposure_ev100 - expected_ev100.unwrap_or(frame.exposure_ev100);
+            assert!(off.abs() < 1e-6 && frame.exposure_ev100.is_finite(), "{text}: {}", frame.exposure_ev100);
+        }
+        assert!(
+            (frame.exposure_ev100 - last.exposure_ev100).abs() > 0.1 || text.starts_with("metering = 'spot'"),
+            "{text}"
+        );
+        assert!(frame.images[0].data != last.images[0].data || text.starts_with("metering = 'spot'"), "{text}");
+        last = frame;
+    }
+    assert_eq!(last.images[0].data, before.images[0].data, "everything is as it was");
+    let sky_cube =
+        ViewUpdate { glare: TableChange::All("method = 'sky_cube'".parse().unwrap()), ..ViewUpdate::default() };
+    let cell_sky = SceneUpdate { star_method: Some(StarMethod::CellSky), ..SceneUpdate::default() };
+    client.update_scene(&cell_sky, None).await.unwrap();
+    let refused = client.update_view("all", &sky_cube, None).await.unwrap_err();
+    assert!(refused.code() == Some(Code::InvalidArgument) && refused.to_string().contains("cell_sky"), "{refused}");
+    client.render_frame("all", Encoding::Png).await.unwrap();
+    drop((client, stream));
     let (code, out, err) = daemon.terminate();
     assert_eq!((code, out.as_str()), (Some(0), ""), "{err}");
 }

@@ -52,6 +52,8 @@ pub struct Controls {
     pub drawn: Mutex<Vec<(StarMethod, f64, u64)>>,
     /// What the last frame showed besides stars, and how.
     pub shown: Mutex<Option<(Arc<SceneObjects>, AsteroidSettings)>>,
+    /// Names of the views of each frame, and how they were drawn.
+    pub framed: Mutex<Vec<(Vec<String>, RenderSettings)>>,
     /// Checks begun.
     pub checks_started: AtomicU64,
     /// Methods that checks were run for.
@@ -102,6 +104,8 @@ impl Engine for TestEngine {
         let (stars, checks) = (&settings.stars, controls.checked.lock().unwrap().len() as u64);
         controls.drawn.lock().unwrap().push((stars.method, stars.magnitude_limit, checks));
         *controls.shown.lock().unwrap() = Some((Arc::clone(&snapshot.objects), settings.asteroids.clone()));
+        let names = rig.views().iter().map(|view| view.name.clone()).collect();
+        controls.framed.lock().unwrap().push((names, settings.clone()));
         let mut images = Vec::new();
         for viewport in rig.viewports(snapshot.camera.world_from_camera) {
             let [width, height] = viewport.size();

@@ -12,3 +12,4 @@ mod protocol;
 mod scene;
 mod streams;
 mod verify;
+mod views;

@@ -12,7 +12,7 @@ use self::{
     guard::{Lit, white_for_lit_cd_m2},
     pictures::Picture,
 };
-use super::settings::{Accumulator, ExposureMode, Metering, RenderSettings};
+use super::settings::{Accumulator, Metering, RenderSettings};
 use crate::{
     photometry::exposure::{WHITE_LUMINANCE_AT_EV0_CD_M2, limiting_ev100, limiting_illuminance_lx},
     units::{illuminance_lx_from_magnitude, magnitude_from_illuminance_lx},
@@ -77,7 +77,7 @@ pub fn planned_ev100(
     lit: Option<&Lit<'_>>,
 ) -> Option<f64> {
     let exposure = &settings.exposure;
-    if exposure.mode != ExposureMode::Auto || exposure.metering != Metering::LimitingMagnitude {
+    if !exposure.goes_by(Metering::LimitingMagnitude) {
         return None;
     }
     if let Some(white_ev100) = stars.white_ev100 {

@@ -9,8 +9,8 @@ use crate::{
     catalogue::chunks::StarSet,
     photometry::{blackbody, exposure::white_luminance_cd_m2, kernel::BSPLINE_PEAK, rec709::luminance},
     plan::{
-        Limits, Output, PlanOutputs, Planner, SkyUse,
-        settings::{ExposureSettings, GlareMethod, StarMethod, ToneMapOperator},
+        Limits, Output, PlanOutputs, Planner,
+        settings::{ExposureMode, ExposureSettings, GlareMethod, StarMethod, ToneMapOperator},
     },
     scene::{
         SceneObjects, SceneSnapshot,
@@ -49,7 +49,7 @@ fn of_night(kinds: &[ViewKind], settings: &RenderSettings) -> (ShownStars, Optio
 fn planned(bodies: Vec<Body>, kinds: &[ViewKind], settings: &RenderSettings) -> f64 {
     let objects = SceneObjects { bodies: bodies.into_iter().map(Arc::new).collect(), ..Default::default() };
     let scene = SceneSnapshot { objects: Arc::new(objects), ..SceneSnapshot::of_stars(StarSet::default()) };
-    let outputs = PlanOutputs { output: Output::Display, views: None, sky: SkyUse::StarByStar };
+    let outputs = PlanOutputs::new(Output::Display);
     let plan = Planner::new().plan(&scene, &rig(kinds), settings, None, outputs, &Limits::default()).unwrap();
     assert_eq!(plan.known_ev100, plan.planned_ev100);
     plan.known_ev100.unwrap()

@@ -65,6 +65,11 @@ impl Display {
 
     fn meter(&self, recording: &mut Recording<'_>) {
         let frame = recording.frame;
+        if let Some(metered) = frame.metered {
+            let (exposure, bytes) = (&recording.targets.exposure, size_of::<super::layout::Exposure>() as u64);
+            recording.encoder.copy_buffer_to_buffer(metered, 0, exposure, 0, bytes);
+            return;
+        }
         let inputs = ExposureInputs {
             settings: &frame.settings.exposure,
             known_ev100: frame.plan.known_ev100,

@@ -48,7 +48,9 @@ impl Technique for Glare {
     fn encode(&mut self, _gpu: &Gpu, frame: &FrameInputs<'_>, _targets: &mut Targets) {
         let method = frame.plan.glare.method;
         if method != GlareMethod::SkyCube {
-            self.sky_cube.release();
+            self.sky_cube.release_series(frame.series);
+        } else {
+            self.sky_cube.keep(frame.series);
         }
         if PyramidAxes::of(method).is_none() {
             self.pyramid.release();

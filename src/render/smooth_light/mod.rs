@@ -11,7 +11,7 @@ use super::{
     layout::SkyMap as SkyMapLayout,
     shader::Shader,
     targets::{SkyTexels, Targets},
-    technique::{FrameInputs, Holding, Phase, Recording, Technique, begin_pass},
+    technique::{FrameInputs, Holding, Phase, Recording, Series, Technique, begin_pass},
 };
 use crate::{
     catalogue::chunks::StarSet,
@@ -31,25 +31,34 @@ struct Held {
     faces: u32,
 }
 
-/// Passes and buffers, made when they are first asked for.
-pub(super) struct SmoothLight {
-    pack: OnceLock<wgpu::ComputePipeline>,
+/// The map of one series of frames.
+struct OfSeries {
     held: Option<Held>,
     texels: GrowingBuffer,
 }
 
+impl OfSeries {
+    fn new() -> Self {
+        Self { held: None, texels: GrowingBuffer::new("smooth light", wgpu::BufferUsages::STORAGE) }
+    }
+}
+
+/// Passes and buffers, made when they are first asked for.
+pub(super) struct SmoothLight {
+    pack: OnceLock<wgpu::ComputePipeline>,
+    /// One for each series of frames.
+    maps: Vec<OfSeries>,
+}
+
 impl SmoothLight {
     pub(super) fn new() -> Self {
-        Self {
-            pack: OnceLock::new(),
-            held: None,
-            texels: GrowingBuffer::new("smooth light", wgpu::BufferUsages::STORAGE),
-        }
+        Self { pack: OnceLock::new(), maps: Vec::new() }
     }
 
     fn pack(&self, recording: &mut Recording<'_>, face: &SkyFace, batch: usize) {
         let gpu = recording.gpu;
-        let Some(texels) = self.texels.held() else { unreachable!("there is room for a map before it is drawn") };
+        let map = &self.maps[recording.frame.series.slot];
+        let Some(texels) = map.texels.held() else { unreachable!("there is room for a map before it is drawn") };
         let picture = recording.targets.picture(batch);
         let parameters = layout::PackParameters {
             plane_pixels: picture.plane_pixels,
@@ -72,21 +81,26 @@ impl SmoothLight {
 impl Technique for SmoothLight {
     fn hold(&mut self, holding: &Holding<'_>) -> Result<(), RenderError> {
         // A map of other stars would keep these alive.
-        if self.held.as_ref().is_some_and(|held| !Arc::ptr_eq(&held.stars, &holding.scene.stars)) {
+        let is_of_others =
+            |map: &OfSeries| map.held.as_ref().is_some_and(|held| !Arc::ptr_eq(&held.stars, &holding.scene.stars));
+        if self.maps.iter().any(is_of_others) {
             self.release();
         }
         Ok(())
     }
 
-    fn missing(&self, plan: &Plan, scene: &SceneSnapshot) -> Vec<SkyFace> {
+    fn missing(&self, plan: &Plan, scene: &SceneSnapshot, series: Series) -> Vec<SkyFace> {
         let Some(map) = plan.sky.as_ref().map(|sky| sky.map) else { return Vec::new() };
-        let held = self.held.as_ref().filter(|held| held.map == map && Arc::ptr_eq(&held.stars, &scene.stars));
+        let held = self.maps.get(series.slot).and_then(|map| map.held.as_ref());
+        let held = held.filter(|held| held.map == map && Arc::ptr_eq(&held.stars, &scene.stars));
         let there = held.map_or(0, |held| held.faces);
         (0..SKY_FACES).filter(|number| there & 1 << number == 0).map(|number| SkyFace { map, number }).collect()
     }
 
     fn encode(&mut self, gpu: &Gpu, frame: &FrameInputs<'_>, targets: &mut Targets) {
-        if let (Some(SkyPlan { map, .. }), Some(texels)) = (&frame.plan.sky, self.texels.held()) {
+        self.maps.resize_with(frame.series.slots, OfSeries::new);
+        let own = &mut self.maps[frame.series.slot];
+        if let (Some(SkyPlan { map, .. }), Some(texels)) = (&frame.plan.sky, own.texels.held()) {
             let unit_cd_m2 = map.unit_cd_m2 * frame.plan.glare.share_in_sums();
             let of_map = SkyMapLayout {
                 unit_cd_m2: unit_cd_m2 as f32,
@@ -98,11 +112,11 @@ impl Technique for SmoothLight {
         }
         let Some(SkyFace { map, number }) = frame.plan.sky_face else { return };
         let stars = &frame.scene.stars;
-        if self.held.as_ref().is_none_or(|held| held.map != map || !Arc::ptr_eq(&held.stars, stars)) {
-            self.texels.with_room(gpu, 4 * map.texels());
-            self.held = Some(Held { stars: Arc::clone(stars), map, faces: 0 });
+        if own.held.as_ref().is_none_or(|held| held.map != map || !Arc::ptr_eq(&held.stars, stars)) {
+            own.texels.with_room(gpu, 4 * map.texels());
+            own.held = Some(Held { stars: Arc::clone(stars), map, faces: 0 });
         }
-        if let Some(held) = &mut self.held {
+        if let Some(held) = &mut own.held {
             held.faces |= 1 << number;
         }
     }
@@ -115,7 +129,6 @@ impl Technique for SmoothLight {
     }
 
     fn release(&mut self) {
-        self.held = None;
-        self.texels.release();
+        self.maps.clear();
     }
 }

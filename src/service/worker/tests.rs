@@ -168,10 +168,12 @@ fn start(planned: Duration, drawn: Duration, mode: ExposureMode) -> (RenderHandl
     let rig = Rig::new(vec![View::new("flat", kind, DQuat::IDENTITY, DVec3::ZERO).unwrap()]).unwrap();
     let mut settings = RenderSettings::default();
     settings.exposure.mode = mode;
+    let views = ViewSet::new(&settings, vec!["flat".to_owned()], &[], std::path::Path::new("")).unwrap();
     let mut forecast = Forecast::default();
     forecast.note(planned, drawn);
     let capacity = Capacity { requests: 16, subscribers: 16 };
-    let (handle, thread) = spawn_with(engine, scene, objects, Arc::new(rig), settings, capacity, forecast).unwrap();
+    let (handle, thread) =
+        spawn_with(engine, scene, (objects, views), Arc::new(rig), settings, capacity, forecast).unwrap();
     (handle, thread, device)
 }
 

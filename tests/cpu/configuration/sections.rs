@@ -10,6 +10,7 @@ use steradian::plan::settings::{
     AfterExit, ExposureMode, ExposureSettings, GlareMethod, HeadsetSettings, Metering, ReferenceSpace, RenderSettings,
     StarMethod, SwapchainFormat, SwapchainLayout, ToneMapOperator, ToneMapSettings,
 };
+use steradian::plan::view_settings::{ExposureGroup, ViewSettings};
 use steradian::scene::loader::{StarSource, load_stars};
 use steradian::view::{Part, ViewKind};
 
@@ -440,7 +441,8 @@ fn mistakes_in_the_sections() {
         let config = parse(&format!("[exposure]\nmetering = 'mean'\nkey = {key}\n")).unwrap();
         assert_eq!(config.exposure.key, key.parse::<f64>().unwrap());
     }
-    refused("[exposure]\nmetering = 'median'", &["exposure.metering", "limiting_magnitude", "mean"]);
+    refused("[exposure]\nmetering = 'median'", &["exposure.metering", "limiting_magnitude", "mean", "spot"]);
+    refused("[exposure]\nmetering = 'spot'\nspot_deg = 0.04", &["exposure.spot_deg", "0.05 to 90 degrees"]);
     refused("[exposure]\nlimiting_magnitude = 31", &["exposure.limiting_magnitude", "-10 to 30"]);
     refused("[tone_map]\noperator = 'hable'", &["tone_map.operator", "filmic", "reinhard", "calibrated"]);
     refused("[tone_map]\ngamma = 2.2", &["tone_map.gamma", "unknown key", "peak_cd_m2"]);
@@ -568,6 +570,7 @@ fn keys_of_the_exposure_without_effect_are_refused_with_what_they_need() {
         format!("mode = 'auto'\nlimiting_magnitude = 5\n{auto}"),
         format!("metering = 'limiting_magnitude'\n{auto}"),
         format!("metering = 'mean'\nkey = 0.2\n{auto}"),
+        format!("metering = 'spot'\nkey = 0.2\nspot_deg = 5\n{auto}"),
         "mode = 'manual'\nev100 = -5".to_owned(),
     ];
     for text in taken {
@@ -577,7 +580,11 @@ fn keys_of_the_exposure_without_effect_are_refused_with_what_they_need() {
     parse("[exposure]\nev100 = -5\n[stars]\nmethod = 'gaussian_psf'").unwrap();
     for (text, key, told) in [
         ("ev100 = -5", "ev100", "has no effect with mode = \"auto\": leave it out, or set mode = \"manual\""),
-        ("key = 0.2", "key", "metering = \"limiting_magnitude\": leave it out, or set metering = \"mean\""),
+        ("key = 0.2", "key", "metering = \"limiting_magnitude\": leave it out, or set metering = \"mean\" or \"spot\""),
+        ("spot_deg = 3", "spot_deg", "metering = \"limiting_magnitude\": leave it out, or set metering = \"spot\""),
+        ("metering = 'mean'\nspot_deg = 3", "spot_deg", "with metering = \"mean\""),
+        ("metering = 'spot'\nlimiting_magnitude = 6", "limiting_magnitude", "with metering = \"spot\""),
+        ("mode = 'manual'\nspot_deg = 3", "spot_deg", "with mode = \"manual\""),
         ("metering = 'mean'\nlimiting_magnitude = 6", "limiting_magnitude", "with metering = \"mean\""),
         ("mode = 'manual'\nmetering = 'mean'", "metering", "with mode = \"manual\""),
         ("mode = 'manual'\nlimiting_magnitude = 6", "limiting_magnitude", "with mode = \"manual\""),
@@ -630,4 +637,120 @@ fn paths_start_at_the_folder_of_the_file() {
     let (stars, report) = load_stars(&sources, &mut |_| ()).unwrap();
     assert_eq!(stars.stars.len(), 1);
     assert_eq!(report.catalogues[0].rows.as_ref().unwrap().used, 1);
+}
+
+fn map(name: &str, keys: &str) -> String {
+    format!("[[views]]\nname = '{name}'\ntype = 'equirectangular'\nsize = [8, 4]\n{keys}\n")
+}
+
+#[test]
+fn views_inherit_what_their_own_tables_do_not_give() {
+    let general = "[exposure]\nlimiting_magnitude = 5\nadaptation_s = 2\n[glare]\nfraction = 0.2\ninner_deg = 0.3\n";
+    let own =
+        "exposure = { limiting_magnitude = 8 }\n[views.glare]\nfraction = 0.4\n[views.tone_map]\noperator = 'srgb'";
+    let text = format!("{general}{}{}{}", map("a", ""), map("b", own), map("c", "[views.tone_map]\nwhite = 4\n"));
+    let config = parse(&text).unwrap();
+    let views = config.view_settings().unwrap();
+    assert_eq!(views[0], ViewSettings::general(&config.render_settings()));
+    let exposure = ExposureSettings { limiting_magnitude: 8.0, ..config.exposure };
+    assert_eq!((views[1].exposure, views[1].exposure.adaptation_s), (exposure, 2.0));
+    assert_eq!((views[1].glare.fraction, views[1].glare.inner_deg), (0.4, 0.3));
+    assert_eq!(views[1].tone_map.operator, ToneMapOperator::Srgb);
+    assert_eq!(views[1].group, ExposureGroup::OfView("b".to_owned()));
+    assert_eq!((&views[2].group, views[2].tone_map.white), (&ExposureGroup::General, 4.0));
+    let groups = config.frame_groups().unwrap();
+    assert_eq!(groups.iter().map(|group| group.views.clone()).collect::<Vec<_>>(), [[0], [2], [1]]);
+    // Without tables of their own all views are one frame, of the general settings.
+    let groups = parse(&format!("{}{}", map("a", ""), map("b", ""))).unwrap().frame_groups().unwrap();
+    assert_eq!((groups.len(), groups[0].rig.views().len()), (1, 2));
+    // An override reaches a table of a view, and makes one.
+    let config = parse_with(&text, &["views.a.exposure.mode=manual", "views.b.exposure.limiting_magnitude=7"]).unwrap();
+    let views = config.view_settings().unwrap();
+    assert_eq!(views[0].exposure.mode, ExposureMode::Manual);
+    assert_eq!(views[1].exposure.limiting_magnitude, 7.0);
+}
+
+#[test]
+fn views_of_a_group_share_one_exposure() {
+    let two = |a: &str, b: &str| {
+        let in_group = |keys: &str| format!("exposure_group = 'g'\n{keys}");
+        format!("{}{}{}", map("a", &in_group(a)), map("b", &in_group(b)), map("c", "exposure_group = 'h'"))
+    };
+    let (five, same, six) = (
+        "exposure = { limiting_magnitude = 5 }",
+        "exposure = { limiting_magnitude = 5.0 }",
+        "exposure = { limiting_magnitude = 6 }",
+    );
+    for text in [two(five, ""), two("", five), two(five, same)] {
+        let views = parse(&text).unwrap().view_settings().unwrap();
+        assert_eq!([0, 1].map(|view| views[view].exposure.limiting_magnitude), [5.0; 2], "{text}");
+        assert_eq!([0, 1].map(|view| views[view].group.clone()), [0, 1].map(|_| ExposureGroup::Named("g".to_owned())));
+        assert_eq!(views[2].group, ExposureGroup::Named("h".to_owned()));
+        assert_eq!(views[2].exposure.limiting_magnitude, 6.5);
+    }
+    let both = ["views[1].exposure (view `b`)", "`g`", "views[0] (view `a`)", "another exposure_group"];
+    refused(&two(five, six), &both);
+    refused(&map("a", "exposure_group = 'a b'"), &["views[0].exposure_group (view `a`)", "letters, digits"]);
+}
+
+#[test]
+fn mistakes_in_the_tables_of_views_are_refused_as_in_the_general_ones() {
+    for (keys, parts) in [
+        ("exposure = { iso = 100 }", &["views[0].exposure.iso (view `a`)", "unknown key", "spot_deg"][..]),
+        ("exposure = { key = 0.2 }", &["views[0].exposure.key (view `a`)", "has no effect with metering"]),
+        ("exposure = { mode = 'manual', adaptation_s = 1 }", &["views[0].exposure.adaptation_s", "mode = \"manual\""]),
+        ("exposure = { limiting_magnitude = 31 }", &["views[0].exposure.limiting_magnitude", "-10 to 30"]),
+        ("exposure = { min_ev100 = 30 }", &["views[0].exposure.min_ev100", "max_ev100 = 24"]),
+        ("exposure = 3", &["views[0].exposure", "invalid type"]),
+        ("glare = { fraction = 2 }", &["views[0].glare.fraction", "0 to 1"]),
+        ("glare = { kernel = 'psf' }", &["views[0].glare.psf_file", "missing key"]),
+        ("tone_map = { black_cd_m2 = 60 }", &["views[0].tone_map.black_cd_m2", "half of peak_cd_m2"]),
+        ("tone_map = { gamma = 2 }", &["views[0].tone_map.gamma", "unknown key"]),
+        ("stars = { method = 'tent' }", &["views[0].stars", "unknown key"]),
+    ] {
+        refused(&map("a", keys), parts);
+    }
+    // What a view inherits without effect was not given by it.
+    let manual = map("a", "exposure = { mode = 'manual', ev100 = 1 }");
+    assert!(parse(&format!("[exposure]\nlimiting_magnitude = 5\n{manual}")).is_ok());
+    // A file of its own starts at the folder, one that is inherited too.
+    let file = map("a", "glare = { kernel = 'psf', psf_file = 'eye.csv' }");
+    let inherited =
+        format!("[glare]\nkernel = 'psf'\npsf_file = 'eye.csv'\n{}", map("a", "glare = { fraction = 0.3 }"));
+    for text in [file, inherited] {
+        let views = parse(&text).unwrap().view_settings().unwrap();
+        assert_eq!(views[0].glare.psf_file.as_deref(), Some(Path::new("/sky/eye.csv")), "{text}");
+    }
+}
+
+#[test]
+fn an_override_of_the_mode_leaves_out_what_the_file_gives_for_the_other_mode() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/mission-control.toml");
+    let load = |set: &[&str]| Config::load(&path, &set.iter().map(|set| (*set).to_owned()).collect::<Vec<_>>());
+    for (set, mode, metering) in [
+        (&["exposure.mode=manual"][..], ExposureMode::Manual, Metering::LimitingMagnitude),
+        (&["exposure.mode=manual", "exposure.ev100=-4"], ExposureMode::Manual, Metering::LimitingMagnitude),
+        (&["exposure.metering=mean", "exposure.key=0.2"], ExposureMode::Auto, Metering::Mean),
+        (&["exposure.metering=spot"], ExposureMode::Auto, Metering::Spot),
+    ] {
+        let exposure = load(set).unwrap_or_else(|error| panic!("{set:?}: {error}")).exposure;
+        assert_eq!((exposure.mode, exposure.metering), (mode, metering), "{set:?}");
+        // What still has an effect is the file's.
+        assert_eq!(exposure.limiting_magnitude, 6.5);
+    }
+    // What an override gives itself is meant, and refused.
+    for (set, parts) in [
+        (&["exposure.mode=manual", "exposure.limiting_magnitude=5"][..], ["exposure.limiting_magnitude", "--set"]),
+        (&["exposure.metering=mean", "exposure.spot_deg=5"], ["exposure.spot_deg", "--set"]),
+        (&["exposure.ev100=-4"], ["exposure.ev100", "has no effect with mode = \"auto\""]),
+    ] {
+        let message = load(set).unwrap_err().to_string();
+        assert!(parts.iter().all(|part| message.contains(part)), "{message}");
+    }
+    // Tables of views too, also where the general mode changes; files alone are refused as before.
+    let text = map("a", "exposure = { limiting_magnitude = 5 }");
+    for set in ["views.a.exposure.mode=manual", "exposure.mode=manual", "views.a.exposure.metering=mean"] {
+        assert!(parse_with(&text, &[set]).is_ok(), "{set}");
+    }
+    refused(&format!("[exposure]\nmode = 'manual'\n{text}"), &["views[0].exposure.limiting_magnitude", "no effect"]);
 }

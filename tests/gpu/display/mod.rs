@@ -1,4 +1,6 @@
 //! What makes a display image of light.
 
 mod exposure;
+mod spot;
+mod views;
 mod wanted;

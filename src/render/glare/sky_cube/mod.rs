@@ -27,7 +27,7 @@ use crate::{
         settings::{GlareSettings, RenderSettings},
     },
     relativity::Motion,
-    render::technique::{Holding, PipelineJob, Recording, Wish, begin_pass},
+    render::technique::{Holding, PipelineJob, Recording, Series, Wish, begin_pass},
     scene::SceneSnapshot,
     units::{PARSEC_M, illuminance_lx_from_magnitude},
     view::Viewport,
@@ -97,9 +97,9 @@ pub(super) struct SkyCube {
     sprites: OnceLock<SpritePasses>,
     composites: Variants<Variant, GlareCompositePass>,
     veil: OnceLock<VeilPasses>,
-    /// The map of exact frames, and that of frames whose veil is in the sums.
-    held: [Option<Held>; 2],
-    /// Of the last frame: its views, and its budget where its veil was in the sums.
+    /// For each series of frames the map of exact frames, and that of frames whose veil is in the sums.
+    held: Vec<[Option<Held>; 2]>,
+    /// Of the last frame of the first series: its views, and its budget where its veil was in the sums.
     last: Option<(Views, Option<VeilInSums>)>,
     veil_points: GrowingBuffer,
     /// What the batches of a frame share.
@@ -119,7 +119,7 @@ impl SkyCube {
             sprites: OnceLock::new(),
             composites: Variants::new(),
             veil: OnceLock::new(),
-            held: [None, None],
+            held: Vec::new(),
             last: None,
             veil_points: GrowingBuffer::new("veil points", wgpu::BufferUsages::STORAGE),
             veil_frame: None,
@@ -154,11 +154,25 @@ impl SkyCube {
 
     /// Lets go of buffers.
     pub(super) fn release(&mut self) {
-        self.held = [None, None];
+        self.held.clear();
         self.lists.release();
         self.square_lists.release();
         self.veil_points.release();
         self.veil_frame = None;
+    }
+
+    /// Lets go of the maps of a series that does without, and of the buffers where no series has any.
+    pub(super) fn release_series(&mut self, series: Series) {
+        self.keep(series);
+        self.held[series.slot] = [None, None];
+        if self.held.iter().flatten().all(Option::is_none) {
+            self.release();
+        }
+    }
+
+    /// Makes room for the maps of a series, and lets go of those of series that there are no longer.
+    pub(super) fn keep(&mut self, series: Series) {
+        self.held.resize_with(series.slots, || [None, None]);
     }
 
     /// Records the glare of a frame, over its pictures.
@@ -183,12 +197,14 @@ impl SkyCube {
         let scene = SkyScene::of(frame.scene, frame.settings, in_sums);
         let views = Views::of(&frame.plan.all_viewports);
         let settings = scene.settings(&views);
-        self.last = Some((views, in_sums));
-        if !self.holds(&scene, &settings, kernel) {
+        if frame.series.slot == 0 {
+            self.last = Some((views, in_sums));
+        }
+        if !self.holds(frame.series.slot, &scene, &settings, kernel) {
             let gpu = recording.gpu;
             let mut pass = begin_pass(recording.encoder, recording.timer, "glare");
             let key = Key { stars: Arc::clone(scene.stars), settings, kernel: Arc::clone(kernel) };
-            self.hold_new(gpu, &mut pass, &frame.settings.glare, key);
+            self.hold_new(gpu, &mut pass, frame.series.slot, &frame.settings.glare, key);
         }
     }
 
@@ -198,7 +214,7 @@ impl SkyCube {
         let (Some((views, in_sums)), Some(kernel)) = (&self.last, holding.kernel) else { return };
         let scene = SkyScene::of(holding.scene, holding.settings, *in_sums);
         let settings = scene.settings(views);
-        if self.holds(&scene, &settings, kernel) {
+        if self.holds(0, &scene, &settings, kernel) {
             return;
         }
         let gpu = holding.gpu;
@@ -206,24 +222,33 @@ impl SkyCube {
             gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("glare map") });
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
         let key = Key { stars: Arc::clone(scene.stars), settings, kernel: Arc::clone(kernel) };
-        self.hold_new(gpu, &mut pass, &holding.settings.glare, key);
+        if self.held.is_empty() {
+            self.held.push([None, None]);
+        }
+        self.hold_new(gpu, &mut pass, 0, &holding.settings.glare, key);
         drop(pass);
         gpu.queue.submit([encoder.finish()]);
     }
 
     /// Whether the map that is held is one of these settings.
-    fn holds(&self, scene: &SkyScene<'_>, settings: &SkyCubeSettings, of_frame: &Arc<dyn GlareKernel>) -> bool {
-        self.held[kind_of(settings)].as_ref().is_some_and(|held| {
+    fn holds(
+        &self,
+        slot: usize,
+        scene: &SkyScene<'_>,
+        settings: &SkyCubeSettings,
+        of_frame: &Arc<dyn GlareKernel>,
+    ) -> bool {
+        self.held.get(slot).and_then(|held| held[kind_of(settings)].as_ref()).is_some_and(|held| {
             let Key { stars, settings: of, kernel } = &held.key;
             Arc::ptr_eq(stars, scene.stars) && of == settings && Arc::ptr_eq(kernel, of_frame)
         })
     }
 
-    fn hold_new(&mut self, gpu: &Gpu, pass: &mut wgpu::ComputePass<'_>, glare: &GlareSettings, key: Key) {
+    fn hold_new(&mut self, gpu: &Gpu, pass: &mut wgpu::ComputePass<'_>, slot: usize, glare: &GlareSettings, key: Key) {
         let kind = kind_of(&key.settings);
         // Gone before its successor is made, so that both never exist at once.
-        self.held[kind] = None;
-        self.held[kind] = Some(self.passes.get_or_init(|| MapPasses::new(gpu)).make(gpu, pass, glare, key));
+        self.held[slot][kind] = None;
+        self.held[slot][kind] = Some(self.passes.get_or_init(|| MapPasses::new(gpu)).make(gpu, pass, glare, key));
     }
 }
 

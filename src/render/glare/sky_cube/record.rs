@@ -91,7 +91,8 @@ impl SkyCube {
     /// Records what depends on where the views look.
     pub(super) fn record_views(&mut self, recording: &mut Recording<'_>) {
         let Self { sprites, composites, held, lists, square_lists, .. } = self;
-        let Some(held) = held[0].as_ref() else { unreachable!("the map is made before the views") };
+        let held = held.get(recording.frame.series.slot).and_then(|[exact, _]| exact.as_ref());
+        let Some(held) = held else { unreachable!("the map is made before the views") };
         let gpu = recording.gpu;
         let sprites = sprites.get_or_init(|| SpritePasses::new(gpu));
         let plan = recording.frame.plan;

@@ -133,7 +133,8 @@ impl SkyCube {
     /// Records the veil of single sources into the sums of a batch; before the first one, the smooth part of all pictures.
     pub(super) fn record_veil(&mut self, recording: &mut Recording<'_>, number: usize) {
         let Self { veil, held, veil_points, veil_frame, .. } = self;
-        let Some(held) = held[1].as_ref() else { unreachable!("the map is made before the veil") };
+        let held = held.get(recording.frame.series.slot).and_then(|[_, in_sums]| in_sums.as_ref());
+        let Some(held) = held else { unreachable!("the map is made before the veil") };
         let gpu = recording.gpu;
         let tabulated = held.inverse_square.is_none();
         let [points, splat] = veil.get_or_init(VeilPasses::new).pipelines(gpu, tabulated);

@@ -1,0 +1,226 @@
+//! Settings that views have of their own, and the frames that they make of a rig: views that are drawn alike are one frame, as far as
+//! they share one exposure; others are frames of their own.
+//!
+//! An exposure is shared by a group of views, whatever else they differ in: it is that of the group's views together, found with
+//! the glare and the tone mapping of the first of them. Without settings of their own all views are one frame.
+
+use super::settings::{ExposureSettings, GlareSettings, Metering, RenderSettings, ToneMapSettings};
+use crate::view::{Rig, RigError, View, ViewKind, projection::FisheyeMapping};
+
+use glam::{DQuat, DVec2, DVec3};
+
+/// Whom a view shares its exposure with.
+#[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum ExposureGroup {
+    /// Every view that has no exposure of its own.
+    #[default]
+    General,
+    /// The views that name this group.
+    Named(String),
+    /// Nobody: the view of that name has an exposure of its own.
+    OfView(String),
+}
+
+/// How a view is exposed and shown.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ViewSettings {
+    /// Whom it shares its exposure with.
+    pub group: ExposureGroup,
+    /// Exposure, the same for all views of the group.
+    pub exposure: ExposureSettings,
+    /// Glare.
+    pub glare: GlareSettings,
+    /// Tone mapping.
+    pub tone_map: ToneMapSettings,
+}
+
+impl ViewSettings {
+    /// Those of a view that has none of its own.
+    pub fn general(settings: &RenderSettings) -> Self {
+        Self {
+            group: ExposureGroup::General,
+            exposure: settings.exposure,
+            glare: settings.glare.clone(),
+            tone_map: settings.tone_map,
+        }
+    }
+
+    /// With what all views have in common.
+    fn of_frame(&self, common: &RenderSettings) -> RenderSettings {
+        RenderSettings { exposure: self.exposure, glare: self.glare.clone(), tone_map: self.tone_map, ..common.clone() }
+    }
+}
+
+/// Views that are drawn as one frame.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FrameGroup {
+    /// Their numbers in the whole rig, ascending.
+    pub views: Vec<usize>,
+    /// These views alone.
+    pub rig: Rig,
+    /// How they are drawn.
+    pub settings: RenderSettings,
+    /// Whom they share their exposure with.
+    pub exposure_group: ExposureGroup,
+    /// The views that the exposure is found for, and the settings that it is found with, where these are not the frame's own.
+    pub exposed_as: Option<(Rig, RenderSettings)>,
+}
+
+/// The frames that the views of a rig make, those with the general exposure first, then in the order of their first views. `views` has the settings of each view in the order of the
+/// rig; those of views beyond its end are the common ones.
+pub fn frame_groups(rig: &Rig, common: &RenderSettings, views: &[ViewSettings]) -> Vec<FrameGroup> {
+    let general = ViewSettings::general(common);
+    let of_view = |index: usize| views.get(index).unwrap_or(&general);
+    let count = rig.views().len();
+    let mut alike: Vec<Vec<usize>> = Vec::new();
+    for index in 0..count {
+        match alike.iter_mut().find(|group| of_view(group[0]) == of_view(index)) {
+            Some(group) => group.push(index),
+            None => alike.push(vec![index]),
+        }
+    }
+    alike.sort_by_key(|members| of_view(members[0]).group != ExposureGroup::General);
+    alike
+        .into_iter()
+        .map(|members| {
+            let own = of_view(members[0]);
+            let sharing: Vec<usize> = (0..count).filter(|&index| of_view(index).group == own.group).collect();
+            let exposed_as =
+                (sharing != members).then(|| (rig.of_views(&sharing), of_view(sharing[0]).of_frame(common)));
+            FrameGroup {
+                rig: rig.of_views(&members),
+                settings: own.of_frame(common),
+                exposure_group: own.group.clone(),
+                exposed_as,
+                views: members,
+            }
+        })
+        .collect()
+}
+
+/// Side of the picture that a spot is metered in, pixels: so many that those inside of the circle cover it to 1.4e-4, as few others do.
+pub const SPOT_PX: u32 = 86;
+
+/// The cone that `spot` meters for a rig, as a rig of one round picture: around the middle of the first view's picture, of a view of two eyes
+/// between them, of a view of several faces in the first one. `None`: there is no view.
+///
+/// # Errors
+///
+/// The angle is none that a fisheye can have.
+pub fn spot_rig(rig: &Rig, exposure: &ExposureSettings) -> Result<Option<Rig>, RigError> {
+    let Some(view) = rig.views().first() else { return Ok(None) };
+    let eyes = match view.kind {
+        ViewKind::Stereo { .. } | ViewKind::Headset { .. } => view.images.len(),
+        _ => 1,
+    };
+    let images = &view.images[..eyes.min(view.images.len())];
+    let (mut towards, mut place_m) = (DVec3::ZERO, DVec3::ZERO);
+    for image in images {
+        let mapping = image.projection.mapping();
+        let middle = mapping.direction_from_pixel(DVec2::from(mapping.size().map(f64::from)) / 2.0);
+        // A picture that has nothing in its middle looks along its axis all the same.
+        towards += image.camera_from_view * middle.unwrap_or(DVec3::NEG_Z);
+        place_m += image.eye_position_m / images.len() as f64;
+    }
+    let kind = ViewKind::Fisheye {
+        size: [SPOT_PX; 2],
+        mapping: FisheyeMapping::Equidistant,
+        fov_rad: exposure.spot_deg.to_radians(),
+    };
+    let ahead = towards.try_normalize().unwrap_or(DVec3::NEG_Z);
+    let orientation = DQuat::from_rotation_arc(DVec3::NEG_Z, ahead);
+    Rig::new(vec![View::new("spot", kind, orientation, place_m)?]).map(Some)
+}
+
+/// The settings that a meter's picture is drawn with: the mean of it is metered. Pyramids of glare know what is in the picture alone, which in
+/// a spot is next to nothing, and are left out there.
+pub fn meter_settings(settings: &RenderSettings) -> RenderSettings {
+    use super::settings::GlareMethod;
+    let mut meter = settings.clone();
+    if settings.exposure.goes_by(Metering::Spot) && settings.glare.chosen(settings.stars.method) != GlareMethod::SkyCube
+    {
+        meter.glare = GlareSettings::none();
+    }
+    meter.exposure.metering = Metering::Mean;
+    meter
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
+mod tests {
+    use std::f64::consts::PI;
+
+    use super::*;
+    use crate::view::{Fov, projection::Face};
+
+    fn rig() -> Rig {
+        let kind = ViewKind::Perspective { size: [8, 6], fov_y_rad: 1.0 };
+        let view = |name: &str| View::new(name, kind.clone(), DQuat::IDENTITY, DVec3::ZERO).unwrap();
+        Rig::new(["a", "b", "c", "d"].map(view).to_vec()).unwrap()
+    }
+
+    #[test]
+    fn views_without_settings_of_their_own_are_one_frame_of_the_whole_rig() {
+        let common = RenderSettings::default();
+        let groups = frame_groups(&rig(), &common, &[]);
+        assert_eq!(groups.len(), 1);
+        assert_eq!((&groups[0].views, &groups[0].rig, &groups[0].settings), (&vec![0, 1, 2, 3], &rig(), &common));
+        assert!(groups[0].exposed_as.is_none());
+        assert!(frame_groups(&Rig::default(), &common, &[]).is_empty());
+    }
+
+    #[test]
+    fn views_that_differ_are_frames_of_their_own_and_share_the_exposure_of_their_group() {
+        let common = RenderSettings::default();
+        let general = ViewSettings::general(&common);
+        let named = ViewSettings {
+            group: ExposureGroup::Named("dim".to_owned()),
+            exposure: ExposureSettings { limiting_magnitude: 8.0, ..common.exposure },
+            ..general.clone()
+        };
+        let clear = ViewSettings { glare: GlareSettings::none(), ..named.clone() };
+        let groups = frame_groups(&rig(), &common, &[general.clone(), clear, general, named]);
+        let views: Vec<&[usize]> = groups.iter().map(|group| &group.views[..]).collect();
+        assert_eq!(views, [&[0, 2][..], &[1], &[3]]);
+        assert!(groups[0].exposed_as.is_none());
+        for group in &groups[1..] {
+            let (shared, settings) = group.exposed_as.as_ref().unwrap();
+            let names: Vec<&str> = shared.views().iter().map(|view| view.name.as_str()).collect();
+            assert_eq!(names, ["b", "d"]);
+            assert_eq!(settings.glare, GlareSettings::none(), "the first view of the group tells");
+            assert_eq!(group.settings.exposure.limiting_magnitude, 8.0);
+        }
+    }
+
+    #[test]
+    fn the_spot_stands_in_the_middle_of_the_first_picture_between_two_eyes_and_in_the_first_face() {
+        let exposure = ExposureSettings { spot_deg: 4.0, ..ExposureSettings::default() };
+        let spot = |kind: ViewKind| {
+            let turn = DQuat::from_rotation_y(0.3);
+            let view = View::new("v", kind, turn, DVec3::X).unwrap();
+            let spot = spot_rig(&Rig::new(vec![view]).unwrap(), &exposure).unwrap().unwrap();
+            let image = &spot.views()[0].images[0];
+            assert!(
+                (image.projection.picture_solid_angle_sr() / (2.0 * PI * (1.0 - 2f64.to_radians().cos())) - 1.0).abs()
+                    < 1e-9
+            );
+            (turn.conjugate() * image.camera_from_view * DVec3::NEG_Z, image.eye_position_m)
+        };
+        let near = |(direction, place): (DVec3, DVec3), expected: DVec3| {
+            assert!((direction - expected.normalize()).length() < 1e-12, "{direction} instead of {expected}");
+            assert!((place - DVec3::X).length() < 1e-12, "{place}");
+        };
+        near(spot(ViewKind::Perspective { size: [7, 5], fov_y_rad: 1.0 }), DVec3::NEG_Z);
+        near(spot(ViewKind::DomeMaster { size: 9, fov_rad: PI, tilt_rad: 0.0 }), DVec3::Y);
+        near(spot(ViewKind::Cubemap { face_size: 4, faces: vec![Face::Up, Face::Front] }), DVec3::Y);
+        let fov = Fov { left_rad: -0.9, right_rad: 0.7, up_rad: 0.8, down_rad: -0.8 };
+        near(
+            spot(ViewKind::Stereo { size: [6, 4], ipd_m: 0.064, fov_left: fov, fov_right: fov.mirrored() }),
+            DVec3::NEG_Z,
+        );
+        // Off the axis: the middle of the picture, not the axis.
+        let middle = 0.5 * (0.7_f64.tan() - 0.9_f64.tan());
+        near(spot(ViewKind::OffAxis { size: [8, 8], fov }), DVec3::new(middle, 0.0, -1.0));
+        assert!(spot_rig(&Rig::default(), &exposure).unwrap().is_none());
+    }
+}

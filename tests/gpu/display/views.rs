@@ -1,0 +1,144 @@
+//! Views with exposure, glare and tone mapping of their own: each is as it would be alone, and a group shares one exposure.
+
+use std::f64::consts::PI;
+
+use crate::common::*;
+use glam::DVec3;
+use steradian::{
+    catalogue::StarRecord,
+    plan::{
+        settings::{ExposureMode, GlareSettings, Metering, RenderSettings, ToneMapOperator},
+        view_settings::{ExposureGroup, FrameGroup, ViewSettings, frame_groups},
+    },
+    render::{Frame, FrameRequest, Renderer, Wanted},
+    scene::SceneSnapshot,
+    view::{Rig, ViewKind},
+};
+
+fn scene() -> SceneSnapshot {
+    let crowded = |(i, d): (usize, DVec3)| StarRecord {
+        temperature_k: 2500.0 + 13.0 * i as f32,
+        ..star(d + DVec3::X * 0.8, (i % 9) as f32)
+    };
+    snapshot(spiral(3000).enumerate().map(crowded).collect())
+}
+
+fn rig_of_three() -> Rig {
+    rig(vec![
+        ("dome", ViewKind::DomeMaster { size: 160, fov_rad: PI, tilt_rad: 0.0 }),
+        ("ahead", ViewKind::Perspective { size: [160, 120], fov_y_rad: PI / 3.0 }),
+        ("sky", ViewKind::Equirectangular { size: [128, 64] }),
+    ])
+}
+
+fn own(name: &str, change: impl FnOnce(&mut ViewSettings)) -> ViewSettings {
+    let mut settings = ViewSettings::general(&RenderSettings::default());
+    settings.group = ExposureGroup::OfView(name.to_owned());
+    change(&mut settings);
+    settings
+}
+
+fn draw(renderer: &mut Renderer, scene: &SceneSnapshot, groups: &[FrameGroup], number: usize) -> Frame {
+    let request = FrameRequest::of_group(scene, groups, number).wanted(Wanted::both());
+    renderer.render(request).unwrap().of_views(&groups[number].views)
+}
+
+#[test]
+fn each_view_is_as_it_would_be_alone_under_its_settings() {
+    let (scene, rig) = (scene(), rig_of_three());
+    let views = [
+        own("dome", |view| view.exposure.limiting_magnitude = 5.0),
+        own("ahead", |view| {
+            view.exposure.metering = Metering::Mean;
+            view.glare = GlareSettings { fraction: 0.4, ..GlareSettings::default() };
+        }),
+        own("sky", |view| {
+            view.exposure.mode = ExposureMode::Manual;
+            view.exposure.ev100 = -6.0;
+            view.glare = GlareSettings::none();
+            view.tone_map.operator = ToneMapOperator::Reinhard;
+        }),
+    ];
+    let groups = frame_groups(&rig, &RenderSettings::default(), &views);
+    assert_eq!(groups.len(), 3);
+    let mut one_renderer = renderer();
+    // Twice in turn: what is kept of the one must not reach the other.
+    for round in 0..2 {
+        for (number, group) in groups.iter().enumerate() {
+            let frame = draw(&mut one_renderer, &scene, &groups, number);
+            assert!(frame.images.iter().all(|image| image.view == number));
+            let alone = rig.of_views(&[number]);
+            let request = FrameRequest::new(&scene, &alone).settings(&group.settings).wanted(Wanted::both());
+            let expected = new_renderer().render(request).unwrap();
+            assert_eq!(frame.exposure_ev100.to_bits(), expected.exposure_ev100.to_bits(), "round {round}");
+            for (image, expected) in frame.images.iter().zip(&expected.images) {
+                assert_eq!(image.display, expected.display, "round {round}, view {number}");
+                assert_eq!(image.hdr, expected.hdr, "round {round}, view {number}");
+            }
+            // With the settings of another view it is another picture.
+            let other = &groups[(number + 1) % 3].settings;
+            let request = FrameRequest::new(&scene, &alone).settings(other).wanted(Wanted::display());
+            assert_ne!(renderer().render(request).unwrap().images[0].display, frame.images[0].display);
+        }
+    }
+}
+
+#[test]
+fn frames_drawn_in_turn_make_nothing_once_all_is_there() {
+    let (scene, rig) = (scene(), rig_of_three());
+    let views = [
+        own("dome", |view| view.exposure.limiting_magnitude = 5.0),
+        own("ahead", |view| view.exposure.metering = Metering::Spot),
+        own("sky", |view| view.glare.fraction = 0.3),
+    ];
+    let groups = frame_groups(&rig, &RenderSettings::default(), &views);
+    let mut renderer = new_renderer();
+    let mut made = Vec::new();
+    for _ in 0..6 {
+        for number in 0..groups.len() {
+            let request = FrameRequest::of_group(&scene, &groups, number).adapted_ev100(-5.0);
+            made.push(renderer.render(request).unwrap().times.objects_made);
+        }
+    }
+    assert!(made[0] > 0 && made[9..].iter().all(|made| *made == 0), "{made:?}");
+}
+
+/// The general view, and two of a group, of which one has no glare.
+fn group_of_two(metering: Metering) -> [ViewSettings; 3] {
+    let in_group = |glare: GlareSettings| {
+        let mut settings = own("", |view| view.glare = glare);
+        settings.group = ExposureGroup::Named("two".to_owned());
+        settings.exposure.metering = metering;
+        settings.exposure.spot_deg = 20.0;
+        settings
+    };
+    let general = ViewSettings::general(&RenderSettings::default());
+    [in_group(GlareSettings::default()), general, in_group(GlareSettings::none())]
+}
+
+#[test]
+fn a_group_shares_one_exposure_whatever_else_its_views_differ_in() {
+    let (scene, rig) = (scene(), rig_of_three());
+    for metering in [Metering::LimitingMagnitude, Metering::Mean, Metering::Spot] {
+        let groups = frame_groups(&rig, &RenderSettings::default(), &group_of_two(metering));
+        let mut renderer = renderer();
+        let [general, first, second] = [0, 1, 2].map(|number| draw(&mut renderer, &scene, &groups, number));
+        assert_eq!([&groups[0].views[..], &groups[1].views, &groups[2].views], [&[1][..], &[0], &[2]]);
+        assert_eq!(first.exposure_ev100.to_bits(), second.exposure_ev100.to_bits(), "{metering:?}");
+        assert_ne!(first.exposure_ev100, general.exposure_ev100, "{metering:?}");
+        // As of the group's views alone, with the settings of its first view.
+        let both = rig.of_views(&[0, 2]);
+        let request = FrameRequest::new(&scene, &both).settings(&groups[1].settings).wanted(Wanted::hdr());
+        let expected = renderer.render(request).unwrap().exposure_ev100;
+        assert!((first.exposure_ev100 - expected).abs() < 2e-5, "{metering:?}: {} {expected}", first.exposure_ev100);
+        // Not of all views, nor of each alone.
+        if metering == Metering::Mean {
+            for wrong in [&[0, 1, 2][..], &[0], &[2]] {
+                let request_rig = rig.of_views(wrong);
+                let request = FrameRequest::new(&scene, &request_rig).settings(&groups[1].settings);
+                let wrong_ev100 = renderer.render(request.wanted(Wanted::hdr())).unwrap().exposure_ev100;
+                assert!((wrong_ev100 - expected).abs() > 3e-4, "{wrong:?}: {wrong_ev100} {expected}");
+            }
+        }
+    }
+}

@@ -1,0 +1,158 @@
+//! Views with exposure, glare and tone mapping of their own: told, changed, refused.
+
+use steradian::{
+    config::ViewTables,
+    output::Encoding,
+    plan::settings::{ExposureMode, StarMethod},
+    service::{ClientError, SceneUpdate, TableChange, ViewUpdate},
+};
+use tonic::Code;
+
+use crate::daemon::{Daemon, small_rig, within};
+
+fn table(text: &str) -> toml::Table {
+    text.parse().unwrap()
+}
+
+fn keys(text: &str) -> TableChange {
+    TableChange::Keys(table(text).into_iter().map(|(key, value)| (key, Some(value))).collect())
+}
+
+fn exposed(text: &str) -> ViewUpdate {
+    ViewUpdate { exposure: keys(text), ..ViewUpdate::default() }
+}
+
+#[tokio::test]
+async fn a_change_shows_in_the_next_frame_of_its_view_alone() {
+    let daemon = Daemon::start(small_rig()).await;
+    let mut client = daemon.client().await;
+    let before = client.view("flat").await.unwrap();
+    assert_eq!((before.revision, before.exposure_group.as_str(), before.own_keys.len()), (7, "", 0));
+    assert_eq!(before.exposure["limiting_magnitude"].as_float(), Some(6.5));
+    assert!(!before.exposure.contains_key("ev100"), "it has no effect: {:?}", before.exposure);
+    for view in ["flat", "eyes"] {
+        client.render_frame(view, Encoding::Rgba8).await.unwrap();
+    }
+
+    let update = ViewUpdate { glare: keys("fraction = 0.25"), ..exposed("mode = 'manual'\nev100 = -4.0") };
+    let after = client.update_view("eyes", &update, Some(7)).await.unwrap();
+    assert_eq!((after.name.as_str(), after.revision), ("eyes", 8));
+    assert_eq!(after.exposure, table("mode = 'manual'\nev100 = -4.0"));
+    assert_eq!(after.glare["fraction"].as_float(), Some(0.25));
+    assert_eq!(after.own_keys, ["exposure.ev100", "exposure.mode", "glare.fraction"]);
+    assert_eq!(client.view("eyes").await.unwrap(), after);
+    assert_eq!(client.views().await.unwrap()[1], after);
+    assert_eq!(client.view("flat").await.unwrap().exposure, before.exposure);
+    assert_eq!(client.scene().await.unwrap().revision, 8);
+
+    daemon.controls.framed.lock().unwrap().clear();
+    for (view, parts) in [("flat", 1), ("eyes", 2)] {
+        let frame = client.render_frame(view, Encoding::Rgba8).await.unwrap();
+        assert_eq!((frame.scene_revision, frame.images.len()), (8, parts), "{view}");
+        assert_eq!(frame.limiting_magnitude, Some(6.5), "the view is found in its frame");
+    }
+    let framed = daemon.controls.framed.lock().unwrap().clone();
+    let drawn: Vec<_> = framed.iter().map(|(names, s)| (names.join(","), s.exposure.mode, s.glare.fraction)).collect();
+    let expected = [("flat".to_owned(), ExposureMode::Auto, 0.1), ("eyes".to_owned(), ExposureMode::Manual, 0.25)];
+    assert_eq!(drawn, expected);
+
+    // Everything as it was: all views are one frame again.
+    let reset = ViewUpdate {
+        exposure: TableChange::All(toml::Table::new()),
+        glare: TableChange::All(toml::Table::new()),
+        ..ViewUpdate::default()
+    };
+    assert!(client.update_view("eyes", &reset, None).await.unwrap().own_keys.is_empty());
+    client.render_frame("eyes", Encoding::Rgba8).await.unwrap();
+    assert_eq!(daemon.controls.framed.lock().unwrap().last().unwrap().0, ["flat", "eyes"]);
+    daemon.shutdown().await.unwrap();
+}
+
+#[tokio::test]
+async fn what_is_refused_leaves_the_last_good_state() {
+    let daemon = Daemon::start(small_rig()).await;
+    let mut client = daemon.client().await;
+    let cell_sky = SceneUpdate { star_method: Some(StarMethod::CellSky), ..SceneUpdate::default() };
+    client.update_scene(&cell_sky, None).await.unwrap();
+    let good = client.update_view("flat", &exposed("limiting_magnitude = 8.0"), Some(8)).await.unwrap();
+    assert_eq!(good.revision, 9);
+    let toned = |text: &str| ViewUpdate { tone_map: keys(text), ..ViewUpdate::default() };
+    let glaring = |text: &str| ViewUpdate { glare: keys(text), ..ViewUpdate::default() };
+    for (view, update, expected, code, told) in [
+        ("flat", exposed("limiting_magnitude = 5.0"), Some(8), Code::Aborted, "revision 9, not 8"),
+        ("roof", exposed("limiting_magnitude = 5.0"), None, Code::NotFound, "the views are: flat, eyes"),
+        ("flat", ViewUpdate::default(), None, Code::InvalidArgument, "names no field"),
+        ("flat", exposed("limiting_magnitude = 31.0"), None, Code::InvalidArgument, "-10 to 30"),
+        ("flat", exposed("key = 0.2"), None, Code::InvalidArgument, "exposure.key: has no effect"),
+        ("flat", exposed("metering = 'median'"), None, Code::InvalidArgument, "`spot`"),
+        ("flat", exposed("metering = 'spot'\nspot_deg = 0.0"), None, Code::InvalidArgument, "0.05 to 90 degrees"),
+        ("flat", toned("operator = 'hable'"), None, Code::InvalidArgument, "tone_map.operator"),
+        ("flat", toned("black_cd_m2 = 60.0"), None, Code::InvalidArgument, "half of peak_cd_m2"),
+        ("flat", glaring("kernel = 'psf'"), None, Code::InvalidArgument, "psf_file"),
+        ("flat", glaring("psf_file = '/etc/passwd'"), None, Code::InvalidArgument, "files are those"),
+        // The plan of a frame finds what no key says: of this sky no star is drawn that could glare.
+        ("flat", glaring("method = 'sky_cube'"), None, Code::InvalidArgument, "cell_sky"),
+    ] {
+        match client.update_view(view, &update, expected).await {
+            Err(ClientError::Status { code: found, message }) => {
+                assert!(found == code && message.contains(told), "{update:?}: {found:?} {message}");
+            }
+            other => panic!("{update:?} gave {other:?}"),
+        }
+        assert_eq!(client.view("flat").await.unwrap(), good);
+    }
+    let frame = client.render_frame("flat", Encoding::Rgba8).await.unwrap();
+    assert_eq!(frame.scene_revision, 9);
+    let framed = daemon.controls.framed.lock().unwrap().last().unwrap().clone();
+    assert_eq!(framed.1.exposure.limiting_magnitude, 8.0);
+    daemon.shutdown().await.unwrap();
+}
+
+#[tokio::test]
+async fn streams_get_a_change_and_groups_adapt_by_themselves() {
+    let daemon = Daemon::start_with(small_rig(), |options| options.settings.exposure.adaptation_s = 3600.0).await;
+    let mut client = daemon.client().await;
+    let mut frames = client.stream_frames("flat", Encoding::Rgba8, 0.0).await.unwrap();
+    assert_eq!(within(frames.next()).await.unwrap().expect("a frame").scene_revision, 7);
+    *daemon.controls.metered_ev100.lock().unwrap() = 5.0;
+    // With an exposure of its own the view adapts anew: at once. The other one goes on from where it was.
+    client.update_view("flat", &exposed("compensation_ev = 1.0"), None).await.unwrap();
+    let changed = loop {
+        let frame = within(frames.next()).await.unwrap().expect("a frame");
+        if frame.scene_revision == 8 {
+            break frame;
+        }
+    };
+    assert_eq!(changed.exposure_ev100, 5.0);
+    let other = client.render_frame("eyes", Encoding::Rgba8).await.unwrap().exposure_ev100;
+    assert!(other < 1.0, "{other}");
+    // Together in a group they have one exposure.
+    let join = ViewUpdate { exposure_group: Some("both".to_owned()), ..ViewUpdate::default() };
+    for view in ["flat", "eyes"] {
+        client.update_view(view, &join, None).await.unwrap();
+    }
+    let view = client.view("eyes").await.unwrap();
+    assert_eq!((view.exposure_group.as_str(), view.exposure["compensation_ev"].as_float()), ("both", Some(1.0)));
+    client.render_frame("eyes", Encoding::Rgba8).await.unwrap();
+    assert_eq!(daemon.controls.framed.lock().unwrap().last().unwrap().0, ["flat", "eyes"]);
+    daemon.shutdown().await.unwrap();
+}
+
+#[tokio::test]
+async fn a_daemon_starts_with_what_its_views_have_of_their_own() {
+    let own = ViewTables {
+        exposure_group: Some("calibrated".to_owned()),
+        tone_map: Some(table("operator = 'calibrated'\npeak_cd_m2 = 400.0")),
+        ..ViewTables::default()
+    };
+    let daemon =
+        Daemon::start_with(small_rig(), |options| options.view_tables = vec![ViewTables::default(), own]).await;
+    let mut client = daemon.client().await;
+    let view = client.view("eyes").await.unwrap();
+    assert_eq!(view.exposure_group, "calibrated");
+    assert_eq!(view.tone_map["peak_cd_m2"].as_float(), Some(400.0));
+    assert_eq!(view.own_keys, ["tone_map.operator", "tone_map.peak_cd_m2"]);
+    client.render_frame("eyes", Encoding::Png).await.unwrap();
+    assert_eq!(daemon.controls.framed.lock().unwrap().last().unwrap().0, ["eyes"]);
+    daemon.shutdown().await.unwrap();
+}
