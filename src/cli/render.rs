@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 
 use super::{
     CliError, explain,
@@ -16,13 +16,23 @@ use crate::output::write_frames;
 use crate::render::{Frame, FrameRequest, RenderError, Renderer, Wanted};
 use crate::scene::SceneSnapshot;
 
+/// A kind of image file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum FileKind {
+    /// Display images.
+    Png,
+    /// HDR images.
+    Exr,
+}
+
 /// Arguments of `render`.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
     steradian render --config configs/dome.toml --out out\n  \
     steradian render --config configs/demo.toml --out out --set views.dome.size=[2048,2048] --set exposure.mode=manual\n  \
-    steradian render --config configs/dome.toml --out out --explain\n\n\
-    Writes <view>.exr and <view>.png (with several images <view>.<part>.exr and .png) timings.json and manifest.json.\n\
+    steradian render --config configs/dome.toml --out out --files png --explain\n\n\
+    Writes <view>.exr and <view>.png (with several images <view>.<part>.exr and .png), timings.json and manifest.json. An\n\
+    image is the same whichever other files are written; one that is not written is not drawn.\n\
     The key of --set is a dotted path; a view is named by its name or its index from 0. Values are TOML; a bare word is a\n\
     string. Relative paths of catalogues start at the folder of the configuration.")]
 pub struct RenderArguments {
@@ -35,6 +45,9 @@ pub struct RenderArguments {
     /// Override a key of the configuration; can be repeated.
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
+    /// Which images are written, separated by commas.
+    #[arg(long, value_name = "KINDS", value_enum, value_delimiter = ',', default_value = "png,exr")]
+    files: Vec<FileKind>,
     /// Print what was drawn how, with the bound of every approximation.
     #[arg(long)]
     explain: bool,
@@ -57,8 +70,13 @@ pub fn run(arguments: RenderArguments, adapter: Option<String>) -> Result<(), Cl
     let LoadedScene { stars, objects, prepared, .. } = load::scene(&config, &groups, &mut renderer)?;
     prepared.map_err(|error| CliError::render(error, &config.origin))?;
     let snapshot = SceneSnapshot { revision: 1, stars: Arc::new(stars), objects, camera };
+    let wanted = Wanted {
+        display: arguments.files.contains(&FileKind::Png),
+        hdr: arguments.files.contains(&FileKind::Exr),
+        ..Wanted::default()
+    };
     let mut draw = |number: usize| -> Result<Frame, RenderError> {
-        let frame = renderer.render(FrameRequest::of_group(&snapshot, &groups, number).wanted(Wanted::both()))?;
+        let frame = renderer.render(FrameRequest::of_group(&snapshot, &groups, number).wanted(wanted))?;
         Ok(frame.of_views(&groups[number].views))
     };
     let frames: Result<Vec<Frame>, RenderError> = (0..groups.len()).map(&mut draw).collect();

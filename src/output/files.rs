@@ -118,7 +118,7 @@ pub fn write_frame(
     write_frames(folder, rig, std::slice::from_ref(frame), adapter, written)
 }
 
-/// Writes every image of the frames as EXR and PNG, the times and the manifest, into `folder`, which is made if it is not there. Each
+/// Writes every HDR image of the frames as EXR and every display image as PNG, the times and the manifest, into `folder`, which is made if it is not there. Each
 /// view of the rig belongs to one of the frames; the exposure of the first one is that of the manifest.
 ///
 /// Files are encoded side by side; `written` is told each as soon as it is there. Returns the paths in the order of views
@@ -145,7 +145,8 @@ pub fn write_frames(
         let other_rig = OutputError::OtherRig { view: image.view, views: views.len() };
         let view = views.get(image.view).ok_or(other_rig)?;
         let stem = image.part.name().map_or(view.name.clone(), |part| format!("{}.{part}", view.name));
-        for (encoding, extension) in [(Encoding::Exr, "exr"), (Encoding::Png, "png")] {
+        let held = [(Encoding::Exr, "exr", image.hdr.is_some()), (Encoding::Png, "png", image.display.is_some())];
+        for (encoding, extension, _) in held.into_iter().filter(|(.., held)| *held) {
             let name = format!("{stem}.{extension}");
             jobs.push((encoding, image, folder.join(&name)));
             files[image.view].push(name);
@@ -285,6 +286,17 @@ mod tests {
     }
 
     #[test]
+    fn images_that_were_not_drawn_have_no_files() {
+        let folder = tempfile::tempdir().unwrap();
+        let (rig, mut frame) = rig_and_frame();
+        frame.images[0].hdr = None;
+        frame.images[2].display = None;
+        let written = write_frame(folder.path(), &rig, &frame, "", &|_| {}).unwrap();
+        let names: Vec<&str> = written.iter().map(|path| path.file_name().unwrap().to_str().unwrap()).collect();
+        assert_eq!(names.join(" "), "sky.png cube.front.exr cube.front.png cube.down.exr timings.json manifest.json");
+    }
+
+    #[test]
     fn errors_name_the_path() {
         let folder = tempfile::tempdir().unwrap();
         let (rig, mut frame) = rig_and_frame();
@@ -292,7 +304,7 @@ mod tests {
         std::fs::write(&occupied, "x").unwrap();
         let error = write_frame(&occupied, &rig, &frame, "", &|_| {}).unwrap_err();
         assert!(error.to_string().contains("file"), "{error}");
-        frame.images[1].display = None;
+        frame.images[1].display = Some(vec![0; 3]);
         let error = write_frame(folder.path(), &rig, &frame, "", &|_| {}).unwrap_err();
         assert!(error.to_string().contains("cube.front.png"), "{error}");
         assert!(!folder.path().join("manifest.json").exists());

@@ -9,6 +9,7 @@ mod bodies;
 mod chart;
 mod display;
 mod display_errors;
+mod display_poses;
 mod display_stability;
 mod glare;
 mod overlay;

@@ -211,6 +211,17 @@ fn five_renders_have_the_same_bytes_whatever_the_threads() {
         assert!(manifest["views"][0]["stars_in_map"].as_u64().unwrap() > 10_000, "the map is among them: {manifest}");
         assert!(first.get_or_insert_with(|| files.clone()) == &files, "{threads} threads");
     }
+    // Nor does it matter which other files are written.
+    let both = first.unwrap();
+    for (kind, file, absent, expected) in
+        [("png", "dome.png", "dome.exr", &both[0]), ("exr", "dome.exr", "dome.png", &both[1])]
+    {
+        run(folder.path(), &["render", "--config", "dome.toml", "--out", kind, "--files", kind], 0);
+        assert!(&std::fs::read(folder.path().join(kind).join(file)).unwrap() == expected, "{file} alone");
+        assert!(!folder.path().join(kind).join(absent).exists(), "{absent} was not asked for");
+    }
+    let (_, error) = run(folder.path(), &["render", "--config", "dome.toml", "--out", "c", "--files", "gif"], 64);
+    assert!(error.contains("gif") && error.contains("png") && error.contains("exr"), "{error}");
 }
 
 #[test]

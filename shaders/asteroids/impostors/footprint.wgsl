@@ -102,7 +102,8 @@ fn footprint_of(slot: u32) -> Footprint {
     let end = clamp(ceil(shifted + half), vec2(0.0), size);
     footprint.first = vec2<i32>(first) + vec2(0, i32(splat.band.first_row));
     footprint.end = select(footprint.first, vec2<i32>(end) + vec2(0, i32(splat.band.first_row)), vec2(exists));
-    let reach = select(distance, -centre.z, on_plane) - 1.0;
+    // A place on the square and a depth along the ray, each no more than the outline.
+    let reach = select(distance, -centre.z, on_plane) - 1.4143 * sqrt(outline_squared);
     footprint.nearest = asteroid_target.near / (max(reach, 1e-6) * radius);
     // How far a sample reaches on the square, bounding radii; the bounding radius in pixels.
     let step = max(

@@ -8,7 +8,8 @@
 #import task = asteroids/impostors/splat_nearest | asteroids/impostors/splat_light
 
 @group(2) @binding(2) var<storage, read> arguments: array<u32>;
-// Per plane the impostors that nearer ones hide; then of every entry of the list whether a sample of it may be seen.
+// Per plane the impostors that are not seen; then of every entry of the list whether a sample of it may be
+// seen, and what its tile is read with.
 @group(2) @binding(3) var<storage, read_write> still_seen: array<atomic<u32>>;
 
 override WORKGROUP: u32;
@@ -16,14 +17,15 @@ override WORKGROUP: u32;
 const MOST_THREADS: u32 = 64u;
 const NO_SAMPLE: u32 = 4294967295u;
 
-// A sample lies behind what is there; it is the impostor's own, as far as is known.
-const BEHIND: u32 = 1u;
-const OWN: u32 = 2u;
+// A sample is the impostor's own, as far as is known.
+const OWN: u32 = 1u;
+// What is known of an entry besides: that its tile is read with parallax.
+const NEEDS_PARALLAX: u32 = 2u;
 
 var<workgroup> footprints: array<Footprint, MOST_THREADS>;
 var<workgroup> indices: array<u32, MOST_THREADS>;
 var<workgroup> taken: atomic<u32>;
-// Of each footprint what its samples are: BEHIND and OWN.
+// Of each footprint whether a sample is its OWN.
 var<workgroup> findings: array<atomic<u32>, MOST_THREADS>;
 
 @compute @workgroup_size(WORKGROUP)
@@ -35,9 +37,14 @@ fn splat_impostors(
     atomicStore(&findings[local], 0u);
     workgroupBarrier();
     let index = (group.y * groups.x + group.x) * WORKGROUP + local;
-    if index < arguments[splat.arguments + 3u] && (splat.stage == 0u || atomicLoad(&still_seen[MAX_PLANES + index]) != 0u) {
+    if index < arguments[splat.arguments + 3u] && is_taken(atomicLoad(&still_seen[MAX_PLANES + index])) {
         let footprint = footprint_of(arguments[splat.arguments + 4u] + index);
-        if (footprint.parallax > 0.0) == PARALLAX && all(footprint.first < footprint.end) {
+        // What these threads decide first holds for all others: two pipelines may round otherwise.
+        let takes = PARALLAX || splat.stage > 0u || footprint.parallax == 0.0;
+        if splat.stage == 0u && !PARALLAX {
+            atomicStore(&still_seen[MAX_PLANES + index], select(NEEDS_PARALLAX, 0u, takes));
+        }
+        if takes && all(footprint.first < footprint.end) {
             let k = atomicAdd(&taken, 1u);
             footprints[k] = footprint;
             indices[k] = index;
@@ -56,12 +63,23 @@ fn splat_impostors(
     if local < count {
         let finding = atomicLoad(&findings[local]);
         if splat.stage == 0u {
-            atomicStore(&still_seen[MAX_PLANES + indices[local]], finding & OWN);
+            atomicStore(&still_seen[MAX_PLANES + indices[local]], (finding & OWN) | select(0u, NEEDS_PARALLAX, PARALLAX));
         }
-        if counts_as_hidden(finding) {
+        // Each is counted once, in the band that its middle is in, and the same whatever the order of threads: those that never had a sample,
+        // and those that have none left in the end.
+        let row = footprints[local].middle.y - f32(splat.band.first_row);
+        if splat.stage != 1u && (finding & OWN) == 0u && row >= 0.0 && row < f32(splat.band.rows) {
             atomicAdd(&still_seen[asteroid_target.plane], 1u);
         }
     }
+}
+
+// Whether an entry is one of these threads', by what is known of it.
+fn is_taken(known: u32) -> bool {
+    if splat.stage == 0u {
+        return !PARALLAX || known == NEEDS_PARALLAX;
+    }
+    return known == select(OWN, OWN | NEEDS_PARALLAX, PARALLAX);
 }
 
 // Every eighth sample of a footprint.
@@ -83,9 +101,7 @@ fn go_through(k: u32, lane: i32) -> u32 {
             place = place_on_square(footprint, at);
             if dot(place, place) <= 1.0 {
                 let candidate = place_in_blocks(vec2<u32>(at - vec2(0, i32(splat.band.first_row))), splat.band.blocks);
-                let told = look_at(footprint, candidate);
-                finding |= told & BEHIND;
-                if (told & OWN) != 0u {
+                if may_be_own(footprint, candidate) {
                     found = candidate;
                     break;
                 }
@@ -94,7 +110,7 @@ fn go_through(k: u32, lane: i32) -> u32 {
         if found == NO_SAMPLE {
             break;
         }
-        finding |= work_on(footprint, found, at, place);
+        finding |= select(0u, OWN, work_on(footprint, found, at, place));
     }
     return finding;
 }

@@ -5,11 +5,11 @@
 
 @group(2) @binding(4) var colour: texture_storage_2d<rgba16float, write>;
 
-fn look_at(footprint: Footprint, sample_at: u32) -> u32 {
-    return select(0u, OWN, is_own(sample_at, footprint.slot));
+fn may_be_own(footprint: Footprint, sample_at: u32) -> bool {
+    return is_own(sample_at, footprint.slot);
 }
 
-fn work_on(footprint: Footprint, sample_at: u32, at: vec2<i32>, place: vec2<f32>) -> u32 {
+fn work_on(footprint: Footprint, sample_at: u32, at: vec2<i32>, place: vec2<f32>) -> bool {
     let offset = place.x * footprint.square.right + place.y * footprint.square.up;
     let ray = normalize(footprint.centre + offset);
     let seen = seen_at(footprint, place, ray, offset);
@@ -19,9 +19,5 @@ fn work_on(footprint: Footprint, sample_at: u32, at: vec2<i32>, place: vec2<f32>
     let cos_e = max(dot(normal, -ray), 1e-3);
     let light = seen.albedo * reflected(asteroid.law, dot(normal, asteroid.sun), cos_e);
     textureStore(colour, at, vec4(asteroid.luminance * light, 1.0));
-    return OWN;
-}
-
-fn counts_as_hidden(finding: u32) -> bool {
-    return finding == 0u;
+    return true;
 }

@@ -4,22 +4,18 @@
 #import asteroids/impostors/footprint
 
 // Whether a sample may be its own.
-fn look_at(footprint: Footprint, sample_at: u32) -> u32 {
-    return select(OWN, BEHIND, depth_there(sample_at) > footprint.nearest);
+fn may_be_own(footprint: Footprint, sample_at: u32) -> bool {
+    return depth_there(sample_at) <= footprint.nearest;
 }
 
-fn work_on(footprint: Footprint, sample_at: u32, at: vec2<i32>, place: vec2<f32>) -> u32 {
+fn work_on(footprint: Footprint, sample_at: u32, at: vec2<i32>, place: vec2<f32>) -> bool {
     let offset = place.x * footprint.square.right + place.y * footprint.square.up;
     let on_square = footprint.centre + offset;
     let ray = normalize(on_square);
     let seen = seen_at(footprint, place, ray, offset);
     if seen.coverage < 0.5 || faded(footprint.asteroid.fade, vec2<u32>(at)) {
-        return 0u;
+        return false;
     }
     let depth = bitcast<u32>(depth_of_place((on_square + seen.beyond * ray) * footprint.radius));
-    return select(BEHIND, OWN, claim(sample_at, depth, footprint.slot, splat.stage));
-}
-
-fn counts_as_hidden(finding: u32) -> bool {
-    return splat.stage == 0u && finding == BEHIND;
+    return claim(sample_at, depth, footprint.slot, splat.stage);
 }

@@ -64,7 +64,8 @@ pub struct AsteroidCounts {
     pub meshes: Vec<u64>,
     /// Drawn as impostors, likewise.
     pub impostors: u64,
-    /// Impostors among them that nearer asteroids hide: they are not lit. Of `octahedral_splat` alone.
+    /// Impostors among them, with their middle in the picture, of which no sample is seen: nearer asteroids hide them, or they fall between
+    /// samples. They are not lit. Of `octahedral_splat` alone.
     pub hidden: u64,
     /// Drawn as points.
     pub points: u64,

@@ -15,7 +15,7 @@ use steradian::{
 };
 
 /// A box of asteroids around the camera, and a sun far away.
-fn scene(instances: u32, half_m: f64, radius_m: [f64; 2]) -> SceneSnapshot {
+pub(super) fn scene(instances: u32, half_m: f64, radius_m: [f64; 2]) -> SceneSnapshot {
     let shapes = Arc::new(ShapeSet::procedural(4));
     let parameters = FieldParameters {
         instances,
@@ -62,7 +62,7 @@ fn views() -> Vec<(&'static str, ViewKind)> {
     ]
 }
 
-fn with(impostor: ImpostorMethod, culling: Culling) -> RenderSettings {
+pub(super) fn with(impostor: ImpostorMethod, culling: Culling) -> RenderSettings {
     let mut settings = settings(StarMethod::BSpline);
     settings.asteroids.impostor = impostor;
     settings.asteroids.culling = culling;

@@ -1,3 +1,4 @@
 //! Asteroids on the adapter.
 
 mod fields;
+mod splats;
