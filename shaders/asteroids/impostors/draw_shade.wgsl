@@ -26,7 +26,7 @@ fn shade_impostor(corner: ImpostorCorner) -> ImpostorFragment {
     if METHOD == METHOD_BLEND {
         let shape_from_view = transpose(view_from_shape);
         seen = seen_in_blend(
-            corner.tiles.xyz, corner.weights, layer, shape_from_view * corner.offset, shape_from_view * ray, level);
+            corner.tiles.xyz, corner.weights, layer, shape_from_view * corner.offset, shape_from_view * ray, Parallax(2u, 1.0), level);
     } else {
         seen = seen_on_tile(corner.tiles.x, layer, corner.place, level);
     }

@@ -24,7 +24,7 @@ struct SplatTarget {
 
 @group(2) @binding(0) var<uniform> splat: SplatTarget;
 
-// Whether the tile is read where a ray meets its picture at the depth that it holds there: impostors that are too small to tell are others.
+// Whether three tiles are blended, each with parallax: impostors that are too small to tell are others.
 override PARALLAX: bool;
 
 struct Footprint {
@@ -45,10 +45,12 @@ struct Footprint {
     end: vec2<i32>,
     // Depth that nothing of it exceeds.
     nearest: f32,
-    // Share of the depth that counts for where the tile is read.
+    // The nearest tile; its place among the three is that of the greatest weight.
+    tile: u32,
+    // Share of the depth that counts for where tiles are read, and of the two other tiles.
     parallax: f32,
-    // Level of the atlas.
-    level: u32,
+    // Level of the atlas, a whole number: its texels are no larger than samples where the atlas has such.
+    level: f32,
 }
 
 // The footprint of an entry of the lists. One that touches nothing has no samples.
@@ -59,7 +61,7 @@ fn footprint_of(slot: u32) -> Footprint {
     let radius = asteroid.radius * shapes[asteroid.first_shape + asteroid.shape].bound;
     let centre = asteroid.centre / radius;
     let distance = length(centre);
-    let square = facing_square(centre, asteroid.view_from_shape, false);
+    let square = facing_square(centre, asteroid.view_from_shape, true);
     var footprint: Footprint;
     footprint.slot = slot;
     footprint.asteroid = asteroid;
@@ -110,11 +112,12 @@ fn footprint_of(slot: u32) -> Footprint {
         length(vec2(footprint.across.x, footprint.upward.x)), length(vec2(footprint.across.y, footprint.upward.y)));
     let radius_px = max(outer.x, outer.y) / samples * inverseSqrt(outline_squared) * splat.quality;
     let texels = step * sqrt(outline_squared) * (0.5 * f32(atlas.tile_px) - 1.0);
-    footprint.level = u32(clamp(log2(max(texels, 1e-6)), 0.0, f32(atlas.levels - 1u)));
-    // The tile will do as it is where its direction and its parallel projection are off by half a pixel at most. Parallax sets in over a tenth
-    // of the distance.
+    footprint.level = floor(clamp(log2(max(texels, 1e-6)), 0.0, f32(atlas.levels - 1u)));
+    // One tile will do as it is where its direction and its parallel projection are off by half a pixel at most. Parallax and the other
+    // tiles set in over a tenth of the distance.
     let wrong = max(2.0 * splat.tile_error_rad * radius_px, radius_px / distance);
     footprint.parallax = clamp((wrong * (1.0 + BAND) - 1.0) / BAND, 0.0, 1.0);
+    footprint.tile = square.tiles[heaviest(square.weights)];
     return footprint;
 }
 
@@ -135,28 +138,28 @@ fn place_on_square(footprint: Footprint, sample_at: vec2<i32>) -> vec2<f32> {
     return vec2(dot(footprint.across, at), dot(footprint.upward, at)) / (1.0 + dot(footprint.beneath, at));
 }
 
-// What an impostor shows at a place of its square, and the ray to there.
-fn seen_at(footprint: Footprint, place: vec2<f32>, ray: vec3<f32>, offset: vec3<f32>) -> Seen {
-    let layer = footprint.asteroid.shape;
-    let tile = footprint.square.tiles.x;
-    let level = footprint.level;
+fn heaviest(weights: vec3<f32>) -> u32 {
+    let greatest = max(weights.x, max(weights.y, weights.z));
+    return select(select(2u, 1u, weights.y == greatest), 0u, weights.x == greatest);
+}
+
+// What an impostor has at a place of its square, and the ray to there: whether anything, and where.
+fn form_at(footprint: Footprint, place: vec2<f32>, ray: vec3<f32>, offset: vec3<f32>) -> Seen {
     if !PARALLAX {
-        return texel_seen(tile, layer, place, level);
+        return seen_on_tile(footprint.tile, footprint.asteroid.shape, place, footprint.level);
     }
+    let nearest_alone = vec3<f32>(vec3(heaviest(footprint.square.weights)) == vec3(0u, 1u, 2u));
+    return blended(footprint, mix(nearest_alone, footprint.square.weights, footprint.parallax), ray, offset);
+}
+
+// What it looks like there. One tile's normals would be those of a face that is turned by up to the angle between tiles.
+fn look_at(footprint: Footprint, ray: vec3<f32>, offset: vec3<f32>) -> Seen {
+    return blended(footprint, footprint.square.weights, ray, offset);
+}
+
+fn blended(footprint: Footprint, weights: vec3<f32>, ray: vec3<f32>, offset: vec3<f32>) -> Seen {
     let start = offset * footprint.asteroid.view_from_shape;
     let along = ray * footprint.asteroid.view_from_shape;
-    let axes = octahedral_axes(vec2(tile & 65535u, tile >> 16u));
-    let approach = dot(along, axes.direction);
-    let before = dot(start, axes.direction);
-    var reach = -before / approach;
-    for (var i = 0u; i < 2u; i++) {
-        let point = start + reach * along;
-        let depth = texel_depth(tile, layer, vec2(dot(point, axes.right), dot(point, axes.up)), level);
-        reach = (footprint.parallax * depth - before) / approach;
-    }
-    let point = start + reach * along;
-    // Texels may be as large as a pixel here.
-    var seen = seen_on_tile(tile, layer, vec2(dot(point, axes.right), dot(point, axes.up)), f32(level));
-    seen.beyond = (-seen.beyond - before) / approach;
-    return seen;
+    let parallax = Parallax(select(0u, 2u, PARALLAX), footprint.parallax);
+    return seen_in_blend(footprint.square.tiles, weights, footprint.asteroid.shape, start, along, parallax, footprint.level);
 }

@@ -12,7 +12,7 @@ fn may_be_own(footprint: Footprint, sample_at: u32) -> bool {
 fn work_on(footprint: Footprint, sample_at: u32, at: vec2<i32>, place: vec2<f32>) -> bool {
     let offset = place.x * footprint.square.right + place.y * footprint.square.up;
     let ray = normalize(footprint.centre + offset);
-    let seen = seen_at(footprint, place, ray, offset);
+    let seen = look_at(footprint, ray, offset);
     let asteroid = footprint.asteroid;
     let normal = normalize(asteroid.view_from_shape * seen.normal);
     // What is seen faces the eye, also at the limb of a tile whose direction is a little off.

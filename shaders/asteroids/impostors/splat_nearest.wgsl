@@ -12,7 +12,7 @@ fn work_on(footprint: Footprint, sample_at: u32, at: vec2<i32>, place: vec2<f32>
     let offset = place.x * footprint.square.right + place.y * footprint.square.up;
     let on_square = footprint.centre + offset;
     let ray = normalize(on_square);
-    let seen = seen_at(footprint, place, ray, offset);
+    let seen = form_at(footprint, place, ray, offset);
     if seen.coverage < 0.5 || faded(footprint.asteroid.fade, vec2<u32>(at)) {
         return false;
     }
