@@ -152,7 +152,7 @@ impl Plan {
 pub struct PlanOutputs<'a> {
     /// Kind of images.
     pub output: Output,
-    /// Which views are wanted, in the order of the rig; `None`: all of them. Others are drawn only where the exposure depends on them.
+    /// Which views are wanted, in the order of the rig; `None`: all of them. Others are drawn only where the exposure is metered.
     pub views: Option<&'a [bool]>,
     /// What it has to do with maps of faint light.
     pub sky: SkyUse,
@@ -369,9 +369,15 @@ impl Planner {
         let motion = Motion::new(camera.velocity_c);
         let PlanOutputs { output, views, sky, exposure } = outputs;
         let all_viewports = rig.viewports(camera.world_from_camera);
-        // The meter looks at all views, and bodies and asteroids in any of them may ask for another exposure.
+        // The meter looks at all views, so they are drawn.
         let metered_here = settings.exposure.is_metered() && exposure == ExposureSource::Own;
-        let views = views.filter(|_| !metered_here && scene.objects.is_empty());
+        let views = views.filter(|_| !metered_here);
+        // Bodies and asteroids in any view may ask for another exposure: then the plan looks at all of them.
+        let looks_at_all = exposure == ExposureSource::Own
+            && !scene.objects.is_empty()
+            && views.is_some_and(|views| views.contains(&false));
+        let of_all = if looks_at_all { self.exposure(scene, rig, settings, limits)? } else { None };
+        let exposure = of_all.map_or(exposure, ExposureSource::Planned);
         let is_drawn = |viewport: &&Viewport| views.is_none_or(|views| views[viewport.view]);
         let viewports: Vec<Viewport> = all_viewports.iter().filter(is_drawn).cloned().collect();
         let sizes: Vec<[u32; 2]> = viewports.iter().map(Viewport::size).collect();

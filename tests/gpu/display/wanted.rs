@@ -1,13 +1,16 @@
 //! What is wanted of a frame decides what is drawn, and changes no image of it.
 
-use std::f64::consts::PI;
+use std::{f64::consts::PI, sync::Arc};
 
 use crate::common::*;
 use glam::DVec3;
 use steradian::{
     plan::settings::{ExposureMode, ExposureSettings, Metering, RenderSettings, StarMethod},
     render::{Frame, FrameRequest, Wanted},
-    scene::SceneSnapshot,
+    scene::{
+        SceneObjects, SceneSnapshot,
+        bodies::{Body, Preset},
+    },
     view::{Rig, ViewKind},
 };
 
@@ -46,6 +49,33 @@ fn a_view_that_nobody_wants_is_not_drawn() {
     // The exposure is that of the first view, drawn or not.
     assert_eq!(one.exposure_ev100, both.exposure_ev100);
     assert_eq!(one.images[0].display, both.images[1].display);
+}
+
+/// A lit body behind the second view, which fills a part of the first: the exposure is raised to it, though the first view is not drawn.
+#[test]
+fn a_lit_body_in_a_view_that_nobody_wants_is_planned_and_not_drawn() {
+    let settings = settings(StarMethod::Auto);
+    let sun = Preset::Sun.body("sun", DVec3::X * 1.496e11);
+    let lit = Body { radii_m: DVec3::splat(2e6), ..Preset::Moon.body("moon", DVec3::Y * 1e7 + DVec3::X * 2e6) };
+    let mut scene = scene();
+    let bodies = vec![Arc::new(sun), Arc::new(lit)];
+    scene.objects = Arc::new(SceneObjects { bodies, ..Default::default() });
+    // The dome's zenith is up, where the body stands; the other view looks ahead.
+    let rig = rig_of_two();
+    let mut renderer = renderer();
+    let mut draw = |scene: &SceneSnapshot, wanted: [Wanted; 2]| {
+        renderer.render(FrameRequest::new(scene, &rig).settings(&settings).wanted_of_each(&wanted)).unwrap()
+    };
+    let both = draw(&scene, [Wanted::display(); 2]);
+    let one = draw(&scene, [NOTHING, Wanted::display()]);
+    assert_eq!(one.images.len(), 1);
+    assert_eq!(one.exposure_ev100, both.exposure_ev100);
+    assert_eq!(one.images[0].display, both.images[1].display);
+    assert!(both.views[0].stars_drawn > 0 && one.views[0].stars_drawn == 0);
+    // Without the body the exposure is that of the night.
+    scene.objects = Arc::default();
+    let night = draw(&scene, [NOTHING, Wanted::display()]);
+    assert!(one.exposure_ev100 > night.exposure_ev100 + 3.0, "{} {}", one.exposure_ev100, night.exposure_ev100);
 }
 
 #[test]
