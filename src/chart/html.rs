@@ -153,7 +153,8 @@ pub(super) fn page(rows: &[Row], pictures: &[(Axis, String)], about: &About) -> 
     );
     add(&format!(
         "The exposure is manual, ev100 = {TIMING_EV100}, for every method: a star of magnitude 3 or so reaches display white if all \
-         of its light falls into one pixel of a view of 1080 pixels and 60 degrees. It matters to methods that go by what the display \
+         of its light falls into one pixel of a view of 1080 pixels and 60 degrees. Workloads whose names end with another ev100 have \
+         that one, as users do; there the notes of <code>auto</code> have the times of whole frames with readback. It matters to methods that go by what the display \
          shows. On the axis <code>glare</code> it is the time of the passes of glare alone, the map of the sky made on the CPU included \
          where it is made anew for every frame; on the axis <code>asteroids</code> that of the passes that draw asteroids and of planning on \
          the CPU.</dd>\n"

@@ -1,7 +1,8 @@
 //! The axis `stars`: every way of drawing stars over every workload, timed in turn, with all its errors.
 //!
-//! Exposure is manual and the same in every workload ([`TIMING_EV100`]), so that all methods show the same. The errors of single stars do not depend on the workload and are measured once, over the scoring scenes; they stand beside
-//! the time of each workload. The error of the whole frame's light is the workload's own: stars near the border of the
+//! Exposure is manual and the same in every workload ([`TIMING_EV100`]), so that all methods show the same. A million stars are timed at the
+//! exposures of users too, beside the time of whole frames with readback: display images within their budget, and HDR images. The errors of
+//! single stars do not depend on the workload and are measured once, over the scoring scenes; they stand beside the time of each workload. The error of the whole frame's light is the workload's own: stars near the border of the
 //! picture are left out of that frame, because how much of them is inside depends on the profile.
 
 use glam::{DQuat, DVec2};
@@ -10,7 +11,7 @@ use rayon::prelude::*;
 use super::{
     Axis, Budget, ChartError, Extent, Metric, Row, Score, Scores, Sky, Step, Tell, ViewShape, score_method,
     scores::settings_of,
-    timing::{self, Case, FAST, TIMING_EV100, Timed, message_of},
+    timing::{self, Case, FAST, Spread, TIMING_EV100, Timed, message_of},
     workloads::{Skies, projection_of, rig_of, snapshot},
 };
 use crate::{
@@ -36,6 +37,7 @@ struct Workload<'a> {
     sky: &'a [StarRecord],
     scene: &'a SceneSnapshot,
     view: ViewShape,
+    ev100: f64,
     rounds: usize,
 }
 
@@ -63,19 +65,36 @@ pub(super) fn run(
     let weight = |skies: &[(Sky, Vec<ViewShape>)]| -> f64 {
         skies.iter().map(|(sky, views)| sky.weight() * views.len() as f64).sum()
     };
+    let exposed = extent.exposed_sky();
     for (index, (sky, views)) in extent.skies.iter().enumerate() {
         step(format!("making {} stars", sky.name()));
         let records = skies.records(*sky)?;
         let scene = snapshot(records.to_vec());
         for (done, &view) in views.iter().enumerate() {
             let name = workload_name(*sky, view);
-            step(format!("timing {name}"));
-            let workload = Workload { name, sky: &records, scene: &scene, view, rounds: extent.rounds };
-            let left = sky.weight() * (views.len() - done) as f64 + weight(&extent.skies[index + 1..]);
-            rows.extend(workload.rows(renderer, &scores, budget.part(sky.weight() / left, 1))?);
+            let of_users = if exposed == Some(index) { &extent.exposures[..] } else { &[] };
+            let exposures = 1 + of_users.len();
+            let ahead = sky_weight_ahead(extent, exposed.filter(|exposed| *exposed > index));
+            let left =
+                sky.weight() * ((views.len() - done) * exposures) as f64 + weight(&extent.skies[index + 1..]) + ahead;
+            let part = budget.part(sky.weight() * exposures as f64 / left, 1);
+            for (turn, &ev100) in [TIMING_EV100].iter().chain(of_users).enumerate() {
+                let name = if turn == 0 { name.clone() } else { format!("{name} ev100 {ev100}") };
+                step(format!("timing {name}"));
+                let workload = Workload { name, sky: &records, scene: &scene, view, ev100, rounds: extent.rounds };
+                rows.extend(workload.rows(renderer, &scores, part.part(1.0 / (exposures - turn) as f64, 1))?);
+            }
         }
     }
     Ok(rows)
+}
+
+/// What the exposures of users weigh, which come with a sky that is still to be drawn.
+fn sky_weight_ahead(extent: &Extent, exposed: Option<usize>) -> f64 {
+    exposed.map_or(0.0, |index| {
+        let (sky, views) = &extent.skies[index];
+        sky.weight() * (views.len() * extent.exposures.len()) as f64
+    })
 }
 
 fn workload_name(sky: Sky, view: ViewShape) -> String {
@@ -87,9 +106,16 @@ impl Workload<'_> {
         let rig = rig_of(vec![("chart", self.view.kind())])?;
         let lights = self.sky.par_iter().map(illuminance_lx);
         let faintest_lx = lights.reduce(|| f64::INFINITY, f64::min);
-        let settings = StarMethod::ALL.map(|method| settings_of(method, TIMING_EV100, faintest_lx));
+        let settings = StarMethod::ALL.map(|method| settings_of(method, self.ev100, faintest_lx));
         let timing = budget.part(TIMING_SHARE, 1);
-        let timed = timing::frames(renderer, self.scene, &rig, &settings, self.rounds, timing)?;
+        let mut timed = timing::frames(renderer, self.scene, &rig, &settings, self.rounds, timing)?;
+        if self.ev100 != TIMING_EV100 {
+            for (method, (timed, settings)) in StarMethod::ALL.iter().zip(timed.iter_mut().zip(&settings)) {
+                if *method == StarMethod::Auto {
+                    timed.note = self.whole_frames(renderer, &rig, settings)?;
+                }
+            }
+        }
         let totals = self.totals(renderer, &rig, &settings, &timed, budget)?;
         let case = Case {
             axis: Axis::Stars,
@@ -115,6 +141,29 @@ impl Workload<'_> {
         Ok(rows)
     }
 
+    /// What whole frames take, with all passes and readback: display images within their budget, and HDR images.
+    fn whole_frames(
+        &self,
+        renderer: &mut Renderer,
+        rig: &Rig,
+        settings: &RenderSettings,
+    ) -> Result<String, ChartError> {
+        let mut medians = Vec::new();
+        for (what, wanted) in [("display", Wanted::display()), ("HDR", Wanted::hdr())] {
+            let mut times = Vec::new();
+            // The first one makes buffers, and the map of faint stars.
+            for turn in 0..=self.rounds {
+                match renderer.render(FrameRequest::new(self.scene, rig).settings(settings).wanted(wanted)) {
+                    Ok(frame) if turn > 0 => times.push(frame.times.total_ms),
+                    Ok(_) => {}
+                    Err(error) => return message_of(error),
+                }
+            }
+            medians.extend(Spread::of(&times).map(|spread| format!("{what} {:.1} ms", spread.median_ms)));
+        }
+        Ok(format!("whole frames with readback: {}", medians.join(", ")))
+    }
+
     /// The error of the light of the whole frame, per method.
     fn totals(
         &self,
@@ -136,7 +185,9 @@ impl Workload<'_> {
         let scene = inner_scene.as_ref().unwrap_or(self.scene);
         let mut totals = Vec::new();
         for ((method, settings), timed) in StarMethod::ALL.into_iter().zip(settings).zip(timed) {
-            totals.push(if !method.draws_catalogue() {
+            totals.push(if self.ev100 != TIMING_EV100 {
+                Score::none(format!("measured at ev100 {TIMING_EV100}"))
+            } else if !method.draws_catalogue() {
                 Score::none("does not apply: the sky is procedural, its stars are its own")
             } else if method.is_relative() {
                 Score::none("does not apply: brightness is relative, so the frame's light has no scale")

@@ -165,6 +165,8 @@ impl ViewShape {
 pub struct Extent {
     /// Skies, each with the views that it is drawn in.
     pub skies: Vec<(Sky, Vec<ViewShape>)>,
+    /// Exposures of users, EV at ISO 100, in which the views of the largest sky of at most a million stars are timed too.
+    pub exposures: Vec<f64>,
     /// Measured frames of every method and workload, at most.
     pub rounds: usize,
     /// Time of the whole run, all axes and the making of skies included. Work that is under way when it ends is finished,
@@ -230,6 +232,7 @@ impl Extent {
                 (Sky::Galaxy(10_000), vec![flat, dome, ViewShape::FullSky([2048, 1024])]),
                 (Sky::Galaxy(1_000_000), vec![flat, dome]),
             ],
+            exposures: vec![-5.4],
             rounds: 5,
             budget: Duration::from_secs(140),
             scoring: ScoringSize::default(),
@@ -265,6 +268,7 @@ impl Extent {
         }
         Self {
             skies,
+            exposures: vec![-13.0, -8.5, -5.4],
             rounds: 11,
             budget: Duration::from_secs(1900),
             scoring: ScoringSize::default(),
@@ -277,7 +281,15 @@ impl Extent {
 
     /// How many workloads the axis `stars` has.
     pub fn workloads(&self) -> usize {
-        self.skies.iter().map(|(_, views)| views.len()).sum()
+        let exposed = self.exposed_sky().map_or(0, |index| self.skies[index].1.len() * self.exposures.len());
+        self.skies.iter().map(|(_, views)| views.len()).sum::<usize>() + exposed
+    }
+
+    /// Index of the sky that is drawn in the exposures of users.
+    pub(super) fn exposed_sky(&self) -> Option<usize> {
+        let stars = |sky: Sky| if let Sky::Galaxy(stars) = sky { stars } else { 0 };
+        let few = self.skies.iter().enumerate().filter(|(_, (sky, _))| stars(*sky) <= MOST_KEPT);
+        few.max_by_key(|(_, (sky, _))| stars(*sky)).map(|(index, _)| index)
     }
 }
 
@@ -348,10 +360,12 @@ mod tests {
                 .iter()
                 .flat_map(|(sky, views)| views.iter().map(move |view| format!("{} {}", sky.name(), view.name())))
                 .collect();
-            let all = names.len();
+            let exposed = extent.exposed_sky().unwrap();
+            let all = names.len() + extent.skies[exposed].1.len() * extent.exposures.len();
             names.sort();
             names.dedup();
-            assert!(names.len() == all && all == extent.workloads());
+            assert!(names.len() <= all && all == extent.workloads());
+            assert_eq!(extent.skies[exposed].0, Sky::Galaxy(1_000_000));
             names
         };
         assert!(of(&Extent::quick()).contains(&"1M anticentre-1080p".to_owned()));

@@ -20,6 +20,7 @@ fn tiny() -> Extent {
         skies: [Sky::Bright, Sky::Galaxy(300)]
             .map(|sky| (sky, vec![ViewShape::Flat([160, 90]), ViewShape::FullSky([128, 64])]))
             .to_vec(),
+        exposures: vec![-8.5],
         rounds: 2,
         budget: AMPLE,
         scoring: tiny_scoring(),

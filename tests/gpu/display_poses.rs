@@ -29,8 +29,7 @@ const BRIGHT_CODE: f64 = 150.0;
 const NEAR_PX: i64 = 6;
 /// Half the width of the Milky Way, rad.
 const MILKY_WAY_RAD: f64 = 0.14;
-/// Bright stars whose light is compared, and half the side of the square that it is summed in, pixels: that of the B-spline. Farther out the
-/// sky, whose error may be half a code, is more than a hundredth of the fainter ones.
+/// Bright stars whose light is compared, and half the side of the square that it is summed in, pixels: that of the B-spline.
 const BRIGHTEST: usize = 500;
 const SQUARE_PX: i64 = 1;
 
@@ -117,9 +116,11 @@ impl Found {
             if !square.iter().all(|(x, y)| inside(*x, *y)) {
                 continue;
             }
+            // Weighted by the profile of its image, as photometry does it: the sky of the square's corners, which may err by half a code, would
+            // be a hundredth of the fainter stars.
             let light = |of: &[[f32; 4]]| -> f64 {
-                let at = square.iter().map(|(x, y)| of[(y * i64::from(width) + x) as usize]);
-                at.map(|[_, green, _, omega]| f64::from(green) * f64::from(omega)).sum()
+                let places = square.iter().map(|(x, y)| (y * i64::from(width) + x) as usize);
+                places.map(|at| f64::from(pixels[at][1]) * f64::from(of[at][1]) * f64::from(of[at][3])).sum()
             };
             self.worst_light = self.worst_light.max((light(shown) / light(pixels) - 1.0).abs());
         }
