@@ -10,9 +10,11 @@ use super::{
     load::{self, LoadedScene},
     results,
 };
+use crate::audit::{AuditedScene, audit_into};
 use crate::config::Config;
 use crate::gpu::{Gpu, GpuOptions};
 use crate::output::write_frames;
+use crate::plan::audit::{Audit, ImageAudit};
 use crate::render::{Frame, FrameRequest, RenderError, Renderer, Wanted};
 use crate::scene::SceneSnapshot;
 
@@ -58,7 +60,11 @@ pub fn run(arguments: RenderArguments, adapter: Option<String>) -> Result<(), Cl
     prepared.map_err(|error| CliError::render(error, &config.origin))?;
     let snapshot = SceneSnapshot { revision: 1, stars: Arc::new(stars), objects, camera };
     let mut draw = |number: usize| -> Result<Frame, RenderError> {
-        let frame = renderer.render(FrameRequest::of_group(&snapshot, &groups, number).wanted(Wanted::both()))?;
+        let mut frame = renderer.render(FrameRequest::of_group(&snapshot, &groups, number).wanted(Wanted::both()))?;
+        if groups[number].settings.accuracy.audit {
+            let scene = AuditedScene::of_group(&snapshot, &groups[number], false);
+            audit_into(&scene, &mut frame, renderer.limits())?;
+        }
         Ok(frame.of_views(&groups[number].views))
     };
     let frames: Result<Vec<Frame>, RenderError> = (0..groups.len()).map(&mut draw).collect();
@@ -70,5 +76,16 @@ pub fn run(arguments: RenderArguments, adapter: Option<String>) -> Result<(), Cl
     for path in write_frames(&arguments.out, &rig, &frames, &renderer.adapter().adapter, &tell)? {
         results::line(path.display())?;
     }
-    Ok(())
+    check_audits(&frames)
+}
+
+/// An error where an audit has found a budget broken; what was not audited is warned about.
+fn check_audits(frames: &[Frame]) -> Result<(), CliError> {
+    let plans = frames.iter().flat_map(|frame| [Some(&frame.plan), frame.hdr_plan.as_ref()]).flatten();
+    let audits: Vec<&Audit> = plans.filter_map(|plan| plan.audit.as_ref()).collect();
+    for what in audits.iter().flat_map(|audit| &audit.not_audited) {
+        tracing::warn!("not audited: {what}");
+    }
+    let broken: Vec<String> = audits.iter().flat_map(|audit| audit.broken()).map(ImageAudit::in_words).collect();
+    if broken.is_empty() { Ok(()) } else { Err(CliError::Audit(broken)) }
 }

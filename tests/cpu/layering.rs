@@ -18,7 +18,7 @@ const LAYERS: &[&[&str]] = &[
     &["config", "gpu"],
     &["reference", "metrics"],
     &["render"],
-    &["verify", "chart"],
+    &["verify", "chart", "audit"],
     &["output", "xr", "service"],
     &["cli"],
     &["main"],

@@ -5,6 +5,7 @@
 mod common;
 
 mod asteroids;
+mod audit;
 mod bodies;
 mod chart;
 mod display;
