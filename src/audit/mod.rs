@@ -24,10 +24,7 @@ use glam::DVec3;
 
 use self::sample::Place;
 use crate::{
-    photometry::{
-        exposure::white_luminance_cd_m2,
-        glare::split::ShownCore,
-    },
+    photometry::{exposure::white_luminance_cd_m2, glare::split::ShownCore},
     plan::{
         ExposureSource, Limits, Output, Plan, PlanError, PlanOutputs, Planner,
         audit::{Audit, AuditedOutput, ImageAudit, WorstPixel},
@@ -189,7 +186,8 @@ impl Expected {
             ..Eye::default()
         };
         let bright = {
-            let sight = Sight::new(Eye { position_m: camera.position_m, velocity_c: camera.velocity_c, ..Eye::default() });
+            let sight =
+                Sight::new(Eye { position_m: camera.position_m, velocity_c: camera.velocity_c, ..Eye::default() });
             let seen = of.scene.stars.iter().filter_map(|(at, at_infinity, star)| sight.of(at, at_infinity, star));
             sample::brightest(seen.map(|star| (star.illuminance_lx, star.direction.normalize())))
         };
@@ -299,8 +297,7 @@ impl<'a> AuditedImage<'a> {
         let pixels = size[0] as usize * size[1] as usize;
         for blank in [0, 255] {
             let mut codes = vec![blank; 4 * pixels];
-            let mut target =
-                OverlayTarget { size, codes: &mut codes, contains: &|_, _| true, cover: &|_, _| None };
+            let mut target = OverlayTarget { size, codes: &mut codes, contains: &|_, _| true, cover: &|_, _| None };
             draw(&mut target, items, &overlay.texels);
             for (([x, y], _), covered) in self.sample.iter().zip(&mut self.covered) {
                 let index = 4 * (*y as usize * size[0] as usize + *x as usize);

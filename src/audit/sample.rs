@@ -7,10 +7,7 @@ use std::{cmp::Reverse, collections::BinaryHeap};
 
 use glam::{DQuat, DVec3};
 
-use crate::{
-    reference::glare::sky_cube::sampled_pixels,
-    view::projection::PlaneMapping,
-};
+use crate::{reference::glare::sky_cube::sampled_pixels, view::projection::PlaneMapping};
 
 /// Why a pixel is in the sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -174,7 +171,8 @@ mod tests {
         assert_eq!(sample.len(), 256);
         assert_eq!(sample.iter().map(|(pixel, _)| pixel).collect::<HashSet<_>>().len(), 256);
         assert!(sample.iter().all(|([x, y], _)| dome.contains(*x, *y)));
-        let of = |place: Place| sample.iter().filter(|(_, of)| *of == place).map(|(pixel, _)| *pixel).collect::<Vec<_>>();
+        let of =
+            |place: Place| sample.iter().filter(|(_, of)| *of == place).map(|(pixel, _)| *pixel).collect::<Vec<_>>();
         // The first star stands behind the eye.
         assert_eq!(of(Place::NearStar).len(), 16);
         for star in &bright[1..] {

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use clap::Args;
 
 use super::{
-    CliError, explain,
+    CliError, audits, explain,
     load::{self, LoadedScene},
     results,
 };
@@ -14,7 +14,6 @@ use crate::audit::{AuditedScene, audit_into};
 use crate::config::Config;
 use crate::gpu::{Gpu, GpuOptions};
 use crate::output::write_frames;
-use crate::plan::audit::{Audit, ImageAudit};
 use crate::render::{Frame, FrameRequest, RenderError, Renderer, Wanted};
 use crate::scene::SceneSnapshot;
 
@@ -51,6 +50,9 @@ pub fn run(arguments: RenderArguments, adapter: Option<String>) -> Result<(), Cl
     if rig.views().is_empty() {
         return Err(CliError::Usage(format!("{}: views: at least one [[views]] is needed to render", config.origin)));
     }
+    if config.accuracy.frame_ms.is_some() {
+        tracing::info!("{}: accuracy.frame_ms acts in `serve` alone: files give up no quality", config.origin);
+    }
     let gpu = Gpu::open(&GpuOptions { adapter, ..GpuOptions::default() })?;
     let mut renderer = Renderer::new(gpu);
     renderer.check(&rig).map_err(|error| CliError::render(error.into(), &config.origin))?;
@@ -76,16 +78,5 @@ pub fn run(arguments: RenderArguments, adapter: Option<String>) -> Result<(), Cl
     for path in write_frames(&arguments.out, &rig, &frames, &renderer.adapter().adapter, &tell)? {
         results::line(path.display())?;
     }
-    check_audits(&frames)
-}
-
-/// An error where an audit has found a budget broken; what was not audited is warned about.
-fn check_audits(frames: &[Frame]) -> Result<(), CliError> {
-    let plans = frames.iter().flat_map(|frame| [Some(&frame.plan), frame.hdr_plan.as_ref()]).flatten();
-    let audits: Vec<&Audit> = plans.filter_map(|plan| plan.audit.as_ref()).collect();
-    for what in audits.iter().flat_map(|audit| &audit.not_audited) {
-        tracing::warn!("not audited: {what}");
-    }
-    let broken: Vec<String> = audits.iter().flat_map(|audit| audit.broken()).map(ImageAudit::in_words).collect();
-    if broken.is_empty() { Ok(()) } else { Err(CliError::Audit(broken)) }
+    audits::check(&frames)
 }

@@ -150,7 +150,15 @@ pub struct AccuracySettings {
 
 impl Default for AccuracySettings {
     fn default() -> Self {
-        Self { flux: 1e-3, centroid_px: 0.05, flicker: 0.02, glare: 0.02, display_codes: 0.5, audit: false, frame_ms: None }
+        Self {
+            flux: 1e-3,
+            centroid_px: 0.05,
+            flicker: 0.02,
+            glare: 0.02,
+            display_codes: 0.5,
+            audit: false,
+            frame_ms: None,
+        }
     }
 }
 

@@ -131,7 +131,11 @@ fn work(frames: &Receiver<AuditedFrame>, report: &AuditReport, one_core: &rayon:
                 // Once when it begins, not with every frame.
                 if is_broken && !was_broken {
                     for image in found.broken() {
-                        tracing::warn!("frame {}: the audit finds the error budget broken: {}", frame.number, image.in_words());
+                        tracing::warn!(
+                            "frame {}: the audit finds the error budget broken: {}",
+                            frame.number,
+                            image.in_words()
+                        );
                     }
                 }
                 was_broken = is_broken;

@@ -10,8 +10,8 @@ use tonic::{
 pub use super::{
     client_scene::{CheckReceiver, ReceivedCheck, ReceivedFigure, SceneForm, SceneReceiver},
     client_stats::{
-        HeadsetStatus, ReceivedAudits, ReceivedHeadset, ReceivedImageAudit, ReceivedQuality, ReceivedStats, ReceivedTimes,
-        StatsReceiver,
+        HeadsetStatus, ReceivedAudits, ReceivedHeadset, ReceivedImageAudit, ReceivedQuality, ReceivedStats,
+        ReceivedTimes, StatsReceiver,
     },
 };
 use super::{

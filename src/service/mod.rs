@@ -46,9 +46,9 @@ mod views;
 mod worker;
 
 pub use client::{
-    CheckReceiver, Client, ClientError, FrameReceiver, HeadsetStatus, ReceivedCheck, ReceivedFigure, ReceivedFrame,
-    ReceivedAudits, ReceivedHeadset, ReceivedImage, ReceivedImageAudit, ReceivedQuality, ReceivedStats, ReceivedTimes, SceneForm, SceneReceiver, ServerInfo, StatsReceiver,
-    ViewForm, ViewImageForm,
+    CheckReceiver, Client, ClientError, FrameReceiver, HeadsetStatus, ReceivedAudits, ReceivedCheck, ReceivedFigure,
+    ReceivedFrame, ReceivedHeadset, ReceivedImage, ReceivedImageAudit, ReceivedQuality, ReceivedStats, ReceivedTimes,
+    SceneForm, SceneReceiver, ServerInfo, StatsReceiver, ViewForm, ViewImageForm,
 };
 pub use engine::{Engine, EngineError};
 pub use headset::{Drive, HeadsetOptions};

@@ -118,6 +118,8 @@ impl Quality {
         if self.frames <= SETTLING {
             return;
         }
+        // A single frame that takes very long, as one that waits for a disk, does not count for many.
+        let took_ms = took_ms.min(2.0 * self.frame_ms);
         let smoothed_ms = self.smoothed_ms.map_or(took_ms, |before| before + NEWEST * (took_ms - before));
         self.smoothed_ms = Some(smoothed_ms);
         if self.frames < SETTLING + JUDGED {

@@ -149,7 +149,9 @@ fn a_corrupted_image_is_caught_and_the_place_is_named() {
     };
     let mut display = honest.clone();
     let codes = display.images[0].display.as_mut().unwrap();
-    square().for_each(|pixel| (0..3).for_each(|channel| codes[4 * pixel + channel] = codes[4 * pixel + channel].wrapping_add(6)));
+    square().for_each(|pixel| {
+        (0..3).for_each(|channel| codes[4 * pixel + channel] = codes[4 * pixel + channel].wrapping_add(6))
+    });
     assert!(is_inside(&found(&renderer, &of, &display), AuditedOutput::Display));
     let mut hdr = honest.clone();
     let light = hdr.images[0].hdr.as_mut().unwrap();
@@ -158,7 +160,7 @@ fn a_corrupted_image_is_caught_and_the_place_is_named() {
     let mut none = honest;
     let light = none.images[0].hdr.as_mut().unwrap();
     square().for_each(|pixel| light[pixel][2] = f32::NAN);
-    assert!(is_inside(&found(&renderer, &of, &none)[1]), "what is no number is no success");
+    assert!(is_inside(&found(&renderer, &of, &none), AuditedOutput::Hdr), "what is no number is no success");
 }
 
 /// A picture that is turned by a tenth of a pixel, or shown a twentieth of a stop too bright.

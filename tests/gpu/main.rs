@@ -14,6 +14,7 @@ mod display_stability;
 mod glare;
 mod overlay;
 mod pool;
+mod quality;
 mod smooth_light;
 mod solid_angle;
 mod stars;

@@ -100,7 +100,8 @@ async fn wrong_pictures_are_found_by_the_audit_beside_the_frames() {
     }
     let mut figures = client.watch_stats(Some(0.1)).await.unwrap();
     let audited = |stats: &ReceivedStats| stats.audit.as_ref().is_some_and(|audit| audit.frames_audited > 0);
-    let audit = tokio::time::timeout(Duration::from_secs(60), stats(&mut figures, audited)).await.unwrap().audit.unwrap();
+    let audit =
+        tokio::time::timeout(Duration::from_secs(60), stats(&mut figures, audited)).await.unwrap().audit.unwrap();
     assert!(audit.frames_broken > 0 && audit.frames_audited < 20, "{audit:?}");
     assert!(audit.images.iter().any(|image| image.view == "flat" && !image.within_budget && image.pixels > 0));
     assert!(audit.not_audited.is_empty());

@@ -94,7 +94,9 @@ impl FrameParts {
         }
         if let Some(AsteroidCounts { meshes, impostors, hidden, points, culled, .. }) = &self.counts {
             let meshes = meshes.iter().map(u64::to_string).collect::<Vec<_>>().join(" ");
-            notes.push(format!("drawn: meshes {meshes}, impostors {impostors} ({hidden} hidden), points {points}, culled {culled}"));
+            notes.push(format!(
+                "drawn: meshes {meshes}, impostors {impostors} ({hidden} hidden), points {points}, culled {culled}"
+            ));
         }
         notes.join("; ")
     }

@@ -60,7 +60,9 @@ impl AtlasLayout {
     pub fn of(method: ImpostorMethod) -> Option<Self> {
         match method.chosen() {
             ImpostorMethod::EulerAtlas => Some(Self::Euler),
-            ImpostorMethod::Octahedral | ImpostorMethod::OctahedralBlend | ImpostorMethod::OctahedralSplat => Some(Self::Octahedral),
+            ImpostorMethod::Octahedral | ImpostorMethod::OctahedralBlend | ImpostorMethod::OctahedralSplat => {
+                Some(Self::Octahedral)
+            }
             ImpostorMethod::Auto | ImpostorMethod::None => None,
         }
     }
@@ -95,7 +97,9 @@ pub fn tiles_shown(
     match method.chosen() {
         ImpostorMethod::EulerAtlas => Some(one(euler::tile(euler::Angles::of(view_from_shape), tiles, Rounding::Up))),
         ImpostorMethod::Octahedral => Some(one(octahedral::nearest(direction, tiles))),
-        ImpostorMethod::OctahedralBlend | ImpostorMethod::OctahedralSplat => Some(octahedral::blended(direction, tiles)),
+        ImpostorMethod::OctahedralBlend | ImpostorMethod::OctahedralSplat => {
+            Some(octahedral::blended(direction, tiles))
+        }
         ImpostorMethod::Auto | ImpostorMethod::None => None,
     }
 }

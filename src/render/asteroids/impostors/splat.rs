@@ -216,7 +216,13 @@ impl AsteroidSplatPass {
 
 impl SplatLists<'_> {
     /// Binds groups 0 and 1: the lists, and an atlas, whose bounds come from the lists' shapes.
-    fn bind(&self, gpu: &Gpu, pass: &mut wgpu::ComputePass<'_>, pipeline: &wgpu::ComputePipeline, atlas: &ImpostorAtlas) {
+    fn bind(
+        &self,
+        gpu: &Gpu,
+        pass: &mut wgpu::ComputePass<'_>,
+        pipeline: &wgpu::ComputePipeline,
+        atlas: &ImpostorAtlas,
+    ) {
         let bindings = [
             (0, self.target.as_entire_binding()),
             (2, self.items.as_entire_binding()),
