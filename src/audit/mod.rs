@@ -15,7 +15,7 @@
 //!
 //! **The cost** is known beforehand: at most [`MOST_PIXELS`] pixels of an image and [`MOST_PIXELS_OF_FRAME`] of a frame, and one walk through the stars for each eye.
 //!
-//! What has no twin here is told as not audited: published star methods and glare, kernels that are round in the sky, bodies and asteroids. Overlays are no
+//! What has no twin here is told as not audited: published star methods and glare, kernels that are round in the sky, bodies and asteroids, and glare in pixels wider than 4.7 degrees. Overlays are no
 //! part of the picture: pixels that they touch are left out.
 
 mod sample;
@@ -28,7 +28,7 @@ use crate::{
     plan::{
         ExposureSource, Limits, Output, Plan, PlanError, PlanOutputs, Planner,
         audit::{Audit, AuditedOutput, ImageAudit, WorstPixel},
-        glare::sky_cube::shown_rad_of,
+        glare::sky_cube::{shown_rad_of, smooth_angle_rad},
         settings::{Accumulator, GlareMethod, RenderSettings, StarMethod, ToneMapSettings},
         view_settings::FrameGroup,
     },
@@ -107,6 +107,12 @@ pub fn audit(of: &AuditedScene<'_>, frame: &Frame, limits: &Limits) -> Result<[A
     let expected = Expected::new(of, frame, limits)?;
     let images = expected.images_of(of, frame);
     for image in &images {
+        if expected.has_glare() && shown_rad_of(&image.viewport.projection) > smooth_angle_rad(0) {
+            let pixel_deg = image.viewport.projection.middle_pixel_rad().to_degrees();
+            let why = "so wide that the twin of glare is not what the exact method draws";
+            shown.not_audited.push(format!("view {}: pixels of {pixel_deg:.1} degrees, {why}", image.name));
+            continue;
+        }
         let own = if frame.hdr_plan.is_some() { &mut *exact } else { &mut *shown };
         own.images.extend(image.compare_hdr(&expected, of.settings));
         shown.images.extend(image.compare_display(&expected, of.settings));
@@ -176,6 +182,10 @@ impl Expected {
         Ok(Self { plan, white_cd_m2: white_luminance_cd_m2(frame.exposure_ev100) })
     }
 
+    fn has_glare(&self) -> bool {
+        self.plan.glare.method == GlareMethod::SkyCube
+    }
+
     /// The images of a frame with the pixels that are to be compared.
     fn images_of<'a>(&'a self, of: &AuditedScene<'_>, frame: &'a Frame) -> Vec<AuditedImage<'a>> {
         let each = (MOST_PIXELS_OF_FRAME / frame.images.len().max(1)).max(64).min(of.most_pixels);
@@ -201,7 +211,7 @@ impl Expected {
             images.push(AuditedImage::new(image, viewport, number, name, &bright, each));
         }
         images.iter_mut().for_each(|image| image.leave_out_overlay(&self.plan));
-        let glare = self.plan.glare.kernel.as_deref().filter(|_| self.plan.glare.method == GlareMethod::SkyCube);
+        let glare = self.plan.glare.kernel.as_deref().filter(|_| self.has_glare());
         // Each eye sees the stars from a place of its own.
         let mut eyes: Vec<DVec3> = images.iter().map(|image| image.viewport.eye_offset_m).collect();
         eyes.sort_by(|a, b| a.to_array().map(f64::to_bits).cmp(&b.to_array().map(f64::to_bits)));

@@ -5,7 +5,7 @@
 //! the level above is expected to be in time for a while, by how much longer that took when it was left. Where the level above turns out too slow all the same, the
 //! next attempt takes twice the patience. HDR images give up nothing, and their times do not count.
 
-use crate::plan::settings::{GlareMethod, RenderSettings};
+use crate::plan::settings::RenderSettings;
 
 /// Frames at the beginning of a level that tell nothing of it: six of them may make pictures of the map of faint stars.
 const SETTLING: u32 = 10;
@@ -18,46 +18,22 @@ const RETURN_WITHIN: f64 = 0.8;
 /// Frames in a row that must have that time to spare before the level rises: at first, and at most.
 const PATIENCE: [u32; 2] = [60, 960];
 
-/// What a level gives up.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Level {
-    /// The budget of display images is at least this, codes; 0: as configured.
-    display_codes: f64,
-    /// Whether display images have glare.
-    glare: bool,
-}
-
-/// The levels in the stated order, from what is configured on; each gives up what those before it do.
-const LEVELS: [Level; 5] = [
-    Level { display_codes: 0.0, glare: true },
-    Level { display_codes: 1.0, glare: true },
-    Level { display_codes: 2.0, glare: true },
-    Level { display_codes: 4.0, glare: true },
-    Level { display_codes: 4.0, glare: false },
-];
+/// The levels in the stated order: the budget of display images is at least this, codes; 0: as configured. Larger budgets put more stars into the map of
+/// faint stars and draw the veil of single sources less far. Leaving glare out saves nothing: without it there is no map.
+const LEVELS: [f64; 5] = [0.0, 1.0, 2.0, 4.0, 8.0];
 
 /// The settings of display images at a level, 0 being what is configured.
 pub(super) fn settings_at(level: u32, settings: &RenderSettings) -> RenderSettings {
     let mut reduced = settings.clone();
-    let Level { display_codes, glare } = level_of(level);
-    reduced.accuracy.display_codes = settings.accuracy.display_codes.max(display_codes);
-    if !glare {
-        reduced.glare.method = GlareMethod::None;
-    }
+    let least = LEVELS[(level as usize).min(LEVELS.len() - 1)];
+    reduced.accuracy.display_codes = settings.accuracy.display_codes.max(least);
     reduced
 }
 
 /// What a level gives up of settings, in words; nothing where it changes nothing.
 pub(super) fn given_up(level: u32, settings: &RenderSettings) -> Vec<String> {
-    let reduced = settings_at(level, settings);
-    let (codes, before) = (reduced.accuracy.display_codes, settings.accuracy.display_codes);
-    let of_codes = (codes != before).then(|| format!("display_codes {codes} in place of {before}"));
-    let of_glare = (reduced.glare.method != settings.glare.method).then(|| "glare".to_owned());
-    of_codes.into_iter().chain(of_glare).collect()
-}
-
-fn level_of(level: u32) -> Level {
-    LEVELS[(level as usize).min(LEVELS.len() - 1)]
+    let (codes, before) = (settings_at(level, settings).accuracy.display_codes, settings.accuracy.display_codes);
+    (codes != before).then(|| format!("display_codes {codes} in place of {before}")).into_iter().collect()
 }
 
 /// Chooses the level of the frames of a daemon.
@@ -248,7 +224,7 @@ mod tests {
         assert!(given_up(0, &settings).is_empty());
         assert_eq!(given_up(1, &settings), ["display_codes 1 in place of 0.5"]);
         assert_eq!(given_up(3, &settings), ["display_codes 4 in place of 0.5"]);
-        assert_eq!(given_up(4, &settings), ["display_codes 4 in place of 0.5", "glare"]);
+        assert_eq!(given_up(4, &settings), ["display_codes 8 in place of 0.5"]);
         // A coarser budget stays.
         let mut coarse = settings;
         coarse.accuracy.display_codes = 3.0;

@@ -119,7 +119,7 @@ fn other_thresholds_other_glare_and_missing_stars_are_caught() {
     let [mut tents, mut dim, mut bright_alone] = [honest.clone(), honest.clone(), honest.clone()];
     tents.2.accuracy.flicker = 1.0;
     dim.2.glare.fraction = 0.07;
-    bright_alone.2.stars.magnitude_limit = 5.5;
+    bright_alone.2.stars.magnitude_limit = 3.0;
     for (name, wrong) in [("tents", tents), ("glare", dim), ("missing stars", bright_alone)] {
         let frame = draw(&mut renderer, &wrong, Wanted::both());
         println!("{name}");

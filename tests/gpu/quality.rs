@@ -23,7 +23,7 @@ fn what_levels_save() {
         settings.exposure.mode = steradian::plan::settings::ExposureMode::Manual;
         settings.exposure.ev100 = ev100;
         let mut renderer = renderer();
-        for (codes, glare) in [(0.5, true), (1.0, true), (2.0, true), (4.0, true), (4.0, false)] {
+        for (codes, glare) in [(0.5, true), (1.0, true), (2.0, true), (4.0, true), (8.0, true), (8.0, false)] {
             settings.accuracy.display_codes = codes;
             settings.glare.method = if glare { GlareMethod::Auto } else { GlareMethod::None };
             let mut times = Vec::new();

@@ -453,7 +453,8 @@ fn an_audited_render_says_what_it_compared_and_changes_no_picture() {
     std::fs::write(folder.path().join("sky.toml"), SCENE).unwrap();
     let audited = ["render", "--config", "sky.toml", "--out", "a", "--explain", "--set", "accuracy.audit=true"];
     let (out, _) = run(folder.path(), &audited, 0);
-    assert!(out.contains("  audit     all (display): ") && out.contains("within the budget"), "{out}");
+    assert!(out.contains("  audit     cube.up (display): ") && out.contains("within the budget"), "{out}");
+    assert!(out.contains("not audited: view all: pixels of 5.6 degrees"), "{out}");
     let manifest = std::fs::read(folder.path().join("a/manifest.json")).unwrap();
     let manifest: serde_json::Value = serde_json::from_slice(&manifest).unwrap();
     let plan = &manifest["views"][0]["plan"];

@@ -29,6 +29,9 @@ use tonic::transport::{Channel, Endpoint};
 /// Far longer than any test takes: a test that waits in vain fails instead of hanging.
 pub const PATIENCE: Duration = Duration::from_secs(60);
 
+/// How long a frame of these settings takes, ms.
+pub type TookMs = fn(&RenderSettings) -> f64;
+
 /// What the test tells the engine, and what the engine tells the test.
 #[derive(Default)]
 pub struct Controls {
@@ -55,7 +58,7 @@ pub struct Controls {
     /// Names of the views of each frame, and how they were drawn.
     pub framed: Mutex<Vec<(Vec<String>, RenderSettings)>>,
     /// How long a frame of these settings is told to have taken, ms.
-    pub took_ms: Mutex<Option<fn(&RenderSettings) -> f64>>,
+    pub took_ms: Mutex<Option<TookMs>>,
     /// Checks begun.
     pub checks_started: AtomicU64,
     /// Methods that checks were run for.

@@ -38,6 +38,8 @@ const PARTS: usize = 32;
 const REACH_PX: f64 = 5.0;
 /// Sides of the blocks of pixels that tell whether a star is near a chosen one.
 const BLOCK_PX: f64 = 8.0;
+/// The veil in the midst of the Milky Way over the mean one.
+const BRIGHTEST_VEIL: f64 = 4.0;
 /// A star within this of a threshold, relative, may take either kernel in f32.
 const UNDECIDED: f64 = 1e-4;
 
@@ -175,7 +177,7 @@ pub fn pixels(sky: &SampledSky<'_>, images: &[SampledImage<'_>]) -> Vec<Vec<Pixe
     images.iter().map(of_image).collect()
 }
 
-/// Sources below this are too faint to be drawn by themselves where their kernels are as wide as pixels can show them: under the mean veil of
+/// Sources below this may be too faint to be drawn by themselves where their kernels are as wide as pixels can show them: under the brightest veil of
 /// the sky, with the coarsest pixels.
 fn faint_below_lx(sky: &SampledSky<'_>, images: &[SampledImage<'_>], sight: &Sight) -> f64 {
     let Some(SampledGlare { kernel, tolerance, .. }) = sky.glare else { return 0.0 };
@@ -189,7 +191,7 @@ fn faint_below_lx(sky: &SampledSky<'_>, images: &[SampledImage<'_>], sight: &Sig
     let light_lx: f64 = sky.stars.chunks.par_iter().map(of_chunk).collect::<Vec<_>>().iter().sum();
     let cores = images.iter().filter_map(|image| image.shown).map(|shown| shown.core.squared);
     let widest = cores.fold(0.0, f64::max);
-    tolerance * light_lx / (4.0 * PI) / kernel.per_sr(angle_of_chord_squared(widest))
+    BRIGHTEST_VEIL * tolerance * light_lx / (4.0 * PI) / kernel.per_sr(angle_of_chord_squared(widest))
 }
 
 /// Where the chosen pixels of an image are.
