@@ -83,6 +83,7 @@ pub mod reference;
 
 pub mod render;
 
+pub mod audit;
 #[cfg(feature = "chart")]
 pub mod chart;
 pub mod verify;

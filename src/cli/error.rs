@@ -100,6 +100,9 @@ pub enum CliError {
         /// How many were run.
         of: usize,
     },
+    /// An audit has found images that break their budgets.
+    #[error("the audit has found the error budget broken; the files are written:\n  {}", .0.join("\n  "))]
+    Audit(Vec<String>),
     /// Standard output does not take the result.
     #[error("cannot write to standard output: {0}")]
     Stdout(#[from] io::Error),
@@ -135,7 +138,7 @@ impl CliError {
             CliError::Load { .. } | CliError::ReadStore(_) => BAD_DATA,
             CliError::Chart(_) => FAILED,
             CliError::WriteStore(_) | CliError::Output(_) | CliError::Json(_) | CliError::Stdout(_) => FAILED,
-            CliError::WriteFile { .. } | CliError::Checks { .. } => FAILED,
+            CliError::WriteFile { .. } | CliError::Checks { .. } | CliError::Audit(_) => FAILED,
         }
     }
 

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use crate::{
-    plan::{Approximation, FramePlan},
+    plan::{Approximation, FramePlan, audit::Audit},
     render::{AsteroidCounts, Frame, ViewStatistics},
 };
 
@@ -46,7 +46,7 @@ fn of_view(view: &ViewStatistics) -> String {
 }
 
 fn of_plan(images: &str, plan: &FramePlan) -> String {
-    let FramePlan { stars, accumulator, glare, certificate } = plan;
+    let FramePlan { stars, accumulator, glare, certificate, audit } = plan;
     let mut text = format!("{images}\n  stars     {stars}\n  sums      {accumulator}\n  glare     {glare}\n");
     for Approximation { what, bound, unit, within_budget } in certificate {
         let verdict = match within_budget {
@@ -56,6 +56,11 @@ fn of_plan(images: &str, plan: &FramePlan) -> String {
         };
         // Writing to a string cannot fail.
         let _ = writeln!(text, "  bound     {what}: {bound:.2e} {unit}{verdict}");
+    }
+    if let Some(Audit { images, not_audited }) = audit {
+        let audited = images.iter().map(|image| format!("  audit     {}\n", image.in_words()));
+        let left_out = not_audited.iter().map(|what| format!("  audit     not audited: {what}\n"));
+        text.extend(audited.chain(left_out));
     }
     text
 }

@@ -3,6 +3,7 @@
 //! Results go to standard output through `results`, logs and progress to standard error. Every error comes
 //! back to `main` as a [`CliError`], which knows its exit code.
 
+mod audits;
 mod catalogue;
 mod chart;
 mod error;

@@ -6,10 +6,11 @@ use std::sync::Arc;
 use clap::{Args, ValueEnum};
 
 use super::{
-    CliError, explain,
+    CliError, audits, explain,
     load::{self, LoadedScene},
     results,
 };
+use crate::audit::{AuditedScene, audit_into};
 use crate::config::Config;
 use crate::gpu::{Gpu, GpuOptions};
 use crate::output::write_frames;
@@ -62,6 +63,9 @@ pub fn run(arguments: RenderArguments, adapter: Option<String>) -> Result<(), Cl
     if rig.views().is_empty() {
         return Err(CliError::Usage(format!("{}: views: at least one [[views]] is needed to render", config.origin)));
     }
+    if config.accuracy.frame_ms.is_some() {
+        tracing::info!("{}: accuracy.frame_ms acts in `serve` alone: files give up no quality", config.origin);
+    }
     let gpu = Gpu::open(&GpuOptions { adapter, ..GpuOptions::default() })?;
     let mut renderer = Renderer::new(gpu);
     renderer.check(&rig).map_err(|error| CliError::render(error.into(), &config.origin))?;
@@ -76,7 +80,11 @@ pub fn run(arguments: RenderArguments, adapter: Option<String>) -> Result<(), Cl
         ..Wanted::default()
     };
     let mut draw = |number: usize| -> Result<Frame, RenderError> {
-        let frame = renderer.render(FrameRequest::of_group(&snapshot, &groups, number).wanted(wanted))?;
+        let mut frame = renderer.render(FrameRequest::of_group(&snapshot, &groups, number).wanted(wanted))?;
+        if groups[number].settings.accuracy.audit {
+            let scene = AuditedScene::of_group(&snapshot, &groups[number], false);
+            audit_into(&scene, &mut frame, renderer.limits())?;
+        }
         Ok(frame.of_views(&groups[number].views))
     };
     let frames: Result<Vec<Frame>, RenderError> = (0..groups.len()).map(&mut draw).collect();
@@ -88,5 +96,5 @@ pub fn run(arguments: RenderArguments, adapter: Option<String>) -> Result<(), Cl
     for path in write_frames(&arguments.out, &rig, &frames, &renderer.adapter().adapter, &tell)? {
         results::line(path.display())?;
     }
-    Ok(())
+    audits::check(&frames)
 }

@@ -109,6 +109,7 @@ const CHECKED_HERE: &[Range] = &[
     above_0("accuracy.flicker", 1.0, ""),
     above_0("accuracy.glare", 1.0, ""),
     closed("accuracy.display_codes", [0.0, 64.0], "codes of 8 bits"),
+    above_0("accuracy.frame_ms", 10_000.0, "ms"),
     closed("headset.resolution_scale", [0.1, 4.0], ""),
     above_0("headset.flight_m_s", 1e12, "m/s"),
     closed("headset.turn_deg_s", [0.0, 360.0], "deg/s"),

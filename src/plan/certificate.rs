@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use super::{
+    audit::Audit,
     settings::{Accumulator, GlareMethod, RenderSettings, StarMethod},
     stars::{
         kernels::{
@@ -37,6 +38,9 @@ pub struct FramePlan {
     pub glare: String,
     /// Every approximation with its bound.
     pub certificate: Vec<Approximation>,
+    /// What comparing sampled pixels with f64 has found, where `accuracy.audit` asks for it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub audit: Option<Audit>,
 }
 
 /// How the stars of a frame are drawn.
@@ -112,7 +116,7 @@ pub fn plan_stars(
         // Published methods come without bounds of their own: the chart has their measured errors.
         let accumulator = accumulator.to_owned();
         let glare = plan_glare(settings, &mut certificate);
-        let report = FramePlan { stars, accumulator, glare, certificate };
+        let report = FramePlan { stars, accumulator, glare, certificate, audit: None };
         return StarPlan { kernels, report };
     }
     let what = "rounding of a star's light in a pixel, unbiased";
@@ -136,7 +140,7 @@ pub fn plan_stars(
         certificate.push(bound("rounding of the stars that outshine the rest", 1.0 / bright.units_per_lx, "lx", None));
     }
     let glare = plan_glare(settings, &mut certificate);
-    let report = FramePlan { stars, accumulator: accumulator.to_owned(), glare, certificate };
+    let report = FramePlan { stars, accumulator: accumulator.to_owned(), glare, certificate, audit: None };
     StarPlan { kernels, report }
 }
 

@@ -1,16 +1,18 @@
 //! What is drawn how, as plain data in f64, with no GPU in sight: settings that name methods, and the plan that a frame follows.
 //!
-//! `settings` names the methods, `frame` makes the plan of a frame and `certificate` the bounds of its approximations. `exposure` finds the
-//! exposure as far as it follows from the plan, `view_settings` which views are drawn together. `tiles` cuts
-//! viewports into what the adapter can hold. Each technique has a folder: `stars` (culling, fixed-point ranges, kernels, motion, the
+//! `settings` names the methods, `frame` makes the plan of a frame and `certificate` the bounds of its approximations, `audit` what comparing a frame with f64 has found. `exposure` finds the
+//! exposure as far as it follows from the plan, `view_settings` which views are drawn together. `costs` says which of two ways that keep the budget is
+//! taken, `tiles` cuts viewports into what the adapter can hold. Each technique has a folder: `stars` (culling, fixed-point ranges, kernels, motion, the
 //! numbers of the methods that blend), `bodies`, `asteroids` and `glare`; `smooth_light` chooses the map of faint
 //! stars.
 
 pub mod adaptation;
 pub mod asteroids;
+pub mod audit;
 pub mod bodies;
 pub mod budget;
 mod certificate;
+pub mod costs;
 mod error;
 pub mod exposure;
 mod frame;

@@ -141,11 +141,24 @@ pub struct AccuracySettings {
     pub glare: f64,
     /// Display images: error against an exact frame, codes of 8 bits; 0 draws them as exactly as HDR images.
     pub display_codes: f64,
+    /// Whether sampled pixels are compared with f64: `render` fails where the budget is broken, `serve` warns.
+    pub audit: bool,
+    /// `serve` alone: how long a frame of display images may take. Where it takes longer, the images of streams give up quality step by step, and every
+    /// frame says what; absent: they give up nothing.
+    pub frame_ms: Option<f64>,
 }
 
 impl Default for AccuracySettings {
     fn default() -> Self {
-        Self { flux: 1e-3, centroid_px: 0.05, flicker: 0.02, glare: 0.02, display_codes: 0.5 }
+        Self {
+            flux: 1e-3,
+            centroid_px: 0.05,
+            flicker: 0.02,
+            glare: 0.02,
+            display_codes: 0.5,
+            audit: false,
+            frame_ms: None,
+        }
     }
 }
 

@@ -16,7 +16,7 @@ use glam::{DMat3, DQuat, DVec3};
 use rayon::prelude::*;
 
 use super::{
-    Limits,
+    Limits, costs,
     glare::sky_cube::map_place_pc,
     settings::{ExposureMode, GlareMethod, RenderSettings, StarMethod},
     stars::cull::{light_at, near_stars},
@@ -45,8 +45,6 @@ pub(super) const BRIGHTEST_STEPS: f64 = 1.15;
 const MARGIN_TEXELS: f64 = 4.0;
 /// Angle from the middle of a cube's face to its corner, rad.
 const CORNER_RAD: f64 = 0.955_316_618_124_509_3;
-/// Stars per pixel of the views from which on reading the map costs less than drawing them.
-const WORTH_PER_PIXEL: f64 = 0.3;
 /// Smallest solid angle of a pixel over that of the middle one, and largest ratio of the middle pixels of two views, for which the
 /// texels of one map fit.
 const LEAST_PIXEL_RATIO: f64 = 0.45;
@@ -177,7 +175,7 @@ impl SkyMaps {
         let SkyInputs { stars, viewports, .. } = inputs;
         let pixels: f64 = viewports.iter().map(|viewport| viewport.size().map(f64::from).iter().product::<f64>()).sum();
         let share: f64 = viewports.iter().map(|v| v.projection.picture_solid_angle_sr()).sum::<f64>() / (4.0 * PI);
-        let pays = |in_map: f64| in_map * share >= WORTH_PER_PIXEL * pixels;
+        let pays = |in_map: f64| in_map * share >= costs::BUILT_IN.map_from_stars_per_pixel * pixels;
         // Before they are looked at one by one.
         if !pays(stars.stars.len() as f64) {
             return None;

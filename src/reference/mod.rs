@@ -7,6 +7,7 @@
 //! - `asteroids`: fields of asteroids, ray by ray against their meshes, and `impostors`;
 //! - `glare`: what light scatters into every direction, source by source, and the published pyramids;
 //! - `sky`: the sky as it is, each star spread by an exact kernel over exact solid angles, in any projection;
+//! - `sampled`: chosen pixels of images, with the kernels and the glare that frames are to have: what an audit compares with;
 //! - `overlay`: lines and text over display images;
 //! - `triangle_solid_angle`: a published way to a pixel's solid angle, in the arithmetic of a shader.
 
@@ -14,6 +15,7 @@ pub mod asteroids;
 pub mod bodies;
 pub mod glare;
 pub mod overlay;
+pub mod sampled;
 pub mod sky;
 pub mod stars;
 pub mod triangle_solid_angle;

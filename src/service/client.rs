@@ -9,7 +9,10 @@ use tonic::{
 
 pub use super::{
     client_scene::{CheckReceiver, ReceivedCheck, ReceivedFigure, SceneForm, SceneReceiver},
-    client_stats::{HeadsetStatus, ReceivedHeadset, ReceivedStats, ReceivedTimes, StatsReceiver},
+    client_stats::{
+        HeadsetStatus, ReceivedAudits, ReceivedHeadset, ReceivedImageAudit, ReceivedQuality, ReceivedStats,
+        ReceivedTimes, StatsReceiver,
+    },
 };
 use super::{
     convert,
@@ -169,6 +172,10 @@ pub struct ReceivedFrame {
     pub limiting_magnitude: Option<f64>,
     /// Frames that this stream has dropped so far.
     pub dropped: u64,
+    /// What its display images have given up to be in time: 0 is as configured.
+    pub quality_level: u32,
+    /// The same in words.
+    pub given_up: Vec<String>,
     /// The images of the view.
     pub images: Vec<ReceivedImage>,
 }
@@ -228,6 +235,8 @@ impl TryFrom<proto::Frame> for ReceivedFrame {
             exposure_ev100: frame.exposure_ev100,
             limiting_magnitude: frame.limiting_magnitude,
             dropped: frame.dropped,
+            quality_level: frame.quality_level,
+            given_up: frame.given_up,
             images: images.collect::<Result<_, ClientError>>()?,
         })
     }

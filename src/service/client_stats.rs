@@ -171,6 +171,90 @@ pub struct ReceivedStats {
     pub last_frame: Option<ReceivedTimes>,
     /// The headset; `None` if the daemon drives none.
     pub headset: Option<ReceivedHeadset>,
+    /// What display images give up to be in time; `None` without `accuracy.frame_ms`.
+    pub quality: Option<ReceivedQuality>,
+    /// What audits of frames have found; `None` without `accuracy.audit`.
+    pub audit: Option<ReceivedAudits>,
+}
+
+/// What display images give up to be in time.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ReceivedQuality {
+    /// How long a frame may take, ms.
+    pub frame_ms: f64,
+    /// How long frames of this level take, smoothed, ms; `None` while that is not known.
+    pub smoothed_ms: Option<f64>,
+    /// Level of frames to come: 0 is as configured.
+    pub level: u32,
+    /// What it gives up, in words.
+    pub given_up: Vec<String>,
+}
+
+/// Audits of frames since the daemon started.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ReceivedAudits {
+    /// Frames audited.
+    pub frames_audited: u64,
+    /// Those of them that break an error budget.
+    pub frames_broken: u64,
+    /// Number of the last frame that was looked at.
+    pub last_frame_number: u64,
+    /// Its images.
+    pub images: Vec<ReceivedImageAudit>,
+    /// What of it was not compared, and why.
+    pub not_audited: Vec<String>,
+}
+
+/// Errors of the sampled pixels of an image.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ReceivedImageAudit {
+    /// Name of the view.
+    pub view: String,
+    /// Which of its images; empty where it has one.
+    pub part: String,
+    /// Whether it is an HDR image.
+    pub hdr: bool,
+    /// Pixels compared.
+    pub pixels: u32,
+    /// The error that 99.9 % of their channels do not exceed, and what it may be.
+    pub error_999: [f64; 2],
+    /// The largest error, and what it may be.
+    pub largest: [f64; 2],
+    /// Unit of the errors.
+    pub unit: String,
+    /// Whether both are within the budget.
+    pub within_budget: bool,
+    /// Column and row of the largest error.
+    pub worst: [u32; 2],
+}
+
+impl From<proto::QualityStats> for ReceivedQuality {
+    fn from(proto::QualityStats { frame_ms, smoothed_ms, level, given_up }: proto::QualityStats) -> Self {
+        Self { frame_ms, smoothed_ms, level, given_up }
+    }
+}
+
+impl From<proto::AuditStats> for ReceivedAudits {
+    fn from(stats: proto::AuditStats) -> Self {
+        let image = |image: proto::ImageAudit| ReceivedImageAudit {
+            view: image.view,
+            part: image.part,
+            hdr: image.hdr,
+            pixels: image.pixels,
+            error_999: [image.error_999, image.budget],
+            largest: [image.largest, image.most],
+            unit: image.unit,
+            within_budget: image.within_budget,
+            worst: [image.worst_x, image.worst_y],
+        };
+        Self {
+            frames_audited: stats.frames_audited,
+            frames_broken: stats.frames_broken,
+            last_frame_number: stats.last_frame_number,
+            images: stats.images.into_iter().map(image).collect(),
+            not_audited: stats.not_audited,
+        }
+    }
 }
 
 impl TryFrom<proto::Stats> for ReceivedStats {
@@ -184,6 +268,8 @@ impl TryFrom<proto::Stats> for ReceivedStats {
             frames_dropped: stats.frames_dropped,
             last_frame: stats.last_frame.map(ReceivedTimes::from),
             headset: stats.headset.map(ReceivedHeadset::try_from).transpose()?,
+            quality: stats.quality.map(ReceivedQuality::from),
+            audit: stats.audit.map(ReceivedAudits::from),
         })
     }
 }

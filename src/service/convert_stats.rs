@@ -2,9 +2,20 @@
 
 use std::time::SystemTime;
 
-use super::{convert_views::settings_to_pb, headset::Headset, proto, render::RenderHandle, scene::SceneState};
+use super::{
+    audit::AuditFigures,
+    convert_views::settings_to_pb,
+    headset::Headset,
+    proto,
+    render::{QualityFigures, RenderHandle},
+    scene::SceneState,
+};
 use crate::{
-    plan::{settings::RenderSettings, view_settings::ViewSettings},
+    plan::{
+        audit::{Audit, AuditedOutput, ImageAudit},
+        settings::RenderSettings,
+        view_settings::ViewSettings,
+    },
     render::FrameTimes,
     view::Part,
     xr::{Distribution, HeadsetStatistics, Status},
@@ -112,6 +123,42 @@ fn times_to_pb(times: FrameTimes) -> proto::FrameTimes {
     }
 }
 
+fn quality_to_pb(quality: QualityFigures) -> proto::QualityStats {
+    let QualityFigures { frame_ms, smoothed_ms, level, given_up } = quality;
+    proto::QualityStats { frame_ms, smoothed_ms, level, given_up }
+}
+
+fn image_audit_to_pb(image: ImageAudit) -> proto::ImageAudit {
+    let hdr = image.output == AuditedOutput::Hdr;
+    let ImageAudit { view, part, pixels, error_999, largest, budget, most, unit, within_budget, worst, .. } = image;
+    let [worst_x, worst_y] = worst.map_or([0, 0], |worst| [worst.x, worst.y]);
+    proto::ImageAudit {
+        view,
+        part: part.unwrap_or_default(),
+        hdr,
+        pixels: u32::try_from(pixels).unwrap_or(u32::MAX),
+        error_999,
+        largest,
+        budget,
+        most,
+        unit: unit.to_owned(),
+        within_budget,
+        worst_x,
+        worst_y,
+    }
+}
+
+fn audits_to_pb(AuditFigures { audited, broken, last }: AuditFigures) -> proto::AuditStats {
+    let (last_frame_number, Audit { images, not_audited }) = last.unwrap_or_default();
+    proto::AuditStats {
+        frames_audited: audited,
+        frames_broken: broken,
+        last_frame_number,
+        images: images.into_iter().map(image_audit_to_pb).collect(),
+        not_audited,
+    }
+}
+
 /// The figures as they are now.
 pub(super) fn stats_to_pb(render: &RenderHandle, headset: Option<&Headset>) -> proto::Stats {
     let (figures, streams) = (render.figures(), render.streams());
@@ -122,5 +169,7 @@ pub(super) fn stats_to_pb(render: &RenderHandle, headset: Option<&Headset>) -> p
         frames_dropped: streams.dropped(),
         last_frame: figures.last_times.map(times_to_pb),
         headset: headset.map(headset_to_pb),
+        quality: figures.quality.map(quality_to_pb),
+        audit: figures.audits.map(audits_to_pb),
     }
 }

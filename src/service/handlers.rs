@@ -223,6 +223,8 @@ impl Order {
             exposure_ev100: frame.exposure_ev100,
             limiting_magnitude: frame.views.iter().find(|view| *view.name == *self.name).and_then(of_view),
             dropped,
+            quality_level: rendered.given_up.level,
+            given_up: rendered.given_up.what.clone(),
             images: images.collect::<Result<_, Status>>()?,
         })
     }

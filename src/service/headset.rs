@@ -27,7 +27,7 @@ use tokio::sync::{oneshot, watch};
 use super::{
     render::{Refused, RenderHandle, Reply},
     schedule::Revisions,
-    slot::{RenderFailure, RenderedFrame, Slot},
+    slot::{GivenUp, RenderFailure, RenderedFrame, Slot},
     streams::Subscription,
 };
 use crate::{
@@ -303,6 +303,8 @@ impl Host for Headset {
             frame: Arc::clone(&frame.frame),
             pose_time: frame.pose_time,
             render_time: frame.render_time,
+            // A headset's frames have a rate of their own to keep, and give up nothing.
+            given_up: GivenUp::default(),
         });
         let mut state = self.state();
         // A frame that was begun before the call, or without its images, leaves the request to the next one.

@@ -18,6 +18,7 @@
 //! another client; a frame that fails fails for those who wait for it, and the daemon goes on; a renderer that panics
 //! ends the daemon with an error. A headset is one more view, and nothing that happens to it concerns the others.
 
+mod audit;
 mod client;
 mod client_scene;
 mod client_stats;
@@ -34,6 +35,7 @@ mod handlers;
 mod headset;
 mod objects;
 mod overlay;
+mod quality;
 mod render;
 mod scene;
 mod schedule;
@@ -44,9 +46,9 @@ mod views;
 mod worker;
 
 pub use client::{
-    CheckReceiver, Client, ClientError, FrameReceiver, HeadsetStatus, ReceivedCheck, ReceivedFigure, ReceivedFrame,
-    ReceivedHeadset, ReceivedImage, ReceivedStats, ReceivedTimes, SceneForm, SceneReceiver, ServerInfo, StatsReceiver,
-    ViewForm, ViewImageForm,
+    CheckReceiver, Client, ClientError, FrameReceiver, HeadsetStatus, ReceivedAudits, ReceivedCheck, ReceivedFigure,
+    ReceivedFrame, ReceivedHeadset, ReceivedImage, ReceivedImageAudit, ReceivedQuality, ReceivedStats, ReceivedTimes,
+    SceneForm, SceneReceiver, ServerInfo, StatsReceiver, ViewForm, ViewImageForm,
 };
 pub use engine::{Engine, EngineError};
 pub use headset::{Drive, HeadsetOptions};

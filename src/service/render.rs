@@ -13,6 +13,8 @@ use std::{
 use tokio::sync::{oneshot, watch};
 
 use super::{
+    audit::{AuditFigures, AuditReport},
+    quality::{self, Quality},
     scene::{MadeUpdate, SceneError, SceneState},
     schedule::{Pace, Revisions},
     slot::{RenderFailure, RenderedFrame, Slot},
@@ -99,6 +101,8 @@ pub(super) struct State {
     pub(super) frames_rendered: u64,
     /// Where the time of the last frame went.
     pub(super) last_times: Option<FrameTimes>,
+    /// Chooses what display images give up; `None`: they may take as long as they take.
+    pub(super) quality: Option<Quality>,
     /// No new work is taken.
     pub(super) draining: bool,
     /// The thread ends.
@@ -131,6 +135,8 @@ pub(super) struct Shared {
     pub(super) stars: Arc<StarSet>,
     pub(super) capacity: Capacity,
     pub(super) streams: Streams,
+    /// What audits of frames have found.
+    pub(super) audits: AuditReport,
 }
 
 impl Shared {
@@ -153,6 +159,22 @@ pub(super) struct RenderFigures {
     pub(super) frames_rendered: u64,
     /// Where the time of the last frame went; `None`: there is none yet.
     pub(super) last_times: Option<FrameTimes>,
+    /// What display images give up and how long they take; `None`: they may take as long as they take.
+    pub(super) quality: Option<QualityFigures>,
+    /// What audits of frames have found; `None`: there are none.
+    pub(super) audits: Option<AuditFigures>,
+}
+
+/// What display images give up, and how long they take.
+#[derive(Clone, Debug)]
+pub(super) struct QualityFigures {
+    /// How long they may take, ms.
+    pub(super) frame_ms: f64,
+    /// How long those of this level take, smoothed, ms; `None`: not known yet.
+    pub(super) smoothed_ms: Option<f64>,
+    pub(super) level: u32,
+    /// In words, of views with the general settings.
+    pub(super) given_up: Vec<String>,
 }
 
 impl RenderHandle {
@@ -290,7 +312,18 @@ impl RenderHandle {
     /// What the thread tells of itself.
     pub(super) fn figures(&self) -> RenderFigures {
         let state = self.shared.state();
-        RenderFigures { frames_rendered: state.frames_rendered, last_times: state.last_times.clone() }
+        let quality = state.quality.as_ref().map(|quality| QualityFigures {
+            frame_ms: quality.frame_ms(),
+            smoothed_ms: quality.smoothed_ms(),
+            level: quality.level(),
+            given_up: quality::given_up(quality.level(), &state.settings),
+        });
+        RenderFigures {
+            frames_rendered: state.frames_rendered,
+            last_times: state.last_times.clone(),
+            quality,
+            audits: state.settings.accuracy.audit.then(|| self.shared.audits.figures()),
+        }
     }
 
     /// Asks for a frame of a view.

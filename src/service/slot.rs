@@ -22,6 +22,17 @@ pub(super) struct RenderedFrame {
     pub(super) pose_time: SystemTime,
     /// When the frame was finished.
     pub(super) render_time: SystemTime,
+    /// What it has given up to be in time.
+    pub(super) given_up: GivenUp,
+}
+
+/// What a frame has given up.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct GivenUp {
+    /// Level of quality; 0: as configured.
+    pub(super) level: u32,
+    /// In words.
+    pub(super) what: Vec<String>,
 }
 
 /// Why there is no frame.

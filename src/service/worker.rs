@@ -22,13 +22,15 @@ use glam::DVec3;
 use tokio::sync::{oneshot, watch};
 
 use super::{
+    audit::{AuditReport, AuditedFrame, Auditor},
     engine::{Engine, EngineError},
     forecast::{Expected, Forecast},
     objects::Objects,
+    quality::{self, Quality},
     render::{Capacity, RenderHandle, Request, Shared, State, Subscriber, Verification},
     scene::SceneState,
     schedule::Revisions,
-    slot::{RenderFailure, RenderedFrame, Slot},
+    slot::{GivenUp, RenderFailure, RenderedFrame, Slot},
     streams::Streams,
     views::ViewSet,
 };
@@ -113,6 +115,7 @@ fn spawn_with(
         subscribers: Vec::new(),
         frames_rendered: 0,
         last_times: None,
+        quality: settings.accuracy.frame_ms.map(Quality::new),
         draining: false,
         stop: false,
     };
@@ -122,10 +125,15 @@ fn spawn_with(
         stars: Arc::clone(&scene.stars),
         capacity,
         streams: Streams::new(capacity.subscribers),
+        audits: AuditReport::default(),
     });
+    let auditor = match settings.accuracy.audit {
+        true => Some(Auditor::spawn(shared.audits.clone(), engine.limits())?),
+        false => None,
+    };
     let (sender, ended) = oneshot::channel();
     let farewell = Farewell { shared: Arc::clone(&shared), _ended: sender };
-    let groups = Groups::new(&rig, &settings, &shown);
+    let groups = Groups::new(&rig, &settings, &shown, 0);
     let worker = Worker {
         shared: Arc::clone(&shared),
         engine,
@@ -141,6 +149,7 @@ fn spawn_with(
         in_flight: VecDeque::new(),
         forecast,
         last_drawn: Instant::now(),
+        auditor,
     };
     let join = thread::Builder::new().name("render".to_owned()).spawn(move || {
         // Dropped after the worker: whoever sees the end knows that the engine is gone too.
@@ -167,7 +176,17 @@ struct Job {
 
 impl Job {
     fn frame_group(&self) -> &FrameGroup {
-        &self.groups.all[self.group]
+        &self.frame_groups()[self.group]
+    }
+
+    /// The groups of frames like this one: HDR images give up nothing.
+    fn frame_groups(&self) -> &[FrameGroup] {
+        if self.wanted.iter().any(|wanted| wanted.hdr) { &self.groups.all } else { &self.groups.reduced }
+    }
+
+    /// The level of quality that it is drawn at, if it is one that may give up some.
+    fn level(&self) -> Option<u32> {
+        (!self.wanted.iter().any(|wanted| wanted.hdr)).then_some(self.groups.level)
     }
 
     fn shows(&self) -> Revisions {
@@ -180,6 +199,10 @@ struct Groups {
     /// Revision of the scene that they are of.
     revision: u64,
     all: Vec<FrameGroup>,
+    /// The same groups as display images alone are drawn at the present level of quality.
+    reduced: Vec<FrameGroup>,
+    /// That level; 0: as configured.
+    level: u32,
     /// For each view of the rig the number of its group, and its own number there.
     of_view: Vec<(usize, usize)>,
     /// For each group whether images of its frames differ by whether HDR images are asked for.
@@ -187,7 +210,7 @@ struct Groups {
 }
 
 impl Groups {
-    fn new(rig: &Rig, general: &RenderSettings, scene: &SceneState) -> Self {
+    fn new(rig: &Rig, general: &RenderSettings, scene: &SceneState, level: u32) -> Self {
         let common =
             RenderSettings { stars: scene.stars.clone(), asteroids: scene.asteroids.clone(), ..general.clone() };
         let all = frame_groups(rig, &common, &scene.views.settings);
@@ -200,7 +223,11 @@ impl Groups {
             draws_outputs_apart(&group.settings, &scene.objects.drawn, &viewports)
         };
         let apart = all.iter().map(is_apart).collect();
-        Self { revision: scene.revision, all, of_view, apart }
+        // The exposure is that of what is configured.
+        let at_level =
+            |group: &FrameGroup| FrameGroup { settings: quality::settings_at(level, &group.settings), ..group.clone() };
+        let reduced = all.iter().map(at_level).collect();
+        Self { revision: scene.revision, all, reduced, level, of_view, apart }
     }
 
     /// The exposure of a view, and whom it is shared with.
@@ -236,6 +263,8 @@ struct InFlight {
     submitted: Instant,
     /// The exposure was not given, and the eye adapts from what this frame is going to have.
     starts_adaptation: bool,
+    /// Whether its exposure was given.
+    adapted: bool,
 }
 
 /// What the thread does next.
@@ -280,6 +309,8 @@ struct Worker {
     forecast: Forecast,
     /// When the engine was through with the last frame.
     last_drawn: Instant,
+    /// Compares frames with f64, where that is asked for.
+    auditor: Option<Auditor>,
 }
 
 impl Worker {
@@ -311,15 +342,15 @@ impl Worker {
         let exposure = job.frame_group().settings.exposure;
         let adapted_ev100 = self.adapted_ev100(&job);
         let starts_adaptation = Adaptation::adapts(&exposure) && adapted_ev100.is_none();
-        let groups = Arc::clone(&job.groups);
-        let request = FrameRequest::of_group(&self.scene, &groups.all, job.group)
+        let request = FrameRequest::of_group(&self.scene, job.frame_groups(), job.group)
             .wanted_of_each(&job.wanted)
             .sky_map(if rests { SkyMapUse::InTurn } else { SkyMapUse::Off })
             .adapted_ev100(adapted_ev100);
         match self.engine.submit(request) {
             Ok(()) => {
                 let submitted = Instant::now();
-                self.in_flight.push_back(InFlight { job, submitted, starts_adaptation });
+                let adapted = adapted_ev100.is_some();
+                self.in_flight.push_back(InFlight { job, submitted, starts_adaptation, adapted });
                 Ok(())
             }
             Err(error) if error.lost => Err(self.lose(job, error)),
@@ -352,7 +383,7 @@ impl Worker {
 
     /// Waits for the oldest frame and hands it out. An error is one that the engine does not outlive.
     fn finish(&mut self) -> Result<(), EngineError> {
-        let Some(InFlight { job, submitted, .. }) = self.in_flight.pop_front() else { return Ok(()) };
+        let Some(InFlight { job, submitted, adapted, .. }) = self.in_flight.pop_front() else { return Ok(()) };
         self.engine.is_drawn_within(Duration::MAX);
         let drawn = Instant::now();
         // One frame is drawn after the other.
@@ -372,12 +403,31 @@ impl Worker {
                 let mut state = self.shared.state();
                 state.frames_rendered += 1;
                 state.last_times = Some(frame.times.clone());
+                let given_up = state.quality.as_mut().zip(job.level()).map(|(quality, level)| {
+                    quality.note(level, frame.times.total_ms);
+                    let of = &job.groups.all[job.group].settings;
+                    GivenUp { level, what: quality::given_up(level, of) }
+                });
                 drop(state);
                 let frame = Arc::new(RenderedFrame {
                     frame: Arc::new(frame),
                     pose_time: job.pose_time,
                     render_time: SystemTime::now(),
+                    given_up: given_up.unwrap_or_default(),
                 });
+                if let Some(auditor) = &self.auditor {
+                    auditor.offer(|| AuditedFrame {
+                        rendered: Arc::clone(&frame),
+                        scene: SceneSnapshot {
+                            revision: job.scene.revision,
+                            stars: Arc::clone(&self.shared.stars),
+                            objects: Arc::clone(&job.scene.objects.drawn),
+                            camera: job.camera,
+                        },
+                        group: job.frame_group().clone(),
+                        adapted,
+                    });
+                }
                 for request in job.requests {
                     // A caller that went away meanwhile needs no answer.
                     let _ = request.reply.send(Ok(Arc::clone(&frame)));
@@ -490,8 +540,9 @@ impl Worker {
         // At the end the scene is as it was in the last frame.
         let scene = state.scene.borrow().clone().unwrap_or_else(|| self.shown.clone());
         let newest = Revisions { scene: scene.revision, camera: state.camera.revision };
-        if self.groups.revision != scene.revision {
-            self.groups = Arc::new(Groups::new(&self.rig, &self.settings, &scene));
+        let level = state.quality.as_ref().map_or(0, Quality::level);
+        if (self.groups.revision, self.groups.level) != (scene.revision, level) {
+            self.groups = Arc::new(Groups::new(&self.rig, &self.settings, &scene, level));
             let groups = &self.groups;
             self.eyes.retain(|of, _| groups.all.iter().any(|group| group.exposure_group == *of));
         }

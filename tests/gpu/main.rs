@@ -5,6 +5,7 @@
 mod common;
 
 mod asteroids;
+mod audit;
 mod bodies;
 mod chart;
 mod display;
@@ -14,6 +15,7 @@ mod display_stability;
 mod glare;
 mod overlay;
 mod pool;
+mod quality;
 mod smooth_light;
 mod solid_angle;
 mod stars;

@@ -457,3 +457,55 @@ fn a_point_spread_function_that_cannot_be_had_is_named() {
     render("stars.psf_texture.file=star.exr", 0);
     assert!(folder.path().join("out/flat.png").exists());
 }
+
+#[test]
+fn an_audited_render_says_what_it_compared_and_changes_no_picture() {
+    let folder = tempfile::tempdir().unwrap();
+    // Pixels of a degree and less, as audits are for.
+    let finer = SCENE.replace("size = [64, 32]", "size = [384, 192]").replace("face_size = 16", "face_size = 96");
+    std::fs::write(folder.path().join("sky.toml"), finer.replace("size = [16, 16]", "size = [96, 96]")).unwrap();
+    let audited = ["render", "--config", "sky.toml", "--out", "a", "--explain", "--set", "accuracy.audit=true"];
+    let (out, _) = run(folder.path(), &audited, 0);
+    assert!(out.contains("  audit     cube.up (display): ") && out.contains("within the budget"), "{out}");
+    let coarse = [
+        "render",
+        "--config",
+        "sky.toml",
+        "--out",
+        "e",
+        "--explain",
+        "--set",
+        "accuracy.audit=true",
+        "--set",
+        "views.all.size=[64,32]",
+    ];
+    // Whatever becomes of the others, the coarse one is told.
+    let output = steradian(folder.path(), &coarse);
+    assert!(text(&output.stdout).contains("not audited: view all: pixels of 5.6 degrees"), "{}", text(&output.stdout));
+    let manifest = std::fs::read(folder.path().join("a/manifest.json")).unwrap();
+    let manifest: serde_json::Value = serde_json::from_slice(&manifest).unwrap();
+    let plan = &manifest["views"][0]["plan"];
+    let images = plan["audit"]["images"].as_array().unwrap();
+    assert!(images.iter().all(|image| image["within_budget"].as_bool().unwrap() && image["worst"]["x"].is_u64()));
+    run(folder.path(), &["render", "--config", "sky.toml", "--out", "b"], 0);
+    for name in ["all.png", "all.exr", "eyes.left.png"] {
+        let read = |out: &str| std::fs::read(folder.path().join(out).join(name)).unwrap();
+        assert_eq!(read("a"), read("b"), "{name}");
+    }
+    // A published method keeps no budget, and nobody says that it does.
+    let published = [
+        "render",
+        "--config",
+        "sky.toml",
+        "--out",
+        "c",
+        "--explain",
+        "--set",
+        "accuracy.audit=true",
+        "--set",
+        "stars.method=disc",
+    ];
+    let (out, _) = run(folder.path(), &published, 0);
+    assert!(out.contains("not audited: the star method disc") && !out.contains("within the budget;"), "{out}");
+    run(folder.path(), &["render", "--config", "sky.toml", "--out", "d", "--set", "accuracy.frame_ms=0"], 64);
+}

@@ -29,6 +29,9 @@ use tonic::transport::{Channel, Endpoint};
 /// Far longer than any test takes: a test that waits in vain fails instead of hanging.
 pub const PATIENCE: Duration = Duration::from_secs(60);
 
+/// How long a frame of these settings takes, ms.
+pub type TookMs = fn(&RenderSettings) -> f64;
+
 /// What the test tells the engine, and what the engine tells the test.
 #[derive(Default)]
 pub struct Controls {
@@ -54,6 +57,8 @@ pub struct Controls {
     pub shown: Mutex<Option<(Arc<SceneObjects>, AsteroidSettings)>>,
     /// Names of the views of each frame, and how they were drawn.
     pub framed: Mutex<Vec<(Vec<String>, RenderSettings)>>,
+    /// How long a frame of these settings is told to have taken, ms.
+    pub took_ms: Mutex<Option<TookMs>>,
     /// Checks begun.
     pub checks_started: AtomicU64,
     /// Methods that checks were run for.
@@ -140,7 +145,10 @@ impl Engine for TestEngine {
             exposure_ev100: request.get_adapted_ev100().unwrap_or(metered_ev100),
             metered_ev100,
             mean_luminance_cd_m2: 0.0,
-            times: FrameTimes::default(),
+            times: FrameTimes {
+                total_ms: controls.took_ms.lock().unwrap().map_or(0.0, |took_ms| took_ms(settings)),
+                ..FrameTimes::default()
+            },
             images,
             views: rig.views().iter().map(statistics).collect(),
             plan: FramePlan::default(),

@@ -9,6 +9,7 @@ mod lifecycle;
 mod objects;
 mod overlay;
 mod protocol;
+mod quality;
 mod scene;
 mod streams;
 mod verify;

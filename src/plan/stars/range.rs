@@ -9,7 +9,7 @@
 use glam::DVec3;
 
 use super::cull::{VisibleChunk, light_at, most_light, near_stars};
-use crate::{catalogue::chunks::StarSet, relativity::Motion};
+use crate::{catalogue::chunks::StarSet, plan::costs, relativity::Motion};
 
 /// Bits of a channel's sum.
 pub const CHANNEL_BITS: i32 = 42;
@@ -18,8 +18,6 @@ pub const CHANNEL_BITS: i32 = 42;
 const STAR_UNITS: f64 = 4096.0;
 /// Units of what may be seen of a pixel to which many sources add, each of them rounded without bias.
 const PIXEL_STEP_UNITS: f64 = 32.0;
-/// Where fewer stars than this are drawn a second add costs nothing, and the range alone decides.
-const FEW_STARS: u64 = 50_000;
 /// Greatest channel of a colour in gamut with luminance 1: pure red, 1 / 0.2126.
 const GREATEST_CHANNEL: f64 = 4.71;
 /// How many times brighter than everything fainter together a star must be to go apart.
@@ -121,8 +119,11 @@ pub fn choose(
         None => faintest_star_lx(set, visible, eyes_pc).max(faintest_lx),
     };
     let drawn: u64 = visible.iter().map(|chunk| u64::from(chunk.count)).sum();
-    let needed =
-        if drawn >= FEW_STARS && faintest_star_lx > 0.0 { STAR_UNITS / faintest_star_lx } else { f64::INFINITY };
+    let needed = if drawn >= costs::BUILT_IN.coarse_units_from_stars && faintest_star_lx > 0.0 {
+        STAR_UNITS / faintest_star_lx
+    } else {
+        f64::INFINITY
+    };
     let needed = if other.pixel_step_lx > 0.0 { needed.max(PIXEL_STEP_UNITS / other.pixel_step_lx) } else { needed };
     let mut by_brightness: Vec<&VisibleChunk> = visible.iter().collect();
     let searched = SEARCHED_CHUNKS.min(by_brightness.len());
@@ -237,7 +238,8 @@ mod tests {
 
     #[test]
     fn where_many_stars_are_drawn_the_faintest_has_its_units_and_not_twice_as_many() {
-        let magnitudes: Vec<f32> = (0..FEW_STARS + 1).map(|i| if i == 0 { 12.0 } else { 9.0 }).collect();
+        let magnitudes: Vec<f32> =
+            (0..costs::BUILT_IN.coarse_units_from_stars + 1).map(|i| if i == 0 { 12.0 } else { 9.0 }).collect();
         let faintest = illuminance_lx_from_magnitude(12.0) * ranges_of(&magnitudes).main.units_per_lx;
         assert!((0.49 * STAR_UNITS..1.01 * STAR_UNITS).contains(&faintest), "{faintest}");
     }

@@ -4,7 +4,10 @@ use glam::{DQuat, DVec3};
 
 use super::gaussian;
 use crate::{
-    catalogue::{chunks::StarSet, packed::temperature_of_step_k},
+    catalogue::{
+        chunks::StarSet,
+        packed::{PackedStar, temperature_of_step_k},
+    },
     photometry::{
         blackbody::rec709_in_gamut,
         kernel::{SplatKernel, bright_kernel},
@@ -85,31 +88,55 @@ pub(crate) struct SeenStar {
     pub(crate) temperature_k: f64,
 }
 
-/// The stars of a set for an eye at its place and speed. One at the eye's very place has no direction and is left out.
-pub(crate) fn seen_by(set: &StarSet, eye: Eye) -> impl Iterator<Item = SeenStar> {
-    let eye_pc = eye.position_m / PARSEC_M;
-    let view_from_world = eye.world_from_view.conjugate();
-    let motion = Motion::new(eye.velocity_c);
-    set.iter().filter_map(move |(position, at_infinity, star)| {
-        let place = if at_infinity { position.normalize_or_zero() } else { position - eye_pc };
+/// How an eye sees stars.
+pub(crate) struct Sight {
+    eye_pc: DVec3,
+    view_from_world: DQuat,
+    motion: Option<Motion>,
+}
+
+impl Sight {
+    /// That of an eye.
+    pub(crate) fn new(eye: Eye) -> Self {
+        Self {
+            eye_pc: eye.position_m / PARSEC_M,
+            view_from_world: eye.world_from_view.conjugate(),
+            motion: Motion::new(eye.velocity_c),
+        }
+    }
+
+    /// Whether the eye moves, and with it colours change.
+    pub(crate) fn moves(&self) -> bool {
+        self.motion.is_some()
+    }
+
+    /// A star at a place, or in a direction if it is at infinity; `None` at the eye's very place, where it has no direction.
+    pub(crate) fn of(&self, position: DVec3, at_infinity: bool, star: &PackedStar) -> Option<SeenStar> {
+        let place = if at_infinity { position.normalize_or_zero() } else { position - self.eye_pc };
         let distance_squared = place.length_squared();
         if distance_squared == 0.0 {
             return None;
         }
         let illuminance_lx = star.illuminance_at_1_pc_lx() / distance_squared;
         let temperature_k = temperature_of_step_k(star.temperature_step());
-        Some(match &motion {
-            None => SeenStar { direction: view_from_world * place, illuminance_lx, temperature_k },
+        Some(match &self.motion {
+            None => SeenStar { direction: self.view_from_world * place, illuminance_lx, temperature_k },
             Some(motion) => {
                 let doppler = motion.doppler_of(place);
                 SeenStar {
-                    direction: view_from_world * motion.seen(place),
+                    direction: self.view_from_world * motion.seen(place),
                     illuminance_lx: illuminance_lx * illuminance_factor(temperature_k, doppler),
                     temperature_k: temperature_k * doppler,
                 }
             }
         })
-    })
+    }
+}
+
+/// The stars of a set for an eye at its place and speed. One at the eye's very place has no direction and is left out.
+pub(crate) fn seen_by(set: &StarSet, eye: Eye) -> impl Iterator<Item = SeenStar> {
+    let sight = Sight::new(eye);
+    set.iter().filter_map(move |(position, at_infinity, star)| sight.of(position, at_infinity, star))
 }
 
 /// Draws all stars of a set. `kernel_for` chooses the kernel by the illuminance in lx that the eye

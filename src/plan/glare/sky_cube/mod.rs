@@ -85,6 +85,11 @@ fn shown_rad(pixel_rad: f64) -> f64 {
     (SHOWN_PIXELS * pixel_rad).min(std::f64::consts::PI)
 }
 
+/// The same for the pixels of a picture, by the size that stands for theirs.
+pub fn shown_rad_of(projection: &Projection) -> f64 {
+    shown_rad(pixel_class_rad(projection.middle_pixel_rad()))
+}
+
 /// The angle that stands for a pixel's: up to 4.5 % larger, so that views that are much alike share a map and the core is hardly wider
 /// than it must be.
 pub fn pixel_class_rad(pixel_rad: f64) -> f64 {

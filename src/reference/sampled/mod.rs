@@ -1,0 +1,361 @@
+//! Chosen pixels of images in f64: what the star passes and `sky_cube` are to draw there, star by star, with no map and no grid.
+//!
+//! A frame in f64 takes minutes; a few hundred pixels of it take about as long as going through the catalogue once. Every chunk of stars is
+//! looked at by itself: a star that may reach a chosen pixel is spread with the kernel that belongs to the picture (by its luminance over the
+//! pixel at its place, as `peak_luminance` in `shaders/shared/splat.wgsl`), and the chunk's stars form a tree that adds up their glare
+//! ([`veil_tree`]). Chunks are shared out in a fixed way and added in a fixed order: the same input gives the same bits on any number of
+//! threads. Units: lx, cd/m^2, pc.
+
+mod veil_tree;
+
+use std::{collections::HashMap, f64::consts::PI};
+
+use glam::{DQuat, DVec2, DVec3, Vec3};
+use rayon::prelude::*;
+
+use self::veil_tree::{Scattered, Source, VeilTree};
+use super::stars::splat::{Eye, Sight};
+use crate::{
+    catalogue::{
+        chunks::{Chunk, StarSet},
+        packed::{TEMPERATURE_STEPS, temperature_of_step_k},
+    },
+    photometry::{
+        blackbody::rec709_in_gamut,
+        glare::{
+            GlareKernel,
+            split::{ShownCore, angle_of_chord_squared},
+        },
+        kernel::{SplatKernel, bright_kernel, gaussian_part},
+    },
+    plan::KernelPlan,
+    view::projection::{Projection, pixel_centre},
+};
+
+/// Parts that the chunks are shared out in.
+const PARTS: usize = 32;
+/// How far from its image a star may have to do with a pixel: the widest kernel, and what positions in f32 add, pixels.
+const REACH_PX: f64 = 5.0;
+/// Sides of the blocks of pixels that tell whether a star is near a chosen one.
+const BLOCK_PX: f64 = 8.0;
+/// The veil in the midst of the Milky Way over the mean one.
+const BRIGHTEST_VEIL: f64 = 4.0;
+/// A star within this of a threshold, relative, may take either kernel in f32.
+const UNDECIDED: f64 = 1e-4;
+
+/// The sky that is seen.
+#[derive(Clone, Copy)]
+pub struct SampledSky<'a> {
+    /// Its stars.
+    pub stars: &'a StarSet,
+    /// Place of the eye, ICRS, barycentric, m.
+    pub eye_m: DVec3,
+    /// Its velocity in units of the speed of light, world axes.
+    pub velocity_c: DVec3,
+    /// Fainter stars are not drawn, lx.
+    pub faintest_lx: f64,
+    /// Glare, if there is any.
+    pub glare: Option<SampledGlare<'a>>,
+}
+
+/// Light that is scattered.
+#[derive(Clone, Copy)]
+pub struct SampledGlare<'a> {
+    /// How it falls off.
+    pub kernel: &'a dyn GlareKernel,
+    /// Share of the light that is scattered.
+    pub fraction: f64,
+    /// A source is drawn by itself where its veil exceeds this share of the veil around it.
+    pub tolerance: f64,
+}
+
+/// An image of which some pixels are asked for.
+pub struct SampledImage<'a> {
+    /// Its projection.
+    pub projection: &'a Projection,
+    /// From view axes to world axes.
+    pub world_from_view: DQuat,
+    /// Which kernel serves which brightness.
+    pub kernels: KernelPlan,
+    /// The glare's kernel as the image's pixels show it.
+    pub shown: Option<ShownCore>,
+    /// Column and row of each, inside of the picture.
+    pub pixels: &'a [[u32; 2]],
+}
+
+/// What a pixel shows.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PixelLight {
+    /// Luminance of the stars' images, without what is scattered, linear Rec. 709, cd/m^2.
+    pub stars_cd_m2: [f64; 3],
+    /// Luminance of the veil, the same.
+    pub veil_cd_m2: [f64; 3],
+    /// Luminance that the stars whose images are near would have if all their light were in this pixel, cd/m^2: what an error of a position
+    /// is to be multiplied by.
+    pub near_cd_m2: f64,
+    /// How many these are.
+    pub near_stars: u32,
+    /// Mean luminance of the faint sources around, as far as a pixel cannot tell where it is scattered from: what they scatter within a pixel or
+    /// two of themselves, spread over degrees, cd/m^2.
+    pub unresolved_cd_m2: f64,
+    /// Whether a star near it stands so close to a threshold that f32 may draw it with another kernel, or not at all.
+    pub undecided: bool,
+}
+
+impl PixelLight {
+    /// All of it, cd/m^2.
+    pub fn luminance_cd_m2(&self) -> [f64; 3] {
+        std::array::from_fn(|channel| self.stars_cd_m2[channel] + self.veil_cd_m2[channel])
+    }
+}
+
+/// Sums of a pixel: illuminance of stars, lx, and the veil of unit fraction, cd/m^2.
+#[derive(Clone, Copy, Default)]
+struct Sums {
+    light_lx: [f64; 3],
+    veil: [f64; 3],
+    near_lx: f64,
+    near_stars: u32,
+    faint: f64,
+    undecided: bool,
+}
+
+impl Sums {
+    fn add(&mut self, other: &Self) {
+        for channel in 0..3 {
+            self.light_lx[channel] += other.light_lx[channel];
+            self.veil[channel] += other.veil[channel];
+        }
+        self.near_lx += other.near_lx;
+        self.near_stars += other.near_stars;
+        self.faint += other.faint;
+        self.undecided |= other.undecided;
+    }
+}
+
+/// The chosen pixels of all images, image by image in their order. All images are seen by the same eye. Kernels that are round in view space
+/// ([`crate::plan::GaussianKernel::Round`]) are not drawn.
+pub fn pixels(sky: &SampledSky<'_>, images: &[SampledImage<'_>]) -> Vec<Vec<PixelLight>> {
+    let places: Vec<Places> = images.iter().map(Places::new).collect();
+    let directions: Vec<Scattered> = images.iter().flat_map(Scattered::of_image).collect();
+    // A colour takes an integral over the spectrum; catalogues have no more temperatures than these.
+    let colours: Vec<[f64; 3]> =
+        (0..TEMPERATURE_STEPS).map(|step| rec709_in_gamut(temperature_of_step_k(step))).collect();
+    let eye = Eye { position_m: sky.eye_m, world_from_view: DQuat::IDENTITY, velocity_c: sky.velocity_c };
+    let sight = Sight::new(eye);
+    let faint_below_lx = faint_below_lx(sky, images, &sight);
+    let (places, directions, colours) = (&places[..], &directions[..], &colours[..]);
+    let painter = Painter { sky, images, places, directions, colours, sight, faint_below_lx };
+    let chunks = &sky.stars.chunks;
+    let part = chunks.len().div_ceil(PARTS).max(1);
+    let parts: Vec<Vec<Sums>> = chunks.par_chunks(part).map(|chunks| painter.of_chunks(chunks)).collect();
+    let mut sums = vec![Sums::default(); directions.len()];
+    for part in &parts {
+        sums.iter_mut().zip(part).for_each(|(sum, part)| sum.add(part));
+    }
+    let fraction = sky.glare.map_or(0.0, |glare| glare.fraction);
+    let mut sums = sums.into_iter();
+    let of_image = |image: &SampledImage<'_>| -> Vec<PixelLight> {
+        let mapping = image.projection.mapping();
+        let core_share = sky.glare.map_or(0.0, |glare| {
+            image.shown.map_or(0.0, |shown| glare.kernel.share_within(angle_of_chord_squared(shown.core.squared)))
+        });
+        let finished = |([x, y], sums): (&[u32; 2], Sums)| {
+            let omega_sr = mapping.solid_angle_sr(*x, *y);
+            let per_sr = if omega_sr > 0.0 { 1.0 / omega_sr } else { 0.0 };
+            PixelLight {
+                stars_cd_m2: sums.light_lx.map(|channel| (1.0 - fraction) * channel * per_sr),
+                veil_cd_m2: sums.veil.map(|channel| fraction * channel),
+                near_cd_m2: (1.0 - fraction) * sums.near_lx * per_sr,
+                near_stars: sums.near_stars,
+                unresolved_cd_m2: fraction * core_share * sums.faint,
+                undecided: sums.undecided,
+            }
+        };
+        image.pixels.iter().zip(sums.by_ref()).map(finished).collect()
+    };
+    images.iter().map(of_image).collect()
+}
+
+/// Sources below this may be too faint to be drawn by themselves where their kernels are as wide as pixels can show them: under the brightest veil of
+/// the sky, with the coarsest pixels.
+fn faint_below_lx(sky: &SampledSky<'_>, images: &[SampledImage<'_>], sight: &Sight) -> f64 {
+    let Some(SampledGlare { kernel, tolerance, .. }) = sky.glare else { return 0.0 };
+    let of_chunk = |chunk: &Chunk| -> f64 {
+        let seen = sky.stars.stars_of(chunk).iter().filter_map(|star| {
+            sight.of(chunk.origin_pc + Vec3::from_array(star.offset_pc).as_dvec3(), chunk.at_infinity, star)
+        });
+        seen.map(|star| star.illuminance_lx).sum()
+    };
+    // In the order of the chunks, whoever sums them.
+    let light_lx: f64 = sky.stars.chunks.par_iter().map(of_chunk).collect::<Vec<_>>().iter().sum();
+    let cores = images.iter().filter_map(|image| image.shown).map(|shown| shown.core.squared);
+    let widest = cores.fold(0.0, f64::max);
+    BRIGHTEST_VEIL * tolerance * light_lx / (4.0 * PI) / kernel.per_sr(angle_of_chord_squared(widest))
+}
+
+/// Where the chosen pixels of an image are.
+struct Places {
+    /// Number of each by row times width plus column.
+    numbers: HashMap<u32, usize>,
+    /// Per block of pixels whether a star in it may reach one.
+    near: Vec<bool>,
+    blocks_across: usize,
+    size: [u32; 2],
+    wraps: bool,
+}
+
+impl Places {
+    fn new(image: &SampledImage<'_>) -> Self {
+        let size = image.projection.mapping().size();
+        let [blocks_across, blocks_down] = size.map(|side| (f64::from(side) / BLOCK_PX).ceil() as usize);
+        let mut near = vec![false; blocks_across * blocks_down];
+        let mut numbers = HashMap::with_capacity(image.pixels.len());
+        for (number, [x, y]) in image.pixels.iter().enumerate() {
+            numbers.insert(y * size[0] + x, number);
+            let [columns, rows] = [(*x, blocks_across), (*y, blocks_down)].map(|(at, blocks)| {
+                let block = (f64::from(at) / BLOCK_PX) as usize;
+                block.saturating_sub(1)..(block + 2).min(blocks)
+            });
+            for row in rows {
+                near[row * blocks_across..][columns.clone()].fill(true);
+            }
+        }
+        let wraps = matches!(image.projection, Projection::Equirectangular(_));
+        Self { numbers, near, blocks_across, size, wraps }
+    }
+
+    /// Whether a star whose image is at `pixel` may reach a chosen pixel.
+    fn may_reach(&self, pixel: DVec2) -> bool {
+        let size = DVec2::new(f64::from(self.size[0]), f64::from(self.size[1]));
+        let inside = pixel.cmpge(DVec2::splat(-REACH_PX)).all() && pixel.cmple(size + REACH_PX).all();
+        // What leaves such a picture comes back elsewhere.
+        if self.wraps && (pixel.cmplt(DVec2::splat(REACH_PX)).any() || pixel.cmpgt(size - REACH_PX).any()) {
+            return inside;
+        }
+        let held = pixel.clamp(DVec2::ZERO, size - 1.0) / BLOCK_PX;
+        inside && self.near[held.y as usize * self.blocks_across + held.x as usize]
+    }
+}
+
+struct Painter<'a> {
+    sky: &'a SampledSky<'a>,
+    images: &'a [SampledImage<'a>],
+    places: &'a [Places],
+    directions: &'a [Scattered],
+    colours: &'a [[f64; 3]],
+    sight: Sight,
+    /// Fainter sources are too faint to be drawn by themselves everywhere, lx.
+    faint_below_lx: f64,
+}
+
+/// A star of the chunk that is looked at.
+#[derive(Clone, Copy)]
+struct Star {
+    /// Unit vector, world axes.
+    direction: DVec3,
+    illuminance_lx: f64,
+    rgb_lx: [f64; 3],
+}
+
+impl Painter<'_> {
+    fn of_chunks(&self, chunks: &[Chunk]) -> Vec<Sums> {
+        let mut sums = vec![Sums::default(); self.directions.len()];
+        let mut stars = Vec::new();
+        let mut tree = VeilTree::default();
+        for chunk in chunks {
+            stars.clear();
+            stars.extend(self.stars_of(chunk));
+            let mut first = 0;
+            for (image, places) in self.images.iter().zip(self.places) {
+                let of_image = &mut sums[first..first + image.pixels.len()];
+                stars.iter().for_each(|star| spread(star, self.sky.faintest_lx, image, places, of_image));
+                first += image.pixels.len();
+            }
+            if let Some(SampledGlare { kernel, .. }) = self.sky.glare {
+                // What is not drawn does not glare.
+                let glaring = stars.iter().filter(|star| star.illuminance_lx >= self.sky.faintest_lx);
+                tree.build(glaring.map(|star| {
+                    let is_faint = star.illuminance_lx < self.faint_below_lx;
+                    let faint_lx = if is_faint { star.illuminance_lx } else { 0.0 };
+                    Source { direction: star.direction, rgb_lx: star.rgb_lx, faint_lx }
+                }));
+                for (direction, sums) in self.directions.iter().zip(&mut sums) {
+                    tree.add_veil(kernel, direction, &mut sums.veil, &mut sums.faint);
+                }
+            }
+        }
+        sums
+    }
+
+    fn stars_of<'b>(&'b self, chunk: &'b Chunk) -> impl Iterator<Item = Star> + 'b {
+        self.sky.stars.stars_of(chunk).iter().filter_map(move |star| {
+            let position = chunk.origin_pc + Vec3::from_array(star.offset_pc).as_dvec3();
+            let seen = self.sight.of(position, chunk.at_infinity, star)?;
+            let colour = match self.sight.moves() {
+                true => rec709_in_gamut(seen.temperature_k),
+                false => self.colours[star.temperature_step() as usize],
+            };
+            Some(Star {
+                direction: seen.direction.normalize(),
+                illuminance_lx: seen.illuminance_lx,
+                rgb_lx: colour.map(|channel| channel * seen.illuminance_lx),
+            })
+        })
+    }
+}
+
+/// Adds a star to the pixels that it reaches.
+fn spread(star: &Star, faintest_lx: f64, image: &SampledImage<'_>, places: &Places, sums: &mut [Sums]) {
+    let of_limit = star.illuminance_lx / faintest_lx;
+    if of_limit < 1.0 - UNDECIDED {
+        return;
+    }
+    let mapping = image.projection.mapping();
+    let direction = image.world_from_view.conjugate() * star.direction;
+    let Some(pixel) = mapping.pixel_from_direction(direction) else { return };
+    if !places.may_reach(pixel) {
+        return;
+    }
+    let Some([longer, shorter]) = mapping.pixel_extent_rad(direction) else { return };
+    let peak_cd_m2 = star.illuminance_lx / (longer * shorter);
+    let KernelPlan { tent_below_cd_m2, gaussian_from_cd_m2, .. } = image.kernels;
+    let between = (peak_cd_m2 / tent_below_cd_m2 - 1.0).abs() < UNDECIDED || (of_limit - 1.0).abs() < UNDECIDED;
+    let number = |x: u32, y: u32| places.numbers.get(&(y * places.size[0] + x)).copied();
+    // Whatever an error of its position may bring here.
+    let around = |centre: DVec2| -> Vec<(i64, i64, f64)> {
+        let [column, row] = [centre.x, centre.y].map(|at| at.floor() as i64);
+        let reach = if peak_cd_m2 >= gaussian_from_cd_m2 { 4 } else { 2 };
+        (-reach..=reach).flat_map(|j| (-reach..=reach).map(move |i| (column + i, row + j, 1.0))).collect()
+    };
+    let mut touches = false;
+    for tap in mapping.taps(&around, direction) {
+        if let Some(number) = number(tap.x, tap.y) {
+            touches = true;
+            sums[number].near_lx += star.illuminance_lx;
+            sums[number].near_stars += 1;
+            sums[number].undecided |= between;
+        }
+    }
+    if !touches || of_limit < 1.0 {
+        return;
+    }
+    let taps = if peak_cd_m2 >= gaussian_from_cd_m2 {
+        let part = gaussian_part(peak_cd_m2, gaussian_from_cd_m2);
+        mapping.taps(&|centre| bright_kernel(part, centre), direction)
+    } else {
+        let kernel = if peak_cd_m2 < tent_below_cd_m2 { SplatKernel::Tent } else { SplatKernel::BSpline };
+        mapping.taps(&|centre| kernel.footprint(centre), direction)
+    };
+    for tap in taps {
+        if let Some(number) = number(tap.x, tap.y) {
+            (0..3).for_each(|channel| sums[number].light_lx[channel] += star.rgb_lx[channel] * tap.weight);
+        }
+    }
+}
+
+/// Direction of a pixel's centre in world axes; `None` outside of the picture.
+pub fn world_direction(image: &SampledImage<'_>, [x, y]: [u32; 2]) -> Option<DVec3> {
+    let direction = image.projection.mapping().direction_from_pixel(pixel_centre(x, y))?;
+    Some(image.world_from_view * direction)
+}
