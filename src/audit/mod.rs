@@ -6,7 +6,7 @@
 //!
 //! **Display images**: a code tells the display value before rounding to within one code, or exactly where dithering puts that code; an error is by how much the exact value lies
 //! outside of that. So an error is never overstated. 99.9 % of the channels must lie within
-//! `accuracy.display_codes`, and none may be off by more than [`MOST`] times that; [`NUMERICAL_CODES`] are added, which is all where the budget is 0.
+//! `accuracy.display_codes`, and none may be off by more than [`MOST_OVER_BUDGET`] times that; [`NUMERICAL_CODES`] are added, which is all where the budget is 0.
 //!
 //! **HDR images**: what is allowed is `accuracy.flux` of the stars' light plus `accuracy.glare` of the veil. To that comes what the exact method
 //! promises no more of: a star may stand [`POSITION_PX`] from its place, each one is rounded by at most a unit of the sums, and what sources too faint to be
@@ -47,7 +47,7 @@ pub const MOST_PIXELS: usize = 512;
 /// Pixels compared of all images of a frame at most, but for 64 of each.
 pub const MOST_PIXELS_OF_FRAME: usize = 2048;
 /// Largest error over the budget of 99.9 % that a pixel may have.
-pub const MOST: f64 = 4.0;
+pub const MOST_OVER_BUDGET: f64 = 4.0;
 /// What f32 may add to a display value, codes.
 pub const NUMERICAL_CODES: f64 = 0.1;
 /// How far from its place a star may be drawn, pixels.
@@ -338,7 +338,7 @@ impl<'a> AuditedImage<'a> {
                 compared.push(Compared { error, pixel, channel, drawn: f64::from(code), exact: exact[channel] });
             }
         }
-        let budget = [codes + NUMERICAL_CODES, MOST * codes + NUMERICAL_CODES];
+        let budget = [codes + NUMERICAL_CODES, MOST_OVER_BUDGET * codes + NUMERICAL_CODES];
         Some(self.verdict(AuditedOutput::Display, &compared, left_out, budget))
     }
 
@@ -359,7 +359,7 @@ impl<'a> AuditedImage<'a> {
                 compared.push(Compared { error: (drawn - exact).abs() / allowed, pixel, channel, drawn, exact });
             }
         }
-        Some(self.verdict(AuditedOutput::Hdr, &compared, left_out, [1.0, MOST]))
+        Some(self.verdict(AuditedOutput::Hdr, &compared, left_out, [1.0, MOST_OVER_BUDGET]))
     }
 
     /// By how much a pixel of an HDR image may be off, cd/m^2.

@@ -281,6 +281,8 @@ shared_constants! {
         METHOD_BLEND: u32 = 2;
         /// Threads that splat an impostor together.
         SPLAT_LANES: u32 = 8;
+        /// Samples along a side of the blocks that samples stand in while impostors are splatted.
+        SPLAT_BLOCK: u32 = 8;
         /// Pictures and faces of a frame at most.
         MAX_PLANES: u32 = crate::plan::asteroids::kinds::MAX_PLANES as u32;
     }

@@ -57,8 +57,10 @@ fn an_invalid_shader_is_found() {
 type WgslLayout = (usize, Vec<(String, usize)>);
 
 fn wgsl_layouts(module: &naga::Module) -> BTreeMap<String, WgslLayout> {
-    // What buffers hold, at any depth; other structs stay inside of a shader and have no counterpart.
-    let mut held: Vec<_> = module.global_variables.iter().map(|(_, variable)| variable.ty).collect();
+    // What buffers hold, at any depth; other structs stay inside of a shader and have no counterpart, those of a workgroup's memory too.
+    let of_buffers =
+        module.global_variables.iter().filter(|(_, variable)| variable.space != naga::AddressSpace::WorkGroup);
+    let mut held: Vec<_> = of_buffers.map(|(_, variable)| variable.ty).collect();
     let mut next = 0;
     while next < held.len() {
         match &module.types[held[next]].inner {

@@ -13,6 +13,7 @@ use crate::{
             layout,
             raster::{ASTEROID_ARGUMENT_BYTES, AsteroidPipeline},
         },
+        constants::impostors::SPLAT_BLOCK,
         shader::{Shader, workgroup, workgroup_constant},
         technique::begin_pass,
     },
@@ -24,8 +25,6 @@ const SAMPLE_BYTES: u64 = 8;
 const BAND_BYTES: u64 = 128 << 20;
 /// Corners of the triangle that covers a target.
 const TARGET_CORNERS: u32 = 3;
-/// Samples along a side of the blocks that samples stand in, and of the workgroups that make them ready.
-const BLOCK: u32 = 8;
 
 /// The pass.
 pub(crate) struct AsteroidSplatPass {
@@ -114,11 +113,11 @@ impl AsteroidSplatPass {
     ) {
         let [width, height] = layers.size;
         let band_bytes = BAND_BYTES.min(gpu.max_binding_bytes());
-        let blocks = width.div_ceil(BLOCK);
-        let block_row_bytes = SAMPLE_BYTES * u64::from(blocks * BLOCK * BLOCK);
-        let block_rows = ((band_bytes / block_row_bytes) as u32).clamp(1, height.div_ceil(BLOCK));
+        let blocks = width.div_ceil(SPLAT_BLOCK);
+        let block_row_bytes = SAMPLE_BYTES * u64::from(blocks * SPLAT_BLOCK * SPLAT_BLOCK);
+        let block_rows = ((band_bytes / block_row_bytes) as u32).clamp(1, height.div_ceil(SPLAT_BLOCK));
         let samples = samples.with_room(gpu, block_row_bytes * u64::from(block_rows)).clone();
-        let band_rows = block_rows * BLOCK;
+        let band_rows = block_rows * SPLAT_BLOCK;
         for first_row in (0..height).step_by(band_rows as usize) {
             let band = layout::SplatBand { width, first_row, rows: band_rows.min(height - first_row), blocks };
             let of_band = gpu.frame_uniform("asteroid splat band", &band);
@@ -163,7 +162,7 @@ impl AsteroidSplatPass {
         ];
         pass.set_pipeline(&self.begin);
         pass.set_bind_group(0, &bind_buffers(gpu, &self.begin, 0, &bindings), &[]);
-        pass.dispatch_workgroups(band.width.div_ceil(BLOCK), band.rows.div_ceil(BLOCK), 1);
+        pass.dispatch_workgroups(band.width.div_ceil(SPLAT_BLOCK), band.rows.div_ceil(SPLAT_BLOCK), 1);
     }
 
     /// Finds the depths of all samples, whose they are, and lights them.
