@@ -308,8 +308,8 @@ fn asteroids_have_the_figures_of_every_method(extent: &Extent) {
     let flat = extent.asteroids.instances.iter().map(|instances| format!("{instances} asteroids 90p"));
     let other = ["200 asteroids stereo-64", "200 asteroids dome-96"].map(str::to_owned);
     let workloads: Vec<String> = flat.chain(other).collect();
-    // Two ways of culling per ratio, five ways of drawing in every workload.
-    assert_eq!(measured.len(), 3 * 2 + 5 * workloads.len() * AsteroidMetric::ALL.len());
+    // Two ways of culling per ratio, six ways of drawing in every workload.
+    assert_eq!(measured.len(), 3 * 2 + 6 * workloads.len() * AsteroidMetric::ALL.len());
     for row in &measured {
         println!(
             "{} {} {:?} ms {} {:?} {}",
@@ -331,6 +331,7 @@ fn asteroids_have_the_figures_of_every_method(extent: &Extent) {
             "gpu_culling_euler_atlas",
             "gpu_culling_octahedral",
             "gpu_culling_octahedral_blend",
+            "gpu_culling_octahedral_splat",
         ] {
             let iou = of(method, workload, AsteroidMetric::SilhouetteIou).unwrap();
             let outline = of(method, workload, AsteroidMetric::OutlinePx).unwrap();
