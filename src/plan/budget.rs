@@ -4,9 +4,12 @@
 //! luminance to the display value is steepest, a step of `display_codes` codes is the least luminance that counts
 //! ([`super::settings::ToneMapSettings::greatest_slope`]).
 
-use std::f64::consts::PI;
+use std::{f64::consts::PI, slice};
 
-use super::settings::{Accumulator, AccuracySettings, GlareMethod, RenderSettings};
+use super::{
+    settings::{Accumulator, AccuracySettings, GlareMethod, RenderSettings, StarMethod},
+    smooth_light::fit_one_map,
+};
 use crate::{
     scene::SceneObjects,
     view::{Viewport, projection::Projection},
@@ -32,14 +35,32 @@ pub enum Output {
     Hdr,
 }
 
-/// Whether frames of display images alone may differ from those that have HDR images beside them: glare has a budget of its own there.
+/// Whether frames of display images alone may differ from those that have HDR images beside them: the veil of single sources, or the faint
+/// stars of a map, have a budget of their own there.
 pub fn draws_outputs_apart(settings: &RenderSettings, objects: &SceneObjects, viewports: &[Viewport]) -> bool {
-    let method = settings.stars.method;
+    may_have_veil_in_sums(settings, objects, viewports) || may_read_map_alone(settings, objects, viewports)
+}
+
+/// Whether display images have a budget, in a scene of stars that are added up.
+fn has_budget(settings: &RenderSettings, objects: &SceneObjects) -> bool {
     settings.accuracy.display_codes > 0.0
-        && settings.glare.chosen(method) == GlareMethod::SkyCube
-        && method.accumulator() == Accumulator::FixedPoint
+        && settings.stars.method.accumulator() == Accumulator::FixedPoint
         && objects.is_empty()
+}
+
+/// Whether frames of display images alone may have the veil of single sources in their sums of light.
+pub fn may_have_veil_in_sums(settings: &RenderSettings, objects: &SceneObjects, viewports: &[Viewport]) -> bool {
+    has_budget(settings, objects)
+        && settings.glare.chosen(settings.stars.method) == GlareMethod::SkyCube
         && !viewports.iter().any(|viewport| surrounds(viewport) || is_coarse(viewport))
+}
+
+/// Whether frames of display images without glare may read their faint stars from a map.
+fn may_read_map_alone(settings: &RenderSettings, objects: &SceneObjects, viewports: &[Viewport]) -> bool {
+    has_budget(settings, objects)
+        && settings.stars.method == StarMethod::Auto
+        && settings.glare.chosen(settings.stars.method) == GlareMethod::None
+        && viewports.iter().any(|viewport| fit_one_map(slice::from_ref(viewport)))
 }
 
 /// Whether pixels are so large that single sources are no more than a pixel or two.

@@ -18,7 +18,7 @@ use super::{
         seen::{BodyPlan, plan_bodies},
         textures::texture_bytes,
     },
-    budget::{Output, display_step_cd_m2, draws_outputs_apart, least_veil_cd_m2},
+    budget::{Output, display_step_cd_m2, draws_outputs_apart, least_veil_cd_m2, may_have_veil_in_sums},
     certificate::{Approximation, FramePlan, plan_stars},
     error::PlanError,
     exposure::{ShownStars, guard::Lit, pictures::Pictures, planned_ev100},
@@ -470,7 +470,10 @@ impl Planner {
             let white_cd_m2 = expected_ev100.map_or(0.0, white_luminance_cd_m2);
             let slope = self.slope_of(&settings.tone_map);
             step_cd_m2 = display_step_cd_m2(&settings.accuracy, slope, white_cd_m2);
-            glare.in_sums = step_cd_m2.map(|step| VeilInSums { least_cd_m2: least_veil_cd_m2(step) / glare.fraction });
+            let veil_step_cd_m2 =
+                step_cd_m2.filter(|_| may_have_veil_in_sums(settings, &scene.objects, &all_viewports));
+            glare.in_sums =
+                veil_step_cd_m2.map(|step| VeilInSums { least_cd_m2: least_veil_cd_m2(step) / glare.fraction });
         }
         let may_read_map = sky == SkyUse::Map && all_visible.is_none() && motion.is_none();
         let sky_plan = step_cd_m2.filter(|_| may_read_map).and_then(|step_cd_m2| {

@@ -190,41 +190,45 @@ impl SkyMaps {
 
 fn fitting(inputs: &SkyInputs<'_>) -> Option<SkyMap> {
     let SkyInputs { settings, viewports, step_cd_m2, faintest_lx, .. } = *inputs;
-    if settings.stars.method != StarMethod::Auto || viewports.is_empty() {
+    if settings.stars.method != StarMethod::Auto {
         return None;
     }
-    let mut middle = [f64::INFINITY, 0.0];
-    let mut smallest_sr = f64::INFINITY;
-    for viewport in viewports {
-        let fits = match &viewport.projection {
-            Projection::Perspective(_) => true,
-            Projection::Fisheye(fisheye) => fisheye.mapping != FisheyeMapping::Orthographic,
-            _ => false,
-        };
-        let (pixel_rad, least_sr) = (viewport.projection.middle_pixel_rad(), viewport.projection.smallest_pixel_sr());
-        if !fits
-            || least_sr < LEAST_PIXEL_RATIO * pixel_rad * pixel_rad
-            || viewport.eye_offset_m.length() > FARTHEST_EYE_M
-        {
-            return None;
-        }
-        middle = [middle[0].min(pixel_rad), middle[1].max(pixel_rad)];
-        smallest_sr = smallest_sr.min(least_sr);
-    }
-    if middle[1] > MOST_VIEW_RATIO * middle[0] {
-        return None;
-    }
+    let middle = finest_pixel_rad(viewports)?;
+    let smallest_sr = viewports.iter().map(|v| v.projection.smallest_pixel_sr()).fold(f64::INFINITY, f64::min);
     let map = SkyMap {
         place_pc: map_place_pc(inputs.camera_pc),
         below_lx: BRIGHTEST_STEPS * step_cd_m2 * smallest_sr,
         faintest_lx,
         unit_cd_m2: step_cd_m2,
-        side: 2 * ((CORNER_RAD / (TEXEL_PX * middle[0])).ceil() + MARGIN_TEXELS) as u32,
+        side: 2 * ((CORNER_RAD / (TEXEL_PX * middle)).ceil() + MARGIN_TEXELS) as u32,
     };
     (4 * map.texels() <= inputs.limits.max_binding_bytes
         && map.side <= inputs.limits.max_view_side_px
         && map.below_lx > faintest_lx)
         .then_some(map)
+}
+
+/// Whether the texels of one map are of the right size for all of these views.
+pub(super) fn fit_one_map(viewports: &[Viewport]) -> bool {
+    finest_pixel_rad(viewports).is_some()
+}
+
+/// The smallest middle pixel of views that one map fits, rad; `None` where it does not fit them.
+fn finest_pixel_rad(viewports: &[Viewport]) -> Option<f64> {
+    let fits = |viewport: &Viewport| {
+        let projection = &viewport.projection;
+        let is_smooth = match projection {
+            Projection::Perspective(_) => true,
+            Projection::Fisheye(fisheye) => fisheye.mapping != FisheyeMapping::Orthographic,
+            _ => false,
+        };
+        is_smooth
+            && projection.smallest_pixel_sr() >= LEAST_PIXEL_RATIO * projection.middle_pixel_rad().powi(2)
+            && viewport.eye_offset_m.length() <= FARTHEST_EYE_M
+    };
+    let middle = viewports.iter().map(|viewport| viewport.projection.middle_pixel_rad());
+    let (least, most) = middle.fold((f64::INFINITY, 0.0_f64), |(least, most), px| (least.min(px), most.max(px)));
+    (!viewports.is_empty() && viewports.iter().all(fits) && most <= MOST_VIEW_RATIO * least).then_some(least)
 }
 
 /// Divides the stars.

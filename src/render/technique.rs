@@ -10,7 +10,12 @@ use super::{Presentation, RenderError, ViewStatistics, Wanted, read::Places, tar
 use crate::{
     gpu::{Gpu, GpuTimer, ReadbackBuffer},
     photometry::glare::GlareKernel,
-    plan::{Plan, budget::draws_outputs_apart, settings::RenderSettings, smooth_light::SkyFace},
+    plan::{
+        Plan,
+        budget::{draws_outputs_apart, may_have_veil_in_sums},
+        settings::RenderSettings,
+        smooth_light::SkyFace,
+    },
     scene::{SceneObjects, SceneSnapshot},
     view::Viewport,
 };
@@ -111,10 +116,15 @@ pub(crate) struct Wish<'a> {
 }
 
 impl Wish<'_> {
+    /// Whether display and HDR images are frames of their own.
+    pub(crate) fn draws_outputs_apart(&self) -> bool {
+        draws_outputs_apart(self.settings, self.objects, self.viewports)
+    }
+
     /// Whether frames that have display images alone may have the veil of single sources in their sums of light: see
     /// [`crate::plan::GlarePlan::in_sums`].
     pub(crate) fn may_have_veil_in_sums(&self) -> bool {
-        draws_outputs_apart(self.settings, self.objects, self.viewports)
+        may_have_veil_in_sums(self.settings, self.objects, self.viewports)
     }
 }
 

@@ -4,7 +4,10 @@ use std::{f64::consts::PI, sync::OnceLock};
 
 use glam::{DQuat, DVec3};
 use steradian::{
-    plan::{Output, settings::RenderSettings},
+    plan::{
+        Output,
+        settings::{GlareMethod, RenderSettings},
+    },
     render::{Frame, FrameRequest, Renderer, SkyMapUse, Wanted},
     scene::SceneSnapshot,
     units::PARSEC_M,
@@ -89,6 +92,28 @@ fn a_dome_keeps_its_budget_and_its_light() {
         assert!(of_map.quantile(0.999) < LIMITS[0] && of_map.quantile(1.0) < LIMITS[1], "{case}: {:?}", of_map.worst);
         assert!(light.abs() < 1e-4, "{case}: {light:.1e}");
     }
+}
+
+/// Without glare the map is read as with it, in the frame that is drawn for its display image alone.
+#[test]
+fn a_dome_without_glare_reads_the_map_too() {
+    let rig = rig(vec![dome(512)]);
+    let mut renderer = renderer();
+    let scene = scene(directions()[0]);
+    let mut settings = settings();
+    settings.glare.method = GlareMethod::None;
+    let mut frame = |settings: &RenderSettings, output: Output| {
+        let request = FrameRequest::new(&scene, &rig).settings(settings).wanted(Wanted::hdr()).drawn_for(output);
+        renderer.render(request).unwrap()
+    };
+    let (exact, shown) = (frame(&settings, Output::Hdr), frame(&settings, Output::Display));
+    assert!(shown.views[0].stars_in_map > 200_000 && exact.views[0].stars_in_map == 0);
+    let errors = Errors::of(&exact, &shown, &settings);
+    let [most, largest] = [0.999, 1.0].map(|share| errors.quantile(share));
+    println!("99.9 % {most:.3}, largest {largest:.3}");
+    assert!(most < LIMITS[0] && largest < LIMITS[1], "{most} {largest} {:?}", errors.worst);
+    settings.accuracy.display_codes = 0.0;
+    assert_eq!(frame(&settings, Output::Display).views[0].stars_in_map, 0);
 }
 
 /// About twice what was measured, codes: 99.9 % and largest.

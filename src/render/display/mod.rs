@@ -165,12 +165,13 @@ impl Technique for Display {
         };
         let shown = Made { hdr: false, hdr_stays: presents_light, ..exact };
         // Of each kind of frame: what is made, and whether glare is part of the sums.
-        let kinds = match wish.may_have_veil_in_sums() {
+        let veil = wish.may_have_veil_in_sums();
+        let kinds = match wish.draws_outputs_apart() {
             false => vec![(exact, false)],
             true if made.hdr || made.hdr_stays => {
-                vec![(shown, true), (exact, false), (Made { display: false, ..exact }, false)]
+                vec![(shown, veil), (exact, false), (Made { display: false, ..exact }, false)]
             }
-            true => vec![(shown, true)],
+            true => vec![(shown, veil)],
         };
         let glare = settings.glare.chosen(settings.stars.method);
         let adds_up = settings.stars.method.accumulator() == Accumulator::FixedPoint;
