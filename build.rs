@@ -19,7 +19,8 @@ fn compile_protocol() -> Result<(), Box<dyn Error>> {
     let descriptors = protox::compile(files, ["proto"])?;
     let out = PathBuf::from(env::var("OUT_DIR")?);
     fs::write(out.join("steradian_descriptors.bin"), descriptors.encode_to_vec())?;
-    tonic_prost_build::configure().compile_fds(descriptors)?;
+    // Images are shared among those who get them.
+    tonic_prost_build::configure().bytes(".steradian.v1.Image.data").compile_fds(descriptors)?;
     Ok(())
 }
 

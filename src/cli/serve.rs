@@ -70,6 +70,7 @@ pub fn run(arguments: ServeArguments, adapter: Option<String>) -> Result<(), Cli
         options.asteroid_fields = config.field_specs()?;
         options.view_tables = config.views.iter().map(|view| view.tables.clone()).collect();
         options.folder.clone_from(&config.folder);
+        options.hosts.clone_from(&config.server.hosts);
         options.headset = headset(&config);
         options.shutdown = Shutdown::When(signals);
         service::run(options).await.map_err(CliError::Serve)

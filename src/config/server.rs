@@ -10,11 +10,14 @@ pub struct ServerConfig {
     /// Address to listen on, `host:port`; port 0 selects a free port.
     #[serde(deserialize_with = "address")]
     pub listen: String,
+    /// Names by which clients may call the daemon, without ports, besides `localhost` and addresses: others are refused, and so are pages of
+    /// other sites.
+    pub hosts: Vec<String>,
 }
 
 impl Default for ServerConfig {
     fn default() -> Self {
-        Self { listen: "127.0.0.1:7143".to_owned() }
+        Self { listen: "127.0.0.1:7143".to_owned(), hosts: Vec::new() }
     }
 }
 

@@ -2,6 +2,8 @@
 
 mod encode;
 mod files;
+mod reduce;
 
 pub use encode::{EncodeError, Encoding, encode};
 pub use files::{OutputError, write_frame, write_frames};
+pub use reduce::reduced;

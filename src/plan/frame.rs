@@ -190,6 +190,36 @@ pub enum SkyUse {
     Face(SkyFace),
 }
 
+/// Whether a star method, a camera that moves or rests, and bodies and fields can be drawn together. Takes no time.
+///
+/// # Errors
+///
+/// What cannot be drawn with what.
+pub fn check_together(
+    method: StarMethod,
+    moves: bool,
+    objects: &SceneObjects,
+    limits: &Limits,
+) -> Result<(), PlanError> {
+    if moves && method.accumulator() != Accumulator::FixedPoint {
+        return Err(PlanError::AtRestOnly(method.name()));
+    }
+    if objects.is_empty() {
+        return Ok(());
+    }
+    if method.accumulator() != Accumulator::FixedPoint {
+        return Err(PlanError::StarsOnly(method.name()));
+    }
+    if moves {
+        return Err(PlanError::ObjectsAtRest);
+    }
+    let (bytes, limit) = (texture_bytes(objects), limits.max_binding_bytes);
+    if bytes > limit {
+        return Err(PlanError::TooManyTexels { bytes, limit });
+    }
+    asteroids::frame::check(objects, limits)
+}
+
 /// Makes plans, and keeps what takes its time to compute and depends on settings alone: kernels of glare, point-spread functions,
 /// tables of directions. Plans do not depend on what is kept.
 pub struct Planner {
@@ -242,22 +272,7 @@ impl Planner {
         limits: &Limits,
     ) -> Result<(), PlanError> {
         let method = settings.stars.method;
-        let moves = scene.camera.velocity_c != DVec3::ZERO;
-        if moves && method.accumulator() != Accumulator::FixedPoint {
-            return Err(PlanError::AtRestOnly(method.name()));
-        }
-        if !scene.objects.is_empty() {
-            if method.accumulator() != Accumulator::FixedPoint {
-                return Err(PlanError::StarsOnly(method.name()));
-            }
-            if moves {
-                return Err(PlanError::ObjectsAtRest);
-            }
-            let (bytes, limit) = (texture_bytes(&scene.objects), limits.max_binding_bytes);
-            if bytes > limit {
-                return Err(PlanError::TooManyTexels { bytes, limit });
-            }
-        }
+        check_together(method, scene.camera.velocity_c != DVec3::ZERO, &scene.objects, limits)?;
         // A file that changes alone is not read again.
         if method == StarMethod::PsfTexture && self.psf.as_ref().is_none_or(|(of, _)| *of != settings.stars.psf_texture)
         {
@@ -272,7 +287,7 @@ impl Planner {
         if glare == GlareMethod::SkyCube || (glare != GlareMethod::None && !scene.objects.is_empty()) {
             self.hold_kernel(&settings.glare)?;
         }
-        asteroids::frame::check(&scene.objects, limits)
+        Ok(())
     }
 
     /// The exposure that the plan alone gives views: what [`Self::plan`] finds for them, without the rest of the plan.

@@ -29,7 +29,7 @@ pub mod view_settings;
 pub use budget::Output;
 pub use certificate::{Approximation, FramePlan, StarPlan, plan_stars};
 pub use error::PlanError;
-pub use frame::{ExposureSource, GlarePlan, Plan, PlanOutputs, Planner, SkyUse, VeilInSums};
+pub use frame::{ExposureSource, GlarePlan, Plan, PlanOutputs, Planner, SkyUse, VeilInSums, check_together};
 pub use limits::{DISPLAY_BYTES, Limits};
 pub use stars::kernels::{
     BSPLINE_FLICKER, GAUSSIAN_FLICKER, GaussianKernel, GaussianWidth, KernelPlan, PLANE_GAUSSIAN_FLICKER,

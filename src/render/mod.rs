@@ -40,7 +40,10 @@ pub(crate) mod viewport;
 use std::collections::VecDeque;
 
 pub use self::{
-    asteroids::AsteroidCounts,
+    asteroids::{
+        AsteroidCounts,
+        impostors::atlas::{BakedImpostors, ImpostorAtlasError},
+    },
     error::RenderError,
     frame::{Frame, FrameImage, FrameTimes, ViewStatistics, Wanted},
     prepare::PrepareStep,
@@ -75,6 +78,8 @@ pub struct Renderer {
     /// One for each series of frames.
     planners: Vec<Planner>,
     techniques: Vec<Box<dyn Technique + Send>>,
+    /// Atlases of impostors that were baked ahead.
+    baked: BakedImpostors,
     /// Those for rigs with tabulated pictures, or for rigs without, whichever the last one was not.
     idle_techniques: Option<Vec<Box<dyn Technique + Send>>>,
     targets: Targets,
@@ -102,10 +107,12 @@ pub struct Renderer {
 impl Renderer {
     /// A renderer on an open device.
     pub fn new(gpu: Gpu) -> Self {
+        let baked = BakedImpostors::default();
         Self {
             limits: gpu.limits(),
             planners: vec![Planner::new()],
-            techniques: sequence::techniques(&gpu),
+            techniques: sequence::techniques(&gpu, &baked),
+            baked,
             idle_techniques: None,
             targets: Targets::new(&gpu),
             sky_targets: None,
@@ -119,6 +126,11 @@ impl Renderer {
             catalogue_order: None,
             gpu,
         }
+    }
+
+    /// Where another device puts atlases of impostors that this renderer is going to need, so that its frames need not wait for them.
+    pub fn baked_impostors(&self) -> &BakedImpostors {
+        &self.baked
     }
 
     /// The adapter in use.
@@ -167,7 +179,7 @@ impl Renderer {
             self.tables.hold(&mut self.gpu, viewports);
             self.techniques.iter_mut().for_each(|technique| technique.release());
             self.gpu.forget_frames();
-            let others = self.idle_techniques.take().unwrap_or_else(|| sequence::techniques(&self.gpu));
+            let others = self.idle_techniques.take().unwrap_or_else(|| sequence::techniques(&self.gpu, &self.baked));
             self.idle_techniques = Some(std::mem::replace(&mut self.techniques, others));
         }
         self.tables.hold(&mut self.gpu, viewports);

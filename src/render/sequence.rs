@@ -1,7 +1,7 @@
 //! The order of a frame: which techniques there are, and the phases that they go through.
 
 use super::{
-    asteroids::Asteroids,
+    asteroids::{Asteroids, impostors::atlas::BakedImpostors},
     bodies::Bodies,
     display::Display,
     glare::Glare,
@@ -13,9 +13,9 @@ use super::{
 use crate::{gpu::Gpu, plan::Plan};
 
 /// All techniques. Within a phase they record in this order.
-pub(super) fn techniques(gpu: &Gpu) -> Vec<Box<dyn Technique + Send>> {
+pub(super) fn techniques(gpu: &Gpu, baked: &BakedImpostors) -> Vec<Box<dyn Technique + Send>> {
     vec![
-        Box::new(Asteroids::new()),
+        Box::new(Asteroids::new(baked.clone())),
         Box::new(Bodies::new(gpu)),
         Box::new(Stars::new(gpu)),
         Box::new(Glare::new()),

@@ -176,6 +176,8 @@ pub struct ReceivedFrame {
     pub quality_level: u32,
     /// The same in words.
     pub given_up: Vec<String>,
+    /// The camera that is shown; of a headset: the origin of the room.
+    pub camera: Camera,
     /// The images of the view.
     pub images: Vec<ReceivedImage>,
 }
@@ -197,7 +199,7 @@ pub struct ServerInfo {
     pub headset: Option<HeadsetStatus>,
 }
 
-fn camera_from_pb(camera: proto::Camera) -> Result<Camera, ClientError> {
+pub(super) fn camera_from_pb(camera: proto::Camera) -> Result<Camera, ClientError> {
     let lacks = |field| ClientError::Answer { field };
     let plain = Camera::new(
         camera.position_m.map(convert::vector_from_pb).ok_or_else(|| lacks("position_m"))?,
@@ -222,7 +224,7 @@ impl TryFrom<proto::Frame> for ReceivedFrame {
                 width: image.width,
                 height: image.height,
                 encoding: encoding.ok_or(ClientError::Answer { field: "encoding" })?,
-                data: image.data,
+                data: image.data.into(),
             })
         });
         Ok(Self {
@@ -237,28 +239,44 @@ impl TryFrom<proto::Frame> for ReceivedFrame {
             dropped: frame.dropped,
             quality_level: frame.quality_level,
             given_up: frame.given_up,
+            camera: camera_from_pb(frame.camera.ok_or(ClientError::Answer { field: "camera" })?)?,
             images: images.collect::<Result<_, ClientError>>()?,
         })
     }
 }
 
-/// The frames of a subscription. Dropping it ends the subscription.
+/// The frames of a subscription. Dropping it ends the subscription. Frames are acknowledged when they are handed out, so that none of them is old,
+/// however slowly they are asked for.
 #[derive(Debug)]
 pub struct FrameReceiver {
     stream: Streaming<proto::Frame>,
+    view: ViewServiceClient<Channel>,
 }
 
 impl FrameReceiver {
     /// Waits for the next frame; `None` when the daemon has ended the stream in good order.
     pub async fn next(&mut self) -> Result<Option<ReceivedFrame>, ClientError> {
-        self.stream.message().await?.map(ReceivedFrame::try_from).transpose()
+        let Some(frame) = self.stream.message().await? else { return Ok(None) };
+        let read = proto::AcknowledgeFrameRequest { stream: frame.stream, frame_number: frame.frame_number };
+        match self.view.acknowledge_frame(read).await {
+            Ok(_) => {}
+            // The stream has ended meanwhile: that is told when the next frame is asked for.
+            Err(status) if status.code() == tonic::Code::NotFound => {}
+            Err(status) => return Err(status.into()),
+        }
+        ReceivedFrame::try_from(frame).map(Some)
     }
+}
+
+fn next_request(view: &str, encoding: Encoding, after_frame_number: u64, max_size: u32) -> proto::NextFrameRequest {
+    let encoding = convert::encoding_to_pb(encoding).into();
+    proto::NextFrameRequest { view: view.to_owned(), encoding, after_frame_number, max_size }
 }
 
 /// A connection to a daemon. Clones share it.
 #[derive(Clone, Debug)]
 pub struct Client {
-    camera: CameraServiceClient<Channel>,
+    pub(super) camera: CameraServiceClient<Channel>,
     view: ViewServiceClient<Channel>,
     pub(super) diagnostics: DiagnosticsServiceClient<Channel>,
     pub(super) scene: SceneServiceClient<Channel>,
@@ -314,7 +332,7 @@ impl Client {
     /// Renders a view with the newest camera.
     pub async fn render_frame(&mut self, view: &str, encoding: Encoding) -> Result<ReceivedFrame, ClientError> {
         let encoding = convert::encoding_to_pb(encoding).into();
-        let request = proto::RenderFrameRequest { view: view.to_owned(), encoding };
+        let request = proto::RenderFrameRequest { view: view.to_owned(), encoding, max_size: 0 };
         self.view.render_frame(request).await?.into_inner().try_into()
     }
 
@@ -326,8 +344,36 @@ impl Client {
         max_rate_hz: f64,
     ) -> Result<FrameReceiver, ClientError> {
         let encoding = convert::encoding_to_pb(encoding).into();
-        let request = proto::StreamFramesRequest { view: view.to_owned(), encoding, max_rate_hz };
-        Ok(FrameReceiver { stream: self.view.stream_frames(request).await?.into_inner() })
+        let request = proto::StreamFramesRequest {
+            view: view.to_owned(),
+            encoding,
+            max_rate_hz,
+            acknowledged: true,
+            max_size: 0,
+        };
+        let stream = self.view.stream_frames(request).await?.into_inner();
+        Ok(FrameReceiver { stream, view: self.view.clone() })
+    }
+
+    /// The next frame of a view after the one with a number (0: any), as soon as there is one. Display images whose longest side has more than
+    /// `max_size` pixels are reduced; 0: none are.
+    pub async fn next_frame(
+        &mut self,
+        view: &str,
+        encoding: Encoding,
+        after_frame_number: u64,
+        max_size: u32,
+    ) -> Result<ReceivedFrame, ClientError> {
+        let request = next_request(view, encoding, after_frame_number, max_size);
+        self.view.next_frame(request).await?.into_inner().try_into()
+    }
+
+    /// The same of several views, each with the number of the frame that was seen of it: as soon as one has a frame, those of all that have.
+    pub async fn next_frames(&mut self, views: &[(&str, Encoding, u64)]) -> Result<Vec<ReceivedFrame>, ClientError> {
+        let request = |(view, encoding, after): &(&str, Encoding, u64)| next_request(view, *encoding, *after, 0);
+        let request = proto::NextFramesRequest { views: views.iter().map(request).collect() };
+        let answer = self.view.next_frames(request).await?.into_inner();
+        answer.frames.into_iter().map(ReceivedFrame::try_from).collect()
     }
 
     /// What the daemon runs on and holds.

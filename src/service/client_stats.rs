@@ -175,6 +175,16 @@ pub struct ReceivedStats {
     pub quality: Option<ReceivedQuality>,
     /// What audits of frames have found; `None` without `accuracy.audit`.
     pub audit: Option<ReceivedAudits>,
+    /// Frames since the start that could not be drawn.
+    pub frames_failed: u64,
+    /// Why the last frame could not be drawn; empty if it could.
+    pub problem: String,
+    /// Times since the start that the images of a view of a frame were encoded.
+    pub encoded: u64,
+    /// Connections now.
+    pub connections: u32,
+    /// Requests since the start that were refused because they would have taken more than they may.
+    pub refused: u64,
 }
 
 /// What display images give up to be in time.
@@ -270,6 +280,11 @@ impl TryFrom<proto::Stats> for ReceivedStats {
             headset: stats.headset.map(ReceivedHeadset::try_from).transpose()?,
             quality: stats.quality.map(ReceivedQuality::from),
             audit: stats.audit.map(ReceivedAudits::from),
+            frames_failed: stats.frames_failed,
+            problem: stats.problem,
+            encoded: stats.encoded,
+            connections: stats.connections,
+            refused: stats.refused,
         })
     }
 }

@@ -55,6 +55,7 @@ pub(super) fn update_to_pb(update: &CameraUpdate) -> proto::SetCameraRequest {
         position_m: update.position_m.map(|[x, y, z]| proto::Vector3 { x, y, z }),
         orientation: update.orientation.map(|[x, y, z, w]| proto::Quaternion { x, y, z, w }),
         velocity_c: update.velocity_c.map(|[x, y, z]| proto::Vector3 { x, y, z }),
+        expected_revision: None,
     }
 }
 
@@ -139,6 +140,9 @@ fn impostor(name: &str) -> Result<ImpostorMethod, String> {
     })
 }
 
+/// Fields that one change may name.
+const MOST_PATHS: usize = 1024;
+
 /// The fields that the mask names; the error tells what is wrong and what is allowed.
 pub(super) fn scene_update_from_pb(request: &proto::UpdateSceneRequest) -> Result<SceneUpdate, String> {
     const ALLOWED: &str = "allowed are stars, stars.method, stars.magnitude_limit, time, asteroids, \
@@ -148,6 +152,9 @@ pub(super) fn scene_update_from_pb(request: &proto::UpdateSceneRequest) -> Resul
     let paths = request.update_mask.as_ref().map_or(&[][..], |mask| &mask.paths);
     if paths.is_empty() {
         return Err(format!("update_mask names no field: {ALLOWED}"));
+    }
+    if paths.len() > MOST_PATHS {
+        return Err(format!("update_mask names {} fields: at most {MOST_PATHS} are allowed", paths.len()));
     }
     let scene = request.scene.clone().unwrap_or_default();
     let (stars, asteroids) = (scene.stars.unwrap_or_default(), scene.asteroids.unwrap_or_default());

@@ -4,8 +4,10 @@ use std::time::SystemTime;
 
 use super::{
     audit::AuditFigures,
+    clients::Shares,
     convert_views::settings_to_pb,
     headset::Headset,
+    order::Encoders,
     proto,
     render::{QualityFigures, RenderHandle},
     scene::SceneState,
@@ -160,7 +162,12 @@ fn audits_to_pb(AuditFigures { audited, broken, last }: AuditFigures) -> proto::
 }
 
 /// The figures as they are now.
-pub(super) fn stats_to_pb(render: &RenderHandle, headset: Option<&Headset>) -> proto::Stats {
+pub(super) fn stats_to_pb(
+    render: &RenderHandle,
+    headset: Option<&Headset>,
+    encoders: &Encoders,
+    shares: &Shares,
+) -> proto::Stats {
     let (figures, streams) = (render.figures(), render.streams());
     proto::Stats {
         time: Some(SystemTime::now().into()),
@@ -171,5 +178,10 @@ pub(super) fn stats_to_pb(render: &RenderHandle, headset: Option<&Headset>) -> p
         headset: headset.map(headset_to_pb),
         quality: figures.quality.map(quality_to_pb),
         audit: figures.audits.map(audits_to_pb),
+        frames_failed: figures.failures.count,
+        problem: figures.failures.problem.unwrap_or_default(),
+        encoded: encoders.count(),
+        connections: u32::try_from(shares.connections()).unwrap_or(u32::MAX),
+        refused: shares.refused(),
     }
 }

@@ -45,16 +45,24 @@ impl proto::diagnostics_service_server::DiagnosticsService for Service {
         let method = method.map_err(|problem| Status::invalid_argument(format!("star_method: {problem}")))?;
         let permit = Arc::clone(&self.verifying).try_acquire_owned();
         let permit = permit.map_err(|_| Status::resource_exhausted("another Verify call runs: try again later"))?;
-        let render = self.render.clone();
+        let (render, workshop) = (self.render.clone(), self.workshop.clone());
+        let mut scenes = render.watch_scene();
         let (sender, stream) = mpsc::channel(1);
+        let gone = sender.clone();
         task::spawn(async move {
             let _permit = permit;
             for check in checks {
                 // Room first: a client that does not read or is gone keeps nobody busy.
                 let Ok(room) = sender.reserve().await else { return };
-                let result = match render.verify(check, method) {
-                    Ok(reply) => reply.await.map_err(|_| refused(Refused::Ending)),
-                    Err(reason) => Err(refused(reason)),
+                let checked = async {
+                    let result = workshop.verify(check, render.settings_of_checks(method)?).await?;
+                    Ok(result.map_err(Status::internal))
+                };
+                let result = tokio::select! {
+                    checked = checked => checked.map_err(refused).and_then(|result| result),
+                    _ = scenes.wait_for(Option::is_none) => Err(refused(Refused::Ending)),
+                    // Room that was reserved keeps nobody who has gone.
+                    () = gone.closed() => return,
                 };
                 let failed = result.is_err();
                 room.send(result.map(convert::check_to_pb));
@@ -81,6 +89,7 @@ impl proto::diagnostics_service_server::DiagnosticsService for Service {
             return Err(refused(Refused::Ending));
         }
         let (render, headset) = (self.render.clone(), self.headset.clone());
+        let (encoders, shares) = (Arc::clone(&self.encoders), Arc::clone(&self.shares));
         let mut statuses = headset.as_ref().map(|headset| headset.watch_status());
         let (sender, stream) = mpsc::channel(1);
         task::spawn(async move {
@@ -100,7 +109,7 @@ impl proto::diagnostics_service_server::DiagnosticsService for Service {
                     _ = scenes.wait_for(Option::is_none) => return,
                 };
                 let Ok(room) = room else { return };
-                room.send(Ok(convert_stats::stats_to_pb(&render, headset.as_deref())));
+                room.send(Ok(convert_stats::stats_to_pb(&render, headset.as_deref(), &encoders, &shares)));
             }
         });
         Ok(Response::new(ReceiverStream::new(stream)))

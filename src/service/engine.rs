@@ -1,11 +1,15 @@
 //! What the service asks of a renderer, so that it can be run on the GPU, and tested without one.
 
-use std::time::Duration;
+use std::{sync::Arc, time::Duration};
 
 use crate::{
-    gpu::{AdapterReport, GpuError},
-    plan::{Limits, settings::RenderSettings},
-    render::{Frame, FrameRequest, RenderError, Renderer},
+    gpu::{AdapterReport, Gpu, GpuError, GpuOptions},
+    plan::{
+        Limits,
+        settings::{AsteroidSettings, RenderSettings},
+    },
+    render::{BakedImpostors, Frame, FrameRequest, ImpostorAtlasError, RenderError, Renderer},
+    scene::asteroids::ShapeSet,
     verify::{self, Check, CheckResult},
 };
 
@@ -51,8 +55,8 @@ pub trait Engine: Send + 'static {
     /// Errors are as those of [`Self::submit`].
     fn finish(&mut self) -> Result<Frame, EngineError>;
 
-    /// Runs a failure test with the methods of `settings`, while no frame is in flight. What it renders for that is no frame.
-    fn verify(&mut self, check: &'static Check, settings: &RenderSettings) -> CheckResult;
+    /// What opens a second renderer for work beside the frames, on the thread that calls it. Asked for once, before the first frame.
+    fn beside(&self) -> OpenBeside;
 
     /// What plans may ask of it: changes are checked against these before they are made. Asked once, before the first frame.
     fn limits(&self) -> Limits {
@@ -61,6 +65,41 @@ pub trait Engine: Send + 'static {
 
     /// What it runs on. Asked once, before the first frame.
     fn info(&self) -> AdapterReport;
+}
+
+/// What long work is done by, beside the frames: a renderer of its own, on a thread that stands back behind the one of the frames.
+pub trait BesideEngine {
+    /// Runs a failure test with the methods of `settings`.
+    fn verify(&mut self, check: &'static Check, settings: &RenderSettings) -> CheckResult;
+
+    /// Makes what frames of these sets of shapes are going to need and what takes long.
+    ///
+    /// # Errors
+    ///
+    /// What cannot be made, or the device failed.
+    fn bake(&mut self, sets: &[Arc<ShapeSet>], settings: &AsteroidSettings) -> Result<(), EngineError>;
+}
+
+/// Opens a [`BesideEngine`]; again where the last one was lost.
+pub type OpenBeside = Box<dyn FnMut() -> Result<Box<dyn BesideEngine>, EngineError> + Send>;
+
+/// See [`BesideEngine`].
+struct BesideRenderer {
+    renderer: Renderer,
+    baked: BakedImpostors,
+}
+
+impl BesideEngine for BesideRenderer {
+    fn verify(&mut self, check: &'static Check, settings: &RenderSettings) -> CheckResult {
+        verify::run(check, &mut self.renderer, settings)
+    }
+
+    fn bake(&mut self, sets: &[Arc<ShapeSet>], settings: &AsteroidSettings) -> Result<(), EngineError> {
+        self.baked.bake(self.renderer.gpu(), sets, settings).map_err(|error| match error {
+            ImpostorAtlasError::Gpu(GpuError::Lost(_)) => EngineError::lost(error),
+            error => EngineError::new(error),
+        })
+    }
 }
 
 impl From<RenderError> for EngineError {
@@ -87,8 +126,13 @@ impl Engine for Renderer {
         Ok(self.finish_oldest()?)
     }
 
-    fn verify(&mut self, check: &'static Check, settings: &RenderSettings) -> CheckResult {
-        verify::run(check, self, settings)
+    fn beside(&self) -> OpenBeside {
+        let options = GpuOptions { adapter: Some(self.adapter().adapter.clone()), ..GpuOptions::default() };
+        let baked = self.baked_impostors().clone();
+        Box::new(move || {
+            let gpu = Gpu::open(&options).map_err(EngineError::new)?;
+            Ok(Box::new(BesideRenderer { renderer: Renderer::new(gpu), baked: baked.clone() }))
+        })
     }
 
     fn limits(&self) -> Limits {

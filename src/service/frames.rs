@@ -1,5 +1,6 @@
 //! The stream of frames of one subscriber. A frame is taken from the slot only when the connection asks for the next
-//! message, so what a client gets is the newest frame at that moment, and nothing queues up for one that reads slowly.
+//! message, and those on their way have been acknowledged but for two, so what a client gets is the newest frame at that moment. Without
+//! acknowledgements what lies in the buffers of the connection is not known here.
 
 use std::{
     pin::Pin,
@@ -10,13 +11,21 @@ use tokio_stream::Stream;
 use tonic::Status;
 
 use super::{
-    handlers::{Order, failed},
+    handlers::failed,
+    order::Order,
     proto,
-    streams::Subscription,
+    streams::{Acknowledged, Subscription},
 };
 
-/// The work on the next message; it owns the subscription meanwhile and hands it back.
-type Work = Pin<Box<dyn Future<Output = Option<(Result<proto::Frame, Status>, Option<Subscription>)>> + Send>>;
+/// What a stream holds between two messages.
+pub(super) struct Source {
+    pub(super) subscription: Subscription,
+    /// `None`: frames are not acknowledged.
+    pub(super) acknowledged: Option<Acknowledged>,
+}
+
+/// The work on the next message; it owns the source meanwhile and hands it back.
+type Work = Pin<Box<dyn Future<Output = Option<(Result<proto::Frame, Status>, Option<Source>)>> + Send>>;
 
 /// See the module.
 pub(super) struct FrameStream {
@@ -26,21 +35,30 @@ pub(super) struct FrameStream {
 }
 
 impl FrameStream {
-    pub(super) fn new(subscription: Subscription, order: Order) -> Self {
-        let work = Some(next(subscription, order.clone()));
+    pub(super) fn new(source: Source, order: Order) -> Self {
+        let work = Some(next(source, order.clone()));
         Self { order, work }
     }
 }
 
-fn next(subscription: Subscription, order: Order) -> Work {
+fn next(mut source: Source, order: Order) -> Work {
     Box::pin(async move {
-        let (rendered, dropped) = match subscription.next().await {
+        if let Some(acknowledged) = &mut source.acknowledged {
+            acknowledged.room().await;
+        }
+        let (rendered, dropped) = match source.subscription.next().await {
             Ok(Some(frame)) => frame,
             Ok(None) => return None,
             Err(failure) => return Some((Err(failed(&failure)), None)),
         };
-        match order.encode(rendered, dropped).await {
-            Ok(message) => Some((Ok(message), Some(subscription))),
+        let stream = source.acknowledged.as_ref().map_or(0, Acknowledged::number);
+        match order.encode(&rendered, dropped, stream).await {
+            Ok(message) => {
+                if let Some(acknowledged) = &mut source.acknowledged {
+                    acknowledged.sent(message.frame_number);
+                }
+                Some((Ok(message), Some(source)))
+            }
             Err(status) => Some((Err(status), None)),
         }
     })
@@ -53,8 +71,8 @@ impl Stream for FrameStream {
         let Some(work) = self.work.as_mut() else { return Poll::Ready(None) };
         let done = ready!(work.as_mut().poll(context));
         self.work = None;
-        let Some((item, subscription)) = done else { return Poll::Ready(None) };
-        self.work = subscription.map(|subscription| next(subscription, self.order.clone()));
+        let Some((item, source)) = done else { return Poll::Ready(None) };
+        self.work = source.map(|source| next(source, self.order.clone()));
         Poll::Ready(Some(item))
     }
 }

@@ -1,11 +1,11 @@
 //! The calls: each turns a message into plain values, asks the render thread, and turns the answer into a message.
 //!
-//! Frames are encoded on threads of their own, as many at once as there are processor cores.
+//! Calls of the camera are in [`super::camera`], frames one by one in [`super::pull`], their encoding in [`super::order`].
 
-use std::{pin::Pin, sync::Arc, thread, time::Duration};
+use std::{pin::Pin, sync::Arc, time::Duration};
 
 use tokio::{
-    sync::{OwnedSemaphorePermit, Semaphore, mpsc},
+    sync::{Mutex, OwnedSemaphorePermit, Semaphore, mpsc},
     task,
     time::timeout,
 };
@@ -13,31 +13,38 @@ use tokio_stream::{Stream, wrappers::ReceiverStream};
 use tonic::{Request, Response, Status};
 
 use super::{
+    background,
+    clients::{ClientInfo, Held, Shares},
     convert, convert_stats,
     convert_views::{view_to_pb, view_update_from_pb},
-    frames::FrameStream,
+    frames::{FrameStream, Source},
     headset::Headset,
+    order::{Encoders, Form, Order},
     proto,
     render::{Capacity, Refused, RenderHandle},
-    scene::{SceneError, SceneState},
+    scene::{MadeUpdate, SceneError, SceneState, SceneUpdate},
     server::SceneCatalogue,
     slot::{RenderFailure, RenderedFrame},
     views::{ViewSet, ViewUpdate},
+    workshop::Workshop,
 };
 use crate::{
     gpu::AdapterReport,
-    output::{self, Encoding},
     plan::{
         Limits, Output, PlanOutputs, Planner,
+        settings::AsteroidSettings,
         view_settings::{FrameGroup, frame_groups},
     },
-    render::{ViewStatistics, Wanted},
+    scene::{SceneSnapshot, asteroids::ShapeSet},
     view::Rig,
     xr,
 };
 
 /// Rates that `StreamFrames` takes, Hz, besides 0.
 const RATES_HZ: std::ops::RangeInclusive<f64> = 0.001..=10_000.0;
+
+/// Longest sides of smaller copies, pixels, besides 0.
+const MAX_SIZES: std::ops::RangeInclusive<u32> = 16..=16_384;
 
 /// How often a change is checked anew because the scene has changed meanwhile.
 const MOST_ATTEMPTS: usize = 8;
@@ -57,27 +64,17 @@ pub(super) struct Service {
     pub(super) stars: u64,
     /// Streams of the scene and of figures.
     watchers: Arc<Semaphore>,
+    pub(super) workshop: Workshop,
+    pub(super) shares: Arc<Shares>,
     /// Calls that place asteroids: one at a time.
     placing: Arc<Semaphore>,
-    /// Calls that plan frames to see whether they can be drawn: one at a time.
-    planning: Arc<Semaphore>,
+    /// Of calls that plan frames to see whether they can be drawn: one at a time.
+    planner: Arc<Mutex<Planner>>,
     /// Calls of Verify: one at a time.
     pub(super) verifying: Arc<Semaphore>,
     /// Calls of RenderFrame that are not finished yet, from the queue to the last encoded byte.
     pending: Arc<Semaphore>,
-    encoders: Arc<Semaphore>,
-}
-
-/// The images of one view, and how they are to be encoded.
-#[derive(Clone)]
-pub(super) struct Order {
-    name: Arc<str>,
-    /// Index in its frames.
-    view: usize,
-    /// Who makes its frames, if not the render thread.
-    headset: Option<Arc<Headset>>,
-    encoding: Encoding,
-    encoders: Arc<Semaphore>,
+    pub(super) encoders: Arc<Encoders>,
 }
 
 impl Service {
@@ -89,8 +86,8 @@ impl Service {
         catalogues: Vec<SceneCatalogue>,
         stars: u64,
         capacity: Capacity,
+        (workshop, shares): (Workshop, Arc<Shares>),
     ) -> Self {
-        let cores = thread::available_parallelism().map_or(1, usize::from);
         Self {
             render,
             headset,
@@ -100,11 +97,13 @@ impl Service {
             catalogues: Arc::new(catalogues),
             stars,
             watchers: Arc::new(Semaphore::new(capacity.subscribers)),
+            workshop,
+            shares,
             placing: Arc::new(Semaphore::new(1)),
-            planning: Arc::new(Semaphore::new(1)),
+            planner: Arc::default(),
             verifying: Arc::new(Semaphore::new(1)),
             pending: Arc::new(Semaphore::new(capacity.requests)),
-            encoders: Arc::new(Semaphore::new(cores)),
+            encoders: Arc::new(Encoders::new()),
         }
     }
 
@@ -131,33 +130,108 @@ impl Service {
     async fn changed_views(&self, scene: &SceneState, number: usize, update: &ViewUpdate) -> Result<ViewSet, Status> {
         let general = self.render.general(scene);
         let views = scene.views.changed(&general, number, update).map_err(Status::invalid_argument)?;
+        let before = frame_groups(&self.rig, &general, &scene.views.settings);
+        let after = frame_groups(&self.rig, &general, &views.settings);
+        // What has not changed is drawn already.
+        let changed = after.into_iter().filter(|group| !before.contains(group)).collect();
+        self.plan(self.render.snapshot(scene), changed).await?;
+        Ok(views)
+    }
+
+    /// Whether frames of a scene can be drawn, with the camera and the adapter that there are: what is accepted must not fail later.
+    async fn plan(&self, snapshot: SceneSnapshot, groups: Vec<FrameGroup>) -> Result<(), Status> {
         // One after the other: each plan may take long, and memory.
-        let permit = Arc::clone(&self.planning).acquire_owned().await.map_err(|_| refused(Refused::Ending))?;
-        let (snapshot, rig, limits) = (self.render.snapshot(scene), Arc::clone(&self.rig), Arc::clone(&self.limits));
-        let before = frame_groups(&rig, &general, &scene.views.settings);
+        let planner = Arc::clone(&self.planner).lock_owned().await;
+        let limits = Arc::clone(&self.limits);
         let planning = move || {
-            let _permit = permit;
-            let after = frame_groups(&rig, &general, &views.settings);
-            let check = |group: &&FrameGroup| {
+            background::stand_back();
+            let mut planner = planner;
+            groups.iter().try_for_each(|group| {
                 let outputs = PlanOutputs::new(Output::Hdr);
-                Planner::new().plan(&snapshot, &group.rig, &group.settings, None, outputs, &limits).map(drop)
-            };
-            // What has not changed is drawn already.
-            after.iter().filter(|group| !before.contains(group)).try_for_each(|group| check(&group)).map(|()| views)
+                planner.plan(&snapshot, &group.rig, &group.settings, None, outputs, &limits).map(drop)
+            })
         };
         let planned = task::spawn_blocking(planning).await;
         let planned = planned.map_err(|error| Status::internal(format!("planning a frame failed: {error}")))?;
         planned.map_err(|error| Status::invalid_argument(error.to_string()))
     }
 
-    fn order(&self, name: &str, encoding: i32) -> Result<Order, Status> {
+    /// The scene after a change, if it can be drawn then.
+    async fn changed_scene(&self, update: &SceneUpdate, expected: Option<u64>) -> Result<SceneState, Status> {
+        for _ in 0..MOST_ATTEMPTS {
+            let scene = self.render.scene().map_err(refused)?;
+            scene.expect(expected).map_err(|error| unchanged(&error))?;
+            let made = self.made(update, &scene).await?;
+            let changed = scene.clone().changed(&made, expected).map_err(|error| unchanged(&error))?;
+            if update.changes_what_is_drawn() {
+                let groups = frame_groups(&self.rig, &self.render.general(&changed), &changed.views.settings);
+                self.plan(self.render.snapshot(&changed), groups).await?;
+            }
+            let new = new_sets(&scene, &changed);
+            if !new.is_empty() {
+                let baked = self.workshop.bake(new, changed.asteroids.clone()).await.map_err(refused)?;
+                baked.map_err(Status::invalid_argument)?;
+            }
+            match self.render.update_scene(&made, Some(scene.revision)).map_err(refused)? {
+                Ok(scene) => return Ok(scene),
+                Err(error) if expected.is_some() => return Err(unchanged(&error)),
+                // What was checked is not the scene any more.
+                Err(SceneError::Revision { .. }) => {}
+                Err(error) => return Err(unchanged(&error)),
+            }
+        }
+        Err(Status::aborted("the scene has changed again and again meanwhile: try again"))
+    }
+
+    /// What a change needs.
+    async fn made(&self, update: &SceneUpdate, scene: &SceneState) -> Result<MadeUpdate, Status> {
+        if !update.places_asteroids() {
+            return update.make(scene).map_err(Status::invalid_argument);
+        }
+        // One after the other: each may take all cores and much memory.
+        let permit = Arc::clone(&self.placing).acquire_owned().await.map_err(|_| refused(Refused::Ending))?;
+        let (update, scene) = (update.clone(), scene.clone());
+        let placing = move || {
+            // Until it is done, also if the caller does not wait for it.
+            let _permit = permit;
+            background::stand_back();
+            update.make(&scene)
+        };
+        let placed = task::spawn_blocking(placing).await;
+        let placed = placed.map_err(|error| Status::internal(format!("placing asteroids failed: {error}")))?;
+        placed.map_err(Status::invalid_argument)
+    }
+
+    pub(super) fn order(&self, client: &ClientInfo, name: &str, encoding: i32, max_size: u32) -> Result<Order, Status> {
         let headset = self.headset.as_ref().filter(|headset| headset.name() == name).map(Arc::clone);
         // The frames of a headset have one view.
         let view = self.rig.index_of(name).or(headset.as_ref().map(|_| 0)).ok_or_else(|| self.no_view(name))?;
         let encoding = convert::encoding_from_pb(encoding).ok_or_else(|| {
             Status::invalid_argument(format!("encoding = {encoding}: one of RGBA8, PNG, JPEG, RGB32F, EXR is needed"))
         })?;
-        Ok(Order { name: name.into(), view, headset, encoding, encoders: Arc::clone(&self.encoders) })
+        if max_size > 0 && encoding.wanted().hdr {
+            let problem = format!("max_size = {max_size}: {} images have the size of the view", encoding.name());
+            return Err(Status::invalid_argument(problem));
+        }
+        if max_size > 0 && !MAX_SIZES.contains(&max_size) {
+            let (least, most) = (MAX_SIZES.start(), MAX_SIZES.end());
+            let problem = format!("max_size = {max_size}: allowed are 0 and {least} to {most} pixels");
+            return Err(Status::invalid_argument(problem));
+        }
+        let form = Form { encoding, max_size };
+        let (encoders, client) = (Arc::clone(&self.encoders), client.clone());
+        Ok(Order { name: name.into(), view, headset, form, encoders, client })
+    }
+
+    /// Bytes of a message of the order's view, at most.
+    pub(super) fn most_bytes(&self, order: &Order) -> u64 {
+        let pixels = |[width, height]: [u32; 2]| u64::from(width) * u64::from(height);
+        order.form.most_bytes(match &order.headset {
+            Some(headset) => headset.sizes().into_iter().map(pixels).sum(),
+            None => {
+                self.rig.views()[order.view].images.iter().map(|image| pixels(image.projection.mapping().size())).sum()
+            }
+        })
     }
 
     /// The place of a stream of the scene or of figures.
@@ -186,48 +260,11 @@ impl Service {
     }
 }
 
-impl Order {
-    fn wanted(&self) -> Wanted {
-        self.encoding.wanted()
-    }
-
-    /// Encodes the view's images of a frame, away from the threads that serve connections.
-    pub(super) async fn encode(self, rendered: Arc<RenderedFrame>, dropped: u64) -> Result<proto::Frame, Status> {
-        let encoders = Arc::clone(&self.encoders);
-        let _permit = encoders.acquire().await.map_err(|_| Status::unavailable("the daemon is shutting down"))?;
-        task::spawn_blocking(move || self.message(&rendered, dropped))
-            .await
-            .map_err(|error| Status::internal(format!("encoding the frame failed: {error}")))?
-    }
-
-    fn message(&self, rendered: &RenderedFrame, dropped: u64) -> Result<proto::Frame, Status> {
-        let frame = &rendered.frame;
-        let images = frame.images.iter().filter(|image| image.view == self.view).map(|image| {
-            let data = output::encode(self.encoding, image).map_err(|error| Status::internal(error.to_string()))?;
-            Ok(proto::Image {
-                part: image.part.name().unwrap_or_default().to_owned(),
-                width: image.width,
-                height: image.height,
-                encoding: convert::encoding_to_pb(self.encoding).into(),
-                data,
-            })
-        });
-        let of_view = |view: &ViewStatistics| view.limiting_magnitude;
-        Ok(proto::Frame {
-            view: self.name.to_string(),
-            frame_number: frame.number,
-            scene_revision: frame.scene_revision,
-            camera_revision: frame.camera_revision,
-            pose_time: Some(rendered.pose_time.into()),
-            render_time: Some(rendered.render_time.into()),
-            exposure_ev100: frame.exposure_ev100,
-            limiting_magnitude: frame.views.iter().find(|view| *view.name == *self.name).and_then(of_view),
-            dropped,
-            quality_level: rendered.given_up.level,
-            given_up: rendered.given_up.what.clone(),
-            images: images.collect::<Result<_, Status>>()?,
-        })
-    }
+/// An answer that holds bytes until it is sent.
+fn holding<T>(answer: T, held: Held) -> Response<T> {
+    let mut response = Response::new(answer);
+    response.extensions_mut().insert(held);
+    response
 }
 
 pub(super) fn refused(refused: Refused) -> Status {
@@ -241,6 +278,26 @@ pub(super) fn refused(refused: Refused) -> Status {
     }
 }
 
+/// Sets of shapes that a scene after a change has and that one before has not, each once; none where no impostor is drawn.
+fn new_sets(before: &SceneState, after: &SceneState) -> Vec<Arc<ShapeSet>> {
+    let settings = |scene: &SceneState| {
+        let AsteroidSettings { impostor, tiles, tile_px, finest_only, .. } = &scene.asteroids;
+        (impostor.chosen(), *tiles, *tile_px, *finest_only)
+    };
+    let are_others = settings(before) != settings(after);
+    let fields = &after.objects.drawn.fields;
+    let is_known = |shapes: &Arc<ShapeSet>| {
+        before.objects.drawn.fields.iter().any(|field| Arc::ptr_eq(&field.shapes, shapes)) && !are_others
+    };
+    let mut new: Vec<Arc<ShapeSet>> = Vec::new();
+    for field in fields.iter().filter(|field| !is_known(&field.shapes)) {
+        if !new.iter().any(|shapes| Arc::ptr_eq(shapes, &field.shapes)) && !after.asteroids.finest_only {
+            new.push(Arc::clone(&field.shapes));
+        }
+    }
+    new
+}
+
 fn unchanged(error: &SceneError) -> Status {
     match error {
         SceneError::Revision { .. } => Status::aborted(error.to_string()),
@@ -252,19 +309,6 @@ pub(super) fn failed(failure: &RenderFailure) -> Status {
     match failure {
         RenderFailure::Engine(_) => Status::internal(failure.to_string()),
         RenderFailure::Headset(_) | RenderFailure::Ended => Status::unavailable(failure.to_string()),
-    }
-}
-
-#[tonic::async_trait]
-impl proto::camera_service_server::CameraService for Service {
-    async fn get_camera(&self, _: Request<proto::GetCameraRequest>) -> Result<Response<proto::Camera>, Status> {
-        Ok(Response::new(convert::camera_to_pb(&self.render.camera())))
-    }
-
-    async fn set_camera(&self, request: Request<proto::SetCameraRequest>) -> Result<Response<proto::Camera>, Status> {
-        let update = convert::update_from_pb(request.into_inner());
-        let camera = self.render.set_camera(&update).map_err(|error| Status::invalid_argument(error.to_string()))?;
-        Ok(Response::new(convert::camera_to_pb(&camera)))
     }
 }
 
@@ -316,19 +360,50 @@ impl proto::view_service_server::ViewService for Service {
         &self,
         request: Request<proto::RenderFrameRequest>,
     ) -> Result<Response<proto::Frame>, Status> {
+        let client = ClientInfo::of(&request)?;
         let request = request.into_inner();
-        let order = self.order(&request.view, request.encoding)?;
+        let order = self.order(&client, &request.view, request.encoding, request.max_size)?;
+        let _own = client.render()?;
         let _pending = self.pending.try_acquire().map_err(|_| refused(Refused::Full))?;
+        let held = client.hold_output(self.most_bytes(&order))?;
         let rendered = self.rendered(&order).await?;
-        Ok(Response::new(order.encode(rendered, 0).await?))
+        Ok(holding(order.encode(&rendered, 0, 0).await?, held))
+    }
+
+    async fn next_frame(&self, request: Request<proto::NextFrameRequest>) -> Result<Response<proto::Frame>, Status> {
+        let client = ClientInfo::of(&request)?;
+        let (frame, held) = self.pull(&client, &request.into_inner()).await?;
+        Ok(holding(frame, held))
+    }
+
+    async fn next_frames(
+        &self,
+        request: Request<proto::NextFramesRequest>,
+    ) -> Result<Response<proto::NextFramesResponse>, Status> {
+        let client = ClientInfo::of(&request)?;
+        let (frames, held) = self.pull_several(&client, &request.into_inner().views).await?;
+        Ok(holding(proto::NextFramesResponse { frames }, held))
+    }
+
+    async fn acknowledge_frame(
+        &self,
+        request: Request<proto::AcknowledgeFrameRequest>,
+    ) -> Result<Response<proto::AcknowledgeFrameResponse>, Status> {
+        let proto::AcknowledgeFrameRequest { stream, frame_number } = request.into_inner();
+        if self.render.streams().acknowledge(stream, frame_number) {
+            return Ok(Response::new(proto::AcknowledgeFrameResponse {}));
+        }
+        Err(Status::not_found(format!("no stream {stream} whose frames are acknowledged, or it has ended")))
     }
 
     async fn stream_frames(
         &self,
         request: Request<proto::StreamFramesRequest>,
     ) -> Result<Response<Self::StreamFramesStream>, Status> {
+        let client = ClientInfo::of(&request)?;
         let request = request.into_inner();
-        let order = self.order(&request.view, request.encoding)?;
+        let order = self.order(&client, &request.view, request.encoding, request.max_size)?;
+        let held = client.hold_output(self.most_bytes(&order))?;
         let rate = request.max_rate_hz;
         let interval = if rate == 0.0 {
             Duration::ZERO
@@ -344,7 +419,9 @@ impl proto::view_service_server::ViewService for Service {
             Some(headset) => headset.subscribe(order.wanted(), interval),
         };
         let subscription = subscription.map_err(refused)?;
-        Ok(Response::new(Box::pin(FrameStream::new(subscription, order))))
+        let acknowledged = request.acknowledged.then(|| self.render.streams().acknowledged());
+        let stream: Self::StreamFramesStream = Box::pin(FrameStream::new(Source { subscription, acknowledged }, order));
+        Ok(holding(stream, held))
     }
 }
 
@@ -364,26 +441,7 @@ impl proto::scene_service_server::SceneService for Service {
         let request = request.into_inner();
         let update = convert::scene_update_from_pb(&request).map_err(Status::invalid_argument)?;
         update.overlay.check_views(&self.view_names()).map_err(Status::invalid_argument)?;
-        let expected = request.expected_revision;
-        let scene = self.render.scene().map_err(refused)?;
-        scene.expect(expected).map_err(|error| unchanged(&error))?;
-        let made = if update.places_asteroids() {
-            // One after the other: each may take all cores and much memory.
-            let permit = Arc::clone(&self.placing).acquire_owned().await.map_err(|_| refused(Refused::Ending))?;
-            let scene = self.render.scene().map_err(refused)?;
-            let placing = move || {
-                // Until it is done, also if the caller does not wait for it.
-                let _permit = permit;
-                update.make(&scene)
-            };
-            let placed = task::spawn_blocking(placing).await;
-            placed.map_err(|error| Status::internal(format!("placing asteroids failed: {error}")))?
-        } else {
-            update.make(&scene)
-        };
-        let made = made.map_err(Status::invalid_argument)?;
-        let changed = self.render.update_scene(&made, expected).map_err(refused)?;
-        let scene = changed.map_err(|error| unchanged(&error))?;
+        let scene = self.changed_scene(&update, request.expected_revision).await?;
         Ok(Response::new(convert::scene_to_pb(&scene, &self.catalogues)))
     }
 

@@ -25,6 +25,7 @@ use std::{
 use tokio::sync::{oneshot, watch};
 
 use super::{
+    order::EncodedImages,
     render::{Refused, RenderHandle, Reply},
     schedule::Revisions,
     slot::{GivenUp, RenderFailure, RenderedFrame, Slot},
@@ -34,6 +35,9 @@ use crate::{
     render::Wanted,
     xr::{Flight, HeadsetStatistics, Host, MirroredFrame, Shown, Status},
 };
+
+/// Side of the images of an eye that are reckoned with while nobody knows them, pixels.
+const LARGEST_EYE_PX: u32 = 4096;
 
 /// Drives a headset for a host, until [`Host::shown`] is `None` or it cannot go on.
 pub type Drive = Box<dyn FnOnce(Arc<dyn Host>) -> Result<(), Box<dyn Error + Send + Sync>> + Send>;
@@ -146,6 +150,14 @@ impl Headset {
     pub(super) fn report(&self) -> (Status, HeadsetStatistics) {
         let state = self.state();
         (self.status.borrow().clone(), state.statistics.clone())
+    }
+
+    /// Sizes of its images, pixels: those that there may be while it is not connected.
+    pub(super) fn sizes(&self) -> [[u32; 2]; 2] {
+        match *self.status.borrow() {
+            Status::Connected { sizes, .. } => sizes,
+            Status::Disconnected { .. } => [[LARGEST_EYE_PX; 2]; 2],
+        }
     }
 
     /// How it stands, and every change.
@@ -301,10 +313,12 @@ impl Host for Headset {
         let shows = Revisions { scene: frame.frame.scene_revision, camera: frame.frame.camera_revision };
         let rendered = Arc::new(RenderedFrame {
             frame: Arc::clone(&frame.frame),
+            camera: frame.camera,
             pose_time: frame.pose_time,
             render_time: frame.render_time,
             // A headset's frames have a rate of their own to keep, and give up nothing.
             given_up: GivenUp::default(),
+            encoded: EncodedImages::default(),
         });
         let mut state = self.state();
         // A frame that was begun before the call, or without its images, leaves the request to the next one.

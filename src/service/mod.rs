@@ -19,9 +19,14 @@
 //! ends the daemon with an error. A headset is one more view, and nothing that happens to it concerns the others.
 
 mod audit;
+mod background;
+mod camera;
 mod client;
+mod client_camera;
 mod client_scene;
 mod client_stats;
+mod clients;
+mod connections;
 mod convert;
 mod convert_objects;
 mod convert_overlay;
@@ -34,7 +39,9 @@ mod frames;
 mod handlers;
 mod headset;
 mod objects;
+mod order;
 mod overlay;
+mod pull;
 mod quality;
 mod render;
 mod scene;
@@ -44,13 +51,15 @@ mod slot;
 mod streams;
 mod views;
 mod worker;
+mod workshop;
 
 pub use client::{
     CheckReceiver, Client, ClientError, FrameReceiver, HeadsetStatus, ReceivedAudits, ReceivedCheck, ReceivedFigure,
     ReceivedFrame, ReceivedHeadset, ReceivedImage, ReceivedImageAudit, ReceivedQuality, ReceivedStats, ReceivedTimes,
     SceneForm, SceneReceiver, ServerInfo, StatsReceiver, ViewForm, ViewImageForm,
 };
-pub use engine::{Engine, EngineError};
+pub use client_camera::{CameraReceiver, Lease, Steering};
+pub use engine::{BesideEngine, Engine, EngineError, OpenBeside};
 pub use headset::{Drive, HeadsetOptions};
 pub use objects::{BodyForm, Change, FieldForm, ShapesForm};
 pub use overlay::OverlayChange;

@@ -2,14 +2,15 @@
 //!
 //! All of it stands under one lock, which is never held while a frame is rendered: the camera (a slot, the latest wins, moved
 //! by clients and by a headset's controllers alike), the scene but for its stars and how it is drawn, requests for single
-//! frames (a bounded queue), failure tests, and the subscribers, each with a latest-wins slot of its own.
+//! frames (a bounded queue), and the subscribers, each with a latest-wins slot of its own.
 
 use std::{
-    collections::VecDeque,
+    collections::{HashMap, VecDeque},
     sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, Weak},
-    time::{Duration, SystemTime},
+    time::{Duration, Instant, SystemTime},
 };
 
+use glam::DVec3;
 use tokio::sync::{oneshot, watch};
 
 use super::{
@@ -23,10 +24,12 @@ use super::{
 };
 use crate::{
     catalogue::chunks::StarSet,
-    plan::settings::{RenderSettings, StarMethod},
+    plan::{
+        Limits, check_together,
+        settings::{RenderSettings, StarMethod},
+    },
     render::{FrameTimes, Wanted},
     scene::{Camera, PoseError, SceneSnapshot},
-    verify::{Check, CheckResult},
     xr::{Flight, Shown},
 };
 
@@ -72,19 +75,57 @@ pub(super) struct Request {
     pub(super) reply: Reply,
 }
 
-/// A failure test that waits for its turn.
-pub(super) struct Verification {
-    pub(super) check: &'static Check,
-    pub(super) settings: RenderSettings,
-    pub(super) reply: oneshot::Sender<CheckResult>,
-}
-
 /// Somebody who gets the frames of a view.
 pub(super) struct Subscriber {
     pub(super) view: usize,
     pub(super) wanted: Wanted,
     pub(super) pace: Pace,
     pub(super) slot: Weak<Slot>,
+}
+
+/// Frames that could not be drawn.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Failures {
+    /// How many since the start.
+    pub(super) count: u64,
+    /// Why the last one could not; `None`: a later one could.
+    pub(super) problem: Option<String>,
+}
+
+/// The right to move the camera alone.
+pub(super) struct Lease {
+    pub(super) number: u64,
+    pub(super) holder: String,
+    /// Tells the holder that it is taken over, and by whom.
+    pub(super) taken: oneshot::Sender<String>,
+}
+
+/// Why the camera stays where it is.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub(super) enum CameraError {
+    /// The pose is none.
+    #[error(transparent)]
+    Pose(#[from] PoseError),
+    /// The scene cannot be drawn so.
+    #[error("{0}")]
+    Scene(String),
+    /// The camera has another revision than the one that a change was made for.
+    #[error("the camera has revision {found}, not {expected}: read it again")]
+    Revision {
+        /// What the change was made for.
+        expected: u64,
+        /// What the camera has.
+        found: u64,
+    },
+    /// Another client has the lease.
+    #[error("`{holder}` steers the camera at present: wait, or take the lease over in StreamCamera")]
+    Leased {
+        /// Its name.
+        holder: String,
+    },
+    /// The daemon is shutting down.
+    #[error("the daemon is shutting down")]
+    Ending,
 }
 
 /// What the thread is told, and what it tells of itself.
@@ -95,7 +136,6 @@ pub(super) struct State {
     pub(super) scene: watch::Sender<Option<SceneState>>,
     /// The settings of frames but for stars and asteroids, which the scene holds.
     pub(super) settings: RenderSettings,
-    pub(super) verifications: VecDeque<Verification>,
     pub(super) requests: VecDeque<Request>,
     pub(super) subscribers: Vec<Subscriber>,
     pub(super) frames_rendered: u64,
@@ -103,6 +143,16 @@ pub(super) struct State {
     pub(super) last_times: Option<FrameTimes>,
     /// Chooses what display images give up; `None`: they may take as long as they take.
     pub(super) quality: Option<Quality>,
+    /// The newest frame that shows each view: its number, what it shows, and when it was begun.
+    pub(super) newest: HashMap<usize, (u64, Revisions, Instant)>,
+    /// Frames that could not be drawn, and why the last one could not.
+    pub(super) failures: Failures,
+    /// Who alone may move the camera.
+    pub(super) lease: Option<Lease>,
+    /// The camera, for those who watch it.
+    pub(super) watched_camera: watch::Sender<Option<Camera>>,
+    /// What plans may ask of the adapter.
+    pub(super) limits: Limits,
     /// No new work is taken.
     pub(super) draining: bool,
     /// The thread ends.
@@ -115,12 +165,33 @@ impl State {
         RenderSettings { stars: scene.stars.clone(), asteroids: scene.asteroids.clone(), ..self.settings.clone() }
     }
 
+    /// Whether a camera can be moved by somebody, to a pose that the scene can be drawn from.
+    fn check_camera(&self, camera: &Camera, lease: Option<u64>) -> Result<(), CameraError> {
+        if let Some(held) = self.lease.as_ref().filter(|held| lease != Some(held.number)) {
+            return Err(CameraError::Leased { holder: held.holder.clone() });
+        }
+        // What goes with a camera that moves is all that a pose can contradict.
+        let moves = camera.velocity_c != DVec3::ZERO;
+        if moves && self.camera.velocity_c == DVec3::ZERO {
+            let scene = self.scene.borrow().clone().ok_or(CameraError::Ending)?;
+            check_together(scene.stars.method, moves, &scene.objects.drawn, &self.limits)
+                .map_err(|error| CameraError::Scene(error.to_string()))?;
+        }
+        Ok(())
+    }
+
+    fn move_camera(&mut self, camera: Camera) -> Camera {
+        self.camera = Camera { revision: self.camera.revision + 1, ..camera };
+        self.pose_time = SystemTime::now();
+        self.watched_camera.send_replace(Some(self.camera));
+        self.camera
+    }
+
     /// Takes no new work; nobody is left waiting for what no longer comes.
     pub(super) fn end_streams(&mut self, how: &Result<(), RenderFailure>) {
         self.draining = true;
         self.scene.send_replace(None);
-        // Dropped replies tell their callers.
-        self.verifications.clear();
+        self.watched_camera.send_replace(None);
         for slot in self.subscribers.drain(..).filter_map(|subscriber| subscriber.slot.upgrade()) {
             slot.end(how.clone());
         }
@@ -163,6 +234,8 @@ pub(super) struct RenderFigures {
     pub(super) quality: Option<QualityFigures>,
     /// What audits of frames have found; `None`: there are none.
     pub(super) audits: Option<AuditFigures>,
+    /// Frames that could not be drawn.
+    pub(super) failures: Failures,
 }
 
 /// What display images give up, and how long they take.
@@ -183,28 +256,79 @@ impl RenderHandle {
         self.shared.state().camera
     }
 
-    /// Moves the camera; returns it with its new revision. After an error it is as it was.
-    pub(super) fn set_camera(&self, update: &CameraUpdate) -> Result<Camera, PoseError> {
+    /// Moves the camera, if it has the revision expected and nobody else has its lease; returns it with its new revision. After an error it is as it
+    /// was.
+    pub(super) fn set_camera(
+        &self,
+        update: &CameraUpdate,
+        expected_revision: Option<u64>,
+        lease: Option<u64>,
+    ) -> Result<Camera, CameraError> {
         let mut state = self.shared.state();
         let old = state.camera;
+        if let Some(expected) = expected_revision.filter(|expected| *expected != old.revision) {
+            return Err(CameraError::Revision { expected, found: old.revision });
+        }
         let camera = Camera::new(
             update.position_m.unwrap_or(old.position_m.to_array()),
             update.orientation.unwrap_or(old.world_from_camera.to_array()),
             update.velocity_c.unwrap_or(old.velocity_c.to_array()),
         )?;
-        state.camera = Camera { revision: old.revision + 1, ..camera };
-        state.pose_time = SystemTime::now();
+        state.check_camera(&camera, lease)?;
+        let camera = state.move_camera(camera);
         self.shared.wake.notify_one();
-        Ok(state.camera)
+        Ok(camera)
     }
 
     /// Moves the camera from where it is; returns its new revision. After an error it is as it was.
-    pub(super) fn fly(&self, flight: &Flight) -> Result<u64, PoseError> {
+    pub(super) fn fly(&self, flight: &Flight) -> Result<u64, CameraError> {
         let mut state = self.shared.state();
-        state.camera = flight.moved(&state.camera)?;
-        state.pose_time = SystemTime::now();
+        let camera = flight.moved(&state.camera)?;
+        state.check_camera(&camera, None)?;
+        let camera = state.move_camera(camera);
         self.shared.wake.notify_one();
-        Ok(state.camera.revision)
+        Ok(camera.revision)
+    }
+
+    /// Takes the lease of the camera; `over`: also from whoever has it. With its number comes what tells that it was taken over in turn.
+    pub(super) fn lease_camera(
+        &self,
+        holder: &str,
+        over: bool,
+    ) -> Result<(u64, oneshot::Receiver<String>), CameraError> {
+        let mut state = self.shared.state();
+        if state.draining {
+            return Err(CameraError::Ending);
+        }
+        let number = state.lease.as_ref().map_or(1, |held| held.number + 1);
+        match state.lease.take() {
+            Some(held) if !over => {
+                let other = held.holder.clone();
+                state.lease = Some(held);
+                return Err(CameraError::Leased { holder: other });
+            }
+            Some(held) => {
+                // A holder that has gone meanwhile need not be told.
+                let _ = held.taken.send(holder.to_owned());
+            }
+            None => {}
+        }
+        let (taken, is_taken) = oneshot::channel();
+        state.lease = Some(Lease { number, holder: holder.to_owned(), taken });
+        Ok((number, is_taken))
+    }
+
+    /// Gives the lease of the camera back, if it is still this one.
+    pub(super) fn release_camera(&self, lease: u64) {
+        let mut state = self.shared.state();
+        if state.lease.as_ref().is_some_and(|held| held.number == lease) {
+            state.lease = None;
+        }
+    }
+
+    /// The camera and its changes; `None` is the end.
+    pub(super) fn watch_camera(&self) -> watch::Receiver<Option<Camera>> {
+        self.shared.state().watched_camera.subscribe()
     }
 
     /// What a frame that begins now is to show; `None` at the end.
@@ -293,20 +417,13 @@ impl RenderHandle {
         }
     }
 
-    /// Asks for a failure test, of the method in use unless another is named.
-    pub(super) fn verify(
-        &self,
-        check: &'static Check,
-        method: Option<StarMethod>,
-    ) -> Result<oneshot::Receiver<CheckResult>, Refused> {
-        let mut state = self.shared.state();
+    /// The settings of failure tests: those of frames, with another star method where one is named.
+    pub(super) fn settings_of_checks(&self, method: Option<StarMethod>) -> Result<RenderSettings, Refused> {
+        let state = self.shared.state();
         let scene = state.scene.borrow().clone().filter(|_| !state.draining).ok_or(Refused::Ending)?;
         let mut settings = state.settings_of(&scene);
         settings.stars.method = method.unwrap_or(settings.stars.method);
-        let (reply, receiver) = oneshot::channel();
-        state.verifications.push_back(Verification { check, settings, reply });
-        self.shared.wake.notify_one();
-        Ok(receiver)
+        Ok(settings)
     }
 
     /// What the thread tells of itself.
@@ -322,6 +439,7 @@ impl RenderHandle {
             frames_rendered: state.frames_rendered,
             last_times: state.last_times.clone(),
             quality,
+            failures: state.failures.clone(),
             audits: state.settings.accuracy.audit.then(|| self.shared.audits.figures()),
         }
     }
@@ -357,6 +475,20 @@ impl RenderHandle {
         }
         let (subscription, slot) = self.shared.streams.open()?;
         state.subscribers.push(Subscriber { view, wanted, pace: Pace::new(interval), slot });
+        self.shared.wake.notify_one();
+        Ok(subscription)
+    }
+
+    /// Asks for the next frame of a view after the one with a number.
+    pub(super) fn subscribe_after(&self, view: usize, wanted: Wanted, after: u64) -> Result<Subscription, Refused> {
+        let mut state = self.shared.state();
+        if state.draining {
+            return Err(Refused::Ending);
+        }
+        let (subscription, slot) = self.shared.streams.open()?;
+        let seen = state.newest.get(&view).filter(|(number, ..)| *number == after);
+        let pace = seen.map_or(Pace::new(Duration::ZERO), |(_, shown, start)| Pace::after(*shown, *start));
+        state.subscribers.push(Subscriber { view, wanted, pace, slot });
         self.shared.wake.notify_one();
         Ok(subscription)
     }

@@ -52,6 +52,18 @@ impl SceneUpdate {
         !self.asteroid_fields.is_nothing()
     }
 
+    /// Whether frames may become ones that cannot be drawn.
+    pub(super) fn changes_what_is_drawn(&self) -> bool {
+        let Self { star_method, magnitude_limit: _, time_s: _, impostor, quality, bodies, asteroid_fields, overlay } =
+            self;
+        star_method.is_some()
+            || impostor.is_some()
+            || quality.is_some()
+            || !bodies.is_nothing()
+            || !asteroid_fields.is_nothing()
+            || *overlay != OverlayChange::default()
+    }
+
     /// Makes what the change needs for a scene; the error says what is not allowed.
     pub(super) fn make(&self, scene: &SceneState) -> Result<MadeUpdate, String> {
         Ok(MadeUpdate {

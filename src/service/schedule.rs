@@ -34,6 +34,11 @@ impl Pace {
         Self { interval, last: None }
     }
 
+    /// Somebody who has seen the frame that shows `shown` and was started at `start`, and wants the next one.
+    pub(super) fn after(shown: Revisions, start: Instant) -> Self {
+        Self { interval: Duration::ZERO, last: Some((shown, start)) }
+    }
+
     /// A frame that shows `shown` was started for it at `start`.
     pub(super) fn served(&mut self, shown: Revisions, start: Instant) {
         self.last = Some((shown, start));

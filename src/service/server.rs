@@ -9,14 +9,13 @@ use tokio::{
     sync::oneshot,
     time::{Instant, timeout_at},
 };
-use tonic::{
-    server::NamedService,
-    transport::{Server, server::TcpIncoming},
-};
+use tonic::{server::NamedService, transport::Server};
 use tonic_health::{ServingStatus, server::HealthReporter};
 use tonic_web::GrpcWebLayer;
 
 use super::{
+    clients::Shares,
+    connections::{Bounds, Incoming},
     engine::{Engine, EngineError},
     handlers::Service,
     headset::{Headset, HeadsetOptions, HeadsetThread, panic_message},
@@ -28,6 +27,7 @@ use super::{
     render::Capacity,
     views::ViewSet,
     worker::{self, RenderThread},
+    workshop::Workshop,
 };
 use crate::{
     config::ViewTables,
@@ -40,6 +40,12 @@ use crate::{
 const KEEPALIVE_INTERVAL: Duration = Duration::from_secs(20);
 /// A client that does not answer that is taken for gone.
 const KEEPALIVE_TIMEOUT: Duration = Duration::from_secs(10);
+/// Calls of one connection at the same time; more wait.
+const CALLS: u32 = 128;
+/// Bytes of the headers of a call.
+const HEADER_BYTES: u32 = 16 << 10;
+/// Bytes of a message, but for changes of the scene.
+const SMALL_REQUEST_BYTES: usize = 64 << 10;
 /// How long calls and clients may take to finish once the daemon is told to end.
 const DRAIN: Duration = Duration::from_secs(5);
 /// Calls of `RenderFrame` at the same time, from the queue to the last encoded byte; more are refused.
@@ -105,6 +111,8 @@ pub struct ServeOptions {
     pub folder: PathBuf,
     /// A headset, as one more view.
     pub headset: Option<HeadsetOptions>,
+    /// Names by which clients may call the daemon, without ports, besides `localhost` and addresses.
+    pub hosts: Vec<String>,
     /// Called once with the address when clients can connect.
     pub ready: Box<dyn FnOnce(SocketAddr) + Send>,
     /// What tells the daemon to end.
@@ -139,6 +147,7 @@ impl ServeOptions {
             view_tables: Vec::new(),
             folder: PathBuf::new(),
             headset: None,
+            hosts: Vec::new(),
             ready: Box::new(ready),
             shutdown: Shutdown::Signals,
             drain: DRAIN,
@@ -321,6 +330,7 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
         view_tables,
         folder,
         headset,
+        hosts,
         ready,
         shutdown,
         drain,
@@ -353,12 +363,23 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
     report_health(&health, ServingStatus::Serving).await;
 
     let (rig, info, limits) = (Arc::new(rig), engine.info(), engine.limits());
+    let workshop = Workshop::spawn(engine.beside())?;
+    let shares: Arc<Shares> = Arc::default();
     let stars = scene.stars.stars.len() as u64;
     let capacity = Capacity { requests: pending_renders, subscribers };
     let (handle, mut thread) = worker::spawn(engine, scene, (objects, views), Arc::clone(&rig), settings, capacity)?;
     let (headset, drive) =
         headset.map(|options| (Arc::new(Headset::new(options.name, handle.clone())), options.drive)).unzip();
-    let service = Service::new(handle.clone(), headset.clone(), rig, (info, limits), catalogues, stars, capacity);
+    let service = Service::new(
+        handle.clone(),
+        headset.clone(),
+        rig,
+        (info, limits),
+        catalogues,
+        stars,
+        capacity,
+        (workshop, Arc::clone(&shares)),
+    );
     let headset_thread = match headset.as_ref().zip(drive) {
         Some((headset, drive)) => Some(headset.spawn(drive).inspect_err(|_| handle.stop())?),
         None => None,
@@ -371,16 +392,19 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
     };
 
     let (close, closed) = oneshot::channel::<()>();
-    let incoming = TcpIncoming::from(listener).with_nodelay(Some(true));
+    let incoming = Incoming::new(listener, shares);
     let serving = Server::builder()
         .accept_http1(true)
         .http2_keepalive_interval(Some(KEEPALIVE_INTERVAL))
         .http2_keepalive_timeout(Some(KEEPALIVE_TIMEOUT))
+        .max_concurrent_streams(CALLS)
+        .http2_max_header_list_size(HEADER_BYTES)
+        .layer(Bounds::new(hosts))
         .layer(GrpcWebLayer::new())
         .add_service(SceneServiceServer::new(service.clone()))
-        .add_service(CameraServiceServer::new(service.clone()))
-        .add_service(ViewServiceServer::new(service.clone()))
-        .add_service(DiagnosticsServiceServer::new(service))
+        .add_service(CameraServiceServer::new(service.clone()).max_decoding_message_size(SMALL_REQUEST_BYTES))
+        .add_service(ViewServiceServer::new(service.clone()).max_decoding_message_size(SMALL_REQUEST_BYTES))
+        .add_service(DiagnosticsServiceServer::new(service).max_decoding_message_size(SMALL_REQUEST_BYTES))
         .add_service(health_service)
         .add_service(reflection_v1)
         .add_service(reflection_v1alpha)

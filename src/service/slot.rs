@@ -11,19 +11,24 @@ use std::{
 
 use tokio::sync::Notify;
 
-use crate::render::Frame;
+use super::order::EncodedImages;
+use crate::{render::Frame, scene::Camera};
 
 /// A frame with its times.
 #[derive(Debug)]
 pub(super) struct RenderedFrame {
     /// The frame, with the images of every view that was wanted.
     pub(super) frame: Arc<Frame>,
+    /// The camera that is shown; of a headset: the origin of the room.
+    pub(super) camera: Camera,
     /// When the camera was set; of a headset: when the poses of the eyes were asked for.
     pub(super) pose_time: SystemTime,
     /// When the frame was finished.
     pub(super) render_time: SystemTime,
     /// What it has given up to be in time.
     pub(super) given_up: GivenUp,
+    /// Its images, encoded once for all who ask for the same.
+    pub(super) encoded: EncodedImages,
 }
 
 /// What a frame has given up.

@@ -4,8 +4,7 @@
 //! camera that is the newest at that moment. Views with settings of their own, and HDR images that are drawn apart, are frames of their own,
 //! which take turns. While that frame is drawn, the next one is begun if one is due: as late as it
 //! can be without the device having to wait for it ([`super::forecast`]). There are never more than two at a time, and they
-//! are finished in order. Failure tests that a client asked for are run one at a time, each after a frame if one is due, and
-//! while no frame is drawn.
+//! are finished in order. What takes long is done elsewhere ([`super::workshop`]).
 
 #[cfg(test)]
 mod tests;
@@ -26,8 +25,9 @@ use super::{
     engine::{Engine, EngineError},
     forecast::{Expected, Forecast},
     objects::Objects,
+    order::EncodedImages,
     quality::{self, Quality},
-    render::{Capacity, RenderHandle, Request, Shared, State, Subscriber, Verification},
+    render::{Capacity, Failures, RenderHandle, Request, Shared, State, Subscriber},
     scene::SceneState,
     schedule::Revisions,
     slot::{GivenUp, RenderFailure, RenderedFrame, Slot},
@@ -110,12 +110,16 @@ fn spawn_with(
         pose_time: SystemTime::now(),
         scene: watch::Sender::new(Some(shown.clone())),
         settings: settings.clone(),
-        verifications: VecDeque::new(),
         requests: VecDeque::new(),
         subscribers: Vec::new(),
         frames_rendered: 0,
         last_times: None,
         quality: settings.accuracy.frame_ms.map(Quality::new),
+        newest: HashMap::new(),
+        failures: Failures::default(),
+        lease: None,
+        watched_camera: watch::Sender::new(Some(scene.camera)),
+        limits: engine.limits(),
         draining: false,
         stop: false,
     };
@@ -143,7 +147,6 @@ fn spawn_with(
         settings,
         groups: Arc::new(groups),
         eyes: HashMap::new(),
-        checked: false,
         last_kind: (0, false),
         map_place_pc: HashMap::new(),
         in_flight: VecDeque::new(),
@@ -273,7 +276,6 @@ enum Work {
     Begin(Job),
     /// The oldest frame is waited for and handed out.
     Finish,
-    Check(Verification),
 }
 
 /// What there is to do at a moment.
@@ -298,8 +300,6 @@ struct Worker {
     /// The frames of the newest scene.
     groups: Arc<Groups>,
     eyes: HashMap<ExposureGroup, AdaptingEye>,
-    /// The last work was a check.
-    checked: bool,
     /// What the last frame was.
     last_kind: Kind,
     /// Where a map of faint light would be made for the camera of the last frame of each group.
@@ -319,11 +319,6 @@ impl Worker {
             match work {
                 Work::Begin(job) => self.begin(job)?,
                 Work::Finish => self.finish()?,
-                Work::Check(Verification { check, settings, reply }) => {
-                    // A caller that went away meanwhile needs no answer.
-                    let _ = reply.send(self.engine.verify(check, &settings));
-                    self.checked = true;
-                }
             }
         }
         Ok(())
@@ -331,7 +326,6 @@ impl Worker {
 
     /// Begins a frame. An error is one that the engine does not outlive.
     fn begin(&mut self, job: Job) -> Result<(), EngineError> {
-        self.checked = false;
         self.scene.camera = job.camera;
         self.scene.revision = job.scene.revision;
         self.scene.objects = Arc::clone(&job.scene.objects.drawn);
@@ -402,6 +396,12 @@ impl Worker {
                 let frame = frame.of_views(views);
                 let mut state = self.shared.state();
                 state.frames_rendered += 1;
+                state.failures.problem = None;
+                for (view, wanted) in views.iter().zip(&job.wanted) {
+                    if wanted.display || wanted.hdr {
+                        state.newest.insert(*view, (frame.number, job.shows(), job.start));
+                    }
+                }
                 state.last_times = Some(frame.times.clone());
                 let given_up = state.quality.as_mut().zip(job.level()).map(|(quality, level)| {
                     quality.note(level, frame.times.total_ms);
@@ -411,9 +411,11 @@ impl Worker {
                 drop(state);
                 let frame = Arc::new(RenderedFrame {
                     frame: Arc::new(frame),
+                    camera: job.camera,
                     pose_time: job.pose_time,
                     render_time: SystemTime::now(),
                     given_up: given_up.unwrap_or_default(),
+                    encoded: EncodedImages::default(),
                 });
                 if let Some(auditor) = &self.auditor {
                     auditor.offer(|| AuditedFrame {
@@ -449,18 +451,31 @@ impl Worker {
     fn lose(&mut self, job: Job, error: EngineError) -> EngineError {
         let failure = RenderFailure::Engine(error.to_string());
         let jobs: Vec<Job> = self.in_flight.drain(..).map(|frame| frame.job).chain([job]).collect();
-        jobs.into_iter().for_each(|job| self.refuse(job, &failure));
+        jobs.into_iter().for_each(|job| self.end(job, &failure));
         error
     }
 
-    /// Tells everyone who waited for a frame that there is none.
+    /// Tells those who asked for this frame that there is none. Streams go on: they have the frame of the next change that can be drawn.
     fn refuse(&self, job: Job, failure: &RenderFailure) {
+        let Revisions { scene, camera } = job.shows();
         for request in job.requests {
             // A caller that went away meanwhile needs no answer.
             let _ = request.reply.send(Err(failure.clone()));
         }
         let mut state = self.shared.state();
-        for slot in job.subscribers {
+        state.failures.count += 1;
+        let problem = failure.to_string();
+        if state.failures.problem.replace(problem.clone()).is_none_or(|before| before != problem) {
+            tracing::error!(scene, camera, "{problem}");
+        }
+    }
+
+    /// The engine is lost: streams end too.
+    fn end(&self, job: Job, failure: &RenderFailure) {
+        let slots = job.subscribers.clone();
+        self.refuse(job, failure);
+        let mut state = self.shared.state();
+        for slot in slots {
             state.subscribers.retain(|subscriber| !std::ptr::eq(subscriber.slot.as_ptr(), Arc::as_ptr(&slot)));
             slot.end(Err(failure.clone()));
         }
@@ -478,7 +493,7 @@ impl Worker {
         }
     }
 
-    /// The next work while no frame is drawn. Frames and checks take turns.
+    /// The next work while no frame is drawn.
     fn next_work_at_rest(&mut self) -> Option<Work> {
         let shared = Arc::clone(&self.shared);
         let mut state = shared.state();
@@ -486,11 +501,6 @@ impl Worker {
             let now = Instant::now();
             let tasks = self.tasks(&mut state, now);
             let frame_due = tasks.due.is_some_and(|due| due <= now);
-            if !(frame_due && self.checked)
-                && let Some(verification) = state.verifications.pop_front()
-            {
-                return Some(Work::Check(verification));
-            }
             if frame_due {
                 return Some(Work::Begin(self.take_job(&mut state, tasks, now)));
             }
@@ -519,9 +529,6 @@ impl Worker {
             let mut state = shared.state();
             let now = Instant::now();
             let tasks = self.tasks(&mut state, now);
-            if !state.verifications.is_empty() {
-                return Work::Finish;
-            }
             if tasks.due.is_some_and(|due| due <= now) {
                 return Work::Begin(self.take_job(&mut state, tasks, now));
             }
@@ -536,7 +543,6 @@ impl Worker {
     fn tasks(&mut self, state: &mut State, now: Instant) -> Tasks {
         state.requests.retain(|request| !request.reply.is_closed());
         state.subscribers.retain(|subscriber| subscriber.slot.strong_count() > 0);
-        state.verifications.retain(|verification| !verification.reply.is_closed());
         // At the end the scene is as it was in the last frame.
         let scene = state.scene.borrow().clone().unwrap_or_else(|| self.shown.clone());
         let newest = Revisions { scene: scene.revision, camera: state.camera.revision };

@@ -26,6 +26,7 @@ use crate::{
         settings::{HeadsetSettings, ReferenceSpace},
     },
     render::{FrameRequest, Presentation, RenderError, Renderer, SkyMapUse, SubmittedFrame, Wanted},
+    scene::Camera,
     view::{Eye, Fov},
 };
 
@@ -67,6 +68,7 @@ struct InFlight {
     submitted: SubmittedFrame,
     wanted: Wanted,
     pose_time: SystemTime,
+    camera: Camera,
 }
 
 /// A session with a headset. Fields are dropped in this order: what belongs to another before it.
@@ -309,7 +311,7 @@ impl Headset {
 
     /// Takes back the frame in flight, if there is one, and gives it to the host.
     fn finish(&mut self, host: &dyn Host) -> Result<(), XrError> {
-        let Some(InFlight { submitted, wanted, pose_time }) = self.in_flight.take() else { return Ok(()) };
+        let Some(InFlight { submitted, wanted, pose_time, camera }) = self.in_flight.take() else { return Ok(()) };
         match self.renderer.finish(submitted) {
             Ok(frame) => {
                 self.problem = None;
@@ -317,7 +319,7 @@ impl Headset {
                 frame.times.gpu_ms.into_iter().for_each(|ms| self.recorder.stage("gpu", ms));
                 if wanted.display || wanted.hdr {
                     let render_time = SystemTime::now();
-                    host.publish(MirroredFrame { frame: frame.into(), pose_time, render_time });
+                    host.publish(MirroredFrame { frame: frame.into(), camera, pose_time, render_time });
                 }
                 Ok(())
             }
@@ -465,7 +467,8 @@ impl Headset {
         );
         match submitted {
             Ok(submitted) => {
-                self.in_flight = Some(InFlight { submitted, wanted, pose_time });
+                let camera = shown.snapshot.camera;
+                self.in_flight = Some(InFlight { submitted, wanted, pose_time, camera });
                 self.last_drawn_ns = Some(display_ns);
                 Ok(true)
             }

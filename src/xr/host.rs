@@ -50,6 +50,8 @@ impl Flight {
 pub struct MirroredFrame {
     /// The frame: its one view has the images of the left and the right eye, as far as [`Host::mirror`] wanted them.
     pub frame: Arc<Frame>,
+    /// The camera: the origin of the room.
+    pub camera: Camera,
     /// When the poses of the eyes were asked for.
     pub pose_time: SystemTime,
     /// When the frame was finished.

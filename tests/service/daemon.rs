@@ -18,8 +18,8 @@ use steradian::{
         settings::{AsteroidSettings, RenderSettings, StarMethod},
     },
     render::{AsteroidCounts, Frame, FrameImage, FrameRequest, FrameTimes, ViewStatistics},
-    scene::{Camera, SceneObjects, SceneSnapshot},
-    service::{Client, Engine, EngineError, ServeError, ServeOptions, Shutdown, run},
+    scene::{Camera, SceneObjects, SceneSnapshot, asteroids::ShapeSet},
+    service::{BesideEngine, Client, Engine, EngineError, OpenBeside, ServeError, ServeOptions, Shutdown, run},
     verify::{Check, CheckResult, Figure, Outcome},
     view::{Fov, Rig, View, ViewKind},
 };
@@ -36,6 +36,7 @@ pub type TookMs = fn(&RenderSettings) -> f64;
 #[derive(Default)]
 pub struct Controls {
     closed: Mutex<bool>,
+    checks_closed: Mutex<bool>,
     opened: Condvar,
     /// Frames begun.
     pub started: AtomicU64,
@@ -61,12 +62,26 @@ pub struct Controls {
     pub took_ms: Mutex<Option<TookMs>>,
     /// Checks begun.
     pub checks_started: AtomicU64,
+    /// Calls that bake shapes begun, and sets of shapes baked.
+    pub bakes_started: AtomicU64,
+    pub baked: AtomicU64,
     /// Methods that checks were run for.
     pub checked: Mutex<Vec<StarMethod>>,
 }
 
 impl Controls {
-    /// Frames that are not finished wait, and checks.
+    /// Checks that are not finished wait, and shapes that are baked.
+    pub fn close_checks(&self) {
+        *self.checks_closed.lock().unwrap() = true;
+    }
+
+    /// Checks go on.
+    pub fn open_checks(&self) {
+        *self.checks_closed.lock().unwrap() = false;
+        self.opened.notify_all();
+    }
+
+    /// Frames that are not finished wait.
     pub fn close_gate(&self) {
         *self.closed.lock().unwrap() = true;
     }
@@ -87,6 +102,39 @@ pub struct TestEngine {
 impl TestEngine {
     pub fn new(controls: Arc<Controls>) -> Self {
         Self { controls, begun: VecDeque::new() }
+    }
+}
+
+/// What does long work beside the frames.
+struct TestBeside {
+    controls: Arc<Controls>,
+}
+
+impl BesideEngine for TestBeside {
+    fn verify(&mut self, check: &'static Check, settings: &RenderSettings) -> CheckResult {
+        let controls = &self.controls;
+        controls.checks_started.fetch_add(1, SeqCst);
+        let closed = controls.checks_closed.lock().unwrap();
+        drop(controls.opened.wait_while(closed, |closed| *closed).unwrap());
+        controls.checked.lock().unwrap().push(settings.stars.method);
+        match check.number {
+            // One of each kind of result.
+            Some(1) => CheckResult::judge(check, vec![Figure::at_most("wrong", 0.5, 0.25, "px")]),
+            Some(2) => CheckResult::without_figures(check, Outcome::NotApplicable, "no stars"),
+            _ => CheckResult::judge(
+                check,
+                vec![Figure::at_most("right", 0.125, 0.25, "px"), Figure::informative("seen", 3.0, "")],
+            ),
+        }
+    }
+
+    fn bake(&mut self, sets: &[Arc<ShapeSet>], _: &AsteroidSettings) -> Result<(), EngineError> {
+        let controls = &self.controls;
+        controls.bakes_started.fetch_add(1, SeqCst);
+        let closed = controls.checks_closed.lock().unwrap();
+        drop(controls.opened.wait_while(closed, |closed| *closed).unwrap());
+        controls.baked.fetch_add(sets.len() as u64, SeqCst);
+        Ok(())
     }
 }
 
@@ -179,22 +227,9 @@ impl Engine for TestEngine {
         Ok(frame)
     }
 
-    fn verify(&mut self, check: &'static Check, settings: &RenderSettings) -> CheckResult {
-        assert!(self.begun.is_empty(), "a check while a frame is drawn");
-        let controls = &self.controls;
-        controls.checks_started.fetch_add(1, SeqCst);
-        let closed = controls.closed.lock().unwrap();
-        drop(controls.opened.wait_while(closed, |closed| *closed).unwrap());
-        controls.checked.lock().unwrap().push(settings.stars.method);
-        match check.number {
-            // One of each kind of result.
-            Some(1) => CheckResult::judge(check, vec![Figure::at_most("wrong", 0.5, 0.25, "px")]),
-            Some(2) => CheckResult::without_figures(check, Outcome::NotApplicable, "no stars"),
-            _ => CheckResult::judge(
-                check,
-                vec![Figure::at_most("right", 0.125, 0.25, "px"), Figure::informative("seen", 3.0, "")],
-            ),
-        }
+    fn beside(&self) -> OpenBeside {
+        let controls = Arc::clone(&self.controls);
+        Box::new(move || Ok(Box::new(TestBeside { controls: Arc::clone(&controls) })))
     }
 
     fn info(&self) -> AdapterReport {

@@ -105,7 +105,12 @@ fn mirrored(number: u64, shown: &Shown, wanted: Wanted) -> MirroredFrame {
         plan: FramePlan::default(),
         hdr_plan: None,
     };
-    MirroredFrame { frame: Arc::new(frame), pose_time: pose_time(number), render_time: SystemTime::now() }
+    MirroredFrame {
+        frame: Arc::new(frame),
+        camera: shown.snapshot.camera,
+        pose_time: pose_time(number),
+        render_time: SystemTime::now(),
+    }
 }
 
 impl Headset {

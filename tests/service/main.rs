@@ -3,12 +3,14 @@
 #![allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
 
 mod calls;
+mod camera;
 mod daemon;
 mod headset;
 mod lifecycle;
 mod objects;
 mod overlay;
 mod protocol;
+mod pull;
 mod quality;
 mod scene;
 mod streams;

@@ -3,7 +3,11 @@
 use std::sync::Arc;
 
 use super::{
-    impostors::{atlas::ImpostorAtlas, bake::ImpostorBakePass, draw::AsteroidImpostorPass},
+    impostors::{
+        atlas::{BakedImpostors, ImpostorAtlas},
+        bake::ImpostorBakePass,
+        draw::AsteroidImpostorPass,
+    },
     mesh::MeshVertex,
 };
 use crate::{
@@ -35,6 +39,15 @@ pub(super) struct Held {
     pub(super) indices: wgpu::Buffer,
     /// Impostors of every set, and which.
     atlases: Option<Atlases>,
+    /// Those of sets that fields of a scene before had.
+    spare: Option<Spare>,
+}
+
+/// Atlases that another scene may use again, and of which shapes they are.
+pub(super) struct Spare {
+    method: ImpostorMethod,
+    size: [u32; 2],
+    atlases: Vec<(Arc<ShapeSet>, ImpostorAtlas)>,
 }
 
 /// Atlases of all sets, in their order, and what they are of.
@@ -47,7 +60,7 @@ struct Atlases {
 }
 
 impl Held {
-    pub(super) fn new(gpu: &Gpu, objects: &SceneObjects) -> Self {
+    pub(super) fn new(gpu: &Gpu, objects: &SceneObjects, spare: Option<Spare>) -> Self {
         let fields = objects.fields.iter().map(Arc::as_ref);
         let kinds = Kinds::new(fields);
         let of = objects.fields.iter().map(|field| (field.instances.clone(), field.shapes.clone())).collect();
@@ -93,15 +106,23 @@ impl Held {
             indices: filled_buffer(gpu, "asteroid indices", &indices, wgpu::BufferUsages::INDEX),
             mesh_arguments: meshes.iter().map(|[indices, index, vertex, _]| [*indices, *index, *vertex]).collect(),
             atlases: None,
+            spare,
             kinds,
         }
+    }
+
+    /// What is left of it that fields of other scenes may use: the atlases of shapes.
+    pub(super) fn into_spare(self) -> Option<Spare> {
+        let Atlases { method, size, atlases, .. } = self.atlases?;
+        let of = self.kinds.sets.iter().map(|set| Arc::clone(&set.shapes));
+        Some(Spare { method, size, atlases: of.zip(atlases).collect() })
     }
 
     /// Holds the atlases of a method, until its settings change.
     pub(super) fn hold_atlases(
         &mut self,
         gpu: &Gpu,
-        bake: &ImpostorBakePass,
+        (bake, ahead): (&ImpostorBakePass, &BakedImpostors),
         pass: Option<&AsteroidImpostorPass>,
         settings: &AsteroidSettings,
     ) -> Result<(), RenderError> {
@@ -112,9 +133,15 @@ impl Held {
         }
         // Gone before its successor is made, so that both never exist at once.
         self.atlases = None;
+        let spare = self.spare.take().filter(|spare| spare.method == method && spare.size == size);
+        let mut spare = spare.map_or(Vec::new(), |spare| spare.atlases);
         let mut atlases = Vec::new();
         for set in &self.kinds.sets {
-            let atlas = ImpostorAtlas::new(gpu, bake, &set.shapes, method, settings).map_err(Box::new)?;
+            let known = spare.iter().position(|(shapes, _)| Arc::ptr_eq(shapes, &set.shapes));
+            let atlas = match known {
+                Some(at) => Some(spare.swap_remove(at).1),
+                None => ImpostorAtlas::new(gpu, bake, ahead, &set.shapes, method, settings).map_err(Box::new)?,
+            };
             atlases.extend(atlas);
         }
         let groups = match pass {

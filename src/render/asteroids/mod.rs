@@ -25,6 +25,7 @@ use self::{
     encode::Encoded,
     held::Held,
     impostors::{
+        atlas::BakedImpostors,
         bake::ImpostorBakePass,
         draw::{AsteroidImpostorPass, AsteroidSource},
         splat::AsteroidSplatPass,
@@ -158,6 +159,8 @@ struct FrameBuffers {
 /// See the module.
 pub(super) struct Asteroids {
     held: Option<Held>,
+    /// Atlases that are baked already.
+    ahead: BakedImpostors,
     /// Each made when it is first asked for.
     passes: Passes,
     /// Of the method in use.
@@ -191,9 +194,10 @@ impl FrameBuffers {
 }
 
 impl Asteroids {
-    pub(super) fn new() -> Self {
+    pub(super) fn new(ahead: BakedImpostors) -> Self {
         Self {
             held: None,
+            ahead,
             passes: Passes::new(),
             impostors: None,
             buffers: FrameBuffers::new(),
@@ -209,9 +213,9 @@ impl Asteroids {
         settings: &AsteroidSettings,
     ) -> Result<(), RenderError> {
         if self.held.as_ref().is_none_or(|held| !held.holds(objects)) {
-            // Gone before its successor is made, so that both never exist at once.
-            self.held = None;
-            self.held = Some(Held::new(gpu, objects));
+            // Gone before its successor is made, so that both never exist at once; but for what is of use to that.
+            let spare = self.held.take().and_then(Held::into_spare);
+            self.held = Some(Held::new(gpu, objects, spare));
         }
         let method = settings.impostor.chosen();
         if settings.finest_only || method == ImpostorMethod::None {
@@ -219,7 +223,7 @@ impl Asteroids {
         }
         self.impostors = self.passes.impostors(gpu, method);
         if let Some(held) = &mut self.held {
-            held.hold_atlases(gpu, self.passes.bake(gpu), self.impostors.as_ref(), settings)?;
+            held.hold_atlases(gpu, (self.passes.bake(gpu), &self.ahead), self.impostors.as_ref(), settings)?;
         }
         Ok(())
     }

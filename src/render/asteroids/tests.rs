@@ -219,7 +219,7 @@ struct Bench {
 impl Bench {
     fn new() -> Self {
         let gpu = gpu();
-        Self { asteroids: Asteroids::new(), timer: GpuTimer::new(&gpu), gpu }
+        Self { asteroids: Asteroids::new(BakedImpostors::default()), timer: GpuTimer::new(&gpu), gpu }
     }
 
     fn plan(

@@ -9,8 +9,7 @@ use crate::{
     gpu::AdapterReport,
     plan::{FramePlan, settings::ExposureMode},
     render::{Frame, FrameTimes},
-    service::CameraUpdate,
-    verify::{self, Check, CheckResult, Outcome},
+    service::{CameraUpdate, OpenBeside},
     view::{View, ViewKind},
 };
 
@@ -25,7 +24,6 @@ enum Event {
     Begun(u64),
     /// With its number: frames count from 0.
     Finished(usize),
-    Checked,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -146,10 +144,8 @@ impl Engine for TestEngine {
         }
     }
 
-    fn verify(&mut self, check: &'static Check, _settings: &RenderSettings) -> CheckResult {
-        assert!(self.in_flight.is_empty(), "a check while a frame is drawn");
-        self.device.change(|state| state.events.push(Event::Checked));
-        CheckResult::without_figures(check, Outcome::NotApplicable, "no stars")
+    fn beside(&self) -> OpenBeside {
+        unreachable!("the render thread does not ask")
     }
 
     fn info(&self) -> AdapterReport {
@@ -207,7 +203,7 @@ fn failure(receiver: Receiver) -> String {
 
 fn move_to(handle: &RenderHandle, x: f64) -> u64 {
     let update = CameraUpdate { position_m: Some([x, 0.0, 0.0]), ..CameraUpdate::default() };
-    handle.set_camera(&update).unwrap().revision
+    handle.set_camera(&update, None, None).unwrap().revision
 }
 
 fn end(handle: &RenderHandle, thread: RenderThread) {
@@ -280,22 +276,6 @@ fn a_frame_that_fails_concerns_those_alone_who_wait_for_it() {
     assert_eq!(number(first), 0);
     assert!(failure(second).contains("told to fail"));
     assert_eq!(number(request(&handle)), 2);
-    end(&handle, thread);
-}
-
-#[test]
-fn a_check_is_run_while_no_frame_is_drawn_and_before_the_next_one() {
-    let (handle, thread, device) = start_eager();
-    let first = request(&handle);
-    device.until_begun(1);
-    let check = handle.verify(&verify::checks()[0], None).unwrap();
-    let second = request(&handle);
-    thread::sleep(A_WHILE);
-    device.allow(2);
-    assert_eq!([number(first), number(second)], [0, 1]);
-    check.blocking_recv().unwrap();
-    let expected = [Event::Begun(0), Event::Finished(0), Event::Checked, Event::Begun(0), Event::Finished(1)];
-    assert_eq!(device.events(), expected);
     end(&handle, thread);
 }
 

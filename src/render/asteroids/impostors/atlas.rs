@@ -5,11 +5,17 @@
 //! albedo over [`ImpostorAtlas::albedo_scale`] and depth along the tile's direction in units of the shape's bound (0 to
 //! 1, 0.5 in the middle, 1 towards the eye). Both are arrays of one layer per shape, with mip levels.
 //!
+//! A device and a thread of its own may bake ahead what a renderer is going to need ([`BakedImpostors`]).
+//!
 //! A file of the cache holds the finest level of all layers; its name and its header say what of. Little-endian:
 //! [`Header`], the bytes of the normals of all layers, those of the surfaces. A CRC-32 covers everything behind itself.
 
-use std::io;
-use std::path::{Path, PathBuf};
+use std::{
+    collections::HashMap,
+    io,
+    path::{Path, PathBuf},
+    sync::{Arc, Mutex, MutexGuard, PoisonError},
+};
 
 use bytemuck::{Pod, Zeroable};
 
@@ -17,7 +23,7 @@ use super::texels::{Level, finest_level, level_count, levels};
 use crate::{
     files,
     gpu::{self, Gpu, GpuError},
-    plan::asteroids::{AsteroidSettings, ImpostorMethod, bounds::BORDER_PX, tiles::AtlasLayout},
+    plan::asteroids::{AsteroidSettings, ImpostorMethod, bounds::BORDER_PX},
     render::{
         asteroids::impostors::bake::{AtlasSize, ImpostorBakePass},
         asteroids::layout,
@@ -86,51 +92,34 @@ pub(crate) struct ImpostorAtlas {
 }
 
 impl ImpostorAtlas {
-    /// The atlas that a method reads, of all shapes of a set: from the cache, or baked and put there. `None` for
+    /// The atlas that a method reads, of all shapes of a set: as it was baked ahead, from the cache, or baked and put there. `None` for
     /// methods without an atlas. A file of the cache that cannot be used is reported and made anew.
     pub(crate) fn new(
         gpu: &Gpu,
         pass: &ImpostorBakePass,
+        ahead: &BakedImpostors,
         shapes: &ShapeSet,
         method: ImpostorMethod,
         settings: &AsteroidSettings,
     ) -> Result<Option<Self>, ImpostorAtlasError> {
-        let Some(layout) = AtlasLayout::of(method) else { return Ok(None) };
-        let size = AtlasSize { layout, tiles: settings.tiles, tile_px: settings.tile_px };
+        let Some(size) = AtlasSize::of(method, settings) else { return Ok(None) };
         check(gpu, shapes, size)?;
-        let header = Header::new(shapes, size);
-        let path = (!settings.cache.as_os_str().is_empty()).then(|| settings.cache.join(header.file_name(size)));
-        let kept = path.as_deref().and_then(|path| match read(path, &header) {
-            Ok(kept) => kept,
-            Err(problem) => {
-                tracing::warn!(file = %path.display(), %problem, "an atlas of impostors is baked anew");
-                None
-            }
-        });
-        let finest = match kept {
-            Some(finest) => finest,
-            None => {
-                let finest = bake(gpu, pass, shapes, size)?;
-                if let Some(path) = &path
-                    && let Err(problem) = write(path, header, &finest)
-                {
-                    tracing::warn!(file = %path.display(), %problem, "an atlas of impostors cannot be kept");
-                }
-                finest
-            }
+        let layers = match ahead.take(shapes, size) {
+            Some(layers) => layers,
+            None => layers_of(gpu, pass, shapes, size, settings)?,
         };
-        let atlas = Self::upload(gpu, shapes, size, finest);
+        let atlas = Self::upload(gpu, shapes, size, layers);
         gpu.take_failure()?;
         Ok(Some(atlas))
     }
 
-    fn upload(gpu: &Gpu, shapes: &ShapeSet, size: AtlasSize, finest: Vec<Level>) -> Self {
+    fn upload(gpu: &Gpu, shapes: &ShapeSet, size: AtlasSize, layers: Vec<Vec<Level>>) -> Self {
         let side = size.tiles * size.tile_px;
         let count = level_count(size.tile_px);
         let texture = |label, format| {
             gpu.device.create_texture(&wgpu::TextureDescriptor {
                 label: Some(label),
-                size: wgpu::Extent3d { width: side, height: side, depth_or_array_layers: finest.len() as u32 },
+                size: wgpu::Extent3d { width: side, height: side, depth_or_array_layers: layers.len() as u32 },
                 mip_level_count: count,
                 sample_count: 1,
                 dimension: wgpu::TextureDimension::D2,
@@ -141,8 +130,8 @@ impl ImpostorAtlas {
         };
         let normals = texture("impostor normals", wgpu::TextureFormat::Rgba8Unorm);
         let surfaces = texture("impostor surfaces", wgpu::TextureFormat::Rgba8Unorm);
-        for (layer, finest) in (0..).zip(finest) {
-            for (level, texels) in (0..).zip(levels(finest, side, count)) {
+        for (layer, levels) in (0..).zip(layers) {
+            for (level, texels) in (0..).zip(levels) {
                 write_level(gpu, &normals, &texels.normals, side >> level, level, layer);
                 write_level(gpu, &surfaces, &texels.surfaces_with_coverage(), side >> level, level, layer);
             }
@@ -208,6 +197,76 @@ fn check(gpu: &Gpu, shapes: &ShapeSet, size: AtlasSize) -> Result<(), ImpostorAt
         return Err(ImpostorAtlasError::Shapes { shapes: count, limit: limits.max_texture_array_layers });
     }
     Ok(())
+}
+
+/// What a device has baked for another one that is going to need it. Clones share it.
+#[derive(Clone, Debug, Default)]
+pub struct BakedImpostors(Arc<Mutex<HashMap<(u64, AtlasSize), Vec<Vec<Level>>>>>);
+
+impl BakedImpostors {
+    fn layers(&self) -> MutexGuard<'_, HashMap<(u64, AtlasSize), Vec<Vec<Level>>>> {
+        // Nothing can panic while the lock is held, so a poisoned state is whole.
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    pub(super) fn take(&self, shapes: &ShapeSet, size: AtlasSize) -> Option<Vec<Vec<Level>>> {
+        self.layers().remove(&(shapes.digest, size))
+    }
+
+    /// Bakes the atlases of these sets of shapes, one after the other, on a device. What was baked before and has not been asked for is let go.
+    ///
+    /// # Errors
+    ///
+    /// An atlas cannot be made so, or the device failed.
+    pub fn bake(
+        &self,
+        gpu: &Gpu,
+        sets: &[Arc<ShapeSet>],
+        settings: &AsteroidSettings,
+    ) -> Result<(), ImpostorAtlasError> {
+        self.layers().clear();
+        let Some(size) = AtlasSize::of(settings.impostor.chosen(), settings) else { return Ok(()) };
+        let pass = ImpostorBakePass::new(gpu);
+        for shapes in sets {
+            check(gpu, shapes, size)?;
+            let layers = layers_of(gpu, &pass, shapes, size, settings)?;
+            self.layers().insert((shapes.digest, size), layers);
+        }
+        Ok(())
+    }
+}
+
+/// All levels of all layers: from the cache, or baked and put there.
+fn layers_of(
+    gpu: &Gpu,
+    pass: &ImpostorBakePass,
+    shapes: &ShapeSet,
+    size: AtlasSize,
+    settings: &AsteroidSettings,
+) -> Result<Vec<Vec<Level>>, ImpostorAtlasError> {
+    let header = Header::new(shapes, size);
+    let path = (!settings.cache.as_os_str().is_empty()).then(|| settings.cache.join(header.file_name(size)));
+    let kept = path.as_deref().and_then(|path| match read(path, &header) {
+        Ok(kept) => kept,
+        Err(problem) => {
+            tracing::warn!(file = %path.display(), %problem, "an atlas of impostors is baked anew");
+            None
+        }
+    });
+    let finest = match kept {
+        Some(finest) => finest,
+        None => {
+            let finest = bake(gpu, pass, shapes, size)?;
+            if let Some(path) = &path
+                && let Err(problem) = write(path, header, &finest)
+            {
+                tracing::warn!(file = %path.display(), %problem, "an atlas of impostors cannot be kept");
+            }
+            finest
+        }
+    };
+    let count = level_count(size.tile_px);
+    Ok(finest.into_iter().map(|finest| levels(finest, size.tiles * size.tile_px, count)).collect())
 }
 
 fn bake(

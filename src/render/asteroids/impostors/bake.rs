@@ -8,6 +8,7 @@ use crate::render::{constants::workgroups::FILTER_SIDE, shader::Shader};
 use crate::{
     gpu::{self, Gpu, GpuError, LayoutOf, ReadbackBuffer, bind_buffers},
     plan::asteroids::{
+        AsteroidSettings, ImpostorMethod,
         bounds::BORDER_PX,
         tiles::{AtlasLayout, AtlasTile},
     },
@@ -27,13 +28,21 @@ pub(crate) struct ImpostorBakePass {
 }
 
 /// An atlas that is asked for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) struct AtlasSize {
     pub layout: AtlasLayout,
     /// Tiles along a side.
     pub tiles: u32,
     /// Texels along a side of a tile.
     pub tile_px: u32,
+}
+
+impl AtlasSize {
+    /// That which a method reads; `None` for methods without an atlas.
+    pub(crate) fn of(method: ImpostorMethod, settings: &AsteroidSettings) -> Option<Self> {
+        let layout = AtlasLayout::of(method)?;
+        Some(Self { layout, tiles: settings.tiles, tile_px: settings.tile_px })
+    }
 }
 
 /// Textures of samples and buffer of texels of a block.

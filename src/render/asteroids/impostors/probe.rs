@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DVec3};
 
-use super::atlas::{ImpostorAtlas, ImpostorAtlasError};
+use super::atlas::{BakedImpostors, ImpostorAtlas, ImpostorAtlasError};
 use super::draw::AsteroidSource;
 use crate::render::constants::reflection::{LAW_LAMBERT, LAW_LOMMEL_SEELIGER};
 use crate::{
@@ -73,7 +73,8 @@ impl ImpostorProbe {
         let Some(pass) = AsteroidImpostorPass::new(gpu, AsteroidSource::Given, &source, method) else {
             return Ok(None);
         };
-        let atlas = ImpostorAtlas::new(gpu, &ImpostorBakePass::new(gpu), shapes, method, settings)?;
+        let atlas =
+            ImpostorAtlas::new(gpu, &ImpostorBakePass::new(gpu), &BakedImpostors::default(), shapes, method, settings)?;
         Ok(atlas.map(|atlas| Self { pass, source, atlas }))
     }
 

@@ -2,10 +2,12 @@
 
 #![allow(clippy::unwrap_used, reason = "tests")]
 
+use std::sync::Arc;
+
 use glam::{DMat3, DQuat, DVec2, DVec3};
 
 use super::{
-    atlas::{ImpostorAtlas, ImpostorAtlasError},
+    atlas::{BakedImpostors, ImpostorAtlas, ImpostorAtlasError},
     probe::{GivenAsteroid, ImpostorProbe},
     texels::{Texel, finest_level},
 };
@@ -237,7 +239,9 @@ fn atlases_are_kept_and_broken_files_are_made_anew() {
     let pass = ImpostorBakePass::new(&gpu);
     let folder = tempfile::tempdir().unwrap();
     let settings = AsteroidSettings { cache: folder.path().join("atlases"), tiles: 4, tile_px: 8, ..settings() };
-    let make = |method, shapes: &ShapeSet| ImpostorAtlas::new(&gpu, &pass, shapes, method, &settings).unwrap();
+    let make = |method, shapes: &ShapeSet| {
+        ImpostorAtlas::new(&gpu, &pass, &BakedImpostors::default(), shapes, method, &settings).unwrap()
+    };
     let files = || -> Vec<std::path::PathBuf> {
         let mut files: Vec<_> =
             std::fs::read_dir(&settings.cache).unwrap().map(|entry| entry.unwrap().path()).collect();
@@ -277,12 +281,30 @@ fn atlases_are_kept_and_broken_files_are_made_anew() {
 }
 
 #[test]
+fn what_was_baked_ahead_is_taken_once_by_those_who_ask_for_the_same() {
+    let gpu = gpu();
+    let settings = AsteroidSettings { tiles: 4, tile_px: 8, ..settings() };
+    let ahead = BakedImpostors::default();
+    let sets = [shapes(), ShapeSet { digest: 8, ..shapes() }].map(Arc::new);
+    ahead.bake(&gpu, &sets, &settings).unwrap();
+    let size = AtlasSize::of(settings.impostor.chosen(), &settings).unwrap();
+    assert!(ahead.take(&ShapeSet { digest: 9, ..shapes() }, size).is_none(), "other shapes");
+    assert!(ahead.take(&sets[0], AtlasSize { tiles: 8, ..size }).is_none(), "another size");
+    let baked = ahead.take(&sets[0], size).unwrap();
+    assert!(baked.iter().flatten().any(|level| level.normals.iter().any(|byte| *byte > 0)));
+    assert!(ahead.take(&sets[0], size).is_none(), "it is gone");
+    ahead.bake(&gpu, &sets[..1], &settings).unwrap();
+    assert!(ahead.take(&sets[1], size).is_none(), "what nobody asked for is let go");
+    assert_eq!(ahead.take(&sets[0], size).unwrap(), baked);
+}
+
+#[test]
 fn atlases_that_cannot_be_are_refused_with_what_is_allowed() {
     let gpu = gpu();
     let pass = ImpostorBakePass::new(&gpu);
     let make = |shapes: &ShapeSet, tiles, tile_px| {
         let settings = AsteroidSettings { tiles, tile_px, ..AsteroidSettings::default() };
-        ImpostorAtlas::new(&gpu, &pass, shapes, Octahedral, &settings).map(|_| ())
+        ImpostorAtlas::new(&gpu, &pass, &BakedImpostors::default(), shapes, Octahedral, &settings).map(|_| ())
     };
     let limit = gpu.max_view_side_px();
     let error = make(&shapes(), limit, 4).unwrap_err();

@@ -1,0 +1,158 @@
+//! The calls that concern the camera: who may move it, and where it is.
+
+use std::pin::Pin;
+
+use tokio::{
+    sync::{mpsc, oneshot},
+    task,
+};
+use tokio_stream::{Stream, wrappers::ReceiverStream};
+use tonic::{Request, Response, Status, Streaming};
+
+use super::{
+    clients::ClientInfo,
+    convert,
+    handlers::{Service, refused},
+    proto::{self, CameraLease},
+    render::{CameraError, Refused, RenderHandle},
+};
+use crate::scene::Camera;
+
+/// Longest name of one who steers, characters.
+const MOST_NAME: usize = 64;
+
+fn unmoved(error: &CameraError) -> Status {
+    match error {
+        CameraError::Pose(_) | CameraError::Scene(_) => Status::invalid_argument(error.to_string()),
+        CameraError::Revision { .. } => Status::aborted(error.to_string()),
+        CameraError::Leased { .. } => Status::failed_precondition(error.to_string()),
+        CameraError::Ending => Status::unavailable(error.to_string()),
+    }
+}
+
+/// Gives a lease back when the call that holds it ends, however it ends.
+struct Steering {
+    render: RenderHandle,
+    lease: Option<u64>,
+}
+
+impl Drop for Steering {
+    fn drop(&mut self) {
+        if let Some(lease) = self.lease {
+            self.render.release_camera(lease);
+        }
+    }
+}
+
+/// What the first message of a stream says of the lease.
+fn lease_of(message: &proto::StreamCameraRequest) -> Result<Option<bool>, Status> {
+    let wrong = |problem: String| Err(Status::invalid_argument(problem));
+    if message.holder.chars().count() > MOST_NAME {
+        return wrong(format!("holder: at most {MOST_NAME} characters are allowed"));
+    }
+    match CameraLease::try_from(message.lease) {
+        Ok(CameraLease::None) => Ok(None),
+        Ok(CameraLease::Take) => Ok(Some(false)),
+        Ok(CameraLease::TakeOver) => Ok(Some(true)),
+        Err(_) => wrong(format!(
+            "lease = {}: allowed are CAMERA_LEASE_NONE, CAMERA_LEASE_TAKE and CAMERA_LEASE_TAKE_OVER",
+            message.lease
+        )),
+    }
+}
+
+/// Who has taken a lease over.
+async fn taken_over(taken: &mut Option<oneshot::Receiver<String>>) -> String {
+    match taken {
+        // A lease is dropped unsent at the end of the daemon alone, which ends the call too.
+        Some(taken) => taken.await.unwrap_or_default(),
+        None => std::future::pending().await,
+    }
+}
+
+impl Service {
+    fn place_camera(&self, request: proto::SetCameraRequest, lease: Option<u64>) -> Result<Camera, Status> {
+        let expected = request.expected_revision;
+        let update = convert::update_from_pb(request);
+        self.render.set_camera(&update, expected, lease).map_err(|error| unmoved(&error))
+    }
+}
+
+#[tonic::async_trait]
+impl proto::camera_service_server::CameraService for Service {
+    type WatchCameraStream = Pin<Box<dyn Stream<Item = Result<proto::Camera, Status>> + Send>>;
+
+    async fn get_camera(&self, _: Request<proto::GetCameraRequest>) -> Result<Response<proto::Camera>, Status> {
+        Ok(Response::new(convert::camera_to_pb(&self.render.camera())))
+    }
+
+    async fn set_camera(&self, request: Request<proto::SetCameraRequest>) -> Result<Response<proto::Camera>, Status> {
+        let camera = self.place_camera(request.into_inner(), None)?;
+        Ok(Response::new(convert::camera_to_pb(&camera)))
+    }
+
+    async fn watch_camera(
+        &self,
+        _: Request<proto::WatchCameraRequest>,
+    ) -> Result<Response<Self::WatchCameraStream>, Status> {
+        let permit = self.watcher()?;
+        let mut cameras = self.render.watch_camera();
+        if cameras.borrow().is_none() {
+            return Err(refused(Refused::Ending));
+        }
+        let (sender, stream) = mpsc::channel(1);
+        task::spawn(async move {
+            let _permit = permit;
+            loop {
+                // A reader that is slow finds the newest camera when there is room for it.
+                let Ok(room) = sender.reserve().await else { return };
+                let Some(camera) = *cameras.borrow_and_update() else { return };
+                room.send(Ok(convert::camera_to_pb(&camera)));
+                tokio::select! {
+                    () = sender.closed() => return,
+                    changed = cameras.changed() => if changed.is_err() { return },
+                }
+            }
+        });
+        Ok(Response::new(Box::pin(ReceiverStream::new(stream))))
+    }
+
+    async fn stream_camera(
+        &self,
+        request: Request<Streaming<proto::StreamCameraRequest>>,
+    ) -> Result<Response<proto::StreamCameraResponse>, Status> {
+        let client = ClientInfo::of(&request)?;
+        let mut messages = request.into_inner();
+        let mut steering = Steering { render: self.render.clone(), lease: None };
+        let mut taken: Option<oneshot::Receiver<String>> = None;
+        let mut ends = self.render.watch_camera();
+        let (mut is_first, mut poses) = (true, 0);
+        loop {
+            let message = tokio::select! {
+                message = messages.message() => message?,
+                by = taken_over(&mut taken), if taken.is_some() => {
+                    return Err(Status::failed_precondition(format!("`{by}` has taken the lease of the camera over")));
+                }
+                _ = ends.wait_for(Option::is_none) => return Err(refused(Refused::Ending)),
+            };
+            let Some(message) = message else { break };
+            if std::mem::take(&mut is_first) {
+                if let Some(over) = lease_of(&message)? {
+                    let holder = if message.holder.is_empty() { client.name() } else { message.holder.clone() };
+                    let (lease, is_taken) = self.render.lease_camera(&holder, over).map_err(|error| unmoved(&error))?;
+                    tracing::info!(client = client.name(), holder, over, "steers the camera");
+                    steering.lease = Some(lease);
+                    taken = Some(is_taken);
+                }
+            } else if message.lease != 0 || !message.holder.is_empty() {
+                return Err(Status::invalid_argument("lease and holder: only the first message may have them"));
+            }
+            if let Some(camera) = message.camera {
+                self.place_camera(camera, steering.lease)?;
+                poses += 1;
+            }
+        }
+        let camera = Some(convert::camera_to_pb(&self.render.camera()));
+        Ok(Response::new(proto::StreamCameraResponse { camera, poses }))
+    }
+}

@@ -1,0 +1,388 @@
+//! Connections: how many there may be, which are ended, and what a request may hold before it is complete.
+
+use std::{
+    io,
+    net::IpAddr,
+    pin::Pin,
+    sync::Arc,
+    task::{Context, Poll, ready},
+    time::{Duration, Instant},
+};
+
+use bytes::Buf;
+use http::{HeaderValue, Request, Response, header};
+use http_body::{Body as HttpBody, Frame, SizeHint};
+use tokio::{
+    io::{AsyncRead, AsyncWrite, ReadBuf},
+    net::{TcpListener, TcpStream},
+    sync::{OwnedSemaphorePermit, Semaphore},
+    time::{Interval, MissedTickBehavior, Sleep, interval, sleep},
+};
+use tokio_stream::Stream;
+use tonic::{Status, body::Body, transport::server::Connected};
+use tower_layer::Layer;
+use tower_service::Service;
+
+use super::clients::{ClientInfo, Held, OpenCall, Shares};
+
+/// Connections at the same time; more are closed at once.
+const CONNECTIONS: usize = 512;
+/// The share of the file descriptors of the process that connections may take.
+const SHARE_OF_DESCRIPTORS: u64 = 2;
+/// A request has to be complete after this time; poses of a stream may come as long as the call lasts.
+const REQUEST: Duration = Duration::from_secs(30);
+/// Calls whose requests have no end of their own, and whose messages are small.
+const STREAMED_REQUESTS: [&str; 1] = ["/steradian.v1.CameraService/StreamCamera"];
+/// How often a connection is looked at.
+const LOOK: Duration = Duration::from_secs(1);
+/// The pause after an accept that has failed for a want that may pass, such as one of descriptors.
+const BACK_OFF: Duration = Duration::from_millis(200);
+
+/// Connections as they come.
+pub(super) struct Incoming {
+    listener: TcpListener,
+    places: Arc<Semaphore>,
+    shares: Arc<Shares>,
+    /// After an error: until when nothing is accepted.
+    pause: Option<Pin<Box<Sleep>>>,
+    /// Something is wrong that the log knows of.
+    in_trouble: bool,
+}
+
+impl Incoming {
+    pub(super) fn new(listener: TcpListener, shares: Arc<Shares>) -> Self {
+        Self { listener, places: Arc::new(Semaphore::new(most_connections())), shares, pause: None, in_trouble: false }
+    }
+
+    fn trouble(&mut self, problem: &str) {
+        if !std::mem::replace(&mut self.in_trouble, true) {
+            tracing::warn!("{problem}");
+        }
+    }
+}
+
+/// Connections that the process has descriptors for.
+fn most_connections() -> usize {
+    let descriptors = rustix::process::getrlimit(rustix::process::Resource::Nofile).current;
+    let share = descriptors.map_or(CONNECTIONS as u64, |descriptors| descriptors / SHARE_OF_DESCRIPTORS);
+    CONNECTIONS.min(usize::try_from(share).unwrap_or(CONNECTIONS)).max(1)
+}
+
+impl Stream for Incoming {
+    type Item = io::Result<Connection>;
+
+    fn poll_next(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<Option<Self::Item>> {
+        loop {
+            if let Some(pause) = &mut self.pause {
+                ready!(pause.as_mut().poll(context));
+                self.pause = None;
+            }
+            match ready!(self.listener.poll_accept(context)) {
+                Ok((stream, address)) => {
+                    let Ok(place) = Arc::clone(&self.places).try_acquire_owned() else {
+                        // Closed at once: whoever calls is told, and does not wait.
+                        let most = most_connections();
+                        self.trouble(&format!(
+                            "there are {most} connections already, the most there may be: more are closed"
+                        ));
+                        continue;
+                    };
+                    self.in_trouble = false;
+                    if let Err(error) = stream.set_nodelay(true) {
+                        tracing::debug!("{address}: {error}");
+                        continue;
+                    }
+                    let client = ClientInfo::new(&self.shares, address.to_string());
+                    return Poll::Ready(Some(Ok(Connection::new(stream, client, place))));
+                }
+                // The other side has gone before it was accepted.
+                Err(error) if is_of_one_connection(&error) => {}
+                Err(error) => {
+                    self.trouble(&format!("no connection can be accepted at present: {error}"));
+                    self.pause = Some(Box::pin(sleep(BACK_OFF)));
+                }
+            }
+        }
+    }
+}
+
+fn is_of_one_connection(error: &io::Error) -> bool {
+    use io::ErrorKind::{ConnectionAborted, ConnectionRefused, ConnectionReset, Interrupted};
+    matches!(error.kind(), ConnectionAborted | ConnectionRefused | ConnectionReset | Interrupted)
+}
+
+/// A connection that ends when its client says or reads nothing.
+pub(super) struct Connection {
+    stream: TcpStream,
+    client: ClientInfo,
+    look: Interval,
+    _place: OwnedSemaphorePermit,
+}
+
+impl Connection {
+    fn new(stream: TcpStream, client: ClientInfo, place: OwnedSemaphorePermit) -> Self {
+        let mut look = interval(LOOK);
+        look.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        tracing::debug!(client = client.name(), "connected");
+        Self { stream, client, look, _place: place }
+    }
+}
+
+impl Drop for Connection {
+    fn drop(&mut self) {
+        tracing::debug!(client = self.client.name(), "gone");
+    }
+}
+
+impl Connected for Connection {
+    type ConnectInfo = ClientInfo;
+
+    fn connect_info(&self) -> ClientInfo {
+        self.client.clone()
+    }
+}
+
+impl AsyncRead for Connection {
+    fn poll_read(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+        buffer: &mut ReadBuf<'_>,
+    ) -> Poll<io::Result<()>> {
+        while self.look.poll_tick(context).is_ready() {
+            if let Some(why) = self.client.overdue(Instant::now()) {
+                tracing::info!(client = self.client.name(), "connection ended: {why}");
+                return Poll::Ready(Err(io::Error::new(io::ErrorKind::TimedOut, why)));
+            }
+        }
+        let before = buffer.filled().len();
+        let read = ready!(Pin::new(&mut self.stream).poll_read(context, buffer));
+        if buffer.filled().len() > before {
+            self.client.note_read();
+        }
+        Poll::Ready(read)
+    }
+}
+
+impl AsyncWrite for Connection {
+    fn poll_write(mut self: Pin<&mut Self>, context: &mut Context<'_>, bytes: &[u8]) -> Poll<io::Result<usize>> {
+        Pin::new(&mut self.stream).poll_write(context, bytes)
+    }
+
+    fn poll_flush(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
+        Pin::new(&mut self.stream).poll_flush(context)
+    }
+
+    fn poll_shutdown(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
+        Pin::new(&mut self.stream).poll_shutdown(context)
+    }
+
+    fn poll_write_vectored(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+        slices: &[io::IoSlice<'_>],
+    ) -> Poll<io::Result<usize>> {
+        Pin::new(&mut self.stream).poll_write_vectored(context, slices)
+    }
+
+    fn is_write_vectored(&self) -> bool {
+        self.stream.is_write_vectored()
+    }
+}
+
+/// Whether a call names this daemon: by an address, as `localhost`, or by one of the names given. A page of another site that has its name point here
+/// is refused so, and so are calls from pages that the daemon did not serve.
+fn check_names(hosts: &[String], host: Option<&str>, origin: Option<&HeaderValue>) -> Result<(), String> {
+    // Without the port; an IPv6 address stands in brackets.
+    let name_of = |authority: &str| match authority.strip_prefix('[').and_then(|rest| rest.split_once(']')) {
+        Some((address, _)) => address.to_owned(),
+        None => authority.split(':').next().unwrap_or_default().to_ascii_lowercase(),
+    };
+    let host = host.unwrap_or_default();
+    let name = name_of(host);
+    let is_known = name == "localhost"
+        || name.parse::<IpAddr>().is_ok()
+        || hosts.iter().any(|known| known.eq_ignore_ascii_case(&name));
+    if !is_known {
+        return Err(format!("the host `{host}` is not one of server.hosts, an address or localhost"));
+    }
+    let Some(origin) = origin else { return Ok(()) };
+    let origin = origin.to_str().unwrap_or("?");
+    match origin.split_once("://") {
+        Some((_, authority)) if authority.eq_ignore_ascii_case(host) => Ok(()),
+        _ => Err(format!("pages of `{origin}` may not call: only those that the daemon serves itself, at {host}")),
+    }
+}
+
+/// Puts bounds to every call.
+#[derive(Clone)]
+pub(super) struct Bounds {
+    hosts: Arc<[String]>,
+}
+
+impl Bounds {
+    pub(super) fn new(hosts: Vec<String>) -> Self {
+        Self { hosts: hosts.into() }
+    }
+}
+
+impl<S> Layer<S> for Bounds {
+    type Service = Bounded<S>;
+
+    fn layer(&self, inner: S) -> Bounded<S> {
+        Bounded { inner, hosts: Arc::clone(&self.hosts) }
+    }
+}
+
+/// Calls with bounds.
+#[derive(Clone)]
+pub(super) struct Bounded<S> {
+    inner: S,
+    hosts: Arc<[String]>,
+}
+
+type Answer<E> = Pin<Box<dyn Future<Output = Result<Response<Body>, E>> + Send>>;
+
+impl<S> Service<Request<Body>> for Bounded<S>
+where
+    S: Service<Request<Body>, Response = Response<Body>>,
+    S::Future: Send + 'static,
+{
+    type Response = Response<Body>;
+    type Error = S::Error;
+    type Future = Answer<S::Error>;
+
+    fn poll_ready(&mut self, context: &mut Context<'_>) -> Poll<Result<(), S::Error>> {
+        self.inner.poll_ready(context)
+    }
+
+    fn call(&mut self, request: Request<Body>) -> Self::Future {
+        let Some(client) = request.extensions().get::<ClientInfo>().cloned() else {
+            return Box::pin(async { Ok(Status::internal("the request has no connection").into_http()) });
+        };
+        let call = client.open_call();
+        let of_header = request.headers().get(header::HOST).and_then(|host| host.to_str().ok());
+        let host = request.uri().authority().map(http::uri::Authority::as_str).or(of_header);
+        if let Err(problem) = check_names(&self.hosts, host, request.headers().get(header::ORIGIN)) {
+            tracing::info!(client = client.name(), "refused: {problem}");
+            return Box::pin(async { Ok(Status::permission_denied(problem).into_http()) });
+        }
+        let is_streamed = STREAMED_REQUESTS.contains(&request.uri().path());
+        let request = request.map(|body| match is_streamed {
+            true => body,
+            false => {
+                let deadline = Box::pin(sleep(REQUEST));
+                Body::new(BoundedRequest { body, client: client.clone(), held: Vec::new(), deadline })
+            }
+        });
+        let answer = self.inner.call(request);
+        Box::pin(async move {
+            let mut response = answer.await?;
+            let held = response.extensions_mut().remove::<Held>();
+            Ok(response.map(|body| Body::new(CountedAnswer { body, call, _held: held })))
+        })
+    }
+}
+
+/// A request whose bytes are counted until it is taken, and that has to be complete in time.
+struct BoundedRequest {
+    body: Body,
+    client: ClientInfo,
+    held: Vec<Held>,
+    deadline: Pin<Box<Sleep>>,
+}
+
+impl HttpBody for BoundedRequest {
+    type Data = bytes::Bytes;
+    type Error = Status;
+
+    fn poll_frame(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+    ) -> Poll<Option<Result<Frame<bytes::Bytes>, Status>>> {
+        let Poll::Ready(frame) = Pin::new(&mut self.body).poll_frame(context) else {
+            ready!(self.deadline.as_mut().poll(context));
+            let problem = format!("the request was not complete after {} s", REQUEST.as_secs());
+            return Poll::Ready(Some(Err(Status::deadline_exceeded(problem))));
+        };
+        let bytes = frame.as_ref().and_then(|frame| frame.as_ref().ok()?.data_ref().map(Buf::remaining));
+        if let Some(bytes) = bytes.filter(|bytes| *bytes > 0) {
+            match self.client.hold_input(bytes as u64) {
+                Ok(held) => self.held.push(held),
+                Err(status) => return Poll::Ready(Some(Err(status))),
+            }
+        }
+        Poll::Ready(frame)
+    }
+
+    fn is_end_stream(&self) -> bool {
+        self.body.is_end_stream()
+    }
+
+    fn size_hint(&self) -> SizeHint {
+        self.body.size_hint()
+    }
+}
+
+/// An answer that is counted as one of its connection's until it is sent.
+struct CountedAnswer {
+    body: Body,
+    call: OpenCall,
+    _held: Option<Held>,
+}
+
+impl HttpBody for CountedAnswer {
+    type Data = bytes::Bytes;
+    type Error = Status;
+
+    fn poll_frame(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+    ) -> Poll<Option<Result<Frame<bytes::Bytes>, Status>>> {
+        let frame = Pin::new(&mut self.body).poll_frame(context);
+        self.call.note(matches!(&frame, Poll::Ready(Some(Ok(_)))));
+        frame
+    }
+
+    fn is_end_stream(&self) -> bool {
+        self.body.is_end_stream()
+    }
+
+    fn size_hint(&self) -> SizeHint {
+        self.body.size_hint()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn hosts_are_those_of_the_list_and_pages_those_of_the_daemon() {
+        let hosts = ["Control.example.org".to_owned()];
+        let check = |host: &str, origin: Option<&'static str>| {
+            check_names(&hosts, Some(host), origin.map(HeaderValue::from_static).as_ref())
+        };
+        for (host, origin) in [
+            ("127.0.0.1:7143", None),
+            ("[::1]:7143", None),
+            ("localhost", None),
+            ("control.example.org:80", None),
+            ("127.0.0.1:7143", Some("http://127.0.0.1:7143")),
+            ("control.example.org", Some("https://control.example.org")),
+        ] {
+            assert_eq!(check(host, origin), Ok(()), "{host} {origin:?}");
+        }
+        for (host, origin, part) in [
+            ("evil.example.org:7143", None, "evil.example.org"),
+            ("127.0.0.1.evil.example.org", None, "server.hosts"),
+            ("", None, "server.hosts"),
+            ("127.0.0.1:7143", Some("http://evil.example.org"), "evil.example.org"),
+            ("127.0.0.1:7143", Some("http://127.0.0.1:8000"), "127.0.0.1:8000"),
+            ("127.0.0.1:7143", Some("null"), "null"),
+        ] {
+            let problem = check(host, origin).expect_err(host);
+            assert!(problem.contains(part), "{problem}");
+        }
+        assert!(check_names(&hosts, None, None).is_err());
+    }
+}

@@ -1,0 +1,167 @@
+//! What somebody asks for of a frame: the images of one view in an encoding. Images are encoded once for all who ask for the same, on threads
+//! that stand back behind those that render, and fairly: each client has few places among those who wait for an encoder.
+
+use std::{
+    collections::HashMap,
+    sync::{Arc, Mutex, PoisonError},
+    thread,
+};
+
+use tokio::{
+    sync::{OnceCell, Semaphore},
+    task,
+};
+use tonic::Status;
+
+use super::{background, clients::ClientInfo, convert, headset::Headset, proto, slot::RenderedFrame};
+use crate::{
+    output::{self, Encoding},
+    render::{FrameImage, ViewStatistics, Wanted},
+};
+
+/// How images are encoded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) struct Form {
+    pub(super) encoding: Encoding,
+    /// Longest side, pixels; 0: as large as they are.
+    pub(super) max_size: u32,
+}
+
+impl Form {
+    /// Takes long: the encoders of such images are apart from those of others.
+    fn is_slow(self) -> bool {
+        self.encoding == Encoding::Exr
+    }
+
+    /// Bytes of an image of this many pixels, at most.
+    pub(super) fn most_bytes(self, pixels: u64) -> u64 {
+        // What compresses may come out a little larger than what it is given.
+        match self.encoding {
+            Encoding::Rgba8 => 4 * pixels,
+            Encoding::Png | Encoding::Jpeg => 4 * pixels + pixels / 16 + 65_536,
+            Encoding::Rgb32f => 12 * pixels,
+            Encoding::Exr => 16 * pixels + pixels + 65_536,
+        }
+    }
+}
+
+type Images = Result<Vec<proto::Image>, String>;
+
+/// Encoded images of a frame, by view and form.
+#[derive(Debug, Default)]
+pub(super) struct EncodedImages {
+    images: Mutex<HashMap<(usize, Form), Arc<OnceCell<Images>>>>,
+}
+
+impl EncodedImages {
+    fn of(&self, view: usize, form: Form) -> Arc<OnceCell<Images>> {
+        let mut images = self.images.lock().unwrap_or_else(PoisonError::into_inner);
+        Arc::clone(images.entry((view, form)).or_default())
+    }
+}
+
+/// Places for those who encode.
+#[derive(Debug)]
+pub(super) struct Encoders {
+    quick: Semaphore,
+    slow: Semaphore,
+    /// Images encoded since the start.
+    count: std::sync::atomic::AtomicU64,
+}
+
+impl Encoders {
+    /// As many as there are cores, and half as many for what takes long.
+    pub(super) fn new() -> Self {
+        let cores = thread::available_parallelism().map_or(1, usize::from);
+        let (quick, slow) = (Semaphore::new(cores), Semaphore::new((cores / 2).max(1)));
+        Self { quick, slow, count: std::sync::atomic::AtomicU64::new(0) }
+    }
+
+    /// Times that the images of a view of a frame were encoded.
+    pub(super) fn count(&self) -> u64 {
+        self.count.load(std::sync::atomic::Ordering::Relaxed)
+    }
+}
+
+/// The images of one view, and how they are to be encoded.
+#[derive(Clone)]
+pub(super) struct Order {
+    pub(super) name: Arc<str>,
+    /// Index in its frames.
+    pub(super) view: usize,
+    /// Who makes its frames, if not the render thread.
+    pub(super) headset: Option<Arc<Headset>>,
+    pub(super) form: Form,
+    pub(super) encoders: Arc<Encoders>,
+    pub(super) client: ClientInfo,
+}
+
+impl Order {
+    pub(super) fn wanted(&self) -> Wanted {
+        self.form.encoding.wanted()
+    }
+
+    /// The message of a frame.
+    pub(super) async fn encode(
+        &self,
+        rendered: &Arc<RenderedFrame>,
+        dropped: u64,
+        stream: u64,
+    ) -> Result<proto::Frame, Status> {
+        let cell = rendered.encoded.of(self.view, self.form);
+        let images = cell.get_or_try_init(|| self.images(rendered)).await?;
+        Ok(self.message(rendered, images.clone().map_err(Status::internal)?, dropped, stream))
+    }
+
+    /// Encodes the view's images of a frame, away from the threads that serve connections.
+    async fn images(&self, rendered: &Arc<RenderedFrame>) -> Result<Images, Status> {
+        let ending = |_| Status::unavailable("the daemon is shutting down");
+        let of_all = if self.form.is_slow() { &self.encoders.slow } else { &self.encoders.quick };
+        // One's own place first: however many calls a client has, few of them wait before the calls of others.
+        let _own = self.client.encoding(self.form.is_slow()).acquire().await.map_err(ending)?;
+        let _place = of_all.acquire().await.map_err(ending)?;
+        self.encoders.count.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+        let (view, form, rendered) = (self.view, self.form, Arc::clone(rendered));
+        let encoding = move || {
+            background::stand_back();
+            let images = rendered.frame.images.iter().filter(|image| image.view == view);
+            images.map(|image| encoded(form, image)).collect()
+        };
+        let encoded = task::spawn_blocking(encoding).await;
+        encoded.map_err(|error| Status::internal(format!("encoding the frame failed: {error}")))
+    }
+
+    fn message(&self, rendered: &RenderedFrame, images: Vec<proto::Image>, dropped: u64, stream: u64) -> proto::Frame {
+        let frame = &rendered.frame;
+        let of_view = |view: &ViewStatistics| view.limiting_magnitude;
+        proto::Frame {
+            view: self.name.to_string(),
+            frame_number: frame.number,
+            scene_revision: frame.scene_revision,
+            camera_revision: frame.camera_revision,
+            pose_time: Some(rendered.pose_time.into()),
+            render_time: Some(rendered.render_time.into()),
+            exposure_ev100: frame.exposure_ev100,
+            limiting_magnitude: frame.views.iter().find(|view| *view.name == *self.name).and_then(of_view),
+            dropped,
+            quality_level: rendered.given_up.level,
+            given_up: rendered.given_up.what.clone(),
+            camera: Some(convert::camera_to_pb(&rendered.camera)),
+            stream,
+            images,
+        }
+    }
+}
+
+fn encoded(form: Form, image: &FrameImage) -> Result<proto::Image, String> {
+    let small = (form.max_size > 0).then(|| output::reduced(image, form.max_size)).flatten();
+    let image = small.as_ref().unwrap_or(image);
+    let data = output::encode(form.encoding, image).map_err(|error| error.to_string())?;
+    Ok(proto::Image {
+        part: image.part.name().unwrap_or_default().to_owned(),
+        width: image.width,
+        height: image.height,
+        encoding: convert::encoding_to_pb(form.encoding).into(),
+        data: data.into(),
+    })
+}

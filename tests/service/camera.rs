@@ -1,0 +1,114 @@
+//! Who moves the camera, and what it may not be.
+
+use std::time::Duration;
+
+use glam::DVec3;
+use steradian::{
+    output::Encoding,
+    plan::settings::StarMethod,
+    scene::bodies::Preset,
+    service::{BodyForm, CameraUpdate, Change, ClientError, Lease, SceneUpdate},
+};
+use tokio::time::sleep;
+use tonic::Code;
+
+use crate::daemon::{Daemon, small_rig, within};
+
+fn at_x(x: f64) -> CameraUpdate {
+    CameraUpdate { position_m: Some([x, 0.0, 0.0]), ..CameraUpdate::default() }
+}
+
+#[track_caller]
+fn refused<T: std::fmt::Debug>(answer: Result<T, ClientError>, code: Code, part: &str) {
+    match answer {
+        Err(error) => assert!(error.code() == Some(code) && error.to_string().contains(part), "{error}"),
+        Ok(answer) => panic!("{answer:?}"),
+    }
+}
+
+#[tokio::test]
+async fn a_pose_for_another_revision_is_refused() {
+    let daemon = Daemon::start(small_rig()).await;
+    let mut client = daemon.client().await;
+    assert_eq!(client.move_camera(&at_x(1.0), 0).await.unwrap().revision, 1);
+    refused(client.move_camera(&at_x(2.0), 0).await, Code::Aborted, "revision 1, not 0");
+    assert_eq!(client.camera().await.unwrap().position_m.x, 1.0);
+    daemon.shutdown().await.unwrap();
+}
+
+#[tokio::test]
+async fn watchers_see_every_camera_that_they_wait_for() {
+    let daemon = Daemon::start(small_rig()).await;
+    let mut client = daemon.client().await;
+    let mut cameras = client.watch_camera().await.unwrap();
+    for revision in 0..5 {
+        assert_eq!(within(cameras.next()).await.unwrap().expect("a camera").revision, revision);
+        client.set_camera(&at_x(revision as f64)).await.unwrap();
+    }
+    daemon.shutdown().await.unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn one_who_has_the_lease_steers_alone_until_it_is_taken_over_or_given_back() {
+    let daemon = Daemon::start(small_rig()).await;
+    let [mut first, mut second] = [daemon.client().await, daemon.client().await];
+    let mut steering = first.steer(Lease::Take, "first desk").await.unwrap();
+    for step in 1..=100 {
+        assert!(steering.send(&at_x(f64::from(step))).await);
+    }
+    let mut cameras = second.watch_camera().await.unwrap();
+    while within(cameras.next()).await.unwrap().expect("a camera").revision < 100 {}
+    refused(second.set_camera(&at_x(-1.0)).await, Code::FailedPrecondition, "`first desk` steers");
+    let other = second.steer(Lease::Take, "second desk").await.unwrap();
+    refused(within(other.end()).await, Code::FailedPrecondition, "`first desk` steers");
+
+    let mut taker = second.steer(Lease::TakeOver, "second desk").await.unwrap();
+    assert!(taker.send(&at_x(-5.0)).await);
+    while within(cameras.next()).await.unwrap().expect("a camera").position_m.x != -5.0 {}
+    while steering.send(&at_x(7.0)).await {
+        sleep(Duration::from_millis(5)).await;
+    }
+    refused(within(steering.end()).await, Code::FailedPrecondition, "`second desk` has taken the lease");
+    let (camera, poses) = within(taker.end()).await.unwrap();
+    assert_eq!((camera.position_m.x, poses), (-5.0, 1));
+    // It was given back, however it ended.
+    assert_eq!(first.set_camera(&at_x(9.0)).await.unwrap().position_m.x, 9.0);
+    drop(first.steer(Lease::Take, "gone").await.unwrap());
+    within(async {
+        while second.set_camera(&at_x(1.0)).await.is_err() {
+            sleep(Duration::from_millis(5)).await;
+        }
+    })
+    .await;
+    refused(within(second.steer(Lease::Take, &"x".repeat(65)).await.unwrap().end()).await, Code::InvalidArgument, "64");
+    daemon.shutdown().await.unwrap();
+}
+
+/// A scene in which nothing could be drawn any more is not accepted, from whichever side it is come to.
+#[tokio::test]
+async fn what_cannot_be_drawn_together_is_refused() {
+    let daemon = Daemon::start(small_rig()).await;
+    let mut client = daemon.client().await;
+    let fast = CameraUpdate { velocity_c: Some([0.1, 0.0, 0.0]), ..CameraUpdate::default() };
+    let rest = CameraUpdate { velocity_c: Some([0.0; 3]), ..CameraUpdate::default() };
+    let published = SceneUpdate { star_method: Some(StarMethod::PackedCas), ..SceneUpdate::default() };
+    let auto = SceneUpdate { star_method: Some(StarMethod::Auto), ..SceneUpdate::default() };
+    let mars = BodyForm::from(Preset::Mars.body("mars", DVec3::X * 2e11));
+    let body = SceneUpdate { bodies: Change::All(vec![mars]), ..SceneUpdate::default() };
+
+    client.update_scene(&published, None).await.unwrap();
+    refused(client.set_camera(&fast).await, Code::InvalidArgument, "camera at rest");
+    refused(client.update_scene(&body, None).await, Code::InvalidArgument, "packed_cas");
+    client.update_scene(&auto, None).await.unwrap();
+    client.set_camera(&fast).await.unwrap();
+    refused(client.update_scene(&published, None).await, Code::InvalidArgument, "camera at rest");
+    refused(client.update_scene(&body, None).await, Code::InvalidArgument, "camera at rest");
+    client.set_camera(&rest).await.unwrap();
+    client.update_scene(&body, None).await.unwrap();
+    refused(client.set_camera(&fast).await, Code::InvalidArgument, "camera at rest");
+    let mut stream = client.steer(Lease::None, "").await.unwrap();
+    stream.send(&fast).await;
+    refused(within(stream.end()).await, Code::InvalidArgument, "camera at rest");
+    within(client.render_frame("flat", Encoding::Png)).await.unwrap();
+    daemon.shutdown().await.unwrap();
+}
