@@ -1,9 +1,47 @@
-//! Files that appear whole or not at all: written beside their place, then renamed.
+//! Files that are read: regular ones, of a bounded size. Files that are written appear whole or not at all: beside their place, then renamed.
 
-use std::io::{self, Write};
-use std::path::Path;
+use std::{
+    fs::{self, File},
+    io::{self, Read, Write},
+    path::Path,
+};
 
 use tempfile::NamedTempFile;
+
+/// Opens a file for reading, unless it is a folder, a pipe or a device, which may have no end.
+pub fn open_regular(path: &Path) -> io::Result<File> {
+    let is_regular = |metadata: &fs::Metadata| match (metadata.is_file(), metadata.is_dir()) {
+        (true, _) => Ok(()),
+        (_, true) => Err(io::Error::from(io::ErrorKind::IsADirectory)),
+        _ => Err(io::Error::new(
+            io::ErrorKind::InvalidInput,
+            "it is a pipe or a device, and only regular files are read",
+        )),
+    };
+    // Before it is opened, since opening a pipe waits for who writes to it; and again, since it may be another by then.
+    is_regular(&fs::metadata(path)?)?;
+    let file = File::open(path)?;
+    is_regular(&file.metadata()?)?;
+    Ok(file)
+}
+
+/// The bytes of a regular file that has at most `most_bytes`.
+pub fn read_bounded(path: &Path, most_bytes: u64) -> io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    // One more tells that there are more.
+    open_regular(path)?.take(most_bytes + 1).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > most_bytes {
+        let problem = format!("it has more than {most_bytes} bytes, the most that is read");
+        return Err(io::Error::new(io::ErrorKind::FileTooLarge, problem));
+    }
+    Ok(bytes)
+}
+
+/// The same for a file of text.
+pub fn read_text_bounded(path: &Path, most_bytes: u64) -> io::Result<String> {
+    let bytes = read_bounded(path, most_bytes)?;
+    String::from_utf8(bytes).map_err(|error| io::Error::new(io::ErrorKind::InvalidData, error))
+}
 
 /// A temporary file in the folder of `path`, with the permissions of any new file (by itself a temporary file is made for
 /// its owner alone).
@@ -30,4 +68,26 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
     let mut file = beside(path)?;
     file.write_all(bytes)?;
     publish(file, path)
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_regular_files_of_a_bounded_size_are_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("file");
+        write_whole(&path, b"four").unwrap();
+        assert_eq!(read_bounded(&path, 4).unwrap(), b"four");
+        assert_eq!(read_text_bounded(&path, 5).unwrap(), "four");
+        assert_eq!(read_bounded(&path, 3).unwrap_err().kind(), io::ErrorKind::FileTooLarge);
+        assert_eq!(read_bounded(folder.path(), 3).unwrap_err().kind(), io::ErrorKind::IsADirectory);
+        assert_eq!(read_bounded(&folder.path().join("none"), 3).unwrap_err().kind(), io::ErrorKind::NotFound);
+        write_whole(&path, &[0xff]).unwrap();
+        assert_eq!(read_text_bounded(&path, 5).unwrap_err().kind(), io::ErrorKind::InvalidData);
+        #[cfg(unix)]
+        assert!(read_bounded(Path::new("/dev/zero"), 3).unwrap_err().to_string().contains("only regular files"));
+    }
 }

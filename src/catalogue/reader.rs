@@ -17,6 +17,7 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 
 use super::StarRecord;
+use crate::files;
 
 pub use csv::{read_csv, read_csv_from};
 pub use json::{read_json, read_json_from};
@@ -215,11 +216,7 @@ pub fn read_file(path: &Path) -> Result<CatalogueRead, CatalogueError> {
 /// Opens `path` for reading.
 fn open(path: &Path) -> Result<std::fs::File, CatalogueError> {
     let open_error = |source| CatalogueError::Open { path: path.to_owned(), source };
-    let file = std::fs::File::open(path).map_err(open_error)?;
-    if file.metadata().map_err(open_error)?.is_dir() {
-        return Err(open_error(std::io::Error::from(std::io::ErrorKind::IsADirectory)));
-    }
-    Ok(file)
+    files::open_regular(path).map_err(open_error)
 }
 
 /// Shortens text from a file for a message: at most 40 characters, control characters escaped.

@@ -5,7 +5,6 @@
 //! zlib) covers everything from the version to the end. The file is written beside its place and renamed, so that a
 //! reader never sees half of it; lengths are compared with the file's before anything is allocated.
 
-use std::fs::File;
 use std::io::{self, BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
 
@@ -144,7 +143,7 @@ pub struct Store {
 pub fn is_store(path: &Path) -> Result<bool, StoreError> {
     let io_error = |source| StoreError::Io { path: path.to_owned(), source };
     let mut start = Vec::with_capacity(MAGIC.len());
-    let file = File::open(path).map_err(io_error)?;
+    let file = files::open_regular(path).map_err(io_error)?;
     file.take(MAGIC.len() as u64).read_to_end(&mut start).map_err(io_error)?;
     Ok(start == MAGIC)
 }
@@ -193,7 +192,7 @@ fn checksum(header: &Header, parts: [&[u8]; 3]) -> u32 {
 pub fn read(path: &Path) -> Result<Store, StoreError> {
     let io_error = |source| StoreError::Io { path: path.to_owned(), source };
     let damaged = |problem: String| StoreError::Damaged { path: path.to_owned(), problem };
-    let mut file = File::open(path).map_err(io_error)?;
+    let mut file = files::open_regular(path).map_err(io_error)?;
     let length = file.metadata().map_err(io_error)?.len();
 
     let mut start = Vec::with_capacity(size_of::<Header>());

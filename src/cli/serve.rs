@@ -36,6 +36,9 @@ pub struct ServeArguments {
     /// Address to listen on, in place of that of the configuration.
     #[arg(long, value_name = "ADDR", value_parser = parse_listen)]
     listen: Option<String>,
+    /// File in which changes by clients are kept, in place of that of the configuration.
+    #[arg(long, value_name = "FILE")]
+    state: Option<PathBuf>,
     /// Override a key of the configuration; can be repeated.
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
@@ -71,6 +74,8 @@ pub fn run(arguments: ServeArguments, adapter: Option<String>) -> Result<(), Cli
         options.view_tables = config.views.iter().map(|view| view.tables.clone()).collect();
         options.folder.clone_from(&config.folder);
         options.hosts.clone_from(&config.server.hosts);
+        let configured = config.server.state.as_ref().map(|state| config.folder.join(state));
+        options.state = arguments.state.or(configured);
         options.headset = headset(&config);
         options.shutdown = Shutdown::When(signals);
         service::run(options).await.map_err(CliError::Serve)

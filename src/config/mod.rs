@@ -43,6 +43,7 @@ pub use views::{
 
 use crate::catalogue::bright;
 use crate::catalogue::galaxy::GalaxyParameters;
+use crate::files;
 use crate::plan::settings::{
     AccuracySettings, AsteroidSettings, ExposureSettings, GlareSettings, HeadsetSettings, RenderSettings, StarSettings,
     ToneMapSettings,
@@ -129,11 +130,14 @@ struct Sections {
     server: ServerConfig,
 }
 
+/// Bytes of a configuration, at most.
+const MOST_BYTES: u64 = 4 << 20;
+
 impl Config {
     /// Loads a file and applies overrides (`key=value`) in their order.
     pub fn load(path: &Path, overrides: &[String]) -> Result<Self, ConfigError> {
-        let text =
-            std::fs::read_to_string(path).map_err(|source| ConfigError::Read { path: path.to_owned(), source })?;
+        let text = files::read_text_bounded(path, MOST_BYTES)
+            .map_err(|source| ConfigError::Read { path: path.to_owned(), source })?;
         let folder = path.parent().unwrap_or(Path::new(""));
         Self::from_text(&text, &path.display().to_string(), folder, overrides)
     }

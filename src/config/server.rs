@@ -1,5 +1,7 @@
 //! `[server]`: where the daemon listens.
 
+use std::path::PathBuf;
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize};
 
@@ -13,11 +15,14 @@ pub struct ServerConfig {
     /// Names by which clients may call the daemon, without ports, besides `localhost` and addresses: others are refused, and so are pages of
     /// other sites.
     pub hosts: Vec<String>,
+    /// File in which changes by clients are kept, on disk before they are acknowledged: the daemon goes on with them when it is started again. Absent:
+    /// they are lost at its end.
+    pub state: Option<PathBuf>,
 }
 
 impl Default for ServerConfig {
     fn default() -> Self {
-        Self { listen: "127.0.0.1:7143".to_owned(), hosts: Vec::new() }
+        Self { listen: "127.0.0.1:7143".to_owned(), hosts: Vec::new(), state: None }
     }
 }
 

@@ -1,10 +1,11 @@
 //! The calls that concern the camera: who may move it, and where it is.
 
-use std::pin::Pin;
+use std::{pin::Pin, sync::Arc, time::Duration};
 
 use tokio::{
     sync::{mpsc, oneshot},
     task,
+    time::timeout,
 };
 use tokio_stream::{Stream, wrappers::ReceiverStream};
 use tonic::{Request, Response, Status, Streaming};
@@ -21,7 +22,7 @@ use crate::scene::Camera;
 /// Longest name of one who steers, characters.
 const MOST_NAME: usize = 64;
 
-fn unmoved(error: &CameraError) -> Status {
+pub(super) fn unmoved(error: &CameraError) -> Status {
     match error {
         CameraError::Pose(_) | CameraError::Scene(_) => Status::invalid_argument(error.to_string()),
         CameraError::Revision { .. } => Status::aborted(error.to_string()),
@@ -70,7 +71,39 @@ async fn taken_over(taken: &mut Option<oneshot::Receiver<String>>) -> String {
     }
 }
 
+/// How often a camera that moves is saved.
+const SAVES: Duration = Duration::from_secs(1);
+
 impl Service {
+    /// Saves the camera while it moves, and at the end, until the daemon ends.
+    pub(super) async fn keep_camera(self) {
+        let mut cameras = self.render.watch_camera();
+        cameras.mark_unchanged();
+        let mut last = *cameras.borrow();
+        loop {
+            let ended = cameras.changed().await.is_err();
+            if !ended {
+                // Until the next one is due, or the end.
+                let _ = timeout(SAVES, cameras.wait_for(Option::is_none)).await;
+            }
+            let now = *cameras.borrow_and_update();
+            let ends = ended || now.is_none();
+            let newest = now.or_else(|| Some(self.render.camera()));
+            if let Some(camera) = newest.filter(|camera| last.map(|last| last.revision) != Some(camera.revision)) {
+                let file = Arc::clone(&self.state).lock_owned().await;
+                let saving = move || file.as_ref().map_or(Ok(()), |file| file.save_camera(&camera));
+                match task::spawn_blocking(saving).await {
+                    Ok(Ok(())) => last = Some(camera),
+                    Ok(Err(error)) => tracing::error!("the camera is not saved: {error}"),
+                    Err(error) => tracing::error!("the camera is not saved: {error}"),
+                }
+            }
+            if ends {
+                return;
+            }
+        }
+    }
+
     fn place_camera(&self, request: proto::SetCameraRequest, lease: Option<u64>) -> Result<Camera, Status> {
         let expected = request.expected_revision;
         let update = convert::update_from_pb(request);

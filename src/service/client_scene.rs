@@ -218,4 +218,26 @@ impl Client {
         let request = proto::VerifyRequest { filter: filter.to_owned(), star_method: star_method.to_owned() };
         Ok(CheckReceiver { stream: self.diagnostics.verify(request).await?.into_inner() })
     }
+
+    /// Saves scene, settings of views and camera under a name.
+    pub async fn save_snapshot(&mut self, name: &str) -> Result<(), ClientError> {
+        self.scene.save_snapshot(proto::SaveSnapshotRequest { name: name.to_owned() }).await?;
+        Ok(())
+    }
+
+    /// Puts a snapshot in place of what is shown, if the scene has the revision expected; returns the scene after the change.
+    pub async fn load_snapshot(
+        &mut self,
+        name: &str,
+        expected_revision: Option<u64>,
+    ) -> Result<SceneForm, ClientError> {
+        let request = proto::LoadSnapshotRequest { name: name.to_owned(), expected_revision };
+        self.scene.load_snapshot(request).await?.into_inner().try_into()
+    }
+
+    /// Names of the snapshots.
+    pub async fn snapshots(&mut self) -> Result<Vec<String>, ClientError> {
+        let answer = self.scene.list_snapshots(proto::ListSnapshotsRequest {}).await?.into_inner();
+        Ok(answer.snapshots.into_iter().map(|snapshot| snapshot.name).collect())
+    }
 }

@@ -50,6 +50,15 @@ pub(super) fn update_from_pb(request: proto::SetCameraRequest) -> CameraUpdate {
     }
 }
 
+/// A change that leads to a camera.
+pub(super) fn camera_update_from_pb(camera: proto::Camera) -> CameraUpdate {
+    CameraUpdate {
+        position_m: camera.position_m.map(vector_from_pb),
+        orientation: camera.orientation.map(quaternion_from_pb),
+        velocity_c: camera.velocity_c.map(vector_from_pb),
+    }
+}
+
 pub(super) fn update_to_pb(update: &CameraUpdate) -> proto::SetCameraRequest {
     proto::SetCameraRequest {
         position_m: update.position_m.map(|[x, y, z]| proto::Vector3 { x, y, z }),

@@ -68,7 +68,7 @@ pub trait Engine: Send + 'static {
 }
 
 /// What long work is done by, beside the frames: a renderer of its own, on a thread that stands back behind the one of the frames.
-pub trait BesideEngine {
+pub trait BesideEngine: Send {
     /// Runs a failure test with the methods of `settings`.
     fn verify(&mut self, check: &'static Check, settings: &RenderSettings) -> CheckResult;
 

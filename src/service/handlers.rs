@@ -14,6 +14,7 @@ use tonic::{Request, Response, Status};
 
 use super::{
     background,
+    camera::unmoved,
     clients::{ClientInfo, Held, Shares},
     convert, convert_stats,
     convert_views::{view_to_pb, view_update_from_pb},
@@ -25,6 +26,7 @@ use super::{
     scene::{MadeUpdate, SceneError, SceneState, SceneUpdate},
     server::SceneCatalogue,
     slot::{RenderFailure, RenderedFrame},
+    state::{Saved, SnapshotName, StateError, StateFile},
     views::{ViewSet, ViewUpdate},
     workshop::Workshop,
 };
@@ -36,7 +38,7 @@ use crate::{
         view_settings::{FrameGroup, frame_groups},
     },
     scene::{SceneSnapshot, asteroids::ShapeSet},
-    view::Rig,
+    view::{Rig, check_name},
     xr,
 };
 
@@ -48,6 +50,9 @@ const MAX_SIZES: std::ops::RangeInclusive<u32> = 16..=16_384;
 
 /// How often a change is checked anew because the scene has changed meanwhile.
 const MOST_ATTEMPTS: usize = 8;
+
+/// Longest name of a snapshot, characters.
+const MOST_NAME: usize = 64;
 
 /// A session that shows nothing for this long, as while nobody wears the headset, has no frame for a call.
 const HEADSET_PATIENCE: Duration = Duration::from_secs(5);
@@ -65,6 +70,8 @@ pub(super) struct Service {
     /// Streams of the scene and of figures.
     watchers: Arc<Semaphore>,
     pub(super) workshop: Workshop,
+    /// Where acknowledged changes are kept; one change after the other.
+    pub(super) state: Arc<Mutex<Option<StateFile>>>,
     pub(super) shares: Arc<Shares>,
     /// Calls that place asteroids: one at a time.
     placing: Arc<Semaphore>,
@@ -86,7 +93,7 @@ impl Service {
         catalogues: Vec<SceneCatalogue>,
         stars: u64,
         capacity: Capacity,
-        (workshop, shares): (Workshop, Arc<Shares>),
+        (workshop, shares, state): (Workshop, Arc<Shares>, Option<StateFile>),
     ) -> Self {
         Self {
             render,
@@ -98,6 +105,7 @@ impl Service {
             stars,
             watchers: Arc::new(Semaphore::new(capacity.subscribers)),
             workshop,
+            state: Arc::new(Mutex::new(state)),
             shares,
             placing: Arc::new(Semaphore::new(1)),
             planner: Arc::default(),
@@ -144,11 +152,12 @@ impl Service {
         let planner = Arc::clone(&self.planner).lock_owned().await;
         let limits = Arc::clone(&self.limits);
         let planning = move || {
-            background::stand_back();
             let mut planner = planner;
-            groups.iter().try_for_each(|group| {
-                let outputs = PlanOutputs::new(Output::Hdr);
-                planner.plan(&snapshot, &group.rig, &group.settings, None, outputs, &limits).map(drop)
+            background::on_own_cores(|| {
+                groups.iter().try_for_each(|group| {
+                    let outputs = PlanOutputs::new(Output::Hdr);
+                    planner.plan(&snapshot, &group.rig, &group.settings, None, outputs, &limits).map(drop)
+                })
             })
         };
         let planned = task::spawn_blocking(planning).await;
@@ -164,15 +173,9 @@ impl Service {
             let made = self.made(update, &scene).await?;
             let changed = scene.clone().changed(&made, expected).map_err(|error| unchanged(&error))?;
             if update.changes_what_is_drawn() {
-                let groups = frame_groups(&self.rig, &self.render.general(&changed), &changed.views.settings);
-                self.plan(self.render.snapshot(&changed), groups).await?;
+                self.prepare(&scene, &changed).await?;
             }
-            let new = new_sets(&scene, &changed);
-            if !new.is_empty() {
-                let baked = self.workshop.bake(new, changed.asteroids.clone()).await.map_err(refused)?;
-                baked.map_err(Status::invalid_argument)?;
-            }
-            match self.render.update_scene(&made, Some(scene.revision)).map_err(refused)? {
+            match self.commit(changed, scene.revision).await? {
                 Ok(scene) => return Ok(scene),
                 Err(error) if expected.is_some() => return Err(unchanged(&error)),
                 // What was checked is not the scene any more.
@@ -181,6 +184,85 @@ impl Service {
             }
         }
         Err(Status::aborted("the scene has changed again and again meanwhile: try again"))
+    }
+
+    /// Makes sure that a scene can be drawn, and makes what its first frame would take long for.
+    async fn prepare(&self, before: &SceneState, after: &SceneState) -> Result<(), Status> {
+        let groups = frame_groups(&self.rig, &self.render.general(after), &after.views.settings);
+        self.plan(self.render.snapshot(after), groups).await?;
+        let new = new_sets(before, after);
+        if new.is_empty() {
+            return Ok(());
+        }
+        let baked = self.workshop.bake(new, after.asteroids.clone()).await.map_err(refused)?;
+        baked.map_err(Status::invalid_argument)
+    }
+
+    /// Puts a scene in place of the one that it was made for: on disk first, where there is a file of states, and then before everybody's eyes.
+    async fn commit(&self, scene: SceneState, made_for: u64) -> Result<Result<SceneState, SceneError>, Status> {
+        // One change after the other, so that what is on disk is what is shown.
+        let file = Arc::clone(&self.state).lock_owned().await;
+        let now = self.render.scene().map_err(refused)?;
+        if let Err(error) = now.expect(Some(made_for)) {
+            return Ok(Err(error));
+        }
+        let render = self.render.clone();
+        let writing = move || {
+            let next = SceneState { revision: made_for + 1, ..scene };
+            if let Some(file) = file.as_ref() {
+                file.save(&Saved::of(&next, None)).map_err(|error| unsaved(&error))?;
+            }
+            let replaced = render.replace_scene(next, made_for).map_err(refused);
+            // Not before it is shown.
+            drop(file);
+            replaced
+        };
+        task::spawn_blocking(writing).await.map_err(|error| Status::internal(format!("saving failed: {error}")))?
+    }
+
+    /// The scene and the camera of a snapshot in place of those there are.
+    async fn load(&self, saved: &Saved, expected: Option<u64>) -> Result<SceneState, Status> {
+        let camera = saved.camera.map(convert::camera_update_from_pb);
+        for _ in 0..MOST_ATTEMPTS {
+            let scene = self.render.scene().map_err(refused)?;
+            scene.expect(expected).map_err(|error| unchanged(&error))?;
+            let (general, of, before) = (self.render.general(&scene), saved.clone(), scene.clone());
+            let permit = Arc::clone(&self.placing).acquire_owned().await.map_err(|_| refused(Refused::Ending))?;
+            let placing = move || {
+                let _permit = permit;
+                background::on_own_cores(|| of.applied(&before, &general))
+            };
+            let changed = task::spawn_blocking(placing).await;
+            let changed = changed.map_err(|error| Status::internal(format!("placing asteroids failed: {error}")))?;
+            let changed = changed.map_err(Status::failed_precondition)?;
+            self.prepare(&scene, &changed).await?;
+            match self.commit(changed, scene.revision).await? {
+                Ok(scene) => {
+                    if let Some(camera) = &camera {
+                        self.render.set_camera(camera, None, None).map_err(|error| unmoved(&error))?;
+                    }
+                    return Ok(scene);
+                }
+                Err(error) if expected.is_some() => return Err(unchanged(&error)),
+                Err(_) => {}
+            }
+        }
+        Err(Status::aborted("the scene has changed again and again meanwhile: try again"))
+    }
+
+    /// Does something with the file of states.
+    async fn with_state<T: Send + 'static>(
+        &self,
+        job: impl FnOnce(&StateFile) -> Result<T, StateError> + Send + 'static,
+    ) -> Result<T, Status> {
+        let file = Arc::clone(&self.state).lock_owned().await;
+        let done = task::spawn_blocking(move || file.as_ref().map(job)).await;
+        match done.map_err(|error| Status::internal(format!("saving failed: {error}")))? {
+            Some(done) => done.map_err(|error| unsaved(&error)),
+            None => Err(Status::failed_precondition(
+                "the daemon keeps no state: start it with --state FILE, or with server.state in its configuration",
+            )),
+        }
     }
 
     /// What a change needs.
@@ -194,8 +276,7 @@ impl Service {
         let placing = move || {
             // Until it is done, also if the caller does not wait for it.
             let _permit = permit;
-            background::stand_back();
-            update.make(&scene)
+            background::on_own_cores(|| update.make(&scene))
         };
         let placed = task::spawn_blocking(placing).await;
         let placed = placed.map_err(|error| Status::internal(format!("placing asteroids failed: {error}")))?;
@@ -278,7 +359,16 @@ pub(super) fn refused(refused: Refused) -> Status {
     }
 }
 
-/// Sets of shapes that a scene after a change has and that one before has not, each once; none where no impostor is drawn.
+/// The name of a snapshot, if it is one.
+fn snapshot_name(name: String) -> Result<String, Status> {
+    check_name(&name).map_err(|error| Status::invalid_argument(error.to_string()))?;
+    if name.len() > MOST_NAME {
+        return Err(Status::invalid_argument(format!("name: at most {MOST_NAME} characters are allowed")));
+    }
+    Ok(name)
+}
+
+/// Sets of shapes that a scene after a change has and that one before has not, or draws otherwise, each once.
 fn new_sets(before: &SceneState, after: &SceneState) -> Vec<Arc<ShapeSet>> {
     let settings = |scene: &SceneState| {
         let AsteroidSettings { impostor, tiles, tile_px, finest_only, .. } = &scene.asteroids;
@@ -291,11 +381,19 @@ fn new_sets(before: &SceneState, after: &SceneState) -> Vec<Arc<ShapeSet>> {
     };
     let mut new: Vec<Arc<ShapeSet>> = Vec::new();
     for field in fields.iter().filter(|field| !is_known(&field.shapes)) {
-        if !new.iter().any(|shapes| Arc::ptr_eq(shapes, &field.shapes)) && !after.asteroids.finest_only {
+        if !new.iter().any(|shapes| Arc::ptr_eq(shapes, &field.shapes)) {
             new.push(Arc::clone(&field.shapes));
         }
     }
     new
+}
+
+fn unsaved(error: &StateError) -> Status {
+    tracing::error!("{error}");
+    match error {
+        StateError::Full => Status::resource_exhausted(error.to_string()),
+        _ => Status::internal(format!("nothing was changed: {error}")),
+    }
 }
 
 fn unchanged(error: &SceneError) -> Status {
@@ -346,7 +444,8 @@ impl proto::view_service_server::ViewService for Service {
             let scene = self.render.scene().map_err(refused)?;
             scene.expect(expected).map_err(|error| unchanged(&error))?;
             let views = self.changed_views(&scene, number, &update).await?;
-            match self.render.update_views(views, scene.revision).map_err(refused)? {
+            let changed = SceneState { views: Arc::new(views), ..scene.clone() };
+            match self.commit(changed, scene.revision).await? {
                 Ok(scene) => return Ok(Response::new(self.view(&name, &scene)?)),
                 Err(error) if expected.is_some() => return Err(unchanged(&error)),
                 // What was checked is not the scene any more.
@@ -442,6 +541,42 @@ impl proto::scene_service_server::SceneService for Service {
         let update = convert::scene_update_from_pb(&request).map_err(Status::invalid_argument)?;
         update.overlay.check_views(&self.view_names()).map_err(Status::invalid_argument)?;
         let scene = self.changed_scene(&update, request.expected_revision).await?;
+        Ok(Response::new(convert::scene_to_pb(&scene, &self.catalogues)))
+    }
+
+    async fn save_snapshot(
+        &self,
+        request: Request<proto::SaveSnapshotRequest>,
+    ) -> Result<Response<proto::Snapshot>, Status> {
+        let name = snapshot_name(request.into_inner().name)?;
+        let saved = Saved::of(&self.render.scene().map_err(refused)?, Some(&self.render.camera()));
+        let time = saved.time;
+        let of = name.clone();
+        self.with_state(move |file| file.save_snapshot(&of, &saved)).await?;
+        Ok(Response::new(proto::Snapshot { name, time }))
+    }
+
+    async fn list_snapshots(
+        &self,
+        _: Request<proto::ListSnapshotsRequest>,
+    ) -> Result<Response<proto::ListSnapshotsResponse>, Status> {
+        let names = self.with_state(StateFile::snapshots).await?.into_iter();
+        let snapshots = names.map(|SnapshotName { name, time }| proto::Snapshot { name, time }).collect();
+        Ok(Response::new(proto::ListSnapshotsResponse { snapshots }))
+    }
+
+    async fn load_snapshot(
+        &self,
+        request: Request<proto::LoadSnapshotRequest>,
+    ) -> Result<Response<proto::Scene>, Status> {
+        let proto::LoadSnapshotRequest { name, expected_revision } = request.into_inner();
+        let of = name.clone();
+        let Some(saved) = self.with_state(move |file| file.snapshot(&of)).await? else {
+            let names = self.with_state(StateFile::snapshots).await?;
+            let names: Vec<String> = names.into_iter().map(|known| known.name).collect();
+            return Err(Status::not_found(format!("no snapshot `{name}`; there are: {}", names.join(", "))));
+        };
+        let scene = self.load(&saved, expected_revision).await?;
         Ok(Response::new(convert::scene_to_pb(&scene, &self.catalogues)))
     }
 

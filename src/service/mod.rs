@@ -48,6 +48,7 @@ mod scene;
 mod schedule;
 mod server;
 mod slot;
+mod state;
 mod streams;
 mod views;
 mod worker;
@@ -66,6 +67,7 @@ pub use overlay::OverlayChange;
 pub use render::CameraUpdate;
 pub use scene::SceneUpdate;
 pub use server::{SceneCatalogue, ServeError, ServeOptions, Shutdown, run, signals};
+pub use state::StateError;
 pub use views::{TableChange, ViewUpdate};
 
 /// Generated from `proto/steradian/v1`.

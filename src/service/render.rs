@@ -16,11 +16,10 @@ use tokio::sync::{oneshot, watch};
 use super::{
     audit::{AuditFigures, AuditReport},
     quality::{self, Quality},
-    scene::{MadeUpdate, SceneError, SceneState},
+    scene::{SceneError, SceneState},
     schedule::{Pace, Revisions},
     slot::{RenderFailure, RenderedFrame, Slot},
     streams::{Streams, Subscription},
-    views::ViewSet,
 };
 use crate::{
     catalogue::chunks::StarSet,
@@ -366,42 +365,24 @@ impl RenderHandle {
         self.shared.state().scene.subscribe()
     }
 
-    /// Changes the scene, if it still has the revision expected; returns it with its new one. The outer error: it takes no
-    /// changes any more.
-    pub(super) fn update_scene(
-        &self,
-        update: &MadeUpdate,
-        expected_revision: Option<u64>,
-    ) -> Result<Result<SceneState, SceneError>, Refused> {
-        let state = self.shared.state();
-        let scene = state.scene.borrow().clone().ok_or(Refused::Ending)?;
-        let changed = scene.changed(update, expected_revision);
-        if let Ok(scene) = &changed {
-            state.scene.send_replace(Some(scene.clone()));
-            self.shared.wake.notify_one();
-        }
-        Ok(changed)
-    }
-
     /// The settings of frames whose views have none of their own.
     pub(super) fn general(&self, scene: &SceneState) -> RenderSettings {
         self.shared.state().settings_of(scene)
     }
 
-    /// Changes the settings of views, if the scene still has the revision that they were made for; returns it with its new one. The outer error:
-    /// it takes no changes any more.
-    pub(super) fn update_views(
+    /// Puts a scene in place of the one that has the revision it was made for; it has the next revision. The outer error: it takes no changes any
+    /// more.
+    pub(super) fn replace_scene(
         &self,
-        views: ViewSet,
+        scene: SceneState,
         made_for: u64,
     ) -> Result<Result<SceneState, SceneError>, Refused> {
         let state = self.shared.state();
-        let mut scene = state.scene.borrow().clone().ok_or(Refused::Ending)?;
-        if let Err(error) = scene.expect(Some(made_for)) {
+        let now = state.scene.borrow().clone().ok_or(Refused::Ending)?;
+        if let Err(error) = now.expect(Some(made_for)) {
             return Ok(Err(error));
         }
-        scene.views = Arc::new(views);
-        scene.revision += 1;
+        let scene = SceneState { revision: made_for + 1, ..scene };
         state.scene.send_replace(Some(scene.clone()));
         self.shared.wake.notify_one();
         Ok(Ok(scene))

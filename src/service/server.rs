@@ -16,6 +16,7 @@ use tonic_web::GrpcWebLayer;
 use super::{
     clients::Shares,
     connections::{Bounds, Incoming},
+    convert,
     engine::{Engine, EngineError},
     handlers::Service,
     headset::{Headset, HeadsetOptions, HeadsetThread, panic_message},
@@ -25,6 +26,8 @@ use super::{
         scene_service_server::SceneServiceServer, view_service_server::ViewServiceServer,
     },
     render::Capacity,
+    scene::SceneState,
+    state::{StateError, StateFile},
     views::ViewSet,
     worker::{self, RenderThread},
     workshop::Workshop,
@@ -32,7 +35,7 @@ use super::{
 use crate::{
     config::ViewTables,
     plan::settings::RenderSettings,
-    scene::{SceneSnapshot, asteroids::FieldSpec},
+    scene::{Camera, SceneSnapshot, asteroids::FieldSpec},
     view::{Rig, RigError, check_name},
 };
 
@@ -111,6 +114,8 @@ pub struct ServeOptions {
     pub folder: PathBuf,
     /// A headset, as one more view.
     pub headset: Option<HeadsetOptions>,
+    /// File in which acknowledged changes are kept; `None`: they are lost at the end.
+    pub state: Option<PathBuf>,
     /// Names by which clients may call the daemon, without ports, besides `localhost` and addresses.
     pub hosts: Vec<String>,
     /// Called once with the address when clients can connect.
@@ -148,6 +153,7 @@ impl ServeOptions {
             folder: PathBuf::new(),
             headset: None,
             hosts: Vec::new(),
+            state: None,
             ready: Box::new(ready),
             shutdown: Shutdown::Signals,
             drain: DRAIN,
@@ -189,6 +195,9 @@ pub enum ServeError {
     /// What views have of their own is not allowed.
     #[error("{0}")]
     Views(String),
+    /// The file of states is of no use.
+    #[error(transparent)]
+    State(#[from] StateError),
     /// The headset's name is none, or a view's.
     #[error("headset: {0}")]
     Headset(RigError),
@@ -331,6 +340,7 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
         folder,
         headset,
         hosts,
+        state,
         ready,
         shutdown,
         drain,
@@ -346,6 +356,37 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
     }
     let names = rig.views().iter().map(|view| view.name.clone()).collect();
     let views = ViewSet::new(&settings, names, &view_tables, &folder).map_err(ServeError::Views)?;
+    let mut settings = settings;
+    let (mut scene, mut objects, mut views) = (scene, objects, views);
+    let file = state.map(|path| StateFile::open(&path)).transpose()?;
+    if let Some(file) = &file {
+        let (saved, camera) = file.shown()?;
+        let unusable = |problem: String| file.unusable(problem);
+        if let Some(saved) = saved {
+            let begun = SceneState {
+                revision: scene.revision,
+                stars: settings.stars.clone(),
+                asteroids: settings.asteroids.clone(),
+                objects,
+                views: Arc::new(views),
+            };
+            let restored = saved.applied(&begun, &settings).map_err(unusable)?;
+            let revision = saved.scene.as_ref().map_or(restored.revision, |scene| scene.revision);
+            tracing::info!("goes on with revision {revision} of the scene");
+            scene = SceneSnapshot { revision, objects: Arc::clone(&restored.objects.drawn), ..scene };
+            (settings.stars, settings.asteroids) = (restored.stars, restored.asteroids);
+            (objects, views) = (restored.objects, Arc::unwrap_or_clone(restored.views));
+        }
+        if let Some(camera) = camera {
+            let revision = camera.revision;
+            let update = convert::camera_update_from_pb(camera);
+            let pose = (update.position_m, update.orientation, update.velocity_c);
+            if let (Some(position_m), Some(orientation), Some(velocity_c)) = pose {
+                let camera = Camera::new(position_m, orientation, velocity_c);
+                scene.camera = Camera { revision, ..camera.map_err(|error| unusable(error.to_string()))? };
+            }
+        }
+    }
     let listener = bind(&listen).await?;
     let address = listener.local_addr()?;
     let mut shutdown = match shutdown {
@@ -370,6 +411,7 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
     let (handle, mut thread) = worker::spawn(engine, scene, (objects, views), Arc::clone(&rig), settings, capacity)?;
     let (headset, drive) =
         headset.map(|options| (Arc::new(Headset::new(options.name, handle.clone())), options.drive)).unzip();
+    let keeps_state = file.is_some();
     let service = Service::new(
         handle.clone(),
         headset.clone(),
@@ -378,8 +420,9 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
         catalogues,
         stars,
         capacity,
-        (workshop, Arc::clone(&shares)),
+        (workshop, Arc::clone(&shares), file),
     );
+    let keeper = keeps_state.then(|| tokio::spawn(service.clone().keep_camera()));
     let headset_thread = match headset.as_ref().zip(drive) {
         Some((headset, drive)) => Some(headset.spawn(drive).inspect_err(|_| handle.stop())?),
         None => None,
@@ -446,6 +489,11 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
         Err(_) => tracing::warn!("cut off clients that did not finish within {} s", drain.as_secs_f64()),
     }
     handle.stop();
+    if let Some(keeper) = keeper
+        && !matches!(timeout_at(deadline.max(Instant::now() + FAREWELL), keeper).await, Ok(Ok(())))
+    {
+        tracing::warn!("the last camera may not be saved");
+    }
     if let Some(thread) = headset_thread {
         join_headset(thread, deadline).await;
     }

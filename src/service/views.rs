@@ -124,8 +124,18 @@ impl ViewSet {
         Self { names, folder: folder.to_owned(), own, groups, settings: Vec::new() }.resolved(general)
     }
 
+    /// Names of the views.
+    pub(super) fn names(&self) -> &[String] {
+        &self.names
+    }
+
+    /// The same views with other tables; the error says what is wrong with them.
+    pub(super) fn with_tables(&self, general: &RenderSettings, tables: &[ViewTables]) -> Result<Self, String> {
+        Self::new(general, self.names.clone(), tables, &self.folder)
+    }
+
     /// The tables of a view as a configuration would have them; a group's exposure stands with its first view.
-    fn tables(&self, view: usize) -> ViewTables {
+    pub(super) fn tables(&self, view: usize) -> ViewTables {
         let Own { group, exposure, glare, tone_map } = &self.own[view];
         let exposure = match group {
             Some(name) => {

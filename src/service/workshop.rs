@@ -97,13 +97,16 @@ fn work(given: &mpsc::Receiver<Job>, mut open: OpenBeside) {
 fn with<T>(
     held: &mut Option<Box<dyn BesideEngine>>,
     open: &mut OpenBeside,
-    job: impl FnOnce(&mut dyn BesideEngine) -> Result<T, EngineError>,
-) -> Result<T, String> {
+    job: impl FnOnce(&mut dyn BesideEngine) -> Result<T, EngineError> + Send,
+) -> Result<T, String>
+where
+    T: Send,
+{
     let mut engine = match held.take() {
         Some(engine) => engine,
         None => open().map_err(|error| format!("no second device can be opened: {error}"))?,
     };
-    match catch_unwind(AssertUnwindSafe(|| job(engine.as_mut()))) {
+    match catch_unwind(AssertUnwindSafe(|| background::on_own_cores(|| job(engine.as_mut())))) {
         Ok(Ok(done)) => {
             *held = Some(engine);
             Ok(done)

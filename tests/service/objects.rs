@@ -17,7 +17,7 @@ use tonic::Code;
 
 use crate::daemon::{Daemon, small_rig, within};
 
-fn swarm(name: &str) -> FieldForm {
+pub fn swarm(name: &str) -> FieldForm {
     FieldForm {
         name: name.to_owned(),
         position_m: DVec3::X * 1e9,

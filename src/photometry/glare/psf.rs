@@ -16,10 +16,14 @@ use super::{
     GlareKernelError,
     normalised::{Normalised, Shape},
 };
+use crate::files;
 use crate::photometry::{
     psf::{self, Psf},
     rec709::luminance,
 };
+
+/// Bytes of a table of a kernel, at most.
+const MOST_TABLE_BYTES: u64 = 16 << 20;
 
 const HEADER: &str = "theta_deg,per_sr";
 
@@ -47,7 +51,7 @@ impl PsfTable {
         let rows = if is_picture {
             radial_means(&psf::read(path, None)?.psf)
         } else {
-            let text = std::fs::read_to_string(path)
+            let text = files::read_text_bounded(path, MOST_TABLE_BYTES)
                 .map_err(|source| GlareKernelError::Read { path: path.to_owned(), source })?;
             parse(path, &text)?
         };

@@ -112,6 +112,45 @@ fn value_of(text: &str) -> String {
     value.trim_end().to_owned()
 }
 
+/// Verifies DATASUM and CHECKSUM (FITS Standard 4.0, 4.4.2.7 and appendix J), as far as they are there. `unit`: the bytes from the header on, of which
+/// the data begin at `data` and end at `end`.
+fn check_sums(header: &Header, unit: &[u8], data: usize, end: Option<usize>) -> Result<(), String> {
+    let declared = header.0.get("DATASUM").filter(|text| !text.is_empty());
+    let whole = header.0.get("CHECKSUM").filter(|text| !text.is_empty());
+    if declared.is_none() && whole.is_none() {
+        return Ok(());
+    }
+    let cut = || "it ends before its data, so that its checksum cannot be verified".to_owned();
+    let unit = end.and_then(|end| unit.get(..end)).ok_or_else(cut)?;
+    if let Some(text) = declared {
+        let found = ones_complement_sum(unit.get(data..).unwrap_or_default());
+        let expected: u32 = text.parse().map_err(|_| format!("DATASUM is `{text}`, which is no number of 32 bits"))?;
+        if found != expected {
+            return Err(format!("the sum of its data is {found} and not {expected} as DATASUM says: it is damaged"));
+        }
+    }
+    // The card makes the sum of the unit minus zero, or zero.
+    let sum = ones_complement_sum(unit);
+    if whole.is_some() && sum != u32::MAX && sum != 0 {
+        return Err("its CHECKSUM does not fit: it is damaged".to_owned());
+    }
+    Ok(())
+}
+
+/// Sum of big-endian words of 32 bits in ones' complement: what is carried out comes in again below.
+fn ones_complement_sum(bytes: &[u8]) -> u32 {
+    let words = bytes.chunks(4).map(|word| {
+        let mut whole = [0; 4];
+        whole[..word.len()].copy_from_slice(word);
+        u64::from(u32::from_be_bytes(whole))
+    });
+    let mut sum: u64 = words.sum();
+    while sum >> 32 != 0 {
+        sum = (sum & u64::from(u32::MAX)) + (sum >> 32);
+    }
+    sum as u32
+}
+
 /// Reads the first two-dimensional image.
 pub fn decode(path: &Path, bytes: &[u8]) -> Result<Plane, PsfError> {
     find_image(bytes).map_err(|what| PsfError::File { path: path.to_owned(), what, allowed: ALLOWED })
@@ -125,6 +164,9 @@ fn find_image(bytes: &[u8]) -> Result<Plane, String> {
         let bitpix = header.number("BITPIX").ok_or("BITPIX is missing or not a number")? as i64;
         let kind = header.0.get("XTENSION").map_or("primary", String::as_str);
         if matches!(kind, "primary" | "IMAGE") && is_picture(&axes) {
+            let picture = axes[0].checked_mul(axes[1]).and_then(|n| n.checked_mul(bitpix.unsigned_abs() as usize / 8));
+            let end = picture.and_then(|n| n.checked_next_multiple_of(BLOCK)).and_then(|n| n.checked_add(data));
+            check_sums(&header, &bytes[start..], data - start, end.map(|end| end - start))?;
             return image(&header, bitpix, axes[0], axes[1], bytes.get(data..).unwrap_or_default());
         }
         seen.push(format!("{kind} with axes {axes:?}"));

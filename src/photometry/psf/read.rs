@@ -5,7 +5,10 @@ use std::path::Path;
 use glam::DVec2;
 
 use super::{ARCSECOND_RAD, MAX_WIDTH_RAD, Psf, PsfError, SIZES, exr_file, fits};
-use crate::photometry::rec709::luminance;
+use crate::{files, photometry::rec709::luminance};
+
+/// Bytes of the file of a point-spread function, at most.
+const MOST_BYTES: u64 = 1 << 30;
 
 const ALLOWED: &str = "an OpenEXR file or a FITS file with a square image of finite values";
 
@@ -52,7 +55,8 @@ pub fn read_as_wide(path: &Path, width_rad: f64) -> Result<Loaded, PsfError> {
 
 /// The picture in a file, and which entries of its header would tell the angle of a pixel.
 fn decode(path: &Path) -> Result<(Plane, &'static str), PsfError> {
-    let bytes = std::fs::read(path).map_err(|source| PsfError::Read { path: path.to_owned(), source })?;
+    let bytes =
+        files::read_bounded(path, MOST_BYTES).map_err(|source| PsfError::Read { path: path.to_owned(), source })?;
     // OpenEXR's magic number 20000630; the first card of every FITS file.
     if bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01]) {
         Ok((exr_file::decode(path, &bytes)?, exr_file::SCALE))

@@ -13,7 +13,7 @@ use super::{
 use crate::{
     gpu::{Gpu, filled_buffer, storage_buffer},
     plan::{
-        asteroids::{areas::projected_areas, kinds::Kinds},
+        asteroids::kinds::{Kinds, SetKinds},
         settings::{AsteroidSettings, ImpostorMethod},
     },
     render::{RenderError, asteroids::layout},
@@ -32,6 +32,8 @@ pub(super) struct Held {
     pub(super) lods: wgpu::Buffer,
     /// Projected areas of every shape, over pi.
     pub(super) areas: wgpu::Buffer,
+    /// The same of each set.
+    areas_of_sets: Vec<Vec<f32>>,
     pub(super) meshes: wgpu::Buffer,
     /// Per mesh: number of indices, first index, first vertex.
     mesh_arguments: Vec<[u32; 3]>,
@@ -43,11 +45,11 @@ pub(super) struct Held {
     spare: Option<Spare>,
 }
 
-/// Atlases that another scene may use again, and of which shapes they are.
+/// What another scene may use again of shapes: their areas and atlases.
 pub(super) struct Spare {
-    method: ImpostorMethod,
-    size: [u32; 2],
-    atlases: Vec<(Arc<ShapeSet>, ImpostorAtlas)>,
+    areas: Vec<(Arc<ShapeSet>, Vec<f32>)>,
+    /// Of a method and a size.
+    atlases: Option<(ImpostorMethod, [u32; 2], Vec<(Arc<ShapeSet>, ImpostorAtlas)>)>,
 }
 
 /// Atlases of all sets, in their order, and what they are of.
@@ -60,7 +62,7 @@ struct Atlases {
 }
 
 impl Held {
-    pub(super) fn new(gpu: &Gpu, objects: &SceneObjects, spare: Option<Spare>) -> Self {
+    pub(super) fn new(gpu: &Gpu, objects: &SceneObjects, spare: Option<Spare>, ahead: &BakedImpostors) -> Self {
         let fields = objects.fields.iter().map(Arc::as_ref);
         let kinds = Kinds::new(fields);
         let of = objects.fields.iter().map(|field| (field.instances.clone(), field.shapes.clone())).collect();
@@ -72,11 +74,16 @@ impl Held {
                 storage_buffer(gpu, "asteroids", &all)
             }
         };
-        let (mut shapes, mut lods, mut meshes, mut areas) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        let known = |shapes: &Arc<ShapeSet>| {
+            let mut of = spare.iter().flat_map(|spare| &spare.areas);
+            of.find(|(known, _)| Arc::ptr_eq(known, shapes)).map(|(_, areas)| areas.clone())
+        };
+        let areas_of = |set: &SetKinds| known(&set.shapes).unwrap_or_else(|| ahead.areas_of(&set.shapes));
+        let areas_of_sets: Vec<Vec<f32>> = kinds.sets.iter().map(areas_of).collect();
+        let (mut shapes, mut lods, mut meshes) = (Vec::new(), Vec::new(), Vec::new());
         let (mut vertices, mut indices): (Vec<MeshVertex>, Vec<u32>) = (Vec::new(), Vec::new());
         for set in &kinds.sets {
             for (shape, first_kind) in set.shapes.shapes.iter().zip(&set.shape_kinds) {
-                areas.extend(projected_areas(shape));
                 shapes.push(layout::AsteroidShape {
                     first_kind: *first_kind as u32,
                     levels: shape.lods.len() as u32,
@@ -99,7 +106,8 @@ impl Held {
             of,
             instances,
             shapes: storage_buffer(gpu, "asteroid shapes", &shapes),
-            areas: storage_buffer(gpu, "asteroid areas", &areas),
+            areas: storage_buffer(gpu, "asteroid areas", &areas_of_sets.concat()),
+            areas_of_sets,
             lods: storage_buffer(gpu, "asteroid levels", &lods),
             meshes: storage_buffer(gpu, "asteroid meshes", &meshes),
             vertices: filled_buffer(gpu, "asteroid vertices", &vertices, wgpu::BufferUsages::VERTEX),
@@ -111,11 +119,13 @@ impl Held {
         }
     }
 
-    /// What is left of it that fields of other scenes may use: the atlases of shapes.
-    pub(super) fn into_spare(self) -> Option<Spare> {
-        let Atlases { method, size, atlases, .. } = self.atlases?;
-        let of = self.kinds.sets.iter().map(|set| Arc::clone(&set.shapes));
-        Some(Spare { method, size, atlases: of.zip(atlases).collect() })
+    /// What is left of it that fields of other scenes may use.
+    pub(super) fn into_spare(self) -> Spare {
+        let sets: Vec<Arc<ShapeSet>> = self.kinds.sets.iter().map(|set| Arc::clone(&set.shapes)).collect();
+        let of = |Atlases { method, size, atlases, .. }: Atlases| {
+            (method, size, sets.iter().cloned().zip(atlases).collect())
+        };
+        Spare { atlases: self.atlases.map(of), areas: sets.iter().cloned().zip(self.areas_of_sets).collect() }
     }
 
     /// Holds the atlases of a method, until its settings change.
@@ -133,8 +143,9 @@ impl Held {
         }
         // Gone before its successor is made, so that both never exist at once.
         self.atlases = None;
-        let spare = self.spare.take().filter(|spare| spare.method == method && spare.size == size);
-        let mut spare = spare.map_or(Vec::new(), |spare| spare.atlases);
+        let spare = self.spare.take().and_then(|spare| spare.atlases);
+        let of_same = spare.filter(|(of, of_size, _)| (*of, *of_size) == (method, size));
+        let mut spare = of_same.map_or(Vec::new(), |(_, _, atlases)| atlases);
         let mut atlases = Vec::new();
         for set in &self.kinds.sets {
             let known = spare.iter().position(|(shapes, _)| Arc::ptr_eq(shapes, &set.shapes));

@@ -214,8 +214,8 @@ impl Asteroids {
     ) -> Result<(), RenderError> {
         if self.held.as_ref().is_none_or(|held| !held.holds(objects)) {
             // Gone before its successor is made, so that both never exist at once; but for what is of use to that.
-            let spare = self.held.take().and_then(Held::into_spare);
-            self.held = Some(Held::new(gpu, objects, spare));
+            let spare = self.held.take().map(Held::into_spare);
+            self.held = Some(Held::new(gpu, objects, spare, &self.ahead));
         }
         let method = settings.impostor.chosen();
         if settings.finest_only || method == ImpostorMethod::None {

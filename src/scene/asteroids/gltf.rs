@@ -29,7 +29,7 @@ use super::{
     simplify::simplified,
     solid::Solid,
 };
-use crate::photometry::rec709;
+use crate::{files, photometry::rec709};
 
 /// Most triangles of a level of detail.
 pub const MOST_TRIANGLES: usize = 500_000;
@@ -56,6 +56,9 @@ pub enum ShapeError {
         problem: MeshProblem,
     },
 }
+
+/// Bytes of a file of a shape, and of each buffer beside it, at most.
+const MOST_BYTES: u64 = 256 << 20;
 
 /// What is wrong in a shape's file.
 #[derive(Debug, thiserror::Error)]
@@ -135,7 +138,7 @@ impl ShapeSet {
 
 /// The levels of detail of a file, the finest first.
 fn levels_of(path: &Path) -> Result<Vec<Solid>, MeshProblem> {
-    let bytes = std::fs::read(path)?;
+    let bytes = files::read_bounded(path, MOST_BYTES)?;
     let gltf::Gltf { document, blob } = gltf::Gltf::from_slice(&bytes)?;
     let buffers = accessors::buffers(&document, path.parent().unwrap_or(Path::new(".")), blob)?;
     let mut reader = Reader { buffers, levels: BTreeMap::new(), seen: HashSet::new() };
@@ -197,15 +200,28 @@ impl Reader {
     /// All nodes of the default scene, else of the first, else all that are no children.
     fn document(&mut self, document: &Document) -> Result<(), MeshProblem> {
         if let Some(scene) = document.default_scene().or(document.scenes().next()) {
-            return scene.nodes().try_for_each(|node| self.node(&node, DMat4::IDENTITY));
+            return self.nodes(scene.nodes());
         }
         let children: HashSet<usize> =
             document.nodes().flat_map(|node| node.children().map(|child| child.index()).collect::<Vec<_>>()).collect();
-        let roots = document.nodes().filter(|node| !children.contains(&node.index()));
-        roots.into_iter().try_for_each(|node| self.node(&node, DMat4::IDENTITY))
+        self.nodes(document.nodes().filter(|node| !children.contains(&node.index())))
     }
 
-    fn node(&mut self, node: &Node<'_>, world_from_parent: DMat4) -> Result<(), MeshProblem> {
+    /// Nodes with all below them, parents before children. However deep they are, they take no more of the stack.
+    fn nodes<'a>(&mut self, roots: impl Iterator<Item = Node<'a>>) -> Result<(), MeshProblem> {
+        let mut waiting: Vec<(Node<'a>, DMat4)> = roots.map(|node| (node, DMat4::IDENTITY)).collect();
+        waiting.reverse();
+        while let Some((node, world_from_parent)) = waiting.pop() {
+            let world_from_node = self.node(&node, world_from_parent)?;
+            let first = waiting.len();
+            waiting.extend(node.children().map(|child| (child, world_from_node)));
+            waiting[first..].reverse();
+        }
+        Ok(())
+    }
+
+    /// One node; returns what takes its axes to those of the world.
+    fn node(&mut self, node: &Node<'_>, world_from_parent: DMat4) -> Result<DMat4, MeshProblem> {
         if !self.seen.insert(node.index()) {
             return Err(MeshProblem::Cycle { node: node.index() });
         }
@@ -219,7 +235,7 @@ impl Reader {
                 add_primitive(welder, &self.buffers, &name, &primitive, world_from_node)?;
             }
         }
-        node.children().try_for_each(|child| self.node(&child, world_from_node))
+        Ok(world_from_node)
     }
 }
 

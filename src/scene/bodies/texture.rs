@@ -1,13 +1,14 @@
 //! Textures of bodies: read from PNG files, sampled between texels.
 
 use std::{
-    fs::File,
     io::BufReader,
     path::{Path, PathBuf},
 };
 
 use glam::DVec3;
 use png::{BitDepth, ColorType, Transformations};
+
+use crate::files;
 
 /// Factors on the albedo of a body, in longitude and latitude: the left edge is longitude -180 degrees, the middle is
 /// the body's +x axis, the top is its +z axis; longitude grows to the right, towards +y. Both are those of the point on
@@ -65,7 +66,7 @@ impl Texture {
         let read = |source| TextureError::Read { path: path.to_owned(), source };
         let broken = |source| TextureError::Png { path: path.to_owned(), source };
         let kind = |problem: String| TextureError::Kind { path: path.to_owned(), problem };
-        let mut decoder = png::Decoder::new(BufReader::new(File::open(path).map_err(read)?));
+        let mut decoder = png::Decoder::new(BufReader::new(files::open_regular(path).map_err(read)?));
         decoder.set_transformations(Transformations::EXPAND);
         let header = decoder.read_header_info().map_err(broken)?;
         let size = [header.width, header.height];
@@ -126,7 +127,7 @@ mod tests {
     fn written(size: [u32; 2], colour: ColorType, depth: BitDepth, bytes: &[u8]) -> (tempfile::TempDir, PathBuf) {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("map.png");
-        let mut encoder = png::Encoder::new(File::create(&path).unwrap(), size[0], size[1]);
+        let mut encoder = png::Encoder::new(std::fs::File::create(&path).unwrap(), size[0], size[1]);
         encoder.set_color(colour);
         encoder.set_depth(depth);
         encoder.write_header().unwrap().write_image_data(bytes).unwrap();

@@ -23,7 +23,7 @@ use super::texels::{Level, finest_level, level_count, levels};
 use crate::{
     files,
     gpu::{self, Gpu, GpuError},
-    plan::asteroids::{AsteroidSettings, ImpostorMethod, bounds::BORDER_PX},
+    plan::asteroids::{AsteroidSettings, ImpostorMethod, areas::projected_areas, bounds::BORDER_PX},
     render::{
         asteroids::impostors::bake::{AtlasSize, ImpostorBakePass},
         asteroids::layout,
@@ -199,21 +199,34 @@ fn check(gpu: &Gpu, shapes: &ShapeSet, size: AtlasSize) -> Result<(), ImpostorAt
     Ok(())
 }
 
-/// What a device has baked for another one that is going to need it. Clones share it.
+/// What was made ahead for a renderer that is going to need it: atlases, baked by another device, and areas of shapes. Clones share it.
 #[derive(Clone, Debug, Default)]
-pub struct BakedImpostors(Arc<Mutex<HashMap<(u64, AtlasSize), Vec<Vec<Level>>>>>);
+pub struct BakedImpostors(Arc<Mutex<Baked>>);
+
+#[derive(Debug, Default)]
+struct Baked {
+    /// By the digest of their shapes.
+    atlases: HashMap<(u64, AtlasSize), Vec<Vec<Level>>>,
+    areas: HashMap<u64, Vec<f32>>,
+}
 
 impl BakedImpostors {
-    fn layers(&self) -> MutexGuard<'_, HashMap<(u64, AtlasSize), Vec<Vec<Level>>>> {
+    fn baked(&self) -> MutexGuard<'_, Baked> {
         // Nothing can panic while the lock is held, so a poisoned state is whole.
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     pub(super) fn take(&self, shapes: &ShapeSet, size: AtlasSize) -> Option<Vec<Vec<Level>>> {
-        self.layers().remove(&(shapes.digest, size))
+        self.baked().atlases.remove(&(shapes.digest, size))
     }
 
-    /// Bakes the atlases of these sets of shapes, one after the other, on a device. What was baked before and has not been asked for is let go.
+    /// Projected areas of the shapes of a set, over pi: as they were made ahead, or made now.
+    pub(crate) fn areas_of(&self, shapes: &ShapeSet) -> Vec<f32> {
+        let ahead = self.baked().areas.remove(&shapes.digest);
+        ahead.unwrap_or_else(|| shapes.shapes.iter().flat_map(projected_areas).collect())
+    }
+
+    /// Makes what the first frame with these sets of shapes takes, on a device. What was made before and has not been asked for is let go.
     ///
     /// # Errors
     ///
@@ -224,13 +237,17 @@ impl BakedImpostors {
         sets: &[Arc<ShapeSet>],
         settings: &AsteroidSettings,
     ) -> Result<(), ImpostorAtlasError> {
-        self.layers().clear();
-        let Some(size) = AtlasSize::of(settings.impostor.chosen(), settings) else { return Ok(()) };
-        let pass = ImpostorBakePass::new(gpu);
+        *self.baked() = Baked::default();
+        let size = AtlasSize::of(settings.impostor.chosen(), settings).filter(|_| !settings.finest_only);
+        let pass = size.map(|size| (size, ImpostorBakePass::new(gpu)));
         for shapes in sets {
-            check(gpu, shapes, size)?;
-            let layers = layers_of(gpu, &pass, shapes, size, settings)?;
-            self.layers().insert((shapes.digest, size), layers);
+            if let Some((size, pass)) = &pass {
+                check(gpu, shapes, *size)?;
+                let layers = layers_of(gpu, pass, shapes, *size, settings)?;
+                self.baked().atlases.insert((shapes.digest, *size), layers);
+            }
+            let areas = shapes.shapes.iter().flat_map(projected_areas).collect();
+            self.baked().areas.insert(shapes.digest, areas);
         }
         Ok(())
     }
@@ -353,13 +370,13 @@ enum CacheError {
 
 /// The finest levels that a file holds; `None` if there is no file.
 fn read(path: &Path, wanted: &Header) -> Result<Option<Vec<Level>>, CacheError> {
-    let bytes = match std::fs::read(path) {
+    let (texels, shapes) = (wanted.texels(), wanted.shapes as usize);
+    let expected = size_of::<Header>() + 6 * texels * shapes;
+    let bytes = match files::read_bounded(path, expected as u64) {
         Ok(bytes) => bytes,
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
         Err(error) => return Err(error.into()),
     };
-    let (texels, shapes) = (wanted.texels(), wanted.shapes as usize);
-    let expected = size_of::<Header>() + 6 * texels * shapes;
     if bytes.len() != expected {
         return Err(CacheError::Length { found: bytes.len(), expected });
     }

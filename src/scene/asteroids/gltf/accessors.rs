@@ -1,6 +1,6 @@
 //! Buffers of a glTF document and the numbers in them. Every offset and size comes from the file, so all are checked.
 
-use std::path::Path;
+use std::path::{Component, Path, PathBuf};
 
 use base64::{Engine, engine::general_purpose::STANDARD};
 use gltf::{
@@ -9,7 +9,8 @@ use gltf::{
     buffer::Source,
 };
 
-use super::MeshProblem;
+use super::{MOST_BYTES, MeshProblem};
+use crate::files;
 
 /// What the buffers hold, by their number. `folder` is where the document lies, `blob` the binary part of a .glb file.
 pub(super) fn buffers(
@@ -36,11 +37,17 @@ fn from_uri(uri: &str, folder: &Path) -> Result<Vec<u8>, String> {
         let encoded = data.split_once(";base64,").ok_or("a data URI must be base64")?.1;
         return STANDARD.decode(encoded).map_err(|error| format!("its data URI is not base64: {error}"));
     }
-    if uri.contains(':') || uri.starts_with('/') {
-        return Err(format!("its URI {uri:?} is not allowed: a path relative to the file, or a data URI"));
+    let refused = || format!("its URI {uri:?} is not allowed: a path below the folder of the file, or a data URI");
+    if uri.contains(':') {
+        return Err(refused());
     }
-    let path = folder.join(percent_decoded(uri).ok_or_else(|| format!("its URI {uri:?} is not valid"))?);
-    std::fs::read(&path).map_err(|error| format!("{}: {error}", path.display()))
+    // Judged as it is opened: what is encoded may be a slash or a dot.
+    let below = PathBuf::from(percent_decoded(uri).ok_or_else(|| format!("its URI {uri:?} is not valid"))?);
+    if !below.components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir)) {
+        return Err(refused());
+    }
+    let path = folder.join(below);
+    files::read_bounded(&path, MOST_BYTES).map_err(|error| format!("{}: {error}", path.display()))
 }
 
 /// A path whose bytes may be written as % and two hexadecimal digits.
@@ -122,7 +129,16 @@ mod tests {
     fn paths_are_decoded_and_bad_ones_refused() {
         assert_eq!(percent_decoded("a%20b.bin").as_deref(), Some("a b.bin"));
         assert_eq!([percent_decoded("a%2"), percent_decoded("%zz"), percent_decoded("%ff")], [None, None, None]);
-        for uri in ["http://example.org/a.bin", "file:///a.bin", "/a.bin", "data:text/plain,abc", "data:;base64,!!"] {
+        for uri in [
+            "http://example.org/a.bin",
+            "file:///a.bin",
+            "/a.bin",
+            "%2Fetc/passwd",
+            "../a.bin",
+            "a/%2e%2E/../b.bin",
+            "data:text/plain,abc",
+            "data:;base64,!!",
+        ] {
             assert!(from_uri(uri, Path::new(".")).is_err(), "{uri}");
         }
         assert_eq!(from_uri("data:application/octet-stream;base64,AQID", Path::new(".")), Ok(vec![1, 2, 3]));

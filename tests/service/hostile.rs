@@ -1,0 +1,130 @@
+//! What takes more than it may.
+
+use std::time::{Duration, Instant};
+
+use steradian::{output::Encoding, service::Client};
+use tokio::{
+    io::{AsyncReadExt, AsyncWriteExt},
+    net::TcpStream,
+    time::sleep,
+};
+use tonic::Code;
+
+use crate::daemon::{Daemon, large_rig, small_rig, within};
+
+/// What the daemon answers to bytes, until it closes the connection or rests for a while.
+async fn answer(daemon: &Daemon, bytes: &[u8]) -> String {
+    let mut stream = TcpStream::connect(daemon.address).await.unwrap();
+    stream.write_all(bytes).await.unwrap();
+    let mut all = Vec::new();
+    let mut part = [0; 4096];
+    while let Ok(Ok(count)) = tokio::time::timeout(Duration::from_millis(500), stream.read(&mut part)).await {
+        if count == 0 {
+            break;
+        }
+        all.extend_from_slice(&part[..count]);
+    }
+    String::from_utf8_lossy(&all).into_owned()
+}
+
+#[tokio::test]
+async fn calls_under_other_names_and_from_other_pages_are_refused() {
+    let daemon = Daemon::start_with(small_rig(), |options| options.hosts = vec!["desk.example.org".to_owned()]).await;
+    let address = daemon.address;
+    let call = |host: &str, origin: Option<&str>| {
+        let origin = origin.map(|origin| format!("Origin: {origin}\r\n")).unwrap_or_default();
+        let head =
+            "POST /steradian.v1.CameraService/GetCamera HTTP/1.1\r\nContent-Type: application/grpc-web+proto\r\n";
+        // An empty message.
+        format!("{head}Host: {host}\r\n{origin}Content-Length: 5\r\nConnection: close\r\n\r\n\0\0\0\0\0")
+    };
+    let own = format!("http://{address}");
+    for (host, origin) in [
+        (address.to_string(), None),
+        (address.to_string(), Some(own.as_str())),
+        ("desk.example.org".to_owned(), None),
+        ("localhost:1".to_owned(), None),
+    ] {
+        let text = answer(&daemon, call(&host, origin).as_bytes()).await;
+        assert!(text.contains("200 OK") && text.contains("grpc-status:0"), "{host} {origin:?}: {text}");
+    }
+    for (host, origin) in
+        [("evil.example.org", None), (&*address.to_string(), Some("http://evil.example.org")), ("", None)]
+    {
+        let text = answer(&daemon, call(host, origin).as_bytes()).await;
+        assert!(!text.contains("grpc-status:0"), "{host} {origin:?}: {text}");
+        assert!(text.contains("grpc-status: 7") || text.contains("400 Bad Request"), "{host} {origin:?}: {text}");
+    }
+    daemon.shutdown().await.unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn connections_that_say_nothing_are_closed_and_those_that_do_stay() {
+    let daemon = Daemon::start(small_rig()).await;
+    let mut client = daemon.client().await;
+    client.camera().await.unwrap();
+    let mut silent = Vec::new();
+    for bytes in [&b""[..], b"PRI * HTTP/2.0", b"GET / HTTP/1.1\r\nHost: x"] {
+        let mut stream = TcpStream::connect(daemon.address).await.unwrap();
+        stream.write_all(bytes).await.unwrap();
+        silent.push(stream);
+    }
+    let begun = Instant::now();
+    for mut stream in silent {
+        let mut rest = Vec::new();
+        // Closed, in order or not.
+        let _ = within(stream.read_to_end(&mut rest)).await;
+    }
+    println!("closed after {:.1} s", begun.elapsed().as_secs_f64());
+    client.camera().await.unwrap();
+    drop(client);
+    daemon.shutdown().await.unwrap();
+}
+
+/// Streams of large frames that nobody reads are refused where they would take too much memory, and others go on.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn streams_that_would_take_too_much_memory_are_refused() {
+    let daemon = Daemon::start(large_rig()).await;
+    let mut streams = Vec::new();
+    let mut refused = None;
+    let greedy: Client = daemon.client().await;
+    for _ in 0..64 {
+        match greedy.clone().stream_frames("large", Encoding::Rgb32f, 0.0).await {
+            Ok(stream) => streams.push(stream),
+            Err(error) => {
+                refused = Some(error);
+                break;
+            }
+        }
+    }
+    let error = refused.expect("not all of them can be held");
+    assert!(error.code() == Some(Code::ResourceExhausted) && error.to_string().contains("MiB"), "{error}");
+    println!("{} streams", streams.len());
+    let mut other = daemon.client().await;
+    within(other.render_frame("large", Encoding::Rgba8)).await.unwrap();
+    drop(streams);
+    // What they held comes back.
+    within(async {
+        while greedy.clone().stream_frames("large", Encoding::Rgb32f, 0.0).await.is_err() {
+            sleep(Duration::from_millis(20)).await;
+        }
+    })
+    .await;
+    drop((greedy, other));
+    daemon.shutdown().await.unwrap();
+}
+
+#[tokio::test]
+async fn masks_with_more_names_than_a_scene_has_are_refused_at_once() {
+    let daemon = Daemon::start(small_rig()).await;
+    let mut client = daemon.client().await;
+    let names = (0..5000).map(|number| (format!("b{number}"), None)).collect();
+    let update = steradian::service::SceneUpdate {
+        bodies: steradian::service::Change::Named(names),
+        ..steradian::service::SceneUpdate::default()
+    };
+    let error = within(client.update_scene(&update, None)).await.unwrap_err();
+    assert!(error.code() == Some(Code::InvalidArgument) && error.to_string().contains("at most 1024"), "{error}");
+    drop(client);
+    daemon.shutdown().await.unwrap();
+}
