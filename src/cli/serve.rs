@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use clap::Args;
+use sd_notify::NotifyState;
 use tokio::runtime::Runtime;
 use tokio::task;
 
@@ -77,7 +78,10 @@ pub fn run(arguments: ServeArguments, adapter: Option<String>) -> Result<(), Cli
         let configured = config.server.state.as_ref().map(|state| config.folder.join(state));
         options.state = arguments.state.or(configured);
         options.headset = headset(&config);
-        options.shutdown = Shutdown::When(signals);
+        options.shutdown = Shutdown::When(Box::pin(async move {
+            signals.await;
+            tell_supervisor(NotifyState::Stopping);
+        }));
         service::run(options).await.map_err(CliError::Serve)
     })
 }
@@ -120,12 +124,20 @@ fn block_on_and_leave<T>(runtime: Runtime, future: impl Future<Output = T>) -> T
     value
 }
 
+/// Tells systemd, where that has started the daemon and waits to be told.
+fn tell_supervisor(state: NotifyState<'_>) {
+    if let Err(error) = sd_notify::notify(&[state]) {
+        tracing::warn!("systemd is not told: {error}");
+    }
+}
+
 /// The line that scripts wait for.
 fn announce(address: SocketAddr) {
     if let Err(error) = results::line(format!("listening on {address}")) {
         // The daemon is of use without a reader of its output.
         tracing::warn!("{error}");
     }
+    tell_supervisor(NotifyState::Ready);
 }
 
 #[cfg(test)]
