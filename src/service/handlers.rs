@@ -191,7 +191,8 @@ impl Service {
         let groups = frame_groups(&self.rig, &self.render.general(after), &after.views.settings);
         self.plan(self.render.snapshot(after), groups).await?;
         let new = new_sets(before, after);
-        if new.is_empty() {
+        // Without fields, what was made for some before is let go.
+        if new.is_empty() && (before.objects.drawn.fields.is_empty() || !after.objects.drawn.fields.is_empty()) {
             return Ok(());
         }
         let baked = self.workshop.bake(new, after.asteroids.clone()).await.map_err(refused)?;

@@ -37,12 +37,17 @@ impl Drop for Daemon {
 
 impl Daemon {
     fn start(folder: &Path, catalogue: &str) -> Self {
+        Self::start_with(folder, catalogue, &[])
+    }
+
+    fn start_with(folder: &Path, catalogue: &str, arguments: &[&str]) -> Self {
         let scene = format!(
             "[scene]\ncatalogues = ['{catalogue}']\n[[views]]\nname = 'all'\ntype = 'equirectangular'\nsize = {SIZE:?}\n"
         );
         std::fs::write(folder.join("sky.toml"), scene).unwrap();
         let mut process = Command::new(env!("CARGO_BIN_EXE_steradian"))
             .args(["--log", "info", "serve", "--config", "sky.toml", "--listen", "127.0.0.1:0"])
+            .args(arguments)
             .current_dir(folder)
             .stdin(Stdio::null())
             .stdout(Stdio::piped())
@@ -205,4 +210,44 @@ fn sigterm_while_stars_are_loading_is_an_orderly_end() {
     let (code, out, err) = daemon.terminate();
     assert_eq!((code, out.as_str()), (Some(0), ""), "{err}");
     assert!(err.contains("SIGTERM"), "{err}");
+}
+
+/// Killed in the middle of changes, the daemon comes back with all that was acknowledged.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_daemon_that_is_killed_goes_on_with_what_was_acknowledged() {
+    let folder = tempfile::tempdir().unwrap();
+    let (mut revision, mut limit) = (0, 0.0);
+    for kill in 0..3 {
+        let mut daemon = Daemon::start_with(folder.path(), "builtin:bright", &["--state", "state.redb"]);
+        let address = daemon.address();
+        let mut client = Client::connect(&format!("http://{address}")).await.unwrap();
+        let begun = client.scene().await.unwrap();
+        assert!(begun.revision >= revision && begun.magnitude_limit >= limit || kill == 0, "{begun:?} after {revision}");
+        limit = if kill == 0 { 1.0 } else { begun.magnitude_limit };
+        let killed = tokio::spawn({
+            let id = daemon.process.id().to_string();
+            async move {
+                tokio::time::sleep(std::time::Duration::from_millis(150)).await;
+                Command::new("kill").args(["-KILL", &id]).status().unwrap()
+            }
+        });
+        loop {
+            // Both or none.
+            let next = limit + 0.001;
+            let quality = Some(next / 100.0);
+            let update = SceneUpdate { magnitude_limit: Some(next), quality, ..SceneUpdate::default() };
+            let Ok(scene) = client.update_scene(&update, None).await else { break };
+            (revision, limit) = (scene.revision, next);
+        }
+        assert!(killed.await.unwrap().success());
+    }
+    let mut daemon = Daemon::start_with(folder.path(), "builtin:bright", &["--state", "state.redb"]);
+    let address = daemon.address();
+    let scene = Client::connect(&format!("http://{address}")).await.unwrap().scene().await.unwrap();
+    println!("{} changes", scene.revision);
+    // One that was not acknowledged may be there.
+    assert!(scene.revision - revision <= 1 && scene.magnitude_limit - limit < 0.0011, "{scene:?}");
+    assert!((scene.quality - scene.magnitude_limit / 100.0).abs() < 1e-12);
+    let (code, ..) = daemon.terminate();
+    assert_eq!(code, Some(0));
 }
