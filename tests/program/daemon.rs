@@ -234,7 +234,7 @@ async fn a_daemon_that_is_killed_goes_on_with_what_was_acknowledged() {
         loop {
             // Both or none.
             let next = limit + 0.001;
-            let quality = Some(next / 100.0);
+            let quality = Some(next / 2.0);
             let update = SceneUpdate { magnitude_limit: Some(next), quality, ..SceneUpdate::default() };
             let Ok(scene) = client.update_scene(&update, None).await else { break };
             (revision, limit) = (scene.revision, next);
@@ -247,7 +247,7 @@ async fn a_daemon_that_is_killed_goes_on_with_what_was_acknowledged() {
     println!("{} changes", scene.revision);
     // One that was not acknowledged may be there.
     assert!(scene.revision - revision <= 1 && scene.magnitude_limit - limit < 0.0011, "{scene:?}");
-    assert!((scene.quality - scene.magnitude_limit / 100.0).abs() < 1e-12);
+    assert!((scene.quality - scene.magnitude_limit / 2.0).abs() < 1e-12);
     let (code, ..) = daemon.terminate();
     assert_eq!(code, Some(0));
 }
