@@ -38,6 +38,7 @@ mod forecast;
 mod frames;
 mod handlers;
 mod headset;
+mod metrics;
 mod objects;
 mod order;
 mod overlay;

@@ -3,8 +3,12 @@
 
 use std::{
     collections::HashMap,
-    sync::{Arc, Mutex, PoisonError},
+    sync::{
+        Arc, Mutex, PoisonError,
+        atomic::{AtomicU64, Ordering::Relaxed},
+    },
     thread,
+    time::{Duration, Instant},
 };
 
 use tokio::{
@@ -65,8 +69,10 @@ impl EncodedImages {
 pub(super) struct Encoders {
     quick: Semaphore,
     slow: Semaphore,
-    /// Images encoded since the start.
-    count: std::sync::atomic::AtomicU64,
+    /// Times that images were encoded since the start, what that came to, and how long it took.
+    count: AtomicU64,
+    bytes: AtomicU64,
+    busy_ns: AtomicU64,
 }
 
 impl Encoders {
@@ -74,12 +80,23 @@ impl Encoders {
     pub(super) fn new() -> Self {
         let cores = thread::available_parallelism().map_or(1, usize::from);
         let (quick, slow) = (Semaphore::new(cores), Semaphore::new((cores / 2).max(1)));
-        Self { quick, slow, count: std::sync::atomic::AtomicU64::new(0) }
+        let [count, bytes, busy_ns] = [0; 3].map(AtomicU64::new);
+        Self { quick, slow, count, bytes, busy_ns }
     }
 
     /// Times that the images of a view of a frame were encoded.
     pub(super) fn count(&self) -> u64 {
-        self.count.load(std::sync::atomic::Ordering::Relaxed)
+        self.count.load(Relaxed)
+    }
+
+    /// Bytes of their images.
+    pub(super) fn bytes(&self) -> u64 {
+        self.bytes.load(Relaxed)
+    }
+
+    /// How long they took, added up.
+    pub(super) fn busy(&self) -> Duration {
+        Duration::from_nanos(self.busy_ns.load(Relaxed))
     }
 }
 
@@ -120,7 +137,7 @@ impl Order {
         // One's own place first: however many calls a client has, few of them wait before the calls of others.
         let _own = self.client.encoding(self.form.is_slow()).acquire().await.map_err(ending)?;
         let _place = of_all.acquire().await.map_err(ending)?;
-        self.encoders.count.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+        let begun = Instant::now();
         let (view, form, rendered) = (self.view, self.form, Arc::clone(rendered));
         let encoding = move || {
             background::stand_back();
@@ -128,7 +145,14 @@ impl Order {
             images.map(|image| encoded(form, image)).collect()
         };
         let encoded = task::spawn_blocking(encoding).await;
-        encoded.map_err(|error| Status::internal(format!("encoding the frame failed: {error}")))
+        let images: Images =
+            encoded.map_err(|error| Status::internal(format!("encoding the frame failed: {error}")))?;
+        let Encoders { count, bytes, busy_ns, .. } = &*self.encoders;
+        count.fetch_add(1, Relaxed);
+        let size = |images: &Vec<proto::Image>| images.iter().map(|image| image.data.len() as u64).sum();
+        bytes.fetch_add(images.as_ref().map_or(0, size), Relaxed);
+        busy_ns.fetch_add(u64::try_from(begun.elapsed().as_nanos()).unwrap_or(u64::MAX), Relaxed);
+        Ok(images)
     }
 
     fn message(&self, rendered: &RenderedFrame, images: Vec<proto::Image>, dropped: u64, stream: u64) -> proto::Frame {

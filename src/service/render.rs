@@ -140,6 +140,8 @@ pub(super) struct State {
     pub(super) frames_rendered: u64,
     /// Where the time of the last frame went.
     pub(super) last_times: Option<FrameTimes>,
+    /// Age of its pose when it was finished.
+    pub(super) last_age: Option<Duration>,
     /// Chooses what display images give up; `None`: they may take as long as they take.
     pub(super) quality: Option<Quality>,
     /// The newest frame that shows each view: its number, what it shows, and when it was begun.
@@ -235,6 +237,8 @@ pub(super) struct RenderFigures {
     pub(super) audits: Option<AuditFigures>,
     /// Frames that could not be drawn.
     pub(super) failures: Failures,
+    /// Age of the pose of the last frame when it was finished.
+    pub(super) last_age: Option<Duration>,
 }
 
 /// What display images give up, and how long they take.
@@ -421,6 +425,7 @@ impl RenderHandle {
             last_times: state.last_times.clone(),
             quality,
             failures: state.failures.clone(),
+            last_age: state.last_age,
             audits: state.settings.accuracy.audit.then(|| self.shared.audits.figures()),
         }
     }
@@ -472,6 +477,11 @@ impl RenderHandle {
         state.subscribers.push(Subscriber { view, wanted, pace, slot });
         self.shared.wake.notify_one();
         Ok(subscription)
+    }
+
+    /// Requests that wait.
+    pub(super) fn requests_waiting(&self) -> usize {
+        self.shared.state().requests.len()
     }
 
     /// Takes no new work and ends every subscription; requests that are queued are still answered.

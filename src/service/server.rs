@@ -20,6 +20,7 @@ use super::{
     engine::{Engine, EngineError},
     handlers::Service,
     headset::{Headset, HeadsetOptions, HeadsetThread, panic_message},
+    metrics::MetricsLayer,
     objects::Objects,
     proto::{
         self, camera_service_server::CameraServiceServer, diagnostics_service_server::DiagnosticsServiceServer,
@@ -443,6 +444,7 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
         .max_concurrent_streams(CALLS)
         .http2_max_header_list_size(HEADER_BYTES)
         .layer(Bounds::new(hosts))
+        .layer(MetricsLayer::new(service.clone()))
         .layer(GrpcWebLayer::new())
         .add_service(SceneServiceServer::new(service.clone()))
         .add_service(CameraServiceServer::new(service.clone()).max_decoding_message_size(SMALL_REQUEST_BYTES))

@@ -114,6 +114,7 @@ fn spawn_with(
         subscribers: Vec::new(),
         frames_rendered: 0,
         last_times: None,
+        last_age: None,
         quality: settings.accuracy.frame_ms.map(Quality::new),
         newest: HashMap::new(),
         failures: Failures::default(),
@@ -403,6 +404,7 @@ impl Worker {
                     }
                 }
                 state.last_times = Some(frame.times.clone());
+                state.last_age = job.pose_time.elapsed().ok();
                 let given_up = state.quality.as_mut().zip(job.level()).map(|(quality, level)| {
                     quality.note(level, frame.times.total_ms);
                     let of = &job.groups.all[job.group].settings;

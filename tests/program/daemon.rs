@@ -222,7 +222,10 @@ async fn a_daemon_that_is_killed_goes_on_with_what_was_acknowledged() {
         let address = daemon.address();
         let mut client = Client::connect(&format!("http://{address}")).await.unwrap();
         let begun = client.scene().await.unwrap();
-        assert!(begun.revision >= revision && begun.magnitude_limit >= limit || kill == 0, "{begun:?} after {revision}");
+        assert!(
+            begun.revision >= revision && begun.magnitude_limit >= limit || kill == 0,
+            "{begun:?} after {revision}"
+        );
         limit = if kill == 0 { 1.0 } else { begun.magnitude_limit };
         let killed = tokio::spawn({
             let id = daemon.process.id().to_string();

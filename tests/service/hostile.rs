@@ -128,3 +128,26 @@ async fn masks_with_more_names_than_a_scene_has_are_refused_at_once() {
     drop(client);
     daemon.shutdown().await.unwrap();
 }
+
+#[tokio::test]
+async fn figures_are_there_for_prometheus() {
+    let daemon = Daemon::start(small_rig()).await;
+    let mut client = daemon.client().await;
+    let first = client.next_frame("flat", Encoding::Png, 0, 0).await.unwrap();
+    client.next_frame("flat", Encoding::Png, first.number, 0).await.unwrap();
+    let request = format!("GET /metrics HTTP/1.1\r\nHost: {}\r\nConnection: close\r\n\r\n", daemon.address);
+    let text = answer(&daemon, request.as_bytes()).await;
+    assert!(text.contains("200 OK") && text.contains("application/openmetrics-text"), "{text}");
+    let value = |name: &str| -> f64 {
+        let line = text.lines().find(|line| line.split(' ').next() == Some(name));
+        let line = line.unwrap_or_else(|| panic!("no {name} in {text}"));
+        line.rsplit(' ').next().unwrap().parse().unwrap()
+    };
+    assert_eq!([value("steradian_frames_rendered_total"), value("steradian_encodings_total")], [2.0, 2.0]);
+    assert!(value("steradian_encoded_bytes_total") > 100.0 && value("steradian_connections") >= 1.0);
+    assert!(value("steradian_resident_memory_bytes") > 1e6 && value("steradian_pose_age_seconds") >= 0.0);
+    assert_eq!(value("steradian_scene_revision"), 7.0);
+    assert!(text.trim_end().ends_with("# EOF"));
+    drop(client);
+    daemon.shutdown().await.unwrap();
+}
