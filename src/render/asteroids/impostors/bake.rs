@@ -6,7 +6,7 @@
 
 use crate::render::{constants::workgroups::FILTER_SIDE, shader::Shader};
 use crate::{
-    gpu::{self, Gpu, GpuError, LayoutOf, ReadbackBuffer, bind_buffers},
+    gpu::{self, Gpu, GpuError, LayoutOf, ReadbackBuffer},
     plan::asteroids::{
         AsteroidSettings, ImpostorMethod,
         bounds::BORDER_PX,
@@ -145,7 +145,7 @@ impl ImpostorBakePass {
         {
             let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
             pass.set_pipeline(&self.filter);
-            pass.set_bind_group(0, &bind_buffers(gpu, &self.filter, 0, &resources), &[]);
+            pass.set_bind_group(0, &gpu.bind_once(LayoutOf::Compute(&self.filter, 0), &resources), &[]);
             pass.dispatch_workgroups(side.div_ceil(FILTER_SIDE), side.div_ceil(FILTER_SIDE), 1);
         }
         let mut readback = ReadbackBuffer::new("impostor texels");
