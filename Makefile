@@ -1,6 +1,6 @@
 # `make demo` runs the main job, `make test` the tests; both set the machine up first.
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-long test-outside test-all setup check clean
+.PHONY: help demo test test-long test-outside test-all setup page check clean
 
 CARGO ?= cargo
 
@@ -26,10 +26,14 @@ test-all: test test-long test-outside ## Runs the tests, the long sweeps and the
 setup: ## Checks toolchain, linker and Vulkan driver; installs what is missing where it can
 	scripts/setup.sh
 
+page: ## Builds the page of the daemon from web/src into web/dist
+	scripts/ensure-page.sh npm
+	cd web && npm run --silent build
+
 check: ## Checks format and lints
 	$(CARGO) fmt --all --check
 	$(CARGO) clippy --release --workspace --all-targets -- -D warnings
 
 clean: ## Removes what was built and rendered
 	$(CARGO) clean
-	rm -rf out
+	rm -rf out web/node_modules web/gen

@@ -42,7 +42,7 @@ fn rgb_from_pb(rgb: Option<proto::Rgb>) -> [f64; 3] {
     rgb.map_or([0.0; 3], |rgb| [rgb.red, rgb.green, rgb.blue])
 }
 
-fn orientation_to_pb(DQuat { x, y, z, w }: DQuat) -> proto::Quaternion {
+pub(super) fn orientation_to_pb(DQuat { x, y, z, w }: DQuat) -> proto::Quaternion {
     proto::Quaternion { x, y, z, w }
 }
 

@@ -31,6 +31,7 @@ fn images_to_pb(sizes: &[[u32; 2]; 2]) -> Vec<proto::ViewImage> {
         part: part.name().unwrap_or_default().to_owned(),
         width,
         height,
+        ..Default::default()
     };
     [Part::LeftEye, Part::RightEye].into_iter().zip(*sizes).map(image).collect()
 }

@@ -4,6 +4,7 @@
 use toml::{Table, Value};
 
 use super::{
+    convert_objects::orientation_to_pb,
     proto,
     scene::SceneState,
     views::{TableChange, ViewUpdate},
@@ -11,7 +12,10 @@ use super::{
 use crate::{
     config::has_effect,
     plan::{settings::StarMethod, view_settings::ViewSettings},
-    view::View,
+    view::{
+        View,
+        projection::{Perspective, Projection},
+    },
 };
 
 /// Paths that a mask may have.
@@ -110,11 +114,41 @@ pub(super) fn settings_to_pb(settings: &ViewSettings, stars: StarMethod) -> prot
     }
 }
 
+fn projection_to_pb(projection: &Projection) -> proto::Projection {
+    let flat = |plane: &Perspective| {
+        let [left_tan, right_tan, down_tan, up_tan] = plane.edge_tangents(0.0);
+        proto::Projection {
+            mapping: "perspective".to_owned(),
+            left_tan,
+            right_tan,
+            down_tan,
+            up_tan,
+            ..Default::default()
+        }
+    };
+    let named = |mapping: &str| proto::Projection { mapping: mapping.to_owned(), ..Default::default() };
+    match projection {
+        Projection::Perspective(plane) => flat(plane),
+        Projection::CubeFace(face) => flat(face.plane()),
+        Projection::Fisheye(fisheye) => {
+            proto::Projection { fov_rad: 2.0 * fisheye.half_fov_rad, ..named(fisheye.mapping.name()) }
+        }
+        Projection::Equirectangular(_) => named("equirectangular"),
+        Projection::Tabulated(_) => named("tabulated"),
+    }
+}
+
 /// A view of the rig, by its number there.
 pub(super) fn view_to_pb(view: &View, number: usize, scene: &SceneState) -> proto::View {
     let images = view.images.iter().map(|image| {
         let [width, height] = image.projection.mapping().size();
-        proto::ViewImage { part: image.part.name().unwrap_or_default().to_owned(), width, height }
+        proto::ViewImage {
+            part: image.part.name().unwrap_or_default().to_owned(),
+            width,
+            height,
+            orientation: Some(orientation_to_pb(image.camera_from_view)),
+            projection: Some(projection_to_pb(&image.projection)),
+        }
     });
     proto::View {
         name: view.name.clone(),

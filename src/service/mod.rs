@@ -42,6 +42,7 @@ mod metrics;
 mod objects;
 mod order;
 mod overlay;
+mod page;
 mod pull;
 mod quality;
 mod render;

@@ -22,6 +22,7 @@ use super::{
     headset::{Headset, HeadsetOptions, HeadsetThread, panic_message},
     metrics::MetricsLayer,
     objects::Objects,
+    page::PageLayer,
     proto::{
         self, camera_service_server::CameraServiceServer, diagnostics_service_server::DiagnosticsServiceServer,
         scene_service_server::SceneServiceServer, view_service_server::ViewServiceServer,
@@ -445,6 +446,7 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
         .http2_max_header_list_size(HEADER_BYTES)
         .layer(Bounds::new(hosts))
         .layer(MetricsLayer::new(service.clone()))
+        .layer(PageLayer::new())
         .layer(GrpcWebLayer::new())
         .add_service(SceneServiceServer::new(service.clone()))
         .add_service(CameraServiceServer::new(service.clone()).max_decoding_message_size(SMALL_REQUEST_BYTES))

@@ -1,0 +1,48 @@
+#!/usr/bin/env bash
+# Makes sure that the page of the daemon can be built (npm) or tested (browser): installs what is missing with apt, and the packages that
+# web/package-lock.json names with npm. Neither is needed to build or run Steradian: the built page is in web/dist.
+#
+# Usage: scripts/ensure-page.sh [npm] [browser]. Exit code 69: something is missing that the script cannot install.
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+source scripts/lib/apt.sh
+
+# The oldest Node.js that the packages take.
+readonly NODE=20
+
+# has_node: whether node is new enough, and npm is there.
+has_node() {
+    local found
+    if ! command -v node >/dev/null || ! command -v npm >/dev/null; then return 1; fi
+    found=$(node --version)
+    found=${found#v}
+    ((${found%%.*} >= NODE))
+}
+
+ensure_npm() {
+    if ! has_node; then
+        local reason="building the page needs Node.js $NODE or newer, and npm"
+        has_apt || fail "$reason: install them"
+        apt_install "$reason" '' nodejs npm || fail "$reason, and apt could not install them (see above)"
+        has_node || fail "$reason, and this system's package is older: install them from elsewhere (https://nodejs.org)"
+    fi
+    if [[ web/package-lock.json -nt web/node_modules/.package-lock.json ]]; then
+        say 'installing the packages of web/package-lock.json into web/node_modules with npm'
+        npm ci --prefix web --no-fund --no-audit >&2 || fail 'npm could not install them (see above)'
+    fi
+}
+
+ensure_browser() {
+    if command -v chromium >/dev/null && command -v chromedriver >/dev/null; then return; fi
+    local reason='the tests of the page need Chromium and its driver'
+    has_apt || fail "$reason: install chromium and chromedriver"
+    apt_install "$reason" '' chromium chromium-driver || fail "$reason, and apt could not install them (see above)"
+}
+
+for what in "$@"; do
+    case $what in
+    npm) ensure_npm ;;
+    browser) ensure_browser ;;
+    *) fail "$what: needed is npm or browser" ;;
+    esac
+done

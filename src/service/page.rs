@@ -1,0 +1,142 @@
+//! The page at `/`: the bundle in `web/dist`, which `make page` builds from `web/src`, is part of the program. It stands before
+//! gRPC-Web on the same port and takes GET and HEAD; calls are POST and go on.
+//!
+//! Nothing of the page comes from elsewhere: its policy allows scripts, styles, pictures and connections of its own origin alone.
+
+use std::sync::Arc;
+
+use tonic::{
+    body::Body,
+    codegen::{
+        BoxFuture, Context, Poll, Service,
+        http::{HeaderMap, Method, Request, Response, StatusCode, header},
+    },
+};
+use tower_layer::Layer;
+
+/// Path, type and contents of every file.
+const FILES: [(&str, &str, &str); 4] = [
+    ("/", "text/html; charset=utf-8", include_str!("../../web/dist/index.html")),
+    ("/page.css", "text/css; charset=utf-8", include_str!("../../web/dist/page.css")),
+    ("/page.js", "text/javascript; charset=utf-8", include_str!("../../web/dist/page.js")),
+    ("/icon.svg", "image/svg+xml", include_str!("../../web/dist/icon.svg")),
+];
+
+/// Headers of every answer. No other page may frame this one.
+const HEADERS: [(header::HeaderName, &str); 5] = [
+    (
+        header::CONTENT_SECURITY_POLICY,
+        "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'; \
+         base-uri 'none'; form-action 'none'; frame-ancestors 'none'; require-trusted-types-for 'script'",
+    ),
+    (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
+    (header::REFERRER_POLICY, "no-referrer"),
+    (header::X_FRAME_OPTIONS, "DENY"),
+    // The page is as old as the program: a browser asks each time, and is told that nothing has changed.
+    (header::CACHE_CONTROL, "no-cache"),
+];
+
+struct File {
+    path: &'static str,
+    mime: &'static str,
+    etag: String,
+    contents: &'static str,
+}
+
+/// Puts the page before a service.
+#[derive(Clone)]
+pub(super) struct PageLayer {
+    files: Arc<[File]>,
+}
+
+impl PageLayer {
+    pub(super) fn new() -> Self {
+        let file = |(path, mime, contents): (&'static str, &'static str, &'static str)| File {
+            path,
+            mime,
+            etag: format!("\"{:08x}-{:x}\"", crc32fast::hash(contents.as_bytes()), contents.len()),
+            contents,
+        };
+        Self { files: FILES.into_iter().map(file).collect() }
+    }
+
+    fn answer(&self, method: &Method, path: &str, headers: &HeaderMap) -> Response<Body> {
+        let body = |text: &str| if method == Method::HEAD { Body::empty() } else { Body::new(text.to_owned()) };
+        let mut response = match self.files.iter().find(|file| file.path == path) {
+            None => {
+                let mut response = Response::new(body("There is nothing here. The page is at /\n"));
+                *response.status_mut() = StatusCode::NOT_FOUND;
+                set(&mut response, header::CONTENT_TYPE, "text/plain; charset=utf-8");
+                response
+            }
+            Some(file) if is_known(headers, &file.etag) => {
+                let mut response = Response::new(Body::empty());
+                *response.status_mut() = StatusCode::NOT_MODIFIED;
+                set(&mut response, header::ETAG, &file.etag);
+                response
+            }
+            Some(file) => {
+                let mut response = Response::new(body(file.contents));
+                set(&mut response, header::CONTENT_TYPE, file.mime);
+                set(&mut response, header::ETAG, &file.etag);
+                set(&mut response, header::CONTENT_LENGTH, &file.contents.len().to_string());
+                response
+            }
+        };
+        for (name, value) in HEADERS {
+            set(&mut response, name, value);
+        }
+        response
+    }
+}
+
+fn set(response: &mut Response<Body>, name: header::HeaderName, value: &str) {
+    // All values are ours, and plain ASCII: a test sends each.
+    if let Ok(value) = header::HeaderValue::from_str(value) {
+        response.headers_mut().insert(name, value);
+    }
+}
+
+/// Whether the client has what has this tag.
+fn is_known(headers: &HeaderMap, etag: &str) -> bool {
+    let tags = headers.get_all(header::IF_NONE_MATCH).iter().filter_map(|value| value.to_str().ok());
+    tags.flat_map(|value| value.split(',')).map(str::trim).any(|tag| tag == "*" || tag.trim_start_matches("W/") == etag)
+}
+
+impl<S> Layer<S> for PageLayer {
+    type Service = Page<S>;
+
+    fn layer(&self, inner: S) -> Page<S> {
+        Page { layer: self.clone(), inner }
+    }
+}
+
+/// The page, and behind it the service that takes what is not its own.
+#[derive(Clone)]
+pub(super) struct Page<S> {
+    layer: PageLayer,
+    inner: S,
+}
+
+impl<S> Service<Request<Body>> for Page<S>
+where
+    S: Service<Request<Body>, Response = Response<Body>>,
+    S::Future: Send + 'static,
+    S::Error: Send + 'static,
+{
+    type Response = Response<Body>;
+    type Error = S::Error;
+    type Future = BoxFuture<Self::Response, Self::Error>;
+
+    fn poll_ready(&mut self, context: &mut Context<'_>) -> Poll<Result<(), Self::Error>> {
+        self.inner.poll_ready(context)
+    }
+
+    fn call(&mut self, request: Request<Body>) -> Self::Future {
+        if request.method() == Method::GET || request.method() == Method::HEAD {
+            let response = self.layer.answer(request.method(), request.uri().path(), request.headers());
+            return Box::pin(async { Ok(response) });
+        }
+        Box::pin(self.inner.call(request))
+    }
+}

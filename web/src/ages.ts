@@ -1,0 +1,81 @@
+// How old pictures are when they are seen. Two figures: from the end of rendering to the screen, and from the arrival of a pose at the daemon to the
+// screen, which is known for the first picture of each pose.
+
+import type { Frame } from "../gen/steradian/v1/view_pb.ts";
+import { type Clock, milliseconds, now } from "./clock.ts";
+
+/** Poses that median and 99th percentile are of. */
+const MOST = 200;
+
+export interface Quantiles {
+  median: number;
+  p99: number;
+  count: number;
+}
+
+export class Ages {
+  #clock: Clock;
+  #rendered = new Map<string, number>();
+  #revision = new Map<string, bigint>();
+  #poses: number[] = [];
+  /** Age of the last picture when it was drawn, ms. */
+  last: number | undefined;
+
+  constructor(clock: Clock) {
+    this.#clock = clock;
+  }
+
+  reset(): void {
+    this.#rendered.clear();
+    this.#revision.clear();
+    this.last = undefined;
+  }
+
+  /** Views that are not shown any more have no age. */
+  forget(view: string): void {
+    this.#rendered.delete(view);
+    this.#revision.delete(view);
+  }
+
+  /** A frame has arrived. */
+  arrived(frame: Frame, at: number): void {
+    if (frame.renderTime) this.#clock.arrived(milliseconds(frame.renderTime), at);
+    if (frame.poseTime) this.#clock.poseShown(frame.cameraRevision, milliseconds(frame.poseTime));
+  }
+
+  /** It has been drawn. */
+  shown(frame: Frame): void {
+    const offset = this.#clock.offset()?.offset;
+    const at = now();
+    if (frame.renderTime) {
+      const rendered = milliseconds(frame.renderTime);
+      this.#rendered.set(frame.view, rendered);
+      if (offset !== undefined) this.last = at + offset - rendered;
+    }
+    const before = this.#revision.get(frame.view);
+    this.#revision.set(frame.view, frame.cameraRevision);
+    if (before === undefined || before === frame.cameraRevision || !frame.poseTime || offset === undefined) return;
+    this.#poses.push(at + offset - milliseconds(frame.poseTime));
+    if (this.#poses.length > MOST) this.#poses.shift();
+  }
+
+  /** Age of the oldest picture on the screen, ms; undefined while there is none or the clocks are not known. */
+  picture(): number | undefined {
+    const offset = this.#clock.offset()?.offset;
+    if (offset === undefined || this.#rendered.size === 0) return undefined;
+    return now() + offset - Math.min(...this.#rendered.values());
+  }
+
+  /** From the last pose to the screen, ms. */
+  pose(): number | undefined {
+    return this.#poses.at(-1);
+  }
+
+  /** The same of the last poses. */
+  poses(): Quantiles | undefined {
+    const sorted = [...this.#poses].sort((a, b) => a - b);
+    const at = (share: number) => sorted[Math.min(sorted.length - 1, Math.floor(share * sorted.length))];
+    const [median, p99] = [at(0.5), at(0.99)];
+    return median === undefined || p99 === undefined ? undefined : { median, p99, count: sorted.length };
+  }
+}

@@ -1,0 +1,78 @@
+// Elements made from code: the page's policy forbids markup in strings.
+
+type Child = Node | string;
+
+interface Properties {
+  class?: string;
+  text?: string;
+  // Attributes; a value of false leaves the attribute out.
+  [name: string]: string | number | boolean | ((event: Event) => void) | undefined;
+}
+
+/** An element with attributes, listeners (`on...`) and children. */
+export function make<K extends keyof HTMLElementTagNameMap>(
+  tag: K,
+  properties: Properties = {},
+  ...children: Child[]
+): HTMLElementTagNameMap[K] {
+  const element = document.createElement(tag);
+  for (const [name, value] of Object.entries(properties)) {
+    if (value === undefined || value === false) continue;
+    if (typeof value === "function") element.addEventListener(name.slice(2), value);
+    else if (name === "text") element.textContent = String(value);
+    else element.setAttribute(name, value === true ? "" : String(value));
+  }
+  element.append(...children);
+  return element;
+}
+
+/** The element of the page with this id: index.html has it, or the page is broken. */
+export function byId(id: string): HTMLElement {
+  const element = document.getElementById(id);
+  if (!element) throw new Error(`index.html has no element #${id}`);
+  return element;
+}
+
+/** Milliseconds as people read them. */
+export function duration(ms: number): string {
+  if (ms < 10) return `${ms.toFixed(1)} ms`;
+  if (ms < 1000) return `${ms.toFixed(0)} ms`;
+  return `${(ms / 1000).toFixed(ms < 10_000 ? 2 : 1)} s`;
+}
+
+/** A number with as many digits as an input needs to give it back. */
+export function plain(value: number): string {
+  return String(Number(value.toPrecision(9)));
+}
+
+let lastId = 0;
+
+/** A label with its control; the control gets an id and the label points at it. */
+export function field(label: string, control: HTMLInputElement | HTMLSelectElement, unit = ""): HTMLElement {
+  control.id ||= `field-${++lastId}`;
+  const caption = make("label", { for: control.id, text: label });
+  if (unit) caption.append(" ", make("span", { class: "unit", text: unit }));
+  return make("div", { class: "field" }, caption, control);
+}
+
+/** An input of a number; any step is allowed, since the daemon judges values. */
+export function numberInput(name: string, value?: number): HTMLInputElement {
+  const input = make("input", { type: "number", step: "any", name, inputmode: "decimal" });
+  if (value !== undefined) input.value = plain(value);
+  return input;
+}
+
+/** A choice of values. */
+export function select(name: string, values: readonly (readonly [value: string, text: string])[], chosen: string): HTMLSelectElement {
+  const options = values.map(([value, text]) => make("option", { value, text, selected: value === chosen }));
+  return make("select", { name }, ...options);
+}
+
+/** The number in an input, or undefined where it is empty. What is no number is an error that names the field. */
+export function numberOf(input: HTMLInputElement): number | undefined {
+  if (input.validity.badInput) throw new Error(`${input.name}: a number is needed`);
+  if (input.value.trim() === "") return undefined;
+  const value = Number(input.value);
+  if (!Number.isFinite(value)) throw new Error(`${input.name}: a number is needed`);
+  return value;
+}

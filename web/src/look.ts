@@ -1,0 +1,168 @@
+// Looking around and flying, by mouse, finger and keys.
+//
+// A drag keeps the direction that it began at under the pointer: the camera is turned by the smallest rotation that does so, from where it stood when the
+// drag began, so that the way back leads to the same picture.
+
+import type { ViewImage } from "../gen/steradian/v1/view_pb.ts";
+import { type Quat, type Vec3, add, around, between, multiply, rotate, scale } from "./maths.ts";
+import { directionAt } from "./projection.ts";
+import type { Steering } from "./steering.ts";
+
+/** Turning by keys, rad/s; a tenth of it with Shift. */
+const TURN_RAD_S = 0.5;
+
+/** What a key does while it is held: turns about camera axes, moves along them. */
+export type Motion = { turn: Vec3 } | { move: Vec3 };
+
+const KEYS: Record<string, Motion> = {
+  ArrowLeft: { turn: [0, 1, 0] },
+  ArrowRight: { turn: [0, -1, 0] },
+  ArrowUp: { turn: [1, 0, 0] },
+  ArrowDown: { turn: [-1, 0, 0] },
+  KeyZ: { turn: [0, 0, 1] },
+  KeyX: { turn: [0, 0, -1] },
+  KeyW: { move: [0, 0, -1] },
+  KeyS: { move: [0, 0, 1] },
+  KeyA: { move: [-1, 0, 0] },
+  KeyD: { move: [1, 0, 0] },
+  KeyQ: { move: [0, -1, 0] },
+  KeyE: { move: [0, 1, 0] },
+};
+
+/** Motions that go on while keys or buttons are held. */
+export class Flight {
+  /** Metres a second. */
+  speed = 1000;
+  #steering: Steering;
+  #held = new Map<string, Motion>();
+  #slow = false;
+  #last = 0;
+  #running = false;
+
+  constructor(steering: Steering) {
+    this.#steering = steering;
+    // Keys that are let go elsewhere tell nobody.
+    addEventListener("blur", () => this.#held.clear());
+    document.addEventListener("visibilitychange", () => this.#held.clear());
+  }
+
+  hold(name: string, motion: Motion | undefined = KEYS[name]): void {
+    if (!motion) return;
+    this.#held.set(name, motion);
+    if (this.#running) return;
+    this.#running = true;
+    this.#last = performance.now();
+    requestAnimationFrame((time) => this.#step(time));
+  }
+
+  release(name: string): void {
+    this.#held.delete(name);
+  }
+
+  releaseAll(): void {
+    this.#held.clear();
+  }
+
+  /** What a key does; undefined of those that do nothing. */
+  motion(code: string): Motion | undefined {
+    return KEYS[code];
+  }
+
+  set slow(slow: boolean) {
+    this.#slow = slow;
+  }
+
+  #step(time: number): void {
+    if (this.#held.size === 0) {
+      this.#running = false;
+      return;
+    }
+    // A page that stood still for long does not jump.
+    const seconds = Math.min(Math.max(time - this.#last, 0), 100) / 1000;
+    this.#last = time;
+    let turn: Vec3 = [0, 0, 0];
+    let move: Vec3 = [0, 0, 0];
+    for (const motion of this.#held.values()) {
+      if ("turn" in motion) turn = add(turn, motion.turn);
+      else move = add(move, motion.move);
+    }
+    const factor = seconds * (this.#slow ? 0.1 : 1);
+    const { orientation, position } = this.#steering.pose;
+    const angle = Math.hypot(...turn);
+    const change: { orientation?: Quat; position?: Vec3 } = {};
+    if (angle > 0) {
+      change.orientation = multiply(orientation, around(scale(turn, 1 / angle), angle * TURN_RAD_S * factor));
+    }
+    if (Math.hypot(...move) > 0) {
+      change.position = add(position, rotate(orientation, scale(move, this.speed * factor)));
+    }
+    if (seconds > 0 && (change.orientation || change.position)) this.#steering.steer(change);
+    requestAnimationFrame((next) => this.#step(next));
+  }
+}
+
+/** Lets a picture be dragged, and take keys while it has the focus, until it is gone. `image` tells what the canvas shows. */
+export function attach(
+  canvas: HTMLCanvasElement,
+  image: () => ViewImage | undefined,
+  steering: Steering,
+  flight: Flight,
+  gone: AbortSignal,
+): void {
+  let drag: { pointer: number; from: Vec3; orientation: Quat; at: readonly [number, number] } | undefined;
+
+  const begin = (pointer: number, at: readonly [number, number]) => {
+    const shown = image();
+    const from = shown && directionAt(shown, ...at);
+    const { orientation } = steering.pose;
+    drag = from && { pointer, from: rotate(orientation, from), orientation, at };
+  };
+  const place = (event: PointerEvent): readonly [number, number] => {
+    const { left, top, width, height } = canvas.getBoundingClientRect();
+    return [(event.clientX - left) / width, (event.clientY - top) / height];
+  };
+
+  canvas.addEventListener("pointerdown", (event) => {
+    if (event.button !== 0 || drag) return;
+    canvas.setPointerCapture(event.pointerId);
+    canvas.focus({ preventScroll: true });
+    begin(event.pointerId, place(event));
+    canvas.classList.toggle("dragged", drag !== undefined);
+    event.preventDefault();
+  });
+  canvas.addEventListener("pointermove", (event) => {
+    if (drag?.pointer !== event.pointerId) return;
+    const shown = image();
+    const at = place(event);
+    const now = shown && directionAt(shown, ...at);
+    // Outside of a round picture there is no direction: the drag waits until the pointer is back.
+    if (!now) return;
+    drag.at = at;
+    const turned = between(rotate(drag.orientation, now), drag.from);
+    steering.steer({ orientation: multiply(turned, drag.orientation) });
+  });
+  const end = (event: PointerEvent) => {
+    if (drag?.pointer !== event.pointerId) return;
+    drag = undefined;
+    canvas.classList.remove("dragged");
+  };
+  canvas.addEventListener("pointerup", end);
+  canvas.addEventListener("pointercancel", end);
+  canvas.addEventListener("lostpointercapture", end);
+  const again = () => {
+    if (drag) begin(drag.pointer, drag.at);
+  };
+  steering.addEventListener("moved", again, { signal: gone });
+
+  canvas.addEventListener("keydown", (event) => {
+    flight.slow = event.shiftKey;
+    if (event.ctrlKey || event.altKey || event.metaKey || !flight.motion(event.code)) return;
+    flight.hold(event.code);
+    event.preventDefault();
+  });
+  canvas.addEventListener("keyup", (event) => {
+    flight.slow = event.shiftKey;
+    flight.release(event.code);
+  });
+  canvas.addEventListener("blur", () => flight.releaseAll());
+}

@@ -1,0 +1,172 @@
+// The page: a session with the daemon that begins anew whenever it is lost, and the panels around it.
+
+import { Encoding, type Frame } from "../gen/steradian/v1/view_pb.ts";
+import { Ages } from "./ages.ts";
+import { Clock } from "./clock.ts";
+import { byId, duration, make } from "./dom.ts";
+import { Flight } from "./look.ts";
+import { Model } from "./model.ts";
+import { hideBanner, notify, showBanner } from "./notices.ts";
+import { bodiesPanel } from "./panel_bodies.ts";
+import { cameraPanel } from "./panel_camera.ts";
+import { checksPanel } from "./panel_checks.ts";
+import { exposurePanel } from "./panel_exposure.ts";
+import { scenePanel } from "./panel_scene.ts";
+import { Statistics } from "./panel_stats.ts";
+import { Pictures } from "./pictures.ts";
+import { failureOf, messageOf, pause } from "./rpc.ts";
+import { Steering } from "./steering.ts";
+import { tabs } from "./tabs.ts";
+
+/** Waits between attempts to reach the daemon: each twice the one before. */
+const [FIRST_WAIT_MS, LONGEST_WAIT_MS] = [500, 4000];
+/** How often the ages on the screen are told. */
+const AGE_INTERVAL_MS = 200;
+/** A picture that is older than this is marked: the daemon sends one a second at least. */
+const OLD_MS = 3000;
+
+const clock = new Clock();
+const ages = new Ages(clock);
+const steering = new Steering(clock);
+const flight = new Flight(steering);
+const model = new Model();
+const pictures = new Pictures(byId("pictures"), steering, flight, ages);
+
+tabs(byId("tabs"));
+cameraPanel(byId("panel-camera"), steering, flight);
+exposurePanel(byId("panel-exposure"), model, pictures);
+scenePanel(byId("panel-scene"), model);
+bodiesPanel(byId("panel-bodies"), model);
+const statistics = new Statistics(model, clock, ages, byId("panel-statistics"), byId("panel-headset"));
+checksPanel(byId("panel-checks"));
+
+pictures.addEventListener("frame", (event) => {
+  const frame = (event as CustomEvent<Frame>).detail;
+  if (frame.camera && frame.view !== headsetView()) steering.observe(frame.camera);
+  model.observe(frame);
+});
+pictures.addEventListener("refused", () => void model.refresh());
+statistics.addEventListener("headset", () => void model.refresh());
+
+/** Frames of the headset show the origin of its room, at a revision of the same camera, but later than others. */
+const headsetView = (): string | undefined => model.views.find(({ type }) => type === "headset")?.name;
+
+// Which views are shown stands in the address, so that a screen of a control room can be set up by it.
+const choice = byId("views");
+const namesInAddress = (): string[] => new URLSearchParams(location.hash.slice(1)).get("views")?.split(",").filter(Boolean) ?? [];
+
+function showViews(names: string[]): void {
+  const shown = model.views.filter(({ name }) => names.includes(name));
+  for (const box of choice.querySelectorAll("input")) box.checked = names.includes(box.value);
+  pictures.select(shown);
+  byId("empty").hidden = shown.length > 0;
+}
+
+function listViews(): void {
+  const names = model.views.map(({ name }) => name);
+  const boxes = [...choice.querySelectorAll("input")];
+  if (names.join() !== boxes.map(({ value }) => value).join()) {
+    choice.replaceChildren(
+      ...model.views.map(({ name, type }) => {
+        const box = make("input", { type: "checkbox", name: "view", value: name });
+        box.addEventListener("change", () => {
+          const wanted = [...choice.querySelectorAll("input")].filter(({ checked }) => checked).map(({ value }) => value);
+          history.replaceState(null, "", `#views=${wanted.join(",")}`);
+          showViews(wanted);
+        });
+        return make("label", { class: "chip", title: type.replace("_", " ") }, box, make("span", { text: name }));
+      }),
+    );
+  }
+  const wanted = namesInAddress().filter((name) => names.includes(name));
+  const none = location.hash === "#views=";
+  showViews(wanted.length > 0 || none ? wanted : names.slice(0, 1));
+}
+model.addEventListener("change", listViews);
+addEventListener("hashchange", listViews);
+
+const encoding = byId("encoding") as HTMLSelectElement;
+encoding.addEventListener("change", () => {
+  pictures.encoding = encoding.value === "png" ? Encoding.PNG : Encoding.JPEG;
+});
+
+// Red light alone keeps the eyes adapted to the dark.
+const NIGHT = "steradian.night";
+const night = byId("night");
+function setNight(on: boolean): void {
+  document.documentElement.classList.toggle("night", on);
+  night.setAttribute("aria-pressed", String(on));
+}
+night.addEventListener("click", () => {
+  const on = night.getAttribute("aria-pressed") !== "true";
+  setNight(on);
+  localStorage.setItem(NIGHT, on ? "on" : "off");
+});
+setNight(localStorage.getItem(NIGHT) === "on");
+
+const age = byId("age");
+setInterval(() => {
+  const picture = ages.picture();
+  const pose = ages.pose();
+  const old = picture !== undefined && picture > OLD_MS;
+  age.classList.toggle("old", old);
+  if (document.documentElement.classList.contains("lost")) age.textContent = "no connection";
+  else if (picture === undefined) age.textContent = "no picture";
+  else {
+    const camera = pose === undefined ? "" : ` · camera to screen ${duration(pose)}`;
+    // The offset of the clocks is known to some error: an age below it is as good as none.
+    age.textContent = `picture ${duration(Math.max(0, picture))} old${camera}`;
+    age.dataset["ms"] = picture.toFixed(1);
+  }
+}, AGE_INTERVAL_MS);
+
+/** One session: reads what there is, then follows pictures and statistics until one of them fails. */
+async function session(loaded: () => void): Promise<void> {
+  const end = new AbortController();
+  clock.reset();
+  ages.reset();
+  try {
+    await Promise.all([model.load(end.signal), steering.load(end.signal)]);
+    loaded();
+    await Promise.race([pictures.run(end.signal), statistics.run(end.signal)]);
+    throw new Error("The daemon is shutting down");
+  } finally {
+    end.abort();
+  }
+}
+
+let retry = new AbortController();
+byId("banner-retry").addEventListener("click", () => retry.abort());
+
+async function live(): Promise<never> {
+  let wait = FIRST_WAIT_MS;
+  for (;;) {
+    try {
+      await session(() => {
+        if (document.documentElement.classList.contains("lost")) notify("The daemon is back.");
+        document.documentElement.classList.remove("lost");
+        hideBanner();
+        wait = FIRST_WAIT_MS;
+      });
+    } catch (error) {
+      document.documentElement.classList.add("lost");
+      const unreachable = failureOf(error) === "unreachable";
+      const title = unreachable ? `No connection to the daemon at ${location.host}` : "The daemon has refused";
+      retry = new AbortController();
+      // Pages that have lost the same daemon do not all come back at the same moment.
+      const rest = wait * (0.75 + 0.5 * Math.random());
+      const until = Date.now() + rest;
+      const tell = () => {
+        const seconds = Math.max(0, Math.ceil((until - Date.now()) / 1000));
+        showBanner(title, `${messageOf(error)}. Pictures and figures are from before. Trying again in ${seconds} s.`);
+      };
+      tell();
+      const ticking = setInterval(tell, 500);
+      await pause(rest, retry.signal);
+      clearInterval(ticking);
+      wait = Math.min(2 * wait, LONGEST_WAIT_MS);
+    }
+  }
+}
+
+void live();

@@ -1,0 +1,156 @@
+// The scene and the views as the daemon has them, and their changes. Every change names the revision that the form was filled from: if somebody else has
+// changed the scene meanwhile, the daemon refuses it, and the forms are filled anew. Nothing is overwritten in silence.
+
+import type { MessageInitShape } from "@bufbuild/protobuf";
+
+import type { Info } from "../gen/steradian/v1/diagnostics_pb.ts";
+import type { Scene, SceneSchema } from "../gen/steradian/v1/scene_pb.ts";
+import type { Frame, View, ViewSchema } from "../gen/steradian/v1/view_pb.ts";
+import { notify } from "./notices.ts";
+import { PATIENCE_MS, diagnostics, failureOf, messageOf, scenes, views } from "./rpc.ts";
+
+/** Asteroids of a field are placed before the answer. */
+const CHANGE_PATIENCE_MS = 120_000;
+
+/** How the scene came to be another one. */
+export interface SceneChange {
+  /** The revision before a change that the page itself has made: forms that were filled from it are right for the next one. */
+  ownFrom: bigint | undefined;
+  /** Whether a form's change was refused for its revision. */
+  conflict: boolean;
+  /** Whether all is read anew, as after a start of the daemon. */
+  anew: boolean;
+}
+
+const READ: SceneChange = { ownFrom: undefined, conflict: false, anew: false };
+
+export class Model extends EventTarget {
+  #scene: Scene | undefined;
+  #views: View[] = [];
+  #info: Info | undefined;
+  #reading: Promise<void> | undefined;
+
+  get scene(): Scene | undefined {
+    return this.#scene;
+  }
+
+  get views(): View[] {
+    return this.#views;
+  }
+
+  get info(): Info | undefined {
+    return this.#info;
+  }
+
+  /** Reads everything. */
+  async load(signal: AbortSignal): Promise<void> {
+    const options = { signal, timeoutMs: PATIENCE_MS };
+    const [scene, list, info] = await Promise.all([
+      scenes.getScene({}, options),
+      views.listViews({}, options),
+      diagnostics.getInfo({}, options),
+    ]);
+    this.#info = info;
+    this.#take(scene, list.views, { ...READ, anew: true });
+  }
+
+  #take(scene: Scene, list: View[], change: SceneChange): void {
+    this.#scene = scene;
+    this.#views = list;
+    this.dispatchEvent(new CustomEvent<SceneChange>("change", { detail: change }));
+  }
+
+  /** A frame shows a scene: if it is newer than the one that is known, somebody has changed it. */
+  observe(frame: Frame): void {
+    if (this.#scene && !this.#reading && frame.sceneRevision > this.#scene.revision) void this.refresh();
+  }
+
+  /** Reads scene and views anew. Errors are those of a daemon that is gone, which the session tells of, or are told. */
+  async refresh(change: SceneChange = READ): Promise<void> {
+    while (this.#reading) await this.#reading;
+    this.#reading = this.#read(change);
+    await this.#reading;
+  }
+
+  async #read(change: SceneChange): Promise<void> {
+    try {
+      const options = { timeoutMs: PATIENCE_MS };
+      const [scene, list] = await Promise.all([scenes.getScene({}, options), views.listViews({}, options)]);
+      this.#take(scene, list.views, change);
+    } catch (error) {
+      if (failureOf(error) === "refused") notify(`Scene: ${messageOf(error)}`, "error");
+    } finally {
+      this.#reading = undefined;
+    }
+  }
+
+  /** Changes the fields that the paths name; false if it was refused, which has been told then. */
+  async changeScene(scene: MessageInitShape<typeof SceneSchema>, paths: string[], revision: bigint): Promise<boolean> {
+    const request = { scene, updateMask: { paths }, expectedRevision: revision };
+    return this.#change("Scene", revision, async () => {
+      const changed = await scenes.updateScene(request, { timeoutMs: CHANGE_PATIENCE_MS });
+      return changed.revision;
+    });
+  }
+
+  /** The same of a view. */
+  async changeView(view: MessageInitShape<typeof ViewSchema>, paths: string[], revision: bigint): Promise<boolean> {
+    const request = { view, updateMask: { paths }, expectedRevision: revision };
+    return this.#change(`View ${view.name}`, revision, async () => {
+      const changed = await views.updateView(request, { timeoutMs: CHANGE_PATIENCE_MS });
+      return changed.revision;
+    });
+  }
+
+  async #change(what: string, from: bigint, change: () => Promise<bigint>): Promise<boolean> {
+    try {
+      const to = await change();
+      await this.refresh(to === from + 1n ? { ...READ, ownFrom: from } : READ);
+      return true;
+    } catch (error) {
+      switch (failureOf(error)) {
+        case "conflict":
+          notify(
+            `${what}: another client has changed the scene meanwhile. Your change was not made; the form shows the scene as it is now.`,
+            "warning",
+          );
+          await this.refresh({ ...READ, conflict: true });
+          break;
+        case "unreachable":
+          notify(`${what}: the daemon has not answered; whether the change was made is not known.`, "error");
+          break;
+        default:
+          notify(`${what}: ${messageOf(error)}`, "error");
+      }
+      return false;
+    }
+  }
+}
+
+/**
+ * The revision that a form was filled from, and whether somebody has typed into it since. A form that was typed into is not filled anew when the scene
+ * changes: its change is refused then, and told.
+ */
+export class FormState {
+  revision = 0n;
+  dirty = false;
+
+  /** Whether the form is to be filled now. */
+  follows(scene: Scene, { ownFrom, conflict, anew }: SceneChange): boolean {
+    if (this.dirty && !conflict && !anew) {
+      if (ownFrom === this.revision) this.revision += 1n;
+      return false;
+    }
+    if (this.dirty && anew) notify("A form that was typed into shows what the daemon has now.", "warning");
+    this.revision = scene.revision;
+    this.dirty = false;
+    return true;
+  }
+
+  /** Marks the form as typed into. */
+  watch(form: HTMLElement): void {
+    form.addEventListener("input", () => {
+      this.dirty = true;
+    });
+  }
+}

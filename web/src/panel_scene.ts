@@ -1,0 +1,177 @@
+// Stars, time and grids of the scene; bodies have a panel of their own.
+
+import { timestampFromMs } from "@bufbuild/protobuf/wkt";
+
+import { milliseconds } from "./clock.ts";
+import { field, make, numberInput, numberOf, plain } from "./dom.ts";
+import { FormState, type Model, type SceneChange } from "./model.ts";
+import { notify } from "./notices.ts";
+
+const GRIDS = [
+  ["equatorial", "Equatorial"],
+  ["galactic", "Galactic"],
+  ["altitude", "Altitude and azimuth of the camera"],
+] as const;
+
+/** Steps of the time shown, s. */
+const STEPS = [
+  [-86_400, "−1 day"],
+  [-3600, "−1 h"],
+  [3600, "+1 h"],
+  [86_400, "+1 day"],
+] as const;
+
+/** A time in an input of type text: ISO 8601, UTC, without fractions of zero. */
+const iso = (ms: number): string => new Date(ms).toISOString().replace(".000Z", "Z");
+
+export function scenePanel(host: HTMLElement, model: Model): void {
+  stars(host, model);
+  time(host, model);
+  grids(host, model);
+  fields(host, model);
+}
+
+/** Tells the form's function when it is to be filled. */
+function follow(model: Model, state: FormState, fill: () => void): void {
+  model.addEventListener("change", (event) => {
+    if (model.scene && state.follows(model.scene, (event as CustomEvent<SceneChange>).detail)) fill();
+  });
+}
+
+function stars(host: HTMLElement, model: Model): void {
+  const state = new FormState();
+  const method = make("input", { name: "method", type: "text", spellcheck: "false", autocapitalize: "off", required: true });
+  const limit = numberInput("magnitude_limit");
+  const impostor = make("input", { name: "impostor", type: "text", spellcheck: "false", autocapitalize: "off", required: true });
+  const quality = numberInput("quality");
+  const catalogues = make("p", { class: "hint" });
+  const form = make(
+    "form",
+    {},
+    make("h3", { text: "Stars" }),
+    catalogues,
+    field("Method", method),
+    field("Magnitude limit", limit, "mag"),
+    make("h3", { text: "Asteroids" }),
+    field("Impostors", impostor),
+    field("Level of detail", quality, "factor"),
+    make("div", { class: "buttons" }, make("button", { type: "submit", text: "Apply" })),
+    make("p", { class: "hint", text: "A name that there is not is refused with the list of those that there are." }),
+  );
+  host.append(form);
+  state.watch(form);
+  const fill = () => {
+    const scene = model.scene;
+    method.value = scene?.stars?.method ?? "";
+    limit.value = plain(scene?.stars?.magnitudeLimit ?? 0);
+    impostor.value = scene?.asteroids?.impostor ?? "";
+    quality.value = plain(scene?.asteroids?.quality ?? 0);
+    const sum = scene?.catalogues.map(({ name, stars: count }) => `${name}: ${count.toLocaleString("en")} stars`);
+    catalogues.textContent = sum?.join("; ") || "No catalogue.";
+  };
+  follow(model, state, fill);
+  form.addEventListener("submit", async (event) => {
+    event.preventDefault();
+    const scene = model.scene;
+    if (!scene) return;
+    try {
+      const changed = {
+        stars: { method: method.value.trim(), magnitudeLimit: numberOf(limit) ?? 0 },
+        asteroids: { impostor: impostor.value.trim(), quality: numberOf(quality) ?? 0 },
+      };
+      const paths: string[] = [];
+      if (changed.stars.method !== scene.stars?.method) paths.push("stars.method");
+      if (changed.stars.magnitudeLimit !== scene.stars?.magnitudeLimit) paths.push("stars.magnitude_limit");
+      if (changed.asteroids.impostor !== scene.asteroids?.impostor) paths.push("asteroids.impostor");
+      if (changed.asteroids.quality !== scene.asteroids?.quality) paths.push("asteroids.quality");
+      if (paths.length === 0) return notify("Nothing is changed.");
+      if (!(await model.changeScene(changed, paths, state.revision))) return;
+      state.dirty = false;
+      if (model.scene) state.revision = model.scene.revision;
+      fill();
+      notify("Stars and asteroids are set.");
+    } catch (error) {
+      notify(String(error), "error");
+    }
+  });
+}
+
+function time(host: HTMLElement, model: Model): void {
+  const state = new FormState();
+  const input = make("input", { name: "time", type: "text", spellcheck: "false", required: true });
+  const form = make("form", {}, make("h3", { text: "Time" }), field("Time shown", input, "UTC, ISO 8601"));
+  host.append(form);
+  state.watch(form);
+  const fill = () => {
+    const shown = model.scene?.time;
+    input.value = shown ? iso(milliseconds(shown)) : "";
+  };
+  follow(model, state, fill);
+  const set = async (ms: number) => {
+    if (!Number.isFinite(ms)) return notify(`time = ${input.value}: a time such as 2026-01-01T00:00:00Z is needed`, "error");
+    if (!(await model.changeScene({ time: timestampFromMs(ms) }, ["time"], state.revision))) return;
+    state.dirty = false;
+    if (model.scene) state.revision = model.scene.revision;
+    fill();
+  };
+  const step = (seconds: number) => set((model.scene?.time ? milliseconds(model.scene.time) : Date.now()) + 1000 * seconds);
+  form.append(
+    make(
+      "div",
+      { class: "buttons" },
+      make("button", { type: "submit", text: "Apply" }),
+      make("button", { type: "button", text: "Now", onclick: () => void set(Math.floor(Date.now() / 1000) * 1000) }),
+      ...STEPS.map(([seconds, text]) => make("button", { type: "button", text, onclick: () => void step(seconds) })),
+    ),
+  );
+  form.addEventListener("submit", (event) => {
+    event.preventDefault();
+    const text = input.value.trim();
+    // Without a zone it would be the browser's own.
+    void set(Date.parse(/(Z|[+-]\d\d:?\d\d)$/i.test(text) ? text : `${text}Z`));
+  });
+}
+
+function grids(host: HTMLElement, model: Model): void {
+  const set = make("fieldset", {}, make("legend", { text: "Grids over the pictures" }));
+  host.append(set);
+  const boxes = GRIDS.map(([kind, label]) => {
+    const box = make("input", { type: "checkbox", name: `grid-${kind}`, id: `grid-${kind}` });
+    box.addEventListener("change", async () => {
+      const scene = model.scene;
+      if (!scene) return;
+      const others = scene.overlay?.grids.filter((grid) => grid.kind !== kind) ?? [];
+      const wanted = box.checked ? [...others, { kind }] : others;
+      await model.changeScene({ overlay: { grids: wanted } }, ["overlay.grids"], scene.revision);
+      fill();
+    });
+    set.append(make("div", { class: "check" }, box, make("label", { for: box.id, text: label })));
+    return [kind, box] as const;
+  });
+  const fill = () => {
+    for (const [kind, box] of boxes) box.checked = model.scene?.overlay?.grids.some((grid) => grid.kind === kind) ?? false;
+  };
+  model.addEventListener("change", fill);
+}
+
+function fields(host: HTMLElement, model: Model): void {
+  const list = make("ul", { class: "plain" });
+  const section = make("section", {}, make("h3", { text: "Asteroid fields" }), list);
+  host.append(section);
+  model.addEventListener("change", () => {
+    const all = model.scene?.asteroidFields ?? [];
+    const revision = model.scene?.revision ?? 0n;
+    list.replaceChildren(
+      ...all.map(({ name, instances }) => {
+        const remove = make("button", {
+          type: "button",
+          text: "Remove",
+          "aria-label": `Remove the field ${name}`,
+          onclick: () => void model.changeScene({}, [`asteroid_fields.${name}`], revision),
+        });
+        return make("li", {}, make("span", { text: `${name}: ${instances.toLocaleString("en")}` }), remove);
+      }),
+    );
+    if (all.length === 0) list.append(make("li", { class: "hint", text: "None." }));
+  });
+}

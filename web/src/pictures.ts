@@ -1,0 +1,297 @@
+// The pictures. The page asks for the next frames of all views in one call, since browsers open six connections to a host at most, and asks again when
+// they are there: so no picture waits in a buffer. While frames are decoded the next ones are under way, and not more.
+
+import { Encoding, type Frame, type View, type ViewImage } from "../gen/steradian/v1/view_pb.ts";
+import type { Ages } from "./ages.ts";
+import { now } from "./clock.ts";
+import { make } from "./dom.ts";
+import { type Wanted, nextFrames } from "./frames.ts";
+import { type Flight, attach } from "./look.ts";
+import { notify } from "./notices.ts";
+import { isExact } from "./projection.ts";
+import { failureOf, messageOf, pause } from "./rpc.ts";
+import type { Steering } from "./steering.ts";
+
+/** What one call may name. */
+const MOST_VIEWS = 16;
+/** Frames that the rate is counted of. */
+const RATE_OF = 20;
+/** After a frame that was refused, as when a headset is not there. */
+const REST_MS = 1000;
+
+const TYPES: ReadonlyMap<Encoding, string> = new Map([
+  [Encoding.JPEG, "image/jpeg"],
+  [Encoding.PNG, "image/png"],
+]);
+
+/** One view on the page. */
+class Picture {
+  readonly figure = make("figure");
+  #images = make("div", { class: "images" });
+  #caption = make("figcaption");
+  #canvases = new Map<string, HTMLCanvasElement>();
+  #times: number[] = [];
+  #gone = new AbortController();
+  seen = 0n;
+
+  constructor(
+    public view: View,
+    private readonly steering: Steering,
+    private readonly flight: Flight,
+  ) {
+    this.figure.dataset["view"] = view.name;
+    this.figure.append(this.#images, this.#caption);
+    this.change(view);
+    this.fail(view.images.length > 0 ? "waiting for a picture" : "not connected");
+  }
+
+  /** The view has other images now, as a headset that has connected, or other settings. */
+  change(view: View): void {
+    this.view = view;
+    this.#images.dataset["type"] = view.type;
+    this.#images.dataset["count"] = String(view.images.length);
+    for (const image of view.images) this.#canvas(image.part, image);
+    for (const [part, canvas] of this.#canvases) {
+      if (view.images.some((image) => image.part === part)) continue;
+      canvas.remove();
+      this.#canvases.delete(part);
+    }
+  }
+
+  #image(part: string): ViewImage | undefined {
+    return this.view.images.find((image) => image.part === part);
+  }
+
+  #canvas(part: string, size: { width: number; height: number }): HTMLCanvasElement {
+    const there = this.#canvases.get(part);
+    if (there) return there;
+    const { name } = this.view;
+    const canvas = make("canvas", {
+      width: size.width,
+      height: size.height,
+      tabindex: 0,
+      role: "application",
+      "aria-label": `View ${name}${part && `, ${part}`}: drag or arrow keys to look, W A S D Q E to fly, Z X to roll`,
+      "data-part": part,
+    });
+    canvas.style.setProperty("--aspect", String(size.width / size.height));
+    attach(canvas, () => this.#image(part), this.steering, this.flight, this.#gone.signal);
+    this.#canvases.set(part, canvas);
+    this.#images.append(canvas);
+    return canvas;
+  }
+
+  /**
+   * Longest side that is worth asking for, or 0 for all. The daemon reduces pictures by whole numbers: this asks for the strongest reduction that has
+   * still as many pixels as the screen shows.
+   */
+  maxSize(): number {
+    let least = Infinity;
+    let longest = 0;
+    for (const [part, canvas] of this.#canvases) {
+      const image = this.#image(part);
+      if (!image || canvas.clientWidth === 0) continue;
+      least = Math.min(least, Math.floor(image.width / (canvas.clientWidth * devicePixelRatio)));
+      longest = Math.max(longest, image.width, image.height);
+    }
+    return Number.isFinite(least) && least > 1 ? Math.ceil(longest / least) : 0;
+  }
+
+  /** Decodes and draws a frame. */
+  async show(frame: Frame): Promise<void> {
+    const bitmaps = await Promise.all(
+      frame.images.map((image) => {
+        const type = TYPES.get(image.encoding);
+        if (!type) throw new Error(`a picture in encoding ${image.encoding}, which was not asked for`);
+        return createImageBitmap(new Blob([image.data as Uint8Array<ArrayBuffer>], { type }));
+      }),
+    );
+    frame.images.forEach((image, index) => {
+      const bitmap = bitmaps[index];
+      if (!bitmap) return;
+      const canvas = this.#canvas(image.part, image);
+      if (canvas.width !== bitmap.width || canvas.height !== bitmap.height) {
+        [canvas.width, canvas.height] = [bitmap.width, bitmap.height];
+      }
+      canvas.getContext("2d", { alpha: false })?.drawImage(bitmap, 0, 0);
+      bitmap.close();
+    });
+    this.figure.dataset["frame"] = String(frame.frameNumber);
+    this.figure.dataset["camera"] = String(frame.cameraRevision);
+    this.#times.push(now());
+    if (this.#times.length > RATE_OF) this.#times.shift();
+    this.#tell(frame);
+  }
+
+  #tell(frame: Frame): void {
+    const first = frame.images[0];
+    const [from, to] = [this.#times[0], this.#times.at(-1)];
+    const parts = [this.view.name];
+    if (first) parts.push(`${first.width} × ${first.height}`);
+    parts.push(`EV100 ${frame.exposureEv100.toFixed(1)}`);
+    if (frame.limitingMagnitude !== undefined) parts.push(`stars to ${frame.limitingMagnitude.toFixed(1)} mag`);
+    if (from !== undefined && to !== undefined && to > from) {
+      parts.push(`${((1000 * (this.#times.length - 1)) / (to - from)).toFixed(1)} frames/s`);
+    }
+    if (frame.qualityLevel > 0) parts.push(`gives up: ${frame.givenUp.join(", ") || `level ${frame.qualityLevel}`}`);
+    if (!this.view.images.every(isExact)) parts.push("drags are approximate");
+    this.#caption.textContent = parts.join(" · ");
+  }
+
+  /** It is not shown any more. */
+  close(): void {
+    this.#gone.abort();
+  }
+
+  /** A frame cannot be had. */
+  fail(message: string): void {
+    this.#caption.textContent = `${this.view.name} · ${message}`;
+  }
+}
+
+export class Pictures extends EventTarget {
+  #pictures = new Map<string, Picture>();
+  #encoding = Encoding.JPEG;
+  // Ends the call that is under way when something else is wanted.
+  #changed = new AbortController();
+  #resized = new ResizeObserver(() => this.#remeasure());
+  #sizes = "";
+
+  constructor(
+    private readonly host: HTMLElement,
+    private readonly steering: Steering,
+    private readonly flight: Flight,
+    private readonly ages: Ages,
+  ) {
+    super();
+    this.#resized.observe(host);
+    document.addEventListener("visibilitychange", () => this.#change());
+  }
+
+  get selected(): string[] {
+    return [...this.#pictures.keys()];
+  }
+
+  get encoding(): Encoding {
+    return this.#encoding;
+  }
+
+  set encoding(encoding: Encoding) {
+    this.#encoding = encoding;
+    this.#anew();
+  }
+
+  /** Shows these views, in this order; the event `select` tells that they are others. */
+  select(shown: View[]): void {
+    const kept = new Map<string, Picture>();
+    for (const view of shown.slice(0, MOST_VIEWS)) {
+      const picture = this.#pictures.get(view.name) ?? new Picture(view, this.steering, this.flight);
+      picture.change(view);
+      kept.set(view.name, picture);
+    }
+    const change = [...kept.keys()].join() !== this.selected.join();
+    for (const [name, picture] of this.#pictures) {
+      if (kept.has(name)) continue;
+      picture.close();
+      this.ages.forget(name);
+    }
+    this.#pictures = kept;
+    if (!change) return;
+    this.host.replaceChildren(...[...kept.values()].map((picture) => picture.figure));
+    this.host.dataset["count"] = String(kept.size);
+    this.dispatchEvent(new Event("select"));
+    this.#change();
+  }
+
+  /** Frame numbers begin anew, as after a start of the daemon. */
+  #anew(): void {
+    for (const picture of this.#pictures.values()) picture.seen = 0n;
+    this.#change();
+  }
+
+  #change(): void {
+    const before = this.#changed;
+    this.#changed = new AbortController();
+    before.abort();
+  }
+
+  // Other pixels are worth asking for: those on the screen stay until they come.
+  #remeasure(): void {
+    const sizes = [...this.#pictures.values()].map((picture) => picture.maxSize()).join();
+    if (sizes === this.#sizes) return;
+    this.#sizes = sizes;
+    this.#anew();
+  }
+
+  #wanted(): Wanted[] {
+    // A headset that is not connected has no images, and no frames.
+    const drawn = [...this.#pictures.values()].filter((picture) => picture.view.images.length > 0);
+    return drawn.map((picture) => ({
+      view: picture.view.name,
+      encoding: this.#encoding,
+      afterFrameNumber: picture.seen,
+      maxSize: picture.maxSize(),
+    }));
+  }
+
+  /** Brings pictures until the signal or an error that ends the session. */
+  async run(session: AbortSignal): Promise<void> {
+    this.#anew();
+    let drawing = Promise.resolve();
+    while (!session.aborted) {
+      const signal = AbortSignal.any([session, this.#changed.signal]);
+      const wanted = this.#wanted();
+      // Nobody sees a page in the background: it costs the daemon nothing.
+      if (wanted.length === 0 || document.hidden) {
+        await pause(60_000, signal);
+        continue;
+      }
+      try {
+        const frames = await nextFrames(wanted, signal);
+        const at = now();
+        for (const frame of frames) {
+          this.ages.arrived(frame, at);
+          const picture = this.#pictures.get(frame.view);
+          if (picture) picture.seen = frame.frameNumber;
+        }
+        await drawing;
+        drawing = this.#draw(frames);
+      } catch (error) {
+        switch (failureOf(error)) {
+          case "ended":
+            continue;
+          case "unreachable":
+            if (session.aborted) return;
+            throw error;
+          default:
+            await this.#refused(wanted, error, signal);
+        }
+      }
+    }
+  }
+
+  async #draw(frames: Frame[]): Promise<void> {
+    await Promise.all(
+      frames.map(async (frame) => {
+        const picture = this.#pictures.get(frame.view);
+        if (!picture) return;
+        try {
+          await picture.show(frame);
+          this.ages.shown(frame);
+          this.dispatchEvent(new CustomEvent("frame", { detail: frame }));
+        } catch (error) {
+          picture.fail(`the picture cannot be decoded: ${error}`);
+        }
+      }),
+    );
+  }
+
+  // The daemon lives and has a reason: the views may have changed, so they are read anew.
+  async #refused(wanted: Wanted[], error: unknown, signal: AbortSignal): Promise<void> {
+    const message = messageOf(error);
+    for (const { view } of wanted) this.#pictures.get(view)?.fail(message);
+    notify(`Pictures: ${message}`, "error");
+    this.dispatchEvent(new Event("refused"));
+    await pause(REST_MS, signal);
+  }
+}
