@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# Makes sure that this machine can build and run Steradian: a Rust toolchain, a linker, a Vulkan driver.
+# Makes sure that this machine can build and run Steradian: a Rust toolchain, a linker, a Vulkan driver; with STERADIAN_REQUIRE_PAGE=1 also
+# what the tests of the page need.
 # Changes nothing where everything is there. Exit code 69: something is missing that the script cannot install.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
@@ -37,3 +38,7 @@ check_linker() {
 check_cargo
 check_linker
 scripts/ensure-vulkan.sh
+# Most machines need no browser: the tests of the page are shown as ignored there.
+if [[ -n ${STERADIAN_REQUIRE_PAGE-} && $STERADIAN_REQUIRE_PAGE != 0 ]]; then
+    scripts/ensure-page.sh npm browser
+fi

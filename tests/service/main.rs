@@ -10,6 +10,7 @@ mod hostile;
 mod lifecycle;
 mod objects;
 mod overlay;
+mod page;
 mod protocol;
 mod pull;
 mod quality;

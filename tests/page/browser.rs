@@ -1,0 +1,214 @@
+//! Chromium, driven through chromedriver.
+
+use std::{
+    io::{BufRead, BufReader, Read, Write},
+    net::TcpStream,
+    process::{Child, Command, Stdio},
+    time::{Duration, Instant},
+};
+
+use fantoccini::{
+    Client, ClientBuilder, Locator,
+    actions::{InputSource, MOUSE_BUTTON_LEFT, MouseActions, PointerAction, TouchActions},
+    elements::Element,
+};
+use hyper_util::client::legacy::connect::HttpConnector;
+use serde::de::DeserializeOwned;
+use serde_json::{Value, json};
+
+use crate::daemon::Daemon;
+
+/// Far longer than anything takes: a test that waits in vain fails instead of hanging.
+const PATIENCE: Duration = Duration::from_secs(90);
+/// Between two looks at something that is waited for.
+const POLL: Duration = Duration::from_millis(50);
+/// Moves of a drag.
+const STEPS: i32 = 12;
+
+/// What the page is looked at with.
+#[derive(Clone, Copy)]
+pub enum Screen {
+    Desk,
+    Phone,
+}
+
+/// A browser with the page of a daemon; closed when it is dropped.
+pub struct Browser {
+    driver: Child,
+    /// chromedriver's own address, and the path of the session there.
+    address: String,
+    session: String,
+    pub client: Client,
+}
+
+impl Drop for Browser {
+    fn drop(&mut self) {
+        // Ends Chromium as well, whose processes would outlive the driver's.
+        let _ = self.request("DELETE", "", "");
+        let _ = self.driver.kill();
+        let _ = self.driver.wait();
+    }
+}
+
+/// Runs a test with a browser that shows the page of a daemon of its own, and then looks for errors in the browser's log. The error says that there is
+/// no browser.
+pub fn with_page<F: AsyncFnOnce(&Browser, &mut Daemon)>(screen: Screen, test: F) -> Result<(), String> {
+    for program in ["chromedriver", "chromium"] {
+        let there = Command::new(program).arg("--version").stdout(Stdio::null()).stderr(Stdio::null()).status();
+        if !there.is_ok_and(|status| status.success()) {
+            return Err(format!("{program} cannot be run: scripts/ensure-page.sh installs it"));
+        }
+    }
+    let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build().unwrap();
+    runtime.block_on(async {
+        let mut daemon = Daemon::start();
+        let browser = Browser::open(screen).await;
+        browser.client.goto(&daemon.url()).await.unwrap();
+        test(&browser, &mut daemon).await;
+        let errors = browser.errors();
+        assert!(errors.is_empty(), "the browser's log has errors: {errors:#?}");
+    });
+    Ok(())
+}
+
+impl Browser {
+    async fn open(screen: Screen) -> Self {
+        let mut driver = Command::new("chromedriver").arg("--port=0").stdout(Stdio::piped()).spawn().unwrap();
+        let lines = BufReader::new(driver.stdout.take().unwrap()).lines();
+        let port = lines.map(Result::unwrap).find_map(|line| {
+            let after = line.strip_prefix("ChromeDriver was started successfully on port ")?;
+            Some(after.trim_end_matches('.').to_owned())
+        });
+        let address = format!("127.0.0.1:{}", port.expect("chromedriver tells its port"));
+        let mut options = json!({
+            "args": ["--headless=new", "--disable-gpu", "--no-sandbox", "--window-size=1280,900"],
+        });
+        if let Screen::Phone = screen {
+            let metrics = json!({ "width": 390, "height": 844, "pixelRatio": 2, "touch": true });
+            options["mobileEmulation"] = json!({ "deviceMetrics": metrics });
+        }
+        let capabilities = json!({ "goog:chromeOptions": options, "goog:loggingPrefs": { "browser": "ALL" } });
+        let mut builder = ClientBuilder::new(HttpConnector::new());
+        builder.capabilities(serde_json::from_value(capabilities).unwrap());
+        let client = builder.connect(&format!("http://{address}")).await.unwrap();
+        let session = client.session_id().await.unwrap().expect("a session has a number");
+        Self { driver, address, session: format!("/session/{session}"), client }
+    }
+
+    /// A command to chromedriver that is not of the WebDriver standard.
+    fn request(&self, method: &str, path: &str, body: &str) -> std::io::Result<String> {
+        let mut socket = TcpStream::connect(&self.address)?;
+        let (session, length) = (&self.session, body.len());
+        write!(
+            socket,
+            "{method} {session}{path} HTTP/1.1\r\nhost: {}\r\ncontent-type: application/json\r\ncontent-length: {length}\r\n\
+             connection: close\r\n\r\n{body}",
+            self.address
+        )?;
+        // The driver keeps the connection: the answer ends where its length says.
+        socket.set_read_timeout(Some(PATIENCE))?;
+        let mut answer = BufReader::new(socket);
+        let (mut line, mut length) = (String::new(), 0);
+        while answer.read_line(&mut line)? > 2 {
+            if let Some(value) = line.to_ascii_lowercase().strip_prefix("content-length:") {
+                length = value.trim().parse().map_err(std::io::Error::other)?;
+            }
+            line.clear();
+        }
+        let mut body = vec![0; length];
+        answer.read_exact(&mut body)?;
+        String::from_utf8(body).map_err(std::io::Error::other)
+    }
+
+    /// Errors in the browser's log since it was asked last.
+    pub fn errors(&self) -> Vec<String> {
+        let answer = self.request("POST", "/se/log", r#"{"type": "browser"}"#).unwrap();
+        let answer: Value = serde_json::from_str(&answer).unwrap_or_else(|error| panic!("{error}: {answer}"));
+        let entries = answer["value"].as_array().unwrap_or_else(|| panic!("{answer}"));
+        let errors = entries.iter().filter(|entry| entry["level"] == "SEVERE");
+        errors.map(|entry| entry["message"].to_string()).collect()
+    }
+
+    /// What a script returns.
+    pub async fn run<T: DeserializeOwned>(&self, script: &str) -> T {
+        let value = self.client.execute(script, Vec::new()).await.unwrap_or_else(|error| panic!("{script}: {error}"));
+        serde_json::from_value(value.clone()).unwrap_or_else(|error| panic!("{script} gives {value}: {error}"))
+    }
+
+    /// Waits until an expression is true.
+    pub async fn until(&self, expression: &str) {
+        let deadline = Instant::now() + PATIENCE;
+        while !self.run::<bool>(&format!("return Boolean({expression})")).await {
+            assert!(Instant::now() < deadline, "never true: {expression}\n{}", self.page().await);
+            tokio::time::sleep(POLL).await;
+        }
+    }
+
+    /// The page as text, for messages.
+    async fn page(&self) -> String {
+        self.run("return document.body.innerText").await
+    }
+
+    pub async fn find(&self, selector: &str) -> Element {
+        self.client.find(Locator::Css(selector)).await.unwrap_or_else(|error| panic!("{selector}: {error}"))
+    }
+
+    pub async fn click(&self, selector: &str) {
+        self.find(selector).await.click().await.unwrap_or_else(|error| panic!("{selector}: {error}"));
+    }
+
+    /// Replaces what an input holds.
+    pub async fn fill(&self, selector: &str, text: &str) {
+        let input = self.find(selector).await;
+        input.clear().await.unwrap();
+        input.send_keys(text).await.unwrap();
+    }
+
+    /// Types into whatever has the focus.
+    pub async fn press(&self, keys: &str) {
+        self.client.active_element().await.unwrap().send_keys(keys).await.unwrap();
+    }
+
+    /// Drags from one point of the window to another, by mouse or finger.
+    pub async fn drag(&self, screen: Screen, from: [f64; 2], to: [f64; 2]) {
+        let mut moves = vec![PointerAction::MoveTo { duration: None, x: from[0], y: from[1] }];
+        moves.push(PointerAction::Down { button: MOUSE_BUTTON_LEFT });
+        for step in 1..=STEPS {
+            let share = f64::from(step) / f64::from(STEPS);
+            let [x, y] = [0, 1].map(|i| from[i] + share * (to[i] - from[i]));
+            moves.push(PointerAction::MoveTo { duration: Some(Duration::from_millis(20)), x, y });
+        }
+        moves.push(PointerAction::Up { button: MOUSE_BUTTON_LEFT });
+        let result = match screen {
+            Screen::Desk => {
+                let mouse = moves.into_iter().fold(MouseActions::new("mouse".to_owned()), InputSource::then);
+                self.client.perform_actions(mouse).await
+            }
+            Screen::Phone => {
+                let finger = moves.into_iter().fold(TouchActions::new("finger".to_owned()), InputSource::then);
+                self.client.perform_actions(finger).await
+            }
+        };
+        result.unwrap();
+    }
+
+    /// The brightest pixel of a canvas within `radius` of a point of it, or of all of it: where in the window its centre is, and its codes added up.
+    pub async fn brightest(&self, canvas: &str, near: Option<([f64; 2], f64)>) -> ([f64; 2], u32) {
+        let script = format!(
+            "const canvas = document.querySelector({canvas:?}), near = {};
+             const {{ width, height }} = canvas, box = canvas.getBoundingClientRect();
+             const pixels = canvas.getContext('2d').getImageData(0, 0, width, height).data;
+             let best = [0, 0, -1];
+             for (let y = 0; y < height; y++) for (let x = 0; x < width; x++) {{
+               const i = 4 * (y * width + x), sum = pixels[i] + pixels[i + 1] + pixels[i + 2];
+               if (sum <= best[2]) continue;
+               const at = [box.left + (x + 0.5) / width * box.width, box.top + (y + 0.5) / height * box.height];
+               if (near && Math.hypot(at[0] - near[0][0], at[1] - near[0][1]) > near[1]) continue;
+               best = [...at, sum];
+             }}
+             return [[best[0], best[1]], best[2]]",
+            json!(near)
+        );
+        self.run(&script).await
+    }
+}

@@ -1,0 +1,140 @@
+//! Pictures: what is shown, and how drags and fingers turn it.
+
+use crate::{
+    Test,
+    browser::{Browser, Screen, with_page},
+};
+
+pub const TESTS: &[Test] = &[
+    ("pictures::a_dragged_star_stays_under_the_pointer_in_every_view", a_dragged_star_stays_under_the_pointer),
+    ("pictures::several_views_are_shown_at_once_and_the_address_keeps_them", several_views_at_once),
+    ("pictures::a_phone_shows_them_and_a_finger_turns_them", a_phone_and_a_finger),
+    ("pictures::their_age_is_told", their_age_is_told),
+];
+
+/// How far from the pointer a dragged star may be, CSS pixels: a pixel of the picture, and the pointer's own rounding.
+const REACH_PX: f64 = 3.5;
+
+/// Chooses one view alone, and waits for its picture.
+pub async fn choose(page: &Browser, view: &str) {
+    page.run::<Option<u8>>(&format!("location.hash = '#views={view}'")).await;
+    page.until(&format!("document.querySelectorAll('#pictures figure').length === 1 && {}", has_picture(view))).await;
+}
+
+/// Expression: the view has a picture.
+pub fn has_picture(view: &str) -> String {
+    format!("document.querySelector('[data-view={view}]')?.dataset.frame")
+}
+
+/// Expression: the picture shows the newest camera, and the page has sent all of its poses.
+async fn settle(page: &Browser, view: &str) {
+    let camera = format!("document.querySelector('[data-view={view}]').dataset.camera");
+    let mut before = String::new();
+    // The same after two further frames: nothing is under way any more.
+    for _ in 0..100 {
+        let frame = page.run::<String>(&format!("return {}", has_picture(view))).await;
+        page.until(&format!("{} - {frame} >= 2", has_picture(view))).await;
+        let now = page.run::<String>(&format!("return {camera}")).await;
+        if now == before {
+            return;
+        }
+        before = now;
+    }
+    panic!("{view}: the camera does not come to rest");
+}
+
+/// Drags the brightest star near a point of the canvas (fractions of its sides) and finds it where the pointer has let it go.
+async fn drag_a_star(page: &Browser, screen: Screen, view: &str, canvas: &str, by: [f64; 2]) {
+    settle(page, view).await;
+    let [x, y, width, height] = page
+        .run::<[f64; 4]>(&format!(
+            "const box = document.querySelector({canvas:?}).getBoundingClientRect();
+             return [box.left, box.top, box.width, box.height]"
+        ))
+        .await;
+    let middle = [x + width / 2.0, y + height / 2.0];
+    let (star, codes) = page.brightest(canvas, Some((middle, width.min(height) / 4.0))).await;
+    assert!(codes > 200, "{view}: there is no star, only codes of {codes} together");
+    let from = star.map(f64::round);
+    let to = [from[0] + (by[0] * width).round(), from[1] + (by[1] * height).round()];
+    let (_, before) = page.brightest(canvas, Some((to, REACH_PX))).await;
+    page.drag(screen, from, to).await;
+    settle(page, view).await;
+    let (found, after) = page.brightest(canvas, Some((to, 4.0 * REACH_PX))).await;
+    assert!(after > 100, "{view}: codes of {after} together where the star was dragged to, {before} before");
+    let off = (found[0] - to[0] - star[0] + from[0]).hypot(found[1] - to[1] - star[1] + from[1]);
+    assert!(off < REACH_PX, "{view}: the star is {off} px from the pointer");
+}
+
+fn a_dragged_star_stays_under_the_pointer() -> Result<(), String> {
+    with_page(Screen::Desk, async |page, _| {
+        for (view, part) in
+            [("window", ""), ("dome", ""), ("eyes", "left"), ("eyes", "right"), ("lens", ""), ("around", "")]
+        {
+            choose(page, view).await;
+            let canvas = format!("[data-view={view}] canvas[data-part='{part}']");
+            drag_a_star(page, Screen::Desk, view, &canvas, [0.11, -0.07]).await;
+        }
+    })
+}
+
+fn several_views_at_once() -> Result<(), String> {
+    with_page(Screen::Desk, async |page, daemon| {
+        page.until(&has_picture("window")).await;
+        page.click("#views label:nth-child(2)").await;
+        page.click("#views label:nth-child(5)").await;
+        for view in ["window", "dome", "around"] {
+            page.until(&has_picture(view)).await;
+            let (_, codes) = page.brightest(&format!("[data-view={view}] canvas"), None).await;
+            assert!(codes > 200, "{view} is black: {codes}");
+        }
+        // Where the screen shows fewer pixels, fewer come.
+        assert!(page.run::<u32>("return document.querySelector('[data-view=around] canvas').width").await < 1024);
+        assert_eq!(page.client.current_url().await.unwrap().fragment(), Some("views=window,dome,around"));
+        // PNG as well as JPEG.
+        let seen = page.run::<String>(&format!("return {}", has_picture("dome"))).await;
+        page.click("#encoding option[value=png]").await;
+        page.until(&format!("Number({}) > {seen}", has_picture("dome"))).await;
+        // Who opens this address sees these views.
+        page.client.refresh().await.unwrap();
+        page.until(&has_picture("around")).await;
+        assert_eq!(page.run::<u32>("return document.querySelectorAll('#pictures figure').length").await, 3);
+        page.click("#views label:nth-child(1)").await;
+        page.until("document.querySelectorAll('#pictures figure').length === 2").await;
+        let stats = daemon.client().await.info().await.unwrap();
+        assert!(stats.frames_rendered > 0);
+    })
+}
+
+fn a_phone_and_a_finger() -> Result<(), String> {
+    with_page(Screen::Phone, async |page, _| {
+        page.until(&has_picture("window")).await;
+        let [inner, scroll] = page.run::<[f64; 2]>("return [innerWidth, document.documentElement.scrollWidth]").await;
+        assert!((inner - 390.0).abs() < 0.5 && scroll <= inner, "{scroll} px wide on a screen of {inner}");
+        // Fingers need room: nothing that is pressed is lower than 32 px.
+        let low = "return [...document.querySelectorAll('button, select, .chip')].filter(e => e.offsetParent && e.getBoundingClientRect().height < 32)
+                   .map(e => e.textContent)";
+        assert_eq!(page.run::<Vec<String>>(low).await, [""; 0]);
+        drag_a_star(page, Screen::Phone, "window", "[data-view=window] canvas", [0.1, 0.08]).await;
+        for panel in ["exposure", "scene", "bodies", "statistics", "checks", "headset", "camera"] {
+            page.run::<Option<u8>>(&format!("document.getElementById('tab-{panel}').click()")).await;
+            let scroll = page.run::<f64>("return document.documentElement.scrollWidth").await;
+            assert!(scroll <= inner, "panel {panel} is {scroll} px wide on a screen of {inner}");
+        }
+    })
+}
+
+fn their_age_is_told() -> Result<(), String> {
+    with_page(Screen::Desk, async |page, _| {
+        page.until("document.getElementById('age').dataset.ms").await;
+        let told = page.run::<String>("return document.getElementById('age').textContent").await;
+        assert!(told.starts_with("picture ") && told.contains(" old"), "{told}");
+        let age_ms = page.run::<f64>("return Number(document.getElementById('age').dataset.ms)").await;
+        // Both clocks are this machine's. How old pictures are is no matter of a test, but an offset of minutes is.
+        assert!((-1000.0..60_000.0).contains(&age_ms), "{age_ms} ms");
+        drag_a_star(page, Screen::Desk, "window", "[data-view=window] canvas", [0.1, 0.0]).await;
+        page.until("document.getElementById('age').textContent.includes('camera to screen')").await;
+        page.click("#tab-statistics").await;
+        page.until("document.getElementById('panel-statistics').textContent.includes('Camera to screen, last')").await;
+    })
+}
