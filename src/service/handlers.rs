@@ -90,8 +90,7 @@ impl Service {
         headset: Option<Arc<Headset>>,
         rig: Arc<Rig>,
         (adapter, limits): (AdapterReport, Limits),
-        catalogues: Vec<SceneCatalogue>,
-        stars: u64,
+        (catalogues, stars): (Vec<SceneCatalogue>, u64),
         capacity: Capacity,
         (workshop, shares, state): (Workshop, Arc<Shares>, Option<StateFile>),
     ) -> Self {

@@ -54,11 +54,14 @@ type Images = Result<Vec<proto::Image>, String>;
 /// Encoded images of a frame, by view and form.
 #[derive(Debug, Default)]
 pub(super) struct EncodedImages {
-    images: Mutex<HashMap<(usize, Form), Arc<OnceCell<Images>>>>,
+    images: Mutex<HashMap<(usize, Form), EncodedOnce>>,
 }
 
+/// Encoded by the first who asks.
+type EncodedOnce = Arc<OnceCell<Images>>;
+
 impl EncodedImages {
-    fn of(&self, view: usize, form: Form) -> Arc<OnceCell<Images>> {
+    fn of(&self, view: usize, form: Form) -> EncodedOnce {
         let mut images = self.images.lock().unwrap_or_else(PoisonError::into_inner);
         Arc::clone(images.entry((view, form)).or_default())
     }

@@ -419,8 +419,7 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
         headset.clone(),
         rig,
         (info, limits),
-        catalogues,
-        stars,
+        (catalogues, stars),
         capacity,
         (workshop, Arc::clone(&shares), file),
     );

@@ -274,7 +274,7 @@ struct InFlight {
 /// What the thread does next.
 enum Work {
     /// A frame is begun.
-    Begin(Job),
+    Begin(Box<Job>),
     /// The oldest frame is waited for and handed out.
     Finish,
 }
@@ -318,7 +318,7 @@ impl Worker {
     fn run(mut self) -> Result<(), EngineError> {
         while let Some(work) = self.next_work() {
             match work {
-                Work::Begin(job) => self.begin(job)?,
+                Work::Begin(job) => self.begin(*job)?,
                 Work::Finish => self.finish()?,
             }
         }
@@ -504,7 +504,7 @@ impl Worker {
             let tasks = self.tasks(&mut state, now);
             let frame_due = tasks.due.is_some_and(|due| due <= now);
             if frame_due {
-                return Some(Work::Begin(self.take_job(&mut state, tasks, now)));
+                return Some(Work::Begin(Box::new(self.take_job(&mut state, tasks, now))));
             }
             if state.stop {
                 return None;
@@ -532,7 +532,7 @@ impl Worker {
             let now = Instant::now();
             let tasks = self.tasks(&mut state, now);
             if tasks.due.is_some_and(|due| due <= now) {
-                return Work::Begin(self.take_job(&mut state, tasks, now));
+                return Work::Begin(Box::new(self.take_job(&mut state, tasks, now)));
             }
             if now >= end {
                 return Work::Finish;

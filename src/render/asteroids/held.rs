@@ -49,8 +49,10 @@ pub(super) struct Held {
 pub(super) struct Spare {
     areas: Vec<(Arc<ShapeSet>, Vec<f32>)>,
     /// Of a method and a size.
-    atlases: Option<(ImpostorMethod, [u32; 2], Vec<(Arc<ShapeSet>, ImpostorAtlas)>)>,
+    atlases: Option<SpareAtlases>,
 }
+
+type SpareAtlases = (ImpostorMethod, [u32; 2], Vec<(Arc<ShapeSet>, ImpostorAtlas)>);
 
 /// Atlases of all sets, in their order, and what they are of.
 struct Atlases {
