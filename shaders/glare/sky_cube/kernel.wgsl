@@ -71,7 +71,6 @@ fn of_sprite(view: GlareView, sprite: GlareSprite, directions: Directions4) -> v
     let value = shown(view, squared, near_angle_squared(squared));
     let u = squared * sky.soft_inverse;
     let left = select(vec4(0.0), value - sky.soft.x - u * (sky.soft.y + u * sky.soft.z), share < vec4(1.0));
-    let inside = 1.0 - share;
-    let fade = mix(inside * inside * inside, 1.0 - share * share * (3.0 - 2.0 * share), vec4(sky.flatness));
+    let fade = 1.0 - share * share * (3.0 - 2.0 * share);
     return select(value * fade, left, sprite.whole != 0u);
 }

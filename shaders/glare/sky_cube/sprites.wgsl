@@ -62,11 +62,6 @@ struct SkyCubeParameters {
     columns: u32,
     rows: u32,
     tiles: u32,
-    // How sprites end: 0: (1 - u)^3, 1: 1 - u^2 (3 - 2 u) of their share of the square.
-    flatness: f32,
-    unused_0: u32,
-    unused_1: u32,
-    unused_2: u32,
 }
 
 fn square_grid(parameters: SkyCubeParameters) -> vec3<u32> {

@@ -61,32 +61,10 @@ impl SoftCore {
     }
 }
 
-/// How a source that is drawn by itself ends, over u = s / s_R from 0 to 1: (1 - u)^3, and the flatter 1 - u^2 (3 - 2 u) for kernels
-/// steeper than the inverse square, of whose light near the source too much would be left to what is drawn of many sources
-/// together.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Fade {
-    /// Share of the flatter form.
-    pub flatness: f64,
-}
-
-impl Fade {
-    /// The fade of a kernel, by its slope over s at one degree: -1 for the inverse square.
-    pub fn of(kernel: &dyn GlareKernel) -> Self {
-        const STEEP: f64 = 1.3;
-        const STEP: f64 = 1.1;
-        let squared = chord_squared(1.0_f64.to_radians());
-        let at = |s: f64| kernel.per_sr(angle_of_chord_squared(s));
-        let steepness = (at(squared / STEP) / at(squared * STEP)).ln() / (2.0 * STEP.ln());
-        let flatness = ((steepness - 1.0) / (STEEP - 1.0)).clamp(0.0, 1.0);
-        // A table may have no light there, and then no slope.
-        Self { flatness: if flatness.is_nan() { 1.0 } else { flatness } }
-    }
-
-    /// Its value.
-    pub fn at(&self, u: f64) -> f64 {
-        (1.0 - self.flatness) * (1.0 - u).powi(3) + self.flatness * (1.0 - u * u * (3.0 - 2.0 * u))
-    }
+/// How a source that is drawn by itself ends, over u = s / s_R from 0 to 1: so late that as little as possible of its light is left to what is
+/// drawn of many sources together.
+pub fn fade(u: f64) -> f64 {
+    1.0 - u * u * (3.0 - 2.0 * u)
 }
 
 /// Share of a bump (1 - s / s_b)^2 of height 1 within its radius, sr.
@@ -123,11 +101,11 @@ impl ShownCore {
         }
     }
 
-    /// Integral of the shown kernel times a fade within `squared`.
-    pub fn faded_share(&self, kernel: &dyn GlareKernel, fade: Fade, squared: f64) -> f64 {
+    /// Integral of the shown kernel times [`fade`] within `squared`.
+    pub fn faded_share(&self, kernel: &dyn GlareKernel, squared: f64) -> f64 {
         // Midpoints in the logarithm of s beyond the core, in s within it: the integrands are smooth there.
         const STEPS: u32 = 256;
-        let window = |s: f64| fade.at(s / squared);
+        let window = |s: f64| fade(s / squared);
         let core_end = self.core.squared.min(squared);
         let width = core_end / f64::from(STEPS);
         let midpoint = |i: u32| f64::from(i) + 0.5;
@@ -145,7 +123,7 @@ impl ShownCore {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::photometry::glare::{Cie, EyeColour, InverseSquareKernel, Normalised};
+    use crate::photometry::glare::InverseSquareKernel;
 
     #[test]
     fn the_soft_core_joins_the_kernel_and_its_share_is_its_integral() {
@@ -170,8 +148,7 @@ mod tests {
     #[test]
     fn what_is_shown_has_the_light_of_the_kernel() {
         let kernel = InverseSquareKernel::new(0.1_f64.to_radians());
-        for (pixel_deg, flatness) in [(0.02_f64, 0.0), (0.3, 0.3), (2.0, 1.0)] {
-            let fade = Fade { flatness };
+        for pixel_deg in [0.02_f64, 0.3, 2.0] {
             let shown = ShownCore::new(&kernel, pixel_deg.to_radians());
             assert!((shown.core.share() / kernel.share_within(pixel_deg.to_radians()) - 1.0).abs() < 1e-12);
             // A window so wide that it is 1 wherever there is light: the share within is that of the kernel, but for its tail.
@@ -179,12 +156,12 @@ mod tests {
             let steps = 2_000_000;
             let sum: f64 = (0..steps)
                 .map(|i| window * (f64::from(i) + 0.5) / f64::from(steps))
-                .map(|s| shown.per_sr(&kernel, s) * fade.at(s / window))
+                .map(|s| shown.per_sr(&kernel, s) * fade(s / window))
                 .sum::<f64>()
                 * PI
                 * window
                 / f64::from(steps);
-            let share = shown.faded_share(&kernel, fade, window);
+            let share = shown.faded_share(&kernel, window);
             assert!((sum / share - 1.0).abs() < 1e-3, "{pixel_deg}: {sum} {share}");
         }
     }
@@ -221,17 +198,10 @@ mod tests {
     }
 
     #[test]
-    fn steeper_kernels_fade_later() {
-        let flat = Fade::of(&InverseSquareKernel::new(0.1_f64.to_radians())).flatness;
-        assert!(flat < 1e-3, "{flat}");
-        let cie = Normalised::new(Cie::new(0.1_f64.to_radians(), 35.0, EyeColour::Brown)).unwrap();
-        let flat = Fade::of(&cie).flatness;
-        assert!(flat > 0.5, "{flat}");
-        for flatness in [0.0, 0.4, 1.0] {
-            let fade = Fade { flatness };
-            assert_eq!((fade.at(0.0), fade.at(1.0)), (1.0, 0.0));
-        }
-        assert!(Fade { flatness: 1.0 }.at(0.3) > Fade { flatness: 0.0 }.at(0.3) + 0.3);
+    fn a_sprite_ends_without_a_step_and_has_nearly_all_of_its_light_near_the_source() {
+        assert_eq!((fade(0.0), fade(0.5), fade(1.0)), (1.0, 0.5, 0.0));
+        // Both ends are flat.
+        assert!(1.0 - fade(0.01) < 3.1e-4 && fade(0.99) < 3.1e-4);
     }
 
     #[test]

@@ -127,14 +127,6 @@ gpu_structs! {
         rows: u32,
         /// Tiles of the batch.
         tiles: u32,
-        /// How sprites end.
-        flatness: f32,
-        /// Padding.
-        unused_0: u32,
-        /// Padding.
-        unused_1: u32,
-        /// Padding.
-        unused_2: u32,
     }
     /// Parameters of the pass over the points of veils.
     VeilParameters {

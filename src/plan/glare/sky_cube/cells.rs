@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::{
     MOST_NEAR, NearStar, Source,
-    sprites::{Reach, Sprite, Veil},
+    sprites::{Brightnesses, Reach, Sprite, Veil},
 };
 use crate::{
     catalogue::{chunks::StarSet, packed::PackedStar},
@@ -133,9 +133,28 @@ impl Sky<'_> {
         (finished(&sums, cells), near)
     }
 
+    /// How bright all stars but the near ones are.
+    pub(super) fn brightnesses(&self) -> Brightnesses {
+        let per_group = self.visible.len().div_ceil(MOST_GROUPS).max(GROUP_CHUNKS);
+        let of_group = |chunks: &[VisibleChunk]| {
+            let mut sums = Brightnesses::default();
+            for visible in chunks {
+                let far = self.stars(visible).filter(|(place_pc, _)| !self.is_near(visible, *place_pc));
+                far.filter_map(|(place_pc, star)| self.source(place_pc, star)).for_each(|source| sums.add(&source));
+            }
+            sums
+        };
+        let groups: Vec<Brightnesses> = self.visible.par_chunks(per_group).map(of_group).collect();
+        let add = |mut sums: Brightnesses, part: Brightnesses| {
+            sums.add_all(&part);
+            sums
+        };
+        groups.into_iter().reduce(add).unwrap_or_default()
+    }
+
     /// The sources that are drawn one by one.
     pub(super) fn sprites(&self, reach: &Reach, veil: &Veil) -> Vec<Sprite> {
-        let least_lx = reach.least_lx(veil.faintest());
+        let least_lx = reach.least_lx(veil.least_hidden());
         self.visible
             .par_iter()
             .filter(|visible| visible.brightest_lx >= least_lx)
@@ -145,7 +164,7 @@ impl Sky<'_> {
                         return None;
                     }
                     let source = self.source(place_pc, star).filter(|source| source.illuminance_lx >= least_lx)?;
-                    reach.sprite(&source, veil.at(source.direction))
+                    reach.sprite(&source, veil.hidden_at(source.direction))
                 })
             })
             .collect()

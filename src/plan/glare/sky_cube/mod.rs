@@ -28,7 +28,7 @@ use crate::{
     catalogue::{chunks::StarSet, packed::PackedStar},
     photometry::glare::{
         GlareKernel,
-        split::{Fade, ShownCore, SoftCore, bump_share, chord_squared},
+        split::{ShownCore, SoftCore, bump_share, chord_squared},
     },
     relativity::Motion,
     units::PARSEC_M,
@@ -72,7 +72,7 @@ pub struct SkyCubeSettings {
     pub faintest_lx: f64,
     /// Distance from there to the farthest eye, pc.
     pub farthest_eye_pc: f64,
-    /// What a source may add to the veil around it without being drawn by itself, relative.
+    /// By how much the veil may be off for what sources add to it where they are not drawn by themselves, relative.
     pub tolerance: f64,
     /// What it may add at least, cd/m^2 as if all light were scattered: what a display image does not show; 0 for exact images.
     pub least_cd_m2: f64,
@@ -140,8 +140,6 @@ pub struct SkyCubePlan {
     pub levels: Vec<Level>,
     /// Sources that are drawn one by one.
     pub sprites: Sprites,
-    /// How they end.
-    pub fade: Fade,
     /// Per class of pixels.
     pub classes: Vec<PixelClass>,
     /// The kernel's smooth part of the finest level.
@@ -184,12 +182,14 @@ impl SkyCubePlan {
         let (finest, near) = sky.gather(FINEST_CELLS);
         let levels = levels::of_kernel(kernel, finest);
         let soft = SoftCore::new(kernel, smooth_angle_rad(0));
-        let veil = sprites::Veil::new(kernel, &levels[LEVELS - 1].cells);
-        // Where a sprite ends by what a display shows, as little as possible of it may be missing inside.
-        let fade = if settings.least_cd_m2 > 0.0 { Fade { flatness: 1.0 } } else { Fade::of(kernel) };
-        let finest = settings.pixel_classes_rad.first().map(|pixel| ShownCore::new(kernel, shown_rad(*pixel)));
         let hidden = sprites::Hidden { tolerance: settings.tolerance, least_cd_m2: settings.least_cd_m2 };
-        let reach = sprites::Reach::new(kernel, fade, finest.as_ref(), smooth_angle_rad(0), hidden);
+        let mut veil = sprites::Veil::new(kernel, &levels[LEVELS - 1].cells, hidden);
+        let finest = settings.pixel_classes_rad.first().map(|pixel| ShownCore::new(kernel, shown_rad(*pixel)));
+        let reach = sprites::Reach::new(kernel, finest.as_ref(), smooth_angle_rad(0));
+        // What single sources are hidden by on a display is a share of its budget.
+        if settings.least_cd_m2 == 0.0 {
+            veil.hide_less(settings.tolerance, &reach, &sky.brightnesses());
+        }
         let sprites = sky.sprites(&reach, &veil);
         let narrow_share = kernel.share_within(smooth_angle_rad(0)) - soft.share();
         let bump_squared = chord_squared(BUMP_CELLS * 2.0 / f64::from(FINEST_CELLS));
@@ -197,7 +197,7 @@ impl SkyCubePlan {
         let classes = settings.pixel_classes_rad.iter().map(|pixel_rad| {
             let shown = ShownCore::new(kernel, shown_rad(*pixel_rad));
             let least_squared = shown.core.squared;
-            let shares = sprites::Shares::new(kernel, fade, &shown, soft.squared, narrow_share);
+            let shares = sprites::Shares::new(kernel, &shown, soft.squared, narrow_share);
             let mut bumps: Vec<[f64; 3]> =
                 levels[0].cells.iter().map(|cell| cell.light.map(|c| c * narrow_share)).collect();
             for sprite in sprites.iter().filter(|sprite| sprite.squared >= least_squared) {
@@ -210,7 +210,7 @@ impl SkyCubePlan {
         });
         let classes = classes.collect();
         let sprites = Sprites::new(sprites);
-        Self { levels, sprites, fade, classes, soft, bump_squared, near, faintest_lx }
+        Self { levels, sprites, classes, soft, bump_squared, near, faintest_lx }
     }
 
     /// The near stars as an eye at this place, relative to the map's, sees them: directions in world axes, light in lx.

@@ -9,7 +9,7 @@ use super::{Cell, Source, cell_of, direction_of_cell};
 use crate::photometry::{
     glare::{
         GlareKernel,
-        split::{Fade, ShownCore, angle_of_chord_squared, chord_squared},
+        split::{ShownCore, angle_of_chord_squared, chord_squared},
     },
     rec709::luminance,
 };
@@ -64,10 +64,12 @@ pub struct Sprites {
 /// An estimate of the light that is scattered towards a part of the sky, as if all of it were.
 pub(super) struct Veil {
     cd_m2: Vec<f64>,
+    /// Luminance that no single source stands out by, per cell.
+    hidden_cd_m2: Vec<f64>,
 }
 
 impl Veil {
-    pub(super) fn new(kernel: &dyn GlareKernel, cells: &[Cell]) -> Self {
+    pub(super) fn new(kernel: &dyn GlareKernel, cells: &[Cell], hidden: Hidden) -> Self {
         // A cell's light is spread over the cell: within it the kernel is taken as at its edge, so that a source does not count as the
         // veil that hides it; a kernel that has ended there, as a hundredth of its mean.
         let spread_rad = 2.0 / (cells.len() as f64 / 6.0).sqrt();
@@ -80,16 +82,69 @@ impl Veil {
             let direction = direction_of_cell(index, VEIL_CELLS);
             lights.iter().map(|(from, lx)| lx * per_sr((direction - *from).length_squared())).sum()
         };
-        Self { cd_m2: (0..6 * (VEIL_CELLS * VEIL_CELLS) as usize).map(at).collect() }
+        let cd_m2: Vec<f64> = (0..6 * (VEIL_CELLS * VEIL_CELLS) as usize).map(at).collect();
+        let hidden_cd_m2 = cd_m2.iter().map(|veil| hidden.behind_cd_m2(*veil)).collect();
+        Self { cd_m2, hidden_cd_m2 }
     }
 
-    pub(super) fn at(&self, direction: DVec3) -> f64 {
-        self.cd_m2[cell_of(direction, VEIL_CELLS)]
+    /// Lets less of each source be hidden where all of them together would be seen: the standard deviation of what they are wrong by is to be within the
+    /// tolerance, and what those that are too faint to be drawn by themselves scatter into their own pixels, which no sprite can show.
+    pub(super) fn hide_less(&mut self, tolerance: f64, reach: &Reach, sources: &Brightnesses) {
+        const STEPS: i32 = 10;
+        for ((veil, hidden), sources) in self.cd_m2.iter().zip(&mut self.hidden_cd_m2).zip(&sources.lx) {
+            let whole = *hidden;
+            let allowed = tolerance * veil + reach.unresolved_cd_m2(whole, sources);
+            let is_kept = |hidden: f64| reach.deviation_cd_m2(hidden, sources) <= allowed;
+            let share = |step: i32| 0.5_f64.powf(0.5 * f64::from(step));
+            let step = (0..STEPS).find(|step| is_kept(whole * share(*step))).unwrap_or(STEPS);
+            *hidden = whole * share(step);
+        }
     }
 
-    pub(super) fn faintest(&self) -> f64 {
-        self.cd_m2.iter().copied().fold(f64::INFINITY, f64::min)
+    pub(super) fn hidden_at(&self, direction: DVec3) -> f64 {
+        self.hidden_cd_m2[cell_of(direction, VEIL_CELLS)]
     }
+
+    pub(super) fn least_hidden(&self) -> f64 {
+        self.hidden_cd_m2.iter().copied().fold(f64::INFINITY, f64::min)
+    }
+}
+
+/// Ranges of brightness, a quarter of an e-fold each, the first one from [`LEAST_LN_LX`].
+const BRIGHTNESSES: usize = 224;
+const PER_E_FOLD: f64 = 4.0;
+const LEAST_LN_LX: f64 = -42.0;
+/// Mean solid angle of a cell of a [`Veil`], sr.
+const CELL_SR: f64 = 4.0 * PI / (6 * VEIL_CELLS * VEIL_CELLS) as f64;
+
+/// How bright the sources of each cell of a [`Veil`] are: sums of their illuminances, by brightness, lx.
+pub(super) struct Brightnesses {
+    lx: Vec<[f64; BRIGHTNESSES]>,
+}
+
+impl Default for Brightnesses {
+    fn default() -> Self {
+        Self { lx: vec![[0.0; BRIGHTNESSES]; 6 * (VEIL_CELLS * VEIL_CELLS) as usize] }
+    }
+}
+
+impl Brightnesses {
+    pub(super) fn add(&mut self, source: &Source) {
+        let range = ((source.illuminance_lx.ln() - LEAST_LN_LX) * PER_E_FOLD) as usize;
+        self.lx[cell_of(source.direction, VEIL_CELLS)][range.min(BRIGHTNESSES - 1)] += source.illuminance_lx;
+    }
+
+    pub(super) fn add_all(&mut self, other: &Self) {
+        for (sums, parts) in self.lx.iter_mut().zip(&other.lx) {
+            sums.iter_mut().zip(parts).for_each(|(sum, part)| *sum += part);
+        }
+    }
+}
+
+/// Each range of brightness that has sources: the illuminance of one and of all, lx.
+fn with_illuminances(sources: &[f64; BRIGHTNESSES]) -> impl Iterator<Item = (f64, f64)> {
+    let of_range = |range: usize| (LEAST_LN_LX + (range as f64 + 0.5) / PER_E_FOLD).exp();
+    sources.iter().enumerate().filter(|(_, lx)| **lx > 0.0).map(move |(range, lx)| (of_range(range), *lx))
 }
 
 /// What the glare of a source does not stand out by.
@@ -109,23 +164,20 @@ impl Hidden {
 
 /// How far from its source glare stands out of the veil.
 pub(super) struct Reach {
-    hidden: Hidden,
     /// Squares of chords, and the kernel there, 1/sr, from the narrowest sprite to the widest.
     squares: Vec<f64>,
     per_sr: Vec<f64>,
     /// Mean of what the narrowest sprite has, 1/sr.
     narrowest_per_sr: f64,
+    /// Integrals of the square of the kernel over the sky from there to the widest, 1/sr.
+    beyond: Vec<f64>,
+    /// Share of a source's light that it scatters within what pixels can show.
+    core_share: f64,
 }
 
 impl Reach {
     /// Sprites from what pixels as `shown` can show to `most_rad`.
-    pub(super) fn new(
-        kernel: &dyn GlareKernel,
-        fade: Fade,
-        shown: Option<&ShownCore>,
-        most_rad: f64,
-        hidden: Hidden,
-    ) -> Self {
+    pub(super) fn new(kernel: &dyn GlareKernel, shown: Option<&ShownCore>, most_rad: f64) -> Self {
         const ENTRIES: u32 = 512;
         let least_squared = shown.map_or(f64::INFINITY, |shown| shown.core.squared);
         let (least, most) = (least_squared.ln(), chord_squared(most_rad).ln());
@@ -145,26 +197,60 @@ impl Reach {
             per_sr[index - 1] = per_sr[index - 1].max(per_sr[index]);
         }
         let narrowest_per_sr =
-            shown.map_or(0.0, |shown| shown.faded_share(kernel, fade, least_squared) / (PI * least_squared));
-        Self { hidden, squares, per_sr, narrowest_per_sr }
+            shown.map_or(0.0, |shown| shown.faded_share(kernel, least_squared) / (PI * least_squared));
+        let mut beyond = vec![0.0; squares.len()];
+        for index in (1..squares.len()).rev() {
+            let mean = per_sr[index - 1] * per_sr[index];
+            beyond[index - 1] = beyond[index] + PI * (squares[index] - squares[index - 1]) * mean;
+        }
+        let core_share = shown.map_or(0.0, |shown| kernel.share_within(angle_of_chord_squared(shown.core.squared)));
+        Self { squares, per_sr, narrowest_per_sr, beyond, core_share }
     }
 
-    /// Illuminance from which on a source stands out of a veil, lx.
-    pub(super) fn least_lx(&self, veil_cd_m2: f64) -> f64 {
+    /// Standard deviation over a cell of a [`Veil`] of what is not where its sources scatter it, if none stands out by less than `hidden_cd_m2`,
+    /// cd/m^2: independent sources, each anywhere in the cell.
+    fn deviation_cd_m2(&self, hidden_cd_m2: f64, sources: &[f64; BRIGHTNESSES]) -> f64 {
+        // Of a kernel c / s a fade 1 - u^2 (3 - 2 u) leaves (3 u - 2 u^2) c / s_R inside: the mean of its square over u.
+        const INSIDE: f64 = 0.8;
+        let variance: f64 = with_illuminances(sources)
+            .map(|(lx, of_all)| {
+                let integral = match self.ends_at(hidden_cd_m2 / lx) {
+                    Some(last) if last + 1 == self.squares.len() => 0.0,
+                    Some(last) => self.beyond[last] + INSIDE * PI * self.squares[last] * self.per_sr[last].powi(2),
+                    None => self.beyond.first().copied().unwrap_or(0.0),
+                };
+                of_all * lx * integral
+            })
+            .sum();
+        (variance / CELL_SR).sqrt()
+    }
+
+    /// Mean luminance over a cell of what sources scatter into their own pixels that have no sprite if none stands out by less than `hidden_cd_m2`,
+    /// cd/m^2.
+    fn unresolved_cd_m2(&self, hidden_cd_m2: f64, sources: &[f64; BRIGHTNESSES]) -> f64 {
+        let faint = with_illuminances(sources).filter(|(lx, _)| self.ends_at(hidden_cd_m2 / lx).is_none());
+        self.core_share * faint.map(|(_, of_all)| of_all).sum::<f64>() / CELL_SR
+    }
+
+    /// Number of the entry at which the sprite of a source ends that stands out where its kernel is at least this, 1/sr: as wide as the kernel does, and the
+    /// narrowest one where what that has does.
+    fn ends_at(&self, hidden_per_sr: f64) -> Option<usize> {
+        let visible = self.per_sr.partition_point(|per_sr| *per_sr > 0.0 && *per_sr >= hidden_per_sr);
+        let narrowest = self.narrowest_per_sr > 0.0 && self.narrowest_per_sr >= hidden_per_sr;
+        let entries = if narrowest { visible.max(1) } else { visible };
+        entries.checked_sub(1).filter(|last| *last < self.squares.len())
+    }
+
+    /// Illuminance from which on a source stands out by a luminance, lx.
+    pub(super) fn least_lx(&self, hidden_cd_m2: f64) -> f64 {
         let most = self.per_sr.first().map_or(0.0, |narrowest| narrowest.max(self.narrowest_per_sr));
-        if most > 0.0 { self.hidden.behind_cd_m2(veil_cd_m2) / most } else { f64::INFINITY }
+        if most > 0.0 { hidden_cd_m2 / most } else { f64::INFINITY }
     }
 
-    /// The sprite of a source in front of a veil, if it stands out: as wide as the kernel does, and the narrowest one where what
-    /// that has does.
-    pub(super) fn sprite(&self, source: &Source, veil_cd_m2: f64) -> Option<Sprite> {
-        let hidden = self.hidden.behind_cd_m2(veil_cd_m2) / source.illuminance_lx;
-        // Entries where it stands out.
-        let visible = self.per_sr.partition_point(|per_sr| *per_sr > 0.0 && *per_sr >= hidden);
-        let last =
-            if self.narrowest_per_sr > 0.0 && self.narrowest_per_sr >= hidden { visible.max(1) } else { visible };
-        let squared = *self.squares.get(last.checked_sub(1)?)?;
-        let whole = last == self.squares.len();
+    /// The sprite of a source, if it stands out by a luminance.
+    pub(super) fn sprite(&self, source: &Source, hidden_cd_m2: f64) -> Option<Sprite> {
+        let last = self.ends_at(hidden_cd_m2 / source.illuminance_lx)?;
+        let (squared, whole) = (self.squares[last], last + 1 == self.squares.len());
         Some(Sprite { direction: source.direction, light: source.light, squared, whole })
     }
 }
@@ -178,12 +264,12 @@ pub(super) struct Shares {
 
 impl Shares {
     /// Sprites end at squares of chords up to `most`; one that is whole has `whole` of its source's light.
-    pub(super) fn new(kernel: &dyn GlareKernel, fade: Fade, shown: &ShownCore, most: f64, whole: f64) -> Self {
+    pub(super) fn new(kernel: &dyn GlareKernel, shown: &ShownCore, most: f64, whole: f64) -> Self {
         const ENTRIES: u32 = 64;
         let least = shown.core.squared;
         let e_folds = (most / least).max(1.0).ln() / f64::from(ENTRIES - 1);
         let squares: Vec<f64> = (0..ENTRIES).map(|i| least * (f64::from(i) * e_folds).exp()).collect();
-        let shares = squares.iter().map(|squared| shown.faded_share(kernel, fade, *squared)).collect();
+        let shares = squares.iter().map(|squared| shown.faded_share(kernel, *squared)).collect();
         Self { squares, shares, whole }
     }
 

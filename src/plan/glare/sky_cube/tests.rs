@@ -79,7 +79,7 @@ fn all_light_is_shared_out_once() {
                 let share = if sprite.whole {
                     kernel().share_within(smooth_angle_rad(0)) - glare.soft.share()
                 } else {
-                    class.shown.faded_share(&kernel(), glare.fade, sprite.squared)
+                    class.shown.faded_share(&kernel(), sprite.squared)
                 };
                 share * luminance(sprite.light)
             })

@@ -62,7 +62,6 @@ impl Held {
             first_octave: (LAST_OCTAVE - f64::from(OCTAVES)) as f32,
             entries_per_octave: ENTRIES_PER_OCTAVE as f32,
             entries: OCTAVES * ENTRIES_PER_OCTAVE + 1,
-            flatness: sky.fade.flatness as f32,
             ..Default::default()
         }
     }
