@@ -1,13 +1,9 @@
 //! The calls that concern the camera: who may move it, and where it is.
 
-use std::{pin::Pin, sync::Arc, time::Duration};
+use std::{sync::Arc, time::Duration};
 
-use tokio::{
-    sync::{mpsc, oneshot},
-    task,
-    time::timeout,
-};
-use tokio_stream::{Stream, wrappers::ReceiverStream};
+use tokio::{sync::oneshot, task, time::timeout};
+use tokio_stream::wrappers::ReceiverStream;
 use tonic::{Request, Response, Status, Streaming};
 
 use super::{
@@ -113,7 +109,7 @@ impl Service {
 
 #[tonic::async_trait]
 impl proto::camera_service_server::CameraService for Service {
-    type WatchCameraStream = Pin<Box<dyn Stream<Item = Result<proto::Camera, Status>> + Send>>;
+    type WatchCameraStream = ReceiverStream<Result<proto::Camera, Status>>;
 
     async fn get_camera(&self, _: Request<proto::GetCameraRequest>) -> Result<Response<proto::Camera>, Status> {
         Ok(Response::new(convert::camera_to_pb(&self.render.camera())))
@@ -128,26 +124,7 @@ impl proto::camera_service_server::CameraService for Service {
         &self,
         _: Request<proto::WatchCameraRequest>,
     ) -> Result<Response<Self::WatchCameraStream>, Status> {
-        let permit = self.watcher()?;
-        let mut cameras = self.render.watch_camera();
-        if cameras.borrow().is_none() {
-            return Err(refused(Refused::Ending));
-        }
-        let (sender, stream) = mpsc::channel(1);
-        task::spawn(async move {
-            let _permit = permit;
-            loop {
-                // A reader that is slow finds the newest camera when there is room for it.
-                let Ok(room) = sender.reserve().await else { return };
-                let Some(camera) = *cameras.borrow_and_update() else { return };
-                room.send(Ok(convert::camera_to_pb(&camera)));
-                tokio::select! {
-                    () = sender.closed() => return,
-                    changed = cameras.changed() => if changed.is_err() { return },
-                }
-            }
-        });
-        Ok(Response::new(Box::pin(ReceiverStream::new(stream))))
+        Ok(Response::new(self.watched(self.render.watch_camera(), convert::camera_to_pb)?))
     }
 
     async fn stream_camera(

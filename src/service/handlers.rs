@@ -1,11 +1,11 @@
 //! The calls: each turns a message into plain values, asks the render thread, and turns the answer into a message.
 //!
-//! Calls of the camera are in [`super::camera`], frames one by one in [`super::pull`], their encoding in [`super::order`].
+//! Calls of the camera are in [`super::camera`], those of the scene in [`super::changes`], frames one by one in [`super::pull`], their encoding in [`super::order`].
 
 use std::{pin::Pin, sync::Arc, time::Duration};
 
 use tokio::{
-    sync::{Mutex, OwnedSemaphorePermit, Semaphore, mpsc},
+    sync::{Mutex, OwnedSemaphorePermit, Semaphore, mpsc, watch},
     task,
     time::timeout,
 };
@@ -13,8 +13,6 @@ use tokio_stream::{Stream, wrappers::ReceiverStream};
 use tonic::{Request, Response, Status};
 
 use super::{
-    background,
-    camera::unmoved,
     clients::{ClientInfo, Held, Shares},
     convert, convert_stats,
     convert_views::{view_to_pb, view_update_from_pb},
@@ -23,22 +21,16 @@ use super::{
     order::{Encoders, Form, Order},
     proto,
     render::{Capacity, Refused, RenderHandle},
-    scene::{MadeUpdate, SceneError, SceneState, SceneUpdate},
+    scene::{SceneError, SceneState},
     server::SceneCatalogue,
     slot::{RenderFailure, RenderedFrame},
-    state::{Saved, SnapshotName, StateError, StateFile},
-    views::{ViewSet, ViewUpdate},
+    state::StateFile,
     workshop::Workshop,
 };
 use crate::{
     gpu::AdapterReport,
-    plan::{
-        Limits, Output, PlanOutputs, Planner,
-        settings::AsteroidSettings,
-        view_settings::{FrameGroup, frame_groups},
-    },
-    scene::{SceneSnapshot, asteroids::ShapeSet},
-    view::{Rig, check_name},
+    plan::{Limits, Planner},
+    view::Rig,
     xr,
 };
 
@@ -49,10 +41,7 @@ const RATES_HZ: std::ops::RangeInclusive<f64> = 0.001..=10_000.0;
 const MAX_SIZES: std::ops::RangeInclusive<u32> = 16..=16_384;
 
 /// How often a change is checked anew because the scene has changed meanwhile.
-const MOST_ATTEMPTS: usize = 8;
-
-/// Longest name of a snapshot, characters.
-const MOST_NAME: usize = 64;
+pub(super) const MOST_ATTEMPTS: usize = 8;
 
 /// A session that shows nothing for this long, as while nobody wears the headset, has no frame for a call.
 const HEADSET_PATIENCE: Duration = Duration::from_secs(5);
@@ -62,10 +51,10 @@ const HEADSET_PATIENCE: Duration = Duration::from_secs(5);
 pub(super) struct Service {
     pub(super) render: RenderHandle,
     pub(super) headset: Option<Arc<Headset>>,
-    rig: Arc<Rig>,
+    pub(super) rig: Arc<Rig>,
     pub(super) adapter: Arc<AdapterReport>,
-    limits: Arc<Limits>,
-    catalogues: Arc<Vec<SceneCatalogue>>,
+    pub(super) limits: Arc<Limits>,
+    pub(super) catalogues: Arc<Vec<SceneCatalogue>>,
     pub(super) stars: u64,
     /// Streams of the scene and of figures.
     watchers: Arc<Semaphore>,
@@ -74,9 +63,9 @@ pub(super) struct Service {
     pub(super) state: Arc<Mutex<Option<StateFile>>>,
     pub(super) shares: Arc<Shares>,
     /// Calls that place asteroids: one at a time.
-    placing: Arc<Semaphore>,
+    pub(super) placing: Arc<Semaphore>,
     /// Of calls that plan frames to see whether they can be drawn: one at a time.
-    planner: Arc<Mutex<Planner>>,
+    pub(super) planner: Arc<Mutex<Planner>>,
     /// Calls of Verify: one at a time.
     pub(super) verifying: Arc<Semaphore>,
     /// Calls of RenderFrame that are not finished yet, from the queue to the last encoded byte.
@@ -114,7 +103,7 @@ impl Service {
         }
     }
 
-    fn view_names(&self) -> Vec<&str> {
+    pub(super) fn view_names(&self) -> Vec<&str> {
         let views = self.rig.views().iter().map(|view| view.name.as_str());
         views.chain(self.headset.iter().map(|headset| headset.name())).collect()
     }
@@ -131,156 +120,6 @@ impl Service {
         let headset = self.headset.as_ref().filter(|headset| headset.name() == name);
         let headset = headset.ok_or_else(|| self.no_view(name))?;
         Ok(convert_stats::headset_view_to_pb(headset, &self.render.general(scene), scene))
-    }
-
-    /// The views of a scene after a change of one of them, if they can be drawn then.
-    async fn changed_views(&self, scene: &SceneState, number: usize, update: &ViewUpdate) -> Result<ViewSet, Status> {
-        let general = self.render.general(scene);
-        let views = scene.views.changed(&general, number, update).map_err(Status::invalid_argument)?;
-        let before = frame_groups(&self.rig, &general, &scene.views.settings);
-        let after = frame_groups(&self.rig, &general, &views.settings);
-        // What has not changed is drawn already.
-        let changed = after.into_iter().filter(|group| !before.contains(group)).collect();
-        self.plan(self.render.snapshot(scene), changed).await?;
-        Ok(views)
-    }
-
-    /// Whether frames of a scene can be drawn, with the camera and the adapter that there are: what is accepted must not fail later.
-    async fn plan(&self, snapshot: SceneSnapshot, groups: Vec<FrameGroup>) -> Result<(), Status> {
-        // One after the other: each plan may take long, and memory.
-        let planner = Arc::clone(&self.planner).lock_owned().await;
-        let limits = Arc::clone(&self.limits);
-        let planning = move || {
-            let mut planner = planner;
-            background::on_own_cores(|| {
-                groups.iter().try_for_each(|group| {
-                    let outputs = PlanOutputs::new(Output::Hdr);
-                    planner.plan(&snapshot, &group.rig, &group.settings, None, outputs, &limits).map(drop)
-                })
-            })
-        };
-        let planned = task::spawn_blocking(planning).await;
-        let planned = planned.map_err(|error| Status::internal(format!("planning a frame failed: {error}")))?;
-        planned.map_err(|error| Status::invalid_argument(error.to_string()))
-    }
-
-    /// The scene after a change, if it can be drawn then.
-    async fn changed_scene(&self, update: &SceneUpdate, expected: Option<u64>) -> Result<SceneState, Status> {
-        for _ in 0..MOST_ATTEMPTS {
-            let scene = self.render.scene().map_err(refused)?;
-            scene.expect(expected).map_err(|error| unchanged(&error))?;
-            let made = self.made(update, &scene).await?;
-            let changed = scene.clone().changed(&made, expected).map_err(|error| unchanged(&error))?;
-            if update.changes_what_is_drawn() {
-                self.prepare(&scene, &changed).await?;
-            }
-            match self.commit(changed, scene.revision).await? {
-                Ok(scene) => return Ok(scene),
-                Err(error) if expected.is_some() => return Err(unchanged(&error)),
-                // What was checked is not the scene any more.
-                Err(SceneError::Revision { .. }) => {}
-                Err(error) => return Err(unchanged(&error)),
-            }
-        }
-        Err(Status::aborted("the scene has changed again and again meanwhile: try again"))
-    }
-
-    /// Makes sure that a scene can be drawn, and makes what its first frame would take long for.
-    async fn prepare(&self, before: &SceneState, after: &SceneState) -> Result<(), Status> {
-        let groups = frame_groups(&self.rig, &self.render.general(after), &after.views.settings);
-        self.plan(self.render.snapshot(after), groups).await?;
-        let new = new_sets(before, after);
-        // Without fields, what was made for some before is let go.
-        if new.is_empty() && (before.objects.drawn.fields.is_empty() || !after.objects.drawn.fields.is_empty()) {
-            return Ok(());
-        }
-        let baked = self.workshop.bake(new, after.asteroids.clone()).await.map_err(refused)?;
-        baked.map_err(Status::invalid_argument)
-    }
-
-    /// Puts a scene in place of the one that it was made for: on disk first, where there is a file of states, and then before everybody's eyes.
-    async fn commit(&self, scene: SceneState, made_for: u64) -> Result<Result<SceneState, SceneError>, Status> {
-        // One change after the other, so that what is on disk is what is shown.
-        let file = Arc::clone(&self.state).lock_owned().await;
-        let now = self.render.scene().map_err(refused)?;
-        if let Err(error) = now.expect(Some(made_for)) {
-            return Ok(Err(error));
-        }
-        let render = self.render.clone();
-        let writing = move || {
-            let next = SceneState { revision: made_for + 1, ..scene };
-            if let Some(file) = file.as_ref() {
-                file.save(&Saved::of(&next, None)).map_err(|error| unsaved(&error))?;
-            }
-            let replaced = render.replace_scene(next, made_for).map_err(refused);
-            // Not before it is shown.
-            drop(file);
-            replaced
-        };
-        task::spawn_blocking(writing).await.map_err(|error| Status::internal(format!("saving failed: {error}")))?
-    }
-
-    /// The scene and the camera of a snapshot in place of those there are.
-    async fn load(&self, saved: &Saved, expected: Option<u64>) -> Result<SceneState, Status> {
-        let camera = saved.camera.map(convert::camera_update_from_pb);
-        for _ in 0..MOST_ATTEMPTS {
-            let scene = self.render.scene().map_err(refused)?;
-            scene.expect(expected).map_err(|error| unchanged(&error))?;
-            let (general, of, before) = (self.render.general(&scene), saved.clone(), scene.clone());
-            let permit = Arc::clone(&self.placing).acquire_owned().await.map_err(|_| refused(Refused::Ending))?;
-            let placing = move || {
-                let _permit = permit;
-                background::on_own_cores(|| of.applied(&before, &general))
-            };
-            let changed = task::spawn_blocking(placing).await;
-            let changed = changed.map_err(|error| Status::internal(format!("placing asteroids failed: {error}")))?;
-            let changed = changed.map_err(Status::failed_precondition)?;
-            self.prepare(&scene, &changed).await?;
-            match self.commit(changed, scene.revision).await? {
-                Ok(scene) => {
-                    if let Some(camera) = &camera {
-                        self.render.set_camera(camera, None, None).map_err(|error| unmoved(&error))?;
-                    }
-                    return Ok(scene);
-                }
-                Err(error) if expected.is_some() => return Err(unchanged(&error)),
-                Err(_) => {}
-            }
-        }
-        Err(Status::aborted("the scene has changed again and again meanwhile: try again"))
-    }
-
-    /// Does something with the file of states.
-    async fn with_state<T: Send + 'static>(
-        &self,
-        job: impl FnOnce(&StateFile) -> Result<T, StateError> + Send + 'static,
-    ) -> Result<T, Status> {
-        let file = Arc::clone(&self.state).lock_owned().await;
-        let done = task::spawn_blocking(move || file.as_ref().map(job)).await;
-        match done.map_err(|error| Status::internal(format!("saving failed: {error}")))? {
-            Some(done) => done.map_err(|error| unsaved(&error)),
-            None => Err(Status::failed_precondition(
-                "the daemon keeps no state: start it with --state FILE, or with server.state in its configuration",
-            )),
-        }
-    }
-
-    /// What a change needs.
-    async fn made(&self, update: &SceneUpdate, scene: &SceneState) -> Result<MadeUpdate, Status> {
-        if !update.places_asteroids() {
-            return update.make(scene).map_err(Status::invalid_argument);
-        }
-        // One after the other: each may take all cores and much memory.
-        let permit = Arc::clone(&self.placing).acquire_owned().await.map_err(|_| refused(Refused::Ending))?;
-        let (update, scene) = (update.clone(), scene.clone());
-        let placing = move || {
-            // Until it is done, also if the caller does not wait for it.
-            let _permit = permit;
-            background::on_own_cores(|| update.make(&scene))
-        };
-        let placed = task::spawn_blocking(placing).await;
-        let placed = placed.map_err(|error| Status::internal(format!("placing asteroids failed: {error}")))?;
-        placed.map_err(Status::invalid_argument)
     }
 
     pub(super) fn order(&self, client: &ClientInfo, name: &str, encoding: i32, max_size: u32) -> Result<Order, Status> {
@@ -321,6 +160,36 @@ impl Service {
         place.map_err(|_| Status::resource_exhausted("too many streams of scene and figures: end one first"))
     }
 
+    /// A value as it is now, and then whenever it has changed, until it is `None`. A reader that is slow finds the newest when there is room for it.
+    pub(super) fn watched<T, M>(
+        &self,
+        mut values: watch::Receiver<Option<T>>,
+        to_pb: impl Fn(&T) -> M + Send + 'static,
+    ) -> Result<ReceiverStream<Result<M, Status>>, Status>
+    where
+        T: Clone + Send + Sync + 'static,
+        M: Send + 'static,
+    {
+        let permit = self.watcher()?;
+        if values.borrow().is_none() {
+            return Err(refused(Refused::Ending));
+        }
+        let (sender, stream) = mpsc::channel(1);
+        task::spawn(async move {
+            let _permit = permit;
+            loop {
+                let Ok(room) = sender.reserve().await else { return };
+                let Some(value) = values.borrow_and_update().clone() else { return };
+                room.send(Ok(to_pb(&value)));
+                tokio::select! {
+                    () = sender.closed() => return,
+                    changed = values.changed() => if changed.is_err() { return },
+                }
+            }
+        });
+        Ok(ReceiverStream::new(stream))
+    }
+
     /// A frame of the order's view, rendered after the call.
     async fn rendered(&self, order: &Order) -> Result<Arc<RenderedFrame>, Status> {
         let reply = match &order.headset {
@@ -359,44 +228,7 @@ pub(super) fn refused(refused: Refused) -> Status {
     }
 }
 
-/// The name of a snapshot, if it is one.
-fn snapshot_name(name: String) -> Result<String, Status> {
-    check_name(&name).map_err(|error| Status::invalid_argument(error.to_string()))?;
-    if name.len() > MOST_NAME {
-        return Err(Status::invalid_argument(format!("name: at most {MOST_NAME} characters are allowed")));
-    }
-    Ok(name)
-}
-
-/// Sets of shapes that a scene after a change has and that one before has not, or draws otherwise, each once.
-fn new_sets(before: &SceneState, after: &SceneState) -> Vec<Arc<ShapeSet>> {
-    let settings = |scene: &SceneState| {
-        let AsteroidSettings { impostor, tiles, tile_px, finest_only, .. } = &scene.asteroids;
-        (impostor.chosen(), *tiles, *tile_px, *finest_only)
-    };
-    let are_others = settings(before) != settings(after);
-    let fields = &after.objects.drawn.fields;
-    let is_known = |shapes: &Arc<ShapeSet>| {
-        before.objects.drawn.fields.iter().any(|field| Arc::ptr_eq(&field.shapes, shapes)) && !are_others
-    };
-    let mut new: Vec<Arc<ShapeSet>> = Vec::new();
-    for field in fields.iter().filter(|field| !is_known(&field.shapes)) {
-        if !new.iter().any(|shapes| Arc::ptr_eq(shapes, &field.shapes)) {
-            new.push(Arc::clone(&field.shapes));
-        }
-    }
-    new
-}
-
-fn unsaved(error: &StateError) -> Status {
-    tracing::error!("{error}");
-    match error {
-        StateError::Full => Status::resource_exhausted(error.to_string()),
-        _ => Status::internal(format!("nothing was changed: {error}")),
-    }
-}
-
-fn unchanged(error: &SceneError) -> Status {
+pub(super) fn unchanged(error: &SceneError) -> Status {
     match error {
         SceneError::Revision { .. } => Status::aborted(error.to_string()),
         SceneError::Invalid(_) => Status::invalid_argument(error.to_string()),
@@ -521,89 +353,5 @@ impl proto::view_service_server::ViewService for Service {
         let acknowledged = request.acknowledged.then(|| self.render.streams().acknowledged());
         let stream: Self::StreamFramesStream = Box::pin(FrameStream::new(Source { subscription, acknowledged }, order));
         Ok(holding(stream, held))
-    }
-}
-
-#[tonic::async_trait]
-impl proto::scene_service_server::SceneService for Service {
-    type WatchSceneStream = ReceiverStream<Result<proto::Scene, Status>>;
-
-    async fn get_scene(&self, _: Request<proto::GetSceneRequest>) -> Result<Response<proto::Scene>, Status> {
-        let scene = self.render.scene().map_err(refused)?;
-        Ok(Response::new(convert::scene_to_pb(&scene, &self.catalogues)))
-    }
-
-    async fn update_scene(
-        &self,
-        request: Request<proto::UpdateSceneRequest>,
-    ) -> Result<Response<proto::Scene>, Status> {
-        let request = request.into_inner();
-        let update = convert::scene_update_from_pb(&request).map_err(Status::invalid_argument)?;
-        update.overlay.check_views(&self.view_names()).map_err(Status::invalid_argument)?;
-        let scene = self.changed_scene(&update, request.expected_revision).await?;
-        Ok(Response::new(convert::scene_to_pb(&scene, &self.catalogues)))
-    }
-
-    async fn save_snapshot(
-        &self,
-        request: Request<proto::SaveSnapshotRequest>,
-    ) -> Result<Response<proto::Snapshot>, Status> {
-        let name = snapshot_name(request.into_inner().name)?;
-        let saved = Saved::of(&self.render.scene().map_err(refused)?, Some(&self.render.camera()));
-        let time = saved.time;
-        let of = name.clone();
-        self.with_state(move |file| file.save_snapshot(&of, &saved)).await?;
-        Ok(Response::new(proto::Snapshot { name, time }))
-    }
-
-    async fn list_snapshots(
-        &self,
-        _: Request<proto::ListSnapshotsRequest>,
-    ) -> Result<Response<proto::ListSnapshotsResponse>, Status> {
-        let names = self.with_state(StateFile::snapshots).await?.into_iter();
-        let snapshots = names.map(|SnapshotName { name, time }| proto::Snapshot { name, time }).collect();
-        Ok(Response::new(proto::ListSnapshotsResponse { snapshots }))
-    }
-
-    async fn load_snapshot(
-        &self,
-        request: Request<proto::LoadSnapshotRequest>,
-    ) -> Result<Response<proto::Scene>, Status> {
-        let proto::LoadSnapshotRequest { name, expected_revision } = request.into_inner();
-        let of = name.clone();
-        let Some(saved) = self.with_state(move |file| file.snapshot(&of)).await? else {
-            let names = self.with_state(StateFile::snapshots).await?;
-            let names: Vec<String> = names.into_iter().map(|known| known.name).collect();
-            return Err(Status::not_found(format!("no snapshot `{name}`; there are: {}", names.join(", "))));
-        };
-        let scene = self.load(&saved, expected_revision).await?;
-        Ok(Response::new(convert::scene_to_pb(&scene, &self.catalogues)))
-    }
-
-    async fn watch_scene(
-        &self,
-        _: Request<proto::WatchSceneRequest>,
-    ) -> Result<Response<Self::WatchSceneStream>, Status> {
-        let permit = self.watcher()?;
-        let mut scenes = self.render.watch_scene();
-        if scenes.borrow().is_none() {
-            return Err(refused(Refused::Ending));
-        }
-        let catalogues = Arc::clone(&self.catalogues);
-        let (sender, stream) = mpsc::channel(1);
-        task::spawn(async move {
-            let _permit = permit;
-            loop {
-                // A reader that is slow finds the newest scene when there is room for it.
-                let Ok(room) = sender.reserve().await else { return };
-                let Some(scene) = scenes.borrow_and_update().clone() else { return };
-                room.send(Ok(convert::scene_to_pb(&scene, &catalogues)));
-                tokio::select! {
-                    () = sender.closed() => return,
-                    changed = scenes.changed() => if changed.is_err() { return },
-                }
-            }
-        });
-        Ok(Response::new(ReceiverStream::new(stream)))
     }
 }

@@ -13,34 +13,29 @@ use prometheus_client::{
 };
 use tonic::{
     body::Body,
-    codegen::{
-        BoxFuture, Context, Poll, Service as TowerService,
-        http::{Method, Request, Response, StatusCode, header},
-    },
+    codegen::http::{Method, Request, Response, StatusCode, header},
 };
-use tower_layer::Layer;
 
-use super::handlers::Service;
+use super::{answers::Answers, handlers::Service};
 use crate::xr;
 
 /// Type of the text format.
 const TYPE: &str = "application/openmetrics-text; version=1.0.0; charset=utf-8";
 const PATH: &str = "/metrics";
 
-/// Answers to GET `/metrics`.
+/// Answers GET `/metrics`.
 #[derive(Clone)]
-pub(super) struct MetricsLayer {
-    service: Service,
+pub(super) struct Metrics {
+    pub(super) service: Service,
 }
 
-impl MetricsLayer {
-    pub(super) fn new(service: Service) -> Self {
-        Self { service }
-    }
-
-    fn answer(&self) -> Response<Body> {
+impl Answers for Metrics {
+    fn answer(&self, request: &Request<Body>) -> Option<Response<Body>> {
+        if request.method() != Method::GET || request.uri().path() != PATH {
+            return None;
+        }
         let mut text = String::new();
-        match encode(&mut text, &registry(&self.service)) {
+        Some(match encode(&mut text, &registry(&self.service)) {
             Ok(()) => {
                 let mut response = Response::new(Body::new(text));
                 response.headers_mut().insert(header::CONTENT_TYPE, header::HeaderValue::from_static(TYPE));
@@ -51,45 +46,7 @@ impl MetricsLayer {
                 *response.status_mut() = StatusCode::INTERNAL_SERVER_ERROR;
                 response
             }
-        }
-    }
-}
-
-impl<S> Layer<S> for MetricsLayer {
-    type Service = Metrics<S>;
-
-    fn layer(&self, inner: S) -> Metrics<S> {
-        Metrics { layer: self.clone(), inner }
-    }
-}
-
-/// The figures, and behind them the service that takes what is not their own.
-#[derive(Clone)]
-pub(super) struct Metrics<S> {
-    layer: MetricsLayer,
-    inner: S,
-}
-
-impl<S> TowerService<Request<Body>> for Metrics<S>
-where
-    S: TowerService<Request<Body>, Response = Response<Body>>,
-    S::Future: Send + 'static,
-    S::Error: Send + 'static,
-{
-    type Response = Response<Body>;
-    type Error = S::Error;
-    type Future = BoxFuture<Self::Response, Self::Error>;
-
-    fn poll_ready(&mut self, context: &mut Context<'_>) -> Poll<Result<(), Self::Error>> {
-        self.inner.poll_ready(context)
-    }
-
-    fn call(&mut self, request: Request<Body>) -> Self::Future {
-        if request.method() == Method::GET && request.uri().path() == PATH {
-            let response = self.layer.answer();
-            return Box::pin(async { Ok(response) });
-        }
-        Box::pin(self.inner.call(request))
+        })
     }
 }
 

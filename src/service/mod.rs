@@ -18,9 +18,11 @@
 //! another client; a frame that fails fails for those who wait for it, and the daemon goes on; a renderer that panics
 //! ends the daemon with an error. A headset is one more view, and nothing that happens to it concerns the others.
 
+mod answers;
 mod audit;
 mod background;
 mod camera;
+mod changes;
 mod client;
 mod client_camera;
 mod client_scene;

@@ -7,12 +7,10 @@ use std::sync::Arc;
 
 use tonic::{
     body::Body,
-    codegen::{
-        BoxFuture, Context, Poll, Service,
-        http::{HeaderMap, Method, Request, Response, StatusCode, header},
-    },
+    codegen::http::{HeaderMap, Method, Request, Response, StatusCode, header},
 };
-use tower_layer::Layer;
+
+use super::answers::Answers;
 
 /// Path, type and contents of every file.
 const FILES: [(&str, &str, &str); 4] = [
@@ -43,13 +41,13 @@ struct File {
     contents: &'static str,
 }
 
-/// Puts the page before a service.
+/// Answers GET and HEAD, of whatever path: calls are POST.
 #[derive(Clone)]
-pub(super) struct PageLayer {
+pub(super) struct Page {
     files: Arc<[File]>,
 }
 
-impl PageLayer {
+impl Page {
     pub(super) fn new() -> Self {
         let file = |(path, mime, contents): (&'static str, &'static str, &'static str)| File {
             path,
@@ -60,7 +58,7 @@ impl PageLayer {
         Self { files: FILES.into_iter().map(file).collect() }
     }
 
-    fn answer(&self, method: &Method, path: &str, headers: &HeaderMap) -> Response<Body> {
+    fn file(&self, method: &Method, path: &str, headers: &HeaderMap) -> Response<Body> {
         let body = |text: &str| if method == Method::HEAD { Body::empty() } else { Body::new(text.to_owned()) };
         let mut response = match self.files.iter().find(|file| file.path == path) {
             None => {
@@ -103,40 +101,10 @@ fn is_known(headers: &HeaderMap, etag: &str) -> bool {
     tags.flat_map(|value| value.split(',')).map(str::trim).any(|tag| tag == "*" || tag.trim_start_matches("W/") == etag)
 }
 
-impl<S> Layer<S> for PageLayer {
-    type Service = Page<S>;
-
-    fn layer(&self, inner: S) -> Page<S> {
-        Page { layer: self.clone(), inner }
-    }
-}
-
-/// The page, and behind it the service that takes what is not its own.
-#[derive(Clone)]
-pub(super) struct Page<S> {
-    layer: PageLayer,
-    inner: S,
-}
-
-impl<S> Service<Request<Body>> for Page<S>
-where
-    S: Service<Request<Body>, Response = Response<Body>>,
-    S::Future: Send + 'static,
-    S::Error: Send + 'static,
-{
-    type Response = Response<Body>;
-    type Error = S::Error;
-    type Future = BoxFuture<Self::Response, Self::Error>;
-
-    fn poll_ready(&mut self, context: &mut Context<'_>) -> Poll<Result<(), Self::Error>> {
-        self.inner.poll_ready(context)
-    }
-
-    fn call(&mut self, request: Request<Body>) -> Self::Future {
-        if request.method() == Method::GET || request.method() == Method::HEAD {
-            let response = self.layer.answer(request.method(), request.uri().path(), request.headers());
-            return Box::pin(async { Ok(response) });
-        }
-        Box::pin(self.inner.call(request))
+impl Answers for Page {
+    fn answer(&self, request: &Request<Body>) -> Option<Response<Body>> {
+        let (method, path) = (request.method(), request.uri().path());
+        let is_read = method == Method::GET || method == Method::HEAD;
+        is_read.then(|| self.file(method, path, request.headers()))
     }
 }

@@ -166,11 +166,17 @@ impl State {
         RenderSettings { stars: scene.stars.clone(), asteroids: scene.asteroids.clone(), ..self.settings.clone() }
     }
 
+    /// Whether nobody else has the lease.
+    fn check_lease(&self, lease: Option<u64>) -> Result<(), CameraError> {
+        match self.lease.as_ref().filter(|held| lease != Some(held.number)) {
+            Some(held) => Err(CameraError::Leased { holder: held.holder.clone() }),
+            None => Ok(()),
+        }
+    }
+
     /// Whether a camera can be moved by somebody, to a pose that the scene can be drawn from.
     fn check_camera(&self, camera: &Camera, lease: Option<u64>) -> Result<(), CameraError> {
-        if let Some(held) = self.lease.as_ref().filter(|held| lease != Some(held.number)) {
-            return Err(CameraError::Leased { holder: held.holder.clone() });
-        }
+        self.check_lease(lease)?;
         // What goes with a camera that moves is all that a pose can contradict.
         let moves = camera.velocity_c != DVec3::ZERO;
         if moves && self.camera.velocity_c == DVec3::ZERO {
@@ -281,6 +287,11 @@ impl RenderHandle {
         let camera = state.move_camera(camera);
         self.shared.wake.notify_one();
         Ok(camera)
+    }
+
+    /// Whether nobody else has the lease of the camera.
+    pub(super) fn check_lease(&self, lease: Option<u64>) -> Result<(), CameraError> {
+        self.shared.state().check_lease(lease)
     }
 
     /// Moves the camera from where it is; returns its new revision. After an error it is as it was.

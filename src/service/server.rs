@@ -14,15 +14,16 @@ use tonic_health::{ServingStatus, server::HealthReporter};
 use tonic_web::GrpcWebLayer;
 
 use super::{
+    answers::AnswersFirst,
+    client::camera_from_pb,
     clients::Shares,
     connections::{Bounds, Incoming},
-    convert,
     engine::{Engine, EngineError},
     handlers::Service,
     headset::{Headset, HeadsetOptions, HeadsetThread, panic_message},
-    metrics::MetricsLayer,
+    metrics::Metrics,
     objects::Objects,
-    page::PageLayer,
+    page::Page,
     proto::{
         self, camera_service_server::CameraServiceServer, diagnostics_service_server::DiagnosticsServiceServer,
         scene_service_server::SceneServiceServer, view_service_server::ViewServiceServer,
@@ -37,7 +38,7 @@ use super::{
 use crate::{
     config::ViewTables,
     plan::settings::RenderSettings,
-    scene::{Camera, SceneSnapshot, asteroids::FieldSpec},
+    scene::{SceneSnapshot, asteroids::FieldSpec},
     view::{Rig, RigError, check_name},
 };
 
@@ -323,6 +324,39 @@ async fn join_headset(mut thread: HeadsetThread, deadline: Instant) {
     }
 }
 
+/// What a daemon begins with.
+struct Begun {
+    scene: SceneSnapshot,
+    objects: Objects,
+    views: ViewSet,
+    settings: RenderSettings,
+}
+
+/// The same with what a file of states has kept.
+fn restored(file: &StateFile, begun: Begun) -> Result<Begun, StateError> {
+    let Begun { mut scene, mut objects, mut views, mut settings } = begun;
+    let (saved, camera) = file.shown()?;
+    if let Some(saved) = saved {
+        let configured = SceneState {
+            revision: scene.revision,
+            stars: settings.stars.clone(),
+            asteroids: settings.asteroids.clone(),
+            objects,
+            views: Arc::new(views),
+        };
+        let restored = saved.applied(&configured, &settings).map_err(|problem| file.content(problem))?;
+        let revision = saved.scene.as_ref().map_or(restored.revision, |scene| scene.revision);
+        tracing::info!("goes on with revision {revision} of the scene");
+        scene = SceneSnapshot { revision, objects: Arc::clone(&restored.objects.drawn), ..scene };
+        (settings.stars, settings.asteroids) = (restored.stars, restored.asteroids);
+        (objects, views) = (restored.objects, Arc::unwrap_or_clone(restored.views));
+    }
+    if let Some(camera) = camera {
+        scene.camera = camera_from_pb(camera).map_err(|error| file.content(format!("the camera: {error}")))?;
+    }
+    Ok(Begun { scene, objects, views, settings })
+}
+
 /// Serves until told to end. Needs a tokio runtime with I/O and time. Encoders and a frame that were not finished within the
 /// drain time may still run when it returns: a caller who wants to end then must not wait for the runtime's threads.
 ///
@@ -358,37 +392,12 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
     }
     let names = rig.views().iter().map(|view| view.name.clone()).collect();
     let views = ViewSet::new(&settings, names, &view_tables, &folder).map_err(ServeError::Views)?;
-    let mut settings = settings;
-    let (mut scene, mut objects, mut views) = (scene, objects, views);
     let file = state.map(|path| StateFile::open(&path)).transpose()?;
-    if let Some(file) = &file {
-        let (saved, camera) = file.shown()?;
-        let unusable = |problem: String| file.unusable(problem);
-        if let Some(saved) = saved {
-            let begun = SceneState {
-                revision: scene.revision,
-                stars: settings.stars.clone(),
-                asteroids: settings.asteroids.clone(),
-                objects,
-                views: Arc::new(views),
-            };
-            let restored = saved.applied(&begun, &settings).map_err(unusable)?;
-            let revision = saved.scene.as_ref().map_or(restored.revision, |scene| scene.revision);
-            tracing::info!("goes on with revision {revision} of the scene");
-            scene = SceneSnapshot { revision, objects: Arc::clone(&restored.objects.drawn), ..scene };
-            (settings.stars, settings.asteroids) = (restored.stars, restored.asteroids);
-            (objects, views) = (restored.objects, Arc::unwrap_or_clone(restored.views));
-        }
-        if let Some(camera) = camera {
-            let revision = camera.revision;
-            let update = convert::camera_update_from_pb(camera);
-            let pose = (update.position_m, update.orientation, update.velocity_c);
-            if let (Some(position_m), Some(orientation), Some(velocity_c)) = pose {
-                let camera = Camera::new(position_m, orientation, velocity_c);
-                scene.camera = Camera { revision, ..camera.map_err(|error| unusable(error.to_string()))? };
-            }
-        }
-    }
+    let begun = Begun { scene, objects, views, settings };
+    let Begun { scene, objects, views, settings } = match &file {
+        Some(file) => restored(file, begun)?,
+        None => begun,
+    };
     let listener = bind(&listen).await?;
     let address = listener.local_addr()?;
     let mut shutdown = match shutdown {
@@ -444,8 +453,8 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
         .max_concurrent_streams(CALLS)
         .http2_max_header_list_size(HEADER_BYTES)
         .layer(Bounds::new(hosts))
-        .layer(MetricsLayer::new(service.clone()))
-        .layer(PageLayer::new())
+        .layer(AnswersFirst(Metrics { service: service.clone() }))
+        .layer(AnswersFirst(Page::new()))
         .layer(GrpcWebLayer::new())
         .add_service(SceneServiceServer::new(service.clone()))
         .add_service(CameraServiceServer::new(service.clone()).max_decoding_message_size(SMALL_REQUEST_BYTES))

@@ -177,7 +177,8 @@ impl StateFile {
         Ok(file)
     }
 
-    fn content(&self, problem: String) -> StateError {
+    /// That what it holds is of no use.
+    pub(super) fn content(&self, problem: String) -> StateError {
         StateError::Content { path: self.path.clone(), problem }
     }
 
@@ -220,11 +221,6 @@ impl StateFile {
     pub(super) fn shown(&self) -> Result<(Option<Saved>, Option<proto::Camera>), StateError> {
         let camera = self.decoded("the camera", self.get(CAMERA)?)?;
         Ok((self.decoded("the scene", self.get(SHOWN)?)?, camera))
-    }
-
-    /// That a restored state is of no use.
-    pub(super) fn unusable(&self, problem: String) -> StateError {
-        self.content(problem)
     }
 
     /// Writes what is shown from now on.

@@ -6,7 +6,7 @@ use glam::DVec3;
 use steradian::{
     plan::settings::{ImpostorMethod, StarMethod},
     scene::bodies::Preset,
-    service::{BodyForm, CameraUpdate, Change, Client, SceneForm, SceneUpdate, TableChange, ViewForm, ViewUpdate},
+    service::{BodyForm, CameraUpdate, Change, Client, Lease, SceneForm, SceneUpdate, TableChange, ViewForm, ViewUpdate},
 };
 use tonic::Code;
 
@@ -112,6 +112,18 @@ async fn snapshots_bring_everything_back() {
         let error = answer.unwrap_err();
         assert!(error.code() == Some(code) && error.to_string().contains(part), "{error}");
     }
+
+    // While somebody else steers, a snapshot that has a camera changes nothing.
+    let mut other = daemon.client().await;
+    let mut steering = other.steer(Lease::Take, "desk").await.unwrap();
+    assert!(steering.send(&CameraUpdate { position_m: Some([5.0; 3]), ..CameraUpdate::default() }).await);
+    let mut cameras = client.watch_camera().await.unwrap();
+    while cameras.next().await.unwrap().expect("a camera").position_m.x != 5.0 {}
+    let scene = client.scene().await.unwrap();
+    let error = client.load_snapshot("before", None).await.unwrap_err();
+    assert!(error.code() == Some(Code::FailedPrecondition) && error.to_string().contains("`desk`"), "{error}");
+    assert_eq!(client.scene().await.unwrap(), scene);
+    drop((steering, other));
     drop(client);
     daemon.shutdown().await.unwrap();
 }

@@ -1,0 +1,300 @@
+//! Changes of the scene and of views: made, checked by a plan, and on disk before they are shown and acknowledged; snapshots of them.
+
+use std::sync::Arc;
+
+use tokio::task;
+use tokio_stream::wrappers::ReceiverStream;
+use tonic::{Request, Response, Status};
+
+use super::{
+    background,
+    camera::unmoved,
+    convert,
+    handlers::{MOST_ATTEMPTS, Service, refused, unchanged},
+    proto,
+    render::Refused,
+    scene::{MadeUpdate, SceneError, SceneState, SceneUpdate},
+    state::{Saved, SnapshotName, StateError, StateFile},
+    views::{ViewSet, ViewUpdate},
+};
+use crate::{
+    plan::{
+        Output, PlanOutputs,
+        settings::AsteroidSettings,
+        view_settings::{FrameGroup, frame_groups},
+    },
+    scene::{SceneSnapshot, asteroids::ShapeSet},
+    view::check_name,
+};
+
+/// Longest name of a snapshot, characters.
+const MOST_NAME: usize = 64;
+
+impl Service {
+    /// The views of a scene after a change of one of them, if they can be drawn then.
+    pub(super) async fn changed_views(
+        &self,
+        scene: &SceneState,
+        number: usize,
+        update: &ViewUpdate,
+    ) -> Result<ViewSet, Status> {
+        let general = self.render.general(scene);
+        let views = scene.views.changed(&general, number, update).map_err(Status::invalid_argument)?;
+        let before = frame_groups(&self.rig, &general, &scene.views.settings);
+        let after = frame_groups(&self.rig, &general, &views.settings);
+        // What has not changed is drawn already.
+        let changed = after.into_iter().filter(|group| !before.contains(group)).collect();
+        self.plan(self.render.snapshot(scene), changed).await?;
+        Ok(views)
+    }
+
+    /// Whether frames of a scene can be drawn, with the camera and the adapter that there are: what is accepted must not fail later.
+    async fn plan(&self, snapshot: SceneSnapshot, groups: Vec<FrameGroup>) -> Result<(), Status> {
+        // One after the other: each plan may take long, and memory.
+        let planner = Arc::clone(&self.planner).lock_owned().await;
+        let limits = Arc::clone(&self.limits);
+        let planning = move || {
+            let mut planner = planner;
+            background::on_own_cores(|| {
+                groups.iter().try_for_each(|group| {
+                    let outputs = PlanOutputs::new(Output::Hdr);
+                    planner.plan(&snapshot, &group.rig, &group.settings, None, outputs, &limits).map(drop)
+                })
+            })
+        };
+        let planned = task::spawn_blocking(planning).await;
+        let planned = planned.map_err(|error| Status::internal(format!("planning a frame failed: {error}")))?;
+        planned.map_err(|error| Status::invalid_argument(error.to_string()))
+    }
+
+    /// The scene after a change, if it can be drawn then.
+    async fn changed_scene(&self, update: &SceneUpdate, expected: Option<u64>) -> Result<SceneState, Status> {
+        for _ in 0..MOST_ATTEMPTS {
+            let scene = self.render.scene().map_err(refused)?;
+            scene.expect(expected).map_err(|error| unchanged(&error))?;
+            let made = self.made(update, &scene).await?;
+            let changed = scene.clone().changed(&made, expected).map_err(|error| unchanged(&error))?;
+            if update.changes_what_is_drawn() {
+                self.prepare(&scene, &changed).await?;
+            }
+            match self.commit(changed, scene.revision).await? {
+                Ok(scene) => return Ok(scene),
+                Err(error) if expected.is_some() => return Err(unchanged(&error)),
+                // What was checked is not the scene any more.
+                Err(SceneError::Revision { .. }) => {}
+                Err(error) => return Err(unchanged(&error)),
+            }
+        }
+        Err(Status::aborted("the scene has changed again and again meanwhile: try again"))
+    }
+
+    /// Makes sure that a scene can be drawn, and makes what its first frame would take long for.
+    async fn prepare(&self, before: &SceneState, after: &SceneState) -> Result<(), Status> {
+        let groups = frame_groups(&self.rig, &self.render.general(after), &after.views.settings);
+        self.plan(self.render.snapshot(after), groups).await?;
+        let new = new_sets(before, after);
+        // Without fields, what was made for some before is let go.
+        if new.is_empty() && (before.objects.drawn.fields.is_empty() || !after.objects.drawn.fields.is_empty()) {
+            return Ok(());
+        }
+        let baked = self.workshop.bake(new, after.asteroids.clone()).await.map_err(refused)?;
+        baked.map_err(Status::invalid_argument)
+    }
+
+    /// Puts a scene in place of the one that it was made for: on disk first, where there is a file of states, and then before everybody's eyes.
+    pub(super) async fn commit(
+        &self,
+        scene: SceneState,
+        made_for: u64,
+    ) -> Result<Result<SceneState, SceneError>, Status> {
+        // One change after the other, so that what is on disk is what is shown.
+        let file = Arc::clone(&self.state).lock_owned().await;
+        let now = self.render.scene().map_err(refused)?;
+        if let Err(error) = now.expect(Some(made_for)) {
+            return Ok(Err(error));
+        }
+        let render = self.render.clone();
+        let writing = move || {
+            let next = SceneState { revision: made_for + 1, ..scene };
+            if let Some(file) = file.as_ref() {
+                file.save(&Saved::of(&next, None)).map_err(|error| unsaved(&error))?;
+            }
+            let replaced = render.replace_scene(next, made_for).map_err(refused);
+            // Not before it is shown.
+            drop(file);
+            replaced
+        };
+        task::spawn_blocking(writing).await.map_err(|error| Status::internal(format!("saving failed: {error}")))?
+    }
+
+    /// The scene and the camera of a snapshot in place of those there are.
+    async fn load(&self, saved: &Saved, expected: Option<u64>) -> Result<SceneState, Status> {
+        let camera = saved.camera.map(convert::camera_update_from_pb);
+        if camera.is_some() {
+            // Before anything is changed.
+            self.render.check_lease(None).map_err(|error| unmoved(&error))?;
+        }
+        for _ in 0..MOST_ATTEMPTS {
+            let scene = self.render.scene().map_err(refused)?;
+            scene.expect(expected).map_err(|error| unchanged(&error))?;
+            let (general, of, before) = (self.render.general(&scene), saved.clone(), scene.clone());
+            let changed = self.placed(move || of.applied(&before, &general)).await?;
+            let changed = changed.map_err(Status::failed_precondition)?;
+            self.prepare(&scene, &changed).await?;
+            match self.commit(changed, scene.revision).await? {
+                Ok(scene) => {
+                    if let Some(camera) = &camera {
+                        self.render.set_camera(camera, None, None).map_err(|error| {
+                            let status = unmoved(&error);
+                            // Somebody began to steer meanwhile.
+                            Status::new(status.code(), format!("the scene is loaded, its camera is not: {error}"))
+                        })?;
+                    }
+                    return Ok(scene);
+                }
+                Err(error) if expected.is_some() => return Err(unchanged(&error)),
+                Err(_) => {}
+            }
+        }
+        Err(Status::aborted("the scene has changed again and again meanwhile: try again"))
+    }
+
+    /// Does something with the file of states.
+    async fn with_state<T: Send + 'static>(
+        &self,
+        job: impl FnOnce(&StateFile) -> Result<T, StateError> + Send + 'static,
+    ) -> Result<T, Status> {
+        let file = Arc::clone(&self.state).lock_owned().await;
+        let done = task::spawn_blocking(move || file.as_ref().map(job)).await;
+        match done.map_err(|error| Status::internal(format!("saving failed: {error}")))? {
+            Some(done) => done.map_err(|error| unsaved(&error)),
+            None => Err(Status::failed_precondition(
+                "the daemon keeps no state: start it with --state FILE, or with server.state in its configuration",
+            )),
+        }
+    }
+
+    /// What a change needs.
+    async fn made(&self, update: &SceneUpdate, scene: &SceneState) -> Result<MadeUpdate, Status> {
+        if !update.places_asteroids() {
+            return update.make(scene).map_err(Status::invalid_argument);
+        }
+        let (update, scene) = (update.clone(), scene.clone());
+        self.placed(move || update.make(&scene)).await?.map_err(Status::invalid_argument)
+    }
+
+    /// Does work that may place asteroids: one after the other, since each may take all cores and much memory.
+    async fn placed<T: Send + 'static>(&self, work: impl FnOnce() -> T + Send + 'static) -> Result<T, Status> {
+        let permit = Arc::clone(&self.placing).acquire_owned().await.map_err(|_| refused(Refused::Ending))?;
+        let placing = move || {
+            // Until it is done, also if the caller does not wait for it.
+            let _permit = permit;
+            background::on_own_cores(work)
+        };
+        let placed = task::spawn_blocking(placing).await;
+        placed.map_err(|error| Status::internal(format!("placing asteroids failed: {error}")))
+    }
+}
+
+fn unsaved(error: &StateError) -> Status {
+    tracing::error!("{error}");
+    match error {
+        StateError::Full => Status::resource_exhausted(error.to_string()),
+        _ => Status::internal(format!("nothing was changed: {error}")),
+    }
+}
+
+/// The name of a snapshot, if it is one.
+fn snapshot_name(name: String) -> Result<String, Status> {
+    check_name(&name).map_err(|error| Status::invalid_argument(error.to_string()))?;
+    if name.len() > MOST_NAME {
+        return Err(Status::invalid_argument(format!("name: at most {MOST_NAME} characters are allowed")));
+    }
+    Ok(name)
+}
+
+/// Sets of shapes that a scene after a change has and that one before has not, or draws otherwise, each once.
+fn new_sets(before: &SceneState, after: &SceneState) -> Vec<Arc<ShapeSet>> {
+    let settings = |scene: &SceneState| {
+        let AsteroidSettings { impostor, tiles, tile_px, finest_only, .. } = &scene.asteroids;
+        (impostor.chosen(), *tiles, *tile_px, *finest_only)
+    };
+    let are_others = settings(before) != settings(after);
+    let fields = &after.objects.drawn.fields;
+    let is_known = |shapes: &Arc<ShapeSet>| {
+        before.objects.drawn.fields.iter().any(|field| Arc::ptr_eq(&field.shapes, shapes)) && !are_others
+    };
+    let mut new: Vec<Arc<ShapeSet>> = Vec::new();
+    for field in fields.iter().filter(|field| !is_known(&field.shapes)) {
+        if !new.iter().any(|shapes| Arc::ptr_eq(shapes, &field.shapes)) {
+            new.push(Arc::clone(&field.shapes));
+        }
+    }
+    new
+}
+
+#[tonic::async_trait]
+impl proto::scene_service_server::SceneService for Service {
+    type WatchSceneStream = ReceiverStream<Result<proto::Scene, Status>>;
+
+    async fn get_scene(&self, _: Request<proto::GetSceneRequest>) -> Result<Response<proto::Scene>, Status> {
+        let scene = self.render.scene().map_err(refused)?;
+        Ok(Response::new(convert::scene_to_pb(&scene, &self.catalogues)))
+    }
+
+    async fn update_scene(
+        &self,
+        request: Request<proto::UpdateSceneRequest>,
+    ) -> Result<Response<proto::Scene>, Status> {
+        let request = request.into_inner();
+        let update = convert::scene_update_from_pb(&request).map_err(Status::invalid_argument)?;
+        update.overlay.check_views(&self.view_names()).map_err(Status::invalid_argument)?;
+        let scene = self.changed_scene(&update, request.expected_revision).await?;
+        Ok(Response::new(convert::scene_to_pb(&scene, &self.catalogues)))
+    }
+
+    async fn save_snapshot(
+        &self,
+        request: Request<proto::SaveSnapshotRequest>,
+    ) -> Result<Response<proto::Snapshot>, Status> {
+        let name = snapshot_name(request.into_inner().name)?;
+        let saved = Saved::of(&self.render.scene().map_err(refused)?, Some(&self.render.camera()));
+        let time = saved.time;
+        let of = name.clone();
+        self.with_state(move |file| file.save_snapshot(&of, &saved)).await?;
+        Ok(Response::new(proto::Snapshot { name, time }))
+    }
+
+    async fn list_snapshots(
+        &self,
+        _: Request<proto::ListSnapshotsRequest>,
+    ) -> Result<Response<proto::ListSnapshotsResponse>, Status> {
+        let names = self.with_state(StateFile::snapshots).await?.into_iter();
+        let snapshots = names.map(|SnapshotName { name, time }| proto::Snapshot { name, time }).collect();
+        Ok(Response::new(proto::ListSnapshotsResponse { snapshots }))
+    }
+
+    async fn load_snapshot(
+        &self,
+        request: Request<proto::LoadSnapshotRequest>,
+    ) -> Result<Response<proto::Scene>, Status> {
+        let proto::LoadSnapshotRequest { name, expected_revision } = request.into_inner();
+        let of = name.clone();
+        let Some(saved) = self.with_state(move |file| file.snapshot(&of)).await? else {
+            let names = self.with_state(StateFile::snapshots).await?;
+            let names: Vec<String> = names.into_iter().map(|known| known.name).collect();
+            return Err(Status::not_found(format!("no snapshot `{name}`; there are: {}", names.join(", "))));
+        };
+        let scene = self.load(&saved, expected_revision).await?;
+        Ok(Response::new(convert::scene_to_pb(&scene, &self.catalogues)))
+    }
+
+    async fn watch_scene(
+        &self,
+        _: Request<proto::WatchSceneRequest>,
+    ) -> Result<Response<Self::WatchSceneStream>, Status> {
+        let catalogues = Arc::clone(&self.catalogues);
+        let to_pb = move |scene: &SceneState| convert::scene_to_pb(scene, &catalogues);
+        Ok(Response::new(self.watched(self.render.watch_scene(), to_pb)?))
+    }
+}
