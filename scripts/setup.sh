@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Makes sure that this machine can build and run Steradian: a Rust toolchain, a linker, a Vulkan driver; with STERADIAN_REQUIRE_PAGE=1 also
-# what the tests of the page need.
+# what the tests of the page need, with STERADIAN_REQUIRE_PYTHON=1 what those of the Python package do.
 # Changes nothing where everything is there. Exit code 69: something is missing that the script cannot install.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
@@ -41,4 +41,8 @@ scripts/ensure-vulkan.sh
 # Most machines need no browser: the tests of the page are shown as ignored there.
 if [[ -n ${STERADIAN_REQUIRE_PAGE-} && $STERADIAN_REQUIRE_PAGE != 0 ]]; then
     scripts/ensure-page.sh npm browser
+fi
+# Nor a Python with grpcio and pytest.
+if [[ -n ${STERADIAN_REQUIRE_PYTHON-} && $STERADIAN_REQUIRE_PYTHON != 0 ]]; then
+    scripts/ensure-python.sh
 fi

@@ -1,0 +1,160 @@
+"""The connection to a daemon: its address, who asks, and calls with deadlines whose errors are typed."""
+
+from __future__ import annotations
+
+import ipaddress
+import os
+import threading
+import urllib.parse
+from collections.abc import Iterator
+from typing import Any
+
+import grpc
+
+from . import _protocol, errors
+from ._protocol import Message
+
+# After a loss the daemon is looked for this often: by default gRPC waits up to two minutes.
+_OPTIONS: list[tuple[str, int]] = [
+    ("grpc.max_receive_message_length", -1),
+    ("grpc.max_send_message_length", -1),
+    ("grpc.initial_reconnect_backoff_ms", 100),
+    ("grpc.max_reconnect_backoff_ms", 2000),
+]
+
+PathLike = str | os.PathLike[str]
+
+
+def _is_local(host: str) -> bool:
+    """Whether a host is this machine by its very name: what goes there does not leave it."""
+    if host == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
+
+
+class _Address:
+    """Where the daemon is: `HOST:PORT`, `http://HOST:PORT`, `https://HOST:PORT` or `unix:PATH`."""
+
+    def __init__(self, text: str) -> None:
+        self.secure = text.startswith("https://")
+        if text.startswith("unix:"):
+            self.target = text
+            self.local = True
+            return
+        parts = urllib.parse.urlsplit(text if "://" in text else f"http://{text}")
+        try:
+            port = parts.port
+        except ValueError:
+            port = None
+        if parts.scheme not in ("http", "https") or not parts.hostname or port is None or parts.path not in ("", "/"):
+            raise ValueError(f"`{text}` is no address: allowed are HOST:PORT, http[s]://HOST:PORT and unix:PATH")
+        host = f"[{parts.hostname}]" if ":" in parts.hostname else parts.hostname
+        self.target = f"{host}:{port}"
+        self.local = _is_local(parts.hostname)
+
+
+def _read(path: PathLike | None) -> bytes | None:
+    if path is None:
+        return None
+    with open(path, "rb") as file:
+        return file.read()
+
+
+class Transport:
+    """A channel with the credentials of a client. All methods may be called from any thread."""
+
+    def __init__(
+        self,
+        address: str,
+        token: str | None,
+        ca_file: PathLike | None,
+        cert_file: PathLike | None,
+        key_file: PathLike | None,
+        timeout_s: float,
+    ) -> None:
+        where = _Address(address)
+        if (cert_file is None) != (key_file is None):
+            raise ValueError("a client's certificate needs both cert_file and key_file")
+        if not where.secure and (ca_file is not None or cert_file is not None):
+            raise ValueError(f"certificates are of connections with TLS: https://, not `{address}`")
+        if token is not None and not where.secure and not where.local:
+            raise ValueError(f"the token would cross the network in the clear: https://, not `{address}`")
+        self.timeout_s = timeout_s
+        self._guard = threading.Lock()
+        self._seeking: Any = None
+        self._metadata = [("authorization", f"Bearer {token}")] if token is not None else []
+        options = list(_OPTIONS)
+        if where.local:
+            # A proxy of the environment does not lead to this machine.
+            options.append(("grpc.enable_http_proxy", 0))
+        if where.secure:
+            credentials = grpc.ssl_channel_credentials(_read(ca_file), _read(key_file), _read(cert_file))
+            self._channel = grpc.secure_channel(where.target, credentials, options=options)
+        else:
+            self._channel = grpc.insecure_channel(where.target, options=options)
+
+    def close(self) -> None:
+        """Ends the connection, and all calls on it."""
+        self._channel.close()
+
+    def wait_until_ready(self, timeout_s: float) -> None:
+        """Waits for the connection."""
+        try:
+            grpc.channel_ready_future(self._channel).result(timeout=timeout_s)
+        except grpc.FutureTimeoutError:
+            raise errors.DeadlineExceeded("DEADLINE_EXCEEDED", f"no connection in {timeout_s} s", "connect") from None
+
+    def unary(self, service: str, name: str, request: Message, timeout_s: float | None = None) -> Message:
+        """One message for one message."""
+        method = _protocol.method(service, name)
+        try:
+            return self.start(method, request, timeout_s).result()
+        except grpc.RpcError as error:
+            raise self.error(error, method) from error
+
+    def error(self, error: grpc.RpcError, method: _protocol.Method) -> errors.SteradianError:
+        """The error of this package for one of a call. After a loss the connection is made again meanwhile."""
+        found = errors.from_rpc(error, method.path)
+        if isinstance(found, errors.Unavailable):
+            self._seek()
+        return found
+
+    def _seek(self) -> None:
+        """Sees to it that the channel connects. It does so by itself, but older versions of gRPC look after its socket
+        only while a call lasts, and calls fail at once while there is no connection. This one waits for it."""
+        with self._guard:
+            if self._seeking is not None:
+                return
+            call = self._channel.unary_unary("/grpc.health.v1.Health/Check")
+            seeking = self._seeking = call.future(b"", wait_for_ready=True, metadata=self._metadata)
+        seeking.add_done_callback(self._found)
+
+    def _found(self, _: object) -> None:
+        with self._guard:
+            self._seeking = None
+
+    def start(self, method: _protocol.Method, request: Message, timeout_s: float | None = None) -> Any:
+        """The future of a unary call, which can be cancelled from another thread."""
+        if method.client_streams or method.server_streams:
+            raise ValueError(f"{method.path} is a stream")
+        call = self._channel.unary_unary(method.path, method.request.SerializeToString, method.response.FromString)
+        timeout = self.timeout_s if timeout_s is None else timeout_s
+        return call.future(request, timeout=timeout, metadata=self._metadata)
+
+    def stream(self, method: _protocol.Method, request: Message) -> Any:
+        """The messages of a stream of the daemon: an iterator of gRPC, which can be cancelled. Streams have no
+        deadline."""
+        if method.client_streams or not method.server_streams:
+            raise ValueError(f"{method.path} is no stream of the daemon")
+        call = self._channel.unary_stream(method.path, method.request.SerializeToString, method.response.FromString)
+        return call(request, metadata=self._metadata)
+
+    def send(self, method: _protocol.Method, requests: Iterator[Message]) -> Any:
+        """The future of the answer to a stream of messages."""
+        if not method.client_streams or method.server_streams:
+            raise ValueError(f"{method.path} is no stream to the daemon")
+        call = self._channel.stream_unary(method.path, method.request.SerializeToString, method.response.FromString)
+        return call.future(requests, metadata=self._metadata)

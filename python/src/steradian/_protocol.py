@@ -1,0 +1,280 @@
+"""The protocol as the daemon speaks it: message classes and calls, made at run time from descriptors.
+
+`steradian.binpb` is a serialised `FileDescriptorSet` of `proto/`. There is no generated code: one package serves all
+versions of protobuf's runtime, and a new call or field needs a new `steradian.binpb` alone. The descriptors have a pool
+of their own, so that modules which protoc has generated from the same files may stand beside this package.
+
+Plain Python values become messages by `build`: a mapping by its fields, `Vector3`, `Quaternion`, `Rgb` and `Range` also
+by their numbers, `Timestamp` by a `datetime` with a time zone, an enumeration by the name of its value.
+"""
+
+from __future__ import annotations
+
+import datetime
+import importlib.resources
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
+
+# Messages are classes that exist at run time alone: a type checker knows nothing of their fields.
+Message = Any
+
+PACKAGE = "steradian.v1"
+
+_EPOCH = datetime.datetime(1970, 1, 1, tzinfo=datetime.timezone.utc)
+# Messages that are numbers in a row, by their fields.
+_NUMBERS = {
+    f"{PACKAGE}.Vector3": ("x", "y", "z"),
+    f"{PACKAGE}.Quaternion": ("x", "y", "z", "w"),
+    f"{PACKAGE}.Rgb": ("red", "green", "blue"),
+    f"{PACKAGE}.Range": ("least", "most"),
+}
+
+
+@dataclass(frozen=True)
+class Method:
+    """A call of a service: its path, its messages, and which sides send several."""
+
+    path: str
+    request: Message
+    response: Message
+    client_streams: bool
+    server_streams: bool
+
+
+def _class_maker(pool: Any) -> Callable[[Any], Any]:
+    """What makes a message class of a descriptor: its name has changed with protobuf 4.22."""
+    if hasattr(message_factory, "GetMessageClass"):
+        return lambda descriptor: message_factory.GetMessageClass(descriptor)
+    factory = message_factory.MessageFactory(pool)
+    return lambda descriptor: factory.GetPrototype(descriptor)
+
+
+class _Protocol:
+    """All that `steradian.binpb` describes."""
+
+    def __init__(self, serialised: bytes) -> None:
+        files = descriptor_pb2.FileDescriptorSet.FromString(serialised)
+        self.pool: Any = descriptor_pool.DescriptorPool()
+        # A file comes after those that it imports.
+        for file in files.file:
+            self.pool.AddSerializedFile(file.SerializeToString())
+        self._class_of = _class_maker(self.pool)
+        self.methods: dict[str, dict[str, Method]] = {}
+        for file in files.file:
+            for service in file.service:
+                calls = {method.name: self._method(file.package, service.name, method) for method in service.method}
+                self.methods[service.name] = calls
+
+    def _method(self, package: str, service: str, method: Any) -> Method:
+        # Names of types are absolute there, with a dot in front.
+        return Method(
+            path=f"/{package}.{service}/{method.name}",
+            request=self.message_class(method.input_type[1:]),
+            response=self.message_class(method.output_type[1:]),
+            client_streams=method.client_streaming,
+            server_streams=method.server_streaming,
+        )
+
+    def message_class(self, full_name: str) -> Message:
+        return self._class_of(self.pool.FindMessageTypeByName(full_name))
+
+
+_PROTOCOL = _Protocol((importlib.resources.files(__package__ or "steradian") / "steradian.binpb").read_bytes())
+
+
+def services() -> dict[str, list[str]]:
+    """Names of the services, each with the names of its calls."""
+    return {service: list(calls) for service, calls in _PROTOCOL.methods.items()}
+
+
+def method(service: str, name: str) -> Method:
+    """A call by service and name, such as `ViewService` and `GetView`.
+
+    Raises:
+        ValueError: there is no such service or call; the message lists those that there are.
+    """
+    calls = _PROTOCOL.methods.get(service.removeprefix(f"{PACKAGE}."))
+    if calls is None:
+        raise ValueError(f"there is no service `{service}`: there are {', '.join(_PROTOCOL.methods)}")
+    if name not in calls:
+        raise ValueError(f"{service} has no call `{name}`: it has {', '.join(calls)}")
+    return calls[name]
+
+
+def message(name: str, /, **fields: object) -> Message:
+    """A message of the protocol by its name, such as `Body`, with these fields (see the head of this module).
+
+    Raises:
+        ValueError: there is no such message.
+        TypeError: it has no such field, or a value does not fit one.
+    """
+    try:
+        cls = _PROTOCOL.message_class(name if "." in name else f"{PACKAGE}.{name}")
+    except KeyError:
+        raise ValueError(f"the protocol has no message `{name}`") from None
+    return build(cls, fields)
+
+
+def build(cls: Message, fields: Mapping[str, object]) -> Message:
+    """A message of a class with these fields; those that are None stay absent."""
+    made = cls()
+    merge(made, fields)
+    return made
+
+
+def enum_value(name: str, value: str) -> int:
+    """Number of a value of an enumeration, such as `JPEG` of `Encoding`.
+
+    Raises:
+        ValueError: it has no such value; the message lists those that it has.
+    """
+    return _enum_number(_PROTOCOL.pool.FindEnumTypeByName(f"{PACKAGE}.{name}"), value)
+
+
+def enum_name(name: str, number: int) -> str:
+    """Name of a value of an enumeration; its number where a newer daemon has one that this package does not know."""
+    values = _PROTOCOL.pool.FindEnumTypeByName(f"{PACKAGE}.{name}").values_by_number
+    return str(values[number].name) if number in values else str(number)
+
+
+def _enum_number(descriptor: Any, value: str) -> int:
+    known = descriptor.values_by_name
+    if value not in known:
+        raise ValueError(f"{descriptor.name} has no `{value}`: it has {', '.join(known)}")
+    return int(known[value].number)
+
+
+def _is_repeated(field: Any) -> bool:
+    # `label` is deprecated since `is_repeated` is there.
+    if hasattr(field, "is_repeated"):
+        return bool(field.is_repeated)
+    return bool(field.label == field.LABEL_REPEATED)
+
+
+def set_field(target: Message, name: str, value: object) -> None:
+    """Sets a field of a message.
+
+    Raises:
+        TypeError: there is no such field, or the value does not fit it.
+    """
+    field = target.DESCRIPTOR.fields_by_name.get(name)
+    if field is None:
+        fields = ", ".join(target.DESCRIPTOR.fields_by_name)
+        raise TypeError(f"{target.DESCRIPTOR.name} has no field `{name}`: it has {fields}")
+    if _is_repeated(field):
+        _set_repeated(target, field, value)
+    elif field.message_type is not None:
+        part = getattr(target, name)
+        # A message without fields is something else than none.
+        part.SetInParent()
+        merge(part, value)
+    else:
+        setattr(target, name, _scalar(field, value))
+
+
+def put(target: Message, path: str, value: object) -> None:
+    """Sets what a path leads to: a field, a field of a field, or the member of a list that has this name.
+
+    Raises:
+        TypeError: there is no such field, or the value does not fit it.
+        ValueError: the value is of the right kind, and wrong.
+    """
+    head, _, rest = path.partition(".")
+    descriptor = target.DESCRIPTOR.fields_by_name.get(head)
+    if not rest or descriptor is None or descriptor.message_type is None:
+        # With what is left of the path where there is no such field: the error names it.
+        set_field(target, path, value)
+        return
+    part = getattr(target, head)
+    if not hasattr(part, "add"):
+        put(part, rest, value)
+        return
+    member = part.add()
+    merge(member, value)
+    if member.name not in ("", rest):
+        raise ValueError(f"{path} cannot have the name `{member.name}`")
+    member.name = rest
+
+
+def _set_repeated(target: Message, field: Any, values: object) -> None:
+    if isinstance(values, (str, bytes)) or not isinstance(values, Iterable):
+        raise TypeError(f"{target.DESCRIPTOR.name}.{field.name} needs a sequence, not {values!r}")
+    target.ClearField(field.name)
+    items = getattr(target, field.name)
+    for value in values:
+        if field.message_type is not None:
+            merge(items.add(), value)
+        else:
+            items.append(_scalar(field, value))
+
+
+def _scalar(field: Any, value: object) -> object:
+    if isinstance(value, str) and field.enum_type is not None:
+        return _enum_number(field.enum_type, value)
+    # A number of numpy is one of Python for protobuf.
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def _is_message(value: object, full_name: str) -> bool:
+    return getattr(getattr(value, "DESCRIPTOR", None), "full_name", None) == full_name
+
+
+def merge(target: Message, value: object) -> None:
+    """Puts a value into a message: a message of the same type, a mapping of fields, or what stands for it (see the head
+    of this module).
+
+    Raises:
+        TypeError: the value does not stand for this message.
+        ValueError: it is of the right kind, and wrong.
+    """
+    kind = target.DESCRIPTOR.full_name
+    if _is_message(value, kind):
+        other: Message = value
+        # Of another pool, perhaps.
+        target.MergeFromString(other.SerializeToString())
+    elif isinstance(value, Mapping):
+        for name, part in value.items():
+            if part is not None:
+                set_field(target, name, part)
+    elif kind in _NUMBERS:
+        _set_numbers(target, _NUMBERS[kind], value)
+    elif kind == "google.protobuf.Timestamp" and isinstance(value, datetime.datetime):
+        target.seconds, target.nanos = _since_epoch(value)
+    elif kind == "google.protobuf.FieldMask" and isinstance(value, Iterable) and not isinstance(value, (str, bytes)):
+        target.paths.extend(value)
+    else:
+        raise TypeError(f"{value!r} is no {target.DESCRIPTOR.name}")
+
+
+def _set_numbers(target: Message, names: tuple[str, ...], value: object) -> None:
+    numbers = np.asarray(value, dtype=np.float64)
+    # One number is a colour without hue.
+    if numbers.ndim == 0 and target.DESCRIPTOR.name == "Rgb":
+        numbers = np.full(3, numbers)
+    if numbers.shape != (len(names),):
+        raise ValueError(f"{target.DESCRIPTOR.name} has {len(names)} numbers ({', '.join(names)}), not {value!r}")
+    for name, number in zip(names, numbers.tolist()):
+        setattr(target, name, number)
+
+
+def _since_epoch(time: datetime.datetime) -> tuple[int, int]:
+    """Seconds and nanoseconds since 1970."""
+    if time.tzinfo is None:
+        raise ValueError(f"{time!r} has no time zone: datetime(..., tzinfo=timezone.utc) has one")
+    since = time - _EPOCH
+    return since.days * 86_400 + since.seconds, since.microseconds * 1000
+
+
+def datetime_of(timestamp: Message) -> datetime.datetime:
+    """A `Timestamp` as a time in UTC, to microseconds."""
+    return _EPOCH + datetime.timedelta(seconds=timestamp.seconds, microseconds=timestamp.nanos // 1000)
+
+
+def numbers_of(part: Message) -> np.ndarray[Any, np.dtype[np.float64]]:
+    """The numbers of a `Vector3`, `Quaternion`, `Rgb` or `Range`, float64."""
+    names = _NUMBERS[part.DESCRIPTOR.full_name]
+    return np.array([getattr(part, name) for name in names], dtype=np.float64)

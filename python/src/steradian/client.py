@@ -1,0 +1,388 @@
+"""The client: all calls of a daemon, with plain Python values and numpy arrays."""
+
+from __future__ import annotations
+
+import threading
+import weakref
+from collections.abc import Mapping, Sequence
+from typing import Any, TypeVar
+
+import numpy.typing as npt
+
+from . import _protocol
+from ._channel import PathLike, Transport
+from ._protocol import Message
+from .camera import Camera
+from .frames import Frame
+from .pull import FrameLoop, FramesLoop, PullLoop
+from .scene import Check, Info, Scene, Snapshot, Stats, update_of
+from .steering import Steering, pose_fields
+from .views import View
+from .watch import Watch
+
+Ends = TypeVar("Ends", bound="Watch[Any] | PullLoop[Any]")
+
+
+def _same(message: Message) -> Message:
+    return message
+
+
+class Client:
+    """A connection to a daemon; a context manager. It may be used from any thread.
+
+    The connection is made by the first call, and again after a loss. Every call raises a `SteradianError` if it fails:
+    see `steradian.errors`. Each has a deadline, but streams, which last.
+
+    Args:
+        address: `HOST:PORT`, `http://HOST:PORT`, `https://HOST:PORT` for TLS, or `unix:PATH`.
+        token: sent with every call. Only with TLS, or to this machine.
+        ca_file: certificates (PEM) that the daemon's is checked by, in place of those of the system.
+        cert_file: certificate (PEM) of the client, where the daemon asks for one; with `key_file`.
+        key_file: its key (PEM).
+        timeout_s: deadline of calls that are given none, s.
+
+    Raises:
+        ValueError: the address is none, or does not go with token or certificates.
+        OSError: a file cannot be read.
+    """
+
+    def __init__(
+        self,
+        address: str,
+        *,
+        token: str | None = None,
+        ca_file: PathLike | None = None,
+        cert_file: PathLike | None = None,
+        key_file: PathLike | None = None,
+        timeout_s: float = 60.0,
+    ) -> None:
+        self._transport = Transport(address, token, ca_file, cert_file, key_file, timeout_s)
+        # What lasts beyond a call, ended with the client.
+        self._lasting: weakref.WeakSet[Watch[Any] | PullLoop[Any]] = weakref.WeakSet()
+        self._guard = threading.Lock()
+
+    def close(self) -> None:
+        """Ends the connection, with all loops and streams on it."""
+        with self._guard:
+            lasting = list(self._lasting)
+        for each in lasting:
+            each.close()
+        self._transport.close()
+
+    def __enter__(self) -> Client:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _lasts(self, made: Ends) -> Ends:
+        with self._guard:
+            self._lasting.add(made)
+        return made
+
+    def wait_until_ready(self, timeout_s: float = 60.0) -> None:
+        """Waits until the daemon takes the connection.
+
+        Raises:
+            DeadlineExceeded: it did not within `timeout_s`.
+        """
+        self._transport.wait_until_ready(timeout_s)
+
+    # Any call.
+
+    def call(
+        self, service: str, name: str, request: Message = None, /, *, timeout_s: float | None = None, **fields: object
+    ) -> Message:
+        """Any call of the protocol with one answer, such as `call("ViewService", "GetView", view="dome")`.
+
+        Args:
+            service: its service.
+            name: its name.
+            request: its message; absent: one of `fields`.
+            timeout_s: its deadline, s; absent: that of the client.
+            fields: fields of the message by name; values as of `steradian.message`.
+
+        Returns:
+            The message of the answer.
+
+        Raises:
+            ValueError: there is no such call.
+            TypeError: its message has no such field, or a value does not fit one.
+        """
+        return self._transport.unary(service, name, self._request(service, name, request, fields), timeout_s)
+
+    def _ask(self, service: str, name: str, fields: Mapping[str, object], timeout_s: float | None = None) -> Message:
+        return self._transport.unary(service, name, self._request(service, name, None, fields), timeout_s)
+
+    def stream(self, service: str, name: str, request: Message = None, /, **fields: object) -> Watch[Message]:
+        """Any stream of the daemon, such as `stream("SceneService", "WatchScene")`: an iterator over its messages.
+        Arguments as of `call`."""
+        made = self._request(service, name, request, fields)
+        return self._lasts(Watch(self._transport, _protocol.method(service, name), made, _same))
+
+    def _request(self, service: str, name: str, request: Message, fields: Mapping[str, object]) -> Message:
+        if request is not None and fields:
+            raise TypeError("a call takes a message or fields, not both")
+        return _protocol.build(_protocol.method(service, name).request, fields) if request is None else request
+
+    # Views and frames.
+
+    def views(self) -> list[View]:
+        """All views, in the order of the configuration, the headset last."""
+        return [View.of(view) for view in self.call("ViewService", "ListViews").views]
+
+    def view(self, name: str) -> View:
+        """One view.
+
+        Raises:
+            NotFound: there is none of this name.
+        """
+        return View.of(self.call("ViewService", "GetView", view=name))
+
+    def update_view(self, name: str, changes: Mapping[str, object], *, expected_revision: int | None = None) -> View:
+        """Changes exposure, glare, tone mapping or exposure group of a view, all that is named or nothing, from the
+        next frame on.
+
+        Args:
+            name: the view.
+            changes: values by path: `{"exposure.limiting_magnitude": 9.0, "glare": {"method": "none"},
+                "exposure_group": ""}`. None: the key is inherited.
+            expected_revision: the change is refused if the scene has another revision.
+
+        Returns:
+            The view after the change.
+
+        Raises:
+            InvalidArgument: a path or value is not allowed; the text says what is.
+            NotFound: there is no such view.
+            Conflict: the scene has another revision.
+        """
+        view = _protocol.message("View", name=name)
+        for path, value in changes.items():
+            if value is not None:
+                _protocol.put(view, path, value)
+        fields = {"view": view, "update_mask": list(changes), "expected_revision": expected_revision}
+        return View.of(self._ask("ViewService", "UpdateView", fields))
+
+    def render(self, view: str, encoding: str = "RGBA8", *, max_size: int = 0, timeout_s: float | None = None) -> Frame:
+        """Renders a view now, with the newest camera.
+
+        Args:
+            view: its name.
+            encoding: `RGBA8`, `PNG` or `JPEG` for display images, `RGB32F` or `EXR` for luminance in cd/m^2, or another
+                one that the daemon has.
+            max_size: longest side of the images, pixels: larger display images are reduced by a whole number. 0: as
+                large as the view is.
+            timeout_s: deadline, s.
+
+        Raises:
+            ValueError: there is no such encoding.
+            NotFound: there is no such view.
+            ResourceExhausted: too many such calls wait.
+        """
+        fields = {"view": view, "encoding": encoding, "max_size": max_size}
+        return Frame.of(self._ask("ViewService", "RenderFrame", fields, timeout_s))
+
+    def frames(
+        self,
+        view: str,
+        encoding: str = "RGBA8",
+        *,
+        max_size: int = 0,
+        max_rate_hz: float | None = None,
+        reconnect: bool = False,
+        timeout_s: float | None = None,
+    ) -> FrameLoop:
+        """The newest frames of a view, by a loop in the background: however seldom frames are taken, each is the
+        newest.
+
+        A frame comes when the picture has changed, and once a second if it has not. A loop has these ways to take
+        frames: `for frame in loop`, `loop.next(timeout_s)` and `loop.latest()`.
+
+        Args:
+            view: its name.
+            encoding: as of `render`.
+            max_size: as of `render`.
+            max_rate_hz: frames are asked for at most as often; one that is taken may then be 1 / max_rate_hz older.
+                None: as fast as they come.
+            reconnect: when the daemon goes away, the loop tries again after 0.1 s, then after pauses that double up to
+                2 s; otherwise `Unavailable` is raised where frames are taken. Other errors end the loop in both cases.
+            timeout_s: deadline of a single call, s.
+
+        Raises:
+            ValueError: there is no such encoding.
+        """
+        options = _loop_options(max_size, max_rate_hz, reconnect, timeout_s)
+        return self._lasts(FrameLoop(self._transport, {view: encoding}, **options))
+
+    def frames_of(
+        self,
+        views: Sequence[str] | Mapping[str, str],
+        encoding: str = "RGBA8",
+        *,
+        max_size: int = 0,
+        max_rate_hz: float | None = None,
+        reconnect: bool = False,
+        timeout_s: float | None = None,
+    ) -> FramesLoop:
+        """The newest frames of several views, 16 at most, by one loop in the background. It gives dictionaries of
+        frames by view: those that have not been taken yet.
+
+        Args:
+            views: their names, or their encodings by name.
+            encoding: of those that are given by name alone.
+            max_size: as of `render`, and so for what follows as of `frames`.
+        """
+        if isinstance(views, str):
+            raise TypeError(f"views = {views!r}: a sequence of names is needed; `frames` is for one view")
+        wanted = dict(views) if isinstance(views, Mapping) else dict.fromkeys(views, encoding)
+        options = _loop_options(max_size, max_rate_hz, reconnect, timeout_s)
+        return self._lasts(FramesLoop(self._transport, wanted, **options))
+
+    # The camera.
+
+    def camera(self) -> Camera:
+        """The camera as it is now."""
+        return Camera.of(self.call("CameraService", "GetCamera"))
+
+    def set_camera(
+        self,
+        pose: Camera | None = None,
+        *,
+        position_m: npt.ArrayLike | None = None,
+        orientation: npt.ArrayLike | None = None,
+        velocity_c: npt.ArrayLike | None = None,
+        expected_revision: int | None = None,
+    ) -> Camera:
+        """Moves the camera. What is not given keeps its value.
+
+        Args:
+            pose: all of it, in place of what follows.
+            position_m: (3,), metres, ICRS axes, from the Solar-System barycentre.
+            orientation: (4,), unit quaternion x, y, z, w, which takes camera axes to ICRS axes.
+            velocity_c: (3,), in units of the speed of light, at most 0.9999.
+            expected_revision: the pose is refused if the camera has another revision.
+
+        Returns:
+            The camera with its new revision. A `render` after this shows this pose or a later one.
+
+        Raises:
+            InvalidArgument: the pose is invalid, or the scene cannot be drawn from it.
+            Conflict: the camera has another revision.
+            LeaseHeld: another client steers.
+        """
+        fields = pose_fields(pose, position_m, orientation, velocity_c) | {"expected_revision": expected_revision}
+        return Camera.of(self._ask("CameraService", "SetCamera", fields))
+
+    def steer(self, *, take_over: bool = False, lease: bool = True, holder: str = "") -> Steering:
+        """A stream of poses, at a thousand per second or more: `with client.steer() as steer: steer(position_m=...)`.
+        While it lasts, nobody else moves the camera.
+
+        Args:
+            take_over: takes the lease from whoever has it, whose stream ends with `LeaseHeld`.
+            lease: False: none is taken, poses go through while nobody else has it.
+            holder: who steers, for those who are refused meanwhile; at most 64 characters.
+
+        Raises:
+            ValueError: a lease is to be taken over and not to be taken.
+        """
+        if take_over and not lease:
+            raise ValueError("take_over takes a lease: lease=False does not go with it")
+        wanted = "CAMERA_LEASE_TAKE_OVER" if take_over else "CAMERA_LEASE_TAKE" if lease else "CAMERA_LEASE_NONE"
+        return Steering(self._transport, wanted, holder)
+
+    def watch_camera(self) -> Watch[Camera]:
+        """The camera now, and then whenever it has changed; who is slow gets the newest."""
+        method = _protocol.method("CameraService", "WatchCamera")
+        return self._lasts(Watch(self._transport, method, method.request(), Camera.of))
+
+    # The scene.
+
+    def scene(self) -> Scene:
+        """The scene as it is now."""
+        return Scene.of(self.call("SceneService", "GetScene"))
+
+    def update_scene(
+        self, changes: Mapping[str, object], *, expected_revision: int | None = None, timeout_s: float | None = None
+    ) -> Scene:
+        """Changes what is named, all of it or nothing, from the next frame on.
+
+        Args:
+            changes: values by path: `{"time": datetime(..., tzinfo=timezone.utc), "stars.magnitude_limit": 6.0,
+                "bodies.rock": {"position_m": [...], ...}, "bodies.old": None}`. None removes a member of a list. Lists
+                (`bodies`, `asteroid_fields`) replace all members. Values as of `steradian.message`.
+            expected_revision: the change is refused if the scene has another revision.
+            timeout_s: deadline, s: new asteroids are generated before the answer.
+
+        Returns:
+            The scene after the change.
+
+        Raises:
+            TypeError: there is no such field, or a value does not fit it.
+            InvalidArgument: a path or value is not allowed; the text says what is.
+            Conflict: the scene has another revision.
+        """
+        scene, mask = update_of(changes)
+        fields = {"scene": scene, "update_mask": mask, "expected_revision": expected_revision}
+        return Scene.of(self._ask("SceneService", "UpdateScene", fields, timeout_s))
+
+    def watch_scene(self) -> Watch[Scene]:
+        """The scene now, and then after every change; who is slow gets the newest."""
+        method = _protocol.method("SceneService", "WatchScene")
+        return self._lasts(Watch(self._transport, method, method.request(), Scene.of))
+
+    def save_snapshot(self, name: str) -> Snapshot:
+        """Saves scene, settings of views and camera under a name, over what has that name.
+
+        Raises:
+            InvalidArgument: the name has other characters than letters, digits, _ and -, or more than 64.
+            FailedPrecondition: the daemon has no file of states (`serve --state FILE`).
+        """
+        return Snapshot.of(self.call("SceneService", "SaveSnapshot", name=name))
+
+    def load_snapshot(self, name: str, *, expected_revision: int | None = None) -> Scene:
+        """Puts a snapshot in place of scene, settings of views and camera.
+
+        Raises:
+            NotFound: there is none of this name.
+            FailedPrecondition: the daemon has no file of states, what the snapshot needs is not there any more, or another
+                client steers the camera.
+            Conflict: the scene has another revision.
+        """
+        fields = {"name": name, "expected_revision": expected_revision}
+        return Scene.of(self._ask("SceneService", "LoadSnapshot", fields))
+
+    def snapshots(self) -> list[Snapshot]:
+        """The snapshots, by name.
+
+        Raises:
+            FailedPrecondition: the daemon has no file of states.
+        """
+        return [Snapshot.of(snapshot) for snapshot in self.call("SceneService", "ListSnapshots").snapshots]
+
+    # The daemon.
+
+    def info(self) -> Info:
+        """Version, adapter, driver, and what is loaded."""
+        return Info.of(self.call("DiagnosticsService", "GetInfo"))
+
+    def stats(self, interval_s: float = 1.0) -> Watch[Stats]:
+        """Statistics now, and then at each interval, 0.1 to 60 s."""
+        method = _protocol.method("DiagnosticsService", "WatchStats")
+        request = _protocol.build(method.request, {"interval_s": interval_s})
+        return self._lasts(Watch(self._transport, method, request, Stats.of))
+
+    def verify(self, filter: str = "", *, star_method: str = "") -> Watch[Check]:
+        """Runs the checks on the daemon's adapter, one after the other, and gives each result. `close` stops them.
+
+        Args:
+            filter: only these: a name, a part of names, a group, or a number. Empty: all.
+            star_method: the star method to check; empty: the one in use.
+        """
+        method = _protocol.method("DiagnosticsService", "Verify")
+        request = _protocol.build(method.request, {"filter": filter, "star_method": star_method})
+        return self._lasts(Watch(self._transport, method, request, Check.of))
+
+
+def _loop_options(max_size: int, max_rate_hz: float | None, reconnect: bool, timeout_s: float | None) -> dict[str, Any]:
+    return {"max_size": max_size, "max_rate_hz": max_rate_hz, "reconnect": reconnect, "timeout_s": timeout_s}

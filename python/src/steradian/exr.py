@@ -1,0 +1,121 @@
+"""Reads OpenEXR files as the daemon writes them: one part of scan lines, uncompressed or ZIP, channels of 16- or 32-bit
+floats.
+
+After the file layout of the OpenEXR documentation ("OpenEXR File Layout"): header, table of offsets, blocks of rows. A
+block that deflating does not make smaller is stored as it is. Otherwise its bytes are split into those of even and of
+odd place, and each is the difference to the one before, plus 128.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+
+import numpy as np
+import numpy.typing as npt
+
+# Rows of a block, by the number of the compression in the header: none, each row by itself, 16 rows.
+_ROWS_OF_BLOCK = {0: 1, 2: 1, 3: 16}
+_PIXEL_TYPES = {1: "<f2", 2: "<f4"}
+# Flags in the version field: tiles, deep data, several parts.
+_NOT_FLAT = 0x200 | 0x800 | 0x1000
+
+
+def channels(data: bytes) -> dict[str, npt.NDArray[np.float32]]:
+    """Channels of a file by name, each (height, width), float32.
+
+    Raises:
+        ValueError: it is no OpenEXR file, is damaged, or is of another kind than the daemon writes.
+    """
+    try:
+        return _channels(data)
+    except (struct.error, zlib.error, IndexError) as error:
+        raise ValueError(f"the OpenEXR file is damaged: {error}") from error
+
+
+def _text(data: bytes, at: int) -> tuple[str, int]:
+    """A string that ends with a zero, and where the next value begins."""
+    end = data.find(b"\0", at)
+    if end < 0:
+        raise ValueError("the OpenEXR file is damaged: its header does not end")
+    return data[at:end].decode("ascii", "replace"), end + 1
+
+
+def _header(data: bytes) -> tuple[dict[str, bytes], int]:
+    """Attributes by name, and where the table of offsets begins."""
+    magic, version = struct.unpack_from("<II", data)
+    if magic != 20_000_630:
+        raise ValueError("this is no OpenEXR file")
+    if version & _NOT_FLAT:
+        raise ValueError("OpenEXR files with tiles, deep data or several parts are not read")
+    attributes, at = {}, 8
+    while data[at] != 0:
+        name, at = _text(data, at)
+        _, at = _text(data, at)
+        (size,) = struct.unpack_from("<i", data, at)
+        attributes[name] = data[at + 4 : at + 4 + size]
+        at += 4 + size
+    return attributes, at + 1
+
+
+def _channel_list(value: bytes) -> list[tuple[str, str]]:
+    """Names and types of the channels, in the order in which rows have them."""
+    found: list[tuple[str, str]] = []
+    at = 0
+    while value[at] != 0:
+        name, at = _text(value, at)
+        kind, _, x_step, y_step = struct.unpack_from("<iiii", value, at)
+        at += 16
+        if kind not in _PIXEL_TYPES or (x_step, y_step) != (1, 1):
+            raise ValueError(f"channel {name} of the OpenEXR file is neither of floats nor as large as the image")
+        found.append((name, _PIXEL_TYPES[kind]))
+    return found
+
+
+def _inflated(block: bytes, size: int) -> bytes:
+    """The bytes of a block that is compressed by ZIP."""
+    differences = np.frombuffer(zlib.decompress(block), dtype=np.uint8).copy()
+    if differences.size != size:
+        raise ValueError("the OpenEXR file is damaged: a block has another size than its rows")
+    differences[1:] -= 128
+    halves = np.cumsum(differences, dtype=np.uint8)
+    joined = np.empty_like(halves)
+    joined[0::2] = halves[: (size + 1) // 2]
+    joined[1::2] = halves[(size + 1) // 2 :]
+    return joined.tobytes()
+
+
+def _channels(data: bytes) -> dict[str, npt.NDArray[np.float32]]:
+    attributes, at = _header(data)
+    for name in ("channels", "compression", "dataWindow"):
+        if name not in attributes:
+            raise ValueError(f"the OpenEXR file is damaged: its header has no {name}")
+    left, top, right, bottom = struct.unpack("<iiii", attributes["dataWindow"])
+    width, height = right - left + 1, bottom - top + 1
+    compression = attributes["compression"][0]
+    if compression not in _ROWS_OF_BLOCK:
+        raise ValueError(f"OpenEXR files of compression {compression} are not read: allowed are none, ZIPS and ZIP")
+    rows_of_block = _ROWS_OF_BLOCK[compression]
+    listed = _channel_list(attributes["channels"])
+    if width < 1 or height < 1 or not listed:
+        raise ValueError("the OpenEXR file is damaged: it has no pixels")
+    images = {name: np.empty((height, width), dtype=np.float32) for name, _ in listed}
+    # A row has the values of the first channel, then those of the next one.
+    row = np.dtype([(name, kind, (width,)) for name, kind in listed])
+    blocks = -(-height // rows_of_block)
+    for offset in struct.unpack_from(f"<{blocks}Q", data, at):
+        y, size = struct.unpack_from("<ii", data, offset)
+        first = y - top
+        count = min(rows_of_block, height - first)
+        block = data[offset + 8 : offset + 8 + size]
+        if first < 0 or count < 1 or len(block) != size:
+            raise ValueError("the OpenEXR file is damaged: a block lies outside")
+        whole = count * row.itemsize
+        if compression != 0 and size != whole:
+            block = _inflated(block, whole)
+        if len(block) != whole:
+            raise ValueError("the OpenEXR file is damaged: a block has another size than its rows")
+        rows = np.frombuffer(block, dtype=row)
+        for name, image in images.items():
+            image[first : first + count] = rows[name]
+    return images

@@ -1,0 +1,152 @@
+"""Steering: a stream of poses with the lease of the camera. While it lasts, nobody else moves the camera."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from types import TracebackType
+from typing import Any
+
+import grpc
+import numpy.typing as npt
+
+from . import _protocol, errors
+from ._channel import Transport
+from ._protocol import Message
+from .camera import Camera
+
+
+def pose_fields(
+    pose: Camera | None,
+    position_m: npt.ArrayLike | None,
+    orientation: npt.ArrayLike | None,
+    velocity_c: npt.ArrayLike | None,
+) -> dict[str, object]:
+    """Fields of a `SetCameraRequest`: those of the pose, and single ones in their place."""
+    given = {"position_m": position_m, "orientation": orientation, "velocity_c": velocity_c}
+    whole = {} if pose is None else {name: getattr(pose, name) for name in given}
+    return whole | {name: value for name, value in given.items() if value is not None}
+
+
+class Steering:
+    """A stream of poses, a context manager: see `Client.steer`. It may be called from any thread.
+
+    The newest pose wins: one that has not been sent when the next one comes is left out. The daemon answers at the end
+    of the stream, so a refusal is raised by the first call after it has come, or at the end.
+
+    Attributes:
+        camera: after the end: the camera after the last pose.
+        poses: after the end: how many poses the daemon has taken.
+    """
+
+    def __init__(self, transport: Transport, lease: str, holder: str) -> None:
+        self._transport = transport
+        self.camera: Camera | None = None
+        self.poses: int | None = None
+        self._method = _protocol.method("CameraService", "StreamCamera")
+        first = _protocol.build(self._method.request, {"lease": lease, "holder": holder})
+        self._changed = threading.Condition()
+        # All below is guarded by it.
+        self._next: Message = first
+        self._ended = self._answered = False
+        self._call: Any = transport.send(self._method, self._messages())
+        self._call.add_done_callback(self._done)
+
+    def __call__(
+        self,
+        pose: Camera | None = None,
+        *,
+        position_m: npt.ArrayLike | None = None,
+        orientation: npt.ArrayLike | None = None,
+        velocity_c: npt.ArrayLike | None = None,
+    ) -> None:
+        """Moves the camera, and does not wait for it. What is not given keeps its value.
+
+        Args:
+            pose: all of it, in place of what follows.
+            position_m: (3,), metres, ICRS axes, from the Solar-System barycentre.
+            orientation: (4,), unit quaternion x, y, z, w.
+            velocity_c: (3,), in units of the speed of light.
+
+        Raises:
+            LeaseHeld: somebody else has the lease, or has taken it over.
+            InvalidArgument: an earlier pose was refused; the stream has ended.
+            SteradianError: the stream has failed.
+        """
+        fields = pose_fields(pose, position_m, orientation, velocity_c)
+        message = _protocol.build(self._method.request, {"camera": fields})
+        with self._changed:
+            if self._ended:
+                raise errors.Cancelled("CANCELLED", "the stream of poses has ended", self._method.path)
+            if not self._call.done():
+                self._put(message)
+                return
+        self._raise()
+        raise errors.Cancelled("CANCELLED", "the daemon has ended the stream of poses", self._method.path)
+
+    def close(self) -> None:
+        """Ends the stream after the last pose, and gives the lease back.
+
+        Raises:
+            SteradianError: as a call of it.
+        """
+        with self._changed:
+            if self._ended:
+                return
+            self._ended = True
+            self._changed.notify_all()
+        self._raise()
+
+    def __enter__(self) -> Steering:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None) -> None:
+        if error is None:
+            self.close()
+            return
+        # What has failed inside is what is told; poses that wait are not sent.
+        with self._changed:
+            self._ended = True
+            self._next = None
+            self._changed.notify_all()
+        self._call.cancel()
+
+    def _put(self, message: Message) -> None:
+        """A pose, in place of what it sets of a pose that waits still."""
+        if self._next is None:
+            self._next = message
+        else:
+            self._next.camera.SetInParent()
+            for field, value in message.camera.ListFields():
+                getattr(self._next.camera, field.name).CopyFrom(value)
+        self._changed.notify_all()
+
+    def _messages(self) -> Iterator[Message]:
+        """What is sent; runs in a thread of gRPC."""
+        while True:
+            with self._changed:
+                self._changed.wait_for(lambda: self._next is not None or self._ended or self._answered)
+                message, self._next = self._next, None
+            if message is None:
+                return
+            yield message
+
+    def _done(self, _: object) -> None:
+        with self._changed:
+            # Ends the thread that sends.
+            self._next, self._answered = None, True
+            self._changed.notify_all()
+
+    def _raise(self) -> None:
+        """Waits for the answer, and raises what it says."""
+        try:
+            answer = self._call.result(timeout=self._transport.timeout_s)
+        except grpc.FutureTimeoutError:
+            self._call.cancel()
+            text = f"no answer within {self._transport.timeout_s} s"
+            raise errors.DeadlineExceeded("DEADLINE_EXCEEDED", text, self._method.path) from None
+        except grpc.FutureCancelledError:
+            raise errors.Cancelled("CANCELLED", "the stream of poses was ended", self._method.path) from None
+        except grpc.RpcError as error:
+            raise self._transport.error(error, self._method) from error
+        self.camera, self.poses = Camera.of(answer.camera), answer.poses

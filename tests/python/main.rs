@@ -1,0 +1,35 @@
+//! The Python package in `python/`, against the built program: its tests by pytest, its types by mypy. Where Python or a package of it is absent, these are
+//! shown as ignored, with the reason; with `STERADIAN_REQUIRE_PYTHON=1` they fail. Its description of the protocol needs no Python to be compared with
+//! `proto/`. The arguments are those of libtest.
+#![allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
+
+mod protocol;
+mod suites;
+
+use std::process::ExitCode;
+
+use libtest_mimic::{Arguments, Completion, Failed, Trial};
+
+/// If set, and neither empty nor 0, a test that cannot run is a failure.
+const REQUIRE_VARIABLE: &str = "STERADIAN_REQUIRE_PYTHON";
+
+/// A test: it fails by a panic. What it returns as an error is what is missing to run it.
+pub type Test = (&'static str, fn() -> Result<(), String>);
+
+fn complete(run: fn() -> Result<(), String>) -> Result<Completion, Failed> {
+    let required = std::env::var_os(REQUIRE_VARIABLE).is_some_and(|value| !value.is_empty() && value != "0");
+    match run() {
+        Ok(()) => Ok(Completion::Completed),
+        Err(missing) if required => Err(format!("{REQUIRE_VARIABLE} is set, and {missing}").into()),
+        Err(missing) => Ok(Completion::ignored_with(missing)),
+    }
+}
+
+fn main() -> ExitCode {
+    let mut arguments = Arguments::from_args();
+    // Daemons that draw with a software driver take all cores.
+    arguments.test_threads = Some(1);
+    let tests = [protocol::TESTS, suites::TESTS].concat();
+    let trials = tests.into_iter().map(|(name, run)| Trial::ignorable_test(name, move || complete(run)));
+    libtest_mimic::run(&arguments, trials.collect()).exit_code()
+}

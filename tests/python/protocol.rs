@@ -1,0 +1,65 @@
+//! The package reads the protocol from `steradian.binpb`, a serialised `FileDescriptorSet`, which is checked in: the package then works with every version
+//! of protobuf's runtime, and needs no compiler. It is what the build script has compiled from `proto/`, without the comments.
+//!
+//! `STERADIAN_WRITE_REFERENCE=1 cargo test --release --test python protocol` writes it anew.
+
+use std::{fs, path::Path};
+
+use prost::Message;
+use prost_types::FileDescriptorSet;
+
+use crate::Test;
+
+pub const TESTS: &[Test] =
+    &[("protocol::is_that_of_proto", is_that_of_proto), ("protocol::a_change_is_noticed", a_change_is_noticed)];
+
+/// What the build script has compiled, comments and positions included.
+const COMPILED: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/steradian_descriptors.bin"));
+
+/// The same without comments and positions.
+fn descriptors() -> FileDescriptorSet {
+    let mut set = FileDescriptorSet::decode(COMPILED).unwrap();
+    for file in &mut set.file {
+        file.source_code_info = None;
+    }
+    set
+}
+
+/// Names of the files that one of both sets lacks or has otherwise.
+fn differences(a: &FileDescriptorSet, b: &FileDescriptorSet) -> Vec<String> {
+    let only = |a: &FileDescriptorSet, b: &FileDescriptorSet| -> Vec<String> {
+        let files = a.file.iter().filter(|file| !b.file.contains(file));
+        files.map(|file| file.name().to_owned()).collect()
+    };
+    let mut names = [only(a, b), only(b, a)].concat();
+    names.sort();
+    names.dedup();
+    names
+}
+
+fn is_that_of_proto() -> Result<(), String> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("python/src/steradian/steradian.binpb");
+    let compiled = descriptors();
+    if std::env::var_os("STERADIAN_WRITE_REFERENCE").is_some() {
+        fs::write(&path, compiled.encode_to_vec()).unwrap();
+    }
+    let committed = fs::read(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+    let other = differences(&FileDescriptorSet::decode(&*committed).unwrap(), &compiled);
+    assert!(
+        other.is_empty() && committed == compiled.encode_to_vec(),
+        "steradian.binpb is not what proto/ says ({other:?}): STERADIAN_WRITE_REFERENCE=1 writes it anew"
+    );
+    Ok(())
+}
+
+fn a_change_is_noticed() -> Result<(), String> {
+    let compiled = descriptors();
+    assert!(differences(&compiled, &compiled).is_empty());
+    let mut changed = compiled.clone();
+    let file = changed.file.iter_mut().find(|file| file.name() == "steradian/v1/view.proto").unwrap();
+    file.service[0].method.pop().unwrap();
+    assert_eq!(differences(&changed, &compiled), ["steradian/v1/view.proto"]);
+    changed.file.retain(|file| file.name() != "steradian/v1/camera.proto");
+    assert_eq!(differences(&changed, &compiled), ["steradian/v1/camera.proto", "steradian/v1/view.proto"]);
+    Ok(())
+}
