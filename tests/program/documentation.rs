@@ -7,6 +7,7 @@
 //! - `cargo run --release --example NAME -- ARGUMENTS` runs the example as `cargo test` has built it,
 //! - `steradian serve` goes on in the background, on a free port, and is stopped by SIGTERM after the last command,
 //! - `steradian xr` draws one frame, or says by exit code 69 what of OpenXR is missing here,
+//! - programs in Python are run by `python/tests/test_documents.py`, where Python has what they need; here their file must have their options,
 //! - commands in [`EXCUSED`] are not run; what they name is checked instead.
 
 use std::{
@@ -27,6 +28,8 @@ const DOCUMENTED_ADDRESS: &str = "127.0.0.1:7143";
 const EXCUSED: &[(&str, &str, Check)] = &[
     ("make ", "runs these tests, or installs packages; the Makefile must have the target", check_make),
     ("grpcurl ", "may not be installed; the protocol must have the method that is called", check_grpcurl),
+    ("PYTHONPATH=", "python/tests/test_documents.py runs it; the file must have the options", check_python),
+    ("scripts/", "installs packages; the script must exist", check_script),
 ];
 
 /// What is checked of a command that is not run.
@@ -130,6 +133,26 @@ fn check_grpcurl(command: &str) -> Result<(), String> {
         Some(call) => Err(format!("`{command}`: the protocol has no {call}")),
         None => Ok(()),
     }
+}
+
+/// Checks a program in Python by its file and options.
+fn check_python(command: &str) -> Result<(), String> {
+    let words: Vec<&str> = command.split_whitespace().collect();
+    let ["PYTHONPATH=python/src", "python3", script, arguments @ ..] = &words[..] else {
+        return Err(format!("`{command}`: should begin with PYTHONPATH=python/src python3"));
+    };
+    let text = fs::read_to_string(repository().join(script)).map_err(|error| format!("`{command}`: {error}"))?;
+    let options = arguments.iter().filter(|argument| argument.starts_with("--"));
+    match options.into_iter().find(|option| !text.contains(&format!("(\"{option}\""))) {
+        Some(option) => Err(format!("`{command}`: {script} has no {option}")),
+        None => Ok(()),
+    }
+}
+
+/// Checks a script by its file.
+fn check_script(command: &str) -> Result<(), String> {
+    let script = command.split_whitespace().next().unwrap_or_default();
+    if repository().join(script).is_file() { Ok(()) } else { Err(format!("`{command}`: there is no {script}")) }
 }
 
 /// Runs the commands of a document in a folder of its own.
@@ -305,6 +328,10 @@ fn a_wrong_command_is_noticed() {
         "grpcurl -plaintext 127.0.0.1:7143 steradian.v1.NoSuchService/ListViews",
         "cargo run --release --example no_such_example -- --out out",
         "cargo run --release --example render_view -- --no-such-option",
+        "PYTHONPATH=python/src python3 python/examples/no_such.py",
+        "PYTHONPATH=python/src python3 python/examples/frame_ages.py --no-such-option",
+        "PYTHONPATH=elsewhere python3 python/examples/frame_ages.py",
+        "scripts/no-such.sh",
     ] {
         let document = format!("text\n```sh\n# a comment\n{wrong}\n```\n");
         assert!(Reader::new().follow(&document).is_err(), "`{wrong}` passed");
@@ -434,7 +461,7 @@ fn exists(path: &str, sources: &[PathBuf]) -> bool {
 /// Paths that a document names and that do not exist.
 fn missing_paths(document: &str) -> Vec<String> {
     let mut sources = Vec::new();
-    for folder in ["src", "shaders", "tests", "benches", "examples", "configs", "scripts", "proto"] {
+    for folder in ["src", "shaders", "tests", "benches", "examples", "configs", "scripts", "proto", "python"] {
         files_below(&repository().join(folder), &mut sources);
     }
     let excused = |path: &String| NO_FILES.iter().any(|(beginning, _)| path.starts_with(beginning));
