@@ -78,6 +78,9 @@ pub enum CliError {
     /// The daemon could not start, or failed.
     #[error(transparent)]
     Serve(ServeError),
+    /// A token cannot be made.
+    #[error("cannot make a token: {0}")]
+    Token(String),
     /// A chart cannot be made.
     #[error("chart: {0}")]
     Chart(#[from] ChartError),
@@ -130,7 +133,7 @@ impl CliError {
                 | XrError::Vulkan { .. } => NO_ADAPTER,
                 XrError::Call { .. } | XrError::LossPending => FAILED,
             },
-            CliError::Serve(ServeError::Address { .. }) => BAD_USAGE,
+            CliError::Serve(ServeError::Address { .. } | ServeError::Open { .. } | ServeError::Access(_)) => BAD_USAGE,
             CliError::Serve(_) | CliError::Runtime(_) => FAILED,
             CliError::Psf(error) => psf_exit_code(error),
             CliError::Usage(_) | CliError::Config(_) | CliError::Galaxy(_) => BAD_USAGE,
@@ -138,7 +141,7 @@ impl CliError {
             CliError::Load { .. } | CliError::ReadStore(_) => BAD_DATA,
             CliError::Chart(_) => FAILED,
             CliError::WriteStore(_) | CliError::Output(_) | CliError::Json(_) | CliError::Stdout(_) => FAILED,
-            CliError::WriteFile { .. } | CliError::Checks { .. } | CliError::Audit(_) => FAILED,
+            CliError::WriteFile { .. } | CliError::Checks { .. } | CliError::Audit(_) | CliError::Token(_) => FAILED,
         }
     }
 

@@ -16,6 +16,7 @@ mod psf;
 mod render;
 mod results;
 mod serve;
+mod token;
 mod verify;
 mod xr;
 
@@ -37,6 +38,7 @@ pub use error::{BAD_DATA, BAD_USAGE, CliError, FAILED, NO_ADAPTER};
         steradian catalogue synth --stars 1000000 --seed 1 --out galaxy.stars\n  \
         steradian catalogue info galaxy.stars\n  \
         steradian xr --config configs/headset.toml\n  \
+        steradian token --name desk-1 --role steer\n  \
         steradian psf --aperture hexagon --diameter-mm 2 --out hexagon.exr\n\n\
         Exit codes: 0 done, 1 a check or job failed, 64 bad usage or configuration, 65 bad input data, 69 no usable adapter."
 )]
@@ -70,6 +72,8 @@ pub enum Command {
     Catalogue(catalogue::CatalogueArguments),
     /// Compute the point-spread function of an aperture, or convert one.
     Psf(psf::PsfArguments),
+    /// Make a token that lets a client in, and the lines of the configuration that do so.
+    Token(token::TokenArguments),
     /// Show a scene in the headset of the system's OpenXR runtime.
     Xr(xr::XrArguments),
 }
@@ -85,6 +89,7 @@ pub fn run(arguments: Cli) -> Result<(), CliError> {
         Command::Chart(command) => chart::run(&command, arguments.adapter),
         Command::Catalogue(command) => catalogue::run(command),
         Command::Psf(command) => psf::run(&command),
+        Command::Token(command) => token::run(&command),
         Command::Xr(command) => xr::run(command, arguments.adapter),
     }
 }

@@ -1,6 +1,5 @@
 //! `serve`: the daemon.
 
-use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -14,22 +13,26 @@ use super::{
     load::{self, LoadedScene},
     results,
 };
-use crate::config::{Config, parse_listen};
+use crate::config::{Config, ConfigError, parse_listen};
 use crate::gpu::{Gpu, GpuOptions};
 use crate::plan::view_settings::FrameGroup;
 use crate::render::{FrameRequest, Renderer, Wanted};
 use crate::scene::loader::{LoadReport, LoadedCatalogue};
 use crate::scene::{Camera, SceneSnapshot};
-use crate::service::{self, HeadsetOptions, SceneCatalogue, ServeOptions, Shutdown};
+use crate::service::{
+    self, Access, AccessSource, Address, HeadsetOptions, SceneCatalogue, ServeError, ServeOptions, Shutdown,
+};
 use crate::xr::{self, FirstFailure};
 
 /// Arguments of `serve`.
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 #[command(after_help = "Examples:\n  \
     steradian serve\n  \
-    steradian serve --config configs/mission-control.toml --listen 0.0.0.0:7143\n  \
+    steradian serve --config configs/mission-control.toml --listen unix:steradian.socket\n  \
     steradian serve --listen 127.0.0.1:0     # selects a free port and prints it\n\n\
-    Prints `listening on ADDR` when clients can connect. SIGINT and SIGTERM drain calls and shut down.")]
+    Prints `listening on ADDR` when clients can connect. SIGINT and SIGTERM drain calls and shut down.\n\
+    Anything but the loopback address and unix:PATH needs [server.tls], and [[server.tokens]] or\n\
+    [[server.certificates]] in the configuration. SIGHUP reads these again.")]
 pub struct ServeArguments {
     /// The configuration; without it a dome and a flat view of bright and synthetic stars.
     #[arg(long, value_name = "FILE")]
@@ -47,9 +50,13 @@ pub struct ServeArguments {
 
 /// Runs the command.
 pub fn run(arguments: ServeArguments, adapter: Option<String>) -> Result<(), CliError> {
-    let config = Config::load_or_built_in(arguments.config.as_deref(), &arguments.set)?;
+    let config = load_config(&arguments)?;
     let (rig, camera) = (config.rig()?, config.camera()?);
     let groups = config.frame_groups()?;
+    let access = access(&arguments);
+    let listen = arguments.listen.clone().unwrap_or_else(|| config.server.listen.clone());
+    let current = access().map_err(|problem| CliError::Serve(ServeError::Access(problem)))?;
+    service::check_listen(&listen, &current).map_err(CliError::Serve)?;
     let renderer = Renderer::new(Gpu::open(&GpuOptions { adapter, ..GpuOptions::default() })?);
     renderer.check(&rig).map_err(|error| CliError::render(error.into(), &config.origin))?;
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build().map_err(CliError::Runtime)?;
@@ -67,7 +74,6 @@ pub fn run(arguments: ServeArguments, adapter: Option<String>) -> Result<(), Cli
                 Err(error) => std::panic::resume_unwind(error.into_panic()),
             },
         };
-        let listen = arguments.listen.unwrap_or_else(|| config.server.listen.clone());
         let mut options = ServeOptions::new(listen, Box::new(renderer), scene, rig, config.render_settings(), announce);
         let catalogue = |loaded: LoadedCatalogue| SceneCatalogue { name: loaded.name, stars: loaded.stars as u64 };
         options.catalogues = report.catalogues.into_iter().map(catalogue).collect();
@@ -75,14 +81,28 @@ pub fn run(arguments: ServeArguments, adapter: Option<String>) -> Result<(), Cli
         options.view_tables = config.views.iter().map(|view| view.tables.clone()).collect();
         options.folder.clone_from(&config.folder);
         options.hosts.clone_from(&config.server.hosts);
+        options.access = Some(access);
         let configured = config.server.state.as_ref().map(|state| config.folder.join(state));
-        options.state = arguments.state.or(configured);
+        options.state = arguments.state.clone().or(configured);
         options.headset = headset(&config);
         options.shutdown = Shutdown::When(Box::pin(async move {
             signals.await;
             tell_supervisor(NotifyState::Stopping);
         }));
         service::run(options).await.map_err(CliError::Serve)
+    })
+}
+
+fn load_config(ServeArguments { config, set, .. }: &ServeArguments) -> Result<Config, ConfigError> {
+    Config::load_or_built_in(config.as_deref(), set)
+}
+
+/// Who may call, as the configuration says whenever it is read.
+fn access(arguments: &ServeArguments) -> AccessSource {
+    let arguments = arguments.clone();
+    Arc::new(move || {
+        let config = load_config(&arguments).map_err(|error| error.to_string())?;
+        Access::of(&config.server, &config.folder).map_err(|problem| format!("{}: {problem}", config.origin))
     })
 }
 
@@ -132,7 +152,7 @@ fn tell_supervisor(state: NotifyState<'_>) {
 }
 
 /// The line that scripts wait for.
-fn announce(address: SocketAddr) {
+fn announce(address: Address) {
     if let Err(error) = results::line(format!("listening on {address}")) {
         // The daemon is of use without a reader of its output.
         tracing::warn!("{error}");

@@ -33,7 +33,7 @@ pub use overlay::{GridConfig, LabelConfig, OverlayConfig, TrajectoryConfig};
 pub use scene::{CameraConfig, CatalogueConfig, GalaxyConfig, SceneConfig};
 use schemars::JsonSchema;
 use serde::Deserialize;
-pub use server::{ServerConfig, parse_listen};
+pub use server::{CertificateConfig, Role, ServerConfig, Sha256Hex, TlsConfig, TokenConfig, UNIX_PREFIX, parse_listen};
 use toml::{Table, Value};
 pub use view_tables::{ViewTables, ViewTablesError, resolve_views};
 pub use views::{
@@ -220,6 +220,7 @@ impl Config {
             .map_err(|fault| fault.within("exposure"))?;
         limits::check_tone_map(&config.tone_map).map_err(|fault| fault.within("tone_map"))?;
         headset::check(&config.headset).map_err(|fault| fault.within("headset"))?;
+        server::check(&config.server).map_err(|fault| fault.within("server"))?;
         config.build_rig()?;
         config.resolve_views()?;
         config.build_overlay()?;

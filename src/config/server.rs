@@ -1,15 +1,23 @@
-//! `[server]`: where the daemon listens.
+//! `[server]`: where the daemon listens, and whom it lets in.
 
-use std::path::PathBuf;
+use std::{fmt, path::PathBuf, str::FromStr};
 
 use schemars::JsonSchema;
-use serde::{Deserialize, Deserializer, Serialize};
+use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error as _};
+
+use super::error::Fault;
+
+/// What an address begins with that is the path of a Unix socket.
+pub const UNIX_PREFIX: &str = "unix:";
+/// Longest name of one who is let in.
+const MOST_NAME: usize = 64;
 
 /// `[server]`.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ServerConfig {
-    /// Address to listen on, `host:port`; port 0 selects a free port.
+    /// Address to listen on: `host:port`, port 0 selects a free one, or `unix:PATH`. Anything but a Unix socket and the loopback address needs `tls`, and
+    /// `tokens` or `certificates`.
     #[serde(deserialize_with = "address")]
     pub listen: String,
     /// Names by which clients may call the daemon, without ports, besides `localhost` and addresses: others are refused, and so are pages of
@@ -18,29 +26,179 @@ pub struct ServerConfig {
     /// File in which changes by clients are kept, on disk before they are acknowledged: the daemon goes on with them when it is started again. Absent:
     /// they are lost at its end.
     pub state: Option<PathBuf>,
+    /// Encrypts connections.
+    pub tls: Option<TlsConfig>,
+    /// Whom a token lets in. With these, or with `certificates`, nobody else is, but through a Unix socket.
+    pub tokens: Vec<TokenConfig>,
+    /// Whom a client certificate lets in.
+    pub certificates: Vec<CertificateConfig>,
+}
+
+/// `[server.tls]`. Paths start at the folder of the configuration.
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct TlsConfig {
+    /// The daemon's certificate and those between it and its authority, PEM.
+    pub certificate: PathBuf,
+    /// Its private key, PEM.
+    pub key: PathBuf,
+    /// Certificates of the authorities that sign those of clients, PEM. Absent: clients have none.
+    pub client_ca: Option<PathBuf>,
+}
+
+/// `[[server.tokens]]`.
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct TokenConfig {
+    /// Who has it, for the log.
+    pub name: String,
+    /// What its holder may do.
+    pub role: Role,
+    /// SHA-256 of the token, 64 hexadecimal digits; `steradian token` makes both.
+    #[schemars(with = "String")]
+    pub sha256: Sha256Hex,
+}
+
+/// `[[server.certificates]]`.
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CertificateConfig {
+    /// Who has it, for the log.
+    pub name: String,
+    /// What its holder may do.
+    pub role: Role,
+    /// The client's certificate, PEM; it has to be signed by `tls.client_ca`.
+    pub file: PathBuf,
+}
+
+/// What somebody may do; each may do what those before it may.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Role {
+    /// See views, figures and settings.
+    View,
+    /// Move the camera, and change scene and views.
+    Steer,
+    /// Load snapshots, and run checks.
+    Admin,
+}
+
+impl fmt::Display for Role {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::View => "view",
+            Self::Steer => "steer",
+            Self::Admin => "admin",
+        })
+    }
+}
+
+impl FromStr for Role {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let all = [Self::View, Self::Steer, Self::Admin];
+        let found = all.into_iter().find(|role| role.to_string() == text);
+        found.ok_or_else(|| format!("`{text}` is no role: allowed are view, steer and admin"))
+    }
+}
+
+/// A SHA-256, 64 hexadecimal digits as text.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sha256Hex(pub [u8; 32]);
+
+impl fmt::Display for Sha256Hex {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.iter().try_for_each(|byte| write!(f, "{byte:02x}"))
+    }
+}
+
+impl Serialize for Sha256Hex {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(self)
+    }
+}
+
+impl<'de> Deserialize<'de> for Sha256Hex {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let text = String::deserialize(deserializer)?;
+        let digits: Option<Vec<u8>> =
+            text.chars().map(|digit| digit.to_digit(16).and_then(|digit| u8::try_from(digit).ok())).collect();
+        let pairs: Option<Vec<u8>> = digits
+            .map(|digits| digits.chunks(2).map(|pair| pair.iter().fold(0, |sum, digit| 16 * sum + digit)).collect());
+        let bytes = pairs.filter(|_| text.len() == 64).and_then(|bytes| bytes.try_into().ok());
+        bytes.map(Self).ok_or_else(|| {
+            D::Error::custom("needed are the 64 hexadecimal digits of a SHA-256, as `steradian token` prints them, and never the token itself")
+        })
+    }
 }
 
 impl Default for ServerConfig {
     fn default() -> Self {
-        Self { listen: "127.0.0.1:7143".to_owned(), hosts: Vec::new(), state: None }
+        Self {
+            listen: "127.0.0.1:7143".to_owned(),
+            hosts: Vec::new(),
+            state: None,
+            tls: None,
+            tokens: Vec::new(),
+            certificates: Vec::new(),
+        }
     }
 }
 
 fn address<'de, D: Deserializer<'de>>(deserializer: D) -> Result<String, D::Error> {
     let text = String::deserialize(deserializer)?;
-    parse_listen(&text).map_err(serde::de::Error::custom)
+    parse_listen(&text).map_err(D::Error::custom)
 }
 
-/// Checks that `text` is a host with a port; the host itself is looked up when the daemon starts. The error says what is
+/// Checks that `text` is a host with a port, or the path of a socket; the host itself is looked up when the daemon starts. The error says what is
 /// allowed.
 pub fn parse_listen(text: &str) -> Result<String, String> {
+    if let Some(path) = text.strip_prefix(UNIX_PREFIX) {
+        return match path {
+            "" => Err(format!("`{text}` has no path: allowed are such as \"unix:/run/steradian/socket\"")),
+            _ => Ok(text.to_owned()),
+        };
+    }
     let (host, port) = text.rsplit_once(':').unwrap_or((text, ""));
     // An IPv6 address stands in brackets: without them its last group would pass for a port.
     let bare_ipv6 = host.contains(':') && !(host.starts_with('[') && host.ends_with(']'));
     if host.is_empty() || bare_ipv6 || port.parse::<u16>().is_err() {
         return Err(format!(
-            "`{text}` is no host with a port: allowed are such as \"127.0.0.1:7143\", \"[::]:7143\" and \"localhost:0\""
+            "`{text}` is no host with a port: allowed are such as \"127.0.0.1:7143\", \"[::]:7143\", \"localhost:0\" and \"unix:PATH\""
         ));
     }
     Ok(text.to_owned())
+}
+
+/// Names of those who are let in tell them apart in the log.
+pub(super) fn check(server: &ServerConfig) -> Result<(), Fault> {
+    let tokens = server.tokens.iter().enumerate().map(|(index, token)| (format!("tokens[{index}].name"), &token.name));
+    let certificates = server.certificates.iter().enumerate();
+    let certificates =
+        certificates.map(|(index, certificate)| (format!("certificates[{index}].name"), &certificate.name));
+    let mut known: Vec<&String> = Vec::new();
+    for (key, name) in tokens.chain(certificates) {
+        let is_plain = |c: char| !c.is_control();
+        if name.is_empty() || name.chars().count() > MOST_NAME || !name.chars().all(is_plain) {
+            return Err(Fault::new(
+                &key,
+                format!("`{name}`: allowed are 1 to {MOST_NAME} characters, no control characters"),
+            ));
+        }
+        if known.contains(&name) {
+            return Err(Fault::new(&key, format!("`{name}` is the name of another one: names must be unique")));
+        }
+        known.push(name);
+    }
+    let tokens = &server.tokens;
+    let twin =
+        (1..tokens.len()).find(|index| tokens[..*index].iter().any(|other| other.sha256 == tokens[*index].sha256));
+    if let Some(index) = twin {
+        return Err(Fault::new(
+            &format!("tokens[{index}].sha256"),
+            "this is another one's token: each needs its own".to_owned(),
+        ));
+    }
+    Ok(())
 }

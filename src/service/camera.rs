@@ -7,7 +7,7 @@ use tokio_stream::wrappers::ReceiverStream;
 use tonic::{Request, Response, Status, Streaming};
 
 use super::{
-    clients::ClientInfo,
+    access::By,
     convert,
     handlers::{Service, refused},
     proto::{self, CameraLease},
@@ -116,7 +116,9 @@ impl proto::camera_service_server::CameraService for Service {
     }
 
     async fn set_camera(&self, request: Request<proto::SetCameraRequest>) -> Result<Response<proto::Camera>, Status> {
+        let by = By::of(&request)?;
         let camera = self.place_camera(request.into_inner(), None)?;
+        by.moved(camera.revision);
         Ok(Response::new(convert::camera_to_pb(&camera)))
     }
 
@@ -131,7 +133,8 @@ impl proto::camera_service_server::CameraService for Service {
         &self,
         request: Request<Streaming<proto::StreamCameraRequest>>,
     ) -> Result<Response<proto::StreamCameraResponse>, Status> {
-        let client = ClientInfo::of(&request)?;
+        let by = By::of(&request)?;
+        let client = by.client();
         let mut messages = request.into_inner();
         let mut steering = Steering { render: self.render.clone(), lease: None };
         let mut taken: Option<oneshot::Receiver<String>> = None;
@@ -150,7 +153,10 @@ impl proto::camera_service_server::CameraService for Service {
                 if let Some(over) = lease_of(&message)? {
                     let holder = if message.holder.is_empty() { client.name() } else { message.holder.clone() };
                     let (lease, is_taken) = self.render.lease_camera(&holder, over).map_err(|error| unmoved(&error))?;
-                    tracing::info!(client = client.name(), holder, over, "steers the camera");
+                    by.did(&format!(
+                        "StreamCamera: `{holder}` {} the lease",
+                        if over { "takes over" } else { "takes" }
+                    ));
                     steering.lease = Some(lease);
                     taken = Some(is_taken);
                 }
@@ -158,7 +164,7 @@ impl proto::camera_service_server::CameraService for Service {
                 return Err(Status::invalid_argument("lease and holder: only the first message may have them"));
             }
             if let Some(camera) = message.camera {
-                self.place_camera(camera, steering.lease)?;
+                by.moved(self.place_camera(camera, steering.lease)?.revision);
                 poses += 1;
             }
         }

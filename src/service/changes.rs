@@ -7,6 +7,7 @@ use tokio_stream::wrappers::ReceiverStream;
 use tonic::{Request, Response, Status};
 
 use super::{
+    access::By,
     background,
     camera::unmoved,
     convert,
@@ -233,6 +234,11 @@ fn new_sets(before: &SceneState, after: &SceneState) -> Vec<Arc<ShapeSet>> {
     new
 }
 
+/// What a mask names.
+pub(super) fn paths(mask: Option<prost_types::FieldMask>) -> Vec<String> {
+    mask.map(|mask| mask.paths).unwrap_or_default()
+}
+
 #[tonic::async_trait]
 impl proto::scene_service_server::SceneService for Service {
     type WatchSceneStream = ReceiverStream<Result<proto::Scene, Status>>;
@@ -246,10 +252,12 @@ impl proto::scene_service_server::SceneService for Service {
         &self,
         request: Request<proto::UpdateSceneRequest>,
     ) -> Result<Response<proto::Scene>, Status> {
+        let by = By::of(&request)?;
         let request = request.into_inner();
         let update = convert::scene_update_from_pb(&request).map_err(Status::invalid_argument)?;
         update.overlay.check_views(&self.view_names()).map_err(Status::invalid_argument)?;
         let scene = self.changed_scene(&update, request.expected_revision).await?;
+        by.changed("UpdateScene", &paths(request.update_mask), scene.revision);
         Ok(Response::new(convert::scene_to_pb(&scene, &self.catalogues)))
     }
 
@@ -257,11 +265,13 @@ impl proto::scene_service_server::SceneService for Service {
         &self,
         request: Request<proto::SaveSnapshotRequest>,
     ) -> Result<Response<proto::Snapshot>, Status> {
+        let by = By::of(&request)?;
         let name = snapshot_name(request.into_inner().name)?;
         let saved = Saved::of(&self.render.scene().map_err(refused)?, Some(&self.render.camera()));
         let time = saved.time;
         let of = name.clone();
         self.with_state(move |file| file.save_snapshot(&of, &saved)).await?;
+        by.did(&format!("SaveSnapshot of `{name}`"));
         Ok(Response::new(proto::Snapshot { name, time }))
     }
 
@@ -278,6 +288,7 @@ impl proto::scene_service_server::SceneService for Service {
         &self,
         request: Request<proto::LoadSnapshotRequest>,
     ) -> Result<Response<proto::Scene>, Status> {
+        let by = By::of(&request)?;
         let proto::LoadSnapshotRequest { name, expected_revision } = request.into_inner();
         let of = name.clone();
         let Some(saved) = self.with_state(move |file| file.snapshot(&of)).await? else {
@@ -286,6 +297,7 @@ impl proto::scene_service_server::SceneService for Service {
             return Err(Status::not_found(format!("no snapshot `{name}`; there are: {}", names.join(", "))));
         };
         let scene = self.load(&saved, expected_revision).await?;
+        by.changed("LoadSnapshot", &[name], scene.revision);
         Ok(Response::new(convert::scene_to_pb(&scene, &self.catalogues)))
     }
 

@@ -2,10 +2,7 @@
 
 use std::time::SystemTime;
 
-use tonic::{
-    Code, Status, Streaming,
-    transport::{Channel, Endpoint},
-};
+use tonic::{Code, Status, Streaming, service::interceptor::InterceptedService, transport::Endpoint};
 
 pub use super::{
     client_scene::{CheckReceiver, ReceivedCheck, ReceivedFigure, SceneForm, SceneReceiver},
@@ -17,6 +14,7 @@ pub use super::{
 use super::{
     convert,
     convert_views::{exposure_to_table, glare_to_table, tone_map_to_table, view_update_to_pb},
+    credentials::{Credentials, Transport},
     proto::{
         self, camera_service_client::CameraServiceClient, diagnostics_service_client::DiagnosticsServiceClient,
         scene_service_client::SceneServiceClient, view_service_client::ViewServiceClient,
@@ -42,6 +40,9 @@ pub enum ClientError {
         /// Why.
         source: tonic::transport::Error,
     },
+    /// The token is none.
+    #[error("the token has characters that none has")]
+    Token,
     /// The daemon refuses the call, or the connection broke.
     #[error("{code:?}: {message}")]
     Status {
@@ -250,7 +251,7 @@ impl TryFrom<proto::Frame> for ReceivedFrame {
 #[derive(Debug)]
 pub struct FrameReceiver {
     stream: Streaming<proto::Frame>,
-    view: ViewServiceClient<Channel>,
+    view: ViewServiceClient<Transport>,
 }
 
 impl FrameReceiver {
@@ -276,18 +277,35 @@ fn next_request(view: &str, encoding: Encoding, after_frame_number: u64, max_siz
 /// A connection to a daemon. Clones share it.
 #[derive(Clone, Debug)]
 pub struct Client {
-    pub(super) camera: CameraServiceClient<Channel>,
-    view: ViewServiceClient<Channel>,
-    pub(super) diagnostics: DiagnosticsServiceClient<Channel>,
-    pub(super) scene: SceneServiceClient<Channel>,
+    pub(super) camera: CameraServiceClient<Transport>,
+    view: ViewServiceClient<Transport>,
+    pub(super) diagnostics: DiagnosticsServiceClient<Transport>,
+    pub(super) scene: SceneServiceClient<Transport>,
 }
 
 impl Client {
-    /// Connects to a daemon at, for example, `http://127.0.0.1:7143`.
+    /// Connects to a daemon at, for example, `http://127.0.0.1:7143` or `unix:PATH`.
+    ///
+    /// # Errors
+    ///
+    /// There is none, or the address is no address.
     pub async fn connect(uri: &str) -> Result<Self, ClientError> {
+        Self::connect_as(uri, &Credentials::default()).await
+    }
+
+    /// Connects to a daemon that asks who calls, at, for example, `https://control.example.org:7143`.
+    ///
+    /// # Errors
+    ///
+    /// There is none, the address is no address, or what is given is of no use; whether it is known shows the first call.
+    pub async fn connect_as(uri: &str, credentials: &Credentials) -> Result<Self, ClientError> {
         let failed = |source| ClientError::Connect { uri: uri.to_owned(), source };
-        let endpoint = Endpoint::from_shared(uri.to_owned()).map_err(failed)?.tcp_nodelay(true);
+        let mut endpoint = Endpoint::from_shared(uri.to_owned()).map_err(failed)?.tcp_nodelay(true);
+        if uri.starts_with("https:") {
+            endpoint = endpoint.tls_config(credentials.tls()).map_err(failed)?;
+        }
         let channel = endpoint.connect().await.map_err(failed)?;
+        let channel = InterceptedService::new(channel, credentials.bearer()?);
         Ok(Self {
             camera: CameraServiceClient::new(channel.clone()),
             // A frame of large views is hundreds of megabytes; the default limit is 4 MiB.

@@ -3,7 +3,7 @@
 use std::{
     collections::HashMap,
     sync::{
-        Arc, Mutex, MutexGuard, PoisonError,
+        Arc, Mutex, MutexGuard, OnceLock, PoisonError,
         atomic::{AtomicU64, Ordering::Relaxed},
     },
     time::{Duration, Instant},
@@ -11,6 +11,8 @@ use std::{
 
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tonic::Status;
+
+use super::access::{Digest, Moves};
 
 /// Calls of RenderFrame of one client at the same time.
 const RENDERS: usize = 4;
@@ -88,8 +90,8 @@ pub(super) struct Held {
 struct Calls {
     /// Calls that are not finished.
     open: usize,
-    /// Whether there was one.
-    any: bool,
+    /// How many there were.
+    count: u64,
     /// When something came last.
     last_read: Instant,
     /// Answers of which a part was taken and the next not asked for, since when.
@@ -100,7 +102,9 @@ struct Calls {
 #[derive(Debug)]
 struct Client {
     number: u64,
-    address: String,
+    from: From,
+    /// The digest of its certificate, once that is verified.
+    certificate: OnceLock<Digest>,
     since: Instant,
     renders: Arc<Semaphore>,
     quick: Semaphore,
@@ -108,12 +112,39 @@ struct Client {
     input: Arc<Semaphore>,
     output: Arc<Semaphore>,
     calls: Mutex<Calls>,
+    /// Its poses that have no line in the log yet.
+    moves: Mutex<Option<Moves>>,
     shares: Arc<Shares>,
+}
+
+/// Where a client is.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum From {
+    /// At an address.
+    Network(String),
+    /// On this machine: the file permissions of the socket have let it through. The number of its user.
+    LocalSocket(u32),
 }
 
 impl Drop for Client {
     fn drop(&mut self) {
+        let count = self.calls.get_mut().unwrap_or_else(PoisonError::into_inner).count;
+        if count > 0 {
+            let seconds = self.since.elapsed().as_secs_f64();
+            let rest = self.moves.get_mut().unwrap_or_else(PoisonError::into_inner).take().and_then(Moves::rest);
+            let moves = rest.map_or_else(String::new, |moves| format!("; {}", moves.in_words()));
+            tracing::info!(client = self.name(), "gone: {count} calls in {seconds:.1} s{moves}");
+        }
         self.shares.connected.fetch_sub(1, Relaxed);
+    }
+}
+
+impl Client {
+    fn name(&self) -> String {
+        match &self.from {
+            From::Network(address) => format!("{} ({address})", self.number),
+            From::LocalSocket(user) => format!("{} (user {user})", self.number),
+        }
     }
 }
 
@@ -122,14 +153,15 @@ impl Drop for Client {
 pub(super) struct ClientInfo(Arc<Client>);
 
 impl ClientInfo {
-    /// A new one from an address.
-    pub(super) fn new(shares: &Arc<Shares>, address: String) -> Self {
+    /// A new one.
+    pub(super) fn new(shares: &Arc<Shares>, from: From) -> Self {
         let now = Instant::now();
         shares.connected.fetch_add(1, Relaxed);
-        let calls = Calls { open: 0, any: false, last_read: now, handed_out: HashMap::new(), next_answer: 0 };
+        let calls = Calls { open: 0, count: 0, last_read: now, handed_out: HashMap::new(), next_answer: 0 };
         Self(Arc::new(Client {
             number: shares.next_number.fetch_add(1, Relaxed),
-            address,
+            from,
+            certificate: OnceLock::new(),
             since: now,
             renders: Arc::new(Semaphore::new(RENDERS)),
             quick: Semaphore::new(ENCODINGS),
@@ -137,6 +169,7 @@ impl ClientInfo {
             input: places(INPUT_OF_ONE),
             output: places(OUTPUT_OF_ONE),
             calls: Mutex::new(calls),
+            moves: Mutex::default(),
             shares: Arc::clone(shares),
         }))
     }
@@ -153,7 +186,23 @@ impl ClientInfo {
 
     /// For the log.
     pub(super) fn name(&self) -> String {
-        format!("{} ({})", self.0.number, self.0.address)
+        self.0.name()
+    }
+
+    /// Whether it came through a socket of this machine, whose file permissions say who may.
+    pub(super) fn is_local_socket(&self) -> bool {
+        matches!(self.0.from, From::LocalSocket(_))
+    }
+
+    /// The digest of its certificate, which was verified; `None`: it has none.
+    pub(super) fn certificate(&self) -> Option<Digest> {
+        self.0.certificate.get().copied()
+    }
+
+    /// Keeps the digest of a certificate that was verified.
+    pub(super) fn certify(&self, certificate: Digest) {
+        // There is one handshake, and so one certificate.
+        let _ = self.0.certificate.set(certificate);
     }
 
     fn calls(&self) -> MutexGuard<'_, Calls> {
@@ -212,6 +261,11 @@ impl ClientInfo {
         Status::resource_exhausted(problem)
     }
 
+    /// Notes a pose that brought the camera to a revision; the line that the log gets, if one is due.
+    pub(super) fn note_move(&self, to: u64, now: Instant) -> Option<Moves> {
+        Moves::note(&mut self.0.moves.lock().unwrap_or_else(PoisonError::into_inner), to, now)
+    }
+
     /// Something came.
     pub(super) fn note_read(&self) {
         self.calls().last_read = Instant::now();
@@ -221,7 +275,7 @@ impl ClientInfo {
     pub(super) fn open_call(&self) -> OpenCall {
         let mut calls = self.calls();
         calls.open += 1;
-        calls.any = true;
+        calls.count += 1;
         calls.next_answer += 1;
         OpenCall { client: self.clone(), number: calls.next_answer }
     }
@@ -230,7 +284,7 @@ impl ClientInfo {
     pub(super) fn overdue(&self, now: Instant) -> Option<String> {
         let calls = self.calls();
         let longer = |since: &Instant, most: Duration| now.saturating_duration_since(*since) > most;
-        if !calls.any && longer(&self.0.since, FIRST_CALL) {
+        if calls.count == 0 && longer(&self.0.since, FIRST_CALL) {
             return Some(format!("no call within {} s", FIRST_CALL.as_secs()));
         }
         if calls.handed_out.values().any(|since| longer(since, STALLED)) {
@@ -276,7 +330,7 @@ mod tests {
     use super::*;
 
     fn client(shares: &Arc<Shares>) -> ClientInfo {
-        ClientInfo::new(shares, "test".to_owned())
+        ClientInfo::new(shares, From::Network("test".to_owned()))
     }
 
     #[test]

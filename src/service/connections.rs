@@ -14,16 +14,19 @@ use http::{HeaderValue, Request, Response, header};
 use http_body::{Body as HttpBody, Frame, SizeHint};
 use tokio::{
     io::{AsyncRead, AsyncWrite, ReadBuf},
-    net::{TcpListener, TcpStream},
-    sync::{OwnedSemaphorePermit, Semaphore},
+    net::{TcpListener, TcpStream, UnixListener, UnixStream},
+    sync::{OwnedSemaphorePermit, Semaphore, watch},
     time::{Interval, MissedTickBehavior, Sleep, interval, sleep},
 };
-use tokio_stream::Stream;
+use tokio_rustls::{Accept, TlsAcceptor, server::TlsStream};
 use tonic::{Status, body::Body, transport::server::Connected};
 use tower_layer::Layer;
 use tower_service::Service;
 
-use super::clients::{ClientInfo, Held, OpenCall, Shares};
+use super::{
+    access::{self, Access},
+    clients::{ClientInfo, From, Held, OpenCall, Shares},
+};
 
 /// Connections at the same time; more are closed at once.
 const CONNECTIONS: usize = 512;
@@ -38,9 +41,35 @@ const LOOK: Duration = Duration::from_secs(1);
 /// The pause after an accept that has failed for a want that may pass, such as one of descriptors.
 const BACK_OFF: Duration = Duration::from_millis(200);
 
+/// Where connections come from.
+pub(super) enum Listener {
+    /// A port.
+    Tcp(TcpListener),
+    /// A socket of this machine.
+    Unix(UnixListener),
+}
+
+impl Listener {
+    fn poll_accept(&self, context: &mut Context<'_>) -> Poll<io::Result<(Stream, From)>> {
+        match self {
+            Self::Tcp(listener) => {
+                let (stream, address) = ready!(listener.poll_accept(context))?;
+                stream.set_nodelay(true)?;
+                Poll::Ready(Ok((Stream::Tcp(stream), From::Network(address.to_string()))))
+            }
+            Self::Unix(listener) => {
+                let (stream, _) = ready!(listener.poll_accept(context))?;
+                let user = stream.peer_cred()?.uid();
+                Poll::Ready(Ok((Stream::Unix(stream), From::LocalSocket(user))))
+            }
+        }
+    }
+}
+
 /// Connections as they come.
 pub(super) struct Incoming {
-    listener: TcpListener,
+    listener: Listener,
+    access: watch::Receiver<Arc<Access>>,
     places: Arc<Semaphore>,
     shares: Arc<Shares>,
     /// After an error: until when nothing is accepted.
@@ -50,8 +79,9 @@ pub(super) struct Incoming {
 }
 
 impl Incoming {
-    pub(super) fn new(listener: TcpListener, shares: Arc<Shares>) -> Self {
-        Self { listener, places: Arc::new(Semaphore::new(most_connections())), shares, pause: None, in_trouble: false }
+    pub(super) fn new(listener: Listener, access: watch::Receiver<Arc<Access>>, shares: Arc<Shares>) -> Self {
+        let places = Arc::new(Semaphore::new(most_connections()));
+        Self { listener, access, places, shares, pause: None, in_trouble: false }
     }
 
     fn trouble(&mut self, problem: &str) {
@@ -68,7 +98,7 @@ fn most_connections() -> usize {
     CONNECTIONS.min(usize::try_from(share).unwrap_or(CONNECTIONS)).max(1)
 }
 
-impl Stream for Incoming {
+impl tokio_stream::Stream for Incoming {
     type Item = io::Result<Connection>;
 
     fn poll_next(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<Option<Self::Item>> {
@@ -78,7 +108,7 @@ impl Stream for Incoming {
                 self.pause = None;
             }
             match ready!(self.listener.poll_accept(context)) {
-                Ok((stream, address)) => {
+                Ok((stream, from)) => {
                     let Ok(place) = Arc::clone(&self.places).try_acquire_owned() else {
                         // Closed at once: whoever calls is told, and does not wait.
                         let most = most_connections();
@@ -88,11 +118,14 @@ impl Stream for Incoming {
                         continue;
                     };
                     self.in_trouble = false;
-                    if let Err(error) = stream.set_nodelay(true) {
-                        tracing::debug!("{address}: {error}");
-                        continue;
-                    }
-                    let client = ClientInfo::new(&self.shares, address.to_string());
+                    let client = ClientInfo::new(&self.shares, from);
+                    // Who comes through a socket of this machine has nobody listening in.
+                    let stream = match (stream, &self.access.borrow().tls) {
+                        (Stream::Tcp(stream), Some(tls)) => {
+                            Stream::Handshake(Box::new(TlsAcceptor::from(Arc::clone(tls)).accept(stream)))
+                        }
+                        (stream, _) => stream,
+                    };
                     return Poll::Ready(Some(Ok(Connection::new(stream, client, place))));
                 }
                 // The other side has gone before it was accepted.
@@ -108,19 +141,77 @@ impl Stream for Incoming {
 
 fn is_of_one_connection(error: &io::Error) -> bool {
     use io::ErrorKind::{ConnectionAborted, ConnectionRefused, ConnectionReset, Interrupted};
-    matches!(error.kind(), ConnectionAborted | ConnectionRefused | ConnectionReset | Interrupted)
+    use io::ErrorKind::{InvalidInput, NotConnected};
+    matches!(
+        error.kind(),
+        ConnectionAborted | ConnectionRefused | ConnectionReset | Interrupted | InvalidInput | NotConnected
+    )
 }
+
+/// The bytes of a connection.
+enum Stream {
+    Tcp(TcpStream),
+    Unix(UnixStream),
+    /// What follows is encrypted, once both sides know each other.
+    Handshake(Box<Accept<TcpStream>>),
+    Tls(Box<TlsStream<TcpStream>>),
+    /// The handshake has failed.
+    Closed,
+}
+
+impl Stream {
+    /// Ends a handshake.
+    fn poll_open(&mut self, client: &ClientInfo, context: &mut Context<'_>) -> Poll<io::Result<()>> {
+        let Self::Handshake(accept) = self else { return Poll::Ready(Ok(())) };
+        match ready!(Pin::new(accept).poll(context)) {
+            Ok(stream) => {
+                let certificates = stream.get_ref().1.peer_certificates();
+                if let Some(certificate) = certificates.and_then(<[_]>::first) {
+                    client.certify(access::tls::digest_of(certificate));
+                }
+                *self = Self::Tls(Box::new(stream));
+                Poll::Ready(Ok(()))
+            }
+            Err(error) => {
+                tracing::info!(client = client.name(), "no encrypted connection: {error}");
+                *self = Self::Closed;
+                Poll::Ready(Err(error))
+            }
+        }
+    }
+
+    fn poll_with<T>(
+        &mut self,
+        client: &ClientInfo,
+        context: &mut Context<'_>,
+        work: impl FnOnce(Pin<&mut dyn Bytes>, &mut Context<'_>) -> Poll<io::Result<T>>,
+    ) -> Poll<io::Result<T>> {
+        ready!(self.poll_open(client, context))?;
+        let stream: Pin<&mut dyn Bytes> = match self {
+            Self::Tcp(stream) => Pin::new(stream),
+            Self::Unix(stream) => Pin::new(stream),
+            Self::Tls(stream) => Pin::new(stream.as_mut()),
+            Self::Handshake(_) | Self::Closed => return Poll::Ready(Err(io::ErrorKind::NotConnected.into())),
+        };
+        work(stream, context)
+    }
+}
+
+/// What bytes are read from and written to.
+trait Bytes: AsyncRead + AsyncWrite + Unpin + Send {}
+
+impl<T: AsyncRead + AsyncWrite + Unpin + Send> Bytes for T {}
 
 /// A connection that ends when its client says or reads nothing.
 pub(super) struct Connection {
-    stream: TcpStream,
+    stream: Stream,
     client: ClientInfo,
     look: Interval,
     _place: OwnedSemaphorePermit,
 }
 
 impl Connection {
-    fn new(stream: TcpStream, client: ClientInfo, place: OwnedSemaphorePermit) -> Self {
+    fn new(stream: Stream, client: ClientInfo, place: OwnedSemaphorePermit) -> Self {
         let mut look = interval(LOOK);
         look.set_missed_tick_behavior(MissedTickBehavior::Delay);
         tracing::debug!(client = client.name(), "connected");
@@ -128,9 +219,13 @@ impl Connection {
     }
 }
 
-impl Drop for Connection {
-    fn drop(&mut self) {
-        tracing::debug!(client = self.client.name(), "gone");
+impl Connection {
+    fn poll_with<T>(
+        &mut self,
+        context: &mut Context<'_>,
+        work: impl FnOnce(Pin<&mut dyn Bytes>, &mut Context<'_>) -> Poll<io::Result<T>>,
+    ) -> Poll<io::Result<T>> {
+        self.stream.poll_with(&self.client, context, work)
     }
 }
 
@@ -155,7 +250,7 @@ impl AsyncRead for Connection {
             }
         }
         let before = buffer.filled().len();
-        let read = ready!(Pin::new(&mut self.stream).poll_read(context, buffer));
+        let read = ready!(self.poll_with(context, |stream, context| stream.poll_read(context, buffer)));
         if buffer.filled().len() > before {
             self.client.note_read();
         }
@@ -165,15 +260,15 @@ impl AsyncRead for Connection {
 
 impl AsyncWrite for Connection {
     fn poll_write(mut self: Pin<&mut Self>, context: &mut Context<'_>, bytes: &[u8]) -> Poll<io::Result<usize>> {
-        Pin::new(&mut self.stream).poll_write(context, bytes)
+        self.poll_with(context, |stream, context| stream.poll_write(context, bytes))
     }
 
     fn poll_flush(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
-        Pin::new(&mut self.stream).poll_flush(context)
+        self.poll_with(context, |stream, context| stream.poll_flush(context))
     }
 
     fn poll_shutdown(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
-        Pin::new(&mut self.stream).poll_shutdown(context)
+        self.poll_with(context, |stream, context| stream.poll_shutdown(context))
     }
 
     fn poll_write_vectored(
@@ -181,11 +276,16 @@ impl AsyncWrite for Connection {
         context: &mut Context<'_>,
         slices: &[io::IoSlice<'_>],
     ) -> Poll<io::Result<usize>> {
-        Pin::new(&mut self.stream).poll_write_vectored(context, slices)
+        self.poll_with(context, |stream, context| stream.poll_write_vectored(context, slices))
     }
 
     fn is_write_vectored(&self) -> bool {
-        self.stream.is_write_vectored()
+        match &self.stream {
+            Stream::Tcp(stream) => stream.is_write_vectored(),
+            Stream::Unix(stream) => stream.is_write_vectored(),
+            Stream::Tls(stream) => stream.is_write_vectored(),
+            Stream::Handshake(_) | Stream::Closed => false,
+        }
     }
 }
 
@@ -262,7 +362,12 @@ where
         let call = client.open_call();
         let of_header = request.headers().get(header::HOST).and_then(|host| host.to_str().ok());
         let host = request.uri().authority().map(http::uri::Authority::as_str).or(of_header);
-        if let Err(problem) = check_names(&self.hosts, host, request.headers().get(header::ORIGIN)) {
+        // No page of a browser gets to a socket of this machine.
+        let names = match client.is_local_socket() {
+            true => Ok(()),
+            false => check_names(&self.hosts, host, request.headers().get(header::ORIGIN)),
+        };
+        if let Err(problem) = names {
             tracing::info!(client = client.name(), "refused: {problem}");
             return Box::pin(async { Ok(Status::permission_denied(problem).into_http()) });
         }

@@ -13,6 +13,8 @@ use tokio_stream::{Stream, wrappers::ReceiverStream};
 use tonic::{Request, Response, Status};
 
 use super::{
+    access::By,
+    changes::paths,
     clients::{ClientInfo, Held, Shares},
     convert, convert_stats,
     convert_views::{view_to_pb, view_update_from_pb},
@@ -261,6 +263,7 @@ impl proto::view_service_server::ViewService for Service {
     }
 
     async fn update_view(&self, request: Request<proto::UpdateViewRequest>) -> Result<Response<proto::View>, Status> {
+        let by = By::of(&request)?;
         let request = request.into_inner();
         let name = request.view.as_ref().map(|view| view.name.clone()).unwrap_or_default();
         let Some(number) = self.rig.index_of(&name) else {
@@ -278,7 +281,11 @@ impl proto::view_service_server::ViewService for Service {
             let views = self.changed_views(&scene, number, &update).await?;
             let changed = SceneState { views: Arc::new(views), ..scene.clone() };
             match self.commit(changed, scene.revision).await? {
-                Ok(scene) => return Ok(Response::new(self.view(&name, &scene)?)),
+                Ok(scene) => {
+                    let keys = paths(request.update_mask).into_iter().map(|path| format!("{name}.{path}"));
+                    by.changed("UpdateView", &keys.collect::<Vec<_>>(), scene.revision);
+                    return Ok(Response::new(self.view(&name, &scene)?));
+                }
                 Err(error) if expected.is_some() => return Err(unchanged(&error)),
                 // What was checked is not the scene any more.
                 Err(_) => {}

@@ -18,6 +18,7 @@
 //! another client; a frame that fails fails for those who wait for it, and the daemon goes on; a renderer that panics
 //! ends the daemon with an error. A headset is one more view, and nothing that happens to it concerns the others.
 
+mod access;
 mod answers;
 mod audit;
 mod background;
@@ -34,6 +35,7 @@ mod convert_objects;
 mod convert_overlay;
 mod convert_stats;
 mod convert_views;
+mod credentials;
 mod diagnostics;
 mod engine;
 mod forecast;
@@ -58,19 +60,21 @@ mod views;
 mod worker;
 mod workshop;
 
+pub use access::{Access, AccessSource, Admitted, digest_of, new_token};
 pub use client::{
     CheckReceiver, Client, ClientError, FrameReceiver, HeadsetStatus, ReceivedAudits, ReceivedCheck, ReceivedFigure,
     ReceivedFrame, ReceivedHeadset, ReceivedImage, ReceivedImageAudit, ReceivedQuality, ReceivedStats, ReceivedTimes,
     SceneForm, SceneReceiver, ServerInfo, StatsReceiver, ViewForm, ViewImageForm,
 };
 pub use client_camera::{CameraReceiver, Lease, Steering};
+pub use credentials::Credentials;
 pub use engine::{BesideEngine, Engine, EngineError, OpenBeside};
 pub use headset::{Drive, HeadsetOptions};
 pub use objects::{BodyForm, Change, FieldForm, ShapesForm};
 pub use overlay::OverlayChange;
 pub use render::CameraUpdate;
 pub use scene::SceneUpdate;
-pub use server::{SceneCatalogue, ServeError, ServeOptions, Shutdown, run, signals};
+pub use server::{Address, Reloads, SceneCatalogue, ServeError, ServeOptions, Shutdown, check_listen, run, signals};
 pub use state::StateError;
 pub use views::{TableChange, ViewUpdate};
 

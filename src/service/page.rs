@@ -34,6 +34,11 @@ const HEADERS: [(header::HeaderName, &str); 5] = [
     (header::CACHE_CONTROL, "no-cache"),
 ];
 
+/// Whether a path is that of one of the page's files.
+pub(super) fn is_page(path: &str) -> bool {
+    FILES.iter().any(|(of_file, ..)| *of_file == path)
+}
+
 struct File {
     path: &'static str,
     mime: &'static str,

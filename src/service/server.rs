@@ -1,12 +1,19 @@
 //! The daemon: binds, serves, and on a signal drains: health turns to NOT_SERVING, no new connection is accepted, streams end
 //! cleanly, calls in flight finish, the render thread ends. What is not done within the drain time is left behind.
 
-use std::{fmt, io, net::SocketAddr, path::PathBuf, pin::Pin, sync::Arc, time::Duration};
+use std::{
+    fmt, io,
+    net::{SocketAddr, ToSocketAddrs},
+    path::{Path, PathBuf},
+    pin::Pin,
+    sync::Arc,
+    time::Duration,
+};
 
 use tokio::{
-    net::TcpListener,
+    net::{TcpListener, UnixListener, UnixStream},
     signal,
-    sync::oneshot,
+    sync::{mpsc, oneshot, watch},
     time::{Instant, timeout_at},
 };
 use tonic::{server::NamedService, transport::Server};
@@ -14,10 +21,11 @@ use tonic_health::{ServingStatus, server::HealthReporter};
 use tonic_web::GrpcWebLayer;
 
 use super::{
+    access::{Access, AccessSource, Gate},
     answers::AnswersFirst,
     client::camera_from_pb,
     clients::Shares,
-    connections::{Bounds, Incoming},
+    connections::{Bounds, Incoming, Listener},
     engine::{Engine, EngineError},
     handlers::Service,
     headset::{Headset, HeadsetOptions, HeadsetThread, panic_message},
@@ -36,7 +44,7 @@ use super::{
     workshop::Workshop,
 };
 use crate::{
-    config::ViewTables,
+    config::{UNIX_PREFIX, ViewTables},
     plan::settings::RenderSettings,
     scene::{SceneSnapshot, asteroids::FieldSpec},
     view::{Rig, RigError, check_name},
@@ -71,7 +79,7 @@ const SERVICES: [&str; 4] = [
 
 /// What tells the daemon to end.
 pub enum Shutdown {
-    /// SIGINT or SIGTERM (elsewhere than on Unix: Ctrl-C).
+    /// SIGINT or SIGTERM.
     Signals,
     /// The end of a future.
     When(Pin<Box<dyn Future<Output = ()> + Send>>),
@@ -86,6 +94,43 @@ impl fmt::Debug for Shutdown {
     }
 }
 
+/// What tells the daemon to read [`ServeOptions::access`] again.
+#[derive(Debug)]
+pub enum Reloads {
+    /// SIGHUP.
+    Signals,
+    /// Messages.
+    When(mpsc::Receiver<()>),
+}
+
+impl Reloads {
+    /// Waits for the next; `None`: there will be none.
+    async fn next(&mut self, hangups: &mut signal::unix::Signal) -> Option<()> {
+        match self {
+            Self::Signals => hangups.recv().await,
+            Self::When(messages) => messages.recv().await,
+        }
+    }
+}
+
+/// Where the daemon listens.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Address {
+    /// A port.
+    Tcp(SocketAddr),
+    /// A socket of this machine.
+    Unix(PathBuf),
+}
+
+impl fmt::Display for Address {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Tcp(address) => address.fmt(f),
+            Self::Unix(path) => write!(f, "{UNIX_PREFIX}{}", path.display()),
+        }
+    }
+}
+
 /// A catalogue of the scene, as clients are told of it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SceneCatalogue {
@@ -97,7 +142,7 @@ pub struct SceneCatalogue {
 
 /// Everything that [`run`] needs.
 pub struct ServeOptions {
-    /// Address to listen on, `host:port`; port 0 takes a free one.
+    /// Address to listen on: `host:port`, port 0 takes a free one, or `unix:PATH`.
     pub listen: String,
     /// The renderer.
     pub engine: Box<dyn Engine>,
@@ -121,8 +166,12 @@ pub struct ServeOptions {
     pub state: Option<PathBuf>,
     /// Names by which clients may call the daemon, without ports, besides `localhost` and addresses.
     pub hosts: Vec<String>,
+    /// Who may call; `None`: everybody, on the loopback address or a Unix socket.
+    pub access: Option<AccessSource>,
+    /// What tells the daemon to read it again.
+    pub reloads: Reloads,
     /// Called once with the address when clients can connect.
-    pub ready: Box<dyn FnOnce(SocketAddr) + Send>,
+    pub ready: Box<dyn FnOnce(Address) + Send>,
     /// What tells the daemon to end.
     pub shutdown: Shutdown,
     /// How long calls, clients and the renderer may take to finish then; afterwards they are cut off.
@@ -142,7 +191,7 @@ impl ServeOptions {
         scene: SceneSnapshot,
         rig: Rig,
         settings: RenderSettings,
-        ready: impl FnOnce(SocketAddr) + Send + 'static,
+        ready: impl FnOnce(Address) + Send + 'static,
     ) -> Self {
         Self {
             listen: listen.into(),
@@ -156,6 +205,8 @@ impl ServeOptions {
             folder: PathBuf::new(),
             headset: None,
             hosts: Vec::new(),
+            access: None,
+            reloads: Reloads::Signals,
             state: None,
             ready: Box::new(ready),
             shutdown: Shutdown::Signals,
@@ -171,7 +222,9 @@ impl ServeOptions {
 #[non_exhaustive]
 pub enum ServeError {
     /// The address is none.
-    #[error("listen = `{listen}`: {problem}; needed is host:port, for example 127.0.0.1:7143, port 0 for a free one")]
+    #[error(
+        "listen = `{listen}`: {problem}; needed is host:port, for example 127.0.0.1:7143, port 0 for a free one, or unix:PATH"
+    )]
     Address {
         /// What was given.
         listen: String,
@@ -182,13 +235,24 @@ pub enum ServeError {
     #[error("{address} is in use by another process: stop it, or listen on another port (port 0 takes a free one)")]
     AddressInUse {
         /// The address.
-        address: SocketAddr,
+        address: Address,
+    },
+    /// Who may call, or how connections are encrypted, cannot be read.
+    #[error("{0}")]
+    Access(String),
+    /// Everybody could listen in, or steer.
+    #[error("listen = `{listen}`: {problem}")]
+    Open {
+        /// What was given.
+        listen: String,
+        /// What is missing.
+        problem: String,
     },
     /// The system refuses the address.
     #[error("cannot listen on {address}: {source}")]
     Bind {
         /// The address.
-        address: SocketAddr,
+        address: Address,
         /// What the system says.
         source: io::Error,
     },
@@ -224,10 +288,84 @@ pub enum ServeError {
     },
 }
 
-async fn bind(listen: &str) -> Result<TcpListener, ServeError> {
+/// Listens where it may be listened with an access.
+async fn bind(listen: &str, access: &Access) -> Result<(Listener, Address), ServeError> {
+    if let Some(path) = listen.strip_prefix(UNIX_PREFIX).map(Path::new) {
+        return Ok((Listener::Unix(bind_unix(path).await?), Address::Unix(path.to_owned())));
+    }
     let wrong = |problem: String| ServeError::Address { listen: listen.to_owned(), problem };
     let addresses = tokio::net::lookup_host(listen).await.map_err(|error| wrong(error.to_string()))?;
-    bind_first(addresses).await.unwrap_or_else(|| Err(wrong("the host has no address".to_owned())))
+    let addresses: Vec<SocketAddr> = addresses.collect();
+    check_addresses(listen, &addresses, access)?;
+    let bound = bind_first(addresses.into_iter()).await;
+    let listener = bound.unwrap_or_else(|| Err(wrong("the host has no address".to_owned())))?;
+    let address = Address::Tcp(listener.local_addr()?);
+    Ok((Listener::Tcp(listener), address))
+}
+
+/// Whether [`run`] would listen on an address, before everything that takes long.
+///
+/// # Errors
+///
+/// The address is none, or others reach it and everybody could listen in, or steer.
+pub fn check_listen(listen: &str, access: &Access) -> Result<(), ServeError> {
+    if listen.starts_with(UNIX_PREFIX) {
+        return Ok(());
+    }
+    let wrong = |error: io::Error| ServeError::Address { listen: listen.to_owned(), problem: error.to_string() };
+    check_addresses(listen, &listen.to_socket_addrs().map_err(wrong)?.collect::<Vec<_>>(), access)
+}
+
+fn check_addresses(listen: &str, addresses: &[SocketAddr], access: &Access) -> Result<(), ServeError> {
+    let open = |problem| ServeError::Open { listen: listen.to_owned(), problem };
+    addresses.iter().try_for_each(|address| access.check_address(*address)).map_err(open)
+}
+
+/// Listens on a socket that its owner and their group may open. One that a daemon has left behind gives way.
+async fn bind_unix(path: &Path) -> Result<UnixListener, ServeError> {
+    const OWNER_AND_GROUP: u32 = 0o117;
+    let address = || Address::Unix(path.to_owned());
+    let refused = |source| ServeError::Bind { address: address(), source };
+    match UnixStream::connect(path).await {
+        Ok(_) => return Err(ServeError::AddressInUse { address: address() }),
+        Err(error) if error.kind() == io::ErrorKind::ConnectionRefused => {
+            std::fs::remove_file(path).map_err(refused)?;
+        }
+        // There is none, or nobody may look: binding tells.
+        Err(_) => {}
+    }
+    let mask = rustix::process::umask(rustix::fs::Mode::from_raw_mode(OWNER_AND_GROUP));
+    let listener = UnixListener::bind(path);
+    rustix::process::umask(mask);
+    listener.map_err(refused)
+}
+
+/// Reads again who may call, whenever it is told to.
+async fn keep_access(
+    mut reloads: Reloads,
+    mut hangups: signal::unix::Signal,
+    source: Option<AccessSource>,
+    access: watch::Sender<Arc<Access>>,
+) {
+    while reloads.next(&mut hangups).await.is_some() {
+        let Some(source) = source.clone() else {
+            tracing::info!("there is nothing to read again");
+            continue;
+        };
+        let read = tokio::task::spawn_blocking(move || source()).await;
+        let read = read.unwrap_or_else(|error| Err(error.to_string()));
+        let read = read.and_then(|read| access.borrow().check_successor(&read).map(|()| read));
+        match read {
+            Ok(read) => {
+                let (tokens, certificates) = (read.tokens.len(), read.certificates.len());
+                access.send_replace(Arc::new(read));
+                tracing::info!("read again who may call: {tokens} tokens, {certificates} certificates");
+            }
+            Err(problem) => tracing::error!("who may call stays as it was: {problem}"),
+        }
+    }
+    // Those who wait for changes wait for ever.
+    access.closed().await;
 }
 
 /// Listens on the first address that can be had: a name may stand for an IPv6 address where there is no IPv6. `None`: there
@@ -237,8 +375,10 @@ async fn bind_first(addresses: impl Iterator<Item = SocketAddr>) -> Option<Resul
     for address in addresses {
         let error = match TcpListener::bind(address).await {
             Ok(listener) => return Some(Ok(listener)),
-            Err(source) if source.kind() == io::ErrorKind::AddrInUse => ServeError::AddressInUse { address },
-            Err(source) => ServeError::Bind { address, source },
+            Err(source) if source.kind() == io::ErrorKind::AddrInUse => {
+                ServeError::AddressInUse { address: Address::Tcp(address) }
+            }
+            Err(source) => ServeError::Bind { address: Address::Tcp(address), source },
         };
         if !matches!(
             (&refusal, &error),
@@ -256,7 +396,6 @@ async fn bind_first(addresses: impl Iterator<Item = SocketAddr>) -> Option<Resul
 /// # Errors
 ///
 /// The system does not take the handlers.
-#[cfg(unix)]
 pub fn signals() -> io::Result<impl Future<Output = ()> + Send> {
     use signal::unix::{SignalKind, signal};
     let mut interrupt = signal(SignalKind::interrupt())?;
@@ -265,21 +404,6 @@ pub fn signals() -> io::Result<impl Future<Output = ()> + Send> {
         tokio::select! {
             _ = interrupt.recv() => tracing::info!("SIGINT: ending"),
             _ = terminate.recv() => tracing::info!("SIGTERM: ending"),
-        }
-    })
-}
-
-/// A future that ends when the process is told to by Ctrl-C. Needs a tokio runtime with I/O.
-///
-/// # Errors
-///
-/// None.
-#[cfg(not(unix))]
-pub fn signals() -> io::Result<impl Future<Output = ()> + Send> {
-    Ok(async {
-        match signal::ctrl_c().await {
-            Ok(()) => tracing::info!("Ctrl-C: ending"),
-            Err(error) => tracing::error!("no signals can be received, ending: {error}"),
         }
     })
 }
@@ -376,6 +500,8 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
         folder,
         headset,
         hosts,
+        access,
+        reloads,
         state,
         ready,
         shutdown,
@@ -398,8 +524,11 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
         Some(file) => restored(file, begun)?,
         None => begun,
     };
-    let listener = bind(&listen).await?;
-    let address = listener.local_addr()?;
+    let first = access.as_ref().map_or_else(|| Ok(Access::default()), |source| source()).map_err(ServeError::Access)?;
+    let (listener, address) = bind(&listen, &first).await?;
+    let (new_access, current_access) = watch::channel(Arc::new(first));
+    let hangups = signal::unix::signal(signal::unix::SignalKind::hangup())?;
+    let access_keeper = tokio::spawn(keep_access(reloads, hangups, access, new_access));
     let mut shutdown = match shutdown {
         Shutdown::Signals => Box::pin(signals()?),
         Shutdown::When(future) => future,
@@ -445,7 +574,7 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
     };
 
     let (close, closed) = oneshot::channel::<()>();
-    let incoming = Incoming::new(listener, shares);
+    let incoming = Incoming::new(listener, current_access.clone(), shares);
     let serving = Server::builder()
         .accept_http1(true)
         .http2_keepalive_interval(Some(KEEPALIVE_INTERVAL))
@@ -453,6 +582,7 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
         .max_concurrent_streams(CALLS)
         .http2_max_header_list_size(HEADER_BYTES)
         .layer(Bounds::new(hosts))
+        .layer(Gate::new(current_access))
         .layer(AnswersFirst(Metrics { service: service.clone() }))
         .layer(AnswersFirst(Page::new()))
         .layer(GrpcWebLayer::new())
@@ -469,7 +599,7 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
         });
     tokio::pin!(serving);
     tracing::info!("serving on {address}");
-    ready(address);
+    ready(address.clone());
 
     // Until told to end, or until something breaks that the daemon cannot do without.
     let mut render_ended = false;
@@ -509,6 +639,12 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
     if let Some(thread) = headset_thread {
         join_headset(thread, deadline).await;
     }
+    access_keeper.abort();
+    if let Address::Unix(path) = &address
+        && let Err(error) = std::fs::remove_file(path)
+    {
+        tracing::warn!("{address} stays behind: {error}");
+    }
     join(thread, render_ended, deadline).await?;
     outcome
 }
@@ -529,12 +665,12 @@ mod tests {
         assert_ne!(listener.local_addr().unwrap().port(), taken.port());
         for addresses in [[foreign, taken], [taken, foreign]] {
             match bind_first(addresses.into_iter()).await.unwrap() {
-                Err(ServeError::AddressInUse { address }) => assert_eq!(address, taken),
+                Err(ServeError::AddressInUse { address }) => assert_eq!(address, Address::Tcp(taken)),
                 other => panic!("{other:?}"),
             }
         }
         match bind_first([foreign].into_iter()).await.unwrap() {
-            Err(ServeError::Bind { address, .. }) => assert_eq!(address, foreign),
+            Err(ServeError::Bind { address, .. }) => assert_eq!(address, Address::Tcp(foreign)),
             other => panic!("{other:?}"),
         }
         assert!(bind_first(std::iter::empty()).await.is_none());

@@ -80,6 +80,12 @@ impl Daemon {
         self.process = process;
     }
 
+    /// Starts it again with more in its configuration.
+    pub fn restart_with(&mut self, more: &str) {
+        std::fs::write(self.folder.path().join("views.toml"), format!("{CONFIGURATION}\n{more}")).unwrap();
+        self.restart();
+    }
+
     pub fn url(&self) -> String {
         format!("http://{}", self.address)
     }

@@ -1,12 +1,46 @@
 //! A daemon that goes away and comes back.
 
+use fantoccini::key::Key;
+use steradian::service::digest_of;
+
 use crate::{
     Test,
     browser::{Screen, with_page},
     pictures::has_picture,
 };
 
-pub const TESTS: &[Test] = &[("session::a_daemon_that_was_killed_is_told_and_found_again", a_killed_daemon)];
+pub const TESTS: &[Test] = &[
+    ("session::a_daemon_that_was_killed_is_told_and_found_again", a_killed_daemon),
+    ("session::a_daemon_that_asks_for_a_token_gets_it", a_token),
+];
+
+/// A daemon that lets in who has a token; the page may only look then.
+fn a_token() -> Result<(), String> {
+    with_page(Screen::Desk, async |page, daemon| {
+        page.until(&has_picture("window")).await;
+        assert!(!page.find("#login").await.is_displayed().await.unwrap());
+        let digest: String = digest_of("look").iter().map(|byte| format!("{byte:02x}")).collect();
+        daemon.restart_with(&format!("[[server.tokens]]\nname = 'screen'\nrole = 'view'\nsha256 = '{digest}'\n"));
+        let enter = async |token: &str| {
+            page.until("!document.getElementById('login').hidden").await;
+            page.find("#login-token").await.send_keys(&format!("{token}{}", char::from(Key::Enter))).await.unwrap();
+        };
+        enter("wrong").await;
+        page.until("document.getElementById('login-why').textContent.includes('not one of [[server.tokens]]')").await;
+        enter("look").await;
+        page.until("document.getElementById('age').textContent.startsWith('picture')").await;
+        let frame = page.run::<String>(&format!("return {}", has_picture("window"))).await;
+        page.until(&format!("{} !== '{frame}'", has_picture("window"))).await;
+        // What this role may not do is told.
+        page.fill("#panel-camera [name=right_ascension]", "80").await;
+        page.find("#panel-camera button[type=submit]").await.click().await.unwrap();
+        page.until("document.getElementById('notices').textContent.includes('`screen` has the role view')").await;
+        page.find("#logout").await.click().await.unwrap();
+        page.until("!document.getElementById('login').hidden").await;
+        let others: Vec<String> = page.errors().into_iter().filter(|error| !error.contains("net::ERR_")).collect();
+        assert!(others.is_empty(), "{others:#?}");
+    })
+}
 
 fn a_killed_daemon() -> Result<(), String> {
     with_page(Screen::Desk, async |page, daemon| {

@@ -371,6 +371,34 @@ impl Drop for Daemon {
     }
 }
 
+#[test]
+fn a_token_comes_with_the_lines_that_let_its_holder_in() {
+    let folder = tempfile::tempdir().unwrap();
+    let (out, _) = run(folder.path(), &["token", "--name", "desk \"1\"", "--role", "steer"], 0);
+    let (token, lines) = out.split_once("\n\n").unwrap();
+    let digest: String = steradian::service::digest_of(token).iter().map(|byte| format!("{byte:02x}")).collect();
+    assert!(token.starts_with("steradian_") && lines.contains(&digest) && !lines.contains(token), "{lines}");
+    let path = folder.path().join("views.toml");
+    std::fs::write(&path, lines).unwrap();
+    let tokens = steradian::config::Config::load(&path, &[]).unwrap().server.tokens;
+    assert_eq!((tokens[0].name.as_str(), tokens[0].role), ("desk \"1\"", steradian::config::Role::Steer));
+    let (_, err) = run(folder.path(), &["token", "--name", "desk", "--role", "chief"], 64);
+    assert!(err.contains("view, steer and admin"), "{err}");
+}
+
+#[test]
+fn serve_does_not_start_where_everybody_could_steer() {
+    let folder = tempfile::tempdir().unwrap();
+    for (set, part) in [
+        ("server.listen=\"0.0.0.0:0\"", "[server.tls]"),
+        ("server.tokens=[{ name = \"a\", role = \"view\", sha256 = \"secret\" }]", "64 hexadecimal digits"),
+        ("server.tls={ certificate = \"none.pem\", key = \"none.key\" }", "none.pem"),
+    ] {
+        let (_, err) = run(folder.path(), &["serve", "--set", set], 64);
+        assert!(err.contains(part), "{err}");
+    }
+}
+
 #[cfg(unix)]
 #[test]
 fn serve_says_where_it_listens_and_ends_with_0_on_sigterm_and_sigint() {

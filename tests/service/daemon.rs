@@ -19,7 +19,9 @@ use steradian::{
     },
     render::{AsteroidCounts, Frame, FrameImage, FrameRequest, FrameTimes, ViewStatistics},
     scene::{Camera, SceneObjects, SceneSnapshot, asteroids::ShapeSet},
-    service::{BesideEngine, Client, Engine, EngineError, OpenBeside, ServeError, ServeOptions, Shutdown, run},
+    service::{
+        Address, BesideEngine, Client, Engine, EngineError, OpenBeside, ServeError, ServeOptions, Shutdown, run,
+    },
     verify::{Check, CheckResult, Figure, Outcome},
     view::{Fov, Rig, View, ViewKind},
 };
@@ -270,7 +272,9 @@ fn rig(kinds: &[(&str, ViewKind)]) -> Rig {
 
 /// A running daemon.
 pub struct Daemon {
+    /// Of a Unix socket, no address.
     pub address: SocketAddr,
+    pub listening: Address,
     pub controls: Arc<Controls>,
     stop: Option<oneshot::Sender<()>>,
     end: JoinHandle<Result<(), ServeError>>,
@@ -301,8 +305,12 @@ impl Daemon {
         }));
         change(&mut options);
         let end = tokio::spawn(run(options));
-        let address = within(is_ready).await.expect("the daemon is ready");
-        Self { address, controls, stop: Some(stop), end }
+        let listening = within(is_ready).await.expect("the daemon is ready");
+        let address = match &listening {
+            Address::Tcp(address) => *address,
+            Address::Unix(_) => SocketAddr::from(([0; 4], 0)),
+        };
+        Self { address, listening, controls, stop: Some(stop), end }
     }
 
     pub fn uri(&self) -> String {

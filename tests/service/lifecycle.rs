@@ -111,7 +111,7 @@ async fn bad_and_taken_addresses_are_clear_errors() {
         let error = error.await.unwrap_err();
         assert!(error.to_string().contains(listen), "{error}");
         match error {
-            ServeError::AddressInUse { address } => assert_eq!(address, daemon.address),
+            ServeError::AddressInUse { address } => assert_eq!(address, daemon.listening),
             ServeError::Address { .. } => assert_ne!(listen, taken),
             other => panic!("{other:?}"),
         }

@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
 
+mod access;
 mod calls;
 mod camera;
 mod daemon;

@@ -6,7 +6,9 @@ use glam::DVec3;
 use steradian::{
     plan::settings::{ImpostorMethod, StarMethod},
     scene::bodies::Preset,
-    service::{BodyForm, CameraUpdate, Change, Client, Lease, SceneForm, SceneUpdate, TableChange, ViewForm, ViewUpdate},
+    service::{
+        BodyForm, CameraUpdate, Change, Client, Lease, SceneForm, SceneUpdate, TableChange, ViewForm, ViewUpdate,
+    },
 };
 use tonic::Code;
 

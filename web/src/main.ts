@@ -4,6 +4,7 @@ import { Encoding, type Frame } from "../gen/steradian/v1/view_pb.ts";
 import { Ages } from "./ages.ts";
 import { Clock } from "./clock.ts";
 import { byId, duration, make } from "./dom.ts";
+import { askForToken } from "./login.ts";
 import { Flight } from "./look.ts";
 import { Model } from "./model.ts";
 import { hideBanner, notify, showBanner } from "./notices.ts";
@@ -150,6 +151,11 @@ async function live(): Promise<never> {
       });
     } catch (error) {
       document.documentElement.classList.add("lost");
+      if (failureOf(error) === "unknown") {
+        hideBanner();
+        await askForToken(messageOf(error));
+        continue;
+      }
       const unreachable = failureOf(error) === "unreachable";
       const title = unreachable ? `No connection to the daemon at ${location.host}` : "The daemon has refused";
       retry = new AbortController();

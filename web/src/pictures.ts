@@ -261,6 +261,7 @@ export class Pictures extends EventTarget {
           case "ended":
             continue;
           case "unreachable":
+          case "unknown":
             if (session.aborted) return;
             throw error;
           default:

@@ -7,8 +7,9 @@ import { CameraService } from "../gen/steradian/v1/camera_pb.ts";
 import { DiagnosticsService } from "../gen/steradian/v1/diagnostics_pb.ts";
 import { SceneService } from "../gen/steradian/v1/scene_pb.ts";
 import { ViewService } from "../gen/steradian/v1/view_pb.ts";
+import { authorise } from "./login.ts";
 
-const transport = createGrpcWebTransport({ baseUrl: location.origin });
+const transport = createGrpcWebTransport({ baseUrl: location.origin, interceptors: [authorise] });
 
 export const cameras = createClient(CameraService, transport);
 export const scenes = createClient(SceneService, transport);
@@ -20,7 +21,7 @@ export const PATIENCE_MS = 20_000;
 /** The same for frames: those of large scenes take many seconds on a software driver. */
 export const FRAME_PATIENCE_MS = 60_000;
 
-export type Failure = "ended" | "unreachable" | "conflict" | "refused";
+export type Failure = "ended" | "unreachable" | "conflict" | "unknown" | "refused";
 
 /** What an error means for the page. */
 export function failureOf(error: unknown): Failure {
@@ -35,6 +36,8 @@ export function failureOf(error: unknown): Failure {
       return "unreachable";
     case Code.Aborted:
       return "conflict";
+    case Code.Unauthenticated:
+      return "unknown";
     default:
       return "refused";
   }

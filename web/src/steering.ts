@@ -107,8 +107,8 @@ export class Steering extends EventTarget {
 
   async #refused(error: unknown): Promise<void> {
     const failure = failureOf(error);
-    // The session tells of a daemon that is gone, and loads the camera when it is back.
-    if (failure === "unreachable" || failure === "ended") return;
+    // The session tells of a daemon that is gone or asks for a token, and loads the camera when it is back.
+    if (failure === "unreachable" || failure === "unknown" || failure === "ended") return;
     if (failure === "refused") notify(`Camera: ${messageOf(error)}`, "error");
     else notify("Another client has moved the camera: going on from there.", "warning");
     await this.#moved();
