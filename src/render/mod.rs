@@ -66,7 +66,7 @@ use self::{
     technique::{Holding, Technique},
 };
 use crate::{
-    gpu::{AdapterReport, Gpu, StructLayout},
+    gpu::{AdapterReport, Gpu, GpuError, GpuOptions, StructLayout},
     plan::{Limits, PlanError, Planner},
     view::{Rig, Viewport},
 };
@@ -107,7 +107,28 @@ pub struct Renderer {
 impl Renderer {
     /// A renderer on an open device.
     pub fn new(gpu: Gpu) -> Self {
-        let baked = BakedImpostors::default();
+        Self::with_baked(gpu, BakedImpostors::default())
+    }
+
+    /// Opens the adapter again in place of a device that is lost. Frames in flight are gone; numbers of frames go on.
+    ///
+    /// # Errors
+    ///
+    /// The adapter cannot be opened at present.
+    pub fn reopen(&mut self) -> Result<(), GpuError> {
+        let options = GpuOptions { adapter: Some(self.adapter().adapter.clone()), ..GpuOptions::default() };
+        let frames = self.frames;
+        *self = Self { frames, ..Self::with_baked(Gpu::open(&options)?, self.baked.clone()) };
+        Ok(())
+    }
+
+    /// Destroys the device, as a driver does that is reset: tests look at what follows.
+    #[doc(hidden)]
+    pub fn destroy_device(&self) {
+        self.gpu.device.destroy();
+    }
+
+    fn with_baked(gpu: Gpu, baked: BakedImpostors) -> Self {
         Self {
             limits: gpu.limits(),
             planners: vec![Planner::new()],

@@ -42,8 +42,8 @@ pub trait Engine: Send + 'static {
     /// Begins a frame and does not wait for it. The frame's images are those wanted, its camera and scene revisions those of the
     /// scene.
     ///
-    /// An error concerns this frame alone, which is then not to be finished, unless the renderer is lost; that, and a panic, end the
-    /// daemon.
+    /// An error concerns this frame alone, which is then not to be finished, unless the renderer is lost: then no frame that was begun is to be finished,
+    /// and [`Self::reopen`] is called. A panic ends the daemon.
     fn submit(&mut self, request: FrameRequest<'_>) -> Result<(), EngineError>;
 
     /// Waits for the oldest frame that was begun and not finished, for at most `timeout` ([`Duration::MAX`]: as long as it takes).
@@ -54,6 +54,13 @@ pub trait Engine: Send + 'static {
     ///
     /// Errors are as those of [`Self::submit`].
     fn finish(&mut self) -> Result<Frame, EngineError>;
+
+    /// Makes the renderer anew in place of one that is lost. Frames that were begun are gone; numbers of frames go on.
+    ///
+    /// # Errors
+    ///
+    /// It cannot be made at present.
+    fn reopen(&mut self) -> Result<(), EngineError>;
 
     /// What opens a second renderer for work beside the frames, on the thread that calls it. Asked for once, before the first frame.
     fn beside(&self) -> OpenBeside;
@@ -124,6 +131,10 @@ impl Engine for Renderer {
 
     fn finish(&mut self) -> Result<Frame, EngineError> {
         Ok(self.finish_oldest()?)
+    }
+
+    fn reopen(&mut self) -> Result<(), EngineError> {
+        Self::reopen(self).map_err(EngineError::lost)
     }
 
     fn beside(&self) -> OpenBeside {

@@ -54,9 +54,10 @@ impl Answers for Metrics {
 fn registry(service: &Service) -> Registry {
     let mut all = Registry::with_prefix("steradian");
     let (figures, streams) = (service.render.figures(), service.render.streams());
-    let counts: [(&str, &str, u64); 6] = [
+    let counts: [(&str, &str, u64); 7] = [
         ("frames_rendered", "Frames of the render thread", figures.frames_rendered),
         ("frames_failed", "Frames that could not be drawn", figures.failures.count),
+        ("renderer_losses", "Times that the renderer was lost and made anew", figures.losses),
         ("frames_dropped", "Frames that slow readers have missed", streams.dropped()),
         ("encodings", "Times that the images of a view of a frame were encoded", service.encoders.count()),
         ("encoded_bytes", "Bytes of encoded images", service.encoders.bytes()),

@@ -148,6 +148,8 @@ pub(super) struct State {
     pub(super) newest: HashMap<usize, (u64, Revisions, Instant)>,
     /// Frames that could not be drawn, and why the last one could not.
     pub(super) failures: Failures,
+    /// How often the renderer was lost.
+    pub(super) losses: u64,
     /// Who alone may move the camera.
     pub(super) lease: Option<Lease>,
     /// The camera, for those who watch it.
@@ -190,8 +192,14 @@ impl State {
     fn move_camera(&mut self, camera: Camera) -> Camera {
         self.camera = Camera { revision: self.camera.revision + 1, ..camera };
         self.pose_time = SystemTime::now();
-        self.watched_camera.send_replace(Some(self.camera));
+        self.tell_camera();
         self.camera
+    }
+
+    /// Tells those who watch, unless that has ended.
+    fn tell_camera(&self) {
+        let camera = self.camera;
+        self.watched_camera.send_if_modified(|watched| watched.as_mut().map(|watched| *watched = camera).is_some());
     }
 
     /// Takes no new work; nobody is left waiting for what no longer comes.
@@ -243,6 +251,8 @@ pub(super) struct RenderFigures {
     pub(super) audits: Option<AuditFigures>,
     /// Frames that could not be drawn.
     pub(super) failures: Failures,
+    /// How often the renderer was lost.
+    pub(super) losses: u64,
     /// Age of the pose of the last frame when it was finished.
     pub(super) last_age: Option<Duration>,
 }
@@ -329,6 +339,7 @@ impl RenderHandle {
         }
         let (taken, is_taken) = oneshot::channel();
         state.lease = Some(Lease { number, holder: holder.to_owned(), taken });
+        state.tell_camera();
         Ok((number, is_taken))
     }
 
@@ -337,7 +348,13 @@ impl RenderHandle {
         let mut state = self.shared.state();
         if state.lease.as_ref().is_some_and(|held| held.number == lease) {
             state.lease = None;
+            state.tell_camera();
         }
+    }
+
+    /// Who has the lease of the camera; empty: nobody.
+    pub(super) fn holder(&self) -> String {
+        self.shared.state().lease.as_ref().map(|lease| lease.holder.clone()).unwrap_or_default()
     }
 
     /// The camera and its changes; `None` is the end.
@@ -436,6 +453,7 @@ impl RenderHandle {
             last_times: state.last_times.clone(),
             quality,
             failures: state.failures.clone(),
+            losses: state.losses,
             last_age: state.last_age,
             audits: state.settings.accuracy.audit.then(|| self.shared.audits.figures()),
         }

@@ -44,6 +44,11 @@ impl Pace {
         self.last = Some((shown, start));
     }
 
+    /// The frame that was started last does not come: another one is due at once.
+    pub(super) fn again(&mut self) {
+        self.last = None;
+    }
+
     /// When the next frame is due if `newest` is what a frame would show now; `now` or earlier: it is due.
     pub(super) fn due_at(&self, newest: Revisions, exposure_converged: bool, now: Instant) -> Instant {
         let Some((shown, start)) = self.last else { return now };

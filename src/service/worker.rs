@@ -53,6 +53,18 @@ const MOST_IN_FLIGHT: usize = 2;
 /// While a frame is about to end, it is looked this often whether the next one is due.
 const LOOK_INTERVAL: Duration = Duration::from_millis(1);
 
+/// Losses of the engine without a frame between them, from which on a frame is not tried again.
+const MOST_LOSSES: u32 = 3;
+/// Waits before the attempts to make a lost engine anew: a driver that resets its device takes a while.
+const REOPENS: [Duration; 6] = [
+    Duration::ZERO,
+    Duration::from_millis(100),
+    Duration::from_millis(500),
+    Duration::from_secs(1),
+    Duration::from_secs(2),
+    Duration::from_secs(4),
+];
+
 /// The running thread.
 pub(super) struct RenderThread {
     /// Its end: in order, with the error that made the engine useless, or with its panic.
@@ -118,6 +130,7 @@ fn spawn_with(
         quality: settings.accuracy.frame_ms.map(Quality::new),
         newest: HashMap::new(),
         failures: Failures::default(),
+        losses: 0,
         lease: None,
         watched_camera: watch::Sender::new(Some(scene.camera)),
         limits: engine.limits(),
@@ -154,6 +167,7 @@ fn spawn_with(
         forecast,
         last_drawn: Instant::now(),
         auditor,
+        losses: 0,
     };
     let join = thread::Builder::new().name("render".to_owned()).spawn(move || {
         // Dropped after the worker: whoever sees the end knows that the engine is gone too.
@@ -312,6 +326,8 @@ struct Worker {
     last_drawn: Instant,
     /// Compares frames with f64, where that is asked for.
     auditor: Option<Auditor>,
+    /// How often the engine was lost since the last frame.
+    losses: u32,
 }
 
 impl Worker {
@@ -348,7 +364,7 @@ impl Worker {
                 self.in_flight.push_back(InFlight { job, submitted, starts_adaptation, adapted });
                 Ok(())
             }
-            Err(error) if error.lost => Err(self.lose(job, error)),
+            Err(error) if error.lost => self.lose(job, error),
             Err(error) => {
                 // Those who wait for a frame before this one get it first.
                 while !self.in_flight.is_empty() {
@@ -395,6 +411,7 @@ impl Worker {
                     eye.adaptation.observe(frame.exposure_ev100, frame.metered_ev100);
                 }
                 let frame = frame.of_views(views);
+                self.losses = 0;
                 let mut state = self.shared.state();
                 state.frames_rendered += 1;
                 state.failures.problem = None;
@@ -441,7 +458,7 @@ impl Worker {
                 }
                 Ok(())
             }
-            Err(error) if error.lost => Err(self.lose(job, error)),
+            Err(error) if error.lost => self.lose(job, error),
             Err(error) => {
                 self.refuse(job, &RenderFailure::Engine(error.to_string()));
                 Ok(())
@@ -449,12 +466,57 @@ impl Worker {
         }
     }
 
-    /// No frame will come any more, neither of `job` nor of those in flight.
-    fn lose(&mut self, job: Job, error: EngineError) -> EngineError {
+    /// Neither `job` nor what is in flight will be drawn by this engine: makes it anew, and draws again what was asked for. An error is one that the engine does not
+    /// outlive.
+    fn lose(&mut self, job: Job, error: EngineError) -> Result<(), EngineError> {
+        tracing::error!("the renderer was lost: {error}; it is made anew");
+        self.losses += 1;
+        self.shared.state().losses += 1;
         let failure = RenderFailure::Engine(error.to_string());
-        let jobs: Vec<Job> = self.in_flight.drain(..).map(|frame| frame.job).chain([job]).collect();
-        jobs.into_iter().for_each(|job| self.end(job, &failure));
-        error
+        let mut jobs: Vec<Job> = self.in_flight.drain(..).map(|frame| frame.job).chain([job]).collect();
+        jobs.sort_by_key(|job| job.start);
+        let reopened = self.reopen();
+        // A scene that loses every device is not drawn again and again: it waits for the next change.
+        let draws_again = reopened && self.losses < MOST_LOSSES;
+        for job in jobs.into_iter().rev() {
+            match (reopened, draws_again) {
+                (true, true) => self.take_back(job),
+                (true, false) => self.refuse(job, &failure),
+                (false, _) => self.end(job, &failure),
+            }
+        }
+        if reopened || self.shared.state().stop { Ok(()) } else { Err(error) }
+    }
+
+    /// Makes the engine anew; whether that has succeeded.
+    fn reopen(&mut self) -> bool {
+        for wait in REOPENS {
+            let state = self.shared.state();
+            let waited = self.shared.wake.wait_timeout_while(state, wait, |state| !state.stop);
+            if waited.unwrap_or_else(PoisonError::into_inner).0.stop {
+                return false;
+            }
+            match self.engine.reopen() {
+                Ok(()) => {
+                    tracing::info!("the renderer is made anew");
+                    return true;
+                }
+                Err(error) => tracing::error!("the renderer cannot be made anew: {error}"),
+            }
+        }
+        false
+    }
+
+    /// Those who asked for this frame ask again.
+    fn take_back(&self, job: Job) {
+        let mut state = self.shared.state();
+        for request in job.requests.into_iter().rev() {
+            state.requests.push_front(request);
+        }
+        for slot in &job.subscribers {
+            let of_slot = |subscriber: &&mut Subscriber| std::ptr::eq(subscriber.slot.as_ptr(), Arc::as_ptr(slot));
+            state.subscribers.iter_mut().filter(of_slot).for_each(|subscriber| subscriber.pace.again());
+        }
     }
 
     /// Tells those who asked for this frame that there is none. Streams go on: they have the frame of the next change that can be drawn.

@@ -4,8 +4,8 @@ use std::collections::VecDeque;
 
 use glam::DQuat;
 use steradian::{
-    gpu::GpuOptions,
-    render::{Frame, FrameRequest, Renderer},
+    gpu::{GpuError, GpuOptions},
+    render::{Frame, FrameRequest, RenderError, Renderer},
 };
 
 use crate::common::{configured, renderer_with};
@@ -98,4 +98,22 @@ fn another_size_is_noticed() {
     assert_eq!(made(&steady)[WARM_FRAMES], 0);
     let other = drawn(&mut renderer, "dome.toml", &["views.dome.size=[128,128]", FEW_STARS], 1, 1);
     assert!(made(&other)[0] > 0);
+}
+
+/// A device that is lost in the midst of frames is an error that says so, and the renderer that is made anew draws the same pictures.
+#[test]
+fn a_renderer_that_has_lost_its_device_is_made_anew() {
+    let (scene, rig, settings) = configured("dome.toml", &[FEW_STARS, DOME, "views.lens.size=[96,96]"]);
+    let mut renderer = renderer_with(&GpuOptions::default());
+    let draw = |renderer: &mut Renderer| renderer.render(FrameRequest::new(&scene, &rig).settings(&settings));
+    let before = draw(&mut renderer).unwrap();
+    for number in 1..=3 {
+        renderer.destroy_device();
+        let error = draw(&mut renderer).expect_err("the device is gone");
+        assert!(matches!(error, RenderError::Gpu(GpuError::Lost(_))), "{error:?}");
+        renderer.reopen().unwrap();
+        let after = draw(&mut renderer).unwrap();
+        assert!(after.number > before.number, "{number}: {} {}", after.number, before.number);
+        assert_same(&before, &after, "made anew");
+    }
 }

@@ -48,8 +48,12 @@ pub struct Controls {
     pub failing: AtomicBool,
     /// The next frame to be finished panics.
     pub panicking: AtomicBool,
-    /// The next frame to be finished finds the device lost.
+    /// Frames to be finished find the device lost, and it cannot be made anew.
     pub lost: AtomicBool,
+    /// So many frames to be finished find the device lost.
+    pub losses: AtomicU64,
+    /// How often it was made anew.
+    pub reopened: AtomicU64,
     /// Exposure that frames ask for, EV, at x = 0.
     pub metered_ev100: Mutex<f64>,
     /// How that changes with the camera's x, EV/m.
@@ -221,12 +225,24 @@ impl Engine for TestEngine {
         if controls.lost.load(SeqCst) {
             return Err(EngineError::lost("the test engine was told to lose its device"));
         }
+        if controls.losses.fetch_update(SeqCst, SeqCst, |losses| losses.checked_sub(1)).is_ok() {
+            return Err(EngineError::lost("the test engine was told to lose its device for a while"));
+        }
         let frame = self.begun.pop_front().expect("a frame was begun");
         controls.finished.fetch_add(1, SeqCst);
         if controls.failing.load(SeqCst) {
             return Err(EngineError::new("the test engine was told to fail"));
         }
         Ok(frame)
+    }
+
+    fn reopen(&mut self) -> Result<(), EngineError> {
+        if self.controls.lost.load(SeqCst) {
+            return Err(EngineError::lost("the test engine was told to stay without its device"));
+        }
+        self.begun.clear();
+        self.controls.reopened.fetch_add(1, SeqCst);
+        Ok(())
     }
 
     fn beside(&self) -> OpenBeside {

@@ -4,7 +4,7 @@ use std::sync::atomic::Ordering::SeqCst;
 
 use steradian::{
     output::Encoding,
-    service::{ClientError, ServeError, ServeOptions, run},
+    service::{CameraUpdate, ClientError, ServeError, ServeOptions, run},
 };
 use tonic::Code;
 use tonic_health::pb::{HealthCheckRequest, health_check_response::ServingStatus, health_client::HealthClient};
@@ -80,7 +80,43 @@ async fn a_panicking_renderer_ends_the_daemon_with_an_error() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_lost_device_ends_the_daemon_with_an_error() {
+async fn streams_and_calls_go_on_when_the_device_is_lost_twenty_times() {
+    let daemon = Daemon::start(small_rig()).await;
+    let mut client = daemon.client().await;
+    let mut flat = client.stream_frames("flat", Encoding::Rgba8, 0.0).await.unwrap();
+    let mut eyes = client.stream_frames("eyes", Encoding::Rgb32f, 0.0).await.unwrap();
+    let mut last = [0; 2];
+    for turn in 1..=20_u64 {
+        daemon.controls.losses.store(1, SeqCst);
+        let pose = CameraUpdate { position_m: Some([turn as f64, 0.0, 0.0]), ..CameraUpdate::default() };
+        let revision = client.set_camera(&pose).await.unwrap().revision;
+        let called = within(client.render_frame("flat", Encoding::Png)).await.unwrap();
+        assert!(called.camera_revision >= revision);
+        for (stream, last) in [&mut flat, &mut eyes].into_iter().zip(&mut last) {
+            loop {
+                let frame = within(stream.next()).await.unwrap().expect("the stream goes on");
+                assert!(frame.number > *last || *last == 0, "numbers go on");
+                *last = frame.number;
+                if frame.camera_revision >= revision {
+                    break;
+                }
+            }
+        }
+        assert_eq!(daemon.controls.reopened.load(SeqCst), turn);
+    }
+    assert_eq!(client.next_frame("flat", Encoding::Rgba8, 0, 0).await.unwrap().camera_revision, 20);
+
+    // What loses every device is told after some attempts, and what comes then is drawn.
+    daemon.controls.losses.store(3, SeqCst);
+    let error = within(client.render_frame("flat", Encoding::Png)).await.unwrap_err();
+    assert!(error.to_string().contains("lose its device for a while"), "{error}");
+    within(client.render_frame("flat", Encoding::Png)).await.unwrap();
+    drop((flat, eyes, client));
+    daemon.shutdown().await.unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_device_that_cannot_be_had_again_ends_the_daemon_with_an_error() {
     let daemon = Daemon::start(small_rig()).await;
     let mut client = daemon.client().await;
     within(client.render_frame("flat", Encoding::Png)).await.unwrap();
