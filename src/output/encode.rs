@@ -5,11 +5,16 @@
 use std::io::Cursor;
 
 use exr::prelude::{Encoding as ExrEncoding, Image, Layer, LayerAttributes, SpecificChannels, Vec2, WritableImage};
+use jpeg_encoder::{QuantizationTableType, SamplingFactor};
 
 use crate::render::{FrameImage, Wanted};
 
 /// Quality of JPEG images, of 100.
 const JPEG_QUALITY: u8 = 92;
+
+/// Step by which every frequency of the two colour differences is rounded in JPEG images. The table that belongs to the quality rounds the high ones so coarsely
+/// that stars, a few pixels wide, lose their colour.
+const JPEG_CHROMA_STEP: u16 = 3;
 
 /// How an image is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -148,7 +153,9 @@ fn jpeg_of(image: &FrameImage, pixels: &[u8]) -> Result<Vec<u8>, EncodeError> {
     let mut bytes = Vec::new();
     let mut encoder = jpeg_encoder::Encoder::new(&mut bytes, JPEG_QUALITY);
     // Stars are a few pixels wide: halved colour resolution would spread their colour over black.
-    encoder.set_sampling_factor(jpeg_encoder::SamplingFactor::F_1_1);
+    encoder.set_sampling_factor(SamplingFactor::F_1_1);
+    let fine = QuantizationTableType::Custom(Box::new([JPEG_CHROMA_STEP; 64]));
+    encoder.set_quantization_tables(QuantizationTableType::Default, fine);
     encoder.encode(pixels, width, height, jpeg_encoder::ColorType::Rgba)?;
     Ok(bytes)
 }
@@ -261,6 +268,54 @@ pub(super) mod tests {
         assert_eq!((side(7), side(5)), (40, 24));
         let wide = FrameImage { width: 65_536, height: 1, display: Some(vec![0; 65_536 * 4]), ..sample(1, 1) };
         assert!(matches!(encode(Encoding::Jpeg, &wide), Err(EncodeError::TooLargeForJpeg { .. })));
+    }
+
+    /// Stars on black: a colour of its own each, spread like a star's over three pixels by three.
+    fn coloured_stars() -> FrameImage {
+        let mut image = sample(256, 256);
+        let pixels = image.display.as_mut().unwrap();
+        pixels.chunks_exact_mut(4).for_each(|pixel| pixel.copy_from_slice(&[0, 0, 0, 255]));
+        for star in 0..400_usize {
+            let (x, y) = (2 + star % 20 * 12 + star * 7 % 9, 2 + star / 20 * 12 + star * 5 % 9);
+            let warm = (star * 37 % 100) as f64 / 100.0;
+            for (at, share) in (0..9).map(|at| (at, [0.25, 0.5, 0.25][at % 3] * [0.25, 0.5, 0.25][at / 3])) {
+                let index = 4 * ((y + at / 3 - 1) * 256 + x + at % 3 - 1);
+                let rgb = [0.6 + 0.4 * warm, 0.75, 1.0 - 0.5 * warm].map(|c| (255.0 * c * 4.0 * share) as u8);
+                pixels[index..index + 3].copy_from_slice(&rgb);
+            }
+        }
+        image
+    }
+
+    /// Root mean square over the pixels of stars of R - B, and of its error in a JPEG image.
+    fn colour_and_error(image: &FrameImage, jpeg: &[u8]) -> [f64; 2] {
+        let decoded = zune_jpeg::JpegDecoder::new(Cursor::new(jpeg)).decode().unwrap();
+        let original = image.display.as_ref().unwrap().chunks_exact(4);
+        let pairs = original.zip(decoded.chunks_exact(3)).filter(|(pixel, _)| pixel[..3].iter().any(|code| *code > 20));
+        let difference = |pixel: &[u8]| f64::from(pixel[0]) - f64::from(pixel[2]);
+        let (mut sums, mut count) = ([0.0; 2], 0.0);
+        for (pixel, found) in pairs {
+            sums[0] += difference(pixel).powi(2);
+            sums[1] += (difference(pixel) - difference(found)).powi(2);
+            count += 1.0;
+        }
+        sums.map(|sum: f64| (sum / count).sqrt())
+    }
+
+    #[test]
+    fn stars_keep_their_colours_in_jpeg_images() {
+        let image = coloured_stars();
+        let [colour, error] = colour_and_error(&image, &encode(Encoding::Jpeg, &image).unwrap());
+        println!("R - B {colour:.1}, its error {error:.2}");
+        assert!(colour > 20.0 && error < 4.0, "{colour} {error}");
+        // The table of the quality for colour too.
+        let mut coarse = Vec::new();
+        let mut encoder = jpeg_encoder::Encoder::new(&mut coarse, JPEG_QUALITY);
+        encoder.set_sampling_factor(SamplingFactor::F_1_1);
+        let pixels = image.display.as_ref().unwrap();
+        encoder.encode(pixels, 256, 256, jpeg_encoder::ColorType::Rgba).unwrap();
+        let [_, of_coarse] = colour_and_error(&image, &coarse);
+        assert!(of_coarse > 2.0 * error, "{of_coarse} {error}");
     }
 
     #[test]

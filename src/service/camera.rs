@@ -11,6 +11,7 @@ use super::{
     convert,
     handlers::{Service, refused},
     proto::{self, CameraLease},
+    refusals,
     render::{CameraError, Refused, RenderHandle},
 };
 use crate::scene::Camera;
@@ -20,9 +21,9 @@ const MOST_NAME: usize = 64;
 
 pub(super) fn unmoved(error: &CameraError) -> Status {
     match error {
-        CameraError::Pose(_) | CameraError::Scene(_) => Status::invalid_argument(error.to_string()),
-        CameraError::Revision { .. } => Status::aborted(error.to_string()),
-        CameraError::Leased { .. } => Status::failed_precondition(error.to_string()),
+        CameraError::Pose(_) | CameraError::Scene(_) => refusals::invalid(error.to_string()),
+        CameraError::Revision { expected, found } => refusals::revision(error.to_string(), "camera", *expected, *found),
+        CameraError::Leased { holder } => refusals::leased(error.to_string(), holder),
         CameraError::Ending => Status::unavailable(error.to_string()),
     }
 }
@@ -43,7 +44,7 @@ impl Drop for Steering {
 
 /// What the first message of a stream says of the lease.
 fn lease_of(message: &proto::StreamCameraRequest) -> Result<Option<bool>, Status> {
-    let wrong = |problem: String| Err(Status::invalid_argument(problem));
+    let wrong = |problem: String| Err(refusals::invalid(problem));
     if message.holder.chars().count() > MOST_NAME {
         return wrong(format!("holder: at most {MOST_NAME} characters are allowed"));
     }
@@ -100,6 +101,11 @@ impl Service {
         }
     }
 
+    /// A camera, and who has its lease.
+    fn told(&self, camera: &Camera) -> proto::Camera {
+        proto::Camera { holder: self.render.holder(), ..convert::camera_to_pb(camera) }
+    }
+
     fn place_camera(&self, request: proto::SetCameraRequest, lease: Option<u64>) -> Result<Camera, Status> {
         let expected = request.expected_revision;
         let update = convert::update_from_pb(request);
@@ -112,21 +118,22 @@ impl proto::camera_service_server::CameraService for Service {
     type WatchCameraStream = ReceiverStream<Result<proto::Camera, Status>>;
 
     async fn get_camera(&self, _: Request<proto::GetCameraRequest>) -> Result<Response<proto::Camera>, Status> {
-        Ok(Response::new(convert::camera_to_pb(&self.render.camera())))
+        Ok(Response::new(self.told(&self.render.camera())))
     }
 
     async fn set_camera(&self, request: Request<proto::SetCameraRequest>) -> Result<Response<proto::Camera>, Status> {
         let by = By::of(&request)?;
         let camera = self.place_camera(request.into_inner(), None)?;
         by.moved(camera.revision);
-        Ok(Response::new(convert::camera_to_pb(&camera)))
+        Ok(Response::new(self.told(&camera)))
     }
 
     async fn watch_camera(
         &self,
         _: Request<proto::WatchCameraRequest>,
     ) -> Result<Response<Self::WatchCameraStream>, Status> {
-        Ok(Response::new(self.watched(self.render.watch_camera(), convert::camera_to_pb)?))
+        let service = self.clone();
+        Ok(Response::new(self.watched(self.render.watch_camera(), move |camera| service.told(camera))?))
     }
 
     async fn stream_camera(
@@ -144,7 +151,7 @@ impl proto::camera_service_server::CameraService for Service {
             let message = tokio::select! {
                 message = messages.message() => message?,
                 by = taken_over(&mut taken), if taken.is_some() => {
-                    return Err(Status::failed_precondition(format!("`{by}` has taken the lease of the camera over")));
+                    return Err(refusals::leased(format!("`{by}` has taken the lease of the camera over"), &by));
                 }
                 _ = ends.wait_for(Option::is_none) => return Err(refused(Refused::Ending)),
             };
@@ -161,14 +168,14 @@ impl proto::camera_service_server::CameraService for Service {
                     taken = Some(is_taken);
                 }
             } else if message.lease != 0 || !message.holder.is_empty() {
-                return Err(Status::invalid_argument("lease and holder: only the first message may have them"));
+                return Err(refusals::invalid("lease and holder: only the first message may have them"));
             }
             if let Some(camera) = message.camera {
                 by.moved(self.place_camera(camera, steering.lease)?.revision);
                 poses += 1;
             }
         }
-        let camera = Some(convert::camera_to_pb(&self.render.camera()));
+        let camera = Some(self.told(&self.render.camera()));
         Ok(Response::new(proto::StreamCameraResponse { camera, poses }))
     }
 }

@@ -12,7 +12,7 @@ use super::{
     camera::unmoved,
     convert,
     handlers::{MOST_ATTEMPTS, Service, refused, unchanged},
-    proto,
+    proto, refusals,
     render::Refused,
     scene::{MadeUpdate, SceneError, SceneState, SceneUpdate},
     state::{Saved, SnapshotName, StateError, StateFile},
@@ -40,7 +40,7 @@ impl Service {
         update: &ViewUpdate,
     ) -> Result<ViewSet, Status> {
         let general = self.render.general(scene);
-        let views = scene.views.changed(&general, number, update).map_err(Status::invalid_argument)?;
+        let views = scene.views.changed(&general, number, update).map_err(refusals::invalid)?;
         let before = frame_groups(&self.rig, &general, &scene.views.settings);
         let after = frame_groups(&self.rig, &general, &views.settings);
         // What has not changed is drawn already.
@@ -65,7 +65,7 @@ impl Service {
         };
         let planned = task::spawn_blocking(planning).await;
         let planned = planned.map_err(|error| Status::internal(format!("planning a frame failed: {error}")))?;
-        planned.map_err(|error| Status::invalid_argument(error.to_string()))
+        planned.map_err(|error| refusals::invalid(error.to_string()))
     }
 
     /// The scene after a change, if it can be drawn then.
@@ -99,7 +99,7 @@ impl Service {
             return Ok(());
         }
         let baked = self.workshop.bake(new, after.asteroids.clone()).await.map_err(refused)?;
-        baked.map_err(Status::invalid_argument)
+        baked.map_err(refusals::invalid)
     }
 
     /// Puts a scene in place of the one that it was made for: on disk first, where there is a file of states, and then before everybody's eyes.
@@ -130,7 +130,7 @@ impl Service {
 
     /// The scene and the camera of a snapshot in place of those there are.
     async fn load(&self, saved: &Saved, expected: Option<u64>) -> Result<SceneState, Status> {
-        let camera = saved.camera.map(convert::camera_update_from_pb);
+        let camera = saved.camera.clone().map(convert::camera_update_from_pb);
         if camera.is_some() {
             // Before anything is changed.
             self.render.check_lease(None).map_err(|error| unmoved(&error))?;
@@ -148,7 +148,8 @@ impl Service {
                         self.render.set_camera(camera, None, None).map_err(|error| {
                             let status = unmoved(&error);
                             // Somebody began to steer meanwhile.
-                            Status::new(status.code(), format!("the scene is loaded, its camera is not: {error}"))
+                            let problem = format!("the scene is loaded, its camera is not: {error}");
+                            Status::with_details(status.code(), problem, status.details().to_vec().into())
                         })?;
                     }
                     return Ok(scene);
@@ -178,10 +179,10 @@ impl Service {
     /// What a change needs.
     async fn made(&self, update: &SceneUpdate, scene: &SceneState) -> Result<MadeUpdate, Status> {
         if !update.places_asteroids() {
-            return update.make(scene).map_err(Status::invalid_argument);
+            return update.make(scene).map_err(refusals::invalid);
         }
         let (update, scene) = (update.clone(), scene.clone());
-        self.placed(move || update.make(&scene)).await?.map_err(Status::invalid_argument)
+        self.placed(move || update.make(&scene)).await?.map_err(refusals::invalid)
     }
 
     /// Does work that may place asteroids: one after the other, since each may take all cores and much memory.
@@ -200,16 +201,16 @@ impl Service {
 fn unsaved(error: &StateError) -> Status {
     tracing::error!("{error}");
     match error {
-        StateError::Full => Status::resource_exhausted(error.to_string()),
+        StateError::Full => refusals::exhausted("snapshots", error.to_string()),
         _ => Status::internal(format!("nothing was changed: {error}")),
     }
 }
 
 /// The name of a snapshot, if it is one.
 fn snapshot_name(name: String) -> Result<String, Status> {
-    check_name(&name).map_err(|error| Status::invalid_argument(error.to_string()))?;
+    check_name(&name).map_err(|error| refusals::invalid(error.to_string()))?;
     if name.len() > MOST_NAME {
-        return Err(Status::invalid_argument(format!("name: at most {MOST_NAME} characters are allowed")));
+        return Err(refusals::invalid(format!("name: at most {MOST_NAME} characters are allowed")));
     }
     Ok(name)
 }
@@ -254,8 +255,8 @@ impl proto::scene_service_server::SceneService for Service {
     ) -> Result<Response<proto::Scene>, Status> {
         let by = By::of(&request)?;
         let request = request.into_inner();
-        let update = convert::scene_update_from_pb(&request).map_err(Status::invalid_argument)?;
-        update.overlay.check_views(&self.view_names()).map_err(Status::invalid_argument)?;
+        let update = convert::scene_update_from_pb(&request).map_err(refusals::invalid)?;
+        update.overlay.check_views(&self.view_names()).map_err(refusals::invalid)?;
         let scene = self.changed_scene(&update, request.expected_revision).await?;
         by.changed("UpdateScene", &paths(request.update_mask), scene.revision);
         Ok(Response::new(convert::scene_to_pb(&scene, &self.catalogues)))
@@ -294,11 +295,19 @@ impl proto::scene_service_server::SceneService for Service {
         let Some(saved) = self.with_state(move |file| file.snapshot(&of)).await? else {
             let names = self.with_state(StateFile::snapshots).await?;
             let names: Vec<String> = names.into_iter().map(|known| known.name).collect();
-            return Err(Status::not_found(format!("no snapshot `{name}`; there are: {}", names.join(", "))));
+            let problem = format!("no snapshot `{name}`; there are: {}", names.join(", "));
+            return Err(refusals::absent("snapshot", &name, problem));
         };
         let scene = self.load(&saved, expected_revision).await?;
         by.changed("LoadSnapshot", &[name], scene.revision);
         Ok(Response::new(convert::scene_to_pb(&scene, &self.catalogues)))
+    }
+
+    async fn identify(
+        &self,
+        request: Request<proto::IdentifyRequest>,
+    ) -> Result<Response<proto::IdentifyResponse>, Status> {
+        Ok(Response::new(self.identified(request.get_ref()).await?))
     }
 
     async fn watch_scene(

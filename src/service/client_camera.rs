@@ -71,6 +71,11 @@ impl Client {
         camera_from_pb(self.camera.set_camera(request).await?.into_inner())
     }
 
+    /// Who has the lease of the camera; empty: nobody.
+    pub async fn camera_holder(&mut self) -> Result<String, ClientError> {
+        Ok(self.camera.get_camera(proto::GetCameraRequest {}).await?.into_inner().holder)
+    }
+
     /// Streams poses. `holder` is told to those who are refused meanwhile.
     pub async fn steer(&mut self, lease: Lease, holder: &str) -> Result<Steering, ClientError> {
         let (poses, stream) = mpsc::channel(WAITING);

@@ -1,5 +1,6 @@
 //! The client's calls about the scene and the failure tests.
 
+use glam::DVec3;
 use tonic::Streaming;
 
 use super::{
@@ -239,5 +240,55 @@ impl Client {
     pub async fn snapshots(&mut self) -> Result<Vec<String>, ClientError> {
         let answer = self.scene.list_snapshots(proto::ListSnapshotsRequest {}).await?.into_inner();
         Ok(answer.snapshots.into_iter().map(|snapshot| snapshot.name).collect())
+    }
+}
+
+/// What stands in a direction.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SeenObject {
+    /// Whether it is a body; else a star.
+    pub is_body: bool,
+    /// Its name; empty: it has none.
+    pub name: String,
+    /// Bayer or Flamsteed designation of a star; empty: not known.
+    pub designation: String,
+    /// Unit vector to where it is seen, ICRS axes.
+    pub direction: DVec3,
+    /// From the direction that was asked for, degrees.
+    pub separation_deg: f64,
+    /// Apparent V magnitude of a star.
+    pub v_mag: Option<f64>,
+    /// Effective temperature of a star, K.
+    pub temperature_k: Option<f64>,
+    /// From the camera, m; `None`: not known.
+    pub distance_m: Option<f64>,
+}
+
+impl Client {
+    /// What stands in a direction (ICRS axes, as the camera sees it): bodies that cover it, the nearest first, or stars within `radius_deg` of it, the brightest
+    /// first; at most `most`.
+    pub async fn identify(
+        &mut self,
+        direction: DVec3,
+        radius_deg: f64,
+        most: u32,
+    ) -> Result<Vec<SeenObject>, ClientError> {
+        let direction = Some(convert::vector_to_pb(direction));
+        let request = proto::IdentifyRequest { direction, radius_deg, most };
+        let objects = self.scene.identify(request).await?.into_inner().objects;
+        let object = |object: proto::IdentifiedObject| {
+            let direction = object.direction.ok_or(ClientError::Answer { field: "direction" })?;
+            Ok(SeenObject {
+                is_body: object.kind() == proto::ObjectKind::Body,
+                direction: DVec3::from_array(convert::vector_from_pb(direction)),
+                name: object.name,
+                designation: object.designation,
+                separation_deg: object.separation_deg,
+                v_mag: object.v_mag,
+                temperature_k: object.temperature_k,
+                distance_m: object.distance_m,
+            })
+        };
+        objects.into_iter().map(object).collect()
     }
 }

@@ -12,7 +12,10 @@ use std::{
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tonic::Status;
 
-use super::access::{Digest, Moves};
+use super::{
+    access::{Digest, Moves},
+    refusals,
+};
 
 /// Calls of RenderFrame of one client at the same time.
 const RENDERS: usize = 4;
@@ -258,7 +261,7 @@ impl ClientInfo {
     fn refuse(&self, problem: String) -> Status {
         self.0.shares.refused.fetch_add(1, Relaxed);
         tracing::debug!(client = self.name(), "refused: {problem}");
-        Status::resource_exhausted(problem)
+        refusals::exhausted("client", problem)
     }
 
     /// Notes a pose that brought the camera to a revision; the line that the log gets, if one is due.

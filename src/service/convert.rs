@@ -39,6 +39,7 @@ pub(super) fn camera_to_pb(camera: &Camera) -> proto::Camera {
         orientation: Some(proto::Quaternion { x, y, z, w }),
         velocity_c: Some(vector_to_pb(camera.velocity_c)),
         revision: camera.revision,
+        holder: String::new(),
     }
 }
 

@@ -13,7 +13,7 @@ use tonic::{Request, Response, Status};
 use super::{
     convert, convert_stats,
     handlers::{Service, refused},
-    proto,
+    proto, refusals,
     render::Refused,
 };
 use crate::{verify, xr};
@@ -40,11 +40,11 @@ impl proto::diagnostics_service_server::DiagnosticsService for Service {
         let request = request.into_inner();
         let given = |text: String| Some(text).filter(|text| !text.is_empty());
         let checks = verify::select(given(request.filter).as_deref())
-            .map_err(|error| Status::invalid_argument(format!("filter: {error}")))?;
+            .map_err(|error| refusals::invalid(format!("filter: {error}")))?;
         let method = given(request.star_method).map(|name| convert::star_method(&name)).transpose();
-        let method = method.map_err(|problem| Status::invalid_argument(format!("star_method: {problem}")))?;
+        let method = method.map_err(|problem| refusals::invalid(format!("star_method: {problem}")))?;
         let permit = Arc::clone(&self.verifying).try_acquire_owned();
-        let permit = permit.map_err(|_| Status::resource_exhausted("another Verify call runs: try again later"))?;
+        let permit = permit.map_err(|_| refusals::exhausted("checks", "another Verify call runs: try again later"))?;
         let (render, workshop) = (self.render.clone(), self.workshop.clone());
         let mut scenes = render.watch_scene();
         let (sender, stream) = mpsc::channel(1);
@@ -81,7 +81,7 @@ impl proto::diagnostics_service_server::DiagnosticsService for Service {
         let interval_s = request.into_inner().interval_s.unwrap_or(INTERVAL_S);
         if !INTERVALS_S.contains(&interval_s) {
             let (min, max) = (INTERVALS_S.start(), INTERVALS_S.end());
-            return Err(Status::invalid_argument(format!("interval_s = {interval_s}: allowed are {min} to {max} s")));
+            return Err(refusals::invalid(format!("interval_s = {interval_s}: allowed are {min} to {max} s")));
         }
         let permit = self.watcher()?;
         let mut scenes = self.render.watch_scene();

@@ -21,7 +21,7 @@ use super::{
     frames::{FrameStream, Source},
     headset::Headset,
     order::{Encoders, Form, Order},
-    proto,
+    proto, refusals,
     render::{Capacity, Refused, RenderHandle},
     scene::{SceneError, SceneState},
     server::SceneCatalogue,
@@ -35,6 +35,9 @@ use crate::{
     view::Rig,
     xr,
 };
+
+/// Calls of Identify at the same time; more are refused. Each goes through the stars of a part of the sky.
+const LOOKING: usize = 8;
 
 /// Rates that `StreamFrames` takes, Hz, besides 0.
 const RATES_HZ: std::ops::RangeInclusive<f64> = 0.001..=10_000.0;
@@ -68,6 +71,8 @@ pub(super) struct Service {
     pub(super) placing: Arc<Semaphore>,
     /// Of calls that plan frames to see whether they can be drawn: one at a time.
     pub(super) planner: Arc<Mutex<Planner>>,
+    /// Calls of Identify: a few at a time.
+    pub(super) looking: Arc<Semaphore>,
     /// Calls of Verify: one at a time.
     pub(super) verifying: Arc<Semaphore>,
     /// Calls of RenderFrame that are not finished yet, from the queue to the last encoded byte.
@@ -99,6 +104,7 @@ impl Service {
             shares,
             placing: Arc::new(Semaphore::new(1)),
             planner: Arc::default(),
+            looking: Arc::new(Semaphore::new(LOOKING)),
             verifying: Arc::new(Semaphore::new(1)),
             pending: Arc::new(Semaphore::new(capacity.requests)),
             encoders: Arc::new(Encoders::new()),
@@ -111,7 +117,7 @@ impl Service {
     }
 
     fn no_view(&self, name: &str) -> Status {
-        Status::not_found(format!("no view `{name}`; the views are: {}", self.view_names().join(", ")))
+        refusals::absent("view", name, format!("no view `{name}`; the views are: {}", self.view_names().join(", ")))
     }
 
     /// A view as it is in a scene.
@@ -129,16 +135,16 @@ impl Service {
         // The frames of a headset have one view.
         let view = self.rig.index_of(name).or(headset.as_ref().map(|_| 0)).ok_or_else(|| self.no_view(name))?;
         let encoding = convert::encoding_from_pb(encoding).ok_or_else(|| {
-            Status::invalid_argument(format!("encoding = {encoding}: one of RGBA8, PNG, JPEG, RGB32F, EXR is needed"))
+            refusals::invalid(format!("encoding = {encoding}: one of RGBA8, PNG, JPEG, RGB32F, EXR is needed"))
         })?;
         if max_size > 0 && encoding.wanted().hdr {
             let problem = format!("max_size = {max_size}: {} images have the size of the view", encoding.name());
-            return Err(Status::invalid_argument(problem));
+            return Err(refusals::invalid(problem));
         }
         if max_size > 0 && !MAX_SIZES.contains(&max_size) {
             let (least, most) = (MAX_SIZES.start(), MAX_SIZES.end());
             let problem = format!("max_size = {max_size}: allowed are 0 and {least} to {most} pixels");
-            return Err(Status::invalid_argument(problem));
+            return Err(refusals::invalid(problem));
         }
         let form = Form { encoding, max_size };
         let (encoders, client) = (Arc::clone(&self.encoders), client.clone());
@@ -159,7 +165,7 @@ impl Service {
     /// The place of a stream of the scene or of figures.
     pub(super) fn watcher(&self) -> Result<OwnedSemaphorePermit, Status> {
         let place = Arc::clone(&self.watchers).try_acquire_owned();
-        place.map_err(|_| Status::resource_exhausted("too many streams of scene and figures: end one first"))
+        place.map_err(|_| refusals::exhausted("streams", "too many streams of scene and figures: end one first"))
     }
 
     /// A value as it is now, and then whenever it has changed, until it is `None`. A reader that is slow finds the newest when there is room for it.
@@ -221,10 +227,11 @@ fn holding<T>(answer: T, held: Held) -> Response<T> {
 
 pub(super) fn refused(refused: Refused) -> Status {
     match refused {
-        Refused::Full => Status::resource_exhausted("too many RenderFrame calls are waiting: try again later"),
-        Refused::Subscribers(most) => Status::resource_exhausted(format!(
-            "there are {most} streams already, the most there may be: end one first"
-        )),
+        Refused::Full => refusals::exhausted("frames", "too many RenderFrame calls are waiting: try again later"),
+        Refused::Subscribers(most) => refusals::exhausted(
+            "streams",
+            format!("there are {most} streams already, the most there may be: end one first"),
+        ),
         Refused::Headset(reason) => failed(&RenderFailure::Headset(reason)),
         Refused::Ending => Status::unavailable("the daemon is shutting down"),
     }
@@ -232,8 +239,8 @@ pub(super) fn refused(refused: Refused) -> Status {
 
 pub(super) fn unchanged(error: &SceneError) -> Status {
     match error {
-        SceneError::Revision { .. } => Status::aborted(error.to_string()),
-        SceneError::Invalid(_) => Status::invalid_argument(error.to_string()),
+        SceneError::Revision { expected, found } => refusals::revision(error.to_string(), "scene", *expected, *found),
+        SceneError::Invalid(_) => refusals::invalid(error.to_string()),
     }
 }
 
@@ -269,11 +276,11 @@ impl proto::view_service_server::ViewService for Service {
         let Some(number) = self.rig.index_of(&name) else {
             if self.headset.as_ref().is_some_and(|headset| headset.name() == name) {
                 let problem = "the headset has the general settings, those of the configuration";
-                return Err(Status::invalid_argument(format!("view `{name}`: {problem}")));
+                return Err(refusals::invalid(format!("view `{name}`: {problem}")));
             }
             return Err(self.no_view(&name));
         };
-        let update = view_update_from_pb(&request).map_err(Status::invalid_argument)?;
+        let update = view_update_from_pb(&request).map_err(refusals::invalid)?;
         let expected = request.expected_revision;
         for _ in 0..MOST_ATTEMPTS {
             let scene = self.render.scene().map_err(refused)?;
@@ -350,7 +357,7 @@ impl proto::view_service_server::ViewService for Service {
         } else {
             let (min, max) = (RATES_HZ.start(), RATES_HZ.end());
             let message = format!("max_rate_hz = {rate}: allowed are 0 (every frame) and {min} to {max}");
-            return Err(Status::invalid_argument(message));
+            return Err(refusals::invalid(message));
         };
         let subscription = match &order.headset {
             None => self.render.subscribe(order.view, order.wanted(), interval),

@@ -42,6 +42,7 @@ mod forecast;
 mod frames;
 mod handlers;
 mod headset;
+mod identify;
 mod metrics;
 mod objects;
 mod order;
@@ -49,6 +50,7 @@ mod overlay;
 mod page;
 mod pull;
 mod quality;
+mod refusals;
 mod render;
 mod scene;
 mod schedule;
@@ -64,7 +66,7 @@ pub use access::{Access, AccessSource, Admitted, digest_of, new_token};
 pub use client::{
     CheckReceiver, Client, ClientError, FrameReceiver, HeadsetStatus, ReceivedAudits, ReceivedCheck, ReceivedFigure,
     ReceivedFrame, ReceivedHeadset, ReceivedImage, ReceivedImageAudit, ReceivedQuality, ReceivedStats, ReceivedTimes,
-    SceneForm, SceneReceiver, ServerInfo, StatsReceiver, ViewForm, ViewImageForm,
+    SceneForm, SceneReceiver, SeenObject, ServerInfo, StatsReceiver, ViewForm, ViewImageForm,
 };
 pub use client_camera::{CameraReceiver, Lease, Steering};
 pub use credentials::Credentials;

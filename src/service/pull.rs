@@ -17,7 +17,7 @@ use super::{
     clients::{ClientInfo, Held},
     handlers::{Service, failed, refused},
     order::Order,
-    proto,
+    proto, refusals,
     slot::RenderedFrame,
 };
 
@@ -67,7 +67,7 @@ impl Service {
     ) -> Result<(Vec<proto::Frame>, Held), Status> {
         if requests.is_empty() || requests.len() > MOST_VIEWS {
             let problem = format!("views: 1 to {MOST_VIEWS} are allowed in one call, these are {}", requests.len());
-            return Err(Status::invalid_argument(problem));
+            return Err(refusals::invalid(problem));
         }
         let mut orders = Vec::new();
         let mut asked = HashSet::new();
@@ -75,7 +75,7 @@ impl Service {
             let order = self.order(client, &request.view, request.encoding, request.max_size)?;
             if !asked.insert((order.name.clone(), order.form.encoding)) {
                 let encoding = order.form.encoding.name();
-                return Err(Status::invalid_argument(format!("views: `{}` is there twice as {encoding}", order.name)));
+                return Err(refusals::invalid(format!("views: `{}` is there twice as {encoding}", order.name)));
             }
             orders.push((order, request.after_frame_number));
         }

@@ -1,5 +1,7 @@
 //! Pictures: what is shown, and how drags and fingers turn it.
 
+use steradian::catalogue::bright::named_bright_stars;
+
 use crate::{
     Test,
     browser::{Browser, Screen, with_page},
@@ -7,6 +9,7 @@ use crate::{
 
 pub const TESTS: &[Test] = &[
     ("pictures::a_dragged_star_stays_under_the_pointer_in_every_view", a_dragged_star_stays_under_the_pointer),
+    ("pictures::a_click_names_the_star", a_click_names_the_star),
     ("pictures::several_views_are_shown_at_once_and_the_address_keeps_them", several_views_at_once),
     ("pictures::a_phone_shows_them_and_a_finger_turns_them", a_phone_and_a_finger),
     ("pictures::their_age_is_told", their_age_is_told),
@@ -75,6 +78,27 @@ fn a_dragged_star_stays_under_the_pointer() -> Result<(), String> {
             let canvas = format!("[data-view={view}] canvas[data-part='{part}']");
             drag_a_star(page, Screen::Desk, view, &canvas, [0.11, -0.07]).await;
         }
+    })
+}
+
+fn a_click_names_the_star() -> Result<(), String> {
+    with_page(Screen::Desk, async |page, daemon| {
+        page.until(&has_picture("window")).await;
+        let revision = daemon.client().await.camera().await.unwrap().revision;
+        let (star, codes) = page.brightest("[data-view=window] canvas", None).await;
+        assert!(codes > 200, "black: {codes}");
+        page.drag(Screen::Desk, star, star).await;
+        let told = "document.querySelector('#notices li')?.dataset.text ?? ''";
+        page.until(told).await;
+        let told = page.run::<String>(&format!("return {told}")).await;
+        let names = named_bright_stars();
+        let named = names.iter().find(|named| !named.name.is_empty() && told.starts_with(named.name));
+        let named = named.unwrap_or_else(|| panic!("no star of the catalogue: {told}"));
+        assert!(
+            named.star.apparent_magnitude() < 1.7 && told.contains("magnitude") && told.contains("light-years"),
+            "{told}"
+        );
+        assert_eq!(daemon.client().await.camera().await.unwrap().revision, revision, "a click moves nothing");
     })
 }
 

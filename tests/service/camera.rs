@@ -59,6 +59,7 @@ async fn one_who_has_the_lease_steers_alone_until_it_is_taken_over_or_given_back
     let mut cameras = second.watch_camera().await.unwrap();
     while within(cameras.next()).await.unwrap().expect("a camera").revision < 100 {}
     refused(second.set_camera(&at_x(-1.0)).await, Code::FailedPrecondition, "`first desk` steers");
+    assert_eq!(second.camera_holder().await.unwrap(), "first desk");
     let other = second.steer(Lease::Take, "second desk").await.unwrap();
     refused(within(other.end()).await, Code::FailedPrecondition, "`first desk` steers");
 
@@ -69,6 +70,7 @@ async fn one_who_has_the_lease_steers_alone_until_it_is_taken_over_or_given_back
         sleep(Duration::from_millis(5)).await;
     }
     refused(within(steering.end()).await, Code::FailedPrecondition, "`second desk` has taken the lease");
+    assert_eq!(first.camera_holder().await.unwrap(), "second desk");
     let (camera, poses) = within(taker.end()).await.unwrap();
     assert_eq!((camera.position_m.x, poses), (-5.0, 1));
     // It was given back, however it ended.

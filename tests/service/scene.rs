@@ -1,8 +1,15 @@
 //! The scene: read, changed, watched.
 
+use std::sync::Arc;
+
 use steradian::{
+    catalogue::{
+        bright::{bright_stars, named_bright_stars},
+        chunks::StarSet,
+    },
     output::Encoding,
     plan::settings::StarMethod,
+    scene::bodies::Preset,
     service::{ClientError, SceneCatalogue, SceneUpdate},
 };
 use tonic::Code;
@@ -92,5 +99,36 @@ async fn streams_of_the_scene_have_a_cap() {
     drop(first);
     // The daemon learns of the dropped stream a little later.
     within(async { while client.watch_scene().await.is_err() {} }).await;
+    daemon.shutdown().await.unwrap();
+}
+
+#[tokio::test]
+async fn what_stands_in_a_direction_has_its_name() {
+    let daemon = Daemon::start_with(small_rig(), |options| {
+        options.scene.stars = Arc::new(StarSet::from_records(bright_stars()));
+    })
+    .await;
+    let mut client = daemon.client().await;
+    let sirius = named_bright_stars().into_iter().find(|star| star.name == "Sirius").unwrap();
+    let direction = sirius.star.position.normalize();
+    let near = (direction + 1e-3 * direction.any_orthonormal_vector()).normalize();
+    let found = client.identify(3.0 * near, 0.0, 0).await.unwrap();
+    let first = &found[0];
+    assert_eq!((first.name.as_str(), first.designation.as_str(), first.is_body), ("Sirius", "alf CMa", false));
+    assert!((first.separation_deg - 1e-3_f64.to_degrees()).abs() < 1e-4, "{}", first.separation_deg);
+    assert!((first.v_mag.unwrap() - sirius.star.apparent_magnitude()).abs() < 1e-3);
+    let distance_m = sirius.star.position.length() * steradian::units::PARSEC_M;
+    assert!((first.distance_m.unwrap() / distance_m - 1.0).abs() < 1e-4);
+    // Fainter stars than the scene has are not there.
+    let none = SceneUpdate { magnitude_limit: Some(-2.0), ..SceneUpdate::default() };
+    client.update_scene(&none, None).await.unwrap();
+    assert_eq!(client.identify(near, 0.0, 0).await.unwrap(), []);
+    // A body before it.
+    client.put_body(Preset::Mars.body("mars", direction * 1e9), None).await.unwrap();
+    let found = client.identify(near, 0.0, 0).await.unwrap();
+    assert!(found.len() == 1 && found[0].name == "mars" && found[0].is_body, "{found:?}");
+    let error = client.identify(direction, 11.0, 0).await.unwrap_err();
+    assert_eq!(error.code(), Some(Code::InvalidArgument));
+    drop(client);
     daemon.shutdown().await.unwrap();
 }

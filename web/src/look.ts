@@ -101,21 +101,49 @@ export class Flight {
   }
 }
 
-/** Lets a picture be dragged, and take keys while it has the focus, until it is gone. `image` tells what the canvas shows. */
+/** A pointer that is down. */
+interface Drag {
+  pointer: number;
+  /** The direction that was under it, ICRS axes, and the camera's orientation then. */
+  from: Vec3;
+  orientation: Quat;
+  /** Where it is in the picture, 0 to 1. */
+  at: readonly [number, number];
+  /** Where it went down, CSS pixels. */
+  pressed: readonly [number, number];
+  moved: boolean;
+}
+
+/** A pointer that has moved less, in CSS pixels, has clicked. */
+const CLICK_PX = 4;
+
+/** Angle that a pixel of the screen has in the middle of a picture, rad. */
+function anglePerPixel(canvas: HTMLCanvasElement, image: () => ViewImage | undefined): number {
+  const shown = image();
+  const step = 1 / Math.max(canvas.clientWidth, 1);
+  const [a, b] = [shown && directionAt(shown, 0.5, 0.5), shown && directionAt(shown, 0.5 + step, 0.5)];
+  return a && b ? Math.hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2]) : 0;
+}
+
+/**
+ * Lets a picture be dragged and clicked, and take keys while it has the focus, until it is gone. `image` tells what the canvas shows, `named` is called with the
+ * direction of a click, ICRS axes.
+ */
 export function attach(
   canvas: HTMLCanvasElement,
   image: () => ViewImage | undefined,
   steering: Steering,
   flight: Flight,
+  named: (direction: Vec3, radPerPixel: number) => void,
   gone: AbortSignal,
 ): void {
-  let drag: { pointer: number; from: Vec3; orientation: Quat; at: readonly [number, number] } | undefined;
+  let drag: Drag | undefined;
 
-  const begin = (pointer: number, at: readonly [number, number]) => {
+  const begin = ({ pointer, at, pressed, moved }: Pick<Drag, "pointer" | "at" | "pressed" | "moved">) => {
     const shown = image();
     const from = shown && directionAt(shown, ...at);
     const { orientation } = steering.pose;
-    drag = from && { pointer, from: rotate(orientation, from), orientation, at };
+    drag = from && { pointer, from: rotate(orientation, from), orientation, at, pressed, moved };
   };
   const place = (event: PointerEvent): readonly [number, number] => {
     const { left, top, width, height } = canvas.getBoundingClientRect();
@@ -126,12 +154,15 @@ export function attach(
     if (event.button !== 0 || drag) return;
     canvas.setPointerCapture(event.pointerId);
     canvas.focus({ preventScroll: true });
-    begin(event.pointerId, place(event));
+    begin({ pointer: event.pointerId, at: place(event), pressed: [event.clientX, event.clientY], moved: false });
     canvas.classList.toggle("dragged", drag !== undefined);
     event.preventDefault();
   });
   canvas.addEventListener("pointermove", (event) => {
     if (drag?.pointer !== event.pointerId) return;
+    // Hands are not still when they click.
+    drag.moved ||= Math.hypot(event.clientX - drag.pressed[0], event.clientY - drag.pressed[1]) >= CLICK_PX;
+    if (!drag.moved) return;
     const shown = image();
     const at = place(event);
     const now = shown && directionAt(shown, ...at);
@@ -143,14 +174,16 @@ export function attach(
   });
   const end = (event: PointerEvent) => {
     if (drag?.pointer !== event.pointerId) return;
+    const { moved, from } = drag;
     drag = undefined;
+    if (event.type === "pointerup" && !moved) named(from, anglePerPixel(canvas, image));
     canvas.classList.remove("dragged");
   };
   canvas.addEventListener("pointerup", end);
   canvas.addEventListener("pointercancel", end);
   canvas.addEventListener("lostpointercapture", end);
   const again = () => {
-    if (drag) begin(drag.pointer, drag.at);
+    if (drag) begin(drag);
   };
   steering.addEventListener("moved", again, { signal: gone });
 

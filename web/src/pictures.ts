@@ -7,6 +7,7 @@ import { now } from "./clock.ts";
 import { make } from "./dom.ts";
 import { type Wanted, nextFrames } from "./frames.ts";
 import { type Flight, attach } from "./look.ts";
+import { tellName } from "./names.ts";
 import { notify } from "./notices.ts";
 import { isExact } from "./projection.ts";
 import { failureOf, messageOf, pause } from "./rpc.ts";
@@ -75,7 +76,7 @@ class Picture {
       "data-part": part,
     });
     canvas.style.setProperty("--aspect", String(size.width / size.height));
-    attach(canvas, () => this.#image(part), this.steering, this.flight, this.#gone.signal);
+    attach(canvas, () => this.#image(part), this.steering, this.flight, tellName, this.#gone.signal);
     this.#canvases.set(part, canvas);
     this.#images.append(canvas);
     return canvas;

@@ -4,6 +4,7 @@ pub mod billboards;
 pub mod cell_sky;
 pub mod cube_faces;
 pub mod cull;
+pub mod identify;
 pub(crate) mod kernels;
 pub(crate) mod method;
 pub mod range;

@@ -17,7 +17,10 @@ use super::{
     Access, Shown, Turned,
     roles::{Need, need},
 };
-use crate::{config::Role, service::clients::ClientInfo};
+use crate::{
+    config::Role,
+    service::{clients::ClientInfo, refusals},
+};
 
 /// Who makes a call; every call that needs somebody carries it.
 #[derive(Clone, Debug)]
@@ -81,7 +84,8 @@ fn admit(access: &Access, client: &ClientInfo, request: &Request<Body>, least: R
         let Caller { name, role, .. } = &caller;
         let path = request.uri().path();
         tracing::warn!(client = client.name(), "refused: `{name}` has the role {role}, {path} needs {least}");
-        return Err(Status::permission_denied(format!("`{name}` has the role {role}, and {path} needs {least}")));
+        let problem = format!("`{name}` has the role {role}, and {path} needs {least}");
+        return Err(refusals::denied(problem, &role.to_string(), &least.to_string()));
     }
     Ok(caller)
 }

@@ -1,0 +1,133 @@
+//! Which stars stand where somebody points.
+
+use glam::{DQuat, DVec3};
+
+use super::cull::{CullSettings, SPLAT_MARGIN_PX, light_at, near_stars, visible_chunks};
+use crate::{
+    catalogue::{
+        chunks::StarSet,
+        packed::{PackedStar, temperature_of_step_k},
+    },
+    relativity::Motion,
+    scene::Camera,
+    units::PARSEC_M,
+    view::{
+        Part, Viewport,
+        projection::{Perspective, Projection},
+    },
+};
+
+/// Largest radius that is looked through, rad.
+pub const MOST_RADIUS_RAD: f64 = 0.2;
+
+/// A star as a camera sees it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SeenStar {
+    /// Unit vector to where it is seen, ICRS axes.
+    pub direction: DVec3,
+    /// From where was pointed to, rad.
+    pub separation_rad: f64,
+    /// lx.
+    pub illuminance_lx: f64,
+    /// K, at rest.
+    pub temperature_k: f64,
+    /// Where it is: from the Solar System's barycentre, pc; a unit vector for a star of unknown distance.
+    pub position: DVec3,
+    /// From the camera, pc; `None`: not known.
+    pub distance_pc: Option<f64>,
+}
+
+/// The brightest `most` stars of at least `faintest_lx` within an angle (rad, at most [`MOST_RADIUS_RAD`]) of a unit direction, the brightest first.
+pub fn stars_near(
+    set: &StarSet,
+    camera: &Camera,
+    direction: DVec3,
+    radius_rad: f64,
+    faintest_lx: f64,
+    most: usize,
+) -> Vec<SeenStar> {
+    let radius_rad = radius_rad.min(MOST_RADIUS_RAD);
+    let motion = Motion::new(camera.velocity_c);
+    // A square picture that holds the circle; what it shows is judged star by star.
+    let plane = Perspective::symmetric([8, 8], 2.0 * radius_rad.max(1e-6)).expect("a narrow square picture is allowed");
+    let everything = Viewport {
+        view: 0,
+        part: Part::Whole,
+        projection: Projection::Perspective(plane),
+        world_from_view: DQuat::from_rotation_arc(DVec3::NEG_Z, direction),
+        eye_offset_m: DVec3::ZERO,
+    };
+    let cull = CullSettings { faintest_lx, enabled: true, motion, margin_px: SPLAT_MARGIN_PX };
+    let camera_pc = camera.position_m / PARSEC_M;
+    let mut found: Vec<SeenStar> = Vec::new();
+    for visible in visible_chunks(set, camera_pc, &[everything], cull) {
+        let chunk = &set.chunks[visible.chunk];
+        let seen = |(place_pc, star): (DVec3, &PackedStar)| {
+            let illuminance_lx = light_at(place_pc, star, motion);
+            let seen = motion.map_or(place_pc, |motion| motion.seen(place_pc)).try_normalize()?;
+            // Of small angles the sine is exact, where the cosine is 1.
+            let separation_rad = seen.cross(direction).length().atan2(seen.dot(direction));
+            (illuminance_lx >= faintest_lx && separation_rad <= radius_rad).then(|| SeenStar {
+                direction: seen,
+                separation_rad,
+                illuminance_lx,
+                temperature_k: temperature_of_step_k(star.temperature_step()),
+                position: if chunk.at_infinity { place_pc } else { place_pc + camera_pc },
+                distance_pc: (!chunk.at_infinity).then(|| place_pc.length()),
+            })
+        };
+        found.extend(near_stars(set, chunk, visible.origin_pc).take(visible.count as usize).filter_map(seen));
+        // No more are held than may be asked for, and the same ones in whatever order chunks come.
+        found.sort_by(|a, b| b.illuminance_lx.total_cmp(&a.illuminance_lx));
+        found.truncate(most);
+    }
+    found
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
+mod tests {
+    use super::*;
+    use crate::{
+        catalogue::bright::{bright_stars, named_bright_stars},
+        units::magnitude_from_illuminance_lx,
+    };
+
+    #[test]
+    fn named_stars_stand_where_the_catalogue_says_from_anywhere() {
+        let set = StarSet::from_records(bright_stars());
+        let far = Camera { position_m: DVec3::new(0.5, -0.2, 0.1) * PARSEC_M, ..Camera::default() };
+        let fast = Camera { velocity_c: DVec3::new(0.3, 0.2, -0.4), ..Camera::default() };
+        for camera in [Camera::default(), far, fast] {
+            for named in named_bright_stars().iter().filter(|named| named.star.distance_known) {
+                let place = named.star.position - camera.position_m / PARSEC_M;
+                let seen = Motion::new(camera.velocity_c).map_or(place, |motion| motion.seen(place)).normalize();
+                let found = stars_near(&set, &camera, seen, 1e-4, 0.0, 8);
+                // Of a close pair the other one may be the brighter.
+                let off = |star: &SeenStar| star.position.distance(named.star.position) / place.length();
+                let star = found.iter().min_by(|a, b| off(a).total_cmp(&off(b))).filter(|star| off(star) < 1e-5);
+                let star = star.unwrap_or_else(|| panic!("{} is not found: {found:?}", named.name));
+                assert!(star.separation_rad < 1e-6, "{}: {}", named.name, star.separation_rad);
+                if camera == Camera::default() {
+                    let error = magnitude_from_illuminance_lx(star.illuminance_lx) - named.star.apparent_magnitude();
+                    assert!(error.abs() < 1e-3, "{}: {error}", named.name);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_brightest_come_first_and_no_more_than_asked_for() {
+        let set = StarSet::from_records(bright_stars());
+        // Orion's belt.
+        let belt = DVec3::new(0.1019, 0.9946, -0.0209).normalize();
+        let all = stars_near(&set, &Camera::default(), belt, 0.15, 0.0, 100);
+        assert!(all.len() > 6 && all.windows(2).all(|pair| pair[0].illuminance_lx >= pair[1].illuminance_lx));
+        assert!(all.iter().all(|star| star.separation_rad <= 0.15));
+        let first = stars_near(&set, &Camera::default(), belt, 0.15, 0.0, 3);
+        assert_eq!(first, all[..3]);
+        let bright = stars_near(&set, &Camera::default(), belt, 0.15, all[2].illuminance_lx, 100);
+        assert_eq!(bright, all[..3]);
+        assert!(stars_near(&set, &Camera::default(), -belt, 1e-6, 0.0, 8).is_empty());
+    }
+}

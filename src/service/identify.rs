@@ -1,0 +1,198 @@
+//! `Identify`: what stands in a direction.
+
+use std::sync::{Arc, OnceLock};
+
+use glam::DVec3;
+use tokio::task;
+use tonic::Status;
+
+use super::{
+    background,
+    convert::{vector_from_pb, vector_to_pb},
+    handlers::{Service, refused},
+    proto, refusals,
+};
+use crate::{
+    catalogue::bright::{BrightStar, named_bright_stars},
+    plan::stars::identify::{MOST_RADIUS_RAD, SeenStar, stars_near},
+    relativity::Motion,
+    scene::{Camera, SceneSnapshot, bodies::Body},
+    units::{PARSEC_M, illuminance_lx_from_magnitude, magnitude_from_illuminance_lx},
+};
+
+/// What is looked through where nothing is said, and at most, degrees.
+const RADIUS_DEG: f64 = 0.5;
+const MOST_RADIUS_DEG: f64 = 10.0;
+const _: () = assert!(MOST_RADIUS_DEG / 180.0 * std::f64::consts::PI < MOST_RADIUS_RAD);
+/// How many objects are told where nothing is said, and at most.
+const OBJECTS: u32 = 8;
+const MOST_OBJECTS: u32 = 64;
+/// Part of a distance within which two stars of catalogues are the same one.
+const SAME_PLACE: f64 = 1e-5;
+
+/// What is asked for, after it was judged.
+struct Question {
+    direction: DVec3,
+    radius_rad: f64,
+    most: usize,
+}
+
+impl Question {
+    fn new(request: &proto::IdentifyRequest) -> Result<Self, Status> {
+        let wrong = |problem: String| Err(refusals::invalid(problem));
+        let Some(direction) = request.direction.map(|direction| DVec3::from_array(vector_from_pb(direction))) else {
+            return wrong("direction: it is missing".to_owned());
+        };
+        // Of a vector whose square is too large or too small for f64 the direction is not lost.
+        let largest = direction.abs().max_element();
+        let Some(direction) = (direction / largest).try_normalize().filter(|_| direction.is_finite()) else {
+            return wrong(format!("direction = {direction}: needed is a finite vector that is not 0"));
+        };
+        let radius_deg = if request.radius_deg == 0.0 { RADIUS_DEG } else { request.radius_deg };
+        if !(radius_deg > 0.0 && radius_deg <= MOST_RADIUS_DEG) {
+            return wrong(format!(
+                "radius_deg = {radius_deg}: allowed is up to {MOST_RADIUS_DEG}, and 0 for {RADIUS_DEG}"
+            ));
+        }
+        if request.most > MOST_OBJECTS {
+            return wrong(format!("most = {}: allowed is up to {MOST_OBJECTS}, and 0 for {OBJECTS}", request.most));
+        }
+        let most = if request.most == 0 { OBJECTS } else { request.most } as usize;
+        Ok(Self { direction, radius_rad: radius_deg.to_radians(), most })
+    }
+}
+
+/// Distance along a unit direction from a camera to a body, m; `None`: it is not there.
+fn distance_m(camera: &Camera, body: &Body, time_s: f64, direction: DVec3) -> Option<f64> {
+    let body_from_world = body.world_from_body(time_s).conjugate();
+    // In units of the semi-axes a body is a sphere of radius 1.
+    let from = body_from_world * (camera.position_m - body.position_m) / body.radii_m;
+    let step = body_from_world * direction / body.radii_m;
+    let [a, half_b, c] = [step.length_squared(), step.dot(from), from.length_squared() - 1.0];
+    let root = (half_b * half_b - a * c).sqrt();
+    // NaN is no number above 0; who stands inside sees the far side.
+    [(-half_b - root) / a, (-half_b + root) / a].into_iter().find(|distance| *distance > 0.0)
+}
+
+fn bodies(scene: &SceneSnapshot, question: &Question) -> Vec<proto::IdentifiedObject> {
+    let Camera { position_m, velocity_c, .. } = scene.camera;
+    let motion = Motion::new(velocity_c);
+    let seen = |place: DVec3| motion.map_or(place, |motion| motion.seen(place)).normalize_or_zero();
+    // Light that comes from where one points has left in this direction.
+    let rest = Motion::new(-velocity_c).map_or(question.direction, |back| back.seen(question.direction)).normalize();
+    let mut found: Vec<(f64, &Body)> = scene
+        .objects
+        .bodies
+        .iter()
+        .filter_map(|body| Some((distance_m(&scene.camera, body, scene.objects.time_s, rest)?, body.as_ref())))
+        .collect();
+    found.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let told = found.into_iter().map(|(distance_m, body)| proto::IdentifiedObject {
+        kind: proto::ObjectKind::Body.into(),
+        name: body.name.clone(),
+        direction: Some(vector_to_pb(seen(body.position_m - position_m))),
+        distance_m: Some(distance_m),
+        ..Default::default()
+    });
+    told.collect()
+}
+
+/// The star of the built-in table at a place.
+fn named(star: &SeenStar) -> Option<&'static BrightStar> {
+    static NAMED: OnceLock<Vec<BrightStar>> = OnceLock::new();
+    let is_known = star.distance_pc.is_some();
+    let named = NAMED.get_or_init(named_bright_stars).iter().filter(|named| named.star.distance_known == is_known);
+    // Of close pairs the nearer one.
+    let off = |named: &BrightStar| named.star.position.distance(star.position) / named.star.position.length();
+    let nearest = named.map(|named| (off(named), named)).min_by(|a, b| a.0.total_cmp(&b.0));
+    nearest.filter(|(off, _)| *off < SAME_PLACE).map(|(_, named)| named)
+}
+
+fn star_to_pb(star: &SeenStar) -> proto::IdentifiedObject {
+    let named = named(star);
+    proto::IdentifiedObject {
+        kind: proto::ObjectKind::Star.into(),
+        name: named.map(|named| named.name.to_owned()).unwrap_or_default(),
+        designation: named.map(|named| named.designation.to_owned()).unwrap_or_default(),
+        direction: Some(vector_to_pb(star.direction)),
+        separation_deg: star.separation_rad.to_degrees(),
+        v_mag: Some(magnitude_from_illuminance_lx(star.illuminance_lx)),
+        temperature_k: Some(star.temperature_k),
+        distance_m: star.distance_pc.map(|distance| distance * PARSEC_M),
+    }
+}
+
+impl Service {
+    pub(super) async fn identified(&self, request: &proto::IdentifyRequest) -> Result<proto::IdentifyResponse, Status> {
+        let question = Question::new(request)?;
+        let place = Arc::clone(&self.looking).try_acquire_owned().map_err(|_| {
+            refusals::exhausted("searches", "as many calls of Identify as may be are looking already: try again")
+        })?;
+        let state = self.render.scene().map_err(refused)?;
+        let scene = self.render.snapshot(&state);
+        let faintest_lx = illuminance_lx_from_magnitude(state.stars.magnitude_limit);
+        let looking = move || {
+            let _place = place;
+            let SceneSnapshot { stars, camera, .. } = &scene;
+            let Question { direction, radius_rad, most } = question;
+            let mut objects = bodies(&scene, &question);
+            let stars =
+                background::on_own_cores(|| stars_near(stars, camera, direction, radius_rad, faintest_lx, most));
+            // Nothing is seen through a body.
+            if objects.is_empty() {
+                objects.extend(stars.iter().map(star_to_pb));
+            }
+            objects.truncate(most);
+            let (camera_revision, scene_revision) = (camera.revision, scene.revision);
+            proto::IdentifyResponse { objects, camera_revision, scene_revision }
+        };
+        task::spawn_blocking(looking).await.map_err(|error| Status::internal(format!("looking failed: {error}")))
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
+mod tests {
+    use super::*;
+    use crate::scene::bodies::Preset;
+
+    #[test]
+    fn a_body_is_where_it_covers_the_sky_and_nowhere_else() {
+        let mut mars = Preset::Mars.body("mars", DVec3::X * 1e9);
+        mars.radii_m = DVec3::new(1e7, 2e7, 3e7);
+        let camera = Camera::default();
+        let hit = |direction: DVec3| distance_m(&camera, &mars, 0.0, direction.normalize());
+        let along_x = mars.world_from_body(0.0).conjugate() * DVec3::X;
+        // The support of the ellipsoid along the line of sight.
+        let front = 1.0 / (along_x / mars.radii_m).length();
+        assert!((hit(DVec3::X).unwrap() - (1e9 - front)).abs() < 1e-3 * front);
+        assert_eq!(hit(DVec3::NEG_X), None);
+        assert_eq!(hit(DVec3::new(1.0, 0.031, 0.0)), None);
+        let inside = Camera { position_m: DVec3::X * 1e9, ..camera };
+        assert!((distance_m(&inside, &mars, 0.0, DVec3::X).unwrap() - front).abs() < 1e-3 * front);
+    }
+
+    #[test]
+    fn questions_are_judged() {
+        let ask = |direction: [f64; 3], radius_deg, most| {
+            let direction = Some(vector_to_pb(DVec3::from_array(direction)));
+            Question::new(&proto::IdentifyRequest { direction, radius_deg, most })
+        };
+        let question = ask([0.0, 0.0, 1e-300], 0.0, 0).unwrap();
+        assert_eq!((question.direction, question.radius_rad, question.most), (DVec3::Z, 0.5_f64.to_radians(), 8));
+        assert_eq!(ask([1e300, 0.0, 0.0], 10.0, 64).unwrap().direction, DVec3::X);
+        for (direction, radius_deg, most, part) in [
+            ([0.0; 3], 0.0, 0, "not 0"),
+            ([f64::NAN, 0.0, 1.0], 0.0, 0, "direction"),
+            ([f64::INFINITY, 0.0, 1.0], 0.0, 0, "direction"),
+            ([1.0, 0.0, 0.0], 10.1, 0, "radius_deg"),
+            ([1.0, 0.0, 0.0], -1.0, 0, "radius_deg"),
+            ([1.0, 0.0, 0.0], f64::NAN, 0, "radius_deg"),
+            ([1.0, 0.0, 0.0], 1.0, 65, "most"),
+        ] {
+            let status = ask(direction, radius_deg, most).err().unwrap();
+            assert!(status.message().contains(part), "{status}");
+        }
+        assert!(Question::new(&proto::IdentifyRequest::default()).is_err());
+    }
+}
