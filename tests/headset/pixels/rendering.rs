@@ -69,7 +69,8 @@ desaturation = 0.0
 "#;
 
 /// Bytes may differ by so many codes, where two drivers round differently, and so large a share of them. Monado draws with a
-/// software driver. Where `render` does too, they do not differ at all ([`figures::HEADSET_PIXELS`]).
+/// software driver. Where `render` does too, a channel in many thousands falls on the next half float, by 1e-9 of white, and bytes do not differ at all
+/// ([`figures::HEADSET_PIXELS`]).
 const CODES: u8 = 1;
 const SHARE: f64 = 0.01;
 /// Linear light may differ by so much of display white, beyond the rounding to halves.
