@@ -9,7 +9,7 @@ use crate::{
     photometry::glare::GlareKernelError,
     plan::{
         GaussianWidth,
-        settings::{ExposureMode, GlareSettings, RenderSettings, StarMethod},
+        settings::{ExposureMode, GlareSettings, RenderSettings, StarMethod, StarSettings},
     },
     reference::stars::{gaussian, point_spread::PointSpreadError},
     render::{Frame, FrameImage, FrameRequest, RenderError, Renderer, Wanted},
@@ -54,7 +54,8 @@ pub enum CheckError {
 pub struct Context<'a> {
     /// The renderer.
     pub renderer: &'a mut Renderer,
-    /// How frames are drawn. Glare, which takes light from stars, is off until a check of glare sets it.
+    /// How frames are drawn. Glare, which takes light from stars, is off until a check of glare sets it; stars of every magnitude
+    /// are drawn until a check limits them.
     pub settings: RenderSettings,
     /// The glare under test.
     pub glare: GlareSettings,
@@ -68,7 +69,9 @@ impl<'a> Context<'a> {
     /// A context for one check of the methods that the settings name.
     pub fn new(renderer: &'a mut Renderer, settings: &RenderSettings) -> Self {
         let glare = settings.glare.clone();
-        let settings = RenderSettings { glare: GlareSettings::none(), ..settings.clone() };
+        let mut settings = RenderSettings { glare: GlareSettings::none(), ..settings.clone() };
+        // A limit is the scene's, and a check's stars are its own.
+        settings.stars.magnitude_limit = StarSettings::default().magnitude_limit;
         Self { renderer, settings, expected_glare: glare.clone(), glare, object_fault: Fault::NONE }
     }
 

@@ -9,7 +9,7 @@ use crate::common::{renderer, settings};
 use steradian::{
     plan::settings::{GlareSettings, StarMethod},
     render::Renderer,
-    verify::{self, Check, CheckResult, Outcome},
+    verify::{self, Check, CheckResult, Context, Outcome},
 };
 
 fn steradian(arguments: &[&str]) -> Output {
@@ -86,9 +86,27 @@ fn bad_usage_names_what_is_allowed() {
 /// The outcome of a check of a renderer that draws no star fainter than the limit.
 fn with_limit(renderer: &mut Renderer, name: &str, magnitude_limit: f64) -> CheckResult {
     let mut settings = settings(StarMethod::BSpline);
-    settings.stars.magnitude_limit = magnitude_limit;
     settings.glare = GlareSettings::default();
-    verify::run(verify::select(Some(name)).unwrap()[0], renderer, &settings)
+    let check = verify::select(Some(name)).unwrap()[0];
+    let mut context = Context::new(renderer, &settings);
+    context.settings.stars.magnitude_limit = magnitude_limit;
+    match (check.run)(&mut context) {
+        Ok(figures) => CheckResult::judge(check, figures),
+        Err(error) => CheckResult::without_figures(check, Outcome::Fail, error.to_string()),
+    }
+}
+
+/// Checks bring their own stars: the limit of the scene that is shown is not theirs.
+#[test]
+fn the_magnitude_limit_of_a_scene_takes_no_star_from_a_check() {
+    let mut renderer = renderer();
+    let check = verify::select(Some("two-colours")).unwrap()[0];
+    let mut limited = settings(StarMethod::BSpline);
+    limited.stars.magnitude_limit = 1.5;
+    let result = verify::run(check, &mut renderer, &limited);
+    assert_eq!(result.outcome, Outcome::Pass, "{result}");
+    let lost = with_limit(&mut renderer, check.name, 1.5);
+    assert_eq!(lost.outcome, Outcome::Fail, "the check would fail without them: {lost}");
 }
 
 /// Whether the tests of glare in the default run see the check fail.
