@@ -11,6 +11,9 @@ use super::columns::{self, Columns};
 use super::row::{self, Refusal};
 use super::{CatalogueError, CatalogueRead, ReadReport};
 
+/// Bytes of a document, at most: it is held in memory, and takes several times as much there.
+const MOST_BYTES: u64 = 1 << 30;
+
 /// Reads a JSON catalogue from a file.
 ///
 /// # Errors
@@ -24,11 +27,18 @@ pub fn read_json(path: &Path) -> Result<CatalogueRead, CatalogueError> {
 ///
 /// # Errors
 /// As [`read_json`], apart from opening.
-pub fn read_json_from(mut source: impl Read, file: &str) -> Result<CatalogueRead, CatalogueError> {
+pub fn read_json_from(source: impl Read, file: &str) -> Result<CatalogueRead, CatalogueError> {
     let mut bytes = Vec::new();
+    // One more tells that there are more.
+    let mut source = source.take(MOST_BYTES + 1);
     source.read_to_end(&mut bytes).map_err(|source| CatalogueError::Io { file: file.to_owned(), line: 1, source })?;
     let text = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&bytes);
     let malformed = |line: usize, reason: String| CatalogueError::Malformed { file: file.to_owned(), line, reason };
+    if bytes.len() as u64 > MOST_BYTES {
+        let reason =
+            format!("it has more than {MOST_BYTES} bytes, the most that JSON may have: CSV may have any number");
+        return Err(malformed(1, reason));
+    }
     let document: Value = serde_json::from_slice(text).map_err(|e| malformed(e.line(), format!("not JSON: {e}")))?;
     let stars_key = document.as_object().map(|_| "stars");
     let list = match stars_key {
@@ -64,9 +74,10 @@ pub fn read_json_from(mut source: impl Read, file: &str) -> Result<CatalogueRead
     let mut report = ReadReport::new(file);
     let mut stars = Vec::new();
     let mut fields = vec![String::new(); names.len()];
+    let mut filled = Vec::new();
     for (index, entry) in entries.iter().enumerate() {
         report.rows += 1;
-        let star = fill(entry, &column_of_key, &mut fields)
+        let star = fill(entry, &column_of_key, &mut fields, &mut filled)
             .map_err(Refusal::Row)
             .and_then(|()| row::star(&columns, |i| fields[i].as_str()));
         match star {
@@ -83,12 +94,20 @@ pub fn read_json_from(mut source: impl Read, file: &str) -> Result<CatalogueRead
     report.finish(stars)
 }
 
-/// Writes the values of `entry` as text into `fields`, by column.
-fn fill(entry: &Value, column_of_key: &BTreeMap<&str, usize>, fields: &mut [String]) -> Result<(), String> {
+/// Writes the values of `entry` as text into `fields`, by column. `filled` are the columns that the entry before has filled: there may be many more,
+/// if every entry has keys of its own.
+fn fill(
+    entry: &Value,
+    column_of_key: &BTreeMap<&str, usize>,
+    fields: &mut [String],
+    filled: &mut Vec<usize>,
+) -> Result<(), String> {
     let object = entry.as_object().ok_or("is not an object")?;
-    fields.iter_mut().for_each(String::clear);
+    filled.drain(..).for_each(|column| fields[column].clear());
     for (key, value) in object {
-        let Some(field) = column_of_key.get(key.as_str()).map(|&column| &mut fields[column]) else { continue };
+        let Some(&column) = column_of_key.get(key.as_str()) else { continue };
+        filled.push(column);
+        let field = &mut fields[column];
         match value {
             Value::Null => {}
             Value::String(text) => field.push_str(text),

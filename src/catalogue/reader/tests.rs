@@ -371,6 +371,18 @@ fn json_object_with_stars() {
     assert!(report.first_rejected[0].reason.contains("entry 2: is not an object"));
 }
 
+/// What an entry lacks is missing, whatever the one before it has; and as many keys as entries take no time.
+#[test]
+fn json_entries_with_keys_of_their_own_share_nothing() {
+    let stars =
+        json(r#"[{"ra_deg": 1, "dec_deg": 2, "v_mag": 3, "b_v": 1.5}, {"ra_deg": 1, "dec_deg": 2, "v_mag": 3}]"#)
+            .unwrap();
+    assert_eq!((stars.report.used, stars.report.without_colour), (2, 1));
+    let entry = |i: usize| format!(r#"{{"ra_deg": 1, "dec_deg": 2, "v_mag": 3, "own {i}": 0}}"#);
+    let many: Vec<String> = (0..20_000).map(entry).collect();
+    assert_eq!(json(&format!("[{}]", many.join(","))).unwrap().report.used, 20_000);
+}
+
 #[test]
 fn json_and_csv_give_the_same_star() {
     let row = one("ra_deg,dec_deg,phot_g_mean_mag,bp_rp,parallax_mas\n12.5,-7.25,11.125,0.875,3.5\n");

@@ -6,13 +6,14 @@
 use std::io::Cursor;
 use std::path::Path;
 
+use exr::meta::MetaData;
 use exr::prelude::{
     AttributeValue, Encoding, FlatSamples, Image, ImageAttributes, Layer, LayerAttributes, ReadChannels, ReadLayers,
     SpecificChannels, Text, Vec2, WritableImage,
 };
 
-use super::read::Plane;
-use super::{ARCSECOND_RAD, Psf, PsfError};
+use super::read::{Plane, checked_size};
+use super::{ARCSECOND_RAD, Psf, PsfError, SIZES};
 use crate::files::write_whole;
 
 /// Header entry: angle of a pixel, arcseconds.
@@ -20,6 +21,9 @@ pub const SCALE: &str = "pixelScaleArcsec";
 
 /// Header entry: [`Psf::covered`].
 const COVERED: &str = "lightCovered";
+
+/// Samples of all channels that are read, at most: red, green, blue and alpha of the largest picture.
+const MOST_SAMPLES: u64 = 4 * (*SIZES.end() as u64).pow(2);
 
 const ALLOWED: &str = "a square OpenEXR image with channels R, G and B, or a single channel";
 
@@ -64,6 +68,17 @@ fn number(image: &ImageAttributes, layer: &LayerAttributes, name: &str) -> Optio
 /// Reads the picture and what its header tells.
 pub fn decode(path: &Path, bytes: &[u8]) -> Result<Plane, PsfError> {
     let bad = |what: String| PsfError::File { path: path.to_owned(), what, allowed: ALLOWED };
+    let unreadable = |error: exr::error::Error| bad(format!("not a readable OpenEXR file ({error})"));
+    // The decoder makes room for all pixels of all channels that the header tells, before it has seen any.
+    let headers = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(unreadable)?.headers;
+    if let Some(header) = headers.iter().find(|header| !header.deep) {
+        let Vec2(width, height) = header.layer_size;
+        let size = u64::from(checked_size(width, height).map_err(bad)?);
+        let channels = header.channels.list.len() as u64;
+        if size * size * channels > MOST_SAMPLES {
+            return Err(bad(format!("{channels} channels of {width} x {height} pixels")));
+        }
+    }
     let image = exr::prelude::read()
         .no_deep_data()
         .largest_resolution_level()
@@ -72,7 +87,7 @@ pub fn decode(path: &Path, bytes: &[u8]) -> Result<Plane, PsfError> {
         .all_attributes()
         .non_parallel()
         .from_buffered(Cursor::new(bytes))
-        .map_err(|error| bad(format!("not a readable OpenEXR file ({error})")))?;
+        .map_err(unreadable)?;
     let layer = &image.layer_data;
     let channels = &layer.channel_data.list;
     let named = |name: &str| channels.iter().find(|channel| channel.name == *name);

@@ -9,7 +9,7 @@ use std::collections::HashMap;
 use std::path::Path;
 
 use super::PsfError;
-use super::read::Plane;
+use super::read::{Plane, checked_size};
 
 /// Header entries that tell the angle of a pixel.
 pub const SCALES: &str = "PIXELSCL, PIXSCALE, CDELT1 and CDELT2, or CD1_1 to CD2_2";
@@ -208,6 +208,7 @@ fn image(header: &Header, bitpix: i64, width: usize, height: usize, data: &[u8])
             data.len()
         ));
     }
+    checked_size(width, height)?;
     let (scale, zero) = (header.number("BSCALE").unwrap_or(1.0), header.number("BZERO").unwrap_or(0.0));
     let blank = if bitpix > 0 { header.number("BLANK") } else { None };
     let values: Vec<[f64; 3]> = (0..pixels)

@@ -68,12 +68,18 @@ fn decode(path: &Path) -> Result<(Plane, &'static str), PsfError> {
     }
 }
 
+/// The size of a picture that can be a point-spread function; else what is wrong with it. Before anything is made of its pixels: a header may tell any.
+pub(super) fn checked_size(width: usize, height: usize) -> Result<u32, String> {
+    u32::try_from(width)
+        .ok()
+        .filter(|size| width == height && SIZES.contains(size))
+        .ok_or_else(|| format!("{width} x {height} pixels, a square of {} to {} is needed", SIZES.start(), SIZES.end()))
+}
+
 fn loaded(path: &Path, plane: Plane, pixel_arcsec: f64) -> Result<Loaded, PsfError> {
     let bad = |what: String| PsfError::File { path: path.to_owned(), what, allowed: ALLOWED };
     let Plane { width, height, mut values, covered, .. } = plane;
-    let size = u32::try_from(width).ok().filter(|size| width == height && SIZES.contains(size)).ok_or_else(|| {
-        bad(format!("{width} x {height} pixels, a square of {} to {} is needed", SIZES.start(), SIZES.end()))
-    })?;
+    let size = checked_size(width, height).map_err(bad)?;
     let pixel_rad = pixel_arcsec * ARCSECOND_RAD;
     if !(pixel_rad > 0.0 && pixel_rad * f64::from(size) <= MAX_WIDTH_RAD) {
         let most = MAX_WIDTH_RAD / f64::from(size) / ARCSECOND_RAD;

@@ -412,3 +412,37 @@ fn what_is_drawn_from_the_inverse_square_form_holds_the_light() {
         assert!(plain.iter().all(|light| (light - 1.0).abs() > 1e-3), "{plain:?}");
     }
 }
+
+/// A header tells any size and any number of channels: nothing is made for them before both are checked.
+#[test]
+fn exr_files_whose_headers_tell_too_much_are_refused_before_pixels_are_read() {
+    use exr::prelude::{
+        AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, LayerAttributes, Vec2, WritableImage,
+    };
+    let file = |channels: usize, last: i32| {
+        let samples = FlatSamples::F32(vec![1.0; 4]);
+        let list = (0..channels).map(|i| AnyChannel::new(format!("c{i}").as_str(), samples.clone())).collect();
+        let channels = AnyChannels::sort(list);
+        let layer = Layer::new(Vec2(2, 2), LayerAttributes::default(), Encoding::UNCOMPRESSED, channels);
+        let mut bytes = std::io::Cursor::new(Vec::new());
+        Image::from_layer(layer).write().non_parallel().to_buffered(&mut bytes).unwrap();
+        let mut bytes = bytes.into_inner();
+        let name = b"dataWindow\0box2i\0";
+        // Behind the name its length, and the first pixel.
+        let at = bytes.windows(name.len()).position(|part| part == name).unwrap() + name.len() + 4 + 8;
+        bytes[at..at + 4].copy_from_slice(&last.to_le_bytes());
+        bytes[at + 4..at + 8].copy_from_slice(&last.to_le_bytes());
+        bytes
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("wide.exr");
+    for (channels, last, expected) in [
+        (1, 1 << 29, "a square of 2 to 4096 is needed"),
+        (1, 4096, "4097 x 4097 pixels"),
+        (5, 4095, "5 channels of 4096 x 4096 pixels"),
+    ] {
+        std::fs::write(&path, file(channels, last)).unwrap();
+        let message = read(&path, Some(1.0)).unwrap_err().to_string();
+        assert!(message.contains(expected), "{message}");
+    }
+}

@@ -33,6 +33,8 @@ use crate::{files, photometry::rec709};
 
 /// Most triangles of a level of detail.
 pub const MOST_TRIANGLES: usize = 500_000;
+/// Most vertices and corners of all levels together: those of [`MOST_LEVELS`] whose triangles share no vertices, each half as fine as the one before.
+const MOST_CORNERS: usize = 2 * 2 * 3 * MOST_TRIANGLES;
 /// Most levels of detail of a shape.
 pub const MOST_LEVELS: usize = 8;
 
@@ -57,7 +59,7 @@ pub enum ShapeError {
     },
 }
 
-/// Bytes of a file of a shape, and of each buffer beside it, at most.
+/// Bytes of a file of a shape, and of all buffers in it and beside it together, at most.
 const MOST_BYTES: u64 = 256 << 20;
 
 /// What is wrong in a shape's file.
@@ -139,9 +141,10 @@ impl ShapeSet {
 /// The levels of detail of a file, the finest first.
 fn levels_of(path: &Path) -> Result<Vec<Solid>, MeshProblem> {
     let bytes = files::read_bounded(path, MOST_BYTES)?;
-    let gltf::Gltf { document, blob } = gltf::Gltf::from_slice(&bytes)?;
+    let gltf::Gltf { document, blob } = gltf::Gltf::from_slice_without_validation(&bytes)?;
+    let document = validated(document)?;
     let buffers = accessors::buffers(&document, path.parent().unwrap_or(Path::new(".")), blob)?;
-    let mut reader = Reader { buffers, levels: BTreeMap::new(), seen: HashSet::new() };
+    let mut reader = Reader { buffers, levels: BTreeMap::new(), seen: HashSet::new(), corners: 0 };
     reader.document(&document)?;
     let named = reader.levels.keys().filter(|level| level.is_some()).count();
     if named > 0 && (named < reader.levels.len() || !reader.levels.contains_key(&Some(named - 1))) {
@@ -171,6 +174,18 @@ fn levels_of(path: &Path) -> Result<Vec<Solid>, MeshProblem> {
     }
 }
 
+/// Validates a document. The crate looks the positions of a mesh up before it has compared their number with what there is, and panics: so they come first.
+fn validated(document: Document) -> Result<Document, MeshProblem> {
+    let root = document.into_json();
+    let count = root.accessors.len();
+    let primitives = root.meshes.iter().flat_map(|mesh| &mesh.primitives);
+    let mut named = primitives.flat_map(|primitive| primitive.attributes.values()).map(|accessor| accessor.value());
+    if let Some(accessor) = named.find(|accessor| *accessor >= count) {
+        return Err(MeshProblem::Accessor { accessor, reason: format!("a mesh names it, and there are {count}") });
+    }
+    Ok(Document::from_json(root)?)
+}
+
 /// Triangles of the levels below one of `finest` triangles: by equal ratios, each fewer than the one before.
 fn coarser_targets(finest: usize) -> Vec<usize> {
     let [most, .., least] = LEVEL_TRIANGLES;
@@ -194,6 +209,8 @@ struct Reader {
     /// By level of detail; `None`: the name has none.
     levels: BTreeMap<Option<usize>, Welder>,
     seen: HashSet<usize>,
+    /// Vertices and corners of all primitives so far: a mesh counts anew at every node that has it.
+    corners: usize,
 }
 
 impl Reader {
@@ -232,7 +249,7 @@ impl Reader {
             let name = mesh.name().map_or_else(|| mesh.index().to_string(), |name| format!("{name:?}"));
             let welder = self.levels.entry(level).or_default();
             for primitive in mesh.primitives() {
-                add_primitive(welder, &self.buffers, &name, &primitive, world_from_node)?;
+                add_primitive(welder, &self.buffers, &name, &primitive, world_from_node, &mut self.corners)?;
             }
         }
         Ok(world_from_node)
@@ -245,6 +262,7 @@ fn add_primitive(
     mesh: &str,
     primitive: &Primitive<'_>,
     world_from_node: DMat4,
+    corners_so_far: &mut usize,
 ) -> Result<(), MeshProblem> {
     let refused = |reason: String| MeshProblem::Mesh { mesh: mesh.to_owned(), reason };
     if primitive.mode() != Mode::Triangles {
@@ -263,6 +281,13 @@ fn add_primitive(
     }
     if !corners.is_multiple_of(3) {
         return Err(refused(format!("its {corners} corners do not make whole triangles")));
+    }
+    // Before they are read: a short file may name one mesh any number of times.
+    *corners_so_far += corners + positions.count();
+    if *corners_so_far > MOST_CORNERS {
+        return Err(refused(format!(
+            "with it the scene has {corners_so_far} vertices and corners, allowed are {MOST_CORNERS}"
+        )));
     }
     let numbers = accessors::numbers(&positions, buffers)?;
     let places: Vec<DVec3> =

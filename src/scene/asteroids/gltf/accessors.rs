@@ -18,12 +18,17 @@ pub(super) fn buffers(
     folder: &Path,
     mut blob: Option<Vec<u8>>,
 ) -> Result<Vec<Vec<u8>>, MeshProblem> {
+    let mut left = MOST_BYTES;
     let read = |buffer: gltf::Buffer<'_>| {
         let refused = |reason: String| MeshProblem::Buffer { buffer: buffer.index(), reason };
         let bytes = match buffer.source() {
             Source::Bin => blob.take().ok_or_else(|| refused("the file has no binary part for it".to_owned()))?,
-            Source::Uri(uri) => from_uri(uri, folder).map_err(refused)?,
+            Source::Uri(uri) => from_uri(uri, folder, left).map_err(refused)?,
         };
+        // Of all together: many buffers may be one file.
+        left = left.checked_sub(bytes.len() as u64).ok_or_else(|| {
+            refused(format!("the buffers up to it have more than {MOST_BYTES} bytes, the most that is read"))
+        })?;
         if bytes.len() < buffer.length() {
             return Err(refused(format!("it has {} bytes, {} are declared", bytes.len(), buffer.length())));
         }
@@ -32,7 +37,8 @@ pub(super) fn buffers(
     document.buffers().map(read).collect()
 }
 
-fn from_uri(uri: &str, folder: &Path) -> Result<Vec<u8>, String> {
+/// The bytes that a URI stands for, at most `most_bytes`.
+fn from_uri(uri: &str, folder: &Path, most_bytes: u64) -> Result<Vec<u8>, String> {
     if let Some(data) = uri.strip_prefix("data:") {
         let encoded = data.split_once(";base64,").ok_or("a data URI must be base64")?.1;
         return STANDARD.decode(encoded).map_err(|error| format!("its data URI is not base64: {error}"));
@@ -47,7 +53,7 @@ fn from_uri(uri: &str, folder: &Path) -> Result<Vec<u8>, String> {
         return Err(refused());
     }
     let path = folder.join(below);
-    files::read_bounded(&path, MOST_BYTES).map_err(|error| format!("{}: {error}", path.display()))
+    files::read_bounded(&path, most_bytes).map_err(|error| format!("{}: {error}", path.display()))
 }
 
 /// A path whose bytes may be written as % and two hexadecimal digits.
@@ -139,9 +145,9 @@ mod tests {
             "data:text/plain,abc",
             "data:;base64,!!",
         ] {
-            assert!(from_uri(uri, Path::new(".")).is_err(), "{uri}");
+            assert!(from_uri(uri, Path::new("."), 100).is_err(), "{uri}");
         }
-        assert_eq!(from_uri("data:application/octet-stream;base64,AQID", Path::new(".")), Ok(vec![1, 2, 3]));
+        assert_eq!(from_uri("data:application/octet-stream;base64,AQID", Path::new("."), 100), Ok(vec![1, 2, 3]));
     }
 
     #[test]

@@ -184,6 +184,26 @@ fn vertices_at_one_place_are_joined_and_inside_out_meshes_turned() {
     assert!(most(0) > most(1) && most(1) > most(2));
 }
 
+/// A file of some kilobytes may name one mesh, or one buffer, any number of times.
+#[test]
+fn meshes_and_buffers_count_as_often_as_they_are_named() {
+    let mesh = sphere_solid(20_000).to_mesh();
+    let mut file = document(&[("rock", &mesh)], None);
+    let node = file.0["nodes"][0].clone();
+    file.0["nodes"] = json!(vec![node; 100]);
+    file.0["scenes"][0]["nodes"] = json!((0..100).collect::<Vec<usize>>());
+    let message = of_document(&file).unwrap_err().to_string();
+    assert!(message.contains("vertices and corners, allowed are 6000000"), "{message}");
+
+    let (mut external, _) = document(&[("rock", &mesh)], Some("data.bin".to_owned()));
+    external["buffers"] = json!(vec![external["buffers"][0].clone(); 3]);
+    let (folder, path) = written("shape.gltf", external.to_string().as_bytes());
+    let half = std::fs::File::create(folder.path().join("data.bin")).unwrap();
+    half.set_len(MOST_BYTES / 2).unwrap();
+    let message = ShapeSet::from_gltf(&[path]).unwrap_err().to_string();
+    assert!(message.contains("buffer 2:") && message.contains("more than 0 bytes"), "{message}");
+}
+
 #[test]
 fn broken_files_are_refused_with_what_is_wrong() {
     let mesh = sphere_solid(100).to_mesh();
@@ -221,6 +241,10 @@ fn broken_files_are_refused_with_what_is_wrong() {
         (changed("/accessors/2/componentType", json!(5126)), "accessor 2: it holds Scalar of F32"),
         (changed("/accessors/0/count", json!(100_000)), "accessor 0: it reaches beyond"),
         (changed("/accessors/1/count", json!(5)), "5 colours"),
+        (
+            changed("/meshes/0/primitives/0/attributes/POSITION", json!(u32::MAX)),
+            "accessor 4294967295: a mesh names it",
+        ),
         (changed("/accessors/2/count", json!(200)), "whole triangles"),
         (changed("/accessors/2/count", json!(6_000_000)), "allowed are 1500000"),
         (changed("/bufferViews/0/byteOffset", json!(u64::MAX / 2)), "accessor 0: it reaches beyond"),
