@@ -40,6 +40,8 @@ mod diagnostics;
 mod engine;
 mod forecast;
 mod frames;
+#[cfg(test)]
+mod fuzz_tests;
 mod handlers;
 mod headset;
 mod identify;

@@ -1,0 +1,84 @@
+//! What is fuzzed: one function per format, from bytes to what the program makes of them. `fuzz_targets/` runs them with libFuzzer, `tests/fuzz` on
+//! any toolchain. Each returns the text of the error, or nothing: runs without coverage tell new inputs from old ones by it.
+
+use std::{
+    fmt::Display,
+    path::{Path, PathBuf},
+    sync::LazyLock,
+};
+
+use steradian::{
+    catalogue::{reader, store},
+    config::Config,
+    photometry::{glare::PsfTable, psf},
+    scene::{asteroids::ShapeSet, bodies::Texture},
+};
+
+fn answer<T>(result: Result<T, impl Display>) -> String {
+    result.err().map(|error| error.to_string()).unwrap_or_default()
+}
+
+/// A folder that lives as long as the process; it goes with the temporary files of the system.
+static FOLDER: LazyLock<PathBuf> = LazyLock::new(|| {
+    let folder = std::env::temp_dir().join(format!("steradian-fuzz-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).expect("a folder for inputs");
+    std::fs::write(folder.join("data.bin"), [0x3f; 4096]).expect("a buffer beside shapes");
+    folder
+});
+
+/// Writes the input where a parser of files finds it.
+fn file(name: &str, data: &[u8]) -> PathBuf {
+    let path = FOLDER.join(name);
+    std::fs::write(&path, data).expect("the input is written");
+    path
+}
+
+/// A configuration and, behind a NUL, overrides, one on each line.
+pub fn configuration(data: &[u8]) -> String {
+    let text = String::from_utf8_lossy(data);
+    let (text, overrides) = text.split_once('\0').unwrap_or((&text, ""));
+    let overrides: Vec<String> = overrides.lines().map(str::to_owned).collect();
+    let read = Config::from_text(text, "fuzz.toml", Path::new("/no/such/folder"), &overrides);
+    answer(read.and_then(|config| {
+        config.star_sources();
+        config.field_specs()?;
+        config.camera()?;
+        config.frame_groups()
+    }))
+}
+
+/// A catalogue in CSV.
+pub fn csv(data: &[u8]) -> String {
+    answer(reader::read_csv_from(data, "fuzz.csv"))
+}
+
+/// A catalogue in JSON.
+pub fn json(data: &[u8]) -> String {
+    answer(reader::read_json_from(data, "fuzz.json"))
+}
+
+/// A store of stars.
+pub fn star_store(data: &[u8]) -> String {
+    answer(store::read(&file("fuzz.stars", data)).map(|store| store::records_of(&store.stars)))
+}
+
+/// A shape: glTF, as text or with its binary part, and its buffers.
+pub fn gltf(data: &[u8]) -> String {
+    answer(ShapeSet::from_gltf(&[file("fuzz.glb", data)]))
+}
+
+/// A point-spread function: FITS or OpenEXR, told apart by their first bytes.
+pub fn point_spread(data: &[u8]) -> String {
+    answer(psf::read_as_wide(&file("fuzz.psf", data), 0.01))
+}
+
+/// A texture: PNG.
+pub fn texture(data: &[u8]) -> String {
+    answer(Texture::from_png(&file("fuzz.png", data)))
+}
+
+/// A table of glare in CSV, and the kernel that it makes.
+pub fn glare_table(data: &[u8]) -> String {
+    let path = file("glare.csv", data);
+    answer(PsfTable::read(&path).and_then(|table| table.kernel(1e-3)))
+}

@@ -1,0 +1,314 @@
+//! Messages with mutated bytes, as `tests/fuzz` does it with files: decoded, and converted to plain values, without a daemon. The generated types are private to
+//! the service, so this stands here.
+//!
+//! The first byte of an input names the message. Fields of asteroids are converted and not placed, which takes time by design.
+
+#![allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
+#![allow(clippy::print_stderr, reason = "the process that reads tells why it ends")]
+
+use std::{path::Path, sync::Arc};
+
+use prost::Message;
+use prost_types::{FieldMask, Timestamp};
+
+use super::{
+    client::{ReceivedFrame, camera_from_pb},
+    convert::{self, scene_to_pb, scene_update_from_pb, star_method},
+    convert_objects::{body_from_pb, field_from_pb},
+    convert_overlay::overlay_from_pb,
+    convert_views::{settings_to_pb, view_update_from_pb},
+    objects::Objects,
+    proto,
+    scene::{SceneState, SceneUpdate},
+    state::Saved,
+    views::ViewSet,
+};
+use crate::{
+    config::ViewTables,
+    plan::settings::RenderSettings,
+    scene::{Camera, SceneObjects},
+    verify,
+};
+
+#[path = "../../tests/fuzz/driver.rs"]
+mod driver;
+
+use driver::{Run, Target, as_it_is, check};
+
+/// A scene of two views and nothing in it.
+fn scene() -> SceneState {
+    let RenderSettings { stars, asteroids, .. } = RenderSettings::default();
+    let names = vec!["dome".to_owned(), "flat".to_owned()];
+    let views = ViewSet::new(&RenderSettings::default(), names, &[], Path::new("")).unwrap();
+    SceneState {
+        revision: 1,
+        stars,
+        asteroids,
+        objects: Objects::new(Arc::new(SceneObjects::default()), &[]).unwrap(),
+        views: Arc::new(views),
+    }
+}
+
+fn decoded<T: Message + Default>(bytes: &[u8]) -> Result<T, String> {
+    T::decode(bytes).map_err(|error| error.to_string())
+}
+
+fn changed(update: &SceneUpdate) -> Result<SceneState, String> {
+    let scene = scene();
+    update.overlay.check_views(&["dome", "flat"])?;
+    let made = update.make(&scene)?;
+    let changed = scene.changed(&made, None).map_err(|error| error.to_string())?;
+    // What a client or a file of states is told of it.
+    scene_to_pb(&changed, &[]).encode_to_vec();
+    Saved::of(&changed, None).encode_to_vec();
+    Ok(changed)
+}
+
+fn update_scene(bytes: &[u8]) -> Result<(), String> {
+    let update = scene_update_from_pb(&decoded(bytes)?)?;
+    convert::scene_update_to_pb(&update, None).encode_to_vec();
+    if update.places_asteroids() { Ok(()) } else { changed(&update).map(drop) }
+}
+
+fn update_view(bytes: &[u8]) -> Result<(), String> {
+    let request: proto::UpdateViewRequest = decoded(bytes)?;
+    let update = view_update_from_pb(&request)?;
+    let general = RenderSettings::default();
+    let before = scene();
+    for view in 0..2 {
+        let after = before.views.changed(&general, view, &update)?;
+        settings_to_pb(&after.settings[view], general.stars.method).encode_to_vec();
+        after.own_keys(view);
+    }
+    Ok(())
+}
+
+fn set_camera(bytes: &[u8]) -> Result<(), String> {
+    let update = convert::update_from_pb(decoded(bytes)?);
+    let [zero, at_rest] = [[0.0; 3]; 2];
+    let camera = Camera::new(
+        update.position_m.unwrap_or(zero),
+        update.orientation.unwrap_or([0.0, 0.0, 0.0, 1.0]),
+        update.velocity_c.unwrap_or(at_rest),
+    );
+    camera.map(|camera| drop(convert::camera_to_pb(&camera).encode_to_vec())).map_err(|error| error.to_string())
+}
+
+/// The names in requests that ask for something.
+fn names(bytes: &[u8]) -> Result<(), String> {
+    let request: proto::VerifyRequest = decoded(bytes)?;
+    verify::select(Some(&request.filter)).map_err(|error| error.to_string())?;
+    star_method(&request.star_method)?;
+    let order: proto::NextFrameRequest = decoded(bytes)?;
+    convert::encoding_from_pb(order.encoding).map(drop).ok_or_else(|| "no encoding".to_owned())
+}
+
+/// What a file of states holds.
+fn saved(bytes: &[u8]) -> Result<(), String> {
+    let mut saved: Saved = decoded(bytes)?;
+    if let Some(scene) = &mut saved.scene {
+        scene.asteroid_fields.clear();
+    }
+    if let Some(camera) = saved.camera {
+        camera_from_pb(camera).map_err(|error| error.to_string())?;
+    }
+    saved.applied(&scene(), &RenderSettings::default()).map(drop)
+}
+
+/// What a client is sent.
+fn answers(bytes: &[u8]) -> Result<(), String> {
+    let frame = decoded::<proto::Frame>(bytes)
+        .and_then(|frame| ReceivedFrame::try_from(frame).map(drop).map_err(|error| error.to_string()));
+    let scene: proto::Scene = decoded(bytes)?;
+    for body in scene.bodies {
+        body_from_pb(body)?;
+    }
+    for field in scene.asteroid_fields {
+        field_from_pb(field)?;
+    }
+    overlay_from_pb(scene.overlay.unwrap_or_default())?;
+    frame
+}
+
+const READERS: [fn(&[u8]) -> Result<(), String>; 6] = [update_scene, update_view, set_camera, names, saved, answers];
+
+fn read(data: &[u8]) -> String {
+    let Some((first, bytes)) = data.split_first() else { return "no message".to_owned() };
+    let number = usize::from(*first) % READERS.len();
+    READERS[number](bytes)
+        .err()
+        .map_or(String::new(), |problem| format!("{} {problem}", char::from(b'a' + number as u8)))
+}
+
+fn full_scene() -> proto::Scene {
+    let vector = |x: f64, y: f64, z: f64| Some(proto::Vector3 { x, y, z });
+    let style = Some(proto::LineStyle { colour: Some("#80ff00".to_owned()), width_px: Some(2.0), opacity: Some(0.5) });
+    let body = proto::Body {
+        name: "moon".to_owned(),
+        position_m: vector(4e8, 0.0, 0.0),
+        orientation: Some(proto::Quaternion { x: 0.0, y: 0.0, z: 0.0, w: 1.0 }),
+        radii_m: vector(1.7e6, 1.7e6, 1.7e6),
+        geometric_albedo: Some(proto::Rgb { red: 0.1, green: 0.1, blue: 0.1 }),
+        law: "lambert".to_owned(),
+        spin: Some(proto::Spin { period_s: Some(2e6), phase_rad: 0.5 }),
+        emission: Some(proto::Emission {
+            luminance_cd_m2: Some(proto::Rgb { red: 2e9, green: 2e9, blue: 2e9 }),
+            limb_darkening: 0.6,
+        }),
+        ..Default::default()
+    };
+    let field = proto::AsteroidField {
+        name: "belt".to_owned(),
+        position_m: vector(0.0, 0.0, 0.0),
+        instances: 100,
+        placement: Some(proto::asteroid_field::Placement::Belt(proto::BeltPlacement {
+            inner_m: 1e9,
+            outer_m: 2e9,
+            height_m: 1e7,
+        })),
+        radius_m: Some(proto::Range { least: 100.0, most: 1e4 }),
+        size_index: 3.0,
+        spin_period_s: Some(proto::Range { least: 1e4, most: 1e5 }),
+        geometric_albedo: Some(proto::Rgb { red: 0.1, green: 0.1, blue: 0.1 }),
+        law: "lommel_seeliger".to_owned(),
+        shapes: Some(proto::asteroid_field::Shapes::ShapeSeed(7)),
+        ..Default::default()
+    };
+    proto::Scene {
+        stars: Some(proto::StarSettings { method: "tent".to_owned(), magnitude_limit: 6.5 }),
+        bodies: vec![body],
+        asteroid_fields: vec![field],
+        time: Some(Timestamp { seconds: 1_000_000_000, nanos: 5 }),
+        asteroids: Some(proto::AsteroidSettings { impostor: "auto".to_owned(), quality: 1.0 }),
+        overlay: Some(proto::Overlay {
+            grids: vec![proto::Grid {
+                kind: "equatorial".to_owned(),
+                spacing_deg: Some(10.0),
+                numbers: Some(true),
+                style: style.clone(),
+            }],
+            trajectories: vec![proto::Trajectory {
+                name: "orbit".to_owned(),
+                points_m: vec![proto::Vector3 { x: 1e9, y: 0.0, z: 0.0 }, proto::Vector3 { x: 0.0, y: 1e9, z: 0.0 }],
+                style,
+            }],
+            labels: vec![proto::Label {
+                name: "pole".to_owned(),
+                text: "Pole".to_owned(),
+                anchor: Some(proto::label::Anchor::Direction(proto::Vector3 { x: 0.0, y: 0.0, z: 1.0 })),
+                ..Default::default()
+            }],
+            test_patterns: vec!["dome".to_owned()],
+        }),
+        ..Default::default()
+    }
+}
+
+fn seeds() -> Vec<Vec<u8>> {
+    let message = |kind: u8, bytes: Vec<u8>| [vec![kind], bytes].concat();
+    let mask = |paths: &[&str]| Some(FieldMask { paths: paths.iter().map(|path| (*path).to_owned()).collect() });
+    let scene_request = |paths: &[&str]| {
+        let request = proto::UpdateSceneRequest {
+            scene: Some(full_scene()),
+            update_mask: mask(paths),
+            expected_revision: Some(1),
+        };
+        message(0, request.encode_to_vec())
+    };
+    let general = RenderSettings::default();
+    let view = settings_to_pb(&scene().views.settings[0], general.stars.method);
+    let view_request = |paths: &[&str]| {
+        let mut view = proto::View { exposure_group: "both".to_owned(), ..view.clone() };
+        if let Some(glare) = &mut view.glare {
+            glare.psf_file = None;
+        }
+        let request = proto::UpdateViewRequest { view: Some(view), update_mask: mask(paths), expected_revision: None };
+        message(1, request.encode_to_vec())
+    };
+    let camera = convert::camera_to_pb(&Camera::default());
+    let moved = proto::SetCameraRequest {
+        position_m: camera.position_m,
+        orientation: camera.orientation,
+        velocity_c: camera.velocity_c,
+        expected_revision: Some(3),
+    };
+    let asked = proto::VerifyRequest { filter: "two-colours".to_owned(), star_method: "tent".to_owned() };
+    let tables = ViewTables { exposure_group: Some("both".to_owned()), ..ViewTables::default() };
+    let mut shown = scene();
+    shown.views = Arc::new(shown.views.with_tables(&general, &[tables.clone(), tables]).unwrap());
+    let mut full = Saved::of(&shown, Some(&Camera::default()));
+    full.scene = Some(full_scene());
+    let frame = proto::Frame {
+        view: "dome".to_owned(),
+        pose_time: Some(Timestamp { seconds: 1_000_000_000, nanos: 0 }),
+        render_time: Some(Timestamp { seconds: 1_000_000_000, nanos: 1 }),
+        camera: Some(camera),
+        images: vec![proto::Image { width: 1, height: 1, encoding: 1, data: vec![0; 4].into(), ..Default::default() }],
+        ..Default::default()
+    };
+    vec![
+        scene_request(&["stars", "time", "asteroids", "bodies", "overlay"]),
+        scene_request(&["stars.method", "stars.magnitude_limit", "bodies.moon", "bodies.sun", "overlay.grids"]),
+        scene_request(&["asteroid_fields"]),
+        scene_request(&["asteroid_fields.belt", "asteroids.impostor", "asteroids.quality"]),
+        scene_request(&["overlay.trajectories.orbit", "overlay.labels.pole", "overlay.test_patterns"]),
+        view_request(&["exposure", "glare", "tone_map", "exposure_group"]),
+        view_request(&["exposure.mode", "exposure.ev100", "glare.fraction", "tone_map.dither"]),
+        message(2, moved.encode_to_vec()),
+        message(3, asked.encode_to_vec()),
+        message(4, Saved::of(&shown, Some(&Camera::default())).encode_to_vec()),
+        message(4, full.encode_to_vec()),
+        message(5, frame.encode_to_vec()),
+        message(5, full_scene().encode_to_vec()),
+    ]
+}
+
+const TARGET: Target = Target {
+    name: "messages",
+    read,
+    seeds,
+    tokens: &[
+        "stars",
+        "time",
+        "asteroids",
+        "bodies",
+        "bodies.",
+        "bodies.moon",
+        "asteroid_fields",
+        "asteroid_fields.belt",
+        "overlay",
+        "overlay.grids",
+        "overlay.labels.pole",
+        "exposure",
+        "exposure.mode",
+        "glare",
+        "glare.kernel",
+        "glare.psf_file",
+        "tone_map",
+        "tone_map.operator",
+        "exposure_group",
+        "manual",
+        "auto",
+        "mean",
+        "spot",
+        "cie",
+        "psf",
+        "\u{0}\u{0}\u{0}\u{0}\u{0}\u{0}\u{7f}",
+        "#ffffff",
+        "lambert",
+        "tent",
+    ],
+    repair: as_it_is,
+    most_bytes: 512 << 20,
+};
+
+#[test]
+fn few_messages() {
+    check(&TARGET, Run::Short, concat!(module_path!(), "::few_messages"));
+}
+
+#[test]
+#[ignore = "long: make test-all"]
+fn messages_for_a_minute() {
+    check(&TARGET, Run::Long, concat!(module_path!(), "::messages_for_a_minute"));
+}
