@@ -130,7 +130,9 @@ fn answers(bytes: &[u8]) -> Result<(), String> {
     frame
 }
 
-const READERS: [fn(&[u8]) -> Result<(), String>; 6] = [update_scene, update_view, set_camera, names, saved, answers];
+type Reader = fn(&[u8]) -> Result<(), String>;
+
+const READERS: [Reader; 6] = [update_scene, update_view, set_camera, names, saved, answers];
 
 fn read(data: &[u8]) -> String {
     let Some((first, bytes)) = data.split_first() else { return "no message".to_owned() };

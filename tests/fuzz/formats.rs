@@ -28,7 +28,7 @@ pub fn repair_store(bytes: &mut Vec<u8>) {
 }
 
 /// A PNG's chunks have a CRC-32 each.
-pub fn repair_png(bytes: &mut Vec<u8>) {
+pub fn repair_png(bytes: &mut [u8]) {
     let mut at = 8;
     while let Some(length) = bytes.get(at..at + 4) {
         let length = u32::from_be_bytes(length.try_into().unwrap()) as usize;
@@ -43,7 +43,7 @@ pub fn repair_png(bytes: &mut Vec<u8>) {
 }
 
 /// A .glb file tells its length and that of its text, which ends where its binary part begins.
-pub fn repair_glb(bytes: &mut Vec<u8>) {
+pub fn repair_glb(bytes: &mut [u8]) {
     if !bytes.starts_with(b"glTF") {
         return;
     }

@@ -40,6 +40,8 @@ macro_rules! fuzz {
                 check(&TARGET, Run::Long, concat!(module_path!(), "::for_a_minute"));
             }
         })*
+
+        const NAMES: &[&str] = &[$(stringify!($name)),*];
     };
 }
 
@@ -48,10 +50,53 @@ fuzz! {
     csv: seeds::csv, seeds::COLUMNS, as_it_is, SMALL;
     json: seeds::json, seeds::JSON, as_it_is, SMALL;
     star_store: seeds::star_store, &[], formats::repair_store, SMALL;
-    gltf: seeds::gltf, seeds::GLTF, formats::repair_glb, SMALL;
+    gltf: seeds::gltf, seeds::GLTF, |bytes| formats::repair_glb(bytes), SMALL;
     // The largest point-spread function has 4096 x 4096 pixels, decoded in f64.
     point_spread: seeds::point_spread, seeds::PSF, as_it_is, 3 << 30;
     // The largest texture has 2^27 texels: 400 MB as they are in the file, 1.6 GB as numbers.
-    texture: seeds::textures, seeds::PNG, formats::repair_png, 3 << 30;
+    texture: seeds::textures, seeds::PNG, |bytes| formats::repair_png(bytes), 3 << 30;
     glare_table: seeds::glare_table, seeds::TABLE, as_it_is, SMALL;
+}
+
+/// cargo-fuzz finds a target by its file and its entry in the manifest.
+#[test]
+fn every_target_is_one_of_cargo_fuzz_too() {
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz");
+    let manifest: toml::Table = std::fs::read_to_string(folder.join("Cargo.toml")).unwrap().parse().unwrap();
+    let listed: Vec<&str> =
+        manifest["bin"].as_array().unwrap().iter().map(|bin| bin["name"].as_str().unwrap()).collect();
+    assert_eq!(listed, NAMES);
+    for name in NAMES {
+        let text = std::fs::read_to_string(folder.join(format!("fuzz_targets/{name}.rs"))).unwrap();
+        assert!(text.contains(&format!("targets::{name}(data)")), "{name}: {text}");
+    }
+}
+
+/// What is not noticed would make every other test here worth nothing.
+#[test]
+#[should_panic(expected = "greedy: an input of 3 bytes ended the process")]
+fn memory_beyond_the_bound_is_noticed() {
+    const GREEDY: Target = Target {
+        name: "greedy",
+        read: |data| std::hint::black_box(vec![data[0]; 8 << 30]).len().to_string(),
+        seeds: || vec![b"one".to_vec()],
+        tokens: &[],
+        repair: as_it_is,
+        most_bytes: SMALL,
+    };
+    check(&GREEDY, Run::Short, concat!(module_path!(), "::memory_beyond_the_bound_is_noticed"));
+}
+
+#[test]
+#[should_panic(expected = "fragile: an input of 5 bytes ended the process")]
+fn a_panic_is_noticed() {
+    const FRAGILE: Target = Target {
+        name: "fragile",
+        read: |data| data[5].to_string(),
+        seeds: || vec![b"short".to_vec()],
+        tokens: &[],
+        repair: as_it_is,
+        most_bytes: SMALL,
+    };
+    check(&FRAGILE, Run::Short, concat!(module_path!(), "::a_panic_is_noticed"));
 }

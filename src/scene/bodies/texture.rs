@@ -75,6 +75,12 @@ impl Texture {
             return Err(kind(format!("it has {} x {} texels", size[0], size[1])));
         }
         let mut reader = decoder.read_info().map_err(broken)?;
+        // The decoder takes the length of a palette on trust, and panics.
+        if let Some(palette) = &reader.info().palette
+            && (palette.is_empty() || palette.len() % 3 != 0 || palette.len() > 3 * 256)
+        {
+            return Err(kind(format!("its palette has {} bytes: allowed are 1 to 256 colours of 3", palette.len())));
+        }
         let (colour, depth) = reader.output_color_type();
         if depth != BitDepth::Eight {
             return Err(kind(format!("it has {} bits per channel", depth as u8)));
@@ -156,6 +162,25 @@ mod tests {
         assert!((at(45.0, 0.0) - (texel(2) + texel(6)) / 2.0).abs() < 1e-12);
         assert!((at(45.0, 80.0) - texel(2)).abs() < 1e-12);
         assert!((at(45.0, 45.0) - at(-45.0, 45.0)).abs() > 1e-3, "a mirrored map is told apart");
+    }
+
+    #[test]
+    fn palettes_are_whole_colours_and_at_most_256() {
+        let of = |palette: usize| {
+            let folder = tempfile::tempdir().unwrap();
+            let path = folder.path().join("map.png");
+            let mut encoder = png::Encoder::new(std::fs::File::create(&path).unwrap(), 4, 1);
+            encoder.set_color(ColorType::Indexed);
+            encoder.set_palette(vec![255; palette]);
+            encoder.write_header().unwrap().write_image_data(&[0; 4]).unwrap();
+            Texture::from_png(&path).map_err(|error| error.to_string())
+        };
+        assert_eq!(of(3).unwrap().rgb, [[1.0; 3]; 4]);
+        assert!(of(768).is_ok());
+        let message = of(50).unwrap_err();
+        assert!(message.contains("its palette has 50 bytes"), "{message}");
+        // Some of these the decoder refuses by itself.
+        assert!([1, 769, 771].into_iter().all(|wrong| of(wrong).is_err()));
     }
 
     #[test]
