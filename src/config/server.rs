@@ -196,7 +196,7 @@ pub(super) fn check(server: &ServerConfig) -> Result<(), Fault> {
         (1..tokens.len()).find(|index| tokens[..*index].iter().any(|other| other.sha256 == tokens[*index].sha256));
     if let Some(index) = twin {
         return Err(Fault::new(
-            &format!("tokens[{index}].sha256"),
+            format!("tokens[{index}].sha256"),
             "this is another one's token: each needs its own".to_owned(),
         ));
     }

@@ -109,7 +109,7 @@ fn saved(bytes: &[u8]) -> Result<(), String> {
     if let Some(scene) = &mut saved.scene {
         scene.asteroid_fields.clear();
     }
-    if let Some(camera) = saved.camera {
+    if let Some(camera) = saved.camera.clone() {
         camera_from_pb(camera).map_err(|error| error.to_string())?;
     }
     saved.applied(&scene(), &RenderSettings::default()).map(drop)
