@@ -19,12 +19,12 @@ use tokio::{
     time::{Interval, MissedTickBehavior, Sleep, interval, sleep},
 };
 use tokio_rustls::{Accept, TlsAcceptor, server::TlsStream};
-use tonic::{Status, body::Body, transport::server::Connected};
+use tonic::{Status, body::Body, codegen::BoxFuture, transport::server::Connected};
 use tower_layer::Layer;
 use tower_service::Service;
 
 use super::{
-    access::{self, Access},
+    access::{Access, digest_of},
     clients::{ClientInfo, From, Held, OpenCall, Shares},
 };
 
@@ -167,7 +167,7 @@ impl Stream {
             Ok(stream) => {
                 let certificates = stream.get_ref().1.peer_certificates();
                 if let Some(certificate) = certificates.and_then(<[_]>::first) {
-                    client.certify(access::tls::digest_of(certificate));
+                    client.certify(digest_of(certificate));
                 }
                 *self = Self::Tls(Box::new(stream));
                 Poll::Ready(Ok(()))
@@ -340,8 +340,6 @@ pub(super) struct Bounded<S> {
     hosts: Arc<[String]>,
 }
 
-type Answer<E> = Pin<Box<dyn Future<Output = Result<Response<Body>, E>> + Send>>;
-
 impl<S> Service<Request<Body>> for Bounded<S>
 where
     S: Service<Request<Body>, Response = Response<Body>>,
@@ -349,7 +347,7 @@ where
 {
     type Response = Response<Body>;
     type Error = S::Error;
-    type Future = Answer<S::Error>;
+    type Future = BoxFuture<Self::Response, Self::Error>;
 
     fn poll_ready(&mut self, context: &mut Context<'_>) -> Poll<Result<(), S::Error>> {
         self.inner.poll_ready(context)

@@ -9,7 +9,7 @@ use std::{
 use http::{HeaderValue, Request, Response, StatusCode, header};
 use http_body::{Body as HttpBody, Frame, SizeHint};
 use tokio::sync::watch;
-use tonic::{Code, Status, body::Body};
+use tonic::{Code, Status, body::Body, codegen::BoxFuture};
 use tower_layer::Layer;
 use tower_service::Service;
 
@@ -108,8 +108,6 @@ fn refusal(request: &Request<Body>, status: Status) -> Response<Body> {
     response
 }
 
-type Answer<E> = Pin<Box<dyn Future<Output = Result<Response<Body>, E>> + Send>>;
-
 impl<S> Service<Request<Body>> for Gated<S>
 where
     S: Service<Request<Body>, Response = Response<Body>>,
@@ -117,7 +115,7 @@ where
 {
     type Response = Response<Body>;
     type Error = S::Error;
-    type Future = Answer<S::Error>;
+    type Future = BoxFuture<Self::Response, Self::Error>;
 
     fn poll_ready(&mut self, context: &mut Context<'_>) -> Poll<Result<(), S::Error>> {
         self.inner.poll_ready(context)

@@ -8,9 +8,9 @@
 mod audit;
 mod gate;
 mod roles;
-pub(super) mod tls;
+mod tls;
 
-use std::{fmt, net::SocketAddr, sync::Arc};
+use std::{net::SocketAddr, sync::Arc};
 
 use http::{HeaderMap, header};
 use sha2::{Digest as _, Sha256};
@@ -21,7 +21,7 @@ pub(super) use self::{
     gate::{Caller, Gate},
 };
 use super::clients::ClientInfo;
-pub use crate::config::Role;
+use crate::config::Role;
 
 /// SHA-256 of a token or of a certificate.
 pub type Digest = [u8; 32];
@@ -63,13 +63,6 @@ pub(super) enum Turned {
     Refused(&'static str),
 }
 
-impl fmt::Display for Turned {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (Self::Unknown(why) | Self::Refused(why)) = self;
-        f.write_str(why)
-    }
-}
-
 /// How a caller showed who it is; what it shows has to be of use as long as its calls last.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Shown {
@@ -81,9 +74,9 @@ pub(super) enum Shown {
     Certificate(Digest),
 }
 
-/// The digest of a token.
-pub fn digest_of(token: &str) -> Digest {
-    Sha256::digest(token.as_bytes()).into()
+/// The digest of a token, or of a certificate in DER.
+pub fn digest_of(shown: impl AsRef<[u8]>) -> Digest {
+    Sha256::digest(shown).into()
 }
 
 /// A new token.

@@ -7,9 +7,8 @@ use rustls::{
     pki_types::{CertificateDer, PrivateKeyDer, pem::PemObject},
     server::WebPkiClientVerifier,
 };
-use sha2::{Digest as _, Sha256};
 
-use super::{Access, Admitted, Digest};
+use super::{Access, Admitted, digest_of};
 use crate::{
     config::{self, TlsConfig},
     files,
@@ -19,11 +18,6 @@ use crate::{
 const MOST_BYTES: u64 = 1 << 20;
 /// What clients and daemon may speak inside of TLS.
 const PROTOCOLS: [&[u8]; 2] = [b"h2", b"http/1.1"];
-
-/// The digest of a certificate.
-pub(in crate::service) fn digest_of(certificate: &CertificateDer<'_>) -> Digest {
-    Sha256::digest(certificate).into()
-}
 
 fn read(key: &str, path: &Path) -> Result<Vec<u8>, String> {
     files::read_bounded(path, MOST_BYTES).map_err(|error| format!("{key} = {}: {error}", path.display()))
