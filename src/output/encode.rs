@@ -7,6 +7,7 @@ use std::io::Cursor;
 use exr::prelude::{Encoding as ExrEncoding, Image, Layer, LayerAttributes, SpecificChannels, Vec2, WritableImage};
 use jpeg_encoder::{QuantizationTableType, SamplingFactor};
 
+use super::video::VideoEncoder;
 use crate::render::{FrameImage, Wanted};
 
 /// Quality of JPEG images, of 100.
@@ -25,6 +26,8 @@ pub enum Encoding {
     Png,
     /// Display image as JPEG.
     Jpeg,
+    /// Display image as H.264; [`encode`] makes a key picture, [`VideoEncoder`] those that follow each other.
+    H264,
     /// Luminance in cd/m^2: R, G, B as little-endian f32, row by row from the top.
     Rgb32f,
     /// Luminance and solid angle as OpenEXR: channels `R`, `G`, `B` (cd/m^2) and `omega` (sr), 32-bit float.
@@ -44,6 +47,7 @@ impl Encoding {
             Encoding::Rgba8 => "RGBA8",
             Encoding::Png => "PNG",
             Encoding::Jpeg => "JPEG",
+            Encoding::H264 => "H264",
             Encoding::Rgb32f => "RGB32F",
             Encoding::Exr => "EXR",
         }
@@ -82,6 +86,19 @@ pub enum EncodeError {
         /// Height, pixels.
         height: u32,
     },
+    /// H.264 cannot hold an image of this size.
+    #[error(
+        "{width} x {height} pixels: H.264 takes 1 to 36864 squares of 16 x 16 pixels, at most 8688 pixels a side; max_size makes smaller copies"
+    )]
+    TooLargeForH264 {
+        /// Width, pixels.
+        width: u32,
+        /// Height, pixels.
+        height: u32,
+    },
+    /// The encoder for H.264 refuses.
+    #[error("H.264: {0}")]
+    H264(String),
     /// The encoder for PNG refuses.
     #[error("PNG: {0}")]
     Png(#[from] png::EncodingError),
@@ -99,6 +116,7 @@ pub fn encode(encoding: Encoding, image: &FrameImage) -> Result<Vec<u8>, EncodeE
         Encoding::Rgba8 => Ok(display_of(image, encoding)?.to_vec()),
         Encoding::Png => png_of(image, display_of(image, encoding)?),
         Encoding::Jpeg => jpeg_of(image, display_of(image, encoding)?),
+        Encoding::H264 => VideoEncoder::new(image.width, image.height)?.encode(image, true),
         Encoding::Rgb32f => {
             let pixels = hdr_of(image, encoding)?;
             let mut bytes = Vec::with_capacity(pixels.len() * 12);
@@ -122,7 +140,7 @@ fn checked<'a, T>(image: &FrameImage, values: &'a [T], per_pixel: usize) -> Resu
     Ok(values)
 }
 
-fn display_of(image: &FrameImage, encoding: Encoding) -> Result<&[u8], EncodeError> {
+pub(super) fn display_of(image: &FrameImage, encoding: Encoding) -> Result<&[u8], EncodeError> {
     let missing = EncodeError::Missing { encoding: encoding.name(), buffer: "display" };
     checked(image, image.display.as_deref().ok_or(missing)?, 4)
 }
@@ -271,7 +289,7 @@ pub(super) mod tests {
     }
 
     /// Stars on black: a colour of its own each, spread like a star's over three pixels by three.
-    fn coloured_stars() -> FrameImage {
+    pub(in crate::output) fn coloured_stars() -> FrameImage {
         let mut image = sample(256, 256);
         let pixels = image.display.as_mut().unwrap();
         pixels.chunks_exact_mut(4).for_each(|pixel| pixel.copy_from_slice(&[0, 0, 0, 255]));
@@ -287,9 +305,12 @@ pub(super) mod tests {
         image
     }
 
-    /// Root mean square over the pixels of stars of R - B, and of its error in a JPEG image.
-    fn colour_and_error(image: &FrameImage, jpeg: &[u8]) -> [f64; 2] {
-        let decoded = zune_jpeg::JpegDecoder::new(Cursor::new(jpeg)).decode().unwrap();
+    fn of_jpeg(jpeg: &[u8]) -> Vec<u8> {
+        zune_jpeg::JpegDecoder::new(Cursor::new(jpeg)).decode().unwrap()
+    }
+
+    /// Root mean square over the pixels of stars of R - B, and of its error in a decoded image (R, G, B).
+    pub(in crate::output) fn colour_and_error(image: &FrameImage, decoded: &[u8]) -> [f64; 2] {
         let original = image.display.as_ref().unwrap().chunks_exact(4);
         let pairs = original.zip(decoded.chunks_exact(3)).filter(|(pixel, _)| pixel[..3].iter().any(|code| *code > 20));
         let difference = |pixel: &[u8]| f64::from(pixel[0]) - f64::from(pixel[2]);
@@ -305,7 +326,7 @@ pub(super) mod tests {
     #[test]
     fn stars_keep_their_colours_in_jpeg_images() {
         let image = coloured_stars();
-        let [colour, error] = colour_and_error(&image, &encode(Encoding::Jpeg, &image).unwrap());
+        let [colour, error] = colour_and_error(&image, &of_jpeg(&encode(Encoding::Jpeg, &image).unwrap()));
         println!("R - B {colour:.1}, its error {error:.2}");
         assert!(colour > 20.0 && error < 4.0, "{colour} {error}");
         // The table of the quality for colour too.
@@ -314,13 +335,15 @@ pub(super) mod tests {
         encoder.set_sampling_factor(SamplingFactor::F_1_1);
         let pixels = image.display.as_ref().unwrap();
         encoder.encode(pixels, 256, 256, jpeg_encoder::ColorType::Rgba).unwrap();
-        let [_, of_coarse] = colour_and_error(&image, &coarse);
+        let [_, of_coarse] = colour_and_error(&image, &of_jpeg(&coarse));
         assert!(of_coarse > 2.0 * error, "{of_coarse} {error}");
     }
 
     #[test]
     fn a_missing_or_short_buffer_is_an_error() {
-        for encoding in [Encoding::Rgba8, Encoding::Png, Encoding::Jpeg, Encoding::Rgb32f, Encoding::Exr] {
+        for encoding in
+            [Encoding::Rgba8, Encoding::Png, Encoding::Jpeg, Encoding::H264, Encoding::Rgb32f, Encoding::Exr]
+        {
             let wanted = encoding.wanted();
             assert!(wanted.display != wanted.hdr);
             let mut image = sample(4, 4);

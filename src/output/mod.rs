@@ -3,7 +3,9 @@
 mod encode;
 mod files;
 mod reduce;
+mod video;
 
 pub use encode::{EncodeError, Encoding, encode};
 pub use files::{OutputError, write_frame, write_frames};
 pub use reduce::reduced;
+pub use video::VideoEncoder;

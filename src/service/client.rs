@@ -150,6 +150,8 @@ pub struct ReceivedImage {
     pub encoding: Encoding,
     /// The encoded pixels.
     pub data: Vec<u8>,
+    /// H.264: whether it can be decoded without those before it.
+    pub key_frame: bool,
 }
 
 /// A frame of one view.
@@ -181,6 +183,8 @@ pub struct ReceivedFrame {
     pub camera: Camera,
     /// The images of the view.
     pub images: Vec<ReceivedImage>,
+    /// H.264: the sequence that the images continue or begin; otherwise 0.
+    pub video: u64,
 }
 
 /// What the daemon runs on and holds.
@@ -226,6 +230,7 @@ impl TryFrom<proto::Frame> for ReceivedFrame {
                 height: image.height,
                 encoding: encoding.ok_or(ClientError::Answer { field: "encoding" })?,
                 data: image.data.into(),
+                key_frame: image.key_frame,
             })
         });
         Ok(Self {
@@ -242,6 +247,7 @@ impl TryFrom<proto::Frame> for ReceivedFrame {
             given_up: frame.given_up,
             camera: camera_from_pb(frame.camera.ok_or(ClientError::Answer { field: "camera" })?)?,
             images: images.collect::<Result<_, ClientError>>()?,
+            video: frame.video,
         })
     }
 }
@@ -269,9 +275,29 @@ impl FrameReceiver {
     }
 }
 
-fn next_request(view: &str, encoding: Encoding, after_frame_number: u64, max_size: u32) -> proto::NextFrameRequest {
+/// The frame that somebody has had last, to ask for the next one: a [`ReceivedFrame`], or its number. After a number H.264 begins anew; 0: there was none.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct After {
+    number: u64,
+    video: u64,
+}
+
+impl From<u64> for After {
+    fn from(number: u64) -> Self {
+        Self { number, video: 0 }
+    }
+}
+
+impl From<&ReceivedFrame> for After {
+    fn from(frame: &ReceivedFrame) -> Self {
+        Self { number: frame.number, video: frame.video }
+    }
+}
+
+fn next_request(view: &str, encoding: Encoding, after: After, max_size: u32) -> proto::NextFrameRequest {
     let encoding = convert::encoding_to_pb(encoding).into();
-    proto::NextFrameRequest { view: view.to_owned(), encoding, after_frame_number, max_size }
+    let After { number: after_frame_number, video } = after;
+    proto::NextFrameRequest { view: view.to_owned(), encoding, after_frame_number, max_size, video }
 }
 
 /// A connection to a daemon. Clones share it.
@@ -373,22 +399,25 @@ impl Client {
         Ok(FrameReceiver { stream, view: self.view.clone() })
     }
 
-    /// The next frame of a view after the one with a number (0: any), as soon as there is one. Display images whose longest side has more than
+    /// The next frame of a view after one (0: any), as soon as there is one. Display images whose longest side has more than
     /// `max_size` pixels are reduced; 0: none are.
     pub async fn next_frame(
         &mut self,
         view: &str,
         encoding: Encoding,
-        after_frame_number: u64,
+        after: impl Into<After>,
         max_size: u32,
     ) -> Result<ReceivedFrame, ClientError> {
-        let request = next_request(view, encoding, after_frame_number, max_size);
+        let request = next_request(view, encoding, after.into(), max_size);
         self.view.next_frame(request).await?.into_inner().try_into()
     }
 
-    /// The same of several views, each with the number of the frame that was seen of it: as soon as one has a frame, those of all that have.
-    pub async fn next_frames(&mut self, views: &[(&str, Encoding, u64)]) -> Result<Vec<ReceivedFrame>, ClientError> {
-        let request = |(view, encoding, after): &(&str, Encoding, u64)| next_request(view, *encoding, *after, 0);
+    /// The same of several views, each with the frame that was seen of it: as soon as one has a frame, those of all that have.
+    pub async fn next_frames<A: Into<After> + Copy>(
+        &mut self,
+        views: &[(&str, Encoding, A)],
+    ) -> Result<Vec<ReceivedFrame>, ClientError> {
+        let request = |(view, encoding, after): &(&str, Encoding, A)| next_request(view, *encoding, (*after).into(), 0);
         let request = proto::NextFramesRequest { views: views.iter().map(request).collect() };
         let answer = self.view.next_frames(request).await?.into_inner();
         answer.frames.into_iter().map(ReceivedFrame::try_from).collect()

@@ -74,6 +74,7 @@ pub(super) fn encoding_to_pb(encoding: Encoding) -> proto::Encoding {
         Encoding::Rgba8 => proto::Encoding::Rgba8,
         Encoding::Png => proto::Encoding::Png,
         Encoding::Jpeg => proto::Encoding::Jpeg,
+        Encoding::H264 => proto::Encoding::H264,
         Encoding::Rgb32f => proto::Encoding::Rgb32f,
         Encoding::Exr => proto::Encoding::Exr,
     }
@@ -86,6 +87,7 @@ pub(super) fn encoding_from_pb(encoding: i32) -> Option<Encoding> {
         proto::Encoding::Rgba8 => Some(Encoding::Rgba8),
         proto::Encoding::Png => Some(Encoding::Png),
         proto::Encoding::Jpeg => Some(Encoding::Jpeg),
+        proto::Encoding::H264 => Some(Encoding::H264),
         proto::Encoding::Rgb32f => Some(Encoding::Rgb32f),
         proto::Encoding::Exr => Some(Encoding::Exr),
     }

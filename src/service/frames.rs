@@ -12,9 +12,10 @@ use tonic::Status;
 
 use super::{
     handlers::failed,
-    order::Order,
+    order::{Order, Reading},
     proto,
     streams::{Acknowledged, Subscription},
+    video::Seen,
 };
 
 /// What a stream holds between two messages.
@@ -22,6 +23,8 @@ pub(super) struct Source {
     pub(super) subscription: Subscription,
     /// `None`: frames are not acknowledged.
     pub(super) acknowledged: Option<Acknowledged>,
+    /// The last picture of video.
+    pub(super) seen: Option<Seen>,
 }
 
 /// The work on the next message; it owns the source meanwhile and hands it back.
@@ -52,8 +55,9 @@ fn next(mut source: Source, order: Order) -> Work {
             Err(failure) => return Some((Err(failed(&failure)), None)),
         };
         let stream = source.acknowledged.as_ref().map_or(0, Acknowledged::number);
-        match order.encode(&rendered, dropped, stream).await {
+        match order.encode(&rendered, Reading { dropped, stream, seen: source.seen }).await {
             Ok(message) => {
+                source.seen = Seen::of(message.video, message.frame_number);
                 if let Some(acknowledged) = &mut source.acknowledged {
                     acknowledged.sent(message.frame_number);
                 }

@@ -20,13 +20,14 @@ use super::{
     convert_views::{view_to_pb, view_update_from_pb},
     frames::{FrameStream, Source},
     headset::Headset,
-    order::{Encoders, Form, Order},
+    order::{Encoders, Form, Order, Reading},
     proto, refusals,
     render::{Capacity, Refused, RenderHandle},
     scene::{SceneError, SceneState},
     server::SceneCatalogue,
     slot::{RenderFailure, RenderedFrame},
     state::StateFile,
+    video::Rate,
     workshop::Workshop,
 };
 use crate::{
@@ -135,7 +136,7 @@ impl Service {
         // The frames of a headset have one view.
         let view = self.rig.index_of(name).or(headset.as_ref().map(|_| 0)).ok_or_else(|| self.no_view(name))?;
         let encoding = convert::encoding_from_pb(encoding).ok_or_else(|| {
-            refusals::invalid(format!("encoding = {encoding}: one of RGBA8, PNG, JPEG, RGB32F, EXR is needed"))
+            refusals::invalid(format!("encoding = {encoding}: one of RGBA8, PNG, JPEG, RGB32F, EXR, H264 is needed"))
         })?;
         if max_size > 0 && encoding.wanted().hdr {
             let problem = format!("max_size = {max_size}: {} images have the size of the view", encoding.name());
@@ -148,7 +149,7 @@ impl Service {
         }
         let form = Form { encoding, max_size };
         let (encoders, client) = (Arc::clone(&self.encoders), client.clone());
-        Ok(Order { name: name.into(), view, headset, form, encoders, client })
+        Ok(Order { name: name.into(), view, headset, form, rate: None, encoders, client })
     }
 
     /// Bytes of a message of the order's view, at most.
@@ -312,7 +313,7 @@ impl proto::view_service_server::ViewService for Service {
         let _pending = self.pending.try_acquire().map_err(|_| refused(Refused::Full))?;
         let held = client.hold_output(self.most_bytes(&order))?;
         let rendered = self.rendered(&order).await?;
-        Ok(holding(order.encode(&rendered, 0, 0).await?, held))
+        Ok(holding(order.encode(&rendered, Reading::default()).await?, held))
     }
 
     async fn next_frame(&self, request: Request<proto::NextFrameRequest>) -> Result<Response<proto::Frame>, Status> {
@@ -359,13 +360,15 @@ impl proto::view_service_server::ViewService for Service {
             let message = format!("max_rate_hz = {rate}: allowed are 0 (every frame) and {min} to {max}");
             return Err(refusals::invalid(message));
         };
+        let order = Order { rate: Some(Rate::Streamed(interval)), ..order };
         let subscription = match &order.headset {
             None => self.render.subscribe(order.view, order.wanted(), interval),
             Some(headset) => headset.subscribe(order.wanted(), interval),
         };
         let subscription = subscription.map_err(refused)?;
         let acknowledged = request.acknowledged.then(|| self.render.streams().acknowledged());
-        let stream: Self::StreamFramesStream = Box::pin(FrameStream::new(Source { subscription, acknowledged }, order));
+        let stream: Self::StreamFramesStream =
+            Box::pin(FrameStream::new(Source { subscription, acknowledged, seen: None }, order));
         Ok(holding(stream, held))
     }
 }

@@ -60,15 +60,16 @@ mod server;
 mod slot;
 mod state;
 mod streams;
+mod video;
 mod views;
 mod worker;
 mod workshop;
 
 pub use access::{Access, AccessSource, Admitted, digest_of, new_token};
 pub use client::{
-    CheckReceiver, Client, ClientError, FrameReceiver, HeadsetStatus, ReceivedAudits, ReceivedCheck, ReceivedFigure,
-    ReceivedFrame, ReceivedHeadset, ReceivedImage, ReceivedImageAudit, ReceivedQuality, ReceivedStats, ReceivedTimes,
-    SceneForm, SceneReceiver, SeenObject, ServerInfo, StatsReceiver, ViewForm, ViewImageForm,
+    After, CheckReceiver, Client, ClientError, FrameReceiver, HeadsetStatus, ReceivedAudits, ReceivedCheck,
+    ReceivedFigure, ReceivedFrame, ReceivedHeadset, ReceivedImage, ReceivedImageAudit, ReceivedQuality, ReceivedStats,
+    ReceivedTimes, SceneForm, SceneReceiver, SeenObject, ServerInfo, StatsReceiver, ViewForm, ViewImageForm,
 };
 pub use client_camera::{CameraReceiver, Lease, Steering};
 pub use credentials::Credentials;

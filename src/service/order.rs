@@ -12,12 +12,20 @@ use std::{
 };
 
 use tokio::{
-    sync::{OnceCell, Semaphore},
+    sync::{OnceCell, Semaphore, SemaphorePermit},
     task,
 };
 use tonic::Status;
 
-use super::{background, clients::ClientInfo, convert, headset::Headset, proto, slot::RenderedFrame};
+use super::{
+    background,
+    clients::ClientInfo,
+    convert,
+    headset::Headset,
+    proto,
+    slot::RenderedFrame,
+    video::{Audience, Picture, Rate, Seen, Videos},
+};
 use crate::{
     output::{self, Encoding},
     render::{FrameImage, ViewStatistics, Wanted},
@@ -42,7 +50,7 @@ impl Form {
         // What compresses may come out a little larger than what it is given.
         match self.encoding {
             Encoding::Rgba8 => 4 * pixels,
-            Encoding::Png | Encoding::Jpeg => 4 * pixels + pixels / 16 + 65_536,
+            Encoding::Png | Encoding::Jpeg | Encoding::H264 => 4 * pixels + pixels / 16 + 65_536,
             Encoding::Rgb32f => 12 * pixels,
             Encoding::Exr => 16 * pixels + pixels + 65_536,
         }
@@ -72,6 +80,7 @@ impl EncodedImages {
 pub(super) struct Encoders {
     quick: Semaphore,
     slow: Semaphore,
+    videos: Videos,
     /// Times that images were encoded since the start, what that came to, and how long it took.
     count: AtomicU64,
     bytes: AtomicU64,
@@ -84,7 +93,7 @@ impl Encoders {
         let cores = thread::available_parallelism().map_or(1, usize::from);
         let (quick, slow) = (Semaphore::new(cores), Semaphore::new((cores / 2).max(1)));
         let [count, bytes, busy_ns] = [0; 3].map(AtomicU64::new);
-        Self { quick, slow, count, bytes, busy_ns }
+        Self { quick, slow, videos: Videos::default(), count, bytes, busy_ns }
     }
 
     /// Times that the images of a view of a frame were encoded.
@@ -95,6 +104,12 @@ impl Encoders {
     /// Bytes of their images.
     pub(super) fn bytes(&self) -> u64 {
         self.bytes.load(Relaxed)
+    }
+
+    fn note(&self, images: &[proto::Image], begun: Instant) {
+        self.count.fetch_add(1, Relaxed);
+        self.bytes.fetch_add(images.iter().map(|image| image.data.len() as u64).sum(), Relaxed);
+        self.busy_ns.fetch_add(u64::try_from(begun.elapsed().as_nanos()).unwrap_or(u64::MAX), Relaxed);
     }
 
     /// How long they took, added up.
@@ -112,8 +127,21 @@ pub(super) struct Order {
     /// Who makes its frames, if not the render thread.
     pub(super) headset: Option<Arc<Headset>>,
     pub(super) form: Form,
+    /// `None`: one frame alone.
+    pub(super) rate: Option<Rate>,
     pub(super) encoders: Arc<Encoders>,
     pub(super) client: ClientInfo,
+}
+
+/// What a message says of its stream, and what it can rely on.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Reading {
+    /// Frames that the reader has missed.
+    pub(super) dropped: u64,
+    /// Number of the stream.
+    pub(super) stream: u64,
+    /// The picture of video that the reader has had last.
+    pub(super) seen: Option<Seen>,
 }
 
 impl Order {
@@ -122,24 +150,19 @@ impl Order {
     }
 
     /// The message of a frame.
-    pub(super) async fn encode(
-        &self,
-        rendered: &Arc<RenderedFrame>,
-        dropped: u64,
-        stream: u64,
-    ) -> Result<proto::Frame, Status> {
+    pub(super) async fn encode(&self, rendered: &Arc<RenderedFrame>, reading: Reading) -> Result<proto::Frame, Status> {
+        if let Some(rate) = self.rate.filter(|_| self.form.encoding == Encoding::H264) {
+            let Picture { images, seen } = self.picture(rendered, rate, reading.seen).await?;
+            return Ok(proto::Frame { video: seen.sequence, ..self.message(rendered, images, reading) });
+        }
         let cell = rendered.encoded.of(self.view, self.form);
         let images = cell.get_or_try_init(|| self.images(rendered)).await?;
-        Ok(self.message(rendered, images.clone().map_err(Status::internal)?, dropped, stream))
+        Ok(self.message(rendered, images.clone().map_err(Status::internal)?, reading))
     }
 
     /// Encodes the view's images of a frame, away from the threads that serve connections.
     async fn images(&self, rendered: &Arc<RenderedFrame>) -> Result<Images, Status> {
-        let ending = |_| Status::unavailable("the daemon is shutting down");
-        let of_all = if self.form.is_slow() { &self.encoders.slow } else { &self.encoders.quick };
-        // One's own place first: however many calls a client has, few of them wait before the calls of others.
-        let _own = self.client.encoding(self.form.is_slow()).acquire().await.map_err(ending)?;
-        let _place = of_all.acquire().await.map_err(ending)?;
+        let _places = self.places().await?;
         let begun = Instant::now();
         let (view, form, rendered) = (self.view, self.form, Arc::clone(rendered));
         let encoding = move || {
@@ -147,18 +170,43 @@ impl Order {
             let images = rendered.frame.images.iter().filter(|image| image.view == view);
             images.map(|image| encoded(form, image)).collect()
         };
-        let encoded = task::spawn_blocking(encoding).await;
-        let images: Images =
-            encoded.map_err(|error| Status::internal(format!("encoding the frame failed: {error}")))?;
-        let Encoders { count, bytes, busy_ns, .. } = &*self.encoders;
-        count.fetch_add(1, Relaxed);
-        let size = |images: &Vec<proto::Image>| images.iter().map(|image| image.data.len() as u64).sum();
-        bytes.fetch_add(images.as_ref().map_or(0, size), Relaxed);
-        busy_ns.fetch_add(u64::try_from(begun.elapsed().as_nanos()).unwrap_or(u64::MAX), Relaxed);
+        let images: Images = task::spawn_blocking(encoding).await.map_err(|error| not_encoded(&error))?;
+        self.encoders.note(images.as_deref().unwrap_or_default(), begun);
         Ok(images)
     }
 
-    fn message(&self, rendered: &RenderedFrame, images: Vec<proto::Image>, dropped: u64, stream: u64) -> proto::Frame {
+    /// Places for one who encodes.
+    async fn places(&self) -> Result<[SemaphorePermit<'_>; 2], Status> {
+        let ending = |_| Status::unavailable("the daemon is shutting down");
+        let of_all = if self.form.is_slow() { &self.encoders.slow } else { &self.encoders.quick };
+        // One's own place first: however many calls a client has, few of them wait before the calls of others.
+        let own = self.client.encoding(self.form.is_slow()).acquire().await.map_err(ending)?;
+        Ok([own, of_all.acquire().await.map_err(ending)?])
+    }
+
+    /// The picture of a frame in a sequence, for somebody who has seen `seen` of it.
+    async fn picture(&self, rendered: &Arc<RenderedFrame>, rate: Rate, seen: Option<Seen>) -> Result<Picture, Status> {
+        let audience = Audience { view: Arc::clone(&self.name), form: self.form, rate };
+        // Before the places: who waits for this has none.
+        let mut sequences = self.encoders.videos.of(&audience).lock_owned().await;
+        if let Some(picture) = sequences.coded(rendered.frame.number, seen) {
+            return Ok(picture);
+        }
+        let _places = self.places().await?;
+        let begun = Instant::now();
+        let (view, rendered) = (self.view, Arc::clone(rendered));
+        let coding = move || {
+            background::stand_back();
+            let images: Vec<&FrameImage> = rendered.frame.images.iter().filter(|image| image.view == view).collect();
+            sequences.code(rendered.frame.number, seen, &images)
+        };
+        let picture = task::spawn_blocking(coding).await.map_err(|error| not_encoded(&error))??;
+        self.encoders.note(&picture.images, begun);
+        Ok(picture)
+    }
+
+    fn message(&self, rendered: &RenderedFrame, images: Vec<proto::Image>, reading: Reading) -> proto::Frame {
+        let Reading { dropped, stream, .. } = reading;
         let frame = &rendered.frame;
         let of_view = |view: &ViewStatistics| view.limiting_magnitude;
         proto::Frame {
@@ -175,9 +223,14 @@ impl Order {
             given_up: rendered.given_up.what.clone(),
             camera: Some(convert::camera_to_pb(&rendered.camera)),
             stream,
+            video: 0,
             images,
         }
     }
+}
+
+fn not_encoded(error: &task::JoinError) -> Status {
+    Status::internal(format!("encoding the frame failed: {error}"))
 }
 
 fn encoded(form: Form, image: &FrameImage) -> Result<proto::Image, String> {
@@ -190,5 +243,6 @@ fn encoded(form: Form, image: &FrameImage) -> Result<proto::Image, String> {
         height: image.height,
         encoding: convert::encoding_to_pb(form.encoding).into(),
         data: data.into(),
+        key_frame: form.encoding == Encoding::H264,
     })
 }

@@ -16,9 +16,10 @@ use tonic::Status;
 use super::{
     clients::{ClientInfo, Held},
     handlers::{Service, failed, refused},
-    order::Order,
+    order::{Order, Reading},
     proto, refusals,
     slot::RenderedFrame,
+    video::{Rate, Seen},
 };
 
 /// Views of one call.
@@ -30,6 +31,11 @@ type Rendered = Result<Arc<RenderedFrame>, Status>;
 type Waiting = Pin<Box<dyn Future<Output = Rendered> + Send>>;
 
 impl Service {
+    fn pulled(&self, client: &ClientInfo, request: &proto::NextFrameRequest) -> Result<Order, Status> {
+        let order = self.order(client, &request.view, request.encoding, request.max_size)?;
+        Ok(Order { rate: Some(Rate::Pulled), ..order })
+    }
+
     /// Waits for the next frame of an order's view.
     fn next_of(&self, order: &Order, after: u64) -> Result<Waiting, Status> {
         let subscription = match &order.headset {
@@ -53,10 +59,10 @@ impl Service {
         client: &ClientInfo,
         request: &proto::NextFrameRequest,
     ) -> Result<(proto::Frame, Held), Status> {
-        let order = self.order(client, &request.view, request.encoding, request.max_size)?;
+        let order = self.pulled(client, request)?;
         let held = client.hold_output(self.most_bytes(&order))?;
         let rendered = self.next_of(&order, request.after_frame_number)?.await?;
-        Ok((order.encode(&rendered, 0, 0).await?, held))
+        Ok((order.encode(&rendered, read(request)).await?, held))
     }
 
     /// The next frames of several views: as soon as one of them has one, those of all that have.
@@ -72,15 +78,15 @@ impl Service {
         let mut orders = Vec::new();
         let mut asked = HashSet::new();
         for request in requests {
-            let order = self.order(client, &request.view, request.encoding, request.max_size)?;
+            let order = self.pulled(client, request)?;
             if !asked.insert((order.name.clone(), order.form.encoding)) {
                 let encoding = order.form.encoding.name();
                 return Err(refusals::invalid(format!("views: `{}` is there twice as {encoding}", order.name)));
             }
-            orders.push((order, request.after_frame_number));
+            orders.push((order, request));
         }
         let held = client.hold_output(orders.iter().map(|(order, _)| self.most_bytes(order)).sum())?;
-        let waiting = orders.iter().map(|(order, after)| Ok(Some(self.next_of(order, *after)?)));
+        let waiting = orders.iter().map(|(order, request)| Ok(Some(self.next_of(order, request.after_frame_number)?)));
         let mut waiting: Vec<Option<Waiting>> = waiting.collect::<Result<_, Status>>()?;
         let mut got: Vec<(usize, Rendered)> = poll_fn(|context| match ready_ones(&mut waiting, context) {
             got if got.is_empty() => Poll::Pending,
@@ -95,10 +101,16 @@ impl Service {
         got.sort_by_key(|(number, _)| *number);
         let mut frames = Vec::new();
         for (number, rendered) in got {
-            frames.push(orders[number].0.encode(&rendered?, 0, 0).await?);
+            let (order, request) = &orders[number];
+            frames.push(order.encode(&rendered?, read(request)).await?);
         }
         Ok((frames, held))
     }
+}
+
+/// What a reader has by its own words.
+fn read(request: &proto::NextFrameRequest) -> Reading {
+    Reading { seen: Seen::of(request.video, request.after_frame_number), ..Reading::default() }
 }
 
 /// Those that have a frame by now; they wait no more.

@@ -19,7 +19,8 @@ use tonic::Code;
 
 use crate::daemon::{Daemon, TestEngine, display_pixel, hdr_pixel, small_rig, within};
 
-const ENCODINGS: [Encoding; 5] = [Encoding::Rgba8, Encoding::Png, Encoding::Jpeg, Encoding::Rgb32f, Encoding::Exr];
+const ENCODINGS: [Encoding; 6] =
+    [Encoding::Rgba8, Encoding::Png, Encoding::Jpeg, Encoding::H264, Encoding::Rgb32f, Encoding::Exr];
 
 fn at_x(x: f64) -> CameraUpdate {
     CameraUpdate { position_m: Some([x, 0.0, 0.0]), ..CameraUpdate::default() }
@@ -143,8 +144,8 @@ async fn a_frame_comes_in_every_encoding_with_the_values_that_were_rendered() {
                         reader.next_frame(&mut pixels).unwrap();
                         assert_eq!(Some(pixels), expected.display);
                     }
-                    // The encoder's own tests look into JPEG files.
-                    Encoding::Jpeg => assert_eq!(image.data, encode(Encoding::Jpeg, &expected).unwrap()),
+                    // The encoders' own tests look into JPEG files and H.264.
+                    Encoding::Jpeg | Encoding::H264 => assert_eq!(image.data, encode(encoding, &expected).unwrap()),
                     Encoding::Rgb32f => {
                         let floats = image.data.chunks_exact(4).map(|b| f32::from_le_bytes(b.try_into().unwrap()));
                         let values = expected.hdr.unwrap().into_iter().flat_map(|[r, g, b, _]| [r, g, b]);

@@ -19,4 +19,5 @@ mod scene;
 mod state;
 mod streams;
 mod verify;
+mod video;
 mod views;

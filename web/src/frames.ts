@@ -3,7 +3,7 @@
 import { type Frame, type NextFrameRequest } from "../gen/steradian/v1/view_pb.ts";
 import { FRAME_PATIENCE_MS, views } from "./rpc.ts";
 
-export type Wanted = Pick<NextFrameRequest, "view" | "encoding" | "afterFrameNumber" | "maxSize">;
+export type Wanted = Pick<NextFrameRequest, "view" | "encoding" | "afterFrameNumber" | "video" | "maxSize">;
 
 /** Frames beyond those that were seen, of all views that have one. */
 export async function nextFrames(wanted: Wanted[], signal: AbortSignal): Promise<Frame[]> {

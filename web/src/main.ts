@@ -18,6 +18,7 @@ import { Pictures } from "./pictures.ts";
 import { failureOf, messageOf, pause } from "./rpc.ts";
 import { Steering } from "./steering.ts";
 import { tabs } from "./tabs.ts";
+import { decodesVideo } from "./video.ts";
 
 /** Waits between attempts to reach the daemon: each twice the one before. */
 const [FIRST_WAIT_MS, LONGEST_WAIT_MS] = [500, 4000];
@@ -87,8 +88,19 @@ model.addEventListener("change", listViews);
 addEventListener("hashchange", listViews);
 
 const encoding = byId("encoding") as HTMLSelectElement;
-encoding.addEventListener("change", () => {
-  pictures.encoding = encoding.value === "png" ? Encoding.PNG : Encoding.JPEG;
+const ENCODINGS: ReadonlyMap<string, Encoding> = new Map([
+  ["h264", Encoding.H264],
+  ["jpeg", Encoding.JPEG],
+  ["png", Encoding.PNG],
+]);
+function encode(): void {
+  pictures.encoding = ENCODINGS.get(encoding.value) ?? Encoding.JPEG;
+}
+encoding.addEventListener("change", encode);
+// Video where the browser has a decoder, which is known before the first picture is asked for.
+const video = decodesVideo().then((decodes) => {
+  if (!decodes) encoding.querySelector("option[value=h264]")?.remove();
+  encode();
 });
 
 // Red light alone keeps the eyes adapted to the dark.
@@ -175,4 +187,4 @@ async function live(): Promise<never> {
   }
 }
 
-void live();
+void video.then(live);

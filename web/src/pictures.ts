@@ -12,6 +12,7 @@ import { notify } from "./notices.ts";
 import { isExact } from "./projection.ts";
 import { failureOf, messageOf, pause } from "./rpc.ts";
 import type { Steering } from "./steering.ts";
+import { Video } from "./video.ts";
 
 /** What one call may name. */
 const MOST_VIEWS = 16;
@@ -31,9 +32,12 @@ class Picture {
   #images = make("div", { class: "images" });
   #caption = make("figcaption");
   #canvases = new Map<string, HTMLCanvasElement>();
+  #videos = new Map<string, Video>();
   #times: number[] = [];
   #gone = new AbortController();
   seen = 0n;
+  /** The sequence of H.264 that its pictures continue; 0: the next one is to be a key picture. */
+  video = 0n;
 
   constructor(
     public view: View,
@@ -102,6 +106,7 @@ class Picture {
   async show(frame: Frame): Promise<void> {
     const bitmaps = await Promise.all(
       frame.images.map((image) => {
+        if (image.encoding === Encoding.H264) return this.#video(image.part).decode(image);
         const type = TYPES.get(image.encoding);
         if (!type) throw new Error(`a picture in encoding ${image.encoding}, which was not asked for`);
         return createImageBitmap(new Blob([image.data as Uint8Array<ArrayBuffer>], { type }));
@@ -111,13 +116,15 @@ class Picture {
       const bitmap = bitmaps[index];
       if (!bitmap) return;
       const canvas = this.#canvas(image.part, image);
-      if (canvas.width !== bitmap.width || canvas.height !== bitmap.height) {
-        [canvas.width, canvas.height] = [bitmap.width, bitmap.height];
+      if (canvas.width !== image.width || canvas.height !== image.height) {
+        [canvas.width, canvas.height] = [image.width, image.height];
       }
+      // Pictures of video with an odd side have a column or row too many, which falls outside.
       canvas.getContext("2d", { alpha: false })?.drawImage(bitmap, 0, 0);
       bitmap.close();
     });
     this.figure.dataset["frame"] = String(frame.frameNumber);
+    this.figure.dataset["encoding"] = Encoding[frame.images[0]?.encoding ?? 0];
     this.figure.dataset["camera"] = String(frame.cameraRevision);
     this.#times.push(now());
     if (this.#times.length > RATE_OF) this.#times.shift();
@@ -139,8 +146,17 @@ class Picture {
     this.#caption.textContent = parts.join(" · ");
   }
 
+  #video(part: string): Video {
+    const there = this.#videos.get(part);
+    if (there) return there;
+    const video = new Video();
+    this.#videos.set(part, video);
+    return video;
+  }
+
   /** It is not shown any more. */
   close(): void {
+    for (const video of this.#videos.values()) video.close();
     this.#gone.abort();
   }
 
@@ -206,7 +222,7 @@ export class Pictures extends EventTarget {
 
   /** Frame numbers begin anew, as after a start of the daemon. */
   #anew(): void {
-    for (const picture of this.#pictures.values()) picture.seen = 0n;
+    for (const picture of this.#pictures.values()) picture.seen = picture.video = 0n;
     this.#change();
   }
 
@@ -231,6 +247,7 @@ export class Pictures extends EventTarget {
       view: picture.view.name,
       encoding: this.#encoding,
       afterFrameNumber: picture.seen,
+      video: picture.video,
       maxSize: picture.maxSize(),
     }));
   }
@@ -253,7 +270,7 @@ export class Pictures extends EventTarget {
         for (const frame of frames) {
           this.ages.arrived(frame, at);
           const picture = this.#pictures.get(frame.view);
-          if (picture) picture.seen = frame.frameNumber;
+          if (picture) [picture.seen, picture.video] = [frame.frameNumber, frame.video];
         }
         await drawing;
         drawing = this.#draw(frames);
@@ -282,6 +299,7 @@ export class Pictures extends EventTarget {
           this.ages.shown(frame);
           this.dispatchEvent(new CustomEvent("frame", { detail: frame }));
         } catch (error) {
+          picture.video = 0n;
           picture.fail(`the picture cannot be decoded: ${error}`);
         }
       }),
