@@ -13,6 +13,8 @@ pub const TESTS: &[Test] = &[
     ("pictures::several_views_are_shown_at_once_and_the_address_keeps_them", several_views_at_once),
     ("pictures::a_phone_shows_them_and_a_finger_turns_them", a_phone_and_a_finger),
     ("pictures::their_age_is_told", their_age_is_told),
+    ("pictures::video_and_jpeg_show_what_png_shows", video_and_jpeg_show_what_png_shows),
+    ("pictures::the_way_from_camera_to_screen_is_told_for_video_and_jpeg", the_way_from_camera_to_screen),
 ];
 
 /// How far from the pointer a dragged star may be, CSS pixels: a pixel of the picture, and the pointer's own rounding.
@@ -160,5 +162,85 @@ fn their_age_is_told() -> Result<(), String> {
         page.until("document.getElementById('age').textContent.includes('camera to screen')").await;
         page.click("#tab-statistics").await;
         page.until("document.getElementById('panel-statistics').textContent.includes('Camera to screen, last')").await;
+    })
+}
+
+/// Chooses an encoding, and waits for a picture in it.
+async fn encode(page: &Browser, encoding: &str) {
+    page.click(&format!("#encoding option[value={encoding}]")).await;
+    let shown = "document.querySelector('[data-view=window]')?.dataset.encoding";
+    page.until(&format!("{shown} === '{}'", encoding.to_uppercase())).await;
+}
+
+/// Pixels of the view's canvas: R, G, B, A.
+async fn pixels(page: &Browser) -> Vec<u8> {
+    page.run::<Vec<u8>>(
+        "const canvas = document.querySelector('[data-view=window] canvas');
+         return [...canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data]",
+    )
+    .await
+}
+
+/// Over the pixels of stars: root mean square of luma and of R - B, and of the errors of both.
+fn errors(exact: &[u8], found: &[u8]) -> [f64; 4] {
+    assert_eq!(exact.len(), found.len());
+    let luma = |pixel: &[u8]| pixel.iter().zip([0.2126, 0.7152, 0.0722]).map(|(c, w)| f64::from(*c) * w).sum::<f64>();
+    let colour = |pixel: &[u8]| f64::from(pixel[0]) - f64::from(pixel[2]);
+    let pairs = exact.chunks_exact(4).zip(found.chunks_exact(4)).filter(|(exact, _)| luma(exact) > 60.0);
+    let (mut sums, mut count) = ([0.0; 4], 0.0);
+    for (exact, found) in pairs {
+        let values =
+            [luma(exact), colour(exact), luma(found) - luma(exact), colour(found) - colour(exact)].map(|v| v * v);
+        sums = [0, 1, 2, 3].map(|at| sums[at] + values[at]);
+        count += 1.0;
+    }
+    sums.map(|sum: f64| (sum / count).sqrt())
+}
+
+fn video_and_jpeg_show_what_png_shows() -> Result<(), String> {
+    with_page(Screen::Desk, async |page, _| {
+        page.until(&has_picture("window")).await;
+        // Where the browser has a decoder, video is what it begins with.
+        let first = page.run::<String>("return document.querySelector('[data-view=window]').dataset.encoding").await;
+        assert_eq!(first, "H264");
+        settle(page, "window").await;
+        let video = pixels(page).await;
+        encode(page, "png").await;
+        let exact = pixels(page).await;
+        encode(page, "jpeg").await;
+        let jpeg = pixels(page).await;
+        for (encoding, found, most) in [("H264", &video, [0.06, 0.6]), ("JPEG", &jpeg, [0.1, 0.2])] {
+            let [luma, colour, luma_off, colour_off] = errors(&exact, found);
+            println!("{encoding}: luma {luma:.1}, error {luma_off:.2}; R - B {colour:.1}, error {colour_off:.2}");
+            assert!(luma_off < most[0] * luma && colour_off < most[1] * colour, "{encoding}");
+        }
+        // What is compared is not the same picture twice, and another picture does not pass.
+        let other: Vec<u8> = exact.iter().rev().copied().collect();
+        let [luma, _, luma_off, _] = errors(&exact, &other);
+        assert!(video != exact && luma_off > 0.5 * luma);
+    })
+}
+
+fn the_way_from_camera_to_screen() -> Result<(), String> {
+    with_page(Screen::Desk, async |page, _| {
+        page.until(&has_picture("window")).await;
+        page.click("#tab-statistics").await;
+        for encoding in ["h264", "jpeg"] {
+            encode(page, encoding).await;
+            for turn in 0..6 {
+                let to = [700.0 - 40.0 * f64::from(turn % 2), 400.0];
+                page.drag(Screen::Desk, [660.0 + 40.0 * f64::from(turn % 2), 420.0], to).await;
+            }
+            settle(page, "window").await;
+            let rows = "[...document.querySelectorAll('#panel-statistics dt')].filter(e => /Camera to screen|of it to|coded and|decoded and/.test(e.textContent))";
+            page.until(&format!("{rows}.length === 4")).await;
+            let told = page
+                .run::<Vec<String>>(&format!(
+                    "return {rows}.map(e => e.textContent + ': ' + e.nextSibling.textContent)"
+                ))
+                .await;
+            println!("{encoding}: {told:?}");
+            assert!(told.iter().all(|row| row.contains("median") && !row.contains("NaN")), "{told:?}");
+        }
     })
 }

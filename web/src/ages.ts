@@ -10,14 +10,24 @@ const MOST = 200;
 export interface Quantiles {
   median: number;
   p99: number;
-  count: number;
 }
+
+/** The way of a pose to the screen, ms: to the end of rendering, to the browser (coding, connection), through the decoder onto the screen; all of it. */
+interface Way {
+  rendered: number;
+  sent: number;
+  drawn: number;
+  whole: number;
+}
+
+export type Ways = { [part in keyof Way]: Quantiles } & { count: number };
 
 export class Ages {
   #clock: Clock;
   #rendered = new Map<string, number>();
   #revision = new Map<string, bigint>();
-  #poses: number[] = [];
+  #ways: Way[] = [];
+  #arrived = new WeakMap<Frame, number>();
   /** Age of the last picture when it was drawn, ms. */
   last: number | undefined;
 
@@ -39,6 +49,7 @@ export class Ages {
 
   /** A frame has arrived. */
   arrived(frame: Frame, at: number): void {
+    this.#arrived.set(frame, at);
     if (frame.renderTime) this.#clock.arrived(milliseconds(frame.renderTime), at);
     if (frame.poseTime) this.#clock.poseShown(frame.cameraRevision, milliseconds(frame.poseTime));
   }
@@ -54,9 +65,12 @@ export class Ages {
     }
     const before = this.#revision.get(frame.view);
     this.#revision.set(frame.view, frame.cameraRevision);
-    if (before === undefined || before === frame.cameraRevision || !frame.poseTime || offset === undefined) return;
-    this.#poses.push(at + offset - milliseconds(frame.poseTime));
-    if (this.#poses.length > MOST) this.#poses.shift();
+    const arrived = this.#arrived.get(frame);
+    if (before === undefined || before === frame.cameraRevision || !frame.poseTime || !frame.renderTime) return;
+    if (offset === undefined || arrived === undefined) return;
+    const [pose, rendered] = [milliseconds(frame.poseTime), milliseconds(frame.renderTime)];
+    this.#ways.push({ rendered: rendered - pose, sent: arrived + offset - rendered, drawn: at - arrived, whole: at + offset - pose });
+    if (this.#ways.length > MOST) this.#ways.shift();
   }
 
   /** Age of the oldest picture on the screen, ms; undefined while there is none or the clocks are not known. */
@@ -68,14 +82,23 @@ export class Ages {
 
   /** From the last pose to the screen, ms. */
   pose(): number | undefined {
-    return this.#poses.at(-1);
+    return this.#ways.at(-1)?.whole;
   }
 
   /** The same of the last poses. */
-  poses(): Quantiles | undefined {
-    const sorted = [...this.#poses].sort((a, b) => a - b);
-    const at = (share: number) => sorted[Math.min(sorted.length - 1, Math.floor(share * sorted.length))];
-    const [median, p99] = [at(0.5), at(0.99)];
-    return median === undefined || p99 === undefined ? undefined : { median, p99, count: sorted.length };
+  ways(): Ways | undefined {
+    const count = this.#ways.length;
+    if (count === 0) return undefined;
+    const of = (part: keyof Way): Quantiles => {
+      const sorted = this.#ways.map((way) => way[part]).sort((a, b) => a - b);
+      const at = (share: number) => sorted[Math.min(count - 1, Math.floor(share * count))] ?? Number.NaN;
+      return { median: at(0.5), p99: at(0.99) };
+    };
+    return { rendered: of("rendered"), sent: of("sent"), drawn: of("drawn"), whole: of("whole"), count };
+  }
+
+  /** Poses of another encoding are not to be compared. */
+  forgetWays(): void {
+    this.#ways = [];
   }
 }

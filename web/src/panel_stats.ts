@@ -1,7 +1,7 @@
 // Statistics of the daemon as plots, and those of its headset. The stream of statistics is also what bounds the offset between the clocks first.
 
 import type { Distribution, HeadsetStats, Stats } from "../gen/steradian/v1/diagnostics_pb.ts";
-import type { Ages } from "./ages.ts";
+import type { Ages, Quantiles } from "./ages.ts";
 import { type Clock, milliseconds, now } from "./clock.ts";
 import { duration, make } from "./dom.ts";
 import type { Model } from "./model.ts";
@@ -117,9 +117,11 @@ export class Statistics extends EventTarget {
     if (stats.framesFailed > 0n) rows.push(["Frames failed", stats.framesFailed.toLocaleString("en")]);
     if (stats.problem) rows.push(["The last frame", stats.problem]);
     if (frame) rows.push(["Objects made for the last frame", frame.objectsMade.toLocaleString("en")]);
-    const poses = this.ages.poses();
-    if (poses) {
-      rows.push([`Camera to screen, last ${poses.count} poses`, `median ${duration(poses.median)}, 99 %: ${duration(poses.p99)}`]);
+    const ways = this.ages.ways();
+    if (ways) {
+      const told = ({ median, p99 }: Quantiles) => `median ${duration(median)}, 99 %: ${duration(p99)}`;
+      rows.push([`Camera to screen, last ${ways.count} poses`, told(ways.whole)]);
+      rows.push(["of it to the end of rendering", told(ways.rendered)], ["coded and sent", told(ways.sent)], ["decoded and drawn", told(ways.drawn)]);
     }
     const clock = this.clock.offset();
     if (clock) rows.push(["Clock of the daemon", `${clock.offset >= 0 ? "+" : "−"}${duration(Math.abs(clock.offset))}, to ±${duration(clock.error)}`]);

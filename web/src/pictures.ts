@@ -195,6 +195,7 @@ export class Pictures extends EventTarget {
 
   set encoding(encoding: Encoding) {
     this.#encoding = encoding;
+    this.ages.forgetWays();
     this.#anew();
   }
 
