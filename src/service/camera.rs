@@ -1,6 +1,9 @@
 //! The calls that concern the camera: who may move it, and where it is.
 
-use std::{sync::Arc, time::Duration};
+use std::{
+    sync::Arc,
+    time::{Duration, SystemTime},
+};
 
 use tokio::{sync::oneshot, task, time::timeout};
 use tokio_stream::wrappers::ReceiverStream;
@@ -21,7 +24,7 @@ const MOST_NAME: usize = 64;
 
 pub(super) fn unmoved(error: &CameraError) -> Status {
     match error {
-        CameraError::Pose(_) | CameraError::Scene(_) => refusals::invalid(error.to_string()),
+        CameraError::Pose(_) | CameraError::Scene(_) | CameraError::Time(_) => refusals::invalid(error.to_string()),
         CameraError::Revision { expected, found } => refusals::revision(error.to_string(), "camera", *expected, *found),
         CameraError::Leased { holder } => refusals::leased(error.to_string(), holder),
         CameraError::Ending => Status::unavailable(error.to_string()),
@@ -111,6 +114,22 @@ impl Service {
         let update = convert::update_from_pb(request);
         self.render.set_camera(&update, expected, lease).map_err(|error| unmoved(&error))
     }
+
+    fn plan_camera(
+        &self,
+        request: proto::SetCameraRequest,
+        time: prost_types::Timestamp,
+        lease: Option<u64>,
+    ) -> Result<Camera, Status> {
+        if request.expected_revision.is_some() {
+            return Err(refusals::invalid(
+                "expected_revision: a pose with a time has none, since the camera moves until then",
+            ));
+        }
+        let time = SystemTime::try_from(time).map_err(|error| refusals::invalid(format!("time: {error}")))?;
+        let update = convert::update_from_pb(request);
+        self.render.plan_camera(&update, time, lease).map_err(|error| unmoved(&error))
+    }
 }
 
 #[tonic::async_trait]
@@ -171,8 +190,14 @@ impl proto::camera_service_server::CameraService for Service {
                 return Err(refusals::invalid("lease and holder: only the first message may have them"));
             }
             if let Some(camera) = message.camera {
-                by.moved(self.place_camera(camera, steering.lease)?.revision);
+                let placed = match message.time {
+                    None => self.place_camera(camera, steering.lease)?,
+                    Some(time) => self.plan_camera(camera, time, steering.lease)?,
+                };
+                by.moved(placed.revision);
                 poses += 1;
+            } else if message.time.is_some() {
+                return Err(refusals::invalid("time: it is that of a camera, and there is none"));
             }
         }
         let camera = Some(self.told(&self.render.camera()));

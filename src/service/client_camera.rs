@@ -1,5 +1,7 @@
 //! The client's calls about the camera that last.
 
+use std::time::SystemTime;
+
 use tokio::{sync::mpsc, task::JoinHandle};
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::{Response, Status, Streaming};
@@ -35,8 +37,17 @@ pub struct Steering {
 impl Steering {
     /// Moves the camera; waits where poses come faster than they are sent. `false`: the daemon has ended the stream, [`Self::end`] says why.
     pub async fn send(&mut self, update: &CameraUpdate) -> bool {
+        self.pass(update, None).await
+    }
+
+    /// The same for a time by the daemon's clock: until then the camera moves there from the pose before, and frames show where it is when they are seen.
+    pub async fn send_for(&mut self, update: &CameraUpdate, time: SystemTime) -> bool {
+        self.pass(update, Some(time.into())).await
+    }
+
+    async fn pass(&mut self, update: &CameraUpdate, time: Option<prost_types::Timestamp>) -> bool {
         let camera = Some(convert::update_to_pb(update));
-        let message = proto::StreamCameraRequest { camera, ..proto::StreamCameraRequest::default() };
+        let message = proto::StreamCameraRequest { camera, time, ..proto::StreamCameraRequest::default() };
         !self.answer.is_finished() && self.poses.send(message).await.is_ok()
     }
 
@@ -84,7 +95,8 @@ impl Client {
             Lease::Take => proto::CameraLease::Take,
             Lease::TakeOver => proto::CameraLease::TakeOver,
         };
-        let first = proto::StreamCameraRequest { camera: None, lease: lease.into(), holder: holder.to_owned() };
+        let (lease, holder) = (lease.into(), holder.to_owned());
+        let first = proto::StreamCameraRequest { camera: None, lease, holder, time: None };
         // The channel is new and has room.
         poses.send(first).await.map_err(|_| Status::internal("the stream has no reader"))?;
         let mut camera = self.camera.clone();

@@ -39,6 +39,11 @@ impl Forecast {
         self.last.push_front(Took { planned, drawn });
     }
 
+    /// How long a frame takes, from its begin to its end; zero while that is not known.
+    pub(super) fn frame(&self) -> Duration {
+        self.last.iter().map(|took| took.planned + took.drawn).min().unwrap_or_default()
+    }
+
     /// Of a frame that the device has been at since `began`. `None`: no frame has been drawn yet.
     ///
     /// It is expected to take as long as the slowest of the last frames, and the next one to be planned as fast as the fastest: a camera

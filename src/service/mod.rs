@@ -60,6 +60,7 @@ mod server;
 mod slot;
 mod state;
 mod streams;
+mod track;
 mod video;
 mod views;
 mod worker;

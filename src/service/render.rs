@@ -20,6 +20,7 @@ use super::{
     schedule::{Pace, Revisions},
     slot::{RenderFailure, RenderedFrame, Slot},
     streams::{Streams, Subscription},
+    track::{Track, TrackError},
 };
 use crate::{
     catalogue::chunks::StarSet,
@@ -41,6 +42,17 @@ pub struct CameraUpdate {
     pub orientation: Option<[f64; 4]>,
     /// Velocity in units of the speed of light, world axes; at most 0.9999 long.
     pub velocity_c: Option<[f64; 3]>,
+}
+
+impl CameraUpdate {
+    /// The camera after the change of another one.
+    fn of(&self, old: &Camera) -> Result<Camera, PoseError> {
+        Camera::new(
+            self.position_m.unwrap_or(old.position_m.to_array()),
+            self.orientation.unwrap_or(old.world_from_camera.to_array()),
+            self.velocity_c.unwrap_or(old.velocity_c.to_array()),
+        )
+    }
 }
 
 /// How much the thread takes on.
@@ -116,6 +128,9 @@ pub(super) enum CameraError {
         /// What the camera has.
         found: u64,
     },
+    /// Its time is of no use.
+    #[error(transparent)]
+    Time(#[from] TrackError),
     /// Another client has the lease.
     #[error("`{holder}` steers the camera at present: wait, or take the lease over in StreamCamera")]
     Leased {
@@ -150,6 +165,8 @@ pub(super) struct State {
     pub(super) failures: Failures,
     /// How often the renderer was lost.
     pub(super) losses: u64,
+    /// Poses that are given ahead of their time.
+    pub(super) track: Track,
     /// Who alone may move the camera.
     pub(super) lease: Option<Lease>,
     /// The camera, for those who watch it.
@@ -190,10 +207,20 @@ impl State {
     }
 
     fn move_camera(&mut self, camera: Camera) -> Camera {
+        self.track.clear();
         self.camera = Camera { revision: self.camera.revision + 1, ..camera };
         self.pose_time = SystemTime::now();
         self.tell_camera();
         self.camera
+    }
+
+    /// Moves the camera along the poses that were given for later, to where it is at a time.
+    pub(super) fn follow(&mut self, time: SystemTime) {
+        if let Some((camera, received)) = self.track.at(time) {
+            self.camera = Camera { revision: self.camera.revision + 1, ..camera };
+            self.pose_time = received;
+            self.tell_camera();
+        }
     }
 
     /// Tells those who watch, unless that has ended.
@@ -272,7 +299,9 @@ pub(super) struct QualityFigures {
 impl RenderHandle {
     /// The camera now.
     pub(super) fn camera(&self) -> Camera {
-        self.shared.state().camera
+        let mut state = self.shared.state();
+        state.follow(SystemTime::now());
+        state.camera
     }
 
     /// Moves the camera, if it has the revision expected and nobody else has its lease; returns it with its new revision. After an error it is as it
@@ -288,15 +317,27 @@ impl RenderHandle {
         if let Some(expected) = expected_revision.filter(|expected| *expected != old.revision) {
             return Err(CameraError::Revision { expected, found: old.revision });
         }
-        let camera = Camera::new(
-            update.position_m.unwrap_or(old.position_m.to_array()),
-            update.orientation.unwrap_or(old.world_from_camera.to_array()),
-            update.velocity_c.unwrap_or(old.velocity_c.to_array()),
-        )?;
+        let camera = update.of(&old)?;
         state.check_camera(&camera, lease)?;
         let camera = state.move_camera(camera);
         self.shared.wake.notify_one();
         Ok(camera)
+    }
+
+    /// Takes a pose for a time: until then the camera moves there from the one before. What an update leaves open is as in that one. Returns the camera as it
+    /// is now.
+    pub(super) fn plan_camera(
+        &self,
+        update: &CameraUpdate,
+        time: SystemTime,
+        lease: Option<u64>,
+    ) -> Result<Camera, CameraError> {
+        let mut state = self.shared.state();
+        let camera = update.of(&state.track.last().unwrap_or(state.camera))?;
+        state.check_camera(&camera, lease)?;
+        state.track.push(time, camera, SystemTime::now())?;
+        self.shared.wake.notify_one();
+        Ok(state.camera)
     }
 
     /// Whether nobody else has the lease of the camera.
@@ -364,8 +405,9 @@ impl RenderHandle {
 
     /// What a frame that begins now is to show; `None` at the end.
     pub(super) fn shown(&self) -> Option<Shown> {
-        let state = self.shared.state();
+        let mut state = self.shared.state();
         let scene = state.scene.borrow().clone().filter(|_| !state.draining)?;
+        state.follow(SystemTime::now());
         let snapshot = SceneSnapshot {
             revision: scene.revision,
             stars: Arc::clone(&self.shared.stars),

@@ -32,6 +32,7 @@ use super::{
     schedule::Revisions,
     slot::{GivenUp, RenderFailure, RenderedFrame, Slot},
     streams::Streams,
+    track::Track,
     views::ViewSet,
 };
 use crate::{
@@ -131,6 +132,7 @@ fn spawn_with(
         newest: HashMap::new(),
         failures: Failures::default(),
         losses: 0,
+        track: Track::default(),
         lease: None,
         watched_camera: watch::Sender::new(Some(scene.camera)),
         limits: engine.limits(),
@@ -293,12 +295,17 @@ enum Work {
     Finish,
 }
 
+/// How often a camera that moves is told while nobody looks.
+const UNSEEN_INTERVAL: Duration = Duration::from_millis(100);
+
 /// What there is to do at a moment.
 struct Tasks {
     scene: SceneState,
     newest: Revisions,
     /// When the next frame is due; `None`: nobody wants one.
     due: Option<Instant>,
+    /// When the camera begins to move; `None`: it rests, or does already.
+    moves: Option<Instant>,
     /// The frames of the scene.
     groups: Arc<Groups>,
 }
@@ -571,7 +578,7 @@ impl Worker {
             if state.stop {
                 return None;
             }
-            state = match tasks.due {
+            state = match tasks.due.into_iter().chain(tasks.moves).min() {
                 Some(due) => {
                     let wait = shared.wake.wait_timeout(state, due - now);
                     wait.unwrap_or_else(PoisonError::into_inner).0
@@ -609,7 +616,17 @@ impl Worker {
         state.subscribers.retain(|subscriber| subscriber.slot.strong_count() > 0);
         // At the end the scene is as it was in the last frame.
         let scene = state.scene.borrow().clone().unwrap_or_else(|| self.shown.clone());
-        let newest = Revisions { scene: scene.revision, camera: state.camera.revision };
+        // Where frames are seen that begin now.
+        let seen = SystemTime::now() + self.forecast.frame();
+        let moves = state.track.moves().map(|moves| moves.duration_since(seen).unwrap_or_default());
+        let is_moving = moves == Some(Duration::ZERO);
+        if is_moving && state.subscribers.is_empty() && state.requests.is_empty() {
+            // Nobody looks, but somebody may ask where it is.
+            state.follow(seen);
+        }
+        // A camera that moves has another pose in each frame.
+        let camera = state.camera.revision + u64::from(is_moving);
+        let newest = Revisions { scene: scene.revision, camera };
         let level = state.quality.as_ref().map_or(0, Quality::level);
         if (self.groups.revision, self.groups.level) != (scene.revision, level) {
             self.groups = Arc::new(Groups::new(&self.rig, &self.settings, &scene, level));
@@ -619,7 +636,8 @@ impl Worker {
         let due_at = |s: &Subscriber| s.pace.due_at(newest, self.converged(s.view), now);
         let of_streams = state.subscribers.iter().map(due_at).min();
         let due = if state.requests.is_empty() { of_streams } else { Some(now) };
-        Tasks { scene, newest, due, groups: Arc::clone(&self.groups) }
+        let moves = moves.map(|moves| now + if is_moving { UNSEEN_INTERVAL } else { moves });
+        Tasks { scene, newest, due, moves, groups: Arc::clone(&self.groups) }
     }
 
     /// Whether another frame of the same scene would show a view with the same exposure.
@@ -630,6 +648,8 @@ impl Worker {
     }
 
     fn take_job(&mut self, state: &mut State, Tasks { scene, newest, groups, .. }: Tasks, start: Instant) -> Job {
+        state.follow(SystemTime::now() + self.forecast.frame());
+        let newest = Revisions { camera: state.camera.revision, ..newest };
         let is_due =
             |subscriber: &Subscriber| subscriber.pace.due_at(newest, self.converged(subscriber.view), start) <= start;
         let due: Vec<bool> = state.subscribers.iter().map(is_due).collect();

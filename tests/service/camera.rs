@@ -1,6 +1,6 @@
 //! Who moves the camera, and what it may not be.
 
-use std::time::Duration;
+use std::time::{Duration, SystemTime};
 
 use glam::DVec3;
 use steradian::{
@@ -112,5 +112,85 @@ async fn what_cannot_be_drawn_together_is_refused() {
     stream.send(&fast).await;
     refused(within(stream.end()).await, Code::InvalidArgument, "camera at rest");
     within(client.render_frame("flat", Encoding::Png)).await.unwrap();
+    daemon.shutdown().await.unwrap();
+}
+
+/// Poses at 20 Hz, each for 0.2 s later: frames show the camera on its way between them, and watchers where it comes to rest.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn poses_with_a_time_are_followed_to_the_time_when_frames_are_seen() {
+    let daemon = Daemon::start(small_rig()).await;
+    let mut client = daemon.client().await;
+    let mut frames = daemon.client().await.stream_frames("flat", Encoding::Rgba8, 0.0).await.unwrap();
+    let mut steering = client.steer(Lease::Take, "desk").await.unwrap();
+    let start = SystemTime::now() + Duration::from_millis(200);
+    let steers = tokio::spawn(async move {
+        // A metre a second.
+        for step in 0..=20_u32 {
+            let x = 0.05 * f64::from(step);
+            assert!(steering.send_for(&at_x(x), start + Duration::from_secs_f64(x)).await);
+            sleep(Duration::from_millis(45)).await;
+        }
+        steering
+    });
+    let (mut between, mut worst) = (0, 0.0_f64);
+    loop {
+        let frame = within(frames.next()).await.unwrap().expect("a frame");
+        let x = frame.camera.position_m.x;
+        if x == 1.0 {
+            break;
+        }
+        if x > 0.0 {
+            between += usize::from((x / 0.05 - (x / 0.05).round()).abs() > 1e-6);
+            // The test engine draws in no time: where the camera is when the frame is there.
+            let there = frame.render_time.duration_since(start).unwrap_or_default().as_secs_f64();
+            worst = worst.max((there - x).abs());
+        }
+    }
+    println!("{between} frames between poses, the worst {:.1} ms off", 1e3 * worst);
+    assert!(between > 20, "{between}");
+    let steering = steers.await.unwrap();
+    let (camera, poses) = within(steering.end()).await.unwrap();
+    assert_eq!((camera.position_m.x, poses), (1.0, 21));
+
+    // Times that are none, and a pose without a time ends the way.
+    let ahead = SystemTime::now() + Duration::from_secs(60);
+    for (times, part) in
+        [(vec![ahead], "at most 10 s ahead"), (vec![start, start], "later than that of the pose before")]
+    {
+        let mut steering = client.steer(Lease::Take, "desk").await.unwrap();
+        for time in times {
+            steering.send_for(&at_x(3.0), time).await;
+        }
+        refused(within(steering.end()).await, Code::InvalidArgument, part);
+    }
+    let mut steering = client.steer(Lease::Take, "desk").await.unwrap();
+    assert!(steering.send_for(&at_x(9.0), SystemTime::now() + Duration::from_secs(5)).await);
+    assert!(steering.send(&at_x(2.0)).await);
+    assert_eq!(within(steering.end()).await.unwrap().0.position_m.x, 2.0);
+    daemon.shutdown().await.unwrap();
+}
+
+/// A thousand poses a second by who has the lease: all are taken, and frames show the newest.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_thousand_poses_a_second_are_taken() {
+    let daemon = Daemon::start(small_rig()).await;
+    let mut client = daemon.client().await;
+    let mut frames = daemon.client().await.stream_frames("flat", Encoding::Rgba8, 0.0).await.unwrap();
+    let mut steering = client.steer(Lease::Take, "desk").await.unwrap();
+    let begun = std::time::Instant::now();
+    let mut every = tokio::time::interval(Duration::from_millis(1));
+    for step in 1..=1000_u32 {
+        every.tick().await;
+        assert!(steering.send(&at_x(f64::from(step))).await);
+    }
+    let (camera, poses) = within(steering.end()).await.unwrap();
+    println!("1000 poses in {:.2} s", begun.elapsed().as_secs_f64());
+    assert_eq!((camera.position_m.x, poses), (1000.0, 1000));
+    let mut last = 0.0;
+    while last < 1000.0 {
+        let x = within(frames.next()).await.unwrap().expect("a frame").camera.position_m.x;
+        assert!(x >= last);
+        last = x;
+    }
     daemon.shutdown().await.unwrap();
 }
