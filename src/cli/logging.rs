@@ -2,15 +2,18 @@
 
 use std::io::{self, IsTerminal};
 
-use tracing_subscriber::EnvFilter;
+use tracing_subscriber::{EnvFilter, Layer, layer::SubscriberExt, util::SubscriberInitExt};
 
-use super::CliError;
+use super::{
+    CliError,
+    telemetry::{self, Exporting},
+};
 
 /// What is logged unless something else is asked for; the graphics libraries only when it matters.
 const DEFAULT: &str = "info,wgpu=warn,wgpu_core=warn,wgpu_hal=warn,naga=warn";
 
-/// Starts logging; once per process.
-pub fn start(argument: Option<&str>) -> Result<(), CliError> {
+/// Starts logging, and traces where a collector is named; once per process. What is returned sends them until it is dropped.
+pub fn start(argument: Option<&str>) -> Result<Option<Exporting>, CliError> {
     let (name, filter) = match (argument, std::env::var("STERADIAN_LOG")) {
         (Some(filter), _) => ("--log", filter.to_owned()),
         (None, Ok(filter)) if !filter.is_empty() => ("STERADIAN_LOG", filter),
@@ -22,11 +25,13 @@ pub fn start(argument: Option<&str>) -> Result<(), CliError> {
         ))
     };
     let filter = EnvFilter::try_new(&filter).map_err(|error| wrong(error.to_string()))?;
-    tracing_subscriber::fmt()
-        .with_env_filter(filter)
+    let lines = tracing_subscriber::fmt::layer()
         .with_writer(io::stderr)
         .with_ansi(io::stderr().is_terminal())
         .with_target(false)
-        .try_init()
-        .map_err(|error| wrong(error.to_string()))
+        .with_filter(filter);
+    let (exporting, traces) = telemetry::start()?.unzip();
+    let all = tracing_subscriber::registry().with(lines).with(traces);
+    all.try_init().map_err(|error| wrong(error.to_string()))?;
+    Ok(exporting)
 }

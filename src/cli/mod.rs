@@ -16,6 +16,7 @@ mod psf;
 mod render;
 mod results;
 mod serve;
+mod telemetry;
 mod token;
 mod verify;
 mod xr;
@@ -80,7 +81,7 @@ pub enum Command {
 
 /// Runs a parsed command line.
 pub fn run(arguments: Cli) -> Result<(), CliError> {
-    logging::start(arguments.log.as_deref())?;
+    let _exporting = logging::start(arguments.log.as_deref())?;
     match arguments.command {
         Command::Render(command) => render::run(command, arguments.adapter),
         Command::Serve(command) => serve::run(command, arguments.adapter),

@@ -67,6 +67,9 @@ mod worker;
 mod workshop;
 
 pub use access::{Access, AccessSource, Admitted, digest_of, new_token};
+/// Target of the spans that tell where the time of frames, encodings and calls goes; logs have them where they are asked for.
+pub const SPANS: &str = "steradian::spans";
+
 pub use client::{
     After, CheckReceiver, Client, ClientError, FrameReceiver, HeadsetStatus, ReceivedAudits, ReceivedCheck,
     ReceivedFigure, ReceivedFrame, ReceivedHeadset, ReceivedImage, ReceivedImageAudit, ReceivedQuality, ReceivedStats,

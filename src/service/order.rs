@@ -16,9 +16,10 @@ use tokio::{
     task,
 };
 use tonic::Status;
+use tracing::Span;
 
 use super::{
-    background,
+    SPANS, background,
     clients::ClientInfo,
     convert,
     headset::Headset,
@@ -165,7 +166,9 @@ impl Order {
         let _places = self.places().await?;
         let begun = Instant::now();
         let (view, form, rendered) = (self.view, self.form, Arc::clone(rendered));
+        let span = self.span(&rendered);
         let encoding = move || {
+            let _entered = span.enter();
             background::stand_back();
             let images = rendered.frame.images.iter().filter(|image| image.view == view);
             images.map(|image| encoded(form, image)).collect()
@@ -173,6 +176,11 @@ impl Order {
         let images: Images = task::spawn_blocking(encoding).await.map_err(|error| not_encoded(&error))?;
         self.encoders.note(images.as_deref().unwrap_or_default(), begun);
         Ok(images)
+    }
+
+    fn span(&self, rendered: &RenderedFrame) -> Span {
+        let (view, encoding) = (&*self.name, self.form.encoding.name());
+        tracing::trace_span!(target: SPANS, "encode", view, encoding, frame = rendered.frame.number)
     }
 
     /// Places for one who encodes.
@@ -195,7 +203,9 @@ impl Order {
         let _places = self.places().await?;
         let begun = Instant::now();
         let (view, rendered) = (self.view, Arc::clone(rendered));
+        let span = self.span(&rendered);
         let coding = move || {
+            let _entered = span.enter();
             background::stand_back();
             let images: Vec<&FrameImage> = rendered.frame.images.iter().filter(|image| image.view == view).collect();
             sequences.code(rendered.frame.number, seen, &images)

@@ -19,8 +19,10 @@ use std::{
 
 use glam::DVec3;
 use tokio::sync::{oneshot, watch};
+use tracing::{Span, field};
 
 use super::{
+    SPANS,
     audit::{AuditReport, AuditedFrame, Auditor},
     engine::{Engine, EngineError},
     forecast::{Expected, Forecast},
@@ -285,6 +287,7 @@ struct InFlight {
     starts_adaptation: bool,
     /// Whether its exposure was given.
     adapted: bool,
+    span: Span,
 }
 
 /// What the thread does next.
@@ -364,11 +367,20 @@ impl Worker {
             .wanted_of_each(&job.wanted)
             .sky_map(if rests { SkyMapUse::InTurn } else { SkyMapUse::Off })
             .adapted_ev100(adapted_ev100);
+        let span = tracing::trace_span!(
+            target: SPANS,
+            "frame",
+            scene = job.scene.revision,
+            camera = job.camera.revision,
+            number = field::Empty,
+            plan_ms = field::Empty,
+            gpu_ms = field::Empty
+        );
         match self.engine.submit(request) {
             Ok(()) => {
                 let submitted = Instant::now();
                 let adapted = adapted_ev100.is_some();
-                self.in_flight.push_back(InFlight { job, submitted, starts_adaptation, adapted });
+                self.in_flight.push_back(InFlight { job, submitted, starts_adaptation, adapted, span });
                 Ok(())
             }
             Err(error) if error.lost => self.lose(job, error),
@@ -401,7 +413,7 @@ impl Worker {
 
     /// Waits for the oldest frame and hands it out. An error is one that the engine does not outlive.
     fn finish(&mut self) -> Result<(), EngineError> {
-        let Some(InFlight { job, submitted, adapted, .. }) = self.in_flight.pop_front() else { return Ok(()) };
+        let Some(InFlight { job, submitted, adapted, span, .. }) = self.in_flight.pop_front() else { return Ok(()) };
         self.engine.is_drawn_within(Duration::MAX);
         let drawn = Instant::now();
         // One frame is drawn after the other.
@@ -410,6 +422,9 @@ impl Worker {
             Ok(frame) => {
                 let planned = Duration::try_from_secs_f64(frame.times.plan_ms * 1e-3).unwrap_or_default();
                 self.forecast.note(planned, drawn - began);
+                span.record("number", frame.number);
+                span.record("plan_ms", frame.times.plan_ms);
+                span.record("gpu_ms", frame.times.gpu_ms);
                 let FrameGroup { exposure_group, settings, views, .. } = job.frame_group();
                 let eye = self.eyes.entry(exposure_group.clone()).or_default();
                 // One of settings that have changed since is the eye of those.

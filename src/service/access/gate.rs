@@ -12,6 +12,7 @@ use tokio::sync::watch;
 use tonic::{Code, Status, body::Body, codegen::BoxFuture};
 use tower_layer::Layer;
 use tower_service::Service;
+use tracing::Instrument;
 
 use super::{
     Access, Shown, Turned,
@@ -19,7 +20,7 @@ use super::{
 };
 use crate::{
     config::Role,
-    service::{clients::ClientInfo, refusals},
+    service::{SPANS, clients::ClientInfo, refusals},
 };
 
 /// Who makes a call; every call that needs somebody carries it.
@@ -136,7 +137,8 @@ where
         };
         let shown = caller.shown;
         request.extensions_mut().insert(caller);
-        let answer = self.inner.call(request);
+        let span = tracing::trace_span!(target: SPANS, "call", path = request.uri().path(), client = client.name());
+        let answer = self.inner.call(request).instrument(span);
         if shown == Shown::Nothing {
             return Box::pin(answer);
         }
