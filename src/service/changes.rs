@@ -31,6 +31,9 @@ use crate::{
 /// Longest name of a snapshot, characters.
 const MOST_NAME: usize = 64;
 
+/// Memory of the impostors of all shapes of a scene on the adapter; while they are made, twice as much is needed beside.
+const MOST_ATLAS_BYTES: u64 = 512 << 20;
+
 impl Service {
     /// The views of a scene after a change of one of them, if they can be drawn then.
     pub(super) async fn changed_views(
@@ -93,6 +96,7 @@ impl Service {
     async fn prepare(&self, before: &SceneState, after: &SceneState) -> Result<(), Status> {
         let groups = frame_groups(&self.rig, &self.render.general(after), &after.views.settings);
         self.plan(self.render.snapshot(after), groups).await?;
+        check_atlases(before, after)?;
         let new = new_sets(before, after);
         // Without fields, what was made for some before is let go.
         if new.is_empty() && (before.objects.drawn.fields.is_empty() || !after.objects.drawn.fields.is_empty()) {
@@ -233,6 +237,32 @@ fn new_sets(before: &SceneState, after: &SceneState) -> Vec<Arc<ShapeSet>> {
         }
     }
     new
+}
+
+/// Whether the atlases of a scene have room; those of the configuration may be larger, but do not grow.
+fn check_atlases(before: &SceneState, after: &SceneState) -> Result<(), Status> {
+    let bytes = |scene: &SceneState| {
+        let mut sets: Vec<(u64, usize)> = Vec::new();
+        for field in &scene.objects.drawn.fields {
+            let set = (field.shapes.digest, field.shapes.shapes.len());
+            if !sets.contains(&set) {
+                sets.push(set);
+            }
+        }
+        sets.iter().map(|(_, shapes)| scene.asteroids.atlas_bytes(*shapes)).sum::<u64>()
+    };
+    let needed = bytes(after);
+    if needed <= MOST_ATLAS_BYTES || needed <= bytes(before) {
+        return Ok(());
+    }
+    let [needed, most] = [needed, MOST_ATLAS_BYTES].map(|bytes| bytes >> 20);
+    Err(refusals::exhausted(
+        "impostor atlases",
+        format!(
+            "asteroid_fields: the impostors of their shapes need {needed} MiB, at most {most} MiB are allowed: fewer seeds or files of shapes, or smaller \
+             asteroids.tiles and asteroids.tile_px"
+        ),
+    ))
 }
 
 /// What a mask names.

@@ -1,7 +1,7 @@
 //! A daemon that goes away and comes back.
 
 use fantoccini::key::Key;
-use steradian::service::digest_of;
+use steradian::service::{CameraUpdate, Lease, digest_of};
 
 use crate::{
     Test,
@@ -12,6 +12,7 @@ use crate::{
 pub const TESTS: &[Test] = &[
     ("session::a_daemon_that_was_killed_is_told_and_found_again", a_killed_daemon),
     ("session::a_daemon_that_asks_for_a_token_gets_it", a_token),
+    ("session::while_another_has_the_lease_a_drag_moves_nothing_and_says_who", another_steers),
 ];
 
 /// A daemon that lets in who has a token; the page may only look then.
@@ -39,6 +40,26 @@ fn a_token() -> Result<(), String> {
         page.until("!document.getElementById('login').hidden").await;
         let others: Vec<String> = page.errors().into_iter().filter(|error| !error.contains("net::ERR_")).collect();
         assert!(others.is_empty(), "{others:#?}");
+    })
+}
+
+/// Two who steer: the page follows the one who has the lease, says who it is, and steers when it is given back.
+fn another_steers() -> Result<(), String> {
+    with_page(Screen::Desk, async |page, daemon| {
+        page.until(&has_picture("window")).await;
+        let mut client = daemon.client().await;
+        let mut steering = client.steer(Lease::Take, "flight desk").await.unwrap();
+        assert!(steering.send(&CameraUpdate { position_m: Some([5.0, 0.0, 0.0]), ..CameraUpdate::default() }).await);
+        page.until("document.querySelector('[data-view=window]').dataset.camera === '1'").await;
+        page.drag(Screen::Desk, [600.0, 400.0], [660.0, 420.0]).await;
+        page.until("document.getElementById('notices').textContent.includes('`flight desk` steers the camera')").await;
+        let (camera, poses) = steering.end().await.unwrap();
+        assert_eq!((camera.position_m.x, camera.revision, poses), (5.0, 1, 1), "the drag has moved it");
+        page.drag(Screen::Desk, [600.0, 400.0], [660.0, 420.0]).await;
+        page.until("Number(document.querySelector('[data-view=window]').dataset.camera) > 1").await;
+        let after = client.camera().await.unwrap();
+        assert_eq!(after.position_m.x, 5.0, "it goes on from where the other has left it");
+        assert!(after.world_from_camera.angle_between(camera.world_from_camera) > 1e-3);
     })
 }
 

@@ -11,7 +11,7 @@ use steradian::{
         asteroids::{FieldParameters, FieldSpec, Placement, ShapeSource, make_fields},
         bodies::{Preset, ReflectionLaw, Texture},
     },
-    service::{BodyForm, Change, Client, ClientError, FieldForm, SceneUpdate, ShapesForm},
+    service::{BodyForm, Change, Client, ClientError, FieldForm, SceneUpdate, ServeOptions, ShapesForm},
 };
 use tonic::Code;
 
@@ -34,6 +34,26 @@ pub fn swarm(name: &str) -> FieldForm {
         law: ReflectionLaw::LommelSeeliger,
         geometric_albedo: [0.1; 3],
     }
+}
+
+/// Shapes beyond a limit of memory are refused before they are made, and the scene stays.
+#[tokio::test]
+async fn impostors_that_need_too_much_memory_are_refused() {
+    // Large tiles: 179 MB a shape.
+    let large = |options: &mut ServeOptions| options.settings.asteroids.tile_px = 128;
+    let daemon = Daemon::start_with(small_rig(), large).await;
+    let mut client = daemon.client().await;
+    let error = client.put_asteroid_field(swarm("swarm"), None).await;
+    refused(error, Code::ResourceExhausted, &["MiB", "at most 512 MiB", "asteroids.tile_px"]);
+    assert_eq!(client.scene().await.unwrap().asteroid_fields, []);
+    // No impostors, no atlases.
+    let none = SceneUpdate { impostor: Some(ImpostorMethod::None), ..SceneUpdate::default() };
+    client.update_scene(&none, None).await.unwrap();
+    client.put_asteroid_field(swarm("swarm"), None).await.unwrap();
+    let again = SceneUpdate { impostor: Some(ImpostorMethod::Octahedral), ..SceneUpdate::default() };
+    refused(client.update_scene(&again, None).await, Code::ResourceExhausted, &["asteroids.tiles"]);
+    assert_eq!(client.scene().await.unwrap().impostor, "none");
+    daemon.shutdown().await.unwrap();
 }
 
 /// What the next frame shows besides stars.

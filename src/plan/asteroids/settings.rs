@@ -5,6 +5,8 @@ use std::path::PathBuf;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::tiles::AtlasLayout;
+
 /// What replaces the mesh of a distant asteroid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, Default, JsonSchema)]
 #[serde(rename_all = "snake_case")]
@@ -111,6 +113,15 @@ impl AsteroidSettings {
     pub const TILE_PX: [f64; 2] = [8.0, 256.0];
     /// Range of `samples`.
     pub const SAMPLES: [f64; 2] = [1.0, 4.0];
+
+    /// Memory of the atlas of that many shapes on the adapter, bytes: normals and surfaces of four bytes a texel, with their levels.
+    pub fn atlas_bytes(&self, shapes: usize) -> u64 {
+        let side = u64::from(self.tiles) * u64::from(self.tile_px);
+        match AtlasLayout::of(self.impostor) {
+            Some(_) if !self.finest_only => shapes as u64 * side * side * 8 * 4 / 3,
+            _ => 0,
+        }
+    }
 
     /// Checks every number.
     ///
