@@ -5,17 +5,9 @@
 use std::io::Cursor;
 
 use exr::prelude::{Encoding as ExrEncoding, Image, Layer, LayerAttributes, SpecificChannels, Vec2, WritableImage};
-use jpeg_encoder::{QuantizationTableType, SamplingFactor};
 
-use super::video::VideoEncoder;
+use super::{jpeg, video::VideoEncoder};
 use crate::render::{FrameImage, Wanted};
-
-/// Quality of JPEG images, of 100.
-const JPEG_QUALITY: u8 = 92;
-
-/// Step by which every frequency of the two colour differences is rounded in JPEG images. The table that belongs to the quality rounds the high ones so coarsely
-/// that stars, a few pixels wide, lose their colour.
-const JPEG_CHROMA_STEP: u16 = 3;
 
 /// How an image is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -168,14 +160,7 @@ fn jpeg_of(image: &FrameImage, pixels: &[u8]) -> Result<Vec<u8>, EncodeError> {
     let (Ok(width), Ok(height)) = (u16::try_from(image.width), u16::try_from(image.height)) else {
         return Err(EncodeError::TooLargeForJpeg { width: image.width, height: image.height });
     };
-    let mut bytes = Vec::new();
-    let mut encoder = jpeg_encoder::Encoder::new(&mut bytes, JPEG_QUALITY);
-    // Stars are a few pixels wide: halved colour resolution would spread their colour over black.
-    encoder.set_sampling_factor(SamplingFactor::F_1_1);
-    let fine = QuantizationTableType::Custom(Box::new([JPEG_CHROMA_STEP; 64]));
-    encoder.set_quantization_tables(QuantizationTableType::Default, fine);
-    encoder.encode(pixels, width, height, jpeg_encoder::ColorType::Rgba)?;
-    Ok(bytes)
+    Ok(jpeg::encode(pixels, width, height)?)
 }
 
 fn exr_of(image: &FrameImage, pixels: &[[f32; 4]]) -> Result<Vec<u8>, EncodeError> {
@@ -331,8 +316,8 @@ pub(super) mod tests {
         assert!(colour > 20.0 && error < 4.0, "{colour} {error}");
         // The table of the quality for colour too.
         let mut coarse = Vec::new();
-        let mut encoder = jpeg_encoder::Encoder::new(&mut coarse, JPEG_QUALITY);
-        encoder.set_sampling_factor(SamplingFactor::F_1_1);
+        let mut encoder = jpeg_encoder::Encoder::new(&mut coarse, 92);
+        encoder.set_sampling_factor(jpeg_encoder::SamplingFactor::F_1_1);
         let pixels = image.display.as_ref().unwrap();
         encoder.encode(pixels, 256, 256, jpeg_encoder::ColorType::Rgba).unwrap();
         let [_, of_coarse] = colour_and_error(&image, &of_jpeg(&coarse));

@@ -2,6 +2,7 @@
 
 mod encode;
 mod files;
+mod jpeg;
 mod reduce;
 mod video;
 

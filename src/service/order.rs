@@ -171,7 +171,8 @@ impl Order {
             let _entered = span.enter();
             background::stand_back();
             let images = rendered.frame.images.iter().filter(|image| image.view == view);
-            images.map(|image| encoded(form, image)).collect()
+            // What is coded in bands has the cores that frames leave.
+            background::on_own_cores(|| images.map(|image| encoded(form, image)).collect())
         };
         let images: Images = task::spawn_blocking(encoding).await.map_err(|error| not_encoded(&error))?;
         self.encoders.note(images.as_deref().unwrap_or_default(), begun);
