@@ -99,8 +99,9 @@ async fn a_caller_that_goes_away_ends_the_run_and_so_does_the_daemon_s_end() {
     let mut daemon = Daemon::start(small_rig()).await;
     let mut client = daemon.client().await;
     daemon.controls.close_checks();
-    drop(client.verify("", "").await.unwrap());
+    let run = client.verify("", "").await.unwrap();
     until(|| daemon.controls.checks_started.load(SeqCst) == 1).await;
+    drop(run);
     tokio::time::sleep(std::time::Duration::from_millis(100)).await;
     daemon.controls.open_checks();
     let mut results = within(async {
