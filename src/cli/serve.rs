@@ -79,6 +79,7 @@ pub fn run(arguments: ServeArguments, adapter: Option<String>) -> Result<(), Cli
         options.catalogues = report.catalogues.into_iter().map(catalogue).collect();
         options.asteroid_fields = config.field_specs()?;
         options.view_tables = config.views.iter().map(|view| view.tables.clone()).collect();
+        options.view_definitions = config.views.iter().map(|view| view.definition.clone()).collect();
         options.folder.clone_from(&config.folder);
         options.hosts.clone_from(&config.server.hosts);
         options.access = Some(access);

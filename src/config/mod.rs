@@ -37,8 +37,8 @@ pub use server::{CertificateConfig, Role, ServerConfig, Sha256Hex, TlsConfig, To
 use toml::{Table, Value};
 pub use view_tables::{ViewTables, ViewTablesError, resolve_views};
 pub use views::{
-    CubemapConfig, DomeMasterConfig, EquirectangularConfig, FisheyeConfig, FovConfig, MappingConfig, PerspectiveConfig,
-    StereoConfig, VIEW_TYPES, ViewConfig, ViewKindConfig,
+    CubemapConfig, DefinitionError, DomeMasterConfig, EquirectangularConfig, FisheyeConfig, FovConfig, MappingConfig,
+    PerspectiveConfig, StereoConfig, VIEW_TYPES, ViewConfig, ViewKindConfig,
 };
 
 use crate::catalogue::bright;

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use toml::{Table, Value};
 
 use super::document::deserialise;
-use super::error::{Fault, finite};
+use super::error::{Fault, finite, join};
 use super::view_tables::ViewTables;
 use crate::plan::settings::{ExposureSettings, GlareSettings, ToneMapSettings};
 use crate::scene::{PoseError, finite_vector, unit_quaternion};
@@ -34,6 +34,36 @@ pub struct ViewConfig {
     pub tables: ViewTables,
     /// Type and what belongs to it.
     pub kind: ViewKindConfig,
+    /// The keys of its geometry as they stand: type, what belongs to it, orientation and position. [`Self::read`] takes them again.
+    pub definition: Table,
+}
+
+/// What is wrong with the table of a view.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{}", join_problem(.key, .problem))]
+pub struct DefinitionError {
+    /// Path of the key within the table; empty for the table itself.
+    pub key: String,
+    /// What is wrong and what is allowed.
+    pub problem: String,
+}
+
+fn join_problem(key: &str, problem: &str) -> String {
+    if key.is_empty() { problem.to_owned() } else { format!("{key}: {problem}") }
+}
+
+impl DefinitionError {
+    /// The same seen from outside: `prefix` is the path to the table.
+    #[must_use]
+    pub fn within(self, prefix: &str) -> Self {
+        Self { key: join(prefix, &self.key), ..self }
+    }
+}
+
+impl From<Fault> for DefinitionError {
+    fn from(fault: Fault) -> Self {
+        Self { key: fault.key, problem: fault.problem }
+    }
 }
 
 /// What belongs to a view's type.
@@ -201,13 +231,30 @@ impl Default for Common {
     }
 }
 
+/// Keys that every view may have beside those of its geometry.
+const BESIDE_GEOMETRY: [&str; 5] = ["test_pattern", "exposure_group", "exposure", "glare", "tone_map"];
+
 impl ViewConfig {
+    /// Reads a table of `[[views]]` as it would be read in a configuration, and makes the rig's view of it. What its tables `exposure`, `glare` and
+    /// `tone_map` come to is judged with the general ones, by [`resolve_views`](super::resolve_views).
+    ///
+    /// # Errors
+    ///
+    /// The first key that is unknown, missing, or has a value that is not allowed.
+    pub fn read(table: Table) -> Result<(Self, View), DefinitionError> {
+        let config = Self::from_table(table)?;
+        let view = config.view()?;
+        Ok((config, view))
+    }
+
     /// Reads a view's table; a fault names the key within it.
     pub(super) fn from_table(mut table: Table) -> Result<Self, Fault> {
         let name = text(&mut table, "name", "a unique name of letters, digits, `_` and `-`")?;
+        let mut definition = table.clone();
+        definition.retain(|key, _| !BESIDE_GEOMETRY.contains(&key));
         let kind = text(&mut table, "type", &VIEW_TYPES.join(", "))?;
         let mut common = Table::new();
-        for key in ["orientation", "position_m", "test_pattern", "exposure_group", "exposure", "glare", "tone_map"] {
+        for key in ["orientation", "position_m"].into_iter().chain(BESIDE_GEOMETRY) {
             common.extend(table.remove_entry(key));
         }
         let common: Common = deserialise(Value::Table(common), "")?;
@@ -228,7 +275,7 @@ impl ViewConfig {
         };
         let Common { orientation, position_m, test_pattern, exposure_group, exposure, glare, tone_map } = common;
         let tables = ViewTables { exposure_group, exposure, glare, tone_map };
-        Ok(Self { name, orientation, position_m, test_pattern, tables, kind })
+        Ok(Self { name, orientation, position_m, test_pattern, tables, kind, definition })
     }
 
     /// The rig's view; a fault names the key within the view.

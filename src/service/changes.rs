@@ -1,4 +1,4 @@
-//! Changes of the scene and of views: made, checked by a plan, and on disk before they are shown and acknowledged; snapshots of them.
+//! Changes of the scene: made, checked by a plan, and on disk before they are shown and acknowledged; snapshots of them. Those of views are in [`super::view_changes`].
 
 use std::sync::Arc;
 
@@ -16,14 +16,9 @@ use super::{
     render::Refused,
     scene::{MadeUpdate, SceneError, SceneState, SceneUpdate},
     state::{Saved, SnapshotName, StateError, StateFile},
-    views::{ViewSet, ViewUpdate},
 };
 use crate::{
-    plan::{
-        Output, PlanOutputs,
-        settings::AsteroidSettings,
-        view_settings::{FrameGroup, frame_groups},
-    },
+    plan::{Output, PlanOutputs, settings::AsteroidSettings, view_settings::FrameGroup},
     scene::{SceneSnapshot, asteroids::ShapeSet},
     view::check_name,
 };
@@ -35,25 +30,8 @@ const MOST_NAME: usize = 64;
 const MOST_ATLAS_BYTES: u64 = 512 << 20;
 
 impl Service {
-    /// The views of a scene after a change of one of them, if they can be drawn then.
-    pub(super) async fn changed_views(
-        &self,
-        scene: &SceneState,
-        number: usize,
-        update: &ViewUpdate,
-    ) -> Result<ViewSet, Status> {
-        let general = self.render.general(scene);
-        let views = scene.views.changed(&general, number, update).map_err(refusals::invalid)?;
-        let before = frame_groups(&self.rig, &general, &scene.views.settings);
-        let after = frame_groups(&self.rig, &general, &views.settings);
-        // What has not changed is drawn already.
-        let changed = after.into_iter().filter(|group| !before.contains(group)).collect();
-        self.plan(self.render.snapshot(scene), changed).await?;
-        Ok(views)
-    }
-
     /// Whether frames of a scene can be drawn, with the camera and the adapter that there are: what is accepted must not fail later.
-    async fn plan(&self, snapshot: SceneSnapshot, groups: Vec<FrameGroup>) -> Result<(), Status> {
+    pub(super) async fn plan(&self, snapshot: SceneSnapshot, groups: Vec<FrameGroup>) -> Result<(), Status> {
         // One after the other: each plan may take long, and memory.
         let planner = Arc::clone(&self.planner).lock_owned().await;
         let limits = Arc::clone(&self.limits);
@@ -76,6 +54,7 @@ impl Service {
         for _ in 0..MOST_ATTEMPTS {
             let scene = self.render.scene().map_err(refused)?;
             scene.expect(expected).map_err(|error| unchanged(&error))?;
+            update.overlay.check_views(&self.view_names(&scene)).map_err(refusals::invalid)?;
             let made = self.made(update, &scene).await?;
             let changed = scene.clone().changed(&made, expected).map_err(|error| unchanged(&error))?;
             if update.changes_what_is_drawn() {
@@ -94,7 +73,7 @@ impl Service {
 
     /// Makes sure that a scene can be drawn, and makes what its first frame would take long for.
     async fn prepare(&self, before: &SceneState, after: &SceneState) -> Result<(), Status> {
-        let groups = frame_groups(&self.rig, &self.render.general(after), &after.views.settings);
+        let groups = after.views.frame_groups(&self.render.general(after));
         self.plan(self.render.snapshot(after), groups).await?;
         check_atlases(before, after)?;
         let new = new_sets(before, after);
@@ -145,6 +124,12 @@ impl Service {
             let (general, of, before) = (self.render.general(&scene), saved.clone(), scene.clone());
             let changed = self.placed(move || of.applied(&before, &general)).await?;
             let changed = changed.map_err(Status::failed_precondition)?;
+            if let Some(headset) = &self.headset
+                && changed.views.named(headset.name()).is_some()
+            {
+                let problem = format!("the snapshot has a view `{}`, and the headset has this name", headset.name());
+                return Err(Status::failed_precondition(problem));
+            }
             self.prepare(&scene, &changed).await?;
             match self.commit(changed, scene.revision).await? {
                 Ok(scene) => {
@@ -286,7 +271,6 @@ impl proto::scene_service_server::SceneService for Service {
         let by = By::of(&request)?;
         let request = request.into_inner();
         let update = convert::scene_update_from_pb(&request).map_err(refusals::invalid)?;
-        update.overlay.check_views(&self.view_names()).map_err(refusals::invalid)?;
         let scene = self.changed_scene(&update, request.expected_revision).await?;
         by.changed("UpdateScene", &paths(request.update_mask), scene.revision);
         Ok(Response::new(convert::scene_to_pb(&scene, &self.catalogues)))

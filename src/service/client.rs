@@ -13,7 +13,9 @@ pub use super::{
 };
 use super::{
     convert,
-    convert_views::{exposure_to_table, glare_to_table, tone_map_to_table, view_update_to_pb},
+    convert_views::{
+        definition_from_pb, definition_to_pb, exposure_to_table, glare_to_table, tone_map_to_table, view_update_to_pb,
+    },
     credentials::{Credentials, Transport},
     proto::{
         self, camera_service_client::CameraServiceClient, diagnostics_service_client::DiagnosticsServiceClient,
@@ -117,6 +119,8 @@ pub struct ViewForm {
     pub tone_map: toml::Table,
     /// Keys that the view or its group has of its own: `glare.fraction`.
     pub own_keys: Vec<String>,
+    /// The table of `[[views]]` that it is made from; `None`: it is made of something else, as the view of a headset.
+    pub definition: Option<toml::Table>,
     /// Revision of the scene, which counts the changes of views too.
     pub revision: u64,
 }
@@ -132,6 +136,7 @@ impl From<proto::View> for ViewForm {
             kind: view.r#type,
             exposure_group: view.exposure_group,
             own_keys: view.own_keys,
+            definition: view.definition.as_ref().map(definition_from_pb),
             revision: view.revision,
         }
     }
@@ -360,6 +365,23 @@ impl Client {
     /// A view.
     pub async fn view(&mut self, name: &str) -> Result<ViewForm, ClientError> {
         Ok(self.view.get_view(proto::GetViewRequest { view: name.to_owned() }).await?.into_inner().into())
+    }
+
+    /// Makes a view of a table of `[[views]]`, if the scene has the revision expected.
+    pub async fn create_view(
+        &mut self,
+        definition: &toml::Table,
+        expected_revision: Option<u64>,
+    ) -> Result<ViewForm, ClientError> {
+        let definition = Some(definition_to_pb(definition).map_err(ClientError::Update)?);
+        let request = proto::CreateViewRequest { definition, expected_revision };
+        Ok(self.view.create_view(request).await?.into_inner().into())
+    }
+
+    /// Deletes a view, if the scene has the revision expected; returns the revision that it has then.
+    pub async fn delete_view(&mut self, name: &str, expected_revision: Option<u64>) -> Result<u64, ClientError> {
+        let request = proto::DeleteViewRequest { view: name.to_owned(), expected_revision };
+        Ok(self.view.delete_view(request).await?.into_inner().revision)
     }
 
     /// Changes a view, if the scene has the revision expected; returns the view after the change.

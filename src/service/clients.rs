@@ -86,7 +86,20 @@ impl Shares {
 /// Bytes that are held until the last clone is gone.
 #[derive(Clone, Debug)]
 pub(super) struct Held {
-    _permits: Arc<[OwnedSemaphorePermit; 2]>,
+    permits: Vec<Arc<[OwnedSemaphorePermit; 2]>>,
+}
+
+impl Held {
+    /// These and others together.
+    pub(super) fn and(mut self, others: Self) -> Self {
+        self.permits.extend(others.permits);
+        self
+    }
+}
+
+/// What a message takes: itself, and its copy in the connection.
+fn output_of(message_bytes: u64) -> u64 {
+    message_bytes.saturating_mul(2).min(OUTPUT_OF_ONE)
 }
 
 #[derive(Debug)]
@@ -240,8 +253,15 @@ impl ClientInfo {
 
     /// Room for frames that are on their way: the message, and its copy in the connection.
     pub(super) fn hold_output(&self, message_bytes: u64) -> Result<Held, Status> {
-        let bytes = (2 * message_bytes).min(OUTPUT_OF_ONE);
-        self.hold(bytes, &self.0.output, &self.0.shares.output).ok_or_else(|| {
+        self.hold_more_output(0, message_bytes)
+    }
+
+    /// The room that frames take beyond that of smaller ones, which is held already.
+    pub(super) fn hold_more_output(&self, held_message_bytes: u64, message_bytes: u64) -> Result<Held, Status> {
+        let [held, bytes] = [held_message_bytes, message_bytes].map(output_of);
+        // Both rounded, so that together they are what the larger one takes.
+        let more = UNIT * u64::from(units(bytes).saturating_sub(units(held)));
+        self.hold(more, &self.0.output, &self.0.shares.output).ok_or_else(|| {
             self.refuse(format!(
                 "frames on their way may have {} MiB of one client, and {} MiB in all; this one takes {} MiB: end a stream, or ask for smaller \
                  images",
@@ -254,7 +274,7 @@ impl ClientInfo {
 
     fn hold(&self, bytes: u64, own: &Arc<Semaphore>, all: &Arc<Semaphore>) -> Option<Held> {
         let take = |of: &Arc<Semaphore>| Arc::clone(of).try_acquire_many_owned(units(bytes)).ok();
-        Some(Held { _permits: Arc::new([take(own)?, take(all)?]) })
+        Some(Held { permits: vec![Arc::new([take(own)?, take(all)?])] })
     }
 
     /// A request that would take more than it may.
@@ -353,6 +373,27 @@ mod tests {
         assert!(first.hold_output(UNIT).is_err());
         drop(frame);
         first.hold_output(UNIT).unwrap();
+    }
+
+    #[test]
+    fn frames_that_have_become_larger_take_what_they_would_have_taken_at_once() {
+        let shares = Arc::default();
+        let client = client(&shares);
+        let free = || client.0.output.available_permits();
+        let all = free();
+        for (before, after) in [(1, UNIT), (700, 700), (5 * UNIT + 1, 9 * UNIT + 3), (999, OUTPUT), (9 * UNIT, 3)] {
+            let at_once = client.hold_output(after.max(before)).unwrap();
+            let taken = free();
+            drop(at_once);
+            let both = client.hold_output(before).unwrap().and(client.hold_more_output(before, after).unwrap());
+            assert_eq!(free(), taken, "{before} to {after}");
+            drop(both);
+            assert_eq!(free(), all);
+        }
+        let _other = client.hold_output(OUTPUT_OF_ONE / 4).unwrap();
+        let small = client.hold_output(UNIT).unwrap();
+        assert_eq!(client.hold_more_output(UNIT, OUTPUT_OF_ONE).unwrap_err().code(), tonic::Code::ResourceExhausted);
+        drop(small);
     }
 
     #[test]

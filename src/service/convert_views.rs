@@ -12,10 +12,7 @@ use super::{
 use crate::{
     config::has_effect,
     plan::{settings::StarMethod, view_settings::ViewSettings},
-    view::{
-        View,
-        projection::{Perspective, Projection},
-    },
+    view::projection::{Perspective, Projection},
 };
 
 /// Paths that a mask may have.
@@ -73,6 +70,14 @@ macro_rules! table_message {
         }
     };
 }
+
+mod definition;
+
+use definition::{
+    DEFINITION_KEYS, IS_ALL_OF_IT, definition_of, geometry_from_table, geometry_to_table, whole_definition,
+    whole_definition_to_pb,
+};
+pub(super) use definition::{definition_from_pb, definition_to_pb};
 
 table_message!(
     EXPOSURE_KEYS,
@@ -139,7 +144,8 @@ fn projection_to_pb(projection: &Projection) -> proto::Projection {
 }
 
 /// A view of the rig, by its number there.
-pub(super) fn view_to_pb(view: &View, number: usize, scene: &SceneState) -> proto::View {
+pub(super) fn view_to_pb(number: usize, scene: &SceneState) -> proto::View {
+    let view = &scene.views.rig().views()[number];
     let images = view.images.iter().map(|image| {
         let [width, height] = image.projection.mapping().size();
         proto::ViewImage {
@@ -157,6 +163,7 @@ pub(super) fn view_to_pb(view: &View, number: usize, scene: &SceneState) -> prot
         exposure_group: scene.views.group_of(number).to_owned(),
         own_keys: scene.views.own_keys(number),
         revision: scene.revision,
+        definition: definition_of(number, scene),
         ..settings_to_pb(&scene.views.settings[number], scene.stars.method)
     }
 }
@@ -168,7 +175,12 @@ pub(super) fn view_update_from_pb(request: &proto::UpdateViewRequest) -> Result<
     let allowed = || {
         let keys: Vec<String> = tables.iter().flat_map(|(table, of)| keys(table, of)).collect();
         let keys: Vec<&str> = keys.iter().map(String::as_str).filter(|key| *key != "glare.psf_file").collect();
-        format!("allowed are exposure_group, exposure, glare, tone_map, {}", keys.join(", "))
+        let of_definition = DEFINITION_KEYS.iter().map(|key| format!("definition.{key}")).collect::<Vec<_>>();
+        format!(
+            "allowed are exposure_group, exposure, glare, tone_map, definition, {}, {}, definition.test_pattern",
+            keys.join(", "),
+            of_definition.join(", ")
+        )
     };
     let paths = request.update_mask.as_ref().map_or(&[][..], |mask| &mask.paths);
     if paths.is_empty() {
@@ -181,8 +193,23 @@ pub(super) fn view_update_from_pb(request: &proto::UpdateViewRequest) -> Result<
         return Err(format!("update_mask: `{}` stands there twice", path.1));
     }
     let view = request.view.clone().unwrap_or_default();
+    let given = view.definition.clone().unwrap_or_default();
+    if given.name.as_ref().is_some_and(|name| *name != view.name) {
+        let name = given.name.unwrap_or_default();
+        return Err(format!(
+            "definition.name: `{name}`: the name of a view stays: allowed is `{}`, or none",
+            view.name
+        ));
+    }
+    if paths.iter().any(|path| path == "definition") {
+        return if paths.len() == 1 { Ok(whole_definition(&given)) } else { Err(IS_ALL_OF_IT.to_owned()) };
+    }
     let mut update = ViewUpdate::default();
     for path in paths {
+        if path == "definition.test_pattern" {
+            update.test_pattern = Some(given.test_pattern.unwrap_or_default());
+            continue;
+        }
         if path == "exposure_group" {
             update.exposure_group = Some(view.exposure_group.clone());
             continue;
@@ -192,6 +219,7 @@ pub(super) fn view_update_from_pb(request: &proto::UpdateViewRequest) -> Result<
             "exposure" => (&mut update.exposure, view.exposure.as_ref().map(exposure_to_table), EXPOSURE_KEYS),
             "glare" => (&mut update.glare, view.glare.as_ref().map(glare_to_table), GLARE_KEYS),
             "tone_map" => (&mut update.tone_map, view.tone_map.as_ref().map(tone_map_to_table), TONE_MAP_KEYS),
+            "definition" => (&mut update.definition, Some(geometry_to_table(&given)), DEFINITION_KEYS),
             "name" | "type" | "images" | "own_keys" | "revision" => {
                 return Err(format!("update_mask: `{path}` cannot be changed: {}", allowed()));
             }
@@ -231,6 +259,14 @@ pub(super) fn view_update_to_pb(
     update: &ViewUpdate,
     expected_revision: Option<u64>,
 ) -> Result<proto::UpdateViewRequest, String> {
+    if let TableChange::All(geometry) = &update.definition {
+        let definition = Some(whole_definition_to_pb(name, geometry, update)?);
+        return Ok(proto::UpdateViewRequest {
+            view: Some(proto::View { name: name.to_owned(), definition, ..proto::View::default() }),
+            update_mask: Some(prost_types::FieldMask { paths: vec!["definition".to_owned()] }),
+            expected_revision,
+        });
+    }
     let mut paths = Vec::new();
     let mut table = |name: &str, change: &TableChange| match change {
         TableChange::Nothing => Table::new(),
@@ -243,13 +279,22 @@ pub(super) fn view_update_to_pb(
             keys.iter().filter_map(|(key, value)| Some((key.clone(), value.clone()?))).collect()
         }
     };
-    let (exposure, glare, tone_map) =
-        (table("exposure", &update.exposure), table("glare", &update.glare), table("tone_map", &update.tone_map));
+    let (definition, exposure, glare, tone_map) = (
+        table("definition", &update.definition),
+        table("exposure", &update.exposure),
+        table("glare", &update.glare),
+        table("tone_map", &update.tone_map),
+    );
+    paths.extend(update.test_pattern.map(|_| "definition.test_pattern".to_owned()));
     paths.extend(update.exposure_group.is_some().then(|| "exposure_group".to_owned()));
     let within = |table: &'static str| move |problem: String| format!("{table}: {problem}");
     let view = proto::View {
         name: name.to_owned(),
         exposure_group: update.exposure_group.clone().unwrap_or_default(),
+        definition: Some(proto::ViewDefinition {
+            test_pattern: update.test_pattern,
+            ..geometry_from_table(&definition).map_err(within("definition"))?
+        }),
         exposure: Some(exposure_from_table(&exposure).map_err(within("exposure"))?),
         glare: Some(glare_from_table(&glare).map_err(within("glare"))?),
         tone_map: Some(tone_map_from_table(&tone_map).map_err(within("tone_map"))?),
@@ -301,6 +346,11 @@ mod tests {
     fn updates_come_as_they_went_and_bad_masks_are_refused() {
         let table = |text: &str| text.parse::<Table>().unwrap();
         let update = ViewUpdate {
+            definition: TableChange::Keys(vec![
+                ("fov_deg".to_owned(), Some(Value::Float(90.0))),
+                ("mapping".to_owned(), None),
+            ]),
+            test_pattern: Some(true),
             exposure_group: Some("dim".to_owned()),
             exposure: TableChange::All(table("mode = 'manual'\nev100 = 2.0")),
             glare: TableChange::Keys(vec![
@@ -325,6 +375,10 @@ mod tests {
             (&["glare", "glare"], "`glare` stands there twice"),
             (&["glare", "glare.fraction"], "either it, or keys below it"),
             (&["glare.fraction", "glare"], "either it, or keys below it"),
+            (&["definition.colour"], "no field `definition.colour`"),
+            (&["definition", "definition.size"], "stands for all of the view"),
+            (&["glare", "definition"], "stands for all of the view"),
+            (&["definition.name"], "no field `definition.name`"),
             (&["exposure.mode"; 65], "names 65 fields: allowed are at most 64"),
         ] {
             let problem = view_update_from_pb(&request(paths)).unwrap_err();

@@ -14,6 +14,7 @@ use super::{
     handlers::failed,
     order::{Order, Reading},
     proto,
+    room::Room,
     streams::{Acknowledged, Subscription},
     video::Seen,
 };
@@ -25,6 +26,7 @@ pub(super) struct Source {
     pub(super) acknowledged: Option<Acknowledged>,
     /// The last picture of video.
     pub(super) seen: Option<Seen>,
+    pub(super) room: Room,
 }
 
 /// The work on the next message; it owns the source meanwhile and hands it back.
@@ -54,6 +56,9 @@ fn next(mut source: Source, order: Order) -> Work {
             Ok(None) => return None,
             Err(failure) => return Some((Err(failed(&failure)), None)),
         };
+        if let Err(status) = source.room.fit(&order, &rendered) {
+            return Some((Err(status), None));
+        }
         let stream = source.acknowledged.as_ref().map_or(0, Acknowledged::number);
         match order.encode(&rendered, Reading { dropped, stream, seen: source.seen }).await {
             Ok(message) => {

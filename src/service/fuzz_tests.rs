@@ -16,15 +16,14 @@ use super::{
     convert::{self, scene_to_pb, scene_update_from_pb, star_method},
     convert_objects::{body_from_pb, field_from_pb},
     convert_overlay::overlay_from_pb,
-    convert_views::{settings_to_pb, view_update_from_pb},
+    convert_views::{definition_from_pb, definition_to_pb, settings_to_pb, view_to_pb, view_update_from_pb},
     objects::Objects,
     proto,
     scene::{SceneState, SceneUpdate},
     state::Saved,
-    views::ViewSet,
+    views::{GivenView, ViewSet, ViewUpdate},
 };
 use crate::{
-    config::ViewTables,
     plan::settings::RenderSettings,
     scene::{Camera, SceneObjects},
     verify,
@@ -38,8 +37,12 @@ use driver::{Run, Target, as_it_is, check};
 /// A scene of two views and nothing in it.
 fn scene() -> SceneState {
     let RenderSettings { stars, asteroids, .. } = RenderSettings::default();
-    let names = vec!["dome".to_owned(), "flat".to_owned()];
-    let views = ViewSet::new(&RenderSettings::default(), names, &[], Path::new("")).unwrap();
+    let given = |name: &str| {
+        let table = format!("name = '{name}'\ntype = 'fisheye'\nsize = [8, 8]\nfov_deg = 180.0");
+        GivenView::read(table.parse().unwrap()).unwrap().0
+    };
+    let views = ["dome", "flat"].map(given).to_vec();
+    let views = ViewSet::new(&RenderSettings::default(), views, Path::new("")).unwrap();
     SceneState {
         revision: 1,
         stars,
@@ -77,9 +80,28 @@ fn update_view(bytes: &[u8]) -> Result<(), String> {
     let before = scene();
     for view in 0..2 {
         let after = before.views.changed(&general, view, &update)?;
-        settings_to_pb(&after.settings[view], general.stars.method).encode_to_vec();
-        after.own_keys(view);
+        told(&before, after);
     }
+    Ok(())
+}
+
+/// What clients and a file of states are told of views.
+fn told(before: &SceneState, views: ViewSet) {
+    let scene = before.clone().with_views(views, Some(("flat", true))).unwrap();
+    for view in 0..scene.views.ids().len() {
+        view_to_pb(view, &scene).encode_to_vec();
+    }
+    scene.views.frame_groups(&RenderSettings::default());
+    Saved::of(&scene, None).encode_to_vec();
+}
+
+fn create_view(bytes: &[u8]) -> Result<(), String> {
+    let request: proto::CreateViewRequest = decoded(bytes)?;
+    let (given, _) = GivenView::read(definition_from_pb(&request.definition.unwrap_or_default()))?;
+    let (general, before) = (RenderSettings::default(), scene());
+    let after = before.views.with(&general, given)?;
+    told(&before, after.without(&general, 0)?);
+    told(&before, after);
     Ok(())
 }
 
@@ -132,7 +154,7 @@ fn answers(bytes: &[u8]) -> Result<(), String> {
 
 type Reader = fn(&[u8]) -> Result<(), String>;
 
-const READERS: [Reader; 6] = [update_scene, update_view, set_camera, names, saved, answers];
+const READERS: [Reader; 7] = [update_scene, update_view, set_camera, names, saved, answers, create_view];
 
 fn read(data: &[u8]) -> String {
     let Some((first, bytes)) = data.split_first() else { return "no message".to_owned() };
@@ -206,6 +228,19 @@ fn full_scene() -> proto::Scene {
     }
 }
 
+/// A table of `[[views]]` with keys of many kinds.
+const EYES: &str = "
+name = 'eyes'
+type = 'stereo'
+size = [8, 8]
+ipd_m = 0.064
+fov_left = { left_deg = -50.0, right_deg = 40.0, up_deg = 45.0, down_deg = -45.0 }
+fov_right = { left_deg = -40.0, right_deg = 50.0, up_deg = 45.0, down_deg = -45.0 }
+orientation = [0.0, 0.0, 0.0, 1.0]
+position_m = [0.0, 1.0, 0.0]
+glare = { fraction = 0.2 }
+";
+
 fn seeds() -> Vec<Vec<u8>> {
     let message = |kind: u8, bytes: Vec<u8>| [vec![kind], bytes].concat();
     let mask = |paths: &[&str]| Some(FieldMask { paths: paths.iter().map(|path| (*path).to_owned()).collect() });
@@ -235,9 +270,28 @@ fn seeds() -> Vec<Vec<u8>> {
         expected_revision: Some(3),
     };
     let asked = proto::VerifyRequest { filter: "two-colours".to_owned(), star_method: "tent".to_owned() };
-    let tables = ViewTables { exposure_group: Some("both".to_owned()), ..ViewTables::default() };
+    let definition = proto::ViewDefinition {
+        exposure_group: Some("both".to_owned()),
+        test_pattern: Some(true),
+        ..definition_to_pb(&EYES.parse().unwrap()).unwrap()
+    };
+    let create = proto::CreateViewRequest { definition: Some(definition.clone()), expected_revision: Some(1) };
+    let redefined = |paths: &[&str]| {
+        let definition = Some(proto::ViewDefinition { name: None, ..definition.clone() });
+        let view = proto::View { definition, ..Default::default() };
+        message(
+            1,
+            proto::UpdateViewRequest { view: Some(view), update_mask: mask(paths), ..Default::default() }
+                .encode_to_vec(),
+        )
+    };
     let mut shown = scene();
-    shown.views = Arc::new(shown.views.with_tables(&general, &[tables.clone(), tables]).unwrap());
+    let join = ViewUpdate { exposure_group: Some("both".to_owned()), ..ViewUpdate::default() };
+    for view in 0..2 {
+        shown.views = Arc::new(shown.views.changed(&general, view, &join).unwrap());
+    }
+    let (eyes, _) = GivenView::read(definition_from_pb(&definition)).unwrap();
+    shown.views = Arc::new(shown.views.with(&general, eyes).unwrap().without(&general, 0).unwrap());
     let mut full = Saved::of(&shown, Some(&Camera::default()));
     full.scene = Some(full_scene());
     let frame = proto::Frame {
@@ -256,12 +310,15 @@ fn seeds() -> Vec<Vec<u8>> {
         scene_request(&["overlay.trajectories.orbit", "overlay.labels.pole", "overlay.test_patterns"]),
         view_request(&["exposure", "glare", "tone_map", "exposure_group"]),
         view_request(&["exposure.mode", "exposure.ev100", "glare.fraction", "tone_map.dither"]),
+        redefined(&["definition"]),
+        redefined(&["definition.ipd_m", "definition.fov_left", "definition.test_pattern"]),
         message(2, moved.encode_to_vec()),
         message(3, asked.encode_to_vec()),
         message(4, Saved::of(&shown, Some(&Camera::default())).encode_to_vec()),
         message(4, full.encode_to_vec()),
         message(5, frame.encode_to_vec()),
         message(5, full_scene().encode_to_vec()),
+        message(6, create.encode_to_vec()),
     ]
 }
 
@@ -289,6 +346,10 @@ const TARGET: Target = Target {
         "tone_map",
         "tone_map.operator",
         "exposure_group",
+        "definition",
+        "definition.fov_left",
+        "stereo",
+        "fisheye",
         "manual",
         "auto",
         "mean",

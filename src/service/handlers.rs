@@ -14,26 +14,26 @@ use tonic::{Request, Response, Status};
 
 use super::{
     access::By,
-    changes::paths,
     clients::{ClientInfo, Held, Shares},
     convert, convert_stats,
-    convert_views::{view_to_pb, view_update_from_pb},
+    convert_views::view_to_pb,
     frames::{FrameStream, Source},
     headset::Headset,
     order::{Encoders, Form, Order, Reading},
     proto, refusals,
     render::{Capacity, Refused, RenderHandle},
+    room::Room,
     scene::{SceneError, SceneState},
     server::SceneCatalogue,
     slot::{RenderFailure, RenderedFrame},
     state::StateFile,
     video::Rate,
+    views::ViewId,
     workshop::Workshop,
 };
 use crate::{
     gpu::AdapterReport,
     plan::{Limits, Planner},
-    view::Rig,
     xr,
 };
 
@@ -57,7 +57,6 @@ const HEADSET_PATIENCE: Duration = Duration::from_secs(5);
 pub(super) struct Service {
     pub(super) render: RenderHandle,
     pub(super) headset: Option<Arc<Headset>>,
-    pub(super) rig: Arc<Rig>,
     pub(super) adapter: Arc<AdapterReport>,
     pub(super) limits: Arc<Limits>,
     pub(super) catalogues: Arc<Vec<SceneCatalogue>>,
@@ -85,7 +84,6 @@ impl Service {
     pub(super) fn new(
         render: RenderHandle,
         headset: Option<Arc<Headset>>,
-        rig: Arc<Rig>,
         (adapter, limits): (AdapterReport, Limits),
         (catalogues, stars): (Vec<SceneCatalogue>, u64),
         capacity: Capacity,
@@ -94,7 +92,6 @@ impl Service {
         Self {
             render,
             headset,
-            rig,
             adapter: Arc::new(adapter),
             limits: Arc::new(limits),
             catalogues: Arc::new(catalogues),
@@ -112,29 +109,40 @@ impl Service {
         }
     }
 
-    pub(super) fn view_names(&self) -> Vec<&str> {
-        let views = self.rig.views().iter().map(|view| view.name.as_str());
-        views.chain(self.headset.iter().map(|headset| headset.name())).collect()
+    /// Names of all views of a scene, that of the headset last.
+    pub(super) fn view_names<'a>(&'a self, scene: &'a SceneState) -> Vec<&'a str> {
+        scene.views.names().chain(self.headset.iter().map(|headset| headset.name())).collect()
     }
 
-    fn no_view(&self, name: &str) -> Status {
-        refusals::absent("view", name, format!("no view `{name}`; the views are: {}", self.view_names().join(", ")))
+    pub(super) fn no_view(&self, name: &str, scene: &SceneState) -> Status {
+        let names = self.view_names(scene).join(", ");
+        let names = if names.is_empty() { "none" } else { &names };
+        refusals::absent("view", name, format!("no view `{name}`; the views are: {names}"))
+    }
+
+    /// The headset, if a view's name is its.
+    pub(super) fn headset_named(&self, name: &str) -> Option<&Arc<Headset>> {
+        self.headset.as_ref().filter(|headset| headset.name() == name)
     }
 
     /// A view as it is in a scene.
-    fn view(&self, name: &str, scene: &SceneState) -> Result<proto::View, Status> {
-        if let Some(number) = self.rig.index_of(name) {
-            return Ok(view_to_pb(&self.rig.views()[number], number, scene));
+    pub(super) fn view(&self, name: &str, scene: &SceneState) -> Result<proto::View, Status> {
+        if let Some((_, index)) = scene.views.named(name) {
+            return Ok(view_to_pb(index, scene));
         }
-        let headset = self.headset.as_ref().filter(|headset| headset.name() == name);
-        let headset = headset.ok_or_else(|| self.no_view(name))?;
+        let headset = self.headset_named(name).ok_or_else(|| self.no_view(name, scene))?;
         Ok(convert_stats::headset_view_to_pb(headset, &self.render.general(scene), scene))
     }
 
     pub(super) fn order(&self, client: &ClientInfo, name: &str, encoding: i32, max_size: u32) -> Result<Order, Status> {
-        let headset = self.headset.as_ref().filter(|headset| headset.name() == name).map(Arc::clone);
-        // The frames of a headset have one view.
-        let view = self.rig.index_of(name).or(headset.as_ref().map(|_| 0)).ok_or_else(|| self.no_view(name))?;
+        let scene = self.render.scene().map_err(refused)?;
+        let headset = self.headset_named(name).map(Arc::clone);
+        let pixels = |[width, height]: [u32; 2]| u64::from(width) * u64::from(height);
+        let (view, pixels) = match (scene.views.named(name), &headset) {
+            (Some((view, index)), _) => (view, scene.views.pixels_of(index)),
+            (None, Some(headset)) => (ViewId::HEADSET, headset.sizes().into_iter().map(pixels).sum()),
+            (None, None) => return Err(self.no_view(name, &scene)),
+        };
         let encoding = convert::encoding_from_pb(encoding).ok_or_else(|| {
             refusals::invalid(format!("encoding = {encoding}: one of RGBA8, PNG, JPEG, RGB32F, EXR, H264 is needed"))
         })?;
@@ -149,18 +157,7 @@ impl Service {
         }
         let form = Form { encoding, max_size };
         let (encoders, client) = (Arc::clone(&self.encoders), client.clone());
-        Ok(Order { name: name.into(), view, headset, form, rate: None, encoders, client })
-    }
-
-    /// Bytes of a message of the order's view, at most.
-    pub(super) fn most_bytes(&self, order: &Order) -> u64 {
-        let pixels = |[width, height]: [u32; 2]| u64::from(width) * u64::from(height);
-        order.form.most_bytes(match &order.headset {
-            Some(headset) => headset.sizes().into_iter().map(pixels).sum(),
-            None => {
-                self.rig.views()[order.view].images.iter().map(|image| pixels(image.projection.mapping().size())).sum()
-            }
-        })
+        Ok(Order { name: name.into(), view, pixels, headset, form, rate: None, encoders, client })
     }
 
     /// The place of a stream of the scene or of figures.
@@ -233,6 +230,7 @@ pub(super) fn refused(refused: Refused) -> Status {
             "streams",
             format!("there are {most} streams already, the most there may be: end one first"),
         ),
+        Refused::Deleted => Status::not_found("the view was deleted meanwhile"),
         Refused::Headset(reason) => failed(&RenderFailure::Headset(reason)),
         Refused::Ending => Status::unavailable("the daemon is shutting down"),
     }
@@ -247,6 +245,7 @@ pub(super) fn unchanged(error: &SceneError) -> Status {
 
 pub(super) fn failed(failure: &RenderFailure) -> Status {
     match failure {
+        RenderFailure::Deleted(name) => refusals::absent("view", name, failure.to_string()),
         RenderFailure::Engine(_) => Status::internal(failure.to_string()),
         RenderFailure::Headset(_) | RenderFailure::Ended => Status::unavailable(failure.to_string()),
     }
@@ -261,7 +260,7 @@ impl proto::view_service_server::ViewService for Service {
         _: Request<proto::ListViewsRequest>,
     ) -> Result<Response<proto::ListViewsResponse>, Status> {
         let scene = self.render.scene().map_err(refused)?;
-        let views = self.view_names().into_iter().map(|name| self.view(name, &scene));
+        let views = self.view_names(&scene).into_iter().map(|name| self.view(name, &scene));
         Ok(Response::new(proto::ListViewsResponse { views: views.collect::<Result<_, Status>>()? }))
     }
 
@@ -270,36 +269,23 @@ impl proto::view_service_server::ViewService for Service {
         Ok(Response::new(self.view(&request.into_inner().view, &scene)?))
     }
 
+    async fn create_view(&self, request: Request<proto::CreateViewRequest>) -> Result<Response<proto::View>, Status> {
+        let by = By::of(&request)?;
+        Ok(Response::new(self.created_view(&by, request.into_inner()).await?))
+    }
+
     async fn update_view(&self, request: Request<proto::UpdateViewRequest>) -> Result<Response<proto::View>, Status> {
         let by = By::of(&request)?;
-        let request = request.into_inner();
-        let name = request.view.as_ref().map(|view| view.name.clone()).unwrap_or_default();
-        let Some(number) = self.rig.index_of(&name) else {
-            if self.headset.as_ref().is_some_and(|headset| headset.name() == name) {
-                let problem = "the headset has the general settings, those of the configuration";
-                return Err(refusals::invalid(format!("view `{name}`: {problem}")));
-            }
-            return Err(self.no_view(&name));
-        };
-        let update = view_update_from_pb(&request).map_err(refusals::invalid)?;
-        let expected = request.expected_revision;
-        for _ in 0..MOST_ATTEMPTS {
-            let scene = self.render.scene().map_err(refused)?;
-            scene.expect(expected).map_err(|error| unchanged(&error))?;
-            let views = self.changed_views(&scene, number, &update).await?;
-            let changed = SceneState { views: Arc::new(views), ..scene.clone() };
-            match self.commit(changed, scene.revision).await? {
-                Ok(scene) => {
-                    let keys = paths(request.update_mask).into_iter().map(|path| format!("{name}.{path}"));
-                    by.changed("UpdateView", &keys.collect::<Vec<_>>(), scene.revision);
-                    return Ok(Response::new(self.view(&name, &scene)?));
-                }
-                Err(error) if expected.is_some() => return Err(unchanged(&error)),
-                // What was checked is not the scene any more.
-                Err(_) => {}
-            }
-        }
-        Err(Status::aborted("the scene has changed again and again meanwhile: try again"))
+        Ok(Response::new(self.updated_view(&by, request.into_inner()).await?))
+    }
+
+    async fn delete_view(
+        &self,
+        request: Request<proto::DeleteViewRequest>,
+    ) -> Result<Response<proto::DeleteViewResponse>, Status> {
+        let by = By::of(&request)?;
+        let revision = self.deleted_view(&by, request.into_inner()).await?;
+        Ok(Response::new(proto::DeleteViewResponse { revision }))
     }
 
     async fn render_frame(
@@ -311,8 +297,9 @@ impl proto::view_service_server::ViewService for Service {
         let order = self.order(&client, &request.view, request.encoding, request.max_size)?;
         let _own = client.render()?;
         let _pending = self.pending.try_acquire().map_err(|_| refused(Refused::Full))?;
-        let held = client.hold_output(self.most_bytes(&order))?;
+        let held = client.hold_output(order.most_bytes())?;
         let rendered = self.rendered(&order).await?;
+        let held = held.and(order.more_room(&rendered)?);
         Ok(holding(order.encode(&rendered, Reading::default()).await?, held))
     }
 
@@ -349,7 +336,7 @@ impl proto::view_service_server::ViewService for Service {
         let client = ClientInfo::of(&request)?;
         let request = request.into_inner();
         let order = self.order(&client, &request.view, request.encoding, request.max_size)?;
-        let held = client.hold_output(self.most_bytes(&order))?;
+        let held = client.hold_output(order.most_bytes())?;
         let rate = request.max_rate_hz;
         let interval = if rate == 0.0 {
             Duration::ZERO
@@ -366,9 +353,10 @@ impl proto::view_service_server::ViewService for Service {
             Some(headset) => headset.subscribe(order.wanted(), interval),
         };
         let subscription = subscription.map_err(refused)?;
+        let room = Room::new(&order);
         let acknowledged = request.acknowledged.then(|| self.render.streams().acknowledged());
         let stream: Self::StreamFramesStream =
-            Box::pin(FrameStream::new(Source { subscription, acknowledged, seen: None }, order));
+            Box::pin(FrameStream::new(Source { subscription, acknowledged, seen: None, room }, order));
         Ok(holding(stream, held))
     }
 }

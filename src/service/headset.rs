@@ -30,6 +30,7 @@ use super::{
     schedule::Revisions,
     slot::{GivenUp, RenderFailure, RenderedFrame, Slot},
     streams::Subscription,
+    views::ViewId,
 };
 use crate::{
     render::Wanted,
@@ -313,6 +314,7 @@ impl Host for Headset {
         let shows = Revisions { scene: frame.frame.scene_revision, camera: frame.frame.camera_revision };
         let rendered = Arc::new(RenderedFrame {
             frame: Arc::clone(&frame.frame),
+            views: Arc::from([ViewId::HEADSET]),
             camera: frame.camera,
             pose_time: frame.pose_time,
             render_time: frame.render_time,

@@ -26,6 +26,7 @@ use super::{
     proto,
     slot::RenderedFrame,
     video::{Audience, Picture, Rate, Seen, Videos},
+    views::ViewId,
 };
 use crate::{
     output::{self, Encoding},
@@ -63,14 +64,14 @@ type Images = Result<Vec<proto::Image>, String>;
 /// Encoded images of a frame, by view and form.
 #[derive(Debug, Default)]
 pub(super) struct EncodedImages {
-    images: Mutex<HashMap<(usize, Form), EncodedOnce>>,
+    images: Mutex<HashMap<(ViewId, Form), EncodedOnce>>,
 }
 
 /// Encoded by the first who asks.
 type EncodedOnce = Arc<OnceCell<Images>>;
 
 impl EncodedImages {
-    fn of(&self, view: usize, form: Form) -> EncodedOnce {
+    fn of(&self, view: ViewId, form: Form) -> EncodedOnce {
         let mut images = self.images.lock().unwrap_or_else(PoisonError::into_inner);
         Arc::clone(images.entry((view, form)).or_default())
     }
@@ -123,8 +124,9 @@ impl Encoders {
 #[derive(Clone)]
 pub(super) struct Order {
     pub(super) name: Arc<str>,
-    /// Index in its frames.
-    pub(super) view: usize,
+    pub(super) view: ViewId,
+    /// Pixels of its images when this was made; another geometry may have others.
+    pub(super) pixels: u64,
     /// Who makes its frames, if not the render thread.
     pub(super) headset: Option<Arc<Headset>>,
     pub(super) form: Form,
@@ -150,6 +152,11 @@ impl Order {
         self.form.encoding.wanted()
     }
 
+    /// Bytes of a message, at most.
+    pub(super) fn most_bytes(&self) -> u64 {
+        self.form.most_bytes(self.pixels)
+    }
+
     /// The message of a frame.
     pub(super) async fn encode(&self, rendered: &Arc<RenderedFrame>, reading: Reading) -> Result<proto::Frame, Status> {
         if let Some(rate) = self.rate.filter(|_| self.form.encoding == Encoding::H264) {
@@ -170,7 +177,7 @@ impl Order {
         let encoding = move || {
             let _entered = span.enter();
             background::stand_back();
-            let images = rendered.frame.images.iter().filter(|image| image.view == view);
+            let images = rendered.images_of(view);
             // What is coded in bands has the cores that frames leave.
             background::on_own_cores(|| images.map(|image| encoded(form, image)).collect())
         };
@@ -208,7 +215,7 @@ impl Order {
         let coding = move || {
             let _entered = span.enter();
             background::stand_back();
-            let images: Vec<&FrameImage> = rendered.frame.images.iter().filter(|image| image.view == view).collect();
+            let images: Vec<&FrameImage> = rendered.images_of(view).collect();
             sequences.code(rendered.frame.number, seen, &images)
         };
         let picture = task::spawn_blocking(coding).await.map_err(|error| not_encoded(&error))??;

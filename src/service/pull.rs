@@ -60,8 +60,9 @@ impl Service {
         request: &proto::NextFrameRequest,
     ) -> Result<(proto::Frame, Held), Status> {
         let order = self.pulled(client, request)?;
-        let held = client.hold_output(self.most_bytes(&order))?;
+        let held = client.hold_output(order.most_bytes())?;
         let rendered = self.next_of(&order, request.after_frame_number)?.await?;
+        let held = held.and(order.more_room(&rendered)?);
         Ok((order.encode(&rendered, read(request)).await?, held))
     }
 
@@ -85,7 +86,7 @@ impl Service {
             }
             orders.push((order, request));
         }
-        let held = client.hold_output(orders.iter().map(|(order, _)| self.most_bytes(order)).sum())?;
+        let mut held = client.hold_output(orders.iter().map(|(order, _)| order.most_bytes()).sum())?;
         let waiting = orders.iter().map(|(order, request)| Ok(Some(self.next_of(order, request.after_frame_number)?)));
         let mut waiting: Vec<Option<Waiting>> = waiting.collect::<Result<_, Status>>()?;
         let mut got: Vec<(usize, Rendered)> = poll_fn(|context| match ready_ones(&mut waiting, context) {
@@ -101,8 +102,9 @@ impl Service {
         got.sort_by_key(|(number, _)| *number);
         let mut frames = Vec::new();
         for (number, rendered) in got {
-            let (order, request) = &orders[number];
-            frames.push(order.encode(&rendered?, read(request)).await?);
+            let ((order, request), rendered) = (&orders[number], rendered?);
+            held = held.and(order.more_room(&rendered)?);
+            frames.push(order.encode(&rendered, read(request)).await?);
         }
         Ok((frames, held))
     }

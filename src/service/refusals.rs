@@ -53,6 +53,12 @@ pub(super) fn absent(kind: &str, name: &str, problem: String) -> Status {
     Status::with_error_details(Code::NotFound, problem, details)
 }
 
+/// There is something of a kind with a name already.
+pub(super) fn present(kind: &str, name: &str, problem: String) -> Status {
+    let details = ErrorDetails::with_resource_info(kind, name, "", problem.clone());
+    Status::with_error_details(Code::AlreadyExists, problem, details)
+}
+
 /// A role that a call needs and a caller has not.
 pub(super) fn denied(problem: String, role: &str, needed: &str) -> Status {
     let metadata = HashMap::from([("role".to_owned(), role.to_owned()), ("needed".to_owned(), needed.to_owned())]);

@@ -21,6 +21,7 @@ use super::{
     slot::{RenderFailure, RenderedFrame, Slot},
     streams::{Streams, Subscription},
     track::{Track, TrackError},
+    views::{ViewId, ViewSet},
 };
 use crate::{
     catalogue::chunks::StarSet,
@@ -73,6 +74,8 @@ pub(super) enum Refused {
     Full,
     /// There are as many subscribers as may be.
     Subscribers(usize),
+    /// The view is not there any more.
+    Deleted,
     /// There is no headset: why.
     Headset(String),
     /// The daemon is shutting down.
@@ -81,14 +84,14 @@ pub(super) enum Refused {
 
 /// Somebody waits for a frame of a view.
 pub(super) struct Request {
-    pub(super) view: usize,
+    pub(super) view: ViewId,
     pub(super) wanted: Wanted,
     pub(super) reply: Reply,
 }
 
 /// Somebody who gets the frames of a view.
 pub(super) struct Subscriber {
-    pub(super) view: usize,
+    pub(super) view: ViewId,
     pub(super) wanted: Wanted,
     pub(super) pace: Pace,
     pub(super) slot: Weak<Slot>,
@@ -148,6 +151,8 @@ pub(super) struct State {
     pub(super) pose_time: SystemTime,
     /// Holds `None` when there will be no more changes.
     pub(super) scene: watch::Sender<Option<SceneState>>,
+    /// The newest scene, also then.
+    pub(super) newest_scene: SceneState,
     /// The settings of frames but for stars and asteroids, which the scene holds.
     pub(super) settings: RenderSettings,
     pub(super) requests: VecDeque<Request>,
@@ -160,7 +165,7 @@ pub(super) struct State {
     /// Chooses what display images give up; `None`: they may take as long as they take.
     pub(super) quality: Option<Quality>,
     /// The newest frame that shows each view: its number, what it shows, and when it was begun.
-    pub(super) newest: HashMap<usize, (u64, Revisions, Instant)>,
+    pub(super) newest: HashMap<ViewId, (u64, Revisions, Instant)>,
     /// Frames that could not be drawn, and why the last one could not.
     pub(super) failures: Failures,
     /// How often the renderer was lost.
@@ -227,6 +232,33 @@ impl State {
     fn tell_camera(&self) {
         let camera = self.camera;
         self.watched_camera.send_if_modified(|watched| watched.as_mut().map(|watched| *watched = camera).is_some());
+    }
+
+    /// Whether there is a view: those who wait, and what is kept of views, are of such ones alone.
+    pub(super) fn has_view(&self, view: ViewId) -> bool {
+        self.newest_scene.views.index_of(view).is_some()
+    }
+
+    /// Ends what was asked of views that were there before and are not there any more.
+    fn end_deleted(&mut self, before: &ViewSet) {
+        for (view, name) in before.ids().iter().zip(before.names()) {
+            if self.has_view(*view) {
+                continue;
+            }
+            let failure = RenderFailure::Deleted(name.to_owned());
+            self.newest.remove(view);
+            let waiting = std::mem::take(&mut self.requests).into_iter();
+            let (ended, others): (VecDeque<Request>, _) = waiting.partition(|request| request.view == *view);
+            self.requests = others;
+            for request in ended {
+                // A caller that went away meanwhile needs no answer.
+                let _ = request.reply.send(Err(failure.clone()));
+            }
+            let of_view = |subscriber: &mut Subscriber| subscriber.view == *view;
+            for slot in self.subscribers.extract_if(.., of_view).filter_map(|subscriber| subscriber.slot.upgrade()) {
+                slot.end(Err(failure.clone()));
+            }
+        }
     }
 
     /// Takes no new work; nobody is left waiting for what no longer comes.
@@ -444,20 +476,23 @@ impl RenderHandle {
         self.shared.state().settings_of(scene)
     }
 
-    /// Puts a scene in place of the one that has the revision it was made for; it has the next revision. The outer error: it takes no changes any
+    /// Puts a scene in place of the one that has the revision it was made for; it has the next revision. Who waits for frames of a view that it has
+    /// no more is told so. The outer error: it takes no changes any
     /// more.
     pub(super) fn replace_scene(
         &self,
         scene: SceneState,
         made_for: u64,
     ) -> Result<Result<SceneState, SceneError>, Refused> {
-        let state = self.shared.state();
+        let mut state = self.shared.state();
         let now = state.scene.borrow().clone().ok_or(Refused::Ending)?;
         if let Err(error) = now.expect(Some(made_for)) {
             return Ok(Err(error));
         }
         let scene = SceneState { revision: made_for + 1, ..scene };
+        state.newest_scene = scene.clone();
         state.scene.send_replace(Some(scene.clone()));
+        state.end_deleted(&now.views);
         self.shared.wake.notify_one();
         Ok(Ok(scene))
     }
@@ -504,12 +539,15 @@ impl RenderHandle {
     /// Asks for a frame of a view.
     pub(super) fn request(
         &self,
-        view: usize,
+        view: ViewId,
         wanted: Wanted,
     ) -> Result<oneshot::Receiver<Result<Arc<RenderedFrame>, RenderFailure>>, Refused> {
         let mut state = self.shared.state();
         if state.draining {
             return Err(Refused::Ending);
+        }
+        if !state.has_view(view) {
+            return Err(Refused::Deleted);
         }
         if state.requests.len() >= self.shared.capacity.requests {
             // Callers that went away need no place.
@@ -525,10 +563,13 @@ impl RenderHandle {
     }
 
     /// Asks for the frames of a view, at least `interval` apart.
-    pub(super) fn subscribe(&self, view: usize, wanted: Wanted, interval: Duration) -> Result<Subscription, Refused> {
+    pub(super) fn subscribe(&self, view: ViewId, wanted: Wanted, interval: Duration) -> Result<Subscription, Refused> {
         let mut state = self.shared.state();
         if state.draining {
             return Err(Refused::Ending);
+        }
+        if !state.has_view(view) {
+            return Err(Refused::Deleted);
         }
         let (subscription, slot) = self.shared.streams.open()?;
         state.subscribers.push(Subscriber { view, wanted, pace: Pace::new(interval), slot });
@@ -537,10 +578,13 @@ impl RenderHandle {
     }
 
     /// Asks for the next frame of a view after the one with a number.
-    pub(super) fn subscribe_after(&self, view: usize, wanted: Wanted, after: u64) -> Result<Subscription, Refused> {
+    pub(super) fn subscribe_after(&self, view: ViewId, wanted: Wanted, after: u64) -> Result<Subscription, Refused> {
         let mut state = self.shared.state();
         if state.draining {
             return Err(Refused::Ending);
+        }
+        if !state.has_view(view) {
+            return Err(Refused::Deleted);
         }
         let (subscription, slot) = self.shared.streams.open()?;
         let seen = state.newest.get(&view).filter(|(number, ..)| *number == after);

@@ -21,7 +21,7 @@ pub(super) struct SceneState {
     pub(super) asteroids: AsteroidSettings,
     /// Bodies and fields.
     pub(super) objects: Objects,
-    /// Exposure, glare and tone mapping of views.
+    /// Views, with their exposure, glare and tone mapping.
     pub(super) views: Arc<ViewSet>,
 }
 
@@ -111,6 +111,19 @@ impl SceneState {
             Some(expected) => Err(SceneError::Revision { expected, found: self.revision }),
             None => Ok(()),
         }
+    }
+
+    /// The scene with other views, and where it is said with a test pattern in the one of a name, or without. The revision stays.
+    pub(super) fn with_views(mut self, views: ViewSet, pattern: Option<(&str, bool)>) -> Result<Self, SceneError> {
+        self.views = Arc::new(views);
+        let patterns = &self.objects.drawn.overlay.test_patterns;
+        if let Some((name, shown)) = pattern.filter(|(name, shown)| patterns.iter().any(|one| one == name) != *shown) {
+            let others = patterns.iter().filter(|one| *one != name).cloned();
+            let test_patterns = Some(others.chain(shown.then(|| name.to_owned())).collect());
+            let change = OverlayChange { test_patterns, ..OverlayChange::default() };
+            self.objects = self.objects.with_overlay(&change).map_err(SceneError::Invalid)?;
+        }
+        Ok(self)
     }
 
     /// The scene after a change, if it has the revision expected.

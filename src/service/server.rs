@@ -1,31 +1,29 @@
 //! The daemon: binds, serves, and on a signal drains: health turns to NOT_SERVING, no new connection is accepted, streams end
-//! cleanly, calls in flight finish, the render thread ends. What is not done within the drain time is left behind.
+//! cleanly, calls in flight finish, the render thread ends. What is not done within the drain time is left behind. Where it may listen is judged in
+//! [`binding`].
 
-use std::{
-    fmt, io,
-    net::{SocketAddr, ToSocketAddrs},
-    path::{Path, PathBuf},
-    pin::Pin,
-    sync::Arc,
-    time::Duration,
-};
+mod binding;
+
+use std::{fmt, io, net::SocketAddr, path::PathBuf, pin::Pin, sync::Arc, time::Duration};
 
 use tokio::{
-    net::{TcpListener, UnixListener, UnixStream},
     signal,
     sync::{mpsc, oneshot, watch},
     time::{Instant, timeout_at},
 };
+use toml::Table;
 use tonic::{server::NamedService, transport::Server};
 use tonic_health::{ServingStatus, server::HealthReporter};
 use tonic_web::GrpcWebLayer;
 
+pub use self::binding::check_listen;
+use self::binding::{bind, keep_access};
 use super::{
     access::{Access, AccessSource, Gate},
     answers::AnswersFirst,
     client::camera_from_pb,
     clients::Shares,
-    connections::{Bounds, Incoming, Listener},
+    connections::{Bounds, Incoming},
     engine::{Engine, EngineError},
     handlers::Service,
     headset::{Headset, HeadsetOptions, HeadsetThread, panic_message},
@@ -39,7 +37,7 @@ use super::{
     render::Capacity,
     scene::SceneState,
     state::{StateError, StateFile},
-    views::ViewSet,
+    views::{GivenView, ViewSet},
     worker::{self, RenderThread},
     workshop::Workshop,
 };
@@ -158,6 +156,9 @@ pub struct ServeOptions {
     pub settings: RenderSettings,
     /// What views have of their own, in the order of the rig; views beyond its end have nothing.
     pub view_tables: Vec<ViewTables>,
+    /// The keys of the geometry of views ([`ViewConfig::definition`](crate::config::ViewConfig::definition)), in the order of the rig. Views beyond its end
+    /// are made of something else: clients are not told of what, and change their geometry as a whole alone.
+    pub view_definitions: Vec<Table>,
     /// The folder at which relative paths in these start.
     pub folder: PathBuf,
     /// A headset, as one more view.
@@ -202,6 +203,7 @@ impl ServeOptions {
             rig,
             settings,
             view_tables: Vec::new(),
+            view_definitions: Vec::new(),
             folder: PathBuf::new(),
             headset: None,
             hosts: Vec::new(),
@@ -288,108 +290,6 @@ pub enum ServeError {
     },
 }
 
-/// Listens where it may be listened with an access.
-async fn bind(listen: &str, access: &Access) -> Result<(Listener, Address), ServeError> {
-    if let Some(path) = listen.strip_prefix(UNIX_PREFIX).map(Path::new) {
-        return Ok((Listener::Unix(bind_unix(path).await?), Address::Unix(path.to_owned())));
-    }
-    let wrong = |problem: String| ServeError::Address { listen: listen.to_owned(), problem };
-    let addresses = tokio::net::lookup_host(listen).await.map_err(|error| wrong(error.to_string()))?;
-    let addresses: Vec<SocketAddr> = addresses.collect();
-    check_addresses(listen, &addresses, access)?;
-    let bound = bind_first(addresses.into_iter()).await;
-    let listener = bound.unwrap_or_else(|| Err(wrong("the host has no address".to_owned())))?;
-    let address = Address::Tcp(listener.local_addr()?);
-    Ok((Listener::Tcp(listener), address))
-}
-
-/// Whether [`run`] would listen on an address, before everything that takes long.
-///
-/// # Errors
-///
-/// The address is none, or others reach it and everybody could listen in, or steer.
-pub fn check_listen(listen: &str, access: &Access) -> Result<(), ServeError> {
-    if listen.starts_with(UNIX_PREFIX) {
-        return Ok(());
-    }
-    let wrong = |error: io::Error| ServeError::Address { listen: listen.to_owned(), problem: error.to_string() };
-    check_addresses(listen, &listen.to_socket_addrs().map_err(wrong)?.collect::<Vec<_>>(), access)
-}
-
-fn check_addresses(listen: &str, addresses: &[SocketAddr], access: &Access) -> Result<(), ServeError> {
-    let open = |problem| ServeError::Open { listen: listen.to_owned(), problem };
-    addresses.iter().try_for_each(|address| access.check_address(*address)).map_err(open)
-}
-
-/// Listens on a socket that its owner and their group may open. One that a daemon has left behind gives way.
-async fn bind_unix(path: &Path) -> Result<UnixListener, ServeError> {
-    const OWNER_AND_GROUP: u32 = 0o117;
-    let address = || Address::Unix(path.to_owned());
-    let refused = |source| ServeError::Bind { address: address(), source };
-    match UnixStream::connect(path).await {
-        Ok(_) => return Err(ServeError::AddressInUse { address: address() }),
-        Err(error) if error.kind() == io::ErrorKind::ConnectionRefused => {
-            std::fs::remove_file(path).map_err(refused)?;
-        }
-        // There is none, or nobody may look: binding tells.
-        Err(_) => {}
-    }
-    let mask = rustix::process::umask(rustix::fs::Mode::from_raw_mode(OWNER_AND_GROUP));
-    let listener = UnixListener::bind(path);
-    rustix::process::umask(mask);
-    listener.map_err(refused)
-}
-
-/// Reads again who may call, whenever it is told to.
-async fn keep_access(
-    mut reloads: Reloads,
-    mut hangups: signal::unix::Signal,
-    source: Option<AccessSource>,
-    access: watch::Sender<Arc<Access>>,
-) {
-    while reloads.next(&mut hangups).await.is_some() {
-        let Some(source) = source.clone() else {
-            tracing::info!("there is nothing to read again");
-            continue;
-        };
-        let read = tokio::task::spawn_blocking(move || source()).await;
-        let read = read.unwrap_or_else(|error| Err(error.to_string()));
-        let read = read.and_then(|read| access.borrow().check_successor(&read).map(|()| read));
-        match read {
-            Ok(read) => {
-                let (tokens, certificates) = (read.tokens.len(), read.certificates.len());
-                access.send_replace(Arc::new(read));
-                tracing::info!("read again who may call: {tokens} tokens, {certificates} certificates");
-            }
-            Err(problem) => tracing::error!("who may call stays as it was: {problem}"),
-        }
-    }
-    // Those who wait for changes wait for ever.
-    access.closed().await;
-}
-
-/// Listens on the first address that can be had: a name may stand for an IPv6 address where there is no IPv6. `None`: there
-/// was no address. Of several errors the first counts, but a port in use, which the user can do something about, before all.
-async fn bind_first(addresses: impl Iterator<Item = SocketAddr>) -> Option<Result<TcpListener, ServeError>> {
-    let mut refusal = None;
-    for address in addresses {
-        let error = match TcpListener::bind(address).await {
-            Ok(listener) => return Some(Ok(listener)),
-            Err(source) if source.kind() == io::ErrorKind::AddrInUse => {
-                ServeError::AddressInUse { address: Address::Tcp(address) }
-            }
-            Err(source) => ServeError::Bind { address: Address::Tcp(address), source },
-        };
-        if !matches!(
-            (&refusal, &error),
-            (Some(ServeError::AddressInUse { .. }), _) | (Some(_), ServeError::Bind { .. })
-        ) {
-            refusal = Some(error);
-        }
-    }
-    refusal.map(Err)
-}
-
 /// A future that ends when the process is told to by SIGINT or SIGTERM; the handlers are in place when this function returns.
 /// Needs a tokio runtime with I/O.
 ///
@@ -471,6 +371,15 @@ fn restored(file: &StateFile, begun: Begun) -> Result<Begun, StateError> {
         let restored = saved.applied(&configured, &settings).map_err(|problem| file.content(problem))?;
         let revision = saved.scene.as_ref().map_or(restored.revision, |scene| scene.revision);
         tracing::info!("goes on with revision {revision} of the scene");
+        let of_clients = restored.views.kept().filter(|view| view.definition.is_some()).map(|view| view.name);
+        let of_clients: Vec<String> = of_clients.collect();
+        if !of_clients.is_empty() {
+            tracing::info!("views as clients have defined them: {}", of_clients.join(", "));
+        }
+        let deleted: Vec<&str> = restored.views.deleted().collect();
+        if !deleted.is_empty() {
+            tracing::info!("views of the configuration that clients have deleted: {}", deleted.join(", "));
+        }
         scene = SceneSnapshot { revision, objects: Arc::clone(&restored.objects.drawn), ..scene };
         (settings.stars, settings.asteroids) = (restored.stars, restored.asteroids);
         (objects, views) = (restored.objects, Arc::unwrap_or_clone(restored.views));
@@ -497,6 +406,7 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
         rig,
         settings,
         view_tables,
+        view_definitions,
         folder,
         headset,
         hosts,
@@ -512,18 +422,22 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
     let objects = Objects::new(Arc::clone(&scene.objects), &asteroid_fields).map_err(ServeError::Fields)?;
     if let Some(HeadsetOptions { name, .. }) = &headset {
         check_name(name).map_err(ServeError::Headset)?;
-        if rig.index_of(name).is_some() {
-            return Err(ServeError::Headset(RigError::Duplicate { name: name.clone() }));
-        }
     }
-    let names = rig.views().iter().map(|view| view.name.clone()).collect();
-    let views = ViewSet::new(&settings, names, &view_tables, &folder).map_err(ServeError::Views)?;
+    let given = rig.views().iter().enumerate().map(|(index, view)| GivenView {
+        view: view.clone(),
+        definition: view_definitions.get(index).cloned(),
+        tables: view_tables.get(index).cloned().unwrap_or_default(),
+    });
+    let views = ViewSet::new(&settings, given.collect(), &folder).map_err(ServeError::Views)?;
     let file = state.map(|path| StateFile::open(&path)).transpose()?;
     let begun = Begun { scene, objects, views, settings };
     let Begun { scene, objects, views, settings } = match &file {
         Some(file) => restored(file, begun)?,
         None => begun,
     };
+    if let Some(HeadsetOptions { name, .. }) = headset.as_ref().filter(|headset| views.named(&headset.name).is_some()) {
+        return Err(ServeError::Headset(RigError::Duplicate { name: name.clone() }));
+    }
     let first = access.as_ref().map_or_else(|| Ok(Access::default()), |source| source()).map_err(ServeError::Access)?;
     let (listener, address) = bind(&listen, &first).await?;
     let (new_access, current_access) = watch::channel(Arc::new(first));
@@ -543,19 +457,18 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
     let (mut health, health_service) = tonic_health::server::health_reporter();
     report_health(&health, ServingStatus::Serving).await;
 
-    let (rig, info, limits) = (Arc::new(rig), engine.info(), engine.limits());
+    let (info, limits) = (engine.info(), engine.limits());
     let workshop = Workshop::spawn(engine.beside())?;
     let shares: Arc<Shares> = Arc::default();
     let stars = scene.stars.stars.len() as u64;
     let capacity = Capacity { requests: pending_renders, subscribers };
-    let (handle, mut thread) = worker::spawn(engine, scene, (objects, views), Arc::clone(&rig), settings, capacity)?;
+    let (handle, mut thread) = worker::spawn(engine, scene, (objects, views), settings, capacity)?;
     let (headset, drive) =
         headset.map(|options| (Arc::new(Headset::new(options.name, handle.clone())), options.drive)).unzip();
     let keeps_state = file.is_some();
     let service = Service::new(
         handle.clone(),
         headset.clone(),
-        rig,
         (info, limits),
         (catalogues, stars),
         capacity,
@@ -647,32 +560,4 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
     }
     join(thread, render_ended, deadline).await?;
     outcome
-}
-
-#[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
-mod tests {
-    use super::*;
-
-    #[tokio::test]
-    async fn every_address_of_a_host_is_tried_and_a_port_in_use_is_told_first() {
-        let local = SocketAddr::from(([127, 0, 0, 1], 0));
-        let holder = TcpListener::bind(local).await.unwrap();
-        let taken = holder.local_addr().unwrap();
-        // Reserved for documentation: no machine has it.
-        let foreign = SocketAddr::from(([192, 0, 2, 1], 0));
-        let listener = bind_first([foreign, taken, local].into_iter()).await.unwrap().unwrap();
-        assert_ne!(listener.local_addr().unwrap().port(), taken.port());
-        for addresses in [[foreign, taken], [taken, foreign]] {
-            match bind_first(addresses.into_iter()).await.unwrap() {
-                Err(ServeError::AddressInUse { address }) => assert_eq!(address, Address::Tcp(taken)),
-                other => panic!("{other:?}"),
-            }
-        }
-        match bind_first([foreign].into_iter()).await.unwrap() {
-            Err(ServeError::Bind { address, .. }) => assert_eq!(address, Address::Tcp(foreign)),
-            other => panic!("{other:?}"),
-        }
-        assert!(bind_first(std::iter::empty()).await.is_none());
-    }
 }

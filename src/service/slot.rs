@@ -11,14 +11,19 @@ use std::{
 
 use tokio::sync::Notify;
 
-use super::order::EncodedImages;
-use crate::{render::Frame, scene::Camera};
+use super::{order::EncodedImages, views::ViewId};
+use crate::{
+    render::{Frame, FrameImage},
+    scene::Camera,
+};
 
 /// A frame with its times.
 #[derive(Debug)]
 pub(super) struct RenderedFrame {
     /// The frame, with the images of every view that was wanted.
     pub(super) frame: Arc<Frame>,
+    /// Which views these are: images have their numbers in this list.
+    pub(super) views: Arc<[ViewId]>,
     /// The camera that is shown; of a headset: the origin of the room.
     pub(super) camera: Camera,
     /// When the camera was set; of a headset: when the poses of the eyes were asked for.
@@ -29,6 +34,14 @@ pub(super) struct RenderedFrame {
     pub(super) given_up: GivenUp,
     /// Its images, encoded once for all who ask for the same.
     pub(super) encoded: EncodedImages,
+}
+
+impl RenderedFrame {
+    /// The images of a view.
+    pub(super) fn images_of(&self, view: ViewId) -> impl Iterator<Item = &FrameImage> {
+        let number = self.views.iter().position(|known| *known == view);
+        self.frame.images.iter().filter(move |image| Some(image.view) == number)
+    }
 }
 
 /// What a frame has given up.
@@ -49,6 +62,9 @@ pub(super) enum RenderFailure {
     /// There is no headset, or none any more.
     #[error("the headset shows no frames: {0}")]
     Headset(String),
+    /// The view is not there any more.
+    #[error("view `{0}` was deleted")]
+    Deleted(String),
     /// There is no render thread any more, or it takes no more work.
     #[error("the daemon is shutting down")]
     Ended,

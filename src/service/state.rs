@@ -1,4 +1,4 @@
-//! What clients have changed, on disk before they are told: scene, settings of views, and the camera, in one file that a daemon opens alone. Snapshots
+//! What clients have changed, on disk before they are told: scene, views, and the camera, in one file that a daemon opens alone. Snapshots
 //! are the same under names.
 //!
 //! A change is written and synchronised in one transaction, so that a daemon that is killed comes back with all that was acknowledged, and
@@ -13,7 +13,7 @@ use std::{
 use prost::Message;
 use redb::{Database, DatabaseError, ReadableDatabase, ReadableTable, TableDefinition};
 
-use super::{convert, proto, scene::SceneState, views::ViewSet};
+use super::{convert, proto, scene::SceneState, views::KeptView};
 use crate::{config::ViewTables, plan::settings::RenderSettings, scene::Camera};
 
 /// What is shown, by the names below.
@@ -23,8 +23,10 @@ const SNAPSHOTS: TableDefinition<'_, &str, &[u8]> = TableDefinition::new("snapsh
 const FORMAT: &str = "format";
 const SHOWN: &str = "shown";
 const CAMERA: &str = "camera";
-/// Grows with every change of what is stored.
-const VERSION: u8 = 1;
+/// Grows with every change of what is stored, so that no older program drops what it does not know.
+const VERSION: u8 = 2;
+/// Before clients could make and delete views: what these have left out is as the configuration has it.
+const WITHOUT_DEFINITIONS: u8 = 1;
 /// Snapshots that a file may hold.
 const MOST_SNAPSHOTS: u64 = 256;
 
@@ -76,6 +78,9 @@ pub(super) struct SavedView {
     glare: Option<String>,
     #[prost(string, optional, tag = "5")]
     tone_map: Option<String>,
+    /// The keys of its geometry, where a client has given them; else they are the configuration's.
+    #[prost(string, optional, tag = "6")]
+    definition: Option<String>,
 }
 
 /// Scene and views.
@@ -91,6 +96,9 @@ pub(super) struct Saved {
     /// When a snapshot was saved.
     #[prost(message, optional, tag = "4")]
     pub(super) time: Option<prost_types::Timestamp>,
+    /// Views of the configuration that were deleted.
+    #[prost(string, repeated, tag = "5")]
+    deleted: Vec<String>,
 }
 
 impl Saved {
@@ -98,7 +106,8 @@ impl Saved {
     pub(super) fn of(scene: &SceneState, camera: Option<&Camera>) -> Self {
         Self {
             scene: Some(convert::scene_to_pb(scene, &[])),
-            views: scene.views.all_tables().map(|(name, tables)| SavedView::new(name, tables)).collect(),
+            views: scene.views.kept().map(SavedView::from).collect(),
+            deleted: scene.views.deleted().map(str::to_owned).collect(),
             camera: camera.map(convert::camera_to_pb),
             time: Some(SystemTime::now().into()),
         }
@@ -114,39 +123,41 @@ impl Saved {
         };
         let made = convert::scene_update_from_pb(&request)?.make(scene)?;
         let mut after = scene.clone().changed(&made, None).map_err(|error| error.to_string())?;
-        let own = |name: &str| self.views.iter().find(|view| view.name == name);
-        let tables: Vec<(String, ViewTables)> = scene.views.all_tables().map(|(n, t)| (n.to_owned(), t)).collect();
-        let tables: Vec<ViewTables> = tables
-            .into_iter()
-            .map(|(name, before)| own(&name).map_or(Ok(before), SavedView::tables))
-            .collect::<Result<_, String>>()?;
-        after.views = Arc::new(scene.views.with_tables(general, &tables)?);
+        let kept = self.views.iter().map(SavedView::kept).collect::<Result<_, String>>()?;
+        after.views = Arc::new(scene.views.restored(general, kept, &self.deleted)?);
         Ok(after)
     }
 }
 
-impl SavedView {
-    fn new(name: &str, tables: ViewTables) -> Self {
+impl From<KeptView> for SavedView {
+    fn from(KeptView { name, definition, tables }: KeptView) -> Self {
         let text = |table: Option<toml::Table>| table.map(|table| table.to_string());
         Self {
-            name: name.to_owned(),
+            name,
+            definition: text(definition),
             exposure_group: tables.exposure_group,
             exposure: text(tables.exposure),
             glare: text(tables.glare),
             tone_map: text(tables.tone_map),
         }
     }
+}
 
-    fn tables(&self) -> Result<ViewTables, String> {
+impl SavedView {
+    fn kept(&self) -> Result<KeptView, String> {
         let table = |text: &Option<String>| {
             let parsed = text.as_ref().map(|text| text.parse::<toml::Table>()).transpose();
             parsed.map_err(|error| format!("view `{}`: {error}", self.name))
         };
-        Ok(ViewTables {
-            exposure_group: self.exposure_group.clone(),
-            exposure: table(&self.exposure)?,
-            glare: table(&self.glare)?,
-            tone_map: table(&self.tone_map)?,
+        Ok(KeptView {
+            name: self.name.clone(),
+            definition: table(&self.definition)?,
+            tables: ViewTables {
+                exposure_group: self.exposure_group.clone(),
+                exposure: table(&self.exposure)?,
+                glare: table(&self.glare)?,
+                tone_map: table(&self.tone_map)?,
+            },
         })
     }
 }
@@ -171,6 +182,7 @@ impl StateFile {
         let file = Self { path: path.to_owned(), database };
         match file.get(FORMAT)?.as_deref() {
             Some([VERSION]) => {}
+            Some([WITHOUT_DEFINITIONS]) => file.put(STATE, &[(FORMAT, &[VERSION])])?,
             Some(found) => return Err(file.content(format!("its format is {found:?}, this program has {VERSION}"))),
             None => file.put(STATE, &[(FORMAT, &[VERSION])])?,
         }
@@ -265,13 +277,6 @@ impl StateFile {
     }
 }
 
-impl ViewSet {
-    /// Names of the views and what each has of its own.
-    fn all_tables(&self) -> impl Iterator<Item = (&str, ViewTables)> {
-        self.names().iter().enumerate().map(|(number, name)| (name.as_str(), self.tables(number)))
-    }
-}
-
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
 mod tests {
@@ -287,10 +292,15 @@ mod tests {
         std::fs::remove_file(&path).unwrap();
         let file = StateFile::open(&path).unwrap();
         assert!(StateFile::open(&path).is_err(), "two at once");
+        // A file of the version before is taken over, and no older program takes it back.
+        file.put(STATE, &[(FORMAT, &[WITHOUT_DEFINITIONS])]).unwrap();
+        drop(file);
+        let file = StateFile::open(&path).unwrap();
+        assert_eq!(file.get(FORMAT).unwrap().as_deref(), Some(&[VERSION][..]));
         file.put(STATE, &[(FORMAT, &[VERSION + 1])]).unwrap();
         drop(file);
         let error = StateFile::open(&path).err().unwrap().to_string();
-        assert!(error.contains("this program has 1"), "{error}");
+        assert!(error.contains("this program has 2"), "{error}");
     }
 
     #[test]

@@ -4,8 +4,10 @@
 //! camera that is the newest at that moment. Views with settings of their own, and HDR images that are drawn apart, are frames of their own,
 //! which take turns. While that frame is drawn, the next one is begun if one is due: as late as it
 //! can be without the device having to wait for it ([`super::forecast`]). There are never more than two at a time, and they
-//! are finished in order. What takes long is done elsewhere ([`super::workshop`]).
+//! are finished in order. What takes long is done elsewhere ([`super::workshop`]). What becomes of frames that
+//! cannot be drawn is in [`losing`].
 
+mod losing;
 #[cfg(test)]
 mod tests;
 
@@ -35,7 +37,7 @@ use super::{
     slot::{GivenUp, RenderFailure, RenderedFrame, Slot},
     streams::Streams,
     track::Track,
-    views::ViewSet,
+    views::{ViewId, ViewSet},
 };
 use crate::{
     plan::{
@@ -43,30 +45,17 @@ use crate::{
         budget::draws_outputs_apart,
         glare::sky_cube::map_place_pc,
         settings::{ExposureSettings, RenderSettings},
-        view_settings::{ExposureGroup, FrameGroup, frame_groups},
+        view_settings::{ExposureGroup, FrameGroup},
     },
     render::{FrameRequest, SkyMapUse, Wanted},
     scene::{Camera, SceneSnapshot},
     units::PARSEC_M,
-    view::Rig,
 };
 
 /// Frames at a time.
 const MOST_IN_FLIGHT: usize = 2;
 /// While a frame is about to end, it is looked this often whether the next one is due.
 const LOOK_INTERVAL: Duration = Duration::from_millis(1);
-
-/// Losses of the engine without a frame between them, from which on a frame is not tried again.
-const MOST_LOSSES: u32 = 3;
-/// Waits before the attempts to make a lost engine anew: a driver that resets its device takes a while.
-const REOPENS: [Duration; 6] = [
-    Duration::ZERO,
-    Duration::from_millis(100),
-    Duration::from_millis(500),
-    Duration::from_secs(1),
-    Duration::from_secs(2),
-    Duration::from_secs(4),
-];
 
 /// The running thread.
 pub(super) struct RenderThread {
@@ -96,11 +85,10 @@ pub(super) fn spawn(
     engine: Box<dyn Engine>,
     scene: SceneSnapshot,
     shown: (Objects, ViewSet),
-    rig: Arc<Rig>,
     settings: RenderSettings,
     capacity: Capacity,
 ) -> std::io::Result<(RenderHandle, RenderThread)> {
-    spawn_with(engine, scene, shown, rig, settings, capacity, Forecast::default())
+    spawn_with(engine, scene, shown, settings, capacity, Forecast::default())
 }
 
 /// The same with what is known already of how long frames take.
@@ -108,7 +96,6 @@ fn spawn_with(
     engine: Box<dyn Engine>,
     scene: SceneSnapshot,
     (objects, views): (Objects, ViewSet),
-    rig: Arc<Rig>,
     settings: RenderSettings,
     capacity: Capacity,
     forecast: Forecast,
@@ -124,6 +111,7 @@ fn spawn_with(
         camera: scene.camera,
         pose_time: SystemTime::now(),
         scene: watch::Sender::new(Some(shown.clone())),
+        newest_scene: shown.clone(),
         settings: settings.clone(),
         requests: VecDeque::new(),
         subscribers: Vec::new(),
@@ -155,13 +143,11 @@ fn spawn_with(
     };
     let (sender, ended) = oneshot::channel();
     let farewell = Farewell { shared: Arc::clone(&shared), _ended: sender };
-    let groups = Groups::new(&rig, &settings, &shown, 0);
+    let groups = Groups::new(&settings, &shown, 0);
     let worker = Worker {
         shared: Arc::clone(&shared),
         engine,
         scene,
-        shown,
-        rig,
         settings,
         groups: Arc::new(groups),
         eyes: HashMap::new(),
@@ -201,6 +187,11 @@ impl Job {
         &self.frame_groups()[self.group]
     }
 
+    /// Who looks at it.
+    fn eye(&self) -> &EyeOf {
+        &self.groups.eyes[self.group]
+    }
+
     /// The groups of frames like this one: HDR images give up nothing.
     fn frame_groups(&self) -> &[FrameGroup] {
         if self.wanted.iter().any(|wanted| wanted.hdr) { &self.groups.all } else { &self.groups.reduced }
@@ -225,21 +216,27 @@ struct Groups {
     reduced: Vec<FrameGroup>,
     /// That level; 0: as configured.
     level: u32,
-    /// For each view of the rig the number of its group, and its own number there.
-    of_view: Vec<(usize, usize)>,
+    /// For each view the number of its group, and its own number there.
+    of_view: HashMap<ViewId, (usize, usize)>,
+    /// For each group who looks at it.
+    eyes: Vec<EyeOf>,
     /// For each group whether images of its frames differ by whether HDR images are asked for.
     apart: Vec<bool>,
 }
 
 impl Groups {
-    fn new(rig: &Rig, general: &RenderSettings, scene: &SceneState, level: u32) -> Self {
+    fn new(general: &RenderSettings, scene: &SceneState, level: u32) -> Self {
         let common =
             RenderSettings { stars: scene.stars.clone(), asteroids: scene.asteroids.clone(), ..general.clone() };
-        let all = frame_groups(rig, &common, &scene.views.settings);
-        let mut of_view = vec![(0, 0); rig.views().len()];
+        let (all, ids) = (scene.views.frame_groups(&common), scene.views.ids());
+        let mut of_view = HashMap::new();
         for (number, group) in all.iter().enumerate() {
-            group.views.iter().enumerate().for_each(|(own, view)| of_view[*view] = (number, own));
+            of_view.extend(group.views.iter().enumerate().map(|(own, view)| (ids[*view], (number, own))));
         }
+        // Another view of the name of one that was deleted is looked at by another eye.
+        let alone =
+            |group: &FrameGroup| matches!(group.exposure_group, ExposureGroup::OfView(_)).then(|| ids[group.views[0]]);
+        let eyes = all.iter().map(|group| (group.exposure_group.clone(), alone(group))).collect();
         let is_apart = |group: &FrameGroup| {
             let viewports = group.rig.viewports(glam::DQuat::IDENTITY);
             draws_outputs_apart(&group.settings, &scene.objects.drawn, &viewports)
@@ -249,25 +246,30 @@ impl Groups {
         let at_level =
             |group: &FrameGroup| FrameGroup { settings: quality::settings_at(level, &group.settings), ..group.clone() };
         let reduced = all.iter().map(at_level).collect();
-        Self { revision: scene.revision, all, reduced, level, of_view, apart }
+        Self { revision: scene.revision, all, reduced, level, of_view, eyes, apart }
     }
 
-    /// The exposure of a view, and whom it is shared with.
-    fn exposure_of(&self, view: usize) -> Option<&FrameGroup> {
-        self.all.get(self.of_view.get(view)?.0)
+    /// How a view is exposed, and who looks at it.
+    fn exposure_of(&self, view: ViewId) -> Option<(&ExposureSettings, &EyeOf)> {
+        let (group, _) = self.of_view.get(&view)?;
+        Some((&self.all[*group].settings.exposure, &self.eyes[*group]))
     }
 
     /// Which frame shows what is wanted of a view: the number of its group, and whether that is one for HDR images. Those of display images
     /// have a budget of their own, and who asks for HDR images beside them must not change them: they are two frames. An exact budget
     /// has them in one.
-    fn kind_of(&self, view: usize, wanted: Wanted) -> Kind {
-        let group = self.of_view[view].0;
+    fn kind_of(&self, view: ViewId, wanted: Wanted) -> Kind {
+        // Nobody waits for a view that the scene has not.
+        let group = self.of_view[&view].0;
         (group, self.apart[group] && wanted.hdr)
     }
 }
 
 /// Number of a group, and whether its frame is one for HDR images that is drawn apart.
 type Kind = (usize, bool);
+
+/// Whose eye one is: an exposure group, and which view where it has the exposure of one alone.
+type EyeOf = (ExposureGroup, Option<ViewId>);
 
 /// An eye that looks at all views of an exposure group.
 #[derive(Default)]
@@ -317,14 +319,11 @@ struct Worker {
     shared: Arc<Shared>,
     engine: Box<dyn Engine>,
     scene: SceneSnapshot,
-    /// What the last frame showed.
-    shown: SceneState,
-    rig: Arc<Rig>,
     /// The settings of views that have none of their own.
     settings: RenderSettings,
     /// The frames of the newest scene.
     groups: Arc<Groups>,
-    eyes: HashMap<ExposureGroup, AdaptingEye>,
+    eyes: HashMap<EyeOf, AdaptingEye>,
     /// What the last frame was.
     last_kind: Kind,
     /// Where a map of faint light would be made for the camera of the last frame of each group.
@@ -356,7 +355,6 @@ impl Worker {
         self.scene.camera = job.camera;
         self.scene.revision = job.scene.revision;
         self.scene.objects = Arc::clone(&job.scene.objects.drawn);
-        self.shown = job.scene.clone();
         // While the camera travels, a map would be out of date when it is there.
         let place_pc = map_place_pc(self.scene.camera.position_m / PARSEC_M);
         let rests = self.map_place_pc.insert(job.group, place_pc).is_none_or(|last| last == place_pc);
@@ -397,13 +395,12 @@ impl Worker {
 
     /// The exposure of a frame, from the last one that came out: the one in flight has not told yet what it asks for.
     fn adapted_ev100(&mut self, job: &Job) -> Option<f64> {
-        let FrameGroup { exposure_group, settings, .. } = job.frame_group();
-        let exposure = settings.exposure;
-        let eye = self.eyes.entry(exposure_group.clone()).or_default();
+        let exposure = job.frame_group().settings.exposure;
+        let eye = self.eyes.entry(job.eye().clone()).or_default();
         if eye.settings.replace(exposure).is_some_and(|of| of != exposure) {
             *eye = AdaptingEye { settings: Some(exposure), ..AdaptingEye::default() };
         }
-        let shares = |before: &&InFlight| before.job.frame_group().exposure_group == *exposure_group;
+        let shares = |before: &&InFlight| before.job.eye() == job.eye();
         let before = self.in_flight.iter().rev().find(shares);
         let begun = before.map(|before| (before.job.start, before.job.shows())).or(eye.last);
         let new_for = begun.filter(|(_, showed)| *showed != job.shows()).map(|(start, _)| job.start - start);
@@ -425,10 +422,11 @@ impl Worker {
                 span.record("number", frame.number);
                 span.record("plan_ms", frame.times.plan_ms);
                 span.record("gpu_ms", frame.times.gpu_ms);
-                let FrameGroup { exposure_group, settings, views, .. } = job.frame_group();
-                let eye = self.eyes.entry(exposure_group.clone()).or_default();
-                // One of settings that have changed since is the eye of those.
-                if eye.settings.is_none_or(|of| of == settings.exposure) {
+                let FrameGroup { settings, views, .. } = job.frame_group();
+                // There is none any more of a view that was deleted meanwhile, and one of settings that have changed since is the eye of those.
+                if let Some(eye) = self.eyes.get_mut(job.eye())
+                    && eye.settings.is_none_or(|of| of == settings.exposure)
+                {
                     eye.last = Some((job.start, job.shows()));
                     eye.adaptation.observe(frame.exposure_ev100, frame.metered_ev100);
                 }
@@ -438,8 +436,10 @@ impl Worker {
                 state.frames_rendered += 1;
                 state.failures.problem = None;
                 for (view, wanted) in views.iter().zip(&job.wanted) {
-                    if wanted.display || wanted.hdr {
-                        state.newest.insert(*view, (frame.number, job.shows(), job.start));
+                    let view = job.scene.views.ids()[*view];
+                    // What is kept of a view that was deleted meanwhile would be kept for ever.
+                    if (wanted.display || wanted.hdr) && state.has_view(view) {
+                        state.newest.insert(view, (frame.number, job.shows(), job.start));
                     }
                 }
                 state.last_times = Some(frame.times.clone());
@@ -452,6 +452,7 @@ impl Worker {
                 drop(state);
                 let frame = Arc::new(RenderedFrame {
                     frame: Arc::new(frame),
+                    views: Arc::clone(job.scene.views.ids()),
                     camera: job.camera,
                     pose_time: job.pose_time,
                     render_time: SystemTime::now(),
@@ -485,85 +486,6 @@ impl Worker {
                 self.refuse(job, &RenderFailure::Engine(error.to_string()));
                 Ok(())
             }
-        }
-    }
-
-    /// Neither `job` nor what is in flight will be drawn by this engine: makes it anew, and draws again what was asked for. An error is one that the engine does not
-    /// outlive.
-    fn lose(&mut self, job: Job, error: EngineError) -> Result<(), EngineError> {
-        tracing::error!("the renderer was lost: {error}; it is made anew");
-        self.losses += 1;
-        self.shared.state().losses += 1;
-        let failure = RenderFailure::Engine(error.to_string());
-        let mut jobs: Vec<Job> = self.in_flight.drain(..).map(|frame| frame.job).chain([job]).collect();
-        jobs.sort_by_key(|job| job.start);
-        let reopened = self.reopen();
-        // A scene that loses every device is not drawn again and again: it waits for the next change.
-        let draws_again = reopened && self.losses < MOST_LOSSES;
-        for job in jobs.into_iter().rev() {
-            match (reopened, draws_again) {
-                (true, true) => self.take_back(job),
-                (true, false) => self.refuse(job, &failure),
-                (false, _) => self.end(job, &failure),
-            }
-        }
-        if reopened || self.shared.state().stop { Ok(()) } else { Err(error) }
-    }
-
-    /// Makes the engine anew; whether that has succeeded.
-    fn reopen(&mut self) -> bool {
-        for wait in REOPENS {
-            let state = self.shared.state();
-            let waited = self.shared.wake.wait_timeout_while(state, wait, |state| !state.stop);
-            if waited.unwrap_or_else(PoisonError::into_inner).0.stop {
-                return false;
-            }
-            match self.engine.reopen() {
-                Ok(()) => {
-                    tracing::info!("the renderer is made anew");
-                    return true;
-                }
-                Err(error) => tracing::error!("the renderer cannot be made anew: {error}"),
-            }
-        }
-        false
-    }
-
-    /// Those who asked for this frame ask again.
-    fn take_back(&self, job: Job) {
-        let mut state = self.shared.state();
-        for request in job.requests.into_iter().rev() {
-            state.requests.push_front(request);
-        }
-        for slot in &job.subscribers {
-            let of_slot = |subscriber: &&mut Subscriber| std::ptr::eq(subscriber.slot.as_ptr(), Arc::as_ptr(slot));
-            state.subscribers.iter_mut().filter(of_slot).for_each(|subscriber| subscriber.pace.again());
-        }
-    }
-
-    /// Tells those who asked for this frame that there is none. Streams go on: they have the frame of the next change that can be drawn.
-    fn refuse(&self, job: Job, failure: &RenderFailure) {
-        let Revisions { scene, camera } = job.shows();
-        for request in job.requests {
-            // A caller that went away meanwhile needs no answer.
-            let _ = request.reply.send(Err(failure.clone()));
-        }
-        let mut state = self.shared.state();
-        state.failures.count += 1;
-        let problem = failure.to_string();
-        if state.failures.problem.replace(problem.clone()).is_none_or(|before| before != problem) {
-            tracing::error!(scene, camera, "{problem}");
-        }
-    }
-
-    /// The engine is lost: streams end too.
-    fn end(&self, job: Job, failure: &RenderFailure) {
-        let slots = job.subscribers.clone();
-        self.refuse(job, failure);
-        let mut state = self.shared.state();
-        for slot in slots {
-            state.subscribers.retain(|subscriber| !std::ptr::eq(subscriber.slot.as_ptr(), Arc::as_ptr(&slot)));
-            slot.end(Err(failure.clone()));
         }
     }
 
@@ -629,8 +551,8 @@ impl Worker {
     fn tasks(&mut self, state: &mut State, now: Instant) -> Tasks {
         state.requests.retain(|request| !request.reply.is_closed());
         state.subscribers.retain(|subscriber| subscriber.slot.strong_count() > 0);
-        // At the end the scene is as it was in the last frame.
-        let scene = state.scene.borrow().clone().unwrap_or_else(|| self.shown.clone());
+        // What is still asked for at the end is drawn as it was last.
+        let scene = state.newest_scene.clone();
         // Where frames are seen that begin now.
         let seen = SystemTime::now() + self.forecast.frame();
         let moves = state.track.moves().map(|moves| moves.duration_since(seen).unwrap_or_default());
@@ -644,9 +566,10 @@ impl Worker {
         let newest = Revisions { scene: scene.revision, camera };
         let level = state.quality.as_ref().map_or(0, Quality::level);
         if (self.groups.revision, self.groups.level) != (scene.revision, level) {
-            self.groups = Arc::new(Groups::new(&self.rig, &self.settings, &scene, level));
+            self.groups = Arc::new(Groups::new(&self.settings, &scene, level));
             let groups = &self.groups;
-            self.eyes.retain(|of, _| groups.all.iter().any(|group| group.exposure_group == *of));
+            self.eyes.retain(|of, _| groups.eyes.contains(of));
+            self.map_place_pc.retain(|group, _| *group < groups.all.len());
         }
         let due_at = |s: &Subscriber| s.pace.due_at(newest, self.converged(s.view), now);
         let of_streams = state.subscribers.iter().map(due_at).min();
@@ -656,9 +579,9 @@ impl Worker {
     }
 
     /// Whether another frame of the same scene would show a view with the same exposure.
-    fn converged(&self, view: usize) -> bool {
-        let group = self.groups.exposure_of(view);
-        let eye = group.and_then(|group| Some((self.eyes.get(&group.exposure_group)?, &group.settings.exposure)));
+    fn converged(&self, view: ViewId) -> bool {
+        let exposure = self.groups.exposure_of(view);
+        let eye = exposure.and_then(|(exposure, of)| Some((self.eyes.get(of)?, exposure)));
         eye.is_none_or(|(eye, exposure)| eye.adaptation.converged(exposure))
     }
 
@@ -674,8 +597,8 @@ impl Worker {
         let kind = next_kind(of_requests.chain(of_streams), self.last_kind);
         self.last_kind = kind;
         let mut wanted = vec![Wanted::default(); groups.all.get(kind.0).map_or(0, |group| group.views.len())];
-        let mut want = |view: usize, what: Wanted| {
-            let wanted = &mut wanted[groups.of_view[view].1];
+        let mut want = |view: ViewId, what: Wanted| {
+            let wanted = &mut wanted[groups.of_view[&view].1];
             wanted.display |= what.display;
             wanted.hdr |= what.hdr;
         };

@@ -41,8 +41,13 @@ impl Daemon {
     }
 
     fn start_with(folder: &Path, catalogue: &str, arguments: &[&str]) -> Self {
+        Self::start_with_views(folder, catalogue, "", arguments)
+    }
+
+    /// With further tables of `[[views]]`.
+    fn start_with_views(folder: &Path, catalogue: &str, views: &str, arguments: &[&str]) -> Self {
         let scene = format!(
-            "[scene]\ncatalogues = ['{catalogue}']\n[[views]]\nname = 'all'\ntype = 'equirectangular'\nsize = {SIZE:?}\n"
+            "[scene]\ncatalogues = ['{catalogue}']\n[[views]]\nname = 'all'\ntype = 'equirectangular'\nsize = {SIZE:?}\n{views}"
         );
         std::fs::write(folder.join("sky.toml"), scene).unwrap();
         let mut process = Command::new(env!("CARGO_BIN_EXE_steradian"))
@@ -253,4 +258,72 @@ async fn a_daemon_that_is_killed_goes_on_with_what_was_acknowledged() {
     assert!((scene.quality - scene.magnitude_limit / 2.0).abs() < 1e-12);
     let (code, ..) = daemon.terminate();
     assert_eq!(code, Some(0));
+}
+
+/// Views of several types, with settings of their own and without.
+const VIEWS: [&str; 3] = [
+    "name = 'dome'\ntype = 'fisheye'\nsize = [96, 96]\nfov_deg = 200.0\nmapping = 'equisolid'\norientation = [0.0, 0.6, 0.0, 0.8]",
+    "name = 'eyes'\ntype = 'stereo'\nsize = [48, 40]\nipd_m = 0.064\n\
+     fov = { left_deg = -50.0, right_deg = 40.0, up_deg = 45.0, down_deg = -45.0 }\ntest_pattern = true",
+    "name = 'scope'\ntype = 'perspective'\nsize = [80, 60]\nfov_y_deg = 33.3\nexposure = { mode = 'manual', ev100 = -7.0 }\n\
+     glare = { fraction = 0.3 }\ntone_map = { operator = 'srgb' }",
+];
+
+async fn pictures(client: &mut Client) -> Vec<Vec<u8>> {
+    let mut pictures = Vec::new();
+    for view in ["dome", "eyes", "scope"] {
+        let frame = client.render_frame(view, Encoding::Png).await.unwrap();
+        pictures.extend(frame.images.into_iter().map(|image| image.data));
+    }
+    pictures
+}
+
+/// A view that a client makes shows what the same table in a configuration shows, to the byte, also after the daemon was killed.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_view_that_a_client_makes_is_that_of_the_same_table_in_a_configuration() {
+    let folder = tempfile::tempdir().unwrap();
+    let tables: String = VIEWS.iter().map(|table| format!("[[views]]\n{table}\n")).collect();
+    let mut daemon = Daemon::start_with_views(folder.path(), "builtin:bright", &tables, &[]);
+    let mut client = Client::connect(&format!("http://{}", daemon.address())).await.unwrap();
+    let expected = pictures(&mut client).await;
+    let defined: Vec<_> = client.views().await.unwrap().into_iter().map(|view| view.definition.unwrap()).collect();
+    drop(client);
+    assert_eq!(daemon.terminate().0, Some(0));
+    assert!(
+        expected.iter().enumerate().all(|(i, one)| !expected[..i].contains(one)),
+        "pictures differ from each other"
+    );
+
+    let arguments = ["--state", "state.redb"];
+    let mut daemon = Daemon::start_with(folder.path(), "builtin:bright", &arguments);
+    let mut client = Client::connect(&format!("http://{}", daemon.address())).await.unwrap();
+    for table in VIEWS {
+        client.create_view(&table.parse().unwrap(), None).await.unwrap();
+    }
+    assert!(pictures(&mut client).await == expected, "the pictures of views that a client has made are others");
+    let kept = client.views().await.unwrap();
+    assert_eq!(kept.iter().map(|view| view.definition.clone().unwrap()).collect::<Vec<_>>(), defined);
+    // A comparison of other pictures fails.
+    let turned = ViewUpdate {
+        definition: TableChange::Keys(vec![("fov_deg".to_owned(), Some(190.0.into()))]),
+        ..ViewUpdate::default()
+    };
+    client.update_view("dome", &turned, None).await.unwrap();
+    assert!(pictures(&mut client).await != expected);
+    let back = ViewUpdate {
+        definition: TableChange::Keys(vec![("fov_deg".to_owned(), Some(200.0.into()))]),
+        ..ViewUpdate::default()
+    };
+    let revision = client.update_view("dome", &back, None).await.unwrap().revision;
+    // Killed.
+    daemon.process.kill().unwrap();
+    daemon.process.wait().unwrap();
+    let mut daemon = Daemon::start_with(folder.path(), "builtin:bright", &arguments);
+    let mut client = Client::connect(&format!("http://{}", daemon.address())).await.unwrap();
+    let again = client.views().await.unwrap();
+    assert!(again.iter().all(|view| view.revision == revision));
+    assert_eq!(again.iter().map(|view| view.definition.clone().unwrap()).collect::<Vec<_>>(), defined);
+    assert!(pictures(&mut client).await == expected, "the pictures after the daemon was killed are others");
+    drop(client);
+    assert_eq!(daemon.terminate().0, Some(0));
 }

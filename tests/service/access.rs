@@ -21,7 +21,10 @@ use tokio::{
 };
 use tonic::Code;
 
-use crate::daemon::{Daemon, TestEngine, small_rig, within};
+use crate::{
+    daemon::{Daemon, TestEngine, small_rig, within},
+    rig::round,
+};
 
 /// An authority, and what it has signed, as files in a folder.
 struct Files {
@@ -170,6 +173,12 @@ async fn tokens_and_certificates_let_in_with_their_roles_and_nothing_else_does()
     let mut viewer = connect(&daemon, &with_token("look")).await.unwrap();
     let error = viewer.update_scene(&SceneUpdate::default(), None).await.unwrap_err().to_string();
     assert!(error.contains("`viewer` has the role view") && error.contains("needs steer"), "{error}");
+    let made = viewer.create_view(&round("dome", 8), None).await.map(drop);
+    for refused in [made, viewer.delete_view("flat", None).await.map(drop)] {
+        let error = refused.unwrap_err();
+        assert!(error.code() == Some(Code::PermissionDenied) && error.to_string().contains("needs steer"), "{error}");
+    }
+    assert_eq!(viewer.views().await.unwrap().len(), 2);
 
     // An expired certificate and an unknown authority get no connection, and neither does who does not encrypt.
     for credentials in

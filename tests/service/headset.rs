@@ -24,7 +24,10 @@ use steradian::{
 };
 use tonic::Code;
 
-use crate::daemon::{Daemon, large_rig, small_rig, until, within};
+use crate::{
+    daemon::{Daemon, large_rig, small_rig, until, within},
+    rig::round,
+};
 
 /// Width and height of the eyes, pixels.
 const SIZES: [[u32; 2]; 2] = [[3, 2], [4, 2]];
@@ -252,6 +255,15 @@ async fn the_headset_is_a_view_whose_sizes_are_known_while_it_is_connected() {
     }
     let error = client.render_frame("vizor", Encoding::Png).await.unwrap_err();
     assert!(error.to_string().contains("flat, eyes, visor"), "{error}");
+    // No other view has its name, and it is there as long as the daemon drives it.
+    let made = client.create_view(&round("visor", 8), None).await.unwrap_err();
+    assert_eq!(made.code(), Some(Code::AlreadyExists), "{made}");
+    let deleted = client.delete_view("visor", None).await.unwrap_err();
+    assert_eq!(deleted.code(), Some(Code::FailedPrecondition), "{deleted}");
+    client.delete_view("flat", None).await.unwrap();
+    client.create_view(&round("dome", 8), None).await.unwrap();
+    let names: Vec<_> = client.views().await.unwrap().into_iter().map(|view| view.name).collect();
+    assert_eq!(names, ["eyes", "dome", "visor"]);
     daemon.shutdown().await.unwrap();
 }
 

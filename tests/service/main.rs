@@ -15,6 +15,7 @@ mod page;
 mod protocol;
 mod pull;
 mod quality;
+mod rig;
 mod scene;
 mod state;
 mod streams;

@@ -1,20 +1,22 @@
 //! What was acknowledged is there again.
 
-use std::path::Path;
+use std::{path::Path, sync::Arc};
 
 use glam::DVec3;
 use steradian::{
-    plan::settings::{ImpostorMethod, StarMethod},
-    scene::bodies::Preset,
+    plan::settings::{ImpostorMethod, RenderSettings, StarMethod},
+    scene::{Camera, SceneSnapshot, bodies::Preset},
     service::{
-        BodyForm, CameraUpdate, Change, Client, Lease, SceneForm, SceneUpdate, TableChange, ViewForm, ViewUpdate,
+        BodyForm, CameraUpdate, Change, Client, HeadsetOptions, Lease, SceneForm, SceneUpdate, ServeOptions,
+        TableChange, ViewForm, ViewUpdate, run,
     },
 };
 use tonic::Code;
 
 use crate::{
-    daemon::{Daemon, small_rig},
+    daemon::{Daemon, TestEngine, small_rig},
     objects::swarm,
+    rig::round,
 };
 
 async fn start(path: &Path) -> Daemon {
@@ -42,6 +44,15 @@ async fn change_all(client: &mut Client) {
         ..ViewUpdate::default()
     };
     client.update_view("flat", &group, None).await.unwrap();
+    client.delete_view("eyes", None).await.unwrap();
+    let mut dome = round("dome", 16);
+    dome.extend("exposure_group = 'desk'\ntest_pattern = true".parse::<toml::Table>().unwrap());
+    client.create_view(&dome, None).await.unwrap();
+    let narrow = ViewUpdate {
+        definition: TableChange::Keys(vec![("fov_deg".to_owned(), Some(0.1.into()))]),
+        ..ViewUpdate::default()
+    };
+    client.update_view("dome", &narrow, None).await.unwrap();
     let pose = CameraUpdate { position_m: Some([1.0, -2.0, 3.5]), ..CameraUpdate::default() };
     client.set_camera(&pose).await.unwrap();
 }
@@ -138,4 +149,48 @@ async fn a_daemon_without_a_file_says_so_and_one_with_another_s_file_does_not_st
     assert!(error.code() == Some(Code::FailedPrecondition) && error.to_string().contains("--state"), "{error}");
     drop(client);
     daemon.shutdown().await.unwrap();
+}
+
+#[tokio::test]
+async fn views_that_clients_made_and_the_configuration_s_go_together_after_it_has_changed() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("state.redb");
+    let names = |views: Vec<ViewForm>| views.into_iter().map(|view| view.name).collect::<Vec<_>>();
+    let with_eyes = |eyes: bool| {
+        let rig = small_rig();
+        let numbers: &[usize] = if eyes { &[0, 1] } else { &[0] };
+        let path = path.clone();
+        async move { Daemon::start_with(rig.of_views(numbers), |options| options.state = Some(path)).await }
+    };
+    let daemon = with_eyes(false).await;
+    let mut client = daemon.client().await;
+    client.create_view(&round("dome", 16), None).await.unwrap();
+    drop(client);
+    daemon.shutdown().await.unwrap();
+    // A view that is new in the configuration is there, before those of clients.
+    let daemon = with_eyes(true).await;
+    let mut client = daemon.client().await;
+    assert_eq!(names(client.views().await.unwrap()), ["flat", "eyes", "dome"]);
+    client.delete_view("flat", None).await.unwrap();
+    client.create_view(&round("flat", 4), None).await.unwrap();
+    client.delete_view("eyes", None).await.unwrap();
+    drop(client);
+    daemon.shutdown().await.unwrap();
+    // What clients have made wins over the configuration, and what they have deleted stays away.
+    let daemon = with_eyes(true).await;
+    let mut client = daemon.client().await;
+    assert_eq!(names(client.views().await.unwrap()), ["flat", "dome"]);
+    assert_eq!(client.view("flat").await.unwrap().images[0].width, 4);
+    drop(client);
+    daemon.shutdown().await.unwrap();
+    // The name of a headset is not to be had.
+    let engine = Box::new(TestEngine::new(Arc::default()));
+    let scene =
+        SceneSnapshot { revision: 7, stars: Arc::default(), objects: Arc::default(), camera: Camera::default() };
+    let never = |_| unreachable!("it does not start");
+    let mut options = ServeOptions::new("127.0.0.1:0", engine, scene, small_rig(), RenderSettings::default(), never);
+    options.state = Some(path);
+    options.headset = Some(HeadsetOptions { name: "dome".to_owned(), drive: Box::new(|_| Ok(())) });
+    let error = run(options).await.unwrap_err().to_string();
+    assert!(error.contains("headset") && error.contains("`dome` is used twice"), "{error}");
 }

@@ -12,11 +12,13 @@ pub(super) enum Need {
 }
 
 /// Calls that move the camera and change what is seen.
-const STEER: [&str; 5] = [
+const STEER: [&str; 7] = [
     "CameraService/SetCamera",
     "CameraService/StreamCamera",
     "SceneService/UpdateScene",
+    "ViewService/CreateView",
     "ViewService/UpdateView",
+    "ViewService/DeleteView",
     "SceneService/SaveSnapshot",
 ];
 /// Calls that put something else in the place of all that is there, or take much of the machine.

@@ -6,10 +6,11 @@ use glam::{DQuat, DVec3};
 
 use super::*;
 use crate::{
+    config::ViewTables,
     gpu::AdapterReport,
     plan::{FramePlan, settings::ExposureMode},
     render::{Frame, FrameTimes},
-    service::{CameraUpdate, OpenBeside},
+    service::{CameraUpdate, OpenBeside, render::Refused, views::GivenView},
     view::{View, ViewKind},
 };
 
@@ -166,15 +167,18 @@ fn start(planned: Duration, drawn: Duration, mode: ExposureMode) -> (RenderHandl
         SceneSnapshot { revision: 1, stars: Arc::default(), objects: Arc::default(), camera: Camera::default() };
     let objects = Objects::new(Arc::default(), &[]).unwrap();
     let kind = ViewKind::Perspective { size: [4, 4], fov_y_rad: 1.0 };
-    let rig = Rig::new(vec![View::new("flat", kind, DQuat::IDENTITY, DVec3::ZERO).unwrap()]).unwrap();
+    let view = |name: &str| GivenView {
+        view: View::new(name, kind.clone(), DQuat::IDENTITY, DVec3::ZERO).unwrap(),
+        definition: None,
+        tables: ViewTables::default(),
+    };
     let mut settings = RenderSettings::default();
     settings.exposure.mode = mode;
-    let views = ViewSet::new(&settings, vec!["flat".to_owned()], &[], std::path::Path::new("")).unwrap();
+    let views = ViewSet::new(&settings, vec![view("flat"), view("wide")], std::path::Path::new("")).unwrap();
     let mut forecast = Forecast::default();
     forecast.note(planned, drawn);
     let capacity = Capacity { requests: 16, subscribers: 16 };
-    let (handle, thread) =
-        spawn_with(engine, scene, (objects, views), Arc::new(rig), settings, capacity, forecast).unwrap();
+    let (handle, thread) = spawn_with(engine, scene, (objects, views), settings, capacity, forecast).unwrap();
     (handle, thread, device)
 }
 
@@ -185,8 +189,12 @@ fn start_eager() -> (RenderHandle, RenderThread, Arc<Device>) {
 
 type Receiver = oneshot::Receiver<Result<Arc<RenderedFrame>, RenderFailure>>;
 
+fn named(handle: &RenderHandle, name: &str) -> ViewId {
+    handle.scene().unwrap().views.named(name).unwrap().0
+}
+
 fn request(handle: &RenderHandle) -> Receiver {
-    handle.request(0, Wanted::display()).unwrap()
+    handle.request(named(handle, "flat"), Wanted::display()).unwrap()
 }
 
 /// Two requests, each with a frame of its own that is in flight.
@@ -235,7 +243,7 @@ fn the_next_frame_is_begun_while_one_is_drawn_and_never_a_third() {
 #[test]
 fn the_next_frame_is_begun_no_sooner_than_it_must_and_shows_the_newest_camera() {
     let (handle, thread, device) = start(Duration::from_secs(1), Duration::from_secs(2), ExposureMode::Manual);
-    let stream = handle.subscribe(0, Wanted::display(), Duration::ZERO).unwrap();
+    let stream = handle.subscribe(named(&handle, "flat"), Wanted::display(), Duration::ZERO).unwrap();
     device.until_begun(1);
     let begun = Instant::now();
     let newest = [1.0, 2.0, 3.0, 4.0, 5.0].map(|x| move_to(&handle, x))[4];
@@ -315,5 +323,136 @@ fn the_frame_that_the_eye_starts_from_is_waited_for() {
     assert_eq!(device.begun(), 1, "its exposure is not known before it is drawn");
     device.allow(2);
     assert_eq!([number(first), number(second)], [0, 1]);
+    end(&handle, thread);
+}
+
+/// Replaces the views of the scene.
+fn with_views(handle: &RenderHandle, change: impl FnOnce(&ViewSet, &RenderSettings) -> ViewSet) {
+    let scene = handle.scene().unwrap();
+    let views = change(&scene.views, &handle.general(&scene));
+    let made_for = scene.revision;
+    handle.replace_scene(scene.with_views(views, None).unwrap(), made_for).unwrap().unwrap();
+}
+
+fn without(handle: &RenderHandle, name: &str) {
+    with_views(handle, |views, general| views.without(general, views.named(name).unwrap().1).unwrap());
+}
+
+#[test]
+fn who_waits_for_a_view_that_is_deleted_is_told_and_others_go_on() {
+    let (handle, thread, device) = start_eager();
+    let [flat, wide] = ["flat", "wide"].map(|name| named(&handle, name));
+    let begun = request(&handle);
+    device.until_begun(1);
+    let [ends, stays] = [flat, wide].map(|view| handle.subscribe(view, Wanted::display(), Duration::ZERO).unwrap());
+    device.until_begun(2);
+    let waiting = request(&handle);
+    without(&handle, "flat");
+    assert_eq!(failure(waiting), "view `flat` was deleted");
+    let refused = |result: Result<(), Refused>| assert_eq!(result, Err(Refused::Deleted));
+    refused(handle.request(flat, Wanted::display()).map(drop));
+    refused(handle.subscribe(flat, Wanted::display(), Duration::ZERO).map(drop));
+    refused(handle.subscribe_after(flat, Wanted::display(), 0).map(drop));
+    assert_eq!(pollster::block_on(ends.next()).unwrap_err().to_string(), "view `flat` was deleted");
+    device.allow(usize::MAX);
+    assert_eq!(number(begun), 0, "it was begun while the view was there");
+    let mut seen = Vec::new();
+    while seen.last().is_none_or(|(_, scene)| *scene < 2) {
+        let frame = pollster::block_on(stays.next()).unwrap().unwrap().0;
+        seen.push((frame.frame.number, frame.frame.scene_revision));
+    }
+    assert!(seen.is_sorted_by(|a, b| a.0 < b.0), "{seen:?}");
+    // Nothing is kept of it.
+    let state = handle.shared.state();
+    assert_eq!(state.newest.keys().copied().collect::<Vec<_>>(), [wide]);
+    assert_eq!(state.subscribers.len(), 1);
+    drop(state);
+    // Its name is another view's then.
+    drop(stays);
+    without(&handle, "wide");
+    let kind = "name = 'flat'\ntype = 'equirectangular'\nsize = [4, 2]";
+    with_views(&handle, |views, general| {
+        views.with(general, GivenView::read(kind.parse().unwrap()).unwrap().0).unwrap()
+    });
+    assert_ne!(named(&handle, "flat"), flat);
+    refused(handle.request(flat, Wanted::display()).map(drop));
+    number(request(&handle));
+    end(&handle, thread);
+}
+
+#[test]
+fn what_was_asked_of_a_view_that_is_deleted_while_the_engine_is_lost_is_not_drawn_again() {
+    let (handle, thread, device) = start_eager();
+    device.fail(1, Failure::Lost);
+    let [first, second] = two_in_flight(&handle, &device);
+    without(&handle, "flat");
+    device.allow(usize::MAX);
+    assert_eq!(number(first), 0);
+    assert_eq!(failure(second), "view `flat` was deleted");
+    end(&handle, thread);
+}
+
+#[test]
+fn what_was_asked_of_a_new_view_is_drawn_at_the_end_too() {
+    let (handle, thread, device) = start_eager();
+    let both = two_in_flight(&handle, &device);
+    let kind = "name = 'new'\ntype = 'equirectangular'\nsize = [4, 2]";
+    with_views(&handle, |views, general| {
+        views.with(general, GivenView::read(kind.parse().unwrap()).unwrap().0).unwrap()
+    });
+    let new = handle.request(named(&handle, "new"), Wanted::display()).unwrap();
+    handle.drain();
+    device.allow(usize::MAX);
+    assert_eq!(both.map(number), [0, 1]);
+    let frame = new.blocking_recv().unwrap().unwrap();
+    assert_eq!((frame.frame.scene_revision, frame.views.len()), (2, 3));
+    end(&handle, thread);
+}
+
+#[test]
+fn an_eye_is_that_of_its_view_and_not_of_another_one_of_the_name() {
+    let (handle, thread, _) = start_eager();
+    let scene = handle.scene().unwrap();
+    let general = handle.general(&scene);
+    let kind = "name = 'new'\ntype = 'equirectangular'\nsize = [4, 2]\nexposure = { ev100 = 1.0 }";
+    let given = || GivenView::read(kind.parse().unwrap()).unwrap().0;
+    let of = |views: ViewSet| Groups::new(&general, &scene.clone().with_views(views, None).unwrap(), 0);
+    let first = scene.views.with(&general, given()).unwrap();
+    let without = first.without(&general, 2).unwrap();
+    let second = without.with(&general, given()).unwrap();
+    let [first, without, second] = [first, without, second].map(of);
+    assert_eq!([first.eyes.len(), without.eyes.len(), second.eyes.len()], [2, 1, 2]);
+    assert_eq!([&first.eyes[0], &first.eyes[0]], [&without.eyes[0], &second.eyes[0]], "the others keep theirs");
+    assert_eq!(first.eyes[1].0, second.eyes[1].0);
+    assert_ne!(first.eyes[1], second.eyes[1]);
+    end(&handle, thread);
+}
+
+#[test]
+fn views_that_come_and_go_leave_nothing_behind() {
+    let (handle, thread, device) = start_eager();
+    device.allow(usize::MAX);
+    let stays = handle.subscribe(named(&handle, "flat"), Wanted::display(), Duration::ZERO).unwrap();
+    let mut shown = 0;
+    for _ in 0..200 {
+        let kind = "name = 'new'\ntype = 'equirectangular'\nsize = [4, 2]\nexposure = { ev100 = 1.0 }";
+        with_views(&handle, |views, general| {
+            views.with(general, GivenView::read(kind.parse().unwrap()).unwrap().0).unwrap()
+        });
+        let view = named(&handle, "new");
+        let stream = handle.subscribe(view, Wanted::display(), Duration::ZERO).unwrap();
+        let pulled = handle.subscribe_after(view, Wanted::display(), 0).unwrap();
+        let frame = pollster::block_on(stream.next()).unwrap().unwrap().0;
+        assert!(frame.frame.number >= shown);
+        shown = frame.frame.number;
+        without(&handle, "new");
+        while pollster::block_on(pulled.next()).is_ok() {}
+    }
+    let revision = handle.scene().unwrap().revision;
+    while pollster::block_on(stays.next()).unwrap().unwrap().0.frame.scene_revision < revision {}
+    let state = handle.shared.state();
+    let (newest, of) = (state.newest.len(), [state.subscribers.len(), state.requests.len()]);
+    drop(state);
+    assert_eq!((newest, of, handle.streams().count()), (1, [1, 0], 1));
     end(&handle, thread);
 }

@@ -1,0 +1,307 @@
+//! Views that are made, changed and deleted while the daemon runs.
+
+use std::{sync::atomic::Ordering::SeqCst, time::Duration};
+
+use steradian::{
+    output::Encoding,
+    service::{CameraUpdate, Client, ClientError, FrameReceiver, ReceivedFrame, SceneUpdate, TableChange, ViewUpdate},
+};
+use toml::Table;
+use tonic::Code;
+
+use crate::daemon::{Daemon, LARGE, small_rig, until, within};
+
+fn table(text: &str) -> Table {
+    text.parse().unwrap()
+}
+
+/// A round view of that many pixels across.
+pub fn round(name: &str, size: u32) -> Table {
+    table(&format!("name = '{name}'\ntype = 'fisheye'\nsize = [{size}, {size}]\nfov_deg = 180.0"))
+}
+
+fn keys(text: &str) -> ViewUpdate {
+    let keys = table(text).into_iter().map(|(key, value)| (key, Some(value))).collect();
+    ViewUpdate { definition: TableChange::Keys(keys), ..ViewUpdate::default() }
+}
+
+fn at_x(x: f64) -> CameraUpdate {
+    CameraUpdate { position_m: Some([x, 0.0, 0.0]), ..CameraUpdate::default() }
+}
+
+async fn next(stream: &mut FrameReceiver) -> ReceivedFrame {
+    within(stream.next()).await.unwrap().expect("a frame")
+}
+
+/// The first frame of a stream that shows a revision of the scene.
+async fn showing(stream: &mut FrameReceiver, revision: u64) -> ReceivedFrame {
+    loop {
+        let frame = next(stream).await;
+        if frame.scene_revision >= revision {
+            return frame;
+        }
+    }
+}
+
+fn assert_refused<T>(answer: Result<T, ClientError>, code: Code, part: &str) {
+    match answer.map(drop) {
+        Err(ClientError::Status { code: found, message }) => {
+            assert!(found == code && message.contains(part), "{found:?} {message}, expected {code:?} {part}");
+        }
+        other => panic!("{other:?}, expected {code:?} {part}"),
+    }
+}
+
+#[tokio::test]
+async fn a_view_is_made_streamed_changed_and_deleted_and_others_go_on() {
+    let daemon = Daemon::start(small_rig()).await;
+    let mut client = daemon.client().await;
+    let mut others = client.stream_frames("flat", Encoding::Rgba8, 0.0).await.unwrap();
+    let mut last = next(&mut others).await.number;
+
+    let definition = table(
+        "name = 'scope'\ntype = 'perspective'\nsize = [8, 5]\nfov_y_deg = 20.0\norientation = [0.0, 0.6, 0.0, 0.8]\n\
+         position_m = [0.0, 1.5, 0.0]\nexposure_group = 'optics'\nexposure = { mode = 'manual', ev100 = 2.0 }\n\
+         glare = { fraction = 0.25 }\ntest_pattern = true",
+    );
+    let made = client.create_view(&definition, Some(7)).await.unwrap();
+    assert_eq!((made.name.as_str(), made.kind.as_str(), made.revision), ("scope", "perspective", 8));
+    assert_eq!((made.images[0].width, made.images[0].height), (8, 5));
+    assert_eq!(made.definition.as_ref(), Some(&definition));
+    assert_eq!(made.own_keys, ["exposure.ev100", "exposure.mode", "glare.fraction"]);
+    assert_eq!(client.view("scope").await.unwrap(), made);
+    let names: Vec<String> = client.views().await.unwrap().into_iter().map(|view| view.name).collect();
+    assert_eq!(names, ["flat", "eyes", "scope"]);
+    assert_eq!(client.scene().await.unwrap().overlay.test_patterns, ["scope"]);
+    assert_eq!(client.view("flat").await.unwrap().definition, None, "the test made it without one");
+
+    let mut stream = client.stream_frames("scope", Encoding::Rgba8, 0.0).await.unwrap();
+    let frame = next(&mut stream).await;
+    assert_eq!((frame.view.as_str(), frame.exposure_ev100, frame.scene_revision), ("scope", frame.exposure_ev100, 8));
+    assert_eq!(frame.images[0].data.len(), 8 * 5 * 4);
+    // A frame of its own, since it has settings of its own.
+    assert!(daemon.controls.framed.lock().unwrap().iter().any(|(names, _)| names == &["scope"]));
+
+    // Another size: the stream goes on with it.
+    let changed = client.update_view("scope", &keys("size = [12, 6]\nfov_y_deg = 10.0"), Some(8)).await.unwrap();
+    assert_eq!((changed.revision, changed.images[0].width, &changed.own_keys), (9, 12, &made.own_keys));
+    let frame = showing(&mut stream, 9).await;
+    assert_eq!((frame.images[0].width, frame.images[0].height, frame.images[0].data.len()), (12, 6, 12 * 6 * 4));
+    // Another type, of which the definition says all.
+    let whole = ViewUpdate {
+        definition: TableChange::All(table("type = 'cubemap'\nface_size = 4\nfaces = ['front', 'up']")),
+        ..ViewUpdate::default()
+    };
+    let cube = client.update_view("scope", &whole, None).await.unwrap();
+    assert_eq!((cube.kind.as_str(), cube.own_keys.len(), cube.exposure_group.as_str()), ("cubemap", 0, ""));
+    assert!(client.scene().await.unwrap().overlay.test_patterns.is_empty());
+    assert_eq!(showing(&mut stream, 10).await.images.len(), 2);
+    // What was read may be sent back, and changes nothing.
+    let mut definition = cube.definition.clone().unwrap();
+    definition.remove("name");
+    let same = ViewUpdate { definition: TableChange::All(definition), ..ViewUpdate::default() };
+    let same = client.update_view("scope", &same, None).await.unwrap();
+    assert_eq!((same.definition, same.images, same.revision), (cube.definition, cube.images, 11));
+
+    // Views before it are deleted: it is the same one still, and so is its stream.
+    assert_eq!(client.delete_view("eyes", Some(11)).await.unwrap(), 12);
+    assert_eq!(showing(&mut stream, 12).await.images.len(), 2);
+    assert_eq!(client.delete_view("scope", None).await.unwrap(), 13);
+    let end = loop {
+        match within(stream.next()).await {
+            Ok(Some(_)) => {}
+            end => break end,
+        }
+    };
+    assert_refused(end, Code::NotFound, "view `scope` was deleted");
+    assert_refused(client.view("scope").await, Code::NotFound, "the views are: flat");
+    assert_refused(client.stream_frames("scope", Encoding::Png, 0.0).await, Code::NotFound, "no view `scope`");
+    client.set_camera(&at_x(1.0)).await.unwrap();
+    loop {
+        let frame = next(&mut others).await;
+        assert!(frame.number > last, "{} after {last}", frame.number);
+        last = frame.number;
+        if frame.scene_revision == 13 && frame.camera_revision == 1 {
+            break;
+        }
+    }
+    // The last one too.
+    client.delete_view("flat", None).await.unwrap();
+    assert!(client.views().await.unwrap().is_empty());
+    assert_refused(client.render_frame("flat", Encoding::Png).await, Code::NotFound, "the views are: none");
+    client.create_view(&round("flat", 4), None).await.unwrap();
+    assert_eq!(client.render_frame("flat", Encoding::Rgba8).await.unwrap().images[0].width, 4);
+    daemon.shutdown().await.unwrap();
+}
+
+#[tokio::test]
+async fn calls_that_wait_for_a_view_that_is_deleted_are_told() {
+    let daemon = Daemon::start(small_rig()).await;
+    let mut client = daemon.client().await;
+    let seen = client.next_frame("eyes", Encoding::Rgba8, 0, 0).await.unwrap().number;
+    // One frame that is not drawn, so that nothing else is begun.
+    daemon.controls.close_gate();
+    let begun = daemon.controls.started.load(SeqCst);
+    let mut first = daemon.client().await;
+    let first = tokio::spawn(async move { first.render_frame("flat", Encoding::Rgba8).await });
+    until(|| daemon.controls.started.load(SeqCst) > begun).await;
+    let mut pulling = daemon.client().await;
+    let pulls = tokio::spawn(async move { pulling.next_frame("eyes", Encoding::Rgba8, seen, 0).await });
+    let mut pulling = daemon.client().await;
+    let both = tokio::spawn(async move {
+        pulling.next_frames(&[("flat", Encoding::Rgba8, seen), ("eyes", Encoding::Rgba8, seen)]).await
+    });
+    let mut rendering = daemon.client().await;
+    let renders = tokio::spawn(async move { rendering.render_frame("eyes", Encoding::Rgba8).await });
+    let mut figures = client.watch_stats(Some(0.1)).await.unwrap();
+    while within(figures.next()).await.unwrap().unwrap().streams < 3 {}
+    tokio::time::sleep(Duration::from_millis(100)).await;
+    client.delete_view("eyes", None).await.unwrap();
+    for end in [within(pulls).await.unwrap().map(drop), within(both).await.unwrap().map(drop)] {
+        assert_refused(end, Code::NotFound, "view `eyes` was deleted");
+    }
+    let end = within(renders).await.unwrap();
+    daemon.controls.open_gate();
+    // It waits for a frame of its own, unless that was begun before.
+    if end.is_err() {
+        assert_refused(end, Code::NotFound, "view `eyes` was deleted");
+    }
+    within(first).await.unwrap().unwrap();
+    while within(figures.next()).await.unwrap().unwrap().streams > 0 {}
+    daemon.shutdown().await.unwrap();
+}
+
+#[tokio::test]
+async fn what_is_refused_leaves_the_views_as_they_are() {
+    let daemon = Daemon::start(small_rig()).await;
+    let mut client = daemon.client().await;
+    client.create_view(&round("dome", 8), Some(7)).await.unwrap();
+    let good = client.views().await.unwrap();
+    let with = |text: &str| {
+        let mut definition = round("new", 8);
+        definition.extend(table(text));
+        definition
+    };
+    let nameless: Table = round("new", 8).into_iter().filter(|(key, _)| key != "name").collect();
+    let long = "x".repeat(65);
+    for (definition, expected, code, told) in [
+        (round("dome", 8), None, Code::AlreadyExists, "view `dome` is there already; the views are: flat, eyes, dome"),
+        (round("flat", 8), None, Code::AlreadyExists, "view `flat`"),
+        (round("new", 8), Some(7), Code::Aborted, "revision 8, not 7"),
+        (nameless, None, Code::InvalidArgument, "definition.name: missing key"),
+        (round("a b", 8), None, Code::InvalidArgument, "definition.name: view name `a b`: allowed are letters"),
+        (round(&long, 8), None, Code::InvalidArgument, "definition.name: 65 letters: allowed are at most 64"),
+        (with("type = 'dome'"), None, Code::InvalidArgument, "definition.type: unknown type `dome`"),
+        (with("fov_y_deg = 60.0"), None, Code::InvalidArgument, "definition.fov_y_deg: unknown key"),
+        (with("fov_deg = 400.0"), None, Code::InvalidArgument, "definition.fov_deg: 400"),
+        (with("fov_deg = nan"), None, Code::InvalidArgument, "definition.fov_deg"),
+        (with("size = [8]"), None, Code::InvalidArgument, "definition.size"),
+        (with("size = [0, 8]"), None, Code::InvalidArgument, "definition.size"),
+        (with("size = [20000, 8]"), None, Code::InvalidArgument, "16384"),
+        (with("position_m = [1e300, 0.0, 0.0]"), None, Code::InvalidArgument, "an eye at"),
+        (with("exposure = { key = 0.2 }"), None, Code::InvalidArgument, "definition.exposure.key: has no effect"),
+        (with("glare = { fraction = 2.0 }"), None, Code::InvalidArgument, "definition.glare.fraction: 2"),
+        (with("glare = { psf_file = '/etc/passwd' }"), None, Code::InvalidArgument, "definition.glare.psf_file: files"),
+        (with("exposure_group = 'a b'"), None, Code::InvalidArgument, "definition.exposure_group"),
+        (with("size = [9000, 9000]"), None, Code::ResourceExhausted, "at most 67108864 are allowed"),
+    ] {
+        assert_refused(client.create_view(&definition, expected).await, code, told);
+        assert_eq!(client.views().await.unwrap(), good);
+    }
+    for (view, update, expected, code, told) in [
+        ("dome", keys("fov_deg = 400.0"), None, Code::InvalidArgument, "definition.fov_deg: 400"),
+        ("dome", keys("size = [20000, 8]"), None, Code::InvalidArgument, "16384"),
+        ("dome", keys("size = [9000, 9000]"), None, Code::ResourceExhausted, "at most 67108864"),
+        ("dome", keys("fov_deg = 90.0"), Some(7), Code::Aborted, "revision 8, not 7"),
+        ("roof", keys("fov_deg = 90.0"), None, Code::NotFound, "the views are: flat, eyes, dome"),
+        ("flat", keys("fov_y_deg = 90.0"), None, Code::InvalidArgument, "`flat` is none of a configuration"),
+    ] {
+        assert_refused(client.update_view(view, &update, expected).await, code, told);
+    }
+    assert_refused(client.delete_view("roof", None).await, Code::NotFound, "the views are: flat, eyes, dome");
+    assert_refused(client.delete_view("dome", Some(7)).await, Code::Aborted, "revision 8, not 7");
+    assert_eq!(client.views().await.unwrap(), good);
+
+    // As many as there may be, and no more.
+    for number in 3..32 {
+        client.create_view(&round(&format!("v{number}"), 4), None).await.unwrap();
+    }
+    assert_refused(client.create_view(&round("new", 4), None).await, Code::ResourceExhausted, "at most 32 are allowed");
+    client.delete_view("v3", None).await.unwrap();
+    client.create_view(&round("new", 4), None).await.unwrap();
+    // A test pattern of a view that is none is refused.
+    let pattern = steradian::service::OverlayChange {
+        test_patterns: Some(vec!["v3".to_owned()]),
+        ..steradian::service::OverlayChange::default()
+    };
+    let pattern = SceneUpdate { overlay: pattern, ..SceneUpdate::default() };
+    assert_refused(client.update_scene(&pattern, None).await, Code::InvalidArgument, "no view `v3`");
+    daemon.shutdown().await.unwrap();
+}
+
+#[tokio::test]
+async fn streams_of_a_view_that_becomes_too_large_for_a_client_end_and_others_do_not() {
+    let daemon = Daemon::start(small_rig()).await;
+    let mut client = daemon.client().await;
+    client.create_view(&round("dome", 8), None).await.unwrap();
+    client.create_view(&round("wide", 16), None).await.unwrap();
+    let mut first = client.stream_frames("dome", Encoding::Rgba8, 0.0).await.unwrap();
+    let mut large = client.stream_frames("wide", Encoding::Rgb32f, 0.0).await.unwrap();
+    next(&mut first).await;
+    next(&mut large).await;
+    let grown = client.update_view("dome", &keys(&format!("size = [{LARGE}, {LARGE}]")), None).await.unwrap();
+    assert_eq!(showing(&mut first, grown.revision).await.images[0].width, LARGE);
+    // 12 bytes a pixel, twice: more than 512 MiB beside the other stream.
+    let grown = client.update_view("wide", &keys("size = [4800, 4800]"), None).await.unwrap();
+    let end = loop {
+        match within(large.next()).await {
+            Ok(Some(frame)) => assert!(frame.scene_revision < grown.revision),
+            end => break end,
+        }
+    };
+    assert_refused(end, Code::ResourceExhausted, "512 MiB of one client");
+    client.update_view("wide", &keys("size = [16, 16]"), None).await.unwrap();
+    let revision = client.scene().await.unwrap().revision;
+    assert_eq!(showing(&mut first, revision).await.images[0].width, LARGE);
+    daemon.shutdown().await.unwrap();
+}
+
+async fn streams(client: &mut Client) -> u32 {
+    let mut figures = client.watch_stats(Some(0.1)).await.unwrap();
+    within(figures.next()).await.unwrap().unwrap().streams
+}
+
+#[tokio::test]
+async fn two_hundred_views_come_and_go_while_others_are_streamed() {
+    let daemon = Daemon::start(small_rig()).await;
+    let mut client = daemon.client().await;
+    let mut others = client.stream_frames("flat", Encoding::Rgba8, 0.0).await.unwrap();
+    let mut last = next(&mut others).await.number;
+    for cycle in 0..200 {
+        let mut definition = round("guest", 4 + cycle % 5);
+        definition.extend(table("exposure = { compensation_ev = 1.0 }"));
+        let made = client.create_view(&definition, None).await.unwrap();
+        let mut guest = client.stream_frames("guest", Encoding::Rgba8, 0.0).await.unwrap();
+        let frame = next(&mut guest).await;
+        assert_eq!((frame.scene_revision, frame.images[0].width), (made.revision, 4 + cycle % 5));
+        client.delete_view("guest", Some(made.revision)).await.unwrap();
+        let end = loop {
+            match within(guest.next()).await {
+                Ok(Some(_)) => {}
+                end => break end,
+            }
+        };
+        assert_refused(end, Code::NotFound, "view `guest` was deleted");
+        let number = showing(&mut others, made.revision + 1).await.number;
+        assert!(number > last, "cycle {cycle}: {number} after {last}");
+        last = number;
+    }
+    assert_eq!(client.scene().await.unwrap().revision, 7 + 400);
+    assert_eq!(streams(&mut client).await, 1);
+    drop(others);
+    let mut left = streams(&mut client).await;
+    while left > 0 {
+        left = streams(&mut client).await;
+    }
+    daemon.shutdown().await.unwrap();
+}
