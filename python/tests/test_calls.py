@@ -125,6 +125,39 @@ def test_settings_of_a_view_change_and_are_inherited_again(client: steradian.Cli
     assert list(client.update_view("flat", {"tone_map": {}}).message.own_keys) == []
 
 
+def test_views_are_made_changed_and_deleted(client: steradian.Client) -> None:
+    names = [view.name for view in client.views()]
+    wide = {"name": "wide", "type": "fisheye", "size": [24, 16], "fov_deg": 200.0, "orientation": [0, 0.6, 0, 0.8]}
+    made = client.create_view(wide, expected_revision=client.scene().revision)
+    try:
+        assert (made.type, made.images[0].width_px, made.images[0].height_px) == ("fisheye", 24, 16)
+        assert [view.name for view in client.views()] == [*names, "wide"]
+        assert made.message.definition.fov_deg == 200.0 and made.message.definition.orientation.y == 0.6
+        assert client.render("wide").array().shape[:2] == (16, 24)
+        with pytest.raises(steradian.AlreadyExists, match="`wide`"):
+            client.create_view(made.message.definition)
+        with pytest.raises(steradian.InvalidArgument, match="definition.fov_deg: 400"):
+            client.update_view("wide", {"definition.fov_deg": 400.0})
+        with pytest.raises(TypeError, match="colour"):
+            client.create_view({"colour": "red"})
+        changed = client.update_view("wide", {"definition.size": [8, 8], "definition.fov_deg": 90.0})
+        assert (changed.images[0].width_px, changed.revision) == (8, made.revision + 1)
+        with client.frames("wide") as loop:
+            assert loop.next(timeout_s=30.0).array().shape[:2] == (8, 8)
+            with pytest.raises(steradian.Conflict):
+                client.delete_view("wide", expected_revision=made.revision)
+            assert client.delete_view("wide", expected_revision=changed.revision) == changed.revision + 1
+            with pytest.raises(steradian.NotFound, match="`wide`"):
+                while True:
+                    loop.next(timeout_s=30.0)
+    finally:
+        if "wide" in [view.name for view in client.views()]:
+            client.delete_view("wide")
+    assert [view.name for view in client.views()] == names
+    with pytest.raises(steradian.NotFound, match="the views are"):
+        client.delete_view("wide")
+
+
 def test_every_call_of_the_protocol_can_be_called_by_name(client: steradian.Client) -> None:
     assert set(steradian.services()) >= {"SceneService", "CameraService", "ViewService", "DiagnosticsService"}
     assert "NextFrames" in steradian.services()["ViewService"]

@@ -139,14 +139,52 @@ class Client:
         """
         return View.of(self.call("ViewService", "GetView", view=name))
 
+    def create_view(self, definition: Message | Mapping[str, object], *, expected_revision: int | None = None) -> View:
+        """Makes a view. It can be asked for frames when this returns.
+
+        Args:
+            definition: the keys of a table of `[[views]]` in a configuration, as `{"name": "wide", "type": "fisheye",
+                "size": [512, 512], "fov_deg": 180.0}`, or a message `ViewDefinition`, such as the one of a view.
+            expected_revision: refused if the scene has another revision.
+
+        Returns:
+            The view.
+
+        Raises:
+            InvalidArgument: a key is missing, unknown to the type, or has a value that is not allowed; the text says
+                what is.
+            AlreadyExists: a view, or the headset, has the name.
+            ResourceExhausted: there are as many views, or pixels in them, as there may be.
+            Conflict: the scene has another revision.
+        """
+        fields = {"definition": definition, "expected_revision": expected_revision}
+        return View.of(self._ask("ViewService", "CreateView", fields))
+
+    def delete_view(self, name: str, *, expected_revision: int | None = None) -> int:
+        """Deletes a view. Loops and streams of its frames end with `NotFound`.
+
+        Args:
+            name: the view.
+            expected_revision: refused if the scene has another revision.
+
+        Returns:
+            The revision that the scene has then.
+
+        Raises:
+            NotFound: there is no such view.
+            Conflict: the scene has another revision.
+        """
+        fields = {"view": name, "expected_revision": expected_revision}
+        return int(self._ask("ViewService", "DeleteView", fields).revision)
+
     def update_view(self, name: str, changes: Mapping[str, object], *, expected_revision: int | None = None) -> View:
-        """Changes exposure, glare, tone mapping or exposure group of a view, all that is named or nothing, from the
-        next frame on.
+        """Changes definition, exposure, glare, tone mapping or exposure group of a view, all that is named or nothing,
+        from the next frame on.
 
         Args:
             name: the view.
             changes: values by path: `{"exposure.limiting_magnitude": 9.0, "glare": {"method": "none"},
-                "exposure_group": ""}`. None: the key is inherited.
+                "exposure_group": "", "definition.fov_deg": 120.0}`. None: the key is inherited.
             expected_revision: the change is refused if the scene has another revision.
 
         Returns:

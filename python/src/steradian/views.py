@@ -49,7 +49,7 @@ class View:
         type: type as in configurations: perspective, stereo, cubemap, fisheye, dome_master ... or headset.
         images: its images, in the order in which frames carry them; none of a headset that is not connected.
         revision: revision of the scene, which also counts the changes of views.
-        message: the message `View`, with `exposure`, `glare`, `tone_map`, `exposure_group` and `own_keys`.
+        message: the message `View`, with `definition`, `exposure`, `glare`, `tone_map`, `exposure_group` and `own_keys`.
     """
 
     name: str
