@@ -1,6 +1,9 @@
 //! Pictures: what is shown, and how drags and fingers turn it.
 
-use steradian::catalogue::bright::named_bright_stars;
+use steradian::{
+    catalogue::bright::named_bright_stars,
+    service::{TableChange, ViewUpdate},
+};
 
 use crate::{
     Test,
@@ -11,6 +14,7 @@ pub const TESTS: &[Test] = &[
     ("pictures::a_dragged_star_stays_under_the_pointer_in_every_view", a_dragged_star_stays_under_the_pointer),
     ("pictures::a_click_names_the_star", a_click_names_the_star),
     ("pictures::several_views_are_shown_at_once_and_the_address_keeps_them", several_views_at_once),
+    ("pictures::views_come_and_go_as_other_clients_make_and_delete_them", views_come_and_go),
     ("pictures::a_phone_shows_them_and_a_finger_turns_them", a_phone_and_a_finger),
     ("pictures::their_age_is_told", their_age_is_told),
     ("pictures::video_and_jpeg_show_what_png_shows", video_and_jpeg_show_what_png_shows),
@@ -129,6 +133,39 @@ fn several_views_at_once() -> Result<(), String> {
         page.until("document.querySelectorAll('#pictures figure').length === 2").await;
         let stats = daemon.client().await.info().await.unwrap();
         assert!(stats.frames_rendered > 0);
+    })
+}
+
+fn views_come_and_go() -> Result<(), String> {
+    with_page(Screen::Desk, async |page, daemon| {
+        page.until(&has_picture("window")).await;
+        let mut client = daemon.client().await;
+        let guest = |name: &str, size: &str| {
+            format!("name = '{name}'\ntype = 'fisheye'\nsize = {size}\nfov_deg = 180.0").parse().unwrap()
+        };
+        let chip = |name: &str| format!("document.querySelector('#views input[value={name}]')");
+        client.create_view(&guest("guest", "[128, 128]"), None).await.unwrap();
+        page.until(&chip("guest")).await;
+        page.run::<Option<u8>>("location.hash = '#views=guest,window'").await;
+        page.until(&has_picture("guest")).await;
+        // Another geometry has another shape.
+        let size = ViewUpdate {
+            definition: TableChange::Keys(vec![("size".to_owned(), Some(vec![160_i64, 80].into()))]),
+            ..ViewUpdate::default()
+        };
+        client.update_view("guest", &size, None).await.unwrap();
+        let canvas = "document.querySelector('[data-view=guest] canvas')";
+        page.until(&format!("{canvas}.width === 2 * {canvas}.height")).await;
+        page.until(&format!("{canvas}.style.getPropertyValue('--aspect') === '2'")).await;
+        client.delete_view("guest", None).await.unwrap();
+        page.until(&format!("!document.querySelector('[data-view=guest]') && !{}", chip("guest"))).await;
+        let seen = page.run::<String>(&format!("return {}", has_picture("window"))).await;
+        page.until(&format!("Number({}) > {seen}", has_picture("window"))).await;
+        // Without a picture too.
+        page.run::<Option<u8>>("location.hash = '#views='").await;
+        page.until("document.querySelectorAll('#pictures figure').length === 0").await;
+        client.create_view(&guest("late", "[64, 64]"), None).await.unwrap();
+        page.until(&chip("late")).await;
     })
 }
 

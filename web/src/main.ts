@@ -23,6 +23,8 @@ import { decodesVideo } from "./video.ts";
 /** Waits between attempts to reach the daemon: each twice the one before. */
 const [FIRST_WAIT_MS, LONGEST_WAIT_MS] = [500, 4000];
 /** How often the ages on the screen are told. */
+/** How often views are looked for while there is no picture. */
+const NO_PICTURE_MS = 3000;
 const AGE_INTERVAL_MS = 200;
 /** A picture that is older than this is marked: the daemon sends one a second at least. */
 const OLD_MS = 3000;
@@ -85,6 +87,11 @@ function listViews(): void {
   showViews(wanted.length > 0 || none ? wanted : names.slice(0, 1));
 }
 model.addEventListener("change", listViews);
+// Frames tell when the scene is another one. Without a picture there are none, and views that others make are looked for.
+setInterval(() => {
+  const isLost = document.documentElement.classList.contains("lost");
+  if (model.scene && pictures.selected.length === 0 && !document.hidden && !isLost) void model.refresh();
+}, NO_PICTURE_MS);
 addEventListener("hashchange", listViews);
 
 const encoding = byId("encoding") as HTMLSelectElement;

@@ -55,7 +55,10 @@ class Picture {
     this.view = view;
     this.#images.dataset["type"] = view.type;
     this.#images.dataset["count"] = String(view.images.length);
-    for (const image of view.images) this.#canvas(image.part, image);
+    for (const image of view.images) {
+      // Another geometry has another shape.
+      this.#canvas(image.part, image).style.setProperty("--aspect", String(image.width / image.height));
+    }
     for (const [part, canvas] of this.#canvases) {
       if (view.images.some((image) => image.part === part)) continue;
       canvas.remove();
