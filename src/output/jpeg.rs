@@ -104,6 +104,8 @@ fn segments(file: &[u8]) -> Vec<Segment> {
 mod tests {
     use std::io::Cursor;
 
+    use zune_jpeg::zune_core::options::DecoderOptions;
+
     use super::*;
 
     fn image(width: usize, height: usize) -> Vec<u8> {
@@ -112,7 +114,8 @@ mod tests {
     }
 
     fn decoded(file: &[u8]) -> Vec<u8> {
-        zune_jpeg::JpegDecoder::new(Cursor::new(file)).decode().unwrap()
+        let options = DecoderOptions::default().set_max_width(65_535);
+        zune_jpeg::JpegDecoder::new_with_options(Cursor::new(file), options).decode().unwrap()
     }
 
     #[test]
