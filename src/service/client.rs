@@ -272,8 +272,8 @@ impl FrameReceiver {
         let read = proto::AcknowledgeFrameRequest { stream: frame.stream, frame_number: frame.frame_number };
         match self.view.acknowledge_frame(read).await {
             Ok(_) => {}
-            // The stream has ended meanwhile: that is told when the next frame is asked for.
-            Err(status) if status.code() == tonic::Code::NotFound => {}
+            // The stream has ended meanwhile, or the daemon takes no new calls: that is told when the next frame is asked for.
+            Err(status) if matches!(status.code(), Code::NotFound | Code::Cancelled | Code::Unavailable) => {}
             Err(status) => return Err(status.into()),
         }
         ReceivedFrame::try_from(frame).map(Some)
