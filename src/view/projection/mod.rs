@@ -13,6 +13,7 @@ mod equirectangular;
 mod fisheye;
 mod perspective;
 mod tabulated;
+mod warp;
 
 use std::{f64::consts::PI, sync::Arc};
 
@@ -25,6 +26,7 @@ pub(crate) use tabulated::{
     DONE_PX, FRINGE, HEADER, LONGEST_STEP_PX, MOST_STEPS, NEAR_PX, NO_START, PATCH_BIT, PATCH_STEPS,
 };
 pub use tabulated::{LIMIT_PX, MOST_SIDE_PX, TableAccuracy, TabulatedMapping, TabulationError};
+pub use warp::{DirectionGrid, Interpolation, MOST_SAMPLES, Placement, Warp, WarpError};
 
 /// Why a projection cannot be built.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

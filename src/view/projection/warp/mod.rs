@@ -1,0 +1,284 @@
+//! A projector's raster as a projection: directions on a grid over it, as calibrations give them, and all that lies between.
+//!
+//! Directions come from splines through the samples ([`Interpolation`]), so a pixel's solid angle is |d dir/du x d dir/dv| of a smooth map. The place
+//! of a direction is found by Newton steps from the nearest of a lattice of points. Cells with an unknown corner are outside of the picture.
+
+mod nearest;
+mod spline;
+
+use std::f64::consts::PI;
+
+use glam::{DVec2, DVec3};
+pub use spline::Interpolation;
+
+use self::{
+    nearest::Nearest,
+    spline::{Jet, Surface},
+};
+use super::{BoundingCone, PlaneMapping, ProjectionError, check_size};
+
+/// Samples along a side, at most.
+pub const MOST_SAMPLES: usize = 8192;
+/// Newton steps until a place is found; a smooth map takes three to five.
+const STEPS: usize = 12;
+/// A place is found when a step is shorter, pixels.
+const FOUND_PX: f64 = 1e-9;
+/// How far beyond the raster places are found, cells of the grid: half a cell is what samples in the middles of cells leave, and a fringe for stars that lie
+/// on the border.
+const BEYOND_CELLS: f64 = 1.0;
+
+/// Where the samples of a grid lie.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Placement {
+    /// The first and the last one on the borders of the raster.
+    Corners,
+    /// In the middles of equal cells, as the pixels of a picture.
+    Centres,
+}
+
+/// Directions on a grid over a raster.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DirectionGrid {
+    /// Samples along both sides, 2 to [`MOST_SAMPLES`].
+    pub samples: [usize; 2],
+    /// Unit vectors in view axes, row by row from the top of the raster; `None`: unknown, or no light goes there.
+    pub directions: Vec<Option<DVec3>>,
+    /// Where they lie.
+    pub placement: Placement,
+    /// What is between them.
+    pub interpolation: Interpolation,
+}
+
+/// Why a grid makes no projection.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum WarpError {
+    /// The raster cannot be that large.
+    #[error(transparent)]
+    Size(#[from] ProjectionError),
+    /// Too few or too many samples, or not as many directions.
+    #[error(
+        "a grid of {columns} x {rows} with {directions} directions: 2 to 8192 samples a side are allowed, with a direction each"
+    )]
+    Samples {
+        /// Along a row.
+        columns: usize,
+        /// Along a column.
+        rows: usize,
+        /// Directions given.
+        directions: usize,
+    },
+    /// A direction is none.
+    #[error("sample ({column}, {row}): {direction:?} is no unit vector")]
+    Direction {
+        /// Column.
+        column: usize,
+        /// Row.
+        row: usize,
+        /// What it is.
+        direction: DVec3,
+    },
+    /// No cell of the grid has all its corners.
+    #[error("no cell of the grid knows the directions of its four corners")]
+    Empty,
+}
+
+/// See the module.
+#[derive(Debug)]
+pub struct Warp {
+    size: [u32; 2],
+    grid: [usize; 2],
+    placement: Placement,
+    surface: Surface,
+    /// Of each cell, row by row: whether all corners are known.
+    cells: Vec<bool>,
+    nearest: Nearest,
+    /// Largest angle from the lattice's mean direction to one of its points, and the longest side of a pixel there, rad.
+    reach_rad: f64,
+    longest_px_rad: f64,
+}
+
+impl Warp {
+    /// Of a raster of `size` pixels.
+    ///
+    /// # Errors
+    ///
+    /// The grid is none.
+    pub fn new(size: [u32; 2], grid: &DirectionGrid) -> Result<Self, WarpError> {
+        check_size(size)?;
+        let [columns, rows] = grid.samples;
+        let allowed = 2..=MOST_SAMPLES;
+        let directions = grid.directions.len();
+        if !(allowed.contains(&columns) && allowed.contains(&rows)) || directions != columns * rows {
+            return Err(WarpError::Samples { columns, rows, directions });
+        }
+        let is_unit = |direction: &DVec3| (direction.length() - 1.0).abs() < 1e-3;
+        let wrong = grid.directions.iter().enumerate().find_map(|(at, direction)| {
+            let direction = direction.filter(|direction| !is_unit(direction))?;
+            Some(WarpError::Direction { column: at % columns, row: at / columns, direction })
+        });
+        if let Some(wrong) = wrong {
+            return Err(wrong);
+        }
+        let known = |x: usize, y: usize| grid.directions[y * columns + x].is_some();
+        let cells = (0..rows - 1).flat_map(|y| (0..columns - 1).map(move |x| [x, y]));
+        let cells: Vec<bool> =
+            cells.map(|[x, y]| known(x, y) && known(x + 1, y) && known(x, y + 1) && known(x + 1, y + 1)).collect();
+        if !cells.contains(&true) {
+            return Err(WarpError::Empty);
+        }
+        let surface = Surface::new(&filled(&grid.directions, columns), grid.samples, grid.interpolation);
+        let nearest = Nearest::default();
+        let (reach_rad, longest_px_rad) = (0.0, 0.0);
+        let mut warp = Self {
+            size,
+            grid: grid.samples,
+            placement: grid.placement,
+            surface,
+            cells,
+            nearest,
+            reach_rad,
+            longest_px_rad,
+        };
+        let lattice = warp.lattice();
+        let sides = lattice.iter().filter_map(|(pixel, _)| warp.jet(*pixel));
+        warp.longest_px_rad = sides.map(|jet| jet.across.length().max(jet.down.length())).fold(0.0, f64::max);
+        warp.nearest = Nearest::new(&lattice);
+        let axis = warp.nearest.axis();
+        warp.reach_rad = lattice.iter().map(|(_, direction)| direction.angle_between(axis)).fold(0.0, f64::max);
+        Ok(warp)
+    }
+
+    /// A place in samples.
+    fn in_samples(&self, pixel: DVec2) -> [f64; 2] {
+        let of = |at: f64, side: u32, samples: usize| match self.placement {
+            Placement::Corners => at / f64::from(side) * (samples - 1) as f64,
+            Placement::Centres => at / f64::from(side) * samples as f64 - 0.5,
+        };
+        [of(pixel.x, self.size[0], self.grid[0]), of(pixel.y, self.size[1], self.grid[1])]
+    }
+
+    /// Samples per pixel.
+    fn scale(&self) -> DVec2 {
+        let origin = self.in_samples(DVec2::ZERO);
+        let [x, y] = self.in_samples(DVec2::ONE);
+        DVec2::new(x - origin[0], y - origin[1])
+    }
+
+    /// Direction, of unit length, and its derivatives per pixel.
+    fn jet(&self, pixel: DVec2) -> Option<Jet> {
+        let Jet { value, across, down } = self.surface.at(self.in_samples(pixel));
+        let length = value.length();
+        if !(length > 0.1) {
+            return None;
+        }
+        let unit = value / length;
+        let scale = self.scale();
+        let tangent = |slope: DVec3, scale: f64| (slope - unit * unit.dot(slope)) * (scale / length);
+        Some(Jet { value: unit, across: tangent(across, scale.x), down: tangent(down, scale.y) })
+    }
+
+    /// Whether the cell around a place has all its corners.
+    fn is_known(&self, pixel: DVec2) -> bool {
+        let [x, y] = self.in_samples(pixel);
+        let cell = |at: f64, samples: usize| (at.floor().max(0.0) as usize).min(samples - 2);
+        self.cells[cell(y, self.grid[1]) * (self.grid[0] - 1) + cell(x, self.grid[0])]
+    }
+
+    fn lattice_sides(&self) -> [usize; 2] {
+        self.grid.map(|samples| (2 * (samples - 1)).clamp(32, 160))
+    }
+
+    /// Points over the picture, some in every cell and not more than a few ten thousand, with their directions.
+    fn lattice(&self) -> Vec<(DVec2, DVec3)> {
+        let [across, down] = self.lattice_sides();
+        let [width, height] = self.size.map(f64::from);
+        let points = (0..down).flat_map(|y| (0..across).map(move |x| [x, y]));
+        let place = |[x, y]: [usize; 2]| {
+            DVec2::new((x as f64 + 0.5) / across as f64 * width, (y as f64 + 0.5) / down as f64 * height)
+        };
+        let known = points.map(place).filter(|pixel| self.is_known(*pixel));
+        known.filter_map(|pixel| Some((pixel, self.jet(pixel)?.value))).collect()
+    }
+}
+
+/// Unknown directions from their known neighbours, as they would go on: only for the splines, which need some value.
+fn filled(directions: &[Option<DVec3>], columns: usize) -> Vec<DVec3> {
+    let rows = directions.len() / columns;
+    let mut known: Vec<Option<DVec3>> = directions.to_vec();
+    while known.iter().any(Option::is_none) {
+        let before = known.clone();
+        let at = |x: i64, y: i64| {
+            let inside = x >= 0 && y >= 0 && x < columns as i64 && y < rows as i64;
+            inside.then(|| before[y as usize * columns + x as usize]).flatten()
+        };
+        for (index, direction) in known.iter_mut().enumerate().filter(|(_, direction)| direction.is_none()) {
+            let [x, y] = [(index % columns) as i64, (index / columns) as i64];
+            let guesses = [[1, 0], [-1, 0], [0, 1], [0, -1]].into_iter().filter_map(|[dx, dy]| {
+                let first = at(x + dx, y + dy)?;
+                // A line through the two next ones, or the next one itself.
+                Some(at(x + 2 * dx, y + 2 * dy).map_or(first, |second| 2.0 * first - second))
+            });
+            let guesses: Vec<DVec3> = guesses.collect();
+            *direction = (!guesses.is_empty()).then(|| guesses.iter().sum::<DVec3>() / guesses.len() as f64);
+        }
+    }
+    known.into_iter().flatten().collect()
+}
+
+impl PlaneMapping for Warp {
+    fn size(&self) -> [u32; 2] {
+        self.size
+    }
+
+    fn pixel_from_direction(&self, direction: DVec3) -> Option<DVec2> {
+        let direction = direction.try_normalize()?;
+        let mut pixel = self.nearest.of(direction)?;
+        let [width, height] = self.size.map(f64::from);
+        let beyond = BEYOND_CELLS / self.scale();
+        let [least, most] = [-beyond, DVec2::new(width, height) + beyond];
+        for _ in 0..STEPS {
+            let Jet { value, across, down } = self.jet(pixel)?;
+            // The step in the plane of both derivatives that leads to the direction.
+            let off = direction - value * value.dot(direction);
+            let [aa, ab, bb] = [across.dot(across), across.dot(down), down.dot(down)];
+            let determinant = aa * bb - ab * ab;
+            if !(determinant > 0.0) || value.dot(direction) <= 0.0 {
+                return None;
+            }
+            let [ra, rb] = [across.dot(off), down.dot(off)];
+            let step = DVec2::new(bb * ra - ab * rb, aa * rb - ab * ra) / determinant;
+            pixel = (pixel + step).clamp(least, most);
+            if step.length() < FOUND_PX {
+                let inside = pixel.cmpgt(least).all() && pixel.cmplt(most).all();
+                return inside.then_some(pixel);
+            }
+        }
+        None
+    }
+
+    fn direction_from_pixel(&self, pixel: DVec2) -> Option<DVec3> {
+        let [width, height] = self.size.map(f64::from);
+        let inside = pixel.x >= 0.0 && pixel.y >= 0.0 && pixel.x <= width && pixel.y <= height;
+        if inside && self.is_known(pixel) { Some(self.jet(pixel)?.value) } else { None }
+    }
+
+    fn bounding_cone(&self, margin_px: f64) -> BoundingCone {
+        // From the outermost point of the lattice to the corner of the raster, at most.
+        let [across, down] = self.lattice_sides();
+        let spacing = f64::from(self.size[0]) / across as f64 + f64::from(self.size[1]) / down as f64;
+        let reach = self.reach_rad + 1.5 * (margin_px + spacing) * self.longest_px_rad;
+        BoundingCone { axis: self.nearest.axis(), half_angle_rad: reach.min(PI) }
+    }
+
+    fn solid_angle_sr(&self, x: u32, y: u32) -> f64 {
+        let centre = super::pixel_centre(x, y);
+        if !self.contains(x, y) {
+            return 0.0;
+        }
+        self.jet(centre).map_or(0.0, |Jet { across, down, .. }| across.cross(down).length())
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
+mod tests;

@@ -1,0 +1,95 @@
+//! The point of a lattice whose direction is nearest to another one: where Newton steps begin.
+
+use glam::{DVec2, DVec3};
+
+/// Cells along a side of the map around the middle of the picture.
+const SIDE: usize = 128;
+
+/// A map of the sphere around the lattice's mean direction (azimuthal, equal area), with the nearest point of each cell.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Nearest {
+    axis: DVec3,
+    right: DVec3,
+    up: DVec3,
+    /// Radius of the map that the picture has, of 2 for the whole sphere.
+    radius: f64,
+    cells: Vec<DVec2>,
+}
+
+impl Nearest {
+    /// Of points and their directions.
+    pub(super) fn new(points: &[(DVec2, DVec3)]) -> Self {
+        let sum: DVec3 = points.iter().map(|(_, direction)| *direction).sum();
+        let axis = sum.try_normalize().unwrap_or(DVec3::NEG_Z);
+        let (right, up) = axis.any_orthonormal_pair();
+        let mut map = Self { axis, right, up, radius: 0.0, cells: Vec::new() };
+        let placed: Vec<(DVec2, DVec2)> =
+            points.iter().map(|(pixel, direction)| (map.place(*direction), *pixel)).collect();
+        // What lies a little beyond the picture begins at its border.
+        map.radius = 1.1 * placed.iter().map(|(place, _)| place.length()).fold(1e-6, f64::max);
+        map.cells = map.filled(&placed);
+        map
+    }
+
+    /// Mean direction.
+    pub(super) fn axis(&self) -> DVec3 {
+        self.axis
+    }
+
+    /// Place on the map: distance 2 sin(angle / 2) from its middle.
+    fn place(&self, direction: DVec3) -> DVec2 {
+        let along = direction.dot(self.axis);
+        let factor = (2.0 / (1.0 + along).max(1e-9)).sqrt();
+        DVec2::new(direction.dot(self.right), direction.dot(self.up)) * factor
+    }
+
+    fn cell(&self, place: DVec2) -> Option<[usize; 2]> {
+        let scaled = (place / self.radius + 1.0) * (SIDE as f64 / 2.0);
+        let inside = |at: f64| (0.0..SIDE as f64).contains(&at).then_some(at as usize);
+        Some([inside(scaled.x)?, inside(scaled.y)?])
+    }
+
+    /// Every cell takes the point nearest to its middle, found by handing points from cell to cell.
+    fn filled(&self, placed: &[(DVec2, DVec2)]) -> Vec<DVec2> {
+        let middle = |index: usize| {
+            let at = |cell: usize| ((cell as f64 + 0.5) / (SIDE as f64 / 2.0) - 1.0) * self.radius;
+            DVec2::new(at(index % SIDE), at(index / SIDE))
+        };
+        let mut best: Vec<Option<usize>> = vec![None; SIDE * SIDE];
+        let offer = |best: &mut Vec<Option<usize>>, cell: usize, point: usize| {
+            let distance = |point: usize| placed[point].0.distance_squared(middle(cell));
+            let better = best[cell].is_none_or(|held| distance(point) < distance(held));
+            if better {
+                best[cell] = Some(point);
+            }
+            better
+        };
+        let mut changed: Vec<usize> = Vec::new();
+        for (point, (place, _)) in placed.iter().enumerate() {
+            if let Some([x, y]) = self.cell(*place)
+                && offer(&mut best, y * SIDE + x, point)
+            {
+                changed.push(y * SIDE + x);
+            }
+        }
+        while let Some(cell) = changed.pop() {
+            let Some(point) = best[cell] else { continue };
+            let [x, y] = [(cell % SIDE) as i64, (cell / SIDE) as i64];
+            for [dx, dy] in [[1, 0], [-1, 0], [0, 1], [0, -1]] {
+                let [x, y] = [x + dx, y + dy];
+                let inside = |at: i64| (0..SIDE as i64).contains(&at);
+                let neighbour = (y * SIDE as i64 + x) as usize;
+                if inside(x) && inside(y) && offer(&mut best, neighbour, point) {
+                    changed.push(neighbour);
+                }
+            }
+        }
+        best.into_iter().map(|point| point.map_or(DVec2::ZERO, |point| placed[point].1)).collect()
+    }
+
+    /// The point to begin with; `None`: the direction is far from the picture.
+    pub(super) fn of(&self, direction: DVec3) -> Option<DVec2> {
+        let [x, y] = self.cell(self.place(direction))?;
+        self.cells.get(y * SIDE + x).copied()
+    }
+}

@@ -1,0 +1,166 @@
+use std::f64::consts::PI;
+
+use super::*;
+use crate::view::projection::{TabulatedMapping, pixel_centre};
+
+/// A projector on the rim of a dome of radius 8 m that throws across it, seen from the middle: direction of a point of the raster (0 to 1).
+fn thrown(u: f64, v: f64) -> DVec3 {
+    let from = DVec3::new(-1.0, -0.5, 7.8);
+    let aim = (DVec3::new(0.3, 4.0, -6.0) - from).normalize();
+    let right = aim.cross(DVec3::Y).normalize();
+    let up = right.cross(aim);
+    let ray = (aim + right * 0.55 * (2.0 * u - 1.0) - up * 0.35 * (2.0 * v - 1.0)).normalize();
+    // Where the ray meets the sphere, going away from the projector.
+    let along = from.dot(ray);
+    let distance = -along + (along * along - from.length_squared() + 64.0).sqrt();
+    (from + distance * ray).normalize()
+}
+
+const SIZE: [u32; 2] = [192, 108];
+
+fn grid(samples: [usize; 2], placement: Placement, interpolation: Interpolation) -> DirectionGrid {
+    let [columns, rows] = samples;
+    let at = |index: usize, samples: usize| match placement {
+        Placement::Corners => index as f64 / (samples - 1) as f64,
+        Placement::Centres => (index as f64 + 0.5) / samples as f64,
+    };
+    let points = (0..rows).flat_map(|y| (0..columns).map(move |x| (x, y)));
+    let directions = points.map(|(x, y)| Some(thrown(at(x, columns), at(y, rows)))).collect();
+    DirectionGrid { samples, directions, placement, interpolation }
+}
+
+fn analytic_sr(x: u32, y: u32) -> f64 {
+    let [width, height] = SIZE.map(f64::from);
+    let at = |dx: f64, dy: f64| thrown((f64::from(x) + 0.5 + dx) / width, (f64::from(y) + 0.5 + dy) / height);
+    let h = 1e-4;
+    (at(h, 0.0) - at(-h, 0.0)).cross(at(0.0, h) - at(0.0, -h)).length() / (4.0 * h * h)
+}
+
+/// Largest error of direction, rad, and of solid angle, parts.
+fn errors(warp: &Warp) -> [f64; 2] {
+    let pixels = (0..SIZE[1]).flat_map(|y| (0..SIZE[0]).map(move |x| (x, y)));
+    let mut worst = [0.0_f64; 2];
+    for (x, y) in pixels {
+        let centre = pixel_centre(x, y);
+        let exact = thrown(centre.x / f64::from(SIZE[0]), centre.y / f64::from(SIZE[1]));
+        let direction = warp.direction_from_pixel(centre).unwrap();
+        worst[0] = worst[0].max(direction.angle_between(exact));
+        worst[1] = worst[1].max((warp.solid_angle_sr(x, y) / analytic_sr(x, y) - 1.0).abs());
+    }
+    worst
+}
+
+#[test]
+fn directions_and_solid_angles_are_those_of_the_set_up() {
+    use Interpolation::{Linear, Smooth};
+    use Placement::{Centres, Corners};
+    let whole = [SIZE[0] as usize, SIZE[1] as usize];
+    for (samples, placement, interpolation, direction, omega) in [
+        ([33, 33], Corners, Smooth, 4e-6, 3.5e-4),
+        ([65, 65], Corners, Smooth, 2.5e-7, 1e-5),
+        ([65, 65], Centres, Smooth, 1e-6, 1.6e-4),
+        (whole, Centres, Smooth, 1e-7, 4e-6),
+        ([33, 33], Corners, Linear, 1e-2, 0.2),
+    ] {
+        let warp = Warp::new(SIZE, &grid(samples, placement, interpolation)).unwrap();
+        let found = errors(&warp);
+        println!("{samples:?} {placement:?} {interpolation:?}: {:.1e} rad, {:.1e}", found[0], found[1]);
+        assert!(found[0] < direction && found[1] < omega, "{samples:?} {placement:?} {interpolation:?}: {found:?}");
+    }
+    // A grid that is taken for the other placement, and rows upside down, are seen.
+    let mut wrong = grid([33, 33], Placement::Corners, Interpolation::Smooth);
+    wrong.placement = Placement::Centres;
+    assert!(errors(&Warp::new(SIZE, &wrong).unwrap())[0] > 1e-3);
+    let mut turned = grid([33, 33], Placement::Corners, Interpolation::Smooth);
+    turned.directions = turned.directions.chunks(33).rev().flatten().copied().collect();
+    assert!(errors(&Warp::new(SIZE, &turned).unwrap())[0] > 0.1);
+}
+
+#[test]
+fn places_are_found_to_a_millionth_of_a_pixel_inside_and_a_little_beyond() {
+    let warp = Warp::new(SIZE, &grid([33, 33], Placement::Corners, Interpolation::Smooth)).unwrap();
+    for step in 0..2000 {
+        let [u, v] = [7.0_f64, 13.0].map(|prime| (f64::from(step) * prime.sqrt()).fract());
+        let pixel = DVec2::new(u * f64::from(SIZE[0]), v * f64::from(SIZE[1]));
+        let direction = warp.direction_from_pixel(pixel).unwrap();
+        let found = warp.pixel_from_direction(direction * 3.0).unwrap();
+        assert!(found.distance(pixel) < 1e-6, "{pixel} {found}");
+    }
+    let beyond = warp.pixel_from_direction(thrown(-0.01, 0.5)).unwrap();
+    assert!((beyond.x + 0.01 * f64::from(SIZE[0])).abs() < 1e-3, "{beyond}");
+    assert_eq!(warp.direction_from_pixel(DVec2::new(-0.1, 5.0)), None);
+    let cone = warp.bounding_cone(2.0);
+    assert!(
+        cone.half_angle_rad < 0.5 * PI
+            && [0.0, 1.0].iter().all(|v| thrown(-0.005, *v).angle_between(cone.axis) < cone.half_angle_rad)
+    );
+    for far in [DVec3::Y * -1.0, DVec3::Z, thrown(1.5, 0.5)] {
+        assert_eq!(warp.pixel_from_direction(far), None, "{far}");
+    }
+}
+
+#[test]
+fn a_table_can_be_made_of_it_and_a_fold_is_refused_with_its_place() {
+    let samples = grid([33, 33], Placement::Corners, Interpolation::Smooth);
+    let table = TabulatedMapping::new(Warp::new(SIZE, &samples).unwrap()).unwrap();
+    let sum: f64 = (0..SIZE[1]).flat_map(|y| (0..SIZE[0]).map(move |x| analytic_sr(x, y))).sum();
+    assert!((table.picture_solid_angle_sr() / sum - 1.0).abs() < 1e-5 && sum < 2.0 * PI);
+    let mut folded = samples.clone();
+    // The last columns come back.
+    for row in folded.directions.chunks_mut(33) {
+        for column in 28..33 {
+            row[column] = row[2 * 27 - column];
+        }
+    }
+    let error = TabulatedMapping::new(Warp::new(SIZE, &folded).unwrap()).unwrap_err().to_string();
+    assert!(error.starts_with("pixel (1"), "{error}");
+}
+
+#[test]
+fn unknown_samples_are_outside_and_do_not_bend_what_is_inside() {
+    let mut samples = grid([65, 65], Placement::Corners, Interpolation::Smooth);
+    for (index, direction) in samples.directions.iter_mut().enumerate() {
+        let [x, y] = [index % 65, index / 65];
+        if x < 8 || (x + y > 100) {
+            *direction = None;
+        }
+    }
+    let warp = Warp::new(SIZE, &samples).unwrap();
+    let mut worst = [0.0_f64; 2];
+    let mut inside = 0;
+    for (x, y) in (0..SIZE[1]).flat_map(|y| (0..SIZE[0]).map(move |x| (x, y))) {
+        let centre = pixel_centre(x, y);
+        let [u, v] = [centre.x / f64::from(SIZE[0]), centre.y / f64::from(SIZE[1])];
+        let known = (64.0 * u).floor() >= 8.0 && (64.0 * u).floor() + (64.0 * v).floor() + 2.0 <= 100.0;
+        assert_eq!(warp.contains(x, y), known, "{x} {y}");
+        if known {
+            inside += 1;
+            worst[0] = worst[0].max(warp.direction_from_pixel(centre).unwrap().angle_between(thrown(u, v)));
+            worst[1] = worst[1].max((warp.solid_angle_sr(x, y) / analytic_sr(x, y) - 1.0).abs());
+        } else {
+            assert_eq!(warp.solid_angle_sr(x, y), 0.0);
+        }
+    }
+    println!("beside unknown samples: {:.1e} rad, {:.1e}", worst[0], worst[1]);
+    assert!(inside > 10_000 && worst[0] < 1e-4 && worst[1] < 2e-2, "{worst:?}");
+}
+
+#[test]
+fn what_is_no_grid_is_refused() {
+    let right = grid([4, 4], Placement::Corners, Interpolation::Smooth);
+    let refused = |change: &dyn Fn(&mut DirectionGrid)| {
+        let mut grid = right.clone();
+        change(&mut grid);
+        Warp::new(SIZE, &grid).unwrap_err()
+    };
+    assert!(matches!(refused(&|grid| grid.samples = [1, 16]), WarpError::Samples { .. }));
+    assert!(matches!(refused(&|grid| grid.samples = [4, 5]), WarpError::Samples { .. }));
+    for wrong in [DVec3::ZERO, DVec3::NAN, DVec3::new(0.0, 0.0, 2.0)] {
+        assert!(matches!(
+            refused(&|grid| grid.directions[6] = Some(wrong)),
+            WarpError::Direction { column: 2, row: 1, .. }
+        ));
+    }
+    assert_eq!(refused(&|grid| grid.directions.iter_mut().step_by(2).for_each(|d| *d = None)), WarpError::Empty);
+    assert!(matches!(Warp::new([0, 4], &right), Err(WarpError::Size(_))));
+}
