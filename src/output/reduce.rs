@@ -40,7 +40,15 @@ pub fn reduced(image: &FrameImage, longest_px: u32) -> Option<FrameImage> {
             display.push((alpha / count) as u8);
         }
     }
-    Some(FrameImage { view: image.view, part: image.part, width, height, display: Some(display), hdr: None })
+    Some(FrameImage {
+        view: image.view,
+        part: image.part,
+        width,
+        height,
+        display: Some(display),
+        hdr: None,
+        blend: None,
+    })
 }
 
 #[cfg(test)]
@@ -51,7 +59,7 @@ mod tests {
     fn image(width: u32, height: u32, code: impl Fn(u32, u32) -> u8) -> FrameImage {
         let pixel = |i: u32| [code(i % width, i / width), 0, 255, 255];
         let display = (0..width * height).flat_map(pixel).collect();
-        FrameImage { view: 3, part: Part::Whole, width, height, display: Some(display), hdr: None }
+        FrameImage { view: 3, part: Part::Whole, width, height, display: Some(display), hdr: None, blend: None }
     }
 
     #[test]

@@ -1,11 +1,17 @@
 //! What a frame is: images, statistics and times.
 
+use std::sync::Arc;
+
 use serde::Serialize;
 
 use super::AsteroidCounts;
 #[cfg(doc)]
 use super::Renderer;
-use crate::{photometry::rec709::luminance, plan::FramePlan, view::Part};
+use crate::{
+    photometry::rec709::luminance,
+    plan::FramePlan,
+    view::{Blend, Part},
+};
 
 /// One image of a frame.
 #[derive(Clone, Debug)]
@@ -23,6 +29,8 @@ pub struct FrameImage {
     /// R, G, B in cd/m^2 (linear Rec. 709) and the pixel's solid angle in sr (0 outside of the picture), row by row from
     /// the top; if it was asked for.
     pub hdr: Option<Vec<[f32; 4]>>,
+    /// Of a projector that shares its light with others: its shares. The display image has them, the HDR image has not.
+    pub blend: Option<Arc<Blend>>,
 }
 
 impl FrameImage {

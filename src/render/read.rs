@@ -89,7 +89,7 @@ pub(super) fn copy(recording: &mut Recording<'_>) {
 
 impl Renderer {
     pub(super) fn read(&self, in_flight: &mut InFlight) -> Result<Frame, RenderError> {
-        let InFlight { plan, places, views: names, slot: FrameSlot { timer, readback }, .. } = in_flight;
+        let InFlight { plan, places, views: names, blends, slot: FrameSlot { timer, readback }, .. } = in_flight;
         let Self { gpu, techniques, .. } = self;
         let plan = &*plan;
         let (Some((counters, count)), Some(exposure)) = (places.counters, places.exposure) else {
@@ -124,6 +124,7 @@ impl Renderer {
                     height,
                     display: tile.display.map(|_| Vec::with_capacity(pixels * DISPLAY_BYTES as usize)),
                     hdr: tile.hdr.map(|_| Vec::with_capacity(pixels)),
+                    blend: blends[viewport.view].clone(),
                 });
                 images.len() - 1
             });
@@ -134,6 +135,11 @@ impl Renderer {
                 let red_green: Vec<[f32; 2]> = readback.read(gpu, first, tile.pixels)?;
                 let blue_omega: Vec<[f32; 2]> = readback.read(gpu, second, tile.pixels)?;
                 hdr.extend(red_green.iter().zip(&blue_omega).map(|([r, g], [b, omega])| [*r, *g, *b, *omega]));
+            }
+        }
+        for image in &mut images {
+            if let (Some(blend), Some(display)) = (&image.blend, &mut image.display) {
+                blend.apply(display);
             }
         }
         let exposure_ev100 = f64::from(exposure[0].ev100);

@@ -7,9 +7,12 @@ use std::sync::Arc;
 
 use glam::{DMat3, DQuat, DVec3};
 
-use super::projection::{
-    CubeFace, Equirectangular, Face, Fisheye, FisheyeMapping, Perspective, Projection, ProjectionError,
-    TabulatedMapping,
+use super::{
+    blend::Blend,
+    projection::{
+        CubeFace, Equirectangular, Face, Fisheye, FisheyeMapping, Perspective, PlaneMapping, Projection,
+        ProjectionError, TabulatedMapping,
+    },
 };
 
 /// Why a rig cannot be built.
@@ -146,6 +149,13 @@ pub enum ViewKind {
         /// Width and height, pixels.
         size: [u32; 2],
     },
+    /// A projector's raster.
+    Projector {
+        /// Where its pixels look, [`Warp`](super::Warp) or another mapping.
+        mapping: Arc<TabulatedMapping>,
+        /// Its share of the light; `None`: all of it.
+        blend: Option<Arc<Blend>>,
+    },
     /// A projection of one's own, as a table; configurations cannot name it.
     Tabulated {
         /// The mapping.
@@ -154,6 +164,14 @@ pub enum ViewKind {
 }
 
 impl ViewKind {
+    /// The share of the light of a projector that has one.
+    pub fn blend(&self) -> Option<&Arc<Blend>> {
+        match self {
+            ViewKind::Projector { blend, .. } => blend.as_ref(),
+            _ => None,
+        }
+    }
+
     /// Name of the type in configurations.
     pub fn type_name(&self) -> &'static str {
         match self {
@@ -164,6 +182,7 @@ impl ViewKind {
             ViewKind::Fisheye { .. } => "fisheye",
             ViewKind::DomeMaster { .. } => "dome_master",
             ViewKind::Equirectangular { .. } => "equirectangular",
+            ViewKind::Projector { .. } => "projector",
             ViewKind::Tabulated { .. } => "tabulated",
         }
     }
@@ -317,6 +336,13 @@ fn images_of(name: &str, kind: &ViewKind, orientation: DQuat, position_m: DVec3)
         }
         ViewKind::Equirectangular { size } => {
             whole(Projection::Equirectangular(Equirectangular::new(*size).map_err(wrong)?))
+        }
+        ViewKind::Projector { mapping, blend } => {
+            if let Some(blend) = blend.as_ref().filter(|blend| blend.size() != mapping.size()) {
+                let [of_blend, of_mapping] = [blend.size(), mapping.size()];
+                return Err(parameter(format!("a blend of {of_blend:?} pixels over a raster of {of_mapping:?}")));
+            }
+            whole(Projection::Tabulated(Arc::clone(mapping)))
         }
         ViewKind::Tabulated { mapping } => whole(Projection::Tabulated(Arc::clone(mapping))),
     }

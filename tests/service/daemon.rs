@@ -180,6 +180,7 @@ impl Engine for TestEngine {
                 height,
                 display: want.display.then_some(display),
                 hdr: want.hdr.then_some(hdr),
+                blend: None,
             });
         }
         let metered_ev100 = *controls.metered_ev100.lock().unwrap()
