@@ -14,6 +14,7 @@ mod headset;
 mod limits;
 mod overlay;
 mod overrides;
+mod projector;
 pub mod ranges;
 pub mod reference;
 mod scene;
@@ -235,7 +236,7 @@ impl Config {
                 let problem = format!("views[{first}] has this name too: names must be unique");
                 return Err(VIEWS.fault(index, Some(&config.name), Fault::new("name", problem)));
             }
-            views.push(config.view().map_err(|fault| VIEWS.fault(index, Some(&config.name), fault))?);
+            views.push(config.view(Some(&self.folder)).map_err(|fault| VIEWS.fault(index, Some(&config.name), fault))?);
         }
         Rig::new(views).map_err(|error| Fault::new("views", error.to_string()))
     }

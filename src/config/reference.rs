@@ -92,6 +92,7 @@ impl JsonSchema for ViewConfig {
             FisheyeConfig::json_schema(generator),
             DomeMasterConfig::json_schema(generator),
             EquirectangularConfig::json_schema(generator),
+            ProjectorConfig::json_schema(generator),
         ];
         let alternatives: Vec<Value> = VIEW_TYPES
             .iter()

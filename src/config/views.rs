@@ -1,7 +1,9 @@
-//! `[[views]]`: one table per view, six types.
+//! `[[views]]`: one table per view, seven types.
 //!
 //! The keys `name`, `type`, `orientation`, `position_m`, `test_pattern`, `exposure_group` and the tables `exposure`, `glare` and `tone_map`
 //! are common; the others belong to the type, and a key of another type is unknown. Degrees end here: what comes out is the rig's [`View`] in radians.
+
+use std::path::Path;
 
 use glam::DQuat;
 use schemars::JsonSchema;
@@ -10,6 +12,7 @@ use toml::{Table, Value};
 
 use super::document::deserialise;
 use super::error::{Fault, finite, join};
+use super::projector::ProjectorConfig;
 use super::view_tables::ViewTables;
 use crate::plan::settings::{ExposureSettings, GlareSettings, ToneMapSettings};
 use crate::scene::{PoseError, finite_vector, unit_quaternion};
@@ -17,7 +20,8 @@ use crate::view::projection::{Face, FisheyeMapping, ProjectionError};
 use crate::view::{Fov, RigError, View, ViewKind};
 
 /// Names of the types, as they stand in `type`.
-pub const VIEW_TYPES: [&str; 6] = ["perspective", "stereo", "cubemap", "fisheye", "dome_master", "equirectangular"];
+pub const VIEW_TYPES: [&str; 7] =
+    ["perspective", "stereo", "cubemap", "fisheye", "dome_master", "equirectangular", "projector"];
 
 /// One view.
 #[derive(Clone, Debug, PartialEq)]
@@ -34,8 +38,9 @@ pub struct ViewConfig {
     pub tables: ViewTables,
     /// Type and what belongs to it.
     pub kind: ViewKindConfig,
-    /// The keys of its geometry as they stand: type, what belongs to it, orientation and position. [`Self::read`] takes them again.
-    pub definition: Table,
+    /// The keys of its geometry as they stand: type, what belongs to it, orientation and position. [`Self::read`] takes them again; `None` of a projector,
+    /// whose geometry is in a file.
+    pub definition: Option<Table>,
 }
 
 /// What is wrong with the table of a view.
@@ -81,6 +86,8 @@ pub enum ViewKindConfig {
     DomeMaster(DomeMasterConfig),
     /// `equirectangular`.
     Equirectangular(EquirectangularConfig),
+    /// `projector`.
+    Projector(Box<ProjectorConfig>),
 }
 
 /// Signed angles of the four edges from the view axis; left and down are usually negative.
@@ -243,7 +250,7 @@ impl ViewConfig {
     /// The first key that is unknown, missing, or has a value that is not allowed.
     pub fn read(table: Table) -> Result<(Self, View), DefinitionError> {
         let config = Self::from_table(table)?;
-        let view = config.view()?;
+        let view = config.view(None)?;
         Ok((config, view))
     }
 
@@ -266,6 +273,7 @@ impl ViewConfig {
             "fisheye" => ViewKindConfig::Fisheye(deserialise(own, "")?),
             "dome_master" => ViewKindConfig::DomeMaster(deserialise(own, "")?),
             "equirectangular" => ViewKindConfig::Equirectangular(deserialise(own, "")?),
+            "projector" => ViewKindConfig::Projector(Box::new(deserialise(own, "")?)),
             _ => {
                 return Err(Fault::new(
                     "type",
@@ -275,14 +283,15 @@ impl ViewConfig {
         };
         let Common { orientation, position_m, test_pattern, exposure_group, exposure, glare, tone_map } = common;
         let tables = ViewTables { exposure_group, exposure, glare, tone_map };
+        let definition = (!matches!(kind, ViewKindConfig::Projector(_))).then_some(definition);
         Ok(Self { name, orientation, position_m, test_pattern, tables, kind, definition })
     }
 
-    /// The rig's view; a fault names the key within the view.
-    pub(super) fn view(&self) -> Result<View, Fault> {
+    /// The rig's view; a fault names the key within the view. `folder` is where relative paths start; without one no file is read.
+    pub(super) fn view(&self, folder: Option<&Path>) -> Result<View, Fault> {
         let orientation = unit_quaternion(self.orientation).map_err(|error| pose_fault(&error))?;
         let position_m = finite_vector("position_m", self.position_m).map_err(|error| pose_fault(&error))?;
-        self.named(self.kind.kind()?, orientation, position_m)
+        self.named(self.kind.kind(folder)?, orientation, position_m)
     }
 
     fn projection_fault(&self, error: &ProjectionError) -> Fault {
@@ -325,7 +334,7 @@ fn text(table: &mut Table, key: &str, allowed: &str) -> Result<String, Fault> {
 }
 
 impl ViewKindConfig {
-    fn kind(&self) -> Result<ViewKind, Fault> {
+    fn kind(&self, folder: Option<&Path>) -> Result<ViewKind, Fault> {
         Ok(match self {
             ViewKindConfig::Perspective(view) => match (view.fov_y_deg, view.fov) {
                 (Some(fov_y_deg), None) => {
@@ -380,6 +389,13 @@ impl ViewKindConfig {
                 }
             }
             ViewKindConfig::Equirectangular(view) => ViewKind::Equirectangular { size: view.size },
+            ViewKindConfig::Projector(view) => match folder {
+                Some(folder) => view.kind(folder)?,
+                None => {
+                    let problem = "projectors are views of configurations alone: their calibration is a file, which clients cannot name";
+                    return Err(Fault::new("type", problem));
+                }
+            },
         })
     }
 }

@@ -157,8 +157,8 @@ pub struct ServeOptions {
     /// What views have of their own, in the order of the rig; views beyond its end have nothing.
     pub view_tables: Vec<ViewTables>,
     /// The keys of the geometry of views ([`ViewConfig::definition`](crate::config::ViewConfig::definition)), in the order of the rig. Views beyond its end
-    /// are made of something else: clients are not told of what, and change their geometry as a whole alone.
-    pub view_definitions: Vec<Table>,
+    /// and those without keys, such as projectors, are made of something else: clients are not told of what, and change their geometry as a whole alone.
+    pub view_definitions: Vec<Option<Table>>,
     /// The folder at which relative paths in these start.
     pub folder: PathBuf,
     /// A headset, as one more view.
@@ -425,7 +425,7 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
     }
     let given = rig.views().iter().enumerate().map(|(index, view)| GivenView {
         view: view.clone(),
-        definition: view_definitions.get(index).cloned(),
+        definition: view_definitions.get(index).cloned().flatten(),
         tables: view_tables.get(index).cloned().unwrap_or_default(),
     });
     let views = ViewSet::new(&settings, given.collect(), &folder).map_err(ServeError::Views)?;
