@@ -71,6 +71,8 @@ pub mod catalogue;
 pub mod scene;
 pub mod view;
 
+pub mod theatre;
+
 pub mod plan;
 
 pub mod config;

@@ -14,6 +14,7 @@ const LAYERS: &[&[&str]] = &[
     &["photometry"],
     &["catalogue", "relativity"],
     &["scene", "view"],
+    &["theatre"],
     &["plan"],
     &["config", "gpu"],
     &["reference", "metrics"],
@@ -34,7 +35,8 @@ const SIBLINGS: &[(&str, &str)] =
 const REFUSED: &[(&str, &str)] = &[("reference", "gpu")];
 
 /// Crates that a module must not name: (modules, crates). A name with an underscore after it counts too (`tonic_web`).
-const FOREIGN: &[(&[&str], &[&str])] = &[(&["photometry", "scene", "view", "plan"], &["wgpu", "tokio", "tonic"])];
+const FOREIGN: &[(&[&str], &[&str])] =
+    &[(&["photometry", "scene", "view", "theatre", "plan"], &["wgpu", "tokio", "tonic"])];
 
 /// Only `service` may name these: protobuf types are the wire's, not the program's.
 const ONLY_SERVICE: &[&str] = &["tonic", "prost", "include_proto"];

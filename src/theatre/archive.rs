@@ -1,0 +1,77 @@
+//! The ZIP archive of an MPCDI set, in bounds: number of entries, their names, what they unpack to.
+
+use std::io::{Cursor, Read};
+
+use zip::ZipArchive;
+
+use super::fault::Fault;
+
+/// Entries of an archive, at most.
+const MOST_ENTRIES: usize = 4096;
+/// Bytes that an entry unpacks to, at most: those of a map of 8192 x 8192 samples.
+const MOST_ENTRY_BYTES: u64 = 1 << 30;
+/// Bytes that are unpacked in all, at most.
+const MOST_UNPACKED_BYTES: u64 = 2 << 30;
+
+const ALLOWED: &str = "an MPCDI set is a ZIP of at most 4096 files, stored or deflated and not encrypted, without absolute paths or `..`, of \
+                       at most 1 GiB each and 2 GiB in all";
+
+pub(super) struct Archive<'a> {
+    zip: ZipArchive<Cursor<&'a [u8]>>,
+    unpacked_left: u64,
+}
+
+impl<'a> Archive<'a> {
+    pub fn open(bytes: &'a [u8]) -> Result<Self, Fault> {
+        let bad = |problem: String| Fault::new("archive", problem, ALLOWED);
+        let zip = ZipArchive::new(Cursor::new(bytes)).map_err(|error| bad(format!("not readable ({error})")))?;
+        if zip.len() > MOST_ENTRIES {
+            return Err(bad(format!("{} entries", zip.len())));
+        }
+        for name in zip.file_names() {
+            let leads_out = name.split(['/', '\\']).any(|part| part == "..");
+            let drive = name.as_bytes().get(1) == Some(&b':');
+            if name.starts_with(['/', '\\']) || leads_out || drive || name.contains('\0') {
+                return Err(bad(format!("the entry `{}`", name.escape_debug())));
+            }
+        }
+        Ok(Self { zip, unpacked_left: MOST_UNPACKED_BYTES })
+    }
+
+    /// The full name of the entry in the root that has this name but for capital letters.
+    pub fn named(&self, name: &str) -> Result<Option<String>, Fault> {
+        let mut found = self.zip.file_names().filter(|entry| entry.eq_ignore_ascii_case(name));
+        match (found.next(), found.next()) {
+            (Some(_), Some(_)) => Err(Fault::new(
+                "archive",
+                format!("two entries `{name}` that differ in capital letters"),
+                "one is needed",
+            )),
+            (first, _) => Ok(first.map(str::to_owned)),
+        }
+    }
+
+    /// The content of an entry.
+    pub fn bytes(&mut self, name: &str) -> Result<Vec<u8>, Fault> {
+        let bad = |problem: String| Fault::new(format!("entry `{}`", name.escape_debug()), problem, ALLOWED);
+        let index = self.zip.index_for_name(name).ok_or_else(|| {
+            let mut names: Vec<&str> = self.zip.file_names().take(20).collect();
+            names.sort_unstable();
+            bad(format!("it is missing; there are {}", names.join(", ").escape_debug()))
+        })?;
+        let most = MOST_ENTRY_BYTES.min(self.unpacked_left);
+        let mut entry = self.zip.by_index(index).map_err(|error| bad(format!("not readable ({error})")))?;
+        let mut bytes = Vec::new();
+        // The size of the header is but a claim.
+        entry
+            .by_ref()
+            .take(most + 1)
+            .read_to_end(&mut bytes)
+            .map_err(|error| bad(format!("not readable ({error})")))?;
+        if bytes.len() as u64 > most {
+            return Err(bad(format!("it unpacks to more than {most} bytes")));
+        }
+        self.unpacked_left -= bytes.len() as u64;
+        Ok(bytes)
+    }
+}

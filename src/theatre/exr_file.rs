@@ -1,0 +1,71 @@
+//! Directions as OpenEXR: channels `R`, `G`, `B` or `x`, `y`, `z` (capital letters too), 16 or 32 bits.
+
+use std::io::Cursor;
+
+use exr::{
+    meta::MetaData,
+    prelude::{FlatSamples, ReadChannels, ReadLayers, Vec2},
+};
+
+use super::{MOST_SIDE, fault::Fault, pfm::Plane};
+
+/// Channels that are decoded, at most: others may lie beside the three.
+const MOST_CHANNELS: usize = 8;
+
+const CHANNELS: &str = "channels R, G, B or x, y, z are needed, all as floats";
+
+pub(super) fn is_exr(bytes: &[u8]) -> bool {
+    // OpenEXR's magic number 20000630.
+    bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01])
+}
+
+pub(super) fn decode(bytes: &[u8]) -> Result<Plane, Fault> {
+    let bad = |problem: String, allowed: &str| Fault::new("OpenEXR", problem, allowed);
+    let unreadable = |error: exr::error::Error| bad(format!("not readable ({error})"), CHANNELS);
+    // The decoder makes room for all pixels of all channels that the header tells, before it has seen any.
+    let headers = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(unreadable)?.headers;
+    if let Some(header) = headers.iter().find(|header| !header.deep) {
+        let (Vec2(width, height), channels) = (header.layer_size, header.channels.list.len());
+        if width > MOST_SIDE || height > MOST_SIDE || channels > MOST_CHANNELS {
+            let allowed = format!("at most {MOST_CHANNELS} channels of {MOST_SIDE} x {MOST_SIDE} are read");
+            return Err(bad(format!("{channels} channels of {width} x {height} pixels"), &allowed));
+        }
+    }
+    let image = exr::prelude::read()
+        .no_deep_data()
+        .largest_resolution_level()
+        .all_channels()
+        .first_valid_layer()
+        .all_attributes()
+        .non_parallel()
+        .from_buffered(Cursor::new(bytes))
+        .map_err(unreadable)?;
+    let layer = &image.layer_data;
+    let list = &layer.channel_data.list;
+    let named = |names: [&str; 2]| {
+        let found = list.iter().find(|channel| names.iter().any(|name| channel.name == **name))?;
+        (!matches!(found.sample_data, FlatSamples::U32(_))).then_some(&found.sample_data)
+    };
+    let colours = [["R", "R"], ["G", "G"], ["B", "B"]].map(named);
+    let axes = [["x", "X"], ["y", "Y"], ["z", "Z"]].map(named);
+    let (first, second, third) = match (colours, axes) {
+        ([Some(_), Some(_), Some(_)], [Some(_), Some(_), Some(_)]) => {
+            return Err(bad("both R, G, B and x, y, z".to_owned(), CHANNELS));
+        }
+        ([Some(a), Some(b), Some(c)], _) | (_, [Some(a), Some(b), Some(c)]) => (a, b, c),
+        _ => {
+            let names: Vec<String> = list.iter().map(|channel| channel.name.to_string()).collect();
+            return Err(bad(format!("channels {}", names.join(", ")), CHANNELS));
+        }
+    };
+    let Vec2(width, height) = layer.size;
+    let samples = first.values_as_f32().zip(second.values_as_f32()).zip(third.values_as_f32());
+    let values: Vec<[f32; 3]> = samples.map(|((x, y), z)| [x, y, z]).collect();
+    if values.len() != width * height {
+        return Err(bad(
+            format!("{} of {width} x {height} samples", values.len()),
+            "every pixel has a sample of each channel",
+        ));
+    }
+    Ok(Plane { width, height, values })
+}

@@ -1,0 +1,171 @@
+//! Masks of projectors: PNG of 8 or 16 bits, grey or coloured, decoded to linear light.
+
+use std::path::Path;
+
+use png::{BitDepth, ColorType, Transformations};
+
+use super::{MOST_BYTES, TheatreError, fault::Fault};
+use crate::files;
+
+/// Width or height of a mask, at most.
+const MOST_SIDE_PX: u32 = 16384;
+
+const ALLOWED: &str = "a PNG of 8 or 16 bits, grey or RGB, of at most 16384 x 16384 pixels, is needed";
+
+/// Factors over a projector's raster, of a size of its own.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Mask {
+    /// Values in a row.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// Row by row from the top, 0 to 1, linear light (`gammaEmbedded` undone); values are those of the middles of pixels.
+    pub values: Vec<f32>,
+    /// Steps of the file's codes: 255 or 65535.
+    pub levels: u32,
+}
+
+/// A mask, and what its file told besides.
+pub(super) struct Decoded {
+    pub mask: Mask,
+    pub components: u32,
+    pub bits: u32,
+    /// Whether the channels differ, so that the luminance was taken.
+    pub coloured: bool,
+}
+
+/// Reads a mask from a PNG; `gamma` is the exponent that makes light of its codes (1 = linear).
+///
+/// # Errors
+///
+/// See [`TheatreError`].
+pub fn read_mask(path: &Path, gamma: f64) -> Result<Mask, TheatreError> {
+    let bytes =
+        files::read_bounded(path, MOST_BYTES).map_err(|source| TheatreError::Read { path: path.to_owned(), source })?;
+    let decoded = decode(&bytes, gamma, &mut |_, _| Ok(())).map_err(|fault| fault.of_file(path))?;
+    Ok(decoded.mask)
+}
+
+/// Exponent of a mask: a number that a display may have.
+pub(super) fn check_gamma(gamma: f64) -> Result<f64, Fault> {
+    if (0.1..=10.0).contains(&gamma) {
+        Ok(gamma)
+    } else {
+        Err(Fault::new("gamma", format!("{gamma}"), "0.1 to 10 are allowed (1 is linear)"))
+    }
+}
+
+/// `take` is asked before there is room for so many pixels.
+pub(super) fn decode(
+    bytes: &[u8],
+    gamma: f64,
+    take: &mut dyn FnMut(u32, u32) -> Result<(), Fault>,
+) -> Result<Decoded, Fault> {
+    let gamma = check_gamma(gamma)?;
+    let bad = |problem: String| Fault::new("mask", problem, ALLOWED);
+    let broken = |error: png::DecodingError| bad(format!("not readable ({error})"));
+    let mut decoder = png::Decoder::new(std::io::Cursor::new(bytes));
+    decoder.set_transformations(Transformations::EXPAND);
+    let header = decoder.read_header_info().map_err(broken)?;
+    let (width, height) = (header.width, header.height);
+    if width > MOST_SIDE_PX || height > MOST_SIDE_PX {
+        return Err(bad(format!("{width} x {height} pixels")));
+    }
+    take(width, height)?;
+    let mut reader = decoder.read_info().map_err(broken)?;
+    // The decoder takes the length of a palette on trust, and panics.
+    if let Some(palette) = &reader.info().palette
+        && (palette.is_empty() || palette.len() % 3 != 0 || palette.len() > 3 * 256)
+    {
+        return Err(bad(format!("its palette has {} bytes", palette.len())));
+    }
+    let (colour, depth) = reader.output_color_type();
+    let (channels, colours) = match colour {
+        ColorType::Grayscale => (1, 1),
+        ColorType::GrayscaleAlpha => (2, 1),
+        ColorType::Rgb => (3, 3),
+        ColorType::Rgba => (4, 3),
+        ColorType::Indexed => return Err(bad("a palette without colours".to_owned())),
+    };
+    let (levels, bytes_each): (u16, usize) = match depth {
+        BitDepth::Eight => (255, 1),
+        BitDepth::Sixteen => (65535, 2),
+        _ => return Err(bad(format!("{} bits", depth as u8))),
+    };
+    let length = reader.output_buffer_size().ok_or_else(|| bad("it is too large".to_owned()))?;
+    let mut codes = vec![0; length];
+    reader.next_frame(&mut codes).map_err(broken)?;
+    let light: Vec<f32> = (0..=levels).map(|code| (f64::from(code) / f64::from(levels)).powf(gamma) as f32).collect();
+    let code = |texel: &[u8], channel: usize| {
+        let at = channel * bytes_each;
+        if bytes_each == 1 { u16::from(texel[at]) } else { u16::from_be_bytes([texel[at], texel[at + 1]]) }
+    };
+    let mut coloured = false;
+    let mut values = Vec::with_capacity(width as usize * height as usize);
+    for texel in codes.chunks_exact(channels * bytes_each) {
+        if channels > colours && code(texel, colours) != levels {
+            return Err(bad("its alpha channel is not opaque everywhere".to_owned()));
+        }
+        let linear = |channel: usize| light[usize::from(code(texel, channel))];
+        values.push(if colours == 1 {
+            linear(0)
+        } else if code(texel, 0) == code(texel, 1) && code(texel, 1) == code(texel, 2) {
+            linear(0)
+        } else {
+            coloured = true;
+            // Luminance of ITU-R BT.709.
+            0.2126 * linear(0) + 0.7152 * linear(1) + 0.0722 * linear(2)
+        });
+    }
+    if values.len() != width as usize * height as usize {
+        return Err(bad(format!("{} of {width} x {height} pixels", values.len())));
+    }
+    let mask = Mask { width: width as usize, height: height as usize, values, levels: u32::from(levels) };
+    Ok(Decoded { mask, components: colours as u32, bits: 8 * bytes_each as u32, coloured })
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
+mod tests {
+    use super::*;
+
+    fn png(colour: ColorType, depth: BitDepth, bytes: &[u8]) -> Vec<u8> {
+        let mut file = Vec::new();
+        let mut encoder = png::Encoder::new(&mut file, 2, 1);
+        encoder.set_color(colour);
+        encoder.set_depth(depth);
+        encoder.write_header().unwrap().write_image_data(bytes).unwrap();
+        file
+    }
+
+    fn read(bytes: &[u8], gamma: f64) -> Result<Decoded, Fault> {
+        decode(bytes, gamma, &mut |_, _| Ok(()))
+    }
+
+    #[test]
+    fn codes_become_light_by_the_embedded_gamma() {
+        let eight = png(ColorType::Grayscale, BitDepth::Eight, &[0, 128]);
+        let linear = read(&eight, 1.0).unwrap();
+        assert_eq!((linear.mask.levels, linear.components, linear.bits), (255, 1, 8));
+        assert!((linear.mask.values[1] - 128.0 / 255.0).abs() < 1e-7);
+        let embedded = read(&eight, 2.2).unwrap();
+        assert!((embedded.mask.values[1] - (128.0f32 / 255.0).powf(2.2)).abs() < 1e-6);
+        assert!((embedded.mask.values[1] - linear.mask.values[1]).abs() > 0.2);
+        let sixteen =
+            png(ColorType::Rgb, BitDepth::Sixteen, &[0x80, 0, 0x80, 0, 0x80, 0, 255, 255, 255, 255, 255, 255]);
+        let sixteen = read(&sixteen, 1.0).unwrap();
+        assert_eq!((sixteen.mask.levels, sixteen.components, sixteen.coloured), (65535, 3, false));
+        assert!((sixteen.mask.values[0] - 32768.0 / 65535.0).abs() < 1e-7);
+        assert_eq!(sixteen.mask.values[1], 1.0);
+    }
+
+    #[test]
+    fn colour_is_told_and_transparency_refused() {
+        let coloured = read(&png(ColorType::Rgb, BitDepth::Eight, &[255, 0, 0, 9, 9, 9]), 1.0).unwrap();
+        assert!(coloured.coloured && (coloured.mask.values[0] - 0.2126).abs() < 1e-6);
+        assert!(read(&png(ColorType::GrayscaleAlpha, BitDepth::Eight, &[9, 255, 9, 255]), 1.0).is_ok());
+        assert!(read(&png(ColorType::GrayscaleAlpha, BitDepth::Eight, &[9, 255, 9, 254]), 1.0).is_err());
+        assert!(read(&png(ColorType::Grayscale, BitDepth::Eight, &[0, 1]), 0.0).is_err());
+        assert!(read(b"no picture", 1.0).is_err());
+    }
+}

@@ -1,0 +1,491 @@
+//! MPCDI sets, versions 1 and 2 (VESA): a ZIP with a description in XML, warp maps as PFM, masks as PNG, look-up tables as `.cube`.
+//!
+//! | profile | the warp map holds | directions come from |
+//! |---|---|---|
+//! | `2d`, `3d` | coordinates in the picture of the region's frustum, 0 to 1, and an estimate of the error | the frustum |
+//! | `a3`, `sl` | points of the screen in a length unit | the points, seen from the eye |
+
+use std::collections::HashSet;
+
+use glam::{DMat3, DVec3};
+
+use super::{
+    Axes, Grid, Interpolation, MOST_REGIONS, Mask, Placement, Reader, Region, RowOrder,
+    archive::Archive,
+    content::{Content, yaw_pitch_roll},
+    fault::Fault,
+    lut, mask,
+    mesh::sampled,
+    pfm,
+    xml::{self, Element},
+};
+
+/// How far axes may be from length 1 and from right angles.
+const AXES_WITHIN: f64 = 1e-3;
+
+#[derive(Clone, Copy, PartialEq)]
+enum Profile {
+    /// `2d` and `3d`.
+    Frustum(&'static str),
+    /// `a3` and `sl`.
+    Points(&'static str),
+}
+
+/// What tells the direction of a sample.
+enum Geometry {
+    Picture(Content),
+    Points {
+        dome_from_file: DMat3,
+        /// Lengths are those of the file's unit.
+        origin: DVec3,
+        /// In dome axes.
+        eye: DVec3,
+    },
+}
+
+impl Reader<'_> {
+    pub(super) fn mpcdi(&mut self, bytes: &[u8]) -> Result<Vec<Region>, Fault> {
+        let mut archive = Archive::open(bytes)?;
+        let name = archive.named("mpcdi.xml")?.ok_or_else(|| {
+            Fault::new("archive", "there is no mpcdi.xml in its root", "an MPCDI set has its description there")
+        })?;
+        let text = archive.bytes(&name)?;
+        let document = xml::parse(&text).map_err(|fault| fault.within(&name))?;
+        self.described(&Element::root(&document), &mut archive).map_err(|fault| fault.within(&name))
+    }
+
+    fn described(&mut self, root: &Element, archive: &mut Archive) -> Result<Vec<Region>, Fault> {
+        let profile = self.profile(root)?;
+        let display = root.needed("display")?;
+        let filesets: Vec<Element> = root.needed("files")?.children("fileset").collect();
+        let mut names = Vec::new();
+        let mut ids = HashSet::new();
+        let mut regions = Vec::new();
+        for buffer in display.children("buffer") {
+            let buffer_id = buffer.needed_attribute("id")?;
+            for region in buffer.children("region") {
+                let id = region.needed_attribute("id")?;
+                if !ids.insert(id) {
+                    let problem = format!("the id `{}` occurs twice", id.escape_debug());
+                    return Err(Fault::new(&region.place, problem, "ids of regions are unique"));
+                }
+                if ids.len() > MOST_REGIONS {
+                    return Err(Fault::new(
+                        &region.place,
+                        "too many regions",
+                        format!("at most {MOST_REGIONS} are read"),
+                    ));
+                }
+                let name = format!("{buffer_id}/{id}");
+                if self.wants(&name, id) {
+                    let size_px = self.region_size(&buffer, &region)?;
+                    let mut of_region = filesets.iter().filter(|set| set.attribute("region") == Some(id));
+                    let place = format!("<files> <fileset region={id}>");
+                    let (fileset, second) = (of_region.next(), of_region.next());
+                    let fileset = match (fileset, second) {
+                        (Some(fileset), None) => fileset,
+                        (None, _) => return Err(Fault::new(place, "it is missing", "every region has its files")),
+                        (_, Some(_)) => return Err(Fault::new(place, "it occurs twice", "every region has one set")),
+                    };
+                    let fileset = Element { node: fileset.node, place };
+                    regions.push(self.region(profile, name.clone(), size_px, &region, &fileset, archive)?);
+                }
+                names.push(name);
+            }
+        }
+        if let Some(orphan) =
+            filesets.iter().find(|set| set.attribute("region").is_none_or(|region| !ids.contains(region)))
+        {
+            let region = orphan.attribute("region").unwrap_or_default();
+            let problem = format!("region `{}` is none of the buffers' regions", region.escape_debug());
+            return Err(Fault::new(&orphan.place, problem, format!("there are {}", names.join(", ").escape_debug())));
+        }
+        if regions.is_empty() {
+            let wanted = self.options.region.as_deref().unwrap_or("any");
+            let allowed = format!("there are {}", names.join(", ").escape_debug());
+            return Err(Fault::new("<display>", format!("no region `{}`", wanted.escape_debug()), allowed));
+        }
+        Ok(regions)
+    }
+
+    /// The profile; version and levels are checked.
+    fn profile(&mut self, root: &Element) -> Result<Profile, Fault> {
+        if !root.node.tag_name().name().eq_ignore_ascii_case("mpcdi") {
+            return Err(Fault::new(&root.place, "it is not the root of a set", "the root is <MPCDI>"));
+        }
+        let version = root.needed_attribute("version")?;
+        let major = version.split('.').next().unwrap_or_default();
+        let levels: &[(&str, f64)] = match major {
+            "1" => &[("level", 4.0)],
+            "2" => &[("geometry", 2.0), ("color", 5.0)],
+            _ => {
+                let problem = format!("version `{}`", version.escape_debug());
+                return Err(Fault::new(&root.place, problem, "versions 1 and 2 are known"));
+            }
+        };
+        for (name, most) in levels {
+            if let Some(level) = root.attribute_number(name)?
+                && !(level.fract() == 0.0 && (1.0..=*most).contains(&level))
+            {
+                let allowed = format!("version {major} has 1 to {most}");
+                return Err(Fault::new(&root.place, format!("{name} = {level}"), allowed));
+            }
+        }
+        let profile = match root.needed_attribute("profile")? {
+            "2d" => Profile::Frustum("2d"),
+            "3d" => Profile::Frustum("3d"),
+            "a3" => Profile::Points("a3"),
+            "sl" => Profile::Points("sl"),
+            other => {
+                let problem = format!("profile `{}`", other.escape_debug());
+                return Err(Fault::new(&root.place, problem, "known are 2d, 3d, a3 and sl"));
+            }
+        };
+        let (Profile::Frustum(name) | Profile::Points(name)) = profile;
+        self.note(format!("MPCDI {version}, profile {name}"));
+        Ok(profile)
+    }
+
+    /// Pixels of a region; they must fit its share of the buffer.
+    fn region_size(&self, buffer: &Element, region: &Element) -> Result<[u32; 2], Fault> {
+        let pixels = |element: &Element, name: &str| -> Result<Option<f64>, Fault> {
+            let Some(count) = element.attribute_number(name)? else { return Ok(None) };
+            if count.fract() != 0.0 || !(1.0..=65536.0).contains(&count) {
+                let place = format!("{} {name}", element.place);
+                return Err(Fault::new(place, format!("{count}"), "a number of pixels is needed"));
+            }
+            Ok(Some(count))
+        };
+        let mut size = [0; 2];
+        let mut known = true;
+        for (axis, (resolution, (start, share))) in
+            [("xResolution", ("x", "xsize")), ("yResolution", ("y", "ysize"))].into_iter().enumerate()
+        {
+            let start = region.attribute_number(start)?.unwrap_or(0.0);
+            let share = region.attribute_number(share)?.unwrap_or(1.0);
+            if !(share > 0.0 && start >= -1e-6 && start + share <= 1.0 + 1e-6) {
+                let problem = format!("it covers {start} to {} of its buffer", start + share);
+                return Err(Fault::new(&region.place, problem, "a region lies within 0 to 1 of its buffer"));
+            }
+            let of_buffer = pixels(buffer, resolution)?.map(|pixels| pixels * share);
+            match (pixels(region, resolution)?, of_buffer) {
+                (Some(own), Some(shared)) if (own - shared).abs() > 1.0 => {
+                    let problem = format!("{resolution} = {own}, its share of the buffer is {shared}");
+                    return Err(Fault::new(&region.place, problem, "both must agree within a pixel"));
+                }
+                (Some(own), _) => size[axis] = own as u32,
+                (None, Some(shared)) => size[axis] = shared.round() as u32,
+                (None, None) => known = false,
+            }
+        }
+        self.size_px(known.then_some(size), &region.place)
+    }
+
+    fn region(
+        &mut self,
+        profile: Profile,
+        name: String,
+        size_px: [u32; 2],
+        region: &Element,
+        fileset: &Element,
+        archive: &mut Archive,
+    ) -> Result<Region, Fault> {
+        if let Some(distortion) = fileset.child("distortionMap")? {
+            return Err(Fault::refused(distortion.place, "a second map on top of the warp map is not supported"));
+        }
+        let warp = fileset.child("geometryWarpFile")?;
+        let grid = match (profile, &warp) {
+            (Profile::Frustum(_), None) => {
+                self.note(format!("region {name}: no warp map, the raster is the picture of its frustum"));
+                let content = frustum_with_axes(&region.needed("frustum")?, self)?;
+                let columns_rows = [65, 65];
+                self.take_grid(columns_rows[0], columns_rows[1], &region.place)?;
+                sampled(&content, columns_rows)
+            }
+            (Profile::Points(_), None) => {
+                let problem = "<geometryWarpFile> is missing";
+                return Err(Fault::new(&fileset.place, problem, "profiles a3 and sl have their points there"));
+            }
+            (_, Some(warp)) => {
+                let geometry = match profile {
+                    Profile::Frustum(_) => {
+                        self.note(
+                            "coordinates of content: u from 0 (left) to 1 (right), v from 0 (bottom) to 1 (top), as in a look-up of OpenGL",
+                        );
+                        self.note(
+                            "frustum: yaw to the right, then pitch upwards, then roll clockwise as seen from behind",
+                        );
+                        let frustum = region.needed("frustum").map_err(|_| {
+                            let problem = "<frustum> is missing, so that its coordinates have no directions";
+                            Fault::new(
+                                &region.place,
+                                problem,
+                                "a region has the frustum of its picture, or points of the screen (a3, sl)",
+                            )
+                        })?;
+                        Geometry::Picture(frustum_with_axes(&frustum, self)?)
+                    }
+                    Profile::Points(_) => self.points(region, warp)?,
+                };
+                self.warp(&geometry, warp, archive)?
+            }
+        };
+        let alpha = self.mask("alphaMap", fileset, archive)?;
+        let beta = self.mask("betaMap", fileset, archive)?;
+        let lut = self.table(&name, fileset, archive)?;
+        Ok(Region { name, size_px, grid, alpha, beta, lut })
+    }
+
+    /// Where the points of `a3` and `sl` are seen from, and in which axes.
+    fn points(&mut self, region: &Element, warp: &Element) -> Result<Geometry, Fault> {
+        let unit = warp.child_text("geometricUnit")?;
+        let metres = match unit {
+            Some("mm") => Some(1e-3),
+            Some("cm") => Some(1e-2),
+            Some("dm") => Some(0.1),
+            Some("m") => Some(1.0),
+            Some("in") => Some(0.0254),
+            Some("ft") => Some(0.3048),
+            Some("yd") => Some(0.9144),
+            Some("unknown") => None,
+            None => {
+                self.note("points: no unit is named, metres are taken");
+                Some(1.0)
+            }
+            Some(other) => {
+                let problem = format!("geometricUnit `{}`", other.escape_debug());
+                return Err(Fault::new(&warp.place, problem, "mm, cm, dm, m, in, ft, yd and unknown are known"));
+            }
+        };
+        let eye_m = self.options.eye_m;
+        let eye = match metres {
+            Some(metres) => eye_m / metres,
+            None if eye_m == DVec3::ZERO => DVec3::ZERO,
+            None => {
+                return Err(Fault::new(
+                    &warp.place,
+                    "the unit of the points is unknown, and the eye is given in metres",
+                    "the unit must be named, or the eye be at the origin",
+                ));
+            }
+        };
+        let origin = warp.child_text("originOf3DData")?;
+        match origin {
+            Some("idealEyePoint") => {}
+            Some("centerOfMass" | "floorCenter" | "unknown") | None => self.note(format!(
+                "the origin of the points is {}: that the eye lies at [{}, {}, {}] m from it (right, up, backwards) is taken from the options",
+                origin.unwrap_or("not named"),
+                eye_m.x,
+                eye_m.y,
+                eye_m.z
+            )),
+            Some(other) => {
+                let problem = format!("originOf3DData `{}`", other.escape_debug());
+                let allowed = "centerOfMass, idealEyePoint, floorCenter and unknown are known";
+                return Err(Fault::new(&warp.place, problem, allowed));
+            }
+        }
+        if let Some(unit) = unit {
+            self.note(format!("points in the unit {unit}"));
+        }
+        let frame = region.child("coordinateFrame")?;
+        let position = match &frame {
+            Some(frame) => vector(frame, "pos")?,
+            None => DVec3::ZERO,
+        };
+        let dome_from_file = match (&self.options.axes, &frame) {
+            (Axes::Map(matrix), _) => {
+                let matrix = *matrix;
+                self.note(format!("axes of the points: {}", self.options.axes.describe("")));
+                matrix
+            }
+            (Axes::AsFormat, Some(frame)) => {
+                self.note(
+                    "axes of the points: those of coordinateFrame (pitch axis = right, yaw axis = down, roll axis = forward), its position is \
+                     the origin",
+                );
+                frame_axes(frame)?
+            }
+            (Axes::AsFormat, None) => {
+                self.note("axes of the points: +x right, +y up, -z forward; there is no coordinateFrame");
+                DMat3::IDENTITY
+            }
+        };
+        Ok(Geometry::Points { dome_from_file, origin: position, eye })
+    }
+
+    /// The warp map as directions.
+    fn warp(&mut self, geometry: &Geometry, warp: &Element, archive: &mut Archive) -> Result<Grid, Fault> {
+        let interpolation = match warp.child_text("interpolation")? {
+            Some("linear") => Interpolation::Linear,
+            Some("smooth" | "unknown" | "") | None => Interpolation::Smooth,
+            Some("keystone") => {
+                let reason = "interpolation `keystone` is not supported; linear, smooth and unknown are";
+                return Err(Fault::refused(&warp.place, reason));
+            }
+            Some(other) => {
+                let problem = format!("interpolation `{}`", other.escape_debug());
+                return Err(Fault::new(&warp.place, problem, "linear, keystone, smooth and unknown are known"));
+            }
+        };
+        let path = warp.needed("path")?.text();
+        let place = format!("entry `{}`", path.escape_debug());
+        let bytes = archive.bytes(path)?;
+        let plane = pfm::decode(&bytes).map_err(|fault| fault.within(&place))?;
+        drop(bytes);
+        let (columns, rows) = (plane.width, plane.height);
+        self.take_grid(columns, rows, &place)?;
+        let order = self.rows(RowOrder::BottomFirst, "PFM (Netpbm)");
+        self.note("samples of the warp map are centres of cells that fill the raster");
+        let mut samples = Vec::with_capacity(columns * rows);
+        let (mut known, mut outside) = (0_usize, 0_usize);
+        for (column, row, value) in plane.from_the_top(order) {
+            let here = |problem: String, allowed: &str| {
+                Err(Fault::new(
+                    format!("{place}: column {column} of row {row} (from the top, from 0)"),
+                    problem,
+                    allowed,
+                ))
+            };
+            let coordinates = value.map(f64::from);
+            samples.push(match geometry {
+                Geometry::Picture(content) => {
+                    let [u, v, error] = coordinates;
+                    if u.is_nan() || v.is_nan() || error == 1.0 {
+                        None
+                    } else if !(u.is_finite() && v.is_finite()) || !(error.is_nan() || (0.0..=1.0).contains(&error)) {
+                        let allowed = "finite coordinates and an error from 0 to 1 (or NaN) are needed, NaN where nothing is known";
+                        return here(format!("[{u}, {v}, {error}]"), allowed);
+                    } else {
+                        known += 1;
+                        let direction = content.direction(u, v);
+                        outside += usize::from(direction.is_none());
+                        direction
+                    }
+                }
+                Geometry::Points { dome_from_file, origin, eye } => {
+                    let point = DVec3::from_array(coordinates);
+                    if point.is_nan() {
+                        None
+                    } else if !point.is_finite() {
+                        return here(format!("{point}"), "finite points are needed, NaN where nothing is known");
+                    } else {
+                        let Some(direction) = (*dome_from_file * (point - *origin) - *eye).try_normalize() else {
+                            return here(format!("{point} is the eye point"), "points of the screen are needed");
+                        };
+                        Some(direction)
+                    }
+                }
+            });
+        }
+        if outside > 0 {
+            if outside * 2 > known {
+                return Err(Fault::new(
+                    place,
+                    format!("{outside} of {known} coordinates lie outside of 0 to 1"),
+                    "absolute coordinates in the picture are needed, no offsets and no pixels",
+                ));
+            }
+            self.note(format!(
+                "{place}: {outside} of {known} coordinates lie outside of 0 to 1: no light is sent there"
+            ));
+        }
+        Ok(Grid { columns, rows, samples, placement: Placement::Centres, interpolation })
+    }
+
+    fn mask(&mut self, kind: &str, fileset: &Element, archive: &mut Archive) -> Result<Option<Mask>, Fault> {
+        let Some(element) = fileset.child(kind)? else { return Ok(None) };
+        let gamma = match element.child_text("gammaEmbedded")? {
+            Some(_) => element.number("gammaEmbedded")?,
+            None => {
+                self.note(format!("{kind}: no gammaEmbedded, linear is taken"));
+                1.0
+            }
+        };
+        let path = element.needed("path")?.text();
+        let place = format!("entry `{}`", path.escape_debug());
+        let bytes = archive.bytes(path)?;
+        let take = &mut |width, height| self.take_mask(width, height, "size");
+        let decoded = mask::decode(&bytes, gamma, take).map_err(|fault| fault.within(&place))?;
+        for (field, found) in [("componentDepth", decoded.components), ("bitDepth", decoded.bits)] {
+            if element.child(field)?.is_some() {
+                let told = element.number(field)?;
+                if told != f64::from(found) {
+                    let problem = format!("{field} = {told}, the picture has {found}");
+                    return Err(Fault::new(&element.place, problem, "both must agree"));
+                }
+            }
+        }
+        if decoded.coloured {
+            self.note(format!("{place}: it is coloured, its luminance is taken"));
+        }
+        Ok(Some(decoded.mask))
+    }
+
+    fn table(&mut self, name: &str, fileset: &Element, archive: &mut Archive) -> Result<Option<lut::Lut>, Fault> {
+        let mut found = None;
+        // The one that corrects the projector's colours stands before those that change the coding.
+        for kind in ["correctLUT", "colorCorrectLUT", "encodeLUT", "decodeLUT"] {
+            let Some(element) = fileset.child(kind)? else { continue };
+            if found.is_some() {
+                self.note(format!("region {name}: {kind} is not applied, there is another table"));
+                continue;
+            }
+            let path = element.needed("path")?.text();
+            let bytes = archive.bytes(path)?;
+            let place = format!("entry `{}`", path.escape_debug());
+            found = Some(lut::decode(&bytes).map_err(|fault| fault.within(&place))?);
+            self.note(format!("region {name}: look-up table of {kind}"));
+        }
+        Ok(found)
+    }
+}
+
+/// Three numbers in elements that end with x, y and z.
+fn vector(element: &Element, stem: &str) -> Result<DVec3, Fault> {
+    let part = |axis: &str| element.number(&format!("{stem}{axis}"));
+    Ok(DVec3::new(part("x")?, part("y")?, part("z")?))
+}
+
+/// The picture of a frustum in its own axes.
+fn frustum(element: &Element) -> Result<Content, Fault> {
+    let degrees = |name: &str| Ok(element.number(name)?.to_radians());
+    let rotation = yaw_pitch_roll(degrees("yaw")?, degrees("pitch")?, degrees("roll")?);
+    Content::frustum(
+        degrees("leftAngle")?,
+        degrees("rightAngle")?,
+        degrees("downAngle")?,
+        degrees("upAngle")?,
+        rotation,
+    )
+    .map_err(|fault| fault.within(&element.place))
+}
+
+/// The same in dome axes.
+fn frustum_with_axes(element: &Element, reader: &mut Reader) -> Result<Content, Fault> {
+    let content = frustum(element)?;
+    let axes = &reader.options.axes;
+    if let Axes::Map(matrix) = axes
+        && let Content::Plane { lower_left, right, up } = content
+    {
+        let (matrix, note) = (*matrix, format!("axes of the frustum: {}", axes.describe("")));
+        reader.note(note);
+        return Ok(Content::Plane { lower_left: matrix * lower_left, right: matrix * right, up: matrix * up });
+    }
+    Ok(content)
+}
+
+/// Takes points of the file to dome axes.
+fn frame_axes(frame: &Element) -> Result<DMat3, Fault> {
+    let (down, right, forward) = (vector(frame, "yaw")?, vector(frame, "pitch")?, vector(frame, "roll")?);
+    let axes = DMat3::from_cols(right, -down, -forward);
+    let product = axes * axes.transpose();
+    if !product.abs_diff_eq(DMat3::IDENTITY, AXES_WITHIN) || axes.determinant() < 0.0 {
+        return Err(Fault::new(
+            &frame.place,
+            format!("axes yaw {down}, pitch {right}, roll {forward}"),
+            "three unit vectors at right angles are needed, of which yaw points down: roll x pitch = yaw",
+        ));
+    }
+    Ok(axes.transpose())
+}

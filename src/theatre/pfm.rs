@@ -1,0 +1,83 @@
+//! Portable float maps (PFM of Netpbm) with three floats a sample: a header of text, then f32 of the byte order that the sign of the scale
+//! tells (negative: little-endian).
+
+use super::{MOST_SIDE, RowOrder, fault::Fault};
+
+/// A picture of three floats a sample, in the order of the file.
+pub(super) struct Plane {
+    pub width: usize,
+    pub height: usize,
+    pub values: Vec<[f32; 3]>,
+}
+
+impl Plane {
+    /// Column, row from the top and value of every sample, the top row first.
+    pub fn from_the_top(&self, order: RowOrder) -> impl Iterator<Item = (usize, usize, [f32; 3])> {
+        (0..self.height).flat_map(move |row| {
+            let in_file = if order == RowOrder::BottomFirst { self.height - 1 - row } else { row };
+            let values = &self.values[in_file * self.width..(in_file + 1) * self.width];
+            values.iter().enumerate().map(move |(column, value)| (column, row, *value))
+        })
+    }
+}
+
+pub(super) fn is_pfm(bytes: &[u8]) -> bool {
+    matches!(bytes, [b'P', b'F' | b'f', end, ..] if end.is_ascii_whitespace())
+}
+
+/// The next word of a header of text, and one white space after it.
+fn word<'a>(bytes: &mut &'a [u8]) -> Option<&'a str> {
+    let text = bytes.trim_ascii_start();
+    // A header's numbers are short; what is longer is none.
+    let end = text.iter().take(64).position(u8::is_ascii_whitespace)?;
+    *bytes = &text[end + 1..];
+    std::str::from_utf8(&text[..end]).ok()
+}
+
+/// Reads a map of three floats a sample.
+pub(super) fn decode(bytes: &[u8]) -> Result<Plane, Fault> {
+    let mut rest = bytes;
+    let bad = |problem: String, allowed: &str| Fault::new("PFM header", problem, allowed);
+    match word(&mut rest) {
+        Some("PF") => {}
+        Some("Pf") => return Err(bad("one float a sample (Pf)".to_owned(), "three floats a sample (PF) are needed")),
+        _ => return Err(bad("it does not begin with PF".to_owned(), "PF, width, height and scale are needed")),
+    }
+    let mut side = |name: &str| {
+        let word = word(&mut rest);
+        word.and_then(|text| text.parse::<usize>().ok()).filter(|side| (1..=MOST_SIDE).contains(side)).ok_or_else(
+            || {
+                bad(
+                    format!("{name} `{}`", word.unwrap_or_default()),
+                    &format!("a number from 1 to {MOST_SIDE} is needed"),
+                )
+            },
+        )
+    };
+    let (width, height) = (side("width")?, side("height")?);
+    let scale = word(&mut rest);
+    let little_endian = match scale.and_then(|text| text.parse::<f64>().ok()) {
+        Some(-1.0) => true,
+        Some(1.0) => false,
+        _ => {
+            let allowed =
+                "-1 (little-endian) and 1 (big-endian) are allowed: values are absolute, and no factor is applied";
+            return Err(bad(format!("scale `{}`", scale.unwrap_or_default()), allowed));
+        }
+    };
+    let expected = width * height * 12;
+    if rest.len() != expected {
+        let problem = format!("{} bytes of samples", rest.len());
+        return Err(Fault::new(
+            "PFM samples",
+            problem,
+            format!("{width} x {height} samples of three floats take {expected}"),
+        ));
+    }
+    let number = |four: &[u8]| {
+        let four = [four[0], four[1], four[2], four[3]];
+        if little_endian { f32::from_le_bytes(four) } else { f32::from_be_bytes(four) }
+    };
+    let values = rest.chunks_exact(12).map(|s| [number(&s[..4]), number(&s[4..8]), number(&s[8..])]).collect();
+    Ok(Plane { width, height, values })
+}

@@ -1,0 +1,145 @@
+//! Bounded XML whose names of elements and attributes are read without regard to capital letters, as MPCDI wants.
+
+use roxmltree::{Document, Node, ParsingOptions};
+
+use super::fault::Fault;
+
+/// Bytes of a document, at most.
+const MOST_BYTES: usize = 16 << 20;
+/// Nodes of a document, at most.
+const MOST_NODES: u32 = 200_000;
+/// Elements within each other, at most.
+const MOST_DEPTH: usize = 32;
+
+/// Reads a document. Type definitions, and with them entities, are refused.
+pub(super) fn parse(bytes: &[u8]) -> Result<Document<'_>, Fault> {
+    let allowed = "XML in UTF-8 of at most 16 MiB, 200000 nodes and 32 levels, without a type definition, is needed";
+    let bad = |problem: String| Fault::new("XML", problem, allowed);
+    if bytes.len() > MOST_BYTES {
+        return Err(bad(format!("{} bytes", bytes.len())));
+    }
+    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+    let text = std::str::from_utf8(bytes).map_err(|_| bad("not UTF-8".to_owned()))?;
+    let options = ParsingOptions { allow_dtd: false, nodes_limit: MOST_NODES, ..ParsingOptions::default() };
+    let document = Document::parse_with_options(text, options).map_err(|error| bad(error.to_string()))?;
+    // From node to node in the order of the text, keeping count of the levels.
+    let mut levels = vec![];
+    for node in document.descendants() {
+        while levels.last().is_some_and(|last| Some(*last) != node.parent().map(|parent| parent.id())) {
+            levels.pop();
+        }
+        levels.push(node.id());
+        if levels.len() > MOST_DEPTH {
+            return Err(bad(format!("more than {MOST_DEPTH} levels")));
+        }
+    }
+    Ok(document)
+}
+
+/// An element, with its place for messages.
+#[derive(Clone)]
+pub(super) struct Element<'a, 'input> {
+    pub node: Node<'a, 'input>,
+    pub place: String,
+}
+
+impl<'a, 'input> Element<'a, 'input> {
+    pub fn root(document: &'a Document<'input>) -> Self {
+        let node = document.root_element();
+        Self { node, place: format!("<{}>", node.tag_name().name()) }
+    }
+
+    fn is(node: Node<'a, 'input>, name: &str) -> bool {
+        node.is_element() && node.tag_name().name().eq_ignore_ascii_case(name)
+    }
+
+    /// Elements of a name right within this one.
+    pub fn children<'n>(&self, name: &'n str) -> impl Iterator<Item = Self> + use<'a, 'input, 'n> {
+        let place = self.place.clone();
+        self.node
+            .children()
+            .filter(move |node| Self::is(*node, name))
+            .map(move |node| Self { node, place: format!("{place} <{name}>") })
+    }
+
+    /// The element of a name, of which there must be no two.
+    pub fn child(&self, name: &str) -> Result<Option<Self>, Fault> {
+        let mut found = self.children(name);
+        match (found.next(), found.next()) {
+            (Some(_), Some(second)) => Err(Fault::new(second.place, "it occurs twice", "one is allowed")),
+            (first, _) => Ok(first),
+        }
+    }
+
+    /// The element of a name, which must be there.
+    pub fn needed(&self, name: &str) -> Result<Self, Fault> {
+        self.child(name)?.ok_or_else(|| Fault::new(&self.place, format!("<{name}> is missing"), "it is needed"))
+    }
+
+    pub fn attribute(&self, name: &str) -> Option<&'a str> {
+        let mut found = self.node.attributes().filter(|attribute| attribute.name().eq_ignore_ascii_case(name));
+        found.next().map(|attribute| attribute.value().trim())
+    }
+
+    /// An attribute that must be there.
+    pub fn needed_attribute(&self, name: &str) -> Result<&'a str, Fault> {
+        self.attribute(name)
+            .ok_or_else(|| Fault::new(&self.place, format!("the attribute {name} is missing"), "it is needed"))
+    }
+
+    /// The text within.
+    pub fn text(&self) -> &'a str {
+        self.node.text().unwrap_or_default().trim()
+    }
+
+    /// The text of the element of a name.
+    pub fn child_text(&self, name: &str) -> Result<Option<&'a str>, Fault> {
+        Ok(self.child(name)?.map(|child| child.text()))
+    }
+
+    /// A finite number in the element of a name, which must be there.
+    pub fn number(&self, name: &str) -> Result<f64, Fault> {
+        let child = self.needed(name)?;
+        finite(child.text()).ok_or_else(|| not_a_number(&child.place, child.text()))
+    }
+
+    /// A finite number in an attribute.
+    pub fn attribute_number(&self, name: &str) -> Result<Option<f64>, Fault> {
+        let Some(text) = self.attribute(name) else { return Ok(None) };
+        finite(text).map(Some).ok_or_else(|| not_a_number(&format!("{} {name}", self.place), text))
+    }
+}
+
+fn finite(text: &str) -> Option<f64> {
+    text.parse::<f64>().ok().filter(|value| value.is_finite())
+}
+
+fn not_a_number(place: &str, text: &str) -> Fault {
+    Fault::new(place, format!("`{}`", text.escape_debug()), "a finite number is needed")
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_read_without_regard_to_capital_letters_and_doubles_refused() {
+        let document = parse(b"<A Key='1'><Bee>2.5</Bee><c/><C/></A>").unwrap();
+        let root = Element::root(&document);
+        assert_eq!(root.attribute("KEY"), Some("1"));
+        assert_eq!(root.number("bEE").unwrap(), 2.5);
+        assert!(root.child("c").is_err() && root.needed("d").is_err() && root.number("a").is_err());
+    }
+
+    #[test]
+    fn bombs_are_refused() {
+        assert!(parse(b"<!DOCTYPE a [<!ENTITY b 'c'>]><a>&b;</a>").is_err());
+        let deep = |levels: usize| format!("{}{}", "<a>".repeat(levels), "</a>".repeat(levels));
+        assert!(parse(deep(30).as_bytes()).is_ok());
+        assert!(parse(deep(40).as_bytes()).is_err());
+        assert!(parse(deep(300_000).as_bytes()).is_err());
+        assert!(parse("<a/>".repeat(2).as_bytes()).is_err());
+        assert!(parse(b"<a>\xff</a>").is_err());
+    }
+}
