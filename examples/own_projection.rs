@@ -223,7 +223,8 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         })
         .collect();
     let [width, height] = map.size;
-    let image = FrameImage { view: 0, part: Part::Whole, width, height, display: Some(display), hdr: None, blend: None };
+    let image =
+        FrameImage { view: 0, part: Part::Whole, width, height, display: Some(display), hdr: None, blend: None };
     std::fs::create_dir_all(&arguments.out)?;
     let write = |name: &str, image: &FrameImage| -> Result<(), Box<dyn Error>> {
         let path = arguments.out.join(name);

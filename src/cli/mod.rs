@@ -6,6 +6,7 @@
 mod audits;
 mod catalogue;
 mod chart;
+mod dome;
 mod error;
 mod explain;
 mod info;
@@ -34,6 +35,7 @@ pub use error::{BAD_DATA, BAD_USAGE, CliError, FAILED, NO_ADAPTER};
         steradian render --config configs/demo.toml --out out\n  \
         steradian serve --config configs/demo.toml --listen 127.0.0.1:7143\n  \
         steradian info --json\n  \
+        steradian dome check --config dome.toml\n  \
         steradian verify --set stars.method=auto\n  \
         steradian chart --out chart --quick\n  \
         steradian catalogue synth --stars 1000000 --seed 1 --out galaxy.stars\n  \
@@ -69,6 +71,8 @@ pub enum Command {
     Info(info::InfoArguments),
     /// Compare speed and accuracy of every method.
     Chart(chart::ChartArguments),
+    /// Work with the projectors of a dome.
+    Dome(dome::DomeArguments),
     /// Work with star catalogues.
     Catalogue(catalogue::CatalogueArguments),
     /// Compute the point-spread function of an aperture, or convert one.
@@ -88,6 +92,7 @@ pub fn run(arguments: Cli) -> Result<(), CliError> {
         Command::Verify(command) => verify::run(command, arguments.adapter),
         Command::Info(command) => info::run(&command, arguments.adapter),
         Command::Chart(command) => chart::run(&command, arguments.adapter),
+        Command::Dome(command) => dome::run(&command),
         Command::Catalogue(command) => catalogue::run(command),
         Command::Psf(command) => psf::run(&command),
         Command::Token(command) => token::run(&command),

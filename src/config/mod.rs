@@ -31,6 +31,7 @@ pub use effects::has_effect;
 pub use error::ConfigError;
 use error::{Fault, join};
 pub use overlay::{GridConfig, LabelConfig, OverlayConfig, TrajectoryConfig};
+pub use projector::{ProjectorConfig, ProjectorMethod, RowsConfig};
 pub use scene::{CameraConfig, CatalogueConfig, GalaxyConfig, SceneConfig};
 use schemars::JsonSchema;
 use serde::Deserialize;

@@ -134,14 +134,16 @@ impl ProjectorConfig {
             Ok([region]) => region,
             Err(regions) => {
                 let names: Vec<&str> = regions.iter().map(|region| region.name.as_str()).collect();
-                let problem = format!("{} has {} regions, one is needed: {}", path.display(), names.len(), names.join(", "));
+                let problem =
+                    format!("{} has {} regions, one is needed: {}", path.display(), names.len(), names.join(", "));
                 return Err(Fault::new("region", problem));
             }
         };
         for note in &notes {
             tracing::info!("{} ({format}), {}: {note}", path.display(), region.name);
         }
-        self.view_of(&region).map_err(|problem| Fault::new("file", format!("{}, {}: {problem}", path.display(), region.name)))
+        self.view_of(&region)
+            .map_err(|problem| Fault::new("file", format!("{}, {}: {problem}", path.display(), region.name)))
     }
 
     fn view_of(&self, region: &Region) -> Result<ViewKind, String> {

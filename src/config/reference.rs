@@ -8,6 +8,7 @@ use schemars::{JsonSchema, Schema, SchemaGenerator, generate::SchemaSettings, js
 use serde_json::{Map, Value, json};
 
 use super::Sections;
+use super::projector::ProjectorConfig;
 use super::ranges::{self, Range, number};
 use super::views::{
     Common, CubemapConfig, DomeMasterConfig, EquirectangularConfig, FisheyeConfig, PerspectiveConfig, StereoConfig,

@@ -8,6 +8,7 @@
 //! Every size is bounded: files, entries of archives, grids, masks, and the work that a mesh may cause.
 
 mod archive;
+pub mod check;
 mod content;
 mod exr_file;
 mod fault;
@@ -32,6 +33,7 @@ pub use self::{
     options::{Axes, ReadOptions, RowOrder},
 };
 use crate::files;
+pub use crate::view::projection::{Interpolation, Placement};
 
 /// Bytes of a file, at most.
 const MOST_BYTES: u64 = 1 << 30;
@@ -45,24 +47,6 @@ const MOST_MASK_VALUES: usize = 1 << 28;
 const MOST_REGIONS: usize = 256;
 /// Width or height of a raster, pixels, at most.
 const MOST_RASTER_PX: u32 = 16384;
-
-/// Where the samples of a grid lie on the raster.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Placement {
-    /// The first and the last sample of a row or column lie on the raster's edges.
-    Corners,
-    /// The raster is divided into as many equal cells as there are samples; each sample is the middle of its cell.
-    Centres,
-}
-
-/// How to go from sample to sample.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Interpolation {
-    /// With continuous second derivatives.
-    Smooth,
-    /// Linear along rows and columns.
-    Linear,
-}
 
 /// Directions at points of a projector's raster.
 #[derive(Clone, Debug, PartialEq)]
