@@ -9,7 +9,8 @@ use std::{
 
 use steradian::{
     catalogue::{reader, store},
-    config::Config,
+    config::{Config, FilmPath},
+    output::film::FilmTracks,
     photometry::{glare::PsfTable, psf},
     scene::{asteroids::ShapeSet, bodies::Texture},
 };
@@ -44,6 +45,18 @@ pub fn configuration(data: &[u8]) -> String {
         config.field_specs()?;
         config.camera()?;
         config.frame_groups()
+    }))
+}
+
+/// The path of a film.
+pub fn film_path(data: &[u8]) -> String {
+    answer(FilmPath::from_text(&String::from_utf8_lossy(data), "fuzz.toml").map(|path| {
+        let tracks = FilmTracks::new(&path);
+        for keyframe in path.keyframes.iter().take(8) {
+            for frame in [keyframe.frame, keyframe.frame.saturating_sub(1), keyframe.frame.saturating_add(1)] {
+                tracks.at(frame);
+            }
+        }
     }))
 }
 

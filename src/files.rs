@@ -70,6 +70,14 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
     publish(file, path)
 }
 
+/// The same, and the bytes are on the disk before the file has its name.
+pub fn write_whole_synced(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    let mut file = beside(path)?;
+    file.write_all(bytes)?;
+    file.as_file().sync_all()?;
+    publish(file, path)
+}
+
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
 mod tests {

@@ -8,7 +8,7 @@ use crate::catalogue::store::StoreError;
 use crate::chart::ChartError;
 use crate::config::ConfigError;
 use crate::gpu::GpuError;
-use crate::output::OutputError;
+use crate::output::{OutputError, film::FilmError};
 use crate::photometry::glare::GlareKernelError;
 use crate::photometry::psf::PsfError;
 use crate::scene::loader::LoadError;
@@ -22,7 +22,7 @@ pub const FAILED: u8 = 1;
 pub const BAD_USAGE: u8 = 64;
 /// Exit code: bad input data.
 pub const BAD_DATA: u8 = 65;
-/// Exit code: no usable adapter.
+/// Exit code: no usable adapter, or another thing of the system that is missing.
 pub const NO_ADAPTER: u8 = 69;
 
 /// Why a command failed.
@@ -58,6 +58,9 @@ pub enum CliError {
     /// Files of a frame cannot be written.
     #[error(transparent)]
     Output(#[from] OutputError),
+    /// A film cannot be made.
+    #[error(transparent)]
+    Film(#[from] FilmError),
     /// No adapter can be used, or the device failed.
     #[error(transparent)]
     Gpu(#[from] GpuError),
@@ -136,6 +139,11 @@ impl CliError {
             CliError::Serve(ServeError::Address { .. } | ServeError::Open { .. } | ServeError::Access(_)) => BAD_USAGE,
             CliError::Serve(_) | CliError::Runtime(_) => FAILED,
             CliError::Psf(error) => psf_exit_code(error),
+            CliError::Film(error) => match error {
+                FilmError::Frame { .. } | FilmError::Config(_) | FilmError::OtherFilm { .. } => BAD_USAGE,
+                FilmError::NoFfmpeg { .. } => NO_ADAPTER,
+                _ => FAILED,
+            },
             CliError::Usage(_) | CliError::Config(_) | CliError::Galaxy(_) => BAD_USAGE,
             CliError::Load { source: LoadError::Galaxy { .. }, .. } => BAD_USAGE,
             CliError::Load { .. } | CliError::ReadStore(_) => BAD_DATA,

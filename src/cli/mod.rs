@@ -9,6 +9,7 @@ mod chart;
 mod dome;
 mod error;
 mod explain;
+mod film;
 mod info;
 mod load;
 mod logging;
@@ -33,6 +34,7 @@ pub use error::{BAD_DATA, BAD_USAGE, CliError, FAILED, NO_ADAPTER};
     about = "Renders a space scene in many views at once, each pixel with the correct luminance for its solid angle.",
     after_help = "Examples:\n  \
         steradian render --config configs/demo.toml --out out\n  \
+        steradian film --config configs/dome.toml --path paths/flight.toml --frames 0..240 --out film\n  \
         steradian serve --config configs/demo.toml --listen 127.0.0.1:7143\n  \
         steradian info --json\n  \
         steradian dome check --config dome.toml\n  \
@@ -43,7 +45,7 @@ pub use error::{BAD_DATA, BAD_USAGE, CliError, FAILED, NO_ADAPTER};
         steradian xr --config configs/headset.toml\n  \
         steradian token --name desk-1 --role steer\n  \
         steradian psf --aperture hexagon --diameter-mm 2 --out hexagon.exr\n\n\
-        Exit codes: 0 done, 1 a check or job failed, 64 bad usage or configuration, 65 bad input data, 69 no usable adapter."
+        Exit codes: 0 done, 1 a check or job failed, 64 bad usage or configuration, 65 bad input data, 69 no usable adapter (or no ffmpeg for a video)."
 )]
 pub struct Cli {
     /// Graphics adapter to use: part of its name, case-insensitive.
@@ -63,6 +65,8 @@ pub struct Cli {
 pub enum Command {
     /// Render every view of a configuration once and write the files.
     Render(render::RenderArguments),
+    /// Render numbered frames along a path, each a function of its number alone.
+    Film(film::FilmArguments),
     /// Run the daemon: renders views for clients over gRPC until SIGINT or SIGTERM.
     Serve(serve::ServeArguments),
     /// Run the failure tests on the adapter of this machine, each with figures and limits.
@@ -88,6 +92,7 @@ pub fn run(arguments: Cli) -> Result<(), CliError> {
     let _exporting = logging::start(arguments.log.as_deref())?;
     match arguments.command {
         Command::Render(command) => render::run(command, arguments.adapter),
+        Command::Film(command) => film::run(command, arguments.adapter),
         Command::Serve(command) => serve::run(command, arguments.adapter),
         Command::Verify(command) => verify::run(command, arguments.adapter),
         Command::Info(command) => info::run(&command, arguments.adapter),

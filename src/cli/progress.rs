@@ -14,10 +14,14 @@ static BARS: LazyLock<MultiProgress> = LazyLock::new(MultiProgress::new);
 
 /// A bar, where standard error is a terminal.
 fn bar() -> Option<ProgressBar> {
+    bar_like("{spinner} {wide_bar} {pos}/{len} {msg} [{elapsed}]")
+}
+
+fn bar_like(template: &str) -> Option<ProgressBar> {
     io::stderr().is_terminal().then(|| {
         let bar = BARS.add(ProgressBar::no_length());
         // A template without any unknown key parses; the plain style is what is left otherwise.
-        let style = ProgressStyle::with_template("{spinner} {wide_bar} {pos}/{len} {msg} [{elapsed}]");
+        let style = ProgressStyle::with_template(template);
         bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
         bar.enable_steady_tick(Duration::from_millis(120));
         bar
@@ -100,5 +104,47 @@ impl LoadingProgress {
             bar.finish_and_clear();
         }
         tracing::info!("{stars} stars ready after {:.1} s", self.started.elapsed().as_secs_f64());
+    }
+}
+
+/// How often plain lines tell of the frames of a film.
+const FILM_LINES: Duration = Duration::from_secs(5);
+
+/// Progress of a film.
+pub struct FilmProgress {
+    bar: Option<ProgressBar>,
+    started: Instant,
+    told: Instant,
+    frames: usize,
+}
+
+impl FilmProgress {
+    /// Begins with the number of frames to draw.
+    pub fn new(frames: usize) -> Self {
+        let bar = bar_like("{spinner} {wide_bar} {pos}/{len} {msg} [{elapsed}, {eta} left]");
+        if let Some(bar) = &bar {
+            bar.set_length(frames as u64);
+        }
+        Self { bar, started: Instant::now(), told: Instant::now(), frames }
+    }
+
+    /// So many frames are drawn, the last of them is that.
+    pub fn drawn(&mut self, frame: u32, done: usize) {
+        if let Some(bar) = &self.bar {
+            bar.set_position(done as u64);
+            bar.set_message(format!("frame {frame}"));
+        } else if self.told.elapsed() >= FILM_LINES || done == self.frames {
+            self.told = Instant::now();
+            let per_frame_s = self.started.elapsed().as_secs_f64() / done.max(1) as f64;
+            let left_s = per_frame_s * (self.frames - done) as f64;
+            tracing::info!("frame {frame}: {done} of {}, {per_frame_s:.3} s each, {left_s:.0} s left", self.frames);
+        }
+    }
+
+    /// Ends.
+    pub fn finish(self) {
+        if let Some(bar) = self.bar {
+            bar.finish_and_clear();
+        }
     }
 }

@@ -15,6 +15,14 @@ pub enum ConfigError {
         /// What the system says.
         source: io::Error,
     },
+    /// The path of a film cannot be read.
+    #[error("cannot read the path {}: {source}", path.display())]
+    ReadPath {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: io::Error,
+    },
     /// The text is not TOML.
     #[error("{origin}:{line}:{column}: {problem}")]
     Syntax {

@@ -10,6 +10,7 @@ mod bodies;
 mod document;
 mod effects;
 mod error;
+mod film;
 mod headset;
 mod limits;
 mod overlay;
@@ -30,6 +31,7 @@ pub use bodies::{BodyConfig, EmissionConfig, SpinConfig};
 pub use effects::has_effect;
 pub use error::ConfigError;
 use error::{Fault, join};
+pub use film::{Easing, ExposureKey, FilmPath, FovKey, Keyframe, Look};
 pub use overlay::{GridConfig, LabelConfig, OverlayConfig, TrajectoryConfig};
 pub use projector::{ProjectorConfig, ProjectorMethod, RowsConfig};
 pub use scene::{CameraConfig, CatalogueConfig, GalaxyConfig, SceneConfig};
@@ -175,6 +177,25 @@ impl Config {
             let origin = blamed.map_or(origin.to_owned(), |applied| format!("{origin}, --set {}", applied.argument));
             ConfigError::Key { origin, key: fault.key, problem: fault.problem }
         })
+    }
+
+    /// What determines the pictures of a configuration with overrides, as text: its tables but those of the daemon and the headset, without comments.
+    /// The same wherever the file lies. What stands in the files that it names is not looked at.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::load`], but for keys and ranges, which are not looked at.
+    pub fn pictured_document(path: &Path, overrides: &[String]) -> Result<String, ConfigError> {
+        let text = files::read_text_bounded(path, MOST_BYTES)
+            .map_err(|source| ConfigError::Read { path: path.to_owned(), source })?;
+        let mut table = document::parse(&text, &path.display().to_string())?;
+        for argument in overrides {
+            overrides::apply(&mut table, argument)?;
+        }
+        for section in ["server", "headset"] {
+            table.remove(section);
+        }
+        Ok(table.to_string())
     }
 
     fn from_table(table: Table, origin: &str, folder: &Path) -> Result<Self, Fault> {

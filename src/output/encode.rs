@@ -137,7 +137,7 @@ pub(super) fn display_of(image: &FrameImage, encoding: Encoding) -> Result<&[u8]
     checked(image, image.display.as_deref().ok_or(missing)?, 4)
 }
 
-fn hdr_of(image: &FrameImage, encoding: Encoding) -> Result<&[[f32; 4]], EncodeError> {
+pub(super) fn hdr_of(image: &FrameImage, encoding: Encoding) -> Result<&[[f32; 4]], EncodeError> {
     let missing = EncodeError::Missing { encoding: encoding.name(), buffer: "HDR" };
     checked(image, image.hdr.as_deref().ok_or(missing)?, 1)
 }

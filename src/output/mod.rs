@@ -1,7 +1,8 @@
-//! What leaves the process: encodings of images, and the files that `render` writes.
+//! What leaves the process: encodings of images, the files that `render` writes, and films.
 
 mod encode;
 mod files;
+pub mod film;
 mod jpeg;
 mod reduce;
 mod video;

@@ -47,6 +47,7 @@ macro_rules! fuzz {
 
 fuzz! {
     configuration: seeds::configurations, seeds::KEYS, as_it_is, SMALL;
+    film_path: seeds::film_paths, seeds::PATH_KEYS, as_it_is, SMALL;
     csv: seeds::csv, seeds::COLUMNS, as_it_is, SMALL;
     json: seeds::json, seeds::JSON, as_it_is, SMALL;
     star_store: seeds::star_store, &[], formats::repair_store, SMALL;

@@ -95,6 +95,31 @@ pub fn configurations() -> Vec<Vec<u8>> {
     all
 }
 
+/// Every path of the repository, and one with what it lacks.
+pub fn film_paths() -> Vec<Vec<u8>> {
+    let mut all = files("paths", &["toml"]);
+    let other = "[[keyframes]]\nframe = 3\norientation = [0, 0, 0, 1]\nfov_y_deg = 40\nev100 = -3\neasing = 'linear'\n\
+        [[keyframes]]\nframe = 9\ntime = 2026-01-01T00:00:00Z\nmagnitude_limit = 9\nvelocity_c = [0.1, 0, 0]\nfov_y_deg = 4\n";
+    all.push(other.as_bytes().to_vec());
+    all
+}
+
+pub const PATH_KEYS: &[&str] = &[
+    "\n",
+    "fps",
+    "around_m",
+    "[[keyframes]]",
+    "frame",
+    "position_m",
+    "look",
+    "fov_scale",
+    "ev100",
+    "easing",
+    "1e300",
+    "nan",
+    "inf",
+];
+
 pub const COLUMNS: &[&str] = &[
     ",",
     ";",

@@ -46,6 +46,7 @@ const NO_FILES: &[(&str, &str)] = &[
     ("chart.csv", "what `chart` writes"),
     ("index.html", "what `chart` writes"),
     ("manifest.json", "what `render` writes"),
+    ("film.json", "what `film` writes"),
     ("timings.json", "what `render` writes"),
     ("http", "an address"),
 ];
@@ -165,10 +166,12 @@ struct Reader {
 impl Reader {
     fn new() -> Self {
         let folder = tempfile::tempdir().unwrap();
-        fs::create_dir(folder.path().join("configs")).unwrap();
-        for file in fs::read_dir(repository().join("configs")).unwrap() {
-            let file = file.unwrap();
-            fs::copy(file.path(), folder.path().join("configs").join(file.file_name())).unwrap();
+        for examples in ["configs", "paths"] {
+            fs::create_dir(folder.path().join(examples)).unwrap();
+            for file in fs::read_dir(repository().join(examples)).unwrap() {
+                let file = file.unwrap();
+                fs::copy(file.path(), folder.path().join(examples).join(file.file_name())).unwrap();
+            }
         }
         // A port that nobody listens on. Another process may take it in between; then the daemon's error says so.
         let free = TcpListener::bind("127.0.0.1:0").unwrap();

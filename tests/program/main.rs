@@ -10,4 +10,5 @@ mod configuration_reference;
 mod daemon;
 mod documentation;
 mod features;
+mod film;
 mod measured;

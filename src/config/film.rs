@@ -1,0 +1,375 @@
+//! The path of a film: TOML, strict as configurations are. Keyframes name quantities at the numbers of frames; what lies between them is
+//! `output::film`'s to say.
+
+use std::path::Path;
+
+use glam::{DMat3, DQuat, DVec3};
+use serde::Deserialize;
+use toml::{Table, Value, value::Datetime};
+
+use super::document::{deserialise, parse};
+use super::error::{ConfigError, Fault, finite};
+use super::scene::SceneConfig;
+use crate::files;
+use crate::plan::settings::StarSettings;
+use crate::scene::{Camera, PoseError};
+
+/// Bytes of a path file, at most.
+const MOST_BYTES: u64 = 64 << 20;
+/// Frames per second.
+const FPS: [f64; 2] = [1.0, 240.0];
+/// Vertical field of view, degrees; 0 is refused.
+const MOST_FOV_Y_DEG: f64 = 178.0;
+/// Beyond these the luminance of white leaves the range of f32 together with the light of the stars.
+const EV100: [f64; 2] = [-100.0, 100.0];
+const COMPENSATION_EV: [f64; 2] = [-30.0, 30.0];
+/// Factors on the picture's plane.
+const FOV_SCALES: [f64; 2] = [1e-6, 1e6];
+
+/// How a segment between two keyframes is travelled.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Easing {
+    /// At a constant rate.
+    Linear,
+    /// Without a jump of the rate where it begins and ends.
+    #[default]
+    Smooth,
+}
+
+/// Where a camera looks: towards a place of the sky, and what is up.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Look {
+    /// Right ascension (ICRS), degrees.
+    pub ra_deg: f64,
+    /// Declination (ICRS), degrees from -90 to 90.
+    pub dec_deg: f64,
+    /// Position angle of the picture's top, from north through east, degrees.
+    #[serde(default)]
+    pub roll_deg: f64,
+}
+
+impl Look {
+    /// Rotation from camera axes (+x right, +y up, looking along -z) to ICRS axes.
+    pub fn world_from_camera(&self) -> DQuat {
+        let (sin_ra, cos_ra) = self.ra_deg.to_radians().sin_cos();
+        let (sin_dec, cos_dec) = self.dec_deg.to_radians().sin_cos();
+        let ahead = DVec3::new(cos_dec * cos_ra, cos_dec * sin_ra, sin_dec);
+        // Towards growing declination: it is there at the poles too.
+        let north = DVec3::new(-sin_dec * cos_ra, -sin_dec * sin_ra, cos_dec);
+        let level = DQuat::from_mat3(&DMat3::from_cols(ahead.cross(north), north, -ahead));
+        (level * DQuat::from_rotation_z(self.roll_deg.to_radians())).normalize()
+    }
+}
+
+/// What a keyframe says of the exposure.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum ExposureKey {
+    /// The exposure value at ISO 100.
+    Ev100(f64),
+    /// What is added to the automatic exposure; positive darkens.
+    CompensationEv(f64),
+}
+
+/// What a keyframe says of the field of view of perspective views.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum FovKey {
+    /// Factor on the width and height of the picture's plane, that is on the tangents of the edges' angles.
+    Scale(f64),
+    /// Vertical field of view, degrees.
+    YDeg(f64),
+}
+
+/// One keyframe.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Keyframe {
+    /// Number of the frame.
+    pub frame: u32,
+    /// Position, ICRS, barycentric, m.
+    pub position_m: Option<DVec3>,
+    /// Rotation from camera axes to ICRS axes.
+    pub world_from_camera: Option<DQuat>,
+    /// Moment, s since 2000-01-01T12:00:00Z.
+    pub time_s: Option<f64>,
+    /// Field of view.
+    pub fov: Option<FovKey>,
+    /// Exposure.
+    pub exposure: Option<ExposureKey>,
+    /// Stars fainter than this apparent magnitude are not drawn.
+    pub magnitude_limit: Option<f64>,
+    /// Velocity, ICRS axes, in units of the speed of light.
+    pub velocity_c: Option<DVec3>,
+    /// Of the segment that begins here.
+    pub easing: Easing,
+}
+
+/// The path of a film. Frames of keyframes rise, and all values are within their ranges.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FilmPath {
+    /// The file it came from, as messages name it.
+    pub origin: String,
+    /// Frames per second.
+    pub fps: f64,
+    /// The place around which positions are interpolated: along great circles, and in the logarithm of the distance.
+    pub around_m: Option<DVec3>,
+    /// At least one.
+    pub keyframes: Vec<Keyframe>,
+    /// The document as it stands, without comments and in the order of its keys: what a digest is made of.
+    pub document: String,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Document {
+    #[serde(default = "default_fps")]
+    fps: f64,
+    around_m: Option<[f64; 3]>,
+    #[serde(default)]
+    keyframes: Vec<Table>,
+}
+
+fn default_fps() -> f64 {
+    30.0
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct KeyframeTable {
+    frame: u32,
+    position_m: Option<[f64; 3]>,
+    orientation: Option<[f64; 4]>,
+    look: Option<Look>,
+    time: Option<Datetime>,
+    fov_scale: Option<f64>,
+    fov_y_deg: Option<f64>,
+    ev100: Option<f64>,
+    compensation_ev: Option<f64>,
+    magnitude_limit: Option<f64>,
+    velocity_c: Option<[f64; 3]>,
+    #[serde(default)]
+    easing: Easing,
+}
+
+fn within(key: &str, value: f64, [least, most]: [f64; 2]) -> Result<f64, Fault> {
+    finite(key, value)?;
+    if (least..=most).contains(&value) {
+        Ok(value)
+    } else {
+        Err(Fault::new(key, format!("{value}: allowed are {least} to {most}")))
+    }
+}
+
+fn vector(key: &'static str, value: [f64; 3]) -> Result<DVec3, Fault> {
+    crate::scene::finite_vector(key, value).map_err(|error| Fault::new(key, error.to_string()))
+}
+
+fn either<A, B, T>(
+    [first, second]: [&'static str; 2],
+    one: Option<A>,
+    other: Option<B>,
+    with: impl FnOnce(A) -> Result<T, Fault>,
+    or_with: impl FnOnce(B) -> Result<T, Fault>,
+) -> Result<Option<T>, Fault> {
+    match (one, other) {
+        (Some(_), Some(_)) => {
+            Err(Fault::new(second, format!("{first} is given too: at most one of {first} and {second} is allowed")))
+        }
+        (Some(value), None) => with(value).map(Some),
+        (None, Some(value)) => or_with(value).map(Some),
+        (None, None) => Ok(None),
+    }
+}
+
+impl KeyframeTable {
+    fn keyframe(self) -> Result<Keyframe, Fault> {
+        let orientation = |value: [f64; 4]| {
+            crate::scene::unit_quaternion(value).map_err(|error| Fault::new("orientation", error.to_string()))
+        };
+        let look = |look: Look| {
+            finite("look.ra_deg", look.ra_deg)?;
+            within("look.dec_deg", look.dec_deg, [-90.0, 90.0])?;
+            finite("look.roll_deg", look.roll_deg)?;
+            Ok(look.world_from_camera())
+        };
+        let fov_y_deg = |value: f64| {
+            finite("fov_y_deg", value)?;
+            if value > 0.0 && value <= MOST_FOV_Y_DEG {
+                return Ok(FovKey::YDeg(value));
+            }
+            Err(Fault::new("fov_y_deg", format!("{value}: allowed is above 0 up to {MOST_FOV_Y_DEG} degrees")))
+        };
+        let time = |time: Datetime| {
+            if time.date.is_none() || time.time.is_none() || time.offset.is_none() {
+                let problem = format!("{time}: date, time and offset are needed, for instance 2026-01-01T00:00:00Z");
+                return Err(Fault::new("time", problem));
+            }
+            Ok(SceneConfig { time, ..SceneConfig::default() }.time_s())
+        };
+        let velocity = |velocity_c: [f64; 3]| {
+            let moving = Camera::new([0.0; 3], [0.0, 0.0, 0.0, 1.0], velocity_c);
+            moving
+                .map(|camera| camera.velocity_c)
+                .map_err(|error: PoseError| Fault::new("velocity_c", error.to_string()))
+        };
+        Ok(Keyframe {
+            frame: self.frame,
+            position_m: self.position_m.map(|value| vector("position_m", value)).transpose()?,
+            world_from_camera: either(["orientation", "look"], self.orientation, self.look, orientation, look)?,
+            time_s: self.time.map(time).transpose()?,
+            fov: either(
+                ["fov_scale", "fov_y_deg"],
+                self.fov_scale,
+                self.fov_y_deg,
+                |value| within("fov_scale", value, FOV_SCALES).map(FovKey::Scale),
+                fov_y_deg,
+            )?,
+            exposure: either(
+                ["ev100", "compensation_ev"],
+                self.ev100,
+                self.compensation_ev,
+                |value| within("ev100", value, EV100).map(ExposureKey::Ev100),
+                |value| within("compensation_ev", value, COMPENSATION_EV).map(ExposureKey::CompensationEv),
+            )?,
+            magnitude_limit: self
+                .magnitude_limit
+                .map(|value| within("magnitude_limit", value, StarSettings::MAGNITUDES))
+                .transpose()?,
+            velocity_c: self.velocity_c.map(velocity).transpose()?,
+            easing: self.easing,
+        })
+    }
+}
+
+impl FilmPath {
+    /// Loads a file.
+    ///
+    /// # Errors
+    ///
+    /// It cannot be read, is no TOML, or has a key that is unknown, missing, or of a value that is not allowed: the message names file and key.
+    pub fn load(path: &Path) -> Result<Self, ConfigError> {
+        let text = files::read_text_bounded(path, MOST_BYTES)
+            .map_err(|source| ConfigError::ReadPath { path: path.to_owned(), source })?;
+        Self::from_text(&text, &path.display().to_string())
+    }
+
+    /// Reads TOML; `origin` names it in messages.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::load`].
+    pub fn from_text(text: &str, origin: &str) -> Result<Self, ConfigError> {
+        let table = parse(text, origin)?;
+        let document = table.to_string();
+        Self::from_table(table, origin, document).map_err(|fault| ConfigError::Key {
+            origin: origin.to_owned(),
+            key: fault.key,
+            problem: fault.problem,
+        })
+    }
+
+    fn from_table(table: Table, origin: &str, text: String) -> Result<Self, Fault> {
+        let document: Document = deserialise(Value::Table(table), "")?;
+        let fps = within("fps", document.fps, FPS)?;
+        let around_m = document.around_m.map(|value| vector("around_m", value)).transpose()?;
+        if document.keyframes.is_empty() {
+            return Err(Fault::new("keyframes", "missing key: at least one [[keyframes]] is needed"));
+        }
+        let mut keyframes: Vec<Keyframe> = Vec::with_capacity(document.keyframes.len());
+        for (index, table) in document.keyframes.into_iter().enumerate() {
+            let place = format!("keyframes[{index}]");
+            let keyframe = deserialise::<KeyframeTable>(Value::Table(table), "")
+                .and_then(KeyframeTable::keyframe)
+                .map_err(|fault| fault.within(&place))?;
+            let fault = |key: &str, problem: String| Err(Fault::new(format!("{place}.{key}"), problem));
+            if let Some(last) = keyframes.last()
+                && last.frame >= keyframe.frame
+            {
+                let problem = format!("{} does not rise: allowed are numbers above {}", keyframe.frame, last.frame);
+                return fault("frame", problem);
+            }
+            if keyframe.position_m.is_some() && keyframe.position_m == around_m {
+                return fault("position_m", "it is around_m itself, from which it has no direction".to_owned());
+            }
+            let other =
+                |names: [&str; 2]| format!("keyframes have {} and {}: allowed is one of them", names[0], names[1]);
+            let differs = |other: &Keyframe| match (other.fov, keyframe.fov) {
+                (Some(FovKey::Scale(_)), Some(FovKey::YDeg(_))) => Some("fov_y_deg"),
+                (Some(FovKey::YDeg(_)), Some(FovKey::Scale(_))) => Some("fov_scale"),
+                _ => None,
+            };
+            if let Some(key) = keyframes.iter().find_map(differs) {
+                return fault(key, other(["fov_scale", "fov_y_deg"]));
+            }
+            let differs = |other: &Keyframe| match (other.exposure, keyframe.exposure) {
+                (Some(ExposureKey::Ev100(_)), Some(ExposureKey::CompensationEv(_))) => Some("compensation_ev"),
+                (Some(ExposureKey::CompensationEv(_)), Some(ExposureKey::Ev100(_))) => Some("ev100"),
+                _ => None,
+            };
+            if let Some(key) = keyframes.iter().find_map(differs) {
+                return fault(key, other(["ev100", "compensation_ev"]));
+            }
+            keyframes.push(keyframe);
+        }
+        Ok(Self { origin: origin.to_owned(), fps, around_m, keyframes, document: text })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_wrong_is_named_with_file_key_and_what_is_allowed() {
+        for (text, parts) in [
+            ("", &["keyframes", "at least one"][..]),
+            ("speed = 3\n[[keyframes]]\nframe = 0", &["speed", "unknown key", "keyframes"]),
+            ("fps = 0.5\n[[keyframes]]\nframe = 0", &["fps", "1 to 240"]),
+            ("fps = nan\n[[keyframes]]\nframe = 0", &["fps", "finite"]),
+            ("[[keyframes]]\nfame = 0", &["keyframes[0].fame", "unknown key", "frame"]),
+            ("[[keyframes]]\nframe = -1", &["keyframes[0].frame"]),
+            ("[[keyframes]]\neasing = 'linear'", &["keyframes[0]", "missing key", "frame"]),
+            ("[[keyframes]]\nframe = 3\n[[keyframes]]\nframe = 3", &["keyframes[1].frame", "above 3"]),
+            ("[[keyframes]]\nframe = 3\neasing = 'bouncy'", &["keyframes[0].easing", "linear", "smooth"]),
+            ("[[keyframes]]\nframe = 3\norientation = [0, 0, 0, 2]", &["keyframes[0].orientation", "unit quaternion"]),
+            ("[[keyframes]]\nframe = 3\nlook = { ra_deg = 1, dec_deg = 91 }", &["look.dec_deg", "-90 to 90"]),
+            (
+                "[[keyframes]]\nframe = 3\norientation = [0, 0, 0, 1]\nlook = { ra_deg = 1, dec_deg = 9 }",
+                &["keyframes[0].look", "at most one of orientation and look"],
+            ),
+            ("[[keyframes]]\nframe = 3\ntime = 2026-01-01", &["keyframes[0].time", "offset"]),
+            ("[[keyframes]]\nframe = 3\nfov_y_deg = 0", &["keyframes[0].fov_y_deg", "up to 178"]),
+            ("[[keyframes]]\nframe = 3\nfov_scale = 0", &["keyframes[0].fov_scale", "allowed"]),
+            ("[[keyframes]]\nframe = 3\nvelocity_c = [1, 0, 0]", &["keyframes[0].velocity_c", "0.9999"]),
+            ("[[keyframes]]\nframe = 3\nmagnitude_limit = 1e3", &["keyframes[0].magnitude_limit", "-100 to 100"]),
+            (
+                "around_m = [1, 2, 3]\n[[keyframes]]\nframe = 3\nposition_m = [1, 2, 3]",
+                &["keyframes[0].position_m", "around_m"],
+            ),
+            (
+                "[[keyframes]]\nframe = 0\nev100 = 1\n[[keyframes]]\nframe = 1\ncompensation_ev = 1",
+                &["compensation_ev"],
+            ),
+            ("[[keyframes]]\nframe = 0\nfov_scale = 1\n[[keyframes]]\nframe = 1\nfov_y_deg = 1", &["fov_y_deg"]),
+            ("[[keyframes", &["p.toml:1:"]),
+        ] {
+            let message = FilmPath::from_text(text, "p.toml").unwrap_err().to_string();
+            for part in ["p.toml"].iter().chain(parts) {
+                assert!(message.contains(part), "`{part}` is not in: {message}");
+            }
+        }
+    }
+
+    #[test]
+    fn looking_gives_the_direction_and_the_top_of_the_picture() {
+        let close = |a: DVec3, b: DVec3| assert!((a - b).length() < 1e-15, "{a} {b}");
+        let turned = |ra_deg, dec_deg, roll_deg| Look { ra_deg, dec_deg, roll_deg }.world_from_camera();
+        let look = turned(90.0, 0.0, 0.0);
+        close(look * DVec3::NEG_Z, DVec3::Y);
+        close(look * DVec3::Y, DVec3::Z);
+        // East is where right ascension grows: -x from here.
+        close(turned(90.0, 0.0, 90.0) * DVec3::Y, DVec3::NEG_X);
+        close(turned(0.0, 90.0, 0.0) * DVec3::NEG_Z, DVec3::Z);
+        close(turned(0.0, 90.0, 0.0) * DVec3::Y, DVec3::NEG_X);
+    }
+}

@@ -1,0 +1,273 @@
+//! The images of a film's frames, encoded. The same image with the same words gives the same bytes.
+
+use exr::prelude::{
+    AttributeValue, Encoding as ExrEncoding, Image, Layer, LayerAttributes, SpecificChannels, Text, Vec2,
+    WritableImage, f16,
+};
+use rayon::prelude::*;
+use std::io::Cursor;
+
+use super::super::encode::{EncodeError, Encoding, encode, hdr_of};
+use crate::photometry::exposure::white_luminance_cd_m2;
+use crate::photometry::tone_map::ToneMapSettings;
+use crate::render::{FrameImage, Wanted};
+
+/// How the images of a film are written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FilmFormat {
+    /// Display images, PNG of 8 bits.
+    Png8,
+    /// Display images, PNG of 16 bits: HDR images with the exposure and tone mapping of display images, in f64, without dither.
+    Png16,
+    /// HDR images, OpenEXR of 16-bit floats in units of display white, which `whiteLuminance` tells in cd/m^2.
+    Exr16,
+    /// HDR images, OpenEXR of 32-bit floats, cd/m^2.
+    Exr32,
+}
+
+impl FilmFormat {
+    /// Name in arguments and messages.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Png8 => "png8",
+            Self::Png16 => "png16",
+            Self::Exr16 => "exr16",
+            Self::Exr32 => "exr32",
+        }
+    }
+
+    /// Of file names.
+    pub fn extension(self) -> &'static str {
+        match self {
+            Self::Png8 | Self::Png16 => "png",
+            Self::Exr16 | Self::Exr32 => "exr",
+        }
+    }
+
+    /// What a frame must have.
+    pub fn wanted(self) -> Wanted {
+        if self == Self::Png8 { Wanted::display() } else { Wanted::hdr() }
+    }
+
+    /// Bytes of a pixel before compression: about the most that a file has.
+    pub fn bytes_per_pixel(self) -> u64 {
+        match self {
+            Self::Png8 => 4,
+            Self::Png16 => 6,
+            Self::Exr16 => 10,
+            Self::Exr32 => 16,
+        }
+    }
+}
+
+/// What is told beside the pixels.
+#[derive(Clone, Debug)]
+pub struct ImageWords {
+    /// Exposure of the display image.
+    pub exposure_ev100: f64,
+    /// Its tone mapping.
+    pub tone_map: ToneMapSettings,
+    /// Attributes of EXR files, by name.
+    pub attributes: Vec<(&'static str, String)>,
+}
+
+/// One image as a file.
+///
+/// # Errors
+///
+/// The buffer of the format is missing or has another length, or the encoder refuses.
+pub fn encode_image(format: FilmFormat, image: &FrameImage, words: &ImageWords) -> Result<Vec<u8>, EncodeError> {
+    match format {
+        FilmFormat::Png8 => encode(Encoding::Png, image),
+        FilmFormat::Png16 => png16(image, words),
+        FilmFormat::Exr16 | FilmFormat::Exr32 => exr(format, image, words),
+    }
+}
+
+fn png16(image: &FrameImage, words: &ImageWords) -> Result<Vec<u8>, EncodeError> {
+    let pixels = hdr_of(image, Encoding::Exr)?;
+    let white_cd_m2 = white_luminance_cd_m2(words.exposure_ev100);
+    let mut samples = vec![0_u8; pixels.len() * 6];
+    samples.par_chunks_mut(6).zip(pixels).for_each(|(bytes, [red, green, blue, _])| {
+        // Dark pixels are most of a night sky, and every operator shows them black.
+        if [*red, *green, *blue] == [0.0; 3] {
+            return;
+        }
+        let rgb = words.tone_map.display_rgb([*red, *green, *blue].map(f64::from), white_cd_m2);
+        for (bytes, value) in bytes.chunks_exact_mut(2).zip(rgb) {
+            let code = (value.clamp(0.0, 1.0) * f64::from(u16::MAX)).round() as u16;
+            bytes.copy_from_slice(&code.to_be_bytes());
+        }
+    });
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, image.width, image.height);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_depth(png::BitDepth::Sixteen);
+    encoder.set_source_srgb(png::SrgbRenderingIntent::RelativeColorimetric);
+    encoder.set_compression(png::Compression::Fast);
+    let mut writer = encoder.write_header()?;
+    writer.write_image_data(&samples)?;
+    writer.finish()?;
+    Ok(bytes)
+}
+
+/// Latin-1, which is what the format has: names and numbers are ASCII anyhow.
+fn latin(text: &str) -> Text {
+    let bytes: String = text.chars().map(|c| if c.is_ascii() { c } else { '?' }).collect();
+    Text::new_or_none(bytes).unwrap_or_else(|| Text::from(""))
+}
+
+fn exr(format: FilmFormat, image: &FrameImage, words: &ImageWords) -> Result<Vec<u8>, EncodeError> {
+    let pixels = hdr_of(image, Encoding::Exr)?;
+    let width = image.width as usize;
+    let size = Vec2(width, image.height as usize);
+    let white_cd_m2 = match format {
+        FilmFormat::Exr16 => white_luminance_cd_m2(words.exposure_ev100) as f32,
+        _ => 1.0,
+    };
+    let mut attributes = LayerAttributes { white_luminance: Some(white_cd_m2), ..LayerAttributes::default() };
+    attributes.software_name = Some(latin(concat!("steradian ", env!("CARGO_PKG_VERSION"))));
+    attributes.other.insert(Text::from("exposure_ev100"), AttributeValue::F64(words.exposure_ev100));
+    for (name, value) in &words.attributes {
+        attributes.other.insert(Text::from(*name), AttributeValue::Text(latin(value)));
+    }
+    let encoding = ExrEncoding {
+        compression: exr::prelude::Compression::ZIP16,
+        blocks: exr::prelude::Blocks::ScanLines,
+        line_order: exr::prelude::LineOrder::Increasing,
+    };
+    let mut bytes = Cursor::new(Vec::new());
+    let pixel = |at: Vec2<usize>| pixels[at.1 * width + at.0];
+    if format == FilmFormat::Exr16 {
+        let half = |light: f32| f16::from_f32((light / white_cd_m2).clamp(-MOST_HALF, MOST_HALF));
+        let names = SpecificChannels::build().with_channel("R").with_channel("G").with_channel("B");
+        let channels = names.with_channel("omega").with_pixel_fn(|at| {
+            let [red, green, blue, omega_sr] = pixel(at);
+            // A solid angle is below what 16 bits tell apart from 0.
+            (half(red), half(green), half(blue), omega_sr)
+        });
+        let layer = Layer::new(size, attributes, encoding, channels);
+        Image::from_layer(layer).write().non_parallel().to_buffered(&mut bytes)?;
+    } else {
+        let names = SpecificChannels::build().with_channel("R").with_channel("G").with_channel("B");
+        let channels = names.with_channel("omega").with_pixel_fn(|at| {
+            let [red, green, blue, omega_sr] = pixel(at);
+            (red, green, blue, omega_sr)
+        });
+        let layer = Layer::new(size, attributes, encoding, channels);
+        Image::from_layer(layer).write().non_parallel().to_buffered(&mut bytes)?;
+    }
+    let mut bytes = bytes.into_inner();
+    sort_attributes(&mut bytes);
+    Ok(bytes)
+}
+
+/// Largest finite number of 16 bits.
+const MOST_HALF: f32 = 65_504.0;
+
+/// Puts the attributes of a header into the order of their names: the encoder writes them in one that changes from run to run. Their
+/// total length stays, and with it every offset. What is not understood stays as it is.
+fn sort_attributes(file: &mut [u8]) {
+    // After magic number and version.
+    let first = 8;
+    let mut attributes: Vec<Vec<u8>> = Vec::new();
+    let mut at = first;
+    let text_end = |file: &[u8], from: usize| Some(from + file.get(from..)?.iter().position(|byte| *byte == 0)?);
+    while file.get(at).is_some_and(|byte| *byte != 0) {
+        let end = text_end(file, at).and_then(|name| text_end(file, name + 1)).and_then(|kind| {
+            let size: [u8; 4] = file.get(kind + 1..kind + 5)?.try_into().ok()?;
+            let end = kind + 5 + usize::try_from(i32::from_le_bytes(size)).ok()?;
+            (end <= file.len()).then_some(end)
+        });
+        let Some(end) = end else { return };
+        attributes.push(file[at..end].to_vec());
+        at = end;
+    }
+    attributes.sort();
+    let sorted = attributes.concat();
+    file[first..at].copy_from_slice(&sorted);
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
+mod tests {
+    use exr::prelude::{FlatSamples, ReadChannels, ReadLayers};
+
+    use super::super::super::encode::tests::sample;
+    use super::*;
+
+    fn words() -> ImageWords {
+        let names = ["projection", "camera_position_m", "units", "configuration_sha256", "view", "frame"];
+        ImageWords {
+            exposure_ev100: -3.5,
+            tone_map: ToneMapSettings::default(),
+            attributes: names.map(|name| (name, format!("value of {name}"))).to_vec(),
+        }
+    }
+
+    #[test]
+    fn exr_files_have_their_attributes_in_one_order_and_their_light_in_the_stated_units() {
+        let image = sample(21, 34);
+        for format in [FilmFormat::Exr16, FilmFormat::Exr32] {
+            let bytes = encode_image(format, &image, &words()).unwrap();
+            for _ in 0..20 {
+                assert!(encode_image(format, &image, &words()).unwrap() == bytes, "{format:?}");
+            }
+            let read = exr::prelude::read().no_deep_data().largest_resolution_level().all_channels().all_layers();
+            let read = read.all_attributes().from_buffered(Cursor::new(&bytes)).unwrap();
+            let layer = &read.layer_data[0];
+            let text = |name: &str| match &layer.attributes.other[&Text::from(name)] {
+                AttributeValue::Text(text) => text.to_string(),
+                other => panic!("{name}: {other:?}"),
+            };
+            assert_eq!(text("units"), "value of units");
+            assert_eq!(layer.attributes.other[&Text::from("exposure_ev100")], AttributeValue::F64(-3.5));
+            assert!(layer.attributes.software_name.as_ref().unwrap().to_string().starts_with("steradian "));
+            let white_cd_m2 = layer.attributes.white_luminance.unwrap();
+            for (channel, index) in [("R", 0), ("G", 1), ("B", 2), ("omega", 3)] {
+                let found = layer.channel_data.list.iter().find(|found| found.name == *channel).unwrap();
+                let expected = image.hdr.as_ref().unwrap().iter().map(|pixel| pixel[index]);
+                match &found.sample_data {
+                    FlatSamples::F32(values) => assert!(values.iter().copied().eq(expected), "{format:?} {channel}"),
+                    FlatSamples::F16(values) => {
+                        assert!(format == FilmFormat::Exr16 && channel != "omega");
+                        for (value, expected) in values.iter().zip(expected) {
+                            let found = value.to_f32() * white_cd_m2;
+                            let most = MOST_HALF * white_cd_m2;
+                            let near = (found - expected).abs() <= 5e-4 * expected + 4e-8 * white_cd_m2;
+                            assert!(near || (expected > most && found == most), "{found} {expected}");
+                        }
+                    }
+                    FlatSamples::U32(_) => panic!("{channel} has integers"),
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn png16_is_the_tone_mapped_light() {
+        let image = sample(9, 5);
+        let bytes = encode_image(FilmFormat::Png16, &image, &words()).unwrap();
+        let mut reader = png::Decoder::new(Cursor::new(&bytes)).read_info().unwrap();
+        assert_eq!(reader.info().bit_depth, png::BitDepth::Sixteen);
+        let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+        reader.next_frame(&mut pixels).unwrap();
+        let white_cd_m2 = white_luminance_cd_m2(-3.5);
+        for (pixel, light) in pixels.chunks_exact(6).zip(image.hdr.as_ref().unwrap()) {
+            let rgb =
+                ToneMapSettings::default().display_rgb([light[0], light[1], light[2]].map(f64::from), white_cd_m2);
+            for (bytes, value) in pixel.chunks_exact(2).zip(rgb) {
+                let code = f64::from(u16::from_be_bytes([bytes[0], bytes[1]]));
+                assert!((code - value * 65_535.0).abs() <= 0.5 + 1e-9);
+            }
+        }
+    }
+
+    #[test]
+    fn a_missing_buffer_is_an_error() {
+        for format in [FilmFormat::Png8, FilmFormat::Png16, FilmFormat::Exr16, FilmFormat::Exr32] {
+            let image = FrameImage { display: None, hdr: None, ..sample(4, 4) };
+            assert!(matches!(encode_image(format, &image, &words()), Err(EncodeError::Missing { .. })), "{format:?}");
+        }
+    }
+}

@@ -1,0 +1,394 @@
+//! What a path says of each frame. Every quantity has a track of its own through the keyframes that name it; one that none names is the
+//! configuration's.
+//!
+//! Around a place (`around_m`) the logarithm of the distance is interpolated, and the direction along great arcs, so that a flight over many
+//! orders of magnitude looks even. Fields of view are interpolated in the logarithm of the picture's size on its plane, for the same reason.
+
+use glam::{DQuat, DVec3};
+use toml::Value;
+
+use super::spline::{Track, Turns};
+use crate::config::{Config, ConfigError, Easing, ExposureKey, FilmPath, FovConfig, FovKey, Keyframe, ViewKindConfig};
+use crate::plan::settings::ExposureMode;
+use crate::scene::{Camera, PoseError};
+
+/// What a path says of one frame; `None` is what the configuration says.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct FrameValues {
+    /// Position, ICRS, barycentric, m.
+    pub position_m: Option<DVec3>,
+    /// Rotation from camera axes to ICRS axes.
+    pub world_from_camera: Option<DQuat>,
+    /// Moment, s since 2000-01-01T12:00:00Z.
+    pub time_s: Option<f64>,
+    /// Field of view of perspective views.
+    pub fov: Option<FovKey>,
+    /// Exposure.
+    pub exposure: Option<ExposureKey>,
+    /// Stars fainter than this apparent magnitude are not drawn.
+    pub magnitude_limit: Option<f64>,
+    /// Velocity, ICRS axes, in units of the speed of light.
+    pub velocity_c: Option<DVec3>,
+}
+
+/// The positions of keyframes.
+#[derive(Clone, Debug)]
+enum Positions {
+    Straight(Track<3>),
+    Around {
+        around_m: DVec3,
+        /// Those of the keyframes themselves, m.
+        given_m: Vec<DVec3>,
+        frames: Vec<u32>,
+        /// Logarithm of the distance in m.
+        distances: Track<1>,
+        /// Rotations of +x to the directions.
+        directions: Turns,
+    },
+}
+
+/// A number that is interpolated in a function of it: the values themselves at keyframes.
+#[derive(Clone, Debug)]
+struct Scaled<T> {
+    given: Vec<T>,
+    track: Track<1>,
+}
+
+/// Tracks of all quantities.
+#[derive(Clone, Debug)]
+pub struct FilmTracks {
+    positions: Option<Positions>,
+    orientations: Option<Turns>,
+    times_s: Option<Track<1>>,
+    fovs: Option<Scaled<FovKey>>,
+    exposures: Option<Track<1>>,
+    /// Whether exposures are exposure values, and not compensations.
+    is_fixed: bool,
+    magnitudes: Option<Track<1>>,
+    velocities_c: Option<Track<3>>,
+}
+
+/// The keyframes that name a quantity.
+fn naming<T>(
+    keyframes: &[Keyframe],
+    quantity: impl Fn(&Keyframe) -> Option<T>,
+) -> impl Iterator<Item = (u32, T, Easing)> {
+    keyframes.iter().filter_map(move |keyframe| Some((keyframe.frame, quantity(keyframe)?, keyframe.easing)))
+}
+
+fn scalars(keyframes: &[Keyframe], quantity: impl Fn(&Keyframe) -> Option<f64>) -> Option<Track<1>> {
+    Track::new(naming(keyframes, |keyframe| quantity(keyframe).map(|value| [value])))
+}
+
+fn vectors(keyframes: &[Keyframe], quantity: impl Fn(&Keyframe) -> Option<DVec3>) -> Option<Track<3>> {
+    Track::new(naming(keyframes, |keyframe| quantity(keyframe).map(|value| value.to_array())))
+}
+
+impl Positions {
+    fn new(path: &FilmPath) -> Option<Self> {
+        let Some(around_m) = path.around_m else {
+            return vectors(&path.keyframes, |keyframe| keyframe.position_m).map(Self::Straight);
+        };
+        let named: Vec<(u32, DVec3, Easing)> = naming(&path.keyframes, |keyframe| keyframe.position_m).collect();
+        let distance_m = |position_m: DVec3| (position_m - around_m).length();
+        let distances =
+            Track::new(named.iter().map(|&(frame, at_m, easing)| (frame, [distance_m(at_m).ln()], easing)))?;
+        // Each rotation is the one before, and then the arc to the next direction: so the arcs between them are great ones.
+        let mut directions: Vec<(u32, DQuat, Easing)> = Vec::with_capacity(named.len());
+        let mut last = (DVec3::X, DQuat::IDENTITY);
+        for &(frame, at_m, easing) in &named {
+            let direction = (at_m - around_m).try_normalize().unwrap_or(DVec3::X);
+            last = (direction, (DQuat::from_rotation_arc(last.0, direction) * last.1).normalize());
+            directions.push((frame, last.1, easing));
+        }
+        Some(Self::Around {
+            around_m,
+            given_m: named.iter().map(|(_, at_m, _)| *at_m).collect(),
+            frames: named.iter().map(|(frame, ..)| *frame).collect(),
+            distances,
+            directions: Turns::new(directions)?,
+        })
+    }
+
+    fn at(&self, frame: u32) -> DVec3 {
+        let at = f64::from(frame);
+        match self {
+            Self::Straight(track) => DVec3::from_array(track.at(at)),
+            Self::Around { around_m, given_m, frames, distances, directions } => {
+                let (knot, [offset]) = distances.offset(at);
+                if frames[knot] == frame || frame < frames[0] || frame >= frames[frames.len() - 1] {
+                    return given_m[knot];
+                }
+                let distance_m = (given_m[knot] - around_m).length() * offset.exp();
+                around_m + directions.at(at) * DVec3::X * distance_m
+            }
+        }
+    }
+}
+
+fn fov_track(keyframes: &[Keyframe]) -> Option<Scaled<FovKey>> {
+    let given: Vec<(u32, FovKey, Easing)> = naming(keyframes, |keyframe| keyframe.fov).collect();
+    let size = |fov: FovKey| match fov {
+        FovKey::Scale(scale) => scale,
+        FovKey::YDeg(deg) => (0.5 * deg.to_radians()).tan(),
+    };
+    let track = Track::new(given.iter().map(|&(frame, fov, easing)| (frame, [size(fov).ln()], easing)))?;
+    Some(Scaled { given: given.into_iter().map(|(_, fov, _)| fov).collect(), track })
+}
+
+impl Scaled<FovKey> {
+    fn at(&self, frame: f64) -> FovKey {
+        let (knot, [offset]) = self.track.offset(frame);
+        match self.given[knot] {
+            given if offset == 0.0 => given,
+            FovKey::Scale(scale) => FovKey::Scale(scale * offset.exp()),
+            FovKey::YDeg(deg) => {
+                FovKey::YDeg((2.0 * ((0.5 * deg.to_radians()).tan() * offset.exp()).atan()).to_degrees())
+            }
+        }
+    }
+}
+
+impl FilmTracks {
+    /// The tracks through the keyframes of a path.
+    pub fn new(path: &FilmPath) -> Self {
+        let keyframes = &path.keyframes;
+        let exposure = |keyframe: &Keyframe| match keyframe.exposure? {
+            ExposureKey::Ev100(value) | ExposureKey::CompensationEv(value) => Some(value),
+        };
+        Self {
+            positions: Positions::new(path),
+            orientations: Turns::new(naming(keyframes, |keyframe| keyframe.world_from_camera)),
+            times_s: scalars(keyframes, |keyframe| keyframe.time_s),
+            fovs: fov_track(keyframes),
+            exposures: scalars(keyframes, exposure),
+            is_fixed: keyframes.iter().any(|keyframe| matches!(keyframe.exposure, Some(ExposureKey::Ev100(_)))),
+            magnitudes: scalars(keyframes, |keyframe| keyframe.magnitude_limit),
+            velocities_c: vectors(keyframes, |keyframe| keyframe.velocity_c),
+        }
+    }
+
+    /// What the path says of a frame.
+    pub fn at(&self, frame: u32) -> FrameValues {
+        let at = f64::from(frame);
+        let number = |track: &Option<Track<1>>| track.as_ref().map(|track| track.at(at)[0]);
+        let exposure = if self.is_fixed { ExposureKey::Ev100 } else { ExposureKey::CompensationEv };
+        FrameValues {
+            position_m: self.positions.as_ref().map(|positions| positions.at(frame)),
+            world_from_camera: self.orientations.as_ref().map(|turns| turns.at(at)),
+            time_s: number(&self.times_s),
+            fov: self.fovs.as_ref().map(|fovs| fovs.at(at)),
+            exposure: number(&self.exposures).map(exposure),
+            magnitude_limit: number(&self.magnitudes),
+            velocity_c: self.velocities_c.as_ref().map(|track| DVec3::from_array(track.at(at))),
+        }
+    }
+}
+
+/// Refuses a path that names what the views or the exposure of a configuration do not have.
+///
+/// # Errors
+///
+/// The message names the file of the path, the key, and what is needed.
+pub fn check_with(path: &FilmPath, config: &Config) -> Result<(), ConfigError> {
+    let fault = |key: &str, problem: String| {
+        let origin = path.origin.clone();
+        Err(ConfigError::Key { origin, key: format!("keyframes.{key}"), problem })
+    };
+    let perspective = |by_edges: bool| {
+        config.views.iter().any(|view| match &view.kind {
+            ViewKindConfig::Perspective(view) => by_edges || view.fov_y_deg.is_some(),
+            _ => false,
+        })
+    };
+    for keyframe in &path.keyframes {
+        match keyframe.fov {
+            Some(FovKey::Scale(_)) if !perspective(true) => {
+                return fault(
+                    "fov_scale",
+                    format!("{} has no perspective view, whose field it would change", config.origin),
+                );
+            }
+            Some(FovKey::YDeg(_)) if !perspective(false) => {
+                let problem = "has no perspective view with fov_y_deg, whose field it would change";
+                return fault("fov_y_deg", format!("{} {problem}", config.origin));
+            }
+            _ => {}
+        }
+        if matches!(keyframe.exposure, Some(ExposureKey::CompensationEv(_)))
+            && config.exposure.mode == ExposureMode::Manual
+        {
+            let problem = "has no effect with mode = \"manual\"";
+            return fault(
+                "compensation_ev",
+                format!("{problem} in {}: use ev100, or set mode = \"auto\"", config.origin),
+            );
+        }
+    }
+    Ok(())
+}
+
+fn scaled_deg(angle_deg: f64, scale: f64) -> f64 {
+    (angle_deg.to_radians().tan() * scale).atan().to_degrees()
+}
+
+impl FrameValues {
+    /// The camera of a frame, for a configuration whose camera is that.
+    ///
+    /// # Errors
+    ///
+    /// It is faster than can be drawn: velocities between two keyframes may be.
+    pub fn camera(&self, of_config: &Camera) -> Result<Camera, PoseError> {
+        let position_m = self.position_m.unwrap_or(of_config.position_m);
+        let orientation = self.world_from_camera.unwrap_or(of_config.world_from_camera);
+        let velocity_c = self.velocity_c.unwrap_or(of_config.velocity_c);
+        Camera::new(position_m.to_array(), orientation.to_array(), velocity_c.to_array())
+    }
+
+    /// The configuration of a frame, but for camera and time, which its types do not hold as exactly.
+    pub fn applied_to(&self, config: &Config) -> Config {
+        let mut config = config.clone();
+        if let Some(limit) = self.magnitude_limit {
+            config.stars.magnitude_limit = limit;
+        }
+        match self.exposure {
+            Some(ExposureKey::Ev100(ev100)) => {
+                (config.exposure.mode, config.exposure.ev100) = (ExposureMode::Manual, ev100);
+                // It is that of every view.
+                for view in &mut config.views {
+                    (view.tables.exposure, view.tables.exposure_group) = (None, None);
+                }
+            }
+            Some(ExposureKey::CompensationEv(ev)) => config.exposure.compensation_ev = ev,
+            None => {}
+        }
+        let Some(fov) = self.fov else { return config };
+        for view in &mut config.views {
+            let ViewKindConfig::Perspective(perspective) = &mut view.kind else { continue };
+            if let Some(own_deg) = perspective.fov_y_deg {
+                let deg = match fov {
+                    FovKey::Scale(scale) => 2.0 * scaled_deg(0.5 * own_deg, scale),
+                    FovKey::YDeg(deg) => deg,
+                };
+                perspective.fov_y_deg = Some(deg);
+                view.definition.insert("fov_y_deg".to_owned(), Value::Float(deg));
+            }
+            if let (Some(edges), FovKey::Scale(scale)) = (&mut perspective.fov, fov) {
+                let FovConfig { left_deg, right_deg, up_deg, down_deg } = edges;
+                let mut table = toml::Table::new();
+                for (key, edge) in
+                    [("left_deg", left_deg), ("right_deg", right_deg), ("up_deg", up_deg), ("down_deg", down_deg)]
+                {
+                    *edge = scaled_deg(*edge, scale);
+                    table.insert(key.to_owned(), Value::Float(*edge));
+                }
+                view.definition.insert("fov".to_owned(), Value::Table(table));
+            }
+        }
+        config
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+
+    fn tracks(text: &str) -> FilmTracks {
+        FilmTracks::new(&FilmPath::from_text(text, "p.toml").unwrap())
+    }
+
+    #[test]
+    fn a_flight_over_ten_orders_of_magnitude_is_even_in_the_logarithm_of_the_distance() {
+        let text = "around_m = [1e11, 2e10, -5e9]\n\
+            [[keyframes]]\nframe = 0\nposition_m = [100010000000.0, 2e10, -5e9]\neasing = 'linear'\n\
+            [[keyframes]]\nframe = 100\nposition_m = [1e11, 1e17, -5e9]\n";
+        let around_m = DVec3::new(1e11, 2e10, -5e9);
+        let film = tracks(text);
+        let at = |frame| film.at(frame).position_m.unwrap() - around_m;
+        let step = (at(100).length() / at(0).length()).ln() / 100.0;
+        for frame in 0..100 {
+            let found = (at(frame + 1).length() / at(frame).length()).ln();
+            assert!((found / step - 1.0).abs() < 1e-4, "{frame}: {found} {step}");
+            // The direction turns evenly too, in its plane.
+            let turned = at(frame + 1).angle_between(at(frame));
+            assert!((turned * 100.0 / std::f64::consts::FRAC_PI_2 - 1.0).abs() < 1e-4, "{frame}: {turned}");
+            assert!(at(frame).z.abs() < 1e-3 + 1e-12 * at(frame).length());
+        }
+        // Along a straight line the first frame alone would be ten orders of magnitude away.
+        let straight = tracks(&text.replace("around_m = [1e11, 2e10, -5e9]", ""));
+        let first = straight.at(1).position_m.unwrap() - around_m;
+        assert!(first.length() > 1e14 && at(1).length() < 2e7, "{first} {}", at(1));
+    }
+
+    #[test]
+    fn keyframes_are_exact_and_what_none_names_stays() {
+        let text = "around_m = [1, 0, 0]\n[[keyframes]]\nframe = 3\nposition_m = [149597870700.123, 3.1e-3, 7.7]\n\
+            look = { ra_deg = 266.4, dec_deg = -28.9 }\nfov_y_deg = 41.7\n\
+            [[keyframes]]\nframe = 5\nmagnitude_limit = 6.3\n\
+            [[keyframes]]\nframe = 9\nposition_m = [1.5e11, 2e10, 1e9]\norientation = [0, 0, 0, 1]\nfov_y_deg = 0.7\nev100 = -4.7\n\
+            [[keyframes]]\nframe = 20\nposition_m = [1e17, 2e15, 1e16]\nev100 = 3.3\ntime = 2026-01-01T00:00:00Z\n";
+        for text in [text.to_owned(), text.replace("around_m = [1, 0, 0]", "")] {
+            let path = FilmPath::from_text(&text, "p.toml").unwrap();
+            let film = FilmTracks::new(&path);
+            for keyframe in &path.keyframes {
+                let values = film.at(keyframe.frame);
+                let same = |named: bool, same: bool| assert!(!named || same, "{keyframe:?} {values:?}");
+                same(keyframe.position_m.is_some(), values.position_m == keyframe.position_m);
+                same(keyframe.world_from_camera.is_some(), values.world_from_camera == keyframe.world_from_camera);
+                same(keyframe.fov.is_some(), values.fov == keyframe.fov);
+                same(keyframe.exposure.is_some(), values.exposure == keyframe.exposure);
+                assert_eq!(values.velocity_c, None);
+            }
+            // Held before the first keyframe that names it and after the last one.
+            assert_eq!(film.at(0).exposure, Some(ExposureKey::Ev100(-4.7)));
+            assert_eq!(
+                (film.at(0).position_m, film.at(90).position_m),
+                (film.at(3).position_m, film.at(20).position_m)
+            );
+            assert_eq!((film.at(0).magnitude_limit, film.at(90).magnitude_limit), (Some(6.3), Some(6.3)));
+        }
+    }
+
+    #[test]
+    fn positions_around_a_place_have_no_jump_of_their_rate() {
+        let film = tracks(
+            "around_m = [0, 0, 0]\n[[keyframes]]\nframe = 0\nposition_m = [1e7, 0, 0]\n[[keyframes]]\nframe = 1000\n\
+            position_m = [0, 1e9, 0]\n[[keyframes]]\nframe = 1500\nposition_m = [0, 1e9, 1e12]\n",
+        );
+        let at = |frame| film.at(frame).position_m.unwrap();
+        for frame in [1000, 1500] {
+            // Per frame, in units of the distance.
+            let rates = [frame - 1, frame].map(|f| (at(f + 1) - at(f)) / at(frame).length());
+            assert!((rates[1] - rates[0]).length() < 3e-4, "{frame}: {rates:?}");
+        }
+    }
+
+    #[test]
+    fn fields_of_view_and_exposures_reach_the_views() {
+        let text = "[[views]]\nname = 'a'\ntype = 'perspective'\nsize = [8, 8]\nfov_y_deg = 60\n[views.exposure]\nlimiting_magnitude = 7\n\
+            [[views]]\nname = 'b'\ntype = 'perspective'\nsize = [8, 8]\nfov = { left_deg = -45, right_deg = 20, up_deg = 10, down_deg = -10 }\n";
+        let config = Config::from_text(text, "c.toml", Path::new(""), &[]).unwrap();
+        let halved = FrameValues { fov: Some(FovKey::Scale(0.5)), ..FrameValues::default() }.applied_to(&config);
+        let ViewKindConfig::Perspective(view) = &halved.views[0].kind else { panic!() };
+        assert!((view.fov_y_deg.unwrap() - 2.0 * (0.5 / 3.0_f64.sqrt()).atan().to_degrees()).abs() < 1e-12);
+        let ViewKindConfig::Perspective(view) = &halved.views[1].kind else { panic!() };
+        assert!((view.fov.unwrap().left_deg + 0.5_f64.atan().to_degrees()).abs() < 1e-12);
+        halved.rig().unwrap();
+        let fixed =
+            FrameValues { exposure: Some(ExposureKey::Ev100(2.5)), ..FrameValues::default() }.applied_to(&config);
+        let groups = fixed.frame_groups().unwrap();
+        assert_eq!((groups.len(), groups[0].settings.exposure.ev100), (1, 2.5));
+        // What nothing in the configuration would follow is refused.
+        let dome =
+            "[exposure]\nmode = 'manual'\n[[views]]\nname = 'a'\ntype = 'dome_master'\nsize = [8, 8]\nfov_deg = 180\n";
+        let dome = Config::from_text(dome, "c.toml", Path::new(""), &[]).unwrap();
+        for key in ["fov_scale", "fov_y_deg", "compensation_ev"] {
+            let path = FilmPath::from_text(&format!("[[keyframes]]\nframe = 0\n{key} = 1\n"), "p.toml").unwrap();
+            let message = check_with(&path, &dome).unwrap_err().to_string();
+            assert!(message.contains("p.toml") && message.contains(key) && message.contains("c.toml"), "{message}");
+        }
+    }
+}

@@ -1,0 +1,305 @@
+//! Tracks through keyframes: numbers and rotations over the numbers of frames.
+//!
+//! A segment is linear or smooth. Smooth ones are cubic Hermite splines whose tangents keep them monotone between keyframes (F. N. Fritsch and
+//! J. Butland, "A method for constructing local monotone piecewise cubic interpolants", SIAM J. Sci. Stat. Comput. 5, 1984), so that nothing
+//! overshoots a keyframe. At a keyframe between a linear and a smooth segment the smooth one takes over the rate of the linear one, as far as
+//! it stays monotone. Values are held before the first keyframe and after the last one, and a smooth track comes to rest there: it has no jump of
+//! its rate anywhere.
+//!
+//! Rotations are cubic Bézier curves of great arcs (K. Shoemake, "Animating rotation with quaternion curves", SIGGRAPH 1985) whose angular
+//! velocities at the keyframes are found by the same rule, component by component: about one axis they are the spline of the angle.
+
+use glam::{DQuat, DVec3};
+
+use crate::config::Easing;
+
+/// Place of a frame in a track.
+enum Place {
+    /// At a keyframe, or held at one.
+    At(usize),
+    /// Between a keyframe and the next one, at this share of the way in frames.
+    Between(usize, f64),
+}
+
+/// Frames of keyframes, rising, and how the segments that begin there are travelled.
+#[derive(Clone, Debug)]
+struct Knots {
+    frames: Vec<f64>,
+    easings: Vec<Easing>,
+}
+
+impl Knots {
+    fn place(&self, frame: f64) -> Place {
+        let after = self.frames.partition_point(|knot| *knot <= frame);
+        if after == 0 {
+            return Place::At(0);
+        }
+        let before = after - 1;
+        if after == self.frames.len() || self.frames[before] == frame {
+            return Place::At(before);
+        }
+        Place::Between(before, (frame - self.frames[before]) / self.length(before))
+    }
+
+    fn length(&self, segment: usize) -> f64 {
+        self.frames[segment + 1] - self.frames[segment]
+    }
+
+    /// Rates at the keyframes, per frame, from the mean rates of the segments.
+    fn rates<const N: usize>(&self, means: &[[f64; N]]) -> Vec<[f64; N]> {
+        let rate = |knot: usize| {
+            if knot == 0 || knot == means.len() {
+                return [0.0; N];
+            }
+            let [(length_before, easing_before), (length_after, easing_after)] =
+                [knot - 1, knot].map(|s| (self.length(s), self.easings[s]));
+            std::array::from_fn(|c| {
+                let (before, after) = (means[knot - 1][c], means[knot][c]);
+                if before * after <= 0.0 {
+                    return 0.0;
+                }
+                // Three times the mean rate is the most with which a cubic stays monotone.
+                let limited = |rate: f64, mean: f64| rate.signum() * rate.abs().min(3.0 * mean.abs());
+                match (easing_before, easing_after) {
+                    (Easing::Linear, Easing::Smooth) => limited(before, after),
+                    (Easing::Smooth, Easing::Linear) => limited(after, before),
+                    _ => {
+                        let weights = [2.0 * length_after + length_before, length_after + 2.0 * length_before];
+                        (weights[0] + weights[1]) / (weights[0] / before + weights[1] / after)
+                    }
+                }
+            })
+        };
+        (0..=means.len()).map(rate).collect()
+    }
+}
+
+/// A spline of `N` numbers.
+#[derive(Clone, Debug)]
+pub(super) struct Track<const N: usize> {
+    knots: Knots,
+    values: Vec<[f64; N]>,
+    rates: Vec<[f64; N]>,
+}
+
+impl<const N: usize> Track<N> {
+    /// A track through keyframes: frame, value, easing. `None`: there is none.
+    pub(super) fn new(keyframes: impl IntoIterator<Item = (u32, [f64; N], Easing)>) -> Option<Self> {
+        let mut knots = Knots { frames: Vec::new(), easings: Vec::new() };
+        let mut values = Vec::new();
+        for (frame, value, easing) in keyframes {
+            knots.frames.push(f64::from(frame));
+            knots.easings.push(easing);
+            values.push(value);
+        }
+        let segments = values.len().checked_sub(1)?;
+        let mean = |s: usize| std::array::from_fn(|c| (values[s + 1][c] - values[s][c]) / knots.length(s));
+        let means: Vec<[f64; N]> = (0..segments).map(mean).collect();
+        let rates = knots.rates(&means);
+        Some(Self { knots, values, rates })
+    }
+
+    /// The nearer keyframe and what is to be added to its value, which is 0 at the keyframe itself: so nothing is lost of the precision near it.
+    pub(super) fn offset(&self, frame: f64) -> (usize, [f64; N]) {
+        let (before, share) = match self.knots.place(frame) {
+            Place::At(knot) => return (knot, [0.0; N]),
+            Place::Between(before, share) => (before, share),
+        };
+        let (length, from_end) = (self.knots.length(before), share > 0.5);
+        let offset = |c: usize| {
+            let whole = self.values[before + 1][c] - self.values[before][c];
+            let (eased, bent) = match self.knots.easings[before] {
+                Easing::Linear => (if from_end { 1.0 - share } else { share }, 0.0),
+                Easing::Smooth => {
+                    let left = 1.0 - share;
+                    let step = |u: f64| u * u * (3.0 - 2.0 * u);
+                    let [start, end] = [self.rates[before][c], self.rates[before + 1][c]];
+                    // The basis of Hermite's cubic, less the mean rate's share, which `step` has: rates at both ends.
+                    let bent = length * share * left * (start * left - end * share);
+                    (step(if from_end { left } else { share }), bent)
+                }
+            };
+            (if from_end { -whole * eased } else { whole * eased }) + bent
+        };
+        (before + usize::from(from_end), std::array::from_fn(offset))
+    }
+
+    /// The value at a frame.
+    pub(super) fn at(&self, frame: f64) -> [f64; N] {
+        let (knot, offset) = self.offset(frame);
+        std::array::from_fn(|c| self.values[knot][c] + offset[c])
+    }
+}
+
+/// The rotation by a rotation vector, rad.
+fn by(rotation: DVec3) -> DQuat {
+    DQuat::from_scaled_axis(rotation)
+}
+
+/// The shorter rotation from one to the other in the axes of the first, as a rotation vector, rad.
+fn between(from: DQuat, to: DQuat) -> DVec3 {
+    let turn = from.inverse() * to;
+    (if turn.w < 0.0 { -turn } else { turn }).to_scaled_axis()
+}
+
+fn along(from: DQuat, to: DQuat, share: f64) -> DQuat {
+    from * by(between(from, to) * share)
+}
+
+/// A spline of rotations.
+#[derive(Clone, Debug)]
+pub(super) struct Turns {
+    knots: Knots,
+    values: Vec<DQuat>,
+    /// Rotation vectors of the segments, rad.
+    turns: Vec<DVec3>,
+    /// Angular velocities at the keyframes in their own axes, rad per frame.
+    rates: Vec<DVec3>,
+}
+
+impl Turns {
+    /// A track through keyframes: frame, unit quaternion, easing. `None`: there is none.
+    pub(super) fn new(keyframes: impl IntoIterator<Item = (u32, DQuat, Easing)>) -> Option<Self> {
+        let mut knots = Knots { frames: Vec::new(), easings: Vec::new() };
+        let mut values = Vec::new();
+        for (frame, value, easing) in keyframes {
+            knots.frames.push(f64::from(frame));
+            knots.easings.push(easing);
+            values.push(value);
+        }
+        let segments = values.len().checked_sub(1)?;
+        let turns: Vec<DVec3> = (0..segments).map(|s| between(values[s], values[s + 1])).collect();
+        // A rotation vector is the same in the axes of both ends of its segment.
+        let means: Vec<[f64; 3]> = (0..segments).map(|s| (turns[s] / knots.length(s)).to_array()).collect();
+        let rates = knots.rates(&means).into_iter().map(DVec3::from_array).collect();
+        Some(Self { knots, values, turns, rates })
+    }
+
+    /// The rotation at a frame.
+    pub(super) fn at(&self, frame: f64) -> DQuat {
+        let (before, share) = match self.knots.place(frame) {
+            Place::At(knot) => return self.values[knot],
+            Place::Between(before, share) => (before, share),
+        };
+        let [start, end] = [self.values[before], self.values[before + 1]];
+        let turned = match self.knots.easings[before] {
+            Easing::Linear => start * by(self.turns[before] * share),
+            Easing::Smooth => {
+                let third = self.knots.length(before) / 3.0;
+                let points =
+                    [start, start * by(self.rates[before] * third), end * by(-self.rates[before + 1] * third), end];
+                let [a, b, c] = [0, 1, 2].map(|i| along(points[i], points[i + 1], share));
+                along(along(a, b, share), along(b, c, share), share)
+            }
+        };
+        turned.normalize()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn track(keyframes: &[(u32, f64, Easing)]) -> Track<1> {
+        Track::new(keyframes.iter().map(|&(frame, value, easing)| (frame, [value], easing))).unwrap()
+    }
+
+    const UNEVEN: [(u32, f64, Easing); 6] = [
+        (0, 3.0, Easing::Smooth),
+        (10, 3.0, Easing::Smooth),
+        (25, -40.0, Easing::Linear),
+        (30, -60.0, Easing::Smooth),
+        (60, -61.0, Easing::Smooth),
+        (64, 1e6, Easing::Smooth),
+    ];
+
+    #[test]
+    fn numbers_are_exact_at_keyframes_held_beyond_them_and_never_overshoot() {
+        let track = track(&UNEVEN);
+        for (frame, value, _) in UNEVEN {
+            assert_eq!(track.at(f64::from(frame)), [value]);
+        }
+        assert_eq!((track.at(-5.0), track.at(1e9)), ([3.0], [1e6]));
+        for pair in UNEVEN.windows(2) {
+            let [from, to] = [pair[0], pair[1]];
+            let mut last = from.1;
+            for step in 1..=100 {
+                let [value] = track.at(f64::from(from.0) + f64::from(to.0 - from.0) * f64::from(step) / 100.0);
+                assert!((value - last) * (to.1 - from.1) >= 0.0, "{from:?} {to:?} step {step}: {last} {value}");
+                last = value;
+            }
+        }
+    }
+
+    /// Largest jump of the rate at the keyframes, over the largest rate near them.
+    fn jump_of_rate(at: impl Fn(f64) -> f64, frames: &[u32]) -> f64 {
+        let step = 1e-4;
+        let jump = |&frame: &u32| {
+            let frame = f64::from(frame);
+            let rate = |from: f64| (at(from + step) - at(from)) / step;
+            (rate(frame) - rate(frame - step)).abs()
+        };
+        frames.iter().map(jump).fold(0.0, f64::max)
+    }
+
+    #[test]
+    fn rates_of_smooth_tracks_have_no_jump_at_keyframes_and_beside_linear_ones() {
+        let smooth = track(&[
+            (0, 0.0, Easing::Smooth),
+            (10, 1.0, Easing::Smooth),
+            (15, 4.0, Easing::Linear),
+            (20, 9.0, Easing::Smooth),
+            (30, 15.0, Easing::Smooth),
+        ]);
+        let jump = jump_of_rate(|frame| smooth.at(frame)[0], &[0, 10, 15, 20, 30]);
+        assert!(jump < 1e-3, "{jump}");
+        // What jumps is seen.
+        let kinked = track(&[(0, 0.0, Easing::Linear), (10, 1.0, Easing::Linear), (15, 4.0, Easing::Linear)]);
+        assert!(jump_of_rate(|frame| kinked.at(frame)[0], &[0, 10, 15]) > 0.4);
+    }
+
+    #[test]
+    fn rotations_about_one_axis_are_the_spline_of_the_angle() {
+        let axis = DVec3::new(0.6, 0.0, 0.8);
+        let angles = [(0, 0.1), (10, 1.0), (15, 2.6), (40, 2.6), (50, 0.4)];
+        for easing in [Easing::Smooth, Easing::Linear] {
+            let turns = Turns::new(angles.map(|(frame, angle)| (frame, DQuat::from_axis_angle(axis, angle), easing)));
+            let numbers = track(&angles.map(|(frame, angle)| (frame, angle, easing)));
+            for tenth in -10..520 {
+                let frame = f64::from(tenth) / 10.0;
+                let found = turns.as_ref().unwrap().at(frame);
+                let expected = DQuat::from_axis_angle(axis, numbers.at(frame)[0]);
+                assert!(found.angle_between(expected) < 1e-7, "{easing:?} {frame}: {found} {expected}");
+            }
+        }
+    }
+
+    #[test]
+    fn linear_rotations_turn_at_a_constant_rate_and_smooth_ones_without_a_jump() {
+        let keys = [
+            (0, DQuat::IDENTITY),
+            (12, DQuat::from_rotation_y(1.2)),
+            (20, DQuat::from_rotation_x(2.0)),
+            // The same rotation as its negative.
+            (32, -DQuat::from_rotation_z(0.4)),
+        ];
+        let turns = |easing| Turns::new(keys.map(|(frame, turn)| (frame, turn, easing))).unwrap();
+        let linear = turns(Easing::Linear);
+        let step = |at: f64| linear.at(at).angle_between(linear.at(at + 0.5));
+        for at in [12.0, 12.5, 15.0, 19.5] {
+            assert!((step(at) / step(14.0) - 1.0).abs() < 1e-9, "{at}");
+        }
+        let smooth = turns(Easing::Smooth);
+        for (frame, turn) in keys {
+            assert_eq!(smooth.at(f64::from(frame)), turn);
+        }
+        let jump = |of: &Turns, frame: f64| {
+            let rate = |from: f64| between(of.at(from), of.at(from + 1e-4)) / 1e-4;
+            (rate(frame) - rate(frame - 1e-4)).length()
+        };
+        for (frame, _) in keys {
+            assert!(jump(&smooth, f64::from(frame)) < 1e-3, "{frame}: {}", jump(&smooth, f64::from(frame)));
+        }
+        assert!(jump(&linear, 12.0) > 0.1);
+    }
+}

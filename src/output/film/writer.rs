@@ -1,0 +1,142 @@
+//! Encoding and writing behind the drawing: frames go through a bounded channel to a few threads, and the drawing waits where these are slower.
+
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::sync::{Mutex, PoisonError};
+use std::thread;
+
+use super::super::OutputError;
+use super::error::FilmError;
+use super::images::{FilmFormat, ImageWords, encode_image};
+use crate::files;
+use crate::render::FrameImage;
+
+/// Threads at most. Each one may have a frame, one more waits, and one is drawn: so many are in memory.
+const MOST_THREADS: usize = 3;
+
+/// One image and the file that it becomes.
+#[derive(Debug)]
+pub struct FrameFile {
+    /// The file.
+    pub path: PathBuf,
+    /// The image.
+    pub image: FrameImage,
+    /// What is told beside it.
+    pub words: ImageWords,
+}
+
+/// Takes frames.
+pub struct FilmWriter<'a> {
+    frames: SyncSender<Vec<FrameFile>>,
+    error: &'a Mutex<Option<OutputError>>,
+    written: &'a AtomicUsize,
+}
+
+impl FilmWriter<'_> {
+    /// Hands the files of a frame over; waits where the threads have enough to do. Each file appears whole or not at all.
+    ///
+    /// # Errors
+    ///
+    /// What has gone wrong with an earlier frame.
+    pub fn write(&self, frame: Vec<FrameFile>) -> Result<(), FilmError> {
+        if let Some(error) = self.error.lock().unwrap_or_else(PoisonError::into_inner).take() {
+            return Err(error.into());
+        }
+        self.frames.send(frame).map_err(|_| FilmError::Writers)
+    }
+
+    /// Frames that are written so far.
+    pub fn written(&self) -> usize {
+        self.written.load(Ordering::Relaxed)
+    }
+}
+
+fn write_frame(format: FilmFormat, frame: Vec<FrameFile>) -> Result<(), OutputError> {
+    for FrameFile { path, image, words } in frame {
+        match encode_image(format, &image, &words) {
+            Ok(bytes) => {
+                files::write_whole_synced(&path, &bytes).map_err(|source| OutputError::Write { path, source })?;
+            }
+            Err(source) => return Err(OutputError::Encode { path, source }),
+        }
+    }
+    Ok(())
+}
+
+fn next(frames: &Mutex<Receiver<Vec<FrameFile>>>) -> Option<Vec<FrameFile>> {
+    frames.lock().unwrap_or_else(PoisonError::into_inner).recv().ok()
+}
+
+/// Runs `draw` with a writer, and waits until all that it has handed over is written; returns what `draw` does, and the number of frames written.
+///
+/// # Errors
+///
+/// Those of `draw`, or that a file cannot be written.
+pub fn with_writer<T, E: From<FilmError>>(
+    format: FilmFormat,
+    draw: impl FnOnce(&FilmWriter<'_>) -> Result<T, E>,
+) -> Result<(T, usize), E> {
+    let threads = thread::available_parallelism().map_or(1, usize::from).min(MOST_THREADS);
+    let (sender, receiver) = sync_channel(1);
+    let receiver = Mutex::new(receiver);
+    let error = Mutex::new(None);
+    let written = AtomicUsize::new(0);
+    let drawn = thread::scope(|scope| {
+        for _ in 0..threads {
+            scope.spawn(|| {
+                while let Some(frame) = next(&receiver) {
+                    match write_frame(format, frame) {
+                        Ok(()) => {
+                            written.fetch_add(1, Ordering::Relaxed);
+                        }
+                        // The first one is told; the threads go on to take what would otherwise block the drawing.
+                        Err(problem) => {
+                            error.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(problem);
+                        }
+                    }
+                }
+            });
+        }
+        let writer = FilmWriter { frames: sender, error: &error, written: &written };
+        // The writer is dropped with this call's end, and the threads end when the channel is empty.
+        let drawn = draw(&writer);
+        drop(writer);
+        drawn
+    })?;
+    match error.into_inner().unwrap_or_else(PoisonError::into_inner) {
+        Some(problem) => Err(FilmError::from(problem).into()),
+        None => Ok((drawn, written.into_inner())),
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
+mod tests {
+    use super::super::super::encode::tests::sample;
+    use super::*;
+    use crate::photometry::tone_map::ToneMapSettings;
+
+    fn frame(path: PathBuf) -> Vec<FrameFile> {
+        let words = ImageWords { exposure_ev100: 0.0, tone_map: ToneMapSettings::default(), attributes: Vec::new() };
+        vec![FrameFile { path, image: sample(8, 8), words }]
+    }
+
+    #[test]
+    fn all_frames_are_written_and_a_failure_is_told_without_a_half_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |number: usize| folder.path().join(format!("{number}.png"));
+        let written = with_writer::<_, FilmError>(FilmFormat::Png8, |writer| {
+            (0..20).try_for_each(|number| writer.write(frame(path(number))))
+        });
+        assert_eq!(written.unwrap().1, 20);
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 20, "nothing else is left");
+        std::fs::create_dir(path(30)).unwrap();
+        let failed = with_writer::<_, FilmError>(FilmFormat::Png8, |writer| {
+            (29..50).try_for_each(|number| writer.write(frame(path(number))))
+        });
+        assert!(failed.unwrap_err().to_string().contains("30.png"));
+        let names = std::fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name());
+        assert!(names.into_iter().all(|name| name.to_str().unwrap().ends_with(".png")), "no temporary file is left");
+    }
+}
