@@ -13,6 +13,7 @@ use steradian::{
     output::film::FilmTracks,
     photometry::{glare::PsfTable, psf},
     scene::{asteroids::ShapeSet, bodies::Texture},
+    theatre::{self, ReadOptions},
 };
 
 fn answer<T>(result: Result<T, impl Display>) -> String {
@@ -94,4 +95,23 @@ pub fn texture(data: &[u8]) -> String {
 pub fn glare_table(data: &[u8]) -> String {
     let path = file("glare.csv", data);
     answer(PsfTable::read(&path).and_then(|table| table.kernel(1e-3)))
+}
+
+/// A calibration of projectors in any format; behind a NUL in text, the mesh that a configuration of SGCT names `mesh.bin`.
+pub fn theatre(data: &[u8]) -> String {
+    let mut data = data;
+    if data.starts_with(b"{")
+        && let Some(end) = data.iter().position(|byte| *byte == 0)
+    {
+        file("mesh.bin", &data[end + 1..]);
+        data = &data[..end];
+    }
+    let mut options = ReadOptions::default();
+    let path = file("fuzz.theatre", data);
+    let alone = answer(theatre::read(&path, &options));
+    if !alone.contains("size_px") {
+        return alone;
+    }
+    options.size_px = Some([64, 48]);
+    answer(theatre::read(&path, &options))
 }

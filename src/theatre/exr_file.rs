@@ -9,8 +9,8 @@ use exr::{
 
 use super::{MOST_SIDE, fault::Fault, pfm::Plane};
 
-/// Channels that are decoded, at most: others may lie beside the three.
-const MOST_CHANNELS: usize = 8;
+/// Channels that are decoded, at most: an alpha channel may lie beside the three.
+const MOST_CHANNELS: usize = 4;
 
 const CHANNELS: &str = "channels R, G, B or x, y, z are needed, all as floats";
 

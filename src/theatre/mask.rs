@@ -8,9 +8,9 @@ use super::{MOST_BYTES, TheatreError, fault::Fault};
 use crate::files;
 
 /// Width or height of a mask, at most.
-const MOST_SIDE_PX: u32 = 16384;
+const MOST_SIDE_PX: u32 = 8192;
 
-const ALLOWED: &str = "a PNG of 8 or 16 bits, grey or RGB, of at most 16384 x 16384 pixels, is needed";
+const ALLOWED: &str = "a PNG of 8 or 16 bits, grey or RGB, of at most 8192 x 8192 pixels, is needed";
 
 /// Factors over a projector's raster, of a size of its own.
 #[derive(Clone, Debug, PartialEq)]

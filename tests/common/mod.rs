@@ -4,6 +4,7 @@
 pub mod figures;
 pub mod hammer;
 mod pool;
+pub mod theatre;
 
 use std::{path::Path, sync::Arc};
 

@@ -11,3 +11,4 @@ mod overlay;
 mod psf;
 mod shaders;
 mod stars;
+mod theatre;

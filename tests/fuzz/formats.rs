@@ -75,3 +75,50 @@ pub fn fits_unit(cards: &[&str], data: &[u8]) -> Vec<u8> {
     bytes.resize(bytes.len().next_multiple_of(2880), 0);
     bytes
 }
+
+/// The entries of a ZIP, taken from their own headers and stored anew with lengths and CRC-32; PNGs within are repaired too.
+pub fn repair_zip(bytes: &mut Vec<u8>) {
+    let starts: Vec<usize> =
+        bytes.windows(4).enumerate().filter(|(_, four)| *four == b"PK\x03\x04").map(|(at, _)| at).collect();
+    let end = bytes.windows(4).position(|four| four == b"PK\x01\x02").unwrap_or(bytes.len());
+    if starts.first() != Some(&0) {
+        return;
+    }
+    let short = |at: usize| Some(usize::from(u16::from_le_bytes(bytes.get(at..at + 2)?.try_into().ok()?)));
+    let mut whole: Vec<u8> = Vec::new();
+    let mut directory: Vec<u8> = Vec::new();
+    let mut entries = 0_u16;
+    for (i, at) in starts.iter().enumerate() {
+        let next = starts.get(i + 1).copied().unwrap_or(end);
+        let (Some(name), Some(extra)) = (short(at + 26), short(at + 28)) else { return };
+        let Some(data) = bytes.get(at + 30 + name + extra..next) else { return };
+        let mut data = data.to_vec();
+        if data.starts_with(b"\x89PNG") {
+            repair_png(&mut data);
+        }
+        let name = &bytes[at + 30..at + 30 + name];
+        let mut common = vec![20, 0, 0, 0, 0, 0, 0, 0, 0, 0];
+        common.extend(crc32fast::hash(&data).to_le_bytes());
+        common.extend([(data.len() as u32).to_le_bytes(); 2].concat());
+        common.extend((name.len() as u16).to_le_bytes());
+        common.extend([0, 0]);
+        directory.extend(b"PK\x01\x02\x14\x00");
+        directory.extend(&common);
+        directory.extend([0; 10]);
+        directory.extend((whole.len() as u32).to_le_bytes());
+        directory.extend(name);
+        whole.extend(b"PK\x03\x04");
+        whole.extend(common);
+        whole.extend(name);
+        whole.extend(data);
+        entries += 1;
+    }
+    let start = whole.len() as u32;
+    whole.extend(&directory);
+    whole.extend(b"PK\x05\x06\0\0\0\0");
+    whole.extend([entries.to_le_bytes(); 2].concat());
+    whole.extend((directory.len() as u32).to_le_bytes());
+    whole.extend(start.to_le_bytes());
+    whole.extend([0, 0]);
+    *bytes = whole;
+}

@@ -9,6 +9,8 @@ mod formats;
 mod seeds;
 #[path = "../../fuzz/targets.rs"]
 mod targets;
+#[path = "../common/theatre.rs"]
+mod theatre_sets;
 
 use driver::{Run, Target, as_it_is, check};
 
@@ -57,6 +59,8 @@ fuzz! {
     // The largest texture has 2^27 texels: 400 MB as they are in the file, 1.6 GB as numbers.
     texture: seeds::textures, seeds::PNG, |bytes| formats::repair_png(bytes), 3 << 30;
     glare_table: seeds::glare_table, seeds::TABLE, as_it_is, SMALL;
+    // The largest grid has 8192 x 8192 directions in f64; a header may tell it of few bytes.
+    theatre: seeds::theatre, seeds::THEATRE, formats::repair_zip, 4 << 30;
 }
 
 /// cargo-fuzz finds a target by its file and its entry in the manifest.

@@ -16,7 +16,10 @@ use steradian::{
     },
 };
 
-use crate::formats::{fits_unit, glb};
+use crate::{
+    formats::{fits_unit, glb},
+    theatre_sets::{Mpcdi, Pfm, bourke, csv as mesh_csv, exr, obj, projectors, sgc, sgct, sgct_frustum, zipped},
+};
 
 /// The files of a folder of the repository with one of these extensions.
 fn files(folder: &str, extensions: &[&str]) -> Vec<Vec<u8>> {
@@ -407,4 +410,93 @@ pub const TABLE: &[&str] =
 pub fn glare_table() -> Vec<Vec<u8>> {
     let table = "# measured\ntheta_deg,per_sr\n0.01,1e6\n0.1,1e4\n1,100\n10,1\n90,0.01\n180,0\n";
     vec![table.as_bytes().to_vec(), format!("\u{feff}{}", &table[11..]).replace('\n', "\r\n").into_bytes()]
+}
+
+pub const THEATRE: &[&str] = &[
+    "\0",
+    "\n",
+    " ",
+    ";",
+    "PF\n",
+    "-1.0\n",
+    "1.0\n",
+    "8192 8192\n",
+    "PK\x03\x04",
+    "mpcdi.xml",
+    "../x",
+    "profile=\"2d\"",
+    "profile=\"a3\"",
+    "version=\"1.0\"",
+    "<frustum>",
+    "<yaw>90</yaw>",
+    "<coordinateFrame>",
+    "<geometricUnit>mm</geometricUnit>",
+    "<originOf3DData>idealEyePoint</originOf3DData>",
+    "<interpolation>linear</interpolation>",
+    "<gammaEmbedded>1</gammaEmbedded>",
+    "<alphaMap>",
+    "<![CDATA[",
+    "&#65;",
+    "<!--",
+    "LUT_3D_SIZE 2\n",
+    "DOMAIN_MAX 2 2 2\n",
+    "\"mesh\":\"mesh.bin\"",
+    "\"blendmask\":\"mesh.bin\"",
+    "\"type\":\"FisheyeProjection\"",
+    "\"type\":\"ProjectionPlane\"",
+    "\"type\":\"TextureMappedProjection\"",
+    "\"orientation\":{\"x\":0,\"y\":0,\"z\":0,\"w\":1}",
+    "\"fov\":{\"hfov\":90,\"vfov\":60}",
+    "vt 0 0\n",
+    "f 1/1 2/2 3/3\n",
+    "SGC\x01",
+    "vwf1",
+];
+
+/// Small sets of one projector in every format; those of MPCDI are stored, so that what is in them can be mutated.
+pub fn theatre() -> Vec<Vec<u8>> {
+    let all = projectors();
+    let one = &all[..1];
+    let projector = &all[0];
+    let set = |set: Mpcdi| {
+        let files = set.files(one);
+        let files: Vec<(&str, Vec<u8>)> = files.iter().map(|(name, bytes)| (name.as_str(), bytes.clone())).collect();
+        zipped(&files, false)
+    };
+    let masks = Mpcdi { masks: true, ..Mpcdi::a3(3, 3) };
+    let units = Mpcdi {
+        version: "1.0",
+        warp: "<interpolation>linear</interpolation><geometricUnit>mm</geometricUnit><originOf3DData>floorCenter</originOf3DData>"
+            .to_owned(),
+        ..Mpcdi::new("sl", 3, 3)
+    };
+    let direction = |i: usize, j: usize| projector.direction(i as f64 / 3.0, j as f64 / 3.0).to_array();
+    let frustum = |x: f64, y: f64| projector.in_frustum(x, y);
+    let size = [64, 48];
+    let with = |projection: &str, mesh: &[u8]| {
+        [sgct(size, projection, r#","mesh":"mesh.bin""#).as_bytes(), b"\0", mesh].concat()
+    };
+    let planar = sgct_frustum("PlanarProjection", projector);
+    let textured = sgct_frustum("TextureMappedProjection", projector);
+    let fisheye = r#"{"type":"FisheyeProjection","fov":180,"tilt":20}"#;
+    let mesh = bourke(projector, 4, 3, |column, _| column as f64 / 3.0 - 0.1).into_bytes();
+    let pfm = Pfm::of(4, 4).bytes(direction);
+    vec![
+        set(masks),
+        set(units),
+        set(Mpcdi::new("2d", 3, 3)),
+        pfm.clone(),
+        Pfm { little_endian: false, ..Pfm::of(4, 4) }.bytes(direction),
+        exr(["R", "G", "B"], [4, 4], direction),
+        mesh.clone(),
+        obj(3, 3, 0.4, frustum).into_bytes(),
+        mesh_csv(3, 3, frustum).into_bytes(),
+        sgc(projector, 3, 3),
+        sgct(size, fisheye, "").into_bytes(),
+        with(fisheye, &mesh),
+        with(&planar, obj(3, 3, 0.4, frustum).as_bytes()),
+        with(&planar, &sgc(projector, 3, 3)),
+        with(&textured, &pfm),
+        b"LUT_1D_SIZE 2\n0 0 0\n1 1 1\n".to_vec(),
+    ]
 }
