@@ -13,7 +13,7 @@ use super::{
     load::{self, LoadedScene},
     results,
 };
-use crate::config::{Config, ConfigError, parse_listen};
+use crate::config::{Config, ConfigError, ViewConfig, ViewKindConfig, parse_listen};
 use crate::gpu::{Gpu, GpuOptions};
 use crate::plan::view_settings::FrameGroup;
 use crate::render::{FrameRequest, Renderer, Wanted};
@@ -79,7 +79,7 @@ pub fn run(arguments: ServeArguments, adapter: Option<String>) -> Result<(), Cli
         options.catalogues = report.catalogues.into_iter().map(catalogue).collect();
         options.asteroid_fields = config.field_specs()?;
         options.view_tables = config.views.iter().map(|view| view.tables.clone()).collect();
-        options.view_definitions = config.views.iter().map(|view| view.definition.clone()).collect();
+        options.view_definitions = config.views.iter().map(told_definition).collect();
         options.folder.clone_from(&config.folder);
         options.hosts.clone_from(&config.server.hosts);
         options.access = Some(access);
@@ -186,4 +186,9 @@ mod tests {
         assert_eq!(ended.recv_timeout(Duration::from_secs(30)), Ok(7), "it returns while the work is held");
         release.send(()).expect("the work was still there");
     }
+}
+
+/// What clients are told of a view's geometry: nothing of projectors, whose files they cannot name.
+fn told_definition(view: &ViewConfig) -> Option<toml::Table> {
+    (!matches!(view.kind, ViewKindConfig::Projector(_))).then(|| view.definition.clone())
 }

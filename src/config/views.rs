@@ -38,9 +38,9 @@ pub struct ViewConfig {
     pub tables: ViewTables,
     /// Type and what belongs to it.
     pub kind: ViewKindConfig,
-    /// The keys of its geometry as they stand: type, what belongs to it, orientation and position. [`Self::read`] takes them again; `None` of a projector,
-    /// whose geometry is in a file.
-    pub definition: Option<Table>,
+    /// The keys of its geometry as they stand: type, what belongs to it, orientation and position. [`Self::read`] takes them again, but for
+    /// those of a projector, whose geometry is in a file.
+    pub definition: Table,
 }
 
 /// What is wrong with the table of a view.
@@ -283,7 +283,6 @@ impl ViewConfig {
         };
         let Common { orientation, position_m, test_pattern, exposure_group, exposure, glare, tone_map } = common;
         let tables = ViewTables { exposure_group, exposure, glare, tone_map };
-        let definition = (!matches!(kind, ViewKindConfig::Projector(_))).then_some(definition);
         Ok(Self { name, orientation, position_m, test_pattern, tables, kind, definition })
     }
 

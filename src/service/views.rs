@@ -115,7 +115,7 @@ impl GivenView {
     pub(super) fn read(table: Table) -> Result<(Self, bool), String> {
         let (config, view) = ViewConfig::read(table).map_err(|error| error.within(DEFINITION).to_string())?;
         let ViewConfig { definition, tables, test_pattern, .. } = config;
-        Ok((Self { view, definition, tables }, test_pattern))
+        Ok((Self { view, definition: Some(definition), tables }, test_pattern))
     }
 
     /// A view of a name and the keys of its geometry.
