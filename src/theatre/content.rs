@@ -62,7 +62,7 @@ impl Content {
         let area = right.cross(up);
         // Volume of what plane and eye span, relative to the sides: 0 where the plane is seen from its edge.
         let seen = -area.dot(lower_left) / (area.length() * lower_left.length());
-        if !(seen.abs() > 1e-6) || !seen.is_finite() {
+        if !seen.is_finite() || seen.abs() <= 1e-6 {
             return Err(Fault::new(
                 "projection plane",
                 "its corners lie on a line, or the eye lies in the plane",

@@ -107,9 +107,8 @@ pub(super) fn decode(
             return Err(bad("its alpha channel is not opaque everywhere".to_owned()));
         }
         let linear = |channel: usize| light[usize::from(code(texel, channel))];
-        values.push(if colours == 1 {
-            linear(0)
-        } else if code(texel, 0) == code(texel, 1) && code(texel, 1) == code(texel, 2) {
+        let grey = colours == 1 || (code(texel, 0) == code(texel, 1) && code(texel, 1) == code(texel, 2));
+        values.push(if grey {
             linear(0)
         } else {
             coloured = true;

@@ -67,8 +67,8 @@ impl Mesh {
         }
         for (index, node) in self.nodes.iter().enumerate() {
             let finite = node.place.is_finite() && node.content.is_finite();
-            if !finite || !(node.intensity <= 1.0 && node.intensity.is_finite()) || node.place.abs().max_element() > 1e6
-            {
+            let bounded = finite && node.intensity.is_finite() && node.intensity <= 1.0;
+            if !bounded || node.place.abs().max_element() > 1e6 {
                 let problem = format!("place {}, content {}, intensity {}", node.place, node.content, node.intensity);
                 let allowed = "finite numbers and intensities of at most 1 are needed (negative: not drawn)";
                 return Err(Fault::new(format!("{place}: node {index} (from 0)"), problem, allowed));

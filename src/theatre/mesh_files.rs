@@ -297,8 +297,9 @@ fn sciss(bytes: &[u8]) -> Result<Loaded, Fault> {
     let [x, y, z, w] = words.floats().ok_or_else(short)?;
     let [_, _, _, up, down, left, right] = words.floats::<7>().ok_or_else(short)?;
     let rotation = DQuat::from_xyzw(x, y, z, w);
-    if !((rotation.length() - 1.0).abs() < 1e-3) {
-        let problem = format!("[{x}, {y}, {z}, {w}] has the length {}", rotation.length());
+    let length = rotation.length();
+    if length.is_nan() || (length - 1.0).abs() >= 1e-3 {
+        let problem = format!("[{x}, {y}, {z}, {w}] has the length {length}");
         return Err(bad("orientation", problem, "a unit quaternion is needed"));
     }
     let rotation = DMat3::from_quat(rotation.normalize());
@@ -315,7 +316,7 @@ fn sciss(bytes: &[u8]) -> Result<Loaded, Fault> {
         mesh.nodes.push(Node { place: DVec2::new(x, 1.0 - y), content: DVec2::new(u, v), intensity: 1.0 });
     }
     let indices = words.u32().ok_or_else(short)? as usize;
-    if words.0.len() != indices.saturating_mul(4) || indices < 3 || indices > 3 * MOST_TRIANGLES {
+    if words.0.len() != indices.saturating_mul(4) || !(3..=3 * MOST_TRIANGLES).contains(&indices) {
         let problem = format!("{indices} indices in {} bytes", words.0.len());
         return Err(bad("indices", problem, "3 or more of four bytes each, to the file's end, are needed"));
     }

@@ -364,7 +364,7 @@ impl Reader<'_> {
         ));
         let matrix = axes.dome_from_file();
         let mut samples = Vec::with_capacity(plane.width * plane.height);
-        for (column, row, value) in plane.from_the_top(order) {
+        for (column, row, value) in plane.top_down(order) {
             let here = || format!("column {column} of row {row} (from the top, from 0)");
             let vector = DVec3::from_array(value.map(f64::from));
             if vector.is_nan() {
@@ -373,7 +373,7 @@ impl Reader<'_> {
             }
             let length = vector.length();
             // Three halves are good to 5e-4.
-            if !((length - 1.0).abs() < 2e-3) {
+            if !length.is_finite() || (length - 1.0).abs() >= 2e-3 {
                 return Err(Fault::new(
                     here(),
                     format!("[{}, {}, {}] has the length {length}", value[0], value[1], value[2]),

@@ -339,7 +339,7 @@ impl Reader<'_> {
         self.note("samples of the warp map are centres of cells that fill the raster");
         let mut samples = Vec::with_capacity(columns * rows);
         let (mut known, mut outside) = (0_usize, 0_usize);
-        for (column, row, value) in plane.from_the_top(order) {
+        for (column, row, value) in plane.top_down(order) {
             let here = |problem: String, allowed: &str| {
                 Err(Fault::new(
                     format!("{place}: column {column} of row {row} (from the top, from 0)"),

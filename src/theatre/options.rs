@@ -141,7 +141,7 @@ impl ReadOptions {
                 "more than 0 and at most 360 are allowed",
             ));
         }
-        if !(self.tilt_deg.abs() <= 180.0) {
+        if self.tilt_deg.is_nan() || self.tilt_deg.abs() > 180.0 {
             return Err(Fault::new(place, format!("tilt_deg = {}", self.tilt_deg), "-180 to 180 are allowed"));
         }
         if !(self.eye_m.abs().max_element() <= 1e6 && self.eye_m.is_finite()) {

@@ -12,7 +12,7 @@ pub(super) struct Plane {
 
 impl Plane {
     /// Column, row from the top and value of every sample, the top row first.
-    pub fn from_the_top(&self, order: RowOrder) -> impl Iterator<Item = (usize, usize, [f32; 3])> {
+    pub fn top_down(&self, order: RowOrder) -> impl Iterator<Item = (usize, usize, [f32; 3])> {
         (0..self.height).flat_map(move |row| {
             let in_file = if order == RowOrder::BottomFirst { self.height - 1 - row } else { row };
             let values = &self.values[in_file * self.width..(in_file + 1) * self.width];

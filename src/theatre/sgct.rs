@@ -105,7 +105,7 @@ impl<'a> Field<'a> {
             }
             (None, Some(parts)) => {
                 let quaternion = DQuat::from_xyzw(parts[0], parts[1], parts[2], parts[3]);
-                if !((quaternion.length() - 1.0).abs() < 1e-3) {
+                if quaternion.length().is_nan() || (quaternion.length() - 1.0).abs() >= 1e-3 {
                     let problem = format!("it has the length {}", quaternion.length());
                     return Err(Fault::new(&self.place, problem, "a unit quaternion is needed"));
                 }
@@ -423,7 +423,7 @@ impl Reader<'_> {
         self.note("nodes of a PFM as mesh lie from edge to edge of the raster; u to the right, v upwards, the third value is not used");
         let mut samples = Vec::with_capacity(columns * rows);
         let (mut known, mut outside) = (0_usize, 0_usize);
-        for (column, row, [u, v, _]) in plane.from_the_top(order) {
+        for (column, row, [u, v, _]) in plane.top_down(order) {
             let (u, v) = (f64::from(u), f64::from(v));
             if u.is_infinite() || v.is_infinite() {
                 let place = format!("column {column} of row {row} (from the top, from 0)");
@@ -504,7 +504,7 @@ fn planar(field: &Field, eye: DVec3) -> Result<Content, Fault> {
         (Some(distance), _) | (None, Some(distance)) => distance,
         (None, None) => 10.0,
     };
-    if !(distance > 0.0) {
+    if distance <= 0.0 {
         return Err(Fault::new(&field.place, format!("distance = {distance}"), "more than 0 is needed"));
     }
     let offset = field.get("offset")?.map_or(Ok(DVec3::ZERO), |offset| offset.vector())?;
