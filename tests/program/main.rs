@@ -9,6 +9,7 @@ mod configuration_reference;
 #[cfg(unix)]
 mod daemon;
 mod documentation;
+mod dome;
 mod features;
 mod film;
 mod measured;

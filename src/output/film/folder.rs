@@ -169,7 +169,9 @@ mod tests {
         let open = |digest, overwrite| FilmFolder::open(&folder, &record(digest), overwrite);
         assert!(!open("one", false).unwrap().has(0));
         let write = |name: &str| fs::write(folder.join(name), "x").unwrap();
-        ["eyes.left_00000.png", "eyes.right_00000.png", "eyes.left_00001.png", "notes.png"].map(write);
+        for name in ["eyes.left_00000.png", "eyes.right_00000.png", "eyes.left_00001.png", "notes.png"] {
+            write(name);
+        }
         let held = open("one", false).unwrap();
         assert_eq!([0, 1, 2].map(|frame| held.has(frame)), [true, false, false]);
         assert!(!open("one", true).unwrap().has(0), "all of them are drawn again");

@@ -1,0 +1,196 @@
+//! Projectors end to end: calibrations as files, their light in OpenEXR and PNG, and what `dome check` says.
+
+use std::{
+    f64::consts::PI,
+    fs,
+    path::Path,
+    process::{Command, Output, Stdio},
+};
+
+use glam::DVec3;
+use steradian::units::illuminance_lx_from_magnitude;
+
+const SIZE: [usize; 2] = [200, 140];
+/// Samples of the grids.
+const SAMPLES: usize = 49;
+const STARS: usize = 40;
+
+/// Halves of a dome of 120 degrees around -z that overlap by 10 degrees: direction at a point of the raster of the left or right one (0 to 1).
+fn direction(right: bool, [u, v]: [f64; 2]) -> DVec3 {
+    let across = (70.0 * u - if right { 5.0 } else { 65.0 }).to_radians();
+    let along = (65.0 - 130.0 * v).to_radians();
+    // Smooth, and no formula that the program knows.
+    let along = along + 0.03 * (2.0 * across).sin() * along.cos();
+    DVec3::new(across.sin() * along.cos(), along.sin(), -across.cos() * along.cos())
+}
+
+/// Solid angle of a pixel, from the closed form.
+fn pixel_sr(right: bool, x: usize, y: usize) -> f64 {
+    let at = |dx: f64, dy: f64| {
+        let place = [(x as f64 + 0.5 + dx) / SIZE[0] as f64, (y as f64 + 0.5 + dy) / SIZE[1] as f64];
+        direction(right, place)
+    };
+    let h = 1e-3;
+    (at(h, 0.0) - at(-h, 0.0)).cross(at(0.0, h) - at(0.0, -h)).length() / (4.0 * h * h)
+}
+
+/// Directions as PFM, the bottom row first as Netpbm has it, or the top one.
+fn pfm(right: bool, bottom_first: bool) -> Vec<u8> {
+    let mut bytes = format!("PF\n{SAMPLES} {SAMPLES}\n-1.0\n").into_bytes();
+    let rows: Vec<usize> = if bottom_first { (0..SAMPLES).rev().collect() } else { (0..SAMPLES).collect() };
+    for (row, column) in rows.into_iter().flat_map(|row| (0..SAMPLES).map(move |column| (row, column))) {
+        let place = [column, row].map(|at| (at as f64 + 0.5) / SAMPLES as f64);
+        let towards = direction(right, place);
+        bytes.extend(towards.as_vec3().to_array().iter().flat_map(|value| value.to_le_bytes()));
+    }
+    bytes
+}
+
+/// Stars in the part that both halves show without their borders, and the light of each, lx.
+fn catalogue() -> (String, Vec<f64>) {
+    let mut text = "x,y,z,v_mag,teff_k\n".to_owned();
+    let mut light = Vec::new();
+    for star in 0..STARS {
+        let [u, v] = [7.0_f64, 13.0].map(|prime| (star as f64 * prime.sqrt()).fract());
+        let [across, along] = [(100.0 * u - 50.0).to_radians(), (100.0 * v - 50.0).to_radians()];
+        let at = DVec3::new(across.sin() * along.cos(), along.sin(), -across.cos() * along.cos()) * 1e4;
+        let magnitude = 1.0 + 3.0 * u;
+        text += &format!("{},{},{},{magnitude},6500\n", at.x, at.y, at.z);
+        light.push(illuminance_lx_from_magnitude(magnitude));
+    }
+    (text, light)
+}
+
+fn configuration(second: &str) -> String {
+    let view = |name: &str, file: &str| {
+        format!("[[views]]\nname = '{name}'\ntype = 'projector'\nfile = '{file}'\nsize = [{}, {}]\n", SIZE[0], SIZE[1])
+    };
+    format!(
+        "[scene]\ncatalogues = ['stars.csv']\n[glare]\nmethod = 'none'\n{}{}{second}",
+        view("left", "left.pfm"),
+        view("right", "right.pfm")
+    )
+}
+
+fn run(folder: &Path, arguments: &[&str]) -> (i32, String, String) {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_steradian"));
+    command.args(arguments).current_dir(folder).env_remove("STERADIAN_LOG").stdin(Stdio::null());
+    let Output { status, stdout, stderr } = command.output().unwrap();
+    let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
+    (status.code().unwrap(), text(stdout), text(stderr))
+}
+
+fn folder() -> (tempfile::TempDir, Vec<f64>) {
+    let folder = tempfile::tempdir().unwrap();
+    let (text, light) = catalogue();
+    let write = |name: &str, bytes: &[u8]| fs::write(folder.path().join(name), bytes).unwrap();
+    write("stars.csv", text.as_bytes());
+    write("left.pfm", &pfm(false, true));
+    write("right.pfm", &pfm(true, true));
+    write("dome.toml", configuration("").as_bytes());
+    (folder, light)
+}
+
+fn channel(bytes: &[u8], name: &str) -> Vec<f32> {
+    use exr::prelude::{ReadChannels, ReadLayers};
+    let read = exr::prelude::read().no_deep_data().largest_resolution_level().all_channels();
+    let image = read.first_valid_layer().all_attributes().from_buffered(std::io::Cursor::new(bytes)).unwrap();
+    let mut list = image.layer_data.channel_data.list.iter();
+    list.find(|channel| channel.name == *name).expect(name).sample_data.values_as_f32().collect()
+}
+
+/// The light of stars over both rasters, weighed with solid angles of the closed form, and shared where both show a star.
+#[test]
+fn the_light_of_stars_is_whole_in_the_pixels_of_projectors() {
+    let (folder, light) = folder();
+    let (code, _, log) = run(folder.path(), &["render", "--config", "dome.toml", "--out", "out", "--files", "exr"]);
+    assert_eq!(code, 0, "{log}");
+    let (mut sum, mut given, mut twice) = (0.0, 0.0, 0.0);
+    for right in [false, true] {
+        let name = if right { "right" } else { "left" };
+        let bytes = fs::read(folder.path().join(format!("out/{name}.exr"))).unwrap();
+        let [red, green, blue, omega] = ["R", "G", "B", "omega"].map(|name| channel(&bytes, name));
+        for pixel in 0..SIZE[0] * SIZE[1] {
+            let luminance =
+                0.2126 * f64::from(red[pixel]) + 0.7152 * f64::from(green[pixel]) + 0.0722 * f64::from(blue[pixel]);
+            let exact = pixel_sr(right, pixel % SIZE[0], pixel / SIZE[0]);
+            sum += luminance * exact;
+            given += f64::from(omega[pixel]);
+            twice += exact;
+        }
+    }
+    assert!((given / twice - 1.0).abs() < 1e-4 && twice < 4.0 * PI, "{given} {twice}");
+    // Stars that both show count twice: their shares come from blends, of which PFM has none.
+    let both = |star: usize| {
+        let u = (star as f64 * 7.0_f64.sqrt()).fract();
+        (100.0 * u - 50.0).abs() < 5.0
+    };
+    let whole: f64 = light.iter().enumerate().map(|(star, lx)| if both(star) { 2.0 * lx } else { *lx }).sum();
+    println!("light of {STARS} stars: {:.1e} off", sum / whole - 1.0);
+    assert!((sum / whole - 1.0).abs() < 1e-3, "{sum} {whole}");
+}
+
+#[test]
+fn dome_check_names_what_is_wrong_and_ends_with_1() {
+    let (folder, _) = folder();
+    let check = |more: &[&str]| {
+        let dome = ["--dome-fov-deg", "110", "--dome-tilt-deg", "90"];
+        run(folder.path(), &[&["dome", "check", "--config", "dome.toml"], &dome[..], more].concat())
+    };
+    let (code, lines, log) = check(&["--json", "dome.json", "--html", "dome.html"]);
+    assert_eq!(code, 1, "{lines}{log}");
+    let failed = |lines: &str| {
+        lines
+            .lines()
+            .filter(|line| line.contains(" FAIL "))
+            .map(|line| line.split(' ').next().unwrap().to_owned())
+            .collect::<Vec<_>>()
+    };
+    // Nothing but the masks, of which there are none.
+    assert_eq!(failed(&lines), ["blend"], "{lines}");
+    assert!(lines.contains("no projector has a blend mask") && lines.contains("right"), "{lines}");
+    let json: serde_json::Value =
+        serde_json::from_str(&fs::read_to_string(folder.path().join("dome.json")).unwrap()).unwrap();
+    assert!(
+        json["coverage"][0].as_f64().unwrap() > 0.995 && json["projectors"].as_array().unwrap().len() == 2,
+        "{json}"
+    );
+    let page = fs::read_to_string(folder.path().join("dome.html")).unwrap();
+    assert!(page.matches("<svg").count() == 3 && page.contains("class=FAIL"), "a page with three maps");
+
+    fs::write(folder.path().join("right.pfm"), pfm(true, false)).unwrap();
+    let (code, lines, _) = check(&[]);
+    assert!(code == 1 && lines.contains("rows upside down"), "{lines}");
+    // Which is mended by a key.
+    let (_, lines, _) = check(&["--set", "views.right.rows=top_first"]);
+    assert_eq!(failed(&lines), ["blend"], "{lines}");
+    let one = configuration("").replace("right.pfm", "left.pfm");
+    fs::write(folder.path().join("dome.toml"), one).unwrap();
+    let (_, lines, _) = check(&[]);
+    assert_eq!(failed(&lines), ["coverage", "blend", "twice"], "{lines}");
+}
+
+#[test]
+fn what_cannot_be_a_projector_is_refused_with_file_and_key() {
+    let (folder, _) = folder();
+    let refused = |configuration: String, parts: &[&str]| {
+        fs::write(folder.path().join("dome.toml"), configuration).unwrap();
+        let (code, _, log) = run(folder.path(), &["render", "--config", "dome.toml", "--out", "out"]);
+        assert!(code == 64 && parts.iter().all(|part| log.contains(part)), "{code} {log}");
+    };
+    let right = configuration("");
+    refused(right.replace("right.pfm", "none.pfm"), &["views", "right", "file", "none.pfm"]);
+    refused(right.replace("file = 'right.pfm'", "file = 'stars.csv'"), &["right", "stars.csv"]);
+    refused(right.replace("file = 'right.pfm'", "file = 'right.pfm'\nmethod = 'resampled'"), &["method", "direct"]);
+    refused(right.replace("file = 'right.pfm'", "file = 'right.pfm'\naxes = 'x=x'"), &["axes", "every axis once"]);
+    let mut folded = pfm(true, true);
+    let header = folded.len() - 12 * SAMPLES * SAMPLES;
+    let (first, rest) = folded[header..].split_at_mut(12 * SAMPLES * (SAMPLES - 6));
+    // The last rows come back.
+    for row in 0..6 {
+        let from = first.len() - 12 * SAMPLES * (row + 2);
+        rest[12 * SAMPLES * row..][..12 * SAMPLES].copy_from_slice(&first[from..][..12 * SAMPLES]);
+    }
+    fs::write(folder.path().join("right.pfm"), folded).unwrap();
+    refused(right, &["right", "right.pfm", "pixel ("]);
+}
