@@ -336,9 +336,9 @@ impl Film {
                     exposure_ev100: drawn.exposure_ev100,
                     tone_map: group.settings.tone_map,
                     attributes: vec![
-                        ("view", view.name.clone()),
-                        ("part", image.part.name().unwrap_or("whole").to_owned()),
-                        ("frame", frame.to_string()),
+                        ("view_name", view.name.clone()),
+                        ("view_part", image.part.name().unwrap_or("whole").to_owned()),
+                        ("film_frame", frame.to_string()),
                         ("projection", projection(&config, image.view)),
                         ("camera_position_m", numbers(&camera.position_m.to_array())),
                         ("camera_orientation", numbers(&camera.world_from_camera.to_array())),

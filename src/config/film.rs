@@ -269,16 +269,18 @@ impl FilmPath {
     }
 
     fn from_table(table: Table, origin: &str, text: String) -> Result<Self, Fault> {
+        // As they stand: tables that have gone through a type of another table have texts in place of their times.
+        let tables = table.get("keyframes").and_then(Value::as_array).cloned().unwrap_or_default();
         let document: Document = deserialise(Value::Table(table), "")?;
         let fps = within("fps", document.fps, FPS)?;
         let around_m = document.around_m.map(|value| vector("around_m", value)).transpose()?;
         if document.keyframes.is_empty() {
             return Err(Fault::new("keyframes", "missing key: at least one [[keyframes]] is needed"));
         }
-        let mut keyframes: Vec<Keyframe> = Vec::with_capacity(document.keyframes.len());
-        for (index, table) in document.keyframes.into_iter().enumerate() {
+        let mut keyframes: Vec<Keyframe> = Vec::with_capacity(tables.len());
+        for (index, table) in tables.into_iter().enumerate() {
             let place = format!("keyframes[{index}]");
-            let keyframe = deserialise::<KeyframeTable>(Value::Table(table), "")
+            let keyframe = deserialise::<KeyframeTable>(table, "")
                 .and_then(KeyframeTable::keyframe)
                 .map_err(|fault| fault.within(&place))?;
             let fault = |key: &str, problem: String| Err(Fault::new(format!("{place}.{key}"), problem));

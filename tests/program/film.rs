@@ -48,7 +48,7 @@ fn images(folder: &Path) -> Vec<(String, Vec<u8>)> {
 fn a_frame_has_the_same_bytes_in_one_run_in_shards_and_alone() {
     let folder = folder_with(SCENE, PATH);
     let at = |name: &str| folder.path().join(name);
-    for format in ["png8", "exr16", "exr32", "png16"] {
+    for format in ["png8", "exr16"] {
         let run = |frames: &str, out: &str, more: &[&str]| {
             let out = format!("{format}/{out}");
             let arguments = [&["--frames", frames, "--out", &out, "--format", format], more].concat();

@@ -197,7 +197,7 @@ mod tests {
     use super::*;
 
     fn words() -> ImageWords {
-        let names = ["projection", "camera_position_m", "units", "configuration_sha256", "view", "frame"];
+        let names = ["projection", "camera_position_m", "units", "configuration_sha256", "view_name", "film_frame"];
         ImageWords {
             exposure_ev100: -3.5,
             tone_map: ToneMapSettings::default(),
