@@ -21,7 +21,8 @@ test-long: setup ## Runs the long sweeps alone
 test-outside: setup ## Runs a crate that uses the library without its features
 	$(CARGO) run --release -p steradian-outside
 
-test-all: test test-long test-outside ## Runs the tests, the long sweeps and the crate outside
+test-all: test test-long test-outside ## Runs the tests, the long sweeps and the crate outside, and checks what is not among the default features
+	$(CARGO) check --release --features opentelemetry --bin steradian
 
 setup: ## Checks toolchain, linker and Vulkan driver; installs what is missing where it can
 	scripts/setup.sh
