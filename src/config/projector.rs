@@ -57,7 +57,7 @@ pub enum ProjectorMethod {
 pub struct ProjectorConfig {
     /// The calibration: `.mpcdi`, SGCT's JSON, meshes, or directions as `.pfm` or `.exr`; told by its content.
     pub file: PathBuf,
-    /// Where the file has several: `buffer/region`, or the viewport.
+    /// Where the file has several: the name of one, which the error tells where it is missing.
     pub region: Option<String>,
     /// How the picture is made.
     #[serde(default)]

@@ -166,7 +166,7 @@ pub fn check(dome: Dome, projectors: &[Projector<'_>]) -> DomeReport {
     );
     report.findings.push(together("blend", off <= MOST_BLEND_ERROR, what));
     for (projector, hits) in projectors.iter().zip(&hits) {
-        report.findings.extend(of_one(projector, hits, dome));
+        report.findings.extend(of_one(projector, hits));
     }
     for (at, [first, second]) in pairs(projectors.len()).map(|pair| (pair, pair.map(|index| &hits[index]))) {
         let count = |of: &[Option<Hit>]| of.iter().flatten().count();
@@ -246,7 +246,7 @@ fn share_at(blend: &Blend, pixel: DVec2) -> f64 {
 }
 
 /// The rules of one projector.
-fn of_one(projector: &Projector<'_>, hits: &[Option<Hit>], dome: Dome) -> Vec<Finding> {
+fn of_one(projector: &Projector<'_>, hits: &[Option<Hit>]) -> Vec<Finding> {
     let finding =
         |rule, passed, what: String| Finding { rule, projector: Some(projector.name.to_owned()), passed, what };
     let mut findings = Vec::new();
@@ -269,8 +269,7 @@ fn of_one(projector: &Projector<'_>, hits: &[Option<Hit>], dome: Dome) -> Vec<Fi
     };
     findings.push(finding("reaches", on_dome > 0, what));
     // Seen from the middle of the dome: columns to the right, rows downwards.
-    let turns: Vec<(bool, bool)> =
-        places.iter().filter_map(|(pixel, _)| turn(mapping, *pixel, projector, dome)).collect();
+    let turns: Vec<(bool, bool)> = places.iter().filter_map(|(pixel, _)| turn(mapping, *pixel, projector)).collect();
     let share = |of: &dyn Fn(&(bool, bool)) -> bool| {
         turns.iter().filter(|turn| of(turn)).count() as f64 / turns.len().max(1) as f64
     };
@@ -295,13 +294,13 @@ fn of_one(projector: &Projector<'_>, hits: &[Option<Hit>], dome: Dome) -> Vec<Fi
     findings
 }
 
-/// Whether the picture is mirrored at a pixel, and whether its rows go down the dome.
-fn turn(mapping: &dyn PlaneMapping, pixel: DVec2, projector: &Projector<'_>, dome: Dome) -> Option<(bool, bool)> {
+/// Whether the picture is mirrored at a pixel, and whether its rows go down, away from +y.
+fn turn(mapping: &dyn PlaneMapping, pixel: DVec2, projector: &Projector<'_>) -> Option<(bool, bool)> {
     let at = |by: DVec2| mapping.direction_from_pixel(pixel + by);
     let (here, right, down) = (at(DVec2::ZERO)?, at(DVec2::X * 0.5)?, at(DVec2::Y * 0.5)?);
     let mirrored = (right - here).cross(down - here).dot(here) < 0.0;
     let downwards = projector.dome_from_view * (down - here);
-    Some((mirrored, downwards.dot(dome.axis()) < 0.0))
+    Some((mirrored, downwards.y < 0.0))
 }
 
 /// The largest ratio of the solid angles of neighbouring pixels, and where.
@@ -356,16 +355,15 @@ mod tests {
         projection::{DirectionGrid, Interpolation, Placement, Warp},
     };
 
-    const DOME: Dome = Dome { fov_deg: 120.0, tilt_deg: 15.0 };
+    const DOME: Dome = Dome { fov_deg: 120.0, tilt_deg: 90.0 };
     const SIZE: [u32; 2] = [160, 120];
 
     /// Direction of a point of the raster (0 to 1): bands of the dome from one side to the other, the upper border towards the zenith's far side.
     fn of_band(from_deg: f64, to_deg: f64) -> impl Fn(f64, f64) -> DVec3 {
         move |u: f64, v: f64| {
-            let turn = DQuat::from_rotation_x(-DOME.tilt_deg.to_radians()) * DQuat::from_rotation_x(0.5 * PI);
             let across = (from_deg + (to_deg - from_deg) * u).to_radians();
             let along = (65.0 - 130.0 * v).to_radians();
-            turn * DVec3::new(across.sin() * along.cos(), along.sin(), -across.cos() * along.cos())
+            DVec3::new(across.sin() * along.cos(), along.sin(), -across.cos() * along.cos())
         }
     }
 

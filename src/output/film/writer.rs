@@ -13,7 +13,7 @@ use crate::files;
 use crate::render::FrameImage;
 
 /// Threads at most. Each one may have a frame, one more waits, and one is drawn: so many are in memory.
-const MOST_THREADS: usize = 3;
+const MOST_WRITERS: usize = 3;
 
 /// One image and the file that it becomes.
 #[derive(Debug)]
@@ -77,7 +77,7 @@ pub fn with_writer<T, E: From<FilmError>>(
     format: FilmFormat,
     draw: impl FnOnce(&FilmWriter<'_>) -> Result<T, E>,
 ) -> Result<(T, usize), E> {
-    let threads = thread::available_parallelism().map_or(1, usize::from).min(MOST_THREADS);
+    let threads = thread::available_parallelism().map_or(1, usize::from).min(MOST_WRITERS);
     let (sender, receiver) = sync_channel(1);
     let receiver = Mutex::new(receiver);
     let error = Mutex::new(None);
