@@ -456,7 +456,9 @@ mod tests {
         assert!(failed(&collapsed).contains(&"span"), "{:?}", failed(&collapsed));
         let twice = mistake(&|s| s.warps[1] = warp(of_band(-65.0, 5.0), 33, smooth));
         assert!(failed(&twice).contains(&"twice") && failed(&twice).contains(&"coverage"));
-        let facets = mistake(&|s| s.warps[1] = warp(right(), 9, Interpolation::Linear));
+        // Cells of different widths: between them the size of pixels jumps.
+        let uneven = |u: f64, v: f64| right()(u + 0.04 * (7.0 * u).sin(), v);
+        let facets = mistake(&|s| s.warps[1] = warp(uneven, 9, Interpolation::Linear));
         assert!(failed(&facets).contains(&"facets"), "{:?}", failed(&facets));
         let below = mistake(&|s| s.warps[1] = warp(|u, v| -right()(1.0 - u, v), 33, smooth));
         assert!(failed(&below).contains(&"reaches"));
