@@ -161,6 +161,11 @@ fn announce(address: Address) {
     tell_supervisor(NotifyState::Ready);
 }
 
+/// What clients are told of a view's geometry: nothing of projectors, whose files they cannot name.
+fn told_definition(view: &ViewConfig) -> Option<toml::Table> {
+    (!matches!(view.kind, ViewKindConfig::Projector(_))).then(|| view.definition.clone())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -186,9 +191,4 @@ mod tests {
         assert_eq!(ended.recv_timeout(Duration::from_secs(30)), Ok(7), "it returns while the work is held");
         release.send(()).expect("the work was still there");
     }
-}
-
-/// What clients are told of a view's geometry: nothing of projectors, whose files they cannot name.
-fn told_definition(view: &ViewConfig) -> Option<toml::Table> {
-    (!matches!(view.kind, ViewKindConfig::Projector(_))).then(|| view.definition.clone())
 }

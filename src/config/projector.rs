@@ -5,7 +5,6 @@ use std::{
     sync::{Arc, OnceLock},
 };
 
-use glam::DVec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -123,7 +122,7 @@ impl ProjectorConfig {
             size_px: self.size,
             rows: self.rows.into(),
             axes,
-            eye_m: DVec3::from(eye_m),
+            eye_m,
             fov_deg: self.fov_deg,
             tilt_deg: self.tilt_deg,
         };

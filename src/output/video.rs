@@ -229,7 +229,7 @@ impl Bits {
         self.put(1, 1);
         // No aspect ratio and no overscan; a video signal of no named format, full range, with a description of its colours.
         self.put(0b001, 3);
-        self.put(0b101_1_1, 5);
+        self.put(0b10111, 5);
         for code in [BT709, SRGB_TRANSFER, BT709] {
             self.put(code, 8);
         }

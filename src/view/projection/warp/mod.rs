@@ -168,7 +168,7 @@ impl Warp {
     fn jet(&self, pixel: DVec2) -> Option<Jet> {
         let Jet { value, across, down } = self.surface.at(self.in_samples(pixel));
         let length = value.length();
-        if !(length > 0.1) {
+        if length.is_nan() || length <= 0.1 {
             return None;
         }
         let unit = value / length;
@@ -242,7 +242,7 @@ impl PlaneMapping for Warp {
             let off = direction - value * value.dot(direction);
             let [aa, ab, bb] = [across.dot(across), across.dot(down), down.dot(down)];
             let determinant = aa * bb - ab * ab;
-            if !(determinant > 0.0) || value.dot(direction) <= 0.0 {
+            if determinant.is_nan() || determinant <= 0.0 || value.dot(direction) <= 0.0 {
                 return None;
             }
             let [ra, rb] = [across.dot(off), down.dot(off)];
