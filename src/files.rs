@@ -6,6 +6,11 @@ use std::{
     path::Path,
 };
 
+use exr::{
+    error::Error as ExrError,
+    meta::MetaData,
+    prelude::{AnyChannels, FlatSamples, Image, Layer, ReadChannels, ReadLayers},
+};
 use tempfile::NamedTempFile;
 
 /// Opens a file for reading, unless it is a folder, a pipe or a device, which may have no end.
@@ -41,6 +46,28 @@ pub fn read_bounded(path: &Path, most_bytes: u64) -> io::Result<Vec<u8>> {
 pub fn read_text_bounded(path: &Path, most_bytes: u64) -> io::Result<String> {
     let bytes = read_bounded(path, most_bytes)?;
     String::from_utf8(bytes).map_err(|error| io::Error::new(io::ErrorKind::InvalidData, error))
+}
+
+/// The first layer of an OpenEXR file, all channels at full resolution. The decoder makes room for all that the header tells before it has seen any
+/// pixel: `allowed` judges width, height and number of channels before.
+pub fn read_exr<E>(
+    bytes: &[u8],
+    allowed: impl Fn(usize, usize, usize) -> Result<(), E>,
+    unreadable: impl Fn(ExrError) -> E,
+) -> Result<Image<Layer<AnyChannels<FlatSamples>>>, E> {
+    let headers = MetaData::read_from_buffered(io::Cursor::new(bytes), false).map_err(&unreadable)?.headers;
+    if let Some(header) = headers.iter().find(|header| !header.deep) {
+        allowed(header.layer_size.0, header.layer_size.1, header.channels.list.len())?;
+    }
+    exr::prelude::read()
+        .no_deep_data()
+        .largest_resolution_level()
+        .all_channels()
+        .first_valid_layer()
+        .all_attributes()
+        .non_parallel()
+        .from_buffered(io::Cursor::new(bytes))
+        .map_err(unreadable)
 }
 
 /// A temporary file in the folder of `path`, with the permissions of any new file (by itself a temporary file is made for

@@ -126,8 +126,7 @@ fn print(report: &DomeReport) -> Result<(), CliError> {
         ))?;
     }
     for finding in findings {
-        let outcome = if finding.passed { "pass" } else { "FAIL" };
-        let of = finding.projector.as_deref().unwrap_or("all");
+        let (of, outcome) = (finding.of(), finding.outcome());
         results::line(format!("{:10} {outcome} {of}: {}", finding.rule, finding.what))?;
     }
     Ok(())
@@ -137,8 +136,7 @@ fn print(report: &DomeReport) -> Result<(), CliError> {
 fn page(report: &DomeReport) -> String {
     let mut rows = String::new();
     for finding in &report.findings {
-        let outcome = if finding.passed { "pass" } else { "FAIL" };
-        let of = finding.projector.as_deref().unwrap_or("all");
+        let (of, outcome) = (finding.of(), finding.outcome());
         let _ = writeln!(
             rows,
             "<tr class={outcome}><td>{}<td>{of}<td>{outcome}<td>{}",

@@ -81,18 +81,16 @@ pub enum FovKey {
     YDeg(f64),
 }
 
-/// One keyframe.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Keyframe {
-    /// Number of the frame.
-    pub frame: u32,
+/// What a path says of a frame; `None` is what the configuration says, or, of a keyframe, what the others say.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct FrameValues {
     /// Position, ICRS, barycentric, m.
     pub position_m: Option<DVec3>,
     /// Rotation from camera axes to ICRS axes.
     pub world_from_camera: Option<DQuat>,
     /// Moment, s since 2000-01-01T12:00:00Z.
     pub time_s: Option<f64>,
-    /// Field of view.
+    /// Field of view of perspective views.
     pub fov: Option<FovKey>,
     /// Exposure.
     pub exposure: Option<ExposureKey>,
@@ -100,6 +98,15 @@ pub struct Keyframe {
     pub magnitude_limit: Option<f64>,
     /// Velocity, ICRS axes, in units of the speed of light.
     pub velocity_c: Option<DVec3>,
+}
+
+/// One keyframe.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Keyframe {
+    /// Number of the frame.
+    pub frame: u32,
+    /// What it names.
+    pub values: FrameValues,
     /// Of the segment that begins here.
     pub easing: Easing,
 }
@@ -212,8 +219,7 @@ impl KeyframeTable {
                 .map(|camera| camera.velocity_c)
                 .map_err(|error: PoseError| Fault::new("velocity_c", error.to_string()))
         };
-        Ok(Keyframe {
-            frame: self.frame,
+        let values = FrameValues {
             position_m: self.position_m.map(|value| vector("position_m", value)).transpose()?,
             world_from_camera: either(["orientation", "look"], self.orientation, self.look, orientation, look)?,
             time_s: self.time.map(time).transpose()?,
@@ -236,8 +242,8 @@ impl KeyframeTable {
                 .map(|value| within("magnitude_limit", value, StarSettings::MAGNITUDES))
                 .transpose()?,
             velocity_c: self.velocity_c.map(velocity).transpose()?,
-            easing: self.easing,
-        })
+        };
+        Ok(Keyframe { frame: self.frame, values, easing: self.easing })
     }
 }
 
@@ -290,12 +296,12 @@ impl FilmPath {
                 let problem = format!("{} does not rise: allowed are numbers above {}", keyframe.frame, last.frame);
                 return fault("frame", problem);
             }
-            if keyframe.position_m.is_some() && keyframe.position_m == around_m {
+            if keyframe.values.position_m.is_some() && keyframe.values.position_m == around_m {
                 return fault("position_m", "it is around_m itself, from which it has no direction".to_owned());
             }
             let other =
                 |names: [&str; 2]| format!("keyframes have {} and {}: allowed is one of them", names[0], names[1]);
-            let differs = |other: &Keyframe| match (other.fov, keyframe.fov) {
+            let differs = |other: &Keyframe| match (other.values.fov, keyframe.values.fov) {
                 (Some(FovKey::Scale(_)), Some(FovKey::YDeg(_))) => Some("fov_y_deg"),
                 (Some(FovKey::YDeg(_)), Some(FovKey::Scale(_))) => Some("fov_scale"),
                 _ => None,
@@ -303,7 +309,7 @@ impl FilmPath {
             if let Some(key) = keyframes.iter().find_map(differs) {
                 return fault(key, other(["fov_scale", "fov_y_deg"]));
             }
-            let differs = |other: &Keyframe| match (other.exposure, keyframe.exposure) {
+            let differs = |other: &Keyframe| match (other.values.exposure, keyframe.values.exposure) {
                 (Some(ExposureKey::Ev100(_)), Some(ExposureKey::CompensationEv(_))) => Some("compensation_ev"),
                 (Some(ExposureKey::CompensationEv(_)), Some(ExposureKey::Ev100(_))) => Some("ev100"),
                 _ => None,

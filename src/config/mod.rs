@@ -31,7 +31,7 @@ pub use bodies::{BodyConfig, EmissionConfig, SpinConfig};
 pub use effects::has_effect;
 pub use error::ConfigError;
 use error::{Fault, join};
-pub use film::{Easing, ExposureKey, FilmPath, FovKey, Keyframe, Look};
+pub use film::{Easing, ExposureKey, FilmPath, FovKey, FrameValues, Keyframe, Look};
 pub use overlay::{GridConfig, LabelConfig, OverlayConfig, TrajectoryConfig};
 pub use projector::{ProjectorConfig, ProjectorMethod, RowsConfig};
 pub use scene::{CameraConfig, CatalogueConfig, GalaxyConfig, SceneConfig};

@@ -14,7 +14,7 @@ use crate::{
     theatre::{Axes, Calibration, Mask, ReadOptions, Region, RowOrder, read},
     view::{
         Blend, ViewKind, Weights,
-        projection::{DirectionGrid, TabulatedMapping, Warp},
+        projection::{TabulatedMapping, Warp},
     },
 };
 
@@ -149,13 +149,7 @@ impl ProjectorConfig {
         if region.lut.is_some() {
             return Err("it has a look-up table of colours, which is not applied: take it out of the calibration, or let the projector apply it".into());
         }
-        let grid = DirectionGrid {
-            samples: [region.grid.columns, region.grid.rows],
-            directions: region.grid.samples.clone(),
-            placement: region.grid.placement,
-            interpolation: region.grid.interpolation,
-        };
-        let warp = Warp::new(region.size_px, &grid).map_err(|error| error.to_string())?;
+        let warp = Warp::new(region.size_px, &region.grid).map_err(|error| error.to_string())?;
         let mapping = Arc::new(TabulatedMapping::new(warp).map_err(|error| error.to_string())?);
         let [alpha, beta] = [&region.alpha, &region.beta].map(|mask| mask.as_ref().filter(|_| self.blend).map(weights));
         let blend = (alpha.is_some() || beta.is_some()).then(|| Blend::new(region.size_px, alpha, beta));

@@ -1,17 +1,9 @@
 //! Smaller copies of display images.
 
-use std::sync::OnceLock;
-
 use crate::{
-    photometry::tone_map::{linear_from_srgb, srgb_from_linear},
+    photometry::tone_map::{light_of_codes, srgb_from_linear},
     render::FrameImage,
 };
-
-/// Light of each code of a display image.
-fn light_of_codes() -> &'static [f32; 256] {
-    static TABLE: OnceLock<[f32; 256]> = OnceLock::new();
-    TABLE.get_or_init(|| std::array::from_fn(|code| linear_from_srgb(code as f64 / 255.0) as f32))
-}
 
 /// An image whose longest side has at most `longest_px` pixels: it is reduced by the smallest whole number that does, each pixel the mean light
 /// of a square of pixels, less at the right and lower edges. `None`: it is as small already, or has no display image.

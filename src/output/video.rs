@@ -171,7 +171,7 @@ fn with_usability(unit: &[u8]) -> Vec<u8> {
 }
 
 /// NAL units of an access unit, without their start codes.
-pub(crate) fn nal_units(unit: &[u8]) -> Vec<&[u8]> {
+fn nal_units(unit: &[u8]) -> Vec<&[u8]> {
     let starts: Vec<usize> =
         unit.windows(3).enumerate().filter(|(_, code)| *code == [0, 0, 1]).map(|(at, _)| at).collect();
     let ends = starts.iter().skip(1).copied().chain([unit.len()]);

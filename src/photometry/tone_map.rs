@@ -13,6 +13,8 @@ pub mod curves;
 pub mod hue;
 pub mod scotopic;
 
+use std::sync::OnceLock;
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -31,6 +33,12 @@ pub fn srgb_from_linear(value: f64) -> f64 {
 /// Linear value of display `value`: the inverse of [`srgb_from_linear`], with the standard's own threshold.
 pub fn linear_from_srgb(value: f64) -> f64 {
     if value <= 0.040_45 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) }
+}
+
+/// Light of each 8-bit code of a display image, 0 to 1.
+pub fn light_of_codes() -> &'static [f32; 256] {
+    static TABLE: OnceLock<[f32; 256]> = OnceLock::new();
+    TABLE.get_or_init(|| std::array::from_fn(|code| linear_from_srgb(code as f64 / 255.0) as f32))
 }
 
 /// A tone-mapping operator: how light becomes a display value.

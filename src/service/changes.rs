@@ -11,7 +11,7 @@ use super::{
     background,
     camera::unmoved,
     convert,
-    handlers::{MOST_ATTEMPTS, Service, refused, unchanged},
+    handlers::{MOST_ATTEMPTS, Service, changed_meanwhile, refused, unchanged},
     proto, refusals,
     render::Refused,
     scene::{MadeUpdate, SceneError, SceneState, SceneUpdate},
@@ -52,30 +52,25 @@ impl Service {
     /// The scene after a change, if it can be drawn then.
     async fn changed_scene(&self, update: &SceneUpdate, expected: Option<u64>) -> Result<SceneState, Status> {
         for _ in 0..MOST_ATTEMPTS {
-            let scene = self.render.scene().map_err(refused)?;
-            scene.expect(expected).map_err(|error| unchanged(&error))?;
+            let scene = self.scene_of(expected)?;
             update.overlay.check_views(&self.view_names(&scene)).map_err(refusals::invalid)?;
             let made = self.made(update, &scene).await?;
             let changed = scene.clone().changed(&made, expected).map_err(|error| unchanged(&error))?;
             if update.changes_what_is_drawn() {
                 self.prepare(&scene, &changed).await?;
             }
-            match self.commit(changed, scene.revision).await? {
-                Ok(scene) => return Ok(scene),
-                Err(error) if expected.is_some() => return Err(unchanged(&error)),
-                // What was checked is not the scene any more.
-                Err(SceneError::Revision { .. }) => {}
-                Err(error) => return Err(unchanged(&error)),
+            if let Some(scene) = self.commit(changed, scene.revision, expected).await? {
+                return Ok(scene);
             }
         }
-        Err(Status::aborted("the scene has changed again and again meanwhile: try again"))
+        Err(changed_meanwhile())
     }
 
     /// Makes sure that a scene can be drawn, and makes what its first frame would take long for.
     async fn prepare(&self, before: &SceneState, after: &SceneState) -> Result<(), Status> {
+        check_atlases(before, after)?;
         let groups = after.views.frame_groups(&self.render.general(after));
         self.plan(self.render.snapshot(after), groups).await?;
-        check_atlases(before, after)?;
         let new = new_sets(before, after);
         // Without fields, what was made for some before is let go.
         if new.is_empty() && (before.objects.drawn.fields.is_empty() || !after.objects.drawn.fields.is_empty()) {
@@ -85,12 +80,29 @@ impl Service {
         baked.map_err(refusals::invalid)
     }
 
-    /// Puts a scene in place of the one that it was made for: on disk first, where there is a file of states, and then before everybody's eyes.
+    /// The scene, if it has the revision expected.
+    pub(super) fn scene_of(&self, expected: Option<u64>) -> Result<SceneState, Status> {
+        let scene = self.render.scene().map_err(refused)?;
+        scene.expect(expected).map_err(|error| unchanged(&error))?;
+        Ok(scene)
+    }
+
+    /// Puts a scene in place of the one that it was made for. `None`: what it was made for is not the scene any more, and the change is for whichever there is.
     pub(super) async fn commit(
         &self,
         scene: SceneState,
         made_for: u64,
-    ) -> Result<Result<SceneState, SceneError>, Status> {
+        expected: Option<u64>,
+    ) -> Result<Option<SceneState>, Status> {
+        match self.replace(scene, made_for).await? {
+            Ok(scene) => Ok(Some(scene)),
+            Err(SceneError::Revision { .. }) if expected.is_none() => Ok(None),
+            Err(error) => Err(unchanged(&error)),
+        }
+    }
+
+    /// On disk first, where there is a file of states, and then before everybody's eyes.
+    async fn replace(&self, scene: SceneState, made_for: u64) -> Result<Result<SceneState, SceneError>, Status> {
         // One change after the other, so that what is on disk is what is shown.
         let file = Arc::clone(&self.state).lock_owned().await;
         let now = self.render.scene().map_err(refused)?;
@@ -119,8 +131,7 @@ impl Service {
             self.render.check_lease(None).map_err(|error| unmoved(&error))?;
         }
         for _ in 0..MOST_ATTEMPTS {
-            let scene = self.render.scene().map_err(refused)?;
-            scene.expect(expected).map_err(|error| unchanged(&error))?;
+            let scene = self.scene_of(expected)?;
             let (general, of, before) = (self.render.general(&scene), saved.clone(), scene.clone());
             let changed = self.placed(move || of.applied(&before, &general)).await?;
             let changed = changed.map_err(Status::failed_precondition)?;
@@ -131,23 +142,19 @@ impl Service {
                 return Err(Status::failed_precondition(problem));
             }
             self.prepare(&scene, &changed).await?;
-            match self.commit(changed, scene.revision).await? {
-                Ok(scene) => {
-                    if let Some(camera) = &camera {
-                        self.render.set_camera(camera, None, None).map_err(|error| {
-                            let status = unmoved(&error);
-                            // Somebody began to steer meanwhile.
-                            let problem = format!("the scene is loaded, its camera is not: {error}");
-                            Status::with_details(status.code(), problem, status.details().to_vec().into())
-                        })?;
-                    }
-                    return Ok(scene);
+            if let Some(scene) = self.commit(changed, scene.revision, expected).await? {
+                if let Some(camera) = &camera {
+                    self.render.set_camera(camera, None, None).map_err(|error| {
+                        let status = unmoved(&error);
+                        // Somebody began to steer meanwhile.
+                        let problem = format!("the scene is loaded, its camera is not: {error}");
+                        Status::with_details(status.code(), problem, status.details().to_vec().into())
+                    })?;
                 }
-                Err(error) if expected.is_some() => return Err(unchanged(&error)),
-                Err(_) => {}
+                return Ok(scene);
             }
         }
-        Err(Status::aborted("the scene has changed again and again meanwhile: try again"))
+        Err(changed_meanwhile())
     }
 
     /// Does something with the file of states.

@@ -236,6 +236,11 @@ pub(super) fn refused(refused: Refused) -> Status {
     }
 }
 
+/// The attempts at a change are used up.
+pub(super) fn changed_meanwhile() -> Status {
+    Status::aborted("the scene has changed again and again meanwhile: try again")
+}
+
 pub(super) fn unchanged(error: &SceneError) -> Status {
     match error {
         SceneError::Revision { expected, found } => refusals::revision(error.to_string(), "scene", *expected, *found),

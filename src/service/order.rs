@@ -57,6 +57,23 @@ impl Form {
             Encoding::Exr => 16 * pixels + pixels + 65_536,
         }
     }
+
+    /// A smaller copy; `None`: the image is as small already.
+    pub(super) fn reduced(self, image: &FrameImage) -> Option<FrameImage> {
+        (self.max_size > 0).then(|| output::reduced(image, self.max_size)).flatten()
+    }
+
+    /// The message of an image that is encoded.
+    pub(super) fn message(self, image: &FrameImage, data: Vec<u8>, key_frame: bool) -> proto::Image {
+        proto::Image {
+            part: image.part.name().unwrap_or_default().to_owned(),
+            width: image.width,
+            height: image.height,
+            encoding: convert::encoding_to_pb(self.encoding).into(),
+            data: data.into(),
+            key_frame,
+        }
+    }
 }
 
 type Images = Result<Vec<proto::Image>, String>;
@@ -252,15 +269,8 @@ fn not_encoded(error: &task::JoinError) -> Status {
 }
 
 fn encoded(form: Form, image: &FrameImage) -> Result<proto::Image, String> {
-    let small = (form.max_size > 0).then(|| output::reduced(image, form.max_size)).flatten();
+    let small = form.reduced(image);
     let image = small.as_ref().unwrap_or(image);
     let data = output::encode(form.encoding, image).map_err(|error| error.to_string())?;
-    Ok(proto::Image {
-        part: image.part.name().unwrap_or_default().to_owned(),
-        width: image.width,
-        height: image.height,
-        encoding: convert::encoding_to_pb(form.encoding).into(),
-        data: data.into(),
-        key_frame: form.encoding == Encoding::H264,
-    })
+    Ok(form.message(image, data, form.encoding == Encoding::H264))
 }

@@ -15,9 +15,9 @@ use std::{
 
 use tonic::Status;
 
-use super::{convert, order::Form, proto, refusals};
+use super::{order::Form, proto, refusals};
 use crate::{
-    output::{self, EncodeError, VideoEncoder},
+    output::{EncodeError, VideoEncoder},
     render::FrameImage,
 };
 
@@ -166,11 +166,8 @@ impl Sequences {
 
     /// Codes the picture of a frame for somebody who has seen `seen`. The images are all those of the view.
     pub(super) fn code(&mut self, frame: u64, seen: Option<Seen>, images: &[&FrameImage]) -> Result<Picture, Status> {
-        let small = images.iter().map(|image| match self.form.max_size {
-            0 => None,
-            most => output::reduced(image, most),
-        });
-        let small: Vec<Option<FrameImage>> = small.collect();
+        let form = self.form;
+        let small: Vec<Option<FrameImage>> = images.iter().map(|image| form.reduced(image)).collect();
         let images: Vec<&FrameImage> =
             small.iter().zip(images).map(|(small, image)| small.as_ref().unwrap_or(image)).collect();
         let sizes: Vec<[u32; 2]> = images.iter().map(|image| [image.width, image.height]).collect();
@@ -186,7 +183,7 @@ impl Sequences {
         let mut coded = Vec::with_capacity(images.len());
         for (encoder, image) in sequence.encoders.iter_mut().zip(images) {
             match encoder.encode(image, is_key) {
-                Ok(data) => coded.push(message(image, data, is_key)),
+                Ok(data) => coded.push(form.message(image, data, is_key)),
                 Err(error) => {
                     self.all.remove(at);
                     return Err(Status::internal(error.to_string()));
@@ -257,17 +254,6 @@ impl Sequences {
             other.invites = true;
             self.merged = Some(Instant::now());
         }
-    }
-}
-
-fn message(image: &FrameImage, data: Vec<u8>, key_frame: bool) -> proto::Image {
-    proto::Image {
-        part: image.part.name().unwrap_or_default().to_owned(),
-        width: image.width,
-        height: image.height,
-        encoding: convert::encoding_to_pb(output::Encoding::H264).into(),
-        data: data.into(),
-        key_frame,
     }
 }
 

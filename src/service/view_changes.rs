@@ -7,9 +7,9 @@ use super::{
     access::By,
     changes::paths,
     convert_views::{definition_from_pb, view_update_from_pb},
-    handlers::{MOST_ATTEMPTS, Service, refused, unchanged},
+    handlers::{MOST_ATTEMPTS, Service, changed_meanwhile, refused, unchanged},
     proto, refusals,
-    scene::{SceneError, SceneState},
+    scene::SceneState,
     views::{GivenView, ViewSet, ViewUpdate},
 };
 use crate::{
@@ -59,22 +59,17 @@ impl Service {
         change: impl Fn(&SceneState) -> Result<SceneState, Status>,
     ) -> Result<SceneState, Status> {
         for _ in 0..MOST_ATTEMPTS {
-            let scene = self.render.scene().map_err(refused)?;
-            scene.expect(expected).map_err(|error| unchanged(&error))?;
+            let scene = self.scene_of(expected)?;
             let changed = change(&scene)?;
             check_size(&scene.views, &changed.views)?;
             let general = self.render.general(&scene);
             let groups = new_groups(scene.views.frame_groups(&general), changed.views.frame_groups(&general));
             self.plan(self.render.snapshot(&changed), groups).await?;
-            match self.commit(changed, scene.revision).await? {
-                Ok(scene) => return Ok(scene),
-                Err(error) if expected.is_some() => return Err(unchanged(&error)),
-                // What was checked is not the scene any more.
-                Err(SceneError::Revision { .. }) => {}
-                Err(error) => return Err(unchanged(&error)),
+            if let Some(scene) = self.commit(changed, scene.revision, expected).await? {
+                return Ok(scene);
             }
         }
-        Err(Status::aborted("the scene has changed again and again meanwhile: try again"))
+        Err(changed_meanwhile())
     }
 
     /// Whether the adapter takes the images of a view: what is wrong with one of them is told before what all of them take together.

@@ -66,6 +66,18 @@ pub struct Finding {
     pub what: String,
 }
 
+impl Finding {
+    /// `pass` or `FAIL`.
+    pub fn outcome(&self) -> &'static str {
+        if self.passed { "pass" } else { "FAIL" }
+    }
+
+    /// The projector, or `all`.
+    pub fn of(&self) -> &str {
+        self.projector.as_deref().unwrap_or("all")
+    }
+}
+
 /// Figures of one projector.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ProjectorFigures {
@@ -225,24 +237,9 @@ fn hit(projector: &Projector<'_>, direction: DVec3) -> Option<Hit> {
     if !inside || !projector.mapping.contains(pixel.x as u32, pixel.y as u32) {
         return None;
     }
-    let share = projector.blend.map_or(1.0, |blend| share_at(blend, pixel));
+    let share = projector.blend.map_or(1.0, |blend| blend.alpha_at(pixel));
     let longer_rad = projector.mapping.pixel_extent_rad(direction)?[0];
     Some(Hit { share, longer_rad })
-}
-
-/// The share of light at a place, linear between the middles of pixels.
-fn share_at(blend: &Blend, pixel: DVec2) -> f64 {
-    let [width, height] = blend.size();
-    let at = |place: f64, side: u32| {
-        let place = (place - 0.5).clamp(0.0, f64::from(side - 1));
-        let first = (place as u32).min(side.saturating_sub(2));
-        ([first, (first + 1).min(side - 1)], place - f64::from(first))
-    };
-    let ([left, right], across) = at(pixel.x, width);
-    let ([upper, lower], down) = at(pixel.y, height);
-    let value = |x: u32, y: u32| f64::from(blend.weights()[(y * width + x) as usize][0]);
-    let row = |y: u32| value(left, y) * (1.0 - across) + value(right, y) * across;
-    row(upper) * (1.0 - down) + row(lower) * down
 }
 
 /// The rules of one projector.
@@ -370,8 +367,8 @@ mod tests {
     fn warp(direction: impl Fn(f64, f64) -> DVec3, samples: usize, interpolation: Interpolation) -> Warp {
         let at = |index: usize| index as f64 / (samples - 1) as f64;
         let directions = (0..samples * samples).map(|n| Some(direction(at(n % samples), at(n / samples)))).collect();
-        let samples = [samples; 2];
-        Warp::new(SIZE, &DirectionGrid { samples, directions, placement: Placement::Corners, interpolation }).unwrap()
+        let (columns, rows, placement) = (samples, samples, Placement::Corners);
+        Warp::new(SIZE, &DirectionGrid { columns, rows, samples: directions, placement, interpolation }).unwrap()
     }
 
     /// Two halves that overlap by 10 degrees, with shares that add up.

@@ -1,13 +1,9 @@
 //! Directions as OpenEXR: channels `R`, `G`, `B` or `x`, `y`, `z` (capital letters too), 16 or 32 bits.
 
-use std::io::Cursor;
-
-use exr::{
-    meta::MetaData,
-    prelude::{FlatSamples, ReadChannels, ReadLayers, Vec2},
-};
+use exr::prelude::{FlatSamples, Vec2};
 
 use super::{MOST_SIDE, fault::Fault, pfm::Plane};
+use crate::files::read_exr;
 
 /// Channels that are decoded, at most: an alpha channel may lie beside the three.
 const MOST_CHANNELS: usize = 4;
@@ -22,24 +18,14 @@ pub(super) fn is_exr(bytes: &[u8]) -> bool {
 pub(super) fn decode(bytes: &[u8]) -> Result<Plane, Fault> {
     let bad = |problem: String, allowed: &str| Fault::new("OpenEXR", problem, allowed);
     let unreadable = |error: exr::error::Error| bad(format!("not readable ({error})"), CHANNELS);
-    // The decoder makes room for all pixels of all channels that the header tells, before it has seen any.
-    let headers = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(unreadable)?.headers;
-    if let Some(header) = headers.iter().find(|header| !header.deep) {
-        let (Vec2(width, height), channels) = (header.layer_size, header.channels.list.len());
-        if width > MOST_SIDE || height > MOST_SIDE || channels > MOST_CHANNELS {
-            let allowed = format!("at most {MOST_CHANNELS} channels of {MOST_SIDE} x {MOST_SIDE} are read");
-            return Err(bad(format!("{channels} channels of {width} x {height} pixels"), &allowed));
+    let few = |width: usize, height: usize, channels: usize| {
+        if width <= MOST_SIDE && height <= MOST_SIDE && channels <= MOST_CHANNELS {
+            return Ok(());
         }
-    }
-    let image = exr::prelude::read()
-        .no_deep_data()
-        .largest_resolution_level()
-        .all_channels()
-        .first_valid_layer()
-        .all_attributes()
-        .non_parallel()
-        .from_buffered(Cursor::new(bytes))
-        .map_err(unreadable)?;
+        let allowed = format!("at most {MOST_CHANNELS} channels of {MOST_SIDE} x {MOST_SIDE} are read");
+        Err(bad(format!("{channels} channels of {width} x {height} pixels"), &allowed))
+    };
+    let image = read_exr(bytes, few, unreadable)?;
     let layer = &image.layer_data;
     let list = &layer.channel_data.list;
     let named = |names: [&str; 2]| {

@@ -33,12 +33,14 @@ pub use self::{
     options::{Axes, ReadOptions, RowOrder},
 };
 use crate::files;
+/// Directions in axes of the dome: +x right, +y up (zenith side of the screen), -z forward.
+pub use crate::view::projection::DirectionGrid as Grid;
 pub use crate::view::projection::{Interpolation, Placement};
 
 /// Bytes of a file, at most.
 const MOST_BYTES: u64 = 1 << 30;
 /// Columns or rows of a grid, at most.
-pub const MOST_SIDE: usize = 8192;
+pub const MOST_SIDE: usize = crate::view::projection::MOST_SAMPLES;
 /// Samples of all grids of a calibration together, at most.
 const MOST_SAMPLES: usize = MOST_SIDE * MOST_SIDE;
 /// Values of all masks of a calibration together, at most.
@@ -47,22 +49,6 @@ const MOST_MASK_VALUES: usize = 1 << 28;
 const MOST_REGIONS: usize = 256;
 /// Width or height of a raster, pixels, at most.
 const MOST_RASTER_PX: u32 = 16384;
-
-/// Directions at points of a projector's raster.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Grid {
-    /// Samples in a row, 2 to [`MOST_SIDE`].
-    pub columns: usize,
-    /// Rows, 2 to [`MOST_SIDE`].
-    pub rows: usize,
-    /// Row by row from the top of the projector's raster: unit vectors in dome axes, +x right, +y up (zenith side of the screen), -z
-    /// forward. `None`: no light is sent there.
-    pub samples: Vec<Option<DVec3>>,
-    /// Where the samples lie.
-    pub placement: Placement,
-    /// How to go from sample to sample.
-    pub interpolation: Interpolation,
-}
 
 /// What one projector, or one part of its raster, shows.
 #[derive(Clone, Debug, PartialEq)]

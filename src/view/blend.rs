@@ -3,7 +3,12 @@
 //! Shares are of linear light. A display image is blended after tone mapping and rounding to 8 bits, before it leaves the renderer: light is multiplied by at most
 //! one, so the first rounding is at most half a code of the result, as the second one is.
 
+use std::sync::OnceLock;
+
+use glam::DVec2;
 use rayon::prelude::*;
+
+use crate::photometry::tone_map::{light_of_codes, linear_from_srgb};
 
 /// Shares of light over a raster.
 #[derive(Clone, Debug, PartialEq)]
@@ -74,16 +79,22 @@ impl Blend {
         &self.weights
     }
 
+    /// Alpha at a place in pixels from the upper left corner, linear between the middles of pixels.
+    pub fn alpha_at(&self, pixel: DVec2) -> f64 {
+        let [width, height] = self.size.map(|side| side as usize);
+        between([width, height], pixel.to_array(), |x, y| f64::from(self.weights[y * width + x][0]))
+    }
+
     /// Blends a display image of the raster: R, G, B, A of 8 bits, sRGB.
     pub fn apply(&self, display: &mut [u8]) {
-        let tables = Tables::new();
+        let tables = Tables::shared();
         display.par_chunks_mut(4 * 4096).zip(self.weights.par_chunks(4096)).for_each(|(pixels, weights)| {
             for (pixel, [alpha, beta]) in pixels.chunks_exact_mut(4).zip(weights) {
                 if *alpha == 1.0 && *beta == 0.0 {
                     continue;
                 }
                 for code in &mut pixel[..3] {
-                    *code = tables.code_of(tables.linear[usize::from(*code)] * alpha * (1.0 - beta) + beta);
+                    *code = tables.code_of(tables.light[usize::from(*code)] * alpha * (1.0 - beta) + beta);
                 }
             }
         });
@@ -94,22 +105,27 @@ impl Weights<'_> {
     /// The value at a point of 0 to 1.
     fn at(&self, [u, v]: [f64; 2]) -> f32 {
         let [width, height] = self.size;
-        let place = |at: f64, side: usize| {
-            let at = (at * side as f64 - 0.5).clamp(0.0, (side - 1) as f64);
-            let first = (at as usize).min(side.saturating_sub(2));
-            ([first, (first + 1).min(side - 1)], (at - first as f64) as f32)
-        };
-        let ([left, right], across) = place(u, width);
-        let ([upper, lower], down) = place(v, height);
-        let value = |x: usize, y: usize| self.values[y * width + x];
-        let row = |y: usize| value(left, y) * (1.0 - across) + value(right, y) * across;
-        row(upper) * (1.0 - down) + row(lower) * down
+        let place = [u * width as f64, v * height as f64];
+        between(self.size, place, |x, y| f64::from(self.values[y * width + x])) as f32
     }
 }
 
-/// sRGB to linear and back.
+/// A value of a raster at a place in pixels: linear between the middles of pixels, beyond the outermost middles as there.
+fn between([width, height]: [usize; 2], [x, y]: [f64; 2], value: impl Fn(usize, usize) -> f64) -> f64 {
+    let middles = |at: f64, side: usize| {
+        let at = (at - 0.5).clamp(0.0, (side - 1) as f64);
+        let first = (at as usize).min(side.saturating_sub(2));
+        ([first, (first + 1).min(side - 1)], at - first as f64)
+    };
+    let ([left, right], across) = middles(x, width);
+    let ([upper, lower], down) = middles(y, height);
+    let row = |y: usize| value(left, y) * (1.0 - across) + value(right, y) * across;
+    row(upper) * (1.0 - down) + row(lower) * down
+}
+
+/// Codes of a display image and their light.
 struct Tables {
-    linear: [f32; 256],
+    light: &'static [f32; 256],
     /// Least linear value that rounds to each code.
     least: [f32; 256],
     /// Code of each 4096th, to begin with.
@@ -117,17 +133,15 @@ struct Tables {
 }
 
 impl Tables {
-    fn new() -> Self {
-        let linear_of = |code: f64| {
-            let value = code / 255.0;
-            if value <= 0.040_45 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) }
-        };
-        let linear = std::array::from_fn(|code| linear_of(code as f64) as f32);
-        let least: [f32; 256] =
-            std::array::from_fn(|code| if code == 0 { f32::MIN } else { linear_of(code as f64 - 0.5) as f32 });
-        let first =
-            (0..4096).map(|at| (least.partition_point(|least| *least <= at as f32 / 4096.0) - 1) as u8).collect();
-        Self { linear, least, first }
+    fn shared() -> &'static Self {
+        static TABLES: OnceLock<Tables> = OnceLock::new();
+        TABLES.get_or_init(|| {
+            let between = |code: usize| linear_from_srgb((code as f64 - 0.5) / 255.0) as f32;
+            let least: [f32; 256] = std::array::from_fn(|code| if code == 0 { f32::MIN } else { between(code) });
+            let first =
+                (0..4096).map(|at| (least.partition_point(|least| *least <= at as f32 / 4096.0) - 1) as u8).collect();
+            Self { light: light_of_codes(), least, first }
+        })
     }
 
     fn code_of(&self, linear: f32) -> u8 {
@@ -145,16 +159,11 @@ impl Tables {
 mod tests {
     use super::*;
 
-    fn linear(code: u8) -> f64 {
-        let value = f64::from(code) / 255.0;
-        if value <= 0.040_45 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) }
-    }
-
     #[test]
     fn every_code_comes_back_and_shares_are_of_linear_light() {
-        let tables = Tables::new();
+        let tables = Tables::shared();
         for code in 0..=255_u8 {
-            assert_eq!(tables.code_of(tables.linear[usize::from(code)]), code);
+            assert_eq!(tables.code_of(tables.light[usize::from(code)]), code);
         }
         assert_eq!((tables.code_of(-0.1), tables.code_of(7.0)), (0, 255));
         for [alpha, beta] in [[0.5, 0.0], [0.25, 0.02], [0.0, 0.0], [0.0, 0.1], [1.0, 0.05]] {
@@ -164,13 +173,14 @@ mod tests {
             let mut display: Vec<u8> = (0..=255).flat_map(|code| [code, code, 255 - code, 77]).collect();
             blend.apply(&mut display);
             for (code, pixel) in display.chunks_exact(4).enumerate() {
-                let share = |code: u8| linear(code) * f64::from(alpha) * (1.0 - f64::from(beta)) + f64::from(beta);
+                let share = |code: u8| {
+                    linear_from_srgb(f64::from(code) / 255.0) * f64::from(alpha) * (1.0 - f64::from(beta))
+                        + f64::from(beta)
+                };
                 for (found, from) in [(pixel[0], code as u8), (pixel[2], 255 - code as u8)] {
                     // Half a code of the result.
                     let [below, above] = [-0.5, 0.5].map(|by| f64::from(found) + by);
-                    let light = |code: f64| {
-                        if code <= 10.31 { code / 255.0 / 12.92 } else { ((code / 255.0 + 0.055) / 1.055).powf(2.4) }
-                    };
+                    let light = |code: f64| linear_from_srgb(code / 255.0);
                     let expected = share(from);
                     assert!(
                         light(below) <= expected + 1e-6 && expected <= light(above) + 1e-6,

@@ -16,6 +16,6 @@ pub use error::FilmError;
 pub use folder::{FilmFolder, FilmRecord};
 pub use frames::{FrameRange, MOST_FRAMES, Shard, file_name, stems};
 pub use images::{FilmFormat, ImageWords, encode_image};
-pub use path::{FilmTracks, FrameValues, check_with};
+pub use path::{FilmTracks, check_with};
 pub use video::{Ffmpeg, check_video_file};
 pub use writer::{FilmWriter, FrameFile, with_writer};

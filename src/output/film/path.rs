@@ -8,28 +8,11 @@ use glam::{DQuat, DVec3};
 use toml::Value;
 
 use super::spline::{Track, Turns};
-use crate::config::{Config, ConfigError, Easing, ExposureKey, FilmPath, FovConfig, FovKey, Keyframe, ViewKindConfig};
+use crate::config::{
+    Config, ConfigError, Easing, ExposureKey, FilmPath, FovConfig, FovKey, FrameValues, Keyframe, ViewKindConfig,
+};
 use crate::plan::settings::ExposureMode;
 use crate::scene::{Camera, PoseError};
-
-/// What a path says of one frame; `None` is what the configuration says.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct FrameValues {
-    /// Position, ICRS, barycentric, m.
-    pub position_m: Option<DVec3>,
-    /// Rotation from camera axes to ICRS axes.
-    pub world_from_camera: Option<DQuat>,
-    /// Moment, s since 2000-01-01T12:00:00Z.
-    pub time_s: Option<f64>,
-    /// Field of view of perspective views.
-    pub fov: Option<FovKey>,
-    /// Exposure.
-    pub exposure: Option<ExposureKey>,
-    /// Stars fainter than this apparent magnitude are not drawn.
-    pub magnitude_limit: Option<f64>,
-    /// Velocity, ICRS axes, in units of the speed of light.
-    pub velocity_c: Option<DVec3>,
-}
 
 /// The positions of keyframes.
 #[derive(Clone, Debug)]
@@ -71,25 +54,25 @@ pub struct FilmTracks {
 /// The keyframes that name a quantity.
 fn naming<T>(
     keyframes: &[Keyframe],
-    quantity: impl Fn(&Keyframe) -> Option<T>,
+    quantity: impl Fn(&FrameValues) -> Option<T>,
 ) -> impl Iterator<Item = (u32, T, Easing)> {
-    keyframes.iter().filter_map(move |keyframe| Some((keyframe.frame, quantity(keyframe)?, keyframe.easing)))
+    keyframes.iter().filter_map(move |keyframe| Some((keyframe.frame, quantity(&keyframe.values)?, keyframe.easing)))
 }
 
-fn scalars(keyframes: &[Keyframe], quantity: impl Fn(&Keyframe) -> Option<f64>) -> Option<Track<1>> {
-    Track::new(naming(keyframes, |keyframe| quantity(keyframe).map(|value| [value])))
+fn scalars(keyframes: &[Keyframe], quantity: impl Fn(&FrameValues) -> Option<f64>) -> Option<Track<1>> {
+    Track::new(naming(keyframes, |values| quantity(values).map(|value| [value])))
 }
 
-fn vectors(keyframes: &[Keyframe], quantity: impl Fn(&Keyframe) -> Option<DVec3>) -> Option<Track<3>> {
-    Track::new(naming(keyframes, |keyframe| quantity(keyframe).map(|value| value.to_array())))
+fn vectors(keyframes: &[Keyframe], quantity: impl Fn(&FrameValues) -> Option<DVec3>) -> Option<Track<3>> {
+    Track::new(naming(keyframes, |values| quantity(values).map(|value| value.to_array())))
 }
 
 impl Positions {
     fn new(path: &FilmPath) -> Option<Self> {
         let Some(around_m) = path.around_m else {
-            return vectors(&path.keyframes, |keyframe| keyframe.position_m).map(Self::Straight);
+            return vectors(&path.keyframes, |values| values.position_m).map(Self::Straight);
         };
-        let named: Vec<(u32, DVec3, Easing)> = naming(&path.keyframes, |keyframe| keyframe.position_m).collect();
+        let named: Vec<(u32, DVec3, Easing)> = naming(&path.keyframes, |values| values.position_m).collect();
         let distance_m = |position_m: DVec3| (position_m - around_m).length();
         let distances =
             Track::new(named.iter().map(|&(frame, at_m, easing)| (frame, [distance_m(at_m).ln()], easing)))?;
@@ -127,7 +110,7 @@ impl Positions {
 }
 
 fn fov_track(keyframes: &[Keyframe]) -> Option<Scaled<FovKey>> {
-    let given: Vec<(u32, FovKey, Easing)> = naming(keyframes, |keyframe| keyframe.fov).collect();
+    let given: Vec<(u32, FovKey, Easing)> = naming(keyframes, |values| values.fov).collect();
     let size = |fov: FovKey| match fov {
         FovKey::Scale(scale) => scale,
         FovKey::YDeg(deg) => (0.5 * deg.to_radians()).tan(),
@@ -153,18 +136,18 @@ impl FilmTracks {
     /// The tracks through the keyframes of a path.
     pub fn new(path: &FilmPath) -> Self {
         let keyframes = &path.keyframes;
-        let exposure = |keyframe: &Keyframe| match keyframe.exposure? {
+        let exposure = |values: &FrameValues| match values.exposure? {
             ExposureKey::Ev100(value) | ExposureKey::CompensationEv(value) => Some(value),
         };
         Self {
             positions: Positions::new(path),
-            orientations: Turns::new(naming(keyframes, |keyframe| keyframe.world_from_camera)),
-            times_s: scalars(keyframes, |keyframe| keyframe.time_s),
+            orientations: Turns::new(naming(keyframes, |values| values.world_from_camera)),
+            times_s: scalars(keyframes, |values| values.time_s),
             fovs: fov_track(keyframes),
             exposures: scalars(keyframes, exposure),
-            is_fixed: keyframes.iter().any(|keyframe| matches!(keyframe.exposure, Some(ExposureKey::Ev100(_)))),
-            magnitudes: scalars(keyframes, |keyframe| keyframe.magnitude_limit),
-            velocities_c: vectors(keyframes, |keyframe| keyframe.velocity_c),
+            is_fixed: keyframes.iter().any(|keyframe| matches!(keyframe.values.exposure, Some(ExposureKey::Ev100(_)))),
+            magnitudes: scalars(keyframes, |values| values.magnitude_limit),
+            velocities_c: vectors(keyframes, |values| values.velocity_c),
         }
     }
 
@@ -202,7 +185,7 @@ pub fn check_with(path: &FilmPath, config: &Config) -> Result<(), ConfigError> {
         })
     };
     for keyframe in &path.keyframes {
-        match keyframe.fov {
+        match keyframe.values.fov {
             Some(FovKey::Scale(_)) if !perspective(true) => {
                 return fault(
                     "fov_scale",
@@ -215,7 +198,7 @@ pub fn check_with(path: &FilmPath, config: &Config) -> Result<(), ConfigError> {
             }
             _ => {}
         }
-        if matches!(keyframe.exposure, Some(ExposureKey::CompensationEv(_)))
+        if matches!(keyframe.values.exposure, Some(ExposureKey::CompensationEv(_)))
             && config.exposure.mode == ExposureMode::Manual
         {
             let problem = "has no effect with mode = \"manual\"";
@@ -336,10 +319,13 @@ mod tests {
             for keyframe in &path.keyframes {
                 let values = film.at(keyframe.frame);
                 let same = |named: bool, same: bool| assert!(!named || same, "{keyframe:?} {values:?}");
-                same(keyframe.position_m.is_some(), values.position_m == keyframe.position_m);
-                same(keyframe.world_from_camera.is_some(), values.world_from_camera == keyframe.world_from_camera);
-                same(keyframe.fov.is_some(), values.fov == keyframe.fov);
-                same(keyframe.exposure.is_some(), values.exposure == keyframe.exposure);
+                same(keyframe.values.position_m.is_some(), values.position_m == keyframe.values.position_m);
+                same(
+                    keyframe.values.world_from_camera.is_some(),
+                    values.world_from_camera == keyframe.values.world_from_camera,
+                );
+                same(keyframe.values.fov.is_some(), values.fov == keyframe.values.fov);
+                same(keyframe.values.exposure.is_some(), values.exposure == keyframe.values.exposure);
                 assert_eq!(values.velocity_c, None);
             }
             // Held before the first keyframe that names it and after the last one.

@@ -29,6 +29,18 @@ struct Knots {
 }
 
 impl Knots {
+    /// Those of keyframes (frame, value, easing), and their values.
+    fn of<T>(keyframes: impl IntoIterator<Item = (u32, T, Easing)>) -> (Self, Vec<T>) {
+        let mut knots = Self { frames: Vec::new(), easings: Vec::new() };
+        let mut values = Vec::new();
+        for (frame, value, easing) in keyframes {
+            knots.frames.push(f64::from(frame));
+            knots.easings.push(easing);
+            values.push(value);
+        }
+        (knots, values)
+    }
+
     fn place(&self, frame: f64) -> Place {
         let after = self.frames.partition_point(|knot| *knot <= frame);
         if after == 0 {
@@ -85,13 +97,7 @@ pub(super) struct Track<const N: usize> {
 impl<const N: usize> Track<N> {
     /// A track through keyframes: frame, value, easing. `None`: there is none.
     pub(super) fn new(keyframes: impl IntoIterator<Item = (u32, [f64; N], Easing)>) -> Option<Self> {
-        let mut knots = Knots { frames: Vec::new(), easings: Vec::new() };
-        let mut values = Vec::new();
-        for (frame, value, easing) in keyframes {
-            knots.frames.push(f64::from(frame));
-            knots.easings.push(easing);
-            values.push(value);
-        }
+        let (knots, values) = Knots::of(keyframes);
         let segments = values.len().checked_sub(1)?;
         let mean = |s: usize| std::array::from_fn(|c| (values[s + 1][c] - values[s][c]) / knots.length(s));
         let means: Vec<[f64; N]> = (0..segments).map(mean).collect();
@@ -160,13 +166,7 @@ pub(super) struct Turns {
 impl Turns {
     /// A track through keyframes: frame, unit quaternion, easing. `None`: there is none.
     pub(super) fn new(keyframes: impl IntoIterator<Item = (u32, DQuat, Easing)>) -> Option<Self> {
-        let mut knots = Knots { frames: Vec::new(), easings: Vec::new() };
-        let mut values = Vec::new();
-        for (frame, value, easing) in keyframes {
-            knots.frames.push(f64::from(frame));
-            knots.easings.push(easing);
-            values.push(value);
-        }
+        let (knots, values) = Knots::of(keyframes);
         let segments = values.len().checked_sub(1)?;
         let turns: Vec<DVec3> = (0..segments).map(|s| between(values[s], values[s + 1])).collect();
         // A rotation vector is the same in the axes of both ends of its segment.

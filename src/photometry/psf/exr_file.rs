@@ -6,15 +6,14 @@
 use std::io::Cursor;
 use std::path::Path;
 
-use exr::meta::MetaData;
 use exr::prelude::{
-    AttributeValue, Encoding, FlatSamples, Image, ImageAttributes, Layer, LayerAttributes, ReadChannels, ReadLayers,
-    SpecificChannels, Text, Vec2, WritableImage,
+    AttributeValue, Encoding, FlatSamples, Image, ImageAttributes, Layer, LayerAttributes, SpecificChannels, Text,
+    Vec2, WritableImage,
 };
 
 use super::read::{Plane, checked_size};
 use super::{ARCSECOND_RAD, Psf, PsfError, SIZES};
-use crate::files::write_whole;
+use crate::files::{read_exr, write_whole};
 
 /// Header entry: angle of a pixel, arcseconds.
 pub const SCALE: &str = "pixelScaleArcsec";
@@ -69,25 +68,12 @@ fn number(image: &ImageAttributes, layer: &LayerAttributes, name: &str) -> Optio
 pub fn decode(path: &Path, bytes: &[u8]) -> Result<Plane, PsfError> {
     let bad = |what: String| PsfError::File { path: path.to_owned(), what, allowed: ALLOWED };
     let unreadable = |error: exr::error::Error| bad(format!("not a readable OpenEXR file ({error})"));
-    // The decoder makes room for all pixels of all channels that the header tells, before it has seen any.
-    let headers = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(unreadable)?.headers;
-    if let Some(header) = headers.iter().find(|header| !header.deep) {
-        let Vec2(width, height) = header.layer_size;
+    let few = |width: usize, height: usize, channels: usize| {
         let size = u64::from(checked_size(width, height).map_err(bad)?);
-        let channels = header.channels.list.len() as u64;
-        if size * size * channels > MOST_SAMPLES {
-            return Err(bad(format!("{channels} channels of {width} x {height} pixels")));
-        }
-    }
-    let image = exr::prelude::read()
-        .no_deep_data()
-        .largest_resolution_level()
-        .all_channels()
-        .first_valid_layer()
-        .all_attributes()
-        .non_parallel()
-        .from_buffered(Cursor::new(bytes))
-        .map_err(unreadable)?;
+        let too_many = size * size * channels as u64 > MOST_SAMPLES;
+        if too_many { Err(bad(format!("{channels} channels of {width} x {height} pixels"))) } else { Ok(()) }
+    };
+    let image = read_exr(bytes, few, unreadable)?;
     let layer = &image.layer_data;
     let channels = &layer.channel_data.list;
     let named = |name: &str| channels.iter().find(|channel| channel.name == *name);

@@ -8,7 +8,7 @@ use std::{
 use glam::DVec3;
 use png::{BitDepth, ColorType, Transformations};
 
-use crate::files;
+use crate::{files, photometry::tone_map::linear_from_srgb};
 
 /// Factors on the albedo of a body, in longitude and latitude: the left edge is longitude -180 degrees, the middle is
 /// the body's +x axis, the top is its +z axis; longitude grows to the right, towards +y. Both are those of the point on
@@ -119,11 +119,6 @@ impl Texture {
             upper + (lower - upper) * low_share
         })
     }
-}
-
-/// Decodes an sRGB value, 0 to 1.
-fn linear_from_srgb(value: f64) -> f64 {
-    if value <= 0.040_45 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) }
 }
 
 #[cfg(test)]

@@ -13,7 +13,7 @@ pub use spline::Interpolation;
 
 use self::{
     nearest::Nearest,
-    spline::{Jet, Surface},
+    spline::{Jet, Surface, cell},
 };
 use super::{BoundingCone, PlaneMapping, ProjectionError, check_size};
 
@@ -39,10 +39,12 @@ pub enum Placement {
 /// Directions on a grid over a raster.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DirectionGrid {
-    /// Samples along both sides, 2 to [`MOST_SAMPLES`].
-    pub samples: [usize; 2],
+    /// Samples in a row, 2 to [`MOST_SAMPLES`].
+    pub columns: usize,
+    /// Rows, 2 to [`MOST_SAMPLES`].
+    pub rows: usize,
     /// Unit vectors in view axes, row by row from the top of the raster; `None`: unknown, or no light goes there.
-    pub directions: Vec<Option<DVec3>>,
+    pub samples: Vec<Option<DVec3>>,
     /// Where they lie.
     pub placement: Placement,
     /// What is between them.
@@ -105,33 +107,33 @@ impl Warp {
     /// The grid is none.
     pub fn new(size: [u32; 2], grid: &DirectionGrid) -> Result<Self, WarpError> {
         check_size(size)?;
-        let [columns, rows] = grid.samples;
+        let (columns, rows) = (grid.columns, grid.rows);
         let allowed = 2..=MOST_SAMPLES;
-        let directions = grid.directions.len();
+        let directions = grid.samples.len();
         if !(allowed.contains(&columns) && allowed.contains(&rows)) || directions != columns * rows {
             return Err(WarpError::Samples { columns, rows, directions });
         }
         let is_unit = |direction: &DVec3| (direction.length() - 1.0).abs() < 1e-3;
-        let wrong = grid.directions.iter().enumerate().find_map(|(at, direction)| {
+        let wrong = grid.samples.iter().enumerate().find_map(|(at, direction)| {
             let direction = direction.filter(|direction| !is_unit(direction))?;
             Some(WarpError::Direction { column: at % columns, row: at / columns, direction })
         });
         if let Some(wrong) = wrong {
             return Err(wrong);
         }
-        let known = |x: usize, y: usize| grid.directions[y * columns + x].is_some();
+        let known = |x: usize, y: usize| grid.samples[y * columns + x].is_some();
         let cells = (0..rows - 1).flat_map(|y| (0..columns - 1).map(move |x| [x, y]));
         let cells: Vec<bool> =
             cells.map(|[x, y]| known(x, y) && known(x + 1, y) && known(x, y + 1) && known(x + 1, y + 1)).collect();
         if !cells.contains(&true) {
             return Err(WarpError::Empty);
         }
-        let surface = Surface::new(&filled(&grid.directions, columns), grid.samples, grid.interpolation);
+        let surface = Surface::new(&filled(&grid.samples, columns), [columns, rows], grid.interpolation);
         let nearest = Nearest::default();
         let (reach_rad, longest_px_rad) = (0.0, 0.0);
         let mut warp = Self {
             size,
-            grid: grid.samples,
+            grid: [columns, rows],
             placement: grid.placement,
             surface,
             cells,
@@ -180,7 +182,6 @@ impl Warp {
     /// Whether the cell around a place has all its corners.
     fn is_known(&self, pixel: DVec2) -> bool {
         let [x, y] = self.in_samples(pixel);
-        let cell = |at: f64, samples: usize| (at.floor().max(0.0) as usize).min(samples - 2);
         self.cells[cell(y, self.grid[1]) * (self.grid[0] - 1) + cell(x, self.grid[0])]
     }
 

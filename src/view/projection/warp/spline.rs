@@ -62,7 +62,6 @@ impl Surface {
     /// The value at a point, in samples; beyond the first and the last one it goes on as in the cells there.
     pub(super) fn at(&self, [x, y]: [f64; 2]) -> Jet {
         let [columns, rows] = self.samples;
-        let cell = |at: f64, samples: usize| (at.floor().max(0.0) as usize).min(samples - 2);
         let [i, j] = [cell(x, columns), cell(y, rows)];
         let [tx, ty] = [x - i as f64, y - j as f64];
         match self.interpolation {
@@ -90,6 +89,11 @@ impl Surface {
         }
         jet
     }
+}
+
+/// The cell that a place is in, or nearest to, of those between so many samples.
+pub(super) fn cell(at: f64, samples: usize) -> usize {
+    (at.floor().max(0.0) as usize).min(samples - 2)
 }
 
 /// The four cubic B-splines of a cell at `t`, 0 to 1 in the cell, and their derivatives.

@@ -26,7 +26,7 @@ fn grid(samples: [usize; 2], placement: Placement, interpolation: Interpolation)
     };
     let points = (0..rows).flat_map(|y| (0..columns).map(move |x| (x, y)));
     let directions = points.map(|(x, y)| Some(thrown(at(x, columns), at(y, rows)))).collect();
-    DirectionGrid { samples, directions, placement, interpolation }
+    DirectionGrid { columns, rows, samples: directions, placement, interpolation }
 }
 
 fn analytic_sr(x: u32, y: u32) -> f64 {
@@ -72,7 +72,7 @@ fn directions_and_solid_angles_are_those_of_the_set_up() {
     wrong.placement = Placement::Centres;
     assert!(errors(&Warp::new(SIZE, &wrong).unwrap())[0] > 1e-3);
     let mut turned = grid([33, 33], Placement::Corners, Interpolation::Smooth);
-    turned.directions = turned.directions.chunks(33).rev().flatten().copied().collect();
+    turned.samples = turned.samples.chunks(33).rev().flatten().copied().collect();
     assert!(errors(&Warp::new(SIZE, &turned).unwrap())[0] > 0.1);
 }
 
@@ -107,7 +107,7 @@ fn a_table_can_be_made_of_it_and_a_fold_is_refused_with_its_place() {
     assert!((table.picture_solid_angle_sr() / sum - 1.0).abs() < 1e-5 && sum < 2.0 * PI);
     let mut folded = samples.clone();
     // The last columns come back.
-    for row in folded.directions.chunks_mut(33) {
+    for row in folded.samples.chunks_mut(33) {
         for column in 28..33 {
             row[column] = row[2 * 27 - column];
         }
@@ -119,7 +119,7 @@ fn a_table_can_be_made_of_it_and_a_fold_is_refused_with_its_place() {
 #[test]
 fn unknown_samples_are_outside_and_do_not_bend_what_is_inside() {
     let mut samples = grid([65, 65], Placement::Corners, Interpolation::Smooth);
-    for (index, direction) in samples.directions.iter_mut().enumerate() {
+    for (index, direction) in samples.samples.iter_mut().enumerate() {
         let [x, y] = [index % 65, index / 65];
         if x < 8 || (x + y > 100) {
             *direction = None;
@@ -153,14 +153,14 @@ fn what_is_no_grid_is_refused() {
         change(&mut grid);
         Warp::new(SIZE, &grid).unwrap_err()
     };
-    assert!(matches!(refused(&|grid| grid.samples = [1, 16]), WarpError::Samples { .. }));
-    assert!(matches!(refused(&|grid| grid.samples = [4, 5]), WarpError::Samples { .. }));
+    assert!(matches!(refused(&|grid| (grid.columns, grid.rows) = (1, 16)), WarpError::Samples { .. }));
+    assert!(matches!(refused(&|grid| grid.rows = 5), WarpError::Samples { .. }));
     for wrong in [DVec3::ZERO, DVec3::NAN, DVec3::new(0.0, 0.0, 2.0)] {
         assert!(matches!(
-            refused(&|grid| grid.directions[6] = Some(wrong)),
+            refused(&|grid| grid.samples[6] = Some(wrong)),
             WarpError::Direction { column: 2, row: 1, .. }
         ));
     }
-    assert_eq!(refused(&|grid| grid.directions.iter_mut().step_by(2).for_each(|d| *d = None)), WarpError::Empty);
+    assert_eq!(refused(&|grid| grid.samples.iter_mut().step_by(2).for_each(|d| *d = None)), WarpError::Empty);
     assert!(matches!(Warp::new([0, 4], &right), Err(WarpError::Size(_))));
 }
