@@ -224,7 +224,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         .collect();
     let [width, height] = map.size;
     let image =
-        FrameImage { view: 0, part: Part::Whole, width, height, display: Some(display), hdr: None, blend: None };
+        FrameImage { view: 0, part: Part::Whole, width, height, display: Some(display), hdr: None, projector: None };
     std::fs::create_dir_all(&arguments.out)?;
     let write = |name: &str, image: &FrameImage| -> Result<(), Box<dyn Error>> {
         let path = arguments.out.join(name);

@@ -4,7 +4,8 @@
 use std::fmt::Write as _;
 
 use super::{
-    About, AsteroidMetric, Axis, GlareMetric, Row, scores::Metric, summary::Summary, svg::grouped, timing::TIMING_EV100,
+    About, AsteroidMetric, Axis, GlareMetric, ProjectorMetric, Row, scores::Metric, summary::Summary, svg::grouped,
+    timing::TIMING_EV100,
 };
 
 /// Columns of the table of the axis `stars`, each with its heading.
@@ -44,6 +45,15 @@ const ASTEROIDS: [(AsteroidMetric, &str); 5] = [
     (AsteroidMetric::Light, "light"),
 ];
 
+/// The same of the axis `projectors`.
+const PROJECTORS: [(ProjectorMetric, &str); 5] = [
+    (ProjectorMetric::LightRms, "light, rms error"),
+    (ProjectorMetric::LightLargest, "light, largest"),
+    (ProjectorMetric::CentroidPx, "centroid, px"),
+    (ProjectorMetric::WidthPx, "width, px"),
+    (ProjectorMetric::WidthVariation, "width varies"),
+];
+
 /// A column of errors.
 #[derive(Clone, Copy)]
 struct Column {
@@ -59,6 +69,7 @@ fn columns(axis: Axis) -> Vec<Column> {
         Axis::Stars => STARS.map(|(metric, heading)| of((metric.name(), heading, metric.meaning()))).to_vec(),
         Axis::Glare => GLARE.map(|(metric, heading)| of((metric.name(), heading, metric.meaning()))).to_vec(),
         Axis::Asteroids => ASTEROIDS.map(|(metric, heading)| of((metric.name(), heading, metric.meaning()))).to_vec(),
+        Axis::Projectors => PROJECTORS.map(|(metric, heading)| of((metric.name(), heading, metric.meaning()))).to_vec(),
         Axis::Views | Axis::Scale => Vec::new(),
     }
 }

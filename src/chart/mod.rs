@@ -8,7 +8,7 @@
 //! - `timing`: frames of all methods in turn, within a budget of time;
 //! - `scenes`: small made-up skies of which the right picture is known;
 //! - `scores`: the figures of one method over those scenes, by [`crate::metrics`];
-//! - `stars`, `glare`, `asteroids`, `views`, `scale`: the axes;
+//! - `stars`, `glare`, `asteroids`, `projectors`, `views`, `scale`: the axes;
 //! - `summary`: a line per method;
 //! - `pareto`: which methods no other beats in both time and accuracy.
 //!
@@ -22,6 +22,7 @@ mod csv;
 mod glare;
 mod html;
 mod pareto;
+mod projectors;
 mod scale;
 mod scenes;
 mod scores;
@@ -43,6 +44,7 @@ pub use self::{
     asteroids::AsteroidExtent,
     csv::{COLUMNS, Row, read_csv, write_csv},
     pareto::{ParetoError, pareto_front},
+    projectors::ProjectorMetric,
     scores::{AsteroidMetric, GlareMetric, Metric, Score, Scores, ScoringSize, score_method},
     summary::summary,
     timing::Spread,
@@ -70,6 +72,9 @@ pub enum ChartError {
     /// The asteroids of a workload cannot be made.
     #[error(transparent)]
     Field(#[from] SpecError),
+    /// The projector of the axis `projectors` cannot be built.
+    #[error("projectors: {0}")]
+    Projector(String),
     /// A view of a workload cannot be built.
     #[error(transparent)]
     Rig(#[from] RigError),
@@ -95,6 +100,8 @@ pub enum Axis {
     Glare,
     /// Every way of drawing fields of asteroids: time as they grow, and errors against the finest meshes.
     Asteroids,
+    /// Drawing straight into a projector's pixels, and bending a flat picture: time against errors of stars.
+    Projectors,
     /// What a further view of the same frame costs.
     Views,
     /// Time against the number of stars.
@@ -103,7 +110,7 @@ pub enum Axis {
 
 impl Axis {
     /// The axes that exist.
-    pub const ALL: [Self; 5] = [Self::Stars, Self::Glare, Self::Asteroids, Self::Views, Self::Scale];
+    pub const ALL: [Self; 6] = [Self::Stars, Self::Glare, Self::Asteroids, Self::Projectors, Self::Views, Self::Scale];
 
     /// Name on the command line and in `chart.csv`.
     pub fn name(self) -> &'static str {
@@ -111,6 +118,7 @@ impl Axis {
             Self::Stars => "stars",
             Self::Glare => "glare",
             Self::Asteroids => "asteroids",
+            Self::Projectors => "projectors",
             Self::Views => "views",
             Self::Scale => "scale",
         }
@@ -122,6 +130,7 @@ impl Axis {
             Self::Stars => "Drawing stars: time against error",
             Self::Glare => "Glare: time against error",
             Self::Asteroids => "Fields of asteroids: time against their number",
+            Self::Projectors => "Projectors: time against error of stars",
             Self::Views => "Many views of one frame: each by itself and all together",
             Self::Scale => "Time against the number of stars",
         }
@@ -168,7 +177,7 @@ pub fn run(renderer: &mut Renderer, axes: &[Axis], extent: &Extent, tell: Tell<'
         let weight = |axis: Axis| match axis {
             Axis::Stars => 6.0,
             Axis::Glare | Axis::Asteroids => 3.0,
-            Axis::Views | Axis::Scale => 1.0,
+            Axis::Projectors | Axis::Views | Axis::Scale => 1.0,
         };
         let share = weight(axis) / axes[index..].iter().map(|axis| weight(*axis)).sum::<f64>();
         let budget = budget.part(share, 1);
@@ -176,6 +185,7 @@ pub fn run(renderer: &mut Renderer, axes: &[Axis], extent: &Extent, tell: Tell<'
             Axis::Stars => stars::run(renderer, extent, &mut skies, budget, tell)?,
             Axis::Glare => glare::run(renderer, extent, &mut skies, budget.at_most(extent.glare.budget), tell)?,
             Axis::Asteroids => asteroids::run(renderer, extent, budget.at_most(extent.asteroids.budget), tell)?,
+            Axis::Projectors => projectors::run(renderer, extent, &mut skies, budget, tell)?,
             Axis::Views => views::run(renderer, extent, &mut skies, budget, tell)?,
             Axis::Scale => scale::run(renderer, extent, &mut skies, budget, tell)?,
         });

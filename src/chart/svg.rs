@@ -15,7 +15,10 @@ use ::svg::{
 };
 
 use self::panel::{Panel, Point};
-use super::{About, AsteroidMetric, Axis, GlareMetric, Row, html::distinct, scores::Metric, timing::TIMING_EV100};
+use super::{
+    About, AsteroidMetric, Axis, GlareMetric, ProjectorMetric, Row, html::distinct, scores::Metric,
+    timing::TIMING_EV100,
+};
 
 /// Workload of the picture, where it was run.
 const HEADLINE: &str = "1M anticentre-1080p";
@@ -49,6 +52,7 @@ pub(super) fn draw(axis: Axis, rows: &[&Row], about: &About) -> String {
         Axis::Stars => stars(axis, rows, about),
         Axis::Glare => glare(axis, rows, about),
         Axis::Asteroids => series::draw(axis, &as_they_grow(rows), about),
+        Axis::Projectors => projectors(axis, rows, about),
         Axis::Views | Axis::Scale => series::draw(axis, rows, about),
     }
 }
@@ -124,6 +128,25 @@ fn glare(axis: Axis, rows: &[&Row], about: &About) -> String {
     let subtitle = match rows.first() {
         Some(row) => format!(
             "{} stars in the catalogue; the passes of glare alone. Errors against the convolution on the sphere in f64. Lower left is better; the dashed line is the Pareto front.",
+            grouped(row.items)
+        ),
+        None => "nothing was measured".to_owned(),
+    };
+    with_panels(axis, &subtitle, &panels, about)
+}
+
+/// The axis `projectors`: a panel per metric.
+fn projectors(axis: Axis, rows: &[&Row], about: &About) -> String {
+    let panels = ProjectorMetric::ALL.map(|metric| {
+        let (points, without) = points(metric.name(), 0.0, rows);
+        let (name, meaning) = (metric.name().to_owned(), metric.meaning().to_owned());
+        Panel { name, meaning, timed: "the whole frame, read back", points, without }
+    });
+    let subtitle = match rows.first() {
+        Some(row) => format!(
+            "a throw across a dome, {} x {} pixels, {} stars in the catalogue. Lower left is better; the dashed line is the Pareto front.",
+            row.width,
+            row.height,
             grouped(row.items)
         ),
         None => "nothing was measured".to_owned(),

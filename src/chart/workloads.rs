@@ -178,6 +178,8 @@ pub struct Extent {
     pub scale: Vec<usize>,
     /// Stars of the axis `views`.
     pub many_views_stars: usize,
+    /// Raster of the axis `projectors`.
+    pub projector: [u32; 2],
     /// The axis `glare`.
     pub glare: GlareExtent,
     /// The axis `asteroids`.
@@ -238,6 +240,7 @@ impl Extent {
             scoring: ScoringSize::default(),
             scale: vec![10_000, 100_000, 1_000_000],
             many_views_stars: 30_000,
+            projector: [960, 540],
             glare: GlareExtent::new(100_000, [1000, 500], 3, Duration::from_secs(40)),
             asteroids: AsteroidExtent::quick(),
         }
@@ -274,6 +277,7 @@ impl Extent {
             scoring: ScoringSize::default(),
             scale,
             many_views_stars: 1_000_000,
+            projector: [1920, 1080],
             glare: GlareExtent::new(1_000_000, [3000, 2000], 11, Duration::from_secs(300)),
             asteroids: AsteroidExtent::full(discrete_gpu),
         }

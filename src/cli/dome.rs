@@ -7,12 +7,13 @@ use std::{
 };
 
 use clap::{Args, Subcommand};
+use glam::DQuat;
 
 use super::{CliError, results};
 use crate::{
-    config::{Config, ViewKindConfig},
-    theatre::check::{Dome, DomeReport, MapPoint, Projector, check},
-    view::{View, ViewKind, projection::PlaneMapping},
+    config::{Config, DomeFault, DomeProjector, ViewKindConfig},
+    theatre::check::{Dome, DomeReport, Finding, MapPoint, Projector, check},
+    view::{ViewKind, projection::PlaneMapping},
 };
 
 /// Arguments of `dome`.
@@ -61,12 +62,19 @@ pub fn run(arguments: &DomeArguments) -> Result<(), CliError> {
     let DomeCommand::Check(arguments) = &arguments.command;
     let config = Config::load(&arguments.config, &arguments.set)?;
     let dome = dome_of(&config, arguments)?;
-    let rig = config.rig()?;
-    let projectors: Vec<Projector<'_>> = rig.views().iter().filter_map(projector).collect();
-    if projectors.is_empty() {
+    let (found, faults) = config.dome_projectors()?;
+    if found.is_empty() && faults.is_empty() {
         return Err(CliError::Usage(format!("{}: no view has the type projector", arguments.config.display())));
     }
-    let report = check(dome, &projectors);
+    let projectors: Vec<Projector<'_>> = found.iter().filter_map(projector).collect();
+    let mut report = check(dome, &projectors);
+    let of_fault = |fault: DomeFault| Finding {
+        rule: if fault.folds { "folds" } else { "reads" },
+        projector: Some(fault.name),
+        passed: false,
+        what: fault.problem,
+    };
+    report.findings.extend(faults.into_iter().map(of_fault));
     print(&report)?;
     let write = |path: &Path, text: String| {
         fs::write(path, text).map_err(|source| CliError::WriteFile { path: path.to_owned(), source })
@@ -97,11 +105,21 @@ fn dome_of(config: &Config, arguments: &CheckArguments) -> Result<Dome, CliError
     Ok(Dome { fov_deg, tilt_deg })
 }
 
-fn projector(view: &View) -> Option<Projector<'_>> {
-    let ViewKind::Projector { mapping, blend } = &view.kind else { return None };
+fn projector(of: &DomeProjector) -> Option<Projector<'_>> {
+    let DomeProjector { view, screen, dimmed_to } = of;
+    let ViewKind::Projector { mapping, output } = &view.kind else { return None };
     let image = view.images.first()?;
     let mapping: &dyn PlaneMapping = mapping.as_ref();
-    Some(Projector { name: &view.name, mapping, dome_from_view: image.camera_from_view, blend: blend.as_deref() })
+    let view_from_picture = output.resampling().map_or(DQuat::IDENTITY, |resampling| resampling.view_from_source);
+    let dome_from_view = image.camera_from_view * view_from_picture.inverse();
+    Some(Projector {
+        name: &view.name,
+        mapping,
+        dome_from_view,
+        blend: output.blend(),
+        dimmed_to: *dimmed_to,
+        screen: screen.as_ref(),
+    })
 }
 
 fn print(report: &DomeReport) -> Result<(), CliError> {

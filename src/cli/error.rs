@@ -13,6 +13,7 @@ use crate::photometry::glare::GlareKernelError;
 use crate::photometry::psf::PsfError;
 use crate::scene::loader::LoadError;
 use crate::service::ServeError;
+use crate::theatre::TheatreError;
 use crate::xr::XrError;
 use crate::{plan::PlanError, render::RenderError};
 
@@ -58,6 +59,9 @@ pub enum CliError {
     /// Files of a frame cannot be written.
     #[error(transparent)]
     Output(#[from] OutputError),
+    /// An installer's files cannot be read.
+    #[error(transparent)]
+    Theatre(#[from] TheatreError),
     /// A film cannot be made.
     #[error(transparent)]
     Film(#[from] FilmError),
@@ -146,7 +150,7 @@ impl CliError {
             },
             CliError::Usage(_) | CliError::Config(_) | CliError::Galaxy(_) => BAD_USAGE,
             CliError::Load { source: LoadError::Galaxy { .. }, .. } => BAD_USAGE,
-            CliError::Load { .. } | CliError::ReadStore(_) => BAD_DATA,
+            CliError::Load { .. } | CliError::ReadStore(_) | CliError::Theatre(_) => BAD_DATA,
             CliError::Chart(_) => FAILED,
             CliError::WriteStore(_) | CliError::Output(_) | CliError::Json(_) | CliError::Stdout(_) => FAILED,
             CliError::WriteFile { .. } | CliError::Checks { .. } | CliError::Audit(_) | CliError::Token(_) => FAILED,

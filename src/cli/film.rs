@@ -223,7 +223,7 @@ impl Film {
         let Some(chosen) = chosen else {
             return usage(format!("--video needs a view of one image: allowed are {allowed}"));
         };
-        let [width, height] = chosen.images[0].projection.mapping().size();
+        let [width, height] = chosen.output_size(&chosen.images[0]);
         if width % 2 != 0 || height % 2 != 0 {
             let name = &chosen.name;
             return usage(format!(
@@ -254,8 +254,8 @@ impl Film {
 
     fn tell_cost(&self, rig: &Rig, frames: usize, missing: usize) {
         let pixels_of = |size: [u32; 2]| size.map(u64::from).iter().product::<u64>();
-        let images = rig.views().iter().flat_map(|view| &view.images);
-        let pixels: u64 = images.map(|image| pixels_of(image.projection.mapping().size())).sum();
+        let images = rig.views().iter().flat_map(|view| view.images.iter().map(|image| view.output_size(image)));
+        let pixels: u64 = images.map(pixels_of).sum();
         let bytes = pixels * self.format.bytes_per_pixel() * missing as u64;
         tracing::info!(
             "{frames} frames, {} of them to draw, {} views, {} images and {pixels} pixels a frame, about {:.3} GB at most as {}",

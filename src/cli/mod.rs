@@ -14,6 +14,7 @@ mod info;
 mod load;
 mod logging;
 mod progress;
+mod projectors;
 mod psf;
 mod render;
 mod results;
@@ -37,6 +38,7 @@ pub use error::{BAD_DATA, BAD_USAGE, CliError, FAILED, NO_ADAPTER};
         steradian film --config configs/dome.toml --path paths/flight.toml --frames 0..240 --out film\n  \
         steradian serve --config configs/demo.toml --listen 127.0.0.1:7143\n  \
         steradian info --json\n  \
+        steradian projectors import dome.mpcdi --out dome.toml\n  \
         steradian dome check --config dome.toml\n  \
         steradian verify --set stars.method=auto\n  \
         steradian chart --out chart --quick\n  \
@@ -77,6 +79,8 @@ pub enum Command {
     Chart(chart::ChartArguments),
     /// Work with the projectors of a dome.
     Dome(dome::DomeArguments),
+    /// Write configurations from what installers of projectors deliver.
+    Projectors(projectors::ProjectorsArguments),
     /// Work with star catalogues.
     Catalogue(catalogue::CatalogueArguments),
     /// Compute the point-spread function of an aperture, or convert one.
@@ -98,6 +102,7 @@ pub fn run(arguments: Cli) -> Result<(), CliError> {
         Command::Info(command) => info::run(&command, arguments.adapter),
         Command::Chart(command) => chart::run(&command, arguments.adapter),
         Command::Dome(command) => dome::run(&command),
+        Command::Projectors(command) => projectors::run(&command),
         Command::Catalogue(command) => catalogue::run(command),
         Command::Psf(command) => psf::run(&command),
         Command::Token(command) => token::run(&command),

@@ -8,6 +8,7 @@
 mod asteroids;
 mod bodies;
 mod document;
+mod dome;
 mod effects;
 mod error;
 mod film;
@@ -28,12 +29,13 @@ use std::sync::Arc;
 
 pub use asteroids::{FieldConfig, FieldShape};
 pub use bodies::{BodyConfig, EmissionConfig, SpinConfig};
+pub use dome::{DomeFault, DomeProjector};
 pub use effects::has_effect;
 pub use error::ConfigError;
 use error::{Fault, join};
 pub use film::{Easing, ExposureKey, FilmPath, FovKey, FrameValues, Keyframe, Look};
 pub use overlay::{GridConfig, LabelConfig, OverlayConfig, TrajectoryConfig};
-pub use projector::{ProjectorConfig, ProjectorMethod, RowsConfig};
+pub use projector::{BlendConfig, ProjectorConfig, ProjectorMethod, RowsConfig};
 pub use scene::{CameraConfig, CatalogueConfig, GalaxyConfig, SceneConfig};
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -96,6 +98,7 @@ pub struct Config {
     pub headset: HeadsetSettings,
     /// `[server]`.
     pub server: ServerConfig,
+    computed_blends: dome::Computed,
 }
 
 /// Everything but the views, bodies and fields, which are read one by one, so that messages have their names.
@@ -215,6 +218,7 @@ impl Config {
         let config = Self {
             origin: origin.to_owned(),
             folder: folder.to_owned(),
+            computed_blends: dome::Computed::default(),
             scene: sections.scene,
             views,
             bodies,
@@ -260,6 +264,8 @@ impl Config {
             }
             views.push(config.view(Some(&self.folder)).map_err(|fault| VIEWS.fault(index, Some(&config.name), fault))?);
         }
+        dome::match_projectors(&self.views, &mut views, &self.computed_blends)
+            .map_err(|(index, fault)| VIEWS.fault(index, Some(&self.views[index].name), fault))?;
         Rig::new(views).map_err(|error| Fault::new("views", error.to_string()))
     }
 

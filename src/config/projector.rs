@@ -1,4 +1,4 @@
-//! `type = "projector"`: a projector's raster, from the calibration that its installer has delivered.
+//! `type = "projector"`: a projector's raster, from the calibration that its installer has delivered. What projectors have to agree on stands in [`super::dome`].
 
 use std::{
     path::{Path, PathBuf},
@@ -11,10 +11,11 @@ use serde::{Deserialize, Serialize};
 use super::error::{Fault, finite};
 use crate::{
     scene::finite_vector,
-    theatre::{Axes, Calibration, Mask, ReadOptions, Region, RowOrder, read},
+    theatre::{Axes, Calibration, Mask, ReadOptions, Region, RowOrder, ScreenSums, read, read_lut},
     view::{
-        Blend, ViewKind, Weights,
-        projection::{TabulatedMapping, Warp},
+        ViewKind,
+        projection::{TabulatedMapping, TabulationError, Warp},
+        projector::{Blend, Lut, ProjectorOutput, Resampling, Response, Weights},
     },
 };
 
@@ -48,9 +49,24 @@ pub enum ProjectorMethod {
     /// Everything is drawn straight into the projector's pixels.
     #[default]
     Direct,
+    /// A flat picture that covers its field (a round one where it is too wide) is drawn and bent as a texture: what others do, for comparison.
+    Resampled,
 }
 
-/// A projector's raster: everything is drawn straight into its pixels.
+/// Where a projector's share of the light comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize, Default, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum BlendConfig {
+    /// The masks and black levels of the file, as far as it has some.
+    #[default]
+    File,
+    /// Computed from the overlap of all projectors of the configuration.
+    Computed,
+    /// It gives all of its light.
+    None,
+}
+
+/// A projector's raster.
 #[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ProjectorConfig {
@@ -61,6 +77,8 @@ pub struct ProjectorConfig {
     /// How the picture is made.
     #[serde(default)]
     pub method: ProjectorMethod,
+    /// `resampled`: pixels of the flat picture along a mean pixel of the projector, 0.25 to 4; 1 where it is not given.
+    pub source_scale: Option<f64>,
     /// Width and height of the raster, where the file has none.
     pub size: Option<[u32; 2]>,
     /// Order of the rows in the file, where it is known to differ from the format's.
@@ -77,9 +95,17 @@ pub struct ProjectorConfig {
     /// Tilt of that fisheye towards the front.
     #[serde(default)]
     pub tilt_deg: f64,
-    /// Whether masks and black levels of the file are used.
-    #[serde(default = "yes")]
-    pub blend: bool,
+    /// Its share of the light.
+    #[serde(default)]
+    pub blend: BlendConfig,
+    /// Its light is the code to this power, 1 to 4. Absent: it follows the sRGB curve.
+    pub gamma: Option<f64>,
+    /// A look-up table (`.cube`) for the codes that it is sent, in place of the file's.
+    pub lut: Option<PathBuf>,
+    /// Luminance of its white on the dome, as measured: where projectors have it, all are dimmed to the darkest, each by one factor.
+    pub white_cd_m2: Option<f64>,
+    /// Luminance of its black on the dome, for `blend = "computed"`: black is lifted to the level where most projectors overlap.
+    pub black_cd_m2: Option<f64>,
     #[serde(skip)]
     loaded: Loaded,
 }
@@ -88,13 +114,19 @@ fn half_turn_deg() -> f64 {
     180.0
 }
 
-fn yes() -> bool {
-    true
-}
+/// How messages on warps without an inverse begin.
+pub(super) const FOLDS: &str = "the warp folds";
 
-/// The view that a calibration has made: reading and baking takes seconds, so once for all who ask.
+/// Reading and baking takes seconds, so once for all who ask.
 #[derive(Clone, Debug, Default)]
-struct Loaded(Arc<OnceLock<Result<ViewKind, Fault>>>);
+struct Loaded(Arc<OnceLock<Result<Calibrated, Fault>>>);
+
+/// What a calibration has made: the view, and the points of the screen where it has some.
+#[derive(Clone, Debug)]
+struct Calibrated {
+    kind: ViewKind,
+    screen: Option<ScreenSums>,
+}
 
 impl PartialEq for Loaded {
     /// It follows from the keys.
@@ -106,10 +138,20 @@ impl PartialEq for Loaded {
 impl ProjectorConfig {
     /// The view's kind. `folder` is where relative paths start; the calibration is read and its table made by the first call.
     pub(super) fn kind(&self, folder: &Path) -> Result<ViewKind, Fault> {
+        self.calibrated(folder).map(|calibrated| calibrated.kind)
+    }
+
+    /// The points of the screen in view axes, where the calibration has some and can be read.
+    pub(super) fn screen(&self, folder: &Path) -> Option<ScreenSums> {
+        self.calibrated(folder).ok()?.screen
+    }
+
+    fn calibrated(&self, folder: &Path) -> Result<Calibrated, Fault> {
         self.loaded.0.get_or_init(|| self.load(folder)).clone()
     }
 
-    fn load(&self, folder: &Path) -> Result<ViewKind, Fault> {
+    /// What the calibration has, with everything that was assumed.
+    fn region(&self, folder: &Path) -> Result<(Region, Vec<String>), Fault> {
         finite("fov_deg", self.fov_deg)?;
         finite("tilt_deg", self.tilt_deg)?;
         let eye_m = finite_vector("eye_m", self.eye_m).map_err(|error| Fault::new("eye_m", error.to_string()))?;
@@ -138,23 +180,75 @@ impl ProjectorConfig {
                 return Err(Fault::new("region", problem));
             }
         };
-        for note in &notes {
-            tracing::info!("{} ({format}), {}: {note}", path.display(), region.name);
+        let notes =
+            notes.iter().map(|note| format!("{} ({format}), {}: {note}", path.display(), region.name)).collect();
+        Ok((region, notes))
+    }
+
+    fn load(&self, folder: &Path) -> Result<Calibrated, Fault> {
+        self.check_keys()?;
+        let (region, notes) = self.region(folder)?;
+        for note in notes {
+            tracing::info!("{note}");
         }
-        self.view_of(&region)
+        let lut = self.lut.as_ref().map(|path| read_lut(&folder.join(path)));
+        let lut = lut.transpose().map_err(|error| Fault::new("lut", error.to_string()))?;
+        let path = folder.join(&self.file);
+        self.view_of(&region, lut)
+            .map(|kind| Calibrated { kind, screen: region.screen })
             .map_err(|problem| Fault::new("file", format!("{}, {}: {problem}", path.display(), region.name)))
     }
 
-    fn view_of(&self, region: &Region) -> Result<ViewKind, String> {
-        if region.lut.is_some() {
-            return Err("it has a look-up table of colours, which is not applied: take it out of the calibration, or let the projector apply it".into());
+    /// Numbers that are out of range, and keys that would do nothing.
+    fn check_keys(&self) -> Result<(), Fault> {
+        let ranges = [
+            ("source_scale", self.source_scale, 0.25..=4.0),
+            ("gamma", self.gamma, 1.0..=4.0),
+            ("white_cd_m2", self.white_cd_m2, 1e-3..=1e6),
+            ("black_cd_m2", self.black_cd_m2, 0.0..=1e6),
+        ];
+        for (key, value, allowed) in ranges {
+            if let Some(value) = value.filter(|value| !allowed.contains(value)) {
+                let problem = format!("{value}: allowed are {} to {}", allowed.start(), allowed.end());
+                return Err(Fault::new(key, problem));
+            }
         }
+        if self.source_scale.is_some() && self.method != ProjectorMethod::Resampled {
+            return Err(Fault::new("source_scale", "belongs to method = \"resampled\""));
+        }
+        match (self.black_cd_m2, self.white_cd_m2) {
+            (None, _) => Ok(()),
+            (Some(_), _) if self.blend != BlendConfig::Computed => {
+                Err(Fault::new("black_cd_m2", "belongs to blend = \"computed\""))
+            }
+            (Some(black), Some(white)) if black < white => Ok(()),
+            _ => Err(Fault::new("black_cd_m2", "a white_cd_m2 above it is needed beside it")),
+        }
+    }
+
+    fn view_of(&self, region: &Region, lut: Option<Lut>) -> Result<ViewKind, String> {
         let warp = Warp::new(region.size_px, &region.grid).map_err(|error| error.to_string())?;
-        let mapping = Arc::new(TabulatedMapping::new(warp).map_err(|error| error.to_string())?);
-        let [alpha, beta] = [&region.alpha, &region.beta].map(|mask| mask.as_ref().filter(|_| self.blend).map(weights));
+        let mapping = TabulatedMapping::new(warp).map_err(|error| match error {
+            TabulationError::Folded { .. } | TabulationError::NotInverse { .. } | TabulationError::Junction { .. } => {
+                format!("{FOLDS}: {error}")
+            }
+            _ => error.to_string(),
+        });
+        let mapping = Arc::new(mapping?);
+        let [alpha, beta] = [&region.alpha, &region.beta]
+            .map(|mask| mask.as_ref().filter(|_| self.blend == BlendConfig::File).map(weights));
         let blend = (alpha.is_some() || beta.is_some()).then(|| Blend::new(region.size_px, alpha, beta));
-        let blend = blend.transpose().map_err(|error| error.to_string())?.map(Arc::new);
-        Ok(ViewKind::Projector { mapping, blend })
+        let blend = blend.transpose().map_err(|error| error.to_string())?;
+        let resampling = match self.method {
+            ProjectorMethod::Direct => None,
+            ProjectorMethod::Resampled => {
+                let resampling = Resampling::new(&mapping, self.source_scale.unwrap_or(1.0));
+                Some(resampling.map_err(|error| format!("the picture that it is bent from: {error}"))?)
+            }
+        };
+        let response = Response { gamma: self.gamma, lut: lut.or_else(|| region.lut.clone()) };
+        let output = Arc::new(ProjectorOutput::new(region.size_px, resampling, blend, response)?);
+        Ok(ViewKind::Projector { mapping, output })
     }
 }
 

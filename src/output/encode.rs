@@ -2,11 +2,9 @@
 //!
 //! All of them are deterministic: the same image gives the same bytes.
 
-use std::io::Cursor;
+use exr::prelude::LayerAttributes;
 
-use exr::prelude::{Encoding as ExrEncoding, Image, Layer, LayerAttributes, SpecificChannels, Vec2, WritableImage};
-
-use super::{jpeg, video::VideoEncoder};
+use super::{exr_file::exr_of, jpeg, video::VideoEncoder};
 use crate::render::{FrameImage, Wanted};
 
 /// How an image is written.
@@ -119,7 +117,7 @@ pub fn encode(encoding: Encoding, image: &FrameImage) -> Result<Vec<u8>, EncodeE
             }
             Ok(bytes)
         }
-        Encoding::Exr => exr_of(image, hdr_of(image, encoding)?),
+        Encoding::Exr => exr_of(image, hdr_of(image, encoding)?, None, LayerAttributes::default()),
     }
 }
 
@@ -163,44 +161,17 @@ fn jpeg_of(image: &FrameImage, pixels: &[u8]) -> Result<Vec<u8>, EncodeError> {
     Ok(jpeg::encode(pixels, width, height)?)
 }
 
-fn exr_of(image: &FrameImage, pixels: &[[f32; 4]]) -> Result<Vec<u8>, EncodeError> {
-    let width = image.width as usize;
-    let size = Vec2(width, image.height as usize);
-    // Blocks in order of their rows, and no attribute that tells time or place: the same image gives the same bytes.
-    let encoding = ExrEncoding {
-        compression: exr::prelude::Compression::ZIP16,
-        blocks: exr::prelude::Blocks::ScanLines,
-        line_order: exr::prelude::LineOrder::Increasing,
-    };
-    // The number of channels is a matter of types.
-    macro_rules! written {
-        ($channels:expr) => {{
-            let layer = Layer::new(size, LayerAttributes::default(), encoding, $channels);
-            let mut bytes = Cursor::new(Vec::new());
-            Image::from_layer(layer).write().non_parallel().to_buffered(&mut bytes)?;
-            Ok(bytes.into_inner())
-        }};
-    }
-    let index = |at: Vec2<usize>| at.1 * width + at.0;
-    let channels =
-        SpecificChannels::build().with_channel("R").with_channel("G").with_channel("B").with_channel("omega");
-    match &image.blend {
-        None => written!(channels.with_pixel_fn(|at| <(f32, f32, f32, f32)>::from(pixels[index(at)]))),
-        Some(blend) => written!(channels.with_channel("alpha").with_pixel_fn(|at| {
-            let [red, green, blue, omega_sr] = pixels[index(at)];
-            (red, green, blue, omega_sr, blend.weights()[index(at)][0])
-        })),
-    }
-}
-
 #[cfg(test)]
 pub(super) mod tests {
     use exr::prelude::{ReadChannels, ReadLayers};
 
-    use std::sync::Arc;
+    use std::{io::Cursor, sync::Arc};
 
     use super::*;
-    use crate::view::{Blend, Part, Weights};
+    use crate::view::{
+        Part,
+        projector::{Blend, ProjectorOutput, Response, Weights},
+    };
 
     /// An image whose every value differs from its neighbours, with extremes among them.
     pub fn sample(width: u32, height: u32) -> FrameImage {
@@ -210,7 +181,15 @@ pub(super) mod tests {
             .collect();
         hdr[0] = [f32::MAX, f32::MIN_POSITIVE, 0.0, 0.0];
         let display = (0..count * 4).map(|i| if i % 4 == 3 { 255 } else { (i * 37 % 251) as u8 }).collect();
-        FrameImage { view: 0, part: Part::Whole, width, height, display: Some(display), hdr: Some(hdr), blend: None }
+        FrameImage {
+            view: 0,
+            part: Part::Whole,
+            width,
+            height,
+            display: Some(display),
+            hdr: Some(hdr),
+            projector: None,
+        }
     }
 
     /// Values of a channel of an EXR file, by name.
@@ -251,7 +230,8 @@ pub(super) mod tests {
     fn exr_of_a_projector_has_its_share_as_alpha() {
         let values: Vec<f32> = (0..12).map(|at| at as f32 / 11.0).collect();
         let blend = Blend::new([4, 3], Some(Weights { size: [4, 3], values: &values }), None).unwrap();
-        let image = FrameImage { blend: Some(Arc::new(blend)), ..sample(4, 3) };
+        let output = ProjectorOutput::new([4, 3], None, Some(blend), Response::default()).unwrap();
+        let image = FrameImage { projector: Some(Arc::new(output)), ..sample(4, 3) };
         let bytes = encode(Encoding::Exr, &image).unwrap();
         let read = exr::prelude::read().no_deep_data().largest_resolution_level().all_channels();
         let read = read.first_valid_layer().all_attributes().from_buffered(Cursor::new(&bytes)).unwrap();

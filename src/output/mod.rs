@@ -1,6 +1,7 @@
 //! What leaves the process: encodings of images, the files that `render` writes, and films.
 
 mod encode;
+mod exr_file;
 mod files;
 pub mod film;
 mod jpeg;

@@ -39,7 +39,7 @@ pub fn reduced(image: &FrameImage, longest_px: u32) -> Option<FrameImage> {
         height,
         display: Some(display),
         hdr: None,
-        blend: None,
+        projector: None,
     })
 }
 
@@ -51,7 +51,7 @@ mod tests {
     fn image(width: u32, height: u32, code: impl Fn(u32, u32) -> u8) -> FrameImage {
         let pixel = |i: u32| [code(i % width, i / width), 0, 255, 255];
         let display = (0..width * height).flat_map(pixel).collect();
-        FrameImage { view: 3, part: Part::Whole, width, height, display: Some(display), hdr: None, blend: None }
+        FrameImage { view: 3, part: Part::Whole, width, height, display: Some(display), hdr: None, projector: None }
     }
 
     #[test]

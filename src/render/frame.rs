@@ -10,7 +10,7 @@ use super::Renderer;
 use crate::{
     photometry::rec709::luminance,
     plan::FramePlan,
-    view::{Blend, Part},
+    view::{Part, projector::ProjectorOutput},
 };
 
 /// One image of a frame.
@@ -29,8 +29,8 @@ pub struct FrameImage {
     /// R, G, B in cd/m^2 (linear Rec. 709) and the pixel's solid angle in sr (0 outside of the picture), row by row from
     /// the top; if it was asked for.
     pub hdr: Option<Vec<[f32; 4]>>,
-    /// Of a projector that shares its light with others: its shares. The display image has them, the HDR image has not.
-    pub blend: Option<Arc<Blend>>,
+    /// Of a projector: what was done to its picture. Blending and the projector's response are in the display image, not in the HDR image.
+    pub projector: Option<Arc<ProjectorOutput>>,
 }
 
 impl FrameImage {

@@ -89,7 +89,7 @@ pub(super) fn copy(recording: &mut Recording<'_>) {
 
 impl Renderer {
     pub(super) fn read(&self, in_flight: &mut InFlight) -> Result<Frame, RenderError> {
-        let InFlight { plan, places, views: names, blends, slot: FrameSlot { timer, readback }, .. } = in_flight;
+        let InFlight { plan, places, views: names, projectors, slot: FrameSlot { timer, readback }, .. } = in_flight;
         let Self { gpu, techniques, .. } = self;
         let plan = &*plan;
         let (Some((counters, count)), Some(exposure)) = (places.counters, places.exposure) else {
@@ -124,7 +124,7 @@ impl Renderer {
                     height,
                     display: tile.display.map(|_| Vec::with_capacity(pixels * DISPLAY_BYTES as usize)),
                     hdr: tile.hdr.map(|_| Vec::with_capacity(pixels)),
-                    blend: blends[viewport.view].clone(),
+                    projector: projectors[viewport.view].clone(),
                 });
                 images.len() - 1
             });
@@ -138,8 +138,10 @@ impl Renderer {
             }
         }
         for image in &mut images {
-            if let (Some(blend), Some(display)) = (&image.blend, &mut image.display) {
-                blend.apply(display);
+            if let Some(projector) = image.projector.clone() {
+                [image.width, image.height] = projector.size();
+                image.display = image.display.take().map(|picture| projector.display(picture));
+                image.hdr = image.hdr.take().map(|picture| projector.hdr(picture));
             }
         }
         let exposure_ev100 = f64::from(exposure[0].ev100);

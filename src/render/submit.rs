@@ -24,7 +24,7 @@ use crate::{
     gpu::{Gpu, GpuError, GpuTimer, ReadbackBuffer, SUBMISSION_TIMEOUT},
     plan::{Output, Plan, PlanError, PlanOutputs, SkyUse, settings::RenderSettings, smooth_light::SkyFace},
     scene::{Camera, SceneSnapshot},
-    view::Blend,
+    view::projector::ProjectorOutput,
 };
 
 /// Frames that may be in flight.
@@ -60,7 +60,7 @@ pub(super) struct InFlight {
     /// Names of the views.
     pub(super) views: Vec<String>,
     /// Their shares of light.
-    pub(super) blends: Vec<Option<Arc<Blend>>>,
+    pub(super) projectors: Vec<Option<Arc<ProjectorOutput>>>,
     scene_revision: u64,
     camera_revision: u64,
     plan_ms: f64,
@@ -213,7 +213,7 @@ impl Renderer {
             plan,
             places,
             views: rig.views().iter().map(|view| view.name.clone()).collect(),
-            blends: rig.views().iter().map(|view| view.kind.blend().cloned()).collect(),
+            projectors: rig.views().iter().map(|view| view.kind.projector().cloned()).collect(),
             scene_revision: snapshot.revision,
             camera_revision: snapshot.camera.revision,
             plan_ms,

@@ -147,7 +147,7 @@ fn projection_to_pb(projection: &Projection) -> proto::Projection {
 pub(super) fn view_to_pb(number: usize, scene: &SceneState) -> proto::View {
     let view = &scene.views.rig().views()[number];
     let images = view.images.iter().map(|image| {
-        let [width, height] = image.projection.mapping().size();
+        let [width, height] = view.output_size(image);
         proto::ViewImage {
             part: image.part.name().unwrap_or_default().to_owned(),
             width,

@@ -265,7 +265,15 @@ mod tests {
 
     fn image(level: u8) -> FrameImage {
         let display = (0..64 * 32).flat_map(|at| [level.wrapping_add((at % 7) as u8), level, 9, 255]).collect();
-        FrameImage { view: 0, part: Part::Whole, width: 64, height: 32, display: Some(display), hdr: None, blend: None }
+        FrameImage {
+            view: 0,
+            part: Part::Whole,
+            width: 64,
+            height: 32,
+            display: Some(display),
+            hdr: None,
+            projector: None,
+        }
     }
 
     fn audience(rate: Rate) -> Audience {

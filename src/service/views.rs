@@ -262,8 +262,12 @@ impl ViewSet {
     /// Pixels of all images of a view of the rig.
     pub(super) fn pixels_of(&self, index: usize) -> u64 {
         let of_image = |[width, height]: [u32; 2]| u64::from(width) * u64::from(height);
-        let images = self.rig.views().get(index).into_iter().flat_map(|view| &view.images);
-        images.map(|image| of_image(image.projection.mapping().size())).fold(0, u64::saturating_add)
+        let Some(view) = self.rig.views().get(index) else { return 0 };
+        let drawn = view.images.iter().map(|image| of_image(image.projection.mapping().size()));
+        // A projector's picture that is bent is there twice.
+        let bent =
+            view.kind.projector().filter(|output| output.resampling().is_some()).map(|output| of_image(output.size()));
+        drawn.chain(bent).fold(0, u64::saturating_add)
     }
 
     /// Pixels of all images of all views.

@@ -4,28 +4,7 @@ use std::path::Path;
 
 use super::{MOST_BYTES, TheatreError, fault::Fault};
 use crate::files;
-
-/// Dimensions of a table.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum LutKind {
-    /// One table for each channel.
-    One,
-    /// A cube of colours.
-    Three,
-}
-
-/// A look-up table.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Lut {
-    /// Its dimensions.
-    pub kind: LutKind,
-    /// Entries along each dimension.
-    pub size: usize,
-    /// Input of the first and of the last entry, for red, green and blue.
-    pub domain: [[f32; 3]; 2],
-    /// Outputs: `size` of a table of one dimension, `size`^3 of a cube, in which red runs fastest and blue slowest.
-    pub values: Vec<[f32; 3]>,
-}
+pub use crate::view::projector::{Lut, LutKind};
 
 /// Entries of a table of one dimension, at most.
 const MOST_1D: usize = 65536;

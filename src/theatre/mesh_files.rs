@@ -362,7 +362,7 @@ impl Reader<'_> {
         };
         self.note_reach(&loaded.mesh);
         let (grid, alpha) = self.warped(&loaded.mesh, &content, size_px, kind.name())?;
-        Ok(Region { name: self.stem(), size_px, grid, alpha, beta: None, lut: None })
+        Ok(Region { name: self.stem(), size_px, grid, alpha, beta: None, lut: None, screen: None })
     }
 
     /// A note where a mesh is not as large as the raster: its file is often made for another one.

@@ -19,6 +19,7 @@ mod mesh_files;
 mod mpcdi;
 mod options;
 mod pfm;
+mod screen;
 mod sgct;
 mod xml;
 
@@ -31,6 +32,7 @@ pub use self::{
     lut::{Lut, LutKind, read_lut},
     mask::{Mask, read_mask},
     options::{Axes, ReadOptions, RowOrder},
+    screen::{ScreenSums, Sphere},
 };
 use crate::files;
 /// Directions in axes of the dome: +x right, +y up (zenith side of the screen), -z forward.
@@ -65,6 +67,8 @@ pub struct Region {
     pub beta: Option<Mask>,
     /// Correction of colours.
     pub lut: Option<Lut>,
+    /// The points of the screen, in the grid's axes, where the file has points.
+    pub screen: Option<ScreenSums>,
 }
 
 /// What a file or set of files tells of projectors.
@@ -375,7 +379,7 @@ impl Reader<'_> {
             placement: Placement::Centres,
             interpolation: Interpolation::Smooth,
         };
-        Ok(Region { name: self.stem(), size_px, grid, alpha: None, beta: None, lut: None })
+        Ok(Region { name: self.stem(), size_px, grid, alpha: None, beta: None, lut: None, screen: None })
     }
 
     /// The order of rows, noted.

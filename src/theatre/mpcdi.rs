@@ -17,6 +17,7 @@ use super::{
     lut, mask,
     mesh::sampled,
     pfm,
+    screen::ScreenSums,
     xml::{self, Element},
 };
 
@@ -40,6 +41,8 @@ enum Geometry {
         origin: DVec3,
         /// In dome axes.
         eye: DVec3,
+        /// Metres in the file's unit.
+        metres: f64,
     },
 }
 
@@ -194,13 +197,13 @@ impl Reader<'_> {
             return Err(Fault::refused(distortion.place, "a second map on top of the warp map is not supported"));
         }
         let warp = fileset.child("geometryWarpFile")?;
-        let grid = match (profile, &warp) {
+        let (grid, screen) = match (profile, &warp) {
             (Profile::Frustum(_), None) => {
                 self.note(format!("region {name}: no warp map, the raster is the picture of its frustum"));
                 let content = frustum_with_axes(&region.needed("frustum")?, self)?;
                 let columns_rows = [65, 65];
                 self.take_grid(columns_rows[0], columns_rows[1], &region.place)?;
-                sampled(&content, columns_rows)
+                (sampled(&content, columns_rows), None)
             }
             (Profile::Points(_), None) => {
                 let problem = "<geometryWarpFile> is missing";
@@ -233,7 +236,7 @@ impl Reader<'_> {
         let alpha = self.mask("alphaMap", fileset, archive)?;
         let beta = self.mask("betaMap", fileset, archive)?;
         let lut = self.table(&name, fileset, archive)?;
-        Ok(Region { name, size_px, grid, alpha, beta, lut })
+        Ok(Region { name, size_px, grid, alpha, beta, lut, screen })
     }
 
     /// Where the points of `a3` and `sl` are seen from, and in which axes.
@@ -311,11 +314,17 @@ impl Reader<'_> {
                 DMat3::IDENTITY
             }
         };
-        Ok(Geometry::Points { dome_from_file, origin: position, eye })
+        // Of points without a unit the screen has none either.
+        Ok(Geometry::Points { dome_from_file, origin: position, eye, metres: metres.unwrap_or(1.0) })
     }
 
-    /// The warp map as directions.
-    fn warp(&mut self, geometry: &Geometry, warp: &Element, archive: &mut Archive) -> Result<Grid, Fault> {
+    /// The warp map as directions, and the points that they lead to.
+    fn warp(
+        &mut self,
+        geometry: &Geometry,
+        warp: &Element,
+        archive: &mut Archive,
+    ) -> Result<(Grid, Option<ScreenSums>), Fault> {
         let interpolation = match warp.child_text("interpolation")? {
             Some("linear") => Interpolation::Linear,
             Some("smooth" | "unknown" | "") | None => Interpolation::Smooth,
@@ -339,6 +348,7 @@ impl Reader<'_> {
         self.note("samples of the warp map are centres of cells that fill the raster");
         let mut samples = Vec::with_capacity(columns * rows);
         let (mut known, mut outside) = (0_usize, 0_usize);
+        let mut screen = ScreenSums::default();
         for (column, row, value) in plane.top_down(order) {
             let here = |problem: String, allowed: &str| {
                 Err(Fault::new(
@@ -363,16 +373,18 @@ impl Reader<'_> {
                         direction
                     }
                 }
-                Geometry::Points { dome_from_file, origin, eye } => {
+                Geometry::Points { dome_from_file, origin, eye, metres } => {
                     let point = DVec3::from_array(coordinates);
                     if point.is_nan() {
                         None
                     } else if !point.is_finite() {
                         return here(format!("{point}"), "finite points are needed, NaN where nothing is known");
                     } else {
-                        let Some(direction) = (*dome_from_file * (point - *origin) - *eye).try_normalize() else {
+                        let from_eye = *dome_from_file * (point - *origin) - *eye;
+                        let Some(direction) = from_eye.try_normalize() else {
                             return here(format!("{point} is the eye point"), "points of the screen are needed");
                         };
+                        screen.add(from_eye * *metres);
                         Some(direction)
                     }
                 }
@@ -390,7 +402,8 @@ impl Reader<'_> {
                 "{place}: {outside} of {known} coordinates lie outside of 0 to 1: no light is sent there"
             ));
         }
-        Ok(Grid { columns, rows, samples, placement: Placement::Centres, interpolation })
+        let screen = matches!(geometry, Geometry::Points { .. }).then_some(screen);
+        Ok((Grid { columns, rows, samples, placement: Placement::Centres, interpolation }, screen))
     }
 
     fn mask(&mut self, kind: &str, fileset: &Element, archive: &mut Archive) -> Result<Option<Mask>, Fault> {

@@ -224,7 +224,7 @@ impl Reader<'_> {
             (blend, intensities) => blend.or(intensities),
         };
         let beta = self.masked(viewport.get("blacklevelmask")?)?;
-        Ok(Region { name, size_px: area.size_px, grid, alpha, beta, lut: None })
+        Ok(Region { name, size_px: area.size_px, grid, alpha, beta, lut: None, screen: None })
     }
 
     fn area(&self, window: &Field, viewport: &Field) -> Result<Area, Fault> {

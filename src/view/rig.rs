@@ -8,11 +8,11 @@ use std::sync::Arc;
 use glam::{DMat3, DQuat, DVec3};
 
 use super::{
-    blend::Blend,
     projection::{
         CubeFace, Equirectangular, Face, Fisheye, FisheyeMapping, Perspective, PlaneMapping, Projection,
         ProjectionError, TabulatedMapping,
     },
+    projector::ProjectorOutput,
 };
 
 /// Why a rig cannot be built.
@@ -153,8 +153,8 @@ pub enum ViewKind {
     Projector {
         /// Where its pixels look, [`Warp`](super::Warp) or another mapping.
         mapping: Arc<TabulatedMapping>,
-        /// Its share of the light; `None`: all of it.
-        blend: Option<Arc<Blend>>,
+        /// What is done to its picture.
+        output: Arc<ProjectorOutput>,
     },
     /// A projection of one's own, as a table; configurations cannot name it.
     Tabulated {
@@ -164,10 +164,10 @@ pub enum ViewKind {
 }
 
 impl ViewKind {
-    /// The share of the light of a projector that has one.
-    pub fn blend(&self) -> Option<&Arc<Blend>> {
+    /// What is done to the picture of a projector.
+    pub fn projector(&self) -> Option<&Arc<ProjectorOutput>> {
         match self {
-            ViewKind::Projector { blend, .. } => blend.as_ref(),
+            ViewKind::Projector { output, .. } => Some(output),
             _ => None,
         }
     }
@@ -262,6 +262,11 @@ impl View {
         }
         Ok(Self { name: name.to_owned(), kind, images })
     }
+
+    /// Width and height of one of its images as it leaves the renderer, pixels.
+    pub fn output_size(&self, image: &ViewImage) -> [u32; 2] {
+        self.kind.projector().map_or_else(|| image.projection.mapping().size(), |output| output.size())
+    }
 }
 
 fn images_of(name: &str, kind: &ViewKind, orientation: DQuat, position_m: DVec3) -> Result<Vec<ViewImage>, RigError> {
@@ -337,12 +342,18 @@ fn images_of(name: &str, kind: &ViewKind, orientation: DQuat, position_m: DVec3)
         ViewKind::Equirectangular { size } => {
             whole(Projection::Equirectangular(Equirectangular::new(*size).map_err(wrong)?))
         }
-        ViewKind::Projector { mapping, blend } => {
-            if let Some(blend) = blend.as_ref().filter(|blend| blend.size() != mapping.size()) {
-                let [of_blend, of_mapping] = [blend.size(), mapping.size()];
-                return Err(parameter(format!("a blend of {of_blend:?} pixels over a raster of {of_mapping:?}")));
+        ViewKind::Projector { mapping, output } => {
+            if output.size() != mapping.size() {
+                let [of_output, of_mapping] = [output.size(), mapping.size()];
+                return Err(parameter(format!("an output of {of_output:?} pixels over a raster of {of_mapping:?}")));
             }
-            whole(Projection::Tabulated(Arc::clone(mapping)))
+            Ok(match output.resampling() {
+                None => vec![image(Part::Whole, Projection::Tabulated(Arc::clone(mapping)), orientation, position_m)],
+                Some(resampling) => {
+                    let camera_from_source = orientation * resampling.view_from_source;
+                    vec![image(Part::Whole, resampling.source.clone(), camera_from_source, position_m)]
+                }
+            })
         }
         ViewKind::Tabulated { mapping } => whole(Projection::Tabulated(Arc::clone(mapping))),
     }

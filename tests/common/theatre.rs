@@ -35,6 +35,11 @@ pub fn towards(yaw_rad: f64, pitch_rad: f64) -> DVec3 {
     DVec3::new(yaw_rad.sin() * pitch_rad.cos(), pitch_rad.sin(), -yaw_rad.cos() * pitch_rad.cos())
 }
 
+/// The six with rasters of other sizes.
+pub fn projectors_of(size_px: [u32; 2]) -> Vec<Projector> {
+    projectors().into_iter().map(|projector| Projector { size_px, ..projector }).collect()
+}
+
 /// The six: at the springline, 60 degrees apart, each looking to the other side; their rasters overlap.
 pub fn projectors() -> Vec<Projector> {
     let projector = |index: usize| {
@@ -76,6 +81,15 @@ impl Projector {
         let plane = ray.truncate() / -ray.z / self.half_tangents;
         let place = DVec2::new(plane.x + 1.0, 1.0 - plane.y) / 2.0;
         (ray.z < 0.0 && place.cmpge(DVec2::ZERO).all() && place.cmple(DVec2::ONE).all()).then_some(place)
+    }
+
+    /// Solid angle of a pixel, from the closed form, sr.
+    pub fn pixel_sr(&self, x: u32, y: u32) -> f64 {
+        let [width, height] = self.size_px.map(f64::from);
+        let h = 1e-3;
+        let at =
+            |dx: f64, dy: f64| self.direction((f64::from(x) + 0.5 + dx) / width, (f64::from(y) + 0.5 + dy) / height);
+        (at(h, 0.0) - at(-h, 0.0)).cross(at(0.0, h) - at(0.0, -h)).length() / (4.0 * h * h)
     }
 
     /// Angle of a pixel in the middle of the raster, rad.
@@ -165,12 +179,21 @@ pub fn zipped(files: &[(&str, Vec<u8>)], deflated: bool) -> Vec<u8> {
 
 /// A grey PNG of 8 bits.
 pub fn png_grey(size: [u32; 2], value: impl Fn(u32, u32) -> u8) -> Vec<u8> {
+    png_of(size, png::BitDepth::Eight, |x, y| vec![value(x, y)])
+}
+
+/// A grey PNG of 16 bits.
+pub fn png_grey16(size: [u32; 2], value: impl Fn(u32, u32) -> u16) -> Vec<u8> {
+    png_of(size, png::BitDepth::Sixteen, |x, y| value(x, y).to_be_bytes().to_vec())
+}
+
+fn png_of(size: [u32; 2], depth: png::BitDepth, value: impl Fn(u32, u32) -> Vec<u8>) -> Vec<u8> {
     let mut file = Vec::new();
     let mut encoder = png::Encoder::new(&mut file, size[0], size[1]);
     encoder.set_color(png::ColorType::Grayscale);
-    encoder.set_depth(png::BitDepth::Eight);
+    encoder.set_depth(depth);
     let pixels: Vec<u8> =
-        (0..size[1]).flat_map(|y| (0..size[0]).map(move |x| (x, y))).map(|(x, y)| value(x, y)).collect();
+        (0..size[1]).flat_map(|y| (0..size[0]).map(move |x| (x, y))).flat_map(|(x, y)| value(x, y)).collect();
     let mut writer = encoder.write_header().expect("a header");
     writer.write_image_data(&pixels).expect("pixels");
     drop(writer);
@@ -193,6 +216,48 @@ pub struct Mpcdi {
     /// Units in a metre.
     pub per_metre: f64,
     pub masks: bool,
+    /// Alpha maps that share the light of the six.
+    pub alpha: Option<Alpha>,
+}
+
+/// How alpha maps are written.
+#[derive(Clone, Copy)]
+pub struct Alpha {
+    pub bits: u8,
+    /// `gammaEmbedded`.
+    pub gamma: f64,
+}
+
+impl Alpha {
+    /// The share that the codes of a map tell where `exact` is to be written.
+    pub fn told(&self, exact: f64) -> f64 {
+        let most = f64::from((1_u32 << self.bits) - 1);
+        ((exact.powf(1.0 / self.gamma) * most).round() / most).powf(self.gamma)
+    }
+
+    /// The map of one projector of a set, as large as its raster.
+    pub fn map(&self, projectors: &[Projector], own: usize) -> Vec<u8> {
+        self.png(projectors[own].size_px, |x, y| share(projectors, own, x, y))
+    }
+
+    fn png(&self, size: [u32; 2], share: impl Fn(f64, f64) -> f64) -> Vec<u8> {
+        let most = f64::from((1_u32 << self.bits) - 1);
+        let code = |x: u32, y: u32| {
+            let share = share(centre(x as usize, size[0] as usize), centre(y as usize, size[1] as usize));
+            (share.powf(1.0 / self.gamma) * most).round() as u16
+        };
+        if self.bits == 8 { png_grey(size, |x, y| code(x, y) as u8) } else { png_grey16(size, code) }
+    }
+}
+
+/// The share of light of one projector of a set at a place of its raster: smooth, zero at its borders; all shares of a direction sum to one.
+pub fn share(projectors: &[Projector], own: usize, x: f64, y: f64) -> f64 {
+    let weight = |place: DVec2| (16.0 * place.x * (1.0 - place.x) * place.y * (1.0 - place.y)).powi(2);
+    let direction = projectors[own].direction(x, y);
+    let others = projectors.iter().enumerate().filter(|(other, _)| *other != own);
+    let weight_of_others: f64 = others.filter_map(|(_, other)| other.place(direction)).map(weight).sum();
+    let own = weight(DVec2::new(x, y));
+    own / (own + weight_of_others)
 }
 
 /// Dome axes as a tilted dome has them in its room, and where its centre is, m.
@@ -216,6 +281,7 @@ impl Mpcdi {
             shift: DVec3::ZERO,
             per_metre: 1.0,
             masks: false,
+            alpha: None,
         }
     }
 
@@ -287,6 +353,12 @@ impl Mpcdi {
                 files += &(mask("alphaMap") + &mask("betaMap"));
                 files += &format!("<correctLUT><path>{name}.cube</path></correctLUT>");
             }
+            if let Some(Alpha { bits, gamma }) = self.alpha {
+                files += &format!(
+                    "<alphaMap><path>{name}_alpha.png</path><componentDepth>1</componentDepth><bitDepth>{bits}</bitDepth>\
+                     <gammaEmbedded>{gamma}</gammaEmbedded></alphaMap>"
+                );
+            }
             files += "</fileSet>";
         }
         format!(
@@ -298,9 +370,12 @@ impl Mpcdi {
     /// The files of the set.
     pub fn files(&self, projectors: &[Projector]) -> Vec<(String, Vec<u8>)> {
         let mut files = vec![("mpcdi.xml".to_owned(), self.xml(projectors).into_bytes())];
-        for projector in projectors {
+        for (own, projector) in projectors.iter().enumerate() {
             let name = &projector.name;
             files.push((format!("{name}.pfm"), self.map(projector)));
+            if let Some(alpha) = self.alpha {
+                files.push((format!("{name}_alpha.png"), alpha.map(projectors, own)));
+            }
             if self.masks {
                 files.push((format!("{name}_alphaMap.png"), png_grey([64, 40], |x, _| (4 * x) as u8)));
                 files.push((format!("{name}_betaMap.png"), png_grey([2, 2], |_, y| 10 * y as u8)));

@@ -6,6 +6,7 @@ mod common;
 
 mod bodies;
 mod configuration;
+mod dome_check;
 mod layering;
 mod overlay;
 mod psf;

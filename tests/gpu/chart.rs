@@ -5,8 +5,8 @@ use std::{collections::BTreeSet, process::Command, time::Duration};
 use glam::DVec2;
 use steradian::{
     chart::{
-        self, About, AsteroidExtent, AsteroidMetric, Axis, COLUMNS, Extent, GlareExtent, GlareMetric, Metric, Row,
-        ScoringSize, Sky, ViewShape, read_csv, score_method, write_csv,
+        self, About, AsteroidExtent, AsteroidMetric, Axis, COLUMNS, Extent, GlareExtent, GlareMetric, Metric,
+        ProjectorMetric, Row, ScoringSize, Sky, ViewShape, read_csv, score_method, write_csv,
     },
     plan::settings::{GlareMethod, StarMethod},
 };
@@ -26,6 +26,7 @@ fn tiny() -> Extent {
         scoring: tiny_scoring(),
         scale: vec![200, 400],
         many_views_stars: 300,
+        projector: [192, 108],
         glare: GlareExtent {
             stars: 300,
             views: vec![
@@ -167,6 +168,28 @@ fn the_procedural_sky_has_the_errors_of_its_cones() {
     let ellipticity = value(Metric::EllipticityView45Deg).unwrap();
     assert!(flux > linear && flux < 1.0, "{flux}");
     assert!(ellipticity > 0.1 && ellipticity < 1.0, "{ellipticity}");
+}
+
+/// Straight into a projector's pixels stars keep their light, place and width; bent they do not.
+#[test]
+fn a_tiny_run_of_projectors_tells_the_ways_apart() {
+    let mut renderer = crate::common::renderer();
+    let rows = chart::run(&mut renderer, &[Axis::Projectors], &tiny(), &mut |_| {}).unwrap();
+    let of = |method: &str, metric: ProjectorMetric| {
+        let row = rows.iter().find(|row| row.method == method && row.error_metric == metric.name()).unwrap();
+        println!("{method} {}: {:?}, {:?} ms", metric.name(), row.error_value, row.gpu_ms_median);
+        assert!(row.gpu_ms_median.is_some_and(|ms| ms > 0.0), "{row:?}");
+        row.error_value.unwrap()
+    };
+    assert_eq!(rows.len(), 4 * ProjectorMetric::ALL.len());
+    let [direct, bent] = ["direct", "resampled"].map(|method| ProjectorMetric::ALL.map(|metric| of(method, metric)));
+    assert!(direct[0] < 1e-3 && direct[1] < 4e-3 && direct[2] < 2e-2, "{direct:?}");
+    assert!(bent[0] > 10.0 * direct[0] && bent[3] > 1.02 * direct[3], "{bent:?}");
+    let folder = tempfile::tempdir().unwrap();
+    chart::write(folder.path(), &rows, &about()).unwrap();
+    let read = |name: &str| std::fs::read_to_string(folder.path().join(name)).unwrap();
+    assert!(well_formed(&read("projectors.svg")).iter().any(|text| text.contains("resampled_half")));
+    assert!(read("index.html").contains("<td>resampled_double</td>"));
 }
 
 #[test]

@@ -21,4 +21,5 @@ mod solid_angle;
 mod stars;
 mod steady;
 mod tabulated;
+mod theatre;
 mod verify;

@@ -181,7 +181,15 @@ fn what_cannot_be_a_projector_is_refused_with_file_and_key() {
     let right = configuration("");
     refused(right.replace("right.pfm", "none.pfm"), &["views", "right", "file", "none.pfm"]);
     refused(right.replace("file = 'right.pfm'", "file = 'stars.csv'"), &["right", "stars.csv"]);
-    refused(right.replace("file = 'right.pfm'", "file = 'right.pfm'\nmethod = 'resampled'"), &["method", "direct"]);
+    let with = |keys: &str| right.replace("file = 'right.pfm'", &format!("file = 'right.pfm'\n{keys}"));
+    refused(with("method = 'bent'"), &["method", "direct", "resampled"]);
+    refused(with("source_scale = 2.0"), &["source_scale", "method = \"resampled\""]);
+    refused(with("method = 'resampled'\nsource_scale = 9.0"), &["source_scale", "0.25 to 4"]);
+    refused(with("gamma = 0.0"), &["gamma", "1 to 4"]);
+    refused(with("lut = 'stars.csv'"), &["lut", "stars.csv"]);
+    refused(with("blend = 'computed'"), &["left", "blend", "computed"]);
+    refused(with("white_cd_m2 = 100.0"), &["left", "white_cd_m2", "missing key"]);
+    refused(with("black_cd_m2 = 0.1"), &["right", "black_cd_m2", "computed"]);
     refused(right.replace("file = 'right.pfm'", "file = 'right.pfm'\naxes = 'x=x'"), &["axes", "every axis once"]);
     let mut folded = pfm(true, true);
     let header = folded.len() - 12 * SAMPLES * SAMPLES;
@@ -192,5 +200,53 @@ fn what_cannot_be_a_projector_is_refused_with_file_and_key() {
         rest[12 * SAMPLES * row..][..12 * SAMPLES].copy_from_slice(&first[from..][..12 * SAMPLES]);
     }
     fs::write(folder.path().join("right.pfm"), folded).unwrap();
-    refused(right, &["right", "right.pfm", "pixel ("]);
+    refused(right.clone(), &["right", "right.pfm", "folds", "pixel ("]);
+    // The check goes on, and names it.
+    fs::write(folder.path().join("dome.toml"), right).unwrap();
+    let (code, lines, _) = run(folder.path(), &["dome", "check", "--config", "dome.toml"]);
+    assert!(code == 1 && lines.contains("folds      FAIL right") && lines.contains("coverage"), "{lines}");
+}
+
+/// Installers' files become a configuration that can be drawn and judged, with blends of its own.
+#[test]
+fn import_writes_a_configuration_with_every_projector() {
+    let (folder, light) = folder();
+    let import = |more: &[&str]| {
+        let files = ["projectors", "import", "left.pfm", "right.pfm", "--out", "imported.toml"];
+        run(folder.path(), &[&files[..], more].concat())
+    };
+    let (code, lines, log) = import(&["--size", "200x140", "--blend", "computed"]);
+    assert!(code == 0 && lines.contains("left: 200 x 140 pixels") && lines.contains("2 projectors"), "{lines}{log}");
+    let text = fs::read_to_string(folder.path().join("imported.toml")).unwrap();
+    for part in ["name = \"right\"", "file = \"right.pfm\"", "rows = \"as_format\"", "# - "] {
+        assert!(text.contains(part), "{part}: {text}");
+    }
+    let dome = ["--dome-fov-deg", "110", "--dome-tilt-deg", "90"];
+    let (code, lines, _) = run(folder.path(), &[&["dome", "check", "--config", "imported.toml"], &dome[..]].concat());
+    assert_eq!(code, 0, "{lines}");
+    // The shares of its blends carry the light of all stars once.
+    let set = ["--set", "scene.catalogues=['stars.csv']", "--set", "glare.method=none"];
+    let render = ["render", "--config", "imported.toml", "--out", "out", "--files", "exr"];
+    let (code, _, log) = run(folder.path(), &[&render[..], &set].concat());
+    assert_eq!(code, 0, "{log}");
+    let mut sum = 0.0;
+    for right in [false, true] {
+        let name = if right { "right" } else { "left" };
+        let bytes = fs::read(folder.path().join(format!("out/{name}.exr"))).unwrap();
+        let [red, green, blue, alpha] = ["R", "G", "B", "alpha"].map(|name| channel(&bytes, name));
+        for pixel in 0..SIZE[0] * SIZE[1] {
+            let luminance =
+                0.2126 * f64::from(red[pixel]) + 0.7152 * f64::from(green[pixel]) + 0.0722 * f64::from(blue[pixel]);
+            sum += luminance * f64::from(alpha[pixel]) * pixel_sr(right, pixel % SIZE[0], pixel / SIZE[0]);
+        }
+    }
+    let whole: f64 = light.iter().sum();
+    println!("light of {STARS} stars through computed blends: {:.1e} off", sum / whole - 1.0);
+    assert!((sum / whole - 1.0).abs() < 4e-4, "{sum} {whole}");
+
+    fs::remove_file(folder.path().join("right.pfm")).unwrap();
+    let (code, _, log) = import(&[]);
+    assert!(code == 65 && log.contains("right.pfm"), "{code} {log}");
+    let (code, _, log) = import(&["--size", "200"]);
+    assert!(code == 64 && log.contains("1920x1080"), "{code} {log}");
 }

@@ -106,7 +106,7 @@ fn expected(frame: &ReceivedFrame, view: usize, x_m: f64, image: usize) -> Frame
         height: received.height,
         display: Some(pixels.clone().flat_map(|i| display_pixel(frame.camera_revision, view, i)).collect()),
         hdr: Some(pixels.map(|i| hdr_pixel(x_m, frame.number, view, i)).collect()),
-        blend: None,
+        projector: None,
     }
 }
 

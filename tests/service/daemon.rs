@@ -180,7 +180,7 @@ impl Engine for TestEngine {
                 height,
                 display: want.display.then_some(display),
                 hdr: want.hdr.then_some(hdr),
-                blend: None,
+                projector: None,
             });
         }
         let metered_ev100 = *controls.metered_ev100.lock().unwrap()

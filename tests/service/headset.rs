@@ -93,7 +93,7 @@ fn mirrored(number: u64, shown: &Shown, wanted: Wanted) -> MirroredFrame {
             height,
             display: wanted.display.then(|| [number as u8, eye as u8, 77, 255].repeat(pixels)),
             hdr: wanted.hdr.then(|| vec![[number as f32, eye as f32, 0.5, 1e-6]; pixels]),
-            blend: None,
+            projector: None,
         }
     });
     let frame = Frame {

@@ -1,15 +1,14 @@
 //! The images of a film's frames, encoded. The same image with the same words gives the same bytes.
 
-use exr::prelude::{
-    AttributeValue, Encoding as ExrEncoding, Image, Layer, LayerAttributes, SpecificChannels, Text, Vec2,
-    WritableImage, f16,
-};
+use exr::prelude::{AttributeValue, LayerAttributes, Text};
 use rayon::prelude::*;
-use std::io::Cursor;
 
-use super::super::encode::{EncodeError, Encoding, encode, hdr_of};
+use super::super::{
+    encode::{EncodeError, Encoding, encode, hdr_of},
+    exr_file::{HalfOf, exr_of},
+};
 use crate::photometry::exposure::white_luminance_cd_m2;
-use crate::photometry::tone_map::ToneMapSettings;
+use crate::photometry::tone_map::{ToneMapSettings, linear_from_srgb};
 use crate::render::{FrameImage, Wanted};
 
 /// How the images of a film are written.
@@ -87,13 +86,15 @@ pub fn encode_image(format: FilmFormat, image: &FrameImage, words: &ImageWords) 
 fn png16(image: &FrameImage, words: &ImageWords) -> Result<Vec<u8>, EncodeError> {
     let pixels = hdr_of(image, Encoding::Exr)?;
     let white_cd_m2 = white_luminance_cd_m2(words.exposure_ev100);
+    let projector = image.projector.as_deref();
     let mut samples = vec![0_u8; pixels.len() * 6];
-    samples.par_chunks_mut(6).zip(pixels).for_each(|(bytes, [red, green, blue, _])| {
+    samples.par_chunks_mut(6).zip(pixels).enumerate().for_each(|(at, (bytes, [red, green, blue, _]))| {
         // Dark pixels are most of a night sky, and every operator shows them black.
-        if [*red, *green, *blue] == [0.0; 3] {
+        if [*red, *green, *blue] == [0.0; 3] && projector.is_none() {
             return;
         }
         let rgb = words.tone_map.display_rgb([*red, *green, *blue].map(f64::from), white_cd_m2);
+        let rgb = projector.map_or(rgb, |projector| projector.codes(at, rgb.map(linear_from_srgb)));
         for (bytes, value) in bytes.chunks_exact_mut(2).zip(rgb) {
             let code = (value.clamp(0.0, 1.0) * f64::from(u16::MAX)).round() as u16;
             bytes.copy_from_slice(&code.to_be_bytes());
@@ -119,8 +120,6 @@ fn latin(text: &str) -> Text {
 
 fn exr(format: FilmFormat, image: &FrameImage, words: &ImageWords) -> Result<Vec<u8>, EncodeError> {
     let pixels = hdr_of(image, Encoding::Exr)?;
-    let width = image.width as usize;
-    let size = Vec2(width, image.height as usize);
     let white_cd_m2 = match format {
         FilmFormat::Exr16 => white_luminance_cd_m2(words.exposure_ev100) as f32,
         _ => 1.0,
@@ -131,39 +130,11 @@ fn exr(format: FilmFormat, image: &FrameImage, words: &ImageWords) -> Result<Vec
     for (name, value) in &words.attributes {
         attributes.other.insert(Text::from(*name), AttributeValue::Text(latin(value)));
     }
-    let encoding = ExrEncoding {
-        compression: exr::prelude::Compression::ZIP16,
-        blocks: exr::prelude::Blocks::ScanLines,
-        line_order: exr::prelude::LineOrder::Increasing,
-    };
-    let mut bytes = Cursor::new(Vec::new());
-    let pixel = |at: Vec2<usize>| pixels[at.1 * width + at.0];
-    if format == FilmFormat::Exr16 {
-        let half = |light: f32| f16::from_f32((light / white_cd_m2).clamp(-MOST_HALF, MOST_HALF));
-        let names = SpecificChannels::build().with_channel("R").with_channel("G").with_channel("B");
-        let channels = names.with_channel("omega").with_pixel_fn(|at| {
-            let [red, green, blue, omega_sr] = pixel(at);
-            // A solid angle is below what 16 bits tell apart from 0.
-            (half(red), half(green), half(blue), omega_sr)
-        });
-        let layer = Layer::new(size, attributes, encoding, channels);
-        Image::from_layer(layer).write().non_parallel().to_buffered(&mut bytes)?;
-    } else {
-        let names = SpecificChannels::build().with_channel("R").with_channel("G").with_channel("B");
-        let channels = names.with_channel("omega").with_pixel_fn(|at| {
-            let [red, green, blue, omega_sr] = pixel(at);
-            (red, green, blue, omega_sr)
-        });
-        let layer = Layer::new(size, attributes, encoding, channels);
-        Image::from_layer(layer).write().non_parallel().to_buffered(&mut bytes)?;
-    }
-    let mut bytes = bytes.into_inner();
+    let half = (format == FilmFormat::Exr16).then_some(HalfOf { unit_cd_m2: white_cd_m2 });
+    let mut bytes = exr_of(image, pixels, half, attributes)?;
     sort_attributes(&mut bytes);
     Ok(bytes)
 }
-
-/// Largest finite number of 16 bits.
-const MOST_HALF: f32 = 65_504.0;
 
 /// Puts the attributes of a header into the order of their names: the encoder writes them in one that changes from run to run. Their
 /// total length stays, and with it every offset. What is not understood stays as it is.
@@ -191,10 +162,13 @@ fn sort_attributes(file: &mut [u8]) {
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
 mod tests {
+    use std::io::Cursor;
+
     use exr::prelude::{FlatSamples, ReadChannels, ReadLayers};
 
-    use super::super::super::encode::tests::sample;
+    use super::super::super::{encode::tests::sample, exr_file::MOST_HALF};
     use super::*;
+    use crate::view::projector::{Blend, ProjectorOutput, Response, Weights};
 
     fn words() -> ImageWords {
         let names = ["projection", "camera_position_m", "units", "configuration_sha256", "view_name", "film_frame"];
@@ -260,6 +234,36 @@ mod tests {
                 let code = f64::from(u16::from_be_bytes([bytes[0], bytes[1]]));
                 assert!((code - value * 65_535.0).abs() <= 0.5 + 1e-9);
             }
+        }
+    }
+
+    #[test]
+    fn a_projector_shares_its_light_in_every_format() {
+        let values: Vec<f32> = (0..45).map(|at| at as f32 / 44.0).collect();
+        let blend = Blend::new([9, 5], Some(Weights { size: [9, 5], values: &values }), None).unwrap();
+        let response = Response { gamma: Some(2.4), lut: None };
+        let output = ProjectorOutput::new([9, 5], None, Some(blend), response).unwrap();
+        let image = FrameImage { projector: Some(std::sync::Arc::new(output)), ..sample(9, 5) };
+        let bytes = encode_image(FilmFormat::Png16, &image, &words()).unwrap();
+        let mut reader = png::Decoder::new(Cursor::new(&bytes)).read_info().unwrap();
+        let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+        reader.next_frame(&mut pixels).unwrap();
+        let white_cd_m2 = white_luminance_cd_m2(-3.5);
+        for ((pixel, light), alpha) in pixels.chunks_exact(6).zip(image.hdr.as_ref().unwrap()).zip(&values) {
+            let rgb =
+                ToneMapSettings::default().display_rgb([light[0], light[1], light[2]].map(f64::from), white_cd_m2);
+            for (bytes, value) in pixel.chunks_exact(2).zip(rgb) {
+                let code = f64::from(u16::from_be_bytes([bytes[0], bytes[1]])) / 65_535.0;
+                let expected = (linear_from_srgb(value) * f64::from(*alpha)).powf(1.0 / 2.4);
+                assert!((code - expected).abs() < 2e-5, "{code} {expected}");
+            }
+        }
+        for format in [FilmFormat::Exr16, FilmFormat::Exr32] {
+            let bytes = encode_image(format, &image, &words()).unwrap();
+            let read = exr::prelude::read().no_deep_data().largest_resolution_level().all_channels();
+            let read = read.first_valid_layer().all_attributes().from_buffered(Cursor::new(&bytes)).unwrap();
+            let found = read.layer_data.channel_data.list.iter().find(|found| found.name == *"alpha").unwrap();
+            assert!(found.sample_data.values_as_f32().eq(values.iter().copied()), "{format:?}");
         }
     }
 

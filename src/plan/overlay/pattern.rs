@@ -1,7 +1,7 @@
 //! The test pattern of an image, for aligning projectors and judging them.
 //!
-//! In the picture's geometry: circles every 10 degrees around the axis of the view, and a cross through it. In pixels, whatever the
-//! projection: a frame of the outermost pixels, lines every [`GRID_PX`] pixels, patches of single pixels, bars of colours and of greys, and the name.
+//! In the picture's geometry: circles every 10 degrees around the axis of the view, and a cross through it; of a projector circles around the apex of the dome, and a star of
+//! twelve rays from it, which go on from projector to projector. In pixels, whatever the projection: a frame of the outermost pixels, lines every [`GRID_PX`] pixels, patches of single pixels, bars of colours and of greys, and the name.
 
 use std::f64::consts::PI;
 
@@ -12,7 +12,10 @@ use super::{
     arc::Arc,
     text::{Place, Run},
 };
-use crate::scene::overlay::{Colour, LineStyle};
+use crate::{
+    scene::overlay::{Colour, LineStyle},
+    view::projection::Projection,
+};
 
 /// Distance of the lines of the pixel grid, pixels.
 pub const GRID_PX: u32 = 64;
@@ -42,16 +45,41 @@ fn opaque(colour: Colour) -> Ink {
 
 pub(super) fn draw(drawing: &mut Drawing<'_>, eye: &Eye<'_>, name: &str) -> Result<(), OverlayPlanError> {
     pixel_grid(drawing, eye.viewport.size())?;
-    let axis = DVec3::NEG_Z;
-    let circles = (1..18).map(|tens| Arc::circle(axis, DVec3::X, DVec3::Y, f64::from(tens) * PI / 18.0).before_all());
+    let centre = Centre::of(eye);
+    let [u, v] = centre.across;
+    let circles = (1..18).map(|tens| Arc::circle(centre.axis, u, v, f64::from(tens) * PI / 18.0).before_all());
     drawing.view_lines(eye, &CIRCLES, circles)?;
     // Great circles through the axis, from it to both sides.
-    let cross = [DVec3::X, DVec3::Y].map(|across| Arc::half_circle(axis, across, PI).before_all());
-    drawing.view_lines(eye, &CROSS, cross.into_iter())?;
-    numbers(drawing, eye)?;
+    let cross = (0..centre.rays / 2).map(|ray| Arc::half_circle(centre.axis, centre.towards(ray), PI).before_all());
+    drawing.view_lines(eye, &CROSS, cross)?;
+    numbers(drawing, eye, &centre)?;
     patches(drawing, eye.viewport.size())?;
     names(drawing, eye, name)?;
     frame(drawing, eye.viewport.size())
+}
+
+/// What the circles go around.
+struct Centre {
+    axis: DVec3,
+    /// At right angles to it and to each other.
+    across: [DVec3; 2],
+    rays: u32,
+}
+
+impl Centre {
+    fn of(eye: &Eye<'_>) -> Self {
+        match &eye.viewport.projection {
+            // The axes of a projector's view are those of the dome.
+            Projection::Tabulated(_) => Self { axis: DVec3::Y, across: [DVec3::NEG_Z, DVec3::X], rays: 12 },
+            _ => Self { axis: DVec3::NEG_Z, across: [DVec3::X, DVec3::Y], rays: 4 },
+        }
+    }
+
+    /// Unit vector from the axis along a ray.
+    fn towards(&self, ray: u32) -> DVec3 {
+        let (sin, cos) = (f64::from(ray) * 2.0 * PI / f64::from(self.rays)).sin_cos();
+        self.across[0] * cos + self.across[1] * sin
+    }
 }
 
 fn boxed(drawing: &mut Drawing<'_>, ink: Ink, [x0, y0]: [i32; 2], [x1, y1]: [i32; 2]) -> Result<(), OverlayPlanError> {
@@ -114,14 +142,15 @@ fn patches(drawing: &mut Drawing<'_>, size: [u32; 2]) -> Result<(), OverlayPlanE
 }
 
 /// Degrees beside the circles, along the cross, as far as there is room for them.
-fn numbers(drawing: &mut Drawing<'_>, eye: &Eye<'_>) -> Result<(), OverlayPlanError> {
+fn numbers(drawing: &mut Drawing<'_>, eye: &Eye<'_>, centre: &Centre) -> Result<(), OverlayPlanError> {
     let size_px = 13.0;
     let mapping = eye.viewport.projection.mapping();
-    for toward in [DVec3::X, DVec3::Y, DVec3::NEG_X, DVec3::NEG_Y] {
-        let mut last = mapping.pixel_from_direction(DVec3::NEG_Z);
+    for toward in (0..centre.rays).map(|ray| centre.towards(ray)) {
+        let mut last = mapping.pixel_from_direction(centre.axis);
         for tens in 1..18 {
             let (sin, cos) = (f64::from(tens) * PI / 18.0).sin_cos();
-            let Some(pixel) = mapping.pixel_from_direction(DVec3::NEG_Z * cos + toward * sin) else { break };
+            // A projector's raster may begin anywhere along the ray.
+            let Some(pixel) = mapping.pixel_from_direction(centre.axis * cos + toward * sin) else { continue };
             if last.is_some_and(|last: DVec2| last.distance(pixel) < 3.0 * size_px) {
                 continue;
             }

@@ -1,14 +1,7 @@
 //! Blending of projectors: where their pictures overlap, each gives a share of the light, and where only one shines black is lifted to the level of several.
-//!
-//! Shares are of linear light. A display image is blended after tone mapping and rounding to 8 bits, before it leaves the renderer: light is multiplied by at most
-//! one, so the first rounding is at most half a code of the result, as the second one is.
-
-use std::sync::OnceLock;
 
 use glam::DVec2;
 use rayon::prelude::*;
-
-use crate::photometry::tone_map::{light_of_codes, linear_from_srgb};
 
 /// Shares of light over a raster.
 #[derive(Clone, Debug, PartialEq)]
@@ -69,6 +62,23 @@ impl Blend {
         Ok(Self { size, weights })
     }
 
+    /// Of weights that are known: alpha and beta of each pixel of the raster, 0 to 1, row by row from the top.
+    pub(super) fn from_weights(size: [u32; 2], weights: Vec<[f32; 2]>) -> Self {
+        Self { size, weights }
+    }
+
+    /// The same of a projector whose white is dimmed to a share, 0 to 1: each pixel's light is multiplied by it.
+    #[must_use]
+    pub fn dimmed(&self, share: f64) -> Self {
+        let weights = self.weights.iter().map(|[alpha, beta]| [alpha * share as f32, *beta]).collect();
+        Self { size: self.size, weights }
+    }
+
+    /// Light of one share everywhere.
+    pub fn uniform(size: [u32; 2], alpha: f64) -> Self {
+        Self { size, weights: vec![[alpha as f32, 0.0]; size[0] as usize * size[1] as usize] }
+    }
+
     /// Width and height, pixels.
     pub fn size(&self) -> [u32; 2] {
         self.size
@@ -79,25 +89,15 @@ impl Blend {
         &self.weights
     }
 
-    /// Alpha at a place in pixels from the upper left corner, linear between the middles of pixels.
-    pub fn alpha_at(&self, pixel: DVec2) -> f64 {
+    /// Alpha and beta at a place in pixels from the upper left corner, linear between the middles of pixels.
+    pub fn at(&self, pixel: DVec2) -> [f64; 2] {
         let [width, height] = self.size.map(|side| side as usize);
-        between([width, height], pixel.to_array(), |x, y| f64::from(self.weights[y * width + x][0]))
+        [0, 1].map(|of| between([width, height], pixel.to_array(), |x, y| f64::from(self.weights[y * width + x][of])))
     }
 
-    /// Blends a display image of the raster: R, G, B, A of 8 bits, sRGB.
-    pub fn apply(&self, display: &mut [u8]) {
-        let tables = Tables::shared();
-        display.par_chunks_mut(4 * 4096).zip(self.weights.par_chunks(4096)).for_each(|(pixels, weights)| {
-            for (pixel, [alpha, beta]) in pixels.chunks_exact_mut(4).zip(weights) {
-                if *alpha == 1.0 && *beta == 0.0 {
-                    continue;
-                }
-                for code in &mut pixel[..3] {
-                    *code = tables.code_of(tables.light[usize::from(*code)] * alpha * (1.0 - beta) + beta);
-                }
-            }
-        });
+    /// Alpha there.
+    pub fn alpha_at(&self, pixel: DVec2) -> f64 {
+        self.at(pixel)[0]
     }
 }
 
@@ -110,8 +110,13 @@ impl Weights<'_> {
     }
 }
 
+/// Light that a pixel shows, as a share of the projector's white, of light that it would show alone and its weights.
+pub(super) fn shown(light: [f32; 3], [alpha, beta]: [f32; 2]) -> [f32; 3] {
+    light.map(|light| light * alpha * (1.0 - beta) + beta)
+}
+
 /// A value of a raster at a place in pixels: linear between the middles of pixels, beyond the outermost middles as there.
-fn between([width, height]: [usize; 2], [x, y]: [f64; 2], value: impl Fn(usize, usize) -> f64) -> f64 {
+pub(super) fn between([width, height]: [usize; 2], [x, y]: [f64; 2], value: impl Fn(usize, usize) -> f64) -> f64 {
     let middles = |at: f64, side: usize| {
         let at = (at - 0.5).clamp(0.0, (side - 1) as f64);
         let first = (at as usize).min(side.saturating_sub(2));
@@ -123,74 +128,10 @@ fn between([width, height]: [usize; 2], [x, y]: [f64; 2], value: impl Fn(usize, 
     row(upper) * (1.0 - down) + row(lower) * down
 }
 
-/// Codes of a display image and their light.
-struct Tables {
-    light: &'static [f32; 256],
-    /// Least linear value that rounds to each code.
-    least: [f32; 256],
-    /// Code of each 4096th, to begin with.
-    first: Vec<u8>,
-}
-
-impl Tables {
-    fn shared() -> &'static Self {
-        static TABLES: OnceLock<Tables> = OnceLock::new();
-        TABLES.get_or_init(|| {
-            let between = |code: usize| linear_from_srgb((code as f64 - 0.5) / 255.0) as f32;
-            let least: [f32; 256] = std::array::from_fn(|code| if code == 0 { f32::MIN } else { between(code) });
-            let first =
-                (0..4096).map(|at| (least.partition_point(|least| *least <= at as f32 / 4096.0) - 1) as u8).collect();
-            Self { light: light_of_codes(), least, first }
-        })
-    }
-
-    fn code_of(&self, linear: f32) -> u8 {
-        let at = ((linear * 4096.0) as usize).min(4095);
-        let mut code = self.first[at];
-        while code < 255 && self.least[usize::from(code) + 1] <= linear {
-            code += 1;
-        }
-        code
-    }
-}
-
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
 mod tests {
     use super::*;
-
-    #[test]
-    fn every_code_comes_back_and_shares_are_of_linear_light() {
-        let tables = Tables::shared();
-        for code in 0..=255_u8 {
-            assert_eq!(tables.code_of(tables.light[usize::from(code)]), code);
-        }
-        assert_eq!((tables.code_of(-0.1), tables.code_of(7.0)), (0, 255));
-        for [alpha, beta] in [[0.5, 0.0], [0.25, 0.02], [0.0, 0.0], [0.0, 0.1], [1.0, 0.05]] {
-            let [mask, black] = [[alpha], [beta]];
-            let weights = |values| Some(Weights { size: [1, 1], values });
-            let blend = Blend::new([256, 1], weights(&mask), weights(&black)).unwrap();
-            let mut display: Vec<u8> = (0..=255).flat_map(|code| [code, code, 255 - code, 77]).collect();
-            blend.apply(&mut display);
-            for (code, pixel) in display.chunks_exact(4).enumerate() {
-                let share = |code: u8| {
-                    linear_from_srgb(f64::from(code) / 255.0) * f64::from(alpha) * (1.0 - f64::from(beta))
-                        + f64::from(beta)
-                };
-                for (found, from) in [(pixel[0], code as u8), (pixel[2], 255 - code as u8)] {
-                    // Half a code of the result.
-                    let [below, above] = [-0.5, 0.5].map(|by| f64::from(found) + by);
-                    let light = |code: f64| linear_from_srgb(code / 255.0);
-                    let expected = share(from);
-                    assert!(
-                        light(below) <= expected + 1e-6 && expected <= light(above) + 1e-6,
-                        "{from} {alpha} {beta}: {found}"
-                    );
-                }
-                assert_eq!(pixel[3], 77);
-            }
-        }
-    }
 
     #[test]
     fn masks_of_another_size_are_stretched() {

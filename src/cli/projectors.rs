@@ -1,0 +1,173 @@
+//! `projectors`: configurations from what installers deliver.
+
+use std::{
+    collections::BTreeMap,
+    fmt::Write as _,
+    fs,
+    path::{Path, PathBuf},
+};
+
+use clap::{Args, Subcommand};
+use glam::DVec3;
+use toml::{Table, Value};
+
+use super::{CliError, results};
+use crate::{
+    config::Config,
+    files::write_whole,
+    theatre::{Axes, Calibration, ReadOptions, RowOrder, read},
+};
+
+/// Arguments of `projectors`.
+#[derive(Debug, Args)]
+pub struct ProjectorsArguments {
+    #[command(subcommand)]
+    command: ProjectorsCommand,
+}
+
+#[derive(Debug, Subcommand)]
+enum ProjectorsCommand {
+    /// Write a configuration with a view for each projector of an installer's files.
+    Import(ImportArguments),
+}
+
+/// Arguments of `projectors import`.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    steradian projectors import dome.mpcdi --out dome.toml\n  \
+    steradian projectors import left.data right.data --size 1920x1200 --blend computed --out dome.toml\n\n\
+    The views refer to the files, which stay where they are, with every key written out. What the files leave open and what was taken\n\
+    stands in comments. Warps that fold are refused.")]
+struct ImportArguments {
+    /// MPCDI, SGCT's JSON, meshes, or directions as PFM or OpenEXR; told by their content.
+    #[arg(required = true, value_name = "FILE")]
+    files: Vec<PathBuf>,
+    /// The configuration to write.
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+    /// Width and height of the rasters, where the files have none.
+    #[arg(long, value_name = "WxH", value_parser = size)]
+    size: Option<[u32; 2]>,
+    /// Order of rows, where it differs from the format's: top_first or bottom_first.
+    #[arg(long, value_name = "ORDER", value_parser = ["as_format", "top_first", "bottom_first"], default_value = "as_format")]
+    rows: String,
+    /// Axes of the files, as x=x,y=z,z=-y.
+    #[arg(long, value_name = "AXES")]
+    axes: Option<String>,
+    /// Where the spectator is, m: right, up, backwards.
+    #[arg(long, value_name = "X,Y,Z", value_delimiter = ',', num_args = 3, allow_negative_numbers = true)]
+    eye_m: Option<Vec<f64>>,
+    /// Field of view of the fisheye that meshes take their picture from, degrees.
+    #[arg(long, value_name = "DEG", default_value_t = 180.0)]
+    fov_deg: f64,
+    /// Tilt of that fisheye, degrees.
+    #[arg(long, value_name = "DEG", default_value_t = 0.0, allow_negative_numbers = true)]
+    tilt_deg: f64,
+    /// Shares of light: file, computed or none.
+    #[arg(long, value_name = "WHICH", value_parser = ["file", "computed", "none"], default_value = "file")]
+    blend: String,
+}
+
+fn size(text: &str) -> Result<[u32; 2], String> {
+    let sides = text.split_once('x').map(|(width, height)| [width.parse(), height.parse()]);
+    match sides {
+        Some([Ok(width), Ok(height)]) => Ok([width, height]),
+        _ => Err("width and height in pixels are needed, as 1920x1080".to_owned()),
+    }
+}
+
+/// Runs the command.
+pub fn run(arguments: &ProjectorsArguments) -> Result<(), CliError> {
+    let ProjectorsCommand::Import(arguments) = &arguments.command;
+    let options = options(arguments)?;
+    let folder = arguments.out.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let mut text = "# Projectors, as their installer's files have them.\n".to_owned();
+    let mut names = BTreeMap::new();
+    for file in &arguments.files {
+        let calibration = read(file, &options)?;
+        let place =
+            relative(file, folder).map_err(|source| CliError::WriteFile { path: arguments.out.clone(), source })?;
+        add(&mut text, &calibration, &place, arguments, &mut names);
+    }
+    // What is written can be drawn.
+    let origin = arguments.out.display().to_string();
+    let config = Config::from_text(&text, &origin, folder, &[])?;
+    let rig = config.rig()?;
+    write_whole(&arguments.out, text.as_bytes())
+        .map_err(|source| CliError::WriteFile { path: arguments.out.clone(), source })?;
+    for view in rig.views() {
+        let [width, height] = view.output_size(&view.images[0]);
+        results::line(format!("{}: {width} x {height} pixels", view.name))?;
+    }
+    results::line(format!("{} projectors in {origin}", rig.views().len()))
+}
+
+fn options(arguments: &ImportArguments) -> Result<ReadOptions, CliError> {
+    let axes = arguments.axes.as_deref().map_or(Ok(Axes::AsFormat), Axes::parse);
+    let rows = match arguments.rows.as_str() {
+        "top_first" => RowOrder::TopFirst,
+        "bottom_first" => RowOrder::BottomFirst,
+        _ => RowOrder::AsFormat,
+    };
+    Ok(ReadOptions {
+        region: None,
+        size_px: arguments.size,
+        rows,
+        axes: axes.map_err(|problem| CliError::Usage(format!("--axes: {problem}")))?,
+        eye_m: arguments.eye_m.as_deref().map_or(DVec3::ZERO, DVec3::from_slice),
+        fov_deg: arguments.fov_deg,
+        tilt_deg: arguments.tilt_deg,
+    })
+}
+
+/// The path from a folder to a file below it; of others the whole one.
+fn relative(file: &Path, folder: &Path) -> std::io::Result<PathBuf> {
+    let file = fs::canonicalize(file)?;
+    let folder = fs::canonicalize(folder)?;
+    Ok(file.strip_prefix(&folder).map(Path::to_owned).unwrap_or(file))
+}
+
+/// A view for each region.
+fn add(
+    text: &mut String,
+    calibration: &Calibration,
+    file: &Path,
+    arguments: &ImportArguments,
+    names: &mut BTreeMap<String, usize>,
+) {
+    let _ = writeln!(text, "\n# {}: {}. What was taken:", file.display(), calibration.format);
+    for note in &calibration.notes {
+        let _ = writeln!(text, "# - {note}");
+    }
+    for region in &calibration.regions {
+        let mut view = Table::new();
+        let mut set = |key: &str, value: Value| view.insert(key.to_owned(), value);
+        set("name", Value::from(unique(&region.name, names)));
+        set("type", Value::from("projector"));
+        set("file", Value::from(file.to_string_lossy().into_owned()));
+        set("region", Value::from(region.name.clone()));
+        set("method", Value::from("direct"));
+        set("rows", Value::from(arguments.rows.clone()));
+        if let Some(axes) = &arguments.axes {
+            set("axes", Value::from(axes.clone()));
+        }
+        let eye_m = arguments.eye_m.clone().unwrap_or_else(|| vec![0.0; 3]);
+        set("eye_m", Value::from(eye_m));
+        set("fov_deg", Value::from(arguments.fov_deg));
+        set("tilt_deg", Value::from(arguments.tilt_deg));
+        if let Some(size) = arguments.size {
+            set("size", Value::from(size.map(i64::from).to_vec()));
+        }
+        set("blend", Value::from(arguments.blend.clone()));
+        let _ = write!(text, "\n[[views]]\n{view}");
+    }
+}
+
+/// A view's name from that of a region: letters, digits, `_` and `-`, and no other's.
+fn unique(region: &str, names: &mut BTreeMap<String, usize>) -> String {
+    let letter = |c: char| if c.is_ascii_alphanumeric() || c == '_' || c == '-' { c } else { '_' };
+    let name: String = region.chars().map(letter).collect();
+    let count = names.entry(name.clone()).or_default();
+    *count += 1;
+    if *count == 1 { name } else { unique(&format!("{name}_{count}"), names) }
+}

@@ -1,0 +1,172 @@
+//! What the projectors of a configuration have to agree on: blends that are computed from their overlap, and their brightness.
+
+use std::sync::{Arc, Mutex, PoisonError};
+
+use glam::DQuat;
+
+use super::{
+    Config, ConfigError, VIEWS,
+    error::Fault,
+    projector::{BlendConfig, FOLDS, ProjectorConfig},
+    views::{ViewConfig, ViewKindConfig},
+};
+use crate::{
+    theatre::ScreenSums,
+    view::{
+        View, ViewKind,
+        projection::TabulatedMapping,
+        projector::{Beam, Blend, ProjectorOutput, edge_blends},
+    },
+};
+
+/// Computed blends, and what they were computed from: it takes seconds, and a configuration is asked for its rig several times.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Computed(Arc<Mutex<Option<Held>>>);
+
+/// Projectors and their blends.
+type Held = (Vec<Lamp>, Vec<Blend>);
+
+impl PartialEq for Computed {
+    /// They follow from the configuration.
+    fn eq(&self, _: &Self) -> bool {
+        true
+    }
+}
+
+/// A projector that others blend with.
+#[derive(Clone, Debug, PartialEq)]
+struct Lamp {
+    mapping: Arc<TabulatedMapping>,
+    dome_from_view: DQuat,
+    black: f64,
+}
+
+impl Lamp {
+    fn beam(&self) -> Beam<'_> {
+        Beam { mapping: &self.mapping, dome_from_view: self.dome_from_view, black: self.black }
+    }
+}
+
+impl Computed {
+    fn of(&self, lamps: Vec<Lamp>) -> Vec<Blend> {
+        let mut held = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, blends)) = held.as_ref().filter(|(of, _)| *of == lamps) {
+            return blends.clone();
+        }
+        let blends = edge_blends(&lamps.iter().map(Lamp::beam).collect::<Vec<_>>());
+        *held = Some((lamps, blends.clone()));
+        blends
+    }
+}
+
+/// Gives the projectors among `views` their computed blends and matches their brightness: the factor on the light of each view. A fault comes with the number of its view.
+pub(super) fn match_projectors(
+    configs: &[ViewConfig],
+    views: &mut [View],
+    computed: &Computed,
+) -> Result<Vec<f64>, (usize, Fault)> {
+    let mut factors = vec![1.0; views.len()];
+    let projectors: Vec<(usize, &ProjectorConfig)> = configs
+        .iter()
+        .enumerate()
+        .filter_map(|(index, view)| match &view.kind {
+            ViewKindConfig::Projector(projector) => Some((index, &**projector)),
+            _ => None,
+        })
+        .collect();
+    let computes = |projector: &ProjectorConfig| projector.blend == BlendConfig::Computed;
+    let blends = if projectors.iter().any(|(_, projector)| computes(projector)) {
+        if let Some((index, _)) = projectors.iter().find(|(_, projector)| !computes(projector)) {
+            let problem = "other projectors have computed blends: all of a configuration have, or none";
+            return Err((*index, Fault::new("blend", problem)));
+        }
+        let lamps = projectors.iter().filter_map(|(index, projector)| {
+            let ViewKind::Projector { mapping, .. } = &views[*index].kind else { return None };
+            let black = match (projector.black_cd_m2, projector.white_cd_m2) {
+                (Some(black), Some(white)) => black / white,
+                _ => 0.0,
+            };
+            let dome_from_view = glam::DQuat::from_array(configs[*index].orientation).normalize();
+            Some(Lamp { mapping: Arc::clone(mapping), dome_from_view, black })
+        });
+        computed.of(lamps.collect()).into_iter().map(Some).collect()
+    } else {
+        vec![None; projectors.len()]
+    };
+    let whites: Vec<f64> = projectors.iter().filter_map(|(_, projector)| projector.white_cd_m2).collect();
+    if let Some((index, _)) =
+        projectors.iter().find(|(_, projector)| projector.white_cd_m2.is_none() && !whites.is_empty())
+    {
+        let problem = "missing key: other projectors have it, and brightness is matched between all of a configuration";
+        return Err((*index, Fault::new("white_cd_m2", problem)));
+    }
+    let darkest_cd_m2 = whites.iter().copied().fold(f64::INFINITY, f64::min);
+    for ((index, projector), computed) in projectors.into_iter().zip(blends) {
+        let ViewKind::Projector { output, .. } = &mut views[index].kind else { continue };
+        let share = projector.white_cd_m2.map_or(1.0, |white_cd_m2| darkest_cd_m2 / white_cd_m2);
+        factors[index] = share;
+        if computed.is_none() && share == 1.0 {
+            continue;
+        }
+        let blend = computed.or_else(|| output.blend().cloned());
+        let blend = match blend {
+            Some(blend) if share < 1.0 => blend.dimmed(share),
+            Some(blend) => blend,
+            None => Blend::uniform(output.size(), share),
+        };
+        let changed = ProjectorOutput::with_blend(output, Some(blend));
+        *output = Arc::new(changed.map_err(|problem| (index, Fault::new("blend", problem)))?);
+    }
+    Ok(factors)
+}
+
+/// A projector as it is judged beside the others.
+#[derive(Clone, Debug)]
+pub struct DomeProjector {
+    /// Its view.
+    pub view: View,
+    /// The points of its part of the screen in view axes, where the calibration has some.
+    pub screen: Option<ScreenSums>,
+    /// Factor on its light by which its white is that of the darkest projector.
+    pub dimmed_to: f64,
+}
+
+/// A projector that makes no view.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct DomeFault {
+    /// Name of the view.
+    pub name: String,
+    /// What is wrong.
+    pub problem: String,
+    /// Whether its warp folds or has no inverse.
+    pub folds: bool,
+}
+
+impl Config {
+    /// All projectors, and what keeps those from it that make no view.
+    ///
+    /// # Errors
+    ///
+    /// What projectors have to agree on and do not.
+    pub fn dome_projectors(&self) -> Result<(Vec<DomeProjector>, Vec<DomeFault>), ConfigError> {
+        let (mut configs, mut views, mut screens, mut faults) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        for config in &self.views {
+            let ViewKindConfig::Projector(projector) = &config.kind else { continue };
+            match config.view(Some(&self.folder)) {
+                Ok(view) => {
+                    configs.push(config.clone());
+                    views.push(view);
+                    screens.push(projector.screen(&self.folder));
+                }
+                Err(Fault { key, problem }) => {
+                    let folds = problem.contains(FOLDS);
+                    faults.push(DomeFault { name: config.name.clone(), problem: format!("{key}: {problem}"), folds });
+                }
+            }
+        }
+        let factors = match_projectors(&configs, &mut views, &self.computed_blends)
+            .map_err(|(index, fault)| self.error(VIEWS.fault(index, Some(&configs[index].name), fault)))?;
+        let projectors = views.into_iter().zip(screens).zip(factors);
+        Ok((projectors.map(|((view, screen), dimmed_to)| DomeProjector { view, screen, dimmed_to }).collect(), faults))
+    }
+}

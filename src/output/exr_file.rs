@@ -1,0 +1,57 @@
+//! OpenEXR files of images: the same channels and attributes give the same bytes.
+
+use std::io::Cursor;
+
+use exr::prelude::{
+    AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, LayerAttributes, Text, Vec2, WritableImage, f16,
+};
+
+use super::encode::EncodeError;
+use crate::render::FrameImage;
+
+/// Largest finite number of 16 bits.
+pub(super) const MOST_HALF: f32 = 65_504.0;
+
+/// Colours as 16-bit floats, in units of so many cd/m^2.
+#[derive(Clone, Copy)]
+pub(super) struct HalfOf {
+    pub(super) unit_cd_m2: f32,
+}
+
+/// An image: channels `R`, `G`, `B` in cd/m^2 as 32-bit floats or in units of their own as 16-bit floats; `omega` in sr; of a projector that shares its light `alpha`, its
+/// share, which the colours do not have. `pixels` are as many as the image has.
+pub(super) fn exr_of(
+    image: &FrameImage,
+    pixels: &[[f32; 4]],
+    half: Option<HalfOf>,
+    attributes: LayerAttributes,
+) -> Result<Vec<u8>, EncodeError> {
+    let colour = |channel: usize| {
+        let values = pixels.iter().map(|pixel| pixel[channel]);
+        match half {
+            None => FlatSamples::F32(values.collect()),
+            Some(HalfOf { unit_cd_m2 }) => {
+                let code = |light: f32| f16::from_f32((light / unit_cd_m2).clamp(-MOST_HALF, MOST_HALF));
+                FlatSamples::F16(values.map(code).collect())
+            }
+        }
+    };
+    // A solid angle is below what 16 bits tell apart from 0.
+    let omega_sr = FlatSamples::F32(pixels.iter().map(|pixel| pixel[3]).collect());
+    let mut channels = vec![("R", colour(0)), ("G", colour(1)), ("B", colour(2)), ("omega", omega_sr)];
+    if let Some(blend) = image.projector.as_ref().and_then(|projector| projector.blend()) {
+        channels.push(("alpha", FlatSamples::F32(blend.weights().iter().map(|[alpha, _]| *alpha).collect())));
+    }
+    let channels = channels.into_iter().map(|(name, samples)| AnyChannel::new(Text::from(name), samples));
+    // Blocks in order of their rows, and no attribute that tells time or place.
+    let encoding = Encoding {
+        compression: exr::prelude::Compression::ZIP16,
+        blocks: exr::prelude::Blocks::ScanLines,
+        line_order: exr::prelude::LineOrder::Increasing,
+    };
+    let size = Vec2(image.width as usize, image.height as usize);
+    let layer = Layer::new(size, attributes, encoding, AnyChannels::sort(channels.collect()));
+    let mut bytes = Cursor::new(Vec::new());
+    Image::from_layer(layer).write().non_parallel().to_buffered(&mut bytes)?;
+    Ok(bytes.into_inner())
+}

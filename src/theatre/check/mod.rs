@@ -1,0 +1,188 @@
+//! Judges projectors together: do they cover the dome, do their shares of light add up, is one of them mirrored or collapsed.
+//!
+//! Directions are sampled evenly over the dome (a Fibonacci lattice); each is looked up in every projector's raster.
+
+mod rules;
+mod sky;
+#[cfg(test)]
+mod tests;
+
+use glam::{DQuat, DVec2, DVec3};
+use rayon::prelude::*;
+use serde::Serialize;
+
+use self::{rules::Seen, sky::percentiles};
+use super::ScreenSums;
+use crate::view::{projection::PlaneMapping, projector::Blend};
+
+/// One projector.
+#[derive(Clone, Copy)]
+pub struct Projector<'a> {
+    /// Name of the view.
+    pub name: &'a str,
+    /// Where its pixels look, in view axes.
+    pub mapping: &'a dyn PlaneMapping,
+    /// View axes to those of the dome.
+    pub dome_from_view: DQuat,
+    /// Its share of the light.
+    pub blend: Option<&'a Blend>,
+    /// By how much its white is dimmed to that of the darkest: a factor of the shares that does not count in their sums; 1: not.
+    pub dimmed_to: f64,
+    /// The points of the screen in view axes, where the calibration has some.
+    pub screen: Option<&'a ScreenSums>,
+}
+
+/// The part of the sky that is screen.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Dome {
+    /// Angle across, degrees.
+    pub fov_deg: f64,
+    /// Tilt of its axis from +y towards -z, degrees.
+    pub tilt_deg: f64,
+}
+
+impl Dome {
+    fn axis(self) -> DVec3 {
+        DQuat::from_rotation_x(-self.tilt_deg.to_radians()) * DVec3::Y
+    }
+}
+
+/// One rule and what it has found.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Finding {
+    /// Name of the rule.
+    pub rule: &'static str,
+    /// The projector; `None`: all of them together.
+    pub projector: Option<String>,
+    /// Whether it is kept.
+    pub passed: bool,
+    /// What was found and what is allowed.
+    pub what: String,
+}
+
+impl Finding {
+    /// `pass` or `FAIL`.
+    pub fn outcome(&self) -> &'static str {
+        if self.passed { "pass" } else { "FAIL" }
+    }
+
+    /// The projector, or `all`.
+    pub fn of(&self) -> &str {
+        self.projector.as_deref().unwrap_or("all")
+    }
+}
+
+/// Figures of one projector.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ProjectorFigures {
+    /// Name of the view.
+    pub name: String,
+    /// Share of the dome that it reaches.
+    pub coverage: f64,
+    /// Longer side of its pixels, arcminutes: 5th, 50th and 95th percentile.
+    pub arcmin_per_pixel: [f64; 3],
+}
+
+/// What a check has found.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct DomeReport {
+    /// The dome.
+    pub dome: Dome,
+    /// Share of it with light of one projector at least, and of two.
+    pub coverage: [f64; 2],
+    /// Where the middle of the widest gap is, azimuth from the front to the right and elevation, and its radius, degrees; `None`: there is none.
+    pub widest_gap_deg: Option<[f64; 3]>,
+    /// Sum of the shares of light where there is some: 1st, 50th and 99th percentile.
+    pub blend_sum: [f64; 3],
+    /// Of each projector.
+    pub projectors: Vec<ProjectorFigures>,
+    /// All rules.
+    pub findings: Vec<Finding>,
+    /// Points of the dome for a picture.
+    #[serde(skip)]
+    pub map: Vec<MapPoint>,
+}
+
+/// A point of the dome.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MapPoint {
+    /// Place in a domemaster: -1 to 1, x to the right, y upwards, the front at the bottom.
+    pub place: DVec2,
+    /// Projectors that reach it.
+    pub projectors: usize,
+    /// Sum of their shares of light.
+    pub sum: f64,
+    /// Longer side of the finest pixel there, arcminutes.
+    pub arcmin: f64,
+}
+
+impl DomeReport {
+    /// Whether all rules are kept.
+    pub fn passed(&self) -> bool {
+        self.findings.iter().all(|finding| finding.passed)
+    }
+}
+
+/// Where a direction falls on a projector.
+#[derive(Clone, Copy)]
+struct Hit {
+    pixel: DVec2,
+    /// Share of its light, and how far black is lifted, as a share of white.
+    share: f64,
+    black: f64,
+    longer_rad: f64,
+}
+
+impl Projector<'_> {
+    /// Where a direction of the dome falls on it.
+    fn hit(&self, direction: DVec3) -> Option<Hit> {
+        let direction = self.dome_from_view.inverse() * direction;
+        let pixel = self.mapping.pixel_from_direction(direction)?;
+        let [width, height] = self.mapping.size();
+        let inside = pixel.x >= 0.0 && pixel.y >= 0.0 && pixel.x < f64::from(width) && pixel.y < f64::from(height);
+        if !inside || !self.mapping.contains(pixel.x as u32, pixel.y as u32) {
+            return None;
+        }
+        let [share, black] = self.blend.map_or([1.0, 0.0], |blend| blend.at(pixel));
+        let longer_rad = self.mapping.pixel_extent_rad(direction)?[0];
+        Some(Hit { pixel, share: share / self.dimmed_to, black, longer_rad })
+    }
+}
+
+/// Judges projectors; there is one at least.
+pub fn check(dome: Dome, projectors: &[Projector<'_>]) -> DomeReport {
+    let directions = sky::lattice(dome);
+    let hits: Vec<Vec<Option<Hit>>> =
+        projectors.iter().map(|projector| directions.par_iter().map(|d| projector.hit(*d)).collect()).collect();
+    let covers = |direction: usize| hits.iter().filter(|of| of[direction].is_some()).count();
+    let counts: Vec<usize> = (0..directions.len()).map(covers).collect();
+    let share_of =
+        |least: usize| counts.iter().filter(|count| **count >= least).count() as f64 / directions.len() as f64;
+    let sum = |direction: usize| hits.iter().filter_map(|of| of[direction]).map(|hit| hit.share).sum::<f64>();
+    let sums: Vec<f64> = (0..directions.len()).filter(|at| counts[*at] > 0).map(sum).collect();
+    let figures = |(projector, hits): (&Projector<'_>, &Vec<Option<Hit>>)| {
+        let sides: Vec<f64> = hits.iter().flatten().map(|hit| hit.longer_rad.to_degrees() * 60.0).collect();
+        let coverage = sides.len() as f64 / directions.len() as f64;
+        let arcmin_per_pixel = percentiles(sides, [0.05, 0.5, 0.95]);
+        ProjectorFigures { name: projector.name.to_owned(), coverage, arcmin_per_pixel }
+    };
+    let widest_gap_deg = sky::widest_gap(&directions, &counts);
+    let seen = Seen { dome, projectors, directions: &directions, hits: &hits, counts: &counts };
+    let mut findings = vec![rules::coverage(&seen, widest_gap_deg)];
+    findings.extend(rules::rim(&seen));
+    findings.extend(rules::blend(&seen));
+    findings.extend(rules::black_level(&seen));
+    findings.push(rules::tilt(&seen));
+    findings.extend(rules::screen(projectors));
+    findings.extend(projectors.iter().zip(&hits).flat_map(|(projector, hits)| rules::of_one(projector, hits)));
+    findings.extend(rules::twice(&seen));
+    DomeReport {
+        dome,
+        coverage: [share_of(1), share_of(2)],
+        widest_gap_deg,
+        blend_sum: percentiles(sums, [0.01, 0.5, 0.99]),
+        projectors: projectors.iter().zip(&hits).map(figures).collect(),
+        findings,
+        map: sky::map(dome, &directions, &hits),
+    }
+}

@@ -1,0 +1,219 @@
+//! From a view's picture to what a projector is sent: bent, if it is not drawn into the projector's own pixels; its share of the light, its black level, and the response of
+//! the projector. All of it in linear light.
+//!
+//! A display image comes here with 8 bits, after tone mapping: light is multiplied by at most one, so the first rounding is at most half a code of the result, as
+//! the second one is.
+
+mod blend;
+mod edges;
+mod lut;
+mod resampling;
+mod response;
+
+use rayon::prelude::*;
+
+use self::{blend::shown, response::EightBits};
+pub use self::{
+    blend::{Blend, BlendError, Weights},
+    edges::{Beam, edge_blends},
+    lut::{Lut, LutKind},
+    resampling::Resampling,
+    response::Response,
+};
+use crate::photometry::tone_map::light_of_codes;
+
+/// Pixels that are done at once.
+const CHUNK: usize = 4096;
+
+/// What is done to the picture of a projector.
+#[derive(Clone, Debug)]
+pub struct ProjectorOutput {
+    size: [u32; 2],
+    resampling: Option<Resampling>,
+    blend: Option<Blend>,
+    response: Response,
+    eight_bits: EightBits,
+}
+
+impl PartialEq for ProjectorOutput {
+    /// Its table follows from the rest.
+    fn eq(&self, other: &Self) -> bool {
+        (self.size, &self.resampling, &self.blend, &self.response)
+            == (other.size, &other.resampling, &other.blend, &other.response)
+    }
+}
+
+impl ProjectorOutput {
+    /// Of a raster of `size` pixels.
+    ///
+    /// # Errors
+    ///
+    /// The blend or the resampling has another size, or the gamma is not above 0.
+    pub fn new(
+        size: [u32; 2],
+        resampling: Option<Resampling>,
+        blend: Option<Blend>,
+        response: Response,
+    ) -> Result<Self, String> {
+        for (what, other) in
+            [("blend", blend.as_ref().map(Blend::size)), ("resampling", resampling.as_ref().map(Resampling::size))]
+        {
+            if let Some(other) = other.filter(|other| *other != size) {
+                return Err(format!("a {what} of {other:?} pixels over a raster of {size:?}"));
+            }
+        }
+        if let Some(gamma) = response.gamma.filter(|gamma| !(gamma.is_finite() && *gamma > 0.0)) {
+            return Err(format!("gamma = {gamma}: allowed are numbers above 0"));
+        }
+        let eight_bits = EightBits::new(&response);
+        Ok(Self { size, resampling, blend, response, eight_bits })
+    }
+
+    /// Width and height of the raster, pixels.
+    pub fn size(&self) -> [u32; 2] {
+        self.size
+    }
+
+    /// How the picture is bent; `None`: it is drawn into the projector's own pixels.
+    pub fn resampling(&self) -> Option<&Resampling> {
+        self.resampling.as_ref()
+    }
+
+    /// Its share of the light; `None`: all of it.
+    pub fn blend(&self) -> Option<&Blend> {
+        self.blend.as_ref()
+    }
+
+    /// The same with another blend.
+    ///
+    /// # Errors
+    ///
+    /// It has another size.
+    pub fn with_blend(&self, blend: Option<Blend>) -> Result<Self, String> {
+        Self::new(self.size, self.resampling.clone(), blend, self.response.clone())
+    }
+
+    /// HDR pixels of the raster (R, G, B in cd/m^2, solid angle in sr) from those of the picture: not blended.
+    pub fn hdr(&self, picture: Vec<[f32; 4]>) -> Vec<[f32; 4]> {
+        match &self.resampling {
+            Some(resampling) => resampling.hdr(&picture),
+            None => picture,
+        }
+    }
+
+    /// The display image of the raster (R, G, B, A of 8 bits) from that of the picture, which is coded as sRGB.
+    pub fn display(&self, picture: Vec<u8>) -> Vec<u8> {
+        let pixels = self.size.map(|side| side as usize).iter().product::<usize>();
+        if self.resampling.is_none() && self.blend.is_none() && self.response == Response::default() {
+            return picture;
+        }
+        let light = light_of_codes();
+        let mut display = vec![u8::MAX; 4 * pixels];
+        display.par_chunks_mut(4 * CHUNK).enumerate().for_each(|(chunk, codes)| {
+            for (at, codes) in codes.chunks_exact_mut(4).enumerate() {
+                let pixel = chunk * CHUNK + at;
+                let rgb = match &self.resampling {
+                    Some(resampling) => resampling.light(&picture, pixel),
+                    None => {
+                        codes[3] = picture[4 * pixel + 3];
+                        [0, 1, 2].map(|c| light[usize::from(picture[4 * pixel + c])])
+                    }
+                };
+                let shown = self.blend.as_ref().map_or(rgb, |blend| shown(rgb, blend.weights()[pixel]));
+                match &self.response.lut {
+                    None => {
+                        for (code, light) in codes.iter_mut().zip(shown) {
+                            *code = self.eight_bits.code(light);
+                        }
+                    }
+                    Some(_) => {
+                        for (code, exact) in codes.iter_mut().zip(self.response.codes(shown.map(f64::from))) {
+                            *code = (255.0 * exact).round() as u8;
+                        }
+                    }
+                }
+            }
+        });
+        display
+    }
+
+    /// The codes, 0 to 1, of a pixel (by its number, row by row from the top) that would show `light` without blending, as shares of display white.
+    pub fn codes(&self, pixel: usize, light: [f64; 3]) -> [f64; 3] {
+        let light = light.map(|light| light.clamp(0.0, 1.0) as f32);
+        let shown = self.blend.as_ref().map_or(light, |blend| shown(light, blend.weights()[pixel]));
+        self.response.codes(shown.map(f64::from))
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
+mod tests {
+    use super::*;
+    use crate::photometry::tone_map::linear_from_srgb;
+
+    fn output(size: [u32; 2], weights: [f32; 2], response: Response) -> ProjectorOutput {
+        let pixels = (size[0] * size[1]) as usize;
+        let blend = Blend::from_weights(size, vec![weights; pixels]);
+        ProjectorOutput::new(size, None, Some(blend), response).unwrap()
+    }
+
+    #[test]
+    fn shares_are_of_linear_light_and_codes_of_the_projector() {
+        for gamma in [None, Some(1.8), Some(2.4)] {
+            let light_of = |code: f64| gamma.map_or_else(|| linear_from_srgb(code), |gamma: f64| code.powf(gamma));
+            for [alpha, beta] in [[0.5, 0.0], [0.25, 0.02], [0.0, 0.0], [0.0, 0.1], [1.0, 0.05], [1.0, 0.0]] {
+                let output = output([256, 1], [alpha, beta], Response { gamma, lut: None });
+                let picture: Vec<u8> = (0..=255).flat_map(|code| [code, code, 255 - code, 77]).collect();
+                let display = output.display(picture);
+                for (code, pixel) in display.chunks_exact(4).enumerate() {
+                    let light = |code: u8| linear_from_srgb(f64::from(code) / 255.0);
+                    let share = |code: u8| light(code) * f64::from(alpha) * (1.0 - f64::from(beta)) + f64::from(beta);
+                    for (found, from) in [(pixel[0], code as u8), (pixel[2], 255 - code as u8)] {
+                        // Half a code of the result.
+                        let [below, above] =
+                            [-0.5, 0.5].map(|by| ((f64::from(found) + by) / 255.0).clamp(0.0, 1.0)).map(light_of);
+                        let expected = share(from);
+                        assert!(
+                            below <= expected + 1e-6 && (expected <= above + 1e-6 || found == 255),
+                            "{gamma:?} {from} {alpha} {beta}: {found}"
+                        );
+                        // And what has no rounding is the same.
+                        let exact = output.codes(code, [light(from); 3])[0];
+                        assert!((light_of(exact) - expected).abs() < 1e-6, "{exact} {expected}");
+                    }
+                    assert_eq!(pixel[3], 77);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_look_up_table_comes_last() {
+        let inverse = Lut {
+            kind: LutKind::One,
+            size: 2,
+            domain: [[0.0; 3], [1.0; 3]],
+            values: vec![[1.0, 0.5, 0.0], [0.0, 1.0, 1.0]],
+        };
+        let output = output([256, 1], [0.5, 0.0], Response { gamma: Some(2.0), lut: Some(inverse) });
+        let picture: Vec<u8> = (0..=255).flat_map(|code| [code, code, code, 255]).collect();
+        for (code, pixel) in output.display(picture).chunks_exact(4).enumerate() {
+            let blended = (0.5 * linear_from_srgb(code as f64 / 255.0)).sqrt();
+            let expected = [1.0 - blended, 0.5 + 0.5 * blended, blended].map(|code| 255.0 * code);
+            for (found, expected) in pixel.iter().zip(expected) {
+                assert!((f64::from(*found) - expected).abs() <= 0.501, "{code}: {found} {expected}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_does_not_fit_is_refused() {
+        let of = |size: [u32; 2], gamma| {
+            let blend = Blend::from_weights([4, 4], vec![[1.0, 0.0]; 16]);
+            ProjectorOutput::new(size, None, Some(blend), Response { gamma, lut: None }).unwrap_err()
+        };
+        assert!(of([4, 5], None).contains("a blend of [4, 4] pixels"));
+        assert!(of([4, 4], Some(0.0)).contains("gamma = 0"));
+        assert!(of([4, 4], Some(f64::NAN)).contains("gamma = NaN"));
+    }
+}

@@ -1,0 +1,241 @@
+//! The light of stars through six projectors that overlap, in each way that they are delivered and drawn.
+//!
+//! Light is weighed with solid angles of the closed form, not with those that the program has from the files.
+
+use std::{fmt::Write as _, fs, path::Path, sync::Arc};
+
+use glam::{DVec2, DVec3};
+use steradian::{
+    config::Config,
+    photometry::rec709::luminance,
+    render::{FrameImage, FrameRequest, Wanted},
+    scene::{SceneSnapshot, loader::load_stars},
+    units::illuminance_lx_from_magnitude,
+    view::projector::Blend,
+};
+
+use crate::common::{
+    renderer,
+    theatre::{Alpha, Mpcdi, Projector, bourke, projectors_of, sgct, share},
+};
+
+const SIZE: [u32; 2] = [480, 300];
+const STARS: usize = 200;
+/// Around a star, pixels: beyond is no light of it.
+const PATCH_PX: i64 = 9;
+
+/// A star that the six show.
+struct Star {
+    direction: DVec3,
+    light_lx: f64,
+}
+
+/// Directions over the dome that some projector shows well within its raster.
+fn stars(projectors: &[Projector]) -> Vec<Star> {
+    let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
+    let lattice = (0..400).map(|index| {
+        let up = 0.98 - 0.93 * (f64::from(index) + 0.5) / 400.0;
+        let (sin, cos) = (golden * f64::from(index)).sin_cos();
+        let across = (1.0 - up * up).sqrt();
+        DVec3::new(across * cos, up, across * sin)
+    });
+    let inside = |direction: &DVec3| {
+        let margin = DVec2::splat(f64::from(PATCH_PX as i32)) / DVec2::new(f64::from(SIZE[0]), f64::from(SIZE[1]));
+        let well_within = |place: DVec2| place.cmpgt(margin).all() && place.cmplt(DVec2::ONE - margin).all();
+        projectors.iter().filter_map(|projector| projector.place(*direction)).any(well_within)
+    };
+    let light = |index: usize| illuminance_lx_from_magnitude(4.0 * (index as f64 * 2.0_f64.sqrt()).fract());
+    let found: Vec<DVec3> = lattice.filter(inside).take(STARS).collect();
+    assert_eq!(found.len(), STARS);
+    found.into_iter().enumerate().map(|(index, direction)| Star { direction, light_lx: light(index) }).collect()
+}
+
+fn catalogue(stars: &[Star]) -> String {
+    let mut text = "x,y,z,v_mag,teff_k\n".to_owned();
+    for (index, star) in stars.iter().enumerate() {
+        let at = star.direction * 1e4;
+        let magnitude = 4.0 * (index as f64 * 2.0_f64.sqrt()).fract();
+        writeln!(text, "{},{},{},{magnitude},6500", at.x, at.y, at.z).unwrap();
+    }
+    text
+}
+
+/// What is measured of the stars of one way of delivery.
+struct Measured {
+    /// Light over that of the catalogue, of each star.
+    light: Vec<f64>,
+    /// From the star to the middle of its light, and the root of the mean square of the angle around the middle; where its projector has the largest share; pixels there.
+    centroids_px: Vec<f64>,
+    widths_px: Vec<f64>,
+}
+
+impl Measured {
+    fn light_of_all(&self, stars: &[Star]) -> f64 {
+        let sum: f64 = stars.iter().map(|star| star.light_lx).sum();
+        stars.iter().zip(&self.light).map(|(star, light)| star.light_lx * light).sum::<f64>() / sum
+    }
+
+    fn worst_light(&self, expected: impl Fn(usize) -> f64) -> f64 {
+        let off = self.light.iter().enumerate().map(|(index, light)| (light / expected(index) - 1.0).abs());
+        off.fold(0.0, f64::max)
+    }
+}
+
+fn percentile(values: &[f64], share: f64) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    sorted[((sorted.len() - 1) as f64 * share).round() as usize]
+}
+
+/// Draws the views of a configuration, one for each projector, and measures the stars.
+fn measured(folder: &Path, views: &str, projectors: &[Projector], stars: &[Star]) -> Measured {
+    let text = format!(
+        "[scene]\ncatalogues = ['stars.csv']\n[glare]\nmethod = 'none'\n[exposure]\nmode = 'manual'\nev100 = -3.0\n{views}"
+    );
+    let config = Config::from_text(&text, "dome.toml", folder, &[]).unwrap();
+    let (loaded, _) = load_stars(&config.star_sources(), &mut |_| {}).unwrap();
+    let scene = SceneSnapshot {
+        revision: 1,
+        stars: Arc::new(loaded),
+        objects: Arc::new(config.objects().unwrap()),
+        camera: config.camera().unwrap(),
+    };
+    let (rig, settings) = (config.rig().unwrap(), config.render_settings());
+    let frame = renderer().render(FrameRequest::new(&scene, &rig).settings(&settings).wanted(Wanted::hdr())).unwrap();
+    let images = &frame.images;
+    assert_eq!(images.len(), projectors.len());
+    let mut result = Measured { light: Vec::new(), centroids_px: Vec::new(), widths_px: Vec::new() };
+    for star in stars {
+        let seen: Vec<Seen> = projectors
+            .iter()
+            .zip(images)
+            .filter_map(|(projector, image)| Seen::of(projector, image, star.direction))
+            .collect();
+        result.light.push(seen.iter().map(|seen| seen.shared_lx).sum::<f64>() / star.light_lx);
+        let largest = seen.iter().max_by(|a, b| a.share.total_cmp(&b.share)).unwrap();
+        result.centroids_px.push(largest.centroid_px);
+        result.widths_px.push(largest.width_px);
+    }
+    result
+}
+
+/// A star on one projector.
+struct Seen {
+    /// Its light times the projector's share.
+    shared_lx: f64,
+    share: f64,
+    centroid_px: f64,
+    width_px: f64,
+}
+
+impl Seen {
+    fn of(projector: &Projector, image: &FrameImage, star: DVec3) -> Option<Self> {
+        let place = projector.place(star)?;
+        let [width, height] = SIZE.map(i64::from);
+        let middle = [place.x * width as f64, place.y * height as f64].map(|at| at as i64);
+        let blend = image.projector.as_ref().and_then(|output| output.blend());
+        let share = |index: usize| blend.map_or(1.0, |blend: &Blend| f64::from(blend.weights()[index][0]));
+        let hdr = image.hdr.as_ref().unwrap();
+        let (mut shared_lx, mut sum_lx, mut weighted, mut pixels) = (0.0, 0.0, DVec3::ZERO, Vec::new());
+        for y in (middle[1] - PATCH_PX).max(0)..=(middle[1] + PATCH_PX).min(height - 1) {
+            for x in (middle[0] - PATCH_PX).max(0)..=(middle[0] + PATCH_PX).min(width - 1) {
+                let index = (y * width + x) as usize;
+                let [r, g, b, _] = hdr[index].map(f64::from);
+                let light = luminance([r, g, b]) * projector.pixel_sr(x as u32, y as u32);
+                if light > 0.0 {
+                    let direction =
+                        projector.direction((x as f64 + 0.5) / width as f64, (y as f64 + 0.5) / height as f64);
+                    shared_lx += light * share(index);
+                    sum_lx += light;
+                    weighted += direction * light;
+                    pixels.push((direction, light));
+                }
+            }
+        }
+        let [x, y] = middle.map(|at| at as u32);
+        let pixel_rad = projector.pixel_sr(x.min(SIZE[0] - 1), y.min(SIZE[1] - 1)).sqrt();
+        let centre = weighted.normalize_or_zero();
+        let square: f64 = pixels.iter().map(|(direction, light)| light * direction.angle_between(centre).powi(2)).sum();
+        Some(Self {
+            shared_lx,
+            share: share((y.min(SIZE[1] - 1) * SIZE[0] + x.min(SIZE[0] - 1)) as usize),
+            centroid_px: centre.angle_between(star) / pixel_rad,
+            width_px: (square / sum_lx).sqrt() / pixel_rad,
+        })
+    }
+}
+
+/// Name, keys of the views, light of each star that is expected, and how far from it is allowed.
+type Way<'a> = (&'a str, &'a str, &'a dyn Fn(usize) -> f64, f64);
+
+/// `[[views]]` of the six; `{name}` stands for the name of each.
+fn views(projectors: &[Projector], keys: &str) -> String {
+    projectors
+        .iter()
+        .map(|projector| {
+            let keys = keys.replace("{name}", &projector.name);
+            format!("[[views]]\nname = '{}'\ntype = 'projector'\n{keys}\n", projector.name)
+        })
+        .collect()
+}
+
+#[test]
+fn stars_have_their_light_through_the_blends_of_six_projectors() {
+    let projectors = projectors_of(SIZE);
+    let stars = stars(&projectors);
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, bytes: &[u8]| fs::write(folder.path().join(name), bytes).unwrap();
+    write("stars.csv", catalogue(&stars).as_bytes());
+    let fine = Alpha { bits: 16, gamma: 1.0 };
+    let coarse = Alpha { bits: 8, gamma: 2.2 };
+    let a3 = |alpha| Mpcdi { alpha, ..Mpcdi::a3(65, 65) }.bytes(&projectors);
+    write("fine.mpcdi", &a3(Some(fine)));
+    write("coarse.mpcdi", &a3(Some(coarse)));
+    write("bare.mpcdi", &a3(None));
+    let sl =
+        Mpcdi { alpha: Some(Alpha { bits: 16, gamma: 2.2 }), profile: "sl", per_metre: 1000.0, ..Mpcdi::a3(65, 65) };
+    write("sl.mpcdi", &sl.bytes(&projectors));
+    for (own, projector) in projectors.iter().enumerate() {
+        let name = &projector.name;
+        // Such programs multiply the codes of the display: its gamma is 2.2.
+        let intensity = |column: usize, row: usize| {
+            share(&projectors, own, column as f64 / 128.0, row as f64 / 128.0).powf(1.0 / 2.2)
+        };
+        write(&format!("{name}.data"), bourke(projector, 129, 129, intensity).as_bytes());
+        write(&format!("{name}_mesh.data"), bourke(projector, 129, 129, |_, _| 1.0).as_bytes());
+        let mask = Alpha { bits: 8, gamma: 2.2 }.map(&projectors, own);
+        write(&format!("{name}_mask.png"), &mask);
+        let fisheye = r#"{"type":"FisheyeProjection","fov":180,"tilt":0}"#;
+        let more = format!(r#","mesh":"{name}_mesh.data","blendmask":"{name}_mask.png""#);
+        write(&format!("{name}.json"), sgct(SIZE, fisheye, &more).as_bytes());
+    }
+    let told = |alpha: Alpha, star: usize| -> f64 {
+        let of = |(own, projector): (usize, &Projector)| {
+            let place = projector.place(stars[star].direction)?;
+            Some(alpha.told(share(&projectors, own, place.x, place.y)))
+        };
+        projectors.iter().enumerate().filter_map(of).sum()
+    };
+    let one = |_: usize| 1.0;
+    let eight = |star: usize| told(coarse, star);
+    let sets: [Way<'_>; 7] = [
+        ("MPCDI a3, alpha of 16 bits", "file = 'fine.mpcdi'\nregion = '{name}'", &one, 1e-3),
+        ("MPCDI a3, computed blends", "file = 'bare.mpcdi'\nregion = '{name}'\nblend = 'computed'", &one, 1e-3),
+        ("MPCDI a3, alpha of 8 bits", "file = 'coarse.mpcdi'\nregion = '{name}'", &eight, 8e-3),
+        ("MPCDI sl, mm, alpha of 16 bits", "file = 'sl.mpcdi'\nregion = '{name}'", &one, 1e-3),
+        ("SGCT, mesh and mask of 8 bits", "file = '{name}.json'", &eight, 8e-3),
+        ("Paul Bourke's mesh", "file = '{name}.data'\nsize = [480, 300]", &one, 1e-3),
+        ("MPCDI a3, resampled", "file = 'fine.mpcdi'\nregion = '{name}'\nmethod = 'resampled'", &one, 1.0),
+    ];
+    for (what, keys, expected, most) in sets {
+        let found = measured(folder.path(), &views(&projectors, keys), &projectors, &stars);
+        let (all, worst) = (found.light_of_all(&stars) - 1.0, found.worst_light(expected));
+        let [centroid, width] =
+            [&found.centroids_px, &found.widths_px].map(|of| [percentile(of, 0.5), percentile(of, 1.0)]);
+        println!(
+            "{what}: light of {STARS} stars {all:+.1e}, worst {worst:.1e}; from star to centre {:.4} px, at most {:.4}; width {:.3} px, at most {:.3}",
+            centroid[0], centroid[1], width[0], width[1]
+        );
+        assert!(worst < most, "{what}: {worst}");
+    }
+}
