@@ -60,7 +60,7 @@ struct CheckArguments {
 /// Runs the command.
 pub fn run(arguments: &DomeArguments) -> Result<(), CliError> {
     let DomeCommand::Check(arguments) = &arguments.command;
-    let config = Config::load(&arguments.config, &arguments.set)?;
+    let config = Config::load_unbuilt(&arguments.config, &arguments.set)?;
     let dome = dome_of(&config, arguments)?;
     let (found, faults) = config.dome_projectors()?;
     if found.is_empty() && faults.is_empty() {

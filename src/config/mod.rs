@@ -143,10 +143,15 @@ const MOST_BYTES: u64 = 4 << 20;
 impl Config {
     /// Loads a file and applies overrides (`key=value`) in their order.
     pub fn load(path: &Path, overrides: &[String]) -> Result<Self, ConfigError> {
+        let (text, folder) = Self::text_of(path)?;
+        Self::from_text(&text, &path.display().to_string(), folder, overrides)
+    }
+
+    /// What a file says, and the folder that it is in.
+    fn text_of(path: &Path) -> Result<(String, &Path), ConfigError> {
         let text = files::read_text_bounded(path, MOST_BYTES)
             .map_err(|source| ConfigError::Read { path: path.to_owned(), source })?;
-        let folder = path.parent().unwrap_or(Path::new(""));
-        Self::from_text(&text, &path.display().to_string(), folder, overrides)
+        Ok((text, path.parent().unwrap_or(Path::new(""))))
     }
 
     /// The built-in configuration (a dome and a flat view of the bright stars and a synthetic galaxy), with overrides;
@@ -162,13 +167,34 @@ impl Config {
 
     /// Reads TOML; `origin` names it in messages, relative paths start at `folder`.
     pub fn from_text(text: &str, origin: &str, folder: &Path, overrides: &[String]) -> Result<Self, ConfigError> {
+        Self::read(text, origin, folder, overrides, Self::check_views)
+    }
+
+    /// The same as [`Self::load`], but that its views can be built is not looked at: for what judges each of them.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`Self::load`], but for those of views.
+    pub fn load_unbuilt(path: &Path, overrides: &[String]) -> Result<Self, ConfigError> {
+        let (text, folder) = Self::text_of(path)?;
+        Self::read(&text, &path.display().to_string(), folder, overrides, |_| Ok(()))
+    }
+
+    fn read(
+        text: &str,
+        origin: &str,
+        folder: &Path,
+        overrides: &[String],
+        check_views: fn(&Self) -> Result<(), Fault>,
+    ) -> Result<Self, ConfigError> {
         let mut table = document::parse(text, origin)?;
         let applied = overrides
             .iter()
             .map(|argument| overrides::apply(&mut table, argument))
             .collect::<Result<Vec<_>, ConfigError>>()?;
         effects::leave_out_overridden(&mut table, &applied, origin);
-        Self::from_table(table, origin, folder).map_err(|fault| {
+        let config = Self::from_table(table, origin, folder);
+        config.and_then(|config| check_views(&config).map(|()| config)).map_err(|fault| {
             // The last override that touches the key is to blame, if there is one; for an unknown table, one that put it there.
             let key = fault.key.split(" (").next().unwrap_or_default();
             let below = |inner: &str, outer: &str| {
@@ -189,8 +215,7 @@ impl Config {
     ///
     /// As [`Self::load`], but for keys and ranges, which are not looked at.
     pub fn pictured_document(path: &Path, overrides: &[String]) -> Result<String, ConfigError> {
-        let text = files::read_text_bounded(path, MOST_BYTES)
-            .map_err(|source| ConfigError::Read { path: path.to_owned(), source })?;
+        let (text, _) = Self::text_of(path)?;
         let mut table = document::parse(&text, &path.display().to_string())?;
         for argument in overrides {
             overrides::apply(&mut table, argument)?;
@@ -248,11 +273,14 @@ impl Config {
         limits::check_tone_map(&config.tone_map).map_err(|fault| fault.within("tone_map"))?;
         headset::check(&config.headset).map_err(|fault| fault.within("headset"))?;
         server::check(&config.server).map_err(|fault| fault.within("server"))?;
-        config.build_rig()?;
-        config.resolve_views()?;
-        config.build_overlay()?;
-        headset::check_views(&config.headset, &config.views).map_err(|fault| fault.within("headset"))?;
         Ok(config)
+    }
+
+    fn check_views(&self) -> Result<(), Fault> {
+        self.build_rig()?;
+        self.resolve_views()?;
+        self.build_overlay()?;
+        headset::check_views(&self.headset, &self.views).map_err(|fault| fault.within("headset"))
     }
 
     fn build_rig(&self) -> Result<Rig, Fault> {

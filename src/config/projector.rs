@@ -114,6 +114,14 @@ fn half_turn_deg() -> f64 {
     180.0
 }
 
+/// Pixels of the picture that a projector's is bent from, along one of the projector's.
+pub(super) const SOURCE_SCALES: [f64; 2] = [0.25, 4.0];
+/// Exponents of projectors.
+pub(super) const GAMMAS: [f64; 2] = [1.0, 4.0];
+/// Luminances of their white and black on a dome, cd/m^2.
+pub(super) const WHITES_CD_M2: [f64; 2] = [1e-3, 1e6];
+pub(super) const BLACKS_CD_M2: [f64; 2] = [0.0, 1e6];
+
 /// How messages on warps without an inverse begin.
 pub(super) const FOLDS: &str = "the warp folds";
 
@@ -202,15 +210,14 @@ impl ProjectorConfig {
     /// Numbers that are out of range, and keys that would do nothing.
     fn check_keys(&self) -> Result<(), Fault> {
         let ranges = [
-            ("source_scale", self.source_scale, 0.25..=4.0),
-            ("gamma", self.gamma, 1.0..=4.0),
-            ("white_cd_m2", self.white_cd_m2, 1e-3..=1e6),
-            ("black_cd_m2", self.black_cd_m2, 0.0..=1e6),
+            ("source_scale", self.source_scale, SOURCE_SCALES),
+            ("gamma", self.gamma, GAMMAS),
+            ("white_cd_m2", self.white_cd_m2, WHITES_CD_M2),
+            ("black_cd_m2", self.black_cd_m2, BLACKS_CD_M2),
         ];
-        for (key, value, allowed) in ranges {
-            if let Some(value) = value.filter(|value| !allowed.contains(value)) {
-                let problem = format!("{value}: allowed are {} to {}", allowed.start(), allowed.end());
-                return Err(Fault::new(key, problem));
+        for (key, value, [least, most]) in ranges {
+            if let Some(value) = value.filter(|value| !(least..=most).contains(value)) {
+                return Err(Fault::new(key, format!("{value}: allowed are {least} to {most}")));
             }
         }
         if self.source_scale.is_some() && self.method != ProjectorMethod::Resampled {

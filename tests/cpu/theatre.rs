@@ -10,8 +10,8 @@ use steradian::{
 };
 
 use crate::common::theatre::{
-    Mpcdi, Pfm, Projector, bourke, centre, csv, exr, obj, png_grey, projectors, sgc, sgct, sgct_frustum, towards,
-    zipped,
+    Mpcdi, Pfm, Projector, bourke, centre, csv, exr, obj, png_grey, projectors, projectors_of, sgc, sgct, sgct_frustum,
+    towards, zipped,
 };
 
 /// Written to a folder that goes with the value.
@@ -576,4 +576,17 @@ fn formats_of_closed_software_are_refused_with_the_reason() {
     assert!(refusal(b"nothing known", &options).contains("known are MPCDI"));
     assert!(refusal(b"<MPCDI/>", &options).contains(".mpcdi file"));
     assert!(matches!(read(Path::new("/dev/zero"), &options), Err(TheatreError::Read { .. })));
+}
+
+/// The set that the documents use: six projectors on a tilted dome, of 320 x 200 pixels each. `STERADIAN_WRITE_REFERENCE=1` writes it anew.
+#[test]
+fn the_example_is_that_of_the_writers() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/six_projectors.mpcdi");
+    let bytes = Mpcdi::a3(33, 33).bytes(&projectors_of([320, 200]));
+    if std::env::var_os("STERADIAN_WRITE_REFERENCE").is_some() {
+        std::fs::write(&path, &bytes).unwrap();
+    }
+    let (found, expected) =
+        (read(&path, &ReadOptions::default()).unwrap(), read_bytes(&bytes, &ReadOptions::default()));
+    assert_eq!(found, expected.unwrap());
 }

@@ -26,7 +26,7 @@ fn tiny() -> Extent {
         scoring: tiny_scoring(),
         scale: vec![200, 400],
         many_views_stars: 300,
-        projector: [192, 108],
+        projector: [480, 270],
         glare: GlareExtent {
             stars: 300,
             views: vec![

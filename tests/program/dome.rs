@@ -10,7 +10,7 @@ use std::{
 use glam::DVec3;
 use steradian::units::illuminance_lx_from_magnitude;
 
-const SIZE: [usize; 2] = [200, 140];
+const SIZE: [usize; 2] = [110, 200];
 /// Samples of the grids.
 const SAMPLES: usize = 49;
 const STARS: usize = 40;
@@ -215,8 +215,8 @@ fn import_writes_a_configuration_with_every_projector() {
         let files = ["projectors", "import", "left.pfm", "right.pfm", "--out", "imported.toml"];
         run(folder.path(), &[&files[..], more].concat())
     };
-    let (code, lines, log) = import(&["--size", "200x140", "--blend", "computed"]);
-    assert!(code == 0 && lines.contains("left: 200 x 140 pixels") && lines.contains("2 projectors"), "{lines}{log}");
+    let (code, lines, log) = import(&["--size", "110x200", "--blend", "computed"]);
+    assert!(code == 0 && lines.contains("left: 110 x 200 pixels") && lines.contains("2 projectors"), "{lines}{log}");
     let text = fs::read_to_string(folder.path().join("imported.toml")).unwrap();
     for part in ["name = \"right\"", "file = \"right.pfm\"", "rows = \"as_format\"", "# - "] {
         assert!(text.contains(part), "{part}: {text}");

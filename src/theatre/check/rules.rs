@@ -32,7 +32,7 @@ const MOST_ROUGH: f64 = 0.03;
 const MOST_LEAN_DEG: f64 = 4.0;
 const MOST_BEYOND: f64 = 0.05;
 /// Longer over shorter side of pixels, in the median.
-const MOST_ASPECT: f64 = 2.2;
+const MOST_ASPECT: f64 = 1.7;
 /// Powers that forgetful programs leave in masks, or apply twice.
 const GAMMAS: [f64; 6] = [2.2, 1.0 / 2.2, 1.8, 1.0 / 1.8, 2.4, 1.0 / 2.4];
 /// Light below this share is none.
