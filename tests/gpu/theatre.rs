@@ -19,10 +19,10 @@ use crate::common::{
     theatre::{Alpha, Mpcdi, Projector, bourke, projectors_of, sgct, share},
 };
 
-const SIZE: [u32; 2] = [240, 150];
+const SIZE: [u32; 2] = [320, 200];
 const STARS: usize = 200;
 /// Around a star, pixels: beyond is no light of it.
-const PATCH_PX: i64 = 9;
+const PATCH_PX: i64 = 5;
 
 /// A star that the six show.
 struct Star {
@@ -244,7 +244,7 @@ fn stars_have_their_light_through_the_blends_of_six_projectors() {
         ("MPCDI a3, alpha of 8 bits", "file = 'coarse.mpcdi'\nregion = '{name}'", &eight, [0.02, 1e-4]),
         ("MPCDI sl, mm, alpha of 16 bits", "file = 'sl.mpcdi'\nregion = '{name}'", &exact, [1e-3, 1e-3]),
         ("SGCT, mesh and mask of 8 bits", "file = '{name}.json'", &eight, [0.02, 1e-4]),
-        ("Paul Bourke's mesh", "file = '{name}.data'\nsize = [240, 150]", &exact, [1e-3, 1e-3]),
+        ("Paul Bourke's mesh", "file = '{name}.data'\nsize = [320, 200]", &exact, [1e-3, 1e-3]),
         ("MPCDI a3, resampled", "file = 'fine.mpcdi'\nregion = '{name}'\nmethod = 'resampled'", &exact, [1.0, 1.0]),
     ];
     for (what, keys, told, most) in sets {

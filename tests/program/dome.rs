@@ -167,7 +167,7 @@ fn dome_check_names_what_is_wrong_and_ends_with_1() {
     let one = configuration("").replace("right.pfm", "left.pfm");
     fs::write(folder.path().join("dome.toml"), one).unwrap();
     let (_, lines, _) = check(&[]);
-    assert_eq!(failed(&lines), ["coverage", "blend", "twice"], "{lines}");
+    assert_eq!(failed(&lines), ["coverage", "blend", "tilt", "twice"], "{lines}");
 }
 
 #[test]
