@@ -1,18 +1,19 @@
 //! `dome`: judges the projectors of a dome.
 
 use std::{
-    fmt::Write as _,
     fs,
     path::{Path, PathBuf},
 };
 
+use base64::{Engine, engine::general_purpose::STANDARD};
 use clap::{Args, Subcommand};
 use glam::DQuat;
 
 use super::{CliError, results};
 use crate::{
     config::{Config, DomeFault, DomeProjector, ViewKindConfig},
-    theatre::check::{Dome, DomeReport, Finding, MapPoint, Projector, check},
+    output::{EncodeError, OutputError},
+    theatre::check::{Dome, DomeReport, Finding, MapPoint, Projector, ProjectorFigures, check},
     view::{ViewKind, projection::PlaneMapping},
 };
 
@@ -83,7 +84,7 @@ pub fn run(arguments: &DomeArguments) -> Result<(), CliError> {
         write(path, serde_json::to_string_pretty(&report).map_err(CliError::Json)? + "\n")?;
     }
     if let Some(path) = &arguments.html {
-        write(path, page(&report))?;
+        write(path, page(&report)?)?;
     }
     let failed = report.findings.iter().filter(|finding| !finding.passed).count();
     if failed == 0 { Ok(()) } else { Err(CliError::Checks { failed, of: report.findings.len() }) }
@@ -150,64 +151,89 @@ fn print(report: &DomeReport) -> Result<(), CliError> {
     Ok(())
 }
 
-/// A page with the findings and three maps of the dome.
-fn page(report: &DomeReport) -> String {
-    let mut rows = String::new();
-    for finding in &report.findings {
-        let (of, outcome) = (finding.of(), finding.outcome());
-        let _ = writeln!(
-            rows,
-            "<tr class={outcome}><td>{}<td>{of}<td>{outcome}<td>{}",
-            finding.rule,
-            escaped(&finding.what)
-        );
-    }
-    let coarsest =
-        report.map.iter().filter(|point| point.projectors > 0).map(|point| point.arcmin).fold(1e-9, f64::max);
+/// A page: what fails first, figures of the projectors, three maps of the dome.
+fn page(report: &DomeReport) -> Result<String, CliError> {
+    let (kept, broken): (Vec<&Finding>, Vec<&Finding>) = report.findings.iter().partition(|finding| finding.passed);
+    let rows: String = broken.into_iter().chain(kept).map(finding_row).collect();
+    let figures: String = report.projectors.iter().map(figures_row).collect();
+    let lit = report.map.points.iter().flatten().filter(|point| point.projectors > 0);
+    let [finest, coarsest] =
+        lit.fold([f64::INFINITY, 0.0], |[least, most], point| [point.arcmin.min(least), point.arcmin.max(most)]);
+    let share_of_range = |arcmin: f64| (arcmin - finest) / (coarsest - finest).max(1e-9);
     let maps = [
         (
-            "Projectors: dark none, blue one, green two, yellow three or more",
-            map(report, |point| ["#222", "#36c", "#3a6", "#dc3"][point.projectors.min(3)].to_owned()),
+            "How many projectors: dark none, blue one, green two, yellow three, orange more".to_owned(),
+            map(report, |point| {
+                [[34; 3], [51, 102, 204], [51, 170, 102], [221, 204, 51], [230, 130, 40]][point.projectors.min(4)]
+            })?,
         ),
-        ("Sum of the shares of light: black 0, grey 1, white 2 and more", map(report, |point| grey(0.5 * point.sum))),
         (
-            "Size of the finest pixel: black none, white the coarsest",
-            map(
-                report,
-                |point| if point.projectors == 0 { grey(0.0) } else { grey(0.15 + 0.85 * point.arcmin / coarsest) },
-            ),
+            "Sum of the shares of light: grey is 1, blue less, red more (full colour: 10 % off), black none".to_owned(),
+            map(report, |point| {
+                let off = ((point.sum - 1.0) / 0.1).clamp(-1.0, 1.0);
+                let [red, blue] = [off.max(0.0), (-off).max(0.0)];
+                let [base, rest] = [128.0, 1.0 - off.abs()];
+                if point.projectors == 0 {
+                    [0; 3]
+                } else {
+                    [base * rest + 255.0 * red, base * rest, base * rest + 255.0 * blue].map(|code| code as u8)
+                }
+            })?,
+        ),
+        (
+            format!("Size of the finest pixel: dark {finest:.1}, light {coarsest:.1} arcminutes, black none"),
+            map(report, |point| match point.projectors {
+                0 => [0; 3],
+                _ => [(60.0 + 180.0 * share_of_range(point.arcmin)) as u8; 3],
+            })?,
         ),
     ];
-    let figures: String =
+    let maps: String =
         maps.iter().map(|(title, map)| format!("<figure>{map}<figcaption>{title}</figcaption></figure>\n")).collect();
-    format!(
+    let failed = report.findings.iter().filter(|finding| !finding.passed).count();
+    let outcome = if failed == 0 {
+        "All rules are kept.".to_owned()
+    } else {
+        format!("{failed} rules are broken: they come first.")
+    };
+    Ok(format!(
         "<!doctype html><meta charset=utf-8><title>Dome check</title>\n<style>body{{font:15px sans-serif;background:#111;color:#ddd;margin:2em}}\
-         td{{padding:.2em .8em;border-top:1px solid #444}}.FAIL td{{color:#f86}}figure{{display:inline-block;width:24em;margin:1em}}</style>\n\
-         <h1>Dome check</h1>\n<p>The dome has {} degrees and is tilted by {}. {:.2} % of it has light. In the maps the front is at the bottom.</p>\n\
-         <table>\n{rows}</table>\n{figures}",
+         td,th{{padding:.2em .8em;border-top:1px solid #444;text-align:left}}.FAIL td{{color:#f86}}figure{{display:inline-block;vertical-align:top;width:24em;margin:1em}}\
+         img{{width:100%}}</style>\n\
+         <h1>Dome check</h1>\n<p>{outcome} The dome has {} degrees and is tilted by {}. {:.2} % of it has light, {:.2} % of two projectors or more. In the maps the front is at the bottom, as in a domemaster.</p>\n\
+         {maps}\n<table>\n<tr><th>rule<th>projector<th>outcome<th>what was found\n{rows}</table>\n\
+         <h2>Projectors</h2>\n<table>\n<tr><th>projector<th>of the dome<th>arcminutes per pixel, 5 %<th>median<th>95 %\n{figures}</table>\n",
         report.dome.fov_deg,
         report.dome.tilt_deg,
-        100.0 * report.coverage[0]
-    )
+        100.0 * report.coverage[0],
+        100.0 * report.coverage[1],
+    ))
 }
 
-fn grey(share: f64) -> String {
-    let code = (255.0 * share.clamp(0.0, 1.0)).round() as u8;
-    format!("#{code:02x}{code:02x}{code:02x}")
+fn finding_row(finding: &Finding) -> String {
+    let (of, outcome) = (finding.of(), finding.outcome());
+    format!("<tr class={outcome}><td>{}<td>{of}<td>{outcome}<td>{}\n", finding.rule, escaped(&finding.what))
 }
 
-fn map(report: &DomeReport, colour: impl Fn(&MapPoint) -> String) -> String {
-    let mut dots = String::new();
-    for point in &report.map {
-        let _ = write!(
-            dots,
-            "<circle cx={:.1} cy={:.1} r=2.2 fill=\"{}\"/>",
-            200.0 + 198.0 * point.place.x,
-            200.0 - 198.0 * point.place.y,
-            colour(point)
-        );
-    }
-    format!("<svg viewBox=\"0 0 400 400\">{dots}</svg>")
+fn figures_row(projector: &ProjectorFigures) -> String {
+    let [fine, median, coarse] = projector.arcmin_per_pixel;
+    let coverage = 100.0 * projector.coverage;
+    format!("<tr><td>{}<td>{coverage:.2} %<td>{fine:.2}<td>{median:.2}<td>{coarse:.2}\n", projector.name)
+}
+
+/// A map as a picture within the page.
+fn map(report: &DomeReport, colour: impl Fn(&MapPoint) -> [u8; 3]) -> Result<String, CliError> {
+    let side = report.map.side as u32;
+    let pixels: Vec<u8> = report.map.points.iter().flat_map(|point| point.as_ref().map_or([17; 3], &colour)).collect();
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, side, side);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.write_header().and_then(|mut writer| writer.write_image_data(&pixels)).map_err(|error| {
+        let path = "a map of the page".into();
+        CliError::Output(OutputError::Encode { path, source: EncodeError::Png(error) })
+    })?;
+    let data = STANDARD.encode(&bytes);
+    Ok(format!("<img alt=\"\" src=\"data:image/png;base64,{data}\">"))
 }
 
 fn escaped(text: &str) -> String {

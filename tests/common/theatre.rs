@@ -257,7 +257,8 @@ pub fn share(projectors: &[Projector], own: usize, x: f64, y: f64) -> f64 {
     let others = projectors.iter().enumerate().filter(|(other, _)| *other != own);
     let weight_of_others: f64 = others.filter_map(|(_, other)| other.place(direction)).map(weight).sum();
     let own = weight(DVec2::new(x, y));
-    own / (own + weight_of_others)
+    // In a corner that no other one reaches there is nothing to share.
+    if own + weight_of_others > 0.0 { own / (own + weight_of_others) } else { 1.0 }
 }
 
 /// Dome axes as a tilted dome has them in its room, and where its centre is, m.

@@ -156,7 +156,7 @@ fn dome_check_names_what_is_wrong_and_ends_with_1() {
         "{json}"
     );
     let page = fs::read_to_string(folder.path().join("dome.html")).unwrap();
-    assert!(page.matches("<svg").count() == 3 && page.contains("class=FAIL"), "a page with three maps");
+    assert!(page.matches("<img").count() == 3 && page.contains("class=FAIL"), "a page with three maps");
 
     fs::write(folder.path().join("right.pfm"), pfm(true, false)).unwrap();
     let (code, lines, _) = check(&[]);

@@ -98,16 +98,23 @@ pub struct DomeReport {
     pub projectors: Vec<ProjectorFigures>,
     /// All rules.
     pub findings: Vec<Finding>,
-    /// Points of the dome for a picture.
+    /// A picture of the dome.
     #[serde(skip)]
-    pub map: Vec<MapPoint>,
+    pub map: DomeMap,
+}
+
+/// The dome as a domemaster, row by row from the top, the front at the bottom.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DomeMap {
+    /// Points in a row, and rows.
+    pub side: usize,
+    /// `None`: beyond the rim.
+    pub points: Vec<Option<MapPoint>>,
 }
 
 /// A point of the dome.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MapPoint {
-    /// Place in a domemaster: -1 to 1, x to the right, y upwards, the front at the bottom.
-    pub place: DVec2,
     /// Projectors that reach it.
     pub projectors: usize,
     /// Sum of their shares of light.
@@ -183,6 +190,6 @@ pub fn check(dome: Dome, projectors: &[Projector<'_>]) -> DomeReport {
         blend_sum: percentiles(sums, [0.01, 0.5, 0.99]),
         projectors: projectors.iter().zip(&hits).map(figures).collect(),
         findings,
-        map: sky::map(dome, &directions, &hits),
+        map: sky::map(dome, projectors),
     }
 }

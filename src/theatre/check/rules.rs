@@ -38,6 +38,11 @@ const GAMMAS: [f64; 6] = [2.2, 1.0 / 2.2, 1.8, 1.0 / 1.8, 2.4, 1.0 / 2.4];
 /// Light below this share is none.
 const LEAST_SHARE: f64 = 0.01;
 
+/// What was found, and what it hints at where the rule is not kept.
+fn with_hint(found: String, passed: bool, hint: &str) -> String {
+    if passed { found } else { format!("{found}: {hint}") }
+}
+
 fn together(rule: &'static str, passed: bool, what: String) -> Finding {
     Finding { rule, projector: None, passed, what }
 }
@@ -236,17 +241,23 @@ pub(super) fn screen(projectors: &[Projector<'_>]) -> Vec<Finding> {
     let Some(sphere) = sums.sphere().filter(|sphere| sphere.rough_m <= MOST_ROUGH * sphere.radius_m) else {
         return Vec::new();
     };
-    let [x, y, z] = (-sphere.centre_m).to_array();
     let radius_m = sphere.radius_m;
-    let most_m = MOST_OFF_CENTRE * radius_m;
-    let eye = format!(
-        "the eye is at [{x:.2}, {y:.2}, {z:.2}] m from the middle of the screen, whose radius is {radius_m:.2} m: up to {most_m:.2} m are expected; another eye point, or another origin?"
-    );
+    let (off_m, most_m) = (sphere.centre_m.length(), MOST_OFF_CENTRE * radius_m);
+    let [x, y, z] = (-sphere.centre_m).to_array();
+    let at = if off_m < 0.005 {
+        "in the middle".to_owned()
+    } else {
+        format!("at [{x:.2}, {y:.2}, {z:.2}] m from the middle")
+    };
+    let centred = off_m <= most_m;
+    let eye =
+        format!("the eye is {at} of the screen, whose radius is {radius_m:.2} m; up to {most_m:.2} m are expected");
     let [least, most] = RADII_M;
-    let unit = format!("the radius of the screen is {radius_m:.2} m, {least} to {most} are expected: another unit?");
+    let sized = (least..=most).contains(&radius_m);
+    let unit = format!("the radius of the screen is {radius_m:.2} m, {least} to {most} are expected");
     vec![
-        together("eye", sphere.centre_m.length() <= most_m, eye),
-        together("unit", (least..=most).contains(&radius_m), unit),
+        together("eye", centred, with_hint(eye, centred, "another eye point, or another origin?")),
+        together("unit", sized, with_hint(unit, sized, "another unit?")),
     ]
 }
 
@@ -267,10 +278,10 @@ pub(super) fn of_one(projector: &Projector<'_>, hits: &[Option<Hit>]) -> Vec<Fin
     let places = places(mapping, 20);
     let widest = |first: &DVec3| places.iter().map(|(_, other)| first.angle_between(*other)).fold(0.0, f64::max);
     let span_deg = places.first().map_or(0.0, |(_, first)| widest(first)).to_degrees();
-    let what = format!(
-        "the picture spans {span_deg:.1} degrees, at least {LEAST_SPAN_DEG} are expected: offsets taken for absolutes, or other units?"
-    );
-    findings.push(of(projector, "span", span_deg >= LEAST_SPAN_DEG, what));
+    let spans = span_deg >= LEAST_SPAN_DEG;
+    let what = format!("the picture spans {span_deg:.1} degrees, at least {LEAST_SPAN_DEG} are expected");
+    let what = with_hint(what, spans, "offsets taken for absolutes, or other units?");
+    findings.push(of(projector, "span", spans, what));
     let on_dome = hits.iter().flatten().count();
     let what = match on_dome {
         0 => "nothing of it falls on the dome: other axes, or rows upside down?".to_owned(),
@@ -297,16 +308,15 @@ pub(super) fn of_one(projector: &Projector<'_>, hits: &[Option<Hit>]) -> Vec<Fin
     let aspects = places.iter().filter_map(|(_, direction)| mapping.pixel_extent_rad(*direction));
     let [_, aspect, _] = percentiles(aspects.map(|[longer, shorter]| longer / shorter).collect(), [0.5; 3]);
     let [width, height] = mapping.size();
-    let what = format!(
-        "pixels are {aspect:.2} times as long as wide in the median, at most {MOST_ASPECT} is expected: is the raster {width} x {height}?"
-    );
-    findings.push(of(projector, "raster", aspect <= MOST_ASPECT, what));
-    let (step, at) = largest_step(mapping);
-    let what = format!(
-        "a pixel is {step:.3} times as large as its neighbour at ({}, {}), at most {MOST_STEP} is allowed: a coarse grid without splines, or noise",
-        at[0], at[1]
-    );
-    findings.push(of(projector, "facets", step <= MOST_STEP, what));
+    let shaped = aspect <= MOST_ASPECT;
+    let what = format!("pixels are {aspect:.2} times as long as wide in the median, at most {MOST_ASPECT} is expected");
+    let what = with_hint(what, shaped, &format!("is the raster {width} x {height}?"));
+    findings.push(of(projector, "raster", shaped, what));
+    let (step, [x, y]) = largest_step(mapping);
+    let smooth = step <= MOST_STEP;
+    let what =
+        format!("a pixel is {step:.3} times as large as its neighbour at ({x}, {y}), at most {MOST_STEP} is allowed");
+    findings.push(of(projector, "facets", smooth, with_hint(what, smooth, "a coarse grid without splines, or noise")));
     findings
 }
 

@@ -2,28 +2,37 @@
 
 use std::f64::consts::PI;
 
-use glam::{DVec2, DVec3};
+use glam::DVec3;
+use rayon::prelude::*;
 
-use super::{Dome, Hit, MapPoint};
+use super::{Dome, DomeMap, Hit, MapPoint, Projector};
 
 /// Directions over the dome.
 const SAMPLES: usize = 20_000;
+/// Points along a side of a picture of it.
+const MAP_SIDE: usize = 180;
 
-/// Every third direction.
-pub(super) fn map(dome: Dome, directions: &[DVec3], hits: &[Vec<Option<Hit>>]) -> Vec<MapPoint> {
+/// A picture of the dome as a domemaster: the axis in the middle, the front at the bottom.
+pub(super) fn map(dome: Dome, projectors: &[Projector<'_>]) -> DomeMap {
     let axis = dome.axis();
     // The front is where the dome's axis would be tilted further.
     let front = (DVec3::NEG_Z - axis * axis.dot(DVec3::NEG_Z)).normalize_or(axis.any_orthonormal_vector());
     let right = front.cross(axis);
-    let point = |at: usize| {
-        let direction = directions[at];
-        let of: Vec<Hit> = hits.iter().filter_map(|of| of[at]).collect();
-        let radius = direction.angle_between(axis) / (0.5 * dome.fov_deg.to_radians());
-        let across = DVec2::new(direction.dot(right), -direction.dot(front)).normalize_or_zero();
-        let arcmin = of.iter().map(|hit| hit.longer_rad.to_degrees() * 60.0).fold(f64::INFINITY, f64::min);
-        MapPoint { place: across * radius, projectors: of.len(), sum: of.iter().map(|hit| hit.share).sum(), arcmin }
+    let half_rad = 0.5 * dome.fov_deg.to_radians();
+    let point = |index: usize| {
+        let [x, y] = [index % MAP_SIDE, index / MAP_SIDE].map(|at| (at as f64 + 0.5) / MAP_SIDE as f64 * 2.0 - 1.0);
+        let radius = x.hypot(y);
+        if radius > 1.0 {
+            return None;
+        }
+        let across = (right * x + front * y).normalize_or_zero();
+        let (sin, cos) = (radius * half_rad).sin_cos();
+        let direction = axis * cos + across * sin;
+        let hits: Vec<Hit> = projectors.iter().filter_map(|projector| projector.hit(direction)).collect();
+        let arcmin = hits.iter().map(|hit| hit.longer_rad.to_degrees() * 60.0).fold(f64::INFINITY, f64::min);
+        Some(MapPoint { projectors: hits.len(), sum: hits.iter().map(|hit| hit.share).sum(), arcmin })
     };
-    (0..directions.len()).step_by(3).map(point).collect()
+    DomeMap { side: MAP_SIDE, points: (0..MAP_SIDE * MAP_SIDE).into_par_iter().map(point).collect() }
 }
 
 pub(super) fn pairs(count: usize) -> impl Iterator<Item = [usize; 2]> {
