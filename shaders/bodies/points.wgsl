@@ -69,7 +69,7 @@ fn splat_points(@builtin(global_invocation_id) id: vec3<u32>) {
         if !(illuminance >= parameters.faintest_lx && illuminance < parameters.brightest_lx) {
             continue;
         }
-        let direction = view_direction(viewport, unit);
+        let direction = direction_from_circle(viewport, view_direction(viewport, unit), distance_m);
         let projected = pixel_from_direction(viewport, direction);
         let peak = peak_luminance(viewport, direction, illuminance);
         let margin = select(1.5, viewport.gaussian_reach_px, peak >= viewport.gaussian_from_cd_m2);

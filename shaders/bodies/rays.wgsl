@@ -144,6 +144,14 @@ fn positive_share(middle: f32, slopes: vec2<f32>) -> f32 {
     return select(1.0 - share, share, middle >= 0.0);
 }
 
+// A body as the eye sees it that looks along a ray. All of a pixel is seen by one eye, so that limbs are as smooth as elsewhere.
+fn body_for(viewport: Viewport, number: u32, ray: vec3<f32>) -> ViewBody {
+    if viewport.viewing_circle_m == 0.0 {
+        return view_bodies[number];
+    }
+    return seen_from(view_bodies[number], eye_on_circle(viewport, normalize(ray)));
+}
+
 // Direction of a point of the picture; beside a round one, that of `otherwise`.
 fn ray_of(viewport: Viewport, pixel: vec2<f32>, otherwise: vec3<f32>) -> vec3<f32> {
     if viewport.kind <= KIND_CUBE_FACE {
@@ -307,19 +315,20 @@ fn draw_geometry(@builtin(global_invocation_id) id: vec3<u32>) {
                     var found = layers_at(viewport, vec2(id.x, id.y) * samples + within, own);
                     var share = select(0.0, 1.0, found.w > 0.0);
                     for (var b = run.x; b < run.x + run.y; b++) {
-                        let passage = passage_of(view_bodies[b], own);
+                        let body = body_for(viewport, b, ray);
+                        let passage = passage_of(body, own);
                         if passage.s <= 1.0 {
-                            let entry = entry_of(view_bodies[b], passage);
+                            let entry = entry_of(body, passage);
                             if found.w == 0.0 || entry.w < found.w {
-                                let footprint = extent / f32(samples) * view_bodies[b].distance_m * view_bodies[b].inverse_smallest;
+                                let footprint = extent / f32(samples) * body.distance_m * body.inverse_smallest;
                                 // A body that is half a point lets half of what is behind it through.
-                                let part = view_bodies[b].part;
-                                let shown = luminance_at(view_bodies[b], passage, entry, footprint);
+                                let part = body.part;
+                                let shown = luminance_at(body, passage, entry, footprint);
                                 found = vec4(mix(found.xyz, shown, part), entry.w);
                                 share = mix(share, 1.0, part);
                             }
                         }
-                        limb = limb || abs(passage.s - 1.0) < extent * view_bodies[b].distance_m * view_bodies[b].inverse_smallest;
+                        limb = limb || abs(passage.s - 1.0) < extent * body.distance_m * body.inverse_smallest;
                     }
                     if found.w > 0.0 {
                         covered_share += share;
@@ -340,7 +349,7 @@ fn draw_geometry(@builtin(global_invocation_id) id: vec3<u32>) {
     var count = 0u;
     var flags = 0u;
     for (var b = run.x; b < run.x + run.y; b++) {
-        let body = view_bodies[b];
+        let body = body_for(viewport, b, ray);
         var shown = body_in_pixel(viewport, body, corner, ray, extent);
         if shown.coverage > 0.0 || shown.limb {
             if shown.limb || body.part < 1.0 {

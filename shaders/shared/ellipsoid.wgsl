@@ -32,6 +32,20 @@ struct ViewBody {
     texture_size: vec2<u32>,
 }
 
+// A body whose `centre` is a unit vector, as an eye sees it that stands beside, view axes, m.
+fn seen_from(body: ViewBody, eye: vec3<f32>) -> ViewBody {
+    var seen = body;
+    let place = body.centre - eye / body.distance_m;
+    let part = length(place);
+    seen.centre = place / part;
+    seen.distance_m = part * body.distance_m;
+    seen.unit_from_view_x *= part;
+    seen.unit_from_view_y *= part;
+    seen.unit_from_view_z *= part;
+    seen.unit_centre = in_body_axes(seen, seen.centre);
+    return seen;
+}
+
 // Where a ray passes a body.
 struct Passage {
     // Unit vector of the ray times the length of the ray given: view axes.

@@ -38,8 +38,12 @@ fn visible_share(tile: Tile, viewport: Viewport, direction: vec3<f32>, pixel: ve
     if (word & COVER_LIMB) != 0u {
         let run = body_runs[tile.viewport];
         for (var i = run.x; i < run.x + run.y; i++) {
-            if hides(view_bodies[i], direction, distance_m) {
-                return 1.0 - view_bodies[i].part;
+            var body = view_bodies[i];
+            if viewport.viewing_circle_m != 0.0 {
+                body = seen_from(body, eye_on_circle(viewport, normalize(direction)));
+            }
+            if hides(body, direction, distance_m) {
+                return 1.0 - body.part;
             }
         }
         if (word & COVER_MESH) == 0u {

@@ -35,7 +35,8 @@ struct Viewport {
     gaussian_reach_px: f32,
     // 1: the Gaussian lies on the image plane and takes the B-spline's place by and by. 0: it is round in view space.
     gaussian_on_plane: u32,
-    unused_0: u32,
+    // Omni-directional stereo: radius of the circle on which the eye goes round with the direction of sight, m; positive for the right eye. 0: it stays.
+    viewing_circle_m: f32,
 }
 
 // Whether loops of few turns stay loops. A GPU is best served by code that is written out; a software driver takes seconds to compile that.
@@ -63,6 +64,24 @@ fn view_direction(viewport: Viewport, in_world: vec3<f32>) -> vec3<f32> {
 // Where the eye stands, relative to the camera, world axes, pc.
 fn eye_of(viewport: Viewport) -> vec3<f32> {
     return vec3(viewport.view_from_world_x.w, viewport.view_from_world_y.w, viewport.view_from_world_z.w);
+}
+
+// Where the eye is that sees a direction (a unit vector, view axes), from its place, view axes, m: see `Viewport::eye_on_circle_m`.
+fn eye_on_circle(viewport: Viewport, direction: vec3<f32>) -> vec3<f32> {
+    return viewport.viewing_circle_m * vec3(-direction.y, direction.x, 0.0);
+}
+
+// The direction in which the eye on the circle sees what lies in a direction (a unit vector, view axes) and at a distance from its centre. It comes nearer by the
+// factor of radius over distance with every step.
+fn direction_from_circle(viewport: Viewport, direction: vec3<f32>, distance_m: f32) -> vec3<f32> {
+    if viewport.viewing_circle_m == 0.0 {
+        return direction;
+    }
+    var seen = direction;
+    for (var i = 0; i < 4; i++) {
+        seen = normalize(direction - eye_on_circle(viewport, seen) / distance_m);
+    }
+    return seen;
 }
 
 struct Tile {

@@ -26,6 +26,7 @@ pub struct LoadedScene {
 /// Loads the scene of a configuration, and meanwhile makes the pipelines of its frames, which have both images of all views.
 pub fn scene(config: &Config, groups: &[FrameGroup], renderer: &mut Renderer) -> Result<LoadedScene, CliError> {
     let objects = Arc::new(config.objects()?);
+    tell_asteroids_between_eyes(config, groups);
     let (prepared, loaded) = std::thread::scope(|scope| {
         let preparing = scope.spawn(|| {
             let mut progress = PreparingProgress::new();
@@ -41,6 +42,23 @@ pub fn scene(config: &Config, groups: &[FrameGroup], renderer: &mut Renderer) ->
     });
     let (stars, report) = loaded?;
     Ok(LoadedScene { stars, report, objects, prepared })
+}
+
+/// Says from where on asteroids are right in omni-directional stereo, in which they are drawn from the middle between the eyes.
+fn tell_asteroids_between_eyes(config: &Config, groups: &[FrameGroup]) {
+    if config.asteroid_fields.is_empty() {
+        return;
+    }
+    for view in groups.iter().flat_map(|group| group.rig.views()) {
+        if let Some(image) = view.images.first().filter(|image| image.viewing_circle_m != 0.0) {
+            let from_m = image.viewing_circle_m.abs() / image.projection.middle_pixel_rad();
+            tracing::warn!(
+                "{}: view {}: asteroids are drawn from the middle between its eyes, which is right to a pixel from {from_m:.3e} m on",
+                config.origin,
+                view.name
+            );
+        }
+    }
 }
 
 /// Loads the catalogues, shows progress, and warns of rejected rows and of stars that stand in two catalogues. `origin`

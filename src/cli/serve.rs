@@ -13,7 +13,7 @@ use super::{
     load::{self, LoadedScene},
     results,
 };
-use crate::config::{Config, ConfigError, ViewConfig, ViewKindConfig, parse_listen};
+use crate::config::{Config, ConfigError, PackingConfig, ViewConfig, ViewKindConfig, parse_listen};
 use crate::gpu::{Gpu, GpuOptions};
 use crate::plan::view_settings::FrameGroup;
 use crate::render::{FrameRequest, Renderer, Wanted};
@@ -53,6 +53,9 @@ pub fn run(arguments: ServeArguments, adapter: Option<String>) -> Result<(), Cli
     let config = load_config(&arguments)?;
     let (rig, camera) = (config.rig()?, config.camera()?);
     let groups = config.frame_groups()?;
+    for view in config.views.iter().filter(|view| view.packing != PackingConfig::None) {
+        tracing::info!("{}: views.{}.packing acts in `render` and `film` alone", config.origin, view.name);
+    }
     let access = access(&arguments);
     let listen = arguments.listen.clone().unwrap_or_else(|| config.server.listen.clone());
     let current = access().map_err(|problem| CliError::Serve(ServeError::Access(problem)))?;

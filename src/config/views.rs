@@ -1,6 +1,6 @@
 //! `[[views]]`: one table per view, seven types.
 //!
-//! The keys `name`, `type`, `orientation`, `position_m`, `test_pattern`, `exposure_group` and the tables `exposure`, `glare` and `tone_map`
+//! The keys `name`, `type`, `orientation`, `position_m`, `test_pattern`, `packing`, `exposure_group` and the tables `exposure`, `glare` and `tone_map`
 //! are common; the others belong to the type, and a key of another type is unknown. Degrees end here: what comes out is the rig's [`View`] in radians.
 
 use std::path::Path;
@@ -17,7 +17,7 @@ use super::view_tables::ViewTables;
 use crate::plan::settings::{ExposureSettings, GlareSettings, ToneMapSettings};
 use crate::scene::{PoseError, finite_vector, unit_quaternion};
 use crate::view::projection::{Face, FisheyeMapping, ProjectionError};
-use crate::view::{Fov, RigError, View, ViewKind};
+use crate::view::{Fov, Packing, RigError, View, ViewKind};
 
 /// Names of the types, as they stand in `type`.
 pub const VIEW_TYPES: [&str; 7] =
@@ -34,6 +34,8 @@ pub struct ViewConfig {
     pub position_m: [f64; 3],
     /// Whether its display images show a test pattern.
     pub test_pattern: bool,
+    /// How the pictures of its eyes lie in files.
+    pub packing: PackingConfig,
     /// Its exposure, glare and tone mapping, as far as it has its own.
     pub tables: ViewTables,
     /// Type and what belongs to it.
@@ -187,6 +189,8 @@ pub struct DomeMasterConfig {
     /// Tilt of the dome towards the front.
     #[serde(default)]
     pub tilt_deg: f64,
+    /// Interpupillary distance: makes a picture for each eye, in omni-directional stereo.
+    pub ipd_m: Option<f64>,
 }
 
 fn half_turn_deg() -> f64 {
@@ -201,6 +205,29 @@ pub struct EquirectangularConfig {
     pub size: [u32; 2],
 }
 
+/// How the pictures of two eyes lie in the files of `render` and `film`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize, Default, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum PackingConfig {
+    /// Each in a file of its own.
+    #[default]
+    None,
+    /// In one, the left eye's above the right eye's.
+    TopBottom,
+    /// In one, the left eye's left of the right eye's.
+    SideBySide,
+}
+
+impl From<PackingConfig> for Packing {
+    fn from(packing: PackingConfig) -> Self {
+        match packing {
+            PackingConfig::None => Self::None,
+            PackingConfig::TopBottom => Self::TopBottom,
+            PackingConfig::SideBySide => Self::SideBySide,
+        }
+    }
+}
+
 /// The keys that every view has beside its name and type.
 #[derive(Deserialize, Serialize, JsonSchema)]
 #[serde(default)]
@@ -211,6 +238,8 @@ pub(super) struct Common {
     position_m: [f64; 3],
     /// Whether display images show a test pattern for aligning projectors.
     test_pattern: bool,
+    /// How the pictures of two eyes lie in the files of `render` and `film`.
+    packing: PackingConfig,
     /// Name of a group of views that share one exposure: letters, digits, `_` and `-`.
     exposure_group: Option<String>,
     /// Exposure of this view, or of its group; keys that are not given are those of the general table.
@@ -230,6 +259,7 @@ impl Default for Common {
             orientation: [0.0, 0.0, 0.0, 1.0],
             position_m: [0.0; 3],
             test_pattern: false,
+            packing: PackingConfig::None,
             exposure_group: None,
             exposure: None,
             glare: None,
@@ -239,7 +269,7 @@ impl Default for Common {
 }
 
 /// Keys that every view may have beside those of its geometry.
-const BESIDE_GEOMETRY: [&str; 5] = ["test_pattern", "exposure_group", "exposure", "glare", "tone_map"];
+const BESIDE_GEOMETRY: [&str; 6] = ["test_pattern", "packing", "exposure_group", "exposure", "glare", "tone_map"];
 
 impl ViewConfig {
     /// Reads a table of `[[views]]` as it would be read in a configuration, and makes the rig's view of it. What its tables `exposure`, `glare` and
@@ -281,9 +311,10 @@ impl ViewConfig {
                 ));
             }
         };
-        let Common { orientation, position_m, test_pattern, exposure_group, exposure, glare, tone_map } = common;
+        let Common { orientation, position_m, test_pattern, packing, exposure_group, exposure, glare, tone_map } =
+            common;
         let tables = ViewTables { exposure_group, exposure, glare, tone_map };
-        Ok(Self { name, orientation, position_m, test_pattern, tables, kind, definition })
+        Ok(Self { name, orientation, position_m, test_pattern, packing, tables, kind, definition })
     }
 
     /// The rig's view; a fault names the key within the view. `folder` is where relative paths start; without one no file is read.
@@ -308,7 +339,8 @@ impl ViewConfig {
     }
 
     fn named(&self, kind: ViewKind, orientation: DQuat, position_m: glam::DVec3) -> Result<View, Fault> {
-        View::new(&self.name, kind, orientation, position_m).map_err(|error| match error {
+        let view = View::new(&self.name, kind, orientation, position_m);
+        view.and_then(|view| view.packed(self.packing.into())).map_err(|error| match error {
             RigError::Projection { source, .. } => self.projection_fault(&source),
             RigError::Parameter { problem, .. } => Fault::new("", problem),
             RigError::Name { .. } | RigError::Duplicate { .. } => Fault::new("name", error.to_string()),
@@ -381,10 +413,10 @@ impl ViewKindConfig {
                 if width != height {
                     return Err(Fault::new("size", format!("{width} x {height}: a domemaster is square, [n, n]")));
                 }
-                ViewKind::DomeMaster {
-                    size: width,
-                    fov_rad: view.fov_deg.to_radians(),
-                    tilt_rad: view.tilt_deg.to_radians(),
+                let (fov_rad, tilt_rad) = (view.fov_deg.to_radians(), view.tilt_deg.to_radians());
+                match view.ipd_m {
+                    Some(ipd_m) => ViewKind::StereoDome { size: width, fov_rad, tilt_rad, ipd_m },
+                    None => ViewKind::DomeMaster { size: width, fov_rad, tilt_rad },
                 }
             }
             ViewKindConfig::Equirectangular(view) => ViewKind::Equirectangular { size: view.size },

@@ -110,7 +110,7 @@ pub const SPOT_PX: u32 = 86;
 pub fn spot_rig(rig: &Rig, exposure: &ExposureSettings) -> Result<Option<Rig>, RigError> {
     let Some(view) = rig.views().first() else { return Ok(None) };
     let eyes = match view.kind {
-        ViewKind::Stereo { .. } | ViewKind::Headset { .. } => view.images.len(),
+        ViewKind::Stereo { .. } | ViewKind::StereoDome { .. } | ViewKind::Headset { .. } => view.images.len(),
         _ => 1,
     };
     let images = &view.images[..eyes.min(view.images.len())];

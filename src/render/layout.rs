@@ -43,8 +43,8 @@ gpu_structs! {
         gaussian_reach_px: f32,
         /// 1: the Gaussian lies on the image plane; 0: it is round in view space.
         gaussian_on_plane: u32,
-        /// Padding.
-        unused_0: u32,
+        /// Omni-directional stereo: radius of the circle on which the eye goes round, m; 0: it stays.
+        viewing_circle_m: f32,
     }
     /// A run of rows of a viewport; see `shaders/shared/viewport.wgsl`.
     Tile {

@@ -48,6 +48,7 @@ pub(crate) fn encode_viewport(viewport: &Viewport, kernels: &KernelPlan) -> layo
         gaussian_on_plane: u32::from(width.is_none()),
         gaussian_reach_px: kernels.gaussian_reach_px as f32,
         view: viewport.view as u32,
+        viewing_circle_m: viewport.viewing_circle_m as f32,
         ..Default::default()
     };
     match &viewport.projection {

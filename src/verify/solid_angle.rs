@@ -153,7 +153,14 @@ pub fn limit_at(projection: &Projection, pixel: [u32; 2]) -> f64 {
 
 /// The viewport of a projection at the camera's own place and pose.
 pub fn viewport(projection: Projection) -> Viewport {
-    Viewport { view: 0, part: Part::Whole, projection, world_from_view: DQuat::IDENTITY, eye_offset_m: DVec3::ZERO }
+    Viewport {
+        view: 0,
+        part: Part::Whole,
+        projection,
+        world_from_view: DQuat::IDENTITY,
+        eye_offset_m: DVec3::ZERO,
+        viewing_circle_m: 0.0,
+    }
 }
 
 /// 2: the adapter's arithmetic where f32 has few digits to spare.

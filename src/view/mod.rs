@@ -4,4 +4,7 @@ pub mod projection;
 pub mod projector;
 mod rig;
 
-pub use rig::{Eye, Fov, MAX_EYE_OFFSET_M, Part, Rig, RigError, View, ViewImage, ViewKind, Viewport, check_name};
+pub use rig::{
+    Eye, Fov, MAX_EYE_OFFSET_M, Packing, Part, Rig, RigError, View, ViewImage, ViewKind, ViewPicture, Viewport,
+    check_name,
+};

@@ -144,6 +144,17 @@ pub enum ViewKind {
         /// Tilt of the dome towards the front, rad.
         tilt_rad: f64,
     },
+    /// A domemaster for each eye, in which every direction is seen by the eyes of somebody who looks there: omni-directional stereo.
+    StereoDome {
+        /// Side of the square, pixels.
+        size: u32,
+        /// Field of view, rad.
+        fov_rad: f64,
+        /// Tilt of the dome towards the front, rad.
+        tilt_rad: f64,
+        /// Distance between the eyes, m.
+        ipd_m: f64,
+    },
     /// Longitude and latitude.
     Equirectangular {
         /// Width and height, pixels.
@@ -180,7 +191,7 @@ impl ViewKind {
             ViewKind::Headset { .. } => "headset",
             ViewKind::Cubemap { .. } => "cubemap",
             ViewKind::Fisheye { .. } => "fisheye",
-            ViewKind::DomeMaster { .. } => "dome_master",
+            ViewKind::DomeMaster { .. } | ViewKind::StereoDome { .. } => "dome_master",
             ViewKind::Equirectangular { .. } => "equirectangular",
             ViewKind::Projector { .. } => "projector",
             ViewKind::Tabulated { .. } => "tabulated",
@@ -224,6 +235,30 @@ pub struct ViewImage {
     pub camera_from_view: DQuat,
     /// Place of the eye in camera axes, m.
     pub eye_position_m: DVec3,
+    /// Omni-directional stereo: radius of the circle on which the eye goes round with the direction of sight, m; positive for the right eye. 0: it stays.
+    /// See [`Viewport::eye_on_circle_m`].
+    pub viewing_circle_m: f64,
+}
+
+/// How the pictures of two eyes lie in a file.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Packing {
+    /// Each in one of its own.
+    #[default]
+    None,
+    /// The left eye's above the right eye's.
+    TopBottom,
+    /// The left eye's left of the right eye's.
+    SideBySide,
+}
+
+/// A picture as files have it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ViewPicture {
+    /// The part of the view that it shows.
+    pub part: Part,
+    /// Width and height, pixels.
+    pub size: [u32; 2],
 }
 
 /// A view: one or several images under one name.
@@ -235,6 +270,8 @@ pub struct View {
     pub kind: ViewKind,
     /// Its images.
     pub images: Vec<ViewImage>,
+    /// How its images lie in files.
+    pub packing: Packing,
 }
 
 /// Refuses what is no name of a view: needed are letters, digits, `_` and `-`, at least one.
@@ -260,7 +297,40 @@ impl View {
                 ),
             });
         }
-        Ok(Self { name: name.to_owned(), kind, images })
+        Ok(Self { name: name.to_owned(), kind, images, packing: Packing::None })
+    }
+
+    /// The same view with the pictures of its eyes in one.
+    ///
+    /// # Errors
+    ///
+    /// It is none of two eyes with pictures of one size.
+    pub fn packed(self, packing: Packing) -> Result<Self, RigError> {
+        let sizes: Vec<[u32; 2]> = self.images.iter().map(|image| image.projection.mapping().size()).collect();
+        let eyes = self.images.iter().map(|image| image.part).eq([Part::LeftEye, Part::RightEye]);
+        if packing != Packing::None && !(eyes && sizes[0] == sizes[1]) {
+            return Err(RigError::Parameter {
+                view: self.name,
+                problem: "packing: it has no two eyes: allowed in views of type stereo, and of dome_master with ipd_m"
+                    .to_owned(),
+            });
+        }
+        Ok(Self { packing, ..self })
+    }
+
+    /// Its pictures as files have them.
+    pub fn pictures(&self) -> Vec<ViewPicture> {
+        let sized = |image: &ViewImage| ViewPicture { part: image.part, size: image.projection.mapping().size() };
+        let pictures: Vec<ViewPicture> = self.images.iter().map(sized).collect();
+        match (self.packing, &pictures[..]) {
+            (Packing::TopBottom, [ViewPicture { size: [width, height], .. }, _]) => {
+                vec![ViewPicture { part: Part::Whole, size: [*width, 2 * height] }]
+            }
+            (Packing::SideBySide, [ViewPicture { size: [width, height], .. }, _]) => {
+                vec![ViewPicture { part: Part::Whole, size: [2 * width, *height] }]
+            }
+            _ => pictures,
+        }
     }
 
     /// Width and height of one of its images as it leaves the renderer, pixels.
@@ -277,10 +347,22 @@ fn images_of(name: &str, kind: &ViewKind, orientation: DQuat, position_m: DVec3)
         projection,
         camera_from_view,
         eye_position_m,
+        viewing_circle_m: 0.0,
     };
     let whole = |projection: Projection| Ok(vec![image(Part::Whole, projection, orientation, position_m)]);
     let off_axis = |size: [u32; 2], fov: Fov| {
         Perspective::off_axis(size, fov.left_rad, fov.right_rad, fov.up_rad, fov.down_rad).map(Projection::Perspective)
+    };
+    // AFDI domemaster: the centre is the zenith, leaning forwards by the tilt; the bottom of the image is the front.
+    let dome = |size: u32, fov_rad: f64, tilt_rad: f64| {
+        if !tilt_rad.is_finite() {
+            return Err(parameter(format!("tilt_deg = {}: must be finite", tilt_rad.to_degrees())));
+        }
+        let projection = Fisheye::new([size; 2], FisheyeMapping::Equidistant, fov_rad).map_err(wrong)?;
+        let (sin, cos) = tilt_rad.sin_cos();
+        let axis = DVec3::new(0.0, cos, -sin);
+        let up = DVec3::new(0.0, sin, cos);
+        Ok((projection, DQuat::from_mat3(&DMat3::from_cols(axis.cross(up), up, -axis))))
     };
     match kind {
         ViewKind::Perspective { size, fov_y_rad } => {
@@ -328,16 +410,21 @@ fn images_of(name: &str, kind: &ViewKind, orientation: DQuat, position_m: DVec3)
             whole(Projection::Fisheye(Fisheye::new(*size, *mapping, *fov_rad).map_err(wrong)?))
         }
         ViewKind::DomeMaster { size, fov_rad, tilt_rad } => {
-            if !tilt_rad.is_finite() {
-                return Err(parameter(format!("tilt_deg = {}: must be finite", tilt_rad.to_degrees())));
-            }
-            let projection = Fisheye::new([*size; 2], FisheyeMapping::Equidistant, *fov_rad).map_err(wrong)?;
-            // AFDI domemaster: the centre is the zenith, leaning forwards by the tilt; the bottom of the image is the front.
-            let (sin, cos) = tilt_rad.sin_cos();
-            let axis = DVec3::new(0.0, cos, -sin);
-            let up = DVec3::new(0.0, sin, cos);
-            let tilt = DQuat::from_mat3(&DMat3::from_cols(axis.cross(up), up, -axis));
+            let (projection, tilt) = dome(*size, *fov_rad, *tilt_rad)?;
             Ok(vec![image(Part::Whole, Projection::Fisheye(projection), orientation * tilt, position_m)])
+        }
+        ViewKind::StereoDome { size, fov_rad, tilt_rad, ipd_m } => {
+            let radius_m = 0.5 * ipd_m;
+            if !(0.0..=MAX_EYE_OFFSET_M).contains(&radius_m) {
+                let most = 2.0 * MAX_EYE_OFFSET_M;
+                return Err(parameter(format!("ipd_m = {ipd_m}: allowed are 0 to {most:e} m")));
+            }
+            let (projection, tilt) = dome(*size, *fov_rad, *tilt_rad)?;
+            let eye = |part: Part, viewing_circle_m: f64| ViewImage {
+                viewing_circle_m,
+                ..image(part, Projection::Fisheye(projection), orientation * tilt, position_m)
+            };
+            Ok(vec![eye(Part::LeftEye, -radius_m), eye(Part::RightEye, radius_m)])
         }
         ViewKind::Equirectangular { size } => {
             whole(Projection::Equirectangular(Equirectangular::new(*size).map_err(wrong)?))
@@ -378,12 +465,22 @@ pub struct Viewport {
     pub world_from_view: DQuat,
     /// Eye minus camera in world axes, m.
     pub eye_offset_m: DVec3,
+    /// See [`ViewImage::viewing_circle_m`].
+    pub viewing_circle_m: f64,
 }
 
 impl Viewport {
     /// Width and height, pixels.
     pub fn size(&self) -> [u32; 2] {
         self.projection.mapping().size()
+    }
+
+    /// Omni-directional stereo: where the eye is that sees a direction (a unit vector), from its place, view axes, m. It lies across the direction and in the
+    /// plane of the picture's circle, `viewing_circle_m` times the sine of the angle from the axis away: all of it on the horizon of a dome, nothing in the
+    /// zenith, and no jump between (P. Bourke, "Omni-directional stereoscopic fisheye images for immersive hemispherical dome environments", 2009, turns the
+    /// camera likewise).
+    pub fn eye_on_circle_m(&self, direction: DVec3) -> DVec3 {
+        direction.cross(DVec3::NEG_Z) * self.viewing_circle_m
     }
 }
 
@@ -425,6 +522,7 @@ impl Rig {
                     projection: image.projection.clone(),
                     world_from_view: world_from_camera * image.camera_from_view,
                     eye_offset_m: world_from_camera * image.eye_position_m,
+                    viewing_circle_m: image.viewing_circle_m,
                 });
             }
         }
@@ -467,6 +565,41 @@ mod tests {
         assert!((viewports[1].eye_offset_m - DVec3::new(0.0, 0.0, -0.032)).length() < 1e-12);
         let omega = |v: &Viewport, x: u32| v.projection.mapping().solid_angle_sr(x, 4);
         assert!((omega(&viewports[0], 1) / omega(&viewports[1], 8) - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_eyes_of_a_stereo_dome_stand_across_every_direction_of_sight() {
+        let kind = ViewKind::StereoDome { size: 100, fov_rad: std::f64::consts::PI, tilt_rad: 0.3, ipd_m: 0.064 };
+        let rig = Rig::new(vec![view("dome", kind.clone()).unwrap()]).unwrap();
+        let [left, right] = &rig.viewports(DQuat::IDENTITY)[..] else { panic!("two eyes") };
+        for pixel in [[50.0, 99.0], [3.0, 50.0], [70.0, 20.0], [50.0, 50.0]] {
+            let direction = left.projection.mapping().direction_from_pixel(glam::DVec2::from(pixel)).unwrap();
+            let apart_m = right.eye_on_circle_m(direction) - left.eye_on_circle_m(direction);
+            assert!(apart_m.dot(direction).abs() < 1e-15 && apart_m.z == 0.0, "{apart_m}");
+            assert!((apart_m.length() - 0.064 * direction.x.hypot(direction.y)).abs() < 1e-15, "{apart_m}");
+        }
+        // Who looks to the front, at the bottom of the picture, has the right eye right.
+        let front = left.projection.mapping().direction_from_pixel(glam::DVec2::new(50.0, 100.0)).unwrap();
+        assert!((right.world_from_view * right.eye_on_circle_m(front) - DVec3::X * 0.032).length() < 1e-12);
+        assert_eq!(kind.type_name(), "dome_master");
+        for ipd_m in [-1.0, f64::NAN, 1e12] {
+            let kind = ViewKind::StereoDome { size: 100, fov_rad: 3.0, tilt_rad: 0.0, ipd_m };
+            assert!(view("dome", kind).unwrap_err().to_string().contains("ipd_m"));
+        }
+    }
+
+    #[test]
+    fn pictures_of_two_eyes_are_packed_and_others_are_not() {
+        let stereo = ViewKind::StereoDome { size: 10, fov_rad: 3.0, tilt_rad: 0.0, ipd_m: 0.064 };
+        let sizes = |packing| {
+            let pictures = view("dome", stereo.clone()).unwrap().packed(packing).unwrap().pictures();
+            pictures.into_iter().map(|ViewPicture { part, size }| (part, size)).collect::<Vec<_>>()
+        };
+        assert_eq!(sizes(Packing::None), [(Part::LeftEye, [10, 10]), (Part::RightEye, [10, 10])]);
+        assert_eq!(sizes(Packing::TopBottom), [(Part::Whole, [10, 20])]);
+        assert_eq!(sizes(Packing::SideBySide), [(Part::Whole, [20, 10])]);
+        let flat = view("map", ViewKind::Equirectangular { size: [4, 2] }).unwrap();
+        assert!(flat.packed(Packing::TopBottom).unwrap_err().to_string().contains("packing"));
     }
 
     #[test]

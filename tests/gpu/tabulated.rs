@@ -244,6 +244,7 @@ fn the_adapter_finds_directions_where_f64_does() {
             projection,
             world_from_view: DQuat::IDENTITY,
             eye_offset_m: DVec3::ZERO,
+            viewing_circle_m: 0.0,
         };
         let [width, height] = table.size();
         let inside = |direction: &DVec3| {

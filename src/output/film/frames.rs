@@ -80,7 +80,7 @@ pub fn stems(rig: &Rig) -> Vec<String> {
     let of_view = |view: &crate::view::View| {
         let stem =
             |part: crate::view::Part| part.name().map_or(view.name.clone(), |part| format!("{}.{part}", view.name));
-        view.images.iter().map(|image| stem(image.part)).collect::<Vec<_>>()
+        view.pictures().iter().map(|picture| stem(picture.part)).collect::<Vec<_>>()
     };
     rig.views().iter().flat_map(of_view).collect()
 }

@@ -158,9 +158,11 @@ pub fn plan_bodies(
             }
             let in_view = viewport.world_from_view.conjugate().mul_vec3(offset_m);
             let reach_rad = (largest_m / distance_m).min(1.0).asin();
+            // Between where the middle of the viewing circle sees it and where an eye on the circle does.
+            let parallax_rad = (viewport.viewing_circle_m.abs() / distance_m).min(1.0).asin();
             let mapping = viewport.projection.mapping();
             let cone = mapping.bounding_cone(margin_px);
-            if in_view.angle_between(cone.axis) > cone.half_angle_rad + reach_rad {
+            if in_view.angle_between(cone.axis) > cone.half_angle_rad + reach_rad + parallax_rad {
                 continue;
             }
             in_view_of.push(*light);

@@ -308,7 +308,14 @@ mod tests {
     }
 
     fn viewport(projection: Projection, world_from_view: DQuat) -> Viewport {
-        Viewport { view: 0, part: Part::Whole, projection, world_from_view, eye_offset_m: DVec3::ZERO }
+        Viewport {
+            view: 0,
+            part: Part::Whole,
+            projection,
+            world_from_view,
+            eye_offset_m: DVec3::ZERO,
+            viewing_circle_m: 0.0,
+        }
     }
 
     fn viewports() -> Vec<Viewport> {

@@ -56,6 +56,7 @@ pub fn stars_near(
         projection: Projection::Perspective(plane),
         world_from_view: DQuat::from_rotation_arc(DVec3::NEG_Z, direction),
         eye_offset_m: DVec3::ZERO,
+        viewing_circle_m: 0.0,
     };
     let cull = CullSettings { faintest_lx, enabled: true, motion, margin_px: SPLAT_MARGIN_PX };
     let camera_pc = camera.position_m / PARSEC_M;

@@ -215,6 +215,7 @@ mod tests {
             projection: Projection::Equirectangular(Equirectangular::new([8, 4]).unwrap()),
             world_from_view: glam::DQuat::IDENTITY,
             eye_offset_m: DVec3::ZERO,
+            viewing_circle_m: 0.0,
         };
         let settings = CullSettings { faintest_lx: 0.0, enabled: true, motion, margin_px: SPLAT_MARGIN_PX };
         choose(

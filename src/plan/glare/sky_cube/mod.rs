@@ -173,6 +173,7 @@ impl SkyCubePlan {
             ),
             world_from_view: glam::DQuat::IDENTITY,
             eye_offset_m: DVec3::ZERO,
+            viewing_circle_m: 0.0,
         };
         let SkyCubeSettings { place_pc, motion, faintest_lx, .. } = *settings;
         let cull = CullSettings { faintest_lx, enabled: false, motion, margin_px: SPLAT_MARGIN_PX };
