@@ -1,9 +1,10 @@
 //! Files that are read: regular ones, of a bounded size. Files that are written appear whole or not at all: beside their place, then renamed.
 
 use std::{
+    cell::RefCell,
     fs::{self, File},
     io::{self, Read, Write},
-    path::Path,
+    path::{Path, PathBuf},
 };
 
 use exr::{
@@ -12,6 +13,26 @@ use exr::{
     prelude::{AnyChannels, FlatSamples, Image, Layer, ReadChannels, ReadLayers},
 };
 use tempfile::NamedTempFile;
+
+thread_local! {
+    /// Files opened by this thread inside of [`reading`].
+    static OPENED: RefCell<Option<Vec<PathBuf>>> = const { RefCell::new(None) };
+}
+
+/// What `read` returns, and the files that it has opened on this thread, each once, in their order: files name further ones, and only who reads them knows which.
+/// A call inside of `read` has its files for itself.
+pub fn reading<T>(read: impl FnOnce() -> T) -> (T, Vec<PathBuf>) {
+    let outer = OPENED.replace(Some(Vec::new()));
+    let value = read();
+    let opened = OPENED.replace(outer).unwrap_or_default();
+    let mut files: Vec<PathBuf> = Vec::with_capacity(opened.len());
+    for path in opened {
+        if !files.contains(&path) {
+            files.push(path);
+        }
+    }
+    (value, files)
+}
 
 /// Opens a file for reading, unless it is a folder, a pipe or a device, which may have no end.
 pub fn open_regular(path: &Path) -> io::Result<File> {
@@ -27,6 +48,7 @@ pub fn open_regular(path: &Path) -> io::Result<File> {
     is_regular(&fs::metadata(path)?)?;
     let file = File::open(path)?;
     is_regular(&file.metadata()?)?;
+    OPENED.with_borrow_mut(|opened| opened.iter_mut().for_each(|opened| opened.push(path.to_owned())));
     Ok(file)
 }
 
@@ -120,6 +142,8 @@ mod tests {
         assert_eq!(read_bounded(&path, 3).unwrap_err().kind(), io::ErrorKind::FileTooLarge);
         assert_eq!(read_bounded(folder.path(), 3).unwrap_err().kind(), io::ErrorKind::IsADirectory);
         assert_eq!(read_bounded(&folder.path().join("none"), 3).unwrap_err().kind(), io::ErrorKind::NotFound);
+        let (text, opened) = reading(|| [4, 5].map(|most| read_text_bounded(&path, most).unwrap()));
+        assert_eq!((text[0].as_str(), opened), ("four", vec![path.clone()]));
         write_whole(&path, &[0xff]).unwrap();
         assert_eq!(read_text_bounded(&path, 5).unwrap_err().kind(), io::ErrorKind::InvalidData);
         #[cfg(unix)]

@@ -12,7 +12,7 @@ use crate::output::{OutputError, film::FilmError};
 use crate::photometry::glare::GlareKernelError;
 use crate::photometry::psf::PsfError;
 use crate::scene::loader::LoadError;
-use crate::service::ServeError;
+use crate::service::{ClientError, ServeError};
 use crate::theatre::TheatreError;
 use crate::xr::XrError;
 use crate::{plan::PlanError, render::RenderError};
@@ -88,6 +88,40 @@ pub enum CliError {
     /// A token cannot be made.
     #[error("cannot make a token: {0}")]
     Token(String),
+    /// A daemon cannot be reached, or refuses.
+    #[error(transparent)]
+    Client(ClientError),
+    /// A file that a configuration names cannot be read.
+    #[error("cannot read {}: {source}", path.display())]
+    ReadInput {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: io::Error,
+    },
+    /// A manifest cannot be read.
+    #[error("cannot read the manifest {}: {problem}", path.display())]
+    ReadManifest {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        problem: String,
+    },
+    /// A file is not the one that a picture was made of.
+    #[error("{origin}: {} is not the file that was used: its SHA-256 is {found}, and was {expected}", path.display())]
+    OtherInput {
+        /// The manifest.
+        origin: String,
+        /// The file.
+        path: PathBuf,
+        /// What the manifest says.
+        expected: String,
+        /// What it is.
+        found: String,
+    },
+    /// A path is not recorded, or not to its end.
+    #[error("{0}")]
+    Record(String),
     /// A chart cannot be made.
     #[error("chart: {0}")]
     Chart(#[from] ChartError),
@@ -151,7 +185,8 @@ impl CliError {
             CliError::Usage(_) | CliError::Config(_) | CliError::Galaxy(_) => BAD_USAGE,
             CliError::Load { source: LoadError::Galaxy { .. }, .. } => BAD_USAGE,
             CliError::Load { .. } | CliError::ReadStore(_) | CliError::Theatre(_) => BAD_DATA,
-            CliError::Chart(_) => FAILED,
+            CliError::ReadInput { .. } | CliError::ReadManifest { .. } | CliError::OtherInput { .. } => BAD_DATA,
+            CliError::Chart(_) | CliError::Client(_) | CliError::Record(_) => FAILED,
             CliError::WriteStore(_) | CliError::Output(_) | CliError::Json(_) | CliError::Stdout(_) => FAILED,
             CliError::WriteFile { .. } | CliError::Checks { .. } | CliError::Audit(_) | CliError::Token(_) => FAILED,
         }

@@ -11,6 +11,7 @@ mod error;
 mod explain;
 mod film;
 mod info;
+mod inputs;
 mod load;
 mod logging;
 mod progress;

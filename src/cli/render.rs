@@ -7,15 +7,19 @@ use clap::{Args, ValueEnum};
 
 use super::{
     CliError, audits, explain,
+    inputs::Inputs,
     load::{self, LoadedScene},
     results,
 };
 use crate::audit::{AuditedScene, audit_into};
-use crate::config::Config;
-use crate::gpu::{Gpu, GpuOptions};
-use crate::output::write_frames;
+use crate::files;
+use crate::gpu::{AdapterReport, Gpu, GpuOptions};
+use crate::output::{pack, provenance::Provenance, write_frames};
 use crate::render::{Frame, FrameRequest, RenderError, Renderer, Wanted};
 use crate::scene::SceneSnapshot;
+
+/// Bytes of a manifest, at most.
+const MOST_MANIFEST_BYTES: u64 = 256 << 20;
 
 /// A kind of image file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -31,15 +35,22 @@ enum FileKind {
 #[command(after_help = "Examples:\n  \
     steradian render --config configs/dome.toml --out out\n  \
     steradian render --config configs/demo.toml --out out --set views.dome.size=[2048,2048] --set exposure.mode=manual\n  \
-    steradian render --config configs/dome.toml --out out --files png --explain\n\n\
+    steradian render --config configs/dome.toml --out out --files png --explain\n  \
+    steradian render --from out/manifest.json --out again\n\n\
     Writes <view>.exr and <view>.png (with several images <view>.<part>.exr and .png), timings.json and manifest.json. An\n\
     image is the same whichever other files are written; one that is not written is not drawn.\n\
     The key of --set is a dotted path; a view is named by its name or its index from 0. Values are TOML; a bare word is a\n\
     string. Relative paths of catalogues start at the folder of the configuration.")]
 pub struct RenderArguments {
     /// The configuration.
-    #[arg(long, value_name = "FILE")]
-    config: PathBuf,
+    #[arg(long, value_name = "FILE", required_unless_present = "from")]
+    config: Option<PathBuf>,
+    /// In place of a configuration: the manifest of a frame, to make that again. Files that are not what they were are refused.
+    #[arg(long, value_name = "MANIFEST", conflicts_with_all = ["config", "set"])]
+    from: Option<PathBuf>,
+    /// With --from: where relative paths start, in place of the folder that the manifest names.
+    #[arg(long, value_name = "DIR", requires = "from")]
+    folder: Option<PathBuf>,
     /// Output folder; created if it does not exist.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -57,7 +68,14 @@ pub struct RenderArguments {
 /// Runs the command.
 pub fn run(arguments: RenderArguments, adapter: Option<String>) -> Result<(), CliError> {
     // Everything that can be refused is looked at before the stars, which take longest.
-    let config = Config::load(&arguments.config, &arguments.set)?;
+    let told = arguments.from.as_deref().map(read_manifest).transpose()?;
+    let inputs = match (&told, &arguments.config, &arguments.from) {
+        (Some(told), _, Some(from)) => Inputs::again(told, &from.display().to_string(), arguments.folder.as_deref())?,
+        (_, Some(config), _) => Inputs::load(config, &arguments.set)?,
+        // One of them is required, so the parser tells it first.
+        _ => return Err(CliError::Usage("render needs --config or --from".to_owned())),
+    };
+    let config = &inputs.config;
     let rig = config.rig()?;
     let camera = config.camera()?;
     if rig.views().is_empty() {
@@ -70,8 +88,11 @@ pub fn run(arguments: RenderArguments, adapter: Option<String>) -> Result<(), Cl
     let mut renderer = Renderer::new(gpu);
     renderer.check(&rig).map_err(|error| CliError::render(error.into(), &config.origin))?;
 
+    if let Some(told) = &told {
+        tell_differences(told, renderer.adapter());
+    }
     let groups = config.frame_groups()?;
-    let LoadedScene { stars, objects, prepared, .. } = load::scene(&config, &groups, &mut renderer)?;
+    let LoadedScene { stars, report, objects, prepared } = load::scene(config, &groups, &mut renderer)?;
     prepared.map_err(|error| CliError::render(error, &config.origin))?;
     let snapshot = SceneSnapshot { revision: 1, stars: Arc::new(stars), objects, camera };
     let wanted = Wanted {
@@ -85,7 +106,9 @@ pub fn run(arguments: RenderArguments, adapter: Option<String>) -> Result<(), Cl
             let scene = AuditedScene::of_group(&snapshot, &groups[number], false);
             audit_into(&scene, &mut frame, renderer.limits())?;
         }
-        Ok(frame.of_views(&groups[number].views))
+        let mut frame = frame.of_views(&groups[number].views);
+        frame.images = pack(&rig, frame.images);
+        Ok(frame)
     };
     let frames: Result<Vec<Frame>, RenderError> = (0..groups.len()).map(&mut draw).collect();
     let frames = frames.map_err(|error| CliError::render(error, &config.origin))?;
@@ -93,8 +116,30 @@ pub fn run(arguments: RenderArguments, adapter: Option<String>) -> Result<(), Cl
         results::line(explain::text(&frames))?;
     }
     let tell = |path: &Path| tracing::info!("wrote {}", path.display());
-    for path in write_frames(&arguments.out, &rig, &frames, &renderer.adapter().adapter, &tell)? {
+    let SceneSnapshot { camera, objects, .. } = &snapshot;
+    let provenance = inputs.provenance(renderer.adapter(), camera, objects.time_s, &report)?;
+    for path in write_frames(&arguments.out, &rig, &frames, &provenance, &tell)? {
         results::line(path.display())?;
     }
     audits::check(&frames)
+}
+
+/// What a frame was made of.
+fn read_manifest(path: &Path) -> Result<Provenance, CliError> {
+    let wrong = |problem: String| CliError::ReadManifest { path: path.to_owned(), problem };
+    let bytes = files::read_bounded(path, MOST_MANIFEST_BYTES).map_err(|error| wrong(error.to_string()))?;
+    serde_json::from_slice(&bytes).map_err(|error| wrong(error.to_string()))
+}
+
+/// Says why a frame may not have the same bytes.
+fn tell_differences(told: &Provenance, adapter: &AdapterReport) {
+    for (what, then, now) in [
+        ("version", &told.version[..], env!("CARGO_PKG_VERSION")),
+        ("adapter", &told.adapter, &adapter.adapter),
+        ("driver", &told.driver, &adapter.driver),
+    ] {
+        if then != now {
+            tracing::warn!("the {what} was {then} and is {now}: pictures may differ");
+        }
+    }
 }

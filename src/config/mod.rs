@@ -44,7 +44,7 @@ use toml::{Table, Value};
 pub use view_tables::{ViewTables, ViewTablesError, resolve_views};
 pub use views::{
     CubemapConfig, DefinitionError, DomeMasterConfig, EquirectangularConfig, FisheyeConfig, FovConfig, MappingConfig,
-    PerspectiveConfig, StereoConfig, VIEW_TYPES, ViewConfig, ViewKindConfig,
+    PackingConfig, PerspectiveConfig, StereoConfig, VIEW_TYPES, ViewConfig, ViewKindConfig,
 };
 
 use crate::catalogue::bright;
@@ -72,6 +72,9 @@ pub struct Config {
     pub origin: String,
     /// The folder at which relative paths start.
     pub folder: PathBuf,
+    /// What determines the pictures, as TOML: the tables with overrides, but those of the daemon and the headset, without comments and in the order of their
+    /// keys. The same wherever the file lies; reading it gives this configuration again. What stands in the files that it names is not in it.
+    pub pictured: String,
     /// `[scene]`.
     pub scene: SceneConfig,
     /// `[[views]]`.
@@ -193,8 +196,14 @@ impl Config {
             .map(|argument| overrides::apply(&mut table, argument))
             .collect::<Result<Vec<_>, ConfigError>>()?;
         effects::leave_out_overridden(&mut table, &applied, origin);
-        let config = Self::from_table(table, origin, folder);
-        config.and_then(|config| check_views(&config).map(|()| config)).map_err(|fault| {
+        let mut pictured = table.clone();
+        // Neither is in a picture, and who may call is nobody's business who has one.
+        for section in ["server", "headset"] {
+            pictured.remove(section);
+        }
+        let loaded = Self::from_table(table, origin, folder);
+        let checked = loaded.and_then(|config| check_views(&config).map(|()| config));
+        checked.map(|config| Self { pictured: pictured.to_string(), ..config }).map_err(|fault| {
             // The last override that touches the key is to blame, if there is one; for an unknown table, one that put it there.
             let key = fault.key.split(" (").next().unwrap_or_default();
             let below = |inner: &str, outer: &str| {
@@ -208,22 +217,37 @@ impl Config {
         })
     }
 
-    /// What determines the pictures of a configuration with overrides, as text: its tables but those of the daemon and the headset, without comments.
-    /// The same wherever the file lies. What stands in the files that it names is not looked at.
-    ///
-    /// # Errors
-    ///
-    /// As [`Self::load`], but for keys and ranges, which are not looked at.
-    pub fn pictured_document(path: &Path, overrides: &[String]) -> Result<String, ConfigError> {
-        let (text, _) = Self::text_of(path)?;
-        let mut table = document::parse(&text, &path.display().to_string())?;
-        for argument in overrides {
-            overrides::apply(&mut table, argument)?;
-        }
-        for section in ["server", "headset"] {
-            table.remove(section);
-        }
-        Ok(table.to_string())
+    /// The files that it names and that pictures depend on: catalogues, point-spread functions, textures, shapes and calibrations, with paths that start at
+    /// the working directory or the root. What those name in turn is not among them.
+    pub fn named_files(&self) -> Vec<PathBuf> {
+        let catalogues = self.star_sources().into_iter().filter_map(|source| match source {
+            StarSource::File(path) => Some(path),
+            StarSource::Bright | StarSource::Galaxy(_) => None,
+        });
+        let of_views = self.views.iter().filter_map(|view| {
+            let file = view.tables.glare.as_ref()?.get("psf_file")?.as_str()?;
+            Some(self.folder.join(file))
+        });
+        let calibrations = self.views.iter().flat_map(|view| match &view.kind {
+            ViewKindConfig::Projector(projector) => {
+                let files = [Some(&projector.file), projector.lut.as_ref()];
+                files.into_iter().flatten().map(|file| self.folder.join(file)).collect()
+            }
+            _ => Vec::new(),
+        });
+        let textures = self.bodies.iter().filter_map(|body| Some(self.folder.join(body.texture.as_ref()?)));
+        let mut files: Vec<PathBuf> = catalogues.collect();
+        files.extend(self.stars.psf_texture.file.clone());
+        files.extend(self.glare.psf_file.clone());
+        files.extend(of_views.chain(calibrations).chain(textures));
+        files.extend(self.shape_files());
+        files
+    }
+
+    /// The glTF files of asteroid fields.
+    pub fn shape_files(&self) -> Vec<PathBuf> {
+        let shapes = self.asteroid_fields.iter().flat_map(|field| field.shapes.iter().flatten());
+        shapes.map(|file| self.folder.join(file)).collect()
     }
 
     fn from_table(table: Table, origin: &str, folder: &Path) -> Result<Self, Fault> {
@@ -244,6 +268,7 @@ impl Config {
             origin: origin.to_owned(),
             folder: folder.to_owned(),
             computed_blends: dome::Computed::default(),
+            pictured: String::new(),
             scene: sections.scene,
             views,
             bodies,

@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::encode::{EncodeError, Encoding, encode};
+use super::provenance::Provenance;
 use crate::files::write_whole;
 use crate::plan::FramePlan;
 use crate::render::{AsteroidCounts, Frame, FrameImage, FrameTimes, ViewStatistics};
@@ -53,7 +54,8 @@ pub enum OutputError {
 
 #[derive(Serialize)]
 struct Manifest<'a> {
-    adapter: &'a str,
+    #[serde(flatten)]
+    provenance: &'a Provenance,
     scene_revision: u64,
     exposure_ev100: f64,
     views: Vec<ManifestView<'a>>,
@@ -112,10 +114,10 @@ pub fn write_frame(
     folder: &Path,
     rig: &Rig,
     frame: &Frame,
-    adapter: &str,
+    provenance: &Provenance,
     written: &(dyn Fn(&Path) + Sync),
 ) -> Result<Vec<PathBuf>, OutputError> {
-    write_frames(folder, rig, std::slice::from_ref(frame), adapter, written)
+    write_frames(folder, rig, std::slice::from_ref(frame), provenance, written)
 }
 
 /// Writes every HDR image of the frames as EXR and every display image as PNG, the times and the manifest, into `folder`, which is made if it is not there. Each
@@ -131,7 +133,7 @@ pub fn write_frames(
     folder: &Path,
     rig: &Rig,
     frames: &[Frame],
-    adapter: &str,
+    provenance: &Provenance,
     written: &(dyn Fn(&Path) + Sync),
 ) -> Result<Vec<PathBuf>, OutputError> {
     std::fs::create_dir_all(folder).map_err(|source| OutputError::Write { path: folder.to_owned(), source })?;
@@ -182,7 +184,7 @@ pub fn write_frames(
         })
         .collect();
     let manifest = Manifest {
-        adapter,
+        provenance,
         scene_revision: frames.first().map_or(0, |frame| frame.scene_revision),
         exposure_ev100: frames.first().map_or(0.0, |frame| frame.exposure_ev100),
         views,
@@ -204,9 +206,24 @@ mod tests {
     use glam::{DQuat, DVec3};
 
     use super::super::encode::tests::{exr_channel, sample};
+    use super::super::provenance::{InputFile, UsedCamera, UsedConfiguration};
     use super::*;
+    use crate::scene::Camera;
     use crate::view::projection::Face;
     use crate::view::{Part, ViewKind};
+
+    fn provenance() -> Provenance {
+        Provenance {
+            version: "1.2.3".to_owned(),
+            adapter: "some adapter".to_owned(),
+            driver: "some driver".to_owned(),
+            configuration: UsedConfiguration { folder: "/skies".into(), toml: "[scene]\n".to_owned() },
+            camera: UsedCamera::from(&Camera::default()),
+            time_s_since_j2000: 8.5,
+            catalogues: Vec::new(),
+            files: vec![InputFile { file: "a.csv".to_owned(), bytes: 3, sha256: "00".to_owned() }],
+        }
+    }
 
     fn rig_and_frame() -> (Rig, Frame) {
         let view = |name: &str, kind: ViewKind| View::new(name, kind, DQuat::IDENTITY, DVec3::ZERO).unwrap();
@@ -255,7 +272,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let out = folder.path().join("deep/out");
         let (rig, frame) = rig_and_frame();
-        let written = write_frame(&out, &rig, &frame, "some adapter", &|_| {}).unwrap();
+        let written = write_frame(&out, &rig, &frame, &provenance(), &|_| {}).unwrap();
         let names: Vec<&str> = written.iter().map(|path| path.file_name().unwrap().to_str().unwrap()).collect();
         let expected =
             "sky.exr sky.png cube.front.exr cube.front.png cube.down.exr cube.down.png timings.json manifest.json";
@@ -265,6 +282,9 @@ mod tests {
         let manifest: serde_json::Value =
             serde_json::from_slice(&std::fs::read(out.join("manifest.json")).unwrap()).unwrap();
         assert_eq!(manifest["adapter"], "some adapter");
+        assert_eq!(manifest["files"][0]["file"], "a.csv");
+        let read: Provenance = serde_json::from_value(manifest.clone()).unwrap();
+        assert_eq!(read, provenance(), "what a frame can be made again from");
         assert_eq!(manifest["scene_revision"], 7);
         assert_eq!(manifest["exposure_ev100"], -3.25);
         assert_eq!(manifest["views"][1]["name"], "cube");
@@ -291,7 +311,7 @@ mod tests {
         let (rig, mut frame) = rig_and_frame();
         frame.images[0].hdr = None;
         frame.images[2].display = None;
-        let written = write_frame(folder.path(), &rig, &frame, "", &|_| {}).unwrap();
+        let written = write_frame(folder.path(), &rig, &frame, &provenance(), &|_| {}).unwrap();
         let names: Vec<&str> = written.iter().map(|path| path.file_name().unwrap().to_str().unwrap()).collect();
         assert_eq!(names.join(" "), "sky.png cube.front.exr cube.front.png cube.down.exr timings.json manifest.json");
     }
@@ -302,13 +322,16 @@ mod tests {
         let (rig, mut frame) = rig_and_frame();
         let occupied = folder.path().join("file");
         std::fs::write(&occupied, "x").unwrap();
-        let error = write_frame(&occupied, &rig, &frame, "", &|_| {}).unwrap_err();
+        let error = write_frame(&occupied, &rig, &frame, &provenance(), &|_| {}).unwrap_err();
         assert!(error.to_string().contains("file"), "{error}");
         frame.images[1].display = Some(vec![0; 3]);
-        let error = write_frame(folder.path(), &rig, &frame, "", &|_| {}).unwrap_err();
+        let error = write_frame(folder.path(), &rig, &frame, &provenance(), &|_| {}).unwrap_err();
         assert!(error.to_string().contains("cube.front.png"), "{error}");
         assert!(!folder.path().join("manifest.json").exists());
         frame.images[0].view = 2;
-        assert!(matches!(write_frame(folder.path(), &rig, &frame, "", &|_| {}), Err(OutputError::OtherRig { .. })));
+        assert!(matches!(
+            write_frame(folder.path(), &rig, &frame, &provenance(), &|_| {}),
+            Err(OutputError::OtherRig { .. })
+        ));
     }
 }

@@ -5,10 +5,13 @@ mod exr_file;
 mod files;
 pub mod film;
 mod jpeg;
+mod packing;
+pub mod provenance;
 mod reduce;
 mod video;
 
 pub use encode::{EncodeError, Encoding, encode};
 pub use files::{OutputError, write_frame, write_frames};
+pub use packing::pack;
 pub use reduce::reduced;
 pub use video::VideoEncoder;

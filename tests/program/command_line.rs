@@ -537,3 +537,68 @@ fn an_audited_render_says_what_it_compared_and_changes_no_picture() {
     assert!(out.contains("not audited: the star method disc") && !out.contains("within the budget;"), "{out}");
     run(folder.path(), &["render", "--config", "sky.toml", "--out", "d", "--set", "accuracy.frame_ms=0"], 64);
 }
+
+/// Whatever a picture was made of is told, and is enough to make it again; what is not what it was is refused by name.
+#[test]
+fn a_manifest_is_the_same_in_two_runs_and_makes_the_frame_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let place = |name: &str| folder.path().join(name);
+    std::fs::create_dir(place("skies")).unwrap();
+    std::fs::write(place("skies/stars.csv"), CSV).unwrap();
+    std::fs::write(place("skies/eye.csv"), "theta_deg,per_sr\n0.1,3\n90,1e-3\n").unwrap();
+    let scene = format!(
+        "[scene]\ncatalogues = ['stars.csv', 'builtin:bright']\ntime = 2026-03-01T00:00:00Z\n[glare]\npsf_file = 'eye.csv'\n\
+         method = 'sky_cube'\nkernel = 'psf'\n[server]\nlisten = '127.0.0.1:1'\n{}",
+        SCENE.split_once("[[views]]").map(|(_, views)| format!("[[views]]{views}")).unwrap()
+    );
+    std::fs::write(place("skies/sky.toml"), scene).unwrap();
+    let (given, from) =
+        (["--config", "skies/sky.toml", "--set", "views.all.size=[32, 16]"], ["--from", "a/manifest.json"]);
+    let render = |out: &str, arguments: &[&str], code: i32| {
+        run(folder.path(), &[&["render", "--out", out], arguments].concat(), code)
+    };
+    for out in ["a", "b"] {
+        render(out, &given, 0);
+    }
+    render("again", &from, 0);
+    // From anywhere, and where the files have gone elsewhere.
+    std::fs::rename(place("skies"), place("moved")).unwrap();
+    let (_, told) = render("elsewhere", &from, 65);
+    assert!(told.contains("eye.csv"), "{told}");
+    render("moved-again", &[&from[..], &["--folder", "moved"]].concat(), 0);
+    let written = std::fs::read_dir(place("a")).unwrap().map(|entry| entry.unwrap().file_name());
+    let written: Vec<String> = written.map(|name| name.into_string().unwrap()).collect();
+    assert_eq!(written.len(), 12, "{written:?}");
+    for out in ["b", "again", "moved-again"] {
+        for name in written.iter().filter(|name| *name != "timings.json") {
+            let read = |out: &str| std::fs::read(place(out).join(name)).unwrap();
+            assert!(read("a") == read(out), "{out}/{name}");
+        }
+    }
+    let manifest: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(place("a/manifest.json")).unwrap()).unwrap();
+    assert_eq!(manifest["catalogues"][0]["rejected_rows"], 1);
+    assert_eq!(manifest["catalogues"][0]["first_rejected"][0]["line"], 3);
+    assert_eq!(manifest["catalogues"][1]["name"], "builtin:bright");
+    assert_eq!(
+        manifest["files"].as_array().unwrap().iter().map(|file| &file["file"]).collect::<Vec<_>>(),
+        ["eye.csv", "stars.csv"]
+    );
+    assert_eq!(manifest["time_s_since_j2000"], 825_595_200.0);
+    let toml = manifest["configuration"]["toml"].as_str().unwrap();
+    assert!(toml.contains("size = [32, 16]") && !toml.contains("listen"), "{toml}");
+    assert!(!manifest["driver"].as_str().unwrap().is_empty());
+
+    std::fs::write(place("moved/stars.csv"), CSV.replace("3.0", "3.1")).unwrap();
+    let (_, told) = render("changed", &[&from[..], &["--folder", "moved"]].concat(), 65);
+    assert!(told.contains("stars.csv") && told.contains("SHA-256") && told.contains("manifest.json"), "{told}");
+    assert!(!place("changed").exists(), "nothing is written");
+    std::fs::write(place("a/manifest.json"), "{ \"version\": 3 }").unwrap();
+    let (_, told) = render("broken", &from, 65);
+    assert!(told.contains("a/manifest.json"), "{told}");
+    for arguments in
+        [&[][..], &[&from[..], &given[..2]].concat()[..], &["--config", "skies/sky.toml", "--folder", "moved"]]
+    {
+        render("none", arguments, 64);
+    }
+}
