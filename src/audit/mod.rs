@@ -24,7 +24,7 @@ use glam::DVec3;
 
 use self::sample::Place;
 use crate::{
-    photometry::{exposure::white_luminance_cd_m2, glare::split::ShownCore},
+    photometry::{exposure::white_luminance_cd_m2, glare::split::ShownCore, tone_map::dither_threshold},
     plan::{
         ExposureSource, Limits, Output, Plan, PlanError, PlanOutputs, Planner,
         audit::{Audit, AuditedOutput, ImageAudit, WorstPixel},
@@ -439,13 +439,4 @@ fn beyond_rounding(code: u8, [least, most]: [f64; 2], tone_map: &ToneMapSettings
     let lower = if code == 0 { f64::NEG_INFINITY } else { f64::from(code) - threshold };
     let upper = if code == 255 { f64::INFINITY } else { f64::from(code) + 1.0 - threshold };
     if least.is_nan() || most.is_nan() { f64::NAN } else { (lower - most).max(least - upper).max(0.0) }
-}
-
-/// What `shaders/display/encode.wgsl` adds before it rounds down at a pixel: from 0 to 1.
-fn dither_threshold(x: u32, y: u32) -> f64 {
-    let value = x.wrapping_add(y.wrapping_mul(65_536));
-    // PCG in the output form of Jarzynski and Olano (2020).
-    let state = value.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
-    let word = ((state >> ((state >> 28) + 4)) ^ state).wrapping_mul(277_803_737);
-    f64::from(((word >> 22) ^ word) >> 8) / 16_777_216.0
 }

@@ -9,7 +9,7 @@ use toml::{Table, Value, value::Datetime};
 
 use super::document::{deserialise, parse};
 use super::error::{ConfigError, Fault, finite};
-use super::scene::SceneConfig;
+use super::scene::{SceneConfig, written_time};
 use crate::files;
 use crate::plan::settings::StarSettings;
 use crate::scene::{Camera, PoseError};
@@ -188,6 +188,46 @@ fn either<A, B, T>(
     }
 }
 
+impl Keyframe {
+    /// Its table, such that reading it gives the same values, but for times, which have microseconds. `None`: its time is beyond the years 0 to 9999.
+    pub fn text(&self) -> Option<String> {
+        let mut text = format!("[[keyframes]]\nframe = {}\n", self.frame);
+        // So many digits that reading them gives the same numbers.
+        let mut line = |key: &str, value: String| text.push_str(&format!("{key} = {value}\n"));
+        let FrameValues { position_m, world_from_camera, time_s, fov, exposure, magnitude_limit, velocity_c } =
+            self.values;
+        if let Some(position_m) = position_m {
+            line("position_m", format!("{:?}", position_m.to_array()));
+        }
+        if let Some(turn) = world_from_camera {
+            line("orientation", format!("{:?}", turn.to_array()));
+        }
+        if let Some(time_s) = time_s {
+            line("time", written_time(time_s)?.to_string());
+        }
+        match fov {
+            Some(FovKey::Scale(scale)) => line("fov_scale", format!("{scale:?}")),
+            Some(FovKey::YDeg(deg)) => line("fov_y_deg", format!("{deg:?}")),
+            None => {}
+        }
+        match exposure {
+            Some(ExposureKey::Ev100(ev100)) => line("ev100", format!("{ev100:?}")),
+            Some(ExposureKey::CompensationEv(ev)) => line("compensation_ev", format!("{ev:?}")),
+            None => {}
+        }
+        if let Some(limit) = magnitude_limit {
+            line("magnitude_limit", format!("{limit:?}"));
+        }
+        if let Some(velocity_c) = velocity_c {
+            line("velocity_c", format!("{:?}", velocity_c.to_array()));
+        }
+        if self.easing == Easing::Linear {
+            line("easing", "\"linear\"".to_owned());
+        }
+        Some(text)
+    }
+}
+
 impl KeyframeTable {
     fn keyframe(self) -> Result<Keyframe, Fault> {
         let orientation = |value: [f64; 4]| {
@@ -324,6 +364,7 @@ impl FilmPath {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
 mod tests {
     use super::*;
 
@@ -366,6 +407,34 @@ mod tests {
                 assert!(message.contains(part), "`{part}` is not in: {message}");
             }
         }
+    }
+
+    #[test]
+    fn what_is_written_of_a_keyframe_is_read_as_the_same() {
+        let values = FrameValues {
+            position_m: Some(DVec3::new(1.0 / 3.0, -1e17, 149_597_870_700.123)),
+            world_from_camera: Some(DQuat::from_rotation_y(0.7).normalize()),
+            time_s: Some(8.2e8 + 0.125),
+            fov: Some(FovKey::YDeg(41.7)),
+            exposure: Some(ExposureKey::Ev100(-4.7)),
+            magnitude_limit: Some(6.3),
+            velocity_c: Some(DVec3::new(0.0, 0.5, 0.0)),
+        };
+        let keyframes = [
+            Keyframe { frame: 0, values: values.clone(), easing: Easing::Linear },
+            Keyframe { frame: 7, values, easing: Easing::Smooth },
+            Keyframe { frame: 9, values: FrameValues::default(), easing: Easing::Smooth },
+        ];
+        let text: String = keyframes.iter().map(|keyframe| keyframe.text().unwrap()).collect();
+        let read = FilmPath::from_text(&text, "p.toml").unwrap();
+        for (read, keyframe) in read.keyframes.iter().zip(&keyframes) {
+            let turn = |keyframe: &Keyframe| keyframe.values.world_from_camera.unwrap_or_default();
+            assert!(turn(read).angle_between(turn(keyframe)) < 1e-15, "normalised again");
+            let values = FrameValues { world_from_camera: keyframe.values.world_from_camera, ..read.values.clone() };
+            assert_eq!((Keyframe { values, ..read.clone() }), *keyframe, "{text}");
+        }
+        let late = FrameValues { time_s: Some(1e13), ..FrameValues::default() };
+        assert_eq!(Keyframe { frame: 0, values: late, easing: Easing::Smooth }.text(), None);
     }
 
     #[test]

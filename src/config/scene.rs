@@ -189,6 +189,48 @@ fn days_since_1970(year: i64, month: i64, day: i64) -> i64 {
     era * 146_097 + year_of_era * 365 + year_of_era / 4 - year_of_era / 100 + day_of_year - 719_468
 }
 
+/// The date of a number of days from 1970-01-01: the inverse.
+fn date_of(days: i64) -> [i64; 3] {
+    let from_march = days + 719_468;
+    let era = from_march.div_euclid(146_097);
+    let day_of_era = from_march.rem_euclid(146_097);
+    let year_of_era = (day_of_era - day_of_era / 1460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
+    let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
+    let month = (5 * day_of_year + 2) / 153;
+    let (day, month) = (day_of_year - (153 * month + 2) / 5 + 1, if month < 10 { month + 3 } else { month - 9 });
+    [era * 400 + year_of_era + i64::from(month <= 2), month, day]
+}
+
+/// A moment, s since 2000-01-01T12:00:00Z, as it is written; `None` beyond the years 0 to 9999, which TOML has. Rounded to microseconds, which is
+/// about what a number of 64 bits has room for.
+pub(super) fn written_time(time_s: f64) -> Option<Datetime> {
+    const DAY_US: i64 = 86_400_000_000;
+    let since_noon_us = (time_s * 1e6).round();
+    if since_noon_us.is_nan() || since_noon_us.abs() > 1e18 {
+        return None;
+    }
+    let unix_us = since_noon_us as i64 + days_since_1970(2000, 1, 1) * DAY_US + DAY_US / 2;
+    let [year, month, day] = date_of(unix_us.div_euclid(DAY_US));
+    let of_day_us = unix_us.rem_euclid(DAY_US);
+    let seconds = of_day_us / 1_000_000;
+    let nanosecond = u32::try_from(of_day_us % 1_000_000 * 1000).ok().filter(|nanoseconds| *nanoseconds > 0);
+    let small = |value: i64| u8::try_from(value).ok();
+    Some(Datetime {
+        date: Some(Date {
+            year: u16::try_from(year).ok().filter(|year| *year <= 9999)?,
+            month: small(month)?,
+            day: small(day)?,
+        }),
+        time: Some(Time {
+            hour: small(seconds / 3600)?,
+            minute: small(seconds / 60 % 60)?,
+            second: small(seconds % 60),
+            nanosecond,
+        }),
+        offset: Some(Offset::Z),
+    })
+}
+
 impl GalaxyConfig {
     fn check(&self) -> Result<(), Fault> {
         if self.stars == 0 || self.stars > MOST_STARS {
@@ -222,6 +264,19 @@ mod tests {
         ] {
             let scene = SceneConfig { time: text.parse().unwrap(), ..SceneConfig::default() };
             assert_eq!(scene.time_s(), unix_s - 946_728_000.0, "{text}");
+        }
+    }
+
+    #[test]
+    fn written_times_are_read_as_the_same_moments() {
+        for time_s in [0.0, -1e9 + 0.25, 8.2e8 + 0.125, 5_097_600.0, 5_184_000.0, -6e10, 2.4e11] {
+            let time = written_time(time_s).unwrap();
+            let read = SceneConfig { time: time.to_string().parse().unwrap(), ..SceneConfig::default() };
+            assert_eq!(read.time_s(), time_s, "{time}");
+        }
+        assert_eq!(written_time(820_497_600.0).unwrap().to_string(), "2026-01-01T00:00:00Z");
+        for beyond_s in [-7e10, 2.6e11, f64::NAN, f64::INFINITY] {
+            assert_eq!(written_time(beyond_s), None, "{beyond_s}");
         }
     }
 }

@@ -198,6 +198,15 @@ impl ToneMapSettings {
     }
 }
 
+/// What `shaders/display/encode.wgsl` adds before it rounds down at a pixel: from 0 to 1.
+pub fn dither_threshold(x: u32, y: u32) -> f64 {
+    let value = x.wrapping_add(y.wrapping_mul(65_536));
+    // PCG in the output form of Jarzynski and Olano (2020).
+    let state = value.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
+    let word = ((state >> ((state >> 28) + 4)) ^ state).wrapping_mul(277_803_737);
+    f64::from(((word >> 22) ^ word) >> 8) / 16_777_216.0
+}
+
 /// A channel as it is shown: nothing below 0, nothing that is not a number.
 fn shown_light(channel: f64) -> f64 {
     if channel > 0.0 { channel.min(BRIGHTEST) } else { 0.0 }

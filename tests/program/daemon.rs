@@ -21,7 +21,7 @@ use tonic::Code;
 const SIZE: [u32; 2] = [128, 64];
 
 /// A running daemon; killed if its test ends early.
-struct Daemon {
+pub(super) struct Daemon {
     process: Child,
     out: BufReader<ChildStdout>,
     err: BufReader<ChildStderr>,
@@ -36,7 +36,7 @@ impl Drop for Daemon {
 }
 
 impl Daemon {
-    fn start(folder: &Path, catalogue: &str) -> Self {
+    pub(super) fn start(folder: &Path, catalogue: &str) -> Self {
         Self::start_with(folder, catalogue, &[])
     }
 
@@ -64,7 +64,7 @@ impl Daemon {
         Self { process, out, err }
     }
 
-    fn address(&mut self) -> String {
+    pub(super) fn address(&mut self) -> String {
         let mut line = String::new();
         self.out.read_line(&mut line).unwrap();
         line.trim().strip_prefix("listening on ").unwrap_or_else(|| panic!("{line}")).to_owned()
@@ -80,7 +80,7 @@ impl Daemon {
     }
 
     /// SIGTERM; returns the exit code and what else came on standard output and in the log.
-    fn terminate(mut self) -> (Option<i32>, String, String) {
+    pub(super) fn terminate(mut self) -> (Option<i32>, String, String) {
         let kill = Command::new("kill").args(["-TERM", &self.process.id().to_string()]).status().unwrap();
         assert!(kill.success());
         let (mut out, mut err) = (String::new(), String::new());

@@ -142,6 +142,31 @@ fn a_folder_of_another_film_is_refused_until_it_is_to_be_replaced() {
 }
 
 #[test]
+fn film_json_tells_what_the_frames_are_of_and_a_changed_catalogue_is_another_film() {
+    let scene = SCENE.replace("catalogues = [", "catalogues = ['stars.csv', ");
+    let folder = folder_with(&scene, PATH);
+    let stars = |magnitude: f64| {
+        let rows = format!("ra_deg,dec_deg,v_mag\n266,-29,{magnitude}\nx,2,3\n");
+        fs::write(folder.path().join("stars.csv"), rows).unwrap();
+    };
+    stars(1.0);
+    film(folder.path(), &["--frames", "0..2", "--out", "film", "--shard", "2/2"], 0);
+    let read = || fs::read_to_string(folder.path().join("film/film.json")).unwrap();
+    let first = read();
+    film(folder.path(), &["--frames", "0..2", "--out", "film", "--shard", "1/2"], 0);
+    film(folder.path(), &["--frames", "0..2", "--out", "film"], 0);
+    assert_eq!(read(), first, "the same for every run");
+    let told: serde_json::Value = serde_json::from_str(&first).unwrap();
+    assert_eq!(told["catalogues"][0]["rejected_rows"], 1);
+    assert_eq!((&told["files"][0]["file"], &told["files"][0]["bytes"]), (&"stars.csv".into(), &37.into()));
+    assert!(told["configuration"]["toml"].as_str().unwrap().contains("dome_master"));
+    assert!(told["path_toml"].as_str().unwrap().contains("magnitude_limit"));
+    stars(2.0);
+    let told = film(folder.path(), &["--frames", "0..2", "--out", "film"], 64);
+    assert!(told.contains("the contents of stars.csv") && told.contains("--overwrite"), "{told}");
+}
+
+#[test]
 fn bad_paths_ranges_and_shards_are_64_with_file_and_key() {
     let folder = folder_with(SCENE, PATH);
     let path = |text: &str| fs::write(folder.path().join("path.toml"), text).unwrap();

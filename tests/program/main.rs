@@ -12,4 +12,8 @@ mod documentation;
 mod dome;
 mod features;
 mod film;
+mod film_blur;
+#[cfg(unix)]
+mod film_record;
 mod measured;
+mod stereo_dome;

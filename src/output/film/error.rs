@@ -3,7 +3,7 @@
 use std::io;
 use std::path::PathBuf;
 
-use super::super::OutputError;
+use super::super::{OutputError, encode::EncodeError};
 use crate::config::ConfigError;
 
 /// Why a film is not made.
@@ -44,6 +44,9 @@ pub enum FilmError {
         /// What the system says.
         source: io::Error,
     },
+    /// The images of a frame's moments do not add up.
+    #[error("motion blur: {0}")]
+    Blur(EncodeError),
     /// The threads that write have ended early.
     #[error("the threads that write files have ended early")]
     Writers,

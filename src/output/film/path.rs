@@ -93,13 +93,13 @@ impl Positions {
         })
     }
 
-    fn at(&self, frame: u32) -> DVec3 {
-        let at = f64::from(frame);
+    fn at(&self, at: f64) -> DVec3 {
         match self {
             Self::Straight(track) => DVec3::from_array(track.at(at)),
             Self::Around { around_m, given_m, frames, distances, directions } => {
                 let (knot, [offset]) = distances.offset(at);
-                if frames[knot] == frame || frame < frames[0] || frame >= frames[frames.len() - 1] {
+                let [first, last] = [frames[0], frames[frames.len() - 1]].map(f64::from);
+                if f64::from(frames[knot]) == at || at < first || at >= last {
                     return given_m[knot];
                 }
                 let distance_m = (given_m[knot] - around_m).length() * offset.exp();
@@ -153,11 +153,15 @@ impl FilmTracks {
 
     /// What the path says of a frame.
     pub fn at(&self, frame: u32) -> FrameValues {
-        let at = f64::from(frame);
+        self.at_moment(f64::from(frame))
+    }
+
+    /// What it says of a moment, in frames.
+    pub fn at_moment(&self, at: f64) -> FrameValues {
         let number = |track: &Option<Track<1>>| track.as_ref().map(|track| track.at(at)[0]);
         let exposure = if self.is_fixed { ExposureKey::Ev100 } else { ExposureKey::CompensationEv };
         FrameValues {
-            position_m: self.positions.as_ref().map(|positions| positions.at(frame)),
+            position_m: self.positions.as_ref().map(|positions| positions.at(at)),
             world_from_camera: self.orientations.as_ref().map(|turns| turns.at(at)),
             time_s: number(&self.times_s),
             fov: self.fovs.as_ref().map(|fovs| fovs.at(at)),

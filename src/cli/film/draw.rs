@@ -1,29 +1,33 @@
-//! `film`: numbered frames along a path, into files.
+//! Drawing of a film's frames.
 
 use std::io;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use clap::{Args, ValueEnum};
-use sha2::{Digest, Sha256};
+use clap::{Args, ValueEnum, value_parser};
 
-use super::progress::FilmProgress;
-use super::{
+use super::super::progress::FilmProgress;
+use super::super::{
     CliError,
+    inputs::{Inputs, sha256},
     load::{self, LoadedScene},
     results,
 };
+use crate::catalogue::chunks::StarSet;
 use crate::config::{Config, FilmPath};
 use crate::gpu::{Gpu, GpuOptions};
 use crate::output::film::{
     Ffmpeg, FilmError, FilmFolder, FilmFormat, FilmRecord, FilmTracks, FilmWriter, FrameFile, FrameRange, ImageWords,
-    Shard, check_video_file, check_with, stems, with_writer,
+    Shard,
+    blur::{self, MOST_SUB_FRAMES, Shutter},
+    check_video_file, check_with, stems, with_writer,
 };
-use crate::render::{FrameRequest, RenderError, Renderer};
+use crate::output::pack;
+use crate::render::{Frame, FrameRequest, RenderError, Renderer, Wanted};
 use crate::scene::{Camera, SceneObjects, SceneSnapshot};
 use crate::service;
-use crate::view::Rig;
+use crate::view::{Rig, ViewPicture};
 
 /// Names of the formats.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -49,15 +53,14 @@ impl From<Format> for FilmFormat {
     }
 }
 
-/// Arguments of `film`.
+fn open_share(text: &str) -> Result<f64, String> {
+    let share: f64 = text.parse().map_err(|_| format!("`{text}` is no number"))?;
+    if (0.0..=1.0).contains(&share) { Ok(share) } else { Err(format!("{text}: allowed are 0 to 1")) }
+}
+
+/// Arguments of `film` for drawing.
 #[derive(Debug, Args)]
-#[command(after_help = "Examples:\n  \
-    steradian film --config configs/dome.toml --path paths/flight.toml --frames 0..240 --out film\n  \
-    steradian film --config configs/dome.toml --path paths/flight.toml --frames 0..240 --out film --shard 2/4 --format exr16\n  \
-    steradian film --config configs/perspective.toml --path path.toml --frames 0..=239 --out film --video film.mp4\n\n\
-    Writes <view>_00001.png (or .exr; with several images <view>.<part>_00001.png) and film.json. Frames that are there are not\n\
-    drawn again. Every frame is a function of its number alone: shards on several machines with the same adapter make one film.")]
-pub struct FilmArguments {
+pub struct DrawArguments {
     /// The configuration.
     #[arg(long, value_name = "FILE")]
     config: PathBuf,
@@ -76,6 +79,12 @@ pub struct FilmArguments {
     /// Draw every N-th frame alone, from the I-th on: one of N runs that share the range.
     #[arg(long, value_name = "I/N", conflicts_with = "video")]
     shard: Option<Shard>,
+    /// Motion blur: share of the time between two frames in which the shutter is open, 0 to 1.
+    #[arg(long, value_name = "S", value_parser = open_share, requires = "sub_frames")]
+    shutter: Option<f64>,
+    /// Motion blur: moments whose light is added up, 1 to 64.
+    #[arg(long, value_name = "N", value_parser = value_parser!(u32).range(1..=i64::from(MOST_SUB_FRAMES)), requires = "shutter")]
+    sub_frames: Option<u32>,
     /// Make a video of the frames with an installed ffmpeg.
     #[arg(long, value_name = "FILE")]
     video: Option<PathBuf>,
@@ -96,30 +105,30 @@ struct Film {
     camera: Camera,
     path: FilmPath,
     tracks: FilmTracks,
+    inputs: Inputs,
     format: FilmFormat,
-}
-
-fn sha256(parts: &[&str]) -> String {
-    let mut hash = Sha256::new();
-    for part in parts {
-        // The length first: no two lists of parts are the same bytes.
-        hash.update((part.len() as u64).to_le_bytes());
-        hash.update(part.as_bytes());
-    }
-    hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+    /// `None`: every frame is of one moment.
+    shutter: Option<Shutter>,
 }
 
 /// Runs the command.
-pub fn run(arguments: FilmArguments, adapter: Option<String>) -> Result<(), CliError> {
+pub fn run(arguments: DrawArguments, adapter: Option<String>) -> Result<(), CliError> {
     // Everything that can be refused is looked at before the stars, which take longest.
-    let config = Config::load(&arguments.config, &arguments.set)?;
+    let inputs = Inputs::load(&arguments.config, &arguments.set)?;
+    let config = inputs.config.clone();
     let path = FilmPath::load(&arguments.path)?;
     let film = Film {
         camera: config.camera()?,
         tracks: FilmTracks::new(&path),
         format: arguments.format.into(),
+        shutter: arguments
+            .shutter
+            .zip(arguments.sub_frames)
+            .map(|(open, sub_frames)| Shutter { open, sub_frames })
+            .filter(|shutter| !shutter.is_sharp()),
         config,
         path,
+        inputs,
     };
     let rig = film.check(arguments.frames)?;
     let video = arguments.video.as_deref().map(|file| {
@@ -133,8 +142,7 @@ pub fn run(arguments: FilmArguments, adapter: Option<String>) -> Result<(), CliE
     let gpu = Gpu::open(&GpuOptions { adapter, ..GpuOptions::default() })?;
     let mut renderer = Renderer::new(gpu);
     renderer.check(&rig).map_err(|error| CliError::render(error.into(), &film.config.origin))?;
-    let configuration = sha256(&[&Config::pictured_document(&arguments.config, &arguments.set)?]);
-    let record = film.record(&rig, &renderer, configuration);
+    let record = film.record(&rig, &renderer)?;
     let folder = FilmFolder::open(&arguments.out, &record, arguments.overwrite)?;
     let frames: Vec<u32> = arguments.frames.frames(arguments.shard).collect();
     let missing: Vec<u32> = frames.iter().copied().filter(|frame| !folder.has(*frame)).collect();
@@ -175,33 +183,38 @@ impl Film {
             let overlay = &config.overlay;
             !overlay.grids.is_empty() || !overlay.trajectories.is_empty() || !overlay.labels.is_empty()
         };
-        if *format != FilmFormat::Png8 && has_overlay {
-            let text = "overlays and test patterns are in display images of 8 bits alone: use --format png8, or leave them out";
+        if (*format != FilmFormat::Png8 || self.shutter.is_some()) && has_overlay {
+            let text = "overlays and test patterns are in display images of 8 bits without motion blur alone: use --format png8 without \
+                        --shutter, or leave them out";
             return usage(format!("{}: overlay: {text}", config.origin));
         }
         check_with(path, config)?;
         for frame in range.first..range.end {
-            let values = tracks.at(frame);
-            values.camera(&self.camera).map_err(|error| FilmError::Frame {
-                origin: path.origin.clone(),
-                frame,
-                problem: error.to_string(),
-            })?;
+            for moment in self.moments(frame) {
+                let camera = tracks.at_moment(moment).camera(&self.camera);
+                camera.map_err(|error| self.fault(frame, error.to_string()))?;
+            }
         }
         // Between keyframes nothing is beyond them.
         for keyframe in &path.keyframes {
-            self.at(keyframe.frame)?.frame_groups().map_err(|error| FilmError::Frame {
-                origin: path.origin.clone(),
-                frame: keyframe.frame,
-                problem: error.to_string(),
-            })?;
+            let groups = self.at(f64::from(keyframe.frame)).frame_groups();
+            groups.map_err(|error| self.fault(keyframe.frame, error.to_string()))?;
         }
         Ok(rig)
     }
 
-    /// The configuration of a frame.
-    fn at(&self, frame: u32) -> Result<Config, CliError> {
-        Ok(self.tracks.at(frame).applied_to(&self.config))
+    /// The configuration of a moment.
+    fn at(&self, moment: f64) -> Config {
+        self.tracks.at_moment(moment).applied_to(&self.config)
+    }
+
+    /// The moments whose light a frame has.
+    fn moments(&self, frame: u32) -> Vec<f64> {
+        self.shutter.map_or_else(|| vec![f64::from(frame)], |shutter| shutter.moments(frame).collect())
+    }
+
+    fn fault(&self, frame: u32, problem: String) -> FilmError {
+        FilmError::Frame { origin: self.path.origin.clone(), frame, problem }
     }
 
     /// What the files of the video's view begin with.
@@ -210,7 +223,7 @@ impl Film {
         if self.format != FilmFormat::Png8 {
             return usage(format!("--video needs --format png8, not {}", self.format.name()));
         }
-        let single: Vec<_> = rig.views().iter().filter(|view| view.images.len() == 1).collect();
+        let single: Vec<_> = rig.views().iter().filter(|view| view.pictures().len() == 1).collect();
         let names: Vec<&str> = single.iter().map(|view| view.name.as_str()).collect();
         let allowed = if names.is_empty() { "none here".to_owned() } else { names.join(", ") };
         let chosen = match (view, rig.views()) {
@@ -223,33 +236,44 @@ impl Film {
         let Some(chosen) = chosen else {
             return usage(format!("--video needs a view of one image: allowed are {allowed}"));
         };
-        let [width, height] = chosen.output_size(&chosen.images[0]);
+        let ViewPicture { part, size: [width, height] } = chosen.pictures()[0];
         if width % 2 != 0 || height % 2 != 0 {
             let name = &chosen.name;
             return usage(format!(
                 "--video: view {name} has {width} x {height} pixels: even numbers are needed (4:2:0)"
             ));
         }
-        let part = chosen.images[0].part.name();
-        Ok(part.map_or(chosen.name.clone(), |part| format!("{}.{part}", chosen.name)))
+        Ok(part.name().map_or(chosen.name.clone(), |part| format!("{}.{part}", chosen.name)))
     }
 
-    fn record(&self, rig: &Rig, renderer: &Renderer, configuration: String) -> FilmRecord {
+    fn record(&self, rig: &Rig, renderer: &Renderer) -> Result<FilmRecord, CliError> {
         let report = renderer.adapter();
+        let configuration = sha256(&[&self.config.pictured]);
         let path = sha256(&[&self.path.document]);
         let (version, format) = (env!("CARGO_PKG_VERSION"), self.format.name());
         let adapter = format!("{}, {}", report.adapter, report.driver);
-        FilmRecord {
-            digest: sha256(&[&configuration, &path, format, version, &adapter]),
+        let blur = self.shutter.map_or("none".to_owned(), |shutter| {
+            format!("shutter open {:?} of the time, {} moments", shutter.open, shutter.sub_frames)
+        });
+        // Lines: no name of a file has a line of its own.
+        let files = self.inputs.files()?;
+        let contents: String = files.iter().map(|file| format!("{} {:?}\n", file.sha256, file.file)).collect();
+        Ok(FilmRecord {
+            digest: sha256(&[&configuration, &path, format, version, &adapter, &blur, &contents]),
             version: version.to_owned(),
-            configuration,
-            path,
+            configuration_sha256: configuration,
+            path_sha256: path,
             format: format.to_owned(),
             extension: self.format.extension().to_owned(),
             adapter,
+            blur,
             fps: self.path.fps,
             images: stems(rig),
-        }
+            configuration: self.inputs.configuration(),
+            path_toml: self.path.document.clone(),
+            files,
+            catalogues: None,
+        })
     }
 
     fn tell_cost(&self, rig: &Rig, frames: usize, missing: usize) {
@@ -258,8 +282,9 @@ impl Film {
         let pixels: u64 = images.map(pixels_of).sum();
         let bytes = pixels * self.format.bytes_per_pixel() * missing as u64;
         tracing::info!(
-            "{frames} frames, {} of them to draw, {} views, {} images and {pixels} pixels a frame, about {:.3} GB at most as {}",
+            "{frames} frames, {} of them to draw, {} moments each, {} views, {} images and {pixels} pixels a frame, about {:.3} GB at most as {}",
             missing,
+            self.shutter.map_or(1, |shutter| shutter.sub_frames),
             rig.views().len(),
             stems(rig).len(),
             bytes as f64 * 1e-9,
@@ -275,9 +300,10 @@ impl Film {
         missing: &[u32],
     ) -> Result<(), CliError> {
         let of_render = |error: RenderError| CliError::render(error, &self.config.origin);
-        let groups = self.at(missing[0])?.frame_groups()?;
-        let LoadedScene { stars, objects, prepared, .. } = load::scene(&self.config, &groups, renderer)?;
+        let groups = self.at(f64::from(missing[0])).frame_groups()?;
+        let LoadedScene { stars, report, objects, prepared } = load::scene(&self.config, &groups, renderer)?;
         prepared.map_err(of_render)?;
+        folder.tell_catalogues(self.inputs.catalogues(&report))?;
         let stars = Arc::new(stars);
         let ended = ended_by_signal().map_err(CliError::Runtime)?;
         let mut progress = FilmProgress::new(missing.len());
@@ -287,7 +313,7 @@ impl Film {
                 if ended.load(Ordering::Relaxed) {
                     return Ok(done);
                 }
-                let scene = Scene { stars: Arc::clone(&stars), objects: &objects };
+                let scene = Scene { stars: &stars, objects: &objects };
                 writer.write(self.draw_frame(renderer, folder, record, *frame, scene)?)?;
                 progress.drawn(*frame, done + 1);
             }
@@ -299,38 +325,51 @@ impl Film {
         if left > 0 { Err(FilmError::Interrupted { drawn: written, left }.into()) } else { Ok(()) }
     }
 
+    /// The scene, the camera and the views of a moment.
+    fn moment(&self, frame: u32, moment: f64, Scene { stars, objects }: Scene<'_>) -> Result<Moment, CliError> {
+        let values = self.tracks.at_moment(moment);
+        let camera = values.camera(&self.camera).map_err(|error| self.fault(frame, error.to_string()))?;
+        let objects = match values.time_s {
+            Some(time_s) => Arc::new(SceneObjects { time_s, ..(**objects).clone() }),
+            None => Arc::clone(objects),
+        };
+        let snapshot = SceneSnapshot { revision: 1, stars: Arc::clone(stars), objects, camera };
+        Ok(Moment { config: values.applied_to(&self.config), snapshot })
+    }
+
     fn draw_frame(
         &self,
         renderer: &mut Renderer,
         folder: &FilmFolder,
         record: &FilmRecord,
         frame: u32,
-        Scene { stars, objects }: Scene<'_>,
+        scene: Scene<'_>,
     ) -> Result<Vec<FrameFile>, CliError> {
-        let values = self.tracks.at(frame);
-        let config = values.applied_to(&self.config);
-        let camera = values.camera(&self.camera).map_err(|error| FilmError::Frame {
-            origin: self.path.origin.clone(),
-            frame,
-            problem: error.to_string(),
-        })?;
-        let objects = match values.time_s {
-            Some(time_s) => Arc::new(SceneObjects { time_s, ..(**objects).clone() }),
-            None => Arc::clone(objects),
-        };
-        let time_s = objects.time_s;
-        let snapshot = SceneSnapshot { revision: 1, stars, objects, camera };
+        let moment = self.moment(frame, f64::from(frame), scene)?;
+        let Moment { config, snapshot } = &moment;
+        let camera = snapshot.camera;
         let rig = config.rig()?;
         let groups = config.frame_groups()?;
         // Views before the one at that number have so many images.
-        let first_image = |view: usize| rig.views()[..view].iter().map(|view| view.images.len()).sum::<usize>();
+        let first_image = |view: usize| rig.views()[..view].iter().map(|view| view.pictures().len()).sum::<usize>();
         let mut files = Vec::new();
         for (number, group) in groups.iter().enumerate() {
-            let request = FrameRequest::of_group(&snapshot, &groups, number).wanted(self.format.wanted());
-            let drawn = renderer.render(request).map_err(|error| CliError::render(error, &self.config.origin))?;
+            let wanted = if self.shutter.is_some() { Wanted::hdr() } else { self.format.wanted() };
+            let request = FrameRequest::of_group(snapshot, &groups, number).wanted(wanted);
+            let mut drawn = renderer.render(request).map_err(|error| CliError::render(error, &self.config.origin))?;
+            if let Some(shutter) = self.shutter {
+                drawn = self.blurred(renderer, shutter, drawn, frame, number, &moment, scene)?;
+                if self.format == FilmFormat::Png8 {
+                    for image in &mut drawn.images {
+                        let shown = blur::show(image, drawn.exposure_ev100, &group.settings.tone_map);
+                        shown.map_err(FilmError::Blur)?;
+                    }
+                }
+            }
             let drawn = drawn.of_views(&group.views);
-            for image in drawn.images {
+            for image in pack(&rig, drawn.images) {
                 let view = &rig.views()[image.view];
+                // Of two eyes in one picture the first one's words.
                 let part = view.images.iter().position(|of_view| of_view.part == image.part).unwrap_or_default();
                 let words = ImageWords {
                     exposure_ev100: drawn.exposure_ev100,
@@ -339,15 +378,18 @@ impl Film {
                         ("view_name", view.name.clone()),
                         ("view_part", image.part.name().unwrap_or("whole").to_owned()),
                         ("film_frame", frame.to_string()),
-                        ("projection", projection(&config, image.view)),
+                        ("projection", projection(config, image.view)),
                         ("camera_position_m", numbers(&camera.position_m.to_array())),
                         ("camera_orientation", numbers(&camera.world_from_camera.to_array())),
                         ("camera_velocity_c", numbers(&camera.velocity_c.to_array())),
                         ("view_orientation", numbers(&view.images[part].camera_from_view.to_array())),
                         ("eye_position_m", numbers(&view.images[part].eye_position_m.to_array())),
-                        ("time_s_since_j2000", numbers(&[time_s])),
+                        ("viewing_circle_m", numbers(&[view.images[part].viewing_circle_m.abs()])),
+                        ("packing", format!("{:?}", view.packing)),
+                        ("time_s_since_j2000", numbers(&[snapshot.objects.time_s])),
+                        ("motion_blur", record.blur.clone()),
                         ("units", "R, G, B: cd/m^2 divided by whiteLuminance, linear Rec. 709; omega: sr".to_owned()),
-                        ("configuration_sha256", record.configuration.clone()),
+                        ("configuration_sha256", record.configuration_sha256.clone()),
                         ("film_sha256", record.digest.clone()),
                     ],
                 };
@@ -357,11 +399,63 @@ impl Film {
         }
         Ok(files)
     }
+
+    /// The mean light of all moments of a frame, of which its own has been drawn, with the exposure of that one.
+    #[allow(clippy::too_many_arguments, reason = "a frame is of a film, a group of views, a moment and a scene")]
+    fn blurred(
+        &self,
+        renderer: &mut Renderer,
+        shutter: Shutter,
+        own: Frame,
+        frame: u32,
+        group: usize,
+        moment: &Moment,
+        scene: Scene<'_>,
+    ) -> Result<Frame, CliError> {
+        let exposure_ev100 = own.exposure_ev100;
+        // As long as it is not yet its turn: sums are in the order of the moments.
+        let mut own = Some(own);
+        let mut sum: Option<Frame> = None;
+        for (sub_frame, at) in (0..).zip(shutter.moments(frame)) {
+            let drawn = match own.take_if(|_| shutter.middle() == Some(sub_frame)) {
+                Some(own) => own,
+                None => {
+                    let Moment { mut config, snapshot } = self.moment(frame, at, scene)?;
+                    config.exposure = moment.config.exposure;
+                    let groups = config.frame_groups()?;
+                    let request = FrameRequest::of_group(&snapshot, &groups, group).wanted(Wanted::hdr());
+                    let drawn = renderer.render(request.adapted_ev100(exposure_ev100));
+                    drawn.map_err(|error| CliError::render(error, &self.config.origin))?
+                }
+            };
+            match &mut sum {
+                None => sum = Some(drawn),
+                Some(sum) => {
+                    for (sum, image) in sum.images.iter_mut().zip(&drawn.images) {
+                        blur::add(sum, image).map_err(FilmError::Blur)?;
+                    }
+                }
+            }
+        }
+        let mut mean = sum.ok_or_else(|| self.fault(frame, "it has no moments".to_owned()))?;
+        for image in &mut mean.images {
+            blur::divide(image, shutter.sub_frames);
+        }
+        mean.exposure_ev100 = exposure_ev100;
+        Ok(mean)
+    }
+}
+
+/// What is drawn of one moment.
+struct Moment {
+    config: Config,
+    snapshot: SceneSnapshot,
 }
 
 /// What all frames show.
+#[derive(Clone, Copy)]
 struct Scene<'a> {
-    stars: Arc<crate::catalogue::chunks::StarSet>,
+    stars: &'a Arc<StarSet>,
     objects: &'a Arc<SceneObjects>,
 }
 

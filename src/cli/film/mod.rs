@@ -1,0 +1,48 @@
+//! `film`: numbered frames along a path, into files, and paths recorded from a daemon.
+
+mod draw;
+mod record;
+
+use clap::{Args, Subcommand};
+
+use super::CliError;
+
+/// Arguments of `film`.
+#[derive(Debug, Args)]
+#[command(
+    args_conflicts_with_subcommands = true,
+    subcommand_negates_reqs = true,
+    after_help = "Examples:\n  \
+    steradian film --config configs/dome.toml --path paths/flight.toml --frames 0..240 --out film\n  \
+    steradian film --config configs/dome.toml --path paths/flight.toml --frames 0..240 --out film --shard 2/4 --format exr16\n  \
+    steradian film --config configs/dome.toml --path paths/flight.toml --frames 0..240 --out film --shutter 0.5 --sub-frames 16\n  \
+    steradian film --config configs/perspective.toml --path path.toml --frames 0..=239 --out film --video film.mp4\n  \
+    steradian film record --address 127.0.0.1:7143 --out path.toml --seconds 60\n\n\
+    Writes <view>_00001.png (or .exr; with several images <view>.<part>_00001.png) and film.json. Frames that are there are not\n\
+    drawn again. Every frame is a function of its number alone: shards on several machines with the same adapter make one film."
+)]
+pub struct FilmArguments {
+    /// What to do in place of drawing.
+    #[command(subcommand)]
+    command: Option<FilmCommand>,
+    /// What to draw.
+    #[command(flatten)]
+    draw: Option<draw::DrawArguments>,
+}
+
+/// What `film` does besides drawing.
+#[derive(Debug, Subcommand)]
+enum FilmCommand {
+    /// Follow the camera of a daemon and write a path of it.
+    Record(record::RecordArguments),
+}
+
+/// Runs the command.
+pub fn run(arguments: FilmArguments, adapter: Option<String>) -> Result<(), CliError> {
+    match (arguments.command, arguments.draw) {
+        (Some(FilmCommand::Record(arguments)), _) => record::run(&arguments),
+        (None, Some(arguments)) => draw::run(arguments, adapter),
+        // All of these are required where there is no subcommand, so the parser tells it first.
+        (None, None) => Err(CliError::Usage("film needs --config, --path, --frames and --out".to_owned())),
+    }
+}
