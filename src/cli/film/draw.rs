@@ -4,6 +4,7 @@ use std::io;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
 
 use clap::{Args, ValueEnum, value_parser};
 
@@ -19,7 +20,7 @@ use crate::config::{Config, FilmPath};
 use crate::gpu::{Gpu, GpuOptions};
 use crate::output::film::{
     Ffmpeg, FilmError, FilmFolder, FilmFormat, FilmRecord, FilmTracks, FilmWriter, FrameFile, FrameRange, ImageWords,
-    Shard,
+    Shard, Written,
     blur::{self, MOST_SUB_FRAMES, Shutter},
     check_video_file, check_with, stems, with_writer,
 };
@@ -307,6 +308,8 @@ impl Film {
         let stars = Arc::new(stars);
         let ended = ended_by_signal().map_err(CliError::Runtime)?;
         let mut progress = FilmProgress::new(missing.len());
+        let begun = Instant::now();
+        let mut times = DrawingTimes::default();
         let drawing = |writer: &FilmWriter<'_>| -> Result<usize, CliError> {
             for (done, frame) in missing.iter().enumerate() {
                 // Between two frames: what is handed over is still written.
@@ -314,15 +317,21 @@ impl Film {
                     return Ok(done);
                 }
                 let scene = Scene { stars: &stars, objects: &objects };
-                writer.write(self.draw_frame(renderer, folder, record, *frame, scene)?)?;
+                let frame_begun = Instant::now();
+                let files = self.draw_frame(renderer, folder, record, *frame, scene, &mut times)?;
+                times.drawing += frame_begun.elapsed();
+                let waits = Instant::now();
+                writer.write(files)?;
+                times.waiting += waits.elapsed();
                 progress.drawn(*frame, done + 1);
             }
             Ok(missing.len())
         };
         let (_, written) = with_writer(self.format, drawing)?;
         progress.finish();
-        let left = missing.len() - written;
-        if left > 0 { Err(FilmError::Interrupted { drawn: written, left }.into()) } else { Ok(()) }
+        times.tell(begun.elapsed(), &written);
+        let left = missing.len() - written.frames;
+        if left > 0 { Err(FilmError::Interrupted { drawn: written.frames, left }.into()) } else { Ok(()) }
     }
 
     /// The scene, the camera and the views of a moment.
@@ -344,6 +353,7 @@ impl Film {
         record: &FilmRecord,
         frame: u32,
         scene: Scene<'_>,
+        times: &mut DrawingTimes,
     ) -> Result<Vec<FrameFile>, CliError> {
         let moment = self.moment(frame, f64::from(frame), scene)?;
         let Moment { config, snapshot } = &moment;
@@ -357,6 +367,8 @@ impl Film {
             let wanted = if self.shutter.is_some() { Wanted::hdr() } else { self.format.wanted() };
             let request = FrameRequest::of_group(snapshot, &groups, number).wanted(wanted);
             let mut drawn = renderer.render(request).map_err(|error| CliError::render(error, &self.config.origin))?;
+            times.plan_ms += drawn.times.plan_ms;
+            times.gpu_and_readback_ms += drawn.times.gpu_and_readback_ms;
             if let Some(shutter) = self.shutter {
                 drawn = self.blurred(renderer, shutter, drawn, frame, number, &moment, scene)?;
                 if self.format == FilmFormat::Png8 {
@@ -443,6 +455,34 @@ impl Film {
         }
         mean.exposure_ev100 = exposure_ev100;
         Ok(mean)
+    }
+}
+
+/// Where the time of a run goes, all frames together.
+#[derive(Default)]
+struct DrawingTimes {
+    drawing: Duration,
+    waiting: Duration,
+    plan_ms: f64,
+    gpu_and_readback_ms: f64,
+}
+
+impl DrawingTimes {
+    /// Tells the means of a frame.
+    fn tell(&self, all: Duration, written: &Written) {
+        let Written { frames, bytes, encoding, writing, threads } = *written;
+        if frames == 0 {
+            return;
+        }
+        let per_frame = |seconds: f64| seconds / frames as f64;
+        let [whole_s, drawing_s, waiting_s, encoding_s, writing_s] =
+            [all, self.drawing, self.waiting, encoding, writing].map(|time| per_frame(time.as_secs_f64()));
+        let [plan_s, gpu_s] = [self.plan_ms, self.gpu_and_readback_ms].map(|ms| per_frame(ms * 1e-3));
+        tracing::info!(
+            "a frame took {whole_s:.3} s and has {:.3} MB: drawn in {drawing_s:.3} s (its own moment planned in {plan_s:.3} s, drawn and read back in \
+             {gpu_s:.3} s), {waiting_s:.3} s waited for the encoders; on {threads} threads beside it encoded in {encoding_s:.3} s and written in {writing_s:.3} s",
+            per_frame(bytes as f64 * 1e-6)
+        );
     }
 }
 

@@ -22,4 +22,4 @@ pub use images::{FilmFormat, ImageWords, encode_image};
 pub use path::{FilmTracks, check_with};
 pub use recording::{RecordedPath, Recording, SeenScene};
 pub use video::{Ffmpeg, check_video_file};
-pub use writer::{FilmWriter, FrameFile, with_writer};
+pub use writer::{FilmWriter, FrameFile, Written, with_writer};

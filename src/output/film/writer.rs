@@ -1,10 +1,11 @@
 //! Encoding and writing behind the drawing: frames go through a bounded channel to a few threads, and the drawing waits where these are slower.
 
 use std::path::PathBuf;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Mutex, PoisonError};
 use std::thread;
+use std::time::{Duration, Instant};
 
 use super::super::OutputError;
 use super::error::FilmError;
@@ -52,11 +53,42 @@ impl FilmWriter<'_> {
     }
 }
 
-fn write_frame(format: FilmFormat, frame: Vec<FrameFile>) -> Result<(), OutputError> {
+/// What the threads have done together.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Written {
+    /// Frames written.
+    pub frames: usize,
+    /// Bytes of their files.
+    pub bytes: u64,
+    /// Time of encoding, summed over threads.
+    pub encoding: Duration,
+    /// Time of writing, the same.
+    pub writing: Duration,
+    /// Threads.
+    pub threads: usize,
+}
+
+/// Sums of all threads.
+#[derive(Default)]
+struct Sums {
+    bytes: AtomicU64,
+    encoding_us: AtomicU64,
+    writing_us: AtomicU64,
+}
+
+fn write_frame(format: FilmFormat, frame: Vec<FrameFile>, sums: &Sums) -> Result<(), OutputError> {
+    let add = |sum: &AtomicU64, since: Instant| {
+        sum.fetch_add(u64::try_from(since.elapsed().as_micros()).unwrap_or(u64::MAX), Ordering::Relaxed);
+    };
     for FrameFile { path, image, words } in frame {
+        let begun = Instant::now();
         match encode_image(format, &image, &words) {
             Ok(bytes) => {
+                add(&sums.encoding_us, begun);
+                let begun = Instant::now();
                 files::write_whole_synced(&path, &bytes).map_err(|source| OutputError::Write { path, source })?;
+                add(&sums.writing_us, begun);
+                sums.bytes.fetch_add(bytes.len() as u64, Ordering::Relaxed);
             }
             Err(source) => return Err(OutputError::Encode { path, source }),
         }
@@ -68,7 +100,7 @@ fn next(frames: &Mutex<Receiver<Vec<FrameFile>>>) -> Option<Vec<FrameFile>> {
     frames.lock().unwrap_or_else(PoisonError::into_inner).recv().ok()
 }
 
-/// Runs `draw` with a writer, and waits until all that it has handed over is written; returns what `draw` does, and the number of frames written.
+/// Runs `draw` with a writer, and waits until all that it has handed over is written; returns what `draw` does, and what was written.
 ///
 /// # Errors
 ///
@@ -76,17 +108,18 @@ fn next(frames: &Mutex<Receiver<Vec<FrameFile>>>) -> Option<Vec<FrameFile>> {
 pub fn with_writer<T, E: From<FilmError>>(
     format: FilmFormat,
     draw: impl FnOnce(&FilmWriter<'_>) -> Result<T, E>,
-) -> Result<(T, usize), E> {
+) -> Result<(T, Written), E> {
     let threads = thread::available_parallelism().map_or(1, usize::from).min(MOST_WRITERS);
     let (sender, receiver) = sync_channel(1);
     let receiver = Mutex::new(receiver);
     let error = Mutex::new(None);
     let written = AtomicUsize::new(0);
+    let sums = Sums::default();
     let drawn = thread::scope(|scope| {
         for _ in 0..threads {
             scope.spawn(|| {
                 while let Some(frame) = next(&receiver) {
-                    match write_frame(format, frame) {
+                    match write_frame(format, frame, &sums) {
                         Ok(()) => {
                             written.fetch_add(1, Ordering::Relaxed);
                         }
@@ -106,7 +139,16 @@ pub fn with_writer<T, E: From<FilmError>>(
     })?;
     match error.into_inner().unwrap_or_else(PoisonError::into_inner) {
         Some(problem) => Err(FilmError::from(problem).into()),
-        None => Ok((drawn, written.into_inner())),
+        None => {
+            let written = Written {
+                frames: written.into_inner(),
+                bytes: sums.bytes.into_inner(),
+                encoding: Duration::from_micros(sums.encoding_us.into_inner()),
+                writing: Duration::from_micros(sums.writing_us.into_inner()),
+                threads,
+            };
+            Ok((drawn, written))
+        }
     }
 }
 
@@ -129,7 +171,9 @@ mod tests {
         let written = with_writer::<_, FilmError>(FilmFormat::Png8, |writer| {
             (0..20).try_for_each(|number| writer.write(frame(path(number))))
         });
-        assert_eq!(written.unwrap().1, 20);
+        let (_, written) = written.unwrap();
+        let bytes = std::fs::metadata(path(0)).unwrap().len();
+        assert_eq!((written.frames, written.bytes), (20, 20 * bytes));
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 20, "nothing else is left");
         std::fs::create_dir(path(30)).unwrap();
         let failed = with_writer::<_, FilmError>(FilmFormat::Png8, |writer| {
