@@ -320,7 +320,7 @@ impl View {
 
     /// Its pictures as files have them.
     pub fn pictures(&self) -> Vec<ViewPicture> {
-        let sized = |image: &ViewImage| ViewPicture { part: image.part, size: image.projection.mapping().size() };
+        let sized = |image: &ViewImage| ViewPicture { part: image.part, size: self.output_size(image) };
         let pictures: Vec<ViewPicture> = self.images.iter().map(sized).collect();
         match (self.packing, &pictures[..]) {
             (Packing::TopBottom, [ViewPicture { size: [width, height], .. }, _]) => {

@@ -279,8 +279,8 @@ impl Film {
 
     fn tell_cost(&self, rig: &Rig, frames: usize, missing: usize) {
         let pixels_of = |size: [u32; 2]| size.map(u64::from).iter().product::<u64>();
-        let images = rig.views().iter().flat_map(|view| view.images.iter().map(|image| view.output_size(image)));
-        let pixels: u64 = images.map(pixels_of).sum();
+        let pictures = rig.views().iter().flat_map(|view| view.pictures());
+        let pixels: u64 = pictures.map(|picture| pixels_of(picture.size)).sum();
         let bytes = pixels * self.format.bytes_per_pixel() * missing as u64;
         tracing::info!(
             "{frames} frames, {} of them to draw, {} moments each, {} views, {} images and {pixels} pixels a frame, about {:.3} GB at most as {}",

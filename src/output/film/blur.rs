@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use super::super::encode::{EncodeError, Encoding, hdr_of};
 use crate::photometry::exposure::white_luminance_cd_m2;
-use crate::photometry::tone_map::{ToneMapSettings, dither_threshold};
+use crate::photometry::tone_map::{ToneMapSettings, dither_threshold, linear_from_srgb};
 use crate::render::FrameImage;
 
 /// Moments of a frame at most.
@@ -72,7 +72,7 @@ pub fn divide(sum: &mut FrameImage, count: u32) {
     });
 }
 
-/// Makes the display image of 8 bits from the HDR image: tone mapping in f64, dithered as configured, then the shares of a projector.
+/// Makes the display image of 8 bits from the HDR image: tone mapping in f64, then the shares and the response of a projector, dithered as configured.
 ///
 /// # Errors
 ///
@@ -81,23 +81,22 @@ pub fn show(image: &mut FrameImage, exposure_ev100: f64, tone_map: &ToneMapSetti
     let width = image.width;
     let light = hdr_of(image, Encoding::Png)?;
     let white_cd_m2 = white_luminance_cd_m2(exposure_ev100);
+    let projector = image.projector.as_deref();
     let mut display = vec![0_u8; light.len() * 4];
     display.par_chunks_mut(4).zip(light).enumerate().for_each(|(index, (pixel, [red, green, blue, _]))| {
         pixel[3] = u8::MAX;
         // Dark pixels are most of a night sky, and every operator shows them black.
-        if [*red, *green, *blue] == [0.0; 3] {
+        if [*red, *green, *blue] == [0.0; 3] && projector.is_none() {
             return;
         }
         let [x, y] = [index as u32 % width, index as u32 / width];
         let threshold = if tone_map.dither { dither_threshold(x, y) } else { 0.5 };
         let rgb = tone_map.display_rgb([*red, *green, *blue].map(f64::from), white_cd_m2);
+        let rgb = projector.map_or(rgb, |projector| projector.codes(index, rgb.map(linear_from_srgb)));
         for (code, value) in pixel.iter_mut().zip(rgb) {
             *code = (value.clamp(0.0, 1.0) * 255.0 + threshold).floor().min(255.0) as u8;
         }
     });
-    if let Some(blend) = &image.blend {
-        blend.apply(&mut display);
-    }
     image.display = Some(display);
     Ok(())
 }
