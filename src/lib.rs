@@ -44,6 +44,7 @@
 //! |---|---|
 //! | `service` | the module `service`: the daemon (gRPC) and its client |
 //! | `xr` | in the module `xr`: driving an OpenXR headset |
+//! | `windows` | in the module `windows`: opening windows on the monitors of this machine |
 //! | `chart` | the module `chart`: speed and accuracy of all methods, as tables and pictures |
 //! | `cli` | the program `steradian` with all of its subcommands; needs the others |
 
@@ -93,6 +94,8 @@ pub mod verify;
 pub mod output;
 #[cfg(feature = "service")]
 pub mod service;
+#[cfg(any(feature = "service", feature = "windows"))]
+pub mod windows;
 #[cfg(any(feature = "service", feature = "xr"))]
 pub mod xr;
 

@@ -14,6 +14,7 @@ use crate::photometry::psf::PsfError;
 use crate::scene::loader::LoadError;
 use crate::service::{ClientError, ServeError};
 use crate::theatre::TheatreError;
+use crate::windows::WindowsError;
 use crate::xr::XrError;
 use crate::{plan::PlanError, render::RenderError};
 
@@ -79,8 +80,11 @@ pub enum CliError {
     /// A headset cannot be driven.
     #[error(transparent)]
     Headset(#[from] XrError),
-    /// The threads of the daemon cannot be started.
-    #[error("cannot start the daemon: {0}")]
+    /// Windows cannot be opened or shown.
+    #[error(transparent)]
+    Windows(#[from] WindowsError),
+    /// Threads or handlers of signals cannot be set up.
+    #[error("cannot start: {0}")]
     Runtime(io::Error),
     /// The daemon could not start, or failed.
     #[error(transparent)]
@@ -173,6 +177,15 @@ impl CliError {
                 | XrError::Unsuitable { .. }
                 | XrError::Vulkan { .. } => NO_ADAPTER,
                 XrError::Call { .. } | XrError::LossPending => FAILED,
+            },
+            CliError::Windows(error) => match error {
+                WindowsError::Gpu(error) => gpu_exit_code(error),
+                WindowsError::NoDisplay(_)
+                | WindowsError::Display(_)
+                | WindowsError::NoAdapter(_)
+                | WindowsError::Format { .. }
+                | WindowsError::Window { .. } => NO_ADAPTER,
+                WindowsError::Refused(_) => FAILED,
             },
             CliError::Serve(ServeError::Address { .. } | ServeError::Open { .. } | ServeError::Access(_)) => BAD_USAGE,
             CliError::Serve(_) | CliError::Runtime(_) => FAILED,

@@ -9,8 +9,8 @@ use super::{
     telemetry::{self, Exporting},
 };
 
-/// What is logged unless something else is asked for; the graphics libraries only when it matters.
-const DEFAULT: &str = "info,wgpu=warn,wgpu_core=warn,wgpu_hal=warn,naga=warn";
+/// What is logged unless something else is asked for; the libraries for graphics and windows only when it matters.
+const DEFAULT: &str = "info,wgpu=warn,wgpu_core=warn,wgpu_hal=warn,naga=warn,winit=error";
 
 /// Starts logging, and traces where a collector is named; once per process. What is returned sends them until it is dropped.
 pub fn start(argument: Option<&str>) -> Result<Option<Exporting>, CliError> {

@@ -7,6 +7,7 @@ mod audits;
 mod catalogue;
 mod chart;
 mod dome;
+mod ending;
 mod error;
 mod explain;
 mod film;
@@ -20,6 +21,7 @@ mod psf;
 mod render;
 mod results;
 mod serve;
+mod show;
 mod telemetry;
 mod token;
 mod verify;
@@ -38,6 +40,7 @@ pub use error::{BAD_DATA, BAD_USAGE, CliError, FAILED, NO_ADAPTER};
         steradian render --config configs/demo.toml --out out\n  \
         steradian film --config configs/dome.toml --path paths/flight.toml --frames 0..240 --out film\n  \
         steradian serve --config configs/demo.toml --listen 127.0.0.1:7143\n  \
+        steradian show --config configs/windows.toml\n  \
         steradian info --json\n  \
         steradian projectors import dome.mpcdi --out dome.toml\n  \
         steradian dome check --config dome.toml\n  \
@@ -48,7 +51,7 @@ pub use error::{BAD_DATA, BAD_USAGE, CliError, FAILED, NO_ADAPTER};
         steradian xr --config configs/headset.toml\n  \
         steradian token --name desk-1 --role steer\n  \
         steradian psf --aperture hexagon --diameter-mm 2 --out hexagon.exr\n\n\
-        Exit codes: 0 done, 1 a check or job failed, 64 bad usage or configuration, 65 bad input data, 69 no usable adapter (or no ffmpeg for a video)."
+        Exit codes: 0 done, 1 a check or job failed, 64 bad usage or configuration, 65 bad input data, 69 no usable adapter (or no display for windows, no ffmpeg for a video)."
 )]
 pub struct Cli {
     /// Graphics adapter to use: part of its name, case-insensitive.
@@ -72,6 +75,8 @@ pub enum Command {
     Film(film::FilmArguments),
     /// Run the daemon: renders views for clients over gRPC until SIGINT or SIGTERM.
     Serve(serve::ServeArguments),
+    /// Show views in windows on the monitors of this machine.
+    Show(show::ShowArguments),
     /// Run the failure tests on the adapter of this machine, each with figures and limits.
     Verify(verify::VerifyArguments),
     /// Show the adapter, its driver, the features and limits used, and the fallbacks in use.
@@ -99,6 +104,7 @@ pub fn run(arguments: Cli) -> Result<(), CliError> {
         Command::Render(command) => render::run(command, arguments.adapter),
         Command::Film(command) => film::run(command, arguments.adapter),
         Command::Serve(command) => serve::run(command, arguments.adapter),
+        Command::Show(command) => show::run(command, arguments.adapter),
         Command::Verify(command) => verify::run(command, arguments.adapter),
         Command::Info(command) => info::run(&command, arguments.adapter),
         Command::Chart(command) => chart::run(&command, arguments.adapter),

@@ -11,7 +11,7 @@ use tokio::task;
 use super::{
     CliError,
     load::{self, LoadedScene},
-    results,
+    results, show,
 };
 use crate::config::{Config, ConfigError, PackingConfig, ViewConfig, ViewKindConfig, parse_listen};
 use crate::gpu::{Gpu, GpuOptions};
@@ -21,7 +21,10 @@ use crate::scene::loader::{LoadReport, LoadedCatalogue};
 use crate::scene::{Camera, SceneSnapshot};
 use crate::service::{
     self, Access, AccessSource, Address, HeadsetOptions, SceneCatalogue, ServeError, ServeOptions, Shutdown,
+    WindowsEnd, WindowsOptions,
 };
+use crate::view::Rig;
+use crate::windows::{self, WindowsError, WithoutDisplay};
 use crate::xr::{self, FirstFailure};
 
 /// Arguments of `serve`.
@@ -77,6 +80,7 @@ pub fn run(arguments: ServeArguments, adapter: Option<String>) -> Result<(), Cli
                 Err(error) => std::panic::resume_unwind(error.into_panic()),
             },
         };
+        let adapter_name = renderer.adapter().adapter.clone();
         let mut options = ServeOptions::new(listen, Box::new(renderer), scene, rig, config.render_settings(), announce);
         let catalogue = |loaded: LoadedCatalogue| SceneCatalogue { name: loaded.name, stars: loaded.stars as u64 };
         options.catalogues = report.catalogues.into_iter().map(catalogue).collect();
@@ -89,6 +93,7 @@ pub fn run(arguments: ServeArguments, adapter: Option<String>) -> Result<(), Cli
         let configured = config.server.state.as_ref().map(|state| config.folder.join(state));
         options.state = arguments.state.clone().or(configured);
         options.headset = headset(&config);
+        options.windows = windows(&config, &options.rig, adapter_name);
         options.shutdown = Shutdown::When(Box::pin(async move {
             signals.await;
             tell_supervisor(NotifyState::Stopping);
@@ -137,6 +142,21 @@ fn headset(config: &Config) -> Option<HeadsetOptions> {
         name: settings.name.clone(),
         // Whoever starts a daemon may start the runtime later.
         drive: Box::new(move |host| Ok(xr::drive(host.as_ref(), &settings, FirstFailure::Retries)?)),
+    })
+}
+
+/// The windows that a configuration asks for, on the adapter of that name where it presents.
+fn windows(config: &Config, rig: &Rig, adapter: String) -> Option<WindowsOptions> {
+    let configs = config.windows.clone();
+    let sizes: Vec<[u32; 2]> = configs.iter().filter_map(|window| show::size_of(window, rig)).collect();
+    (!configs.is_empty()).then(|| WindowsOptions {
+        windows: configs.clone(),
+        open: Box::new(move |host| match windows::open(&configs, &sizes, &adapter, host, WithoutDisplay::GoesOn) {
+            Ok(()) => WindowsEnd::InOrder,
+            // Whoever starts a daemon may start the display later.
+            Err(WindowsError::NoDisplay(problem)) => WindowsEnd::NoDisplay(problem),
+            Err(error) => WindowsEnd::Failed(error.to_string()),
+        }),
     })
 }
 

@@ -23,6 +23,7 @@ mod scene;
 mod server;
 mod view_tables;
 mod views;
+mod windows;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -46,6 +47,7 @@ pub use views::{
     CubemapConfig, DefinitionError, DomeMasterConfig, EquirectangularConfig, FisheyeConfig, FovConfig, MappingConfig,
     PackingConfig, PerspectiveConfig, StereoConfig, VIEW_TYPES, ViewConfig, ViewKindConfig,
 };
+pub use windows::{MOST_WINDOWS, MonitorChoice, WindowConfig, WindowFormat};
 
 use crate::catalogue::bright;
 use crate::catalogue::galaxy::GalaxyParameters;
@@ -99,12 +101,14 @@ pub struct Config {
     pub accuracy: AccuracySettings,
     /// `[headset]`.
     pub headset: HeadsetSettings,
+    /// `[[windows]]`.
+    pub windows: Vec<WindowConfig>,
     /// `[server]`.
     pub server: ServerConfig,
     computed_blends: dome::Computed,
 }
 
-/// Everything but the views, bodies and fields, which are read one by one, so that messages have their names.
+/// Everything but the views, bodies, fields and windows, which are read one by one, so that messages have their names.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct Sections {
@@ -136,6 +140,9 @@ struct Sections {
     accuracy: AccuracySettings,
     #[serde(default)]
     headset: HeadsetSettings,
+    #[serde(default)]
+    #[schemars(with = "Vec<WindowConfig>")]
+    windows: Vec<Table>,
     #[serde(default)]
     server: ServerConfig,
 }
@@ -180,7 +187,7 @@ impl Config {
     /// Those of [`Self::load`], but for those of views.
     pub fn load_unbuilt(path: &Path, overrides: &[String]) -> Result<Self, ConfigError> {
         let (text, folder) = Self::text_of(path)?;
-        Self::read(&text, &path.display().to_string(), folder, overrides, |_| Ok(()))
+        Self::read(&text, &path.display().to_string(), folder, overrides, Ok)
     }
 
     fn read(
@@ -188,7 +195,7 @@ impl Config {
         origin: &str,
         folder: &Path,
         overrides: &[String],
-        check_views: fn(&Self) -> Result<(), Fault>,
+        check_views: fn(Self) -> Result<Self, Fault>,
     ) -> Result<Self, ConfigError> {
         let mut table = document::parse(text, origin)?;
         let applied = overrides
@@ -198,12 +205,11 @@ impl Config {
         effects::leave_out_overridden(&mut table, &applied, origin);
         let mut pictured = table.clone();
         // Neither is in a picture, and who may call is nobody's business who has one.
-        for section in ["server", "headset"] {
+        for section in ["server", "headset", "windows"] {
             pictured.remove(section);
         }
         let loaded = Self::from_table(table, origin, folder);
-        let checked = loaded.and_then(|config| check_views(&config).map(|()| config));
-        checked.map(|config| Self { pictured: pictured.to_string(), ..config }).map_err(|fault| {
+        loaded.and_then(check_views).map(|config| Self { pictured: pictured.to_string(), ..config }).map_err(|fault| {
             // The last override that touches the key is to blame, if there is one; for an unknown table, one that put it there.
             let key = fault.key.split(" (").next().unwrap_or_default();
             let below = |inner: &str, outer: &str| {
@@ -256,6 +262,7 @@ impl Config {
         let views = each(&VIEWS, sections.views, ViewConfig::from_table)?;
         let bodies = each(&BODIES, sections.bodies, BodyConfig::from_table)?;
         let asteroid_fields = each(&FIELDS, sections.asteroid_fields, FieldConfig::from_table)?;
+        let windows = each(&WINDOWS, sections.windows, |table| document::deserialise(Value::Table(table), ""))?;
         let mut asteroids = sections.asteroids;
         if !asteroids.cache.as_os_str().is_empty() {
             asteroids.cache = folder.join(&asteroids.cache);
@@ -281,6 +288,7 @@ impl Config {
             tone_map: sections.tone_map,
             accuracy: sections.accuracy,
             headset: sections.headset,
+            windows,
             server: sections.server,
         };
         config.scene.check().map_err(|fault| fault.within("scene"))?;
@@ -301,11 +309,16 @@ impl Config {
         Ok(config)
     }
 
-    fn check_views(&self) -> Result<(), Fault> {
-        self.build_rig()?;
+    fn check_views(mut self) -> Result<Self, Fault> {
+        let rig = self.build_rig()?;
         self.resolve_views()?;
         self.build_overlay()?;
-        headset::check_views(&self.headset, &self.views).map_err(|fault| fault.within("headset"))
+        let patterned: Vec<&str> =
+            self.views.iter().filter(|view| view.test_pattern).map(|view| view.name.as_str()).collect();
+        self.windows = windows::windows(std::mem::take(&mut self.windows), &rig, &self.overlay, &patterned)
+            .map_err(|(index, fault)| WINDOWS.fault(index, None, fault))?;
+        headset::check_views(&self.headset, &self.views).map_err(|fault| fault.within("headset"))?;
+        Ok(self)
     }
 
     fn build_rig(&self) -> Result<Rig, Fault> {
@@ -438,6 +451,7 @@ struct Named {
 const VIEWS: Named = Named { list: "views", one: "view" };
 const BODIES: Named = Named { list: "bodies", one: "body" };
 const FIELDS: Named = Named { list: "asteroid_fields", one: "field" };
+const WINDOWS: Named = Named { list: "windows", one: "window" };
 
 impl Named {
     /// A fault of one of them: the path by index, and the name after it.

@@ -10,6 +10,7 @@ use toml::{Table, Value};
 use super::bodies::{MAGNITUDES, TEMPERATURES_K};
 use super::error::{Fault, finite};
 use super::projector::{BLACKS_CD_M2, GAMMAS, SOURCE_SCALES, WHITES_CD_M2};
+use super::windows::{PLACES_PX, SIDES_PX};
 use crate::catalogue::galaxy::MOST_STARS;
 use crate::photometry::psf::DIAMETERS_MM;
 use crate::plan::settings::{AsteroidSettings, PixelGaussianSettings, StarSettings};
@@ -159,6 +160,8 @@ const CHECKED_ELSEWHERE: &[Range] = &[
     closed("overlay.labels[].position_m", PLACE_M, "m"),
     closed("overlay.labels[].size_px", SIZES_PX, "pixels"),
     closed("overlay.labels[].opacity", SHARE, ""),
+    closed("windows[].position", PLACES_PX, "pixels"),
+    closed("windows[].size", SIDES_PX, "pixels"),
     closed("asteroid_fields[].position_m", PLACE_M, "m"),
     closed("asteroid_fields[].instances", [1.0, MOST_INSTANCES as f64], ""),
     above_0("asteroid_fields[].size_m", LARGEST_EXTENT_M, "m"),

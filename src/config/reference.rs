@@ -17,7 +17,7 @@ use super::views::{
 use crate::photometry::psf::Aperture;
 
 /// Order of the sections on the page; a test holds it complete.
-const SECTIONS: [&str; 13] = [
+const SECTIONS: [&str; 14] = [
     "scene",
     "views",
     "bodies",
@@ -30,6 +30,7 @@ const SECTIONS: [&str; 13] = [
     "tone_map",
     "accuracy",
     "headset",
+    "windows",
     "server",
 ];
 

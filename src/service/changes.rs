@@ -50,7 +50,11 @@ impl Service {
     }
 
     /// The scene after a change, if it can be drawn then.
-    async fn changed_scene(&self, update: &SceneUpdate, expected: Option<u64>) -> Result<SceneState, Status> {
+    pub(super) async fn changed_scene(
+        &self,
+        update: &SceneUpdate,
+        expected: Option<u64>,
+    ) -> Result<SceneState, Status> {
         for _ in 0..MOST_ATTEMPTS {
             let scene = self.scene_of(expected)?;
             update.overlay.check_views(&self.view_names(&scene)).map_err(refusals::invalid)?;

@@ -8,7 +8,7 @@ pub use super::{
     client_scene::{CheckReceiver, ReceivedCheck, ReceivedFigure, SceneForm, SceneReceiver, SeenObject},
     client_stats::{
         HeadsetStatus, ReceivedAudits, ReceivedHeadset, ReceivedImageAudit, ReceivedQuality, ReceivedStats,
-        ReceivedTimes, StatsReceiver,
+        ReceivedTimes, ReceivedWindow, StatsReceiver,
     },
 };
 use super::{

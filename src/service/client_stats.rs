@@ -8,7 +8,7 @@ use super::{
     client::{Client, ClientError, ViewImageForm, time},
     proto,
 };
-use crate::xr::Distribution;
+use crate::{windows::Intervals, xr::Distribution};
 
 /// How it stands with a daemon's headset.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -185,6 +185,58 @@ pub struct ReceivedStats {
     pub connections: u32,
     /// Requests since the start that were refused because they would have taken more than they may.
     pub refused: u64,
+    /// Windows on monitors of the daemon's machine.
+    pub windows: Vec<ReceivedWindow>,
+}
+
+/// A window on a monitor of the daemon's machine.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ReceivedWindow {
+    /// Its name.
+    pub name: String,
+    /// Name of the view that it shows.
+    pub view: String,
+    /// Which image of it; empty for a view's only one.
+    pub part: String,
+    /// `shown`, `monitor_missing`, `view_missing`, `no_display` or `closed`.
+    pub state: String,
+    /// Why it is not shown, where there is more to say; otherwise empty.
+    pub reason: String,
+    /// Name of the monitor that it is on; empty: not known.
+    pub monitor: String,
+    /// Refreshes of the monitor per second; `None`: the system does not tell.
+    pub refresh_hz: Option<f64>,
+    /// Number of the frame that it shows; 0: none yet.
+    pub frame_number: u64,
+    /// Frames that it has shown.
+    pub frames: u64,
+    /// Times from one frame to the next; `None` before the second.
+    pub intervals: Option<Intervals>,
+    /// Refreshes between two frames that no new one came for; `None`: frames do not wait for refreshes, or their rate is not known.
+    pub missed: Option<u64>,
+}
+
+impl From<proto::WindowStats> for ReceivedWindow {
+    fn from(stats: proto::WindowStats) -> Self {
+        let intervals = stats.intervals.map(|proto::WindowIntervals { median_ms, p99_ms, longest_ms }| Intervals {
+            median_ms,
+            p99_ms,
+            longest_ms,
+        });
+        Self {
+            name: stats.name,
+            view: stats.view,
+            part: stats.part,
+            state: stats.state,
+            reason: stats.reason,
+            monitor: stats.monitor,
+            refresh_hz: stats.refresh_hz,
+            frame_number: stats.frame_number,
+            frames: stats.frames,
+            intervals,
+            missed: stats.missed,
+        }
+    }
 }
 
 /// What display images give up to be in time.
@@ -285,6 +337,7 @@ impl TryFrom<proto::Stats> for ReceivedStats {
             encoded: stats.encoded,
             connections: stats.connections,
             refused: stats.refused,
+            windows: stats.windows.into_iter().map(ReceivedWindow::from).collect(),
         })
     }
 }

@@ -11,6 +11,7 @@ use super::{
     proto,
     render::{QualityFigures, RenderHandle},
     scene::SceneState,
+    windows::Windows,
 };
 use crate::{
     plan::{
@@ -20,6 +21,7 @@ use crate::{
     },
     render::FrameTimes,
     view::Part,
+    windows::{Intervals, WindowFigures},
     xr::{Distribution, HeadsetStatistics, Status},
 };
 
@@ -162,10 +164,22 @@ fn audits_to_pb(AuditFigures { audited, broken, last }: AuditFigures) -> proto::
     }
 }
 
+fn window_to_pb(figures: WindowFigures) -> proto::WindowStats {
+    let WindowFigures { name, view, part, state, monitor, refresh_hz, frame_number, frames, intervals, missed } =
+        figures;
+    let intervals = intervals.map(|Intervals { median_ms, p99_ms, longest_ms }| proto::WindowIntervals {
+        median_ms,
+        p99_ms,
+        longest_ms,
+    });
+    let (state, reason) = (state.name().to_owned(), state.reason().to_owned());
+    proto::WindowStats { name, view, part, state, reason, monitor, refresh_hz, frame_number, frames, intervals, missed }
+}
+
 /// The figures as they are now.
 pub(super) fn stats_to_pb(
     render: &RenderHandle,
-    headset: Option<&Headset>,
+    (headset, windows): (Option<&Headset>, Option<&Windows>),
     encoders: &Encoders,
     shares: &Shares,
 ) -> proto::Stats {
@@ -184,5 +198,6 @@ pub(super) fn stats_to_pb(
         encoded: encoders.count(),
         connections: u32::try_from(shares.connections()).unwrap_or(u32::MAX),
         refused: shares.refused(),
+        windows: windows.map(Windows::report).unwrap_or_default().into_iter().map(window_to_pb).collect(),
     }
 }

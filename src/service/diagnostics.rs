@@ -88,7 +88,7 @@ impl proto::diagnostics_service_server::DiagnosticsService for Service {
         if scenes.borrow().is_none() {
             return Err(refused(Refused::Ending));
         }
-        let (render, headset) = (self.render.clone(), self.headset.clone());
+        let (render, headset, windows) = (self.render.clone(), self.headset.clone(), self.windows.clone());
         let (encoders, shares) = (Arc::clone(&self.encoders), Arc::clone(&self.shares));
         let mut statuses = headset.as_ref().map(|headset| headset.watch_status());
         let (sender, stream) = mpsc::channel(1);
@@ -109,7 +109,8 @@ impl proto::diagnostics_service_server::DiagnosticsService for Service {
                     _ = scenes.wait_for(Option::is_none) => return,
                 };
                 let Ok(room) = room else { return };
-                room.send(Ok(convert_stats::stats_to_pb(&render, headset.as_deref(), &encoders, &shares)));
+                let shown = (headset.as_deref(), windows.as_deref());
+                room.send(Ok(convert_stats::stats_to_pb(&render, shown, &encoders, &shares)));
             }
         });
         Ok(Response::new(ReceiverStream::new(stream)))

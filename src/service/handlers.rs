@@ -29,6 +29,7 @@ use super::{
     state::StateFile,
     video::Rate,
     views::ViewId,
+    windows::Windows,
     workshop::Workshop,
 };
 use crate::{
@@ -57,6 +58,7 @@ const HEADSET_PATIENCE: Duration = Duration::from_secs(5);
 pub(super) struct Service {
     pub(super) render: RenderHandle,
     pub(super) headset: Option<Arc<Headset>>,
+    pub(super) windows: Option<Arc<Windows>>,
     pub(super) adapter: Arc<AdapterReport>,
     pub(super) limits: Arc<Limits>,
     pub(super) catalogues: Arc<Vec<SceneCatalogue>>,
@@ -83,7 +85,7 @@ pub(super) struct Service {
 impl Service {
     pub(super) fn new(
         render: RenderHandle,
-        headset: Option<Arc<Headset>>,
+        (headset, windows): (Option<Arc<Headset>>, Option<Arc<Windows>>),
         (adapter, limits): (AdapterReport, Limits),
         (catalogues, stars): (Vec<SceneCatalogue>, u64),
         capacity: Capacity,
@@ -92,6 +94,7 @@ impl Service {
         Self {
             render,
             headset,
+            windows,
             adapter: Arc::new(adapter),
             limits: Arc::new(limits),
             catalogues: Arc::new(catalogues),

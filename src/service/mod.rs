@@ -65,6 +65,7 @@ mod track;
 mod video;
 mod view_changes;
 mod views;
+mod windows;
 mod worker;
 mod workshop;
 
@@ -75,7 +76,8 @@ pub const SPANS: &str = "steradian::spans";
 pub use client::{
     After, CheckReceiver, Client, ClientError, FrameReceiver, HeadsetStatus, ReceivedAudits, ReceivedCheck,
     ReceivedFigure, ReceivedFrame, ReceivedHeadset, ReceivedImage, ReceivedImageAudit, ReceivedQuality, ReceivedStats,
-    ReceivedTimes, SceneForm, SceneReceiver, SeenObject, ServerInfo, StatsReceiver, ViewForm, ViewImageForm,
+    ReceivedTimes, ReceivedWindow, SceneForm, SceneReceiver, SeenObject, ServerInfo, StatsReceiver, ViewForm,
+    ViewImageForm,
 };
 pub use client_camera::{CameraReceiver, Lease, Steering};
 pub use credentials::Credentials;
@@ -88,6 +90,7 @@ pub use scene::SceneUpdate;
 pub use server::{Address, Reloads, SceneCatalogue, ServeError, ServeOptions, Shutdown, check_listen, run, signals};
 pub use state::StateError;
 pub use views::{TableChange, ViewUpdate};
+pub use windows::{OpenWindows, WindowsEnd, WindowsOptions};
 
 /// Generated from `proto/steradian/v1`.
 mod proto {

@@ -86,6 +86,10 @@ pub(super) enum Refused {
 pub(super) struct Request {
     pub(super) view: ViewId,
     pub(super) wanted: Wanted,
+    /// When it is due.
+    pub(super) pace: Pace,
+    /// Whether windows have asked: they need no place among the calls.
+    pub(super) of_windows: bool,
     pub(super) reply: Reply,
 }
 
@@ -232,6 +236,11 @@ impl State {
     fn tell_camera(&self) {
         let camera = self.camera;
         self.watched_camera.send_if_modified(|watched| watched.as_mut().map(|watched| *watched = camera).is_some());
+    }
+
+    /// Requests of calls that wait.
+    fn calls_waiting(&self) -> usize {
+        self.requests.iter().filter(|request| !request.of_windows).count()
     }
 
     /// Whether there is a view: those who wait, and what is kept of views, are of such ones alone.
@@ -549,17 +558,51 @@ impl RenderHandle {
         if !state.has_view(view) {
             return Err(Refused::Deleted);
         }
-        if state.requests.len() >= self.shared.capacity.requests {
+        if state.calls_waiting() >= self.shared.capacity.requests {
             // Callers that went away need no place.
             state.requests.retain(|request| !request.reply.is_closed());
         }
-        if state.requests.len() >= self.shared.capacity.requests {
+        if state.calls_waiting() >= self.shared.capacity.requests {
             return Err(Refused::Full);
         }
         let (reply, receiver) = oneshot::channel();
-        state.requests.push_back(Request { view, wanted, reply });
+        state.requests.push_back(Request { view, wanted, pace: Pace::new(Duration::ZERO), of_windows: false, reply });
         self.shared.wake.notify_one();
         Ok(receiver)
+    }
+
+    /// Asks for the next frame of each of these views, at the same time: what one frame can show comes in one. They are due as those of a stream,
+    /// where the newest frames of all of them are the ones `seen`, and at once otherwise.
+    pub(super) fn next_of_views(
+        &self,
+        views: &[(ViewId, Wanted)],
+        seen: &HashMap<ViewId, u64>,
+    ) -> Result<Vec<oneshot::Receiver<Result<Arc<RenderedFrame>, RenderFailure>>>, Refused> {
+        let mut state = self.shared.state();
+        if state.draining {
+            return Err(Refused::Ending);
+        }
+        let paces: Option<Vec<Pace>> = views
+            .iter()
+            .map(|(view, _)| {
+                let (number, shown, start) = state.newest.get(view)?;
+                (seen.get(view) == Some(number)).then(|| Pace::after(*shown, *start))
+            })
+            .collect();
+        let paces = paces.unwrap_or_else(|| vec![Pace::new(Duration::ZERO); views.len()]);
+        let mut receivers = Vec::with_capacity(views.len());
+        for ((view, wanted), pace) in views.iter().zip(paces) {
+            let (reply, receiver) = oneshot::channel();
+            receivers.push(receiver);
+            if state.has_view(*view) {
+                state.requests.push_back(Request { view: *view, wanted: *wanted, pace, of_windows: true, reply });
+            } else {
+                // Whoever asks was told that there is a receiver; it has gone meanwhile.
+                let _ = reply.send(Err(RenderFailure::Deleted(String::new())));
+            }
+        }
+        self.shared.wake.notify_one();
+        Ok(receivers)
     }
 
     /// Asks for the frames of a view, at least `interval` apart.
@@ -596,7 +639,7 @@ impl RenderHandle {
 
     /// Requests that wait.
     pub(super) fn requests_waiting(&self) -> usize {
-        self.shared.state().requests.len()
+        self.shared.state().calls_waiting()
     }
 
     /// Takes no new work and ends every subscription; requests that are queued are still answered.

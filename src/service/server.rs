@@ -38,6 +38,7 @@ use super::{
     scene::SceneState,
     state::{StateError, StateFile},
     views::{GivenView, ViewSet},
+    windows::{Windows, WindowsOptions, WindowsThread},
     worker::{self, RenderThread},
     workshop::Workshop,
 };
@@ -163,6 +164,8 @@ pub struct ServeOptions {
     pub folder: PathBuf,
     /// A headset, as one more view.
     pub headset: Option<HeadsetOptions>,
+    /// Windows on monitors of this machine.
+    pub windows: Option<WindowsOptions>,
     /// File in which acknowledged changes are kept; `None`: they are lost at the end.
     pub state: Option<PathBuf>,
     /// Names by which clients may call the daemon, without ports, besides `localhost` and addresses.
@@ -184,7 +187,7 @@ pub struct ServeOptions {
 }
 
 impl ServeOptions {
-    /// Options without a headset, that end on signals, after a drain of at most 5 s, with up to 16 pending calls of `RenderFrame`
+    /// Options without a headset and windows, that end on signals, after a drain of at most 5 s, with up to 16 pending calls of `RenderFrame`
     /// and 256 streams.
     pub fn new(
         listen: impl Into<String>,
@@ -206,6 +209,7 @@ impl ServeOptions {
             view_definitions: Vec::new(),
             folder: PathBuf::new(),
             headset: None,
+            windows: None,
             hosts: Vec::new(),
             access: None,
             reloads: Reloads::Signals,
@@ -348,6 +352,16 @@ async fn join_headset(mut thread: HeadsetThread, deadline: Instant) {
     }
 }
 
+/// The same for the thread of the windows.
+async fn join_windows(mut thread: WindowsThread, deadline: Instant) {
+    let deadline = deadline.max(Instant::now() + FAREWELL);
+    if timeout_at(deadline, &mut thread.ended).await.is_err() {
+        tracing::warn!("the thread of the windows is still busy: ending without it");
+    } else if thread.join.join().is_err() {
+        tracing::warn!("the thread of the windows did not end in order");
+    }
+}
+
 /// What a daemon begins with.
 struct Begun {
     scene: SceneSnapshot,
@@ -409,6 +423,7 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
         view_definitions,
         folder,
         headset,
+        windows,
         hosts,
         access,
         reloads,
@@ -465,10 +480,16 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
     let (handle, mut thread) = worker::spawn(engine, scene, (objects, views), settings, capacity)?;
     let (headset, drive) =
         headset.map(|options| (Arc::new(Headset::new(options.name, handle.clone())), options.drive)).unzip();
+    let (windows, window_work) = windows
+        .map(|WindowsOptions { windows, open }| {
+            let (known, pressed) = Windows::new(windows.clone(), handle.clone());
+            (Arc::new(known), (open, windows, pressed))
+        })
+        .unzip();
     let keeps_state = file.is_some();
     let service = Service::new(
         handle.clone(),
-        headset.clone(),
+        (headset.clone(), windows.clone()),
         (info, limits),
         (catalogues, stars),
         capacity,
@@ -479,8 +500,19 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
         Some((headset, drive)) => Some(headset.spawn(drive).inspect_err(|_| handle.stop())?),
         None => None,
     };
+    let windows_thread = match windows.as_ref().zip(window_work) {
+        Some((known, (open, of_windows, pressed))) => {
+            // It ends when the windows do.
+            tokio::spawn(service.clone().keep_test_patterns(of_windows, pressed));
+            Some(known.spawn(open).inspect_err(|_| handle.stop())?)
+        }
+        None => None,
+    };
     let drain_all = || {
         handle.drain();
+        if let Some(windows) = &windows {
+            windows.drain();
+        }
         if let Some(headset) = &headset {
             headset.drain();
         }
@@ -529,6 +561,9 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
             if let Some(thread) = headset_thread {
                 join_headset(thread, deadline).await;
             }
+            if let Some(thread) = windows_thread {
+                join_windows(thread, deadline).await;
+            }
             join(thread, false, deadline).await?;
             return result.map_err(ServeError::from);
         }
@@ -551,6 +586,9 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
     }
     if let Some(thread) = headset_thread {
         join_headset(thread, deadline).await;
+    }
+    if let Some(thread) = windows_thread {
+        join_windows(thread, deadline).await;
     }
     access_keeper.abort();
     if let Address::Unix(path) = &address

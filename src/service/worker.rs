@@ -31,9 +31,9 @@ use super::{
     objects::Objects,
     order::EncodedImages,
     quality::{self, Quality},
-    render::{Capacity, Failures, RenderHandle, Request, Shared, State, Subscriber},
+    render::{Capacity, Failures, RenderHandle, Request, Shared, State},
     scene::SceneState,
-    schedule::Revisions,
+    schedule::{Pace, Revisions},
     slot::{GivenUp, RenderFailure, RenderedFrame, Slot},
     streams::Streams,
     track::Track,
@@ -571,9 +571,10 @@ impl Worker {
             self.eyes.retain(|of, _| groups.eyes.contains(of));
             self.map_place_pc.retain(|group, _| *group < groups.all.len());
         }
-        let due_at = |s: &Subscriber| s.pace.due_at(newest, self.converged(s.view), now);
-        let of_streams = state.subscribers.iter().map(due_at).min();
-        let due = if state.requests.is_empty() { of_streams } else { Some(now) };
+        let due_at = |pace: &Pace, view: ViewId| pace.due_at(newest, self.converged(view), now);
+        let of_streams = state.subscribers.iter().map(|stream| due_at(&stream.pace, stream.view));
+        let of_requests = state.requests.iter().map(|request| due_at(&request.pace, request.view));
+        let due = of_streams.chain(of_requests).min();
         let moves = moves.map(|moves| now + if is_moving { UNSEEN_INTERVAL } else { moves });
         Tasks { scene, newest, due, moves, groups: Arc::clone(&self.groups) }
     }
@@ -588,10 +589,12 @@ impl Worker {
     fn take_job(&mut self, state: &mut State, Tasks { scene, newest, groups, .. }: Tasks, start: Instant) -> Job {
         state.follow(SystemTime::now() + self.forecast.frame());
         let newest = Revisions { camera: state.camera.revision, ..newest };
-        let is_due =
-            |subscriber: &Subscriber| subscriber.pace.due_at(newest, self.converged(subscriber.view), start) <= start;
-        let due: Vec<bool> = state.subscribers.iter().map(is_due).collect();
-        let of_requests = state.requests.iter().map(|request| groups.kind_of(request.view, request.wanted));
+        let is_due = |pace: &Pace, view: ViewId| pace.due_at(newest, self.converged(view), start) <= start;
+        let due: Vec<bool> = state.subscribers.iter().map(|stream| is_due(&stream.pace, stream.view)).collect();
+        let (waiting, later): (VecDeque<Request>, VecDeque<Request>) =
+            mem::take(&mut state.requests).into_iter().partition(|request| is_due(&request.pace, request.view));
+        state.requests = later;
+        let of_requests = waiting.iter().map(|request| groups.kind_of(request.view, request.wanted));
         let of_streams = state.subscribers.iter().zip(&due).filter(|(_, due)| **due);
         let of_streams = of_streams.map(|(subscriber, _)| groups.kind_of(subscriber.view, subscriber.wanted));
         let kind = next_kind(of_requests.chain(of_streams), self.last_kind);
@@ -602,11 +605,10 @@ impl Worker {
             wanted.display |= what.display;
             wanted.hdr |= what.hdr;
         };
-        let (requests, later): (VecDeque<Request>, VecDeque<Request>) = mem::take(&mut state.requests)
-            .into_iter()
-            .partition(|request| groups.kind_of(request.view, request.wanted) == kind);
-        let requests = Vec::from(requests);
-        state.requests = later;
+        let (requests, others): (Vec<Request>, Vec<Request>) =
+            waiting.into_iter().partition(|request| groups.kind_of(request.view, request.wanted) == kind);
+        // Before those that are due later, in their order.
+        others.into_iter().rev().for_each(|request| state.requests.push_front(request));
         for request in &requests {
             want(request.view, request.wanted);
         }

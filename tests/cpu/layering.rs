@@ -20,15 +20,21 @@ const LAYERS: &[&[&str]] = &[
     &["reference", "metrics"],
     &["render"],
     &["verify", "chart", "audit"],
-    &["output", "xr", "service"],
+    &["output", "xr", "windows", "service"],
     &["cli"],
     &["main"],
 ];
 
 /// Imports between modules of one layer: (importer, imported). A scene has what its views are made of, and a headset and
 /// the service hand out what `output` encodes.
-const SIBLINGS: &[(&str, &str)] =
-    &[("coordinates", "units"), ("scene", "view"), ("xr", "output"), ("service", "output"), ("service", "xr")];
+const SIBLINGS: &[(&str, &str)] = &[
+    ("coordinates", "units"),
+    ("scene", "view"),
+    ("xr", "output"),
+    ("service", "output"),
+    ("service", "xr"),
+    ("service", "windows"),
+];
 
 /// Imports that the layers would allow and that are refused all the same: a twin on the CPU is worth nothing as a check
 /// if it shares code with what it checks.

@@ -128,6 +128,11 @@ fn documents(range: &Range) -> Vec<Value> {
         "bodies" => &["sphere", "ellipsoid", "sun"],
         "asteroid_fields" => &["box", "belt", "ring"],
         "scene.catalogues" => return vec![json!({ "scene": { "catalogues": [{ "galaxy": { "stars": 3 } }] } })],
+        "windows" => {
+            let view = Value::Object(listed("views", "perspective"));
+            let window = json!({ "view": "it", "position": [0, 0], "size": [8, 8] });
+            return vec![json!({ "views": [view], "windows": [window] })];
+        }
         "overlay.grids" => return vec![json!({ "overlay": { "grids": [{ "kind": "galactic" }] } })],
         "overlay.trajectories" => {
             let way = json!({ "name": "it", "points_m": [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]] });
@@ -247,7 +252,8 @@ fn disagreements(validator: &jsonschema::Validator, range: &Range) -> (Vec<Strin
     assert!(!documents.is_empty(), "{}: nothing has this key", range.key);
     let name = range.key.rsplit('.').next().unwrap();
     let whole =
-        ["cells", "layers", "stars", "size", "face_size", "instances", "tiles", "tile_px", "samples"].contains(&name);
+        ["cells", "layers", "stars", "size", "position", "face_size", "instances", "tiles", "tile_px", "samples"]
+            .contains(&name);
     let angle = range.key.starts_with("views") && name.ends_with("_deg");
     // Values, and whether they are allowed.
     let mut values = vec![(beyond(range.least, false, whole, angle), false)];

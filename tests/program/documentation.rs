@@ -6,6 +6,7 @@
 //!
 //! - `cargo run --release --example NAME -- ARGUMENTS` runs the example as `cargo test` has built it,
 //! - `steradian serve` goes on in the background, on a free port, and is stopped by SIGTERM after the last command,
+//! - `steradian show` draws three frames, or says by exit code 69 that there is no display,
 //! - `steradian xr` draws one frame, or says by exit code 69 what of OpenXR is missing here,
 //! - programs in Python are run by `python/tests/test_documents.py`, where Python has what they need; here their file must have their options,
 //! - commands in [`EXCUSED`] are not run; what they name is checked instead.
@@ -215,8 +216,15 @@ impl Reader {
         if command.starts_with("steradian xr") {
             runs.push_str(" --frames 1");
         }
+        if command.starts_with("steradian show") && !command.contains("--monitors") {
+            runs.push_str(" --frames 3");
+        }
         let output = self.shell(&runs).output().map_err(|error| format!("`{command}`: {error}"))?;
         let said = String::from_utf8_lossy(&output.stderr);
+        let needs_a_display = command.starts_with("steradian show") && output.status.code() == Some(69);
+        if needs_a_display && said.contains("no display") {
+            return Ok(());
+        }
         let needs_a_runtime = command.starts_with("steradian xr") && output.status.code() == Some(69);
         if output.status.success() || (needs_a_runtime && said.contains("OpenXR")) {
             return Ok(());

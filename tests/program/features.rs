@@ -5,6 +5,7 @@ use std::{path::Path, process::Command};
 /// What each feature brings: crates that are compiled with it and with no other one.
 const BROUGHT: &[(&str, &[&str])] = &[
     ("service", &["prost", "tokio", "tonic"]),
+    ("windows", &["winit", "x11-dl", "x11rb"]),
     ("xr", &["openxr"]),
     ("chart", &["svg"]),
     ("cli", &["clap", "indicatif", "tracing-subscriber"]),

@@ -1,13 +1,13 @@
 //! Drawing of a film's frames.
 
-use std::io;
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 use clap::{Args, ValueEnum, value_parser};
 
+use super::super::ending::ended_by_signal;
 use super::super::progress::FilmProgress;
 use super::super::{
     CliError,
@@ -27,7 +27,6 @@ use crate::output::film::{
 use crate::output::pack;
 use crate::render::{Frame, FrameRequest, RenderError, Renderer, Wanted};
 use crate::scene::{Camera, SceneObjects, SceneSnapshot};
-use crate::service;
 use crate::view::{Rig, ViewPicture};
 
 /// Names of the formats.
@@ -510,21 +509,4 @@ fn projection(config: &Config, view: usize) -> String {
 fn numbers(values: &[f64]) -> String {
     let texts: Vec<String> = values.iter().map(|value| format!("{value:?}")).collect();
     texts.join(" ")
-}
-
-/// Becomes true with SIGINT or SIGTERM, which from now on end nothing by themselves.
-fn ended_by_signal() -> io::Result<Arc<AtomicBool>> {
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-    let signals = {
-        let _entered = runtime.enter();
-        service::signals()?
-    };
-    let ended = Arc::new(AtomicBool::new(false));
-    let tell = Arc::clone(&ended);
-    std::thread::Builder::new().name("signals".to_owned()).spawn(move || {
-        runtime.block_on(signals);
-        tracing::info!("ending after the frame in hand");
-        tell.store(true, Ordering::Relaxed);
-    })?;
-    Ok(ended)
 }

@@ -167,6 +167,43 @@ pub fn width_px(text: &str, size_px: f64) -> f64 {
     units * size_px / f64::from(font.units_per_em().unwrap_or(1000.0))
 }
 
+/// A line of upright text by itself, without an image that it lies in.
+#[derive(Clone, Debug)]
+pub struct Line {
+    glyphs: Vec<(i32, Bitmap)>,
+}
+
+impl Line {
+    /// The line, in letters of a height in pixels. Characters that the font lacks are its box.
+    pub fn new(text: &str, size_px: f64) -> Self {
+        let font = font();
+        let scale = size_px / f64::from(font.units_per_em().unwrap_or(1000.0));
+        let mut pen_px = 0.0;
+        let mut glyphs = Vec::new();
+        for character in text.chars() {
+            let glyph = font.glyph_id(character);
+            let place = (pen_px * PLACES).round() / PLACES;
+            let within = ((place - place.floor()) * PLACES) as u8;
+            let key = Key { glyph: glyph.0, size: size_px.to_bits(), turn: 0, place: [within, 0], edge: false };
+            glyphs.push((place.floor() as i32, bitmap(key)));
+            pen_px += f64::from(font.h_advance_unscaled(glyph)) * scale;
+        }
+        Self { glyphs }
+    }
+
+    /// Columns and rows from where it begins on its baseline, and the coverage of each pixel in parts of 255.
+    pub fn pixels(&self) -> impl Iterator<Item = (i32, i32, u8)> {
+        self.glyphs.iter().flat_map(|(pen, bitmap)| {
+            let width = bitmap.size[0].max(1) as usize;
+            let place = move |index: usize| [(index % width) as i32, (index / width) as i32];
+            bitmap.coverage.iter().enumerate().map(move |(index, covered)| {
+                let [x, y] = place(index);
+                (pen + bitmap.from[0] + x, bitmap.from[1] + y, *covered)
+            })
+        })
+    }
+}
+
 /// Height of capitals, in parts of the font's.
 const CAPITALS: f64 = 0.73;
 

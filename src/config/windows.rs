@@ -1,0 +1,259 @@
+//! `[[windows]]`: a view on a monitor of this machine, full screen or in a frame.
+
+use schemars::JsonSchema;
+use serde::de::value::MapAccessDeserializer;
+use serde::de::{Error, MapAccess, Visitor};
+use serde::{Deserialize, Deserializer, Serialize};
+
+use super::error::Fault;
+use super::overlay::OverlayConfig;
+use crate::view::{Part, Rig, View, check_name};
+
+/// Most windows: each holds images of its own on the adapter.
+pub const MOST_WINDOWS: usize = 64;
+/// Places of windows, pixels: X11 has 16 bits for them.
+pub(super) const PLACES_PX: [f64; 2] = [-32_767.0, 32_767.0];
+/// Sides of windows, pixels.
+pub(super) const SIDES_PX: [f64; 2] = [1.0, 32_767.0];
+
+/// Which monitor a window is on.
+#[derive(Clone, Debug, PartialEq, Eq, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum MonitorChoice {
+    /// By what its EDID says of it: `VENDOR-PRODUCT-SERIAL`, its name or its serial number as text.
+    Edid(String),
+    /// By its number from 1, from left to right and then from top to bottom.
+    #[serde(untagged)]
+    Number(u32),
+    /// By the name of its connector, such as `DP-1`.
+    #[serde(untagged)]
+    Name(String),
+}
+
+impl std::fmt::Display for MonitorChoice {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Edid(edid) => write!(f, "of EDID `{edid}`"),
+            Self::Number(number) => write!(f, "number {number}"),
+            Self::Name(name) => write!(f, "`{name}`"),
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for MonitorChoice {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_any(MonitorVisitor)
+    }
+}
+
+struct MonitorVisitor;
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct EdidEntry {
+    edid: String,
+}
+
+impl<'de> Visitor<'de> for MonitorVisitor {
+    type Value = MonitorChoice;
+
+    fn expecting(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        formatter.write_str("a name such as \"DP-1\", a number from 1, or { edid = \"DEL-40F1-00000123\" }")
+    }
+
+    fn visit_str<E: Error>(self, name: &str) -> Result<MonitorChoice, E> {
+        if name.is_empty() {
+            return Err(E::custom("an empty name: needed is that of a connector, such as \"DP-1\""));
+        }
+        Ok(MonitorChoice::Name(name.to_owned()))
+    }
+
+    fn visit_i64<E: Error>(self, number: i64) -> Result<MonitorChoice, E> {
+        match u32::try_from(number) {
+            Ok(number @ 1..) => Ok(MonitorChoice::Number(number)),
+            _ => Err(E::custom(format!("{number}: numbers of monitors begin with 1"))),
+        }
+    }
+
+    fn visit_u64<E: Error>(self, number: u64) -> Result<MonitorChoice, E> {
+        self.visit_i64(i64::try_from(number).unwrap_or(0))
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<MonitorChoice, A::Error> {
+        let EdidEntry { edid } = EdidEntry::deserialize(MapAccessDeserializer::new(map))?;
+        if edid.is_empty() {
+            return Err(A::Error::custom(
+                "edid: an empty text: `steradian show --monitors` tells those of this machine",
+            ));
+        }
+        Ok(MonitorChoice::Edid(edid))
+    }
+}
+
+/// What the pixels of a window are made of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize, Default, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum WindowFormat {
+    /// The bytes of the display image: 8 bits, sRGB.
+    #[default]
+    Srgb8,
+    /// The same tone mapping with 10 bits, without dither.
+    Rgb10,
+    /// Linear light without tone mapping, 1 for display white; more than 1 as far as the monitor shows it.
+    Hdr,
+}
+
+impl WindowFormat {
+    /// Its name in configurations and messages.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Srgb8 => "srgb8",
+            Self::Rgb10 => "rgb10",
+            Self::Hdr => "hdr",
+        }
+    }
+}
+
+/// One window.
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct WindowConfig {
+    /// Unique name, in titles, logs and statistics: letters, digits, `_` and `-`. Absent: that of the view, and of the part after a `-`.
+    #[serde(default)]
+    pub name: String,
+    /// Name of the view that it shows.
+    pub view: String,
+    /// Which image, where the view has several: `left`, `right`, or the name of a cube face.
+    pub part: Option<String>,
+    /// The monitor: its name, its number from 1, or `{ edid = "..." }`. Absent: the first one, and for windows in a frame wherever the desktop puts it.
+    pub monitor: Option<MonitorChoice>,
+    /// Whether it fills its monitor; otherwise it has a frame.
+    #[serde(default)]
+    pub fullscreen: bool,
+    /// Place of the upper left corner on the monitor, or on the desktop where no monitor is named, pixels. Absent: as the desktop chooses.
+    pub position: Option<[i32; 2]>,
+    /// Width and height. Absent: those of the image.
+    pub size: Option<[u32; 2]>,
+    /// Whether images wait for the monitor's refresh.
+    #[serde(default = "yes")]
+    pub vsync: bool,
+    /// Whether the cursor is seen over it.
+    #[serde(default)]
+    pub cursor: bool,
+    /// What its pixels are made of.
+    #[serde(default)]
+    pub format: WindowFormat,
+}
+
+fn yes() -> bool {
+    true
+}
+
+impl WindowConfig {
+    /// A window in a frame that shows an image of a view.
+    pub fn of_image(view: &str, part: Part) -> Self {
+        let part = part.name().map(str::to_owned);
+        Self {
+            name: part.as_ref().map_or_else(|| view.to_owned(), |part| format!("{view}-{part}")),
+            view: view.to_owned(),
+            part,
+            monitor: None,
+            fullscreen: false,
+            position: None,
+            size: None,
+            vsync: true,
+            cursor: false,
+            format: WindowFormat::default(),
+        }
+    }
+
+    /// Its view and the image of it that it shows. `None`: there is none any more.
+    pub fn image_of<'a>(&self, rig: &'a Rig) -> Option<(usize, &'a View, usize)> {
+        let (number, view) = rig.views().iter().enumerate().find(|(_, view)| view.name == self.view)?;
+        let image = view.images.iter().position(|image| image.part.name() == self.part.as_deref())?;
+        Some((number, view, image))
+    }
+
+    /// Gives it a name where it has none.
+    fn named(mut self) -> Self {
+        if self.name.is_empty() {
+            self.name = self.part.as_ref().map_or_else(|| self.view.clone(), |part| format!("{}-{part}", self.view));
+        }
+        self
+    }
+
+    fn check(&self, rig: &Rig) -> Result<(), Fault> {
+        check_name(&self.name).map_err(|error| Fault::new("name", error.to_string()))?;
+        let Some(view) = rig.views().iter().find(|view| view.name == self.view) else {
+            let names: Vec<&str> = rig.views().iter().map(|view| view.name.as_str()).collect();
+            let allowed = if names.is_empty() { "none: there are no [[views]]".to_owned() } else { names.join(", ") };
+            return Err(Fault::new("view", format!("no view `{}`: allowed are {allowed}", self.view)));
+        };
+        if self.image_of(rig).is_none() {
+            let parts: Vec<&str> = view.images.iter().filter_map(|image| image.part.name()).collect();
+            let problem = match (&self.part, parts.is_empty()) {
+                (Some(_), true) => format!("view `{}` has one image: leave it out", self.view),
+                (Some(part), false) => {
+                    format!("view `{}` has no image `{part}`: allowed are {}", self.view, parts.join(", "))
+                }
+                (None, _) => format!("view `{}` has several images: needed is one of {}", self.view, parts.join(", ")),
+            };
+            return Err(Fault::new("part", problem));
+        }
+        for (key, given) in [("position", self.position.is_some()), ("size", self.size.is_some())] {
+            if self.fullscreen && given {
+                let problem = "has no effect with fullscreen = true: the window fills its monitor; leave it out";
+                return Err(Fault::new(key, problem));
+            }
+        }
+        within("position", self.position.iter().flatten().copied().map(f64::from), PLACES_PX)?;
+        within("size", self.size.iter().flatten().copied().map(f64::from), SIDES_PX)
+    }
+
+    /// Overlays are drawn over display images alone.
+    fn check_overlay(&self, overlay: &OverlayConfig, patterned: &[&str]) -> Result<(), Fault> {
+        let lines = !(overlay.grids.is_empty() && overlay.trajectories.is_empty() && overlay.labels.is_empty());
+        if self.format == WindowFormat::Srgb8 || !(lines || patterned.contains(&self.view.as_str())) {
+            return Ok(());
+        }
+        let problem = "overlays and test patterns are in display images of 8 bits alone: set format = \"srgb8\", or leave them out";
+        Err(Fault::new("format", format!("`{}`: {problem}", self.format.name())))
+    }
+}
+
+fn within(key: &str, mut pixels: impl Iterator<Item = f64>, [least, most]: [f64; 2]) -> Result<(), Fault> {
+    match pixels.find(|pixels| !(least..=most).contains(pixels)) {
+        Some(wrong) => Err(Fault::new(key, format!("{wrong}: allowed are {least} to {most} pixels"))),
+        None => Ok(()),
+    }
+}
+
+/// All windows with their names, if they can be shown; a fault has the window's number. `patterned` are the views with test patterns.
+pub(super) fn windows(
+    windows: Vec<WindowConfig>,
+    rig: &Rig,
+    overlay: &OverlayConfig,
+    patterned: &[&str],
+) -> Result<Vec<WindowConfig>, (usize, Fault)> {
+    if windows.len() > MOST_WINDOWS {
+        let problem = format!("{} windows: allowed are {MOST_WINDOWS} at most", windows.len());
+        return Err((MOST_WINDOWS, Fault::new("", problem)));
+    }
+    let windows: Vec<WindowConfig> = windows.into_iter().map(WindowConfig::named).collect();
+    for (index, window) in windows.iter().enumerate() {
+        window.check(rig).map_err(|fault| (index, fault))?;
+        window.check_overlay(overlay, patterned).map_err(|fault| (index, fault))?;
+        let before = || windows[..index].iter();
+        if let Some(first) = before().position(|other| other.name == window.name) {
+            let problem = format!("windows[{first}] has the name `{}` too: give them names of their own", window.name);
+            return Err((index, Fault::new("name", problem)));
+        }
+        let fills = |other: &WindowConfig| other.fullscreen && window.fullscreen && other.monitor == window.monitor;
+        if let Some(first) = before().position(fills) {
+            let monitor = window.monitor.as_ref().map_or("the first one".to_owned(), MonitorChoice::to_string);
+            let problem = format!("windows[{first}] fills monitor {monitor} too: one window alone can");
+            return Err((index, Fault::new("monitor", problem)));
+        }
+    }
+    Ok(windows)
+}

@@ -1,0 +1,518 @@
+//! The thread of the events: opens windows, puts them where they belong, watches monitors, and takes keys.
+//!
+//! Monitors are looked at twice a second. A window whose monitor is not there is hidden, or not opened yet;
+//! when the monitor comes (back), it is shown there again.
+
+use std::{
+    collections::HashMap,
+    sync::{Arc, atomic::Ordering::Relaxed},
+    thread::{self, JoinHandle},
+    time::{Duration, Instant},
+};
+
+use winit::{
+    application::ApplicationHandler,
+    dpi::{PhysicalPosition, PhysicalSize},
+    event::{ElementState, KeyEvent, WindowEvent},
+    event_loop::{ActiveEventLoop, ControlFlow, EventLoop, EventLoopProxy},
+    keyboard::{Key, NamedKey},
+    platform::{wayland::EventLoopBuilderExtWayland, x11::ActiveEventLoopExtX11, x11::EventLoopBuilderExtX11},
+    raw_window_handle::{HasWindowHandle, RawWindowHandle},
+    window::{Fullscreen, Window, WindowId},
+};
+
+use super::{
+    WindowsError,
+    desk::Desk,
+    display::check_display,
+    display_loss::outlive_the_display,
+    host::{Command, Host},
+    monitors::{self, Monitor, MonitorReport},
+    presenter::Presenter,
+    statistics::WindowState,
+    x11::X11,
+};
+use crate::config::{MonitorChoice, WindowConfig};
+
+/// Between two looks at the monitors.
+const LOOK: Duration = Duration::from_millis(500);
+
+/// What becomes of the program when its X server ends.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum WithoutDisplay {
+    /// It ends, as programs of X11 do.
+    Ends,
+    /// It goes on, and the call of [`open`] does not return any more.
+    GoesOn,
+}
+
+/// What the presenting thread tells the events.
+#[derive(Clone, Copy, Debug)]
+enum Told {
+    /// It has ended.
+    Ended,
+}
+
+/// Opens windows for a host, and shows its frames until it ends them. `sizes` are those of the images, pixels; `preferred` is the adapter that presents where
+/// it can. The thread that calls is the one of the events until then; a process can do so once. `without_display` says what becomes of the program when the display goes.
+///
+/// # Errors
+///
+/// There is no display, or no window can be shown on it.
+pub fn open(
+    configs: &[WindowConfig],
+    sizes: &[[u32; 2]],
+    preferred: &str,
+    host: Arc<dyn Host>,
+    without_display: WithoutDisplay,
+) -> Result<(), WindowsError> {
+    let events = event_loop()?;
+    if without_display == WithoutDisplay::GoesOn {
+        outlive_the_display().map_err(WindowsError::Display)?;
+    }
+    let desk = Arc::new(Desk::new(configs.len()));
+    let presenter = Presenter::new(configs.to_vec(), Arc::clone(&host), Arc::clone(&desk), preferred.to_owned());
+    let proxy = events.create_proxy();
+    let mut app = App {
+        configs: configs.to_vec(),
+        sizes: sizes.to_vec(),
+        host,
+        desk,
+        proxy,
+        presenter: Presenting::NotYet(Box::new(presenter)),
+        placed: configs.iter().map(|config| Placed::of(config)).collect(),
+        numbers: HashMap::new(),
+        known: Vec::new(),
+        x11: None,
+        looked: None,
+        focused: false,
+        outcome: Ok(()),
+    };
+    let run = events.run_app(&mut app).map_err(|error| WindowsError::Display(error.to_string()));
+    app.end();
+    run.and(app.outcome)
+}
+
+/// The monitors that there are now. A process can ask once, and open no windows afterwards.
+///
+/// # Errors
+///
+/// There is no display.
+pub fn monitors() -> Result<Vec<MonitorReport>, WindowsError> {
+    struct Look(Result<Vec<MonitorReport>, String>);
+    impl ApplicationHandler<Told> for Look {
+        fn resumed(&mut self, events: &ActiveEventLoop) {
+            let found = x11_of(events).and_then(|x11| monitors::monitors(events, x11.as_ref()));
+            self.0 = found.map(|found| found.into_iter().map(|monitor| monitor.report).collect());
+            events.exit();
+        }
+
+        fn window_event(&mut self, _: &ActiveEventLoop, _: WindowId, _: WindowEvent) {}
+    }
+    let mut look = Look(Ok(Vec::new()));
+    event_loop()?.run_app(&mut look).map_err(|error| WindowsError::Display(error.to_string()))?;
+    look.0.map_err(WindowsError::Display)
+}
+
+/// A connection of our own, where the display is one of X11.
+fn x11_of(events: &ActiveEventLoop) -> Result<Option<X11>, String> {
+    events.is_x11().then(X11::connect).transpose()
+}
+
+/// The events, on any thread: a daemon's first one has other work.
+fn event_loop() -> Result<EventLoop<Told>, WindowsError> {
+    check_display()?;
+    let mut builder = EventLoop::with_user_event();
+    EventLoopBuilderExtX11::with_any_thread(&mut builder, true);
+    EventLoopBuilderExtWayland::with_any_thread(&mut builder, true);
+    builder.build().map_err(|error| WindowsError::Display(error.to_string()))
+}
+
+/// The presenting thread.
+enum Presenting {
+    NotYet(Box<Presenter>),
+    Runs(JoinHandle<Result<(), WindowsError>>),
+    Ended,
+}
+
+/// Where a window was put.
+#[derive(Clone, Debug, PartialEq)]
+struct Placed {
+    /// Whether it is to fill its monitor.
+    fills: bool,
+    /// What it was put on, where it is seen.
+    on: Option<MonitorReport>,
+    closed: bool,
+}
+
+impl Placed {
+    fn of(config: &WindowConfig) -> Self {
+        Self { fills: config.fullscreen, on: None, closed: false }
+    }
+}
+
+struct App {
+    configs: Vec<WindowConfig>,
+    sizes: Vec<[u32; 2]>,
+    host: Arc<dyn Host>,
+    desk: Arc<Desk>,
+    proxy: EventLoopProxy<Told>,
+    presenter: Presenting,
+    placed: Vec<Placed>,
+    /// Which window has an identity of the system.
+    numbers: HashMap<WindowId, usize>,
+    /// The monitors as they were when they were last looked at.
+    known: Vec<Monitor>,
+    x11: Option<X11>,
+    /// When they were looked at.
+    looked: Option<Instant>,
+    /// Whether one of the windows has the keyboard.
+    focused: bool,
+    outcome: Result<(), WindowsError>,
+}
+
+impl App {
+    /// Looks at the monitors, if it is time to, and puts every window where it belongs.
+    fn look(&mut self, events: &ActiveEventLoop) {
+        let now = Instant::now();
+        if self.looked.is_some_and(|looked| now.duration_since(looked) < LOOK) {
+            return;
+        }
+        self.looked = Some(now);
+        match monitors::monitors(events, self.x11.as_ref()) {
+            Ok(found) if found != self.known => {
+                self.known = found;
+                for monitor in &self.known {
+                    tracing::debug!("monitor {}", monitor.report);
+                }
+            }
+            Ok(_) => {}
+            Err(problem) => {
+                self.fail(events, WindowsError::Display(problem));
+                return;
+            }
+        }
+        self.place(events);
+        self.focus();
+    }
+
+    /// Puts every window where it belongs.
+    fn place(&mut self, events: &ActiveEventLoop) {
+        let mut filled: HashMap<String, String> = HashMap::new();
+        for index in 0..self.configs.len() {
+            if self.placed[index].closed {
+                continue;
+            }
+            let meant = self.meant(index, &filled);
+            if let Ok(Some(monitor)) = &meant
+                && self.placed[index].fills
+            {
+                filled.insert(monitor.report.name.clone(), self.configs[index].name.clone());
+            }
+            match meant {
+                Ok(monitor) => self.show(events, index, monitor.as_ref()),
+                Err(reason) => self.hide(index, reason),
+            }
+        }
+    }
+
+    /// The monitor that a window belongs on; `Ok(None)`: the desktop puts it somewhere.
+    fn meant(&self, index: usize, filled: &HashMap<String, String>) -> Result<Option<Monitor>, String> {
+        let (config, fills) = (&self.configs[index], self.placed[index].fills);
+        if config.monitor.is_none() && !fills {
+            return Ok(None);
+        }
+        let monitor = monitors::chosen(&self.known, config.monitor.as_ref())?;
+        match filled.get(&monitor.report.name).filter(|_| fills) {
+            Some(other) => Err(format!("window `{other}` fills monitor `{}` already", monitor.report.name)),
+            None => Ok(Some(monitor.clone())),
+        }
+    }
+
+    /// Place, or `None` where the desktop chooses, and size of a window.
+    fn geometry(&self, index: usize, monitor: Option<&Monitor>) -> (Option<[i32; 2]>, [u32; 2]) {
+        let (config, fills) = (&self.configs[index], self.placed[index].fills);
+        let size = config.size.unwrap_or(self.sizes[index]);
+        match (monitor, config.position) {
+            (Some(monitor), _) if fills => (Some(monitor.report.position), monitor.report.size),
+            (Some(monitor), Some(position)) => {
+                let origin = monitor.report.position;
+                (Some([origin[0] + position[0], origin[1] + position[1]]), size)
+            }
+            (Some(monitor), None) => {
+                // In the middle, with its upper left corner on the monitor.
+                let spare = |axis: usize| (i64::from(monitor.report.size[axis]) - i64::from(size[axis])).max(0) / 2;
+                let middle = [0, 1].map(|axis| monitor.report.position[axis] + spare(axis) as i32);
+                (Some(middle), size)
+            }
+            (None, position) => (position, size),
+        }
+    }
+
+    fn show(&mut self, events: &ActiveEventLoop, index: usize, monitor: Option<&Monitor>) {
+        let report = monitor.map(|monitor| monitor.report.clone());
+        let window = self.desk.state().windows[index].window.clone();
+        let is_shown = self.desk.state().windows[index].shown;
+        let stays = match (&self.placed[index].on, &report) {
+            (Some(on), Some(report)) => on.has_place_of(report),
+            (on, report) => on.is_none() && report.is_none(),
+        };
+        if window.is_some() && is_shown && stays {
+            if self.placed[index].on != report {
+                self.desk.change(|desk| desk.windows[index].put_on(report.as_ref()));
+                self.placed[index].on = report;
+            }
+            return;
+        }
+        let (position, [width, height]) = self.geometry(index, monitor);
+        let fills = self.placed[index].fills;
+        // Of the library's own monitors; on X11 it is done below.
+        let handle = monitor.filter(|_| fills).and_then(|monitor| monitor.handle.clone());
+        let fullscreen = handle.map(|handle| Fullscreen::Borderless(Some(handle)));
+        let size = PhysicalSize::new(width, height);
+        let place = position.map(|[x, y]| PhysicalPosition::new(x, y));
+        let window = match window {
+            Some(window) => {
+                window.set_decorations(!fills);
+                window.set_fullscreen(fullscreen);
+                window
+            }
+            None => {
+                let config = &self.configs[index];
+                let mut attributes = Window::default_attributes()
+                    .with_title(format!("{} - Steradian", config.name))
+                    .with_inner_size(size)
+                    .with_decorations(!fills)
+                    .with_visible(false)
+                    .with_fullscreen(fullscreen);
+                if let Some(place) = place {
+                    attributes = attributes.with_position(place);
+                }
+                match events.create_window(attributes) {
+                    Ok(window) => {
+                        window.set_cursor_visible(config.cursor);
+                        self.numbers.insert(window.id(), index);
+                        Arc::new(window)
+                    }
+                    Err(error) => {
+                        let name = config.name.clone();
+                        self.fail(events, WindowsError::Window { window: name, problem: error.to_string() });
+                        return;
+                    }
+                }
+            }
+        };
+        // Place and size first: a manager lets a window fill the monitor that it is on, and without one they are all there is.
+        if let Some(place) = place {
+            window.set_outer_position(place);
+        }
+        let now = window.request_inner_size(size);
+        if let Err(problem) = self.fill(&window, fills) {
+            tracing::warn!("window `{}`: the window manager is not told: {problem}", self.configs[index].name);
+        }
+        window.set_visible(true);
+        match &report {
+            Some(report) => tracing::info!("window `{}` is on monitor {report}", self.configs[index].name),
+            None => tracing::debug!("window `{}` is open", self.configs[index].name),
+        }
+        self.placed[index].on = report;
+        let inner = now.unwrap_or_else(|| window.inner_size());
+        let on = monitor.map(|monitor| monitor.report.clone()).or_else(|| self.report_of(&window));
+        self.desk.change(|desk| {
+            let of_desk = &mut desk.windows[index];
+            of_desk.window = Some(window);
+            of_desk.shown = true;
+            of_desk.state = WindowState::Shown;
+            of_desk.size = [inner.width, inner.height];
+            of_desk.put_on(on.as_ref());
+            of_desk.stale += 1;
+        });
+    }
+
+    /// The monitor that the desktop has put a window on.
+    fn report_of(&self, window: &Window) -> Option<MonitorReport> {
+        let monitor = if self.x11.is_some() {
+            let (place, size) = (window.inner_position().ok()?, window.inner_size());
+            monitors::below(&self.known, [place.x, place.y], [size.width, size.height])
+        } else {
+            let handle = window.current_monitor()?;
+            self.known.iter().find(|monitor| monitor.handle.as_ref() == Some(&handle))
+        };
+        monitor.map(|monitor| monitor.report.clone())
+    }
+
+    /// Has X11's window manager let a window fill its monitor, or not any more.
+    fn fill(&self, window: &Window, fills: bool) -> Result<(), String> {
+        match (&self.x11, identity(window)) {
+            (Some(x11), Some(window)) => x11.fill(window, fills).map_err(|error| error.to_string()),
+            _ => Ok(()),
+        }
+    }
+
+    fn hide(&mut self, index: usize, reason: String) {
+        let state = WindowState::MonitorMissing(reason);
+        let mut desk = self.desk.state();
+        let of_desk = &mut desk.windows[index];
+        if of_desk.state == state {
+            return;
+        }
+        tracing::warn!("window `{}` is not shown: {}", self.configs[index].name, state.reason());
+        if let Some(window) = of_desk.window.as_ref().filter(|_| of_desk.shown) {
+            window.set_visible(false);
+        }
+        of_desk.shown = false;
+        of_desk.state = state;
+        of_desk.put_on(None);
+        self.placed[index].on = None;
+    }
+
+    fn close(&mut self, index: usize) {
+        self.placed[index].closed = true;
+        let mut desk = self.desk.state();
+        let of_desk = &mut desk.windows[index];
+        of_desk.shown = false;
+        of_desk.state = WindowState::Closed;
+        if let Some(window) = &of_desk.window {
+            window.set_visible(false);
+        }
+        drop(desk);
+        tracing::info!("window `{}` was closed", self.configs[index].name);
+    }
+
+    fn fail(&mut self, events: &ActiveEventLoop, error: WindowsError) {
+        self.outcome = Err(error);
+        events.exit();
+    }
+
+    fn key(&mut self, index: usize, key: &Key) {
+        match key {
+            Key::Named(NamedKey::Escape) => self.host.command(Command::Quit),
+            Key::Character(letter) => match letter.to_lowercase().as_str() {
+                "q" => self.host.command(Command::Quit),
+                "t" => self.host.command(Command::TestPattern),
+                "b" => self.desk.change(|desk| desk.blackout = !desk.blackout),
+                "i" => self.desk.change(|desk| desk.identify = !desk.identify),
+                "f" => {
+                    let placed = &mut self.placed[index];
+                    placed.fills = !placed.fills;
+                    // It is put there anew.
+                    self.desk.change(|desk| desk.windows[index].shown = false);
+                }
+                _ => {}
+            },
+            _ => {}
+        }
+    }
+
+    /// Gives the keyboard to the first window that is seen, where nobody else does.
+    fn focus(&mut self) {
+        let Some(x11) = self.x11.as_ref().filter(|_| !self.focused) else { return };
+        let desk = self.desk.state().clone();
+        let first = desk.windows.iter().find(|window| window.shown).and_then(|window| window.window.clone());
+        let Some(window) = first.and_then(|window| identity(&window)) else { return };
+        if let Err(problem) = x11.focus_where_nobody_does(window) {
+            tracing::debug!("the keyboard is left where it is: {problem}");
+        }
+    }
+
+    /// Ends the presenting thread and waits for it.
+    fn end(&mut self) {
+        self.desk.ended.store(true, Relaxed);
+        if let Presenting::Runs(thread) = std::mem::replace(&mut self.presenter, Presenting::Ended) {
+            let ended = thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+            if self.outcome.is_ok() {
+                self.outcome = ended;
+            }
+        }
+    }
+}
+
+/// What X11 knows a window by; `None`: it is none of X11.
+fn identity(window: &Window) -> Option<u32> {
+    match window.window_handle().ok()?.as_raw() {
+        RawWindowHandle::Xlib(handle) => u32::try_from(handle.window).ok(),
+        _ => None,
+    }
+}
+
+impl ApplicationHandler<Told> for App {
+    fn resumed(&mut self, events: &ActiveEventLoop) {
+        match x11_of(events) {
+            Ok(x11) => self.x11 = x11,
+            Err(problem) => {
+                self.fail(events, WindowsError::Display(problem));
+                return;
+            }
+        }
+        let by_edid = |config: &&WindowConfig| matches!(config.monitor, Some(MonitorChoice::Edid(_)));
+        if let Some(config) = self.configs.iter().find(by_edid).filter(|_| self.x11.is_none()) {
+            tracing::warn!("window `{}`: EDIDs can be read with X11 alone; name the connector", config.name);
+        }
+        self.look(events);
+        let presenter = match std::mem::replace(&mut self.presenter, Presenting::Ended) {
+            Presenting::NotYet(presenter) => presenter,
+            other => {
+                self.presenter = other;
+                return;
+            }
+        };
+        let proxy = self.proxy.clone();
+        let started = thread::Builder::new().name("present".to_owned()).spawn(move || {
+            // Also where it panics: the events wait for it.
+            struct Farewell(EventLoopProxy<Told>);
+            impl Drop for Farewell {
+                fn drop(&mut self) {
+                    // Events that have ended need not be told.
+                    let _ = self.0.send_event(Told::Ended);
+                }
+            }
+            let _farewell = Farewell(proxy);
+            presenter.run()
+        });
+        match started {
+            Ok(thread) => self.presenter = Presenting::Runs(thread),
+            Err(error) => self.fail(events, WindowsError::Display(format!("no thread to present with: {error}"))),
+        }
+    }
+
+    fn user_event(&mut self, events: &ActiveEventLoop, Told::Ended: Told) {
+        events.exit();
+    }
+
+    fn window_event(&mut self, events: &ActiveEventLoop, id: WindowId, event: WindowEvent) {
+        let Some(&index) = self.numbers.get(&id) else { return };
+        match event {
+            WindowEvent::Resized(size) => self.desk.change(|desk| {
+                let window = &mut desk.windows[index];
+                window.size = [size.width, size.height];
+                window.stale += 1;
+            }),
+            // One that the desktop has put somewhere may be moved by it, too.
+            WindowEvent::Moved(_) if self.placed[index].on.is_none() => {
+                let window = self.desk.state().windows[index].window.clone();
+                let on = window.and_then(|window| self.report_of(&window));
+                self.desk.change(|desk| desk.windows[index].put_on(on.as_ref()));
+            }
+            WindowEvent::RedrawRequested => self.desk.change(|desk| desk.windows[index].stale += 1),
+            WindowEvent::CloseRequested => {
+                self.host.command(Command::Quit);
+                self.close(index);
+            }
+            WindowEvent::Focused(focused) => self.focused = focused,
+            WindowEvent::KeyboardInput {
+                event: KeyEvent { logical_key, state: ElementState::Pressed, repeat: false, .. },
+                is_synthetic: false,
+                ..
+            } => {
+                self.key(index, &logical_key);
+                self.place(events);
+            }
+            _ => {}
+        }
+    }
+
+    fn about_to_wait(&mut self, events: &ActiveEventLoop) {
+        self.look(events);
+        events.set_control_flow(ControlFlow::WaitUntil(Instant::now() + LOOK));
+    }
+}

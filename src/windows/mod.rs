@@ -1,0 +1,58 @@
+//! Windows on the monitors of this machine: each shows an image of a view, full screen or in a frame.
+//!
+//! ```text
+//! host (scene, views)  --frames-->  presenting thread  --surfaces-->  monitors
+//! thread of the events (winit)  --windows, sizes, keys, monitors-->  presenting thread, host
+//! ```
+//!
+//! The thread that calls `open` has the events. The presenting thread takes one frame at a time, draws the images of all windows from it, and presents
+//! them together, so that all windows show the same frame. It has a device of its own, on the adapter of the renderer where that one can present:
+//! images come from the renderer's memory on the host, as they are encoded or written, with the shares of projectors. A device that is lost, a headset
+//! and an adapter that only computes are no matter to windows then.
+//!
+//! `open` needs the feature `windows`; without it only the types are here that the service tells of windows with.
+
+#[cfg(feature = "windows")]
+mod adapter;
+#[cfg(feature = "windows")]
+mod desk;
+#[cfg(feature = "windows")]
+mod display;
+#[cfg(feature = "windows")]
+mod display_loss;
+#[cfg(feature = "windows")]
+mod edid;
+#[cfg(feature = "windows")]
+mod error;
+#[cfg(feature = "windows")]
+mod events;
+mod host;
+#[cfg(feature = "windows")]
+mod monitors;
+#[cfg(feature = "windows")]
+mod picture;
+#[cfg(feature = "windows")]
+mod pixels;
+#[cfg(feature = "windows")]
+mod plate;
+#[cfg(feature = "windows")]
+mod presenter;
+#[cfg(feature = "windows")]
+mod recorder;
+#[cfg(feature = "windows")]
+mod screen;
+mod statistics;
+#[cfg(feature = "windows")]
+mod x11;
+
+#[cfg(feature = "windows")]
+pub use self::{
+    display::check_display,
+    error::WindowsError,
+    events::{WithoutDisplay, monitors, open},
+    monitors::MonitorReport,
+};
+pub use self::{
+    host::{Command, Host, Next, ShownImage, WindowFrame, WindowImage},
+    statistics::{Intervals, WindowFigures, WindowState},
+};

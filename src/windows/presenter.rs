@@ -1,0 +1,286 @@
+//! The presenting thread: one frame at a time into all windows.
+//!
+//! The images of a frame go to the device first; then every window's next texture is waited for, all are drawn in one submission, and handed to their monitors
+//! one right after the other. Where images wait for refreshes, the slowest monitor sets the pace of all.
+
+use std::{
+    sync::Arc,
+    thread,
+    time::{Duration, Instant},
+};
+
+use super::{
+    WindowsError,
+    adapter::WindowGpu,
+    desk::{Desk, DeskState, DeskWindow},
+    host::{Host, Next, WindowFrame, WindowImage},
+    picture::Pipelines,
+    pixels::texels,
+    plate::PlateText,
+    recorder::Recorder,
+    screen::{Screen, Shown},
+    statistics::{WindowFigures, WindowState},
+};
+use crate::config::WindowConfig;
+
+/// Between two looks for windows while none is there.
+const IDLE: Duration = Duration::from_millis(20);
+/// How often the device is opened anew without a frame in between.
+const MOST_LOSSES: u32 = 3;
+/// What traces of presented frames are filed under: one line for each frame, with its number in each window.
+const PRESENTED: &str = "steradian::windows::presented";
+
+/// One window as this thread knows it.
+#[derive(Default)]
+struct Place {
+    screen: Option<Screen>,
+    recorder: Recorder,
+    /// What was presented last, and which count of stale pictures it was made for.
+    presented: Option<(Shown, u64)>,
+    /// Its view is not there any more.
+    no_view: bool,
+    /// Why it cannot be shown at all.
+    refused: Option<String>,
+}
+
+pub(super) struct Presenter {
+    configs: Vec<WindowConfig>,
+    host: Arc<dyn Host>,
+    desk: Arc<Desk>,
+    /// Name of the adapter that is taken where it presents.
+    preferred: String,
+    gpu: Option<WindowGpu>,
+    pipelines: Pipelines,
+    places: Vec<Place>,
+    /// How often the device was given up since the last frame that was presented.
+    losses: u32,
+}
+
+impl Presenter {
+    pub(super) fn new(configs: Vec<WindowConfig>, host: Arc<dyn Host>, desk: Arc<Desk>, preferred: String) -> Self {
+        let places = configs.iter().map(|_| Place::default()).collect();
+        Self { configs, host, desk, preferred, gpu: None, pipelines: Pipelines::default(), places, losses: 0 }
+    }
+
+    /// Shows frames until the host or the events end it.
+    ///
+    /// # Errors
+    ///
+    /// No window can be shown, or the device of the windows failed.
+    pub(super) fn run(mut self) -> Result<(), WindowsError> {
+        let end = self.show();
+        if let Err(error) = &end {
+            // The thread of the events may not be there any more to tell it.
+            let state = || WindowState::NoDisplay(error.to_string());
+            let figures = self.figures(&self.desk.state().clone()).into_iter();
+            self.host.figures(figures.map(|figures| WindowFigures { state: state(), ..figures }).collect());
+        }
+        end
+    }
+
+    fn show(&mut self) -> Result<(), WindowsError> {
+        while !self.desk.has_ended() {
+            let desk = self.desk.state().clone();
+            let shown: Vec<bool> = self.is_shown(&desk);
+            let frame = match self.host.next(&shown) {
+                Next::End => break,
+                Next::Frame(frame) => Some(frame),
+                Next::Drawing => None,
+                Next::Unchanged => {
+                    self.places.iter_mut().for_each(|place| place.recorder.pause());
+                    None
+                }
+            };
+            // What has changed while it was waited for counts.
+            let desk = self.desk.state().clone();
+            let presented = match self.present(&desk, frame.as_ref()) {
+                Err(WindowsError::Refused(problem)) if self.losses < MOST_LOSSES => {
+                    self.lose(&problem);
+                    continue;
+                }
+                presented => presented?,
+            };
+            if presented {
+                self.losses = 0;
+            }
+            if presented || frame.is_none() {
+                self.host.figures(self.figures(&desk));
+            }
+            if !presented && !shown.contains(&true) {
+                thread::sleep(IDLE);
+            }
+        }
+        Ok(())
+    }
+
+    /// Lets go of the device and all that is on it; the next frame opens it anew.
+    fn lose(&mut self, problem: &str) {
+        self.losses += 1;
+        tracing::error!("the adapter of the windows refused a frame: {problem}; it is opened anew");
+        for place in &mut self.places {
+            (place.screen, place.presented) = (None, None);
+        }
+        self.pipelines = Pipelines::default();
+        self.gpu = None;
+    }
+
+    fn is_shown(&self, desk: &DeskState) -> Vec<bool> {
+        let seen = |(window, place): (&DeskWindow, &Place)| window.shown && place.refused.is_none();
+        desk.windows.iter().zip(&self.places).map(seen).collect()
+    }
+
+    /// Brings all windows up to date: those that a frame has an image for, and those whose picture is stale. Whether there was one.
+    fn present(&mut self, desk: &DeskState, frame: Option<&WindowFrame>) -> Result<bool, WindowsError> {
+        let shown = self.is_shown(desk);
+        let mut due = Vec::new();
+        for (index, window) in desk.windows.iter().enumerate() {
+            if !shown[index] {
+                self.places[index].recorder.pause();
+                self.places[index].presented = None;
+                continue;
+            }
+            let Some(of_window) = window.window.clone() else { continue };
+            let is_new = self.places[index].screen.as_ref().is_none_or(|screen| !screen.is_of(&of_window));
+            if is_new && !self.open_screen(index, window)? {
+                continue;
+            }
+            let (Some(gpu), Some(screen)) = (&self.gpu, &mut self.places[index].screen) else { continue };
+            screen.resize(gpu, window.size);
+            let mut number = None;
+            match frame.and_then(|frame| frame.images.get(index)) {
+                Some(WindowImage::Image(image)) => {
+                    let (shown, format) = (image.image(), self.configs[index].format);
+                    if let Some(texels) = texels(shown, image.frame.exposure_ev100, &image.tone_map, format) {
+                        screen.fill(gpu, [shown.width, shown.height], &texels);
+                        number = Some(image.frame.number);
+                        self.places[index].no_view = false;
+                    }
+                }
+                Some(WindowImage::NoView) => self.places[index].no_view = true,
+                Some(WindowImage::AsBefore) | None => {}
+            }
+            let place = &self.places[index];
+            let shown = Shown { black: desk.blackout || place.no_view, plate: self.plate(desk, index) };
+            let up_to_date = place.presented.as_ref() == Some(&(shown.clone(), window.stale));
+            if number.is_some() || !up_to_date {
+                due.push((index, shown, number));
+            }
+        }
+        self.present_together(desk, due)
+    }
+
+    fn present_together(
+        &mut self,
+        desk: &DeskState,
+        due: Vec<(usize, Shown, Option<u64>)>,
+    ) -> Result<bool, WindowsError> {
+        let Some(gpu) = self.gpu.as_ref().filter(|_| !due.is_empty()) else { return Ok(false) };
+        let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("windows") });
+        let mut drawn = Vec::new();
+        for (index, shown, number) in due {
+            let Some(screen) = &mut self.places[index].screen else { continue };
+            let Some(target) = screen.acquire(gpu) else { continue };
+            screen.draw(gpu, &mut self.pipelines, &mut encoder, &target.texture, &shown);
+            drawn.push((index, shown, number, target));
+        }
+        gpu.queue.submit([encoder.finish()]);
+        let mut numbers = Vec::new();
+        let any = !drawn.is_empty();
+        for (index, shown, number, target) in drawn {
+            let (window, place) = (&desk.windows[index], &mut self.places[index]);
+            if let Some(screen) = &place.screen {
+                screen.about_to_present();
+            }
+            gpu.queue.present(target);
+            place.presented = Some((shown, window.stale));
+            if let Some(number) = number {
+                let period = window.refresh_hz.filter(|_| self.configs[index].vsync);
+                let period = period.and_then(|rate| Duration::try_from_secs_f64(1.0 / rate).ok());
+                place.recorder.presented(Instant::now(), number, period);
+                numbers.push((index, number));
+            }
+        }
+        if !numbers.is_empty() {
+            tracing::trace!(target: PRESENTED, "{}", self.told(&numbers));
+        }
+        gpu.take_failure()?;
+        Ok(any)
+    }
+
+    fn told(&self, numbers: &[(usize, u64)]) -> String {
+        let told = |(index, number): &(usize, u64)| format!("{} {number}", self.configs[*index].name);
+        numbers.iter().map(told).collect::<Vec<_>>().join(", ")
+    }
+
+    /// Makes the surface of a window; `false`: it cannot be shown, and others can.
+    fn open_screen(&mut self, index: usize, window: &DeskWindow) -> Result<bool, WindowsError> {
+        let config = &self.configs[index];
+        let Some(of_window) = window.window.clone() else { return Ok(false) };
+        self.places[index].screen = None;
+        let opened = match &self.gpu {
+            Some(gpu) => gpu.surface(Arc::clone(&of_window), &config.name),
+            None => WindowGpu::open(Arc::clone(&of_window), &config.name, &self.preferred).map(|(gpu, surface)| {
+                self.gpu = Some(gpu);
+                surface
+            }),
+        };
+        let Some(gpu) = &self.gpu else { return opened.map(|_| false) };
+        let screen = opened.and_then(|surface| Screen::new(gpu, surface, of_window, config, window.size));
+        match screen {
+            Ok(screen) => {
+                self.places[index].screen = Some(screen);
+                Ok(true)
+            }
+            Err(error) => {
+                // The only one: nothing would ever be seen.
+                let others =
+                    self.places.iter().enumerate().any(|(other, place)| other != index && place.refused.is_none());
+                if !others {
+                    return Err(error);
+                }
+                tracing::error!("{error}; the other windows go on");
+                self.places[index].refused = Some(error.to_string());
+                Ok(false)
+            }
+        }
+    }
+
+    /// What a window says of itself: its number and name, the view and part where these are other words, and its monitor.
+    fn plate(&self, desk: &DeskState, index: usize) -> Option<PlateText> {
+        let (config, window) = (&self.configs[index], &desk.windows[index]);
+        desk.identify.then(|| {
+            let mut lines = vec![format!("{} {}", index + 1, config.name)];
+            let view =
+                config.part.as_ref().map_or_else(|| config.view.clone(), |part| format!("{} {part}", config.view));
+            if view != config.name {
+                lines.push(view);
+            }
+            if !window.monitor.is_empty() {
+                lines.push(window.monitor.clone());
+            }
+            PlateText { lines, window: window.size }
+        })
+    }
+
+    fn figures(&self, desk: &DeskState) -> Vec<WindowFigures> {
+        let all = self.configs.iter().zip(&self.places).zip(&desk.windows);
+        let figures = |((config, place), window): ((&WindowConfig, &Place), &DeskWindow)| {
+            let state = match &place.refused {
+                Some(reason) => WindowState::NoDisplay(reason.clone()),
+                None if place.no_view && window.state == WindowState::Shown => WindowState::ViewMissing,
+                None => window.state.clone(),
+            };
+            let Recorder { frames, missed, frame_number, .. } = place.recorder;
+            WindowFigures {
+                monitor: window.monitor.clone(),
+                refresh_hz: window.refresh_hz,
+                frame_number,
+                frames,
+                intervals: place.recorder.intervals(),
+                missed: (config.vsync && window.refresh_hz.is_some()).then_some(missed),
+                ..WindowFigures::new(&config.name, &config.view, config.part.as_deref().unwrap_or_default(), state)
+            }
+        };
+        all.map(figures).collect()
+    }
+}

@@ -1,0 +1,128 @@
+//! The built program on the display of a test.
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+    process::{Child, Command, ExitStatus, Output, Stdio},
+};
+
+use crate::desktop::until;
+
+/// `steradian` with arguments, without a display unless one is given.
+pub fn steradian(arguments: &[&str], display: Option<&str>) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_steradian"));
+    command.args(arguments).env_remove("DISPLAY").env_remove("WAYLAND_DISPLAY").stdin(Stdio::null());
+    if let Some(display) = display {
+        command.env("DISPLAY", display);
+    }
+    command
+}
+
+/// A folder with a configuration, for one test.
+pub struct Scene {
+    folder: tempfile::TempDir,
+}
+
+impl Scene {
+    pub fn new(configuration: &str) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        fs::write(folder.path().join("scene.toml"), configuration).unwrap();
+        Self { folder }
+    }
+
+    pub fn path(&self) -> String {
+        self.folder.path().join("scene.toml").to_str().unwrap().to_owned()
+    }
+
+    /// Writes a file beside the configuration.
+    pub fn write(&self, name: &str, content: &str) {
+        fs::write(self.folder.path().join(name), content).unwrap();
+    }
+
+    /// The images that `render` writes of it.
+    pub fn render(&self, overrides: &[&str]) -> PathBuf {
+        let out = self.folder.path().join(format!("out{}", overrides.len()));
+        let path = self.path();
+        let mut arguments = vec!["render", "--config", &path, "--files", "png", "--out", out.to_str().unwrap()];
+        arguments.extend(overrides.iter().flat_map(|over| ["--set", over]));
+        let output = steradian(&arguments, None).output().unwrap();
+        assert!(output.status.success(), "{}", told(&output));
+        out
+    }
+
+    /// Starts `show` of it.
+    pub fn show(&self, display: &str, arguments: &[&str]) -> Running {
+        let path = self.path();
+        let all = [&["show", "--config", &path, "--log", "info,steradian::windows=trace"], arguments].concat();
+        Running::start(steradian(&all, Some(display)), self.folder.path())
+    }
+
+    /// Starts `serve` of it on a free port.
+    pub fn serve(&self, display: Option<&str>) -> Running {
+        let path = self.path();
+        let arguments =
+            ["serve", "--config", &path, "--listen", "127.0.0.1:0", "--log", "info,steradian::windows=trace"];
+        Running::start(steradian(&arguments, display), self.folder.path())
+    }
+}
+
+pub fn told(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr)
+}
+
+/// The program at work. It is killed when it is dropped.
+pub struct Running {
+    child: Child,
+    out: PathBuf,
+    log: PathBuf,
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+impl Running {
+    fn start(mut command: Command, folder: &Path) -> Self {
+        let (out, log) = (folder.join("stdout"), folder.join("log"));
+        command.stdout(fs::File::create(&out).unwrap()).stderr(fs::File::create(&log).unwrap());
+        Self { child: command.spawn().unwrap(), out, log }
+    }
+
+    pub fn log(&self) -> String {
+        fs::read_to_string(&self.log).unwrap()
+    }
+
+    pub fn out(&self) -> String {
+        fs::read_to_string(&self.out).unwrap()
+    }
+
+    pub fn wait_for_log(&self, text: &str) {
+        until(|| self.log().contains(text).then_some(()), || format!("no `{text}` in the log:\n{}", self.log()));
+    }
+
+    /// The address that a daemon listens on.
+    pub fn address(&self) -> String {
+        let address = || Some(self.out().lines().next()?.strip_prefix("listening on ")?.to_owned());
+        until(address, || format!("it does not listen:\n{}", self.log()))
+    }
+
+    pub fn is_running(&mut self) -> bool {
+        self.child.try_wait().unwrap().is_none()
+    }
+
+    /// Sends SIGTERM.
+    pub fn terminate(&mut self) -> ExitStatus {
+        let told = Command::new("kill").arg("-TERM").arg(self.child.id().to_string()).status().unwrap();
+        assert!(told.success());
+        self.wait()
+    }
+
+    /// Waits for its end.
+    pub fn wait(&mut self) -> ExitStatus {
+        let log = self.log.clone();
+        until(|| self.child.try_wait().unwrap(), || format!("it does not end:\n{}", fs::read_to_string(&log).unwrap()))
+    }
+}
