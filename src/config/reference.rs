@@ -74,6 +74,22 @@ pub(super) fn albedo(_: &mut SchemaGenerator) -> Schema {
     })
 }
 
+/// Schema of a monitor: its name, its number, or what its EDID says.
+pub(super) fn monitor(_: &mut SchemaGenerator) -> Schema {
+    json_schema!({
+        "anyOf": [
+            { "type": "string", "minLength": 1 },
+            { "type": "integer", "minimum": 1 },
+            {
+                "type": "object",
+                "propertyNames": { "enum": ["edid"] },
+                "minProperties": 1,
+                "additionalProperties": { "type": "string", "minLength": 1 },
+            },
+        ]
+    })
+}
+
 /// Schema of a date with time and offset.
 pub(super) fn time(_: &mut SchemaGenerator) -> Schema {
     json_schema!({ "type": "string", "format": "date-time" })

@@ -17,16 +17,13 @@ pub(super) const PLACES_PX: [f64; 2] = [-32_767.0, 32_767.0];
 pub(super) const SIDES_PX: [f64; 2] = [1.0, 32_767.0];
 
 /// Which monitor a window is on.
-#[derive(Clone, Debug, PartialEq, Eq, JsonSchema)]
-#[serde(rename_all = "snake_case")]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub enum MonitorChoice {
     /// By what its EDID says of it: `VENDOR-PRODUCT-SERIAL`, its name or its serial number as text.
     Edid(String),
     /// By its number from 1, from left to right and then from top to bottom.
-    #[serde(untagged)]
     Number(u32),
     /// By the name of its connector, such as `DP-1`.
-    #[serde(untagged)]
     Name(String),
 }
 
@@ -126,6 +123,8 @@ pub struct WindowConfig {
     /// Which image, where the view has several: `left`, `right`, or the name of a cube face.
     pub part: Option<String>,
     /// The monitor: its name, its number from 1, or `{ edid = "..." }`. Absent: the first one, and for windows in a frame wherever the desktop puts it.
+    #[serde(default)]
+    #[schemars(schema_with = "super::reference::monitor")]
     pub monitor: Option<MonitorChoice>,
     /// Whether it fills its monitor; otherwise it has a frame.
     #[serde(default)]

@@ -42,6 +42,7 @@ EndSection
 Section "Device"
     Identifier "dummy"
     Driver "dummy"
+    VideoRam 65536
 EndSection
 Section "Monitor"
     Identifier "monitor"
