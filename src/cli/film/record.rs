@@ -105,7 +105,10 @@ pub fn run(arguments: &RecordArguments) -> Result<(), CliError> {
     if path.left_exposure_out {
         tracing::warn!("the exposure has changed between manual and automatic, which a path cannot: it is left out");
     }
-    let mut text = format!("# Recorded from {} in {end_s:.3} s.\nfps = {fps:?}\n", arguments.address);
+    // As long as the recording, also where the camera has stood still in the end.
+    let frames = (end_s * fps).floor() as u64 + 1;
+    let mut text =
+        format!("# Recorded from {} in {end_s:.3} s: frames 0..{frames}\nfps = {fps:?}\n", arguments.address);
     for keyframe in &path.keyframes {
         text.push('\n');
         text.push_str(&keyframe.text().ok_or_else(|| {
@@ -113,8 +116,7 @@ pub fn run(arguments: &RecordArguments) -> Result<(), CliError> {
         })?);
     }
     files::write_whole(out, text.as_bytes()).map_err(|source| CliError::WriteFile { path: out.clone(), source })?;
-    let frames = path.keyframes.last().map_or(0, |keyframe| keyframe.frame) + 1;
-    let written = format!("{}: {} keyframes, {frames} frames", out.display(), path.keyframes.len());
+    let written = format!("{}: {} keyframes, frames 0..{frames}", out.display(), path.keyframes.len());
     match end {
         End::Asked => results::line(written),
         End::Daemon => {
