@@ -34,6 +34,9 @@ use crate::{
     xr::{Flight, Shown},
 };
 
+/// A frame that was asked for and has yet to come.
+type PendingFrame = oneshot::Receiver<Result<Arc<RenderedFrame>, RenderFailure>>;
+
 /// Changes of a camera; what is `None` stays.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CameraUpdate {
@@ -546,11 +549,7 @@ impl RenderHandle {
     }
 
     /// Asks for a frame of a view.
-    pub(super) fn request(
-        &self,
-        view: ViewId,
-        wanted: Wanted,
-    ) -> Result<oneshot::Receiver<Result<Arc<RenderedFrame>, RenderFailure>>, Refused> {
+    pub(super) fn request(&self, view: ViewId, wanted: Wanted) -> Result<PendingFrame, Refused> {
         let mut state = self.shared.state();
         if state.draining {
             return Err(Refused::Ending);
@@ -577,7 +576,7 @@ impl RenderHandle {
         &self,
         views: &[(ViewId, Wanted)],
         seen: &HashMap<ViewId, u64>,
-    ) -> Result<Vec<oneshot::Receiver<Result<Arc<RenderedFrame>, RenderFailure>>>, Refused> {
+    ) -> Result<Vec<PendingFrame>, Refused> {
         let mut state = self.shared.state();
         if state.draining {
             return Err(Refused::Ending);

@@ -15,11 +15,8 @@ use x11_dl::xlib::{Display, Xlib};
 /// Xlib cannot be loaded.
 pub(super) fn outlive_the_display() -> Result<(), String> {
     let xlib = Xlib::open().map_err(|error| error.to_string())?;
-    // SAFETY: the function has the type that Xlib asks for, never returns and touches nothing of the display. The library stays loaded: it is that of the windows too,
-    // which are open as long as the program needs the function.
+    // SAFETY: the function has the type that Xlib asks for, never returns and touches nothing of the display.
     unsafe { (xlib.XSetIOErrorHandler)(Some(stay)) };
-    // Its functions must stay where they are.
-    std::mem::forget(xlib);
     Ok(())
 }
 

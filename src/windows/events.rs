@@ -80,7 +80,7 @@ pub fn open(
         desk,
         proxy,
         presenter: Presenting::NotYet(Box::new(presenter)),
-        placed: configs.iter().map(|config| Placed::of(config)).collect(),
+        placed: configs.iter().map(Placed::of).collect(),
         numbers: HashMap::new(),
         known: Vec::new(),
         x11: None,

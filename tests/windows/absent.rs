@@ -119,7 +119,7 @@ fn wrong_windows() -> Result<(), String> {
         let output = steradian(&["show", "--config", &scene.path()], None).output().unwrap();
         let errors = String::from_utf8_lossy(&output.stderr).into_owned();
         assert_eq!(output.status.code(), Some(64), "{window}: {errors}");
-        assert!(errors.contains(&format!("{key}")) && errors.contains(allowed), "{window}: {errors}");
+        assert!(errors.contains(key) && errors.contains(allowed), "{window}: {errors}");
     }
     Ok(())
 }

@@ -49,7 +49,7 @@ impl Shutter {
 pub fn add(sum: &mut FrameImage, image: &FrameImage) -> Result<(), EncodeError> {
     let added = hdr_of(image, Encoding::Exr)?;
     hdr_of(sum, Encoding::Exr)?;
-    let pixels = sum.hdr.as_mut().map(Vec::as_mut_slice).unwrap_or_default();
+    let pixels = sum.hdr.as_deref_mut().unwrap_or_default();
     if pixels.len() != added.len() {
         let FrameImage { width, height, .. } = *image;
         return Err(EncodeError::Length { width, height, expected: added.len(), found: pixels.len() });
@@ -64,7 +64,7 @@ pub fn add(sum: &mut FrameImage, image: &FrameImage) -> Result<(), EncodeError> 
 
 /// Makes the mean of a sum of so many images.
 pub fn divide(sum: &mut FrameImage, count: u32) {
-    let pixels = sum.hdr.as_mut().map(Vec::as_mut_slice).unwrap_or_default();
+    let pixels = sum.hdr.as_deref_mut().unwrap_or_default();
     pixels.par_iter_mut().for_each(|pixel| {
         for value in pixel {
             *value /= count as f32;
