@@ -314,7 +314,11 @@ mod tests {
         for axis in Axis::ALL {
             assert_eq!(Axis::from_name(axis.name()), Ok(axis));
         }
-        assert!(Axis::from_name("Stars").unwrap_err().contains("there is: stars, glare, asteroids, views, scale"));
+        assert!(
+            Axis::from_name("Stars")
+                .unwrap_err()
+                .contains("there is: stars, glare, asteroids, projectors, views, scale")
+        );
     }
 
     #[test]

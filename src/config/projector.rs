@@ -102,9 +102,9 @@ pub struct ProjectorConfig {
     pub gamma: Option<f64>,
     /// A look-up table (`.cube`) for the codes that it is sent, in place of the file's.
     pub lut: Option<PathBuf>,
-    /// Luminance of its white on the dome, as measured: where projectors have it, all are dimmed to the darkest, each by one factor.
+    /// Luminance of its white on the dome, as measured, 0.001 to 1e6: where projectors have it, all are dimmed to the darkest, each by one factor.
     pub white_cd_m2: Option<f64>,
-    /// Luminance of its black on the dome, for `blend = "computed"`: black is lifted to the level where most projectors overlap.
+    /// Luminance of its black on the dome, 0 to 1e6, for `blend = "computed"`: black is lifted to the level where most projectors overlap.
     pub black_cd_m2: Option<f64>,
     #[serde(skip)]
     loaded: Loaded,
@@ -115,12 +115,12 @@ fn half_turn_deg() -> f64 {
 }
 
 /// Pixels of the picture that a projector's is bent from, along one of the projector's.
-pub(super) const SOURCE_SCALES: [f64; 2] = [0.25, 4.0];
+const SOURCE_SCALES: [f64; 2] = [0.25, 4.0];
 /// Exponents of projectors.
-pub(super) const GAMMAS: [f64; 2] = [1.0, 4.0];
+const GAMMAS: [f64; 2] = [1.0, 4.0];
 /// Luminances of their white and black on a dome, cd/m^2.
-pub(super) const WHITES_CD_M2: [f64; 2] = [1e-3, 1e6];
-pub(super) const BLACKS_CD_M2: [f64; 2] = [0.0, 1e6];
+const WHITES_CD_M2: [f64; 2] = [1e-3, 1e6];
+const BLACKS_CD_M2: [f64; 2] = [0.0, 1e6];
 
 /// How messages on warps without an inverse begin.
 pub(super) const FOLDS: &str = "the warp folds";

@@ -9,7 +9,6 @@ use toml::{Table, Value};
 
 use super::bodies::{MAGNITUDES, TEMPERATURES_K};
 use super::error::{Fault, finite};
-use super::projector::{BLACKS_CD_M2, GAMMAS, SOURCE_SCALES, WHITES_CD_M2};
 use super::windows::{PLACES_PX, SIDES_PX};
 use crate::catalogue::galaxy::MOST_STARS;
 use crate::photometry::psf::DIAMETERS_MM;
@@ -140,10 +139,6 @@ const CHECKED_ELSEWHERE: &[Range] = &[
     // Each eye stands half of it from the view's place.
     closed("views[].ipd_m", [0.0, 2.0 * MAX_EYE_OFFSET_M], "m"),
     closed("views[].position_m", EYE_M, "m"),
-    closed("views[].source_scale", SOURCE_SCALES, ""),
-    closed("views[].gamma", GAMMAS, ""),
-    closed("views[].white_cd_m2", WHITES_CD_M2, "cd/m^2"),
-    closed("views[].black_cd_m2", BLACKS_CD_M2, "cd/m^2"),
     closed("bodies[].position_m", PLACE_M, "m"),
     closed("bodies[].radius_m", RADII_M, "m"),
     closed("bodies[].radii_m", RADII_M, "m"),

@@ -3,7 +3,7 @@
 use glam::{DMat3, DMat4, DVec3, DVec4};
 
 /// Sums over points of a screen: those of several projectors are added.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ScreenSums {
     count: f64,
     /// Of p, of p p^T, of |p|^2 p and of |p|^2 and |p|^4.
@@ -23,6 +23,14 @@ pub struct Sphere {
     pub radius_m: f64,
     /// Root of the mean square of the distance of the points to it, m.
     pub rough_m: f64,
+}
+
+impl Default for ScreenSums {
+    /// No points. A matrix by default is no sum of nothing: it is the identity.
+    fn default() -> Self {
+        let zero = DVec3::ZERO;
+        Self { count: 0.0, first: zero, second: DMat3::ZERO, third: zero, squares: 0.0, fourth: 0.0 }
+    }
 }
 
 impl ScreenSums {

@@ -62,7 +62,8 @@ mod tests {
             assert!(width <= window[0] && height <= window[1], "{window:?}: {width} x {height}");
             assert_eq!(pixels.len(), 4 * (width * height) as usize);
             let lit = pixels.chunks_exact(4).filter(|pixel| pixel[0] > 128).count();
-            assert!(lit > 0, "{window:?}: nothing is written");
+            // In fewer pixels there is no letter.
+            assert!(lit > 0 || window[0] < 64, "{window:?}: nothing is written");
             if window[0] >= 320 {
                 // Letters do not touch the border.
                 let border = (0..width as usize).any(|x| pixels[4 * x] > 0);

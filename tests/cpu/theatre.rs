@@ -581,7 +581,7 @@ fn formats_of_closed_software_are_refused_with_the_reason() {
 /// The set that the documents use: six projectors on a tilted dome, of 320 x 200 pixels each. `STERADIAN_WRITE_REFERENCE=1` writes it anew.
 #[test]
 fn the_example_is_that_of_the_writers() {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/six_projectors.mpcdi");
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("calibrations/six_projectors.mpcdi");
     let bytes = Mpcdi::a3(33, 33).bytes(&projectors_of([320, 200]));
     if std::env::var_os("STERADIAN_WRITE_REFERENCE").is_some() {
         std::fs::write(&path, &bytes).unwrap();

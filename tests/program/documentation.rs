@@ -167,7 +167,7 @@ struct Reader {
 impl Reader {
     fn new() -> Self {
         let folder = tempfile::tempdir().unwrap();
-        for examples in ["configs", "paths"] {
+        for examples in ["calibrations", "configs", "paths"] {
             fs::create_dir(folder.path().join(examples)).unwrap();
             for file in fs::read_dir(repository().join(examples)).unwrap() {
                 let file = file.unwrap();

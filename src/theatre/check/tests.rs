@@ -9,7 +9,7 @@ use crate::view::{
 };
 
 const DOME: Dome = Dome { fov_deg: 120.0, tilt_deg: 90.0 };
-const SIZE: [u32; 2] = [160, 120];
+const SIZE: [u32; 2] = [120, 220];
 
 /// Direction of a point of the raster (0 to 1): bands of the dome from one side to the other, the upper border towards the zenith's far side.
 fn of_band(from_deg: f64, to_deg: f64) -> impl Fn(f64, f64) -> DVec3 {
@@ -74,7 +74,7 @@ fn a_good_set_up_keeps_all_rules() {
     assert!(report.passed(), "{:#?}", report.findings);
     assert!(report.coverage[0] > 0.999 && (0.05..0.15).contains(&report.coverage[1]), "{:?}", report.coverage);
     assert!((report.blend_sum[1] - 1.0).abs() < 1e-6);
-    let pixel_arcmin = 130.0 * 60.0 / 120.0;
+    let pixel_arcmin = 130.0 * 60.0 / 220.0;
     assert!((report.projectors[0].arcmin_per_pixel[1] / pixel_arcmin - 1.0).abs() < 0.02, "{:?}", report.projectors);
 }
 
