@@ -438,7 +438,7 @@ fn axes_that_do_not_exist_are_bad_usage() {
         let message = String::from_utf8(output.stderr).unwrap();
         assert_eq!(output.status.code(), Some(64), "{message}");
         assert!(
-            message.contains(axis) && message.contains("there is: stars, glare, asteroids, views, scale"),
+            message.contains(axis) && message.contains("there is: stars, glare, asteroids, projectors, views, scale"),
             "{message}"
         );
     }
