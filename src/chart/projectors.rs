@@ -146,7 +146,7 @@ struct Method {
     rig: Rig,
 }
 
-fn methods(size: [u32; 2]) -> Result<(Arc<TabulatedMapping>, Vec<Method>), String> {
+fn methods(size: [u32; 2]) -> Result<Vec<Method>, String> {
     let mapping = Arc::new(TabulatedMapping::new(Throw::new(size)).map_err(|error| error.to_string())?);
     let ways =
         [("direct", None), ("resampled_half", Some(0.5)), ("resampled", Some(1.0)), ("resampled_double", Some(2.0))];
@@ -157,8 +157,7 @@ fn methods(size: [u32; 2]) -> Result<(Arc<TabulatedMapping>, Vec<Method>), Strin
         let kind = ViewKind::Projector { mapping: Arc::clone(&mapping), output };
         Ok(Method { name, rig: rig_of(vec![("throw", kind)]).map_err(|error| error.to_string())? })
     });
-    let methods = methods.collect::<Result<_, String>>()?;
-    Ok((mapping, methods))
+    methods.collect()
 }
 
 /// What was measured of one star.
@@ -193,11 +192,6 @@ fn at_infinity(direction: DVec3) -> StarRecord {
 fn measured(image: &FrameImage, place: DVec2) -> Option<Measured> {
     let hdr = image.hdr.as_ref()?;
     let throw = Throw::new([image.width, image.height]);
-    let exact_sr = |x: i64, y: i64| {
-        let (h, centre) = (1e-3, pixel_centre(x as u32, y as u32));
-        let at = |x: f64, y: f64| throw.direction(centre + DVec2::new(x, y));
-        (at(h, 0.0) - at(-h, 0.0)).cross(at(0.0, h) - at(0.0, -h)).length() / (4.0 * h * h)
-    };
     let [left, top] = [place.x as i64 - PATCH_PX, place.y as i64 - PATCH_PX];
     let side = 2 * PATCH_PX + 1;
     let inside = |x: i64, y: i64| x >= 0 && y >= 0 && x < i64::from(image.width) && y < i64::from(image.height);
@@ -208,7 +202,7 @@ fn measured(image: &FrameImage, place: DVec2) -> Option<Measured> {
         let [red, green, blue, _] = hdr[y as usize * image.width as usize + x as usize].map(f64::from);
         let light = luminance([red, green, blue]);
         if light > 0.0 {
-            pixels.push((pixel_centre(x as u32, y as u32), light * exact_sr(x, y)));
+            pixels.push((pixel_centre(x as u32, y as u32), light * throw.solid_angle_sr(x as u32, y as u32)));
         }
     }
     let sum: f64 = pixels.iter().map(|(_, light)| light).sum();
@@ -267,7 +261,7 @@ pub(super) fn run(
     let size = extent.projector;
     let mut step = |done: usize, what: &str| tell(&Step { axis: Axis::Projectors, done, of: 3, what: what.to_owned() });
     step(0, "baking");
-    let (_, methods) = methods(size).map_err(ChartError::Projector)?;
+    let methods = methods(size).map_err(ChartError::Projector)?;
     let sky = Sky::Galaxy(extent.many_views_stars);
     let records = skies.records(sky)?;
     let faintest = records.iter().map(|record| record.apparent_magnitude()).fold(f64::NEG_INFINITY, f64::max);

@@ -7,14 +7,13 @@ use std::{
 
 use base64::{Engine, engine::general_purpose::STANDARD};
 use clap::{Args, Subcommand};
-use glam::DQuat;
+use png::{BitDepth, ColorType};
 
 use super::{CliError, results};
 use crate::{
     config::{Config, DomeFault, DomeProjector, ViewKindConfig},
-    output::{EncodeError, OutputError},
+    output::{OutputError, png_of},
     theatre::check::{Dome, DomeReport, Finding, MapPoint, Projector, ProjectorFigures, check},
-    view::{ViewKind, projection::PlaneMapping},
 };
 
 /// Arguments of `dome`.
@@ -108,16 +107,12 @@ fn dome_of(config: &Config, arguments: &CheckArguments) -> Result<Dome, CliError
 
 fn projector(of: &DomeProjector) -> Option<Projector<'_>> {
     let DomeProjector { view, screen, dimmed_to } = of;
-    let ViewKind::Projector { mapping, output } = &view.kind else { return None };
-    let image = view.images.first()?;
-    let mapping: &dyn PlaneMapping = mapping.as_ref();
-    let view_from_picture = output.resampling().map_or(DQuat::IDENTITY, |resampling| resampling.view_from_source);
-    let dome_from_view = image.camera_from_view * view_from_picture.inverse();
+    let (mapping, dome_from_view) = view.raster()?;
     Some(Projector {
         name: &view.name,
-        mapping,
+        mapping: mapping.as_ref(),
         dome_from_view,
-        blend: output.blend(),
+        blend: view.kind.projector()?.blend(),
         dimmed_to: *dimmed_to,
         screen: screen.as_ref(),
     })
@@ -154,6 +149,10 @@ fn print(report: &DomeReport) -> Result<(), CliError> {
 /// A page: what fails first, figures of the projectors, three maps of the dome.
 fn page(report: &DomeReport) -> Result<String, CliError> {
     let (kept, broken): (Vec<&Finding>, Vec<&Finding>) = report.findings.iter().partition(|finding| finding.passed);
+    let outcome = match broken.len() {
+        0 => "All rules are kept.".to_owned(),
+        failed => format!("{failed} rules are broken: they come first."),
+    };
     let rows: String = broken.into_iter().chain(kept).map(finding_row).collect();
     let figures: String = report.projectors.iter().map(figures_row).collect();
     let lit = report.map.points.iter().flatten().filter(|point| point.projectors > 0);
@@ -190,12 +189,6 @@ fn page(report: &DomeReport) -> Result<String, CliError> {
     ];
     let maps: String =
         maps.iter().map(|(title, map)| format!("<figure>{map}<figcaption>{title}</figcaption></figure>\n")).collect();
-    let failed = report.findings.iter().filter(|finding| !finding.passed).count();
-    let outcome = if failed == 0 {
-        "All rules are kept.".to_owned()
-    } else {
-        format!("{failed} rules are broken: they come first.")
-    };
     Ok(format!(
         "<!doctype html><meta charset=utf-8><title>Dome check</title>\n<style>body{{font:15px sans-serif;background:#111;color:#ddd;margin:2em}}\
          td,th{{padding:.2em .8em;border-top:1px solid #444;text-align:left}}.FAIL td{{color:#f86}}figure{{display:inline-block;vertical-align:top;width:24em;margin:1em}}\
@@ -225,12 +218,9 @@ fn figures_row(projector: &ProjectorFigures) -> String {
 fn map(report: &DomeReport, colour: impl Fn(&MapPoint) -> [u8; 3]) -> Result<String, CliError> {
     let side = report.map.side as u32;
     let pixels: Vec<u8> = report.map.points.iter().flat_map(|point| point.as_ref().map_or([17; 3], &colour)).collect();
-    let mut bytes = Vec::new();
-    let mut encoder = png::Encoder::new(&mut bytes, side, side);
-    encoder.set_color(png::ColorType::Rgb);
-    encoder.write_header().and_then(|mut writer| writer.write_image_data(&pixels)).map_err(|error| {
+    let bytes = png_of([side; 2], (ColorType::Rgb, BitDepth::Eight), &pixels).map_err(|source| {
         let path = "a map of the page".into();
-        CliError::Output(OutputError::Encode { path, source: EncodeError::Png(error) })
+        CliError::Output(OutputError::Encode { path, source })
     })?;
     let data = STANDARD.encode(&bytes);
     Ok(format!("<img alt=\"\" src=\"data:image/png;base64,{data}\">"))

@@ -27,8 +27,15 @@ mod token;
 mod verify;
 mod xr;
 
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
 use clap::{Parser, Subcommand};
 pub use error::{BAD_DATA, BAD_USAGE, CliError, FAILED, NO_ADAPTER};
+
+/// A lock under which nothing can panic: what is poisoned is whole.
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
 
 /// Arguments of the program.
 #[derive(Debug, Parser)]

@@ -14,7 +14,7 @@ use toml::{Table, Value};
 use super::{CliError, results};
 use crate::{
     config::Config,
-    files::write_whole,
+    files::{folder_of, write_whole},
     theatre::{Axes, Calibration, ReadOptions, RowOrder, read},
 };
 
@@ -80,7 +80,7 @@ fn size(text: &str) -> Result<[u32; 2], String> {
 pub fn run(arguments: &ProjectorsArguments) -> Result<(), CliError> {
     let ProjectorsCommand::Import(arguments) = &arguments.command;
     let options = options(arguments)?;
-    let folder = arguments.out.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let folder = folder_of(&arguments.out);
     let mut text = "# Projectors, as their installer's files have them.\n".to_owned();
     let mut names = BTreeMap::new();
     for file in &arguments.files {

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::thread;
 use std::time::Duration;
 
@@ -13,7 +13,7 @@ use super::ending::ended_by_signal;
 use super::{
     CliError,
     load::{self, LoadedScene},
-    results,
+    lock, results,
 };
 use crate::config::{Config, WindowConfig};
 use crate::gpu::{Gpu, GpuOptions};
@@ -134,7 +134,7 @@ fn windows_of(config: &Config, rig: &Rig, windowed: bool) -> Result<Vec<WindowCo
 /// Width and height of the image of a window, pixels.
 pub(super) fn size_of(window: &WindowConfig, rig: &Rig) -> Option<[u32; 2]> {
     let (_, view, image) = window.image_of(rig)?;
-    Some(view.images[image].projection.mapping().size())
+    Some(view.output_size(&view.images[image]))
 }
 
 fn report(figures: &WindowFigures) -> String {
@@ -151,11 +151,6 @@ fn report(figures: &WindowFigures) -> String {
         other => format!("; {}: {}", other.name(), other.reason()),
     };
     format!("{name}{on}: {frames} frames, {refresh}, {times}, {missed}{state}")
-}
-
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    // Nothing can panic while a lock is held, so what is poisoned is whole.
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Whom `show` opens windows for: a scene that nothing changes but the key for test patterns.
@@ -254,9 +249,7 @@ impl Drawing {
         let mut wanted = vec![Wanted::default(); self.rig.views().len()];
         for (window, _) in self.windows.iter().zip(shown).filter(|(_, shown)| **shown) {
             if let Some((view, ..)) = window.image_of(&self.rig) {
-                let of_window = window.format.wanted(patterned);
-                wanted[view].display |= of_window.display;
-                wanted[view].hdr |= of_window.hdr;
+                wanted[view] |= window.format.wanted(patterned);
             }
         }
         let mut frames: Vec<(usize, Arc<Frame>)> = Vec::new();

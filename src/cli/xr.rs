@@ -2,12 +2,12 @@
 
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::SystemTime;
 
 use clap::Args;
 
-use super::{CliError, load, results};
+use super::{CliError, load, lock, results};
 use crate::config::Config;
 use crate::plan::settings::{AfterExit, HeadsetSettings};
 use crate::render::Wanted;
@@ -86,11 +86,6 @@ struct Wearer {
     ended: AtomicBool,
     /// The last flight was refused.
     refusing: AtomicBool,
-}
-
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    // Nothing can panic while a lock is held, so what is poisoned is whole.
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Host for Wearer {

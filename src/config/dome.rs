@@ -81,12 +81,11 @@ pub(super) fn match_projectors(
             return Err((*index, Fault::new("blend", problem)));
         }
         let lamps = projectors.iter().filter_map(|(index, projector)| {
-            let ViewKind::Projector { mapping, .. } = &views[*index].kind else { return None };
+            let (mapping, dome_from_view) = views[*index].raster()?;
             let black = match (projector.black_cd_m2, projector.white_cd_m2) {
                 (Some(black), Some(white)) => black / white,
                 _ => 0.0,
             };
-            let dome_from_view = glam::DQuat::from_array(configs[*index].orientation).normalize();
             Some(Lamp { mapping: Arc::clone(mapping), dome_from_view, black })
         });
         computed.of(lamps.collect()).into_iter().map(Some).collect()

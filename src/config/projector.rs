@@ -15,7 +15,7 @@ use crate::{
     view::{
         ViewKind,
         projection::{TabulatedMapping, TabulationError, Warp},
-        projector::{Blend, Lut, ProjectorOutput, Resampling, Response, Weights},
+        projector::{Blend, Lut, ProjectorOutput, Resampling, Response},
     },
 };
 
@@ -243,7 +243,7 @@ impl ProjectorConfig {
         });
         let mapping = Arc::new(mapping?);
         let [alpha, beta] = [&region.alpha, &region.beta]
-            .map(|mask| mask.as_ref().filter(|_| self.blend == BlendConfig::File).map(weights));
+            .map(|mask| mask.as_ref().filter(|_| self.blend == BlendConfig::File).map(Mask::weights));
         let blend = (alpha.is_some() || beta.is_some()).then(|| Blend::new(region.size_px, alpha, beta));
         let blend = blend.transpose().map_err(|error| error.to_string())?;
         let resampling = match self.method {
@@ -257,8 +257,4 @@ impl ProjectorConfig {
         let output = Arc::new(ProjectorOutput::new(region.size_px, resampling, blend, response)?);
         Ok(ViewKind::Projector { mapping, output })
     }
-}
-
-fn weights(mask: &Mask) -> Weights<'_> {
-    Weights { size: [mask.width, mask.height], values: &mask.values }
 }

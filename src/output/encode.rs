@@ -3,6 +3,7 @@
 //! All of them are deterministic: the same image gives the same bytes.
 
 use exr::prelude::LayerAttributes;
+use png::{BitDepth, ColorType};
 
 use super::{exr_file::exr_of, jpeg, video::VideoEncoder};
 use crate::render::{FrameImage, Wanted};
@@ -104,7 +105,10 @@ pub enum EncodeError {
 pub fn encode(encoding: Encoding, image: &FrameImage) -> Result<Vec<u8>, EncodeError> {
     match encoding {
         Encoding::Rgba8 => Ok(display_of(image, encoding)?.to_vec()),
-        Encoding::Png => png_of(image, display_of(image, encoding)?),
+        Encoding::Png => {
+            let size = [image.width, image.height];
+            png_of(size, (ColorType::Rgba, BitDepth::Eight), display_of(image, encoding)?)
+        }
         Encoding::Jpeg => jpeg_of(image, display_of(image, encoding)?),
         Encoding::H264 => VideoEncoder::new(image.width, image.height)?.encode(image, true),
         Encoding::Rgb32f => {
@@ -140,16 +144,21 @@ pub(super) fn hdr_of(image: &FrameImage, encoding: Encoding) -> Result<&[[f32; 4
     checked(image, image.hdr.as_deref().ok_or(missing)?, 1)
 }
 
-fn png_of(image: &FrameImage, pixels: &[u8]) -> Result<Vec<u8>, EncodeError> {
+/// A PNG, marked sRGB, of samples row by row from the top, those of 16 bits with their high byte first.
+pub(crate) fn png_of(
+    [width, height]: [u32; 2],
+    (color, depth): (ColorType, BitDepth),
+    samples: &[u8],
+) -> Result<Vec<u8>, EncodeError> {
     let mut bytes = Vec::new();
-    let mut encoder = png::Encoder::new(&mut bytes, image.width, image.height);
-    encoder.set_color(png::ColorType::Rgba);
-    encoder.set_depth(png::BitDepth::Eight);
+    let mut encoder = png::Encoder::new(&mut bytes, width, height);
+    encoder.set_color(color);
+    encoder.set_depth(depth);
     encoder.set_source_srgb(png::SrgbRenderingIntent::RelativeColorimetric);
     // Dithered black does not shrink much more with more effort.
     encoder.set_compression(png::Compression::Fast);
     let mut writer = encoder.write_header()?;
-    writer.write_image_data(pixels)?;
+    writer.write_image_data(samples)?;
     writer.finish()?;
     Ok(bytes)
 }

@@ -1,6 +1,6 @@
 //! What a frame is: images, statistics and times.
 
-use std::sync::Arc;
+use std::{ops::BitOrAssign, sync::Arc};
 
 use serde::Serialize;
 
@@ -124,6 +124,15 @@ impl Wanted {
     /// Both images.
     pub const fn both() -> Self {
         Self { display: true, hdr: true, hdr_stays: false }
+    }
+}
+
+impl BitOrAssign for Wanted {
+    /// What either of them wants.
+    fn bitor_assign(&mut self, other: Self) {
+        self.display |= other.display;
+        self.hdr |= other.hdr;
+        self.hdr_stays |= other.hdr_stays;
     }
 }
 

@@ -181,10 +181,7 @@ impl Windows {
             let patterned = scene.objects.drawn.overlay.test_patterns.contains(&config.view);
             let of_window = config.format.wanted(patterned);
             match wanted.iter_mut().find(|(known, _)| *known == id) {
-                Some((_, wanted)) => {
-                    wanted.display |= of_window.display;
-                    wanted.hdr |= of_window.hdr;
-                }
+                Some((_, wanted)) => *wanted |= of_window,
                 None => wanted.push((id, of_window)),
             }
         }

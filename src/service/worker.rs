@@ -600,11 +600,7 @@ impl Worker {
         let kind = next_kind(of_requests.chain(of_streams), self.last_kind);
         self.last_kind = kind;
         let mut wanted = vec![Wanted::default(); groups.all.get(kind.0).map_or(0, |group| group.views.len())];
-        let mut want = |view: ViewId, what: Wanted| {
-            let wanted = &mut wanted[groups.of_view[&view].1];
-            wanted.display |= what.display;
-            wanted.hdr |= what.hdr;
-        };
+        let mut want = |view: ViewId, what: Wanted| wanted[groups.of_view[&view].1] |= what;
         let (requests, others): (Vec<Request>, Vec<Request>) =
             waiting.into_iter().partition(|request| groups.kind_of(request.view, request.wanted) == kind);
         // Before those that are due later, in their order.

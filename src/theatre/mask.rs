@@ -5,7 +5,7 @@ use std::path::Path;
 use png::{BitDepth, ColorType, Transformations};
 
 use super::{MOST_BYTES, TheatreError, fault::Fault};
-use crate::files;
+use crate::{files, view::projector::Weights};
 
 /// Width or height of a mask, at most.
 const MOST_SIDE_PX: u32 = 8192;
@@ -23,6 +23,13 @@ pub struct Mask {
     pub values: Vec<f32>,
     /// Steps of the file's codes: 255 or 65535.
     pub levels: u32,
+}
+
+impl Mask {
+    /// Its values on their raster.
+    pub fn weights(&self) -> Weights<'_> {
+        Weights { size: [self.width, self.height], values: &self.values }
+    }
 }
 
 /// A mask, and what its file told besides.

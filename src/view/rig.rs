@@ -333,6 +333,14 @@ impl View {
         }
     }
 
+    /// Of a projector: the mapping of its raster, and the rotation from the raster's axes to those of the camera, which are the dome's.
+    pub fn raster(&self) -> Option<(&Arc<TabulatedMapping>, DQuat)> {
+        let ViewKind::Projector { mapping, output } = &self.kind else { return None };
+        let camera_from_picture = self.images.first()?.camera_from_view;
+        let picture_from_view = output.resampling().map(|resampling| resampling.view_from_source.inverse());
+        Some((mapping, picture_from_view.map_or(camera_from_picture, |rotation| camera_from_picture * rotation)))
+    }
+
     /// Width and height of one of its images as it leaves the renderer, pixels.
     pub fn output_size(&self, image: &ViewImage) -> [u32; 2] {
         self.kind.projector().map_or_else(|| image.projection.mapping().size(), |output| output.size())

@@ -9,7 +9,7 @@ use steradian::{
     },
     view::{
         projection::{PlaneMapping, Warp},
-        projector::{Blend, Weights},
+        projector::Blend,
     },
 };
 
@@ -35,14 +35,10 @@ fn right() -> Vec<Region> {
     regions(&set().bytes(&projectors_of(SIZE)), &ReadOptions::default())
 }
 
-fn weights(mask: &Mask) -> Weights<'_> {
-    Weights { size: [mask.width, mask.height], values: &mask.values }
-}
-
 fn judged(regions: &[Region]) -> DomeReport {
     let warps: Vec<Warp> = regions.iter().map(|region| Warp::new(region.size_px, &region.grid).unwrap()).collect();
     let blend = |region: &Region| {
-        let [alpha, beta] = [&region.alpha, &region.beta].map(|mask| mask.as_ref().map(weights));
+        let [alpha, beta] = [&region.alpha, &region.beta].map(|mask| mask.as_ref().map(Mask::weights));
         (alpha.is_some() || beta.is_some()).then(|| Blend::new(region.size_px, alpha, beta).unwrap())
     };
     let blends: Vec<Option<Blend>> = regions.iter().map(blend).collect();

@@ -2,6 +2,9 @@
 //! are shown as ignored, with the reason; with `STERADIAN_REQUIRE_PAGE=1` they fail. The arguments are those of libtest.
 #![allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
 
+#[path = "../common/trials.rs"]
+mod trials;
+
 mod browser;
 mod bundle;
 mod daemon;
@@ -12,28 +15,11 @@ mod session;
 
 use std::process::ExitCode;
 
-use libtest_mimic::{Arguments, Completion, Failed, Trial};
-
-/// If set, and neither empty nor 0, a test that cannot run is a failure.
-const REQUIRE_VARIABLE: &str = "STERADIAN_REQUIRE_PAGE";
-
-/// A test: it fails by a panic. What it returns as an error is what is missing to run it.
-pub type Test = (&'static str, fn() -> Result<(), String>);
-
-fn complete(run: fn() -> Result<(), String>) -> Result<Completion, Failed> {
-    let required = std::env::var_os(REQUIRE_VARIABLE).is_some_and(|value| !value.is_empty() && value != "0");
-    match run() {
-        Ok(()) => Ok(Completion::Completed),
-        Err(missing) if required => Err(format!("{REQUIRE_VARIABLE} is set, and {missing}").into()),
-        Err(missing) => Ok(Completion::ignored_with(missing)),
-    }
-}
+pub use trials::Test;
 
 fn main() -> ExitCode {
-    let mut arguments = Arguments::from_args();
-    // Each starts a browser and a daemon that draws with a software driver, which takes all cores.
-    arguments.test_threads = Some(1);
-    let tests = [bundle::TESTS, pictures::TESTS, panels::TESTS, forms::TESTS, session::TESTS].concat();
-    let trials = tests.into_iter().map(|(name, run)| Trial::ignorable_test(name, move || complete(run)));
-    libtest_mimic::run(&arguments, trials.collect()).exit_code()
+    trials::main(
+        "STERADIAN_REQUIRE_PAGE",
+        &[bundle::TESTS, pictures::TESTS, panels::TESTS, forms::TESTS, session::TESTS],
+    )
 }

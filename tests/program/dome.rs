@@ -10,6 +10,8 @@ use std::{
 use glam::DVec3;
 use steradian::units::illuminance_lx_from_magnitude;
 
+use crate::exr_file::channels;
+
 const SIZE: [usize; 2] = [110, 200];
 /// Samples of the grids.
 const SAMPLES: usize = 49;
@@ -91,14 +93,6 @@ fn folder() -> (tempfile::TempDir, Vec<f64>) {
     (folder, light)
 }
 
-fn channel(bytes: &[u8], name: &str) -> Vec<f32> {
-    use exr::prelude::{ReadChannels, ReadLayers};
-    let read = exr::prelude::read().no_deep_data().largest_resolution_level().all_channels();
-    let image = read.first_valid_layer().all_attributes().from_buffered(std::io::Cursor::new(bytes)).unwrap();
-    let mut list = image.layer_data.channel_data.list.iter();
-    list.find(|channel| channel.name == *name).expect(name).sample_data.values_as_f32().collect()
-}
-
 /// The light of stars over both rasters, weighed with solid angles of the closed form, and shared where both show a star.
 #[test]
 fn the_light_of_stars_is_whole_in_the_pixels_of_projectors() {
@@ -109,7 +103,7 @@ fn the_light_of_stars_is_whole_in_the_pixels_of_projectors() {
     for right in [false, true] {
         let name = if right { "right" } else { "left" };
         let bytes = fs::read(folder.path().join(format!("out/{name}.exr"))).unwrap();
-        let [red, green, blue, omega] = ["R", "G", "B", "omega"].map(|name| channel(&bytes, name));
+        let [red, green, blue, omega] = channels(&bytes, ["R", "G", "B", "omega"]);
         for pixel in 0..SIZE[0] * SIZE[1] {
             let luminance =
                 0.2126 * f64::from(red[pixel]) + 0.7152 * f64::from(green[pixel]) + 0.0722 * f64::from(blue[pixel]);
@@ -233,7 +227,7 @@ fn import_writes_a_configuration_with_every_projector() {
     for right in [false, true] {
         let name = if right { "right" } else { "left" };
         let bytes = fs::read(folder.path().join(format!("out/{name}.exr"))).unwrap();
-        let [red, green, blue, alpha] = ["R", "G", "B", "alpha"].map(|name| channel(&bytes, name));
+        let [red, green, blue, alpha] = channels(&bytes, ["R", "G", "B", "alpha"]);
         for pixel in 0..SIZE[0] * SIZE[1] {
             let luminance =
                 0.2126 * f64::from(red[pixel]) + 0.7152 * f64::from(green[pixel]) + 0.0722 * f64::from(blue[pixel]);

@@ -4,8 +4,9 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-use exr::prelude::{ReadChannels, ReadLayers};
 use steradian::photometry::rec709::luminance;
+
+use crate::exr_file::channels;
 
 /// Width of the picture, pixels, and its vertical field of view; it is square.
 const SIDE: usize = 128;
@@ -47,13 +48,7 @@ fn turning(scene: &str) -> tempfile::TempDir {
 
 /// Light of an image, lx; its mean place and its variance along the rows, pixels.
 fn moments(file: &Path) -> [f64; 3] {
-    let read = exr::prelude::read().no_deep_data().largest_resolution_level().all_channels().first_valid_layer();
-    let image = read.all_attributes().from_file(file).unwrap();
-    let channel = |name: &str| -> Vec<f32> {
-        let list = &image.layer_data.channel_data.list;
-        list.iter().find(|channel| channel.name == *name).unwrap().sample_data.values_as_f32().collect()
-    };
-    let [red, green, blue, omega_sr] = ["R", "G", "B", "omega"].map(channel);
+    let [red, green, blue, omega_sr] = channels(&fs::read(file).unwrap(), ["R", "G", "B", "omega"]);
     let light = |at: usize| luminance([red[at], green[at], blue[at]].map(f64::from)) * f64::from(omega_sr[at]);
     let sum =
         |of: &dyn Fn(f64) -> f64| -> f64 { (0..SIDE * SIDE).map(|at| light(at) * of((at % SIDE) as f64 + 0.5)).sum() };

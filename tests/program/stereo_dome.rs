@@ -5,10 +5,11 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-use exr::prelude::{ReadChannels, ReadLayers};
 use glam::DVec3;
 use steradian::photometry::rec709::luminance;
 use steradian::view::projection::{Fisheye, FisheyeMapping, PlaneMapping, pixel_centre};
+
+use crate::exr_file::channels;
 
 const SIDE: u32 = 512;
 /// Half the distance between the eyes, m.
@@ -47,13 +48,7 @@ fn in_picture(world: DVec3) -> DVec3 {
 
 /// Pixels of an OpenEXR file: luminance, cd/m^2, and solid angle, sr.
 fn pixels(file: &Path) -> Vec<[f64; 2]> {
-    let read = exr::prelude::read().no_deep_data().largest_resolution_level().all_channels().first_valid_layer();
-    let image = read.all_attributes().from_file(file).unwrap();
-    let channel = |name: &str| -> Vec<f32> {
-        let list = &image.layer_data.channel_data.list;
-        list.iter().find(|channel| channel.name == *name).unwrap().sample_data.values_as_f32().collect()
-    };
-    let [red, green, blue, omega_sr] = ["R", "G", "B", "omega"].map(channel);
+    let [red, green, blue, omega_sr] = channels(&fs::read(file).unwrap(), ["R", "G", "B", "omega"]);
     let light = |at: usize| luminance([red[at], green[at], blue[at]].map(f64::from));
     (0..omega_sr.len()).map(|at| [light(at), f64::from(omega_sr[at])]).collect()
 }

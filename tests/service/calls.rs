@@ -6,7 +6,6 @@ use std::{
     time::{Duration, SystemTime},
 };
 
-use exr::prelude::{ReadChannels, ReadLayers};
 use glam::{DQuat, DVec3};
 use steradian::{
     output::{Encoding, encode},
@@ -18,6 +17,7 @@ use steradian::{
 use tonic::Code;
 
 use crate::daemon::{Daemon, TestEngine, display_pixel, hdr_pixel, small_rig, within};
+use crate::exr_file;
 
 const ENCODINGS: [Encoding; 6] =
     [Encoding::Rgba8, Encoding::Png, Encoding::Jpeg, Encoding::H264, Encoding::Rgb32f, Encoding::Exr];
@@ -111,13 +111,7 @@ fn expected(frame: &ReceivedFrame, view: usize, x_m: f64, image: usize) -> Frame
 }
 
 fn exr_pixels(data: &[u8]) -> Vec<[f32; 4]> {
-    let read = exr::prelude::read().no_deep_data().largest_resolution_level();
-    let image = read.all_channels().first_valid_layer().all_attributes().from_buffered(Cursor::new(data)).unwrap();
-    let channel = |name: &str| -> Vec<f32> {
-        let mut list = image.layer_data.channel_data.list.iter();
-        list.find(|channel| channel.name == *name).expect(name).sample_data.values_as_f32().collect()
-    };
-    let channels = ["R", "G", "B", "omega"].map(channel);
+    let channels = exr_file::channels(data, ["R", "G", "B", "omega"]);
     (0..channels[0].len()).map(|i| [0, 1, 2, 3].map(|c: usize| channels[c][i])).collect()
 }
 

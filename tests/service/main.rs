@@ -2,6 +2,9 @@
 
 #![allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
 
+#[path = "../common/exr_file.rs"]
+mod exr_file;
+
 mod access;
 mod calls;
 mod camera;

@@ -15,6 +15,7 @@ use super::super::{
     load::{self, LoadedScene},
     results,
 };
+use super::within;
 use crate::catalogue::chunks::StarSet;
 use crate::config::{Config, FilmPath};
 use crate::gpu::{Gpu, GpuOptions};
@@ -54,8 +55,7 @@ impl From<Format> for FilmFormat {
 }
 
 fn open_share(text: &str) -> Result<f64, String> {
-    let share: f64 = text.parse().map_err(|_| format!("`{text}` is no number"))?;
-    if (0.0..=1.0).contains(&share) { Ok(share) } else { Err(format!("{text}: allowed are 0 to 1")) }
+    within(text, [0.0, 1.0])
 }
 
 /// Arguments of `film` for drawing.
@@ -101,7 +101,6 @@ pub struct DrawArguments {
 
 /// The film, before anything is drawn.
 struct Film {
-    config: Config,
     camera: Camera,
     path: FilmPath,
     tracks: FilmTracks,
@@ -115,10 +114,9 @@ struct Film {
 pub fn run(arguments: DrawArguments, adapter: Option<String>) -> Result<(), CliError> {
     // Everything that can be refused is looked at before the stars, which take longest.
     let inputs = Inputs::load(&arguments.config, &arguments.set)?;
-    let config = inputs.config.clone();
     let path = FilmPath::load(&arguments.path)?;
     let film = Film {
-        camera: config.camera()?,
+        camera: inputs.config.camera()?,
         tracks: FilmTracks::new(&path),
         format: arguments.format.into(),
         shutter: arguments
@@ -126,7 +124,6 @@ pub fn run(arguments: DrawArguments, adapter: Option<String>) -> Result<(), CliE
             .zip(arguments.sub_frames)
             .map(|(open, sub_frames)| Shutter { open, sub_frames })
             .filter(|shutter| !shutter.is_sharp()),
-        config,
         path,
         inputs,
     };
@@ -141,7 +138,7 @@ pub fn run(arguments: DrawArguments, adapter: Option<String>) -> Result<(), CliE
 
     let gpu = Gpu::open(&GpuOptions { adapter, ..GpuOptions::default() })?;
     let mut renderer = Renderer::new(gpu);
-    renderer.check(&rig).map_err(|error| CliError::render(error.into(), &film.config.origin))?;
+    renderer.check(&rig).map_err(|error| CliError::render(error.into(), &film.inputs.config.origin))?;
     let record = film.record(&rig, &renderer)?;
     let folder = FilmFolder::open(&arguments.out, &record, arguments.overwrite)?;
     let frames: Vec<u32> = arguments.frames.frames(arguments.shard).collect();
@@ -167,7 +164,7 @@ pub fn run(arguments: DrawArguments, adapter: Option<String>) -> Result<(), CliE
 impl Film {
     /// Whether all frames can be drawn, as far as that is known beforehand; returns the views.
     fn check(&self, range: FrameRange) -> Result<Rig, CliError> {
-        let Self { config, path, tracks, format, .. } = self;
+        let Self { inputs: Inputs { config, .. }, path, tracks, format, .. } = self;
         let rig = config.rig()?;
         let usage = |text: String| Err(CliError::Usage(text));
         if rig.views().is_empty() {
@@ -205,7 +202,7 @@ impl Film {
 
     /// The configuration of a moment.
     fn at(&self, moment: f64) -> Config {
-        self.tracks.at_moment(moment).applied_to(&self.config)
+        self.tracks.at_moment(moment).applied_to(&self.inputs.config)
     }
 
     /// The moments whose light a frame has.
@@ -248,7 +245,7 @@ impl Film {
 
     fn record(&self, rig: &Rig, renderer: &Renderer) -> Result<FilmRecord, CliError> {
         let report = renderer.adapter();
-        let configuration = sha256(&[&self.config.pictured]);
+        let configuration = sha256(&[&self.inputs.config.pictured]);
         let path = sha256(&[&self.path.document]);
         let (version, format) = (env!("CARGO_PKG_VERSION"), self.format.name());
         let adapter = format!("{}, {}", report.adapter, report.driver);
@@ -299,9 +296,9 @@ impl Film {
         record: &FilmRecord,
         missing: &[u32],
     ) -> Result<(), CliError> {
-        let of_render = |error: RenderError| CliError::render(error, &self.config.origin);
+        let of_render = |error: RenderError| CliError::render(error, &self.inputs.config.origin);
         let groups = self.at(f64::from(missing[0])).frame_groups()?;
-        let LoadedScene { stars, report, objects, prepared } = load::scene(&self.config, &groups, renderer)?;
+        let LoadedScene { stars, report, objects, prepared } = load::scene(&self.inputs.config, &groups, renderer)?;
         prepared.map_err(of_render)?;
         folder.tell_catalogues(self.inputs.catalogues(&report))?;
         let stars = Arc::new(stars);
@@ -342,7 +339,7 @@ impl Film {
             None => Arc::clone(objects),
         };
         let snapshot = SceneSnapshot { revision: 1, stars: Arc::clone(stars), objects, camera };
-        Ok(Moment { config: values.applied_to(&self.config), snapshot })
+        Ok(Moment { config: values.applied_to(&self.inputs.config), snapshot })
     }
 
     fn draw_frame(
@@ -365,7 +362,8 @@ impl Film {
         for (number, group) in groups.iter().enumerate() {
             let wanted = if self.shutter.is_some() { Wanted::hdr() } else { self.format.wanted() };
             let request = FrameRequest::of_group(snapshot, &groups, number).wanted(wanted);
-            let mut drawn = renderer.render(request).map_err(|error| CliError::render(error, &self.config.origin))?;
+            let mut drawn =
+                renderer.render(request).map_err(|error| CliError::render(error, &self.inputs.config.origin))?;
             times.plan_ms += drawn.times.plan_ms;
             times.gpu_and_readback_ms += drawn.times.gpu_and_readback_ms;
             if let Some(shutter) = self.shutter {
@@ -436,7 +434,7 @@ impl Film {
                     let groups = config.frame_groups()?;
                     let request = FrameRequest::of_group(&snapshot, &groups, group).wanted(Wanted::hdr());
                     let drawn = renderer.render(request.adapted_ev100(exposure_ev100));
-                    drawn.map_err(|error| CliError::render(error, &self.config.origin))?
+                    drawn.map_err(|error| CliError::render(error, &self.inputs.config.origin))?
                 }
             };
             match &mut sum {

@@ -37,6 +37,12 @@ enum FilmCommand {
     Record(record::RecordArguments),
 }
 
+/// A number of an argument, in a range.
+fn within(text: &str, [least, most]: [f64; 2]) -> Result<f64, String> {
+    let number: f64 = text.parse().map_err(|_| format!("`{text}` is no number"))?;
+    if (least..=most).contains(&number) { Ok(number) } else { Err(format!("{text}: allowed are {least} to {most}")) }
+}
+
 /// Runs the command.
 pub fn run(arguments: FilmArguments, adapter: Option<String>) -> Result<(), CliError> {
     match (arguments.command, arguments.draw) {

@@ -8,6 +8,7 @@ use clap::Args;
 use tokio::time::{Instant as TokioInstant, sleep_until};
 
 use super::super::{CliError, results};
+use super::within;
 use crate::config::{ExposureKey, UNIX_PREFIX};
 use crate::files;
 use crate::output::film::{Recording, SeenScene};
@@ -15,11 +16,6 @@ use crate::service::{self, Client, ClientError, Credentials, SceneForm};
 
 /// Bytes of a token or certificate, at most.
 const MOST_BYTES: u64 = 1 << 20;
-
-fn within(text: &str, [least, most]: [f64; 2]) -> Result<f64, String> {
-    let number: f64 = text.parse().map_err(|_| format!("`{text}` is no number"))?;
-    if (least..=most).contains(&number) { Ok(number) } else { Err(format!("{text}: allowed are {least} to {most}")) }
-}
 
 fn fps(text: &str) -> Result<f64, String> {
     within(text, [1.0, 240.0])
@@ -88,7 +84,7 @@ pub fn run(arguments: &RecordArguments) -> Result<(), CliError> {
         )));
     }
     // Before anything is recorded that could not be written.
-    let folder = out.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let folder = files::folder_of(out);
     if !folder.is_dir() {
         return Err(CliError::Usage(format!("--out {}: there is no folder {}", out.display(), folder.display())));
     }

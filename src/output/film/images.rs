@@ -1,10 +1,11 @@
 //! The images of a film's frames, encoded. The same image with the same words gives the same bytes.
 
 use exr::prelude::{AttributeValue, LayerAttributes, Text};
+use png::{BitDepth, ColorType};
 use rayon::prelude::*;
 
 use super::super::{
-    encode::{EncodeError, Encoding, encode, hdr_of},
+    encode::{EncodeError, Encoding, encode, hdr_of, png_of},
     exr_file::{HalfOf, exr_of},
 };
 use crate::photometry::exposure::white_luminance_cd_m2;
@@ -100,16 +101,7 @@ fn png16(image: &FrameImage, words: &ImageWords) -> Result<Vec<u8>, EncodeError>
             bytes.copy_from_slice(&code.to_be_bytes());
         }
     });
-    let mut bytes = Vec::new();
-    let mut encoder = png::Encoder::new(&mut bytes, image.width, image.height);
-    encoder.set_color(png::ColorType::Rgb);
-    encoder.set_depth(png::BitDepth::Sixteen);
-    encoder.set_source_srgb(png::SrgbRenderingIntent::RelativeColorimetric);
-    encoder.set_compression(png::Compression::Fast);
-    let mut writer = encoder.write_header()?;
-    writer.write_image_data(&samples)?;
-    writer.finish()?;
-    Ok(bytes)
+    png_of([image.width, image.height], (ColorType::Rgb, BitDepth::Sixteen), &samples)
 }
 
 /// Latin-1, which is what the format has: names and numbers are ASCII anyhow.

@@ -8,6 +8,7 @@ use std::process::{Command, Stdio};
 use super::super::OutputError;
 use super::error::FilmError;
 use super::frames::FrameRange;
+use crate::files::folder_of;
 
 /// Containers, by the extension of the file.
 const EXTENSIONS: [&str; 3] = ["mp4", "mkv", "mov"];
@@ -29,7 +30,7 @@ pub fn check_video_file(file: &Path) -> Result<(), String> {
         let allowed = EXTENSIONS.join(", .");
         return Err(format!("--video {}: the extension tells the container: allowed are .{allowed}", file.display()));
     }
-    let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let folder = folder_of(file);
     if !folder.is_dir() {
         return Err(format!("--video {}: there is no folder {}", file.display(), folder.display()));
     }
@@ -63,7 +64,6 @@ impl Ffmpeg {
     pub fn encode(&self, folder: &Path, stem: &str, range: FrameRange, fps: f64, file: &Path) -> Result<(), FilmError> {
         let write = |source: io::Error| OutputError::Write { path: file.to_owned(), source };
         let extension = file.extension().and_then(OsStr::to_str).unwrap_or_default();
-        let place = file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
         let mut builder = tempfile::Builder::new();
         let suffix = format!(".{extension}");
         builder.prefix(".steradian-").suffix(&suffix);
@@ -72,7 +72,7 @@ impl Ffmpeg {
             use std::os::unix::fs::PermissionsExt;
             builder.permissions(std::fs::Permissions::from_mode(0o666));
         }
-        let temporary = builder.tempfile_in(place).map_err(write)?;
+        let temporary = builder.tempfile_in(folder_of(file)).map_err(write)?;
         let target: PathBuf = absolute(temporary.path()).map_err(write)?;
         // The folder's own name may have a `%`, which would be part of the pattern: so ffmpeg runs inside of it.
         let mut command = Command::new("ffmpeg");

@@ -138,7 +138,7 @@ pub(super) fn blend(seen: &Seen<'_>) -> Vec<Finding> {
             _ if index == second => at_share(of_a, b.mapping, hit.pixel),
             _ => hit.share,
         });
-        (error <= MOST_BLEND_ERROR.max(0.25 * off)).then_some([a, b])
+        (error <= MOST_BLEND_ERROR).then_some([a, b])
     });
     findings.extend(swapped.map(|[a, b]| {
         of(

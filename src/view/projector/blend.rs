@@ -115,13 +115,15 @@ pub(super) fn shown(light: [f32; 3], [alpha, beta]: [f32; 2]) -> [f32; 3] {
     light.map(|light| light * alpha * (1.0 - beta) + beta)
 }
 
+/// The two pixels of a row or column of `side` whose middles are around a place, pixels, and how far it is from the first to the second, 0 to 1.
+pub(super) fn middles(at: f64, side: usize) -> ([usize; 2], f64) {
+    let at = (at - 0.5).clamp(0.0, (side - 1) as f64);
+    let first = (at as usize).min(side.saturating_sub(2));
+    ([first, (first + 1).min(side - 1)], at - first as f64)
+}
+
 /// A value of a raster at a place in pixels: linear between the middles of pixels, beyond the outermost middles as there.
 pub(super) fn between([width, height]: [usize; 2], [x, y]: [f64; 2], value: impl Fn(usize, usize) -> f64) -> f64 {
-    let middles = |at: f64, side: usize| {
-        let at = (at - 0.5).clamp(0.0, (side - 1) as f64);
-        let first = (at as usize).min(side.saturating_sub(2));
-        ([first, (first + 1).min(side - 1)], at - first as f64)
-    };
     let ([left, right], across) = middles(x, width);
     let ([upper, lower], down) = middles(y, height);
     let row = |y: usize| value(left, y) * (1.0 - across) + value(right, y) * across;

@@ -4,6 +4,7 @@
 use glam::{DMat3, DQuat, DVec2, DVec3};
 use rayon::prelude::*;
 
+use super::blend::middles;
 use crate::{
     photometry::tone_map::light_of_codes,
     view::projection::{
@@ -103,12 +104,9 @@ impl Resampling {
             return [0.0; 3];
         }
         let [width, height] = self.source.mapping().size().map(|side| side as usize);
-        let middles = |at: f32, side: usize| {
-            let at = (at - 0.5).clamp(0.0, (side - 1) as f32);
-            let first = (at as usize).min(side.saturating_sub(2));
-            (first, (first + 1).min(side - 1), at - first as f32)
-        };
-        let ((left, right, across), (upper, lower, down)) = (middles(x, width), middles(y, height));
+        let [([left, right], across), ([upper, lower], down)] =
+            [(x, width), (y, height)].map(|(at, side)| middles(f64::from(at), side));
+        let [across, down] = [across, down].map(|share| share as f32);
         let row = |y: usize| {
             let [a, b] = [value(y * width + left), value(y * width + right)];
             [0, 1, 2].map(|c| a[c] + (b[c] - a[c]) * across)
