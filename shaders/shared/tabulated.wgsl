@@ -5,8 +5,31 @@
 #import shared/math
 #import shared/viewport
 
-// The tables of all viewports, in groups of four words: `viewport.face` is the number of the first group of its own.
-@group(3) @binding(0) var<storage, read> mapping_tables: array<vec4<u32>>;
+// The tables of all viewports, in groups of four words, over several buffers: `viewport.face` is the number of the first group of its own, with that of its
+// buffer in the upper bits.
+@group(3) @binding(0) var<storage, read> mapping_tables_0: array<vec4<u32>>;
+@group(3) @binding(1) var<storage, read> mapping_tables_1: array<vec4<u32>>;
+@group(3) @binding(2) var<storage, read> mapping_tables_2: array<vec4<u32>>;
+@group(3) @binding(3) var<storage, read> mapping_tables_3: array<vec4<u32>>;
+
+// A group of words.
+fn mapping_table(at: u32) -> vec4<u32> {
+    let group = at & (0xffffffffu >> (32u - TABLE_GROUP_BITS));
+    switch at >> TABLE_GROUP_BITS {
+        case 0u: {
+            return mapping_tables_0[group];
+        }
+        case 1u: {
+            return mapping_tables_1[group];
+        }
+        case 2u: {
+            return mapping_tables_2[group];
+        }
+        default: {
+            return mapping_tables_3[group];
+        }
+    }
+}
 
 // Direction at a node, and its pixel's solid angle in sr: 0 outside of the picture. All 0 where there is no direction.
 fn tabulated_node(viewport: Viewport, node: vec2<i32>) -> vec4<f32> {
@@ -14,7 +37,7 @@ fn tabulated_node(viewport: Viewport, node: vec2<i32>) -> vec4<f32> {
     if any(node < vec2(0)) || any(node >= counts) {
         return vec4(0.0);
     }
-    return bitcast<vec4<f32>>(mapping_tables[viewport.face + TABLE_HEADER + u32(node.y * counts.x + node.x)]);
+    return bitcast<vec4<f32>>(mapping_table(viewport.face + TABLE_HEADER + u32(node.y * counts.x + node.x)));
 }
 
 // Solid angle of a pixel, sr; 0 outside of the picture, also outside of the image.
@@ -130,10 +153,10 @@ struct TableStart {
 
 // The same of a unit vector.
 fn start_in_table(viewport: Viewport, direction: vec3<f32>) -> TableStart {
-    let grid = mapping_tables[viewport.face].xy;
-    let axis = bitcast<vec4<f32>>(mapping_tables[viewport.face + 1u]);
-    let right = bitcast<vec4<f32>>(mapping_tables[viewport.face + 2u]).xyz;
-    let up = bitcast<vec4<f32>>(mapping_tables[viewport.face + 3u]).xyz;
+    let grid = mapping_table(viewport.face).xy;
+    let axis = bitcast<vec4<f32>>(mapping_table(viewport.face + 1u));
+    let right = bitcast<vec4<f32>>(mapping_table(viewport.face + 2u)).xyz;
+    let up = bitcast<vec4<f32>>(mapping_table(viewport.face + 3u)).xyz;
     let across = vec2(dot(direction, right), dot(direction, up));
     let sine = length(across);
     var azimuth = vec2(1.0, 0.0);
@@ -146,7 +169,7 @@ fn start_in_table(viewport: Viewport, direction: vec3<f32>) -> TableStart {
         return TableStart(NO_START, vec2(0.0));
     }
     let held = floor(place);
-    let cell = mapping_tables[viewport.face + grid.y + u32(held.y) * grid.x + u32(held.x)];
+    let cell = mapping_table(viewport.face + grid.y + u32(held.y) * grid.x + u32(held.x));
     // A cut goes through the cell: on which side of it the direction lies decides.
     let beyond = dot(unpack2x16snorm(cell.z), place - held - 0.5) <= bitcast<f32>(cell.w);
     return TableStart(select(cell.x, cell.y, cell.y != NO_START && beyond), place - held);
@@ -157,10 +180,10 @@ fn image_in_patch(viewport: Viewport, first: u32, part: vec2<f32>) -> vec2<f32> 
     let place = clamp(part, vec2(0.0), vec2(1.0)) * f32(PATCH_STEPS);
     let held = min(floor(place), vec2(f32(PATCH_STEPS) - 1.0));
     let at = viewport.face + first + u32(held.y) * (PATCH_STEPS + 1u) + u32(held.x);
-    let a = bitcast<vec2<f32>>(mapping_tables[at].xy);
-    let b = bitcast<vec2<f32>>(mapping_tables[at + 1u].xy);
-    let c = bitcast<vec2<f32>>(mapping_tables[at + PATCH_STEPS + 1u].xy);
-    let d = bitcast<vec2<f32>>(mapping_tables[at + PATCH_STEPS + 2u].xy);
+    let a = bitcast<vec2<f32>>(mapping_table(at).xy);
+    let b = bitcast<vec2<f32>>(mapping_table(at + 1u).xy);
+    let c = bitcast<vec2<f32>>(mapping_table(at + PATCH_STEPS + 1u).xy);
+    let d = bitcast<vec2<f32>>(mapping_table(at + PATCH_STEPS + 2u).xy);
     let inside = place - held;
     return mix(mix(a, b, inside.x), mix(c, d, inside.x), inside.y);
 }

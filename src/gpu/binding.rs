@@ -1,6 +1,7 @@
 //! Bind groups of passes, and the grids of workgroups.
 
 use super::{Gpu, LayoutOf};
+use crate::plan::tables::TABLE_BUFFERS;
 
 /// A bind group of a compute pipeline.
 pub(crate) fn bind_buffers(
@@ -39,7 +40,7 @@ impl Gpu {
     }
 
     /// Has passes read these tables from now on, or none. Pipelines that were made for the other case cannot be used then.
-    pub(crate) fn set_tables(&mut self, tables: Option<wgpu::Buffer>) {
+    pub(crate) fn set_tables(&mut self, tables: Option<[wgpu::Buffer; TABLE_BUFFERS]>) {
         self.tables = tables;
     }
 
@@ -50,14 +51,15 @@ impl Gpu {
         }
     }
 
-    /// Binds a buffer in their place.
+    /// Binds buffers in their place.
     pub(crate) fn bind_as_tables(
         &self,
         pass: &mut wgpu::ComputePass<'_>,
         pipeline: &wgpu::ComputePipeline,
-        tables: &wgpu::Buffer,
+        tables: &[wgpu::Buffer; TABLE_BUFFERS],
     ) {
-        let group = bind_buffers(self, pipeline, TABLES_GROUP, &[(0, tables.as_entire_binding())]);
+        let tables: [&wgpu::Buffer; TABLE_BUFFERS] = tables.each_ref();
+        let group = bind_in_order(self, pipeline, TABLES_GROUP, &tables);
         pass.set_bind_group(TABLES_GROUP, &group, &[]);
     }
 }

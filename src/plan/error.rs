@@ -44,13 +44,15 @@ pub enum PlanError {
     },
     /// The tables of tabulated pictures do not fit.
     #[error(
-        "view `{view}`: the tables of tabulated pictures take {bytes} bytes in all: this adapter binds at most {limit}: make them smaller or fewer"
+        "view `{view}`: the tables of tabulated pictures take {bytes} bytes in all: this adapter binds {buffers} buffers of at most {limit}: make them smaller or fewer"
     )]
     TooLargeTables {
         /// The view that went over the limit.
         view: String,
         /// Bytes needed.
         bytes: u64,
+        /// Buffers that they are spread over.
+        buffers: usize,
         /// The limit.
         limit: u64,
     },

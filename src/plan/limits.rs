@@ -6,6 +6,7 @@ use super::{
     error::PlanError,
     settings::Accumulator,
     stars::{cube_faces::CubeFaces, cull::MAX_VIEWPORTS},
+    tables::{TABLE_BUFFERS, spread},
     tiles::BYTES_PER_PIXEL,
 };
 use crate::view::{
@@ -75,9 +76,11 @@ impl Limits {
                     && !tables.contains(&table)
                 {
                     tables.push(table);
-                    let (bytes, limit) = (tables.iter().map(|table| table.bytes()).sum(), self.max_binding_bytes);
-                    if bytes > limit {
-                        return Err(PlanError::TooLargeTables { view: name(), bytes, limit });
+                    let (_, held) = spread(tables.iter().map(|table| table.bytes()));
+                    let limit = self.max_binding_bytes;
+                    if held.iter().any(|bytes| *bytes > limit) {
+                        let (bytes, buffers) = (held.iter().sum(), TABLE_BUFFERS);
+                        return Err(PlanError::TooLargeTables { view: name(), bytes, buffers, limit });
                     }
                 }
                 bytes += u64::from(width) * u64::from(height) * FRAME_BYTES_PER_PIXEL;

@@ -2,7 +2,7 @@
 //!
 //! `settings` names the methods, `frame` makes the plan of a frame and `certificate` the bounds of its approximations, `audit` what comparing a frame with f64 has found. `exposure` finds the
 //! exposure as far as it follows from the plan, `view_settings` which views are drawn together. `costs` says which of two ways that keep the budget is
-//! taken, `tiles` cuts viewports into what the adapter can hold. Each technique has a folder: `stars` (culling, fixed-point ranges, kernels, motion, the
+//! taken, `tiles` cuts viewports into what the adapter can hold, `tables` spreads tables of pictures over buffers. Each technique has a folder: `stars` (culling, fixed-point ranges, kernels, motion, the
 //! numbers of the methods that blend), `bodies`, `asteroids` and `glare`; `smooth_light` chooses the map of faint
 //! stars.
 
@@ -23,6 +23,7 @@ pub mod overlay;
 pub mod settings;
 pub mod smooth_light;
 pub mod stars;
+pub(crate) mod tables;
 pub mod tiles;
 pub mod view_settings;
 

@@ -43,6 +43,8 @@ shared_constants! {
     /// Tabulated projections.
     mod tabulated {
         KIND_TABULATED: u32 = 7;
+        /// Bits of the number of a group of words: above them stands that of its buffer.
+        TABLE_GROUP_BITS: u32 = crate::render::tabulated::GROUP_BITS;
         /// Groups of words before a table's directions.
         TABLE_HEADER: u32 = crate::view::projection::HEADER;
         /// Nodes around the picture on every side.

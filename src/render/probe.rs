@@ -39,7 +39,10 @@ pub fn probe(gpu: &Gpu, viewport: &Viewport, probes: &[Probe]) -> Result<Vec<Pro
         })
         .collect();
     let table = match &viewport.projection {
-        Projection::Tabulated(table) => Some(storage_buffer(gpu, "mapping table", &table.words())),
+        Projection::Tabulated(table) => {
+            let table = storage_buffer(gpu, "mapping table", &table.words());
+            Some(std::array::from_fn(|_| table.clone()))
+        }
         _ => None,
     };
     let shader = Shader::new("probe").with(tabulated::SLOT, tabulated::file(table.is_some()));

@@ -1,4 +1,4 @@
-//! The tables of tabulated projections on the adapter: one buffer with those of a rig, bound by every pass that projects.
+//! The tables of tabulated projections on the adapter: a few buffers with those of a rig, bound by every pass that projects.
 //!
 //! Shaders know tables only if they are made so (`shaders/shared/tabulated.wgsl` in place of `tabulated_off.wgsl`), and those of
 //! rigs without tabulated pictures are not: a renderer has a set of pipelines for each kind of rig.
@@ -8,6 +8,7 @@ use std::sync::Arc;
 use super::shader::Shader;
 use crate::{
     gpu::{Gpu, storage_buffer},
+    plan::tables::{TABLE_BUFFERS, spread},
     view::{
         Viewport,
         projection::{Projection, TabulatedMapping},
@@ -36,11 +37,14 @@ fn table_of(viewport: &Viewport) -> Option<&Arc<TabulatedMapping>> {
     }
 }
 
-/// Which tables the device holds, each with the number of its first group of words.
+/// The number of a buffer stands above these bits of the number of a group of words in it.
+pub(super) const GROUP_BITS: u32 = u32::BITS - TABLE_BUFFERS.trailing_zeros();
+
+/// Which tables the device holds, each with its buffer and the number of its first group of words there.
 #[derive(Default)]
 pub(crate) struct MappingTables {
     held: Vec<(Arc<TabulatedMapping>, u32)>,
-    buffer: Option<wgpu::Buffer>,
+    buffers: Option<[wgpu::Buffer; TABLE_BUFFERS]>,
 }
 
 impl MappingTables {
@@ -58,14 +62,17 @@ impl MappingTables {
         }
         if wanted.iter().any(|table| self.first_of(table).is_none()) {
             self.release();
-            let mut words = Vec::new();
-            for table in wanted {
-                self.held.push((Arc::clone(table), words.len() as u32));
-                words.extend(table.words());
+            let (buffers, _) = spread(wanted.iter().map(|table| table.bytes()));
+            let mut words: [Vec<[u32; 4]>; TABLE_BUFFERS] = Default::default();
+            for (table, buffer) in wanted.into_iter().zip(buffers) {
+                self.held.push((Arc::clone(table), (buffer as u32) << GROUP_BITS | words[buffer].len() as u32));
+                words[buffer].extend(table.words());
             }
-            self.buffer = Some(storage_buffer(gpu, "mapping tables", &words));
+            // A buffer that is bound has something.
+            words.iter_mut().filter(|words| words.is_empty()).for_each(|words| words.push([0; 4]));
+            self.buffers = Some(words.map(|words| storage_buffer(gpu, "mapping tables", &words)));
         }
-        gpu.set_tables(self.buffer.clone());
+        gpu.set_tables(self.buffers.clone());
     }
 
     /// Whether any of these viewports is tabulated.
@@ -76,14 +83,14 @@ impl MappingTables {
     /// Lets go of all tables.
     pub(crate) fn release(&mut self) {
         self.held.clear();
-        self.buffer = None;
+        self.buffers = None;
     }
 
     fn first_of(&self, table: &Arc<TabulatedMapping>) -> Option<u32> {
         self.held.iter().find(|(held, _)| held == table).map(|(_, first)| *first)
     }
 
-    /// The first group of words of a viewport's table; `None` if it is not tabulated.
+    /// The buffer and the first group of words of a viewport's table; `None` if it is not tabulated.
     pub(crate) fn first_group(&self, viewport: &Viewport) -> Option<u32> {
         self.first_of(table_of(viewport)?)
     }

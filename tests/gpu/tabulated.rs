@@ -14,6 +14,7 @@ use steradian::{
         probe::{Probe, probe},
     },
     scene::SceneSnapshot,
+    units::illuminance_lx_from_magnitude,
     view::{
         Part, Rig, ViewKind, Viewport,
         projection::{Fisheye, FisheyeMapping, Perspective, PlaneMapping, Projection, TabulatedMapping},
@@ -327,4 +328,29 @@ fn what_cannot_be_drawn_through_a_table_is_refused_by_name() {
     let mut small = common::renderer_with(&options);
     let error = small.render(FrameRequest::new(&sky, &window)).unwrap_err().to_string();
     assert!(error.contains("view `window`") && error.contains("binds at most 65536"), "{error}");
+}
+
+/// Six tables of about 400 kB with bindings of 1 MiB: each view shows its star where its own table has it.
+#[test]
+fn tables_that_no_binding_holds_together_are_spread_over_several() {
+    let limit_bytes = 1 << 20;
+    let options = GpuOptions { binding_limit_bytes: Some(limit_bytes), ..GpuOptions::default() };
+    let mut renderer = common::renderer_with(&options);
+    let tables: Vec<Arc<TabulatedMapping>> = (0..6)
+        .map(|index| table(Perspective::symmetric([150 + 4 * index, 150], 0.5 + 0.1 * f64::from(index)).unwrap()))
+        .collect();
+    let bytes: Vec<u64> = tables.iter().map(|table| table.bytes()).collect();
+    assert!(
+        bytes.iter().sum::<u64>() > 2 * limit_bytes && bytes.iter().all(|bytes| 2 * bytes < limit_bytes),
+        "{bytes:?}"
+    );
+    let names: Vec<String> = (0..6).map(|index| format!("view{index}")).collect();
+    let rig = rig(names.iter().map(String::as_str).zip(tables.iter().map(tabulated)).collect());
+    let direction = DVec3::new(0.13, -0.07, -1.0).normalize();
+    let frame = render_hdr(&mut renderer, &snapshot(vec![star(direction, 3.0)]), &rig, &settings(StarMethod::BSpline));
+    for (index, (image, table)) in frame.images.iter().zip(&tables).enumerate() {
+        let off_px = centroid(image).distance(table.pixel_from_direction(direction).unwrap());
+        let light = illuminance_lx(image, &**table) / illuminance_lx_from_magnitude(3.0) - 1.0;
+        assert!(off_px < 4e-4 && light.abs() < 1e-5, "view {index}: {off_px} px, {light}");
+    }
 }
