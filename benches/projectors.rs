@@ -90,8 +90,9 @@ fn main() {
         })
         .collect();
     let mut told = String::new();
+    let mut passes: Vec<Vec<(&str, f64)>> = vec![Vec::new(); ways.len()];
     for round in 0..=ROUNDS {
-        for (_, rig, renderer, times) in &mut ways {
+        for ((_, rig, renderer, times), passes) in ways.iter_mut().zip(&mut passes) {
             let start = Instant::now();
             let request = FrameRequest::new(&scene, rig).settings(&settings).wanted(Wanted::display());
             let frame = renderer.render(request).expect("the frame renders");
@@ -99,14 +100,20 @@ fn main() {
             if round > 0 {
                 times.push(start.elapsed().as_secs_f64() * 1e3);
             }
+            *passes = frame.times.passes_ms.clone();
             let drawn: u64 = frame.views.iter().map(|view| view.stars_drawn).sum();
             told = format!("ev100 {:.2}, {drawn} stars in all views", frame.exposure_ev100);
         }
     }
     println!("{told}");
     let direct = median(ways[0].3.clone());
-    for (name, _, _, times) in ways {
+    for ((name, _, _, times), passes) in ways.into_iter().zip(passes) {
         let ms = median(times);
-        println!("{name}: {ms:.0} ms a frame of six, {:.2} of direct", ms / direct);
+        let passes: Vec<String> = passes.iter().map(|(pass, ms)| format!("{pass} {ms:.0}")).collect();
+        println!(
+            "{name}: {ms:.0} ms a frame of six, {:.2} of direct; last frame on the adapter, ms: {}",
+            ms / direct,
+            passes.join(", ")
+        );
     }
 }

@@ -90,6 +90,11 @@ fn direction_from_pixel(viewport: Viewport, pixel: vec2<f32>) -> vec4<f32> {
 // Unit direction in view space of a point of the plane, also beyond the picture as far as the mapping goes on there, and beyond that the
 // direction where it ends.
 fn direction_of_point(viewport: Viewport, pixel: vec2<f32>) -> vec3<f32> {
+#when shared/tabulated
+    if viewport.kind == KIND_TABULATED {
+        return tabulated_beyond(viewport, pixel);
+    }
+#end
     switch viewport.kind {
         case KIND_PERSPECTIVE, KIND_CUBE_FACE: {
             return normalize(vec3((pixel - viewport.plane_offset) / viewport.plane_scale, -1.0));

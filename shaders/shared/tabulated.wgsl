@@ -4,32 +4,7 @@
 #import constants/tabulated
 #import shared/math
 #import shared/viewport
-
-// The tables of all viewports, in groups of four words, over several buffers: `viewport.face` is the number of the first group of its own, with that of its
-// buffer in the upper bits.
-@group(3) @binding(0) var<storage, read> mapping_tables_0: array<vec4<u32>>;
-@group(3) @binding(1) var<storage, read> mapping_tables_1: array<vec4<u32>>;
-@group(3) @binding(2) var<storage, read> mapping_tables_2: array<vec4<u32>>;
-@group(3) @binding(3) var<storage, read> mapping_tables_3: array<vec4<u32>>;
-
-// A group of words.
-fn mapping_table(at: u32) -> vec4<u32> {
-    let group = at & (0xffffffffu >> (32u - TABLE_GROUP_BITS));
-    switch at >> TABLE_GROUP_BITS {
-        case 0u: {
-            return mapping_tables_0[group];
-        }
-        case 1u: {
-            return mapping_tables_1[group];
-        }
-        case 2u: {
-            return mapping_tables_2[group];
-        }
-        default: {
-            return mapping_tables_3[group];
-        }
-    }
-}
+#import tables = shared/tables_one | shared/tables_two
 
 // Direction at a node, and its pixel's solid angle in sr: 0 outside of the picture. All 0 where there is no direction.
 fn tabulated_node(viewport: Viewport, node: vec2<i32>) -> vec4<f32> {
@@ -143,7 +118,50 @@ fn tabulated_direction(viewport: Viewport, pixel: vec2<f32>) -> vec4<f32> {
     return select(vec4(own.xyz, 1.0), found, found.w > 0.0);
 }
 
-// Where the search for a direction begins.
+// Direction of a point of the plane as the table goes on from a pixel (column and row), linearly, of about unit length; w = 0 where it does not know it.
+fn continued_from(viewport: Viewport, pixel: vec2<i32>, to: vec2<f32>) -> vec4<f32> {
+    let node = pixel + TABLE_FRINGE;
+    // Towards the middle there are neighbours.
+    let step = select(vec2(1), vec2(-1), pixel * 2 > vec2<i32>(viewport.size));
+    let own = tabulated_node(viewport, node).xyz;
+    let across = tabulated_node(viewport, node + vec2(step.x, 0)).xyz;
+    let down = tabulated_node(viewport, node + vec2(0, step.y)).xyz;
+    let exists = is_direction(own) && is_direction(across) && is_direction(down);
+    let by = (to - vec2<f32>(pixel) - 0.5) * vec2<f32>(step);
+    return vec4(own + (across - own) * by.x + (down - own) * by.y, select(0.0, 1.0, exists));
+}
+
+// How far around a point of the plane without a direction one is looked for, in so many steps of so many pixels.
+const LOOK_STEPS: i32 = 5;
+const LOOK_STEP_PX: i32 = 4;
+
+// Unit direction of a point of the plane, also beyond the picture: there as it goes on from a place near by.
+fn tabulated_beyond(viewport: Viewport, pixel: vec2<f32>) -> vec3<f32> {
+    let last = vec2<i32>(viewport.size) - 1;
+    let own = clamp(vec2<i32>(floor(pixel)), vec2(0), last);
+    var found = continued_from(viewport, own, pixel);
+    if found.w > 0.0 {
+        return normalize(found.xyz);
+    }
+    var least = 1e30;
+    for (var j = -LOOK_STEPS; j <= LOOK_STEPS; j++) {
+        for (var i = -LOOK_STEPS; i <= LOOK_STEPS; i++) {
+            let other = clamp(own + vec2(i, j) * LOOK_STEP_PX, vec2(0), last);
+            let away = vec2<f32>(other) + 0.5 - pixel;
+            if dot(away, away) < least {
+                let from_there = continued_from(viewport, other, pixel);
+                if from_there.w > 0.0 {
+                    least = dot(away, away);
+                    found = from_there;
+                }
+            }
+        }
+    }
+    // Nothing that is seen is near such a point.
+    return select(vec3(0.0, 0.0, -1.0), normalize(found.xyz), found.w > 0.0);
+}
+
+// Where the search for the image of a unit vector begins.
 struct TableStart {
     // Column of a node in the lower half and its row in the upper one; NO_START; or PATCH_BIT and the number of a patch's first group.
     word: u32,
@@ -151,8 +169,14 @@ struct TableStart {
     part: vec2<f32>,
 }
 
-// The same of a unit vector.
-fn start_in_table(viewport: Viewport, direction: vec3<f32>) -> TableStart {
+// The cell of a unit vector: its words, the place in it, and whether there is one. Outside of the grid the first of the place is the angle to it, rad.
+struct TableCell {
+    words: vec4<u32>,
+    part: vec2<f32>,
+    exists: bool,
+}
+
+fn cell_in_table(viewport: Viewport, direction: vec3<f32>) -> TableCell {
     let grid = mapping_table(viewport.face).xy;
     let axis = bitcast<vec4<f32>>(mapping_table(viewport.face + 1u));
     let right = bitcast<vec4<f32>>(mapping_table(viewport.face + 2u)).xyz;
@@ -164,15 +188,60 @@ fn start_in_table(viewport: Viewport, direction: vec3<f32>) -> TableStart {
         azimuth = across / sine;
     }
     let side = f32(grid.x);
-    let place = azimuth * (precise_atan2(sine, dot(direction, axis.xyz)) * axis.w) + 0.5 * side;
+    let from_axis = precise_atan2(sine, dot(direction, axis.xyz)) * axis.w;
+    let place = azimuth * from_axis + 0.5 * side;
     if any(place < vec2(0.0)) || any(place >= vec2(side)) {
-        return TableStart(NO_START, vec2(0.0));
+        return TableCell(vec4(NO_START, NO_START, NO_START, 0u), vec2((from_axis - 0.5 * side) / axis.w, 0.0), false);
     }
     let held = floor(place);
-    let cell = mapping_table(viewport.face + grid.y + u32(held.y) * grid.x + u32(held.x));
+    let words = mapping_table(viewport.face + grid.y + u32(held.y) * grid.x + u32(held.x));
+    return TableCell(words, place - held, true);
+}
+
+fn start_in_table(viewport: Viewport, direction: vec3<f32>) -> TableStart {
+    let cell = cell_in_table(viewport, direction);
     // A cut goes through the cell: on which side of it the direction lies decides.
-    let beyond = dot(unpack2x16snorm(cell.z), place - held - 0.5) <= bitcast<f32>(cell.w);
-    return TableStart(select(cell.x, cell.y, cell.y != NO_START && beyond), place - held);
+    let beyond = dot(unpack2x16snorm(cell.words.z), cell.part - 0.5) <= bitcast<f32>(cell.words.w);
+    return TableStart(select(cell.words.x, cell.words.y, cell.words.y != NO_START && beyond), cell.part);
+}
+
+// A place of the picture near a unit vector, without a search.
+struct TableNear {
+    // The least angle from the vector to the picture, rad; 0 where it has an image.
+    outside: f32,
+    // The place, pixels, and its direction.
+    pixel: vec2<f32>,
+    direction: vec3<f32>,
+    // The smaller angle that a pixel covers there, rad; 0 where no place is known.
+    shorter: f32,
+}
+
+fn near_in_table(viewport: Viewport, direction: vec3<f32>) -> TableNear {
+    let cell = cell_in_table(viewport, direction);
+    if !cell.exists {
+        return TableNear(max(cell.part.x, 0.0), vec2(0.0), vec3(0.0), 0.0);
+    }
+    let empty = cell.words.x == NO_START;
+    var near = TableNear(select(0.0, bitcast<f32>(cell.words.w), empty), vec2(0.0), vec3(0.0), 0.0);
+    let word = select(cell.words.x, cell.words.z, empty);
+    // Beside a cut there are two places.
+    if (word & PATCH_BIT) != 0u || (!empty && cell.words.y != NO_START) {
+        return near;
+    }
+    let node = vec2<i32>(vec2(word & 0xffffu, word >> 16u));
+    near.pixel = vec2<f32>(node) + 0.5 - f32(TABLE_FRINGE);
+    near.direction = tabulated_node(viewport, node).xyz;
+    // Towards the neighbours inside of the table.
+    let step = select(vec2(1), vec2(-1), node * 2 > vec2<i32>(viewport.size) + 2 * TABLE_FRINGE);
+    let across = tabulated_node(viewport, node + vec2(step.x, 0)).xyz;
+    let down = tabulated_node(viewport, node + vec2(0, step.y)).xyz;
+    if is_direction(near.direction) && is_direction(across) && is_direction(down) {
+        let a = across - near.direction;
+        let b = down - near.direction;
+        let larger = sqrt(0.5 * (dot(a, a) + dot(b, b) + length(vec2(dot(a, a) - dot(b, b), 2.0 * dot(a, b)))));
+        near.shorter = length(cross(a, b)) / max(larger, 1e-30);
+    }
+    return near;
 }
 
 // An image that stands in a patch, by the number of its first group.

@@ -1,7 +1,6 @@
 //! Bind groups of passes, and the grids of workgroups.
 
 use super::{Gpu, LayoutOf};
-use crate::plan::tables::TABLE_BUFFERS;
 
 /// A bind group of a compute pipeline.
 pub(crate) fn bind_buffers(
@@ -34,20 +33,20 @@ pub(crate) fn dispatch_rows(gpu: &Gpu, workgroups: u32) -> [u32; 2] {
 const TABLES_GROUP: u32 = 3;
 
 impl Gpu {
-    /// Whether there are tables that all passes share: their shaders read them then.
-    pub(crate) fn has_tables(&self) -> bool {
-        self.tables.is_some()
+    /// Buffers with tables that all passes share, or none: their shaders read as many.
+    pub(crate) fn table_buffers(&self) -> usize {
+        self.tables.len()
     }
 
-    /// Has passes read these tables from now on, or none. Pipelines that were made for the other case cannot be used then.
-    pub(crate) fn set_tables(&mut self, tables: Option<[wgpu::Buffer; TABLE_BUFFERS]>) {
+    /// Has passes read these tables from now on, or none. Pipelines that were made for another number of buffers cannot be used then.
+    pub(crate) fn set_tables(&mut self, tables: Vec<wgpu::Buffer>) {
         self.tables = tables;
     }
 
     /// Binds the tables, where there are any, for a pipeline whose shader reads them.
     pub(crate) fn bind_tables(&self, pass: &mut wgpu::ComputePass<'_>, pipeline: &wgpu::ComputePipeline) {
-        if let Some(tables) = &self.tables {
-            self.bind_as_tables(pass, pipeline, tables);
+        if !self.tables.is_empty() {
+            self.bind_as_tables(pass, pipeline, &self.tables);
         }
     }
 
@@ -56,9 +55,9 @@ impl Gpu {
         &self,
         pass: &mut wgpu::ComputePass<'_>,
         pipeline: &wgpu::ComputePipeline,
-        tables: &[wgpu::Buffer; TABLE_BUFFERS],
+        tables: &[wgpu::Buffer],
     ) {
-        let tables: [&wgpu::Buffer; TABLE_BUFFERS] = tables.each_ref();
+        let tables: Vec<&wgpu::Buffer> = tables.iter().collect();
         let group = bind_in_order(self, pipeline, TABLES_GROUP, &tables);
         pass.set_bind_group(TABLES_GROUP, &group, &[]);
     }

@@ -13,7 +13,7 @@ use super::{
     compile_ahead::CompileAhead,
     frame_pool::{Counters, FramePool},
 };
-use crate::plan::{Limits, tables::TABLE_BUFFERS};
+use crate::plan::Limits;
 
 /// Which adapter to open, and how.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -188,7 +188,7 @@ pub struct Gpu {
     /// Workgroups of a dispatch along each axis, at most.
     pub(super) max_workgroups: u32,
     /// What passes bind beside their own buffers: see [`Gpu::bind_tables`].
-    pub(super) tables: Option<[wgpu::Buffer; TABLE_BUFFERS]>,
+    pub(super) tables: Vec<wgpu::Buffer>,
 }
 
 impl Gpu {
@@ -277,7 +277,7 @@ impl Gpu {
             counters: Counters::default(),
             compile_ahead: None,
             max_workgroups: limits.max_compute_workgroups_per_dimension,
-            tables: None,
+            tables: Vec::new(),
         }
     }
 

@@ -12,7 +12,10 @@ use super::{
 };
 use crate::{
     scene::SceneObjects,
-    view::{Viewport, projection::Projection},
+    view::{
+        Viewport,
+        projection::{PlaneMapping, Projection},
+    },
 };
 
 /// Codes of an 8-bit image above black.
@@ -68,11 +71,11 @@ fn is_coarse(viewport: &Viewport) -> bool {
     viewport.projection.middle_pixel_rad() > MOST_PIXEL_OF_VEIL_RAD
 }
 
-/// Whether a picture may show the surroundings of a direction all along its rim: round ones that of the direction behind them.
+/// Whether a picture may show the surroundings of a direction in several places: round ones that of the direction behind them all along their rim, tables on both sides of a cut.
 fn surrounds(viewport: &Viewport) -> bool {
     match &viewport.projection {
         Projection::Fisheye(fisheye) => fisheye.half_fov_rad > 0.9 * PI,
-        Projection::Tabulated(_) => true,
+        Projection::Tabulated(table) => table.shows_full_sphere() || table.has_cut(),
         _ => false,
     }
 }

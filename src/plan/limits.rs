@@ -6,7 +6,7 @@ use super::{
     error::PlanError,
     settings::Accumulator,
     stars::{cube_faces::CubeFaces, cull::MAX_VIEWPORTS},
-    tables::{TABLE_BUFFERS, spread},
+    tables::TableBuffers,
     tiles::BYTES_PER_PIXEL,
 };
 use crate::view::{
@@ -76,10 +76,11 @@ impl Limits {
                     && !tables.contains(&table)
                 {
                     tables.push(table);
-                    let (_, held) = spread(tables.iter().map(|table| table.bytes()));
                     let limit = self.max_binding_bytes;
+                    let bytes: Vec<u64> = tables.iter().map(|table| table.bytes()).collect();
+                    let held = TableBuffers::new(&bytes, limit).bytes;
                     if held.iter().any(|bytes| *bytes > limit) {
-                        let (bytes, buffers) = (held.iter().sum(), TABLE_BUFFERS);
+                        let (bytes, buffers) = (held.iter().sum(), held.len());
                         return Err(PlanError::TooLargeTables { view: name(), bytes, buffers, limit });
                     }
                 }

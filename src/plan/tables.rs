@@ -1,18 +1,34 @@
-//! Tables of tabulated pictures over several buffers: an adapter binds no more than so many bytes as one. The software driver binds 128 MiB, and the tables of six projectors of
-//! 1920 x 1080 pixels have 236.
+//! Tables of tabulated pictures in one buffer, or in two where an adapter does not bind so many bytes as one: the software driver binds 128 MiB, and the tables of six projectors of
+//! 1920 x 1080 pixels have 236. Shaders that read two take the driver longer to make.
 
-/// Buffers that passes bind.
-pub(crate) const TABLE_BUFFERS: usize = 4;
+/// Buffers of tables that one cannot hold.
+const SEVERAL: usize = 2;
 
-/// The buffer of each table, in the order of their sizes in bytes, and the bytes of each buffer. A table goes to where the least is.
-pub(crate) fn spread(tables: impl Iterator<Item = u64>) -> (Vec<usize>, [u64; TABLE_BUFFERS]) {
-    let mut held = [0; TABLE_BUFFERS];
-    let place = |bytes: u64| {
-        let least = (1..TABLE_BUFFERS).fold(0, |least, buffer| if held[buffer] < held[least] { buffer } else { least });
-        held[least] += bytes;
-        least
-    };
-    (tables.map(place).collect(), held)
+/// Where tables are.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct TableBuffers {
+    /// The buffer of each table.
+    pub(crate) of: Vec<usize>,
+    /// The bytes of each buffer; there are one or two.
+    pub(crate) bytes: Vec<u64>,
+}
+
+impl TableBuffers {
+    /// Of tables by their sizes in bytes, with at most `limit` bytes in a buffer if they fit at all. Where there are several, a table goes to where the least is.
+    pub(crate) fn new(tables: &[u64], limit: u64) -> Self {
+        let sum = tables.iter().sum();
+        if sum <= limit {
+            return Self { of: vec![0; tables.len()], bytes: vec![sum] };
+        }
+        let mut bytes = vec![0; SEVERAL];
+        let place = |table: &u64| {
+            let least = (1..SEVERAL).fold(0, |least, buffer| if bytes[buffer] < bytes[least] { buffer } else { least });
+            bytes[least] += table;
+            least
+        };
+        let of = tables.iter().map(place).collect();
+        Self { of, bytes }
+    }
 }
 
 #[cfg(test)]
@@ -20,8 +36,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn tables_go_to_where_the_least_is() {
-        assert_eq!(spread([5, 1, 1, 1, 1, 9, 2].into_iter()), (vec![0, 1, 2, 3, 1, 2, 3], [5, 2, 10, 3]));
-        assert_eq!(spread(std::iter::empty()), (vec![], [0; TABLE_BUFFERS]));
+    fn tables_share_a_buffer_or_go_to_where_the_least_is() {
+        let tables = [5, 1, 1, 1, 1, 9, 2];
+        assert_eq!(TableBuffers::new(&tables, 20), TableBuffers { of: vec![0; 7], bytes: vec![20] });
+        let several = TableBuffers { of: vec![0, 1, 1, 1, 1, 1, 0], bytes: vec![7, 13] };
+        assert_eq!(TableBuffers::new(&tables, 19), several);
+        assert_eq!(TableBuffers::new(&[], 0).bytes, [0]);
     }
 }

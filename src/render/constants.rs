@@ -40,11 +40,14 @@ shared_constants! {
         KIND_STEREOGRAPHIC: u32 = 5;
         KIND_EQUIRECTANGULAR: u32 = 6;
     }
+    /// Tables of tabulated projections in several buffers.
+    mod tables {
+        /// Set in the number of a group of words of the second buffer.
+        SECOND_TABLE_BUFFER: u32 = crate::render::tabulated::SECOND_BUFFER;
+    }
     /// Tabulated projections.
     mod tabulated {
         KIND_TABULATED: u32 = 7;
-        /// Bits of the number of a group of words: above them stands that of its buffer.
-        TABLE_GROUP_BITS: u32 = crate::render::tabulated::GROUP_BITS;
         /// Groups of words before a table's directions.
         TABLE_HEADER: u32 = crate::view::projection::HEADER;
         /// Nodes around the picture on every side.

@@ -10,7 +10,6 @@ use std::mem;
 use super::{
     FrameRequest, RenderError, Renderer, Wanted,
     submit::FrameSlot,
-    tabulated::MappingTables,
     targets::Targets,
     technique::{FrameInputs, Outputs, Series},
 };
@@ -95,7 +94,7 @@ impl Renderer {
         let mut plan = planner.plan(scene, rig, settings, adapted_ev100, outputs, &self.limits)?;
         plan.overlay = None;
         // Pipelines that read tables draw pictures without any too: a meter of such a rig need not exchange them.
-        if MappingTables::are_needed(&plan.viewports) || !self.gpu.has_tables() {
+        if self.tables.needed(&self.gpu, &plan.viewports) > 0 || self.gpu.table_buffers() == 0 {
             self.hold_tables(&plan.viewports)?;
         }
         self.hold_scene(series.slot, scene, settings)?;

@@ -81,7 +81,7 @@ pub struct Renderer {
     /// Atlases of impostors that were baked ahead.
     baked: BakedImpostors,
     /// Those for rigs with tabulated pictures, or for rigs without, whichever the last one was not.
-    idle_techniques: Option<Vec<Box<dyn Technique + Send>>>,
+    idle_techniques: Option<(usize, Vec<Box<dyn Technique + Send>>)>,
     targets: Targets,
     /// Those of the pictures of a map of faint light, while there are some to draw.
     sky_targets: Option<Targets>,
@@ -192,16 +192,20 @@ impl Renderer {
     /// Puts the tables of tabulated pictures onto the device. Where the last rig had some and this one has none, or the other way
     /// round, the pipelines for such rigs take the place of those in use, which are kept.
     fn hold_tables(&mut self, viewports: &[Viewport]) -> Result<(), RenderError> {
-        if MappingTables::are_needed(viewports) != self.gpu.has_tables() {
+        let buffers = self.tables.needed(&self.gpu, viewports);
+        if buffers != self.gpu.table_buffers() {
             // Who has recorded a frame reads it back.
             while !self.in_flight.is_empty() {
                 self.abandon_oldest()?;
             }
+            let before = self.gpu.table_buffers();
             self.tables.hold(&mut self.gpu, viewports);
             self.techniques.iter_mut().for_each(|technique| technique.release());
             self.gpu.forget_frames();
-            let others = self.idle_techniques.take().unwrap_or_else(|| sequence::techniques(&self.gpu, &self.baked));
-            self.idle_techniques = Some(std::mem::replace(&mut self.techniques, others));
+            let idle = self.idle_techniques.take().filter(|(of, _)| *of == buffers);
+            let others =
+                idle.map_or_else(|| sequence::techniques(&self.gpu, &self.baked), |(_, techniques)| techniques);
+            self.idle_techniques = Some((before, std::mem::replace(&mut self.techniques, others)));
         }
         self.tables.hold(&mut self.gpu, viewports);
         Ok(())

@@ -39,13 +39,10 @@ pub fn probe(gpu: &Gpu, viewport: &Viewport, probes: &[Probe]) -> Result<Vec<Pro
         })
         .collect();
     let table = match &viewport.projection {
-        Projection::Tabulated(table) => {
-            let table = storage_buffer(gpu, "mapping table", &table.words());
-            Some(std::array::from_fn(|_| table.clone()))
-        }
+        Projection::Tabulated(table) => Some(storage_buffer(gpu, "mapping table", &table.words())),
         _ => None,
     };
-    let shader = Shader::new("probe").with(tabulated::SLOT, tabulated::file(table.is_some()));
+    let shader = tabulated::with_tables(Shader::new("probe"), usize::from(table.is_some()));
     let pipeline = gpu.compute_pipeline(&shader.source());
     let viewports = storage_buffer(gpu, "viewports", &[encode_viewport(viewport, &KernelPlan::bspline())]);
     let input_buffer = storage_buffer(gpu, "probe inputs", &inputs);
@@ -71,7 +68,7 @@ pub fn probe(gpu: &Gpu, viewport: &Viewport, probes: &[Probe]) -> Result<Vec<Pro
         pass.set_pipeline(&pipeline);
         pass.set_bind_group(0, &group, &[]);
         if let Some(table) = &table {
-            gpu.bind_as_tables(&mut pass, &pipeline, table);
+            gpu.bind_as_tables(&mut pass, &pipeline, std::slice::from_ref(table));
         }
         pass.dispatch_workgroups(probes.len().div_ceil(PROBE_THREADS as usize) as u32, 1, 1);
     }

@@ -53,7 +53,7 @@ impl Shader {
     fn join(&self) -> Result<Joined, ShaderError> {
         match LIBRARY.join(&self.file, &self.choices) {
             Err(ShaderError::NoChoice { slot, .. }) if slot == tabulated::SLOT => {
-                LIBRARY.join(&self.file, &self.clone().with(tabulated::SLOT, tabulated::file(false)).choices)
+                LIBRARY.join(&self.file, &tabulated::with_tables(self.clone(), 0).choices)
             }
             joined => joined,
         }

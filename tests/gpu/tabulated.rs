@@ -153,6 +153,29 @@ fn every_technique_draws_a_table_as_the_closed_form() {
     }
 }
 
+/// Display images alone have the veil of bright stars in their sums and the rest of it between the points of a grid, some of which lie where a round picture has none.
+#[test]
+fn veils_of_display_images_are_those_of_the_closed_form() {
+    let mut renderer = renderer();
+    let sky = snapshot(spiral(600).enumerate().map(|(i, at)| star(at, (i % 9) as f32 - 2.0)).collect());
+    for (name, closed, table) in pairs() {
+        let rig = rig(vec![("closed", closed), ("table", tabulated(&table))]);
+        let mut settings = settings(StarMethod::Auto);
+        settings.glare.method = GlareMethod::SkyCube;
+        let mut display = |settings: &RenderSettings| {
+            let request = FrameRequest::new(&sky, &rig).settings(settings).wanted(Wanted::display());
+            renderer.render(request).unwrap()
+        };
+        let glaring = display(&settings);
+        settings.glare.method = GlareMethod::None;
+        let bare = display(&settings);
+        let (codes, beyond) = code_difference(&glaring.images[0], &glaring.images[1]);
+        let (_, glare) = code_difference(&glaring.images[1], &bare.images[1]);
+        println!("{name}: codes up to {codes}, {beyond:.1e} beyond 1; glare is {glare:.1e} of them");
+        assert!(glare > 0.2 && beyond < 1e-3, "{name}: {codes} {beyond} {glare}");
+    }
+}
+
 #[test]
 fn overlays_are_those_of_the_closed_form() {
     let (scene, settings) = scene_of("overlay.toml", &[]);
@@ -327,23 +350,20 @@ fn what_cannot_be_drawn_through_a_table_is_refused_by_name() {
     let options = GpuOptions { binding_limit_bytes: Some(64 << 10), ..GpuOptions::default() };
     let mut small = common::renderer_with(&options);
     let error = small.render(FrameRequest::new(&sky, &window)).unwrap_err().to_string();
-    assert!(error.contains("view `window`") && error.contains("binds at most 65536"), "{error}");
+    assert!(error.contains("view `window`") && error.contains("of at most 65536"), "{error}");
 }
 
-/// Six tables of about 400 kB with bindings of 1 MiB: each view shows its star where its own table has it.
+/// Six tables of half a megabyte with bindings of less than two: each view shows its star where its own table has it.
 #[test]
 fn tables_that_no_binding_holds_together_are_spread_over_several() {
-    let limit_bytes = 1 << 20;
+    let limit_bytes = 7 << 18;
     let options = GpuOptions { binding_limit_bytes: Some(limit_bytes), ..GpuOptions::default() };
     let mut renderer = common::renderer_with(&options);
     let tables: Vec<Arc<TabulatedMapping>> = (0..6)
         .map(|index| table(Perspective::symmetric([150 + 4 * index, 150], 0.5 + 0.1 * f64::from(index)).unwrap()))
         .collect();
     let bytes: Vec<u64> = tables.iter().map(|table| table.bytes()).collect();
-    assert!(
-        bytes.iter().sum::<u64>() > 2 * limit_bytes && bytes.iter().all(|bytes| 2 * bytes < limit_bytes),
-        "{bytes:?}"
-    );
+    assert!(bytes.iter().sum::<u64>() > limit_bytes, "{bytes:?}");
     let names: Vec<String> = (0..6).map(|index| format!("view{index}")).collect();
     let rig = rig(names.iter().map(String::as_str).zip(tables.iter().map(tabulated)).collect());
     let direction = DVec3::new(0.13, -0.07, -1.0).normalize();

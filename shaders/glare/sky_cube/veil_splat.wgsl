@@ -64,9 +64,25 @@ fn lies_beside(viewport: Viewport, direction: vec3<f32>, sine: f32) -> bool {
 fn reached_pixels(viewport: Viewport, direction: vec3<f32>, chord: f32) -> Gaussian {
     // Chords of sprites are so short that this is more than the angle.
     let cut = 1.01 * chord;
-    let projected = pixel_from_direction(viewport, direction);
     var reached: Gaussian;
     reached.last = vec2<i32>(viewport.size) - 1;
+#when shared/tabulated
+    if viewport.kind == KIND_TABULATED {
+        let near = near_in_table(viewport, direction);
+        if near.outside > cut {
+            reached.last.y = -1;
+        } else if near.shorter > 0.0 {
+            // What is within the cut of the source is within the sum of the cut and the way to it of a place near by.
+            let around = cut + 2.0 * asin(min(0.5 * length(near.direction - direction), 1.0));
+            let reach = gaussian_reach(viewport, near.direction, near.shorter, around);
+            reached = gaussian_around(viewport, near.direction, near.pixel, reach, 1.0, around);
+            reached.first = max(reached.first, vec2(0));
+            reached.last = min(reached.last, vec2<i32>(viewport.size) - 1);
+        }
+        return reached;
+    }
+#end
+    let projected = pixel_from_direction(viewport, direction);
     if lies_beyond_rim(viewport, direction, projected, chord)
         || (viewport.kind <= KIND_CUBE_FACE && lies_beside(viewport, direction, cut)) {
         reached.last.y = -1;

@@ -31,7 +31,8 @@ const JUMP_PX: f64 = 0.05;
 
 /// A cell: the nodes at which the search begins on both sides of a cut (column in the lower half of the word, row in the
 /// upper one), the cut's unit normal as two signed 16-bit fractions, and its distance from the cell's middle along the normal in cells, as the
-/// bits of an f32. Without a cut the second node is [`NO_START`]. A word with [`PATCH_BIT`] names a patch in place of a node.
+/// bits of an f32. Without a cut the second node is [`NO_START`]. A word with [`PATCH_BIT`] names a patch in place of a node. Where both are [`NO_START`] the
+/// others tell how far the picture is: see [`super::outside`].
 pub(super) type Cell = [u32; 4];
 
 const EMPTY: Cell = [NO_START, NO_START, 0, 0];
@@ -161,6 +162,7 @@ pub(super) fn starts(
         cells.extend(row?);
     }
     filler.starts.cells = spread(cells, side as usize);
+    super::outside::tell_distances(&mut filler.starts.cells, side as usize, filler.starts.scale);
     Ok(filler.starts)
 }
 
