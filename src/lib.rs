@@ -68,6 +68,9 @@ pub mod photometry;
 pub mod relativity;
 
 pub mod catalogue;
+pub mod ephemeris;
+
+pub mod observer;
 
 pub mod scene;
 pub mod view;

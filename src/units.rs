@@ -4,6 +4,12 @@
 /// One parsec in metres (IAU 2015 resolution B2: 648000/pi astronomical units).
 pub const PARSEC_M: f64 = 3.085_677_581_491_367e16;
 
+/// One astronomical unit in metres (IAU 2012, resolution B2).
+pub const ASTRONOMICAL_UNIT_M: f64 = 149_597_870_700.0;
+
+/// Speed of light in vacuum, m/s.
+pub const LIGHT_M_S: f64 = 299_792_458.0;
+
 /// One arcsecond in radians.
 pub const ARCSECOND_RAD: f64 = std::f64::consts::PI / 648_000.0;
 

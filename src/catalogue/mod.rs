@@ -3,6 +3,7 @@
 pub mod bright;
 pub mod chunks;
 pub mod galaxy;
+pub mod motion;
 pub mod overlap;
 pub mod packed;
 pub mod reader;

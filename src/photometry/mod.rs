@@ -2,7 +2,7 @@
 //!
 //! `cie1931` and `rec709` hold the standards, `blackbody` turns temperatures into colours, `kernel` shares a star's light
 //! among pixels, `psf` holds the pictures that optics make of a star, `star_image` the image of a sprite,
-//! `reflection` says how surfaces throw light back, `glare` how scattered light falls off, `exposure` chooses the luminance that is shown white, `tone_map` turns luminance into display values.
+//! `reflection` says how surfaces throw light back, `phase_curve` how bright planets were measured, `glare` how scattered light falls off, `exposure` chooses the luminance that is shown white, `tone_map` turns luminance into display values.
 
 pub mod blackbody;
 pub mod cie1931;
@@ -10,6 +10,7 @@ pub mod colour_index;
 pub mod exposure;
 pub mod glare;
 pub mod kernel;
+pub mod phase_curve;
 pub mod psf;
 pub mod rec709;
 pub mod reflection;

@@ -12,7 +12,8 @@ use std::path::{Path, PathBuf};
 const LAYERS: &[&[&str]] = &[
     &["units", "coordinates", "files", "telemetry"],
     &["photometry"],
-    &["catalogue", "relativity"],
+    &["catalogue", "ephemeris", "relativity"],
+    &["observer"],
     &["scene", "view"],
     &["theatre"],
     &["plan"],

@@ -4,6 +4,7 @@
 #[path = "../common/mod.rs"]
 mod common;
 
+mod apparent_places;
 mod bodies;
 mod configuration;
 mod dome_check;

@@ -1,0 +1,168 @@
+//! Apparent places of the Sun, the Moon, planets and stars over 20 dates and 6 places, against Skyfield with JPL's DE440.
+
+use std::collections::HashMap;
+
+use serde::{Deserialize, de::DeserializeOwned};
+use steradian::{
+    catalogue::motion::CatalogueMotion,
+    config::Config,
+    coordinates::direction_from_lon_lat,
+    ephemeris::Ephemeris,
+    glam::DVec3,
+    observer::{Clock, Place, horizontal_direction},
+    units::{ARCSECOND_RAD, ASTRONOMICAL_UNIT_M, PARSEC_M},
+};
+
+#[derive(Deserialize)]
+struct Row {
+    time: String,
+    delta_t_s: Option<f64>,
+    ut1_utc_s: Option<f64>,
+    place: String,
+    object: String,
+    ra_deg: f64,
+    dec_deg: f64,
+    azimuth_deg: f64,
+    altitude_deg: f64,
+    distance_au: f64,
+}
+
+#[derive(Deserialize)]
+struct PlaceRow {
+    place: String,
+    latitude_deg: f64,
+    longitude_deg: f64,
+    height_m: f64,
+}
+
+fn table<T: DeserializeOwned>(name: &str) -> Vec<T> {
+    let path = format!("{}/tests/data/{name}.csv", env!("CARGO_MANIFEST_DIR"));
+    let mut reader = csv::ReaderBuilder::new().comment(Some(b'#')).from_path(path).unwrap();
+    reader.deserialize().map(Result::unwrap).collect()
+}
+
+/// A star as catalogues have it, with what the Bright Star Catalogue tells of its motion.
+#[derive(Deserialize)]
+struct StarRow {
+    object: String,
+    ra_deg: f64,
+    dec_deg: f64,
+    pm_ra_arcsec: f64,
+    pm_dec_arcsec: f64,
+    parallax_arcsec: f64,
+    radial_velocity_km_s: f64,
+}
+
+fn direction(longitude_deg: f64, latitude_deg: f64) -> DVec3 {
+    direction_from_lon_lat(longitude_deg.to_radians(), latitude_deg.to_radians())
+}
+
+/// s since 2000-01-01T12:00:00, as a configuration tells them.
+fn time_s(text: &str) -> f64 {
+    let config = Config::from_text(&format!("[scene]\ntime = {text}Z\n"), "time", std::path::Path::new("."), &[]);
+    config.unwrap().scene.time_s()
+}
+
+/// Largest errors of a kind of object: apparent direction and place over the horizon, arcsec, and distance, parts.
+#[derive(Default)]
+struct Worst {
+    apparent: f64,
+    horizontal: f64,
+    distance: f64,
+    count: usize,
+}
+
+impl Worst {
+    fn add(&mut self, apparent: f64, horizontal: f64, distance: f64) {
+        self.apparent = self.apparent.max(apparent / ARCSECOND_RAD);
+        self.horizontal = self.horizontal.max(horizontal / ARCSECOND_RAD);
+        self.distance = self.distance.max(distance);
+        self.count += 1;
+    }
+}
+
+/// Errors by object, with clocks that `changed` may have spoilt.
+fn errors(changed: impl Fn(Clock) -> Clock) -> HashMap<String, Worst> {
+    let places: HashMap<String, Place> = table::<PlaceRow>("places")
+        .into_iter()
+        .map(|row| {
+            let [latitude_rad, longitude_rad] = [row.latitude_deg, row.longitude_deg].map(f64::to_radians);
+            (row.place, Place { latitude_rad, longitude_rad, height_m: row.height_m })
+        })
+        .collect();
+    let stars: HashMap<String, CatalogueMotion> = table::<StarRow>("stars")
+        .into_iter()
+        .map(|row| {
+            let star = CatalogueMotion {
+                ra_rad: row.ra_deg.to_radians(),
+                dec_rad: row.dec_deg.to_radians(),
+                pm_ra_arcsec: row.pm_ra_arcsec,
+                pm_dec_arcsec: row.pm_dec_arcsec,
+                parallax_arcsec: row.parallax_arcsec,
+                radial_velocity_km_s: row.radial_velocity_km_s,
+            };
+            (row.object, star)
+        })
+        .collect();
+    let mut worst: HashMap<String, Worst> = HashMap::new();
+    for row in table::<Row>("apparent_places") {
+        let clock = changed(Clock { delta_t_s: row.delta_t_s, ut1_minus_utc_s: row.ut1_utc_s.unwrap_or(0.0) });
+        let standpoint = places[&row.place].at(time_s(&row.time), &clock);
+        let planet = Ephemeris::ALL.into_iter().find(|body| body.name() == row.object);
+        let (kind, place_m) = match planet {
+            Some(body) => (row.object.as_str(), standpoint.apparent_m(body)),
+            None => {
+                let star = stars[&row.object].at(standpoint.tt_s / (365.25 * 86_400.0));
+                let known = stars[&row.object].parallax_arcsec > 0.0;
+                let from_observer = if known { star * PARSEC_M - standpoint.position_m } else { star };
+                ("star", standpoint.aberrated(from_observer))
+            }
+        };
+        let apparent = place_m.angle_between(direction(row.ra_deg, row.dec_deg));
+        let [azimuth, altitude] = standpoint.azimuth_altitude_rad(place_m);
+        let expected = horizontal_direction(row.azimuth_deg.to_radians(), row.altitude_deg.to_radians());
+        let horizontal = horizontal_direction(azimuth, altitude).angle_between(expected);
+        let distance = match planet {
+            Some(_) => (place_m.length() / ASTRONOMICAL_UNIT_M / row.distance_au - 1.0).abs(),
+            None => 0.0,
+        };
+        worst.entry(kind.to_owned()).or_default().add(apparent, horizontal, distance);
+    }
+    worst
+}
+
+/// Four times what was measured of each, arcsec: stars without the Sun's deflection of light, the Moon with terms from 0.01 arcsec on.
+const MOST_ARCSEC: [(&str, f64); 10] = [
+    ("sun", 0.15),
+    ("moon", 0.8),
+    ("mercury", 0.2),
+    ("venus", 0.2),
+    ("mars", 1.1),
+    ("jupiter", 1.3),
+    ("saturn", 1.2),
+    ("uranus", 1.3),
+    ("neptune", 0.5),
+    ("star", 0.9),
+];
+
+#[test]
+fn apparent_places_are_those_of_de440() {
+    let found = errors(|clock| clock);
+    assert_eq!(found.len(), MOST_ARCSEC.len());
+    for (kind, most) in MOST_ARCSEC {
+        let Worst { apparent, horizontal, distance, count } = &found[kind];
+        println!(
+            "{kind}: {count} places, at most {apparent:.3} arcsec, over the horizon {horizontal:.3}, distance {distance:.1e}"
+        );
+        assert!(*count >= 120 && *apparent < most && *horizontal < most && *distance < 8e-6, "{kind}");
+    }
+}
+
+/// A tenth of a second of UT1 is 1.5 arcsec of rotation, and a minute of TT half an arcminute of the Moon.
+#[test]
+fn clocks_that_are_off_are_seen() {
+    let turned = errors(|clock| Clock { ut1_minus_utc_s: clock.ut1_minus_utc_s + 0.1, ..clock });
+    assert!(turned["star"].horizontal > 1.3 && turned["star"].apparent < 0.9, "{}", turned["star"].horizontal);
+    let late = errors(|clock| Clock { delta_t_s: Some(clock.delta_t_s.unwrap_or(69.0) + 60.0), ..clock });
+    assert!(late["moon"].apparent > 20.0, "{}", late["moon"].apparent);
+}
