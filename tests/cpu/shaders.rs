@@ -244,7 +244,7 @@ fn shaders_of_rigs_without_tables_have_nothing_of_them() {
     let resolve = || Shader::new("display/resolve").with("decode", "display/decode_u32");
     let text = |shader: Shader| shader.text().unwrap();
     assert_eq!(text(resolve()), text(resolve().with("tabulated", "shared/tabulated_off")));
-    assert!(knows_tables(&text(resolve().with("tabulated", "shared/tabulated"))));
+    assert!(knows_tables(&text(resolve().with("tabulated", "shared/tabulated").with("tables", "shared/tables_one"))));
 }
 
 #[test]
