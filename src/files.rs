@@ -21,6 +21,7 @@ thread_local! {
 
 /// What `read` returns, and the files that it has opened on this thread, each once, in their order: files name further ones, and only who reads them knows which.
 /// A call inside of `read` has its files for itself.
+#[cfg(any(feature = "cli", test))]
 pub fn reading<T>(read: impl FnOnce() -> T) -> (T, Vec<PathBuf>) {
     let outer = OPENED.replace(Some(Vec::new()));
     let value = read();

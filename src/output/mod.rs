@@ -10,6 +10,7 @@ pub mod provenance;
 mod reduce;
 mod video;
 
+#[cfg(feature = "cli")]
 pub(crate) use encode::png_of;
 pub use encode::{EncodeError, Encoding, encode};
 pub use files::{OutputError, write_frame, write_frames};

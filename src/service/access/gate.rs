@@ -142,6 +142,7 @@ where
         if shown == Shown::Nothing {
             return Box::pin(answer);
         }
+        let newest = self.access.clone();
         let mut gone = Box::pin(no_longer(self.access.clone(), shown, least));
         Box::pin(async move {
             // Calls that only send, as poses of a camera, last before they are answered.
@@ -150,9 +151,20 @@ where
                 why = &mut gone => return Ok(Status::unauthenticated(why).into_http()),
                 response = answer => response?,
             };
+            // Those who wait are told of a change one after the other: it may be there before this call hears of it.
+            if !is_let_in(&newest.borrow(), shown, least) {
+                return Ok(Status::unauthenticated(NO_LONGER).into_http());
+            }
             Ok(response.map(|body| Body::new(GuardedAnswer { body: Some(body), gone })))
         })
     }
+}
+
+/// Why a call ends whose caller has lost its role.
+const NO_LONGER: &str = "what this call began with, a token or a certificate, is no longer of use";
+
+fn is_let_in(access: &Access, shown: Shown, least: Role) -> bool {
+    access.caller(shown).is_ok_and(|caller| caller.role >= least)
 }
 
 /// Waits until who shows this no longer has a role.
@@ -163,9 +175,8 @@ async fn no_longer(mut access: watch::Receiver<Arc<Access>>, shown: Shown, least
             std::future::pending::<()>().await;
         }
         let access = Arc::clone(&access.borrow_and_update());
-        match access.caller(shown) {
-            Ok(caller) if caller.role >= least => {}
-            _ => return "what this call began with, a token or a certificate, is no longer of use",
+        if !is_let_in(&access, shown, least) {
+            return NO_LONGER;
         }
     }
 }
