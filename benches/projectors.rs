@@ -71,7 +71,7 @@ fn main() {
     );
 
     let config = Config::from_text("", "defaults", Path::new("."), &[]).expect("the defaults");
-    let (stars, _) = load_stars(&config.star_sources(), &mut |_| {}).expect("the stars");
+    let (stars, _) = load_stars(&config.star_sources(), &config.epoch(), &mut |_| {}).expect("the stars");
     let scene = SceneSnapshot {
         revision: 1,
         stars: Arc::new(stars),

@@ -57,7 +57,7 @@ fn illuminance_lx(path: &Path, mapping: &dyn PlaneMapping) -> Result<f64, Box<dy
 fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let config = Config::load(&arguments.config, &[])?;
     let sources = config.star_sources();
-    let (stars, report) = load_stars(&sources, &mut |_| {})?;
+    let (stars, report) = load_stars(&sources, &config.epoch(), &mut |_| {})?;
     for (source, catalogue) in sources.iter().zip(&report.catalogues) {
         let kind = if matches!(source, StarSource::Galaxy(_)) { "synthetic" } else { "real" };
         println!("stars       {} {kind}: {}", catalogue.stars, catalogue.name);

@@ -182,7 +182,7 @@ fn draw_on_adapter(
 }
 
 fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
-    let mut records = bright_stars();
+    let mut records = bright_stars(0.0);
     let real = records.len();
     records.extend(generate(&GalaxyParameters { stars: arguments.stars, seed: 1, fainter_than: Some(3.5) })?);
     let stars = StarSet::from_records(records);

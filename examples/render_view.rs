@@ -34,7 +34,7 @@ struct Arguments {
 fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     // The scene: stars, and a camera at the Solar System's barycentre.
     let camera = Camera::new([0.0; 3], TOWARDS_ORION, [0.0; 3])?;
-    let stars = Arc::new(StarSet::from_records(bright_stars()));
+    let stars = Arc::new(StarSet::from_records(bright_stars(0.0)));
     let scene = SceneSnapshot { revision: 1, stars, objects: Default::default(), camera };
 
     // The rig: a single view of a single image. A rig may hold many, of all kinds; they are drawn together.

@@ -63,12 +63,12 @@ pub fn film_path(data: &[u8]) -> String {
 
 /// A catalogue in CSV.
 pub fn csv(data: &[u8]) -> String {
-    answer(reader::read_csv_from(data, "fuzz.csv"))
+    answer(reader::read_csv_from(data, "fuzz.csv", 26.0))
 }
 
 /// A catalogue in JSON.
 pub fn json(data: &[u8]) -> String {
-    answer(reader::read_json_from(data, "fuzz.json"))
+    answer(reader::read_json_from(data, "fuzz.json", 26.0))
 }
 
 /// A store of stars.

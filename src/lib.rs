@@ -11,7 +11,7 @@
 //! };
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
-//! let mut stars = bright_stars();
+//! let mut stars = bright_stars(0.0);
 //! stars.retain(|star| star.position.normalize().y > 0.1); // the zenith is at +y, the dome ends at 0
 //! let catalogue_lx: f64 = stars.iter().map(|star| illuminance_lx_from_magnitude(star.apparent_magnitude())).sum();
 //! let scene = SceneSnapshot::of_stars(StarSet::from_records(stars));
@@ -61,6 +61,8 @@ pub use self::{
 
 pub mod coordinates;
 mod files;
+mod polynomial;
+pub mod solar_system;
 pub mod units;
 
 pub mod photometry;

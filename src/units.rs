@@ -10,6 +10,12 @@ pub const ASTRONOMICAL_UNIT_M: f64 = 149_597_870_700.0;
 /// Speed of light in vacuum, m/s.
 pub const LIGHT_M_S: f64 = 299_792_458.0;
 
+/// One day of civil time, s.
+pub const DAY_S: f64 = 86_400.0;
+
+/// The Julian date of J2000.0, 2000-01-01T12:00:00.
+pub const J2000_JD: f64 = 2_451_545.0;
+
 /// One arcsecond in radians.
 pub const ARCSECOND_RAD: f64 = std::f64::consts::PI / 648_000.0;
 

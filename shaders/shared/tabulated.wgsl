@@ -118,17 +118,37 @@ fn tabulated_direction(viewport: Viewport, pixel: vec2<f32>) -> vec4<f32> {
     return select(vec4(own.xyz, 1.0), found, found.w > 0.0);
 }
 
+// How the directions of a table change from a node to its neighbours towards the middle of the picture.
+struct TableSteps {
+    own: vec3<f32>,
+    // Towards which column and row the neighbours lie, 1 or -1 each, and what is added to the direction.
+    sides: vec2<i32>,
+    across: vec3<f32>,
+    down: vec3<f32>,
+    exists: bool,
+}
+
+fn steps_from(viewport: Viewport, node: vec2<i32>) -> TableSteps {
+    let sides = select(vec2(1), vec2(-1), node * 2 > vec2<i32>(viewport.size) + 2 * TABLE_FRINGE);
+    let own = tabulated_node(viewport, node).xyz;
+    let across = tabulated_node(viewport, node + vec2(sides.x, 0)).xyz;
+    let down = tabulated_node(viewport, node + vec2(0, sides.y)).xyz;
+    let exists = is_direction(own) && is_direction(across) && is_direction(down);
+    return TableSteps(own, sides, across - own, down - own, exists);
+}
+
+// Larger and smaller singular value of a linear map of the plane into space, by its columns.
+fn singular_values(a: vec3<f32>, b: vec3<f32>) -> vec2<f32> {
+    let squares = vec2(dot(a, a), dot(b, b));
+    let larger = sqrt(0.5 * (squares.x + squares.y + length(vec2(squares.x - squares.y, 2.0 * dot(a, b)))));
+    return vec2(larger, length(cross(a, b)) / max(larger, 1e-30));
+}
+
 // Direction of a point of the plane as the table goes on from a pixel (column and row), linearly, of about unit length; w = 0 where it does not know it.
 fn continued_from(viewport: Viewport, pixel: vec2<i32>, to: vec2<f32>) -> vec4<f32> {
-    let node = pixel + TABLE_FRINGE;
-    // Towards the middle there are neighbours.
-    let step = select(vec2(1), vec2(-1), pixel * 2 > vec2<i32>(viewport.size));
-    let own = tabulated_node(viewport, node).xyz;
-    let across = tabulated_node(viewport, node + vec2(step.x, 0)).xyz;
-    let down = tabulated_node(viewport, node + vec2(0, step.y)).xyz;
-    let exists = is_direction(own) && is_direction(across) && is_direction(down);
-    let by = (to - vec2<f32>(pixel) - 0.5) * vec2<f32>(step);
-    return vec4(own + (across - own) * by.x + (down - own) * by.y, select(0.0, 1.0, exists));
+    let steps = steps_from(viewport, pixel + TABLE_FRINGE);
+    let by = (to - vec2<f32>(pixel) - 0.5) * vec2<f32>(steps.sides);
+    return vec4(steps.own + steps.across * by.x + steps.down * by.y, select(0.0, 1.0, steps.exists));
 }
 
 // How far around a point of the plane without a direction one is looked for, in so many steps of so many pixels.
@@ -230,17 +250,9 @@ fn near_in_table(viewport: Viewport, direction: vec3<f32>) -> TableNear {
     }
     let node = vec2<i32>(vec2(word & 0xffffu, word >> 16u));
     near.pixel = vec2<f32>(node) + 0.5 - f32(TABLE_FRINGE);
-    near.direction = tabulated_node(viewport, node).xyz;
-    // Towards the neighbours inside of the table.
-    let step = select(vec2(1), vec2(-1), node * 2 > vec2<i32>(viewport.size) + 2 * TABLE_FRINGE);
-    let across = tabulated_node(viewport, node + vec2(step.x, 0)).xyz;
-    let down = tabulated_node(viewport, node + vec2(0, step.y)).xyz;
-    if is_direction(near.direction) && is_direction(across) && is_direction(down) {
-        let a = across - near.direction;
-        let b = down - near.direction;
-        let larger = sqrt(0.5 * (dot(a, a) + dot(b, b) + length(vec2(dot(a, a) - dot(b, b), 2.0 * dot(a, b)))));
-        near.shorter = length(cross(a, b)) / max(larger, 1e-30);
-    }
+    let steps = steps_from(viewport, node);
+    near.direction = steps.own;
+    near.shorter = select(0.0, singular_values(steps.across, steps.down).y, steps.exists);
     return near;
 }
 
@@ -316,8 +328,5 @@ fn tabulated_extent(viewport: Viewport, direction: vec3<f32>) -> vec2<f32> {
         // At a border to the side that there is.
         along[axis] = (ahead.xyz - middle.xyz) * ahead.w * (2.0 - behind.w) + (middle.xyz - behind.xyz) * behind.w * (2.0 - ahead.w);
     }
-    let squares = vec2(dot(along[0], along[0]), dot(along[1], along[1]));
-    let mixed = dot(along[0], along[1]);
-    let larger = sqrt(0.5 * (squares.x + squares.y + length(vec2(squares.x - squares.y, 2.0 * mixed))));
-    return vec2(larger, length(cross(along[0], along[1])) / max(larger, 1e-30));
+    return singular_values(along[0], along[1]);
 }

@@ -1,4 +1,4 @@
-//! `builtin:bright`: the stars that one sees from a town, without any file.
+//! `builtin:bright`: the stars visible to the naked eye, without any file.
 //!
 //! The table `bright_stars.csv` is part of the program and goes through the same CSV reader as any catalogue. Its head
 //! names the columns and where their values come from.
@@ -10,35 +10,35 @@ use super::reader::read_csv_from;
 pub const NAME: &str = "builtin:bright";
 
 /// Every star brighter than this V magnitude is in the table, apart from variable stars that reach it only at times.
-pub const COMPLETE_TO_V_MAG: f64 = 3.55;
+pub const COMPLETE_TO_V_MAG: f64 = 6.5;
 
 const TABLE: &str = include_str!("bright_stars.csv");
 
 /// A star of the table with its names.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BrightStar {
-    /// Common name, empty if it has none.
+    /// Name in the IAU's list, empty if it has none.
     pub name: &'static str,
-    /// Bayer or Flamsteed designation with the constellation's abbreviation, such as `alf CMa`.
+    /// Bayer or Flamsteed designation with the constellation's abbreviation, such as `alf CMa`, or the number in the Bright Star Catalogue, such as `HR 9077`.
     pub designation: &'static str,
     /// Place, brightness and temperature.
     pub star: StarRecord,
 }
 
-/// The brightest stars of the night sky, without the Sun, sorted by right ascension.
-pub fn bright_stars() -> Vec<StarRecord> {
+/// The brightest stars of the night sky, without the Sun, sorted by right ascension at J2000.0, `years` Julian years after it.
+pub fn bright_stars(years: f64) -> Vec<StarRecord> {
     // A table of our own that cannot be read is a bug of ours, and caught by the tests below.
-    let read = read_csv_from(TABLE.as_bytes(), NAME).expect("the built-in table is a catalogue");
+    let read = read_csv_from(TABLE.as_bytes(), NAME, years).expect("the built-in table is a catalogue");
     assert_eq!(read.report.rejected, 0, "the built-in table has unusable rows: {}", read.report);
     read.stars
 }
 
 /// The same stars with their names.
-pub fn named_bright_stars() -> Vec<BrightStar> {
+pub fn named_bright_stars(years: f64) -> Vec<BrightStar> {
     let rows = TABLE.lines().filter(|line| !line.starts_with('#')).skip(1);
-    rows.zip(bright_stars())
+    rows.zip(bright_stars(years))
         .map(|(row, star)| {
-            let mut fields = row.split(',');
+            let mut fields = row.split(',').skip(1);
             let mut next = || fields.next().unwrap_or_default();
             BrightStar { name: next(), designation: next(), star }
         })
@@ -52,17 +52,17 @@ mod tests {
     use super::*;
 
     fn star(name: &str) -> StarRecord {
-        named_bright_stars().into_iter().find(|s| s.name == name).unwrap_or_else(|| panic!("{name} is missing")).star
+        named_bright_stars(0.0).into_iter().find(|s| s.name == name).unwrap_or_else(|| panic!("{name} is missing")).star
     }
 
     #[test]
     fn the_table_is_read_whole_and_in_range() {
-        let stars = named_bright_stars();
-        assert_eq!(stars.len(), bright_stars().len());
-        assert!(stars.len() >= 300, "{} stars", stars.len());
+        let stars = named_bright_stars(0.0);
+        assert_eq!(stars.len(), bright_stars(0.0).len());
+        assert_eq!(stars.len(), 9096);
         for BrightStar { designation, star, .. } in &stars {
-            assert!((-1.5..5.7).contains(&star.apparent_magnitude()), "{designation}: {}", star.apparent_magnitude());
-            assert!((2_300.0..45_000.0).contains(&star.temperature_k), "{designation}");
+            assert!((-1.5..10.1).contains(&star.apparent_magnitude()), "{designation}: {}", star.apparent_magnitude());
+            assert!((1_000.0..45_000.0).contains(&star.temperature_k), "{designation}: {}", star.temperature_k);
             if star.distance_known {
                 assert!((1.3..1_000.0).contains(&star.position.length()), "{designation}");
             } else {
@@ -70,12 +70,12 @@ mod tests {
             }
         }
         let without_distance = stars.iter().filter(|s| !s.star.distance_known).count();
-        assert!(without_distance < 10, "{without_distance} stars without distance");
+        assert_eq!(without_distance, 7042);
     }
 
     #[test]
     fn names_and_designations_are_unique() {
-        let stars = named_bright_stars();
+        let stars = named_bright_stars(0.0);
         let mut seen = HashSet::new();
         for s in &stars {
             assert!(!s.designation.is_empty() && seen.insert(s.designation), "{} twice", s.designation);
@@ -106,7 +106,7 @@ mod tests {
 
     #[test]
     fn the_brightest_is_sirius_and_the_sun_is_absent() {
-        let stars = named_bright_stars();
+        let stars = named_bright_stars(0.0);
         let brightest =
             stars.iter().min_by(|a, b| a.star.apparent_magnitude().total_cmp(&b.star.apparent_magnitude())).unwrap();
         assert_eq!(brightest.name, "Sirius");

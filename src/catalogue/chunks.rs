@@ -13,6 +13,8 @@ use rayon::prelude::*;
 
 use super::{
     StarRecord,
+    bright::{BrightStar, named_bright_stars},
+    epoch::Epoch,
     packed::PackedStar,
     spectra::{self, Spectrum},
 };
@@ -65,10 +67,14 @@ pub struct StarSet {
     pub chunks: Vec<Chunk>,
     /// Stars; within a chunk the brightest come first.
     pub stars: Vec<PackedStar>,
+    /// The moment for which they are placed, and who sees them.
+    pub epoch: Epoch,
     /// Spectra of the chunks, once someone has asked for them; chunks and stars stay as they are from then on.
     spectra: OnceLock<Vec<Spectrum>>,
     /// Light of the faintest star of each chunk at the barycentre, likewise.
     faintest_seen_lx: OnceLock<Vec<f32>>,
+    /// Stars that have names, likewise.
+    named: OnceLock<Vec<BrightStar>>,
 }
 
 /// Sort key: shell of distance, then cell of the sky; then what makes the order independent of the input's.
@@ -97,12 +103,26 @@ fn cell_of(position: DVec3) -> u32 {
 impl StarSet {
     /// A set of chunks and their stars, in the same order.
     pub fn new(chunks: Vec<Chunk>, stars: Vec<PackedStar>) -> Self {
-        Self { chunks, stars, spectra: OnceLock::new(), faintest_seen_lx: OnceLock::new() }
+        Self { chunks, stars, ..Self::default() }
+    }
+
+    /// The set, whose stars are as they are seen at an epoch.
+    #[must_use]
+    pub fn of_epoch(self, epoch: Epoch) -> Self {
+        Self { epoch, ..self }
     }
 
     /// How the light of each chunk is spread over temperatures. Found at the first call, from all stars.
     pub fn spectra(&self) -> &[Spectrum] {
         self.spectra.get_or_init(|| spectra::of_chunks(self))
+    }
+
+    /// The stars of the built-in table as they are seen at the set's epoch, whether or not they are in the set. Found at the first call.
+    pub fn named(&self) -> &[BrightStar] {
+        self.named.get_or_init(|| {
+            let named = named_bright_stars(self.epoch.years).into_iter();
+            named.map(|named| BrightStar { star: self.epoch.seen(named.star), ..named }).collect()
+        })
     }
 
     /// Illuminance at the barycentre of the star of each chunk that is faintest there, lx. Found at the first call, from all

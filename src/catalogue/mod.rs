@@ -2,6 +2,7 @@
 
 pub mod bright;
 pub mod chunks;
+pub mod epoch;
 pub mod galaxy;
 pub mod motion;
 pub mod overlap;

@@ -1,41 +1,52 @@
-//! Motion of stars: straight through space where parallax and radial velocity are known, along a great circle at a constant rate where they are not.
+//! Motion of stars, straight through space: where the distance is unknown at any one, without the radial velocity.
 
 use glam::DVec3;
 
-use crate::{coordinates::direction_from_lon_lat, units::ARCSECOND_RAD};
+use crate::units::ARCSECOND_RAD;
 
 /// Kilometres per second that are one astronomical unit a year: 1 pc of distance and 1 arcsec a year.
 const KM_S_PER_AU_A: f64 = 4.740_470_446_352;
 
-/// A star at epoch J2000.0, as catalogues have it.
+/// How a star moves, as catalogues have it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct CatalogueMotion {
-    /// Right ascension and declination, ICRS, rad.
-    pub ra_rad: f64,
-    /// Declination, rad.
-    pub dec_rad: f64,
+pub struct StarMotion {
     /// Proper motion in right ascension times the cosine of the declination, arcsec a Julian year.
     pub pm_ra_arcsec: f64,
     /// Proper motion in declination, arcsec a Julian year.
     pub pm_dec_arcsec: f64,
-    /// Parallax, arcsec; 0 or less: unknown.
-    pub parallax_arcsec: f64,
     /// Radial velocity, km/s, positive away; 0 where it is unknown.
     pub radial_velocity_km_s: f64,
 }
 
-impl CatalogueMotion {
-    /// Place after some Julian years from J2000.0: parsecs from the barycentre where the parallax is known, a unit vector otherwise.
-    pub fn at(&self, years: f64) -> DVec3 {
-        let radial = direction_from_lon_lat(self.ra_rad, self.dec_rad);
-        let east = DVec3::new(-self.ra_rad.sin(), self.ra_rad.cos(), 0.0);
-        let north = radial.cross(east);
-        let turning = (east * self.pm_ra_arcsec + north * self.pm_dec_arcsec) * ARCSECOND_RAD;
-        if self.parallax_arcsec <= 0.0 {
-            return (radial + turning * years).normalize();
-        }
-        let distance_pc = 1.0 / self.parallax_arcsec;
+impl StarMotion {
+    /// Where a star is after some Julian years, parsecs: `direction` is the unit vector to where it was, ICRS axes. A unit vector where the distance is unknown.
+    pub fn after(&self, direction: DVec3, distance_pc: Option<f64>, years: f64) -> DVec3 {
+        let east = DVec3::new(-direction.y, direction.x, 0.0).try_normalize().unwrap_or(DVec3::Y);
+        let north = direction.cross(east);
+        let turned = direction + (east * self.pm_ra_arcsec + north * self.pm_dec_arcsec) * (ARCSECOND_RAD * years);
+        let Some(distance_pc) = distance_pc else { return turned.normalize() };
         let au_per_year = self.radial_velocity_km_s / KM_S_PER_AU_A;
-        (radial + turning * years) * distance_pc + radial * (au_per_year * ARCSECOND_RAD * years)
+        turned * distance_pc + direction * (au_per_year * ARCSECOND_RAD * years)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::coordinates::{direction_from_lon_lat, lon_lat_from_direction};
+
+    #[test]
+    fn proper_motion_leads_east_and_north_and_radial_velocity_away() {
+        let start = direction_from_lon_lat(1.0, 0.5);
+        let motion = StarMotion { pm_ra_arcsec: 0.3, pm_dec_arcsec: -0.4, radial_velocity_km_s: 0.0 };
+        let (longitude, latitude) = lon_lat_from_direction(motion.after(start, None, 10.0));
+        assert!(((longitude - 1.0) * 0.5_f64.cos() / ARCSECOND_RAD - 3.0).abs() < 1e-4);
+        assert!(((latitude - 0.5) / ARCSECOND_RAD + 4.0).abs() < 1e-4);
+        // 4.74 km/s for a year are an astronomical unit: an arcsec of a parsec.
+        let away = StarMotion { radial_velocity_km_s: KM_S_PER_AU_A, ..StarMotion::default() };
+        let moved_pc = away.after(start, Some(2.0), 100.0).length() - 2.0;
+        assert!((moved_pc / (100.0 * ARCSECOND_RAD) - 1.0).abs() < 1e-9, "{moved_pc}");
+        // At a pole there is an east too.
+        assert!(motion.after(DVec3::Z, Some(1.0), 1.0).is_finite());
     }
 }

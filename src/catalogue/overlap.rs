@@ -240,7 +240,7 @@ mod tests {
 
     #[test]
     fn every_pair_is_reported_with_its_brightest_star() {
-        let bright = bright_stars();
+        let bright = bright_stars(0.0);
         let sirius = bright.iter().position(|s| (s.apparent_magnitude() + 1.46).abs() < 1e-3).unwrap();
         let some: Vec<StarRecord> = bright.iter().skip(sirius).step_by(5).copied().collect();
         let far_off = [star(3.0, -80.0, 12.0)];

@@ -199,16 +199,16 @@ pub enum CatalogueError {
     },
 }
 
-/// Reads a catalogue; the extension of `path` tells the format.
+/// Reads a catalogue; the extension of `path` tells the format. Stars are placed `years` Julian years after J2000.0.
 ///
 /// # Errors
 /// [`CatalogueError::Extension`] for anything but [`EXTENSIONS`] (in upper or lower case), else as [`read_csv`] and
 /// [`read_json`].
-pub fn read_file(path: &Path) -> Result<CatalogueRead, CatalogueError> {
+pub fn read_file(path: &Path, years: f64) -> Result<CatalogueRead, CatalogueError> {
     let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
     match extension.as_deref() {
-        Some("csv" | "txt") => read_csv(path),
-        Some("json") => read_json(path),
+        Some("csv" | "txt") => read_csv(path, years),
+        Some("json") => read_json(path, years),
         _ => Err(CatalogueError::Extension { path: path.to_owned() }),
     }
 }

@@ -82,7 +82,7 @@ impl Skies {
             return Ok(records.clone());
         }
         let records = Arc::new(match sky {
-            Sky::Bright => bright_stars(),
+            Sky::Bright => bright_stars(0.0),
             Sky::Galaxy(stars) => generate(&GalaxyParameters { stars, seed: SEED, fainter_than: None })?,
         });
         if records.len() <= MOST_KEPT {

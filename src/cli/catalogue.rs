@@ -6,6 +6,7 @@ use clap::{Args, Subcommand};
 
 use super::{CliError, load, results};
 use crate::catalogue::bright;
+use crate::catalogue::epoch::Epoch;
 use crate::catalogue::galaxy::{GalaxyParameters, MOST_STARS};
 use crate::catalogue::packed::PackedStar;
 use crate::catalogue::store::{self, Store};
@@ -88,7 +89,7 @@ fn source_of(file: PathBuf) -> StarSource {
 }
 
 fn write(sources: &[StarSource], out: &Path) -> Result<(), CliError> {
-    let (stars, report) = load::stars(sources, "").map_err(|error| match error {
+    let (stars, report) = load::stars(sources, &Epoch::default(), "").map_err(|error| match error {
         // Here the numbers come from the command line, not from a configuration with its keys.
         CliError::Load { source: LoadError::Galaxy { source, .. }, .. } => CliError::Galaxy(source),
         other => other,

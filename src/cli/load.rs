@@ -5,6 +5,7 @@ use std::sync::Arc;
 use super::CliError;
 use super::progress::{LoadingProgress, PreparingProgress};
 use crate::catalogue::chunks::StarSet;
+use crate::catalogue::epoch::Epoch;
 use crate::config::Config;
 use crate::plan::view_settings::FrameGroup;
 use crate::render::{RenderError, Renderer, Wanted};
@@ -37,7 +38,7 @@ pub fn scene(config: &Config, groups: &[FrameGroup], renderer: &mut Renderer) ->
             progress.finish();
             prepared
         });
-        let loaded = stars(&config.star_sources(), &config.origin);
+        let loaded = stars(&config.star_sources(), &config.epoch(), &config.origin);
         (preparing.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)), loaded)
     });
     let (stars, report) = loaded?;
@@ -63,9 +64,9 @@ fn tell_asteroids_between_eyes(config: &Config, groups: &[FrameGroup]) {
 
 /// Loads the catalogues, shows progress, and warns of rejected rows and of stars that stand in two catalogues. `origin`
 /// names the configuration in errors; empty for arguments.
-pub fn stars(sources: &[StarSource], origin: &str) -> Result<(StarSet, LoadReport), CliError> {
+pub fn stars(sources: &[StarSource], epoch: &Epoch, origin: &str) -> Result<(StarSet, LoadReport), CliError> {
     let mut progress = LoadingProgress::new();
-    let loaded = load_stars(sources, &mut |step| progress.step(&step));
+    let loaded = load_stars(sources, epoch, &mut |step| progress.step(&step));
     let (set, report) = loaded.map_err(|source| CliError::Load {
         origin: if origin.is_empty() { String::new() } else { format!("{origin}: ") },
         source,

@@ -54,6 +54,8 @@ pub struct ServeArguments {
 /// Runs the command.
 pub fn run(arguments: ServeArguments, adapter: Option<String>) -> Result<(), CliError> {
     let config = load_config(&arguments)?;
+    // Its moment is that at which it was read.
+    let clock = config.clock();
     let (rig, camera) = (config.rig()?, config.camera()?);
     let groups = config.frame_groups()?;
     for view in config.views.iter().filter(|view| view.packing != PackingConfig::None) {
@@ -83,6 +85,7 @@ pub fn run(arguments: ServeArguments, adapter: Option<String>) -> Result<(), Cli
         let adapter_name = renderer.adapter().adapter.clone();
         let mut options = ServeOptions::new(listen, Box::new(renderer), scene, rig, config.render_settings(), announce);
         let catalogue = |loaded: LoadedCatalogue| SceneCatalogue { name: loaded.name, stars: loaded.stars as u64 };
+        options.clock = Some(clock);
         options.catalogues = report.catalogues.into_iter().map(catalogue).collect();
         options.asteroid_fields = config.field_specs()?;
         options.view_tables = config.views.iter().map(|view| view.tables.clone()).collect();

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex};
 use std::thread;
-use std::time::Duration;
+use std::time::{Duration, SystemTime};
 
 use clap::Args;
 
@@ -20,7 +20,7 @@ use crate::gpu::{Gpu, GpuOptions};
 use crate::plan::view_settings::FrameGroup;
 use crate::render::{Frame, FrameRequest, RenderError, Renderer, Wanted};
 use crate::scene::overlay::Overlay;
-use crate::scene::{SceneObjects, SceneSnapshot};
+use crate::scene::{SceneClock, SceneObjects, SceneSnapshot, SeenStars};
 use crate::view::Rig;
 use crate::windows::{
     self, Command, Host, Intervals, Next, ShownImage, WindowFigures, WindowFrame, WindowImage, WindowState,
@@ -66,6 +66,8 @@ pub fn run(arguments: ShowArguments, adapter: Option<String>) -> Result<(), CliE
         return Ok(());
     }
     let config = Config::load_or_built_in(arguments.config.as_deref(), &arguments.set)?;
+    // Its moment is that at which it was read.
+    let clock = config.clock();
     let (rig, camera, groups) = (config.rig()?, config.camera()?, config.frame_groups()?);
     let of_windows = windows_of(&config, &rig, arguments.windowed)?;
     if config.accuracy.frame_ms.is_some() {
@@ -91,11 +93,14 @@ pub fn run(arguments: ShowArguments, adapter: Option<String>) -> Result<(), CliE
         test_patterns: AtomicBool::new(false),
         ended,
     });
-    let scene = SceneSnapshot { revision: 1, stars: Arc::new(stars), objects: Arc::clone(&objects), camera };
+    let stars = Arc::new(stars);
+    let scene = SceneSnapshot { revision: 1, stars: Arc::clone(&stars), objects: Arc::clone(&objects), camera };
+    let stars = SeenStars::new(stars, objects.observer);
     let of_drawing = Arc::clone(&viewer);
     let configs = of_windows.clone();
     let drawing = thread::Builder::new().name("draw".to_owned()).spawn(move || {
-        Drawing { viewer: of_drawing, renderer, rig, groups, windows: configs, scene, objects, sender }.run()
+        Drawing { viewer: of_drawing, renderer, rig, groups, windows: configs, scene, objects, clock, stars, sender }
+            .run()
     });
     let drawing = drawing.map_err(CliError::Runtime)?;
     let host: Arc<dyn Host> = Arc::clone(&viewer) as Arc<dyn Host>;
@@ -208,6 +213,8 @@ struct Drawing {
     scene: SceneSnapshot,
     /// Those of the configuration.
     objects: Arc<SceneObjects>,
+    clock: SceneClock,
+    stars: Arc<SeenStars>,
     sender: SyncSender<WindowFrame>,
 }
 
@@ -221,6 +228,8 @@ impl Drawing {
                 self.scene.revision += 1;
                 self.scene.objects = self.objects_with(patterned);
             }
+            let time_s = self.clock.time_s(SystemTime::now());
+            self.scene = SceneSnapshot { stars: self.stars.at(time_s), ..self.scene.at(time_s) };
             let shown = lock(&self.viewer.shown).clone();
             if !shown.contains(&true) {
                 thread::sleep(PATIENCE);
@@ -235,13 +244,15 @@ impl Drawing {
     }
 
     fn objects_with(&self, patterned: bool) -> Arc<SceneObjects> {
+        let now = self.scene.objects.as_ref();
         if !patterned {
-            return Arc::clone(&self.objects);
+            let overlay = Arc::clone(&self.objects.overlay);
+            return Arc::new(SceneObjects { overlay, ..now.clone() });
         }
         let mut names: Vec<String> = self.windows.iter().map(|window| window.view.clone()).collect();
         names.dedup();
         let overlay = Arc::new(Overlay { test_patterns: names, ..(*self.objects.overlay).clone() });
-        Arc::new(SceneObjects { overlay, ..(*self.objects).clone() })
+        Arc::new(SceneObjects { overlay, ..now.clone() })
     }
 
     /// One frame of each group of views that a window shows, of the same scene.

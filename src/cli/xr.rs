@@ -11,7 +11,7 @@ use super::{CliError, load, lock, results};
 use crate::config::Config;
 use crate::plan::settings::{AfterExit, HeadsetSettings};
 use crate::render::Wanted;
-use crate::scene::SceneSnapshot;
+use crate::scene::{SceneClock, SceneSnapshot, SeenStars};
 use crate::service;
 use crate::xr::{self, Distribution, FirstFailure, Flight, HeadsetStatistics, Host, MirroredFrame, Shown, Status};
 
@@ -43,15 +43,21 @@ pub fn run(arguments: XrArguments, adapter: Option<String>) -> Result<(), CliErr
         return Err(CliError::Usage(format!("--adapter {adapter}: the runtime of the headset chooses the adapter")));
     }
     let config = Config::load_or_built_in(arguments.config.as_deref(), &arguments.set)?;
+    // Its moment is that at which it was read.
+    let clock = config.clock();
     let camera = config.camera()?;
     // What can be refused is, before the stars, which take longest.
     xr::check_set_up()?;
     let objects = Arc::new(config.objects()?);
-    let (stars, _) = load::stars(&config.star_sources(), &config.origin)?;
-    let snapshot = SceneSnapshot { revision: 1, stars: Arc::new(stars), objects, camera };
+    let (stars, _) = load::stars(&config.star_sources(), &config.epoch(), &config.origin)?;
+    let stars = Arc::new(stars);
+    let of_observer = SeenStars::new(Arc::clone(&stars), objects.observer);
+    let snapshot = SceneSnapshot { revision: 1, stars, objects, camera };
     let host = Arc::new(Wearer {
         shown: Mutex::new(Shown { snapshot, settings: config.render_settings(), camera_time: SystemTime::now() }),
         statistics: Mutex::default(),
+        clock,
+        stars: of_observer,
         frames: arguments.frames,
         ended: AtomicBool::new(false),
         refusing: AtomicBool::new(false),
@@ -80,6 +86,8 @@ pub fn run(arguments: XrArguments, adapter: Option<String>) -> Result<(), CliErr
 /// Whom `xr` drives the headset for: a scene that nothing changes but the wearer's flight.
 struct Wearer {
     shown: Mutex<Shown>,
+    clock: SceneClock,
+    stars: Arc<SeenStars>,
     statistics: Mutex<HeadsetStatistics>,
     /// Frames to end after.
     frames: Option<u64>,
@@ -91,7 +99,12 @@ struct Wearer {
 impl Host for Wearer {
     fn shown(&self) -> Option<Shown> {
         let enough = self.frames.is_some_and(|most| lock(&self.statistics).rendered >= most);
-        (!enough && !self.ended.load(Ordering::Relaxed)).then(|| lock(&self.shown).clone())
+        (!enough && !self.ended.load(Ordering::Relaxed)).then(|| {
+            let mut shown = lock(&self.shown);
+            let time_s = self.clock.time_s(SystemTime::now());
+            shown.snapshot = SceneSnapshot { stars: self.stars.at(time_s), ..shown.snapshot.at(time_s) };
+            shown.clone()
+        })
     }
 
     fn fly(&self, flight: &Flight) {

@@ -11,7 +11,9 @@ use toml::{Table, Value};
 
 use super::document::deserialise;
 use super::error::{Fault, finite};
-use crate::scene::bodies::{Body, BodyError, Emission, Preset, ReflectionLaw, Spin, Surface, Texture, mean_radius_m};
+use crate::scene::bodies::{
+    Body, BodyError, Emission, ReflectionLaw, SolarBody, Spin, Surface, Texture, mean_radius_m,
+};
 use crate::scene::unit_quaternion;
 
 /// Brightest and faintest absolute magnitude of a sun.
@@ -26,12 +28,13 @@ pub struct BodyConfig {
     /// Unique name: letters, digits, `_` and `-`.
     pub name: String,
     /// A body of the Solar System: gives the size, albedo, reflection law and spin that are not given here, and the Sun's position and emission.
-    pub preset: Option<Preset>,
-    /// Centre, ICRS, barycentric; needed except for the preset `sun`, which is at the origin.
+    pub preset: Option<SolarBody>,
+    /// A body of the Solar System where it is, and as which it stands and turns, at the scene's time: in place of `position_m`, `orientation` and `spin`.
+    pub ephemeris: Option<SolarBody>,
+    /// Centre, ICRS, barycentric; needed, or `ephemeris`, except for the preset `sun`, which is at the origin.
     pub position_m: Option<[f64; 3]>,
-    /// Unit quaternion from the body's axes to ICRS axes; the body spins about its z axis.
-    #[serde(default = "identity")]
-    pub orientation: [f64; 4],
+    /// Unit quaternion from the body's axes to ICRS axes, which it has without it; the body spins about its z axis.
+    pub orientation: Option<[f64; 4]>,
     /// Semi-axes along x, y and z; the largest is at most 100 times the smallest. Needed, or `radius_m`, without a preset.
     pub radii_m: Option<[f64; 3]>,
     /// Radius of a sphere, in place of `radii_m`.
@@ -42,6 +45,8 @@ pub struct BodyConfig {
     pub geometric_albedo: Option<[f64; 3]>,
     /// Reflection law of the surface; `lommel_seeliger` without a preset.
     pub law: Option<ReflectionLaw>,
+    /// Whether brightness follows the phase as measured of the preset, in place of the reflection law: so without it where there is a preset.
+    pub phase_curve: Option<bool>,
     /// PNG file, 8 bits, sRGB, equirectangular (longitude and latitude): factors on the albedo.
     pub texture: Option<PathBuf>,
     /// Rotation about the z axis.
@@ -71,10 +76,6 @@ pub struct EmissionConfig {
     pub temperature_k: Option<f64>,
     /// Coefficient of linear limb darkening; 0 without the preset `sun`.
     pub limb_darkening: Option<f64>,
-}
-
-fn identity() -> [f64; 4] {
-    [0.0, 0.0, 0.0, 1.0]
 }
 
 /// One number, or one for each of red, green and blue.
@@ -108,6 +109,30 @@ pub(super) fn body_fault(error: &BodyError) -> Fault {
 }
 
 impl BodyConfig {
+    /// A body of the Solar System, where it is.
+    pub(super) fn of_solar_system(of: SolarBody) -> Self {
+        Self {
+            name: of.name().to_owned(),
+            preset: Some(of),
+            ephemeris: Some(of),
+            position_m: None,
+            orientation: None,
+            radii_m: None,
+            radius_m: None,
+            geometric_albedo: None,
+            law: None,
+            phase_curve: None,
+            texture: None,
+            spin: None,
+            emission: None,
+        }
+    }
+
+    /// Whether it stands for a body of the Solar System.
+    pub(super) fn stands_for(&self, of: SolarBody) -> bool {
+        self.name == of.name() || self.preset == Some(of) || self.ephemeris == Some(of)
+    }
+
     /// Reads a body's table and checks it; a fault names the key within it.
     pub(super) fn from_table(table: Table) -> Result<Self, Fault> {
         let config: Self = deserialise(Value::Table(table), "")?;
@@ -117,11 +142,23 @@ impl BodyConfig {
 
     /// The body without its texture.
     pub(super) fn body(&self) -> Result<Body, Fault> {
-        let position_m = match (self.position_m, self.preset) {
-            (Some(position_m), _) => DVec3::from_array(position_m),
-            (None, Some(Preset::Sun)) => DVec3::ZERO,
-            (None, _) => {
-                return Err(Fault::new("position_m", "missing key: the body's place is needed, [x, y, z] in m"));
+        if self.ephemeris.is_some() {
+            let given = [
+                ("position_m", self.position_m.is_some()),
+                ("orientation", self.orientation.is_some()),
+                ("spin", self.spin.is_some()),
+            ];
+            if let Some((key, _)) = given.into_iter().find(|(_, given)| *given) {
+                return Err(Fault::new(key, "ephemeris is given too, which says it: at most one of them is allowed"));
+            }
+        }
+        let position_m = match (self.position_m, self.ephemeris, self.preset) {
+            (Some(position_m), ..) => DVec3::from_array(position_m),
+            // The scene's moment says where.
+            (None, Some(_), _) | (None, None, Some(SolarBody::Sun)) => DVec3::ZERO,
+            (None, None, _) => {
+                let problem = "missing key: the body's place is needed, [x, y, z] in m, or ephemeris";
+                return Err(Fault::new("position_m", problem));
             }
         };
         let preset = self.preset.map(|preset| preset.body(&self.name, position_m));
@@ -145,6 +182,7 @@ impl BodyConfig {
         let law = self.law.or(preset.as_ref().map(|preset| preset.surface.law)).unwrap_or_default();
         let default_spin = preset.as_ref().map(|preset| preset.spin).unwrap_or_default();
         let spin = match self.spin {
+            _ if self.ephemeris.is_some() => Spin::default(),
             Some(spin) => {
                 finite("spin.phase_deg", spin.phase_deg)?;
                 let period_s = spin.period_s.or(default_spin.period_s);
@@ -152,14 +190,24 @@ impl BodyConfig {
             }
             None => default_spin,
         };
-        let orientation = unit_quaternion(self.orientation).map_err(|e| Fault::new("orientation", e.to_string()))?;
+        let orientation = self.orientation.map(unit_quaternion).transpose();
+        let orientation = orientation.map_err(|e| Fault::new("orientation", e.to_string()))?.unwrap_or_default();
+        let measured = preset.as_ref().and_then(|preset| preset.surface.phase_curve);
+        let phase_curve = match self.phase_curve {
+            Some(true) if measured.is_none() => {
+                return Err(Fault::new("phase_curve", "true: a preset other than `sun` is needed, whose curve it is"));
+            }
+            Some(false) => None,
+            Some(true) | None => measured,
+        };
         let mut body = Body {
             name: self.name.clone(),
+            ephemeris: self.ephemeris,
             position_m,
             radii_m,
             orientation,
             spin,
-            surface: Surface { law, geometric_albedo, texture: None },
+            surface: Surface { law, geometric_albedo, phase_curve, texture: None },
             emission: None,
         };
         body.check().map_err(|error| match error.key {
@@ -173,7 +221,7 @@ impl BodyConfig {
     }
 
     fn emission(&self, radii_m: DVec3) -> Result<Option<Emission>, Fault> {
-        let is_sun = self.preset == Some(Preset::Sun);
+        let is_sun = self.preset == Some(SolarBody::Sun);
         let given = match self.emission {
             Some(emission) => emission,
             None if is_sun => EmissionConfig { absolute_magnitude: None, temperature_k: None, limb_darkening: None },
@@ -189,10 +237,10 @@ impl BodyConfig {
             Err(Fault::new(&key, format!("{value}: allowed are {least} to {most}")))
         };
         let sun_k = f64::from(crate::units::SOLAR_TEMPERATURE_K);
-        let magnitude = given.absolute_magnitude.or(of_sun(Preset::SUN_ABSOLUTE_MAGNITUDE));
+        let magnitude = given.absolute_magnitude.or(of_sun(SolarBody::SUN_ABSOLUTE_MAGNITUDE));
         let magnitude = number("absolute_magnitude", magnitude, MAGNITUDES)?;
         let temperature_k = number("temperature_k", given.temperature_k.or(of_sun(sun_k)), TEMPERATURES_K)?;
-        let darkening = given.limb_darkening.or(of_sun(Preset::SUN_LIMB_DARKENING)).unwrap_or(0.0);
+        let darkening = given.limb_darkening.or(of_sun(SolarBody::SUN_LIMB_DARKENING)).unwrap_or(0.0);
         let darkening = number("limb_darkening", Some(darkening), [0.0, 1.0])?;
         Ok(Some(Emission::of_star(magnitude, temperature_k, mean_radius_m(radii_m), darkening)))
     }

@@ -3,14 +3,16 @@
 
 use std::path::Path;
 
-use glam::{DMat3, DQuat, DVec3};
+use glam::{DQuat, DVec3};
 use serde::Deserialize;
 use toml::{Table, Value, value::Datetime};
 
 use super::document::{deserialise, parse};
 use super::error::{ConfigError, Fault, finite};
+use super::look::{Aim, Look, Towards};
 use super::scene::{SceneConfig, written_time};
 use crate::files;
+use crate::observer::{Frame, frame_from_camera};
 use crate::plan::settings::StarSettings;
 use crate::scene::{Camera, PoseError};
 
@@ -37,32 +39,6 @@ pub enum Easing {
     Smooth,
 }
 
-/// Where a camera looks: towards a place of the sky, and what is up.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Look {
-    /// Right ascension (ICRS), degrees.
-    pub ra_deg: f64,
-    /// Declination (ICRS), degrees from -90 to 90.
-    pub dec_deg: f64,
-    /// Position angle of the picture's top, from north through east, degrees.
-    #[serde(default)]
-    pub roll_deg: f64,
-}
-
-impl Look {
-    /// Rotation from camera axes (+x right, +y up, looking along -z) to ICRS axes.
-    pub fn world_from_camera(&self) -> DQuat {
-        let (sin_ra, cos_ra) = self.ra_deg.to_radians().sin_cos();
-        let (sin_dec, cos_dec) = self.dec_deg.to_radians().sin_cos();
-        let ahead = DVec3::new(cos_dec * cos_ra, cos_dec * sin_ra, sin_dec);
-        // Towards growing declination: it is there at the poles too.
-        let north = DVec3::new(-sin_dec * cos_ra, -sin_dec * sin_ra, cos_dec);
-        let level = DQuat::from_mat3(&DMat3::from_cols(ahead.cross(north), north, -ahead));
-        (level * DQuat::from_rotation_z(self.roll_deg.to_radians())).normalize()
-    }
-}
-
 /// What a keyframe says of the exposure.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ExposureKey {
@@ -86,8 +62,8 @@ pub enum FovKey {
 pub struct FrameValues {
     /// Position, ICRS, barycentric, m.
     pub position_m: Option<DVec3>,
-    /// Rotation from camera axes to ICRS axes.
-    pub world_from_camera: Option<DQuat>,
+    /// Rotation from camera axes to those of the path's frame.
+    pub frame_from_camera: Option<DQuat>,
     /// Moment, s since 2000-01-01T12:00:00Z.
     pub time_s: Option<f64>,
     /// Field of view of perspective views.
@@ -118,6 +94,8 @@ pub struct FilmPath {
     pub origin: String,
     /// Frames per second.
     pub fps: f64,
+    /// The axes to which orientations lead and between which they are interpolated.
+    pub frame: Frame,
     /// The place around which positions are interpolated: along great circles, and in the logarithm of the distance.
     pub around_m: Option<DVec3>,
     /// At least one.
@@ -194,12 +172,12 @@ impl Keyframe {
         let mut text = format!("[[keyframes]]\nframe = {}\n", self.frame);
         // So many digits that reading them gives the same numbers.
         let mut line = |key: &str, value: String| text.push_str(&format!("{key} = {value}\n"));
-        let FrameValues { position_m, world_from_camera, time_s, fov, exposure, magnitude_limit, velocity_c } =
+        let FrameValues { position_m, frame_from_camera, time_s, fov, exposure, magnitude_limit, velocity_c } =
             self.values;
         if let Some(position_m) = position_m {
             line("position_m", format!("{:?}", position_m.to_array()));
         }
-        if let Some(turn) = world_from_camera {
+        if let Some(turn) = frame_from_camera {
             line("orientation", format!("{:?}", turn.to_array()));
         }
         if let Some(time_s) = time_s {
@@ -229,15 +207,26 @@ impl Keyframe {
 }
 
 impl KeyframeTable {
+    /// The axes to which its orientation leads, if it has one.
+    fn frame(&self) -> Result<Option<Frame>, Fault> {
+        match &self.look {
+            Some(look) => look.aim().map(|aim| Some(aim.frame)).map_err(|fault| fault.within("look")),
+            None => Ok(self.orientation.map(|_| Frame::Icrs)),
+        }
+    }
+
     fn keyframe(self) -> Result<Keyframe, Fault> {
         let orientation = |value: [f64; 4]| {
             crate::scene::unit_quaternion(value).map_err(|error| Fault::new("orientation", error.to_string()))
         };
         let look = |look: Look| {
-            finite("look.ra_deg", look.ra_deg)?;
-            within("look.dec_deg", look.dec_deg, [-90.0, 90.0])?;
-            finite("look.roll_deg", look.roll_deg)?;
-            Ok(look.world_from_camera())
+            let Aim { towards, roll_rad, .. } = look.aim().map_err(|fault| fault.within("look"))?;
+            match towards {
+                Towards::Direction([longitude_rad, latitude_rad]) => {
+                    Ok(frame_from_camera(longitude_rad, latitude_rad, roll_rad))
+                }
+                Towards::Body(_) => Err(Fault::new("look.at", "keyframes have directions: at is not allowed")),
+            }
         };
         let fov_y_deg = |value: f64| {
             finite("fov_y_deg", value)?;
@@ -261,7 +250,7 @@ impl KeyframeTable {
         };
         let values = FrameValues {
             position_m: self.position_m.map(|value| vector("position_m", value)).transpose()?,
-            world_from_camera: either(["orientation", "look"], self.orientation, self.look, orientation, look)?,
+            frame_from_camera: either(["orientation", "look"], self.orientation, self.look, orientation, look)?,
             time_s: self.time.map(time).transpose()?,
             fov: either(
                 ["fov_scale", "fov_y_deg"],
@@ -324,12 +313,23 @@ impl FilmPath {
             return Err(Fault::new("keyframes", "missing key: at least one [[keyframes]] is needed"));
         }
         let mut keyframes: Vec<Keyframe> = Vec::with_capacity(tables.len());
+        let mut frame = None;
         for (index, table) in tables.into_iter().enumerate() {
             let place = format!("keyframes[{index}]");
-            let keyframe = deserialise::<KeyframeTable>(table, "")
-                .and_then(KeyframeTable::keyframe)
+            let (keyframe, of_keyframe) = deserialise::<KeyframeTable>(table, "")
+                .and_then(|table| Ok((table.frame()?, table.keyframe()?)))
+                .map(|(frame, keyframe)| (keyframe, frame))
                 .map_err(|fault| fault.within(&place))?;
             let fault = |key: &str, problem: String| Err(Fault::new(format!("{place}.{key}"), problem));
+            match (frame, of_keyframe) {
+                (Some(first), Some(other)) if first != other => {
+                    let [first, other] = [first, other].map(Frame::name);
+                    let problem =
+                        format!("its frame is {other}, that of a keyframe before is {first}: allowed is one of them");
+                    return fault("look.frame", problem);
+                }
+                _ => frame = frame.or(of_keyframe),
+            }
             if let Some(last) = keyframes.last()
                 && last.frame >= keyframe.frame
             {
@@ -359,7 +359,8 @@ impl FilmPath {
             }
             keyframes.push(keyframe);
         }
-        Ok(Self { origin: origin.to_owned(), fps, around_m, keyframes, document: text })
+        let frame = frame.unwrap_or_default();
+        Ok(Self { origin: origin.to_owned(), fps, frame, around_m, keyframes, document: text })
     }
 }
 
@@ -386,6 +387,11 @@ mod tests {
                 "[[keyframes]]\nframe = 3\norientation = [0, 0, 0, 1]\nlook = { ra_deg = 1, dec_deg = 9 }",
                 &["keyframes[0].look", "at most one of orientation and look"],
             ),
+            (
+                "[[keyframes]]\nframe = 0\norientation = [0, 0, 0, 1]\n[[keyframes]]\nframe = 1\nlook = { azimuth_deg = 1, altitude_deg = 9 }",
+                &["keyframes[1].look.frame", "horizon", "icrs"],
+            ),
+            ("[[keyframes]]\nframe = 3\nlook = { at = 'moon' }", &["keyframes[0].look.at", "not allowed"]),
             ("[[keyframes]]\nframe = 3\ntime = 2026-01-01", &["keyframes[0].time", "offset"]),
             ("[[keyframes]]\nframe = 3\nfov_y_deg = 0", &["keyframes[0].fov_y_deg", "up to 178"]),
             ("[[keyframes]]\nframe = 3\nfov_scale = 0", &["keyframes[0].fov_scale", "allowed"]),
@@ -413,7 +419,7 @@ mod tests {
     fn what_is_written_of_a_keyframe_is_read_as_the_same() {
         let values = FrameValues {
             position_m: Some(DVec3::new(1.0 / 3.0, -1e17, 149_597_870_700.123)),
-            world_from_camera: Some(DQuat::from_rotation_y(0.7).normalize()),
+            frame_from_camera: Some(DQuat::from_rotation_y(0.7).normalize()),
             time_s: Some(8.2e8 + 0.125),
             fov: Some(FovKey::YDeg(41.7)),
             exposure: Some(ExposureKey::Ev100(-4.7)),
@@ -428,9 +434,9 @@ mod tests {
         let text: String = keyframes.iter().map(|keyframe| keyframe.text().unwrap()).collect();
         let read = FilmPath::from_text(&text, "p.toml").unwrap();
         for (read, keyframe) in read.keyframes.iter().zip(&keyframes) {
-            let turn = |keyframe: &Keyframe| keyframe.values.world_from_camera.unwrap_or_default();
+            let turn = |keyframe: &Keyframe| keyframe.values.frame_from_camera.unwrap_or_default();
             assert!(turn(read).angle_between(turn(keyframe)) < 1e-15, "normalised again");
-            let values = FrameValues { world_from_camera: keyframe.values.world_from_camera, ..read.values.clone() };
+            let values = FrameValues { frame_from_camera: keyframe.values.frame_from_camera, ..read.values.clone() };
             assert_eq!((Keyframe { values, ..read.clone() }), *keyframe, "{text}");
         }
         let late = FrameValues { time_s: Some(1e13), ..FrameValues::default() };
@@ -440,7 +446,11 @@ mod tests {
     #[test]
     fn looking_gives_the_direction_and_the_top_of_the_picture() {
         let close = |a: DVec3, b: DVec3| assert!((a - b).length() < 1e-15, "{a} {b}");
-        let turned = |ra_deg, dec_deg, roll_deg| Look { ra_deg, dec_deg, roll_deg }.world_from_camera();
+        let turned = |ra_deg: f64, dec_deg: f64, roll_deg: f64| {
+            let look = format!("{{ ra_deg = {ra_deg}, dec_deg = {dec_deg}, roll_deg = {roll_deg} }}");
+            let path = FilmPath::from_text(&format!("[[keyframes]]\nframe = 0\nlook = {look}"), "p.toml").unwrap();
+            path.keyframes[0].values.frame_from_camera.unwrap()
+        };
         let look = turned(90.0, 0.0, 0.0);
         close(look * DVec3::NEG_Z, DVec3::Y);
         close(look * DVec3::Y, DVec3::Z);

@@ -14,6 +14,8 @@ mod error;
 mod film;
 mod headset;
 mod limits;
+mod look;
+mod observer;
 mod overlay;
 mod overrides;
 mod projector;
@@ -27,6 +29,7 @@ mod windows;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::time::SystemTime;
 
 pub use asteroids::{FieldConfig, FieldShape};
 pub use bodies::{BodyConfig, EmissionConfig, SpinConfig};
@@ -34,7 +37,11 @@ pub use dome::{DomeFault, DomeProjector};
 pub use effects::has_effect;
 pub use error::ConfigError;
 use error::{Fault, join};
-pub use film::{Easing, ExposureKey, FilmPath, FovKey, FrameValues, Keyframe, Look};
+pub use film::{Easing, ExposureKey, FilmPath, FovKey, FrameValues, Keyframe};
+use glam::{DQuat, DVec3};
+pub use look::Look;
+use look::{Aim, Towards};
+pub use observer::ObserverConfig;
 pub use overlay::{GridConfig, LabelConfig, OverlayConfig, TrajectoryConfig};
 pub use projector::{BlendConfig, ProjectorConfig, ProjectorMethod, RowsConfig};
 pub use scene::{CameraConfig, CatalogueConfig, GalaxyConfig, SceneConfig};
@@ -50,8 +57,11 @@ pub use views::{
 pub use windows::{MOST_WINDOWS, MonitorChoice, WindowConfig, WindowFormat};
 
 use crate::catalogue::bright;
+use crate::catalogue::epoch::Epoch;
 use crate::catalogue::galaxy::GalaxyParameters;
+use crate::coordinates::lon_lat_from_direction;
 use crate::files;
+use crate::observer::{Moment, Observer, frame_from_camera};
 use crate::plan::settings::{
     AccuracySettings, AsteroidSettings, ExposureSettings, GlareSettings, HeadsetSettings, RenderSettings, StarSettings,
     ToneMapSettings,
@@ -61,7 +71,9 @@ use crate::scene::asteroids::{FieldSpec, SpecError, check_fields, make_fields};
 use crate::scene::bodies::{MOST_BODIES, check_names, check_suns};
 use crate::scene::loader::StarSource;
 use crate::scene::overlay::Overlay;
-use crate::scene::{Camera, SceneObjects};
+use crate::scene::{Camera, SceneClock, SceneObjects};
+use crate::solar_system::SolarBody;
+use crate::units::DAY_S;
 use crate::view::Rig;
 
 /// What `serve` shows without a configuration file.
@@ -203,6 +215,7 @@ impl Config {
             .map(|argument| overrides::apply(&mut table, argument))
             .collect::<Result<Vec<_>, ConfigError>>()?;
         effects::leave_out_overridden(&mut table, &applied, origin);
+        scene::set_now(&mut table, SystemTime::now());
         let mut pictured = table.clone();
         // Neither is in a picture, and who may call is nobody's business who has one.
         for section in ["server", "headset", "windows"] {
@@ -260,7 +273,14 @@ impl Config {
         let sections: Sections = document::deserialise(Value::Table(table.clone()), "")?;
         ranges::check(&table)?;
         let views = each(&VIEWS, sections.views, ViewConfig::from_table)?;
-        let bodies = each(&BODIES, sections.bodies, BodyConfig::from_table)?;
+        let mut bodies = each(&BODIES, sections.bodies, BodyConfig::from_table)?;
+        if sections.scene.has_solar_system() {
+            let stands_on = sections.scene.observer.as_ref().map(|_| SolarBody::Earth);
+            let missing = SolarBody::ALL
+                .into_iter()
+                .filter(|of| stands_on != Some(*of) && !bodies.iter().any(|body| body.stands_for(*of)));
+            bodies.extend(missing.map(BodyConfig::of_solar_system).collect::<Vec<_>>());
+        }
         let asteroid_fields = each(&FIELDS, sections.asteroid_fields, FieldConfig::from_table)?;
         let windows = each(&WINDOWS, sections.windows, |table| document::deserialise(Value::Table(table), ""))?;
         let mut asteroids = sections.asteroids;
@@ -292,6 +312,7 @@ impl Config {
             server: sections.server,
         };
         config.scene.check().map_err(|fault| fault.within("scene"))?;
+        config.camera_of(config.scene.time_s()).map_err(|fault| fault.within("scene"))?;
         check_names(config.bodies.iter().map(|body| body.name.as_str()), MOST_BODIES)
             .map_err(|(index, error)| config.fault_of_body(index, bodies::body_fault(&error)))?;
         let specs = config.specs()?;
@@ -359,7 +380,75 @@ impl Config {
 
     /// The camera at the start, with revision 0.
     pub fn camera(&self) -> Result<Camera, ConfigError> {
-        self.scene.camera.camera().map_err(|fault| self.error(fault.within("scene.camera")))
+        self.camera_at(self.scene.time_s())
+    }
+
+    /// The camera at a moment, s since 2000-01-01T12:00:00Z, with revision 0: one that hangs on the horizon turns with the Earth.
+    pub fn camera_at(&self, time_s: f64) -> Result<Camera, ConfigError> {
+        self.camera_of(time_s).map_err(|fault| self.error(fault.within("scene")))
+    }
+
+    /// The scene's time, which runs in `serve`, `show` and `xr`.
+    pub fn clock(&self) -> SceneClock {
+        SceneClock::running(self.scene.time_s(), self.scene.time_rate, SystemTime::now())
+    }
+
+    /// Who looks at the scene.
+    pub fn observer(&self) -> Option<Observer> {
+        self.scene.observer()
+    }
+
+    /// The moment for which its stars are placed, and who sees them.
+    pub fn epoch(&self) -> Epoch {
+        let observer = self.observer();
+        match observer {
+            Some(Observer { epoch, .. }) => epoch.of_stars(),
+            None => Epoch { years: self.scene.time_s() / (365.25 * DAY_S), seen_from: None },
+        }
+    }
+
+    /// A fault names the key below `scene`.
+    fn camera_of(&self, time_s: f64) -> Result<Camera, Fault> {
+        let observer = self.observer();
+        let camera = &self.scene.camera;
+        let of_camera = |fault: Fault| fault.within("camera");
+        let at_rest = camera.camera(observer.map(|observer| observer.epoch.position_m), None).map_err(of_camera)?;
+        let Some(aim) = self.scene.aim()? else { return Ok(at_rest) };
+        let moment = Moment::new(time_s, observer.as_ref());
+        let of_look = if observer.is_some() { "observer.look" } else { "camera.look" };
+        let turned = self.turned(&aim, &moment, at_rest.position_m).map_err(|fault| fault.within(of_look))?;
+        let turned = camera.camera(Some(at_rest.position_m), Some(turned)).map_err(of_camera)?;
+        Ok(Camera { frame: aim.frame, as_of_s: time_s, ..turned })
+    }
+
+    /// Rotation from camera axes to those of ICRS.
+    fn turned(&self, aim: &Aim, moment: &Moment, camera_m: DVec3) -> Result<DQuat, Fault> {
+        let Some(icrs_from_frame) = moment.icrs_from(aim.frame) else {
+            return Err(Fault::new("frame", "horizon: there is none without [scene.observer]"));
+        };
+        let frame_from_camera = match &aim.towards {
+            Towards::Direction([longitude_rad, latitude_rad]) => {
+                frame_from_camera(*longitude_rad, *latitude_rad, aim.roll_rad)
+            }
+            Towards::Body(name) => {
+                let Some(body) = self.bodies.iter().find(|body| body.name == *name) else {
+                    let names: Vec<&str> = self.bodies.iter().map(|body| &body.name[..]).collect();
+                    let names = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
+                    return Err(Fault::new("at", format!("`{name}`: there is no such body; there are: {names}")));
+                };
+                let place_m = match body.ephemeris {
+                    Some(of) => moment.place(of).0,
+                    None => body.body()?.position_m,
+                };
+                if place_m == camera_m {
+                    return Err(Fault::new("at", format!("`{name}`: the camera is at its centre")));
+                }
+                let in_frame = icrs_from_frame.transpose() * (place_m - camera_m);
+                let (longitude_rad, latitude_rad) = lon_lat_from_direction(in_frame);
+                frame_from_camera(longitude_rad, latitude_rad, aim.roll_rad)
+            }
+        };
+        Ok(DQuat::from_mat3(&icrs_from_frame) * frame_from_camera)
     }
 
     /// How frames are drawn.
@@ -419,7 +508,8 @@ impl Config {
         })?;
         let fields = made.into_iter().map(|made| made.field).collect();
         let overlay = Arc::new(self.build_overlay().map_err(|fault| self.error(fault))?);
-        Ok(SceneObjects { bodies, fields, time_s: self.scene.time_s(), overlay })
+        let observer = self.observer();
+        Ok(SceneObjects { bodies, fields, time_s: self.scene.time_s(), observer, overlay }.placed())
     }
 
     /// The star catalogues, with paths that start at the working directory or the root.

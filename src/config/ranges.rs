@@ -14,6 +14,7 @@ use crate::catalogue::galaxy::MOST_STARS;
 use crate::photometry::psf::DIAMETERS_MM;
 use crate::plan::settings::{AsteroidSettings, PixelGaussianSettings, StarSettings};
 use crate::relativity::MAX_SPEED_C;
+use crate::scene::SceneClock;
 use crate::scene::asteroids::{LARGEST_EXTENT_M, LEAST_OF_RANGE, MOST_INSTANCES, STEEPEST_SIZE_INDEX};
 use crate::scene::bodies::{BRIGHTEST_ALBEDO, FARTHEST_M, RADII_M};
 use crate::scene::overlay::{SIZES_PX, WIDTHS_PX};
@@ -62,11 +63,21 @@ const PLACE_M: [f64; 2] = [-FARTHEST_M, FARTHEST_M];
 const ALBEDO: [f64; 2] = [0.0, BRIGHTEST_ALBEDO];
 const EXTENT_M: [f64; 2] = [0.0, LARGEST_EXTENT_M];
 
+/// From the deepest places to far above the air.
+const HEIGHTS_M: [f64; 2] = [-12_000.0, 1e6];
+
 /// Largest luminance of a calibrated display, cd/m^2.
 const MOST_PEAK_CD_M2: f64 = 1e6;
 
 /// What [`check`] enforces.
 const CHECKED_HERE: &[Range] = &[
+    closed("scene.time_rate", [-SceneClock::MOST_RATE, SceneClock::MOST_RATE], ""),
+    closed("scene.observer.latitude_deg", [-90.0, 90.0], ""),
+    closed("scene.observer.longitude_deg", [-360.0, 360.0], ""),
+    closed("scene.observer.height_m", HEIGHTS_M, "m"),
+    closed("scene.observer.altitude_deg", [-90.0, 90.0], ""),
+    closed("scene.observer.ut1_minus_utc_s", [-1.0, 1.0], "s"),
+    closed("scene.observer.delta_t_s", [-1e6, 1e6], "s"),
     closed("stars.magnitude_limit", MAGNITUDE, ""),
     closed("stars.pixel_gaussian.sigma_px", SIGMAS_PX, "pixels"),
     above_0("stars.pixel_gaussian.sigma_arcmin", PixelGaussianSettings::MOST_SIGMA_ARCMIN, "arcminutes"),

@@ -92,7 +92,7 @@ pub(super) fn monitor(_: &mut SchemaGenerator) -> Schema {
 
 /// Schema of a date with time and offset.
 pub(super) fn time(_: &mut SchemaGenerator) -> Schema {
-    json_schema!({ "type": "string", "format": "date-time" })
+    json_schema!({ "type": "string", "anyOf": [{ "format": "date-time" }, { "const": "now" }] })
 }
 
 impl JsonSchema for ViewConfig {

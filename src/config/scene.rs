@@ -1,13 +1,20 @@
 //! `[scene]`: what there is to see, when, and from where.
 
+use std::time::SystemTime;
+
+use glam::{DQuat, DVec3};
 use schemars::JsonSchema;
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{Error, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
 use toml::value::{Date, Datetime, Offset, Time};
+use toml::{Table, Value};
 
 use super::error::Fault;
+use super::look::{Aim, Look};
+use super::observer::ObserverConfig;
 use crate::catalogue::galaxy::MOST_STARS;
+use crate::observer::{Frame, Observer};
 use crate::scene::{Camera, PoseError};
 
 /// `[scene]`.
@@ -16,9 +23,16 @@ use crate::scene::{Camera, PoseError};
 pub struct SceneConfig {
     /// Star catalogues, concatenated: `"builtin:bright"`, files (CSV, JSON or stores), or `{ galaxy = { ... } }` for synthetic stars.
     pub catalogues: Vec<CatalogueConfig>,
-    /// Time shown, with its offset from UTC: spins follow it. Leap seconds are ignored.
+    /// Time shown, with its offset from UTC, or `"now"`: spins and ephemerides follow it. Days have 86,400 s; a 60th second is the first of the next minute.
     #[schemars(schema_with = "super::reference::time")]
     pub time: Datetime,
+    /// Seconds of the scene for each second that goes by in `serve`, `show` and `xr`; negative: backwards. Without it 1 with `time = "now"`, and 0 else.
+    pub time_rate: f64,
+    /// A place on the Earth from where the scene is seen.
+    pub observer: Option<ObserverConfig>,
+    /// Whether the Sun, the Moon and the planets are among the bodies, where they are at the scene's time; without it so where there is an observer. Bodies of the same name, preset or
+    /// ephemeris take their place.
+    pub solar_system: Option<bool>,
     /// Initial camera pose and velocity.
     pub camera: CameraConfig,
 }
@@ -28,10 +42,29 @@ impl Default for SceneConfig {
         Self {
             catalogues: vec![CatalogueConfig::Named("builtin:bright".to_owned())],
             time: default_time(),
+            time_rate: 0.0,
+            observer: None,
+            solar_system: None,
             camera: CameraConfig::default(),
         }
     }
 }
+
+/// Puts the present moment, and that it goes on, in the place of `scene.time = "now"`: what was used can be used again.
+pub(super) fn set_now(document: &mut Table, now: SystemTime) {
+    let Some(scene) = document.get_mut("scene").and_then(Value::as_table_mut) else { return };
+    if scene.get("time").and_then(Value::as_str) != Some("now") {
+        return;
+    }
+    let unix_s = now.duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default().as_secs_f64();
+    if let Some(time) = written_time(unix_s - J2000_UNIX_S) {
+        scene.insert("time".to_owned(), Value::Datetime(time));
+        scene.entry("time_rate").or_insert(Value::Float(1.0));
+    }
+}
+
+/// Unix time of 2000-01-01T12:00:00Z, s.
+const J2000_UNIX_S: f64 = 946_728_000.0;
 
 /// 2026-01-01T00:00:00Z.
 fn default_time() -> Datetime {
@@ -89,7 +122,7 @@ impl<'de> Visitor<'de> for CatalogueVisitor {
 
     fn expecting(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         formatter
-            .write_str("\"builtin:bright\", a file, or { galaxy = { stars = 300000, seed = 1, fainter_than = 3.5 } }")
+            .write_str("\"builtin:bright\", a file, or { galaxy = { stars = 300000, seed = 1, fainter_than = 6.5 } }")
     }
 
     fn visit_str<E: Error>(self, name: &str) -> Result<CatalogueConfig, E> {
@@ -97,7 +130,7 @@ impl<'de> Visitor<'de> for CatalogueVisitor {
             _ if name.is_empty() => Err(E::custom("an empty name: allowed are \"builtin:bright\" and files")),
             Some("bright") | None => Ok(CatalogueConfig::Named(name.to_owned())),
             Some("galaxy") => Err(E::custom(
-                "`builtin:galaxy` needs its numbers: write { galaxy = { stars = 300000, seed = 1, fainter_than = 3.5 } }",
+                "`builtin:galaxy` needs its numbers: write { galaxy = { stars = 300000, seed = 1, fainter_than = 6.5 } }",
             )),
             Some(_) => Err(E::custom(format!("unknown built-in catalogue `{name}`: allowed is `builtin:bright`"))),
         }
@@ -110,27 +143,41 @@ impl<'de> Visitor<'de> for CatalogueVisitor {
 }
 
 /// `[scene.camera]`.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct CameraConfig {
-    /// Position, ICRS, barycentric.
-    pub position_m: [f64; 3],
-    /// Unit quaternion from camera axes (+x right, +y up, looking along -z) to ICRS axes.
-    pub orientation: [f64; 4],
+    /// Position, ICRS, barycentric; the origin without it.
+    pub position_m: Option<[f64; 3]>,
+    /// Unit quaternion from camera axes (+x right, +y up, looking along -z) to ICRS axes, which the camera has without it.
+    pub orientation: Option<[f64; 4]>,
+    /// Where the camera looks, in place of `orientation`. There is no horizon without an observer.
+    pub look: Option<Look>,
     /// Velocity, ICRS axes; the speed is at most 0.9999.
-    pub velocity_c: [f64; 3],
-}
-
-impl Default for CameraConfig {
-    fn default() -> Self {
-        Self { position_m: [0.0; 3], orientation: [0.0, 0.0, 0.0, 1.0], velocity_c: [0.0; 3] }
-    }
+    pub velocity_c: Option<[f64; 3]>,
 }
 
 impl CameraConfig {
-    /// The camera; a fault names the key below `scene.camera`.
-    pub(super) fn camera(&self) -> Result<Camera, Fault> {
-        Camera::new(self.position_m, self.orientation, self.velocity_c).map_err(|error| {
+    /// Where it looks, if that is told by `look`; a fault names the key below `scene.camera`.
+    fn aim(&self) -> Result<Option<Aim>, Fault> {
+        let Some(look) = &self.look else { return Ok(None) };
+        if self.orientation.is_some() {
+            return Err(Fault::new("look", "orientation is given too: at most one of orientation and look is allowed"));
+        }
+        let aim = look.aim().map_err(|fault| fault.within("look"))?;
+        if aim.frame == Frame::Horizon {
+            let problem =
+                "horizon: there is none without an observer: write [scene.observer] in place of [scene.camera]";
+            return Err(Fault::new("look.frame", problem));
+        }
+        Ok(Some(aim))
+    }
+
+    /// The camera at a place, turned as an aim has it; a fault names the key below `scene.camera`.
+    pub(super) fn camera(&self, position_m: Option<DVec3>, turned: Option<DQuat>) -> Result<Camera, Fault> {
+        let position_m = position_m.map_or(self.position_m.unwrap_or_default(), |place_m| place_m.to_array());
+        let orientation = turned.unwrap_or_default().to_array();
+        let orientation = self.orientation.unwrap_or(orientation);
+        Camera::new(position_m, orientation, self.velocity_c.unwrap_or_default()).map_err(|error| {
             let key = match &error {
                 PoseError::NotFinite { key, .. } => key,
                 PoseError::NotUnit { .. } => "orientation",
@@ -153,7 +200,13 @@ impl SceneConfig {
             let problem = format!("{}: date, time and offset are needed, for instance 2026-01-01T00:00:00Z", self.time);
             return Err(Fault::new("time", problem));
         }
-        self.camera.camera().map_err(|fault| fault.within("camera"))?;
+        if self.observer.is_some() && self.camera != CameraConfig::default() {
+            let problem =
+                "scene.observer is given too, which is where the camera stands and looks: one of them is allowed";
+            return Err(Fault::new("camera", problem));
+        }
+        self.aim()?;
+        self.camera.camera(None, None).map_err(|fault| fault.within("camera"))?;
         Ok(())
     }
 }
@@ -172,6 +225,24 @@ impl SceneConfig {
         let minutes = i64::from(time.hour) * 60 + i64::from(time.minute) - offset_min - 12 * 60;
         let seconds = days * 86_400 + minutes * 60 + i64::from(time.second.unwrap_or(0));
         seconds as f64 + f64::from(time.nanosecond.unwrap_or(0)) * 1e-9
+    }
+
+    /// Where the camera looks, if that is told by a direction or a body; a fault names the key below `scene`.
+    pub(super) fn aim(&self) -> Result<Option<Aim>, Fault> {
+        match &self.observer {
+            Some(observer) => observer.aim().map(Some).map_err(|fault| fault.within("observer")),
+            None => self.camera.aim().map_err(|fault| fault.within("camera")),
+        }
+    }
+
+    /// Who looks.
+    pub(super) fn observer(&self) -> Option<Observer> {
+        self.observer.as_ref().map(|observer| Observer::new(observer.place(), observer.clock(), self.time_s()))
+    }
+
+    /// Whether the bodies of the Solar System are there of themselves.
+    pub(super) fn has_solar_system(&self) -> bool {
+        self.solar_system.unwrap_or(self.observer.is_some())
     }
 }
 

@@ -8,10 +8,12 @@ mod planets;
 mod rotation;
 
 use glam::{DMat3, DVec3};
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize, de::DeserializeOwned};
+use serde::de::DeserializeOwned;
 
-use crate::units::{ARCSECOND_RAD, LIGHT_M_S};
+use crate::{
+    solar_system::SolarBody,
+    units::{ARCSECOND_RAD, DAY_S, J2000_JD, LIGHT_M_S},
+};
 
 /// From the ecliptic and equinox of VSOP87 to the axes of FK5, which ICRS has within 0.03 arcsec (the authors' `vsop87.doc`).
 const ICRS_FROM_VSOP: DMat3 = DMat3::from_cols_array(&[
@@ -29,11 +31,6 @@ const ICRS_FROM_VSOP: DMat3 = DMat3::from_cols_array(&[
 /// 700, 2002).
 const LUNAR_OBLIQUITY: f64 = 84_381.411 * ARCSECOND_RAD;
 const LUNAR_EQUINOX: f64 = -0.055_42 * ARCSECOND_RAD;
-
-/// s of a day.
-const DAY_S: f64 = 86_400.0;
-/// The Julian date of J2000.0.
-const J2000_JD: f64 = 2_451_545.0;
 
 fn julian_date(tdb_s: f64) -> f64 {
     J2000_JD + tdb_s / DAY_S
@@ -53,78 +50,14 @@ pub fn icrs_from_ecliptic() -> DMat3 {
     ICRS_FROM_VSOP
 }
 
-/// A body whose place is known at any time.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum Ephemeris {
-    /// The Sun.
-    Sun,
-    /// Mercury.
-    Mercury,
-    /// Venus.
-    Venus,
-    /// The Earth.
-    Earth,
-    /// The Moon.
-    Moon,
-    /// Mars; with its moons, as all that follow.
-    Mars,
-    /// Jupiter.
-    Jupiter,
-    /// Saturn.
-    Saturn,
-    /// Uranus.
-    Uranus,
-    /// Neptune.
-    Neptune,
-}
-
-impl Ephemeris {
-    /// All of them.
-    pub const ALL: [Self; 10] = [
-        Self::Sun,
-        Self::Mercury,
-        Self::Venus,
-        Self::Earth,
-        Self::Moon,
-        Self::Mars,
-        Self::Jupiter,
-        Self::Saturn,
-        Self::Uranus,
-        Self::Neptune,
-    ];
-
-    /// Name in configurations.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Sun => "sun",
-            Self::Mercury => "mercury",
-            Self::Venus => "venus",
-            Self::Earth => "earth",
-            Self::Moon => "moon",
-            Self::Mars => "mars",
-            Self::Jupiter => "jupiter",
-            Self::Saturn => "saturn",
-            Self::Uranus => "uranus",
-            Self::Neptune => "neptune",
-        }
-    }
-
-    /// Its centre from the barycentre of the Solar System, m.
+impl SolarBody {
+    /// Its centre from the barycentre of the Solar System, m; of planets with moons that of the whole system, but for the Earth.
     pub fn barycentric_m(self, tdb_s: f64) -> DVec3 {
-        use planets::{Planet, heliocentric_m};
-        let of_planet = |planet: Planet| planets::sun_m(tdb_s) + heliocentric_m(planet, tdb_s);
+        let sun_m = planets::sun_m(tdb_s);
         match self {
-            Self::Sun => planets::sun_m(tdb_s),
-            Self::Mercury => of_planet(Planet::Mercury),
-            Self::Venus => of_planet(Planet::Venus),
-            Self::Earth => of_planet(Planet::Earth),
-            Self::Moon => of_planet(Planet::Earth) + moon::geocentric_m(tdb_s),
-            Self::Mars => of_planet(Planet::Mars),
-            Self::Jupiter => of_planet(Planet::Jupiter),
-            Self::Saturn => of_planet(Planet::Saturn),
-            Self::Uranus => of_planet(Planet::Uranus),
-            Self::Neptune => of_planet(Planet::Neptune),
+            Self::Sun => sun_m,
+            Self::Moon => sun_m + planets::heliocentric_m(Self::Earth, tdb_s) + moon::geocentric_m(tdb_s),
+            planet => sun_m + planets::heliocentric_m(planet, tdb_s),
         }
     }
 
@@ -136,11 +69,14 @@ impl Ephemeris {
 
     /// Where it was when the light left it that reaches `observer_m` at a time: from the observer, m.
     pub fn astrometric_m(self, observer_m: DVec3, tdb_s: f64) -> DVec3 {
-        let mut place_m = self.barycentric_m(tdb_s) - observer_m;
-        // Speeds are below 1e-3 of light's: each step gains three digits.
-        for _ in 0..3 {
-            place_m = self.barycentric_m(tdb_s - place_m.length() / LIGHT_M_S) - observer_m;
+        let now_m = self.barycentric_m(tdb_s) - observer_m;
+        let before_s = now_m.length() / LIGHT_M_S;
+        if before_s == 0.0 {
+            return now_m;
         }
-        place_m
+        let before_m = self.barycentric_m(tdb_s - before_s) - observer_m;
+        // Speeds are below 2e-4 of light's: what is left of the light time is as much of it, in which bodies go straight.
+        let left_s = before_m.length() / LIGHT_M_S - before_s;
+        before_m + (before_m - now_m) * (left_s / before_s)
     }
 }

@@ -7,7 +7,7 @@ use glam::{DMat3, DVec3};
 use serde::Deserialize;
 
 use super::{LUNAR_EQUINOX, LUNAR_OBLIQUITY, julian_centuries};
-use crate::units::ARCSECOND_RAD;
+use crate::{coordinates::direction_from_lon_lat, polynomial::polynomial, units::ARCSECOND_RAD};
 
 /// Semi-major axis of DE405 over that of the theory.
 const SCALE: f64 = 384_747.961_370_172_5 / 384_747.980_674_318;
@@ -53,10 +53,6 @@ impl Term {
 #[allow(clippy::expect_used, reason = "the file is part of the program, and a test reads it")]
 static TERMS: LazyLock<Vec<Term>> = LazyLock::new(|| super::table(include_str!("moon.csv")).expect("the Moon's terms"));
 
-fn polynomial(coefficients: &[f64], t: f64) -> f64 {
-    coefficients.iter().rev().fold(0.0, |sum, coefficient| sum * t + coefficient)
-}
-
 /// The Moon's centre from the Earth's, ICRS axes, m, without light time; `tdb_s` is TDB, s since J2000.0.
 pub(super) fn geocentric_m(tdb_s: f64) -> DVec3 {
     let t = julian_centuries(tdb_s);
@@ -64,9 +60,7 @@ pub(super) fn geocentric_m(tdb_s: f64) -> DVec3 {
     let longitude = polynomial(&MEAN_LONGITUDE, t) + sum(Coordinate::Longitude) * ARCSECOND_RAD;
     let latitude = sum(Coordinate::Latitude) * ARCSECOND_RAD;
     let distance_m = 1e3 * SCALE * sum(Coordinate::Distance);
-    let (sin_longitude, cos_longitude) = longitude.sin_cos();
-    let (sin_latitude, cos_latitude) = latitude.sin_cos();
-    let of_date = DVec3::new(cos_latitude * cos_longitude, cos_latitude * sin_longitude, sin_latitude);
+    let of_date = direction_from_lon_lat(longitude, latitude);
     // To the ecliptic of J2000.
     let (p, q) = (t * polynomial(&P, t), t * polynomial(&Q, t));
     let root = 2.0 * (1.0 - p * p - q * q).sqrt();

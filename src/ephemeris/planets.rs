@@ -8,28 +8,15 @@ use serde::Deserialize;
 use vsop87::{RectangularCoordinates, vsop87a, vsop87e};
 
 use super::{ICRS_FROM_VSOP, julian_date, table};
-use crate::units::ASTRONOMICAL_UNIT_M;
+use crate::{solar_system::SolarBody, units::ASTRONOMICAL_UNIT_M};
 
 /// Years that the correction is for, Julian dates.
 const CORRECTED_JD: [f64; 2] = [2_378_496.5, 2_524_593.5];
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub(super) enum Planet {
-    Mercury,
-    Venus,
-    Earth,
-    Mars,
-    Jupiter,
-    Saturn,
-    Uranus,
-    Neptune,
-}
-
 /// A Chebyshev polynomial's coefficient, AU times 1e-9.
 #[derive(Clone, Copy, Debug, Deserialize)]
 struct Coefficient {
-    planet: Planet,
+    planet: SolarBody,
     order: i32,
     x: f64,
     y: f64,
@@ -44,7 +31,7 @@ fn icrs_m(place: &RectangularCoordinates) -> DVec3 {
     ICRS_FROM_VSOP.mul_vec3(DVec3::new(place.x, place.y, place.z)) * ASTRONOMICAL_UNIT_M
 }
 
-fn correction_m(planet: Planet, jd: f64) -> DVec3 {
+fn correction_m(planet: SolarBody, jd: f64) -> DVec3 {
     let [first, last] = CORRECTED_JD;
     let angle = ((2.0 * jd - first - last) / (last - first)).clamp(-1.0, 1.0).acos();
     let of_planet = CORRECTIONS.iter().filter(|coefficient| coefficient.planet == planet);
@@ -59,18 +46,19 @@ pub(super) fn sun_m(tdb_s: f64) -> DVec3 {
     icrs_m(&vsop87e::sun(julian_date(tdb_s)))
 }
 
-/// A planet from the Sun, likewise.
-pub(super) fn heliocentric_m(planet: Planet, tdb_s: f64) -> DVec3 {
+/// A planet from the Sun, likewise; the Sun and the Moon, whose places others know, are at its centre.
+pub(super) fn heliocentric_m(planet: SolarBody, tdb_s: f64) -> DVec3 {
     let jd = julian_date(tdb_s);
     let place = match planet {
-        Planet::Mercury => vsop87a::mercury(jd),
-        Planet::Venus => vsop87a::venus(jd),
-        Planet::Earth => vsop87a::earth(jd),
-        Planet::Mars => vsop87a::mars(jd),
-        Planet::Jupiter => vsop87a::jupiter(jd),
-        Planet::Saturn => vsop87a::saturn(jd),
-        Planet::Uranus => vsop87a::uranus(jd),
-        Planet::Neptune => vsop87a::neptune(jd),
+        SolarBody::Sun | SolarBody::Moon => return DVec3::ZERO,
+        SolarBody::Mercury => vsop87a::mercury(jd),
+        SolarBody::Venus => vsop87a::venus(jd),
+        SolarBody::Earth => vsop87a::earth(jd),
+        SolarBody::Mars => vsop87a::mars(jd),
+        SolarBody::Jupiter => vsop87a::jupiter(jd),
+        SolarBody::Saturn => vsop87a::saturn(jd),
+        SolarBody::Uranus => vsop87a::uranus(jd),
+        SolarBody::Neptune => vsop87a::neptune(jd),
     };
     icrs_m(&place) + correction_m(planet, jd)
 }

@@ -3,7 +3,8 @@
 
 use glam::DQuat;
 
-use super::{DAY_S, Ephemeris, julian_centuries};
+use super::julian_centuries;
+use crate::{solar_system::SolarBody, units::DAY_S};
 
 /// Pole and prime meridian, degrees.
 struct Elements {
@@ -60,31 +61,31 @@ fn moon(d: f64, t: f64) -> Elements {
     elements
 }
 
-fn elements(body: Ephemeris, d: f64, t: f64) -> Elements {
+fn elements(body: SolarBody, d: f64, t: f64) -> Elements {
     let of = |pole_ra: f64, pole_dec: f64, meridian: f64| Elements { pole_ra, pole_dec, meridian };
     let slow = |at_start: f64| (at_start + 0.504_261_5 * t).to_radians();
     match body {
-        Ephemeris::Sun => of(286.13, 63.87, 84.176 + 14.184_4 * d),
-        Ephemeris::Mercury => of(281.0103 - 0.0328 * t, 61.4155 - 0.0049 * t, 329.5988 + 6.138_510_8 * d),
-        Ephemeris::Venus => of(272.76, 67.16, 160.20 - 1.481_368_8 * d),
-        Ephemeris::Earth => of(-0.641 * t, 90.0 - 0.557 * t, 190.147 + 360.985_623_5 * d),
-        Ephemeris::Moon => moon(d, t),
-        Ephemeris::Mars => of(
+        SolarBody::Sun => of(286.13, 63.87, 84.176 + 14.184_4 * d),
+        SolarBody::Mercury => of(281.0103 - 0.0328 * t, 61.4155 - 0.0049 * t, 329.5988 + 6.138_510_8 * d),
+        SolarBody::Venus => of(272.76, 67.16, 160.20 - 1.481_368_8 * d),
+        SolarBody::Earth => of(-0.641 * t, 90.0 - 0.557 * t, 190.147 + 360.985_623_5 * d),
+        SolarBody::Moon => moon(d, t),
+        SolarBody::Mars => of(
             317.269_202 - 0.109_275_47 * t + 0.419_057 * slow(79.398_797).sin(),
             54.432_516 - 0.058_271_05 * t + 1.591_274 * slow(166.325_722).cos(),
             176.049_863 + 350.891_982_443_297 * d + 0.584_542 * slow(95.391_654).sin(),
         ),
-        Ephemeris::Jupiter => of(268.056_595 - 0.006_499 * t, 64.495_303 + 0.002_413 * t, 284.95 + 870.536 * d),
-        Ephemeris::Saturn => of(40.589 - 0.036 * t, 83.537 - 0.004 * t, 38.90 + 810.793_902_4 * d),
-        Ephemeris::Uranus => of(257.311, -15.175, 203.81 - 501.160_092_8 * d),
-        Ephemeris::Neptune => {
+        SolarBody::Jupiter => of(268.056_595 - 0.006_499 * t, 64.495_303 + 0.002_413 * t, 284.95 + 870.536 * d),
+        SolarBody::Saturn => of(40.589 - 0.036 * t, 83.537 - 0.004 * t, 38.90 + 810.793_902_4 * d),
+        SolarBody::Uranus => of(257.311, -15.175, 203.81 - 501.160_092_8 * d),
+        SolarBody::Neptune => {
             let (sin, cos) = (357.85 + 52.316 * t).to_radians().sin_cos();
             of(299.36 + 0.70 * sin, 43.46 - 0.51 * cos, 249.978 + 541.139_775_7 * d - 0.48 * sin)
         }
     }
 }
 
-impl Ephemeris {
+impl SolarBody {
     /// Rotation from the body's axes (z to its north pole, x to its prime meridian) to those of ICRS at a time.
     pub fn icrs_from_body(self, tdb_s: f64) -> DQuat {
         let Elements { pole_ra, pole_dec, meridian } = elements(self, tdb_s / DAY_S, julian_centuries(tdb_s));
@@ -103,13 +104,13 @@ mod tests {
 
     /// s since J2000.0 of a Julian date.
     fn tdb_s(jd: f64) -> f64 {
-        (jd - super::super::J2000_JD) * DAY_S
+        (jd - crate::units::J2000_JD) * DAY_S
     }
 
     /// Longitude (east positive) and latitude of the middle of a disc that is seen from the Earth's centre, degrees.
-    fn middle_deg(body: Ephemeris, jd: f64) -> [f64; 2] {
+    fn middle_deg(body: SolarBody, jd: f64) -> [f64; 2] {
         let now_s = tdb_s(jd);
-        let earth_m = Ephemeris::Earth.barycentric_m(now_s);
+        let earth_m = SolarBody::Earth.barycentric_m(now_s);
         let seen_m = body.astrometric_m(earth_m, now_s);
         let left_s = now_s - seen_m.length() / crate::units::LIGHT_M_S;
         let (longitude, latitude) = lon_lat_from_direction(body.icrs_from_body(left_s).inverse() * -seen_m);
@@ -119,16 +120,16 @@ mod tests {
     #[test]
     fn middles_of_discs_are_those_of_almanacs() {
         // J. Meeus, "Astronomical Algorithms", examples 53.a (the Moon's librations, 1992-04-12) and 42.a (Mars, 1992-11-09).
-        let [longitude, latitude] = middle_deg(Ephemeris::Moon, 2_448_724.5);
+        let [longitude, latitude] = middle_deg(SolarBody::Moon, 2_448_724.5);
         assert!((longitude - 360.0 + 1.23).abs() < 0.05 && (latitude - 4.20).abs() < 0.05, "{longitude} {latitude}");
-        let [longitude, latitude] = middle_deg(Ephemeris::Mars, 2_448_935.500_683);
+        let [longitude, latitude] = middle_deg(SolarBody::Mars, 2_448_935.500_683);
         assert!((360.0 - longitude - 111.55).abs() < 0.4 && (latitude - 12.44).abs() < 0.4, "{longitude} {latitude}");
     }
 
     #[test]
     fn the_earth_stands_as_sidereal_time_has_it() {
         // Greenwich sidereal time of 2000-01-01T12:00 UT1: 280.461 degrees.
-        let greenwich = Ephemeris::Earth.icrs_from_body(64.0) * DVec3::X;
+        let greenwich = SolarBody::Earth.icrs_from_body(64.0) * DVec3::X;
         let (longitude, latitude) = lon_lat_from_direction(greenwich);
         assert!((longitude.to_degrees() - 280.46).abs() < 0.3 && latitude.abs() < 1e-3, "{}", longitude.to_degrees());
     }

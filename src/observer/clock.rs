@@ -1,9 +1,12 @@
 //! From civil time to the time that the Earth turns by (UT1) and the one that planets move by (TT).
 
-use sofars::ts::dat;
+use sofars::{cal::jd2cal, ts::dat};
 
-/// s of a day.
-const DAY_S: f64 = 86_400.0;
+use crate::{
+    polynomial::polynomial,
+    units::{DAY_S, J2000_JD},
+};
+
 /// TT - TAI, s.
 const TT_TAI_S: f64 = 32.184;
 /// When leap seconds begin, 1972-01-01T00:00:00Z, s since 2000-01-01T12:00:00Z.
@@ -34,41 +37,28 @@ impl Clock {
     }
 }
 
-/// TAI - UTC, s, from 1972 on.
+/// TAI - UTC, s, from 1972 on; of dates beyond any calendar what is known last.
 fn leap_seconds_s(time_s: f64) -> f64 {
-    let [year, month, day] = date(time_s);
-    // Dates that it refuses are beyond any calendar.
-    dat(year, month, day, 0.0).unwrap_or(37.0)
-}
-
-/// Year, month and day of the Gregorian calendar.
-fn date(time_s: f64) -> [i32; 3] {
-    sofars::cal::jd2cal(2_451_545.0, time_s / DAY_S).map_or([2000, 1, 1], |(year, month, day, _)| [year, month, day])
+    let date = jd2cal(J2000_JD, time_s / DAY_S);
+    date.and_then(|(year, month, day, _)| dat(year, month, day, 0.0)).unwrap_or(37.0)
 }
 
 /// TT - UT1 before leap seconds, s, by polynomials (F. Espenak and J. Meeus, "Five Millennium Canon of Solar Eclipses", NASA/TP-2006-214141): within 1 s from 1800, within
 /// minutes in antiquity.
 fn estimated_delta_t_s(time_s: f64) -> f64 {
     let year = 2000.0 + time_s / (365.25 * DAY_S);
-    let polynomial = |from: f64, unit: f64, coefficients: &[f64]| {
-        let t = (year - from) / unit;
-        coefficients.iter().rev().fold(0.0, |sum, coefficient| sum * t + coefficient)
-    };
+    let of = |from: f64, unit: f64, coefficients: &[f64]| polynomial(coefficients, (year - from) / unit);
     match year {
-        ..-500.0 => polynomial(1820.0, 100.0, &[-20.0, 0.0, 32.0]),
-        -500.0..500.0 => polynomial(
-            0.0,
-            100.0,
-            &[10_583.6, -1_014.41, 33.783_11, -5.952_053, -0.179_845_2, 0.022_174_192, 0.009_031_652_1],
-        ),
-        500.0..1600.0 => polynomial(
-            1000.0,
-            100.0,
-            &[1_574.2, -556.01, 71.234_72, 0.319_781, -0.850_346_3, -0.005_050_998, 0.008_357_207_3],
-        ),
-        1600.0..1700.0 => polynomial(1600.0, 1.0, &[120.0, -0.9808, -0.015_32, 1.0 / 7129.0]),
-        1700.0..1800.0 => polynomial(1700.0, 1.0, &[8.83, 0.1603, -0.005_928_5, 0.000_133_36, -1.0 / 1_174_000.0]),
-        1800.0..1860.0 => polynomial(
+        ..-500.0 => of(1820.0, 100.0, &[-20.0, 0.0, 32.0]),
+        -500.0..500.0 => {
+            of(0.0, 100.0, &[10_583.6, -1_014.41, 33.783_11, -5.952_053, -0.179_845_2, 0.022_174_192, 0.009_031_652_1])
+        }
+        500.0..1600.0 => {
+            of(1000.0, 100.0, &[1_574.2, -556.01, 71.234_72, 0.319_781, -0.850_346_3, -0.005_050_998, 0.008_357_207_3])
+        }
+        1600.0..1700.0 => of(1600.0, 1.0, &[120.0, -0.9808, -0.015_32, 1.0 / 7129.0]),
+        1700.0..1800.0 => of(1700.0, 1.0, &[8.83, 0.1603, -0.005_928_5, 0.000_133_36, -1.0 / 1_174_000.0]),
+        1800.0..1860.0 => of(
             1800.0,
             1.0,
             &[
@@ -82,13 +72,11 @@ fn estimated_delta_t_s(time_s: f64) -> f64 {
                 0.000_000_000_875,
             ],
         ),
-        1860.0..1900.0 => {
-            polynomial(1860.0, 1.0, &[7.62, 0.5737, -0.251_754, 0.016_806_68, -0.000_447_362_4, 1.0 / 233_174.0])
-        }
-        1900.0..1920.0 => polynomial(1900.0, 1.0, &[-2.79, 1.494_119, -0.059_893_9, 0.006_196_6, -0.000_197]),
-        1920.0..1941.0 => polynomial(1920.0, 1.0, &[21.20, 0.844_93, -0.076_1, 0.002_093_6]),
-        1941.0..1961.0 => polynomial(1950.0, 1.0, &[29.07, 0.407, -1.0 / 233.0, 1.0 / 2547.0]),
-        _ => polynomial(1975.0, 1.0, &[45.45, 1.067, -1.0 / 260.0, -1.0 / 718.0]),
+        1860.0..1900.0 => of(1860.0, 1.0, &[7.62, 0.5737, -0.251_754, 0.016_806_68, -0.000_447_362_4, 1.0 / 233_174.0]),
+        1900.0..1920.0 => of(1900.0, 1.0, &[-2.79, 1.494_119, -0.059_893_9, 0.006_196_6, -0.000_197]),
+        1920.0..1941.0 => of(1920.0, 1.0, &[21.20, 0.844_93, -0.076_1, 0.002_093_6]),
+        1941.0..1961.0 => of(1950.0, 1.0, &[29.07, 0.407, -1.0 / 233.0, 1.0 / 2547.0]),
+        _ => of(1975.0, 1.0, &[45.45, 1.067, -1.0 / 260.0, -1.0 / 718.0]),
     }
 }
 
@@ -98,11 +86,10 @@ mod tests {
 
     #[test]
     fn leap_seconds_are_those_of_their_dates_and_delta_t_goes_on_smoothly() {
-        let noon_2000_jd = 2_451_545.0;
         for (jd, seconds) in
             [(2_441_317.5, 10.0), (2_451_544.5, 32.0), (2_457_753.5, 36.0), (2_457_754.5, 37.0), (2_490_000.5, 37.0)]
         {
-            let time_s = (jd - noon_2000_jd) * DAY_S;
+            let time_s = (jd - J2000_JD) * DAY_S;
             let clock = Clock::default();
             assert!((clock.tt_s(time_s) - time_s - seconds - TT_TAI_S).abs() < 1e-6, "{jd}");
             let given = Clock { ut1_minus_utc_s: 0.3, delta_t_s: Some(60.0) };

@@ -5,139 +5,107 @@
 //! A curve gives V(1, a): the V magnitude at one astronomical unit from the Sun and from the eye, at the phase angle a. Surfaces reflect by a law of their own; what a curve does to a
 //! body is one factor on its light for the phase angle at which it is seen, so that its light is that of the curve and its shading that of the law.
 
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
-
 use super::reflection::ReflectionLaw;
-use crate::units::ASTRONOMICAL_UNIT_M;
+use crate::{polynomial::polynomial, solar_system::SolarBody, units::ASTRONOMICAL_UNIT_M};
 
 /// V magnitude of the Sun at one astronomical unit.
 const SUN_V: f64 = -26.74;
+/// Opening of Saturn's rings, degrees, and phase angles that the Earth sees them at.
+const MOST_RINGS_DEG: f64 = 27.0;
+const MOST_RING_PHASE_DEG: f64 = 6.5;
 /// Factors on the light stay within these: beyond the measured phases curves and laws part.
 const FACTORS: [f64; 2] = [1e-3, 30.0];
 
-/// How the light of a body follows its phase.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-#[non_exhaustive]
-pub enum PhaseCurve {
-    /// As its reflection law and its geometric albedo have it.
-    #[default]
-    Law,
-    /// To 170 degrees.
-    Mercury,
-    /// To 179 degrees.
-    Venus,
-    /// To 170 degrees.
-    Earth,
-    /// To 150 degrees.
-    Moon,
-    /// In the mean over its rotation and its year.
-    Mars,
-    /// To 130 degrees.
-    Jupiter,
-    /// The globe without rings, to 150 degrees.
-    Saturn,
-    /// To 154 degrees, seen from above its equator.
-    Uranus,
-    /// To 133 degrees, as bright as since 2000.
-    Neptune,
+/// Phase angles that the curve of a body is known to, degrees; 0 for the Sun, which has none.
+fn known_to_deg(body: SolarBody) -> f64 {
+    match body {
+        SolarBody::Sun => 0.0,
+        SolarBody::Venus => 179.0,
+        SolarBody::Mercury | SolarBody::Earth => 170.0,
+        SolarBody::Uranus => 154.0,
+        SolarBody::Moon | SolarBody::Saturn | SolarBody::Mars => 150.0,
+        SolarBody::Neptune => 133.0,
+        SolarBody::Jupiter => 130.0,
+    }
 }
 
-fn polynomial(coefficients: &[f64], x: f64) -> f64 {
-    coefficients.iter().rev().fold(0.0, |sum, coefficient| sum * x + coefficient)
+/// V(1, a) of a body at a phase angle, degrees; beyond what is known, as at the border. `None` for the Sun.
+///
+/// Mars: in the mean over its rotation and its year. Saturn: the globe without rings. Uranus: seen from above its equator. Neptune: as bright as since 2000.
+pub fn magnitude(body: SolarBody, phase_deg: f64) -> Option<f64> {
+    let a = phase_deg.clamp(0.0, known_to_deg(body));
+    let magnitude = match body {
+        SolarBody::Sun => return None,
+        SolarBody::Mercury => {
+            polynomial(&[-0.613, 6.328e-2, -1.6336e-3, 3.3644e-5, -3.4265e-7, 1.6893e-9, -3.0334e-12], a)
+        }
+        SolarBody::Venus if a <= 163.7 => polynomial(&[-4.384, -1.044e-3, 3.687e-4, -2.814e-6, 8.938e-9], a),
+        SolarBody::Venus => polynomial(&[236.058_28, -2.819_14, 8.390_34e-3], a),
+        SolarBody::Earth => polynomial(&[-3.99, -1.060e-3, 2.054e-4], a),
+        // -12.73 at 384,400 km; at full phase it is brighter by a third than the line has it.
+        SolarBody::Moon => {
+            let surge = if a < 7.0 { -2.5 * (1.35 - 0.05 * a).log10() } else { 0.0 };
+            let at_one = -12.73 + 5.0 * (ASTRONOMICAL_UNIT_M / 3.844e8).log10();
+            at_one + 0.026 * a + 4e-9 * a.powi(4) + surge
+        }
+        SolarBody::Mars if a <= 50.0 => polynomial(&[-1.601, 2.267e-2, -1.302e-4], a),
+        SolarBody::Mars => polynomial(&[-0.367, -2.573e-2, 3.445e-4], a),
+        SolarBody::Jupiter if a <= 12.0 => polynomial(&[-9.395, -3.7e-4, 6.16e-4], a),
+        SolarBody::Jupiter => {
+            let share = polynomial(&[1.0, -1.507, -0.363, -0.062, 2.809, -1.876], a / 180.0);
+            -9.428 - 2.5 * share.log10()
+        }
+        SolarBody::Saturn if a <= 6.5 => polynomial(&[-8.95, -3.7e-4, 6.16e-4], a),
+        SolarBody::Saturn => polynomial(&[-8.94, 2.446e-4, 2.672e-4, -1.505e-6, 4.767e-9], a),
+        SolarBody::Uranus => polynomial(&[-7.110, 6.587e-3, 1.045e-4], a),
+        SolarBody::Neptune => polynomial(&[-7.00, 7.944e-3, 9.617e-5], a),
+    };
+    Some(magnitude)
 }
 
-impl PhaseCurve {
-    /// All of them.
-    pub const ALL: [Self; 10] = [
-        Self::Law,
-        Self::Mercury,
-        Self::Venus,
-        Self::Earth,
-        Self::Moon,
-        Self::Mars,
-        Self::Jupiter,
-        Self::Saturn,
-        Self::Uranus,
-        Self::Neptune,
-    ];
+/// From where a body is seen and lit: latitudes of the eye and of the Sun over its equator, rad.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Tilt {
+    /// Of the eye.
+    pub eye_rad: f64,
+    /// Of the Sun.
+    pub sun_rad: f64,
+}
 
-    /// Name in configurations.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Law => "law",
-            Self::Mercury => "mercury",
-            Self::Venus => "venus",
-            Self::Earth => "earth",
-            Self::Moon => "moon",
-            Self::Mars => "mars",
-            Self::Jupiter => "jupiter",
-            Self::Saturn => "saturn",
-            Self::Uranus => "uranus",
-            Self::Neptune => "neptune",
+/// What is added to [`magnitude`] by how a body's pole stands: Saturn's rings, and the brighter poles of Uranus.
+fn tilted(body: SolarBody, phase_deg: f64, tilt: Tilt) -> f64 {
+    let Tilt { eye_rad, sun_rad } = tilt;
+    match body {
+        SolarBody::Saturn => {
+            // Where the Sun and the eye are on different sides nothing of the rings is lit. Seen from the Earth rings are never open by more, and phases no larger.
+            let open_rad = (eye_rad * sun_rad).max(0.0).sqrt().min(MOST_RINGS_DEG.to_radians());
+            let (sine, a) = (open_rad.sin(), phase_deg.min(MOST_RING_PHASE_DEG));
+            let with_rings = -8.914 - 1.825 * sine + 0.026 * a - 0.378 * sine * (-2.25 * a).exp();
+            let globe = polynomial(&[-8.95, -3.7e-4, 6.16e-4], a);
+            (with_rings - globe).min(0.0)
         }
+        SolarBody::Uranus => -8.4e-4 * 0.5 * (eye_rad.abs() + sun_rad.abs()).to_degrees(),
+        _ => 0.0,
     }
+}
 
-    /// The curve of a name.
-    pub fn from_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|curve| curve.name() == name)
-    }
-
-    /// Phase angles that the curve is known to, degrees.
-    fn known_to_deg(self) -> f64 {
-        match self {
-            Self::Law => 180.0,
-            Self::Venus => 179.0,
-            Self::Mercury | Self::Earth => 170.0,
-            Self::Uranus => 154.0,
-            Self::Moon | Self::Saturn | Self::Mars => 150.0,
-            Self::Neptune => 133.0,
-            Self::Jupiter => 130.0,
-        }
-    }
-
-    /// V(1, a) at a phase angle, degrees; beyond what is known, as at the border. `None` for the law's own.
-    pub fn magnitude(self, phase_deg: f64) -> Option<f64> {
-        let a = phase_deg.clamp(0.0, self.known_to_deg());
-        let magnitude = match self {
-            Self::Law => return None,
-            Self::Mercury => {
-                polynomial(&[-0.613, 6.328e-2, -1.6336e-3, 3.3644e-5, -3.4265e-7, 1.6893e-9, -3.0334e-12], a)
-            }
-            Self::Venus if a <= 163.7 => polynomial(&[-4.384, -1.044e-3, 3.687e-4, -2.814e-6, 8.938e-9], a),
-            Self::Venus => polynomial(&[236.058_28, -2.819_14, 8.390_34e-3], a),
-            Self::Earth => polynomial(&[-3.99, -1.060e-3, 2.054e-4], a),
-            // -12.73 at 384,400 km; at full phase it is brighter by a third than the line has it.
-            Self::Moon => {
-                let surge = if a < 7.0 { -2.5 * (1.35 - 0.05 * a).log10() } else { 0.0 };
-                let at_one = -12.73 + 5.0 * (ASTRONOMICAL_UNIT_M / 3.844e8).log10();
-                at_one + 0.026 * a + 4e-9 * a.powi(4) + surge
-            }
-            Self::Mars if a <= 50.0 => polynomial(&[-1.601, 2.267e-2, -1.302e-4], a),
-            Self::Mars => polynomial(&[-0.367, -2.573e-2, 3.445e-4], a),
-            Self::Jupiter if a <= 12.0 => polynomial(&[-9.395, -3.7e-4, 6.16e-4], a),
-            Self::Jupiter => {
-                let share = polynomial(&[1.0, -1.507, -0.363, -0.062, 2.809, -1.876], a / 180.0);
-                -9.428 - 2.5 * share.log10()
-            }
-            Self::Saturn if a <= 6.5 => polynomial(&[-8.95, -3.7e-4, 6.16e-4], a),
-            Self::Saturn => polynomial(&[-8.94, 2.446e-4, 2.672e-4, -1.505e-6, 4.767e-9], a),
-            Self::Uranus => polynomial(&[-7.110, 6.587e-3, 1.045e-4], a),
-            Self::Neptune => polynomial(&[-7.00, 7.944e-3, 9.617e-5], a),
-        };
-        Some(magnitude)
-    }
-
-    /// Factor on the light of a sphere of `radius_m` with a law and the luminance of its geometric albedo, by which it is that of the curve.
-    pub fn factor(self, law: ReflectionLaw, geometric_albedo: f64, radius_m: f64, phase_rad: f64) -> f64 {
-        let phase_rad = phase_rad.min(self.known_to_deg().to_radians());
-        let Some(magnitude) = self.magnitude(phase_rad.to_degrees()) else { return 1.0 };
-        let of_law = geometric_albedo * (radius_m / ASTRONOMICAL_UNIT_M).powi(2) * law.phase_function(phase_rad);
-        let of_curve = 10_f64.powf(-0.4 * (magnitude - SUN_V));
-        let [least, most] = FACTORS;
-        (of_curve / of_law).clamp(least, most)
-    }
+/// Factor on the light of a sphere of `radius_m` with a law and the luminance of its geometric albedo, by which it is that of the body's curve; 1 for the Sun. Saturn's globe has the
+/// light of the rings too.
+pub fn factor(
+    body: SolarBody,
+    law: ReflectionLaw,
+    geometric_albedo: f64,
+    radius_m: f64,
+    phase_rad: f64,
+    tilt: Tilt,
+) -> f64 {
+    let phase_rad = phase_rad.min(known_to_deg(body).to_radians());
+    let phase_deg = phase_rad.to_degrees();
+    let Some(magnitude) = magnitude(body, phase_deg) else { return 1.0 };
+    let of_law = geometric_albedo * (radius_m / ASTRONOMICAL_UNIT_M).powi(2) * law.phase_function(phase_rad);
+    let of_curve = 10_f64.powf(-0.4 * (magnitude + tilted(body, phase_deg, tilt) - SUN_V));
+    let [least, most] = FACTORS;
+    (of_curve / of_law).clamp(least, most)
 }
 
 #[cfg(test)]
@@ -146,46 +114,46 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_lead_back_to_their_curves_and_a_law_changes_nothing() {
-        for curve in PhaseCurve::ALL {
-            assert_eq!(PhaseCurve::from_name(curve.name()), Some(curve));
-        }
-        assert_eq!(PhaseCurve::from_name("pluto"), None);
-        assert_eq!(PhaseCurve::Law.factor(ReflectionLaw::Lambert, 0.3, 1e6, 1.0), 1.0);
+    fn the_sun_has_no_phases() {
+        assert_eq!(magnitude(SolarBody::Sun, 10.0), None);
+        assert_eq!(factor(SolarBody::Sun, ReflectionLaw::Lambert, 0.3, 1e6, 1.0, Tilt::default()), 1.0);
     }
 
     #[test]
     fn the_light_is_that_of_the_curve_at_every_phase() {
-        for curve in PhaseCurve::ALL.into_iter().filter(|curve| *curve != PhaseCurve::Law) {
+        for body in SolarBody::ALL.into_iter().filter(|body| *body != SolarBody::Sun) {
             let (albedo, radius_m) = (0.3, 6e6);
             for phase_deg in [0.0, 1.0, 10.0, 45.0, 90.0, 120.0] {
                 let phase_rad = f64::to_radians(phase_deg);
                 for law in ReflectionLaw::ALL {
                     let of_law = albedo * (radius_m / ASTRONOMICAL_UNIT_M).powi(2) * law.phase_function(phase_rad);
-                    let factor = curve.factor(law, albedo, radius_m, phase_rad);
+                    let factor = factor(body, law, albedo, radius_m, phase_rad, Tilt::default());
                     let magnitude = SUN_V - 2.5 * (of_law * factor).log10();
                     let clamped = FACTORS.contains(&factor);
                     assert!(
-                        clamped || (magnitude - curve.magnitude(phase_deg).unwrap()).abs() < 1e-9,
-                        "{curve:?} {phase_deg}"
+                        clamped || (magnitude - super::magnitude(body, phase_deg).unwrap()).abs() < 1e-9,
+                        "{body:?} {phase_deg}"
                     );
                 }
             }
-            assert!(curve.factor(ReflectionLaw::Lambert, albedo, radius_m, std::f64::consts::PI).is_finite());
+            assert!(
+                factor(body, ReflectionLaw::Lambert, albedo, radius_m, std::f64::consts::PI, Tilt::default())
+                    .is_finite()
+            );
         }
     }
 
     #[test]
     fn pieces_of_curves_meet() {
-        for (curve, border_deg) in [
-            (PhaseCurve::Venus, 163.7),
-            (PhaseCurve::Mars, 50.0),
-            (PhaseCurve::Jupiter, 12.0),
-            (PhaseCurve::Saturn, 6.5),
-            (PhaseCurve::Moon, 7.0),
+        for (body, border_deg) in [
+            (SolarBody::Venus, 163.7),
+            (SolarBody::Mars, 50.0),
+            (SolarBody::Jupiter, 12.0),
+            (SolarBody::Saturn, 6.5),
+            (SolarBody::Moon, 7.0),
         ] {
-            let [before, after] = [-1e-6, 1e-6].map(|by| curve.magnitude(border_deg + by).unwrap());
-            assert!((before - after).abs() < 0.05, "{curve:?} {before} {after}");
+            let [before, after] = [-1e-6, 1e-6].map(|by| magnitude(body, border_deg + by).unwrap());
+            assert!((before - after).abs() < 0.05, "{body:?} {before} {after}");
         }
     }
 }

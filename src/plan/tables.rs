@@ -1,9 +1,6 @@
 //! Tables of tabulated pictures in one buffer, or in two where an adapter does not bind so many bytes as one: the software driver binds 128 MiB, and the tables of six projectors of
 //! 1920 x 1080 pixels have 236. Shaders that read two take the driver longer to make.
 
-/// Buffers of tables that one cannot hold.
-const SEVERAL: usize = 2;
-
 /// Where tables are.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct TableBuffers {
@@ -14,15 +11,15 @@ pub(crate) struct TableBuffers {
 }
 
 impl TableBuffers {
-    /// Of tables by their sizes in bytes, with at most `limit` bytes in a buffer if they fit at all. Where there are several, a table goes to where the least is.
+    /// Of tables by their sizes in bytes, with at most `limit` bytes in a buffer if they fit at all. Where there are two, a table goes to where less is.
     pub(crate) fn new(tables: &[u64], limit: u64) -> Self {
         let sum = tables.iter().sum();
         if sum <= limit {
             return Self { of: vec![0; tables.len()], bytes: vec![sum] };
         }
-        let mut bytes = vec![0; SEVERAL];
+        let mut bytes = vec![0; 2];
         let place = |table: &u64| {
-            let least = (1..SEVERAL).fold(0, |least, buffer| if bytes[buffer] < bytes[least] { buffer } else { least });
+            let least = usize::from(bytes[1] < bytes[0]);
             bytes[least] += table;
             least
         };
@@ -36,11 +33,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn tables_share_a_buffer_or_go_to_where_the_least_is() {
+    fn tables_share_a_buffer_or_go_to_where_less_is() {
         let tables = [5, 1, 1, 1, 1, 9, 2];
         assert_eq!(TableBuffers::new(&tables, 20), TableBuffers { of: vec![0; 7], bytes: vec![20] });
-        let several = TableBuffers { of: vec![0, 1, 1, 1, 1, 1, 0], bytes: vec![7, 13] };
-        assert_eq!(TableBuffers::new(&tables, 19), several);
+        let two = TableBuffers { of: vec![0, 1, 1, 1, 1, 1, 0], bytes: vec![7, 13] };
+        assert_eq!(TableBuffers::new(&tables, 19), two);
         assert_eq!(TableBuffers::new(&[], 0).bytes, [0]);
     }
 }

@@ -80,7 +80,7 @@ pub struct Renderer {
     techniques: Vec<Box<dyn Technique + Send>>,
     /// Atlases of impostors that were baked ahead.
     baked: BakedImpostors,
-    /// Those for rigs with tabulated pictures, or for rigs without, whichever the last one was not.
+    /// Those of the last rig whose tables took another number of buffers (0: no picture of it was tabulated), and that number.
     idle_techniques: Option<(usize, Vec<Box<dyn Technique + Send>>)>,
     targets: Targets,
     /// Those of the pictures of a map of faint light, while there are some to draw.
@@ -189,8 +189,8 @@ impl Renderer {
         self.spare_slots.clear();
     }
 
-    /// Puts the tables of tabulated pictures onto the device. Where the last rig had some and this one has none, or the other way
-    /// round, the pipelines for such rigs take the place of those in use, which are kept.
+    /// Puts the tables of tabulated pictures onto the device. Where they take another number of buffers than those of the last
+    /// rig did, pipelines for that number take the place of those in use, which are kept.
     fn hold_tables(&mut self, viewports: &[Viewport]) -> Result<(), RenderError> {
         let buffers = self.tables.needed(&self.gpu, viewports);
         if buffers != self.gpu.table_buffers() {

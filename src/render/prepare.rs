@@ -142,7 +142,7 @@ mod tests {
         let of = steps.len();
         assert!(steps.iter().enumerate().all(|(index, step)| (step.done, step.of) == (index + 1, of)), "{steps:?}");
         let prepared = renderer.gpu.made().pipelines;
-        let (stars, _) = load_stars(&config.star_sources(), &mut |_| ()).unwrap();
+        let (stars, _) = load_stars(&config.star_sources(), &config.epoch(), &mut |_| ()).unwrap();
         let scene = SceneSnapshot { revision: 1, stars: Arc::new(stars), objects, camera: config.camera().unwrap() };
         renderer.warm_up(&scene, &rig, &settings, wanted).unwrap();
         [prepared, renderer.gpu.made().pipelines - prepared]
@@ -176,7 +176,7 @@ mod tests {
         let set = ["scene.catalogues=[\"builtin:bright\"]", "views.dome.size=[64,64]"].map(str::to_owned);
         let config = Config::load(&path, &set).unwrap();
         let mut renderer = Renderer::new(Gpu::open(&GpuOptions::default()).unwrap());
-        let (stars, _) = load_stars(&config.star_sources(), &mut |_| ()).unwrap();
+        let (stars, _) = load_stars(&config.star_sources(), &config.epoch(), &mut |_| ()).unwrap();
         let objects = Arc::new(config.objects().unwrap());
         let scene = SceneSnapshot { revision: 1, stars: Arc::new(stars), objects, camera: config.camera().unwrap() };
         let wanted = Wanted { display: true, ..Wanted::default() };

@@ -413,11 +413,12 @@ fn a_body_at_arm_s_length_is_presented_with_the_stars_behind_it() {
     let mut renderer = Renderer::new(gpu(Some(STRIPS)));
     let body = Body {
         name: "lamp".to_owned(),
+        ephemeris: None,
         position_m: DVec3::new(0.1, 1.7, -2.0),
         radii_m: DVec3::new(0.5, 0.3, 0.4),
         orientation: DQuat::IDENTITY,
         spin: Spin::default(),
-        surface: Surface { law: ReflectionLaw::Lambert, geometric_albedo: [0.3; 3], texture: None },
+        surface: Surface { law: ReflectionLaw::Lambert, geometric_albedo: [0.3; 3], phase_curve: None, texture: None },
         emission: Some(Emission { luminance_cd_m2: [0.004, 0.003, 0.002], limb_darkening: 0.6 }),
     };
     let objects = Arc::new(SceneObjects { bodies: vec![Arc::new(body)], ..SceneObjects::default() });

@@ -18,7 +18,7 @@ use crate::{
 /// How files call the choice between tabulated projections and none, and what they import.
 pub(super) const SLOT: &str = "tabulated";
 const FILES: [&str; 2] = ["shared/tabulated_off", "shared/tabulated"];
-/// The same of one buffer and several.
+/// The same of one buffer and two.
 const BUFFERS_SLOT: &str = "tables";
 const BUFFERS_FILES: [&str; 2] = ["shared/tables_one", "shared/tables_two"];
 
@@ -79,8 +79,8 @@ impl MappingTables {
             let TableBuffers { of, bytes } = buffers_of(gpu, &wanted);
             let mut words: Vec<Vec<[u32; 4]>> = vec![Vec::new(); bytes.len()];
             for (table, buffer) in wanted.into_iter().zip(of) {
-                self.held
-                    .push((Arc::clone(table), if buffer > 0 { SECOND_BUFFER } else { 0 } | words[buffer].len() as u32));
+                let of_buffer = if buffer > 0 { SECOND_BUFFER } else { 0 };
+                self.held.push((Arc::clone(table), of_buffer | words[buffer].len() as u32));
                 words[buffer].extend(table.words());
             }
             // A buffer that is bound has something.

@@ -24,12 +24,11 @@ pub use self::{
     check::{
         BRIGHTEST_ALBEDO, BodyError, FARTHEST_M, MOST_BODIES, MOST_SUNS, RADII_M, check_name, check_names, check_suns,
     },
-    preset::Preset,
     seen::{Hit, SeenBody, hides},
     suns::{Light, Sun, lights_on, mean_radius_m, suns},
     texture::{MOST_TEXELS, Texture, TextureError},
 };
-pub use crate::photometry::reflection::ReflectionLaw;
+pub use crate::{photometry::reflection::ReflectionLaw, solar_system::SolarBody};
 
 /// What a surface reflects.
 #[derive(Clone, Debug, PartialEq)]
@@ -39,6 +38,8 @@ pub struct Surface {
     /// Geometric albedo, of red, green and blue: a sphere of it at full phase is so many times as bright as a white
     /// Lambert disc.
     pub geometric_albedo: [f64; 3],
+    /// The body whose measured phase curve its light follows; `None`: it follows the law.
+    pub phase_curve: Option<SolarBody>,
     /// Factors on the albedo, over the body.
     pub texture: Option<Arc<Texture>>,
 }
@@ -66,6 +67,9 @@ pub struct Spin {
 pub struct Body {
     /// Unique among the bodies of a scene.
     pub name: String,
+    /// The body of the Solar System where it is and as which it stands: the scene's moment gives its position and orientation ([`SceneObjects::at`](crate::scene::SceneObjects::at)),
+    /// and it has no spin of its own.
+    pub ephemeris: Option<SolarBody>,
     /// Its centre: ICRS, barycentric, m.
     pub position_m: DVec3,
     /// Semi-axes along its x, y and z, m.

@@ -7,7 +7,10 @@
 use std::fmt;
 use std::path::{Path, PathBuf};
 
+use rayon::prelude::*;
+
 use crate::catalogue::chunks::StarSet;
+use crate::catalogue::epoch::Epoch;
 use crate::catalogue::galaxy::{self, GalaxyError, GalaxyParameters};
 use crate::catalogue::overlap::{Overlap, find_overlaps};
 use crate::catalogue::reader::{CatalogueError, ReadReport, read_file};
@@ -109,16 +112,18 @@ pub enum LoadError {
     },
 }
 
-/// Loads and joins catalogues; `progress` hears of each step before it begins.
+/// Loads and joins catalogues as they are seen at an epoch; stars of stores have no motion. `progress` hears of each step before it begins.
 pub fn load_stars(
     sources: &[StarSource],
+    epoch: &Epoch,
     progress: &mut dyn FnMut(LoadStep),
 ) -> Result<(StarSet, LoadReport), LoadError> {
     if let [StarSource::File(path)] = sources
+        && epoch.seen_from.is_none()
         && is_store(path)?
     {
         progress(LoadStep::Catalogue { name: sources[0].to_string(), index: 0, of: 1 });
-        let stars = store::read(path)?.stars;
+        let stars = store::read(path)?.stars.of_epoch(*epoch);
         let loaded = LoadedCatalogue { name: sources[0].to_string(), stars: stars.stars.len(), rows: None };
         return Ok((stars, LoadReport { catalogues: vec![loaded], overlaps: Vec::new() }));
     }
@@ -127,7 +132,7 @@ pub fn load_stars(
     let mut loaded: Vec<Vec<StarRecord>> = Vec::with_capacity(sources.len());
     for (index, source) in sources.iter().enumerate() {
         progress(LoadStep::Catalogue { name: source.to_string(), index, of: sources.len() });
-        let (records, rows) = read(source, index)?;
+        let (records, rows) = read(source, index, epoch.years)?;
         report.catalogues.push(LoadedCatalogue { name: source.to_string(), stars: records.len(), rows });
         loaded.push(records);
     }
@@ -150,7 +155,11 @@ pub fn load_stars(
         return Err(LoadError::TooMany { stars });
     }
     progress(LoadStep::Chunks { stars });
-    Ok((StarSet::from_records(joined(loaded, stars)), report))
+    let mut records = joined(loaded, stars);
+    if epoch.seen_from.is_some() {
+        records.par_iter_mut().for_each(|record| *record = epoch.seen(*record));
+    }
+    Ok((StarSet::from_records(records).of_epoch(*epoch), report))
 }
 
 /// Whether the file is a store, by its first bytes or, so that a damaged one is reported as such, by its extension.
@@ -161,15 +170,15 @@ fn is_store(path: &Path) -> Result<bool, LoadError> {
     Ok(path.is_file() && store::is_store(path)?)
 }
 
-fn read(source: &StarSource, index: usize) -> Result<(Vec<StarRecord>, Option<ReadReport>), LoadError> {
+fn read(source: &StarSource, index: usize, years: f64) -> Result<(Vec<StarRecord>, Option<ReadReport>), LoadError> {
     match source {
-        StarSource::Bright => Ok((bright::bright_stars(), None)),
+        StarSource::Bright => Ok((bright::bright_stars(years), None)),
         StarSource::Galaxy(parameters) => {
             Ok((galaxy::generate(parameters).map_err(|source| LoadError::Galaxy { index, source })?, None))
         }
         StarSource::File(path) if is_store(path)? => Ok((store::records_of(&store::read(path)?.stars), None)),
         StarSource::File(path) => {
-            let read = read_file(path)?;
+            let read = read_file(path, years)?;
             Ok((read.stars, Some(read.report)))
         }
     }
@@ -203,8 +212,8 @@ mod tests {
         std::fs::write(&csv, CSV).unwrap();
         let mut steps = Vec::new();
         let sources = [StarSource::Bright, StarSource::File(csv), galaxy(1000)];
-        let (set, report) = load_stars(&sources, &mut |step| steps.push(step)).unwrap();
-        let bright = bright::bright_stars().len();
+        let (set, report) = load_stars(&sources, &Epoch::default(), &mut |step| steps.push(step)).unwrap();
+        let bright = bright::bright_stars(0.0).len();
         assert_eq!(report.catalogues.iter().map(|c| c.stars).collect::<Vec<_>>(), [bright, 2, 1000]);
         assert_eq!(set.stars.len(), bright + 1002);
         let rows = report.catalogues[1].rows.as_ref().unwrap();
@@ -218,14 +227,15 @@ mod tests {
     #[test]
     fn a_store_is_a_catalogue_alone_and_with_others() {
         let folder = tempfile::tempdir().unwrap();
-        let (stars, _) = load_stars(&[galaxy(2000)], &mut |_| ()).unwrap();
+        let (stars, _) = load_stars(&[galaxy(2000)], &Epoch::default(), &mut |_| ()).unwrap();
         for name in ["set.stars", "set.bin"] {
             let path = folder.path().join(name);
             store::write(&path, &store::Store { description: String::new(), stars: stars.clone() }).unwrap();
-            let alone = load_stars(&[StarSource::File(path.clone())], &mut |_| ()).unwrap().0;
+            let alone = load_stars(&[StarSource::File(path.clone())], &Epoch::default(), &mut |_| ()).unwrap().0;
             assert_eq!(alone.stars, stars.stars);
-            let both = load_stars(&[StarSource::File(path), StarSource::Bright], &mut |_| ()).unwrap().0;
-            assert_eq!(both.stars.len(), 2000 + bright::bright_stars().len());
+            let both =
+                load_stars(&[StarSource::File(path), StarSource::Bright], &Epoch::default(), &mut |_| ()).unwrap().0;
+            assert_eq!(both.stars.len(), 2000 + bright::bright_stars(0.0).len());
         }
     }
 
@@ -234,7 +244,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let damaged = folder.path().join("x.stars");
         std::fs::write(&damaged, "STERSTARxxxx").unwrap();
-        let load = |source: StarSource| load_stars(&[StarSource::Bright, source], &mut |_| ()).unwrap_err();
+        let load =
+            |source: StarSource| load_stars(&[StarSource::Bright, source], &Epoch::default(), &mut |_| ()).unwrap_err();
         assert!(matches!(load(StarSource::File(damaged)), LoadError::Store(StoreError::Damaged { .. })));
         assert!(matches!(load(StarSource::File("no/such.csv".into())), LoadError::Catalogue(_)));
         assert!(matches!(load(StarSource::File("no/such.stars".into())), LoadError::Store(StoreError::Io { .. })));
@@ -243,6 +254,6 @@ mod tests {
 
     #[test]
     fn no_catalogue_is_an_empty_sky() {
-        assert!(load_stars(&[], &mut |_| ()).unwrap().0.stars.is_empty());
+        assert!(load_stars(&[], &Epoch::default(), &mut |_| ()).unwrap().0.stars.is_empty());
     }
 }

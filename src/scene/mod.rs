@@ -2,16 +2,18 @@
 
 pub mod asteroids;
 pub mod bodies;
+mod clock;
 pub mod loader;
 mod objects;
 pub mod overlay;
+mod seen_stars;
 
 use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
 
-pub use self::objects::SceneObjects;
-use crate::{catalogue::chunks::StarSet, relativity::MAX_SPEED_C};
+pub use self::{clock::SceneClock, objects::SceneObjects, seen_stars::SeenStars};
+use crate::{catalogue::chunks::StarSet, observer::Frame, relativity::MAX_SPEED_C};
 
 /// Why a pose is refused.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -78,13 +80,24 @@ pub struct Camera {
     pub world_from_camera: DQuat,
     /// Velocity in units of the speed of light, world axes; its length is at most [`MAX_SPEED_C`].
     pub velocity_c: DVec3,
+    /// The axes that it hangs on, with which it turns as time goes on.
+    pub frame: Frame,
+    /// The moment at which it stands so, s since 2000-01-01T12:00:00Z; only with the horizon it matters.
+    pub as_of_s: f64,
     /// Counts the changes of the camera.
     pub revision: u64,
 }
 
 impl Default for Camera {
     fn default() -> Self {
-        Self { position_m: DVec3::ZERO, world_from_camera: DQuat::IDENTITY, velocity_c: DVec3::ZERO, revision: 0 }
+        Self {
+            position_m: DVec3::ZERO,
+            world_from_camera: DQuat::IDENTITY,
+            velocity_c: DVec3::ZERO,
+            frame: Frame::Icrs,
+            as_of_s: 0.0,
+            revision: 0,
+        }
     }
 }
 
@@ -100,6 +113,8 @@ impl Camera {
             position_m: finite_vector("position_m", position_m)?,
             world_from_camera: unit_quaternion(orientation)?,
             velocity_c: velocity,
+            frame: Frame::Icrs,
+            as_of_s: 0.0,
             revision: 0,
         })
     }

@@ -12,12 +12,13 @@ use tonic::{Request, Response, Status, Streaming};
 use super::{
     access::By,
     convert,
+    find::turned,
     handlers::{Service, refused},
     proto::{self, CameraLease},
     refusals,
-    render::{CameraError, Refused, RenderHandle},
+    render::{CameraError, CameraUpdate, Refused, RenderHandle},
 };
-use crate::scene::Camera;
+use crate::{observer::Frame, scene::Camera};
 
 /// Longest name of one who steers, characters.
 const MOST_NAME: usize = 64;
@@ -109,9 +110,31 @@ impl Service {
         proto::Camera { holder: self.render.holder(), ..convert::camera_to_pb(camera) }
     }
 
+    /// The change that is asked for, of the scene as it is now.
+    fn camera_update(&self, mut request: proto::SetCameraRequest) -> Result<CameraUpdate, Status> {
+        let look = request.look.take();
+        let frame = convert::sky_frame_from_pb(request.frame).map_err(refusals::invalid)?;
+        let update = CameraUpdate { frame, ..convert::update_from_pb(request) };
+        if look.is_none() && frame.is_none() {
+            return Ok(update);
+        }
+        let state = self.render.scene().map_err(refused)?;
+        let Some(look) = look else {
+            if frame == Some(Frame::Horizon) && state.objects.drawn.observer.is_none() {
+                return Err(refusals::invalid("frame: SKY_FRAME_HORIZON: the scene has no observer"));
+            }
+            return Ok(update);
+        };
+        if update.orientation.is_some() || frame.is_some() {
+            return Err(refusals::invalid("look: orientation or frame is given too: at most one of them is allowed"));
+        }
+        let (turned, frame) = turned(&look, &self.render.snapshot(&state)).map_err(refusals::invalid)?;
+        Ok(CameraUpdate { orientation: Some(turned.to_array()), frame: Some(frame), ..update })
+    }
+
     fn place_camera(&self, request: proto::SetCameraRequest, lease: Option<u64>) -> Result<Camera, Status> {
         let expected = request.expected_revision;
-        let update = convert::update_from_pb(request);
+        let update = self.camera_update(request)?;
         self.render.set_camera(&update, expected, lease).map_err(|error| unmoved(&error))
     }
 
@@ -127,7 +150,7 @@ impl Service {
             ));
         }
         let time = SystemTime::try_from(time).map_err(|error| refusals::invalid(format!("time: {error}")))?;
-        let update = convert::update_from_pb(request);
+        let update = self.camera_update(request)?;
         self.render.plan_camera(&update, time, lease).map_err(|error| unmoved(&error))
     }
 }

@@ -335,6 +335,10 @@ impl proto::scene_service_server::SceneService for Service {
         Ok(Response::new(self.identified(request.get_ref()).await?))
     }
 
+    async fn find(&self, request: Request<proto::FindRequest>) -> Result<Response<proto::FindResponse>, Status> {
+        Ok(Response::new(self.found(request.get_ref())?))
+    }
+
     async fn watch_scene(
         &self,
         _: Request<proto::WatchSceneRequest>,

@@ -216,7 +216,12 @@ pub(super) fn camera_from_pb(camera: proto::Camera) -> Result<Camera, ClientErro
         camera.orientation.map(convert::quaternion_from_pb).ok_or_else(|| lacks("orientation"))?,
         camera.velocity_c.map(convert::vector_from_pb).ok_or_else(|| lacks("velocity_c"))?,
     )?;
-    Ok(Camera { revision: camera.revision, ..plain })
+    let frame = convert::sky_frame_from_pb(camera.frame).map_err(|_| lacks("frame"))?.unwrap_or_default();
+    let as_of_s = match camera.scene_time {
+        Some(time) => super::convert_objects::time_from_pb(Some(time)).map_err(|_| lacks("scene_time"))?,
+        None => 0.0,
+    };
+    Ok(Camera { frame, as_of_s, revision: camera.revision, ..plain })
 }
 
 pub(super) fn time(time: Option<prost_types::Timestamp>, field: &'static str) -> Result<SystemTime, ClientError> {

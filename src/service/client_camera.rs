@@ -11,7 +11,7 @@ use super::{
     convert, proto,
     render::CameraUpdate,
 };
-use crate::scene::Camera;
+use crate::{observer::Frame, scene::Camera};
 
 /// Poses that wait to be sent.
 const WAITING: usize = 16;
@@ -79,6 +79,14 @@ impl Client {
     pub async fn move_camera(&mut self, update: &CameraUpdate, expected_revision: u64) -> Result<Camera, ClientError> {
         let expected_revision = Some(expected_revision);
         let request = proto::SetCameraRequest { expected_revision, ..convert::update_to_pb(update) };
+        camera_from_pb(self.camera.set_camera(request).await?.into_inner())
+    }
+
+    /// Points the camera at a body or a star, from then on hanging on the axes of `frame`, whose pole is up; without it on those that it hangs on.
+    pub async fn look_at(&mut self, name: &str, frame: Option<Frame>) -> Result<Camera, ClientError> {
+        let frame = frame.map_or(proto::SkyFrame::Unspecified, convert::sky_frame_to_pb).into();
+        let look = Some(proto::Look { frame, at: name.to_owned(), ..Default::default() });
+        let request = proto::SetCameraRequest { look, ..Default::default() };
         camera_from_pb(self.camera.set_camera(request).await?.into_inner())
     }
 

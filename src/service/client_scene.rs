@@ -32,6 +32,8 @@ pub struct SceneForm {
     pub asteroid_fields: Vec<FieldForm>,
     /// The moment that is shown, s since 2000-01-01T12:00:00Z.
     pub time_s: f64,
+    /// Seconds of the scene for each second that goes by.
+    pub time_rate: f64,
     /// What stands in for far asteroids, by name.
     pub impostor: String,
     /// Factor on the distances at which detail of asteroids is left out.
@@ -58,6 +60,7 @@ impl TryFrom<proto::Scene> for SceneForm {
             bodies: bodies.map_err(|_| lacks("bodies"))?,
             asteroid_fields: fields.map_err(|_| lacks("asteroid_fields"))?,
             time_s: time_from_pb(scene.time).map_err(|_| lacks("time"))?,
+            time_rate: scene.time_rate,
             impostor: asteroids.impostor,
             quality: asteroids.quality,
             overlay: overlay_from_pb(scene.overlay.unwrap_or_default()).map_err(|_| lacks("overlay"))?,
@@ -75,6 +78,24 @@ impl SceneReceiver {
     /// Waits for the next change, at first for the scene as it is; `None` when the daemon has ended the stream in good order.
     pub async fn next(&mut self) -> Result<Option<SceneForm>, ClientError> {
         self.stream.message().await?.map(SceneForm::try_from).transpose()
+    }
+}
+
+impl TryFrom<proto::IdentifiedObject> for SeenObject {
+    type Error = ClientError;
+
+    fn try_from(object: proto::IdentifiedObject) -> Result<Self, ClientError> {
+        let direction = object.direction.ok_or(ClientError::Answer { field: "direction" })?;
+        Ok(Self {
+            is_body: object.kind() == proto::ObjectKind::Body,
+            direction: DVec3::from_array(convert::vector_from_pb(direction)),
+            name: object.name,
+            designation: object.designation,
+            separation_deg: object.separation_deg,
+            v_mag: object.v_mag,
+            temperature_k: object.temperature_k,
+            distance_m: object.distance_m,
+        })
     }
 }
 
@@ -276,19 +297,13 @@ impl Client {
         let direction = Some(convert::vector_to_pb(direction));
         let request = proto::IdentifyRequest { direction, radius_deg, most };
         let objects = self.scene.identify(request).await?.into_inner().objects;
-        let object = |object: proto::IdentifiedObject| {
-            let direction = object.direction.ok_or(ClientError::Answer { field: "direction" })?;
-            Ok(SeenObject {
-                is_body: object.kind() == proto::ObjectKind::Body,
-                direction: DVec3::from_array(convert::vector_from_pb(direction)),
-                name: object.name,
-                designation: object.designation,
-                separation_deg: object.separation_deg,
-                v_mag: object.v_mag,
-                temperature_k: object.temperature_k,
-                distance_m: object.distance_m,
-            })
-        };
-        objects.into_iter().map(object).collect()
+        objects.into_iter().map(SeenObject::try_from).collect()
+    }
+
+    /// Where a body or a star of a name is.
+    pub async fn find(&mut self, name: &str) -> Result<SeenObject, ClientError> {
+        let request = proto::FindRequest { name: name.to_owned() };
+        let found = self.scene.find(request).await?.into_inner().object;
+        found.ok_or(ClientError::Answer { field: "object" })?.try_into()
     }
 }

@@ -1,5 +1,7 @@
 //! Between protobuf messages and plain types. Nothing else in the crate sees a generated type.
 
+use std::time::SystemTime;
+
 use glam::{DQuat, DVec3};
 
 use super::{
@@ -14,9 +16,10 @@ use super::{
 };
 use crate::{
     gpu::AdapterReport,
+    observer::Frame,
     output::Encoding,
     plan::settings::{AsteroidSettings, ImpostorMethod, StarMethod},
-    scene::Camera,
+    scene::{Camera, SceneClock},
     verify::{CheckResult, Outcome},
 };
 
@@ -40,6 +43,31 @@ pub(super) fn camera_to_pb(camera: &Camera) -> proto::Camera {
         velocity_c: Some(vector_to_pb(camera.velocity_c)),
         revision: camera.revision,
         holder: String::new(),
+        frame: sky_frame_to_pb(camera.frame).into(),
+        scene_time: (camera.frame == Frame::Horizon).then(|| time_to_pb(camera.as_of_s)),
+    }
+}
+
+pub(super) fn sky_frame_to_pb(frame: Frame) -> proto::SkyFrame {
+    match frame {
+        Frame::Icrs => proto::SkyFrame::Icrs,
+        Frame::Galactic => proto::SkyFrame::Galactic,
+        Frame::Ecliptic => proto::SkyFrame::Ecliptic,
+        Frame::Horizon => proto::SkyFrame::Horizon,
+    }
+}
+
+/// The axes of a number; `None`: nothing is said. The error lists what is allowed.
+pub(super) fn sky_frame_from_pb(frame: i32) -> Result<Option<Frame>, String> {
+    match proto::SkyFrame::try_from(frame) {
+        Ok(proto::SkyFrame::Unspecified) => Ok(None),
+        Ok(proto::SkyFrame::Icrs) => Ok(Some(Frame::Icrs)),
+        Ok(proto::SkyFrame::Galactic) => Ok(Some(Frame::Galactic)),
+        Ok(proto::SkyFrame::Ecliptic) => Ok(Some(Frame::Ecliptic)),
+        Ok(proto::SkyFrame::Horizon) => Ok(Some(Frame::Horizon)),
+        Err(_) => Err(format!(
+            "frame = {frame}: allowed are SKY_FRAME_ICRS, SKY_FRAME_GALACTIC, SKY_FRAME_ECLIPTIC and SKY_FRAME_HORIZON"
+        )),
     }
 }
 
@@ -48,6 +76,7 @@ pub(super) fn update_from_pb(request: proto::SetCameraRequest) -> CameraUpdate {
         position_m: request.position_m.map(vector_from_pb),
         orientation: request.orientation.map(quaternion_from_pb),
         velocity_c: request.velocity_c.map(vector_from_pb),
+        frame: None,
     }
 }
 
@@ -57,6 +86,7 @@ pub(super) fn camera_update_from_pb(camera: proto::Camera) -> CameraUpdate {
         position_m: camera.position_m.map(vector_from_pb),
         orientation: camera.orientation.map(quaternion_from_pb),
         velocity_c: camera.velocity_c.map(vector_from_pb),
+        frame: sky_frame_from_pb(camera.frame).ok().flatten(),
     }
 }
 
@@ -66,6 +96,8 @@ pub(super) fn update_to_pb(update: &CameraUpdate) -> proto::SetCameraRequest {
         orientation: update.orientation.map(|[x, y, z, w]| proto::Quaternion { x, y, z, w }),
         velocity_c: update.velocity_c.map(|[x, y, z]| proto::Vector3 { x, y, z }),
         expected_revision: None,
+        look: None,
+        frame: update.frame.map_or(proto::SkyFrame::Unspecified, sky_frame_to_pb).into(),
     }
 }
 
@@ -116,6 +148,8 @@ pub(super) fn info_to_pb(
 }
 
 pub(super) fn scene_to_pb(scene: &SceneState, catalogues: &[SceneCatalogue]) -> proto::Scene {
+    let now = SystemTime::now();
+    let time_s = scene.clock.time_s(now);
     let catalogue =
         |catalogue: &SceneCatalogue| proto::Catalogue { name: catalogue.name.clone(), stars: catalogue.stars };
     proto::Scene {
@@ -125,9 +159,16 @@ pub(super) fn scene_to_pb(scene: &SceneState, catalogues: &[SceneCatalogue]) -> 
             method: scene.stars.method.name().to_owned(),
             magnitude_limit: scene.stars.magnitude_limit,
         }),
-        bodies: scene.objects.body_forms().iter().map(body_to_pb).collect(),
+        bodies: scene.objects.body_forms(time_s).iter().map(body_to_pb).collect(),
         asteroid_fields: scene.objects.field_forms().iter().map(field_to_pb).collect(),
-        time: Some(time_to_pb(scene.objects.drawn.time_s)),
+        time: Some(time_to_pb(time_s)),
+        time_rate: scene.clock.rate,
+        time_told: Some(now.into()),
+        observer: scene.objects.drawn.observer.map(|observer| proto::Observer {
+            latitude_deg: observer.place.latitude_rad.to_degrees(),
+            longitude_deg: observer.place.longitude_rad.to_degrees(),
+            height_m: observer.place.height_m,
+        }),
         asteroids: Some(proto::AsteroidSettings {
             impostor: scene.asteroids.impostor.name().to_owned(),
             quality: scene.asteroids.quality,
@@ -157,7 +198,7 @@ const MOST_PATHS: usize = 1024;
 
 /// The fields that the mask names; the error tells what is wrong and what is allowed.
 pub(super) fn scene_update_from_pb(request: &proto::UpdateSceneRequest) -> Result<SceneUpdate, String> {
-    const ALLOWED: &str = "allowed are stars, stars.method, stars.magnitude_limit, time, asteroids, \
+    const ALLOWED: &str = "allowed are stars, stars.method, stars.magnitude_limit, time, time_rate, asteroids, \
                            asteroids.impostor, asteroids.quality, bodies, bodies.NAME, asteroid_fields, asteroid_fields.NAME, overlay, \
                            overlay.grids, overlay.trajectories, overlay.trajectories.NAME, overlay.labels, \
                            overlay.labels.NAME, overlay.test_patterns";
@@ -188,7 +229,7 @@ pub(super) fn scene_update_from_pb(request: &proto::UpdateSceneRequest) -> Resul
             continue;
         }
         let names = |whole: &str, part: &str| path == whole || path.strip_prefix(whole) == Some(part);
-        let known = ["stars", "stars.method", "stars.magnitude_limit", "time"];
+        let known = ["stars", "stars.method", "stars.magnitude_limit", "time", "time_rate"];
         let known = known.into_iter().chain(["asteroids", "asteroids.impostor", "asteroids.quality"]);
         if matches!(path.as_str(), "revision" | "catalogues") {
             return Err(format!("update_mask: `{path}` cannot be changed: {ALLOWED}"));
@@ -211,6 +252,13 @@ pub(super) fn scene_update_from_pb(request: &proto::UpdateSceneRequest) -> Resul
         if path == "time" {
             update.time_s = Some(time_from_pb(scene.time)?);
         }
+        if path == "time_rate" {
+            let most = SceneClock::MOST_RATE;
+            if scene.time_rate.is_nan() || scene.time_rate.abs() > most {
+                return Err(format!("time_rate = {}: allowed are -{most:e} to {most:e}", scene.time_rate));
+            }
+            update.time_rate = Some(scene.time_rate);
+        }
         if names("asteroids", ".impostor") {
             update.impostor = Some(impostor(&asteroids.impostor)?);
         }
@@ -229,6 +277,7 @@ pub(super) fn scene_update_to_pb(update: &SceneUpdate, expected_revision: Option
         update.star_method.is_some().then_some("stars.method"),
         update.magnitude_limit.is_some().then_some("stars.magnitude_limit"),
         update.time_s.is_some().then_some("time"),
+        update.time_rate.is_some().then_some("time_rate"),
         update.impostor.is_some().then_some("asteroids.impostor"),
         update.quality.is_some().then_some("asteroids.quality"),
     ];
@@ -245,6 +294,7 @@ pub(super) fn scene_update_to_pb(update: &SceneUpdate, expected_revision: Option
         bodies,
         asteroid_fields,
         time: update.time_s.map(time_to_pb),
+        time_rate: update.time_rate.unwrap_or_default(),
         asteroids: Some(proto::AsteroidSettings {
             impostor: update.impostor.map(|method| method.name().to_owned()).unwrap_or_default(),
             quality: update.quality.unwrap_or_default(),

@@ -10,7 +10,7 @@ use super::{
 };
 use crate::scene::{
     asteroids::{FieldParameters, Placement},
-    bodies::{Body, Emission, ReflectionLaw, Spin, Surface, check_name},
+    bodies::{Body, Emission, ReflectionLaw, SolarBody, Spin, Surface, check_name},
     unit_quaternion,
 };
 
@@ -81,7 +81,18 @@ pub(super) fn body_to_pb(form: &BodyForm) -> proto::Body {
             luminance_cd_m2: Some(rgb_to_pb(emission.luminance_cd_m2)),
             limb_darkening: emission.limb_darkening,
         }),
+        ephemeris: body.ephemeris.map_or_else(String::new, |of| of.name().to_owned()),
+        phase_curve: body.surface.phase_curve.map_or_else(String::new, |of| of.name().to_owned()),
     }
+}
+
+/// A body of the Solar System by its name; empty: none.
+fn solar_body_from_pb(name: &str, key: &str) -> Result<Option<SolarBody>, String> {
+    if name.is_empty() {
+        return Ok(None);
+    }
+    let found = SolarBody::from_name(name).map(Some);
+    found.ok_or_else(|| format!("{key} = `{name}`: allowed are {}", SolarBody::ALL.map(SolarBody::name).join(", ")))
 }
 
 /// A body; its ranges are not checked.
@@ -94,15 +105,22 @@ pub(super) fn body_from_pb(body: proto::Body) -> Result<BodyForm, String> {
             limb_darkening: emission.limb_darkening,
         })
     };
+    let ephemeris = solar_body_from_pb(&body.ephemeris, "ephemeris")?;
     Ok(BodyForm {
         body: Body {
-            position_m: needed_vector(body.position_m, "position_m")?,
+            ephemeris,
+            position_m: match (ephemeris, body.position_m) {
+                // The scene's moment says where.
+                (Some(_), None) => DVec3::ZERO,
+                (_, given) => needed_vector(given, "position_m")?,
+            },
             radii_m: needed_vector(body.radii_m, "radii_m")?,
             orientation: orientation_from_pb(body.orientation)?,
             spin: spin.unwrap_or_default(),
             surface: Surface {
                 law: law_from_pb(&body.law)?,
                 geometric_albedo: rgb_from_pb(body.geometric_albedo),
+                phase_curve: solar_body_from_pb(&body.phase_curve, "phase_curve")?,
                 texture: None,
             },
             emission: body.emission.map(emission).transpose()?,
@@ -240,7 +258,7 @@ pub(super) fn change_to_pb<T, M>(change: &Change<T>, list: &str, write: impl Fn(
 mod tests {
     use super::super::{convert::scene_update_from_pb, scene::SceneUpdate};
     use super::*;
-    use crate::scene::bodies::Preset;
+    use crate::scene::bodies::SolarBody;
 
     fn update(scene: proto::Scene, paths: &[&str]) -> Result<SceneUpdate, String> {
         scene_update_from_pb(&proto::UpdateSceneRequest {
@@ -251,7 +269,7 @@ mod tests {
     }
 
     fn mars() -> proto::Body {
-        body_to_pb(&Preset::Mars.body("mars", DVec3::X).into())
+        body_to_pb(&SolarBody::Mars.body("mars", DVec3::X).into())
     }
 
     fn swarm() -> FieldForm {
@@ -275,7 +293,7 @@ mod tests {
 
     #[test]
     fn bodies_fields_and_times_come_back_as_they_went() {
-        let mut sun = BodyForm::from(Preset::Sun.body("sun", DVec3::new(1.0, -2.0, 3e11)));
+        let mut sun = BodyForm::from(SolarBody::Sun.body("sun", DVec3::new(1.0, -2.0, 3e11)));
         sun.texture_of = Some("spots".to_owned());
         assert_eq!(body_from_pb(body_to_pb(&sun)), Ok(sun));
         let mut field = swarm();

@@ -49,7 +49,11 @@ impl FrameStream {
 fn next(mut source: Source, order: Order) -> Work {
     Box::pin(async move {
         if let Some(acknowledged) = &mut source.acknowledged {
-            acknowledged.room().await;
+            // At the end of the daemon no acknowledgement gets through any more.
+            tokio::select! {
+                () = acknowledged.room() => {}
+                () = source.subscription.ended() => {}
+            }
         }
         let (rendered, dropped) = match source.subscription.next().await {
             Ok(Some(frame)) => frame,

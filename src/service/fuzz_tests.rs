@@ -25,7 +25,7 @@ use super::{
 };
 use crate::{
     plan::settings::RenderSettings,
-    scene::{Camera, SceneObjects},
+    scene::{Camera, SceneClock, SceneObjects},
     verify,
 };
 
@@ -48,6 +48,7 @@ fn scene() -> SceneState {
         stars,
         asteroids,
         objects: Objects::new(Arc::new(SceneObjects::default()), &[]).unwrap(),
+        clock: SceneClock::stopped(0.0),
         views: Arc::new(views),
     }
 }
@@ -268,6 +269,8 @@ fn seeds() -> Vec<Vec<u8>> {
         orientation: camera.orientation,
         velocity_c: camera.velocity_c,
         expected_revision: Some(3),
+        look: Some(proto::Look { at: "Mars".to_owned(), ..Default::default() }),
+        frame: 1,
     };
     let asked = proto::VerifyRequest { filter: "two-colours".to_owned(), star_method: "tent".to_owned() };
     let definition = proto::ViewDefinition {

@@ -311,7 +311,7 @@ impl Host for Headset {
     }
 
     fn publish(&self, frame: MirroredFrame) {
-        let shows = Revisions { scene: frame.frame.scene_revision, camera: frame.frame.camera_revision };
+        let shows = Revisions { scene: frame.frame.scene_revision, camera: frame.frame.camera_revision, step: 0 };
         let rendered = Arc::new(RenderedFrame {
             frame: Arc::clone(&frame.frame),
             views: Arc::from([ViewId::HEADSET]),
@@ -319,6 +319,7 @@ impl Host for Headset {
             pose_time: frame.pose_time,
             render_time: frame.render_time,
             // A headset's frames have a rate of their own to keep, and give up nothing.
+            shows,
             given_up: GivenUp::default(),
             encoded: EncodedImages::default(),
         });

@@ -1,6 +1,6 @@
 //! `Identify`: what stands in a direction.
 
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 
 use glam::DVec3;
 use tokio::task;
@@ -13,7 +13,7 @@ use super::{
     proto, refusals,
 };
 use crate::{
-    catalogue::bright::{BrightStar, named_bright_stars},
+    catalogue::{bright::BrightStar, chunks::StarSet},
     plan::stars::identify::{MOST_RADIUS_RAD, SeenStar, stars_near},
     relativity::Motion,
     scene::{Camera, SceneSnapshot, bodies::Body},
@@ -74,7 +74,15 @@ fn distance_m(camera: &Camera, body: &Body, time_s: f64, direction: DVec3) -> Op
     [(-half_b - root) / a, (-half_b + root) / a].into_iter().find(|distance| *distance > 0.0)
 }
 
-fn bodies(scene: &SceneSnapshot, question: &Question) -> Vec<proto::IdentifiedObject> {
+/// The bodies in a direction.
+enum Bodies {
+    /// They cover it, the nearest first: nothing is seen through them.
+    Cover(Vec<proto::IdentifiedObject>),
+    /// They are within the radius of it, the nearest to it first.
+    Beside(Vec<proto::IdentifiedObject>),
+}
+
+fn bodies(scene: &SceneSnapshot, question: &Question) -> Bodies {
     let Camera { position_m, velocity_c, .. } = scene.camera;
     let motion = Motion::new(velocity_c);
     let seen = |place: DVec3| motion.map_or(place, |motion| motion.seen(place)).normalize_or_zero();
@@ -87,29 +95,53 @@ fn bodies(scene: &SceneSnapshot, question: &Question) -> Vec<proto::IdentifiedOb
         .filter_map(|body| Some((distance_m(&scene.camera, body, scene.objects.time_s, rest)?, body.as_ref())))
         .collect();
     found.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let told = found.into_iter().map(|(distance_m, body)| proto::IdentifiedObject {
+    let told = |separation_rad: f64, distance_m: f64, body: &Body| proto::IdentifiedObject {
         kind: proto::ObjectKind::Body.into(),
         name: body.name.clone(),
         direction: Some(vector_to_pb(seen(body.position_m - position_m))),
+        separation_deg: separation_rad.to_degrees(),
         distance_m: Some(distance_m),
         ..Default::default()
-    });
-    told.collect()
+    };
+    if !found.is_empty() {
+        return Bodies::Cover(found.into_iter().map(|(distance_m, body)| told(0.0, distance_m, body)).collect());
+    }
+    // A planet is smaller than a pixel: who points at it misses its disc.
+    let mut beside: Vec<(f64, proto::IdentifiedObject)> = scene
+        .objects
+        .bodies
+        .iter()
+        .map(|body| {
+            let distance_m = (body.position_m - position_m).length();
+            let radius_rad = (body.radii_m.max_element() / distance_m).min(1.0).asin();
+            let separation_rad = seen(body.position_m - position_m).angle_between(question.direction);
+            (separation_rad - radius_rad, told(separation_rad, distance_m, body))
+        })
+        .filter(|(off_rad, _)| *off_rad <= question.radius_rad)
+        .collect();
+    beside.sort_by(|a, b| a.0.total_cmp(&b.0));
+    Bodies::Beside(beside.into_iter().map(|(_, body)| body).collect())
 }
 
 /// The star of the built-in table at a place.
-fn named(star: &SeenStar) -> Option<&'static BrightStar> {
-    static NAMED: OnceLock<Vec<BrightStar>> = OnceLock::new();
+fn named<'a>(star: &SeenStar, stars: &'a StarSet) -> Option<&'a BrightStar> {
     let is_known = star.distance_pc.is_some();
-    let named = NAMED.get_or_init(named_bright_stars).iter().filter(|named| named.star.distance_known == is_known);
-    // Of close pairs the nearer one.
+    let named = stars.named().iter().filter(|named| named.star.distance_known == is_known);
+    // Of pairs at one place the one that is as bright.
     let off = |named: &BrightStar| named.star.position.distance(star.position) / named.star.position.length();
-    let nearest = named.map(|named| (off(named), named)).min_by(|a, b| a.0.total_cmp(&b.0));
-    nearest.filter(|(off, _)| *off < SAME_PLACE).map(|(_, named)| named)
+    let at_1_pc = magnitude_from_illuminance_lx(star.illuminance_lx * star.distance_pc.map_or(1.0, |pc| pc * pc));
+    let unlike = |named: &BrightStar| {
+        let magnitude = f64::from(named.star.magnitude) - if named.star.distance_known { 5.0 } else { 0.0 };
+        (magnitude - at_1_pc).abs()
+    };
+    // Places are rounded to a tenth of this.
+    let key = |named: &BrightStar| ((10.0 * off(named) / SAME_PLACE).round(), unlike(named));
+    let there = named.filter(|named| off(named) < SAME_PLACE).map(|named| (key(named), named));
+    there.min_by(|(a, _), (b, _)| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1))).map(|(_, named)| named)
 }
 
-fn star_to_pb(star: &SeenStar) -> proto::IdentifiedObject {
-    let named = named(star);
+pub(super) fn star_to_pb(star: &SeenStar, stars: &StarSet) -> proto::IdentifiedObject {
+    let named = named(star, stars);
     proto::IdentifiedObject {
         kind: proto::ObjectKind::Star.into(),
         name: named.map(|named| named.name.to_owned()).unwrap_or_default(),
@@ -135,13 +167,16 @@ impl Service {
             let _place = place;
             let SceneSnapshot { stars, camera, .. } = &scene;
             let Question { direction, radius_rad, most } = question;
-            let mut objects = bodies(&scene, &question);
-            let stars =
-                background::on_own_cores(|| stars_near(stars, camera, direction, radius_rad, faintest_lx, most));
-            // Nothing is seen through a body.
-            if objects.is_empty() {
-                objects.extend(stars.iter().map(star_to_pb));
-            }
+            let mut objects = match bodies(&scene, &question) {
+                Bodies::Cover(objects) => objects,
+                Bodies::Beside(mut objects) => {
+                    let found = background::on_own_cores(|| {
+                        stars_near(stars, camera, direction, radius_rad, faintest_lx, most)
+                    });
+                    objects.extend(found.iter().map(|star| star_to_pb(star, stars)));
+                    objects
+                }
+            };
             objects.truncate(most);
             let (camera_revision, scene_revision) = (camera.revision, scene.revision);
             proto::IdentifyResponse { objects, camera_revision, scene_revision }
@@ -154,11 +189,11 @@ impl Service {
 #[allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
 mod tests {
     use super::*;
-    use crate::scene::bodies::Preset;
+    use crate::scene::bodies::SolarBody;
 
     #[test]
     fn a_body_is_where_it_covers_the_sky_and_nowhere_else() {
-        let mut mars = Preset::Mars.body("mars", DVec3::X * 1e9);
+        let mut mars = SolarBody::Mars.body("mars", DVec3::X * 1e9);
         mars.radii_m = DVec3::new(1e7, 2e7, 3e7);
         let camera = Camera::default();
         let hit = |direction: DVec3| distance_m(&camera, &mars, 0.0, direction.normalize());

@@ -38,6 +38,7 @@ mod convert_views;
 mod credentials;
 mod diagnostics;
 mod engine;
+mod find;
 mod forecast;
 mod frames;
 #[cfg(test)]

@@ -163,7 +163,6 @@ pub(super) struct Objects {
 pub(super) struct MadeChange {
     bodies: Change<Arc<Body>>,
     fields: Change<MadeField>,
-    time_s: Option<f64>,
 }
 
 impl Objects {
@@ -190,14 +189,15 @@ impl Objects {
         Ok(Self { drawn, made: Arc::new(made), library: Arc::new(library) })
     }
 
-    /// The bodies as clients are told of them.
-    pub(super) fn body_forms(&self) -> Vec<BodyForm> {
+    /// The bodies at a moment, s since 2000-01-01T12:00:00Z, as clients are told of them.
+    pub(super) fn body_forms(&self, time_s: f64) -> Vec<BodyForm> {
+        let moved = (time_s != self.drawn.time_s).then(|| self.drawn.at(time_s));
         let form = |body: &Arc<Body>| {
             let texture = body.surface.texture.as_ref();
             let lent = texture.and_then(|own| self.library.textures.iter().find(|(_, lent)| Arc::ptr_eq(lent, own)));
             BodyForm { texture_of: lent.map(|(name, _)| name.clone()), ..BodyForm::from((**body).clone()) }
         };
-        self.drawn.bodies.iter().map(form).collect()
+        moved.as_ref().unwrap_or(&self.drawn).bodies.iter().map(form).collect()
     }
 
     /// The fields as clients are told of them.
@@ -262,12 +262,7 @@ impl Objects {
 
     /// Makes what a change needs, which takes long where asteroids are placed anew. Nothing is made if the change is
     /// not allowed.
-    pub(super) fn make(
-        &self,
-        bodies: &Change<BodyForm>,
-        fields: &Change<FieldForm>,
-        time_s: Option<f64>,
-    ) -> Result<MadeChange, String> {
+    pub(super) fn make(&self, bodies: &Change<BodyForm>, fields: &Change<FieldForm>) -> Result<MadeChange, String> {
         let bodies = bodies.map(|form| self.body(form))?;
         let specs = fields.map(|form| self.spec(form))?;
         let now: Vec<Arc<FieldSpec>> = self.made.iter().map(|made| Arc::clone(&made.spec)).collect();
@@ -279,12 +274,12 @@ impl Objects {
             let found = made.iter().find(|made| made.spec == *spec);
             found.cloned().ok_or_else(|| format!("asteroid_fields.{}: given more than once", spec.name))
         })?;
-        Ok(MadeChange { bodies, fields, time_s })
+        Ok(MadeChange { bodies, fields })
     }
 
-    /// The objects after a change.
-    pub(super) fn changed(&self, change: &MadeChange) -> Result<Self, String> {
-        if change.bodies.is_nothing() && change.fields.is_nothing() && change.time_s.is_none() {
+    /// The objects after a change, at a moment.
+    pub(super) fn changed(&self, change: &MadeChange, time_s: f64) -> Result<Self, String> {
+        if change.bodies.is_nothing() && change.fields.is_nothing() && time_s == self.drawn.time_s {
             return Ok(self.clone());
         }
         let bodies = change.bodies.applied(&self.drawn.bodies, "bodies", |body| &body.name)?;
@@ -297,9 +292,11 @@ impl Objects {
         let drawn = SceneObjects {
             bodies,
             fields: made.iter().map(|made| Arc::clone(&made.field)).collect(),
-            time_s: change.time_s.unwrap_or(self.drawn.time_s),
+            time_s,
+            observer: self.drawn.observer,
             overlay: Arc::clone(&self.drawn.overlay),
-        };
+        }
+        .placed();
         Ok(Self { drawn: Arc::new(drawn), made: Arc::new(made), library: Arc::clone(&self.library) })
     }
 }

@@ -24,13 +24,13 @@ use super::{
     views::{ViewId, ViewSet},
 };
 use crate::{
-    catalogue::chunks::StarSet,
+    observer::Frame,
     plan::{
         Limits, check_together,
         settings::{RenderSettings, StarMethod},
     },
     render::{FrameTimes, Wanted},
-    scene::{Camera, PoseError, SceneSnapshot},
+    scene::{Camera, PoseError, SceneSnapshot, SeenStars},
     xr::{Flight, Shown},
 };
 
@@ -46,16 +46,19 @@ pub struct CameraUpdate {
     pub orientation: Option<[f64; 4]>,
     /// Velocity in units of the speed of light, world axes; at most 0.9999 long.
     pub velocity_c: Option<[f64; 3]>,
+    /// The axes that it hangs on.
+    pub frame: Option<Frame>,
 }
 
 impl CameraUpdate {
     /// The camera after the change of another one.
     fn of(&self, old: &Camera) -> Result<Camera, PoseError> {
-        Camera::new(
+        let moved = Camera::new(
             self.position_m.unwrap_or(old.position_m.to_array()),
             self.orientation.unwrap_or(old.world_from_camera.to_array()),
             self.velocity_c.unwrap_or(old.velocity_c.to_array()),
-        )
+        )?;
+        Ok(Camera { frame: self.frame.unwrap_or(old.frame), as_of_s: old.as_of_s, ..moved })
     }
 }
 
@@ -197,6 +200,11 @@ impl State {
         RenderSettings { stars: scene.stars.clone(), asteroids: scene.asteroids.clone(), ..self.settings.clone() }
     }
 
+    /// What a frame shows of a revision of the scene at a time.
+    pub(super) fn shows(&self, scene: u64, now: SystemTime) -> Revisions {
+        Revisions { scene, camera: self.camera.revision, step: self.newest_scene.clock.step(now) }
+    }
+
     /// Whether nobody else has the lease.
     fn check_lease(&self, lease: Option<u64>) -> Result<(), CameraError> {
         match self.lease.as_ref().filter(|held| lease != Some(held.number)) {
@@ -226,10 +234,14 @@ impl State {
         self.camera
     }
 
-    /// Moves the camera along the poses that were given for later, to where it is at a time.
+    /// Moves the camera along the poses that were given for later, to where it is at a time, and turns it with the axes that it hangs on.
     pub(super) fn follow(&mut self, time: SystemTime) {
+        let scene = &self.newest_scene;
+        let moment_s = scene.clock.time_s(time);
+        self.camera = self.camera.carried(&scene.objects.drawn, moment_s);
         if let Some((camera, received)) = self.track.at(time) {
-            self.camera = Camera { revision: self.camera.revision + 1, ..camera };
+            let (frame, as_of_s) = (self.camera.frame, moment_s);
+            self.camera = Camera { revision: self.camera.revision + 1, frame, as_of_s, ..camera };
             self.pose_time = received;
             self.tell_camera();
         }
@@ -288,8 +300,8 @@ impl State {
 pub(super) struct Shared {
     pub(super) state: Mutex<State>,
     pub(super) wake: Condvar,
-    /// All stars of the scene, which never change.
-    pub(super) stars: Arc<StarSet>,
+    /// All stars of the scene.
+    pub(super) stars: Arc<SeenStars>,
     pub(super) capacity: Capacity,
     pub(super) streams: Streams,
     /// What audits of frames have found.
@@ -357,6 +369,7 @@ impl RenderHandle {
         lease: Option<u64>,
     ) -> Result<Camera, CameraError> {
         let mut state = self.shared.state();
+        state.follow(SystemTime::now());
         let old = state.camera;
         if let Some(expected) = expected_revision.filter(|expected| *expected != old.revision) {
             return Err(CameraError::Revision { expected, found: old.revision });
@@ -451,13 +464,15 @@ impl RenderHandle {
     pub(super) fn shown(&self) -> Option<Shown> {
         let mut state = self.shared.state();
         let scene = state.scene.borrow().clone().filter(|_| !state.draining)?;
-        state.follow(SystemTime::now());
+        let now = SystemTime::now();
+        state.follow(now);
         let snapshot = SceneSnapshot {
             revision: scene.revision,
-            stars: Arc::clone(&self.shared.stars),
+            stars: self.shared.stars.at(scene.clock.time_s(now)),
             objects: Arc::clone(&scene.objects.drawn),
             camera: state.camera,
         };
+        let snapshot = snapshot.at(scene.clock.time_s(now));
         Some(Shown { snapshot, settings: state.settings_of(&scene), camera_time: state.pose_time })
     }
 
@@ -465,7 +480,7 @@ impl RenderHandle {
     pub(super) fn revisions(&self) -> Option<Revisions> {
         let state = self.shared.state();
         let scene = state.scene.borrow().as_ref().map(|scene| scene.revision);
-        scene.filter(|_| !state.draining).map(|scene| Revisions { scene, camera: state.camera.revision })
+        scene.filter(|_| !state.draining).map(|scene| state.shows(scene, SystemTime::now()))
     }
 
     /// The streams of frames, of all sources.
@@ -509,14 +524,16 @@ impl RenderHandle {
         Ok(Ok(scene))
     }
 
-    /// A scene with the newest camera.
+    /// A scene as it is now, with the newest camera.
     pub(super) fn snapshot(&self, scene: &SceneState) -> SceneSnapshot {
-        SceneSnapshot {
+        let now = SystemTime::now();
+        let snapshot = SceneSnapshot {
             revision: scene.revision,
-            stars: Arc::clone(&self.shared.stars),
+            stars: self.shared.stars.at(scene.clock.time_s(now)),
             objects: Arc::clone(&scene.objects.drawn),
             camera: self.camera(),
-        }
+        };
+        snapshot.at(scene.clock.time_s(now))
     }
 
     /// The settings of failure tests: those of frames, with another star method where one is named.

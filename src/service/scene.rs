@@ -6,9 +6,12 @@ use super::{
     overlay::OverlayChange,
     views::ViewSet,
 };
-use std::sync::Arc;
+use std::{sync::Arc, time::SystemTime};
 
-use crate::plan::settings::{AsteroidSettings, ImpostorMethod, StarMethod, StarSettings};
+use crate::{
+    plan::settings::{AsteroidSettings, ImpostorMethod, StarMethod, StarSettings},
+    scene::SceneClock,
+};
 
 /// The scene but for its stars, and how it is drawn, with its revision.
 #[derive(Clone, Debug)]
@@ -21,6 +24,8 @@ pub(super) struct SceneState {
     pub(super) asteroids: AsteroidSettings,
     /// Bodies and fields.
     pub(super) objects: Objects,
+    /// The moment, which may go on.
+    pub(super) clock: SceneClock,
     /// Views, with their exposure, glare and tone mapping.
     pub(super) views: Arc<ViewSet>,
 }
@@ -34,6 +39,8 @@ pub struct SceneUpdate {
     pub magnitude_limit: Option<f64>,
     /// The moment that is shown, s since 2000-01-01T12:00:00Z, of the years 1 to 9999.
     pub time_s: Option<f64>,
+    /// Seconds of the scene for each second that goes by, at most [`SceneClock::MOST_RATE`] either way.
+    pub time_rate: Option<f64>,
     /// What stands in for far asteroids.
     pub impostor: Option<ImpostorMethod>,
     /// Factor on the distances at which detail of asteroids is left out, 0.1 to 10.
@@ -54,8 +61,17 @@ impl SceneUpdate {
 
     /// Whether frames may become ones that cannot be drawn.
     pub(super) fn changes_what_is_drawn(&self) -> bool {
-        let Self { star_method, magnitude_limit: _, time_s: _, impostor, quality, bodies, asteroid_fields, overlay } =
-            self;
+        let Self {
+            star_method,
+            magnitude_limit: _,
+            time_s: _,
+            time_rate: _,
+            impostor,
+            quality,
+            bodies,
+            asteroid_fields,
+            overlay,
+        } = self;
         star_method.is_some()
             || impostor.is_some()
             || quality.is_some()
@@ -71,7 +87,9 @@ impl SceneUpdate {
             magnitude_limit: self.magnitude_limit,
             impostor: self.impostor,
             quality: self.quality,
-            objects: scene.objects.make(&self.bodies, &self.asteroid_fields, self.time_s)?,
+            time_s: self.time_s,
+            time_rate: self.time_rate,
+            objects: scene.objects.make(&self.bodies, &self.asteroid_fields)?,
             overlay: self.overlay.clone(),
         })
     }
@@ -84,6 +102,8 @@ pub(super) struct MadeUpdate {
     magnitude_limit: Option<f64>,
     impostor: Option<ImpostorMethod>,
     quality: Option<f64>,
+    time_s: Option<f64>,
+    time_rate: Option<f64>,
     objects: MadeChange,
     overlay: OverlayChange,
 }
@@ -129,7 +149,13 @@ impl SceneState {
     /// The scene after a change, if it has the revision expected.
     pub(super) fn changed(mut self, update: &MadeUpdate, expected_revision: Option<u64>) -> Result<Self, SceneError> {
         self.expect(expected_revision)?;
-        self.objects = self.objects.changed(&update.objects).map_err(SceneError::Invalid)?;
+        if update.time_s.is_some() || update.time_rate.is_some() {
+            let now = SystemTime::now();
+            let time_s = update.time_s.unwrap_or_else(|| self.clock.time_s(now));
+            self.clock = SceneClock::running(time_s, update.time_rate.unwrap_or(self.clock.rate), now);
+        }
+        // What does not run is placed once for all frames.
+        self.objects = self.objects.changed(&update.objects, self.clock.time_s).map_err(SceneError::Invalid)?;
         self.objects = self.objects.with_overlay(&update.overlay).map_err(SceneError::Invalid)?;
         self.stars.method = update.star_method.unwrap_or(self.stars.method);
         self.stars.magnitude_limit = update.magnitude_limit.unwrap_or(self.stars.magnitude_limit);

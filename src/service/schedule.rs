@@ -17,6 +17,8 @@ pub(super) struct Revisions {
     pub(super) scene: u64,
     /// Revision of the camera.
     pub(super) camera: u64,
+    /// Step of the scene's clock.
+    pub(super) step: u64,
 }
 
 /// One subscriber's pace.
@@ -70,14 +72,16 @@ mod tests {
     #[test]
     fn due_when_new_when_changed_while_adapting_and_as_a_heartbeat_but_never_too_soon() {
         let now = Instant::now();
-        let old = Revisions { scene: 1, camera: 1 };
+        let old = Revisions { scene: 1, camera: 1, step: 1 };
         let moved = Revisions { camera: 2, ..old };
         let edited = Revisions { scene: 2, ..old };
+        let later = Revisions { step: 2, ..old };
         let mut fast = Pace::new(Duration::ZERO);
         assert_eq!(fast.due_at(old, true, now), now, "the first frame");
         fast.served(old, now);
         assert_eq!(fast.due_at(moved, true, now), now, "every frame");
         assert_eq!(fast.due_at(edited, true, now), now);
+        assert_eq!(fast.due_at(later, true, now), now);
         assert_eq!(fast.due_at(old, false, now), now + ADAPTATION_INTERVAL);
         assert_eq!(fast.due_at(old, true, now), now + HEARTBEAT);
         for interval in [Duration::from_millis(100), Duration::from_secs(20)] {

@@ -45,7 +45,7 @@ use super::{
 use crate::{
     config::{UNIX_PREFIX, ViewTables},
     plan::settings::RenderSettings,
-    scene::{SceneSnapshot, asteroids::FieldSpec},
+    scene::{SceneClock, SceneSnapshot, asteroids::FieldSpec},
     view::{Rig, RigError, check_name},
 };
 
@@ -147,6 +147,8 @@ pub struct ServeOptions {
     pub engine: Box<dyn Engine>,
     /// The scene; its camera is the first pose.
     pub scene: SceneSnapshot,
+    /// The scene's time where it runs; `None`: it stays that of its objects.
+    pub clock: Option<SceneClock>,
     /// Where the scene's stars come from.
     pub catalogues: Vec<SceneCatalogue>,
     /// What the scene's asteroid fields were made from, one for each in their order.
@@ -200,6 +202,7 @@ impl ServeOptions {
         Self {
             listen: listen.into(),
             engine,
+            clock: None,
             scene,
             catalogues: Vec::new(),
             asteroid_fields: Vec::new(),
@@ -366,13 +369,14 @@ async fn join_windows(mut thread: WindowsThread, deadline: Instant) {
 struct Begun {
     scene: SceneSnapshot,
     objects: Objects,
+    clock: SceneClock,
     views: ViewSet,
     settings: RenderSettings,
 }
 
 /// The same with what a file of states has kept.
 fn restored(file: &StateFile, begun: Begun) -> Result<Begun, StateError> {
-    let Begun { mut scene, mut objects, mut views, mut settings } = begun;
+    let Begun { mut scene, mut objects, mut clock, mut views, mut settings } = begun;
     let (saved, camera) = file.shown()?;
     if let Some(saved) = saved {
         let configured = SceneState {
@@ -380,6 +384,7 @@ fn restored(file: &StateFile, begun: Begun) -> Result<Begun, StateError> {
             stars: settings.stars.clone(),
             asteroids: settings.asteroids.clone(),
             objects,
+            clock,
             views: Arc::new(views),
         };
         let restored = saved.applied(&configured, &settings).map_err(|problem| file.content(problem))?;
@@ -395,13 +400,14 @@ fn restored(file: &StateFile, begun: Begun) -> Result<Begun, StateError> {
             tracing::info!("views of the configuration that clients have deleted: {}", deleted.join(", "));
         }
         scene = SceneSnapshot { revision, objects: Arc::clone(&restored.objects.drawn), ..scene };
+        clock = saved.clock(restored.clock);
         (settings.stars, settings.asteroids) = (restored.stars, restored.asteroids);
         (objects, views) = (restored.objects, Arc::unwrap_or_clone(restored.views));
     }
     if let Some(camera) = camera {
         scene.camera = camera_from_pb(camera).map_err(|error| file.content(format!("the camera: {error}")))?;
     }
-    Ok(Begun { scene, objects, views, settings })
+    Ok(Begun { scene, objects, clock, views, settings })
 }
 
 /// Serves until told to end. Needs a tokio runtime with I/O and time. Encoders and a frame that were not finished within the
@@ -415,6 +421,7 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
         listen,
         engine,
         scene,
+        clock,
         catalogues,
         asteroid_fields,
         rig,
@@ -445,8 +452,9 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
     });
     let views = ViewSet::new(&settings, given.collect(), &folder).map_err(ServeError::Views)?;
     let file = state.map(|path| StateFile::open(&path)).transpose()?;
-    let begun = Begun { scene, objects, views, settings };
-    let Begun { scene, objects, views, settings } = match &file {
+    let clock = clock.unwrap_or_else(|| SceneClock::stopped(scene.objects.time_s));
+    let begun = Begun { scene, objects, clock, views, settings };
+    let Begun { scene, objects, clock, views, settings } = match &file {
         Some(file) => restored(file, begun)?,
         None => begun,
     };
@@ -477,7 +485,7 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
     let shares: Arc<Shares> = Arc::default();
     let stars = scene.stars.stars.len() as u64;
     let capacity = Capacity { requests: pending_renders, subscribers };
-    let (handle, mut thread) = worker::spawn(engine, scene, (objects, views), settings, capacity)?;
+    let (handle, mut thread) = worker::spawn(engine, scene, (objects, clock, views), settings, capacity)?;
     let (headset, drive) =
         headset.map(|options| (Arc::new(Headset::new(options.name, handle.clone())), options.drive)).unzip();
     let (windows, window_work) = windows

@@ -11,7 +11,7 @@ use std::{
 
 use tokio::sync::Notify;
 
-use super::{order::EncodedImages, views::ViewId};
+use super::{order::EncodedImages, schedule::Revisions, views::ViewId};
 use crate::{
     render::{Frame, FrameImage},
     scene::Camera,
@@ -30,6 +30,8 @@ pub(super) struct RenderedFrame {
     pub(super) pose_time: SystemTime,
     /// When the frame was finished.
     pub(super) render_time: SystemTime,
+    /// Revisions of what it shows.
+    pub(super) shows: Revisions,
     /// What it has given up to be in time.
     pub(super) given_up: GivenUp,
     /// Its images, encoded once for all who ask for the same.
@@ -116,6 +118,13 @@ impl Slot {
     pub(super) fn end(&self, how: Result<(), RenderFailure>) {
         self.state().end.get_or_insert(how);
         self.changed.notify_one();
+    }
+
+    /// Waits until no frame will follow. For the same reader.
+    pub(super) async fn ended(&self) {
+        while self.state().end.is_none() {
+            self.changed.notified().await;
+        }
     }
 
     /// Waits for the newest frame; with it comes the number of frames dropped so far. `None`: there will be no more.

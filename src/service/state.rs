@@ -14,7 +14,11 @@ use prost::Message;
 use redb::{Database, DatabaseError, ReadableDatabase, ReadableTable, TableDefinition};
 
 use super::{convert, proto, scene::SceneState, views::KeptView};
-use crate::{config::ViewTables, plan::settings::RenderSettings, scene::Camera};
+use crate::{
+    config::ViewTables,
+    plan::settings::RenderSettings,
+    scene::{Camera, SceneClock},
+};
 
 /// What is shown, by the names below.
 const STATE: TableDefinition<'_, &str, &[u8]> = TableDefinition::new("state");
@@ -113,9 +117,17 @@ impl Saved {
         }
     }
 
+    /// A clock that was set to what is saved as it would be if it had gone on since.
+    pub(super) fn clock(&self, set: SceneClock) -> SceneClock {
+        let told = self.scene.as_ref().and_then(|scene| scene.time_told?.try_into().ok());
+        told.map_or(set, |told| SceneClock { since: told, ..set })
+    }
+
     /// A scene with all of this in place of its own, whichever revision it has. What is not there any more is told.
     pub(super) fn applied(&self, scene: &SceneState, general: &RenderSettings) -> Result<SceneState, String> {
-        let all = ["stars", "time", "asteroids", "bodies", "asteroid_fields", "overlay"].map(str::to_owned).to_vec();
+        let all = ["stars", "time", "time_rate", "asteroids", "bodies", "asteroid_fields", "overlay"]
+            .map(str::to_owned)
+            .to_vec();
         let request = proto::UpdateSceneRequest {
             scene: self.scene.clone(),
             update_mask: Some(prost_types::FieldMask { paths: all }),

@@ -142,6 +142,11 @@ impl Subscription {
     pub(super) async fn next(&self) -> Result<Option<(Arc<RenderedFrame>, u64)>, RenderFailure> {
         self.slot.next().await
     }
+
+    /// See [`Slot::ended`].
+    pub(super) async fn ended(&self) {
+        self.slot.ended().await;
+    }
 }
 
 #[cfg(test)]

@@ -282,9 +282,7 @@ impl Host for Windows {
             match frame {
                 Ok(Ok(rendered)) => {
                     state.seen.insert(*id, rendered.frame.number);
-                    let frame = &rendered.frame;
-                    let revisions = Revisions { scene: frame.scene_revision, camera: frame.camera_revision };
-                    state.seen_revisions = Some(revisions);
+                    state.seen_revisions = Some(rendered.shows);
                 }
                 Ok(Err(RenderFailure::Ended)) => return Next::End,
                 // The render thread has told why.

@@ -40,6 +40,7 @@ use super::{
     views::{ViewId, ViewSet},
 };
 use crate::{
+    catalogue::chunks::StarSet,
     plan::{
         adaptation::Adaptation,
         budget::draws_outputs_apart,
@@ -48,7 +49,7 @@ use crate::{
         view_settings::{ExposureGroup, FrameGroup},
     },
     render::{FrameRequest, SkyMapUse, Wanted},
-    scene::{Camera, SceneSnapshot},
+    scene::{Camera, SceneClock, SceneObjects, SceneSnapshot, SeenStars},
     units::PARSEC_M,
 };
 
@@ -84,7 +85,7 @@ impl Drop for Farewell {
 pub(super) fn spawn(
     engine: Box<dyn Engine>,
     scene: SceneSnapshot,
-    shown: (Objects, ViewSet),
+    shown: (Objects, SceneClock, ViewSet),
     settings: RenderSettings,
     capacity: Capacity,
 ) -> std::io::Result<(RenderHandle, RenderThread)> {
@@ -95,7 +96,7 @@ pub(super) fn spawn(
 fn spawn_with(
     engine: Box<dyn Engine>,
     scene: SceneSnapshot,
-    (objects, views): (Objects, ViewSet),
+    (objects, clock, views): (Objects, SceneClock, ViewSet),
     settings: RenderSettings,
     capacity: Capacity,
     forecast: Forecast,
@@ -105,6 +106,7 @@ fn spawn_with(
         stars: settings.stars.clone(),
         asteroids: settings.asteroids.clone(),
         objects,
+        clock,
         views: Arc::new(views),
     };
     let state = State {
@@ -132,7 +134,7 @@ fn spawn_with(
     let shared = Arc::new(Shared {
         state: Mutex::new(state),
         wake: Condvar::new(),
-        stars: Arc::clone(&scene.stars),
+        stars: SeenStars::new(Arc::clone(&scene.stars), scene.objects.observer),
         capacity,
         streams: Streams::new(capacity.subscribers),
         audits: AuditReport::default(),
@@ -179,6 +181,13 @@ struct Job {
     camera: Camera,
     pose_time: SystemTime,
     scene: SceneState,
+    /// Of the scene's clock.
+    step: u64,
+    /// The moment that it shows.
+    time_s: f64,
+    /// As they are at that moment.
+    objects: Arc<SceneObjects>,
+    stars: Arc<StarSet>,
     start: Instant,
 }
 
@@ -203,7 +212,7 @@ impl Job {
     }
 
     fn shows(&self) -> Revisions {
-        Revisions { scene: self.scene.revision, camera: self.camera.revision }
+        Revisions { scene: self.scene.revision, camera: self.camera.revision, step: self.step }
     }
 }
 
@@ -309,7 +318,7 @@ struct Tasks {
     newest: Revisions,
     /// When the next frame is due; `None`: nobody wants one.
     due: Option<Instant>,
-    /// When the camera begins to move; `None`: it rests, or does already.
+    /// When the camera begins to move or the scene's clock takes its next step; `None`: they rest.
     moves: Option<Instant>,
     /// The frames of the scene.
     groups: Arc<Groups>,
@@ -351,10 +360,13 @@ impl Worker {
     }
 
     /// Begins a frame. An error is one that the engine does not outlive.
-    fn begin(&mut self, job: Job) -> Result<(), EngineError> {
+    fn begin(&mut self, mut job: Job) -> Result<(), EngineError> {
+        job.objects = self.objects_at(&job);
         self.scene.camera = job.camera;
         self.scene.revision = job.scene.revision;
-        self.scene.objects = Arc::clone(&job.scene.objects.drawn);
+        self.scene.objects = Arc::clone(&job.objects);
+        self.scene.stars = self.shared.stars.at(job.time_s);
+        job.stars = Arc::clone(&self.scene.stars);
         // While the camera travels, a map would be out of date when it is there.
         let place_pc = map_place_pc(self.scene.camera.position_m / PARSEC_M);
         let rests = self.map_place_pc.insert(job.group, place_pc).is_none_or(|last| last == place_pc);
@@ -390,6 +402,20 @@ impl Worker {
                 self.refuse(job, &RenderFailure::Engine(error.to_string()));
                 Ok(())
             }
+        }
+    }
+
+    /// The objects of a frame's scene at its moment: those of the frame before, where that is of the same.
+    fn objects_at(&self, job: &Job) -> Arc<SceneObjects> {
+        let drawn = &job.scene.objects.drawn;
+        if job.time_s == drawn.time_s {
+            return Arc::clone(drawn);
+        }
+        let before = (self.scene.revision, self.scene.objects.time_s);
+        if before == (job.scene.revision, job.time_s) {
+            Arc::clone(&self.scene.objects)
+        } else {
+            Arc::new(drawn.at(job.time_s))
         }
     }
 
@@ -456,6 +482,7 @@ impl Worker {
                     camera: job.camera,
                     pose_time: job.pose_time,
                     render_time: SystemTime::now(),
+                    shows: job.shows(),
                     given_up: given_up.unwrap_or_default(),
                     encoded: EncodedImages::default(),
                 });
@@ -464,8 +491,8 @@ impl Worker {
                         rendered: Arc::clone(&frame),
                         scene: SceneSnapshot {
                             revision: job.scene.revision,
-                            stars: Arc::clone(&self.shared.stars),
-                            objects: Arc::clone(&job.scene.objects.drawn),
+                            stars: Arc::clone(&job.stars),
+                            objects: Arc::clone(&job.objects),
                             camera: job.camera,
                         },
                         group: job.frame_group().clone(),
@@ -563,7 +590,7 @@ impl Worker {
         }
         // A camera that moves has another pose in each frame.
         let camera = state.camera.revision + u64::from(is_moving);
-        let newest = Revisions { scene: scene.revision, camera };
+        let newest = Revisions { scene: scene.revision, camera, step: scene.clock.step(seen) };
         let level = state.quality.as_ref().map_or(0, Quality::level);
         if (self.groups.revision, self.groups.level) != (scene.revision, level) {
             self.groups = Arc::new(Groups::new(&self.settings, &scene, level));
@@ -576,6 +603,9 @@ impl Worker {
         let of_requests = state.requests.iter().map(|request| due_at(&request.pace, request.view));
         let due = of_streams.chain(of_requests).min();
         let moves = moves.map(|moves| now + if is_moving { UNSEEN_INTERVAL } else { moves });
+        let is_looked_at = !state.subscribers.is_empty() || !state.requests.is_empty();
+        let steps = scene.clock.next_step(seen).filter(|_| is_looked_at).map(|wait| now + wait);
+        let moves = moves.into_iter().chain(steps).min();
         Tasks { scene, newest, due, moves, groups: Arc::clone(&self.groups) }
     }
 
@@ -587,8 +617,10 @@ impl Worker {
     }
 
     fn take_job(&mut self, state: &mut State, Tasks { scene, newest, groups, .. }: Tasks, start: Instant) -> Job {
-        state.follow(SystemTime::now() + self.forecast.frame());
-        let newest = Revisions { camera: state.camera.revision, ..newest };
+        let seen = SystemTime::now() + self.forecast.frame();
+        state.follow(seen);
+        let clock = scene.clock;
+        let newest = Revisions { camera: state.camera.revision, step: clock.step(seen), ..newest };
         let is_due = |pace: &Pace, view: ViewId| pace.due_at(newest, self.converged(view), start) <= start;
         let due: Vec<bool> = state.subscribers.iter().map(|stream| is_due(&stream.pace, stream.view)).collect();
         let (waiting, later): (VecDeque<Request>, VecDeque<Request>) =
@@ -620,7 +652,22 @@ impl Worker {
             }
         }
         let (camera, pose_time) = (state.camera, state.pose_time);
-        Job { requests, subscribers, wanted, groups, group: kind.0, camera, pose_time, scene, start }
+        let objects = Arc::clone(&scene.objects.drawn);
+        Job {
+            requests,
+            subscribers,
+            wanted,
+            groups,
+            group: kind.0,
+            camera,
+            pose_time,
+            step: newest.step,
+            time_s: clock.time_s(seen),
+            objects,
+            stars: Arc::clone(&self.scene.stars),
+            scene,
+            start,
+        }
     }
 }
 

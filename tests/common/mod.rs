@@ -54,7 +54,7 @@ pub fn configured(file: &str, overrides: &[&str]) -> (SceneSnapshot, Rig, Render
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs").join(file);
     let overrides: Vec<String> = overrides.iter().map(|&text| text.to_owned()).collect();
     let config = Config::load(&path, &overrides).expect("the configuration is valid");
-    let (stars, _) = load_stars(&config.star_sources(), &mut |_| {}).expect("the stars can be loaded");
+    let (stars, _) = load_stars(&config.star_sources(), &config.epoch(), &mut |_| {}).expect("the stars can be loaded");
     let scene = SceneSnapshot {
         revision: 1,
         stars: Arc::new(stars),

@@ -4,12 +4,12 @@ use std::collections::HashMap;
 
 use serde::{Deserialize, de::DeserializeOwned};
 use steradian::{
-    catalogue::motion::CatalogueMotion,
+    catalogue::{StarRecord, motion::StarMotion},
     config::Config,
     coordinates::direction_from_lon_lat,
-    ephemeris::Ephemeris,
     glam::DVec3,
     observer::{Clock, Place, horizontal_direction},
+    solar_system::SolarBody,
     units::{ARCSECOND_RAD, ASTRONOMICAL_UNIT_M, PARSEC_M},
 };
 
@@ -25,6 +25,14 @@ struct Row {
     azimuth_deg: f64,
     altitude_deg: f64,
     distance_au: f64,
+}
+
+/// A star as the catalogue has it.
+#[derive(Clone, Copy)]
+struct CatalogueStar {
+    direction: DVec3,
+    distance_pc: Option<f64>,
+    motion: StarMotion,
 }
 
 #[derive(Deserialize)]
@@ -90,17 +98,16 @@ fn errors(changed: impl Fn(Clock) -> Clock) -> HashMap<String, Worst> {
             (row.place, Place { latitude_rad, longitude_rad, height_m: row.height_m })
         })
         .collect();
-    let stars: HashMap<String, CatalogueMotion> = table::<StarRow>("stars")
+    let stars: HashMap<String, CatalogueStar> = table::<StarRow>("stars")
         .into_iter()
         .map(|row| {
-            let star = CatalogueMotion {
-                ra_rad: row.ra_deg.to_radians(),
-                dec_rad: row.dec_deg.to_radians(),
+            let motion = StarMotion {
                 pm_ra_arcsec: row.pm_ra_arcsec,
                 pm_dec_arcsec: row.pm_dec_arcsec,
-                parallax_arcsec: row.parallax_arcsec,
                 radial_velocity_km_s: row.radial_velocity_km_s,
             };
+            let distance_pc = (row.parallax_arcsec > 0.0).then(|| 1.0 / row.parallax_arcsec);
+            let star = CatalogueStar { direction: direction(row.ra_deg, row.dec_deg), distance_pc, motion };
             (row.object, star)
         })
         .collect();
@@ -108,14 +115,17 @@ fn errors(changed: impl Fn(Clock) -> Clock) -> HashMap<String, Worst> {
     for row in table::<Row>("apparent_places") {
         let clock = changed(Clock { delta_t_s: row.delta_t_s, ut1_minus_utc_s: row.ut1_utc_s.unwrap_or(0.0) });
         let standpoint = places[&row.place].at(time_s(&row.time), &clock);
-        let planet = Ephemeris::ALL.into_iter().find(|body| body.name() == row.object);
+        let planet = SolarBody::from_name(&row.object);
         let (kind, place_m) = match planet {
             Some(body) => (row.object.as_str(), standpoint.apparent_m(body)),
             None => {
-                let star = stars[&row.object].at(standpoint.tt_s / (365.25 * 86_400.0));
-                let known = stars[&row.object].parallax_arcsec > 0.0;
-                let from_observer = if known { star * PARSEC_M - standpoint.position_m } else { star };
-                ("star", standpoint.aberrated(from_observer))
+                let CatalogueStar { direction, distance_pc, motion } = stars[&row.object];
+                let epoch = standpoint.of_stars();
+                let position = motion.after(direction, distance_pc, epoch.years);
+                let distance_known = distance_pc.is_some();
+                let record = StarRecord { position, magnitude: 0.0, temperature_k: 5772.0, distance_known };
+                let seen = epoch.seen(record).position;
+                ("star", if distance_known { seen * PARSEC_M - standpoint.position_m } else { seen })
             }
         };
         let apparent = place_m.angle_between(direction(row.ra_deg, row.dec_deg));

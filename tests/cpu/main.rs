@@ -12,5 +12,6 @@ mod layering;
 mod overlay;
 mod psf;
 mod shaders;
+mod sky;
 mod stars;
 mod theatre;

@@ -202,7 +202,7 @@ pub fn star_store() -> Vec<Vec<u8>> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("seed.stars");
     let of = |stars: usize, description: &str| {
-        let records = bright_stars().into_iter().take(stars).collect();
+        let records = bright_stars(0.0).into_iter().take(stars).collect();
         let store = Store { description: description.to_owned(), stars: StarSet::from_records(records) };
         store::write(&path, &store).unwrap();
         fs::read(&path).unwrap()

@@ -172,7 +172,7 @@ fn drawn(
 /// Of `count` poses: [`Found`] per exposure and view.
 fn measured(count: u32, check: impl Fn(f64, &str, &mut Found)) {
     let galaxy =
-        "scene.catalogues=[\"builtin:bright\", { galaxy = { stars = 1200000, seed = 1, fainter_than = 3.5 } }]";
+        "scene.catalogues=[\"builtin:bright\", { galaxy = { stars = 1200000, seed = 1, fainter_than = 6.5 } }]";
     let mut renderer = renderer();
     for ev100 in [-5.4, -8.5] {
         let exposure = format!("exposure={{ mode = \"manual\", ev100 = {ev100} }}");

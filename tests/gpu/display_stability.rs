@@ -24,7 +24,7 @@ fn fisheye(fov_deg: f64, size: u32) -> Rig {
 
 fn scene_and_settings(stars: u32) -> (SceneSnapshot, RenderSettings) {
     let galaxy = format!(
-        "scene.catalogues=[\"builtin:bright\", {{ galaxy = {{ stars = {stars}, seed = 1, fainter_than = 3.5 }} }}]"
+        "scene.catalogues=[\"builtin:bright\", {{ galaxy = {{ stars = {stars}, seed = 1, fainter_than = 6.5 }} }}]"
     );
     let exposure = "exposure={ mode = \"manual\", ev100 = -5.4 }";
     let (scene, _, settings) = configured("dome.toml", &[&galaxy, exposure]);

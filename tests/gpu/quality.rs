@@ -14,7 +14,7 @@ use crate::common::{configured, renderer};
 #[ignore = "measures: cargo test --release --test gpu quality:: -- --ignored --nocapture"]
 fn what_levels_save() {
     let set = [
-        "scene.catalogues=[\"builtin:bright\", { galaxy = { stars = 3000000, seed = 1, fainter_than = 3.5 } }]",
+        "scene.catalogues=[\"builtin:bright\", { galaxy = { stars = 3000000, seed = 1, fainter_than = 6.5 } }]",
         "views.dome.size=[1024,1024]",
     ];
     for ev100 in [-5.4, -8.5] {

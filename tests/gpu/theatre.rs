@@ -103,7 +103,7 @@ fn measured(
         "[scene]\ncatalogues = ['stars.csv']\n[glare]\nmethod = 'none'\n[exposure]\nmode = 'manual'\nev100 = -3.0\n{views}"
     );
     let config = Config::from_text(&text, "dome.toml", folder, &[]).unwrap();
-    let (loaded, _) = load_stars(&config.star_sources(), &mut |_| {}).unwrap();
+    let (loaded, _) = load_stars(&config.star_sources(), &config.epoch(), &mut |_| {}).unwrap();
     let scene = SceneSnapshot {
         revision: 1,
         stars: Arc::new(loaded),

@@ -97,7 +97,7 @@ fn a_click_names_the_star() -> Result<(), String> {
         let told = "document.querySelector('#notices li')?.dataset.text ?? ''";
         page.until(told).await;
         let told = page.run::<String>(&format!("return {told}")).await;
-        let names = named_bright_stars();
+        let names = named_bright_stars(0.0);
         let named = names.iter().find(|named| !named.name.is_empty() && told.starts_with(named.name));
         let named = named.unwrap_or_else(|| panic!("no star of the catalogue: {told}"));
         assert!(

@@ -148,6 +148,9 @@ fn documents(range: &Range) -> Vec<Value> {
         _ => {
             // What a bound needs of other keys.
             let others = match range.key {
+                key if key.starts_with("scene.observer.") => {
+                    json!({ "scene": { "observer": { "latitude_deg": 0.0, "longitude_deg": 0.0 } } })
+                }
                 "tone_map.black_cd_m2" => json!({ "tone_map": { "peak_cd_m2": 1e6 } }),
                 "stars.psf_texture.diameter_mm" => json!({ "stars": { "psf_texture": { "file": "star.exr" } } }),
                 "stars.psf_texture.width_arcmin" => json!({ "stars": { "psf_texture": { "file": "star.exr" } } }),

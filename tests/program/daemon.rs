@@ -116,7 +116,7 @@ async fn a_client_gets_the_light_of_the_stars_wherever_the_camera_turns_and_afte
     let address = daemon.address();
     let mut client = Client::connect(&format!("http://{address}")).await.unwrap();
 
-    let stars = named_bright_stars();
+    let stars = named_bright_stars(0.0);
     let expected_lx: f64 = stars.iter().map(|s| illuminance_lx_from_magnitude(s.star.apparent_magnitude())).sum();
     let sirius = stars.iter().min_by(|a, b| a.star.apparent_magnitude().total_cmp(&b.star.apparent_magnitude()));
     let sirius = sirius.unwrap().star.position.normalize();

@@ -58,7 +58,7 @@ async fn a_recorded_path_is_the_curve_that_the_camera_was_moved_along() {
     while start.elapsed() < Duration::from_millis(3600) {
         let (position_m, turn) = pose(RATE_RAD_S * start.elapsed().as_secs_f64());
         let position_m = Some(position_m.to_array());
-        let update = CameraUpdate { position_m, orientation: Some(turn.to_array()), velocity_c: None };
+        let update = CameraUpdate { position_m, orientation: Some(turn.to_array()), ..CameraUpdate::default() };
         client.set_camera(&update).await.unwrap();
         if start.elapsed() > Duration::from_millis(1800) && !std::mem::replace(&mut next_limit, true) {
             let update = SceneUpdate { magnitude_limit: Some(5.5), ..SceneUpdate::default() };
@@ -80,7 +80,7 @@ async fn a_recorded_path_is_the_curve_that_the_camera_was_moved_along() {
         let from_centre_m = values.position_m.unwrap() - CENTRE_M;
         let angle_rad = from_centre_m.y.atan2(from_centre_m.x).rem_euclid(TAU);
         out_of_circle = out_of_circle.max((from_centre_m.length() / RADIUS_M - 1.0).abs());
-        turned = turned.max(values.world_from_camera.unwrap().angle_between(DQuat::from_rotation_z(angle_rad)));
+        turned = turned.max(values.frame_from_camera.unwrap().angle_between(DQuat::from_rotation_z(angle_rad)));
         angles_rad.push(angle_rad - RATE_RAD_S * f64::from(frame) / FPS);
     }
     let mean_rad = angles_rad.iter().sum::<f64>() / angles_rad.len() as f64;

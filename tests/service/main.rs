@@ -20,6 +20,7 @@ mod pull;
 mod quality;
 mod rig;
 mod scene;
+mod sky;
 mod state;
 mod streams;
 mod verify;

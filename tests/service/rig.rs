@@ -160,9 +160,9 @@ async fn calls_that_wait_for_a_view_that_is_deleted_are_told() {
     for end in [within(pulls).await.unwrap().map(drop), within(both).await.unwrap().map(drop)] {
         assert_refused(end, Code::NotFound, "view `eyes` was deleted");
     }
-    let end = within(renders).await.unwrap();
+    // It waits for a frame of its own, unless that was begun before, which then comes.
     daemon.controls.open_gate();
-    // It waits for a frame of its own, unless that was begun before.
+    let end = within(renders).await.unwrap();
     if end.is_err() {
         assert_refused(end, Code::NotFound, "view `eyes` was deleted");
     }

@@ -9,7 +9,7 @@ use steradian::{
     },
     output::Encoding,
     plan::settings::StarMethod,
-    scene::bodies::Preset,
+    scene::bodies::SolarBody,
     service::{ClientError, SceneCatalogue, SceneUpdate},
 };
 use tonic::Code;
@@ -105,11 +105,11 @@ async fn streams_of_the_scene_have_a_cap() {
 #[tokio::test]
 async fn what_stands_in_a_direction_has_its_name() {
     let daemon = Daemon::start_with(small_rig(), |options| {
-        options.scene.stars = Arc::new(StarSet::from_records(bright_stars()));
+        options.scene.stars = Arc::new(StarSet::from_records(bright_stars(0.0)));
     })
     .await;
     let mut client = daemon.client().await;
-    let sirius = named_bright_stars().into_iter().find(|star| star.name == "Sirius").unwrap();
+    let sirius = named_bright_stars(0.0).into_iter().find(|star| star.name == "Sirius").unwrap();
     let direction = sirius.star.position.normalize();
     let near = (direction + 1e-3 * direction.any_orthonormal_vector()).normalize();
     let found = client.identify(3.0 * near, 0.0, 0).await.unwrap();
@@ -124,7 +124,7 @@ async fn what_stands_in_a_direction_has_its_name() {
     client.update_scene(&none, None).await.unwrap();
     assert_eq!(client.identify(near, 0.0, 0).await.unwrap(), []);
     // A body before it.
-    client.put_body(Preset::Mars.body("mars", direction * 1e9), None).await.unwrap();
+    client.put_body(SolarBody::Mars.body("mars", direction * 1e9), None).await.unwrap();
     let found = client.identify(near, 0.0, 0).await.unwrap();
     assert!(found.len() == 1 && found[0].name == "mars" && found[0].is_body, "{found:?}");
     let error = client.identify(direction, 11.0, 0).await.unwrap_err();

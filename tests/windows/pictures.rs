@@ -16,7 +16,7 @@ pub const TESTS: &[Test] = &[
 /// Stars, a body, two projections and two eyes; labels over them.
 const VIEWS: &str = r#"
 [scene]
-catalogues = ["builtin:bright", { galaxy = { stars = 20000, seed = 1, fainter_than = 3.5 } }]
+catalogues = ["builtin:bright", { galaxy = { stars = 20000, seed = 1, fainter_than = 6.5 } }]
 [scene.camera]
 orientation = [0.1714987, 0.193844, 0.7234357, 0.6400418]
 [overlay]

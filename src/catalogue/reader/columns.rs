@@ -6,11 +6,17 @@
 
 /// What a file must offer, for messages.
 pub(super) const NEEDED: &str = "needed: a direction (ra_deg,dec_deg or x,y,z in parsecs), a brightness (v_mag or \
-     phot_g_mean_mag, or abs_mag with a distance), and if known teff_k, bp_rp or b_v, and parallax_mas or distance_pc; \
+     phot_g_mean_mag, or abs_mag with a distance), and if known teff_k, bp_rp or b_v, parallax_mas or distance_pc, and \
+     pm_ra_mas_yr, pm_dec_mas_yr and radial_velocity_km_s; \
      the headers of HYG, AT-HYG and Gaia exports and magnitude,temperature,x,y,z are known too";
 
 /// HYG and AT-HYG write this distance in parsecs, or more, where none is known.
 pub(super) const HYG_UNKNOWN_DISTANCE_PC: f64 = 100_000.0;
+
+/// Epoch of places where nothing else is said.
+pub(super) const J2000_EPOCH: f64 = 2000.0;
+/// That of Gaia's third data release.
+const GAIA_EPOCH: f64 = 2016.0;
 
 /// Meaning of a decimal number in the right ascension column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -51,6 +57,13 @@ pub(super) struct Columns {
     pub b_v: Option<usize>,
     pub parallax_mas: Option<usize>,
     pub distance_pc: Option<usize>,
+    pub pm_ra_mas_yr: Option<usize>,
+    pub pm_dec_mas_yr: Option<usize>,
+    pub radial_velocity_km_s: Option<usize>,
+    /// Of the places, Julian years.
+    pub ref_epoch: Option<usize>,
+    /// That where no column tells it.
+    pub epoch: f64,
     /// Distances from here on mean "unknown".
     pub unknown_from_pc: f64,
     names: Vec<String>,
@@ -139,6 +152,11 @@ impl Columns {
             b_v: find(&["b_v", "ci"])?,
             parallax_mas,
             distance_pc,
+            pm_ra_mas_yr: find(&["pm_ra_mas_yr", "pmra"])?,
+            pm_dec_mas_yr: find(&["pm_dec_mas_yr", "pmdec"])?,
+            radial_velocity_km_s: find(&["radial_velocity_km_s", "radial_velocity", "rv"])?,
+            ref_epoch: find(&["ref_epoch"])?,
+            epoch: if has("source_id") || has("phot_g_mean_mag") { GAIA_EPOCH } else { J2000_EPOCH },
             unknown_from_pc: if hyg_distance { HYG_UNKNOWN_DISTANCE_PC } else { f64::INFINITY },
             names,
         })

@@ -29,19 +29,19 @@ const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 /// Why a row whose last quoted field has no end is unusable.
 const UNCLOSED: &str = "a quotation mark is not closed on its line";
 
-/// Reads a CSV catalogue from a file.
+/// Reads a CSV catalogue from a file; stars are placed `years` Julian years after J2000.0.
 ///
 /// # Errors
 /// If the file cannot be opened or read, if its columns do not make a star catalogue, or if no row is usable.
-pub fn read_csv(path: &Path) -> Result<CatalogueRead, CatalogueError> {
-    read_csv_from(super::open(path)?, &path.display().to_string())
+pub fn read_csv(path: &Path, years: f64) -> Result<CatalogueRead, CatalogueError> {
+    read_csv_from(super::open(path)?, &path.display().to_string(), years)
 }
 
 /// Reads a CSV catalogue from `source`; `file` is its name in messages.
 ///
 /// # Errors
 /// As [`read_csv`], apart from opening.
-pub fn read_csv_from(source: impl Read, file: &str) -> Result<CatalogueRead, CatalogueError> {
+pub fn read_csv_from(source: impl Read, file: &str, years: f64) -> Result<CatalogueRead, CatalogueError> {
     let mut lines = Lines::new(source, file);
     if !lines.advance()? {
         return Err(CatalogueError::NoRow { file: file.to_owned() });
@@ -90,7 +90,7 @@ pub fn read_csv_from(source: impl Read, file: &str) -> Result<CatalogueRead, Cat
         } else if fields.len() != columns.len() {
             Err(Refusal::Row(format!("{} fields instead of {}", fields.len(), columns.len())))
         } else {
-            row::star(&columns, |i| &fields[i])
+            row::star(&columns, |i| &fields[i], years)
         };
         match star {
             Ok((star, notes)) => {

@@ -14,20 +14,20 @@ use super::{CatalogueError, CatalogueRead, ReadReport};
 /// Bytes of a document, at most: it is held in memory, and takes several times as much there.
 const MOST_BYTES: u64 = 1 << 30;
 
-/// Reads a JSON catalogue from a file.
+/// Reads a JSON catalogue from a file; stars are placed `years` Julian years after J2000.0.
 ///
 /// # Errors
 /// If the file cannot be opened or read, if it is not JSON of the form above, if its keys do not make a star catalogue,
 /// or if no entry is usable.
-pub fn read_json(path: &Path) -> Result<CatalogueRead, CatalogueError> {
-    read_json_from(super::open(path)?, &path.display().to_string())
+pub fn read_json(path: &Path, years: f64) -> Result<CatalogueRead, CatalogueError> {
+    read_json_from(super::open(path)?, &path.display().to_string(), years)
 }
 
 /// Reads a JSON catalogue from `source`; `file` is its name in messages.
 ///
 /// # Errors
 /// As [`read_json`], apart from opening.
-pub fn read_json_from(source: impl Read, file: &str) -> Result<CatalogueRead, CatalogueError> {
+pub fn read_json_from(source: impl Read, file: &str, years: f64) -> Result<CatalogueRead, CatalogueError> {
     let mut bytes = Vec::new();
     // One more tells that there are more.
     let mut source = source.take(MOST_BYTES + 1);
@@ -79,7 +79,7 @@ pub fn read_json_from(source: impl Read, file: &str) -> Result<CatalogueRead, Ca
         report.rows += 1;
         let star = fill(entry, &column_of_key, &mut fields, &mut filled)
             .map_err(Refusal::Row)
-            .and_then(|()| row::star(&columns, |i| fields[i].as_str()));
+            .and_then(|()| row::star(&columns, |i| fields[i].as_str(), years));
         match star {
             Ok((star, notes)) => {
                 report.count(notes);

@@ -5,8 +5,9 @@ use std::ops::RangeInclusive;
 use glam::DVec3;
 
 use super::super::StarRecord;
+use super::super::motion::StarMotion;
 use super::super::packed::ILLUMINANCE_RANGE_LX;
-use super::columns::{Columns, Direction, RaUnit};
+use super::columns::{self, Columns, Direction, RaUnit};
 use super::excerpt;
 use super::sexagesimal::{self, Angle, Unit};
 use crate::photometry::colour_index::{temperature_k_from_b_v, temperature_k_from_bp_rp, v_from_gaia};
@@ -24,6 +25,13 @@ const IMMEASURABLE_PC: f64 = 1e8;
 /// The nearest place of a star in parsecs, 0.2 astronomical units: HYG puts the Sun at 5e-6 pc, and nothing nearer is
 /// meant as a place among the stars.
 const NEAREST_PC: f64 = 1e-6;
+
+/// Largest proper motion, mas a year (the largest known is 10,400), and radial velocity, km/s.
+const MOST_MAS_YR: f64 = 1e5;
+const MOST_KM_S: f64 = 1e5;
+
+/// Years that places of catalogues are of.
+const EPOCHS: RangeInclusive<f64> = 1800.0..=2200.0;
 
 /// How a star came about, for the report.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -45,7 +53,12 @@ pub(super) enum Refusal {
 
 /// Turns one row into a star. `field(i)` is the text of column i; an empty text and the usual marks for "no value" are
 /// the same as no column.
-pub(super) fn star<'a>(columns: &Columns, field: impl Fn(usize) -> &'a str) -> Result<(StarRecord, Notes), Refusal> {
+/// It is placed where it is `years` Julian years after J2000.0.
+pub(super) fn star<'a>(
+    columns: &Columns,
+    field: impl Fn(usize) -> &'a str,
+    years: f64,
+) -> Result<(StarRecord, Notes), Refusal> {
     let row = Row { columns, field };
     let mut notes = Notes::default();
     let (direction, distance_pc) = row.place()?;
@@ -81,7 +94,7 @@ pub(super) fn star<'a>(columns: &Columns, field: impl Fn(usize) -> &'a str) -> R
     }
     notes.without_distance = distance_pc.is_none();
     let record = StarRecord {
-        position: direction * distance_pc.unwrap_or(1.0),
+        position: row.moved(direction, distance_pc, years)?,
         magnitude: magnitude as f32,
         temperature_k: temperature_k as f32,
         distance_known: distance_pc.is_some(),
@@ -234,6 +247,36 @@ impl<'a, F: Fn(usize) -> &'a str> Row<'_, F> {
             }
             _ => Ok(None),
         }
+    }
+
+    /// Where the star is after its motion, in parsecs, or a unit vector where the distance is unknown.
+    fn moved(&self, direction: DVec3, distance_pc: Option<f64>, years: f64) -> Result<DVec3, Refusal> {
+        let Columns { pm_ra_mas_yr, pm_dec_mas_yr, radial_velocity_km_s, ref_epoch, epoch, .. } = self.columns;
+        let bounded = |column: Option<usize>, most: f64| match (self.finite(column)?, self.text(column)) {
+            (Some(value), Some((column, text))) if value.abs() > most => {
+                Err(self.refuse(column, text, &format!("is outside -{most} to {most}")))
+            }
+            (value, _) => Ok(value.unwrap_or(0.0)),
+        };
+        let motion = StarMotion {
+            pm_ra_arcsec: 1e-3 * bounded(*pm_ra_mas_yr, MOST_MAS_YR)?,
+            pm_dec_arcsec: 1e-3 * bounded(*pm_dec_mas_yr, MOST_MAS_YR)?,
+            radial_velocity_km_s: bounded(*radial_velocity_km_s, MOST_KM_S)?,
+        };
+        if motion == StarMotion::default() {
+            return Ok(direction * distance_pc.unwrap_or(1.0));
+        }
+        let from_year = match (self.finite(*ref_epoch)?, self.text(*ref_epoch)) {
+            (Some(year), Some((column, text))) if !EPOCHS.contains(&year) => {
+                return Err(self.refuse(column, text, "is outside 1800 to 2200"));
+            }
+            (year, _) => year.unwrap_or(*epoch),
+        };
+        let place = motion.after(direction, distance_pc, years + columns::J2000_EPOCH - from_year);
+        if place.length() < NEAREST_PC {
+            return Err(Refusal::Row(too_near(place.length())));
+        }
+        Ok(place)
     }
 
     fn temperature_k(&self, bp_rp: Option<f64>, notes: &mut Notes) -> Result<f64, Refusal> {

@@ -11,15 +11,15 @@ fn path(name: &str) -> PathBuf {
 }
 
 fn read(name: &str) -> CatalogueRead {
-    read_file(&path(name)).unwrap_or_else(|e| panic!("{e}"))
+    read_file(&path(name), 0.0).unwrap_or_else(|e| panic!("{e}"))
 }
 
 fn csv(text: &str) -> Result<CatalogueRead, CatalogueError> {
-    read_csv_from(text.as_bytes(), "test.csv")
+    read_csv_from(text.as_bytes(), "test.csv", 0.0)
 }
 
 fn json(text: &str) -> Result<CatalogueRead, CatalogueError> {
-    read_json_from(text.as_bytes(), "test.json")
+    read_json_from(text.as_bytes(), "test.json", 0.0)
 }
 
 /// The only star of a file of one row.
@@ -131,7 +131,7 @@ fn sexagesimal_right_ascension_is_hours_under_any_name() {
 
 #[test]
 fn a_right_ascension_that_may_be_hours_is_refused() {
-    let error = read_file(&path("ambiguous.csv")).unwrap_err().to_string();
+    let error = read_file(&path("ambiguous.csv"), 0.0).unwrap_err().to_string();
     for part in ["ambiguous.csv", "line 3", "6.75", "hours or degrees", "ra_deg"] {
         assert!(error.contains(part), "{part} is not in: {error}");
     }
@@ -314,7 +314,7 @@ fn an_open_quotation_costs_its_own_row_only() {
 #[test]
 fn text_in_another_encoding_is_harmless() {
     let bytes = b"name,ra_deg,dec_deg,v_mag\nH\xf6rn,1,2,3\nx,\xff,2,3\n";
-    let read = read_csv_from(&bytes[..], "latin1.csv").unwrap();
+    let read = read_csv_from(&bytes[..], "latin1.csv", 0.0).unwrap();
     assert_eq!((read.report.used, read.report.rejected, read.report.first_rejected[0].line), (1, 1, 3));
 }
 
@@ -393,7 +393,7 @@ fn json_and_csv_give_the_same_star() {
 
 #[test]
 fn wrong_json_is_refused_with_its_line() {
-    let error = read_file(&path("syntax_error.json")).unwrap_err().to_string();
+    let error = read_file(&path("syntax_error.json"), 0.0).unwrap_err().to_string();
     assert!(error.contains("syntax_error.json: line 3: not JSON"), "{error}");
     for (text, part) in [
         ("{\"planets\": []}", "must be an array of stars"),
@@ -415,7 +415,7 @@ fn wrong_json_is_refused_with_its_line() {
 
 #[test]
 fn a_header_without_the_needed_columns_is_named() {
-    let error = read_file(&path("no_brightness.csv")).unwrap_err().to_string();
+    let error = read_file(&path("no_brightness.csv"), 0.0).unwrap_err().to_string();
     for part in ["no_brightness.csv", "line 2", "no brightness", "columns found: ra_deg, dec_deg, colour", "v_mag"] {
         assert!(error.contains(part), "{part} is not in: {error}");
     }
@@ -425,15 +425,15 @@ fn a_header_without_the_needed_columns_is_named() {
 
 #[test]
 fn files_that_are_missing_empty_or_of_another_kind_are_refused() {
-    let error = read_file(&path("absent.csv")).unwrap_err();
+    let error = read_file(&path("absent.csv"), 0.0).unwrap_err();
     assert!(matches!(error, CatalogueError::Open { .. }) && error.to_string().contains("absent.csv"), "{error}");
-    let error = read_file(&path("stars.fits")).unwrap_err().to_string();
+    let error = read_file(&path("stars.fits"), 0.0).unwrap_err().to_string();
     assert!(error.contains("stars.fits") && error.contains(".csv, .txt (CSV) and .json"), "{error}");
-    assert!(matches!(read_file(&path("stars")), Err(CatalogueError::Extension { .. })));
+    assert!(matches!(read_file(&path("stars"), 0.0), Err(CatalogueError::Extension { .. })));
     let directory = tempfile::tempdir().unwrap();
     let named_csv = directory.path().join("folder.CSV");
     std::fs::create_dir(&named_csv).unwrap();
-    assert!(matches!(read_file(&named_csv), Err(CatalogueError::Open { .. })));
+    assert!(matches!(read_file(&named_csv, 0.0), Err(CatalogueError::Open { .. })));
     for text in ["", "\n\n", "# nothing\n", "ra_deg,dec_deg,v_mag\n", "ra_deg,dec_deg,v_mag\n\n#\n"] {
         assert!(matches!(csv(text), Err(CatalogueError::NoRow { .. })), "{text:?}");
     }
@@ -465,7 +465,7 @@ fn a_million_broken_rows_end_in_one_error() {
     // With a quotation mark that is never closed: it must not swallow the rows after it.
     let row = b"\"abc,2,3\n";
     let source = Repeated { header, row, at: 0, end: header.len() + row.len() * 1_000_000 };
-    let error = read_csv_from(source, "broken.csv").unwrap_err().to_string();
+    let error = read_csv_from(source, "broken.csv", 0.0).unwrap_err().to_string();
     assert_eq!(
         error,
         "file broken.csv: no usable row; 1000000 rows rejected, first: line 2: a quotation mark is not closed on its line"
@@ -475,7 +475,7 @@ fn a_million_broken_rows_end_in_one_error() {
 #[test]
 fn an_endless_line_is_refused_early() {
     let source = Repeated { header: b"ra_deg,dec_deg,v_mag\n", row: b"7", at: 0, end: usize::MAX };
-    let error = read_csv_from(source, "zeros.csv").unwrap_err();
+    let error = read_csv_from(source, "zeros.csv", 0.0).unwrap_err();
     assert!(matches!(&error, CatalogueError::Malformed { line: 2, .. }), "{error}");
 }
 
@@ -488,8 +488,8 @@ fn a_source_that_breaks_off_is_an_error() {
         }
     }
     let source = (&b"ra_deg,dec_deg,v_mag\n1,2,3\n"[..]).chain(Broken);
-    let error = read_csv_from(source, "half.csv").unwrap_err();
+    let error = read_csv_from(source, "half.csv", 0.0).unwrap_err();
     assert!(error.to_string().contains("half.csv") && error.to_string().contains("the disk is gone"), "{error}");
-    let error = read_json_from((&b"[1"[..]).chain(Broken), "half.json").unwrap_err();
+    let error = read_json_from((&b"[1"[..]).chain(Broken), "half.json", 0.0).unwrap_err();
     assert!(matches!(error, CatalogueError::Io { .. }));
 }

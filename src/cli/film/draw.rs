@@ -6,6 +6,7 @@ use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 use clap::{Args, ValueEnum, value_parser};
+use glam::DQuat;
 
 use super::super::ending::ended_by_signal;
 use super::super::progress::FilmProgress;
@@ -16,7 +17,6 @@ use super::super::{
     results,
 };
 use super::within;
-use crate::catalogue::chunks::StarSet;
 use crate::config::{Config, FilmPath};
 use crate::gpu::{Gpu, GpuOptions};
 use crate::output::film::{
@@ -27,7 +27,7 @@ use crate::output::film::{
 };
 use crate::output::pack;
 use crate::render::{Frame, FrameRequest, RenderError, Renderer, Wanted};
-use crate::scene::{Camera, SceneObjects, SceneSnapshot};
+use crate::scene::{Camera, SceneObjects, SceneSnapshot, SeenStars};
 use crate::view::{Rig, ViewPicture};
 
 /// Names of the formats.
@@ -188,7 +188,7 @@ impl Film {
         check_with(path, config)?;
         for frame in range.first..range.end {
             for moment in self.moments(frame) {
-                let camera = tracks.at_moment(moment).camera(&self.camera);
+                let camera = tracks.at_moment(moment).camera(&self.camera, DQuat::IDENTITY);
                 camera.map_err(|error| self.fault(frame, error.to_string()))?;
             }
         }
@@ -301,7 +301,7 @@ impl Film {
         let LoadedScene { stars, report, objects, prepared } = load::scene(&self.inputs.config, &groups, renderer)?;
         prepared.map_err(of_render)?;
         folder.tell_catalogues(self.inputs.catalogues(&report))?;
-        let stars = Arc::new(stars);
+        let stars = SeenStars::new(Arc::new(stars), objects.observer);
         let ended = ended_by_signal().map_err(CliError::Runtime)?;
         let mut progress = FilmProgress::new(missing.len());
         let begun = Instant::now();
@@ -333,13 +333,18 @@ impl Film {
     /// The scene, the camera and the views of a moment.
     fn moment(&self, frame: u32, moment: f64, Scene { stars, objects }: Scene<'_>) -> Result<Moment, CliError> {
         let values = self.tracks.at_moment(moment);
-        let camera = values.camera(&self.camera).map_err(|error| self.fault(frame, error.to_string()))?;
-        let objects = match values.time_s {
-            Some(time_s) => Arc::new(SceneObjects { time_s, ..(**objects).clone() }),
-            None => Arc::clone(objects),
+        let config = &self.inputs.config;
+        let (objects, of_config) = match values.time_s {
+            Some(time_s) => (Arc::new(objects.at(time_s)), config.camera_at(time_s)?),
+            None => (Arc::clone(objects), self.camera),
         };
-        let snapshot = SceneSnapshot { revision: 1, stars: Arc::clone(stars), objects, camera };
-        Ok(Moment { config: values.applied_to(&self.inputs.config), snapshot })
+        let Some(icrs_from_frame) = objects.moment().icrs_from(self.path.frame) else {
+            unreachable!("a path along the horizon goes with an observer")
+        };
+        let camera = values.camera(&of_config, DQuat::from_mat3(&icrs_from_frame));
+        let camera = camera.map_err(|error| self.fault(frame, error.to_string()))?;
+        let snapshot = SceneSnapshot { revision: 1, stars: stars.made(objects.time_s), objects, camera };
+        Ok(Moment { config: values.applied_to(config), snapshot })
     }
 
     fn draw_frame(
@@ -492,7 +497,7 @@ struct Moment {
 /// What all frames show.
 #[derive(Clone, Copy)]
 struct Scene<'a> {
-    stars: &'a Arc<StarSet>,
+    stars: &'a SeenStars,
     objects: &'a Arc<SceneObjects>,
 }
 

@@ -11,6 +11,7 @@ use super::spline::{Track, Turns};
 use crate::config::{
     Config, ConfigError, Easing, ExposureKey, FilmPath, FovConfig, FovKey, FrameValues, Keyframe, ViewKindConfig,
 };
+use crate::observer::Frame;
 use crate::plan::settings::ExposureMode;
 use crate::scene::{Camera, PoseError};
 
@@ -141,7 +142,7 @@ impl FilmTracks {
         };
         Self {
             positions: Positions::new(path),
-            orientations: Turns::new(naming(keyframes, |values| values.world_from_camera)),
+            orientations: Turns::new(naming(keyframes, |values| values.frame_from_camera)),
             times_s: scalars(keyframes, |values| values.time_s),
             fovs: fov_track(keyframes),
             exposures: scalars(keyframes, exposure),
@@ -162,7 +163,7 @@ impl FilmTracks {
         let exposure = if self.is_fixed { ExposureKey::Ev100 } else { ExposureKey::CompensationEv };
         FrameValues {
             position_m: self.positions.as_ref().map(|positions| positions.at(at)),
-            world_from_camera: self.orientations.as_ref().map(|turns| turns.at(at)),
+            frame_from_camera: self.orientations.as_ref().map(|turns| turns.at(at)),
             time_s: number(&self.times_s),
             fov: self.fovs.as_ref().map(|fovs| fovs.at(at)),
             exposure: number(&self.exposures).map(exposure),
@@ -188,6 +189,9 @@ pub fn check_with(path: &FilmPath, config: &Config) -> Result<(), ConfigError> {
             _ => false,
         })
     };
+    if path.frame == Frame::Horizon && config.observer().is_none() {
+        return fault("look.frame", format!("horizon: {} has no [scene.observer]", config.origin));
+    }
     for keyframe in &path.keyframes {
         match keyframe.values.fov {
             Some(FovKey::Scale(_)) if !perspective(true) => {
@@ -220,14 +224,14 @@ fn scaled_deg(angle_deg: f64, scale: f64) -> f64 {
 }
 
 impl FrameValues {
-    /// The camera of a frame, for a configuration whose camera is that.
+    /// The camera of a frame, for a configuration whose camera is that; `icrs_from_frame` leads from the path's axes to those of ICRS.
     ///
     /// # Errors
     ///
     /// It is faster than can be drawn: velocities between two keyframes may be.
-    pub fn camera(&self, of_config: &Camera) -> Result<Camera, PoseError> {
+    pub fn camera(&self, of_config: &Camera, icrs_from_frame: DQuat) -> Result<Camera, PoseError> {
         let position_m = self.position_m.unwrap_or(of_config.position_m);
-        let orientation = self.world_from_camera.unwrap_or(of_config.world_from_camera);
+        let orientation = self.frame_from_camera.map_or(of_config.world_from_camera, |turned| icrs_from_frame * turned);
         let velocity_c = self.velocity_c.unwrap_or(of_config.velocity_c);
         Camera::new(position_m.to_array(), orientation.to_array(), velocity_c.to_array())
     }
@@ -325,8 +329,8 @@ mod tests {
                 let same = |named: bool, same: bool| assert!(!named || same, "{keyframe:?} {values:?}");
                 same(keyframe.values.position_m.is_some(), values.position_m == keyframe.values.position_m);
                 same(
-                    keyframe.values.world_from_camera.is_some(),
-                    values.world_from_camera == keyframe.values.world_from_camera,
+                    keyframe.values.frame_from_camera.is_some(),
+                    values.frame_from_camera == keyframe.values.frame_from_camera,
                 );
                 same(keyframe.values.fov.is_some(), values.fov == keyframe.values.fov);
                 same(keyframe.values.exposure.is_some(), values.exposure == keyframe.values.exposure);

@@ -184,7 +184,7 @@ impl Recording {
             let exposure = self.exposures.named(keyframe).filter(|_| keeps_exposure);
             FrameValues {
                 position_m: pose.map(|(position_m, _)| position_m),
-                world_from_camera: pose.map(|(_, turn)| turn),
+                frame_from_camera: pose.map(|(_, turn)| turn),
                 time_s: self.moments_s.named(keyframe),
                 fov: None,
                 exposure: exposure.map(if self.is_fixed == Some(true) {

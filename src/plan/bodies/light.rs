@@ -31,7 +31,7 @@ const TEXTURE_NODES: [usize; 2] = [128, 256];
 /// its surface that the eye sees; nothing that stands between. Good to 1e-4 without a texture and, as far as a
 /// texture's finest detail averages out, to 1e-3 with one. 0 for an eye within the body.
 pub fn illuminance_of(body: &Body, eye_m: DVec3, suns: &[Sun], time_s: f64) -> [f64; 3] {
-    illuminance_lit_by(body, eye_m, &lights_on(body, suns), time_s)
+    illuminance_lit_by(body, eye_m, &lights_on(body, suns, eye_m), time_s)
 }
 
 /// The same with the light that falls on the body.
@@ -193,7 +193,7 @@ mod tests {
     use crate::{
         scene::{
             SceneObjects,
-            bodies::{Emission, Preset, ReflectionLaw, suns},
+            bodies::{Emission, ReflectionLaw, SolarBody, suns},
         },
         units::illuminance_lx_from_magnitude,
     };
@@ -202,7 +202,7 @@ mod tests {
 
     /// One body of semi-axes lit by 1 lx from +x.
     fn lit(radii_m: DVec3, law: ReflectionLaw, eye_m: DVec3) -> f64 {
-        let mut body = Preset::Moon.body("body", DVec3::ZERO);
+        let mut body = SolarBody::Moon.body("body", DVec3::ZERO);
         body.radii_m = radii_m;
         body.surface.law = law;
         body.surface.geometric_albedo = [0.3; 3];
@@ -230,7 +230,7 @@ mod tests {
 
     #[test]
     fn discs_of_ellipsoids_cover_their_cross_sections_and_near_ones_their_caps() {
-        let mut body = Preset::Sun.body("sun", DVec3::ZERO);
+        let mut body = SolarBody::Sun.body("sun", DVec3::ZERO);
         body.emission = Some(Emission { luminance_cd_m2: [1.0; 3], limb_darkening: 0.0 });
         body.radii_m = DVec3::new(2.0, 3.0, 5.0);
         let from = |body: &Body, eye_m: DVec3| illuminance_of(body, eye_m, &[], 0.0)[0];
@@ -249,7 +249,7 @@ mod tests {
 
     #[test]
     fn the_sun_gives_the_earth_the_light_of_its_magnitude() {
-        let sun = Preset::Sun.body("sun", DVec3::ZERO);
+        let sun = SolarBody::Sun.body("sun", DVec3::ZERO);
         let objects = SceneObjects { bodies: vec![Shared::new(sun.clone())], ..SceneObjects::default() };
         let expected = illuminance_lx_from_magnitude(4.83 + 5.0 * (AU_M / (10.0 * crate::units::PARSEC_M)).log10());
         assert!((expected / 1.26e5 - 1.0).abs() < 0.01, "{expected}");
@@ -267,7 +267,7 @@ mod tests {
 
     #[test]
     fn textures_count_where_they_are_seen_and_lit() {
-        let mut body = Preset::Moon.body("moon", DVec3::ZERO);
+        let mut body = SolarBody::Moon.body("moon", DVec3::ZERO);
         let half = |x: u32| if x < 32 { [0.0; 3] } else { [1.0; 3] };
         let rgb = (0..32).flat_map(|_| (0..64).map(half)).collect();
         let light = |towards: DVec3| Light { direction: towards, illuminance_lx: [1.0; 3] };

@@ -218,7 +218,8 @@ fn body_disc(
     let (centre, distance_m) =
         if on_plane { (in_view / -in_view.z, -in_view.z) } else { (in_view / distance_m, distance_m) };
     let view_from_world = viewport.world_from_view.conjugate();
-    let suns = lights_on(body, suns);
+    let eye_m = body.position_m - viewport.world_from_view * in_view;
+    let suns = lights_on(body, suns, eye_m);
     let suns = suns.iter().map(|light| (view_from_world * light.direction, light.illuminance_lx)).collect();
     BodyDisc {
         body: number,

@@ -14,7 +14,7 @@ use crate::{
     },
     scene::{
         SceneObjects, SceneSnapshot,
-        bodies::{Body, Emission, Preset},
+        bodies::{Body, Emission, SolarBody},
     },
     view::{Rig, View, ViewKind, projection::FisheyeMapping},
 };
@@ -168,9 +168,10 @@ fn a_calibrated_display_and_other_ways_to_the_exposure_take_no_notice() {
 
 fn planet(distance_radii: f64, sun_behind: bool) -> Vec<Body> {
     let radius_m = 6.4e6;
-    let mut planet = Preset::Moon.body("planet", DVec3::NEG_Z * distance_radii * radius_m);
+    let mut planet = SolarBody::Moon.body("planet", DVec3::NEG_Z * distance_radii * radius_m);
     planet.radii_m = DVec3::splat(radius_m);
-    let sun = Preset::Sun.body("sun", if sun_behind { DVec3::NEG_Z } else { DVec3::Z } * AU_M);
+    planet.surface.phase_curve = None;
+    let sun = SolarBody::Sun.body("sun", if sun_behind { DVec3::NEG_Z } else { DVec3::Z } * AU_M);
     vec![planet, sun]
 }
 
@@ -185,7 +186,7 @@ fn sunlit_surfaces_are_below_white_once_they_cover_a_thousandth_and_nothing_jump
         let objects =
             SceneObjects { bodies: bodies.iter().cloned().map(Arc::new).collect(), ..SceneObjects::default() };
         let suns = crate::scene::bodies::suns(&objects);
-        let lights = crate::scene::bodies::lights_on(&objects.bodies[0], &suns);
+        let lights = crate::scene::bodies::lights_on(&objects.bodies[0], &suns, DVec3::ZERO);
         luminance(lights[0].illuminance_lx) * luminance(objects.bodies[0].surface.geometric_albedo) / PI
     };
     let mut previous = night;
@@ -238,7 +239,7 @@ fn a_picture_within_a_disc_is_exposed_for_it_and_what_is_hidden_is_not() {
     assert!((within - 12.0).abs() < 0.1 && (within..within + 1.0).contains(&whole), "{night} {within} {whole}");
     // A dark body before it.
     let mut hidden = planet(20.0, false);
-    let mut screen = Preset::Moon.body("screen", DVec3::NEG_Z * 2e7);
+    let mut screen = SolarBody::Moon.body("screen", DVec3::NEG_Z * 2e7);
     screen.radii_m = DVec3::splat(1.5e7);
     screen.surface.geometric_albedo = [0.0; 3];
     hidden.push(screen);
@@ -251,7 +252,7 @@ fn the_veil_of_the_sun_is_a_background_below_a_fifth_of_white_wherever_the_sun_s
     let view = [dome(512)];
     let night = of_night(&view, &settings).1.unwrap();
     // The dome looks along +y of the camera's axes; the Sun overhead, on the horizon, and below it.
-    let at = |direction: DVec3| planned(vec![Preset::Sun.body("sun", direction * AU_M)], &view, &settings);
+    let at = |direction: DVec3| planned(vec![SolarBody::Sun.body("sun", direction * AU_M)], &view, &settings);
     let viewports = rig(&view).viewports(DQuat::IDENTITY);
     let zenith = viewports[0].world_from_view * DVec3::NEG_Z;
     let side = viewports[0].world_from_view * DVec3::X;
@@ -262,12 +263,12 @@ fn the_veil_of_the_sun_is_a_background_below_a_fifth_of_white_wherever_the_sun_s
     assert!((white_luminance_cd_m2(overhead) / (veil / 0.18) - 1.0).abs() < 0.1, "{overhead}");
     assert!(overhead > horizon && horizon > below && below > night + 5.0);
     // The ground hides it.
-    let mut ground = Preset::Earth.body("ground", -zenith * 6.4e6);
+    let mut ground = SolarBody::Earth.body("ground", -zenith * 6.4e6);
     ground.radii_m = DVec3::splat(6.399e6);
-    let sunset = planned(vec![ground, Preset::Sun.body("sun", -zenith * AU_M)], &view, &settings);
+    let sunset = planned(vec![ground, SolarBody::Sun.body("sun", -zenith * AU_M)], &view, &settings);
     assert!((sunset - night).abs() < 1e-6, "{sunset}");
     // The full Moon, 14 magnitudes fainter, hardly changes it: its veil is a fifth of white already.
-    let mut moon = Preset::Moon.body("moon", zenith * 3.84e8);
+    let mut moon = SolarBody::Moon.body("moon", zenith * 3.84e8);
     moon.emission = Some(Emission { luminance_cd_m2: [4e3; 3], limb_darkening: 0.0 });
     let moonlit = planned(vec![moon], &view, &settings);
     println!("full Moon overhead {moonlit:.2}");

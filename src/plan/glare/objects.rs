@@ -119,7 +119,7 @@ fn of_body(objects: &SceneObjects, eye_m: DVec3, number: usize, light: [f64; 3],
         return one(axis);
     }
     let mut count = ((radius_rad / SPACING_RAD).powi(2).ceil() as usize).clamp(LEAST_PARTS, MOST_PARTS);
-    let lights = lights_on(body, suns);
+    let lights = lights_on(body, suns, eye_m);
     let seen = SeenBody::new(body, eye_m, &lights, objects.time_s);
     let (right, up) = axis.any_orthonormal_pair();
     let golden_angle = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
@@ -168,7 +168,7 @@ mod tests {
     use super::*;
     use crate::{
         plan::bodies::light::illuminance_of,
-        scene::bodies::{Body, Preset, suns},
+        scene::bodies::{Body, SolarBody, suns},
     };
 
     const AU_M: f64 = 1.495_978_707e11;
@@ -187,8 +187,8 @@ mod tests {
 
     #[test]
     fn sources_have_the_light_of_their_bodies() {
-        let sun = Preset::Sun.body("sun", DVec3::X * AU_M);
-        let moon = Preset::Moon.body("moon", DVec3::new(-3.8e8, 1e7, 0.0));
+        let sun = SolarBody::Sun.body("sun", DVec3::X * AU_M);
+        let moon = SolarBody::Moon.body("moon", DVec3::new(-3.8e8, 1e7, 0.0));
         let (objects, lights) = scene(vec![sun, moon]);
         let sources = body_sources(&objects, DVec3::ZERO, &lights, &suns(&objects));
         assert_eq!(sources.len(), 2);
@@ -206,9 +206,9 @@ mod tests {
     fn many_bodies_keep_the_bound() {
         let moons = (0..200).map(|i| {
             let angle = f64::from(i) * 0.1;
-            Preset::Moon.body(&format!("moon-{i}"), DVec3::new(angle.cos(), angle.sin(), f64::from(i) * 0.01) * 4e8)
+            SolarBody::Moon.body(&format!("moon-{i}"), DVec3::new(angle.cos(), angle.sin(), f64::from(i) * 0.01) * 4e8)
         });
-        let (objects, lights) = scene(moons.chain([Preset::Sun.body("sun", DVec3::X * AU_M)]).collect());
+        let (objects, lights) = scene(moons.chain([SolarBody::Sun.body("sun", DVec3::X * AU_M)]).collect());
         let sources = body_sources(&objects, DVec3::ZERO, &lights, &suns(&objects));
         let count: usize = sources.iter().map(|source| 1 + source.parts.len()).sum();
         assert!(count <= MOST_SOURCES && sources.len() > 190, "{count} of {}", sources.len());
@@ -219,8 +219,8 @@ mod tests {
     #[test]
     fn what_is_hidden_does_not_scatter() {
         let share = |aside: f64| {
-            let sun = Preset::Sun.body("sun", DVec3::X * AU_M);
-            let moon = Preset::Moon.body("moon", DVec3::new(3.5e8, aside * 3.5e8 * 4.65e-3, 0.0));
+            let sun = SolarBody::Sun.body("sun", DVec3::X * AU_M);
+            let moon = SolarBody::Moon.body("moon", DVec3::new(3.5e8, aside * 3.5e8 * 4.65e-3, 0.0));
             let (objects, lights) = scene(vec![sun, moon]);
             light_of(&body_sources(&objects, DVec3::ZERO, &lights, &suns(&objects))) / luminance(lights[0].1)
         };

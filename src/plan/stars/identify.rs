@@ -96,17 +96,25 @@ mod tests {
 
     #[test]
     fn named_stars_stand_where_the_catalogue_says_from_anywhere() {
-        let set = StarSet::from_records(bright_stars());
+        let set = StarSet::from_records(bright_stars(0.0));
         let far = Camera { position_m: DVec3::new(0.5, -0.2, 0.1) * PARSEC_M, ..Camera::default() };
         let fast = Camera { velocity_c: DVec3::new(0.3, 0.2, -0.4), ..Camera::default() };
         for camera in [Camera::default(), far, fast] {
-            for named in named_bright_stars().iter().filter(|named| named.star.distance_known) {
+            for named in named_bright_stars(0.0).iter().filter(|named| named.star.distance_known) {
                 let place = named.star.position - camera.position_m / PARSEC_M;
                 let seen = Motion::new(camera.velocity_c).map_or(place, |motion| motion.seen(place)).normalize();
                 let found = stars_near(&set, &camera, seen, 1e-4, 0.0, 8);
                 // Of a close pair the other one may be the brighter.
                 let off = |star: &SeenStar| star.position.distance(named.star.position) / place.length();
-                let star = found.iter().min_by(|a, b| off(a).total_cmp(&off(b))).filter(|star| off(star) < 1e-5);
+                // And of two at one place the one that is as bright.
+                let apparent = |star: &SeenStar| {
+                    let distance_pc = star.distance_pc.unwrap_or(1.0);
+                    magnitude_from_illuminance_lx(star.illuminance_lx) - 5.0 * (distance_pc / 10.0).log10()
+                };
+                let unlike = |star: &SeenStar| (apparent(star) - f64::from(named.star.magnitude)).abs();
+                let key = |star: &SeenStar| ((1e7 * off(star)).round(), unlike(star));
+                let there = found.iter().filter(|star| off(star) < 1e-5);
+                let star = there.min_by(|a, b| key(a).partial_cmp(&key(b)).unwrap());
                 let star = star.unwrap_or_else(|| panic!("{} is not found: {found:?}", named.name));
                 assert!(star.separation_rad < 1e-6, "{}: {}", named.name, star.separation_rad);
                 if camera == Camera::default() {
@@ -119,7 +127,7 @@ mod tests {
 
     #[test]
     fn the_brightest_come_first_and_no_more_than_asked_for() {
-        let set = StarSet::from_records(bright_stars());
+        let set = StarSet::from_records(bright_stars(0.0));
         // Orion's belt.
         let belt = DVec3::new(0.1019, 0.9946, -0.0209).normalize();
         let all = stars_near(&set, &Camera::default(), belt, 0.15, 0.0, 100);

@@ -100,7 +100,7 @@ pub fn draw_lit(
             let sine = body.radii_m.max_element() / to_body_m.length();
             // Rounded up by more than the cosine's rounding; within the largest semi-axis the body may be anywhere.
             let least_cos = if sine < 1.0 { (1.0 - sine * sine).sqrt() - 1e-12 } else { -1.0 };
-            let seen = SeenBody::new(body, eye_m, &lights_on(body, suns), time_s);
+            let seen = SeenBody::new(body, eye_m, &lights_on(body, suns, eye_m), time_s);
             Target { seen, axis: to_body_m.normalize_or_zero(), least_cos }
         })
         .collect();

@@ -158,11 +158,11 @@ impl Body {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::bodies::{Emission, Preset};
+    use crate::scene::bodies::{Emission, SolarBody};
 
     #[test]
     fn every_part_out_of_range_is_named() {
-        let good = Preset::Sun.body("sun", DVec3::ZERO);
+        let good = SolarBody::Sun.body("sun", DVec3::ZERO);
         good.check().unwrap();
         let emission = good.emission.unwrap();
         let changed = |change: &dyn Fn(&mut Body)| {
@@ -195,8 +195,8 @@ mod tests {
 
     #[test]
     fn names_are_unique_and_counted() {
-        let sun = crate::scene::bodies::Preset::Sun.body("sun", DVec3::ZERO);
-        let moon = crate::scene::bodies::Preset::Moon.body("moon", DVec3::ZERO);
+        let sun = crate::scene::bodies::SolarBody::Sun.body("sun", DVec3::ZERO);
+        let moon = crate::scene::bodies::SolarBody::Moon.body("moon", DVec3::ZERO);
         let bodies = |suns: usize| std::iter::repeat_n(&sun, suns).chain(std::iter::repeat_n(&moon, 9));
         check_suns(bodies(MOST_SUNS)).unwrap();
         assert!(check_suns(bodies(MOST_SUNS + 1)).unwrap_err().1.to_string().contains("allowed are 8"));

@@ -9,93 +9,43 @@
 //! 4th edition, 14.7).
 
 use glam::{DQuat, DVec3};
-use schemars::JsonSchema;
-use serde::Deserialize;
 
 use super::{Body, Emission, ReflectionLaw, Spin, Surface};
-use crate::{photometry::rec709::luminance, units::SOLAR_TEMPERATURE_K};
-
-/// A body of the Solar System.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-#[non_exhaustive]
-pub enum Preset {
-    /// The Sun.
-    Sun,
-    /// Mercury.
-    Mercury,
-    /// Venus.
-    Venus,
-    /// The Earth.
-    Earth,
-    /// The Earth's moon.
-    Moon,
-    /// Mars.
-    Mars,
-    /// Jupiter.
-    Jupiter,
-    /// Saturn, without its rings.
-    Saturn,
-    /// Uranus.
-    Uranus,
-    /// Neptune.
-    Neptune,
-}
+use crate::{
+    photometry::rec709::luminance,
+    solar_system::SolarBody,
+    units::{DAY_S, SOLAR_TEMPERATURE_K},
+};
 
 /// One line of the table: radius at the equator and at the pole, km; geometric albedo; tint; period, s; law.
 type Line = (f64, f64, f64, [f64; 3], f64, ReflectionLaw);
 
-impl Preset {
+impl SolarBody {
     /// Absolute V magnitude of the Sun.
     pub const SUN_ABSOLUTE_MAGNITUDE: f64 = 4.83;
     /// Linear limb darkening of the Sun.
     pub const SUN_LIMB_DARKENING: f64 = 0.6;
 
-    /// All of them.
-    pub const ALL: [Self; 10] = [
-        Self::Sun,
-        Self::Mercury,
-        Self::Venus,
-        Self::Earth,
-        Self::Moon,
-        Self::Mars,
-        Self::Jupiter,
-        Self::Saturn,
-        Self::Uranus,
-        Self::Neptune,
-    ];
-
-    /// Name in configurations.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Sun => "sun",
-            Self::Mercury => "mercury",
-            Self::Venus => "venus",
-            Self::Earth => "earth",
-            Self::Moon => "moon",
-            Self::Mars => "mars",
-            Self::Jupiter => "jupiter",
-            Self::Saturn => "saturn",
-            Self::Uranus => "uranus",
-            Self::Neptune => "neptune",
-        }
-    }
-
     fn line(self) -> Line {
         use ReflectionLaw::{Lambert, LommelSeeliger};
-        let day = 86_400.0;
         match self {
-            Self::Sun => (695_700.0, 695_700.0, 0.0, [1.0; 3], 25.38 * day, Lambert),
-            Self::Mercury => (2440.53, 2438.26, 0.142, [1.12, 0.98, 0.85], 58.6462 * day, LommelSeeliger),
-            Self::Venus => (6051.8, 6051.8, 0.689, [1.06, 1.0, 0.84], -243.018 * day, Lambert),
+            Self::Sun => (695_700.0, 695_700.0, 0.0, [1.0; 3], 25.38 * DAY_S, Lambert),
+            Self::Mercury => (2440.53, 2438.26, 0.142, [1.12, 0.98, 0.85], 58.6462 * DAY_S, LommelSeeliger),
+            Self::Venus => (6051.8, 6051.8, 0.689, [1.06, 1.0, 0.84], -243.018 * DAY_S, Lambert),
             Self::Earth => (6378.1366, 6356.7519, 0.434, [0.9, 1.0, 1.22], 86_164.1, Lambert),
-            Self::Moon => (1737.4, 1737.4, 0.12, [1.07, 0.99, 0.9], 27.321_661 * day, LommelSeeliger),
+            Self::Moon => (1737.4, 1737.4, 0.12, [1.07, 0.99, 0.9], 27.321_661 * DAY_S, LommelSeeliger),
             Self::Mars => (3396.19, 3376.2, 0.17, [1.55, 0.88, 0.55], 88_642.66, LommelSeeliger),
             Self::Jupiter => (71_492.0, 66_854.0, 0.538, [1.08, 0.99, 0.86], 35_729.7, Lambert),
             Self::Saturn => (60_268.0, 54_364.0, 0.499, [1.14, 0.99, 0.7], 38_362.4, Lambert),
             Self::Uranus => (25_559.0, 24_973.0, 0.488, [0.74, 1.06, 1.15], -62_064.0, Lambert),
             Self::Neptune => (24_764.0, 24_341.0, 0.442, [0.66, 1.06, 1.35], 57_996.0, Lambert),
         }
+    }
+
+    /// Geometric albedo and mean radius, m, with which it has the light that was measured.
+    pub(super) fn measured(self) -> (f64, f64) {
+        let (equator_km, pole_km, albedo, ..) = self.line();
+        (albedo, (equator_km * equator_km * pole_km).cbrt() * 1e3)
     }
 
     /// The body of a name at a place, with its axes along the world's.
@@ -108,6 +58,7 @@ impl Preset {
         });
         Body {
             name: name.to_owned(),
+            ephemeris: None,
             position_m,
             radii_m: DVec3::new(equator_km, equator_km, pole_km) * 1e3,
             orientation: DQuat::IDENTITY,
@@ -115,6 +66,7 @@ impl Preset {
             surface: Surface {
                 law,
                 geometric_albedo: of_unit_luminance.map(|channel| channel * albedo),
+                phase_curve: (self != Self::Sun).then_some(self),
                 texture: None,
             },
             emission,
@@ -134,10 +86,10 @@ mod tests {
 
     #[test]
     fn all_are_allowed_and_only_the_sun_shines() {
-        for preset in Preset::ALL {
+        for preset in SolarBody::ALL {
             let body = preset.body(preset.name(), DVec3::X);
             body.check().unwrap();
-            assert_eq!(body.emission.is_some(), preset == Preset::Sun);
+            assert_eq!(body.emission.is_some(), preset == SolarBody::Sun);
             let (_, _, albedo, ..) = preset.line();
             assert!((luminance(body.surface.geometric_albedo) - albedo).abs() < 1e-12);
         }
@@ -145,12 +97,12 @@ mod tests {
 
     #[test]
     fn bodies_turn_with_their_periods_and_some_the_other_way() {
-        for preset in Preset::ALL {
+        for preset in SolarBody::ALL {
             let body = preset.body("x", DVec3::ZERO);
             let turned = body.world_from_body(1000.0) * DVec3::X;
             let expected = preset.turn_rad(1000.0);
             assert!((turned - DVec3::new(expected.cos(), expected.sin(), 0.0)).length() < 1e-12, "{preset:?}");
         }
-        assert!(Preset::Venus.turn_rad(1.0) < 0.0 && Preset::Earth.turn_rad(1.0) > 0.0);
+        assert!(SolarBody::Venus.turn_rad(1.0) < 0.0 && SolarBody::Earth.turn_rad(1.0) > 0.0);
     }
 }

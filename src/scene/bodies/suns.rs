@@ -1,11 +1,14 @@
 //! The suns of a scene, and their light on bodies.
 
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use glam::DVec3;
 
 use super::{Body, Emission};
-use crate::scene::SceneObjects;
+use crate::{
+    photometry::phase_curve::{self, Tilt},
+    scene::SceneObjects,
+};
 
 /// A body that gives light, from far away.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -58,12 +61,30 @@ pub fn suns(objects: &SceneObjects) -> Vec<Sun> {
     objects.bodies.iter().filter_map(|body| Some(Sun::of(body, body.emission.as_ref()?))).collect()
 }
 
-/// The light of suns on a body. Suns whose middle lies within the body, such as the body itself, do not light it.
-pub fn lights_on(body: &Body, suns: &[Sun]) -> Vec<Light> {
+/// The light of suns on a body for an eye at `eye_m` (world axes): of a body with a measured phase curve so much more or less than what falls on it that what the eye has of it is the
+/// curve's, if it is as large and as white as the body that was measured. Suns whose middle lies within the body, such as the body itself, do not light it.
+pub fn lights_on(body: &Body, suns: &[Sun], eye_m: DVec3) -> Vec<Light> {
     // Half the smallest axis: no turn of the body matters, and no two suns that do not overlap stand so near.
     let within_m = body.radii_m.min_element() / 2.0;
     let outside = suns.iter().filter(|sun| (sun.position_m - body.position_m).length() > within_m);
-    outside.filter_map(|sun| sun.light_at(body.position_m)).collect()
+    outside.filter_map(|sun| Some(with_phase_curve(sun.light_at(body.position_m)?, body, eye_m))).collect()
+}
+
+/// The light of a sun as it makes the body's measured phase curve.
+fn with_phase_curve(mut light: Light, body: &Body, eye_m: DVec3) -> Light {
+    if let Some(of) = body.surface.phase_curve {
+        let to_eye_m = eye_m - body.position_m;
+        // No eye sees a body from its very middle.
+        let phase_rad = if to_eye_m == DVec3::ZERO { 0.0 } else { light.direction.angle_between(to_eye_m) };
+        let (albedo, radius_m) = of.measured();
+        let pole = body.orientation * DVec3::Z;
+        let latitude_rad = |towards: DVec3| FRAC_PI_2 - pole.angle_between(towards);
+        let eye_rad = if to_eye_m == DVec3::ZERO { 0.0 } else { latitude_rad(to_eye_m) };
+        let tilt = Tilt { eye_rad, sun_rad: latitude_rad(light.direction) };
+        let factor = phase_curve::factor(of, body.surface.law, albedo, radius_m, phase_rad, tilt);
+        light.illuminance_lx = light.illuminance_lx.map(|channel| channel * factor);
+    }
+    light
 }
 
 /// Radius of the sphere whose projected area is the mean one of an ellipsoid, m.

@@ -82,7 +82,7 @@ impl Worker {
 
     /// Tells those who asked for this frame that there is none. Streams go on: they have the frame of the next change that can be drawn.
     pub(super) fn refuse(&self, job: Job, failure: &RenderFailure) {
-        let Revisions { scene, camera } = job.shows();
+        let Revisions { scene, camera, .. } = job.shows();
         for request in job.requests {
             // A caller that went away meanwhile needs no answer.
             let _ = request.reply.send(Err(failure.clone()));

@@ -175,10 +175,11 @@ fn start(planned: Duration, drawn: Duration, mode: ExposureMode) -> (RenderHandl
     let mut settings = RenderSettings::default();
     settings.exposure.mode = mode;
     let views = ViewSet::new(&settings, vec![view("flat"), view("wide")], std::path::Path::new("")).unwrap();
+    let clock = SceneClock::stopped(0.0);
     let mut forecast = Forecast::default();
     forecast.note(planned, drawn);
     let capacity = Capacity { requests: 16, subscribers: 16 };
-    let (handle, thread) = spawn_with(engine, scene, (objects, views), settings, capacity, forecast).unwrap();
+    let (handle, thread) = spawn_with(engine, scene, (objects, clock, views), settings, capacity, forecast).unwrap();
     (handle, thread, device)
 }
 

@@ -34,7 +34,8 @@ const DIAMETERS_RAD: [f64; 8] = [6e-5, 1e-3, 6e-3, 0.014, 0.03, 0.07, 0.2, 0.55]
 /// A grey body in a direction.
 fn grey(direction: DVec3, radii_m: DVec3, albedo: f64) -> Body {
     let law = ReflectionLaw::LommelSeeliger;
-    let surface = Surface { law, geometric_albedo: [0.3, 0.2, 0.1].map(|of| of * albedo), texture: None };
+    let surface =
+        Surface { law, geometric_albedo: [0.3, 0.2, 0.1].map(|of| of * albedo), phase_curve: None, texture: None };
     Body { surface, ..black("body", direction.normalize() * DISTANCE_M, radii_m) }
 }
 

@@ -137,11 +137,12 @@ fn one() -> Arc<Instances> {
 pub fn black(name: &str, position_m: DVec3, radii_m: DVec3) -> Body {
     Body {
         name: name.to_owned(),
+        ephemeris: None,
         position_m,
         radii_m,
         orientation: DQuat::IDENTITY,
         spin: Spin::default(),
-        surface: Surface { law: ReflectionLaw::Lambert, geometric_albedo: [0.0; 3], texture: None },
+        surface: Surface { law: ReflectionLaw::Lambert, geometric_albedo: [0.0; 3], phase_curve: None, texture: None },
         emission: None,
     }
 }

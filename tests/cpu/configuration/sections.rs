@@ -3,6 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
+use steradian::catalogue::epoch::Epoch;
 use steradian::catalogue::galaxy::GalaxyParameters;
 use steradian::config::{CatalogueConfig, Config, ConfigError};
 use steradian::photometry::glare::{EyeColour, GlareKernelName};
@@ -127,7 +128,7 @@ fn an_empty_file_is_all_defaults() {
 #[test]
 fn scene_time_camera_and_catalogues() {
     let config = parse(
-        "[scene]\ncatalogues = ['builtin:bright', 'near/x.csv', '/far/y.stars', { galaxy = { stars = 5, seed = 7, fainter_than = 3.5 } }, { galaxy = { stars = 6 } }]\n\
+        "[scene]\ncatalogues = ['builtin:bright', 'near/x.csv', '/far/y.stars', { galaxy = { stars = 5, seed = 7, fainter_than = 6.5 } }, { galaxy = { stars = 6 } }]\n\
          time = 2031-05-06T07:08:09.5+02:00\n[scene.camera]\nposition_m = [1, 2.5, -3e20]\norientation = [0.0, 0.0, 0.70712, 0.70712]\nvelocity_c = [0, 0.5, -0.25]\n",
     )
     .unwrap();
@@ -138,7 +139,7 @@ fn scene_time_camera_and_catalogues() {
             StarSource::Bright,
             StarSource::File("/sky/near/x.csv".into()),
             StarSource::File("/far/y.stars".into()),
-            galaxy(5, 7, Some(3.5)),
+            galaxy(5, 7, Some(6.5)),
             galaxy(6, 1, None)
         ]
     );
@@ -634,7 +635,7 @@ fn paths_start_at_the_folder_of_the_file() {
     let path = folder.path().join("sky.toml");
     std::fs::write(&path, "[scene]\ncatalogues = ['one.csv']\n").unwrap();
     let sources = Config::load(&path, &[]).unwrap().star_sources();
-    let (stars, report) = load_stars(&sources, &mut |_| ()).unwrap();
+    let (stars, report) = load_stars(&sources, &Epoch::default(), &mut |_| ()).unwrap();
     assert_eq!(stars.stars.len(), 1);
     assert_eq!(report.catalogues[0].rows.as_ref().unwrap().used, 1);
 }

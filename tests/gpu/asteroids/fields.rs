@@ -38,11 +38,12 @@ pub(super) fn scene(instances: u32, half_m: f64, radius_m: [f64; 2]) -> SceneSna
     };
     let sun = Body {
         name: "sun".to_owned(),
+        ephemeris: None,
         position_m: DVec3::ZERO,
         radii_m: DVec3::splat(6.96e8),
         orientation: DQuat::IDENTITY,
         spin: Spin::default(),
-        surface: Surface { law: ReflectionLaw::Lambert, geometric_albedo: [0.0; 3], texture: None },
+        surface: Surface { law: ReflectionLaw::Lambert, geometric_albedo: [0.0; 3], phase_curve: None, texture: None },
         emission: Some(Emission { luminance_cd_m2: [1.9e9, 1.9e9, 1.9e9], limb_darkening: 0.6 }),
     };
     let objects =

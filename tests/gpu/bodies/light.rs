@@ -26,11 +26,12 @@ const DISTANCE_M: f64 = 1e9;
 fn body(name: &str, position_m: DVec3, radii_m: DVec3, law: ReflectionLaw) -> Body {
     Body {
         name: name.to_owned(),
+        ephemeris: None,
         position_m,
         radii_m,
         orientation: DQuat::IDENTITY,
         spin: Spin::default(),
-        surface: Surface { law, geometric_albedo: [0.3, 0.2, 0.1], texture: None },
+        surface: Surface { law, geometric_albedo: [0.3, 0.2, 0.1], phase_curve: None, texture: None },
         emission: None,
     }
 }

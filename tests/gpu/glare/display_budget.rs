@@ -12,7 +12,7 @@ use crate::{
 };
 
 const CONFIGURATION: &[&str] = &[
-    "scene.catalogues=[\"builtin:bright\", { galaxy = { stars = 50000, seed = 1, fainter_than = 3.5 } }]",
+    "scene.catalogues=[\"builtin:bright\", { galaxy = { stars = 50000, seed = 1, fainter_than = 6.5 } }]",
     "exposure.mode=manual",
 ];
 

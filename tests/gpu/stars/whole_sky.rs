@@ -40,7 +40,7 @@ fn differences(records: Vec<StarRecord>, expected_lx: f64) -> Vec<(&'static str,
 #[cfg_attr(not(has_bsc_csv), ignore = "set STERADIAN_BSC_CSV to a copy of the Yale Bright Star Catalogue as CSV")]
 fn the_yale_catalogue_has_the_same_light_in_every_whole_sky() {
     let path = std::env::var("STERADIAN_BSC_CSV").expect("STERADIAN_BSC_CSV was set when this test was built");
-    let records = read_csv(Path::new(&path)).expect("the catalogue is readable").stars;
+    let records = read_csv(Path::new(&path), 0.0).expect("the catalogue is readable").stars;
     assert_eq!(records.len(), 9096);
     let expected_lx: f64 = records.iter().map(|star| illuminance_lx_from_magnitude(star.apparent_magnitude())).sum();
     let found = differences(records.clone(), expected_lx);

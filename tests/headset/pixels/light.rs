@@ -80,7 +80,7 @@ fn wider(eyes: [Eye; 2]) -> [Eye; 2] {
 pub fn stars_have_the_light_of_the_catalogue(monado: &'static Monado) {
     let service = Service::remote(monado);
     let mut worst = figures::HEADSET_FLUX.worst();
-    let stars = bright_stars();
+    let stars = bright_stars(0.0);
     let directions: Vec<DVec3> = stars.iter().map(|star| star.position.normalize()).collect();
     let scene = format!(
         "[glare]\nmethod = \"none\"\n[exposure]\nmode = \"manual\"\nev100 = {EV100:?}\n[tone_map]\noperator = \"srgb\"\ndesaturation = 0.0\n"

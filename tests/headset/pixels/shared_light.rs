@@ -149,7 +149,8 @@ pub fn glare_is_the_same_around_a_star_for_both_eyes(monado: &'static Monado) {
     let scene = format!(
         "[stars]\nmagnitude_limit = -1.0\n[exposure]\nmode = \"manual\"\nev100 = {ev100:?}\n[tone_map]\noperator = \"srgb\"\ndesaturation = 0.0\n"
     );
-    let sirius = named_bright_stars().into_iter().find(|star| star.name == "Sirius").unwrap().star;
+    // At the default time, 2026-01-01: since J2000.0 it has moved by 35 arcsec.
+    let sirius = named_bright_stars(26.0).into_iter().find(|star| star.name == "Sirius").unwrap().star;
     let star = sirius.position.normalize();
     // Off the axes of both eyes, and with the head rolled.
     let ahead = Quat::from_rotation_arc(glam::Vec3::NEG_Z, star.as_vec3());

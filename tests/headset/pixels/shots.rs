@@ -14,7 +14,7 @@ use steradian::{
     plan::settings::{HeadsetSettings, ReferenceSpace, RenderSettings, SwapchainFormat, SwapchainLayout},
     scene::{
         SceneSnapshot,
-        bodies::{Emission, Preset},
+        bodies::{Emission, SolarBody},
         loader::load_stars,
     },
     view::{Eye, Fov, Rig, View, ViewKind, projection::PlaneMapping},
@@ -64,10 +64,10 @@ impl Assignment {
     /// The scene, and how it is drawn.
     pub fn load(&self) -> (SceneSnapshot, RenderSettings) {
         let config = Config::from_text(&self.scene, "the test's scene", Path::new(""), &[]).unwrap();
-        let (stars, _) = load_stars(&config.star_sources(), &mut |_| {}).unwrap();
+        let (stars, _) = load_stars(&config.star_sources(), &config.epoch(), &mut |_| {}).unwrap();
         let mut objects = config.objects().unwrap();
         for (index, sphere) in self.spheres.iter().enumerate() {
-            let mut body = Preset::Moon.body(&format!("sphere-{index}"), DVec3::from_array(sphere.position_m));
+            let mut body = SolarBody::Moon.body(&format!("sphere-{index}"), DVec3::from_array(sphere.position_m));
             body.radii_m = DVec3::splat(sphere.radius_m);
             body.surface.geometric_albedo = [0.0; 3];
             body.surface.texture = None;

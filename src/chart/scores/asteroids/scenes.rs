@@ -18,7 +18,7 @@ use crate::{
     scene::{
         Camera, SceneObjects, SceneSnapshot,
         asteroids::{AsteroidField, FieldParameters, Instances, Placement, Shape, ShapeSet, SpecError},
-        bodies::{Body, Emission, Preset, ReflectionLaw, Spin, Surface},
+        bodies::{Body, Emission, ReflectionLaw, SolarBody, Spin, Surface},
     },
     view::{Rig, Viewport},
 };
@@ -158,7 +158,7 @@ impl AsteroidScenes {
             backlit: scene(vec![Arc::clone(&behind)], dark),
             empty: scene(vec![behind], Vec::new()),
             lit: directions
-                .map(|to_sun| scene(vec![Arc::new(Preset::Sun.body("sun", to_sun * SUN_M))], bright.clone())),
+                .map(|to_sun| scene(vec![Arc::new(SolarBody::Sun.body("sun", to_sun * SUN_M))], bright.clone())),
             suns,
             cells,
             half_px: WINDOW_SHARE * cell_px,
@@ -209,11 +209,12 @@ fn scene(bodies: Vec<Arc<Body>>, fields: Vec<Arc<AsteroidField>>) -> SceneSnapsh
 fn shining() -> Body {
     Body {
         name: "behind".to_owned(),
+        ephemeris: None,
         position_m: DVec3::NEG_Z * BEHIND_M,
         radii_m: DVec3::splat(BEHIND_SHARE * BEHIND_M),
         orientation: DQuat::IDENTITY,
         spin: Spin::default(),
-        surface: Surface { law: ReflectionLaw::Lambert, geometric_albedo: [0.0; 3], texture: None },
+        surface: Surface { law: ReflectionLaw::Lambert, geometric_albedo: [0.0; 3], phase_curve: None, texture: None },
         emission: Some(Emission { luminance_cd_m2: [1e4; 3], limb_darkening: 0.0 }),
     }
 }

@@ -25,6 +25,8 @@ use crate::{
     },
 };
 
+/// Stars down to this V magnitude are in the scenes. Pixels beside stars are not compared, and with all that the eye sees few others would remain.
+const FAINTEST_V: f64 = 3.55;
 /// How far off the axis sources stand whose glare should be round, rad.
 const OFF_AXIS_RAD: [f64; 2] = [PI / 4.0, PI / 3.0];
 /// But no farther than this share of half of the field of view.
@@ -139,7 +141,9 @@ impl GlareScenes {
         let towards = if matches!(view, ViewShape::FullSky(_)) { DVec3::Y } else { DVec3::X };
         let off_axis = off_axis.into_iter().map(|angle| one_star(towards * angle.sin() - DVec3::Z * angle.cos()));
         let central = one_star(if matches!(view, ViewShape::Cubemap(_)) { AT_EDGE } else { CENTRAL });
-        let stars = Arc::new(StarSet::from_records(sky.records.to_vec()));
+        let bright = |star: &&StarRecord| star.apparent_magnitude() < FAINTEST_V;
+        let sources = sky.records.iter().filter(bright).copied().collect();
+        let stars = Arc::new(StarSet::from_records(sources));
         let starry = SceneSnapshot { revision: 1, stars, objects: Default::default(), camera: camera() };
         let outside =
             field.map(|_| one_star(DVec3::Y * (up + OUTSIDE_RAD).sin() - DVec3::Z * (up + OUTSIDE_RAD).cos()));

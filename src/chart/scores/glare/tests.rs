@@ -26,7 +26,7 @@ impl GlareKernel for Power {
 }
 
 fn scenes_of(view: ViewShape) -> GlareScenes {
-    let records = bright_stars();
+    let records = bright_stars(0.0);
     let kernel = GlareSettings::default().kernel().unwrap();
     GlareScenes::new(view, &ScoredSky { records: &records, pixels: 200 }, kernel).unwrap()
 }

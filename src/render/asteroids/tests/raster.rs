@@ -134,11 +134,12 @@ fn scene(direction: DVec3, size: f64, halvings: u32) -> (SceneObjects, DVec3, Su
     };
     let body = Body {
         name: "sphere".to_owned(),
+        ephemeris: None,
         position_m: place_m,
         radii_m: DVec3::splat(radius_m),
         orientation: DQuat::IDENTITY,
         spin: Spin::default(),
-        surface: Surface { law: field.law, geometric_albedo: field.geometric_albedo, texture: None },
+        surface: Surface { law: field.law, geometric_albedo: field.geometric_albedo, phase_curve: None, texture: None },
         emission: None,
     };
     (SceneObjects { fields: vec![field], ..SceneObjects::default() }, camera_m, sun, body)

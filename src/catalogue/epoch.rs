@@ -1,0 +1,107 @@
+//! The moment for which stars are placed, and who sees them.
+
+use glam::DVec3;
+
+use rayon::prelude::*;
+
+use super::{StarRecord, chunks::StarSet, store::records_of};
+use crate::relativity::Motion;
+
+/// When stars are seen, and from where and how fast. The default: at J2000.0, by one at rest.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Epoch {
+    /// Julian years from J2000.0, by which stars with a known motion have moved on.
+    pub years: f64,
+    /// Who sees them.
+    pub seen_from: Option<Vantage>,
+}
+
+/// A place among the planets, and how fast it moves.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Vantage {
+    /// From the barycentre, ICRS axes, pc.
+    pub position_pc: DVec3,
+    /// Velocity over that of light, ICRS axes; below 1e-3.
+    pub velocity_c: DVec3,
+    /// From where what is seen is drawn, pc: the vantage of some other moment, so that a camera may stay where it is.
+    pub origin_pc: DVec3,
+}
+
+impl Epoch {
+    /// A star that has moved as the vantage sees it: a camera at rest at the origin has it in the direction of its aberrated light and with its brightness. Changes of brightness and
+    /// colour with the velocity, 4e-4 at 30 km/s, are left out.
+    pub fn seen(&self, star: StarRecord) -> StarRecord {
+        self.seen_from.map_or(star, |from| turned(star, from.position_pc, from.velocity_c, from.origin_pc))
+    }
+
+    /// The star that the vantage sees so: the inverse.
+    fn unseen(&self, star: StarRecord) -> StarRecord {
+        self.seen_from.map_or(star, |from| turned(star, from.origin_pc, -from.velocity_c, from.position_pc))
+    }
+}
+
+/// A star seen from a place at a velocity, and drawn at another place in the direction and at the distance in which it is seen.
+fn turned(star: StarRecord, from_pc: DVec3, velocity_c: DVec3, to_pc: DVec3) -> StarRecord {
+    let [from_pc, to_pc] = [from_pc, to_pc].map(|place_pc| if star.distance_known { place_pc } else { DVec3::ZERO });
+    let place = star.position - from_pc;
+    let seen = Motion::new(velocity_c).map_or(place, |motion| motion.seen(place));
+    // A star at the very place has no direction.
+    let direction = seen.try_normalize().unwrap_or(DVec3::X);
+    StarRecord { position: to_pc + direction * place.length(), ..star }
+}
+
+/// Stars as they are seen from another vantage; their own motion stays as it is.
+#[must_use]
+pub fn seen_from(set: &StarSet, vantage: Vantage) -> StarSet {
+    let epoch = Epoch { seen_from: Some(vantage), ..set.epoch };
+    let mut records = records_of(set);
+    records.par_iter_mut().for_each(|record| *record = epoch.seen(set.epoch.unseen(*record)));
+    StarSet::from_records(records).of_epoch(epoch)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::units::{ARCSECOND_RAD, ASTRONOMICAL_UNIT_M, PARSEC_M};
+
+    const STAR: StarRecord = StarRecord {
+        position: DVec3::new(0.0, 10.0, 0.0),
+        magnitude: 3.0,
+        temperature_k: 5000.0,
+        distance_known: true,
+    };
+
+    #[test]
+    fn a_moving_eye_sees_stars_shifted_towards_where_it_goes_at_their_distance() {
+        let position_pc = DVec3::X * (ASTRONOMICAL_UNIT_M / PARSEC_M);
+        let vantage = Vantage { position_pc, velocity_c: DVec3::X * 1e-4, origin_pc: position_pc };
+        let epoch = Epoch { years: 0.0, seen_from: Some(vantage) };
+        for star in [STAR, StarRecord { position: DVec3::Y, distance_known: false, ..STAR }] {
+            let origin_pc = if star.distance_known { position_pc } else { DVec3::ZERO };
+            let [before, after] = [star.position, epoch.seen(star).position].map(|place| place - origin_pc);
+            assert!((after.length() / before.length() - 1.0).abs() < 1e-12);
+            // 1e-4 rad, 20.6 arcsec, and by that towards +x.
+            let shift_arcsec = (after.normalize() - before.normalize()) / ARCSECOND_RAD;
+            assert!((shift_arcsec - DVec3::X * 20.626).length() < 2e-3, "{shift_arcsec}");
+        }
+        assert_eq!(Epoch::default().seen(STAR), STAR);
+    }
+
+    #[test]
+    fn another_vantage_sees_what_it_would_have_seen_at_first() {
+        let au_pc = ASTRONOMICAL_UNIT_M / PARSEC_M;
+        let first = Vantage { position_pc: DVec3::X * au_pc, velocity_c: DVec3::Y * 1e-4, origin_pc: DVec3::X * au_pc };
+        let second = Vantage { position_pc: DVec3::NEG_Z * au_pc, velocity_c: DVec3::X * -9e-5, ..first };
+        let stars = [STAR, StarRecord { position: DVec3::Z, distance_known: false, ..STAR }];
+        let [at_first, at_second] = [first, second].map(|vantage| Epoch { years: 3.0, seen_from: Some(vantage) });
+        let set = StarSet::from_records(stars.map(|star| at_first.seen(star)).to_vec()).of_epoch(at_first);
+        let moved = seen_from(&set, second);
+        assert_eq!(moved.epoch, at_second);
+        for (found, star) in records_of(&moved).iter().zip(records_of(&StarSet::from_records(stars.to_vec()))) {
+            let expected = at_second.seen(star);
+            let from =
+                |star: &StarRecord| star.position - if star.distance_known { first.origin_pc } else { DVec3::ZERO };
+            assert!(from(found).angle_between(from(&expected)) < 0.02 * ARCSECOND_RAD, "{found:?} {expected:?}");
+        }
+    }
+}

@@ -1,0 +1,156 @@
+//! `look`: where a camera looks, told by a direction of a frame or by a body, and what is up.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::error::{Fault, finite};
+use crate::observer::Frame;
+
+/// Where a camera looks. The frame's pole is up.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Look {
+    /// Axes by which the direction is told and that the camera hangs on: `icrs`, `galactic`, `ecliptic` (mean ecliptic and equinox of J2000.0), `horizon` (of `scene.observer`). Without
+    /// it those of the direction's keys, or `icrs`.
+    pub frame: Option<Frame>,
+    /// Right ascension; frame `icrs`.
+    pub ra_deg: Option<f64>,
+    /// Declination, -90 to 90; frame `icrs`.
+    pub dec_deg: Option<f64>,
+    /// Azimuth, from north through east; frame `horizon`.
+    pub azimuth_deg: Option<f64>,
+    /// Altitude, -90 to 90; frame `horizon`.
+    pub altitude_deg: Option<f64>,
+    /// Longitude; frames `galactic` and `ecliptic`.
+    pub longitude_deg: Option<f64>,
+    /// Latitude, -90 to 90; frames `galactic` and `ecliptic`.
+    pub latitude_deg: Option<f64>,
+    /// Name of a body, in place of a direction.
+    pub at: Option<String>,
+    /// By which the top of the picture is turned to the left: in frame `icrs` its position angle, from north through east.
+    #[serde(default)]
+    pub roll_deg: f64,
+}
+
+/// A look whose keys agree.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Aim {
+    /// The frame.
+    pub(super) frame: Frame,
+    /// Where to.
+    pub(super) towards: Towards,
+    /// Turn of the top of the picture, rad.
+    pub(super) roll_rad: f64,
+}
+
+/// Where a camera looks.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Towards {
+    /// Longitude and latitude in the frame's axes, rad.
+    Direction([f64; 2]),
+    /// A body.
+    Body(String),
+}
+
+/// Names of the keys of a direction, by frame.
+fn keys(frame: Frame) -> [&'static str; 2] {
+    match frame {
+        Frame::Icrs => ["ra_deg", "dec_deg"],
+        Frame::Galactic | Frame::Ecliptic => ["longitude_deg", "latitude_deg"],
+        Frame::Horizon => ["azimuth_deg", "altitude_deg"],
+    }
+}
+
+impl Look {
+    /// What it says; a fault names the key within it.
+    pub(super) fn aim(&self) -> Result<Aim, Fault> {
+        finite("roll_deg", self.roll_deg)?;
+        let given = [
+            ("ra_deg", self.ra_deg, Frame::Icrs),
+            ("dec_deg", self.dec_deg, Frame::Icrs),
+            ("azimuth_deg", self.azimuth_deg, Frame::Horizon),
+            ("altitude_deg", self.altitude_deg, Frame::Horizon),
+            ("longitude_deg", self.longitude_deg, Frame::Galactic),
+            ("latitude_deg", self.latitude_deg, Frame::Galactic),
+        ];
+        let given: Vec<(&str, f64, Frame)> =
+            given.into_iter().filter_map(|(key, value, frame)| Some((key, value?, frame))).collect();
+        let of_keys = given.first().map(|(_, _, frame)| *frame);
+        if self.frame.is_none() && of_keys == Some(Frame::Galactic) {
+            return Err(Fault::new(
+                "frame",
+                "missing key: with longitude_deg and latitude_deg it is needed, `galactic` or `ecliptic`",
+            ));
+        }
+        let frame = self.frame.or(of_keys).unwrap_or_default();
+        let [longitude, latitude] = keys(frame);
+        if let Some((key, ..)) = given.iter().find(|(key, ..)| ![longitude, latitude].contains(key)) {
+            let problem = format!("not a key of this frame: a direction of it is told by {longitude} and {latitude}");
+            return Err(Fault::new(*key, problem));
+        }
+        let roll_rad = self.roll_deg.to_radians();
+        if let Some(body) = &self.at {
+            return match given.first() {
+                Some((key, ..)) => {
+                    Err(Fault::new(*key, "at is given too: exactly one of a direction and at is allowed"))
+                }
+                None => Ok(Aim { frame, towards: Towards::Body(body.clone()), roll_rad }),
+            };
+        }
+        let needed = |key: &str| {
+            let found = given.iter().find(|(name, ..)| *name == key).map(|(_, value, _)| *value);
+            let missing = format!("missing key: {longitude} and {latitude} are needed, or at");
+            let value = found.ok_or_else(|| Fault::new(key, missing))?;
+            finite(key, value)?;
+            Ok(value)
+        };
+        let [longitude_deg, latitude_deg] = [needed(longitude)?, needed(latitude)?];
+        if latitude_deg.abs() > 90.0 {
+            return Err(Fault::new(latitude, format!("{latitude_deg}: allowed are -90 to 90")));
+        }
+        // Azimuth grows the other way.
+        let sign = if frame == Frame::Horizon { -1.0 } else { 1.0 };
+        let towards = Towards::Direction([sign * longitude_deg.to_radians(), latitude_deg.to_radians()]);
+        Ok(Aim { frame, towards, roll_rad })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn aim(text: &str) -> Result<Aim, Fault> {
+        toml::from_str::<Look>(text).expect("a look").aim()
+    }
+
+    #[test]
+    fn frames_follow_from_the_keys_of_directions() {
+        let icrs = aim("ra_deg = 90\ndec_deg = 45").expect("a direction of ICRS");
+        assert_eq!(icrs.frame, Frame::Icrs);
+        let horizon = aim("azimuth_deg = 90\naltitude_deg = 0").expect("a direction of the horizon");
+        assert_eq!(horizon.frame, Frame::Horizon);
+        let Towards::Direction([longitude_rad, _]) = horizon.towards else { panic!("no direction") };
+        assert_eq!(longitude_rad, -std::f64::consts::FRAC_PI_2);
+        let body = aim("at = \"moon\"\nframe = \"horizon\"\nroll_deg = 10").expect("a body");
+        assert_eq!((body.frame, body.towards), (Frame::Horizon, Towards::Body("moon".to_owned())));
+    }
+
+    #[test]
+    fn keys_that_do_not_agree_are_refused_by_name() {
+        for (text, key, part) in [
+            ("", "ra_deg", "missing"),
+            ("ra_deg = 3", "dec_deg", "missing"),
+            ("ra_deg = 3\ndec_deg = 91", "dec_deg", "-90 to 90"),
+            ("ra_deg = nan\ndec_deg = 9", "ra_deg", "finite"),
+            ("longitude_deg = 3\nlatitude_deg = 9", "frame", "galactic"),
+            ("frame = \"galactic\"\nra_deg = 3\ndec_deg = 9", "ra_deg", "longitude_deg and latitude_deg"),
+            ("azimuth_deg = 3\ndec_deg = 9", "azimuth_deg", "not a key of this frame"),
+            ("at = \"moon\"\nra_deg = 3", "ra_deg", "at is given too"),
+            ("frame = \"horizon\"", "azimuth_deg", "missing"),
+            ("at = \"moon\"\nroll_deg = inf", "roll_deg", "finite"),
+        ] {
+            let fault = aim(text).expect_err(text);
+            assert!(fault.key == key && fault.problem.contains(part), "{text}: {fault:?}");
+        }
+    }
+}

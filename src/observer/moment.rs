@@ -1,0 +1,147 @@
+//! What is seen at a moment: by an observer, or from nowhere in particular.
+
+use std::f64::consts::FRAC_PI_2;
+
+use glam::{DMat3, DQuat, DVec3};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::{Clock, Place, Standpoint};
+use crate::{
+    catalogue::epoch::Vantage,
+    coordinates::{direction_from_lon_lat, icrs_from_galactic},
+    ephemeris::icrs_from_ecliptic,
+    solar_system::SolarBody,
+    units::{DAY_S, LIGHT_M_S},
+};
+
+/// Stars are seen from where the observer is every so many seconds.
+const VANTAGE_S: f64 = 0.5 * DAY_S;
+
+/// The observer of a scene.
+///
+/// The place from which the scene is drawn is that of one moment, the epoch: a camera that went on with the Earth, at 30 km/s, would have everything that depends on its place made
+/// anew for every step. Bodies are drawn there as they are seen at the moment that is shown, and so are stars ([`Observer::vantage`]).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Observer {
+    /// Where.
+    pub place: Place,
+    /// What is known of the Earth's rotation.
+    pub clock: Clock,
+    /// The moment of the epoch, s since 2000-01-01T12:00:00 of civil time.
+    pub epoch_s: f64,
+    /// Where and how the observer is then: stars are loaded as seen from there, and the scene is drawn there.
+    pub epoch: Standpoint,
+}
+
+impl Observer {
+    /// An observer whose epoch is a moment, s since 2000-01-01T12:00:00 of civil time.
+    pub fn new(place: Place, clock: Clock, time_s: f64) -> Self {
+        Self { place, clock, epoch_s: time_s, epoch: place.at(time_s, &clock) }
+    }
+
+    /// Rotation from the axes of the horizon to those of ICRS at a moment.
+    pub fn icrs_from_horizon(&self, time_s: f64) -> DQuat {
+        DQuat::from_mat3(&self.place.icrs_from_horizon(time_s, &self.clock))
+    }
+
+    /// From where stars are seen at a moment: that of the nearest midnight or noon of civil time, within which aberration changes by 0.1 arcsec.
+    pub fn vantage(&self, time_s: f64) -> Vantage {
+        self.at(Self::vantage_number(time_s) as f64 * VANTAGE_S).vantage(self.epoch.position_m)
+    }
+
+    /// Number of that midnight or noon.
+    pub fn vantage_number(time_s: f64) -> i64 {
+        (time_s / VANTAGE_S).round() as i64
+    }
+
+    /// Where and how the observer is at a moment.
+    pub fn at(&self, time_s: f64) -> Standpoint {
+        self.place.at(time_s, &self.clock)
+    }
+}
+
+/// A moment, and who looks.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Moment {
+    /// TDB, s since J2000.0.
+    tdb_s: f64,
+    /// The observer at the moment, and from where the scene is drawn, m; `None`: bodies are where they are, not where they are seen.
+    seen: Option<(Standpoint, DVec3)>,
+}
+
+impl Moment {
+    /// A moment, s since 2000-01-01T12:00:00 of civil time.
+    pub fn new(time_s: f64, observer: Option<&Observer>) -> Self {
+        let clock = observer.map(|observer| observer.clock).unwrap_or_default();
+        let seen = observer.map(|observer| (observer.at(time_s), observer.epoch.position_m));
+        Self { tdb_s: clock.tt_s(time_s), seen }
+    }
+
+    /// Where a body is drawn, from the barycentre, ICRS axes, m, and how it stands: with an observer as the light has it that arrives.
+    pub fn place(&self, body: SolarBody) -> (DVec3, DQuat) {
+        match &self.seen {
+            None => (body.barycentric_m(self.tdb_s), body.icrs_from_body(self.tdb_s)),
+            Some((standpoint, origin_m)) => {
+                let seen_m = standpoint.apparent_m(body);
+                let left_s = self.tdb_s - seen_m.length() / LIGHT_M_S;
+                (*origin_m + seen_m, body.icrs_from_body(left_s))
+            }
+        }
+    }
+
+    /// The observer at the moment.
+    pub fn standpoint(&self) -> Option<&Standpoint> {
+        self.seen.as_ref().map(|(standpoint, _)| standpoint)
+    }
+
+    /// Rotation from the axes of a frame to those of ICRS; `None` for the horizon where nobody stands on the ground.
+    pub fn icrs_from(&self, frame: Frame) -> Option<DMat3> {
+        match frame {
+            Frame::Icrs => Some(DMat3::IDENTITY),
+            Frame::Galactic => Some(icrs_from_galactic()),
+            Frame::Ecliptic => Some(icrs_from_ecliptic()),
+            Frame::Horizon => self.seen.as_ref().map(|(standpoint, _)| {
+                let [east, zenith, south] = standpoint.icrs_from_horizon.to_cols_array_2d().map(DVec3::from_array);
+                DMat3::from_cols(-south, -east, zenith)
+            }),
+        }
+    }
+}
+
+/// Axes by which directions are told: z to the frame's pole, x to longitude 0.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Frame {
+    /// Right ascension and declination.
+    #[default]
+    Icrs,
+    /// Longitude from the galactic centre.
+    Galactic,
+    /// Mean ecliptic and equinox of J2000.0.
+    Ecliptic,
+    /// The observer's: azimuth, from north through east, and altitude. Longitude of these axes is minus the azimuth.
+    Horizon,
+}
+
+impl Frame {
+    /// Name in configurations.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Icrs => "icrs",
+            Self::Galactic => "galactic",
+            Self::Ecliptic => "ecliptic",
+            Self::Horizon => "horizon",
+        }
+    }
+}
+
+/// Rotation from a camera's axes to those of a frame, where it looks to a longitude and latitude and its up is towards the frame's pole but for `roll`, by which the top of its
+/// picture is turned to the left (counter-clockwise): a position angle from the pole through growing longitude; rad.
+pub fn frame_from_camera(longitude_rad: f64, latitude_rad: f64, roll_rad: f64) -> DQuat {
+    let ahead = direction_from_lon_lat(longitude_rad, latitude_rad);
+    // Towards growing latitude: it is there at the poles too.
+    let up = direction_from_lon_lat(longitude_rad, latitude_rad + FRAC_PI_2);
+    let level = DQuat::from_mat3(&DMat3::from_cols(ahead.cross(up), up, -ahead));
+    (level * DQuat::from_rotation_z(roll_rad)).normalize()
+}

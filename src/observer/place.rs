@@ -1,0 +1,123 @@
+//! A place on the Earth, and where that is among the planets at a moment.
+
+use std::f64::consts::FRAC_PI_2;
+
+use glam::{DMat3, DVec3};
+use sofars::{coords::gd2gc, pnp::c2t06a};
+
+use super::Clock;
+use crate::{
+    catalogue::epoch::{Epoch, Vantage},
+    coordinates::{direction_from_lon_lat, lon_lat_from_direction},
+    relativity::Motion,
+    solar_system::SolarBody,
+    units::{DAY_S, J2000_JD, LIGHT_M_S, PARSEC_M},
+};
+
+/// The Earth's rate of rotation, rad/s of UT1.
+const ROTATION_RAD_S: f64 = 7.292_115_146_7e-5;
+/// SOFA's number of the ellipsoid WGS84.
+const WGS84: i32 = 1;
+
+/// A place on the Earth.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Place {
+    /// Geodetic latitude on WGS84, rad, north positive, at most a quarter turn.
+    pub latitude_rad: f64,
+    /// Longitude, rad, east positive.
+    pub longitude_rad: f64,
+    /// Height over the ellipsoid, m.
+    pub height_m: f64,
+}
+
+/// An observer at a moment.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Standpoint {
+    /// TT, s since J2000.0.
+    pub tt_s: f64,
+    /// Place from the barycentre, ICRS axes, m.
+    pub position_m: DVec3,
+    /// Velocity over that of light, ICRS axes.
+    pub velocity_c: DVec3,
+    /// From the axes of the horizon to those of ICRS.
+    pub icrs_from_horizon: DMat3,
+}
+
+impl Place {
+    /// The place at a moment, s since 2000-01-01T12:00:00 of civil time. Polar motion, at most 0.3 arcsec, is left out.
+    pub fn at(&self, time_s: f64, clock: &Clock) -> Standpoint {
+        let tt_s = clock.tt_s(time_s);
+        let icrs_from_earth = icrs_from_earth(time_s, clock);
+        let Ok(from_earth_m) = gd2gc(WGS84, self.longitude_rad, self.latitude_rad, self.height_m) else {
+            unreachable!("WGS84 is an ellipsoid that it knows")
+        };
+        let place_m = icrs_from_earth * DVec3::from_array(from_earth_m);
+        let rotation = icrs_from_earth * DVec3::Z * ROTATION_RAD_S;
+        let velocity_m_s = SolarBody::Earth.velocity_m_s(tt_s) + rotation.cross(place_m);
+        Standpoint {
+            tt_s,
+            position_m: SolarBody::Earth.barycentric_m(tt_s) + place_m,
+            velocity_c: velocity_m_s / LIGHT_M_S,
+            icrs_from_horizon: icrs_from_earth * self.earth_from_horizon(),
+        }
+    }
+}
+
+impl Place {
+    /// From the axes of the horizon to those of the rotating Earth.
+    fn earth_from_horizon(&self) -> DMat3 {
+        let zenith = direction_from_lon_lat(self.longitude_rad, self.latitude_rad);
+        let east = direction_from_lon_lat(self.longitude_rad + FRAC_PI_2, 0.0);
+        DMat3::from_cols(east, zenith, east.cross(zenith))
+    }
+
+    /// From the axes of the horizon to those of ICRS at a moment, as [`Place::at`] has them.
+    pub fn icrs_from_horizon(&self, time_s: f64, clock: &Clock) -> DMat3 {
+        icrs_from_earth(time_s, clock) * self.earth_from_horizon()
+    }
+}
+
+/// From the axes of the rotating Earth (z to the pole, x to Greenwich) to those of ICRS.
+fn icrs_from_earth(time_s: f64, clock: &Clock) -> DMat3 {
+    let [tt_days, ut1_days] = [clock.tt_s(time_s), clock.ut1_s(time_s)].map(|seconds| seconds / DAY_S);
+    DMat3::from_cols_array_2d(&c2t06a(J2000_JD, tt_days, J2000_JD, ut1_days, 0.0, 0.0))
+}
+
+impl Standpoint {
+    /// This place for what is drawn from another one, m.
+    pub(super) fn vantage(&self, origin_m: DVec3) -> Vantage {
+        let [position_pc, origin_pc] = [self.position_m, origin_m].map(|place_m| place_m / PARSEC_M);
+        Vantage { position_pc, velocity_c: self.velocity_c, origin_pc }
+    }
+
+    /// The moment of stars, seen from here.
+    pub fn of_stars(&self) -> Epoch {
+        let vantage = self.vantage(self.position_m);
+        Epoch { years: self.tt_s / (365.25 * DAY_S), seen_from: Some(vantage) }
+    }
+
+    /// Where a body is seen without air: its direction in ICRS axes, light time and aberration included, times its distance, m. The Sun's deflection of light, 0.02 arcsec at 20
+    /// degrees from it, is left out.
+    pub fn apparent_m(&self, body: SolarBody) -> DVec3 {
+        let place_m = body.astrometric_m(self.position_m, self.tt_s);
+        self.aberrated(place_m)
+    }
+
+    /// A direction of any length as the observer sees it.
+    pub fn aberrated(&self, direction: DVec3) -> DVec3 {
+        Motion::new(self.velocity_c).map_or(direction, |motion| motion.seen(direction).normalize() * direction.length())
+    }
+
+    /// Azimuth and altitude of a direction in ICRS axes, rad.
+    pub fn azimuth_altitude_rad(&self, direction: DVec3) -> [f64; 2] {
+        let local = self.icrs_from_horizon.transpose() * direction;
+        let (azimuth, altitude) = lon_lat_from_direction(DVec3::new(-local.z, local.x, local.y));
+        [azimuth, altitude]
+    }
+}
+
+/// Direction of azimuth and altitude, rad, in the axes of the horizon.
+pub fn horizontal_direction(azimuth_rad: f64, altitude_rad: f64) -> DVec3 {
+    let DVec3 { x: north, y: east, z: up } = direction_from_lon_lat(azimuth_rad, altitude_rad);
+    DVec3::new(east, up, -north)
+}

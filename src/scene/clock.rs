@@ -1,0 +1,123 @@
+//! The time of a scene, which may run.
+
+use std::time::{Duration, SystemTime};
+
+use super::{Camera, SceneSnapshot};
+use crate::{observer::Frame, scene::SceneObjects};
+
+/// By how much the sky turns from one step to the next, rad: 2 arcsec, below a tenth of a pixel of any view.
+const STEP_RAD: f64 = 1e-5;
+/// The Earth's rotation, rad/s.
+const EARTH_RAD_S: f64 = 7.292_115e-5;
+/// Steps are so long.
+const STEPS_S: [f64; 2] = [1.0 / 60.0, 1.0];
+/// The first and the last moment that is shown, s since 2000-01-01T12:00:00Z: the years 1 to 9999.
+const MOMENTS_S: [f64; 2] = [-6.306_3e10, 2.524_5e11];
+
+/// A moment that goes on at a rate, in steps so short that none is seen.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SceneClock {
+    /// The moment, s since 2000-01-01T12:00:00Z, at `since`.
+    pub time_s: f64,
+    /// Seconds of the scene for each second that goes by; negative: backwards.
+    pub rate: f64,
+    /// When it was set.
+    pub since: SystemTime,
+}
+
+impl SceneClock {
+    /// Fastest rate either way: ten years a second.
+    pub const MOST_RATE: f64 = 3.2e8;
+
+    /// A moment that stays.
+    pub fn stopped(time_s: f64) -> Self {
+        Self { time_s, rate: 0.0, since: SystemTime::UNIX_EPOCH }
+    }
+
+    /// A moment that goes on from now.
+    pub fn running(time_s: f64, rate: f64, now: SystemTime) -> Self {
+        Self { time_s, rate, since: now }
+    }
+
+    /// The moment at a time.
+    pub fn time_s(&self, now: SystemTime) -> f64 {
+        let [first, last] = MOMENTS_S;
+        (self.time_s + self.rate * self.step(now) as f64 * self.step_s()).clamp(first, last)
+    }
+
+    /// Number of the step that a time is in; frames of the same step show the same moment.
+    pub fn step(&self, now: SystemTime) -> u64 {
+        if self.rate == 0.0 {
+            return 0;
+        }
+        // Before it was set it has not gone on.
+        (now.duration_since(self.since).unwrap_or_default().as_secs_f64() / self.step_s()) as u64
+    }
+
+    /// How long it is until the next step; `None`: it stays.
+    pub fn next_step(&self, now: SystemTime) -> Option<Duration> {
+        let next_s = (self.step(now) + 1) as f64 * self.step_s();
+        let gone = now.duration_since(self.since).unwrap_or_default();
+        (self.rate != 0.0).then(|| Duration::from_secs_f64(next_s).saturating_sub(gone))
+    }
+
+    fn step_s(&self) -> f64 {
+        let [shortest, longest] = STEPS_S;
+        (STEP_RAD / (EARTH_RAD_S * self.rate.abs())).clamp(shortest, longest)
+    }
+}
+
+impl Camera {
+    /// The camera at another moment, s since 2000-01-01T12:00:00Z: it turns with the axes that it hangs on.
+    #[must_use]
+    pub fn carried(&self, objects: &SceneObjects, to_s: f64) -> Self {
+        let Some(observer) = objects.observer.as_ref().filter(|_| self.frame == Frame::Horizon && self.as_of_s != to_s)
+        else {
+            return *self;
+        };
+        let [before, after] = [self.as_of_s, to_s].map(|time_s| observer.icrs_from_horizon(time_s));
+        let turned = after * before.inverse() * self.world_from_camera;
+        Self { world_from_camera: turned.normalize(), as_of_s: to_s, ..*self }
+    }
+}
+
+impl SceneSnapshot {
+    /// The scene at another moment, s since 2000-01-01T12:00:00Z: bodies with an ephemeris are where they are then, and a camera that hangs on the horizon has turned with it. Stars
+    /// stay as they are ([`SeenStars`](super::SeenStars)).
+    #[must_use]
+    pub fn at(&self, time_s: f64) -> Self {
+        if time_s == self.objects.time_s {
+            return self.clone();
+        }
+        let camera = self.camera.carried(&self.objects, time_s);
+        Self { objects: self.objects.at(time_s).into(), camera, ..self.clone() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn time_goes_on_in_steps_forwards_and_backwards_or_stays() {
+        let start = SystemTime::UNIX_EPOCH + Duration::from_secs(1_000_000);
+        let after = |s: f64| start + Duration::from_secs_f64(s);
+        let stopped = SceneClock::stopped(5.0);
+        assert_eq!((stopped.time_s(after(1e6)), stopped.step(after(9.0)), stopped.next_step(start)), (5.0, 0, None));
+        for rate in [1.0, -1.0, 60.0, 86_400.0, -3e6] {
+            let clock = SceneClock::running(100.0, rate, start);
+            for s in [0.0, 0.01, 0.5, 3.7, 1000.0] {
+                let behind_s = (clock.time_s(after(s)) - 100.0 - rate * s) / -rate;
+                assert!((-1e-9..STEPS_S[1]).contains(&behind_s), "{rate} {s} {behind_s}");
+                let next = after(s) + clock.next_step(after(s)).expect("it runs") + Duration::from_micros(1);
+                assert_eq!(clock.step(next), clock.step(after(s)) + 1, "{rate} {s}");
+                assert!(
+                    clock.step_s() * rate.abs() * EARTH_RAD_S <= STEP_RAD.max(STEPS_S[0] * rate.abs() * EARTH_RAD_S)
+                );
+            }
+            assert_eq!(clock.time_s(SystemTime::UNIX_EPOCH), 100.0, "before it was set");
+        }
+        let fast = SceneClock::running(0.0, SceneClock::MOST_RATE, start);
+        assert_eq!(fast.time_s(after(1e6)), MOMENTS_S[1]);
+    }
+}

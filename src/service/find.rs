@@ -1,0 +1,205 @@
+//! `Find`: where a body or a star of a name is; and where a camera looks that is told by a direction or a name.
+
+use glam::{DQuat, DVec3};
+use tonic::Status;
+
+use super::{
+    convert::{sky_frame_from_pb, vector_to_pb},
+    handlers::{Service, refused},
+    identify::star_to_pb,
+    proto, refusals,
+};
+use crate::{
+    catalogue::bright::BrightStar,
+    coordinates::lon_lat_from_direction,
+    observer::{Frame, frame_from_camera},
+    plan::stars::identify::SeenStar,
+    relativity::Motion,
+    scene::{Camera, SceneSnapshot, bodies::Body},
+    units::{PARSEC_M, illuminance_lx_from_magnitude},
+};
+
+/// Longest name, characters.
+const MOST_NAME: usize = 64;
+/// Names that are told where one is not known.
+const SUGGESTIONS: usize = 8;
+
+/// A direction at rest as the camera sees it.
+fn seen(camera: &Camera, place: DVec3) -> DVec3 {
+    Motion::new(camera.velocity_c).map_or(place, |motion| motion.seen(place)).normalize_or_zero()
+}
+
+fn body_to_pb(camera: &Camera, body: &Body) -> proto::IdentifiedObject {
+    let from_camera_m = body.position_m - camera.position_m;
+    proto::IdentifiedObject {
+        kind: proto::ObjectKind::Body.into(),
+        name: body.name.clone(),
+        direction: Some(vector_to_pb(seen(camera, from_camera_m))),
+        distance_m: Some(from_camera_m.length()),
+        ..Default::default()
+    }
+}
+
+fn seen_star(camera: &Camera, BrightStar { star, .. }: &BrightStar) -> SeenStar {
+    let from_camera_pc = if star.distance_known { star.position - camera.position_m / PARSEC_M } else { star.position };
+    let distance_pc = star.distance_known.then(|| from_camera_pc.length());
+    let at_1_pc = f64::from(star.magnitude) - if star.distance_known { 5.0 } else { 0.0 };
+    SeenStar {
+        position: star.position,
+        direction: seen(camera, from_camera_pc),
+        separation_rad: 0.0,
+        illuminance_lx: illuminance_lx_from_magnitude(at_1_pc)
+            / distance_pc.map_or(1.0, |distance| distance * distance),
+        temperature_k: f64::from(star.temperature_k),
+        distance_pc,
+    }
+}
+
+/// What a name stands for: a body of the scene, or a star of the built-in table, by its name or its designation. The error names what comes near.
+fn found(scene: &SceneSnapshot, name: &str) -> Result<proto::IdentifiedObject, String> {
+    let camera = &scene.camera;
+    let is = |of: &str| of.to_lowercase() == name.to_lowercase();
+    if let Some(body) = scene.objects.bodies.iter().find(|body| is(&body.name)) {
+        return Ok(body_to_pb(camera, body));
+    }
+    let named = scene.stars.named();
+    if let Some(star) = named.iter().find(|star| (!star.name.is_empty() && is(star.name)) || is(star.designation)) {
+        return Ok(star_to_pb(&seen_star(camera, star), &scene.stars));
+    }
+    let start: String = name.to_lowercase().chars().take(2).collect();
+    let of_bodies = scene.objects.bodies.iter().map(|body| &body.name[..]);
+    let near = of_bodies.chain(named.iter().map(|star| star.name));
+    let near: Vec<&str> =
+        near.filter(|name| !name.is_empty() && name.to_lowercase().starts_with(&start)).take(SUGGESTIONS).collect();
+    let near = if near.is_empty() { String::new() } else { format!("; there are: {}", near.join(", ")) };
+    Err(format!("there is no body of the scene and no star `{name}`{near}"))
+}
+
+fn checked_name(name: &str, key: &str) -> Result<(), String> {
+    match name.chars().count() {
+        0 => Err(format!("{key}: it is missing")),
+        count if count > MOST_NAME => Err(format!("{key}: at most {MOST_NAME} characters are allowed")),
+        _ => Ok(()),
+    }
+}
+
+/// How a camera of a scene is turned that looks there, from its axes to those of ICRS, and the axes that it hangs on then.
+pub(super) fn turned(look: &proto::Look, scene: &SceneSnapshot) -> Result<(DQuat, Frame), String> {
+    let at = |problem: String| format!("look.{problem}");
+    let frame = sky_frame_from_pb(look.frame).map_err(at)?.unwrap_or(scene.camera.frame);
+    let Some(icrs_from_frame) = scene.objects.moment().icrs_from(frame) else {
+        return Err(at("frame: SKY_FRAME_HORIZON: the scene has no observer".to_owned()));
+    };
+    let proto::Look { longitude_deg, latitude_deg, roll_deg, .. } = *look;
+    for (key, value) in [("longitude_deg", longitude_deg), ("latitude_deg", latitude_deg), ("roll_deg", roll_deg)] {
+        if !value.is_finite() {
+            return Err(at(format!("{key} = {value}: a finite number is needed")));
+        }
+    }
+    let (longitude_rad, latitude_rad) = if look.at.is_empty() {
+        if latitude_deg.abs() > 90.0 {
+            return Err(at(format!("latitude_deg = {latitude_deg}: allowed are -90 to 90")));
+        }
+        let sign = if frame == Frame::Horizon { -1.0 } else { 1.0 };
+        (sign * longitude_deg.to_radians(), latitude_deg.to_radians())
+    } else {
+        if (longitude_deg, latitude_deg) != (0.0, 0.0) {
+            return Err(at("at: a direction is given too: exactly one of them is allowed".to_owned()));
+        }
+        checked_name(&look.at, "at").map_err(at)?;
+        let object = found(scene, &look.at).map_err(|problem| at(format!("at: {problem}")))?;
+        let direction = object.direction.map(|v| DVec3::new(v.x, v.y, v.z)).unwrap_or_default();
+        if direction == DVec3::ZERO {
+            return Err(at(format!("at: the camera is in the middle of `{}`", look.at)));
+        }
+        lon_lat_from_direction(icrs_from_frame.transpose() * direction)
+    };
+    let from_camera = frame_from_camera(longitude_rad, latitude_rad, roll_deg.to_radians());
+    Ok(((DQuat::from_mat3(&icrs_from_frame) * from_camera).normalize(), frame))
+}
+
+impl Service {
+    pub(super) fn found(&self, request: &proto::FindRequest) -> Result<proto::FindResponse, Status> {
+        checked_name(&request.name, "name").map_err(refusals::invalid)?;
+        let state = self.render.scene().map_err(refused)?;
+        let scene = self.render.snapshot(&state);
+        let object = found(&scene, &request.name).map_err(|problem| Status::not_found(format!("name: {problem}")))?;
+        Ok(proto::FindResponse {
+            object: Some(object),
+            camera_revision: scene.camera.revision,
+            scene_revision: scene.revision,
+        })
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::{
+        catalogue::chunks::StarSet,
+        observer::{Clock, Observer, Place},
+        scene::{SceneObjects, bodies::SolarBody},
+    };
+
+    fn scene() -> SceneSnapshot {
+        let place = Place { latitude_rad: 0.8, longitude_rad: 0.2, height_m: 100.0 };
+        let time_s = 8.2e8;
+        let observer = Observer::new(place, Clock::default(), time_s);
+        let mut mars = SolarBody::Mars.body("mars", DVec3::ZERO);
+        mars.ephemeris = Some(SolarBody::Mars);
+        let objects =
+            SceneObjects { bodies: vec![Arc::new(mars)], time_s, observer: Some(observer), ..Default::default() };
+        let stars = StarSet::default().of_epoch(observer.epoch.of_stars());
+        let camera = Camera { position_m: observer.epoch.position_m, ..Camera::default() };
+        SceneSnapshot { objects: Arc::new(objects.placed()), camera, ..SceneSnapshot::of_stars(stars) }
+    }
+
+    #[test]
+    fn bodies_and_stars_are_found_by_any_of_their_names_and_what_is_near_is_told() {
+        let scene = scene();
+        let direction = |name: &str| {
+            let direction = found(&scene, name).unwrap().direction.unwrap();
+            DVec3::new(direction.x, direction.y, direction.z)
+        };
+        let standpoint = scene.objects.observer.unwrap().epoch;
+        assert!(direction("Mars").angle_between(standpoint.apparent_m(SolarBody::Mars)) < 1e-9);
+        assert_eq!(direction("sirius"), direction("alf CMa"));
+        let sirius = found(&scene, "Sirius").unwrap();
+        assert!((sirius.v_mag.unwrap() + 1.46).abs() < 0.01 && sirius.name == "Sirius");
+        let problem = found(&scene, "Sirus").unwrap_err();
+        assert!(problem.contains("Sirius"), "{problem}");
+        assert!(found(&scene, "zzz").unwrap_err().ends_with("`zzz`"));
+    }
+
+    #[test]
+    fn a_look_leads_to_a_direction_of_its_frame_or_to_a_name() {
+        let scene = scene();
+        let look = |look: proto::Look| turned(&look, &scene);
+        let horizon = proto::SkyFrame::Horizon.into();
+        let (east, frame) = look(proto::Look { frame: horizon, longitude_deg: 90.0, ..Default::default() }).unwrap();
+        let standpoint = scene.objects.observer.unwrap().epoch;
+        assert_eq!(frame, Frame::Horizon);
+        assert!((east * DVec3::NEG_Z - standpoint.icrs_from_horizon * DVec3::X).length() < 1e-12);
+        assert!((east * DVec3::Y - standpoint.icrs_from_horizon * DVec3::Y).length() < 1e-12, "the zenith is up");
+        let (mars, _) = look(proto::Look { at: "Mars".to_owned(), ..Default::default() }).unwrap();
+        assert!((mars * DVec3::NEG_Z).angle_between(standpoint.apparent_m(SolarBody::Mars)) < 1e-7);
+        for (wrong, part) in [
+            (proto::Look { frame: 9, ..Default::default() }, "look.frame"),
+            (proto::Look { latitude_deg: 91.0, ..Default::default() }, "-90 to 90"),
+            (proto::Look { roll_deg: f64::NAN, ..Default::default() }, "look.roll_deg"),
+            (proto::Look { at: "Mars".to_owned(), latitude_deg: 1.0, ..Default::default() }, "exactly one"),
+            (proto::Look { at: "x".repeat(65), ..Default::default() }, "64"),
+            (proto::Look { at: "nowhere".to_owned(), ..Default::default() }, "no star `nowhere`"),
+        ] {
+            let problem = look(wrong).unwrap_err();
+            assert!(problem.contains(part), "{problem}");
+        }
+        let mut without = scene.clone();
+        without.objects = Arc::default();
+        let problem = turned(&proto::Look { frame: horizon, ..Default::default() }, &without).unwrap_err();
+        assert!(problem.contains("no observer"), "{problem}");
+    }
+}

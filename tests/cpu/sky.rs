@@ -1,0 +1,321 @@
+//! The sky over a place, from the configuration on: where the camera looks, where bodies are and how bright, and when eclipses begin and end.
+
+use std::{f64::consts::PI, path::Path};
+
+use serde::Deserialize;
+use steradian::{
+    catalogue::bright::named_bright_stars,
+    config::Config,
+    glam::DVec3,
+    observer::{Clock, Place, Standpoint},
+    photometry::rec709::luminance,
+    plan::bodies::light::illuminance_of,
+    scene::{
+        SceneObjects,
+        bodies::{Body, SolarBody, suns},
+    },
+    units::{ARCSECOND_RAD, magnitude_from_illuminance_lx},
+};
+
+fn parse(text: &str) -> Result<Config, String> {
+    Config::from_text(text, "sky.toml", Path::new("."), &[]).map_err(|error| error.to_string())
+}
+
+fn config(text: &str) -> Config {
+    parse(text).unwrap()
+}
+
+/// s since 2000-01-01T12:00:00Z.
+fn time_s(time: &str) -> f64 {
+    config(&format!("[scene]\ntime = {time}\n")).scene.time_s()
+}
+
+fn body<'a>(objects: &'a SceneObjects, name: &str) -> &'a Body {
+    objects.bodies.iter().find(|body| body.name == name).unwrap_or_else(|| panic!("no {name}"))
+}
+
+const GREENWICH: &str = "[scene.observer]\nlatitude_deg = 51.4779\nlongitude_deg = 0.0\nheight_m = 46\n";
+
+#[test]
+fn an_observer_has_the_solar_system_and_looks_along_the_horizon() {
+    let text = |look: &str| format!("[scene]\ntime = 2026-11-23T20:00:00Z\n{GREENWICH}{look}");
+    let south = config(&text(""));
+    let objects = south.objects().unwrap();
+    let names: Vec<&str> = objects.bodies.iter().map(|body| &body.name[..]).collect();
+    assert_eq!(names, ["sun", "mercury", "venus", "moon", "mars", "jupiter", "saturn", "uranus", "neptune"]);
+    let standpoint = objects.observer.unwrap().epoch;
+    let camera = south.camera().unwrap();
+    assert_eq!(camera.position_m, standpoint.position_m);
+    let axes = standpoint.icrs_from_horizon;
+    let close = |a: DVec3, b: DVec3| assert!((a - b).length() < 1e-12, "{a} {b}");
+    close(camera.world_from_camera * DVec3::NEG_Z, axes * DVec3::Z);
+    close(camera.world_from_camera * DVec3::Y, axes * DVec3::Y);
+    let west = config(&text("azimuth_deg = 270\naltitude_deg = 90\nroll_deg = 90\n")).camera().unwrap();
+    close(west.world_from_camera * DVec3::NEG_Z, axes * DVec3::Y);
+    // Looking to the zenith from the west, the top of the picture is east, and south is on the left.
+    close(west.world_from_camera * DVec3::Y, axes * DVec3::Z);
+    let at_moon = config(&text("look = { at = 'moon' }\n")).camera().unwrap();
+    let to_moon = (body(&objects, "moon").position_m - camera.position_m).normalize();
+    close(at_moon.world_from_camera * DVec3::NEG_Z, to_moon);
+    assert!((at_moon.world_from_camera * DVec3::X).dot(axes * DVec3::Y).abs() < 1e-12, "it stands upright");
+    let galactic = config(&text("look = { frame = 'galactic', longitude_deg = 0, latitude_deg = 0 }\n"));
+    let centre = galactic.camera().unwrap().world_from_camera * DVec3::NEG_Z;
+    close(centre, steradian::coordinates::icrs_from_galactic() * DVec3::X);
+    // An hour later the horizon has turned by 15 degrees and a little more, and the camera with it.
+    let later = south.camera_at(south.scene.time_s() + 3600.0).unwrap();
+    let turned_deg = later.world_from_camera.angle_between(camera.world_from_camera).to_degrees();
+    assert!((turned_deg - 15.041).abs() < 1e-3, "{turned_deg}");
+    let carried = camera.carried(&objects, south.scene.time_s() + 3600.0);
+    assert!(carried.world_from_camera.angle_between(later.world_from_camera) < 1e-7);
+}
+
+#[test]
+fn bodies_of_the_solar_system_give_way_to_those_of_the_configuration() {
+    let text = "[scene]\ntime = 2026-11-23T20:00:00Z\nsolar_system = true\n\
+                [[bodies]]\nname = 'red'\npreset = 'mars'\nposition_m = [1, 2, 3]\n\
+                [[bodies]]\nname = 'luna'\nephemeris = 'moon'\nradius_m = 1e6\ngeometric_albedo = 0.1\n";
+    let objects = config(text).objects().unwrap();
+    assert_eq!(objects.bodies.len(), 10);
+    assert!(!objects.bodies.iter().any(|body| ["mars", "moon"].contains(&&body.name[..])));
+    let luna = body(&objects, "luna");
+    let tdb_s = Clock::default().tt_s(time_s("2026-11-23T20:00:00Z"));
+    assert!((luna.position_m - SolarBody::Moon.barycentric_m(tdb_s)).length() < 1.0);
+    assert_eq!(luna.surface.phase_curve, None);
+    assert!(body(&objects, "earth").surface.phase_curve.is_some());
+    assert!(config("[scene]\n").objects().unwrap().bodies.is_empty());
+}
+
+#[test]
+fn mistakes_are_told_with_key_and_what_is_allowed() {
+    let on = |rest: &str| format!("{GREENWICH}{rest}");
+    for (text, parts) in [
+        ("[scene.observer]\nlatitude_deg = 3\n".to_owned(), &["longitude_deg", "missing"][..]),
+        ("[scene.observer]\nlatitude_deg = 91\nlongitude_deg = 3\n".to_owned(), &["latitude_deg", "-90 to 90"]),
+        (on("altitude_deg = 100\n"), &["scene.observer.altitude_deg", "-90 to 90"]),
+        (on("azimuth_deg = 1\nlook = { at = 'moon' }\n"), &["scene.observer.azimuth_deg", "look is given too"]),
+        (on("look = { at = 'pluto' }\n"), &["scene.observer.look.at", "no such body", "neptune"]),
+        (on("[scene.camera]\nposition_m = [1, 2, 3]\n"), &["scene.camera", "scene.observer is given too"]),
+        (
+            "[scene.camera]\nlook = { azimuth_deg = 1, altitude_deg = 1 }\n".to_owned(),
+            &["camera.look.frame", "observer"],
+        ),
+        (
+            "[scene.camera]\norientation = [0, 0, 0, 1]\nlook = { ra_deg = 1, dec_deg = 1 }\n".to_owned(),
+            &["camera.look", "at most one"],
+        ),
+        ("[scene]\ntime = 'soon'\n".to_owned(), &["scene.time"]),
+        ("[scene]\ntime_rate = 1e9\n".to_owned(), &["scene.time_rate", "-320000000 to 320000000"]),
+        (
+            "[[bodies]]\nname = 'm'\npreset = 'mars'\nephemeris = 'mars'\nposition_m = [1, 2, 3]\n".to_owned(),
+            &["position_m", "ephemeris is given too"],
+        ),
+        ("[[bodies]]\nname = 'm'\nephemeris = 'pluto'\n".to_owned(), &["ephemeris", "neptune"]),
+        (
+            "[[bodies]]\nname = 'm'\nposition_m = [1, 2, 3]\nradius_m = 1\ngeometric_albedo = 1\nphase_curve = true\n"
+                .to_owned(),
+            &["phase_curve", "preset"],
+        ),
+    ] {
+        let message = parse(&text).expect_err(&text);
+        for part in parts {
+            assert!(message.contains(part), "`{part}` is not in: {message}");
+        }
+    }
+    let now = config("[scene]\ntime = 'now'\n");
+    assert_eq!(now.scene.time_rate, 1.0);
+    assert!(!now.pictured.contains("now") && now.pictured.contains("time_rate"), "{}", now.pictured);
+    assert!(now.scene.time_s() > time_s("2026-01-01T00:00:00Z"));
+}
+
+#[derive(Deserialize)]
+struct MagnitudeRow {
+    object: String,
+    time: String,
+    phase_deg: f64,
+    v_mag: f64,
+}
+
+/// Light of a body as the observer has it, V, and its phase angle, degrees.
+fn seen(objects: &SceneObjects, name: &str) -> (f64, f64) {
+    let eye_m = objects.observer.unwrap().epoch.position_m;
+    let of = body(objects, name);
+    let light = luminance(illuminance_of(of, eye_m, &suns(objects), objects.time_s));
+    let to_sun_m = body(objects, "sun").position_m - of.position_m;
+    (magnitude_from_illuminance_lx(light), to_sun_m.angle_between(eye_m - of.position_m).to_degrees())
+}
+
+/// Largest error of each planet's magnitude over ten phases, and of Mars that of the mean.
+fn magnitude_errors(of: &str) -> Vec<(String, f64)> {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/planet_magnitudes.csv");
+    let mut reader = csv::ReaderBuilder::new().comment(Some(b'#')).from_path(file).unwrap();
+    let rows: Vec<MagnitudeRow> = reader.deserialize().collect::<Result<_, _>>().unwrap();
+    let mut errors: Vec<(String, Vec<f64>)> = Vec::new();
+    for row in rows {
+        let objects = config(&format!("[scene]\ntime = {}\n{GREENWICH}{of}", row.time)).objects().unwrap();
+        let (v_mag, phase_deg) = seen(&objects, &row.object);
+        assert!((phase_deg - row.phase_deg).abs() < 0.02, "{} {}: {phase_deg}", row.object, row.time);
+        match errors.iter_mut().find(|(object, _)| *object == row.object) {
+            Some((_, errors)) => errors.push(v_mag - row.v_mag),
+            None => errors.push((row.object, vec![v_mag - row.v_mag])),
+        }
+    }
+    let of_planet = |(object, errors): (String, Vec<f64>)| {
+        assert_eq!(errors.len(), 10);
+        let mean = errors.iter().sum::<f64>() / 10.0;
+        let worst = errors.iter().fold(0.0_f64, |worst, error| worst.max(error.abs()));
+        (object.clone(), if object == "mars" { mean.abs() } else { worst })
+    };
+    errors.into_iter().map(of_planet).collect()
+}
+
+#[test]
+fn planets_are_as_bright_as_published_at_ten_phases() {
+    for (object, error) in magnitude_errors("") {
+        println!("{object}: {error:.3} mag");
+        // Measured: below 0.03, Mars (the mean over its rotation) 0.03.
+        let most = if object == "saturn" { 0.15 } else { 0.1 };
+        assert!(error < most, "{object}: {error}");
+    }
+    // A Lambert sphere is no Mercury.
+    let wrong = magnitude_errors(
+        "[[bodies]]\nname = 'mercury'\npreset = 'mercury'\nephemeris = 'mercury'\nphase_curve = false\n",
+    );
+    assert!(wrong.iter().any(|(object, error)| object == "mercury" && *error > 1.0), "{wrong:?}");
+}
+
+#[test]
+fn the_moon_is_as_bright_as_published_at_ten_phases() {
+    // Allen, Astrophysical Quantities, 3rd edition, section 66: magnitude less that of the full Moon, -12.73 at mean distance, against phase.
+    const ALLEN: [[f64; 2]; 10] = [
+        [10.0, 0.23],
+        [20.0, 0.51],
+        [30.0, 0.79],
+        [40.0, 1.06],
+        [50.0, 1.35],
+        [70.0, 1.91],
+        [80.0, 2.24],
+        [90.0, 2.63],
+        [110.0, 3.48],
+        [120.0, 3.93],
+    ];
+    let moon = SolarBody::Moon.body("moon", DVec3::ZERO);
+    let sun = SolarBody::Sun.body("sun", DVec3::X * 1.495_978_707e11);
+    let objects = SceneObjects { bodies: vec![sun.into(), moon.clone().into()], ..SceneObjects::default() };
+    let suns = suns(&objects);
+    for [phase_deg, fainter] in ALLEN {
+        let (sin, cos) = f64::to_radians(phase_deg).sin_cos();
+        let light = luminance(illuminance_of(&moon, DVec3::new(cos, sin, 0.0) * 3.844e8, &suns, 0.0));
+        let error = magnitude_from_illuminance_lx(light) - (-12.73 + fainter);
+        println!("{phase_deg}: {error:+.3} mag");
+        assert!(error.abs() < 0.1, "{phase_deg}: {error}");
+    }
+    // The opposition surge: full it is brighter by a third than the line through other phases has it.
+    let full = magnitude_from_illuminance_lx(luminance(illuminance_of(&moon, DVec3::X * 3.844e8, &suns, 0.0)));
+    assert!((full + 12.73 + 2.5 * 1.35_f64.log10()).abs() < 0.05, "{full}");
+}
+
+/// When a quantity is 0 between two moments, s, of which one is on either side.
+fn root(mut low_s: f64, mut high_s: f64, of: impl Fn(f64) -> f64) -> f64 {
+    let is_above = of(low_s) > 0.0;
+    assert!(is_above != (of(high_s) > 0.0), "nothing begins or ends between them");
+    while high_s - low_s > 0.01 {
+        let middle_s = 0.5 * (low_s + high_s);
+        if (of(middle_s) > 0.0) == is_above { low_s = middle_s } else { high_s = middle_s }
+    }
+    low_s
+}
+
+/// Radii that the scene's bodies have, m: of the Moon k = 0.27240 of the Earth's.
+fn radius_m(of: SolarBody) -> f64 {
+    of.body("x", DVec3::ZERO).radii_m.x
+}
+
+#[test]
+fn the_solar_eclipse_at_luxor_has_the_contacts_of_de440() {
+    let place =
+        Place { latitude_rad: 25.6872_f64.to_radians(), longitude_rad: 32.6396_f64.to_radians(), height_m: 76.0 };
+    let clock = Clock { ut1_minus_utc_s: 0.1032, delta_t_s: None };
+    let gap = |time_s: f64, within: bool| {
+        let standpoint = place.at(time_s, &clock);
+        let [sun_m, moon_m] = [SolarBody::Sun, SolarBody::Moon].map(|of| standpoint.apparent_m(of));
+        let [sun, moon] =
+            [(sun_m, SolarBody::Sun), (moon_m, SolarBody::Moon)].map(|(at, of)| (radius_m(of) / at.length()).asin());
+        sun_m.angle_between(moon_m) - if within { (moon - sun).abs() } else { moon + sun }
+    };
+    // Skyfield 1.55 with DE440, the same radii (Sun 695,700 km, Moon 1737.4 km), mean limb.
+    for (contact, between, expected) in [
+        ("first", ["08:30", "09:00"], "08:40:19.617"),
+        ("second", ["09:55", "10:05"], "10:02:05.826"),
+        ("third", ["10:05", "10:20"], "10:08:30.698"),
+        ("fourth", ["11:00", "12:00"], "11:26:33.004"),
+    ] {
+        let [from_s, to_s] = between.map(|time| time_s(&format!("2027-08-02T{time}:00Z")));
+        let within = matches!(contact, "second" | "third");
+        let found_s = root(from_s, to_s, |time_s| gap(time_s, within));
+        let error_s = found_s - time_s(&format!("2027-08-02T{expected}Z"));
+        println!("{contact} contact: {error_s:+.2} s");
+        assert!(error_s.abs() < 1.5, "{contact}: {error_s} s");
+    }
+}
+
+#[test]
+fn the_lunar_eclipse_of_2025_has_the_contacts_of_de440() {
+    // The shadow of an Earth of 6378.137 km, larger by Danjon's hundredth of the Moon's parallax.
+    let gap = |time_s: f64, sun_sign: f64, moon_sign: f64| {
+        let tdb_s = Clock::default().tt_s(time_s);
+        let earth_m = SolarBody::Earth.barycentric_m(tdb_s);
+        let velocity_c = SolarBody::Earth.velocity_m_s(tdb_s) / 299_792_458.0;
+        let centre = Standpoint {
+            tt_s: tdb_s,
+            position_m: earth_m,
+            velocity_c,
+            icrs_from_horizon: steradian::glam::DMat3::IDENTITY,
+        };
+        let [sun_m, moon_m] = [SolarBody::Sun, SolarBody::Moon].map(|of| centre.apparent_m(of));
+        let angle = |radius_m: f64, at_m: DVec3| (radius_m / at_m.length()).asin();
+        let earth_radius_m = 6_378_137.0;
+        let shadow = 1.01 * angle(earth_radius_m, moon_m)
+            + angle(earth_radius_m, sun_m)
+            + sun_sign * angle(radius_m(SolarBody::Sun), sun_m);
+        PI - sun_m.angle_between(moon_m) - shadow - moon_sign * angle(radius_m(SolarBody::Moon), moon_m)
+    };
+    // Skyfield 1.55 with DE440, the same rule; published (F. Espenak, EclipseWise: 15:28:25, 16:27:09, 17:30:48, 18:52:51, 19:56:31, 20:55:08) within 3 s.
+    for (contact, signs, between, expected) in [
+        ("P1", [1.0, 1.0], ["15:10", "15:50"], "15:28:27"),
+        ("U1", [-1.0, 1.0], ["16:10", "16:50"], "16:27:07"),
+        ("U2", [-1.0, -1.0], ["17:10", "17:50"], "17:30:45"),
+        ("U3", [-1.0, -1.0], ["18:30", "19:10"], "18:52:54"),
+        ("U4", [-1.0, 1.0], ["19:30", "20:20"], "19:56:33"),
+        ("P4", [1.0, 1.0], ["20:30", "21:20"], "20:55:07"),
+    ] {
+        let [from_s, to_s] = between.map(|time| time_s(&format!("2025-09-07T{time}:00Z")));
+        let found_s = root(from_s, to_s, |time_s| gap(time_s, signs[0], signs[1]));
+        let error_s = found_s - time_s(&format!("2025-09-07T{expected}Z"));
+        println!("{contact}: {error_s:+.1} s");
+        assert!(error_s.abs() < 4.0, "{contact}: {error_s} s");
+    }
+}
+
+#[test]
+fn stars_move_and_are_seen_where_an_observer_sees_them() {
+    let dome = "[[views]]\nname = 'd'\ntype = 'dome_master'\nsize = [8, 8]\n";
+    let text = format!("[scene]\ntime = 2026-11-23T20:00:00Z\n{GREENWICH}{dome}");
+    let config = config(&text);
+    let epoch = config.epoch();
+    assert!((epoch.years - 26.894).abs() < 1e-3, "{}", epoch.years);
+    let (stars, _) = steradian::scene::loader::load_stars(&config.star_sources(), &epoch, &mut |_| ()).unwrap();
+    let vantage = epoch.seen_from.unwrap();
+    let at = |name: &str, years: f64| {
+        let star = named_bright_stars(years).into_iter().find(|star| star.name == name).unwrap().star;
+        assert!(star.distance_known);
+        star.position - vantage.position_pc
+    };
+    // Arcturus: 2.28 arcsec a year.
+    let moved_arcsec = at("Arcturus", 0.0).angle_between(at("Arcturus", epoch.years)) / ARCSECOND_RAD;
+    assert!((moved_arcsec / epoch.years - 2.28).abs() < 0.03, "{moved_arcsec}");
+    let seen = stars.named().iter().find(|star| star.name == "Arcturus").unwrap().star.position - vantage.position_pc;
+    let aberrated = config.objects().unwrap().observer.unwrap().epoch.aberrated(at("Arcturus", epoch.years));
+    assert!(seen.angle_between(aberrated) / ARCSECOND_RAD < 0.01);
+    let shift_arcsec = seen.angle_between(at("Arcturus", epoch.years)) / ARCSECOND_RAD;
+    assert!((5.0..21.0).contains(&shift_arcsec), "{shift_arcsec}");
+}

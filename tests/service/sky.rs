@@ -1,0 +1,143 @@
+//! An observer's scene in a running daemon: its time runs, the camera hangs on the horizon, and bodies are found by name.
+
+use std::{path::Path, sync::Arc, time::Duration};
+
+use steradian::{
+    config::Config,
+    glam::DVec3,
+    observer::Frame,
+    output::Encoding,
+    scene::{Camera, SceneObjects},
+    service::{CameraUpdate, Client, SceneUpdate, ServeOptions},
+};
+use tokio::time::sleep;
+use tonic::Code;
+
+use crate::daemon::{Daemon, small_rig, within};
+
+const CONFIG: &str = "[scene]\ntime = 2026-11-23T20:00:00Z\n[scene.observer]\nlatitude_deg = 48\nlongitude_deg = 11\n";
+
+fn observed() -> (Config, Camera, Arc<SceneObjects>) {
+    let config = Config::from_text(CONFIG, "sky.toml", Path::new("."), &[]).unwrap();
+    let (camera, objects) = (config.camera().unwrap(), Arc::new(config.objects().unwrap()));
+    (config, camera, objects)
+}
+
+fn with_sky(options: &mut ServeOptions) {
+    let (config, camera, objects) = observed();
+    options.clock = Some(config.clock());
+    options.scene.camera = camera;
+    options.scene.objects = objects;
+}
+
+fn time(time_s: Option<f64>, time_rate: Option<f64>) -> SceneUpdate {
+    SceneUpdate { time_s, time_rate, ..SceneUpdate::default() }
+}
+
+/// Where a body is told to be.
+async fn place_m(client: &mut Client, name: &str) -> DVec3 {
+    let scene = client.scene().await.unwrap();
+    scene.bodies.iter().find(|form| form.body.name == name).unwrap().body.position_m
+}
+
+#[tokio::test]
+async fn time_is_set_runs_either_way_and_stops_and_bodies_and_the_camera_follow() {
+    let daemon = Daemon::start_with(small_rig(), with_sky).await;
+    let mut client = daemon.client().await;
+    let (config, camera, objects) = observed();
+    let begin_s = objects.time_s;
+    assert_eq!((client.scene().await.unwrap().time_s, client.scene().await.unwrap().time_rate), (begin_s, 0.0));
+    let before = client.camera().await.unwrap();
+    assert_eq!((before.frame, before.revision), (Frame::Horizon, 0));
+    // Set: an hour later.
+    client.update_scene(&time(Some(begin_s + 3600.0), None), None).await.unwrap();
+    let later = objects.at(begin_s + 3600.0);
+    let expected_m = later.bodies.iter().find(|body| body.name == "moon").unwrap().position_m;
+    assert!((place_m(&mut client, "moon").await - expected_m).length() < 1.0);
+    let turned = client.camera().await.unwrap();
+    let expected = config.camera_at(begin_s + 3600.0).unwrap();
+    assert!(turned.world_from_camera.angle_between(expected.world_from_camera) < 1e-7);
+    assert_eq!((turned.revision, turned.position_m), (0, camera.position_m), "nobody has moved it");
+    // Runs, forwards and backwards, an hour for each second, and frames come as it goes.
+    for rate in [3600.0, -3600.0] {
+        let scene = client.update_scene(&time(None, Some(rate)), None).await.unwrap();
+        let mut frames = client.stream_frames("flat", Encoding::Rgba8, 0.0).await.unwrap();
+        let first = within(frames.next()).await.unwrap().expect("a frame");
+        let mut last = within(frames.next()).await.unwrap().expect("a frame");
+        for _ in 0..5 {
+            last = within(frames.next()).await.unwrap().expect("a frame");
+        }
+        let angle = first.camera.world_from_camera.angle_between(last.camera.world_from_camera);
+        assert!(angle > 1e-4 && first.scene_revision == last.scene_revision, "{angle}");
+        let now = client.scene().await.unwrap();
+        assert!((now.time_s - scene.time_s) * rate > 0.0 && now.revision == scene.revision);
+    }
+    // Stops.
+    let stopped = client.update_scene(&time(None, Some(0.0)), None).await.unwrap();
+    sleep(Duration::from_millis(50)).await;
+    assert_eq!(client.scene().await.unwrap().time_s, stopped.time_s);
+    let error = client.update_scene(&time(None, Some(1e9)), None).await.unwrap_err();
+    assert!(error.code() == Some(Code::InvalidArgument) && error.to_string().contains("time_rate"), "{error}");
+    daemon.shutdown().await.unwrap();
+}
+
+#[tokio::test]
+async fn names_are_found_and_the_camera_is_pointed_at_them() {
+    let daemon = Daemon::start_with(small_rig(), with_sky).await;
+    let mut client = daemon.client().await;
+    let mars = client.find("Mars").await.unwrap();
+    assert!(mars.is_body && mars.distance_m.unwrap() > 5e10);
+    let camera = client.look_at("mars", Some(Frame::Horizon)).await.unwrap();
+    assert!((camera.world_from_camera * DVec3::NEG_Z).angle_between(mars.direction) < 1e-7);
+    assert_eq!((camera.frame, camera.revision), (Frame::Horizon, 1));
+    // A planet is smaller than a pixel: who points beside it means it.
+    let beside = (mars.direction + mars.direction.any_orthonormal_vector() * 2e-3).normalize();
+    let identified = client.identify(beside, 0.0, 0).await.unwrap();
+    assert_eq!(identified[0].name, "mars", "{identified:?}");
+    assert!((identified[0].separation_deg - 2e-3_f64.to_degrees()).abs() < 1e-4);
+    let star = client.find("alf cma").await.unwrap();
+    assert_eq!((star.name.as_str(), star.is_body), ("Sirius", false));
+    let error = client.find("Pluto").await.unwrap_err();
+    assert!(error.code() == Some(Code::NotFound) && error.to_string().contains("Pluto"), "{error}");
+    // On other axes it stays where it looks while time goes on.
+    let fixed = client.set_camera(&CameraUpdate { frame: Some(Frame::Icrs), ..CameraUpdate::default() }).await.unwrap();
+    let now_s = client.scene().await.unwrap().time_s;
+    client.update_scene(&time(Some(now_s + 7200.0), None), None).await.unwrap();
+    assert_eq!(client.camera().await.unwrap().world_from_camera, fixed.world_from_camera);
+    daemon.shutdown().await.unwrap();
+    let daemon = Daemon::start(small_rig()).await;
+    let mut client = daemon.client().await;
+    let error = client.look_at("Sirius", Some(Frame::Horizon)).await.unwrap_err();
+    assert!(error.code() == Some(Code::InvalidArgument) && error.to_string().contains("no observer"), "{error}");
+    daemon.shutdown().await.unwrap();
+}
+
+#[tokio::test]
+async fn a_clock_that_runs_goes_on_after_a_restart_and_a_snapshot_has_its_moment() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("state.redb");
+    let start = || {
+        let state = path.clone();
+        Daemon::start_with(small_rig(), |options| {
+            with_sky(options);
+            options.state = Some(state);
+        })
+    };
+    let daemon = start().await;
+    let mut client = daemon.client().await;
+    let begin_s = client.scene().await.unwrap().time_s;
+    client.update_scene(&time(None, Some(1000.0)), None).await.unwrap();
+    client.save_snapshot("evening").await.unwrap();
+    drop(client);
+    daemon.shutdown().await.unwrap();
+    sleep(Duration::from_millis(200)).await;
+    let daemon = start().await;
+    let mut client = daemon.client().await;
+    let scene = client.scene().await.unwrap();
+    assert!(scene.time_rate == 1000.0 && scene.time_s > begin_s + 200.0, "{} s", scene.time_s - begin_s);
+    let gone_s = scene.time_s - begin_s;
+    client.load_snapshot("evening", None).await.unwrap();
+    let restored = client.scene().await.unwrap();
+    assert!(restored.time_rate == 1000.0 && restored.time_s - begin_s < gone_s, "{}", restored.time_s - begin_s);
+    daemon.shutdown().await.unwrap();
+}
