@@ -54,6 +54,14 @@ pub struct Motion {
     pub beta: f64,
 }
 
+/// The direction in which an observer of a velocity, in units of the speed of light, sees what is at `place` from the eye in the world's frame: a unit vector; 0 of what is at the eye.
+pub fn seen_direction(velocity_c: DVec3, place: DVec3) -> DVec3 {
+    if place == DVec3::ZERO {
+        return DVec3::ZERO;
+    }
+    Motion::new(velocity_c).map_or(place, |motion| motion.seen(place)).normalize_or_zero()
+}
+
 impl Motion {
     /// The motion of a velocity in units of the speed of light, which must be shorter than 1; `None` at rest.
     pub fn new(velocity_c: DVec3) -> Option<Self> {

@@ -16,6 +16,15 @@ pub const DAY_S: f64 = 86_400.0;
 /// The Julian date of J2000.0, 2000-01-01T12:00:00.
 pub const J2000_JD: f64 = 2_451_545.0;
 
+/// One Julian year, s.
+pub const JULIAN_YEAR_S: f64 = 365.25 * DAY_S;
+
+/// J2000.0 in s since 1970-01-01T00:00:00Z, by days of 86,400 s.
+pub const J2000_UNIX_S: f64 = 946_728_000.0;
+
+/// The Earth's rate of rotation, rad/s of UT1 (IERS Conventions 2010).
+pub const EARTH_ROTATION_RAD_S: f64 = 7.292_115_146_7e-5;
+
 /// One arcsecond in radians.
 pub const ARCSECOND_RAD: f64 = std::f64::consts::PI / 648_000.0;
 

@@ -4,8 +4,10 @@
 // src/reference/stars.rs.
 
 #import constants/counters
+#import constants/rec709
 #import constants/star_light
 #import constants/units
+#import shared/air_mass
 #import shared/occlusion
 #import shared/projection
 #import shared/splat
@@ -28,6 +30,18 @@ struct StarParameters {
     unused_2: u32,
     // How the camera moves.
     camera_motion: CameraMotion,
+    // The air around it.
+    air: StarAir,
+}
+
+struct StarAir {
+    // Unit vector to the zenith, world axes.
+    zenith: vec3<f32>,
+    // 1: there is air.
+    present: u32,
+    // Power of two by which light becomes less for each air mass, linear Rec. 709.
+    extinction: vec3<f32>,
+    unused_0: u32,
 }
 
 @group(0) @binding(0) var<uniform> parameters: StarParameters;
@@ -71,6 +85,14 @@ fn splat_stars(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocatio
                 illuminance *= light_factor(colour_index, seen.w);
                 colour_index = table_index(i32(round(f32(colour_index) + doppler_steps(seen.w))));
             }
+            var colour = colours[colour_index].xyz;
+            if parameters.air.present != 0u {
+                let sine = dot(relative, parameters.air.zenith) * inverseSqrt(dot(relative, relative));
+                colour *= exp2(parameters.air.extinction * air_mass(sine));
+                let kept = dot(colour, LUMINANCE_WEIGHTS);
+                illuminance *= kept;
+                colour /= kept;
+            }
             // A star at the camera's place has no direction; the comparison is also false for NaN.
             if !(illuminance >= parameters.faintest_lx && illuminance < parameters.brightest_lx && distance_squared > 0.0) {
                 continue;
@@ -94,7 +116,7 @@ fn splat_stars(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocatio
                 }
             }
             let scale = illuminance * visible * parameters.units_per_lx;
-            splat(tile, viewport, direction, pixel, peak, colours[colour_index].xyz, scale, item.first_number + i);
+            splat(tile, viewport, direction, pixel, peak, colour, scale, item.first_number + i);
             drawn += select(0u, 1u, holds_image(tile, viewport, pixel));
         }
         if drawn > 0u {

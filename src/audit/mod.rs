@@ -151,6 +151,12 @@ fn reasons_against(of: &AuditedScene<'_>) -> Vec<String> {
     if !matches!(glare, GlareMethod::None | GlareMethod::SkyCube) {
         reasons.push(format!("the glare method {}: a published one, which keeps no budget", glare.name()));
     }
+    if objects.surroundings.is_some() {
+        reasons.push(
+            "the ground and the air around an observer: what they cover and scatter has no twin by the pixel"
+                .to_owned(),
+        );
+    }
     let count = |count: usize, one: &str, many: &str| format!("{count} {}", if count == 1 { one } else { many });
     if !objects.bodies.is_empty() {
         let bodies = count(objects.bodies.len(), "body", "bodies");

@@ -5,7 +5,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::{StarRecord, chunks::StarSet, store::records_of};
-use crate::relativity::Motion;
+use crate::relativity::seen_direction;
 
 /// When stars are seen, and from where and how fast. The default: at J2000.0, by one at rest.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -44,10 +44,8 @@ impl Epoch {
 fn turned(star: StarRecord, from_pc: DVec3, velocity_c: DVec3, to_pc: DVec3) -> StarRecord {
     let [from_pc, to_pc] = [from_pc, to_pc].map(|place_pc| if star.distance_known { place_pc } else { DVec3::ZERO });
     let place = star.position - from_pc;
-    let seen = Motion::new(velocity_c).map_or(place, |motion| motion.seen(place));
-    // A star at the very place has no direction.
-    let direction = seen.try_normalize().unwrap_or(DVec3::X);
-    StarRecord { position: to_pc + direction * place.length(), ..star }
+    // A star at the very place stays there.
+    StarRecord { position: to_pc + seen_direction(velocity_c, place) * place.length(), ..star }
 }
 
 /// Stars as they are seen from another vantage; their own motion stays as it is.

@@ -229,7 +229,7 @@ impl Drawing {
                 self.scene.objects = self.objects_with(patterned);
             }
             let time_s = self.clock.time_s(SystemTime::now());
-            self.scene = SceneSnapshot { stars: self.stars.at(time_s), ..self.scene.at(time_s) };
+            self.scene = self.stars.scene_at(&self.scene, time_s);
             let shown = lock(&self.viewer.shown).clone();
             if !shown.contains(&true) {
                 thread::sleep(PATIENCE);

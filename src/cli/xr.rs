@@ -102,7 +102,7 @@ impl Host for Wearer {
         (!enough && !self.ended.load(Ordering::Relaxed)).then(|| {
             let mut shown = lock(&self.shown);
             let time_s = self.clock.time_s(SystemTime::now());
-            shown.snapshot = SceneSnapshot { stars: self.stars.at(time_s), ..shown.snapshot.at(time_s) };
+            shown.snapshot = self.stars.scene_at(&shown.snapshot, time_s);
             shown.clone()
         })
     }

@@ -209,6 +209,7 @@ impl BodyConfig {
             spin,
             surface: Surface { law, geometric_albedo, phase_curve, texture: None },
             emission: None,
+            seen_through: [1.0; 3],
         };
         body.check().map_err(|error| match error.key {
             "radii_m" if self.radius_m.is_some() => Fault::new("radius_m", error.problem),

@@ -207,23 +207,17 @@ impl Keyframe {
 }
 
 impl KeyframeTable {
-    /// The axes to which its orientation leads, if it has one.
-    fn frame(&self) -> Result<Option<Frame>, Fault> {
-        match &self.look {
-            Some(look) => look.aim().map(|aim| Some(aim.frame)).map_err(|fault| fault.within("look")),
-            None => Ok(self.orientation.map(|_| Frame::Icrs)),
-        }
-    }
-
-    fn keyframe(self) -> Result<Keyframe, Fault> {
+    /// The keyframe, and the axes to which its orientation leads, if it has one.
+    fn keyframe(self) -> Result<(Keyframe, Option<Frame>), Fault> {
         let orientation = |value: [f64; 4]| {
-            crate::scene::unit_quaternion(value).map_err(|error| Fault::new("orientation", error.to_string()))
+            let turned = crate::scene::unit_quaternion(value);
+            turned.map(|turned| (turned, Frame::Icrs)).map_err(|error| Fault::new("orientation", error.to_string()))
         };
         let look = |look: Look| {
-            let Aim { towards, roll_rad, .. } = look.aim().map_err(|fault| fault.within("look"))?;
+            let Aim { frame, towards, roll_rad } = look.aim().map_err(|fault| fault.within("look"))?;
             match towards {
                 Towards::Direction([longitude_rad, latitude_rad]) => {
-                    Ok(frame_from_camera(longitude_rad, latitude_rad, roll_rad))
+                    Ok((frame_from_camera(longitude_rad, latitude_rad, roll_rad), frame))
                 }
                 Towards::Body(_) => Err(Fault::new("look.at", "keyframes have directions: at is not allowed")),
             }
@@ -248,9 +242,10 @@ impl KeyframeTable {
                 .map(|camera| camera.velocity_c)
                 .map_err(|error: PoseError| Fault::new("velocity_c", error.to_string()))
         };
+        let turned = either(["orientation", "look"], self.orientation, self.look, orientation, look)?;
         let values = FrameValues {
             position_m: self.position_m.map(|value| vector("position_m", value)).transpose()?,
-            frame_from_camera: either(["orientation", "look"], self.orientation, self.look, orientation, look)?,
+            frame_from_camera: turned.map(|(turned, _)| turned),
             time_s: self.time.map(time).transpose()?,
             fov: either(
                 ["fov_scale", "fov_y_deg"],
@@ -272,7 +267,7 @@ impl KeyframeTable {
                 .transpose()?,
             velocity_c: self.velocity_c.map(velocity).transpose()?,
         };
-        Ok(Keyframe { frame: self.frame, values, easing: self.easing })
+        Ok((Keyframe { frame: self.frame, values, easing: self.easing }, turned.map(|(_, frame)| frame)))
     }
 }
 
@@ -317,8 +312,7 @@ impl FilmPath {
         for (index, table) in tables.into_iter().enumerate() {
             let place = format!("keyframes[{index}]");
             let (keyframe, of_keyframe) = deserialise::<KeyframeTable>(table, "")
-                .and_then(|table| Ok((table.frame()?, table.keyframe()?)))
-                .map(|(frame, keyframe)| (keyframe, frame))
+                .and_then(KeyframeTable::keyframe)
                 .map_err(|fault| fault.within(&place))?;
             let fault = |key: &str, problem: String| Err(Fault::new(format!("{place}.{key}"), problem));
             match (frame, of_keyframe) {

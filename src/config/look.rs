@@ -108,9 +108,7 @@ impl Look {
         if latitude_deg.abs() > 90.0 {
             return Err(Fault::new(latitude, format!("{latitude_deg}: allowed are -90 to 90")));
         }
-        // Azimuth grows the other way.
-        let sign = if frame == Frame::Horizon { -1.0 } else { 1.0 };
-        let towards = Towards::Direction([sign * longitude_deg.to_radians(), latitude_deg.to_radians()]);
+        let towards = Towards::Direction([frame.longitude_rad(longitude_deg), latitude_deg.to_radians()]);
         Ok(Aim { frame, towards, roll_rad })
     }
 }

@@ -23,6 +23,7 @@ pub mod ranges;
 pub mod reference;
 mod scene;
 mod server;
+mod surroundings;
 mod view_tables;
 mod views;
 mod windows;
@@ -48,6 +49,7 @@ pub use scene::{CameraConfig, CatalogueConfig, GalaxyConfig, SceneConfig};
 use schemars::JsonSchema;
 use serde::Deserialize;
 pub use server::{CertificateConfig, Role, ServerConfig, Sha256Hex, TlsConfig, TokenConfig, UNIX_PREFIX, parse_listen};
+pub use surroundings::{AirConfig, GroundConfig};
 use toml::{Table, Value};
 pub use view_tables::{ViewTables, ViewTablesError, resolve_views};
 pub use views::{
@@ -73,7 +75,7 @@ use crate::scene::loader::StarSource;
 use crate::scene::overlay::Overlay;
 use crate::scene::{Camera, SceneClock, SceneObjects};
 use crate::solar_system::SolarBody;
-use crate::units::DAY_S;
+use crate::units::JULIAN_YEAR_S;
 use crate::view::Rig;
 
 /// What `serve` shows without a configuration file.
@@ -366,7 +368,10 @@ impl Config {
     fn build_overlay(&self) -> Result<Overlay, Fault> {
         let patterned = self.views.iter().filter(|view| view.test_pattern);
         let names = patterned.map(|view| view.name.clone()).collect();
-        self.overlay.overlay(names).map_err(|fault| fault.within("overlay"))
+        let overlay = self.overlay.overlay(names).map_err(|fault| fault.within("overlay"))?;
+        let checked = overlay.check_observer(self.scene.observer.is_some());
+        checked.map_err(|(index, problem)| Fault::new(format!("overlay.grids[{index}].kind"), problem))?;
+        Ok(overlay)
     }
 
     fn error(&self, fault: Fault) -> ConfigError {
@@ -403,7 +408,7 @@ impl Config {
         let observer = self.observer();
         match observer {
             Some(Observer { epoch, .. }) => epoch.of_stars(),
-            None => Epoch { years: self.scene.time_s() / (365.25 * DAY_S), seen_from: None },
+            None => Epoch { years: self.scene.time_s() / JULIAN_YEAR_S, seen_from: None },
         }
     }
 
@@ -414,16 +419,18 @@ impl Config {
         let of_camera = |fault: Fault| fault.within("camera");
         let at_rest = camera.camera(observer.map(|observer| observer.epoch.position_m), None).map_err(of_camera)?;
         let Some(aim) = self.scene.aim()? else { return Ok(at_rest) };
-        let moment = Moment::new(time_s, observer.as_ref());
         let of_look = if observer.is_some() { "observer.look" } else { "camera.look" };
-        let turned = self.turned(&aim, &moment, at_rest.position_m).map_err(|fault| fault.within(of_look))?;
+        let turned = self
+            .turned(&aim, (time_s, observer.as_ref()), at_rest.position_m)
+            .map_err(|fault| fault.within(of_look))?;
         let turned = camera.camera(Some(at_rest.position_m), Some(turned)).map_err(of_camera)?;
         Ok(Camera { frame: aim.frame, as_of_s: time_s, ..turned })
     }
 
     /// Rotation from camera axes to those of ICRS.
-    fn turned(&self, aim: &Aim, moment: &Moment, camera_m: DVec3) -> Result<DQuat, Fault> {
-        let Some(icrs_from_frame) = moment.icrs_from(aim.frame) else {
+    fn turned(&self, aim: &Aim, seen: (f64, Option<&Observer>), camera_m: DVec3) -> Result<DQuat, Fault> {
+        let (time_s, observer) = seen;
+        let Some(icrs_from_frame) = aim.frame.icrs_from(observer, time_s) else {
             return Err(Fault::new("frame", "horizon: there is none without [scene.observer]"));
         };
         let frame_from_camera = match &aim.towards {
@@ -437,7 +444,7 @@ impl Config {
                     return Err(Fault::new("at", format!("`{name}`: there is no such body; there are: {names}")));
                 };
                 let place_m = match body.ephemeris {
-                    Some(of) => moment.place(of).0,
+                    Some(of) => Moment::new(time_s, observer).place(of).0,
                     None => body.body()?.position_m,
                 };
                 if place_m == camera_m {
@@ -509,7 +516,9 @@ impl Config {
         let fields = made.into_iter().map(|made| made.field).collect();
         let overlay = Arc::new(self.build_overlay().map_err(|fault| self.error(fault))?);
         let observer = self.observer();
-        Ok(SceneObjects { bodies, fields, time_s: self.scene.time_s(), observer, overlay }.placed())
+        let surroundings = self.scene.observer.as_ref().and_then(ObserverConfig::surroundings).map(Arc::new);
+        let time_s = self.scene.time_s();
+        Ok(SceneObjects { bodies, fields, time_s, observer, surroundings, local_sky: None, overlay }.placed())
     }
 
     /// The star catalogues, with paths that start at the working directory or the root.

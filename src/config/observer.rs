@@ -5,7 +5,9 @@ use serde::{Deserialize, Serialize};
 
 use super::error::Fault;
 use super::look::{Aim, Look};
+use super::surroundings::{AirConfig, GroundConfig};
 use crate::observer::{Clock, Frame, Place};
+use crate::scene::surroundings::Surroundings;
 
 /// Where one looks who says nothing, degrees of azimuth.
 const SOUTH_DEG: f64 = 180.0;
@@ -35,6 +37,12 @@ pub struct ObserverConfig {
     pub ut1_minus_utc_s: f64,
     /// TT - UT1; without it from leap seconds since 1972, and estimated before (Espenak and Meeus 2006).
     pub delta_t_s: Option<f64>,
+    /// The air.
+    #[serde(default)]
+    pub air: AirConfig,
+    /// The ground.
+    #[serde(default)]
+    pub ground: GroundConfig,
 }
 
 impl ObserverConfig {
@@ -45,6 +53,12 @@ impl ObserverConfig {
             longitude_rad: self.longitude_deg.to_radians(),
             height_m: self.height_m,
         }
+    }
+
+    /// What is around it; `None`: nothing.
+    pub(super) fn surroundings(&self) -> Option<Surroundings> {
+        let surroundings = Surroundings { air: self.air.air(self.height_m), ground: self.ground.ground() };
+        (surroundings.air.is_some() || surroundings.ground.is_some()).then_some(surroundings)
     }
 
     /// Where it looks; a fault names the key below `scene.observer`.

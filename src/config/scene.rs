@@ -16,6 +16,7 @@ use super::observer::ObserverConfig;
 use crate::catalogue::galaxy::MOST_STARS;
 use crate::observer::{Frame, Observer};
 use crate::scene::{Camera, PoseError};
+use crate::units::J2000_UNIX_S;
 
 /// `[scene]`.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
@@ -62,9 +63,6 @@ pub(super) fn set_now(document: &mut Table, now: SystemTime) {
         scene.entry("time_rate").or_insert(Value::Float(1.0));
     }
 }
-
-/// Unix time of 2000-01-01T12:00:00Z, s.
-const J2000_UNIX_S: f64 = 946_728_000.0;
 
 /// 2026-01-01T00:00:00Z.
 fn default_time() -> Datetime {
@@ -200,18 +198,17 @@ impl SceneConfig {
             let problem = format!("{}: date, time and offset are needed, for instance 2026-01-01T00:00:00Z", self.time);
             return Err(Fault::new("time", problem));
         }
+        if let Some(observer) = &self.observer {
+            observer.ground.check().map_err(|fault| fault.within("observer.ground"))?;
+        }
         if self.observer.is_some() && self.camera != CameraConfig::default() {
             let problem =
                 "scene.observer is given too, which is where the camera stands and looks: one of them is allowed";
             return Err(Fault::new("camera", problem));
         }
-        self.aim()?;
-        self.camera.camera(None, None).map_err(|fault| fault.within("camera"))?;
         Ok(())
     }
-}
 
-impl SceneConfig {
     /// [`Self::time`] in s since 2000-01-01T12:00:00Z. Days have 86,400 s: leap seconds are left out, and a 60th second is
     /// the first of the next minute.
     pub fn time_s(&self) -> f64 {

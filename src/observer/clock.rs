@@ -4,7 +4,7 @@ use sofars::{cal::jd2cal, ts::dat};
 
 use crate::{
     polynomial::polynomial,
-    units::{DAY_S, J2000_JD},
+    units::{DAY_S, J2000_JD, JULIAN_YEAR_S},
 };
 
 /// TT - TAI, s.
@@ -46,7 +46,7 @@ fn leap_seconds_s(time_s: f64) -> f64 {
 /// TT - UT1 before leap seconds, s, by polynomials (F. Espenak and J. Meeus, "Five Millennium Canon of Solar Eclipses", NASA/TP-2006-214141): within 1 s from 1800, within
 /// minutes in antiquity.
 fn estimated_delta_t_s(time_s: f64) -> f64 {
-    let year = 2000.0 + time_s / (365.25 * DAY_S);
+    let year = 2000.0 + time_s / (JULIAN_YEAR_S);
     let of = |from: f64, unit: f64, coefficients: &[f64]| polynomial(coefficients, (year - from) / unit);
     match year {
         ..-500.0 => of(1820.0, 100.0, &[-20.0, 0.0, 32.0]),
@@ -97,11 +97,11 @@ mod tests {
         }
         // Measured: 1900 -2.7 s, 1950 29.1, 1971 41.2 (IERS).
         for (year, seconds) in [(1900.0, -2.7), (1950.0, 29.1), (1971.0, 41.2)] {
-            let estimated_s = estimated_delta_t_s((year - 2000.0) * 365.25 * DAY_S);
+            let estimated_s = estimated_delta_t_s((year - 2000.0) * JULIAN_YEAR_S);
             assert!((estimated_s - seconds).abs() < 0.3, "{year} {estimated_s}");
         }
         for border in [-500.0, 500.0, 1600.0, 1700.0, 1800.0, 1860.0, 1900.0, 1920.0, 1941.0, 1961.0] {
-            let [before, after] = [-1e-6, 1e-6].map(|by| estimated_delta_t_s((border + by - 2000.0) * 365.25 * DAY_S));
+            let [before, after] = [-1e-6, 1e-6].map(|by| estimated_delta_t_s((border + by - 2000.0) * JULIAN_YEAR_S));
             assert!((before - after).abs() < 3.0, "{border} {before} {after}");
         }
     }

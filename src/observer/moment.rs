@@ -89,24 +89,6 @@ impl Moment {
             }
         }
     }
-
-    /// The observer at the moment.
-    pub fn standpoint(&self) -> Option<&Standpoint> {
-        self.seen.as_ref().map(|(standpoint, _)| standpoint)
-    }
-
-    /// Rotation from the axes of a frame to those of ICRS; `None` for the horizon where nobody stands on the ground.
-    pub fn icrs_from(&self, frame: Frame) -> Option<DMat3> {
-        match frame {
-            Frame::Icrs => Some(DMat3::IDENTITY),
-            Frame::Galactic => Some(icrs_from_galactic()),
-            Frame::Ecliptic => Some(icrs_from_ecliptic()),
-            Frame::Horizon => self.seen.as_ref().map(|(standpoint, _)| {
-                let [east, zenith, south] = standpoint.icrs_from_horizon.to_cols_array_2d().map(DVec3::from_array);
-                DMat3::from_cols(-south, -east, zenith)
-            }),
-        }
-    }
 }
 
 /// Axes by which directions are told: z to the frame's pole, x to longitude 0.
@@ -132,6 +114,26 @@ impl Frame {
             Self::Galactic => "galactic",
             Self::Ecliptic => "ecliptic",
             Self::Horizon => "horizon",
+        }
+    }
+
+    /// Longitude in the frame's axes, rad, of what is told by degrees: of the horizon an azimuth, which grows the other way.
+    pub fn longitude_rad(self, told_deg: f64) -> f64 {
+        let sign = if self == Self::Horizon { -1.0 } else { 1.0 };
+        sign * told_deg.to_radians()
+    }
+
+    /// Rotation from the frame's axes to those of ICRS at a moment, s since 2000-01-01T12:00:00 of civil time; `None` for the horizon where nobody stands on the ground.
+    pub fn icrs_from(self, observer: Option<&Observer>, time_s: f64) -> Option<DMat3> {
+        match self {
+            Self::Icrs => Some(DMat3::IDENTITY),
+            Self::Galactic => Some(icrs_from_galactic()),
+            Self::Ecliptic => Some(icrs_from_ecliptic()),
+            Self::Horizon => observer.map(|observer| {
+                let icrs_from_horizon = observer.place.icrs_from_horizon(time_s, &observer.clock);
+                let [east, zenith, south] = icrs_from_horizon.to_cols_array_2d().map(DVec3::from_array);
+                DMat3::from_cols(-south, -east, zenith)
+            }),
         }
     }
 }

@@ -9,13 +9,11 @@ use super::Clock;
 use crate::{
     catalogue::epoch::{Epoch, Vantage},
     coordinates::{direction_from_lon_lat, lon_lat_from_direction},
-    relativity::Motion,
+    relativity::seen_direction,
     solar_system::SolarBody,
-    units::{DAY_S, J2000_JD, LIGHT_M_S, PARSEC_M},
+    units::{DAY_S, EARTH_ROTATION_RAD_S, J2000_JD, JULIAN_YEAR_S, LIGHT_M_S, PARSEC_M},
 };
 
-/// The Earth's rate of rotation, rad/s of UT1.
-const ROTATION_RAD_S: f64 = 7.292_115_146_7e-5;
 /// SOFA's number of the ellipsoid WGS84.
 const WGS84: i32 = 1;
 
@@ -52,7 +50,7 @@ impl Place {
             unreachable!("WGS84 is an ellipsoid that it knows")
         };
         let place_m = icrs_from_earth * DVec3::from_array(from_earth_m);
-        let rotation = icrs_from_earth * DVec3::Z * ROTATION_RAD_S;
+        let rotation = icrs_from_earth * DVec3::Z * EARTH_ROTATION_RAD_S;
         let velocity_m_s = SolarBody::Earth.velocity_m_s(tt_s) + rotation.cross(place_m);
         Standpoint {
             tt_s,
@@ -61,9 +59,7 @@ impl Place {
             icrs_from_horizon: icrs_from_earth * self.earth_from_horizon(),
         }
     }
-}
 
-impl Place {
     /// From the axes of the horizon to those of the rotating Earth.
     fn earth_from_horizon(&self) -> DMat3 {
         let zenith = direction_from_lon_lat(self.longitude_rad, self.latitude_rad);
@@ -93,7 +89,7 @@ impl Standpoint {
     /// The moment of stars, seen from here.
     pub fn of_stars(&self) -> Epoch {
         let vantage = self.vantage(self.position_m);
-        Epoch { years: self.tt_s / (365.25 * DAY_S), seen_from: Some(vantage) }
+        Epoch { years: self.tt_s / JULIAN_YEAR_S, seen_from: Some(vantage) }
     }
 
     /// Where a body is seen without air: its direction in ICRS axes, light time and aberration included, times its distance, m. The Sun's deflection of light, 0.02 arcsec at 20
@@ -105,7 +101,7 @@ impl Standpoint {
 
     /// A direction of any length as the observer sees it.
     pub fn aberrated(&self, direction: DVec3) -> DVec3 {
-        Motion::new(self.velocity_c).map_or(direction, |motion| motion.seen(direction).normalize() * direction.length())
+        seen_direction(self.velocity_c, direction) * direction.length()
     }
 
     /// Azimuth and altitude of a direction in ICRS axes, rad.

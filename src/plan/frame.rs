@@ -15,7 +15,7 @@ use super::{
         glare::{Cloud, field_clouds},
     },
     bodies::{
-        seen::{BodyPlan, plan_bodies},
+        seen::{BodyPlan, PointSource, plan_bodies},
         textures::texture_bytes,
     },
     budget::{Output, display_step_cd_m2, draws_outputs_apart, least_veil_cd_m2, may_have_veil_in_sums},
@@ -46,6 +46,7 @@ use crate::{
         SceneObjects, SceneSnapshot,
         asteroids::AsteroidField,
         bodies::{Sun, suns},
+        surroundings::LocalSky,
     },
     units::{PARSEC_M, illuminance_lx_from_magnitude},
     view::{Rig, Viewport},
@@ -82,6 +83,8 @@ pub struct Plan {
     pub planned_ev100: Option<f64>,
     /// Which stars the views show.
     pub shown_stars: ShownStars,
+    /// The ground and the air around the camera; `None`: space.
+    pub local_sky: Option<Arc<LocalSky>>,
     /// Bodies, and points of light that are no stars; `None`: the scene has neither bodies nor fields.
     pub bodies: Option<BodyPlan>,
     /// Fields of asteroids; `None`: there are none.
@@ -309,14 +312,16 @@ impl Planner {
         if scene.objects.is_empty() {
             return Ok(as_told(planned_ev100(settings, &stars, &pictures, None)));
         }
-        let (suns, camera_m) = (suns(&scene.objects), scene.camera.position_m);
+        let camera_m = scene.camera.position_m;
+        let objects = scene.objects.seen_from(camera_m);
+        let suns = suns(&objects);
         let glare = settings.glare.chosen(settings.stars.method);
         let fraction = settings.glare.fraction_scattered();
-        let bodies = plan_bodies(&scene.objects, &suns, camera_m, &viewports, SPLAT_MARGIN_PX);
-        let clouds = clouds_of(&scene.objects, &suns, camera_m, &viewports);
+        let bodies = plan_bodies(&objects, &suns, camera_m, &viewports, SPLAT_MARGIN_PX);
+        let clouds = clouds_of(&objects, &suns, camera_m, &viewports);
         let kernel = self.kernel().filter(|_| glare != GlareMethod::None);
         let lit = Lit {
-            objects: &scene.objects,
+            objects: &objects,
             suns: &suns,
             camera_m,
             viewports: &viewports,
@@ -403,11 +408,12 @@ impl Planner {
         let faintest_lx = illuminance_lx_from_magnitude(settings.stars.magnitude_limit);
 
         // Bodies, asteroids, and what they scatter in the eye.
-        let suns = suns(&scene.objects);
-        let mut bodies = (!scene.objects.is_empty())
-            .then(|| plan_bodies(&scene.objects, &suns, camera.position_m, &viewports, margin_px));
+        let objects = scene.objects.seen_from(camera.position_m);
+        let suns = suns(&objects);
+        let mut bodies =
+            (!objects.is_empty()).then(|| plan_bodies(&objects, &suns, camera.position_m, &viewports, margin_px));
         let inputs = AsteroidInputs {
-            objects: &scene.objects,
+            objects: &objects,
             settings: &settings.asteroids,
             viewports: &viewports,
             margin_px,
@@ -417,7 +423,13 @@ impl Planner {
         };
         let asteroids = AsteroidPlan::new(&inputs, &mut self.tables)?;
         if let (Some(bodies), Some(asteroids)) = (&mut bodies, &asteroids) {
-            bodies.points.extend(asteroids.cut.unresolved.iter().map(|node| node.point));
+            let through_air = |point: PointSource| {
+                let through =
+                    objects.local_sky.as_ref().map(|sky| sky.transmission(point.offset_m.normalize_or(DVec3::Y)));
+                let kept = |c: usize| through.map_or(1.0, |through| through[c]);
+                PointSource { intensity_cd: [0, 1, 2].map(|c| point.intensity_cd[c] * kept(c)), ..point }
+            };
+            bodies.points.extend(asteroids.cut.unresolved.iter().map(|node| through_air(node.point)));
         }
         let mut glare = GlarePlan {
             method: settings.glare.chosen(method),
@@ -426,7 +438,7 @@ impl Planner {
             extended_sources: Vec::new(),
             in_sums: None,
         };
-        let clouds = clouds_of(&scene.objects, &suns, camera.position_m, &viewports);
+        let clouds = clouds_of(&objects, &suns, camera.position_m, &viewports);
         if glare.method == GlareMethod::SkyCube {
             let kernel = self.kernel.as_ref().map(|(_, kernel)| Arc::clone(kernel));
             if let (Some(bodies), Some(kernel)) = (&mut bodies, &kernel) {
@@ -446,7 +458,7 @@ impl Planner {
         } else {
             let kernel = self.kernel().filter(|_| glare.method != GlareMethod::None);
             let lit = bodies.as_ref().map(|bodies| Lit {
-                objects: &scene.objects,
+                objects: &objects,
                 suns: &suns,
                 camera_m: camera.position_m,
                 viewports: &viewports,
@@ -476,17 +488,18 @@ impl Planner {
             Some(ev100) => (Some(ev100), None),
             None => {
                 let visible = seen_from(&scene.stars, faintest_lx);
-                let ev100 = expected_ev100(&visible, bodies.as_ref(), total_solid_angle_sr, &settings.exposure);
+                let air_cd_m2 = objects.local_sky.as_ref().map_or(0.0, |sky| sky.mean_cd_m2);
+                let air_lx = air_cd_m2 * total_solid_angle_sr;
+                let ev100 = expected_ev100(&visible, bodies.as_ref(), air_lx, total_solid_angle_sr, &settings.exposure);
                 (ev100, Some(visible))
             }
         };
         let mut step_cd_m2 = None;
-        if output == Output::Display && draws_outputs_apart(settings, &scene.objects, &all_viewports) {
+        if output == Output::Display && draws_outputs_apart(settings, &objects, &all_viewports) {
             let white_cd_m2 = expected_ev100.map_or(0.0, white_luminance_cd_m2);
             let slope = self.slope_of(&settings.tone_map);
             step_cd_m2 = display_step_cd_m2(&settings.accuracy, slope, white_cd_m2);
-            let veil_step_cd_m2 =
-                step_cd_m2.filter(|_| may_have_veil_in_sums(settings, &scene.objects, &all_viewports));
+            let veil_step_cd_m2 = step_cd_m2.filter(|_| may_have_veil_in_sums(settings, &objects, &all_viewports));
             glare.in_sums =
                 veil_step_cd_m2.map(|step| VeilInSums { least_cd_m2: least_veil_cd_m2(step) / glare.fraction });
         }
@@ -564,6 +577,7 @@ impl Planner {
             camera_pc,
             motion,
             faintest_lx,
+            local_sky: objects.local_sky.clone(),
             bodies,
             asteroids,
             glare,
@@ -627,6 +641,7 @@ fn clouds_of(objects: &SceneObjects, suns: &[Sun], camera_m: DVec3, viewports: &
 fn expected_ev100(
     visible: &[VisibleChunk],
     bodies: Option<&BodyPlan>,
+    air_lx: f64,
     total_solid_angle_sr: f64,
     settings: &ExposureSettings,
 ) -> Option<f64> {
@@ -634,6 +649,6 @@ fn expected_ev100(
         return None;
     }
     let stars_lx: f64 = visible.iter().map(|chunk| chunk.total_lx * f64::from(chunk.viewports.count_ones())).sum();
-    let light_lx = stars_lx + bodies.map_or(0.0, BodyPlan::light_in_view_lx);
+    let light_lx = stars_lx + air_lx + bodies.map_or(0.0, BodyPlan::light_in_view_lx);
     Some(settings.metered_ev100(light_lx / total_solid_angle_sr))
 }

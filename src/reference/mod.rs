@@ -4,6 +4,7 @@
 //! - `stars`: twins of the star passes: `splat` with `gaussian` (the kernel that is round in view space), `packed`, `billboards`,
 //!   `cell_sky`, and `point_spread`, kernels as functions on the sphere;
 //! - `bodies`: ellipsoids, ray by ray;
+//! - `air`: the ground and the air around an observer;
 //! - `asteroids`: fields of asteroids, ray by ray against their meshes, and `impostors`;
 //! - `glare`: what light scatters into every direction, source by source, and the published pyramids;
 //! - `sky`: the sky as it is, each star spread by an exact kernel over exact solid angles, in any projection;
@@ -11,6 +12,7 @@
 //! - `overlay`: lines and text over display images;
 //! - `triangle_solid_angle`: a published way to a pixel's solid angle, in the arithmetic of a shader.
 
+pub mod air;
 pub mod asteroids;
 pub mod bodies;
 pub mod glare;

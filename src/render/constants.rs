@@ -187,6 +187,17 @@ shared_constants! {
         LAW_LAMBERT: u32 = 0;
         LAW_LOMMEL_SEELIGER: u32 = 1;
     }
+    /// Air and ground.
+    mod air {
+        /// Altitudes of a horizon.
+        HORIZON_STEPS: u32 = crate::scene::surroundings::HORIZON_STEPS as u32;
+        /// Nodes of a table of the sky: altitudes.
+        SKY_ALTITUDES: u32 = crate::photometry::sky_light::TABLE_NODES[0] as u32;
+        /// Azimuths from the source.
+        SKY_AZIMUTHS: u32 = crate::photometry::sky_light::TABLE_NODES[1] as u32;
+        /// Of the phase function of aerosol.
+        AEROSOL_ASYMMETRY: f32 = crate::photometry::sky_light::ASYMMETRY as f32;
+    }
     /// Bodies.
     mod bodies {
         /// In place of the first word of a texture: there is none.

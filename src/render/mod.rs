@@ -7,6 +7,7 @@
 //! A technique is a folder: `stars`, `smooth_light`, `bodies`, `asteroids`, `glare`, `display`. `technique` says what each one does, `sequence`
 //! in which order; what two of them share lies in `targets`. No technique imports another.
 
+mod air;
 pub(crate) mod asteroids;
 mod bodies;
 pub(crate) mod constants;
@@ -230,6 +231,7 @@ impl Renderer {
 pub fn struct_layouts() -> Vec<StructLayout> {
     let of_techniques = [
         layout::struct_layouts,
+        air::layout::struct_layouts,
         asteroids::layout::struct_layouts,
         bodies::layout::struct_layouts,
         display::layout::struct_layouts,

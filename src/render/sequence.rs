@@ -1,6 +1,7 @@
 //! The order of a frame: which techniques there are, and the phases that they go through.
 
 use super::{
+    air::Air,
     asteroids::{Asteroids, impostors::atlas::BakedImpostors},
     bodies::Bodies,
     display::Display,
@@ -17,6 +18,7 @@ pub(super) fn techniques(gpu: &Gpu, baked: &BakedImpostors) -> Vec<Box<dyn Techn
     vec![
         Box::new(Asteroids::new(baked.clone())),
         Box::new(Bodies::new(gpu)),
+        Box::new(Air::new()),
         Box::new(Stars::new(gpu)),
         Box::new(Glare::new()),
         Box::new(Display::new(gpu)),

@@ -82,6 +82,8 @@ pub struct Body {
     pub surface: Surface,
     /// What it gives off; `None`: no sun.
     pub emission: Option<Emission>,
+    /// Share of its light that reaches the eye, by channel: 1 but where air is between ([`SceneObjects::seen_from`](crate::scene::SceneObjects::seen_from)).
+    pub seen_through: [f64; 3],
 }
 
 impl Body {

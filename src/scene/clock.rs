@@ -3,12 +3,10 @@
 use std::time::{Duration, SystemTime};
 
 use super::{Camera, SceneSnapshot};
-use crate::{observer::Frame, scene::SceneObjects};
+use crate::{observer::Frame, scene::SceneObjects, units::EARTH_ROTATION_RAD_S};
 
 /// By how much the sky turns from one step to the next, rad: 2 arcsec, below a tenth of a pixel of any view.
 const STEP_RAD: f64 = 1e-5;
-/// The Earth's rotation, rad/s.
-const EARTH_RAD_S: f64 = 7.292_115e-5;
 /// Steps are so long.
 const STEPS_S: [f64; 2] = [1.0 / 60.0, 1.0];
 /// The first and the last moment that is shown, s since 2000-01-01T12:00:00Z: the years 1 to 9999.
@@ -63,7 +61,7 @@ impl SceneClock {
 
     fn step_s(&self) -> f64 {
         let [shortest, longest] = STEPS_S;
-        (STEP_RAD / (EARTH_RAD_S * self.rate.abs())).clamp(shortest, longest)
+        (STEP_RAD / (EARTH_ROTATION_RAD_S * self.rate.abs())).clamp(shortest, longest)
     }
 }
 
@@ -112,7 +110,8 @@ mod tests {
                 let next = after(s) + clock.next_step(after(s)).expect("it runs") + Duration::from_micros(1);
                 assert_eq!(clock.step(next), clock.step(after(s)) + 1, "{rate} {s}");
                 assert!(
-                    clock.step_s() * rate.abs() * EARTH_RAD_S <= STEP_RAD.max(STEPS_S[0] * rate.abs() * EARTH_RAD_S)
+                    clock.step_s() * rate.abs() * EARTH_ROTATION_RAD_S
+                        <= STEP_RAD.max(STEPS_S[0] * rate.abs() * EARTH_ROTATION_RAD_S)
                 );
             }
             assert_eq!(clock.time_s(SystemTime::UNIX_EPOCH), 100.0, "before it was set");

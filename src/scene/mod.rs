@@ -7,6 +7,7 @@ pub mod loader;
 mod objects;
 pub mod overlay;
 mod seen_stars;
+pub mod surroundings;
 
 use std::sync::Arc;
 

@@ -2,12 +2,15 @@
 
 use std::sync::Arc;
 
+use glam::{DMat3, DVec3};
+
 use super::{
     asteroids::AsteroidField,
     bodies::{Body, Spin},
     overlay::Overlay,
+    surroundings::{LocalSky, Surroundings},
 };
-use crate::observer::{Moment, Observer};
+use crate::observer::{Frame, Moment, Observer};
 
 /// See the module.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -20,6 +23,10 @@ pub struct SceneObjects {
     pub time_s: f64,
     /// Who looks; `None`: bodies are where they are, not where they are seen.
     pub observer: Option<Observer>,
+    /// The ground and the air around who looks; `None`: space.
+    pub surroundings: Option<Arc<Surroundings>>,
+    /// What is around the camera of a frame at its moment, whose bodies are then as bright as they are seen through it: plans have it.
+    pub local_sky: Option<Arc<LocalSky>>,
     /// What is drawn over display images.
     pub overlay: Arc<Overlay>,
 }
@@ -27,12 +34,12 @@ pub struct SceneObjects {
 impl SceneObjects {
     /// Whether there is nothing but stars.
     pub fn is_empty(&self) -> bool {
-        self.bodies.is_empty() && self.fields.is_empty()
+        self.bodies.is_empty() && self.fields.is_empty() && self.surroundings.is_none()
     }
 
-    /// The moment, as bodies with an ephemeris follow it.
-    pub fn moment(&self) -> Moment {
-        Moment::new(self.time_s, self.observer.as_ref())
+    /// Rotation from the axes of a frame to those of ICRS at the moment; `None` for the horizon without an observer.
+    pub fn icrs_from(&self, frame: Frame) -> Option<DMat3> {
+        frame.icrs_from(self.observer.as_ref(), self.time_s)
     }
 
     /// The objects at another moment, s since 2000-01-01T12:00:00Z.
@@ -41,13 +48,27 @@ impl SceneObjects {
         Self { time_s, ..self.clone() }.placed()
     }
 
+    /// The objects as a camera sees them through the air around it, and what is around it; as they are where nothing is.
+    #[must_use]
+    pub fn seen_from(self: &Arc<Self>, camera_m: DVec3) -> Arc<Self> {
+        let Some(sky) = self.local_sky(camera_m) else { return Arc::clone(self) };
+        let through = |body: &Arc<Body>| {
+            let offset_m = body.position_m - camera_m;
+            let radius_rad = (body.radii_m.max_element() / offset_m.length()).min(1.0).asin();
+            let seen_through = sky.transmission_of_disc(offset_m.normalize_or(DVec3::Y), radius_rad);
+            Arc::new(Body { seen_through, ..(**body).clone() })
+        };
+        let bodies = self.bodies.iter().map(through).collect();
+        Arc::new(Self { bodies, local_sky: Some(Arc::new(sky)), ..(**self).clone() })
+    }
+
     /// The objects with the bodies that have an ephemeris where they are at the moment.
     #[must_use]
     pub fn placed(mut self) -> Self {
         if self.bodies.iter().all(|body| body.ephemeris.is_none()) {
             return self;
         }
-        let moment = self.moment();
+        let moment = Moment::new(self.time_s, self.observer.as_ref());
         for body in &mut self.bodies {
             if let Some(of) = body.ephemeris {
                 let (position_m, orientation) = moment.place(of);

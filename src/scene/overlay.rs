@@ -62,19 +62,25 @@ pub enum GridKind {
     Equatorial,
     /// Galactic longitude and latitude.
     Galactic,
+    /// Longitude and latitude of the mean ecliptic and equinox of J2000.0.
+    Ecliptic,
+    /// Azimuth, from north through east, and altitude of the scene's observer, who must be there.
+    Horizon,
     /// Azimuth and altitude of the camera's own axes: the zenith is its +y, azimuth 0 its -z, growing to the right.
     Altitude,
 }
 
 impl GridKind {
     /// All of them.
-    pub const ALL: [Self; 3] = [Self::Equatorial, Self::Galactic, Self::Altitude];
+    pub const ALL: [Self; 5] = [Self::Equatorial, Self::Galactic, Self::Ecliptic, Self::Horizon, Self::Altitude];
 
     /// Its name in configurations and messages.
     pub fn name(self) -> &'static str {
         match self {
             Self::Equatorial => "equatorial",
             Self::Galactic => "galactic",
+            Self::Ecliptic => "ecliptic",
+            Self::Horizon => "horizon",
             Self::Altitude => "altitude",
         }
     }
@@ -184,6 +190,21 @@ pub struct Overlay {
 }
 
 impl Overlay {
+    /// The first grid that only an observer has; the error of a scene without one.
+    ///
+    /// # Errors
+    ///
+    /// There is such a grid, and `has_observer` is false: its number and what is wrong.
+    pub fn check_observer(&self, has_observer: bool) -> Result<(), (usize, String)> {
+        let of_observer = self.grids.iter().position(|grid| grid.kind == GridKind::Horizon);
+        match of_observer.filter(|_| !has_observer) {
+            Some(index) => {
+                Err((index, "horizon: the scene has no observer; `altitude` is that of the camera's axes".to_owned()))
+            }
+            None => Ok(()),
+        }
+    }
+
     /// Whether nothing is drawn.
     pub fn is_empty(&self) -> bool {
         self.grids.is_empty() && self.trajectories.is_empty() && self.labels.is_empty() && self.test_patterns.is_empty()

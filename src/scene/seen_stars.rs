@@ -8,6 +8,7 @@ use std::{
     thread,
 };
 
+use super::SceneSnapshot;
 use crate::{
     catalogue::{chunks::StarSet, epoch::seen_from},
     observer::Observer,
@@ -66,6 +67,11 @@ impl SeenStars {
         };
         *self.newest.lock().unwrap_or_else(PoisonError::into_inner) = (wanted, Arc::clone(&stars));
         stars
+    }
+
+    /// A scene at another moment, with the stars that there are for it ([`SeenStars::at`]).
+    pub fn scene_at(self: &Arc<Self>, scene: &SceneSnapshot, time_s: f64) -> SceneSnapshot {
+        SceneSnapshot { stars: self.at(time_s), ..scene.at(time_s) }
     }
 
     fn newest(&self) -> (i64, Arc<StarSet>) {

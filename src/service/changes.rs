@@ -129,7 +129,8 @@ impl Service {
 
     /// The scene and the camera of a snapshot in place of those there are.
     async fn load(&self, saved: &Saved, expected: Option<u64>) -> Result<SceneState, Status> {
-        let camera = saved.camera.clone().map(convert::camera_update_from_pb);
+        let camera = saved.camera.clone().map(convert::camera_update_from_pb).transpose();
+        let camera = camera.map_err(|problem| Status::failed_precondition(format!("camera.{problem}")))?;
         if camera.is_some() {
             // Before anything is changed.
             self.render.check_lease(None).map_err(|error| unmoved(&error))?;

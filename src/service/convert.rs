@@ -80,14 +80,14 @@ pub(super) fn update_from_pb(request: proto::SetCameraRequest) -> CameraUpdate {
     }
 }
 
-/// A change that leads to a camera.
-pub(super) fn camera_update_from_pb(camera: proto::Camera) -> CameraUpdate {
-    CameraUpdate {
+/// A change that leads to a camera; the error says what is wrong with it.
+pub(super) fn camera_update_from_pb(camera: proto::Camera) -> Result<CameraUpdate, String> {
+    Ok(CameraUpdate {
         position_m: camera.position_m.map(vector_from_pb),
         orientation: camera.orientation.map(quaternion_from_pb),
         velocity_c: camera.velocity_c.map(vector_from_pb),
-        frame: sky_frame_from_pb(camera.frame).ok().flatten(),
-    }
+        frame: sky_frame_from_pb(camera.frame)?,
+    })
 }
 
 pub(super) fn update_to_pb(update: &CameraUpdate) -> proto::SetCameraRequest {

@@ -13,9 +13,8 @@ use crate::scene::{
     bodies::{Body, Emission, ReflectionLaw, SolarBody, Spin, Surface, check_name},
     unit_quaternion,
 };
+use crate::units::J2000_UNIX_S;
 
-/// Unix time of 2000-01-01T12:00:00Z, s.
-const J2000_UNIX_S: f64 = 946_728_000.0;
 /// Unix times of the first and last second of the years 1 to 9999, which a timestamp may tell.
 const TIMESTAMPS_S: std::ops::RangeInclusive<i64> = -62_135_596_800..=253_402_300_799;
 
@@ -124,6 +123,7 @@ pub(super) fn body_from_pb(body: proto::Body) -> Result<BodyForm, String> {
                 texture: None,
             },
             emission: body.emission.map(emission).transpose()?,
+            seen_through: [1.0; 3],
             name: body.name,
         },
         texture_of: Some(body.texture_of).filter(|name| !name.is_empty()),

@@ -14,7 +14,7 @@ use crate::{
     coordinates::lon_lat_from_direction,
     observer::{Frame, frame_from_camera},
     plan::stars::identify::SeenStar,
-    relativity::Motion,
+    relativity::seen_direction,
     scene::{Camera, SceneSnapshot, bodies::Body},
     units::{PARSEC_M, illuminance_lx_from_magnitude},
 };
@@ -24,17 +24,13 @@ const MOST_NAME: usize = 64;
 /// Names that are told where one is not known.
 const SUGGESTIONS: usize = 8;
 
-/// A direction at rest as the camera sees it.
-fn seen(camera: &Camera, place: DVec3) -> DVec3 {
-    Motion::new(camera.velocity_c).map_or(place, |motion| motion.seen(place)).normalize_or_zero()
-}
-
-fn body_to_pb(camera: &Camera, body: &Body) -> proto::IdentifiedObject {
+/// A body as a camera sees it.
+pub(super) fn body_to_pb(camera: &Camera, body: &Body) -> proto::IdentifiedObject {
     let from_camera_m = body.position_m - camera.position_m;
     proto::IdentifiedObject {
         kind: proto::ObjectKind::Body.into(),
         name: body.name.clone(),
-        direction: Some(vector_to_pb(seen(camera, from_camera_m))),
+        direction: Some(vector_to_pb(seen_direction(camera.velocity_c, from_camera_m))),
         distance_m: Some(from_camera_m.length()),
         ..Default::default()
     }
@@ -46,7 +42,7 @@ fn seen_star(camera: &Camera, BrightStar { star, .. }: &BrightStar) -> SeenStar 
     let at_1_pc = f64::from(star.magnitude) - if star.distance_known { 5.0 } else { 0.0 };
     SeenStar {
         position: star.position,
-        direction: seen(camera, from_camera_pc),
+        direction: seen_direction(camera.velocity_c, from_camera_pc),
         separation_rad: 0.0,
         illuminance_lx: illuminance_lx_from_magnitude(at_1_pc)
             / distance_pc.map_or(1.0, |distance| distance * distance),
@@ -87,7 +83,7 @@ fn checked_name(name: &str, key: &str) -> Result<(), String> {
 pub(super) fn turned(look: &proto::Look, scene: &SceneSnapshot) -> Result<(DQuat, Frame), String> {
     let at = |problem: String| format!("look.{problem}");
     let frame = sky_frame_from_pb(look.frame).map_err(at)?.unwrap_or(scene.camera.frame);
-    let Some(icrs_from_frame) = scene.objects.moment().icrs_from(frame) else {
+    let Some(icrs_from_frame) = scene.objects.icrs_from(frame) else {
         return Err(at("frame: SKY_FRAME_HORIZON: the scene has no observer".to_owned()));
     };
     let proto::Look { longitude_deg, latitude_deg, roll_deg, .. } = *look;
@@ -100,8 +96,7 @@ pub(super) fn turned(look: &proto::Look, scene: &SceneSnapshot) -> Result<(DQuat
         if latitude_deg.abs() > 90.0 {
             return Err(at(format!("latitude_deg = {latitude_deg}: allowed are -90 to 90")));
         }
-        let sign = if frame == Frame::Horizon { -1.0 } else { 1.0 };
-        (sign * longitude_deg.to_radians(), latitude_deg.to_radians())
+        (frame.longitude_rad(longitude_deg), latitude_deg.to_radians())
     } else {
         if (longitude_deg, latitude_deg) != (0.0, 0.0) {
             return Err(at("at: a direction is given too: exactly one of them is allowed".to_owned()));

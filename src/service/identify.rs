@@ -9,13 +9,14 @@ use tonic::Status;
 use super::{
     background,
     convert::{vector_from_pb, vector_to_pb},
+    find::body_to_pb,
     handlers::{Service, refused},
     proto, refusals,
 };
 use crate::{
     catalogue::{bright::BrightStar, chunks::StarSet},
     plan::stars::identify::{MOST_RADIUS_RAD, SeenStar, stars_near},
-    relativity::Motion,
+    relativity::seen_direction,
     scene::{Camera, SceneSnapshot, bodies::Body},
     units::{PARSEC_M, illuminance_lx_from_magnitude, magnitude_from_illuminance_lx},
 };
@@ -84,10 +85,8 @@ enum Bodies {
 
 fn bodies(scene: &SceneSnapshot, question: &Question) -> Bodies {
     let Camera { position_m, velocity_c, .. } = scene.camera;
-    let motion = Motion::new(velocity_c);
-    let seen = |place: DVec3| motion.map_or(place, |motion| motion.seen(place)).normalize_or_zero();
     // Light that comes from where one points has left in this direction.
-    let rest = Motion::new(-velocity_c).map_or(question.direction, |back| back.seen(question.direction)).normalize();
+    let rest = seen_direction(-velocity_c, question.direction);
     let mut found: Vec<(f64, &Body)> = scene
         .objects
         .bodies
@@ -96,13 +95,14 @@ fn bodies(scene: &SceneSnapshot, question: &Question) -> Bodies {
         .collect();
     found.sort_by(|a, b| a.0.total_cmp(&b.0));
     let told = |separation_rad: f64, distance_m: f64, body: &Body| proto::IdentifiedObject {
-        kind: proto::ObjectKind::Body.into(),
-        name: body.name.clone(),
-        direction: Some(vector_to_pb(seen(body.position_m - position_m))),
         separation_deg: separation_rad.to_degrees(),
         distance_m: Some(distance_m),
-        ..Default::default()
+        ..body_to_pb(&scene.camera, body)
     };
+    if scene.objects.local_sky(position_m).is_some_and(|sky| sky.hides(question.direction)) {
+        // The ground stands before everything.
+        return Bodies::Cover(Vec::new());
+    }
     if !found.is_empty() {
         return Bodies::Cover(found.into_iter().map(|(distance_m, body)| told(0.0, distance_m, body)).collect());
     }
@@ -114,7 +114,8 @@ fn bodies(scene: &SceneSnapshot, question: &Question) -> Bodies {
         .map(|body| {
             let distance_m = (body.position_m - position_m).length();
             let radius_rad = (body.radii_m.max_element() / distance_m).min(1.0).asin();
-            let separation_rad = seen(body.position_m - position_m).angle_between(question.direction);
+            let direction = seen_direction(velocity_c, body.position_m - position_m);
+            let separation_rad = direction.angle_between(question.direction);
             (separation_rad - radius_rad, told(separation_rad, distance_m, body))
         })
         .filter(|(off_rad, _)| *off_rad <= question.radius_rad)

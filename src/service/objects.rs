@@ -294,6 +294,8 @@ impl Objects {
             fields: made.iter().map(|made| Arc::clone(&made.field)).collect(),
             time_s,
             observer: self.drawn.observer,
+            surroundings: self.drawn.surroundings.clone(),
+            local_sky: None,
             overlay: Arc::clone(&self.drawn.overlay),
         }
         .placed();

@@ -77,6 +77,8 @@ impl Objects {
             return Ok(self);
         }
         let overlay = Arc::new(change.applied(&self.drawn.overlay)?);
+        let checked = overlay.check_observer(self.drawn.observer.is_some());
+        checked.map_err(|(index, problem)| format!("overlay.grids.{index}.kind: {problem}"))?;
         self.drawn = Arc::new(SceneObjects { overlay, ..(*self.drawn).clone() });
         Ok(self)
     }

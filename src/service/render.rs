@@ -30,7 +30,7 @@ use crate::{
         settings::{RenderSettings, StarMethod},
     },
     render::{FrameTimes, Wanted},
-    scene::{Camera, PoseError, SceneSnapshot, SeenStars},
+    scene::{Camera, PoseError, SceneObjects, SceneSnapshot, SeenStars},
     xr::{Flight, Shown},
 };
 
@@ -306,12 +306,39 @@ pub(super) struct Shared {
     pub(super) streams: Streams,
     /// What audits of frames have found.
     pub(super) audits: AuditReport,
+    /// The objects that were placed last: from which, and at which moment.
+    pub(super) placed: Mutex<Option<(Arc<SceneObjects>, Arc<SceneObjects>)>>,
 }
 
 impl Shared {
     pub(super) fn state(&self) -> MutexGuard<'_, State> {
         // The engine, which may panic, never runs under this lock: a poisoned state is whole.
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Objects at a moment, s since 2000-01-01T12:00:00Z; placed anew, which takes a millisecond, only where the last ones are of another scene or moment.
+    pub(super) fn objects_at(&self, drawn: &Arc<SceneObjects>, time_s: f64) -> Arc<SceneObjects> {
+        if drawn.time_s == time_s {
+            return Arc::clone(drawn);
+        }
+        let mut placed = self.placed.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((of, objects)) = placed.as_ref()
+            && Arc::ptr_eq(of, drawn)
+            && objects.time_s == time_s
+        {
+            return Arc::clone(objects);
+        }
+        let objects = Arc::new(drawn.at(time_s));
+        *placed = Some((Arc::clone(drawn), Arc::clone(&objects)));
+        objects
+    }
+
+    /// A scene with a camera as they are at a time.
+    fn snapshot(&self, scene: &SceneState, camera: Camera, now: SystemTime) -> SceneSnapshot {
+        let time_s = scene.clock.time_s(now);
+        let objects = self.objects_at(&scene.objects.drawn, time_s);
+        let camera = camera.carried(&objects, time_s);
+        SceneSnapshot { revision: scene.revision, stars: self.stars.at(time_s), objects, camera }
     }
 }
 
@@ -462,18 +489,15 @@ impl RenderHandle {
 
     /// What a frame that begins now is to show; `None` at the end.
     pub(super) fn shown(&self) -> Option<Shown> {
-        let mut state = self.shared.state();
-        let scene = state.scene.borrow().clone().filter(|_| !state.draining)?;
         let now = SystemTime::now();
-        state.follow(now);
-        let snapshot = SceneSnapshot {
-            revision: scene.revision,
-            stars: self.shared.stars.at(scene.clock.time_s(now)),
-            objects: Arc::clone(&scene.objects.drawn),
-            camera: state.camera,
+        let (scene, camera, settings, camera_time) = {
+            let mut state = self.shared.state();
+            let scene = state.scene.borrow().clone().filter(|_| !state.draining)?;
+            state.follow(now);
+            let settings = state.settings_of(&scene);
+            (scene, state.camera, settings, state.pose_time)
         };
-        let snapshot = snapshot.at(scene.clock.time_s(now));
-        Some(Shown { snapshot, settings: state.settings_of(&scene), camera_time: state.pose_time })
+        Some(Shown { snapshot: self.shared.snapshot(&scene, camera, now), settings, camera_time })
     }
 
     /// Revisions of the scene and of the camera; `None` at the end.
@@ -526,14 +550,7 @@ impl RenderHandle {
 
     /// A scene as it is now, with the newest camera.
     pub(super) fn snapshot(&self, scene: &SceneState) -> SceneSnapshot {
-        let now = SystemTime::now();
-        let snapshot = SceneSnapshot {
-            revision: scene.revision,
-            stars: self.shared.stars.at(scene.clock.time_s(now)),
-            objects: Arc::clone(&scene.objects.drawn),
-            camera: self.camera(),
-        };
-        snapshot.at(scene.clock.time_s(now))
+        self.shared.snapshot(scene, self.camera(), SystemTime::now())
     }
 
     /// The settings of failure tests: those of frames, with another star method where one is named.

@@ -138,6 +138,7 @@ fn spawn_with(
         capacity,
         streams: Streams::new(capacity.subscribers),
         audits: AuditReport::default(),
+        placed: Mutex::default(),
     });
     let auditor = match settings.accuracy.audit {
         true => Some(Auditor::spawn(shared.audits.clone(), engine.limits())?),
@@ -361,7 +362,7 @@ impl Worker {
 
     /// Begins a frame. An error is one that the engine does not outlive.
     fn begin(&mut self, mut job: Job) -> Result<(), EngineError> {
-        job.objects = self.objects_at(&job);
+        job.objects = self.shared.objects_at(&job.scene.objects.drawn, job.time_s);
         self.scene.camera = job.camera;
         self.scene.revision = job.scene.revision;
         self.scene.objects = Arc::clone(&job.objects);
@@ -402,20 +403,6 @@ impl Worker {
                 self.refuse(job, &RenderFailure::Engine(error.to_string()));
                 Ok(())
             }
-        }
-    }
-
-    /// The objects of a frame's scene at its moment: those of the frame before, where that is of the same.
-    fn objects_at(&self, job: &Job) -> Arc<SceneObjects> {
-        let drawn = &job.scene.objects.drawn;
-        if job.time_s == drawn.time_s {
-            return Arc::clone(drawn);
-        }
-        let before = (self.scene.revision, self.scene.objects.time_s);
-        if before == (job.scene.revision, job.time_s) {
-            Arc::clone(&self.scene.objects)
-        } else {
-            Arc::new(drawn.at(job.time_s))
         }
     }
 

@@ -53,7 +53,7 @@ const ONLY_SERVICE: &[&str] = &["tonic", "prost", "include_proto"];
 const GENERATED: &[&str] = &["proto"];
 
 /// Modules of `render` that are techniques: each knows no other one. What two of them need is in the other modules.
-const TECHNIQUES: &[&str] = &["stars", "smooth_light", "bodies", "asteroids", "glare", "overlay", "display"];
+const TECHNIQUES: &[&str] = &["stars", "smooth_light", "bodies", "air", "asteroids", "glare", "overlay", "display"];
 
 /// Modules of `render` that know techniques: the list of them, the module itself, and its errors, which name theirs.
 const KNOW_TECHNIQUES: &[&str] = &["sequence", "error", "pass_tests", "presentation_tests"];

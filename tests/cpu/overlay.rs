@@ -352,7 +352,7 @@ fn mistakes_in_configurations_are_refused() {
     for (text, parts) in [
         ("[overlay]\ngrid = []".to_owned(), &["overlay.grid", "unknown key"][..]),
         (
-            "[[overlay.grids]]\nkind = 'ecliptic'".to_owned(),
+            "[[overlay.grids]]\nkind = 'polar'".to_owned(),
             &["overlay.grids[0].kind", "equatorial", "galactic", "altitude"],
         ),
         (grid("spacing_deg = 7"), &["overlay.grids[0].spacing_deg", "1 to 90"]),

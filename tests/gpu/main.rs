@@ -4,6 +4,7 @@
 #[path = "../common/mod.rs"]
 mod common;
 
+mod air;
 mod asteroids;
 mod audit;
 mod bodies;

@@ -338,7 +338,7 @@ impl Film {
             Some(time_s) => (Arc::new(objects.at(time_s)), config.camera_at(time_s)?),
             None => (Arc::clone(objects), self.camera),
         };
-        let Some(icrs_from_frame) = objects.moment().icrs_from(self.path.frame) else {
+        let Some(icrs_from_frame) = objects.icrs_from(self.path.frame) else {
             unreachable!("a path along the horizon goes with an observer")
         };
         let camera = values.camera(&of_config, DQuat::from_mat3(&icrs_from_frame));

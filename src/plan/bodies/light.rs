@@ -41,7 +41,8 @@ pub fn illuminance_lit_by(body: &Body, eye_m: DVec3, lights: &[Light], time_s: f
     let to_eye_m = eye_m - body.position_m;
     let distance_m = to_eye_m.length();
     if is_plain_sphere && distance_m > FAR_RADII * radius_m {
-        return far_sphere(body, to_eye_m, lights);
+        let light = far_sphere(body, to_eye_m, lights);
+        return [0, 1, 2].map(|channel| light[channel] * body.seen_through[channel]);
     }
     let seen = SeenBody::new(body, eye_m, lights, time_s);
     let disc = Disc::new(&seen);

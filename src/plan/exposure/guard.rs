@@ -7,6 +7,8 @@
 //!
 //! - **Surfaces.** White is as bright as lit surfaces that cover [`SURFACE_SHARE`] of all pictures; smaller ones may be brighter.
 //!   Towards that share it rises with the fourth power of what they cover, so that nothing jumps as a planet comes closer.
+//! - **Sky.** The mean of a sky with air, the hemisphere's whatever the views show of it, is at most a share of white that grows with it, as eyes see dim light dim
+//!   ([`key_of`]); so a sky at dusk is darker than by day, and that of the night asks for nothing.
 //! - **Background.** The veil of glare of all bodies and fields, in the picture or not, is at most [`BACKGROUND_SHARE`] of white in the
 //!   half of the pictures where it is darkest: the halo next to a sun may be brighter.
 
@@ -14,7 +16,7 @@ use glam::DVec3;
 
 use super::pictures::Picture;
 use crate::{
-    photometry::{glare::GlareKernel, rec709::luminance},
+    photometry::{atmosphere::key_of, glare::GlareKernel, rec709::luminance},
     plan::{asteroids::glare::Cloud, bodies::seen::BodyPlan},
     scene::{
         SceneObjects,
@@ -54,7 +56,8 @@ pub struct Lit<'a> {
 
 /// The least luminance of display white that what is lit asks for, cd/m^2; 0: any.
 pub fn white_for_lit_cd_m2(lit: &Lit<'_>, pictures: &[Picture]) -> f64 {
-    white_for_surfaces_cd_m2(lit, pictures).max(background_cd_m2(lit, pictures) / BACKGROUND_SHARE)
+    let of_sky = lit.objects.local_sky.as_ref().map_or(0.0, |sky| sky.mean_cd_m2 / key_of(sky.mean_cd_m2));
+    white_for_surfaces_cd_m2(lit, pictures).max(background_cd_m2(lit, pictures) / BACKGROUND_SHARE).max(of_sky)
 }
 
 fn white_for_surfaces_cd_m2(lit: &Lit<'_>, pictures: &[Picture]) -> f64 {

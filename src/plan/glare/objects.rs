@@ -107,11 +107,12 @@ fn of_body(objects: &SceneObjects, eye_m: DVec3, number: usize, light: [f64; 3],
     let distance_m = offset_m.length();
     let axis = offset_m / distance_m;
     let is_open = |direction: DVec3, distance_m: f64| {
-        objects.bodies.iter().enumerate().all(|(other, of)| {
-            other == number
-                || (of.position_m - eye_m).length() > distance_m
-                || !hides(of, eye_m, direction, objects.time_s)
-        })
+        !objects.local_sky.as_ref().is_some_and(|sky| sky.hides(direction))
+            && objects.bodies.iter().enumerate().all(|(other, of)| {
+                other == number
+                    || (of.position_m - eye_m).length() > distance_m
+                    || !hides(of, eye_m, direction, objects.time_s)
+            })
     };
     let one = |direction: DVec3| is_open(direction, distance_m).then(|| Source::point(number, direction, light));
     let radius_rad = (body.radii_m.max_element() / distance_m).min(1.0).asin();

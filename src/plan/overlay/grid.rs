@@ -11,6 +11,7 @@ use super::{
 };
 use crate::{
     coordinates::icrs_from_galactic,
+    ephemeris::icrs_from_ecliptic,
     scene::overlay::{Grid, GridKind},
 };
 
@@ -23,6 +24,9 @@ fn axes(kind: GridKind, eye: &Eye<'_>) -> DMat3 {
     match kind {
         GridKind::Equatorial => DMat3::IDENTITY,
         GridKind::Galactic => icrs_from_galactic(),
+        GridKind::Ecliptic => icrs_from_ecliptic(),
+        // Without an observer there is no such grid: see `Overlay::check_observer`.
+        GridKind::Horizon => eye.horizon.unwrap_or(DMat3::IDENTITY),
         GridKind::Altitude => {
             let turn = eye.camera.world_from_camera;
             DMat3::from_cols(turn * DVec3::NEG_Z, turn * DVec3::X, turn * DVec3::Y)

@@ -26,11 +26,12 @@ use self::{
     trace::Tracer,
 };
 use crate::{
+    observer::Frame,
     relativity::Motion,
     scene::{
         Camera, SceneObjects,
         bodies::Body,
-        overlay::{Colour, LineStyle, Overlay},
+        overlay::{Colour, GridKind, LineStyle, Overlay},
     },
     view::Viewport,
 };
@@ -165,7 +166,14 @@ struct LastPlan {
     camera: Camera,
     viewports: Vec<Viewport>,
     views: Vec<String>,
+    /// Its moment, if that matters.
+    horizon_s: Option<f64>,
     plan: Arc<OverlayPlan>,
+}
+
+/// The moment of objects with a grid of the horizon, which turns with the Earth.
+fn horizon_s(objects: &SceneObjects) -> Option<f64> {
+    objects.overlay.grids.iter().any(|grid| grid.kind == GridKind::Horizon).then_some(objects.time_s)
 }
 
 impl LastPlan {
@@ -179,6 +187,7 @@ impl LastPlan {
             && self.camera == camera
             && self.viewports == inputs.viewports
             && self.views == inputs.views
+            && self.horizon_s == horizon_s(inputs.objects)
     }
 }
 
@@ -204,6 +213,7 @@ impl OverlayPlanner {
             camera: *inputs.camera,
             viewports: inputs.viewports.to_vec(),
             views: inputs.views.to_vec(),
+            horizon_s: horizon_s(inputs.objects),
             plan: Arc::clone(&plan),
         });
         Ok(Some(plan))
@@ -213,10 +223,11 @@ impl OverlayPlanner {
         let overlay = &inputs.objects.overlay;
         let mut drawing = Drawing { items: Vec::new(), stroke: 0, texels: Vec::new(), glyphs: &mut self.glyphs };
         drawing.glyphs.begin();
+        let horizon = horizon_of(inputs.objects);
         let mut first_items = Vec::with_capacity(inputs.viewports.len() + 1);
         for viewport in inputs.viewports {
             first_items.push(drawing.items.len());
-            let eye = Eye::new(inputs.camera, viewport);
+            let eye = Eye::new(inputs.camera, viewport, horizon);
             for grid in &overlay.grids {
                 grid::draw(&mut drawing, &eye, grid)?;
             }
@@ -250,10 +261,19 @@ struct Eye<'a> {
     /// Where it stands, m.
     position_m: DVec3,
     motion: Option<Motion>,
+    /// North, east and zenith of the scene's observer.
+    horizon: Option<DMat3>,
+}
+
+/// North, east and zenith of the observer, if a grid shows them.
+fn horizon_of(objects: &SceneObjects) -> Option<DMat3> {
+    objects.overlay.grids.iter().find(|grid| grid.kind == GridKind::Horizon)?;
+    let icrs_from_horizon = objects.icrs_from(Frame::Horizon)?;
+    Some(DMat3::from_cols(icrs_from_horizon.x_axis, -icrs_from_horizon.y_axis, icrs_from_horizon.z_axis))
 }
 
 impl<'a> Eye<'a> {
-    fn new(camera: &'a Camera, viewport: &'a Viewport) -> Self {
+    fn new(camera: &'a Camera, viewport: &'a Viewport, horizon: Option<DMat3>) -> Self {
         let view_from_world = DMat3::from_quat(viewport.world_from_view.conjugate());
         Self {
             viewport,
@@ -262,6 +282,7 @@ impl<'a> Eye<'a> {
             camera,
             position_m: camera.position_m + viewport.eye_offset_m,
             motion: Motion::new(camera.velocity_c),
+            horizon,
         }
     }
 

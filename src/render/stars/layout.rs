@@ -54,6 +54,19 @@ gpu_structs! {
         unused_2: u32,
         /// How the camera moves.
         camera_motion: CameraMotion,
+        /// The air around it.
+        air: StarAir,
+    }
+    /// What air takes of the light of stars; see `shaders/stars/splat.wgsl`.
+    StarAir {
+        /// Unit vector to the zenith, world axes.
+        zenith: [f32; 3],
+        /// 1: there is air.
+        present: u32,
+        /// Power of two by which light becomes less for each air mass.
+        extinction: [f32; 3],
+        /// Padding.
+        unused_0: u32,
     }
     /// A star as the published methods read it; see `shaders/stars/catalogue_star.wgsl`.
     CatalogueStar {

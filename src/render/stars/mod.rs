@@ -98,7 +98,7 @@ impl Stars {
                     let mut pass = begin_pass(recording.encoder, recording.timer, "stars");
                     let share = frame.plan.glare.share_in_sums();
                     let range = FixedPoint { units_per_lx: range.units_per_lx * share, ..range };
-                    self.splat.record(gpu, &mut pass, &range, frame.plan.motion, &sums, &self.draws(batch));
+                    self.splat.record(gpu, &mut pass, &range, frame.plan, &sums, &self.draws(batch));
                 }
             }
             Accumulator::PackedCompareExchange => {

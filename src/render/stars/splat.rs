@@ -4,10 +4,16 @@
 use super::items::{StarDraw, bind_items};
 use crate::{
     gpu::{self, Gpu, Variants, dispatch_rows},
-    photometry::blackbody::ln_luminance_cd_m2,
-    plan::stars::{
-        range::FixedPoint,
-        travel::{SHIFTED_STEPS, TABLE_STEPS, colour_of_step, temperature_of_shifted_step_k},
+    photometry::{
+        atmosphere::{Air, LOG2_PER_MAG},
+        blackbody::ln_luminance_cd_m2,
+    },
+    plan::{
+        Plan,
+        stars::{
+            range::FixedPoint,
+            travel::{SHIFTED_STEPS, TABLE_STEPS, colour_of_step, temperature_of_shifted_step_k},
+        },
     },
     relativity::Motion,
     render::{
@@ -15,6 +21,7 @@ use crate::{
         stars::layout,
         targets::{Sums, bind_occlusion, bind_sums, splatting},
     },
+    scene::surroundings::LocalSky,
 };
 
 /// The pass.
@@ -47,6 +54,15 @@ fn encode_motion(motion: Motion) -> layout::CameraMotion {
     }
 }
 
+fn encode_air(sky: &LocalSky, air: &Air) -> layout::StarAir {
+    layout::StarAir {
+        zenith: sky.zenith().as_vec3().to_array(),
+        present: 1,
+        extinction: air.extinction_mag.map(|mag| (-LOG2_PER_MAG * mag) as f32),
+        ..Default::default()
+    }
+}
+
 /// The pass with or without the test for what stands before the stars.
 fn star_pipeline(gpu: &Gpu, has_geometry: bool) -> wgpu::ComputePipeline {
     let constants = [workgroup_constant(gpu), ("HAS_GEOMETRY", f64::from(u8::from(has_geometry))), rolled_loops(gpu)];
@@ -68,17 +84,17 @@ impl StarPass {
         &self.colours
     }
 
-    /// Records the draws of one range of brightness into one batch, seen by a camera that may move.
+    /// Records the draws of one range of brightness into one batch, seen by a camera that may move, or through air.
     pub(crate) fn record(
         &self,
         gpu: &Gpu,
         pass: &mut wgpu::ComputePass<'_>,
         range: &FixedPoint,
-        motion: Option<Motion>,
+        plan: &Plan,
         sums: &Sums<'_>,
         draws: &[StarDraw<'_>],
     ) {
-        let occlusion = &sums.occlusion;
+        let (occlusion, sky) = (&sums.occlusion, plan.local_sky.as_ref());
         let pipeline = &self.pipeline(gpu, occlusion.present);
         pass.set_pipeline(pipeline);
         pass.set_bind_group(2, &bind_occlusion(gpu, pipeline, occlusion), &[]);
@@ -91,7 +107,8 @@ impl StarPass {
                 brightest_lx: range.brightest_lx as f32,
                 item_count: draw.item_count,
                 items_per_row,
-                camera_motion: motion.map(encode_motion).unwrap_or_default(),
+                camera_motion: plan.motion.map(encode_motion).unwrap_or_default(),
+                air: sky.and_then(|sky| Some(encode_air(sky, sky.air.as_ref()?))).unwrap_or_default(),
                 ..Default::default()
             };
             let parameters = gpu.frame_uniform("star parameters", &parameters);

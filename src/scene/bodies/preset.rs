@@ -70,6 +70,7 @@ impl SolarBody {
                 texture: None,
             },
             emission,
+            seen_through: [1.0; 3],
         }
     }
 

@@ -98,7 +98,8 @@ impl<'a> SeenBody<'a> {
 
     /// What it gives off at a point of the surface.
     pub fn emitted_cd_m2(&self, unit: DVec3) -> [f64; 3] {
-        self.body.emission.map_or([0.0; 3], |emission| emission.luminance_at(self.cos_e(unit)))
+        let emitted = self.body.emission.map_or([0.0; 3], |emission| emission.luminance_at(self.cos_e(unit)));
+        [0, 1, 2].map(|c| emitted[c] * self.body.seen_through[c])
     }
 
     /// What it reflects of one of [`Self::lights`] at a point of the surface.
@@ -109,8 +110,8 @@ impl<'a> SeenBody<'a> {
             return [0.0; 3];
         }
         let texture = surface.texture.as_ref().map_or([1.0; 3], |texture| texture.sample(unit));
-        [0, 1, 2]
-            .map(|c| surface.geometric_albedo[c] * texture[c] * light.illuminance_lx[c] * factor / std::f64::consts::PI)
+        let reflectance = |c: usize| surface.geometric_albedo[c] * texture[c] * factor / std::f64::consts::PI;
+        [0, 1, 2].map(|c| reflectance(c) * light.illuminance_lx[c] * self.body.seen_through[c])
     }
 
     fn normal(&self, unit: DVec3) -> DVec3 {

@@ -144,6 +144,7 @@ pub fn black(name: &str, position_m: DVec3, radii_m: DVec3) -> Body {
         spin: Spin::default(),
         surface: Surface { law: ReflectionLaw::Lambert, geometric_albedo: [0.0; 3], phase_curve: None, texture: None },
         emission: None,
+        seen_through: [1.0; 3],
     }
 }
 

@@ -33,6 +33,7 @@ fn body(name: &str, position_m: DVec3, radii_m: DVec3, law: ReflectionLaw) -> Bo
         spin: Spin::default(),
         surface: Surface { law, geometric_albedo: [0.3, 0.2, 0.1], phase_curve: None, texture: None },
         emission: None,
+        seen_through: [1.0; 3],
     }
 }
 

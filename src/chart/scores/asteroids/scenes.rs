@@ -216,6 +216,7 @@ fn shining() -> Body {
         spin: Spin::default(),
         surface: Surface { law: ReflectionLaw::Lambert, geometric_albedo: [0.0; 3], phase_curve: None, texture: None },
         emission: Some(Emission { luminance_cd_m2: [1e4; 3], limb_darkening: 0.0 }),
+        seen_through: [1.0; 3],
     }
 }
 

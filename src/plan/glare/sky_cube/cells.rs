@@ -12,6 +12,7 @@ use crate::{
     photometry::rec709::luminance,
     plan::stars::cull::{VisibleChunk, light_at, near_stars},
     relativity::Motion,
+    scene::surroundings::LocalSky,
     view::projection::Face,
 };
 
@@ -76,6 +77,7 @@ pub(super) struct Sky<'a> {
     pub set: &'a StarSet,
     pub visible: &'a [VisibleChunk],
     pub motion: Option<Motion>,
+    pub local_sky: Option<&'a LocalSky>,
     pub faintest_lx: f64,
     /// Nearer stars are every eye's own, pc.
     pub near_pc: f64,
@@ -92,7 +94,8 @@ impl Sky<'_> {
     }
 
     fn source(&self, place_pc: DVec3, star: &PackedStar) -> Option<Source> {
-        Source::of(place_pc, star, self.motion).filter(|source| source.illuminance_lx >= self.faintest_lx)
+        Source::of(place_pc, star, self.motion, self.local_sky)
+            .filter(|source| source.illuminance_lx >= self.faintest_lx)
     }
 
     /// The cells of all stars but the near ones, and those.

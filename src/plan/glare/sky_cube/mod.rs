@@ -13,6 +13,8 @@ mod cells;
 mod levels;
 mod sprites;
 
+use std::sync::Arc;
+
 use glam::DVec3;
 
 pub use self::{
@@ -26,11 +28,15 @@ use crate::plan::stars::{
 };
 use crate::{
     catalogue::{chunks::StarSet, packed::PackedStar},
-    photometry::glare::{
-        GlareKernel,
-        split::{ShownCore, SoftCore, bump_share, chord_squared},
+    photometry::{
+        glare::{
+            GlareKernel,
+            split::{ShownCore, SoftCore, bump_share, chord_squared},
+        },
+        rec709::luminance,
     },
     relativity::Motion,
+    scene::surroundings::LocalSky,
     units::PARSEC_M,
     view::{
         Part, Viewport,
@@ -68,6 +74,8 @@ pub struct SkyCubeSettings {
     pub place_pc: DVec3,
     /// Its motion.
     pub motion: Option<Motion>,
+    /// The air and the ground around it; `None`: space.
+    pub local_sky: Option<Arc<LocalSky>>,
     /// Fainter stars do not glare, lx.
     pub faintest_lx: f64,
     /// Distance from there to the farthest eye, pc.
@@ -179,7 +187,8 @@ impl SkyCubePlan {
         let cull = CullSettings { faintest_lx, enabled: false, motion, margin_px: SPLAT_MARGIN_PX };
         let visible = visible_chunks(set, place_pc, &[everywhere], cull);
         let near_pc = settings.farthest_eye_pc / SHARED_PARALLAX_RAD;
-        let sky = cells::Sky { set, visible: &visible, motion, faintest_lx, near_pc };
+        let local_sky = settings.local_sky.as_deref();
+        let sky = cells::Sky { set, visible: &visible, motion, local_sky, faintest_lx, near_pc };
         let (finest, near) = sky.gather(FINEST_CELLS);
         let levels = levels::of_kernel(kernel, finest);
         let soft = SoftCore::new(kernel, smooth_angle_rad(0));
@@ -215,11 +224,16 @@ impl SkyCubePlan {
     }
 
     /// The near stars as an eye at this place, relative to the map's, sees them: directions in world axes, light in lx.
-    pub fn near_for(&self, eye_pc: DVec3, motion: Option<Motion>) -> Vec<(DVec3, [f64; 3])> {
+    pub fn near_for(
+        &self,
+        eye_pc: DVec3,
+        motion: Option<Motion>,
+        local_sky: Option<&LocalSky>,
+    ) -> Vec<(DVec3, [f64; 3])> {
         self.near
             .iter()
             .filter_map(|near| {
-                let source = Source::of(near.place_pc - eye_pc, &near.star, motion)?;
+                let source = Source::of(near.place_pc - eye_pc, &near.star, motion, local_sky)?;
                 (source.illuminance_lx >= self.faintest_lx).then_some((source.direction, source.light))
             })
             .collect()
@@ -228,13 +242,17 @@ impl SkyCubePlan {
 
 impl Source {
     /// A star at a place relative to the eye, pc; none at the eye's very place, where there is no direction.
-    fn of(place_pc: DVec3, star: &PackedStar, motion: Option<Motion>) -> Option<Self> {
+    fn of(place_pc: DVec3, star: &PackedStar, motion: Option<Motion>, local_sky: Option<&LocalSky>) -> Option<Self> {
         let illuminance_lx = light_at(place_pc, star, motion);
         let (seen, doppler) =
             motion.map_or((place_pc, 1.0), |motion| (motion.seen(place_pc), motion.doppler_of(place_pc)));
         let direction = seen.try_normalize()?;
         let colour = travel::colour_of(star.temperature_step(), doppler);
-        Some(Self { direction, illuminance_lx, light: colour.map(|c| f64::from(c) * illuminance_lx) })
+        let light = colour.map(|c| f64::from(c) * illuminance_lx);
+        let Some(sky) = local_sky else { return Some(Self { direction, illuminance_lx, light }) };
+        let through = sky.transmission(direction);
+        let light = [0, 1, 2].map(|c| light[c] * through[c]);
+        Some(Self { direction, illuminance_lx: luminance(light), light })
     }
 }
 

@@ -22,6 +22,7 @@ fn settings() -> SkyCubeSettings {
     SkyCubeSettings {
         place_pc: DVec3::new(0.3, -0.2, 0.1),
         motion: None,
+        local_sky: None,
         faintest_lx: 0.0,
         farthest_eye_pc: 0.0,
         tolerance: 0.01,
@@ -123,7 +124,7 @@ fn only_stars_that_the_eyes_see_in_different_places_are_an_eyes_own() {
     );
     assert!(!near.near.is_empty() && near.near.iter().all(|star| star.place_pc.length() < near_pc));
     let light = |glare: &SkyCubePlan| glare.levels[0].cells.iter().map(|cell| luminance(cell.light)).sum::<f64>();
-    let own: f64 = near.near_for(DVec3::ZERO, None).iter().map(|(_, light)| luminance(*light)).sum();
+    let own: f64 = near.near_for(DVec3::ZERO, None, None).iter().map(|(_, light)| luminance(*light)).sum();
     assert!(((light(&near) + own) / light(&far) - 1.0).abs() < 1e-9);
 }
 

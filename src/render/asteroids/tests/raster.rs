@@ -141,6 +141,7 @@ fn scene(direction: DVec3, size: f64, halvings: u32) -> (SceneObjects, DVec3, Su
         spin: Spin::default(),
         surface: Surface { law: field.law, geometric_albedo: field.geometric_albedo, phase_curve: None, texture: None },
         emission: None,
+        seen_through: [1.0; 3],
     };
     (SceneObjects { fields: vec![field], ..SceneObjects::default() }, camera_m, sun, body)
 }

@@ -28,7 +28,7 @@ use crate::{
     },
     relativity::Motion,
     render::technique::{Holding, PipelineJob, Recording, Series, Wish, begin_pass},
-    scene::SceneSnapshot,
+    scene::{SceneSnapshot, surroundings::LocalSky},
     units::{PARSEC_M, illuminance_lx_from_magnitude},
     view::Viewport,
 };
@@ -38,6 +38,7 @@ struct SkyScene<'a> {
     stars: &'a Arc<StarSet>,
     camera_pc: DVec3,
     motion: Option<Motion>,
+    local_sky: Option<Arc<LocalSky>>,
     faintest_lx: f64,
     /// What a source may add to the veil around it without being drawn by itself, relative.
     tolerance: f64,
@@ -51,6 +52,7 @@ impl<'a> SkyScene<'a> {
             stars: &snapshot.stars,
             camera_pc: snapshot.camera.position_m / PARSEC_M,
             motion: Motion::new(snapshot.camera.velocity_c),
+            local_sky: snapshot.objects.sky_of_stars(snapshot.camera.position_m).map(Arc::new),
             faintest_lx: illuminance_lx_from_magnitude(settings.stars.magnitude_limit),
             tolerance: settings.accuracy.glare,
             least_cd_m2: in_sums.map_or(0.0, |veil| veil.least_cd_m2),
@@ -64,6 +66,7 @@ impl<'a> SkyScene<'a> {
         SkyCubeSettings {
             place_pc,
             motion: self.motion,
+            local_sky: self.local_sky.clone(),
             faintest_lx: self.faintest_lx,
             farthest_eye_pc: eye_class_m(camera_m + views.farthest_eye_m) / PARSEC_M,
             tolerance: self.tolerance,

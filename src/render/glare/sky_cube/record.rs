@@ -107,7 +107,9 @@ impl SkyCube {
             .enumerate()
             .map(|(number, viewport)| {
                 let first_near = near.len() as u32;
-                for (direction, light) in sky.near_for(camera_pc + viewport.eye_offset_m / PARSEC_M, plan.motion) {
+                for (direction, light) in
+                    sky.near_for(camera_pc + viewport.eye_offset_m / PARSEC_M, plan.motion, plan.local_sky.as_deref())
+                {
                     near.push(encode_near((direction, light), 0.0, 0));
                 }
                 for source in object_sources.get(number).into_iter().flatten() {

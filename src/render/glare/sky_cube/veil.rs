@@ -108,14 +108,14 @@ impl VeilFrame {
         for viewport in &plan.viewports {
             let first = near.len() as u32;
             let eye_pc = camera_pc + viewport.eye_offset_m / PARSEC_M;
-            near.extend(held.sky.near_for(eye_pc, plan.motion).into_iter().map(|(direction, light)| {
-                layout::GlareSprite {
+            near.extend(held.sky.near_for(eye_pc, plan.motion, plan.local_sky.as_deref()).into_iter().map(
+                |(direction, light)| layout::GlareSprite {
                     direction: direction.as_vec3().to_array(),
                     inverse_squared: (1.0 / held.sky.soft.squared) as f32,
                     light: light.map(|channel| channel as f32),
                     whole: 1,
-                }
-            }));
+                },
+            ));
             let own = first..near.len() as u32;
             views.push(held.view(viewport, own.clone()));
             near_of.push(own);

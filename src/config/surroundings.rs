@@ -1,0 +1,130 @@
+//! `[scene.observer.air]` and `[scene.observer.ground]`.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::error::{Fault, finite};
+use crate::photometry::{
+    atmosphere::{Air, glow_of},
+    blackbody::rec709_in_gamut,
+};
+use crate::scene::surroundings::{Ground, Horizon};
+
+/// Colour of the night sky, that of light which is mostly the Sun's and of stars, K: measured are values of B - V from 0.7 to 1.
+const GLOW_K: f64 = 5772.0;
+/// Below this extinction there is no air.
+const LEAST_EXTINCTION_MAG: f64 = 0.01;
+/// Extinction over the sea of what has a height of its own, magnitudes and m: molecules with ozone, and aerosol.
+const EXTINCTIONS: [[f64; 2]; 2] = [[0.138, 8200.0], [0.062, 1500.0]];
+/// Points of a horizon at most.
+pub const MOST_POINTS: usize = 10_000;
+
+/// The air: it takes light, the more the lower it comes in, and scatters that of the Sun and the Moon.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct AirConfig {
+    /// Whether there is air.
+    pub enabled: bool,
+    /// What it takes in the V band for each air mass, magnitudes. Without it that of clear air at the observer's height: 0.2 over the sea.
+    pub extinction_mag: Option<f64>,
+    /// What the zenith has of itself on a dark night, without stars and planets: magnitudes of V per square arcsecond; 22 far from all lamps, 18 in a town.
+    pub night_sky_mag: f64,
+}
+
+/// The ground: it hides what is below the horizon.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct GroundConfig {
+    /// Whether there is ground.
+    pub enabled: bool,
+    /// Share of the light on it that it reflects.
+    pub albedo: f64,
+    /// The line up to which it reaches, as pairs of azimuth, 0 to 360 and rising, and altitude, -90 to 90; straight between them and around. Empty: altitude 0.
+    pub horizon_deg: Vec<[f64; 2]>,
+}
+
+impl Default for AirConfig {
+    fn default() -> Self {
+        Self { enabled: true, extinction_mag: None, night_sky_mag: 22.0 }
+    }
+}
+
+impl Default for GroundConfig {
+    fn default() -> Self {
+        Self { enabled: true, albedo: 0.15, horizon_deg: Vec::new() }
+    }
+}
+
+impl AirConfig {
+    /// The air at a height, m; none where it is turned off or too thin.
+    pub(super) fn air(&self, height_m: f64) -> Option<Air> {
+        let clear = || EXTINCTIONS.iter().map(|[mag, height]| mag * (-height_m.max(0.0) / height).exp()).sum();
+        let extinction_mag = self.extinction_mag.unwrap_or_else(clear);
+        let glow_cd_m2 = glow_of(self.night_sky_mag, rec709_in_gamut(GLOW_K));
+        (self.enabled && extinction_mag >= LEAST_EXTINCTION_MAG).then(|| Air::new(extinction_mag, height_m, glow_cd_m2))
+    }
+}
+
+impl GroundConfig {
+    /// Checks what types alone do not say; a fault names the key below `scene.observer.ground`.
+    pub(super) fn check(&self) -> Result<(), Fault> {
+        if self.horizon_deg.len() > MOST_POINTS {
+            let problem = format!("{} points: allowed are up to {MOST_POINTS}", self.horizon_deg.len());
+            return Err(Fault::new("horizon_deg", problem));
+        }
+        let mut last = f64::NEG_INFINITY;
+        for (index, [azimuth_deg, altitude_deg]) in self.horizon_deg.iter().copied().enumerate() {
+            let key = format!("horizon_deg[{index}]");
+            finite(&key, azimuth_deg)?;
+            finite(&key, altitude_deg)?;
+            if !(0.0..360.0).contains(&azimuth_deg) {
+                return Err(Fault::new(key, format!("azimuth {azimuth_deg}: allowed are 0 to below 360")));
+            }
+            if azimuth_deg <= last {
+                return Err(Fault::new(key, format!("azimuth {azimuth_deg} does not rise: the one before is {last}")));
+            }
+            if altitude_deg.abs() > 90.0 {
+                return Err(Fault::new(key, format!("altitude {altitude_deg}: allowed are -90 to 90")));
+            }
+            last = azimuth_deg;
+        }
+        Ok(())
+    }
+
+    /// The ground; none where it is turned off.
+    pub(super) fn ground(&self) -> Option<Ground> {
+        let points = self.horizon_deg.iter().map(|point| point.map(f64::to_radians)).collect();
+        self.enabled.then(|| Ground { horizon: Horizon::new(points), albedo: self.albedo })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn horizons_rise_round_the_compass_or_are_refused_by_point() {
+        let check = |points: &[[f64; 2]]| GroundConfig { horizon_deg: points.to_vec(), ..Default::default() }.check();
+        assert!(check(&[]).is_ok() && check(&[[0.0, 90.0], [359.9, -90.0]]).is_ok());
+        for (points, key, part) in [
+            (&[[0.0, 1.0], [0.0, 2.0]][..], "horizon_deg[1]", "does not rise"),
+            (&[[360.0, 1.0]][..], "horizon_deg[0]", "below 360"),
+            (&[[1.0, 91.0]][..], "horizon_deg[0]", "-90 to 90"),
+            (&[[1.0, f64::NAN]][..], "horizon_deg[0]", "finite"),
+            (&[[1.0, 0.0]; MOST_POINTS + 1][..], "horizon_deg", "10001 points"),
+        ] {
+            let fault = check(points).expect_err(key);
+            assert!(fault.key == key && fault.problem.contains(part), "{fault:?}");
+        }
+    }
+
+    #[test]
+    fn air_is_thinner_on_a_mountain_and_absent_in_space() {
+        let mag = |height_m: f64| AirConfig::default().air(height_m).map(|air| air.extinction_mag[1]);
+        assert!((mag(0.0).expect("air over the sea") - 0.2).abs() < 0.003);
+        // Cerro Paranal: 0.11 to 0.13 mag.
+        assert!((0.10..0.13).contains(&mag(2635.0).expect("air on a mountain")), "{:?}", mag(2635.0));
+        assert_eq!(mag(1e5), None);
+        assert!(AirConfig { enabled: false, ..Default::default() }.air(0.0).is_none());
+    }
+}

@@ -1,0 +1,503 @@
+//! Light that a clear atmosphere scatters: day and twilight, of the Sun or the Moon.
+//!
+//! Air of molecules, aerosol and ozone lies around a round Earth. Light that is scattered once is summed along the line of sight, from where the Earth's shadow ends; what is scattered
+//! more often comes from all around a place, as much from every side, and is summed as a geometric series of its first term (S. Hillaire, "A scalable and production ready sky and
+//! atmosphere rendering technique", Computer Graphics Forum 39, 2020). Optical depths are those of the extinction ([`super::atmosphere`]). Left out: refraction, clouds, polarisation,
+//! and light that the ground sends up.
+//!
+//! Tables hold what a source of 1 lx gives: they depend on its altitude alone.
+//!
+//! Units: rad, km, optical depths, cd/m^2 per lx.
+
+use std::{
+    f64::consts::{FRAC_PI_2, PI, TAU},
+    sync::{Arc, Mutex, PoisonError},
+};
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+/// The Earth, km, and the height in which there is no air any more.
+const EARTH_KM: f64 = 6371.0;
+const TOP_KM: f64 = 100.0;
+/// Heights in which molecules and aerosol fall by e, km.
+const MOLECULES_KM: f64 = 8.0;
+const AEROSOL_KM: f64 = 1.5;
+/// The layer of ozone: its middle, and half its width, km; a tent.
+const OZONE_KM: [f64; 2] = [25.0, 15.0];
+/// Share of the light that aerosol meets that it scatters.
+const AEROSOL_ALBEDO: f64 = 0.9;
+/// Asymmetry of its phase function (W. M. Cornette and J. G. Shanks, Applied Optics 31, 3152, 1992).
+pub const ASYMMETRY: f64 = 0.76;
+/// Steps along a line of sight, along one of those that light arrives from that is scattered again, and along one to the source.
+const STEPS: usize = 40;
+const STEPS_OF_MANY: usize = 24;
+const LIGHT_STEPS: usize = 60;
+/// Nodes of the table of what arrives from a source: heights, and altitudes of the source.
+const ARRIVING: [usize; 2] = [64, 128];
+/// Nodes of the table of light scattered many times, and directions that it is summed over.
+const MANY: [usize; 2] = [16, 48];
+const MANY_DIRECTIONS: [usize; 2] = [8, 6];
+/// Less than this counts for nothing, per sr.
+const DARKEST: f64 = 1e-16;
+/// Sines of the altitudes of a source between which it lights any air.
+const SOURCE_SINES: [f64; 2] = [-0.42, 1.0];
+/// Nodes of a table of the sky: altitudes, and azimuths from the source.
+pub const TABLE_NODES: [usize; 2] = [40, 24];
+/// Altitudes of a source that share a table lie so near, rad.
+const SHARED_RAD: f64 = 3e-4;
+/// Tables that are kept.
+const KEPT: usize = 4;
+
+/// Optical depths above a place on the ground, by channel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Depths {
+    /// Of molecules, which scatter.
+    pub molecules: [f64; 3],
+    /// Of aerosol.
+    pub aerosol: [f64; 3],
+    /// Of ozone, which takes light.
+    pub ozone: [f64; 3],
+    /// Height of the place over the sea, km.
+    pub height_km: f64,
+}
+
+/// What the sky shows of a source of 1 lx at one altitude, cd/m^2.
+///
+/// Node (i, j) is at altitude (pi / 2) (i / (n - 1))^2 and azimuth pi (j / (m - 1))^2 from the source.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SkyTable {
+    /// Scattered by molecules, and many times.
+    pub smooth: Vec<[f64; 3]>,
+    /// Scattered once by aerosol, for a phase function of 1.
+    pub aerosol: Vec<[f64; 3]>,
+}
+
+/// Air whose tables are made.
+pub struct SkyLight {
+    depths: Depths,
+    arriving: Vec<[f64; 3]>,
+    many: Vec<[f64; 3]>,
+    kept: Mutex<Vec<(i64, Arc<SkyTable>)>>,
+}
+
+impl std::fmt::Debug for SkyLight {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("SkyLight").field("depths", &self.depths).finish_non_exhaustive()
+    }
+}
+
+impl PartialEq for SkyLight {
+    fn eq(&self, other: &Self) -> bool {
+        self.depths == other.depths
+    }
+}
+
+type Rgb = [f64; 3];
+
+fn each(of: impl Fn(usize) -> f64) -> Rgb {
+    [of(0), of(1), of(2)]
+}
+
+/// Phase function of molecules, per sr.
+pub fn molecules_per_sr(cosine: f64) -> f64 {
+    3.0 / (16.0 * PI) * (1.0 + cosine * cosine)
+}
+
+/// Phase function of aerosol, per sr.
+pub fn aerosol_per_sr(cosine: f64) -> f64 {
+    let g2 = ASYMMETRY * ASYMMETRY;
+    let denominator = (1.0 + g2 - 2.0 * ASYMMETRY * cosine).max(1e-9).powf(1.5);
+    3.0 / (8.0 * PI) * (1.0 - g2) * (1.0 + cosine * cosine) / ((2.0 + g2) * denominator)
+}
+
+/// What air does in a point, per km.
+struct Medium {
+    molecules: Rgb,
+    aerosol: Rgb,
+    extinction: Rgb,
+}
+
+impl Depths {
+    fn medium(&self, height_km: f64) -> Medium {
+        let thin = (-(height_km - self.height_km) / MOLECULES_KM).exp() / MOLECULES_KM;
+        let hazy = (-(height_km - self.height_km).max(0.0) / AEROSOL_KM).exp() / AEROSOL_KM;
+        let [middle, half] = OZONE_KM;
+        let ozone = (1.0 - (height_km - middle).abs() / half).max(0.0) / half;
+        let molecules = self.molecules.map(|depth| depth * thin);
+        let aerosol = self.aerosol.map(|depth| depth * hazy);
+        let extinction = each(|c| molecules[c] + aerosol[c] + self.ozone[c] * ozone);
+        Medium { molecules, aerosol: aerosol.map(|scatters| AEROSOL_ALBEDO * scatters), extinction }
+    }
+}
+
+/// Distance from a radius along a line whose sine of altitude is given to a sphere, km; the farther end.
+fn to_sphere_km(radius_km: f64, sine: f64, sphere_km: f64) -> f64 {
+    let along = radius_km * sine;
+    -along + (along * along + sphere_km * sphere_km - radius_km * radius_km).max(0.0).sqrt()
+}
+
+/// Where a line from a radius leaves or enters the Earth's shadow, a cylinder, up to a distance; km, in order.
+fn shadow_edges_km(radius_km: f64, towards: DVec3, source: DVec3, whole_km: f64) -> Vec<f64> {
+    let across = |vector: DVec3| vector - source * vector.dot(source);
+    let (from, step) = (across(DVec3::Y * radius_km), across(towards));
+    let (a, half_b, c) = (step.length_squared(), from.dot(step), from.length_squared() - EARTH_KM * EARTH_KM);
+    let root = half_b * half_b - a * c;
+    if a < 1e-12 || root <= 0.0 {
+        return Vec::new();
+    }
+    let behind = |at: &f64| (DVec3::Y * radius_km + towards * *at).dot(source) < 0.0;
+    let edges = [(-half_b - root.sqrt()) / a, (-half_b + root.sqrt()) / a];
+    edges.into_iter().filter(|at| *at > 0.0 && *at < whole_km && behind(at)).collect()
+}
+
+/// Whether the Earth stands before what lies at a sine of altitude, seen from a radius.
+fn meets_earth(radius_km: f64, sine: f64) -> bool {
+    sine < 0.0 && radius_km * radius_km * (1.0 - sine * sine) < EARTH_KM * EARTH_KM
+}
+
+/// Between four nodes of a table; places in nodes.
+fn between(table: &[Rgb], [rows, columns]: [usize; 2], at: [f64; 2]) -> Rgb {
+    let [row, column] = [at[0].clamp(0.0, (rows - 1) as f64), at[1].clamp(0.0, (columns - 1) as f64)];
+    let (r0, c0) = ((row as usize).min(rows - 2), (column as usize).min(columns - 2));
+    let (dr, dc) = (row - r0 as f64, column - c0 as f64);
+    let node = |r: usize, c: usize| &table[r * columns + c];
+    each(|k| {
+        let upper = node(r0, c0)[k] * (1.0 - dc) + node(r0, c0 + 1)[k] * dc;
+        let lower = node(r0 + 1, c0)[k] * (1.0 - dc) + node(r0 + 1, c0 + 1)[k] * dc;
+        upper * (1.0 - dr) + lower * dr
+    })
+}
+
+/// Heights of nodes crowd at the ground.
+fn height_of(part: f64) -> f64 {
+    TOP_KM * part * part
+}
+
+/// Sines at which light arrives crowd at the horizon of a height: the part of a table that begins there.
+fn sine_of(height_km: f64, part: f64) -> f64 {
+    let radius = EARTH_KM + height_km;
+    let lowest = -(1.0 - (EARTH_KM / radius).powi(2)).max(0.0).sqrt();
+    lowest + (1.0 - lowest) * part * part * part
+}
+
+impl SkyLight {
+    /// Makes the tables of air.
+    pub fn new(depths: Depths) -> Self {
+        let [heights, sines] = ARRIVING;
+        let at = |index: usize, of: usize| index as f64 / (of - 1) as f64;
+        let arriving = (0..heights * sines)
+            .into_par_iter()
+            .map(|node| {
+                let height_km = height_of(at(node / sines, heights));
+                let sine = sine_of(height_km, at(node % sines, sines));
+                let whole = to_sphere_km(EARTH_KM + height_km, sine, EARTH_KM + TOP_KM);
+                let mut depth = [0.0; 3];
+                let mut before_km = 0.0;
+                for step in 1..=LIGHT_STEPS {
+                    let end_km = whole * (step as f64 / LIGHT_STEPS as f64).powi(2);
+                    let middle_km = 0.5 * (before_km + end_km);
+                    let medium = depths.medium(height_along(height_km, sine, middle_km));
+                    (0..3).for_each(|c| depth[c] += medium.extinction[c] * (end_km - before_km));
+                    before_km = end_km;
+                }
+                depth.map(|depth| (-depth).exp())
+            })
+            .collect();
+        let mut sky = Self { depths, arriving, many: Vec::new(), kept: Mutex::default() };
+        let [heights, sines] = MANY;
+        let [lowest, highest] = SOURCE_SINES;
+        sky.many = (0..heights * sines)
+            .into_par_iter()
+            .map(|node| {
+                let height_km = height_of(at(node / sines, heights));
+                sky.scattered_many_times(height_km, lowest + (highest - lowest) * at(node % sines, sines))
+            })
+            .collect();
+        sky
+    }
+
+    /// Share of a source's light that arrives in a height where it stands at a sine of altitude.
+    fn arriving(&self, height_km: f64, sine: f64) -> Rgb {
+        let radius = EARTH_KM + height_km;
+        if meets_earth(radius, sine) {
+            return [0.0; 3];
+        }
+        let lowest = -(1.0 - (EARTH_KM / radius).powi(2)).max(0.0).sqrt();
+        let part = ((sine - lowest) / (1.0 - lowest)).max(0.0).cbrt();
+        let [rows, columns] = ARRIVING;
+        let at = [(height_km / TOP_KM).max(0.0).sqrt() * (rows - 1) as f64, part * (columns - 1) as f64];
+        between(&self.arriving, ARRIVING, at)
+    }
+
+    /// Light of all orders but the first that arrives in a point from any side, per sr and for 1 lx of the source outside.
+    fn many_at(&self, height_km: f64, sine: f64) -> Rgb {
+        let [rows, columns] = MANY;
+        let [lowest, highest] = SOURCE_SINES;
+        if sine <= lowest {
+            return [0.0; 3];
+        }
+        let row = (height_km / TOP_KM).max(0.0).sqrt() * (rows - 1) as f64;
+        let column = (sine - lowest) / (highest - lowest) * (columns - 1) as f64;
+        // Of logarithms: at dusk it falls by a factor for each degree.
+        if self.many.is_empty() { [0.0; 3] } else { between(&self.many, MANY, [row, column]).map(f64::exp) }
+    }
+
+    /// What [`Self::many_at`] is made of: the logarithm of the mean over all directions of what arrives scattered once, and of all that follows.
+    fn scattered_many_times(&self, height_km: f64, source_sine: f64) -> Rgb {
+        let [rings, around] = MANY_DIRECTIONS;
+        let source = DVec3::new((1.0 - source_sine * source_sine).max(0.0).sqrt(), source_sine, 0.0);
+        let (mut once, mut again) = ([0.0; 3], [0.0; 3]);
+        for ring in 0..rings {
+            let sine = -1.0 + 2.0 * (ring as f64 + 0.5) / rings as f64;
+            let across = (1.0 - sine * sine).sqrt();
+            for step in 0..around {
+                let (sin, cos) = ((step as f64 + 0.5) / around as f64 * TAU).sin_cos();
+                let towards = DVec3::new(across * cos, sine, across * sin);
+                let Seen { evenly, share, .. } = self.along(height_km, towards, source, Orders::Once);
+                let part = 1.0 / (rings * around) as f64;
+                (0..3).for_each(|c| {
+                    once[c] += part * evenly[c];
+                    again[c] += part * share[c];
+                });
+            }
+        }
+        each(|c| (once[c] / (1.0 - again[c]).max(0.05)).max(DARKEST).ln())
+    }
+
+    /// What is seen along a line from a height, of a source of 1 lx: axes with y up; the source counts as infinitely far.
+    fn along(&self, height_km: f64, towards: DVec3, source: DVec3, orders: Orders) -> Seen {
+        let radius = EARTH_KM + height_km;
+        let whole = if meets_earth(radius, towards.y) {
+            let along = radius * towards.y;
+            -along - (along * along + EARTH_KM * EARTH_KM - radius * radius).max(0.0).sqrt()
+        } else {
+            to_sphere_km(radius, towards.y, EARTH_KM + TOP_KM)
+        };
+        let mut seen = Seen::default();
+        let mut open = [1.0; 3];
+        let steps = if orders == Orders::All { STEPS } else { STEPS_OF_MANY };
+        // From one side of the shadow's edge to the other one nothing is summed in one step.
+        let ends: Vec<f64> =
+            [0.0].into_iter().chain(shadow_edges_km(radius, towards, source, whole)).chain([whole]).collect();
+        let steps = ends.windows(2).flat_map(|part| {
+            let end = move |step: usize| part[0] + (part[1] - part[0]) * (step as f64 / steps as f64).powi(2);
+            (0..steps).map(move |step| [end(step), end(step + 1)])
+        });
+        for [before_km, end_km] in steps {
+            let length_km = end_km - before_km;
+            let place = DVec3::Y * radius + towards * (0.5 * (before_km + end_km));
+            let (place_km, up) = (place.length(), place.normalize());
+            let height = (place_km - EARTH_KM).max(0.0);
+            let medium = self.depths.medium(height);
+            let sine = up.dot(source);
+            let lit = self.arriving(height, sine);
+            let many = if orders == Orders::All { self.many_at(height, sine) } else { [0.0; 3] };
+            for c in 0..3 {
+                let passed = (-medium.extinction[c] * length_km).exp();
+                // What of each km is seen, if all of the step is alike.
+                let seen_km = open[c]
+                    * if medium.extinction[c] > 1e-12 { (1.0 - passed) / medium.extinction[c] } else { length_km };
+                let scatters = medium.molecules[c] + medium.aerosol[c];
+                seen.molecules[c] += seen_km * medium.molecules[c] * lit[c];
+                seen.aerosol[c] += seen_km * medium.aerosol[c] * lit[c];
+                seen.many[c] += seen_km * scatters * many[c];
+                seen.evenly[c] += seen_km * scatters * lit[c] / (4.0 * PI);
+                seen.share[c] += seen_km * scatters;
+                open[c] *= passed;
+            }
+        }
+        seen
+    }
+
+    /// The light of a source of 1 lx at an altitude that arrives at the ground from a direction at another altitude and an azimuth from it, without any table of the sky, cd/m^2.
+    pub fn luminance(&self, source_rad: f64, altitude_rad: f64, azimuth_rad: f64) -> Rgb {
+        let towards = direction(altitude_rad, azimuth_rad);
+        let source = direction(source_rad, 0.0);
+        let seen = self.along(self.depths.height_km, towards, source, Orders::All);
+        let cosine = towards.dot(source);
+        each(|c| seen.molecules[c] * molecules_per_sr(cosine) + seen.aerosol[c] * aerosol_per_sr(cosine) + seen.many[c])
+    }
+
+    /// The table of a source at an altitude, rad; of one that is far below the horizon it is dark.
+    pub fn table(&self, source_rad: f64) -> Arc<SkyTable> {
+        let number = (source_rad / SHARED_RAD).round() as i64;
+        let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(index) = kept.iter().position(|(of, _)| *of == number) {
+            // The newest stands last.
+            let found = kept.remove(index);
+            kept.push(found);
+        } else {
+            let table = Arc::new(self.made(number as f64 * SHARED_RAD));
+            if kept.len() == KEPT {
+                kept.remove(0);
+            }
+            kept.push((number, table));
+        }
+        kept.last().map(|(_, table)| Arc::clone(table)).unwrap_or_default()
+    }
+
+    fn made(&self, source_rad: f64) -> SkyTable {
+        let [altitudes, azimuths] = TABLE_NODES;
+        let source = direction(source_rad, 0.0);
+        let node = |index: usize| {
+            let part = |index: usize, of: usize| (index as f64 / (of - 1) as f64).powi(2);
+            let towards =
+                direction(FRAC_PI_2 * part(index / azimuths, altitudes), PI * part(index % azimuths, azimuths));
+            let seen = self.along(self.depths.height_km, towards, source, Orders::All);
+            let of_molecules = molecules_per_sr(towards.dot(source));
+            (each(|c| seen.molecules[c] * of_molecules + seen.many[c]), seen.aerosol)
+        };
+        let (smooth, aerosol) = (0..altitudes * azimuths).into_par_iter().map(node).unzip();
+        SkyTable { smooth, aerosol }
+    }
+}
+
+impl Default for SkyTable {
+    fn default() -> Self {
+        let dark = vec![[0.0; 3]; TABLE_NODES[0] * TABLE_NODES[1]];
+        Self { smooth: dark.clone(), aerosol: dark }
+    }
+}
+
+impl SkyTable {
+    /// Luminance at an altitude, at least 0, at an azimuth from the source, rad, and the cosine of the angle from it; cd/m^2 per lx.
+    pub fn luminance(&self, altitude_rad: f64, azimuth_rad: f64, cosine: f64) -> [f64; 3] {
+        let place = |part: f64, of: usize| part.clamp(0.0, 1.0).sqrt() * (of - 1) as f64;
+        let at = [
+            place(altitude_rad / FRAC_PI_2, TABLE_NODES[0]),
+            place(azimuth_rad.rem_euclid(TAU).min((-azimuth_rad).rem_euclid(TAU)) / PI, TABLE_NODES[1]),
+        ];
+        let (smooth, aerosol) = (between(&self.smooth, TABLE_NODES, at), between(&self.aerosol, TABLE_NODES, at));
+        each(|c| smooth[c] + aerosol[c] * aerosol_per_sr(cosine))
+    }
+}
+
+/// Which light is summed along a line.
+#[derive(Clone, Copy, PartialEq)]
+enum Orders {
+    Once,
+    All,
+}
+
+/// Sums along a line.
+#[derive(Default)]
+struct Seen {
+    /// Without their phase functions.
+    molecules: Rgb,
+    aerosol: Rgb,
+    many: Rgb,
+    /// Scattered once, as if evenly to all sides.
+    evenly: Rgb,
+    /// Share of light that came evenly from everywhere along the line.
+    share: Rgb,
+}
+
+/// Axes: x towards the source's azimuth, y up.
+fn direction(altitude_rad: f64, azimuth_rad: f64) -> DVec3 {
+    let (sin, cos) = altitude_rad.sin_cos();
+    DVec3::new(cos * azimuth_rad.cos(), sin, cos * azimuth_rad.sin())
+}
+
+fn height_along(height_km: f64, sine: f64, distance_km: f64) -> f64 {
+    let radius = EARTH_KM + height_km;
+    (radius * radius + distance_km * distance_km + 2.0 * radius * distance_km * sine).max(0.0).sqrt() - EARTH_KM
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sky() -> SkyLight {
+        // 0.2 mag in the green.
+        let depths = Depths {
+            molecules: [0.064, 0.0989, 0.193],
+            aerosol: [0.050, 0.0574, 0.0715],
+            ozone: [0.04, 0.0286, 0.0028],
+            height_km: 0.0,
+        };
+        SkyLight::new(depths)
+    }
+
+    #[test]
+    fn phase_functions_scatter_all_light() {
+        for per_sr in [molecules_per_sr, aerosol_per_sr] {
+            let nodes = 20_000;
+            let sum: f64 = (0..nodes).map(|i| per_sr(-1.0 + 2.0 * (f64::from(i) + 0.5) / f64::from(nodes))).sum();
+            assert!((sum / f64::from(nodes) * 4.0 * PI - 1.0).abs() < 1e-5);
+        }
+    }
+
+    #[test]
+    fn light_arrives_as_the_depths_say() {
+        let sky = sky();
+        let total = [0, 1, 2].map(|c| sky.depths.molecules[c] + sky.depths.aerosol[c] + sky.depths.ozone[c]);
+        let [overhead, low] = [1.0, 0.5].map(|sine| sky.arriving(0.0, sine));
+        for c in 0..3 {
+            assert!((overhead[c] / (-total[c]).exp() - 1.0).abs() < 2e-3, "{overhead:?}");
+            assert!((low[c] / (-1.99 * total[c]).exp() - 1.0).abs() < 5e-3, "{low:?}");
+        }
+        assert_eq!(sky.arriving(0.0, -1e-3), [0.0; 3]);
+        // 35 km high the Sun of 6 degrees of depression is on the horizon.
+        let edge = f64::to_radians(6.0).sin();
+        assert_eq!(sky.arriving(34.0, -edge), [0.0; 3]);
+        assert!(sky.arriving(40.0, -edge)[0] > 0.0);
+    }
+
+    #[test]
+    fn tables_are_what_they_are_made_from() {
+        let sky = sky();
+        let mut worst = 0.0_f64;
+        for source_deg in [50.0, 10.0, 0.0, -4.0, -9.0] {
+            let source = f64::to_radians(source_deg);
+            let table = sky.table(source);
+            for i in 0..30 {
+                for j in 0..20 {
+                    let (altitude, azimuth) =
+                        ((f64::from(i) + 0.4) / 30.0 * FRAC_PI_2, (f64::from(j) + 0.3) / 20.0 * PI);
+                    let cosine = direction(altitude, azimuth).dot(direction(source, 0.0));
+                    let expected = sky.luminance(source, altitude, azimuth);
+                    let found = table.luminance(altitude, azimuth, cosine);
+                    let mirrored = table.luminance(altitude, -azimuth, cosine);
+                    (0..3).for_each(|c| worst = worst.max((found[c] / expected[c] - 1.0).abs()));
+                    assert_eq!(found, mirrored);
+                }
+            }
+        }
+        println!("tables err by {worst:.4}");
+        assert!(worst < 0.1, "{worst}");
+        assert!(Arc::ptr_eq(&sky.table(0.3), &sky.table(0.300_05)));
+    }
+
+    #[test]
+    fn a_clear_sky_is_blue_red_where_the_sun_has_set_and_dark_where_the_earth_has_its_shadow() {
+        let sky = sky();
+        let noon = sky.luminance(0.7, FRAC_PI_2, 0.0);
+        assert!(noon[2] > 1.5 * noon[1] && noon[1] > 1.2 * noon[0], "{noon:?}");
+        let dusk = f64::to_radians(-4.0);
+        let [towards, away] = [0.0, PI].map(|azimuth| sky.luminance(dusk, f64::to_radians(2.0), azimuth));
+        assert!(towards[0] > towards[1] && towards[1] > towards[2], "{towards:?}");
+        assert!(away[2] > away[1] && towards[1] > 4.0 * away[1], "{towards:?} {away:?}");
+        let zenith = sky.luminance(dusk, FRAC_PI_2, 0.0);
+        assert!(zenith[2] > 2.0 * zenith[1], "ozone makes twilight blue: {zenith:?}");
+    }
+
+    #[test]
+    fn the_ground_has_the_published_light_of_the_sky() {
+        // Global horizontal illuminance at sunset and at 6 degrees of depression: 730 and 3.4 lx (P. K. Seidelmann, "Explanatory Supplement", 1992, table 9.311), within a factor of 1.6.
+        let sky = sky();
+        for (source_deg, published_lx) in [(0.0, 730.0), (-6.0, 3.4)] {
+            let mut lit_lx = 0.0;
+            for i in 0..12 {
+                let sine = (f64::from(i) + 0.5) / 12.0;
+                for j in 0..16 {
+                    let seen =
+                        sky.luminance(f64::to_radians(source_deg), sine.asin(), (f64::from(j) + 0.5) / 16.0 * TAU);
+                    lit_lx += TAU * sine / 192.0 * seen[1] * 1.26e5;
+                }
+            }
+            println!("{source_deg} degrees: {lit_lx:.2} lx on the ground, published {published_lx}");
+            assert!((1.0 / 1.6..1.6).contains(&(lit_lx / published_lx)), "{source_deg}: {lit_lx}");
+        }
+    }
+}

@@ -1,0 +1,3 @@
+//! Twin of the pass of air and ground.
+
+pub mod light;

@@ -1,0 +1,93 @@
+//! The ground and the air around an observer (`crate::scene::surroundings`), over what bodies and asteroids show. What air takes of the light of stars is the star pass's own business.
+//! Shader: `shaders/air/light.wgsl`; the f64 twin is `crate::reference::air::light`.
+
+pub(crate) mod layout;
+mod light;
+
+use std::sync::{Arc, OnceLock};
+
+use self::light::{AirPass, encode_tables};
+use super::{
+    targets::Targets,
+    technique::{FrameInputs, Phase, PipelineJob, Recording, Technique, Wish, begin_pass},
+};
+use crate::{
+    gpu::{Gpu, GrowingBuffer},
+    photometry::sky_light::SkyTable,
+    scene::surroundings::Horizon,
+};
+
+/// The pass, made when it is first asked for, and the horizon.
+pub(super) struct Air {
+    pass: OnceLock<AirPass>,
+    horizon: GrowingBuffer,
+    tables: GrowingBuffer,
+    held: Option<Horizon>,
+    held_tables: Vec<Arc<SkyTable>>,
+}
+
+impl Air {
+    pub(super) fn new() -> Self {
+        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
+        Self {
+            pass: OnceLock::new(),
+            horizon: GrowingBuffer::new("horizon", usage),
+            tables: GrowingBuffer::new("sky light", usage),
+            held: None,
+            held_tables: Vec::new(),
+        }
+    }
+
+    fn pass(&self, gpu: &Gpu) -> &AirPass {
+        self.pass.get_or_init(|| AirPass::new(gpu))
+    }
+}
+
+impl Technique for Air {
+    fn pipelines<'a>(&'a self, wish: &Wish<'a>) -> Vec<PipelineJob<'a>> {
+        let gpu = wish.gpu;
+        if wish.objects.surroundings.is_none() {
+            return Vec::new();
+        }
+        vec![PipelineJob::new("air and ground", move || {
+            self.pass(gpu);
+        })]
+    }
+
+    fn encode(&mut self, gpu: &Gpu, frame: &FrameInputs<'_>, _targets: &mut Targets) {
+        let Some(sky) = &frame.plan.local_sky else { return };
+        let horizon = sky.horizon.clone().unwrap_or_default();
+        if self.held.as_ref() != Some(&horizon) {
+            self.horizon.upload(gpu, &horizon.sines());
+            self.held = Some(horizon);
+        }
+        let tables: Vec<Arc<SkyTable>> = sky.sources.iter().map(|source| Arc::clone(&source.table)).collect();
+        let are_same = tables.iter().zip(&self.held_tables).all(|(a, b)| Arc::ptr_eq(a, b));
+        if !are_same || tables.len() != self.held_tables.len() || self.tables.held().is_none() {
+            let nodes = encode_tables(sky);
+            // Bindings must hold one item at least.
+            self.tables.upload(gpu, if nodes.is_empty() { &[[0.0_f32; 4]] } else { &nodes[..] });
+            self.held_tables = tables;
+        }
+    }
+
+    fn record(&mut self, phase: Phase, recording: &mut Recording<'_>) {
+        let Phase::Geometry(batch, index) = phase else { return };
+        let (gpu, plan) = (recording.gpu, recording.frame.plan);
+        let targets = &*recording.targets;
+        let (Some(sky), Some(geometry)) = (&plan.local_sky, &targets.batches[batch].geometry) else { return };
+        let (Some(horizon), Some(tables)) = (self.horizon.held(), self.tables.held()) else { return };
+        let tile = &plan.batches[batch].tiles[index];
+        let width = plan.viewports[tile.viewport].size()[0];
+        let buffers = [&targets.viewports, &targets.batches[batch].tiles, geometry, horizon, tables];
+        let mut pass = begin_pass(recording.encoder, recording.timer, "air");
+        self.pass(gpu).record(gpu, &mut pass, sky, &plan.glare, (index as u32, [width, tile.rows]), buffers);
+    }
+
+    fn release(&mut self) {
+        self.horizon.release();
+        self.tables.release();
+        self.held = None;
+        self.held_tables.clear();
+    }
+}

@@ -1,0 +1,400 @@
+//! What is around an observer on the ground: the ground itself, up to the horizon, and the air.
+//!
+//! The ground hides what is below the horizon, which may be a line of hills; it reflects the light of the sky and of what stands in it as a Lambert surface. The air takes a part of the
+//! light that comes through it, and scatters light of the sources in the sky ([`crate::photometry::atmosphere`]). Directions are those without refraction.
+
+use std::{
+    f64::consts::{FRAC_PI_2, PI, TAU},
+    sync::Arc,
+};
+
+use glam::{DMat3, DVec3};
+
+use super::{
+    SceneObjects,
+    bodies::{Body, lights_on, suns},
+};
+use crate::photometry::{
+    atmosphere::{Air, measured_over_model},
+    rec709::luminance,
+    reflection::sphere_illuminance_lx,
+    sky_light::SkyTable,
+};
+
+/// Sources whose light air scatters: the brightest ones.
+pub const MOST_SOURCES: usize = 2;
+/// A camera farther from the observer's place is not on the ground, m.
+const ON_GROUND_M: f64 = 1000.0;
+/// What air around an eclipse scatters into a total one, of the Sun's light: 1 to 4 lx of 1e5 (S. M. Silverman and E. G. Mullen, Applied Optics 14, 2838, 1975).
+const LEAST_OF_ECLIPSED: f64 = 2e-5;
+/// What stars scatter in the eye is found anew for moments so far apart, s.
+const STARS_S: f64 = 60.0;
+/// Directions by which the light of the sky is summed: altitudes, and azimuths of each.
+const NODES: [usize; 2] = [12, 16];
+
+/// The line up to which the ground reaches: altitudes at azimuths, linear between them.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Horizon {
+    /// Azimuth and altitude, rad; azimuths rise from 0 to below a turn. Empty: altitude 0 all around.
+    points: Vec<[f64; 2]>,
+}
+
+/// Altitudes of a horizon that shaders read, evenly around it from the north on.
+pub const HORIZON_STEPS: usize = 720;
+
+impl Horizon {
+    /// The line through points of azimuth and altitude, rad, whose azimuths rise from 0 to below a turn.
+    pub fn new(points: Vec<[f64; 2]>) -> Self {
+        Self { points }
+    }
+
+    /// Whether it is at altitude 0 all around.
+    pub fn is_flat(&self) -> bool {
+        self.points.is_empty()
+    }
+
+    /// Altitude at an azimuth, rad.
+    pub fn altitude_rad(&self, azimuth_rad: f64) -> f64 {
+        let (Some(first), Some(last)) = (self.points.first(), self.points.last()) else { return 0.0 };
+        let azimuth = azimuth_rad.rem_euclid(TAU);
+        let after = self.points.partition_point(|[at, _]| *at <= azimuth);
+        let before = if after == 0 { [last[0] - TAU, last[1]] } else { self.points[after - 1] };
+        let next = self.points.get(after).copied().unwrap_or([first[0] + TAU, first[1]]);
+        let span = next[0] - before[0];
+        let part = if span > 0.0 { (azimuth - before[0]) / span } else { 0.0 };
+        before[1] + part * (next[1] - before[1])
+    }
+
+    /// Sines of its altitudes in [`HORIZON_STEPS`] steps.
+    pub fn sines(&self) -> Vec<f32> {
+        (0..HORIZON_STEPS)
+            .map(|step| self.altitude_rad(step as f64 / HORIZON_STEPS as f64 * TAU).sin() as f32)
+            .collect()
+    }
+}
+
+/// See the module.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Surroundings {
+    /// The air; `None`: there is none.
+    pub air: Option<Air>,
+    /// The ground; `None`: one sees through it.
+    pub ground: Option<Ground>,
+}
+
+/// The ground.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Ground {
+    /// Up to where it reaches.
+    pub horizon: Horizon,
+    /// What it reflects of light, 0 to 1.
+    pub albedo: f64,
+}
+
+/// A source of light in the sky.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SkySource {
+    /// Unit vector, world axes.
+    pub direction: DVec3,
+    /// What it gives outside of the air, as much as makes the sky as bright as was measured, linear Rec. 709, lx.
+    pub light_lx: [f64; 3],
+    /// What the sky shows of a source at its altitude.
+    pub table: Arc<SkyTable>,
+}
+
+/// What is around an observer at a moment.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LocalSky {
+    /// Rows: east, zenith, south.
+    pub horizon_from_world: DMat3,
+    /// The air.
+    pub air: Option<Air>,
+    /// The horizon; `None`: there is no ground.
+    pub horizon: Option<Horizon>,
+    /// Sources whose light air scatters, at most [`MOST_SOURCES`].
+    pub sources: Vec<SkySource>,
+    /// Luminance of the ground, linear Rec. 709, cd/m^2.
+    pub ground_cd_m2: [f64; 3],
+    /// Mean luminance of the sky above the horizon, cd/m^2.
+    pub mean_cd_m2: f64,
+}
+
+/// How much of a disc of an angular radius another one hides whose middle is so far off, rad: areas of circles in a plane.
+fn hidden_share(radius: f64, other: f64, apart: f64) -> f64 {
+    if apart >= radius + other {
+        return 0.0;
+    }
+    if apart <= (other - radius).abs() {
+        return if other >= radius { 1.0 } else { (other / radius).powi(2) };
+    }
+    let half_angle =
+        |of: f64, with: f64| ((apart * apart + of * of - with * with) / (2.0 * apart * of)).clamp(-1.0, 1.0).acos();
+    let (own, its) = (half_angle(radius, other), half_angle(other, radius));
+    let lens = radius * radius * (own - own.sin() * own.cos()) + other * other * (its - its.sin() * its.cos());
+    lens / (PI * radius * radius)
+}
+
+/// Azimuth of a direction in the axes of the horizon, rad.
+fn azimuth(local: DVec3) -> f64 {
+    local.x.atan2(-local.z)
+}
+
+/// Angular radius of a body, rad.
+fn radius_rad(body: &Body, eye_m: DVec3) -> f64 {
+    (body.radii_m.max_element() / (body.position_m - eye_m).length()).min(1.0).asin()
+}
+
+/// What the sources of a scene give an eye outside of the air, the brightest first: directions and lx.
+fn sources(objects: &SceneObjects, eye_m: DVec3) -> Vec<(DVec3, [f64; 3])> {
+    let suns = suns(objects);
+    let of_body = |body: &Body| -> [f64; 3] {
+        let offset_m = body.position_m - eye_m;
+        let distance_m = offset_m.length();
+        let radius_m = body.radii_m.max_element();
+        let reflected = lights_on(body, &suns, eye_m).into_iter().map(|light| {
+            let phase_rad = (-offset_m).angle_between(light.direction);
+            let of = |c: usize| {
+                let albedo = body.surface.geometric_albedo[c];
+                sphere_illuminance_lx(
+                    body.surface.law,
+                    albedo,
+                    light.illuminance_lx[c],
+                    radius_m,
+                    distance_m,
+                    phase_rad,
+                )
+            };
+            [0, 1, 2].map(of)
+        });
+        let emitted = suns.iter().filter(|_| body.emission.is_some()).find(|sun| sun.position_m == body.position_m);
+        let emitted = emitted.and_then(|sun| sun.light_at(eye_m)).map(|light| light.illuminance_lx);
+        reflected.chain(emitted).fold([0.0; 3], |sum, light| [0, 1, 2].map(|c| sum[c] + light[c]))
+    };
+    let outside = |body: &&Arc<Body>| (body.position_m - eye_m).length() > body.radii_m.max_element();
+    let mut found: Vec<(DVec3, [f64; 3])> = objects
+        .bodies
+        .iter()
+        .filter(outside)
+        .map(|body| {
+            let offset_m = body.position_m - eye_m;
+            let own_rad = radius_rad(body, eye_m);
+            let hidden: f64 = objects
+                .bodies
+                .iter()
+                .filter(outside)
+                .filter(|other| (other.position_m - eye_m).length() < offset_m.length())
+                .map(|other| {
+                    let apart = offset_m.angle_between(other.position_m - eye_m);
+                    hidden_share(own_rad, radius_rad(other, eye_m), apart)
+                })
+                .sum();
+            let open = (1.0 - hidden).max(LEAST_OF_ECLIPSED);
+            (offset_m.normalize(), of_body(body).map(|lx| lx * open))
+        })
+        .filter(|(_, light)| luminance(*light) > 0.0)
+        .collect();
+    found.sort_by(|(_, a), (_, b)| luminance(*b).total_cmp(&luminance(*a)));
+    found.truncate(MOST_SOURCES);
+    found
+}
+
+impl SceneObjects {
+    /// What is around a camera that stands at the observer's place; `None` elsewhere, or where nothing is.
+    pub fn local_sky(&self, camera_m: DVec3) -> Option<LocalSky> {
+        let (observer, surroundings) = (self.observer.as_ref()?, self.surroundings.as_ref()?);
+        if !self.is_on_ground(camera_m) {
+            return None;
+        }
+        let horizon_from_world = DMat3::from_quat(observer.icrs_from_horizon(self.time_s).inverse());
+        Some(LocalSky::new(surroundings, horizon_from_world, &sources(self, observer.epoch.position_m)))
+    }
+}
+
+impl SceneObjects {
+    /// What is around a camera for the light of stars alone, at the nearest of moments a minute apart: the sky turns by 0.25 degrees meanwhile.
+    pub fn sky_of_stars(&self, camera_m: DVec3) -> Option<LocalSky> {
+        let time_s = (self.time_s / STARS_S).round() * STARS_S;
+        let observer = self.observer.as_ref().filter(|_| self.is_on_ground(camera_m))?;
+        let horizon_from_world = DMat3::from_quat(observer.icrs_from_horizon(time_s).inverse());
+        Some(LocalSky::new(self.surroundings.as_ref()?, horizon_from_world, &[]))
+    }
+
+    fn is_on_ground(&self, camera_m: DVec3) -> bool {
+        self.observer.is_some_and(|observer| (camera_m - observer.epoch.position_m).length() <= ON_GROUND_M)
+    }
+}
+
+impl LocalSky {
+    /// What is around an observer in the light of sources: unit vectors in world axes, and what they give outside of the air, lx.
+    pub fn new(surroundings: &Surroundings, horizon_from_world: DMat3, sources: &[(DVec3, [f64; 3])]) -> Self {
+        let sine = |direction: &DVec3| (horizon_from_world * *direction).y;
+        let of_air = surroundings.air.iter().flat_map(|air| {
+            sources.iter().map(|(direction, light)| {
+                let altitude_rad = sine(direction).clamp(-1.0, 1.0).asin();
+                SkySource {
+                    direction: *direction,
+                    light_lx: light.map(|lx| lx * measured_over_model(altitude_rad)),
+                    table: air.scattered.table(altitude_rad),
+                }
+            })
+        });
+        let ground = surroundings.ground.as_ref();
+        let mut sky = Self {
+            horizon_from_world,
+            air: surroundings.air.clone(),
+            horizon: ground.map(|ground| ground.horizon.clone()),
+            sources: of_air.collect(),
+            ground_cd_m2: [0.0; 3],
+            mean_cd_m2: 0.0,
+        };
+        let (mean, mut lit_lx) = sky.summed();
+        for (direction, light) in sources {
+            let (passed, sine) = (sky.transmission(*direction), sine(direction).max(0.0));
+            (0..3).for_each(|c| lit_lx[c] += light[c] * passed[c] * sine);
+        }
+        sky.mean_cd_m2 = mean;
+        sky.ground_cd_m2 = ground.map_or([0.0; 3], |ground| lit_lx.map(|lx| lx * ground.albedo / PI));
+        sky
+    }
+
+    /// Mean luminance of the sky, cd/m^2, and what it gives a level surface, lx. A node stands for a ring of equal solid angle, and the angles between sources and nodes are never
+    /// small enough to matter.
+    fn summed(&self) -> (f64, [f64; 3]) {
+        let [rings, around] = NODES;
+        let world_from_horizon = self.horizon_from_world.transpose();
+        let (mut mean, mut lit) = (0.0, [0.0; 3]);
+        for ring in 0..rings {
+            let sine = (ring as f64 + 0.5) / rings as f64;
+            for step in 0..around {
+                let (sin, cos) = ((step as f64 + 0.5 * (ring % 2) as f64) / around as f64 * TAU).sin_cos();
+                let across = (1.0 - sine * sine).sqrt();
+                let light = self.scattered_cd_m2(world_from_horizon * DVec3::new(across * cos, sine, across * sin));
+                let share = 1.0 / (rings * around) as f64;
+                mean += luminance(light) * share;
+                (0..3).for_each(|c| lit[c] += TAU * sine * light[c] * share);
+            }
+        }
+        (mean, lit)
+    }
+
+    /// Unit vector to the zenith, world axes.
+    pub fn zenith(&self) -> DVec3 {
+        self.horizon_from_world.row(1)
+    }
+
+    /// Sine of a direction's altitude, and that of the horizon's below it; unit vector, world axes.
+    fn sines(&self, direction: DVec3) -> [f64; 2] {
+        let local = self.horizon_from_world * direction;
+        let of_horizon = match &self.horizon {
+            Some(horizon) if !horizon.is_flat() => horizon.altitude_rad(azimuth(local)).sin(),
+            Some(_) => 0.0,
+            None => -2.0,
+        };
+        [local.y, of_horizon]
+    }
+
+    /// Whether the ground hides what lies in a direction, a unit vector in world axes.
+    pub fn hides(&self, direction: DVec3) -> bool {
+        let [sine, of_horizon] = self.sines(direction);
+        sine < of_horizon
+    }
+
+    /// Share of the light from a direction that arrives: linear Rec. 709, 0 from below the horizon.
+    pub fn transmission(&self, direction: DVec3) -> [f64; 3] {
+        let [sine, of_horizon] = self.sines(direction);
+        if sine < of_horizon {
+            return [0.0; 3];
+        }
+        self.air.as_ref().map_or([1.0; 3], |air| air.transmission(sine))
+    }
+
+    /// The same for a disc of an angular radius, rad: that of the middle of what stands above the horizon.
+    pub fn transmission_of_disc(&self, direction: DVec3, radius_rad: f64) -> [f64; 3] {
+        let [sine, of_horizon] = self.sines(direction).map(|sine| sine.clamp(-1.0, 1.0).asin());
+        let above = (sine + radius_rad).min(FRAC_PI_2);
+        if self.horizon.is_some() && above < of_horizon {
+            return [0.0; 3];
+        }
+        let lowest = if self.horizon.is_some() { (sine - radius_rad).max(of_horizon) } else { sine - radius_rad };
+        self.air.as_ref().map_or([1.0; 3], |air| air.transmission((0.5 * (above + lowest)).sin()))
+    }
+
+    /// Luminance of what the air scatters and gives off towards a direction above the horizon, cd/m^2.
+    fn scattered_cd_m2(&self, direction: DVec3) -> [f64; 3] {
+        let Some(air) = &self.air else { return [0.0; 3] };
+        let local = self.horizon_from_world * direction;
+        let (altitude_rad, azimuth_rad) = (local.y.clamp(0.0, 1.0).asin(), azimuth(local));
+        self.sources.iter().fold(air.glow(local.y.max(0.0)), |sum, source| {
+            let apart_rad = azimuth_rad - azimuth(self.horizon_from_world * source.direction);
+            let light = source.table.luminance(altitude_rad, apart_rad, direction.dot(source.direction));
+            [0, 1, 2].map(|c| sum[c] + light[c] * source.light_lx[c])
+        })
+    }
+
+    /// Luminance of what shows `shown_cd_m2` outside of the air, in a direction that the ground does not hide, with what the air adds.
+    pub fn above_cd_m2(&self, direction: DVec3, shown_cd_m2: [f64; 3]) -> [f64; 3] {
+        let sine = self.sines(direction)[0];
+        let passed = self.air.as_ref().map_or([1.0; 3], |air| air.transmission(sine));
+        let added = self.scattered_cd_m2(direction);
+        [0, 1, 2].map(|c| shown_cd_m2[c] * passed[c] + added[c])
+    }
+
+    /// Luminance of the sky or, below the horizon, of the ground in a direction, linear Rec. 709, cd/m^2.
+    pub fn luminance_cd_m2(&self, direction: DVec3) -> [f64; 3] {
+        if self.hides(direction) { self.ground_cd_m2 } else { self.scattered_cd_m2(direction) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn surroundings(air: bool, points: Vec<[f64; 2]>) -> Surroundings {
+        let ground = Ground { horizon: Horizon::new(points), albedo: 0.2 };
+        Surroundings { air: air.then(|| Air::new(0.2, 0.0, [1e-4; 3])), ground: Some(ground) }
+    }
+
+    #[test]
+    fn a_line_of_hills_is_straight_between_its_points_and_goes_round() {
+        let hills = Horizon::new(vec![[1.0, 0.1], [2.0, 0.3], [5.0, -0.1]]);
+        for (azimuth, altitude) in [(1.0, 0.1), (1.5, 0.2), (2.0, 0.3), (3.5, 0.1), (5.0, -0.1), (1.0 + TAU, 0.1)] {
+            assert!((hills.altitude_rad(azimuth) - altitude).abs() < 1e-12, "{azimuth}");
+        }
+        // From 5 over the north to 1: 2.283 rad.
+        let north = -0.1 + 0.2 * (TAU - 5.0) / (TAU - 4.0);
+        assert!((hills.altitude_rad(0.0) - north).abs() < 1e-12);
+        assert!((f64::from(hills.sines()[0]) - north.sin()).abs() < 1e-7);
+        assert_eq!(Horizon::default().altitude_rad(3.0), 0.0);
+    }
+
+    #[test]
+    fn the_ground_hides_and_shows_the_light_that_falls_on_it() {
+        let sun = (DVec3::new(0.0, 0.5, -0.75_f64.sqrt()), [1e5; 3]);
+        let without_air = LocalSky::new(&surroundings(false, Vec::new()), DMat3::IDENTITY, &[sun]);
+        // 1e5 lx at 30 degrees on an albedo of 0.2.
+        assert!((without_air.ground_cd_m2[1] / (5e4 * 0.2 / PI) - 1.0).abs() < 1e-9);
+        assert_eq!(without_air.luminance_cd_m2(DVec3::Y), [0.0; 3]);
+        assert_eq!(without_air.transmission(DVec3::NEG_Y), [0.0; 3]);
+        assert_eq!(without_air.transmission(DVec3::new(1.0, 1e-3, 0.0)), [1.0; 3]);
+        let in_air = LocalSky::new(&surroundings(true, Vec::new()), DMat3::IDENTITY, &[sun]);
+        // A clear sky gives a tenth to a third of what the Sun does.
+        let of_sun = 5e4 * in_air.transmission(sun.0)[1] * 0.2 / PI;
+        let of_sky = in_air.ground_cd_m2[1] / of_sun - 1.0;
+        assert!((0.1..0.4).contains(&of_sky), "{of_sky}");
+        assert_eq!(in_air.luminance_cd_m2(DVec3::NEG_Y), in_air.ground_cd_m2);
+        // To the north (-z) a hill of 0.3 rad.
+        let hill =
+            LocalSky::new(&surroundings(true, vec![[0.0, 0.3], [0.5, 0.0], [5.7, 0.0]]), DMat3::IDENTITY, &[sun]);
+        let at = |altitude: f64| DVec3::new(0.0, altitude.sin(), -altitude.cos());
+        assert!(hill.hides(at(0.29)) && !hill.hides(at(0.31)) && !hill.hides(DVec3::new(0.0, 0.01, 1.0)));
+    }
+
+    #[test]
+    fn an_eclipse_darkens_the_sky_by_what_is_hidden() {
+        assert_eq!(hidden_share(1.0, 1.1, 0.05), 1.0);
+        assert_eq!(hidden_share(1.0, 0.5, 0.3), 0.25);
+        assert_eq!(hidden_share(1.0, 1.0, 2.1), 0.0);
+        // Two equal circles whose middles are a radius apart: 2/3 - sqrt(3)/(2 pi).
+        assert!((hidden_share(1.0, 1.0, 1.0) - (2.0 / 3.0 - 3f64.sqrt() / TAU)).abs() < 1e-12);
+    }
+}
