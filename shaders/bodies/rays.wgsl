@@ -37,10 +37,24 @@ struct GeometryParameters {
 struct BodySun {
     // Unit vector towards it, view axes.
     direction: vec3<f32>,
-    unused_0: u32,
+    // Radius of what casts a shadow on the body, in its largest semi-axis; 0: nothing does.
+    occluder_radius: f32,
     // lx.
     illuminance: vec3<f32>,
+    // Angular radius of the sun, rad.
+    sun_radius: f32,
+    // Middle of what casts the shadow, body's axes, in its largest semi-axis.
+    occluder: vec3<f32>,
+    unused_0: u32,
+    // Unit vector towards the sun, body's axes.
+    to_sun: vec3<f32>,
     unused_1: u32,
+    // Semi-axes in the largest one.
+    shape: vec3<f32>,
+    unused_2: u32,
+    // Share of light that arrives in the umbra.
+    refracted: vec3<f32>,
+    unused_3: u32,
 }
 
 @group(0) @binding(0) var<uniform> parameters: GeometryParameters;
@@ -112,6 +126,35 @@ fn surface_factor(body: ViewBody, point: vec3<f32>, footprint: f32) -> vec3<f32>
     return mix(fine, level_texel(first + size.x * size.y, max(size / 2u, vec2(1u)), place), level);
 }
 
+// Half of the angle of a circle of radius `own` within another one of radius `other` whose middle is `apart` from it: its sine and cosine, and itself.
+fn half_angle(own: f32, other: f32, apart: f32) -> vec3<f32> {
+    let cosine = clamp((apart * apart + own * own - other * other) / (2.0 * apart * own), -1.0, 1.0);
+    let sine = sqrt(1.0 - cosine * cosine);
+    return vec3(sine, cosine, precise_atan2(sine, cosine));
+}
+
+// Share of a sun's light that arrives in a point of the unit sphere: see src/scene/bodies/shadow.rs.
+fn open_share(sun: BodySun, point: vec3<f32>) -> vec3<f32> {
+    if sun.occluder_radius <= 0.0 {
+        return vec3(1.0);
+    }
+    let towards = sun.occluder - point * sun.shape;
+    let squared = dot(towards, towards);
+    let own = precise_atan2(sun.occluder_radius, sqrt(max(squared - sun.occluder_radius * sun.occluder_radius, 0.0)));
+    let apart = precise_atan2(length(cross(towards, sun.to_sun)), dot(towards, sun.to_sun));
+    var hidden = 0.0;
+    if apart <= abs(own - sun.sun_radius) {
+        let share = own / sun.sun_radius;
+        hidden = select(share * share, 1.0, own >= sun.sun_radius);
+    } else if apart < own + sun.sun_radius {
+        let of_sun = half_angle(sun.sun_radius, own, apart);
+        let of_own = half_angle(own, sun.sun_radius, apart);
+        let ratio = own / sun.sun_radius;
+        hidden = (of_sun.z - of_sun.x * of_sun.y + ratio * ratio * (of_own.z - of_own.x * of_own.y)) / PI;
+    }
+    return 1.0 - hidden * (1.0 - sun.refracted);
+}
+
 // Luminance of a body where a ray enters it.
 fn luminance_at(body: ViewBody, passage: Passage, entry: vec4<f32>, footprint: f32) -> vec3<f32> {
     let normal = normalize(
@@ -120,7 +163,8 @@ fn luminance_at(body: ViewBody, passage: Passage, entry: vec4<f32>, footprint: f
     var luminance = body.emission * (1.0 - body.limb_darkening * (1.0 - cos_e));
     var lit = vec3(0.0);
     for (var i = body.first_sun; i < body.first_sun + body.sun_count; i++) {
-        lit += suns[i].illuminance * reflected(body.law, dot(normal, suns[i].direction), cos_e);
+        let arriving = suns[i].illuminance * open_share(suns[i], entry.xyz);
+        lit += arriving * reflected(body.law, dot(normal, suns[i].direction), cos_e);
     }
     if any(lit > vec3(0.0)) {
         luminance += body.reflectance * lit * surface_factor(body, entry.xyz, footprint / max(cos_e, 0.1));

@@ -518,7 +518,8 @@ impl Config {
         let observer = self.observer();
         let surroundings = self.scene.observer.as_ref().and_then(ObserverConfig::surroundings).map(Arc::new);
         let time_s = self.scene.time_s();
-        Ok(SceneObjects { bodies, fields, time_s, observer, surroundings, local_sky: None, overlay }.placed())
+        Ok(SceneObjects { bodies, fields, time_s, observer, surroundings, local_sky: None, earth_m: None, overlay }
+            .placed())
     }
 
     /// The star catalogues, with paths that start at the working directory or the root.

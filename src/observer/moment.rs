@@ -78,6 +78,11 @@ impl Moment {
         Self { tdb_s: clock.tt_s(time_s), seen }
     }
 
+    /// The middle of the Earth below the observer, as it is drawn, m.
+    pub fn earth_m(&self) -> Option<DVec3> {
+        self.seen.as_ref().map(|(standpoint, origin_m)| *origin_m - standpoint.from_earth_m)
+    }
+
     /// Where a body is drawn, from the barycentre, ICRS axes, m, and how it stands: with an observer as the light has it that arrives.
     pub fn place(&self, body: SolarBody) -> (DVec3, DQuat) {
         match &self.seen {

@@ -35,6 +35,8 @@ pub struct Standpoint {
     pub tt_s: f64,
     /// Place from the barycentre, ICRS axes, m.
     pub position_m: DVec3,
+    /// Place from the middle of the Earth, ICRS axes, m.
+    pub from_earth_m: DVec3,
     /// Velocity over that of light, ICRS axes.
     pub velocity_c: DVec3,
     /// From the axes of the horizon to those of ICRS.
@@ -55,6 +57,7 @@ impl Place {
         Standpoint {
             tt_s,
             position_m: SolarBody::Earth.barycentric_m(tt_s) + place_m,
+            from_earth_m: place_m,
             velocity_c: velocity_m_s / LIGHT_M_S,
             icrs_from_horizon: icrs_from_earth * self.earth_from_horizon(),
         }

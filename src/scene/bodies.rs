@@ -6,12 +6,13 @@
 //! An ellipsoid is the unit sphere, stretched along its axes: a point of its surface is named by the point of the
 //! sphere that it comes from (`seen`). The light of a sun comes from its middle, and falls on all of a body from one
 //! direction and with one illuminance, those at the body's middle: suns are far away, measured by the bodies they
-//! light. Bodies cast no shadows on each other.
+//! light. Of the shadows that fall on a body (`shadow`) the deepest one of each sun counts.
 
 mod check;
 mod emission;
 mod preset;
 mod seen;
+mod shadow;
 mod suns;
 mod texture;
 
@@ -25,6 +26,7 @@ pub use self::{
         BRIGHTEST_ALBEDO, BodyError, FARTHEST_M, MOST_BODIES, MOST_SUNS, RADII_M, check_name, check_names, check_suns,
     },
     seen::{Hit, SeenBody, hides},
+    shadow::{Occluder, Shadow, hidden_share},
     suns::{Light, Sun, lights_on, mean_radius_m, suns},
     texture::{MOST_TEXELS, Texture, TextureError},
 };

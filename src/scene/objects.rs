@@ -27,6 +27,8 @@ pub struct SceneObjects {
     pub surroundings: Option<Arc<Surroundings>>,
     /// What is around the camera of a frame at its moment, whose bodies are then as bright as they are seen through it: plans have it.
     pub local_sky: Option<Arc<LocalSky>>,
+    /// The middle of the Earth that the observer stands on, as it is drawn, m: it may cast a shadow on the Moon. Bodies with an ephemeris are placed with it.
+    pub earth_m: Option<DVec3>,
     /// What is drawn over display images.
     pub overlay: Arc<Overlay>,
 }
@@ -69,6 +71,7 @@ impl SceneObjects {
             return self;
         }
         let moment = Moment::new(self.time_s, self.observer.as_ref());
+        self.earth_m = moment.earth_m();
         for body in &mut self.bodies {
             if let Some(of) = body.ephemeris {
                 let (position_m, orientation) = moment.place(of);

@@ -12,7 +12,7 @@ use glam::{DMat3, DVec3};
 
 use super::{
     SceneObjects,
-    bodies::{Body, lights_on, suns},
+    bodies::{Body, hidden_share, lights_on, suns},
 };
 use crate::photometry::{
     atmosphere::{Air, measured_over_model},
@@ -119,21 +119,6 @@ pub struct LocalSky {
     pub mean_cd_m2: f64,
 }
 
-/// How much of a disc of an angular radius another one hides whose middle is so far off, rad: areas of circles in a plane.
-fn hidden_share(radius: f64, other: f64, apart: f64) -> f64 {
-    if apart >= radius + other {
-        return 0.0;
-    }
-    if apart <= (other - radius).abs() {
-        return if other >= radius { 1.0 } else { (other / radius).powi(2) };
-    }
-    let half_angle =
-        |of: f64, with: f64| ((apart * apart + of * of - with * with) / (2.0 * apart * of)).clamp(-1.0, 1.0).acos();
-    let (own, its) = (half_angle(radius, other), half_angle(other, radius));
-    let lens = radius * radius * (own - own.sin() * own.cos()) + other * other * (its - its.sin() * its.cos());
-    lens / (PI * radius * radius)
-}
-
 /// Azimuth of a direction in the axes of the horizon, rad.
 fn azimuth(local: DVec3) -> f64 {
     local.x.atan2(-local.z)
@@ -164,7 +149,8 @@ fn sources(objects: &SceneObjects, eye_m: DVec3) -> Vec<(DVec3, [f64; 3])> {
                     phase_rad,
                 )
             };
-            [0, 1, 2].map(of)
+            let open = light.shadow.map_or([1.0; 3], |shadow| shadow.open_share(DVec3::ZERO, light.direction));
+            [0, 1, 2].map(|c| of(c) * open[c])
         });
         let emitted = suns.iter().filter(|_| body.emission.is_some()).find(|sun| sun.position_m == body.position_m);
         let emitted = emitted.and_then(|sun| sun.light_at(eye_m)).map(|light| light.illuminance_lx);
@@ -387,14 +373,5 @@ mod tests {
             LocalSky::new(&surroundings(true, vec![[0.0, 0.3], [0.5, 0.0], [5.7, 0.0]]), DMat3::IDENTITY, &[sun]);
         let at = |altitude: f64| DVec3::new(0.0, altitude.sin(), -altitude.cos());
         assert!(hill.hides(at(0.29)) && !hill.hides(at(0.31)) && !hill.hides(DVec3::new(0.0, 0.01, 1.0)));
-    }
-
-    #[test]
-    fn an_eclipse_darkens_the_sky_by_what_is_hidden() {
-        assert_eq!(hidden_share(1.0, 1.1, 0.05), 1.0);
-        assert_eq!(hidden_share(1.0, 0.5, 0.3), 0.25);
-        assert_eq!(hidden_share(1.0, 1.0, 2.1), 0.0);
-        // Two equal circles whose middles are a radius apart: 2/3 - sqrt(3)/(2 pi).
-        assert!((hidden_share(1.0, 1.0, 1.0) - (2.0 / 3.0 - 3f64.sqrt() / TAU)).abs() < 1e-12);
     }
 }

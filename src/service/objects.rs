@@ -296,6 +296,7 @@ impl Objects {
             observer: self.drawn.observer,
             surroundings: self.drawn.surroundings.clone(),
             local_sky: None,
+            earth_m: None,
             overlay: Arc::clone(&self.drawn.overlay),
         }
         .placed();

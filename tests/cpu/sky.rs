@@ -12,7 +12,7 @@ use steradian::{
     plan::bodies::light::illuminance_of,
     scene::{
         SceneObjects,
-        bodies::{Body, SolarBody, suns},
+        bodies::{Body, SolarBody, lights_on, suns},
     },
     units::{ARCSECOND_RAD, magnitude_from_illuminance_lx},
 };
@@ -268,6 +268,7 @@ fn the_lunar_eclipse_of_2025_has_the_contacts_of_de440() {
         let centre = Standpoint {
             tt_s: tdb_s,
             position_m: earth_m,
+            from_earth_m: DVec3::ZERO,
             velocity_c,
             icrs_from_horizon: steradian::glam::DMat3::IDENTITY,
         };
@@ -294,6 +295,51 @@ fn the_lunar_eclipse_of_2025_has_the_contacts_of_de440() {
         println!("{contact}: {error_s:+.1} s");
         assert!(error_s.abs() < 4.0, "{contact}: {error_s} s");
     }
+}
+
+#[test]
+fn the_moon_darkens_when_the_shadow_of_the_earth_falls_on_it() {
+    // Singapore.
+    let place = "[scene.observer]\nlatitude_deg = 1.35\nlongitude_deg = 103.8\n";
+    let dome = "[[views]]\nname = 'd'\ntype = 'dome_master'\nsize = [8, 8]\n";
+    let before = config(&format!("[scene]\ntime = 2025-09-07T15:00:00Z\n{place}{dome}")).objects().unwrap();
+    let eye_m = before.observer.unwrap().epoch.position_m;
+    // Light of the Moon, and that of its points nearest to the shadow's axis and farthest from it, over that outside of the shadow.
+    let seen = |time_s: f64| {
+        let objects = before.at(time_s);
+        let moon = body(&objects, "moon");
+        let suns = suns(&objects);
+        let light = lights_on(moon, &suns, eye_m)[0];
+        let ends = light.shadow.map_or([1.0; 2], |shadow| {
+            let across = shadow.offset_m.reject_from_normalized(light.direction).normalize() * moon.radii_m.x;
+            [across, -across].map(|place_m| shadow.open_share(place_m, light.direction)[1])
+        });
+        (luminance(illuminance_of(moon, eye_m, &suns, time_s)), ends)
+    };
+    let at = |time: &str| seen(time_s(&format!("2025-09-07T{time}Z")));
+    let mut worst_s = 0.0_f64;
+    // Published (F. Espenak, EclipseWise, with Danjon's enlargement): U1 16:27:09, U2 17:30:48, U3 18:52:51, U4 19:56:31.
+    for (contact, end, between, expected) in [
+        ("U1", 0, ["16:10", "16:50"], "16:27:09"),
+        ("U2", 1, ["17:10", "17:50"], "17:30:48"),
+        ("U3", 1, ["18:30", "19:10"], "18:52:51"),
+        ("U4", 0, ["19:30", "20:20"], "19:56:31"),
+    ] {
+        let [from_s, to_s] = between.map(|time| time_s(&format!("2025-09-07T{time}:00Z")));
+        let found_s = root(from_s, to_s, |time_s| seen(time_s).1[end] - 2e-5);
+        let error_s = found_s - time_s(&format!("2025-09-07T{expected}Z"));
+        println!("{contact} as drawn: {error_s:+.1} s");
+        worst_s = worst_s.max(error_s.abs());
+    }
+    assert!(worst_s < 10.0, "{worst_s}");
+    let whole = at("15:00:00").0;
+    let magnitudes = ["15:00:00", "16:00:00", "16:50:00", "17:20:00", "18:11:00"].map(|time| {
+        let fainter = -2.5 * (at(time).0 / whole).log10();
+        println!("{time}: {fainter:.2} mag fainter");
+        fainter
+    });
+    assert!(magnitudes.windows(2).all(|pair| pair[0] < pair[1]));
+    assert!(magnitudes[1] < 0.5 && (0.5..2.0).contains(&magnitudes[2]) && (11.0..14.0).contains(&magnitudes[4]));
 }
 
 #[test]

@@ -119,9 +119,9 @@ mod tests {
     #[test]
     fn clouds_have_the_light_of_their_asteroids() {
         let field = field();
-        let sun = Sun { position_m: DVec3::ZERO, intensity_cd: [3e27; 3], radius_m: 7e8 };
+        let sun = Sun { position_m: DVec3::ZERO, intensity_cd: [3e27; 3], radius_m: 7e8, occluders: [].into() };
         let eye_m = field.position_m - DVec3::new(1e9, 2e8, 5e7);
-        let clouds = field_clouds(&[&field], eye_m, &[sun]);
+        let clouds = field_clouds(&[&field], eye_m, std::slice::from_ref(&sun));
         let light: f64 = clouds.iter().map(|cloud| luminance(cloud.source.light)).sum();
         let area_m2: f64 = field.instances.levels[0].iter().map(|node| node.area_m2).sum();
         let offset_m = field.position_m - eye_m;

@@ -40,7 +40,8 @@ pub fn illuminance_lit_by(body: &Body, eye_m: DVec3, lights: &[Light], time_s: f
     let is_plain_sphere = body.radii_m == DVec3::splat(radius_m) && body.surface.texture.is_none();
     let to_eye_m = eye_m - body.position_m;
     let distance_m = to_eye_m.length();
-    if is_plain_sphere && distance_m > FAR_RADII * radius_m {
+    let in_light = lights.iter().all(|light| light.shadow.is_none());
+    if is_plain_sphere && in_light && distance_m > FAR_RADII * radius_m {
         let light = far_sphere(body, to_eye_m, lights);
         return [0, 1, 2].map(|channel| light[channel] * body.seen_through[channel]);
     }
@@ -207,7 +208,7 @@ mod tests {
         body.radii_m = radii_m;
         body.surface.law = law;
         body.surface.geometric_albedo = [0.3; 3];
-        let light = Light { direction: DVec3::X, illuminance_lx: [1.0; 3] };
+        let light = Light { direction: DVec3::X, illuminance_lx: [1.0; 3], shadow: None };
         illuminance_lit_by(&body, eye_m, &[light], 0.0)[0]
     }
 
@@ -271,7 +272,7 @@ mod tests {
         let mut body = SolarBody::Moon.body("moon", DVec3::ZERO);
         let half = |x: u32| if x < 32 { [0.0; 3] } else { [1.0; 3] };
         let rgb = (0..32).flat_map(|_| (0..64).map(half)).collect();
-        let light = |towards: DVec3| Light { direction: towards, illuminance_lx: [1.0; 3] };
+        let light = |towards: DVec3| Light { direction: towards, illuminance_lx: [1.0; 3], shadow: None };
         let from = |body: &Body, towards: DVec3| illuminance_lit_by(body, towards * 1e9, &[light(towards)], 0.0)[0];
         let plain = from(&body, DVec3::Y);
         body.surface.texture = Some(Shared::new(Texture { size: [64, 32], rgb }));

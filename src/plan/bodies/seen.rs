@@ -12,7 +12,7 @@ use crate::{
     photometry::{glare::GlareKernel, rec709::luminance},
     scene::{
         SceneObjects,
-        bodies::{Body, Sun, lights_on},
+        bodies::{Body, Light, Shadow, Sun, lights_on},
     },
     view::{
         Viewport,
@@ -57,8 +57,19 @@ pub struct BodyDisc {
     pub part: f64,
     /// Factor on its luminance: 1, but for light that it scatters onto itself.
     pub kept: f64,
-    /// Unit vectors to the suns, view axes, and their light there, lx.
-    pub suns: Vec<(DVec3, [f64; 3])>,
+    /// The suns that light it.
+    pub suns: Vec<DiscSun>,
+}
+
+/// A sun in the sky of a body.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DiscSun {
+    /// Unit vector to it, view axes.
+    pub direction: DVec3,
+    /// Its light there, lx.
+    pub illuminance_lx: [f64; 3],
+    /// The shadow that falls on the body, and the unit vector to the sun, both in the body's axes.
+    pub shadow: Option<(Shadow, DVec3)>,
 }
 
 /// The bodies of a frame.
@@ -177,7 +188,7 @@ pub fn plan_bodies(
                 });
             }
             if part > 0.0 {
-                seen.push(body_disc(light.0, body, in_view, viewport, unit_from_world, part, suns));
+                seen.push(body_disc(light.0, body, in_view, viewport, unit_from_world, part, (suns, objects.time_s)));
             }
         }
         seen.sort_by(|a, b| surface_m(objects, a).total_cmp(&surface_m(objects, b)));
@@ -210,7 +221,7 @@ fn body_disc(
     viewport: &Viewport,
     unit_from_world: DMat3,
     part: f64,
-    suns: &[Sun],
+    (suns, time_s): (&[Sun], f64),
 ) -> BodyDisc {
     let flat = matches!(viewport.projection, Projection::Perspective(_) | Projection::CubeFace(_));
     let distance_m = in_view.length();
@@ -220,7 +231,17 @@ fn body_disc(
     let view_from_world = viewport.world_from_view.conjugate();
     let eye_m = body.position_m - viewport.world_from_view * in_view;
     let suns = lights_on(body, suns, eye_m);
-    let suns = suns.iter().map(|light| (view_from_world * light.direction, light.illuminance_lx)).collect();
+    let body_from_world = body.world_from_body(time_s).conjugate();
+    let in_body = |light: &Light| {
+        let turned = |shadow: Shadow| Shadow { offset_m: body_from_world * shadow.offset_m, ..shadow };
+        light.shadow.map(|shadow| (turned(shadow), body_from_world * light.direction))
+    };
+    let suns = suns.iter().map(|light| DiscSun {
+        direction: view_from_world * light.direction,
+        illuminance_lx: light.illuminance_lx,
+        shadow: in_body(light),
+    });
+    let suns = suns.collect();
     BodyDisc {
         body: number,
         centre,

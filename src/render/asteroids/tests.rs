@@ -229,7 +229,12 @@ impl Bench {
         viewports: &[Viewport],
         camera_m: DVec3,
     ) -> AsteroidPlan {
-        let suns = [Sun { radius_m: 7e8, position_m: DVec3::ZERO, intensity_cd: [3e27, 2.9e27, 2.8e27] }];
+        let suns = [Sun {
+            radius_m: 7e8,
+            position_m: DVec3::ZERO,
+            intensity_cd: [3e27, 2.9e27, 2.8e27],
+            occluders: [].into(),
+        }];
         self.plan_lit(objects, settings, viewports, camera_m, &suns)
     }
 

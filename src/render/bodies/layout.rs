@@ -44,12 +44,28 @@ gpu_structs! {
     BodySun {
         /// Unit vector towards it, view axes.
         direction: [f32; 3],
-        /// Padding.
-        unused_0: u32,
+        /// Radius of what casts a shadow, in the body's largest semi-axis; 0: nothing does.
+        occluder_radius: f32,
         /// Illuminance, lx.
         illuminance: [f32; 3],
+        /// Angular radius of the sun, rad.
+        sun_radius: f32,
+        /// Middle of what casts the shadow, body's axes, in its largest semi-axis.
+        occluder: [f32; 3],
+        /// Padding.
+        unused_0: u32,
+        /// Unit vector towards the sun, body's axes.
+        to_sun: [f32; 3],
         /// Padding.
         unused_1: u32,
+        /// Semi-axes in the largest one.
+        shape: [f32; 3],
+        /// Padding.
+        unused_2: u32,
+        /// Share of light that arrives in the umbra.
+        refracted: [f32; 3],
+        /// Padding.
+        unused_3: u32,
     }
     /// Parameters of the geometry pass.
     GeometryParameters {

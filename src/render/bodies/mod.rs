@@ -10,6 +10,8 @@ use self::{
     points::PointPass,
     rays::{GeometryPass, GeometryTarget, RayTile},
 };
+use glam::DVec3;
+
 use super::{
     targets::{SeenBodies, Targets},
     technique::{FrameInputs, Phase, PipelineJob, Recording, Technique, Wish, begin_pass},
@@ -22,7 +24,7 @@ use crate::{
     gpu::{Gpu, GrowingBuffer, storage_buffer},
     plan::{
         bodies::{
-            seen::{BodyDisc, PointSource},
+            seen::{BodyDisc, DiscSun, PointSource},
             textures::distinct_textures,
         },
         stars::range::FixedPoint,
@@ -221,11 +223,7 @@ impl Technique for Bodies {
             runs.push([view_bodies.len() as u32, seen.len() as u32]);
             for body in seen {
                 view_bodies.push(encode_body(objects, body, suns.len() as u32, textures));
-                suns.extend(body.suns.iter().map(|(direction, light)| layout::BodySun {
-                    direction: direction.as_vec3().to_array(),
-                    illuminance: light.map(|lx| lx as f32),
-                    ..Default::default()
-                }));
+                suns.extend(body.suns.iter().map(|sun| encode_sun(sun, objects.bodies[body.body].radii_m)));
             }
         }
         // Bindings must hold one item at least.
@@ -307,6 +305,27 @@ fn encode_body(objects: &SceneObjects, seen: &BodyDisc, first_sun: u32, textures
         sun_count: seen.suns.len() as u32,
         texture: texture.map_or(NO_TEXTURE, |texture| textures.first_of(texture)),
         texture_size: texture.map_or([0; 2], |texture| texture.size),
+    }
+}
+
+fn encode_sun(sun: &DiscSun, radii_m: DVec3) -> layout::BodySun {
+    let f32s = |values: [f64; 3]| values.map(|value| value as f32);
+    let lit = layout::BodySun {
+        direction: f32s(sun.direction.to_array()),
+        illuminance: f32s(sun.illuminance_lx),
+        ..Default::default()
+    };
+    let Some((shadow, to_sun)) = sun.shadow else { return lit };
+    // In units of the body's size f32 has all digits of its surface.
+    let unit_m = radii_m.max_element();
+    layout::BodySun {
+        occluder_radius: (shadow.radius_m / unit_m) as f32,
+        sun_radius: shadow.sun_rad as f32,
+        occluder: f32s((shadow.offset_m / unit_m).to_array()),
+        to_sun: f32s(to_sun.to_array()),
+        shape: f32s((radii_m / unit_m).to_array()),
+        refracted: f32s(shadow.refracted),
+        ..lit
     }
 }
 

@@ -5,7 +5,7 @@
 
 use glam::{DQuat, DVec3};
 
-use super::{Body, Light};
+use super::{Body, Light, Shadow};
 
 /// Where a ray meets a body.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -34,7 +34,12 @@ impl<'a> SeenBody<'a> {
     pub fn new(body: &'a Body, eye_m: DVec3, lights: &[Light], time_s: f64) -> Self {
         let body_from_world = body.world_from_body(time_s).conjugate();
         let from_body_m = eye_m - body.position_m;
-        let turned = |light: &Light| Light { direction: body_from_world * light.direction, ..*light };
+        let shadow = |shadow: Shadow| Shadow { offset_m: body_from_world * shadow.offset_m, ..shadow };
+        let turned = |light: &Light| Light {
+            direction: body_from_world * light.direction,
+            shadow: light.shadow.map(shadow),
+            ..*light
+        };
         Self {
             body,
             body_from_world,
@@ -111,7 +116,9 @@ impl<'a> SeenBody<'a> {
         }
         let texture = surface.texture.as_ref().map_or([1.0; 3], |texture| texture.sample(unit));
         let reflectance = |c: usize| surface.geometric_albedo[c] * texture[c] * factor / std::f64::consts::PI;
-        [0, 1, 2].map(|c| reflectance(c) * light.illuminance_lx[c] * self.body.seen_through[c])
+        let open = |shadow: Shadow| shadow.open_share(unit * self.body.radii_m, light.direction);
+        let open = light.shadow.map_or([1.0; 3], open);
+        [0, 1, 2].map(|c| reflectance(c) * light.illuminance_lx[c] * open[c] * self.body.seen_through[c])
     }
 
     fn normal(&self, unit: DVec3) -> DVec3 {

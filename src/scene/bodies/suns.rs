@@ -1,17 +1,23 @@
 //! The suns of a scene, and their light on bodies.
 
-use std::f64::consts::{FRAC_PI_2, PI, TAU};
+use std::{
+    f64::consts::{FRAC_PI_2, PI, TAU},
+    sync::Arc,
+};
 
 use glam::DVec3;
 
-use super::{Body, Emission};
+use super::{Body, Emission, Occluder, Shadow};
 use crate::{
     photometry::phase_curve::{self, Tilt},
     scene::SceneObjects,
 };
 
+/// Radius of the Earth's shadow without its air, m: that of the equator.
+const EARTH_M: f64 = 6_378_137.0;
+
 /// A body that gives light, from far away.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Sun {
     /// Its centre: ICRS, barycentric, m.
     pub position_m: DVec3,
@@ -20,6 +26,8 @@ pub struct Sun {
     pub intensity_cd: [f64; 3],
     /// Radius of the sphere with the same mean projected area, m.
     pub radius_m: f64,
+    /// What may stand before it.
+    pub occluders: Arc<[Occluder]>,
 }
 
 /// The light of a sun where it falls on something.
@@ -27,13 +35,15 @@ pub struct Sun {
 pub struct Light {
     /// Unit vector towards the sun, world axes.
     pub direction: DVec3,
-    /// Illuminance on a surface that faces the sun, as linear Rec. 709, lx.
+    /// Illuminance on a surface that faces the sun, as linear Rec. 709, lx, outside of the shadow.
     pub illuminance_lx: [f64; 3],
+    /// The deepest shadow on the body that it falls on.
+    pub shadow: Option<Shadow>,
 }
 
 impl Sun {
     /// The sun that a body with an emission is.
-    fn of(body: &Body, emission: &Emission) -> Self {
+    fn of(body: &Body, emission: &Emission, occluders: &Arc<[Occluder]>) -> Self {
         // Light of a limb-darkened element into all directions is pi L(1) (1 - u / 3), and the surface is four times
         // the mean projected area.
         let radius_m = mean_radius_m(body.radii_m);
@@ -42,6 +52,7 @@ impl Sun {
             position_m: body.position_m,
             intensity_cd: emission.luminance_cd_m2.map(|channel| channel * factor),
             radius_m,
+            occluders: Arc::clone(occluders),
         }
     }
 
@@ -52,13 +63,28 @@ impl Sun {
         (distance_m > 0.0).then(|| Light {
             direction: to_sun_m / distance_m,
             illuminance_lx: self.intensity_cd.map(|channel| channel / distance_m / distance_m),
+            shadow: None,
         })
+    }
+
+    /// Its light on a body, with the shadow that falls there.
+    fn light_on(&self, body: &Body) -> Option<Light> {
+        let light = self.light_at(body.position_m)?;
+        let distance_m = (self.position_m - body.position_m).length();
+        let sun_rad = (self.radius_m / distance_m).min(1.0).asin();
+        let shadows = self.occluders.iter().filter_map(|of| of.shadow_on(body, light.direction, distance_m, sun_rad));
+        let deepest = shadows.max_by(|(_, a), (_, b)| a.total_cmp(b)).map(|(shadow, _)| shadow);
+        Some(Light { shadow: deepest, ..light })
     }
 }
 
 /// The suns of a scene: its bodies with an emission, in their order.
 pub fn suns(objects: &SceneObjects) -> Vec<Sun> {
-    objects.bodies.iter().filter_map(|body| Some(Sun::of(body, body.emission.as_ref()?))).collect()
+    let of_bodies = objects.bodies.iter().map(|body| Occluder::of(body));
+    // An observer stands on it.
+    let earth = objects.earth_m.map(|position_m| Occluder::earth(position_m, EARTH_M));
+    let occluders: Arc<[Occluder]> = of_bodies.chain(earth).collect();
+    objects.bodies.iter().filter_map(|body| Some(Sun::of(body, body.emission.as_ref()?, &occluders))).collect()
 }
 
 /// The light of suns on a body for an eye at `eye_m` (world axes): of a body with a measured phase curve so much more or less than what falls on it that what the eye has of it is the
@@ -67,7 +93,7 @@ pub fn lights_on(body: &Body, suns: &[Sun], eye_m: DVec3) -> Vec<Light> {
     // Half the smallest axis: no turn of the body matters, and no two suns that do not overlap stand so near.
     let within_m = body.radii_m.min_element() / 2.0;
     let outside = suns.iter().filter(|sun| (sun.position_m - body.position_m).length() > within_m);
-    outside.filter_map(|sun| Some(with_phase_curve(sun.light_at(body.position_m)?, body, eye_m))).collect()
+    outside.filter_map(|sun| Some(with_phase_curve(sun.light_on(body)?, body, eye_m))).collect()
 }
 
 /// The light of a sun as it makes the body's measured phase curve.

@@ -304,3 +304,38 @@ fn a_small_body_before_the_ground_of_a_large_one_is_seen() {
     let shown = hdr[pixel.y as usize * 100 + pixel.x as usize][1];
     assert!((shown - 100.0).abs() < 0.1, "{shown}");
 }
+
+/// A body in the shadow of another one has umbra and penumbra where the twin has them.
+#[test]
+fn shadows_fall_on_bodies_as_in_the_twin() {
+    let sun_m = DVec3::new(1.0, 0.3, 0.2).normalize() * 1.5e11;
+    let mut sun = body("sun", sun_m, DVec3::splat(7e8), ReflectionLaw::Lambert);
+    sun.emission = Some(Emission { luminance_cd_m2: [2e9, 1.9e9, 1.8e9], limb_darkening: 0.0 });
+    let lit = body("lit", DVec3::NEG_Z * 4e7, DVec3::new(6.4e6, 6.2e6, 5.9e6), ReflectionLaw::Lambert);
+    let towards = (sun_m - lit.position_m).normalize();
+    let aside = towards.any_orthonormal_vector();
+    let caster = |part: f64| {
+        let at = lit.position_m + towards * 4e8 + aside * part * 6e6;
+        body("caster", at, DVec3::splat(2e6), ReflectionLaw::Lambert)
+    };
+    let rig = rig(vec![("flat", ViewKind::Perspective { size: [96, 96], fov_y_rad: 0.4 })]);
+    let mapping = rig.views()[0].images[0].projection.mapping();
+    let mut lights = Vec::new();
+    for part in [0.0, 0.6, 3.0] {
+        let scene = scene(vec![sun.clone(), lit.clone(), caster(part)]);
+        let frame = render_hdr(&mut renderer(), &scene, &rig, &settings(StarMethod::Auto));
+        let twin = steradian::reference::bodies::rays::draw(&scene.objects, DVec3::ZERO, DQuat::IDENTITY, mapping, 12);
+        let hdr = frame.images[0].hdr.as_ref().unwrap();
+        let brightest = twin.luminance_cd_m2.iter().map(|rgb| rgb[1]).fold(0.0, f64::max);
+        let off = |(found, expected): (&[f32; 4], &[f64; 3])| (f64::from(found[1]) - expected[1]).abs() / brightest;
+        let worst = hdr.iter().zip(&twin.luminance_cd_m2).map(off).fold(0.0, f64::max);
+        let light: f64 = illuminance_lx(&frame.images[0], mapping);
+        println!("shadow {part}: worst {worst:.1e}, light {light:.4e} lx");
+        // The twin's parts of a pixel on the limb and on the shadow's edge.
+        assert!(worst < 0.06, "{part}: {worst}");
+        lights.push(light);
+        let whole = luminance(illuminance_of(&lit, DVec3::ZERO, &suns(&scene.objects), 0.0));
+        assert!((light / whole - 1.0).abs() < 0.02, "{part}: {light} {whole}");
+    }
+    assert!(lights[0] < 0.97 * lights[2] && lights[1] < lights[2], "{lights:?}");
+}

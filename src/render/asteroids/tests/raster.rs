@@ -131,6 +131,7 @@ fn scene(direction: DVec3, size: f64, halvings: u32) -> (SceneObjects, DVec3, Su
         position_m: place_m + (across * 0.8 - direction * 0.6) * SUN_M,
         intensity_cd: [2e27, 3e27, 4e27],
         radius_m: 7e8,
+        occluders: [].into(),
     };
     let body = Body {
         name: "sphere".to_owned(),
@@ -163,7 +164,7 @@ fn show(bench: &mut Bench, kind: &ViewKind, direction: DVec3, size: f64, rows: u
     let (objects, camera_m, sun, body) = scene(direction, size, 5);
     let settings = AsteroidSettings { finest_only: true, samples: 4, ..AsteroidSettings::default() };
     let viewports = viewports(&[("view", kind.clone())], DQuat::IDENTITY);
-    let plan = bench.plan_lit(&objects, &settings, &viewports, camera_m, &[sun]);
+    let plan = bench.plan_lit(&objects, &settings, &viewports, camera_m, std::slice::from_ref(&sun));
     let height = viewports[0].size()[1];
     let sampled = super::viewports(&[("view", finer(kind, plan.samples[0]))], DQuat::IDENTITY);
     let mapping = sampled[0].projection.mapping();
