@@ -78,6 +78,8 @@ const LEAST_LIMB_PARTS: f32 = 4.0;
 const MOST_LIMB_PARTS: f32 = 12.0;
 // Half the diagonal of a part, in semi-axes, for which a part is looked at in its middle alone.
 const SMALL_PART: f32 = 0.05;
+// Parts of a pixel along a side where the limb of a body lies before another one.
+const CROSSED_PARTS: u32 = 12u;
 // Bodies that one pixel may show.
 const MOST_HITS: u32 = 4u;
 // So many halves of the diagonal of a pixel from the limb a body is looked at more closely.
@@ -303,6 +305,31 @@ fn layers_at(viewport: Viewport, texel: vec2<u32>, ray: vec3<f32>) -> vec4<f32> 
     return found;
 }
 
+// Light of a pixel of which several bodies cover parts, each of its parts by what is nearest, and how far it is covered.
+fn nearest_of_parts(viewport: Viewport, run: vec2<u32>, corner: vec2<f32>, ray: vec3<f32>, extent: f32) -> vec4<f32> {
+    var sum = vec4(0.0);
+    for (var i = 0u; i < CROSSED_PARTS * CROSSED_PARTS; i++) {
+        let at = corner + (vec2(f32(i % CROSSED_PARTS), f32(i / CROSSED_PARTS)) + 0.5) / f32(CROSSED_PARTS);
+        let own = ray_of(viewport, at, ray);
+        var nearest = 3e38;
+        var shown = vec4(0.0);
+        for (var b = run.x; b < run.x + run.y; b++) {
+            let body = body_for(viewport, b, ray);
+            let passage = passage_of(body, own);
+            if passage.s <= 1.0 {
+                let entry = entry_of(body, passage);
+                if entry.w < nearest {
+                    nearest = entry.w;
+                    let footprint = extent / f32(CROSSED_PARTS) * body.distance_m * body.inverse_smallest;
+                    shown = body.part * vec4(luminance_at(body, passage, entry, footprint), 1.0);
+                }
+            }
+        }
+        sum += shown;
+    }
+    return sum / f32(CROSSED_PARTS * CROSSED_PARTS);
+}
+
 fn write(index: u32, light: vec3<f32>, word: u32) {
     geometry[index] = vec4(bitcast<vec3<u32>>(light), word);
 }
@@ -421,6 +448,12 @@ fn draw_geometry(@builtin(global_invocation_id) id: vec3<u32>) {
         light += open * hits[i].light;
         open *= 1.0 - hits[i].coverage;
         nearest = min(nearest, hits[i].distance_m);
+    }
+    // The limb of a body before another one: what is covered of both is no product of shares. In an eclipse one disc lies within the other.
+    if count > 1u && hits[0].coverage > 0.0 && hits[0].coverage < 1.0 && hits[1].coverage > 0.0 {
+        let sampled = nearest_of_parts(viewport, run, corner, ray, extent);
+        light = sampled.xyz;
+        open = 1.0 - sampled.w;
     }
     var word = 0u;
     if nearest < 3e38 {

@@ -2,6 +2,7 @@
 
 pub mod bright;
 pub mod chunks;
+pub mod constellations;
 pub mod epoch;
 pub mod galaxy;
 pub mod motion;

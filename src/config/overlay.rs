@@ -134,6 +134,7 @@ fn colour(text: &str) -> Result<Colour, Fault> {
 impl GridConfig {
     fn grid(&self) -> Result<Grid, Fault> {
         finite("spacing_deg", self.spacing_deg)?;
+        Grid::check_spacing(self.kind, self.spacing_deg).map_err(|problem| Fault::new("spacing_deg", problem))?;
         let divisions =
             Grid::divisions_from_spacing_deg(self.spacing_deg).map_err(|problem| Fault::new("spacing_deg", problem))?;
         let style = LineStyle { colour: colour(&self.colour)?, width_px: self.width_px, opacity: self.opacity };

@@ -11,5 +11,5 @@ pub use self::{
     clock::Clock,
     moment::{Frame, Moment, Observer, frame_from_camera},
     place::{Place, Standpoint, horizontal_direction},
-    refraction::Air,
+    refraction::RefractingAir,
 };

@@ -3,7 +3,7 @@
 
 /// The air at an observer.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Air {
+pub struct RefractingAir {
     /// Pressure, hPa; 0: there is none.
     pub pressure_hpa: f64,
     /// Temperature, degrees Celsius.
@@ -15,7 +15,7 @@ const LOWEST_RAD: f64 = -0.02;
 /// Over so many radians.
 const FADING_RAD: f64 = 0.05;
 
-impl Air {
+impl RefractingAir {
     /// What is added to the altitude without air, rad, where `seen_rad` is that with air.
     pub fn refraction_of_seen_rad(&self, seen_rad: f64) -> f64 {
         let lowest = seen_rad.max(LOWEST_RAD).to_degrees();
@@ -46,7 +46,7 @@ mod tests {
 
     #[test]
     fn refraction_is_that_of_the_almanac_and_forward_undoes_backward() {
-        let air = Air { pressure_hpa: 1010.0, temperature_c: 10.0 };
+        let air = RefractingAir { pressure_hpa: 1010.0, temperature_c: 10.0 };
         for [degrees, arcmin] in ALMANAC {
             let seen_rad = degrees.to_radians();
             let found = air.refraction_of_seen_rad(seen_rad).to_degrees() * 60.0;
@@ -54,6 +54,6 @@ mod tests {
             let true_rad = seen_rad - air.refraction_of_seen_rad(seen_rad);
             assert!((true_rad + air.refraction_rad(true_rad) - seen_rad).abs() < 1e-6, "{degrees}");
         }
-        assert_eq!(Air { pressure_hpa: 0.0, temperature_c: 10.0 }.refraction_rad(0.3), 0.0);
+        assert_eq!(RefractingAir { pressure_hpa: 0.0, temperature_c: 10.0 }.refraction_rad(0.3), 0.0);
     }
 }

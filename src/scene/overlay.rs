@@ -66,13 +66,16 @@ pub enum GridKind {
     Ecliptic,
     /// Azimuth, from north through east, and altitude of the scene's observer, who must be there.
     Horizon,
+    /// Borders of the constellations, along meridians and parallels of B1875.0, and their names in place of numbers; it has no spacing.
+    Constellations,
     /// Azimuth and altitude of the camera's own axes: the zenith is its +y, azimuth 0 its -z, growing to the right.
     Altitude,
 }
 
 impl GridKind {
     /// All of them.
-    pub const ALL: [Self; 5] = [Self::Equatorial, Self::Galactic, Self::Ecliptic, Self::Horizon, Self::Altitude];
+    pub const ALL: [Self; 6] =
+        [Self::Equatorial, Self::Galactic, Self::Ecliptic, Self::Horizon, Self::Constellations, Self::Altitude];
 
     /// Its name in configurations and messages.
     pub fn name(self) -> &'static str {
@@ -81,6 +84,7 @@ impl GridKind {
             Self::Galactic => "galactic",
             Self::Ecliptic => "ecliptic",
             Self::Horizon => "horizon",
+            Self::Constellations => "constellations",
             Self::Altitude => "altitude",
         }
     }
@@ -109,6 +113,18 @@ impl Grid {
     pub const STYLE: LineStyle = LineStyle { colour: Colour([79, 127, 191]), width_px: 1.5, opacity: 0.7 };
     /// Angle between neighbouring circles where nothing is said, degrees.
     pub const SPACING_DEG: f64 = 15.0;
+
+    /// Refuses a spacing of what has none; the error says so.
+    ///
+    /// # Errors
+    ///
+    /// The kind is [`GridKind::Constellations`], and the spacing is not [`Grid::SPACING_DEG`].
+    pub fn check_spacing(kind: GridKind, spacing_deg: f64) -> Result<(), String> {
+        if kind == GridKind::Constellations && spacing_deg != Self::SPACING_DEG {
+            return Err(format!("{spacing_deg}: borders of constellations have none; leave the key out"));
+        }
+        Ok(())
+    }
 
     /// Spaces between the equator and a pole for circles that are `spacing_deg` apart; the error says what is allowed.
     pub fn divisions_from_spacing_deg(spacing_deg: f64) -> Result<u32, String> {

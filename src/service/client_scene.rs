@@ -300,6 +300,13 @@ impl Client {
         objects.into_iter().map(SeenObject::try_from).collect()
     }
 
+    /// Name of the constellation that a direction (ICRS axes) lies in.
+    pub async fn constellation(&mut self, direction: DVec3) -> Result<String, ClientError> {
+        let request =
+            proto::IdentifyRequest { direction: Some(convert::vector_to_pb(direction)), most: 1, ..Default::default() };
+        Ok(self.scene.identify(request).await?.into_inner().constellation)
+    }
+
     /// Where a body or a star of a name is.
     pub async fn find(&mut self, name: &str) -> Result<SeenObject, ClientError> {
         let request = proto::FindRequest { name: name.to_owned() };

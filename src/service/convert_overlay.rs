@@ -46,7 +46,9 @@ fn grid_from_pb(grid: proto::Grid) -> Result<Grid, String> {
         let names = GridKind::ALL.map(GridKind::name).join(", ");
         format!("kind = `{}`: allowed are {names}", grid.kind)
     })?;
-    let divisions = Grid::divisions_from_spacing_deg(grid.spacing_deg.unwrap_or(Grid::SPACING_DEG));
+    let spacing_deg = grid.spacing_deg.unwrap_or(Grid::SPACING_DEG);
+    Grid::check_spacing(kind, spacing_deg).map_err(|problem| format!("spacing_deg = {problem}"))?;
+    let divisions = Grid::divisions_from_spacing_deg(spacing_deg);
     Ok(Grid {
         kind,
         divisions: divisions.map_err(|problem| format!("spacing_deg = {problem}"))?,
@@ -203,7 +205,12 @@ mod tests {
             opacity: 0.5,
         };
         Overlay {
-            grids: GridKind::ALL.map(|kind| Grid { kind, divisions: 7, numbers: false, style: style() }).to_vec(),
+            grids: GridKind::ALL
+                .map(|kind| {
+                    let divisions = if kind == GridKind::Constellations { 6 } else { 7 };
+                    Grid { kind, divisions, numbers: false, style: style() }
+                })
+                .to_vec(),
             trajectories: vec![Trajectory {
                 name: "way".to_owned(),
                 points_m: vec![DVec3::X, DVec3::Y],

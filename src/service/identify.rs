@@ -14,7 +14,7 @@ use super::{
     proto, refusals,
 };
 use crate::{
-    catalogue::{bright::BrightStar, chunks::StarSet},
+    catalogue::{bright::BrightStar, chunks::StarSet, constellations::constellation_of},
     plan::stars::identify::{MOST_RADIUS_RAD, SeenStar, stars_near},
     relativity::seen_direction,
     scene::{Camera, SceneSnapshot, bodies::Body},
@@ -180,7 +180,9 @@ impl Service {
             };
             objects.truncate(most);
             let (camera_revision, scene_revision) = (camera.revision, scene.revision);
-            proto::IdentifyResponse { objects, camera_revision, scene_revision }
+            let (_, constellation) = constellation_of(direction);
+            let constellation = constellation.to_owned();
+            proto::IdentifyResponse { objects, camera_revision, scene_revision, constellation }
         };
         task::spawn_blocking(looking).await.map_err(|error| Status::internal(format!("looking failed: {error}")))
     }

@@ -85,18 +85,22 @@ async fn time_is_set_runs_either_way_and_stops_and_bodies_and_the_camera_follow(
 async fn names_are_found_and_the_camera_is_pointed_at_them() {
     let daemon = Daemon::start_with(small_rig(), with_sky).await;
     let mut client = daemon.client().await;
-    let mars = client.find("Mars").await.unwrap();
-    assert!(mars.is_body && mars.distance_m.unwrap() > 5e10);
-    let camera = client.look_at("mars", Some(Frame::Horizon)).await.unwrap();
-    assert!((camera.world_from_camera * DVec3::NEG_Z).angle_between(mars.direction) < 1e-7);
+    let saturn = client.find("Saturn").await.unwrap();
+    assert!(saturn.is_body && saturn.distance_m.unwrap() > 5e10);
+    let camera = client.look_at("saturn", Some(Frame::Horizon)).await.unwrap();
+    assert!((camera.world_from_camera * DVec3::NEG_Z).angle_between(saturn.direction) < 1e-7);
     assert_eq!((camera.frame, camera.revision), (Frame::Horizon, 1));
     // A planet is smaller than a pixel: who points beside it means it.
-    let beside = (mars.direction + mars.direction.any_orthonormal_vector() * 2e-3).normalize();
+    let beside = (saturn.direction + saturn.direction.any_orthonormal_vector() * 2e-3).normalize();
     let identified = client.identify(beside, 0.0, 0).await.unwrap();
-    assert_eq!(identified[0].name, "mars", "{identified:?}");
+    assert_eq!(identified[0].name, "saturn", "{identified:?}");
     assert!((identified[0].separation_deg - 2e-3_f64.to_degrees()).abs() < 1e-4);
+    // Mars has not risen yet: the ground stands before it.
+    let mars = client.find("Mars").await.unwrap();
+    assert_eq!(client.identify(mars.direction, 0.0, 0).await.unwrap(), []);
     let star = client.find("alf cma").await.unwrap();
     assert_eq!((star.name.as_str(), star.is_body), ("Sirius", false));
+    assert_eq!(client.constellation(star.direction).await.unwrap(), "Canis Major");
     let error = client.find("Pluto").await.unwrap_err();
     assert!(error.code() == Some(Code::NotFound) && error.to_string().contains("Pluto"), "{error}");
     // On other axes it stays where it looks while time goes on.

@@ -10,6 +10,7 @@ use super::{
     text::{Place, Run},
 };
 use crate::{
+    catalogue::constellations::{Border, borders, icrs_from_b1875, middles},
     coordinates::icrs_from_galactic,
     ephemeris::icrs_from_ecliptic,
     scene::overlay::{Grid, GridKind},
@@ -25,6 +26,7 @@ fn axes(kind: GridKind, eye: &Eye<'_>) -> DMat3 {
         GridKind::Equatorial => DMat3::IDENTITY,
         GridKind::Galactic => icrs_from_galactic(),
         GridKind::Ecliptic => icrs_from_ecliptic(),
+        GridKind::Constellations => icrs_from_b1875(),
         // Without an observer there is no such grid: see `Overlay::check_observer`.
         GridKind::Horizon => eye.horizon.unwrap_or(DMat3::IDENTITY),
         GridKind::Altitude => {
@@ -40,6 +42,9 @@ fn direction(axes: &DMat3, longitude: f64, latitude: f64) -> DVec3 {
 
 pub(super) fn draw(drawing: &mut Drawing<'_>, eye: &Eye<'_>, grid: &Grid) -> Result<(), OverlayPlanError> {
     let axes = axes(grid.kind, eye);
+    if grid.kind == GridKind::Constellations {
+        return drawing.lines(eye, &grid.style, borders().iter().map(|border| border_arc(&axes, border)));
+    }
     let step = FRAC_PI_2 / f64::from(grid.divisions);
     let divisions = i64::from(grid.divisions);
     let parallels = (1 - divisions..divisions).map(|number| {
@@ -62,6 +67,18 @@ pub(super) fn draw(drawing: &mut Drawing<'_>, eye: &Eye<'_>, grid: &Grid) -> Res
     Ok(())
 }
 
+/// A piece of a border as an arc.
+fn border_arc(axes: &DMat3, Border { ra_rad: [from, to], dec_rad: [south, north], .. }: &Border) -> Arc {
+    if from == to {
+        let middle = 0.5 * (south + north);
+        let [at, above] = [middle, middle + FRAC_PI_2].map(|latitude| direction(axes, *from, latitude));
+        return Arc::half_circle(at, above, 0.5 * (north - south));
+    }
+    let mut circle = Arc::circle(axes.z_axis, axes.x_axis, axes.y_axis, FRAC_PI_2 - south);
+    circle.angles = [*from, *to];
+    circle
+}
+
 /// Numbers of the circles.
 pub(super) fn draw_numbers(drawing: &mut Drawing<'_>, eye: &Eye<'_>, grid: &Grid) -> Result<(), OverlayPlanError> {
     if !grid.numbers {
@@ -81,6 +98,9 @@ pub(super) fn draw_numbers(drawing: &mut Drawing<'_>, eye: &Eye<'_>, grid: &Grid
             &Run { text, size_px: NUMBER_PX, ink, nearness: AT_INFINITY, place, edged: true },
         )
     };
+    if grid.kind == GridKind::Constellations {
+        return middles().iter().try_for_each(|(name, middle)| number(name, *middle));
+    }
     // Longitudes along the equator, latitudes along four meridians.
     for index in 0..4 * divisions {
         let longitude = index as f64 * step;

@@ -339,3 +339,31 @@ fn shadows_fall_on_bodies_as_in_the_twin() {
     }
     assert!(lights[0] < 0.97 * lights[2] && lights[1] < lights[2], "{lights:?}");
 }
+
+/// A disc that lies within a nearer and larger one is hidden, wherever limbs cross pixels.
+#[test]
+fn a_sun_behind_a_larger_moon_is_dark_to_the_last_pixel() {
+    let direction = DVec3::new(0.02, 0.01, -1.0).normalize();
+    let mut sun = body("sun", direction * 1.5e11, DVec3::splat(6.957e8), ReflectionLaw::Lambert);
+    sun.emission = Some(Emission { luminance_cd_m2: [2e9; 3], limb_darkening: 0.0 });
+    // Larger by 2 %: less than a pixel.
+    let moon = |part: f64| {
+        let aside = direction.any_orthonormal_vector() * part;
+        body("moon", direction * 3.6e8 + aside, DVec3::splat(3.6e8 * 6.957e8 / 1.5e11 * 1.02), ReflectionLaw::Lambert)
+    };
+    let rig = rig(vec![("flat", ViewKind::Perspective { size: [64, 64], fov_y_rad: 0.05 })]);
+    let mapping = rig.views()[0].images[0].projection.mapping();
+    let light = |bodies: Vec<Body>| {
+        let frame = render_hdr(&mut renderer(), &scene(bodies), &rig, &settings(StarMethod::Auto));
+        illuminance_lx(&frame.images[0], mapping)
+    };
+    let whole = light(vec![sun.clone()]);
+    assert_eq!(light(vec![sun.clone(), moon(0.0)]), 0.0);
+    // A tenth of its radius aside a crescent is left, of the area that circles leave.
+    let aside_m = 1.7e5;
+    let left = light(vec![sun.clone(), moon(aside_m)]) / whole;
+    let radius = 6.957e8 / 1.5e11;
+    let expected = 1.0 - steradian::scene::bodies::hidden_share(radius, 1.02 * radius, aside_m / 3.6e8);
+    println!("{left:.5} of the light is left, by areas {expected:.5}");
+    assert!(expected > 0.01 && (left / expected - 1.0).abs() < 0.03, "{left} {expected}");
+}

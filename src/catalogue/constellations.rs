@@ -1,0 +1,233 @@
+//! The constellations of the IAU: their borders, which of them a direction lies in, and their names.
+
+use std::{
+    f64::consts::{PI, TAU},
+    sync::OnceLock,
+};
+
+use glam::{DMat3, DVec3};
+use sofars::pnp::pmat06;
+
+use crate::{
+    coordinates::{direction_from_lon_lat, lon_lat_from_direction},
+    units::{ARCSECOND_RAD, J2000_JD},
+};
+
+const TABLE: &str = include_str!("constellation_borders.csv");
+/// B1875.0 as days from J2000.0.
+const B1875_DAYS: f64 = 2_405_889.258_55 - J2000_JD;
+/// Rings of directions by which middles of constellations are found.
+const RINGS: u32 = 180;
+
+/// A constellation, by its abbreviation and its name. Serpens has two parts.
+pub type Constellation = (&'static str, &'static str);
+
+/// All of them, in the order of the abbreviations.
+pub const CONSTELLATIONS: [Constellation; 89] = [
+    ("And", "Andromeda"),
+    ("Ant", "Antlia"),
+    ("Aps", "Apus"),
+    ("Aql", "Aquila"),
+    ("Aqr", "Aquarius"),
+    ("Ara", "Ara"),
+    ("Ari", "Aries"),
+    ("Aur", "Auriga"),
+    ("Boo", "Bootes"),
+    ("CMa", "Canis Major"),
+    ("CMi", "Canis Minor"),
+    ("CVn", "Canes Venatici"),
+    ("Cae", "Caelum"),
+    ("Cam", "Camelopardalis"),
+    ("Cap", "Capricornus"),
+    ("Car", "Carina"),
+    ("Cas", "Cassiopeia"),
+    ("Cen", "Centaurus"),
+    ("Cep", "Cepheus"),
+    ("Cet", "Cetus"),
+    ("Cha", "Chamaeleon"),
+    ("Cir", "Circinus"),
+    ("Cnc", "Cancer"),
+    ("Col", "Columba"),
+    ("Com", "Coma Berenices"),
+    ("CrA", "Corona Australis"),
+    ("CrB", "Corona Borealis"),
+    ("Crt", "Crater"),
+    ("Cru", "Crux"),
+    ("Crv", "Corvus"),
+    ("Cyg", "Cygnus"),
+    ("Del", "Delphinus"),
+    ("Dor", "Dorado"),
+    ("Dra", "Draco"),
+    ("Equ", "Equuleus"),
+    ("Eri", "Eridanus"),
+    ("For", "Fornax"),
+    ("Gem", "Gemini"),
+    ("Gru", "Grus"),
+    ("Her", "Hercules"),
+    ("Hor", "Horologium"),
+    ("Hya", "Hydra"),
+    ("Hyi", "Hydrus"),
+    ("Ind", "Indus"),
+    ("LMi", "Leo Minor"),
+    ("Lac", "Lacerta"),
+    ("Leo", "Leo"),
+    ("Lep", "Lepus"),
+    ("Lib", "Libra"),
+    ("Lup", "Lupus"),
+    ("Lyn", "Lynx"),
+    ("Lyr", "Lyra"),
+    ("Men", "Mensa"),
+    ("Mic", "Microscopium"),
+    ("Mon", "Monoceros"),
+    ("Mus", "Musca"),
+    ("Nor", "Norma"),
+    ("Oct", "Octans"),
+    ("Oph", "Ophiuchus"),
+    ("Ori", "Orion"),
+    ("Pav", "Pavo"),
+    ("Peg", "Pegasus"),
+    ("Per", "Perseus"),
+    ("Phe", "Phoenix"),
+    ("Pic", "Pictor"),
+    ("PsA", "Piscis Austrinus"),
+    ("Psc", "Pisces"),
+    ("Pup", "Puppis"),
+    ("Pyx", "Pyxis"),
+    ("Ret", "Reticulum"),
+    ("Scl", "Sculptor"),
+    ("Sco", "Scorpius"),
+    ("Sct", "Scutum"),
+    ("SerCa", "Serpens Caput"),
+    ("SerCd", "Serpens Cauda"),
+    ("Sex", "Sextans"),
+    ("Sge", "Sagitta"),
+    ("Sgr", "Sagittarius"),
+    ("Tau", "Taurus"),
+    ("Tel", "Telescopium"),
+    ("TrA", "Triangulum Australe"),
+    ("Tri", "Triangulum"),
+    ("Tuc", "Tucana"),
+    ("UMa", "Ursa Major"),
+    ("UMi", "Ursa Minor"),
+    ("Vel", "Vela"),
+    ("Vir", "Virgo"),
+    ("Vol", "Volans"),
+    ("Vul", "Vulpecula"),
+];
+
+/// A piece of a border along a parallel or a meridian of B1875.0.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Border {
+    /// Right ascension where it begins and where it ends, eastwards, rad; the second may go beyond a turn. Both are the same along a meridian.
+    pub ra_rad: [f64; 2],
+    /// Declination of both ends, rad.
+    pub dec_rad: [f64; 2],
+    /// Constellations north and south of it; along a meridian those on both sides.
+    pub sides: [&'static str; 2],
+}
+
+/// All pieces, each once.
+pub fn borders() -> &'static [Border] {
+    static BORDERS: OnceLock<Vec<Border>> = OnceLock::new();
+    BORDERS.get_or_init(|| TABLE.lines().filter(|line| !line.starts_with('#')).skip(1).map(border).collect())
+}
+
+/// A table of our own that cannot be read is a bug of ours, and caught by the tests below.
+fn border(line: &'static str) -> Border {
+    let fields: Vec<&'static str> = line.split(',').collect();
+    let number = |index: usize| fields[index].parse::<f64>().expect("the built-in table has numbers");
+    let [from, mut to] = [number(0), number(1)].map(|seconds| seconds / 86_400.0 * TAU);
+    if to < from {
+        to += TAU;
+    }
+    Border {
+        ra_rad: [from, to],
+        dec_rad: [number(2), number(3)].map(|arcseconds| arcseconds * ARCSECOND_RAD),
+        sides: [fields[4], fields[5]],
+    }
+}
+
+/// Rotation from the axes of the mean equator and equinox of B1875.0 to those of ICRS.
+pub fn icrs_from_b1875() -> DMat3 {
+    // By columns it would be the inverse: SOFA's matrices are written by rows.
+    DMat3::from_cols_array_2d(&pmat06(J2000_JD, B1875_DAYS))
+}
+
+/// The constellation that a direction of ICRS (unit vector) lies in.
+pub fn constellation_of(direction: DVec3) -> Constellation {
+    let (ra_rad, dec_rad) = lon_lat_from_direction(icrs_from_b1875().transpose() * direction);
+    let ra_rad = ra_rad.rem_euclid(TAU);
+    let spans = |border: &&Border| {
+        let [from, to] = border.ra_rad;
+        from < to && ((from..to).contains(&ra_rad) || (from..to).contains(&(ra_rad + TAU)))
+    };
+    // The next border in the north, which has its constellation in the south.
+    let north = borders().iter().filter(spans).filter(|border| border.dec_rad[0] > dec_rad);
+    let next = north.min_by(|a, b| a.dec_rad[0].total_cmp(&b.dec_rad[0])).map_or("UMi", |border| border.sides[1]);
+    let found = CONSTELLATIONS.binary_search_by_key(&next, |(short, _)| short);
+    CONSTELLATIONS[found.expect("the built-in table has known constellations")]
+}
+
+/// Names of the constellations and their middles, unit vectors in ICRS axes: means over their areas.
+pub fn middles() -> &'static [(&'static str, DVec3)] {
+    static MIDDLES: OnceLock<Vec<(&'static str, DVec3)>> = OnceLock::new();
+    MIDDLES.get_or_init(|| {
+        let mut sums = [DVec3::ZERO; CONSTELLATIONS.len()];
+        for ring in 0..RINGS {
+            let latitude = ((f64::from(ring) + 0.5) / f64::from(RINGS) - 0.5) * PI;
+            let places = (2.0 * f64::from(RINGS) * latitude.cos()).ceil() as u32;
+            for place in 0..places {
+                let direction = direction_from_lon_lat(f64::from(place) / f64::from(places) * TAU, latitude);
+                let (short, _) = constellation_of(direction);
+                if let Ok(index) = CONSTELLATIONS.binary_search_by_key(&short, |(short, _)| short) {
+                    sums[index] += direction;
+                }
+            }
+        }
+        CONSTELLATIONS.iter().zip(sums).map(|((_, name), sum)| (*name, sum.normalize_or_zero())).collect()
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::catalogue::bright::named_bright_stars;
+
+    #[test]
+    fn the_table_has_every_constellation_in_order() {
+        assert!(CONSTELLATIONS.windows(2).all(|pair| pair[0].0 < pair[1].0));
+        assert_eq!(borders().len(), 781);
+        for (short, _) in CONSTELLATIONS {
+            assert!(borders().iter().any(|border| border.sides.contains(&short)), "{short}");
+        }
+    }
+
+    #[test]
+    fn stars_lie_in_the_constellations_of_their_names() {
+        // Designations of Bayer and Flamsteed are older than the borders, which were drawn around them; a few stars have moved over one since.
+        let mut wrong = Vec::new();
+        let mut compared = 0;
+        for star in named_bright_stars(0.0) {
+            let Some((_, of)) = star.designation.split_once(' ').filter(|(of, _)| *of != "HR") else { continue };
+            let of = of.split(' ').next().unwrap_or_default();
+            let (found, _) = constellation_of(star.star.position.normalize());
+            compared += 1;
+            if found.get(..3) != Some(of) {
+                wrong.push(format!("{} is in {found}", star.designation));
+            }
+        }
+        println!("{compared} stars, {} elsewhere: {}", wrong.len(), wrong.join(", "));
+        assert!(compared > 2500 && wrong.len() < 40, "{compared} {wrong:?}");
+    }
+
+    #[test]
+    fn middles_lie_where_their_names_say() {
+        for (name, ra_deg, dec_deg) in
+            [("Orion", 83.0, 6.0), ("Crux", 187.0, -60.0), ("Ursa Minor", 225.0, 78.0), ("Octans", 339.0, -83.0)]
+        {
+            let expected = direction_from_lon_lat(f64::to_radians(ra_deg), f64::to_radians(dec_deg));
+            let found = middles().iter().find(|(of, _)| *of == name).map(|(_, middle)| *middle).unwrap_or_default();
+            assert!(found.angle_between(expected).to_degrees() < 4.0, "{name}: {found}");
+        }
+    }
+}
