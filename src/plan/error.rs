@@ -140,12 +140,12 @@ pub enum PlanError {
     },
     /// A published star method leaves no room for anything else.
     #[error(
-        "stars.method = `{0}` draws stars alone: bodies and asteroid fields need auto, bspline, tent or pixel_gaussian"
+        "stars.method = `{0}` draws stars alone: bodies, asteroid fields, and the ground and air of an observer need auto, bspline, tent or pixel_gaussian"
     )]
     StarsOnly(&'static str),
     /// Bodies and asteroids are drawn as a resting camera sees them.
     #[error(
-        "bodies and asteroid fields are drawn for a camera at rest: set scene.camera.velocity_c = [0, 0, 0], or remove them"
+        "bodies, asteroid fields, and the ground and air of an observer are drawn for a camera at rest: set scene.camera.velocity_c = [0, 0, 0], or remove them"
     )]
     ObjectsAtRest,
     /// The textures of bodies do not fit.

@@ -14,7 +14,7 @@ use steradian::{
         SceneObjects,
         bodies::{Body, SolarBody, lights_on, suns},
     },
-    units::{ARCSECOND_RAD, magnitude_from_illuminance_lx},
+    units::{ARCSECOND_RAD, LUMINANCE_0_MAG_PER_ARCSEC2, magnitude_from_illuminance_lx},
 };
 
 fn parse(text: &str) -> Result<Config, String> {
@@ -364,4 +364,48 @@ fn stars_move_and_are_seen_where_an_observer_sees_them() {
     assert!(seen.angle_between(aberrated) / ARCSECOND_RAD < 0.01);
     let shift_arcsec = seen.angle_between(at("Arcturus", epoch.years)) / ARCSECOND_RAD;
     assert!((5.0..21.0).contains(&shift_arcsec), "{shift_arcsec}");
+}
+
+/// Faintest magnitude that the eye sees before a sky of so many magnitudes per square arcsecond (B. E. Schaefer, PASP 102, 212, 1990, as it is commonly written).
+fn naked_eye_limit(sky_mag: f64) -> f64 {
+    7.93 - 5.0 * (10f64.powf(4.316 - sky_mag / 5.0) + 1.0).log10()
+}
+
+#[test]
+fn stars_come_out_as_the_sun_goes_down() {
+    let place = "[scene.observer]\nlatitude_deg = 20.0\nlongitude_deg = 0.0\n";
+    let dome = "[[views]]\nname = 'd'\ntype = 'dome_master'\nsize = [8, 8]\n";
+    // New Moon on 2026-01-18.
+    let noon = config(&format!("[scene]\ntime = 2026-01-18T12:00:00Z\n{place}{dome}")).objects().unwrap();
+    let observer = noon.observer.unwrap();
+    let camera_m = observer.epoch.position_m;
+    let altitude_deg = |time_s: f64| {
+        let standpoint = observer.at(time_s);
+        standpoint.azimuth_altitude_rad(standpoint.apparent_m(SolarBody::Sun))[1].to_degrees()
+    };
+    let [from_s, to_s] = ["12:00", "21:00"].map(|time| time_s(&format!("2026-01-18T{time}:00Z")));
+    let mut before = None;
+    for (sun_deg, seen) in [(30.0, 0..=0), (-6.0, 0..=6), (-12.0, 200..=1000), (-18.0, 1500..=3500)] {
+        let at_s = root(from_s, to_s, |time_s| altitude_deg(time_s) - sun_deg);
+        let objects = noon.at(at_s);
+        let sky = objects.local_sky(camera_m).unwrap();
+        let mag = |rgb: [f64; 3]| -2.5 * (luminance(rgb) / LUMINANCE_0_MAG_PER_ARCSEC2).log10();
+        let is_seen = |direction: DVec3, v_mag: f64| {
+            let through = luminance(sky.transmission(direction));
+            through > 0.0 && v_mag - 2.5 * through.log10() < naked_eye_limit(mag(sky.luminance_cd_m2(direction)))
+        };
+        let stars = named_bright_stars(26.0);
+        let count =
+            stars.iter().filter(|star| is_seen(star.star.position.normalize(), star.star.apparent_magnitude())).count();
+        let zenith = sky.luminance_cd_m2(sky.zenith());
+        println!(
+            "Sun {sun_deg}: zenith {:.3e} cd/m^2, {:.2} mag per square arcsecond, {count} stars",
+            luminance(zenith),
+            mag(zenith)
+        );
+        assert!(seen.contains(&count), "{sun_deg}: {count}");
+        assert_eq!(luminance(sky.luminance_cd_m2(-sky.zenith())), luminance(sky.ground_cd_m2), "no light from below");
+        assert!(before.is_none_or(|before| before > luminance(zenith)));
+        before = Some(luminance(zenith));
+    }
 }
