@@ -200,6 +200,7 @@ impl SceneConfig {
         }
         if let Some(observer) = &self.observer {
             observer.ground.check().map_err(|fault| fault.within("observer.ground"))?;
+            observer.air.check(observer.height_m).map_err(|fault| fault.within("observer.air"))?;
         }
         if self.observer.is_some() && self.camera != CameraConfig::default() {
             let problem =

@@ -16,6 +16,8 @@ const GLOW_K: f64 = 5772.0;
 const LEAST_EXTINCTION_MAG: f64 = 0.01;
 /// Extinction over the sea of what has a height of its own, magnitudes and m: molecules with ozone, and aerosol.
 const EXTINCTIONS: [[f64; 2]; 2] = [[0.138, 8200.0], [0.062, 1500.0]];
+/// No observer is higher in the air, m.
+const HIGHEST_M: f64 = 50_000.0;
 /// Points of a horizon at most.
 pub const MOST_POINTS: usize = 10_000;
 
@@ -56,12 +58,22 @@ impl Default for GroundConfig {
 }
 
 impl AirConfig {
+    /// Checks what types alone do not say, at a height, m; a fault names the key below `scene.observer.air`.
+    pub(super) fn check(&self, height_m: f64) -> Result<(), Fault> {
+        if self.extinction_mag.is_some() && height_m > HIGHEST_M {
+            let problem = format!("there is no air {height_m} m high: leave the key out from {HIGHEST_M} m on");
+            return Err(Fault::new("extinction_mag", problem));
+        }
+        Ok(())
+    }
+
     /// The air at a height, m; none where it is turned off or too thin.
     pub(super) fn air(&self, height_m: f64) -> Option<Air> {
         let clear = || EXTINCTIONS.iter().map(|[mag, height]| mag * (-height_m.max(0.0) / height).exp()).sum();
         let extinction_mag = self.extinction_mag.unwrap_or_else(clear);
         let glow_cd_m2 = glow_of(self.night_sky_mag, rec709_in_gamut(GLOW_K));
-        (self.enabled && extinction_mag >= LEAST_EXTINCTION_MAG).then(|| Air::new(extinction_mag, height_m, glow_cd_m2))
+        (self.enabled && extinction_mag >= LEAST_EXTINCTION_MAG && height_m <= HIGHEST_M)
+            .then(|| Air::new(extinction_mag, height_m, glow_cd_m2))
     }
 }
 
@@ -126,5 +138,9 @@ mod tests {
         assert!((0.10..0.13).contains(&mag(2635.0).expect("air on a mountain")), "{:?}", mag(2635.0));
         assert_eq!(mag(1e5), None);
         assert!(AirConfig { enabled: false, ..Default::default() }.air(0.0).is_none());
+        let dense = AirConfig { extinction_mag: Some(0.3), ..Default::default() };
+        assert!(dense.check(4e4).is_ok() && dense.air(4e4).is_some() && dense.air(2e5).is_none());
+        let fault = dense.check(2e5).expect_err("there is no air");
+        assert!(fault.key == "extinction_mag" && fault.problem.contains("50000 m"), "{fault:?}");
     }
 }
