@@ -149,12 +149,18 @@ fn border(line: &'static str) -> Border {
 
 /// Rotation from the axes of the mean equator and equinox of B1875.0 to those of ICRS.
 pub fn icrs_from_b1875() -> DMat3 {
+    static ROTATION: OnceLock<DMat3> = OnceLock::new();
     // By columns it would be the inverse: SOFA's matrices are written by rows.
-    DMat3::from_cols_array_2d(&pmat06(J2000_JD, B1875_DAYS))
+    *ROTATION.get_or_init(|| DMat3::from_cols_array_2d(&pmat06(J2000_JD, B1875_DAYS)))
 }
 
 /// The constellation that a direction of ICRS (unit vector) lies in.
 pub fn constellation_of(direction: DVec3) -> Constellation {
+    CONSTELLATIONS[number_of(direction)]
+}
+
+/// Its number among [`CONSTELLATIONS`].
+fn number_of(direction: DVec3) -> usize {
     let (ra_rad, dec_rad) = lon_lat_from_direction(icrs_from_b1875().transpose() * direction);
     let ra_rad = ra_rad.rem_euclid(TAU);
     let spans = |border: &&Border| {
@@ -165,7 +171,7 @@ pub fn constellation_of(direction: DVec3) -> Constellation {
     let north = borders().iter().filter(spans).filter(|border| border.dec_rad[0] > dec_rad);
     let next = north.min_by(|a, b| a.dec_rad[0].total_cmp(&b.dec_rad[0])).map_or("UMi", |border| border.sides[1]);
     let found = CONSTELLATIONS.binary_search_by_key(&next, |(short, _)| short);
-    CONSTELLATIONS[found.expect("the built-in table has known constellations")]
+    found.expect("the built-in table has known constellations")
 }
 
 /// Names of the constellations and their middles, unit vectors in ICRS axes: means over their areas.
@@ -178,10 +184,7 @@ pub fn middles() -> &'static [(&'static str, DVec3)] {
             let places = (2.0 * f64::from(RINGS) * latitude.cos()).ceil() as u32;
             for place in 0..places {
                 let direction = direction_from_lon_lat(f64::from(place) / f64::from(places) * TAU, latitude);
-                let (short, _) = constellation_of(direction);
-                if let Ok(index) = CONSTELLATIONS.binary_search_by_key(&short, |(short, _)| short) {
-                    sums[index] += direction;
-                }
+                sums[number_of(direction)] += direction;
             }
         }
         CONSTELLATIONS.iter().zip(sums).map(|((_, name), sum)| (*name, sum.normalize_or_zero())).collect()

@@ -32,7 +32,7 @@ const OZONE_MAG: [f64; 3] = [0.043, 0.031, 0.003];
 const AEROSOL_POWER: f64 = -1.3;
 
 /// 10^(-0.4 m) = 2^(-LOG2_PER_MAG m).
-pub const LOG2_PER_MAG: f64 = 0.4 * std::f64::consts::LOG2_10;
+const LOG2_PER_MAG: f64 = 0.4 * std::f64::consts::LOG2_10;
 
 /// An optical depth of 1, in magnitudes.
 const MAG_PER_DEPTH: f64 = 1.085_736;
@@ -103,18 +103,22 @@ impl Air {
         }
     }
 
+    /// Power of two by which light becomes less for each air mass; negative.
+    pub fn extinction_log2(&self) -> [f64; 3] {
+        self.extinction_mag.map(|mag| -LOG2_PER_MAG * mag)
+    }
+
     /// Share of light from outside that arrives from an altitude, by its sine.
     pub fn transmission(&self, sine: f64) -> [f64; 3] {
         let air_mass = air_mass(sine);
-        self.extinction_mag.map(|mag| (-LOG2_PER_MAG * mag * air_mass).exp2())
+        self.extinction_log2().map(|log2| (log2 * air_mass).exp2())
     }
 
     /// The air's own glow at an altitude, by its sine, cd/m^2.
     pub fn glow(&self, sine: f64) -> [f64; 3] {
         let longer = 0.4 + 0.6 / (0.04 + 0.96 * sine * sine).sqrt();
-        let air_mass = air_mass(sine);
-        [0, 1, 2]
-            .map(|c| self.glow_cd_m2[c] * longer * (-LOG2_PER_MAG * self.extinction_mag[c] * (air_mass - 1.0)).exp2())
+        let (air_mass, log2) = (air_mass(sine), self.extinction_log2());
+        [0, 1, 2].map(|c| self.glow_cd_m2[c] * longer * (log2[c] * (air_mass - 1.0)).exp2())
     }
 }
 

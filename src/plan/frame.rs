@@ -4,7 +4,11 @@
 //! and what scatters light in the eye; the units that light adds up in; the kernel of every star; the certificate. The same scene, views,
 //! settings and limits give the same plan.
 
-use std::{f64::consts::PI, sync::Arc, time::Instant};
+use std::{
+    f64::consts::PI,
+    sync::{Arc, Weak},
+    time::Instant,
+};
 
 use glam::DVec3;
 
@@ -232,6 +236,8 @@ pub struct Planner {
     overlay: OverlayPlanner,
     pictures: Pictures,
     sky_maps: SkyMaps,
+    /// Objects through the air around a camera: of which, from where, and how they are seen.
+    seen: Option<(Weak<SceneObjects>, DVec3, Arc<SceneObjects>)>,
     /// Greatest slope of a display transform.
     slope: Option<(ToneMapSettings, f64)>,
     /// Whether chunks outside of every view are left out; false only to measure what that saves.
@@ -257,6 +263,7 @@ impl Planner {
             overlay: OverlayPlanner::default(),
             pictures: Pictures::default(),
             sky_maps: SkyMaps::default(),
+            seen: None,
             slope: None,
             culling: true,
             unit_factor: 1.0,
@@ -313,7 +320,7 @@ impl Planner {
             return Ok(as_told(planned_ev100(settings, &stars, &pictures, None)));
         }
         let camera_m = scene.camera.position_m;
-        let objects = scene.objects.seen_from(camera_m);
+        let objects = self.objects_seen(scene);
         let suns = suns(&objects);
         let glare = settings.glare.chosen(settings.stars.method);
         let fraction = settings.glare.fraction_scattered();
@@ -330,6 +337,20 @@ impl Planner {
             glare: kernel.map(|kernel| (&**kernel, fraction)),
         };
         Ok(as_told(planned_ev100(settings, &stars, &pictures, Some(&lit))))
+    }
+
+    /// The objects of a scene as its camera sees them: those of the plan before, where that was of the same.
+    fn objects_seen(&mut self, scene: &SceneSnapshot) -> Arc<SceneObjects> {
+        let (of, camera_m) = (&scene.objects, scene.camera.position_m);
+        if let Some((before, at_m, seen)) = &self.seen
+            && before.upgrade().is_some_and(|before| Arc::ptr_eq(&before, of))
+            && *at_m == camera_m
+        {
+            return Arc::clone(seen);
+        }
+        let seen = of.seen_from(camera_m);
+        self.seen = seen.local_sky.is_some().then(|| (Arc::downgrade(of), camera_m, Arc::clone(&seen)));
+        seen
     }
 
     fn hold_kernel(&mut self, settings: &GlareSettings) -> Result<(), PlanError> {
@@ -408,7 +429,7 @@ impl Planner {
         let faintest_lx = illuminance_lx_from_magnitude(settings.stars.magnitude_limit);
 
         // Bodies, asteroids, and what they scatter in the eye.
-        let objects = scene.objects.seen_from(camera.position_m);
+        let objects = self.objects_seen(scene);
         let suns = suns(&objects);
         let mut bodies =
             (!objects.is_empty()).then(|| plan_bodies(&objects, &suns, camera.position_m, &viewports, margin_px));

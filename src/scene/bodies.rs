@@ -89,6 +89,11 @@ pub struct Body {
 }
 
 impl Body {
+    /// Angular radius of its largest semi-axis for an eye at a place, m; rad, a quarter turn at most.
+    pub fn angular_radius_rad(&self, eye_m: DVec3) -> f64 {
+        (self.radii_m.max_element() / (self.position_m - eye_m).length()).min(1.0).asin()
+    }
+
     /// Rotation from the body's axes to world axes at a time, s.
     pub fn world_from_body(&self, time_s: f64) -> DQuat {
         let turns = self.spin.period_s.map_or(0.0, |period_s| (time_s / period_s).rem_euclid(1.0));

@@ -56,8 +56,8 @@ impl SceneObjects {
         let Some(sky) = self.local_sky(camera_m) else { return Arc::clone(self) };
         let through = |body: &Arc<Body>| {
             let offset_m = body.position_m - camera_m;
-            let radius_rad = (body.radii_m.max_element() / offset_m.length()).min(1.0).asin();
-            let seen_through = sky.transmission_of_disc(offset_m.normalize_or(DVec3::Y), radius_rad);
+            let direction = offset_m.normalize_or(DVec3::Y);
+            let seen_through = sky.transmission_of_disc(direction, body.angular_radius_rad(camera_m));
             Arc::new(Body { seen_through, ..(**body).clone() })
         };
         let bodies = self.bodies.iter().map(through).collect();

@@ -14,6 +14,7 @@ use super::{
     SceneObjects,
     bodies::{Body, hidden_share, lights_on, suns},
 };
+use crate::observer::Observer;
 use crate::photometry::{
     atmosphere::{Air, measured_over_model},
     rec709::luminance,
@@ -124,11 +125,6 @@ fn azimuth(local: DVec3) -> f64 {
     local.x.atan2(-local.z)
 }
 
-/// Angular radius of a body, rad.
-fn radius_rad(body: &Body, eye_m: DVec3) -> f64 {
-    (body.radii_m.max_element() / (body.position_m - eye_m).length()).min(1.0).asin()
-}
-
 /// What the sources of a scene give an eye outside of the air, the brightest first: directions and lx.
 fn sources(objects: &SceneObjects, eye_m: DVec3) -> Vec<(DVec3, [f64; 3])> {
     let suns = suns(objects);
@@ -163,7 +159,7 @@ fn sources(objects: &SceneObjects, eye_m: DVec3) -> Vec<(DVec3, [f64; 3])> {
         .filter(outside)
         .map(|body| {
             let offset_m = body.position_m - eye_m;
-            let own_rad = radius_rad(body, eye_m);
+            let own_rad = body.angular_radius_rad(eye_m);
             let hidden: f64 = objects
                 .bodies
                 .iter()
@@ -171,7 +167,7 @@ fn sources(objects: &SceneObjects, eye_m: DVec3) -> Vec<(DVec3, [f64; 3])> {
                 .filter(|other| (other.position_m - eye_m).length() < offset_m.length())
                 .map(|other| {
                     let apart = offset_m.angle_between(other.position_m - eye_m);
-                    hidden_share(own_rad, radius_rad(other, eye_m), apart)
+                    hidden_share(own_rad, other.angular_radius_rad(eye_m), apart)
                 })
                 .sum();
             let open = (1.0 - hidden).max(LEAST_OF_ECLIPSED);
@@ -187,30 +183,43 @@ fn sources(objects: &SceneObjects, eye_m: DVec3) -> Vec<(DVec3, [f64; 3])> {
 impl SceneObjects {
     /// What is around a camera that stands at the observer's place; `None` elsewhere, or where nothing is.
     pub fn local_sky(&self, camera_m: DVec3) -> Option<LocalSky> {
-        let (observer, surroundings) = (self.observer.as_ref()?, self.surroundings.as_ref()?);
-        if !self.is_on_ground(camera_m) {
-            return None;
-        }
-        let horizon_from_world = DMat3::from_quat(observer.icrs_from_horizon(self.time_s).inverse());
+        let (surroundings, observer) = self.surroundings_at(camera_m)?;
+        let horizon_from_world = horizon_from_world(observer, self.time_s);
         Some(LocalSky::new(surroundings, horizon_from_world, &sources(self, observer.epoch.position_m)))
     }
-}
 
-impl SceneObjects {
     /// What is around a camera for the light of stars alone, at the nearest of moments a minute apart: the sky turns by 0.25 degrees meanwhile.
     pub fn sky_of_stars(&self, camera_m: DVec3) -> Option<LocalSky> {
         let time_s = (self.time_s / STARS_S).round() * STARS_S;
-        let observer = self.observer.as_ref().filter(|_| self.is_on_ground(camera_m))?;
-        let horizon_from_world = DMat3::from_quat(observer.icrs_from_horizon(time_s).inverse());
-        Some(LocalSky::new(self.surroundings.as_ref()?, horizon_from_world, &[]))
+        let (surroundings, observer) = self.surroundings_at(camera_m)?;
+        Some(LocalSky::unlit(surroundings, horizon_from_world(observer, time_s)))
     }
 
-    fn is_on_ground(&self, camera_m: DVec3) -> bool {
-        self.observer.is_some_and(|observer| (camera_m - observer.epoch.position_m).length() <= ON_GROUND_M)
+    /// The surroundings of a camera that stands at the observer's place, and the observer.
+    fn surroundings_at(&self, camera_m: DVec3) -> Option<(&Surroundings, &Observer)> {
+        let observer = self.observer.as_ref()?;
+        let is_on_ground = (camera_m - observer.epoch.position_m).length() <= ON_GROUND_M;
+        self.surroundings.as_deref().filter(|_| is_on_ground).map(|surroundings| (surroundings, observer))
     }
 }
 
+fn horizon_from_world(observer: &Observer, time_s: f64) -> DMat3 {
+    DMat3::from_quat(observer.icrs_from_horizon(time_s).inverse())
+}
+
 impl LocalSky {
+    /// What is around an observer without any light: what it hides and takes.
+    fn unlit(surroundings: &Surroundings, horizon_from_world: DMat3) -> Self {
+        Self {
+            horizon_from_world,
+            air: surroundings.air.clone(),
+            horizon: surroundings.ground.as_ref().map(|ground| ground.horizon.clone()),
+            sources: Vec::new(),
+            ground_cd_m2: [0.0; 3],
+            mean_cd_m2: 0.0,
+        }
+    }
+
     /// What is around an observer in the light of sources: unit vectors in world axes, and what they give outside of the air, lx.
     pub fn new(surroundings: &Surroundings, horizon_from_world: DMat3, sources: &[(DVec3, [f64; 3])]) -> Self {
         let sine = |direction: &DVec3| (horizon_from_world * *direction).y;
@@ -224,22 +233,15 @@ impl LocalSky {
                 }
             })
         });
-        let ground = surroundings.ground.as_ref();
-        let mut sky = Self {
-            horizon_from_world,
-            air: surroundings.air.clone(),
-            horizon: ground.map(|ground| ground.horizon.clone()),
-            sources: of_air.collect(),
-            ground_cd_m2: [0.0; 3],
-            mean_cd_m2: 0.0,
-        };
+        let mut sky = Self { sources: of_air.collect(), ..Self::unlit(surroundings, horizon_from_world) };
         let (mean, mut lit_lx) = sky.summed();
         for (direction, light) in sources {
             let (passed, sine) = (sky.transmission(*direction), sine(direction).max(0.0));
             (0..3).for_each(|c| lit_lx[c] += light[c] * passed[c] * sine);
         }
         sky.mean_cd_m2 = mean;
-        sky.ground_cd_m2 = ground.map_or([0.0; 3], |ground| lit_lx.map(|lx| lx * ground.albedo / PI));
+        sky.ground_cd_m2 =
+            surroundings.ground.as_ref().map_or([0.0; 3], |ground| lit_lx.map(|lx| lx * ground.albedo / PI));
         sky
     }
 

@@ -113,7 +113,7 @@ fn bodies(scene: &SceneSnapshot, question: &Question) -> Bodies {
         .iter()
         .map(|body| {
             let distance_m = (body.position_m - position_m).length();
-            let radius_rad = (body.radii_m.max_element() / distance_m).min(1.0).asin();
+            let radius_rad = body.angular_radius_rad(position_m);
             let direction = seen_direction(velocity_c, body.position_m - position_m);
             let separation_rad = direction.angle_between(question.direction);
             (separation_rad - radius_rad, told(separation_rad, distance_m, body))

@@ -12,7 +12,7 @@ use crate::{
     photometry::{glare::GlareKernel, rec709::luminance},
     scene::{
         SceneObjects,
-        bodies::{Body, Light, Shadow, Sun, lights_on},
+        bodies::{Body, Light, Sun, lights_on},
     },
     view::{
         Viewport,
@@ -66,10 +66,8 @@ pub struct BodyDisc {
 pub struct DiscSun {
     /// Unit vector to it, view axes.
     pub direction: DVec3,
-    /// Its light there, lx.
-    pub illuminance_lx: [f64; 3],
-    /// The shadow that falls on the body, and the unit vector to the sun, both in the body's axes.
-    pub shadow: Option<(Shadow, DVec3)>,
+    /// Its light there, in the body's axes.
+    pub in_body: Light,
 }
 
 /// The bodies of a frame.
@@ -232,15 +230,9 @@ fn body_disc(
     let eye_m = body.position_m - viewport.world_from_view * in_view;
     let suns = lights_on(body, suns, eye_m);
     let body_from_world = body.world_from_body(time_s).conjugate();
-    let in_body = |light: &Light| {
-        let turned = |shadow: Shadow| Shadow { offset_m: body_from_world * shadow.offset_m, ..shadow };
-        light.shadow.map(|shadow| (turned(shadow), body_from_world * light.direction))
-    };
-    let suns = suns.iter().map(|light| DiscSun {
-        direction: view_from_world * light.direction,
-        illuminance_lx: light.illuminance_lx,
-        shadow: in_body(light),
-    });
+    let suns = suns
+        .iter()
+        .map(|light| DiscSun { direction: view_from_world * light.direction, in_body: light.turned(body_from_world) });
     let suns = suns.collect();
     BodyDisc {
         body: number,

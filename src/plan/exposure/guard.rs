@@ -90,7 +90,7 @@ fn discs(lit: &Lit<'_>, index: usize, viewport: &Viewport, picture: &Picture, pi
         let body = &lit.objects.bodies[disc.body];
         let seen = SeenBody::new(body, eye_m, &lights_on(body, lit.suns, eye_m), lit.objects.time_s);
         let offset_m = body.position_m - eye_m;
-        let radius_rad = (body.radii_m.max_element() / offset_m.length()).min(1.0).asin();
+        let radius_rad = body.angular_radius_rad(eye_m);
         let cap_sr = 4.0 * std::f64::consts::PI * (0.5 * radius_rad).sin().powi(2);
         let mut take = |direction: DVec3, solid_angle_sr: f64| {
             let Some(hit) = seen.hit(direction) else { return };

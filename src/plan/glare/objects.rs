@@ -115,7 +115,7 @@ fn of_body(objects: &SceneObjects, eye_m: DVec3, number: usize, light: [f64; 3],
             })
     };
     let one = |direction: DVec3| is_open(direction, distance_m).then(|| Source::point(number, direction, light));
-    let radius_rad = (body.radii_m.max_element() / distance_m).min(1.0).asin();
+    let radius_rad = body.angular_radius_rad(eye_m);
     if radius_rad < SMALL_RAD {
         return one(axis);
     }

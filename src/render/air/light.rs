@@ -5,7 +5,7 @@ use glam::DVec2;
 use super::layout;
 use crate::{
     gpu::{Gpu, bind_in_order},
-    photometry::atmosphere::{Air, LOG2_PER_MAG},
+    photometry::atmosphere::Air,
     plan::{GlarePlan, settings::GlareMethod},
     render::{constants::workgroups::RAY_SIDE, tabulated::projecting},
     scene::surroundings::LocalSky,
@@ -48,9 +48,12 @@ fn encode(sky: &LocalSky, glare: &GlarePlan, tile: u32) -> layout::AirParameters
         zenith: axis(1),
         is_flat: u32::from(sky.horizon.as_ref().is_none_or(|horizon| horizon.is_flat())),
         south: axis(2),
-        extinction: f32s(of_air(&|air| air.extinction_mag.map(|mag| -LOG2_PER_MAG * mag))),
+        extinction: f32s(of_air(&|air| air.extinction_log2())),
         // Without what the first air mass takes, which the shader takes with the others.
-        glow: f32s(of_air(&|air| [0, 1, 2].map(|c| air.glow_cd_m2[c] * (LOG2_PER_MAG * air.extinction_mag[c]).exp2()))),
+        glow: f32s(of_air(&|air| {
+            let log2 = air.extinction_log2();
+            [0, 1, 2].map(|c| air.glow_cd_m2[c] * (-log2[c]).exp2())
+        })),
         ground: f32s(sky.ground_cd_m2),
         sources,
         ..Default::default()

@@ -56,10 +56,10 @@ impl Technique for Air {
 
     fn encode(&mut self, gpu: &Gpu, frame: &FrameInputs<'_>, _targets: &mut Targets) {
         let Some(sky) = &frame.plan.local_sky else { return };
-        let horizon = sky.horizon.clone().unwrap_or_default();
-        if self.held.as_ref() != Some(&horizon) {
-            self.horizon.upload(gpu, &horizon.sines());
-            self.held = Some(horizon);
+        if self.horizon.held().is_none() || self.held != sky.horizon {
+            let horizon = sky.horizon.clone();
+            self.horizon.upload(gpu, &horizon.clone().unwrap_or_default().sines());
+            self.held = horizon;
         }
         let tables: Vec<Arc<SkyTable>> = sky.sources.iter().map(|source| Arc::clone(&source.table)).collect();
         let are_same = tables.iter().zip(&self.held_tables).all(|(a, b)| Arc::ptr_eq(a, b));

@@ -312,17 +312,17 @@ fn encode_sun(sun: &DiscSun, radii_m: DVec3) -> layout::BodySun {
     let f32s = |values: [f64; 3]| values.map(|value| value as f32);
     let lit = layout::BodySun {
         direction: f32s(sun.direction.to_array()),
-        illuminance: f32s(sun.illuminance_lx),
+        illuminance: f32s(sun.in_body.illuminance_lx),
         ..Default::default()
     };
-    let Some((shadow, to_sun)) = sun.shadow else { return lit };
+    let Some(shadow) = sun.in_body.shadow else { return lit };
     // In units of the body's size f32 has all digits of its surface.
     let unit_m = radii_m.max_element();
     layout::BodySun {
         occluder_radius: (shadow.radius_m / unit_m) as f32,
         sun_radius: shadow.sun_rad as f32,
         occluder: f32s((shadow.offset_m / unit_m).to_array()),
-        to_sun: f32s(to_sun.to_array()),
+        to_sun: f32s(sun.in_body.direction.to_array()),
         shape: f32s((radii_m / unit_m).to_array()),
         refracted: f32s(shadow.refracted),
         ..lit

@@ -4,10 +4,7 @@
 use super::items::{StarDraw, bind_items};
 use crate::{
     gpu::{self, Gpu, Variants, dispatch_rows},
-    photometry::{
-        atmosphere::{Air, LOG2_PER_MAG},
-        blackbody::ln_luminance_cd_m2,
-    },
+    photometry::{atmosphere::Air, blackbody::ln_luminance_cd_m2},
     plan::{
         Plan,
         stars::{
@@ -58,7 +55,7 @@ fn encode_air(sky: &LocalSky, air: &Air) -> layout::StarAir {
     layout::StarAir {
         zenith: sky.zenith().as_vec3().to_array(),
         present: 1,
-        extinction: air.extinction_mag.map(|mag| (-LOG2_PER_MAG * mag) as f32),
+        extinction: air.extinction_log2().map(|log2| log2 as f32),
         ..Default::default()
     }
 }

@@ -34,18 +34,12 @@ impl<'a> SeenBody<'a> {
     pub fn new(body: &'a Body, eye_m: DVec3, lights: &[Light], time_s: f64) -> Self {
         let body_from_world = body.world_from_body(time_s).conjugate();
         let from_body_m = eye_m - body.position_m;
-        let shadow = |shadow: Shadow| Shadow { offset_m: body_from_world * shadow.offset_m, ..shadow };
-        let turned = |light: &Light| Light {
-            direction: body_from_world * light.direction,
-            shadow: light.shadow.map(shadow),
-            ..*light
-        };
         Self {
             body,
             body_from_world,
             eye: body_from_world * from_body_m / body.radii_m,
             distance_m: from_body_m.length(),
-            lights: lights.iter().map(turned).collect(),
+            lights: lights.iter().map(|light| light.turned(body_from_world)).collect(),
         }
     }
 

@@ -5,7 +5,7 @@ use std::{
     sync::Arc,
 };
 
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 
 use super::{Body, Emission, Occluder, Shadow};
 use crate::{
@@ -39,6 +39,15 @@ pub struct Light {
     pub illuminance_lx: [f64; 3],
     /// The deepest shadow on the body that it falls on.
     pub shadow: Option<Shadow>,
+}
+
+impl Light {
+    /// The same light in other axes.
+    #[must_use]
+    pub fn turned(&self, rotation: DQuat) -> Self {
+        let shadow = self.shadow.map(|shadow| Shadow { offset_m: rotation * shadow.offset_m, ..shadow });
+        Self { direction: rotation * self.direction, shadow, ..*self }
+    }
 }
 
 impl Sun {
