@@ -29,8 +29,8 @@ use steradian::{
 };
 
 fn galaxy(stars: usize) -> Arc<StarSet> {
-    let parameters = GalaxyParameters { stars, seed: 1, fainter_than: Some(3.5) };
-    Arc::new(StarSet::from_records(generate(&parameters).expect("the galaxy has so many stars")))
+    let parameters = GalaxyParameters { stars, seed: 1, fainter_than: Some(3.5), unresolved_light: false };
+    Arc::new(StarSet::from_records(generate(&parameters).expect("the galaxy has so many stars").stars))
 }
 
 /// The default, without glare.

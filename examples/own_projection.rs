@@ -184,7 +184,8 @@ fn draw_on_adapter(
 fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let mut records = bright_stars(0.0);
     let real = records.len();
-    records.extend(generate(&GalaxyParameters { stars: arguments.stars, seed: 1, fainter_than: Some(3.5) })?);
+    let galaxy = GalaxyParameters { stars: arguments.stars, seed: 1, fainter_than: Some(3.5), unresolved_light: false };
+    records.extend(generate(&galaxy)?.stars);
     let stars = StarSet::from_records(records);
     println!("stars       {real} real, {} synthetic", stars.stars.len() - real);
 

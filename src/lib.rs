@@ -62,6 +62,7 @@ pub use self::{
 pub mod coordinates;
 mod files;
 mod polynomial;
+pub mod sky_pictures;
 pub mod solar_system;
 pub mod units;
 

@@ -7,6 +7,8 @@
 #import constants/rec709
 #import decode = display/decode_u32 | display/decode_u64
 #import display/encode
+#import shared/cover
+#import shared/diffuse_light
 #import shared/pixel_grid
 #import shared/projection
 #import shared/sky_map
@@ -23,6 +25,7 @@ struct ResolveParameters {
     plane_pixels: u32,
     shown: Display,
     sky: SkyMap,
+    diffuse: DiffuseLight,
 }
 
 @group(0) @binding(0) var<uniform> parameters: ResolveParameters;
@@ -40,6 +43,9 @@ struct ResolveParameters {
 
 // The map of faint light.
 @group(0) @binding(13) var<storage, read> sky_texels: array<u32>;
+
+// Light of no single star.
+@group(0) @binding(14) var<storage, read> diffuse_texels: array<u32>;
 
 override WRITE_HDR: bool = true;
 override WRITE_DISPLAY: bool = false;
@@ -69,6 +75,8 @@ fn resolve(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
     if HAS_VEIL {
         veil = veil_column(veil_grids[tile.viewport], x);
     }
+    // Without such light its pictures have no size: known only once the stars are there, and shaders are made before.
+    let has_diffuse = parameters.diffuse.map.side > 0u;
     let end_row = min(tile.rows, (group.y + 1u) * ROWS);
     for (var row = group.y * ROWS; row < end_row; row++) {
         let index = tile.first_pixel + row * viewport.size.x + x;
@@ -78,14 +86,17 @@ fn resolve(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
             illuminance += bright_sums(index) * parameters.lx_per_bright_unit;
         }
         var shown = vec3(0.0);
+        var free = 1.0;
         if HAS_GEOMETRY {
-            shown = bitcast<vec3<f32>>(geometry[index].xyz);
+            let before = geometry[index];
+            shown = bitcast<vec3<f32>>(before.xyz);
+            free = 1.0 - coverage_of(before.w);
         }
         var scattered = vec3(0.0);
         if HAS_VEIL {
             scattered = veil_in_row(&veil, image_row);
         }
-        let lit = HAS_VEIL || HAS_SKY || any(illuminance > vec3(0.0)) || any(shown > vec3(0.0));
+        let lit = HAS_VEIL || HAS_SKY || has_diffuse || any(illuminance > vec3(0.0)) || any(shown > vec3(0.0));
         if !(lit || WRITE_DARK || WRITE_DISPLAY) {
             continue;
         }
@@ -95,9 +106,15 @@ fn resolve(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
         }
         if lit && luminance.w > 0.0 {
             var surface = shown + scattered;
-            if HAS_SKY {
+            if HAS_SKY || has_diffuse {
                 let in_view = direction_of_point(viewport, vec2(f32(x), f32(image_row)) + 0.5);
-                surface += sky_luminance(parameters.sky, world_direction(viewport, in_view));
+                let towards = world_direction(viewport, in_view);
+                if HAS_SKY {
+                    surface += sky_luminance(parameters.sky, towards);
+                }
+                if has_diffuse {
+                    surface += free * diffuse_luminance(parameters.diffuse, normalize(towards));
+                }
             }
             sum += dot(illuminance + surface * luminance.w, LUMINANCE_WEIGHTS);
             luminance = vec4(illuminance * (1.0 / luminance.w) + surface, luminance.w);

@@ -382,7 +382,7 @@ impl<'a> AuditedImage<'a> {
         let rounding_cd_m2 = f64::from(light.near_stars) / coarsest / omega_sr;
         let position_cd_m2 = POSITION_PX * STEEPEST_PER_PX * light.near_cd_m2;
         let most = |rgb: [f64; 3]| rgb.into_iter().fold(0.0, f64::max);
-        settings.accuracy.flux * most(light.stars_cd_m2)
+        settings.accuracy.flux * (most(light.stars_cd_m2) + most(light.diffuse_cd_m2))
             + settings.accuracy.glare * most(light.veil_cd_m2)
             + light.unresolved_cd_m2
             + position_cd_m2

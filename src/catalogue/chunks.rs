@@ -5,7 +5,7 @@
 //! never on the order in which they came. Positions are f32 offsets from an f64 origin: the frame computes origin minus
 //! camera in f64.
 
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 use cdshealpix::nested;
 use glam::{DVec3, Vec3};
@@ -14,6 +14,7 @@ use rayon::prelude::*;
 use super::{
     StarRecord,
     bright::{BrightStar, named_bright_stars},
+    diffuse::DiffuseSky,
     epoch::Epoch,
     packed::PackedStar,
     spectra::{self, Spectrum},
@@ -69,6 +70,8 @@ pub struct StarSet {
     pub stars: Vec<PackedStar>,
     /// The moment for which they are placed, and who sees them.
     pub epoch: Epoch,
+    /// The light of all that are too faint to be among them.
+    pub unresolved: Option<Arc<DiffuseSky>>,
     /// Spectra of the chunks, once someone has asked for them; chunks and stars stay as they are from then on.
     spectra: OnceLock<Vec<Spectrum>>,
     /// Light of the faintest star of each chunk at the barycentre, likewise.
@@ -110,6 +113,12 @@ impl StarSet {
     #[must_use]
     pub fn of_epoch(self, epoch: Epoch) -> Self {
         Self { epoch, ..self }
+    }
+
+    /// The set with the light of all that are too faint to be in it.
+    #[must_use]
+    pub fn with_unresolved(self, unresolved: Option<Arc<DiffuseSky>>) -> Self {
+        Self { unresolved, ..self }
     }
 
     /// How the light of each chunk is spread over temperatures. Found at the first call, from all stars.

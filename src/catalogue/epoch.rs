@@ -54,7 +54,8 @@ pub fn seen_from(set: &StarSet, vantage: Vantage) -> StarSet {
     let epoch = Epoch { seen_from: Some(vantage), ..set.epoch };
     let mut records = records_of(set);
     records.par_iter_mut().for_each(|record| *record = epoch.seen(set.epoch.unseen(*record)));
-    StarSet::from_records(records).of_epoch(epoch)
+    // What is smooth over degrees is seen where it was.
+    StarSet::from_records(records).of_epoch(epoch).with_unresolved(set.unresolved.clone())
 }
 
 #[cfg(test)]

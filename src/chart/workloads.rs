@@ -83,7 +83,9 @@ impl Skies {
         }
         let records = Arc::new(match sky {
             Sky::Bright => bright_stars(0.0),
-            Sky::Galaxy(stars) => generate(&GalaxyParameters { stars, seed: SEED, fainter_than: None })?,
+            Sky::Galaxy(stars) => {
+                generate(&GalaxyParameters { stars, seed: SEED, fainter_than: None, unresolved_light: false })?.stars
+            }
         });
         if records.len() <= MOST_KEPT {
             self.kept.push((sky, records.clone()));

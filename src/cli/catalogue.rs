@@ -78,7 +78,7 @@ pub fn run(arguments: CatalogueArguments) -> Result<(), CliError> {
             write(&sources, &out)
         }
         CatalogueCommand::Synth { stars, seed, fainter_than, out } => {
-            write(&[StarSource::Galaxy(GalaxyParameters { stars, seed, fainter_than })], &out)
+            write(&[StarSource::Galaxy(GalaxyParameters { stars, seed, fainter_than, unresolved_light: false })], &out)
         }
         CatalogueCommand::Info { store } => info(&store),
     }

@@ -531,6 +531,7 @@ impl Config {
                 CatalogueConfig::Named(name) if name == bright::NAME => StarSource::Bright,
                 CatalogueConfig::Named(name) => StarSource::File(self.folder.join(name)),
                 CatalogueConfig::Galaxy(galaxy) => StarSource::Galaxy(GalaxyParameters {
+                    unresolved_light: galaxy.unresolved_light,
                     stars: galaxy.stars,
                     seed: galaxy.seed,
                     fainter_than: galaxy.fainter_than,

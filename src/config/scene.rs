@@ -95,10 +95,17 @@ pub struct GalaxyConfig {
     pub seed: u64,
     /// Stars brighter than this apparent V magnitude are left out, so that a catalogue can provide them; without it there is no limit.
     pub fainter_than: Option<f64>,
+    /// Whether the light of all fainter stars is seen, the band of the Milky Way and the Magellanic Clouds.
+    #[serde(default = "yes")]
+    pub unresolved_light: bool,
 }
 
 fn one() -> u64 {
     1
+}
+
+fn yes() -> bool {
+    true
 }
 
 impl<'de> Deserialize<'de> for CatalogueConfig {

@@ -43,7 +43,7 @@ use super::{
     tiles::{BYTES_PER_PIXEL, Batch, batches},
 };
 use crate::{
-    catalogue::chunks::StarSet,
+    catalogue::{chunks::StarSet, diffuse::DiffuseSky},
     photometry::{exposure::white_luminance_cd_m2, glare::GlareKernel},
     relativity::Motion,
     scene::{
@@ -103,6 +103,8 @@ pub struct Plan {
     pub psf: Option<Arc<DrawnPsf>>,
     /// The map of faint light that the frame reads; `None`: it draws all stars one by one.
     pub sky: Option<SkyPlan>,
+    /// Light of no single star; `None`: there is none, or it is not drawn.
+    pub diffuse: Option<Arc<DiffuseSky>>,
     /// The picture of such a map that the frame is.
     pub sky_face: Option<SkyFace>,
     /// Time that culling took, ms.
@@ -135,6 +137,13 @@ impl GlarePlan {
     /// Share of a star's light that adds up in its image before glare is drawn.
     pub fn share_in_sums(&self) -> f64 {
         if self.in_sums.is_some() { 1.0 - self.fraction } else { 1.0 }
+    }
+
+    /// Factor on light that is smooth over degrees, where a pass takes away what is scattered and brings back the scattered light of stars and bodies alone: as much of it comes from all
+    /// around as goes there.
+    pub fn share_of_smooth_light(&self) -> f64 {
+        let is_taken = self.method == GlareMethod::SkyCube && self.in_sums.is_none() && self.fraction < 1.0;
+        if is_taken { 1.0 / (1.0 - self.fraction) } else { 1.0 }
     }
 }
 
@@ -510,7 +519,8 @@ impl Planner {
             None => {
                 let visible = seen_from(&scene.stars, faintest_lx);
                 let air_cd_m2 = objects.local_sky.as_ref().map_or(0.0, |sky| sky.mean_cd_m2);
-                let air_lx = air_cd_m2 * total_solid_angle_sr;
+                let diffuse_cd_m2 = scene.stars.unresolved.as_ref().map_or(0.0, |diffuse| diffuse.mean_cd_m2());
+                let air_lx = (air_cd_m2 + diffuse_cd_m2) * total_solid_angle_sr;
                 let ev100 = expected_ev100(&visible, bodies.as_ref(), air_lx, total_solid_angle_sr, &settings.exposure);
                 (ev100, Some(visible))
             }
@@ -555,6 +565,9 @@ impl Planner {
         });
         let mut ranges = range::choose(stars, &visible, &eyes_pc, drawn_from_lx, motion, &other);
         let sky_face = if let SkyUse::Face(face) = sky { Some(face) } else { None };
+        // A published method draws stars alone, as it was published.
+        let draws_diffuse = sky_face.is_none() && method.accumulator() == Accumulator::FixedPoint;
+        let diffuse = scene.stars.unresolved.clone().filter(|_| draws_diffuse);
         if let Some(SkyFace { map, .. }) = sky_face {
             ranges.main.brightest_lx = map.below_lx;
             ranges.bright = None;
@@ -605,6 +618,7 @@ impl Planner {
             billboards,
             psf,
             sky: sky_plan,
+            diffuse,
             sky_face,
             cull_ms,
         })

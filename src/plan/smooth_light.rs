@@ -2,8 +2,7 @@
 //! shows no more than a few steps of. A frame reads the map pixel by pixel, so that these stars cost it nothing one by one, however many
 //! they are. It is made anew where the camera is elsewhere, and stays while the camera turns.
 //!
-//! Each picture is an equidistant fisheye around an axis of the world, a little wider than a face of the cube around it: texels are of
-//! nearly the same size everywhere, and no star is cut by an edge. A star is shared among four texels (the tent) and a pixel is read
+//! The pictures are those of [`crate::sky_pictures`]: no star is cut by an edge. A star is shared among four texels (the tent) and a pixel is read
 //! between four (the tent again): in the mean a variance of (1/6 + 1/6) texels^2, which [`TEXEL_PX`] makes that of the tent, 1/6 px^2, as
 //! which exact images draw such stars.
 
@@ -12,7 +11,7 @@ use std::{
     sync::{Arc, Weak},
 };
 
-use glam::{DMat3, DQuat, DVec3};
+use glam::{DQuat, DVec3};
 use rayon::prelude::*;
 
 use super::{
@@ -28,6 +27,7 @@ use crate::{
         packed::{PackedStar, temperature_of_step_k},
     },
     photometry::glare::GlareKernelName,
+    sky_pictures::{SkyPictures, world_from_face},
     units::{PARSEC_M, magnitude_from_illuminance_lx},
     view::{
         Rig, RigError, View, ViewKind, Viewport,
@@ -35,16 +35,10 @@ use crate::{
     },
 };
 
-/// Pictures of a map.
-pub const SKY_FACES: u32 = 6;
 /// Side of a texel in the middle of a view, pixels.
 const TEXEL_PX: f64 = 0.707;
 /// Illuminance of the brightest star of the map over the solid angle of the smallest pixel, in steps of the display image.
 pub(super) const BRIGHTEST_STEPS: f64 = 1.15;
-/// How far a picture goes beyond the face's corners, texels: what the tent and the B-spline reach, and rounding.
-const MARGIN_TEXELS: f64 = 4.0;
-/// Angle from the middle of a cube's face to its corner, rad.
-const CORNER_RAD: f64 = 0.955_316_618_124_509_3;
 /// Smallest solid angle of a pixel over that of the middle one, and largest ratio of the middle pixels of two views, for which the
 /// texels of one map fit.
 const LEAST_PIXEL_RATIO: f64 = 0.45;
@@ -82,6 +76,10 @@ impl SkyMap {
         self.place_pc * PARSEC_M
     }
 
+    fn pictures(&self) -> SkyPictures {
+        SkyPictures { side: self.side }
+    }
+
     /// Half of a picture's field of view, rad.
     pub fn half_fov_rad(&self) -> f64 {
         0.5 * f64::from(self.side) * self.texel_rad()
@@ -89,7 +87,7 @@ impl SkyMap {
 
     /// Angle of a texel along the radius, rad.
     pub fn texel_rad(&self) -> f64 {
-        2.0 * CORNER_RAD / (f64::from(self.side) - 2.0 * MARGIN_TEXELS)
+        self.pictures().texel_rad()
     }
 
     /// What the stars beside the map have at least, lx, with room for the rounding of their places in other chunks.
@@ -99,7 +97,7 @@ impl SkyMap {
 
     /// Texels of all pictures.
     pub fn texels(&self) -> u64 {
-        u64::from(SKY_FACES) * u64::from(self.side) * u64::from(self.side)
+        self.pictures().texels()
     }
 }
 
@@ -115,7 +113,7 @@ impl SkyFace {
             mapping: FisheyeMapping::Equidistant,
             fov_rad: 2.0 * self.map.half_fov_rad(),
         };
-        Rig::new(vec![View::new("sky", kind, world_from_face(self.number), DVec3::ZERO)?])
+        Rig::new(vec![View::new("sky", kind, DQuat::from_mat3(&world_from_face(self.number)), DVec3::ZERO)?])
     }
 
     /// How it is drawn: the faint stars alone, as they are.
@@ -127,15 +125,6 @@ impl SkyFace {
         settings.exposure.mode = ExposureMode::Manual;
         settings
     }
-}
-
-/// Right, up and backwards of a picture are world axes: see `shaders/smooth_light/add.wgsl`, which turns directions by the same rule.
-fn world_from_face(number: u32) -> DQuat {
-    let axis = number as usize % 3;
-    let sign = if number < 3 { 1.0 } else { -1.0 };
-    let right = sign * DVec3::AXES[(axis + 2) % 3];
-    let up = DVec3::AXES[(axis + 1) % 3];
-    DQuat::from_mat3(&DMat3::from_cols(right, up, -sign * DVec3::AXES[axis]))
 }
 
 /// What the choice of a map goes by.
@@ -200,7 +189,7 @@ fn fitting(inputs: &SkyInputs<'_>) -> Option<SkyMap> {
         below_lx: BRIGHTEST_STEPS * step_cd_m2 * smallest_sr,
         faintest_lx,
         unit_cd_m2: step_cd_m2,
-        side: 2 * ((CORNER_RAD / (TEXEL_PX * middle)).ceil() + MARGIN_TEXELS) as u32,
+        side: SkyPictures::of_texels(TEXEL_PX * middle).side,
     };
     (4 * map.texels() <= inputs.limits.max_binding_bytes
         && map.side <= inputs.limits.max_view_side_px
@@ -271,7 +260,7 @@ fn record_of(map: &SkyMap, chunk: &Chunk, place: DVec3, star: &PackedStar) -> St
 #[allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
 mod tests {
     use super::*;
-    use crate::units::illuminance_lx_from_magnitude;
+    use crate::{sky_pictures::SKY_FACES, units::illuminance_lx_from_magnitude};
 
     fn map(side: u32) -> SkyMap {
         SkyMap {

@@ -4,6 +4,7 @@
 //! - `stars`: twins of the star passes: `splat` with `gaussian` (the kernel that is round in view space), `packed`, `billboards`,
 //!   `cell_sky`, and `point_spread`, kernels as functions on the sphere;
 //! - `bodies`: ellipsoids, ray by ray;
+//! - `diffuse`: light of no single star;
 //! - `air`: the ground and the air around an observer;
 //! - `asteroids`: fields of asteroids, ray by ray against their meshes, and `impostors`;
 //! - `glare`: what light scatters into every direction, source by source, and the published pyramids;
@@ -15,6 +16,7 @@
 pub mod air;
 pub mod asteroids;
 pub mod bodies;
+pub mod diffuse;
 pub mod glare;
 pub mod overlay;
 pub mod sampled;

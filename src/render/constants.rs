@@ -67,6 +67,14 @@ shared_constants! {
         /// After a shorter step the place is found, pixels.
         DONE_PX: f32 = crate::view::projection::DONE_PX;
     }
+    /// Light of no single star.
+    mod diffuse {
+        /// hc / (lambda k T) of R, G and B for a black body of its mean temperature.
+        DIFFUSE_EXPONENTS: [f32; 3] = {
+            let [r, g, b] = crate::catalogue::diffuse::EXPONENTS_AT_REST;
+            [r as f32, g as f32, b as f32]
+        };
+    }
     /// Axes of the faces of a cube, by their numbers.
     mod faces {
         /// Where a face looks.

@@ -87,6 +87,23 @@ gpu_structs! {
         /// Padding.
         unused_0: u32,
     }
+    /// Light of no single star; see `shaders/shared/diffuse_light.wgsl`.
+    DiffuseLight {
+        /// Where its texels lie.
+        map: SkyMap,
+        /// Unit vector to the zenith, world axes.
+        zenith: [f32; 3],
+        /// 1: there is air.
+        has_air: u32,
+        /// Power of two by which light becomes less for each air mass.
+        extinction: [f32; 3],
+        /// Padding.
+        unused_0: u32,
+        /// Unit vector of the observer's velocity, world axes.
+        velocity: [f32; 3],
+        /// Speed over that of light.
+        beta: f32,
+    }
     /// What the exposure pass found.
     Exposure {
         /// Exposure of the frame.

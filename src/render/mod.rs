@@ -11,6 +11,7 @@ mod air;
 pub(crate) mod asteroids;
 mod bodies;
 pub(crate) mod constants;
+mod diffuse;
 mod display;
 mod error;
 mod frame;

@@ -133,6 +133,15 @@ pub(crate) struct SkyTexels {
     pub texels: wgpu::Buffer,
 }
 
+/// Light of no single star: see `shaders/shared/diffuse_light.wgsl`.
+#[derive(Clone)]
+pub(crate) struct DiffuseTexels {
+    /// How it is read.
+    pub light: layout::DiffuseLight,
+    /// The texels.
+    pub texels: wgpu::Buffer,
+}
+
 /// Everything that techniques share in a frame.
 pub(crate) struct Targets {
     batch_buffers: Vec<BatchBuffers>,
@@ -162,6 +171,8 @@ pub(crate) struct Targets {
     pub veil: Option<SmoothVeil>,
     /// The map of faint light, where the resolve pass adds it.
     pub sky: Option<SkyTexels>,
+    /// Light of no single star, where the resolve pass adds it.
+    pub diffuse: Option<DiffuseTexels>,
 }
 
 impl Targets {
@@ -190,6 +201,7 @@ impl Targets {
             layers: None,
             veil: None,
             sky: None,
+            diffuse: None,
             stand_in,
         }
     }
@@ -208,6 +220,7 @@ impl Targets {
         self.layers = None;
         self.veil = None;
         self.sky = None;
+        self.diffuse = None;
     }
 
     /// Makes room for a frame, and uploads its viewports and tiles.
@@ -234,6 +247,7 @@ impl Targets {
         self.layers = None;
         self.veil = None;
         self.sky = None;
+        self.diffuse = None;
 
         self.batch_buffers.truncate(plan.batches.len().max(1));
         self.batch_buffers.resize_with(plan.batches.len(), BatchBuffers::new);

@@ -6,12 +6,14 @@
 
 use std::fmt;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use rayon::prelude::*;
 
 use crate::catalogue::chunks::StarSet;
+use crate::catalogue::diffuse::DiffuseSky;
 use crate::catalogue::epoch::Epoch;
-use crate::catalogue::galaxy::{self, GalaxyError, GalaxyParameters};
+use crate::catalogue::galaxy::{self, Galaxy, GalaxyError, GalaxyParameters};
 use crate::catalogue::overlap::{Overlap, find_overlaps};
 use crate::catalogue::reader::{CatalogueError, ReadReport, read_file};
 use crate::catalogue::store::{self, StoreError};
@@ -33,7 +35,7 @@ impl fmt::Display for StarSource {
         match self {
             StarSource::Bright => f.write_str(bright::NAME),
             StarSource::File(path) => write!(f, "{}", path.display()),
-            StarSource::Galaxy(GalaxyParameters { stars, seed, fainter_than }) => {
+            StarSource::Galaxy(GalaxyParameters { stars, seed, fainter_than, .. }) => {
                 write!(f, "synthetic galaxy ({stars} stars, seed {seed}")?;
                 match fainter_than {
                     Some(magnitude) => write!(f, ", fainter than V = {magnitude})"),
@@ -130,11 +132,14 @@ pub fn load_stars(
 
     let mut report = LoadReport::default();
     let mut loaded: Vec<Vec<StarRecord>> = Vec::with_capacity(sources.len());
+    let mut unresolved = None;
     for (index, source) in sources.iter().enumerate() {
         progress(LoadStep::Catalogue { name: source.to_string(), index, of: sources.len() });
-        let (records, rows) = read(source, index, epoch.years)?;
-        report.catalogues.push(LoadedCatalogue { name: source.to_string(), stars: records.len(), rows });
-        loaded.push(records);
+        let Read { stars, rows, unresolved: of_source } = read(source, index, epoch.years)?;
+        report.catalogues.push(LoadedCatalogue { name: source.to_string(), stars: stars.len(), rows });
+        loaded.push(stars);
+        // Two galaxies are two sets of stars of one sky: the fainter one's rest is what is left.
+        unresolved = of_source.or(unresolved);
     }
 
     // Synthetic stars are no entries for a real star: where one comes near a real one by chance, both are meant.
@@ -159,7 +164,7 @@ pub fn load_stars(
     if epoch.seen_from.is_some() {
         records.par_iter_mut().for_each(|record| *record = epoch.seen(*record));
     }
-    Ok((StarSet::from_records(records).of_epoch(*epoch), report))
+    Ok((StarSet::from_records(records).of_epoch(*epoch).with_unresolved(unresolved.map(Arc::new)), report))
 }
 
 /// Whether the file is a store, by its first bytes or, so that a damaged one is reported as such, by its extension.
@@ -170,16 +175,26 @@ fn is_store(path: &Path) -> Result<bool, LoadError> {
     Ok(path.is_file() && store::is_store(path)?)
 }
 
-fn read(source: &StarSource, index: usize, years: f64) -> Result<(Vec<StarRecord>, Option<ReadReport>), LoadError> {
+/// What a source delivers.
+struct Read {
+    stars: Vec<StarRecord>,
+    rows: Option<ReadReport>,
+    unresolved: Option<DiffuseSky>,
+}
+
+fn read(source: &StarSource, index: usize, years: f64) -> Result<Read, LoadError> {
+    let of_stars = |stars: Vec<StarRecord>| Read { stars, rows: None, unresolved: None };
     match source {
-        StarSource::Bright => Ok((bright::bright_stars(years), None)),
+        StarSource::Bright => Ok(of_stars(bright::bright_stars(years))),
         StarSource::Galaxy(parameters) => {
-            Ok((galaxy::generate(parameters).map_err(|source| LoadError::Galaxy { index, source })?, None))
+            let Galaxy { stars, unresolved } =
+                galaxy::generate(parameters).map_err(|source| LoadError::Galaxy { index, source })?;
+            Ok(Read { unresolved, ..of_stars(stars) })
         }
-        StarSource::File(path) if is_store(path)? => Ok((store::records_of(&store::read(path)?.stars), None)),
+        StarSource::File(path) if is_store(path)? => Ok(of_stars(store::records_of(&store::read(path)?.stars))),
         StarSource::File(path) => {
             let read = read_file(path, years)?;
-            Ok((read.stars, Some(read.report)))
+            Ok(Read { rows: Some(read.report), ..of_stars(read.stars) })
         }
     }
 }
@@ -202,7 +217,7 @@ mod tests {
     const CSV: &str = "ra_deg,dec_deg,v_mag\n10,20,3.0\nx,20,3.0\n101.28715,-16.71612,-1.46\n";
 
     fn galaxy(stars: usize) -> StarSource {
-        StarSource::Galaxy(GalaxyParameters { stars, seed: 1, fainter_than: Some(3.5) })
+        StarSource::Galaxy(GalaxyParameters { stars, seed: 1, fainter_than: Some(3.5), unresolved_light: false })
     }
 
     #[test]

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 /// Who may import whom: a module may import every module of the layers above its own, and within a layer only what
 /// [`SIBLINGS`] lists. A module that is not here has no place yet: give it one, where it needs least.
 const LAYERS: &[&[&str]] = &[
-    &["units", "polynomial", "solar_system", "coordinates", "files", "telemetry"],
+    &["units", "polynomial", "solar_system", "coordinates", "sky_pictures", "files", "telemetry"],
     &["photometry"],
     &["ephemeris", "relativity"],
     &["catalogue"],
@@ -53,7 +53,8 @@ const ONLY_SERVICE: &[&str] = &["tonic", "prost", "include_proto"];
 const GENERATED: &[&str] = &["proto"];
 
 /// Modules of `render` that are techniques: each knows no other one. What two of them need is in the other modules.
-const TECHNIQUES: &[&str] = &["stars", "smooth_light", "bodies", "air", "asteroids", "glare", "overlay", "display"];
+const TECHNIQUES: &[&str] =
+    &["stars", "smooth_light", "diffuse", "bodies", "air", "asteroids", "glare", "overlay", "display"];
 
 /// Modules of `render` that know techniques: the list of them, the module itself, and its errors, which name theirs.
 const KNOW_TECHNIQUES: &[&str] = &["sequence", "error", "pass_tests", "presentation_tests"];
@@ -64,6 +65,7 @@ const NO_SHADER: &[(&str, &str)] = &[
     ("stars/catalogue_buffers", "holds buffers"),
     ("stars/items", "encodes what culling leaves"),
     ("stars/billboards/draw", "the passes of shaders/stars/billboards"),
+    ("diffuse", "shaders/shared/diffuse_light.wgsl, which the resolve pass reads"),
     ("asteroids/encode", "encodes the plan"),
     ("asteroids/held", "holds buffers"),
     ("asteroids/layers", "holds textures and orders the draws of mesh and impostors"),

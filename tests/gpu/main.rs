@@ -9,6 +9,7 @@ mod asteroids;
 mod audit;
 mod bodies;
 mod chart;
+mod diffuse;
 mod display;
 mod display_errors;
 mod display_poses;

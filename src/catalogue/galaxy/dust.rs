@@ -1,11 +1,19 @@
 //! Interstellar dust: how many magnitudes of V a parsec of path costs at each place.
 //!
-//! An exponential disc times a log-normal factor from smooth noise of three sizes, so that clouds and a dark rift appear
-//! in front of the Milky Way. The clouds belong to the model: they are the same for every seed of the stars.
+//! An exponential disc times a log-normal factor from smooth noise of three sizes, and the dark clouds near the Sun that have names (`clouds`), so that a dark rift appears
+//! in front of the Milky Way. Both belong to the model: they are the same for every seed of the stars.
 //! Figures: 0.7 to 1 mag/kpc near the Sun (here 1, which is the mean over clouds and the gaps between them) and a scale height of 100 to 125 pc (e.g. Vergely et al. 1998, Marshall et
 //! al. 2006); around the Sun the Local Bubble is nearly empty to 100 pc (Lallement et al. 2014).
 
-use super::structure::Place;
+use std::sync::LazyLock;
+
+use glam::DVec3;
+
+use super::{
+    clouds::Clouds,
+    noise::{LATTICE_NOISE_DEVIATION, lattice_noise},
+    structure::Place,
+};
 
 /// Mean opacity in the plane at the Sun's distance from the centre, V magnitudes per parsec.
 const LOCAL_OPACITY_MAG_PER_PC: f64 = 1.0e-3;
@@ -20,13 +28,14 @@ const NEGLIGIBLE_SHARE: f64 = 1e-4;
 const CLOUD_SIZES: [(f64, f64); 3] = [(700.0, 0.62), (280.0, 0.58), (110.0, 0.53)];
 /// Standard deviation of the natural logarithm of the cloud factor.
 const CLOUD_CONTRAST: f64 = 0.9;
-/// Standard deviation of one size of the noise before it is scaled: sqrt(1/12) of the lattice values times (26/35)^(3/2),
-/// since blending two of them with the cubic ease leaves 26/35 of the variance per axis on average.
-const LATTICE_NOISE_DEVIATION: f64 = 0.1848;
 /// Chosen among some tens: a few clouds near the Sun decide what the sky looks like, and noise cannot know where the real
 /// ones are. With this one a dark rift lies at longitudes 20 to 60 degrees, as the real one does, and star counts and
 /// the contrast between centre and anticentre are about right.
 const NOISE_SEED: u64 = 4_000;
+
+/// The clouds that have names, and a distance beyond all of them, parsecs.
+static CLOUDS: LazyLock<Clouds> = LazyLock::new(Clouds::new);
+const FARTHEST_CLOUD_PC: f64 = 1300.0;
 
 /// Extinction in V per path length at galactic Cartesian parsecs from the Sun, magnitudes per parsec.
 pub fn opacity_mag_per_pc(x_pc: f64, y_pc: f64, z_pc: f64) -> f64 {
@@ -34,7 +43,12 @@ pub fn opacity_mag_per_pc(x_pc: f64, y_pc: f64, z_pc: f64) -> f64 {
     let distance2 = x_pc * x_pc + y_pc * y_pc + z_pc * z_pc;
     let bubble = distance2 / (distance2 + BUBBLE_PC * BUBBLE_PC);
     let smooth = LOCAL_OPACITY_MAG_PER_PC * disc * bubble;
-    if disc < NEGLIGIBLE_SHARE { smooth } else { smooth * cloud_factor(x_pc, y_pc, z_pc) }
+    let clouds = if distance2 < FARTHEST_CLOUD_PC * FARTHEST_CLOUD_PC {
+        CLOUDS.opacity_mag_per_pc(DVec3::new(x_pc, y_pc, z_pc))
+    } else {
+        0.0
+    };
+    clouds + if disc < NEGLIGIBLE_SHARE { smooth } else { smooth * cloud_factor(x_pc, y_pc, z_pc) }
 }
 
 /// Log-normal factor of mean 1.
@@ -48,38 +62,6 @@ fn cloud_factor(x_pc: f64, y_pc: f64, z_pc: f64) -> f64 {
     (CLOUD_CONTRAST * normal - 0.5 * CLOUD_CONTRAST * CLOUD_CONTRAST).exp()
 }
 
-/// Smooth noise of mean 0: random values in -0.5..0.5 on the integer lattice, blended with a cubic ease.
-fn lattice_noise(x: f64, y: f64, z: f64, seed: u64) -> f64 {
-    let (ix, fx) = split(x);
-    let (iy, fy) = split(y);
-    let (iz, fz) = split(z);
-    let mix = |a: f64, b: f64, t: f64| a + (b - a) * t;
-    let row = |dy: u64, dz: u64| {
-        let at = |dx: u64| lattice_value(ix.wrapping_add(dx), iy.wrapping_add(dy), iz.wrapping_add(dz), seed);
-        mix(at(0), at(1), fx)
-    };
-    mix(mix(row(0, 0), row(1, 0), fy), mix(row(0, 1), row(1, 1), fy), fz)
-}
-
-/// Lattice index (wrapped to unsigned) and eased position between it and the next.
-fn split(x: f64) -> (u64, f64) {
-    let floor = x.floor();
-    let t = x - floor;
-    (floor as i64 as u64, t * t * (3.0 - 2.0 * t))
-}
-
-/// Random value in -0.5..0.5 of a lattice point: odd multipliers per axis, then the finaliser of SplitMix64.
-fn lattice_value(ix: u64, iy: u64, iz: u64, seed: u64) -> f64 {
-    let mut h = seed
-        ^ ix.wrapping_mul(0x9e37_79b9_7f4a_7c15)
-        ^ iy.wrapping_mul(0xc2b2_ae3d_27d4_eb4f)
-        ^ iz.wrapping_mul(0x1656_67b1_9e37_79f9);
-    h = (h ^ (h >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    h = (h ^ (h >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    h ^= h >> 31;
-    (h >> 11) as f64 / (1u64 << 53) as f64 - 0.5
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -90,25 +72,6 @@ mod tests {
             let i = f64::from(i);
             ((i * 0.754_877_67).fract(), (i * 0.569_840_29).fract(), (i * 0.324_717_96).fract())
         })
-    }
-
-    #[test]
-    fn noise_has_the_deviation_it_is_scaled_by() {
-        let values: Vec<f64> =
-            places().map(|(x, y, z)| lattice_noise(400.0 * x, 400.0 * y - 200.0, 400.0 * z, 7)).collect();
-        let n = values.len() as f64;
-        let mean = values.iter().sum::<f64>() / n;
-        let deviation = (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n).sqrt();
-        assert!(mean.abs() < 0.005, "mean {mean}");
-        assert!((deviation / LATTICE_NOISE_DEVIATION - 1.0).abs() < 0.05, "deviation {deviation}");
-    }
-
-    #[test]
-    fn noise_is_continuous_across_lattice_planes() {
-        for x in [-3.0, 0.0, 5.0] {
-            let step = lattice_noise(x + 1e-9, 0.3, 0.4, 1) - lattice_noise(x - 1e-9, 0.3, 0.4, 1);
-            assert!(step.abs() < 1e-6, "{step}");
-        }
     }
 
     #[test]

@@ -8,6 +8,7 @@
 //! a red giant branch from 5300 K at its foot to 3300 K at its tip, with scatter.
 
 use super::structure::{POPULATIONS, Population};
+use crate::photometry::blackbody::rec709_in_gamut;
 use rand::{Rng, RngExt};
 use rand_distr::{Distribution, StandardNormal};
 
@@ -117,6 +118,8 @@ pub struct LuminosityFunction {
     cumulative: Vec<f64>,
     /// Share of evolved stars in the step from `i` to `i + 1`.
     evolved_share: Vec<f32>,
+    /// Light of the stars fainter than `BRIGHTEST + i / STEPS_PER_MAG`, R, G, B of luminance 1 for a star of absolute magnitude 0 per pc^3.
+    fainter_light: Vec<[f64; 3]>,
 }
 
 impl LuminosityFunction {
@@ -137,7 +140,14 @@ impl LuminosityFunction {
             cumulative.push(total);
             evolved_share.push(if both > 0.0 { (evolved / both) as f32 } else { 0.0 });
         }
-        Self { population, cumulative, evolved_share }
+        let mut fainter_light = vec![[0.0; 3]; STEPS + 1];
+        for step in (0..STEPS).rev() {
+            let magnitude = BRIGHTEST + (step as f64 + 0.5) / STEPS_PER_MAG as f64;
+            let light = (cumulative[step + 1] - cumulative[step]) * 10f64.powf(-0.4 * magnitude);
+            let colour = mean_colour(population, magnitude, f64::from(evolved_share[step]));
+            fainter_light[step] = [0, 1, 2].map(|c| fainter_light[step + 1][c] + light * colour[c]);
+        }
+        Self { population, cumulative, evolved_share, fainter_light }
     }
 
     /// Stars per cubic parsec with an absolute magnitude below `magnitude` (any real number).
@@ -154,6 +164,17 @@ impl LuminosityFunction {
         below + (self.cumulative[step + 1] - below) * (at - step as f64)
     }
 
+    /// Light of the stars with an absolute magnitude from `magnitude` (any real number) on, linear Rec. 709: its luminance is that of so many stars of absolute magnitude 0 per pc^3.
+    pub fn light_fainter_than(&self, magnitude: f64) -> [f64; 3] {
+        let at = ((magnitude - BRIGHTEST) * STEPS_PER_MAG as f64).max(0.0);
+        let step = at as usize;
+        if step >= STEPS {
+            return [0.0; 3];
+        }
+        let (from, to) = (self.fainter_light[step], self.fainter_light[step + 1]);
+        [0, 1, 2].map(|c| from[c] + (to[c] - from[c]) * (at - step as f64))
+    }
+
     /// Inverse of [`brighter_than`](Self::brighter_than): the absolute magnitude with `stars_per_pc3` brighter stars.
     pub fn magnitude_at(&self, stars_per_pc3: f64) -> f64 {
         let step = self.cumulative.partition_point(|&c| c <= stars_per_pc3).clamp(1, STEPS) - 1;
@@ -168,9 +189,7 @@ impl LuminosityFunction {
         let choice: f32 = rng.random();
         let deviate: f64 = StandardNormal.sample(rng);
         let temperature_k = if choice < self.evolved_share[step] {
-            // Fewer metals make a giant hotter.
-            let hotter = if matches!(self.population, Population::ThickDisc | Population::Halo) { 1.04 } else { 1.0 };
-            hotter * interpolate(&EVOLVED_K, magnitude) * (EVOLVED_SCATTER * deviate).exp()
+            hotter(self.population) * interpolate(&EVOLVED_K, magnitude) * (EVOLVED_SCATTER * deviate).exp()
         } else if magnitude < SUPERGIANTS_FROM && rng.random::<f64>() < SUPERGIANT_SHARE {
             SUPERGIANT_K.0 * (SUPERGIANT_K.1 / SUPERGIANT_K.0).powf(rng.random())
         } else {
@@ -178,6 +197,29 @@ impl LuminosityFunction {
         };
         temperature_k as f32
     }
+}
+
+/// Colour of all stars of a population and absolute magnitude together, linear Rec. 709 of luminance 1; without the scatter of their temperatures.
+fn mean_colour(population: Population, magnitude: f64, evolved_share: f64) -> [f64; 3] {
+    let supergiants = if magnitude < SUPERGIANTS_FROM { (1.0 - evolved_share) * SUPERGIANT_SHARE } else { 0.0 };
+    let mut sum = [0.0; 3];
+    let mut add = |share: f64, temperature_k: f64| {
+        let colour = rec709_in_gamut(temperature_k);
+        sum.iter_mut().zip(colour).for_each(|(sum, c)| *sum += share * c);
+    };
+    add(evolved_share, hotter(population) * interpolate(&EVOLVED_K, magnitude));
+    add(1.0 - evolved_share - supergiants, interpolate(&MAIN_SEQUENCE_K, magnitude));
+    const PARTS: u32 = 5;
+    for part in 0..PARTS {
+        let at = (f64::from(part) + 0.5) / f64::from(PARTS);
+        add(supergiants / f64::from(PARTS), SUPERGIANT_K.0 * (SUPERGIANT_K.1 / SUPERGIANT_K.0).powf(at));
+    }
+    sum
+}
+
+/// Fewer metals make a giant hotter.
+fn hotter(population: Population) -> f64 {
+    if matches!(population, Population::ThickDisc | Population::Halo) { 1.04 } else { 1.0 }
 }
 
 /// Main-sequence and evolved stars of a population per cubic parsec and magnitude, where its relative density is 1.

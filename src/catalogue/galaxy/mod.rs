@@ -2,9 +2,10 @@
 //!
 //! The model has a thin disc in three layers (luminous stars in the thinnest), a thick disc, a bar-shaped bulge, a halo
 //! (`structure`), a luminosity function for each with temperatures (`luminosity_function`), and dust with clouds
-//! (`dust`). `sightlines` divides space in cells around the Sun and adds up the dust; `sampling` counts the stars expected
+//! (`dust`, `clouds`). `sightlines` divides space in cells around the Sun and adds up the dust; `sampling` counts the stars expected
 //! up to any apparent magnitude and draws them. The galaxy's 1e11 stars are never drawn: the magnitude limit that holds
-//! the wanted number comes first, then only stars brighter than that are made, cell by cell.
+//! the wanted number comes first, then only stars brighter than that are made, cell by cell. What
+//! all the others shine is added up along lines of sight (`unresolved`).
 //!
 //! Each block of the sky has its own random stream, so the stars depend on the parameters alone and not on the number of
 //! threads. Positions are ICRS parsecs from the Solar-System barycentre, magnitudes Johnson V.
@@ -15,13 +16,17 @@
 //!
 //! The star's motion, binaries, clusters, spiral arms and white dwarfs are left out. No star is nearer than 1.3 pc.
 
+mod clouds;
 mod dust;
 mod luminosity_function;
+mod neighbours;
+mod noise;
 mod sampling;
 mod sightlines;
 mod structure;
+mod unresolved;
 
-use super::StarRecord;
+use super::{StarRecord, diffuse::DiffuseSky};
 use rayon::prelude::*;
 use sampling::{BLOCKS, MagnitudeRange, Sky};
 use thiserror::Error;
@@ -45,6 +50,17 @@ pub struct GalaxyParameters {
     pub seed: u64,
     /// Apparent V magnitude from the Sun: brighter stars are left out, so that real ones can stand in.
     pub fainter_than: Option<f64>,
+    /// Whether the light of all fainter stars is part of it.
+    pub unresolved_light: bool,
+}
+
+/// A synthetic Milky Way.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Galaxy {
+    /// Its stars, all with known distances, ordered along the sky.
+    pub stars: Vec<StarRecord>,
+    /// The light of all fainter ones, where it is wanted: see `unresolved`.
+    pub unresolved: Option<DiffuseSky>,
 }
 
 /// Why a galaxy cannot be made.
@@ -78,7 +94,7 @@ pub enum GalaxyError {
     },
 }
 
-/// Makes exactly `parameters.stars` stars, all with known distances, ordered along the sky.
+/// Makes exactly `parameters.stars` stars, and the light of those that are fainter than all of them.
 ///
 /// The same parameters give the same stars, bit for bit, with any number of threads. See the head of this module for
 /// what positions, magnitudes and temperatures mean.
@@ -86,14 +102,20 @@ pub enum GalaxyError {
 /// # Errors
 ///
 /// [`GalaxyError`] if a parameter is out of range, or if the model has not so many stars.
-pub fn generate(parameters: &GalaxyParameters) -> Result<Vec<StarRecord>, GalaxyError> {
+pub fn generate(parameters: &GalaxyParameters) -> Result<Galaxy, GalaxyError> {
     check(parameters)?;
     let sky = Sky::new();
-    let mut made = draw(&sky, parameters)?;
+    let mut stars = draw(&sky, parameters)?;
+    // The stars that are drawn end at the magnitude up to which so many are expected.
+    let unresolved = parameters.unresolved_light.then(|| {
+        let left_out = sky.brighter_than(parameters.fainter_than.unwrap_or(f64::NEG_INFINITY));
+        let faintest = sky.magnitude_with(left_out + parameters.stars as f64, FAINTEST_APPARENT_MAGNITUDE);
+        unresolved::unresolved_light(&sky, faintest)
+    });
     // The model's tables are large: gone before the temporary list of magnitudes comes.
     drop(sky);
-    keep_brightest(&mut made, parameters.stars);
-    Ok(made)
+    keep_brightest(&mut stars, parameters.stars);
+    Ok(Galaxy { stars, unresolved })
 }
 
 fn check(parameters: &GalaxyParameters) -> Result<(), GalaxyError> {
@@ -109,7 +131,7 @@ fn check(parameters: &GalaxyParameters) -> Result<(), GalaxyError> {
 
 /// The wanted number of stars, and a few fainter ones that [`keep_brightest`] takes away.
 fn draw(sky: &Sky, parameters: &GalaxyParameters) -> Result<Vec<StarRecord>, GalaxyError> {
-    let &GalaxyParameters { stars, seed, fainter_than } = parameters;
+    let &GalaxyParameters { stars, seed, fainter_than, .. } = parameters;
     let brightest = fainter_than.unwrap_or(f64::NEG_INFINITY);
     let left_out = sky.brighter_than(brightest);
     let available = (sky.brighter_than(FAINTEST_APPARENT_MAGNITUDE) - left_out).max(0.0);

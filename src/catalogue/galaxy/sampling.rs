@@ -89,6 +89,16 @@ impl Sky {
         }
     }
 
+    /// The lines of sight, with the dust on them.
+    pub fn sightlines(&self) -> &Sightlines {
+        &self.sightlines
+    }
+
+    /// The luminosity functions, in the order of [`Population::ALL`].
+    pub fn functions(&self) -> &[LuminosityFunction; POPULATIONS] {
+        &self.functions
+    }
+
     /// Expected number of stars over the whole sky with an apparent V magnitude below `v_mag`.
     pub fn brighter_than(&self, v_mag: f64) -> f64 {
         let mut sum = 0.0;

@@ -3,7 +3,10 @@
 
 use std::sync::LazyLock;
 
-use super::*;
+use super::{
+    unresolved::{MEASURED, MEASURED_FAINTER_THAN_MAG},
+    *,
+};
 use crate::coordinates;
 
 /// The model, made once for all tests.
@@ -34,7 +37,7 @@ const REAL_SKY: [(f64, f64); 12] = [
 ];
 
 fn parameters(stars: usize, seed: u64, fainter_than: Option<f64>) -> GalaxyParameters {
-    GalaxyParameters { stars, seed, fainter_than }
+    GalaxyParameters { stars, seed, fainter_than, unresolved_light: false }
 }
 
 /// Compares counts with the real sky up to the magnitude where the set is complete (cumulative, and between
@@ -163,7 +166,7 @@ fn the_stars_depend_on_the_parameters_alone() {
     // With a model of its own, which is made in parallel too.
     let with_threads = |threads: usize, p: GalaxyParameters| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        hash(&pool.install(|| super::generate(&p)).unwrap())
+        hash(&pool.install(|| super::generate(&p)).unwrap().stars)
     };
     let p = parameters(100_000, 7, Some(4.0));
     let one_thread = with_threads(1, p);
@@ -228,4 +231,119 @@ fn wrong_parameters_are_refused() {
         assert!(matches!(error, GalaxyError::TooFewStars { .. }), "{error}");
         assert!(error.to_string().contains(&stars.to_string()), "{error}");
     }
+}
+
+/// Luminance of a galaxy around the cells of the measured sky, stars fainter than [`MEASURED_FAINTER_THAN_MAG`] with it, over what was measured, in magnitudes: by latitude, then longitude.
+fn against_measured(galaxy: &Galaxy, turned_deg: f64) -> Vec<(f64, Vec<f64>)> {
+    let diffuse = galaxy.unresolved.as_ref().unwrap();
+    let galactic_from_icrs = coordinates::galactic_from_icrs();
+    let icrs_from_galactic = coordinates::icrs_from_galactic();
+    let stars: Vec<(f64, f64, f64)> = galaxy
+        .stars
+        .iter()
+        .filter(|star| star.apparent_magnitude() >= MEASURED_FAINTER_THAN_MAG)
+        .map(|star| {
+            let (l, b) = coordinates::lon_lat_from_direction(galactic_from_icrs * star.position);
+            let lx = crate::units::illuminance_lx_from_magnitude(star.apparent_magnitude());
+            ((l.to_degrees() + turned_deg).rem_euclid(360.0), b.to_degrees(), lx)
+        })
+        .collect();
+    let rows = &MEASURED;
+    let of_row = |j: usize| {
+        let b = rows[j].latitude_deg;
+        let edge = |other: usize| 0.5 * (b + rows.get(other).map_or(b.signum() * 90.0, |row| row.latitude_deg));
+        let (south, north) = (edge(j.wrapping_sub(1)), edge(j + 1));
+        let mut sums = vec![0.0; rows[j].luminance_cd_m2.len()];
+        for (l, at, lx) in &stars {
+            if (south..north).contains(at) {
+                sums[(l / 10.0).round() as usize % 36] += lx;
+            }
+        }
+        let cell_sr = 10_f64.to_radians() * (north.to_radians().sin() - south.to_radians().sin());
+        let ratio = |cell: usize| {
+            let mean: f64 = (0..400)
+                .map(|i| {
+                    let across = (f64::from(i % 20) + 0.5) / 20.0 - 0.5;
+                    let up = south + (north - south) * (f64::from(i / 20) + 0.5) / 20.0;
+                    let l = (10.0 * (cell as f64 + across) - turned_deg).to_radians();
+                    let towards = icrs_from_galactic * coordinates::direction_from_lon_lat(l, up.to_radians());
+                    crate::photometry::rec709::luminance(diffuse.luminance_cd_m2(towards)) / 400.0
+                })
+                .sum();
+            -2.5 * ((mean + sums[cell] / cell_sr) / rows[j].luminance_cd_m2[cell]).log10()
+        };
+        (b, (0..36).map(ratio).collect())
+    };
+    (0..rows.len()).map(of_row).collect()
+}
+
+/// Root mean square of the rows within latitudes, cells without a measurement left out, and the mean.
+fn spread(rows: &[(f64, Vec<f64>)], wanted: impl Fn(f64) -> bool) -> [f64; 2] {
+    let values: Vec<f64> = rows
+        .iter()
+        .filter(|(b, _)| wanted(*b))
+        .flat_map(|(_, cells)| cells.iter().copied().filter(|value| !value.is_nan()))
+        .collect();
+    let mean = values.iter().sum::<f64>() / values.len() as f64;
+    [(values.iter().map(|value| value * value).sum::<f64>() / values.len() as f64).sqrt(), mean]
+}
+
+#[test]
+fn the_milky_way_is_as_bright_as_it_was_measured() {
+    let made = |stars: usize| {
+        let p = GalaxyParameters { unresolved_light: true, ..parameters(stars, 1, Some(6.5)) };
+        super::generate(&p).unwrap()
+    };
+    let galaxy = made(300_000);
+    let rows = against_measured(&galaxy, 0.0);
+    let s10 = |cd_m2: f64| cd_m2 / unresolved::s10_cd_m2();
+    for (row, (b, cells)) in MEASURED.iter().zip(&rows) {
+        if [0.0, 8.0, 12.0, 80.0].contains(&b.abs()) {
+            let line = |of: &dyn Fn(usize) -> f64| (0..36).map(|i| format!("{:4.0}", of(i))).collect::<String>();
+            eprintln!("b {b:3}, S10(V) measured {}", line(&|i| s10(row.luminance_cd_m2[i])));
+            eprintln!(
+                "              drawn   {}",
+                line(&|i| s10(row.luminance_cd_m2[i]) * 10_f64.powf(-0.4 * cells[i]))
+            );
+        }
+    }
+    for (what, from, to) in [("plane", 0.0, 0.0), ("band", 4.0, 12.0), ("beyond", 16.0, 50.0), ("poles", 60.0, 90.0)] {
+        let [rms, mean] = spread(&rows, |b| (from..=to).contains(&b.abs()));
+        eprintln!("{what}: rms {rms:.3} mag, mean {mean:.3}");
+    }
+    let [rms, mean] = spread(&rows, |b| b.abs() <= 12.0);
+    assert!(rms < 0.35 && mean.abs() < 0.08, "band: {rms} {mean}");
+    let [rms, mean] = spread(&rows, |b| b.abs() > 12.0);
+    assert!(rms < 0.35 && mean.abs() < 0.08, "beyond: {rms} {mean}");
+    // A galaxy that is turned does not fit, and neither does one without its faint stars' light.
+    let [turned, _] = spread(&against_measured(&galaxy, 120.0), |b| b.abs() <= 12.0);
+    assert!(turned > 0.45, "{turned}");
+    // As bright with more stars drawn one by one.
+    let more = made(2_000_000);
+    let [_, of_more] = spread(&against_measured(&more, 0.0), |b| b.abs() <= 12.0);
+    let diffuse = |galaxy: &Galaxy| galaxy.unresolved.as_ref().unwrap().mean_cd_m2();
+    eprintln!("mean of the rest: {:.3e} and {:.3e} cd/m^2", diffuse(&galaxy), diffuse(&more));
+    assert!((of_more - mean).abs() < 0.15 && diffuse(&more) < 0.9 * diffuse(&galaxy), "{of_more} {mean}");
+    // The Large Magellanic Cloud, V = 0.4: within 4 degrees there is four fifths of its light and the sky around.
+    let middle = coordinates::direction_from_lon_lat(80_f64.to_radians(), (-69_f64).to_radians());
+    let around = |from_deg: f64, to_deg: f64| {
+        let sky = galaxy.unresolved.as_ref().unwrap();
+        let (mut sum, mut places) = (0.0, 0.0);
+        for i in 0..20_000 {
+            let cosine = 1.0 - (f64::from(i) + 0.5) / 20_000.0 * (1.0 - to_deg.to_radians().cos());
+            if cosine.acos().to_degrees() < from_deg {
+                continue;
+            }
+            let (sin, cos) = (f64::from(i) * 2.399_963).sin_cos();
+            let (right, up) = (middle.any_orthonormal_vector(), middle.cross(middle.any_orthonormal_vector()));
+            let towards = middle * cosine + (right * cos + up * sin) * (1.0 - cosine * cosine).sqrt();
+            sum += crate::photometry::rec709::luminance(sky.luminance_cd_m2(towards));
+            places += 1.0;
+        }
+        sum / places
+    };
+    let sr = std::f64::consts::TAU * (1.0 - 4_f64.to_radians().cos());
+    let magnitude = crate::units::magnitude_from_illuminance_lx((around(0.0, 4.0) - around(11.0, 14.0)) * sr);
+    eprintln!("Large Magellanic Cloud within 4 degrees: V = {magnitude:.2}");
+    assert!((0.45..0.85).contains(&magnitude), "{magnitude}");
 }

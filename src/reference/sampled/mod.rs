@@ -90,6 +90,8 @@ pub struct PixelLight {
     pub stars_cd_m2: [f64; 3],
     /// Luminance of the veil, the same.
     pub veil_cd_m2: [f64; 3],
+    /// Luminance of what is of no single star, in the middle of the pixel, the same.
+    pub diffuse_cd_m2: [f64; 3],
     /// Luminance that the stars whose images are near would have if all their light were in this pixel, cd/m^2: what an error of a position
     /// is to be multiplied by.
     pub near_cd_m2: f64,
@@ -105,7 +107,9 @@ pub struct PixelLight {
 impl PixelLight {
     /// All of it, cd/m^2.
     pub fn luminance_cd_m2(&self) -> [f64; 3] {
-        std::array::from_fn(|channel| self.stars_cd_m2[channel] + self.veil_cd_m2[channel])
+        std::array::from_fn(|channel| {
+            self.stars_cd_m2[channel] + self.veil_cd_m2[channel] + self.diffuse_cd_m2[channel]
+        })
     }
 }
 
@@ -166,6 +170,7 @@ pub fn pixels(sky: &SampledSky<'_>, images: &[SampledImage<'_>]) -> Vec<Vec<Pixe
             PixelLight {
                 stars_cd_m2: sums.light_lx.map(|channel| (1.0 - fraction) * channel * per_sr),
                 veil_cd_m2: sums.veil.map(|channel| fraction * channel),
+                diffuse_cd_m2: diffuse_at(sky, image, [*x, *y]),
                 near_cd_m2: (1.0 - fraction) * sums.near_lx * per_sr,
                 near_stars: sums.near_stars,
                 unresolved_cd_m2: fraction * core_share * sums.faint,
@@ -175,6 +180,17 @@ pub fn pixels(sky: &SampledSky<'_>, images: &[SampledImage<'_>]) -> Vec<Vec<Pixe
         image.pixels.iter().zip(sums.by_ref()).map(finished).collect()
     };
     images.iter().map(of_image).collect()
+}
+
+/// The light of no single star in the middle of a pixel.
+fn diffuse_at(sky: &SampledSky<'_>, image: &SampledImage<'_>, [x, y]: [u32; 2]) -> [f64; 3] {
+    let towards = image.projection.mapping().direction_from_pixel(pixel_centre(x, y));
+    match (&sky.stars.unresolved, towards) {
+        (Some(diffuse), Some(towards)) => {
+            super::diffuse::luminance_cd_m2(diffuse, image.world_from_view * towards, sky.velocity_c, None)
+        }
+        _ => [0.0; 3],
+    }
 }
 
 /// Sources below this may be too faint to be drawn by themselves where their kernels are as wide as pixels can show them: under the brightest veil of

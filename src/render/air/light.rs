@@ -6,7 +6,7 @@ use super::layout;
 use crate::{
     gpu::{Gpu, bind_in_order},
     photometry::atmosphere::Air,
-    plan::{GlarePlan, settings::GlareMethod},
+    plan::GlarePlan,
     render::{constants::workgroups::RAY_SIDE, tabulated::projecting},
     scene::surroundings::LocalSky,
 };
@@ -14,13 +14,6 @@ use crate::{
 /// The pass.
 pub(super) struct AirPass {
     pipeline: wgpu::ComputePipeline,
-}
-
-/// Factor on light that is smooth over degrees, where a pass after this one takes away what is scattered and brings back the scattered light of stars and bodies alone: as much of it
-/// comes from all around as goes there.
-fn light_share(glare: &GlarePlan) -> f64 {
-    let is_taken = glare.method == GlareMethod::SkyCube && glare.in_sums.is_none() && glare.fraction < 1.0;
-    if is_taken { 1.0 / (1.0 - glare.fraction) } else { 1.0 }
 }
 
 fn encode(sky: &LocalSky, glare: &GlarePlan, tile: u32) -> layout::AirParameters {
@@ -44,7 +37,7 @@ fn encode(sky: &LocalSky, glare: &GlarePlan, tile: u32) -> layout::AirParameters
         has_ground: u32::from(sky.horizon.is_some()),
         source_count: sky.sources.len() as u32,
         east: axis(0),
-        light_share: light_share(glare) as f32,
+        light_share: glare.share_of_smooth_light() as f32,
         zenith: axis(1),
         is_flat: u32::from(sky.horizon.as_ref().is_none_or(|horizon| horizon.is_flat())),
         south: axis(2),

@@ -1,7 +1,7 @@
 //! Structures that the shaders from light to display read.
 
 use crate::gpu::gpu_structs;
-pub(crate) use crate::render::layout::SkyMap;
+pub(crate) use crate::render::layout::{DiffuseLight, SkyMap};
 
 gpu_structs! {
     /// The numbers of the tone mapping; see `shaders/display/encode.wgsl`.
@@ -37,6 +37,8 @@ gpu_structs! {
         shown: Display,
         /// The map of faint light.
         sky: SkyMap,
+        /// Light of no single star.
+        diffuse: DiffuseLight,
     }
     /// Parameters of the exposure pass.
     ExposureParameters {

@@ -183,14 +183,13 @@ impl Technique for Display {
             let Made { display, hdr, hdr_stays } = made;
             let is_scattered_after = glare != GlareMethod::None && !veil;
             let resolves_to_display = known && !is_scattered_after && adds_up;
-            let outputs = ResolveOutputs::new(
-                hdr_image(is_scattered_after, [display, hdr, hdr_stays], known),
-                resolves_to_display && display,
-                !objects.is_empty(),
+            let hdr_made = hdr_image(is_scattered_after, [display, hdr, hdr_stays], known);
+            // Whether there is a map depends on the stars: that form is made by the first frame that reads one.
+            let outputs = ResolveOutputs {
+                geometry: !objects.is_empty(),
                 veil,
-                // Whether there is a map depends on the stars: that form is made by the first frame that reads one.
-                false,
-            );
+                ..ResolveOutputs::new(hdr_made, resolves_to_display && display)
+            };
             if adds_up && !resolves.contains(&outputs) {
                 resolves.push(outputs);
             }

@@ -32,7 +32,7 @@ pub(crate) struct ResolvePass {
     source: ShaderSource,
     /// By outputs and variant of the display image.
     pipelines: Variants<(ResolveOutputs, DisplayVariant), wgpu::ComputePipeline>,
-    /// Stands in for the bright sums, for a veil and for the map of faint light where there are none.
+    /// Stands in for the bright sums, for a veil and for pictures of the sky where there are none.
     no_bright: wgpu::Buffer,
     /// Stands in for the display image where it is not written.
     no_display: wgpu::Buffer,
@@ -61,9 +61,10 @@ pub(crate) struct ResolveInputs<'a> {
 }
 
 impl ResolveOutputs {
-    /// What is written where that much of the HDR image is made.
-    pub(crate) fn new(hdr: HdrImage, display: bool, geometry: bool, veil: bool, sky: bool) -> Self {
-        Self { hdr: hdr != HdrImage::None, dark: hdr == HdrImage::Whole, display, geometry, veil, sky }
+    /// What is written where that much of the HDR image is made; with nothing added to the sums.
+    pub(crate) fn new(hdr: HdrImage, display: bool) -> Self {
+        let (hdr, dark) = (hdr != HdrImage::None, hdr == HdrImage::Whole);
+        Self { hdr, dark, display, geometry: false, veil: false, sky: false }
     }
 }
 
@@ -114,9 +115,13 @@ impl ResolvePass {
         let batch = &targets.batches[number];
         let occlusion = targets.occlusion(number);
         let display = batch.display.as_ref().filter(|_| shows);
-        let sky = targets.sky.as_ref();
-        let outputs =
-            ResolveOutputs::new(hdr, display.is_some(), occlusion.present, targets.veil.is_some(), sky.is_some());
+        let (sky, diffuse) = (targets.sky.as_ref(), targets.diffuse.as_ref());
+        let outputs = ResolveOutputs {
+            geometry: occlusion.present,
+            veil: targets.veil.is_some(),
+            sky: sky.is_some(),
+            ..ResolveOutputs::new(hdr, display.is_some())
+        };
         let parameters = layout::ResolveParameters {
             lx_per_unit: (1.0 / ranges.main.units_per_lx) as f32,
             lx_per_bright_unit: ranges.bright.map_or(0.0, |bright| (1.0 / bright.units_per_lx) as f32),
@@ -124,6 +129,7 @@ impl ResolvePass {
             plane_pixels: batch.plane_pixels,
             shown: encode_display(tone_map),
             sky: sky.map(|sky| sky.map).unwrap_or_default(),
+            diffuse: diffuse.map(|diffuse| diffuse.light).unwrap_or_default(),
         };
         let parameters = gpu.frame_uniform("resolve parameters", &parameters);
         let pipeline = &self.pipeline(gpu, outputs, tone_map);
@@ -145,6 +151,7 @@ impl ResolvePass {
             veil_grids,
             veil_points,
             sky.map_or(&self.no_bright, |sky| &sky.texels),
+            diffuse.map_or(&self.no_bright, |diffuse| &diffuse.texels),
         ];
         pass.set_pipeline(pipeline);
         gpu.bind_tables(pass, pipeline);

@@ -18,9 +18,10 @@ use crate::{
     gpu::{Gpu, GrowingBuffer, bind_in_order},
     plan::{
         Plan,
-        smooth_light::{SKY_FACES, SkyFace, SkyMap, SkyPlan},
+        smooth_light::{SkyFace, SkyMap, SkyPlan},
     },
     scene::SceneSnapshot,
+    sky_pictures::SKY_FACES,
 };
 
 /// A map, as far as it is made.

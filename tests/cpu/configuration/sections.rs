@@ -132,7 +132,9 @@ fn scene_time_camera_and_catalogues() {
          time = 2031-05-06T07:08:09.5+02:00\n[scene.camera]\nposition_m = [1, 2.5, -3e20]\norientation = [0.0, 0.0, 0.70712, 0.70712]\nvelocity_c = [0, 0.5, -0.25]\n",
     )
     .unwrap();
-    let galaxy = |stars, seed, fainter_than| StarSource::Galaxy(GalaxyParameters { stars, seed, fainter_than });
+    let galaxy = |stars, seed, fainter_than| {
+        StarSource::Galaxy(GalaxyParameters { stars, seed, fainter_than, unresolved_light: true })
+    };
     assert_eq!(
         config.star_sources(),
         [

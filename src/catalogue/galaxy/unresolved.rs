@@ -1,0 +1,338 @@
+//! The light of the stars that are too faint to be drawn one by one: the Milky Way.
+//!
+//! 1. **The model.** Along every line of sight of `sightlines` the light of all stars fainter than the drawn ones adds up: density times luminosity function, dimmed and reddened by the dust before
+//!    them (A(612), A(549), A(465 nm) over A_V = 0.87, 1, 1.22 for R, G, B: Cardelli, Clayton and Mathis 1989 with R_V = 3.1).
+//! 2. **The level.** The sky was measured from beyond the zodiacal light, by Pioneer 10 and 11 (`background_starlight.csv`: every 10 degrees of longitude and 4 to 10 of latitude, diffuse galactic
+//!    light among it). A factor that is smooth over such cells brings model and drawn stars together to what was measured: so the star clouds of Sagittarius, Scutum, Cygnus and Carina and the Great
+//!    Rift stand where they are, though the model has neither spiral arms nor clumps. It was measured at 440 nm in units of solar-type stars; V is brighter by the difference of colours.
+//! 3. **Lanes.** What is finer than the sightlines (half a degree) follows a screen of filaments where there is dust. It has no counterpart in the sky: real ones are of this kind, and elsewhere.
+//! 4. **Neighbours.** The galaxies that the naked eye sees (`neighbours`).
+//!
+//! Luminances are those outside of the air, as the Sun sees them.
+
+use std::{f64::consts::FRAC_1_SQRT_2, sync::LazyLock};
+
+use glam::{DVec2, DVec3};
+use rayon::prelude::*;
+
+use super::{
+    neighbours::Neighbours,
+    noise::{LATTICE_NOISE_DEVIATION, lattice_noise},
+    sampling::Sky,
+    sightlines::{
+        LATITUDES, LONGITUDES, SHELLS, corner_pc, distance_modulus_mag, distance_pc, latitude_rad, longitude_rad,
+        plane_index,
+    },
+    structure::{Place, Population},
+};
+use crate::{
+    catalogue::diffuse::DiffuseSky,
+    coordinates::{galactic_from_icrs, lon_lat_from_direction},
+    photometry::rec709,
+    units::{ILLUMINANCE_MAG_0_LX, illuminance_lx_from_magnitude},
+};
+
+/// Luminance of one star of V = 10 per square degree (S10), cd/m^2.
+pub fn s10_cd_m2() -> f64 {
+    illuminance_lx_from_magnitude(10.0) / 1_f64.to_radians().powi(2)
+}
+
+/// The measured sky holds no stars brighter than this, V magnitudes.
+pub const MEASURED_FAINTER_THAN_MAG: f64 = 6.5;
+/// V over what was measured at 440 nm, in solar-type stars: the background has B-V = 0.80 in the mean (Toller 1981: 0.7 to 0.9), the Sun 0.65.
+const V_OVER_440_NM: f64 = 1.148_153_6;
+/// Extinction of R, G and B over that of V.
+const REDDENING: [f64; 3] = [0.87, 1.0, 1.22];
+/// Size of the texels of the map, rad.
+const TEXEL_RAD: f64 = 0.0035;
+/// What the level makes of the model's light at least: where drawn stars alone are as bright as the sky was measured.
+const LEAST_FACTOR: f64 = 0.1;
+/// How often the level is mended: its factors are spread as wide as the cells of what was measured.
+const ROUNDS: usize = 6;
+/// Spread of a measured cell along the longitude, degrees, and along the latitude over the distance of the next one: up to the given latitude, degrees. Beyond the band there is little but what the
+/// measurement errs by, a tenth.
+const SPREADS: [(f64, f64, f64); 3] = [(12.0, 4.2, 0.42), (45.0, 12.0, 0.7), (90.0, 25.0, 0.7)];
+/// Longitudes of the table.
+const TABLE_LONGITUDES: usize = 36;
+/// The shell up to which dust makes lanes: 2 kpc.
+const LANES_SHELL: usize = 64;
+/// Filaments: largest size on the sky, how many sizes, each half of the one before, the weight of the next one, how far they are bent over that size, and standard deviation of the natural logarithm
+/// of the light where there is much dust.
+const LANE_RAD: f64 = 0.11;
+const LANE_SIZES: u32 = 5;
+const LANE_WEIGHT: f64 = 0.66;
+const LANE_BEND: f64 = 0.45;
+const LANE_CONTRAST: f64 = 0.62;
+const LANE_SEED: u64 = 71;
+
+const ROWS: usize = LATITUDES + 1;
+const CORNERS: usize = LONGITUDES * ROWS;
+
+/// A row of the measured table: latitude, degrees, and luminance at each longitude, cd/m^2; NaN where there is none.
+pub struct MeasuredRow {
+    /// Galactic latitude, degrees.
+    pub latitude_deg: f64,
+    /// V luminance, cd/m^2.
+    pub luminance_cd_m2: [f64; TABLE_LONGITUDES],
+}
+
+/// The measured sky, from south to north.
+pub static MEASURED: LazyLock<Vec<MeasuredRow>> = LazyLock::new(|| {
+    let rows = include_str!("background_starlight.csv").lines().filter(|line| !line.starts_with('#'));
+    rows.map(|row| {
+        let mut numbers = row.split(',').map(|cell| cell.parse().unwrap_or(f64::NAN));
+        let latitude_deg = numbers.next().unwrap_or(f64::NAN);
+        let mut luminance_cd_m2 = [f64::NAN; TABLE_LONGITUDES];
+        luminance_cd_m2.iter_mut().zip(numbers).for_each(|(at, s10)| *at = s10 * V_OVER_440_NM * s10_cd_m2());
+        MeasuredRow { latitude_deg, luminance_cd_m2 }
+    })
+    .collect()
+});
+
+/// What the model has at a corner of the sightlines.
+#[derive(Clone, Copy, Default)]
+struct Corner {
+    /// Light of stars fainter than the drawn ones, R, G, B, cd/m^2.
+    unresolved: [f64; 3],
+    /// Luminance of the drawn ones that the measurement holds too, cd/m^2.
+    resolved: f64,
+    /// Extinction up to 2 kpc, V magnitudes.
+    dust_mag: f64,
+}
+
+/// The light of the stars fainter than V = `fainter_than_mag`, and of the galaxies around.
+pub fn unresolved_light(sky: &Sky, fainter_than_mag: f64) -> DiffuseSky {
+    let corners = model(sky, fainter_than_mag.max(MEASURED_FAINTER_THAN_MAG));
+    let level = Level::new(&corners);
+    // Light and dust where the spline looks for them.
+    let nodes: Vec<[f32; 4]> = corners
+        .iter()
+        .zip(&level.factors)
+        .map(|(corner, factor)| {
+            let [r, g, b] = corner.unresolved.map(|c| (c * factor) as f32);
+            [r, g, b, corner.dust_mag as f32]
+        })
+        .collect();
+    let galactic = galactic_from_icrs();
+    let neighbours = Neighbours::new();
+    DiffuseSky::new(TEXEL_RAD, |towards| {
+        let in_galaxy = galactic * towards;
+        let [r, g, b, dust_mag] = spline(&nodes, in_galaxy);
+        let through = lanes(in_galaxy, dust_mag);
+        let beyond = neighbours.luminance_cd_m2(towards);
+        let own = [r, g, b];
+        [0, 1, 2].map(|c| own[c] * through.powf(REDDENING[c]) + beyond[c])
+    })
+}
+
+/// Adds up the light along every line of sight, by longitude, then latitude.
+fn model(sky: &Sky, fainter_than_mag: f64) -> Vec<Corner> {
+    let mut corners = vec![Corner::default(); CORNERS];
+    corners.par_chunks_mut(ROWS).enumerate().for_each(|(longitude, column)| {
+        let extinction = sky.sightlines().plane(longitude);
+        for (latitude, corner) in column.iter_mut().enumerate() {
+            // Two shells in one step: density and dust are those between them.
+            for shell in (1..SHELLS).step_by(2) {
+                let dust_mag = f64::from(extinction[plane_index(latitude, shell)]);
+                let (near, far) = (distance_pc(shell - 1), distance_pc(shell + 1));
+                let modulus_mag = distance_modulus_mag(shell);
+                let p = corner_pc(longitude, latitude, shell);
+                let place = Place::from_sun(p.x, p.y, p.z);
+                // Cubic parsecs per sr, and the illuminance of a star of absolute magnitude 0 there.
+                let volume = (far.powi(3) - near.powi(3)) / 3.0;
+                let of_0_lx = |dust_mag: f64| ILLUMINANCE_MAG_0_LX * 10_f64.powf(-0.4 * (modulus_mag + dust_mag));
+                let reddened = REDDENING.map(|ratio| of_0_lx(ratio * dust_mag));
+                for (function, population) in sky.functions().iter().zip(Population::ALL) {
+                    let stars = volume * place.density(population);
+                    if stars < 1e-9 {
+                        continue;
+                    }
+                    let light = function.light_fainter_than(fainter_than_mag - modulus_mag - dust_mag);
+                    let brighter = function.light_fainter_than(MEASURED_FAINTER_THAN_MAG - modulus_mag - dust_mag);
+                    for c in 0..3 {
+                        corner.unresolved[c] += stars * reddened[c] * light[c];
+                    }
+                    corner.resolved +=
+                        stars * of_0_lx(dust_mag) * (rec709::luminance(brighter) - rec709::luminance(light));
+                }
+            }
+            corner.dust_mag = f64::from(extinction[plane_index(latitude, LANES_SHELL)]);
+        }
+    });
+    corners
+}
+
+/// The factor of the model at every corner.
+struct Level {
+    factors: Vec<f64>,
+}
+
+/// Gaussian weights of the measured cells, along both directions.
+struct Cells {
+    /// By row of the table, then latitude: normal; and times the solid angle, of sum 1.
+    at_latitude: Vec<Vec<f64>>,
+    over_latitudes: Vec<Vec<f64>>,
+    /// By row of the table, then steps of longitude from the cell's own: normal.
+    by_step: Vec<Vec<f64>>,
+}
+
+impl Cells {
+    fn new() -> Self {
+        let middles: Vec<f64> = MEASURED.iter().map(|row| row.latitude_deg).collect();
+        let gap = |j: usize| (middles[(j + 1).min(middles.len() - 1)] - middles[j.max(1) - 1]) / 2.0;
+        let normal = |off: f64, sigma: f64| (-0.5 * (off / sigma).powi(2)).exp();
+        let spread = |j: usize| SPREADS[SPREADS.partition_point(|(to, ..)| *to < middles[j].abs())];
+        let at_latitude: Vec<Vec<f64>> = (0..middles.len())
+            .map(|j| {
+                // Beyond the last row the sky is as there.
+                let of = |i: usize| latitude_rad(i).to_degrees().clamp(middles[0], middles[middles.len() - 1]);
+                (0..ROWS).map(|i| normal(of(i) - middles[j], spread(j).2 * gap(j))).collect()
+            })
+            .collect();
+        let band = |i: usize| {
+            let edge = |i: usize, next: usize| 0.5 * (latitude_rad(i) + latitude_rad(next));
+            edge(i, (i + 1).min(ROWS - 1)).sin() - edge(i, i.saturating_sub(1)).sin()
+        };
+        let over_latitudes = at_latitude
+            .iter()
+            .map(|weights| {
+                let weighted: Vec<f64> = weights.iter().enumerate().map(|(i, weight)| weight * band(i)).collect();
+                let sum: f64 = weighted.iter().sum();
+                weighted.into_iter().map(|weight| weight / sum).collect()
+            })
+            .collect();
+        let by_step = (0..middles.len())
+            .map(|j| {
+                let off = |step: usize| longitude_rad(step).to_degrees().min(360.0 - longitude_rad(step).to_degrees());
+                (0..LONGITUDES).map(|step| normal(off(step), spread(j).1)).collect()
+            })
+            .collect();
+        Self { at_latitude, over_latitudes, by_step }
+    }
+
+    fn along(&self, row: usize, cell: usize, longitude: usize) -> f64 {
+        self.by_step[row][(longitude + LONGITUDES - cell * LONGITUDES / TABLE_LONGITUDES) % LONGITUDES]
+    }
+
+    /// The mean of a quantity of corners around each measured cell.
+    fn means(&self, of: &(dyn Fn(usize) -> f64 + Sync)) -> Vec<[f64; TABLE_LONGITUDES]> {
+        self.over_latitudes
+            .par_iter()
+            .enumerate()
+            .map(|(j, weights)| {
+                let norm: f64 = self.by_step[j].iter().sum();
+                let rows: Vec<f64> = (0..LONGITUDES)
+                    .map(|longitude| weights.iter().enumerate().map(|(i, w)| w * of(longitude * ROWS + i)).sum())
+                    .collect();
+                let mut means = [0.0; TABLE_LONGITUDES];
+                for (cell, mean) in means.iter_mut().enumerate() {
+                    *mean = rows.iter().enumerate().map(|(l, row)| row * self.along(j, cell, l)).sum::<f64>() / norm;
+                }
+                means
+            })
+            .collect()
+    }
+
+    /// What corners have of values at the measured cells: means of those around, NaN left out.
+    fn spread(&self, values: &[[f64; TABLE_LONGITUDES]]) -> Vec<f64> {
+        let mut spread = vec![0.0; CORNERS];
+        spread.par_chunks_mut(ROWS).enumerate().for_each(|(longitude, column)| {
+            let of_rows: Vec<(f64, f64)> = values
+                .iter()
+                .enumerate()
+                .map(|(j, row)| {
+                    let cells = row.iter().enumerate().filter(|(_, value)| !value.is_nan());
+                    let weighed = cells.map(|(cell, value)| (self.along(j, cell, longitude), value));
+                    weighed.fold((0.0, 0.0), |(sum, of), (weight, value)| (sum + weight * value, of + weight))
+                })
+                .collect();
+            for (i, at) in column.iter_mut().enumerate() {
+                let weighed = self.at_latitude.iter().map(|weights| weights[i]).zip(&of_rows);
+                let (sum, of) =
+                    weighed.fold((0.0, 0.0), |(s, o), (weight, (sum, of))| (s + weight * sum, o + weight * of));
+                *at = sum / of;
+            }
+        });
+        spread
+    }
+}
+
+impl Level {
+    fn new(corners: &[Corner]) -> Self {
+        let cells = Cells::new();
+        let resolved = cells.means(&|at| corners[at].resolved);
+        let mut logs = vec![[0.0; TABLE_LONGITUDES]; MEASURED.len()];
+        let mut factors = vec![1.0; CORNERS];
+        for _ in 0..ROUNDS {
+            let unresolved = cells.means(&|at| factors[at] * rec709::luminance(corners[at].unresolved));
+            for (row, measured) in MEASURED.iter().enumerate() {
+                for (cell, log) in logs[row].iter_mut().enumerate() {
+                    let left = measured.luminance_cd_m2[cell] - resolved[row][cell];
+                    // NaN where nothing was measured.
+                    let ratio = left / unresolved[row][cell];
+                    *log = if ratio.is_nan() { f64::NAN } else { (*log + ratio.max(0.2).ln()).max(LEAST_FACTOR.ln()) };
+                }
+            }
+            factors = cells.spread(&logs).into_iter().map(f64::exp).collect();
+        }
+        Self { factors }
+    }
+}
+
+/// Position among the latitudes of the sightlines: inverse of [`latitude_rad`].
+fn latitude_index(latitude_rad: f64) -> f64 {
+    let wanted = (latitude_rad.abs() / std::f64::consts::FRAC_PI_2).min(1.0);
+    // Convex: from the right Newton's steps stay on the right.
+    let mut u: f64 = 1.0;
+    for _ in 0..8 {
+        let root = u.sqrt();
+        u -= (u * (0.35 + 0.65 * u * root) - wanted) / (0.35 + 1.625 * u * root);
+    }
+    0.5 * LATITUDES as f64 * (1.0 + u.copysign(latitude_rad))
+}
+
+/// The cubic B-spline over the corners, towards a unit vector in galactic axes: smooth to the second derivative, and a little wider than the corners are apart.
+fn spline(nodes: &[[f32; 4]], towards: DVec3) -> [f64; 4] {
+    let (l, b) = lon_lat_from_direction(towards);
+    let place = DVec2::new(l / longitude_rad(1), latitude_index(b));
+    let first = place.floor();
+    let [across, up] = (place - first).to_array().map(|t| {
+        let s = 1.0 - t;
+        [s * s * s, 4.0 - 6.0 * t * t + 3.0 * t * t * t, 4.0 - 6.0 * s * s + 3.0 * s * s * s, t * t * t]
+            .map(|w| w / 6.0)
+    });
+    let mut sum = [0.0; 4];
+    for (i, weight) in across.iter().enumerate() {
+        let longitude = (first.x as usize + i + LONGITUDES - 1) % LONGITUDES;
+        for (j, other) in up.iter().enumerate() {
+            let latitude = (first.y as usize + j).saturating_sub(1).min(LATITUDES);
+            let node = nodes[longitude * ROWS + latitude];
+            sum.iter_mut().zip(node).for_each(|(sum, value)| *sum += weight * other * f64::from(value));
+        }
+    }
+    sum
+}
+
+/// What filaments of dust let through, of mean 1, towards a unit vector where so much dust lies.
+fn lanes(towards: DVec3, dust_mag: f64) -> f64 {
+    let contrast = LANE_CONTRAST * dust_mag / (dust_mag + 1.5);
+    if contrast < 0.03 {
+        return 1.0;
+    }
+    let noise = |place: DVec3, seed: u64| lattice_noise(place.x, place.y, place.z, LANE_SEED + seed);
+    let straight = towards / LANE_RAD;
+    let mut place = straight + LANE_BEND * DVec3::new(noise(straight, 10), noise(straight, 11), noise(straight, 12));
+    let (mut sum, mut weight, mut variance) = (0.0, 1.0, 0.0);
+    for size in 0..LANE_SIZES {
+        // Half filaments, sharp where the noise goes through 0, and half clouds.
+        let own = noise(place, u64::from(size)) / LATTICE_NOISE_DEVIATION;
+        sum += weight * FRAC_1_SQRT_2 * ((0.797 - own.abs()) / 0.604 + own);
+        variance += weight * weight;
+        weight *= LANE_WEIGHT;
+        // Turned, so that the lattices of two sizes do not lie on each other.
+        place =
+            2.0 * DVec3::new(0.6 * place.x + 0.8 * place.y, 0.6 * place.y - 0.8 * place.x, place.z) + DVec3::splat(7.3);
+    }
+    let normal = sum / variance.sqrt();
+    (-contrast * normal - 0.5 * contrast * contrast).exp()
+}

@@ -1,0 +1,106 @@
+//! Six round pictures that hold the whole sky: how directions and texels belong together. Shaders: `shaders/shared/sky_map.wgsl`.
+//!
+//! Each picture is an equidistant fisheye around an axis of the world (+x, +y, +z, -x, -y, -z), a little wider than the face of the cube around it: texels are of nearly the same size everywhere,
+//! and a place between four texels lies in one picture.
+
+use glam::{DMat3, DVec2, DVec3};
+
+/// How many pictures.
+pub const SKY_FACES: u32 = 6;
+/// How far a picture goes beyond the face's corners, texels: what the tent and the B-spline reach, and rounding.
+const MARGIN_TEXELS: f64 = 4.0;
+/// Angle from the middle of a cube's face to its corner, rad.
+const CORNER_RAD: f64 = 0.955_316_618_124_509_3;
+
+/// Pictures of one size.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SkyPictures {
+    /// Side of each, texels.
+    pub side: u32,
+}
+
+/// A place between four texels of a picture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TexelPlace {
+    /// Index of the upper left one among those of all pictures, row by row, picture by picture.
+    pub first: usize,
+    /// Share of the right ones, and of the lower ones.
+    pub share: DVec2,
+}
+
+impl SkyPictures {
+    /// The smallest pictures whose texels are no larger than this, rad.
+    pub fn of_texels(texel_rad: f64) -> Self {
+        Self { side: 2 * ((CORNER_RAD / texel_rad).ceil() + MARGIN_TEXELS) as u32 }
+    }
+
+    /// Angle of a texel along the radius, rad.
+    pub fn texel_rad(self) -> f64 {
+        2.0 * CORNER_RAD / (f64::from(self.side) - 2.0 * MARGIN_TEXELS)
+    }
+
+    /// Texels of all pictures.
+    pub fn texels(self) -> u64 {
+        u64::from(SKY_FACES) * u64::from(self.side) * u64::from(self.side)
+    }
+
+    /// Unit vector towards the middle of a texel by its index, world axes.
+    pub fn direction(self, index: usize) -> DVec3 {
+        let side = self.side as usize;
+        let (face, row, column) = (index / (side * side), index / side % side, index % side);
+        let off = DVec2::new(column as f64 + 0.5, row as f64 + 0.5) - 0.5 * f64::from(self.side);
+        let angle = off.length() * self.texel_rad();
+        let across = off.normalize_or_zero() * angle.sin();
+        world_from_face(face as u32) * DVec3::new(across.x, -across.y, -angle.cos())
+    }
+
+    /// Where a direction (not 0) lies.
+    pub fn place(self, towards: DVec3) -> TexelPlace {
+        let axis = towards.abs().max_position();
+        let sign = 1_f64.copysign(towards[axis]);
+        let off = DVec2::new(sign * towards[(axis + 2) % 3], -towards[(axis + 1) % 3]);
+        let across = off.length();
+        let angle = across.atan2(towards[axis].abs());
+        let place =
+            DVec2::splat(0.5 * f64::from(self.side) - 0.5) + off.normalize_or_zero() * (angle / self.texel_rad());
+        let corner = place.floor();
+        let side = self.side as usize;
+        let face = axis + if sign < 0.0 { 3 } else { 0 };
+        TexelPlace { first: (face * side + corner.y as usize) * side + corner.x as usize, share: place - corner }
+    }
+}
+
+/// Right, up and backwards of a picture, in world axes: shaders turn directions by the same rule.
+pub fn world_from_face(number: u32) -> DMat3 {
+    let axis = number as usize % 3;
+    let sign = if number < 3 { 1.0 } else { -1.0 };
+    let right = sign * DVec3::AXES[(axis + 2) % 3];
+    let up = DVec3::AXES[(axis + 1) % 3];
+    DMat3::from_cols(right, up, -sign * DVec3::AXES[axis])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn texels_lie_where_they_are_looked_for() {
+        for side in [64, 300] {
+            let pictures = SkyPictures { side };
+            assert_eq!(SkyPictures::of_texels(pictures.texel_rad() * (1.0 + 1e-9)), pictures);
+            let mut found = 0;
+            for index in (0..pictures.texels() as usize).step_by(7) {
+                let TexelPlace { first, share } = pictures.place(pictures.direction(index));
+                // A texel beyond the cube's face lies in another picture too, and is looked for there.
+                if first / (side * side) as usize != index / (side * side) as usize {
+                    continue;
+                }
+                found += 1;
+                let nearest = first + share.x.round() as usize + side as usize * share.y.round() as usize;
+                assert_eq!(nearest, index);
+                assert!((share - share.round()).length() < 1e-6, "{index}: {share}");
+            }
+            assert!(found > pictures.texels() as usize / 7 / 2);
+        }
+    }
+}

@@ -1,0 +1,168 @@
+//! Light of no single star: pixels against the twin in f64, at rest, at half the speed of light, through air, behind a body and with glare.
+
+use std::{f64::consts::PI, sync::Arc};
+
+use crate::common::*;
+use glam::{DQuat, DVec2, DVec3};
+use steradian::{
+    FrameRequest, Wanted,
+    catalogue::diffuse::DiffuseSky,
+    observer::{Clock, Observer, Place},
+    photometry::atmosphere::{Air, glow_of},
+    plan::settings::{
+        AccuracySettings, ExposureMode, ExposureSettings, GlareMethod, GlareSettings, RenderSettings, StarMethod,
+    },
+    reference::diffuse::luminance_cd_m2,
+    scene::{
+        Camera, SceneObjects, SceneSnapshot,
+        bodies::SolarBody,
+        surroundings::{LocalSky, Surroundings},
+    },
+    view::{Rig, View, ViewKind, projection::FisheyeMapping},
+};
+
+/// A sky with a band around the axis of the world's z, brighter towards x, of three colours.
+fn band() -> Arc<DiffuseSky> {
+    Arc::new(DiffuseSky::new(0.01, |towards| {
+        let band = (-0.5 * (towards.z / 0.15).powi(2)).exp() * (1.0 + 0.8 * towards.x) + 0.1;
+        [4e-4 * band, 3e-4 * band, 2e-4 * (0.5 * band + 0.1)]
+    }))
+}
+
+/// A band alone, without a star.
+fn scene(camera: Camera) -> SceneSnapshot {
+    let mut scene = snapshot(Vec::new());
+    scene.stars = Arc::new((*scene.stars).clone().with_unresolved(Some(band())));
+    SceneSnapshot { camera, ..scene }
+}
+
+fn views() -> Rig {
+    let fisheye = |fov_rad| ViewKind::Fisheye { size: [96, 96], mapping: FisheyeMapping::Equidistant, fov_rad };
+    let kinds = [
+        ("dome", fisheye(PI), DQuat::IDENTITY),
+        ("window", ViewKind::Perspective { size: [160, 90], fov_y_rad: 1.0 }, DQuat::from_rotation_y(1.1)),
+        ("map", ViewKind::Equirectangular { size: [128, 64] }, DQuat::from_rotation_x(0.4)),
+    ];
+    Rig::new(kinds.map(|(name, kind, turned)| View::new(name, kind, turned, DVec3::ZERO).unwrap()).to_vec()).unwrap()
+}
+
+/// Largest relative error of a channel of the pixels in a direction that is wanted, and how many these are.
+fn worst_of(
+    scene: &SceneSnapshot,
+    settings: &RenderSettings,
+    expected: &dyn Fn(DVec3) -> [f64; 3],
+    wanted: &dyn Fn(DVec3) -> bool,
+) -> (f64, usize) {
+    let rig = views();
+    let frame = render_hdr(&mut renderer(), scene, &rig, settings);
+    let (mut worst, mut compared) = (0.0_f64, 0);
+    for (image, viewport) in frame.images.iter().zip(&rig.viewports(scene.camera.world_from_camera)) {
+        let hdr = image.hdr.as_ref().unwrap();
+        for (index, found) in hdr.iter().enumerate() {
+            let [x, y] = [index as u32 % image.width, index as u32 / image.width].map(f64::from);
+            let mapping = viewport.projection.mapping();
+            let Some(direction) = mapping.direction_from_pixel(DVec2::new(x, y) + 0.5) else { continue };
+            let towards = viewport.world_from_view * direction;
+            if !mapping.contains(x as u32, y as u32) || !wanted(towards) {
+                continue;
+            }
+            let expected = expected(towards);
+            for c in 0..3 {
+                worst = worst.max((f64::from(found[c]) / expected[c] - 1.0).abs());
+            }
+            compared += 1;
+        }
+    }
+    (worst, compared)
+}
+
+#[test]
+fn pixels_have_the_light_of_their_direction() {
+    let sky = band();
+    for velocity_c in [DVec3::ZERO, DVec3::new(0.3, 0.4, 0.0), DVec3::new(-1e-4, 0.0, 0.0), DVec3::new(0.0, 0.0, 0.99)]
+    {
+        let camera = Camera { velocity_c, ..Camera::default() };
+        let settings = settings(StarMethod::Auto);
+        let twin = |towards| luminance_cd_m2(&sky, towards, velocity_c, None);
+        let (worst, compared) = worst_of(&scene(camera), &settings, &twin, &|_| true);
+        println!("velocity {velocity_c}: {compared} pixels, worst {worst:.1e}");
+        assert!(worst < 2e-4 && compared > 25_000, "{velocity_c}: {worst} {compared}");
+        // Another velocity is another sky.
+        let wrong = |towards| luminance_cd_m2(&sky, towards, velocity_c + DVec3::new(0.0, 2e-3, 0.0), None);
+        assert!(worst_of(&scene(camera), &settings, &wrong, &|_| true).0 > 1e-3, "{velocity_c}");
+    }
+}
+
+#[test]
+fn glare_leaves_as_much_light_of_a_smooth_sky_as_there_is() {
+    let sky = band();
+    let glare = GlareSettings { method: GlareMethod::SkyCube, fraction: 0.1, ..GlareSettings::default() };
+    let settings = RenderSettings { glare, ..settings(StarMethod::Auto) };
+    let twin = |towards| luminance_cd_m2(&sky, towards, DVec3::ZERO, None);
+    let (worst, _) = worst_of(&scene(Camera::default()), &settings, &twin, &|_| true);
+    assert!(worst < 3e-4, "{worst}");
+}
+
+#[test]
+fn a_display_image_alone_shows_what_one_with_light_beside_it_shows() {
+    let glare = GlareSettings { method: GlareMethod::SkyCube, ..GlareSettings::default() };
+    let exposure = ExposureSettings { mode: ExposureMode::Manual, ev100: -8.0, ..ExposureSettings::default() };
+    let mut settings = RenderSettings { glare, exposure, ..settings(StarMethod::Auto) };
+    settings.accuracy = AccuracySettings::default();
+    let (scene, rig) = (scene(Camera::default()), views());
+    let mut renderer = renderer();
+    let codes = |renderer: &mut steradian::Renderer, wanted: Wanted| {
+        let frame = renderer.render(FrameRequest::new(&scene, &rig).settings(&settings).wanted(wanted)).unwrap();
+        frame.images.into_iter().flat_map(|image| image.display.unwrap()).collect::<Vec<u8>>()
+    };
+    let alone = codes(&mut renderer, Wanted { display: true, ..Wanted::default() });
+    let beside = codes(&mut renderer, Wanted { display: true, hdr: true, ..Wanted::default() });
+    assert!(alone.iter().max() > Some(&60), "{:?}", alone.iter().max());
+    let worst = alone.iter().zip(&beside).map(|(a, b)| a.abs_diff(*b)).max().unwrap();
+    assert!(worst <= 1, "{worst} codes");
+}
+
+#[test]
+fn air_takes_its_part_and_a_body_hides_all() {
+    let sky = band();
+    let place = Place { latitude_rad: 0.8, longitude_rad: 0.2, height_m: 500.0 };
+    let observer = Observer::new(place, Clock::default(), 8.2e8);
+    let position_m = observer.epoch.position_m;
+    let moon_at = observer.icrs_from_horizon(8.2e8) * DVec3::new(0.3, 0.9, 0.2).normalize();
+    let moon = SolarBody::Moon.body("moon", position_m + moon_at * 3e7);
+    let air = Air::new(0.3, 500.0, glow_of(99.0, [1.0; 3]));
+    let objects = |air: Option<Air>| SceneObjects {
+        bodies: vec![Arc::new(moon.clone())],
+        time_s: 8.2e8,
+        observer: Some(observer.clone()),
+        surroundings: air.map(|air| Arc::new(Surroundings { air: Some(air), ground: None })),
+        ..Default::default()
+    };
+    let camera = Camera { position_m, world_from_camera: observer.icrs_from_horizon(8.2e8), ..Camera::default() };
+    for air in [None, Some(air)] {
+        let scene = SceneSnapshot { objects: Arc::new(objects(air)), ..scene(camera) };
+        let local: Option<LocalSky> = scene.objects.local_sky(position_m);
+        let radius_rad = (1.738e6_f64 / 3e7).asin();
+        let above = |towards: DVec3| local.as_ref().is_none_or(|local| (local.horizon_from_world * towards).y > 0.02);
+        let twin = |towards| luminance_cd_m2(&sky, towards, DVec3::ZERO, local.as_ref());
+        let settings = settings(StarMethod::Auto);
+        let beside = |towards: DVec3| above(towards) && towards.angle_between(moon_at) > radius_rad + 0.06;
+        let (worst, compared) = worst_of(&scene, &settings, &twin, &beside);
+        println!("air {}: {compared} pixels, worst {worst:.1e}", local.is_some());
+        assert!(worst < 2e-4 && compared > 9_000, "{worst} {compared}");
+        // The disc is dark: no Sun shines on it.
+        let none = |_| [1.0; 3];
+        let on_disc = |towards: DVec3| towards.angle_between(moon_at) < radius_rad - 0.04;
+        let frame = render_hdr(&mut renderer(), &scene, &views(), &settings);
+        let viewport = &views().viewports(camera.world_from_camera)[0];
+        let hidden = frame.images[0].hdr.as_ref().unwrap().iter().enumerate().filter(|(index, _)| {
+            let at = DVec2::new((index % 96) as f64 + 0.5, (index / 96) as f64 + 0.5);
+            let direction = viewport.projection.mapping().direction_from_pixel(at);
+            direction.is_some_and(|direction| on_disc(viewport.world_from_view * direction))
+        });
+        for (index, pixel) in hidden {
+            assert!(pixel[..3].iter().all(|c| *c < 1e-6), "{index}: {pixel:?}");
+        }
+        assert!(worst_of(&scene, &settings, &none, &on_disc).1 > 0);
+    }
+}
