@@ -100,7 +100,8 @@ mod tests {
                 assert_eq!(nearest, index);
                 assert!((share - share.round()).length() < 1e-6, "{index}: {share}");
             }
-            assert!(found > pictures.texels() as usize / 7 / 2);
+            // Two of five: the pictures are squares around the faces' corners.
+            assert!(found > pictures.texels() as usize / 7 / 3, "{found}");
         }
     }
 }

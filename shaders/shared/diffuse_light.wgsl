@@ -33,7 +33,7 @@ fn diffuse_luminance(light: DiffuseLight, seen: vec3<f32>) -> vec3<f32> {
         let along = (cosine - light.beta) * gamma / behind;
         towards = normalize((seen - light.velocity * cosine) / behind + light.velocity * along);
         // A black body stays one, of a temperature that the Doppler factor multiplies: its own is 1 / behind.
-        shifted = (exp(DIFFUSE_EXPONENTS) - 1.0) / (exp(min(DIFFUSE_EXPONENTS * behind, vec3(80.0))) - 1.0);
+        shifted = (exp(DIFFUSE_EXPONENTS) - 1.0) / (exp(min(DIFFUSE_EXPONENTS * behind, vec3(87.0))) - 1.0);
     }
     let place = sky_place(light.map, towards);
     let start = place.first;
