@@ -6,7 +6,7 @@
 //! An ellipsoid is the unit sphere, stretched along its axes: a point of its surface is named by the point of the
 //! sphere that it comes from (`seen`). The light of a sun comes from its middle, and falls on all of a body from one
 //! direction and with one illuminance, those at the body's middle: suns are far away, measured by the bodies they
-//! light. Of the shadows that fall on a body (`shadow`) the deepest one of each sun counts.
+//! light. What bodies reflect falls on others in the same way (the light of the Earth on the Moon). Of the shadows that fall on a body (`shadow`) the deepest one of each sun counts.
 
 mod check;
 mod emission;
@@ -27,8 +27,8 @@ pub use self::{
     },
     seen::{Hit, SeenBody, hides},
     shadow::{Occluder, Shadow, hidden_share},
-    suns::{Light, Sun, lights_on, mean_radius_m, suns},
-    texture::{MOST_TEXELS, Texture, TextureError},
+    suns::{Light, Sun, lights_on, mean_radius_m, reflected_lx, suns},
+    texture::Texture,
 };
 pub use crate::{photometry::reflection::ReflectionLaw, solar_system::SolarBody};
 

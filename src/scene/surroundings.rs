@@ -12,13 +12,12 @@ use glam::{DMat3, DVec3};
 
 use super::{
     SceneObjects,
-    bodies::{Body, hidden_share, lights_on, suns},
+    bodies::{Body, hidden_share, lights_on, reflected_lx, suns},
 };
 use crate::observer::Observer;
 use crate::photometry::{
     atmosphere::{Air, measured_over_model},
     rec709::luminance,
-    reflection::sphere_illuminance_lx,
     sky_light::SkyTable,
 };
 
@@ -130,23 +129,10 @@ fn sources(objects: &SceneObjects, eye_m: DVec3) -> Vec<(DVec3, [f64; 3])> {
     let suns = suns(objects);
     let of_body = |body: &Body| -> [f64; 3] {
         let offset_m = body.position_m - eye_m;
-        let distance_m = offset_m.length();
-        let radius_m = body.radii_m.max_element();
         let reflected = lights_on(body, &suns, eye_m).into_iter().map(|light| {
-            let phase_rad = (-offset_m).angle_between(light.direction);
-            let of = |c: usize| {
-                let albedo = body.surface.geometric_albedo[c];
-                sphere_illuminance_lx(
-                    body.surface.law,
-                    albedo,
-                    light.illuminance_lx[c],
-                    radius_m,
-                    distance_m,
-                    phase_rad,
-                )
-            };
+            let lx = reflected_lx(body, -offset_m, &light);
             let open = light.shadow.map_or([1.0; 3], |shadow| shadow.open_share(DVec3::ZERO, light.direction));
-            [0, 1, 2].map(|c| of(c) * open[c])
+            [0, 1, 2].map(|c| lx[c] * open[c])
         });
         let emitted = suns.iter().filter(|_| body.emission.is_some()).find(|sun| sun.position_m == body.position_m);
         let emitted = emitted.and_then(|sun| sun.light_at(eye_m)).map(|light| light.illuminance_lx);

@@ -119,7 +119,13 @@ mod tests {
     #[test]
     fn clouds_have_the_light_of_their_asteroids() {
         let field = field();
-        let sun = Sun { position_m: DVec3::ZERO, intensity_cd: [3e27; 3], radius_m: 7e8, occluders: [].into() };
+        let sun = Sun {
+            position_m: DVec3::ZERO,
+            intensity_cd: [3e27; 3],
+            radius_m: 7e8,
+            occluders: [].into(),
+            reflectors: [].into(),
+        };
         let eye_m = field.position_m - DVec3::new(1e9, 2e8, 5e7);
         let clouds = field_clouds(&[&field], eye_m, std::slice::from_ref(&sun));
         let light: f64 = clouds.iter().map(|cloud| luminance(cloud.source.light)).sum();

@@ -14,10 +14,7 @@
 
 use glam::DVec3;
 
-use crate::{
-    photometry::reflection::sphere_illuminance_lx,
-    scene::bodies::{Body, Light, SeenBody, Sun, Texture, lights_on},
-};
+use crate::scene::bodies::{Body, Light, SeenBody, Sun, Texture, lights_on, reflected_lx};
 
 /// From so many radii on the closed forms count.
 const FAR_RADII: f64 = 1e5;
@@ -66,20 +63,14 @@ pub fn illuminance_lit_by(body: &Body, eye_m: DVec3, lights: &[Light], time_s: f
 
 /// The closed forms.
 fn far_sphere(body: &Body, to_eye_m: DVec3, lights: &[Light]) -> [f64; 3] {
-    let (radius_m, distance_m) = (body.radii_m.x, to_eye_m.length());
-    let towards_eye = to_eye_m / distance_m;
-    [0, 1, 2].map(|channel| {
-        let emitted = body.emission.map_or(0.0, |emission| {
-            let mean_cd_m2 = emission.luminance_cd_m2[channel] * emission.mean_over_middle();
-            std::f64::consts::PI * (radius_m / distance_m).powi(2) * mean_cd_m2
-        });
-        let reflected = lights.iter().map(|light| {
-            let phase_rad = towards_eye.cross(light.direction).length().atan2(towards_eye.dot(light.direction));
-            let (law, albedo) = (body.surface.law, body.surface.geometric_albedo[channel]);
-            sphere_illuminance_lx(law, albedo, light.illuminance_lx[channel], radius_m, distance_m, phase_rad)
-        });
-        emitted + reflected.sum::<f64>()
-    })
+    let disc_sr = std::f64::consts::PI * (body.radii_m.x / to_eye_m.length()).powi(2);
+    let emitted = body.emission.map_or([0.0; 3], |emission| {
+        emission.luminance_cd_m2.map(|channel| disc_sr * channel * emission.mean_over_middle())
+    });
+    lights
+        .iter()
+        .map(|light| reflected_lx(body, to_eye_m, light))
+        .fold(emitted, |sum, light| [0, 1, 2].map(|c| sum[c] + light[c]))
 }
 
 /// The visible disc of a body in the space in which it is the unit sphere.

@@ -234,6 +234,7 @@ impl Bench {
             position_m: DVec3::ZERO,
             intensity_cd: [3e27, 2.9e27, 2.8e27],
             occluders: [].into(),
+            reflectors: [].into(),
         }];
         self.plan_lit(objects, settings, viewports, camera_m, &suns)
     }

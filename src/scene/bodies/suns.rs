@@ -9,10 +9,17 @@ use glam::{DQuat, DVec3};
 
 use super::{Body, Emission, Occluder, Shadow};
 use crate::{
-    photometry::phase_curve::{self, Tilt},
+    photometry::{
+        phase_curve::{self, Tilt},
+        rec709::luminance,
+        reflection::sphere_illuminance_lx,
+    },
     scene::SceneObjects,
+    solar_system::SolarBody,
 };
 
+/// Share of the light of the suns on a body below which that of other bodies is left out: 17.5 magnitudes.
+const LEAST_REFLECTED: f64 = 1e-7;
 /// Radius of the Earth's shadow without its air, m: that of the equator.
 const EARTH_M: f64 = 6_378_137.0;
 
@@ -28,6 +35,8 @@ pub struct Sun {
     pub radius_m: f64,
     /// What may stand before it.
     pub occluders: Arc<[Occluder]>,
+    /// What may reflect its light onto other bodies.
+    pub reflectors: Arc<[Arc<Body>]>,
 }
 
 /// The light of a sun where it falls on something.
@@ -52,7 +61,7 @@ impl Light {
 
 impl Sun {
     /// The sun that a body with an emission is.
-    fn of(body: &Body, emission: &Emission, occluders: &Arc<[Occluder]>) -> Self {
+    fn of(body: &Body, emission: &Emission, around: &Around) -> Self {
         // Light of a limb-darkened element into all directions is pi L(1) (1 - u / 3), and the surface is four times
         // the mean projected area.
         let radius_m = mean_radius_m(body.radii_m);
@@ -61,7 +70,8 @@ impl Sun {
             position_m: body.position_m,
             intensity_cd: emission.luminance_cd_m2.map(|channel| channel * factor),
             radius_m,
-            occluders: Arc::clone(occluders),
+            occluders: Arc::clone(&around.occluders),
+            reflectors: Arc::clone(&around.reflectors),
         }
     }
 
@@ -87,18 +97,67 @@ impl Sun {
     }
 }
 
+/// What stands around suns.
+struct Around {
+    occluders: Arc<[Occluder]>,
+    reflectors: Arc<[Arc<Body>]>,
+}
+
 /// The suns of a scene: its bodies with an emission, in their order.
 pub fn suns(objects: &SceneObjects) -> Vec<Sun> {
     let of_bodies = objects.bodies.iter().map(|body| Occluder::of(body));
     // An observer stands on it.
     let earth = objects.earth_m.map(|position_m| Occluder::earth(position_m, EARTH_M));
-    let occluders: Arc<[Occluder]> = of_bodies.chain(earth).collect();
-    objects.bodies.iter().filter_map(|body| Some(Sun::of(body, body.emission.as_ref()?, &occluders))).collect()
+    let dark = objects.bodies.iter().filter(|body| body.emission.is_none()).cloned();
+    let around = Around {
+        occluders: of_bodies.chain(earth).collect(),
+        reflectors: dark.chain(objects.earth_m.map(|at_m| Arc::new(SolarBody::Earth.body("", at_m)))).collect(),
+    };
+    objects.bodies.iter().filter_map(|body| Some(Sun::of(body, body.emission.as_ref()?, &around))).collect()
 }
 
 /// The light of suns on a body for an eye at `eye_m` (world axes): of a body with a measured phase curve so much more or less than what falls on it that what the eye has of it is the
 /// curve's, if it is as large and as white as the body that was measured. Suns whose middle lies within the body, such as the body itself, do not light it.
+///
+/// Bodies near it light it too, with what they reflect of the suns: the light of the Earth on the Moon.
 pub fn lights_on(body: &Body, suns: &[Sun], eye_m: DVec3) -> Vec<Light> {
+    let direct = suns_on(body, suns, eye_m);
+    let of_suns: f64 = direct.iter().map(|light| luminance(light.illuminance_lx)).sum();
+    let reflected = suns.first().map_or(&[][..], |sun| &sun.reflectors).iter().filter_map(|reflector| {
+        let to_reflector_m = reflector.position_m - body.position_m;
+        let distance_m = to_reflector_m.length();
+        let radius_m = mean_radius_m(reflector.radii_m);
+        // At full phase a white disc gives so much of what falls on it, and farther ones are not worth a look. Bodies that touch are one.
+        let most = (radius_m / distance_m).powi(2);
+        if most < LEAST_REFLECTED || distance_m < radius_m + body.radii_m.max_element() {
+            return None;
+        }
+        let lights = suns_on(reflector, suns, body.position_m);
+        let illuminance_lx = lights.iter().fold([0.0; 3], |sum, light| {
+            let open = light.shadow.map_or([1.0; 3], |shadow| shadow.open_share(DVec3::ZERO, light.direction));
+            let lx = reflected_lx(reflector, -to_reflector_m, light);
+            [0, 1, 2].map(|c| sum[c] + lx[c] * open[c])
+        });
+        let light = Light { direction: to_reflector_m / distance_m, illuminance_lx, shadow: None };
+        let is_seen = luminance(illuminance_lx) > LEAST_REFLECTED * of_suns;
+        is_seen.then(|| with_phase_curve(light, body, eye_m))
+    });
+    direct.iter().copied().chain(reflected).collect()
+}
+
+/// What a far sphere of a body's mean radius reflects of a light towards an eye at `to_eye_m` from its middle, outside of shadows: linear Rec. 709, lx.
+pub fn reflected_lx(body: &Body, to_eye_m: DVec3, light: &Light) -> [f64; 3] {
+    let (radius_m, distance_m) = (mean_radius_m(body.radii_m), to_eye_m.length());
+    let towards_eye = to_eye_m / distance_m;
+    let phase_rad = towards_eye.cross(light.direction).length().atan2(towards_eye.dot(light.direction));
+    [0, 1, 2].map(|c| {
+        let (law, albedo) = (body.surface.law, body.surface.geometric_albedo[c]);
+        sphere_illuminance_lx(law, albedo, light.illuminance_lx[c], radius_m, distance_m, phase_rad)
+    })
+}
+
+/// The light of suns alone on a body.
+fn suns_on(body: &Body, suns: &[Sun], eye_m: DVec3) -> Vec<Light> {
     // Half the smallest axis: no turn of the body matters, and no two suns that do not overlap stand so near.
     let within_m = body.radii_m.min_element() / 2.0;
     let outside = suns.iter().filter(|sun| (sun.position_m - body.position_m).length() > within_m);
@@ -148,6 +207,53 @@ fn mean_projected_area_m2(radii_m: DVec3) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::{
+        scene::bodies::{ReflectionLaw, Surface},
+        units::{ASTRONOMICAL_UNIT_M, illuminance_lx_from_magnitude},
+    };
+
+    /// A grey sphere as large as the Moon, between Sun and Earth, or turned around the Earth.
+    fn grey_moon(angle_rad: f64, distance_m: f64) -> Body {
+        let surface =
+            Surface { law: ReflectionLaw::Lambert, geometric_albedo: [0.1; 3], phase_curve: None, texture: None };
+        let (sin, cos) = angle_rad.sin_cos();
+        let position_m = DVec3::X * ASTRONOMICAL_UNIT_M + DVec3::new(-cos, sin, 0.0) * distance_m;
+        Body { surface, ..SolarBody::Moon.body("moon", position_m) }
+    }
+
+    fn reflected_on(moon: &Body, others: &[SolarBody]) -> Vec<Light> {
+        let at = |of: &SolarBody| match of {
+            SolarBody::Sun => DVec3::ZERO,
+            _ => DVec3::X * ASTRONOMICAL_UNIT_M,
+        };
+        let bodies =
+            others.iter().map(|of| Arc::new(of.body(&format!("{of:?}"), at(of)))).chain([Arc::new(moon.clone())]);
+        let objects = SceneObjects { bodies: bodies.collect(), ..SceneObjects::default() };
+        let mut lights = lights_on(moon, &suns(&objects), DVec3::Z * 1e12);
+        assert!((luminance(lights[0].illuminance_lx) / 1.3e5 - 1.0).abs() < 0.1, "{lights:?}");
+        lights.remove(0);
+        lights
+    }
+
+    #[test]
+    fn the_full_earth_lights_the_moon() {
+        let lights = reflected_on(&grey_moon(0.0, 3.844e8), &[SolarBody::Sun, SolarBody::Earth]);
+        // V = -3.99 at 1 au from both (Mallama and Hilton 2018): -16.94 from the Moon.
+        let expected = illuminance_lx_from_magnitude(-3.99 + 5.0 * (3.844e8 / ASTRONOMICAL_UNIT_M).log10());
+        let found = luminance(lights[0].illuminance_lx);
+        println!("{found:.2} lx, {expected:.2} from the Earth's magnitude");
+        assert!(lights.len() == 1 && (found / expected - 1.0).abs() < 0.03, "{found} {expected}");
+        assert!(lights[0].direction.angle_between(DVec3::X) < 1e-3);
+        let half =
+            luminance(reflected_on(&grey_moon(1.57, 3.844e8), &[SolarBody::Sun, SolarBody::Earth])[0].illuminance_lx);
+        assert!((0.1..0.45).contains(&(half / found)), "{}", half / found);
+        // Nothing from the night side, from far away, or from an Earth that is not there.
+        assert!(
+            reflected_on(&grey_moon(std::f64::consts::PI, 3.844e8), &[SolarBody::Sun, SolarBody::Earth]).is_empty()
+        );
+        assert!(reflected_on(&grey_moon(0.0, 3e10), &[SolarBody::Sun, SolarBody::Earth]).is_empty());
+        assert!(reflected_on(&grey_moon(0.0, 3.844e8), &[SolarBody::Sun]).is_empty());
+    }
 
     #[test]
     fn the_mean_projected_area_is_a_quarter_of_the_surface() {

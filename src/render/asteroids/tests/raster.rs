@@ -132,6 +132,7 @@ fn scene(direction: DVec3, size: f64, halvings: u32) -> (SceneObjects, DVec3, Su
         intensity_cd: [2e27, 3e27, 4e27],
         radius_m: 7e8,
         occluders: [].into(),
+        reflectors: [].into(),
     };
     let body = Body {
         name: "sphere".to_owned(),
