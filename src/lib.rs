@@ -67,6 +67,7 @@ pub mod solar_system;
 pub mod units;
 
 pub mod photometry;
+mod picture_file;
 
 pub mod relativity;
 

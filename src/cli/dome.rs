@@ -13,7 +13,14 @@ use super::{CliError, results};
 use crate::{
     config::{Config, DomeFault, DomeProjector, ViewKindConfig},
     output::{OutputError, png_of},
-    theatre::check::{Dome, DomeReport, Finding, MapPoint, Projector, ProjectorFigures, check},
+    photometry::{
+        rec709::luminance,
+        tone_map::{linear_from_srgb, srgb_from_linear},
+    },
+    picture_file::PictureFile,
+    theatre::check::{
+        CrossReflection, Dome, DomeReport, Finding, GreyedPicture, MapPoint, Projector, ProjectorFigures, check,
+    },
 };
 
 /// Arguments of `dome`.
@@ -33,7 +40,8 @@ enum DomeCommand {
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
     steradian dome check --config dome.toml\n  \
-    steradian dome check --config dome.toml --dome-tilt-deg 20 --html dome.html --json dome.json\n\n\
+    steradian dome check --config dome.toml --dome-tilt-deg 20 --html dome.html --json dome.json\n  \
+    steradian dome check --config dome.toml --reflectivity 0.45 --picture tonight.png\n\n\
     A line per rule: its name, pass or FAIL, the projector, what was found and what is allowed. Exit code 1 if a rule fails.\n\
     The dome is that of the first view of the type dome_master, unless it is given.")]
 struct CheckArguments {
@@ -46,6 +54,12 @@ struct CheckArguments {
     /// Tilt of the dome towards the front, degrees.
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     dome_tilt_deg: Option<f64>,
+    /// Share of the light that the dome's screen reflects: how grey it makes the sky is told.
+    #[arg(long, value_name = "SHARE")]
+    reflectivity: Option<f64>,
+    /// A domemaster (PNG) of the dome to look at with that reflectivity.
+    #[arg(long, value_name = "FILE", requires = "reflectivity")]
+    picture: Option<PathBuf>,
     /// Write the results to a file as JSON.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -67,7 +81,8 @@ pub fn run(arguments: &DomeArguments) -> Result<(), CliError> {
         return Err(CliError::Usage(format!("{}: no view has the type projector", arguments.config.display())));
     }
     let projectors: Vec<Projector<'_>> = found.iter().filter_map(projector).collect();
-    let mut report = check(dome, &projectors);
+    let cross_reflection = cross_reflection(dome, arguments)?;
+    let mut report = DomeReport { cross_reflection, ..check(dome, &projectors) };
     let of_fault = |fault: DomeFault| Finding {
         rule: if fault.folds { "folds" } else { "reads" },
         projector: Some(fault.name),
@@ -105,6 +120,52 @@ fn dome_of(config: &Config, arguments: &CheckArguments) -> Result<Dome, CliError
     Ok(Dome { fov_deg, tilt_deg })
 }
 
+/// The cross-reflection that is asked for.
+fn cross_reflection(dome: Dome, arguments: &CheckArguments) -> Result<Option<CrossReflection>, CliError> {
+    let Some(reflectivity) = arguments.reflectivity else { return Ok(None) };
+    if !(0.0..1.0).contains(&reflectivity) {
+        return Err(CliError::Usage(format!("--reflectivity {reflectivity}: allowed are shares from 0 to below 1")));
+    }
+    let found = CrossReflection::new(dome, reflectivity);
+    let Some(path) = &arguments.picture else { return Ok(Some(found)) };
+    let wanted = "a domemaster is a square PNG of 8 bits per channel";
+    let picture = PictureFile::read(path, wanted).map_err(|error| CliError::Usage(format!("--picture {error}")))?;
+    let [width, height] = picture.size;
+    if width != height {
+        return Err(CliError::Usage(format!(
+            "--picture {}: it has {width} x {height} pixels; {wanted}",
+            path.display()
+        )));
+    }
+    let linear: Vec<f64> = (0..=255).map(|code| linear_from_srgb(f64::from(code) / 255.0)).collect();
+    let light = |texel: &[u8; 4]| luminance([0, 1, 2].map(|c| linear[usize::from(texel[c])]));
+    let light: Vec<f64> = picture.rgba.iter().map(light).collect();
+    Ok(Some(found.with_picture(dome, width, &light)))
+}
+
+/// What cross-reflection does, in words: one line, and one for the picture.
+fn reflection_lines(found: &CrossReflection) -> Vec<String> {
+    let CrossReflection { reflectivity, screen_share, gain, half_white_contrast, mean_ev, picture } = found;
+    let mut lines = vec![format!(
+        "cross-reflection: a screen of reflectivity {reflectivity} that is {screen_share:.3} of the sphere throws {gain:.3} of the mean light back to every place; \
+         a picture half white and half black has a contrast of {half_white_contrast:.1}; EV +{mean_ev:.2} keeps the mean light"
+    )];
+    if let Some(GreyedPicture { mean, median, grey, median_ev }) = picture {
+        let code = |light: f64| 255.0 * srgb_from_linear(light);
+        let compensated = match median_ev {
+            Some(ev) => format!("EV +{ev:.2} brings it back"),
+            None => "no exposure brings it back".to_owned(),
+        };
+        lines.push(format!(
+            "the picture has a mean of {mean:.5} of white and a median of {median:.5} (code {:.0}); what comes back lifts black to {grey:.5} (code {:.0}) and the median to {:.5}: {compensated}",
+            code(*median),
+            code(*grey),
+            median + grey
+        ));
+    }
+    lines
+}
+
 fn projector(of: &DomeProjector) -> Option<Projector<'_>> {
     let DomeProjector { view, screen, dimmed_to } = of;
     let (mapping, dome_from_view) = view.raster()?;
@@ -138,6 +199,9 @@ fn print(report: &DomeReport) -> Result<(), CliError> {
             projector.name,
             100.0 * projector.coverage
         ))?;
+    }
+    for line in report.cross_reflection.iter().flat_map(reflection_lines) {
+        results::line(line)?;
     }
     for finding in findings {
         let (of, outcome) = (finding.of(), finding.outcome());
@@ -187,6 +251,8 @@ fn page(report: &DomeReport) -> Result<String, CliError> {
             })?,
         ),
     ];
+    let lines = report.cross_reflection.iter().flat_map(reflection_lines);
+    let reflection: String = lines.map(|line| format!("<p>{}\n", escaped(&line))).collect();
     let maps: String =
         maps.iter().map(|(title, map)| format!("<figure>{map}<figcaption>{title}</figcaption></figure>\n")).collect();
     Ok(format!(
@@ -194,7 +260,7 @@ fn page(report: &DomeReport) -> Result<String, CliError> {
          td,th{{padding:.2em .8em;border-top:1px solid #444;text-align:left}}.FAIL td{{color:#f86}}figure{{display:inline-block;vertical-align:top;width:24em;margin:1em}}\
          img{{width:100%}}</style>\n\
          <h1>Dome check</h1>\n<p>{outcome} The dome has {} degrees and is tilted by {}. {:.2} % of it has light, {:.2} % of two projectors or more. In the maps the front is at the bottom, as in a domemaster.</p>\n\
-         {maps}\n<table>\n<tr><th>rule<th>projector<th>outcome<th>what was found\n{rows}</table>\n\
+         {reflection}{maps}\n<table>\n<tr><th>rule<th>projector<th>outcome<th>what was found\n{rows}</table>\n\
          <h2>Projectors</h2>\n<table>\n<tr><th>projector<th>of the dome<th>arcminutes per pixel, 5 %<th>median<th>95 %\n{figures}</table>\n",
         report.dome.fov_deg,
         report.dome.tilt_deg,

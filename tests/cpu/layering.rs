@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 /// [`SIBLINGS`] lists. A module that is not here has no place yet: give it one, where it needs least.
 const LAYERS: &[&[&str]] = &[
     &["units", "polynomial", "solar_system", "coordinates", "sky_pictures", "files", "telemetry"],
-    &["photometry"],
+    &["photometry", "picture_file"],
     &["ephemeris", "relativity"],
     &["catalogue"],
     &["observer"],

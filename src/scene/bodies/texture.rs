@@ -1,14 +1,13 @@
 //! Textures of bodies: read from PNG files, sampled between texels.
 
-use std::{
-    io::BufReader,
-    path::{Path, PathBuf},
-};
+use std::path::Path;
 
 use glam::DVec3;
-use png::{BitDepth, ColorType, Transformations};
 
-use crate::{files, photometry::tone_map::linear_from_srgb};
+use crate::{
+    photometry::tone_map::linear_from_srgb,
+    picture_file::{PictureError, PictureFile},
+};
 
 /// Factors on the albedo of a body, in longitude and latitude: the left edge is longitude -180 degrees, the middle is
 /// the body's +x axis, the top is its +z axis; longitude grows to the right, towards +y. Both are those of the point on
@@ -22,38 +21,8 @@ pub struct Texture {
     pub rgb: Vec<[f32; 3]>,
 }
 
-/// Most texels of a texture: 16384 by 8192.
-pub const MOST_TEXELS: u64 = 1 << 27;
-
-/// Why a texture cannot be had.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum TextureError {
-    /// The file cannot be read.
-    #[error("cannot read the texture {}: {source}", path.display())]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// What the system says.
-        source: std::io::Error,
-    },
-    /// The file is no PNG, or a broken one.
-    #[error("{}: {source}; a texture is a PNG of 8 bits per channel, grey or RGB, encoded as sRGB", path.display())]
-    Png {
-        /// The file.
-        path: PathBuf,
-        /// What the decoder says.
-        source: png::DecodingError,
-    },
-    /// The PNG is of another kind.
-    #[error("{}: {problem}; a texture is a PNG of 8 bits per channel, grey or RGB, of at most {MOST_TEXELS} texels", path.display())]
-    Kind {
-        /// The file.
-        path: PathBuf,
-        /// What it is.
-        problem: String,
-    },
-}
+/// What the file of a texture is.
+const WANTED: &str = "a texture is a PNG of 8 bits per channel, grey or RGB";
 
 impl Texture {
     /// Reads a PNG of 8 bits per channel: grey or RGB, palettes too, an alpha channel is refused. Its values are
@@ -61,43 +30,16 @@ impl Texture {
     ///
     /// # Errors
     ///
-    /// See [`TextureError`]; every message names the file.
-    pub fn from_png(path: &Path) -> Result<Self, TextureError> {
-        let read = |source| TextureError::Read { path: path.to_owned(), source };
-        let broken = |source| TextureError::Png { path: path.to_owned(), source };
-        let kind = |problem: String| TextureError::Kind { path: path.to_owned(), problem };
-        let mut decoder = png::Decoder::new(BufReader::new(files::open_regular(path).map_err(read)?));
-        decoder.set_transformations(Transformations::EXPAND);
-        let header = decoder.read_header_info().map_err(broken)?;
-        let size = [header.width, header.height];
-        let texels = u64::from(size[0]) * u64::from(size[1]);
-        if texels > MOST_TEXELS {
-            return Err(kind(format!("it has {} x {} texels", size[0], size[1])));
+    /// See [`PictureError`]; every message names the file.
+    pub fn from_png(path: &Path) -> Result<Self, PictureError> {
+        let PictureFile { size, rgba, has_alpha } = PictureFile::read(path, WANTED)?;
+        if has_alpha {
+            let problem = "it has an alpha channel".to_owned();
+            return Err(PictureError::Kind { path: path.to_owned(), problem, wanted: WANTED });
         }
-        let mut reader = decoder.read_info().map_err(broken)?;
-        // The decoder takes the length of a palette on trust, and panics.
-        if let Some(palette) = &reader.info().palette
-            && (palette.is_empty() || palette.len() % 3 != 0 || palette.len() > 3 * 256)
-        {
-            return Err(kind(format!("its palette has {} bytes: allowed are 1 to 256 colours of 3", palette.len())));
-        }
-        let (colour, depth) = reader.output_color_type();
-        if depth != BitDepth::Eight {
-            return Err(kind(format!("it has {} bits per channel", depth as u8)));
-        }
-        let channels = match colour {
-            ColorType::Grayscale => 1,
-            ColorType::Rgb => 3,
-            _ => return Err(kind("it has an alpha channel".to_owned())),
-        };
-        let length = reader.output_buffer_size().ok_or_else(|| kind("it is too large".to_owned()))?;
-        let mut bytes = vec![0; length];
-        reader.next_frame(&mut bytes).map_err(broken)?;
         let linear: Vec<f32> = (0..=255).map(|value| linear_from_srgb(f64::from(value) / 255.0) as f32).collect();
-        let factor = |byte: u8| linear[usize::from(byte)];
-        let rgb =
-            bytes.chunks_exact(channels).map(|texel| [0, 1, 2].map(|c: usize| factor(texel[c.min(channels - 1)])));
-        Ok(Self { size, rgb: rgb.collect() })
+        let factors = rgba.iter().map(|texel| [0, 1, 2].map(|c| linear[usize::from(texel[c])]));
+        Ok(Self { size, rgb: factors.collect() })
     }
 
     /// Factors at a point of the unit sphere that the body is stretched from.
@@ -123,6 +65,10 @@ impl Texture {
 
 #[cfg(test)]
 mod tests {
+    use std::path::PathBuf;
+
+    use png::{BitDepth, ColorType};
+
     use super::*;
 
     fn written(size: [u32; 2], colour: ColorType, depth: BitDepth, bytes: &[u8]) -> (tempfile::TempDir, PathBuf) {

@@ -2,6 +2,7 @@
 //!
 //! Directions are sampled evenly over the dome (a Fibonacci lattice); each is looked up in every projector's raster.
 
+mod reflection;
 mod rules;
 mod sky;
 #[cfg(test)]
@@ -11,6 +12,7 @@ use glam::{DQuat, DVec2, DVec3};
 use rayon::prelude::*;
 use serde::Serialize;
 
+pub use self::reflection::{CrossReflection, GreyedPicture};
 use self::{rules::Seen, sky::percentiles};
 use super::ScreenSums;
 use crate::view::{projection::PlaneMapping, projector::Blend};
@@ -98,6 +100,8 @@ pub struct DomeReport {
     pub projectors: Vec<ProjectorFigures>,
     /// All rules.
     pub findings: Vec<Finding>,
+    /// The light that the screen throws back onto itself, where its reflectivity is known.
+    pub cross_reflection: Option<CrossReflection>,
     /// A picture of the dome.
     #[serde(skip)]
     pub map: DomeMap,
@@ -190,6 +194,7 @@ pub fn check(dome: Dome, projectors: &[Projector<'_>]) -> DomeReport {
         blend_sum: percentiles(sums, [0.01, 0.5, 0.99]),
         projectors: projectors.iter().zip(&hits).map(figures).collect(),
         findings,
+        cross_reflection: None,
         map: sky::map(dome, projectors),
     }
 }

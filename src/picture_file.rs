@@ -1,0 +1,105 @@
+//! Pictures that are read: PNG files of 8 bits per channel.
+
+use std::{
+    io::BufReader,
+    path::{Path, PathBuf},
+};
+
+use png::{BitDepth, ColorType, Transformations};
+
+use crate::files;
+
+/// Most texels of a picture: 16384 by 8192.
+pub const MOST_TEXELS: u64 = 1 << 27;
+
+/// A picture, row by row from the top.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct PictureFile {
+    /// Width and height.
+    pub size: [u32; 2],
+    /// Codes of red, green, blue and alpha; 255 where the file has no alpha.
+    pub rgba: Vec<[u8; 4]>,
+    /// Whether the file has an alpha channel.
+    pub has_alpha: bool,
+}
+
+/// Why a picture cannot be had. `wanted` says what it should be.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum PictureError {
+    /// The file cannot be read.
+    #[error("cannot read {}: {source}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// The file is no PNG, or a broken one.
+    #[error("{}: {source}; {wanted}", path.display())]
+    Png {
+        /// The file.
+        path: PathBuf,
+        /// What the decoder says.
+        source: png::DecodingError,
+        /// What is allowed.
+        wanted: &'static str,
+    },
+    /// The PNG is of another kind.
+    #[error("{}: {problem}; {wanted}, of at most {MOST_TEXELS} texels", path.display())]
+    Kind {
+        /// The file.
+        path: PathBuf,
+        /// What it is.
+        problem: String,
+        /// What is allowed.
+        wanted: &'static str,
+    },
+}
+
+impl PictureFile {
+    /// Reads a PNG of 8 bits per channel: grey or RGB, palettes too, with or without alpha. `wanted` says what the picture should be, for messages.
+    ///
+    /// # Errors
+    ///
+    /// See [`PictureError`]; every message names the file.
+    pub fn read(path: &Path, wanted: &'static str) -> Result<Self, PictureError> {
+        let read = |source| PictureError::Read { path: path.to_owned(), source };
+        let broken = |source| PictureError::Png { path: path.to_owned(), source, wanted };
+        let kind = |problem: String| PictureError::Kind { path: path.to_owned(), problem, wanted };
+        let mut decoder = png::Decoder::new(BufReader::new(files::open_regular(path).map_err(read)?));
+        decoder.set_transformations(Transformations::EXPAND);
+        let header = decoder.read_header_info().map_err(broken)?;
+        let size = [header.width, header.height];
+        if u64::from(size[0]) * u64::from(size[1]) > MOST_TEXELS {
+            return Err(kind(format!("it has {} x {} texels", size[0], size[1])));
+        }
+        let mut reader = decoder.read_info().map_err(broken)?;
+        // The decoder takes the length of a palette on trust, and panics.
+        if let Some(palette) = &reader.info().palette
+            && (palette.is_empty() || palette.len() % 3 != 0 || palette.len() > 3 * 256)
+        {
+            return Err(kind(format!("its palette has {} bytes: allowed are 1 to 256 colours of 3", palette.len())));
+        }
+        let (colour, depth) = reader.output_color_type();
+        if depth != BitDepth::Eight {
+            return Err(kind(format!("it has {} bits per channel", depth as u8)));
+        }
+        let (channels, has_alpha) = match colour {
+            ColorType::Grayscale => (1, false),
+            ColorType::GrayscaleAlpha => (2, true),
+            ColorType::Rgb => (3, false),
+            ColorType::Rgba => (4, true),
+            ColorType::Indexed => return Err(kind("its palette was not expanded".to_owned())),
+        };
+        let length = reader.output_buffer_size().ok_or_else(|| kind("it is too large".to_owned()))?;
+        let mut bytes = vec![0; length];
+        reader.next_frame(&mut bytes).map_err(broken)?;
+        let colours = if has_alpha { channels - 1 } else { channels };
+        let rgba = bytes.chunks_exact(channels).map(|texel| {
+            let of = |c: usize| texel[c.min(colours - 1)];
+            [of(0), of(1), of(2), if has_alpha { texel[channels - 1] } else { 255 }]
+        });
+        Ok(Self { size, rgba: rgba.collect(), has_alpha })
+    }
+}

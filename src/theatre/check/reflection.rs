@@ -1,0 +1,160 @@
+//! Light that a dome's screen throws back onto itself.
+//!
+//! A screen that reflects evenly into all directions, on a sphere: every place of a sphere is lit by every other one alike (the form factor of two elements is their area over that of the sphere).
+//! With reflectivity r and a screen that is the share f of the sphere (the rest is dark), the light that comes back is the same everywhere, f r / (1 - f r) of the mean that projectors throw
+//! onto the screen (the integrating sphere; Goebel 1967, Applied Optics 6, 125).
+
+use serde::Serialize;
+
+use super::Dome;
+
+/// The dome's cross-reflection, and what it does to pictures.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct CrossReflection {
+    /// Share of the light that the screen reflects.
+    pub reflectivity: f64,
+    /// Share of the sphere that is screen.
+    pub screen_share: f64,
+    /// Light that comes back to every place, over the mean of what projectors throw.
+    pub gain: f64,
+    /// Contrast of a picture of which half is white and half black.
+    pub half_white_contrast: f64,
+    /// By how much the exposure value is to be raised so that the mean light of the dome is that of the picture.
+    pub mean_ev: f64,
+    /// What it does to one picture.
+    pub picture: Option<GreyedPicture>,
+}
+
+/// A picture on the dome.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct GreyedPicture {
+    /// Mean light, as a share of white.
+    pub mean: f64,
+    /// Median: that of the sky between the stars, in a picture of the night.
+    pub median: f64,
+    /// What comes back everywhere, as a share of white: black is as grey as that.
+    pub grey: f64,
+    /// By how much the exposure value is to be raised so that the median is as light as in the picture; `None`: it is black, and cannot be.
+    pub median_ev: Option<f64>,
+}
+
+impl CrossReflection {
+    /// That of a dome with a screen of that reflectivity, 0 to below 1.
+    pub fn new(dome: Dome, reflectivity: f64) -> Self {
+        let screen_share = 0.5 * (1.0 - (0.5 * dome.fov_deg.to_radians()).cos());
+        let back = screen_share * reflectivity;
+        let gain = back / (1.0 - back);
+        Self {
+            reflectivity,
+            screen_share,
+            gain,
+            half_white_contrast: (1.0 + 0.5 * gain) / (0.5 * gain),
+            mean_ev: (1.0 + gain).log2(),
+            picture: None,
+        }
+    }
+
+    /// With a picture: a domemaster (equidistant, as wide as the dome) of that side, row by row, light as a share of white.
+    #[must_use]
+    pub fn with_picture(self, dome: Dome, side: u32, light: &[f64]) -> Self {
+        let half = 0.5 * f64::from(side);
+        let half_fov_rad = 0.5 * dome.fov_deg.to_radians();
+        let mut weighed: Vec<(f64, f64)> = Vec::with_capacity(light.len());
+        for (index, light) in light.iter().enumerate() {
+            let [x, y] = [index as u32 % side, index as u32 / side].map(|at| f64::from(at) + 0.5 - half);
+            let angle = x.hypot(y) / half * half_fov_rad;
+            if angle < half_fov_rad {
+                // Solid angle of a pixel of an equidistant picture.
+                weighed.push((*light, if angle > 0.0 { angle.sin() / angle } else { 1.0 }));
+            }
+        }
+        let whole: f64 = weighed.iter().map(|(_, weight)| weight).sum();
+        let mean = weighed.iter().map(|(light, weight)| light * weight).sum::<f64>() / whole;
+        weighed.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut below = 0.0;
+        let median = weighed.iter().find(|(_, weight)| {
+            below += weight;
+            below >= 0.5 * whole
+        });
+        let median = median.map_or(0.0, |(light, _)| *light);
+        let grey = self.gain * mean;
+        let median_ev = (median > 0.0).then(|| ((median + grey) / median).log2());
+        Self { picture: Some(GreyedPicture { mean, median, grey, median_ev }), ..self }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::PI;
+
+    use glam::DVec3;
+
+    use super::*;
+
+    /// Radiosity of a cap of the sphere element by element: what comes back to each from all others, over the mean that is thrown.
+    fn radiosity(fov_deg: f64, reflectivity: f64, thrown: impl Fn(DVec3) -> f64) -> Vec<f64> {
+        const ELEMENTS: usize = 900;
+        let end = (0.5 * fov_deg.to_radians()).cos();
+        let element_sr = 2.0 * PI * (1.0 - end) / ELEMENTS as f64;
+        let places: Vec<DVec3> = (0..ELEMENTS)
+            .map(|i| {
+                let z = 1.0 - (1.0 - end) * (i as f64 + 0.5) / ELEMENTS as f64;
+                let (sin, cos) = (i as f64 * 2.399_963).sin_cos();
+                DVec3::new(cos, sin, 0.0) * (1.0 - z * z).sqrt() + DVec3::Z * z
+            })
+            .collect();
+        let thrown: Vec<f64> = places.iter().map(|place| thrown(*place)).collect();
+        // cos cos / (pi d^2), as geometry has it.
+        let form = |a: DVec3, b: DVec3| {
+            let off = b - a;
+            let towards = off.normalize();
+            (-a).dot(towards) * b.dot(towards) / (PI * off.length_squared()) * element_sr
+        };
+        let mut back = vec![0.0; ELEMENTS];
+        for _ in 0..60 {
+            back = places
+                .iter()
+                .map(|a| {
+                    let others = places.iter().zip(thrown.iter().zip(&back)).filter(|(b, _)| *b != a);
+                    others.map(|(b, (own, back))| reflectivity * (own + back) * form(*a, *b)).sum()
+                })
+                .collect();
+        }
+        let mean = thrown.iter().sum::<f64>() / ELEMENTS as f64;
+        back.into_iter().map(|light| light / mean).collect()
+    }
+
+    #[test]
+    fn what_comes_back_is_that_of_radiosity_everywhere() {
+        for (fov_deg, reflectivity) in [(180.0, 0.45), (180.0, 0.8), (210.0, 0.3), (120.0, 0.6)] {
+            let expected = CrossReflection::new(Dome { fov_deg, tilt_deg: 0.0 }, reflectivity).gain;
+            let pictures: [fn(DVec3) -> f64; 3] =
+                [|_| 1.0, |place| f64::from(place.x > 0.0), |place| if place.z > 0.99 { 50.0 } else { 0.1 }];
+            for thrown in pictures {
+                for back in radiosity(fov_deg, reflectivity, thrown) {
+                    assert!((back / expected - 1.0).abs() < 0.02, "{fov_deg} {reflectivity}: {back} {expected}");
+                }
+            }
+            let wrong = CrossReflection::new(Dome { fov_deg, tilt_deg: 0.0 }, reflectivity + 0.05).gain;
+            assert!((wrong / expected - 1.0).abs() > 0.02);
+        }
+    }
+
+    #[test]
+    fn a_picture_is_greyed_by_its_mean() {
+        let dome = Dome { fov_deg: 180.0, tilt_deg: 0.0 };
+        let side = 200_u32;
+        // One of a hundred pixels is white, the sky is a thousandth.
+        let light: Vec<f64> = (0..side * side).map(|i| if i % 100 == 0 { 1.0 } else { 1e-3 }).collect();
+        let found = CrossReflection::new(dome, 0.5).with_picture(dome, side, &light);
+        let picture = found.picture.unwrap();
+        assert!((found.gain - 1.0 / 3.0).abs() < 1e-12 && (found.half_white_contrast - 7.0).abs() < 1e-9);
+        assert!((picture.mean - 0.01099).abs() < 4e-4, "{picture:?}");
+        assert!((picture.median - 1e-3).abs() < 1e-12 && (picture.grey - picture.mean / 3.0).abs() < 1e-12);
+        assert!((picture.median_ev.unwrap() - (1.0 + picture.grey / 1e-3).log2()).abs() < 1e-12);
+        let none = CrossReflection::new(dome, 0.0).with_picture(dome, side, &light);
+        assert_eq!((none.gain, none.mean_ev, none.picture.unwrap().grey), (0.0, 0.0, 0.0));
+        let black = CrossReflection::new(dome, 0.5).with_picture(dome, side, &vec![0.0; 200 * 200]);
+        assert_eq!(black.picture.unwrap().median_ev, None);
+    }
+}
