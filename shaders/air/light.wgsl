@@ -48,7 +48,15 @@ struct AirParameters {
     unused_2: u32,
     // Luminance of the ground.
     ground: vec3<f32>,
+    // Azimuth of the middle of the picture of the ground, rad.
+    landscape_azimuth: f32,
+    // Luminance of a white surface.
+    white: vec3<f32>,
     unused_3: u32,
+    // Size of the picture of the ground, texels; 0: there is none.
+    landscape_size: vec2<u32>,
+    unused_4: u32,
+    unused_5: u32,
     sources: array<AirSource, 2>,
 }
 
@@ -60,6 +68,8 @@ struct AirParameters {
 @group(0) @binding(4) var<storage, read> horizon: array<f32>;
 // What the sky shows of 1 lx of each source: nodes of what is smooth, then of what aerosol scatters; src/photometry/sky_light.rs.
 @group(0) @binding(5) var<storage, read> sky: array<vec4<f32>>;
+// The picture of the ground, level by level from the finest: src/scene/landscape.rs.
+@group(0) @binding(6) var<storage, read> landscape: array<u32>;
 
 // The pixel's share of ground is found where the horizon is nearer than this, in sines: pixels are no larger.
 const NEAR_HORIZON: f32 = 0.1;
@@ -103,6 +113,44 @@ fn horizon_sine(heading: vec2<f32>) -> f32 {
     return mix(horizon[first % HORIZON_STEPS], horizon[(first + 1u) % HORIZON_STEPS], at - f32(first));
 }
 
+fn landscape_texel(index: u32) -> vec4<f32> {
+    let word = unpack4x8unorm(landscape[index]);
+    return vec4(word.xyz * word.xyz, word.w);
+}
+
+// One level of the picture of the ground, between its four nearest texels.
+fn landscape_level(first: u32, size: vec2<u32>, place: vec2<f32>) -> vec4<f32> {
+    let at = place * vec2<f32>(size) - 0.5;
+    let low = floor(at);
+    let part = at - low;
+    let width = i32(size.x);
+    let x = vec2((i32(low.x) % width + width) % width, (i32(low.x) + 1 + width) % width);
+    let y = clamp(vec2(i32(low.y), i32(low.y) + 1), vec2(0), vec2(i32(size.y) - 1)) * width;
+    let upper = mix(landscape_texel(first + u32(y.x + x.x)), landscape_texel(first + u32(y.x + x.y)), part.x);
+    let lower = mix(landscape_texel(first + u32(y.y + x.x)), landscape_texel(first + u32(y.y + x.y)), part.x);
+    return mix(upper, lower, part.y);
+}
+
+// Reflectance times the hidden share, and that share, of a pixel of an angular size.
+fn landscape_at(sine: f32, heading: vec2<f32>, pixel_rad: f32) -> vec4<f32> {
+    let azimuth = precise_atan2(heading.y, heading.x);
+    let altitude = precise_atan2(sine, length(heading));
+    let place = vec2(fract((azimuth - parameters.landscape_azimuth) / (2.0 * PI) + 0.5), 0.5 - altitude / PI);
+    var size = parameters.landscape_size;
+    var first = 0u;
+    var level = clamp(log2(max(pixel_rad * f32(size.y) / PI, 1.0)), 0.0, 31.0);
+    while level >= 1.0 && min(size.x, size.y) > 1u {
+        first += size.x * size.y;
+        size = max(size / 2u, vec2(1u));
+        level -= 1.0;
+    }
+    let fine = landscape_level(first, size, place);
+    if level <= 0.0 || min(size.x, size.y) == 1u {
+        return fine;
+    }
+    return mix(fine, landscape_level(first + size.x * size.y, max(size / 2u, vec2(1u)), place), min(level, 1.0));
+}
+
 @compute @workgroup_size(RAY_SIDE, RAY_SIDE)
 fn add_air(@builtin(global_invocation_id) id: vec3<u32>) {
     let tile = tiles[parameters.tile];
@@ -133,20 +181,30 @@ fn add_air(@builtin(global_invocation_id) id: vec3<u32>) {
         light = light * passed + parameters.light_share * added;
     }
     if parameters.has_ground != 0u {
-        let above = sine - horizon_sine(heading);
-        var share = select(0.0, 1.0, above < 0.0);
-        if abs(above) < NEAR_HORIZON {
-            // Pixels across the horizon show both.
+        var share = 0.0;
+        var ground = parameters.ground;
+        if parameters.landscape_size.x > 0u {
             let right = direction_of_point(viewport, centre + vec2(1.0, 0.0));
-            let down = direction_of_point(viewport, centre + vec2(0.0, 1.0));
             let own = direction_of_point(viewport, centre);
-            let slopes = vec2(
-                dot(world_direction(viewport, right - own), parameters.zenith),
-                dot(world_direction(viewport, down - own), parameters.zenith));
-            share = clamp(0.5 - above / max(abs(slopes.x) + abs(slopes.y), 1e-7), 0.0, 1.0);
+            let seen = landscape_at(sine, heading, length(cross(own, right)) / max(dot(own, own), 1e-12));
+            share = seen.w;
+            ground = parameters.white * seen.xyz / max(seen.w, 1e-6);
+        } else {
+            let above = sine - horizon_sine(heading);
+            share = select(0.0, 1.0, above < 0.0);
+            if abs(above) < NEAR_HORIZON {
+                // Pixels across the horizon show both.
+                let right = direction_of_point(viewport, centre + vec2(1.0, 0.0));
+                let down = direction_of_point(viewport, centre + vec2(0.0, 1.0));
+                let own = direction_of_point(viewport, centre);
+                let slopes = vec2(
+                    dot(world_direction(viewport, right - own), parameters.zenith),
+                    dot(world_direction(viewport, down - own), parameters.zenith));
+                share = clamp(0.5 - above / max(abs(slopes.x) + abs(slopes.y), 1e-7), 0.0, 1.0);
+            }
         }
         if share > 0.0 {
-            light = mix(light, parameters.light_share * parameters.ground, share);
+            light = mix(light, parameters.light_share * ground, share);
             let flags = word & (COVER_LIMB | COVER_MESH);
             word = cover_word(1.0 - (1.0 - share) * (1.0 - coverage_of(word)), select(flags, 0u, share >= 1.0), 0.0);
         }

@@ -6,6 +6,7 @@ pub mod constellations;
 pub mod diffuse;
 pub mod epoch;
 pub mod galaxy;
+pub mod healpix;
 pub mod motion;
 pub mod overlap;
 pub mod packed;

@@ -137,6 +137,7 @@ impl Inputs {
             UsedCatalogue {
                 name: match configured {
                     CatalogueConfig::Named(name) => name.clone(),
+                    CatalogueConfig::Light(light) => format!("light of {}", light.file.display()),
                     CatalogueConfig::Galaxy(_) => loaded.name.clone(),
                 },
                 stars: loaded.stars,

@@ -45,7 +45,7 @@ use look::{Aim, Towards};
 pub use observer::ObserverConfig;
 pub use overlay::{GridConfig, LabelConfig, OverlayConfig, TrajectoryConfig};
 pub use projector::{BlendConfig, ProjectorConfig, ProjectorMethod, RowsConfig};
-pub use scene::{CameraConfig, CatalogueConfig, GalaxyConfig, SceneConfig};
+pub use scene::{CameraConfig, CatalogueConfig, GalaxyConfig, LightConfig, LightUnit, SceneConfig};
 use schemars::JsonSchema;
 use serde::Deserialize;
 pub use server::{CertificateConfig, Role, ServerConfig, Sha256Hex, TlsConfig, TokenConfig, UNIX_PREFIX, parse_listen};
@@ -61,6 +61,7 @@ pub use windows::{MOST_WINDOWS, MonitorChoice, WindowConfig, WindowFormat};
 use crate::catalogue::bright;
 use crate::catalogue::epoch::Epoch;
 use crate::catalogue::galaxy::GalaxyParameters;
+use crate::catalogue::healpix::LightMap;
 use crate::coordinates::lon_lat_from_direction;
 use crate::files;
 use crate::observer::{Moment, Observer, frame_from_camera};
@@ -238,11 +239,11 @@ impl Config {
         })
     }
 
-    /// The files that it names and that pictures depend on: catalogues, point-spread functions, textures, shapes and calibrations, with paths that start at
+    /// The files that it names and that pictures depend on: catalogues, point-spread functions, textures, a landscape, shapes and calibrations, with paths that start at
     /// the working directory or the root. What those name in turn is not among them.
     pub fn named_files(&self) -> Vec<PathBuf> {
         let catalogues = self.star_sources().into_iter().filter_map(|source| match source {
-            StarSource::File(path) => Some(path),
+            StarSource::File(path) | StarSource::Light(LightMap { path, .. }) => Some(path),
             StarSource::Bright | StarSource::Galaxy(_) => None,
         });
         let of_views = self.views.iter().filter_map(|view| {
@@ -257,10 +258,12 @@ impl Config {
             _ => Vec::new(),
         });
         let textures = self.bodies.iter().filter_map(|body| Some(self.folder.join(body.texture.as_ref()?)));
+        let landscape = self.scene.observer.as_ref().and_then(|observer| observer.ground.landscape.as_ref());
+        let landscape = landscape.map(|file| self.folder.join(file));
         let mut files: Vec<PathBuf> = catalogues.collect();
         files.extend(self.stars.psf_texture.file.clone());
         files.extend(self.glare.psf_file.clone());
-        files.extend(of_views.chain(calibrations).chain(textures));
+        files.extend(of_views.chain(calibrations).chain(textures).chain(landscape));
         files.extend(self.shape_files());
         files
     }
@@ -516,7 +519,10 @@ impl Config {
         let fields = made.into_iter().map(|made| made.field).collect();
         let overlay = Arc::new(self.build_overlay().map_err(|fault| self.error(fault))?);
         let observer = self.observer();
-        let surroundings = self.scene.observer.as_ref().and_then(ObserverConfig::surroundings).map(Arc::new);
+        let of_observer = |observer: &ObserverConfig| observer.surroundings(&self.folder);
+        let surroundings = self.scene.observer.as_ref().map(of_observer).transpose();
+        let surroundings =
+            surroundings.map_err(|fault| self.error(fault.within("scene.observer")))?.flatten().map(Arc::new);
         let time_s = self.scene.time_s();
         Ok(SceneObjects { bodies, fields, time_s, observer, surroundings, local_sky: None, earth_m: None, overlay }
             .placed())
@@ -530,6 +536,7 @@ impl Config {
             .map(|catalogue| match catalogue {
                 CatalogueConfig::Named(name) if name == bright::NAME => StarSource::Bright,
                 CatalogueConfig::Named(name) => StarSource::File(self.folder.join(name)),
+                CatalogueConfig::Light(light) => StarSource::Light(light.map(&self.folder)),
                 CatalogueConfig::Galaxy(galaxy) => StarSource::Galaxy(GalaxyParameters {
                     unresolved_light: galaxy.unresolved_light,
                     stars: galaxy.stars,

@@ -1,5 +1,7 @@
 //! `[scene.observer]`: a place on the Earth from where the scene is seen.
 
+use std::path::Path;
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -55,10 +57,11 @@ impl ObserverConfig {
         }
     }
 
-    /// What is around it; `None`: nothing.
-    pub(super) fn surroundings(&self) -> Option<Surroundings> {
-        let surroundings = Surroundings { air: self.air.air(self.height_m), ground: self.ground.ground() };
-        (surroundings.air.is_some() || surroundings.ground.is_some()).then_some(surroundings)
+    /// What is around it; `None`: nothing. Files are read from paths that start at `folder`; a fault names the key below `scene.observer`.
+    pub(super) fn surroundings(&self, folder: &Path) -> Result<Option<Surroundings>, Fault> {
+        let ground = self.ground.ground(folder).map_err(|fault| fault.within("ground"))?;
+        let surroundings = Surroundings { air: self.air.air(self.height_m), ground };
+        Ok((surroundings.air.is_some() || surroundings.ground.is_some()).then_some(surroundings))
     }
 
     /// Where it looks; a fault names the key below `scene.observer`.

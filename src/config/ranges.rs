@@ -81,6 +81,7 @@ const CHECKED_HERE: &[Range] = &[
     closed("scene.observer.air.extinction_mag", [0.0, 2.0], "magnitudes"),
     closed("scene.observer.air.night_sky_mag", [10.0, 30.0], "magnitudes per square arcsecond"),
     closed("scene.observer.ground.albedo", SHARE, ""),
+    closed("scene.observer.ground.landscape_azimuth_deg", [-360.0, 360.0], "degrees"),
     closed("stars.magnitude_limit", MAGNITUDE, ""),
     closed("stars.pixel_gaussian.sigma_px", SIGMAS_PX, "pixels"),
     above_0("stars.pixel_gaussian.sigma_arcmin", PixelGaussianSettings::MOST_SIGMA_ARCMIN, "arcminutes"),

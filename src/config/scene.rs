@@ -1,6 +1,9 @@
 //! `[scene]`: what there is to see, when, and from where.
 
-use std::time::SystemTime;
+use std::{
+    path::{Path, PathBuf},
+    time::SystemTime,
+};
 
 use glam::{DQuat, DVec3};
 use schemars::JsonSchema;
@@ -14,6 +17,7 @@ use super::error::Fault;
 use super::look::{Aim, Look};
 use super::observer::ObserverConfig;
 use crate::catalogue::galaxy::MOST_STARS;
+use crate::catalogue::healpix::{BrightnessUnit, LightMap};
 use crate::observer::{Frame, Observer};
 use crate::scene::{Camera, PoseError};
 use crate::units::J2000_UNIX_S;
@@ -22,7 +26,7 @@ use crate::units::J2000_UNIX_S;
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SceneConfig {
-    /// Star catalogues, concatenated: `"builtin:bright"`, files (CSV, JSON or stores), or `{ galaxy = { ... } }` for synthetic stars.
+    /// Star catalogues, concatenated: `"builtin:bright"`, files (CSV, JSON or stores), `{ galaxy = { ... } }` for synthetic stars, or `{ light = { ... } }` for a map of light that is of no single star.
     pub catalogues: Vec<CatalogueConfig>,
     /// Time shown, with its offset from UTC, or `"now"`: spins and ephemerides follow it. Days have 86,400 s; a 60th second is the first of the next minute.
     #[schemars(schema_with = "super::reference::time")]
@@ -79,6 +83,8 @@ fn default_time() -> Datetime {
 pub enum CatalogueConfig {
     /// Synthetic stars.
     Galaxy(GalaxyConfig),
+    /// A map of light.
+    Light(LightConfig),
     /// `builtin:bright`, or a file: CSV, JSON or a store. Relative paths start at the configuration's folder.
     #[serde(untagged)]
     Named(String),
@@ -100,6 +106,47 @@ pub struct GalaxyConfig {
     pub unresolved_light: bool,
 }
 
+/// A map of light that is of no single star, in the place of that of the galaxy: HEALPix cells in a FITS file, nested, in celestial coordinates, with one column of numbers.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LightConfig {
+    /// The file. Relative paths start at the configuration's folder.
+    pub file: PathBuf,
+    /// What the numbers mean.
+    pub unit: LightUnit,
+    /// Colour of all of it: that of a star of this B-V, magnitudes.
+    #[serde(default = "background_b_v")]
+    pub b_v: f64,
+}
+
+/// Unit of a map of light.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum LightUnit {
+    /// Luminance.
+    CdM2,
+    /// Stars of V = 10 per square degree.
+    S10,
+    /// V magnitudes per square arcsecond.
+    MagArcsec2,
+}
+
+fn background_b_v() -> f64 {
+    0.8
+}
+
+impl LightConfig {
+    /// The map, whose path starts at `folder`.
+    pub(super) fn map(&self, folder: &Path) -> LightMap {
+        let unit = match self.unit {
+            LightUnit::CdM2 => BrightnessUnit::Luminance,
+            LightUnit::S10 => BrightnessUnit::S10,
+            LightUnit::MagArcsec2 => BrightnessUnit::MagnitudePerArcsec2,
+        };
+        LightMap { path: folder.join(&self.file), unit, b_v: self.b_v }
+    }
+}
+
 fn one() -> u64 {
     1
 }
@@ -116,10 +163,11 @@ impl<'de> Deserialize<'de> for CatalogueConfig {
 
 struct CatalogueVisitor;
 
-#[derive(Deserialize, Serialize, JsonSchema)]
+#[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct GalaxyEntry {
-    galaxy: GalaxyConfig,
+struct CatalogueEntry {
+    galaxy: Option<GalaxyConfig>,
+    light: Option<LightConfig>,
 }
 
 impl<'de> Visitor<'de> for CatalogueVisitor {
@@ -127,7 +175,7 @@ impl<'de> Visitor<'de> for CatalogueVisitor {
 
     fn expecting(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         formatter
-            .write_str("\"builtin:bright\", a file, or { galaxy = { stars = 300000, seed = 1, fainter_than = 6.5 } }")
+            .write_str("\"builtin:bright\", a file, or { galaxy = { stars = 300000, seed = 1, fainter_than = 6.5 } }, or { light = { file = \"sky.fits\", unit = \"s10\" } }")
     }
 
     fn visit_str<E: Error>(self, name: &str) -> Result<CatalogueConfig, E> {
@@ -142,8 +190,11 @@ impl<'de> Visitor<'de> for CatalogueVisitor {
     }
 
     fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<CatalogueConfig, A::Error> {
-        let entry = GalaxyEntry::deserialize(MapAccessDeserializer::new(map))?;
-        Ok(CatalogueConfig::Galaxy(entry.galaxy))
+        match CatalogueEntry::deserialize(MapAccessDeserializer::new(map))? {
+            CatalogueEntry { galaxy: Some(galaxy), light: None } => Ok(CatalogueConfig::Galaxy(galaxy)),
+            CatalogueEntry { galaxy: None, light: Some(light) } => Ok(CatalogueConfig::Light(light)),
+            _ => Err(A::Error::custom("a catalogue of this kind has one key: galaxy or light")),
+        }
     }
 }
 
@@ -197,6 +248,12 @@ impl SceneConfig {
     /// Checks what types alone do not say; a fault names the key below `scene`.
     pub(super) fn check(&self) -> Result<(), Fault> {
         for (index, catalogue) in self.catalogues.iter().enumerate() {
+            if let CatalogueConfig::Light(light) = catalogue
+                && !(-0.5..=3.0).contains(&light.b_v)
+            {
+                let problem = format!("{}: allowed are -0.5 to 3 magnitudes", light.b_v);
+                return Err(Fault::new(format!("catalogues[{index}].light.b_v"), problem));
+            }
             if let CatalogueConfig::Galaxy(galaxy) = catalogue {
                 galaxy.check().map_err(|fault| fault.within(&format!("catalogues[{index}].galaxy")))?;
             }

@@ -1,5 +1,10 @@
 //! `[scene.observer.air]` and `[scene.observer.ground]`.
 
+use std::{
+    path::{Path, PathBuf},
+    sync::Arc,
+};
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -8,7 +13,10 @@ use crate::photometry::{
     atmosphere::{Air, glow_of},
     blackbody::rec709_in_gamut,
 };
-use crate::scene::surroundings::{Ground, Horizon};
+use crate::scene::{
+    landscape::Landscape,
+    surroundings::{Ground, Horizon},
+};
 
 /// Colour of the night sky, that of light which is mostly the Sun's and of stars, K: measured are values of B - V from 0.7 to 1.
 const GLOW_K: f64 = 5772.0;
@@ -43,6 +51,11 @@ pub struct GroundConfig {
     pub albedo: f64,
     /// The line up to which it reaches, as pairs of azimuth, 0 to 360 and rising, and altitude, -90 to 90; straight between them and around. Empty: altitude 0.
     pub horizon_deg: Vec<[f64; 2]>,
+    /// A panorama in the place of that line: a PNG with alpha, twice as wide as high, all azimuths growing to the right, the zenith at the top. Its colour is what it reflects, its alpha how far it
+    /// hides the sky. Relative paths start at the configuration's folder.
+    pub landscape: Option<PathBuf>,
+    /// Azimuth of the middle of the panorama.
+    pub landscape_azimuth_deg: f64,
 }
 
 impl Default for AirConfig {
@@ -53,7 +66,7 @@ impl Default for AirConfig {
 
 impl Default for GroundConfig {
     fn default() -> Self {
-        Self { enabled: true, albedo: 0.15, horizon_deg: Vec::new() }
+        Self { enabled: true, albedo: 0.15, horizon_deg: Vec::new(), landscape: None, landscape_azimuth_deg: 180.0 }
     }
 }
 
@@ -84,6 +97,10 @@ impl GroundConfig {
             let problem = format!("{} points: allowed are up to {MOST_POINTS}", self.horizon_deg.len());
             return Err(Fault::new("horizon_deg", problem));
         }
+        if self.landscape.is_some() && !self.horizon_deg.is_empty() {
+            let problem = "landscape is given too, whose alpha is the horizon: at most one of both is allowed";
+            return Err(Fault::new("horizon_deg", problem));
+        }
         let mut last = f64::NEG_INFINITY;
         for (index, [azimuth_deg, altitude_deg]) in self.horizon_deg.iter().copied().enumerate() {
             let key = format!("horizon_deg[{index}]");
@@ -103,10 +120,17 @@ impl GroundConfig {
         Ok(())
     }
 
-    /// The ground; none where it is turned off.
-    pub(super) fn ground(&self) -> Option<Ground> {
+    /// The ground; none where it is turned off. Its landscape is read, from a path that starts at `folder`; a fault names the key below `scene.observer.ground`.
+    pub(super) fn ground(&self, folder: &Path) -> Result<Option<Ground>, Fault> {
+        if !self.enabled {
+            return Ok(None);
+        }
         let points = self.horizon_deg.iter().map(|point| point.map(f64::to_radians)).collect();
-        self.enabled.then(|| Ground { horizon: Horizon::new(points), albedo: self.albedo })
+        let read = |file: &PathBuf| Landscape::from_png(&folder.join(file), self.landscape_azimuth_deg.to_radians());
+        let landscape = self.landscape.as_ref().map(read).transpose();
+        let landscape = landscape.map_err(|error| Fault::new("landscape", error.to_string()))?;
+        let horizon = landscape.as_ref().map_or_else(|| Horizon::new(points), Landscape::horizon);
+        Ok(Some(Ground { horizon, albedo: self.albedo, landscape: landscape.map(Arc::new) }))
     }
 }
 

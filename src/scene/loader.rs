@@ -14,6 +14,7 @@ use crate::catalogue::chunks::StarSet;
 use crate::catalogue::diffuse::DiffuseSky;
 use crate::catalogue::epoch::Epoch;
 use crate::catalogue::galaxy::{self, Galaxy, GalaxyError, GalaxyParameters};
+use crate::catalogue::healpix::{LightMap, LightMapError};
 use crate::catalogue::overlap::{Overlap, find_overlaps};
 use crate::catalogue::reader::{CatalogueError, ReadReport, read_file};
 use crate::catalogue::store::{self, StoreError};
@@ -28,6 +29,8 @@ pub enum StarSource {
     File(PathBuf),
     /// Synthetic stars.
     Galaxy(GalaxyParameters),
+    /// A map of light that is of no single star.
+    Light(LightMap),
 }
 
 impl fmt::Display for StarSource {
@@ -35,6 +38,7 @@ impl fmt::Display for StarSource {
         match self {
             StarSource::Bright => f.write_str(bright::NAME),
             StarSource::File(path) => write!(f, "{}", path.display()),
+            StarSource::Light(map) => write!(f, "light of {}", map.path.display()),
             StarSource::Galaxy(GalaxyParameters { stars, seed, fainter_than, .. }) => {
                 write!(f, "synthetic galaxy ({stars} stars, seed {seed}")?;
                 match fainter_than {
@@ -98,6 +102,9 @@ pub enum LoadError {
     /// A store.
     #[error(transparent)]
     Store(#[from] StoreError),
+    /// A map of light.
+    #[error(transparent)]
+    Light(#[from] LightMapError),
     /// The numbers of a synthetic galaxy.
     #[error("scene.catalogues[{index}].galaxy: {source}")]
     Galaxy {
@@ -132,14 +139,18 @@ pub fn load_stars(
 
     let mut report = LoadReport::default();
     let mut loaded: Vec<Vec<StarRecord>> = Vec::with_capacity(sources.len());
-    let mut unresolved = None;
+    let (mut unresolved, mut map) = (None, None);
     for (index, source) in sources.iter().enumerate() {
         progress(LoadStep::Catalogue { name: source.to_string(), index, of: sources.len() });
         let Read { stars, rows, unresolved: of_source } = read(source, index, epoch.years)?;
         report.catalogues.push(LoadedCatalogue { name: source.to_string(), stars: stars.len(), rows });
         loaded.push(stars);
-        // Two galaxies are two sets of stars of one sky: the fainter one's rest is what is left.
-        unresolved = of_source.or(unresolved);
+        // One sky has one rest: that of a map, else of the last galaxy.
+        if matches!(source, StarSource::Light(_)) {
+            map = of_source;
+        } else {
+            unresolved = of_source.or(unresolved);
+        }
     }
 
     // Synthetic stars are no entries for a real star: where one comes near a real one by chance, both are meant.
@@ -164,7 +175,7 @@ pub fn load_stars(
     if epoch.seen_from.is_some() {
         records.par_iter_mut().for_each(|record| *record = epoch.seen(*record));
     }
-    Ok((StarSet::from_records(records).of_epoch(*epoch).with_unresolved(unresolved.map(Arc::new)), report))
+    Ok((StarSet::from_records(records).of_epoch(*epoch).with_unresolved(map.or(unresolved).map(Arc::new)), report))
 }
 
 /// Whether the file is a store, by its first bytes or, so that a damaged one is reported as such, by its extension.
@@ -191,6 +202,7 @@ fn read(source: &StarSource, index: usize, years: f64) -> Result<Read, LoadError
                 galaxy::generate(parameters).map_err(|source| LoadError::Galaxy { index, source })?;
             Ok(Read { unresolved, ..of_stars(stars) })
         }
+        StarSource::Light(map) => Ok(Read { unresolved: Some(map.read()?), ..of_stars(Vec::new()) }),
         StarSource::File(path) if is_store(path)? => Ok(of_stars(store::records_of(&store::read(path)?.stars))),
         StarSource::File(path) => {
             let read = read_file(path, years)?;

@@ -3,6 +3,7 @@
 pub mod asteroids;
 pub mod bodies;
 mod clock;
+pub mod landscape;
 pub mod loader;
 mod objects;
 pub mod overlay;

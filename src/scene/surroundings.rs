@@ -1,6 +1,6 @@
 //! What is around an observer on the ground: the ground itself, up to the horizon, and the air.
 //!
-//! The ground hides what is below the horizon, which may be a line of hills; it reflects the light of the sky and of what stands in it as a Lambert surface. The air takes a part of the
+//! The ground hides what is below the horizon, which may be a line of hills; it reflects the light of the sky and of what stands in it as a Lambert surface, or a picture of it does (`landscape`). The air takes a part of the
 //! light that comes through it, and scatters light of the sources in the sky ([`crate::photometry::atmosphere`]). Directions are those without refraction.
 
 use std::{
@@ -13,6 +13,7 @@ use glam::{DMat3, DVec3};
 use super::{
     SceneObjects,
     bodies::{Body, hidden_share, lights_on, reflected_lx, suns},
+    landscape::Landscape,
 };
 use crate::observer::Observer;
 use crate::photometry::{
@@ -89,6 +90,8 @@ pub struct Ground {
     pub horizon: Horizon,
     /// What it reflects of light, 0 to 1.
     pub albedo: f64,
+    /// A picture of it, up to whose line it reaches then.
+    pub landscape: Option<Arc<Landscape>>,
 }
 
 /// A source of light in the sky.
@@ -113,14 +116,18 @@ pub struct LocalSky {
     pub horizon: Option<Horizon>,
     /// Sources whose light air scatters, at most [`MOST_SOURCES`].
     pub sources: Vec<SkySource>,
+    /// The picture of the ground.
+    pub landscape: Option<Arc<Landscape>>,
     /// Luminance of the ground, linear Rec. 709, cd/m^2.
     pub ground_cd_m2: [f64; 3],
+    /// Luminance of a white level surface, the same.
+    pub white_cd_m2: [f64; 3],
     /// Mean luminance of the sky above the horizon, cd/m^2.
     pub mean_cd_m2: f64,
 }
 
 /// Azimuth of a direction in the axes of the horizon, rad.
-fn azimuth(local: DVec3) -> f64 {
+pub(super) fn azimuth(local: DVec3) -> f64 {
     local.x.atan2(-local.z)
 }
 
@@ -200,8 +207,10 @@ impl LocalSky {
             horizon_from_world,
             air: surroundings.air.clone(),
             horizon: surroundings.ground.as_ref().map(|ground| ground.horizon.clone()),
+            landscape: surroundings.ground.as_ref().and_then(|ground| ground.landscape.clone()),
             sources: Vec::new(),
             ground_cd_m2: [0.0; 3],
+            white_cd_m2: [0.0; 3],
             mean_cd_m2: 0.0,
         }
     }
@@ -226,8 +235,9 @@ impl LocalSky {
             (0..3).for_each(|c| lit_lx[c] += light[c] * passed[c] * sine);
         }
         sky.mean_cd_m2 = mean;
-        sky.ground_cd_m2 =
-            surroundings.ground.as_ref().map_or([0.0; 3], |ground| lit_lx.map(|lx| lx * ground.albedo / PI));
+        sky.white_cd_m2 = lit_lx.map(|lx| lx / PI);
+        let albedo = surroundings.ground.as_ref().map_or(0.0, |ground| ground.albedo);
+        sky.ground_cd_m2 = sky.white_cd_m2.map(|white| white * albedo);
         sky
     }
 
@@ -313,6 +323,16 @@ impl LocalSky {
         [0, 1, 2].map(|c| shown_cd_m2[c] * passed[c] + added[c])
     }
 
+    /// Luminance of the ground in a direction times the share of it that is hidden, linear Rec. 709, cd/m^2, and that share.
+    pub fn ground(&self, direction: DVec3) -> ([f64; 3], f64) {
+        if let Some(landscape) = &self.landscape {
+            let [r, g, b, share] = landscape.sample(self.horizon_from_world * direction);
+            let reflected = [r, g, b];
+            return ([0, 1, 2].map(|c| self.white_cd_m2[c] * reflected[c]), share);
+        }
+        if self.hides(direction) { (self.ground_cd_m2, 1.0) } else { ([0.0; 3], 0.0) }
+    }
+
     /// Luminance of the sky or, below the horizon, of the ground in a direction, linear Rec. 709, cd/m^2.
     pub fn luminance_cd_m2(&self, direction: DVec3) -> [f64; 3] {
         if self.hides(direction) { self.ground_cd_m2 } else { self.scattered_cd_m2(direction) }
@@ -324,7 +344,7 @@ mod tests {
     use super::*;
 
     fn surroundings(air: bool, points: Vec<[f64; 2]>) -> Surroundings {
-        let ground = Ground { horizon: Horizon::new(points), albedo: 0.2 };
+        let ground = Ground { horizon: Horizon::new(points), albedo: 0.2, landscape: None };
         Surroundings { air: air.then(|| Air::new(0.2, 0.0, [1e-4; 3])), ground: Some(ground) }
     }
 

@@ -17,6 +17,7 @@ use steradian::{
     scene::{
         Camera, SceneObjects, SceneSnapshot,
         bodies::SolarBody,
+        landscape::Landscape,
         surroundings::{Ground, Horizon, LocalSky, Surroundings},
     },
     units::illuminance_lx_from_magnitude,
@@ -28,7 +29,7 @@ const AU_M: f64 = 1.495_978_707e11;
 /// What is around an observer: hills in the south, and a glow of so many magnitudes per square arcsecond.
 fn surroundings(glow_mag: f64) -> Surroundings {
     let hills = [[0.0, 0.0], [2.0, 0.02], [3.0, 0.12], [4.0, 0.05], [5.0, 0.0]];
-    let ground = Ground { horizon: Horizon::new(hills.to_vec()), albedo: 0.2 };
+    let ground = Ground { horizon: Horizon::new(hills.to_vec()), albedo: 0.2, landscape: None };
     Surroundings { air: Some(Air::new(0.2, 500.0, glow_of(glow_mag, [1.0; 3]))), ground: Some(ground) }
 }
 
@@ -133,6 +134,73 @@ fn glare_leaves_the_light_of_an_even_sky_as_it_is() {
     let settings = RenderSettings { glare, ..settings(StarMethod::Auto) };
     let (worst, _) = worst_of(&scene, &settings, &local_sky(&scene), None);
     assert!(worst < 1e-4, "{worst}");
+}
+
+/// A panorama of a hilly line with windows in it, in soft colours: smooth within a few texels, as the twin has no levels.
+fn panorama() -> Landscape {
+    let size = [2048_u32, 1024];
+    let texels = (0..size[0] * size[1]).map(|index| {
+        let [column, row] = [index % size[0], index / size[0]].map(f64::from);
+        let azimuth = (column + 0.5) / f64::from(size[0]) * 2.0 * PI;
+        let altitude = PI * (0.5 - (row + 0.5) / f64::from(size[1]));
+        let hides = ((0.3 + 0.15 * (3.0 * azimuth).sin() - altitude) / 0.1 + 0.5).clamp(0.0, 1.0);
+        let window = 1.0 - 0.7 * (-((altitude / 0.12).powi(2) + ((azimuth - 3.0) / 0.2).powi(2))).exp();
+        let alpha = (hides * window) as f32;
+        [0.4 + 0.3 * azimuth.sin() as f32, 0.3, 0.2 + 0.1 * altitude as f32]
+            .map(|c| c * alpha)
+            .into_iter()
+            .chain([alpha])
+    });
+    let texels = texels.map(|texel| {
+        let texel: Vec<f32> = texel.collect();
+        [texel[0], texel[1], texel[2], texel[3]]
+    });
+    Landscape::new(size, texels.collect(), 0.4)
+}
+
+#[test]
+fn a_panorama_stands_before_the_sky_in_the_light_that_falls_on_it() {
+    let with = |landscape: Landscape| {
+        let ground = Ground { horizon: landscape.horizon(), albedo: 0.2, landscape: Some(Arc::new(landscape)) };
+        Surroundings { ground: Some(ground), ..surroundings(21.0) }
+    };
+    let turned = {
+        let mut texels = panorama();
+        texels = Landscape::new([2, 1], vec![texels.sample(DVec3::NEG_Y).map(|c| c as f32); 2], 0.0);
+        texels
+    };
+    for sun_deg in [[200.0, 40.0], [250.0, -6.0]] {
+        let scene = scene(&[], Some(sun_deg), with(panorama()));
+        let rig = views();
+        let frame = render_hdr(&mut renderer(), &scene, &rig, &settings(StarMethod::Auto));
+        let errors = |twin: &LocalSky| {
+            let (mut squares, mut worst, mut count) = (0.0, 0.0_f64, 0);
+            for (image, viewport) in frame.images.iter().zip(&rig.viewports(scene.camera.world_from_camera)) {
+                let mapping = viewport.projection.mapping();
+                for (index, found) in image.hdr.as_ref().unwrap().iter().enumerate() {
+                    let at = [index as u32 % image.width, index as u32 / image.width];
+                    let Some(expected) = pixel(twin, mapping, viewport.world_from_view, at, [0.0; 3], 6) else {
+                        continue;
+                    };
+                    let direction =
+                        mapping.direction_from_pixel(DVec2::new(f64::from(at[0]) + 0.5, f64::from(at[1]) + 0.5));
+                    let towards = viewport.world_from_view * direction.unwrap();
+                    let sun = scene.objects.bodies[0].position_m - scene.camera.position_m;
+                    if towards.angle_between(sun) < 0.2 {
+                        continue;
+                    }
+                    let off = (f64::from(found[1]) / expected[1] - 1.0).abs();
+                    (squares, worst, count) = (squares + off * off, worst.max(off), count + 1);
+                }
+            }
+            ((squares / f64::from(count)).sqrt(), worst, count)
+        };
+        let (rms, worst, count) = errors(&local_sky(&scene));
+        println!("Sun {sun_deg:?}: {count} pixels, rms {rms:.1e}, worst {worst:.1e}");
+        assert!(rms < 0.01 && worst < 0.08 && count > 18_000, "{rms} {worst} {count}");
+        let other = self::scene(&[], Some(sun_deg), with(turned.clone()));
+        assert!(errors(&local_sky(&other)).0 > 0.1);
+    }
 }
 
 #[test]

@@ -296,7 +296,7 @@ fn the_milky_way_is_as_bright_as_it_was_measured() {
     };
     let galaxy = made(300_000);
     let rows = against_measured(&galaxy, 0.0);
-    let s10 = |cd_m2: f64| cd_m2 / unresolved::s10_cd_m2();
+    let s10 = |cd_m2: f64| cd_m2 / crate::catalogue::healpix::s10_cd_m2();
     for (row, (b, cells)) in MEASURED.iter().zip(&rows) {
         if [0.0, 8.0, 12.0, 80.0].contains(&b.abs()) {
             let line = |of: &dyn Fn(usize) -> f64| (0..36).map(|i| format!("{:4.0}", of(i))).collect::<String>();

@@ -26,16 +26,11 @@ use super::{
     structure::{Place, Population},
 };
 use crate::{
-    catalogue::diffuse::DiffuseSky,
+    catalogue::{diffuse::DiffuseSky, healpix::s10_cd_m2},
     coordinates::{galactic_from_icrs, lon_lat_from_direction},
     photometry::rec709,
-    units::{ILLUMINANCE_MAG_0_LX, illuminance_lx_from_magnitude},
+    units::ILLUMINANCE_MAG_0_LX,
 };
-
-/// Luminance of one star of V = 10 per square degree (S10), cd/m^2.
-pub fn s10_cd_m2() -> f64 {
-    illuminance_lx_from_magnitude(10.0) / 1_f64.to_radians().powi(2)
-}
 
 /// The measured sky holds no stars brighter than this, V magnitudes.
 pub const MEASURED_FAINTER_THAN_MAG: f64 = 6.5;

@@ -22,7 +22,10 @@ pub fn pixel(
     let places = (0..parts).flat_map(|j| (0..parts).map(move |i| [i, j]));
     let share = |part: u32| (f64::from(part) + 0.5) / f64::from(parts);
     let seen: Vec<DVec3> = places.filter_map(|[i, j]| at(share(i), share(j))).collect();
-    let ground = seen.iter().filter(|direction| sky.hides(**direction)).count() as f64 / seen.len() as f64;
+    let (ground, share) =
+        seen.iter().map(|direction| sky.ground(*direction)).fold(([0.0; 3], 0.0), |(sum, all), (light, share)| {
+            ([0, 1, 2].map(|c| sum[c] + light[c] / seen.len() as f64), all + share / seen.len() as f64)
+        });
     let above = sky.above_cd_m2(middle, shown_cd_m2);
-    Some([0, 1, 2].map(|c| ground * sky.ground_cd_m2[c] + (1.0 - ground) * above[c]))
+    Some([0, 1, 2].map(|c| ground[c] + (1.0 - share) * above[c]))
 }

@@ -52,8 +52,18 @@ gpu_structs! {
         unused_2: u32,
         /// Luminance of the ground, cd/m^2.
         ground: [f32; 3],
+        /// Azimuth of the middle of its picture, rad.
+        landscape_azimuth: f32,
+        /// Luminance of a white surface, cd/m^2.
+        white: [f32; 3],
         /// Padding.
         unused_3: u32,
+        /// Size of the picture of the ground, texels; 0: there is none.
+        landscape_size: [u32; 2],
+        /// Padding.
+        unused_4: u32,
+        /// Padding.
+        unused_5: u32,
         /// The sources.
         sources: [AirSource; 2],
     }

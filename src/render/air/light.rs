@@ -48,6 +48,9 @@ fn encode(sky: &LocalSky, glare: &GlarePlan, tile: u32) -> layout::AirParameters
             [0, 1, 2].map(|c| air.glow_cd_m2[c] * (-log2[c]).exp2())
         })),
         ground: f32s(sky.ground_cd_m2),
+        landscape_azimuth: sky.landscape.as_ref().map_or(0.0, |landscape| landscape.middle_rad() as f32),
+        white: f32s(sky.white_cd_m2),
+        landscape_size: sky.landscape.as_ref().map_or([0; 2], |landscape| landscape.size()),
         sources,
         ..Default::default()
     }
@@ -64,7 +67,7 @@ impl AirPass {
         Self { pipeline: gpu.compute_pipeline(&projecting(gpu, "air/light").source()) }
     }
 
-    /// Records one tile: its number in its batch, and its size in pixels. Buffers: viewports, tiles, geometry, the horizon, tables.
+    /// Records one tile: its number in its batch, and its size in pixels. Buffers: viewports, tiles, geometry, the horizon, tables, the landscape.
     pub(super) fn record(
         &self,
         gpu: &Gpu,
@@ -72,10 +75,10 @@ impl AirPass {
         sky: &LocalSky,
         glare: &GlarePlan,
         (tile, [width, rows]): (u32, [u32; 2]),
-        [viewports, tiles, geometry, horizon, tables]: [&wgpu::Buffer; 5],
+        [viewports, tiles, geometry, horizon, tables, landscape]: [&wgpu::Buffer; 6],
     ) {
         let parameters = gpu.frame_uniform("air parameters", &encode(sky, glare, tile));
-        let buffers = [&parameters, viewports, tiles, geometry, horizon, tables];
+        let buffers = [&parameters, viewports, tiles, geometry, horizon, tables, landscape];
         pass.set_pipeline(&self.pipeline);
         gpu.bind_tables(pass, &self.pipeline);
         pass.set_bind_group(0, &bind_in_order(gpu, &self.pipeline, 0, &buffers), &[]);

@@ -14,7 +14,7 @@ use super::{
 use crate::{
     gpu::{Gpu, GrowingBuffer},
     photometry::sky_light::SkyTable,
-    scene::surroundings::Horizon,
+    scene::{landscape::Landscape, surroundings::Horizon},
 };
 
 /// The pass, made when it is first asked for, and the horizon.
@@ -22,8 +22,10 @@ pub(super) struct Air {
     pass: OnceLock<AirPass>,
     horizon: GrowingBuffer,
     tables: GrowingBuffer,
+    landscape: GrowingBuffer,
     held: Option<Horizon>,
     held_tables: Vec<Arc<SkyTable>>,
+    held_landscape: Option<Arc<Landscape>>,
 }
 
 impl Air {
@@ -33,8 +35,10 @@ impl Air {
             pass: OnceLock::new(),
             horizon: GrowingBuffer::new("horizon", usage),
             tables: GrowingBuffer::new("sky light", usage),
+            landscape: GrowingBuffer::new("landscape", usage),
             held: None,
             held_tables: Vec::new(),
+            held_landscape: None,
         }
     }
 
@@ -61,6 +65,16 @@ impl Technique for Air {
             self.horizon.upload(gpu, &horizon.clone().unwrap_or_default().sines());
             self.held = horizon;
         }
+        let is_same = match (&self.held_landscape, &sky.landscape) {
+            (Some(held), Some(landscape)) => Arc::ptr_eq(held, landscape),
+            (None, None) => true,
+            _ => false,
+        };
+        if !is_same || self.landscape.held().is_none() {
+            let words = sky.landscape.as_ref().map_or_else(|| vec![0], |landscape| landscape.words());
+            self.landscape.upload(gpu, &words);
+            self.held_landscape.clone_from(&sky.landscape);
+        }
         let tables: Vec<Arc<SkyTable>> = sky.sources.iter().map(|source| Arc::clone(&source.table)).collect();
         let are_same = tables.iter().zip(&self.held_tables).all(|(a, b)| Arc::ptr_eq(a, b));
         if !are_same || tables.len() != self.held_tables.len() || self.tables.held().is_none() {
@@ -76,10 +90,11 @@ impl Technique for Air {
         let (gpu, plan) = (recording.gpu, recording.frame.plan);
         let targets = &*recording.targets;
         let (Some(sky), Some(geometry)) = (&plan.local_sky, &targets.batches[batch].geometry) else { return };
-        let (Some(horizon), Some(tables)) = (self.horizon.held(), self.tables.held()) else { return };
+        let held = (self.horizon.held(), self.tables.held(), self.landscape.held());
+        let (Some(horizon), Some(tables), Some(landscape)) = held else { return };
         let tile = &plan.batches[batch].tiles[index];
         let width = plan.viewports[tile.viewport].size()[0];
-        let buffers = [&targets.viewports, &targets.batches[batch].tiles, geometry, horizon, tables];
+        let buffers = [&targets.viewports, &targets.batches[batch].tiles, geometry, horizon, tables, landscape];
         let mut pass = begin_pass(recording.encoder, recording.timer, "air");
         self.pass(gpu).record(gpu, &mut pass, sky, &plan.glare, (index as u32, [width, tile.rows]), buffers);
     }
@@ -87,7 +102,9 @@ impl Technique for Air {
     fn release(&mut self) {
         self.horizon.release();
         self.tables.release();
+        self.landscape.release();
         self.held = None;
         self.held_tables.clear();
+        self.held_landscape = None;
     }
 }

@@ -237,13 +237,18 @@ mod tests {
 
     #[test]
     fn the_full_earth_lights_the_moon() {
-        let lights = reflected_on(&grey_moon(0.0, 3.844e8), &[SolarBody::Sun, SolarBody::Earth]);
+        // Beside the line to the Sun: on it the Moon's shadow falls on the Earth.
+        let lights = reflected_on(&grey_moon(0.05, 3.844e8), &[SolarBody::Sun, SolarBody::Earth]);
         // V = -3.99 at 1 au from both (Mallama and Hilton 2018): -16.94 from the Moon.
         let expected = illuminance_lx_from_magnitude(-3.99 + 5.0 * (3.844e8 / ASTRONOMICAL_UNIT_M).log10());
         let found = luminance(lights[0].illuminance_lx);
         println!("{found:.2} lx, {expected:.2} from the Earth's magnitude");
         assert!(lights.len() == 1 && (found / expected - 1.0).abs() < 0.03, "{found} {expected}");
-        assert!(lights[0].direction.angle_between(DVec3::X) < 1e-3);
+        assert!(lights[0].direction.angle_between(DVec3::X) < 0.051);
+        assert!(
+            luminance(reflected_on(&grey_moon(0.0, 3.844e8), &[SolarBody::Sun, SolarBody::Earth])[0].illuminance_lx)
+                < 0.1 * found
+        );
         let half =
             luminance(reflected_on(&grey_moon(1.57, 3.844e8), &[SolarBody::Sun, SolarBody::Earth])[0].illuminance_lx);
         assert!((0.1..0.45).contains(&(half / found)), "{}", half / found);

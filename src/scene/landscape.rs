@@ -1,0 +1,241 @@
+//! A panorama of what stands around an observer, with what it hides: an equirectangular picture with alpha.
+//!
+//! The picture spans all azimuths, growing to the right, and all altitudes, the zenith at the top. Its colour is what the surface reflects (sRGB codes; white reflects all), so that it is as light as what
+//! falls on it: dark at night, and red at sunset. Alpha is how far it hides the sky. Levels halve the picture, so that fine twigs are no noise in coarse pixels.
+
+use std::{f64::consts::PI, path::Path};
+
+use glam::{DVec2, DVec3};
+
+use super::surroundings::{HORIZON_STEPS, Horizon, azimuth};
+use crate::{
+    photometry::tone_map::linear_from_srgb,
+    picture_file::{PictureError, PictureFile},
+};
+
+/// What the file of a landscape is.
+const WANTED: &str =
+    "a landscape is a PNG of 8 bits per channel with alpha, twice as wide as high: all azimuths and all altitudes";
+/// Wider pictures are halved, until every adapter has room for them.
+const MOST_WIDTH: u32 = 4096;
+/// Smallest height of a picture.
+const LEAST_HEIGHT: u32 = 4;
+
+/// One size of the picture.
+#[derive(Clone, Debug, PartialEq)]
+struct Level {
+    size: [u32; 2],
+    /// Reflectance of red, green and blue times alpha, and alpha, row by row from the zenith.
+    texels: Vec<[f32; 4]>,
+}
+
+/// The panorama.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Landscape {
+    /// From the finest on.
+    levels: Vec<Level>,
+    /// Azimuth of the middle of the picture, rad.
+    middle_rad: f64,
+}
+
+impl Landscape {
+    /// Reads a picture whose middle has an azimuth, rad.
+    ///
+    /// # Errors
+    ///
+    /// The file cannot be read, is no such picture, or hides nothing or everything.
+    pub fn from_png(path: &Path, middle_rad: f64) -> Result<Self, PictureError> {
+        let PictureFile { size, rgba, has_alpha } = PictureFile::read(path, WANTED)?;
+        let refused = |problem: String| Err(PictureError::Kind { path: path.to_owned(), problem, wanted: WANTED });
+        let [width, height] = size;
+        if width != 2 * height || height < LEAST_HEIGHT {
+            return refused(format!("it has {width} x {height} texels"));
+        }
+        if !has_alpha {
+            return refused("it has no alpha channel".to_owned());
+        }
+        if [0, 255].iter().any(|all| rgba.iter().all(|texel| texel[3] == *all)) {
+            return refused("its alpha is the same everywhere: it hides nothing, or the whole sky".to_owned());
+        }
+        let linear: Vec<f32> = (0..=255).map(|code| linear_from_srgb(f64::from(code) / 255.0) as f32).collect();
+        let texel = |of: &[u8; 4]| {
+            let alpha = f32::from(of[3]) / 255.0;
+            let [r, g, b] = [0, 1, 2].map(|c| alpha * linear[usize::from(of[c])]);
+            [r, g, b, alpha]
+        };
+        Ok(Self::new(size, rgba.iter().map(texel).collect(), middle_rad))
+    }
+
+    /// A picture of that size, at least 2 by 1: reflectance times alpha, and alpha.
+    pub fn new(size: [u32; 2], texels: Vec<[f32; 4]>, middle_rad: f64) -> Self {
+        let mut level = Level { size, texels };
+        while level.size[0] > MOST_WIDTH {
+            level = level.halved();
+        }
+        let mut levels = vec![level];
+        while let Some(last) = levels.last().filter(|last| last.size[1] > 1 && last.size[0] > 1) {
+            levels.push(last.halved());
+        }
+        Self { levels, middle_rad }
+    }
+
+    /// Size of the finest level.
+    pub fn size(&self) -> [u32; 2] {
+        self.levels[0].size
+    }
+
+    /// Azimuth of the middle of the picture, rad.
+    pub fn middle_rad(&self) -> f64 {
+        self.middle_rad
+    }
+
+    /// All levels from the finest on: reflectance of red, green and blue times alpha, and alpha, 8 bits each, of the square root but for alpha.
+    pub fn words(&self) -> Vec<u32> {
+        let code = |value: f32| (value.clamp(0.0, 1.0) * 255.0).round() as u32;
+        let word =
+            |[r, g, b, a]: &[f32; 4]| code(r.sqrt()) | code(g.sqrt()) << 8 | code(b.sqrt()) << 16 | code(*a) << 24;
+        self.levels.iter().flat_map(|level| level.texels.iter().map(word)).collect()
+    }
+
+    /// Reflectance times alpha, and alpha, towards a unit vector (east, up, south), between four texels of the finest level.
+    pub fn sample(&self, local: DVec3) -> [f64; 4] {
+        let Level { size: [width, height], texels } = &self.levels[0];
+        let across = (azimuth(local) - self.middle_rad) / (2.0 * PI) + 0.5;
+        let down = 0.5 - local.y.clamp(-1.0, 1.0).asin() / PI;
+        let place = DVec2::new(across * f64::from(*width), down * f64::from(*height)) - 0.5;
+        let low = place.floor();
+        let share = place - low;
+        let texel = |x: f64, y: f64| {
+            let column = x.rem_euclid(f64::from(*width)) as usize;
+            let row = y.clamp(0.0, f64::from(*height) - 1.0) as usize;
+            texels[row * *width as usize + column].map(f64::from)
+        };
+        let [a, b] = [texel(low.x, low.y), texel(low.x + 1.0, low.y)];
+        let [c, d] = [texel(low.x, low.y + 1.0), texel(low.x + 1.0, low.y + 1.0)];
+        [0, 1, 2, 3].map(|i| {
+            let (upper, lower) = (a[i] + (b[i] - a[i]) * share.x, c[i] + (d[i] - c[i]) * share.x);
+            upper + (lower - upper) * share.y
+        })
+    }
+
+    /// The line up to which it hides more than half: what stands behind it gives no glare, and is not named.
+    pub fn horizon(&self) -> Horizon {
+        let rows = self.levels[0].size[1] * 4;
+        let altitude = |row: u32| PI * (0.5 - (f64::from(row) + 0.5) / f64::from(rows));
+        let points = (0..HORIZON_STEPS).map(|step| {
+            let azimuth_rad = step as f64 / HORIZON_STEPS as f64 * 2.0 * PI;
+            let (sin, cos) = azimuth_rad.sin_cos();
+            let hides = |row: &u32| {
+                let (up, flat) = altitude(*row).sin_cos();
+                self.sample(DVec3::new(flat * sin, up, -flat * cos))[3] >= 0.5
+            };
+            [azimuth_rad, (0..rows).find(hides).map_or(-0.5 * PI, altitude)]
+        });
+        Horizon::new(points.collect())
+    }
+}
+
+impl Level {
+    /// Half as wide and high; an odd last row or column counts with the one before.
+    fn halved(&self) -> Self {
+        let [width, height] = self.size.map(|side| side as usize);
+        let half = [(width / 2).max(1), (height / 2).max(1)];
+        let mut texels = Vec::with_capacity(half[0] * half[1]);
+        for y in 0..half[1] {
+            for x in 0..half[0] {
+                let mut sum = [0.0; 4];
+                let mut count = 0.0;
+                for row in y * height / half[1]..(y + 1) * height / half[1] {
+                    for column in x * width / half[0]..(x + 1) * width / half[0] {
+                        let texel = self.texels[row * width + column];
+                        sum.iter_mut().zip(texel).for_each(|(sum, value)| *sum += value);
+                        count += 1.0;
+                    }
+                }
+                texels.push(sum.map(|value| value / count));
+            }
+        }
+        Self { size: half.map(|side| side as u32), texels }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A wall up to 30 degrees in the east half, ground below the horizon elsewhere; red where it stands.
+    fn wall(middle_rad: f64) -> Landscape {
+        let size = [360, 180];
+        let texels = (0..size[1]).flat_map(|row| {
+            (0..size[0]).map(move |column| {
+                let altitude_deg = 89.5 - f64::from(row);
+                let is_east = column >= 180;
+                let hides = altitude_deg < if is_east { 30.0 } else { 0.0 };
+                if hides { [0.5, 0.25, 0.0, 1.0] } else { [0.0; 4] }
+            })
+        });
+        Landscape::new(size, texels.collect(), middle_rad)
+    }
+
+    fn towards(azimuth_deg: f64, altitude_deg: f64) -> DVec3 {
+        let ((sin, cos), (up, flat)) = (azimuth_deg.to_radians().sin_cos(), altitude_deg.to_radians().sin_cos());
+        DVec3::new(flat * sin, up, -flat * cos)
+    }
+
+    #[test]
+    fn a_wall_stands_where_its_azimuth_says() {
+        // The middle looks north, so that the right half is the east.
+        let landscape = wall(0.0);
+        for (azimuth_deg, altitude_deg, hidden) in
+            [(90.0, 29.0, 1.0), (90.0, 31.0, 0.0), (270.0, -1.0, 1.0), (270.0, 1.0, 0.0), (0.0, -90.0, 1.0)]
+        {
+            let found = landscape.sample(towards(azimuth_deg, altitude_deg));
+            assert_eq!(found[3], hidden, "{azimuth_deg} {altitude_deg}");
+            assert_eq!(found[0], 0.5 * hidden);
+        }
+        // A turned picture has its wall elsewhere.
+        assert_eq!(wall(PI).sample(towards(90.0, 29.0))[3], 0.0);
+        let horizon = landscape.horizon();
+        assert!((horizon.altitude_rad(1.5).to_degrees() - 30.0).abs() < 0.3, "{}", horizon.altitude_rad(1.5));
+        assert!(horizon.altitude_rad(4.5).to_degrees().abs() < 0.3);
+    }
+
+    #[test]
+    fn levels_keep_the_mean_and_large_pictures_are_halved() {
+        let landscape = wall(0.0);
+        let mean = |level: &Level| {
+            level.texels.iter().map(|texel| f64::from(texel[3])).sum::<f64>() / level.texels.len() as f64
+        };
+        // Halves of odd sides count some texels twice.
+        for level in &landscape.levels {
+            assert!((mean(level) - mean(&landscape.levels[0])).abs() < 0.03, "{:?}", level.size);
+        }
+        assert_eq!(landscape.words().len(), landscape.levels.iter().map(|level| level.texels.len()).sum::<usize>());
+        let wide = Landscape::new([16384, 2], vec![[0.0, 0.0, 0.0, 0.5]; 32768], 0.0);
+        assert_eq!(wide.size(), [4096, 1]);
+    }
+
+    #[test]
+    fn what_is_no_landscape_is_refused_by_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("hills.png");
+        let written = |size: [u32; 2], colour: png::ColorType, bytes: &[u8]| {
+            let mut encoder = png::Encoder::new(std::fs::File::create(&path).unwrap(), size[0], size[1]);
+            encoder.set_color(colour);
+            encoder.write_header().unwrap().write_image_data(bytes).unwrap();
+            Landscape::from_png(&path, 0.0).map_err(|error| error.to_string())
+        };
+        let half: Vec<u8> = (0..32).flat_map(|i| [0, 188, 255, if i < 16 { 0 } else { 255 }]).collect();
+        let found = written([8, 4], png::ColorType::Rgba, &half).unwrap();
+        let below = found.sample(towards(10.0, -60.0));
+        assert!((below[1] - 0.5029).abs() < 1e-3 && below[0] == 0.0 && below[3] == 1.0, "{below:?}");
+        for (size, colour, bytes, part) in [
+            ([8, 8], png::ColorType::Rgba, vec![9; 256], "8 x 8 texels"),
+            ([8, 4], png::ColorType::Rgb, vec![9; 96], "no alpha"),
+            ([8, 4], png::ColorType::Rgba, vec![255; 128], "the whole sky"),
+        ] {
+            let message = written(size, colour, &bytes).unwrap_err();
+            assert!(message.contains(part) && message.contains("hills.png"), "{message}");
+        }
+    }
+}
