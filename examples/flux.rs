@@ -1,7 +1,7 @@
 //! Compares the light in images with the catalogue: `cargo run --release --example flux -- --config configs/demo.toml --pictures out`.
 //!
 //! For every view of a configuration that shows the whole sphere, sums luminance times solid angle over the pixels of its EXR
-//! files, and compares that with the sum over the stars. Solid angles are those of the projection in f64, not the ones
+//! files, and compares that with the sum over the stars, and with what the light of no single star has towards the same pixels. Solid angles are those of the projection in f64, not the ones
 //! that the files hold. Ends with 1 if a sum is off by more than 1e-3.
 
 use std::{
@@ -17,9 +17,10 @@ use exr::prelude::{ReadChannels, ReadLayers, read};
 use steradian::{
     config::Config,
     metrics::{self, HdrView},
+    photometry::rec709::luminance,
     scene::loader::{StarSource, load_stars},
     units::PARSEC_M,
-    view::projection::PlaneMapping,
+    view::projection::{PlaneMapping, pixel_centre},
 };
 
 /// Compares the light in pictures with the light of the stars.
@@ -74,7 +75,8 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
 
     let rig = config.rig()?;
     let mut weighed = 0;
-    for view in rig.views() {
+    let viewports = rig.viewports(camera.world_from_camera);
+    for (number, view) in rig.views().iter().enumerate() {
         let sphere_sr: f64 = view.images.iter().map(|image| image.projection.picture_solid_angle_sr()).sum();
         if (sphere_sr - 4.0 * PI).abs() > 1e-6 {
             continue;
@@ -85,7 +87,22 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
             let path = arguments.pictures.join(format!("{}{part}.exr", view.name));
             drawn_lx += illuminance_lx(&path, image.projection.mapping())?;
         }
-        let error = drawn_lx / stars_lx - 1.0;
+        // In the middle of each pixel, as it is drawn.
+        let mut diffuse_lx = 0.0;
+        if let Some(diffuse) = &stars.unresolved {
+            for viewport in viewports.iter().filter(|viewport| viewport.view == number) {
+                let mapping = viewport.projection.mapping();
+                let [width, height] = mapping.size();
+                for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))) {
+                    if let Some(towards) = mapping.direction_from_pixel(pixel_centre(x, y)) {
+                        let light = luminance(diffuse.luminance_cd_m2(viewport.world_from_view * towards));
+                        diffuse_lx += light * mapping.solid_angle_sr(x, y);
+                    }
+                }
+            }
+            println!("light       {diffuse_lx:.6e} lx of no single star towards {}", view.name);
+        }
+        let error = drawn_lx / (stars_lx + diffuse_lx) - 1.0;
         println!("flux        {:.6e} lx in {}: relative error {error:+.1e}", drawn_lx, view.name);
         if error.is_nan() || error.abs() > 1e-3 {
             return Err(format!("{}: the picture does not hold the light of the stars", view.name).into());

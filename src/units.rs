@@ -43,6 +43,11 @@ pub fn illuminance_lx_from_magnitude(v_mag: f64) -> f64 {
     ILLUMINANCE_MAG_0_LX * 10f64.powf(-0.4 * v_mag)
 }
 
+/// Luminance of a surface of so many V magnitudes per square arcsecond, cd/m^2.
+pub fn luminance_from_mag_per_arcsec2(mag: f64) -> f64 {
+    LUMINANCE_0_MAG_PER_ARCSEC2 * 10f64.powf(-0.4 * mag)
+}
+
 /// Apparent magnitude of a star that gives `illuminance_lx`.
 pub fn magnitude_from_illuminance_lx(illuminance_lx: f64) -> f64 {
     -2.5 * (illuminance_lx / ILLUMINANCE_MAG_0_LX).log10()

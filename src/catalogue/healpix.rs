@@ -20,7 +20,7 @@ use super::diffuse::DiffuseSky;
 use crate::{
     coordinates::lon_lat_from_direction,
     photometry::{blackbody::rec709_in_gamut, colour_index::temperature_k_from_b_v},
-    units::{LUMINANCE_0_MAG_PER_ARCSEC2, illuminance_lx_from_magnitude},
+    units::{illuminance_lx_from_magnitude, luminance_from_mag_per_arcsec2},
 };
 
 /// What the numbers of a map mean.
@@ -96,7 +96,7 @@ impl BrightnessUnit {
             Self::Luminance => value,
             Self::S10 => value * s10_cd_m2(),
             Self::MagnitudePerArcsec2 if value < -30.0 => return None,
-            Self::MagnitudePerArcsec2 => LUMINANCE_0_MAG_PER_ARCSEC2 * 10_f64.powf(-0.4 * value),
+            Self::MagnitudePerArcsec2 => luminance_from_mag_per_arcsec2(value),
         };
         (luminance.is_finite() && luminance >= 0.0).then_some(luminance)
     }

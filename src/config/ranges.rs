@@ -133,6 +133,7 @@ const CHECKED_HERE: &[Range] = &[
 
 /// What other modules enforce, by these constants or by rules of which these are the outermost bounds.
 const CHECKED_ELSEWHERE: &[Range] = &[
+    closed("scene.catalogues[].light.b_v", [-0.5, 3.0], "magnitudes"),
     closed("scene.catalogues[].galaxy.stars", [1.0, MOST_STARS as f64], ""),
     closed("scene.camera.velocity_c", [-MAX_SPEED_C, MAX_SPEED_C], ""),
     from("views[].size", 1.0, "pixels"),

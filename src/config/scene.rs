@@ -136,6 +136,13 @@ fn background_b_v() -> f64 {
 }
 
 impl LightConfig {
+    fn check(&self) -> Result<(), Fault> {
+        if (-0.5..=3.0).contains(&self.b_v) {
+            return Ok(());
+        }
+        Err(Fault::new("b_v", format!("{}: allowed are -0.5 to 3 magnitudes", self.b_v)))
+    }
+
     /// The map, whose path starts at `folder`.
     pub(super) fn map(&self, folder: &Path) -> LightMap {
         let unit = match self.unit {
@@ -248,14 +255,14 @@ impl SceneConfig {
     /// Checks what types alone do not say; a fault names the key below `scene`.
     pub(super) fn check(&self) -> Result<(), Fault> {
         for (index, catalogue) in self.catalogues.iter().enumerate() {
-            if let CatalogueConfig::Light(light) = catalogue
-                && !(-0.5..=3.0).contains(&light.b_v)
-            {
-                let problem = format!("{}: allowed are -0.5 to 3 magnitudes", light.b_v);
-                return Err(Fault::new(format!("catalogues[{index}].light.b_v"), problem));
-            }
-            if let CatalogueConfig::Galaxy(galaxy) = catalogue {
-                galaxy.check().map_err(|fault| fault.within(&format!("catalogues[{index}].galaxy")))?;
+            match catalogue {
+                CatalogueConfig::Galaxy(galaxy) => {
+                    galaxy.check().map_err(|fault| fault.within(&format!("catalogues[{index}].galaxy")))?;
+                }
+                CatalogueConfig::Light(light) => {
+                    light.check().map_err(|fault| fault.within(&format!("catalogues[{index}].light")))?;
+                }
+                CatalogueConfig::Named(_) => {}
             }
         }
         if self.time.date.is_none() || self.time.time.is_none() || self.time.offset.is_none() {

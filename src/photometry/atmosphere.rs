@@ -15,7 +15,7 @@ use super::{
     rec709::luminance,
     sky_light::{Depths, SkyLight},
 };
-use crate::units::LUMINANCE_0_MAG_PER_ARCSEC2;
+use crate::units::luminance_from_mag_per_arcsec2;
 
 /// Dominant wavelengths of the primaries of Rec. 709, um.
 const PRIMARIES_UM: [f64; 3] = [0.6114, 0.5491, 0.4642];
@@ -130,7 +130,7 @@ pub fn key_of(mean_cd_m2: f64) -> f64 {
 
 /// The light of white glow of so many magnitudes per square arcsecond, of the colour of a black body of a temperature.
 pub fn glow_of(mag_per_arcsec2: f64, colour: [f64; 3]) -> [f64; 3] {
-    let cd_m2 = LUMINANCE_0_MAG_PER_ARCSEC2 * 10f64.powf(-0.4 * mag_per_arcsec2);
+    let cd_m2 = luminance_from_mag_per_arcsec2(mag_per_arcsec2);
     colour.map(|channel| cd_m2 * channel / luminance(colour))
 }
 
@@ -170,7 +170,7 @@ mod tests {
     fn the_zenith_has_the_published_luminance_by_night_in_twilight_and_by_day() {
         // Patat et al.: V in the zenith of Paranal, 11.84 + 1.518 z - 0.057 z^2 mag per square arcsecond, z degrees of depression beyond 5; night 21.6. Day: M. Karayel, M. Navvab,
         // E. Ne'eman and S. Selkowitz, Energy and Buildings 6, 1984: (1.376 T - 1.81) tan h + 0.38 kcd/m^2, 1.3 at 30 degrees for a turbidity T of 2.5.
-        let of_mag = |mag: f64| LUMINANCE_0_MAG_PER_ARCSEC2 * 10f64.powf(-0.4 * mag);
+        let of_mag = luminance_from_mag_per_arcsec2;
         let patat = |depression_deg: f64| {
             let beyond = depression_deg - 5.0;
             of_mag(11.84 + 1.518 * beyond - 0.057 * beyond * beyond)

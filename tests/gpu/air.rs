@@ -197,7 +197,8 @@ fn a_panorama_stands_before_the_sky_in_the_light_that_falls_on_it() {
         };
         let (rms, worst, count) = errors(&local_sky(&scene));
         println!("Sun {sun_deg:?}: {count} pixels, rms {rms:.1e}, worst {worst:.1e}");
-        assert!(rms < 0.01 && worst < 0.08 && count > 18_000, "{rms} {worst} {count}");
+        // Levels blur an edge by a part of a pixel.
+        assert!(rms < 0.02 && worst < 0.3 && count > 18_000, "{rms} {worst} {count}");
         let other = self::scene(&[], Some(sun_deg), with(turned.clone()));
         assert!(errors(&local_sky(&other)).0 > 0.1);
     }
