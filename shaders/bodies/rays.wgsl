@@ -8,6 +8,7 @@
 #import constants/bodies
 #import constants/faces
 #import constants/projections
+#import constants/rings
 #import constants/workgroups
 #import shared/cover
 #import shared/ellipsoid
@@ -157,6 +158,26 @@ fn open_share(sun: BodySun, point: vec3<f32>) -> vec3<f32> {
     return 1.0 - hidden * (1.0 - sun.refracted);
 }
 
+// Share of the light of the first sun that rings let through to a point of the unit sphere, blurred over a part of the radius.
+fn through_rings(body: ViewBody, point: vec3<f32>, blur: f32) -> f32 {
+    let along = normalize(body.to_sun / vec3(1.0, 1.0, body.flattening));
+    let steps = -point.z / along.z;
+    if body.has_rings == 0u || !(steps > 0.0) {
+        return 1.0;
+    }
+    let radius = length(point.xy + steps * along.xy);
+    let cosine = max(abs(body.to_sun.z), 1e-3);
+    var zones = RING_ZONES;
+    var hidden = 0.0;
+    var inner = RING_INNER;
+    for (var i = 0u; i < 4u; i++) {
+        let within = clamp(radius + blur, inner, zones[i].x) - clamp(radius - blur, inner, zones[i].x);
+        hidden += within / (2.0 * blur) * (1.0 - exp(-zones[i].y / cosine));
+        inner = zones[i].x;
+    }
+    return 1.0 - hidden;
+}
+
 // Luminance of a body where a ray enters it.
 fn luminance_at(body: ViewBody, passage: Passage, entry: vec4<f32>, footprint: f32) -> vec3<f32> {
     let normal = normalize(
@@ -165,7 +186,10 @@ fn luminance_at(body: ViewBody, passage: Passage, entry: vec4<f32>, footprint: f
     var luminance = body.emission * (1.0 - body.limb_darkening * (1.0 - cos_e));
     var lit = vec3(0.0);
     for (var i = body.first_sun; i < body.first_sun + body.sun_count; i++) {
-        let arriving = suns[i].illuminance * open_share(suns[i], entry.xyz);
+        var arriving = suns[i].illuminance * open_share(suns[i], entry.xyz);
+        if i == body.first_sun && body.has_rings != 0u {
+            arriving *= through_rings(body, entry.xyz, max(0.5 * footprint, 1e-4));
+        }
         lit += arriving * reflected(body.law, dot(normal, suns[i].direction), cos_e);
     }
     if any(lit > vec3(0.0)) {
@@ -213,6 +237,7 @@ struct Shown {
     coverage: f32,
     distance_m: f32,
     limb: bool,
+    rings: bool,
 }
 
 // `extent`: half of a pixel's diagonal in units of the ray.
@@ -273,6 +298,71 @@ fn body_in_pixel(viewport: Viewport, body: ViewBody, corner: vec2<f32>, ray: vec
     // Not more than all of it, and all of it only where it is.
     shown.coverage = min(shown.coverage / whole, 1.0);
     return shown;
+}
+
+// Where a ray meets the plane of a body's equator: xy in equatorial radii, its distance from the eye in m, and whether it is ahead.
+fn on_equator(body: ViewBody, ray: vec3<f32>) -> vec4<f32> {
+    let passage = passage_of(body, ray);
+    let parts = -passage.beside.z / passage.along.z;
+    let ahead = passage.s < 1e17 && abs(passage.along.z) > 0.0 && parts > -1.0;
+    let place = passage.beside + parts * passage.along;
+    return vec4(place.xy, body.distance_m * (1.0 + parts) * length(passage.ray), select(0.0, 1.0, ahead));
+}
+
+// What the rings of a body show in a pixel.
+fn rings_in_pixel(viewport: Viewport, body: ViewBody, corner: vec2<f32>, ray: vec3<f32>) -> Shown {
+    var shown: Shown;
+    shown.rings = true;
+    let own = on_equator(body, ray);
+    let right = on_equator(body, ray_of(viewport, corner + vec2(1.0, 0.5), ray));
+    let down = on_equator(body, ray_of(viewport, corner + vec2(0.5, 1.0), ray));
+    if own.w * right.w * down.w == 0.0 {
+        return shown;
+    }
+    let radius = length(own.xy);
+    // Half of a pixel along the radius.
+    let half = clamp(abs(length(right.xy) - radius) + abs(length(down.xy) - radius), 1e-5, 1.0);
+    if radius + half < RING_INNER || radius - half > RING_OUTER {
+        return shown;
+    }
+    let passage = passage_of(body, ray);
+    let in_world = passage.along * vec3(1.0, 1.0, body.flattening);
+    let mu_eye = max(abs(in_world.z) * inverseSqrt(dot(in_world, in_world)), 1e-3);
+    let mu_sun = max(abs(body.to_sun.z), 1e-3);
+    // From above, rays come down.
+    let is_lit = -in_world.z * body.to_sun.z > 0.0;
+    var zones = RING_ZONES;
+    var inner = RING_INNER;
+    var reflected = 0.0;
+    for (var i = 0u; i < 4u; i++) {
+        let zone = zones[i];
+        let within = (clamp(radius + half, inner, zone.x) - clamp(radius - half, inner, zone.x)) / (2.0 * half);
+        shown.coverage += within * (1.0 - exp(-zone.y / mu_eye));
+        reflected += within * zone.z * mu_sun / (4.0 * (mu_eye + mu_sun)) * (1.0 - exp(-zone.y * (1.0 / mu_eye + 1.0 / mu_sun)));
+        inner = zone.x;
+    }
+    // The shadow of the globe, whose edge is blurred over the pixel.
+    let to_sun = normalize(body.to_sun / vec3(1.0, 1.0, body.flattening));
+    let towards = dot(vec3(own.xy, 0.0), to_sun);
+    let beside = sqrt(max(radius * radius - towards * towards, 0.0));
+    let open = select(clamp(0.5 + (beside - 1.0) / (2.0 * half), 0.0, 1.0), 1.0, towards >= 0.0);
+    shown.light = body.rings * select(0.0, reflected * open, is_lit);
+    shown.distance_m = own.z;
+    return shown;
+}
+
+// Puts what a body or its rings show among what a pixel shows, the nearest first; of more than fit the farthest is left out.
+fn insert_hit(hits: ptr<function, array<Shown, MOST_HITS>>, count: u32, shown: Shown) -> u32 {
+    var at = min(count, MOST_HITS - 1u);
+    if count == MOST_HITS && (*hits)[at].distance_m <= shown.distance_m {
+        return count;
+    }
+    while at > 0u && (*hits)[at - 1u].distance_m > shown.distance_m {
+        (*hits)[at] = (*hits)[at - 1u];
+        at--;
+    }
+    (*hits)[at] = shown;
+    return min(count + 1u, MOST_HITS);
 }
 
 // What the layers hold at a sample: luminance and distance; w = 0: nothing.
@@ -428,17 +518,15 @@ fn draw_geometry(@builtin(global_invocation_id) id: vec3<u32>) {
             }
             shown.light *= body.part;
             shown.coverage *= body.part;
-            // Of more than fit the farthest is left out.
-            var at = min(count, MOST_HITS - 1u);
-            if count == MOST_HITS && hits[at].distance_m <= shown.distance_m {
-                continue;
+            count = insert_hit(&hits, count, shown);
+        }
+        if body.has_rings != 0u {
+            var rings = rings_in_pixel(viewport, body, corner, ray);
+            if rings.coverage > 0.0 {
+                rings.light *= body.part;
+                rings.coverage *= body.part;
+                count = insert_hit(&hits, count, rings);
             }
-            while at > 0u && hits[at - 1u].distance_m > shown.distance_m {
-                hits[at] = hits[at - 1u];
-                at--;
-            }
-            hits[at] = shown;
-            count = min(count + 1u, MOST_HITS);
         }
     }
     var light = vec3(0.0);
@@ -450,7 +538,7 @@ fn draw_geometry(@builtin(global_invocation_id) id: vec3<u32>) {
         nearest = min(nearest, hits[i].distance_m);
     }
     // The limb of a body before another one: what is covered of both is no product of shares. In an eclipse one disc lies within the other.
-    if count > 1u && hits[0].coverage > 0.0 && hits[0].coverage < 1.0 && hits[1].coverage > 0.0 {
+    if count > 1u && !(hits[0].rings || hits[1].rings) && hits[0].coverage > 0.0 && hits[0].coverage < 1.0 && hits[1].coverage > 0.0 {
         let sampled = nearest_of_parts(viewport, run, corner, ray, extent);
         light = sampled.xyz;
         open = 1.0 - sampled.w;

@@ -30,6 +30,14 @@ struct ViewBody {
     // First word of its texture; NO_TEXTURE without one.
     texture: u32,
     texture_size: vec2<u32>,
+    // Luminance of its rings over what they reflect.
+    rings: vec3<f32>,
+    // 1: it has rings.
+    has_rings: u32,
+    // Unit vector to its first sun, body's axes.
+    to_sun: vec3<f32>,
+    // Semi-axis along the pole over that of the equator.
+    flattening: f32,
 }
 
 // A body whose `centre` is a unit vector, as an eye sees it that stands beside, view axes, m.

@@ -21,9 +21,9 @@ pub struct Look {
     pub azimuth_deg: Option<f64>,
     /// Altitude, -90 to 90; frame `horizon`.
     pub altitude_deg: Option<f64>,
-    /// Longitude; frames `galactic` and `ecliptic`.
+    /// Longitude; frames `galactic` and `ecliptic`, and those of bodies, east.
     pub longitude_deg: Option<f64>,
-    /// Latitude, -90 to 90; frames `galactic` and `ecliptic`.
+    /// Latitude, -90 to 90; frames `galactic` and `ecliptic`, and those of bodies.
     pub latitude_deg: Option<f64>,
     /// Name of a body, in place of a direction.
     pub at: Option<String>,
@@ -56,8 +56,8 @@ pub(super) enum Towards {
 fn keys(frame: Frame) -> [&'static str; 2] {
     match frame {
         Frame::Icrs => ["ra_deg", "dec_deg"],
-        Frame::Galactic | Frame::Ecliptic => ["longitude_deg", "latitude_deg"],
         Frame::Horizon => ["azimuth_deg", "altitude_deg"],
+        _ => ["longitude_deg", "latitude_deg"],
     }
 }
 
@@ -79,7 +79,7 @@ impl Look {
         if self.frame.is_none() && of_keys == Some(Frame::Galactic) {
             return Err(Fault::new(
                 "frame",
-                "missing key: with longitude_deg and latitude_deg it is needed, `galactic` or `ecliptic`",
+                "missing key: with longitude_deg and latitude_deg it is needed: `galactic`, `ecliptic` or a body",
             ));
         }
         let frame = self.frame.or(of_keys).unwrap_or_default();

@@ -75,6 +75,14 @@ impl Shared for [[f32; 3]; 6] {
     }
 }
 
+impl Shared for [[f32; 3]; 4] {
+    const TYPE: &'static str = "array<vec3<f32>, 4>";
+
+    fn value(&self) -> String {
+        format!("{}({})", Self::TYPE, self.map(|vector| vector.value()).join(", "))
+    }
+}
+
 /// Declares modules of constants, and a function `tables` that returns them as [`Table`]s. Names and types are those of WGSL.
 macro_rules! shared_constants {
     ($($(#[$doc:meta])* mod $table:ident {

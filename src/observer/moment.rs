@@ -109,6 +109,26 @@ pub enum Frame {
     Ecliptic,
     /// The observer's: azimuth, from north through east, and altitude. Longitude of these axes is minus the azimuth.
     Horizon,
+    /// Those of the Sun: east longitude and latitude of its surface, with which they turn.
+    Sun,
+    /// Those of Mercury: east longitude and latitude of its surface, with which they turn.
+    Mercury,
+    /// Those of Venus: east longitude and latitude of its surface, with which they turn.
+    Venus,
+    /// Those of the Earth: east longitude and latitude of its surface, with which they turn.
+    Earth,
+    /// Those of the Moon: east longitude and latitude of its surface, with which they turn.
+    Moon,
+    /// Those of Mars: east longitude and latitude of its surface, with which they turn.
+    Mars,
+    /// Those of Jupiter: east longitude and latitude of its surface, with which they turn.
+    Jupiter,
+    /// Those of Saturn: east longitude and latitude of its surface, with which they turn.
+    Saturn,
+    /// Those of Uranus: east longitude and latitude of its surface, with which they turn.
+    Uranus,
+    /// Those of Neptune: east longitude and latitude of its surface, with which they turn.
+    Neptune,
 }
 
 impl Frame {
@@ -119,7 +139,30 @@ impl Frame {
             Self::Galactic => "galactic",
             Self::Ecliptic => "ecliptic",
             Self::Horizon => "horizon",
+            _ => self.body().map_or("", SolarBody::name),
         }
+    }
+
+    /// The body whose axes they are.
+    pub fn body(self) -> Option<SolarBody> {
+        match self {
+            Self::Icrs | Self::Galactic | Self::Ecliptic | Self::Horizon => None,
+            Self::Sun => Some(SolarBody::Sun),
+            Self::Mercury => Some(SolarBody::Mercury),
+            Self::Venus => Some(SolarBody::Venus),
+            Self::Earth => Some(SolarBody::Earth),
+            Self::Moon => Some(SolarBody::Moon),
+            Self::Mars => Some(SolarBody::Mars),
+            Self::Jupiter => Some(SolarBody::Jupiter),
+            Self::Saturn => Some(SolarBody::Saturn),
+            Self::Uranus => Some(SolarBody::Uranus),
+            Self::Neptune => Some(SolarBody::Neptune),
+        }
+    }
+
+    /// Whether they turn as time goes on, so that a camera turns with them.
+    pub fn turns(self) -> bool {
+        self == Self::Horizon || self.body().is_some()
     }
 
     /// Longitude in the frame's axes, rad, of what is told by degrees: of the horizon an azimuth, which grows the other way.
@@ -139,6 +182,10 @@ impl Frame {
                 let [east, zenith, south] = icrs_from_horizon.to_cols_array_2d().map(DVec3::from_array);
                 DMat3::from_cols(-south, -east, zenith)
             }),
+            _ => {
+                let clock = observer.map_or_else(Clock::default, |observer| observer.clock);
+                self.body().map(|body| DMat3::from_quat(body.icrs_from_body(clock.tt_s(time_s))))
+            }
         }
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! `atmosphere` and `sky_light` are the air over an observer, `cie1931` and `rec709` hold the standards, `blackbody` turns temperatures into colours, `kernel` shares a star's light
 //! among pixels, `psf` holds the pictures that optics make of a star, `star_image` the image of a sprite,
-//! `reflection` says how surfaces throw light back, `phase_curve` how bright planets were measured, `glare` how scattered light falls off, `exposure` chooses the luminance that is shown white, `tone_map` turns luminance into display values.
+//! `reflection` says how surfaces throw light back, `phase_curve` how bright planets were measured, `rings` what Saturn's reflect and hide, `glare` how scattered light falls off, `exposure` chooses the luminance that is shown white, `tone_map` turns luminance into display values.
 
 pub mod atmosphere;
 pub mod blackbody;
@@ -15,6 +15,7 @@ pub mod phase_curve;
 pub mod psf;
 pub mod rec709;
 pub mod reflection;
+pub mod rings;
 pub mod sky_light;
 pub mod star_image;
 pub mod tone_map;

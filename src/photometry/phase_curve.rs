@@ -89,6 +89,11 @@ fn tilted(body: SolarBody, phase_deg: f64, tilt: Tilt) -> f64 {
     }
 }
 
+/// Share of Saturn's light that is its rings', at a phase angle.
+pub fn ring_share(phase_rad: f64, tilt: Tilt) -> f64 {
+    1.0 - 10_f64.powf(0.4 * tilted(SolarBody::Saturn, phase_rad.to_degrees(), tilt))
+}
+
 /// Factor on the light of a sphere of `radius_m` with a law and the luminance of its geometric albedo, by which it is that of the body's curve; 1 for the Sun. Saturn's globe has the
 /// light of the rings too.
 pub fn factor(

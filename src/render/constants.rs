@@ -16,6 +16,18 @@ const fn face_axes(axis: usize) -> [[f32; 3]; 6] {
     axes
 }
 
+/// The zones of Saturn's rings: outer radius, depth, albedo.
+const fn ring_zones() -> [[f32; 3]; 4] {
+    let mut zones = [[0.0; 3]; 4];
+    let mut zone = 0;
+    while zone < 4 {
+        let of = crate::photometry::rings::ZONES[zone];
+        zones[zone] = [of.outer as f32, of.depth as f32, of.albedo as f32];
+        zone += 1;
+    }
+    zones
+}
+
 shared_constants! {
     /// Lengths.
     mod units {
@@ -210,6 +222,15 @@ shared_constants! {
     mod bodies {
         /// In place of the first word of a texture: there is none.
         NO_TEXTURE: u32 = u32::MAX;
+    }
+    /// Saturn's rings.
+    mod rings {
+        /// Where they begin, in equatorial radii.
+        RING_INNER: f32 = crate::photometry::rings::INNER as f32;
+        /// Where they end.
+        RING_OUTER: f32 = crate::photometry::rings::OUTER as f32;
+        /// Where each zone ends, its optical depth, and its albedo.
+        RING_ZONES: [[f32; 3]; 4] = super::ring_zones();
     }
     /// How light is shown on a display.
     mod display {

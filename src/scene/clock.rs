@@ -2,8 +2,10 @@
 
 use std::time::{Duration, SystemTime};
 
+use glam::DQuat;
+
 use super::{Camera, SceneSnapshot};
-use crate::{observer::Frame, scene::SceneObjects, units::EARTH_ROTATION_RAD_S};
+use crate::{scene::SceneObjects, units::EARTH_ROTATION_RAD_S};
 
 /// By how much the sky turns from one step to the next, rad: 2 arcsec, below a tenth of a pixel of any view.
 const STEP_RAD: f64 = 1e-5;
@@ -69,11 +71,13 @@ impl Camera {
     /// The camera at another moment, s since 2000-01-01T12:00:00Z: it turns with the axes that it hangs on.
     #[must_use]
     pub fn carried(&self, objects: &SceneObjects, to_s: f64) -> Self {
-        let Some(observer) = objects.observer.as_ref().filter(|_| self.frame == Frame::Horizon && self.as_of_s != to_s)
-        else {
+        if !self.frame.turns() || self.as_of_s == to_s {
+            return *self;
+        }
+        let axes = [self.as_of_s, to_s].map(|time_s| self.frame.icrs_from(objects.observer.as_ref(), time_s));
+        let [Some(before), Some(after)] = axes.map(|axes| axes.map(|axes| DQuat::from_mat3(&axes))) else {
             return *self;
         };
-        let [before, after] = [self.as_of_s, to_s].map(|time_s| observer.icrs_from_horizon(time_s));
         let turned = after * before.inverse() * self.world_from_camera;
         Self { world_from_camera: turned.normalize(), as_of_s: to_s, ..*self }
     }
@@ -116,5 +120,23 @@ mod tests {
         }
         let fast = SceneClock::running(0.0, SceneClock::MOST_RATE, start);
         assert_eq!(fast.time_s(after(1e6)), MOMENTS_S[1]);
+    }
+
+    #[test]
+    fn a_camera_on_the_axes_of_a_body_turns_with_it_and_on_others_it_stays() {
+        use crate::observer::Frame;
+        let objects = SceneObjects::default();
+        // An hour of Mars: 14.62 degrees around its pole.
+        let turned_deg = |frame: Frame, hours: f64| {
+            let camera = Camera { frame, as_of_s: 8.2e8, ..Camera::default() };
+            let carried = camera.carried(&objects, 8.2e8 + 3600.0 * hours);
+            assert_eq!(carried.position_m, camera.position_m);
+            camera.world_from_camera.angle_between(carried.world_from_camera).to_degrees()
+        };
+        assert!((turned_deg(Frame::Mars, 1.0) - 350.891_98 / 24.0).abs() < 1e-3, "{}", turned_deg(Frame::Mars, 1.0));
+        assert!((turned_deg(Frame::Earth, 6.0) - 90.246).abs() < 2e-3, "{}", turned_deg(Frame::Earth, 6.0));
+        for frame in [Frame::Icrs, Frame::Galactic, Frame::Ecliptic, Frame::Horizon] {
+            assert_eq!(turned_deg(frame, 5.0), 0.0, "{frame:?}");
+        }
     }
 }

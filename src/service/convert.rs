@@ -44,7 +44,7 @@ pub(super) fn camera_to_pb(camera: &Camera) -> proto::Camera {
         revision: camera.revision,
         holder: String::new(),
         frame: sky_frame_to_pb(camera.frame).into(),
-        scene_time: (camera.frame == Frame::Horizon).then(|| time_to_pb(camera.as_of_s)),
+        scene_time: camera.frame.turns().then(|| time_to_pb(camera.as_of_s)),
     }
 }
 
@@ -54,6 +54,16 @@ pub(super) fn sky_frame_to_pb(frame: Frame) -> proto::SkyFrame {
         Frame::Galactic => proto::SkyFrame::Galactic,
         Frame::Ecliptic => proto::SkyFrame::Ecliptic,
         Frame::Horizon => proto::SkyFrame::Horizon,
+        Frame::Sun => proto::SkyFrame::Sun,
+        Frame::Mercury => proto::SkyFrame::Mercury,
+        Frame::Venus => proto::SkyFrame::Venus,
+        Frame::Earth => proto::SkyFrame::Earth,
+        Frame::Moon => proto::SkyFrame::Moon,
+        Frame::Mars => proto::SkyFrame::Mars,
+        Frame::Jupiter => proto::SkyFrame::Jupiter,
+        Frame::Saturn => proto::SkyFrame::Saturn,
+        Frame::Uranus => proto::SkyFrame::Uranus,
+        Frame::Neptune => proto::SkyFrame::Neptune,
     }
 }
 
@@ -65,8 +75,18 @@ pub(super) fn sky_frame_from_pb(frame: i32) -> Result<Option<Frame>, String> {
         Ok(proto::SkyFrame::Galactic) => Ok(Some(Frame::Galactic)),
         Ok(proto::SkyFrame::Ecliptic) => Ok(Some(Frame::Ecliptic)),
         Ok(proto::SkyFrame::Horizon) => Ok(Some(Frame::Horizon)),
+        Ok(proto::SkyFrame::Sun) => Ok(Some(Frame::Sun)),
+        Ok(proto::SkyFrame::Mercury) => Ok(Some(Frame::Mercury)),
+        Ok(proto::SkyFrame::Venus) => Ok(Some(Frame::Venus)),
+        Ok(proto::SkyFrame::Earth) => Ok(Some(Frame::Earth)),
+        Ok(proto::SkyFrame::Moon) => Ok(Some(Frame::Moon)),
+        Ok(proto::SkyFrame::Mars) => Ok(Some(Frame::Mars)),
+        Ok(proto::SkyFrame::Jupiter) => Ok(Some(Frame::Jupiter)),
+        Ok(proto::SkyFrame::Saturn) => Ok(Some(Frame::Saturn)),
+        Ok(proto::SkyFrame::Uranus) => Ok(Some(Frame::Uranus)),
+        Ok(proto::SkyFrame::Neptune) => Ok(Some(Frame::Neptune)),
         Err(_) => Err(format!(
-            "frame = {frame}: allowed are SKY_FRAME_ICRS, SKY_FRAME_GALACTIC, SKY_FRAME_ECLIPTIC and SKY_FRAME_HORIZON"
+            "frame = {frame}: allowed are SKY_FRAME_ICRS, SKY_FRAME_GALACTIC, SKY_FRAME_ECLIPTIC, SKY_FRAME_HORIZON and the bodies from SKY_FRAME_SUN to SKY_FRAME_NEPTUNE"
         )),
     }
 }

@@ -4,15 +4,22 @@
 //! A body of less than [`POINT_BELOW_PX`] across is a point, one of more than [`DISC_FROM_PX`] a disc; in between its light is shared out,
 //! so that a body that shrinks does not pop.
 
+use std::f64::consts::FRAC_PI_2;
+
 use glam::{DMat3, DVec2, DVec3};
 
 use super::light::illuminance_of;
 use crate::plan::glare::objects::{Source, body_sources};
 use crate::{
-    photometry::{glare::GlareKernel, rec709::luminance},
+    photometry::{
+        glare::GlareKernel,
+        phase_curve::{Tilt, ring_share},
+        rec709::luminance,
+        rings,
+    },
     scene::{
         SceneObjects,
-        bodies::{Body, Light, Sun, lights_on},
+        bodies::{Body, Light, SolarBody, Sun, lights_on},
     },
     view::{
         Viewport,
@@ -59,6 +66,8 @@ pub struct BodyDisc {
     pub kept: f64,
     /// The suns that light it.
     pub suns: Vec<DiscSun>,
+    /// Luminance of its rings over what they reflect ([`crate::photometry::rings`]), linear Rec. 709, cd/m^2; `None`: it has none, or they are dark.
+    pub rings_cd_m2: Option<[f64; 3]>,
 }
 
 /// A sun in the sky of a body.
@@ -167,11 +176,13 @@ pub fn plan_bodies(
             }
             let in_view = viewport.world_from_view.conjugate().mul_vec3(offset_m);
             let reach_rad = (largest_m / distance_m).min(1.0).asin();
+            let widest_m = if has_rings(body) { rings::OUTER * largest_m } else { largest_m };
+            let widest_rad = (widest_m / distance_m).min(1.0).asin();
             // Between where the middle of the viewing circle sees it and where an eye on the circle does.
             let parallax_rad = (viewport.viewing_circle_m.abs() / distance_m).min(1.0).asin();
             let mapping = viewport.projection.mapping();
             let cone = mapping.bounding_cone(margin_px);
-            if in_view.angle_between(cone.axis) > cone.half_angle_rad + reach_rad + parallax_rad {
+            if in_view.angle_between(cone.axis) > cone.half_angle_rad + widest_rad + parallax_rad {
                 continue;
             }
             in_view_of.push(*light);
@@ -186,7 +197,7 @@ pub fn plan_bodies(
                 });
             }
             if part > 0.0 {
-                seen.push(body_disc(light.0, body, in_view, viewport, unit_from_world, part, (suns, objects.time_s)));
+                seen.push(body_disc(*light, body, in_view, viewport, unit_from_world, part, (suns, objects.time_s)));
             }
         }
         seen.sort_by(|a, b| surface_m(objects, a).total_cmp(&surface_m(objects, b)));
@@ -202,6 +213,31 @@ pub fn plan_bodies(
     plan
 }
 
+/// Whether a body has rings: Saturn with its measured light.
+fn has_rings(body: &Body) -> bool {
+    body.surface.phase_curve == Some(SolarBody::Saturn)
+}
+
+/// Divides the light of a body with rings, which is that of both together, between its globe, whose suns give less, and its rings: what these reflect of one unit, cd/m^2. `None`: they have none.
+fn lit_rings(body: &Body, eye_m: DVec3, light_lx: [f64; 3], suns: &mut [Light]) -> Option<[f64; 3]> {
+    let sun = suns.first().filter(|_| has_rings(body))?;
+    let to_eye_m = eye_m - body.position_m;
+    let pole = body.orientation * DVec3::Z;
+    let latitude_rad = |towards: DVec3| FRAC_PI_2 - pole.angle_between(towards);
+    let tilt = Tilt { eye_rad: latitude_rad(to_eye_m), sun_rad: latitude_rad(sun.direction) };
+    let share = ring_share(sun.direction.angle_between(to_eye_m), tilt);
+    let (mu_eye, mu_sun) = (tilt.eye_rad.sin().abs(), tilt.sun_rad.sin().abs());
+    let unit = rings::illuminance_of_unit(mu_eye, mu_sun, body.radii_m.x / to_eye_m.length())?;
+    if share <= 0.0 {
+        return None;
+    }
+    for sun in suns {
+        sun.illuminance_lx = sun.illuminance_lx.map(|lx| lx * (1.0 - share));
+    }
+    // Without the air before it, which takes its part of all that is drawn.
+    Some([0, 1, 2].map(|c| light_lx[c] * share / unit / body.seen_through[c].max(1e-9)))
+}
+
 /// From world axes, m, to the body's axes, in semi-axes.
 fn unit_from_world(body: &Body, time_s: f64) -> DMat3 {
     DMat3::from_diagonal(body.radii_m.recip()) * DMat3::from_quat(body.world_from_body(time_s).conjugate())
@@ -213,7 +249,7 @@ fn surface_m(objects: &SceneObjects, seen: &BodyDisc) -> f64 {
 }
 
 fn body_disc(
-    number: usize,
+    (number, light_lx): (usize, [f64; 3]),
     body: &Body,
     in_view: DVec3,
     viewport: &Viewport,
@@ -228,7 +264,8 @@ fn body_disc(
         if on_plane { (in_view / -in_view.z, -in_view.z) } else { (in_view / distance_m, distance_m) };
     let view_from_world = viewport.world_from_view.conjugate();
     let eye_m = body.position_m - viewport.world_from_view * in_view;
-    let suns = lights_on(body, suns, eye_m);
+    let mut suns = lights_on(body, suns, eye_m);
+    let rings_cd_m2 = lit_rings(body, eye_m, light_lx, &mut suns);
     let body_from_world = body.world_from_body(time_s).conjugate();
     let suns = suns
         .iter()
@@ -243,5 +280,6 @@ fn body_disc(
         part,
         kept: 1.0,
         suns,
+        rings_cd_m2,
     }
 }

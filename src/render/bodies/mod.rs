@@ -305,6 +305,10 @@ fn encode_body(objects: &SceneObjects, seen: &BodyDisc, first_sun: u32, textures
         sun_count: seen.suns.len() as u32,
         texture: texture.map_or(NO_TEXTURE, |texture| textures.first_of(texture)),
         texture_size: texture.map_or([0; 2], |texture| texture.size),
+        rings: seen.rings_cd_m2.unwrap_or_default().map(|channel| (seen.kept * channel) as f32),
+        has_rings: u32::from(seen.rings_cd_m2.is_some()),
+        to_sun: seen.suns.first().map_or([0.0; 3], |sun| sun.in_body.direction.as_vec3().to_array()),
+        flattening: (body.radii_m.z / body.radii_m.x) as f32,
     }
 }
 

@@ -1,3 +1,4 @@
 //! Bodies on the adapter.
 
 mod light;
+mod rings;

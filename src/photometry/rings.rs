@@ -1,0 +1,80 @@
+//! The rings of Saturn: four zones of particles that scatter light once.
+//!
+//! A zone has an optical depth and an albedo; light that comes in and goes out at the cosines mu0 and mu is reflected by mu0 / (4 (mu + mu0)) (1 - exp(-t (1/mu + 1/mu0))) (Chandrasekhar 1960), and 1 - exp(-t/mu) of what is
+//! behind is hidden. Radii and depths: J. N. Cuzzi et al., "Saturn's rings", in *Saturn*, 1984, rounded; how bright zones are beside each other is rounded too. How bright all of them are together follows from the
+//! measured magnitude of Saturn with and without rings ([`super::phase_curve`]).
+
+use std::f64::consts::PI;
+
+/// A zone.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Zone {
+    /// Where it ends, and the next one begins, in Saturn's equatorial radii.
+    pub outer: f64,
+    /// Optical depth at right angles.
+    pub depth: f64,
+    /// Albedo, beside that of the others.
+    pub albedo: f64,
+}
+
+/// Where the innermost zone begins, in Saturn's equatorial radii.
+pub const INNER: f64 = 1.239;
+/// C, B, Cassini's division, A.
+pub const ZONES: [Zone; 4] = [
+    Zone { outer: 1.526, depth: 0.10, albedo: 0.25 },
+    Zone { outer: 1.950, depth: 1.80, albedo: 0.85 },
+    Zone { outer: 2.030, depth: 0.12, albedo: 0.40 },
+    Zone { outer: 2.269, depth: 0.60, albedo: 0.65 },
+];
+/// Where the outermost ends.
+pub const OUTER: f64 = ZONES[3].outer;
+/// Below these cosines nothing is seen of them.
+const LEAST_COSINE: f64 = 1e-3;
+
+impl Zone {
+    /// Share of the light on it that it reflects per sr of what a white surface that faces both would, over pi.
+    pub fn reflected(&self, mu_eye: f64, mu_sun: f64) -> f64 {
+        self.albedo * mu_sun / (4.0 * (mu_eye + mu_sun)) * -(-self.depth * (1.0 / mu_eye + 1.0 / mu_sun)).exp_m1()
+    }
+
+    /// Share of what is behind it that it hides.
+    pub fn hidden(&self, mu_eye: f64) -> f64 {
+        -(-self.depth / mu_eye).exp_m1()
+    }
+}
+
+/// Illuminance that rings of unit light give an eye at a distance, for an equatorial radius in the same unit: what their luminance is to be divided by. `None`: they are seen or lit edge-on.
+pub fn illuminance_of_unit(mu_eye: f64, mu_sun: f64, radius_over_distance: f64) -> Option<f64> {
+    if mu_eye < LEAST_COSINE || mu_sun < LEAST_COSINE {
+        return None;
+    }
+    let inner = std::iter::once(INNER).chain(ZONES.iter().map(|zone| zone.outer));
+    let areas = ZONES
+        .iter()
+        .zip(inner)
+        .map(|(zone, inner)| PI * (zone.outer * zone.outer - inner * inner) * zone.reflected(mu_eye, mu_sun));
+    Some(mu_eye * radius_over_distance * radius_over_distance * areas.sum::<f64>())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn thick_rings_reflect_half_of_what_a_deep_layer_of_the_albedo_does_and_hide_all() {
+        let deep = Zone { outer: 2.0, depth: 50.0, albedo: 0.6 };
+        assert!((deep.reflected(0.5, 0.5) - 0.6 / 8.0).abs() < 1e-12 && (deep.hidden(0.5) - 1.0).abs() < 1e-12);
+        let thin = Zone { depth: 1e-6, ..deep };
+        assert!((thin.reflected(0.5, 0.25) / (0.6 * 1e-6 / 4.0 / 0.5) - 1.0).abs() < 1e-4);
+        assert!((thin.hidden(0.5) / 2e-6 - 1.0).abs() < 1e-5);
+    }
+
+    #[test]
+    fn the_b_ring_is_the_brightest_and_edge_on_there_is_nothing() {
+        let [c, b, division, a] = ZONES.map(|zone| zone.reflected(0.4, 0.4));
+        assert!(b > a && a > division && a > c, "{c} {b} {division} {a}");
+        assert_eq!(illuminance_of_unit(0.0, 0.3, 1e-4), None);
+        let near = illuminance_of_unit(0.4, 0.4, 2e-4).unwrap();
+        assert!((near / illuminance_of_unit(0.4, 0.4, 1e-4).unwrap() - 4.0).abs() < 1e-12);
+    }
+}
