@@ -23,7 +23,7 @@ pub enum SolarBody {
     Mars,
     /// Jupiter.
     Jupiter,
-    /// Saturn, without its rings.
+    /// Saturn; where its light is that of its measured phase curve, with its rings.
     Saturn,
     /// Uranus.
     Uranus,
