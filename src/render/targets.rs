@@ -178,7 +178,8 @@ pub(crate) struct Targets {
 impl Targets {
     pub(crate) fn new(gpu: &Gpu) -> Self {
         let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
-        let stand_in = storage_buffer(gpu, "nothing", &[[0_u32; 32]]);
+        // As large as the largest structure of a binding that is not read.
+        let stand_in = storage_buffer(gpu, "nothing", &[[0_u32; 64]]);
         let exposure = gpu.create_buffer(&wgpu::BufferDescriptor {
             label: Some("exposure"),
             size: size_of::<layout::Exposure>() as u64,

@@ -145,15 +145,12 @@ fn panorama() -> Landscape {
         let altitude = PI * (0.5 - (row + 0.5) / f64::from(size[1]));
         let hides = ((0.3 + 0.15 * (3.0 * azimuth).sin() - altitude) / 0.1 + 0.5).clamp(0.0, 1.0);
         let window = 1.0 - 0.7 * (-((altitude / 0.12).powi(2) + ((azimuth - 3.0) / 0.2).powi(2))).exp();
-        let alpha = (hides * window) as f32;
-        [0.4 + 0.3 * azimuth.sin() as f32, 0.3, 0.2 + 0.1 * altitude as f32]
-            .map(|c| c * alpha)
-            .into_iter()
-            .chain([alpha])
-    });
-    let texels = texels.map(|texel| {
-        let texel: Vec<f32> = texel.collect();
-        [texel[0], texel[1], texel[2], texel[3]]
+        // With the digits that a file has: a bright sky behind a dark hill shows the last of them.
+        let held = |value: f64| ((value * 255.0).round() / 255.0) as f32;
+        let alpha = held(hides * window);
+        let [r, g, b] =
+            [0.4 + 0.3 * azimuth.sin(), 0.3, 0.2 + 0.1 * altitude].map(|c| held((c * f64::from(alpha)).sqrt()).powi(2));
+        [r, g, b, alpha]
     });
     Landscape::new(size, texels.collect(), 0.4)
 }

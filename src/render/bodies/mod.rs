@@ -128,7 +128,7 @@ impl Bodies {
             point_buffers: Vec::new(),
             point_counts: Vec::new(),
             textures: None,
-            stand_in: storage_buffer(gpu, "no geometry", &[[0_u32; 32]]),
+            stand_in: storage_buffer(gpu, "no geometry", &[[0_u32; 64]]),
         }
     }
 
