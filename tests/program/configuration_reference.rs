@@ -127,6 +127,10 @@ fn documents(range: &Range) -> Vec<Value> {
         }
         "bodies" => &["sphere", "ellipsoid", "sun"],
         "asteroid_fields" => &["box", "belt", "ring"],
+        "scene.catalogues" if range.key.contains(".light.") => {
+            let light = json!({ "file": "sky.fits", "unit": "s10" });
+            return vec![json!({ "scene": { "catalogues": [{ "light": light }] } })];
+        }
         "scene.catalogues" => return vec![json!({ "scene": { "catalogues": [{ "galaxy": { "stars": 3 } }] } })],
         "windows" => {
             let view = Value::Object(listed("views", "perspective"));
