@@ -207,8 +207,8 @@ mod tests {
             level.texels.iter().map(|texel| f64::from(texel[3])).sum::<f64>() / level.texels.len() as f64
         };
         // Halves of odd sides count some texels twice.
-        for level in &landscape.levels {
-            assert!((mean(level) - mean(&landscape.levels[0])).abs() < 0.1, "{:?}", level.size);
+        for level in landscape.levels.iter().filter(|level| level.size[1] >= 20) {
+            assert!((mean(level) - mean(&landscape.levels[0])).abs() < 0.03, "{:?}", level.size);
         }
         assert_eq!(landscape.words().len(), landscape.levels.iter().map(|level| level.texels.len()).sum::<usize>());
         let wide = Landscape::new([16384, 2], vec![[0.0, 0.0, 0.0, 0.5]; 32768], 0.0);
