@@ -66,6 +66,8 @@ struct BodySun {
 @group(0) @binding(5) var<storage, read> body_runs: array<vec2<u32>>;
 @group(0) @binding(6) var<storage, read> suns: array<BodySun>;
 @group(0) @binding(7) var<storage, read> texels: array<u32>;
+// First column and row, within the tile, of the blocks of pixels that are drawn; the others are dark.
+@group(0) @binding(8) var<storage, read> blocks: array<vec2<u32>>;
 @group(1) @binding(0) var colour: texture_2d<f32>;
 @group(1) @binding(1) var depth: texture_depth_2d;
 @group(1) @binding(2) var faces_colour: texture_2d_array<f32>;
@@ -229,6 +231,11 @@ fn ray_of(viewport: Viewport, pixel: vec2<f32>, otherwise: vec3<f32>) -> vec3<f3
     }
     let direction = direction_from_pixel(viewport, pixel);
     return select(otherwise, direction.xyz, direction.w > 0.0);
+}
+
+// Half of a pixel's diagonal in units of the ray through its middle, with a third more for pixels that are not square.
+fn extent_of(viewport: Viewport, corner: vec2<f32>, ray: vec3<f32>) -> f32 {
+    return 1.35 * max(length(ray_of(viewport, corner, ray) - ray), length(ray_of(viewport, corner + 1.0, ray) - ray));
 }
 
 // What a body shows in a pixel: luminance times coverage, and coverage.
@@ -420,12 +427,27 @@ fn nearest_of_parts(viewport: Viewport, run: vec2<u32>, corner: vec2<f32>, ray: 
     return sum / f32(CROSSED_PARTS * CROSSED_PARTS);
 }
 
+// The first body from a number on that may be seen in the pixel around a unit vector, or the end: most pixels show none, and a loop that ends at once costs a software driver nothing, which a
+// branch does not save it.
+fn next_near(from_body: u32, end: u32, unit: vec3<f32>) -> u32 {
+    var b = from_body;
+    while b < end {
+        let beside = unit - view_bodies[b].towards;
+        if dot(beside, beside) <= view_bodies[b].reach * view_bodies[b].reach {
+            break;
+        }
+        b++;
+    }
+    return b;
+}
+
 fn write(index: u32, light: vec3<f32>, word: u32) {
     geometry[index] = vec4(bitcast<vec3<u32>>(light), word);
 }
 
 @compute @workgroup_size(RAY_SIDE, RAY_SIDE)
-fn draw_geometry(@builtin(global_invocation_id) id: vec3<u32>) {
+fn draw_geometry(@builtin(global_invocation_id) invocation: vec3<u32>) {
+    let id = blocks[invocation.z] + invocation.xy;
     let tile = tiles[parameters.tile];
     let viewport = viewports[tile.viewport];
     if id.x >= viewport.size.x || id.y >= tile.rows {
@@ -440,15 +462,9 @@ fn draw_geometry(@builtin(global_invocation_id) id: vec3<u32>) {
     let corner = vec2<f32>(pixel);
     let ray = ray_of(viewport, corner + 0.5, vec3(0.0, 0.0, -1.0));
     let run = body_runs[tile.viewport];
-    var extent = 0.0;
-    if run.y > 0u {
-        // A third more for pixels that are not square.
-        extent = 1.35 * max(
-            length(ray_of(viewport, corner, ray) - ray), length(ray_of(viewport, corner + 1.0, ray) - ray));
-    }
-
     var covered = 0.0;
     if HAS_LAYERS {
+        let extent = extent_of(viewport, corner, ray);
         let samples = parameters.samples;
         var light = vec3(0.0);
         var nearest = 3e38;
@@ -509,8 +525,11 @@ fn draw_geometry(@builtin(global_invocation_id) id: vec3<u32>) {
     var hits: array<Shown, MOST_HITS>;
     var count = 0u;
     var flags = 0u;
-    for (var b = run.x; b < run.x + run.y; b++) {
+    let unit = normalize(ray);
+    let end = run.x + run.y;
+    for (var b = next_near(run.x, end, unit); b < end; b = next_near(b + 1u, end, unit)) {
         let body = body_for(viewport, b, ray);
+        let extent = extent_of(viewport, corner, ray);
         var shown = body_in_pixel(viewport, body, corner, ray, extent);
         if shown.coverage > 0.0 || shown.limb {
             if shown.limb || body.part < 1.0 {
@@ -539,7 +558,7 @@ fn draw_geometry(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     // The limb of a body before another one: what is covered of both is no product of shares. In an eclipse one disc lies within the other.
     if count > 1u && !(hits[0].rings || hits[1].rings) && hits[0].coverage > 0.0 && hits[0].coverage < 1.0 && hits[1].coverage > 0.0 {
-        let sampled = nearest_of_parts(viewport, run, corner, ray, extent);
+        let sampled = nearest_of_parts(viewport, run, corner, ray, extent_of(viewport, corner, ray));
         light = sampled.xyz;
         open = 1.0 - sampled.w;
     }

@@ -7,12 +7,13 @@
 #import constants/rec709
 #import decode = display/decode_u32 | display/decode_u64
 #import display/encode
+#import shared/air_mass
 #import shared/cover
 #import shared/diffuse_light
 #import shared/pixel_grid
 #import shared/projection
 #import shared/sky_map
-#import shared/veil
+#import shared/point_grid
 #import shared/viewport
 
 struct ResolveParameters {
@@ -26,6 +27,7 @@ struct ResolveParameters {
     shown: Display,
     sky: SkyMap,
     diffuse: DiffuseLight,
+    air: AirAbove,
 }
 
 @group(0) @binding(0) var<uniform> parameters: ResolveParameters;
@@ -38,8 +40,8 @@ struct ResolveParameters {
 @group(0) @binding(10) var<storage, read> geometry: array<vec4<u32>>;
 
 // The smooth part of scattered light.
-@group(0) @binding(11) var<storage, read> veil_grids: array<VeilGrid>;
-@group(0) @binding(12) var<storage, read> veil_points: array<vec4<f32>>;
+@group(0) @binding(11) var<storage, read> point_grids: array<PointGrid>;
+@group(0) @binding(12) var<storage, read> grid_points: array<vec4<f32>>;
 
 // The map of faint light.
 @group(0) @binding(13) var<storage, read> sky_texels: array<u32>;
@@ -71,9 +73,9 @@ fn resolve(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
     let columns = (viewport.size.x + COLUMNS - 1u) / COLUMNS;
     let high = has_high_words(tile.first_flag + group.y * columns + group.x);
     var sum = 0.0;
-    var veil: VeilColumn;
+    var veil: GridColumn;
     if HAS_VEIL {
-        veil = veil_column(veil_grids[tile.viewport], x);
+        veil = grid_column(point_grids[tile.viewport], x);
     }
     // Without such light its pictures have no size: known only once the stars are there, and shaders are made before.
     let has_diffuse = parameters.diffuse.map.side > 0u;
@@ -94,7 +96,7 @@ fn resolve(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
         }
         var scattered = vec3(0.0);
         if HAS_VEIL {
-            scattered = veil_in_row(&veil, image_row);
+            scattered = grid_in_row(&veil, image_row);
         }
         let lit = HAS_VEIL || HAS_SKY || has_diffuse || any(illuminance > vec3(0.0)) || any(shown > vec3(0.0));
         if !(lit || WRITE_DARK || WRITE_DISPLAY) {
@@ -108,13 +110,16 @@ fn resolve(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
             var surface = shown + scattered;
             if HAS_SKY || has_diffuse {
                 let in_view = direction_of_point(viewport, vec2(f32(x), f32(image_row)) + 0.5);
-                let towards = world_direction(viewport, in_view);
+                let towards = normalize(world_direction(viewport, in_view));
+                let direction = picture_direction(towards);
+                var behind = vec3(0.0);
                 if HAS_SKY {
-                    surface += sky_luminance(parameters.sky, towards);
+                    behind += sky_luminance(parameters.sky, direction);
                 }
                 if has_diffuse {
-                    surface += free * diffuse_luminance(parameters.diffuse, normalize(towards));
+                    behind += diffuse_luminance(parameters.diffuse, towards, direction);
                 }
+                surface += free * through_air(parameters.air, towards) * behind;
             }
             sum += dot(illuminance + surface * luminance.w, LUMINANCE_WEIGHTS);
             luminance = vec4(illuminance * (1.0 / luminance.w) + surface, luminance.w);

@@ -5,6 +5,7 @@
 #import constants/glare_composite
 #import constants/pixel_grid
 #import constants/rec709
+#import glare/light8
 #import scattered = glare/sky_cube/scattered | glare/pyramid/scattered
 #import shared/pixel_grid
 #import shared/viewport
@@ -28,13 +29,6 @@ struct GlareParameters {
 // Runs of ROWS rows of one workgroup, one invocation of a column each. A GPU wants a full wave; a software driver is best served
 // by one step of its SIMD.
 override ROW_GROUPS: u32;
-
-// Light of eight pixels of a column, from the top: one channel in two vectors, so that a source is read once for all of them.
-struct Light8 {
-    red: array<vec4<f32>, 2>,
-    green: array<vec4<f32>, 2>,
-    blue: array<vec4<f32>, 2>,
-}
 
 @compute @workgroup_size(BLOCK_COLUMNS, ROW_GROUPS)
 fn composite_glare(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_id) local: vec3<u32>) {

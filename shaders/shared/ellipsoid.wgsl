@@ -38,6 +38,10 @@ struct ViewBody {
     to_sun: vec3<f32>,
     // Semi-axis along the pole over that of the equator.
     flattening: f32,
+    // Unit vector to the middle, view axes.
+    towards: vec3<f32>,
+    // Chord beyond which no pixel shows anything of it or of its rings.
+    reach: f32,
 }
 
 // A body whose `centre` is a unit vector, as an eye sees it that stands beside, view axes, m.

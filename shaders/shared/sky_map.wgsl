@@ -3,9 +3,9 @@
 #import shared/sky_place
 #import shared/sky_texel
 
-// Luminance towards a unit direction, world axes, cd/m^2, between four texels.
-fn sky_luminance(map: SkyMap, towards: vec3<f32>) -> vec3<f32> {
-    let place = sky_place(map, towards);
+// Luminance in a direction, cd/m^2, between four texels.
+fn sky_luminance(map: SkyMap, direction: PictureDirection) -> vec3<f32> {
+    let place = sky_place(map, direction);
     let start = place.first;
     let upper = mix(light_of_texel(sky_texels[start]), light_of_texel(sky_texels[start + 1u]), place.share.x);
     let below = start + map.side;

@@ -20,8 +20,16 @@ struct TexelPlace {
     share: vec2<f32>,
 }
 
-// The place of a unit direction, world axes.
-fn sky_place(map: SkyMap, towards: vec3<f32>) -> TexelPlace {
+// A direction as pictures of any size have it.
+struct PictureDirection {
+    // Number of the picture.
+    number: u32,
+    // To the right and down from its middle, rad.
+    offset: vec2<f32>,
+}
+
+// Of a unit direction, world axes.
+fn picture_direction(towards: vec3<f32>) -> PictureDirection {
     let sizes = abs(towards);
     let first = sizes.x >= sizes.y && sizes.x >= sizes.z;
     let second = !first && sizes.y >= sizes.z;
@@ -32,9 +40,14 @@ fn sky_place(map: SkyMap, towards: vec3<f32>) -> TexelPlace {
     let right = select(along.z, -along.z, behind);
     let across = sqrt(right * right + along.y * along.y);
     let angle = precise_atan2(across, abs(along.x));
-    let scale = select(angle / across, 1.0, across < 1e-6) * map.texels_per_rad;
+    return PictureDirection(number, vec2(right, -along.y) * select(angle / across, 1.0, across < 1e-6));
+}
+
+// The place of a direction in the pictures of a map.
+fn sky_place(map: SkyMap, direction: PictureDirection) -> TexelPlace {
     // Middles of texels are halves.
-    let place = 0.5 * f32(map.side) - 0.5 + vec2(right, -along.y) * scale;
+    let place = 0.5 * f32(map.side) - 0.5 + direction.offset * map.texels_per_rad;
     let corner = floor(place);
-    return TexelPlace((number * map.side + u32(i32(corner.y))) * map.side + u32(i32(corner.x)), place - corner);
+    let first = (direction.number * map.side + u32(i32(corner.y))) * map.side + u32(i32(corner.x));
+    return TexelPlace(first, place - corner);
 }

@@ -31,17 +31,7 @@ struct StarParameters {
     // How the camera moves.
     camera_motion: CameraMotion,
     // The air around it.
-    air: StarAir,
-}
-
-struct StarAir {
-    // Unit vector to the zenith, world axes.
-    zenith: vec3<f32>,
-    // 1: there is air.
-    present: u32,
-    // Power of two by which light becomes less for each air mass, linear Rec. 709.
-    extinction: vec3<f32>,
-    unused_0: u32,
+    air: AirAbove,
 }
 
 @group(0) @binding(0) var<uniform> parameters: StarParameters;
@@ -87,8 +77,7 @@ fn splat_stars(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocatio
             }
             var colour = colours[colour_index].xyz;
             if parameters.air.present != 0u {
-                let sine = dot(relative, parameters.air.zenith) * inverseSqrt(dot(relative, relative));
-                colour *= exp2(parameters.air.extinction * air_mass(sine));
+                colour *= through_air(parameters.air, relative * inverseSqrt(dot(relative, relative)));
                 let kept = dot(colour, LUMINANCE_WEIGHTS);
                 illuminance *= kept;
                 colour /= kept;

@@ -17,6 +17,8 @@ use std::{
 use glam::DVec3;
 use rayon::prelude::*;
 
+use super::rec709;
+
 /// The Earth, km, and the height in which there is no air any more.
 const EARTH_KM: f64 = 6371.0;
 const TOP_KM: f64 = 100.0;
@@ -361,6 +363,12 @@ impl Default for SkyTable {
 }
 
 impl SkyTable {
+    /// Luminance of 1 lx of the source at most, where its aerosol scatters evenly, cd/m^2.
+    pub fn brightest_cd_m2(&self) -> f64 {
+        let nodes = self.smooth.iter().zip(&self.aerosol);
+        nodes.map(|(smooth, aerosol)| rec709::luminance(each(|c| smooth[c] + aerosol[c]))).fold(0.0, f64::max)
+    }
+
     /// Luminance at an altitude, at least 0, at an azimuth from the source, rad, and the cosine of the angle from it; cd/m^2 per lx.
     pub fn luminance(&self, altitude_rad: f64, azimuth_rad: f64, cosine: f64) -> [f64; 3] {
         let place = |part: f64, of: usize| part.clamp(0.0, 1.0).sqrt() * (of - 1) as f64;

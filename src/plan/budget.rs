@@ -44,11 +44,11 @@ pub fn draws_outputs_apart(settings: &RenderSettings, objects: &SceneObjects, vi
     may_have_veil_in_sums(settings, objects, viewports) || may_read_map_alone(settings, objects, viewports)
 }
 
-/// Whether display images have a budget, in a scene of stars that are added up.
+/// Whether display images have a budget: where stars are added up, and no asteroids stand before them.
 fn has_budget(settings: &RenderSettings, objects: &SceneObjects) -> bool {
     settings.accuracy.display_codes > 0.0
         && settings.stars.method.accumulator() == Accumulator::FixedPoint
-        && objects.is_empty()
+        && objects.fields.is_empty()
 }
 
 /// Whether frames of display images alone may have the veil of single sources in their sums of light.

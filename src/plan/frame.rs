@@ -19,7 +19,7 @@ use super::{
         glare::{Cloud, field_clouds},
     },
     bodies::{
-        seen::{BodyPlan, PointSource, plan_bodies},
+        seen::{BodyPlan, HeldLights, PointSource, plan_bodies},
         textures::texture_bytes,
     },
     budget::{Output, display_step_cd_m2, draws_outputs_apart, least_veil_cd_m2, may_have_veil_in_sums},
@@ -93,6 +93,8 @@ pub struct Plan {
     pub bodies: Option<BodyPlan>,
     /// Fields of asteroids; `None`: there are none.
     pub asteroids: Option<AsteroidPlan>,
+    /// The least luminance that display images show, where the frame is made for those alone and they have a budget, cd/m^2.
+    pub display_step_cd_m2: Option<f64>,
     /// Glare.
     pub glare: GlarePlan,
     /// Lines and text over display images; `None`: nothing.
@@ -134,16 +136,21 @@ pub struct VeilInSums {
 }
 
 impl GlarePlan {
-    /// Share of a star's light that adds up in its image before glare is drawn.
+    /// Share of the light of stars and points that adds up in their images before glare is drawn.
     pub fn share_in_sums(&self) -> f64 {
         if self.in_sums.is_some() { 1.0 - self.fraction } else { 1.0 }
     }
 
-    /// Factor on light that is smooth over degrees, where a pass takes away what is scattered and brings back the scattered light of stars and bodies alone: as much of it comes from all
-    /// around as goes there.
-    pub fn share_of_smooth_light(&self) -> f64 {
-        let is_taken = self.method == GlareMethod::SkyCube && self.in_sums.is_none() && self.fraction < 1.0;
+    /// Factor on light of surfaces that is smooth over degrees: a pass takes away what is scattered of them, and brings back the scattered light of stars and bodies alone, though as much of
+    /// it comes from all around as goes there.
+    pub fn share_of_smooth_surfaces(&self) -> f64 {
+        let is_taken = self.method == GlareMethod::SkyCube && self.fraction < 1.0;
         if is_taken { 1.0 / (1.0 - self.fraction) } else { 1.0 }
+    }
+
+    /// The same of light that is added where sums become luminance: no pass comes after that where the veil is in the sums.
+    pub fn share_of_smooth_light(&self) -> f64 {
+        if self.in_sums.is_some() { 1.0 } else { self.share_of_smooth_surfaces() }
     }
 }
 
@@ -247,6 +254,8 @@ pub struct Planner {
     sky_maps: SkyMaps,
     /// Objects through the air around a camera: of which, from where, and how they are seen.
     seen: Option<(Weak<SceneObjects>, DVec3, Arc<SceneObjects>)>,
+    /// What bodies give to the eyes of the last frames.
+    lights: HeldLights,
     /// Greatest slope of a display transform.
     slope: Option<(ToneMapSettings, f64)>,
     /// Whether chunks outside of every view are left out; false only to measure what that saves.
@@ -273,6 +282,7 @@ impl Planner {
             pictures: Pictures::default(),
             sky_maps: SkyMaps::default(),
             seen: None,
+            lights: HeldLights::default(),
             slope: None,
             culling: true,
             unit_factor: 1.0,
@@ -333,7 +343,7 @@ impl Planner {
         let suns = suns(&objects);
         let glare = settings.glare.chosen(settings.stars.method);
         let fraction = settings.glare.fraction_scattered();
-        let bodies = plan_bodies(&objects, &suns, camera_m, &viewports, SPLAT_MARGIN_PX);
+        let bodies = plan_bodies(&objects, &suns, &mut self.lights, camera_m, &viewports, SPLAT_MARGIN_PX);
         let clouds = clouds_of(&objects, &suns, camera_m, &viewports);
         let kernel = self.kernel().filter(|_| glare != GlareMethod::None);
         let lit = Lit {
@@ -440,8 +450,9 @@ impl Planner {
         // Bodies, asteroids, and what they scatter in the eye.
         let objects = self.objects_seen(scene);
         let suns = suns(&objects);
+        let held = &mut self.lights;
         let mut bodies =
-            (!objects.is_empty()).then(|| plan_bodies(&objects, &suns, camera.position_m, &viewports, margin_px));
+            (!objects.is_empty()).then(|| plan_bodies(&objects, &suns, held, camera.position_m, &viewports, margin_px));
         let inputs = AsteroidInputs {
             objects: &objects,
             settings: &settings.asteroids,
@@ -614,6 +625,7 @@ impl Planner {
             local_sky: objects.local_sky.clone(),
             bodies,
             asteroids,
+            display_step_cd_m2: step_cd_m2,
             glare,
             billboards,
             psf,

@@ -109,6 +109,8 @@ shared_constants! {
         PROBE_THREADS: u32 = 64;
         /// Of the rays towards bodies.
         RAY_SIDE: u32 = 8;
+        /// Rows that an invocation of the pass of air takes.
+        AIR_ROWS: u32 = 8;
         /// Of the passes over the texels of a glare pyramid.
         PYRAMID_SIDE: u32 = 8;
         /// Of the passes over the points of a map of glare.

@@ -1,6 +1,6 @@
 //! Structures that the shaders of several techniques read.
 
-use crate::gpu::gpu_structs;
+use crate::{gpu::gpu_structs, scene::surroundings::LocalSky};
 
 gpu_structs! {
     /// A viewport; see `shaders/shared/viewport.wgsl`.
@@ -65,8 +65,8 @@ gpu_structs! {
         /// Padding.
         unused_1: u32,
     }
-    /// The grid of points of the smooth part of a viewport's veil; see `shaders/shared/veil.wgsl`.
-    VeilGrid {
+    /// A grid of points over the picture of a viewport; see `shaders/shared/point_grid.wgsl`.
+    PointGrid {
         /// Index of its first point.
         first: u32,
         /// Points of a row.
@@ -87,18 +87,21 @@ gpu_structs! {
         /// Padding.
         unused_0: u32,
     }
-    /// Light of no single star; see `shaders/shared/diffuse_light.wgsl`.
-    DiffuseLight {
-        /// Where its texels lie.
-        map: SkyMap,
+    /// The air around an eye; see `shaders/shared/air_mass.wgsl`.
+    AirAbove {
         /// Unit vector to the zenith, world axes.
         zenith: [f32; 3],
         /// 1: there is air.
-        has_air: u32,
+        present: u32,
         /// Power of two by which light becomes less for each air mass.
         extinction: [f32; 3],
         /// Padding.
         unused_0: u32,
+    }
+    /// Light of no single star; see `shaders/shared/diffuse_light.wgsl`.
+    DiffuseLight {
+        /// Where its texels lie.
+        map: SkyMap,
         /// Unit vector of the observer's velocity, world axes.
         velocity: [f32; 3],
         /// Speed over that of light.
@@ -132,5 +135,18 @@ gpu_structs! {
         image: [f32; 4],
         /// Direction of the pixel's centre, whether it lies in the picture.
         direction: [f32; 4],
+    }
+}
+
+impl AirAbove {
+    /// The air of what is around a camera, if there is any.
+    pub(crate) fn of(sky: Option<&LocalSky>) -> Self {
+        let Some((sky, air)) = sky.and_then(|sky| Some((sky, sky.air.as_ref()?))) else { return Self::default() };
+        Self {
+            zenith: sky.zenith().as_vec3().to_array(),
+            present: 1,
+            extinction: air.extinction_log2().map(|log2| log2 as f32),
+            ..Default::default()
+        }
     }
 }

@@ -21,6 +21,7 @@ mod meter;
 mod overlay;
 #[cfg(test)]
 mod pass_tests;
+mod point_grid;
 mod prepare;
 #[doc(hidden)]
 mod presentation;

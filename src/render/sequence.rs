@@ -19,7 +19,7 @@ pub(super) fn techniques(gpu: &Gpu, baked: &BakedImpostors) -> Vec<Box<dyn Techn
     vec![
         Box::new(Asteroids::new(baked.clone())),
         Box::new(Bodies::new(gpu)),
-        Box::new(Air::new()),
+        Box::new(Air::new(gpu)),
         Box::new(Diffuse::new()),
         Box::new(Stars::new(gpu)),
         Box::new(Glare::new()),

@@ -115,7 +115,7 @@ pub(crate) struct SeenBodies {
     pub body_runs: wgpu::Buffer,
 }
 
-/// The smooth part of the light that is scattered towards every picture: see `shaders/shared/veil.wgsl`.
+/// The smooth part of the light that is scattered towards every picture: see `shaders/shared/point_grid.wgsl`.
 #[derive(Clone)]
 pub(crate) struct SmoothVeil {
     /// A grid per viewport.

@@ -28,6 +28,8 @@ pub const MOST_SOURCES: usize = 2;
 const ON_GROUND_M: f64 = 1000.0;
 /// What air around an eclipse scatters into a total one, of the Sun's light: 1 to 4 lx of 1e5 (S. M. Silverman and E. G. Mullen, Applied Optics 14, 2838, 1975).
 const LEAST_OF_ECLIPSED: f64 = 2e-5;
+/// What scatters less than this share of the air's own glow is left out, as the Sun is at night.
+const LEAST_OF_GLOW: f64 = 1e-6;
 /// What stars scatter in the eye is found anew for moments so far apart, s.
 const STARS_S: f64 = 60.0;
 /// Directions by which the light of the sky is summed: altitudes, and azimuths of each.
@@ -219,14 +221,16 @@ impl LocalSky {
     pub fn new(surroundings: &Surroundings, horizon_from_world: DMat3, sources: &[(DVec3, [f64; 3])]) -> Self {
         let sine = |direction: &DVec3| (horizon_from_world * *direction).y;
         let of_air = surroundings.air.iter().flat_map(|air| {
-            sources.iter().map(|(direction, light)| {
+            let least_cd_m2 = LEAST_OF_GLOW * luminance(air.glow_cd_m2);
+            let shown = sources.iter().map(|(direction, light)| {
                 let altitude_rad = sine(direction).clamp(-1.0, 1.0).asin();
                 SkySource {
                     direction: *direction,
                     light_lx: light.map(|lx| lx * measured_over_model(altitude_rad)),
                     table: air.scattered.table(altitude_rad),
                 }
-            })
+            });
+            shown.filter(move |source| luminance(source.light_lx) * source.table.brightest_cd_m2() > least_cd_m2)
         });
         let mut sky = Self { sources: of_air.collect(), ..Self::unlit(surroundings, horizon_from_world) };
         let (mean, mut lit_lx) = sky.summed();

@@ -1,27 +1,16 @@
 // What is scattered towards a pixel, by the method `sky_cube`: from the map of the sky, from the sources of the view's
 // own eye and from the sprites that reach the pixel's block.
 
-#import constants/extended_sources
 #import constants/glare_sprites
+#import glare/light8
 #import glare/sky_cube/cells
+#import glare/sky_cube/columns
 #import glare/sky_cube/kernel
+#import glare/sky_cube/near
 #import glare/sky_cube/sprites
 #import shared/math
 #import shared/projection
 #import shared/viewport
-
-// A source that every eye sees elsewhere.
-struct GlareNear {
-    // Unit vector, world axes.
-    direction: vec3<f32>,
-    // Chord within which the parts of it are to be taken in its place; without parts the square of the chord by which its kernel is
-    // softened.
-    reach: f32,
-    // Linear Rec. 709, lx.
-    light: vec3<f32>,
-    // So many parts follow. Of an extended source IS_EXTENDED, and in the low 16 bits the share of its light that its softened kernel leaves out.
-    parts: u32,
-}
 
 @group(1) @binding(0) var<uniform> sky: SkyCubeParameters;
 @group(1) @binding(1) var<storage, read> views: array<GlareView>;
@@ -33,25 +22,6 @@ struct GlareNear {
 @group(1) @binding(7) var<storage, read> lists: array<u32>;
 @group(1) @binding(8) var<storage, read> square_lists: array<u32>;
 @group(1) @binding(9) var<storage, read> kernel_table: array<f32>;
-
-// Whether all views are flat, with pixels far smaller than the cells of the map.
-override FLAT: bool = false;
-// Direction of a pixel's centre; on a flat plane also beyond the picture.
-fn direction_of(viewport: Viewport, pixel: vec2<f32>) -> vec3<f32> {
-    if FLAT {
-        let on_plane = vec3((pixel - viewport.plane_offset) / viewport.plane_scale, -1.0);
-        return world_direction(viewport, normalize(on_plane));
-    }
-    return world_direction(viewport, direction_from_pixel(viewport, pixel).xyz);
-}
-
-fn directions_of(viewport: Viewport, top: vec2<f32>) -> Directions4 {
-    var four: Directions4;
-    for (var one = 0u; one < u32(turns(viewport, 4)); one++) {
-        set_lane(&four, one, direction_of(viewport, top + vec2(0.0, f32(one))));
-    }
-    return four;
-}
 
 // What the map has for eight pixels of a column.
 fn column_from_map(view: GlareView, viewport: Viewport, top: vec2<f32>, directions: array<Directions4, 2>) -> Light8 {
@@ -81,12 +51,6 @@ fn column_from_map(view: GlareView, viewport: Viewport, top: vec2<f32>, directio
         }
     }
     return light;
-}
-
-fn add_light(light: ptr<function, Light8>, four: u32, colour: vec3<f32>, kernel: vec4<f32>) {
-    (*light).red[four] += colour.x * kernel;
-    (*light).green[four] += colour.y * kernel;
-    (*light).blue[four] += colour.z * kernel;
 }
 
 fn add_sprite(light: ptr<function, Light8>, view: GlareView, sprite: GlareSprite, directions: array<Directions4, 2>) {
@@ -127,29 +91,7 @@ fn scattered_towards(viewport: Viewport, tile: Tile, at: vec3<u32>) -> Light8 {
     let directions = array<Directions4, 2>(
         directions_of(viewport, top), directions_of(viewport, top + vec2(0.0, 4.0)));
     var light = column_from_map(view, viewport, top, directions);
-    let first = vec3(directions[0].x.x, directions[0].y.x, directions[0].z.x);
-    for (var i = view.first_near; i < view.first_near + view.near_count; i++) {
-        let extended = (near[i].parts & IS_EXTENDED) != 0u;
-        let parts = select(near[i].parts, 0u, extended);
-        if parts > 0u {
-            if length(first - near[i].direction) < near[i].reach {
-                continue;
-            }
-        }
-        let soft = select(near[i].reach, 0.0, parts > 0u);
-        for (var four = 0u; four < 2u; four++) {
-            let own = chords_squared(directions[four], near[i].direction);
-            let squared = own + soft;
-            var kernel = shown(view, squared, angle_squared(squared));
-            if extended {
-                // What is left out lies on the source: a bump of twice its radius whose integral is 1.
-                let inside = max(1.0 - own / (4.0 * soft), vec4(0.0));
-                kernel += f32(near[i].parts & SHARE_PARTS) / f32(SHARE_PARTS) * 3.0 / (PI * 4.0 * soft) * inside * inside;
-            }
-            add_light(&light, four, near[i].light, kernel);
-        }
-        i += parts;
-    }
+    add_near(&light, view, directions);
     let block = vec3(at.xy / BLOCK_SIDE, at.z);
     let list = ((block.z * sky.rows + block.y) * sky.columns + block.x) * sky.list_words;
     let squares = square_grid(sky);

@@ -6,7 +6,7 @@
 #import glare/sky_cube/kernel
 #import glare/sky_cube/sprites
 #import shared/projection
-#import shared/veil
+#import shared/point_grid
 #import shared/viewport
 
 struct VeilParameters {
@@ -20,17 +20,17 @@ struct VeilParameters {
 @group(0) @binding(0) var<uniform> parameters: VeilParameters;
 @group(0) @binding(1) var<uniform> sky: SkyCubeParameters;
 @group(0) @binding(2) var<storage, read> viewports: array<Viewport>;
-@group(0) @binding(3) var<storage, read> veil_grids: array<VeilGrid>;
+@group(0) @binding(3) var<storage, read> point_grids: array<PointGrid>;
 @group(0) @binding(4) var<storage, read> views: array<GlareView>;
 @group(0) @binding(5) var<storage, read> map: array<vec4<f32>>;
 // Of every viewport, one after the other.
 @group(0) @binding(6) var<storage, read> near: array<GlareSprite>;
 @group(0) @binding(7) var<storage, read> kernel_table: array<f32>;
-@group(0) @binding(8) var<storage, read_write> veil_points: array<vec4<f32>>;
+@group(0) @binding(8) var<storage, read_write> grid_points: array<vec4<f32>>;
 
 @compute @workgroup_size(VEIL_SIDE, VEIL_SIDE)
 fn place_veil(@builtin(global_invocation_id) place: vec3<u32>) {
-    let grid = veil_grids[place.z];
+    let grid = point_grids[place.z];
     if place.x >= grid.columns || place.y >= grid.rows {
         return;
     }
@@ -46,5 +46,5 @@ fn place_veil(@builtin(global_invocation_id) place: vec3<u32>) {
         let soft = sky.soft.x + u * (sky.soft.y + u * sky.soft.z);
         light += near[i].light * select(shown(view, squared, angle_squared(squared)).x, soft, u < 1.0);
     }
-    veil_points[grid.first + place.y * grid.columns + place.x] = vec4(parameters.fraction * light, 0.0);
+    grid_points[grid.first + place.y * grid.columns + place.x] = vec4(parameters.fraction * light, 0.0);
 }

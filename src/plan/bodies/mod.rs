@@ -1,5 +1,6 @@
 //! Bodies in a plan: what each viewport sees of them, and the light that they send there.
 
+pub mod blocks;
 pub mod light;
 pub mod seen;
 pub mod textures;

@@ -4,12 +4,18 @@
 //! A body of less than [`POINT_BELOW_PX`] across is a point, one of more than [`DISC_FROM_PX`] a disc; in between its light is shared out,
 //! so that a body that shrinks does not pop.
 
-use std::f64::consts::FRAC_PI_2;
+use std::{
+    f64::consts::{FRAC_PI_2, PI},
+    sync::{Arc, Weak},
+};
 
 use glam::{DMat3, DVec2, DVec3};
 
 use super::light::illuminance_of;
-use crate::plan::glare::objects::{Source, body_sources};
+use crate::plan::{
+    glare::objects::{Source, body_sources},
+    stars::cull::MAX_VIEWPORTS,
+};
 use crate::{
     photometry::{
         glare::GlareKernel,
@@ -23,7 +29,7 @@ use crate::{
     },
     view::{
         Viewport,
-        projection::{Projection, pixel_centre},
+        projection::{FisheyeMapping, Projection, pixel_centre},
     },
 };
 
@@ -60,6 +66,8 @@ pub struct BodyDisc {
     pub distance_m: f64,
     /// From view axes, m, to the body's axes, in semi-axes.
     pub unit_from_view: DMat3,
+    /// Angle from its middle beyond which the middle of no pixel shows anything of it, rad.
+    pub reach_rad: f64,
     /// Share of its light that the disc has.
     pub part: f64,
     /// Factor on its luminance: 1, but for light that it scatters onto itself.
@@ -141,10 +149,47 @@ fn pixel_across_rad(viewport: &Viewport, direction: DVec3) -> f64 {
     across.unwrap_or_else(|| viewport.projection.middle_pixel_rad())
 }
 
+/// What every body gives to an eye and scatters in it: it depends on neither where the eye looks nor on the picture.
+#[derive(Clone, Debug)]
+struct LightsAt {
+    eye_m: DVec3,
+    lights: Vec<(usize, [f64; 3])>,
+    glare: Vec<Source>,
+}
+
+/// What bodies give to eyes, kept while the objects are the same: it takes longer than the rest of a plan.
+#[derive(Clone, Debug, Default)]
+pub struct HeldLights {
+    of: Weak<SceneObjects>,
+    eyes: Vec<LightsAt>,
+}
+
+impl HeldLights {
+    fn at(&mut self, objects: &Arc<SceneObjects>, suns: &[Sun], eye_m: DVec3) -> &LightsAt {
+        if !self.of.upgrade().is_some_and(|of| Arc::ptr_eq(&of, objects)) {
+            *self = Self { of: Arc::downgrade(objects), eyes: Vec::new() };
+        }
+        let held = self.eyes.iter().position(|held| held.eye_m == eye_m);
+        let index = held.unwrap_or_else(|| {
+            if self.eyes.len() >= MAX_VIEWPORTS {
+                // A camera that moves leaves its eyes behind.
+                self.eyes.clear();
+            }
+            let light = |of: &Arc<Body>| illuminance_of(of, eye_m, suns, objects.time_s);
+            let lights: Vec<(usize, [f64; 3])> = objects.bodies.iter().map(light).enumerate().collect();
+            let glare = body_sources(objects, eye_m, &lights, suns);
+            self.eyes.push(LightsAt { eye_m, lights, glare });
+            self.eyes.len() - 1
+        });
+        &self.eyes[index]
+    }
+}
+
 /// Plans the bodies, lit by `suns` (those of the scene), for a camera at `camera_m`, world axes; points reach `margin_px` over the border of a picture.
 pub fn plan_bodies(
-    objects: &SceneObjects,
+    objects: &Arc<SceneObjects>,
     suns: &[Sun],
+    held: &mut HeldLights,
     camera_m: DVec3,
     viewports: &[Viewport],
     margin_px: f64,
@@ -152,17 +197,7 @@ pub fn plan_bodies(
     let mut plan = BodyPlan::default();
     for (index, viewport) in viewports.iter().enumerate() {
         let eye_m = camera_m + viewport.eye_offset_m;
-        // Eyes at one place see the same light.
-        let same = viewports[..index].iter().position(|other| other.eye_offset_m == viewport.eye_offset_m);
-        let lights = match same {
-            Some(other) => plan.lights[other].clone(),
-            None => objects
-                .bodies
-                .iter()
-                .enumerate()
-                .map(|(body, of)| (body, illuminance_of(of, eye_m, suns, objects.time_s)))
-                .collect(),
-        };
+        let LightsAt { lights, glare, .. } = held.at(objects, suns, eye_m).clone();
         let mut seen: Vec<BodyDisc> = Vec::new();
         let mut in_view_of: Vec<(usize, [f64; 3])> = Vec::new();
         for (body, light) in objects.bodies.iter().zip(&lights) {
@@ -177,7 +212,8 @@ pub fn plan_bodies(
             let in_view = viewport.world_from_view.conjugate().mul_vec3(offset_m);
             let reach_rad = (largest_m / distance_m).min(1.0).asin();
             let widest_m = if has_rings(body) { rings::OUTER * largest_m } else { largest_m };
-            let widest_rad = (widest_m / distance_m).min(1.0).asin();
+            // Who stands within rings has them on all sides.
+            let widest_rad = if widest_m < distance_m { (widest_m / distance_m).asin() } else { PI };
             // Between where the middle of the viewing circle sees it and where an eye on the circle does.
             let parallax_rad = (viewport.viewing_circle_m.abs() / distance_m).min(1.0).asin();
             let mapping = viewport.projection.mapping();
@@ -197,20 +233,30 @@ pub fn plan_bodies(
                 });
             }
             if part > 0.0 {
-                seen.push(body_disc(*light, body, in_view, viewport, unit_from_world, part, (suns, objects.time_s)));
+                let disc = body_disc(*light, body, in_view, viewport, unit_from_world, part, (suns, objects.time_s));
+                seen.push(BodyDisc { reach_rad: widest_rad + parallax_rad + limb_rad(&viewport.projection), ..disc });
             }
         }
         seen.sort_by(|a, b| surface_m(objects, a).total_cmp(&surface_m(objects, b)));
         plan.seen.push(seen);
         plan.in_view.push(in_view_of);
-        let glare = match same {
-            Some(other) => plan.glare[other].clone(),
-            None => body_sources(objects, eye_m, &lights, suns),
-        };
         plan.glare.push(glare);
         plan.lights.push(lights);
     }
     plan
+}
+
+/// How far the middles of pixels that show a limb may be from it, rad: the half of their diagonal by which shaders go, where the middle pixel is the largest one.
+fn limb_rad(projection: &Projection) -> f64 {
+    let middle_is_largest = match projection {
+        Projection::Perspective(_) | Projection::CubeFace(_) | Projection::Equirectangular(_) => true,
+        Projection::Fisheye(fisheye) => {
+            matches!(fisheye.mapping, FisheyeMapping::Equidistant | FisheyeMapping::Stereographic)
+        }
+        Projection::Tabulated(_) => false,
+    };
+    // Beside round pictures, whose middles have no image, as far as anything is.
+    if middle_is_largest { 1.5 * projection.middle_pixel_rad() } else { PI }
 }
 
 /// Whether a body has rings: Saturn with its measured light.
@@ -277,6 +323,7 @@ fn body_disc(
         on_plane,
         distance_m,
         unit_from_view: unit_from_world * DMat3::from_quat(viewport.world_from_view),
+        reach_rad: PI,
         part,
         kept: 1.0,
         suns,

@@ -1,19 +1,36 @@
 //! The pass over a tile.
 
+use std::sync::OnceLock;
+
 use glam::DVec2;
 
 use super::layout;
 use crate::{
-    gpu::{Gpu, bind_in_order},
+    gpu::{Gpu, Variants, bind_in_order},
     photometry::atmosphere::Air,
     plan::GlarePlan,
-    render::{constants::workgroups::RAY_SIDE, tabulated::projecting},
+    render::{
+        constants::workgroups::{AIR_ROWS, RAY_SIDE, VEIL_SIDE},
+        layout::PointGrid,
+        tabulated::projecting,
+    },
     scene::surroundings::LocalSky,
 };
 
 /// The pass.
 pub(super) struct AirPass {
-    pipeline: wgpu::ComputePipeline,
+    /// By form.
+    pipelines: Variants<Form, wgpu::ComputePipeline>,
+    points: OnceLock<wgpu::ComputePipeline>,
+}
+
+/// Forms of the pass.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Form {
+    /// There is a picture of the ground.
+    pub has_landscape: bool,
+    /// What the air adds is read between the points of a grid: in display images that have a budget.
+    pub from_grid: bool,
 }
 
 fn encode(sky: &LocalSky, glare: &GlarePlan, tile: u32) -> layout::AirParameters {
@@ -37,7 +54,7 @@ fn encode(sky: &LocalSky, glare: &GlarePlan, tile: u32) -> layout::AirParameters
         has_ground: u32::from(sky.horizon.is_some()),
         source_count: sky.sources.len() as u32,
         east: axis(0),
-        light_share: glare.share_of_smooth_light() as f32,
+        light_share: glare.share_of_smooth_surfaces() as f32,
         zenith: axis(1),
         is_flat: u32::from(sky.horizon.as_ref().is_none_or(|horizon| horizon.is_flat())),
         south: axis(2),
@@ -63,25 +80,59 @@ pub(super) fn encode_tables(sky: &LocalSky) -> Vec<[f32; 4]> {
 }
 
 impl AirPass {
-    pub(super) fn new(gpu: &Gpu) -> Self {
-        Self { pipeline: gpu.compute_pipeline(&projecting(gpu, "air/light").source()) }
+    pub(super) fn new() -> Self {
+        Self { pipelines: Variants::new(), points: OnceLock::new() }
     }
 
-    /// Records one tile: its number in its batch, and its size in pixels. Buffers: viewports, tiles, geometry, the horizon, tables, the landscape.
+    /// The pipeline of a form.
+    pub(super) fn pipeline(&self, gpu: &Gpu, form: Form) -> wgpu::ComputePipeline {
+        self.pipelines.get(form, || {
+            let constants = [("HAS_LANDSCAPE", form.has_landscape), ("FROM_GRID", form.from_grid)];
+            let constants = constants.map(|(name, value)| (name, f64::from(u8::from(value))));
+            gpu.compute_pipeline_with(&projecting(gpu, "air/light").source(), &constants)
+        })
+    }
+
+    /// The pipeline over the points of grids.
+    pub(super) fn points_pipeline(&self, gpu: &Gpu) -> &wgpu::ComputePipeline {
+        self.points.get_or_init(|| gpu.compute_pipeline(&projecting(gpu, "air/points").source()))
+    }
+
+    /// Records what the air adds at the points of the grids of all pictures, of which there are `count`. Buffers: viewports, tables, the grids, the points.
+    pub(super) fn record_points(
+        &self,
+        gpu: &Gpu,
+        pass: &mut wgpu::ComputePass<'_>,
+        (sky, glare): (&LocalSky, &GlarePlan),
+        grids: &[PointGrid],
+        [viewports, tables, of_grids, points]: [&wgpu::Buffer; 4],
+    ) {
+        let parameters = gpu.frame_uniform("air parameters", &encode(sky, glare, 0));
+        let pipeline = self.points_pipeline(gpu);
+        let buffers = [&parameters, viewports, of_grids, tables, points];
+        pass.set_pipeline(pipeline);
+        gpu.bind_tables(pass, pipeline);
+        pass.set_bind_group(0, &bind_in_order(gpu, pipeline, 0, &buffers), &[]);
+        let most = |side: fn(&PointGrid) -> u32| grids.iter().map(side).max().unwrap_or(0).div_ceil(VEIL_SIDE);
+        pass.dispatch_workgroups(most(|grid| grid.columns), most(|grid| grid.rows), grids.len() as u32);
+    }
+
+    /// Records one tile: its number in its batch, and its size in pixels. Buffers: viewports, tiles, geometry, the horizon, tables, the landscape, the grids, their points.
     pub(super) fn record(
         &self,
         gpu: &Gpu,
         pass: &mut wgpu::ComputePass<'_>,
-        sky: &LocalSky,
-        glare: &GlarePlan,
+        (sky, glare): (&LocalSky, &GlarePlan),
+        form: Form,
         (tile, [width, rows]): (u32, [u32; 2]),
-        [viewports, tiles, geometry, horizon, tables, landscape]: [&wgpu::Buffer; 6],
+        buffers: [&wgpu::Buffer; 8],
     ) {
         let parameters = gpu.frame_uniform("air parameters", &encode(sky, glare, tile));
-        let buffers = [&parameters, viewports, tiles, geometry, horizon, tables, landscape];
-        pass.set_pipeline(&self.pipeline);
-        gpu.bind_tables(pass, &self.pipeline);
-        pass.set_bind_group(0, &bind_in_order(gpu, &self.pipeline, 0, &buffers), &[]);
-        pass.dispatch_workgroups(width.div_ceil(RAY_SIDE), rows.div_ceil(RAY_SIDE), 1);
+        let buffers: Vec<&wgpu::Buffer> = std::iter::once(&parameters).chain(buffers).collect();
+        let pipeline = &self.pipeline(gpu, form);
+        pass.set_pipeline(pipeline);
+        gpu.bind_tables(pass, pipeline);
+        pass.set_bind_group(0, &bind_in_order(gpu, pipeline, 0, &buffers), &[]);
+        pass.dispatch_workgroups(width.div_ceil(RAY_SIDE), rows.div_ceil(RAY_SIDE * AIR_ROWS), 1);
     }
 }

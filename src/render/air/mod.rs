@@ -4,58 +4,77 @@
 pub(crate) mod layout;
 mod light;
 
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 
-use self::light::{AirPass, encode_tables};
+use self::light::{AirPass, Form, encode_tables};
 use super::{
+    point_grid::{GridSpacing, point_grids},
     targets::Targets,
     technique::{FrameInputs, Phase, PipelineJob, Recording, Technique, Wish, begin_pass},
 };
 use crate::{
-    gpu::{Gpu, GrowingBuffer},
+    gpu::{Gpu, GrowingBuffer, storage_buffer},
     photometry::sky_light::SkyTable,
     scene::{landscape::Landscape, surroundings::Horizon},
 };
 
-/// The pass, made when it is first asked for, and the horizon.
+/// What the sky adds is smooth over a degree and more; towards the horizon less, where it is as dark as the air is thick.
+const SPACING: GridSpacing = GridSpacing { most_rad: 0.0125, most_px: 8 };
+
+/// The pass, and what it reads.
 pub(super) struct Air {
-    pass: OnceLock<AirPass>,
+    pass: AirPass,
     horizon: GrowingBuffer,
     tables: GrowingBuffer,
     landscape: GrowingBuffer,
+    points: GrowingBuffer,
+    /// Of the frame that is recorded.
+    grids: Option<wgpu::Buffer>,
+    stand_in: wgpu::Buffer,
     held: Option<Horizon>,
     held_tables: Vec<Arc<SkyTable>>,
     held_landscape: Option<Arc<Landscape>>,
 }
 
 impl Air {
-    pub(super) fn new() -> Self {
+    pub(super) fn new(gpu: &Gpu) -> Self {
         let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
         Self {
-            pass: OnceLock::new(),
+            pass: AirPass::new(),
             horizon: GrowingBuffer::new("horizon", usage),
             tables: GrowingBuffer::new("sky light", usage),
             landscape: GrowingBuffer::new("landscape", usage),
+            points: GrowingBuffer::new("air points", wgpu::BufferUsages::STORAGE),
+            grids: None,
+            stand_in: storage_buffer(gpu, "no grids", &[[0_u32; 4]]),
             held: None,
             held_tables: Vec::new(),
             held_landscape: None,
         }
-    }
-
-    fn pass(&self, gpu: &Gpu) -> &AirPass {
-        self.pass.get_or_init(|| AirPass::new(gpu))
     }
 }
 
 impl Technique for Air {
     fn pipelines<'a>(&'a self, wish: &Wish<'a>) -> Vec<PipelineJob<'a>> {
         let gpu = wish.gpu;
-        if wish.objects.surroundings.is_none() {
-            return Vec::new();
+        let Some(surroundings) = &wish.objects.surroundings else { return Vec::new() };
+        let has_landscape = surroundings.ground.as_ref().is_some_and(|ground| ground.landscape.is_some());
+        let mut jobs = Vec::new();
+        let has_budget = wish.draws_outputs_apart();
+        let mut add = |from_grid| {
+            let form = Form { has_landscape, from_grid };
+            jobs.push(PipelineJob::new("air and ground", move || self.pass.pipeline(gpu, form)));
+        };
+        if !has_budget || wish.made.hdr || wish.made.hdr_stays {
+            add(false);
         }
-        vec![PipelineJob::new("air and ground", move || {
-            self.pass(gpu);
-        })]
+        if has_budget {
+            add(true);
+            jobs.push(PipelineJob::new("light of the sky", move || {
+                self.pass.points_pipeline(gpu);
+            }));
+        }
+        jobs
     }
 
     fn encode(&mut self, gpu: &Gpu, frame: &FrameInputs<'_>, _targets: &mut Targets) {
@@ -94,15 +113,36 @@ impl Technique for Air {
         let (Some(horizon), Some(tables), Some(landscape)) = held else { return };
         let tile = &plan.batches[batch].tiles[index];
         let width = plan.viewports[tile.viewport].size()[0];
-        let buffers = [&targets.viewports, &targets.batches[batch].tiles, geometry, horizon, tables, landscape];
+        let from_grid = plan.display_step_cd_m2.is_some();
+        if from_grid && (batch, index) == (0, 0) {
+            let (grids, count) = point_grids(&plan.viewports, SPACING);
+            let of_grids = gpu.frame_storage("air grids", &grids);
+            let points = self.points.with_room(gpu, 16 * u64::from(count));
+            let buffers = [&targets.viewports, tables, &of_grids, points];
+            let mut pass = begin_pass(recording.encoder, recording.timer, "air");
+            self.pass.record_points(gpu, &mut pass, (sky, &plan.glare), &grids, buffers);
+            drop(pass);
+            self.grids = Some(of_grids);
+        }
+        let of_grid = (self.grids.as_ref(), self.points.held());
+        let (grids, points) = if let (true, (Some(grids), Some(points))) = (from_grid, of_grid) {
+            (grids, points)
+        } else {
+            (&self.stand_in, &self.stand_in)
+        };
+        let of_batch = &targets.batches[batch].tiles;
+        let buffers = [&targets.viewports, of_batch, geometry, horizon, tables, landscape, grids, points];
+        let form = Form { has_landscape: sky.landscape.is_some(), from_grid };
         let mut pass = begin_pass(recording.encoder, recording.timer, "air");
-        self.pass(gpu).record(gpu, &mut pass, sky, &plan.glare, (index as u32, [width, tile.rows]), buffers);
+        self.pass.record(gpu, &mut pass, (sky, &plan.glare), form, (index as u32, [width, tile.rows]), buffers);
     }
 
     fn release(&mut self) {
         self.horizon.release();
         self.tables.release();
         self.landscape.release();
+        self.points.release();
+        self.grids = None;
         self.held = None;
         self.held_tables.clear();
         self.held_landscape = None;

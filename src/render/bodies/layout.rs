@@ -47,6 +47,10 @@ gpu_structs! {
         to_sun: [f32; 3],
         /// Semi-axis along the pole over that of the equator.
         flattening: f32,
+        /// Unit vector to the middle, view axes.
+        towards: [f32; 3],
+        /// Chord beyond which no pixel shows anything of it.
+        reach: f32,
     }
     /// Light that falls on a body; see `shaders/bodies/rays.wgsl`.
     BodySun {

@@ -4,7 +4,10 @@ pub(crate) mod layout;
 pub(crate) mod points;
 mod rays;
 
-use std::sync::{Arc, OnceLock};
+use std::{
+    f64::consts::PI,
+    sync::{Arc, OnceLock},
+};
 
 use self::{
     points::PointPass,
@@ -24,6 +27,7 @@ use crate::{
     gpu::{Gpu, GrowingBuffer, storage_buffer},
     plan::{
         bodies::{
+            blocks::{all_blocks, reached_blocks},
             seen::{BodyDisc, DiscSun, PointSource},
             textures::distinct_textures,
         },
@@ -161,7 +165,22 @@ impl Bodies {
         let targets = &*recording.targets;
         let (Some(bodies), Some(geometry)) = (&targets.bodies, &targets.batches[batch].geometry) else { return };
         let tile = &plan.batches[batch].tiles[index];
+        if index == 0 {
+            recording.encoder.clear_buffer(geometry, 0, Some(plan.batches[batch].pixels * BYTES_PER_PIXEL));
+        }
+        let viewport = &plan.viewports[tile.viewport];
+        let layers = targets.layers.as_ref();
+        let seen = plan.bodies.as_ref().map_or(&[][..], |plan| &plan.seen[tile.viewport]);
+        let blocks = match layers {
+            Some(_) => all_blocks(viewport.size()[0], tile),
+            None => reached_blocks(viewport, tile, seen),
+        };
+        if blocks.is_empty() {
+            return;
+        }
         let target = GeometryTarget {
+            blocks: &gpu.frame_storage("blocks", &blocks),
+            block_count: blocks.len() as u32,
             viewports: &targets.viewports,
             tiles: &targets.batches[batch].tiles,
             geometry,
@@ -170,8 +189,7 @@ impl Bodies {
             suns: self.suns.held().unwrap_or(&self.stand_in),
             texels: self.textures.as_ref().map_or(&self.stand_in, |textures| &textures.words),
         };
-        let width = plan.viewports[tile.viewport].size()[0];
-        let of_tile = RayTile { index: index as u32, tile, width, layers: targets.layers.as_ref() };
+        let of_tile = RayTile { index: index as u32, layers };
         let rays = self.rays(gpu);
         let mut pass = begin_pass(recording.encoder, recording.timer, "geometry");
         rays.record(gpu, &mut pass, &of_tile, &target);
@@ -181,11 +199,13 @@ impl Bodies {
         let Some(points) = self.points_of(batch) else { return };
         let gpu = recording.gpu;
         let ranges = recording.frame.plan.ranges;
+        let share = recording.frame.plan.glare.share_in_sums();
         // The faintest magnitude is one of stars.
         let main = FixedPoint { faintest_lx: 0.0, ..ranges.main };
         for (range, bright) in [(Some(main), false), (ranges.bright, true)] {
             let (Some(range), Some(sums)) = (range, recording.targets.sums(batch, bright)) else { continue };
             let pass = self.points(gpu);
+            let range = FixedPoint { units_per_lx: range.units_per_lx * share, ..range };
             let mut recorded = begin_pass(recording.encoder, recording.timer, "stars");
             pass.record(gpu, &mut recorded, &range, &sums, points);
         }
@@ -297,7 +317,7 @@ fn encode_body(objects: &SceneObjects, seen: &BodyDisc, first_sun: u32, textures
             ReflectionLaw::Lambert => LAW_LAMBERT,
             ReflectionLaw::LommelSeeliger => LAW_LOMMEL_SEELIGER,
         },
-        reflectance: body.surface.geometric_albedo.map(|albedo| (seen.kept * albedo / std::f64::consts::PI) as f32),
+        reflectance: body.surface.geometric_albedo.map(|albedo| (seen.kept * albedo / PI) as f32),
         limb_darkening: emission.map_or(0.0, |emission| emission.limb_darkening as f32),
         emission: emission
             .map_or([0.0; 3], |emission| emission.luminance_cd_m2.map(|channel| (seen.kept * channel) as f32)),
@@ -309,6 +329,9 @@ fn encode_body(objects: &SceneObjects, seen: &BodyDisc, first_sun: u32, textures
         has_rings: u32::from(seen.rings_cd_m2.is_some()),
         to_sun: seen.suns.first().map_or([0.0; 3], |sun| sun.in_body.direction.as_vec3().to_array()),
         flattening: (body.radii_m.z / body.radii_m.x) as f32,
+        towards: seen.centre.normalize().as_vec3().to_array(),
+        // With room for the rounding of both directions.
+        reach: (1.001 * 2.0 * (0.5 * seen.reach_rad.min(PI)).sin() + 1e-6) as f32,
     }
 }
 

@@ -4,7 +4,7 @@
 use crate::render::constants::workgroups::RAY_SIDE;
 use crate::{
     gpu::{Gpu, Variants, bind_buffers, bind_in_order},
-    plan::tiles::Tile,
+    plan::bodies::blocks::BLOCK_PX,
     render::{bodies::layout, tabulated::projecting, targets::RasterLayers},
 };
 
@@ -25,6 +25,10 @@ pub(crate) struct GeometryTarget<'a> {
     pub body_runs: &'a wgpu::Buffer,
     pub suns: &'a wgpu::Buffer,
     pub texels: &'a wgpu::Buffer,
+    /// Blocks of the tile that are drawn.
+    pub blocks: &'a wgpu::Buffer,
+    /// How many there are.
+    pub block_count: u32,
 }
 
 /// A tile to be drawn.
@@ -32,9 +36,6 @@ pub(crate) struct GeometryTarget<'a> {
 pub(crate) struct RayTile<'a> {
     /// Its number in its batch.
     pub index: u32,
-    pub tile: &'a Tile,
-    /// Pixels.
-    pub width: u32,
     /// Asteroids that were drawn before.
     pub layers: Option<&'a RasterLayers>,
 }
@@ -87,7 +88,7 @@ impl GeometryPass {
         of_tile: &RayTile<'_>,
         target: &GeometryTarget<'_>,
     ) {
-        let RayTile { index, tile, width, layers } = *of_tile;
+        let RayTile { index, layers } = *of_tile;
         let pipeline = &self.pipeline(gpu, layers.is_some());
         let mut parameters = layout::GeometryParameters { tile: index, ..Default::default() };
         if let Some(layers) = layers {
@@ -107,6 +108,7 @@ impl GeometryPass {
             target.body_runs,
             target.suns,
             target.texels,
+            target.blocks,
         ];
         pass.set_pipeline(pipeline);
         gpu.bind_tables(pass, pipeline);
@@ -122,6 +124,7 @@ impl GeometryPass {
         let views: Vec<_> =
             (0..).zip(views).map(|(binding, view)| (binding, wgpu::BindingResource::TextureView(view))).collect();
         pass.set_bind_group(1, &bind_buffers(gpu, pipeline, 1, &views), &[]);
-        pass.dispatch_workgroups(width.div_ceil(RAY_SIDE), tile.rows.div_ceil(RAY_SIDE), 1);
+        let groups = BLOCK_PX / RAY_SIDE;
+        pass.dispatch_workgroups(groups, groups, target.block_count);
     }
 }

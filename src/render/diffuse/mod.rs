@@ -28,9 +28,7 @@ impl Diffuse {
 }
 
 fn encode(sky: &DiffuseSky, plan: &Plan) -> DiffuseLight {
-    let f32s = |values: [f64; 3]| values.map(|value| value as f32);
     let pictures = sky.pictures();
-    let air = plan.local_sky.as_ref().and_then(|sky| Some((sky.zenith(), sky.air.as_ref()?.extinction_log2())));
     DiffuseLight {
         map: SkyMap {
             unit_cd_m2: (TEXEL_UNIT_CD_M2 * plan.glare.share_of_smooth_light()) as f32,
@@ -38,10 +36,6 @@ fn encode(sky: &DiffuseSky, plan: &Plan) -> DiffuseLight {
             side: pictures.side,
             unused_0: 0,
         },
-        zenith: air.map_or([0.0; 3], |(zenith, _)| zenith.as_vec3().to_array()),
-        has_air: u32::from(air.is_some()),
-        extinction: air.map_or([0.0; 3], |(_, extinction)| f32s(extinction)),
-        unused_0: 0,
         velocity: plan.motion.map_or([0.0; 3], |motion| motion.direction.as_vec3().to_array()),
         beta: plan.motion.map_or(0.0, |motion| motion.beta as f32),
     }

@@ -1,7 +1,7 @@
 //! Structures that the shaders from light to display read.
 
 use crate::gpu::gpu_structs;
-pub(crate) use crate::render::layout::{DiffuseLight, SkyMap};
+pub(crate) use crate::render::layout::{AirAbove, DiffuseLight, SkyMap};
 
 gpu_structs! {
     /// The numbers of the tone mapping; see `shaders/display/encode.wgsl`.
@@ -39,6 +39,8 @@ gpu_structs! {
         sky: SkyMap,
         /// Light of no single star.
         diffuse: DiffuseLight,
+        /// The air around the camera.
+        air: AirAbove,
     }
     /// Parameters of the exposure pass.
     ExposureParameters {

@@ -15,6 +15,7 @@ use self::{
     tone_map::ToneMapPass,
 };
 use super::{
+    layout::AirAbove,
     presentation::{PresentSource, present_source},
     targets::{Made, adds_up, is_scattered_after, resolves_to_display},
     technique::{Phase, PipelineJob, Recording, Technique, Wish},
@@ -57,6 +58,7 @@ impl Display {
             known_ev100,
             tone_map: &frame.settings.tone_map,
             shows: resolves_to_display(&frame) && made.display,
+            air: AirAbove::of(frame.plan.local_sky.as_deref()),
         };
         let gpu = recording.gpu;
         let mut pass = super::technique::begin_pass(recording.encoder, recording.timer, "resolve");
@@ -184,7 +186,7 @@ impl Technique for Display {
             let is_scattered_after = glare != GlareMethod::None && !veil;
             let resolves_to_display = known && !is_scattered_after && adds_up;
             let hdr_made = hdr_image(is_scattered_after, [display, hdr, hdr_stays], known);
-            // Whether there is a map depends on the stars: that form is made by the first frame that reads one.
+            // Whether there is a map depends on the stars: that form is made by the first frame that reads one, and that of a camera that moves by the first one that does.
             let outputs = ResolveOutputs {
                 geometry: !objects.is_empty(),
                 veil,

@@ -7,7 +7,7 @@ use crate::{
     gpu::{self, Gpu, ShaderSource, Variants, bind_in_order},
     photometry::exposure::white_luminance_cd_m2,
     plan::{settings::ToneMapSettings, stars::range::Ranges},
-    render::{display::layout, tabulated::projecting, targets::Targets},
+    render::{display::layout, layout::AirAbove, tabulated::projecting, targets::Targets},
 };
 
 /// What a batch's resolve pass writes.
@@ -25,6 +25,8 @@ pub(crate) struct ResolveOutputs {
     pub veil: bool,
     /// Whether the map of faint light is added.
     pub sky: bool,
+    /// Whether the camera moves, which counts for light of no single star.
+    pub moves: bool,
 }
 
 /// The pass.
@@ -58,13 +60,15 @@ pub(crate) struct ResolveInputs<'a> {
     pub tone_map: &'a ToneMapSettings,
     /// Whether the display image is written: the exposure is known then.
     pub shows: bool,
+    /// The air around the camera.
+    pub air: AirAbove,
 }
 
 impl ResolveOutputs {
     /// What is written where that much of the HDR image is made; with nothing added to the sums.
     pub(crate) fn new(hdr: HdrImage, display: bool) -> Self {
         let (hdr, dark) = (hdr != HdrImage::None, hdr == HdrImage::Whole);
-        Self { hdr, dark, display, geometry: false, veil: false, sky: false }
+        Self { hdr, dark, display, geometry: false, veil: false, sky: false, moves: false }
     }
 }
 
@@ -95,6 +99,7 @@ impl ResolvePass {
                 ("HAS_GEOMETRY", outputs.geometry),
                 ("HAS_VEIL", outputs.veil),
                 ("HAS_SKY", outputs.sky),
+                ("MOVES", outputs.moves),
             ]
             .map(|(name, value)| (name, f64::from(u8::from(value))));
             let constants = [&written[..], &variant.constants()].concat();
@@ -111,7 +116,7 @@ impl ResolvePass {
         targets: &Targets,
         number: usize,
     ) {
-        let ResolveInputs { ranges, hdr, known_ev100, tone_map, shows } = *inputs;
+        let ResolveInputs { ranges, hdr, known_ev100, tone_map, shows, air } = *inputs;
         let batch = &targets.batches[number];
         let occlusion = targets.occlusion(number);
         let display = batch.display.as_ref().filter(|_| shows);
@@ -120,6 +125,7 @@ impl ResolvePass {
             geometry: occlusion.present,
             veil: targets.veil.is_some(),
             sky: sky.is_some(),
+            moves: diffuse.is_some_and(|diffuse| diffuse.light.beta > 0.0),
             ..ResolveOutputs::new(hdr, display.is_some())
         };
         let parameters = layout::ResolveParameters {
@@ -130,6 +136,7 @@ impl ResolvePass {
             shown: encode_display(tone_map),
             sky: sky.map(|sky| sky.map).unwrap_or_default(),
             diffuse: diffuse.map(|diffuse| diffuse.light).unwrap_or_default(),
+            air,
         };
         let parameters = gpu.frame_uniform("resolve parameters", &parameters);
         let pipeline = &self.pipeline(gpu, outputs, tone_map);

@@ -14,6 +14,16 @@ use crate::{
 /// Runs of rows of one workgroup on a GPU.
 const ROW_GROUPS: u32 = 8;
 
+/// Runs of rows of one workgroup on this adapter.
+pub(crate) fn row_groups(gpu: &Gpu) -> u32 {
+    if gpu.software { 1 } else { ROW_GROUPS }
+}
+
+/// Workgroups over the pixels of a batch, of which a grid tells the blocks.
+pub(crate) fn workgroups([columns, rows, tiles]: [u32; 3], row_groups: u32) -> [u32; 3] {
+    [columns * (COLUMNS / BLOCK_COLUMNS), rows.div_ceil(row_groups), tiles]
+}
+
 /// Where the pass finds what is scattered.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum GlareSource {
@@ -45,7 +55,7 @@ pub(crate) struct GlareCompositePass {
 impl GlareCompositePass {
     /// The pass with values for the constants of its source.
     pub(crate) fn new(gpu: &Gpu, source: GlareSource, constants: &[(&str, f64)]) -> Self {
-        let row_groups = if gpu.software { 1 } else { ROW_GROUPS };
+        let row_groups = row_groups(gpu);
         let of_groups = ("ROW_GROUPS", f64::from(row_groups));
         let constants: Vec<_> = constants.iter().copied().chain([of_groups]).collect();
         Self {
@@ -78,6 +88,7 @@ impl GlareCompositePass {
         }
         pass.set_bind_group(0, &group, &[]);
         pass.set_bind_group(1, &bind_buffers(gpu, &self.pipeline, 1, of_source), &[]);
-        pass.dispatch_workgroups(grid[0] * (COLUMNS / BLOCK_COLUMNS), grid[1].div_ceil(self.row_groups), grid[2]);
+        let [columns, rows, tiles] = workgroups(grid, self.row_groups);
+        pass.dispatch_workgroups(columns, rows, tiles);
     }
 }

@@ -169,6 +169,17 @@ gpu_structs! {
         /// So many parts follow.
         parts: u32,
     }
+    /// Parameters of the pass over what surfaces show.
+    ObjectGlareParameters {
+        /// Share of the light that is scattered.
+        fraction: f32,
+        /// Padding.
+        unused_0: u32,
+        /// Padding.
+        unused_1: u32,
+        /// Padding.
+        unused_2: u32,
+    }
     /// Parameters of the search for the brightest channel of a frame.
     GlareMaximumParameters {
         /// Pixels of the batch.

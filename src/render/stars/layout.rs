@@ -1,7 +1,7 @@
 //! Structures that the shaders of stars read.
 
 use crate::gpu::gpu_structs;
-pub(crate) use crate::render::layout::Viewport;
+pub(crate) use crate::render::layout::{AirAbove, Viewport};
 
 gpu_structs! {
     /// A run of stars for one workgroup; see `shaders/stars/splat.wgsl`.
@@ -55,18 +55,7 @@ gpu_structs! {
         /// How the camera moves.
         camera_motion: CameraMotion,
         /// The air around it.
-        air: StarAir,
-    }
-    /// What air takes of the light of stars; see `shaders/stars/splat.wgsl`.
-    StarAir {
-        /// Unit vector to the zenith, world axes.
-        zenith: [f32; 3],
-        /// 1: there is air.
-        present: u32,
-        /// Power of two by which light becomes less for each air mass.
-        extinction: [f32; 3],
-        /// Padding.
-        unused_0: u32,
+        air: AirAbove,
     }
     /// A star as the published methods read it; see `shaders/stars/catalogue_star.wgsl`.
     CatalogueStar {

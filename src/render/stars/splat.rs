@@ -4,7 +4,7 @@
 use super::items::{StarDraw, bind_items};
 use crate::{
     gpu::{self, Gpu, Variants, dispatch_rows},
-    photometry::{atmosphere::Air, blackbody::ln_luminance_cd_m2},
+    photometry::blackbody::ln_luminance_cd_m2,
     plan::{
         Plan,
         stars::{
@@ -14,11 +14,11 @@ use crate::{
     },
     relativity::Motion,
     render::{
+        layout::AirAbove,
         shader::{rolled_loops, workgroup_constant},
         stars::layout,
         targets::{Sums, bind_occlusion, bind_sums, splatting},
     },
-    scene::surroundings::LocalSky,
 };
 
 /// The pass.
@@ -47,15 +47,6 @@ fn encode_motion(motion: Motion) -> layout::CameraMotion {
         gamma: motion.gamma() as f32,
         gamma_beta: (motion.gamma() * motion.beta) as f32,
         doppler_behind: motion.doppler_behind() as f32,
-        ..Default::default()
-    }
-}
-
-fn encode_air(sky: &LocalSky, air: &Air) -> layout::StarAir {
-    layout::StarAir {
-        zenith: sky.zenith().as_vec3().to_array(),
-        present: 1,
-        extinction: air.extinction_log2().map(|log2| log2 as f32),
         ..Default::default()
     }
 }
@@ -91,7 +82,7 @@ impl StarPass {
         sums: &Sums<'_>,
         draws: &[StarDraw<'_>],
     ) {
-        let (occlusion, sky) = (&sums.occlusion, plan.local_sky.as_ref());
+        let occlusion = &sums.occlusion;
         let pipeline = &self.pipeline(gpu, occlusion.present);
         pass.set_pipeline(pipeline);
         pass.set_bind_group(2, &bind_occlusion(gpu, pipeline, occlusion), &[]);
@@ -105,7 +96,7 @@ impl StarPass {
                 item_count: draw.item_count,
                 items_per_row,
                 camera_motion: plan.motion.map(encode_motion).unwrap_or_default(),
-                air: sky.and_then(|sky| Some(encode_air(sky, sky.air.as_ref()?))).unwrap_or_default(),
+                air: AirAbove::of(plan.local_sky.as_deref()),
                 ..Default::default()
             };
             let parameters = gpu.frame_uniform("star parameters", &parameters);

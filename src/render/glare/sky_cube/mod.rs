@@ -2,6 +2,7 @@
 //! settings have changed, and kept until they do again; what depends on where the views look is made for every frame.
 
 mod map;
+mod objects;
 mod record;
 mod sprites;
 mod veil;
@@ -12,6 +13,7 @@ use glam::DVec3;
 
 use self::{
     map::{Held, Key, MapPasses},
+    objects::{ObjectFrame, ObjectPasses},
     record::{Variant, composite},
     sprites::SpritePasses,
     veil::{VeilFrame, VeilPasses},
@@ -100,6 +102,7 @@ pub(super) struct SkyCube {
     sprites: OnceLock<SpritePasses>,
     composites: Variants<Variant, GlareCompositePass>,
     veil: OnceLock<VeilPasses>,
+    objects: ObjectPasses,
     /// For each series of frames the map of exact frames, and that of frames whose veil is in the sums.
     held: Vec<[Option<Held>; 2]>,
     /// Of the last frame of the first series: its views, and its budget where its veil was in the sums.
@@ -107,6 +110,7 @@ pub(super) struct SkyCube {
     veil_points: GrowingBuffer,
     /// What the batches of a frame share.
     veil_frame: Option<VeilFrame>,
+    object_frame: Option<ObjectFrame>,
     lists: GrowingBuffer,
     square_lists: GrowingBuffer,
 }
@@ -122,10 +126,12 @@ impl SkyCube {
             sprites: OnceLock::new(),
             composites: Variants::new(),
             veil: OnceLock::new(),
+            objects: Variants::new(),
             held: Vec::new(),
             last: None,
             veil_points: GrowingBuffer::new("veil points", wgpu::BufferUsages::STORAGE),
             veil_frame: None,
+            object_frame: None,
             lists: GrowingBuffer::new("glare lists", wgpu::BufferUsages::STORAGE),
             square_lists: GrowingBuffer::new("glare square lists", wgpu::BufferUsages::STORAGE),
         }
@@ -148,6 +154,9 @@ impl SkyCube {
             jobs.push(PipelineJob::new("glare veil", move || {
                 self.veil.get_or_init(VeilPasses::new).pipelines(gpu, variant.tabulated);
             }));
+            if !wish.objects.is_empty() {
+                jobs.push(PipelineJob::new("glare of bodies", move || objects::pipeline(&self.objects, gpu, variant)));
+            }
         }
         jobs.push(PipelineJob::new("glare map", move || {
             self.passes.get_or_init(|| MapPasses::new(gpu));
@@ -162,6 +171,7 @@ impl SkyCube {
         self.square_lists.release();
         self.veil_points.release();
         self.veil_frame = None;
+        self.object_frame = None;
     }
 
     /// Lets go of the maps of a series that does without, and of the buffers where no series has any.
@@ -190,6 +200,7 @@ impl SkyCube {
             self.hold_for(recording);
         }
         self.record_veil(recording, batch);
+        self.record_objects(recording, batch);
     }
 
     /// Makes the map that a frame takes, if it is not held.

@@ -1,19 +1,14 @@
 //! What depends on where the views look: sources of each eye, lists of sprites, and the pass over pixels.
 
-use std::f64::consts::PI;
-
 use super::{
     SkyCube,
+    objects::{encode_near, of_objects},
     sprites::{SpriteBuffers, SpritePasses, block_grid, square_grid},
 };
-use crate::render::constants::extended_sources::{IS_EXTENDED, SHARE_PARTS};
 use crate::{
     gpu::{Gpu, Variants},
-    photometry::glare::{GlareKernel, GlareKernelName},
-    plan::glare::{
-        objects::{ExtendedSource, PointOfLight},
-        sky_cube::FINEST_CELLS,
-    },
+    photometry::glare::GlareKernelName,
+    plan::glare::sky_cube::FINEST_CELLS,
     render::{
         glare::composite::{GlareCompositePass, GlareSource},
         glare::layout,
@@ -49,6 +44,12 @@ impl Variant {
         };
         Self { tabulated: kernel != GlareKernelName::InverseSquare, flat: viewports.iter().all(flat) }
     }
+
+    /// Constants of shaders.
+    pub(super) fn constants(self, gpu: &Gpu) -> [(&'static str, f64); 3] {
+        let constants = [("TABULATED", self.tabulated), ("FLAT", self.flat), ("ROLLED", gpu.software)];
+        constants.map(|(name, value)| (name, f64::from(u8::from(value))))
+    }
 }
 
 /// The pass over pixels in that form.
@@ -57,34 +58,7 @@ pub(super) fn composite(
     gpu: &Gpu,
     variant: Variant,
 ) -> GlareCompositePass {
-    composites.get(variant, || {
-        let constants = [("TABULATED", variant.tabulated), ("FLAT", variant.flat), ("ROLLED", gpu.software)];
-        let constants = constants.map(|(name, value)| (name, f64::from(u8::from(value))));
-        GlareCompositePass::new(gpu, GlareSource::Sky, &constants)
-    })
-}
-
-/// Chord of an angle, rad.
-fn chord(angle_rad: f64) -> f64 {
-    2.0 * (0.5 * angle_rad.min(PI)).sin()
-}
-
-/// A source of one eye.
-fn encode_near((direction, light): PointOfLight, reach: f64, parts: u32) -> layout::GlareNear {
-    layout::GlareNear {
-        direction: direction.as_vec3().to_array(),
-        reach: reach as f32,
-        light: light.map(|channel| channel as f32),
-        parts,
-    }
-}
-
-/// An extended source of one eye: as wide as the kernel's core at least, so that its own image has a width.
-fn encode_extended(source: &ExtendedSource, kernel: &dyn GlareKernel) -> layout::GlareNear {
-    let radius_rad = source.radius_rad.max(kernel.inner_rad());
-    // The softened kernel leaves out what the kernel has within the radius.
-    let share = (kernel.share_within(radius_rad).clamp(0.0, 1.0) * f64::from(SHARE_PARTS)).round() as u32;
-    encode_near((source.direction, source.light), chord(radius_rad).powi(2), IS_EXTENDED | share)
+    composites.get(variant, || GlareCompositePass::new(gpu, GlareSource::Sky, &variant.constants(gpu)))
 }
 
 impl SkyCube {
@@ -97,7 +71,6 @@ impl SkyCube {
         let sprites = sprites.get_or_init(|| SpritePasses::new(gpu));
         let plan = recording.frame.plan;
         let targets = &*recording.targets;
-        let object_sources = plan.bodies.as_ref().map_or(&[][..], |plan| &plan.glare);
         let sky = &held.sky;
         let camera_pc = plan.camera_pc - held.key.settings.place_pc;
         let mut near: Vec<layout::GlareNear> = Vec::new();
@@ -107,19 +80,10 @@ impl SkyCube {
             .enumerate()
             .map(|(number, viewport)| {
                 let first_near = near.len() as u32;
-                for (direction, light) in
-                    sky.near_for(camera_pc + viewport.eye_offset_m / PARSEC_M, plan.motion, plan.local_sky.as_deref())
-                {
-                    near.push(encode_near((direction, light), 0.0, 0));
-                }
-                for source in object_sources.get(number).into_iter().flatten() {
-                    near.push(encode_near(source.whole, chord(source.reach_rad), source.parts.len() as u32));
-                    let soft = chord(source.soft_rad).powi(2);
-                    near.extend(source.parts.iter().map(|part| encode_near(*part, soft, 0)));
-                }
-                for source in plan.glare.extended_sources.get(number).into_iter().flatten() {
-                    near.push(encode_extended(source, &*held.key.kernel));
-                }
+                let eye_pc = camera_pc + viewport.eye_offset_m / PARSEC_M;
+                let stars = sky.near_for(eye_pc, plan.motion, plan.local_sky.as_deref());
+                near.extend(stars.into_iter().map(|star| encode_near(star, 0.0, 0)));
+                near.extend(of_objects(plan, number, &*held.key.kernel, true));
                 held.view(viewport, first_near..near.len() as u32)
             })
             .collect();

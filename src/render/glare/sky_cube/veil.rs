@@ -6,31 +6,25 @@
 
 use std::f64::consts::PI;
 
-use super::{SkyCube, map::Held};
+use super::{SkyCube, map::Held, objects::points_of};
 use crate::{
     gpu::{Gpu, Variants, bind_in_order, dispatch_rows},
     plan::stars::range::FixedPoint,
     render::{
         constants::{veil::EVERY_VIEWPORT, workgroups::VEIL_SIDE},
         glare::layout,
-        layout::VeilGrid,
+        layout::PointGrid,
+        point_grid::{GridSpacing, point_grids},
         shader::{rolled_loops, workgroup, workgroup_constant},
         tabulated::projecting,
         targets::{SmoothVeil, bind_sums, splatting},
         technique::{Recording, begin_pass},
     },
     units::PARSEC_M,
-    view::{
-        Viewport,
-        projection::{FisheyeMapping, Projection},
-    },
 };
 
-/// Greatest angle between two points of the grid, rad, and pixels.
-const MOST_SPACING_RAD: f64 = 0.0246;
-const MOST_SPACING_PX: u32 = 16;
-/// The same of a mapping that ends in an infinite derivative, pixels.
-const ORTHOGRAPHIC_SPACING_PX: u32 = 2;
+/// The map is smooth over some degrees.
+const SPACING: GridSpacing = GridSpacing { most_rad: 0.0246, most_px: 16 };
 
 /// Reach from which on a source is wide, pixels.
 const WIDE_PX: f64 = 8.0;
@@ -62,33 +56,6 @@ impl VeilPasses {
     }
 }
 
-/// Pixels from point to point: as many as keep points close together on the sky.
-fn spacing_px(viewport: &Viewport) -> u32 {
-    if let Projection::Fisheye(fisheye) = &viewport.projection
-        && fisheye.mapping == FisheyeMapping::Orthographic
-    {
-        return ORTHOGRAPHIC_SPACING_PX;
-    }
-    let fitting = (MOST_SPACING_RAD / viewport.projection.middle_pixel_rad()).clamp(1.0, f64::from(MOST_SPACING_PX));
-    1 << fitting.log2().floor() as u32
-}
-
-/// Grids over all pictures, one after the other, and the number of their points.
-fn grids(viewports: &[Viewport]) -> (Vec<VeilGrid>, u32) {
-    let mut first = 0;
-    let grids = viewports
-        .iter()
-        .map(|viewport| {
-            let spacing = spacing_px(viewport);
-            let [columns, rows] = viewport.size().map(|side| side.div_ceil(spacing) + 1);
-            let grid = VeilGrid { first, columns, rows, spacing };
-            first += columns * rows;
-            grid
-        })
-        .collect();
-    (grids, first)
-}
-
 /// What of a frame all batches share.
 pub(super) struct VeilFrame {
     parameters: wgpu::Buffer,
@@ -105,17 +72,18 @@ impl VeilFrame {
         let mut near: Vec<layout::GlareSprite> = Vec::new();
         let mut near_of = Vec::new();
         let mut views = Vec::new();
-        for viewport in &plan.viewports {
+        for (number, viewport) in plan.viewports.iter().enumerate() {
             let first = near.len() as u32;
             let eye_pc = camera_pc + viewport.eye_offset_m / PARSEC_M;
-            near.extend(held.sky.near_for(eye_pc, plan.motion, plan.local_sky.as_deref()).into_iter().map(
-                |(direction, light)| layout::GlareSprite {
+            let stars = held.sky.near_for(eye_pc, plan.motion, plan.local_sky.as_deref());
+            near.extend(stars.into_iter().chain(points_of(plan, number)).map(|(direction, light)| {
+                layout::GlareSprite {
                     direction: direction.as_vec3().to_array(),
                     inverse_squared: (1.0 / held.sky.soft.squared) as f32,
                     light: light.map(|channel| channel as f32),
                     whole: 1,
-                },
-            ));
+                }
+            }));
             let own = first..near.len() as u32;
             views.push(held.view(viewport, own.clone()));
             near_of.push(own);
@@ -140,7 +108,7 @@ impl SkyCube {
         let [points, splat] = veil.get_or_init(VeilPasses::new).pipelines(gpu, tabulated);
         if number == 0 {
             let of_frame = veil_frame.insert(VeilFrame::new(gpu, held, recording));
-            let (grids, count) = grids(&recording.frame.plan.viewports);
+            let (grids, count) = point_grids(&recording.frame.plan.viewports, SPACING);
             let smooth = SmoothVeil {
                 grids: gpu.frame_storage("veil grids", &grids),
                 points: veil_points.with_room(gpu, 16 * u64::from(count)).clone(),
@@ -158,7 +126,7 @@ fn record_points(
     recording: &mut Recording<'_>,
     pipeline: &wgpu::ComputePipeline,
     (held, of_frame): (&Held, &VeilFrame),
-    (smooth, grids): (&SmoothVeil, &[VeilGrid]),
+    (smooth, grids): (&SmoothVeil, &[PointGrid]),
 ) {
     let fraction = recording.frame.plan.glare.fraction as f32;
     let parameters = gpu.frame_uniform("veil parameters", &layout::VeilParameters { fraction, ..Default::default() });
@@ -177,7 +145,7 @@ fn record_points(
     pass.set_pipeline(pipeline);
     gpu.bind_tables(&mut pass, pipeline);
     pass.set_bind_group(0, &bind_in_order(gpu, pipeline, 0, &buffers), &[]);
-    let most = |side: fn(&VeilGrid) -> u32| grids.iter().map(side).max().unwrap_or(0).div_ceil(VEIL_SIDE);
+    let most = |side: fn(&PointGrid) -> u32| grids.iter().map(side).max().unwrap_or(0).div_ceil(VEIL_SIDE);
     pass.dispatch_workgroups(most(|grid| grid.columns), most(|grid| grid.rows), grids.len() as u32);
 }
 

@@ -1,8 +1,7 @@
-// The smooth part of scattered light: a grid of points over a picture, read between them. The importer binds `veil_grids` and
-// `veil_points`.
+// Light that is smooth from pixel to pixel: a grid of points over a picture, read between them. The importer binds `grid_points`.
 
 // The grid of a viewport.
-struct VeilGrid {
+struct PointGrid {
     // Index of its first point; the points lie row by row.
     first: u32,
     columns: u32,
@@ -12,8 +11,8 @@ struct VeilGrid {
 }
 
 // The column of a picture's pixels that is being read.
-struct VeilColumn {
-    grid: VeilGrid,
+struct GridColumn {
+    grid: PointGrid,
     // Points left of it, and how far it stands from them.
     left: u32,
     share: f32,
@@ -23,8 +22,8 @@ struct VeilColumn {
     bottom: vec3<f32>,
 }
 
-fn veil_column(grid: VeilGrid, x: u32) -> VeilColumn {
-    var column: VeilColumn;
+fn grid_column(grid: PointGrid, x: u32) -> GridColumn {
+    var column: GridColumn;
     column.grid = grid;
     column.left = x / grid.spacing;
     column.share = (f32(x - column.left * grid.spacing) + 0.5) / f32(grid.spacing);
@@ -32,20 +31,20 @@ fn veil_column(grid: VeilGrid, x: u32) -> VeilColumn {
     return column;
 }
 
-fn veil_points_between(column: VeilColumn, row: u32) -> vec3<f32> {
+fn between_points(column: GridColumn, row: u32) -> vec3<f32> {
     let point = column.grid.first + row * column.grid.columns + column.left;
-    return mix(veil_points[point].xyz, veil_points[point + 1u].xyz, column.share);
+    return mix(grid_points[point].xyz, grid_points[point + 1u].xyz, column.share);
 }
 
 // Luminance in a row of the picture, cd/m^2.
-fn veil_in_row(column: ptr<function, VeilColumn>, y: u32) -> vec3<f32> {
+fn grid_in_row(column: ptr<function, GridColumn>, y: u32) -> vec3<f32> {
     // A product and no division of whole numbers, which CPUs do one by one: exact, since it is a half from the next whole number.
     let at = (f32(y) + 0.5) / f32((*column).grid.spacing);
     let above = floor(at);
     if above != (*column).held {
         (*column).held = above;
-        (*column).top = veil_points_between(*column, u32(above));
-        (*column).bottom = veil_points_between(*column, u32(above) + 1u);
+        (*column).top = between_points(*column, u32(above));
+        (*column).bottom = between_points(*column, u32(above) + 1u);
     }
     return mix((*column).top, (*column).bottom, at - above);
 }

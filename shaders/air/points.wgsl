@@ -1,0 +1,24 @@
+// Light that the air adds at the points of a grid over each picture.
+
+#import air/scattered
+#import constants/workgroups
+#import shared/point_grid
+#import shared/projection
+#import shared/viewport
+
+@group(0) @binding(0) var<uniform> parameters: AirParameters;
+@group(0) @binding(1) var<storage, read> viewports: array<Viewport>;
+@group(0) @binding(2) var<storage, read> point_grids: array<PointGrid>;
+@group(0) @binding(3) var<storage, read> sky: array<vec4<f32>>;
+@group(0) @binding(4) var<storage, read_write> grid_points: array<vec4<f32>>;
+
+@compute @workgroup_size(VEIL_SIDE, VEIL_SIDE)
+fn place_air(@builtin(global_invocation_id) place: vec3<u32>) {
+    let grid = point_grids[place.z];
+    if place.x >= grid.columns || place.y >= grid.rows {
+        return;
+    }
+    let viewport = viewports[place.z];
+    let towards = normalize(world_direction(viewport, direction_of_point(viewport, vec2<f32>(place.xy * grid.spacing))));
+    grid_points[grid.first + place.y * grid.columns + place.x] = vec4(added_light(towards), 0.0);
+}

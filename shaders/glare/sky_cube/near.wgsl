@@ -1,0 +1,46 @@
+// Sources of glare that are an eye's own: near stars, bodies, fields of asteroids. The importer binds `near`.
+
+#import constants/extended_sources
+#import glare/light8
+#import glare/sky_cube/kernel
+#import glare/sky_cube/sprites
+
+// A source that every eye sees elsewhere.
+struct GlareNear {
+    // Unit vector, world axes.
+    direction: vec3<f32>,
+    // Chord within which the parts of it are to be taken in its place; without parts the square of the chord by which its kernel is
+    // softened.
+    reach: f32,
+    // Linear Rec. 709, lx.
+    light: vec3<f32>,
+    // So many parts follow. Of an extended source IS_EXTENDED, and in the low 16 bits the share of its light that its softened kernel leaves out.
+    parts: u32,
+}
+
+// Adds what an eye's own sources scatter towards eight pixels of a column.
+fn add_near(light: ptr<function, Light8>, view: GlareView, directions: array<Directions4, 2>) {
+    let first = vec3(directions[0].x.x, directions[0].y.x, directions[0].z.x);
+    for (var i = view.first_near; i < view.first_near + view.near_count; i++) {
+        let extended = (near[i].parts & IS_EXTENDED) != 0u;
+        let parts = select(near[i].parts, 0u, extended);
+        if parts > 0u {
+            if length(first - near[i].direction) < near[i].reach {
+                continue;
+            }
+        }
+        let soft = select(near[i].reach, 0.0, parts > 0u);
+        for (var four = 0u; four < 2u; four++) {
+            let own = chords_squared(directions[four], near[i].direction);
+            let squared = own + soft;
+            var kernel = shown(view, squared, angle_squared(squared));
+            if extended {
+                // What is left out lies on the source: a bump of twice its radius whose integral is 1.
+                let inside = max(1.0 - own / (4.0 * soft), vec4(0.0));
+                kernel += f32(near[i].parts & SHARE_PARTS) / f32(SHARE_PARTS) * 3.0 / (PI * 4.0 * soft) * inside * inside;
+            }
+            add_light(light, four, near[i].light, kernel);
+        }
+        i += parts;
+    }
+}

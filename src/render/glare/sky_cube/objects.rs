@@ -1,0 +1,135 @@
+//! Sources of glare that are an eye's own, as shaders read them; and the pass that scatters the light of bodies in display images whose veil is in their sums. Shader:
+//! `shaders/glare/sky_cube/objects.wgsl`.
+
+use std::f64::consts::PI;
+
+use super::{SkyCube, map::Held, record::Variant};
+use crate::{
+    gpu::{Gpu, Variants, bind_in_order},
+    photometry::glare::GlareKernel,
+    plan::{
+        Plan,
+        glare::objects::{ExtendedSource, PointOfLight, Source},
+    },
+    render::{
+        constants::extended_sources::{IS_EXTENDED, SHARE_PARTS},
+        glare::{
+            composite::{row_groups, workgroups},
+            layout,
+        },
+        tabulated::projecting,
+        technique::{Recording, begin_pass},
+    },
+};
+
+/// Chord of an angle, rad.
+fn chord(angle_rad: f64) -> f64 {
+    2.0 * (0.5 * angle_rad.min(PI)).sin()
+}
+
+/// A source of one eye.
+pub(super) fn encode_near((direction, light): PointOfLight, reach: f64, parts: u32) -> layout::GlareNear {
+    layout::GlareNear {
+        direction: direction.as_vec3().to_array(),
+        reach: reach as f32,
+        light: light.map(|channel| channel as f32),
+        parts,
+    }
+}
+
+/// An extended source of one eye: as wide as the kernel's core at least, so that its own image has a width.
+fn encode_extended(source: &ExtendedSource, kernel: &dyn GlareKernel) -> layout::GlareNear {
+    let radius_rad = source.radius_rad.max(kernel.inner_rad());
+    // The softened kernel leaves out what the kernel has within the radius.
+    let share = (kernel.share_within(radius_rad).clamp(0.0, 1.0) * f64::from(SHARE_PARTS)).round() as u32;
+    encode_near((source.direction, source.light), chord(radius_rad).powi(2), IS_EXTENDED | share)
+}
+
+/// What each body scatters in the eye of a viewport.
+fn of_bodies(plan: &Plan, viewport: usize) -> impl Iterator<Item = &Source> {
+    plan.bodies.as_ref().and_then(|plan| plan.glare.get(viewport)).into_iter().flatten()
+}
+
+/// Bodies that are no more than points to an eye: their veil is that of stars.
+pub(super) fn points_of(plan: &Plan, viewport: usize) -> impl Iterator<Item = PointOfLight> {
+    of_bodies(plan, viewport).filter(|source| source.parts.is_empty()).map(|source| source.whole)
+}
+
+/// What bodies and fields of asteroids scatter in the eye of a viewport; without those of [`points_of`] where others draw them.
+pub(super) fn of_objects(
+    plan: &Plan,
+    viewport: usize,
+    kernel: &dyn GlareKernel,
+    with_points: bool,
+) -> Vec<layout::GlareNear> {
+    let mut near = Vec::new();
+    for source in of_bodies(plan, viewport).filter(|source| with_points || !source.parts.is_empty()) {
+        near.push(encode_near(source.whole, chord(source.reach_rad), source.parts.len() as u32));
+        let soft = chord(source.soft_rad).powi(2);
+        near.extend(source.parts.iter().map(|part| encode_near(*part, soft, 0)));
+    }
+    let extended = plan.glare.extended_sources.get(viewport);
+    near.extend(extended.into_iter().flatten().map(|source| encode_extended(source, kernel)));
+    near
+}
+
+/// The pass in each form.
+pub(super) type ObjectPasses = Variants<Variant, wgpu::ComputePipeline>;
+
+/// The pass in that form.
+pub(super) fn pipeline(passes: &ObjectPasses, gpu: &Gpu, variant: Variant) -> wgpu::ComputePipeline {
+    passes.get(variant, || {
+        let constants = [&variant.constants(gpu)[..], &[("ROW_GROUPS", f64::from(row_groups(gpu)))]].concat();
+        gpu.compute_pipeline_with(&projecting(gpu, "glare/sky_cube/objects").source(), &constants)
+    })
+}
+
+/// Sources of every viewport of a frame, and how each sees them.
+pub(super) struct ObjectFrame {
+    near: wgpu::Buffer,
+    views: wgpu::Buffer,
+}
+
+impl ObjectFrame {
+    fn new(gpu: &Gpu, held: &Held, plan: &Plan) -> Self {
+        let mut near: Vec<layout::GlareNear> = Vec::new();
+        let view = |(number, viewport)| {
+            let first = near.len() as u32;
+            near.extend(of_objects(plan, number, &*held.key.kernel, false));
+            held.view(viewport, first..near.len() as u32)
+        };
+        let views: Vec<layout::GlareView> = plan.viewports.iter().enumerate().map(view).collect();
+        Self { near: gpu.frame_storage("near glare", &near), views: gpu.frame_storage("glare views", &views) }
+    }
+}
+
+impl SkyCube {
+    /// Records the pass over what the surfaces of a batch show.
+    pub(super) fn record_objects(&mut self, recording: &mut Recording<'_>, number: usize) {
+        let Some(geometry) = recording.targets.batches[number].geometry.clone() else { return };
+        let Self { objects, held, object_frame, .. } = self;
+        let held = held.get(recording.frame.series.slot).and_then(|[_, in_sums]| in_sums.as_ref());
+        let Some(held) = held else { unreachable!("the map is made before the veil") };
+        let (gpu, plan) = (recording.gpu, recording.frame.plan);
+        if number == 0 {
+            *object_frame = None;
+        }
+        let of_frame = object_frame.get_or_insert_with(|| ObjectFrame::new(gpu, held, plan));
+        let variant = Variant::of(recording.frame.settings.glare.kernel, &plan.all_viewports);
+        let pipeline = pipeline(objects, gpu, variant);
+        let fraction = plan.glare.fraction as f32;
+        let of_pass = layout::ObjectGlareParameters { fraction, ..Default::default() };
+        let of_pass = gpu.frame_uniform("object glare parameters", &of_pass);
+        let of_sky = gpu.frame_uniform("glare sky parameters", &held.parameters());
+        let tiles = &recording.targets.batches[number].tiles;
+        let over_pixels = [&of_pass, &recording.targets.viewports, tiles, &geometry];
+        let of_source = [&of_sky, &of_frame.views, &of_frame.near, &held.kernel_table];
+        let mut pass = begin_pass(recording.encoder, recording.timer, "glare");
+        pass.set_pipeline(&pipeline);
+        gpu.bind_tables(&mut pass, &pipeline);
+        pass.set_bind_group(0, &bind_in_order(gpu, &pipeline, 0, &over_pixels), &[]);
+        pass.set_bind_group(1, &bind_in_order(gpu, &pipeline, 1, &of_source), &[]);
+        let [columns, rows, tiles] = workgroups(recording.targets.batches[number].grid, row_groups(gpu));
+        pass.dispatch_workgroups(columns, rows, tiles);
+    }
+}
