@@ -83,10 +83,10 @@ mod tests {
             Projection::Equirectangular(Equirectangular::new([400, 200]).unwrap()),
             Projection::Equirectangular(Equirectangular::new([64, 32]).unwrap()),
             fisheye(300, FisheyeMapping::Equidistant, 3.2),
-            fisheye(300, FisheyeMapping::Equidistant, 6.28),
-            fisheye(40, FisheyeMapping::Equidistant, 6.28),
+            fisheye(300, FisheyeMapping::Equidistant, 6.2),
+            fisheye(40, FisheyeMapping::Equidistant, 6.2),
             fisheye(300, FisheyeMapping::Equisolid, 6.0),
-            fisheye(300, FisheyeMapping::Orthographic, 3.14),
+            fisheye(300, FisheyeMapping::Orthographic, 3.1),
             fisheye(300, FisheyeMapping::Stereographic, 4.0),
         ];
         for projection in projections {
