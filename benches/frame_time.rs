@@ -118,7 +118,13 @@ impl Bench {
             self.renderer.culling = true;
             let share = drawn as f64 / stars.stars.len() as f64;
             let viewports = rig.viewports(camera.world_from_camera);
-            let settings = CullSettings { faintest_lx: 0.0, enabled: true, motion: None, margin_px: SPLAT_MARGIN_PX };
+            let settings = CullSettings {
+                faintest_lx: 0.0,
+                enabled: true,
+                motion: None,
+                refraction: None,
+                margin_px: SPLAT_MARGIN_PX,
+            };
             let visible = visible_chunks(stars, DVec3::ZERO, &viewports, settings);
             let read: u64 = visible.iter().map(|chunk| u64::from(chunk.count)).sum();
             let read_share = read as f64 / stars.stars.len() as f64;

@@ -25,6 +25,8 @@ pub const J2000_UNIX_S: f64 = 946_728_000.0;
 /// The Earth's rate of rotation, rad/s of UT1 (IERS Conventions 2010).
 pub const EARTH_ROTATION_RAD_S: f64 = 7.292_115_146_7e-5;
 
+/// 0 degrees Celsius, K.
+pub const KELVIN_OF_ZERO_CELSIUS: f64 = 273.15;
 /// One arcsecond in radians.
 pub const ARCSECOND_RAD: f64 = std::f64::consts::PI / 648_000.0;
 

@@ -12,6 +12,7 @@
 #import shared/diffuse_light
 #import shared/pixel_grid
 #import shared/projection
+#import shared/refraction
 #import shared/sky_map
 #import shared/point_grid
 #import shared/viewport
@@ -111,13 +112,14 @@ fn resolve(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
             if HAS_SKY || has_diffuse {
                 let in_view = direction_of_point(viewport, vec2(f32(x), f32(image_row)) + 0.5);
                 let towards = normalize(world_direction(viewport, in_view));
-                let direction = picture_direction(towards);
+                let arriving = arriving_from(parameters.air, towards);
+                let direction = picture_direction(arriving);
                 var behind = vec3(0.0);
                 if HAS_SKY {
                     behind += sky_luminance(parameters.sky, direction);
                 }
                 if has_diffuse {
-                    behind += diffuse_luminance(parameters.diffuse, towards, direction);
+                    behind += diffuse_luminance(parameters.diffuse, arriving, direction);
                 }
                 surface += free * through_air(parameters.air, towards) * behind;
             }

@@ -8,7 +8,8 @@ struct AirAbove {
     present: u32,
     // Power of two by which light becomes less for each air mass, linear Rec. 709.
     extinction: vec3<f32>,
-    unused_0: u32,
+    // Density over that for which refraction is told; 0: it bends nothing.
+    density: f32,
 }
 
 // At an altitude, by its sine; below the horizon those of the horizon.

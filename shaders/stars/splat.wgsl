@@ -10,6 +10,7 @@
 #import shared/air_mass
 #import shared/occlusion
 #import shared/projection
+#import shared/refraction
 #import shared/splat
 #import shared/viewport
 #import stars/relativity
@@ -77,7 +78,10 @@ fn splat_stars(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocatio
             }
             var colour = colours[colour_index].xyz;
             if parameters.air.present != 0u {
-                colour *= through_air(parameters.air, relative * inverseSqrt(dot(relative, relative)));
+                let distance = sqrt(dot(relative, relative));
+                let seen = refracted(parameters.air, relative / distance);
+                relative = seen * distance;
+                colour *= through_air(parameters.air, seen);
                 let kept = dot(colour, LUMINANCE_WEIGHTS);
                 illuminance *= kept;
                 colour /= kept;

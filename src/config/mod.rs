@@ -64,7 +64,7 @@ use crate::catalogue::galaxy::GalaxyParameters;
 use crate::catalogue::healpix::LightMap;
 use crate::coordinates::lon_lat_from_direction;
 use crate::files;
-use crate::observer::{Moment, Observer, frame_from_camera};
+use crate::observer::{Moment, Observer, Refraction, frame_from_camera};
 use crate::plan::settings::{
     AccuracySettings, AsteroidSettings, ExposureSettings, GlareSettings, HeadsetSettings, RenderSettings, StarSettings,
     ToneMapSettings,
@@ -74,6 +74,7 @@ use crate::scene::asteroids::{FieldSpec, SpecError, check_fields, make_fields};
 use crate::scene::bodies::{MOST_BODIES, check_names, check_suns};
 use crate::scene::loader::StarSource;
 use crate::scene::overlay::Overlay;
+use crate::scene::surroundings::BEYOND_AIR_M;
 use crate::scene::{Camera, SceneClock, SceneObjects};
 use crate::solar_system::SolarBody;
 use crate::units::JULIAN_YEAR_S;
@@ -453,12 +454,25 @@ impl Config {
                 if place_m == camera_m {
                     return Err(Fault::new("at", format!("`{name}`: the camera is at its centre")));
                 }
-                let in_frame = icrs_from_frame.transpose() * (place_m - camera_m);
+                let seen_m = self.seen_m(place_m - camera_m, seen);
+                let in_frame = icrs_from_frame.transpose() * seen_m;
                 let (longitude_rad, latitude_rad) = lon_lat_from_direction(in_frame);
                 frame_from_camera(longitude_rad, latitude_rad, aim.roll_rad)
             }
         };
         Ok(DQuat::from_mat3(&icrs_from_frame) * frame_from_camera)
+    }
+
+    /// Where what lies far away at a place relative to the camera is seen at a moment through the air of an observer, m.
+    fn seen_m(&self, place_m: DVec3, (time_s, observer): (f64, Option<&Observer>)) -> DVec3 {
+        let air = self.scene.observer.as_ref().and_then(ObserverConfig::refracting);
+        let (Some(observer), Some(air)) = (observer, air) else { return place_m };
+        let zenith = observer.icrs_from_horizon(time_s) * DVec3::Y;
+        if place_m.length() > BEYOND_AIR_M {
+            Refraction { zenith, density: air.density() }.seen(place_m)
+        } else {
+            place_m
+        }
     }
 
     /// How frames are drawn.

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::error::Fault;
 use super::look::{Aim, Look};
 use super::surroundings::{AirConfig, GroundConfig};
-use crate::observer::{Clock, Frame, Place};
+use crate::observer::{Clock, Frame, Place, RefractingAir};
 use crate::scene::surroundings::Surroundings;
 
 /// Where one looks who says nothing, degrees of azimuth.
@@ -60,8 +60,14 @@ impl ObserverConfig {
     /// What is around it; `None`: nothing. Files are read from paths that start at `folder`; a fault names the key below `scene.observer`.
     pub(super) fn surroundings(&self, folder: &Path) -> Result<Option<Surroundings>, Fault> {
         let ground = self.ground.ground(folder).map_err(|fault| fault.within("ground"))?;
-        let surroundings = Surroundings { air: self.air.air(self.height_m), ground };
+        let (air, refraction) = (self.air.air(self.height_m), self.refracting());
+        let surroundings = Surroundings { air, refraction, ground };
         Ok((surroundings.air.is_some() || surroundings.ground.is_some()).then_some(surroundings))
+    }
+
+    /// What bends light there; `None`: there is no air.
+    pub(super) fn refracting(&self) -> Option<RefractingAir> {
+        self.air.refracting(self.height_m)
     }
 
     /// Where it looks; a fault names the key below `scene.observer`.

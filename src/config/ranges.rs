@@ -80,6 +80,8 @@ const CHECKED_HERE: &[Range] = &[
     closed("scene.observer.delta_t_s", [-1e6, 1e6], "s"),
     closed("scene.observer.air.extinction_mag", [0.0, 2.0], "magnitudes"),
     closed("scene.observer.air.night_sky_mag", [10.0, 30.0], "magnitudes per square arcsecond"),
+    closed("scene.observer.air.pressure_hpa", [0.0, 1200.0], "hPa"),
+    closed("scene.observer.air.temperature_c", [-90.0, 60.0], "degrees Celsius"),
     closed("scene.observer.ground.albedo", SHARE, ""),
     closed("scene.observer.ground.landscape_azimuth_deg", [-360.0, 360.0], "degrees"),
     closed("stars.magnitude_limit", MAGNITUDE, ""),

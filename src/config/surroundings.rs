@@ -9,6 +9,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::error::{Fault, finite};
+use crate::observer::RefractingAir;
 use crate::photometry::{
     atmosphere::{Air, glow_of},
     blackbody::rec709_in_gamut,
@@ -29,7 +30,7 @@ const HIGHEST_M: f64 = 50_000.0;
 /// Points of a horizon at most.
 pub const MOST_POINTS: usize = 10_000;
 
-/// The air: it takes light, the more the lower it comes in, and scatters that of the Sun and the Moon.
+/// The air: it takes light, the more the lower it comes in, bends it, and scatters that of the Sun and the Moon.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct AirConfig {
@@ -39,6 +40,10 @@ pub struct AirConfig {
     pub extinction_mag: Option<f64>,
     /// What the zenith has of itself on a dark night, without stars and planets: magnitudes of V per square arcsecond; 22 far from all lamps, 18 in a town.
     pub night_sky_mag: f64,
+    /// Its pressure at the observer, by which it bends light; 0: it bends none. Without it that of the standard atmosphere at the observer's height.
+    pub pressure_hpa: Option<f64>,
+    /// Its temperature there, degrees Celsius; without it that of the standard atmosphere.
+    pub temperature_c: Option<f64>,
 }
 
 /// The ground: it hides what is below the horizon.
@@ -60,7 +65,7 @@ pub struct GroundConfig {
 
 impl Default for AirConfig {
     fn default() -> Self {
-        Self { enabled: true, extinction_mag: None, night_sky_mag: 22.0 }
+        Self { enabled: true, extinction_mag: None, night_sky_mag: 22.0, pressure_hpa: None, temperature_c: None }
     }
 }
 
@@ -82,11 +87,25 @@ impl AirConfig {
 
     /// The air at a height, m; none where it is turned off or too thin.
     pub(super) fn air(&self, height_m: f64) -> Option<Air> {
+        let glow_cd_m2 = glow_of(self.night_sky_mag, rec709_in_gamut(GLOW_K));
+        self.extinction(height_m).map(|extinction_mag| Air::new(extinction_mag, height_m, glow_cd_m2))
+    }
+
+    /// What the air takes at a height, m, magnitudes of V; `None`: there is none.
+    fn extinction(&self, height_m: f64) -> Option<f64> {
         let clear = || EXTINCTIONS.iter().map(|[mag, height]| mag * (-height_m.max(0.0) / height).exp()).sum();
         let extinction_mag = self.extinction_mag.unwrap_or_else(clear);
-        let glow_cd_m2 = glow_of(self.night_sky_mag, rec709_in_gamut(GLOW_K));
-        (self.enabled && extinction_mag >= LEAST_EXTINCTION_MAG && height_m <= HIGHEST_M)
-            .then(|| Air::new(extinction_mag, height_m, glow_cd_m2))
+        let is_there = self.enabled && extinction_mag >= LEAST_EXTINCTION_MAG && height_m <= HIGHEST_M;
+        is_there.then_some(extinction_mag)
+    }
+
+    /// What bends light at a height, m; `None`: there is no air.
+    pub(super) fn refracting(&self, height_m: f64) -> Option<RefractingAir> {
+        let standard = RefractingAir::at_height(height_m);
+        self.extinction(height_m).map(|_| RefractingAir {
+            pressure_hpa: self.pressure_hpa.unwrap_or(standard.pressure_hpa),
+            temperature_c: self.temperature_c.unwrap_or(standard.temperature_c),
+        })
     }
 }
 

@@ -67,6 +67,14 @@ impl Shared for [f32; 3] {
     }
 }
 
+impl Shared for [f32; 5] {
+    const TYPE: &'static str = "array<f32, 5>";
+
+    fn value(&self) -> String {
+        format!("{}({})", Self::TYPE, self.map(|value| value.value()).join(", "))
+    }
+}
+
 impl Shared for [[f32; 3]; 6] {
     const TYPE: &'static str = "array<vec3<f32>, 6>";
 

@@ -5,11 +5,11 @@
 mod clock;
 mod moment;
 mod place;
-mod refraction;
+pub mod refraction;
 
 pub use self::{
     clock::Clock,
     moment::{Frame, Moment, Observer, frame_from_camera},
     place::{Place, Standpoint, horizontal_direction},
-    refraction::RefractingAir,
+    refraction::{RefractingAir, Refraction},
 };

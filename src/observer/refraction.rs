@@ -1,5 +1,29 @@
-//! Refraction by the air over an observer: G. G. Bennett, "The calculation of astronomical refraction in marine navigation", Journal of Navigation 35, 255, 1982, with the second
-//! term that brings it within 0.9 arcsec of the Nautical Almanac's at all altitudes above the horizon.
+//! Refraction by the air over an observer.
+//!
+//! R with tan R = A cos h / (s + a / (s + b / (s + c / (s + d)))), s = sin h and h the altitude as it is seen, is fitted to the formula of G. G. Bennett ("The calculation of astronomical
+//! refraction in marine navigation", Journal of Navigation 35, 255, 1982) with its second term, which is within 0.9 arcsec of the Nautical Almanac's: to 0.9 arcsec from 15 degrees on, 1.8 above the
+//! horizon and 4 down to 1 degree below it. It is a map of directions without angles, the same in shaders (`shaders/shared/refraction.wgsl`). For altitudes without air a second set of coefficients
+//! tells where to look first. Refraction is proportional to the density of the air at the observer.
+
+use glam::{DMat3, DVec3};
+
+use crate::units::KELVIN_OF_ZERO_CELSIUS;
+
+/// A, a, b, c and d by the sine of the altitude as it is seen.
+pub const OF_SEEN: [f64; 5] = [2.834e-4, 1.1994e-3, 2.3775e-3, 7.0109e-3, 0.12504];
+/// The same by the sine of the altitude without standard air: within 7 arcsec.
+pub const OF_ARRIVING: [f64; 5] = [2.8363e-4, 1.52593e-3, 2.98557e-3, 1.174432e-2, 0.177_913_33];
+/// Below these sines as at them.
+pub const LOWEST_SEEN: f64 = -0.0175;
+/// See [`LOWEST_SEEN`].
+pub const LOWEST_ARRIVING: f64 = -0.032;
+/// Sine at which refraction has faded away, as the ground stands there, and from which on it does not fade.
+pub const FADING: [f64; 2] = [-0.07, -0.02];
+/// Steps from an altitude without air to that with air: each leaves a fifth of the error at the horizon, far less above.
+const STEPS: usize = 8;
+
+/// The air of the Nautical Almanac, to which the coefficients belong.
+const STANDARD: RefractingAir = RefractingAir { pressure_hpa: 1010.0, temperature_c: 10.0 };
 
 /// The air at an observer.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -10,50 +34,202 @@ pub struct RefractingAir {
     pub temperature_c: f64,
 }
 
-/// Below this altitude, rad, refraction fades away: nothing is seen there.
-const LOWEST_RAD: f64 = -0.02;
-/// Over so many radians.
-const FADING_RAD: f64 = 0.05;
+/// Refraction around an eye.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Refraction {
+    /// Unit vector to the zenith.
+    pub zenith: DVec3,
+    /// Density of the air over that of the air of the coefficients.
+    pub density: f64,
+}
 
 impl RefractingAir {
+    /// That of the standard atmosphere (ISO 2533) at a height over the sea, m, up to 50 km.
+    pub fn at_height(height_m: f64) -> Self {
+        let in_troposphere = height_m.clamp(-1000.0, 11_000.0);
+        let temperature_c = 15.0 - 6.5e-3 * in_troposphere;
+        let kelvin = KELVIN_OF_ZERO_CELSIUS + temperature_c;
+        let below = 1013.25 * (kelvin / (KELVIN_OF_ZERO_CELSIUS + 15.0)).powf(5.255_88);
+        // Above it is as warm, and falls off by e in 6.3 km.
+        let pressure_hpa = below * (-(height_m - in_troposphere).max(0.0) / 6341.6).exp();
+        Self { pressure_hpa, temperature_c }
+    }
+
+    /// Its density over that of [`STANDARD`].
+    pub fn density(&self) -> f64 {
+        let kelvin = |air: &Self| KELVIN_OF_ZERO_CELSIUS + air.temperature_c;
+        self.pressure_hpa / STANDARD.pressure_hpa * kelvin(&STANDARD) / kelvin(self)
+    }
+
     /// What is added to the altitude without air, rad, where `seen_rad` is that with air.
     pub fn refraction_of_seen_rad(&self, seen_rad: f64) -> f64 {
-        let lowest = seen_rad.max(LOWEST_RAD).to_degrees();
-        let first = 1.0 / (lowest + 7.31 / (lowest + 4.4)).to_radians().tan();
-        let arcmin = first - 0.06 * (14.7 * first + 13.0).to_radians().sin();
-        let density = self.pressure_hpa / 1010.0 * 283.0 / (273.0 + self.temperature_c);
-        let fading = ((seen_rad - LOWEST_RAD) / FADING_RAD + 1.0).clamp(0.0, 1.0);
-        density * (arcmin / 60.0).to_radians() * fading
+        (of_seen(self.density(), seen_rad.sin()) * seen_rad.cos()).atan()
     }
 
     /// What is added to an altitude without air, rad.
     pub fn refraction_rad(&self, altitude_rad: f64) -> f64 {
-        let mut refraction = 0.0;
-        for _ in 0..8 {
-            refraction = self.refraction_of_seen_rad(altitude_rad + refraction);
+        (of_arriving(self.density(), altitude_rad.sin()) * altitude_rad.cos()).atan()
+    }
+}
+
+fn fraction([first, a, b, c, d]: [f64; 5], sine: f64) -> f64 {
+    first / (sine + a / (sine + b / (sine + c / (sine + d))))
+}
+
+/// Tangent of the refraction over the cosine of the altitude, by the sine of the altitude as it is seen.
+fn of_seen(density: f64, sine: f64) -> f64 {
+    let [gone, whole] = FADING;
+    let kept = ((sine - gone) / (whole - gone)).clamp(0.0, 1.0);
+    density * kept * fraction(OF_SEEN, sine.max(LOWEST_SEEN))
+}
+
+/// The same by the sine of the altitude without air, and over its cosine.
+fn of_arriving(density: f64, sine: f64) -> f64 {
+    let cosine_squared = (1.0 - sine * sine).max(0.0);
+    let mut found = density * fraction(OF_ARRIVING, sine.max(LOWEST_ARRIVING));
+    for _ in 0..STEPS {
+        let cosine = (1.0 + found * found * cosine_squared).sqrt().recip();
+        let seen = (sine + found * cosine_squared) * cosine;
+        // Of the altitude as it is seen the cosine is that without air times this.
+        found = of_seen(density, seen) * (1.0 - sine * found) * cosine;
+    }
+    found
+}
+
+impl Refraction {
+    /// Where one sees what arrives from a direction, and as far away.
+    pub fn seen(&self, arriving: DVec3) -> DVec3 {
+        self.moved(arriving, |sine| of_arriving(self.density, sine))
+    }
+
+    /// Where what is seen in a direction arrives from, and as far away.
+    pub fn arriving(&self, seen: DVec3) -> DVec3 {
+        self.moved(seen, |sine| -of_seen(self.density, sine))
+    }
+
+    fn moved(&self, place: DVec3, upwards: impl Fn(f64) -> f64) -> DVec3 {
+        let distance = place.length();
+        if distance == 0.0 {
+            return place;
         }
-        refraction
+        let direction = place / distance;
+        let sine = direction.dot(self.zenith);
+        (direction + upwards(sine) * (self.zenith - sine * direction)).normalize() * distance
+    }
+
+    /// The linear map of what arrives from around a direction, within an angle, to where it is seen: it turns the middle, and presses what is around it together as its edge is.
+    pub fn around(&self, arriving: DVec3, radius_rad: f64) -> DMat3 {
+        let middle = arriving.normalize();
+        let level = self.zenith.cross(middle).try_normalize().unwrap_or_else(|| middle.any_orthonormal_vector());
+        let upwards = middle.cross(level);
+        let (sin, cos) = radius_rad.clamp(1e-6, 0.1).sin_cos();
+        let spread = |side: DVec3| {
+            let end = |sign: f64| self.seen(middle * cos + side * (sign * sin));
+            (end(1.0) - end(-1.0)) / (2.0 * sin)
+        };
+        let seen = DMat3::from_cols(self.seen(middle), spread(level), spread(upwards));
+        seen * DMat3::from_cols(middle, level, upwards).transpose()
+    }
+
+    /// By how much it moves what arrives from within a cone at most, rad: an angle from its axis.
+    pub fn most_rad(&self, axis: DVec3, half_angle_rad: f64) -> f64 {
+        let lowest = (axis.dot(self.zenith).clamp(-1.0, 1.0).asin() - half_angle_rad).max(LOWEST_ARRIVING);
+        // What is lower fades; what is higher is moved less.
+        (of_arriving(self.density, lowest.sin()) * lowest.cos()).atan() * 1.01
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::units::ARCSECOND_RAD;
 
     /// Mean refraction of the Nautical Almanac (1010 hPa, 10 degrees Celsius): apparent altitude, degrees, and arcminutes.
     const ALMANAC: [[f64; 2]; 8] =
         [[0.0, 34.5], [1.0, 24.4], [5.0, 9.9], [10.0, 5.3], [15.0, 3.57], [30.0, 1.68], [45.0, 0.97], [75.0, 0.26]];
 
+    fn bennett_rad(seen_deg: f64) -> f64 {
+        let first = 1.0 / (seen_deg + 7.31 / (seen_deg + 4.4)).to_radians().tan();
+        ((first - 0.06 * (14.7 * first + 13.0).to_radians().sin()) / 60.0).to_radians()
+    }
+
     #[test]
-    fn refraction_is_that_of_the_almanac_and_forward_undoes_backward() {
-        let air = RefractingAir { pressure_hpa: 1010.0, temperature_c: 10.0 };
+    fn refraction_is_that_of_the_almanac_and_of_the_formula() {
         for [degrees, arcmin] in ALMANAC {
-            let seen_rad = degrees.to_radians();
-            let found = air.refraction_of_seen_rad(seen_rad).to_degrees() * 60.0;
+            let found = STANDARD.refraction_of_seen_rad(degrees.to_radians()).to_degrees() * 60.0;
             assert!((found - arcmin).abs() < 0.05 + 0.002 * arcmin, "{degrees}: {found}");
-            let true_rad = seen_rad - air.refraction_of_seen_rad(seen_rad);
-            assert!((true_rad + air.refraction_rad(true_rad) - seen_rad).abs() < 1e-6, "{degrees}");
+        }
+        for tenth in -10..=900 {
+            let degrees = f64::from(tenth) / 10.0;
+            let found = STANDARD.refraction_of_seen_rad(degrees.to_radians());
+            let off = (found - bennett_rad(degrees)).abs() / ARCSECOND_RAD;
+            let allowed = if degrees >= 15.0 {
+                1.0
+            } else if degrees >= 0.0 {
+                2.0
+            } else {
+                5.0
+            };
+            assert!(off < allowed, "{degrees}: {off} arcsec");
         }
         assert_eq!(RefractingAir { pressure_hpa: 0.0, temperature_c: 10.0 }.refraction_rad(0.3), 0.0);
+        // Thin air on a mountain, and the sea's.
+        assert!((RefractingAir::at_height(0.0).density() - 0.985_8).abs() < 1e-3);
+        let paranal = RefractingAir::at_height(2635.0);
+        assert!((paranal.pressure_hpa - 734.0).abs() < 3.0 && (paranal.temperature_c + 2.1).abs() < 0.1, "{paranal:?}");
+        assert!(RefractingAir::at_height(30_000.0).pressure_hpa < 13.0);
+    }
+
+    #[test]
+    fn forward_undoes_backward_in_any_air() {
+        for density in [0.3, 0.7, 1.0, 1.2] {
+            let refraction = Refraction { zenith: DVec3::new(0.48, 0.6, 0.64), density };
+            let (level, _) = refraction.zenith.any_orthonormal_pair();
+            for step in 0..400 {
+                let seen_rad = -0.017 + (std::f64::consts::FRAC_PI_2 + 0.017) * f64::from(step) / 399.0;
+                let seen = (refraction.zenith * seen_rad.sin() + level * seen_rad.cos()) * 7.0;
+                let back = refraction.seen(refraction.arriving(seen));
+                assert!((back.length() - 7.0).abs() < 1e-12);
+                let off = back.angle_between(seen) / ARCSECOND_RAD;
+                assert!(off < 0.5, "{density} {seen_rad}: {off} arcsec");
+            }
+            // Nothing turns round on the way down.
+            let altitude = |arriving_rad: f64| {
+                let arriving = refraction.zenith * arriving_rad.sin() + level * arriving_rad.cos();
+                refraction.seen(arriving).dot(refraction.zenith).asin()
+            };
+            let altitudes: Vec<f64> = (0..3000).map(|i| altitude(-0.3 + 0.0004 * f64::from(i))).collect();
+            assert!(altitudes.windows(2).all(|pair| pair[1] > pair[0]), "{density}");
+            assert!((altitude(-0.3) + 0.3).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn a_low_disc_is_turned_and_flattened() {
+        let refraction = Refraction { zenith: DVec3::Y, density: 1.0 };
+        let radius_rad = 0.00465;
+        let middle = DVec3::new((-0.005_f64).cos(), (-0.005_f64).sin(), 0.0);
+        let map = refraction.around(middle, radius_rad);
+        assert!((map * middle - refraction.seen(middle)).length() < 1e-9);
+        for turn in 0..12 {
+            let (sin, cos) = (f64::from(turn) * std::f64::consts::FRAC_PI_6).sin_cos();
+            let limb = (middle + radius_rad * (DVec3::Z * cos + middle.cross(DVec3::Z) * sin)).normalize();
+            let off = (map * limb).angle_between(refraction.seen(limb)) / ARCSECOND_RAD;
+            assert!(off < 20.0, "{turn}: {off} arcsec");
+        }
+        // The Sun on the horizon is a sixth lower than wide.
+        let up = map * middle.cross(DVec3::Z).normalize();
+        assert!((0.78..0.88).contains(&up.length()), "{}", up.length());
+        assert!(((map * DVec3::Z).length() - 1.0).abs() < 1e-3);
+        // A cone that is moved by no more than it says.
+        for [altitude, half] in [[0.3, 0.1], [0.05, 0.2], [-0.02, 0.01], [1.5, 0.3]] {
+            let axis = DVec3::new(f64::cos(altitude), f64::sin(altitude), 0.0);
+            let most = refraction.most_rad(axis, half);
+            for step in 0..=100 {
+                let at = altitude - half + 2.0 * half * f64::from(step) / 100.0;
+                let place = DVec3::new(at.cos(), at.sin(), 0.0);
+                assert!(refraction.seen(place).angle_between(place) <= most + 1e-9, "{altitude} {half} {at}");
+            }
+        }
     }
 }

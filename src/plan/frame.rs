@@ -514,8 +514,9 @@ impl Planner {
         let camera_pc = camera.position_m / PARSEC_M;
         let mut cull_ms = 0.0;
         let culling = self.culling;
+        let refraction = objects.local_sky.as_ref().and_then(|sky| sky.refraction);
         let mut seen_from = |stars: &StarSet, faintest_lx: f64| {
-            let cull = CullSettings { faintest_lx, enabled: culling, motion, margin_px };
+            let cull = CullSettings { faintest_lx, enabled: culling, motion, refraction, margin_px };
             let start = Instant::now();
             let visible = match method.reads_visible() {
                 true => visible_chunks(stars, camera_pc, &viewports, cull),

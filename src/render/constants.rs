@@ -17,6 +17,11 @@ const fn face_axes(axis: usize) -> [[f32; 3]; 6] {
 }
 
 /// The zones of Saturn's rings: outer radius, depth, albedo.
+const fn f32s(values: [f64; 5]) -> [f32; 5] {
+    let [a, b, c, d, e] = values;
+    [a as f32, b as f32, c as f32, d as f32, e as f32]
+}
+
 const fn ring_zones() -> [[f32; 3]; 4] {
     let mut zones = [[0.0; 3]; 4];
     let mut zone = 0;
@@ -208,6 +213,19 @@ shared_constants! {
     mod reflection {
         LAW_LAMBERT: u32 = 0;
         LAW_LOMMEL_SEELIGER: u32 = 1;
+    }
+    /// Refraction.
+    mod refraction {
+        /// Coefficients by the sine of the altitude as it is seen.
+        REFRACTION_OF_SEEN: [f32; 5] = super::f32s(crate::observer::refraction::OF_SEEN);
+        /// The same by that without air.
+        REFRACTION_OF_ARRIVING: [f32; 5] = super::f32s(crate::observer::refraction::OF_ARRIVING);
+        /// Below these sines as at them.
+        REFRACTION_LOWEST_SEEN: f32 = crate::observer::refraction::LOWEST_SEEN as f32;
+        REFRACTION_LOWEST_ARRIVING: f32 = crate::observer::refraction::LOWEST_ARRIVING as f32;
+        /// Sine at which it has faded away, and from which on it does not fade.
+        REFRACTION_GONE: f32 = crate::observer::refraction::FADING[0] as f32;
+        REFRACTION_WHOLE: f32 = crate::observer::refraction::FADING[1] as f32;
     }
     /// Air and ground.
     mod air {

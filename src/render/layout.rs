@@ -95,8 +95,8 @@ gpu_structs! {
         present: u32,
         /// Power of two by which light becomes less for each air mass.
         extinction: [f32; 3],
-        /// Padding.
-        unused_0: u32,
+        /// Density over that for which refraction is told.
+        density: f32,
     }
     /// Light of no single star; see `shaders/shared/diffuse_light.wgsl`.
     DiffuseLight {
@@ -146,7 +146,7 @@ impl AirAbove {
             zenith: sky.zenith().as_vec3().to_array(),
             present: 1,
             extinction: air.extinction_log2().map(|log2| log2 as f32),
-            ..Default::default()
+            density: sky.refraction.map_or(0.0, |refraction| refraction.density as f32),
         }
     }
 }

@@ -56,8 +56,9 @@ impl SceneObjects {
         let Some(sky) = self.local_sky(camera_m) else { return Arc::clone(self) };
         let through = |body: &Arc<Body>| {
             let offset_m = body.position_m - camera_m;
-            let direction = offset_m.normalize_or(DVec3::Y);
-            let seen_through = sky.transmission_of_disc(direction, body.angular_radius_rad(camera_m));
+            let radius_rad = body.angular_radius_rad(camera_m);
+            let direction = (sky.seen_body(offset_m, radius_rad) * offset_m).normalize_or(DVec3::Y);
+            let seen_through = sky.transmission_of_disc(direction, radius_rad);
             Arc::new(Body { seen_through, ..(**body).clone() })
         };
         let bodies = self.bodies.iter().map(through).collect();

@@ -1,7 +1,8 @@
 //! What is around an observer on the ground: the ground itself, up to the horizon, and the air.
 //!
 //! The ground hides what is below the horizon, which may be a line of hills; it reflects the light of the sky and of what stands in it as a Lambert surface, or a picture of it does (`landscape`). The air takes a part of the
-//! light that comes through it, and scatters light of the sources in the sky ([`crate::photometry::atmosphere`]). Directions are those without refraction.
+//! light that comes through it, and scatters light of the sources in the sky ([`crate::photometry::atmosphere`]), and bends it ([`crate::observer::refraction`]): directions are those in which
+//! something is seen, where they are not said to be those without air.
 
 use std::{
     f64::consts::{FRAC_PI_2, PI, TAU},
@@ -15,7 +16,7 @@ use super::{
     bodies::{Body, hidden_share, lights_on, reflected_lx, suns},
     landscape::Landscape,
 };
-use crate::observer::Observer;
+use crate::observer::{Observer, RefractingAir, Refraction};
 use crate::photometry::{
     atmosphere::{Air, measured_over_model},
     rec709::luminance,
@@ -28,6 +29,8 @@ pub const MOST_SOURCES: usize = 2;
 const ON_GROUND_M: f64 = 1000.0;
 /// What air around an eclipse scatters into a total one, of the Sun's light: 1 to 4 lx of 1e5 (S. M. Silverman and E. G. Mullen, Applied Optics 14, 2838, 1975).
 const LEAST_OF_ECLIPSED: f64 = 2e-5;
+/// What is nearer is seen where it is, m.
+pub const BEYOND_AIR_M: f64 = 1e5;
 /// What scatters less than this share of the air's own glow is left out, as the Sun is at night.
 const LEAST_OF_GLOW: f64 = 1e-6;
 /// What stars scatter in the eye is found anew for moments so far apart, s.
@@ -81,6 +84,8 @@ impl Horizon {
 pub struct Surroundings {
     /// The air; `None`: there is none.
     pub air: Option<Air>,
+    /// What bends light; `None`: nothing.
+    pub refraction: Option<RefractingAir>,
     /// The ground; `None`: one sees through it.
     pub ground: Option<Ground>,
 }
@@ -99,7 +104,7 @@ pub struct Ground {
 /// A source of light in the sky.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SkySource {
-    /// Unit vector, world axes.
+    /// Unit vector to where it is seen, world axes.
     pub direction: DVec3,
     /// What it gives outside of the air, as much as makes the sky as bright as was measured, linear Rec. 709, lx.
     pub light_lx: [f64; 3],
@@ -114,6 +119,8 @@ pub struct LocalSky {
     pub horizon_from_world: DMat3,
     /// The air.
     pub air: Option<Air>,
+    /// What bends light.
+    pub refraction: Option<Refraction>,
     /// The horizon; `None`: there is no ground.
     pub horizon: Option<Horizon>,
     /// Sources whose light air scatters, at most [`MOST_SOURCES`].
@@ -190,6 +197,19 @@ impl SceneObjects {
         Some(LocalSky::unlit(surroundings, horizon_from_world(observer, time_s)))
     }
 
+    /// What bends light around a camera that stands at the observer's place; `None` elsewhere, or without air.
+    pub fn refraction(&self, camera_m: DVec3) -> Option<Refraction> {
+        let (surroundings, observer) = self.surroundings_at(camera_m)?;
+        let air = surroundings.refraction?;
+        Some(Refraction { zenith: horizon_from_world(observer, self.time_s).row(1), density: air.density() })
+    }
+
+    /// Where a camera sees what lies at a place relative to it, m, world axes: through the air of the observer's place, if it stands there and that lies beyond it.
+    pub fn seen_m(&self, camera_m: DVec3, place_m: DVec3) -> DVec3 {
+        let refraction = self.refraction(camera_m).filter(|_| place_m.length() > BEYOND_AIR_M);
+        refraction.map_or(place_m, |refraction| refraction.seen(place_m))
+    }
+
     /// The surroundings of a camera that stands at the observer's place, and the observer.
     fn surroundings_at(&self, camera_m: DVec3) -> Option<(&Surroundings, &Observer)> {
         let observer = self.observer.as_ref()?;
@@ -208,6 +228,9 @@ impl LocalSky {
         Self {
             horizon_from_world,
             air: surroundings.air.clone(),
+            refraction: surroundings
+                .refraction
+                .map(|air| Refraction { zenith: horizon_from_world.row(1), density: air.density() }),
             horizon: surroundings.ground.as_ref().map(|ground| ground.horizon.clone()),
             landscape: surroundings.ground.as_ref().and_then(|ground| ground.landscape.clone()),
             sources: Vec::new(),
@@ -217,7 +240,7 @@ impl LocalSky {
         }
     }
 
-    /// What is around an observer in the light of sources: unit vectors in world axes, and what they give outside of the air, lx.
+    /// What is around an observer in the light of sources: unit vectors in world axes without air, and what they give outside of it, lx.
     pub fn new(surroundings: &Surroundings, horizon_from_world: DMat3, sources: &[(DVec3, [f64; 3])]) -> Self {
         let sine = |direction: &DVec3| (horizon_from_world * *direction).y;
         let of_air = surroundings.air.iter().flat_map(|air| {
@@ -232,10 +255,13 @@ impl LocalSky {
             });
             shown.filter(move |source| luminance(source.light_lx) * source.table.brightest_cd_m2() > least_cd_m2)
         });
-        let mut sky = Self { sources: of_air.collect(), ..Self::unlit(surroundings, horizon_from_world) };
+        let mut sky = Self::unlit(surroundings, horizon_from_world);
+        let seen = |source: SkySource| SkySource { direction: sky.seen(source.direction), ..source };
+        sky.sources = of_air.map(seen).collect();
         let (mean, mut lit_lx) = sky.summed();
         for (direction, light) in sources {
-            let (passed, sine) = (sky.transmission(*direction), sine(direction).max(0.0));
+            let seen = sky.seen(*direction);
+            let (passed, sine) = (sky.transmission(seen), sine(&seen).max(0.0));
             (0..3).for_each(|c| lit_lx[c] += light[c] * passed[c] * sine);
         }
         sky.mean_cd_m2 = mean;
@@ -263,6 +289,22 @@ impl LocalSky {
             }
         }
         (mean, lit)
+    }
+
+    /// Where one sees what lies far away in a direction without air, and as far away; world axes.
+    pub fn seen(&self, without_air: DVec3) -> DVec3 {
+        self.refraction.map_or(without_air, |refraction| refraction.seen(without_air))
+    }
+
+    /// Where what is seen in a direction lies without air, and as far away.
+    pub fn arriving(&self, seen: DVec3) -> DVec3 {
+        self.refraction.map_or(seen, |refraction| refraction.arriving(seen))
+    }
+
+    /// The linear map of a far body, an angle wide (rad), to where it is seen; without refraction, or of what is within the air, it changes nothing. Its place is relative to the eye, m.
+    pub fn seen_body(&self, place_m: DVec3, radius_rad: f64) -> DMat3 {
+        let refraction = self.refraction.filter(|_| place_m.length() > BEYOND_AIR_M);
+        refraction.map_or(DMat3::IDENTITY, |refraction| refraction.around(place_m, radius_rad))
     }
 
     /// Unit vector to the zenith, world axes.
@@ -349,7 +391,7 @@ mod tests {
 
     fn surroundings(air: bool, points: Vec<[f64; 2]>) -> Surroundings {
         let ground = Ground { horizon: Horizon::new(points), albedo: 0.2, landscape: None };
-        Surroundings { air: air.then(|| Air::new(0.2, 0.0, [1e-4; 3])), ground: Some(ground) }
+        Surroundings { air: air.then(|| Air::new(0.2, 0.0, [1e-4; 3])), refraction: None, ground: Some(ground) }
     }
 
     #[test]

@@ -15,7 +15,7 @@ use crate::{
     observer::{Frame, frame_from_camera},
     plan::stars::identify::SeenStar,
     relativity::seen_direction,
-    scene::{Camera, SceneSnapshot, bodies::Body},
+    scene::{SceneSnapshot, bodies::Body},
     units::{PARSEC_M, illuminance_lx_from_magnitude},
 };
 
@@ -25,24 +25,29 @@ const MOST_NAME: usize = 64;
 const SUGGESTIONS: usize = 8;
 
 /// A body as a camera sees it.
-pub(super) fn body_to_pb(camera: &Camera, body: &Body) -> proto::IdentifiedObject {
+pub(super) fn body_to_pb(scene: &SceneSnapshot, body: &Body) -> proto::IdentifiedObject {
+    let camera = &scene.camera;
     let from_camera_m = body.position_m - camera.position_m;
+    let seen_m = scene.objects.seen_m(camera.position_m, from_camera_m);
     proto::IdentifiedObject {
         kind: proto::ObjectKind::Body.into(),
         name: body.name.clone(),
-        direction: Some(vector_to_pb(seen_direction(camera.velocity_c, from_camera_m))),
+        direction: Some(vector_to_pb(seen_direction(camera.velocity_c, seen_m))),
         distance_m: Some(from_camera_m.length()),
         ..Default::default()
     }
 }
 
-fn seen_star(camera: &Camera, BrightStar { star, .. }: &BrightStar) -> SeenStar {
+fn seen_star(scene: &SceneSnapshot, BrightStar { star, .. }: &BrightStar) -> SeenStar {
+    let camera = &scene.camera;
     let from_camera_pc = if star.distance_known { star.position - camera.position_m / PARSEC_M } else { star.position };
     let distance_pc = star.distance_known.then(|| from_camera_pc.length());
     let at_1_pc = f64::from(star.magnitude) - if star.distance_known { 5.0 } else { 0.0 };
+    let seen = seen_direction(camera.velocity_c, from_camera_pc);
+    let refraction = scene.objects.refraction(camera.position_m);
     SeenStar {
         position: star.position,
-        direction: seen_direction(camera.velocity_c, from_camera_pc),
+        direction: refraction.map_or(seen, |refraction| refraction.seen(seen)),
         separation_rad: 0.0,
         illuminance_lx: illuminance_lx_from_magnitude(at_1_pc)
             / distance_pc.map_or(1.0, |distance| distance * distance),
@@ -53,14 +58,13 @@ fn seen_star(camera: &Camera, BrightStar { star, .. }: &BrightStar) -> SeenStar 
 
 /// What a name stands for: a body of the scene, or a star of the built-in table, by its name or its designation. The error names what comes near.
 fn found(scene: &SceneSnapshot, name: &str) -> Result<proto::IdentifiedObject, String> {
-    let camera = &scene.camera;
     let is = |of: &str| of.to_lowercase() == name.to_lowercase();
     if let Some(body) = scene.objects.bodies.iter().find(|body| is(&body.name)) {
-        return Ok(body_to_pb(camera, body));
+        return Ok(body_to_pb(scene, body));
     }
     let named = scene.stars.named();
     if let Some(star) = named.iter().find(|star| (!star.name.is_empty() && is(star.name)) || is(star.designation)) {
-        return Ok(star_to_pb(&seen_star(camera, star), &scene.stars));
+        return Ok(star_to_pb(&seen_star(scene, star), &scene.stars));
     }
     let start: String = name.to_lowercase().chars().take(2).collect();
     let of_bodies = scene.objects.bodies.iter().map(|body| &body.name[..]);
@@ -135,8 +139,9 @@ mod tests {
     use super::*;
     use crate::{
         catalogue::chunks::StarSet,
-        observer::{Clock, Observer, Place},
-        scene::{SceneObjects, bodies::SolarBody},
+        observer::{Clock, Observer, Place, RefractingAir, horizontal_direction},
+        scene::{Camera, SceneObjects, bodies::SolarBody, surroundings::Surroundings},
+        service::identify,
     };
 
     fn scene() -> SceneSnapshot {
@@ -196,5 +201,34 @@ mod tests {
         without.objects = Arc::default();
         let problem = turned(&proto::Look { frame: horizon, ..Default::default() }, &without).unwrap_err();
         assert!(problem.contains("no observer"), "{problem}");
+    }
+
+    #[test]
+    fn what_stands_low_is_found_where_the_air_shows_it() {
+        let mut scene = scene();
+        let mut objects = (*scene.objects).clone();
+        let up = objects.observer.unwrap().epoch.icrs_from_horizon * horizontal_direction(1.0, 2_f64.to_radians());
+        let mars = |distance_m| Arc::new(SolarBody::Mars.body("mars", scene.camera.position_m + up * distance_m));
+        let air = RefractingAir { pressure_hpa: 1010.0, temperature_c: 10.0 };
+        objects.surroundings = Some(Arc::new(Surroundings { air: None, refraction: Some(air), ground: None }));
+        let found_at = |scene: &SceneSnapshot| {
+            let direction = found(scene, "mars").unwrap().direction.unwrap();
+            DVec3::new(direction.x, direction.y, direction.z)
+        };
+        objects.bodies = vec![mars(1e11)];
+        scene.objects = Arc::new(objects.clone());
+        let lifted_arcmin = found_at(&scene).angle_between(up).to_degrees() * 60.0;
+        // The Nautical Almanac has 16.6 at 2.28 degrees.
+        assert!((lifted_arcmin - 16.6).abs() < 0.2, "{lifted_arcmin}");
+        let look = proto::Look { at: "mars".to_owned(), ..Default::default() };
+        let (turned, _) = turned(&look, &scene).unwrap();
+        assert!((turned * DVec3::NEG_Z).angle_between(found_at(&scene)) < 1e-7);
+        // Identify tells it there, and nothing where it would be without air.
+        let told = |direction: DVec3| identify::bodies_told(&scene, direction, 1e-4);
+        assert_eq!((told(found_at(&scene)), told(up)), (vec!["mars".to_owned()], Vec::new()));
+        // Within the air it is seen where it is.
+        objects.bodies = vec![Arc::new(Body { radii_m: DVec3::splat(1.0), ..(*mars(1e4)).clone() })];
+        scene.objects = Arc::new(objects);
+        assert!(found_at(&scene).angle_between(up) < 1e-9);
     }
 }

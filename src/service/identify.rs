@@ -86,7 +86,9 @@ enum Bodies {
 fn bodies(scene: &SceneSnapshot, question: &Question) -> Bodies {
     let Camera { position_m, velocity_c, .. } = scene.camera;
     // Light that comes from where one points has left in this direction.
-    let rest = seen_direction(-velocity_c, question.direction);
+    let refraction = scene.objects.refraction(position_m);
+    let without_air = |seen: DVec3| refraction.map_or(seen, |refraction| refraction.arriving(seen));
+    let rest = seen_direction(-velocity_c, without_air(question.direction));
     let mut found: Vec<(f64, &Body)> = scene
         .objects
         .bodies
@@ -97,7 +99,7 @@ fn bodies(scene: &SceneSnapshot, question: &Question) -> Bodies {
     let told = |separation_rad: f64, distance_m: f64, body: &Body| proto::IdentifiedObject {
         separation_deg: separation_rad.to_degrees(),
         distance_m: Some(distance_m),
-        ..body_to_pb(&scene.camera, body)
+        ..body_to_pb(scene, body)
     };
     if scene.objects.local_sky(position_m).is_some_and(|sky| sky.hides(question.direction)) {
         // The ground stands before everything.
@@ -114,7 +116,8 @@ fn bodies(scene: &SceneSnapshot, question: &Question) -> Bodies {
         .map(|body| {
             let distance_m = (body.position_m - position_m).length();
             let radius_rad = body.angular_radius_rad(position_m);
-            let direction = seen_direction(velocity_c, body.position_m - position_m);
+            let seen_m = scene.objects.seen_m(position_m, body.position_m - position_m);
+            let direction = seen_direction(velocity_c, seen_m);
             let separation_rad = direction.angle_between(question.direction);
             (separation_rad - radius_rad, told(separation_rad, distance_m, body))
         })
@@ -168,11 +171,12 @@ impl Service {
             let _place = place;
             let SceneSnapshot { stars, camera, .. } = &scene;
             let Question { direction, radius_rad, most } = question;
+            let refraction = scene.objects.refraction(camera.position_m);
             let mut objects = match bodies(&scene, &question) {
                 Bodies::Cover(objects) => objects,
                 Bodies::Beside(mut objects) => {
                     let found = background::on_own_cores(|| {
-                        stars_near(stars, camera, direction, radius_rad, faintest_lx, most)
+                        stars_near(stars, (camera, refraction), direction, radius_rad, faintest_lx, most)
                     });
                     objects.extend(found.iter().map(|star| star_to_pb(star, stars)));
                     objects
@@ -180,11 +184,20 @@ impl Service {
             };
             objects.truncate(most);
             let (camera_revision, scene_revision) = (camera.revision, scene.revision);
-            let (_, constellation) = constellation_of(direction);
+            let (_, constellation) =
+                constellation_of(refraction.map_or(direction, |refraction| refraction.arriving(direction)));
             let constellation = constellation.to_owned();
             proto::IdentifyResponse { objects, camera_revision, scene_revision, constellation }
         };
         task::spawn_blocking(looking).await.map_err(|error| Status::internal(format!("looking failed: {error}")))
+    }
+}
+
+/// Names of the bodies in a direction or within an angle of it, rad.
+#[cfg(test)]
+pub(super) fn bodies_told(scene: &SceneSnapshot, direction: DVec3, radius_rad: f64) -> Vec<String> {
+    match bodies(scene, &Question { direction, radius_rad, most: 8 }) {
+        Bodies::Cover(objects) | Bodies::Beside(objects) => objects.into_iter().map(|object| object.name).collect(),
     }
 }
 

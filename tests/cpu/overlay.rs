@@ -162,7 +162,7 @@ fn pieces_follow_their_curve_in_every_projection_and_leave_no_gap() {
         let identity = |direction: DVec3| direction;
         let (mut worst, mut count) = ([0.0_f64; 2], 0);
         for arc in arcs() {
-            let mut tracer = Tracer::new(&projection, 3.0, &identity, true);
+            let mut tracer = Tracer::new(&projection, 3.0, &identity, Some(0.0));
             let pieces: Vec<[DVec2; 2]> = tracer.trace(&arc).into_iter().map(|piece| piece.ends).collect();
             count += pieces.len();
             let errors = errors_px(&projection, &arc, &pieces);

@@ -6,7 +6,7 @@ use crate::common::*;
 use glam::{DQuat, DVec2, DVec3};
 use steradian::{
     catalogue::StarRecord,
-    observer::{Clock, Observer, Place, horizontal_direction},
+    observer::{Clock, Observer, Place, RefractingAir, horizontal_direction},
     photometry::{
         atmosphere::{Air, glow_of},
         blackbody::rec709_in_gamut,
@@ -14,6 +14,7 @@ use steradian::{
     },
     plan::settings::{GlareMethod, GlareSettings, RenderSettings, StarMethod},
     reference::air::light::pixel,
+    render::Frame,
     scene::{
         Camera, SceneObjects, SceneSnapshot,
         bodies::SolarBody,
@@ -30,10 +31,14 @@ const AU_M: f64 = 1.495_978_707e11;
 fn surroundings(glow_mag: f64) -> Surroundings {
     let hills = [[0.0, 0.0], [2.0, 0.02], [3.0, 0.12], [4.0, 0.05], [5.0, 0.0]];
     let ground = Ground { horizon: Horizon::new(hills.to_vec()), albedo: 0.2, landscape: None };
-    Surroundings { air: Some(Air::new(0.2, 500.0, glow_of(glow_mag, [1.0; 3]))), ground: Some(ground) }
+    Surroundings {
+        air: Some(Air::new(0.2, 500.0, glow_of(glow_mag, [1.0; 3]))),
+        refraction: Some(RefractingAir::at_height(500.0)),
+        ground: Some(ground),
+    }
 }
 
-/// A camera on the ground that looks to the south, with the zenith up, stars at azimuths and altitudes in degrees, and a Sun.
+/// A camera on the ground that looks to the south, with the zenith up, stars at azimuths and altitudes in degrees, and a Sun, all told without air.
 fn scene(stars: &[([f64; 2], f32)], sun_deg: Option<[f64; 2]>, surroundings: Surroundings) -> SceneSnapshot {
     let place = Place { latitude_rad: 0.8, longitude_rad: 0.2, height_m: 500.0 };
     let observer = Observer::new(place, Clock::default(), 8.2e8);
@@ -252,7 +257,7 @@ fn stars_have_the_light_that_the_air_leaves_and_none_shines_from_below() {
         let light = illuminance_lx(&frame.images[0], mapping) - illuminance_lx(&background.images[0], mapping);
         let sky = local_sky(&scene);
         let towards = rig.viewports(scene.camera.world_from_camera)[0].world_from_view * DVec3::NEG_Z;
-        let through = sky.transmission(towards);
+        let through = sky.transmission(sky.seen(towards));
         let colour = rec709_in_gamut(5772.0);
         let expected =
             illuminance_lx_from_magnitude(f64::from(magnitude)) * luminance([0, 1, 2].map(|c| colour[c] * through[c]));
@@ -293,9 +298,121 @@ fn a_low_sun_is_red_and_one_below_the_horizon_gives_no_glare() {
     // At 4 degrees in the east, without hills, half of the green and most of the blue are gone.
     let scene = scene(&[], Some([90.0, 4.0]), surroundings(22.0));
     let sky = local_sky(&scene);
-    let [r, g, b] = sky.transmission((scene.objects.bodies[0].position_m - scene.camera.position_m).normalize());
+    let towards = (scene.objects.bodies[0].position_m - scene.camera.position_m).normalize();
+    let [r, g, b] = sky.transmission(sky.seen(towards));
     assert!(r > 1.3 * g && g > 1.5 * b && g < 0.2, "{r} {g} {b}");
     let low = light([90.0, 4.0], surroundings(22.0));
     let disc_and_sky = low[1] / high[1];
     assert!(disc_and_sky < 0.5 && low[0] / low[2] > 1.5 * high[0] / high[2], "{low:?} {high:?}");
+}
+
+/// Refraction where something is seen, arcmin: G. G. Bennett, Journal of Navigation 35, 255, 1982, with its second term, in air of a density.
+fn bennett_arcmin(seen_deg: f64, density: f64) -> f64 {
+    let first = 1.0 / (seen_deg + 7.31 / (seen_deg + 4.4)).to_radians().tan();
+    density * (first - 0.06 * (14.7 * first + 13.0).to_radians().sin())
+}
+
+/// Mean place of the light in an image of a camera that looks to the south, and its spread: degrees of altitude and of what is across.
+fn place_of_light(frame: &Frame, rig: &Rig, without: Option<&Frame>) -> [[f64; 2]; 2] {
+    let mapping = rig.views()[0].images[0].projection.mapping();
+    let turned = rig.viewports(DQuat::IDENTITY)[0].world_from_view;
+    let image = &frame.images[0];
+    let hdr = image.hdr.as_ref().unwrap();
+    let dark = without.map(|without| without.images[0].hdr.as_ref().unwrap());
+    let (mut sum, mut first, mut second) = (0.0, [0.0; 2], [0.0; 2]);
+    for y in 0..image.height {
+        for x in 0..image.width {
+            let index = (y * image.width + x) as usize;
+            let behind = dark.map_or(0.0, |dark| f64::from(dark[index][1]));
+            let light = (f64::from(hdr[index][1]) - behind) * mapping.solid_angle_sr(x, y);
+            let at = turned * mapping.direction_from_pixel(DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5)).unwrap();
+            let place = [at.y.asin().to_degrees(), at.x.atan2(-at.z).to_degrees() * at.y.asin().cos()];
+            sum += light;
+            for axis in 0..2 {
+                first[axis] += light * place[axis];
+                second[axis] += light * place[axis] * place[axis];
+            }
+        }
+    }
+    let mean = first.map(|moment| moment / sum);
+    [mean, [0, 1].map(|axis| (second[axis] / sum - mean[axis] * mean[axis]).sqrt())]
+}
+
+fn without_ground(glow_mag: f64) -> Surroundings {
+    Surroundings { ground: None, ..surroundings(glow_mag) }
+}
+
+#[test]
+fn stars_and_planets_are_lifted_as_the_almanac_says() {
+    let density = RefractingAir::at_height(500.0).density();
+    for seen_deg in [0.2, 1.0, 3.0, 8.0, 15.0, 30.0, 60.0] {
+        let lifted_deg = bennett_arcmin(seen_deg, density) / 60.0;
+        let kind = ViewKind::Perspective { size: [64, 64], fov_y_rad: 0.01 };
+        let raised = DQuat::from_rotation_x(f64::to_radians(seen_deg));
+        let rig = Rig::new(vec![View::new("star", kind, raised, DVec3::ZERO).unwrap()]).unwrap();
+        let settings = settings(StarMethod::Auto);
+        let scene = scene(&[([180.0, seen_deg - lifted_deg], -1.0)], None, without_ground(30.0));
+        let draw = |scene: &SceneSnapshot| render_hdr(&mut renderer(), scene, &rig, &settings);
+        let dark = draw(&scene_without_stars(&scene));
+        let [[altitude_deg, _], _] = place_of_light(&draw(&scene), &rig, Some(&dark));
+        // A planet, which is a point there.
+        let towards = {
+            let local = local_sky(&scene).horizon_from_world.transpose();
+            local * horizontal_direction(PI, f64::to_radians(seen_deg - lifted_deg))
+        };
+        let mut planet = SolarBody::Venus.body("venus", scene.camera.position_m + towards * AU_M);
+        planet.surface.phase_curve = None;
+        let sun = SolarBody::Sun.body("sun", scene.camera.position_m - towards * AU_M);
+        let bodies = vec![Arc::new(planet), Arc::new(sun)];
+        let with_planet =
+            SceneSnapshot { objects: Arc::new(SceneObjects { bodies, ..(*scene.objects).clone() }), ..scene.clone() };
+        let with_planet = scene_without_stars(&with_planet);
+        let objects = SceneObjects { bodies: with_planet.objects.bodies[1..].to_vec(), ..(*scene.objects).clone() };
+        let without = SceneSnapshot { objects: Arc::new(objects), ..with_planet.clone() };
+        let [[of_planet_deg, _], _] = place_of_light(&draw(&with_planet), &rig, Some(&draw(&without)));
+        let off = [altitude_deg, of_planet_deg].map(|found| 3600.0 * (found - seen_deg));
+        println!(
+            "{seen_deg} degrees: star {:.2}, planet {:.2} arcsec off of {:.1}",
+            off[0],
+            off[1],
+            3600.0 * lifted_deg
+        );
+        let allowed = if seen_deg >= 15.0 { 1.5 } else { 4.0 };
+        assert!(off.iter().all(|off| off.abs() < allowed), "{seen_deg}: {off:?}");
+    }
+}
+
+#[test]
+fn a_setting_sun_is_flat_and_stands_on_the_horizon_that_hid_it() {
+    let spread = |true_deg: f64| {
+        let kind = ViewKind::Perspective { size: [96, 96], fov_y_rad: 0.02 };
+        let raised = DQuat::from_rotation_x(f64::to_radians(true_deg + 0.4));
+        let rig = Rig::new(vec![View::new("sun", kind, raised, DVec3::ZERO).unwrap()]).unwrap();
+        let air = without_ground(30.0);
+        // Without extinction, which is stronger at the lower limb.
+        let air = Surroundings { air: Some(Air::new(1e-6, 500.0, [0.0; 3])), ..air };
+        let scene = scene(&[], Some([180.0, true_deg]), air);
+        place_of_light(&render_hdr(&mut renderer(), &scene, &rig, &settings(StarMethod::Auto)), &rig, None)
+    };
+    // Half a degree below the horizon without air it is wholly above it with air, and by a sixth lower than wide.
+    let [[altitude_deg, _], [high, wide]] = spread(-0.3);
+    println!("at {altitude_deg:.4} degrees: {:.4} as high as wide", high / wide);
+    let density = RefractingAir::at_height(500.0).density();
+    let lifted_deg = bennett_arcmin(altitude_deg, density) / 60.0;
+    assert!((altitude_deg - lifted_deg + 0.3).abs() < 0.01, "{altitude_deg} {lifted_deg}");
+    let limb = |side: f64| {
+        let true_deg = -0.3 + side * 0.267;
+        let seen = |seen_deg: f64| seen_deg - bennett_arcmin(seen_deg, density) / 60.0 - true_deg;
+        let (mut low, mut above) = (-0.9, 2.0);
+        for _ in 0..60 {
+            let middle = 0.5 * (low + above);
+            if seen(middle) > 0.0 { above = middle } else { low = middle }
+        }
+        low
+    };
+    let expected = (limb(1.0) - limb(-1.0)) / (2.0 * 0.267);
+    println!("by the formula {expected:.4}");
+    assert!((high / wide - expected).abs() < 0.01, "{} {expected}", high / wide);
+    let [_, [high, wide]] = spread(40.0);
+    assert!((high / wide - 1.0).abs() < 2e-3, "{}", high / wide);
 }

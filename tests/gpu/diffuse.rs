@@ -7,7 +7,7 @@ use glam::{DQuat, DVec2, DVec3};
 use steradian::{
     FrameRequest, Wanted,
     catalogue::diffuse::DiffuseSky,
-    observer::{Clock, Observer, Place},
+    observer::{Clock, Observer, Place, RefractingAir},
     photometry::atmosphere::{Air, glow_of},
     plan::settings::{
         AccuracySettings, ExposureMode, ExposureSettings, GlareMethod, GlareSettings, RenderSettings, StarMethod,
@@ -136,7 +136,9 @@ fn air_takes_its_part_and_a_body_hides_all() {
         bodies: vec![Arc::new(moon.clone())],
         time_s: 8.2e8,
         observer: Some(observer),
-        surroundings: air.map(|air| Arc::new(Surroundings { air: Some(air), ground: None })),
+        surroundings: air.map(|air| {
+            Arc::new(Surroundings { air: Some(air), refraction: Some(RefractingAir::at_height(0.0)), ground: None })
+        }),
         ..Default::default()
     };
     let camera = Camera { position_m, world_from_camera: observer.icrs_from_horizon(8.2e8), ..Camera::default() };

@@ -209,7 +209,13 @@ pub fn plan_bodies(
             if unit_from_world.mul_vec3(offset_m).length() <= 1.0 {
                 continue;
             }
-            let in_view = viewport.world_from_view.conjugate().mul_vec3(offset_m);
+            // Through the air it is seen elsewhere, and pressed together.
+            let seen_from_place = match &objects.local_sky {
+                Some(sky) => sky.seen_body(offset_m, (largest_m / distance_m).min(1.0).asin()),
+                None => DMat3::IDENTITY,
+            };
+            let seen_m = seen_from_place * offset_m;
+            let in_view = viewport.world_from_view.conjugate().mul_vec3(seen_m);
             let reach_rad = (largest_m / distance_m).min(1.0).asin();
             let widest_m = if has_rings(body) { rings::OUTER * largest_m } else { largest_m };
             // Who stands within rings has them on all sides.
@@ -226,14 +232,15 @@ pub fn plan_bodies(
             if part < 1.0 {
                 let intensity = light.1.map(|lx| lx * (1.0 - part) * distance_m * distance_m);
                 plan.points.push(PointSource {
-                    offset_m: offset_m + viewport.eye_offset_m,
+                    offset_m: seen_m + viewport.eye_offset_m,
                     intensity_cd: intensity,
                     radius_m: 1.01 * largest_m,
                     viewports: 1 << index,
                 });
             }
             if part > 0.0 {
-                let disc = body_disc(*light, body, in_view, viewport, unit_from_world, part, (suns, objects.time_s));
+                let place = Seen { eye_m, seen_from_place, unit_from_world };
+                let disc = body_disc(*light, body, &place, viewport, part, (suns, objects.time_s));
                 seen.push(BodyDisc { reach_rad: widest_rad + parallax_rad + limb_rad(&viewport.projection), ..disc });
             }
         }
@@ -294,35 +301,45 @@ fn surface_m(objects: &SceneObjects, seen: &BodyDisc) -> f64 {
     seen.distance_m * seen.centre.length() - objects.bodies[seen.body].radii_m.max_element()
 }
 
+/// Where an eye stands, and how it sees a body.
+struct Seen {
+    eye_m: DVec3,
+    /// From places relative to the eye to where they are seen, world axes.
+    seen_from_place: DMat3,
+    /// See [`unit_from_world`].
+    unit_from_world: DMat3,
+}
+
 fn body_disc(
     (number, light_lx): (usize, [f64; 3]),
     body: &Body,
-    in_view: DVec3,
+    &Seen { eye_m, seen_from_place, unit_from_world }: &Seen,
     viewport: &Viewport,
-    unit_from_world: DMat3,
     part: f64,
     (suns, time_s): (&[Sun], f64),
 ) -> BodyDisc {
+    let view_from_world = DMat3::from_quat(viewport.world_from_view.conjugate());
+    let view_from_place = view_from_world * seen_from_place;
+    let in_view = view_from_place * (body.position_m - eye_m);
     let flat = matches!(viewport.projection, Projection::Perspective(_) | Projection::CubeFace(_));
     let distance_m = in_view.length();
     let on_plane = flat && -in_view.z > LEAST_COSINE * distance_m;
     let (centre, distance_m) =
         if on_plane { (in_view / -in_view.z, -in_view.z) } else { (in_view / distance_m, distance_m) };
-    let view_from_world = viewport.world_from_view.conjugate();
-    let eye_m = body.position_m - viewport.world_from_view * in_view;
     let mut suns = lights_on(body, suns, eye_m);
     let rings_cd_m2 = lit_rings(body, eye_m, light_lx, &mut suns);
     let body_from_world = body.world_from_body(time_s).conjugate();
-    let suns = suns
-        .iter()
-        .map(|light| DiscSun { direction: view_from_world * light.direction, in_body: light.turned(body_from_world) });
+    let suns = suns.iter().map(|light| DiscSun {
+        direction: (view_from_place * light.direction).normalize(),
+        in_body: light.turned(body_from_world),
+    });
     let suns = suns.collect();
     BodyDisc {
         body: number,
         centre,
         on_plane,
         distance_m,
-        unit_from_view: unit_from_world * DMat3::from_quat(viewport.world_from_view),
+        unit_from_view: unit_from_world * view_from_place.inverse(),
         reach_rad: PI,
         part,
         kept: 1.0,

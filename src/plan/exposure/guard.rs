@@ -12,7 +12,7 @@
 //! - **Background.** The veil of glare of all bodies and fields, in the picture or not, is at most [`BACKGROUND_SHARE`] of white in the
 //!   half of the pictures where it is darkest: the halo next to a sun may be brighter.
 
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 
 use super::pictures::Picture;
 use crate::{
@@ -92,6 +92,9 @@ fn discs(lit: &Lit<'_>, index: usize, viewport: &Viewport, picture: &Picture, pi
         let offset_m = body.position_m - eye_m;
         let radius_rad = body.angular_radius_rad(eye_m);
         let cap_sr = 4.0 * std::f64::consts::PI * (0.5 * radius_rad).sin().powi(2);
+        let local_sky = lit.objects.local_sky.as_deref();
+        let seen_from_place = local_sky.map_or(DMat3::IDENTITY, |sky| sky.seen_body(offset_m, radius_rad));
+        let place_from_seen = seen_from_place.inverse();
         let mut take = |direction: DVec3, solid_angle_sr: f64| {
             let Some(hit) = seen.hit(direction) else { return };
             let surface_cd_m2 = luminance(seen.luminance_cd_m2(hit.unit));
@@ -101,13 +104,13 @@ fn discs(lit: &Lit<'_>, index: usize, viewport: &Viewport, picture: &Picture, pi
         };
         if cap_sr < picture.pixel_sums[0] {
             for direction in directions_of_cap(offset_m.normalize(), radius_rad) {
-                if is_in_picture(viewport, direction) {
+                if is_in_picture(viewport, seen_from_place * direction) {
                     take(direction, cap_sr / DISC_POINTS as f64);
                 }
             }
         } else {
             for (direction, solid_angle_sr) in &picture.directions {
-                take(viewport.world_from_view * *direction, *solid_angle_sr);
+                take((place_from_seen * (viewport.world_from_view * *direction)).normalize(), *solid_angle_sr);
             }
         }
         before.push(seen);

@@ -4,7 +4,7 @@
 //! A body wider than the inner angle of glare is so many sources as its disc and its light are worth. All that a pixel costs grows with
 //! their number, so there are at most [`MOST_SOURCES`] of them.
 
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 
 use crate::{
     photometry::{glare::GlareKernel, rec709::luminance},
@@ -106,16 +106,19 @@ fn of_body(objects: &SceneObjects, eye_m: DVec3, number: usize, light: [f64; 3],
     let offset_m = body.position_m - eye_m;
     let distance_m = offset_m.length();
     let axis = offset_m / distance_m;
+    let radius_rad = body.angular_radius_rad(eye_m);
+    let local_sky = objects.local_sky.as_deref();
+    let seen_from_place = local_sky.map_or(DMat3::IDENTITY, |sky| sky.seen_body(offset_m, radius_rad));
+    let shown = |direction: DVec3| (seen_from_place * direction).normalize();
     let is_open = |direction: DVec3, distance_m: f64| {
-        !objects.local_sky.as_ref().is_some_and(|sky| sky.hides(direction))
+        !local_sky.is_some_and(|sky| sky.hides(shown(direction)))
             && objects.bodies.iter().enumerate().all(|(other, of)| {
                 other == number
                     || (of.position_m - eye_m).length() > distance_m
                     || !hides(of, eye_m, direction, objects.time_s)
             })
     };
-    let one = |direction: DVec3| is_open(direction, distance_m).then(|| Source::point(number, direction, light));
-    let radius_rad = body.angular_radius_rad(eye_m);
+    let one = |direction: DVec3| is_open(direction, distance_m).then(|| Source::point(number, shown(direction), light));
     if radius_rad < SMALL_RAD {
         return one(axis);
     }
@@ -152,7 +155,7 @@ fn of_body(objects: &SceneObjects, eye_m: DVec3, number: usize, light: [f64; 3],
     let parts: Vec<PointOfLight> = points
         .iter()
         .filter(|(direction, _, distance_m)| is_open(*direction, *distance_m))
-        .map(|(direction, own, _)| (*direction, share(own)))
+        .map(|(direction, own, _)| (shown(*direction), share(own)))
         .collect();
     let middle: DVec3 = parts.iter().map(|(direction, light)| *direction * luminance(*light)).sum();
     let whole = (middle.try_normalize()?, sum_of(parts.iter().map(|(_, light)| *light)));

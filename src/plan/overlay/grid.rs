@@ -43,7 +43,7 @@ fn direction(axes: &DMat3, longitude: f64, latitude: f64) -> DVec3 {
 pub(super) fn draw(drawing: &mut Drawing<'_>, eye: &Eye<'_>, grid: &Grid) -> Result<(), OverlayPlanError> {
     let axes = axes(grid.kind, eye);
     if grid.kind == GridKind::Constellations {
-        return drawing.lines(eye, &grid.style, borders().iter().map(|border| border_arc(&axes, border)));
+        return drawing.lines(eye, &grid.style, borders().iter().map(|border| border_arc(&axes, border)), true);
     }
     let step = FRAC_PI_2 / f64::from(grid.divisions);
     let divisions = i64::from(grid.divisions);
@@ -62,7 +62,8 @@ pub(super) fn draw(drawing: &mut Drawing<'_>, eye: &Eye<'_>, grid: &Grid) -> Res
         let turned = arcs.map(|arc| arc.turned(&eye.view_from_world));
         drawing.view_lines(eye, &grid.style, turned)?;
     } else {
-        drawing.lines(eye, &grid.style, arcs)?;
+        // Altitudes are those that are seen.
+        drawing.lines(eye, &grid.style, arcs, grid.kind != GridKind::Horizon)?;
     }
     Ok(())
 }
@@ -87,10 +88,13 @@ pub(super) fn draw_numbers(drawing: &mut Drawing<'_>, eye: &Eye<'_>, grid: &Grid
     let axes = axes(grid.kind, eye);
     let step = FRAC_PI_2 / f64::from(grid.divisions);
     let divisions = i64::from(grid.divisions);
-    let own_axes = grid.kind == GridKind::Altitude;
     let ink = Ink { colour: grid.style.colour, opacity: grid.style.opacity };
     let mut number = |text: &str, direction: DVec3| {
-        let direction = if own_axes { eye.view_from_world * direction } else { eye.seen(direction) };
+        let direction = match grid.kind {
+            GridKind::Altitude => eye.view_from_world * direction,
+            GridKind::Horizon => eye.seen_near(direction),
+            _ => eye.seen(direction),
+        };
         let place = Place::Beside { gap_px: grid.style.width_px / 2.0 + 2.0 };
         drawing.text_at(
             eye,

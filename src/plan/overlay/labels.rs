@@ -6,7 +6,7 @@ use super::{
     AT_INFINITY, BEFORE_ALL, Drawing, Eye, Ink, OverlayPlanError,
     text::{Place, Run},
 };
-use crate::scene::{SceneObjects, overlay::Anchor};
+use crate::scene::{SceneObjects, overlay::Anchor, surroundings::BEYOND_AIR_M};
 
 pub(super) fn draw(drawing: &mut Drawing<'_>, eye: &Eye<'_>, objects: &SceneObjects) -> Result<(), OverlayPlanError> {
     for label in &objects.overlay.labels {
@@ -21,7 +21,9 @@ pub(super) fn draw(drawing: &mut Drawing<'_>, eye: &Eye<'_>, objects: &SceneObje
         let ink = Ink { colour: label.colour, opacity: label.opacity };
         let place = Place::Beside { gap_px: 0.3 * label.size_px };
         let run = Run { text: &label.text, size_px: label.size_px, ink, nearness, place, edged: true };
-        drawing.text_at(eye, eye.seen(direction), &run)?;
+        let is_near = direction.length() <= BEYOND_AIR_M && matches!(label.anchor, Anchor::Point(_));
+        let seen = if is_near { eye.seen_near(direction) } else { eye.seen(direction) };
+        drawing.text_at(eye, seen, &run)?;
     }
     Ok(())
 }

@@ -26,18 +26,22 @@ use self::{
     trace::Tracer,
 };
 use crate::{
-    observer::Frame,
+    observer::{Frame, Refraction},
     relativity::Motion,
     scene::{
         Camera, SceneObjects,
         bodies::Body,
         overlay::{Colour, GridKind, LineStyle, Overlay},
+        surroundings::BEYOND_AIR_M,
     },
     view::Viewport,
 };
 
 /// Most items of a frame: 64 bytes each on the adapter.
 pub const MOST_ITEMS: usize = 1 << 20;
+
+/// More than what two ends of a line are moved by in dense air.
+const MOST_BENT_RAD: f64 = 0.04;
 
 /// Nearness of what nothing hides.
 pub const BEFORE_ALL: f64 = f64::INFINITY;
@@ -171,9 +175,11 @@ struct LastPlan {
     plan: Arc<OverlayPlan>,
 }
 
-/// The moment of objects with a grid of the horizon, which turns with the Earth.
+/// The moment of objects with a grid of the horizon or with air that bends light, which turn with the Earth.
 fn horizon_s(objects: &SceneObjects) -> Option<f64> {
-    objects.overlay.grids.iter().any(|grid| grid.kind == GridKind::Horizon).then_some(objects.time_s)
+    let has_grid = objects.overlay.grids.iter().any(|grid| grid.kind == GridKind::Horizon);
+    let bends = objects.surroundings.as_ref().is_some_and(|around| around.refraction.is_some());
+    (has_grid || bends).then_some(objects.time_s)
 }
 
 impl LastPlan {
@@ -224,16 +230,19 @@ impl OverlayPlanner {
         let mut drawing = Drawing { items: Vec::new(), stroke: 0, texels: Vec::new(), glyphs: &mut self.glyphs };
         drawing.glyphs.begin();
         let horizon = horizon_of(inputs.objects);
+        let refraction = inputs.objects.refraction(inputs.camera.position_m);
         let mut first_items = Vec::with_capacity(inputs.viewports.len() + 1);
         for viewport in inputs.viewports {
             first_items.push(drawing.items.len());
-            let eye = Eye::new(inputs.camera, viewport, horizon);
+            let eye = Eye::new(inputs.camera, viewport, (horizon, refraction));
             for grid in &overlay.grids {
                 grid::draw(&mut drawing, &eye, grid)?;
             }
             for trajectory in &overlay.trajectories {
                 let arcs = trajectory.points_m.windows(2).filter_map(|ends| eye.straight_line(ends[0], ends[1]));
-                drawing.lines(&eye, &trajectory.style, arcs)?;
+                let is_far = |point: &DVec3| (*point - eye.position_m).length() > BEYOND_AIR_M;
+                let bent = trajectory.points_m.iter().all(is_far);
+                drawing.lines(&eye, &trajectory.style, arcs, bent)?;
             }
             for grid in &overlay.grids {
                 grid::draw_numbers(&mut drawing, &eye, grid)?;
@@ -261,6 +270,8 @@ struct Eye<'a> {
     /// Where it stands, m.
     position_m: DVec3,
     motion: Option<Motion>,
+    /// Of the air, in view axes.
+    refraction: Option<Refraction>,
     /// North, east and zenith of the scene's observer.
     horizon: Option<DMat3>,
 }
@@ -273,7 +284,11 @@ fn horizon_of(objects: &SceneObjects) -> Option<DMat3> {
 }
 
 impl<'a> Eye<'a> {
-    fn new(camera: &'a Camera, viewport: &'a Viewport, horizon: Option<DMat3>) -> Self {
+    fn new(
+        camera: &'a Camera,
+        viewport: &'a Viewport,
+        (horizon, refraction): (Option<DMat3>, Option<Refraction>),
+    ) -> Self {
         let view_from_world = DMat3::from_quat(viewport.world_from_view.conjugate());
         Self {
             viewport,
@@ -282,12 +297,19 @@ impl<'a> Eye<'a> {
             camera,
             position_m: camera.position_m + viewport.eye_offset_m,
             motion: Motion::new(camera.velocity_c),
+            refraction: refraction.map(|air| Refraction { zenith: view_from_world * air.zenith, ..air }),
             horizon,
         }
     }
 
-    /// Where the eye sees what lies in a direction of the world (of any length but 0): view axes, any length.
+    /// Where the eye sees what lies far away in a direction of the world (of any length but 0): view axes, any length.
     fn seen(&self, direction: DVec3) -> DVec3 {
+        let seen = self.seen_near(direction);
+        self.refraction.map_or(seen, |refraction| refraction.seen(seen))
+    }
+
+    /// The same of what no air bends.
+    fn seen_near(&self, direction: DVec3) -> DVec3 {
         let seen = self.motion.map_or(direction, |motion| motion.seen(direction));
         self.view_from_world * seen
     }
@@ -320,20 +342,24 @@ impl Drawing<'_> {
         Ok(())
     }
 
-    /// Lines in the axes of the world, as one stroke.
+    /// Lines in the axes of the world, as one stroke; `bent` by the air, where there is some.
     fn lines(
         &mut self,
         eye: &Eye<'_>,
         style: &LineStyle,
         arcs: impl Iterator<Item = arc::Arc>,
+        bent: bool,
     ) -> Result<(), OverlayPlanError> {
         if let Some(motion) = eye.motion {
             // Aberration bends circles into other circles, unevenly: the whole map is traced.
             let map = |direction: DVec3| eye.view_from_world * motion.seen(direction);
-            return self.traced(eye, style, arcs, &map, false);
+            return self.traced(eye, style, arcs, &map, None);
         }
         let turned = arcs.map(|arc| arc.turned(&eye.view_from_world));
-        self.traced(eye, style, turned, &|direction| direction, true)
+        if let Some(refraction) = eye.refraction.filter(|_| bent) {
+            return self.traced(eye, style, turned, &|direction| refraction.seen(direction), Some(MOST_BENT_RAD));
+        }
+        self.traced(eye, style, turned, &|direction| direction, Some(0.0))
     }
 
     /// Lines in the axes of the view, as one stroke.
@@ -343,7 +369,7 @@ impl Drawing<'_> {
         style: &LineStyle,
         arcs: impl Iterator<Item = arc::Arc>,
     ) -> Result<(), OverlayPlanError> {
-        self.traced(eye, style, arcs, &|direction| direction, true)
+        self.traced(eye, style, arcs, &|direction| direction, Some(0.0))
     }
 
     fn traced(
@@ -352,12 +378,12 @@ impl Drawing<'_> {
         style: &LineStyle,
         arcs: impl Iterator<Item = arc::Arc>,
         map: &dyn Fn(DVec3) -> DVec3,
-        rigid: bool,
+        bends_rad: Option<f64>,
     ) -> Result<(), OverlayPlanError> {
         self.next_stroke();
         let half_width_px = style.width_px / 2.0;
         let ink = Ink { colour: style.colour, opacity: style.opacity };
-        let mut tracer = Tracer::new(&eye.viewport.projection, half_width_px + 1.0, map, rigid);
+        let mut tracer = Tracer::new(&eye.viewport.projection, half_width_px + 1.0, map, bends_rad);
         for arc in arcs {
             for piece in tracer.trace(&arc) {
                 let [from, to] = piece.ends;

@@ -52,14 +52,19 @@ pub struct Tracer<'a> {
     /// Width of an image that goes on at its sides, pixels.
     wrap_px: Option<f64>,
     margin_px: f64,
-    /// What may be seen; only if the map keeps angles.
+    /// What may be seen, with what the map changes angles by; only if that is little.
     cone: Option<BoundingCone>,
     pieces: Vec<Piece>,
 }
 
 impl<'a> Tracer<'a> {
-    /// A tracer. What is farther than `margin_px` from the image is left out. `map` takes arcs to view axes; `rigid`: it is a rotation.
-    pub fn new(projection: &'a Projection, margin_px: f64, map: &'a dyn Fn(DVec3) -> DVec3, rigid: bool) -> Self {
+    /// A tracer. What is farther than `margin_px` from the image is left out. `map` takes arcs to view axes, and changes angles by `bends_rad` at most: 0 for a rotation, `None` for any amount.
+    pub fn new(
+        projection: &'a Projection,
+        margin_px: f64,
+        map: &'a dyn Fn(DVec3) -> DVec3,
+        bends_rad: Option<f64>,
+    ) -> Self {
         let mapping = projection.mapping();
         let [width, height] = mapping.size().map(f64::from);
         Self {
@@ -68,7 +73,10 @@ impl<'a> Tracer<'a> {
             size: DVec2::new(width, height),
             wrap_px: matches!(projection, Projection::Equirectangular(_)).then_some(width),
             margin_px,
-            cone: rigid.then(|| mapping.bounding_cone(margin_px)),
+            cone: bends_rad.map(|bends_rad| {
+                let cone = mapping.bounding_cone(margin_px);
+                BoundingCone { half_angle_rad: cone.half_angle_rad + bends_rad, ..cone }
+            }),
             pieces: Vec::new(),
         }
     }

@@ -14,6 +14,7 @@ use crate::{
         chunks::{Chunk, StarSet},
         packed::PackedStar,
     },
+    observer::Refraction,
     relativity::Motion,
     units::PARSEC_M,
     view::{Viewport, projection::Projection},
@@ -61,10 +62,12 @@ struct Field {
     planes: Vec<DVec3>,
     /// The field is what the moving observer sees; chunks are where stars rest.
     motion: Option<Motion>,
+    /// And what is seen through air.
+    refraction: Option<Refraction>,
 }
 
 impl Field {
-    fn new(viewport: &Viewport, motion: Option<Motion>, margin_px: f64) -> Self {
+    fn new(viewport: &Viewport, &CullSettings { motion, refraction, margin_px, .. }: &CullSettings) -> Self {
         let cone = viewport.projection.mapping().bounding_cone(margin_px);
         let rotation = DMat3::from_quat(viewport.world_from_view);
         let planes = edge_planes(&viewport.projection, margin_px).into_iter().map(|normal| rotation * normal).collect();
@@ -74,6 +77,7 @@ impl Field {
             half_angle_rad: cone.half_angle_rad,
             planes,
             motion,
+            refraction,
         }
     }
 
@@ -81,6 +85,8 @@ impl Field {
     fn touches_cone(&self, Cone { axis, half_angle_rad }: Cone) -> bool {
         let (axis, half_angle_rad) =
             self.motion.map_or((axis, half_angle_rad), |motion| motion.seen_cone(axis, half_angle_rad));
+        let moved_rad = self.refraction.map_or(0.0, |refraction| refraction.most_rad(axis, half_angle_rad));
+        let half_angle_rad = half_angle_rad + moved_rad;
         if axis.angle_between(self.axis) > self.half_angle_rad + half_angle_rad {
             return false;
         }
@@ -147,6 +153,8 @@ pub struct CullSettings {
     pub enabled: bool,
     /// How the camera moves; `None`: not at all.
     pub motion: Option<Motion>,
+    /// What bends light around the camera; `None`: nothing.
+    pub refraction: Option<Refraction>,
 }
 
 /// The chunks that the viewports may see from `camera_pc`.
@@ -156,8 +164,7 @@ pub fn visible_chunks(
     viewports: &[Viewport],
     settings: CullSettings,
 ) -> Vec<VisibleChunk> {
-    let fields: Vec<Field> =
-        viewports.iter().map(|viewport| Field::new(viewport, settings.motion, settings.margin_px)).collect();
+    let fields: Vec<Field> = viewports.iter().map(|viewport| Field::new(viewport, &settings)).collect();
     let eyes_pc = distinct_eyes_pc(viewports);
     set.chunks
         .par_iter()
@@ -343,8 +350,14 @@ mod tests {
         let viewports = viewports();
         let places =
             [DVec3::ZERO, DVec3::new(0.5, 0.2, 0.0), DVec3::new(30.0, -20.0, 10.0), DVec3::new(0.0, 400.0, 0.0)];
-        for (camera_pc, motion) in places.into_iter().flat_map(|place| motions().map(|motion| (place, motion))) {
-            let settings = CullSettings { faintest_lx: 0.0, enabled: true, motion, margin_px: SPLAT_MARGIN_PX };
+        // Thick air, under which much stands near the horizon.
+        let air = Refraction { zenith: DVec3::new(0.6, 0.64, 0.48), density: 1.2 };
+        let eyes = motions().map(|motion| (motion, None)).into_iter().chain([(None, Some(air))]);
+        let eyes: Vec<(Option<Motion>, Option<Refraction>)> = eyes.collect();
+        let all = places.iter().flat_map(|place| eyes.iter().map(move |eye| (*place, *eye)));
+        for (camera_pc, (motion, refraction)) in all {
+            let settings =
+                CullSettings { faintest_lx: 0.0, enabled: true, motion, refraction, margin_px: SPLAT_MARGIN_PX };
             let visible = visible_chunks(&set, camera_pc, &viewports, settings);
             let mut culled_pairs = 0;
             for (index, chunk) in set.chunks.iter().enumerate() {
@@ -358,6 +371,7 @@ mod tests {
                         let offset = Vec3::from_array(star.offset_pc).as_dvec3();
                         let place = if chunk.at_infinity { offset } else { chunk.origin_pc + offset - camera_pc };
                         let seen = motion.map_or(place, |motion| motion.seen(place));
+                        let seen = refraction.map_or(seen, |refraction| refraction.seen(seen));
                         let direction = viewport.world_from_view.conjugate() * seen;
                         let mapping = viewport.projection.mapping();
                         let Some(pixel) = mapping.pixel_from_direction(direction) else { continue };
@@ -382,7 +396,8 @@ mod tests {
         let set = sky();
         let places = [DVec3::ZERO, DVec3::new(3.0, 2.0, 1.0), DVec3::new(0.0, 50.0, 0.0)];
         for (camera_pc, motion) in places.into_iter().flat_map(|place| motions().map(|motion| (place, motion))) {
-            let settings = CullSettings { faintest_lx: 0.0, enabled: false, motion, margin_px: SPLAT_MARGIN_PX };
+            let settings =
+                CullSettings { faintest_lx: 0.0, enabled: false, motion, refraction: None, margin_px: SPLAT_MARGIN_PX };
             for visible in visible_chunks(&set, camera_pc, &viewports()[..1], settings) {
                 let chunk = &set.chunks[visible.chunk];
                 let lights =
@@ -399,7 +414,13 @@ mod tests {
         let set = sky();
         let limit_lx = crate::units::illuminance_lx_from_magnitude(6.0);
         for motion in motions() {
-            let settings = CullSettings { faintest_lx: limit_lx, enabled: false, motion, margin_px: SPLAT_MARGIN_PX };
+            let settings = CullSettings {
+                faintest_lx: limit_lx,
+                enabled: false,
+                motion,
+                refraction: None,
+                margin_px: SPLAT_MARGIN_PX,
+            };
             let bright = visible_chunks(&set, DVec3::ZERO, &viewports()[..1], settings);
             let kept: u32 = bright.iter().map(|visible| visible.count).sum();
             assert!(kept < 30_000, "{motion:?}");

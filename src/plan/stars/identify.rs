@@ -8,6 +8,7 @@ use crate::{
         chunks::StarSet,
         packed::{PackedStar, temperature_of_step_k},
     },
+    observer::Refraction,
     relativity::Motion,
     scene::Camera,
     units::PARSEC_M,
@@ -40,7 +41,7 @@ pub struct SeenStar {
 /// The brightest `most` stars of at least `faintest_lx` within an angle (rad, at most [`MOST_RADIUS_RAD`]) of a unit direction, the brightest first.
 pub fn stars_near(
     set: &StarSet,
-    camera: &Camera,
+    (camera, refraction): (&Camera, Option<Refraction>),
     direction: DVec3,
     radius_rad: f64,
     faintest_lx: f64,
@@ -58,7 +59,7 @@ pub fn stars_near(
         eye_offset_m: DVec3::ZERO,
         viewing_circle_m: 0.0,
     };
-    let cull = CullSettings { faintest_lx, enabled: true, motion, margin_px: SPLAT_MARGIN_PX };
+    let cull = CullSettings { faintest_lx, enabled: true, motion, refraction, margin_px: SPLAT_MARGIN_PX };
     let camera_pc = camera.position_m / PARSEC_M;
     let mut found: Vec<SeenStar> = Vec::new();
     for visible in visible_chunks(set, camera_pc, &[everything], cull) {
@@ -66,6 +67,7 @@ pub fn stars_near(
         let seen = |(place_pc, star): (DVec3, &PackedStar)| {
             let illuminance_lx = light_at(place_pc, star, motion);
             let seen = motion.map_or(place_pc, |motion| motion.seen(place_pc)).try_normalize()?;
+            let seen = refraction.map_or(seen, |refraction| refraction.seen(seen));
             // Of small angles the sine is exact, where the cosine is 1.
             let separation_rad = seen.cross(direction).length().atan2(seen.dot(direction));
             (illuminance_lx >= faintest_lx && separation_rad <= radius_rad).then(|| SeenStar {
@@ -103,7 +105,7 @@ mod tests {
             for named in named_bright_stars(0.0).iter().filter(|named| named.star.distance_known) {
                 let place = named.star.position - camera.position_m / PARSEC_M;
                 let seen = Motion::new(camera.velocity_c).map_or(place, |motion| motion.seen(place)).normalize();
-                let found = stars_near(&set, &camera, seen, 1e-4, 0.0, 8);
+                let found = stars_near(&set, (&camera, None), seen, 1e-4, 0.0, 8);
                 // Of a close pair the other one may be the brighter.
                 let off = |star: &SeenStar| star.position.distance(named.star.position) / place.length();
                 // And of two at one place the one that is as bright.
@@ -130,13 +132,13 @@ mod tests {
         let set = StarSet::from_records(bright_stars(0.0));
         // Orion's belt.
         let belt = DVec3::new(0.1019, 0.9946, -0.0209).normalize();
-        let all = stars_near(&set, &Camera::default(), belt, 0.15, 0.0, 100);
+        let all = stars_near(&set, (&Camera::default(), None), belt, 0.15, 0.0, 100);
         assert!(all.len() > 6 && all.windows(2).all(|pair| pair[0].illuminance_lx >= pair[1].illuminance_lx));
         assert!(all.iter().all(|star| star.separation_rad <= 0.15));
-        let first = stars_near(&set, &Camera::default(), belt, 0.15, 0.0, 3);
+        let first = stars_near(&set, (&Camera::default(), None), belt, 0.15, 0.0, 3);
         assert_eq!(first, all[..3]);
-        let bright = stars_near(&set, &Camera::default(), belt, 0.15, all[2].illuminance_lx, 100);
+        let bright = stars_near(&set, (&Camera::default(), None), belt, 0.15, all[2].illuminance_lx, 100);
         assert_eq!(bright, all[..3]);
-        assert!(stars_near(&set, &Camera::default(), -belt, 1e-6, 0.0, 8).is_empty());
+        assert!(stars_near(&set, (&Camera::default(), None), -belt, 1e-6, 0.0, 8).is_empty());
     }
 }

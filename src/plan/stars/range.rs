@@ -217,7 +217,8 @@ mod tests {
             eye_offset_m: DVec3::ZERO,
             viewing_circle_m: 0.0,
         };
-        let settings = CullSettings { faintest_lx: 0.0, enabled: true, motion, margin_px: SPLAT_MARGIN_PX };
+        let settings =
+            CullSettings { faintest_lx: 0.0, enabled: true, motion, refraction: None, margin_px: SPLAT_MARGIN_PX };
         choose(
             &set,
             &visible_chunks(&set, DVec3::ZERO, &[viewport], settings),

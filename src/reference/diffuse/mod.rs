@@ -12,7 +12,7 @@ use crate::{
 pub fn luminance_cd_m2(sky: &DiffuseSky, seen: DVec3, velocity_c: DVec3, local: Option<&LocalSky>) -> [f64; 3] {
     let seen = seen.normalize();
     let beta = velocity_c.length();
-    let mut towards = seen;
+    let mut towards = local.map_or(seen, |local| local.arriving(seen));
     let mut shifted = [1.0; 3];
     if beta > 0.0 {
         let along = velocity_c / beta;

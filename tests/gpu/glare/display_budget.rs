@@ -58,3 +58,27 @@ fn display_images_keep_their_budget() {
     }
     assert!(problems.is_empty(), "{}", problems.join("\n"));
 }
+
+/// With an observer's ground and air, the Sun, the Moon and planets: on a night with a Moon, on a dark one, at noon and at dusk.
+#[test]
+fn display_images_of_a_place_keep_their_budget() {
+    let mut problems = Vec::new();
+    for (time, ev100, limits) in [
+        ("2026-11-23T20:00:00Z", -2.3, [0.6, 1.5]),
+        ("2026-12-09T20:00:00Z", -5.0, [0.6, 1.5]),
+        ("2026-11-23T11:00:00Z", 13.0, [0.6, 1.5]),
+        ("2026-11-23T16:00:00Z", 3.0, [0.6, 1.5]),
+    ] {
+        let time = format!("scene.time={time}");
+        let set = ["views.dome.size=[512,512]", "views.south.size=[320,180]", &time];
+        let errors = errors("tonight.toml", &set, ev100, 0.0);
+        let [most, largest] = [0.999, 1.0].map(|share| errors.quantile(share));
+        let (rms, at) = (errors.rms(), errors.worst);
+        let line = format!("{time} ev100 {ev100}: rms {rms:.3}, 99.9 % {most:.3}, largest {largest:.3} at {at:?}");
+        println!("{line}");
+        if !(most <= limits[0] && largest <= limits[1]) {
+            problems.push(line);
+        }
+    }
+    assert!(problems.is_empty(), "{}", problems.join("\n"));
+}

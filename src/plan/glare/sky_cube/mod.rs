@@ -184,7 +184,7 @@ impl SkyCubePlan {
             viewing_circle_m: 0.0,
         };
         let SkyCubeSettings { place_pc, motion, faintest_lx, .. } = *settings;
-        let cull = CullSettings { faintest_lx, enabled: false, motion, margin_px: SPLAT_MARGIN_PX };
+        let cull = CullSettings { faintest_lx, enabled: false, motion, refraction: None, margin_px: SPLAT_MARGIN_PX };
         let visible = visible_chunks(set, place_pc, &[everywhere], cull);
         let near_pc = settings.farthest_eye_pc / SHARED_PARALLAX_RAD;
         let local_sky = settings.local_sky.as_deref();
@@ -250,6 +250,7 @@ impl Source {
         let colour = travel::colour_of(star.temperature_step(), doppler);
         let light = colour.map(|c| f64::from(c) * illuminance_lx);
         let Some(sky) = local_sky else { return Some(Self { direction, illuminance_lx, light }) };
+        let direction = sky.seen(direction);
         let through = sky.transmission(direction);
         let light = [0, 1, 2].map(|c| light[c] * through[c]);
         Some(Self { direction, illuminance_lx: luminance(light), light })
