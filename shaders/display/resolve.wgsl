@@ -61,6 +61,8 @@ override HAS_GEOMETRY: bool = false;
 override HAS_VEIL: bool = false;
 // Whether the stars of the map of faint light are added.
 override HAS_SKY: bool = false;
+// Whether there is air around the camera.
+override HAS_AIR: bool = false;
 
 @compute @workgroup_size(COLUMNS)
 fn resolve(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
@@ -112,7 +114,12 @@ fn resolve(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
             if HAS_SKY || has_diffuse {
                 let in_view = direction_of_point(viewport, vec2(f32(x), f32(image_row)) + 0.5);
                 let towards = normalize(world_direction(viewport, in_view));
-                let arriving = arriving_from(parameters.air, towards);
+                var arriving = towards;
+                var passed = vec3(free);
+                if HAS_AIR {
+                    arriving = arriving_from(parameters.air, towards);
+                    passed *= through_air(parameters.air, towards);
+                }
                 let direction = picture_direction(arriving);
                 var behind = vec3(0.0);
                 if HAS_SKY {
@@ -121,7 +128,7 @@ fn resolve(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
                 if has_diffuse {
                     behind += diffuse_luminance(parameters.diffuse, arriving, direction);
                 }
-                surface += free * through_air(parameters.air, towards) * behind;
+                surface += passed * behind;
             }
             sum += dot(illuminance + surface * luminance.w, LUMINANCE_WEIGHTS);
             luminance = vec4(illuminance * (1.0 / luminance.w) + surface, luminance.w);

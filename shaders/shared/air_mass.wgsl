@@ -18,10 +18,7 @@ fn air_mass(sine: f32) -> f32 {
     return 1.0 / (held + 0.025 * exp(-11.0 * held));
 }
 
-// Share of light from a unit direction, world axes, that arrives.
+// Share of light from a unit direction, world axes, that arrives through some air.
 fn through_air(air: AirAbove, direction: vec3<f32>) -> vec3<f32> {
-    if air.present == 0u {
-        return vec3(1.0);
-    }
     return exp2(air.extinction * air_mass(dot(direction, air.zenith)));
 }

@@ -151,7 +151,7 @@ mod tests {
     #[test]
     fn the_first_frame_makes_no_pipeline_that_could_be_made_before() {
         let small = "views.dome.size=[64,64]";
-        let cases: [(&str, &[&str]); 10] = [
+        let cases: [(&str, &[&str]); 11] = [
             ("perspective.toml", &["views.0.size=[64,48]"]),
             ("dome.toml", &[small]),
             ("dome.toml", &[small, "glare.method=none"]),
@@ -162,6 +162,7 @@ mod tests {
             ("dome.toml", &[small, "stars.method=packed_cas_sorted", "glare.method=none"]),
             ("dome.toml", &[small, "stars.method=disc", "glare.method=none"]),
             ("asteroids.toml", &["views.0.size=[64,48]"]),
+            ("tonight.toml", &["views.dome.size=[64,64]", "views.south.size=[64,48]"]),
         ];
         for (file, set) in cases {
             let [prepared, late] = made(file, set);

@@ -189,6 +189,7 @@ impl Technique for Display {
             // Whether there is a map depends on the stars: that form is made by the first frame that reads one, and that of a camera that moves by the first one that does.
             let outputs = ResolveOutputs {
                 geometry: !objects.is_empty(),
+                air: objects.surroundings.as_ref().is_some_and(|around| around.air.is_some()),
                 veil,
                 ..ResolveOutputs::new(hdr_made, resolves_to_display && display)
             };

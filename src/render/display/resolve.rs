@@ -25,6 +25,8 @@ pub(crate) struct ResolveOutputs {
     pub veil: bool,
     /// Whether the map of faint light is added.
     pub sky: bool,
+    /// Whether there is air around the camera.
+    pub air: bool,
     /// Whether the camera moves, which counts for light of no single star.
     pub moves: bool,
 }
@@ -68,7 +70,7 @@ impl ResolveOutputs {
     /// What is written where that much of the HDR image is made; with nothing added to the sums.
     pub(crate) fn new(hdr: HdrImage, display: bool) -> Self {
         let (hdr, dark) = (hdr != HdrImage::None, hdr == HdrImage::Whole);
-        Self { hdr, dark, display, geometry: false, veil: false, sky: false, moves: false }
+        Self { hdr, dark, display, geometry: false, veil: false, sky: false, air: false, moves: false }
     }
 }
 
@@ -99,6 +101,7 @@ impl ResolvePass {
                 ("HAS_GEOMETRY", outputs.geometry),
                 ("HAS_VEIL", outputs.veil),
                 ("HAS_SKY", outputs.sky),
+                ("HAS_AIR", outputs.air),
                 ("MOVES", outputs.moves),
             ]
             .map(|(name, value)| (name, f64::from(u8::from(value))));
@@ -125,6 +128,7 @@ impl ResolvePass {
             geometry: occlusion.present,
             veil: targets.veil.is_some(),
             sky: sky.is_some(),
+            air: air.present != 0,
             moves: diffuse.is_some_and(|diffuse| diffuse.light.beta > 0.0),
             ..ResolveOutputs::new(hdr, display.is_some())
         };
