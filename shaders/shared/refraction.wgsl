@@ -1,0 +1,38 @@
+// Refraction by the air around an eye: src/observer/refraction.rs.
+
+#import constants/refraction
+#import shared/air_mass
+
+fn refraction_fraction(c: array<f32, 5>, sine: f32) -> f32 {
+    return c[0] / (sine + c[1] / (sine + c[2] / (sine + c[3] / (sine + c[4]))));
+}
+
+// Tangent of the refraction over the cosine of the altitude, by the sine of the altitude as it is seen.
+fn refraction_of_seen(density: f32, sine: f32) -> f32 {
+    let kept = clamp((sine - REFRACTION_GONE) / (REFRACTION_WHOLE - REFRACTION_GONE), 0.0, 1.0);
+    return density * kept * refraction_fraction(REFRACTION_OF_SEEN, max(sine, REFRACTION_LOWEST_SEEN));
+}
+
+// The same by the sine of the altitude without air, and over its cosine. Two steps: 0.1 arcsec above the horizon in air of the sea, 3 in air of half of its density.
+fn refraction_of_arriving(density: f32, sine: f32) -> f32 {
+    let cosine_squared = max(1.0 - sine * sine, 0.0);
+    var found = density * refraction_fraction(REFRACTION_OF_ARRIVING, max(sine, REFRACTION_LOWEST_ARRIVING));
+    for (var i = 0u; i < 2u; i++) {
+        let cosine = inverseSqrt(1.0 + found * found * cosine_squared);
+        let seen = (sine + found * cosine_squared) * cosine;
+        found = refraction_of_seen(density, seen) * (1.0 - sine * found) * cosine;
+    }
+    return found;
+}
+
+// Where one sees what arrives from a unit direction, world axes.
+fn refracted(air: AirAbove, arriving: vec3<f32>) -> vec3<f32> {
+    let sine = dot(arriving, air.zenith);
+    return normalize(arriving + refraction_of_arriving(air.density, sine) * (air.zenith - sine * arriving));
+}
+
+// Where what is seen in a unit direction arrives from.
+fn arriving_from(air: AirAbove, seen: vec3<f32>) -> vec3<f32> {
+    let sine = dot(seen, air.zenith);
+    return normalize(seen - refraction_of_seen(air.density, sine) * (air.zenith - sine * seen));
+}
