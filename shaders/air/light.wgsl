@@ -28,6 +28,9 @@
 // The pixel's share of ground is found where the horizon is nearer than this, in sines: pixels are no larger.
 const NEAR_HORIZON: f32 = 0.1;
 
+// Lower than this sine of the altitude what the air adds bends too much for a grid.
+const GRID_FROM: f32 = 0.07;
+
 // Whether there is a picture of the ground.
 override HAS_LANDSCAPE: bool = false;
 // Whether what the air adds is read between the points of a grid.
@@ -115,6 +118,9 @@ fn add_air(@builtin(global_invocation_id) id: vec3<u32>) {
             var added: vec3<f32>;
             if FROM_GRID {
                 added = grid_in_row(&column, pixel.y);
+                if sine < GRID_FROM {
+                    added = added_light(towards);
+                }
             } else {
                 added = added_light(towards);
             }
