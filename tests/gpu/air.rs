@@ -386,7 +386,8 @@ fn stars_and_planets_are_lifted_as_the_almanac_says() {
 fn a_setting_sun_is_flat_and_stands_on_the_horizon_that_hid_it() {
     let spread = |true_deg: f64| {
         let kind = ViewKind::Perspective { size: [96, 96], fov_y_rad: 0.02 };
-        let raised = DQuat::from_rotation_x(f64::to_radians(true_deg + 0.4));
+        let lifted_rad = RefractingAir::at_height(500.0).refraction_rad(f64::to_radians(true_deg));
+        let raised = DQuat::from_rotation_x(f64::to_radians(true_deg) + lifted_rad);
         let rig = Rig::new(vec![View::new("sun", kind, raised, DVec3::ZERO).unwrap()]).unwrap();
         let air = without_ground(30.0);
         // Without extinction, which is stronger at the lower limb.
