@@ -79,6 +79,7 @@ const NO_SHADER: &[(&str, &str)] = &[
 
 /// Stems of techniques that have no twin of the same path in `src/reference/`, with the reason: where the twin is, or why there is none.
 const NO_TWIN: &[(&str, &str)] = &[
+    ("glare/sky_cube/objects", "reference/glare/sky_cube.rs: source by source"),
     ("glare/sky_cube/veil", "a display image's budget of the same veil: tests/gpu/glare/display_budget.rs"),
     ("smooth_light", "judged against frames that draw every star: tests/gpu/smooth_light.rs"),
     ("display", "photometry/exposure.rs, photometry/tone_map.rs"),

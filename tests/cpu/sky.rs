@@ -54,10 +54,18 @@ fn an_observer_has_the_solar_system_and_looks_along_the_horizon() {
     close(west.world_from_camera * DVec3::NEG_Z, axes * DVec3::Y);
     // Looking to the zenith from the west, the top of the picture is east, and south is on the left.
     close(west.world_from_camera * DVec3::Y, axes * DVec3::Z);
-    let at_moon = config(&text("look = { at = 'moon' }\n")).camera().unwrap();
     let to_moon = (body(&objects, "moon").position_m - camera.position_m).normalize();
-    close(at_moon.world_from_camera * DVec3::NEG_Z, to_moon);
-    assert!((at_moon.world_from_camera * DVec3::X).dot(axes * DVec3::Y).abs() < 1e-12, "it stands upright");
+    for air in ["", "air.enabled = false\n"] {
+        let at_moon = config(&text(&format!("look = {{ at = 'moon' }}\n{air}"))).camera().unwrap();
+        let ahead = at_moon.world_from_camera * DVec3::NEG_Z;
+        assert!((at_moon.world_from_camera * DVec3::X).dot(axes * DVec3::Y).abs() < 1e-12, "it stands upright");
+        // The air of 15 degrees Celsius and 1013 hPa lifts by 58.2 arcseconds times the tangent of the zenith distance.
+        let lift = if air.is_empty() { (58.2 / 3600.0_f64).to_radians() } else { 0.0 };
+        let altitude_rad = |towards: DVec3| towards.dot(axes * DVec3::Y).asin();
+        let lift = lift / altitude_rad(ahead).tan();
+        assert!((altitude_rad(ahead) - altitude_rad(to_moon) - lift).abs() < 5e-6, "{ahead} {to_moon}");
+        assert!(ahead.cross(to_moon).dot(axes * DVec3::Y).abs() < 1e-12, "{ahead} {to_moon}");
+    }
     let galactic = config(&text("look = { frame = 'galactic', longitude_deg = 0, latitude_deg = 0 }\n"));
     let centre = galactic.camera().unwrap().world_from_camera * DVec3::NEG_Z;
     close(centre, steradian::coordinates::icrs_from_galactic() * DVec3::X);
