@@ -29,11 +29,21 @@ pub enum SolarBody {
     Uranus,
     /// Neptune.
     Neptune,
+    /// Jupiter's moon Io.
+    Io,
+    /// Jupiter's moon Europa.
+    Europa,
+    /// Jupiter's moon Ganymede.
+    Ganymede,
+    /// Jupiter's moon Callisto.
+    Callisto,
+    /// Saturn's moon Titan.
+    Titan,
 }
 
 impl SolarBody {
     /// All of them.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 15] = [
         Self::Sun,
         Self::Mercury,
         Self::Venus,
@@ -44,6 +54,11 @@ impl SolarBody {
         Self::Saturn,
         Self::Uranus,
         Self::Neptune,
+        Self::Io,
+        Self::Europa,
+        Self::Ganymede,
+        Self::Callisto,
+        Self::Titan,
     ];
 
     /// Name in configurations.
@@ -59,6 +74,21 @@ impl SolarBody {
             Self::Saturn => "saturn",
             Self::Uranus => "uranus",
             Self::Neptune => "neptune",
+            Self::Io => "io",
+            Self::Europa => "europa",
+            Self::Ganymede => "ganymede",
+            Self::Callisto => "callisto",
+            Self::Titan => "titan",
+        }
+    }
+
+    /// The planet that it goes around; `None` for the Sun and the planets.
+    pub fn planet(self) -> Option<Self> {
+        match self {
+            Self::Moon => Some(Self::Earth),
+            Self::Io | Self::Europa | Self::Ganymede | Self::Callisto => Some(Self::Jupiter),
+            Self::Titan => Some(Self::Saturn),
+            _ => None,
         }
     }
 

@@ -191,6 +191,24 @@ pub fn middles() -> &'static [(&'static str, DVec3)] {
     })
 }
 
+/// How much of the sky lies within the borders of each of [`CONSTELLATIONS`], sr: a border along a parallel bounds what is south of it by as much as it takes from what is north.
+pub fn areas_sr() -> &'static [f64] {
+    static AREAS: OnceLock<Vec<f64>> = OnceLock::new();
+    AREAS.get_or_init(|| {
+        let of = |short: &str| -> f64 {
+            let piece = |border: &Border| {
+                let [from, to] = border.ra_rad;
+                let [north, south] = border.sides.map(|side| f64::from(u8::from(side == short)));
+                (to - from) * border.dec_rad[0].sin() * (south - north)
+            };
+            // Those at the poles end there.
+            let cap = if short == "UMi" || short == "Oct" { TAU } else { 0.0 };
+            cap + borders().iter().map(piece).sum::<f64>()
+        };
+        CONSTELLATIONS.iter().map(|(short, _)| of(short)).collect()
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -200,6 +218,8 @@ mod tests {
     fn the_table_has_every_constellation_in_order() {
         assert!(CONSTELLATIONS.windows(2).all(|pair| pair[0].0 < pair[1].0));
         assert_eq!(borders().len(), 781);
+        let known = |side: &&str| CONSTELLATIONS.iter().any(|(short, _)| short == side);
+        assert!(borders().iter().all(|border| border.sides.iter().all(|side| known(&side))));
         for (short, _) in CONSTELLATIONS {
             assert!(borders().iter().any(|border| border.sides.contains(&short)), "{short}");
         }
@@ -221,6 +241,28 @@ mod tests {
         }
         println!("{compared} stars, {} elsewhere: {}", wrong.len(), wrong.join(", "));
         assert!(compared > 2500 && wrong.len() < 40, "{compared} {wrong:?}");
+    }
+
+    #[test]
+    fn areas_are_those_that_are_published() {
+        // Square degrees: the IAU's list of constellations.
+        let published = [
+            ("Hya", 1302.844),
+            ("UMa", 1279.660),
+            ("Ori", 594.120),
+            ("UMi", 255.864),
+            ("Oct", 291.045),
+            ("Cru", 68.447),
+        ];
+        let degrees = |short: &str| {
+            let number = CONSTELLATIONS.iter().position(|(of, _)| *of == short).unwrap_or_default();
+            areas_sr()[number].to_degrees().to_degrees()
+        };
+        for (short, expected) in published {
+            println!("{short}: {:.3} square degrees, published {expected}", degrees(short));
+            assert!((degrees(short) - expected).abs() < 0.02, "{short}: {}", degrees(short));
+        }
+        assert!((areas_sr().iter().sum::<f64>() - 4.0 * PI).abs() < 1e-9);
     }
 
     #[test]

@@ -12,7 +12,7 @@ use toml::{Table, Value};
 use super::document::deserialise;
 use super::error::{Fault, finite};
 use crate::scene::bodies::{
-    Body, BodyError, Emission, ReflectionLaw, SolarBody, Spin, Surface, Texture, mean_radius_m,
+    Body, BodyError, Emission, Ephemeris, ReflectionLaw, SolarBody, Spin, Surface, Texture, mean_radius_m,
 };
 use crate::scene::unit_quaternion;
 
@@ -29,8 +29,11 @@ pub struct BodyConfig {
     pub name: String,
     /// A body of the Solar System: gives the size, albedo, reflection law and spin that are not given here, and the Sun's position and emission.
     pub preset: Option<SolarBody>,
-    /// A body of the Solar System where it is, and as which it stands and turns, at the scene's time: in place of `position_m`, `orientation` and `spin`.
-    pub ephemeris: Option<SolarBody>,
+    /// What says where it is at the scene's time, in place of `position_m`: a body of the Solar System, or `spk:NUMBER` for what `scene.kernels` have under NAIF's number. As a body of the
+    /// Solar System it also stands and turns, in place of `orientation` and `spin`.
+    #[serde(default)]
+    #[schemars(schema_with = "super::reference::ephemeris")]
+    pub ephemeris: Option<Ephemeris>,
     /// Centre, ICRS, barycentric; needed, or `ephemeris`, except for the preset `sun`, which is at the origin.
     pub position_m: Option<[f64; 3]>,
     /// Unit quaternion from the body's axes to ICRS axes, which it has without it; the body spins about its z axis.
@@ -114,7 +117,7 @@ impl BodyConfig {
         Self {
             name: of.name().to_owned(),
             preset: Some(of),
-            ephemeris: Some(of),
+            ephemeris: Some(of.into()),
             position_m: None,
             orientation: None,
             radii_m: None,
@@ -130,7 +133,12 @@ impl BodyConfig {
 
     /// Whether it stands for a body of the Solar System.
     pub(super) fn stands_for(&self, of: SolarBody) -> bool {
-        self.name == of.name() || self.preset == Some(of) || self.ephemeris == Some(of)
+        self.name == of.name() || self.preset == Some(of) || self.stands_as() == Some(of)
+    }
+
+    /// The body of the Solar System as which its ephemeris has it stand.
+    fn stands_as(&self) -> Option<SolarBody> {
+        self.ephemeris.and_then(Ephemeris::stands_as)
     }
 
     /// Reads a body's table and checks it; a fault names the key within it.
@@ -143,10 +151,11 @@ impl BodyConfig {
     /// The body without its texture.
     pub(super) fn body(&self) -> Result<Body, Fault> {
         if self.ephemeris.is_some() {
+            let stands = self.stands_as().is_some();
             let given = [
                 ("position_m", self.position_m.is_some()),
-                ("orientation", self.orientation.is_some()),
-                ("spin", self.spin.is_some()),
+                ("orientation", self.orientation.is_some() && stands),
+                ("spin", self.spin.is_some() && stands),
             ];
             if let Some((key, _)) = given.into_iter().find(|(_, given)| *given) {
                 return Err(Fault::new(key, "ephemeris is given too, which says it: at most one of them is allowed"));
@@ -182,7 +191,7 @@ impl BodyConfig {
         let law = self.law.or(preset.as_ref().map(|preset| preset.surface.law)).unwrap_or_default();
         let default_spin = preset.as_ref().map(|preset| preset.spin).unwrap_or_default();
         let spin = match self.spin {
-            _ if self.ephemeris.is_some() => Spin::default(),
+            _ if self.stands_as().is_some() => Spin::default(),
             Some(spin) => {
                 finite("spin.phase_deg", spin.phase_deg)?;
                 let period_s = spin.period_s.or(default_spin.period_s);

@@ -63,6 +63,7 @@ use crate::catalogue::epoch::Epoch;
 use crate::catalogue::galaxy::GalaxyParameters;
 use crate::catalogue::healpix::LightMap;
 use crate::coordinates::lon_lat_from_direction;
+use crate::ephemeris::{Ephemeris, Kernels};
 use crate::files;
 use crate::observer::{Moment, Observer, Refraction, frame_from_camera};
 use crate::plan::settings::{
@@ -240,7 +241,7 @@ impl Config {
         })
     }
 
-    /// The files that it names and that pictures depend on: catalogues, point-spread functions, textures, a landscape, shapes and calibrations, with paths that start at
+    /// The files that it names and that pictures depend on: catalogues, point-spread functions, textures, a landscape, kernels, shapes and calibrations, with paths that start at
     /// the working directory or the root. What those name in turn is not among them.
     pub fn named_files(&self) -> Vec<PathBuf> {
         let catalogues = self.star_sources().into_iter().filter_map(|source| match source {
@@ -264,7 +265,8 @@ impl Config {
         let mut files: Vec<PathBuf> = catalogues.collect();
         files.extend(self.stars.psf_texture.file.clone());
         files.extend(self.glare.psf_file.clone());
-        files.extend(of_views.chain(calibrations).chain(textures).chain(landscape));
+        let kernels = self.scene.kernels.iter().map(|file| self.folder.join(file));
+        files.extend(of_views.chain(calibrations).chain(textures).chain(landscape).chain(kernels));
         files.extend(self.shape_files());
         files
     }
@@ -448,7 +450,11 @@ impl Config {
                     return Err(Fault::new("at", format!("`{name}`: there is no such body; there are: {names}")));
                 };
                 let place_m = match body.ephemeris {
-                    Some(of) => Moment::new(time_s, observer).place(of).0,
+                    Some(of) => {
+                        let kernels = self.kernels()?;
+                        let placed = Moment::new(time_s, observer).place(of, kernels.as_deref());
+                        placed.map_err(|problem| Fault::new("at", format!("`{name}`: {problem}")))?.0
+                    }
                     None => body.body()?.position_m,
                 };
                 if place_m == camera_m {
@@ -533,13 +539,54 @@ impl Config {
         let fields = made.into_iter().map(|made| made.field).collect();
         let overlay = Arc::new(self.build_overlay().map_err(|fault| self.error(fault))?);
         let observer = self.observer();
+        let kernels = self.kernels().map_err(|fault| self.error(fault))?;
+        self.check_kernels(kernels.as_deref(), observer.as_ref()).map_err(|fault| self.error(fault))?;
         let of_observer = |observer: &ObserverConfig| observer.surroundings(&self.folder);
         let surroundings = self.scene.observer.as_ref().map(of_observer).transpose();
         let surroundings =
             surroundings.map_err(|fault| self.error(fault.within("scene.observer")))?.flatten().map(Arc::new);
         let time_s = self.scene.time_s();
-        Ok(SceneObjects { bodies, fields, time_s, observer, surroundings, local_sky: None, earth_m: None, overlay }
-            .placed())
+        let objects = SceneObjects {
+            bodies,
+            fields,
+            time_s,
+            observer,
+            kernels,
+            surroundings,
+            local_sky: None,
+            earth_m: None,
+            overlay,
+        };
+        Ok(objects.placed())
+    }
+
+    /// The kernels of `scene.kernels`; `None`: there are none.
+    fn kernels(&self) -> Result<Option<Arc<Kernels>>, Fault> {
+        let files: Vec<PathBuf> = self.scene.kernels.iter().map(|file| self.folder.join(file)).collect();
+        if files.is_empty() {
+            return Ok(None);
+        }
+        Kernels::load(&files).map(Some).map_err(|error| Fault::new("scene.kernels", error.to_string()))
+    }
+
+    /// That the kernels have all bodies that need them, at the scene's time.
+    fn check_kernels(&self, kernels: Option<&Kernels>, observer: Option<&Observer>) -> Result<(), Fault> {
+        let moment = Moment::new(self.scene.time_s(), observer);
+        for (index, body) in self.bodies.iter().enumerate() {
+            let Some(of @ Ephemeris::Spk(number)) = body.ephemeris else { continue };
+            let fault = |problem: String| self.fault_of_body(index, Fault::new("ephemeris", problem));
+            moment.place(of, kernels).map_err(fault)?;
+            if let Some([first, last]) = kernels.and_then(|kernels| kernels.covered_s(number))
+                && !(first..=last).contains(&moment.tdb_s())
+            {
+                let [first, last] = [first, last].map(|tdb_s| {
+                    scene::written_time(tdb_s).map_or_else(|| format!("{tdb_s} s"), |time| time.to_string())
+                });
+                let problem = format!("{of}: scene.time is not among the times of its kernel: {first} to {last} (TDB)");
+                return Err(fault(problem));
+            }
+        }
+        Ok(())
     }
 
     /// The star catalogues, with paths that start at the working directory or the root.

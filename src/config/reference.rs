@@ -15,6 +15,7 @@ use super::views::{
     VIEW_TYPES, ViewConfig, all_faces,
 };
 use crate::photometry::psf::Aperture;
+use crate::solar_system::SolarBody;
 
 /// Order of the sections on the page; a test holds it complete.
 const SECTIONS: [&str; 14] = [
@@ -35,7 +36,7 @@ const SECTIONS: [&str; 14] = [
 ];
 
 /// Units by the ending of a key, longer endings first.
-const UNITS: [(&str, &str); 20] = [
+const UNITS: [(&str, &str); 21] = [
     ("_cd_m2", "cd/m²"),
     ("_deg_s", "deg/s"),
     ("_m_s", "m/s"),
@@ -48,6 +49,7 @@ const UNITS: [(&str, &str); 20] = [
     ("_m", "m"),
     ("_s", "s"),
     ("_k", "K"),
+    ("temperature_c", "°C"),
     ("_c", "speed of light"),
     ("_ev", "EV"),
     ("ev100", "EV100"),
@@ -70,6 +72,16 @@ pub(super) fn albedo(_: &mut SchemaGenerator) -> Schema {
         "anyOf": [
             { "type": "number" },
             { "type": "array", "items": { "type": "number" }, "minItems": 3, "maxItems": 3 },
+        ]
+    })
+}
+
+/// Schema of what says where a body is.
+pub(super) fn ephemeris(_: &mut SchemaGenerator) -> Schema {
+    json_schema!({
+        "anyOf": [
+            { "type": "string", "enum": SolarBody::ALL.map(SolarBody::name) },
+            { "type": "string", "pattern": "^spk:-?[0-9]+$" },
         ]
     })
 }

@@ -35,7 +35,9 @@ pub struct SceneConfig {
     pub time_rate: f64,
     /// A place on the Earth from where the scene is seen.
     pub observer: Option<ObserverConfig>,
-    /// Whether the Sun, the Moon and the planets are among the bodies, where they are at the scene's time; without it so where there is an observer. Bodies of the same name, preset or
+    /// SPK kernels of the SPICE toolkit, whose bodies and spacecraft those with `ephemeris = "spk:NUMBER"` are; later ones are looked at first. They are held in memory.
+    pub kernels: Vec<PathBuf>,
+    /// Whether the Sun, the Moon, the planets and their largest moons are among the bodies, where they are at the scene's time; without it so where there is an observer. Bodies of the same name, preset or
     /// ephemeris take their place.
     pub solar_system: Option<bool>,
     /// Initial camera pose and velocity.
@@ -49,6 +51,7 @@ impl Default for SceneConfig {
             time: default_time(),
             time_rate: 0.0,
             observer: None,
+            kernels: Vec::new(),
             solar_system: None,
             camera: CameraConfig::default(),
         }

@@ -1,19 +1,73 @@
-//! Where the Sun, the Moon and the planets are: VSOP87 for planets, ELP/MPP02 for the Moon, both measured against JPL's DE440 (`docs/sky.md`).
+//! Where the Sun, the planets and their largest moons are: VSOP87 for planets, ELP/MPP02 for the Moon, both measured against JPL's DE440 (`docs/sky.md`), fits of few terms for the
+//! moons of Jupiter and Saturn.
 //!
 //! Places are ICRS axes, m, as the bodies stand at a moment, without light time; times are TDB, s since J2000.0. TT serves as TDB: they differ by 1.7 ms at most, in which
 //! the Moon moves by 0.001 arcsec.
 
+mod kernels;
 mod moon;
+mod moons;
 mod planets;
 mod rotation;
 
+use std::{fmt, str::FromStr};
+
 use glam::{DMat3, DVec3};
-use serde::de::DeserializeOwned;
+use serde::{Deserialize, de::DeserializeOwned};
 
 use crate::{
     solar_system::SolarBody,
     units::{ARCSECOND_RAD, DAY_S, J2000_JD, LIGHT_M_S},
 };
+
+pub use kernels::{KernelError, Kernels};
+
+/// What says where a body is: `mars`, or `spk:-82` for what SPK kernels have under NAIF's number -82.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Deserialize)]
+#[serde(try_from = "String")]
+pub enum Ephemeris {
+    /// The theories of this module.
+    Of(SolarBody),
+    /// SPK kernels: NAIF's number.
+    Spk(i32),
+}
+
+impl fmt::Display for Ephemeris {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Of(body) => f.write_str(body.name()),
+            Self::Spk(number) => write!(f, "spk:{number}"),
+        }
+    }
+}
+
+impl FromStr for Ephemeris {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let number = text.strip_prefix("spk:").map(str::parse).transpose().map_err(|error| {
+            format!("`{text}`: {error}; after `spk:` NAIF's number of a body is needed, as in spk:-82")
+        })?;
+        let found = number.map(Self::Spk).or_else(|| SolarBody::from_name(text).map(Self::Of));
+        found.ok_or_else(|| {
+            format!("`{text}`: allowed are {} and spk:NUMBER", SolarBody::ALL.map(SolarBody::name).join(", "))
+        })
+    }
+}
+
+impl TryFrom<String> for Ephemeris {
+    type Error = String;
+
+    fn try_from(text: String) -> Result<Self, String> {
+        text.parse()
+    }
+}
+
+impl From<SolarBody> for Ephemeris {
+    fn from(body: SolarBody) -> Self {
+        Self::Of(body)
+    }
+}
 
 /// From the ecliptic and equinox of VSOP87 to the axes of FK5, which ICRS has within 0.03 arcsec (the authors' `vsop87.doc`).
 const ICRS_FROM_VSOP: DMat3 = DMat3::from_cols_array(&[
@@ -51,12 +105,16 @@ pub fn icrs_from_ecliptic() -> DMat3 {
 }
 
 impl SolarBody {
-    /// Its centre from the barycentre of the Solar System, m; of planets with moons that of the whole system, but for the Earth.
+    /// Its centre from the barycentre of the Solar System, m; of planets with moons that of the whole system, but for the Earth, and their moons stand around that.
     pub fn barycentric_m(self, tdb_s: f64) -> DVec3 {
         let sun_m = planets::sun_m(tdb_s);
         match self {
             Self::Sun => sun_m,
             Self::Moon => sun_m + planets::heliocentric_m(Self::Earth, tdb_s) + moon::geocentric_m(tdb_s),
+            Self::Io | Self::Europa | Self::Ganymede | Self::Callisto => {
+                sun_m + planets::heliocentric_m(Self::Jupiter, tdb_s) + moons::planetocentric_m(self, tdb_s)
+            }
+            Self::Titan => sun_m + planets::heliocentric_m(Self::Saturn, tdb_s) + moons::planetocentric_m(self, tdb_s),
             planet => sun_m + planets::heliocentric_m(planet, tdb_s),
         }
     }
@@ -69,14 +127,19 @@ impl SolarBody {
 
     /// Where it was when the light left it that reaches `observer_m` at a time: from the observer, m.
     pub fn astrometric_m(self, observer_m: DVec3, tdb_s: f64) -> DVec3 {
-        let now_m = self.barycentric_m(tdb_s) - observer_m;
-        let before_s = now_m.length() / LIGHT_M_S;
-        if before_s == 0.0 {
-            return now_m;
-        }
-        let before_m = self.barycentric_m(tdb_s - before_s) - observer_m;
-        // Speeds are below 2e-4 of light's: what is left of the light time is as much of it, in which bodies go straight.
-        let left_s = before_m.length() / LIGHT_M_S - before_s;
-        before_m + (before_m - now_m) * (left_s / before_s)
+        astrometric_m(|at_s| self.barycentric_m(at_s), observer_m, tdb_s)
     }
+}
+
+/// Where something was when the light left it that reaches `observer_m` at a time: from the observer, m; `barycentric_m` is its place by time.
+pub fn astrometric_m(barycentric_m: impl Fn(f64) -> DVec3, observer_m: DVec3, tdb_s: f64) -> DVec3 {
+    let now_m = barycentric_m(tdb_s) - observer_m;
+    let before_s = now_m.length() / LIGHT_M_S;
+    if before_s == 0.0 {
+        return now_m;
+    }
+    let before_m = barycentric_m(tdb_s - before_s) - observer_m;
+    // Speeds are below 5e-4 of light's: what is left of the light time is as much of it, in which bodies go straight.
+    let left_s = before_m.length() / LIGHT_M_S - before_s;
+    before_m + (before_m - now_m) * (left_s / before_s)
 }

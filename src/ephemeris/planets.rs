@@ -46,11 +46,17 @@ pub(super) fn sun_m(tdb_s: f64) -> DVec3 {
     icrs_m(&vsop87e::sun(julian_date(tdb_s)))
 }
 
-/// A planet from the Sun, likewise; the Sun and the Moon, whose places others know, are at its centre.
+/// A planet from the Sun, likewise; the Sun and moons, whose places others know, are at its centre.
 pub(super) fn heliocentric_m(planet: SolarBody, tdb_s: f64) -> DVec3 {
     let jd = julian_date(tdb_s);
     let place = match planet {
-        SolarBody::Sun | SolarBody::Moon => return DVec3::ZERO,
+        SolarBody::Sun
+        | SolarBody::Moon
+        | SolarBody::Io
+        | SolarBody::Europa
+        | SolarBody::Ganymede
+        | SolarBody::Callisto
+        | SolarBody::Titan => return DVec3::ZERO,
         SolarBody::Mercury => vsop87a::mercury(jd),
         SolarBody::Venus => vsop87a::venus(jd),
         SolarBody::Earth => vsop87a::earth(jd),

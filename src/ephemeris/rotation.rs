@@ -1,4 +1,4 @@
-//! How the Sun, the Moon and the planets stand: poles and prime meridians of B. A. Archinal et al., "Report of the IAU Working Group on Cartographic Coordinates and Rotational
+//! How the Sun, the planets and their largest moons stand: poles and prime meridians of B. A. Archinal et al., "Report of the IAU Working Group on Cartographic Coordinates and Rotational
 //! Elements: 2015", Celestial Mechanics and Dynamical Astronomy 130, 22, 2018. Terms below 0.02 degrees are left out, but for the Moon, whose all are here.
 
 use glam::DQuat;
@@ -61,6 +61,25 @@ fn moon(d: f64, t: f64) -> Elements {
     elements
 }
 
+/// Arguments J4 to J7 of Jupiter's moons: at J2000.0 and per century, degrees. What J3 and J8 do is below 0.1 and 0.01 degrees.
+const JOVIAN_ARGUMENTS: [[f64; 2]; 4] = [[355.80, 1191.3], [119.90, 262.1], [229.80, 64.3], [352.25, 2382.6]];
+
+/// A moon of Jupiter: pole and meridian without terms, factors of the terms as in [`MOON_TERMS`].
+fn jovian(d: f64, t: f64, pole: [f64; 2], meridian: [f64; 2], terms: [[f64; 3]; 4]) -> Elements {
+    let mut elements = Elements {
+        pole_ra: pole[0] - 0.009 * t,
+        pole_dec: pole[1] + 0.003 * t,
+        meridian: meridian[0] + meridian[1] * d,
+    };
+    for ([at_start, per_century], [ra, dec, meridian]) in JOVIAN_ARGUMENTS.iter().zip(terms) {
+        let (sin, cos) = (at_start + per_century * t).to_radians().sin_cos();
+        elements.pole_ra += ra * sin;
+        elements.pole_dec += dec * cos;
+        elements.meridian += meridian * sin;
+    }
+    elements
+}
+
 fn elements(body: SolarBody, d: f64, t: f64) -> Elements {
     let of = |pole_ra: f64, pole_dec: f64, meridian: f64| Elements { pole_ra, pole_dec, meridian };
     let slow = |at_start: f64| (at_start + 0.504_261_5 * t).to_radians();
@@ -82,6 +101,24 @@ fn elements(body: SolarBody, d: f64, t: f64) -> Elements {
             let (sin, cos) = (357.85 + 52.316 * t).to_radians().sin_cos();
             of(299.36 + 0.70 * sin, 43.46 - 0.51 * cos, 249.978 + 541.139_775_7 * d - 0.48 * sin)
         }
+        SolarBody::Io => {
+            let terms = [[0.024, 0.011, -0.022], [0.0; 3], [0.0; 3], [0.0; 3]];
+            jovian(d, t, [268.05, 64.50], [200.39, 203.488_953_8], terms)
+        }
+        SolarBody::Europa => {
+            let terms =
+                [[1.086, 0.468, -0.980], [0.060, 0.026, -0.054], [0.015, 0.007, -0.014], [0.009, 0.002, -0.008]];
+            jovian(d, t, [268.08, 64.51], [36.022, 101.374_723_5], terms)
+        }
+        SolarBody::Ganymede => {
+            let terms = [[-0.037, -0.016, 0.033], [0.431, 0.186, -0.389], [0.091, 0.039, -0.082], [0.0; 3]];
+            jovian(d, t, [268.20, 64.57], [44.064, 50.317_608_1], terms)
+        }
+        SolarBody::Callisto => {
+            let terms = [[0.0; 3], [-0.068, -0.029, 0.061], [0.590, 0.254, -0.533], [0.0; 3]];
+            jovian(d, t, [268.72, 64.83], [259.51, 21.571_071_5], terms)
+        }
+        SolarBody::Titan => of(39.4827, 83.4279, 186.5855 + 22.576_976_8 * d),
     }
 }
 
@@ -132,5 +169,31 @@ mod tests {
         let greenwich = SolarBody::Earth.icrs_from_body(64.0) * DVec3::X;
         let (longitude, latitude) = lon_lat_from_direction(greenwich);
         assert!((longitude.to_degrees() - 280.46).abs() < 0.3 && latitude.abs() < 1e-3, "{}", longitude.to_degrees());
+    }
+
+    #[test]
+    fn moons_turn_one_face_to_their_planet() {
+        // Optical libration in longitude is twice the eccentricity, in latitude the tilt of the axis to the orbit.
+        let most_deg = [
+            (SolarBody::Moon, [8.0, 7.0]),
+            (SolarBody::Io, [0.8, 0.2]),
+            (SolarBody::Europa, [1.4, 0.3]),
+            (SolarBody::Ganymede, [0.5, 0.4]),
+            (SolarBody::Callisto, [1.2, 0.6]),
+            (SolarBody::Titan, [3.6, 0.7]),
+        ];
+        for (moon, [most_longitude, most_latitude]) in most_deg {
+            let mut most = [0.0_f64; 2];
+            for step in -40..40 {
+                let tdb_s = f64::from(step) * 401.7 * DAY_S;
+                let to_planet_m =
+                    moon.planet().map_or(DVec3::ZERO, |planet| planet.barycentric_m(tdb_s)) - moon.barycentric_m(tdb_s);
+                let (longitude, latitude) = lon_lat_from_direction(moon.icrs_from_body(tdb_s).inverse() * to_planet_m);
+                let longitude_deg = (longitude.to_degrees() + 180.0).rem_euclid(360.0) - 180.0;
+                most = [most[0].max(longitude_deg.abs()), most[1].max(latitude.abs().to_degrees())];
+            }
+            println!("{}: {most:.2?} degrees", moon.name());
+            assert!(most[0] < most_longitude && most[1] < most_latitude, "{moon:?}: {most:?}");
+        }
     }
 }

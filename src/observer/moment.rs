@@ -10,7 +10,7 @@ use super::{Clock, Place, Standpoint};
 use crate::{
     catalogue::epoch::Vantage,
     coordinates::{direction_from_lon_lat, icrs_from_galactic},
-    ephemeris::icrs_from_ecliptic,
+    ephemeris::{Ephemeris, Kernels, icrs_from_ecliptic},
     solar_system::SolarBody,
     units::{DAY_S, LIGHT_M_S},
 };
@@ -83,16 +83,33 @@ impl Moment {
         self.seen.as_ref().map(|(standpoint, origin_m)| *origin_m - standpoint.from_earth_m)
     }
 
-    /// Where a body is drawn, from the barycentre, ICRS axes, m, and how it stands: with an observer as the light has it that arrives.
-    pub fn place(&self, body: SolarBody) -> (DVec3, DQuat) {
-        match &self.seen {
-            None => (body.barycentric_m(self.tdb_s), body.icrs_from_body(self.tdb_s)),
-            Some((standpoint, origin_m)) => {
-                let seen_m = standpoint.apparent_m(body);
-                let left_s = self.tdb_s - seen_m.length() / LIGHT_M_S;
-                (*origin_m + seen_m, body.icrs_from_body(left_s))
+    /// Where a body is drawn, from the barycentre, ICRS axes, m, and how it stands, if its ephemeris says so: with an observer as the light has it that arrives. The error says why kernels
+    /// do not have it.
+    pub fn place(&self, of: Ephemeris, kernels: Option<&Kernels>) -> Result<(DVec3, Option<DQuat>), String> {
+        match of {
+            Ephemeris::Of(body) => Ok(self.placed(of, |at_s| body.barycentric_m(at_s))),
+            Ephemeris::Spk(number) => {
+                let kernels = kernels.ok_or_else(|| format!("{of}: there are no kernels; scene.kernels names them"))?;
+                let known_m = kernels.barycentric_m(number, self.tdb_s)?;
+                Ok(self.placed(of, |at_s| kernels.barycentric_m(number, at_s).unwrap_or(known_m)))
             }
         }
+    }
+
+    fn placed(&self, of: Ephemeris, barycentric_m: impl Fn(f64) -> DVec3) -> (DVec3, Option<DQuat>) {
+        let (place_m, left_s) = match &self.seen {
+            None => (barycentric_m(self.tdb_s), self.tdb_s),
+            Some((standpoint, origin_m)) => {
+                let seen_m = standpoint.apparent_of_m(barycentric_m);
+                (*origin_m + seen_m, self.tdb_s - seen_m.length() / LIGHT_M_S)
+            }
+        };
+        (place_m, of.stands_as().map(|body| body.icrs_from_body(left_s)))
+    }
+
+    /// TDB, s since J2000.0.
+    pub fn tdb_s(&self) -> f64 {
+        self.tdb_s
     }
 }
 
@@ -129,6 +146,16 @@ pub enum Frame {
     Uranus,
     /// Those of Neptune: east longitude and latitude of its surface, with which they turn.
     Neptune,
+    /// Those of Io: east longitude and latitude of its surface, with which they turn.
+    Io,
+    /// Those of Europa: east longitude and latitude of its surface, with which they turn.
+    Europa,
+    /// Those of Ganymede: east longitude and latitude of its surface, with which they turn.
+    Ganymede,
+    /// Those of Callisto: east longitude and latitude of its surface, with which they turn.
+    Callisto,
+    /// Those of Titan: east longitude and latitude of its surface, with which they turn.
+    Titan,
 }
 
 impl Frame {
@@ -157,6 +184,11 @@ impl Frame {
             Self::Saturn => Some(SolarBody::Saturn),
             Self::Uranus => Some(SolarBody::Uranus),
             Self::Neptune => Some(SolarBody::Neptune),
+            Self::Io => Some(SolarBody::Io),
+            Self::Europa => Some(SolarBody::Europa),
+            Self::Ganymede => Some(SolarBody::Ganymede),
+            Self::Callisto => Some(SolarBody::Callisto),
+            Self::Titan => Some(SolarBody::Titan),
         }
     }
 

@@ -9,6 +9,7 @@ use super::Clock;
 use crate::{
     catalogue::epoch::{Epoch, Vantage},
     coordinates::{direction_from_lon_lat, lon_lat_from_direction},
+    ephemeris::astrometric_m,
     relativity::seen_direction,
     solar_system::SolarBody,
     units::{DAY_S, EARTH_ROTATION_RAD_S, J2000_JD, JULIAN_YEAR_S, LIGHT_M_S, PARSEC_M},
@@ -98,8 +99,12 @@ impl Standpoint {
     /// Where a body is seen without air: its direction in ICRS axes, light time and aberration included, times its distance, m. The Sun's deflection of light, 0.02 arcsec at 20
     /// degrees from it, is left out.
     pub fn apparent_m(&self, body: SolarBody) -> DVec3 {
-        let place_m = body.astrometric_m(self.position_m, self.tt_s);
-        self.aberrated(place_m)
+        self.apparent_of_m(|at_s| body.barycentric_m(at_s))
+    }
+
+    /// The same of what is somewhere by time: from the barycentre, m.
+    pub fn apparent_of_m(&self, barycentric_m: impl Fn(f64) -> DVec3) -> DVec3 {
+        self.aberrated(astrometric_m(barycentric_m, self.position_m, self.tt_s))
     }
 
     /// A direction of any length as the observer sees it.

@@ -1,6 +1,6 @@
 //! Brightness of the planets and the Moon against their phase, as measured: A. Mallama and J. L. Hilton, "Computing apparent planetary magnitudes for The Astronomical Almanac",
 //! Astronomy and Computing 25, 10, 2018; the Moon by C. W. Allen, "Astrophysical Quantities", 3rd edition, section 66, with the opposition surge of K. Krisciunas and B. E. Schaefer,
-//! Publications of the Astronomical Society of the Pacific 103, 1033, 1991.
+//! Publications of the Astronomical Society of the Pacific 103, 1033, 1991; the moons of Jupiter and Saturn by the Explanatory Supplement to the Astronomical Almanac, 3rd edition, 10.5.
 //!
 //! A curve gives V(1, a): the V magnitude at one astronomical unit from the Sun and from the eye, at the phase angle a. Surfaces reflect by a law of their own; what a curve does to a
 //! body is one factor on its light for the phase angle at which it is seen, so that its light is that of the curve and its shading that of the law.
@@ -26,12 +26,14 @@ fn known_to_deg(body: SolarBody) -> f64 {
         SolarBody::Moon | SolarBody::Saturn | SolarBody::Mars => 150.0,
         SolarBody::Neptune => 133.0,
         SolarBody::Jupiter => 130.0,
+        SolarBody::Io | SolarBody::Europa | SolarBody::Ganymede | SolarBody::Callisto => 12.0,
+        SolarBody::Titan => 6.5,
     }
 }
 
 /// V(1, a) of a body at a phase angle, degrees; beyond what is known, as at the border. `None` for the Sun.
 ///
-/// Mars: in the mean over its rotation and its year. Saturn: the globe without rings. Uranus: seen from above its equator. Neptune: as bright as since 2000.
+/// Mars and the moons of Jupiter: in the mean over their rotation; Mars also over its year. Saturn: the globe without rings. Uranus: seen from above its equator. Neptune: as bright as since 2000.
 pub fn magnitude(body: SolarBody, phase_deg: f64) -> Option<f64> {
     let a = phase_deg.clamp(0.0, known_to_deg(body));
     let magnitude = match body {
@@ -59,6 +61,11 @@ pub fn magnitude(body: SolarBody, phase_deg: f64) -> Option<f64> {
         SolarBody::Saturn => polynomial(&[-8.94, 2.446e-4, 2.672e-4, -1.505e-6, 4.767e-9], a),
         SolarBody::Uranus => polynomial(&[-7.110, 6.587e-3, 1.045e-4], a),
         SolarBody::Neptune => polynomial(&[-7.00, 7.944e-3, 9.617e-5], a),
+        SolarBody::Io => polynomial(&[-1.68, 4.6e-2, -1.0e-3], a),
+        SolarBody::Europa => polynomial(&[-1.41, 3.12e-2, -1.25e-3], a),
+        SolarBody::Ganymede => polynomial(&[-2.09, 3.23e-2, -6.6e-4], a),
+        SolarBody::Callisto => polynomial(&[-1.05, 7.8e-2, -2.74e-3], a),
+        SolarBody::Titan => -1.28,
     };
     Some(magnitude)
 }

@@ -30,7 +30,7 @@ pub use self::{
     suns::{Light, Sun, lights_on, mean_radius_m, reflected_lx, suns},
     texture::Texture,
 };
-pub use crate::{photometry::reflection::ReflectionLaw, solar_system::SolarBody};
+pub use crate::{ephemeris::Ephemeris, photometry::reflection::ReflectionLaw, solar_system::SolarBody};
 
 /// What a surface reflects.
 #[derive(Clone, Debug, PartialEq)]
@@ -69,9 +69,9 @@ pub struct Spin {
 pub struct Body {
     /// Unique among the bodies of a scene.
     pub name: String,
-    /// The body of the Solar System where it is and as which it stands: the scene's moment gives its position and orientation ([`SceneObjects::at`](crate::scene::SceneObjects::at)),
-    /// and it has no spin of its own.
-    pub ephemeris: Option<SolarBody>,
+    /// What says where it is: the scene's moment gives its position ([`SceneObjects::at`](crate::scene::SceneObjects::at)). As a body of the Solar System it also stands as that does, and
+    /// has no spin of its own.
+    pub ephemeris: Option<Ephemeris>,
     /// Its centre: ICRS, barycentric, m.
     pub position_m: DVec3,
     /// Semi-axes along its x, y and z, m.

@@ -10,7 +10,10 @@ use super::{
     overlay::Overlay,
     surroundings::{LocalSky, Surroundings},
 };
-use crate::observer::{Frame, Moment, Observer};
+use crate::{
+    ephemeris::Kernels,
+    observer::{Frame, Moment, Observer},
+};
 
 /// See the module.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -23,6 +26,8 @@ pub struct SceneObjects {
     pub time_s: f64,
     /// Who looks; `None`: bodies are where they are, not where they are seen.
     pub observer: Option<Observer>,
+    /// What bodies with an ephemeris `spk:NUMBER` are placed by.
+    pub kernels: Option<Arc<Kernels>>,
     /// The ground and the air around who looks; `None`: space.
     pub surroundings: Option<Arc<Surroundings>>,
     /// What is around the camera of a frame at its moment, whose bodies are then as bright as they are seen through it: plans have it.
@@ -74,12 +79,13 @@ impl SceneObjects {
         let moment = Moment::new(self.time_s, self.observer.as_ref());
         self.earth_m = moment.earth_m();
         for body in &mut self.bodies {
-            if let Some(of) = body.ephemeris {
-                let (position_m, orientation) = moment.place(of);
-                if (body.position_m, body.orientation, body.spin) == (position_m, orientation, Spin::default()) {
-                    continue;
-                }
-                *body = Arc::new(Body { position_m, orientation, spin: Spin::default(), ..(**body).clone() });
+            let Some(of) = body.ephemeris else { continue };
+            // Kernels were asked for it when the body was accepted; where one has a gap the body stays.
+            let Ok((position_m, stands)) = moment.place(of, self.kernels.as_deref()) else { continue };
+            let (orientation, spin) =
+                stands.map_or((body.orientation, body.spin), |orientation| (orientation, Spin::default()));
+            if (body.position_m, body.orientation, body.spin) != (position_m, orientation, spin) {
+                *body = Arc::new(Body { position_m, orientation, spin, ..(**body).clone() });
             }
         }
         self

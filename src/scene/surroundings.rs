@@ -147,7 +147,9 @@ fn sources(objects: &SceneObjects, eye_m: DVec3) -> Vec<(DVec3, [f64; 3])> {
         let offset_m = body.position_m - eye_m;
         let reflected = lights_on(body, &suns, eye_m).into_iter().map(|light| {
             let lx = reflected_lx(body, -offset_m, &light);
-            let open = light.shadow.map_or([1.0; 3], |shadow| shadow.open_share(DVec3::ZERO, light.direction));
+            let open = light
+                .shadow
+                .map_or([1.0; 3], |shadow| shadow.open_share_of_body(body.radii_m.max_element(), light.direction));
             [0, 1, 2].map(|c| lx[c] * open[c])
         });
         let emitted = suns.iter().filter(|_| body.emission.is_some()).find(|sun| sun.position_m == body.position_m);

@@ -5,7 +5,7 @@ use std::time::SystemTime;
 use tonic::{Code, Status, Streaming, service::interceptor::InterceptedService, transport::Endpoint};
 
 pub use super::{
-    client_scene::{CheckReceiver, ReceivedCheck, ReceivedFigure, SceneForm, SceneReceiver, SeenObject},
+    client_scene::{CheckReceiver, ReceivedCheck, ReceivedFigure, SceneForm, SceneReceiver, SeenKind, SeenObject},
     client_stats::{
         HeadsetStatus, ReceivedAudits, ReceivedHeadset, ReceivedImageAudit, ReceivedQuality, ReceivedStats,
         ReceivedTimes, ReceivedWindow, StatsReceiver,

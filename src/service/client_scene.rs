@@ -87,7 +87,12 @@ impl TryFrom<proto::IdentifiedObject> for SeenObject {
     fn try_from(object: proto::IdentifiedObject) -> Result<Self, ClientError> {
         let direction = object.direction.ok_or(ClientError::Answer { field: "direction" })?;
         Ok(Self {
-            is_body: object.kind() == proto::ObjectKind::Body,
+            kind: match object.kind() {
+                proto::ObjectKind::Star => SeenKind::Star,
+                proto::ObjectKind::Body => SeenKind::Body,
+                proto::ObjectKind::Constellation => SeenKind::Constellation,
+                proto::ObjectKind::Unspecified => return Err(ClientError::Answer { field: "kind" }),
+            },
             direction: DVec3::from_array(convert::vector_from_pb(direction)),
             name: object.name,
             designation: object.designation,
@@ -95,6 +100,7 @@ impl TryFrom<proto::IdentifiedObject> for SeenObject {
             v_mag: object.v_mag,
             temperature_k: object.temperature_k,
             distance_m: object.distance_m,
+            solid_angle_sr: object.solid_angle_sr,
         })
     }
 }
@@ -264,11 +270,22 @@ impl Client {
     }
 }
 
+/// What an object is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SeenKind {
+    /// A star of the catalogues.
+    Star,
+    /// A body of the scene.
+    Body,
+    /// A constellation.
+    Constellation,
+}
+
 /// What stands in a direction.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SeenObject {
-    /// Whether it is a body; else a star.
-    pub is_body: bool,
+    /// What it is.
+    pub kind: SeenKind,
     /// Its name; empty: it has none.
     pub name: String,
     /// Bayer or Flamsteed designation of a star; empty: not known.
@@ -283,6 +300,8 @@ pub struct SeenObject {
     pub temperature_k: Option<f64>,
     /// From the camera, m; `None`: not known.
     pub distance_m: Option<f64>,
+    /// How much of the sky lies within the borders of a constellation, sr.
+    pub solid_angle_sr: Option<f64>,
 }
 
 impl Client {

@@ -64,6 +64,11 @@ pub(super) fn sky_frame_to_pb(frame: Frame) -> proto::SkyFrame {
         Frame::Saturn => proto::SkyFrame::Saturn,
         Frame::Uranus => proto::SkyFrame::Uranus,
         Frame::Neptune => proto::SkyFrame::Neptune,
+        Frame::Io => proto::SkyFrame::Io,
+        Frame::Europa => proto::SkyFrame::Europa,
+        Frame::Ganymede => proto::SkyFrame::Ganymede,
+        Frame::Callisto => proto::SkyFrame::Callisto,
+        Frame::Titan => proto::SkyFrame::Titan,
     }
 }
 
@@ -85,8 +90,13 @@ pub(super) fn sky_frame_from_pb(frame: i32) -> Result<Option<Frame>, String> {
         Ok(proto::SkyFrame::Saturn) => Ok(Some(Frame::Saturn)),
         Ok(proto::SkyFrame::Uranus) => Ok(Some(Frame::Uranus)),
         Ok(proto::SkyFrame::Neptune) => Ok(Some(Frame::Neptune)),
+        Ok(proto::SkyFrame::Io) => Ok(Some(Frame::Io)),
+        Ok(proto::SkyFrame::Europa) => Ok(Some(Frame::Europa)),
+        Ok(proto::SkyFrame::Ganymede) => Ok(Some(Frame::Ganymede)),
+        Ok(proto::SkyFrame::Callisto) => Ok(Some(Frame::Callisto)),
+        Ok(proto::SkyFrame::Titan) => Ok(Some(Frame::Titan)),
         Err(_) => Err(format!(
-            "frame = {frame}: allowed are SKY_FRAME_ICRS, SKY_FRAME_GALACTIC, SKY_FRAME_ECLIPTIC, SKY_FRAME_HORIZON and the bodies from SKY_FRAME_SUN to SKY_FRAME_NEPTUNE"
+            "frame = {frame}: allowed are SKY_FRAME_ICRS, SKY_FRAME_GALACTIC, SKY_FRAME_ECLIPTIC, SKY_FRAME_HORIZON and the bodies from SKY_FRAME_SUN to SKY_FRAME_TITAN"
         )),
     }
 }

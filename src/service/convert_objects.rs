@@ -10,7 +10,7 @@ use super::{
 };
 use crate::scene::{
     asteroids::{FieldParameters, Placement},
-    bodies::{Body, Emission, ReflectionLaw, SolarBody, Spin, Surface, check_name},
+    bodies::{Body, Emission, Ephemeris, ReflectionLaw, SolarBody, Spin, Surface, check_name},
     unit_quaternion,
 };
 use crate::units::J2000_UNIX_S;
@@ -80,7 +80,7 @@ pub(super) fn body_to_pb(form: &BodyForm) -> proto::Body {
             luminance_cd_m2: Some(rgb_to_pb(emission.luminance_cd_m2)),
             limb_darkening: emission.limb_darkening,
         }),
-        ephemeris: body.ephemeris.map_or_else(String::new, |of| of.name().to_owned()),
+        ephemeris: body.ephemeris.map_or_else(String::new, |of| of.to_string()),
         phase_curve: body.surface.phase_curve.map_or_else(String::new, |of| of.name().to_owned()),
     }
 }
@@ -104,7 +104,8 @@ pub(super) fn body_from_pb(body: proto::Body) -> Result<BodyForm, String> {
             limb_darkening: emission.limb_darkening,
         })
     };
-    let ephemeris = solar_body_from_pb(&body.ephemeris, "ephemeris")?;
+    let ephemeris = Some(body.ephemeris).filter(|text| !text.is_empty()).map(Ephemeris::try_from).transpose();
+    let ephemeris = ephemeris.map_err(|problem| format!("ephemeris = {problem}"))?;
     Ok(BodyForm {
         body: Body {
             ephemeris,

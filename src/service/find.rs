@@ -1,4 +1,4 @@
-//! `Find`: where a body or a star of a name is; and where a camera looks that is told by a direction or a name.
+//! `Find`: where a body, a star or a constellation of a name is; and where a camera looks that is told by a direction or a name.
 
 use glam::{DQuat, DVec3};
 use tonic::Status;
@@ -10,7 +10,10 @@ use super::{
     proto, refusals,
 };
 use crate::{
-    catalogue::bright::BrightStar,
+    catalogue::{
+        bright::BrightStar,
+        constellations::{CONSTELLATIONS, areas_sr, middles},
+    },
     coordinates::lon_lat_from_direction,
     observer::{Frame, frame_from_camera},
     plan::stars::identify::SeenStar,
@@ -43,11 +46,9 @@ fn seen_star(scene: &SceneSnapshot, BrightStar { star, .. }: &BrightStar) -> See
     let from_camera_pc = if star.distance_known { star.position - camera.position_m / PARSEC_M } else { star.position };
     let distance_pc = star.distance_known.then(|| from_camera_pc.length());
     let at_1_pc = f64::from(star.magnitude) - if star.distance_known { 5.0 } else { 0.0 };
-    let seen = seen_direction(camera.velocity_c, from_camera_pc);
-    let refraction = scene.objects.refraction(camera.position_m);
     SeenStar {
         position: star.position,
-        direction: refraction.map_or(seen, |refraction| refraction.seen(seen)),
+        direction: seen_afar(scene, from_camera_pc),
         separation_rad: 0.0,
         illuminance_lx: illuminance_lx_from_magnitude(at_1_pc)
             / distance_pc.map_or(1.0, |distance| distance * distance),
@@ -56,7 +57,25 @@ fn seen_star(scene: &SceneSnapshot, BrightStar { star, .. }: &BrightStar) -> See
     }
 }
 
-/// What a name stands for: a body of the scene, or a star of the built-in table, by its name or its designation. The error names what comes near.
+/// A constellation by its number among [`CONSTELLATIONS`].
+fn constellation_to_pb(scene: &SceneSnapshot, number: usize) -> proto::IdentifiedObject {
+    let (name, middle) = middles()[number];
+    proto::IdentifiedObject {
+        kind: proto::ObjectKind::Constellation.into(),
+        name: name.to_owned(),
+        direction: Some(vector_to_pb(seen_afar(scene, middle))),
+        solid_angle_sr: Some(areas_sr()[number]),
+        ..Default::default()
+    }
+}
+
+/// Where the camera of a scene sees what lies far away in a direction of any length.
+fn seen_afar(scene: &SceneSnapshot, direction: DVec3) -> DVec3 {
+    let seen = seen_direction(scene.camera.velocity_c, direction);
+    scene.objects.refraction(scene.camera.position_m).map_or(seen, |refraction| refraction.seen(seen))
+}
+
+/// What a name stands for: a body of the scene, a star of the built-in table, by its name or its designation, or a constellation, by its name or its abbreviation. The error names what comes near.
 fn found(scene: &SceneSnapshot, name: &str) -> Result<proto::IdentifiedObject, String> {
     let is = |of: &str| of.to_lowercase() == name.to_lowercase();
     if let Some(body) = scene.objects.bodies.iter().find(|body| is(&body.name)) {
@@ -66,13 +85,16 @@ fn found(scene: &SceneSnapshot, name: &str) -> Result<proto::IdentifiedObject, S
     if let Some(star) = named.iter().find(|star| (!star.name.is_empty() && is(star.name)) || is(star.designation)) {
         return Ok(star_to_pb(&seen_star(scene, star), &scene.stars));
     }
+    if let Some(number) = CONSTELLATIONS.iter().position(|(short, full)| is(short) || is(full)) {
+        return Ok(constellation_to_pb(scene, number));
+    }
     let start: String = name.to_lowercase().chars().take(2).collect();
     let of_bodies = scene.objects.bodies.iter().map(|body| &body.name[..]);
-    let near = of_bodies.chain(named.iter().map(|star| star.name));
+    let near = of_bodies.chain(named.iter().map(|star| star.name)).chain(CONSTELLATIONS.map(|(_, full)| full));
     let near: Vec<&str> =
         near.filter(|name| !name.is_empty() && name.to_lowercase().starts_with(&start)).take(SUGGESTIONS).collect();
     let near = if near.is_empty() { String::new() } else { format!("; there are: {}", near.join(", ")) };
-    Err(format!("there is no body of the scene and no star `{name}`{near}"))
+    Err(format!("there is no body of the scene, no star and no constellation `{name}`{near}"))
 }
 
 fn checked_name(name: &str, key: &str) -> Result<(), String> {
@@ -149,7 +171,7 @@ mod tests {
         let time_s = 8.2e8;
         let observer = Observer::new(place, Clock::default(), time_s);
         let mut mars = SolarBody::Mars.body("mars", DVec3::ZERO);
-        mars.ephemeris = Some(SolarBody::Mars);
+        mars.ephemeris = Some(SolarBody::Mars.into());
         let objects =
             SceneObjects { bodies: vec![Arc::new(mars)], time_s, observer: Some(observer), ..Default::default() };
         let stars = StarSet::default().of_epoch(observer.epoch.of_stars());
@@ -192,7 +214,7 @@ mod tests {
             (proto::Look { roll_deg: f64::NAN, ..Default::default() }, "look.roll_deg"),
             (proto::Look { at: "Mars".to_owned(), latitude_deg: 1.0, ..Default::default() }, "exactly one"),
             (proto::Look { at: "x".repeat(65), ..Default::default() }, "64"),
-            (proto::Look { at: "nowhere".to_owned(), ..Default::default() }, "no star `nowhere`"),
+            (proto::Look { at: "nowhere".to_owned(), ..Default::default() }, "no constellation `nowhere`"),
         ] {
             let problem = look(wrong).unwrap_err();
             assert!(problem.contains(part), "{problem}");

@@ -17,7 +17,10 @@ use crate::{
     catalogue::{bright::BrightStar, chunks::StarSet, constellations::constellation_of},
     plan::stars::identify::{MOST_RADIUS_RAD, SeenStar, stars_near},
     relativity::seen_direction,
-    scene::{Camera, SceneSnapshot, bodies::Body},
+    scene::{
+        Camera, SceneSnapshot,
+        bodies::{Body, Ephemeris, SolarBody},
+    },
     units::{PARSEC_M, illuminance_lx_from_magnitude, magnitude_from_illuminance_lx},
 };
 
@@ -79,7 +82,7 @@ fn distance_m(camera: &Camera, body: &Body, time_s: f64, direction: DVec3) -> Op
 enum Bodies {
     /// They cover it, the nearest first: nothing is seen through them.
     Cover(Vec<proto::IdentifiedObject>),
-    /// They are within the radius of it, the nearest to it first.
+    /// They are within the radius of it, the nearest to it first, and moons after the planet that they are beside.
     Beside(Vec<proto::IdentifiedObject>),
 }
 
@@ -109,7 +112,7 @@ fn bodies(scene: &SceneSnapshot, question: &Question) -> Bodies {
         return Bodies::Cover(found.into_iter().map(|(distance_m, body)| told(0.0, distance_m, body)).collect());
     }
     // A planet is smaller than a pixel: who points at it misses its disc.
-    let mut beside: Vec<(f64, proto::IdentifiedObject)> = scene
+    let beside: Vec<Beside> = scene
         .objects
         .bodies
         .iter()
@@ -119,12 +122,37 @@ fn bodies(scene: &SceneSnapshot, question: &Question) -> Bodies {
             let seen_m = scene.objects.seen_m(position_m, body.position_m - position_m);
             let direction = seen_direction(velocity_c, seen_m);
             let separation_rad = direction.angle_between(question.direction);
-            (separation_rad - radius_rad, told(separation_rad, distance_m, body))
+            let of = body.ephemeris.and_then(Ephemeris::stands_as);
+            Beside { of, direction, off_rad: separation_rad - radius_rad, told: told(separation_rad, distance_m, body) }
         })
-        .filter(|(off_rad, _)| *off_rad <= question.radius_rad)
+        .filter(|beside| beside.off_rad <= question.radius_rad)
         .collect();
-    beside.sort_by(|a, b| a.0.total_cmp(&b.0));
-    Bodies::Beside(beside.into_iter().map(|(_, body)| body).collect())
+    Bodies::Beside(in_order(beside, question.radius_rad))
+}
+
+/// A body near the direction that was asked for.
+struct Beside {
+    /// As which body of the Solar System it stands.
+    of: Option<SolarBody>,
+    direction: DVec3,
+    /// From the direction to its limb, rad.
+    off_rad: f64,
+    told: proto::IdentifiedObject,
+}
+
+/// The nearest first; moons that cannot be told from their planet within the radius come after it.
+fn in_order(beside: Vec<Beside>, radius_rad: f64) -> Vec<proto::IdentifiedObject> {
+    let key = |body: &Beside| {
+        let planet = body.of.and_then(SolarBody::planet);
+        let beside_it = |other: &&Beside| {
+            planet.is_some() && other.of == planet && other.direction.angle_between(body.direction) < radius_rad
+        };
+        beside.iter().find(beside_it).map_or((body.off_rad, -1.0), |planet| (planet.off_rad, body.off_rad))
+    };
+    let keys: Vec<(f64, f64)> = beside.iter().map(key).collect();
+    let mut found: Vec<_> = keys.into_iter().zip(beside.into_iter().map(|body| body.told)).collect();
+    found.sort_by(|(a, _), (b, _)| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
+    found.into_iter().map(|(_, told)| told).collect()
 }
 
 /// The star of the built-in table at a place.
@@ -155,6 +183,7 @@ pub(super) fn star_to_pb(star: &SeenStar, stars: &StarSet) -> proto::IdentifiedO
         v_mag: Some(magnitude_from_illuminance_lx(star.illuminance_lx)),
         temperature_k: Some(star.temperature_k),
         distance_m: star.distance_pc.map(|distance| distance * PARSEC_M),
+        solid_angle_sr: None,
     }
 }
 
@@ -205,7 +234,6 @@ pub(super) fn bodies_told(scene: &SceneSnapshot, direction: DVec3, radius_rad: f
 #[allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
 mod tests {
     use super::*;
-    use crate::scene::bodies::SolarBody;
 
     #[test]
     fn a_body_is_where_it_covers_the_sky_and_nowhere_else() {
@@ -245,5 +273,26 @@ mod tests {
             assert!(status.message().contains(part), "{status}");
         }
         assert!(Question::new(&proto::IdentifyRequest::default()).is_err());
+    }
+
+    #[test]
+    fn moons_that_are_not_apart_from_their_planet_come_after_it() {
+        let beside = |name: &str, of: SolarBody, angle_rad: f64| Beside {
+            of: Some(of),
+            direction: DVec3::new(angle_rad.sin(), 0.0, angle_rad.cos()),
+            off_rad: (angle_rad - 0.01).abs(),
+            told: proto::IdentifiedObject { name: name.to_owned(), ..Default::default() },
+        };
+        let names = |radius_rad: f64| {
+            let bodies = vec![
+                beside("io", SolarBody::Io, 0.01),
+                beside("mars", SolarBody::Mars, 0.013),
+                beside("jupiter", SolarBody::Jupiter, 0.012),
+                beside("titan", SolarBody::Titan, 0.0105),
+            ];
+            in_order(bodies, radius_rad).into_iter().map(|told| told.name).collect::<Vec<_>>()
+        };
+        assert_eq!(names(0.001), ["io", "titan", "jupiter", "mars"]);
+        assert_eq!(names(0.003), ["titan", "jupiter", "io", "mars"]);
     }
 }

@@ -77,7 +77,7 @@ pub const SPANS: &str = "steradian::spans";
 pub use client::{
     After, CheckReceiver, Client, ClientError, FrameReceiver, HeadsetStatus, ReceivedAudits, ReceivedCheck,
     ReceivedFigure, ReceivedFrame, ReceivedHeadset, ReceivedImage, ReceivedImageAudit, ReceivedQuality, ReceivedStats,
-    ReceivedTimes, ReceivedWindow, SceneForm, SceneReceiver, SeenObject, ServerInfo, StatsReceiver, ViewForm,
+    ReceivedTimes, ReceivedWindow, SceneForm, SceneReceiver, SeenKind, SeenObject, ServerInfo, StatsReceiver, ViewForm,
     ViewImageForm,
 };
 pub use client_camera::{CameraReceiver, Lease, Steering};

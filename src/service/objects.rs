@@ -6,6 +6,7 @@ use std::{fmt::Display, sync::Arc};
 
 use glam::{DQuat, DVec3};
 
+use crate::observer::Moment;
 use crate::scene::{
     SceneObjects,
     asteroids::{FieldParameters, FieldSpec, MadeField, ShapeSource, check_fields, make_fields},
@@ -234,6 +235,11 @@ impl Objects {
             None => None,
         };
         body.check().map_err(|error| at(&error))?;
+        if let Some(of) = body.ephemeris {
+            let moment = Moment::new(self.drawn.time_s, self.drawn.observer.as_ref());
+            let placed = moment.place(of, self.drawn.kernels.as_deref());
+            placed.map_err(|problem| at(&format!("ephemeris = {problem}")))?;
+        }
         // An equal body is the same body: what was made for it may stay.
         let same = self.drawn.bodies.iter().find(|old| ***old == body);
         Ok(same.map_or_else(|| Arc::new(body), Arc::clone))
@@ -294,6 +300,7 @@ impl Objects {
             fields: made.iter().map(|made| Arc::clone(&made.field)).collect(),
             time_s,
             observer: self.drawn.observer,
+            kernels: self.drawn.kernels.clone(),
             surroundings: self.drawn.surroundings.clone(),
             local_sky: None,
             earth_m: None,

@@ -8,6 +8,7 @@ mod apparent_places;
 mod bodies;
 mod configuration;
 mod dome_check;
+mod kernels;
 mod layering;
 mod overlay;
 mod psf;

@@ -42,7 +42,9 @@ fn an_observer_has_the_solar_system_and_looks_along_the_horizon() {
     let south = config(&text(""));
     let objects = south.objects().unwrap();
     let names: Vec<&str> = objects.bodies.iter().map(|body| &body.name[..]).collect();
-    assert_eq!(names, ["sun", "mercury", "venus", "moon", "mars", "jupiter", "saturn", "uranus", "neptune"]);
+    let planets = ["sun", "mercury", "venus", "moon", "mars", "jupiter", "saturn", "uranus", "neptune"];
+    let moons = ["io", "europa", "ganymede", "callisto", "titan"];
+    assert_eq!(names, [&planets[..], &moons].concat());
     let standpoint = objects.observer.unwrap().epoch;
     let camera = south.camera().unwrap();
     assert_eq!(camera.position_m, standpoint.position_m);

@@ -10,7 +10,7 @@ use steradian::{
     output::Encoding,
     plan::settings::StarMethod,
     scene::bodies::SolarBody,
-    service::{ClientError, SceneCatalogue, SceneUpdate},
+    service::{ClientError, SceneCatalogue, SceneUpdate, SeenKind},
 };
 use tonic::Code;
 
@@ -114,7 +114,7 @@ async fn what_stands_in_a_direction_has_its_name() {
     let near = (direction + 1e-3 * direction.any_orthonormal_vector()).normalize();
     let found = client.identify(3.0 * near, 0.0, 0).await.unwrap();
     let first = &found[0];
-    assert_eq!((first.name.as_str(), first.designation.as_str(), first.is_body), ("Sirius", "alf CMa", false));
+    assert_eq!((first.name.as_str(), first.designation.as_str(), first.kind), ("Sirius", "alf CMa", SeenKind::Star));
     assert!((first.separation_deg - 1e-3_f64.to_degrees()).abs() < 1e-4, "{}", first.separation_deg);
     assert!((first.v_mag.unwrap() - sirius.star.apparent_magnitude()).abs() < 1e-3);
     let distance_m = sirius.star.position.length() * steradian::units::PARSEC_M;
@@ -126,7 +126,7 @@ async fn what_stands_in_a_direction_has_its_name() {
     // A body before it.
     client.put_body(SolarBody::Mars.body("mars", direction * 1e9), None).await.unwrap();
     let found = client.identify(near, 0.0, 0).await.unwrap();
-    assert!(found.len() == 1 && found[0].name == "mars" && found[0].is_body, "{found:?}");
+    assert!(found.len() == 1 && found[0].name == "mars" && found[0].kind == SeenKind::Body, "{found:?}");
     let error = client.identify(direction, 11.0, 0).await.unwrap_err();
     assert_eq!(error.code(), Some(Code::InvalidArgument));
     drop(client);

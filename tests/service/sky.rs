@@ -8,7 +8,7 @@ use steradian::{
     observer::Frame,
     output::Encoding,
     scene::{Camera, SceneObjects},
-    service::{CameraUpdate, Client, SceneUpdate, ServeOptions},
+    service::{CameraUpdate, Client, SceneUpdate, SeenKind, ServeOptions},
 };
 use tokio::time::sleep;
 use tonic::Code;
@@ -86,7 +86,7 @@ async fn names_are_found_and_the_camera_is_pointed_at_them() {
     let daemon = Daemon::start_with(small_rig(), with_sky).await;
     let mut client = daemon.client().await;
     let saturn = client.find("Saturn").await.unwrap();
-    assert!(saturn.is_body && saturn.distance_m.unwrap() > 5e10);
+    assert!(saturn.kind == SeenKind::Body && saturn.distance_m.unwrap() > 5e10);
     let camera = client.look_at("saturn", Some(Frame::Horizon)).await.unwrap();
     assert!((camera.world_from_camera * DVec3::NEG_Z).angle_between(saturn.direction) < 1e-7);
     assert_eq!((camera.frame, camera.revision), (Frame::Horizon, 1));
@@ -99,8 +99,12 @@ async fn names_are_found_and_the_camera_is_pointed_at_them() {
     let mars = client.find("Mars").await.unwrap();
     assert_eq!(client.identify(mars.direction, 0.0, 0).await.unwrap(), []);
     let star = client.find("alf cma").await.unwrap();
-    assert_eq!((star.name.as_str(), star.is_body), ("Sirius", false));
+    assert_eq!((star.name.as_str(), star.kind), ("Sirius", SeenKind::Star));
     assert_eq!(client.constellation(star.direction).await.unwrap(), "Canis Major");
+    let orion = client.find("orion").await.unwrap();
+    assert_eq!((orion.name.as_str(), orion.kind), ("Orion", SeenKind::Constellation));
+    assert!((orion.solid_angle_sr.unwrap().to_degrees().to_degrees() - 594.120).abs() < 0.02);
+    assert_eq!(client.constellation(orion.direction).await.unwrap(), "Orion");
     let error = client.find("Pluto").await.unwrap_err();
     assert!(error.code() == Some(Code::NotFound) && error.to_string().contains("Pluto"), "{error}");
     // On other axes it stays where it looks while time goes on.

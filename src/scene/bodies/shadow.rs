@@ -8,7 +8,7 @@ use std::f64::consts::PI;
 use glam::DVec3;
 
 use super::Body;
-use crate::solar_system::SolarBody;
+use crate::{ephemeris::Ephemeris, solar_system::SolarBody};
 
 /// By how much the Earth's air makes its shadow larger.
 const EARTH_ENLARGED: f64 = 1.01;
@@ -44,7 +44,7 @@ impl Occluder {
     pub fn of(body: &Body) -> Self {
         // Of the sphere of the same volume.
         let radius_m = body.radii_m.element_product().cbrt();
-        match body.ephemeris {
+        match body.ephemeris.and_then(Ephemeris::stands_as) {
             Some(SolarBody::Earth) => Self::earth(body.position_m, body.radii_m.max_element()),
             _ => Self { position_m: body.position_m, radius_m, refracted: [0.0; 3] },
         }
@@ -88,6 +88,12 @@ impl Shadow {
         let hidden = hidden_share(self.sun_rad, own_rad, apart_rad);
         self.refracted.map(|refracted| 1.0 - hidden * (1.0 - refracted))
     }
+
+    /// The share that arrives on a whole body of a radius, m, by channel: that in its middle, but no more is lost than a shadow as large as what casts it covers.
+    pub fn open_share_of_body(&self, radius_m: f64, to_sun: DVec3) -> [f64; 3] {
+        let most = (self.radius_m / radius_m).powi(2);
+        self.open_share(DVec3::ZERO, to_sun).map(|open| 1.0 - (1.0 - open).min(most))
+    }
 }
 
 /// How much of a disc of an angular radius another one hides whose middle is so far off, rad: areas of circles in a plane.
@@ -127,7 +133,7 @@ mod tests {
         const AU_M: f64 = 1.495_978_707e11;
         let sun = SolarBody::Sun.body("sun", DVec3::ZERO);
         let mut earth = SolarBody::Earth.body("earth", DVec3::X * AU_M);
-        earth.ephemeris = Some(SolarBody::Earth);
+        earth.ephemeris = Some(SolarBody::Earth.into());
         let moon_at = |aside_m: f64| SolarBody::Moon.body("moon", DVec3::new(AU_M + 3.844e8, aside_m, 0.0));
         let middle = |aside_m: f64| {
             let bodies = [sun.clone(), earth.clone(), moon_at(aside_m)].map(std::sync::Arc::new).to_vec();
@@ -154,5 +160,25 @@ mod tests {
         let share =
             |place_m: DVec3| on_earth.shadow.map_or(1.0, |shadow| shadow.open_share(place_m, on_earth.direction)[1]);
         assert!(share(DVec3::NEG_X * 6.371e6) < 0.12 && share(DVec3::Y * 6.371e6) == 1.0);
+    }
+
+    #[test]
+    fn a_small_moon_takes_no_more_light_of_a_planet_than_it_covers() {
+        let sun = SolarBody::Sun.body("sun", DVec3::ZERO);
+        let jupiter = SolarBody::Jupiter.body("jupiter", DVec3::X * 5.2 * crate::units::ASTRONOMICAL_UNIT_M);
+        let io = SolarBody::Io.body("io", DVec3::X * (5.2 * crate::units::ASTRONOMICAL_UNIT_M - 4.22e8));
+        let objects = SceneObjects {
+            bodies: [&sun, &jupiter, &io].map(|body| body.clone().into()).to_vec(),
+            ..Default::default()
+        };
+        let light = lights_on(&jupiter, &suns(&objects), DVec3::ZERO)[0];
+        let shadow = light.shadow.unwrap();
+        assert!(
+            shadow.open_share(DVec3::X * -jupiter.radii_m.x, light.direction)[1] < 1e-9,
+            "the umbra is on the clouds"
+        );
+        let share = 1.0 - shadow.open_share_of_body(jupiter.radii_m.x, light.direction)[1];
+        assert!((share / (1821.49f64 / 71_492.0).powi(2) - 1.0).abs() < 1e-9, "{share}");
+        assert_eq!(shadow.open_share_of_body(1e6, light.direction), shadow.open_share(DVec3::ZERO, light.direction));
     }
 }

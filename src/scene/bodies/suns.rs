@@ -134,7 +134,7 @@ pub fn lights_on(body: &Body, suns: &[Sun], eye_m: DVec3) -> Vec<Light> {
         }
         let lights = suns_on(reflector, suns, body.position_m);
         let illuminance_lx = lights.iter().fold([0.0; 3], |sum, light| {
-            let open = light.shadow.map_or([1.0; 3], |shadow| shadow.open_share(DVec3::ZERO, light.direction));
+            let open = light.shadow.map_or([1.0; 3], |shadow| shadow.open_share_of_body(radius_m, light.direction));
             let lx = reflected_lx(reflector, -to_reflector_m, light);
             [0, 1, 2].map(|c| sum[c] + lx[c] * open[c])
         });
@@ -186,8 +186,27 @@ pub fn mean_radius_m(radii_m: DVec3) -> f64 {
     if radii_m == DVec3::splat(radii_m.x) { radii_m.x } else { (mean_projected_area_m2(radii_m) / PI).sqrt() }
 }
 
-/// Projected area of an ellipsoid, averaged over all directions, m^2: along n it is pi |(b c n_x, a c n_y, a b n_z)|.
+/// Projected area of an ellipsoid, averaged over all directions, m^2: a quarter of its surface (Cauchy). In closed form where the axes x and y are as long.
 fn mean_projected_area_m2(radii_m: DVec3) -> f64 {
+    let DVec3 { x: across, y, z: along } = radii_m;
+    if across == y {
+        let squared_e = 1.0 - (along / across).powi(2);
+        // artanh(e) (1 - e^2) / e or, of a prolate one, asin(e) / (e cos asin(e)) with its own e; both are (1 - e^2) (1 + e^2 / 3 + ...) near the sphere.
+        let of_sides = if squared_e.abs() < 1e-6 {
+            (1.0 - squared_e) * (1.0 + squared_e / 3.0)
+        } else if squared_e > 0.0 {
+            (1.0 - squared_e) / squared_e.sqrt() * squared_e.sqrt().atanh()
+        } else {
+            let tangent = (-squared_e).sqrt();
+            (1.0 - squared_e) * tangent.atan() / tangent
+        };
+        return PI / 2.0 * across * across * (1.0 + of_sides);
+    }
+    triaxial_mean_projected_area_m2(radii_m)
+}
+
+/// The same by a sum over directions: along n it is pi |(b c n_x, a c n_y, a b n_z)|.
+fn triaxial_mean_projected_area_m2(radii_m: DVec3) -> f64 {
     const N: usize = 64;
     let products = DVec3::new(radii_m.y * radii_m.z, radii_m.x * radii_m.z, radii_m.x * radii_m.y);
     let largest = products.max_element();
@@ -238,7 +257,6 @@ mod tests {
 
     #[test]
     fn the_full_earth_lights_the_moon() {
-        // Beside the line to the Sun: on it the Moon's shadow falls on the Earth.
         let lights = reflected_on(&grey_moon(0.05, 3.844e8), &[SolarBody::Sun, SolarBody::Earth]);
         // V = -3.99 at 1 au from both (Mallama and Hilton 2018): -16.94 from the Moon.
         let expected = illuminance_lx_from_magnitude(-3.99 + 5.0 * (3.844e8 / ASTRONOMICAL_UNIT_M).log10());
@@ -246,10 +264,10 @@ mod tests {
         println!("{found:.2} lx, {expected:.2} from the Earth's magnitude");
         assert!(lights.len() == 1 && (found / expected - 1.0).abs() < 0.03, "{found} {expected}");
         assert!(lights[0].direction.angle_between(DVec3::X) < 0.051);
-        assert!(
-            luminance(reflected_on(&grey_moon(0.0, 3.844e8), &[SolarBody::Sun, SolarBody::Earth])[0].illuminance_lx)
-                < 0.1 * found
-        );
+        // On the line to the Sun the Moon's shadow covers (1737 / 6371)^2 of the Earth.
+        let eclipsed =
+            luminance(reflected_on(&grey_moon(0.0, 3.844e8), &[SolarBody::Sun, SolarBody::Earth])[0].illuminance_lx);
+        assert!((eclipsed / found - 0.926).abs() < 0.01, "{}", eclipsed / found);
         let half =
             luminance(reflected_on(&grey_moon(1.57, 3.844e8), &[SolarBody::Sun, SolarBody::Earth])[0].illuminance_lx);
         assert!((0.1..0.45).contains(&(half / found)), "{}", half / found);
@@ -264,11 +282,18 @@ mod tests {
     #[test]
     fn the_mean_projected_area_is_a_quarter_of_the_surface() {
         assert!((mean_projected_area_m2(DVec3::splat(3.0)) / (9.0 * PI) - 1.0).abs() < 1e-14);
-        // Oblate, closed form of the surface: 2 pi a^2 (1 + (1 - e^2) / e artanh e).
+        for along in [0.5, 0.999, 0.999_999_9, 1.000_000_1, 1.001, 2.0] {
+            let radii_m = DVec3::new(1.0, 1.0, along) * 2.0;
+            let [closed, summed] = [mean_projected_area_m2(radii_m), triaxial_mean_projected_area_m2(radii_m)];
+            assert!((closed / summed - 1.0).abs() < 2e-4, "{along}: {closed} {summed}");
+            let turned = mean_projected_area_m2(DVec3::new(1.0, along, 1.0) * 2.0);
+            assert!((turned / closed - 1.0).abs() < 2e-4, "{along}: {turned} {closed}");
+        }
+        // The surface of an oblate one: 2 pi a^2 (1 + (1 - e^2) / e artanh e).
         let (a, c) = (2.0f64, 1.0f64);
         let e = (1.0 - c * c / (a * a)).sqrt();
         let surface = TAU * a * a * (1.0 + (1.0 - e * e) / e * e.atanh());
         let found = mean_projected_area_m2(DVec3::new(a, a, c));
-        assert!((found / (surface / 4.0) - 1.0).abs() < 2e-4, "{found} {surface}");
+        assert!((found / (surface / 4.0) - 1.0).abs() < 1e-14, "{found} {surface}");
     }
 }

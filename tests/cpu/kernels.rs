@@ -1,0 +1,192 @@
+//! Bodies that SPK kernels have: small kernels that the tests write themselves, and what configurations may ask of them.
+
+use std::{fs, path::Path};
+
+use steradian::{
+    config::{Config, ConfigError},
+    glam::DVec3,
+    scene::{SceneObjects, bodies::SolarBody},
+};
+use tempfile::TempDir;
+
+/// Words of 8 bytes in a record of a DAF file.
+const RECORD_WORDS: usize = 128;
+/// 2026-11-24T00:00:00Z, s since J2000.0; TDB is 69.184 s ahead, and civil time counts no leap seconds.
+const TIME: &str = "2026-11-24T00:00:00Z";
+const TIME_S: f64 = 848_750_400.0;
+const TDB_S: f64 = TIME_S + 69.184;
+
+/// A segment of type 2 (Chebyshev polynomials of the place): one record of degree 1.
+struct Segment {
+    target: i32,
+    centre: i32,
+    axes: i32,
+    /// Middle and half length of the time that it covers, TDB, s since J2000.0.
+    covered_s: [f64; 2],
+    /// Place in the middle, km, and what is added at the end.
+    place_km: [DVec3; 2],
+}
+
+/// A kernel: the DAF Required Reading and the SPK Required Reading of NAIF say what is where.
+fn kernel(segments: &[Segment]) -> Vec<u8> {
+    let mut words: Vec<[u8; 8]> = vec![[0; 8]; 3 * RECORD_WORDS];
+    let mut summaries = Vec::new();
+    for Segment { target, centre, axes, covered_s: [middle_s, half_s], place_km: [at, slope] } in segments {
+        let first = words.len() + 1;
+        let values = [
+            *middle_s,
+            *half_s,
+            at.x,
+            slope.x,
+            at.y,
+            slope.y,
+            at.z,
+            slope.z,
+            middle_s - half_s,
+            2.0 * half_s,
+            8.0,
+            1.0,
+        ];
+        words.extend(values.map(f64::to_le_bytes));
+        let ints = [*target, *centre, *axes, 2, first as i32, words.len() as i32];
+        summaries.push((middle_s - half_s).to_le_bytes());
+        summaries.push((middle_s + half_s).to_le_bytes());
+        for pair in ints.chunks(2) {
+            let [low, high] = [pair[0].to_le_bytes(), pair[1].to_le_bytes()];
+            summaries.push([low, high].concat().try_into().unwrap());
+        }
+    }
+    let free = words.len() as i32 + 1;
+    words.resize(words.len().next_multiple_of(RECORD_WORDS), [0; 8]);
+    // Next and previous record of summaries, their number.
+    words[RECORD_WORDS + 2] = (segments.len() as f64).to_le_bytes();
+    words[RECORD_WORDS + 3..][..summaries.len()].copy_from_slice(&summaries);
+    words[2 * RECORD_WORDS..3 * RECORD_WORDS].fill(*b"        ");
+    let mut bytes = words.concat();
+    bytes[..8].copy_from_slice(b"DAF/SPK ");
+    for (at, value) in [(8, 2_i32), (12, 6), (76, 2), (80, 2), (84, free)] {
+        bytes[at..at + 4].copy_from_slice(&value.to_le_bytes());
+    }
+    bytes[16..76].fill(b' ');
+    bytes[88..96].copy_from_slice(b"LTL-IEEE");
+    bytes[699..727].copy_from_slice(b"FTPSTR:\r:\n:\r\n:\r\0:\x81:\x10\xce:ENDFTP");
+    bytes
+}
+
+/// A probe at Saturn, a satellite of the Earth, a comet that the barycentre has, and one on axes of the ecliptic.
+fn probe() -> Segment {
+    Segment {
+        target: -82,
+        centre: 6,
+        axes: 1,
+        covered_s: [TDB_S, 86_400.0],
+        place_km: [DVec3::new(4e5, -3e5, 1e5), DVec3::new(8640.0, 0.0, -4320.0)],
+    }
+}
+
+fn satellite() -> Segment {
+    let place_km = [DVec3::new(42_164.0, 10.0, -20.0), DVec3::ZERO];
+    Segment { target: -1_000, centre: 399, axes: 1, covered_s: [TDB_S, 3600.0], place_km }
+}
+
+fn comet() -> Segment {
+    let place_km = [DVec3::new(1e8, 2e8, -3e7), DVec3::new(0.0, 1e5, 0.0)];
+    Segment { target: 1_000_012, centre: 0, axes: 1, covered_s: [TDB_S, 86_400.0], place_km }
+}
+
+fn written(kernels: &[(&str, Vec<u8>)]) -> TempDir {
+    let folder = TempDir::new().unwrap();
+    for (name, bytes) in kernels {
+        fs::write(folder.path().join(name), bytes).unwrap();
+    }
+    folder
+}
+
+fn config(folder: &Path, scene: &str, bodies: &str) -> Result<SceneObjects, ConfigError> {
+    let text = format!("[scene]\ntime = {TIME}\n{scene}\n{bodies}");
+    Config::from_text(&text, "kernels.toml", folder, &[])?.objects()
+}
+
+fn body(name: &str, number: i32) -> String {
+    format!("[[bodies]]\nname = '{name}'\nephemeris = 'spk:{number}'\nradius_m = 10\ngeometric_albedo = 0.5\n")
+}
+
+fn place_m(objects: &SceneObjects, name: &str) -> DVec3 {
+    objects.bodies.iter().find(|body| body.name == name).unwrap().position_m
+}
+
+#[test]
+fn bodies_are_where_kernels_have_them() {
+    let folder = written(&[("a.bsp", kernel(&[probe(), satellite()])), ("b.bsp", kernel(&[comet()]))]);
+    let bodies = [body("probe", -82), body("geo", -1000), body("comet", 1_000_012)].concat();
+    let objects = config(folder.path(), "kernels = ['a.bsp', 'b.bsp']", &bodies).unwrap();
+    for later_s in [0.0, 1000.0, -3600.0] {
+        let tdb_s = TDB_S + later_s;
+        let objects = objects.at(TIME_S + later_s);
+        let share = later_s / 86_400.0;
+        let close = |name: &str, expected_m: DVec3| {
+            let error_m = (place_m(&objects, name) - expected_m).length();
+            assert!(error_m < 1.0, "{name} {later_s}: {error_m} m");
+        };
+        let [at, slope] = probe().place_km;
+        close("probe", SolarBody::Saturn.barycentric_m(tdb_s) + (at + slope * share) * 1e3);
+        close("geo", SolarBody::Earth.barycentric_m(tdb_s) + satellite().place_km[0] * 1e3);
+        let [at, slope] = comet().place_km;
+        close("comet", (at + slope * share) * 1e3);
+    }
+    // Beyond the kernel it stays where that ends, from where Saturn is then.
+    let [at, slope] = probe().place_km;
+    let beyond = objects.at(TIME_S + 3.0 * 86_400.0);
+    let expected_m = SolarBody::Saturn.barycentric_m(TDB_S + 3.0 * 86_400.0) + (at + slope) * 1e3;
+    assert!((place_m(&beyond, "probe") - expected_m).length() < 1.0);
+}
+
+#[test]
+fn an_observer_sees_a_satellite_from_where_he_stands() {
+    let folder = written(&[("a.bsp", kernel(&[satellite()]))]);
+    let observer = "kernels = ['a.bsp']\n[scene.observer]\nlatitude_deg = 48\nlongitude_deg = 11\nheight_m = 500\n";
+    let objects = config(folder.path(), observer, &body("geo", -1000)).unwrap();
+    let standpoint = objects.observer.unwrap().at(TIME_S);
+    let seen_m = place_m(&objects, "geo") - objects.observer.unwrap().epoch.position_m;
+    let expected_m = satellite().place_km[0] * 1e3 - standpoint.from_earth_m;
+    // Light takes 0.1 s, in which the Earth and the satellite go 4 km on together; aberration is 20 arcsec.
+    assert!((seen_m.length() - expected_m.length()).abs() < 6e3, "{seen_m} {expected_m}");
+    assert!(seen_m.angle_between(expected_m) < 1.2e-4, "{seen_m} {expected_m}");
+}
+
+#[test]
+fn what_kernels_do_not_have_is_refused() {
+    let tilted = Segment { axes: 17, ..comet() };
+    let adrift = Segment { target: -9, centre: -8, ..probe() };
+    let folder = written(&[
+        ("a.bsp", kernel(&[probe()])),
+        ("tilted.bsp", kernel(&[tilted])),
+        ("adrift.bsp", kernel(&[adrift])),
+        ("none.bsp", b"DAF/SPK".to_vec()),
+        ("text.bsp", b"KPL/LSK".to_vec()),
+    ]);
+    let later = Segment { covered_s: [TDB_S + 1e6, 1000.0], ..comet() };
+    fs::write(folder.path().join("later.bsp"), kernel(&[later])).unwrap();
+    let cases = [
+        ("kernels = ['a.bsp']", body("x", -83), vec!["bodies[0].ephemeris", "spk:-83", "-82"]),
+        ("", body("x", -82), vec!["bodies[0].ephemeris", "scene.kernels"]),
+        ("kernels = ['missing.bsp']", body("x", -82), vec!["scene.kernels", "missing.bsp"]),
+        ("kernels = ['text.bsp']", body("x", -82), vec!["scene.kernels", "text.bsp", "DAF/SPK"]),
+        ("kernels = ['none.bsp']", body("x", -82), vec!["scene.kernels", "none.bsp"]),
+        ("kernels = ['tilted.bsp']", body("x", 1_000_012), vec!["scene.kernels", "1000012", "axes 17"]),
+        ("kernels = ['adrift.bsp']", body("x", -9), vec!["bodies[0].ephemeris", "spk:-9"]),
+        ("kernels = ['later.bsp']", body("x", 1_000_012), vec!["bodies[0].ephemeris", "scene.time", "2026-12-05T"]),
+        ("", body("x", -82).replace("-82", "Cassini"), vec!["bodies[0].ephemeris", "spk:Cassini", "NAIF"]),
+        ("", body("x", -82).replace("spk:-82", "pluto"), vec!["bodies[0].ephemeris", "pluto", "neptune", "spk:"]),
+        ("kernels = ['a.bsp']", body("x", -82) + "position_m = [0, 0, 0]\n", vec!["bodies[0].position_m", "ephemeris"]),
+    ];
+    for (scene, bodies, parts) in cases {
+        let error = config(folder.path(), scene, &bodies).unwrap_err().to_string();
+        for part in parts {
+            assert!(error.contains(part), "{error}\nlacks {part}");
+        }
+    }
+    // It stands and turns as it is told.
+    let turned = body("x", -82) + "spin = { period_s = 100 }\norientation = [0, 0, 1, 0]\n";
+    assert!(config(folder.path(), "kernels = ['a.bsp']", &turned).is_ok());
+}
