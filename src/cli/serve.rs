@@ -88,6 +88,8 @@ pub fn run(arguments: ServeArguments, adapter: Option<String>) -> Result<(), Cli
         options.clock = Some(clock);
         options.catalogues = report.catalogues.into_iter().map(catalogue).collect();
         options.asteroid_fields = config.field_specs()?;
+        options.observer.clone_from(&config.scene.observer);
+        options.star_sources = config.star_sources();
         options.view_tables = config.views.iter().map(|view| view.tables.clone()).collect();
         options.view_definitions = config.views.iter().map(told_definition).collect();
         options.folder.clone_from(&config.folder);

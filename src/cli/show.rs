@@ -95,7 +95,7 @@ pub fn run(arguments: ShowArguments, adapter: Option<String>) -> Result<(), CliE
     });
     let stars = Arc::new(stars);
     let scene = SceneSnapshot { revision: 1, stars: Arc::clone(&stars), objects: Arc::clone(&objects), camera };
-    let stars = SeenStars::new(stars, objects.observer);
+    let stars = SeenStars::new(stars, objects.observer.as_ref(), config.star_sources());
     let of_drawing = Arc::clone(&viewer);
     let configs = of_windows.clone();
     let drawing = thread::Builder::new().name("draw".to_owned()).spawn(move || {

@@ -51,7 +51,7 @@ pub fn run(arguments: XrArguments, adapter: Option<String>) -> Result<(), CliErr
     let objects = Arc::new(config.objects()?);
     let (stars, _) = load::stars(&config.star_sources(), &config.epoch(), &config.origin)?;
     let stars = Arc::new(stars);
-    let of_observer = SeenStars::new(Arc::clone(&stars), objects.observer);
+    let of_observer = SeenStars::new(Arc::clone(&stars), objects.observer.as_ref(), config.star_sources());
     let snapshot = SceneSnapshot { revision: 1, stars, objects, camera };
     let host = Arc::new(Wearer {
         shown: Mutex::new(Shown { snapshot, settings: config.render_settings(), camera_time: SystemTime::now() }),

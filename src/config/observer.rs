@@ -1,15 +1,16 @@
 //! `[scene.observer]`: a place on the Earth from where the scene is seen.
 
-use std::path::Path;
+use std::{path::Path, sync::Arc};
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::error::Fault;
 use super::look::{Aim, Look};
+use super::ranges;
 use super::surroundings::{AirConfig, GroundConfig};
 use crate::observer::{Clock, Frame, Place, RefractingAir};
-use crate::scene::surroundings::Surroundings;
+use crate::scene::{landscape::Landscape, surroundings::Surroundings};
 
 /// Where one looks who says nothing, degrees of azimuth.
 const SOUTH_DEG: f64 = 180.0;
@@ -59,10 +60,30 @@ impl ObserverConfig {
 
     /// What is around it; `None`: nothing. Files are read from paths that start at `folder`; a fault names the key below `scene.observer`.
     pub(super) fn surroundings(&self, folder: &Path) -> Result<Option<Surroundings>, Fault> {
-        let ground = self.ground.ground(folder).map_err(|fault| fault.within("ground"))?;
+        let landscape = self.ground.landscape(folder).map_err(|fault| fault.within("ground"))?;
+        Ok(self.surroundings_with(landscape.map(Arc::new)))
+    }
+
+    /// What is around it, with a landscape that has been read; `None`: nothing.
+    pub fn surroundings_with(&self, landscape: Option<Arc<Landscape>>) -> Option<Surroundings> {
         let (air, refraction) = (self.air.air(self.height_m), self.refracting());
-        let surroundings = Surroundings { air, refraction, ground };
-        Ok((surroundings.air.is_some() || surroundings.ground.is_some()).then_some(surroundings))
+        let surroundings = Surroundings { air, refraction, ground: self.ground.ground(landscape) };
+        (surroundings.air.is_some() || surroundings.ground.is_some()).then_some(surroundings)
+    }
+
+    /// Checks place, clock, air and ground as those of a configuration are checked. The error names the key, from `observer` on, and what is allowed.
+    pub fn check(&self) -> Result<(), String> {
+        let told = |Fault { key, problem }: Fault| format!("{}: {problem}", key.trim_start_matches("scene."));
+        let own = toml::Table::try_from(self).map_err(|error| format!("observer: {error}"))?;
+        let within = |key: &str, table: toml::Table| toml::Table::from_iter([(key.to_owned(), table.into())]);
+        ranges::check(&within("scene", within("observer", own))).map_err(told)?;
+        self.check_surroundings().map_err(|fault| told(fault.within("observer")))
+    }
+
+    /// Checks what types and ranges alone do not say; a fault names the key below `scene.observer`.
+    pub(super) fn check_surroundings(&self) -> Result<(), Fault> {
+        self.ground.check().map_err(|fault| fault.within("ground"))?;
+        self.air.check(self.height_m).map_err(|fault| fault.within("air"))
     }
 
     /// What bends light there; `None`: there is no air.

@@ -273,8 +273,7 @@ impl SceneConfig {
             return Err(Fault::new("time", problem));
         }
         if let Some(observer) = &self.observer {
-            observer.ground.check().map_err(|fault| fault.within("observer.ground"))?;
-            observer.air.check(observer.height_m).map_err(|fault| fault.within("observer.air"))?;
+            observer.check_surroundings().map_err(|fault| fault.within("observer"))?;
         }
         if self.observer.is_some() && self.camera != CameraConfig::default() {
             let problem =

@@ -139,17 +139,21 @@ impl GroundConfig {
         Ok(())
     }
 
-    /// The ground; none where it is turned off. Its landscape is read, from a path that starts at `folder`; a fault names the key below `scene.observer.ground`.
-    pub(super) fn ground(&self, folder: &Path) -> Result<Option<Ground>, Fault> {
-        if !self.enabled {
-            return Ok(None);
-        }
-        let points = self.horizon_deg.iter().map(|point| point.map(f64::to_radians)).collect();
+    /// Reads the landscape, from a path that starts at `folder`, where there is ground; a fault names the key below `scene.observer.ground`.
+    pub(super) fn landscape(&self, folder: &Path) -> Result<Option<Landscape>, Fault> {
         let read = |file: &PathBuf| Landscape::from_png(&folder.join(file), self.landscape_azimuth_deg.to_radians());
-        let landscape = self.landscape.as_ref().map(read).transpose();
-        let landscape = landscape.map_err(|error| Fault::new("landscape", error.to_string()))?;
-        let horizon = landscape.as_ref().map_or_else(|| Horizon::new(points), Landscape::horizon);
-        Ok(Some(Ground { horizon, albedo: self.albedo, landscape: landscape.map(Arc::new) }))
+        let landscape = self.landscape.as_ref().filter(|_| self.enabled).map(read).transpose();
+        landscape.map_err(|error| Fault::new("landscape", error.to_string()))
+    }
+
+    /// The ground with its landscape, if it has one; none where it is turned off.
+    pub(super) fn ground(&self, landscape: Option<Arc<Landscape>>) -> Option<Ground> {
+        let points = || self.horizon_deg.iter().map(|point| point.map(f64::to_radians)).collect();
+        self.enabled.then(|| Ground {
+            horizon: landscape.as_ref().map_or_else(|| Horizon::new(points()), |landscape| landscape.horizon()),
+            albedo: self.albedo,
+            landscape,
+        })
     }
 }
 

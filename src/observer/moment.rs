@@ -30,7 +30,7 @@ pub struct Observer {
     pub clock: Clock,
     /// The moment of the epoch, s since 2000-01-01T12:00:00 of civil time.
     pub epoch_s: f64,
-    /// Where and how the observer is then: stars are loaded as seen from there, and the scene is drawn there.
+    /// How the observer is then; stars are loaded as seen from its place, and the scene is drawn there, also after the observer has [moved](Self::moved).
     pub epoch: Standpoint,
 }
 
@@ -38,6 +38,13 @@ impl Observer {
     /// An observer whose epoch is a moment, s since 2000-01-01T12:00:00 of civil time.
     pub fn new(place: Place, clock: Clock, time_s: f64) -> Self {
         Self { place, clock, epoch_s: time_s, epoch: place.at(time_s, &clock) }
+    }
+
+    /// The observer at another place, or with other knowledge of the Earth's rotation. The scene is drawn from where it was, so that a camera may stay.
+    #[must_use]
+    pub fn moved(&self, place: Place, clock: Clock) -> Self {
+        let epoch = Standpoint { position_m: self.epoch.position_m, ..place.at(self.epoch_s, &clock) };
+        Self { place, clock, epoch, ..*self }
     }
 
     /// Rotation from the axes of the horizon to those of ICRS at a moment.

@@ -135,7 +135,10 @@ mod tests {
     fn the_light_is_that_of_the_curve_at_every_phase() {
         for body in SolarBody::ALL.into_iter().filter(|body| *body != SolarBody::Sun) {
             let (albedo, radius_m) = (0.3, 6e6);
-            for phase_deg in [0.0, 1.0, 10.0, 45.0, 90.0, 120.0] {
+            for phase_deg in [0.0, 1.0, 6.0, 10.0, 45.0, 90.0, 120.0] {
+                if phase_deg > known_to_deg(body) {
+                    continue;
+                }
                 let phase_rad = f64::to_radians(phase_deg);
                 for law in ReflectionLaw::ALL {
                     let of_law = albedo * (radius_m / ASTRONOMICAL_UNIT_M).powi(2) * law.phase_function(phase_rad);

@@ -5,7 +5,11 @@ use std::time::{Duration, SystemTime};
 use glam::DQuat;
 
 use super::{Camera, SceneSnapshot};
-use crate::{scene::SceneObjects, units::EARTH_ROTATION_RAD_S};
+use crate::{
+    observer::{Frame, Observer},
+    scene::SceneObjects,
+    units::EARTH_ROTATION_RAD_S,
+};
 
 /// By how much the sky turns from one step to the next, rad: 2 arcsec, below a tenth of a pixel of any view.
 const STEP_RAD: f64 = 1e-5;
@@ -81,6 +85,17 @@ impl Camera {
         let turned = after * before.inverse() * self.world_from_camera;
         Self { world_from_camera: turned.normalize(), as_of_s: to_s, ..*self }
     }
+
+    /// The camera after its observer has moved: one that hangs on the horizon looks to the azimuth and the altitude that it looked to before.
+    #[must_use]
+    pub fn on_horizon_of(&self, before: Option<&Observer>, after: Option<&Observer>) -> Self {
+        let (Some(before), Some(after)) = (before, after) else { return *self };
+        if self.frame != Frame::Horizon || before == after {
+            return *self;
+        }
+        let [before, after] = [before, after].map(|observer| observer.icrs_from_horizon(self.as_of_s));
+        Self { world_from_camera: (after * before.inverse() * self.world_from_camera).normalize(), ..*self }
+    }
 }
 
 impl SceneSnapshot {
@@ -124,7 +139,6 @@ mod tests {
 
     #[test]
     fn a_camera_on_the_axes_of_a_body_turns_with_it_and_on_others_it_stays() {
-        use crate::observer::Frame;
         let objects = SceneObjects::default();
         // An hour of Mars: 14.62 degrees around its pole.
         let turned_deg = |frame: Frame, hours: f64| {

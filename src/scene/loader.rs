@@ -33,6 +33,18 @@ pub enum StarSource {
     Light(LightMap),
 }
 
+impl StarSource {
+    /// Whether its stars may have a motion of their own.
+    pub fn may_move(&self) -> bool {
+        match self {
+            Self::Bright => true,
+            // One that cannot be read is told when it is.
+            Self::File(path) => !is_store(path).unwrap_or(false),
+            Self::Galaxy(_) | Self::Light(_) => false,
+        }
+    }
+}
+
 impl fmt::Display for StarSource {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {

@@ -119,7 +119,12 @@ impl Service {
             if let Some(file) = file.as_ref() {
                 file.save(&Saved::of(&next, None)).map_err(|error| unsaved(&error))?;
             }
+            let moves = now.objects.drawn.observer != next.objects.drawn.observer;
             let replaced = render.replace_scene(next, made_for).map_err(refused);
+            if let Some(file) = file.as_ref().filter(|_| moves) {
+                // The camera has gone along.
+                file.save_camera(&render.camera()).map_err(|error| unsaved(&error))?;
+            }
             // Not before it is shown.
             drop(file);
             replaced
@@ -179,14 +184,14 @@ impl Service {
 
     /// What a change needs.
     async fn made(&self, update: &SceneUpdate, scene: &SceneState) -> Result<MadeUpdate, Status> {
-        if !update.places_asteroids() {
+        if !update.takes_long() {
             return update.make(scene).map_err(refusals::invalid);
         }
         let (update, scene) = (update.clone(), scene.clone());
         self.placed(move || update.make(&scene)).await?.map_err(refusals::invalid)
     }
 
-    /// Does work that may place asteroids: one after the other, since each may take all cores and much memory.
+    /// Does work that takes long, such as placing asteroids: one after the other, since each may take all cores and much memory.
     async fn placed<T: Send + 'static>(&self, work: impl FnOnce() -> T + Send + 'static) -> Result<T, Status> {
         let permit = Arc::clone(&self.placing).acquire_owned().await.map_err(|_| refused(Refused::Ending))?;
         let placing = move || {
@@ -195,7 +200,7 @@ impl Service {
             background::on_own_cores(work)
         };
         let placed = task::spawn_blocking(placing).await;
-        placed.map_err(|error| Status::internal(format!("placing asteroids failed: {error}")))
+        placed.map_err(|error| Status::internal(format!("making the change failed: {error}")))
     }
 }
 

@@ -7,8 +7,10 @@ use super::{
     client::{Client, ClientError},
     convert,
     convert_objects::{body_from_pb, field_from_pb, time_from_pb},
+    convert_observer::observer_from_pb,
     convert_overlay::overlay_from_pb,
     objects::{BodyForm, Change, FieldForm},
+    observer::ObserverChange,
     proto,
     scene::SceneUpdate,
     server::SceneCatalogue,
@@ -40,6 +42,8 @@ pub struct SceneForm {
     pub quality: f64,
     /// What is drawn over display images.
     pub overlay: Overlay,
+    /// From where it is seen, whole, as a change that makes it so; nothing where it has no observer.
+    pub observer: ObserverChange,
 }
 
 impl TryFrom<proto::Scene> for SceneForm {
@@ -64,6 +68,7 @@ impl TryFrom<proto::Scene> for SceneForm {
             impostor: asteroids.impostor,
             quality: asteroids.quality,
             overlay: overlay_from_pb(scene.overlay.unwrap_or_default()).map_err(|_| lacks("overlay"))?,
+            observer: scene.observer.as_ref().map(observer_from_pb).unwrap_or_default(),
         })
     }
 }

@@ -8,6 +8,7 @@ use super::{
     convert_objects::{
         add_change, body_from_pb, body_to_pb, change_to_pb, field_from_pb, field_to_pb, time_from_pb, time_to_pb,
     },
+    convert_observer::{add_observer_change, observer_change_to_pb, observer_to_pb},
     convert_overlay::{add_overlay_change, overlay_change_to_pb, overlay_to_pb},
     proto,
     render::CameraUpdate,
@@ -194,11 +195,7 @@ pub(super) fn scene_to_pb(scene: &SceneState, catalogues: &[SceneCatalogue]) -> 
         time: Some(time_to_pb(time_s)),
         time_rate: scene.clock.rate,
         time_told: Some(now.into()),
-        observer: scene.objects.drawn.observer.map(|observer| proto::Observer {
-            latitude_deg: observer.place.latitude_rad.to_degrees(),
-            longitude_deg: observer.place.longitude_rad.to_degrees(),
-            height_m: observer.place.height_m,
-        }),
+        observer: scene.objects.observer().map(observer_to_pb),
         asteroids: Some(proto::AsteroidSettings {
             impostor: scene.asteroids.impostor.name().to_owned(),
             quality: scene.asteroids.quality,
@@ -231,7 +228,7 @@ pub(super) fn scene_update_from_pb(request: &proto::UpdateSceneRequest) -> Resul
     const ALLOWED: &str = "allowed are stars, stars.method, stars.magnitude_limit, time, time_rate, asteroids, \
                            asteroids.impostor, asteroids.quality, bodies, bodies.NAME, asteroid_fields, asteroid_fields.NAME, overlay, \
                            overlay.grids, overlay.trajectories, overlay.trajectories.NAME, overlay.labels, \
-                           overlay.labels.NAME, overlay.test_patterns";
+                           overlay.labels.NAME, overlay.test_patterns, observer and observer.KEY of what it has";
     let paths = request.update_mask.as_ref().map_or(&[][..], |mask| &mask.paths);
     if paths.is_empty() {
         return Err(format!("update_mask names no field: {ALLOWED}"));
@@ -256,6 +253,10 @@ pub(super) fn scene_update_from_pb(request: &proto::UpdateSceneRequest) -> Resul
         if let Some(rest) = below("overlay")
             && add_overlay_change(&mut update.overlay, rest, scene.overlay.as_ref())?
         {
+            continue;
+        }
+        if let Some(rest) = below("observer") {
+            add_observer_change(&mut update.observer, rest, scene.observer.as_ref())?;
             continue;
         }
         let names = |whole: &str, part: &str| path == whole || path.strip_prefix(whole) == Some(part);
@@ -315,7 +316,8 @@ pub(super) fn scene_update_to_pb(update: &SceneUpdate, expected_revision: Option
     let (field_paths, asteroid_fields) = change_to_pb(&update.asteroid_fields, "asteroid_fields", field_to_pb);
     let (overlay_paths, overlay) = overlay_change_to_pb(&update.overlay);
     let paths = named.into_iter().flatten().map(str::to_owned);
-    let paths = paths.chain(body_paths).chain(field_paths).chain(overlay_paths).collect();
+    let (observer_paths, observer) = observer_change_to_pb(&update.observer);
+    let paths = paths.chain(body_paths).chain(field_paths).chain(overlay_paths).chain(observer_paths).collect();
     let scene = proto::Scene {
         stars: Some(proto::StarSettings {
             method: update.star_method.map(|method| method.name().to_owned()).unwrap_or_default(),
@@ -330,6 +332,7 @@ pub(super) fn scene_update_to_pb(update: &SceneUpdate, expected_revision: Option
             quality: update.quality.unwrap_or_default(),
         }),
         overlay: Some(overlay),
+        observer,
         ..proto::Scene::default()
     };
     proto::UpdateSceneRequest {

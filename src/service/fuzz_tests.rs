@@ -47,7 +47,7 @@ fn scene() -> SceneState {
         revision: 1,
         stars,
         asteroids,
-        objects: Objects::new(Arc::new(SceneObjects::default()), &[]).unwrap(),
+        objects: Objects::new(Arc::new(SceneObjects::default()), &[], None).unwrap(),
         clock: SceneClock::stopped(0.0),
         views: Arc::new(views),
     }
@@ -71,7 +71,7 @@ fn changed(update: &SceneUpdate) -> Result<SceneState, String> {
 fn update_scene(bytes: &[u8]) -> Result<(), String> {
     let update = scene_update_from_pb(&decoded(bytes)?)?;
     convert::scene_update_to_pb(&update, None).encode_to_vec();
-    if update.places_asteroids() { Ok(()) } else { changed(&update).map(drop) }
+    if !update.asteroid_fields.is_nothing() { Ok(()) } else { changed(&update).map(drop) }
 }
 
 fn update_view(bytes: &[u8]) -> Result<(), String> {

@@ -6,6 +6,8 @@ use std::{fmt::Display, sync::Arc};
 
 use glam::{DQuat, DVec3};
 
+use super::observer::{GivenObserver, MadeObserver, ObserverChange};
+use crate::config::ObserverConfig;
 use crate::observer::Moment;
 use crate::scene::{
     SceneObjects,
@@ -157,6 +159,8 @@ pub(super) struct Objects {
     /// Its fields again, with what they were made from.
     made: Arc<Vec<MadeField>>,
     library: Arc<Library>,
+    /// The observer as it was given; `None`: there is none.
+    observer: Option<Arc<GivenObserver>>,
 }
 
 /// A change whose fields are made.
@@ -164,12 +168,25 @@ pub(super) struct Objects {
 pub(super) struct MadeChange {
     bodies: Change<Arc<Body>>,
     fields: Change<MadeField>,
+    observer: Option<MadeObserver>,
 }
 
 impl Objects {
-    /// The objects that the daemon starts with; `specs` are what their fields were made from. The error says how these
+    /// The objects that the daemon starts with; `specs` are what their fields were made from, and `observer` is what theirs was made from. The error says how these
     /// do not match.
-    pub(super) fn new(drawn: Arc<SceneObjects>, specs: &[Arc<FieldSpec>]) -> Result<Self, String> {
+    pub(super) fn new(
+        drawn: Arc<SceneObjects>,
+        specs: &[Arc<FieldSpec>],
+        observer: Option<ObserverConfig>,
+    ) -> Result<Self, String> {
+        let places = [drawn.observer.map(|observer| observer.place), observer.as_ref().map(ObserverConfig::place)];
+        if places[0] != places[1] {
+            return Err(format!(
+                "the scene has an observer at {:?}, and what is told of it is {:?}",
+                places[0], places[1]
+            ));
+        }
+        let observer = observer.map(|given| Arc::new(GivenObserver::new(given, &drawn)));
         let [of_fields, of_specs] = [
             drawn.fields.iter().map(|field| field.name.as_str()).collect::<Vec<_>>(),
             specs.iter().map(|spec| spec.name.as_str()).collect(),
@@ -187,7 +204,12 @@ impl Objects {
             textures: drawn.bodies.iter().filter_map(texture).collect(),
             shapes: shapes.map(|spec| (spec.name.clone(), spec.shapes.clone())).collect(),
         };
-        Ok(Self { drawn, made: Arc::new(made), library: Arc::new(library) })
+        Ok(Self { drawn, made: Arc::new(made), library: Arc::new(library), observer })
+    }
+
+    /// The observer as it was given.
+    pub(super) fn observer(&self) -> Option<&GivenObserver> {
+        self.observer.as_deref()
     }
 
     /// The bodies at a moment, s since 2000-01-01T12:00:00Z, as clients are told of them.
@@ -268,7 +290,19 @@ impl Objects {
 
     /// Makes what a change needs, which takes long where asteroids are placed anew. Nothing is made if the change is
     /// not allowed.
-    pub(super) fn make(&self, bodies: &Change<BodyForm>, fields: &Change<FieldForm>) -> Result<MadeChange, String> {
+    pub(super) fn make(
+        &self,
+        bodies: &Change<BodyForm>,
+        fields: &Change<FieldForm>,
+        observer: &ObserverChange,
+    ) -> Result<MadeChange, String> {
+        let observer = match (self.observer.as_deref().zip(self.drawn.observer.as_ref()), observer.is_nothing()) {
+            (_, true) => None,
+            (Some((given, now)), false) => Some(given.changed(observer, now)?),
+            (None, false) => {
+                return Err("observer: the scene has none; scene.observer of the configuration gives it one".to_owned());
+            }
+        };
         let bodies = bodies.map(|form| self.body(form))?;
         let specs = fields.map(|form| self.spec(form))?;
         let now: Vec<Arc<FieldSpec>> = self.made.iter().map(|made| Arc::clone(&made.spec)).collect();
@@ -280,12 +314,13 @@ impl Objects {
             let found = made.iter().find(|made| made.spec == *spec);
             found.cloned().ok_or_else(|| format!("asteroid_fields.{}: given more than once", spec.name))
         })?;
-        Ok(MadeChange { bodies, fields })
+        Ok(MadeChange { bodies, fields, observer })
     }
 
     /// The objects after a change, at a moment.
     pub(super) fn changed(&self, change: &MadeChange, time_s: f64) -> Result<Self, String> {
-        if change.bodies.is_nothing() && change.fields.is_nothing() && time_s == self.drawn.time_s {
+        let stays = change.bodies.is_nothing() && change.fields.is_nothing() && change.observer.is_none();
+        if stays && time_s == self.drawn.time_s {
             return Ok(self.clone());
         }
         let bodies = change.bodies.applied(&self.drawn.bodies, "bodies", |body| &body.name)?;
@@ -295,18 +330,24 @@ impl Objects {
         let made = change.fields.applied(&self.made, "asteroid_fields", |made| &made.spec.name)?;
         check_fields(made.iter().map(|made| made.spec.as_ref()))
             .map_err(|(_, error)| format!("asteroid_fields: {error}"))?;
+        let made_observer = change.observer.as_ref();
+        let surroundings = match made_observer {
+            Some(made) => made.surroundings.clone(),
+            None => self.drawn.surroundings.clone(),
+        };
         let drawn = SceneObjects {
             bodies,
             fields: made.iter().map(|made| Arc::clone(&made.field)).collect(),
             time_s,
-            observer: self.drawn.observer,
+            observer: made_observer.map(|made| made.observer).or(self.drawn.observer),
             kernels: self.drawn.kernels.clone(),
-            surroundings: self.drawn.surroundings.clone(),
+            surroundings,
             local_sky: None,
             earth_m: None,
             overlay: Arc::clone(&self.drawn.overlay),
         }
         .placed();
-        Ok(Self { drawn: Arc::new(drawn), made: Arc::new(made), library: Arc::clone(&self.library) })
+        let observer = made_observer.map(|made| Arc::new(made.given.clone())).or_else(|| self.observer.clone());
+        Ok(Self { drawn: Arc::new(drawn), made: Arc::new(made), library: Arc::clone(&self.library), observer })
     }
 }

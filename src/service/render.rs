@@ -338,7 +338,8 @@ impl Shared {
         let time_s = scene.clock.time_s(now);
         let objects = self.objects_at(&scene.objects.drawn, time_s);
         let camera = camera.carried(&objects, time_s);
-        SceneSnapshot { revision: scene.revision, stars: self.stars.at(time_s), objects, camera }
+        let stars = self.stars.at(objects.observer.as_ref(), time_s);
+        SceneSnapshot { revision: scene.revision, stars, objects, camera }
     }
 }
 
@@ -541,6 +542,15 @@ impl RenderHandle {
             return Ok(Err(error));
         }
         let scene = SceneState { revision: made_for + 1, ..scene };
+        let [before, after] = [&now, &scene].map(|scene| scene.objects.drawn.observer);
+        if before != after {
+            // It hangs on the horizon of where its observer was until now.
+            state.follow(SystemTime::now());
+            let camera = state.camera.on_horizon_of(before.as_ref(), after.as_ref());
+            if camera != state.camera {
+                state.move_camera(camera);
+            }
+        }
         state.newest_scene = scene.clone();
         state.scene.send_replace(Some(scene.clone()));
         state.end_deleted(&now.views);

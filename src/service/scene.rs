@@ -3,6 +3,7 @@
 
 use super::{
     objects::{BodyForm, Change, FieldForm, MadeChange, Objects},
+    observer::ObserverChange,
     overlay::OverlayChange,
     views::ViewSet,
 };
@@ -51,12 +52,14 @@ pub struct SceneUpdate {
     pub asteroid_fields: Change<FieldForm>,
     /// Lines and text over display images.
     pub overlay: OverlayChange,
+    /// From where the scene is seen, if it has an observer.
+    pub observer: ObserverChange,
 }
 
 impl SceneUpdate {
-    /// Whether asteroids may have to be placed, which takes long.
-    pub(super) fn places_asteroids(&self) -> bool {
-        !self.asteroid_fields.is_nothing()
+    /// Whether it takes long: asteroids may have to be placed, or tables of air made.
+    pub(super) fn takes_long(&self) -> bool {
+        !self.asteroid_fields.is_nothing() || !self.observer.is_nothing()
     }
 
     /// Whether frames may become ones that cannot be drawn.
@@ -71,6 +74,7 @@ impl SceneUpdate {
             bodies,
             asteroid_fields,
             overlay,
+            observer,
         } = self;
         star_method.is_some()
             || impostor.is_some()
@@ -78,6 +82,7 @@ impl SceneUpdate {
             || !bodies.is_nothing()
             || !asteroid_fields.is_nothing()
             || *overlay != OverlayChange::default()
+            || !observer.is_nothing()
     }
 
     /// Makes what the change needs for a scene; the error says what is not allowed.
@@ -89,7 +94,7 @@ impl SceneUpdate {
             quality: self.quality,
             time_s: self.time_s,
             time_rate: self.time_rate,
-            objects: scene.objects.make(&self.bodies, &self.asteroid_fields)?,
+            objects: scene.objects.make(&self.bodies, &self.asteroid_fields, &self.observer)?,
             overlay: self.overlay.clone(),
         })
     }

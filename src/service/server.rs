@@ -43,9 +43,9 @@ use super::{
     workshop::Workshop,
 };
 use crate::{
-    config::{UNIX_PREFIX, ViewTables},
+    config::{ObserverConfig, UNIX_PREFIX, ViewTables},
     plan::settings::RenderSettings,
-    scene::{SceneClock, SceneSnapshot, asteroids::FieldSpec},
+    scene::{SceneClock, SceneSnapshot, SeenStars, asteroids::FieldSpec, loader::StarSource},
     view::{Rig, RigError, check_name},
 };
 
@@ -153,6 +153,10 @@ pub struct ServeOptions {
     pub catalogues: Vec<SceneCatalogue>,
     /// What the scene's asteroid fields were made from, one for each in their order.
     pub asteroid_fields: Vec<Arc<FieldSpec>>,
+    /// What the scene's observer was made from; `None`: it has none.
+    pub observer: Option<ObserverConfig>,
+    /// From where its stars are loaded for times that are years away; empty: they have no motion of their own.
+    pub star_sources: Vec<StarSource>,
     /// The views.
     pub rig: Rig,
     /// How they are drawn.
@@ -206,6 +210,8 @@ impl ServeOptions {
             scene,
             catalogues: Vec::new(),
             asteroid_fields: Vec::new(),
+            observer: None,
+            star_sources: Vec::new(),
             rig,
             settings,
             view_tables: Vec::new(),
@@ -265,9 +271,9 @@ pub enum ServeError {
         /// What the system says.
         source: io::Error,
     },
-    /// What was told of the asteroid fields is not of those of the scene.
-    #[error("asteroid fields: {0}")]
-    Fields(String),
+    /// What was told of the observer or the asteroid fields is not of those of the scene.
+    #[error("the scene's objects: {0}")]
+    Objects(String),
     /// What views have of their own is not allowed.
     #[error("{0}")]
     Views(String),
@@ -399,7 +405,9 @@ fn restored(file: &StateFile, begun: Begun) -> Result<Begun, StateError> {
         if !deleted.is_empty() {
             tracing::info!("views of the configuration that clients have deleted: {}", deleted.join(", "));
         }
-        scene = SceneSnapshot { revision, objects: Arc::clone(&restored.objects.drawn), ..scene };
+        let (before, after) = (scene.objects.observer, restored.objects.drawn.observer);
+        let camera = scene.camera.on_horizon_of(before.as_ref(), after.as_ref());
+        scene = SceneSnapshot { revision, objects: Arc::clone(&restored.objects.drawn), camera, ..scene };
         clock = saved.clock(restored.clock);
         (settings.stars, settings.asteroids) = (restored.stars, restored.asteroids);
         (objects, views) = (restored.objects, Arc::unwrap_or_clone(restored.views));
@@ -424,6 +432,8 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
         clock,
         catalogues,
         asteroid_fields,
+        observer,
+        star_sources,
         rig,
         settings,
         view_tables,
@@ -441,7 +451,7 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
         pending_renders,
         subscribers,
     } = options;
-    let objects = Objects::new(Arc::clone(&scene.objects), &asteroid_fields).map_err(ServeError::Fields)?;
+    let objects = Objects::new(Arc::clone(&scene.objects), &asteroid_fields, observer).map_err(ServeError::Objects)?;
     if let Some(HeadsetOptions { name, .. }) = &headset {
         check_name(name).map_err(ServeError::Headset)?;
     }
@@ -453,6 +463,8 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
     let views = ViewSet::new(&settings, given.collect(), &folder).map_err(ServeError::Views)?;
     let file = state.map(|path| StateFile::open(&path)).transpose()?;
     let clock = clock.unwrap_or_else(|| SceneClock::stopped(scene.objects.time_s));
+    // A file of states may have the observer elsewhere.
+    let seen_stars = SeenStars::new(Arc::clone(&scene.stars), scene.objects.observer.as_ref(), star_sources);
     let begun = Begun { scene, objects, clock, views, settings };
     let Begun { scene, objects, clock, views, settings } = match &file {
         Some(file) => restored(file, begun)?,
@@ -485,7 +497,7 @@ pub async fn run(options: ServeOptions) -> Result<(), ServeError> {
     let shares: Arc<Shares> = Arc::default();
     let stars = scene.stars.stars.len() as u64;
     let capacity = Capacity { requests: pending_renders, subscribers };
-    let (handle, mut thread) = worker::spawn(engine, scene, (objects, clock, views), settings, capacity)?;
+    let (handle, mut thread) = worker::spawn(engine, (scene, seen_stars), (objects, clock, views), settings, capacity)?;
     let (headset, drive) =
         headset.map(|options| (Arc::new(Headset::new(options.name, handle.clone())), options.drive)).unzip();
     let (windows, window_work) = windows

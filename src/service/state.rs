@@ -28,9 +28,9 @@ const FORMAT: &str = "format";
 const SHOWN: &str = "shown";
 const CAMERA: &str = "camera";
 /// Grows with every change of what is stored, so that no older program drops what it does not know.
-const VERSION: u8 = 2;
-/// Before clients could make and delete views: what these have left out is as the configuration has it.
-const WITHOUT_DEFINITIONS: u8 = 1;
+const VERSION: u8 = 3;
+/// Before clients could make and delete views, and before they could move the observer: what these have left out is as the configuration has it.
+const OLDER: [u8; 2] = [1, 2];
 /// Snapshots that a file may hold.
 const MOST_SNAPSHOTS: u64 = 256;
 
@@ -125,9 +125,13 @@ impl Saved {
 
     /// A scene with all of this in place of its own, whichever revision it has. What is not there any more is told.
     pub(super) fn applied(&self, scene: &SceneState, general: &RenderSettings) -> Result<SceneState, String> {
-        let all = ["stars", "time", "time_rate", "asteroids", "bodies", "asteroid_fields", "overlay"]
+        let mut all = ["stars", "time", "time_rate", "asteroids", "bodies", "asteroid_fields", "overlay"]
             .map(str::to_owned)
             .to_vec();
+        // Files of the formats before have its place alone, which nobody could change.
+        if self.scene.as_ref().and_then(|scene| scene.observer.as_ref()?.air).is_some() {
+            all.push("observer".to_owned());
+        }
         let request = proto::UpdateSceneRequest {
             scene: self.scene.clone(),
             update_mask: Some(prost_types::FieldMask { paths: all }),
@@ -194,7 +198,7 @@ impl StateFile {
         let file = Self { path: path.to_owned(), database };
         match file.get(FORMAT)?.as_deref() {
             Some([VERSION]) => {}
-            Some([WITHOUT_DEFINITIONS]) => file.put(STATE, &[(FORMAT, &[VERSION])])?,
+            Some([older]) if OLDER.contains(older) => file.put(STATE, &[(FORMAT, &[VERSION])])?,
             Some(found) => return Err(file.content(format!("its format is {found:?}, this program has {VERSION}"))),
             None => file.put(STATE, &[(FORMAT, &[VERSION])])?,
         }
@@ -305,14 +309,17 @@ mod tests {
         let file = StateFile::open(&path).unwrap();
         assert!(StateFile::open(&path).is_err(), "two at once");
         // A file of the version before is taken over, and no older program takes it back.
-        file.put(STATE, &[(FORMAT, &[WITHOUT_DEFINITIONS])]).unwrap();
-        drop(file);
-        let file = StateFile::open(&path).unwrap();
-        assert_eq!(file.get(FORMAT).unwrap().as_deref(), Some(&[VERSION][..]));
+        let mut file = file;
+        for older in OLDER {
+            file.put(STATE, &[(FORMAT, &[older])]).unwrap();
+            drop(file);
+            file = StateFile::open(&path).unwrap();
+            assert_eq!(file.get(FORMAT).unwrap().as_deref(), Some(&[VERSION][..]));
+        }
         file.put(STATE, &[(FORMAT, &[VERSION + 1])]).unwrap();
         drop(file);
         let error = StateFile::open(&path).err().unwrap().to_string();
-        assert!(error.contains("this program has 2"), "{error}");
+        assert!(error.contains("this program has 3"), "{error}");
     }
 
     #[test]

@@ -84,7 +84,7 @@ impl Drop for Farewell {
 /// Starts the thread.
 pub(super) fn spawn(
     engine: Box<dyn Engine>,
-    scene: SceneSnapshot,
+    scene: (SceneSnapshot, Arc<SeenStars>),
     shown: (Objects, SceneClock, ViewSet),
     settings: RenderSettings,
     capacity: Capacity,
@@ -95,7 +95,7 @@ pub(super) fn spawn(
 /// The same with what is known already of how long frames take.
 fn spawn_with(
     engine: Box<dyn Engine>,
-    scene: SceneSnapshot,
+    (scene, stars): (SceneSnapshot, Arc<SeenStars>),
     (objects, clock, views): (Objects, SceneClock, ViewSet),
     settings: RenderSettings,
     capacity: Capacity,
@@ -134,7 +134,7 @@ fn spawn_with(
     let shared = Arc::new(Shared {
         state: Mutex::new(state),
         wake: Condvar::new(),
-        stars: SeenStars::new(Arc::clone(&scene.stars), scene.objects.observer),
+        stars,
         capacity,
         streams: Streams::new(capacity.subscribers),
         audits: AuditReport::default(),
@@ -366,7 +366,7 @@ impl Worker {
         self.scene.camera = job.camera;
         self.scene.revision = job.scene.revision;
         self.scene.objects = Arc::clone(&job.objects);
-        self.scene.stars = self.shared.stars.at(job.time_s);
+        self.scene.stars = self.shared.stars.at(job.objects.observer.as_ref(), job.time_s);
         job.stars = Arc::clone(&self.scene.stars);
         // While the camera travels, a map would be out of date when it is there.
         let place_pc = map_place_pc(self.scene.camera.position_m / PARSEC_M);

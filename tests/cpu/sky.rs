@@ -85,7 +85,7 @@ fn bodies_of_the_solar_system_give_way_to_those_of_the_configuration() {
                 [[bodies]]\nname = 'red'\npreset = 'mars'\nposition_m = [1, 2, 3]\n\
                 [[bodies]]\nname = 'luna'\nephemeris = 'moon'\nradius_m = 1e6\ngeometric_albedo = 0.1\n";
     let objects = config(text).objects().unwrap();
-    assert_eq!(objects.bodies.len(), 10);
+    assert_eq!(objects.bodies.len(), 15);
     assert!(!objects.bodies.iter().any(|body| ["mars", "moon"].contains(&&body.name[..])));
     let luna = body(&objects, "luna");
     let tdb_s = Clock::default().tt_s(time_s("2026-11-23T20:00:00Z"));

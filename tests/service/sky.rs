@@ -3,12 +3,12 @@
 use std::{path::Path, sync::Arc, time::Duration};
 
 use steradian::{
-    config::Config,
+    config::{AirConfig, Config},
     glam::DVec3,
     observer::Frame,
     output::Encoding,
     scene::{Camera, SceneObjects},
-    service::{CameraUpdate, Client, SceneUpdate, SeenKind, ServeOptions},
+    service::{CameraUpdate, Client, GroundForm, ObserverChange, SceneUpdate, SeenKind, ServeOptions},
 };
 use tokio::time::sleep;
 use tonic::Code;
@@ -28,6 +28,7 @@ fn with_sky(options: &mut ServeOptions) {
     options.clock = Some(config.clock());
     options.scene.camera = camera;
     options.scene.objects = objects;
+    options.observer = config.scene.observer;
 }
 
 fn time(time_s: Option<f64>, time_rate: Option<f64>) -> SceneUpdate {
@@ -147,5 +148,112 @@ async fn a_clock_that_runs_goes_on_after_a_restart_and_a_snapshot_has_its_moment
     client.load_snapshot("evening", None).await.unwrap();
     let restored = client.scene().await.unwrap();
     assert!(restored.time_rate == 1000.0 && restored.time_s - begin_s < gone_s, "{}", restored.time_s - begin_s);
+    daemon.shutdown().await.unwrap();
+}
+
+/// Where a body stands over the horizon, degrees: azimuth and altitude.
+async fn stands_deg(client: &mut Client, name: &str) -> [f64; 2] {
+    let direction = client.find(name).await.unwrap().direction;
+    let camera = client.look_at(name, Some(Frame::Horizon)).await.unwrap();
+    assert!((camera.world_from_camera * DVec3::NEG_Z).angle_between(direction) < 1e-7);
+    let scene = client.scene().await.unwrap();
+    let (Some(latitude_deg), Some(longitude_deg)) = (scene.observer.latitude_deg, scene.observer.longitude_deg) else {
+        panic!("an observer")
+    };
+    let text = format!("[scene]\n[scene.observer]\nlatitude_deg = {latitude_deg}\nlongitude_deg = {longitude_deg}\n");
+    let observer = Config::from_text(&text, "place.toml", Path::new("."), &[]).unwrap().observer().unwrap();
+    let local = observer.icrs_from_horizon(scene.time_s).inverse() * direction;
+    [local.x.atan2(-local.z), local.y.asin()].map(f64::to_degrees)
+}
+
+#[tokio::test]
+async fn an_observer_moves_to_another_place_with_air_and_ground_and_the_camera_keeps_its_azimuth() {
+    let folder = tempfile::tempdir().unwrap();
+    let state = folder.path().join("state.redb");
+    let started = |options: &mut ServeOptions| {
+        with_sky(options);
+        options.state = Some(state.clone());
+    };
+    let daemon = Daemon::start_with(small_rig(), started).await;
+    let mut client = daemon.client().await;
+    let (_, camera, objects) = observed();
+    let at_home = stands_deg(&mut client, "sun").await;
+    assert!(at_home[1] < -40.0, "night over Munich: {at_home:?}");
+    // Back to where it looked at first: south, along the horizon.
+    let south = CameraUpdate {
+        orientation: Some(camera.world_from_camera.to_array()),
+        frame: Some(Frame::Horizon),
+        ..CameraUpdate::default()
+    };
+    let before = client.set_camera(&south).await.unwrap();
+    let moon_before = client.find("moon").await.unwrap().direction;
+    let there = ObserverChange { latitude_deg: Some(-33.87), longitude_deg: Some(151.21), ..ObserverChange::default() };
+    let to = |observer: ObserverChange| SceneUpdate { observer, ..SceneUpdate::default() };
+    let scene = client.update_scene(&to(there), None).await.unwrap();
+    assert_eq!((scene.observer.latitude_deg, scene.observer.height_m), (Some(-33.87), Some(0.0)));
+    // What a configuration of that place has.
+    let text = CONFIG.replace("= 48", "= -33.87").replace("= 11", "= 151.21");
+    let config = Config::from_text(&text, "sydney.toml", Path::new("."), &[]).unwrap();
+    let (expected, of_place) = (config.camera().unwrap(), config.objects().unwrap());
+    let camera = client.camera().await.unwrap();
+    assert!(camera.world_from_camera.angle_between(expected.world_from_camera) < 1e-7);
+    assert_eq!((camera.position_m, camera.revision), (before.position_m, before.revision + 1));
+    for name in ["moon", "mars", "jupiter"] {
+        let expected = of_place.bodies.iter().find(|body| body.name == name).unwrap().position_m - expected.position_m;
+        let found = place_m(&mut client, name).await - camera.position_m;
+        assert!(found.angle_between(expected) < 1e-8 && (found - expected).length() < 1.0, "{name}");
+    }
+    // The Moon has moved against the stars: its parallax.
+    let parallax_deg = client.find("moon").await.unwrap().direction.angle_between(moon_before).to_degrees();
+    assert!((0.3..2.0).contains(&parallax_deg), "{parallax_deg}");
+    assert!(stands_deg(&mut client, "sun").await[1] > 0.0, "morning over Sydney");
+    // Air and ground.
+    let ground =
+        GroundForm { enabled: true, albedo: 0.5, horizon_deg: vec![[0.0, 30.0], [180.0, 30.0]], landscape: false };
+    let air = AirConfig { night_sky_mag: 18.0, ..AirConfig::default() };
+    let around = ObserverChange { air: Some(air.clone()), ground: Some(ground.clone()), ..ObserverChange::default() };
+    let scene = client.update_scene(&to(around), None).await.unwrap();
+    assert_eq!((scene.observer.air, scene.observer.ground), (Some(air), Some(ground)));
+    // Behind the hills nothing is seen but them.
+    client.find("sun").await.unwrap();
+    // Mistakes change nothing.
+    for (change, part) in [
+        (ObserverChange { latitude_deg: Some(100.0), ..ObserverChange::default() }, "observer.latitude_deg"),
+        (ObserverChange { height_m: Some(f64::NAN), ..ObserverChange::default() }, "observer.height_m"),
+        (
+            ObserverChange {
+                air: Some(AirConfig { pressure_hpa: Some(-1.0), ..AirConfig::default() }),
+                ..Default::default()
+            },
+            "observer.air.pressure_hpa",
+        ),
+    ] {
+        let error = client.update_scene(&to(change), None).await.unwrap_err();
+        assert!(error.code() == Some(Code::InvalidArgument) && error.to_string().contains(part), "{error}");
+    }
+    let scene = client.scene().await.unwrap();
+    let camera = client.camera().await.unwrap();
+    drop(client);
+    daemon.shutdown().await.unwrap();
+    // It is there again after a restart, and the camera on its horizon.
+    let daemon = Daemon::start_with(small_rig(), started).await;
+    let mut client = daemon.client().await;
+    let again = client.scene().await.unwrap();
+    assert_eq!((again.observer, again.revision), (scene.observer, scene.revision));
+    let turned = client.camera().await.unwrap().world_from_camera.angle_between(camera.world_from_camera);
+    assert!(turned < 1e-7, "{turned}");
+    assert_eq!(objects.observer.map(|observer| observer.place.height_m), Some(0.0));
+    drop(client);
+    daemon.shutdown().await.unwrap();
+}
+
+#[tokio::test]
+async fn a_scene_without_an_observer_is_given_none_by_clients() {
+    let daemon = Daemon::start(small_rig()).await;
+    let mut client = daemon.client().await;
+    let observer = ObserverChange { latitude_deg: Some(1.0), ..ObserverChange::default() };
+    let error = client.update_scene(&SceneUpdate { observer, ..SceneUpdate::default() }, None).await.unwrap_err();
+    assert!(error.code() == Some(Code::InvalidArgument) && error.to_string().contains("scene.observer"), "{error}");
+    drop(client);
     daemon.shutdown().await.unwrap();
 }

@@ -301,7 +301,8 @@ impl Film {
         let LoadedScene { stars, report, objects, prepared } = load::scene(&self.inputs.config, &groups, renderer)?;
         prepared.map_err(of_render)?;
         folder.tell_catalogues(self.inputs.catalogues(&report))?;
-        let stars = SeenStars::new(Arc::new(stars), objects.observer);
+        let sources = self.inputs.config.star_sources();
+        let stars = SeenStars::new(Arc::new(stars), objects.observer.as_ref(), sources);
         let ended = ended_by_signal().map_err(CliError::Runtime)?;
         let mut progress = FilmProgress::new(missing.len());
         let begun = Instant::now();
@@ -343,7 +344,9 @@ impl Film {
         };
         let camera = values.camera(&of_config, DQuat::from_mat3(&icrs_from_frame));
         let camera = camera.map_err(|error| self.fault(frame, error.to_string()))?;
-        let snapshot = SceneSnapshot { revision: 1, stars: stars.made(objects.time_s), objects, camera };
+        let stars = stars.made(objects.observer.as_ref(), objects.time_s);
+        let stars = stars.map_err(|source| CliError::Load { origin: format!("{}: ", config.origin), source })?;
+        let snapshot = SceneSnapshot { revision: 1, stars, objects, camera };
         Ok(Moment { config: values.applied_to(config), snapshot })
     }
 

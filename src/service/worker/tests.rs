@@ -165,7 +165,7 @@ fn start(planned: Duration, drawn: Duration, mode: ExposureMode) -> (RenderHandl
     let engine = Box::new(TestEngine { device: Arc::clone(&device), in_flight: VecDeque::new() });
     let scene =
         SceneSnapshot { revision: 1, stars: Arc::default(), objects: Arc::default(), camera: Camera::default() };
-    let objects = Objects::new(Arc::default(), &[]).unwrap();
+    let objects = Objects::new(Arc::default(), &[], None).unwrap();
     let kind = ViewKind::Perspective { size: [4, 4], fov_y_rad: 1.0 };
     let view = |name: &str| GivenView {
         view: View::new(name, kind.clone(), DQuat::IDENTITY, DVec3::ZERO).unwrap(),
@@ -179,7 +179,9 @@ fn start(planned: Duration, drawn: Duration, mode: ExposureMode) -> (RenderHandl
     let mut forecast = Forecast::default();
     forecast.note(planned, drawn);
     let capacity = Capacity { requests: 16, subscribers: 16 };
-    let (handle, thread) = spawn_with(engine, scene, (objects, clock, views), settings, capacity, forecast).unwrap();
+    let stars = SeenStars::new(Arc::clone(&scene.stars), None, Vec::new());
+    let (handle, thread) =
+        spawn_with(engine, (scene, stars), (objects, clock, views), settings, capacity, forecast).unwrap();
     (handle, thread, device)
 }
 

@@ -1,0 +1,160 @@
+//! The observer on the wire.
+
+use super::{
+    observer::{GivenObserver, GroundForm, ObserverChange},
+    proto,
+};
+use crate::config::{AirConfig, GroundConfig};
+
+/// Fields of the observer that a mask may name.
+const ALLOWED: &str = "allowed are observer, observer.latitude_deg, observer.longitude_deg, observer.height_m, observer.ut1_minus_utc_s, observer.delta_t_s, observer.air and observer.ground";
+
+fn air_to_pb(air: &AirConfig) -> proto::Air {
+    proto::Air {
+        enabled: Some(air.enabled),
+        extinction_mag: air.extinction_mag,
+        night_sky_mag: Some(air.night_sky_mag),
+        pressure_hpa: air.pressure_hpa,
+        temperature_c: air.temperature_c,
+    }
+}
+
+fn air_from_pb(air: proto::Air) -> AirConfig {
+    let unsaid = AirConfig::default();
+    AirConfig {
+        enabled: air.enabled.unwrap_or(unsaid.enabled),
+        extinction_mag: air.extinction_mag,
+        night_sky_mag: air.night_sky_mag.unwrap_or(unsaid.night_sky_mag),
+        pressure_hpa: air.pressure_hpa,
+        temperature_c: air.temperature_c,
+    }
+}
+
+fn ground_to_pb(ground: &GroundForm) -> proto::Ground {
+    let point = |[azimuth_deg, altitude_deg]: &[f64; 2]| proto::HorizonPoint {
+        azimuth_deg: *azimuth_deg,
+        altitude_deg: *altitude_deg,
+    };
+    proto::Ground {
+        enabled: Some(ground.enabled),
+        albedo: Some(ground.albedo),
+        horizon: ground.horizon_deg.iter().map(point).collect(),
+        landscape: ground.landscape,
+    }
+}
+
+fn ground_from_pb(ground: proto::Ground) -> GroundForm {
+    let unsaid = GroundConfig::default();
+    GroundForm {
+        enabled: ground.enabled.unwrap_or(unsaid.enabled),
+        albedo: ground.albedo.unwrap_or(unsaid.albedo),
+        horizon_deg: ground.horizon.iter().map(|point| [point.azimuth_deg, point.altitude_deg]).collect(),
+        landscape: ground.landscape,
+    }
+}
+
+pub(super) fn observer_to_pb(observer: &GivenObserver) -> proto::Observer {
+    let given = observer.given();
+    proto::Observer {
+        latitude_deg: given.latitude_deg,
+        longitude_deg: given.longitude_deg,
+        height_m: given.height_m,
+        ut1_minus_utc_s: given.ut1_minus_utc_s,
+        delta_t_s: given.delta_t_s,
+        air: Some(air_to_pb(&given.air)),
+        ground: Some(ground_to_pb(&observer.ground())),
+    }
+}
+
+/// The observer that a scene is told to have, as the change that makes it so.
+pub(super) fn observer_from_pb(observer: &proto::Observer) -> ObserverChange {
+    ObserverChange {
+        latitude_deg: Some(observer.latitude_deg),
+        longitude_deg: Some(observer.longitude_deg),
+        height_m: Some(observer.height_m),
+        ut1_minus_utc_s: Some(observer.ut1_minus_utc_s),
+        delta_t_s: Some(observer.delta_t_s),
+        air: Some(air_from_pb(observer.air.unwrap_or_default())),
+        ground: Some(ground_from_pb(observer.ground.clone().unwrap_or_default())),
+    }
+}
+
+/// Adds what a path of a mask, behind `observer`, names. The error tells what is wrong and what is allowed.
+pub(super) fn add_observer_change(
+    change: &mut ObserverChange,
+    rest: &str,
+    given: Option<&proto::Observer>,
+) -> Result<(), String> {
+    let given = given.ok_or_else(|| format!("observer: update_mask names observer{rest}, and none is given"))?;
+    let all = observer_from_pb(given);
+    match rest {
+        "" => *change = all,
+        ".latitude_deg" => change.latitude_deg = all.latitude_deg,
+        ".longitude_deg" => change.longitude_deg = all.longitude_deg,
+        ".height_m" => change.height_m = all.height_m,
+        ".ut1_minus_utc_s" => change.ut1_minus_utc_s = all.ut1_minus_utc_s,
+        ".delta_t_s" => change.delta_t_s = all.delta_t_s,
+        ".air" => change.air = all.air,
+        ".ground" => change.ground = all.ground,
+        _ => return Err(format!("update_mask: no field `observer{rest}`: {ALLOWED}")),
+    }
+    Ok(())
+}
+
+/// Paths of a change, and what they name.
+pub(super) fn observer_change_to_pb(change: &ObserverChange) -> (Vec<String>, Option<proto::Observer>) {
+    let named = [
+        change.latitude_deg.map(|_| "latitude_deg"),
+        change.longitude_deg.map(|_| "longitude_deg"),
+        change.height_m.map(|_| "height_m"),
+        change.ut1_minus_utc_s.map(|_| "ut1_minus_utc_s"),
+        change.delta_t_s.map(|_| "delta_t_s"),
+        change.air.as_ref().map(|_| "air"),
+        change.ground.as_ref().map(|_| "ground"),
+    ];
+    let observer = proto::Observer {
+        latitude_deg: change.latitude_deg.unwrap_or_default(),
+        longitude_deg: change.longitude_deg.unwrap_or_default(),
+        height_m: change.height_m.unwrap_or_default(),
+        ut1_minus_utc_s: change.ut1_minus_utc_s.unwrap_or_default(),
+        delta_t_s: change.delta_t_s.flatten(),
+        air: change.air.as_ref().map(air_to_pb),
+        ground: change.ground.as_ref().map(ground_to_pb),
+    };
+    let paths = named.into_iter().flatten().map(|key| format!("observer.{key}")).collect();
+    (paths, (!change.is_nothing()).then_some(observer))
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn changes_go_over_the_wire_and_back() {
+        let air = AirConfig { night_sky_mag: 19.5, pressure_hpa: Some(900.0), ..AirConfig::default() };
+        let ground =
+            GroundForm { enabled: true, albedo: 0.3, horizon_deg: vec![[10.0, 2.0], [200.0, -1.0]], landscape: false };
+        for change in [
+            ObserverChange { latitude_deg: Some(-3.0), ..ObserverChange::default() },
+            ObserverChange { delta_t_s: Some(None), height_m: Some(12.0), ..ObserverChange::default() },
+            ObserverChange { air: Some(air), ground: Some(ground), ..ObserverChange::default() },
+        ] {
+            let (paths, observer) = observer_change_to_pb(&change);
+            let mut back = ObserverChange::default();
+            for path in &paths {
+                add_observer_change(&mut back, path.strip_prefix("observer").unwrap(), observer.as_ref()).unwrap();
+            }
+            assert_eq!(back, change, "{paths:?}");
+        }
+        let problem = |rest: &str, given: Option<&proto::Observer>| {
+            add_observer_change(&mut ObserverChange::default(), rest, given).unwrap_err()
+        };
+        assert!(problem(".latitude_deg", None).contains("none is given"));
+        assert!(problem(".moon", Some(&proto::Observer::default())).contains("observer.ground"));
+        // What is not said is as in a configuration.
+        let said = observer_from_pb(&proto::Observer::default());
+        assert_eq!(said.air, Some(AirConfig::default()));
+        assert!(said.ground.unwrap().enabled);
+    }
+}

@@ -1,0 +1,170 @@
+//! The observer of a scene as clients give it, and what a change makes of it. A landscape is the configuration's: clients say whether the ground has it.
+
+use std::{path::PathBuf, sync::Arc};
+
+use crate::{
+    config::{AirConfig, GroundConfig, ObserverConfig},
+    observer::Observer,
+    scene::{SceneObjects, landscape::Landscape, surroundings::Surroundings},
+};
+
+/// The ground around an observer.
+#[derive(Clone, Debug, PartialEq)]
+pub struct GroundForm {
+    /// Whether there is ground.
+    pub enabled: bool,
+    /// Share of the light on it that it reflects, 0 to 1.
+    pub albedo: f64,
+    /// The line up to which it reaches, azimuths, 0 to below 360 and rising, and altitudes, -90 to 90; empty: altitude 0.
+    pub horizon_deg: Vec<[f64; 2]>,
+    /// Whether it has the panorama of the configuration, in the place of that line.
+    pub landscape: bool,
+}
+
+/// Changes of the observer; what is `None` stays. The ranges are those of the configuration.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ObserverChange {
+    /// Geodetic latitude (WGS84), north positive.
+    pub latitude_deg: Option<f64>,
+    /// Longitude, east positive.
+    pub longitude_deg: Option<f64>,
+    /// Height above the ellipsoid.
+    pub height_m: Option<f64>,
+    /// UT1 - UTC.
+    pub ut1_minus_utc_s: Option<f64>,
+    /// TT - UT1; `Some(None)`: from leap seconds, and estimated before 1972.
+    pub delta_t_s: Option<Option<f64>>,
+    /// The air, all of it.
+    pub air: Option<AirConfig>,
+    /// The ground, all of it.
+    pub ground: Option<GroundForm>,
+}
+
+impl ObserverChange {
+    /// Whether all stays.
+    pub fn is_nothing(&self) -> bool {
+        *self == Self::default()
+    }
+}
+
+/// The observer that a scene has, as it was given, and what the configuration lends.
+#[derive(Clone, Debug)]
+pub(super) struct GivenObserver {
+    given: ObserverConfig,
+    /// The panorama of the configuration, also while the ground is without it, and its file.
+    lent: Option<(PathBuf, Arc<Landscape>)>,
+}
+
+/// A change for which everything is made.
+#[derive(Clone, Debug)]
+pub(super) struct MadeObserver {
+    pub(super) given: GivenObserver,
+    pub(super) observer: Observer,
+    pub(super) surroundings: Option<Arc<Surroundings>>,
+}
+
+impl GivenObserver {
+    /// The observer of a configuration, whose objects have its landscape.
+    pub(super) fn new(given: ObserverConfig, objects: &SceneObjects) -> Self {
+        let ground = objects.surroundings.as_ref().and_then(|surroundings| surroundings.ground.as_ref());
+        let landscape = ground.and_then(|ground| ground.landscape.clone());
+        Self { lent: given.ground.landscape.clone().zip(landscape), given }
+    }
+
+    pub(super) fn given(&self) -> &ObserverConfig {
+        &self.given
+    }
+
+    /// The ground as clients are told of it.
+    pub(super) fn ground(&self) -> GroundForm {
+        let GroundConfig { enabled, albedo, horizon_deg, landscape, .. } = &self.given.ground;
+        GroundForm {
+            enabled: *enabled,
+            albedo: *albedo,
+            horizon_deg: horizon_deg.clone(),
+            landscape: landscape.is_some(),
+        }
+    }
+
+    /// What a change makes of it; the tables of air take a tenth of a second. The error tells what is not allowed.
+    pub(super) fn changed(&self, change: &ObserverChange, observer: &Observer) -> Result<MadeObserver, String> {
+        let now = &self.given;
+        let ground = match &change.ground {
+            None => now.ground.clone(),
+            Some(GroundForm { landscape: true, .. }) if self.lent.is_none() => {
+                return Err("observer.ground.landscape: the configuration has none".to_owned());
+            }
+            Some(form) => GroundConfig {
+                enabled: form.enabled,
+                albedo: form.albedo,
+                horizon_deg: form.horizon_deg.clone(),
+                landscape: self.lent.as_ref().filter(|_| form.landscape).map(|(file, _)| file.clone()),
+                landscape_azimuth_deg: now.ground.landscape_azimuth_deg,
+            },
+        };
+        let given = ObserverConfig {
+            latitude_deg: change.latitude_deg.unwrap_or(now.latitude_deg),
+            longitude_deg: change.longitude_deg.unwrap_or(now.longitude_deg),
+            height_m: change.height_m.unwrap_or(now.height_m),
+            ut1_minus_utc_s: change.ut1_minus_utc_s.unwrap_or(now.ut1_minus_utc_s),
+            delta_t_s: change.delta_t_s.unwrap_or(now.delta_t_s),
+            air: change.air.clone().unwrap_or_else(|| now.air.clone()),
+            ground,
+            ..now.clone()
+        };
+        given.check()?;
+        let landscape = self.lent.as_ref().filter(|_| given.ground.landscape.is_some());
+        let landscape = landscape.map(|(_, landscape)| Arc::clone(landscape));
+        let surroundings = given.surroundings_with(landscape).map(Arc::new);
+        let observer = observer.moved(given.place(), given.clock());
+        let given = Self { given, lent: self.lent.clone() };
+        Ok(MadeObserver { given, observer, surroundings })
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::config::Config;
+
+    #[test]
+    fn places_are_changed_key_by_key_and_mistakes_are_told_with_what_is_allowed() {
+        let text = "[scene]\ntime = 2026-11-23T20:00:00Z\n[scene.observer]\nlatitude_deg = 48\nlongitude_deg = 11\n\
+                    height_m = 500\n[scene.observer.air]\nnight_sky_mag = 20\n";
+        let config = Config::from_text(text, "sky.toml", Path::new("."), &[]).unwrap();
+        let objects = config.objects().unwrap();
+        let observer = objects.observer.unwrap();
+        let given = GivenObserver::new(config.scene.observer.clone().unwrap(), &objects);
+        let sydney =
+            ObserverChange { latitude_deg: Some(-33.9), longitude_deg: Some(151.2), ..ObserverChange::default() };
+        let made = given.changed(&sydney, &observer).unwrap();
+        assert_eq!(made.observer.epoch.position_m, observer.epoch.position_m, "the scene is drawn from where it was");
+        assert_eq!(made.observer.place.height_m, 500.0);
+        assert_eq!(made.given.given().air.night_sky_mag, 20.0);
+        assert!(made.surroundings.as_ref().unwrap().ground.is_some());
+        // Nothing changes: the very scene.
+        let same = given.changed(&ObserverChange::default(), &observer).unwrap();
+        assert_eq!((same.observer, same.surroundings), (observer, objects.surroundings.clone()));
+        let air = |air: AirConfig| ObserverChange { air: Some(air), ..ObserverChange::default() };
+        let ground = |landscape: bool, horizon_deg: Vec<[f64; 2]>| {
+            let ground = GroundForm { enabled: true, albedo: 0.1, horizon_deg, landscape };
+            ObserverChange { ground: Some(ground), ..ObserverChange::default() }
+        };
+        for (change, part) in [
+            (ObserverChange { latitude_deg: Some(91.0), ..Default::default() }, "observer.latitude_deg: 91"),
+            (ObserverChange { latitude_deg: Some(f64::NAN), ..Default::default() }, "observer.latitude_deg: NaN"),
+            (ObserverChange { delta_t_s: Some(Some(2e6)), ..Default::default() }, "observer.delta_t_s: 2000000"),
+            (air(AirConfig { night_sky_mag: 3.0, ..AirConfig::default() }), "observer.air.night_sky_mag: 3"),
+            (ground(true, Vec::new()), "observer.ground.landscape"),
+            (ground(false, vec![[10.0, 1.0], [5.0, 1.0]]), "observer.ground.horizon_deg[1]"),
+        ] {
+            let problem = given.changed(&change, &observer).unwrap_err();
+            assert!(problem.contains(part), "{problem}\nlacks {part}");
+        }
+        let without = air(AirConfig { enabled: false, ..AirConfig::default() });
+        assert!(given.changed(&without, &observer).unwrap().surroundings.unwrap().air.is_none());
+    }
+}
