@@ -6,6 +6,7 @@
 // pixels with asteroids each sample takes what is nearest. The f64 twin is src/reference/bodies.rs.
 
 #import constants/bodies
+#import constants/corona
 #import constants/faces
 #import constants/projections
 #import constants/rings
@@ -83,6 +84,10 @@ const MOST_LIMB_PARTS: f32 = 12.0;
 const SMALL_PART: f32 = 0.05;
 // Parts of a pixel along a side where the limb of a body lies before another one.
 const CROSSED_PARTS: u32 = 12u;
+// Width of the parts of a pixel of a corona, in parts of the distance from the sun's middle: the steepest part of its light is then right to 2 %.
+const CORONA_STEP: f32 = 0.04;
+// And so many of them along a side at most.
+const MOST_CORONA_PARTS: f32 = 24.0;
 // Bodies that one pixel may show.
 const MOST_HITS: u32 = 4u;
 // So many halves of the diagonal of a pixel from the limb a body is looked at more closely.
@@ -164,7 +169,7 @@ fn open_share(sun: BodySun, point: vec3<f32>) -> vec3<f32> {
 fn through_rings(body: ViewBody, point: vec3<f32>, blur: f32) -> f32 {
     let along = normalize(body.to_sun / vec3(1.0, 1.0, body.flattening));
     let steps = -point.z / along.z;
-    if body.has_rings == 0u || !(steps > 0.0) {
+    if body.around != AROUND_RINGS || !(steps > 0.0) {
         return 1.0;
     }
     let radius = length(point.xy + steps * along.xy);
@@ -189,7 +194,7 @@ fn luminance_at(body: ViewBody, passage: Passage, entry: vec4<f32>, footprint: f
     var lit = vec3(0.0);
     for (var i = body.first_sun; i < body.first_sun + body.sun_count; i++) {
         var arriving = suns[i].illuminance * open_share(suns[i], entry.xyz);
-        if i == body.first_sun && body.has_rings != 0u {
+        if i == body.first_sun && body.around == AROUND_RINGS {
             arriving *= through_rings(body, entry.xyz, max(0.5 * footprint, 1e-4));
         }
         lit += arriving * reflected(body.law, dot(normal, suns[i].direction), cos_e);
@@ -353,9 +358,38 @@ fn rings_in_pixel(viewport: Viewport, body: ViewBody, corner: vec2<f32>, ray: ve
     let towards = dot(vec3(own.xy, 0.0), to_sun);
     let beside = sqrt(max(radius * radius - towards * towards, 0.0));
     let open = select(clamp(0.5 + (beside - 1.0) / (2.0 * half), 0.0, 1.0), 1.0, towards >= 0.0);
-    shown.light = body.rings * select(0.0, reflected * open, is_lit);
+    shown.light = body.around_light * select(0.0, reflected * open, is_lit);
     shown.distance_m = own.z;
     return shown;
+}
+
+// Luminance of a corona over the mean one of the disc, at a distance from the sun's middle in radii: see src/photometry/corona.rs.
+fn corona_over_disc(s: f32) -> f32 {
+    if s < 1.0 || s >= CORONA_OUTER {
+        return 0.0;
+    }
+    let q = 1.0 / s;
+    let q2 = q * q;
+    let q4 = q2 * q2;
+    let q8 = q4 * q4;
+    let t = clamp((s - CORONA_FADES) / (CORONA_OUTER - CORONA_FADES), 0.0, 1.0);
+    return (1.0 - t * t * (3.0 - 2.0 * t)) * (CORONA_PARTS.x * q2 * sqrt(q) + CORONA_PARTS.y * q4 * q2 * q + CORONA_PARTS.z * q8 * q8 * q);
+}
+
+// Mean luminance of a body's corona over a pixel, without what stands before it.
+fn corona_in_pixel(viewport: Viewport, body: ViewBody, corner: vec2<f32>, ray: vec3<f32>, extent: f32) -> vec3<f32> {
+    let s = passage_of(body, ray).s;
+    let reach = extent * body.distance_m * body.inverse_smallest;
+    if s > CORONA_OUTER + reach {
+        return vec3(0.0);
+    }
+    let parts = u32(clamp(ceil(2.0 * reach / (CORONA_STEP * max(s, 1.0))), 1.0, MOST_CORONA_PARTS));
+    var sum = 0.0;
+    for (var i = 0u; i < parts * parts; i++) {
+        let at = corner + (vec2(f32(i % parts), f32(i / parts)) + 0.5) / f32(parts);
+        sum += corona_over_disc(passage_of(body, ray_of(viewport, at, ray)).s);
+    }
+    return body.around_light * (sum / f32(parts * parts));
 }
 
 // Puts what a body or its rings show among what a pixel shows, the nearest first; of more than fit the farthest is left out.
@@ -410,9 +444,13 @@ fn nearest_of_parts(viewport: Viewport, run: vec2<u32>, corner: vec2<f32>, ray: 
         let own = ray_of(viewport, at, ray);
         var nearest = 3e38;
         var shown = vec4(0.0);
+        var corona = vec3(0.0);
         for (var b = run.x; b < run.x + run.y; b++) {
             let body = body_for(viewport, b, ray);
             let passage = passage_of(body, own);
+            if body.around == AROUND_CORONA {
+                corona += body.around_light * corona_over_disc(passage.s);
+            }
             if passage.s <= 1.0 {
                 let entry = entry_of(body, passage);
                 if entry.w < nearest {
@@ -422,7 +460,7 @@ fn nearest_of_parts(viewport: Viewport, run: vec2<u32>, corner: vec2<f32>, ray: 
                 }
             }
         }
-        sum += shown;
+        sum += shown + vec4((1.0 - shown.w) * corona, 0.0);
     }
     return sum / f32(CROSSED_PARTS * CROSSED_PARTS);
 }
@@ -525,6 +563,9 @@ fn draw_geometry(@builtin(global_invocation_id) invocation: vec3<u32>) {
     var hits: array<Shown, MOST_HITS>;
     var count = 0u;
     var flags = 0u;
+    // A corona covers nothing; what is nearer than its sun covers it.
+    var corona = vec3(0.0);
+    var corona_m = 3e38;
     let unit = normalize(ray);
     let end = run.x + run.y;
     for (var b = next_near(run.x, end, unit); b < end; b = next_near(b + 1u, end, unit)) {
@@ -539,7 +580,11 @@ fn draw_geometry(@builtin(global_invocation_id) invocation: vec3<u32>) {
             shown.coverage *= body.part;
             count = insert_hit(&hits, count, shown);
         }
-        if body.has_rings != 0u {
+        if body.around == AROUND_CORONA {
+            corona += corona_in_pixel(viewport, body, corner, ray, extent);
+            corona_m = min(corona_m, body.distance_m * length(body.centre) - 1.0 / body.inverse_smallest);
+        }
+        if body.around == AROUND_RINGS {
             var rings = rings_in_pixel(viewport, body, corner, ray);
             if rings.coverage > 0.0 {
                 rings.light *= body.part;
@@ -550,14 +595,22 @@ fn draw_geometry(@builtin(global_invocation_id) invocation: vec3<u32>) {
     }
     var light = vec3(0.0);
     var open = 1.0;
+    var before_corona = 1.0;
     var nearest = 3e38;
     for (var i = 0u; i < count; i++) {
         light += open * hits[i].light;
         open *= 1.0 - hits[i].coverage;
         nearest = min(nearest, hits[i].distance_m);
+        if hits[i].distance_m < corona_m {
+            before_corona = open;
+        }
     }
+    light += before_corona * corona;
     // The limb of a body before another one: what is covered of both is no product of shares. In an eclipse one disc lies within the other.
-    if count > 1u && !(hits[0].rings || hits[1].rings) && hits[0].coverage > 0.0 && hits[0].coverage < 1.0 && hits[1].coverage > 0.0 {
+    let partly = count > 0u && !hits[0].rings && hits[0].coverage > 0.0 && hits[0].coverage < 1.0;
+    let crossed = count > 1u && !hits[1].rings && hits[1].coverage > 0.0;
+    // So is that of one before a corona, which is brightest where the limb of its sun is.
+    if partly && (crossed || (before_corona < 1.0 && any(corona > vec3(0.0)))) {
         let sampled = nearest_of_parts(viewport, run, corner, ray, extent_of(viewport, corner, ray));
         light = sampled.xyz;
         open = 1.0 - sampled.w;

@@ -30,17 +30,17 @@ struct ViewBody {
     // First word of its texture; NO_TEXTURE without one.
     texture: u32,
     texture_size: vec2<u32>,
-    // Luminance of its rings over what they reflect.
-    rings: vec3<f32>,
-    // 1: it has rings.
-    has_rings: u32,
+    // Luminance of its rings over what they reflect, or the mean one of the disc by which its corona is measured.
+    around_light: vec3<f32>,
+    // One of AROUND_...
+    around: u32,
     // Unit vector to its first sun, body's axes.
     to_sun: vec3<f32>,
     // Semi-axis along the pole over that of the equator.
     flattening: f32,
     // Unit vector to the middle, view axes.
     towards: vec3<f32>,
-    // Chord beyond which no pixel shows anything of it or of its rings.
+    // Chord beyond which no pixel shows anything of it or of what is around it.
     reach: f32,
 }
 

@@ -70,7 +70,7 @@ pub struct SpinConfig {
 }
 
 /// `emission` of a body.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct EmissionConfig {
     /// Absolute V magnitude; needed without the preset `sun`.
@@ -79,6 +79,8 @@ pub struct EmissionConfig {
     pub temperature_k: Option<f64>,
     /// Coefficient of linear limb darkening; 0 without the preset `sun`.
     pub limb_darkening: Option<f64>,
+    /// Whether there is a corona around it, as around the Sun; false without the preset `sun`.
+    pub corona: Option<bool>,
 }
 
 /// One number, or one for each of red, green and blue.
@@ -234,7 +236,7 @@ impl BodyConfig {
         let is_sun = self.preset == Some(SolarBody::Sun);
         let given = match self.emission {
             Some(emission) => emission,
-            None if is_sun => EmissionConfig { absolute_magnitude: None, temperature_k: None, limb_darkening: None },
+            None if is_sun => EmissionConfig::default(),
             None => return Ok(None),
         };
         let of_sun = |value: f64| is_sun.then_some(value);
@@ -252,7 +254,8 @@ impl BodyConfig {
         let temperature_k = number("temperature_k", given.temperature_k.or(of_sun(sun_k)), TEMPERATURES_K)?;
         let darkening = given.limb_darkening.or(of_sun(SolarBody::SUN_LIMB_DARKENING)).unwrap_or(0.0);
         let darkening = number("limb_darkening", Some(darkening), [0.0, 1.0])?;
-        Ok(Some(Emission::of_star(magnitude, temperature_k, mean_radius_m(radii_m), darkening)))
+        let of_star = Emission::of_star(magnitude, temperature_k, mean_radius_m(radii_m), darkening);
+        Ok(Some(Emission { corona: given.corona.unwrap_or(is_sun), ..of_star }))
     }
 
     /// The body with its texture, which is read; paths start at `folder`.

@@ -369,6 +369,34 @@ impl SkyTable {
         nodes.map(|(smooth, aerosol)| rec709::luminance(each(|c| smooth[c] + aerosol[c]))).fold(0.0, f64::max)
     }
 
+    /// That of sources all around at an altitude, rad, which this table is of, as much as gives a level surface 1 lx: even in azimuth, whatever the source.
+    pub fn all_around(&self, source_rad: f64) -> Self {
+        let [altitudes, azimuths] = TABLE_NODES;
+        let source = direction(source_rad, 0.0);
+        let row = |row: usize| {
+            let altitude_rad = FRAC_PI_2 * (row as f64 / (altitudes - 1) as f64).powi(2);
+            let of_azimuth = |step: usize| {
+                let azimuth_rad = PI * (step as f64 + 0.5) / azimuths as f64;
+                self.luminance(altitude_rad, azimuth_rad, direction(altitude_rad, azimuth_rad).dot(source))
+            };
+            let sum = (0..azimuths).map(of_azimuth).fold([0.0; 3], |sum, of| each(|c| sum[c] + of[c]));
+            sum.map(|channel| channel / azimuths as f64)
+        };
+        let smooth = (0..altitudes).flat_map(|at| std::iter::repeat_n(row(at), azimuths)).collect();
+        let even = Self { smooth, ..Self::default() };
+        let steps = 200;
+        let step_rad = FRAC_PI_2 / f64::from(steps);
+        let ring = |step: i32| {
+            let altitude_rad = (f64::from(step) + 0.5) * step_rad;
+            let (sine, cosine) = altitude_rad.sin_cos();
+            TAU * sine * cosine * step_rad * rec709::luminance(even.luminance(altitude_rad, 0.0, 0.0))
+        };
+        let level_lx: f64 = (0..steps).map(ring).sum();
+        // A sky that shows nothing has nothing to share out.
+        let scale = if level_lx > 0.0 { 1.0 / level_lx } else { 0.0 };
+        Self { smooth: even.smooth.into_iter().map(|of| of.map(|channel| channel * scale)).collect(), ..even }
+    }
+
     /// Luminance at an altitude, at least 0, at an azimuth from the source, rad, and the cosine of the angle from it; cd/m^2 per lx.
     pub fn luminance(&self, altitude_rad: f64, azimuth_rad: f64, cosine: f64) -> [f64; 3] {
         let place = |part: f64, of: usize| part.clamp(0.0, 1.0).sqrt() * (of - 1) as f64;
@@ -488,6 +516,21 @@ mod tests {
         assert!(away[2] > away[1] && towards[1] > 4.0 * away[1], "{towards:?} {away:?}");
         let zenith = sky.luminance(dusk, FRAC_PI_2, 0.0);
         assert!(zenith[2] > 2.0 * zenith[1], "ozone makes twilight blue: {zenith:?}");
+    }
+
+    #[test]
+    fn light_from_all_around_is_even_and_gives_a_level_surface_one_lux() {
+        let even = sky().table(0.0).all_around(0.0);
+        let at = |altitude_deg: f64, azimuth: f64| even.luminance(altitude_deg.to_radians(), azimuth, 0.3);
+        assert_eq!(at(20.0, 0.1), at(20.0, 2.9));
+        let [low, high] = [at(3.0, 0.0), at(90.0, 0.0)];
+        // A sunset all around: bright and red below, blue above.
+        assert!(rec709::luminance(low) > 2.0 * rec709::luminance(high), "{low:?} {high:?}");
+        assert!(low[0] / low[2] > 1.3 * high[0] / high[2], "{low:?} {high:?}");
+        // An even sky of 1 / pi gives 1 lx.
+        assert!((0.3..1.0).contains(&(rec709::luminance(high) * PI)), "{high:?}");
+        let other = sky().table(0.0).luminance(0.35, 0.1, 0.9);
+        assert_ne!(other, sky().table(0.0).luminance(0.35, 2.9, -0.9), "that of one source is not");
     }
 
     #[test]

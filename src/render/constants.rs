@@ -16,12 +16,12 @@ const fn face_axes(axis: usize) -> [[f32; 3]; 6] {
     axes
 }
 
-/// The zones of Saturn's rings: outer radius, depth, albedo.
 const fn f32s(values: [f64; 5]) -> [f32; 5] {
     let [a, b, c, d, e] = values;
     [a as f32, b as f32, c as f32, d as f32, e as f32]
 }
 
+/// The zones of Saturn's rings: outer radius, depth, albedo.
 const fn ring_zones() -> [[f32; 3]; 4] {
     let mut zones = [[0.0; 3]; 4];
     let mut zone = 0;
@@ -242,6 +242,24 @@ shared_constants! {
     mod bodies {
         /// In place of the first word of a texture: there is none.
         NO_TEXTURE: u32 = u32::MAX;
+        /// What is around a body: nothing that is drawn.
+        AROUND_NOTHING: u32 = 0;
+        /// The rings of Saturn.
+        AROUND_RINGS: u32 = 1;
+        /// The corona of a sun.
+        AROUND_CORONA: u32 = 2;
+    }
+    /// The corona.
+    mod corona {
+        /// Luminance of its parts beside the limb over the mean one of the disc; they fall with the powers 2.5, 7 and 17 of the distance.
+        CORONA_PARTS: [f32; 3] = {
+            let [[a, _], [b, _], [c, _]] = crate::photometry::corona::TERMS;
+            [a as f32, b as f32, c as f32]
+        };
+        /// From here on it fades away, radii.
+        CORONA_FADES: f32 = crate::photometry::corona::FADES as f32;
+        /// Where it ends.
+        CORONA_OUTER: f32 = crate::photometry::corona::OUTER as f32;
     }
     /// Saturn's rings.
     mod rings {

@@ -419,7 +419,7 @@ fn a_body_at_arm_s_length_is_presented_with_the_stars_behind_it() {
         orientation: DQuat::IDENTITY,
         spin: Spin::default(),
         surface: Surface { law: ReflectionLaw::Lambert, geometric_albedo: [0.3; 3], phase_curve: None, texture: None },
-        emission: Some(Emission { luminance_cd_m2: [0.004, 0.003, 0.002], limb_darkening: 0.6 }),
+        emission: Some(Emission { luminance_cd_m2: [0.004, 0.003, 0.002], limb_darkening: 0.6, corona: false }),
         seen_through: [1.0; 3],
     };
     let objects = Arc::new(SceneObjects { bodies: vec![Arc::new(body)], ..SceneObjects::default() });

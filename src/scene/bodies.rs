@@ -53,6 +53,8 @@ pub struct Emission {
     pub luminance_cd_m2: [f64; 3],
     /// Linear limb darkening u: L(mu) = L(1) (1 - u (1 - mu)).
     pub limb_darkening: f64,
+    /// Whether there is a corona around it ([`crate::photometry::corona`]).
+    pub corona: bool,
 }
 
 /// How a body turns around its +z axis.

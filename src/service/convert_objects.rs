@@ -79,6 +79,7 @@ pub(super) fn body_to_pb(form: &BodyForm) -> proto::Body {
         emission: body.emission.map(|emission| proto::Emission {
             luminance_cd_m2: Some(rgb_to_pb(emission.luminance_cd_m2)),
             limb_darkening: emission.limb_darkening,
+            corona: emission.corona,
         }),
         ephemeris: body.ephemeris.map_or_else(String::new, |of| of.to_string()),
         phase_curve: body.surface.phase_curve.map_or_else(String::new, |of| of.name().to_owned()),
@@ -102,6 +103,7 @@ pub(super) fn body_from_pb(body: proto::Body) -> Result<BodyForm, String> {
         Ok::<_, String>(Emission {
             luminance_cd_m2: rgb_from_pb(Some(luminance_cd_m2)),
             limb_darkening: emission.limb_darkening,
+            corona: emission.corona,
         })
     };
     let ephemeris = Some(body.ephemeris).filter(|text| !text.is_empty()).map(Ephemeris::try_from).transpose();

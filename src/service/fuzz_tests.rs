@@ -179,6 +179,7 @@ fn full_scene() -> proto::Scene {
         emission: Some(proto::Emission {
             luminance_cd_m2: Some(proto::Rgb { red: 2e9, green: 2e9, blue: 2e9 }),
             limb_darkening: 0.6,
+            corona: true,
         }),
         ..Default::default()
     };

@@ -7,7 +7,7 @@ use steradian::{
     catalogue::bright::named_bright_stars,
     config::Config,
     glam::DVec3,
-    observer::{Clock, Place, Standpoint},
+    observer::{Clock, Place, Standpoint, horizontal_direction},
     photometry::rec709::luminance,
     plan::bodies::light::illuminance_of,
     scene::{
@@ -266,6 +266,32 @@ fn the_solar_eclipse_at_luxor_has_the_contacts_of_de440() {
         println!("{contact} contact: {error_s:+.2} s");
         assert!(error_s.abs() < 1.5, "{contact}: {error_s} s");
     }
+}
+
+#[test]
+fn the_sky_of_a_total_eclipse_is_as_dark_as_measured_and_brightest_all_around_the_horizon() {
+    let place = "[scene.observer]\nlatitude_deg = 25.6872\nlongitude_deg = 32.6396\nheight_m = 76\n";
+    let at = |time: &str| {
+        let config = config(&format!("[scene]\ntime = 2027-08-02T{time}Z\n{place}"));
+        let objects = config.objects().unwrap();
+        let sky = objects.local_sky(config.camera().unwrap().position_m).unwrap();
+        let towards = |altitude_deg: f64, azimuth_deg: f64| {
+            let up = horizontal_direction(azimuth_deg.to_radians(), altitude_deg.to_radians());
+            luminance(sky.above_cd_m2(sky.horizon_from_world.transpose() * up, [0.0; 3]))
+        };
+        [towards(89.9, 0.0), towards(4.0, 0.0), towards(4.0, 120.0), towards(4.0, 240.0)]
+    };
+    // Measured overhead in 2017 with sky quality meters: 13.1 to 13.3 magnitudes per square arcsecond (Lowman, Idaho; nightwise.org, 2017-08-27).
+    let totality = at("10:05:00");
+    let magnitude = 12.58 - 2.5 * totality[0].log10();
+    println!("totality: {totality:.3?} cd/m^2, zenith {magnitude:.2} mag per square arcsecond");
+    assert!((12.4..13.6).contains(&magnitude), "{magnitude}");
+    let [zenith, north, east, west] = totality;
+    assert!(north > 2.0 * zenith && (east / north - 1.0).abs() < 0.01 && (west / north - 1.0).abs() < 0.01);
+    // Five minutes before the second contact, and long before it.
+    let [partial, before] = [at("09:57:00")[0], at("08:00:00")[0]];
+    println!("zenith 5 minutes before: {partial:.1}, before the eclipse: {before:.0} cd/m^2");
+    assert!(partial > 30.0 * zenith && before > 3.0 * partial);
 }
 
 #[test]

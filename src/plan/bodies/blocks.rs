@@ -68,6 +68,7 @@ mod tests {
     use glam::DQuat;
 
     use super::*;
+    use crate::plan::bodies::seen::Around;
     use crate::view::{
         Part,
         projection::{CubeFace, Equirectangular, Face, Fisheye, FisheyeMapping, Perspective},
@@ -120,7 +121,7 @@ mod tests {
                 part: 1.0,
                 kept: 1.0,
                 suns: Vec::new(),
-                rings_cd_m2: None,
+                around: Around::Nothing,
             };
             let viewport = Viewport {
                 view: 0,

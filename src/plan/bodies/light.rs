@@ -224,7 +224,7 @@ mod tests {
     #[test]
     fn discs_of_ellipsoids_cover_their_cross_sections_and_near_ones_their_caps() {
         let mut body = SolarBody::Sun.body("sun", DVec3::ZERO);
-        body.emission = Some(Emission { luminance_cd_m2: [1.0; 3], limb_darkening: 0.0 });
+        body.emission = Some(Emission { luminance_cd_m2: [1.0; 3], limb_darkening: 0.0, corona: false });
         body.radii_m = DVec3::new(2.0, 3.0, 5.0);
         let from = |body: &Body, eye_m: DVec3| illuminance_of(body, eye_m, &[], 0.0)[0];
         for (axis, area) in [(DVec3::X, 15.0 * PI), (DVec3::Y, 10.0 * PI), (DVec3::Z, 6.0 * PI)] {

@@ -2,5 +2,6 @@
 
 pub mod blocks;
 pub mod light;
+mod meeting;
 pub mod seen;
 pub mod textures;

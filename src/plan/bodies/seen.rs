@@ -11,13 +11,17 @@ use std::{
 
 use glam::{DMat3, DVec2, DVec3};
 
-use super::light::illuminance_of;
+use super::{
+    light::illuminance_of,
+    meeting::{self, Round},
+};
 use crate::plan::{
     glare::objects::{Source, body_sources},
     stars::cull::MAX_VIEWPORTS,
 };
 use crate::{
     photometry::{
+        corona,
         glare::GlareKernel,
         phase_curve::{Tilt, ring_share},
         rec709::luminance,
@@ -74,8 +78,30 @@ pub struct BodyDisc {
     pub kept: f64,
     /// The suns that light it.
     pub suns: Vec<DiscSun>,
-    /// Luminance of its rings over what they reflect ([`crate::photometry::rings`]), linear Rec. 709, cd/m^2; `None`: it has none, or they are dark.
-    pub rings_cd_m2: Option<[f64; 3]>,
+    /// What is around it.
+    pub around: Around,
+}
+
+/// What is drawn around a body.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Around {
+    /// Nothing, or dark rings.
+    #[default]
+    Nothing,
+    /// Rings: their luminance over what they reflect ([`crate::photometry::rings`]), linear Rec. 709, cd/m^2.
+    Rings([f64; 3]),
+    /// A corona ([`crate::photometry::corona`]): mean luminance of the disc, linear Rec. 709, cd/m^2.
+    Corona([f64; 3]),
+}
+
+impl Around {
+    /// The luminance that it is told by.
+    pub fn light_cd_m2(self) -> [f64; 3] {
+        match self {
+            Self::Nothing => [0.0; 3],
+            Self::Rings(light) | Self::Corona(light) => light,
+        }
+    }
 }
 
 /// A sun in the sky of a body.
@@ -198,8 +224,9 @@ pub fn plan_bodies(
     for (index, viewport) in viewports.iter().enumerate() {
         let eye_m = camera_m + viewport.eye_offset_m;
         let LightsAt { lights, glare, .. } = held.at(objects, suns, eye_m).clone();
-        let mut seen: Vec<BodyDisc> = Vec::new();
+        let mut candidates: Vec<Candidate<'_>> = Vec::new();
         let mut in_view_of: Vec<(usize, [f64; 3])> = Vec::new();
+        let cone = viewport.projection.mapping().bounding_cone(margin_px);
         for (body, light) in objects.bodies.iter().zip(&lights) {
             let offset_m = body.position_m - eye_m;
             let distance_m = offset_m.length();
@@ -210,38 +237,61 @@ pub fn plan_bodies(
                 continue;
             }
             // Through the air it is seen elsewhere, and pressed together.
+            let radius_rad = (largest_m / distance_m).min(1.0).asin();
             let seen_from_place = match &objects.local_sky {
-                Some(sky) => sky.seen_body(offset_m, (largest_m / distance_m).min(1.0).asin()),
+                Some(sky) => sky.seen_body(offset_m, radius_rad),
                 None => DMat3::IDENTITY,
             };
             let seen_m = seen_from_place * offset_m;
             let in_view = viewport.world_from_view.conjugate().mul_vec3(seen_m);
-            let reach_rad = (largest_m / distance_m).min(1.0).asin();
-            let widest_m = if has_rings(body) { rings::OUTER * largest_m } else { largest_m };
-            // Who stands within rings has them on all sides.
-            let widest_rad = if widest_m < distance_m { (widest_m / distance_m).asin() } else { PI };
+            // Who stands within rings or a corona has them on all sides.
+            let wide_rad = |radii: f64| {
+                let wide_m = radii * largest_m;
+                if wide_m < distance_m { (wide_m / distance_m).asin() } else { PI }
+            };
+            // A corona has next to none of the light.
+            let lit_rad = wide_rad(if has_rings(body) { rings::OUTER } else { 1.0 });
+            let has_corona = body.emission.is_some_and(|emission| emission.corona);
+            let widest_rad = if has_corona { wide_rad(corona::OUTER) } else { lit_rad };
             // Between where the middle of the viewing circle sees it and where an eye on the circle does.
             let parallax_rad = (viewport.viewing_circle_m.abs() / distance_m).min(1.0).asin();
-            let mapping = viewport.projection.mapping();
-            let cone = mapping.bounding_cone(margin_px);
-            if in_view.angle_between(cone.axis) > cone.half_angle_rad + widest_rad + parallax_rad {
+            let beside_rad = in_view.angle_between(cone.axis) - cone.half_angle_rad - parallax_rad;
+            if beside_rad > widest_rad {
                 continue;
             }
-            in_view_of.push(*light);
-            let part = disc_part(2.0 * reach_rad / pixel_across_rad(viewport, in_view));
-            if part < 1.0 {
-                let intensity = light.1.map(|lx| lx * (1.0 - part) * distance_m * distance_m);
+            if beside_rad <= lit_rad {
+                in_view_of.push(*light);
+            }
+            candidates.push(Candidate {
+                body,
+                light: *light,
+                seen: Round {
+                    direction: in_view.normalize(),
+                    distance_m,
+                    radius_rad,
+                    diameter_px: 2.0 * radius_rad / pixel_across_rad(viewport, in_view),
+                },
+                seen_m,
+                reach_rad: widest_rad + parallax_rad + limb_rad(&viewport.projection),
+                place: Seen { eye_m, seen_from_place, unit_from_world },
+            });
+        }
+        let rounds: Vec<Round> = candidates.iter().map(|candidate| candidate.seen).collect();
+        let alone: Vec<f64> = rounds.iter().map(|round| disc_part(round.diameter_px)).collect();
+        let mut seen: Vec<BodyDisc> = Vec::new();
+        for (candidate, parts) in candidates.iter().zip(meeting::drawn(&rounds, &alone)) {
+            let Candidate { body, light, seen: Round { distance_m, .. }, seen_m, reach_rad, place } = candidate;
+            if parts.disc < 1.0 {
                 plan.points.push(PointSource {
-                    offset_m: seen_m + viewport.eye_offset_m,
-                    intensity_cd: intensity,
-                    radius_m: 1.01 * largest_m,
+                    offset_m: *seen_m + viewport.eye_offset_m,
+                    intensity_cd: light.1.map(|lx| lx * parts.point * distance_m * distance_m),
+                    radius_m: 1.01 * body.radii_m.max_element(),
                     viewports: 1 << index,
                 });
             }
-            if part > 0.0 {
-                let place = Seen { eye_m, seen_from_place, unit_from_world };
-                let disc = body_disc(*light, body, &place, viewport, part, (suns, objects.time_s));
-                seen.push(BodyDisc { reach_rad: widest_rad + parallax_rad + limb_rad(&viewport.projection), ..disc });
+            if parts.disc > 0.0 {
+                let disc = body_disc(*light, body, place, viewport, parts.disc, (suns, objects.time_s));
+                seen.push(BodyDisc { reach_rad: *reach_rad, ..disc });
             }
         }
         seen.sort_by(|a, b| surface_m(objects, a).total_cmp(&surface_m(objects, b)));
@@ -251,6 +301,18 @@ pub fn plan_bodies(
         plan.lights.push(lights);
     }
     plan
+}
+
+/// A body that may be seen in a picture.
+struct Candidate<'a> {
+    body: &'a Body,
+    light: (usize, [f64; 3]),
+    seen: Round,
+    /// Where it is seen, relative to the eye, world axes.
+    seen_m: DVec3,
+    /// See [`BodyDisc::reach_rad`].
+    reach_rad: f64,
+    place: Seen,
 }
 
 /// How far the middles of pixels that show a limb may be from it, rad: the half of their diagonal by which shaders go, where the middle pixel is the largest one.
@@ -327,7 +389,10 @@ fn body_disc(
     let (centre, distance_m) =
         if on_plane { (in_view / -in_view.z, -in_view.z) } else { (in_view / distance_m, distance_m) };
     let mut suns = lights_on(body, suns, eye_m);
-    let rings_cd_m2 = lit_rings(body, eye_m, light_lx, &mut suns);
+    let around = match body.emission.and_then(|emission| emission.corona_cd_m2()) {
+        Some(disc_cd_m2) => Around::Corona(disc_cd_m2),
+        None => lit_rings(body, eye_m, light_lx, &mut suns).map_or(Around::Nothing, Around::Rings),
+    };
     let body_from_world = body.world_from_body(time_s).conjugate();
     let suns = suns.iter().map(|light| DiscSun {
         direction: (view_from_place * light.direction).normalize(),
@@ -344,6 +409,6 @@ fn body_disc(
         part,
         kept: 1.0,
         suns,
-        rings_cd_m2,
+        around,
     }
 }

@@ -5,7 +5,7 @@
 //! exposure would depend on the catalogue again; it knows means alone, and not how bright the surfaces are that cover a thousandth of
 //! the picture; and every frame that it has to wait for is written twice.
 //!
-//! - **Surfaces.** White is as bright as lit surfaces that cover [`SURFACE_SHARE`] of all pictures; smaller ones may be brighter.
+//! - **Surfaces.** White is as bright as lit surfaces, and the corona of a sun, that cover [`SURFACE_SHARE`] of all pictures; smaller ones may be brighter.
 //!   Towards that share it rises with the fourth power of what they cover, so that nothing jumps as a planet comes closer.
 //! - **Sky.** The mean of a sky with air, the hemisphere's whatever the views show of it, is at most a share of white that grows with it, as eyes see dim light dim
 //!   ([`key_of`]); so a sky at dusk is darker than by day, and that of the night asks for nothing.
@@ -16,8 +16,11 @@ use glam::{DMat3, DVec3};
 
 use super::pictures::Picture;
 use crate::{
-    photometry::{atmosphere::key_of, glare::GlareKernel, rec709::luminance},
-    plan::{asteroids::glare::Cloud, bodies::seen::BodyPlan},
+    photometry::{atmosphere::key_of, corona, glare::GlareKernel, rec709::luminance},
+    plan::{
+        asteroids::glare::Cloud,
+        bodies::seen::{Around, BodyPlan},
+    },
     scene::{
         SceneObjects,
         bodies::{SeenBody, Sun, lights_on},
@@ -33,6 +36,10 @@ pub const BACKGROUND_SHARE: f64 = 0.18;
 const GROWTH: i32 = 4;
 /// Points on a disc.
 const DISC_POINTS: usize = 256;
+/// Rings of a corona, each so much wider than the one before, and points of each.
+const CORONA_RINGS: (usize, f64) = (16, 1.22);
+/// See [`CORONA_RINGS`].
+const RING_POINTS: usize = 16;
 /// Of so many directions one tells the background.
 const VEIL_STEP: usize = 3;
 
@@ -113,8 +120,35 @@ fn discs(lit: &Lit<'_>, index: usize, viewport: &Viewport, picture: &Picture, pi
                 take((place_from_seen * (viewport.world_from_view * *direction)).normalize(), *solid_angle_sr);
             }
         }
+        if let Around::Corona(disc_cd_m2) = disc.around {
+            let unit_cd_m2 = luminance([0, 1, 2].map(|c| disc_cd_m2[c] * body.seen_through[c]));
+            for (direction, distance, solid_angle_sr) in points_of_corona(offset_m.normalize(), radius_rad) {
+                let is_open = before.iter().all(|other| other.hit(direction).is_none());
+                let seen = seen_from_place * direction;
+                let is_above = local_sky.is_none_or(|sky| !sky.hides(seen.normalize()));
+                if is_open && is_above && is_in_picture(viewport, seen) {
+                    pieces.push([unit_cd_m2 * corona::over_disc(distance), solid_angle_sr]);
+                }
+            }
+        }
         before.push(seen);
     }
+}
+
+/// Points of a corona around a sun: direction, distance from its middle in radii, and the solid angle that each stands for, sr.
+fn points_of_corona(axis: DVec3, radius_rad: f64) -> impl Iterator<Item = (DVec3, f64, f64)> {
+    let (right, up) = axis.any_orthonormal_pair();
+    let (rings, wider) = CORONA_RINGS;
+    (0..rings * RING_POINTS).map(move |i| {
+        let (ring, point) = (i / RING_POINTS, i % RING_POINTS);
+        let [inner, outer] = [ring, ring + 1].map(|ring| wider.powi(ring as i32));
+        let distance = (inner * outer).sqrt();
+        let angle = (distance * radius_rad).min(std::f64::consts::PI);
+        let (sin, cos) = (point as f64 / RING_POINTS as f64 * std::f64::consts::TAU).sin_cos();
+        let direction = axis * angle.cos() + (right * cos + up * sin) * angle.sin();
+        let ring_sr = std::f64::consts::PI * radius_rad * radius_rad * (outer * outer - inner * inner);
+        (direction, distance, ring_sr / RING_POINTS as f64)
+    })
 }
 
 /// Directions spread evenly over a cap: a spiral of equal parts.

@@ -269,7 +269,7 @@ fn the_veil_of_the_sun_is_a_background_below_a_fifth_of_white_wherever_the_sun_s
     assert!((sunset - night).abs() < 1e-6, "{sunset}");
     // The full Moon, 14 magnitudes fainter, hardly changes it: its veil is a fifth of white already.
     let mut moon = SolarBody::Moon.body("moon", zenith * 3.84e8);
-    moon.emission = Some(Emission { luminance_cd_m2: [4e3; 3], limb_darkening: 0.0 });
+    moon.emission = Some(Emission { luminance_cd_m2: [4e3; 3], limb_darkening: 0.0, corona: false });
     let moonlit = planned(vec![moon], &view, &settings);
     println!("full Moon overhead {moonlit:.2}");
     assert!(moonlit < night + 1.0, "{moonlit}");

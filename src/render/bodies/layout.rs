@@ -39,10 +39,10 @@ gpu_structs! {
         texture: u32,
         /// Width and height of the texture.
         texture_size: [u32; 2],
-        /// Luminance of its rings over what they reflect, cd/m^2.
-        rings: [f32; 3],
-        /// 1: it has rings.
-        has_rings: u32,
+        /// Luminance of its rings over what they reflect, or mean luminance of the disc by which its corona is measured, cd/m^2.
+        around_light: [f32; 3],
+        /// What is around it: one of `AROUND_...`.
+        around: u32,
         /// Unit vector to the first sun, body's axes.
         to_sun: [f32; 3],
         /// Semi-axis along the pole over that of the equator.

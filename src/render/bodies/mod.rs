@@ -20,7 +20,7 @@ use super::{
     technique::{FrameInputs, Phase, PipelineJob, Recording, Technique, Wish, begin_pass},
 };
 use crate::render::constants::{
-    bodies::NO_TEXTURE,
+    bodies::{AROUND_CORONA, AROUND_NOTHING, AROUND_RINGS, NO_TEXTURE},
     reflection::{LAW_LAMBERT, LAW_LOMMEL_SEELIGER},
 };
 use crate::{
@@ -28,7 +28,7 @@ use crate::{
     plan::{
         bodies::{
             blocks::{all_blocks, reached_blocks},
-            seen::{BodyDisc, DiscSun, PointSource},
+            seen::{Around, BodyDisc, DiscSun, PointSource},
             textures::distinct_textures,
         },
         stars::range::FixedPoint,
@@ -325,8 +325,12 @@ fn encode_body(objects: &SceneObjects, seen: &BodyDisc, first_sun: u32, textures
         sun_count: seen.suns.len() as u32,
         texture: texture.map_or(NO_TEXTURE, |texture| textures.first_of(texture)),
         texture_size: texture.map_or([0; 2], |texture| texture.size),
-        rings: seen.rings_cd_m2.unwrap_or_default().map(|channel| (seen.kept * channel) as f32),
-        has_rings: u32::from(seen.rings_cd_m2.is_some()),
+        around_light: seen.around.light_cd_m2().map(|channel| (seen.kept * channel) as f32),
+        around: match seen.around {
+            Around::Nothing => AROUND_NOTHING,
+            Around::Rings(_) => AROUND_RINGS,
+            Around::Corona(_) => AROUND_CORONA,
+        },
         to_sun: seen.suns.first().map_or([0.0; 3], |sun| sun.in_body.direction.as_vec3().to_array()),
         flattening: (body.radii_m.z / body.radii_m.x) as f32,
         towards: seen.centre.normalize().as_vec3().to_array(),

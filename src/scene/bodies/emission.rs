@@ -11,13 +11,19 @@ use crate::{
 impl Emission {
     /// That of a star of an absolute V magnitude, with the colour of a black body of `temperature_k`, as a sphere of
     /// `radius_m` whose linear limb darkening is `limb_darkening`: its light, summed over the disc, gives the magnitude
-    /// at 10 parsecs.
+    /// at 10 parsecs. It has no corona.
     pub fn of_star(absolute_magnitude: f64, temperature_k: f64, radius_m: f64, limb_darkening: f64) -> Self {
         let intensity_cd = illuminance_lx_from_magnitude(absolute_magnitude) * (10.0 * PARSEC_M).powi(2);
         let mean_cd_m2 = intensity_cd / (PI * radius_m * radius_m);
-        let middle_cd_m2 = mean_cd_m2 / Self { luminance_cd_m2: [1.0; 3], limb_darkening }.mean_over_middle();
+        let middle_cd_m2 =
+            mean_cd_m2 / Self { luminance_cd_m2: [1.0; 3], limb_darkening, corona: false }.mean_over_middle();
         let luminance_cd_m2 = rec709_in_gamut(temperature_k).map(|channel| channel * middle_cd_m2);
-        Self { luminance_cd_m2, limb_darkening }
+        Self { luminance_cd_m2, limb_darkening, corona: false }
+    }
+
+    /// Mean luminance of the disc, by which a corona is measured, cd/m^2; `None`: it has none.
+    pub fn corona_cd_m2(&self) -> Option<[f64; 3]> {
+        self.corona.then(|| self.luminance_cd_m2.map(|channel| channel * self.mean_over_middle()))
     }
 
     /// Mean luminance of a sphere's disc over that at its middle: 1 - u / 3.

@@ -59,7 +59,9 @@ impl SolarBody {
         let of_unit_luminance = tint.map(|channel| channel / luminance(tint));
         let emission = (self == Self::Sun).then(|| {
             let temperature_k = f64::from(SOLAR_TEMPERATURE_K);
-            Emission::of_star(Self::SUN_ABSOLUTE_MAGNITUDE, temperature_k, equator_km * 1e3, Self::SUN_LIMB_DARKENING)
+            let darkening = Self::SUN_LIMB_DARKENING;
+            let of_sun = Emission::of_star(Self::SUN_ABSOLUTE_MAGNITUDE, temperature_k, equator_km * 1e3, darkening);
+            Emission { corona: true, ..of_sun }
         });
         Body {
             name: name.to_owned(),

@@ -105,7 +105,7 @@ pub(in crate::verify) fn shrinks(context: &mut Context<'_>) -> Result<Vec<Figure
         let radius_m = DISTANCE_M * (0.5 * 6.0 * SHRINKS.powi(step) * PIXEL_RAD).sin();
         let body = |(index, place): (usize, &DVec2)| {
             let direction = mapping.direction_from_pixel(*place).unwrap_or(DVec3::NEG_Z);
-            let emission = Some(Emission { luminance_cd_m2: [5.0; 3], limb_darkening: 0.0 });
+            let emission = Some(Emission { luminance_cd_m2: [5.0; 3], limb_darkening: 0.0, corona: false });
             Body { emission, ..black(&format!("body-{index}"), direction * DISTANCE_M, DVec3::splat(radius_m)) }
         };
         let scene = scene_of(places.iter().enumerate().map(body).collect(), Vec::new());

@@ -166,7 +166,7 @@ pub fn scene_of(bodies: Vec<Body>, fields: Vec<AsteroidField>) -> SceneSnapshot 
 
 /// A sun in a direction, which gives the stage some 1e5 lx.
 pub fn sun(direction: DVec3) -> Body {
-    let emission = Some(Emission { luminance_cd_m2: [2e9; 3], limb_darkening: 0.0 });
+    let emission = Some(Emission { luminance_cd_m2: [2e9; 3], limb_darkening: 0.0, corona: false });
     Body { emission, ..black("sun", direction.normalize() * SUN_M, DVec3::splat(4e8)) }
 }
 
@@ -174,7 +174,7 @@ pub fn sun(direction: DVec3) -> Body {
 pub fn scene(posed: &[Posed], light: Light, fault: Fault) -> SceneSnapshot {
     let body = match light {
         Light::Wall => {
-            let emission = Some(Emission { luminance_cd_m2: [1.0; 3], limb_darkening: 0.0 });
+            let emission = Some(Emission { luminance_cd_m2: [1.0; 3], limb_darkening: 0.0, corona: false });
             Body { emission, ..black("wall", DVec3::NEG_Z * WALL_M[0], DVec3::splat(WALL_M[1])) }
         }
         Light::Sun(direction) => sun(direction),

@@ -189,7 +189,7 @@ fn the_nearest_body_hides_the_others_and_exactly_the_directions_behind_it() {
     near.radii_m = DVec3::new(1e6, 2e6, 1.3e6);
     let mut far = SolarBody::Sun.body("lamp", DVec3::NEG_Z * 5e7);
     far.radii_m = DVec3::splat(1e7);
-    far.emission = Some(Emission { luminance_cd_m2: [7.0; 3], limb_darkening: 0.0 });
+    far.emission = Some(Emission { luminance_cd_m2: [7.0; 3], limb_darkening: 0.0, corona: false });
     far.surface.geometric_albedo = [0.0; 3];
     let bodies = [near.clone(), far].map(Arc::new).to_vec();
     let eye_m = DVec3::Z * 1e7;

@@ -44,7 +44,7 @@ pub(super) fn scene(instances: u32, half_m: f64, radius_m: [f64; 2]) -> SceneSna
         orientation: DQuat::IDENTITY,
         spin: Spin::default(),
         surface: Surface { law: ReflectionLaw::Lambert, geometric_albedo: [0.0; 3], phase_curve: None, texture: None },
-        emission: Some(Emission { luminance_cd_m2: [1.9e9, 1.9e9, 1.9e9], limb_darkening: 0.6 }),
+        emission: Some(Emission { luminance_cd_m2: [1.9e9, 1.9e9, 1.9e9], limb_darkening: 0.6, corona: false }),
         seen_through: [1.0; 3],
     };
     let objects =

@@ -41,7 +41,7 @@ fn body(name: &str, position_m: DVec3, radii_m: DVec3, law: ReflectionLaw) -> Bo
 fn sun(place_m: DVec3, direction: DVec3) -> Body {
     let mut sun = body("sun", place_m + direction * 1e12, DVec3::splat(1e7), ReflectionLaw::Lambert);
     sun.surface.geometric_albedo = [0.0; 3];
-    sun.emission = Some(Emission { luminance_cd_m2: [3e14; 3], limb_darkening: 0.0 });
+    sun.emission = Some(Emission { luminance_cd_m2: [3e14; 3], limb_darkening: 0.0, corona: false });
     sun
 }
 
@@ -121,7 +121,7 @@ fn the_light_of_a_body_is_its_illuminance_at_every_size() {
             }
         }
         let mut own = body("star", place, DVec3::splat(radius_m), ReflectionLaw::Lambert);
-        own.emission = Some(Emission { luminance_cd_m2: [1e9, 9e8, 8e8], limb_darkening: 0.6 });
+        own.emission = Some(Emission { luminance_cd_m2: [1e9, 9e8, 8e8], limb_darkening: 0.6, corona: false });
         let error = light_error(&mut renderer, &rig, vec![own], 1.0);
         worst.add(error, format_args!("a sun of {diameter} px"));
     }
@@ -256,7 +256,7 @@ fn a_giant_has_its_light_and_hides_what_is_behind_it_only() {
     let mapping = rig.views()[0].images[0].projection.mapping();
     for (radius_m, distance_m) in [(5e11, 1e13), (1e11, 1e13), (7e8, 1.5e11), (1e13, 3e14)] {
         let mut giant = body("giant", DVec3::NEG_Z * distance_m, DVec3::splat(radius_m), ReflectionLaw::Lambert);
-        giant.emission = Some(Emission { luminance_cd_m2: [1e6; 3], limb_darkening: 0.3 });
+        giant.emission = Some(Emission { luminance_cd_m2: [1e6; 3], limb_darkening: 0.3, corona: false });
         let around: Vec<DVec3> =
             (0..12).map(|i| DQuat::from_rotation_z(f64::from(i)) * DVec3::new(0.2, 0.0, -1.0)).collect();
         let objects = SceneObjects { bodies: vec![Arc::new(giant)], ..Default::default() };
@@ -278,7 +278,7 @@ fn a_sun_at_a_kiloparsec_still_shines() {
     let mut renderer = renderer();
     let rig = rig(vec![("window", ViewKind::Perspective { size: [64, 64], fov_y_rad: 0.5 })]);
     let mut sun = body("sun", DVec3::NEG_Z * 3.0857e19, DVec3::splat(6.957e8), ReflectionLaw::Lambert);
-    sun.emission = Some(Emission { luminance_cd_m2: [1.9e9; 3], limb_darkening: 0.0 });
+    sun.emission = Some(Emission { luminance_cd_m2: [1.9e9; 3], limb_darkening: 0.0, corona: false });
     let scene = scene(vec![sun]);
     let expected = luminance(illuminance_of(&scene.objects.bodies[0], DVec3::ZERO, &[], 0.0));
     let frame = render_hdr(&mut renderer, &scene, &rig, &settings(StarMethod::Auto));
@@ -292,10 +292,10 @@ fn a_small_body_before_the_ground_of_a_large_one_is_seen() {
     let mut renderer = renderer();
     let rig = rig(vec![("window", ViewKind::Perspective { size: [100, 100], fov_y_rad: 1.0 })]);
     let mut ground = body("ground", DVec3::new(0.0, -6.8e6, 0.0), DVec3::splat(6.4e6), ReflectionLaw::Lambert);
-    ground.emission = Some(Emission { luminance_cd_m2: [1.0; 3], limb_darkening: 0.0 });
+    ground.emission = Some(Emission { luminance_cd_m2: [1.0; 3], limb_darkening: 0.0, corona: false });
     let station_m = DVec3::new(0.0, -2.54e5, -5.44e5);
     let mut station = body("station", station_m, DVec3::splat(5e4), ReflectionLaw::Lambert);
-    station.emission = Some(Emission { luminance_cd_m2: [100.0; 3], limb_darkening: 0.0 });
+    station.emission = Some(Emission { luminance_cd_m2: [100.0; 3], limb_darkening: 0.0, corona: false });
     let scene = scene(vec![ground, station]);
     let frame = render_hdr(&mut renderer, &scene, &rig, &settings(StarMethod::Auto));
     let mapping = rig.views()[0].images[0].projection.mapping();
@@ -310,7 +310,7 @@ fn a_small_body_before_the_ground_of_a_large_one_is_seen() {
 fn shadows_fall_on_bodies_as_in_the_twin() {
     let sun_m = DVec3::new(1.0, 0.3, 0.2).normalize() * 1.5e11;
     let mut sun = body("sun", sun_m, DVec3::splat(7e8), ReflectionLaw::Lambert);
-    sun.emission = Some(Emission { luminance_cd_m2: [2e9, 1.9e9, 1.8e9], limb_darkening: 0.0 });
+    sun.emission = Some(Emission { luminance_cd_m2: [2e9, 1.9e9, 1.8e9], limb_darkening: 0.0, corona: false });
     let lit = body("lit", DVec3::NEG_Z * 4e7, DVec3::new(6.4e6, 6.2e6, 5.9e6), ReflectionLaw::Lambert);
     let towards = (sun_m - lit.position_m).normalize();
     let aside = towards.any_orthonormal_vector();
@@ -345,7 +345,7 @@ fn shadows_fall_on_bodies_as_in_the_twin() {
 fn a_sun_behind_a_larger_moon_is_dark_to_the_last_pixel() {
     let direction = DVec3::new(0.02, 0.01, -1.0).normalize();
     let mut sun = body("sun", direction * 1.5e11, DVec3::splat(6.957e8), ReflectionLaw::Lambert);
-    sun.emission = Some(Emission { luminance_cd_m2: [2e9; 3], limb_darkening: 0.0 });
+    sun.emission = Some(Emission { luminance_cd_m2: [2e9; 3], limb_darkening: 0.0, corona: false });
     // Larger by 2 %: less than a pixel.
     let moon = |part: f64| {
         let aside = direction.any_orthonormal_vector() * part;

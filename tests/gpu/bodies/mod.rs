@@ -1,4 +1,5 @@
 //! Bodies on the adapter.
 
+mod corona;
 mod light;
 mod rings;

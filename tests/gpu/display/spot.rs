@@ -90,7 +90,7 @@ fn the_exposure_is_that_of_the_f64_mean_of_the_cone() {
 fn a_body_in_the_cone_is_metered_by_its_luminance() {
     let mut lamp = SolarBody::Moon.body("lamp", AHEAD * 1e9);
     lamp.radii_m = DVec3::splat(5e8);
-    lamp.emission = Some(Emission { luminance_cd_m2: [3000.0, 4000.0, 5000.0], limb_darkening: 0.0 });
+    lamp.emission = Some(Emission { luminance_cd_m2: [3000.0, 4000.0, 5000.0], limb_darkening: 0.0, corona: false });
     let objects = SceneObjects { bodies: vec![Arc::new(lamp)], ..SceneObjects::default() };
     let scene = SceneSnapshot { objects: Arc::new(objects), ..snapshot(stars()) };
     let settings = spot_settings();

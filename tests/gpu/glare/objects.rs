@@ -38,7 +38,7 @@ fn bodies(bodies: Vec<Body>) -> SceneSnapshot {
 fn wide_sun() -> SceneSnapshot {
     let mut sun = SolarBody::Sun.body("sun", DVec3::new(0.3, 0.2, -2.0) * 1e9);
     sun.radii_m = DVec3::new(1.1e9, 1e9, 0.9e9);
-    sun.emission = Some(Emission { luminance_cd_m2: [1e6, 9e5, 8e5], limb_darkening: 0.5 });
+    sun.emission = Some(Emission { luminance_cd_m2: [1e6, 9e5, 8e5], limb_darkening: 0.5, corona: false });
     bodies(vec![sun])
 }
 

@@ -71,7 +71,8 @@ impl Assignment {
             body.radii_m = DVec3::splat(sphere.radius_m);
             body.surface.geometric_albedo = [0.0; 3];
             body.surface.texture = None;
-            body.emission = Some(Emission { luminance_cd_m2: [sphere.luminance_cd_m2; 3], limb_darkening: 0.0 });
+            body.emission =
+                Some(Emission { luminance_cd_m2: [sphere.luminance_cd_m2; 3], limb_darkening: 0.0, corona: false });
             body.check().unwrap();
             objects.bodies.push(Arc::new(body));
         }

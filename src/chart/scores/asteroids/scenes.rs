@@ -215,7 +215,7 @@ fn shining() -> Body {
         orientation: DQuat::IDENTITY,
         spin: Spin::default(),
         surface: Surface { law: ReflectionLaw::Lambert, geometric_albedo: [0.0; 3], phase_curve: None, texture: None },
-        emission: Some(Emission { luminance_cd_m2: [1e4; 3], limb_darkening: 0.0 }),
+        emission: Some(Emission { luminance_cd_m2: [1e4; 3], limb_darkening: 0.0, corona: false }),
         seen_through: [1.0; 3],
     }
 }

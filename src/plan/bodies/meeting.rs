@@ -1,0 +1,128 @@
+//! Bodies of few pixels before each other. A body of less than some pixels across is a point, or partly one, and hides little of what is behind it; a moon before the Sun hides all of it, however small both
+//! are in a picture. So bodies that meet are discs, the more the nearer they are to each other, and what is too small even for that loses the light of its point by the areas of circles.
+
+use glam::DVec3;
+
+use crate::scene::bodies::hidden_share;
+
+/// Diameters between which bodies that meet become discs, pixels: a disc is cut into 12 x 12 parts of a pixel.
+const DISCS_PX: [f64; 2] = [0.25, 0.5];
+/// Of a nearer body that is smaller than this part of the farther one nothing is to be seen.
+const LEAST_OF_FARTHER: f64 = 0.02;
+
+/// A body as an eye sees it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Round {
+    /// Unit vector to its middle.
+    pub(super) direction: DVec3,
+    pub(super) distance_m: f64,
+    /// Angular radius.
+    pub(super) radius_rad: f64,
+    pub(super) diameter_px: f64,
+}
+
+/// How the light of a body is drawn.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Parts {
+    /// Share of its light that its disc has.
+    pub(super) disc: f64,
+    /// Share that its point has: less than what the disc leaves where nearer points hide it.
+    pub(super) point: f64,
+}
+
+fn smooth(t: f64) -> f64 {
+    let t = t.clamp(0.0, 1.0);
+    t * t * (3.0 - 2.0 * t)
+}
+
+/// How far a body may be a disc because another one is near.
+fn may_be_disc(body: &Round) -> f64 {
+    let [from, to] = DISCS_PX;
+    smooth((body.diameter_px - from) / (to - from))
+}
+
+/// How bodies are drawn of which `discs` are the shares of their discs while they are by themselves.
+pub(super) fn drawn(bodies: &[Round], discs: &[f64]) -> Vec<Parts> {
+    let mut parts: Vec<Parts> = discs.iter().map(|disc| Parts { disc: *disc, point: 1.0 }).collect();
+    // The farther one, the nearer one, and their separation: of those of which one is not wholly a disc.
+    let mut pairs = Vec::new();
+    for (first, a) in bodies.iter().enumerate() {
+        for (second, b) in bodies.iter().enumerate().skip(first + 1) {
+            if discs[first] >= 1.0 && discs[second] >= 1.0 {
+                continue;
+            }
+            let reach_rad = a.radius_rad + b.radius_rad;
+            if (a.direction - b.direction).length_squared() > (2.0 * reach_rad).powi(2) {
+                continue;
+            }
+            let (far, near) = if a.distance_m >= b.distance_m { (first, second) } else { (second, first) };
+            if bodies[near].radius_rad < LEAST_OF_FARTHER * bodies[far].radius_rad {
+                continue;
+            }
+            let apart_rad = a.direction.angle_between(b.direction);
+            // All of it from where they touch.
+            let meets = smooth(2.0 - apart_rad / reach_rad);
+            for index in [far, near] {
+                parts[index].disc = parts[index].disc.max(meets * may_be_disc(&bodies[index]));
+            }
+            pairs.push((far, near, apart_rad));
+        }
+    }
+    for (far, near, apart_rad) in pairs {
+        let hidden = hidden_share(bodies[far].radius_rad, bodies[near].radius_rad, apart_rad);
+        // What is drawn of the nearer one as a disc hides points by itself.
+        parts[far].point *= 1.0 - hidden * (1.0 - parts[near].disc);
+    }
+    for part in &mut parts {
+        part.point *= 1.0 - part.disc;
+    }
+    parts
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn round(right_rad: f64, distance_m: f64, radius_rad: f64, diameter_px: f64) -> Round {
+        let direction = DVec3::new(right_rad.sin(), 0.0, -right_rad.cos());
+        Round { direction, distance_m, radius_rad, diameter_px }
+    }
+
+    #[test]
+    fn bodies_that_touch_are_discs_and_others_stay_as_they_are() {
+        let sun = round(0.0, 1.5e11, 0.0047, 3.0);
+        let moon = |right_rad: f64| round(right_rad, 3.8e8, 0.0048, 3.1);
+        let alone = [0.5, 0.6];
+        assert_eq!(
+            drawn(&[sun, moon(0.03)], &alone),
+            [Parts { disc: 0.5, point: 0.5 }, Parts { disc: 0.6, point: 0.4 }]
+        );
+        for right_rad in [0.0, 0.003, 0.0094] {
+            let parts = drawn(&[moon(right_rad), sun], &alone);
+            assert!(parts.iter().all(|part| *part == Parts { disc: 1.0, point: 0.0 }), "{right_rad}: {parts:?}");
+        }
+        // On its way nothing jumps.
+        let mut last = drawn(&[sun, moon(0.02)], &alone);
+        for step in 0..1000 {
+            let parts = drawn(&[sun, moon(0.02 - 2e-5 * f64::from(step))], &alone);
+            let jump = parts.iter().zip(&last).map(|(a, b)| (a.disc - b.disc).abs() + (a.point - b.point).abs());
+            assert!(jump.fold(0.0, f64::max) < 0.01, "{step}");
+            last = parts;
+        }
+    }
+
+    #[test]
+    fn what_is_too_small_for_a_disc_loses_its_light_by_areas() {
+        let sun = round(0.0, 1.5e11, 0.0047, 0.1);
+        let moon = |right_rad: f64| round(right_rad, 3.8e8, 0.0048, 0.1);
+        let point = |right_rad: f64| drawn(&[sun, moon(right_rad)], &[0.0, 0.0])[0].point;
+        assert_eq!([point(0.0), point(0.0096)], [0.0, 1.0]);
+        assert!((point(0.0047) - (1.0 - hidden_share(0.0047, 0.0048, 0.0047))).abs() < 1e-9);
+        // The nearer one keeps its light, and a speck before the Sun changes nothing.
+        assert_eq!(drawn(&[sun, moon(0.0)], &[0.0, 0.0])[1].point, 1.0);
+        let speck = round(0.0, 1e9, 1e-5, 2e-4);
+        assert_eq!(drawn(&[sun, speck], &[0.0, 0.0])[0], Parts { disc: 0.0, point: 1.0 });
+        // Two discs need no help.
+        assert_eq!(drawn(&[sun, moon(0.0)], &[1.0, 1.0])[0], Parts { disc: 1.0, point: 0.0 });
+    }
+}
