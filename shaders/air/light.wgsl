@@ -84,6 +84,20 @@ fn landscape_at(sine: f32, heading: vec2<f32>, pixel_rad: f32) -> vec4<f32> {
     return mix(fine, landscape_level(first + size.x * size.y, max(size / 2u, vec2(1u)), place), min(level, 1.0));
 }
 
+// Whether the cells of the grid around a run of a column's pixels lie high above the ground and where the grid bends too much.
+fn is_clear(column: GridColumn, first_row: u32, rows: u32) -> bool {
+    let grid = column.grid;
+    let least = max(GRID_FROM, parameters.above_ground);
+    for (var row = first_row / grid.spacing; row <= (first_row + rows - 1u) / grid.spacing + 1u; row++) {
+        let point = grid.first + row * grid.columns + column.left;
+        // What has no direction is not clear.
+        if !(grid_points[point].w > least && grid_points[point + 1u].w > least) {
+            return false;
+        }
+    }
+    return true;
+}
+
 @compute @workgroup_size(RAY_SIDE, RAY_SIDE)
 fn add_air(@builtin(global_invocation_id) id: vec3<u32>) {
     let tile = tiles[parameters.tile];
@@ -97,8 +111,30 @@ fn add_air(@builtin(global_invocation_id) id: vec3<u32>) {
         column = grid_column(point_grids[tile.viewport], id.x);
     }
     let top = vec2(id.x, tile.first_row + first_row);
+    let rows = min(AIR_ROWS, tile.rows - first_row);
+    // Most of a dome: the grid tells all, but for what bodies show.
+    if FROM_GRID && is_clear(column, top.y, rows) {
+        for (var row = 0u; row < rows; row++) {
+            let pixel = top + vec2(0u, row);
+            if !contains(viewport, vec2<i32>(pixel)) {
+                continue;
+            }
+            let index = tile.first_pixel + (first_row + row) * viewport.size.x + id.x;
+            let before = geometry[index];
+            var light = bitcast<vec3<f32>>(before.xyz);
+            if parameters.has_air != 0u {
+                if any(light > vec3(0.0)) {
+                    let towards = normalize(world_direction(viewport, direction_of_point(viewport, vec2<f32>(pixel) + 0.5)));
+                    light *= exp2(parameters.extinction * air_mass(dot(towards, parameters.zenith)));
+                }
+                light += parameters.light_share * grid_in_row(&column, pixel.y);
+            }
+            geometry[index] = vec4(bitcast<vec3<u32>>(light), before.w);
+        }
+        return;
+    }
     var next = direction_of_point(viewport, vec2<f32>(top) + 0.5);
-    for (var row = 0u; row < min(AIR_ROWS, tile.rows - first_row); row++) {
+    for (var row = 0u; row < rows; row++) {
         let pixel = top + vec2(0u, row);
         let centre = vec2<f32>(pixel) + 0.5;
         let own = next;

@@ -1,4 +1,4 @@
-// Light that the air adds at the points of a grid over each picture.
+// Light that the air adds at the points of a grid over each picture, and the sines of their altitudes.
 
 #import air/scattered
 #import constants/workgroups
@@ -20,5 +20,5 @@ fn place_air(@builtin(global_invocation_id) place: vec3<u32>) {
     }
     let viewport = viewports[place.z];
     let towards = normalize(world_direction(viewport, direction_of_point(viewport, vec2<f32>(place.xy * grid.spacing))));
-    grid_points[grid.first + place.y * grid.columns + place.x] = vec4(added_light(towards), 0.0);
+    grid_points[grid.first + place.y * grid.columns + place.x] = vec4(added_light(towards), dot(towards, parameters.zenith));
 }

@@ -35,7 +35,8 @@ struct AirParameters {
     // 1: the ground ends at altitude 0 all around.
     is_flat: u32,
     south: vec3<f32>,
-    unused_0: u32,
+    // Sine of the altitude above which there is no ground.
+    above_ground: f32,
     // Power of two by which light becomes less for each air mass.
     extinction: vec3<f32>,
     unused_1: u32,

@@ -29,6 +29,11 @@ struct ResolveParameters {
     sky: SkyMap,
     diffuse: DiffuseLight,
     air: AirAbove,
+    // 1: that light is read between points where it is smooth.
+    diffuse_is_smooth: u32,
+    unused_0: u32,
+    unused_1: u32,
+    unused_2: u32,
 }
 
 @group(0) @binding(0) var<uniform> parameters: ResolveParameters;
@@ -49,6 +54,9 @@ struct ResolveParameters {
 
 // Light of no single star.
 @group(0) @binding(14) var<storage, read> diffuse_texels: array<u32>;
+// The same through the air at the points of grids, and whether the cell to the right and below is rough: shaders/diffuse/points.wgsl.
+@group(0) @binding(15) var<storage, read> diffuse_grids: array<PointGrid>;
+@group(0) @binding(16) var<storage, read> diffuse_points: array<vec4<f32>>;
 
 override WRITE_HDR: bool = true;
 override WRITE_DISPLAY: bool = false;
@@ -63,6 +71,28 @@ override HAS_VEIL: bool = false;
 override HAS_SKY: bool = false;
 // Whether there is air around the camera.
 override HAS_AIR: bool = false;
+
+// What a column of a picture's pixels has between two rows of points.
+struct DiffuseCell {
+    // Number of the run of rows; below 0 for none.
+    held: f32,
+    is_rough: bool,
+    top: vec3<f32>,
+    bottom: vec3<f32>,
+}
+
+fn diffuse_cell(grid: PointGrid, x: u32, above: f32) -> DiffuseCell {
+    let left = x / grid.spacing;
+    let share = (f32(x - left * grid.spacing) + 0.5) / f32(grid.spacing);
+    let first = grid.first + u32(above) * grid.columns + left;
+    let corner = diffuse_points[first];
+    let below = first + grid.columns;
+    return DiffuseCell(
+        above,
+        corner.w > 0.0,
+        mix(corner.xyz, diffuse_points[first + 1u].xyz, share),
+        mix(diffuse_points[below].xyz, diffuse_points[below + 1u].xyz, share));
+}
 
 @compute @workgroup_size(COLUMNS)
 fn resolve(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
@@ -82,6 +112,13 @@ fn resolve(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
     }
     // Without such light its pictures have no size: known only once the stars are there, and shaders are made before.
     let has_diffuse = parameters.diffuse.map.side > 0u;
+    let reads_points = parameters.diffuse_is_smooth != 0u;
+    var diffuse_grid = PointGrid(0u, 0u, 0u, 1u);
+    if reads_points {
+        diffuse_grid = diffuse_grids[tile.viewport];
+    }
+    var cell: DiffuseCell;
+    cell.held = -1.0;
     let end_row = min(tile.rows, (group.y + 1u) * ROWS);
     for (var row = group.y * ROWS; row < end_row; row++) {
         let index = tile.first_pixel + row * viewport.size.x + x;
@@ -111,7 +148,19 @@ fn resolve(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
         }
         if lit && luminance.w > 0.0 {
             var surface = shown + scattered;
-            if HAS_SKY || has_diffuse {
+            var reads_diffuse = has_diffuse;
+            if reads_points {
+                let at = (f32(image_row) + 0.5) / f32(diffuse_grid.spacing);
+                let above = floor(at);
+                if above != cell.held {
+                    cell = diffuse_cell(diffuse_grid, x, above);
+                }
+                if !cell.is_rough {
+                    reads_diffuse = false;
+                    surface += free * mix(cell.top, cell.bottom, at - above);
+                }
+            }
+            if HAS_SKY || reads_diffuse {
                 let in_view = direction_of_point(viewport, vec2(f32(x), f32(image_row)) + 0.5);
                 let towards = normalize(world_direction(viewport, in_view));
                 var arriving = towards;
@@ -125,7 +174,7 @@ fn resolve(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
                 if HAS_SKY {
                     behind += sky_luminance(parameters.sky, direction);
                 }
-                if has_diffuse {
+                if reads_diffuse {
                     behind += diffuse_luminance(parameters.diffuse, arriving, direction);
                 }
                 surface += passed * behind;

@@ -25,6 +25,12 @@ pub const EXPONENTS_AT_REST: [f64; 3] = [
     SECOND_RADIATION_M_K / (WAVELENGTHS_M[1] * TEMPERATURE_K),
     SECOND_RADIATION_M_K / (WAVELENGTHS_M[2] * TEMPERATURE_K),
 ];
+/// Side of a block of texels whose roughness is told together.
+pub const ROUGHNESS_BLOCK: u32 = 2;
+/// Roughness is what light between points so many texels to either side errs by.
+pub const ROUGHNESS_TEXELS: u32 = 2;
+/// How far beyond a block it is looked for, texels: as far as a cell of points reaches whose corner lies in the block.
+const ROUGHNESS_MARGIN: usize = 4;
 /// Exponents of a texel's five bits: the least and the greatest.
 const EXPONENTS: (i32, i32) = (-15, 16);
 
@@ -34,6 +40,7 @@ pub struct DiffuseSky {
     pictures: SkyPictures,
     texels: Vec<u32>,
     mean_cd_m2: f64,
+    roughness_cd_m2: Vec<f32>,
 }
 
 impl DiffuseSky {
@@ -42,8 +49,9 @@ impl DiffuseSky {
         let pictures = SkyPictures::of_texels(texel_rad);
         let texel = |index: usize| texel_of(luminance_cd_m2(pictures.direction(index)).map(|c| c / TEXEL_UNIT_CD_M2));
         let texels = (0..pictures.texels() as usize).into_par_iter().map(texel).collect();
-        let mut sky = Self { pictures, texels, mean_cd_m2: 0.0 };
+        let mut sky = Self { pictures, texels, mean_cd_m2: 0.0, roughness_cd_m2: Vec::new() };
         sky.mean_cd_m2 = sky.mean();
+        sky.roughness_cd_m2 = sky.roughness();
         sky
     }
 
@@ -72,6 +80,47 @@ impl DiffuseSky {
     /// Mean luminance of the whole sky, cd/m^2.
     pub fn mean_cd_m2(&self) -> f64 {
         self.mean_cd_m2
+    }
+
+    /// By how much light errs that is read between points 2 [`ROUGHNESS_TEXELS`] apart: of each block of [`ROUGHNESS_BLOCK`] texels a side, picture by picture, the largest of any channel, cd/m^2.
+    pub fn roughness_cd_m2(&self) -> &[f32] {
+        &self.roughness_cd_m2
+    }
+
+    fn roughness(&self) -> Vec<f32> {
+        let side = self.pictures.side as usize;
+        let blocks = side.div_ceil(ROUGHNESS_BLOCK as usize);
+        let reach = ROUGHNESS_TEXELS as isize;
+        let light: Vec<[f32; 3]> = self.texels.par_iter().map(|texel| light_of(*texel).map(|c| c as f32)).collect();
+        // Of each texel: along rows, columns and both diagonals.
+        let of_texel = |index: usize| {
+            let (face, row, column) = (index / (side * side), index / side % side, index % side);
+            let at = |down: isize, right: isize| {
+                let (row, column) = (row.checked_add_signed(down)?, column.checked_add_signed(right)?);
+                (row < side && column < side).then(|| light[(face * side + row) * side + column])
+            };
+            let steps = [(0, reach), (reach, 0), (reach, reach), (reach, -reach)];
+            let bends = steps.into_iter().filter_map(|(down, right)| {
+                let (before, after) = (at(-down, -right)?, at(down, right)?);
+                let off = |c: usize| (light[index][c] - 0.5 * (before[c] + after[c])).abs();
+                Some(off(0).max(off(1)).max(off(2)))
+            });
+            bends.fold(0.0, f32::max)
+        };
+        let bends: Vec<f32> = (0..light.len()).into_par_iter().map(of_texel).collect();
+        let of_block = |index: usize| {
+            let (face, row, column) = (index / (blocks * blocks), index / blocks % blocks, index % blocks);
+            let span = |block: usize| {
+                let first = block * ROUGHNESS_BLOCK as usize;
+                first.saturating_sub(ROUGHNESS_MARGIN)..(first + ROUGHNESS_BLOCK as usize + ROUGHNESS_MARGIN).min(side)
+            };
+            let rows = span(row).map(|row| {
+                let of_row = &bends[(face * side + row) * side..][..side];
+                of_row[span(column)].iter().copied().fold(0.0, f32::max)
+            });
+            rows.fold(0.0, f32::max) * TEXEL_UNIT_CD_M2 as f32
+        };
+        (0..crate::sky_pictures::SKY_FACES as usize * blocks * blocks).into_par_iter().map(of_block).collect()
     }
 
     /// The mean over directions that are spread evenly on a spiral.
@@ -109,6 +158,31 @@ fn light_of(texel: u32) -> [f64; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn roughness_is_what_light_between_points_errs_by() {
+        // Even on one side of the sky; on the other waves, three texels from top to bottom.
+        let texel_rad = 0.01;
+        let waves = |towards: DVec3| {
+            if towards.x > 0.1 { (towards.y / (3.0 * texel_rad) * std::f64::consts::PI).sin() } else { 0.0 }
+        };
+        let sky = DiffuseSky::new(texel_rad, |towards| [0.0, 3e-4 * (1.0 + 0.5 * waves(towards)), 1e-5]);
+        let pictures = sky.pictures();
+        let side = pictures.side as usize;
+        let blocks = side.div_ceil(ROUGHNESS_BLOCK as usize);
+        let of = |towards: DVec3| {
+            let first = pictures.place(towards).first;
+            let (face, row, column) = (first / (side * side), first / side % side, first % side);
+            let block = ROUGHNESS_BLOCK as usize;
+            f64::from(sky.roughness_cd_m2()[(face * blocks + row / block) * blocks + column / block])
+        };
+        assert_eq!(sky.roughness_cd_m2().len(), 6 * blocks * blocks);
+        // Nine bits tell 6e-7 of these apart.
+        assert!(of(DVec3::NEG_X) < 2e-6 && of(DVec3::new(-1.0, 0.5, 0.5)) < 2e-6, "{}", of(DVec3::NEG_X));
+        // Two texels on, two thirds of a half wave: 1 - cos(120 degrees) of the amplitude.
+        let found = of(DVec3::new(1.0, 0.2, 0.1)) / (1.5 * 1.5e-4);
+        assert!((0.9..1.1).contains(&found), "{found}");
+    }
 
     #[test]
     fn texels_keep_nine_bits_of_what_they_are_given() {

@@ -55,7 +55,8 @@ fn has_budget(settings: &RenderSettings, objects: &SceneObjects) -> bool {
 pub fn may_have_veil_in_sums(settings: &RenderSettings, objects: &SceneObjects, viewports: &[Viewport]) -> bool {
     has_budget(settings, objects)
         && settings.glare.chosen(settings.stars.method) == GlareMethod::SkyCube
-        && !viewports.iter().any(|viewport| surrounds(viewport) || is_coarse(viewport))
+        && are_smooth(viewports)
+        && !viewports.iter().any(is_coarse)
 }
 
 /// Whether frames of display images without glare may read their faint stars from a map.
@@ -64,6 +65,11 @@ fn may_read_map_alone(settings: &RenderSettings, objects: &SceneObjects, viewpor
         && settings.stars.method == StarMethod::Auto
         && settings.glare.chosen(settings.stars.method) == GlareMethod::None
         && viewports.iter().any(|viewport| fit_one_map(slice::from_ref(viewport)))
+}
+
+/// Whether what is near in all pictures is near on the sky, so that smooth light is smooth from pixel to pixel.
+pub fn are_smooth(viewports: &[Viewport]) -> bool {
+    !viewports.iter().any(surrounds)
 }
 
 /// Whether pixels are so large that single sources are no more than a pixel or two.

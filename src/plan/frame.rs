@@ -22,7 +22,7 @@ use super::{
         seen::{BodyPlan, HeldLights, PointSource, plan_bodies},
         textures::texture_bytes,
     },
-    budget::{Output, display_step_cd_m2, draws_outputs_apart, least_veil_cd_m2, may_have_veil_in_sums},
+    budget::{Output, are_smooth, display_step_cd_m2, draws_outputs_apart, least_veil_cd_m2, may_have_veil_in_sums},
     certificate::{Approximation, FramePlan, plan_stars},
     error::PlanError,
     exposure::{ShownStars, guard::Lit, pictures::Pictures, planned_ev100},
@@ -107,6 +107,8 @@ pub struct Plan {
     pub sky: Option<SkyPlan>,
     /// Light of no single star; `None`: there is none, or it is not drawn.
     pub diffuse: Option<Arc<DiffuseSky>>,
+    /// What that light may err by where it is read between points, cd/m^2; `None`: every pixel reads it by itself.
+    pub diffuse_step_cd_m2: Option<f64>,
     /// The picture of such a map that the frame is.
     pub sky_face: Option<SkyFace>,
     /// Time that culling took, ms.
@@ -580,6 +582,7 @@ impl Planner {
         // A published method draws stars alone, as it was published.
         let draws_diffuse = sky_face.is_none() && method.accumulator() == Accumulator::FixedPoint;
         let diffuse = scene.stars.unresolved.clone().filter(|_| draws_diffuse);
+        let diffuse_step_cd_m2 = step_cd_m2.filter(|_| diffuse.is_some() && motion.is_none() && are_smooth(&viewports));
         if let Some(SkyFace { map, .. }) = sky_face {
             ranges.main.brightest_lx = map.below_lx;
             ranges.bright = None;
@@ -593,6 +596,8 @@ impl Planner {
             stars.report.certificate.extend(of_travel);
         }
         stars.report.certificate.extend(sky_plan.as_ref().map(|_| of_sky_map(settings.accuracy.display_codes)));
+        let of_diffuse = diffuse_step_cd_m2.map(|_| of_diffuse_points(settings.accuracy.display_codes));
+        stars.report.certificate.extend(of_diffuse);
         stars.report.certificate.extend(asteroids.iter().flat_map(|plan| plan.certificate.iter().cloned()));
 
         let psf = self.psf.as_ref().filter(|_| method == StarMethod::PsfTexture).map(|(_, psf)| Arc::clone(psf));
@@ -632,6 +637,7 @@ impl Planner {
             psf,
             sky: sky_plan,
             diffuse,
+            diffuse_step_cd_m2,
             sky_face,
             cull_ms,
         })
@@ -651,6 +657,16 @@ fn of_sky_map(display_codes: f64) -> Approximation {
         bound,
         unit: "codes of 8 bits".to_owned(),
         within_budget: Some(bound <= display_codes),
+    }
+}
+
+/// Certificate of the light of no single star where it is read between points.
+fn of_diffuse_points(display_codes: f64) -> Approximation {
+    Approximation {
+        what: "light of no single star, read between points where it is smooth".to_owned(),
+        bound: display_codes,
+        unit: "codes of 8 bits".to_owned(),
+        within_budget: Some(true),
     }
 }
 

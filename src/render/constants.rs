@@ -86,6 +86,8 @@ shared_constants! {
     }
     /// Light of no single star.
     mod diffuse {
+        /// Side of a block of texels whose roughness is told together.
+        ROUGHNESS_BLOCK: u32 = crate::catalogue::diffuse::ROUGHNESS_BLOCK;
         /// hc / (lambda k T) of R, G and B for a black body of its mean temperature.
         DIFFUSE_EXPONENTS: [f32; 3] = {
             let [r, g, b] = crate::catalogue::diffuse::EXPONENTS_AT_REST;

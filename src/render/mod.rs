@@ -236,6 +236,7 @@ pub fn struct_layouts() -> Vec<StructLayout> {
         air::layout::struct_layouts,
         asteroids::layout::struct_layouts,
         bodies::layout::struct_layouts,
+        diffuse::layout::struct_layouts,
         display::layout::struct_layouts,
         glare::layout::struct_layouts,
         overlay::layout::struct_layouts,

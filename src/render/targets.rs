@@ -115,9 +115,9 @@ pub(crate) struct SeenBodies {
     pub body_runs: wgpu::Buffer,
 }
 
-/// The smooth part of the light that is scattered towards every picture: see `shaders/shared/point_grid.wgsl`.
+/// Light over every picture that is smooth from pixel to pixel: see `shaders/shared/point_grid.wgsl`.
 #[derive(Clone)]
-pub(crate) struct SmoothVeil {
+pub(crate) struct SmoothGrid {
     /// A grid per viewport.
     pub grids: wgpu::Buffer,
     /// Luminance at the points of all grids, cd/m^2.
@@ -140,6 +140,8 @@ pub(crate) struct DiffuseTexels {
     pub light: layout::DiffuseLight,
     /// The texels.
     pub texels: wgpu::Buffer,
+    /// What of it is smooth; `None`: every pixel reads it by itself.
+    pub smooth: Option<SmoothGrid>,
 }
 
 /// Everything that techniques share in a frame.
@@ -168,7 +170,7 @@ pub(crate) struct Targets {
     /// Asteroids of the tile whose geometry is being recorded.
     pub layers: Option<RasterLayers>,
     /// The smooth part of scattered light, where the resolve pass adds it.
-    pub veil: Option<SmoothVeil>,
+    pub veil: Option<SmoothGrid>,
     /// The map of faint light, where the resolve pass adds it.
     pub sky: Option<SkyTexels>,
     /// Light of no single star, where the resolve pass adds it.

@@ -36,6 +36,8 @@ pub struct Landscape {
     levels: Vec<Level>,
     /// Azimuth of the middle of the picture, rad.
     middle_rad: f64,
+    /// See [`Self::highest_rad`].
+    highest_rad: f64,
 }
 
 impl Landscape {
@@ -72,11 +74,16 @@ impl Landscape {
         while level.size[0] > MOST_WIDTH {
             level = level.halved();
         }
+        let [width, height] = level.size;
+        let hides = |row: &[[f32; 4]]| row.iter().any(|texel| texel[3] > 0.0);
+        let first = level.texels.chunks(width as usize).position(hides).unwrap_or(height as usize);
+        // Light is read between texels.
+        let highest_rad = (0.5 - (first as f64 - 1.0) / f64::from(height)) * PI;
         let mut levels = vec![level];
         while let Some(last) = levels.last().filter(|last| last.size[1] > 1 && last.size[0] > 1) {
             levels.push(last.halved());
         }
-        Self { levels, middle_rad }
+        Self { levels, middle_rad, highest_rad: highest_rad.min(0.5 * PI) }
     }
 
     /// Size of the finest level.
@@ -87,6 +94,11 @@ impl Landscape {
     /// Azimuth of the middle of the picture, rad.
     pub fn middle_rad(&self) -> f64 {
         self.middle_rad
+    }
+
+    /// Altitude above which it hides nothing, rad.
+    pub fn highest_rad(&self) -> f64 {
+        self.highest_rad
     }
 
     /// All levels from the finest on: reflectance of red, green and blue times alpha, and alpha, 8 bits each, of the square root but for alpha.

@@ -71,6 +71,11 @@ impl Horizon {
         before[1] + part * (next[1] - before[1])
     }
 
+    /// Its greatest altitude, rad.
+    pub fn highest_rad(&self) -> f64 {
+        self.points.iter().map(|[_, altitude_rad]| *altitude_rad).reduce(f64::max).unwrap_or(0.0)
+    }
+
     /// Sines of its altitudes in [`HORIZON_STEPS`] steps.
     pub fn sines(&self) -> Vec<f32> {
         (0..HORIZON_STEPS)
@@ -323,6 +328,14 @@ impl LocalSky {
     pub fn seen_body(&self, place_m: DVec3, radius_rad: f64) -> DMat3 {
         let refraction = self.refraction.filter(|_| place_m.length() > BEYOND_AIR_M);
         refraction.map_or(DMat3::IDENTITY, |refraction| refraction.around(place_m, radius_rad))
+    }
+
+    /// Sine of the altitude of the highest ground; `None`: there is none.
+    pub fn highest_ground_sine(&self) -> Option<f64> {
+        let horizon = self.horizon.as_ref()?;
+        let highest_rad =
+            self.landscape.as_ref().map_or_else(|| horizon.highest_rad(), |landscape| landscape.highest_rad());
+        Some(highest_rad.sin())
     }
 
     /// Unit vector to the zenith, world axes.

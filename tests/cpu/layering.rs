@@ -65,7 +65,6 @@ const NO_SHADER: &[(&str, &str)] = &[
     ("stars/catalogue_buffers", "holds buffers"),
     ("stars/items", "encodes what culling leaves"),
     ("stars/billboards/draw", "the passes of shaders/stars/billboards"),
-    ("diffuse", "shaders/shared/diffuse_light.wgsl, which the resolve pass reads"),
     ("asteroids/encode", "encodes the plan"),
     ("asteroids/held", "holds buffers"),
     ("asteroids/layers", "holds textures and orders the draws of mesh and impostors"),
@@ -81,6 +80,7 @@ const NO_SHADER: &[(&str, &str)] = &[
 const NO_TWIN: &[(&str, &str)] = &[
     ("glare/sky_cube/objects", "reference/glare/sky_cube.rs: source by source"),
     ("glare/sky_cube/veil", "a display image's budget of the same veil: tests/gpu/glare/display_budget.rs"),
+    ("diffuse/points", "judged against exact display images: tests/gpu/diffuse.rs"),
     ("smooth_light", "judged against frames that draw every star: tests/gpu/smooth_light.rs"),
     ("display", "photometry/exposure.rs, photometry/tone_map.rs"),
     ("stars/buffers", "holds buffers"),

@@ -6,7 +6,10 @@ use crate::common::*;
 use glam::{DQuat, DVec2, DVec3};
 use steradian::{
     FrameRequest, Wanted,
-    catalogue::diffuse::DiffuseSky,
+    catalogue::{
+        diffuse::DiffuseSky,
+        galaxy::{GalaxyParameters, generate},
+    },
     observer::{Clock, Observer, Place, RefractingAir},
     photometry::atmosphere::{Air, glow_of},
     plan::settings::{
@@ -121,6 +124,70 @@ fn a_display_image_alone_shows_what_one_with_light_beside_it_shows() {
     assert!(alone.iter().max() > Some(&60), "{:?}", alone.iter().max());
     let worst = alone.iter().zip(&beside).map(|(a, b)| a.abs_diff(*b)).max().unwrap();
     assert!(worst <= 1, "{worst} codes");
+}
+
+/// Codes of two pictures' channels that differ: their share by more than one, the largest, and the brightest code.
+fn differing(a: &[u8], b: &[u8]) -> (f64, u8, u8) {
+    let colours = || a.iter().zip(b).enumerate().filter(|(index, _)| index % 4 < 3).map(|(_, both)| both);
+    let off: Vec<u8> = colours().map(|(a, b)| a.abs_diff(*b)).collect();
+    let share = off.iter().filter(|off| **off > 1).count() as f64 / off.len() as f64;
+    (share, off.into_iter().max().unwrap(), colours().map(|(a, _)| *a).max().unwrap())
+}
+
+#[test]
+fn light_is_read_between_points_where_that_is_within_the_budget() {
+    let parameters = GalaxyParameters { stars: 10, seed: 1, fainter_than: Some(6.5), unresolved_light: true };
+    let galaxy = Arc::new(generate(&parameters).unwrap().unresolved.unwrap());
+    let place = Place { latitude_rad: -0.4, longitude_rad: 0.2, height_m: 500.0 };
+    let observer = Observer::new(place, Clock::default(), 8.2e8);
+    let of_air = Surroundings {
+        air: Some(Air::new(0.2, 500.0, glow_of(99.0, [1.0; 3]))),
+        refraction: Some(RefractingAir::at_height(500.0)),
+        ground: None,
+    };
+    let in_air = SceneObjects {
+        time_s: 8.2e8,
+        observer: Some(observer),
+        surroundings: Some(Arc::new(of_air)),
+        ..Default::default()
+    };
+    let dome = ViewKind::Fisheye { size: [700, 700], mapping: FisheyeMapping::Equidistant, fov_rad: PI };
+    let window = ViewKind::Perspective { size: [900, 500], fov_y_rad: 1.0 };
+    let rig = Rig::new(vec![
+        View::new("dome", dome, DQuat::from_rotation_x(PI / 2.0), DVec3::ZERO).unwrap(),
+        View::new("window", window, DQuat::from_rotation_x(0.6), DVec3::ZERO).unwrap(),
+    ])
+    .unwrap();
+    for (name, objects) in [("space", SceneObjects::default()), ("air", in_air)] {
+        let turned = observer.icrs_from_horizon(8.2e8) * DQuat::from_rotation_y(2.0);
+        let camera = Camera { position_m: observer.epoch.position_m, world_from_camera: turned, ..Camera::default() };
+        let mut scene = SceneSnapshot { camera, objects: Arc::new(objects), ..snapshot(Vec::new()) };
+        scene.stars = Arc::new((*scene.stars).clone().with_unresolved(Some(Arc::clone(&galaxy))));
+        let exposure = ExposureSettings { mode: ExposureMode::Manual, ev100: -6.5, ..ExposureSettings::default() };
+        let settings = RenderSettings { exposure, ..settings(StarMethod::Auto) };
+        let codes = |display_codes: f64| {
+            let mut settings = settings.clone();
+            settings.accuracy = AccuracySettings { display_codes, ..AccuracySettings::default() };
+            let wanted = Wanted { display: true, ..Wanted::default() };
+            let request = FrameRequest::new(&scene, &rig).settings(&settings).wanted(wanted);
+            let frame = renderer().render(request).unwrap();
+            let smooth = frame.plan.certificate.iter().any(|bound| bound.what.contains("read between points"));
+            assert_eq!(smooth, display_codes > 0.0);
+            frame.images.into_iter().map(|image| image.display.unwrap()).collect::<Vec<_>>()
+        };
+        let (exact, within, far) = (codes(0.0), codes(0.5), codes(8.0));
+        for (view, exact) in exact.iter().enumerate() {
+            let (share, most, brightest) = differing(exact, &within[view]);
+            println!(
+                "{name}, view {view}: {share:.1e} of the colours differ by more than a code, {most} at most, of {brightest}"
+            );
+            assert!(share < 1e-5 && most <= 2 && brightest > 40, "{name} {view}: {share} {most} {brightest}");
+            // A larger budget is seen.
+            let (share, most, _) = differing(exact, &far[view]);
+            println!("    with a budget of 8 codes {share:.1e}, {most} at most");
+            assert!(share > 3e-4 && most >= 3, "{name} {view}: {share} {most}");
+        }
+    }
 }
 
 #[test]

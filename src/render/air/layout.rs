@@ -40,8 +40,8 @@ gpu_structs! {
         is_flat: u32,
         /// Third axis.
         south: [f32; 3],
-        /// Padding.
-        unused_0: u32,
+        /// Sine of the altitude above which there is no ground.
+        above_ground: f32,
         /// Power of two by which light becomes less for each air mass.
         extinction: [f32; 3],
         /// Padding.

@@ -17,6 +17,9 @@ use crate::{
     scene::surroundings::LocalSky,
 };
 
+/// Pixels that show a part of the ground lie lower than its highest place and this, in sines: they are no larger than that.
+const NEAR_GROUND: f64 = 0.1;
+
 /// The pass.
 pub(super) struct AirPass {
     /// By form.
@@ -58,6 +61,7 @@ fn encode(sky: &LocalSky, glare: &GlarePlan, tile: u32) -> layout::AirParameters
         zenith: axis(1),
         is_flat: u32::from(sky.horizon.as_ref().is_none_or(|horizon| horizon.is_flat())),
         south: axis(2),
+        above_ground: sky.highest_ground_sine().map_or(-1.0, |sine| (sine + NEAR_GROUND) as f32),
         extinction: f32s(of_air(&|air| air.extinction_log2())),
         // Without what the first air mass takes, which the shader takes with the others.
         glow: f32s(of_air(&|air| {

@@ -41,6 +41,14 @@ gpu_structs! {
         diffuse: DiffuseLight,
         /// The air around the camera.
         air: AirAbove,
+        /// 1: that light is read between points where it is smooth.
+        diffuse_is_smooth: u32,
+        /// Padding.
+        unused_0: u32,
+        /// Padding.
+        unused_1: u32,
+        /// Padding.
+        unused_2: u32,
     }
     /// Parameters of the exposure pass.
     ExposureParameters {

@@ -36,7 +36,7 @@ pub(crate) struct ResolvePass {
     source: ShaderSource,
     /// By outputs and variant of the display image.
     pipelines: Variants<(ResolveOutputs, DisplayVariant), wgpu::ComputePipeline>,
-    /// Stands in for the bright sums, for a veil and for pictures of the sky where there are none.
+    /// Stands in for the bright sums, for smooth light and for pictures of the sky where there are none.
     no_bright: wgpu::Buffer,
     /// Stands in for the display image where it is not written.
     no_display: wgpu::Buffer,
@@ -141,12 +141,17 @@ impl ResolvePass {
             sky: sky.map(|sky| sky.map).unwrap_or_default(),
             diffuse: diffuse.map(|diffuse| diffuse.light).unwrap_or_default(),
             air,
+            diffuse_is_smooth: u32::from(diffuse.is_some_and(|diffuse| diffuse.smooth.is_some())),
+            ..Default::default()
         };
         let parameters = gpu.frame_uniform("resolve parameters", &parameters);
         let pipeline = &self.pipeline(gpu, outputs, tone_map);
         let [bright, bright_high] = batch.bright.as_ref().map_or([&self.no_bright; 2], |[low, high]| [low, high]);
         let [veil_grids, veil_points] =
             targets.veil.as_ref().map_or([&self.no_bright; 2], |veil| [&veil.grids, &veil.points]);
+        let smooth = diffuse.and_then(|diffuse| diffuse.smooth.as_ref());
+        let [diffuse_grids, diffuse_points] =
+            smooth.map_or([&self.no_bright; 2], |smooth| [&smooth.grids, &smooth.points]);
         let buffers = [
             &parameters,
             &targets.viewports,
@@ -163,6 +168,8 @@ impl ResolvePass {
             veil_points,
             sky.map_or(&self.no_bright, |sky| &sky.texels),
             diffuse.map_or(&self.no_bright, |diffuse| &diffuse.texels),
+            diffuse_grids,
+            diffuse_points,
         ];
         pass.set_pipeline(pipeline);
         gpu.bind_tables(pass, pipeline);

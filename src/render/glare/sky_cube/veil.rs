@@ -17,7 +17,7 @@ use crate::{
         point_grid::{GridSpacing, point_grids},
         shader::{rolled_loops, workgroup, workgroup_constant},
         tabulated::projecting,
-        targets::{SmoothVeil, bind_sums, splatting},
+        targets::{SmoothGrid, bind_sums, splatting},
         technique::{Recording, begin_pass},
     },
     units::PARSEC_M,
@@ -109,7 +109,7 @@ impl SkyCube {
         if number == 0 {
             let of_frame = veil_frame.insert(VeilFrame::new(gpu, held, recording));
             let (grids, count) = point_grids(&recording.frame.plan.viewports, SPACING);
-            let smooth = SmoothVeil {
+            let smooth = SmoothGrid {
                 grids: gpu.frame_storage("veil grids", &grids),
                 points: veil_points.with_room(gpu, 16 * u64::from(count)).clone(),
             };
@@ -126,7 +126,7 @@ fn record_points(
     recording: &mut Recording<'_>,
     pipeline: &wgpu::ComputePipeline,
     (held, of_frame): (&Held, &VeilFrame),
-    (smooth, grids): (&SmoothVeil, &[PointGrid]),
+    (smooth, grids): (&SmoothGrid, &[PointGrid]),
 ) {
     let fraction = recording.frame.plan.glare.fraction as f32;
     let parameters = gpu.frame_uniform("veil parameters", &layout::VeilParameters { fraction, ..Default::default() });

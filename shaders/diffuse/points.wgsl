@@ -1,0 +1,57 @@
+// Light of no single star, through the air, at the points of a grid over each picture, and whether it bends too much to be read between the points of the cell to the right and below.
+
+#import constants/diffuse
+#import constants/workgroups
+#import shared/air_mass
+#import shared/diffuse_light
+#import shared/point_grid
+#import shared/projection
+#import shared/refraction
+#import shared/viewport
+
+struct DiffusePointParameters {
+    light: DiffuseLight,
+    air: AirAbove,
+    // What light may err by between points, cd/m^2 of its pictures.
+    most_rough: f32,
+    unused_0: u32,
+    unused_1: u32,
+    unused_2: u32,
+}
+
+@group(0) @binding(0) var<uniform> parameters: DiffusePointParameters;
+@group(0) @binding(1) var<storage, read> viewports: array<Viewport>;
+@group(0) @binding(2) var<storage, read> point_grids: array<PointGrid>;
+@group(0) @binding(3) var<storage, read> diffuse_texels: array<u32>;
+// By block of texels: src/catalogue/diffuse.rs.
+@group(0) @binding(4) var<storage, read> roughness: array<f32>;
+@group(0) @binding(5) var<storage, read_write> grid_points: array<vec4<f32>>;
+
+// Lower than this sine of the altitude of its corner what the air takes of the light in a cell bends too much.
+const LEAST_SINE: f32 = 0.12;
+
+@compute @workgroup_size(VEIL_SIDE, VEIL_SIDE)
+fn place_diffuse(@builtin(global_invocation_id) place: vec3<u32>) {
+    let grid = point_grids[place.z];
+    if place.x >= grid.columns || place.y >= grid.rows {
+        return;
+    }
+    let viewport = viewports[place.z];
+    let towards = normalize(world_direction(viewport, direction_of_point(viewport, vec2<f32>(place.xy * grid.spacing))));
+    var arriving = towards;
+    var passed = vec3(1.0);
+    if parameters.air.present != 0u {
+        arriving = arriving_from(parameters.air, towards);
+        passed = through_air(parameters.air, towards);
+    }
+    let direction = picture_direction(arriving);
+    let light = passed * diffuse_luminance(parameters.light, arriving, direction);
+    var is_rough = parameters.air.present != 0u && dot(towards, parameters.air.zenith) < LEAST_SINE;
+    // The blocks of the map know what is as far around them as a cell reaches from its corner.
+    let map = parameters.light.map;
+    let texel = vec2<u32>(max(0.5 * f32(map.side) + direction.offset * map.texels_per_rad, vec2(0.0)));
+    let blocks = (map.side + ROUGHNESS_BLOCK - 1u) / ROUGHNESS_BLOCK;
+    let block = min(texel / ROUGHNESS_BLOCK, vec2(blocks - 1u));
+    is_rough = is_rough || !(roughness[(direction.number * blocks + block.y) * blocks + block.x] <= parameters.most_rough);
+    grid_points[grid.first + place.y * grid.columns + place.x] = vec4(light, select(0.0, 1.0, is_rough));
+}
