@@ -90,7 +90,6 @@ fn is_clear(column: GridColumn, first_row: u32, rows: u32) -> bool {
     let least = max(GRID_FROM, parameters.above_ground);
     for (var row = first_row / grid.spacing; row <= (first_row + rows - 1u) / grid.spacing + 1u; row++) {
         let point = grid.first + row * grid.columns + column.left;
-        // What has no direction is not clear.
         if !(grid_points[point].w > least && grid_points[point + 1u].w > least) {
             return false;
         }

@@ -49,7 +49,7 @@ pub use scene::{CameraConfig, CatalogueConfig, GalaxyConfig, LightConfig, LightU
 use schemars::JsonSchema;
 use serde::Deserialize;
 pub use server::{CertificateConfig, Role, ServerConfig, Sha256Hex, TlsConfig, TokenConfig, UNIX_PREFIX, parse_listen};
-pub use surroundings::{AirConfig, GroundConfig};
+pub use surroundings::{AirConfig, GroundConfig, MOST_POINTS as MOST_HORIZON_POINTS};
 use toml::{Table, Value};
 pub use view_tables::{ViewTables, ViewTablesError, resolve_views};
 pub use views::{
@@ -576,14 +576,9 @@ impl Config {
             let Some(of @ Ephemeris::Spk(number)) = body.ephemeris else { continue };
             let fault = |problem: String| self.fault_of_body(index, Fault::new("ephemeris", problem));
             moment.place(of, kernels).map_err(fault)?;
-            if let Some([first, last]) = kernels.and_then(|kernels| kernels.covered_s(number))
-                && !(first..=last).contains(&moment.tdb_s())
-            {
-                let [first, last] = [first, last].map(|tdb_s| {
-                    scene::written_time(tdb_s).map_or_else(|| format!("{tdb_s} s"), |time| time.to_string())
-                });
-                let problem = format!("{of}: scene.time is not among the times of its kernel: {first} to {last} (TDB)");
-                return Err(fault(problem));
+            let covered_s = kernels.and_then(|kernels| kernels.covered_s(number));
+            if let Some(problem) = covered_s.and_then(|covered_s| not_covered(covered_s, moment.tdb_s())) {
+                return Err(fault(format!("{of}: {problem}")));
             }
         }
         Ok(())
@@ -637,4 +632,12 @@ fn each<T>(named: &Named, tables: Vec<Table>, read: impl Fn(Table) -> Result<T, 
         read(table).map_err(|fault| named.fault(index, name.as_deref(), fault))
     };
     tables.into_iter().enumerate().map(read).collect()
+}
+
+/// That a scene's time, TDB, s since J2000.0, is not among those that kernels cover, and which these are; `None`: it is.
+pub(crate) fn not_covered([first, last]: [f64; 2], tdb_s: f64) -> Option<String> {
+    let written = |tdb_s: f64| scene::written_time(tdb_s).map_or_else(|| format!("{tdb_s} s"), |time| time.to_string());
+    (!(first..=last).contains(&tdb_s)).then(|| {
+        format!("scene.time is not among the times of its kernel: {} to {} (TDB)", written(first), written(last))
+    })
 }

@@ -2,6 +2,9 @@
 //!
 //! A segment of a kernel has a body from its centre; the place from the barycentre of the Solar System is the sum along centres. The sum ends at that barycentre; at the Earth, whose place
 //! is that on which observers stand, so that satellites are as far from them as their kernel says; and at a body of the Solar System that no kernel has, which is where VSOP87 or ELP have it.
+//!
+//! The barycentre of DE440 is not that of VSOP87: they are 1,000 to 1,400 km apart. So a sum that ends at the barycentre is moved by what kernels and VSOP87 differ in the place of the Earth, or of the Sun
+//! where no kernel has the Earth.
 
 use std::{
     collections::{BTreeMap, HashSet},
@@ -25,6 +28,8 @@ use crate::solar_system::SolarBody;
 const BARYCENTRE: i32 = 0;
 /// See [`BARYCENTRE`].
 const EARTH: i32 = 399;
+/// See [`BARYCENTRE`].
+const SUN: i32 = 10;
 /// NAIF's number of the axes of ICRS, which segments must be given on.
 const ICRS_AXES: i32 = 1;
 /// Centres from a spacecraft to the barycentre: far more than any kernel has.
@@ -162,17 +167,22 @@ impl Kernels {
                 "the scene's time is beyond an SPK kernel: the body stays where the kernel begins or ends"
             );
         }
+        match self.summed_m(number, at_s)? {
+            (place_m, None) => Ok(place_m + self.barycentre_m(at_s)),
+            (place_m, Some(ours)) => Ok(place_m + ours.barycentric_m(tdb_s)),
+        }
+    }
+
+    /// Sum along the centres of a number, m, at a time that is covered, and the body at which it ends; `None`: at the barycentre of the kernels.
+    fn summed_m(&self, number: i32, at_s: f64) -> Result<(DVec3, Option<SolarBody>), String> {
         let (mut body, mut place_m) = (number, DVec3::ZERO);
         for _ in 0..MOST_CENTRES {
             if body == BARYCENTRE {
-                return Ok(place_m);
+                return Ok((place_m, None));
             }
             let ours = Ephemeris::Spk(body).stands_as().filter(|_| body != number);
-            match ours {
-                Some(ours) if body == EARTH || !self.covered_s.contains_key(&body) => {
-                    return Ok(place_m + ours.barycentric_m(tdb_s));
-                }
-                _ => {}
+            if ours.is_some() && (body == EARTH || !self.covered_s.contains_key(&body)) {
+                return Ok((place_m, ours));
             }
             let state = self
                 .almanac
@@ -182,6 +192,18 @@ impl Kernels {
             body = state.frame.ephemeris_id;
         }
         Err(format!("spk:{number}: more than {MOST_CENTRES} centres to the barycentre"))
+    }
+
+    /// Where the barycentre of the kernels is from that of VSOP87, m; zero where they have neither the Earth nor the Sun.
+    fn barycentre_m(&self, tdb_s: f64) -> DVec3 {
+        let by = |number: i32| {
+            let [first, last] = self.covered_s(number).filter(|[first, last]| first <= last)?;
+            let at_s = tdb_s.clamp(first, last);
+            // A sum that ends at another body says nothing of the barycentre.
+            let (place_m, _) = self.summed_m(number, at_s).ok().filter(|(_, ours)| ours.is_none())?;
+            Some(Ephemeris::Spk(number).stands_as()?.barycentric_m(at_s) - place_m)
+        };
+        by(EARTH).or_else(|| by(SUN)).unwrap_or_default()
     }
 
     /// That no kernel has a number, and which there are.

@@ -1,5 +1,5 @@
 //! How the Sun, the planets and their largest moons stand: poles and prime meridians of B. A. Archinal et al., "Report of the IAU Working Group on Cartographic Coordinates and Rotational
-//! Elements: 2015", Celestial Mechanics and Dynamical Astronomy 130, 22, 2018. Terms below 0.02 degrees are left out, but for the Moon, whose all are here.
+//! Elements: 2015", Celestial Mechanics and Dynamical Astronomy 130, 22, 2018. Terms below 0.1 degrees are left out where they have arguments of their own, but for the Moon, whose terms are all here.
 
 use glam::DQuat;
 

@@ -371,6 +371,20 @@ impl SkyTable {
 
     /// That of sources all around at an altitude, rad, which this table is of, as much as gives a level surface 1 lx: even in azimuth, whatever the source.
     pub fn all_around(&self, source_rad: f64) -> Self {
+        let even = self.even(source_rad);
+        let level_lx = even.level_lx_of_even();
+        // A sky that shows nothing has nothing to share out.
+        let scale = if level_lx > 0.0 { 1.0 / level_lx } else { 0.0 };
+        Self { smooth: even.smooth.into_iter().map(|of| of.map(|channel| channel * scale)).collect(), ..even }
+    }
+
+    /// What this sky gives a level surface without its source, which stands at an altitude, rad, and gives 1 lx: lx.
+    pub fn level_lx(&self, source_rad: f64) -> f64 {
+        self.even(source_rad).level_lx_of_even()
+    }
+
+    /// The mean over all azimuths.
+    fn even(&self, source_rad: f64) -> Self {
         let [altitudes, azimuths] = TABLE_NODES;
         let source = direction(source_rad, 0.0);
         let row = |row: usize| {
@@ -383,18 +397,19 @@ impl SkyTable {
             sum.map(|channel| channel / azimuths as f64)
         };
         let smooth = (0..altitudes).flat_map(|at| std::iter::repeat_n(row(at), azimuths)).collect();
-        let even = Self { smooth, ..Self::default() };
+        Self { smooth, ..Self::default() }
+    }
+
+    /// What a sky that is even in azimuth gives a level surface, lx.
+    fn level_lx_of_even(&self) -> f64 {
         let steps = 200;
         let step_rad = FRAC_PI_2 / f64::from(steps);
         let ring = |step: i32| {
             let altitude_rad = (f64::from(step) + 0.5) * step_rad;
             let (sine, cosine) = altitude_rad.sin_cos();
-            TAU * sine * cosine * step_rad * rec709::luminance(even.luminance(altitude_rad, 0.0, 0.0))
+            TAU * sine * cosine * step_rad * rec709::luminance(self.luminance(altitude_rad, 0.0, 0.0))
         };
-        let level_lx: f64 = (0..steps).map(ring).sum();
-        // A sky that shows nothing has nothing to share out.
-        let scale = if level_lx > 0.0 { 1.0 / level_lx } else { 0.0 };
-        Self { smooth: even.smooth.into_iter().map(|of| of.map(|channel| channel * scale)).collect(), ..even }
+        (0..steps).map(ring).sum()
     }
 
     /// Luminance at an altitude, at least 0, at an azimuth from the source, rad, and the cosine of the angle from it; cd/m^2 per lx.

@@ -18,6 +18,18 @@ pub(crate) struct GridSpacing {
     pub most_px: u32,
 }
 
+/// How much wider than in the middle of a picture pixels are on the sky. Those of the other mappings are nowhere wider, but for orthographic ones, which have a spacing of their own, and for tables: pixels
+/// of projectors are wider by a third at most, which budgets have room for.
+fn stretch(projection: &Projection) -> f64 {
+    match projection {
+        // Along the meridian pixels are 1 / cos(theta / 2) of those in the middle.
+        Projection::Fisheye(fisheye) if fisheye.mapping == FisheyeMapping::Equisolid => {
+            1.0 / (0.5 * fisheye.half_fov_rad).cos().max(1e-3)
+        }
+        _ => 1.0,
+    }
+}
+
 impl GridSpacing {
     /// Pixels from point to point: as many as keep points close together on the sky.
     fn of(self, viewport: &Viewport) -> u32 {
@@ -26,7 +38,8 @@ impl GridSpacing {
         {
             return ORTHOGRAPHIC_SPACING_PX.min(self.most_px);
         }
-        let fitting = (self.most_rad / viewport.projection.middle_pixel_rad()).clamp(1.0, f64::from(self.most_px));
+        let widest_rad = viewport.projection.middle_pixel_rad() * stretch(&viewport.projection);
+        let fitting = (self.most_rad / widest_rad).clamp(1.0, f64::from(self.most_px));
         1 << fitting.log2().floor() as u32
     }
 }

@@ -1,6 +1,7 @@
 //! The stars of a scene while its time goes on: where their own motion has brought them, as its observer sees them.
 
 use std::{
+    f64::consts::PI,
     sync::{
         Arc, Mutex, MutexGuard, PoisonError,
         atomic::{AtomicBool, Ordering},
@@ -24,12 +25,15 @@ use crate::{
 /// Within so many years of those for which they were loaded stars stay: the fastest moves by 10 arcsec a year, of those that the naked eye sees 98 % by less than 0.5.
 const LOADED_YEARS: f64 = 0.5;
 
+/// See [`rounded`], rad.
+const PLACE_RAD: f64 = 5.0 * PI / 180.0;
+
 /// Which stars a moment has.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Seen {
     /// Julian years from J2000.0, by which they have moved on.
     years: f64,
-    /// Where the observer is, and the number of the vantage; `None`: nobody looks.
+    /// About where the observer is, and the number of the vantage; `None`: nobody looks.
     vantage: Option<(Place, i64)>,
 }
 
@@ -52,25 +56,36 @@ struct Held {
     newest: (Seen, Arc<StarSet>),
     /// Those that were loaded for other years, from which all of these years are made.
     of_years: Option<Arc<StarSet>>,
+    /// Years for which they could not be loaded: they are not tried again before others.
+    failed_years: Option<f64>,
+}
+
+/// A place to 5 degrees: the rotation of the Earth shifts stars by 0.32 arcsec at most, by 0.03 from one such place to the next. Who moves on continuously has new stars every few hundred kilometres.
+fn rounded(place: Place) -> Place {
+    let step = |angle: f64| (angle / PLACE_RAD).round() * PLACE_RAD;
+    Place { latitude_rad: step(place.latitude_rad), longitude_rad: step(place.longitude_rad), height_m: 0.0 }
 }
 
 impl SeenStars {
     /// Stars that are loaded from sources, for the epoch of an observer.
     pub fn new(loaded: Arc<StarSet>, observer: Option<&Observer>, sources: Vec<StarSource>) -> Arc<Self> {
-        let vantage = observer.map(|observer| (observer.place, Observer::vantage_number(observer.epoch_s)));
+        let vantage = observer.map(|observer| (rounded(observer.place), Observer::vantage_number(observer.epoch_s)));
         let first = Seen { years: loaded.epoch.years, vantage };
         let sources = if sources.iter().any(StarSource::may_move) { sources } else { Vec::new() };
-        let held = Mutex::new(Held { newest: (first, Arc::clone(&loaded)), of_years: None });
+        let held = Mutex::new(Held { newest: (first, Arc::clone(&loaded)), of_years: None, failed_years: None });
         Arc::new(Self { loaded, first, sources, held, is_busy: AtomicBool::new(false) })
     }
 
     /// The stars that an observer sees at a moment; where they have yet to be made, which takes a second for each few million, those of the moment before, and they are made meanwhile.
     pub fn at(self: &Arc<Self>, observer: Option<&Observer>, time_s: f64) -> Arc<StarSet> {
         let (of, stars) = self.held().newest.clone();
-        if of != self.seen(observer, time_s) && !self.is_busy.swap(true, Ordering::AcqRel) {
+        let wanted = self.seen(observer, time_s);
+        let is_hopeless = self.held().failed_years == Some(wanted.years);
+        if of != wanted && !is_hopeless && !self.is_busy.swap(true, Ordering::AcqRel) {
             let (own, observer) = (Arc::clone(self), observer.copied());
             let making = thread::Builder::new().name("stars".to_owned()).spawn(move || {
                 if let Err(error) = own.made(observer.as_ref(), time_s) {
+                    own.held().failed_years = Some(wanted.years);
                     tracing::error!("stars stay as they were seen: {error}");
                 }
                 own.is_busy.store(false, Ordering::Release);
@@ -114,7 +129,7 @@ impl SeenStars {
         let stay = self.sources.is_empty() || (years - self.first.years).abs() <= LOADED_YEARS;
         Seen {
             years: if stay { self.first.years } else { years.round() },
-            vantage: observer.map(|observer| (observer.place, Observer::vantage_number(time_s))),
+            vantage: observer.map(|observer| (rounded(observer.place), Observer::vantage_number(time_s))),
         }
     }
 
@@ -143,10 +158,7 @@ impl SeenStars {
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
 mod tests {
-    use std::{
-        f64::consts::PI,
-        time::{Duration, Instant},
-    };
+    use std::time::{Duration, Instant};
 
     use super::*;
     use crate::{

@@ -29,6 +29,8 @@ pub const MOST_SOURCES: usize = 2;
 const ON_GROUND_M: f64 = 1000.0;
 /// What air around an eclipse scatters into a total one, from all sides, of the Sun's light: 1 to 4 lx of 1e5 (S. M. Silverman and E. G. Mullen, Applied Optics 14, 2838, 1975).
 const LEAST_OF_ECLIPSED: f64 = 2.7e-5;
+/// Share that the sky has of the light of a clear day while the sun is high.
+const SKY_OF_HIGH_SUN: f64 = 0.13;
 /// What is nearer is seen where it is, m.
 pub const BEYOND_AIR_M: f64 = 1e5;
 /// What scatters less than this share of the air's own glow is left out, as the Sun is at night.
@@ -145,8 +147,9 @@ pub(super) fn azimuth(local: DVec3) -> f64 {
     local.x.atan2(-local.z)
 }
 
-/// What the sources of a scene give an eye outside of the air, the brightest first, directions and lx; and what comes in from where an eclipsed sun is not hidden, lx.
-fn sources(objects: &SceneObjects, eye_m: DVec3) -> (Vec<(DVec3, [f64; 3])>, [f64; 3]) {
+/// What the sources of a scene give an eye outside of the air, the brightest first, directions and lx; and the direction of an eclipsed sun, and what comes in from where it is not hidden, lx, if it stood
+/// in the zenith.
+fn sources(objects: &SceneObjects, eye_m: DVec3) -> (Vec<(DVec3, [f64; 3])>, Option<(DVec3, [f64; 3])>) {
     let suns = suns(objects);
     let of_body = |body: &Body| -> [f64; 3] {
         let offset_m = body.position_m - eye_m;
@@ -162,7 +165,7 @@ fn sources(objects: &SceneObjects, eye_m: DVec3) -> (Vec<(DVec3, [f64; 3])>, [f6
         reflected.chain(emitted).fold([0.0; 3], |sum, light| [0, 1, 2].map(|c| sum[c] + light[c]))
     };
     let outside = |body: &&Arc<Body>| (body.position_m - eye_m).length() > body.radii_m.max_element();
-    let mut around = [0.0; 3];
+    let mut around: Option<(DVec3, [f64; 3])> = None;
     let mut found: Vec<(DVec3, [f64; 3])> = objects
         .bodies
         .iter()
@@ -181,8 +184,12 @@ fn sources(objects: &SceneObjects, eye_m: DVec3) -> (Vec<(DVec3, [f64; 3])>, [f6
                 })
                 .sum();
             let (light, open) = (of_body(body), (1.0 - hidden).max(0.0));
-            if body.emission.is_some() && open < LEAST_OF_ECLIPSED {
-                (0..3).for_each(|c| around[c] += light[c] * (LEAST_OF_ECLIPSED - open));
+            if body.emission.is_some() && hidden > 0.0 {
+                let share = LEAST_OF_ECLIPSED * (1.0 - open);
+                let lit = light.map(|lx| lx * share);
+                if around.is_none_or(|(_, brightest)| luminance(lit) > luminance(brightest)) {
+                    around = Some((offset_m.normalize(), lit));
+                }
             }
             (offset_m.normalize(), light.map(|lx| lx * open))
         })
@@ -198,8 +205,8 @@ impl SceneObjects {
     pub fn local_sky(&self, camera_m: DVec3) -> Option<LocalSky> {
         let (surroundings, observer) = self.surroundings_at(camera_m)?;
         let horizon_from_world = horizon_from_world(observer, self.time_s);
-        let (sources, around_lx) = sources(self, observer.epoch.position_m);
-        Some(LocalSky::new(surroundings, horizon_from_world, &sources, around_lx))
+        let (sources, around) = sources(self, observer.epoch.position_m);
+        Some(LocalSky::new(surroundings, horizon_from_world, &sources, around))
     }
 
     /// What is around a camera for the light of stars alone, at the nearest of moments a minute apart: the sky turns by 0.25 degrees meanwhile.
@@ -230,6 +237,14 @@ impl SceneObjects {
     }
 }
 
+/// Light that a clear day gives a level surface with its sun at a sine of altitude, over that with the sun in the zenith.
+fn of_clear_day(air: &Air, sine: f64) -> f64 {
+    let altitude_rad = sine.clamp(-1.0, 1.0).asin();
+    let of_sun = |sine: f64| sine.max(0.0) * luminance(air.transmission(sine.max(0.0)));
+    let of_sky = air.scattered.table(altitude_rad).level_lx(altitude_rad);
+    (of_sun(sine) + of_sky) * (1.0 - SKY_OF_HIGH_SUN) / of_sun(1.0)
+}
+
 fn horizon_from_world(observer: &Observer, time_s: f64) -> DMat3 {
     DMat3::from_quat(observer.icrs_from_horizon(time_s).inverse())
 }
@@ -252,13 +267,13 @@ impl LocalSky {
         }
     }
 
-    /// What is around an observer in the light of sources: unit vectors in world axes without air, and what they give outside of it, lx. What comes in from all around a total eclipse, lx on
-    /// a level surface, has the colours of a sky at sunset.
+    /// What is around an observer in the light of sources: unit vectors in world axes without air, and what they give outside of it, lx. What comes in from all around an eclipse, with the
+    /// direction of the eclipsed sun, lx on a level surface if that were in the zenith, has the colours of a sky at sunset; it grows with the light of a clear day at the sun's altitude.
     pub fn new(
         surroundings: &Surroundings,
         horizon_from_world: DMat3,
         sources: &[(DVec3, [f64; 3])],
-        around_lx: [f64; 3],
+        around: Option<(DVec3, [f64; 3])>,
     ) -> Self {
         let sine = |direction: &DVec3| (horizon_from_world * *direction).y;
         let of_air = surroundings.air.iter().flat_map(|air| {
@@ -276,10 +291,14 @@ impl LocalSky {
         let mut sky = Self::unlit(surroundings, horizon_from_world);
         let seen = |source: SkySource| SkySource { direction: sky.seen(source.direction), ..source };
         sky.sources = of_air.map(seen).collect();
-        if let Some(air) = surroundings.air.as_ref().filter(|_| luminance(around_lx) > 0.0) {
-            let table = Arc::new(air.scattered.table(0.0).all_around(0.0));
-            sky.sources.truncate(MOST_SOURCES - 1);
-            sky.sources.push(SkySource { direction: sky.zenith(), light_lx: around_lx, table });
+        if let Some((air, (direction, around_lx))) = surroundings.air.as_ref().zip(around) {
+            let day = of_clear_day(air, sine(&direction));
+            let light_lx = around_lx.map(|lx| lx * day);
+            if luminance(light_lx) > LEAST_OF_GLOW * luminance(air.glow_cd_m2) {
+                let table = Arc::new(air.scattered.table(0.0).all_around(0.0));
+                sky.sources.truncate(MOST_SOURCES - 1);
+                sky.sources.push(SkySource { direction: sky.zenith(), light_lx, table });
+            }
         }
         let (mean, mut lit_lx) = sky.summed();
         for (direction, light) in sources {
@@ -441,25 +460,21 @@ mod tests {
     #[test]
     fn the_ground_hides_and_shows_the_light_that_falls_on_it() {
         let sun = (DVec3::new(0.0, 0.5, -0.75_f64.sqrt()), [1e5; 3]);
-        let without_air = LocalSky::new(&surroundings(false, Vec::new()), DMat3::IDENTITY, &[sun], [0.0; 3]);
+        let without_air = LocalSky::new(&surroundings(false, Vec::new()), DMat3::IDENTITY, &[sun], None);
         // 1e5 lx at 30 degrees on an albedo of 0.2.
         assert!((without_air.ground_cd_m2[1] / (5e4 * 0.2 / PI) - 1.0).abs() < 1e-9);
         assert_eq!(without_air.luminance_cd_m2(DVec3::Y), [0.0; 3]);
         assert_eq!(without_air.transmission(DVec3::NEG_Y), [0.0; 3]);
         assert_eq!(without_air.transmission(DVec3::new(1.0, 1e-3, 0.0)), [1.0; 3]);
-        let in_air = LocalSky::new(&surroundings(true, Vec::new()), DMat3::IDENTITY, &[sun], [0.0; 3]);
+        let in_air = LocalSky::new(&surroundings(true, Vec::new()), DMat3::IDENTITY, &[sun], None);
         // A clear sky gives a tenth to a third of what the Sun does.
         let of_sun = 5e4 * in_air.transmission(sun.0)[1] * 0.2 / PI;
         let of_sky = in_air.ground_cd_m2[1] / of_sun - 1.0;
         assert!((0.1..0.4).contains(&of_sky), "{of_sky}");
         assert_eq!(in_air.luminance_cd_m2(DVec3::NEG_Y), in_air.ground_cd_m2);
         // To the north (-z) a hill of 0.3 rad.
-        let hill = LocalSky::new(
-            &surroundings(true, vec![[0.0, 0.3], [0.5, 0.0], [5.7, 0.0]]),
-            DMat3::IDENTITY,
-            &[sun],
-            [0.0; 3],
-        );
+        let hill =
+            LocalSky::new(&surroundings(true, vec![[0.0, 0.3], [0.5, 0.0], [5.7, 0.0]]), DMat3::IDENTITY, &[sun], None);
         let at = |altitude: f64| DVec3::new(0.0, altitude.sin(), -altitude.cos());
         assert!(hill.hides(at(0.29)) && !hill.hides(at(0.31)) && !hill.hides(DVec3::new(0.0, 0.01, 1.0)));
     }

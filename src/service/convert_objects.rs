@@ -79,7 +79,7 @@ pub(super) fn body_to_pb(form: &BodyForm) -> proto::Body {
         emission: body.emission.map(|emission| proto::Emission {
             luminance_cd_m2: Some(rgb_to_pb(emission.luminance_cd_m2)),
             limb_darkening: emission.limb_darkening,
-            corona: emission.corona,
+            corona: Some(emission.corona),
         }),
         ephemeris: body.ephemeris.map_or_else(String::new, |of| of.to_string()),
         phase_curve: body.surface.phase_curve.map_or_else(String::new, |of| of.name().to_owned()),
@@ -98,16 +98,18 @@ fn solar_body_from_pb(name: &str, key: &str) -> Result<Option<SolarBody>, String
 /// A body; its ranges are not checked.
 pub(super) fn body_from_pb(body: proto::Body) -> Result<BodyForm, String> {
     let spin = body.spin.map(|spin| Spin { period_s: spin.period_s, phase_rad: spin.phase_rad });
+    let ephemeris = Some(body.ephemeris).filter(|text| !text.is_empty()).map(Ephemeris::try_from).transpose();
+    let ephemeris = ephemeris.map_err(|problem| format!("ephemeris = {problem}"))?;
+    let is_sun = ephemeris.and_then(Ephemeris::stands_as) == Some(SolarBody::Sun);
     let emission = |emission: proto::Emission| {
         let luminance_cd_m2 = emission.luminance_cd_m2.ok_or("emission.luminance_cd_m2 is needed")?;
         Ok::<_, String>(Emission {
             luminance_cd_m2: rgb_from_pb(Some(luminance_cd_m2)),
             limb_darkening: emission.limb_darkening,
-            corona: emission.corona,
+            // Files of states that are older than coronas do not say.
+            corona: emission.corona.unwrap_or(is_sun),
         })
     };
-    let ephemeris = Some(body.ephemeris).filter(|text| !text.is_empty()).map(Ephemeris::try_from).transpose();
-    let ephemeris = ephemeris.map_err(|problem| format!("ephemeris = {problem}"))?;
     Ok(BodyForm {
         body: Body {
             ephemeris,

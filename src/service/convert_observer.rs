@@ -4,7 +4,7 @@ use super::{
     observer::{GivenObserver, GroundForm, ObserverChange},
     proto,
 };
-use crate::config::{AirConfig, GroundConfig};
+use crate::config::{AirConfig, GroundConfig, MOST_HORIZON_POINTS};
 
 /// Fields of the observer that a mask may name.
 const ALLOWED: &str = "allowed are observer, observer.latitude_deg, observer.longitude_deg, observer.height_m, observer.ut1_minus_utc_s, observer.delta_t_s, observer.air and observer.ground";
@@ -68,6 +68,11 @@ pub(super) fn observer_to_pb(observer: &GivenObserver) -> proto::Observer {
 
 /// The observer that a scene is told to have, as the change that makes it so.
 pub(super) fn observer_from_pb(observer: &proto::Observer) -> ObserverChange {
+    let ground = Some(ground_from_pb(observer.ground.clone().unwrap_or_default()));
+    ObserverChange { ground, ..observer_without_ground(observer) }
+}
+
+fn observer_without_ground(observer: &proto::Observer) -> ObserverChange {
     ObserverChange {
         latitude_deg: Some(observer.latitude_deg),
         longitude_deg: Some(observer.longitude_deg),
@@ -75,7 +80,7 @@ pub(super) fn observer_from_pb(observer: &proto::Observer) -> ObserverChange {
         ut1_minus_utc_s: Some(observer.ut1_minus_utc_s),
         delta_t_s: Some(observer.delta_t_s),
         air: Some(air_from_pb(observer.air.unwrap_or_default())),
-        ground: Some(ground_from_pb(observer.ground.clone().unwrap_or_default())),
+        ground: None,
     }
 }
 
@@ -86,16 +91,23 @@ pub(super) fn add_observer_change(
     given: Option<&proto::Observer>,
 ) -> Result<(), String> {
     let given = given.ok_or_else(|| format!("observer: update_mask names observer{rest}, and none is given"))?;
-    let all = observer_from_pb(given);
+    // Before any of them is copied: a message has room for two million.
+    let points = given.ground.as_ref().map_or(0, |ground| ground.horizon.len());
+    if points > MOST_HORIZON_POINTS {
+        return Err(format!("observer.ground.horizon: {points} points: at most {MOST_HORIZON_POINTS} are allowed"));
+    }
+    // A mask may name one field a thousand times.
+    let ground =
+        |now: Option<GroundForm>| now.or_else(|| Some(ground_from_pb(given.ground.clone().unwrap_or_default())));
     match rest {
-        "" => *change = all,
-        ".latitude_deg" => change.latitude_deg = all.latitude_deg,
-        ".longitude_deg" => change.longitude_deg = all.longitude_deg,
-        ".height_m" => change.height_m = all.height_m,
-        ".ut1_minus_utc_s" => change.ut1_minus_utc_s = all.ut1_minus_utc_s,
-        ".delta_t_s" => change.delta_t_s = all.delta_t_s,
-        ".air" => change.air = all.air,
-        ".ground" => change.ground = all.ground,
+        "" => *change = ObserverChange { ground: ground(change.ground.take()), ..observer_without_ground(given) },
+        ".latitude_deg" => change.latitude_deg = Some(given.latitude_deg),
+        ".longitude_deg" => change.longitude_deg = Some(given.longitude_deg),
+        ".height_m" => change.height_m = Some(given.height_m),
+        ".ut1_minus_utc_s" => change.ut1_minus_utc_s = Some(given.ut1_minus_utc_s),
+        ".delta_t_s" => change.delta_t_s = Some(given.delta_t_s),
+        ".air" => change.air = Some(air_from_pb(given.air.unwrap_or_default())),
+        ".ground" => change.ground = ground(change.ground.take()),
         _ => return Err(format!("update_mask: no field `observer{rest}`: {ALLOWED}")),
     }
     Ok(())

@@ -6,7 +6,10 @@
 #![allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
 #![allow(clippy::print_stderr, reason = "the process that reads tells why it ends")]
 
-use std::{path::Path, sync::Arc};
+use std::{
+    path::Path,
+    sync::{Arc, LazyLock},
+};
 
 use prost::Message;
 use prost_types::{FieldMask, Timestamp};
@@ -24,6 +27,7 @@ use super::{
     views::{GivenView, ViewSet, ViewUpdate},
 };
 use crate::{
+    config::{Config, ObserverConfig},
     plan::settings::RenderSettings,
     scene::{Camera, SceneClock, SceneObjects},
     verify,
@@ -35,6 +39,14 @@ mod driver;
 use driver::{Run, Target, as_it_is, check};
 
 /// A scene of two views and nothing in it.
+/// An observer and what is around it.
+static PLACE: LazyLock<(ObserverConfig, Arc<SceneObjects>)> = LazyLock::new(|| {
+    let text = "[scene]\ntime = 2026-11-23T20:00:00Z\nsolar_system = false\n\
+                [scene.observer]\nlatitude_deg = 48\nlongitude_deg = 11\n";
+    let config = Config::from_text(text, "place.toml", Path::new(""), &[]).unwrap();
+    (config.scene.observer.clone().unwrap(), Arc::new(config.objects().unwrap()))
+});
+
 fn scene() -> SceneState {
     let RenderSettings { stars, asteroids, .. } = RenderSettings::default();
     let given = |name: &str| {
@@ -43,13 +55,15 @@ fn scene() -> SceneState {
     };
     let views = ["dome", "flat"].map(given).to_vec();
     let views = ViewSet::new(&RenderSettings::default(), views, Path::new("")).unwrap();
+    let (observer, drawn) = &*PLACE;
     SceneState {
         revision: 1,
         stars,
         asteroids,
-        objects: Objects::new(Arc::new(SceneObjects::default()), &[], None).unwrap(),
-        clock: SceneClock::stopped(0.0),
+        clock: SceneClock::stopped(drawn.time_s),
+        objects: Objects::new(Arc::clone(drawn), &[], Some(observer.clone())).unwrap(),
         views: Arc::new(views),
+        jumps: 0,
     }
 }
 
@@ -179,7 +193,7 @@ fn full_scene() -> proto::Scene {
         emission: Some(proto::Emission {
             luminance_cd_m2: Some(proto::Rgb { red: 2e9, green: 2e9, blue: 2e9 }),
             limb_darkening: 0.6,
-            corona: true,
+            corona: Some(true),
         }),
         ..Default::default()
     };

@@ -51,7 +51,7 @@ impl ObserverChange {
 #[derive(Clone, Debug)]
 pub(super) struct GivenObserver {
     given: ObserverConfig,
-    /// The panorama of the configuration, also while the ground is without it, and its file.
+    /// The panorama of the configuration, also while the ground is without it, and its file; none where the ground of the configuration is turned off, which reads no file.
     lent: Option<(PathBuf, Arc<Landscape>)>,
 }
 
@@ -82,7 +82,7 @@ impl GivenObserver {
             enabled: *enabled,
             albedo: *albedo,
             horizon_deg: horizon_deg.clone(),
-            landscape: landscape.is_some(),
+            landscape: landscape.is_some() && self.lent.is_some(),
         }
     }
 
@@ -112,7 +112,7 @@ impl GivenObserver {
             ground,
             ..now.clone()
         };
-        given.check()?;
+        given.check().map_err(|problem| problem.replace("ground.horizon_deg", "ground.horizon"))?;
         let landscape = self.lent.as_ref().filter(|_| given.ground.landscape.is_some());
         let landscape = landscape.map(|(_, landscape)| Arc::clone(landscape));
         let surroundings = given.surroundings_with(landscape).map(Arc::new);
@@ -145,6 +145,13 @@ mod tests {
         assert_eq!(made.observer.place.height_m, 500.0);
         assert_eq!(made.given.given().air.night_sky_mag, 20.0);
         assert!(made.surroundings.as_ref().unwrap().ground.is_some());
+        // What it tells is what it takes: a file of states has it.
+        let off = format!("{text}[scene.observer.ground]\nenabled = false\nlandscape = 'hills.png'\n");
+        let off = Config::from_text(&off, "sky.toml", Path::new("."), &[]).unwrap();
+        let off_objects = off.objects().unwrap();
+        let off = GivenObserver::new(off.scene.observer.clone().unwrap(), &off_objects);
+        let told = ObserverChange { ground: Some(off.ground()), ..ObserverChange::default() };
+        assert!(off.changed(&told, &observer).unwrap().surroundings.unwrap().ground.is_none());
         // Nothing changes: the very scene.
         let same = given.changed(&ObserverChange::default(), &observer).unwrap();
         assert_eq!((same.observer, same.surroundings), (observer, objects.surroundings.clone()));
@@ -159,7 +166,7 @@ mod tests {
             (ObserverChange { delta_t_s: Some(Some(2e6)), ..Default::default() }, "observer.delta_t_s: 2000000"),
             (air(AirConfig { night_sky_mag: 3.0, ..AirConfig::default() }), "observer.air.night_sky_mag: 3"),
             (ground(true, Vec::new()), "observer.ground.landscape"),
-            (ground(false, vec![[10.0, 1.0], [5.0, 1.0]]), "observer.ground.horizon_deg[1]"),
+            (ground(false, vec![[10.0, 1.0], [5.0, 1.0]]), "observer.ground.horizon[1]"),
         ] {
             let problem = given.changed(&change, &observer).unwrap_err();
             assert!(problem.contains(part), "{problem}\nlacks {part}");

@@ -541,14 +541,20 @@ impl RenderHandle {
         if let Err(error) = now.expect(Some(made_for)) {
             return Ok(Err(error));
         }
-        let scene = SceneState { revision: made_for + 1, ..scene };
+        let jumps = scene.jumps_after(&now, SystemTime::now());
+        let scene = SceneState { revision: made_for + 1, jumps, ..scene };
         let [before, after] = [&now, &scene].map(|scene| scene.objects.drawn.observer);
         if before != after {
             // It hangs on the horizon of where its observer was until now.
             state.follow(SystemTime::now());
-            let camera = state.camera.on_horizon_of(before.as_ref(), after.as_ref());
+            let turned = |camera: &Camera| camera.on_horizon_of(before.as_ref(), after.as_ref());
+            let camera = turned(&state.camera);
             if camera != state.camera {
-                state.move_camera(camera);
+                // The poses of whoever steers go along, too.
+                state.track.change(turned);
+                state.camera = Camera { revision: state.camera.revision + 1, ..camera };
+                state.pose_time = SystemTime::now();
+                state.tell_camera();
             }
         }
         state.newest_scene = scene.clone();

@@ -29,7 +29,12 @@ pub(super) struct SceneState {
     pub(super) clock: SceneClock,
     /// Views, with their exposure, glare and tone mapping.
     pub(super) views: Arc<ViewSet>,
+    /// Counts the changes after which nobody's eye goes on adapting from what it saw before: other times and places.
+    pub(super) jumps: u64,
 }
+
+/// A scene whose time is set this far from where it would be has jumped, s: twilight changes by a third of a magnitude meanwhile.
+const JUMP_S: f64 = 60.0;
 
 /// Changes of the scene; what is `None` or [`Change::Nothing`] stays.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -87,6 +92,7 @@ impl SceneUpdate {
 
     /// Makes what the change needs for a scene; the error says what is not allowed.
     pub(super) fn make(&self, scene: &SceneState) -> Result<MadeUpdate, String> {
+        let time_s = self.time_s.unwrap_or_else(|| scene.clock.time_s(SystemTime::now()));
         Ok(MadeUpdate {
             star_method: self.star_method,
             magnitude_limit: self.magnitude_limit,
@@ -94,7 +100,12 @@ impl SceneUpdate {
             quality: self.quality,
             time_s: self.time_s,
             time_rate: self.time_rate,
-            objects: scene.objects.make(&self.bodies, &self.asteroid_fields, &self.observer)?,
+            objects: scene.objects.make(
+                &self.bodies,
+                &self.asteroid_fields,
+                &self.observer,
+                (time_s, self.time_s.is_some()),
+            )?,
             overlay: self.overlay.clone(),
         })
     }
@@ -130,6 +141,13 @@ pub(super) enum SceneError {
 }
 
 impl SceneState {
+    /// How many jumps there were once it takes the place of another scene at a moment.
+    pub(super) fn jumps_after(&self, before: &Self, now: SystemTime) -> u64 {
+        let observers = [before, self].map(|scene| scene.objects.drawn.observer.map(|observer| observer.place));
+        let apart_s = self.clock.time_s(now) - before.clock.time_s(now);
+        before.jumps + u64::from(observers[0] != observers[1] || apart_s.abs() > JUMP_S)
+    }
+
     /// Refuses changes that were made for another revision.
     pub(super) fn expect(&self, revision: Option<u64>) -> Result<(), SceneError> {
         match revision.filter(|expected| *expected != self.revision) {

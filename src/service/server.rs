@@ -392,6 +392,7 @@ fn restored(file: &StateFile, begun: Begun) -> Result<Begun, StateError> {
             objects,
             clock,
             views: Arc::new(views),
+            jumps: 0,
         };
         let restored = saved.applied(&configured, &settings).map_err(|problem| file.content(problem))?;
         let revision = saved.scene.as_ref().map_or(restored.revision, |scene| scene.revision);
@@ -405,7 +406,16 @@ fn restored(file: &StateFile, begun: Begun) -> Result<Begun, StateError> {
         if !deleted.is_empty() {
             tracing::info!("views of the configuration that clients have deleted: {}", deleted.join(", "));
         }
+        let kept = |name: &str| restored.objects.drawn.bodies.iter().any(|body| body.name == name);
+        let bodies = scene.objects.bodies.iter().map(|body| body.name.as_str());
+        let gone: Vec<&str> = bodies.filter(|name| !kept(name)).collect();
+        if !gone.is_empty() {
+            tracing::info!("bodies of the configuration that the file of states does not have: {}", gone.join(", "));
+        }
         let (before, after) = (scene.objects.observer, restored.objects.drawn.observer);
+        if before.map(|observer| observer.place) != after.map(|observer| observer.place) {
+            tracing::info!("the observer stands where the file of states has it, not where the configuration does");
+        }
         let camera = scene.camera.on_horizon_of(before.as_ref(), after.as_ref());
         scene = SceneSnapshot { revision, objects: Arc::clone(&restored.objects.drawn), camera, ..scene };
         clock = saved.clock(restored.clock);

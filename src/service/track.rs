@@ -60,6 +60,11 @@ impl Track {
         *self = Self::default();
     }
 
+    /// Changes what all poses are.
+    pub(super) fn change(&mut self, of: impl Fn(&Camera) -> Camera) {
+        self.poses.iter_mut().for_each(|pose| pose.camera = of(&pose.camera));
+    }
+
     /// Adds a pose for a time. After an error the track is as it was.
     pub(super) fn push(&mut self, at: SystemTime, camera: Camera, now: SystemTime) -> Result<(), TrackError> {
         if self.poses.back().is_some_and(|last| at <= last.at) {

@@ -108,6 +108,7 @@ fn spawn_with(
         objects,
         clock,
         views: Arc::new(views),
+        jumps: 0,
     };
     let state = State {
         camera: scene.camera,
@@ -284,8 +285,8 @@ type EyeOf = (ExposureGroup, Option<ViewId>);
 /// An eye that looks at all views of an exposure group.
 #[derive(Default)]
 struct AdaptingEye {
-    /// What it adapts by; one that has changed is another eye.
-    settings: Option<ExposureSettings>,
+    /// What it adapts by, and how often the scene has jumped; one that has changed is another eye.
+    of: Option<(ExposureSettings, u64)>,
     adaptation: Adaptation,
     /// When the last frame that came out was started, and what it showed.
     last: Option<(Instant, Revisions)>,
@@ -410,9 +411,11 @@ impl Worker {
     fn adapted_ev100(&mut self, job: &Job) -> Option<f64> {
         let exposure = job.frame_group().settings.exposure;
         let eye = self.eyes.entry(job.eye().clone()).or_default();
-        if eye.settings.replace(exposure).is_some_and(|of| of != exposure) {
-            *eye = AdaptingEye { settings: Some(exposure), ..AdaptingEye::default() };
+        let of = Some((exposure, job.scene.jumps));
+        if eye.of.is_some() && eye.of != of {
+            *eye = AdaptingEye::default();
         }
+        eye.of = of;
         let shares = |before: &&InFlight| before.job.eye() == job.eye();
         let before = self.in_flight.iter().rev().find(shares);
         let begun = before.map(|before| (before.job.start, before.job.shows())).or(eye.last);
@@ -438,7 +441,7 @@ impl Worker {
                 let FrameGroup { settings, views, .. } = job.frame_group();
                 // There is none any more of a view that was deleted meanwhile, and one of settings that have changed since is the eye of those.
                 if let Some(eye) = self.eyes.get_mut(job.eye())
-                    && eye.settings.is_none_or(|of| of == settings.exposure)
+                    && eye.of.is_none_or(|of| of == (settings.exposure, job.scene.jumps))
                 {
                     eye.last = Some((job.start, job.shows()));
                     eye.adaptation.observe(frame.exposure_ev100, frame.metered_ev100);

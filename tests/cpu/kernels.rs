@@ -190,3 +190,34 @@ fn what_kernels_do_not_have_is_refused() {
     let turned = body("x", -82) + "spin = { period_s = 100 }\norientation = [0, 0, 1, 0]\n";
     assert!(config(folder.path(), "kernels = ['a.bsp']", &turned).is_ok());
 }
+
+/// The barycentre of kernels is not that of VSOP87: by the Earth, or else the Sun, both are brought together.
+#[test]
+fn kernels_with_another_barycentre_agree_with_what_stands_by_the_theories() {
+    let shift_m = DVec3::new(9e5, -8e5, 4e5);
+    let straight = |target: i32, place_m: &dyn Fn(f64) -> DVec3| {
+        let half_s = 600.0;
+        let [before, at, after] = [-half_s, 0.0, half_s].map(|s| (place_m(TDB_S + s) + shift_m) * 1e-3);
+        Segment { target, centre: 0, axes: 1, covered_s: [TDB_S, half_s], place_km: [at, 0.5 * (after - before)] }
+    };
+    let of = |body: SolarBody| move |tdb_s: f64| body.barycentric_m(tdb_s);
+    let bodies = format!("{}{}", body("probe", 1_000_012), body("own-moon", 301));
+    let far_m = DVec3::new(1e11, 2e11, -3e10);
+    let probe = || straight(1_000_012, &|_| far_m);
+    for anchor in [Some((399, SolarBody::Earth)), Some((10, SolarBody::Sun)), None] {
+        let segments: Vec<Segment> = anchor
+            .map(|(number, body)| straight(number, &of(body)))
+            .into_iter()
+            .chain([probe(), straight(301, &of(SolarBody::Moon))])
+            .collect();
+        let folder = written(&[("a.bsp", kernel(&segments))]);
+        let objects = config(folder.path(), "kernels = ['a.bsp']", &bodies).unwrap();
+        let moon_m = SolarBody::Moon.barycentric_m(TDB_S);
+        let errors_m =
+            [place_m(&objects, "probe") - far_m, place_m(&objects, "own-moon") - moon_m].map(|error| error.length());
+        println!("{anchor:?}: {errors_m:?} m");
+        // Without either the kernels are believed.
+        let expected_m = if anchor.is_some() { 0.0 } else { shift_m.length() };
+        assert!(errors_m.iter().all(|error_m| (error_m - expected_m).abs() < 1.0), "{anchor:?}: {errors_m:?}");
+    }
+}

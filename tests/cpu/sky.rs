@@ -154,13 +154,13 @@ fn seen(objects: &SceneObjects, name: &str) -> (f64, f64) {
     (magnitude_from_illuminance_lx(light), to_sun_m.angle_between(eye_m - of.position_m).to_degrees())
 }
 
-/// Largest error of each planet's magnitude over ten phases, and of Mars that of the mean.
-fn magnitude_errors(of: &str) -> Vec<(String, f64)> {
+/// Largest error of each planet's magnitude over ten phases, and of Mars that of the mean; with `only`, of that planet alone.
+fn magnitude_errors(of: &str, only: Option<&str>) -> Vec<(String, f64)> {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/planet_magnitudes.csv");
     let mut reader = csv::ReaderBuilder::new().comment(Some(b'#')).from_path(file).unwrap();
     let rows: Vec<MagnitudeRow> = reader.deserialize().collect::<Result<_, _>>().unwrap();
     let mut errors: Vec<(String, Vec<f64>)> = Vec::new();
-    for row in rows {
+    for row in rows.into_iter().filter(|row| only.is_none_or(|only| row.object == only)) {
         let objects = config(&format!("[scene]\ntime = {}\n{GREENWICH}{of}", row.time)).objects().unwrap();
         let (v_mag, phase_deg) = seen(&objects, &row.object);
         assert!((phase_deg - row.phase_deg).abs() < 0.02, "{} {}: {phase_deg}", row.object, row.time);
@@ -180,15 +180,16 @@ fn magnitude_errors(of: &str) -> Vec<(String, f64)> {
 
 #[test]
 fn planets_are_as_bright_as_published_at_ten_phases() {
-    for (object, error) in magnitude_errors("") {
+    for (object, error) in magnitude_errors("", None) {
         println!("{object}: {error:.3} mag");
-        // Measured: below 0.03, Mars (the mean over its rotation) 0.03.
+        // Measured: Saturn 0.092, Mercury 0.070, Neptune 0.051, the others below 0.04.
         let most = if object == "saturn" { 0.15 } else { 0.1 };
         assert!(error < most, "{object}: {error}");
     }
     // A Lambert sphere is no Mercury.
     let wrong = magnitude_errors(
         "[[bodies]]\nname = 'mercury'\npreset = 'mercury'\nephemeris = 'mercury'\nphase_curve = false\n",
+        Some("mercury"),
     );
     assert!(wrong.iter().any(|(object, error)| object == "mercury" && *error > 1.0), "{wrong:?}");
 }
@@ -285,13 +286,22 @@ fn the_sky_of_a_total_eclipse_is_as_dark_as_measured_and_brightest_all_around_th
     let totality = at("10:05:00");
     let magnitude = 12.58 - 2.5 * totality[0].log10();
     println!("totality: {totality:.3?} cd/m^2, zenith {magnitude:.2} mag per square arcsecond");
-    assert!((12.4..13.6).contains(&magnitude), "{magnitude}");
+    assert!((13.1..13.4).contains(&magnitude), "{magnitude}");
     let [zenith, north, east, west] = totality;
     assert!(north > 2.0 * zenith && (east / north - 1.0).abs() < 0.01 && (west / north - 1.0).abs() < 0.01);
     // Five minutes before the second contact, and long before it.
     let [partial, before] = [at("09:57:00")[0], at("08:00:00")[0]];
     println!("zenith 5 minutes before: {partial:.1}, before the eclipse: {before:.0} cd/m^2");
     assert!(partial > 30.0 * zenith && before > 3.0 * partial);
+    // It only falls until the second contact and only rises from the third on.
+    let zeniths = |from_s: i32, to_s: i32| -> Vec<f64> {
+        (from_s..=to_s).map(|s| at(&format!("10:{:02}:{:02}", s / 60, s % 60))[0]).collect()
+    };
+    for (name, zeniths) in [("falls", zeniths(100, 130)), ("rises", zeniths(504, 534).into_iter().rev().collect())] {
+        let jump = zeniths.windows(2).map(|pair| pair[1] / pair[0]).fold(0.0, f64::max);
+        println!("the zenith {name} from {:.2} to {:.3} cd/m^2", zeniths[0], zeniths[30]);
+        assert!(jump < 1.002, "{name}: {zeniths:?}");
+    }
 }
 
 #[test]

@@ -190,14 +190,14 @@ const SCENE: &str = "[scene]\ncatalogues = ['builtin:bright']\n[[views]]\nname =
     size = [16, 16]\nipd_m = 0.06\nfov = { left_deg = -40, right_deg = 30, up_deg = 30, down_deg = -30 }\n";
 
 #[test]
-fn five_renders_have_the_same_bytes_whatever_the_threads() {
+fn renders_have_the_same_bytes_whatever_the_threads() {
     let folder = tempfile::tempdir().unwrap();
     // As many stars and such an exposure that the frame reads a map of faint stars.
     let scene = "[scene]\ncatalogues = [{ galaxy = { stars = 300000, seed = 1, fainter_than = 3.5 } }]\n\
         [[views]]\nname = 'dome'\ntype = 'dome_master'\nsize = [256, 256]\n[exposure]\nmode = 'manual'\nev100 = -5.4\n";
     std::fs::write(folder.path().join("dome.toml"), scene).unwrap();
     let mut first: Option<Vec<Vec<u8>>> = None;
-    for threads in ["1", "2", "3", "8", "1"] {
+    for threads in ["1", "3", "8"] {
         let output = Command::new(env!("CARGO_BIN_EXE_steradian"))
             .args(["render", "--config", "dome.toml", "--out", threads])
             .current_dir(folder.path())

@@ -70,8 +70,10 @@ pub(super) fn drawn(bodies: &[Round], discs: &[f64]) -> Vec<Parts> {
     }
     for (far, near, apart_rad) in pairs {
         let hidden = hidden_share(bodies[far].radius_rad, bodies[near].radius_rad, apart_rad);
-        // What is drawn of the nearer one as a disc hides points by itself.
-        parts[far].point *= 1.0 - hidden * (1.0 - parts[near].disc);
+        // What is drawn of the nearer one as a disc hides a point behind it by itself, all of it or nothing, as far as it is a disc.
+        let hides_middle = apart_rad < bodies[near].radius_rad;
+        let left = if hides_middle { 1.0 - parts[near].disc } else { 1.0 };
+        parts[far].point *= if left > 1.0 - hidden { (1.0 - hidden) / left } else { 1.0 };
     }
     for part in &mut parts {
         part.point *= 1.0 - part.disc;
@@ -108,6 +110,24 @@ mod tests {
             let jump = parts.iter().zip(&last).map(|(a, b)| (a.disc - b.disc).abs() + (a.point - b.point).abs());
             assert!(jump.fold(0.0, f64::max) < 0.01, "{step}");
             last = parts;
+        }
+    }
+
+    #[test]
+    fn a_moon_of_any_size_hides_the_point_behind_it() {
+        for diameter_px in [0.1, 0.3, 0.38, 0.45, 0.6, 3.0] {
+            let sun = round(0.0, 1.5e11, 0.0047, diameter_px);
+            for (right_rad, moon_rad) in [(0.0, 0.0048), (0.003, 0.0048), (0.007, 0.0048), (0.0, 0.003)] {
+                let moon = round(right_rad, 3.8e8, moon_rad, diameter_px * moon_rad / 0.0047);
+                let [far, near] = drawn(&[sun, moon], &[0.0, 0.0])[..] else { panic!("two bodies") };
+                // As shaders do it: the disc of the moon hides the middle of the sun or does not.
+                let passed = if right_rad < moon_rad { 1.0 - near.disc } else { 1.0 };
+                let open = 1.0 - hidden_share(0.0047, moon_rad, right_rad);
+                let error = far.point * passed - (1.0 - far.disc) * open;
+                // Of a ring of light around a smaller moon, whose disc hides the whole point, what the moon is as a disc is lost.
+                let most = if moon_rad < 0.0047 || open > 0.0 { near.disc * open } else { 0.0 };
+                assert!(error < 1e-12 && error >= -most - 1e-12, "{diameter_px} px, {right_rad}, {moon_rad}: {error}");
+            }
         }
     }
 

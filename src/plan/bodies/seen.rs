@@ -390,7 +390,8 @@ fn body_disc(
         if on_plane { (in_view / -in_view.z, -in_view.z) } else { (in_view / distance_m, distance_m) };
     let mut suns = lights_on(body, suns, eye_m);
     let around = match body.emission.and_then(|emission| emission.corona_cd_m2()) {
-        Some(disc_cd_m2) => Around::Corona(disc_cd_m2),
+        // It comes and goes with the disc.
+        Some(disc_cd_m2) => Around::Corona(disc_cd_m2.map(|channel| channel * part)),
         None => lit_rings(body, eye_m, light_lx, &mut suns).map_or(Around::Nothing, Around::Rings),
     };
     let body_from_world = body.world_from_body(time_s).conjugate();

@@ -69,6 +69,7 @@ fn splats_show_what_the_finest_meshes_show() {
 }
 
 #[test]
+#[ignore = "long: make test-all"]
 fn words_and_bands_do_not_change_the_picture() {
     let scene = scene(1201, 300.0, [2.0, 12.0]);
     let rig = views();
@@ -99,6 +100,7 @@ fn words_and_bands_do_not_change_the_picture() {
 }
 
 #[test]
+#[ignore = "long: make test-all"]
 fn what_is_hidden_is_counted_where_much_is_in_front() {
     let mut renderer = renderer();
     let flat = rig(vec![("flat", ViewKind::Perspective { size: [160, 120], fov_y_rad: 0.6 })]);

@@ -30,6 +30,7 @@ fn objects_pass_every_check() {
 
 /// The published atlas goes by how the camera is turned, and has poles.
 #[test]
+#[ignore = "long: make test-all"]
 fn the_published_atlas_fails() {
     let mut renderer = renderer();
     for name in ["impostor-tiles", "asteroid-tumbles", "head-motion"] {
