@@ -172,6 +172,7 @@ fn the_procedural_sky_has_the_errors_of_its_cones() {
 
 /// Straight into a projector's pixels stars keep their light, place and width; bent they do not.
 #[test]
+#[ignore = "long: make test-all"]
 fn a_tiny_run_of_projectors_tells_the_ways_apart() {
     let mut renderer = crate::common::renderer();
     let rows = chart::run(&mut renderer, &[Axis::Projectors], &tiny(), &mut |_| {}).unwrap();

@@ -37,6 +37,7 @@ fn compared(one: &Frame, two: &Frame, image: usize) -> [f64; 3] {
 }
 
 #[test]
+#[ignore = "long: make test-all"]
 fn splats_show_what_the_finest_meshes_show() {
     let mut renderer = renderer();
     let scene = scene(3001, 1e3, [2.0, 12.0]);

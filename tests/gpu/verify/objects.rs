@@ -20,6 +20,7 @@ fn run(name: &str, renderer: &mut Renderer, settings: &RenderSettings) -> CheckR
 }
 
 #[test]
+#[ignore = "long: make test-all"]
 fn objects_pass_every_check() {
     let mut renderer = renderer();
     for check in verify::select(Some("objects")).unwrap() {
