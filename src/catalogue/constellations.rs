@@ -219,7 +219,7 @@ mod tests {
         assert!(CONSTELLATIONS.windows(2).all(|pair| pair[0].0 < pair[1].0));
         assert_eq!(borders().len(), 781);
         let known = |side: &&str| CONSTELLATIONS.iter().any(|(short, _)| short == side);
-        assert!(borders().iter().all(|border| border.sides.iter().all(|side| known(&side))));
+        assert!(borders().iter().all(|border| border.sides.iter().all(&known)));
         for (short, _) in CONSTELLATIONS {
             assert!(borders().iter().any(|border| border.sides.contains(&short)), "{short}");
         }

@@ -147,9 +147,12 @@ pub(super) fn azimuth(local: DVec3) -> f64 {
     local.x.atan2(-local.z)
 }
 
+/// The direction that light arrives from, unit vector in world axes, and how much of it, lx.
+type Arriving = (DVec3, [f64; 3]);
+
 /// What the sources of a scene give an eye outside of the air, the brightest first, directions and lx; and the direction of an eclipsed sun, and what comes in from where it is not hidden, lx, if it stood
 /// in the zenith.
-fn sources(objects: &SceneObjects, eye_m: DVec3) -> (Vec<(DVec3, [f64; 3])>, Option<(DVec3, [f64; 3])>) {
+fn sources(objects: &SceneObjects, eye_m: DVec3) -> (Vec<Arriving>, Option<Arriving>) {
     let suns = suns(objects);
     let of_body = |body: &Body| -> [f64; 3] {
         let offset_m = body.position_m - eye_m;
@@ -165,8 +168,8 @@ fn sources(objects: &SceneObjects, eye_m: DVec3) -> (Vec<(DVec3, [f64; 3])>, Opt
         reflected.chain(emitted).fold([0.0; 3], |sum, light| [0, 1, 2].map(|c| sum[c] + light[c]))
     };
     let outside = |body: &&Arc<Body>| (body.position_m - eye_m).length() > body.radii_m.max_element();
-    let mut around: Option<(DVec3, [f64; 3])> = None;
-    let mut found: Vec<(DVec3, [f64; 3])> = objects
+    let mut around: Option<Arriving> = None;
+    let mut found: Vec<Arriving> = objects
         .bodies
         .iter()
         .filter(outside)
@@ -272,8 +275,8 @@ impl LocalSky {
     pub fn new(
         surroundings: &Surroundings,
         horizon_from_world: DMat3,
-        sources: &[(DVec3, [f64; 3])],
-        around: Option<(DVec3, [f64; 3])>,
+        sources: &[Arriving],
+        around: Option<Arriving>,
     ) -> Self {
         let sine = |direction: &DVec3| (horizon_from_world * *direction).y;
         let of_air = surroundings.air.iter().flat_map(|air| {
