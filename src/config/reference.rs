@@ -430,7 +430,8 @@ fn type_of(schema: &Value) -> String {
 }
 
 fn plural(name: &str) -> String {
-    format!("{name}s")
+    // "2 numbers" are a list of their own.
+    if name.starts_with(|first: char| first.is_ascii_digit()) { format!("lists of {name}") } else { format!("{name}s") }
 }
 
 fn unit_of(key: &str, schema: &Value) -> &'static str {

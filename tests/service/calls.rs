@@ -11,7 +11,7 @@ use steradian::{
     output::{Encoding, encode},
     render::FrameImage,
     scene::Camera,
-    service::{CameraUpdate, Client, ClientError, Engine, ReceivedFrame},
+    service::{CameraUpdate, Client, ClientError, Engine, ReceivedFrame, SceneUpdate},
     view::Part,
 };
 use tonic::Code;
@@ -252,5 +252,24 @@ async fn a_single_frame_soon_after_another_goes_on_adapting() {
         assert!(if step == 0 { ev == 0.0 } else { ev > last && ev < 1.0 }, "step {step}: {last} then {ev} EV");
         last = ev;
     }
+    daemon.shutdown().await.unwrap();
+}
+
+#[tokio::test]
+async fn single_frames_after_a_jump_of_time_are_adapted_at_once() {
+    let daemon = Daemon::start_with(small_rig(), |options| options.settings.exposure.adaptation_s = 3600.0).await;
+    let mut client = daemon.client().await;
+    let at = |time_s: f64| SceneUpdate { time_s: Some(time_s), ..SceneUpdate::default() };
+    client.update_scene(&at(1e8), None).await.unwrap();
+    assert_eq!(client.render_frame("flat", Encoding::Rgba8).await.unwrap().exposure_ev100, 0.0);
+    *daemon.controls.metered_ev100.lock().unwrap() = 7.0;
+    // The eye goes on from the frame before, and has an hour to get used to it.
+    for _ in 0..2 {
+        client.update_scene(&at(1e8 + 30.0), None).await.unwrap();
+        let ev = client.render_frame("flat", Encoding::Rgba8).await.unwrap().exposure_ev100;
+        assert!(ev < 1.0, "{ev} EV");
+    }
+    client.update_scene(&at(1e8 + 7200.0), None).await.unwrap();
+    assert_eq!(client.render_frame("flat", Encoding::Rgba8).await.unwrap().exposure_ev100, 7.0);
     daemon.shutdown().await.unwrap();
 }
