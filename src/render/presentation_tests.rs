@@ -280,6 +280,7 @@ fn every_code_of_every_channel_comes_out_as_it_went_in() {
 }
 
 #[test]
+#[ignore = "long: make test-all"]
 fn textures_of_bytes_hold_the_display_images_in_every_operator_exposure_and_glare_and_cut_in_one() {
     textures_of_bytes_hold_the_display_images(&[
         (None, &ToneMapOperator::ALL),

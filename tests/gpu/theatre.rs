@@ -202,6 +202,7 @@ fn views(projectors: &[Projector], keys: &str) -> String {
 }
 
 #[test]
+#[ignore = "long: make test-all"]
 fn stars_have_their_light_through_the_blends_of_six_projectors() {
     let projectors = projectors_of(SIZE);
     let stars = stars(&projectors);

@@ -162,6 +162,7 @@ fn ten_million_stars_count_and_lie_as_in_the_real_sky() {
 }
 
 #[test]
+#[ignore = "long: make test-all"]
 fn the_stars_depend_on_the_parameters_alone() {
     // With a model of its own, which is made in parallel too.
     let with_threads = |threads: usize, p: GalaxyParameters| {

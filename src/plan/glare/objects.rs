@@ -207,6 +207,7 @@ mod tests {
 
     /// Every body has at least one source, the brightest have parts, and all together keep the bound.
     #[test]
+    #[ignore = "long: make test-all"]
     fn many_bodies_keep_the_bound() {
         let moons = (0..200).map(|i| {
             let angle = f64::from(i) * 0.1;
