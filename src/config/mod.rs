@@ -573,13 +573,9 @@ impl Config {
     fn check_kernels(&self, kernels: Option<&Kernels>, observer: Option<&Observer>) -> Result<(), Fault> {
         let moment = Moment::new(self.scene.time_s(), observer);
         for (index, body) in self.bodies.iter().enumerate() {
-            let Some(of @ Ephemeris::Spk(number)) = body.ephemeris else { continue };
-            let fault = |problem: String| self.fault_of_body(index, Fault::new("ephemeris", problem));
-            moment.place(of, kernels).map_err(fault)?;
-            let covered_s = kernels.and_then(|kernels| kernels.covered_s(number));
-            if let Some(problem) = covered_s.and_then(|covered_s| not_covered(covered_s, moment.tdb_s())) {
-                return Err(fault(format!("{of}: {problem}")));
-            }
+            let Some(of) = body.ephemeris else { continue };
+            check_place(of, kernels, &moment)
+                .map_err(|problem| self.fault_of_body(index, Fault::new("ephemeris", problem)))?;
         }
         Ok(())
     }
@@ -634,10 +630,18 @@ fn each<T>(named: &Named, tables: Vec<Table>, read: impl Fn(Table) -> Result<T, 
     tables.into_iter().enumerate().map(read).collect()
 }
 
-/// That a scene's time, TDB, s since J2000.0, is not among those that kernels cover, and which these are; `None`: it is.
-pub(crate) fn not_covered([first, last]: [f64; 2], tdb_s: f64) -> Option<String> {
-    let written = |tdb_s: f64| scene::written_time(tdb_s).map_or_else(|| format!("{tdb_s} s"), |time| time.to_string());
-    (!(first..=last).contains(&tdb_s)).then(|| {
-        format!("scene.time is not among the times of its kernel: {} to {} (TDB)", written(first), written(last))
-    })
+/// That kernels have a place for an ephemeris at a scene's moment, and cover it. The error tells why not, and which times they cover.
+pub(crate) fn check_place(of: Ephemeris, kernels: Option<&Kernels>, moment: &Moment) -> Result<(), String> {
+    let Ephemeris::Spk(number) = of else { return Ok(()) };
+    moment.place(of, kernels)?;
+    let covered_s = kernels.and_then(|kernels| kernels.covered_s(number));
+    match covered_s.filter(|[first, last]| !(*first..=*last).contains(&moment.tdb_s())) {
+        None => Ok(()),
+        Some(covered_s) => {
+            let written =
+                |tdb_s| scene::written_time(tdb_s).map_or_else(|| format!("{tdb_s} s"), |time| time.to_string());
+            let [first, last] = covered_s.map(written);
+            Err(format!("{of}: scene.time is not among the times of its kernel: {first} to {last} (TDB)"))
+        }
+    }
 }

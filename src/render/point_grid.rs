@@ -1,6 +1,6 @@
 //! Grids of points over pictures, at which light is computed that is smooth from pixel to pixel. Shader: `shaders/shared/point_grid.wgsl`.
 
-use super::layout::PointGrid;
+use super::{constants::workgroups::VEIL_SIDE, layout::PointGrid};
 use crate::view::{
     Viewport,
     projection::{FisheyeMapping, Projection},
@@ -42,6 +42,12 @@ impl GridSpacing {
         let fitting = (self.most_rad / widest_rad).clamp(1.0, f64::from(self.most_px));
         1 << fitting.log2().floor() as u32
     }
+}
+
+/// Runs a pass, whose pipeline and groups are set, over all points of grids: workgroups of [`VEIL_SIDE`] points a side, and one layer of them a grid.
+pub(crate) fn dispatch_points(pass: &mut wgpu::ComputePass<'_>, grids: &[PointGrid]) {
+    let most = |side: fn(&PointGrid) -> u32| grids.iter().map(side).max().unwrap_or(0).div_ceil(VEIL_SIDE);
+    pass.dispatch_workgroups(most(|grid| grid.columns), most(|grid| grid.rows), grids.len() as u32);
 }
 
 /// Grids over all pictures, one after the other, and the number of their points.

@@ -78,9 +78,12 @@ impl SeenStars {
 
     /// The stars that an observer sees at a moment; where they have yet to be made, which takes a second for each few million, those of the moment before, and they are made meanwhile.
     pub fn at(self: &Arc<Self>, observer: Option<&Observer>, time_s: f64) -> Arc<StarSet> {
-        let (of, stars) = self.held().newest.clone();
         let wanted = self.seen(observer, time_s);
-        let is_hopeless = self.held().failed_years == Some(wanted.years);
+        let ((of, stars), failed_years) = {
+            let held = self.held();
+            (held.newest.clone(), held.failed_years)
+        };
+        let is_hopeless = failed_years == Some(wanted.years);
         if of != wanted && !is_hopeless && !self.is_busy.swap(true, Ordering::AcqRel) {
             let (own, observer) = (Arc::clone(self), observer.copied());
             let making = thread::Builder::new().name("stars".to_owned()).spawn(move || {

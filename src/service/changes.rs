@@ -60,6 +60,8 @@ impl Service {
             update.overlay.check_views(&self.view_names(&scene)).map_err(refusals::invalid)?;
             let made = self.made(update, &scene).await?;
             let changed = scene.clone().changed(&made, expected).map_err(|error| unchanged(&error))?;
+            let covered = changed.objects.check_covered(&scene.objects, update.time_s.is_some());
+            covered.map_err(refusals::invalid)?;
             if update.changes_what_is_drawn() {
                 self.prepare(&scene, &changed).await?;
             }

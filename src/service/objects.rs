@@ -7,8 +7,7 @@ use std::{fmt::Display, sync::Arc};
 use glam::{DQuat, DVec3};
 
 use super::observer::{GivenObserver, MadeObserver, ObserverChange};
-use crate::config::{ObserverConfig, not_covered};
-use crate::ephemeris::Ephemeris;
+use crate::config::{ObserverConfig, check_place};
 use crate::observer::Moment;
 use crate::scene::{
     SceneObjects,
@@ -248,21 +247,22 @@ impl Objects {
         self.made.iter().map(form).collect()
     }
 
-    /// That kernels have a place for an ephemeris at a moment, s since 2000-01-01T12:00:00Z.
-    fn check_covered(&self, name: &str, of: Ephemeris, time_s: f64) -> Result<(), String> {
-        let moment = Moment::new(time_s, self.drawn.observer.as_ref());
-        let (kernels, at) =
-            (self.drawn.kernels.as_deref(), |problem: &str| format!("bodies.{name}: ephemeris = {problem}"));
-        moment.place(of, kernels).map_err(|problem| at(&problem))?;
-        let Ephemeris::Spk(number) = of else { return Ok(()) };
-        let covered_s = kernels.and_then(|kernels| kernels.covered_s(number));
-        match covered_s.and_then(|covered_s| not_covered(covered_s, moment.tdb_s())) {
-            Some(problem) => Err(at(&format!("{of}: {problem}"))),
-            None => Ok(()),
+    /// That kernels cover the time of what a client's change of `before` has put there: of all bodies where it sets the time, else of those that are new. A scene that runs out of them by itself goes on, and
+    /// so do files of states that have it.
+    pub(super) fn check_covered(&self, before: &Self, sets_time: bool) -> Result<(), String> {
+        let moment = Moment::new(self.drawn.time_s, self.drawn.observer.as_ref());
+        let stood = |body: &Body| {
+            before.drawn.bodies.iter().any(|old| (&old.name, old.ephemeris) == (&body.name, body.ephemeris))
+        };
+        for body in self.drawn.bodies.iter().filter(|body| sets_time || !stood(body)) {
+            let Some(of) = body.ephemeris else { continue };
+            check_place(of, self.drawn.kernels.as_deref(), &moment)
+                .map_err(|problem| format!("bodies.{}: ephemeris = {problem}", body.name))?;
         }
+        Ok(())
     }
 
-    fn body(&self, form: &BodyForm, time_s: f64) -> Result<Arc<Body>, String> {
+    fn body(&self, form: &BodyForm) -> Result<Arc<Body>, String> {
         let at = |problem: &dyn Display| format!("bodies.{}: {problem}", form.body.name);
         let mut body = form.body.clone();
         body.surface.texture = match &form.texture_of {
@@ -273,7 +273,9 @@ impl Objects {
         };
         body.check().map_err(|error| at(&error))?;
         if let Some(of) = body.ephemeris {
-            self.check_covered(&body.name, of, time_s)?;
+            let moment = Moment::new(self.drawn.time_s, self.drawn.observer.as_ref());
+            let placed = moment.place(of, self.drawn.kernels.as_deref());
+            placed.map_err(|problem| at(&format!("ephemeris = {problem}")))?;
         }
         // An equal body is the same body: what was made for it may stay.
         let same = self.drawn.bodies.iter().find(|old| ***old == body);
@@ -302,13 +304,12 @@ impl Objects {
     }
 
     /// Makes what a change needs, which takes long where asteroids are placed anew. Nothing is made if the change is
-    /// not allowed. With the time at which it is made, s since 2000-01-01T12:00:00Z, it is said whether the change sets it: then kernels must have all bodies there that stay.
+    /// not allowed.
     pub(super) fn make(
         &self,
         bodies: &Change<BodyForm>,
         fields: &Change<FieldForm>,
         observer: &ObserverChange,
-        (time_s, is_set): (f64, bool),
     ) -> Result<MadeChange, String> {
         let observer = match (self.observer.as_deref().zip(self.drawn.observer.as_ref()), observer.is_nothing()) {
             (_, true) => None,
@@ -317,14 +318,7 @@ impl Objects {
                 return Err("observer: the scene has none; scene.observer of the configuration gives it one".to_owned());
             }
         };
-        let bodies = bodies.map(|form| self.body(form, time_s))?;
-        if is_set {
-            for body in bodies.applied(&self.drawn.bodies, "bodies", |body| &body.name)? {
-                if let Some(of @ Ephemeris::Spk(_)) = body.ephemeris {
-                    self.check_covered(&body.name, of, time_s)?;
-                }
-            }
-        }
+        let bodies = bodies.map(|form| self.body(form))?;
         let specs = fields.map(|form| self.spec(form))?;
         let now: Vec<Arc<FieldSpec>> = self.made.iter().map(|made| Arc::clone(&made.spec)).collect();
         let after = specs.applied(&now, "asteroid_fields", |spec| &spec.name)?;

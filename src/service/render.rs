@@ -226,8 +226,13 @@ impl State {
         Ok(())
     }
 
+    /// Moves the camera in place of the poses that wait.
     fn move_camera(&mut self, camera: Camera) -> Camera {
         self.track.clear();
+        self.place_camera(camera)
+    }
+
+    fn place_camera(&mut self, camera: Camera) -> Camera {
         self.camera = Camera { revision: self.camera.revision + 1, ..camera };
         self.pose_time = SystemTime::now();
         self.tell_camera();
@@ -552,9 +557,7 @@ impl RenderHandle {
             if camera != state.camera {
                 // The poses of whoever steers go along, too.
                 state.track.change(turned);
-                state.camera = Camera { revision: state.camera.revision + 1, ..camera };
-                state.pose_time = SystemTime::now();
-                state.tell_camera();
+                state.place_camera(camera);
             }
         }
         state.newest_scene = scene.clone();

@@ -92,7 +92,6 @@ impl SceneUpdate {
 
     /// Makes what the change needs for a scene; the error says what is not allowed.
     pub(super) fn make(&self, scene: &SceneState) -> Result<MadeUpdate, String> {
-        let time_s = self.time_s.unwrap_or_else(|| scene.clock.time_s(SystemTime::now()));
         Ok(MadeUpdate {
             star_method: self.star_method,
             magnitude_limit: self.magnitude_limit,
@@ -100,12 +99,7 @@ impl SceneUpdate {
             quality: self.quality,
             time_s: self.time_s,
             time_rate: self.time_rate,
-            objects: scene.objects.make(
-                &self.bodies,
-                &self.asteroid_fields,
-                &self.observer,
-                (time_s, self.time_s.is_some()),
-            )?,
+            objects: scene.objects.make(&self.bodies, &self.asteroid_fields, &self.observer)?,
             overlay: self.overlay.clone(),
         })
     }

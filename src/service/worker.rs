@@ -203,6 +203,11 @@ impl Job {
         &self.groups.eyes[self.group]
     }
 
+    /// What its eye adapts by, and how often the scene has jumped.
+    fn adapts_by(&self) -> (ExposureSettings, u64) {
+        (self.frame_group().settings.exposure, self.scene.jumps)
+    }
+
     /// The groups of frames like this one: HDR images give up nothing.
     fn frame_groups(&self) -> &[FrameGroup] {
         if self.wanted.iter().any(|wanted| wanted.hdr) { &self.groups.all } else { &self.groups.reduced }
@@ -411,11 +416,10 @@ impl Worker {
     fn adapted_ev100(&mut self, job: &Job) -> Option<f64> {
         let exposure = job.frame_group().settings.exposure;
         let eye = self.eyes.entry(job.eye().clone()).or_default();
-        let of = Some((exposure, job.scene.jumps));
-        if eye.of.is_some() && eye.of != of {
-            *eye = AdaptingEye::default();
+        let of = job.adapts_by();
+        if eye.of.replace(of).is_some_and(|before| before != of) {
+            *eye = AdaptingEye { of: Some(of), ..AdaptingEye::default() };
         }
-        eye.of = of;
         let shares = |before: &&InFlight| before.job.eye() == job.eye();
         let before = self.in_flight.iter().rev().find(shares);
         let begun = before.map(|before| (before.job.start, before.job.shows())).or(eye.last);
@@ -438,10 +442,10 @@ impl Worker {
                 span.record("number", frame.number);
                 span.record("plan_ms", frame.times.plan_ms);
                 span.record("gpu_ms", frame.times.gpu_ms);
-                let FrameGroup { settings, views, .. } = job.frame_group();
+                let FrameGroup { views, .. } = job.frame_group();
                 // There is none any more of a view that was deleted meanwhile, and one of settings that have changed since is the eye of those.
                 if let Some(eye) = self.eyes.get_mut(job.eye())
-                    && eye.of.is_none_or(|of| of == (settings.exposure, job.scene.jumps))
+                    && eye.of.is_none_or(|of| of == job.adapts_by())
                 {
                     eye.last = Some((job.start, job.shows()));
                     eye.adaptation.observe(frame.exposure_ev100, frame.metered_ev100);

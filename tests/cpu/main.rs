@@ -3,6 +3,8 @@
 
 #[path = "../common/mod.rs"]
 mod common;
+#[path = "../common/spk.rs"]
+mod spk;
 
 mod apparent_places;
 mod bodies;

@@ -4,6 +4,8 @@
 
 #[path = "../common/exr_file.rs"]
 mod exr_file;
+#[path = "../common/spk.rs"]
+mod spk;
 
 mod access;
 mod calls;

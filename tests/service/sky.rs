@@ -13,7 +13,10 @@ use steradian::{
 use tokio::time::sleep;
 use tonic::Code;
 
-use crate::daemon::{Daemon, small_rig, within};
+use crate::{
+    daemon::{Daemon, small_rig, within},
+    spk::{Segment, kernel},
+};
 
 const CONFIG: &str = "[scene]\ntime = 2026-11-23T20:00:00Z\n[scene.observer]\nlatitude_deg = 48\nlongitude_deg = 11\n";
 
@@ -252,6 +255,49 @@ async fn a_scene_without_an_observer_is_given_none_by_clients() {
     let observer = ObserverChange { latitude_deg: Some(1.0), ..ObserverChange::default() };
     let error = client.update_scene(&SceneUpdate { observer, ..SceneUpdate::default() }, None).await.unwrap_err();
     assert!(error.code() == Some(Code::InvalidArgument) && error.to_string().contains("scene.observer"), "{error}");
+    drop(client);
+    daemon.shutdown().await.unwrap();
+}
+
+#[tokio::test]
+async fn times_that_kernels_do_not_cover_are_refused_and_one_that_was_run_into_outlives_the_daemon() {
+    const HALF_S: f64 = 3600.0;
+    let folder = tempfile::tempdir().unwrap();
+    let text = "[scene]\ntime = 2026-11-24T00:00:00Z\nkernels = ['a.bsp']\n[[bodies]]\nname = 'probe'\n\
+                ephemeris = 'spk:-82'\nradius_m = 10\ngeometric_albedo = 0.5\n";
+    // TDB is 69.184 s ahead.
+    let covered_s = [848_750_400.0 + 69.184, HALF_S];
+    let place_km = [DVec3::new(1e8, 2e8, -3e7), DVec3::ZERO];
+    let probe = Segment { target: -82, centre: 0, axes: 1, covered_s, place_km };
+    std::fs::write(folder.path().join("a.bsp"), kernel(&[probe])).unwrap();
+    let config = Config::from_text(text, "probe.toml", folder.path(), &[]).unwrap();
+    let objects = Arc::new(config.objects().unwrap());
+    let begin_s = objects.time_s;
+    let started = |options: &mut ServeOptions| {
+        options.clock = Some(config.clock());
+        options.scene.objects = Arc::clone(&objects);
+        options.state = Some(folder.path().join("state.redb"));
+    };
+    let daemon = Daemon::start_with(small_rig(), started).await;
+    let mut client = daemon.client().await;
+    for sign in [1.0, -1.0] {
+        client.update_scene(&time(Some(begin_s + sign * 0.9 * HALF_S), None), None).await.unwrap();
+        let error = client.update_scene(&time(Some(begin_s + sign * 1.1 * HALF_S), None), None).await.unwrap_err();
+        let message = error.to_string();
+        assert!(error.code() == Some(Code::InvalidArgument) && message.contains("bodies.probe"), "{message}");
+        assert!(message.contains("2026-11-23T23:01:09.184Z to 2026-11-24T01:01:09.184Z"), "{message}");
+    }
+    // It runs out of the kernel by itself: an hour for each millisecond.
+    client.update_scene(&time(None, Some(3.6e6)), None).await.unwrap();
+    sleep(Duration::from_millis(50)).await;
+    let stopped = client.update_scene(&time(None, Some(0.0)), None).await.unwrap();
+    assert!(stopped.time_s > begin_s + 2.0 * HALF_S, "{}", stopped.time_s - begin_s);
+    drop(client);
+    daemon.shutdown().await.unwrap();
+    let daemon = Daemon::start_with(small_rig(), started).await;
+    let mut client = daemon.client().await;
+    let again = client.scene().await.unwrap();
+    assert!(again.revision == stopped.revision && (again.time_s - stopped.time_s).abs() < 1e-6);
     drop(client);
     daemon.shutdown().await.unwrap();
 }

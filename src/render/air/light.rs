@@ -10,8 +10,9 @@ use crate::{
     photometry::atmosphere::Air,
     plan::GlarePlan,
     render::{
-        constants::workgroups::{AIR_ROWS, RAY_SIDE, VEIL_SIDE},
+        constants::workgroups::{AIR_ROWS, RAY_SIDE},
         layout::PointGrid,
+        point_grid::dispatch_points,
         tabulated::projecting,
     },
     scene::surroundings::LocalSky,
@@ -117,8 +118,7 @@ impl AirPass {
         pass.set_pipeline(pipeline);
         gpu.bind_tables(pass, pipeline);
         pass.set_bind_group(0, &bind_in_order(gpu, pipeline, 0, &buffers), &[]);
-        let most = |side: fn(&PointGrid) -> u32| grids.iter().map(side).max().unwrap_or(0).div_ceil(VEIL_SIDE);
-        pass.dispatch_workgroups(most(|grid| grid.columns), most(|grid| grid.rows), grids.len() as u32);
+        dispatch_points(pass, grids);
     }
 
     /// Records one tile: its number in its batch, and its size in pixels. Buffers: viewports, tiles, geometry, the horizon, tables, the landscape, the grids, their points.

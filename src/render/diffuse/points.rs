@@ -9,9 +9,8 @@ use crate::{
     gpu::{Gpu, GrowingBuffer, bind_in_order},
     plan::Plan,
     render::{
-        constants::workgroups::VEIL_SIDE,
-        layout::{AirAbove, DiffuseLight, PointGrid},
-        point_grid::{GridSpacing, point_grids},
+        layout::{AirAbove, DiffuseLight},
+        point_grid::{GridSpacing, dispatch_points, point_grids},
         tabulated::projecting,
         targets::SmoothGrid,
         technique::{Recording, begin_pass},
@@ -70,8 +69,7 @@ impl DiffusePoints {
         pass.set_pipeline(pipeline);
         gpu.bind_tables(&mut pass, pipeline);
         pass.set_bind_group(0, &bind_in_order(gpu, pipeline, 0, &buffers), &[]);
-        let most = |side: fn(&PointGrid) -> u32| grids.iter().map(side).max().unwrap_or(0).div_ceil(VEIL_SIDE);
-        pass.dispatch_workgroups(most(|grid| grid.columns), most(|grid| grid.rows), grids.len() as u32);
+        dispatch_points(&mut pass, &grids);
         drop(pass);
         smooth
     }

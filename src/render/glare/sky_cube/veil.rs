@@ -11,10 +11,10 @@ use crate::{
     gpu::{Gpu, Variants, bind_in_order, dispatch_rows},
     plan::stars::range::FixedPoint,
     render::{
-        constants::{veil::EVERY_VIEWPORT, workgroups::VEIL_SIDE},
+        constants::veil::EVERY_VIEWPORT,
         glare::layout,
         layout::PointGrid,
-        point_grid::{GridSpacing, point_grids},
+        point_grid::{GridSpacing, dispatch_points, point_grids},
         shader::{rolled_loops, workgroup, workgroup_constant},
         tabulated::projecting,
         targets::{SmoothGrid, bind_sums, splatting},
@@ -145,8 +145,7 @@ fn record_points(
     pass.set_pipeline(pipeline);
     gpu.bind_tables(&mut pass, pipeline);
     pass.set_bind_group(0, &bind_in_order(gpu, pipeline, 0, &buffers), &[]);
-    let most = |side: fn(&PointGrid) -> u32| grids.iter().map(side).max().unwrap_or(0).div_ceil(VEIL_SIDE);
-    pass.dispatch_workgroups(most(|grid| grid.columns), most(|grid| grid.rows), grids.len() as u32);
+    dispatch_points(&mut pass, grids);
 }
 
 fn record_sources(
