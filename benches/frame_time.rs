@@ -20,7 +20,7 @@ use steradian::{
     scene::{
         Camera, SceneObjects, SceneSnapshot,
         asteroids::{FieldParameters, FieldSpec, Placement, ShapeSource},
-        bodies::{ReflectionLaw, SolarBody},
+        bodies::{ReflectionLaw, Body, SolarBody},
     },
     view::{
         Fov, Rig, View, ViewKind,
@@ -287,7 +287,7 @@ fn asteroids(instances: u32) -> SceneSnapshot {
         geometric_albedo: [0.1; 3],
     };
     let field = Arc::new(spec).make(&[]).expect("a valid field").field;
-    let bodies = vec![Arc::new(SolarBody::Sun.body("sun", DVec3::ZERO))];
+    let bodies = vec![Arc::new(Body::preset(SolarBody::Sun, "sun", DVec3::ZERO))];
     SceneSnapshot {
         revision: 1,
         stars: Arc::new(StarSet::from_records(Vec::new())),

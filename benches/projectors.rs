@@ -1,8 +1,7 @@
 //! Six projectors of 1920 x 1080 pixels on a dome in the default configuration, blends computed, display images read back: drawn straight into their pixels, and bent from flat
 //! pictures. The ways are interleaved in one run; medians are printed. Run: `cargo bench --bench projectors`, or with width and height.
 
-#[path = "../tests/common/theatre.rs"]
-mod theatre;
+use testkit::theatre;
 
 use std::{path::Path, sync::Arc, time::Instant};
 

@@ -50,6 +50,9 @@
 
 pub use glam;
 
+pub use steradian_render::{gpu, metrics, plan, reference, render, scene, view};
+pub use steradian_sky::{catalogue, coordinates, ephemeris, observer, photometry, relativity, sky_pictures, solar_system, units};
+
 pub use self::{
     catalogue::chunks::StarSet,
     gpu::{Gpu, GpuOptions},
@@ -58,40 +61,11 @@ pub use self::{
     scene::{Camera, SceneSnapshot},
     view::{Rig, View, ViewKind},
 };
-
-pub mod coordinates;
-mod files;
-mod polynomial;
-pub mod sky_pictures;
-pub mod solar_system;
-pub mod units;
-
-pub mod photometry;
-mod picture_file;
-
-pub mod relativity;
-
-pub mod catalogue;
-pub mod ephemeris;
-
-pub mod observer;
-
-pub mod scene;
-pub mod view;
+use steradian_sky::{files, picture_file};
 
 pub mod theatre;
 
-pub mod plan;
-
 pub mod config;
-
-pub mod gpu;
-
-pub mod metrics;
-
-pub mod reference;
-
-pub mod render;
 
 pub mod audit;
 #[cfg(feature = "chart")]

@@ -12,7 +12,8 @@ use toml::{Table, Value};
 use super::document::deserialise;
 use super::error::{Fault, finite};
 use crate::scene::bodies::{
-    Body, BodyError, Emission, Ephemeris, ReflectionLaw, SolarBody, Spin, Surface, Texture, mean_radius_m,
+    Body, BodyError, Emission, Ephemeris, ReflectionLaw, SUN_ABSOLUTE_MAGNITUDE, SUN_LIMB_DARKENING, SolarBody, Spin,
+    Surface, Texture, mean_radius_m,
 };
 use crate::scene::unit_quaternion;
 
@@ -172,7 +173,7 @@ impl BodyConfig {
                 return Err(Fault::new("position_m", problem));
             }
         };
-        let preset = self.preset.map(|preset| preset.body(&self.name, position_m));
+        let preset = self.preset.map(|preset| Body::preset(preset, &self.name, position_m));
         let needed =
             |key: &'static str, what: &str| Fault::new(key, format!("missing key: without a preset {what} is needed"));
         let radii_m = match (self.radii_m, self.radius_m, &preset) {
@@ -249,10 +250,10 @@ impl BodyConfig {
             Err(Fault::new(&key, format!("{value}: allowed are {least} to {most}")))
         };
         let sun_k = f64::from(crate::units::SOLAR_TEMPERATURE_K);
-        let magnitude = given.absolute_magnitude.or(of_sun(SolarBody::SUN_ABSOLUTE_MAGNITUDE));
+        let magnitude = given.absolute_magnitude.or(of_sun(SUN_ABSOLUTE_MAGNITUDE));
         let magnitude = number("absolute_magnitude", magnitude, MAGNITUDES)?;
         let temperature_k = number("temperature_k", given.temperature_k.or(of_sun(sun_k)), TEMPERATURES_K)?;
-        let darkening = given.limb_darkening.or(of_sun(SolarBody::SUN_LIMB_DARKENING)).unwrap_or(0.0);
+        let darkening = given.limb_darkening.or(of_sun(SUN_LIMB_DARKENING)).unwrap_or(0.0);
         let darkening = number("limb_darkening", Some(darkening), [0.0, 1.0])?;
         let of_star = Emission::of_star(magnitude, temperature_k, mean_radius_m(radii_m), darkening);
         Ok(Some(Emission { corona: given.corona.unwrap_or(is_sun), ..of_star }))

@@ -274,7 +274,7 @@ mod tests {
     }
 
     fn mars() -> proto::Body {
-        body_to_pb(&SolarBody::Mars.body("mars", DVec3::X).into())
+        body_to_pb(&Body::preset(SolarBody::Mars, "mars", DVec3::X).into())
     }
 
     fn swarm() -> FieldForm {
@@ -298,7 +298,7 @@ mod tests {
 
     #[test]
     fn bodies_fields_and_times_come_back_as_they_went() {
-        let mut sun = BodyForm::from(SolarBody::Sun.body("sun", DVec3::new(1.0, -2.0, 3e11)));
+        let mut sun = BodyForm::from(Body::preset(SolarBody::Sun, "sun", DVec3::new(1.0, -2.0, 3e11)));
         sun.texture_of = Some("spots".to_owned());
         assert_eq!(body_from_pb(body_to_pb(&sun)), Ok(sun));
         let mut field = swarm();

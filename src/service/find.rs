@@ -170,7 +170,7 @@ mod tests {
         let place = Place { latitude_rad: 0.8, longitude_rad: 0.2, height_m: 100.0 };
         let time_s = 8.2e8;
         let observer = Observer::new(place, Clock::default(), time_s);
-        let mut mars = SolarBody::Mars.body("mars", DVec3::ZERO);
+        let mut mars = Body::preset(SolarBody::Mars, "mars", DVec3::ZERO);
         mars.ephemeris = Some(SolarBody::Mars.into());
         let objects =
             SceneObjects { bodies: vec![Arc::new(mars)], time_s, observer: Some(observer), ..Default::default() };
@@ -230,7 +230,7 @@ mod tests {
         let mut scene = scene();
         let mut objects = (*scene.objects).clone();
         let up = objects.observer.unwrap().epoch.icrs_from_horizon * horizontal_direction(1.0, 2_f64.to_radians());
-        let mars = |distance_m| Arc::new(SolarBody::Mars.body("mars", scene.camera.position_m + up * distance_m));
+        let mars = |distance_m| Arc::new(Body::preset(SolarBody::Mars, "mars", scene.camera.position_m + up * distance_m));
         let air = RefractingAir { pressure_hpa: 1010.0, temperature_c: 10.0 };
         objects.surroundings = Some(Arc::new(Surroundings { air: None, refraction: Some(air), ground: None }));
         let found_at = |scene: &SceneSnapshot| {

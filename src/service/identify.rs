@@ -237,7 +237,7 @@ mod tests {
 
     #[test]
     fn a_body_is_where_it_covers_the_sky_and_nowhere_else() {
-        let mut mars = SolarBody::Mars.body("mars", DVec3::X * 1e9);
+        let mut mars = Body::preset(SolarBody::Mars, "mars", DVec3::X * 1e9);
         mars.radii_m = DVec3::new(1e7, 2e7, 3e7);
         let camera = Camera::default();
         let hit = |direction: DVec3| distance_m(&camera, &mars, 0.0, direction.normalize());

@@ -96,16 +96,4 @@ pub use state::StateError;
 pub use views::{TableChange, ViewUpdate};
 pub use windows::{OpenWindows, WindowsEnd, WindowsOptions};
 
-/// Generated from `proto/steradian/v1`.
-mod proto {
-    #![allow(
-        clippy::allow_attributes_without_reason,
-        clippy::all,
-        missing_docs,
-        reason = "generated code follows its generator's rules"
-    )]
-    tonic::include_proto!("steradian.v1");
-
-    /// The descriptors of every message and call, for server reflection.
-    pub(super) const DESCRIPTORS: &[u8] = tonic::include_file_descriptor_set!("steradian_descriptors");
-}
+use steradian_proto::v1 as proto;

@@ -214,7 +214,7 @@ impl<'a> Reader<'a> {
 
     /// A note on how the directions of a grid turn: an order of rows or an axis that is not as assumed shows here first.
     fn note_orientation(&mut self, name: &str, grid: &Grid) {
-        let [right_way, mirrored] = grid.orientation();
+        let [right_way, mirrored] = upright_and_mirrored_cells(grid);
         if mirrored > right_way {
             self.note(format!(
                 "region {name}: seen from the eye the raster is mirrored in {mirrored} of {} cells: rows or an axis may run the other way",
@@ -224,32 +224,24 @@ impl<'a> Reader<'a> {
     }
 }
 
-impl Grid {
-    /// Numbers of cells whose directions turn as a raster looked at from the eye does (row to the right, columns down), and of those that
-    /// are mirrored.
-    pub fn orientation(&self) -> [usize; 2] {
-        let mut counts = [0; 2];
-        for row in 1..self.rows {
-            for column in 1..self.columns {
-                let at = |i: usize, j: usize| self.samples[j * self.columns + i];
-                let (Some(here), Some(right), Some(low)) =
-                    (at(column - 1, row - 1), at(column, row - 1), at(column - 1, row))
-                else {
-                    continue;
-                };
-                let turn = (right - here).cross(low - here).dot(here);
-                if turn != 0.0 {
-                    counts[usize::from(turn < 0.0)] += 1;
-                }
+/// Numbers of cells that are seen upright from the eye (rows to the right, columns down), and of mirrored cells.
+pub fn upright_and_mirrored_cells(grid: &Grid) -> [usize; 2] {
+    let mut counts = [0; 2];
+    for row in 1..grid.rows {
+        for column in 1..grid.columns {
+            let sample = |i: usize, j: usize| grid.samples[j * grid.columns + i];
+            let (Some(here), Some(right), Some(low)) =
+                (sample(column - 1, row - 1), sample(column, row - 1), sample(column - 1, row))
+            else {
+                continue;
+            };
+            let turn = (right - here).cross(low - here).dot(here);
+            if turn != 0.0 {
+                counts[usize::from(turn < 0.0)] += 1;
             }
         }
-        counts
     }
-
-    /// Whether any sample is known.
-    fn shows_anything(&self) -> bool {
-        self.samples.iter().any(Option::is_some)
-    }
+    counts
 }
 
 /// Reads a calibration. The format is told by the file's content; where it names further files, they are looked for beside it.
@@ -265,7 +257,7 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Calibration, TheatreEr
     let mut reader = Reader::new(path, options);
     let (format, regions) = reader.regions(&bytes).map_err(named)?;
     for region in &regions {
-        if !region.grid.shows_anything() {
+        if region.grid.samples.iter().all(Option::is_none) {
             let fault =
                 Fault::new(&region.name, "no point of the raster has a direction", "at least one must be known");
             return Err(named(fault));

@@ -1,10 +1,8 @@
 //! What needs no adapter: twins in f64 against closed forms, configurations, catalogues, shaders as text, and the order of modules.
 #![allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
 
-#[path = "../common/mod.rs"]
-mod common;
-#[path = "../common/spk.rs"]
-mod spk;
+use testkit as common;
+use testkit::spk;
 
 mod apparent_places;
 mod bodies;

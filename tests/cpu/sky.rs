@@ -209,8 +209,8 @@ fn the_moon_is_as_bright_as_published_at_ten_phases() {
         [110.0, 3.48],
         [120.0, 3.93],
     ];
-    let moon = SolarBody::Moon.body("moon", DVec3::ZERO);
-    let sun = SolarBody::Sun.body("sun", DVec3::X * 1.495_978_707e11);
+    let moon = Body::preset(SolarBody::Moon, "moon", DVec3::ZERO);
+    let sun = Body::preset(SolarBody::Sun, "sun", DVec3::X * 1.495_978_707e11);
     let objects = SceneObjects { bodies: vec![sun.into(), moon.clone().into()], ..SceneObjects::default() };
     let suns = suns(&objects);
     for [phase_deg, fainter] in ALLEN {
@@ -238,7 +238,7 @@ fn root(mut low_s: f64, mut high_s: f64, of: impl Fn(f64) -> f64) -> f64 {
 
 /// Radii that the scene's bodies have, m: of the Moon k = 0.27240 of the Earth's.
 fn radius_m(of: SolarBody) -> f64 {
-    of.body("x", DVec3::ZERO).radii_m.x
+    Body::preset(of, "x", DVec3::ZERO).radii_m.x
 }
 
 #[test]

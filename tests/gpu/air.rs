@@ -17,7 +17,7 @@ use steradian::{
     render::Frame,
     scene::{
         Camera, SceneObjects, SceneSnapshot,
-        bodies::SolarBody,
+        bodies::{Body, SolarBody},
         landscape::Landscape,
         surroundings::{Ground, Horizon, LocalSky, Surroundings},
     },
@@ -48,7 +48,7 @@ fn scene(stars: &[([f64; 2], f32)], sun_deg: Option<[f64; 2]>, surroundings: Sur
     };
     let records: Vec<StarRecord> = stars.iter().map(|(at, magnitude)| star(towards(*at), *magnitude)).collect();
     let position_m = observer.epoch.position_m;
-    let sun = sun_deg.map(|at| Arc::new(SolarBody::Sun.body("sun", position_m + towards(at) * AU_M)));
+    let sun = sun_deg.map(|at| Arc::new(Body::preset(SolarBody::Sun, "sun", position_m + towards(at) * AU_M)));
     let objects = SceneObjects {
         bodies: sun.into_iter().collect(),
         time_s: 8.2e8,
@@ -360,9 +360,9 @@ fn stars_and_planets_are_lifted_as_the_almanac_says() {
             let local = local_sky(&scene).horizon_from_world.transpose();
             local * horizontal_direction(PI, f64::to_radians(seen_deg - lifted_deg))
         };
-        let mut planet = SolarBody::Venus.body("venus", scene.camera.position_m + towards * AU_M);
+        let mut planet = Body::preset(SolarBody::Venus, "venus", scene.camera.position_m + towards * AU_M);
         planet.surface.phase_curve = None;
-        let sun = SolarBody::Sun.body("sun", scene.camera.position_m - towards * AU_M);
+        let sun = Body::preset(SolarBody::Sun, "sun", scene.camera.position_m - towards * AU_M);
         let bodies = vec![Arc::new(planet), Arc::new(sun)];
         let with_planet =
             SceneSnapshot { objects: Arc::new(SceneObjects { bodies, ..(*scene.objects).clone() }), ..scene.clone() };

@@ -18,7 +18,7 @@ use steradian::{
     reference::diffuse::luminance_cd_m2,
     scene::{
         Camera, SceneObjects, SceneSnapshot,
-        bodies::SolarBody,
+        bodies::{Body, SolarBody},
         surroundings::{LocalSky, Surroundings},
     },
     view::{Rig, View, ViewKind, projection::FisheyeMapping},
@@ -197,7 +197,7 @@ fn air_takes_its_part_and_a_body_hides_all() {
     let observer = Observer::new(place, Clock::default(), 8.2e8);
     let position_m = observer.epoch.position_m;
     let moon_at = observer.icrs_from_horizon(8.2e8) * DVec3::new(0.3, 0.9, 0.2).normalize();
-    let moon = SolarBody::Moon.body("moon", position_m + moon_at * 3e7);
+    let moon = Body::preset(SolarBody::Moon, "moon", position_m + moon_at * 3e7);
     let air = Air::new(0.3, 500.0, glow_of(99.0, [1.0; 3]));
     let objects = |air: Option<Air>| SceneObjects {
         bodies: vec![Arc::new(moon.clone())],

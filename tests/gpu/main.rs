@@ -1,8 +1,7 @@
 //! The renderer on an adapter, one folder per technique: `cargo test --release --test gpu glare::` runs those of glare.
 #![allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
 
-#[path = "../common/mod.rs"]
-mod common;
+use testkit as common;
 
 mod air;
 mod asteroids;
@@ -17,6 +16,7 @@ mod display_stability;
 mod glare;
 mod overlay;
 mod pool;
+mod prepare;
 mod quality;
 mod smooth_light;
 mod solid_angle;

@@ -289,7 +289,7 @@ fn bodies_hide_what_is_behind_them() {
     let rig = rig_of(vec![("flat", ViewKind::Perspective { size: [200, 200], fov_y_rad: 0.8 })]);
     let camera = Camera::default();
     // A dark ball of 20 pixels, straight ahead, and a line before it and one behind.
-    let mut ball = SolarBody::Moon.body("ball", DVec3::NEG_Z * 1e8);
+    let mut ball = Body::preset(SolarBody::Moon, "ball", DVec3::NEG_Z * 1e8);
     ball.radii_m = DVec3::splat(1e7);
     ball.surface.geometric_albedo = [0.0; 3];
     let radius_px = (1e7_f64 / 1e8).asin().tan() / 0.4_f64.tan() * 100.0;
@@ -345,7 +345,7 @@ fn bodies_hide_what_is_behind_them() {
 #[test]
 fn the_limb_of_a_body_hides_as_much_of_a_line_as_it_covers() {
     let rig = rig_of(vec![("flat", ViewKind::Perspective { size: [200, 200], fov_y_rad: 0.8 })]);
-    let mut ball = SolarBody::Moon.body("ball", DVec3::NEG_Z * 1e8);
+    let mut ball = Body::preset(SolarBody::Moon, "ball", DVec3::NEG_Z * 1e8);
     ball.radii_m = DVec3::splat(1e7);
     ball.surface.geometric_albedo = [0.0; 3];
     let radius_px = (1e7_f64 / 1e8).asin().tan() / 0.4_f64.tan() * 100.0;

@@ -1,8 +1,7 @@
 //! The headset, on a real OpenXR runtime that needs none: Monado, with the null compositor. See `monado`.
 #![allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
 
-#[path = "../common/figures.rs"]
-mod figures;
+use testkit::figures;
 
 mod absent;
 mod daemon;

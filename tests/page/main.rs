@@ -2,8 +2,7 @@
 //! are shown as ignored, with the reason; with `STERADIAN_REQUIRE_PAGE=1` they fail. The arguments are those of libtest.
 #![allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
 
-#[path = "../common/trials.rs"]
-mod trials;
+use testkit::trials;
 
 mod browser;
 mod bundle;

@@ -491,7 +491,7 @@ fn paths_that_documents_name_exist() {
 
 #[test]
 fn a_path_that_does_not_exist_is_noticed() {
-    let good = "`src/plan/mod.rs` `plan/` `plan/tiles.rs` `tiles.rs` `src/plan/{limits,tiles}.rs` `plan/tiles` `tests/common/`\n\
+    let good = "`src/plan/mod.rs` `plan/` `plan/tiles.rs` `tiles.rs` `src/plan/{limits,tiles}.rs` `plan/tiles` `crates/testkit/src/`\n\
                 ```\n`src/none.rs`\n```\n`SceneService/UpdateScene` `out/dome.png` `a.b` `L = E / A` `--set a.b=c`\n";
     assert_eq!(missing_paths(good), Vec::<String>::new());
     for wrong in

@@ -1,10 +1,8 @@
 //! The built program as people and scripts see it, and the documentation that tells of it.
 #![allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
 
-#[path = "../common/exr_file.rs"]
-mod exr_file;
-#[path = "../common/figures.rs"]
-mod figures;
+use testkit::exr_file;
+use testkit::figures;
 
 mod command_line;
 mod configuration_reference;

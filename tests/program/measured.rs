@@ -1,4 +1,4 @@
-//! Proves that the table *Measured* of `README.md`, the figures in `tests/common/figures.rs` and the tests that assert them are one:
+//! Proves that the table *Measured* of `README.md`, the figures in `crates/testkit/src/figures.rs` and the tests that assert them are one:
 //! the same figures, bounds close to them, and tests that exist and use them. Times have a table of their own, and no test.
 
 use std::{fs, path::Path};

@@ -3,8 +3,7 @@
 //! `proto/`. The arguments are those of libtest.
 #![allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
 
-#[path = "../common/trials.rs"]
-mod trials;
+use testkit::trials;
 
 mod protocol;
 mod suites;

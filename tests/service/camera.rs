@@ -6,7 +6,7 @@ use glam::DVec3;
 use steradian::{
     output::Encoding,
     plan::settings::StarMethod,
-    scene::bodies::SolarBody,
+    scene::bodies::{Body, SolarBody},
     service::{BodyForm, CameraUpdate, Change, ClientError, Lease, SceneUpdate},
 };
 use tokio::time::sleep;
@@ -95,7 +95,7 @@ async fn what_cannot_be_drawn_together_is_refused() {
     let rest = CameraUpdate { velocity_c: Some([0.0; 3]), ..CameraUpdate::default() };
     let published = SceneUpdate { star_method: Some(StarMethod::PackedCas), ..SceneUpdate::default() };
     let auto = SceneUpdate { star_method: Some(StarMethod::Auto), ..SceneUpdate::default() };
-    let mars = BodyForm::from(SolarBody::Mars.body("mars", DVec3::X * 2e11));
+    let mars = BodyForm::from(Body::preset(SolarBody::Mars, "mars", DVec3::X * 2e11));
     let body = SceneUpdate { bodies: Change::All(vec![mars]), ..SceneUpdate::default() };
 
     client.update_scene(&published, None).await.unwrap();

@@ -2,10 +2,8 @@
 
 #![allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
 
-#[path = "../common/exr_file.rs"]
-mod exr_file;
-#[path = "../common/spk.rs"]
-mod spk;
+use testkit::exr_file;
+use testkit::spk;
 
 mod access;
 mod calls;

@@ -9,7 +9,7 @@ use steradian::{
     scene::{
         SceneObjects,
         asteroids::{FieldParameters, FieldSpec, Placement, ShapeSource, make_fields},
-        bodies::{ReflectionLaw, SolarBody, Texture},
+        bodies::{ReflectionLaw, Body, SolarBody, Texture},
     },
     service::{BodyForm, Change, Client, ClientError, FieldForm, SceneUpdate, ServeOptions, ShapesForm},
 };
@@ -77,10 +77,10 @@ async fn a_body_is_added_moved_and_removed_and_every_frame_shows_it() {
     let daemon = Daemon::start(small_rig()).await;
     let mut client = daemon.client().await;
     assert!(shown(&daemon, &mut client).await.is_empty());
-    let mars = SolarBody::Mars.body("mars", DVec3::X * 2e11);
+    let mars = Body::preset(SolarBody::Mars, "mars", DVec3::X * 2e11);
     let scene = client.put_body(mars.clone(), Some(7)).await.unwrap();
     assert_eq!((scene.revision, scene.bodies.as_slice()), (8, &[BodyForm::from(mars.clone())][..]));
-    client.put_body(SolarBody::Sun.body("sun", DVec3::ZERO), None).await.unwrap();
+    client.put_body(Body::preset(SolarBody::Sun, "sun", DVec3::ZERO), None).await.unwrap();
     assert_eq!(*shown(&daemon, &mut client).await.bodies[0], mars);
 
     let mut moved = mars.clone();
@@ -108,7 +108,7 @@ async fn a_body_is_added_moved_and_removed_and_every_frame_shows_it() {
 async fn what_is_not_allowed_changes_nothing() {
     let daemon = Daemon::start(small_rig()).await;
     let mut client = daemon.client().await;
-    let mars = SolarBody::Mars.body("mars", DVec3::X * 2e11);
+    let mars = Body::preset(SolarBody::Mars, "mars", DVec3::X * 2e11);
     let before = client.put_body(mars.clone(), None).await.unwrap();
     let mut flat = mars.clone();
     flat.radii_m.z = 0.0;
@@ -138,7 +138,7 @@ async fn what_is_not_allowed_changes_nothing() {
         ..SceneUpdate::default()
     };
     refused(client.update_scene(&mixed, None).await, Code::InvalidArgument, &["asteroid_fields.nothing"]);
-    let many = (0..257).map(|i| SolarBody::Moon.body(&format!("m{i}"), DVec3::X).into()).collect();
+    let many = (0..257).map(|i| Body::preset(SolarBody::Moon, &format!("m{i}"), DVec3::X).into()).collect();
     let many = SceneUpdate { bodies: Change::All(many), ..SceneUpdate::default() };
     refused(client.update_scene(&many, None).await, Code::InvalidArgument, &["one too many", "256"]);
     for quality in [0.0, f64::NAN, 11.0] {
@@ -161,7 +161,7 @@ async fn fields_are_placed_once_and_kept_while_other_things_change() {
     let mut moved = swarm("swarm");
     moved.position_m = DVec3::Y;
     client.put_asteroid_field(moved, None).await.unwrap();
-    client.put_body(SolarBody::Sun.body("sun", DVec3::ZERO), None).await.unwrap();
+    client.put_body(Body::preset(SolarBody::Sun, "sun", DVec3::ZERO), None).await.unwrap();
     client.put_asteroid_field(swarm("other"), None).await.unwrap();
     let second = shown(&daemon, &mut client).await;
     assert_eq!((second.fields.len(), second.fields[0].position_m), (2, DVec3::Y));
@@ -208,7 +208,7 @@ async fn watchers_hear_of_objects() {
     let (mut client, mut other) = (daemon.client().await, daemon.client().await);
     let mut watch = client.watch_scene().await.unwrap();
     assert!(within(watch.next()).await.unwrap().expect("the scene as it is").bodies.is_empty());
-    other.put_body(SolarBody::Earth.body("earth", DVec3::X * 1.5e11), None).await.unwrap();
+    other.put_body(Body::preset(SolarBody::Earth, "earth", DVec3::X * 1.5e11), None).await.unwrap();
     let scene = within(watch.next()).await.unwrap().expect("a change");
     assert_eq!((scene.revision, scene.bodies[0].body.name.as_str()), (8, "earth"));
     other.put_asteroid_field(swarm("swarm"), None).await.unwrap();
@@ -218,7 +218,7 @@ async fn watchers_hear_of_objects() {
 
 #[tokio::test]
 async fn textures_of_the_configuration_can_be_kept_and_lent() {
-    let mut moon = SolarBody::Moon.body("moon", DVec3::X);
+    let mut moon = Body::preset(SolarBody::Moon, "moon", DVec3::X);
     let texture = Arc::new(Texture { size: [2, 1], rgb: vec![[0.5; 3], [1.0; 3]] });
     moon.surface.texture = Some(Arc::clone(&texture));
     let spec = Arc::new(FieldSpec {

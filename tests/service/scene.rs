@@ -9,7 +9,7 @@ use steradian::{
     },
     output::Encoding,
     plan::settings::StarMethod,
-    scene::bodies::SolarBody,
+    scene::bodies::{Body, SolarBody},
     service::{ClientError, SceneCatalogue, SceneUpdate, SeenKind},
 };
 use tonic::Code;
@@ -124,7 +124,7 @@ async fn what_stands_in_a_direction_has_its_name() {
     client.update_scene(&none, None).await.unwrap();
     assert_eq!(client.identify(near, 0.0, 0).await.unwrap(), []);
     // A body before it.
-    client.put_body(SolarBody::Mars.body("mars", direction * 1e9), None).await.unwrap();
+    client.put_body(Body::preset(SolarBody::Mars, "mars", direction * 1e9), None).await.unwrap();
     let found = client.identify(near, 0.0, 0).await.unwrap();
     assert!(found.len() == 1 && found[0].name == "mars" && found[0].kind == SeenKind::Body, "{found:?}");
     let error = client.identify(direction, 11.0, 0).await.unwrap_err();

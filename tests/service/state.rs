@@ -5,7 +5,7 @@ use std::{path::Path, sync::Arc};
 use glam::DVec3;
 use steradian::{
     plan::settings::{ImpostorMethod, RenderSettings, StarMethod},
-    scene::{Camera, SceneSnapshot, bodies::SolarBody},
+    scene::{Camera, SceneSnapshot, bodies::{Body, SolarBody}},
     service::{
         BodyForm, CameraUpdate, Change, Client, HeadsetOptions, Lease, SceneForm, SceneUpdate, ServeOptions,
         TableChange, ViewForm, ViewUpdate, run,
@@ -25,7 +25,7 @@ async fn start(path: &Path) -> Daemon {
 
 /// Changes something of everything that clients can change.
 async fn change_all(client: &mut Client) {
-    let mars = BodyForm::from(SolarBody::Mars.body("mars", DVec3::X * 2e11));
+    let mars = BodyForm::from(Body::preset(SolarBody::Mars, "mars", DVec3::X * 2e11));
     let update = SceneUpdate {
         star_method: Some(StarMethod::Tent),
         magnitude_limit: Some(7.25),

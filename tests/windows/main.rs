@@ -3,10 +3,8 @@
 //! fail. The arguments are those of libtest.
 #![allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
 
-#[path = "../common/theatre.rs"]
-mod theatre;
-#[path = "../common/trials.rs"]
-mod trials;
+use testkit::theatre;
+use testkit::trials;
 
 mod absent;
 mod desktop;

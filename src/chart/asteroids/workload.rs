@@ -18,7 +18,7 @@ use crate::{
     scene::{
         Camera, SceneObjects, SceneSnapshot,
         asteroids::{FieldParameters, FieldSpec, MadeField, Placement, ShapeSource},
-        bodies::{ReflectionLaw, SolarBody},
+        bodies::{ReflectionLaw, Body, SolarBody},
     },
 };
 
@@ -141,7 +141,7 @@ impl Fields {
             },
             Place::Within => Camera { position_m: field.position_m, ..Camera::default() },
         };
-        let sun = Arc::new(SolarBody::Sun.body("sun", DVec3::ZERO));
+        let sun = Arc::new(Body::preset(SolarBody::Sun, "sun", DVec3::ZERO));
         Ok(SceneSnapshot {
             revision: 1,
             stars: Arc::new(StarSet::from_records(Vec::new())),

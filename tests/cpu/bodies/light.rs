@@ -21,7 +21,7 @@ const AU_M: f64 = 1.495_978_707e11;
 
 /// A grey sphere of 1000 km, 1 au from the Sun, which stands on +x.
 fn sphere(law: ReflectionLaw) -> Body {
-    let mut body = SolarBody::Moon.body("ball", DVec3::ZERO);
+    let mut body = Body::preset(SolarBody::Moon, "ball", DVec3::ZERO);
     body.radii_m = DVec3::splat(1e6);
     body.surface.law = law;
     body.surface.geometric_albedo = [0.2, 0.3, 0.4];
@@ -30,7 +30,7 @@ fn sphere(law: ReflectionLaw) -> Body {
 }
 
 fn with_sun(bodies: Vec<Body>) -> SceneObjects {
-    let sun = SolarBody::Sun.body("sun", DVec3::X * AU_M);
+    let sun = Body::preset(SolarBody::Sun, "sun", DVec3::X * AU_M);
     let bodies = bodies.into_iter().chain([sun]).map(Arc::new).collect();
     SceneObjects { bodies, ..SceneObjects::default() }
 }
@@ -167,7 +167,7 @@ fn ellipsoids_nearby_and_textures_have_the_light_that_the_plan_adds_up() {
 #[test]
 fn the_suns_disc_at_one_astronomical_unit_has_its_magnitude() {
     let objects =
-        SceneObjects { bodies: vec![Arc::new(SolarBody::Sun.body("sun", DVec3::ZERO))], ..SceneObjects::default() };
+        SceneObjects { bodies: vec![Arc::new(Body::preset(SolarBody::Sun, "sun", DVec3::ZERO))], ..SceneObjects::default() };
     let lens = Perspective::symmetric([64, 64], f64::to_radians(0.6)).unwrap();
     let image = draw(&objects, DVec3::X * AU_M, looking(DVec3::NEG_X), &lens, 12);
     let found_lx = luminance(image.illuminance_lx(&lens));
@@ -187,7 +187,7 @@ fn the_suns_disc_at_one_astronomical_unit_has_its_magnitude() {
 fn the_nearest_body_hides_the_others_and_exactly_the_directions_behind_it() {
     let mut near = sphere(ReflectionLaw::Lambert);
     near.radii_m = DVec3::new(1e6, 2e6, 1.3e6);
-    let mut far = SolarBody::Sun.body("lamp", DVec3::NEG_Z * 5e7);
+    let mut far = Body::preset(SolarBody::Sun, "lamp", DVec3::NEG_Z * 5e7);
     far.radii_m = DVec3::splat(1e7);
     far.emission = Some(Emission { luminance_cd_m2: [7.0; 3], limb_darkening: 0.0, corona: false });
     far.surface.geometric_albedo = [0.0; 3];

@@ -10,7 +10,7 @@ use steradian::{
     plan::settings::ImpostorMethod,
     scene::{
         asteroids::{Placement, ShapeSource},
-        bodies::{Emission, ReflectionLaw, SolarBody},
+        bodies::{Emission, ReflectionLaw, Body, SolarBody},
     },
 };
 
@@ -39,8 +39,8 @@ fn presets_fill_in_what_is_not_given() {
     )
     .unwrap();
     let bodies = config.objects().unwrap().bodies;
-    assert_eq!(*bodies[0], SolarBody::Sun.body("sol", DVec3::ZERO));
-    let mut earth = SolarBody::Earth.body("earth", DVec3::X * 1.5e11);
+    assert_eq!(*bodies[0], Body::preset(SolarBody::Sun, "sol", DVec3::ZERO));
+    let mut earth = Body::preset(SolarBody::Earth, "earth", DVec3::X * 1.5e11);
     earth.spin.phase_rad = PI / 2.0;
     assert_eq!(*bodies[1], earth);
     let ball = &bodies[2];

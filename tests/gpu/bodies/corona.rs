@@ -21,13 +21,13 @@ const SUN_RAD: f64 = 695_700e3 / AU;
 
 /// The Sun ahead, and before it a moon so much larger, if any, whose middle is beside the Sun's by parts of the Sun's radius.
 fn scene(moon: Option<(f64, f64)>, has_corona: bool) -> SceneSnapshot {
-    let mut sun = SolarBody::Sun.body("sun", DVec3::NEG_Z * AU);
+    let mut sun = Body::preset(SolarBody::Sun, "sun", DVec3::NEG_Z * AU);
     sun.emission = sun.emission.map(|emission| Emission { corona: has_corona, ..emission });
     let mut bodies = vec![Arc::new(sun)];
     if let Some((larger, beside)) = moon {
         let distance_m = 3.8e8;
         let place = DQuat::from_rotation_y(-beside * SUN_RAD) * DVec3::NEG_Z * distance_m;
-        let mut moon = SolarBody::Moon.body("moon", place);
+        let mut moon = Body::preset(SolarBody::Moon, "moon", place);
         moon.radii_m = DVec3::splat(distance_m * (larger * SUN_RAD).sin());
         // Dark: what the Sun and the corona give is all there is.
         moon.surface.geometric_albedo = [0.0; 3];

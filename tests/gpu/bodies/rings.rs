@@ -9,7 +9,7 @@ use steradian::{
     plan::{bodies::light::illuminance_of, settings::StarMethod},
     scene::{
         Camera, SceneObjects, SceneSnapshot,
-        bodies::{SolarBody, suns},
+        bodies::{Body, SolarBody, suns},
     },
     units::ASTRONOMICAL_UNIT_M,
     view::{Rig, ViewKind},
@@ -22,7 +22,7 @@ const SIZE: [u32; 2] = [400, 240];
 /// Saturn at 9 au from the eye, whose pole leans towards it by an angle, lit from beside the eye, with the Sun over its equator by another angle.
 fn scene(eye_deg: f64, sun_deg: f64, beside_deg: f64, has_curve: bool) -> SceneSnapshot {
     let place = DVec3::NEG_Z * 9.0 * AU;
-    let mut saturn = SolarBody::Saturn.body("saturn", place);
+    let mut saturn = Body::preset(SolarBody::Saturn, "saturn", place);
     if !has_curve {
         saturn.surface.phase_curve = None;
     }
@@ -32,7 +32,7 @@ fn scene(eye_deg: f64, sun_deg: f64, beside_deg: f64, has_curve: bool) -> SceneS
     let (sin, cos) = sun_deg.to_radians().sin_cos();
     let flat = (DVec3::Z - pole * pole.z).normalize();
     let turned = DQuat::from_axis_angle(pole, beside_deg.to_radians()) * flat;
-    let sun = SolarBody::Sun.body("sun", place + (pole * sin + turned * cos) * 9.5 * AU);
+    let sun = Body::preset(SolarBody::Sun, "sun", place + (pole * sin + turned * cos) * 9.5 * AU);
     let objects = SceneObjects { bodies: vec![Arc::new(saturn), Arc::new(sun)], ..Default::default() };
     SceneSnapshot { objects: Arc::new(objects), camera: Camera::default(), ..snapshot(Vec::new()) }
 }

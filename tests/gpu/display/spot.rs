@@ -12,7 +12,7 @@ use steradian::{
     render::{Frame, FrameRequest, Wanted},
     scene::{
         SceneObjects, SceneSnapshot,
-        bodies::{Emission, SolarBody},
+        bodies::{Emission, Body, SolarBody},
     },
     units::illuminance_lx_from_magnitude,
     view::{Rig, View, ViewKind},
@@ -88,7 +88,7 @@ fn the_exposure_is_that_of_the_f64_mean_of_the_cone() {
 
 #[test]
 fn a_body_in_the_cone_is_metered_by_its_luminance() {
-    let mut lamp = SolarBody::Moon.body("lamp", AHEAD * 1e9);
+    let mut lamp = Body::preset(SolarBody::Moon, "lamp", AHEAD * 1e9);
     lamp.radii_m = DVec3::splat(5e8);
     lamp.emission = Some(Emission { luminance_cd_m2: [3000.0, 4000.0, 5000.0], limb_darkening: 0.0, corona: false });
     let objects = SceneObjects { bodies: vec![Arc::new(lamp)], ..SceneObjects::default() };

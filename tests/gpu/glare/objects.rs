@@ -36,7 +36,7 @@ fn bodies(bodies: Vec<Body>) -> SceneSnapshot {
 
 /// A sun 60 degrees wide, darker towards its limb.
 fn wide_sun() -> SceneSnapshot {
-    let mut sun = SolarBody::Sun.body("sun", DVec3::new(0.3, 0.2, -2.0) * 1e9);
+    let mut sun = Body::preset(SolarBody::Sun, "sun", DVec3::new(0.3, 0.2, -2.0) * 1e9);
     sun.radii_m = DVec3::new(1.1e9, 1e9, 0.9e9);
     sun.emission = Some(Emission { luminance_cd_m2: [1e6, 9e5, 8e5], limb_darkening: 0.5, corona: false });
     bodies(vec![sun])
@@ -63,7 +63,7 @@ fn swarm() -> SceneSnapshot {
         instances: Arc::new(instances),
         shapes,
     };
-    let sun = SolarBody::Sun.body("sun", DVec3::ZERO);
+    let sun = Body::preset(SolarBody::Sun, "sun", DVec3::ZERO);
     let objects =
         SceneObjects { bodies: vec![Arc::new(sun)], fields: vec![Arc::new(field)], time_s: 0.0, ..Default::default() };
     let mut scene = scene(objects);

@@ -1,0 +1,208 @@
+//! What a body may be. Configurations and clients are refused by the same rules.
+
+use glam::DVec3;
+
+use super::Body;
+
+/// Most bodies of a scene.
+pub const MOST_BODIES: usize = 256;
+/// Most suns of a scene: every one of them lights every body, in every pixel.
+pub const MOST_SUNS: usize = 8;
+
+/// Farthest from the barycentre along each axis, m: squares of it, and of what it is divided by, stay within f64.
+pub const FARTHEST_M: f64 = 1e25;
+/// Smallest and largest semi-axis, m.
+pub const RADII_M: [f64; 2] = [1e-3, 1e13];
+/// Largest over smallest semi-axis.
+const MOST_ELONGATED: f64 = 100.0;
+/// Brightest geometric albedo; what throws light back towards the light can exceed 1.
+pub const BRIGHTEST_ALBEDO: f64 = 2.0;
+/// Shortest period of a spin, s.
+const SHORTEST_PERIOD_S: f64 = 1e-3;
+/// Brightest luminance, cd/m^2: a million times that of the Sun.
+const BRIGHTEST_CD_M2: f64 = 1e16;
+/// Longest name, characters.
+const LONGEST_NAME: usize = 64;
+
+/// What is wrong with an object of a scene, and what is allowed.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{key}: {problem}")]
+pub struct BodyError {
+    /// The part at fault, by its key in configurations.
+    pub key: &'static str,
+    /// What is wrong and what is allowed.
+    pub problem: String,
+}
+
+impl BodyError {
+    pub(in crate::scene) fn new(key: &'static str, problem: impl Into<String>) -> Self {
+        Self { key, problem: problem.into() }
+    }
+}
+
+/// Checks a name: letters, digits, `_` and `-`, 1 to 64 of them.
+pub fn check_name(name: &str) -> Result<(), BodyError> {
+    let valid = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
+    if name.is_empty() || name.len() > LONGEST_NAME || !name.chars().all(valid) {
+        let problem = format!("`{name}`: allowed are letters, digits, `_` and `-`, 1 to {LONGEST_NAME} of them");
+        return Err(BodyError::new("name", problem));
+    }
+    Ok(())
+}
+
+/// Checks that names are allowed, unique and not too many. The error comes with the place of the name at fault.
+pub fn check_names<'a>(names: impl Iterator<Item = &'a str>, most: usize) -> Result<(), (usize, BodyError)> {
+    let mut seen = std::collections::HashMap::new();
+    for (index, name) in names.enumerate() {
+        check_name(name).map_err(|error| (index, error))?;
+        if index >= most {
+            return Err((index, BodyError::new("name", format!("`{name}` is one too many: allowed are {most}"))));
+        }
+        if let Some(first) = seen.insert(name, index) {
+            let problem = format!("`{name}` is the name of number {first} too: names must be unique");
+            return Err((index, BodyError::new("name", problem)));
+        }
+    }
+    Ok(())
+}
+
+/// Checks that not too many bodies are suns. The error comes with the place of the first that is one too many.
+pub fn check_suns<'a>(bodies: impl Iterator<Item = &'a Body>) -> Result<(), (usize, BodyError)> {
+    let mut suns = bodies.enumerate().filter(|(_, body)| body.emission.is_some());
+    match suns.nth(MOST_SUNS) {
+        Some((index, body)) => {
+            let problem = format!("`{}` is one sun too many: allowed are {MOST_SUNS}", body.name);
+            Err((index, BodyError::new("emission", problem)))
+        }
+        None => Ok(()),
+    }
+}
+
+/// Checks a place.
+pub(in crate::scene) fn check_position(position_m: DVec3) -> Result<(), BodyError> {
+    if position_m.is_finite() && position_m.abs().max_element() <= FARTHEST_M {
+        return Ok(());
+    }
+    let problem = format!("{:?}: allowed are components up to {FARTHEST_M:e} m", position_m.to_array());
+    Err(BodyError::new("position_m", problem))
+}
+
+/// Checks an albedo.
+pub(in crate::scene) fn check_albedo(albedo: [f64; 3]) -> Result<(), BodyError> {
+    if albedo.iter().all(|channel| (0.0..=BRIGHTEST_ALBEDO).contains(channel)) {
+        return Ok(());
+    }
+    let problem = format!("{albedo:?}: allowed are 0 to {BRIGHTEST_ALBEDO}");
+    Err(BodyError::new("geometric_albedo", problem))
+}
+
+impl Body {
+    /// Checks every part of it but the name's being unique.
+    ///
+    /// # Errors
+    ///
+    /// A part is out of range; the error names it and says what is allowed.
+    pub fn check(&self) -> Result<(), BodyError> {
+        check_name(&self.name)?;
+        check_position(self.position_m)?;
+        crate::scene::unit_quaternion(self.orientation.to_array())
+            .map_err(|error| BodyError::new("orientation", error.to_string()))?;
+        let (radii, [least, most]) = (self.radii_m, RADII_M);
+        if !radii.to_array().iter().all(|radius| (least..=most).contains(radius)) {
+            let problem = format!("{:?}: allowed are semi-axes from {least} to {most:e} m", radii.to_array());
+            return Err(BodyError::new("radii_m", problem));
+        }
+        if radii.max_element() > MOST_ELONGATED * radii.min_element() {
+            let problem = format!(
+                "{:?}: the largest semi-axis may be {MOST_ELONGATED} times the smallest at most",
+                radii.to_array()
+            );
+            return Err(BodyError::new("radii_m", problem));
+        }
+        check_albedo(self.surface.geometric_albedo)?;
+        if let Some(texture) = &self.surface.texture {
+            let texels = u64::from(texture.size[0]) * u64::from(texture.size[1]);
+            if texels == 0 || texels != texture.rgb.len() as u64 {
+                let problem = format!("{:?} texels, of which {} are given", texture.size, texture.rgb.len());
+                return Err(BodyError::new("texture", problem));
+            }
+        }
+        let spin = self.spin;
+        if spin.period_s.is_some_and(|period_s| !(period_s.is_finite() && period_s.abs() >= SHORTEST_PERIOD_S)) {
+            let problem = format!(
+                "period_s = {}: allowed are finite periods of at least {SHORTEST_PERIOD_S} s, negative ones turn the other way; without one it does not turn",
+                spin.period_s.unwrap_or_default()
+            );
+            return Err(BodyError::new("spin", problem));
+        }
+        if !spin.phase_rad.is_finite() {
+            return Err(BodyError::new("spin", format!("a phase of {} rad: it must be finite", spin.phase_rad)));
+        }
+        if let Some(emission) = &self.emission {
+            if !emission.luminance_cd_m2.iter().all(|channel| (0.0..=BRIGHTEST_CD_M2).contains(channel)) {
+                let problem = format!(
+                    "a luminance of {:?} cd/m^2: allowed are 0 to {BRIGHTEST_CD_M2:e}",
+                    emission.luminance_cd_m2
+                );
+                return Err(BodyError::new("emission", problem));
+            }
+            if !(0.0..=1.0).contains(&emission.limb_darkening) {
+                let problem = format!("limb_darkening = {}: allowed are 0 to 1", emission.limb_darkening);
+                return Err(BodyError::new("emission", problem));
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::bodies::{Emission, SolarBody};
+
+    #[test]
+    fn every_part_out_of_range_is_named() {
+        let good = Body::preset(SolarBody::Sun, "sun", DVec3::ZERO);
+        good.check().unwrap();
+        let emission = good.emission.unwrap();
+        let changed = |change: &dyn Fn(&mut Body)| {
+            let mut body = good.clone();
+            change(&mut body);
+            body.check().unwrap_err().to_string()
+        };
+        for (message, parts) in [
+            (changed(&|body| body.name = "a b".to_owned()), ["name", "letters"]),
+            (changed(&|body| body.name = "a".repeat(65)), ["name", "1 to 64"]),
+            (changed(&|body| body.position_m.y = f64::NAN), ["position_m", "1e25"]),
+            (changed(&|body| body.orientation.w = 2.0), ["orientation", "unit quaternion"]),
+            (changed(&|body| body.radii_m.z = 0.0), ["radii_m", "0.001"]),
+            (changed(&|body| body.radii_m.z *= 101.0), ["radii_m", "100 times"]),
+            (changed(&|body| body.surface.geometric_albedo[1] = -0.1), ["geometric_albedo", "0 to 2"]),
+            (changed(&|body| body.spin.period_s = Some(0.0)), ["spin", "period_s"]),
+            (changed(&|body| body.spin.phase_rad = f64::INFINITY), ["spin", "finite"]),
+            (
+                changed(&|body| body.emission = Some(Emission { limb_darkening: 1.1, ..emission })),
+                ["emission", "0 to 1"],
+            ),
+            (
+                changed(&|body| body.emission = Some(Emission { luminance_cd_m2: [f64::NAN; 3], ..emission })),
+                ["emission", "1e16"],
+            ),
+        ] {
+            assert!(parts.iter().all(|part| message.contains(part)), "{message}");
+        }
+    }
+
+    #[test]
+    fn names_are_unique_and_counted() {
+        let sun = Body::preset(SolarBody::Sun, "sun", DVec3::ZERO);
+        let moon = Body::preset(SolarBody::Moon, "moon", DVec3::ZERO);
+        let bodies = |suns: usize| std::iter::repeat_n(&sun, suns).chain(std::iter::repeat_n(&moon, 9));
+        check_suns(bodies(MOST_SUNS)).unwrap();
+        assert!(check_suns(bodies(MOST_SUNS + 1)).unwrap_err().1.to_string().contains("allowed are 8"));
+        check_names(["a", "b"].into_iter(), 2).unwrap();
+        let (place, error) = check_names(["a", "b", "a"].into_iter(), 9).unwrap_err();
+        assert!(place == 2 && error.to_string().contains("unique"), "{error}");
+        assert!(check_names(["a", "b"].into_iter(), 1).unwrap_err().1.to_string().contains("allowed are 1"));
+    }
+}

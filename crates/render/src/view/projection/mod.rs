@@ -1,0 +1,263 @@
+//! Projections: how directions in view space map to the pixels of an image, and the solid angle of every pixel.
+//!
+//! View space is +x right, +y up, looking along -z. Pixel coordinates are continuous: (0, 0) is the top left corner of
+//! the image, pixel (i, j) covers [i, i+1) x [j, j+1), its centre is (i + 0.5, j + 0.5). Everything here is f64; the
+//! shader `shaders/shared/projection.wgsl` has the same functions in f32 under the same names.
+//!
+//! A projection of your own implements [`PlaneMapping`]; the f64 renderer in [`crate::reference`] draws through any of them.
+//! The adapter draws through a table of it: bake it with [`TabulatedMapping::new`], and put it into a rig as a view of the kind
+//! [`ViewKind::Tabulated`](super::ViewKind::Tabulated). `examples/own_projection.rs` does so.
+
+mod cube;
+mod equirectangular;
+mod fisheye;
+mod perspective;
+mod tabulated;
+mod warp;
+
+use std::{f64::consts::PI, sync::Arc};
+
+pub use cube::{CubeFace, Face};
+pub use equirectangular::Equirectangular;
+pub use fisheye::{Fisheye, FisheyeMapping};
+use glam::{DVec2, DVec3};
+pub use perspective::Perspective;
+pub(crate) use tabulated::{
+    DONE_PX, FRINGE, HEADER, LONGEST_STEP_PX, MOST_STEPS, NEAR_PX, NO_START, PATCH_BIT, PATCH_STEPS,
+};
+pub use tabulated::{LIMIT_PX, MOST_SIDE_PX, TableAccuracy, TabulatedMapping, TabulationError};
+pub use warp::{DirectionGrid, Interpolation, MOST_SAMPLES, Placement, Warp, WarpError};
+
+/// Why a projection cannot be built.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum ProjectionError {
+    /// A side of the image is zero.
+    #[error("size {width} x {height}: both sides must be at least 1 pixel")]
+    ZeroSize {
+        /// Width in pixels.
+        width: u32,
+        /// Height in pixels.
+        height: u32,
+    },
+    /// A parameter is outside of what the mapping can show.
+    #[error("{parameter} = {value}: {allowed}")]
+    OutOfRange {
+        /// The parameter's name in the configuration.
+        parameter: &'static str,
+        /// Its value.
+        value: f64,
+        /// What is allowed, and why.
+        allowed: &'static str,
+    },
+}
+
+pub(crate) fn check_size(size: [u32; 2]) -> Result<(), ProjectionError> {
+    if size[0] == 0 || size[1] == 0 {
+        return Err(ProjectionError::ZeroSize { width: size[0], height: size[1] });
+    }
+    Ok(())
+}
+
+/// The part of the sky that can have an image, for culling: a cone around `axis`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BoundingCone {
+    /// Unit vector in view space.
+    pub axis: DVec3,
+    /// Half of the opening angle, rad; pi for the whole sphere.
+    pub half_angle_rad: f64,
+}
+
+impl BoundingCone {
+    /// Half of the opening angle of the cone around the axis of view (-z) that holds this one, rad.
+    pub fn around_view_axis_rad(&self) -> f64 {
+        (self.axis.angle_between(DVec3::NEG_Z) + self.half_angle_rad).min(PI)
+    }
+}
+
+/// One pixel that a splat reaches, with the share of the kernel that belongs to it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Tap {
+    /// Column.
+    pub x: u32,
+    /// Row.
+    pub y: u32,
+    /// Weight; the weights of a star whose kernel lies inside the picture sum to 1.
+    pub weight: f64,
+}
+
+/// A map between directions in view space and the pixels of an image.
+pub trait PlaneMapping: Sync {
+    /// Width and height in pixels.
+    fn size(&self) -> [u32; 2];
+
+    /// Continuous pixel coordinates of the image of `direction` (any length but 0), also outside of the picture as far as
+    /// the mapping goes on there; `None` where the direction has no image.
+    fn pixel_from_direction(&self, direction: DVec3) -> Option<DVec2>;
+
+    /// Unit direction of a point of the image plane; `None` outside of the picture.
+    fn direction_from_pixel(&self, pixel: DVec2) -> Option<DVec3>;
+
+    /// Whether the pixel's centre lies inside the picture.
+    fn contains(&self, x: u32, y: u32) -> bool {
+        let [width, height] = self.size();
+        x < width && y < height && self.direction_from_pixel(pixel_centre(x, y)).is_some()
+    }
+
+    /// Solid angle of a pixel in sr; 0 outside of the picture. The default integrates the norm of d(dir)/du x d(dir)/dv,
+    /// by central differences, at the pixel's centre.
+    fn solid_angle_sr(&self, x: u32, y: u32) -> f64 {
+        if !self.contains(x, y) {
+            return 0.0;
+        }
+        let centre = pixel_centre(x, y);
+        let h = 1e-3;
+        let at = |dx: f64, dy: f64| self.direction_from_pixel(centre + DVec2::new(dx, dy));
+        match (at(h, 0.0), at(-h, 0.0), at(0.0, h), at(0.0, -h)) {
+            (Some(right), Some(left), Some(down), Some(up)) => (right - left).cross(down - up).length() / (4.0 * h * h),
+            _ => 0.0,
+        }
+    }
+
+    /// Whether every direction lies in the picture, so that its rim is no border.
+    fn shows_full_sphere(&self) -> bool {
+        false
+    }
+
+    /// Sum of `light` over this picture and those that go on beyond its borders, each with the direction in its own axes; `None`
+    /// where there are no others.
+    fn light_with_neighbours(&self, direction: DVec3, light: &dyn Fn(&dyn PlaneMapping, DVec3) -> f64) -> Option<f64> {
+        let _ = (direction, light);
+        None
+    }
+
+    /// The longer and the shorter angle that a pixel covers around `direction` (a unit vector), rad: the inverse singular values of
+    /// the mapping's derivative. `None` where the direction has no image. The default takes central differences.
+    fn pixel_extent_rad(&self, direction: DVec3) -> Option<[f64; 2]> {
+        let (right, up) = direction.any_orthonormal_pair();
+        let h = 1e-6;
+        let derivative = |axis: DVec3| {
+            let ahead = self.pixel_from_direction((direction + axis * h).normalize())?;
+            let behind = self.pixel_from_direction((direction - axis * h).normalize())?;
+            Some((ahead - behind) / (2.0 * h))
+        };
+        let (a, b) = (derivative(right)?, derivative(up)?);
+        // Singular values of the matrix of columns a and b.
+        let sum = a.length_squared() + b.length_squared();
+        let difference = (sum * sum - 4.0 * a.perp_dot(b).powi(2)).max(0.0).sqrt();
+        let (largest, smallest) = (((sum + difference) / 2.0).sqrt(), ((sum - difference) / 2.0).max(0.0).sqrt());
+        Some([1.0 / smallest.max(1e-12), 1.0 / largest.max(1e-12)])
+    }
+
+    /// A cone that holds every direction that may touch a pixel, kernels of `margin_px` included.
+    fn bounding_cone(&self, margin_px: f64) -> BoundingCone;
+
+    /// The pixels that a star in `direction` reaches with `kernel`, exact at every border of the mapping: wrap,
+    /// reflection, shared edges. `kernel` gives the footprint around continuous pixel coordinates as if the plane had no
+    /// border. Empty where the star has no image.
+    fn taps(&self, kernel: Footprint<'_>, direction: DVec3) -> Vec<Tap> {
+        let Some(centre) = self.pixel_from_direction(direction) else { return Vec::new() };
+        kernel(centre).into_iter().filter_map(|tap| self.tap_inside(tap)).collect()
+    }
+
+    /// The tap if its pixel lies inside the picture.
+    fn tap_inside(&self, (x, y, weight): (i64, i64, f64)) -> Option<Tap> {
+        let (x, y) = (u32::try_from(x).ok()?, u32::try_from(y).ok()?);
+        self.contains(x, y).then_some(Tap { x, y, weight })
+    }
+}
+
+/// A kernel's pixels (column, row, weight) around continuous pixel coordinates, on a plane without borders.
+pub type Footprint<'a> = &'a dyn Fn(DVec2) -> Vec<(i64, i64, f64)>;
+
+/// Centre of a pixel.
+pub fn pixel_centre(x: u32, y: u32) -> DVec2 {
+    DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5)
+}
+
+/// The projections that the GPU knows.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Projection {
+    /// Flat image plane, symmetric or off-axis.
+    Perspective(Perspective),
+    /// One face of a cubemap.
+    CubeFace(CubeFace),
+    /// Azimuthal mappings of domes and fisheye lenses.
+    Fisheye(Fisheye),
+    /// Longitude and latitude.
+    Equirectangular(Equirectangular),
+    /// Any other, as a table.
+    Tabulated(Arc<TabulatedMapping>),
+}
+
+impl Projection {
+    /// The mapping behind the enum.
+    pub fn mapping(&self) -> &dyn PlaneMapping {
+        match self {
+            Projection::Perspective(p) => p,
+            Projection::CubeFace(p) => p,
+            Projection::Fisheye(p) => p,
+            Projection::Equirectangular(p) => p,
+            Projection::Tabulated(p) => &**p,
+        }
+    }
+
+    /// Solid angle of the whole picture, sr: in closed form, of a table the sum over its pixels. The sum over a round picture's
+    /// pixels differs from it by what a circle differs from its pixels (2e-7 of it at 4096 pixels).
+    pub fn picture_solid_angle_sr(&self) -> f64 {
+        match self {
+            Projection::Perspective(plane) => plane.picture_solid_angle_sr(),
+            Projection::CubeFace(face) => face.plane().picture_solid_angle_sr(),
+            Projection::Fisheye(fisheye) => 4.0 * PI * (fisheye.half_fov_rad / 2.0).sin().powi(2),
+            Projection::Equirectangular(_) => 4.0 * PI,
+            Projection::Tabulated(table) => table.picture_solid_angle_sr(),
+        }
+    }
+
+    /// Angle of the pixel in the middle of the picture, rad: the root of its solid angle. Of a table without a pixel there, that of the
+    /// mean pixel.
+    pub fn middle_pixel_rad(&self) -> f64 {
+        let mapping = self.mapping();
+        let [width, height] = mapping.size();
+        let middle_sr = mapping.solid_angle_sr(width / 2, height / 2);
+        match self {
+            Projection::Tabulated(table) if middle_sr <= 0.0 => {
+                (table.picture_solid_angle_sr() / table.pixels() as f64).sqrt()
+            }
+            _ => middle_sr.sqrt(),
+        }
+    }
+
+    /// Smallest solid angle of a pixel of the picture, sr, among the centre, the corners, and the middles of the edges
+    /// (for round pictures half a pixel inside of them), where all these mappings have their extremes; of a table among all.
+    pub fn smallest_pixel_sr(&self) -> f64 {
+        if let Projection::Tabulated(table) = self {
+            return table.smallest_pixel_sr();
+        }
+        let mapping = self.mapping();
+        let [width, height] = mapping.size();
+        let mut smallest = f64::INFINITY;
+        for y in [0, height / 2, height - 1] {
+            for x in [0, width / 2, width - 1] {
+                let omega = mapping.solid_angle_sr(x, y);
+                if omega > 0.0 {
+                    smallest = smallest.min(omega);
+                }
+            }
+        }
+        smallest
+    }
+}
+
+/// Gauss-Legendre quadrature of `density` (per unit area of the plane) over a rectangle given by centre and half sides,
+/// with three points each way: exact to the fifth degree.
+pub(crate) fn integrate_over_rectangle(centre: DVec2, half: DVec2, density: impl Fn(DVec2) -> f64) -> f64 {
+    const NODES: [(f64, f64); 3] =
+        [(-0.774_596_669_241_483_4, 5.0 / 9.0), (0.0, 8.0 / 9.0), (0.774_596_669_241_483_4, 5.0 / 9.0)];
+    let mut sum = 0.0;
+    for (u, weight_u) in NODES {
+        for (v, weight_v) in NODES {
+            sum += weight_u * weight_v * density(centre + DVec2::new(u, v) * half);
+        }
+    }
+    sum * half.x * half.y
+}

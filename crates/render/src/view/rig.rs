@@ -1,0 +1,680 @@
+//! The rig: every view of a frame, each with its images, and from them the flat list of viewports that the renderer draws.
+//!
+//! Three frames of reference meet here: *view* axes (+x right, +y up, looking -z) of one image, *camera* axes of the rig,
+//! and *world* axes (ICRS). `camera_from_view` and `world_from_camera` are rotations between them.
+
+use std::sync::Arc;
+
+use glam::{DMat3, DQuat, DVec3};
+
+use super::{
+    projection::{
+        CubeFace, Equirectangular, Face, Fisheye, FisheyeMapping, Perspective, PlaneMapping, Projection,
+        ProjectionError, TabulatedMapping,
+    },
+    projector::ProjectorOutput,
+};
+
+/// Why a rig cannot be built.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum RigError {
+    /// A view's projection is impossible.
+    #[error("view `{view}`: {source}")]
+    Projection {
+        /// The view's name.
+        view: String,
+        /// What is wrong with it.
+        source: ProjectionError,
+    },
+    /// A view's name is empty or has other characters than letters, digits, `_` and `-`.
+    #[error("view name `{name}`: allowed are letters, digits, `_` and `-`, at least one")]
+    Name {
+        /// The name.
+        name: String,
+    },
+    /// Two views have the same name.
+    #[error("view name `{name}` is used twice: names must be unique")]
+    Duplicate {
+        /// The name.
+        name: String,
+    },
+    /// Another parameter is not what it must be.
+    #[error("view `{view}`: {problem}")]
+    Parameter {
+        /// The view's name.
+        view: String,
+        /// What is wrong and what is allowed.
+        problem: String,
+    },
+}
+
+/// How far from the camera an eye may stand along each axis, m. Places of near stars are f32 relative to the camera.
+pub const MAX_EYE_OFFSET_M: f64 = 1e9;
+
+/// Signed angles of the four edges from the principal ray, rad, as OpenXR gives them (left and down usually negative).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Fov {
+    /// To the left edge.
+    pub left_rad: f64,
+    /// To the right edge.
+    pub right_rad: f64,
+    /// To the upper edge.
+    pub up_rad: f64,
+    /// To the lower edge.
+    pub down_rad: f64,
+}
+
+impl Fov {
+    /// The same field of view seen in a mirror: what the other eye has.
+    pub fn mirrored(self) -> Self {
+        Self { left_rad: -self.right_rad, right_rad: -self.left_rad, ..self }
+    }
+}
+
+/// An eye behind a lens of a headset.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Eye {
+    /// Width and height of its image, pixels.
+    pub size: [u32; 2],
+    /// Edges of what it sees.
+    pub fov: Fov,
+    /// Rotation from the eye's axes (+x right, +y up, looking -z) to those of the room.
+    pub room_from_eye: DQuat,
+    /// Its place in the room, m.
+    pub position_m: DVec3,
+}
+
+/// What a view shows, before it is divided into images.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum ViewKind {
+    /// A symmetric flat window.
+    Perspective {
+        /// Width and height, pixels.
+        size: [u32; 2],
+        /// Vertical field of view, rad.
+        fov_y_rad: f64,
+    },
+    /// A flat window with four independent edges.
+    OffAxis {
+        /// Width and height, pixels.
+        size: [u32; 2],
+        /// The edges.
+        fov: Fov,
+    },
+    /// Two eyes.
+    Stereo {
+        /// Width and height per eye, pixels.
+        size: [u32; 2],
+        /// Distance between the eyes, m.
+        ipd_m: f64,
+        /// Edges of the left eye.
+        fov_left: Fov,
+        /// Edges of the right eye.
+        fov_right: Fov,
+    },
+    /// The eyes in a headset, left and right, each with a pose of its own, in a room whose axes are those of the view.
+    Headset {
+        /// Left and right.
+        eyes: [Eye; 2],
+    },
+    /// Square faces of 90 degrees.
+    Cubemap {
+        /// Side of a face, pixels.
+        face_size: u32,
+        /// Which faces are rendered.
+        faces: Vec<Face>,
+    },
+    /// A round picture around -z.
+    Fisheye {
+        /// Width and height, pixels.
+        size: [u32; 2],
+        /// The mapping.
+        mapping: FisheyeMapping,
+        /// Field of view, rad.
+        fov_rad: f64,
+    },
+    /// A planetarium's domemaster: equidistant, centre = zenith, bottom = front.
+    DomeMaster {
+        /// Side of the square, pixels.
+        size: u32,
+        /// Field of view, rad.
+        fov_rad: f64,
+        /// Tilt of the dome towards the front, rad.
+        tilt_rad: f64,
+    },
+    /// A domemaster for each eye, in which every direction is seen by the eyes of somebody who looks there: omni-directional stereo.
+    StereoDome {
+        /// Side of the square, pixels.
+        size: u32,
+        /// Field of view, rad.
+        fov_rad: f64,
+        /// Tilt of the dome towards the front, rad.
+        tilt_rad: f64,
+        /// Distance between the eyes, m.
+        ipd_m: f64,
+    },
+    /// Longitude and latitude.
+    Equirectangular {
+        /// Width and height, pixels.
+        size: [u32; 2],
+    },
+    /// A projector's raster.
+    Projector {
+        /// Where its pixels look, [`Warp`](super::Warp) or another mapping.
+        mapping: Arc<TabulatedMapping>,
+        /// What is done to its picture.
+        output: Arc<ProjectorOutput>,
+    },
+    /// A projection of one's own, as a table; configurations cannot name it.
+    Tabulated {
+        /// The mapping.
+        mapping: Arc<TabulatedMapping>,
+    },
+}
+
+impl ViewKind {
+    /// What is done to the picture of a projector.
+    pub fn projector(&self) -> Option<&Arc<ProjectorOutput>> {
+        match self {
+            ViewKind::Projector { output, .. } => Some(output),
+            _ => None,
+        }
+    }
+
+    /// Name of the type in configurations.
+    pub fn type_name(&self) -> &'static str {
+        match self {
+            ViewKind::Perspective { .. } | ViewKind::OffAxis { .. } => "perspective",
+            ViewKind::Stereo { .. } => "stereo",
+            ViewKind::Headset { .. } => "headset",
+            ViewKind::Cubemap { .. } => "cubemap",
+            ViewKind::Fisheye { .. } => "fisheye",
+            ViewKind::DomeMaster { .. } | ViewKind::StereoDome { .. } => "dome_master",
+            ViewKind::Equirectangular { .. } => "equirectangular",
+            ViewKind::Projector { .. } => "projector",
+            ViewKind::Tabulated { .. } => "tabulated",
+        }
+    }
+}
+
+/// Name of one of several images of a view.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Part {
+    /// The only image.
+    Whole,
+    /// The left eye.
+    LeftEye,
+    /// The right eye.
+    RightEye,
+    /// A cube face.
+    Face(Face),
+}
+
+impl Part {
+    /// The part's name in file names and messages; `None` for a view's only image.
+    pub fn name(self) -> Option<&'static str> {
+        match self {
+            Part::Whole => None,
+            Part::LeftEye => Some("left"),
+            Part::RightEye => Some("right"),
+            Part::Face(face) => Some(face.name()),
+        }
+    }
+}
+
+/// One image of a view.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ViewImage {
+    /// Which part of the view.
+    pub part: Part,
+    /// How directions map to its pixels.
+    pub projection: Projection,
+    /// Rotation from view axes to camera axes.
+    pub camera_from_view: DQuat,
+    /// Place of the eye in camera axes, m.
+    pub eye_position_m: DVec3,
+    /// Omni-directional stereo: radius of the circle on which the eye goes round with the direction of sight, m; positive for the right eye. 0: it stays.
+    /// See [`Viewport::eye_on_circle_m`].
+    pub viewing_circle_m: f64,
+}
+
+/// How the pictures of two eyes lie in a file.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Packing {
+    /// Each in one of its own.
+    #[default]
+    None,
+    /// The left eye's above the right eye's.
+    TopBottom,
+    /// The left eye's left of the right eye's.
+    SideBySide,
+}
+
+/// A picture as files have it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ViewPicture {
+    /// The part of the view that it shows.
+    pub part: Part,
+    /// Width and height, pixels.
+    pub size: [u32; 2],
+}
+
+/// A view: one or several images under one name.
+#[derive(Clone, Debug, PartialEq)]
+pub struct View {
+    /// Unique name.
+    pub name: String,
+    /// What was asked for.
+    pub kind: ViewKind,
+    /// Its images.
+    pub images: Vec<ViewImage>,
+    /// How its images lie in files.
+    pub packing: Packing,
+}
+
+/// Refuses what is no name of a view: needed are letters, digits, `_` and `-`, at least one.
+pub fn check_name(name: &str) -> Result<(), RigError> {
+    let valid = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
+    if name.is_empty() || !name.chars().all(valid) {
+        return Err(RigError::Name { name: name.to_owned() });
+    }
+    Ok(())
+}
+
+impl View {
+    /// Builds a view. `orientation` takes view axes to camera axes (unit length), `position_m` is in camera axes.
+    pub fn new(name: &str, kind: ViewKind, orientation: DQuat, position_m: DVec3) -> Result<Self, RigError> {
+        check_name(name)?;
+        let images = images_of(name, &kind, orientation, position_m)?;
+        if let Some(image) = images.iter().find(|image| image.eye_position_m.abs().max_element() > MAX_EYE_OFFSET_M) {
+            return Err(RigError::Parameter {
+                view: name.to_owned(),
+                problem: format!(
+                    "an eye at {:?} m from the camera: allowed are up to {MAX_EYE_OFFSET_M:e} m along each axis; move the camera instead",
+                    image.eye_position_m.to_array()
+                ),
+            });
+        }
+        Ok(Self { name: name.to_owned(), kind, images, packing: Packing::None })
+    }
+
+    /// The same view with the pictures of its eyes in one.
+    ///
+    /// # Errors
+    ///
+    /// It is none of two eyes with pictures of one size.
+    pub fn packed(self, packing: Packing) -> Result<Self, RigError> {
+        let sizes: Vec<[u32; 2]> = self.images.iter().map(|image| image.projection.mapping().size()).collect();
+        let eyes = self.images.iter().map(|image| image.part).eq([Part::LeftEye, Part::RightEye]);
+        if packing != Packing::None && !(eyes && sizes[0] == sizes[1]) {
+            return Err(RigError::Parameter {
+                view: self.name,
+                problem: "packing: it has no two eyes: allowed in views of type stereo, and of dome_master with ipd_m"
+                    .to_owned(),
+            });
+        }
+        Ok(Self { packing, ..self })
+    }
+
+    /// Its pictures as files have them.
+    pub fn pictures(&self) -> Vec<ViewPicture> {
+        let sized = |image: &ViewImage| ViewPicture { part: image.part, size: self.output_size(image) };
+        let pictures: Vec<ViewPicture> = self.images.iter().map(sized).collect();
+        match (self.packing, &pictures[..]) {
+            (Packing::TopBottom, [ViewPicture { size: [width, height], .. }, _]) => {
+                vec![ViewPicture { part: Part::Whole, size: [*width, 2 * height] }]
+            }
+            (Packing::SideBySide, [ViewPicture { size: [width, height], .. }, _]) => {
+                vec![ViewPicture { part: Part::Whole, size: [2 * width, *height] }]
+            }
+            _ => pictures,
+        }
+    }
+
+    /// Of a projector: the mapping of its raster, and the rotation from the raster's axes to those of the camera, which are the dome's.
+    pub fn raster(&self) -> Option<(&Arc<TabulatedMapping>, DQuat)> {
+        let ViewKind::Projector { mapping, output } = &self.kind else { return None };
+        let camera_from_picture = self.images.first()?.camera_from_view;
+        let picture_from_view = output.resampling().map(|resampling| resampling.view_from_source.inverse());
+        Some((mapping, picture_from_view.map_or(camera_from_picture, |rotation| camera_from_picture * rotation)))
+    }
+
+    /// Width and height of one of its images as it leaves the renderer, pixels.
+    pub fn output_size(&self, image: &ViewImage) -> [u32; 2] {
+        self.kind.projector().map_or_else(|| image.projection.mapping().size(), |output| output.size())
+    }
+}
+
+fn images_of(name: &str, kind: &ViewKind, orientation: DQuat, position_m: DVec3) -> Result<Vec<ViewImage>, RigError> {
+    let wrong = |source: ProjectionError| RigError::Projection { view: name.to_owned(), source };
+    let parameter = |problem: String| RigError::Parameter { view: name.to_owned(), problem };
+    let image = |part: Part, projection: Projection, camera_from_view: DQuat, eye_position_m: DVec3| ViewImage {
+        part,
+        projection,
+        camera_from_view,
+        eye_position_m,
+        viewing_circle_m: 0.0,
+    };
+    let whole = |projection: Projection| Ok(vec![image(Part::Whole, projection, orientation, position_m)]);
+    let off_axis = |size: [u32; 2], fov: Fov| {
+        Perspective::off_axis(size, fov.left_rad, fov.right_rad, fov.up_rad, fov.down_rad).map(Projection::Perspective)
+    };
+    // AFDI domemaster: the centre is the zenith, leaning forwards by the tilt; the bottom of the image is the front.
+    let dome = |size: u32, fov_rad: f64, tilt_rad: f64| {
+        if !tilt_rad.is_finite() {
+            return Err(parameter(format!("tilt_deg = {}: must be finite", tilt_rad.to_degrees())));
+        }
+        let projection = Fisheye::new([size; 2], FisheyeMapping::Equidistant, fov_rad).map_err(wrong)?;
+        let (sin, cos) = tilt_rad.sin_cos();
+        let axis = DVec3::new(0.0, cos, -sin);
+        let up = DVec3::new(0.0, sin, cos);
+        Ok((projection, DQuat::from_mat3(&DMat3::from_cols(axis.cross(up), up, -axis))))
+    };
+    match kind {
+        ViewKind::Perspective { size, fov_y_rad } => {
+            whole(Projection::Perspective(Perspective::symmetric(*size, *fov_y_rad).map_err(wrong)?))
+        }
+        ViewKind::OffAxis { size, fov } => whole(off_axis(*size, *fov).map_err(wrong)?),
+        ViewKind::Stereo { size, ipd_m, fov_left, fov_right } => {
+            if !(ipd_m.is_finite() && *ipd_m >= 0.0) {
+                return Err(parameter(format!("ipd_m = {ipd_m}: allowed are finite distances from 0 m")));
+            }
+            let eyes = [(Part::LeftEye, fov_left, -0.5), (Part::RightEye, fov_right, 0.5)];
+            eyes.into_iter()
+                .map(|(part, fov, side)| {
+                    let eye = position_m + orientation * (DVec3::X * (side * ipd_m));
+                    Ok(image(part, off_axis(*size, *fov).map_err(wrong)?, orientation, eye))
+                })
+                .collect()
+        }
+        ViewKind::Headset { eyes } => {
+            let parts = [Part::LeftEye, Part::RightEye];
+            let images = parts.into_iter().zip(eyes).map(|(part, eye)| {
+                let place = position_m + orientation * eye.position_m;
+                Ok(image(part, off_axis(eye.size, eye.fov).map_err(wrong)?, orientation * eye.room_from_eye, place))
+            });
+            images.collect()
+        }
+        ViewKind::Cubemap { face_size, faces } => {
+            if faces.is_empty() {
+                return Err(parameter(
+                    "faces = []: name at least one of front, right, left, back, up, down".to_owned(),
+                ));
+            }
+            if let Some(twice) = faces.iter().enumerate().find(|(i, face)| faces[..*i].contains(face)) {
+                return Err(parameter(format!("faces: `{}` is named twice", twice.1.name())));
+            }
+            faces
+                .iter()
+                .map(|&face| {
+                    let projection = Projection::CubeFace(CubeFace::new(face, *face_size).map_err(wrong)?);
+                    Ok(image(Part::Face(face), projection, orientation * face.cube_from_face(), position_m))
+                })
+                .collect()
+        }
+        ViewKind::Fisheye { size, mapping, fov_rad } => {
+            whole(Projection::Fisheye(Fisheye::new(*size, *mapping, *fov_rad).map_err(wrong)?))
+        }
+        ViewKind::DomeMaster { size, fov_rad, tilt_rad } => {
+            let (projection, tilt) = dome(*size, *fov_rad, *tilt_rad)?;
+            Ok(vec![image(Part::Whole, Projection::Fisheye(projection), orientation * tilt, position_m)])
+        }
+        ViewKind::StereoDome { size, fov_rad, tilt_rad, ipd_m } => {
+            let radius_m = 0.5 * ipd_m;
+            if !(0.0..=MAX_EYE_OFFSET_M).contains(&radius_m) {
+                let most = 2.0 * MAX_EYE_OFFSET_M;
+                return Err(parameter(format!("ipd_m = {ipd_m}: allowed are 0 to {most:e} m")));
+            }
+            let (projection, tilt) = dome(*size, *fov_rad, *tilt_rad)?;
+            let eye = |part: Part, viewing_circle_m: f64| ViewImage {
+                viewing_circle_m,
+                ..image(part, Projection::Fisheye(projection), orientation * tilt, position_m)
+            };
+            Ok(vec![eye(Part::LeftEye, -radius_m), eye(Part::RightEye, radius_m)])
+        }
+        ViewKind::Equirectangular { size } => {
+            whole(Projection::Equirectangular(Equirectangular::new(*size).map_err(wrong)?))
+        }
+        ViewKind::Projector { mapping, output } => {
+            if output.size() != mapping.size() {
+                let [of_output, of_mapping] = [output.size(), mapping.size()];
+                return Err(parameter(format!("an output of {of_output:?} pixels over a raster of {of_mapping:?}")));
+            }
+            Ok(match output.resampling() {
+                None => vec![image(Part::Whole, Projection::Tabulated(Arc::clone(mapping)), orientation, position_m)],
+                Some(resampling) => {
+                    let camera_from_source = orientation * resampling.view_from_source;
+                    vec![image(Part::Whole, resampling.source.clone(), camera_from_source, position_m)]
+                }
+            })
+        }
+        ViewKind::Tabulated { mapping } => whole(Projection::Tabulated(Arc::clone(mapping))),
+    }
+}
+
+/// All views of a frame.
+#[derive(Clone, Debug, PartialEq, Default)]
+pub struct Rig {
+    views: Vec<View>,
+}
+
+/// One image to draw, in world axes: what the renderer sees of a view.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Viewport {
+    /// Index of the view in the rig.
+    pub view: usize,
+    /// Which image of the view.
+    pub part: Part,
+    /// How directions map to pixels.
+    pub projection: Projection,
+    /// Rotation from view axes to world axes.
+    pub world_from_view: DQuat,
+    /// Eye minus camera in world axes, m.
+    pub eye_offset_m: DVec3,
+    /// See [`ViewImage::viewing_circle_m`].
+    pub viewing_circle_m: f64,
+}
+
+impl Viewport {
+    /// Width and height, pixels.
+    pub fn size(&self) -> [u32; 2] {
+        self.projection.mapping().size()
+    }
+
+    /// Omni-directional stereo: where the eye is that sees a direction (a unit vector), from its place, view axes, m. It lies across the direction and in the
+    /// plane of the picture's circle, `viewing_circle_m` times the sine of the angle from the axis away: all of it on the horizon of a dome, nothing in the
+    /// zenith, and no jump between (P. Bourke, "Omni-directional stereoscopic fisheye images for immersive hemispherical dome environments", 2009, turns the
+    /// camera likewise).
+    pub fn eye_on_circle_m(&self, direction: DVec3) -> DVec3 {
+        direction.cross(DVec3::NEG_Z) * self.viewing_circle_m
+    }
+}
+
+impl Rig {
+    /// A rig of views with unique names.
+    pub fn new(views: Vec<View>) -> Result<Self, RigError> {
+        for (i, view) in views.iter().enumerate() {
+            if views[..i].iter().any(|other| other.name == view.name) {
+                return Err(RigError::Duplicate { name: view.name.clone() });
+            }
+        }
+        Ok(Self { views })
+    }
+
+    /// The views.
+    pub fn views(&self) -> &[View] {
+        &self.views
+    }
+
+    /// Index of the view of that name.
+    pub fn index_of(&self, name: &str) -> Option<usize> {
+        self.views.iter().position(|view| view.name == name)
+    }
+
+    /// The rig of those views alone, by their numbers; numbers that are none are left out.
+    pub fn of_views(&self, numbers: &[usize]) -> Self {
+        Self { views: numbers.iter().filter_map(|&number| self.views.get(number)).cloned().collect() }
+    }
+
+    /// The flat list of viewports for a camera whose axes `world_from_camera` takes to world axes, in the order of views
+    /// and images.
+    pub fn viewports(&self, world_from_camera: DQuat) -> Vec<Viewport> {
+        let mut viewports = Vec::new();
+        for (index, view) in self.views.iter().enumerate() {
+            for image in &view.images {
+                viewports.push(Viewport {
+                    view: index,
+                    part: image.part,
+                    projection: image.projection.clone(),
+                    world_from_view: world_from_camera * image.camera_from_view,
+                    eye_offset_m: world_from_camera * image.eye_position_m,
+                    viewing_circle_m: image.viewing_circle_m,
+                });
+            }
+        }
+        viewports
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn view(name: &str, kind: ViewKind) -> Result<View, RigError> {
+        View::new(name, kind, DQuat::IDENTITY, DVec3::ZERO)
+    }
+
+    #[test]
+    fn domemaster_has_the_zenith_in_its_centre_and_the_front_at_its_bottom() {
+        for tilt_rad in [0.0, 0.4] {
+            let dome =
+                view("dome", ViewKind::DomeMaster { size: 100, fov_rad: std::f64::consts::PI, tilt_rad }).unwrap();
+            let image = &dome.images[0];
+            let at = |x: f64, y: f64| {
+                image.camera_from_view
+                    * image.projection.mapping().direction_from_pixel(glam::DVec2::new(x, y)).unwrap()
+            };
+            let (sin, cos) = tilt_rad.sin_cos();
+            assert!((at(50.0, 50.0) - DVec3::new(0.0, cos, -sin)).length() < 1e-12);
+            assert!((at(50.0, 100.0) - DVec3::new(0.0, -sin, -cos)).length() < 1e-12, "bottom is front");
+            assert!((at(0.0, 50.0) - DVec3::NEG_X).length() < 1e-12, "left is left");
+        }
+    }
+
+    #[test]
+    fn the_right_eye_sees_the_mirrored_field_from_half_an_ipd_to_the_right() {
+        let fov_left = Fov { left_rad: -0.9, right_rad: 0.7, up_rad: 0.8, down_rad: -0.8 };
+        let kind = ViewKind::Stereo { size: [10, 10], ipd_m: 0.064, fov_left, fov_right: fov_left.mirrored() };
+        let rig = Rig::new(vec![view("eyes", kind).unwrap()]).unwrap();
+        let viewports = rig.viewports(DQuat::from_rotation_y(std::f64::consts::FRAC_PI_2));
+        // Turned a quarter to the left, the camera's +x is the world's -z.
+        assert!((viewports[1].eye_offset_m - DVec3::new(0.0, 0.0, -0.032)).length() < 1e-12);
+        let omega = |v: &Viewport, x: u32| v.projection.mapping().solid_angle_sr(x, 4);
+        assert!((omega(&viewports[0], 1) / omega(&viewports[1], 8) - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_eyes_of_a_stereo_dome_stand_across_every_direction_of_sight() {
+        let kind = ViewKind::StereoDome { size: 100, fov_rad: std::f64::consts::PI, tilt_rad: 0.3, ipd_m: 0.064 };
+        let rig = Rig::new(vec![view("dome", kind.clone()).unwrap()]).unwrap();
+        let [left, right] = &rig.viewports(DQuat::IDENTITY)[..] else { panic!("two eyes") };
+        for pixel in [[50.0, 99.0], [3.0, 50.0], [70.0, 20.0], [50.0, 50.0]] {
+            let direction = left.projection.mapping().direction_from_pixel(glam::DVec2::from(pixel)).unwrap();
+            let apart_m = right.eye_on_circle_m(direction) - left.eye_on_circle_m(direction);
+            assert!(apart_m.dot(direction).abs() < 1e-15 && apart_m.z == 0.0, "{apart_m}");
+            assert!((apart_m.length() - 0.064 * direction.x.hypot(direction.y)).abs() < 1e-15, "{apart_m}");
+        }
+        // Who looks to the front, at the bottom of the picture, has the right eye right.
+        let front = left.projection.mapping().direction_from_pixel(glam::DVec2::new(50.0, 100.0)).unwrap();
+        assert!((right.world_from_view * right.eye_on_circle_m(front) - DVec3::X * 0.032).length() < 1e-12);
+        assert_eq!(kind.type_name(), "dome_master");
+        for ipd_m in [-1.0, f64::NAN, 1e12] {
+            let kind = ViewKind::StereoDome { size: 100, fov_rad: 3.0, tilt_rad: 0.0, ipd_m };
+            assert!(view("dome", kind).unwrap_err().to_string().contains("ipd_m"));
+        }
+    }
+
+    #[test]
+    fn pictures_of_two_eyes_are_packed_and_others_are_not() {
+        let stereo = ViewKind::StereoDome { size: 10, fov_rad: 3.0, tilt_rad: 0.0, ipd_m: 0.064 };
+        let sizes = |packing| {
+            let pictures = view("dome", stereo.clone()).unwrap().packed(packing).unwrap().pictures();
+            pictures.into_iter().map(|ViewPicture { part, size }| (part, size)).collect::<Vec<_>>()
+        };
+        assert_eq!(sizes(Packing::None), [(Part::LeftEye, [10, 10]), (Part::RightEye, [10, 10])]);
+        assert_eq!(sizes(Packing::TopBottom), [(Part::Whole, [10, 20])]);
+        assert_eq!(sizes(Packing::SideBySide), [(Part::Whole, [20, 10])]);
+        let flat = view("map", ViewKind::Equirectangular { size: [4, 2] }).unwrap();
+        assert!(flat.packed(Packing::TopBottom).unwrap_err().to_string().contains("packing"));
+    }
+
+    #[test]
+    fn a_headset_with_parallel_eyes_is_a_stereo_view() {
+        let fov = Fov { left_rad: -0.9, right_rad: 0.7, up_rad: 0.8, down_rad: -0.75 };
+        let ipd_m = 0.064;
+        let eye = |fov: Fov, side: f64| Eye {
+            size: [12, 10],
+            fov,
+            room_from_eye: DQuat::IDENTITY,
+            position_m: DVec3::X * (side * ipd_m),
+        };
+        let headset = ViewKind::Headset { eyes: [eye(fov, -0.5), eye(fov.mirrored(), 0.5)] };
+        let stereo = ViewKind::Stereo { size: [12, 10], ipd_m, fov_left: fov, fov_right: fov.mirrored() };
+        let (turn, place) = (DQuat::from_euler(glam::EulerRot::YXZ, 0.4, -0.2, 0.1), DVec3::new(1.0, 2.0, 3.0));
+        let images = |kind: ViewKind| View::new("eyes", kind, turn, place).unwrap().images;
+        assert_eq!(images(headset.clone()), images(stereo.clone()));
+        // Eyes in each other's place are not the same.
+        let ViewKind::Headset { eyes: [left, right] } = headset else { unreachable!("a headset was made") };
+        assert_ne!(images(ViewKind::Headset { eyes: [right, left] }), images(stereo));
+    }
+
+    #[test]
+    fn canted_eyes_turn_with_the_view_and_the_camera() {
+        let (size, half) = ([20, 20], std::f64::consts::FRAC_PI_4);
+        let fov = Fov { left_rad: -half, right_rad: half, up_rad: half, down_rad: -half };
+        let cant_rad = 0.1;
+        // Each eye outwards: the left one to the left. A rotation about +y turns to the left.
+        let eye = |side: f64, size: [u32; 2]| Eye {
+            size,
+            fov,
+            room_from_eye: DQuat::from_rotation_y(-side * cant_rad),
+            position_m: DVec3::new(side * 0.03, 1.7, -0.2),
+        };
+        let eyes = [eye(-1.0, size), eye(1.0, [30, 28])];
+        // The view is turned a quarter to the left, the camera a quarter upwards.
+        let quarter = std::f64::consts::FRAC_PI_2;
+        let place = DVec3::new(0.0, 0.0, 5.0);
+        let view = View::new("headset", ViewKind::Headset { eyes }, DQuat::from_rotation_y(quarter), place).unwrap();
+        let viewports = Rig::new(vec![view]).unwrap().viewports(DQuat::from_rotation_x(quarter));
+        assert_eq!([viewports[0].size(), viewports[1].size()], [size, [30, 28]]);
+        assert_eq!([viewports[0].part, viewports[1].part], [Part::LeftEye, Part::RightEye]);
+        let (sin, cos) = cant_rad.sin_cos();
+        for (viewport, side) in viewports.iter().zip([-1.0, 1.0]) {
+            // In the room an eye looks along (side sin, 0, -cos). Turned to the left, x becomes -z and z becomes x; turned upwards,
+            // -z becomes y and y becomes z.
+            let ahead = viewport.world_from_view * DVec3::NEG_Z;
+            assert!((ahead - DVec3::new(-cos, side * sin, 0.0)).length() < 1e-12, "{ahead}");
+            let up = viewport.world_from_view * DVec3::Y;
+            assert!((up - DVec3::Z).length() < 1e-12, "{up}");
+            let expected = DVec3::new(-0.2, side * 0.03 - 5.0, 1.7);
+            assert!((viewport.eye_offset_m - expected).length() < 1e-12, "{}", viewport.eye_offset_m);
+            let [width, height] = viewport.size().map(f64::from);
+            let middle = viewport.projection.mapping().direction_from_pixel(glam::DVec2::new(width, height) / 2.0);
+            assert!((middle.unwrap() - DVec3::NEG_Z).length() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn bad_names_twins_and_faces_are_refused() {
+        let kind = ViewKind::Equirectangular { size: [4, 2] };
+        for name in ["", "a b", "a/b", "ü"] {
+            assert!(matches!(view(name, kind.clone()), Err(RigError::Name { .. })), "{name}");
+        }
+        let twins = vec![view("a", kind.clone()).unwrap(), view("a", kind).unwrap()];
+        assert!(matches!(Rig::new(twins), Err(RigError::Duplicate { .. })));
+        for faces in [vec![], vec![Face::Up, Face::Up]] {
+            assert!(view("c", ViewKind::Cubemap { face_size: 8, faces }).is_err());
+        }
+    }
+}

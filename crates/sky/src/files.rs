@@ -1,0 +1,156 @@
+//! Files that are read: regular ones, of a bounded size. Files that are written appear whole or not at all: beside their place, then renamed.
+
+use std::{
+    cell::RefCell,
+    fs::{self, File},
+    io::{self, Read, Write},
+    path::{Path, PathBuf},
+};
+
+use exr::{
+    error::Error as ExrError,
+    meta::MetaData,
+    prelude::{AnyChannels, FlatSamples, Image, Layer, ReadChannels, ReadLayers},
+};
+use tempfile::NamedTempFile;
+
+thread_local! {
+    /// Files opened by this thread inside of [`reading`].
+    static OPENED: RefCell<Option<Vec<PathBuf>>> = const { RefCell::new(None) };
+}
+
+/// What `read` returns, and the files that it has opened on this thread, each once, in their order: files name further ones, and only who reads them knows which.
+/// A call inside of `read` has its files for itself.
+pub fn reading<T>(read: impl FnOnce() -> T) -> (T, Vec<PathBuf>) {
+    let outer = OPENED.replace(Some(Vec::new()));
+    let value = read();
+    let opened = OPENED.replace(outer).unwrap_or_default();
+    let mut files: Vec<PathBuf> = Vec::with_capacity(opened.len());
+    for path in opened {
+        if !files.contains(&path) {
+            files.push(path);
+        }
+    }
+    (value, files)
+}
+
+/// Opens a file for reading, unless it is a folder, a pipe or a device, which may have no end.
+pub fn open_regular(path: &Path) -> io::Result<File> {
+    let is_regular = |metadata: &fs::Metadata| match (metadata.is_file(), metadata.is_dir()) {
+        (true, _) => Ok(()),
+        (_, true) => Err(io::Error::from(io::ErrorKind::IsADirectory)),
+        _ => Err(io::Error::new(
+            io::ErrorKind::InvalidInput,
+            "it is a pipe or a device, and only regular files are read",
+        )),
+    };
+    // Before it is opened, since opening a pipe waits for who writes to it; and again, since it may be another by then.
+    is_regular(&fs::metadata(path)?)?;
+    let file = File::open(path)?;
+    is_regular(&file.metadata()?)?;
+    OPENED.with_borrow_mut(|opened| opened.iter_mut().for_each(|opened| opened.push(path.to_owned())));
+    Ok(file)
+}
+
+/// The bytes of a regular file that has at most `most_bytes`.
+pub fn read_bounded(path: &Path, most_bytes: u64) -> io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    // One more tells that there are more.
+    open_regular(path)?.take(most_bytes + 1).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > most_bytes {
+        let problem = format!("it has more than {most_bytes} bytes, the most that is read");
+        return Err(io::Error::new(io::ErrorKind::FileTooLarge, problem));
+    }
+    Ok(bytes)
+}
+
+/// The same for a file of text.
+pub fn read_text_bounded(path: &Path, most_bytes: u64) -> io::Result<String> {
+    let bytes = read_bounded(path, most_bytes)?;
+    String::from_utf8(bytes).map_err(|error| io::Error::new(io::ErrorKind::InvalidData, error))
+}
+
+/// The first layer of an OpenEXR file, all channels at full resolution. The decoder makes room for all that the header tells before it has seen any
+/// pixel: `allowed` judges width, height and number of channels before.
+pub fn read_exr<E>(
+    bytes: &[u8],
+    allowed: impl Fn(usize, usize, usize) -> Result<(), E>,
+    unreadable: impl Fn(ExrError) -> E,
+) -> Result<Image<Layer<AnyChannels<FlatSamples>>>, E> {
+    let headers = MetaData::read_from_buffered(io::Cursor::new(bytes), false).map_err(&unreadable)?.headers;
+    if let Some(header) = headers.iter().find(|header| !header.deep) {
+        allowed(header.layer_size.0, header.layer_size.1, header.channels.list.len())?;
+    }
+    exr::prelude::read()
+        .no_deep_data()
+        .largest_resolution_level()
+        .all_channels()
+        .first_valid_layer()
+        .all_attributes()
+        .non_parallel()
+        .from_buffered(io::Cursor::new(bytes))
+        .map_err(unreadable)
+}
+
+/// The folder that a file is in, or will be.
+pub fn folder_of(path: &Path) -> &Path {
+    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+/// A temporary file in the folder of `path`, with the permissions of any new file (by itself a temporary file is made for
+/// its owner alone).
+pub fn beside(path: &Path) -> io::Result<NamedTempFile> {
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".steradian-");
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        builder.permissions(std::fs::Permissions::from_mode(0o666));
+    }
+    builder.tempfile_in(folder_of(path))
+}
+
+/// Moves a finished temporary file to its place, over a file that is there.
+pub fn publish(file: NamedTempFile, path: &Path) -> io::Result<()> {
+    file.persist(path).map_err(|error| error.error)?;
+    Ok(())
+}
+
+/// Writes a file whole or not at all.
+pub fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    let mut file = beside(path)?;
+    file.write_all(bytes)?;
+    publish(file, path)
+}
+
+/// The same, and the bytes are on the disk before the file has its name.
+pub fn write_whole_synced(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    let mut file = beside(path)?;
+    file.write_all(bytes)?;
+    file.as_file().sync_all()?;
+    publish(file, path)
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_regular_files_of_a_bounded_size_are_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("file");
+        write_whole(&path, b"four").unwrap();
+        assert_eq!(read_bounded(&path, 4).unwrap(), b"four");
+        assert_eq!(read_text_bounded(&path, 5).unwrap(), "four");
+        assert_eq!(read_bounded(&path, 3).unwrap_err().kind(), io::ErrorKind::FileTooLarge);
+        assert_eq!(read_bounded(folder.path(), 3).unwrap_err().kind(), io::ErrorKind::IsADirectory);
+        assert_eq!(read_bounded(&folder.path().join("none"), 3).unwrap_err().kind(), io::ErrorKind::NotFound);
+        let (text, opened) = reading(|| [4, 5].map(|most| read_text_bounded(&path, most).unwrap()));
+        assert_eq!((text[0].as_str(), opened), ("four", vec![path.clone()]));
+        write_whole(&path, &[0xff]).unwrap();
+        assert_eq!(read_text_bounded(&path, 5).unwrap_err().kind(), io::ErrorKind::InvalidData);
+        #[cfg(unix)]
+        assert!(read_bounded(Path::new("/dev/zero"), 3).unwrap_err().to_string().contains("only regular files"));
+    }
+}

@@ -1,0 +1,220 @@
+//! Tone mapping in f64: from luminance in cd/m^2 to display values from 0 to 1, encoded for the display: what an 8-bit image
+//! stores, divided by 255.
+//!
+//! Four operators go by the exposure: they see linear Rec. 709 divided by the luminance of display white (`exposure`), where
+//! 1 is white and more is brighter than the display. The fifth, `calibrated`, knows what the display gives and shows cd/m^2
+//! as cd/m^2, whatever the exposure. The curves, their sources and a table stand in [`curves`]. Before them, on request,
+//! comes what the eye makes of dim light ([`scotopic`]), and after them what keeps the hue of light that the display
+//! cannot show ([`hue`]).
+//!
+//! A channel that is not a number is shown black, as a negative one is; an infinite one is shown as the brightest there is.
+
+pub mod curves;
+pub mod hue;
+pub mod scotopic;
+
+use std::sync::OnceLock;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use self::curves::{aces, filmic, reinhard_scale};
+use super::exposure::{WHITE_LUMINANCE_AT_EV0_CD_M2, white_luminance_cd_m2};
+pub use super::rec709::luminance;
+
+/// Brighter light than this is shown as this, cd/m^2 and units of display white: in f32, too, sums of three stay finite.
+pub const BRIGHTEST: f64 = 1e30;
+
+/// Display value of linear `value`: the sRGB transfer curve (IEC 61966-2-1). Not clipped; NaN gives NaN.
+pub fn srgb_from_linear(value: f64) -> f64 {
+    if value <= 0.003_130_8 { 12.92 * value } else { 1.055 * value.powf(1.0 / 2.4) - 0.055 }
+}
+
+/// Linear value of display `value`: the inverse of [`srgb_from_linear`], with the standard's own threshold.
+pub fn linear_from_srgb(value: f64) -> f64 {
+    if value <= 0.040_45 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) }
+}
+
+/// Light of each 8-bit code of a display image, 0 to 1.
+pub fn light_of_codes() -> &'static [f32; 256] {
+    static TABLE: OnceLock<[f32; 256]> = OnceLock::new();
+    TABLE.get_or_init(|| std::array::from_fn(|code| linear_from_srgb(code as f64 / 255.0) as f32))
+}
+
+/// A tone-mapping operator: how light becomes a display value.
+#[derive(Clone, Copy, Debug, Default, Eq, Hash, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ToneMapOperator {
+    /// Duiker's film curve, per channel.
+    #[default]
+    Filmic,
+    /// Linear, clipped at display white, sRGB transfer function.
+    Srgb,
+    /// Reinhard's extended operator on luminance; keeps the ratios of the channels.
+    Reinhard,
+    /// Narkowicz's fit of the ACES film curve, per channel.
+    Aces,
+    /// Absolute: cd/m^2 on a display of known peak and black, whatever the exposure.
+    Calibrated,
+}
+
+impl ToneMapOperator {
+    /// Every operator.
+    pub const ALL: [Self; 5] = [Self::Filmic, Self::Srgb, Self::Reinhard, Self::Aces, Self::Calibrated];
+
+    /// Name in configurations and manifests.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Filmic => "filmic",
+            Self::Srgb => "srgb",
+            Self::Reinhard => "reinhard",
+            Self::Aces => "aces",
+            Self::Calibrated => "calibrated",
+        }
+    }
+}
+
+/// From luminance to display values.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct ToneMapSettings {
+    /// Tone-mapping operator.
+    pub operator: ToneMapOperator,
+    /// `reinhard`: smallest luminance, relative to display white, that is mapped to the display's maximum.
+    pub white: f64,
+    /// `calibrated`: luminance of the display's white.
+    pub peak_cd_m2: f64,
+    /// `calibrated`: luminance of the display's black, at most half of `peak_cd_m2`.
+    pub black_cd_m2: f64,
+    /// Preservation of hue beyond the display's gamut: 0 clips or compresses each channel, 1 desaturates towards white at
+    /// constant hue.
+    pub desaturation: f64,
+    /// Strength of the shift to scotopic (rod) vision below 5 cd/m^2: less saturation, Purkinje shift to blue.
+    pub scotopic: f64,
+    /// Whether rounding to 8 bits is dithered, with an ordered pattern.
+    pub dither: bool,
+}
+
+impl Default for ToneMapSettings {
+    fn default() -> Self {
+        Self {
+            operator: ToneMapOperator::Filmic,
+            white: 16.0,
+            peak_cd_m2: 100.0,
+            black_cd_m2: 0.0,
+            desaturation: 1.0,
+            scotopic: 0.0,
+            dither: true,
+        }
+    }
+}
+
+impl ToneMapSettings {
+    /// The defaults with this operator.
+    pub fn of(operator: ToneMapOperator) -> Self {
+        Self { operator, ..Self::default() }
+    }
+
+    /// The exposure value whose display white is what the operator shows white, where it does not go by the exposure.
+    pub fn white_ev100(&self) -> Option<f64> {
+        (self.operator == ToneMapOperator::Calibrated).then(|| (self.peak_cd_m2 / WHITE_LUMINANCE_AT_EV0_CD_M2).log2())
+    }
+
+    /// Display RGB, encoded, each from 0 to 1, of linear Rec. 709 in cd/m^2 where `white_cd_m2` is display white. Black is
+    /// shown black by every operator.
+    pub fn display_rgb(&self, rgb_cd_m2: [f64; 3], white_cd_m2: f64) -> [f64; 3] {
+        let mut light = rgb_cd_m2.map(shown_light);
+        if self.scotopic > 0.0 {
+            light = scotopic::shifted(light, self.scotopic);
+        }
+        let value = match self.operator {
+            // The display adds its black to everything: linear value v is seen as black + (peak - black) v.
+            ToneMapOperator::Calibrated => {
+                light.map(|channel| (channel - self.black_cd_m2).max(0.0) / (self.peak_cd_m2 - self.black_cd_m2))
+            }
+            _ => light.map(|channel| (channel / white_cd_m2).min(BRIGHTEST)),
+        };
+        let by_channel = match self.operator {
+            ToneMapOperator::Filmic => value.map(filmic),
+            ToneMapOperator::Srgb | ToneMapOperator::Calibrated => value.map(encoded),
+            ToneMapOperator::Reinhard => {
+                let scale = reinhard_scale(luminance(value), self.white);
+                value.map(|channel| encoded(scale * channel))
+            }
+            ToneMapOperator::Aces => value.map(|channel| encoded(aces(channel))),
+        };
+        if self.desaturation <= 0.0 {
+            return by_channel;
+        }
+        let linear = by_channel.map(linear_from_srgb);
+        // Curves by channel have no luminance of their own but what comes out of them.
+        let wanted = match self.operator {
+            ToneMapOperator::Filmic | ToneMapOperator::Aces => luminance(linear),
+            ToneMapOperator::Srgb | ToneMapOperator::Calibrated => luminance(value),
+            ToneMapOperator::Reinhard => luminance(value) * reinhard_scale(luminance(value), self.white),
+        };
+        let kept = hue::at_luminance(value, wanted.min(1.0));
+        std::array::from_fn(|c| encoded(linear[c] + self.desaturation * (kept[c] - linear[c])))
+    }
+
+    /// Greatest slope of the display value of grey over its luminance in units of what is shown white, above a quarter of a code.
+    pub fn greatest_slope(&self) -> f64 {
+        const STEPS_PER_OCTAVE: f64 = 16.0;
+        const OCTAVES: f64 = 20.0;
+        // What `calibrated` shows white is its peak, whatever the exposure.
+        let white = self.white_ev100().map_or(1.0, |_| self.peak_cd_m2);
+        let ratio = STEPS_PER_OCTAVE.recip().exp2();
+        let shown = |value: f64| self.display_rgb([value * white; 3], white)[0];
+        let values = (0..=(OCTAVES * STEPS_PER_OCTAVE) as u32).map(|step| (-f64::from(step) / STEPS_PER_OCTAVE).exp2());
+        values
+            .filter(|value| shown(value * ratio) > 0.25 / 255.0)
+            .map(|value| (shown(value * ratio) - shown(value)) / (value * (ratio - 1.0)))
+            .fold(0.0, f64::max)
+    }
+
+    /// White light over display white whose display value is `code` of 255, before rounding: for `calibrated` display white is the
+    /// display's peak. Dim light is taken as cones see it: `scotopic` leaves the luminance of white as it is.
+    pub fn light_of_code(&self, code: f64) -> f64 {
+        let plain = Self { scotopic: 0.0, ..*self };
+        let white_cd_m2 = white_luminance_cd_m2(self.white_ev100().unwrap_or(0.0));
+        let shown = |light: f64| 255.0 * plain.display_rgb([light * white_cd_m2; 3], white_cd_m2)[1];
+        // Every operator rises with the light: halve the range of its logarithm until it is as narrow as f64 is fine.
+        let (mut dark, mut bright) = (-60.0_f64, 60.0_f64);
+        for _ in 0..64 {
+            let middle = 0.5 * (dark + bright);
+            if shown(middle.exp2()) < code {
+                dark = middle;
+            } else {
+                bright = middle;
+            }
+        }
+        bright.exp2()
+    }
+
+    /// The byte of a display value without dithering.
+    pub fn byte(encoded: f64) -> u8 {
+        (encoded * 255.0).round() as u8
+    }
+}
+
+/// What `shaders/display/encode.wgsl` adds before it rounds down at a pixel: from 0 to 1.
+pub fn dither_threshold(x: u32, y: u32) -> f64 {
+    let value = x.wrapping_add(y.wrapping_mul(65_536));
+    // PCG in the output form of Jarzynski and Olano (2020).
+    let state = value.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
+    let word = ((state >> ((state >> 28) + 4)) ^ state).wrapping_mul(277_803_737);
+    f64::from(((word >> 22) ^ word) >> 8) / 16_777_216.0
+}
+
+/// A channel as it is shown: nothing below 0, nothing that is not a number.
+fn shown_light(channel: f64) -> f64 {
+    if channel > 0.0 { channel.min(BRIGHTEST) } else { 0.0 }
+}
+
+/// The sRGB value of a linear one, clipped.
+fn encoded(linear: f64) -> f64 {
+    srgb_from_linear(linear.clamp(0.0, 1.0))
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,137 @@
+//! What the integration tests share: a renderer on the software adapter, made-up skies, and sums of light in f64.
+#![allow(missing_docs, clippy::unwrap_used, reason = "code of tests: the caller sees the panic")]
+
+pub mod exr_file;
+pub mod figures;
+pub mod hammer;
+mod pool;
+pub mod spk;
+pub mod theatre;
+pub mod trials;
+
+use std::{path::Path, sync::Arc};
+
+use glam::{DQuat, DVec3};
+pub use pool::{Lent, Pool};
+pub use steradian::verify::scenes::{all_views, directions_inside, hard_places, snapshot, spiral, star};
+use steradian::{
+    config::Config,
+    gpu::GpuOptions,
+    metrics::{self, HdrView},
+    plan::settings::{GlareSettings, RenderSettings, StarMethod},
+    reference::stars::splat::ReferenceImage,
+    render::{Frame, FrameImage, FrameRequest, Renderer, Wanted},
+    scene::{SceneSnapshot, loader::load_stars},
+    view::{Rig, View, ViewKind, projection::PlaneMapping},
+};
+
+/// A renderer from the pool: its pictures are those of a new one, but not the numbers of its frames.
+pub fn renderer() -> Lent {
+    renderer_with(&GpuOptions::default())
+}
+
+pub fn renderer_with(options: &GpuOptions) -> Lent {
+    static POOL: Pool = Pool::new();
+    POOL.lend(options)
+}
+
+/// A renderer that has drawn nothing yet, for tests of what one leaves behind.
+pub fn new_renderer() -> Renderer {
+    new_renderer_with(&GpuOptions::default())
+}
+
+pub fn new_renderer_with(options: &GpuOptions) -> Renderer {
+    pool::open(options)
+}
+
+pub fn view(name: &str, kind: ViewKind) -> View {
+    View::new(name, kind, DQuat::IDENTITY, DVec3::ZERO).expect("a valid view")
+}
+
+pub fn rig(kinds: Vec<(&str, ViewKind)>) -> Rig {
+    Rig::new(kinds.into_iter().map(|(name, kind)| view(name, kind)).collect()).expect("a valid rig")
+}
+
+/// Scene, views and settings of a file of `configs/` with overrides of keys.
+pub fn configured(file: &str, overrides: &[&str]) -> (SceneSnapshot, Rig, RenderSettings) {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs").join(file);
+    let overrides: Vec<String> = overrides.iter().map(|&text| text.to_owned()).collect();
+    let config = Config::load(&path, &overrides).expect("the configuration is valid");
+    let (stars, _) = load_stars(&config.star_sources(), &config.epoch(), &mut |_| {}).expect("the stars can be loaded");
+    let scene = SceneSnapshot {
+        revision: 1,
+        stars: Arc::new(stars),
+        objects: Arc::new(config.objects().expect("the objects are valid")),
+        camera: config.camera().expect("the camera is valid"),
+    };
+    (scene, config.rig().expect("the views are valid"), config.render_settings())
+}
+
+/// Stars alone: glare, which takes light from them, is off.
+pub fn settings(method: StarMethod) -> RenderSettings {
+    let mut settings = RenderSettings { glare: GlareSettings::none(), ..RenderSettings::default() };
+    settings.stars.method = method;
+    settings
+}
+
+/// Renders the HDR images of all views.
+pub fn render_hdr(renderer: &mut Renderer, snapshot: &SceneSnapshot, rig: &Rig, settings: &RenderSettings) -> Frame {
+    renderer
+        .render(FrameRequest::new(snapshot, rig).settings(settings).wanted(Wanted::hdr()))
+        .expect("the frame renders")
+}
+
+/// The HDR image as the metrics see it: solid angles come from f64, not from the shader.
+pub fn hdr_view<'a>(image: &'a FrameImage, mapping: &'a dyn PlaneMapping) -> HdrView<'a> {
+    HdrView::new(mapping, image.hdr.as_ref().expect("HDR was asked for")).expect("an image of light")
+}
+
+/// Illuminance of an image, lx.
+pub fn illuminance_lx(image: &FrameImage, mapping: &dyn PlaneMapping) -> f64 {
+    metrics::illuminance_lx(&hdr_view(image, mapping)).expect("no light outside of the picture")
+}
+
+/// Illuminance of all images of a frame.
+pub fn total_illuminance_lx(frame: &Frame, rig: &Rig) -> f64 {
+    let mappings = rig.views().iter().flat_map(|view| &view.images).map(|image| image.projection.mapping());
+    frame.images.iter().zip(mappings).map(|(image, mapping)| illuminance_lx(image, mapping)).sum()
+}
+
+/// Largest difference of any channel between an image and that of the twin, relative to the brightest of the 3 x 3 pixels
+/// around: f32 coordinates shift a kernel by some 1e-5 pixel, and with it the small weights at its edge.
+pub fn difference_from_twin(image: &FrameImage, twin: &ReferenceImage, mapping: &dyn PlaneMapping) -> f64 {
+    differences_from_twin(image, twin, mapping, 0.0, |rgb| rgb)
+}
+
+/// The same of what `of` makes of linear RGB, but for `free_lx`, the rounding of the sums of a pixel.
+pub fn differences_from_twin<const N: usize>(
+    image: &FrameImage,
+    twin: &ReferenceImage,
+    mapping: &dyn PlaneMapping,
+    free_lx: f64,
+    of: impl Fn([f64; 3]) -> [f64; N],
+) -> f64 {
+    let expected: Vec<[f64; N]> = twin.luminance_cd_m2(mapping).into_iter().map(&of).collect();
+    let [width, height] = mapping.size().map(i64::from);
+    let around = |index: usize, channel: usize| {
+        let (x, y) = (index as i64 % width, index as i64 / width);
+        let near = (-1..=1).flat_map(|j| (-1..=1).map(move |i| (x + i, y + j)));
+        near.filter(|(x, y)| (0..width).contains(x) && (0..height).contains(y))
+            .map(|(x, y)| expected[(y * width + x) as usize][channel])
+            .fold(0.0_f64, f64::max)
+    };
+    // A star just outside of the picture leaves but the edge of its kernel: hence the second term.
+    let brightest = expected.iter().flatten().fold(0.0_f64, |a, b| a.max(*b));
+    let mut worst = 0.0_f64;
+    for (index, pixel) in image.hdr.as_ref().expect("asked for").iter().enumerate() {
+        let seen = of([pixel[0], pixel[1], pixel[2]].map(f64::from));
+        let free = if pixel[3] > 0.0 { free_lx / f64::from(pixel[3]) } else { 0.0 };
+        for channel in 0..N {
+            let difference = (seen[channel] - expected[index][channel]).abs() - free;
+            if difference > 0.0 {
+                worst = worst.max(difference / (around(index, channel) + 1e-4 * brightest));
+            }
+        }
+    }
+    worst
+}

@@ -1,0 +1,516 @@
+//! A theatre whose directions are known: six projectors at the springline of a tilted dome, pinhole cameras without lens errors, and writers of
+//! what installers deliver for it in each format.
+//!
+//! Dome axes: +x right, +y towards the apex, -z forward; the eye is in the middle of the sphere. Places on a raster are shares of its width and
+//! height, from the top left.
+
+use std::io::{Cursor, Write};
+
+use steradian::glam::{DMat3, DVec2, DVec3};
+use zip::write::SimpleFileOptions;
+
+/// Radius of the dome, m.
+pub const RADIUS_M: f64 = 8.0;
+/// Angle by which its apex leans to the front.
+pub const TILT_DEG: f64 = 20.0;
+
+/// A pinhole camera.
+#[derive(Clone, Debug)]
+pub struct Projector {
+    pub name: String,
+    pub size_px: [u32; 2],
+    /// In dome axes, m.
+    pub place_m: DVec3,
+    /// Columns: right, up, backwards.
+    pub dome_from_projector: DMat3,
+    /// Tangents of half the angles of view.
+    pub half_tangents: DVec2,
+    /// Of the middle of its picture as the eye sees it, rad: to the right from the front, and upwards.
+    pub yaw_pitch_rad: [f64; 2],
+}
+
+/// Unit vector at an angle to the right of the front and one upwards, rad.
+pub fn towards(yaw_rad: f64, pitch_rad: f64) -> DVec3 {
+    DVec3::new(yaw_rad.sin() * pitch_rad.cos(), pitch_rad.sin(), -yaw_rad.cos() * pitch_rad.cos())
+}
+
+/// The six with rasters of other sizes.
+pub fn projectors_of(size_px: [u32; 2]) -> Vec<Projector> {
+    projectors().into_iter().map(|projector| Projector { size_px, ..projector }).collect()
+}
+
+/// The six: at the springline, 60 degrees apart, each looking to the other side; their rasters overlap.
+pub fn projectors() -> Vec<Projector> {
+    let projector = |index: usize| {
+        let yaw = (30.0 + 60.0 * index as f64).to_radians();
+        let place_m = towards(yaw + std::f64::consts::PI, 0.01) * RADIUS_M * 0.99;
+        let backwards = -towards(yaw, 29f64.to_radians());
+        let right = DVec3::Y.cross(backwards).normalize();
+        Projector {
+            name: format!("p{index}"),
+            size_px: [1920, 1200],
+            place_m,
+            dome_from_projector: DMat3::from_cols(right, backwards.cross(right), backwards),
+            half_tangents: DVec2::new(36f64.to_radians().tan(), 26f64.to_radians().tan()),
+            yaw_pitch_rad: [yaw, 56f64.to_radians()],
+        }
+    };
+    (0..6).map(projector).collect()
+}
+
+impl Projector {
+    /// Where the ray of a place of the raster meets the dome, m.
+    pub fn point_m(&self, x: f64, y: f64) -> DVec3 {
+        let plane = DVec2::new(2.0 * x - 1.0, 1.0 - 2.0 * y) * self.half_tangents;
+        let ray = (self.dome_from_projector * plane.extend(-1.0)).normalize();
+        // |place + t ray| = radius, the way ahead.
+        let half = self.place_m.dot(ray);
+        let beyond = half * half - self.place_m.length_squared() + RADIUS_M * RADIUS_M;
+        self.place_m + ray * (beyond.sqrt() - half)
+    }
+
+    /// The direction of a place of the raster from the eye.
+    pub fn direction(&self, x: f64, y: f64) -> DVec3 {
+        self.point_m(x, y).normalize()
+    }
+
+    /// The place of a direction on the raster, if it is within.
+    pub fn place(&self, direction: DVec3) -> Option<DVec2> {
+        let ray = self.dome_from_projector.transpose() * (direction * RADIUS_M - self.place_m);
+        let plane = ray.truncate() / -ray.z / self.half_tangents;
+        let place = DVec2::new(plane.x + 1.0, 1.0 - plane.y) / 2.0;
+        (ray.z < 0.0 && place.cmpge(DVec2::ZERO).all() && place.cmple(DVec2::ONE).all()).then_some(place)
+    }
+
+    /// Solid angle of a pixel, from the closed form, sr.
+    pub fn pixel_sr(&self, x: u32, y: u32) -> f64 {
+        let [width, height] = self.size_px.map(f64::from);
+        let h = 1e-3;
+        let at =
+            |dx: f64, dy: f64| self.direction((f64::from(x) + 0.5 + dx) / width, (f64::from(y) + 0.5 + dy) / height);
+        (at(h, 0.0) - at(-h, 0.0)).cross(at(0.0, h) - at(0.0, -h)).length() / (4.0 * h * h)
+    }
+
+    /// Angle of a pixel in the middle of the raster, rad.
+    pub fn pixel_rad(&self) -> f64 {
+        let step = 1.0 / f64::from(self.size_px[0]);
+        self.direction(0.5, 0.5).angle_between(self.direction(0.5 + step, 0.5))
+    }
+
+    /// Rotation of its picture's frustum, as the eye sees it.
+    fn frustum(&self) -> DMat3 {
+        let [yaw, pitch] = self.yaw_pitch_rad;
+        DMat3::from_rotation_y(-yaw) * DMat3::from_rotation_x(pitch)
+    }
+
+    /// Coordinates of a place of the raster in the picture of that frustum, [`FRUSTUM_DEG`] to each side: right and upwards from 0 to 1.
+    pub fn in_frustum(&self, x: f64, y: f64) -> DVec2 {
+        let local = self.frustum().transpose() * self.direction(x, y);
+        let half = FRUSTUM_DEG.to_radians().tan();
+        (local.truncate() / -local.z / half + 1.0) / 2.0
+    }
+
+    /// The same in a fisheye of 180 degrees around the apex whose bottom is the front.
+    pub fn in_fisheye(&self, x: f64, y: f64) -> DVec2 {
+        let direction = self.direction(x, y);
+        let across = DVec2::new(direction.x, direction.z);
+        let theta = across.length().atan2(direction.y);
+        let rho = theta / std::f64::consts::FRAC_PI_2;
+        (across.normalize_or_zero() * rho + 1.0) / 2.0
+    }
+}
+
+/// Half the angle of view of the frusta, degrees.
+pub const FRUSTUM_DEG: f64 = 78.0;
+
+/// Place of a sample on the raster: the middle of a cell, or from edge to edge.
+pub fn centre(i: usize, count: usize) -> f64 {
+    (i as f64 + 0.5) / count as f64
+}
+
+pub fn corner(i: usize, count: usize) -> f64 {
+    i as f64 / (count - 1) as f64
+}
+
+/// How a PFM is written.
+#[derive(Clone, Copy)]
+pub struct Pfm {
+    pub size: [usize; 2],
+    pub little_endian: bool,
+    pub bottom_first: bool,
+}
+
+impl Pfm {
+    /// As Netpbm has it.
+    pub fn of(columns: usize, rows: usize) -> Self {
+        Self { size: [columns, rows], little_endian: true, bottom_first: true }
+    }
+
+    /// `value` is asked with column and row from the top.
+    pub fn bytes(&self, value: impl Fn(usize, usize) -> [f64; 3]) -> Vec<u8> {
+        let [columns, rows] = self.size;
+        let mut bytes =
+            format!("PF\n{columns} {rows}\n{}\n", if self.little_endian { "-1.0" } else { "1.0" }).into_bytes();
+        for line in 0..rows {
+            let row = if self.bottom_first { rows - 1 - line } else { line };
+            for column in 0..columns {
+                for number in value(column, row) {
+                    let number = number as f32;
+                    bytes.extend(if self.little_endian { number.to_le_bytes() } else { number.to_be_bytes() });
+                }
+            }
+        }
+        bytes
+    }
+}
+
+/// A ZIP of files.
+pub fn zipped(files: &[(&str, Vec<u8>)], deflated: bool) -> Vec<u8> {
+    let mut zip = zip::ZipWriter::new(Cursor::new(Vec::new()));
+    let method = if deflated { zip::CompressionMethod::Deflated } else { zip::CompressionMethod::Stored };
+    let options = SimpleFileOptions::default().compression_method(method);
+    for (name, bytes) in files {
+        zip.start_file(*name, options).expect("an entry begins");
+        zip.write_all(bytes).expect("an entry is written");
+    }
+    zip.finish().expect("the archive is whole").into_inner()
+}
+
+/// A grey PNG of 8 bits.
+pub fn png_grey(size: [u32; 2], value: impl Fn(u32, u32) -> u8) -> Vec<u8> {
+    png_of(size, png::BitDepth::Eight, |x, y| vec![value(x, y)])
+}
+
+/// A grey PNG of 16 bits.
+pub fn png_grey16(size: [u32; 2], value: impl Fn(u32, u32) -> u16) -> Vec<u8> {
+    png_of(size, png::BitDepth::Sixteen, |x, y| value(x, y).to_be_bytes().to_vec())
+}
+
+fn png_of(size: [u32; 2], depth: png::BitDepth, value: impl Fn(u32, u32) -> Vec<u8>) -> Vec<u8> {
+    let mut file = Vec::new();
+    let mut encoder = png::Encoder::new(&mut file, size[0], size[1]);
+    encoder.set_color(png::ColorType::Grayscale);
+    encoder.set_depth(depth);
+    let pixels: Vec<u8> =
+        (0..size[1]).flat_map(|y| (0..size[0]).map(move |x| (x, y))).flat_map(|(x, y)| value(x, y)).collect();
+    let mut writer = encoder.write_header().expect("a header");
+    writer.write_image_data(&pixels).expect("pixels");
+    drop(writer);
+    file
+}
+
+/// What a set of MPCDI is written with.
+#[derive(Clone)]
+pub struct Mpcdi {
+    pub profile: &'static str,
+    pub version: &'static str,
+    pub samples: [usize; 2],
+    pub pfm: Pfm,
+    /// Text within `geometryWarpFile` after the path.
+    pub warp: String,
+    /// Text within `region`; `{n}` of the projector is filled by `region_of`.
+    pub frame: bool,
+    /// Added to the points, in the unit of the file.
+    pub shift: DVec3,
+    /// Units in a metre.
+    pub per_metre: f64,
+    pub masks: bool,
+    /// Alpha maps that share the light of the six.
+    pub alpha: Option<Alpha>,
+}
+
+/// How alpha maps are written.
+#[derive(Clone, Copy)]
+pub struct Alpha {
+    pub bits: u8,
+    /// `gammaEmbedded`.
+    pub gamma: f64,
+}
+
+impl Alpha {
+    /// The share that the codes of a map tell where `exact` is to be written.
+    pub fn told(&self, exact: f64) -> f64 {
+        let most = f64::from((1_u32 << self.bits) - 1);
+        ((exact.powf(1.0 / self.gamma) * most).round() / most).powf(self.gamma)
+    }
+
+    /// The map of one projector of a set, as large as its raster.
+    pub fn map(&self, projectors: &[Projector], own: usize) -> Vec<u8> {
+        self.png(projectors[own].size_px, |x, y| share(projectors, own, x, y))
+    }
+
+    fn png(&self, size: [u32; 2], share: impl Fn(f64, f64) -> f64) -> Vec<u8> {
+        let most = f64::from((1_u32 << self.bits) - 1);
+        let code = |x: u32, y: u32| {
+            let share = share(centre(x as usize, size[0] as usize), centre(y as usize, size[1] as usize));
+            (share.powf(1.0 / self.gamma) * most).round() as u16
+        };
+        if self.bits == 8 { png_grey(size, |x, y| code(x, y) as u8) } else { png_grey16(size, code) }
+    }
+}
+
+/// The share of light of one projector of a set at a place of its raster: smooth, zero at its borders; all shares of a direction sum to one.
+pub fn share(projectors: &[Projector], own: usize, x: f64, y: f64) -> f64 {
+    let weight = |place: DVec2| (16.0 * place.x * (1.0 - place.x) * place.y * (1.0 - place.y)).powi(2);
+    let direction = projectors[own].direction(x, y);
+    let others = projectors.iter().enumerate().filter(|(other, _)| *other != own);
+    let weight_of_others: f64 = others.filter_map(|(_, other)| other.place(direction)).map(weight).sum();
+    let own = weight(DVec2::new(x, y));
+    // In a corner that no other one reaches there is nothing to share.
+    if own + weight_of_others > 0.0 { own / (own + weight_of_others) } else { 1.0 }
+}
+
+/// Dome axes as a tilted dome has them in its room, and where its centre is, m.
+pub fn room_from_dome() -> (DMat3, DVec3) {
+    (DMat3::from_rotation_x(-TILT_DEG.to_radians()), DVec3::new(0.5, 1.25, -0.25))
+}
+
+fn numbers(stem: &str, vector: DVec3) -> String {
+    format!("<{stem}x>{}</{stem}x><{stem}y>{}</{stem}y><{stem}z>{}</{stem}z>", vector.x, vector.y, vector.z)
+}
+
+impl Mpcdi {
+    pub fn new(profile: &'static str, columns: usize, rows: usize) -> Self {
+        Self {
+            profile,
+            version: "2.0",
+            samples: [columns, rows],
+            pfm: Pfm::of(columns, rows),
+            warp: "<interpolation>smooth</interpolation>".to_owned(),
+            frame: false,
+            shift: DVec3::ZERO,
+            per_metre: 1.0,
+            masks: false,
+            alpha: None,
+        }
+    }
+
+    /// Points in the room of the tilted dome, whose axes and place the file tells.
+    pub fn a3(columns: usize, rows: usize) -> Self {
+        Self { frame: true, ..Self::new("a3", columns, rows) }
+    }
+
+    /// The warp map of a projector.
+    pub fn map(&self, projector: &Projector) -> Vec<u8> {
+        let [columns, rows] = self.samples;
+        self.pfm.bytes(|i, j| {
+            let (x, y) = (centre(i, columns), centre(j, rows));
+            if ["2d", "3d"].contains(&self.profile) {
+                let place = projector.in_frustum(x, y);
+                return [place.x, place.y, 0.0];
+            }
+            let mut point = projector.point_m(x, y);
+            if self.frame {
+                let (rotation, centre) = room_from_dome();
+                point = rotation * point + centre;
+            }
+            ((point + self.shift) * self.per_metre).to_array()
+        })
+    }
+
+    pub fn region(&self, projector: &Projector) -> String {
+        let [width, height] = projector.size_px;
+        let mut text = format!(
+            r#"<region id="{}" x="0" y="0" xsize="1" ysize="1" xResolution="{width}" yResolution="{height}">"#,
+            projector.name
+        );
+        if ["2d", "3d"].contains(&self.profile) {
+            let [yaw, pitch] = projector.yaw_pitch_rad.map(f64::to_degrees);
+            text += &format!(
+                "<Frustum><yaw>{yaw}</yaw><pitch>{pitch}</pitch><roll>0</roll><rightAngle>{FRUSTUM_DEG}</rightAngle>\
+                 <leftAngle>-{FRUSTUM_DEG}</leftAngle><upAngle>{FRUSTUM_DEG}</upAngle><downAngle>-{FRUSTUM_DEG}</downAngle></Frustum>"
+            );
+        }
+        if self.frame {
+            let (rotation, centre) = room_from_dome();
+            text += "<coordinateFrame>";
+            text += &numbers("pos", centre * self.per_metre);
+            text += &numbers("yaw", -(rotation * DVec3::Y));
+            text += &numbers("pitch", rotation * DVec3::X);
+            text += &numbers("roll", -(rotation * DVec3::Z));
+            text += "</coordinateFrame>";
+        }
+        text + "</region>"
+    }
+
+    pub fn xml(&self, projectors: &[Projector]) -> String {
+        let mut display = String::new();
+        let mut files = String::new();
+        for projector in projectors {
+            let name = &projector.name;
+            display += &format!(r#"<buffer id="b{name}">{}</buffer>"#, self.region(projector));
+            files += &format!(
+                r#"<fileSet region="{name}"><geometryWarpFile><path>{name}.pfm</path>{}</geometryWarpFile>"#,
+                self.warp
+            );
+            if self.masks {
+                let mask = |kind: &str| {
+                    format!(
+                        "<{kind}><path>{name}_{kind}.png</path><componentDepth>1</componentDepth><bitDepth>8</bitDepth>\
+                         <gammaEmbedded>2.2</gammaEmbedded></{kind}>"
+                    )
+                };
+                files += &(mask("alphaMap") + &mask("betaMap"));
+                files += &format!("<correctLUT><path>{name}.cube</path></correctLUT>");
+            }
+            if let Some(Alpha { bits, gamma }) = self.alpha {
+                files += &format!(
+                    "<alphaMap><path>{name}_alpha.png</path><componentDepth>1</componentDepth><bitDepth>{bits}</bitDepth>\
+                     <gammaEmbedded>{gamma}</gammaEmbedded></alphaMap>"
+                );
+            }
+            files += "</fileSet>";
+        }
+        format!(
+            r#"<?xml version="1.0" encoding="utf-8"?><MPCDI profile="{}" version="{}" date="2026-01-01"><display>{display}</display><files>{files}</files></MPCDI>"#,
+            self.profile, self.version
+        )
+    }
+
+    /// The files of the set.
+    pub fn files(&self, projectors: &[Projector]) -> Vec<(String, Vec<u8>)> {
+        let mut files = vec![("mpcdi.xml".to_owned(), self.xml(projectors).into_bytes())];
+        for (own, projector) in projectors.iter().enumerate() {
+            let name = &projector.name;
+            files.push((format!("{name}.pfm"), self.map(projector)));
+            if let Some(alpha) = self.alpha {
+                files.push((format!("{name}_alpha.png"), alpha.map(projectors, own)));
+            }
+            if self.masks {
+                files.push((format!("{name}_alphaMap.png"), png_grey([64, 40], |x, _| (4 * x) as u8)));
+                files.push((format!("{name}_betaMap.png"), png_grey([2, 2], |_, y| 10 * y as u8)));
+                files.push((format!("{name}.cube"), b"LUT_1D_SIZE 2\n0 0 0\n1 1 0.5\n".to_vec()));
+            }
+        }
+        files
+    }
+
+    pub fn bytes(&self, projectors: &[Projector]) -> Vec<u8> {
+        let files = self.files(projectors);
+        let files: Vec<(&str, Vec<u8>)> = files.iter().map(|(name, bytes)| (name.as_str(), bytes.clone())).collect();
+        zipped(&files, true)
+    }
+}
+
+/// Paul Bourke's mesh of a fisheye.
+pub fn bourke(projector: &Projector, columns: usize, rows: usize, intensity: impl Fn(usize, usize) -> f64) -> String {
+    let aspect = f64::from(projector.size_px[0]) / f64::from(projector.size_px[1]);
+    let mut text = format!("2\n{columns} {rows}\n");
+    // From the bottom, as such files are.
+    for row in (0..rows).rev() {
+        for column in 0..columns {
+            let (x, y) = (corner(column, columns), corner(row, rows));
+            let content = projector.in_fisheye(x, y);
+            text += &format!(
+                "{:.7} {:.7} {:.7} {:.7} {:.6}\n",
+                (2.0 * x - 1.0) * aspect,
+                1.0 - 2.0 * y,
+                content.x,
+                content.y,
+                intensity(column, row)
+            );
+        }
+    }
+    text
+}
+
+/// An OBJ of a picture, its nodes moved within the raster by `shift`, which keeps to the edges.
+pub fn obj(columns: usize, rows: usize, shift: f64, content: impl Fn(f64, f64) -> DVec2) -> String {
+    let mut text = "# a mesh\no warp\n".to_owned();
+    for row in 0..rows {
+        for column in 0..columns {
+            let (mut x, y) = (corner(column, columns), corner(row, rows));
+            x += shift * (std::f64::consts::PI * x).sin() * (7.0 * y).sin() / columns as f64;
+            let content = content(x, y);
+            text += &format!("v {:.7} {:.7} 0\nvt {:.7} {:.7}\n", 2.0 * x - 1.0, 1.0 - 2.0 * y, content.x, content.y);
+        }
+    }
+    for row in 1..rows {
+        for column in 1..columns {
+            let low = (row - 1) * columns + column;
+            let high = low + columns;
+            text += &format!("f {0}/{0} {1}/{1} {2}/{2} {3}/{3}\n", low, low + 1, high + 1, high);
+        }
+    }
+    text
+}
+
+/// A CSV of a picture: downwards, x;y;u;v;column;row.
+pub fn csv(columns: usize, rows: usize, content: impl Fn(f64, f64) -> DVec2) -> String {
+    let mut text = "x;y;u;v;column;row\n".to_owned();
+    for row in 0..rows {
+        for column in 0..columns {
+            let (x, y) = (corner(column, columns), corner(row, rows));
+            let content = content(x, y);
+            text += &format!("{x:.7};{y:.7};{:.7};{:.7};{column};{row}\n", content.x, 1.0 - content.y);
+        }
+    }
+    text
+}
+
+/// An SGC mesh of the projector's frustum.
+pub fn sgc(projector: &Projector, columns: usize, rows: usize) -> Vec<u8> {
+    let mut bytes = b"SGC\x01".to_vec();
+    bytes.extend(0_u32.to_le_bytes());
+    let turn = steradian::glam::DQuat::from_mat3(&projector.frustum());
+    let head = [turn.x, turn.y, turn.z, turn.w, 0.0, 0.0, 0.0, FRUSTUM_DEG, -FRUSTUM_DEG, -FRUSTUM_DEG, FRUSTUM_DEG];
+    bytes.extend(head.iter().flat_map(|value| (*value as f32).to_le_bytes()));
+    bytes.extend([columns, rows].iter().flat_map(|count| (*count as u32).to_le_bytes()));
+    for row in 0..rows {
+        for column in 0..columns {
+            let (x, y) = (corner(column, columns), corner(row, rows));
+            let content = projector.in_frustum(x, y);
+            bytes.extend([x, y, 0.0, content.x, content.y, 0.0].iter().flat_map(|value| (*value as f32).to_le_bytes()));
+        }
+    }
+    // A strip that goes back at the end of each row by nodes that occur twice.
+    let mut strip: Vec<u32> = Vec::new();
+    for row in 1..rows {
+        let of = |column: usize, row: usize| (row * columns + column) as u32;
+        if row > 1 {
+            strip.push(of(0, row - 1));
+        }
+        strip.extend((0..columns).flat_map(|column| [of(column, row - 1), of(column, row)]));
+        strip.push(of(columns - 1, row));
+    }
+    bytes.extend((strip.len() as u32).to_le_bytes());
+    bytes.extend(strip.iter().flat_map(|index| index.to_le_bytes()));
+    bytes
+}
+
+/// A configuration of SGCT with one viewport: its projection, and further keys of the viewport.
+pub fn sgct(size_px: [u32; 2], projection: &str, more: &str) -> String {
+    format!(
+        r#"{{"version":1,"masteraddress":"localhost","nodes":[{{"address":"localhost","port":20401,"windows":[{{"size":{{"x":{},"y":{}}},
+"viewports":[{{"pos":{{"x":0,"y":0}},"size":{{"x":1,"y":1}},"projection":{projection}{more}}}]}}]}}],
+"users":[{{"eyeseparation":0.06,"pos":{{"x":0,"y":0,"z":0}}}}]}}"#,
+        size_px[0], size_px[1]
+    )
+}
+
+/// The projection of a projector's frustum.
+pub fn sgct_frustum(kind: &str, projector: &Projector) -> String {
+    let [yaw, pitch] = projector.yaw_pitch_rad.map(f64::to_degrees);
+    format!(
+        r#"{{"type":"{kind}","fov":{{"hFov":{0},"vFov":{0}}},"orientation":{{"yaw":{yaw},"pitch":{pitch},"roll":0}}}}"#,
+        2.0 * FRUSTUM_DEG
+    )
+}
+
+/// Directions as OpenEXR: the top row first.
+pub fn exr(names: [&str; 3], size: [usize; 2], value: impl Fn(usize, usize) -> [f64; 3]) -> Vec<u8> {
+    use exr::prelude::{
+        AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, LayerAttributes, Vec2, WritableImage,
+    };
+    let [columns, rows] = size;
+    let channel = |axis: usize| {
+        let places = (0..rows).flat_map(|row| (0..columns).map(move |column| (column, row)));
+        AnyChannel::new(names[axis], FlatSamples::F32(places.map(|(i, j)| value(i, j)[axis] as f32).collect()))
+    };
+    let list = (0..3).map(channel).collect();
+    let attributes = LayerAttributes::named("directions");
+    let layer = Layer::new(Vec2(columns, rows), attributes, Encoding::FAST_LOSSLESS, AnyChannels::sort(list));
+    let mut bytes = Cursor::new(Vec::new());
+    Image::from_layer(layer).write().non_parallel().to_buffered(&mut bytes).expect("an OpenEXR file");
+    bytes.into_inner()
+}
