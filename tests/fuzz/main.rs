@@ -9,10 +9,9 @@ mod formats;
 mod seeds;
 #[path = "../../fuzz/targets.rs"]
 mod targets;
-#[path = "../common/theatre.rs"]
-mod theatre_sets;
 
 use driver::{Run, Target, as_it_is, check};
+use testkit::theatre as theatre_sets;
 
 /// What any parser of small files may take of memory, bytes.
 const SMALL: u64 = 512 << 20;
