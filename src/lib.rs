@@ -1,6 +1,7 @@
-//! Steradian renders one space scene in many views at once, each pixel with the luminance that its solid angle asks for.
+//! Steradian renders one space scene in many views at once. Each pixel has the physically correct luminance for its
+//! solid angle.
 //!
-//! Bright stars in a planetarium's dome; the picture has the light of the catalogue:
+//! Example: the bright stars in a planetarium dome. The image has the same total light as the catalogue:
 //!
 //! ```
 //! use std::f64::consts::PI;
@@ -28,19 +29,19 @@
 //! # }
 //! ```
 //!
-//! - A [`SceneSnapshot`] is what there is: stars, bodies, asteroids, a camera. [`config::Config`] makes one from a file.
+//! - A [`SceneSnapshot`] is the content: stars, bodies, asteroids, a camera. [`config::Config`] makes one from a file.
 //! - A [`Rig`] is a flat list of [`View`]s: flat windows, eyes, cubes, domes, maps.
 //! - A [`FrameRequest`] names both, with options; [`RenderSettings`] chooses a method for each technique.
-//! - A [`Renderer`] owns a [`Gpu`] (or a software driver) and draws all views of a request in one [`Frame`].
+//! - A [`Renderer`] owns a [`Gpu`] (hardware or software driver) and draws all views of a request into one [`Frame`].
 //!
-//! The same in f64 on the CPU is in [`reference`](mod@reference), what judges images in [`metrics`]. `docs/architecture.md` tells
-//! how it all works.
+//! [`reference`](mod@reference) computes the same images in f64 on the CPU; [`metrics`] measures the accuracy of
+//! images. `docs/architecture.md` explains the design.
 //!
 //! # Features
 //!
 //! All are on by default; without them no tonic, openxr or clap is compiled.
 //!
-//! | feature | what it brings |
+//! | feature | adds |
 //! |---|---|
 //! | `service` | the module `service`: the daemon (gRPC) and its client |
 //! | `xr` | in the module `xr`: driving an OpenXR headset |

@@ -9,7 +9,7 @@ use steradian::cli::{self, BAD_USAGE, Cli, CliError, FAILED};
 fn main() -> ExitCode {
     let arguments = match Cli::try_parse() {
         Ok(arguments) => arguments,
-        // Help and version come this way too, and go to standard output.
+        // Help and version also arrive as `Err`, and are printed to standard output.
         Err(message) => {
             let code = if message.use_stderr() { BAD_USAGE } else { 0 };
             return if message.print().is_ok() { ExitCode::from(code) } else { ExitCode::from(code.max(FAILED)) };
@@ -22,9 +22,9 @@ fn main() -> ExitCode {
     }
 }
 
-/// The one place where errors are told.
+/// The only place that prints errors.
 fn report(error: &CliError) -> ExitCode {
-    // Where standard error is gone too, the exit code still says it.
+    // If standard error is closed, the exit code still reports the failure.
     match writeln!(io::stderr(), "error: {error}") {
         Ok(()) | Err(_) => ExitCode::from(error.exit_code()),
     }

@@ -1,22 +1,28 @@
-//! The audit of a frame: a sample of the pixels that were drawn, against what f64 says that they are.
+//! The audit of a frame: compares a sample of the drawn pixels with an exact f64 computation.
 //!
-//! The exact picture is that of `reference::sampled`: every star by itself with the kernel that belongs to the picture, glare source by source as
-//! the exact method has it, exposure and tone mapping as the display has them. It shares no grid, no map of faint stars, no budget and no
-//! fixed-point sums with the frame.
+//! The exact image comes from `reference::sampled`: each star separately, with the kernel that the view uses; glare
+//! source by source, as in the exact method; exposure and tone mapping as on the display. It shares no grid, no map of
+//! faint stars, no error budget and no fixed-point sums with the frame.
 //!
-//! **Display images**: a code tells the display value before rounding to within one code, or exactly where dithering puts that code; an error is by how much the exact value lies
-//! outside of that. So an error is never overstated. 99.9 % of the channels must lie within
-//! `accuracy.display_codes`, and none may be off by more than [`MOST_OVER_BUDGET`] times that; [`NUMERICAL_CODES`] are added, which is all where the budget is 0.
+//! **Display images**: a display code determines the display value before rounding to within one code (exactly, if
+//! dithering is known). The error is the distance of the exact value from that interval, so an error is never
+//! overstated. 99.9 % of the channels must lie within `accuracy.display_codes`, and none may exceed
+//! [`MOST_OVER_BUDGET`] times that. [`NUMERICAL_CODES`] are added to both limits; if the budget is 0, they are the
+//! whole limit.
 //!
-//! **HDR images**: what is allowed is `accuracy.flux` of the stars' light plus `accuracy.glare` of the veil. To that comes what the exact method
-//! promises no more of: a star may stand [`POSITION_PX`] from its place, each one is rounded by at most a unit of the sums, and what sources too faint to be
-//! drawn by themselves scatter within a pixel and a half of themselves lies in the degrees around them (`docs/glare-methods.md`). Display images
-//! with a budget of 0 are drawn as exactly, and may differ by as much.
+//! **HDR images**: the allowed error is `accuracy.flux` of the starlight plus `accuracy.glare` of the veil. Three
+//! errors that the exact method does not bound any tighter are added: a star may be up to [`POSITION_PX`] away from its
+//! exact position; each star is rounded by at most one unit of the fixed-point sums; and sources too faint to be drawn
+//! individually spread the light that they scatter within 1.5 pixels over the degrees around them
+//! (`docs/glare-methods.md`). Display images with a budget of 0 are drawn with the same accuracy and have the same
+//! tolerance.
 //!
-//! **The cost** is known beforehand: at most [`MOST_PIXELS`] pixels of an image and [`MOST_PIXELS_OF_FRAME`] of a frame, and one walk through the stars for each eye.
+//! **The cost** is bounded: at most [`MOST_PIXELS`] pixels of an image and [`MOST_PIXELS_OF_FRAME`] of a frame, and one
+//! pass over the stars for each eye.
 //!
-//! What has no twin here is told as not audited: published star methods and glare, kernels that are round in the sky, bodies and asteroids, and glare in pixels wider than 4.7 degrees. Overlays are no
-//! part of the picture: pixels that they touch are left out.
+//! Content without an f64 reference here is reported as not audited: published star and glare methods, kernels that are
+//! round on the sphere, bodies and asteroids, and glare in pixels wider than 4.7 degrees. Overlays are not part of the
+//! exact image: pixels that they touch are left out.
 
 mod sample;
 
@@ -42,38 +48,39 @@ use crate::{
     view::{Rig, Viewport, projection::pixel_centre},
 };
 
-/// Pixels compared of an image at most.
+/// Maximum number of compared pixels per image.
 pub const MOST_PIXELS: usize = 512;
-/// Pixels compared of all images of a frame at most, but for 64 of each.
+/// Maximum number of compared pixels per frame, except that every image gets at least 64.
 pub const MOST_PIXELS_OF_FRAME: usize = 2048;
-/// Largest error over the budget of 99.9 % that a pixel may have.
+/// Largest error of any pixel, in units of the budget that 99.9 % of them keep.
 pub const MOST_OVER_BUDGET: f64 = 4.0;
-/// What f32 may add to a display value, codes.
+/// Error that f32 arithmetic may add to a display value, codes.
 pub const NUMERICAL_CODES: f64 = 0.1;
-/// How far from its place a star may be drawn, pixels.
+/// Largest distance between the drawn and the exact position of a star, pixels.
 pub const POSITION_PX: f64 = 1e-3;
-/// What a kernel changes by per pixel at most.
+/// Largest change of a kernel per pixel of displacement.
 const STEEPEST_PER_PX: f64 = 1.0;
 
-/// What a frame was drawn from.
+/// Input from which the audited frame was drawn.
 #[derive(Clone, Copy, Debug)]
 pub struct AuditedScene<'a> {
     /// The scene, with the camera of the frame.
     pub scene: &'a SceneSnapshot,
-    /// Its views.
+    /// Views of the frame.
     pub rig: &'a Rig,
-    /// How it was to be drawn; the budgets are its own.
+    /// Render settings of the frame, including its error budgets.
     pub settings: &'a RenderSettings,
-    /// Whether its exposure was known before it was drawn, as it is but for the first frame by mean luminance.
+    /// Whether the exposure was known before the frame was drawn. This is always so, except for the first frame with
+    /// mean-luminance metering.
     pub exposure_known: bool,
-    /// Pixels compared of each image at most; see [`MOST_PIXELS`].
+    /// Maximum number of compared pixels per image; see [`MOST_PIXELS`].
     pub most_pixels: usize,
-    /// The numbers that its views have in the frame, in the order of the rig; `None`: those of the rig.
+    /// View numbers that the frame uses, in the order of the rig; `None`: the numbers of the rig.
     pub numbers: Option<&'a [usize]>,
 }
 
 impl<'a> AuditedScene<'a> {
-    /// What a frame of one group of views was drawn from. `adapted`: with an exposure that the frames before have led to.
+    /// Input of a frame of one group of views. `adapted`: whether the exposure was adapted from earlier frames.
     pub fn of_group(scene: &'a SceneSnapshot, group: &'a FrameGroup, adapted: bool) -> Self {
         let FrameGroup { rig, settings, exposed_as, .. } = group;
         // Only a frame that meters itself is drawn before its exposure is known.
@@ -81,110 +88,111 @@ impl<'a> AuditedScene<'a> {
         Self { scene, rig, settings, exposure_known, most_pixels: MOST_PIXELS, numbers: None }
     }
 
-    /// The number of a view of the frame in the rig.
+    /// Index in the rig of the view with a given number in the frame.
     fn view_of(&self, number: usize) -> Option<usize> {
         match self.numbers {
-            Some(numbers) => numbers.iter().position(|of| *of == number),
+            Some(numbers) => numbers.iter().position(|own| *own == number),
             None => (number < self.rig.views().len()).then_some(number),
         }
     }
 }
 
-/// Compares a frame with what it was drawn from. The second result is that of the HDR images where they were drawn apart.
+/// Compares a frame with the exact image. The second result is for HDR images that were drawn by a separate plan.
 ///
 /// # Errors
 ///
 /// The scene cannot be planned with these settings.
-pub fn audit(of: &AuditedScene<'_>, frame: &Frame, limits: &Limits) -> Result<[Audit; 2], PlanError> {
+pub fn audit(audited: &AuditedScene<'_>, frame: &Frame, limits: &Limits) -> Result<[Audit; 2], PlanError> {
     let mut audits = [Audit::default(), Audit::default()];
-    let reasons = reasons_against(of);
-    let [shown, exact] = &mut audits;
+    let reasons = reasons_against(audited);
+    let [displayed, exact] = &mut audits;
     if !reasons.is_empty() {
-        shown.not_audited.clone_from(&reasons);
+        displayed.not_audited.clone_from(&reasons);
         exact.not_audited = reasons;
         return Ok(audits);
     }
-    let expected = Expected::new(of, frame, limits)?;
-    let images = expected.images_of(of, frame);
+    let expected = Expected::new(audited, frame, limits)?;
+    let images = expected.images_of(audited, frame);
     for image in &images {
         if expected.has_glare() && shown_rad_of(&image.viewport.projection) > smooth_angle_rad(0) {
             let pixel_deg = image.viewport.projection.middle_pixel_rad().to_degrees();
-            let why = "so wide that the twin of glare is not what the exact method draws";
-            shown.not_audited.push(format!("view {}: pixels of {pixel_deg:.1} degrees, {why}", image.name));
+            let why = "too wide: the glare reference differs there from the exact method";
+            displayed.not_audited.push(format!("view {}: pixels of {pixel_deg:.1} degrees, {why}", image.name));
             continue;
         }
-        let own = if frame.hdr_plan.is_some() { &mut *exact } else { &mut *shown };
-        own.images.extend(image.compare_hdr(&expected, of.settings));
-        shown.images.extend(image.compare_display(&expected, of.settings));
+        let own = if frame.hdr_plan.is_some() { &mut *exact } else { &mut *displayed };
+        own.images.extend(image.compare_hdr(&expected, audited.settings));
+        displayed.images.extend(image.compare_display(&expected, audited.settings));
     }
     if images.is_empty() {
-        shown.not_audited.push("the frame has no images".to_owned());
+        displayed.not_audited.push("the frame has no images".to_owned());
     }
     Ok(audits)
 }
 
-/// Audits a frame and writes into its plans what was found.
+/// Audits a frame and stores the results in its plans.
 ///
 /// # Errors
 ///
-/// Those of [`audit`].
-pub fn audit_into(of: &AuditedScene<'_>, frame: &mut Frame, limits: &Limits) -> Result<(), PlanError> {
-    let [shown, exact] = audit(of, frame, limits)?;
-    frame.plan.audit = Some(shown);
+/// As [`audit`].
+pub fn audit_into(audited: &AuditedScene<'_>, frame: &mut Frame, limits: &Limits) -> Result<(), PlanError> {
+    let [displayed, exact] = audit(audited, frame, limits)?;
+    frame.plan.audit = Some(displayed);
     if let Some(plan) = &mut frame.hdr_plan {
         plan.audit = Some(exact);
     }
     Ok(())
 }
 
-/// Why a frame cannot be compared; none: it can.
-fn reasons_against(of: &AuditedScene<'_>) -> Vec<String> {
-    let (method, objects) = (of.settings.stars.method, &of.scene.objects);
-    let glare = of.settings.glare.chosen(method);
+/// Reasons why a frame cannot be compared; empty if it can.
+fn reasons_against(audited: &AuditedScene<'_>) -> Vec<String> {
+    let (method, objects) = (audited.settings.stars.method, &audited.scene.objects);
+    let glare = audited.settings.glare.chosen(method);
     let mut reasons = Vec::new();
     if method.accumulator() != Accumulator::FixedPoint {
-        reasons.push(format!("the star method {}: a published one, which keeps no budget", method.name()));
+        reasons.push(format!("the star method {}: a published method without an error budget", method.name()));
     }
     if method == StarMethod::PixelGaussian {
-        reasons.push(format!("the star method {}: its twin goes through all pixels for every star", method.name()));
+        reasons.push(format!("the star method {}: its reference visits all pixels for every star", method.name()));
     }
     if !matches!(glare, GlareMethod::None | GlareMethod::SkyCube) {
-        reasons.push(format!("the glare method {}: a published one, which keeps no budget", glare.name()));
+        reasons.push(format!("the glare method {}: a published method without an error budget", glare.name()));
     }
     if objects.surroundings.is_some() {
         reasons.push(
-            "the ground and the air around an observer: what they cover and scatter has no twin by the pixel"
+            "the ground and the air around an observer: what they cover and scatter has no per-pixel reference"
                 .to_owned(),
         );
     }
     let count = |count: usize, one: &str, many: &str| format!("{count} {}", if count == 1 { one } else { many });
     if !objects.bodies.is_empty() {
         let bodies = count(objects.bodies.len(), "body", "bodies");
-        reasons.push(format!("{bodies}: what they cover and scatter has no twin by the pixel"));
+        reasons.push(format!("{bodies}: what they cover and scatter has no per-pixel reference"));
     }
     if !objects.fields.is_empty() {
         let fields = count(objects.fields.len(), "asteroid field", "asteroid fields");
-        reasons.push(format!("{fields}: what they cover and scatter has no twin by the pixel"));
+        reasons.push(format!("{fields}: what they cover and scatter has no per-pixel reference"));
     }
     reasons
 }
 
-/// What a frame is to show.
+/// Data for computing the exact image of a frame.
 struct Expected {
-    /// An exact plan of its own: which kernel serves which brightness, viewports, the unit of the sums.
+    /// A separate plan for exact rendering: the kernel of each brightness, the viewports, the unit of the fixed-point
+    /// sums.
     plan: Plan,
     /// Display white, cd/m^2.
     white_cd_m2: f64,
 }
 
 impl Expected {
-    fn new(of: &AuditedScene<'_>, frame: &Frame, limits: &Limits) -> Result<Self, PlanError> {
-        let known = of.exposure_known.then_some(frame.exposure_ev100);
+    fn new(audited: &AuditedScene<'_>, frame: &Frame, limits: &Limits) -> Result<Self, PlanError> {
+        let known = audited.exposure_known.then_some(frame.exposure_ev100);
         let outputs = PlanOutputs {
             exposure: known.map_or(ExposureSource::Own, |_| ExposureSource::Meter),
             ..PlanOutputs::new(Output::Hdr)
         };
-        let plan = Planner::new().plan(of.scene, of.rig, of.settings, known, outputs, limits)?;
+        let plan = Planner::new().plan(audited.scene, audited.rig, audited.settings, known, outputs, limits)?;
         Ok(Self { plan, white_cd_m2: white_luminance_cd_m2(frame.exposure_ev100) })
     }
 
@@ -192,37 +200,44 @@ impl Expected {
         self.plan.glare.method == GlareMethod::SkyCube
     }
 
-    /// The images of a frame with the pixels that are to be compared.
-    fn images_of<'a>(&'a self, of: &AuditedScene<'_>, frame: &'a Frame) -> Vec<AuditedImage<'a>> {
-        let each = (MOST_PIXELS_OF_FRAME / frame.images.len().max(1)).max(64).min(of.most_pixels);
-        let camera = &of.scene.camera;
+    /// Images of a frame, each with the sample of pixels to compare.
+    fn images_of<'a>(&'a self, audited: &AuditedScene<'_>, frame: &'a Frame) -> Vec<AuditedImage<'a>> {
+        let each = (MOST_PIXELS_OF_FRAME / frame.images.len().max(1)).max(64).min(audited.most_pixels);
+        let camera = &audited.scene.camera;
         let eye = |viewport: &Viewport| Eye {
             position_m: camera.position_m + viewport.eye_offset_m,
             velocity_c: camera.velocity_c,
             ..Eye::default()
         };
+        // The brightest stars of the sky, around which part of the sample is taken.
         let bright = {
             let sight =
                 Sight::new(Eye { position_m: camera.position_m, velocity_c: camera.velocity_c, ..Eye::default() });
-            let seen = of.scene.stars.iter().filter_map(|(at, at_infinity, star)| sight.of(at, at_infinity, star));
+            let seen = audited
+                .scene
+                .stars
+                .iter()
+                .filter_map(|(position, at_infinity, star)| sight.of(position, at_infinity, star));
             sample::brightest(seen.map(|star| (star.illuminance_lx, star.direction.normalize())))
         };
+        // Choose the sample of every image that has a viewport in the plan.
         let mut images: Vec<AuditedImage<'a>> = Vec::new();
         for image in &frame.images {
-            let Some(view) = of.view_of(image.view) else { continue };
+            let Some(view) = audited.view_of(image.view) else { continue };
             let is_of = |viewport: &Viewport| (viewport.view, viewport.part) == (view, image.part);
             let Some(number) = self.plan.viewports.iter().position(is_of) else { continue };
             let viewport = &self.plan.viewports[number];
-            let name = of.rig.views()[view].name.clone();
+            let name = audited.rig.views()[view].name.clone();
             images.push(AuditedImage::new(image, viewport, number, name, &bright, each));
         }
         images.iter_mut().for_each(|image| image.leave_out_overlay(&self.plan));
         let glare = self.plan.glare.kernel.as_deref().filter(|_| self.has_glare());
-        // Each eye sees the stars from a place of its own.
+        // Each eye sees the stars from its own position.
         let mut eyes: Vec<DVec3> = images.iter().map(|image| image.viewport.eye_offset_m).collect();
         eyes.sort_by(|a, b| a.to_array().map(f64::to_bits).cmp(&b.to_array().map(f64::to_bits)));
         eyes.dedup();
         for offset in eyes {
+            // The sampled pixels of all images of this eye.
             let mut seen: Vec<&mut AuditedImage<'_>> =
                 images.iter_mut().filter(|image| image.viewport.eye_offset_m == offset).collect();
             let chosen: Vec<Vec<[u32; 2]>> =
@@ -239,15 +254,16 @@ impl Expected {
                 })
                 .collect();
             let Eye { position_m, velocity_c, .. } = eye(seen[0].viewport);
+            // Their exact light, in one pass over the stars.
             let sky = SampledSky {
-                stars: &of.scene.stars,
+                stars: &audited.scene.stars,
                 eye_m: position_m,
                 velocity_c,
                 faintest_lx: self.plan.faintest_lx,
                 glare: glare.map(|kernel| SampledGlare {
                     kernel,
                     fraction: self.plan.glare.fraction,
-                    tolerance: of.settings.accuracy.glare,
+                    tolerance: audited.settings.accuracy.glare,
                 }),
             };
             let lights = pixels(&sky, &sampled);
@@ -262,13 +278,13 @@ impl Expected {
 struct AuditedImage<'a> {
     image: &'a FrameImage,
     viewport: &'a Viewport,
-    /// Number of the viewport in the plan.
+    /// Index of the viewport in the plan.
     number: usize,
     name: String,
     sample: Vec<([u32; 2], Place)>,
-    /// Pixels of the sample that an overlay covers.
+    /// Which pixels of the sample are covered by an overlay.
     covered: Vec<bool>,
-    /// What each pixel of the sample is to show.
+    /// Exact light of each pixel of the sample.
     lights: Vec<PixelLight>,
 }
 
@@ -291,11 +307,13 @@ impl<'a> AuditedImage<'a> {
         bright: &[DVec3],
         count: usize,
     ) -> Self {
-        let at = |[x, y]: [u32; 2]| y as usize * image.width as usize + x as usize;
+        let pixel_index = |[x, y]: [u32; 2]| y as usize * image.width as usize + x as usize;
         let darkness = |pixel: [u32; 2]| match (&image.display, &image.hdr) {
-            (Some(display), _) => display[4 * at(pixel)..][..3].iter().map(|code| u64::from(*code)).sum(),
-            // Of positive numbers the bits are in order.
-            (None, Some(hdr)) => hdr[at(pixel)][..3].iter().map(|light| u64::from(light.max(0.0).to_bits())).sum(),
+            (Some(display), _) => display[4 * pixel_index(pixel)..][..3].iter().map(|code| u64::from(*code)).sum(),
+            // The bit patterns of positive floats are ordered like their values.
+            (None, Some(hdr)) => {
+                hdr[pixel_index(pixel)][..3].iter().map(|light| u64::from(light.max(0.0).to_bits())).sum()
+            }
             (None, None) => 0,
         };
         let mapping = viewport.projection.mapping();
@@ -304,7 +322,8 @@ impl<'a> AuditedImage<'a> {
         Self { image, viewport, number, name, sample, covered, lights: Vec::new() }
     }
 
-    /// Marks pixels of the display image that lines and text touch: what they leave of black and of white.
+    /// Marks pixels of the display image that lines and text touch: those where drawing the overlay changes a black or
+    /// a white background.
     fn leave_out_overlay(&mut self, plan: &Plan) {
         let Some(overlay) = &plan.overlay else { return };
         let items = overlay.first_items.get(self.number..self.number + 2).map(|ends| &overlay.items[ends[0]..ends[1]]);
@@ -322,11 +341,11 @@ impl<'a> AuditedImage<'a> {
         }
     }
 
-    /// The errors of its display image; none if it has none.
+    /// Errors of the display image; `None` if there is no display image.
     fn compare_display(&self, expected: &Expected, settings: &RenderSettings) -> Option<ImageAudit> {
         let display = self.image.display.as_ref()?;
         let (tone_map, codes) = (&settings.tone_map, settings.accuracy.display_codes);
-        let shown = |rgb: [f64; 3]| tone_map.display_rgb(rgb, expected.white_cd_m2).map(|value| 255.0 * value);
+        let displayed = |rgb: [f64; 3]| tone_map.display_rgb(rgb, expected.white_cd_m2).map(|value| 255.0 * value);
         let mut compared = Vec::new();
         let mut left_out = 0;
         for (pixel, (([x, y], _), light)) in self.sample.iter().zip(&self.lights).enumerate() {
@@ -336,7 +355,8 @@ impl<'a> AuditedImage<'a> {
             }
             let luminance = light.luminance_cd_m2();
             let allowed = if codes > 0.0 { 0.0 } else { self.allowed_cd_m2(light, [*x, *y], expected, settings) };
-            let [exact, least, most] = [0.0, -allowed, allowed].map(|by| shown(luminance.map(|c| (c + by).max(0.0))));
+            let [exact, least, most] =
+                [0.0, -allowed, allowed].map(|by| displayed(luminance.map(|c| (c + by).max(0.0))));
             let index = 4 * self.index_of([*x, *y]);
             for channel in 0..3 {
                 let code = display[index + channel];
@@ -348,7 +368,7 @@ impl<'a> AuditedImage<'a> {
         Some(self.verdict(AuditedOutput::Display, &compared, left_out, budget))
     }
 
-    /// The errors of its HDR image; none if it has none.
+    /// Errors of the HDR image; `None` if there is no HDR image.
     fn compare_hdr(&self, expected: &Expected, settings: &RenderSettings) -> Option<ImageAudit> {
         let hdr = self.image.hdr.as_ref()?;
         let mut compared = Vec::new();
@@ -368,7 +388,7 @@ impl<'a> AuditedImage<'a> {
         Some(self.verdict(AuditedOutput::Hdr, &compared, left_out, [1.0, MOST_OVER_BUDGET]))
     }
 
-    /// By how much a pixel of an HDR image may be off, cd/m^2.
+    /// Allowed error of a pixel of an HDR image, cd/m^2.
     fn allowed_cd_m2(
         &self,
         light: &PixelLight,
@@ -407,7 +427,7 @@ impl<'a> AuditedImage<'a> {
             errors.get((errors.len().saturating_sub(1) as f64 * share) as usize).copied().unwrap_or(f64::INFINITY)
         };
         let (error_999, largest) = (quantile(0.999), quantile(1.0));
-        // The last of them in total order: one that is no number is the worst.
+        // The last in total order: NaN counts as the worst.
         let worst = compared.iter().max_by(|a, b| a.error.total_cmp(&b.error));
         let worst = worst.map(|compared| {
             let ([x, y], place) = self.sample[compared.pixel];
@@ -439,7 +459,8 @@ impl<'a> AuditedImage<'a> {
     }
 }
 
-/// By how much display values from the least to the most that is allowed, in codes, all lie outside of those that are drawn as a code.
+/// Distance in codes between the allowed interval of display values, from `least` to `most`, and the interval of values
+/// that are drawn as `code`; 0 if the two overlap.
 fn beyond_rounding(code: u8, [least, most]: [f64; 2], tone_map: &ToneMapSettings, [x, y]: [u32; 2]) -> f64 {
     let threshold = if tone_map.dither { dither_threshold(x, y) } else { 0.5 };
     let lower = if code == 0 { f64::NEG_INFINITY } else { f64::from(code) - threshold };

@@ -1,7 +1,8 @@
-//! Which pixels of an image an audit looks at: some of every kind that is drawn in a way of its own, the same for the same image.
+//! Chooses the pixels of an image that an audit compares: some from every region that is drawn differently. The choice
+//! is deterministic.
 //!
-//! A quarter of them lies on and around the brightest stars of the picture, an eighth at its edges, a quarter where it is darkest, the rest
-//! anywhere, spread evenly. So the sample has more of the difficult places than the picture has.
+//! A quarter of them lies on and around the brightest stars of the image, an eighth at its edges, a quarter where it is
+//! darkest, and the rest is spread evenly. Difficult places are therefore over-represented.
 
 use std::{cmp::Reverse, collections::BinaryHeap};
 
@@ -29,15 +30,16 @@ impl Place {
     }
 }
 
-/// Columns and rows from the pixel that holds a star's image: in it, beside it, where its kernel ends, in its veil.
+/// Offsets (columns, rows) from the pixel that holds a star's image: the pixel itself, its neighbours, the end of the
+/// kernel, the veil.
 const AROUND_STAR: [[i64; 2]; 8] = [[0, 0], [1, 0], [0, -1], [-2, 1], [3, 3], [-4, 0], [0, 8], [-16, 5]];
-/// Brightest stars that are kept to look for those in a picture.
+/// Number of brightest stars that are searched for stars inside the image.
 const BRIGHT_STARS: usize = 4096;
-/// Candidates for a dark pixel.
+/// Candidates for each dark pixel.
 const CANDIDATES: usize = 4;
 
-/// The pixels of an image of which `count` are wanted, each once; fewer in a small picture. `bright` are the brightest stars of the sky, the
-/// brightest first, as unit vectors in world axes; `darkness` orders pixels from the darkest on.
+/// Chooses `count` distinct pixels of an image; fewer in a small image. `bright` are the brightest stars of the sky,
+/// brightest first, as unit vectors in world axes; `darkness` orders pixels, darkest first.
 pub(super) fn pixels(
     mapping: &dyn PlaneMapping,
     world_from_view: DQuat,
@@ -55,7 +57,7 @@ pub(super) fn pixels(
         if sample.left == 0 {
             break;
         }
-        // Only stars in the picture; what they do to the pixels around is looked at with them.
+        // Only stars inside the image; the pixels around a star show its effect on its surroundings.
         if sample.holds(own) {
             AROUND_STAR.iter().for_each(|[x, y]| sample.take([own[0] + x, own[1] + y], Place::NearStar));
         }
@@ -65,9 +67,9 @@ pub(super) fn pixels(
     for line in 0..lines {
         let along = |side: u32| (f64::from(side) * (line as f64 + 0.5) / lines as f64) as u32;
         let (column, row) = (along(width), along(height));
-        let of_row = ends(mapping, (0..width).map(|x| [x, row]));
-        let of_column = ends(mapping, (0..height).map(|y| [column, y]));
-        for end in of_row.into_iter().chain(of_column).flatten() {
+        let row_ends = ends(mapping, (0..width).map(|x| [x, row]));
+        let column_ends = ends(mapping, (0..height).map(|y| [column, y]));
+        for end in row_ends.into_iter().chain(column_ends).flatten() {
             sample.take(end.map(i64::from), Place::Edge);
         }
     }
@@ -91,7 +93,7 @@ fn ends(mapping: &dyn PlaneMapping, mut line: impl DoubleEndedIterator<Item = [u
 struct Sample<'a> {
     mapping: &'a dyn PlaneMapping,
     taken: Vec<([u32; 2], Place)>,
-    /// How many more of the present kind.
+    /// How many more pixels of the current kind to take.
     left: usize,
 }
 
@@ -109,8 +111,8 @@ impl Sample<'_> {
         if self.left == 0 || !self.holds(pixel) {
             return;
         }
-        // Within the picture, whose sides are 32 bits.
-        let pixel = pixel.map(|at| at as u32);
+        // The pixel lies inside the image, whose sides fit 32 bits.
+        let pixel = pixel.map(|coordinate| coordinate as u32);
         if self.taken.iter().all(|(taken, _)| *taken != pixel) {
             self.taken.push((pixel, place));
             self.left -= 1;
@@ -118,7 +120,7 @@ impl Sample<'_> {
     }
 }
 
-/// Directions of the brightest of some stars, the brightest first. Equal ones stay in their order.
+/// Directions of the brightest stars, brightest first. Equally bright stars keep their order.
 pub(super) fn brightest(stars: impl Iterator<Item = (f64, DVec3)>) -> Vec<DVec3> {
     struct Kept {
         lx: f64,
@@ -150,12 +152,12 @@ pub(super) fn brightest(stars: impl Iterator<Item = (f64, DVec3)>) -> Vec<DVec3>
             }
         }
     }
-    // Of reversed ones the greatest come first.
+    // Reversed elements sort with the greatest first.
     kept.into_sorted_vec().into_iter().map(|Reverse(kept)| kept.towards).collect()
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
+#[allow(clippy::unwrap_used, reason = "a failed assumption of a test panics")]
 mod tests {
     use std::{collections::HashSet, f64::consts::PI};
 
@@ -171,22 +173,22 @@ mod tests {
         assert_eq!(sample.len(), 256);
         assert_eq!(sample.iter().map(|(pixel, _)| pixel).collect::<HashSet<_>>().len(), 256);
         assert!(sample.iter().all(|([x, y], _)| dome.contains(*x, *y)));
-        let of =
-            |place: Place| sample.iter().filter(|(_, of)| *of == place).map(|(pixel, _)| *pixel).collect::<Vec<_>>();
-        // The first star stands behind the eye.
-        assert_eq!(of(Place::NearStar).len(), 16);
+        let pixels_of =
+            |place: Place| sample.iter().filter(|(_, own)| *own == place).map(|(pixel, _)| *pixel).collect::<Vec<_>>();
+        // The first star is behind the eye.
+        assert_eq!(pixels_of(Place::NearStar).len(), 16);
         for star in &bright[1..] {
             let own = dome.pixel_from_direction(*star).unwrap();
-            assert!(of(Place::NearStar).contains(&[own.x as u32, own.y as u32]));
+            assert!(pixels_of(Place::NearStar).contains(&[own.x as u32, own.y as u32]));
         }
-        assert!(of(Place::Edge).iter().all(|[x, y]| {
-            let off = [*x, *y].map(|at| f64::from(at) + 0.5 - 100.0);
+        assert!(pixels_of(Place::Edge).iter().all(|[x, y]| {
+            let off = [*x, *y].map(|coordinate| f64::from(coordinate) + 0.5 - 100.0);
             off[0].hypot(off[1]) > 97.0
         }));
-        assert_eq!(of(Place::Edge).len(), 32);
-        let dark = of(Place::Dark);
+        assert_eq!(pixels_of(Place::Edge).len(), 32);
+        let dark = pixels_of(Place::Dark);
         assert!(dark.len() == 64 && dark.iter().all(|[x, _]| *x < 80), "{dark:?}");
-        assert!(of(Place::Anywhere).iter().any(|[x, _]| *x > 150));
+        assert!(pixels_of(Place::Anywhere).iter().any(|[x, _]| *x > 150));
         assert_eq!(sample, pixels(&dome, DQuat::IDENTITY, &bright, &left_is_dark, 256));
         let small = Equirectangular::new([6, 3]).unwrap();
         assert_eq!(pixels(&small, DQuat::IDENTITY, &bright, &|_| 0, 256).len(), 18);

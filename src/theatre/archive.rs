@@ -1,4 +1,4 @@
-//! The ZIP archive of an MPCDI set, in bounds: number of entries, their names, what they unpack to.
+//! The ZIP archive of an MPCDI set, with limits on the number of entries, their names and their unpacked size.
 
 use std::io::{Cursor, Read};
 
@@ -6,15 +6,15 @@ use zip::ZipArchive;
 
 use super::fault::Fault;
 
-/// Entries of an archive, at most.
+/// Maximum number of entries of an archive.
 const MOST_ENTRIES: usize = 4096;
-/// Bytes that an entry unpacks to, at most: those of a map of 8192 x 8192 samples.
+/// Maximum unpacked size of an entry, bytes: that of a map of 8192 x 8192 samples.
 const MOST_ENTRY_BYTES: u64 = 1 << 30;
-/// Bytes that are unpacked in all, at most.
+/// Maximum total unpacked size, bytes.
 const MOST_UNPACKED_BYTES: u64 = 2 << 30;
 
-const ALLOWED: &str = "an MPCDI set is a ZIP of at most 4096 files, stored or deflated and not encrypted, without absolute paths or `..`, of \
-                       at most 1 GiB each and 2 GiB in all";
+const ALLOWED: &str = "an MPCDI set must be a ZIP of at most 4096 files, stored or deflated and not encrypted, without absolute paths or `..`, of \
+                       at most 1 GiB each and 2 GiB in total";
 
 pub(super) struct Archive<'a> {
     zip: ZipArchive<Cursor<&'a [u8]>>,
@@ -38,14 +38,14 @@ impl<'a> Archive<'a> {
         Ok(Self { zip, unpacked_left: MOST_UNPACKED_BYTES })
     }
 
-    /// The full name of the entry in the root that has this name but for capital letters.
+    /// The full name of the entry in the root with this name, ignoring case.
     pub fn named(&self, name: &str) -> Result<Option<String>, Fault> {
         let mut found = self.zip.file_names().filter(|entry| entry.eq_ignore_ascii_case(name));
         match (found.next(), found.next()) {
             (Some(_), Some(_)) => Err(Fault::new(
                 "archive",
-                format!("two entries `{name}` that differ in capital letters"),
-                "one is needed",
+                format!("two entries `{name}` that differ only in case"),
+                "there must be only one",
             )),
             (first, _) => Ok(first.map(str::to_owned)),
         }
@@ -57,12 +57,12 @@ impl<'a> Archive<'a> {
         let index = self.zip.index_for_name(name).ok_or_else(|| {
             let mut names: Vec<&str> = self.zip.file_names().take(20).collect();
             names.sort_unstable();
-            bad(format!("it is missing; there are {}", names.join(", ").escape_debug()))
+            bad(format!("it is missing; the entries are {}", names.join(", ").escape_debug()))
         })?;
         let most = MOST_ENTRY_BYTES.min(self.unpacked_left);
         let mut entry = self.zip.by_index(index).map_err(|error| bad(format!("not readable ({error})")))?;
         let mut bytes = Vec::new();
-        // The size of the header is but a claim.
+        // The size in the header is not trustworthy.
         entry
             .by_ref()
             .take(most + 1)

@@ -1,17 +1,17 @@
-//! The picture that coordinates of a warp refer to, and the direction of each of its points. Coordinates: u from 0 (left) to 1 (right), v
-//! from 0 (bottom) to 1 (top).
+//! The picture that the coordinates of a warp refer to, and the direction of each of its points. Coordinates: u from 0
+//! (left) to 1 (right), v from 0 (bottom) to 1 (top).
 
 use glam::{DMat3, DVec3};
 
 use super::fault::Fault;
 
-/// How far beyond the edge of a picture a coordinate may lie and still be of it: that of f32 and of decimal numbers.
+/// Tolerance at the edge of a picture, for the rounding of f32 and of decimal numbers.
 pub(super) const SLACK: f64 = 1e-5;
 
 /// A picture in dome axes.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Content {
-    /// A flat one, relative to the eye.
+    /// A flat picture, relative to the eye.
     Plane {
         lower_left: DVec3,
         /// Along its lower edge.
@@ -22,22 +22,23 @@ pub(super) enum Content {
     /// An equidistant fisheye.
     Fisheye {
         half_fov_rad: f64,
-        /// Columns: right and up in the picture, and its centre.
+        /// Columns: right and up in the picture, and the direction of its centre.
         dome_from_picture: DMat3,
-        /// Of the circle, as shares of half the picture's width and height.
+        /// Radius of the circle, relative to half the picture's width and height.
         radius: [f64; 2],
     },
-    /// Longitude to the right, latitude upwards; the middle is the front.
+    /// Longitude to the right, latitude upwards; the centre is the front.
     Equirectangular,
 }
 
-/// Rotation of a frustum, looking to -z at first: `yaw` to the right, then `pitch` upwards, then `roll`, clockwise as seen from behind.
+/// Rotation of a frustum that initially looks along -z: `yaw` to the right, then `pitch` upwards, then `roll` clockwise
+/// as seen from behind.
 pub(super) fn yaw_pitch_roll(yaw_rad: f64, pitch_rad: f64, roll_rad: f64) -> DMat3 {
     DMat3::from_rotation_y(-yaw_rad) * DMat3::from_rotation_x(pitch_rad) * DMat3::from_rotation_z(-roll_rad)
 }
 
 impl Content {
-    /// A frustum by the signed angles of its edges (left and down negative), rad.
+    /// A frustum from the signed angles of its edges (left and down negative), rad.
     pub fn frustum(left: f64, right: f64, down: f64, up: f64, rotation: DMat3) -> Result<Self, Fault> {
         let within = |angle: f64| angle.abs() < 89.99f64.to_radians();
         if !([left, right, down, up].into_iter().all(within) && left < right && down < up) {
@@ -45,7 +46,7 @@ impl Content {
             return Err(Fault::new(
                 "frustum",
                 format!("left, right, down and up are {degrees:?} degrees"),
-                "between -89.99 and 89.99 degrees, left less than right, down less than up (left and down are negative)",
+                "must be between -89.99 and 89.99 degrees, left less than right, down less than up (left and down are negative)",
             ));
         }
         let [left, right, down, up] = [left, right, down, up].map(f64::tan);
@@ -56,31 +57,31 @@ impl Content {
         })
     }
 
-    /// A plane by three of its corners and the eye.
+    /// A plane from three of its corners and the eye.
     pub fn corners(lower_left: DVec3, upper_left: DVec3, upper_right: DVec3, eye: DVec3) -> Result<Self, Fault> {
         let (right, up, lower_left) = (upper_right - upper_left, upper_left - lower_left, lower_left - eye);
         let area = right.cross(up);
-        // Volume of what plane and eye span, relative to the sides: 0 where the plane is seen from its edge.
+        // Volume spanned by plane and eye, relative to the sides: 0 if the plane is seen edge-on.
         let seen = -area.dot(lower_left) / (area.length() * lower_left.length());
         if !seen.is_finite() || seen.abs() <= 1e-6 {
             return Err(Fault::new(
                 "projection plane",
-                "its corners lie on a line, or the eye lies in the plane",
-                "three corners of a rectangle beside the eye are needed",
+                "its corners are collinear, or the eye lies in the plane",
+                "must be three corners of a rectangle whose plane does not contain the eye",
             ));
         }
         Ok(Self::Plane { lower_left, right, up })
     }
 
-    /// A fisheye whose centre is the apex of a dome that leans to the front by `tilt_rad`; the bottom is the front. `radius` is that of its
-    /// circle, as shares of half the picture's width and height.
+    /// A fisheye centred on the apex of a dome that is tilted to the front by `tilt_rad`; the bottom is the front.
+    /// `radius` is that of its circle, relative to half the picture's width and height.
     pub fn fisheye(fov_rad: f64, tilt_rad: f64, radius: [f64; 2]) -> Result<Self, Fault> {
         if !(fov_rad > 0.0 && fov_rad <= std::f64::consts::TAU + 1e-9) {
             let problem = format!("field of view of {} degrees", fov_rad.to_degrees());
-            return Err(Fault::new("fisheye", problem, "more than 0 and at most 360 degrees are allowed"));
+            return Err(Fault::new("fisheye", problem, "must be more than 0 and at most 360 degrees"));
         }
         if !tilt_rad.is_finite() {
-            return Err(Fault::new("fisheye", "tilt is not finite", "a number of degrees is needed"));
+            return Err(Fault::new("fisheye", "tilt is not finite", "must be a number of degrees"));
         }
         let (sin, cos) = tilt_rad.sin_cos();
         let dome_from_picture = DMat3::from_cols(DVec3::X, DVec3::new(0.0, sin, cos), DVec3::new(0.0, cos, -sin));
@@ -96,7 +97,7 @@ impl Content {
         self.direction_beyond(u, v)
     }
 
-    /// The same beyond the edge too, as far as the mapping goes on there.
+    /// The same, also beyond the edge, as far as the mapping continues.
     pub fn direction_beyond(&self, u: f64, v: f64) -> Option<DVec3> {
         match self {
             Self::Plane { lower_left, right, up } => (*lower_left + *right * u + *up * v).try_normalize(),
@@ -119,7 +120,7 @@ impl Content {
         }
     }
 
-    /// In a fisheye, 1 at the rim; 0 in others.
+    /// In a fisheye, 1 at the rim; 0 in other pictures.
     pub fn distance_from_centre(&self, u: f64, v: f64) -> f64 {
         match self {
             Self::Fisheye { radius, .. } => ((2.0 * u - 1.0) / radius[0]).hypot((2.0 * v - 1.0) / radius[1]),
@@ -129,7 +130,7 @@ impl Content {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
+#[allow(clippy::unwrap_used, reason = "a failed assumption of a test panics")]
 mod tests {
     use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 
@@ -154,11 +155,11 @@ mod tests {
 
     #[test]
     fn a_frustum_turns_right_then_up_then_rolls_clockwise() {
-        let at = |rotation: DMat3| Content::frustum(-FRAC_PI_4, FRAC_PI_4, -0.1, 0.1, rotation).unwrap();
-        near(at(DMat3::IDENTITY).direction(0.0, 0.5), DVec3::new(-1.0, 0.0, -1.0));
-        near(at(yaw_pitch_roll(FRAC_PI_2, 0.0, 0.0)).direction(0.5, 0.5), DVec3::X);
-        near(at(yaw_pitch_roll(0.3, FRAC_PI_2, 0.0)).direction(0.5, 0.5), DVec3::Y);
-        near(at(yaw_pitch_roll(0.0, 0.0, FRAC_PI_2)).direction(1.0, 0.5), DVec3::new(0.0, -1.0, -1.0));
+        let rotated = |rotation: DMat3| Content::frustum(-FRAC_PI_4, FRAC_PI_4, -0.1, 0.1, rotation).unwrap();
+        near(rotated(DMat3::IDENTITY).direction(0.0, 0.5), DVec3::new(-1.0, 0.0, -1.0));
+        near(rotated(yaw_pitch_roll(FRAC_PI_2, 0.0, 0.0)).direction(0.5, 0.5), DVec3::X);
+        near(rotated(yaw_pitch_roll(0.3, FRAC_PI_2, 0.0)).direction(0.5, 0.5), DVec3::Y);
+        near(rotated(yaw_pitch_roll(0.0, 0.0, FRAC_PI_2)).direction(1.0, 0.5), DVec3::new(0.0, -1.0, -1.0));
         assert!(Content::frustum(0.1, -0.1, -0.1, 0.1, DMat3::IDENTITY).is_err());
         assert!(Content::frustum(-FRAC_PI_2, 0.1, -0.1, 0.1, DMat3::IDENTITY).is_err());
     }
@@ -174,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn a_map_of_the_sphere_has_the_front_in_its_middle() {
+    fn an_equirectangular_map_has_the_front_in_its_centre() {
         near(Content::Equirectangular.direction(0.5, 0.5), DVec3::NEG_Z);
         near(Content::Equirectangular.direction(0.75, 0.5), DVec3::X);
         near(Content::Equirectangular.direction(0.1, 1.0), DVec3::Y);

@@ -1,14 +1,14 @@
-//! Directions as OpenEXR: channels `R`, `G`, `B` or `x`, `y`, `z` (capital letters too), 16 or 32 bits.
+//! Directions as OpenEXR: channels `R`, `G`, `B` or `x`, `y`, `z` (case-insensitive), 16 or 32 bits.
 
 use exr::prelude::{FlatSamples, Vec2};
 
 use super::{MOST_SIDE, fault::Fault, pfm::Plane};
 use crate::files::read_exr;
 
-/// Channels that are decoded, at most: an alpha channel may lie beside the three.
+/// Maximum number of decoded channels: an alpha channel may accompany the three.
 const MOST_CHANNELS: usize = 4;
 
-const CHANNELS: &str = "channels R, G, B or x, y, z are needed, all as floats";
+const CHANNELS: &str = "must have channels R, G, B or x, y, z, all as floats";
 
 pub(super) fn is_exr(bytes: &[u8]) -> bool {
     // OpenEXR's magic number 20000630.
@@ -22,7 +22,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Plane, Fault> {
         if width <= MOST_SIDE && height <= MOST_SIDE && channels <= MOST_CHANNELS {
             return Ok(());
         }
-        let allowed = format!("at most {MOST_CHANNELS} channels of {MOST_SIDE} x {MOST_SIDE} are read");
+        let allowed = format!("must have at most {MOST_CHANNELS} channels of {MOST_SIDE} x {MOST_SIDE}");
         Err(bad(format!("{channels} channels of {width} x {height} pixels"), &allowed))
     };
     let image = read_exr(bytes, few, unreadable)?;
@@ -50,7 +50,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Plane, Fault> {
     if values.len() != width * height {
         return Err(bad(
             format!("{} of {width} x {height} samples", values.len()),
-            "every pixel has a sample of each channel",
+            "every pixel must have a sample of each channel",
         ));
     }
     Ok(Plane { width, height, values })

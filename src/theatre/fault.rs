@@ -1,10 +1,10 @@
-//! What is wrong with a part of a file, before it is known which file that is.
+//! An error in a part of a file, before the name of the file is known.
 
 use std::path::Path;
 
 use super::TheatreError;
 
-/// See [`TheatreError`], which it becomes with the file's name.
+/// Becomes a [`TheatreError`] when the name of the file is added.
 #[derive(Debug)]
 pub(super) enum Fault {
     /// [`TheatreError::Content`].
@@ -22,7 +22,7 @@ impl Fault {
         Self::Refused { what: what.into(), reason: reason.into() }
     }
 
-    /// The same within an entry of the file.
+    /// The same error within an entry of the file.
     pub fn within(self, outer: &str) -> Self {
         match self {
             Self::Content { place, problem, allowed } => {

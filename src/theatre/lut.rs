@@ -6,12 +6,12 @@ use super::{MOST_BYTES, TheatreError, fault::Fault};
 use crate::files;
 pub use crate::view::projector::{Lut, LutKind};
 
-/// Entries of a table of one dimension, at most.
+/// Maximum number of entries of a one-dimensional table.
 const MOST_1D: usize = 65536;
-/// Entries along each side of a cube, at most.
+/// Maximum number of entries along each side of a cube.
 const MOST_3D: usize = 256;
 
-const ALLOWED: &str = "a .cube file has LUT_1D_SIZE (2 to 65536) or LUT_3D_SIZE (2 to 256), perhaps TITLE, DOMAIN_MIN and DOMAIN_MAX, then \
+const ALLOWED: &str = "a .cube file must have LUT_1D_SIZE (2 to 65536) or LUT_3D_SIZE (2 to 256), optionally TITLE, DOMAIN_MIN and DOMAIN_MAX, then \
                        that many lines of three finite numbers";
 
 /// Reads a `.cube` file.
@@ -25,7 +25,7 @@ pub fn read_lut(path: &Path) -> Result<Lut, TheatreError> {
     decode(&bytes).map_err(|fault| fault.of_file(path))
 }
 
-/// Whether the first line that says anything begins with one of the keywords.
+/// Whether the first meaningful line begins with one of the keywords.
 pub(super) fn is_cube(bytes: &[u8]) -> bool {
     const KEYWORDS: [&[u8]; 4] = [b"TITLE", b"LUT_", b"DOMAIN_", b"#LUT"];
     let lines = bytes.split(|byte| *byte == b'\n').take(1000).map(<[u8]>::trim_ascii);
@@ -33,7 +33,7 @@ pub(super) fn is_cube(bytes: &[u8]) -> bool {
     first.is_some_and(|line| KEYWORDS.iter().any(|keyword| line.starts_with(keyword)))
 }
 
-/// Three finite numbers and no more.
+/// Parses exactly three finite numbers.
 fn three<'a>(words: impl Iterator<Item = &'a str>) -> Option<[f32; 3]> {
     let mut words = words.map(|word| word.parse::<f32>().ok().filter(|value| value.is_finite()));
     let three = [words.next()??, words.next()??, words.next()??];
@@ -61,7 +61,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Lut, Fault> {
                 let entries = words.next().and_then(|word| word.parse().ok()).filter(|n| (2..=most).contains(n));
                 match (entries, size) {
                     (Some(entries), None) => size = Some((kind, entries)),
-                    (None, _) => return bad("a size that is not allowed"),
+                    (None, _) => return bad("an invalid size"),
                     (_, Some(_)) => return bad("a second size"),
                 }
             }
@@ -83,7 +83,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Lut, Fault> {
     };
     let expected = if kind == LutKind::One { size } else { size.pow(3) };
     if values.len() != expected {
-        return bad(format!("{} lines of values, the size asks for {expected}", values.len()));
+        return bad(format!("{} lines of values, but the size requires {expected}", values.len()));
     }
     if (0..3).any(|c| domain[0][c] >= domain[1][c]) {
         return bad(format!("a domain from {:?} to {:?}", domain[0], domain[1]));
@@ -92,7 +92,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Lut, Fault> {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
+#[allow(clippy::unwrap_used, reason = "a failed assumption of a test panics")]
 mod tests {
     use super::*;
 
@@ -106,7 +106,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_a_table_is_refused() {
+    fn invalid_tables_are_refused() {
         for wrong in [
             "",
             "LUT_1D_SIZE 1\n0 0 0",

@@ -7,41 +7,41 @@ use png::{BitDepth, ColorType, Transformations};
 use super::{MOST_BYTES, TheatreError, fault::Fault};
 use crate::{files, view::projector::Weights};
 
-/// Width or height of a mask, at most.
+/// Maximum width or height of a mask.
 const MOST_SIDE_PX: u32 = 8192;
 
-const ALLOWED: &str = "a PNG of 8 or 16 bits, grey or RGB, of at most 8192 x 8192 pixels, is needed";
+const ALLOWED: &str = "must be a PNG of 8 or 16 bits, grey or RGB, of at most 8192 x 8192 pixels";
 
-/// Factors over a projector's raster, of a size of its own.
+/// Factors over a projector's raster, with their own size.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mask {
-    /// Values in a row.
+    /// Values per row.
     pub width: usize,
-    /// Rows.
+    /// Number of rows.
     pub height: usize,
-    /// Row by row from the top, 0 to 1, linear light (`gammaEmbedded` undone); values are those of the middles of pixels.
+    /// Row by row from the top, 0 to 1, linear light (`gammaEmbedded` undone); values at pixel centres.
     pub values: Vec<f32>,
-    /// Steps of the file's codes: 255 or 65535.
+    /// Largest code of the file: 255 or 65535.
     pub levels: u32,
 }
 
 impl Mask {
-    /// Its values on their raster.
+    /// Its values with their size.
     pub fn weights(&self) -> Weights<'_> {
         Weights { size: [self.width, self.height], values: &self.values }
     }
 }
 
-/// A mask, and what its file told besides.
+/// A mask, and other properties of its file.
 pub(super) struct Decoded {
     pub mask: Mask,
     pub components: u32,
     pub bits: u32,
-    /// Whether the channels differ, so that the luminance was taken.
+    /// Whether the channels differ, so that the luminance was used.
     pub coloured: bool,
 }
 
-/// Reads a mask from a PNG; `gamma` is the exponent that makes light of its codes (1 = linear).
+/// Reads a mask from a PNG; `gamma` is the exponent that converts its codes to light (1 = linear).
 ///
 /// # Errors
 ///
@@ -53,16 +53,16 @@ pub fn read_mask(path: &Path, gamma: f64) -> Result<Mask, TheatreError> {
     Ok(decoded.mask)
 }
 
-/// Exponent of a mask: a number that a display may have.
+/// Checks the exponent of a mask.
 pub(super) fn check_gamma(gamma: f64) -> Result<f64, Fault> {
     if (0.1..=10.0).contains(&gamma) {
         Ok(gamma)
     } else {
-        Err(Fault::new("gamma", format!("{gamma}"), "0.1 to 10 are allowed (1 is linear)"))
+        Err(Fault::new("gamma", format!("{gamma}"), "must be between 0.1 and 10 (1 is linear)"))
     }
 }
 
-/// `take` is asked before there is room for so many pixels.
+/// Decodes a mask. `take` is called before memory for the pixels is allocated.
 pub(super) fn decode(
     bytes: &[u8],
     gamma: f64,
@@ -80,7 +80,7 @@ pub(super) fn decode(
     }
     take(width, height)?;
     let mut reader = decoder.read_info().map_err(broken)?;
-    // The decoder takes the length of a palette on trust, and panics.
+    // The decoder does not check the length of a palette, and panics.
     if let Some(palette) = &reader.info().palette
         && (palette.is_empty() || palette.len() % 3 != 0 || palette.len() > 3 * 256)
     {
@@ -104,8 +104,8 @@ pub(super) fn decode(
     reader.next_frame(&mut codes).map_err(broken)?;
     let light: Vec<f32> = (0..=levels).map(|code| (f64::from(code) / f64::from(levels)).powf(gamma) as f32).collect();
     let code = |texel: &[u8], channel: usize| {
-        let at = channel * bytes_each;
-        if bytes_each == 1 { u16::from(texel[at]) } else { u16::from_be_bytes([texel[at], texel[at + 1]]) }
+        let first = channel * bytes_each;
+        if bytes_each == 1 { u16::from(texel[first]) } else { u16::from_be_bytes([texel[first], texel[first + 1]]) }
     };
     let mut coloured = false;
     let mut values = Vec::with_capacity(width as usize * height as usize);
@@ -131,7 +131,7 @@ pub(super) fn decode(
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
+#[allow(clippy::unwrap_used, reason = "a failed assumption of a test panics")]
 mod tests {
     use super::*;
 
@@ -149,7 +149,7 @@ mod tests {
     }
 
     #[test]
-    fn codes_become_light_by_the_embedded_gamma() {
+    fn codes_are_converted_to_light_with_the_embedded_gamma() {
         let eight = png(ColorType::Grayscale, BitDepth::Eight, &[0, 128]);
         let linear = read(&eight, 1.0).unwrap();
         assert_eq!((linear.mask.levels, linear.components, linear.bits), (255, 1, 8));
@@ -166,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn colour_is_told_and_transparency_refused() {
+    fn colour_is_reported_and_transparency_refused() {
         let coloured = read(&png(ColorType::Rgb, BitDepth::Eight, &[255, 0, 0, 9, 9, 9]), 1.0).unwrap();
         assert!(coloured.coloured && (coloured.mask.values[0] - 0.2126).abs() < 1e-6);
         assert!(read(&png(ColorType::GrayscaleAlpha, BitDepth::Eight, &[9, 255, 9, 255]), 1.0).is_ok());

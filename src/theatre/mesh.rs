@@ -1,34 +1,36 @@
-//! Meshes: places on the raster, each with a place in a content and perhaps an intensity, joined by triangles.
+//! Meshes: nodes on the raster, each with a position in a content and optionally an intensity, joined by triangles.
 //!
-//! Where the nodes are the points of a regular lattice that fills the raster, they become the grid as they are. Other meshes are drawn in f64,
-//! linear within each triangle, as the programs that they are made for draw them, and the grid has the cells' centres.
+//! If the nodes are the points of a regular lattice that fills the raster, they are used as the grid directly. Other
+//! meshes are rasterised in f64, linearly within each triangle, like the programs that they are made for do, and the
+//! grid has samples at the cell centres.
 
 use glam::DVec2;
 
 use super::{Grid, Interpolation, Mask, Placement, Reader, content::Content, fault::Fault};
 
-/// Nodes of a mesh, at most.
+/// Maximum number of nodes of a mesh.
 pub(super) const MOST_NODES: usize = 1 << 22;
-/// Triangles of a mesh, at most.
+/// Maximum number of triangles of a mesh.
 pub(super) const MOST_TRIANGLES: usize = 1 << 23;
-/// Samples that are tried against triangles, at most: more are of a mesh that lies many times on itself.
+/// Maximum number of samples tested against triangles: exceeded only if a mesh overlaps itself many times.
 const MOST_TRIALS: usize = 1 << 28;
-/// How far a node may be from its place in the lattice, as a share of the raster: that of decimal numbers in files.
+/// Largest deviation of a node from its lattice position, relative to the raster: the rounding of decimal numbers in
+/// files.
 const LATTICE_WITHIN: f64 = 1e-5;
-/// Columns or rows that other meshes are drawn with, at most.
+/// Maximum number of columns or rows of rasterised meshes.
 const MOST_DRAWN: usize = 1024;
-/// Width or height of a mask made of intensities, at most.
+/// Maximum width or height of a mask made from intensities.
 const MOST_MASK_SIDE: usize = 2048;
-/// The programs multiply codes of a display by intensities and masks: light goes with this power of them.
+/// The programs multiply display codes by intensities and masks: the factor on the light is this power of them.
 pub(super) const DISPLAY_GAMMA: f64 = 2.2;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Node {
-    /// On the raster: from 0 to 1, right and upwards.
+    /// Position on the raster: from 0 to 1, right and upwards.
     pub place: DVec2,
-    /// In the content: from 0 to 1, right and upwards.
+    /// Position in the content: from 0 to 1, right and upwards.
     pub content: DVec2,
-    /// Factor on the codes of the display; negative: not drawn.
+    /// Factor on the display codes; negative: not drawn.
     pub intensity: f64,
 }
 
@@ -38,7 +40,7 @@ pub(super) struct Mesh {
     pub triangles: Vec<[u32; 3]>,
 }
 
-/// A grid of a content that fills the raster.
+/// The grid of a content that fills the raster.
 pub(super) fn sampled(content: &Content, [columns, rows]: [usize; 2]) -> Grid {
     let share = |i: usize, count: usize| i as f64 / (count - 1) as f64;
     let places = (0..rows).flat_map(|j| (0..columns).map(move |i| (i, j)));
@@ -58,11 +60,11 @@ impl Mesh {
         }
     }
 
-    /// What every reader of meshes holds to.
+    /// Checks the limits that all formats share.
     pub fn check(&self, place: &str) -> Result<(), Fault> {
         if self.nodes.len() > MOST_NODES || self.triangles.len() > MOST_TRIANGLES || self.triangles.is_empty() {
             let problem = format!("{} nodes and {} triangles", self.nodes.len(), self.triangles.len());
-            let allowed = format!("at most {MOST_NODES} nodes and 1 to {MOST_TRIANGLES} triangles are allowed");
+            let allowed = format!("must have at most {MOST_NODES} nodes and 1 to {MOST_TRIANGLES} triangles");
             return Err(Fault::new(place, problem, allowed));
         }
         for (index, node) in self.nodes.iter().enumerate() {
@@ -70,7 +72,7 @@ impl Mesh {
             let bounded = finite && node.intensity.is_finite() && node.intensity <= 1.0;
             if !bounded || node.place.abs().max_element() > 1e6 {
                 let problem = format!("place {}, content {}, intensity {}", node.place, node.content, node.intensity);
-                let allowed = "finite numbers and intensities of at most 1 are needed (negative: not drawn)";
+                let allowed = "must be finite numbers with intensities of at most 1 (negative: not drawn)";
                 return Err(Fault::new(format!("{place}: node {index} (from 0)"), problem, allowed));
             }
         }
@@ -81,8 +83,8 @@ impl Mesh {
         Ok(())
     }
 
-    /// Columns, rows and the node of each place from the top, if the nodes are a regular lattice that fills the raster and the triangles
-    /// leave no hole.
+    /// Columns, rows and the node index at each position from the top, if the nodes are a regular lattice that fills
+    /// the raster and the triangles leave no hole.
     fn lattice(&self) -> Option<(usize, usize, Vec<u32>)> {
         let distinct = |axis: usize| {
             let mut values: Vec<f64> = self.nodes.iter().map(|node| node.place[axis]).collect();
@@ -97,7 +99,7 @@ impl Mesh {
         let index = |value: f64, count: usize| {
             let at = value * (count - 1) as f64;
             let whole = at.round();
-            // As a share of the raster.
+            // Relative to the raster.
             let off = (at - whole).abs() / (count - 1) as f64;
             (off <= LATTICE_WITHIN && (0.0..=(count - 1) as f64).contains(&whole)).then_some(whole as usize)
         };
@@ -112,12 +114,12 @@ impl Mesh {
             *slot = i as u32;
             places.push((column, row));
         }
-        // Two triangles in every cell.
+        // There must be two triangles in every cell.
         let mut halves = vec![0_u8; (columns - 1) * (rows - 1)];
         for triangle in &self.triangles {
             let corners = triangle.map(|i| places[i as usize]);
-            let range = |of: fn(&(usize, usize)) -> usize| {
-                let values = corners.each_ref().map(of);
+            let range = |coordinate: fn(&(usize, usize)) -> usize| {
+                let values = corners.each_ref().map(coordinate);
                 let low = values[0].min(values[1]).min(values[2]);
                 (low, values[0].max(values[1]).max(values[2]) - low)
             };
@@ -135,7 +137,7 @@ impl Mesh {
         halves.iter().all(|half| *half == 2).then_some((columns, rows, order))
     }
 
-    /// Content and intensity at the centres of cells of the raster, the top row first.
+    /// Content and intensity at the cell centres of the raster, top row first.
     fn drawn(&self, columns: usize, rows: usize, place: &str) -> Result<Vec<Option<[f64; 3]>>, Fault> {
         let mut cells = vec![None; columns * rows];
         let mut trials = 0_usize;
@@ -144,7 +146,7 @@ impl Mesh {
             if a.intensity < 0.0 || b.intensity < 0.0 || c.intensity < 0.0 {
                 continue;
             }
-            // Downwards, in cells; centres lie at whole numbers.
+            // In cells, downwards; centres lie at integers.
             let place_of =
                 |node: &Node| DVec2::new(node.place.x * columns as f64 - 0.5, (1.0 - node.place.y) * rows as f64 - 0.5);
             let (pa, pb, pc) = (place_of(&a), place_of(&b), place_of(&c));
@@ -160,11 +162,7 @@ impl Mesh {
             let [first_column, first_row, last_column, last_row] = [low.x, low.y, high.x, high.y].map(|at| at as usize);
             trials = trials.saturating_add((last_column - first_column + 1) * (last_row - first_row + 1));
             if trials > MOST_TRIALS {
-                return Err(Fault::new(
-                    place,
-                    "its triangles lie on each other many times",
-                    "a mesh covers the raster once",
-                ));
+                return Err(Fault::new(place, "its triangles overlap many times", "a mesh must cover the raster once"));
             }
             for row in first_row..=last_row {
                 for column in first_column..=last_column {
@@ -172,7 +170,7 @@ impl Mesh {
                     let wb = (p - pa).perp_dot(pc - pa) / area;
                     let wc = (pb - pa).perp_dot(p - pa) / area;
                     let wa = 1.0 - wb - wc;
-                    // On an edge both triangles hold the place.
+                    // On an edge, both triangles contain the point.
                     if wa < -1e-9 || wb < -1e-9 || wc < -1e-9 {
                         continue;
                     }
@@ -201,7 +199,7 @@ impl Reader<'_> {
         if inside < mesh.nodes.len() {
             let outside = mesh.nodes.len() - inside;
             self.note(format!(
-                "{place}: {outside} of {} nodes refer to no place of the content: no light is sent there",
+                "{place}: {outside} of {} nodes refer to positions outside of the content: no light is sent there",
                 mesh.nodes.len()
             ));
         }
@@ -222,7 +220,7 @@ impl Reader<'_> {
             let [columns, rows] = [width, height].map(|side| ((side as f64 * shrink).round() as usize).max(2));
             self.take_grid(columns, rows, place)?;
             self.note(format!(
-                "{place}: no regular lattice, it is drawn linearly within each triangle at {columns} x {rows} centres of cells"
+                "{place}: not a regular lattice, drawn linearly within each triangle at {columns} x {rows} cell centres"
             ));
             let cells = mesh.drawn(columns, rows, place)?;
             let samples = cells.into_iter().map(|cell| cell.and_then(|[u, v, _]| content.direction(u, v))).collect();
@@ -234,8 +232,8 @@ impl Reader<'_> {
         let [columns, rows] = [width, height].map(|side| side.min(MOST_MASK_SIDE));
         self.take_mask(columns as u32, rows as u32, place)?;
         self.note(format!(
-            "{place}: intensities of nodes are drawn as a mask of {columns} x {rows} pixels; they multiply the display's codes, so the factor on \
-             the light is their power {DISPLAY_GAMMA}"
+            "{place}: node intensities are drawn as a mask of {columns} x {rows} pixels; they multiply the display codes, so the factor on \
+             the light is the intensity to the power {DISPLAY_GAMMA}"
         ));
         let cells = mesh.drawn(columns, rows, place)?;
         let light = |cell: Option<[f64; 3]>| {
@@ -247,7 +245,7 @@ impl Reader<'_> {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
+#[allow(clippy::unwrap_used, reason = "a failed assumption of a test panics")]
 mod tests {
     use super::*;
 
@@ -264,7 +262,7 @@ mod tests {
     }
 
     #[test]
-    fn a_lattice_is_known_in_any_order_and_a_hole_or_a_shift_is_none() {
+    fn a_lattice_is_recognised_in_any_order_unless_it_has_a_hole_or_a_shift() {
         let mesh = lattice(5, 4);
         let (columns, rows, order) = mesh.lattice().unwrap();
         assert_eq!((columns, rows), (5, 4));
@@ -279,7 +277,7 @@ mod tests {
     }
 
     #[test]
-    fn a_mesh_is_drawn_linearly_and_undrawn_nodes_leave_holes() {
+    fn a_mesh_is_drawn_linearly_and_negative_intensities_leave_holes() {
         let mut mesh = lattice(3, 3);
         let cells = mesh.drawn(8, 6, "mesh").unwrap();
         for (i, cell) in cells.iter().enumerate() {
@@ -295,7 +293,7 @@ mod tests {
     }
 
     #[test]
-    fn triangles_that_lie_on_each_other_are_refused() {
+    fn overlapping_triangles_are_refused() {
         let mut mesh = lattice(2, 2);
         mesh.triangles = vec![[0, 1, 3]; 2000];
         assert!(mesh.drawn(1024, 1024, "mesh").is_err());

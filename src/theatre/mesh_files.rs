@@ -1,9 +1,9 @@
-//! Files of meshes, told apart by their first bytes.
+//! Mesh files; the first bytes determine the format.
 //!
-//! | format | places on the raster | content |
+//! | format | positions on the raster | content |
 //! |---|---|---|
-//! | Paul Bourke's `.data` | x from -aspect to aspect, y from -1 to 1 upwards | u, v upwards; the mapping's number tells of what |
-//! | `.sgc` | 0 to 1, y downwards | 0 to 1, v upwards, in the frustum of the file's head |
+//! | Paul Bourke's `.data` | x from -aspect to aspect, y from -1 to 1 upwards | u, v upwards; the number of the mapping gives the kind |
+//! | `.sgc` | 0 to 1, y downwards | 0 to 1, v upwards, in the frustum of the file's header |
 //! | OBJ | -1 to 1, y upwards | 0 to 1, v upwards |
 //! | CSV | 0 to 1, y downwards | 0 to 1, v downwards |
 
@@ -37,7 +37,7 @@ impl Kind {
     }
 }
 
-/// A mesh and what its file tells of the content.
+/// A mesh, and the description of the content in its file.
 pub(super) struct Loaded {
     pub mesh: Mesh,
     /// Number of the mapping of a `.data` file.
@@ -46,13 +46,13 @@ pub(super) struct Loaded {
     pub content: Option<Content>,
 }
 
-/// Which format begins like this.
+/// The format that begins with these bytes.
 pub(super) fn kind(bytes: &[u8]) -> Option<Kind> {
     if bytes.starts_with(b"SGC") {
         return Some(Kind::Sciss);
     }
     let head = std::str::from_utf8(&bytes[..bytes.len().min(1 << 16)]);
-    // The cut may fall into a letter.
+    // The cut may split a character.
     let text = match head {
         Ok(text) => text,
         Err(error) => std::str::from_utf8(&bytes[..error.valid_up_to()]).ok()?,
@@ -74,13 +74,12 @@ pub(super) fn kind(bytes: &[u8]) -> Option<Kind> {
     }
 }
 
-/// Reads a mesh. `aspect` is width by height of its raster.
+/// Reads a mesh. `aspect` is the ratio of width to height of its raster.
 pub(super) fn load(kind: Kind, bytes: &[u8], aspect: f64) -> Result<Loaded, Fault> {
     if kind == Kind::Sciss {
         return sciss(bytes);
     }
-    let text =
-        std::str::from_utf8(bytes).map_err(|_| Fault::new(kind.name(), "not text in UTF-8", "text is needed"))?;
+    let text = std::str::from_utf8(bytes).map_err(|_| Fault::new(kind.name(), "not text in UTF-8", "must be text"))?;
     let text = text.trim_start_matches('\u{feff}');
     match kind {
         Kind::Bourke => bourke(text, aspect),
@@ -89,7 +88,7 @@ pub(super) fn load(kind: Kind, bytes: &[u8], aspect: f64) -> Result<Loaded, Faul
     }
 }
 
-/// Finite numbers, as many as are asked for.
+/// Parses exactly N finite numbers.
 fn numbers<'a, const N: usize>(words: impl Iterator<Item = &'a str>) -> Option<[f64; N]> {
     let mut values = [0.0; N];
     let mut words = words;
@@ -105,7 +104,7 @@ fn bourke(text: &str, aspect: f64) -> Result<Loaded, Fault> {
     let (_, mapping) = line();
     let bad = |number: usize, problem: &str, allowed: &str| Err(Fault::new(format!("line {number}"), problem, allowed));
     let Ok(mapping @ 1..=5) = mapping.parse::<u32>() else {
-        return bad(1, "no mapping", "a number from 1 to 5 is needed: 2 is a fisheye, 4 a map of the sphere");
+        return bad(1, "not a mapping", "must be a number from 1 to 5: 2 is a fisheye, 4 an equirectangular map");
     };
     let (number, size) = line();
     let sides: Option<Vec<usize>> = size.split_whitespace().take(3).map(|side| side.parse().ok()).collect();
@@ -113,23 +112,23 @@ fn bourke(text: &str, aspect: f64) -> Result<Loaded, Fault> {
         sides.iter().all(|side| (2..=MOST_SIDE).contains(side)) && sides.iter().product::<usize>() <= MOST_NODES
     };
     let Some(&[columns, rows]) = sides.as_deref().filter(|sides| sides.len() == 2 && allowed(sides)) else {
-        let allowed = format!("columns and rows from 2 to {MOST_SIDE} are needed, at most {MOST_NODES} nodes");
-        return bad(number, "no size of a mesh", &allowed);
+        let allowed = format!("must be columns and rows from 2 to {MOST_SIDE}, at most {MOST_NODES} nodes");
+        return bad(number, "not a mesh size", &allowed);
     };
     let mut mesh = Mesh::default();
     for (number, line) in lines {
         let Some([x, y, u, v, intensity]) = numbers(line.split_whitespace()) else {
-            return bad(number, "no node", "five finite numbers are needed: x, y, u, v, intensity");
+            return bad(number, "not a node", "must be five finite numbers: x, y, u, v, intensity");
         };
         if mesh.nodes.len() == columns * rows {
-            return bad(number, "more nodes than the size tells", &format!("{columns} x {rows} are needed"));
+            return bad(number, "more nodes than the size specifies", &format!("must be {columns} x {rows}"));
         }
         let place = DVec2::new(x / aspect + 1.0, y + 1.0) / 2.0;
         mesh.nodes.push(Node { place, content: DVec2::new(u, v), intensity });
     }
     if mesh.nodes.len() != columns * rows {
         let problem = format!("{} nodes", mesh.nodes.len());
-        return Err(Fault::new("mesh", problem, format!("{columns} x {rows} are needed by its second line")));
+        return Err(Fault::new("mesh", problem, format!("must be {columns} x {rows} according to its second line")));
     }
     mesh.join_lattice(columns, rows);
     Ok(Loaded { mesh, mapping: Some(mapping), content: None })
@@ -150,16 +149,18 @@ fn csv(text: &str) -> Result<Loaded, Fault> {
         }
         let whole = |value: f64| value.fract() == 0.0 && (0.0..MOST_SIDE as f64).contains(&value);
         let Some([x, y, u, v, column, row]) = numbers.filter(|numbers| whole(numbers[4]) && whole(numbers[5])) else {
-            let allowed =
-                format!("six finite numbers x;y;u;v;column;row are needed, the last two from 0 to {}", MOST_SIDE - 1);
-            return Err(Fault::new(format!("line {}", index + 1), "no node", allowed));
+            let allowed = format!(
+                "must be six finite numbers x;y;u;v;column;row, the last two integers from 0 to {}",
+                MOST_SIDE - 1
+            );
+            return Err(Fault::new(format!("line {}", index + 1), "not a node", allowed));
         };
         let (column, row) = (column as usize, row as usize);
         (columns, rows) = (columns.max(column + 1), rows.max(row + 1));
         let node = Node { place: DVec2::new(x, 1.0 - y), content: DVec2::new(u, 1.0 - v), intensity: 1.0 };
         if nodes.insert((row, column), node).is_some() {
             let problem = format!("column {column} of row {row} occurs twice");
-            return Err(Fault::new(format!("line {}", index + 1), problem, "every node occurs once"));
+            return Err(Fault::new(format!("line {}", index + 1), problem, "every node must occur once"));
         }
     }
     if nodes.len() != columns * rows || columns < 2 || rows < 2 || nodes.len() > MOST_NODES {
@@ -167,7 +168,7 @@ fn csv(text: &str) -> Result<Loaded, Fault> {
         return Err(Fault::new(
             "mesh",
             problem,
-            format!("every place of a lattice of 2 x 2 to {MOST_NODES} nodes is needed"),
+            format!("must have every position of a lattice of 2 x 2 to {MOST_NODES} nodes"),
         ));
     }
     let mut mesh = Mesh::default();
@@ -186,6 +187,7 @@ fn obj(text: &str) -> Result<Loaded, Fault> {
         let bad = |problem: &str, allowed: &str| Err(Fault::new(format!("line {}", index + 1), problem, allowed));
         let mut words = line.split_whitespace();
         let keyword = words.next().unwrap_or_default();
+        // All numbers of a line, if their count is valid.
         let coordinates = |words: std::str::SplitWhitespace, counts: std::ops::RangeInclusive<usize>| {
             let values: Option<Vec<f64>> =
                 words.take(5).map(|word| word.parse::<f64>().ok().filter(|value| value.is_finite())).collect();
@@ -193,15 +195,15 @@ fn obj(text: &str) -> Result<Loaded, Fault> {
         };
         match keyword {
             "v" => {
-                let Some(values) = coordinates(words, 2..=4) else { return bad("no vertex", "x y z are needed") };
+                let Some(values) = coordinates(words, 2..=4) else { return bad("not a vertex", "must be x y z") };
                 if values.get(2).is_some_and(|z| *z != 0.0) {
-                    return bad("a vertex beside the raster's plane", "z = 0 is needed");
+                    return bad("a vertex outside the raster's plane", "z must be 0");
                 }
                 places.push((DVec2::new(values[0], values[1]) + 1.0) / 2.0);
             }
             "vt" => {
                 let Some(values) = coordinates(words, 2..=3) else {
-                    return bad("no texture coordinates", "u v are needed");
+                    return bad("not texture coordinates", "must be u v");
                 };
                 contents.push(DVec2::new(values[0], values[1]));
             }
@@ -209,6 +211,7 @@ fn obj(text: &str) -> Result<Loaded, Fault> {
                 let mut corners = Vec::new();
                 for word in words.take(65) {
                     let mut parts = word.split('/');
+                    // Indices start at 1; negative ones count back from the last element.
                     let one = |part: Option<&str>, count: usize| match part?.parse::<i64>().ok()? {
                         0 => None,
                         back @ ..0 => count.checked_sub(usize::try_from(back.unsigned_abs()).ok()?),
@@ -222,9 +225,10 @@ fn obj(text: &str) -> Result<Loaded, Fault> {
                     let (Some(place), Some(content)) = (place, content) else {
                         return bad(
                             "a corner of a face without a vertex or texture coordinates",
-                            "both stand before the face",
+                            "both must precede the face",
                         );
                     };
+                    // A node for each combination of vertex and texture coordinates.
                     let next = mesh.nodes.len() as u32;
                     let node = *known.entry((place, content)).or_insert(next);
                     if node == next {
@@ -233,8 +237,9 @@ fn obj(text: &str) -> Result<Loaded, Fault> {
                     corners.push(node);
                 }
                 if !(3..=64).contains(&corners.len()) {
-                    return bad("no face", "3 to 64 corners are needed");
+                    return bad("not a face", "must have 3 to 64 corners");
                 }
+                // Split the polygon into a fan of triangles.
                 mesh.triangles.extend((2..corners.len()).map(|i| [corners[0], corners[i - 1], corners[i]]));
             }
             "" | "vn" | "vp" | "o" | "g" | "s" | "l" | "mtllib" | "usemtl" => {}
@@ -242,12 +247,12 @@ fn obj(text: &str) -> Result<Loaded, Fault> {
             _ => {
                 return bad(
                     "an unknown keyword",
-                    "v, vt and f are read; vn, vp, o, g, s, l, mtllib and usemtl skipped",
+                    "must be one of v, vt and f, or of vn, vp, o, g, s, l, mtllib and usemtl, which are ignored",
                 );
             }
         }
         if places.len().max(contents.len()) > MOST_NODES || mesh.triangles.len() > MOST_TRIANGLES {
-            return bad("too much", &format!("at most {MOST_NODES} vertices and {MOST_TRIANGLES} triangles are read"));
+            return bad("too much", &format!("must have at most {MOST_NODES} vertices and {MOST_TRIANGLES} triangles"));
         }
     }
     Ok(Loaded { mesh, mapping: None, content: None })
@@ -278,10 +283,10 @@ impl Words<'_> {
 
 fn sciss(bytes: &[u8]) -> Result<Loaded, Fault> {
     let bad = |field: &str, problem: String, allowed: &str| Fault::new(field, problem, allowed);
-    let short = || bad("SGC mesh", "it ends too early".to_owned(), "head, nodes and indices are needed");
+    let short = || bad("SGC mesh", "it ends too early".to_owned(), "must have a header, nodes and indices");
     let version = *bytes.get(3).ok_or_else(short)?;
     if ![1, 2, b'1', b'2'].contains(&version) {
-        return Err(bad("version", version.to_string(), "1 and 2 are known"));
+        return Err(bad("version", version.to_string(), "must be 1 or 2"));
     }
     let mut words = Words(&bytes[4..]);
     match words.u32().ok_or_else(short)? {
@@ -289,72 +294,75 @@ fn sciss(bytes: &[u8]) -> Result<Loaded, Fault> {
         1 => {
             return Err(Fault::refused(
                 "a mesh for a cube map",
-                "its coordinates name no face; planar ones (0) are read",
+                "its coordinates do not include a face; only planar ones (0) are supported",
             ));
         }
-        other => return Err(bad("mapping", other.to_string(), "0 (planar) is read")),
+        other => return Err(bad("mapping", other.to_string(), "must be 0 (planar)")),
     }
+    // Orientation, position (ignored) and edges of the frustum.
     let [x, y, z, w] = words.floats().ok_or_else(short)?;
     let [_, _, _, up, down, left, right] = words.floats::<7>().ok_or_else(short)?;
     let rotation = DQuat::from_xyzw(x, y, z, w);
     let length = rotation.length();
     if length.is_nan() || (length - 1.0).abs() >= 1e-3 {
         let problem = format!("[{x}, {y}, {z}, {w}] has the length {length}");
-        return Err(bad("orientation", problem, "a unit quaternion is needed"));
+        return Err(bad("orientation", problem, "must be a unit quaternion"));
     }
     let rotation = DMat3::from_quat(rotation.normalize());
     let [left, right, down, up] = [left, right, down, up].map(f64::to_radians);
     let content = Content::frustum(left, right, down, up, rotation)?;
+    // Number of nodes: columns times rows, or a single count.
     let [first, second] = [words.u32().ok_or_else(short)?, words.u32().ok_or_else(short)?].map(|n| n as usize);
     let count = if version == 2 { Some(second) } else { first.checked_mul(second) };
     let count = count
         .filter(|count| (3..=MOST_NODES).contains(count))
-        .ok_or_else(|| bad("size", format!("{first}, {second}"), &format!("3 to {MOST_NODES} nodes are needed")))?;
+        .ok_or_else(|| bad("size", format!("{first}, {second}"), &format!("must have 3 to {MOST_NODES} nodes")))?;
     let mut mesh = Mesh::default();
     for _ in 0..count {
         let [x, y, _, u, v, _] = words.floats().ok_or_else(short)?;
         mesh.nodes.push(Node { place: DVec2::new(x, 1.0 - y), content: DVec2::new(u, v), intensity: 1.0 });
     }
+    // Indices: separate triangles or one strip.
     let indices = words.u32().ok_or_else(short)? as usize;
     if words.0.len() != indices.saturating_mul(4) || !(3..=3 * MOST_TRIANGLES).contains(&indices) {
         let problem = format!("{indices} indices in {} bytes", words.0.len());
-        return Err(bad("indices", problem, "3 or more of four bytes each, to the file's end, are needed"));
+        return Err(bad("indices", problem, "must be 3 or more of four bytes each, up to the end of the file"));
     }
     let list: Vec<u32> = std::iter::from_fn(|| words.u32()).collect();
     mesh.triangles = if version == b'2' && first == 4 {
         list.chunks_exact(3).map(|three| [three[0], three[1], three[2]]).collect()
     } else {
-        // A strip; where it turns back, a node occurs twice in a triangle, which has no area.
+        // A triangle strip; where it turns back, a node occurs twice in a triangle, which is degenerate.
         list.windows(3).map(|three| [three[0], three[1], three[2]]).collect()
     };
     Ok(Loaded { mesh, mapping: None, content: Some(content) })
 }
 
 impl Reader<'_> {
-    /// The content of a `.data` file by the number of its mapping.
+    /// The content of a `.data` file from the number of its mapping.
     fn mapped(&mut self, mapping: u32) -> Result<Content, Fault> {
         let refused = |reason: &str| Err(Fault::refused(format!("mapping {mapping} of Paul Bourke's meshes"), reason));
         match mapping {
-            1 => refused("a flat picture has no directions without its field of view, which the file does not hold"),
+            1 => refused("a flat picture has no directions without its field of view, which the file does not contain"),
             2 => self.fisheye(),
-            3 => refused("a cylinder's picture has no directions without its height, which the file does not hold"),
+            3 => refused("a cylindrical picture has no directions without its height, which the file does not contain"),
             4 => {
                 self.note(
-                    "content: map of the whole sphere, longitude to the right, latitude upwards, front in the middle",
+                    "content: equirectangular map of the whole sphere, longitude to the right, latitude upwards, front in the centre",
                 );
                 Ok(Content::Equirectangular)
             }
-            _ => refused("the order of a cube map's faces in the picture is not told"),
+            _ => refused("the file does not specify the order of a cube map's faces in the picture"),
         }
     }
 
-    /// A mesh that stands alone.
+    /// A mesh file without a configuration around it.
     pub(super) fn plain_mesh(&mut self, kind: Kind, bytes: &[u8]) -> Result<Region, Fault> {
         let size_px = self.size_px(None, kind.name())?;
         let loaded = load(kind, bytes, f64::from(size_px[0]) / f64::from(size_px[1]))?;
         let content = match (&loaded.content, loaded.mapping) {
             (Some(content), _) => {
-                self.note("content: the frustum of the file's head; the place of its eye is not used, directions are from there");
+                self.note("content: the frustum of the file's header; its eye position is ignored, directions are relative to it");
                 content.clone()
             }
             (None, Some(mapping)) => self.mapped(mapping)?,
@@ -365,7 +373,7 @@ impl Reader<'_> {
         Ok(Region { name: self.stem(), size_px, grid, alpha, beta: None, lut: None, screen: None })
     }
 
-    /// A note where a mesh is not as large as the raster: its file is often made for another one.
+    /// Adds a note if a mesh does not fill the raster: its file is often made for another one.
     pub(super) fn note_reach(&mut self, mesh: &Mesh) {
         let Some(first) = mesh.nodes.first() else { return };
         let (low, high) = mesh
@@ -374,7 +382,7 @@ impl Reader<'_> {
             .fold((first.place, first.place), |(low, high), node| (low.min(node.place), high.max(node.place)));
         if !(low.abs_diff_eq(DVec2::ZERO, 0.01) && high.abs_diff_eq(DVec2::ONE, 0.01)) {
             self.note(format!(
-                "the mesh reaches from {:.3} to {:.3} of the raster's width and from {:.3} to {:.3} of its height",
+                "the mesh extends from {:.3} to {:.3} of the raster's width and from {:.3} to {:.3} of its height",
                 low.x, high.x, low.y, high.y
             ));
         }
@@ -382,12 +390,12 @@ impl Reader<'_> {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
+#[allow(clippy::unwrap_used, reason = "a failed assumption of a test panics")]
 mod tests {
     use super::*;
 
     #[test]
-    fn formats_are_told_by_their_first_lines() {
+    fn formats_are_recognised_by_their_first_lines() {
         assert_eq!(kind(b"2\n3 3\n"), Some(Kind::Bourke));
         assert_eq!(kind(b"# made by hand\nv 0 0 0\n"), Some(Kind::Obj));
         assert_eq!(kind(b"x;y;u;v;column;row\n0;0;0;0;0;0\n"), Some(Kind::Csv));
@@ -397,7 +405,7 @@ mod tests {
     }
 
     #[test]
-    fn a_face_has_indices_of_its_own_for_the_texture() {
+    fn a_face_has_separate_texture_indices() {
         let text = "v -1 -1 0\nv 1 -1 0\nv 1 1 0\nvt 1 1\nvt 0 0\nvt 1 0\nf 1/2 2/3 3/1\nf -3/2/1 -2/3/1 -1/1/1\n";
         let mesh = load(Kind::Obj, text.as_bytes(), 1.0).unwrap().mesh;
         assert_eq!(mesh.nodes.len(), 3);

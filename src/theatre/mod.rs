@@ -1,11 +1,13 @@
-//! What installers of projectors deliver: for each projector the direction that every point of its raster shows, blend masks and look-up tables.
+//! Calibrations of projector installations: for each projector the direction that every point of its raster shows,
+//! blend masks and look-up tables.
 //!
-//! [`read`] tells the formats apart by their first bytes: MPCDI sets, SGCT configurations, meshes of several programs, directions as PFM or
-//! OpenEXR. All become a [`Calibration`]: per region a [`Grid`] of unit vectors in the axes of the dome (+x right, +y towards the zenith of
-//! the screen, -z forward). Where a format leaves something open, one reading is chosen, `docs/projectors.md` tells which, and it
-//! stands in [`Calibration::notes`]. What contradicts itself is an error. Angles are radians but for the fields named `_deg`.
+//! [`read`] recognises the format by the first bytes: MPCDI sets, SGCT configurations, meshes of several programs,
+//! directions as PFM or OpenEXR. All become a [`Calibration`]: for each region a [`Grid`] of unit vectors in dome axes
+//! (+x right, +y towards the zenith of the screen, -z forward). If a format leaves something open, one interpretation
+//! is chosen, documented in `docs/projectors.md`, and recorded in [`Calibration::notes`]. Contradictions are errors.
+//! Angles are in radians, except in fields named `_deg`.
 //!
-//! Every size is bounded: files, entries of archives, grids, masks, and the work that a mesh may cause.
+//! All sizes are bounded: files, archive entries, grids, masks, and the work that a mesh may cause.
 
 mod archive;
 pub mod check;
@@ -35,94 +37,95 @@ pub use self::{
     screen::{ScreenSums, Sphere},
 };
 use crate::files;
-/// Directions in axes of the dome: +x right, +y up (zenith side of the screen), -z forward.
+/// Directions in dome axes: +x right, +y up (zenith side of the screen), -z forward.
 pub use crate::view::projection::DirectionGrid as Grid;
 pub use crate::view::projection::{Interpolation, Placement};
 
-/// Bytes of a file, at most.
+/// Maximum size of a file, bytes.
 const MOST_BYTES: u64 = 1 << 30;
-/// Columns or rows of a grid, at most.
+/// Maximum number of columns or rows of a grid.
 pub const MOST_SIDE: usize = crate::view::projection::MOST_SAMPLES;
-/// Samples of all grids of a calibration together, at most.
+/// Maximum number of samples of all grids of a calibration together.
 const MOST_SAMPLES: usize = MOST_SIDE * MOST_SIDE;
-/// Values of all masks of a calibration together, at most.
+/// Maximum number of values of all masks of a calibration together.
 const MOST_MASK_VALUES: usize = 1 << 28;
-/// Regions of a calibration, at most.
+/// Maximum number of regions of a calibration.
 const MOST_REGIONS: usize = 256;
-/// Width or height of a raster, pixels, at most.
+/// Maximum width or height of a raster, pixels.
 const MOST_RASTER_PX: u32 = 16384;
 
-/// What one projector, or one part of its raster, shows.
+/// Calibration of one projector, or of one part of its raster.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Region {
-    /// `buffer/region` of MPCDI, `node/window/viewport` of SGCT (counted from 0), else the file's name without its extension.
+    /// `buffer/region` in MPCDI, `node/window/viewport` in SGCT (counted from 0), else the file name without its
+    /// extension.
     pub name: String,
     /// Width and height of its raster, pixels.
     pub size_px: [u32; 2],
-    /// Where its pixels lie.
+    /// Directions of its pixels.
     pub grid: Grid,
     /// Factor on the light.
     pub alpha: Option<Mask>,
-    /// Black level: the light shown is `L * alpha * (1 - beta) + beta`, as shares of the projector's white.
+    /// Black level: the displayed light is `L * alpha * (1 - beta) + beta`, in units of the projector's white.
     pub beta: Option<Mask>,
-    /// Correction of colours.
+    /// Colour correction.
     pub lut: Option<Lut>,
-    /// The points of the screen, in the grid's axes, where the file has points.
+    /// The points of the screen, in the grid's axes, if the file has points.
     pub screen: Option<ScreenSums>,
 }
 
-/// What a file or set of files tells of projectors.
+/// Contents of a calibration file or set of files.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Calibration {
     /// Name of the format.
     pub format: &'static str,
-    /// At least one.
+    /// The regions; at least one.
     pub regions: Vec<Region>,
-    /// Every assumption that was made, in words: axes, order of rows, units, eye point.
+    /// Every assumption made, in words: axes, order of rows, units, eye point.
     pub notes: Vec<String>,
 }
 
-/// Why a calibration cannot be read.
+/// Reasons why a calibration cannot be read.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum TheatreError {
-    /// The system does not let it be read, or it is too large.
+    /// The file cannot be read, or it is too large.
     #[error("cannot read {}: {source}", path.display())]
     Read {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// The I/O error.
         source: std::io::Error,
     },
-    /// Something in it is damaged, contradicts itself or is not known.
+    /// Part of the file is damaged, contradictory or unknown.
     #[error("{}: {place}: {problem}; {allowed}", path.display())]
     Content {
         /// The file.
         path: PathBuf,
         /// Entry and field.
         place: String,
-        /// What is wrong.
+        /// The problem.
         problem: String,
-        /// What is allowed.
+        /// The valid values.
         allowed: String,
     },
-    /// A format, or a part of one, that cannot be read truthfully.
+    /// A format, or a part of one, that cannot be interpreted reliably.
     #[error("{}: {what} is refused: {reason}", path.display())]
     Refused {
         /// The file.
         path: PathBuf,
-        /// What.
+        /// The refused format or part.
         what: String,
-        /// Why, and what to do instead.
+        /// The reason, and an alternative.
         reason: String,
     },
 }
 
-/// What one call of [`read`] has, besides the bytes.
+/// State of one call of [`read`].
 pub(crate) struct Reader<'a> {
     /// The file.
     path: &'a Path,
-    /// What the caller asks for.
+    /// Options of the caller.
     options: &'a ReadOptions,
     notes: Vec<String>,
     samples_left: usize,
@@ -134,7 +137,7 @@ impl<'a> Reader<'a> {
         Self { path, options, notes: Vec::new(), samples_left: MOST_SAMPLES, mask_values_left: MOST_MASK_VALUES }
     }
 
-    /// Keeps an assumption, once.
+    /// Records an assumption, once.
     fn note(&mut self, text: impl Into<String>) {
         let text = text.into();
         if !self.notes.contains(&text) {
@@ -142,10 +145,13 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// Checks the size of a grid, and that all grids together are not too large.
+    /// Checks the size of a grid, and the total size of all grids.
     fn take_grid(&mut self, columns: usize, rows: usize, place: &str) -> Result<(), Fault> {
-        let allowed =
-            || format!("a grid has 2 to {MOST_SIDE} columns and rows, all grids together {MOST_SAMPLES} samples");
+        let allowed = || {
+            format!(
+                "a grid must have 2 to {MOST_SIDE} columns and rows, and all grids together at most {MOST_SAMPLES} samples"
+            )
+        };
         if !(2..=MOST_SIDE).contains(&columns) || !(2..=MOST_SIDE).contains(&rows) {
             return Err(Fault::new(place, format!("a grid of {columns} x {rows}"), allowed()));
         }
@@ -156,68 +162,69 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// The same for the values of a mask.
+    /// Checks the total size of all masks.
     fn take_mask(&mut self, width: u32, height: u32, place: &str) -> Result<(), Fault> {
         let values = u64::from(width) * u64::from(height);
         self.mask_values_left = usize::try_from(values)
             .ok()
             .and_then(|values| self.mask_values_left.checked_sub(values))
             .ok_or_else(|| {
-                let allowed = format!("all masks together have at most {MOST_MASK_VALUES} pixels");
-                Fault::new(place, format!("a mask of {width} x {height} pixels is too much"), allowed)
+                let allowed = format!("all masks together must have at most {MOST_MASK_VALUES} pixels");
+                Fault::new(place, format!("a mask of {width} x {height} pixels is too large"), allowed)
             })?;
         Ok(())
     }
 
-    /// The raster's size: the one of the file, if it has one, else the caller's.
-    fn size_px(&self, of_file: Option<[u32; 2]>, place: &str) -> Result<[u32; 2], Fault> {
-        let size = match (of_file, self.options.size_px) {
+    /// The size of the raster: from the file if it has one, else from the options.
+    fn size_px(&self, file_size: Option<[u32; 2]>, place: &str) -> Result<[u32; 2], Fault> {
+        let size = match (file_size, self.options.size_px) {
             (Some(size), Some(asked)) if size != asked => {
                 let [[w, h], [asked_w, asked_h]] = [size, asked];
                 return Err(Fault::new(
                     place,
                     format!("the raster has {w} x {h} pixels in the file and {asked_w} x {asked_h} in the options"),
-                    "leave the size out, or give the file's",
+                    "omit the size, or use that of the file",
                 ));
             }
             (Some(size), _) | (None, Some(size)) => size,
             (None, None) => {
-                return Err(Fault::new(place, "the file does not tell the raster's size", "give size_px"));
+                return Err(Fault::new(place, "the file does not contain the size of the raster", "set size_px"));
             }
         };
         if size.iter().any(|side| !(1..=MOST_RASTER_PX).contains(side)) {
-            let allowed = format!("1 to {MOST_RASTER_PX} pixels each way");
+            let allowed = format!("must be 1 to {MOST_RASTER_PX} pixels per side");
             return Err(Fault::new(place, format!("a raster of {} x {} pixels", size[0], size[1]), allowed));
         }
         Ok(size)
     }
 
-    /// The content of meshes that have but coordinates in a picture: a fisheye of the caller's field of view.
+    /// The content of meshes that only have coordinates in a picture: a fisheye with the field of view from the
+    /// options.
     fn fisheye(&mut self) -> Result<Content, Fault> {
         let ReadOptions { fov_deg, tilt_deg, .. } = *self.options;
         self.note(format!(
-            "content: equidistant fisheye of {fov_deg} degrees in the whole square, centre = apex of the dome tilted by {tilt_deg} degrees to \
+            "content: equidistant fisheye of {fov_deg} degrees filling the square, centre = apex of the dome tilted by {tilt_deg} degrees to \
              the front, bottom of the picture = front, as in a domemaster"
         ));
         Content::fisheye(fov_deg.to_radians(), tilt_deg.to_radians(), [1.0, 1.0])
     }
 
-    /// Name of the only region of a file.
+    /// Name of the only region of a file: the file name without its extension.
     fn stem(&self) -> String {
         self.path.file_stem().map_or_else(|| "region".to_owned(), |stem| stem.to_string_lossy().into_owned())
     }
 
-    /// Whether the caller wants a region of this name, or this short name.
+    /// Whether the options select the region with this name or short name.
     fn wants(&self, name: &str, short: &str) -> bool {
         self.options.region.as_deref().is_none_or(|wanted| wanted == name || wanted == short)
     }
 
-    /// A note on how the directions of a grid turn: an order of rows or an axis that is not as assumed shows here first.
+    /// Adds a note if the directions of a grid are mirrored, which indicates a wrong order of rows or a wrong axis.
     fn note_orientation(&mut self, name: &str, grid: &Grid) {
         let [right_way, mirrored] = upright_and_mirrored_cells(grid);
         if mirrored > right_way {
             self.note(format!(
-                "region {name}: seen from the eye the raster is mirrored in {mirrored} of {} cells: rows or an axis may run the other way",
+                "region {name}: as seen from the eye the raster is mirrored in {mirrored} of {} cells: the rows or an axis may be reversed",
                 right_way + mirrored
             ));
         }
@@ -244,11 +251,11 @@ pub fn upright_and_mirrored_cells(grid: &Grid) -> [usize; 2] {
     counts
 }
 
-/// Reads a calibration. The format is told by the file's content; where it names further files, they are looked for beside it.
+/// Reads a calibration. The format is recognised by the content; files that it refers to are searched next to it.
 ///
 /// # Errors
 ///
-/// See [`TheatreError`]: every message names the file, the entry and field, and what is allowed.
+/// See [`TheatreError`]: every message names the file, the entry and field, and the valid values.
 pub fn read(path: &Path, options: &ReadOptions) -> Result<Calibration, TheatreError> {
     let named = |fault: Fault| fault.of_file(path);
     options.check().map_err(named)?;
@@ -267,22 +274,22 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Calibration, TheatreEr
     Ok(Calibration { format, regions, notes: reader.notes })
 }
 
-const KNOWN: &str = "known are MPCDI (.mpcdi), SGCT configurations (JSON), meshes (Paul Bourke's .data, .sgc, OBJ, CSV), and directions \
+const KNOWN: &str = "must be one of MPCDI (.mpcdi), SGCT configurations (JSON), meshes (Paul Bourke's .data, .sgc, OBJ, CSV), and directions \
                      as PFM or OpenEXR";
 
-/// Why two formats of projectors' sets are not read: by the extension, or by the first bytes.
+/// Explains why two projector formats are not supported; recognised by extension or first bytes.
 fn refused(path: &Path, bytes: &[u8]) -> Option<(&'static str, &'static str)> {
     let extension = path.extension().map(|extension| extension.to_string_lossy().to_lowercase());
     let is = |wanted: &str| extension.as_deref() == Some(wanted);
     if bytes.starts_with(b"vwf0") || bytes.starts_with(b"vwf1") || is("vwf") {
         Some((
             "a VIOSO warp file (VWF)",
-            "those of OEM builds open in the OEM's software alone; export MPCDI 2, or the map and the blend picture apart",
+            "files of OEM builds can only be opened in the OEM's software; export MPCDI 2, or the map and the blend picture separately",
         ))
     } else if is("pol") || is("ol") {
         Some((
             "an EasyBlend file (.pol, .ol)",
-            "it takes a closed SDK to read it; export MPCDI from the alignment software",
+            "reading it requires a closed SDK; export MPCDI from the alignment software",
         ))
     } else {
         None
@@ -312,36 +319,36 @@ impl Reader<'_> {
             return Err(Fault::new(
                 "content",
                 problem,
-                "of MPCDI the whole .mpcdi file is read, with the files that it names",
+                "for MPCDI, use the whole .mpcdi file, which includes the files that it refers to",
             ));
         }
         if lut::is_cube(bytes) {
             return Err(Fault::refused(
-                "a look-up table alone (.cube)",
-                "it tells colours and no directions; give it beside a calibration",
+                "a lone look-up table (.cube)",
+                "it contains colours and no directions; use it together with a calibration",
             ));
         }
         let Some(kind) = mesh_files::kind(bytes) else {
-            return Err(Fault::new("content", "no known format by its first bytes", KNOWN));
+            return Err(Fault::new("content", "the first bytes match no known format", KNOWN));
         };
         let region = self.plain_mesh(kind, bytes)?;
         Ok((kind.name(), vec![region]))
     }
 
     /// A picture of unit vectors.
-    fn directions(&mut self, plane: pfm::Plane, of_format: RowOrder) -> Result<Region, Fault> {
+    fn directions(&mut self, plane: pfm::Plane, format_order: RowOrder) -> Result<Region, Fault> {
         let place = "samples";
         self.take_grid(plane.width, plane.height, place)?;
-        let of_file = [plane.width as u32, plane.height as u32];
-        let size_px = self.options.size_px.unwrap_or(of_file);
+        let file_size = [plane.width as u32, plane.height as u32];
+        let size_px = self.options.size_px.unwrap_or(file_size);
         let size_px = self.size_px(Some(size_px), place)?;
         if self.options.size_px.is_none() {
-            self.note("the raster is taken for as large as the picture of directions");
+            self.note("the raster is assumed to be as large as the picture of directions");
         }
-        let order = self.rows(of_format, "the picture of directions");
+        let order = self.rows(format_order, "the picture of directions");
         let axes = self.options.axes.clone();
         self.note(format!(
-            "directions are unit vectors from the eye, samples are centres of cells; axes: {}",
+            "directions are unit vectors from the eye, samples are at cell centres; axes: {}",
             axes.describe("+x right, +y up, -z forward")
         ));
         let matrix = axes.dome_from_file();
@@ -354,12 +361,12 @@ impl Reader<'_> {
                 continue;
             }
             let length = vector.length();
-            // Three halves are good to 5e-4.
+            // Three half floats are accurate to 5e-4.
             if !length.is_finite() || (length - 1.0).abs() >= 2e-3 {
                 return Err(Fault::new(
                     here(),
                     format!("[{}, {}, {}] has the length {length}", value[0], value[1], value[2]),
-                    "a direction is a unit vector, or NaN where no light is sent",
+                    "a direction must be a unit vector, or NaN where no light is sent",
                 ));
             }
             samples.push(Some(matrix * (vector / length)));
@@ -374,14 +381,14 @@ impl Reader<'_> {
         Ok(Region { name: self.stem(), size_px, grid, alpha: None, beta: None, lut: None, screen: None })
     }
 
-    /// The order of rows, noted.
-    fn rows(&mut self, of_format: RowOrder, of: &str) -> RowOrder {
+    /// The order of rows, recorded as a note.
+    fn rows(&mut self, format_order: RowOrder, what: &str) -> RowOrder {
         let (order, why) = match self.options.rows {
-            RowOrder::AsFormat => (of_format, "as the format says"),
-            asked => (asked, "as asked for"),
+            RowOrder::AsFormat => (format_order, "as the format specifies"),
+            asked => (asked, "from the options"),
         };
         let first = if order == RowOrder::TopFirst { "top" } else { "bottom" };
-        self.note(format!("rows of {of}: the {first} one comes first, {why}"));
+        self.note(format!("rows of {what}: the {first} row comes first, {why}"));
         order
     }
 }

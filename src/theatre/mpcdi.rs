@@ -1,9 +1,10 @@
-//! MPCDI sets, versions 1 and 2 (VESA): a ZIP with a description in XML, warp maps as PFM, masks as PNG, look-up tables as `.cube`.
+//! MPCDI sets, versions 1 and 2 (VESA): a ZIP with a description in XML, warp maps as PFM, masks as PNG, look-up tables
+//! as `.cube`.
 //!
-//! | profile | the warp map holds | directions come from |
+//! | profile | content of the warp map | source of directions |
 //! |---|---|---|
-//! | `2d`, `3d` | coordinates in the picture of the region's frustum, 0 to 1, and an estimate of the error | the frustum |
-//! | `a3`, `sl` | points of the screen in a length unit | the points, seen from the eye |
+//! | `2d`, `3d` | coordinates in the picture of the region's frustum, 0 to 1, and an error estimate | the frustum |
+//! | `a3`, `sl` | points of the screen in a length unit | the points, as seen from the eye |
 
 use std::collections::HashSet;
 
@@ -21,7 +22,7 @@ use super::{
     xml::{self, Element},
 };
 
-/// How far axes may be from length 1 and from right angles.
+/// Tolerance for the length and orthogonality of axes.
 const AXES_WITHIN: f64 = 1e-3;
 
 #[derive(Clone, Copy, PartialEq)]
@@ -32,16 +33,16 @@ enum Profile {
     Points(&'static str),
 }
 
-/// What tells the direction of a sample.
+/// Source of the direction of a sample.
 enum Geometry {
     Picture(Content),
     Points {
         dome_from_file: DMat3,
-        /// Lengths are those of the file's unit.
+        /// In the unit of the file.
         origin: DVec3,
         /// In dome axes.
         eye: DVec3,
-        /// Metres in the file's unit.
+        /// Metres per unit of the file.
         metres: f64,
     },
 }
@@ -50,7 +51,7 @@ impl Reader<'_> {
     pub(super) fn mpcdi(&mut self, bytes: &[u8]) -> Result<Vec<Region>, Fault> {
         let mut archive = Archive::open(bytes)?;
         let name = archive.named("mpcdi.xml")?.ok_or_else(|| {
-            Fault::new("archive", "there is no mpcdi.xml in its root", "an MPCDI set has its description there")
+            Fault::new("archive", "there is no mpcdi.xml in its root", "an MPCDI set must have its description there")
         })?;
         let text = archive.bytes(&name)?;
         let document = xml::parse(&text).map_err(|fault| fault.within(&name))?;
@@ -64,31 +65,36 @@ impl Reader<'_> {
         let mut names = Vec::new();
         let mut ids = HashSet::new();
         let mut regions = Vec::new();
+        // Read the selected regions of all buffers, each with its set of files.
         for buffer in display.children("buffer") {
             let buffer_id = buffer.needed_attribute("id")?;
             for region in buffer.children("region") {
                 let id = region.needed_attribute("id")?;
                 if !ids.insert(id) {
                     let problem = format!("the id `{}` occurs twice", id.escape_debug());
-                    return Err(Fault::new(&region.place, problem, "ids of regions are unique"));
+                    return Err(Fault::new(&region.place, problem, "ids of regions must be unique"));
                 }
                 if ids.len() > MOST_REGIONS {
                     return Err(Fault::new(
                         &region.place,
                         "too many regions",
-                        format!("at most {MOST_REGIONS} are read"),
+                        format!("must be at most {MOST_REGIONS}"),
                     ));
                 }
                 let name = format!("{buffer_id}/{id}");
                 if self.wants(&name, id) {
                     let size_px = self.region_size(&buffer, &region)?;
-                    let mut of_region = filesets.iter().filter(|set| set.attribute("region") == Some(id));
+                    let mut region_sets = filesets.iter().filter(|set| set.attribute("region") == Some(id));
                     let place = format!("<files> <fileset region={id}>");
-                    let (fileset, second) = (of_region.next(), of_region.next());
+                    let (fileset, second) = (region_sets.next(), region_sets.next());
                     let fileset = match (fileset, second) {
                         (Some(fileset), None) => fileset,
-                        (None, _) => return Err(Fault::new(place, "it is missing", "every region has its files")),
-                        (_, Some(_)) => return Err(Fault::new(place, "it occurs twice", "every region has one set")),
+                        (None, _) => {
+                            return Err(Fault::new(place, "it is missing", "every region must have its files"));
+                        }
+                        (_, Some(_)) => {
+                            return Err(Fault::new(place, "it occurs twice", "every region must have only one set"));
+                        }
                     };
                     let fileset = Element { node: fileset.node, place };
                     regions.push(self.region(profile, name.clone(), size_px, &region, &fileset, archive)?);
@@ -96,25 +102,30 @@ impl Reader<'_> {
                 names.push(name);
             }
         }
+        // Every set of files must belong to a region.
         if let Some(orphan) =
             filesets.iter().find(|set| set.attribute("region").is_none_or(|region| !ids.contains(region)))
         {
             let region = orphan.attribute("region").unwrap_or_default();
-            let problem = format!("region `{}` is none of the buffers' regions", region.escape_debug());
-            return Err(Fault::new(&orphan.place, problem, format!("there are {}", names.join(", ").escape_debug())));
+            let problem = format!("region `{}` does not exist in any buffer", region.escape_debug());
+            return Err(Fault::new(
+                &orphan.place,
+                problem,
+                format!("must be one of {}", names.join(", ").escape_debug()),
+            ));
         }
         if regions.is_empty() {
             let wanted = self.options.region.as_deref().unwrap_or("any");
-            let allowed = format!("there are {}", names.join(", ").escape_debug());
+            let allowed = format!("must be one of {}", names.join(", ").escape_debug());
             return Err(Fault::new("<display>", format!("no region `{}`", wanted.escape_debug()), allowed));
         }
         Ok(regions)
     }
 
-    /// The profile; version and levels are checked.
+    /// The profile; also checks version and levels.
     fn profile(&mut self, root: &Element) -> Result<Profile, Fault> {
         if !root.node.tag_name().name().eq_ignore_ascii_case("mpcdi") {
-            return Err(Fault::new(&root.place, "it is not the root of a set", "the root is <MPCDI>"));
+            return Err(Fault::new(&root.place, "it is not the root of a set", "the root must be <MPCDI>"));
         }
         let version = root.needed_attribute("version")?;
         let major = version.split('.').next().unwrap_or_default();
@@ -123,14 +134,14 @@ impl Reader<'_> {
             "2" => &[("geometry", 2.0), ("color", 5.0)],
             _ => {
                 let problem = format!("version `{}`", version.escape_debug());
-                return Err(Fault::new(&root.place, problem, "versions 1 and 2 are known"));
+                return Err(Fault::new(&root.place, problem, "must be version 1 or 2"));
             }
         };
         for (name, most) in levels {
             if let Some(level) = root.attribute_number(name)?
                 && !(level.fract() == 0.0 && (1.0..=*most).contains(&level))
             {
-                let allowed = format!("version {major} has 1 to {most}");
+                let allowed = format!("must be an integer from 1 to {most} in version {major}");
                 return Err(Fault::new(&root.place, format!("{name} = {level}"), allowed));
             }
         }
@@ -141,7 +152,7 @@ impl Reader<'_> {
             "sl" => Profile::Points("sl"),
             other => {
                 let problem = format!("profile `{}`", other.escape_debug());
-                return Err(Fault::new(&root.place, problem, "known are 2d, 3d, a3 and sl"));
+                return Err(Fault::new(&root.place, problem, "must be one of 2d, 3d, a3 and sl"));
             }
         };
         let (Profile::Frustum(name) | Profile::Points(name)) = profile;
@@ -149,13 +160,13 @@ impl Reader<'_> {
         Ok(profile)
     }
 
-    /// Pixels of a region; they must fit its share of the buffer.
+    /// Size of a region in pixels; it must match its share of the buffer.
     fn region_size(&self, buffer: &Element, region: &Element) -> Result<[u32; 2], Fault> {
         let pixels = |element: &Element, name: &str| -> Result<Option<f64>, Fault> {
             let Some(count) = element.attribute_number(name)? else { return Ok(None) };
             if count.fract() != 0.0 || !(1.0..=65536.0).contains(&count) {
                 let place = format!("{} {name}", element.place);
-                return Err(Fault::new(place, format!("{count}"), "a number of pixels is needed"));
+                return Err(Fault::new(place, format!("{count}"), "must be a number of pixels"));
             }
             Ok(Some(count))
         };
@@ -168,12 +179,12 @@ impl Reader<'_> {
             let share = region.attribute_number(share)?.unwrap_or(1.0);
             if !(share > 0.0 && start >= -1e-6 && start + share <= 1.0 + 1e-6) {
                 let problem = format!("it covers {start} to {} of its buffer", start + share);
-                return Err(Fault::new(&region.place, problem, "a region lies within 0 to 1 of its buffer"));
+                return Err(Fault::new(&region.place, problem, "a region must lie within 0 to 1 of its buffer"));
             }
-            let of_buffer = pixels(buffer, resolution)?.map(|pixels| pixels * share);
-            match (pixels(region, resolution)?, of_buffer) {
+            let in_buffer = pixels(buffer, resolution)?.map(|pixels| pixels * share);
+            match (pixels(region, resolution)?, in_buffer) {
                 (Some(own), Some(shared)) if (own - shared).abs() > 1.0 => {
-                    let problem = format!("{resolution} = {own}, its share of the buffer is {shared}");
+                    let problem = format!("{resolution} = {own}, but its share of the buffer is {shared}");
                     return Err(Fault::new(&region.place, problem, "both must agree within a pixel"));
                 }
                 (Some(own), _) => size[axis] = own as u32,
@@ -199,7 +210,7 @@ impl Reader<'_> {
         let warp = fileset.child("geometryWarpFile")?;
         let (grid, screen) = match (profile, &warp) {
             (Profile::Frustum(_), None) => {
-                self.note(format!("region {name}: no warp map, the raster is the picture of its frustum"));
+                self.note(format!("region {name}: no warp map, so the raster is the picture of its frustum"));
                 let content = frustum_with_axes(&region.needed("frustum")?, self)?;
                 let columns_rows = [65, 65];
                 self.take_grid(columns_rows[0], columns_rows[1], &region.place)?;
@@ -207,23 +218,23 @@ impl Reader<'_> {
             }
             (Profile::Points(_), None) => {
                 let problem = "<geometryWarpFile> is missing";
-                return Err(Fault::new(&fileset.place, problem, "profiles a3 and sl have their points there"));
+                return Err(Fault::new(&fileset.place, problem, "profiles a3 and sl must have their points there"));
             }
             (_, Some(warp)) => {
                 let geometry = match profile {
                     Profile::Frustum(_) => {
                         self.note(
-                            "coordinates of content: u from 0 (left) to 1 (right), v from 0 (bottom) to 1 (top), as in a look-up of OpenGL",
+                            "coordinates of content: u from 0 (left) to 1 (right), v from 0 (bottom) to 1 (top), as in an OpenGL texture look-up",
                         );
                         self.note(
                             "frustum: yaw to the right, then pitch upwards, then roll clockwise as seen from behind",
                         );
                         let frustum = region.needed("frustum").map_err(|_| {
-                            let problem = "<frustum> is missing, so that its coordinates have no directions";
+                            let problem = "<frustum> is missing, so its coordinates have no directions";
                             Fault::new(
                                 &region.place,
                                 problem,
-                                "a region has the frustum of its picture, or points of the screen (a3, sl)",
+                                "a region must have the frustum of its picture, or points of the screen (a3, sl)",
                             )
                         })?;
                         Geometry::Picture(frustum_with_axes(&frustum, self)?)
@@ -239,8 +250,9 @@ impl Reader<'_> {
         Ok(Region { name, size_px, grid, alpha, beta, lut, screen })
     }
 
-    /// Where the points of `a3` and `sl` are seen from, and in which axes.
+    /// Eye point, origin and axes of the points of `a3` and `sl`.
     fn points(&mut self, region: &Element, warp: &Element) -> Result<Geometry, Fault> {
+        // Unit of the points, and the eye in this unit.
         let unit = warp.child_text("geometricUnit")?;
         let metres = match unit {
             Some("mm") => Some(1e-3),
@@ -252,12 +264,12 @@ impl Reader<'_> {
             Some("yd") => Some(0.9144),
             Some("unknown") => None,
             None => {
-                self.note("points: no unit is named, metres are taken");
+                self.note("points: no unit is specified, metres are assumed");
                 Some(1.0)
             }
             Some(other) => {
                 let problem = format!("geometricUnit `{}`", other.escape_debug());
-                return Err(Fault::new(&warp.place, problem, "mm, cm, dm, m, in, ft, yd and unknown are known"));
+                return Err(Fault::new(&warp.place, problem, "must be one of mm, cm, dm, m, in, ft, yd and unknown"));
             }
         };
         let eye_m = self.options.eye_m;
@@ -267,30 +279,32 @@ impl Reader<'_> {
             None => {
                 return Err(Fault::new(
                     &warp.place,
-                    "the unit of the points is unknown, and the eye is given in metres",
-                    "the unit must be named, or the eye be at the origin",
+                    "the unit of the points is unknown, but the eye is specified in metres",
+                    "the unit must be specified, or the eye must be at the origin",
                 ));
             }
         };
+        // Origin of the points: the eye is relative to it.
         let origin = warp.child_text("originOf3DData")?;
         match origin {
             Some("idealEyePoint") => {}
             Some("centerOfMass" | "floorCenter" | "unknown") | None => self.note(format!(
-                "the origin of the points is {}: that the eye lies at [{}, {}, {}] m from it (right, up, backwards) is taken from the options",
-                origin.unwrap_or("not named"),
+                "the origin of the points is {}: the eye is at [{}, {}, {}] m from it (right, up, backwards), from the options",
+                origin.unwrap_or("not specified"),
                 eye_m.x,
                 eye_m.y,
                 eye_m.z
             )),
             Some(other) => {
                 let problem = format!("originOf3DData `{}`", other.escape_debug());
-                let allowed = "centerOfMass, idealEyePoint, floorCenter and unknown are known";
+                let allowed = "must be one of centerOfMass, idealEyePoint, floorCenter and unknown";
                 return Err(Fault::new(&warp.place, problem, allowed));
             }
         }
         if let Some(unit) = unit {
             self.note(format!("points in the unit {unit}"));
         }
+        // Axes and origin: from the options, else from the coordinate frame, else the default.
         let frame = region.child("coordinateFrame")?;
         let position = match &frame {
             Some(frame) => vector(frame, "pos")?,
@@ -304,7 +318,7 @@ impl Reader<'_> {
             }
             (Axes::AsFormat, Some(frame)) => {
                 self.note(
-                    "axes of the points: those of coordinateFrame (pitch axis = right, yaw axis = down, roll axis = forward), its position is \
+                    "axes of the points: those of coordinateFrame (pitch axis = right, yaw axis = down, roll axis = forward), whose position is \
                      the origin",
                 );
                 frame_axes(frame)?
@@ -314,29 +328,31 @@ impl Reader<'_> {
                 DMat3::IDENTITY
             }
         };
-        // Of points without a unit the screen has none either.
+        // Without a unit of the points, the size of the screen is unknown too.
         Ok(Geometry::Points { dome_from_file, origin: position, eye, metres: metres.unwrap_or(1.0) })
     }
 
-    /// The warp map as directions, and the points that they lead to.
+    /// The warp map as directions, and the screen points from which they were computed.
     fn warp(
         &mut self,
         geometry: &Geometry,
         warp: &Element,
         archive: &mut Archive,
     ) -> Result<(Grid, Option<ScreenSums>), Fault> {
+        // Interpolation between samples.
         let interpolation = match warp.child_text("interpolation")? {
             Some("linear") => Interpolation::Linear,
             Some("smooth" | "unknown" | "") | None => Interpolation::Smooth,
             Some("keystone") => {
-                let reason = "interpolation `keystone` is not supported; linear, smooth and unknown are";
+                let reason = "interpolation `keystone` is not supported; only linear, smooth and unknown are";
                 return Err(Fault::refused(&warp.place, reason));
             }
             Some(other) => {
                 let problem = format!("interpolation `{}`", other.escape_debug());
-                return Err(Fault::new(&warp.place, problem, "linear, keystone, smooth and unknown are known"));
+                return Err(Fault::new(&warp.place, problem, "must be one of linear, smooth and unknown"));
             }
         };
+        // Decode the map.
         let path = warp.needed("path")?.text();
         let place = format!("entry `{}`", path.escape_debug());
         let bytes = archive.bytes(path)?;
@@ -345,7 +361,8 @@ impl Reader<'_> {
         let (columns, rows) = (plane.width, plane.height);
         self.take_grid(columns, rows, &place)?;
         let order = self.rows(RowOrder::BottomFirst, "PFM (Netpbm)");
-        self.note("samples of the warp map are centres of cells that fill the raster");
+        self.note("samples of the warp map are at the centres of cells that fill the raster");
+        // Convert each sample to a direction.
         let mut samples = Vec::with_capacity(columns * rows);
         let (mut known, mut outside) = (0_usize, 0_usize);
         let mut screen = ScreenSums::default();
@@ -364,7 +381,8 @@ impl Reader<'_> {
                     if u.is_nan() || v.is_nan() || error == 1.0 {
                         None
                     } else if !(u.is_finite() && v.is_finite()) || !(error.is_nan() || (0.0..=1.0).contains(&error)) {
-                        let allowed = "finite coordinates and an error from 0 to 1 (or NaN) are needed, NaN where nothing is known";
+                        let allowed =
+                            "must be finite coordinates and an error from 0 to 1 (or NaN); NaN for unknown samples";
                         return here(format!("[{u}, {v}, {error}]"), allowed);
                     } else {
                         known += 1;
@@ -378,11 +396,11 @@ impl Reader<'_> {
                     if point.is_nan() {
                         None
                     } else if !point.is_finite() {
-                        return here(format!("{point}"), "finite points are needed, NaN where nothing is known");
+                        return here(format!("{point}"), "must be finite points; NaN for unknown samples");
                     } else {
                         let from_eye = *dome_from_file * (point - *origin) - *eye;
                         let Some(direction) = from_eye.try_normalize() else {
-                            return here(format!("{point} is the eye point"), "points of the screen are needed");
+                            return here(format!("{point} is the eye point"), "must be points of the screen");
                         };
                         screen.add(from_eye * *metres);
                         Some(direction)
@@ -390,12 +408,13 @@ impl Reader<'_> {
                 }
             });
         }
+        // Refuse maps whose coordinates lie mostly outside of the picture: offsets or pixels.
         if outside > 0 {
             if outside * 2 > known {
                 return Err(Fault::new(
                     place,
                     format!("{outside} of {known} coordinates lie outside of 0 to 1"),
-                    "absolute coordinates in the picture are needed, no offsets and no pixels",
+                    "must be absolute coordinates in the picture, not offsets or pixels",
                 ));
             }
             self.note(format!(
@@ -411,7 +430,7 @@ impl Reader<'_> {
         let gamma = match element.child_text("gammaEmbedded")? {
             Some(_) => element.number("gammaEmbedded")?,
             None => {
-                self.note(format!("{kind}: no gammaEmbedded, linear is taken"));
+                self.note(format!("{kind}: no gammaEmbedded, linear is assumed"));
                 1.0
             }
         };
@@ -422,26 +441,26 @@ impl Reader<'_> {
         let decoded = mask::decode(&bytes, gamma, take).map_err(|fault| fault.within(&place))?;
         for (field, found) in [("componentDepth", decoded.components), ("bitDepth", decoded.bits)] {
             if element.child(field)?.is_some() {
-                let told = element.number(field)?;
-                if told != f64::from(found) {
-                    let problem = format!("{field} = {told}, the picture has {found}");
+                let declared = element.number(field)?;
+                if declared != f64::from(found) {
+                    let problem = format!("{field} = {declared}, but the picture has {found}");
                     return Err(Fault::new(&element.place, problem, "both must agree"));
                 }
             }
         }
         if decoded.coloured {
-            self.note(format!("{place}: it is coloured, its luminance is taken"));
+            self.note(format!("{place}: it is coloured, its luminance is used"));
         }
         Ok(Some(decoded.mask))
     }
 
     fn table(&mut self, name: &str, fileset: &Element, archive: &mut Archive) -> Result<Option<lut::Lut>, Fault> {
         let mut found = None;
-        // The one that corrects the projector's colours stands before those that change the coding.
+        // The table that corrects the projector's colours takes precedence over those that change the encoding.
         for kind in ["correctLUT", "colorCorrectLUT", "encodeLUT", "decodeLUT"] {
             let Some(element) = fileset.child(kind)? else { continue };
             if found.is_some() {
-                self.note(format!("region {name}: {kind} is not applied, there is another table"));
+                self.note(format!("region {name}: {kind} is not applied because there is another table"));
                 continue;
             }
             let path = element.needed("path")?.text();
@@ -454,7 +473,7 @@ impl Reader<'_> {
     }
 }
 
-/// Three numbers in elements that end with x, y and z.
+/// Reads three numbers from elements whose names end with x, y and z.
 fn vector(element: &Element, stem: &str) -> Result<DVec3, Fault> {
     let part = |axis: &str| element.number(&format!("{stem}{axis}"));
     Ok(DVec3::new(part("x")?, part("y")?, part("z")?))
@@ -474,7 +493,7 @@ fn frustum(element: &Element) -> Result<Content, Fault> {
     .map_err(|fault| fault.within(&element.place))
 }
 
-/// The same in dome axes.
+/// The picture of a frustum in dome axes.
 fn frustum_with_axes(element: &Element, reader: &mut Reader) -> Result<Content, Fault> {
     let content = frustum(element)?;
     let axes = &reader.options.axes;
@@ -488,7 +507,7 @@ fn frustum_with_axes(element: &Element, reader: &mut Reader) -> Result<Content, 
     Ok(content)
 }
 
-/// Takes points of the file to dome axes.
+/// Rotation from the axes of the file to dome axes.
 fn frame_axes(frame: &Element) -> Result<DMat3, Fault> {
     let (down, right, forward) = (vector(frame, "yaw")?, vector(frame, "pitch")?, vector(frame, "roll")?);
     let axes = DMat3::from_cols(right, -down, -forward);
@@ -497,7 +516,7 @@ fn frame_axes(frame: &Element) -> Result<DMat3, Fault> {
         return Err(Fault::new(
             &frame.place,
             format!("axes yaw {down}, pitch {right}, roll {forward}"),
-            "three unit vectors at right angles are needed, of which yaw points down: roll x pitch = yaw",
+            "must be three orthogonal unit vectors, with yaw pointing down: roll x pitch = yaw",
         ));
     }
     Ok(axes.transpose())

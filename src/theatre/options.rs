@@ -1,4 +1,4 @@
-//! What the caller of `read` can tell of a calibration: what a file leaves open, and where it is known to differ from its format.
+//! Options of `read`: information missing in a file, or overriding its format.
 
 use glam::{DMat3, DVec3};
 
@@ -7,19 +7,19 @@ use super::fault::Fault;
 /// Which row of a grid of samples comes first in the file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum RowOrder {
-    /// As the format says: the bottom one in PFM (Netpbm), the top one in OpenEXR.
+    /// As the format specifies: the bottom row in PFM (Netpbm), the top row in OpenEXR.
     #[default]
     AsFormat,
-    /// The top one of the raster.
+    /// The top row of the raster.
     TopFirst,
-    /// The bottom one of the raster.
+    /// The bottom row of the raster.
     BottomFirst,
 }
 
 /// Axes of the points or directions of a file.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Axes {
-    /// As the file or the format says.
+    /// As the file or the format specifies.
     #[default]
     AsFormat,
     /// Takes a vector of the file to dome axes (+x right, +y up, -z forward): see [`Axes::parse`].
@@ -27,20 +27,20 @@ pub enum Axes {
 }
 
 impl Axes {
-    /// An explicit map such as `x=x,y=z,z=-y`: each axis of the dome is an axis of the file or its opposite, each of them once. A map may
-    /// mirror.
+    /// Parses an explicit map such as `x=x,y=z,z=-y`: each axis of the dome is an axis of the file or its opposite,
+    /// each used once. A map may mirror.
     ///
     /// # Errors
     ///
-    /// What is wrong, and what is allowed.
+    /// The problem, and the valid form.
     pub fn parse(text: &str) -> Result<Self, String> {
         let bad = |problem: &str| {
             Err(format!(
-                "axes `{text}`: {problem}; allowed are three entries such as `x=x,y=z,z=-y`, every axis once on each side"
+                "axes `{text}`: {problem}; must be three entries such as `x=x,y=z,z=-y`, every axis once on each side"
             ))
         };
         let index = |name: &str| ["x", "y", "z"].iter().position(|axis| *axis == name);
-        // Rows: what makes each axis of the dome.
+        // Rows: the file's axis for each axis of the dome.
         let mut rows: [Option<DVec3>; 3] = [None; 3];
         let mut used = [false; 3];
         for entry in text.split(',') {
@@ -67,7 +67,7 @@ impl Axes {
         Ok(Self::Map(DMat3::from_cols(x, y, z).transpose()))
     }
 
-    /// Takes a vector of the file, whose axes are those of the dome unless the map says otherwise, to dome axes.
+    /// Rotation from the axes of the file to dome axes; the identity unless there is a map.
     pub(super) fn dome_from_file(&self) -> DMat3 {
         match self {
             Self::AsFormat => DMat3::IDENTITY,
@@ -75,10 +75,10 @@ impl Axes {
         }
     }
 
-    /// For notes.
-    pub(super) fn describe(&self, of_format: &str) -> String {
+    /// Description for notes.
+    pub(super) fn describe(&self, format_axes: &str) -> String {
         match self {
-            Self::AsFormat => format!("{of_format}, as the format says"),
+            Self::AsFormat => format!("{format_axes}, as the format specifies"),
             Self::Map(matrix) => {
                 let row = |i: usize| {
                     let row = matrix.row(i);
@@ -90,29 +90,30 @@ impl Axes {
                     };
                     (0..3).filter_map(part).collect::<Vec<_>>().join(" + ")
                 };
-                format!("x={},y={},z={}, as asked for", row(0), row(1), row(2))
+                format!("x={},y={},z={}, from the options", row(0), row(1), row(2))
             }
         }
     }
 }
 
-/// What a file leaves open, told by the caller.
+/// Information that the caller provides for a file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ReadOptions {
-    /// Name of the only region to read; all without it.
+    /// Name of the only region to read; `None` for all.
     pub region: Option<String>,
-    /// Width and height of the raster, pixels, where the file has none. Where it has one, they must agree; of a picture of directions this
-    /// replaces the picture's own size.
+    /// Width and height of the raster, pixels, if the file has none. If the file has one, they must agree; for a
+    /// picture of directions this replaces the picture's own size.
     pub size_px: Option<[u32; 2]>,
     /// The order of rows.
     pub rows: RowOrder,
     /// The axes of points and directions.
     pub axes: Axes,
-    /// The eye point, m, in dome axes from the origin of the file's points (and of its frame, if it names one).
+    /// The eye point, m, in dome axes, relative to the origin of the file's points (and of its frame, if it specifies
+    /// one).
     pub eye_m: DVec3,
     /// Field of view of a fisheye content that a mesh refers to, degrees.
     pub fov_deg: f64,
-    /// Angle by which the apex of that fisheye leans to the front, degrees.
+    /// Tilt of the apex of that fisheye to the front, degrees.
     pub tilt_deg: f64,
 }
 
@@ -131,41 +132,33 @@ impl Default for ReadOptions {
 }
 
 impl ReadOptions {
-    /// Refuses what no file can mend.
+    /// Checks the ranges of the options.
     pub(super) fn check(&self) -> Result<(), Fault> {
         let place = "options";
         if !(self.fov_deg > 0.0 && self.fov_deg <= 360.0) {
             return Err(Fault::new(
                 place,
                 format!("fov_deg = {}", self.fov_deg),
-                "more than 0 and at most 360 are allowed",
+                "must be more than 0 and at most 360",
             ));
         }
         if self.tilt_deg.is_nan() || self.tilt_deg.abs() > 180.0 {
-            return Err(Fault::new(place, format!("tilt_deg = {}", self.tilt_deg), "-180 to 180 are allowed"));
+            return Err(Fault::new(place, format!("tilt_deg = {}", self.tilt_deg), "must be between -180 and 180"));
         }
         if !(self.eye_m.abs().max_element() <= 1e6 && self.eye_m.is_finite()) {
-            return Err(Fault::new(
-                place,
-                format!("eye_m = {}", self.eye_m),
-                "at most 1e6 m along each axis are allowed",
-            ));
+            return Err(Fault::new(place, format!("eye_m = {}", self.eye_m), "must be at most 1e6 m along each axis"));
         }
         if let Axes::Map(matrix) = &self.axes
             && !(matrix.is_finite() && (*matrix * matrix.transpose()).abs_diff_eq(DMat3::IDENTITY, 1e-6))
         {
-            return Err(Fault::new(
-                place,
-                "axes: not orthonormal",
-                "three axes of length 1 at right angles are allowed",
-            ));
+            return Err(Fault::new(place, "axes: not orthonormal", "must be three orthogonal axes of length 1"));
         }
         Ok(())
     }
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
+#[allow(clippy::unwrap_used, reason = "a failed assumption of a test panics")]
 mod tests {
     use super::*;
 
@@ -173,9 +166,9 @@ mod tests {
     fn a_map_of_axes_takes_vectors_of_the_file_to_the_dome() {
         let axes = Axes::parse("x=-y, y=z, z=-x").unwrap();
         assert_eq!(axes.dome_from_file() * DVec3::new(1.0, 2.0, 3.0), DVec3::new(-2.0, 3.0, -1.0));
-        assert_eq!(axes.describe(""), "x=-y,y=z,z=-x, as asked for");
+        assert_eq!(axes.describe(""), "x=-y,y=z,z=-x, from the options");
         for wrong in ["", "x=x", "x=x,y=y,z=y", "x=x,x=y,z=z", "x=x,y=y,z=w", "x=x,y=y,z=--z", "x=x,y=y,z=z,x=x"] {
-            assert!(Axes::parse(wrong).unwrap_err().contains("allowed"), "{wrong}");
+            assert!(Axes::parse(wrong).unwrap_err().contains("must be three entries"), "{wrong}");
         }
     }
 }

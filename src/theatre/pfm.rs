@@ -1,9 +1,9 @@
-//! Portable float maps (PFM of Netpbm) with three floats a sample: a header of text, then f32 of the byte order that the sign of the scale
-//! tells (negative: little-endian).
+//! Portable float maps (PFM of Netpbm) with three floats per sample: a text header, then f32 values; the sign of the
+//! scale gives the byte order (negative: little-endian).
 
 use super::{MOST_SIDE, RowOrder, fault::Fault};
 
-/// A picture of three floats a sample, in the order of the file.
+/// A picture of three floats per sample, in the order of the file.
 pub(super) struct Plane {
     pub width: usize,
     pub height: usize,
@@ -11,7 +11,7 @@ pub(super) struct Plane {
 }
 
 impl Plane {
-    /// Column, row from the top and value of every sample, the top row first.
+    /// Column, row from the top and value of every sample, top row first.
     pub fn top_down(&self, order: RowOrder) -> impl Iterator<Item = (usize, usize, [f32; 3])> {
         (0..self.height).flat_map(move |row| {
             let in_file = if order == RowOrder::BottomFirst { self.height - 1 - row } else { row };
@@ -25,23 +25,23 @@ pub(super) fn is_pfm(bytes: &[u8]) -> bool {
     matches!(bytes, [b'P', b'F' | b'f', end, ..] if end.is_ascii_whitespace())
 }
 
-/// The next word of a header of text, and one white space after it.
+/// The next word of a text header; also consumes one whitespace character after it.
 fn word<'a>(bytes: &mut &'a [u8]) -> Option<&'a str> {
     let text = bytes.trim_ascii_start();
-    // A header's numbers are short; what is longer is none.
+    // The numbers of a header are short; longer words are invalid.
     let end = text.iter().take(64).position(u8::is_ascii_whitespace)?;
     *bytes = &text[end + 1..];
     std::str::from_utf8(&text[..end]).ok()
 }
 
-/// Reads a map of three floats a sample.
+/// Reads a map of three floats per sample.
 pub(super) fn decode(bytes: &[u8]) -> Result<Plane, Fault> {
     let mut rest = bytes;
     let bad = |problem: String, allowed: &str| Fault::new("PFM header", problem, allowed);
     match word(&mut rest) {
         Some("PF") => {}
-        Some("Pf") => return Err(bad("one float a sample (Pf)".to_owned(), "three floats a sample (PF) are needed")),
-        _ => return Err(bad("it does not begin with PF".to_owned(), "PF, width, height and scale are needed")),
+        Some("Pf") => return Err(bad("one float per sample (Pf)".to_owned(), "must be three floats per sample (PF)")),
+        _ => return Err(bad("it does not begin with PF".to_owned(), "must have PF, width, height and scale")),
     }
     let mut side = |name: &str| {
         let word = word(&mut rest);
@@ -49,7 +49,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Plane, Fault> {
             || {
                 bad(
                     format!("{name} `{}`", word.unwrap_or_default()),
-                    &format!("a number from 1 to {MOST_SIDE} is needed"),
+                    &format!("must be a number from 1 to {MOST_SIDE}"),
                 )
             },
         )
@@ -60,8 +60,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Plane, Fault> {
         Some(-1.0) => true,
         Some(1.0) => false,
         _ => {
-            let allowed =
-                "-1 (little-endian) and 1 (big-endian) are allowed: values are absolute, and no factor is applied";
+            let allowed = "must be -1 (little-endian) or 1 (big-endian): values are absolute, and no factor is applied";
             return Err(bad(format!("scale `{}`", scale.unwrap_or_default()), allowed));
         }
     };
@@ -71,7 +70,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Plane, Fault> {
         return Err(Fault::new(
             "PFM samples",
             problem,
-            format!("{width} x {height} samples of three floats take {expected}"),
+            format!("{width} x {height} samples of three floats must have {expected}"),
         ));
     }
     let number = |four: &[u8]| {

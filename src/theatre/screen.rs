@@ -1,12 +1,12 @@
-//! The sphere that the points of a screen lie on, by least squares.
+//! Fits a sphere to the points of a screen, by least squares.
 
 use glam::{DMat3, DMat4, DVec3, DVec4};
 
-/// Sums over points of a screen: those of several projectors are added.
+/// Sums over points of a screen; those of several projectors can be added.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ScreenSums {
     count: f64,
-    /// Of p, of p p^T, of |p|^2 p and of |p|^2 and |p|^4.
+    /// Sums of p, of p p^T, of |p|^2 p, of |p|^2 and of |p|^4.
     first: DVec3,
     second: DMat3,
     third: DVec3,
@@ -17,16 +17,16 @@ pub struct ScreenSums {
 /// A sphere.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sphere {
-    /// Its middle, m.
+    /// Its centre, m.
     pub centre_m: DVec3,
     /// Its radius, m.
     pub radius_m: f64,
-    /// Root of the mean square of the distance of the points to it, m.
+    /// Root mean square distance of the points from it, m.
     pub rough_m: f64,
 }
 
 impl Default for ScreenSums {
-    /// No points. A matrix by default is no sum of nothing: it is the identity.
+    /// No points. Explicit, because the default of a matrix is the identity and not zero.
     fn default() -> Self {
         let zero = DVec3::ZERO;
         Self { count: 0.0, first: zero, second: DMat3::ZERO, third: zero, squares: 0.0, fourth: 0.0 }
@@ -45,7 +45,7 @@ impl ScreenSums {
         self.fourth += square * square;
     }
 
-    /// Adds the points of another one in the same axes.
+    /// Adds the points of another sum in the same axes.
     pub fn merge(&mut self, other: &Self) {
         self.count += other.count;
         self.first += other.first;
@@ -55,7 +55,7 @@ impl ScreenSums {
         self.fourth += other.fourth;
     }
 
-    /// The same points in axes that a rotation takes them to.
+    /// The same points in rotated axes.
     #[must_use]
     pub fn turned(&self, rotation: DMat3) -> Self {
         Self {
@@ -66,7 +66,8 @@ impl ScreenSums {
         }
     }
 
-    /// The sphere |p|^2 = 2 c p + k that fits best in the least squares of that equation; `None`: the points lie in a plane, or are too few.
+    /// The sphere |p|^2 = 2 c p + k that minimises the squared residuals of that equation; `None` if the points are
+    /// coplanar or too few.
     pub fn sphere(&self) -> Option<Sphere> {
         if self.count < 4.0 {
             return None;
@@ -77,7 +78,7 @@ impl ScreenSums {
         let first = self.first * 2.0 / self.count;
         let matrix = DMat4::from_cols(x.extend(first.x), y.extend(first.y), z.extend(first.z), first.extend(1.0));
         let size = mean(self.squares);
-        // Without a third dimension the determinant is that of rounding.
+        // For coplanar points the determinant is only rounding error.
         if matrix.determinant().abs() < 1e-9 * size.powi(3) {
             return None;
         }
@@ -85,7 +86,7 @@ impl ScreenSums {
         let solution: DVec4 = matrix.inverse() * right;
         let (centre_m, k) = (solution.truncate(), solution.w);
         let radius_m = (k + centre_m.length_squared()).sqrt();
-        // The mean square of |p|^2 - 2 c p - k is that of 2 r times the distance.
+        // The residual |p|^2 - 2 c p - k is about 2 r times the distance.
         let [c, s] = [centre_m, self.first / self.count];
         let square = mean(self.fourth) - 4.0 * c.dot(self.third) / self.count - 2.0 * k * size
             + 4.0 * c.dot(self.second * c) / self.count
@@ -97,7 +98,7 @@ impl ScreenSums {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
+#[allow(clippy::unwrap_used, reason = "a failed assumption of a test panics")]
 mod tests {
     use super::*;
 
@@ -114,7 +115,7 @@ mod tests {
     }
 
     #[test]
-    fn a_cap_has_its_sphere_back() {
+    fn the_sphere_of_a_cap_is_recovered() {
         for (noise_m, allowed) in [(0.0, 1e-6), (0.05, 3e-3)] {
             let mut halves = [ScreenSums::default(), ScreenSums::default()];
             let turn = DMat3::from_rotation_y(0.7);
@@ -133,7 +134,7 @@ mod tests {
     }
 
     #[test]
-    fn a_plane_has_none() {
+    fn a_plane_has_no_sphere() {
         let mut sums = ScreenSums::default();
         for n in 0..100 {
             sums.add(DVec3::new(f64::from(n % 10), f64::from(n / 10), -3.0));

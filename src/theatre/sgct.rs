@@ -1,7 +1,8 @@
 //! Configurations of SGCT in JSON: a region for each viewport, with its projection, mesh and masks.
 //!
-//! A viewport is drawn with its projection, then its mesh warps that picture, then blend mask and black level are applied. The raster is the
-//! viewport's part of the window. Directions are those of the projection in the room's axes (+x right, +y up, -z forward).
+//! SGCT draws a viewport with its projection, then warps that picture with the mesh, then applies blend mask and black
+//! level. The raster is the viewport's part of the window. Directions are those of the projection in the room's axes
+//! (+x right, +y up, -z forward).
 
 use std::path::{Component, Path};
 
@@ -19,12 +20,12 @@ use super::{
 };
 use crate::files;
 
-/// Bytes of a configuration, at most.
+/// Maximum size of a configuration, bytes.
 const MOST_TEXT: usize = 16 << 20;
-/// Columns and rows of a viewport without a mesh.
+/// Columns and rows of the grid of a viewport without a mesh.
 const PLAIN: [usize; 2] = [65, 65];
 
-/// A value with its place for messages. Keys are found without regard to capital letters.
+/// A value with its location for messages. Keys are case-insensitive.
 #[derive(Clone)]
 struct Field<'a> {
     value: &'a Value,
@@ -34,12 +35,12 @@ struct Field<'a> {
 impl<'a> Field<'a> {
     fn get(&self, key: &str) -> Result<Option<Self>, Fault> {
         let Value::Object(map) = self.value else {
-            return Err(Fault::new(&self.place, "it is no object", "an object is needed"));
+            return Err(Fault::new(&self.place, "not an object", "must be an object"));
         };
         let mut found = map.iter().filter(|(name, _)| name.eq_ignore_ascii_case(key));
         let place = if self.place.is_empty() { key.to_owned() } else { format!("{}.{key}", self.place) };
         match (found.next(), found.next()) {
-            (Some(_), Some(_)) => Err(Fault::new(place, "it occurs twice", "one is allowed")),
+            (Some(_), Some(_)) => Err(Fault::new(place, "it occurs twice", "must occur once")),
             (Some((_, value)), None) if !value.is_null() => Ok(Some(Self { value, place })),
             _ => Ok(None),
         }
@@ -47,27 +48,27 @@ impl<'a> Field<'a> {
 
     fn needed(&self, key: &str) -> Result<Self, Fault> {
         let place = if self.place.is_empty() { "configuration" } else { &self.place };
-        self.get(key)?.ok_or_else(|| Fault::new(place, format!("`{key}` is missing"), "it is needed"))
+        self.get(key)?.ok_or_else(|| Fault::new(place, format!("`{key}` is missing"), "it is required"))
     }
 
     fn number(&self) -> Result<f64, Fault> {
         self.value
             .as_f64()
             .filter(|number| number.is_finite())
-            .ok_or_else(|| Fault::new(&self.place, "it is no number", "a finite number is needed"))
+            .ok_or_else(|| Fault::new(&self.place, "not a number", "must be a finite number"))
     }
 
-    fn number_of(&self, key: &str) -> Result<Option<f64>, Fault> {
+    fn optional_number(&self, key: &str) -> Result<Option<f64>, Fault> {
         self.get(key)?.map(|field| field.number()).transpose()
     }
 
     fn text(&self) -> Result<&'a str, Fault> {
-        self.value.as_str().ok_or_else(|| Fault::new(&self.place, "it is no text", "a text is needed"))
+        self.value.as_str().ok_or_else(|| Fault::new(&self.place, "not a text", "must be a text"))
     }
 
     fn list(&self) -> Result<Vec<Self>, Fault> {
         let Value::Array(values) = self.value else {
-            return Err(Fault::new(&self.place, "it is no list", "a list is needed"));
+            return Err(Fault::new(&self.place, "not a list", "must be a list"));
         };
         Ok(values.iter().enumerate().map(|(i, value)| Self { value, place: format!("{}[{i}]", self.place) }).collect())
     }
@@ -82,10 +83,10 @@ impl<'a> Field<'a> {
 
     /// A quaternion, or yaw, pitch and roll in degrees.
     fn rotation(&self) -> Result<DMat3, Fault> {
-        let of = |keys: &[&str]| -> Result<Option<Vec<f64>>, Fault> {
+        let numbers = |keys: &[&str]| -> Result<Option<Vec<f64>>, Fault> {
             let found: Vec<f64> = keys
                 .iter()
-                .map(|key| self.number_of(key))
+                .map(|key| self.optional_number(key))
                 .collect::<Result<Vec<_>, _>>()?
                 .into_iter()
                 .flatten()
@@ -93,12 +94,10 @@ impl<'a> Field<'a> {
             match found.len() {
                 0 => Ok(None),
                 n if n == keys.len() => Ok(Some(found)),
-                _ => {
-                    Err(Fault::new(&self.place, "a part is missing", format!("all of {} are needed", keys.join(", "))))
-                }
+                _ => Err(Fault::new(&self.place, "a part is missing", format!("must have all of {}", keys.join(", ")))),
             }
         };
-        match (of(&["yaw", "pitch", "roll"])?, of(&["x", "y", "z", "w"])?) {
+        match (numbers(&["yaw", "pitch", "roll"])?, numbers(&["x", "y", "z", "w"])?) {
             (Some(angles), None) => {
                 let [yaw, pitch, roll] = [angles[0], angles[1], angles[2]].map(f64::to_radians);
                 Ok(yaw_pitch_roll(yaw, pitch, roll))
@@ -107,46 +106,46 @@ impl<'a> Field<'a> {
                 let quaternion = DQuat::from_xyzw(parts[0], parts[1], parts[2], parts[3]);
                 if quaternion.length().is_nan() || (quaternion.length() - 1.0).abs() >= 1e-3 {
                     let problem = format!("it has the length {}", quaternion.length());
-                    return Err(Fault::new(&self.place, problem, "a unit quaternion is needed"));
+                    return Err(Fault::new(&self.place, problem, "must be a unit quaternion"));
                 }
                 Ok(DMat3::from_quat(quaternion.normalize()))
             }
             _ => Err(Fault::new(
                 &self.place,
                 "neither yaw, pitch and roll nor a quaternion",
-                "yaw, pitch and roll in degrees, or x, y, z and w, are needed",
+                "must have yaw, pitch and roll in degrees, or x, y, z and w",
             )),
         }
     }
 }
 
-/// A viewport on its window.
+/// A viewport within its window.
 struct Area {
-    /// Of its lower left corner and its size, as shares of the window.
+    /// Position of its lower left corner and its size, relative to the window.
     position: DVec2,
     size: DVec2,
     size_px: [u32; 2],
     aspect: f64,
 }
 
-/// What is drawn in a viewport.
+/// The picture of a viewport.
 struct Drawn {
     content: Content,
     /// Whether it is a fisheye, which may need a mask around its circle.
     round: bool,
-    /// Whether the mesh's values are places in the picture, also in a PFM.
+    /// Whether the values of the mesh are positions in the picture, also in a PFM.
     texture_mapped: bool,
 }
 
 impl Reader<'_> {
     pub(super) fn sgct(&mut self, bytes: &[u8]) -> Result<Vec<Region>, Fault> {
         if bytes.len() > MOST_TEXT {
-            let allowed = format!("a configuration has at most {MOST_TEXT} bytes");
+            let allowed = format!("a configuration must have at most {MOST_TEXT} bytes");
             return Err(Fault::new("JSON", format!("{} bytes", bytes.len()), allowed));
         }
         let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
         let value: Value = serde_json::from_slice(bytes)
-            .map_err(|error| Fault::new("JSON", error.to_string(), "a configuration of SGCT in JSON is needed"))?;
+            .map_err(|error| Fault::new("JSON", error.to_string(), "must be a configuration of SGCT in JSON"))?;
         let root = Field { value: &value, place: String::new() };
         let nodes = root.needed("nodes")?.list()?;
         let users = root.get("users")?.map(|users| users.list()).transpose()?.unwrap_or_default();
@@ -158,7 +157,7 @@ impl Reader<'_> {
                 for (v, viewport) in viewports.iter().enumerate() {
                     let name = format!("{n}/{w}/{v}");
                     if names.len() == MOST_REGIONS {
-                        let allowed = format!("at most {MOST_REGIONS} are read");
+                        let allowed = format!("must be at most {MOST_REGIONS}");
                         return Err(Fault::new(&viewport.place, "too many viewports", allowed));
                     }
                     if self.wants(&name, &name) {
@@ -170,7 +169,7 @@ impl Reader<'_> {
         }
         if regions.is_empty() {
             let wanted = self.options.region.as_deref().unwrap_or("any");
-            let allowed = format!("node/window/viewport, each from 0: there are {}", names.join(", "));
+            let allowed = format!("must be node/window/viewport, each from 0: one of {}", names.join(", "));
             return Err(Fault::new("nodes", format!("no viewport `{}`", wanted.escape_debug()), allowed));
         }
         self.note("axes of the room: +x right, +y up, -z forward");
@@ -186,7 +185,7 @@ impl Reader<'_> {
             if let Some(mirror) = window.get(key)?
                 && mirror.value != &Value::Bool(false)
             {
-                return Err(Fault::new(mirror.place, "a mirrored window", "false is read"));
+                return Err(Fault::new(mirror.place, "a mirrored window", "must be false"));
             }
         }
         if let Some(stereo) = window.get("stereo")?
@@ -195,11 +194,11 @@ impl Reader<'_> {
             return Err(Fault::new(
                 &stereo.place,
                 format!("`{}`", stereo.text()?.escape_debug()),
-                "one eye (none) is read",
+                "only one eye (none) is supported",
             ));
         }
         let area = self.area(window, viewport)?;
-        let mesh = self.beside(viewport.get("mesh")?)?;
+        let mesh = self.referenced_file(viewport.get("mesh")?)?;
         let is_bourke = mesh.as_ref().is_some_and(|(_, bytes)| mesh_files::kind(bytes) == Some(Kind::Bourke));
         let projection = viewport.needed("projection")?;
         let eye = self.eye(viewport, users)?;
@@ -210,15 +209,15 @@ impl Reader<'_> {
                 self.take_grid(PLAIN[0], PLAIN[1], place)?;
                 (sampled(&drawn.content, PLAIN), self.circle(&drawn, &area, place)?)
             }
-            Some((place, bytes)) => self.meshed(&drawn, &area, place, bytes).map_err(|fault| fault.within(place))?,
+            Some((place, bytes)) => self.mesh_grid(&drawn, &area, place, bytes).map_err(|fault| fault.within(place))?,
         };
         let blend = self.masked(viewport.get("blendmask")?)?;
         let alpha = match (blend, intensities) {
             (Some(_), Some(_)) => {
                 return Err(Fault::new(
                     &viewport.place,
-                    "a blend mask beside intensities of the mesh or the rim of a fisheye",
-                    "one mask can be applied: set the intensities to 1, or leave the blend mask out",
+                    "a blend mask together with mesh intensities or the rim of a fisheye",
+                    "only one mask can be applied: set the intensities to 1, or omit the blend mask",
                 ));
             }
             (blend, intensities) => blend.or(intensities),
@@ -235,25 +234,25 @@ impl Reader<'_> {
             && (position + size).max_element() <= 1.0 + 1e-6)
         {
             let problem = format!("it covers {position} to {} of its window", position + size);
-            return Err(Fault::new(&viewport.place, problem, "a viewport lies within 0 to 1 of its window"));
+            return Err(Fault::new(&viewport.place, problem, "a viewport must lie within 0 to 1 of its window"));
         }
         let pixels = match (window.get("res")?, window.get("size")?) {
             (Some(field), _) | (None, Some(field)) => {
                 let pixels = field.pair()?;
                 if !(pixels.min_element() >= 1.0 && pixels.max_element() <= 65536.0) || pixels.fract() != DVec2::ZERO {
-                    return Err(Fault::new(field.place, format!("{pixels}"), "numbers of pixels are needed"));
+                    return Err(Fault::new(field.place, format!("{pixels}"), "must be numbers of pixels"));
                 }
                 Some(pixels * size)
             }
             (None, None) => None,
         };
-        let of_file = pixels.map(|pixels| pixels.to_array().map(|side| (side.round() as u32).max(1)));
-        let size_px = self.size_px(of_file, &viewport.place)?;
+        let file_size = pixels.map(|pixels| pixels.to_array().map(|side| (side.round() as u32).max(1)));
+        let size_px = self.size_px(file_size, &viewport.place)?;
         let aspect = pixels.map_or(f64::from(size_px[0]) / f64::from(size_px[1]), |pixels| pixels.x / pixels.y);
         Ok(Area { position, size, size_px, aspect })
     }
 
-    /// Where the eye is: of the viewport's user, or of the options.
+    /// Position of the eye: from the viewport's user, or from the options.
     fn eye(&mut self, viewport: &Field, users: &[Field]) -> Result<DVec3, Fault> {
         let user = match viewport.get("user")? {
             None => users.first().cloned(),
@@ -269,7 +268,7 @@ impl Reader<'_> {
                 }
                 Some(found.ok_or_else(|| {
                     let problem = format!("no user `{}`", name.escape_debug());
-                    Fault::new(&wanted.place, problem, "one of `users` is needed")
+                    Fault::new(&wanted.place, problem, "must be one of `users`")
                 })?)
             }
         };
@@ -277,26 +276,26 @@ impl Reader<'_> {
             Some(user) => user.get("pos")?.map(|position| Ok((position.vector()?, position.place))).transpose()?,
             None => None,
         };
-        let asked = self.options.eye_m;
+        let requested = self.options.eye_m;
         match position {
-            Some((position, place)) if asked != DVec3::ZERO && !asked.abs_diff_eq(position, 1e-9) => {
-                let problem = format!("the eye is at {position} in the file and at {asked} in the options");
-                Err(Fault::new(place, problem, "leave one out, or let them agree"))
+            Some((position, place)) if requested != DVec3::ZERO && !requested.abs_diff_eq(position, 1e-9) => {
+                let problem = format!("the eye is at {position} in the file and at {requested} in the options");
+                Err(Fault::new(place, problem, "omit one, or make them equal"))
             }
             Some((position, _)) => {
-                self.note(format!("eye: that of the file's user, at {position} m"));
+                self.note(format!("eye: from the user in the file, at {position} m"));
                 Ok(position)
             }
             None => {
-                self.note(format!("eye: at {asked} m, the file names none"));
-                Ok(asked)
+                self.note(format!("eye: at {requested} m, the file does not specify it"));
+                Ok(requested)
             }
         }
     }
 
     fn projection(&mut self, field: &Field, area: &Area, eye: DVec3, is_bourke: bool) -> Result<Drawn, Fault> {
         let kind = field.needed("type")?;
-        let known = "planar, projectionplane, fisheye and texturemapped are read";
+        let known = "must be one of planar, projectionplane, fisheye and texturemapped";
         let name = kind.text()?.to_ascii_lowercase();
         let name = name.strip_suffix("projection").unwrap_or(&name);
         let drawn = |content: Content| Drawn { content, round: false, texture_mapped: name == "texturemapped" };
@@ -317,19 +316,19 @@ impl Reader<'_> {
                             .as_object()
                             .is_none_or(|map| map.values().any(|value| value.as_f64() != Some(0.0)))
                     {
-                        return Err(Fault::new(part.place, format!("a fisheye with {key}"), "only zeros are read"));
+                        return Err(Fault::new(part.place, format!("a fisheye with {key}"), "must be zeros"));
                     }
                 }
-                let fov_deg = field.number_of("fov")?.unwrap_or(180.0);
-                let tilt_deg = field.number_of("tilt")?.unwrap_or(0.0);
+                let fov_deg = field.optional_number("fov")?.unwrap_or(180.0);
+                let tilt_deg = field.optional_number("tilt")?.unwrap_or(0.0);
                 let keep = match field.get("keepaspectratio")? {
                     None => true,
                     Some(keep) => keep
                         .value
                         .as_bool()
-                        .ok_or_else(|| Fault::new(&keep.place, "neither true nor false", "one of them is needed"))?,
+                        .ok_or_else(|| Fault::new(&keep.place, "neither true nor false", "must be one of them"))?,
                 };
-                // A mesh of Paul Bourke's has coordinates in a square picture.
+                // A mesh by Paul Bourke has coordinates in a square picture.
                 let radius =
                     if keep && !is_bourke { [(1.0 / area.aspect).min(1.0), area.aspect.min(1.0)] } else { [1.0; 2] };
                 self.note(format!(
@@ -341,11 +340,11 @@ impl Reader<'_> {
             }
             "sphericalmirror" => Err(Fault::refused(
                 format!("{}: a spherical mirror", field.place),
-                "its meshes are of four pictures whose directions the file does not tell; export one mesh of a fisheye (Paul Bourke's .data)",
+                "its meshes refer to four pictures whose directions the file does not contain; export one mesh of a fisheye (Paul Bourke's .data)",
             )),
             "cubemap" | "cylindrical" | "equirectangular" => Err(Fault::refused(
                 format!("{}: the projection `{name}`", field.place),
-                format!("it shows all around and is no projector's; {known}"),
+                format!("it shows all directions and is not a projector; {known}"),
             )),
             other => Err(Fault::new(&kind.place, format!("`{}`", other.escape_debug()), known)),
         }
@@ -367,26 +366,32 @@ impl Reader<'_> {
         Ok(Some(Mask { width: width as usize, height: height as usize, values: inside.collect(), levels: 65535 }))
     }
 
-    fn meshed(&mut self, drawn: &Drawn, area: &Area, place: &str, bytes: &[u8]) -> Result<(Grid, Option<Mask>), Fault> {
+    fn mesh_grid(
+        &mut self,
+        drawn: &Drawn,
+        area: &Area,
+        place: &str,
+        bytes: &[u8],
+    ) -> Result<(Grid, Option<Mask>), Fault> {
         if pfm::is_pfm(bytes) {
-            return Ok((self.mesh_of_pfm(drawn, bytes)?, None));
+            return Ok((self.pfm_grid(drawn, bytes)?, None));
         }
         if let Some((what, reason)) = refused(Path::new(place), bytes) {
             return Err(Fault::refused(what, reason));
         }
         let Some(kind) = mesh_files::kind(bytes) else {
-            let allowed = "Paul Bourke's .data, .sgc, OBJ, CSV and PFM are read";
-            return Err(Fault::new("mesh", "no known format by its first bytes", allowed));
+            let allowed = "must be one of Paul Bourke's .data, .sgc, OBJ, CSV and PFM";
+            return Err(Fault::new("mesh", "the first bytes match no known format", allowed));
         };
         let mut loaded = load(kind, bytes, area.aspect)?;
         if let Some(mapping) = loaded.mapping
             && (mapping == 2) != drawn.round
         {
-            let problem = format!("a mesh for mapping {mapping} of Paul Bourke's");
-            return Err(Fault::new("mesh", problem, "mapping 2 goes with a fisheye, and a fisheye with mapping 2"));
+            let problem = format!("a mesh by Paul Bourke for mapping {mapping}");
+            return Err(Fault::new("mesh", problem, "a fisheye requires mapping 2, and mapping 2 a fisheye"));
         }
         if kind == Kind::Obj {
-            self.note("OBJ meshes have places and coordinates in the whole window");
+            self.note("OBJ meshes have positions and coordinates relative to the whole window");
             for node in &mut loaded.mesh.nodes {
                 node.place = (node.place - area.position) / area.size;
                 node.content = (node.content - area.position) / area.size;
@@ -395,14 +400,10 @@ impl Reader<'_> {
         self.note_reach(&loaded.mesh);
         let content = match loaded.content {
             Some(_) if drawn.round => {
-                return Err(Fault::new(
-                    "mesh",
-                    "an .sgc mesh with a frustum of its own",
-                    "it goes with a planar projection",
-                ));
+                return Err(Fault::new("mesh", "an .sgc mesh with its own frustum", "it requires a planar projection"));
             }
             Some(content) => {
-                self.note("an .sgc mesh brings its own frustum, which replaces that of the viewport");
+                self.note("an .sgc mesh has its own frustum, which replaces that of the viewport");
                 content
             }
             None => drawn.content.clone(),
@@ -410,17 +411,17 @@ impl Reader<'_> {
         self.warped(&loaded.mesh, &content, area.size_px, "mesh")
     }
 
-    /// A PFM of places in the picture, at nodes from edge to edge.
-    fn mesh_of_pfm(&mut self, drawn: &Drawn, bytes: &[u8]) -> Result<Grid, Fault> {
+    /// A PFM of positions in the picture, at nodes from edge to edge.
+    fn pfm_grid(&mut self, drawn: &Drawn, bytes: &[u8]) -> Result<Grid, Fault> {
         if !drawn.texture_mapped {
-            let reason = "of projections that are not texturemapped it holds places on the raster for two eyes";
+            let reason = "for projections other than texturemapped it contains positions on the raster for two eyes";
             return Err(Fault::refused("a PFM as mesh", reason));
         }
         let plane = pfm::decode(bytes)?;
         let (columns, rows) = (plane.width, plane.height);
         self.take_grid(columns, rows, "PFM")?;
-        let order = self.rows(RowOrder::TopFirst, "a PFM as mesh of SGCT, which takes them in the file's order");
-        self.note("nodes of a PFM as mesh lie from edge to edge of the raster; u to the right, v upwards, the third value is not used");
+        let order = self.rows(RowOrder::TopFirst, "a PFM as mesh of SGCT, which reads them in the order of the file");
+        self.note("nodes of a PFM mesh extend from edge to edge of the raster; u to the right, v upwards, the third value is ignored");
         let mut samples = Vec::with_capacity(columns * rows);
         let (mut known, mut outside) = (0_usize, 0_usize);
         for (column, row, [u, v, _]) in plane.top_down(order) {
@@ -430,7 +431,7 @@ impl Reader<'_> {
                 return Err(Fault::new(
                     place,
                     format!("[{u}, {v}]"),
-                    "finite coordinates are needed, NaN where nothing is known",
+                    "must be finite coordinates; NaN for unknown samples",
                 ));
             }
             let direction = if u.is_nan() || v.is_nan() { None } else { drawn.content.direction(u, v) };
@@ -440,7 +441,7 @@ impl Reader<'_> {
         }
         if outside * 2 > known {
             let problem = format!("{outside} of {known} coordinates lie outside of 0 to 1");
-            return Err(Fault::new("PFM", problem, "absolute coordinates in the picture are needed, no offsets"));
+            return Err(Fault::new("PFM", problem, "must be absolute coordinates in the picture, not offsets"));
         }
         if outside > 0 {
             self.note(format!("PFM: {outside} of {known} coordinates lie outside of 0 to 1: no light is sent there"));
@@ -449,27 +450,28 @@ impl Reader<'_> {
     }
 
     fn masked(&mut self, field: Option<Field>) -> Result<Option<Mask>, Fault> {
-        let Some((place, bytes)) = self.beside(field)? else { return Ok(None) };
+        let Some((place, bytes)) = self.referenced_file(field)? else { return Ok(None) };
         let take = &mut |width, height| self.take_mask(width, height, "size");
         let decoded = mask::decode(&bytes, DISPLAY_GAMMA, take).map_err(|fault| fault.within(&place))?;
         if decoded.coloured {
-            self.note(format!("{place}: it is coloured, its luminance is taken"));
+            self.note(format!("{place}: it is coloured, its luminance is used"));
         }
         self.note(format!(
-            "masks multiply the display's codes: the factor on the light is their power {DISPLAY_GAMMA}, and the black level is taken the same way"
+            "masks multiply the display codes: the factor on the light is the mask to the power {DISPLAY_GAMMA}, and the black level is treated in the same way"
         ));
         Ok(Some(decoded.mask))
     }
 
-    /// A file that a field names, in the configuration's folder or below it; its name and content.
-    fn beside(&self, field: Option<Field>) -> Result<Option<(String, Vec<u8>)>, Fault> {
+    /// Reads the file that a field refers to, in the configuration's folder or below it; returns its location for
+    /// messages, and its content.
+    fn referenced_file(&self, field: Option<Field>) -> Result<Option<(String, Vec<u8>)>, Fault> {
         let Some(field) = field else { return Ok(None) };
         let name = field.text()?;
         if name.is_empty() {
             return Ok(None);
         }
         let place = format!("{} = `{}`", field.place, name.escape_debug());
-        let allowed = "a regular file in the configuration's folder or below it, of at most 1 GiB, is needed: no absolute path and no `..`";
+        let allowed = "must be a regular file in the configuration's folder or below it, of at most 1 GiB, without an absolute path or `..`";
         let portable = name.replace('\\', "/");
         let relative = Path::new(&portable);
         let inside = relative.components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir));
@@ -483,29 +485,29 @@ impl Reader<'_> {
     }
 }
 
-/// The picture of a planar projection. Its plane stands at a distance from the room's origin, not from the eye.
+/// The picture of a planar projection. Its plane is at a distance from the room's origin, not from the eye.
 fn planar(field: &Field, eye: DVec3) -> Result<Content, Fault> {
     let fov = field.needed("fov")?;
     let edge = |single: &str, whole: &str| -> Result<f64, Fault> {
-        match (fov.number_of(single)?, fov.number_of(whole)?) {
+        match (fov.optional_number(single)?, fov.optional_number(whole)?) {
             (Some(edge), _) => Ok(edge.to_radians()),
             (None, Some(whole)) => Ok((whole / 2.0).to_radians()),
             (None, None) => Err(Fault::new(
                 &fov.place,
                 format!("neither `{single}` nor `{whole}`"),
-                "one of them is needed, in degrees",
+                "must have one of them, in degrees",
             )),
         }
     };
     let (left, right) = (-edge("left", "hfov")?, edge("right", "hfov")?);
     let (down, up) = (-edge("down", "vfov")?, edge("up", "vfov")?);
     let rotation = field.get("orientation")?.map_or(Ok(DMat3::IDENTITY), |orientation| orientation.rotation())?;
-    let distance = match (field.number_of("distance")?, fov.number_of("distance")?) {
+    let distance = match (field.optional_number("distance")?, fov.optional_number("distance")?) {
         (Some(distance), _) | (None, Some(distance)) => distance,
         (None, None) => 10.0,
     };
     if distance <= 0.0 {
-        return Err(Fault::new(&field.place, format!("distance = {distance}"), "more than 0 is needed"));
+        return Err(Fault::new(&field.place, format!("distance = {distance}"), "must be more than 0"));
     }
     let offset = field.get("offset")?.map_or(Ok(DVec3::ZERO), |offset| offset.vector())?;
     let content = Content::frustum(left, right, down, up, rotation).map_err(|fault| fault.within(&fov.place))?;

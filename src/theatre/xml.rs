@@ -1,19 +1,19 @@
-//! Bounded XML whose names of elements and attributes are read without regard to capital letters, as MPCDI wants.
+//! Bounded XML with case-insensitive names of elements and attributes, as MPCDI requires.
 
 use roxmltree::{Document, Node, ParsingOptions};
 
 use super::fault::Fault;
 
-/// Bytes of a document, at most.
+/// Maximum size of a document, bytes.
 const MOST_BYTES: usize = 16 << 20;
-/// Nodes of a document, at most.
+/// Maximum number of nodes of a document.
 const MOST_NODES: u32 = 200_000;
-/// Elements within each other, at most.
+/// Maximum nesting depth of elements.
 const MOST_DEPTH: usize = 32;
 
-/// Reads a document. Type definitions, and with them entities, are refused.
+/// Reads a document. Type definitions, and thus entities, are refused.
 pub(super) fn parse(bytes: &[u8]) -> Result<Document<'_>, Fault> {
-    let allowed = "XML in UTF-8 of at most 16 MiB, 200000 nodes and 32 levels, without a type definition, is needed";
+    let allowed = "must be XML in UTF-8 of at most 16 MiB, 200000 nodes and 32 levels, without a type definition";
     let bad = |problem: String| Fault::new("XML", problem, allowed);
     if bytes.len() > MOST_BYTES {
         return Err(bad(format!("{} bytes", bytes.len())));
@@ -22,7 +22,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Document<'_>, Fault> {
     let text = std::str::from_utf8(bytes).map_err(|_| bad("not UTF-8".to_owned()))?;
     let options = ParsingOptions { allow_dtd: false, nodes_limit: MOST_NODES, ..ParsingOptions::default() };
     let document = Document::parse_with_options(text, options).map_err(|error| bad(error.to_string()))?;
-    // From node to node in the order of the text, keeping count of the levels.
+    // Visits the nodes in document order and tracks the nesting depth.
     let mut levels = vec![];
     for node in document.descendants() {
         while levels.last().is_some_and(|last| Some(*last) != node.parent().map(|parent| parent.id())) {
@@ -36,7 +36,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Document<'_>, Fault> {
     Ok(document)
 }
 
-/// An element, with its place for messages.
+/// An element, with its location for messages.
 #[derive(Clone)]
 pub(super) struct Element<'a, 'input> {
     pub node: Node<'a, 'input>,
@@ -53,7 +53,7 @@ impl<'a, 'input> Element<'a, 'input> {
         node.is_element() && node.tag_name().name().eq_ignore_ascii_case(name)
     }
 
-    /// Elements of a name right within this one.
+    /// Direct child elements with a name.
     pub fn children<'n>(&self, name: &'n str) -> impl Iterator<Item = Self> + use<'a, 'input, 'n> {
         let place = self.place.clone();
         self.node
@@ -62,18 +62,18 @@ impl<'a, 'input> Element<'a, 'input> {
             .map(move |node| Self { node, place: format!("{place} <{name}>") })
     }
 
-    /// The element of a name, of which there must be no two.
+    /// The child element with a name, which must occur at most once.
     pub fn child(&self, name: &str) -> Result<Option<Self>, Fault> {
         let mut found = self.children(name);
         match (found.next(), found.next()) {
-            (Some(_), Some(second)) => Err(Fault::new(second.place, "it occurs twice", "one is allowed")),
+            (Some(_), Some(second)) => Err(Fault::new(second.place, "it occurs twice", "must occur once")),
             (first, _) => Ok(first),
         }
     }
 
-    /// The element of a name, which must be there.
+    /// The child element with a name, which must exist.
     pub fn needed(&self, name: &str) -> Result<Self, Fault> {
-        self.child(name)?.ok_or_else(|| Fault::new(&self.place, format!("<{name}> is missing"), "it is needed"))
+        self.child(name)?.ok_or_else(|| Fault::new(&self.place, format!("<{name}> is missing"), "it is required"))
     }
 
     pub fn attribute(&self, name: &str) -> Option<&'a str> {
@@ -81,29 +81,29 @@ impl<'a, 'input> Element<'a, 'input> {
         found.next().map(|attribute| attribute.value().trim())
     }
 
-    /// An attribute that must be there.
+    /// A required attribute.
     pub fn needed_attribute(&self, name: &str) -> Result<&'a str, Fault> {
         self.attribute(name)
-            .ok_or_else(|| Fault::new(&self.place, format!("the attribute {name} is missing"), "it is needed"))
+            .ok_or_else(|| Fault::new(&self.place, format!("the attribute {name} is missing"), "it is required"))
     }
 
-    /// The text within.
+    /// The text content.
     pub fn text(&self) -> &'a str {
         self.node.text().unwrap_or_default().trim()
     }
 
-    /// The text of the element of a name.
+    /// The text of the child element with a name.
     pub fn child_text(&self, name: &str) -> Result<Option<&'a str>, Fault> {
         Ok(self.child(name)?.map(|child| child.text()))
     }
 
-    /// A finite number in the element of a name, which must be there.
+    /// A finite number in the child element with a name, which must exist.
     pub fn number(&self, name: &str) -> Result<f64, Fault> {
         let child = self.needed(name)?;
         finite(child.text()).ok_or_else(|| not_a_number(&child.place, child.text()))
     }
 
-    /// A finite number in an attribute.
+    /// A finite number in an optional attribute.
     pub fn attribute_number(&self, name: &str) -> Result<Option<f64>, Fault> {
         let Some(text) = self.attribute(name) else { return Ok(None) };
         finite(text).map(Some).ok_or_else(|| not_a_number(&format!("{} {name}", self.place), text))
@@ -115,16 +115,16 @@ fn finite(text: &str) -> Option<f64> {
 }
 
 fn not_a_number(place: &str, text: &str) -> Fault {
-    Fault::new(place, format!("`{}`", text.escape_debug()), "a finite number is needed")
+    Fault::new(place, format!("`{}`", text.escape_debug()), "must be a finite number")
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
+#[allow(clippy::unwrap_used, reason = "a failed assumption of a test panics")]
 mod tests {
     use super::*;
 
     #[test]
-    fn names_are_read_without_regard_to_capital_letters_and_doubles_refused() {
+    fn names_are_case_insensitive_and_duplicates_are_refused() {
         let document = parse(b"<A Key='1'><Bee>2.5</Bee><c/><C/></A>").unwrap();
         let root = Element::root(&document);
         assert_eq!(root.attribute("KEY"), Some("1"));
@@ -133,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn bombs_are_refused() {
+    fn entity_and_nesting_bombs_are_refused() {
         assert!(parse(b"<!DOCTYPE a [<!ENTITY b 'c'>]><a>&b;</a>").is_err());
         let deep = |levels: usize| format!("{}{}", "<a>".repeat(levels), "</a>".repeat(levels));
         assert!(parse(deep(30).as_bytes()).is_ok());

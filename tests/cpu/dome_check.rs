@@ -111,7 +111,7 @@ fn mistakes_of_geometry_are_found_by_name() {
 
     // Without its frame the axes of the file are those of the room, in which the dome is tilted.
     let room = |axes| ReadOptions { axes: Axes::Map(axes), ..ReadOptions::default() };
-    assert_found("tilt left out", &regions(&bytes, &room(DMat3::IDENTITY)), "tilt", "leans 20");
+    assert_found("tilt left out", &regions(&bytes, &room(DMat3::IDENTITY)), "tilt", "centred 20");
     let swapped = DMat3::from_cols(DVec3::X, DVec3::NEG_Z, DVec3::Y);
     let (rules, _) = mistake("axes swapped", &regions(&bytes, &room(swapped)));
     assert!(rules.contains(&"coverage") && rules.contains(&"tilt"), "{rules:?}");
@@ -121,14 +121,14 @@ fn mistakes_of_geometry_are_found_by_name() {
     for direction in collapsed[1].grid.samples.iter_mut().flatten() {
         *direction = (towards + 0.01 * *direction).normalize();
     }
-    assert_found("offsets taken for absolutes", &collapsed, "span", "offsets taken for absolutes");
+    assert_found("offsets read as absolute values", &collapsed, "span", "offsets read as absolute values");
 
     let eye = ReadOptions { eye_m: DVec3::new(0.0, 0.5, 4.0), ..ReadOptions::default() };
-    assert_found("another eye point", &regions(&bytes, &eye), "eye", "another eye point");
+    assert_found("another eye point", &regions(&bytes, &eye), "eye", "eye point or the origin");
     // Millimetres whose unit is not named.
     let unnamed = Mpcdi { per_metre: 1000.0, ..set() };
     let unnamed = regions(&unnamed.bytes(&projectors), &ReadOptions::default());
-    assert_found("millimetres taken for metres", &unnamed, "unit", "another unit");
+    assert_found("millimetres read as metres", &unnamed, "unit", "unit different");
 
     let without = |left_out: &[usize]| -> Vec<Region> {
         right()
@@ -142,14 +142,14 @@ fn mistakes_of_geometry_are_found_by_name() {
 
     let mut twice = right();
     twice[4] = Region { name: "again".to_owned(), ..twice[3].clone() };
-    assert_found("one region twice", &twice, "twice", "the same region twice");
+    assert_found("one region twice", &twice, "twice", "same region used twice");
 
     let coarse = Mpcdi {
         warp: "<interpolation>linear</interpolation>".to_owned(),
         ..Mpcdi { alpha: Some(ALPHA), ..Mpcdi::a3(9, 9) }
     };
     let coarse = regions(&coarse.bytes(&projectors), &ReadOptions::default());
-    assert_found("a coarse grid without splines", &coarse, "facets", "coarse grid");
+    assert_found("a coarse grid without splines", &coarse, "facets", "grid is coarse");
 
     let mut noisy = right();
     let mut state = 1_u32;
@@ -160,7 +160,7 @@ fn mistakes_of_geometry_are_found_by_name() {
         };
         *direction = (*direction + 4e-3 * DVec3::new(noise(), noise(), noise())).normalize();
     }
-    assert_found("noise of the measurement", &noisy, "facets", "or noise");
+    assert_found("noise of the measurement", &noisy, "facets", "or noisy");
 
     // Width and height of the raster exchanged.
     let exchanged: Vec<Region> = right().into_iter().map(|region| Region { size_px: [150, 240], ..region }).collect();
@@ -206,14 +206,14 @@ fn mistakes_of_blends_are_found_by_name() {
     let mut marked = right();
     let shift = |mask: &mut Mask| mask.values.rotate_right(40);
     marked[1].alpha.iter_mut().for_each(shift);
-    assert_found("mask of another projector", &marked, "blend", "off 1 by");
+    assert_found("mask of another projector", &marked, "blend", "sum of the shares of light");
 
     let gamma = change(&|_, region| masked(region, &|value| value.powf(1.0 / 2.2)));
     assert_found("gamma of masks left out", &gamma, "gamma", "power 2.20");
     let doubled = change(&|_, region| masked(region, &|value| value.powf(2.2)));
     assert_found("gamma of masks twice", &doubled, "gamma", "power 0.45");
     let inverted = change(&|_, region| masked(region, &|value| 1.0 - value));
-    assert_found("masks inverted", &inverted, "blend", "off 1 by");
+    assert_found("masks inverted", &inverted, "blend", "sum of the shares of light");
 
     // Black levels: more where fewer reach, and the other way round.
     let black = |inverted: bool| {
@@ -232,5 +232,5 @@ fn mistakes_of_blends_are_found_by_name() {
         })
     };
     assert!(judged(&black(false)).passed(), "{:?}", failed(&judged(&black(false))));
-    assert_found("black levels inverted", &black(true), "black_level", "more where fewer reach");
+    assert_found("black levels inverted", &black(true), "black_level", "more where fewer projectors reach");
 }

@@ -151,7 +151,7 @@ fn mpcdi_a3_in_a_tilted_room_has_the_analytic_directions() {
         assert_eq!(upright_and_mirrored_cells(&region.grid), [64 * 64, 0]);
     }
     assert_error("MPCDI a3, 65 x 65", worst, A3_PX);
-    assert!(calibration.notes.iter().any(|note| note.contains("bottom one comes first, as the format says")));
+    assert!(calibration.notes.iter().any(|note| note.contains("bottom row comes first, as the format specifies")));
 
     // Rows upside down are far off, and told.
     let wrong = ReadOptions { rows: RowOrder::TopFirst, ..ReadOptions::default() };
@@ -240,7 +240,7 @@ fn mpcdi_2d_and_3d_go_through_the_frustum() {
     let xml = set.xml(&all[..1]).into_bytes();
     let bytes = zipped(&[("mpcdi.xml", xml.clone()), ("p0.pfm", offsets)], true);
     let text = refusal(&bytes, &ReadOptions::default());
-    assert!(text.contains("lie outside of 0 to 1") && text.contains("no offsets") && text.contains("p0.pfm"), "{text}");
+    assert!(text.contains("lie outside of 0 to 1") && text.contains("not offsets") && text.contains("p0.pfm"), "{text}");
     // Unknown points and meaningless ones are dark.
     let holes = set.pfm.bytes(|i, j| match (i, j) {
         (0, 0) => [f64::NAN; 3],
@@ -469,7 +469,7 @@ fn sgct_without_meshes_and_its_masks() {
     for (json, expected) in [
         (text(r#"{"type":"SphericalMirrorProjection"}"#, ""), "spherical mirror is refused"),
         (text(r#"{"type":"CubemapProjection"}"#, ""), "cubemap"),
-        (text(r#"{"type":"Other"}"#, ""), "planar, projectionplane, fisheye and texturemapped are read"),
+        (text(r#"{"type":"Other"}"#, ""), "one of planar, projectionplane, fisheye and texturemapped"),
         (text(r#"{"type":"PlanarProjection","fov":{"hfov":40}}"#, ""), "neither `down` nor `vfov`"),
         (text(&planar, r#","mesh":"../warp""#), "leads out of the folder"),
         (text(&planar, r#","mesh":"C:\\warp""#), "leads out of the folder"),
@@ -511,12 +511,12 @@ fn damaged_and_contradictory_sets_are_refused_with_their_place() {
         (r#"version="2.0""#, r#"version="3.0""#, "version `3.0`"),
         (r#"version="2.0""#, r#"version="2.0" geometry="3""#, "geometry = 3"),
         (r#"<fileSet region="p0">"#, r#"<fileSet region="p9">"#, "<fileset region=p0>: it is missing"),
-        (r#"xResolution="1920""#, r#"xResolution="many""#, "a finite number is needed"),
+        (r#"xResolution="1920""#, r#"xResolution="many""#, "must be a finite number"),
         (r#"xsize="1""#, r#"xsize="2""#, "within 0 to 1 of its buffer"),
-        ("<rollx>", "<rollx>1", "a finite number is needed"),
+        ("<rollx>", "<rollx>1", "must be a finite number"),
         ("<yawy>-", "<yawy>", "roll x pitch = yaw"),
         ("<interpolation>smooth", "<interpolation>keystone", "is refused"),
-        ("<interpolation>smooth", "<interpolation>rough", "linear, keystone, smooth and unknown"),
+        ("<interpolation>smooth", "<interpolation>rough", "one of linear, smooth and unknown"),
         ("</interpolation>", "</interpolation><geometricUnit>mile</geometricUnit>", "geometricUnit `mile`"),
         ("</interpolation>", "</interpolation><originOf3DData>here</originOf3DData>", "originOf3DData `here`"),
         ("</geometryWarpFile>", "</geometryWarpFile><distortionMap/>", "is refused"),
@@ -531,9 +531,9 @@ fn damaged_and_contradictory_sets_are_refused_with_their_place() {
     let header = map.iter().position(|byte| *byte == b'\n').unwrap();
     let text = |head: &str, samples: usize| [head.as_bytes(), &vec![0x3f; samples * 12]].concat();
     for (wrong, expected) in [
-        (map[..map.len() - 1].to_vec(), "samples of three floats take"),
-        ([&map[..], b"x"].concat(), "samples of three floats take"),
-        ([b"Pf", &map[header..]].concat(), "one float a sample"),
+        (map[..map.len() - 1].to_vec(), "samples of three floats must have"),
+        ([&map[..], b"x"].concat(), "samples of three floats must have"),
+        ([b"Pf", &map[header..]].concat(), "one float per sample"),
         (text("PF\n1 9\n-1\n", 9), "2 to 8192"),
         (text("PF\n8193 9\n-1\n", 9), "1 to 8192"),
         (text("PF\n3 3\n0\n", 9), "scale `0`"),
@@ -546,7 +546,7 @@ fn damaged_and_contradictory_sets_are_refused_with_their_place() {
         assert!(found.contains(expected), "{expected}: {found}");
     }
     let missing = ReadOptions { region: Some("p7".into()), ..ReadOptions::default() };
-    assert!(refusal(&whole, &missing).contains("there are bp0/p0"));
+    assert!(refusal(&whole, &missing).contains("must be one of bp0/p0"));
     let other = ReadOptions { size_px: Some([640, 480]), ..ReadOptions::default() };
     assert!(refusal(&whole, &other).contains("1920 x 1200 pixels in the file and 640 x 480"));
     for options in [
@@ -561,7 +561,7 @@ fn damaged_and_contradictory_sets_are_refused_with_their_place() {
 #[test]
 fn formats_of_closed_software_are_refused_with_the_reason() {
     let options = ReadOptions::default();
-    assert!(refusal(b"vwf1 and more", &options).contains("the OEM's software alone"));
+    assert!(refusal(b"vwf1 and more", &options).contains("only be opened in the OEM's software"));
     let files = Files::new(&[
         ("warp.pol", b"\x01\x02\x03"),
         ("warp.ol", b"x"),
@@ -572,9 +572,9 @@ fn formats_of_closed_software_are_refused_with_the_reason() {
     assert!(text("warp.pol").contains("closed SDK") && text("warp.pol").contains("warp.pol"));
     assert!(text("warp.ol").contains("closed SDK"));
     assert!(text("warp.vwf").contains("MPCDI 2"));
-    assert!(text("warp.cube").contains("look-up table alone"));
+    assert!(text("warp.cube").contains("a lone look-up table"));
     assert!(text("none").contains("cannot read"));
-    assert!(refusal(b"nothing known", &options).contains("known are MPCDI"));
+    assert!(refusal(b"nothing known", &options).contains("must be one of MPCDI"));
     assert!(refusal(b"<MPCDI/>", &options).contains(".mpcdi file"));
     assert!(matches!(read(Path::new("/dev/zero"), &options), Err(TheatreError::Read { .. })));
 }

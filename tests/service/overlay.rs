@@ -86,16 +86,16 @@ async fn what_is_not_allowed_is_refused_and_leaves_the_overlay() {
     for (update, parts) in [
         (
             OverlayChange { grids: Some(vec![grid(91)]), ..OverlayChange::default() },
-            &["overlay.grids[0]", "1 to 90"][..],
+            &["overlay.grids[0]", "between 1 and 90"][..],
         ),
         (patterns("dome"), &["overlay.test_patterns", "`dome`", "flat, eyes"]),
         (
             trajectories(vec![Trajectory { points_m: vec![DVec3::X], ..way("a") }]),
-            &["overlay.trajectories.a", "points_m", "2 to 32768"],
+            &["overlay.trajectories.a", "points_m", "between 2 and 32768"],
         ),
         (trajectories(vec![way("a"), way("a")]), &["overlay.trajectories", "unique"]),
         (labels(vec![label("l", "a\nb")]), &["overlay.labels.l", "text", "one line"]),
-        (labels(vec![Label { size_px: 1.0, ..label("l", "x") }]), &["overlay.labels.l", "size_px", "6 to 200"]),
+        (labels(vec![Label { size_px: 1.0, ..label("l", "x") }]), &["overlay.labels.l", "size_px", "between 6 and 200"]),
         (
             OverlayChange { labels: Change::remove("gone"), ..OverlayChange::default() },
             &["overlay.labels.gone", "there are: here"],

@@ -189,7 +189,7 @@ async fn what_is_refused_leaves_the_views_as_they_are() {
         (round("flat", 8), None, Code::AlreadyExists, "view `flat`"),
         (round("new", 8), Some(7), Code::Aborted, "revision 8, not 7"),
         (nameless, None, Code::InvalidArgument, "definition.name: missing key"),
-        (round("a b", 8), None, Code::InvalidArgument, "definition.name: view name `a b`: allowed are letters"),
+        (round("a b", 8), None, Code::InvalidArgument, "definition.name: view name `a b`: must be one or more letters"),
         (round(&long, 8), None, Code::InvalidArgument, "definition.name: 65 letters: allowed are at most 64"),
         (with("type = 'dome'"), None, Code::InvalidArgument, "definition.type: unknown type `dome`"),
         (with("fov_y_deg = 60.0"), None, Code::InvalidArgument, "definition.fov_y_deg: unknown key"),

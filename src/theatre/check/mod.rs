@@ -1,4 +1,5 @@
-//! Judges projectors together: do they cover the dome, do their shares of light add up, is one of them mirrored or collapsed.
+//! Checks a set of projectors: whether they cover the dome, whether their shares of light add up to one, and whether
+//! one of them is mirrored or collapsed.
 //!
 //! Directions are sampled evenly over the dome (a Fibonacci lattice); each is looked up in every projector's raster.
 
@@ -13,7 +14,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 pub use self::reflection::{CrossReflection, GreyedPicture};
-use self::{rules::Seen, sky::percentiles};
+use self::{rules::DomeSamples, sky::percentiles};
 use super::ScreenSums;
 use crate::view::{projection::PlaneMapping, projector::Blend};
 
@@ -22,19 +23,20 @@ use crate::view::{projection::PlaneMapping, projector::Blend};
 pub struct Projector<'a> {
     /// Name of the view.
     pub name: &'a str,
-    /// Where its pixels look, in view axes.
+    /// Directions of its pixels, in view axes.
     pub mapping: &'a dyn PlaneMapping,
-    /// View axes to those of the dome.
+    /// Rotation from view axes to dome axes.
     pub dome_from_view: DQuat,
     /// Its share of the light.
     pub blend: Option<&'a Blend>,
-    /// By how much its white is dimmed to that of the darkest: a factor of the shares that does not count in their sums; 1: not.
+    /// Factor by which its white is dimmed to that of the darkest projector, divided out of the sums of shares; 1: not
+    /// dimmed.
     pub dimmed_to: f64,
-    /// The points of the screen in view axes, where the calibration has some.
+    /// The points of the screen in view axes, if the calibration has some.
     pub screen: Option<&'a ScreenSums>,
 }
 
-/// The part of the sky that is screen.
+/// The part of the sphere that is screen.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Dome {
     /// Angle across, degrees.
@@ -49,21 +51,21 @@ impl Dome {
     }
 }
 
-/// One rule and what it has found.
+/// A rule with its result.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Finding {
     /// Name of the rule.
     pub rule: &'static str,
     /// The projector; `None`: all of them together.
     pub projector: Option<String>,
-    /// Whether it is kept.
+    /// Whether the rule is satisfied.
     pub passed: bool,
-    /// What was found and what is allowed.
+    /// The result, and the valid values.
     pub what: String,
 }
 
 impl Finding {
-    /// `pass` or `FAIL`.
+    /// Returns `pass` or `FAIL`.
     pub fn outcome(&self) -> &'static str {
         if self.passed { "pass" } else { "FAIL" }
     }
@@ -79,47 +81,48 @@ impl Finding {
 pub struct ProjectorFigures {
     /// Name of the view.
     pub name: String,
-    /// Share of the dome that it reaches.
+    /// Fraction of the dome that it reaches.
     pub coverage: f64,
     /// Longer side of its pixels, arcminutes: 5th, 50th and 95th percentile.
     pub arcmin_per_pixel: [f64; 3],
 }
 
-/// What a check has found.
+/// Result of a check.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct DomeReport {
     /// The dome.
     pub dome: Dome,
-    /// Share of it with light of one projector at least, and of two.
+    /// Fraction of the dome that at least one projector lights, and at least two.
     pub coverage: [f64; 2],
-    /// Where the middle of the widest gap is, azimuth from the front to the right and elevation, and its radius, degrees; `None`: there is none.
+    /// Centre of the widest gap, as azimuth from the front to the right and elevation, and its radius, degrees; `None`
+    /// if there is no gap.
     pub widest_gap_deg: Option<[f64; 3]>,
-    /// Sum of the shares of light where there is some: 1st, 50th and 99th percentile.
+    /// Sum of the shares of light over the lit directions: 1st, 50th and 99th percentile.
     pub blend_sum: [f64; 3],
-    /// Of each projector.
+    /// Figures of each projector.
     pub projectors: Vec<ProjectorFigures>,
     /// All rules.
     pub findings: Vec<Finding>,
-    /// The light that the screen throws back onto itself, where its reflectivity is known.
+    /// The light that the screen reflects back onto itself, if its reflectivity is known.
     pub cross_reflection: Option<CrossReflection>,
     /// A picture of the dome.
     #[serde(skip)]
     pub map: DomeMap,
 }
 
-/// The dome as a domemaster, row by row from the top, the front at the bottom.
+/// The dome as a domemaster, row by row from the top, with the front at the bottom.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DomeMap {
-    /// Points in a row, and rows.
+    /// Points per row, and number of rows.
     pub side: usize,
-    /// `None`: beyond the rim.
+    /// `None` beyond the rim.
     pub points: Vec<Option<MapPoint>>,
 }
 
 /// A point of the dome.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MapPoint {
-    /// Projectors that reach it.
+    /// Number of projectors that reach it.
     pub projectors: usize,
     /// Sum of their shares of light.
     pub sum: f64,
@@ -128,24 +131,24 @@ pub struct MapPoint {
 }
 
 impl DomeReport {
-    /// Whether all rules are kept.
+    /// Whether all rules are satisfied.
     pub fn passed(&self) -> bool {
         self.findings.iter().all(|finding| finding.passed)
     }
 }
 
-/// Where a direction falls on a projector.
+/// Position of a direction on a projector.
 #[derive(Clone, Copy)]
 struct Hit {
     pixel: DVec2,
-    /// Share of its light, and how far black is lifted, as a share of white.
+    /// Share of its light, and its black level, as fractions of white.
     share: f64,
     black: f64,
     longer_rad: f64,
 }
 
 impl Projector<'_> {
-    /// Where a direction of the dome falls on it.
+    /// Position of a direction of the dome on this projector.
     fn hit(&self, direction: DVec3) -> Option<Hit> {
         let direction = self.dome_from_view.inverse() * direction;
         let pixel = self.mapping.pixel_from_direction(direction)?;
@@ -160,17 +163,19 @@ impl Projector<'_> {
     }
 }
 
-/// Judges projectors; there is one at least.
+/// Checks at least one projector.
 pub fn check(dome: Dome, projectors: &[Projector<'_>]) -> DomeReport {
     let directions = sky::lattice(dome);
     let hits: Vec<Vec<Option<Hit>>> =
         projectors.iter().map(|projector| directions.par_iter().map(|d| projector.hit(*d)).collect()).collect();
-    let covers = |direction: usize| hits.iter().filter(|of| of[direction].is_some()).count();
+    let covers = |direction: usize| hits.iter().filter(|projector_hits| projector_hits[direction].is_some()).count();
     let counts: Vec<usize> = (0..directions.len()).map(covers).collect();
     let share_of =
         |least: usize| counts.iter().filter(|count| **count >= least).count() as f64 / directions.len() as f64;
-    let sum = |direction: usize| hits.iter().filter_map(|of| of[direction]).map(|hit| hit.share).sum::<f64>();
-    let sums: Vec<f64> = (0..directions.len()).filter(|at| counts[*at] > 0).map(sum).collect();
+    let sum = |direction: usize| {
+        hits.iter().filter_map(|projector_hits| projector_hits[direction]).map(|hit| hit.share).sum::<f64>()
+    };
+    let sums: Vec<f64> = (0..directions.len()).filter(|index| counts[*index] > 0).map(sum).collect();
     let figures = |(projector, hits): (&Projector<'_>, &Vec<Option<Hit>>)| {
         let sides: Vec<f64> = hits.iter().flatten().map(|hit| hit.longer_rad.to_degrees() * 60.0).collect();
         let coverage = sides.len() as f64 / directions.len() as f64;
@@ -178,15 +183,15 @@ pub fn check(dome: Dome, projectors: &[Projector<'_>]) -> DomeReport {
         ProjectorFigures { name: projector.name.to_owned(), coverage, arcmin_per_pixel }
     };
     let widest_gap_deg = sky::widest_gap(&directions, &counts);
-    let seen = Seen { dome, projectors, directions: &directions, hits: &hits, counts: &counts };
-    let mut findings = vec![rules::coverage(&seen, widest_gap_deg)];
-    findings.extend(rules::rim(&seen));
-    findings.extend(rules::blend(&seen));
-    findings.extend(rules::black_level(&seen));
-    findings.push(rules::tilt(&seen));
+    let samples = DomeSamples { dome, projectors, directions: &directions, hits: &hits, counts: &counts };
+    let mut findings = vec![rules::coverage(&samples, widest_gap_deg)];
+    findings.extend(rules::rim(&samples));
+    findings.extend(rules::blend(&samples));
+    findings.extend(rules::black_level(&samples));
+    findings.push(rules::tilt(&samples));
     findings.extend(rules::screen(projectors));
-    findings.extend(projectors.iter().zip(&hits).flat_map(|(projector, hits)| rules::of_one(projector, hits)));
-    findings.extend(rules::twice(&seen));
+    findings.extend(projectors.iter().zip(&hits).flat_map(|(projector, hits)| rules::for_one(projector, hits)));
+    findings.extend(rules::twice(&samples));
     DomeReport {
         dome,
         coverage: [share_of(1), share_of(2)],

@@ -1,45 +1,46 @@
-//! Light that a dome's screen throws back onto itself.
+//! Light that a dome's screen reflects back onto itself.
 //!
-//! A screen that reflects evenly into all directions, on a sphere: every place of a sphere is lit by every other one alike (the form factor of two elements is their area over that of the sphere).
-//! With reflectivity r and a screen that is the share f of the sphere (the rest is dark), the light that comes back is the same everywhere, f r / (1 - f r) of the mean that projectors throw
-//! onto the screen (the integrating sphere; Goebel 1967, Applied Optics 6, 125).
+//! For a screen that reflects diffusely, on a sphere: every element of a sphere is lit equally by every other one (the
+//! form factor of two elements is their area over that of the sphere). With reflectivity r and a screen that covers the
+//! fraction f of the sphere (the rest is dark), the reflected light is the same everywhere: f r / (1 - f r) of the mean
+//! light that projectors throw onto the screen (the integrating sphere; Goebel 1967, Applied Optics 6, 125).
 
 use serde::Serialize;
 
 use super::Dome;
 
-/// The dome's cross-reflection, and what it does to pictures.
+/// The dome's cross-reflection and its effect on pictures.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct CrossReflection {
-    /// Share of the light that the screen reflects.
+    /// Fraction of the light that the screen reflects.
     pub reflectivity: f64,
-    /// Share of the sphere that is screen.
+    /// Fraction of the sphere that is screen.
     pub screen_share: f64,
-    /// Light that comes back to every place, over the mean of what projectors throw.
+    /// Reflected light at every point, over the mean light from projectors.
     pub gain: f64,
-    /// Contrast of a picture of which half is white and half black.
+    /// Contrast of a picture that is half white and half black.
     pub half_white_contrast: f64,
-    /// By how much the exposure value is to be raised so that the mean light of the dome is that of the picture.
+    /// Increase of the exposure value for which the mean light on the dome equals that of the picture.
     pub mean_ev: f64,
-    /// What it does to one picture.
+    /// Effect on one picture.
     pub picture: Option<GreyedPicture>,
 }
 
 /// A picture on the dome.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct GreyedPicture {
-    /// Mean light, as a share of white.
+    /// Mean light, relative to white.
     pub mean: f64,
-    /// Median: that of the sky between the stars, in a picture of the night.
+    /// Median: in a night picture, that of the sky between the stars.
     pub median: f64,
-    /// What comes back everywhere, as a share of white: black is as grey as that.
+    /// Light reflected everywhere, relative to white: the resulting level of black.
     pub grey: f64,
-    /// By how much the exposure value is to be raised so that the median is as light as in the picture; `None`: it is black, and cannot be.
+    /// Increase of the exposure value for which the median equals that of the picture; `None` if the median is black.
     pub median_ev: Option<f64>,
 }
 
 impl CrossReflection {
-    /// That of a dome with a screen of that reflectivity, 0 to below 1.
+    /// Cross-reflection of a dome with a screen of this reflectivity, at least 0 and below 1.
     pub fn new(dome: Dome, reflectivity: f64) -> Self {
         let screen_share = 0.5 * (1.0 - (0.5 * dome.fov_deg.to_radians()).cos());
         let back = screen_share * reflectivity;
@@ -54,14 +55,16 @@ impl CrossReflection {
         }
     }
 
-    /// With a picture: a domemaster (equidistant, as wide as the dome) of that side, row by row, light as a share of white.
+    /// Adds the effect on a picture: a domemaster (equidistant, as wide as the dome) with this side, row by row, light
+    /// relative to white.
     #[must_use]
     pub fn with_picture(self, dome: Dome, side: u32, light: &[f64]) -> Self {
         let half = 0.5 * f64::from(side);
         let half_fov_rad = 0.5 * dome.fov_deg.to_radians();
         let mut weighed: Vec<(f64, f64)> = Vec::with_capacity(light.len());
         for (index, light) in light.iter().enumerate() {
-            let [x, y] = [index as u32 % side, index as u32 / side].map(|at| f64::from(at) + 0.5 - half);
+            let [x, y] =
+                [index as u32 % side, index as u32 / side].map(|coordinate| f64::from(coordinate) + 0.5 - half);
             let angle = x.hypot(y) / half * half_fov_rad;
             if angle < half_fov_rad {
                 // Solid angle of a pixel of an equidistant picture.
@@ -91,7 +94,8 @@ mod tests {
 
     use super::*;
 
-    /// Radiosity of a cap of the sphere element by element: what comes back to each from all others, over the mean that is thrown.
+    /// Radiosity of a cap of the sphere, element by element: the light reflected to each element from all others, over
+    /// the mean projected light.
     fn radiosity(fov_deg: f64, reflectivity: f64, thrown: impl Fn(DVec3) -> f64) -> Vec<f64> {
         const ELEMENTS: usize = 900;
         let end = (0.5 * fov_deg.to_radians()).cos();
@@ -104,9 +108,9 @@ mod tests {
             })
             .collect();
         let thrown: Vec<f64> = places.iter().map(|place| thrown(*place)).collect();
-        // cos cos / (pi d^2), as geometry has it.
+        // Form factor cos cos / (pi d^2), from geometry.
         let form = |a: DVec3, b: DVec3| {
-            // An element next to itself is as any other.
+            // An element relative to itself counts like any other.
             if a == b {
                 return element_sr / (4.0 * PI);
             }
@@ -129,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn what_comes_back_is_that_of_radiosity_everywhere() {
+    fn reflected_light_matches_radiosity_everywhere() {
         for (fov_deg, reflectivity) in [(180.0, 0.45), (180.0, 0.8), (210.0, 0.3), (120.0, 0.6)] {
             let expected = CrossReflection::new(Dome { fov_deg, tilt_deg: 0.0 }, reflectivity).gain;
             let pictures: [fn(DVec3) -> f64; 3] =
@@ -145,10 +149,10 @@ mod tests {
     }
 
     #[test]
-    fn a_picture_is_greyed_by_its_mean() {
+    fn black_is_raised_in_proportion_to_the_mean() {
         let dome = Dome { fov_deg: 180.0, tilt_deg: 0.0 };
         let side = 200_u32;
-        // One of a hundred pixels is white, the sky is a thousandth.
+        // One of a hundred pixels is white; the sky is a thousandth of that.
         let light: Vec<f64> =
             (0..side * side).map(|i| if i * 7919 % 100 == 7 * (i / side) % 100 { 1.0 } else { 1e-3 }).collect();
         let found = CrossReflection::new(dome, 0.5).with_picture(dome, side, &light);

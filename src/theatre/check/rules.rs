@@ -1,4 +1,4 @@
-//! The rules, each by its name.
+//! The rules, each with its name.
 
 use glam::{DMat3, DVec2, DVec3};
 
@@ -12,33 +12,35 @@ use crate::view::{
     projector::Blend,
 };
 
-/// Share of the dome that has to have light.
+/// Minimum fraction of the dome that must be lit.
 const LEAST_COVERAGE: f64 = 0.995;
-/// How far from 1 shares of light may add up, at 99 of 100 directions.
+/// Largest deviation of the sum of shares from 1, at 99 of 100 directions.
 const MOST_BLEND_ERROR: f64 = 0.02;
-/// A picture that spans less is taken for a collapsed one, degrees.
+/// Smallest span of a picture, degrees; below it the picture is considered collapsed.
 const LEAST_SPAN_DEG: f64 = 2.0;
-/// Two projectors that have more in common show the same region.
+/// Two projectors with a larger common fraction show the same region.
 const MOST_COMMON: f64 = 0.95;
-/// How much larger a pixel may be than its neighbour: beyond, the warp has facets.
+/// Largest ratio of the sizes of neighbouring pixels; above it the warp has facets.
 const MOST_STEP: f64 = 1.02;
-/// How far the eye may be from the middle of the screen, parts of its radius: spectators sit within.
+/// Largest distance of the eye from the centre of the screen, relative to its radius: spectators sit within it.
 const MOST_OFF_CENTRE: f64 = 0.35;
-/// Radii of domes, m.
+/// Smallest and largest expected radius of a dome, m.
 const RADII_M: [f64; 2] = [0.5, 60.0];
-/// Points that are farther from a sphere, parts of its radius, are those of another screen.
+/// Largest rms deviation of the points from a sphere, relative to its radius; above it they belong to another kind of
+/// screen.
 const MOST_ROUGH: f64 = 0.03;
-/// How far the middle of the light may lean from the dome's axis, degrees, if more than a share of it falls beyond the rim.
+/// Largest angle between the mean direction of the light and the dome's axis, degrees, if more than this fraction of
+/// the light falls beyond the rim.
 const MOST_LEAN_DEG: f64 = 4.0;
 const MOST_BEYOND: f64 = 0.05;
-/// Longer over shorter side of pixels, in the median.
+/// Largest median ratio of the longer to the shorter side of pixels.
 const MOST_ASPECT: f64 = 1.7;
-/// Powers that forgetful programs leave in masks, or apply twice.
+/// Powers that programs wrongly leave in masks, or apply twice.
 const GAMMAS: [f64; 6] = [2.2, 1.0 / 2.2, 1.8, 1.0 / 1.8, 2.4, 1.0 / 2.4];
-/// Light below this share is none.
+/// Shares below this count as no light.
 const LEAST_SHARE: f64 = 0.01;
 
-/// What was found, and what it hints at where the rule is not kept.
+/// The result, with a hint at the cause if the rule is violated.
 fn with_hint(found: String, passed: bool, hint: &str) -> String {
     if passed { found } else { format!("{found}: {hint}") }
 }
@@ -47,27 +49,29 @@ fn together(rule: &'static str, passed: bool, what: String) -> Finding {
     Finding { rule, projector: None, passed, what }
 }
 
-fn of(projector: &Projector<'_>, rule: &'static str, passed: bool, what: String) -> Finding {
+fn for_projector(projector: &Projector<'_>, rule: &'static str, passed: bool, what: String) -> Finding {
     Finding { rule, projector: Some(projector.name.to_owned()), passed, what }
 }
 
-/// Directions over the dome, and where each falls on each projector.
-pub(super) struct Seen<'a> {
+/// Directions over the dome, and their positions on each projector.
+pub(super) struct DomeSamples<'a> {
     pub(super) dome: Dome,
     pub(super) projectors: &'a [Projector<'a>],
     pub(super) directions: &'a [DVec3],
     /// By projector and direction.
     pub(super) hits: &'a [Vec<Option<Hit>>],
-    /// Projectors that reach each direction.
+    /// Number of projectors that reach each direction.
     pub(super) counts: &'a [usize],
 }
 
-impl Seen<'_> {
-    /// Off 1 of the sums of shares at 99 of 100 lit directions, with shares as `share` of the projector and the hit has them.
+impl DomeSamples<'_> {
+    /// Deviation from 1 of the sum of shares, at 99 of 100 lit directions. `share` computes the share of a projector
+    /// (by index) for a hit.
     fn blend_error(&self, share: impl Fn(usize, &Hit) -> f64) -> f64 {
         let sum = |direction: usize| {
-            let of = self.hits.iter().enumerate().filter_map(|(projector, hits)| Some((projector, hits[direction]?)));
-            of.map(|(projector, hit)| share(projector, &hit)).sum::<f64>()
+            let reached =
+                self.hits.iter().enumerate().filter_map(|(projector, hits)| Some((projector, hits[direction]?)));
+            reached.map(|(projector, hit)| share(projector, &hit)).sum::<f64>()
         };
         let lit = (0..self.directions.len()).filter(|at| self.counts[*at] > 0);
         percentiles(lit.map(|at| (sum(at) - 1.0).abs()).collect(), [0.99; 3])[0]
@@ -79,25 +83,25 @@ impl Seen<'_> {
 }
 
 /// `coverage`: light everywhere.
-pub(super) fn coverage(seen: &Seen<'_>, widest_gap_deg: Option<[f64; 3]>) -> Finding {
+pub(super) fn coverage(samples: &DomeSamples<'_>, widest_gap_deg: Option<[f64; 3]>) -> Finding {
     let gap = widest_gap_deg.map_or(String::new(), |[azimuth, elevation, radius]| {
         format!("; the widest gap is {radius:.1} degrees around azimuth {azimuth:.0}, elevation {elevation:.0}")
     });
-    let lit = seen.lit();
+    let lit = samples.lit();
     let what =
-        format!("{:.2} % of the dome has light, at least {:.1} % is needed{gap}", 100.0 * lit, 100.0 * LEAST_COVERAGE);
+        format!("{:.2} % of the dome has light, must be at least {:.1} %{gap}", 100.0 * lit, 100.0 * LEAST_COVERAGE);
     together("coverage", lit >= LEAST_COVERAGE, what)
 }
 
 /// `rim`: the dark part of the dome is a ring along its rim.
-pub(super) fn rim(seen: &Seen<'_>) -> Option<Finding> {
-    let axis = seen.dome.axis();
-    let half_rad = 0.5 * seen.dome.fov_deg.to_radians();
-    // The outer quarter of the angle, in sixteen parts around.
+pub(super) fn rim(samples: &DomeSamples<'_>) -> Option<Finding> {
+    let axis = samples.dome.axis();
+    let half_rad = 0.5 * samples.dome.fov_deg.to_radians();
+    // The outer part of the dome, in sixteen sectors.
     let (right, up) = axis.any_orthonormal_pair();
     let mut parts = [[0_u32; 2]; 16];
     let mut inside_dark = 0;
-    for (direction, count) in seen.directions.iter().zip(seen.counts) {
+    for (direction, count) in samples.directions.iter().zip(samples.counts) {
         if direction.angle_between(axis) > 0.95 * half_rad {
             let around = direction.dot(up).atan2(direction.dot(right)) / std::f64::consts::TAU + 0.5;
             parts[((around * 16.0) as usize).min(15)][usize::from(*count > 0)] += 1;
@@ -106,46 +110,49 @@ pub(super) fn rim(seen: &Seen<'_>) -> Option<Finding> {
         }
     }
     let is_ring = inside_dark == 0 && parts.iter().all(|[dark, lit]| *dark > 2 * *lit);
-    (is_ring && seen.lit() < LEAST_COVERAGE).then(|| {
-        let what = "the dark part is a ring along the whole rim: a field of view that is too small, or another dome?";
+    (is_ring && samples.lit() < LEAST_COVERAGE).then(|| {
+        let what =
+            "the dark part is a ring along the whole rim: is the field of view too small, or the dome a different one?";
         together("rim", false, what.to_owned())
     })
 }
 
-/// `blend`: shares of light that add up; where they do not, `gamma` and `swapped` say why, if they can.
-pub(super) fn blend(seen: &Seen<'_>) -> Vec<Finding> {
-    let off = seen.blend_error(|_, hit| hit.share);
-    let unblended = seen.projectors.iter().all(|projector| projector.blend.is_none());
+/// `blend`: the shares of light must add up to 1. If they do not, `gamma` and `swapped` give the cause, if it can be
+/// identified.
+pub(super) fn blend(samples: &DomeSamples<'_>) -> Vec<Finding> {
+    let off = samples.blend_error(|_, hit| hit.share);
+    let unblended = samples.projectors.iter().all(|projector| projector.blend.is_none());
     let why = if unblended && off > MOST_BLEND_ERROR { ": no projector has a blend mask" } else { "" };
     let what = format!(
-        "shares of light are off 1 by {off:.3} at 99 % of the dome, at most {MOST_BLEND_ERROR} is allowed{why}"
+        "the sum of the shares of light is within {off:.3} of 1 for 99 % of the dome, must be at most {MOST_BLEND_ERROR}{why}"
     );
     let mut findings = vec![together("blend", off <= MOST_BLEND_ERROR, what)];
     if off <= MOST_BLEND_ERROR || unblended {
         return findings;
     }
-    let of_gamma = GAMMAS.map(|gamma| (seen.blend_error(|_, hit| hit.share.powf(gamma)), gamma));
-    let best = of_gamma.into_iter().min_by(|(a, _), (b, _)| a.total_cmp(b));
+    let by_gamma = GAMMAS.map(|gamma| (samples.blend_error(|_, hit| hit.share.powf(gamma)), gamma));
+    let best = by_gamma.into_iter().min_by(|(a, _), (b, _)| a.total_cmp(b));
     if let Some((_, gamma)) = best.filter(|(error, _)| *error <= MOST_BLEND_ERROR.max(0.25 * off)) {
-        let what = format!("the shares would add up if the masks were taken to the power {gamma:.2}: gammaEmbedded?");
+        let what =
+            format!("the shares would add up with the masks raised to the power {gamma:.2}: check gammaEmbedded");
         findings.push(together("gamma", false, what));
     }
-    let swapped = pairs(seen.projectors.len()).filter_map(|[first, second]| {
-        let [a, b] = [first, second].map(|index| &seen.projectors[index]);
-        let (of_a, of_b) = (a.blend?, b.blend?);
-        let error = seen.blend_error(|index, hit| match index {
-            _ if index == first => at_share(of_b, a.mapping, hit.pixel),
-            _ if index == second => at_share(of_a, b.mapping, hit.pixel),
+    let swapped = pairs(samples.projectors.len()).filter_map(|[first, second]| {
+        let [a, b] = [first, second].map(|index| &samples.projectors[index]);
+        let (blend_a, blend_b) = (a.blend?, b.blend?);
+        let error = samples.blend_error(|index, hit| match index {
+            _ if index == first => at_share(blend_b, a.mapping, hit.pixel),
+            _ if index == second => at_share(blend_a, b.mapping, hit.pixel),
             _ => hit.share,
         });
         (error <= MOST_BLEND_ERROR).then_some([a, b])
     });
     findings.extend(swapped.map(|[a, b]| {
-        of(
+        for_projector(
             b,
             "swapped",
             false,
-            format!("the shares would add up if `{}` and `{}` had each other's mask", a.name, b.name),
+            format!("the shares would add up with the masks of `{}` and `{}` exchanged", a.name, b.name),
         )
     }));
     findings
@@ -153,66 +160,66 @@ pub(super) fn blend(seen: &Seen<'_>) -> Vec<Finding> {
 
 /// Alpha of a mask that belongs to another raster.
 fn at_share(blend: &Blend, mapping: &dyn PlaneMapping, pixel: DVec2) -> f64 {
-    let [of_blend, own] = [blend.size(), mapping.size()].map(|[x, y]| DVec2::new(f64::from(x), f64::from(y)));
-    blend.alpha_at(pixel * of_blend / own)
+    let [blend_size, own] = [blend.size(), mapping.size()].map(|[x, y]| DVec2::new(f64::from(x), f64::from(y)));
+    blend.alpha_at(pixel * blend_size / own)
 }
 
-/// `black_level`: black is lifted where few projectors reach, not where many do.
-pub(super) fn black_level(seen: &Seen<'_>) -> Option<Finding> {
-    let counts = seen.counts.iter().copied().filter(|count| *count > 0);
+/// `black_level`: black must be raised where few projectors reach, not where many do.
+pub(super) fn black_level(samples: &DomeSamples<'_>) -> Option<Finding> {
+    let counts = samples.counts.iter().copied().filter(|count| *count > 0);
     let (fewest, most) = (counts.clone().min()?, counts.max()?);
     let lift = |wanted: usize| {
-        let at = (0..seen.directions.len()).filter(|at| seen.counts[*at] == wanted);
-        let of: Vec<f64> =
-            at.flat_map(|at| seen.hits.iter().filter_map(move |hits| hits[at])).map(|hit| hit.black).collect();
-        of.iter().sum::<f64>() / of.len().max(1) as f64
+        let at = (0..samples.directions.len()).filter(|at| samples.counts[*at] == wanted);
+        let levels: Vec<f64> =
+            at.flat_map(|at| samples.hits.iter().filter_map(move |hits| hits[at])).map(|hit| hit.black).collect();
+        levels.iter().sum::<f64>() / levels.len().max(1) as f64
     };
     let [few, many] = [fewest, most].map(lift);
     if fewest == most || (few == 0.0 && many == 0.0) {
         return None;
     }
     let what = format!(
-        "black is lifted by {few:.5} of white where {fewest} projectors reach, by {many:.5} where {most} do: it has to be more where fewer reach"
+        "black is raised by {few:.5} of white where {fewest} projectors reach and by {many:.5} where {most} do: must be raised more where fewer projectors reach"
     );
     Some(together("black_level", many <= few, what))
 }
 
-/// `twice`: two projectors with the same region.
-pub(super) fn twice(seen: &Seen<'_>) -> Vec<Finding> {
-    let found = pairs(seen.projectors.len()).filter_map(|pair| {
-        let [first, second] = pair.map(|index| &seen.hits[index]);
-        let count = |of: &[Option<Hit>]| of.iter().flatten().count();
+/// `twice`: two projectors show the same region.
+pub(super) fn twice(samples: &DomeSamples<'_>) -> Vec<Finding> {
+    let found = pairs(samples.projectors.len()).filter_map(|pair| {
+        let [first, second] = pair.map(|index| &samples.hits[index]);
+        let count = |hits: &[Option<Hit>]| hits.iter().flatten().count();
         let common = first.iter().zip(second).filter(|(a, b)| a.is_some() && b.is_some()).count();
         let share = common as f64 / count(first).min(count(second)).max(1) as f64;
-        let [first, second] = pair.map(|index| &seen.projectors[index]);
+        let [first, second] = pair.map(|index| &samples.projectors[index]);
         let what = || {
             format!(
-                "{:.0} % of `{}` is what `{}` shows: the same region twice?",
+                "{:.0} % of the region of `{}` is also shown by `{}`: is the same region used twice?",
                 100.0 * share,
                 second.name,
                 first.name
             )
         };
-        (share > MOST_COMMON).then(|| of(second, "twice", false, what()))
+        (share > MOST_COMMON).then(|| for_projector(second, "twice", false, what()))
     });
     found.collect()
 }
 
-/// `tilt`: the light lies around the axis of the dome.
-pub(super) fn tilt(seen: &Seen<'_>) -> Finding {
-    let axis = seen.dome.axis();
-    let rim_rad = 0.5 * seen.dome.fov_deg.to_radians();
+/// `tilt`: the light must be centred on the axis of the dome.
+pub(super) fn tilt(samples: &DomeSamples<'_>) -> Finding {
+    let axis = samples.dome.axis();
+    let rim_rad = 0.5 * samples.dome.fov_deg.to_radians();
     let (mut sum, mut whole, mut beyond) = (DVec3::ZERO, 0.0, 0.0);
-    for projector in seen.projectors {
+    for projector in samples.projectors {
         for (pixel, direction) in places(projector.mapping, 40) {
             if projector.blend.is_some_and(|blend| blend.alpha_at(pixel) < LEAST_SHARE) {
                 continue;
             }
             let solid_angle_sr = projector.mapping.solid_angle_sr(pixel.x as u32, pixel.y as u32);
             let direction = projector.dome_from_view * direction;
-            // Where several reach, each counts in part.
+            // If several projectors reach the direction, each counts in part.
             let reaches = |other: &&Projector<'_>| other.hit(direction).is_some_and(|hit| hit.share >= LEAST_SHARE);
-            let weight = solid_angle_sr / seen.projectors.iter().filter(reaches).count().max(1) as f64;
+            let weight = solid_angle_sr / samples.projectors.iter().filter(reaches).count().max(1) as f64;
             sum += direction * weight;
             whole += weight;
             beyond += if direction.angle_between(axis) > rim_rad { weight } else { 0.0 };
@@ -220,23 +227,24 @@ pub(super) fn tilt(seen: &Seen<'_>) -> Finding {
     }
     let lean_deg = sum.angle_between(axis).to_degrees();
     let beyond = beyond / f64::max(whole, f64::MIN_POSITIVE);
-    // In the axes of the dome: towards the front, or away from it.
+    // In dome axes: towards the front, or away from it.
     let front = (sum.normalize_or_zero() - axis).dot(DVec3::NEG_Z);
     let side = if front > 0.0 { "front" } else { "back" };
     let what = format!(
-        "the middle of the light leans {lean_deg:.1} degrees from the dome's axis (to the {side}), {:.1} % of it falls beyond the rim: up to {MOST_LEAN_DEG} degrees or {} % \
-         are allowed",
+        "the light is centred {lean_deg:.1} degrees from the dome's axis (to the {side}), {:.1} % of it falls beyond the rim: must be at most {MOST_LEAN_DEG} degrees or {} % \
+         respectively",
         100.0 * beyond,
         100.0 * MOST_BEYOND
     );
     together("tilt", !(lean_deg > MOST_LEAN_DEG && beyond > MOST_BEYOND), what)
 }
 
-/// `eye` and `unit`: the eye is near the middle of the screen that the points of the files lie on, which is as large as a dome.
+/// `eye` and `unit`: the eye must be near the centre of the screen on which the points of the files lie, and the screen
+/// must be as large as a dome.
 pub(super) fn screen(projectors: &[Projector<'_>]) -> Vec<Finding> {
     let mut sums = ScreenSums::default();
-    for (projector, of) in projectors.iter().filter_map(|projector| Some((projector, projector.screen?))) {
-        sums.merge(&of.turned(DMat3::from_quat(projector.dome_from_view)));
+    for (projector, screen) in projectors.iter().filter_map(|projector| Some((projector, projector.screen?))) {
+        sums.merge(&screen.turned(DMat3::from_quat(projector.dome_from_view)));
     }
     let Some(sphere) = sums.sphere().filter(|sphere| sphere.rough_m <= MOST_ROUGH * sphere.radius_m) else {
         return Vec::new();
@@ -245,23 +253,24 @@ pub(super) fn screen(projectors: &[Projector<'_>]) -> Vec<Finding> {
     let (off_m, most_m) = (sphere.centre_m.length(), MOST_OFF_CENTRE * radius_m);
     let [x, y, z] = (-sphere.centre_m).to_array();
     let at = if off_m < 0.005 {
-        "in the middle".to_owned()
+        "in the centre".to_owned()
     } else {
-        format!("at [{x:.2}, {y:.2}, {z:.2}] m from the middle")
+        format!("at [{x:.2}, {y:.2}, {z:.2}] m from the centre")
     };
     let centred = off_m <= most_m;
-    let eye =
-        format!("the eye is {at} of the screen, whose radius is {radius_m:.2} m; up to {most_m:.2} m are expected");
+    let eye = format!(
+        "the eye is {at} of the screen, whose radius is {radius_m:.2} m; the distance must be at most {most_m:.2} m"
+    );
     let [least, most] = RADII_M;
     let sized = (least..=most).contains(&radius_m);
-    let unit = format!("the radius of the screen is {radius_m:.2} m, {least} to {most} are expected");
+    let unit = format!("the radius of the screen is {radius_m:.2} m, must be between {least} and {most} m");
     vec![
-        together("eye", centred, with_hint(eye, centred, "another eye point, or another origin?")),
-        together("unit", sized, with_hint(unit, sized, "another unit?")),
+        together("eye", centred, with_hint(eye, centred, "is the eye point or the origin different?")),
+        together("unit", sized, with_hint(unit, sized, "is the unit different?")),
     ]
 }
 
-/// Points over a raster that have a direction, with it: at most `side` each way.
+/// Points over a raster that have a direction, with that direction: at most `side` x `side`.
 fn places(mapping: &dyn PlaneMapping, side: u32) -> Vec<(DVec2, DVec3)> {
     let [width, height] = mapping.size();
     let at = |index: u32, size: u32| (2 * index + 1) * size / (2 * side);
@@ -272,51 +281,61 @@ fn places(mapping: &dyn PlaneMapping, side: u32) -> Vec<(DVec2, DVec3)> {
 }
 
 /// `span`, `reaches`, `mirrored`, `raster` and `facets` of one projector.
-pub(super) fn of_one(projector: &Projector<'_>, hits: &[Option<Hit>]) -> Vec<Finding> {
+pub(super) fn for_one(projector: &Projector<'_>, hits: &[Option<Hit>]) -> Vec<Finding> {
     let mapping = projector.mapping;
     let mut findings = Vec::new();
     let places = places(mapping, 20);
+    // `span`: largest angle from the first point to another one.
     let widest = |first: &DVec3| places.iter().map(|(_, other)| first.angle_between(*other)).fold(0.0, f64::max);
     let span_deg = places.first().map_or(0.0, |(_, first)| widest(first)).to_degrees();
     let spans = span_deg >= LEAST_SPAN_DEG;
-    let what = format!("the picture spans {span_deg:.1} degrees, at least {LEAST_SPAN_DEG} are expected");
-    let what = with_hint(what, spans, "offsets taken for absolutes, or other units?");
-    findings.push(of(projector, "span", spans, what));
+    let what = format!("the picture spans {span_deg:.1} degrees, must be at least {LEAST_SPAN_DEG}");
+    let what = with_hint(what, spans, "are offsets read as absolute values, or is the unit different?");
+    findings.push(for_projector(projector, "span", spans, what));
+    // `reaches`: the directions of the dome that fall on the raster.
     let on_dome = hits.iter().flatten().count();
     let what = match on_dome {
-        0 => "nothing of it falls on the dome: other axes, or rows upside down?".to_owned(),
+        0 => "no part of it falls on the dome: are the axes different, or the rows upside down?".to_owned(),
         _ => format!("{:.1} % of the dome", 100.0 * on_dome as f64 / hits.len() as f64),
     };
-    findings.push(of(projector, "reaches", on_dome > 0, what));
-    // Seen from the middle of the dome: columns to the right, rows downwards.
+    findings.push(for_projector(projector, "reaches", on_dome > 0, what));
+    // As seen from the centre of the dome: columns to the right, rows downwards.
     let turns: Vec<(bool, bool)> = places.iter().filter_map(|(pixel, _)| turn(mapping, *pixel, projector)).collect();
-    let share = |of: &dyn Fn(&(bool, bool)) -> bool| {
-        turns.iter().filter(|turn| of(turn)).count() as f64 / turns.len().max(1) as f64
+    let share = |holds: &dyn Fn(&(bool, bool)) -> bool| {
+        turns.iter().filter(|turn| holds(turn)).count() as f64 / turns.len().max(1) as f64
     };
+    // `mirrored`: by the majority of the points.
     let mirrored = share(&|(mirrored, _)| *mirrored);
     let downwards = share(&|(_, upwards)| !*upwards);
     let what = match (mirrored > 0.5, downwards > 0.5) {
         (true, true) => {
-            "the picture is mirrored and its upper border is low: rows upside down? (rows = \"bottom_first\" or \"top_first\")"
+            "the picture is mirrored and its upper border is low: are the rows upside down? (rows = \"bottom_first\" or \"top_first\")"
         }
         (true, false) => {
-            "the picture is mirrored: columns in the wrong order, or an axis with the wrong sign? (axes = ...)"
+            "the picture is mirrored: are the columns in the wrong order, or does an axis have the wrong sign? (axes = ...)"
         }
-        (false, _) => "the picture is as seen from inside",
+        (false, _) => "the picture has the orientation as seen from inside",
     };
-    findings.push(of(projector, "mirrored", mirrored < 0.5, what.to_owned()));
+    findings.push(for_projector(projector, "mirrored", mirrored < 0.5, what.to_owned()));
+    // `raster`: a wrong width or height stretches all pixels.
     let aspects = places.iter().filter_map(|(_, direction)| mapping.pixel_extent_rad(*direction));
     let [_, aspect, _] = percentiles(aspects.map(|[longer, shorter]| longer / shorter).collect(), [0.5; 3]);
     let [width, height] = mapping.size();
     let shaped = aspect <= MOST_ASPECT;
-    let what = format!("pixels are {aspect:.2} times as long as wide in the median, at most {MOST_ASPECT} is expected");
+    let what = format!("the median aspect ratio of pixels is {aspect:.2}, must be at most {MOST_ASPECT}");
     let what = with_hint(what, shaped, &format!("is the raster {width} x {height}?"));
-    findings.push(of(projector, "raster", shaped, what));
+    findings.push(for_projector(projector, "raster", shaped, what));
+    // `facets`: pixels of a smooth map change their size gradually.
     let (step, [x, y]) = largest_step(mapping);
     let smooth = step <= MOST_STEP;
     let what =
-        format!("a pixel is {step:.3} times as large as its neighbour at ({x}, {y}), at most {MOST_STEP} is allowed");
-    findings.push(of(projector, "facets", smooth, with_hint(what, smooth, "a coarse grid without splines, or noise")));
+        format!("a pixel is {step:.3} times as large as its neighbour at ({x}, {y}), must be at most {MOST_STEP}");
+    findings.push(for_projector(
+        projector,
+        "facets",
+        smooth,
+        with_hint(what, smooth, "the grid is coarse without splines, or noisy"),
+    ));
     findings
 }
 
@@ -329,11 +348,11 @@ fn turn(mapping: &dyn PlaneMapping, pixel: DVec2, projector: &Projector<'_>) -> 
     Some((mirrored, downwards.y < 0.0))
 }
 
-/// The largest ratio of the solid angles of neighbouring pixels, and where.
+/// The largest ratio of the solid angles of neighbouring pixels, and its position.
 fn largest_step(mapping: &dyn PlaneMapping) -> (f64, [u32; 2]) {
     let [width, height] = mapping.size();
     let mut largest = (1.0, [0, 0]);
-    // Every row would be more than is needed to find the border of a cell.
+    // A few rows are enough to find the border of a cell.
     let rows = (1..24).map(|row| row * height / 24);
     for y in rows.filter(|y| *y < height) {
         let mut before = 0.0;

@@ -1,4 +1,4 @@
-//! Directions over a dome.
+//! Sampled directions over a dome.
 
 use std::f64::consts::PI;
 
@@ -7,15 +7,15 @@ use rayon::prelude::*;
 
 use super::{Dome, DomeMap, Hit, MapPoint, Projector};
 
-/// Directions over the dome.
+/// Number of directions over the dome.
 const SAMPLES: usize = 20_000;
-/// Points along a side of a picture of it.
+/// Points along a side of the picture of the dome.
 const MAP_SIDE: usize = 180;
 
 /// A picture of the dome as a domemaster: the axis in the middle, the front at the bottom.
 pub(super) fn map(dome: Dome, projectors: &[Projector<'_>]) -> DomeMap {
     let axis = dome.axis();
-    // The front is where the dome's axis would be tilted further.
+    // The front is the direction in which the dome's axis tilts.
     let front = (DVec3::NEG_Z - axis * axis.dot(DVec3::NEG_Z)).normalize_or(axis.any_orthonormal_vector());
     let right = front.cross(axis);
     let half_rad = 0.5 * dome.fov_deg.to_radians();
@@ -39,7 +39,7 @@ pub(super) fn pairs(count: usize) -> impl Iterator<Item = [usize; 2]> {
     (0..count).flat_map(move |first| (first + 1..count).map(move |second| [first, second]))
 }
 
-/// Directions over the dome, each of the same solid angle.
+/// Directions over the dome, each with the same solid angle.
 pub(super) fn lattice(dome: Dome) -> Vec<DVec3> {
     let axis = dome.axis();
     let (right, up) = axis.any_orthonormal_pair();
@@ -62,11 +62,11 @@ pub(super) fn percentiles(mut values: Vec<f64>, shares: [f64; 3]) -> [f64; 3] {
     })
 }
 
-/// Middle and radius of the largest circle without light, about: the dark direction that is farthest from all that are lit.
+/// Approximate centre and radius of the largest circle without light: the dark direction farthest from all lit ones.
 pub(super) fn widest_gap(directions: &[DVec3], counts: &[usize]) -> Option<[f64; 3]> {
     let lit: Vec<DVec3> = directions.iter().zip(counts).filter(|(_, count)| **count > 0).map(|(d, _)| *d).collect();
     let dark = directions.iter().zip(counts).filter(|(_, count)| **count == 0).map(|(d, _)| *d);
-    // A few hundred of them are enough to find the middle.
+    // A few hundred of them are enough to find the centre.
     let dark: Vec<DVec3> = dark.collect();
     let stride = dark.len().div_ceil(400).max(1);
     let radius =

@@ -1,6 +1,6 @@
-//! Rules on a set-up of two projectors, and what each mistake makes of it.
+//! Tests the rules on a set-up of two projectors, and the effect of each mistake.
 
-#![allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
+#![allow(clippy::unwrap_used, reason = "a failed assumption of a test panics")]
 
 use super::*;
 use crate::view::{
@@ -11,8 +11,9 @@ use crate::view::{
 const DOME: Dome = Dome { fov_deg: 120.0, tilt_deg: 90.0 };
 const SIZE: [u32; 2] = [120, 220];
 
-/// Direction of a point of the raster (0 to 1): bands of the dome from one side to the other, the upper border towards the zenith's far side.
-fn of_band(from_deg: f64, to_deg: f64) -> impl Fn(f64, f64) -> DVec3 {
+/// Direction of a point of the raster (0 to 1): bands of the dome from one side to the other, with the upper border
+/// towards the far side of the zenith.
+fn band(from_deg: f64, to_deg: f64) -> impl Fn(f64, f64) -> DVec3 {
     move |u: f64, v: f64| {
         let across = (from_deg + (to_deg - from_deg) * u).to_radians();
         let along = (65.0 - 130.0 * v).to_radians();
@@ -35,7 +36,7 @@ struct SetUp {
 
 impl SetUp {
     fn right() -> Self {
-        let warps = [of_band(-65.0, 5.0), of_band(-5.0, 65.0)].map(|of| warp(of, 33, Interpolation::Smooth));
+        let warps = [band(-65.0, 5.0), band(-5.0, 65.0)].map(|direction| warp(direction, 33, Interpolation::Smooth));
         let ramp = |first: bool| {
             let width = SIZE[0] as usize;
             let values: Vec<f32> = (0..width)
@@ -52,7 +53,7 @@ impl SetUp {
 
     fn check(&self) -> DomeReport {
         let names = ["left", "right"];
-        let of = |at: usize| Projector {
+        let projector = |at: usize| Projector {
             name: names[at],
             mapping: &self.warps[at],
             dome_from_view: DQuat::IDENTITY,
@@ -60,7 +61,7 @@ impl SetUp {
             dimmed_to: 1.0,
             screen: None,
         };
-        check(DOME, &[of(0), of(1)])
+        check(DOME, &[projector(0), projector(1)])
     }
 }
 
@@ -69,7 +70,7 @@ fn failed(report: &DomeReport) -> Vec<&'static str> {
 }
 
 #[test]
-fn a_good_set_up_keeps_all_rules() {
+fn a_good_set_up_satisfies_all_rules() {
     let report = SetUp::right().check();
     assert!(report.passed(), "{:#?}", report.findings);
     assert!(report.coverage[0] > 0.999 && (0.05..0.15).contains(&report.coverage[1]), "{:?}", report.coverage);
@@ -79,20 +80,20 @@ fn a_good_set_up_keeps_all_rules() {
 }
 
 #[test]
-fn each_mistake_is_found_by_its_name() {
+fn each_mistake_violates_its_own_rule() {
     let mistake = |change: &dyn Fn(&mut SetUp)| {
         let mut set_up = SetUp::right();
         change(&mut set_up);
         set_up.check()
     };
     let smooth = Interpolation::Smooth;
-    let right = || of_band(-5.0, 65.0);
+    let right = || band(-5.0, 65.0);
     let upside_down = mistake(&|s| s.warps[1] = warp(|u, v| right()(u, 1.0 - v), 33, smooth));
     assert_eq!(failed(&upside_down), ["mirrored"]);
     assert!(upside_down.findings.iter().any(|finding| finding.what.contains("rows upside down")));
     let columns = mistake(&|s| s.warps[1] = warp(|u, v| right()(1.0 - u, v), 33, smooth));
     assert_eq!(failed(&columns), ["blend", "mirrored"]);
-    let gap = mistake(&|s| s.warps[1] = warp(of_band(15.0, 85.0), 33, smooth));
+    let gap = mistake(&|s| s.warps[1] = warp(band(15.0, 85.0), 33, smooth));
     assert_eq!(failed(&gap)[..2], ["coverage", "blend"]);
     let [azimuth, _, radius] = gap.widest_gap_deg.unwrap();
     assert!((0.0..120.0).contains(&azimuth.abs()) && (3.0..8.0).contains(&radius), "{azimuth} {radius}");
@@ -101,13 +102,13 @@ fn each_mistake_is_found_by_its_name() {
     assert!(unblended.findings.iter().any(|finding| finding.what.contains("no projector has a blend mask")));
     let swapped = mistake(&|s| s.blends.swap(0, 1));
     assert_eq!(failed(&swapped), ["blend", "swapped"]);
-    // Offsets in place of directions: all of the picture near one point.
+    // Offsets instead of directions: the whole picture near one point.
     let collapsed =
         mistake(&|s| s.warps[1] = warp(|u, v| (right()(0.5, 0.5) + 1e-2 * right()(u, v)).normalize(), 33, smooth));
     assert!(failed(&collapsed).contains(&"span"), "{:?}", failed(&collapsed));
-    let twice = mistake(&|s| s.warps[1] = warp(of_band(-65.0, 5.0), 33, smooth));
+    let twice = mistake(&|s| s.warps[1] = warp(band(-65.0, 5.0), 33, smooth));
     assert!(failed(&twice).contains(&"twice") && failed(&twice).contains(&"coverage"));
-    // Cells of different widths: between them the size of pixels jumps.
+    // Cells of different widths: the size of pixels jumps between them.
     let uneven = |u: f64, v: f64| right()(u + 0.04 * (7.0 * u).sin(), v);
     let facets = mistake(&|s| s.warps[1] = warp(uneven, 9, Interpolation::Linear));
     assert!(failed(&facets).contains(&"facets"), "{:?}", failed(&facets));

@@ -188,7 +188,7 @@ fn mistakes_in_the_scene() {
     refused("[scene.camera]\nposition_m = [0, 0]", &["scene.camera.position_m", "invalid length 2"]);
     refused("[scene.camera]\norientation = [0, 0, 0, 1.01]", &["scene.camera.orientation", "unit quaternion"]);
     refused("[scene.camera]\norientation = [0, 0, inf, 1]", &["scene.camera.orientation", "finite"]);
-    refused("[scene.camera]\nvelocity_c = [0.99991, 0, 0]", &["scene.camera.velocity_c", "0.99991", "0 to 0.9999"]);
+    refused("[scene.camera]\nvelocity_c = [0.99991, 0, 0]", &["scene.camera.velocity_c", "0.99991", "between 0 and 0.9999"]);
     refused("[scene.camera]\nvelocity_c = [0.6, 0.8, 0]", &["scene.camera.velocity_c", "from 0 to 0.9999"]);
     refused("[scene.camera]\nvelocity_c = [nan, 0, 0]", &["scene.camera.velocity_c", "finite"]);
     refused("[scene.camera]\nheading = 3", &["scene.camera.heading", "unknown key", "orientation"]);
@@ -293,7 +293,7 @@ fn mistakes_in_views() {
     refused(&view("type = 'stereo'\nsize = [4, 4]\nipd_m = 0.06"), &["views[0].fov", "fov_left and fov_right"]);
     let eyes = "type = 'stereo'\nsize = [4, 4]\nfov = { left_deg = -9, right_deg = 9, up_deg = 9, down_deg = -9 }";
     refused(&view(eyes), &["views[0]", "missing key `ipd_m`"]);
-    refused(&view(&format!("{eyes}\nipd_m = -1")), &["views[0]", "ipd_m = -1", "finite distances from 0"]);
+    refused(&view(&format!("{eyes}\nipd_m = -1")), &["views[0]", "ipd_m = -1", "at least 0 m"]);
     refused(&view("type = 'cubemap'\nface_size = 0"), &["views[0].face_size", "at least 1"]);
     refused(&view("type = 'cubemap'\nface_size = 4\nfaces = ['top']"), &["views[0].faces[0]", "top", "front, right"]);
     refused(&view("type = 'cubemap'\nface_size = 4\nfaces = []"), &["views[0]", "faces", "at least one"]);

@@ -1,8 +1,8 @@
-//! Centroid: the middle of a star's light, against the place where the star stands.
+//! Centroid: the centre of a star's light, compared with the star's expected position.
 //!
-//! Every pixel counts as a point at its centre that carries luminance times solid angle. The window must hold all of the
-//! star's light, and nothing else may shine in it. Pixel coordinates do not go on over the edges of a picture; across the
-//! date line of an equirectangular image or the edges of a cubemap measure with directions.
+//! Every pixel counts as a point at its centre with the weight luminance times solid angle. The window must contain all
+//! of the star's light and no other light. Pixel coordinates do not continue over the edges of an image: across the
+//! date line of an equirectangular image or the edges of a cubemap, use directions.
 
 use glam::{DVec2, DVec3};
 
@@ -77,29 +77,29 @@ mod tests {
         let shift = DVec2::new(0.18, -0.24);
         let pixel_rad = 2.0 * (0.005_f64).tan() / 32.0;
         for position in sub_pixel_positions(50) {
-            let at = DVec2::splat(15.0) + position;
-            let direction = mapping.direction_from_pixel(at).unwrap();
+            let pixel = DVec2::splat(15.0) + position;
+            let direction = mapping.direction_from_pixel(pixel).unwrap();
             let right = Canvas::new(&mapping).star(direction, 1e-6, &bspline);
-            assert!(centroid_error_px(&right.view(), at, 4.0).unwrap() < 1e-9);
+            assert!(centroid_error_px(&right.view(), pixel, 4.0).unwrap() < 1e-9);
             assert!(centroid_error_rad(&[right.view()], direction, 4.0 * pixel_rad).unwrap() < 1e-6 * pixel_rad);
             let wrong = Canvas::new(&mapping).star(direction, 1e-6, &|centre| bspline(centre + shift));
-            let error_px = centroid_error_px(&wrong.view(), at, 4.0).unwrap();
+            let error_px = centroid_error_px(&wrong.view(), pixel, 4.0).unwrap();
             assert!((error_px - 0.3).abs() < 1e-9, "{error_px}");
             let error_rad = centroid_error_rad(&[wrong.view()], direction, 4.0 * pixel_rad).unwrap();
             assert!((error_rad / pixel_rad - 0.3).abs() < 1e-4, "{}", error_rad / pixel_rad);
         }
     }
 
-    /// Root mean square of the centroid's error over sub-pixel positions; the design's table of kernels has 0.41 px for one pixel
-    /// (sqrt(1/6) exactly), 0 for the tent and the B-spline, 0.004 for a Gaussian of 0.7 px over 5 x 5.
+    /// Root mean square of the centroid error over sub-pixel positions. The design's table of kernels gives 0.41 px for
+    /// one pixel (exactly sqrt(1/6)), 0 for the tent and the B-spline, 0.004 for a Gaussian of 0.7 px over 5 x 5.
     #[test]
     fn kernels_have_their_centroid_errors() {
         let mapping = Perspective::symmetric([16, 16], 0.01).unwrap();
         let rms = |kernel: Footprint<'_>| {
             let squares = sub_pixel_positions(3000).map(|position| {
-                let at = DVec2::splat(8.0) + position;
-                let canvas = Canvas::new(&mapping).star(mapping.direction_from_pixel(at).unwrap(), 1.0, kernel);
-                centroid_error_px(&canvas.view(), at, 7.0).unwrap().powi(2)
+                let pixel = DVec2::splat(8.0) + position;
+                let canvas = Canvas::new(&mapping).star(mapping.direction_from_pixel(pixel).unwrap(), 1.0, kernel);
+                centroid_error_px(&canvas.view(), pixel, 7.0).unwrap().powi(2)
             });
             (squares.sum::<f64>() / 3000.0).sqrt()
         };
@@ -112,7 +112,7 @@ mod tests {
     }
 
     #[test]
-    fn directions_go_on_over_the_date_line_and_over_the_edge_of_a_cube() {
+    fn directions_continue_over_the_date_line_and_the_edge_of_a_cube() {
         let mapping = Equirectangular::new([720, 360]).unwrap();
         let direction = DVec3::new(0.0003, 0.1, 1.0).normalize();
         let canvas = Canvas::new(&mapping).star(direction, 1.0, &bspline);
@@ -127,8 +127,8 @@ mod tests {
         let views = [0, 1].map(|i| canvases[i].view().turned(faces[i].0.cube_from_face()));
         let pixel_rad = 2.0 / 256.0 / 2.0;
         let whole = centroid_error_rad(&views, direction, 0.05).unwrap();
-        // One face alone holds only its half of the star, half a pixel away from the edge. What the whole one errs by is the
-        // curvature of the grid within a pixel.
+        // One face alone holds only its half of the star, half a pixel away from the edge. The error of the whole star
+        // comes from the curvature of the grid within a pixel.
         let half = centroid_error_rad(&views[..1], direction, 0.05).unwrap();
         assert!(whole < 0.1 * pixel_rad && half > 0.45 * pixel_rad, "{} {}", whole / pixel_rad, half / pixel_rad);
     }

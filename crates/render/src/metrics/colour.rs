@@ -1,5 +1,5 @@
-//! Colour: distance of chromaticities in the CIE 1976 uniform chromaticity scale u', v' (CIE 15). 0.003 is about what an eye
-//! can tell apart side by side. The brightness does not enter.
+//! Colour: distance of chromaticities in the CIE 1976 uniform chromaticity scale u', v' (CIE 15). A difference of 0.003
+//! is about the smallest that an eye can distinguish side by side. Brightness does not matter.
 
 use super::{HdrView, MetricError};
 use crate::photometry::rec709::{luminance, uv_prime};
@@ -14,7 +14,7 @@ pub fn uv_distance(a: [f64; 3], b: [f64; 3]) -> Option<f64> {
     distance.is_finite().then_some(distance)
 }
 
-/// Colours of an image against those expected.
+/// Result of comparing the colours of an image with the expected ones.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ColourDifference {
     /// Mean distance in u', v', weighted by the expected luminance.
@@ -23,12 +23,12 @@ pub struct ColourDifference {
     pub largest: f64,
     /// Column and row of the largest distance.
     pub largest_at: [u32; 2],
-    /// Share of the expected luminance that has no colour in the image: pixels that should be lit and are not.
+    /// Share of the expected luminance in pixels that have no colour in the image: they should be lit and are not.
     pub missing: f64,
 }
 
-/// Compares the colours of an image with those of an `expected` one of the same size, over the pixels whose expected luminance
-/// is at least `floor_cd_m2` (below it, rounding of a few units makes any colour).
+/// Compares the colours of an image with those of an `expected` image of the same size, over the pixels whose expected
+/// luminance is at least `floor_cd_m2` (below it, rounding by a few units can produce any colour).
 ///
 /// # Errors
 /// [`MetricError::Sizes`] if the sizes differ, [`MetricError::NoLight`] if no pixel has a colour in both images.
@@ -102,7 +102,7 @@ mod tests {
         assert!(found.mean > 0.1 && found.largest > found.mean, "{found:?}");
         assert_eq!(found.largest_at, [3, 1]);
 
-        // One pixel alone: the mean takes it by its share of the luminance.
+        // A single wrong pixel contributes to the mean by its share of the luminance.
         let mut one = right.clone();
         one[5].swap(0, 2);
         let found = colour_difference(&view(&one), &truth, 0.0).unwrap();
@@ -120,7 +120,7 @@ mod tests {
         let half = vec![[3.0_f64; 3], [0.0; 3]];
         let found = colour_difference(&HdrView::new(&mapping, &half).unwrap(), &truth, 0.0).unwrap();
         assert!((found.missing - 0.25).abs() < 1e-15 && found.largest < 1e-15, "{found:?}");
-        // Below the floor the lost one does not count.
+        // Below the floor the missing pixel does not count.
         let found = colour_difference(&HdrView::new(&mapping, &half).unwrap(), &truth, 2.0).unwrap();
         assert!(found.missing == 0.0, "{found:?}");
         let black = vec![[0.0_f64; 3]; 2];

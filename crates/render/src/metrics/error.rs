@@ -7,14 +7,14 @@ pub enum MetricError {
     /// The pixels do not fill the mapping's picture.
     #[error("{pixels} pixels for a picture of {width} x {height}")]
     PixelCount {
-        /// Pixels given.
+        /// Number of pixels passed in.
         pixels: usize,
-        /// Width that the mapping asks for.
+        /// Width of the mapping.
         width: u32,
-        /// Height that the mapping asks for.
+        /// Height of the mapping.
         height: u32,
     },
-    /// A pixel that is no light: a channel is NaN or infinite, or the luminance is negative.
+    /// A pixel is not light: a channel is NaN or infinite, or the luminance is negative.
     #[error("pixel ({x}, {y}) is not light: a channel is not finite or the luminance is negative")]
     NotLight {
         /// Column.
@@ -30,32 +30,32 @@ pub enum MetricError {
         /// Row.
         y: u32,
     },
-    /// Nothing shines where the metric looks.
+    /// No light where the metric measures.
     #[error("no light where {0} is measured")]
     NoLight(&'static str),
-    /// Two images that are compared differ in size.
+    /// The two compared images differ in size.
     #[error("images of {}x{} and {}x{} pixels cannot be compared", .0[0], .0[1], .1[0], .1[1])]
     Sizes([u32; 2], [u32; 2]),
     /// Too few values, images or positions.
     #[error("{what}: {found} given, at least {least} needed")]
     TooFew {
-        /// Of what.
+        /// The kind of values.
         what: &'static str,
-        /// How many were given.
+        /// How many were passed in.
         found: usize,
         /// How many are needed.
         least: usize,
     },
-    /// A number that must be positive and finite (or, for light that was measured, not negative).
+    /// A number that must be positive and finite (a measured amount of light may also be 0).
     #[error("{what} = {value}: must be positive and finite")]
     NotPositive {
-        /// Which number.
+        /// Name of the number.
         what: &'static str,
         /// Its value.
         value: f64,
     },
-    /// Two sources that stand too close to be told apart.
-    #[error("sources {distance_px} px apart cannot be told apart in windows of {radius_px} px")]
+    /// Two sources too close to be separated.
+    #[error("sources {distance_px} px apart cannot be separated with windows of {radius_px} px")]
     Overlap {
         /// Distance of the sources, px.
         distance_px: f64,
@@ -64,12 +64,12 @@ pub enum MetricError {
     },
 }
 
-/// `value` if it is positive and finite.
+/// Returns `value` if it is positive and finite.
 pub(super) fn positive(what: &'static str, value: f64) -> Result<f64, MetricError> {
     if value > 0.0 && value.is_finite() { Ok(value) } else { Err(MetricError::NotPositive { what, value }) }
 }
 
-/// `value` if it is finite and not negative.
+/// Returns `value` if it is finite and not negative.
 pub(super) fn not_negative(what: &'static str, value: f64) -> Result<f64, MetricError> {
     if value >= 0.0 && value.is_finite() { Ok(value) } else { Err(MetricError::NotPositive { what, value }) }
 }

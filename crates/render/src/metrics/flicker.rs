@@ -1,9 +1,10 @@
-//! Flicker: how much a star's light seems to change while its image moves over the pixels.
+//! Flicker: how much a star's light appears to change while its image moves over the pixels.
 //!
-//! A pixel of luminance L on a display whose white is L_w shows about x / (1 + x) with x = L / L_w. The flicker is the
-//! standard deviation over the mean, over many sub-pixel positions, of the sum over pixels of that; before tone mapping it is
-//! the same for the sum of x. A kernel can be measured alone, with x = k * weight, where k is the star's peak over display
-//! white if it stood in a single pixel; or a pan can be, frame by frame. Pixels of a frame count by their solid angle.
+//! A pixel of luminance L on a display with white luminance L_w shows about x / (1 + x) with x = L / L_w. Flicker is
+//! the standard deviation divided by the mean, over many sub-pixel positions, of the sum of this value over the pixels;
+//! before tone mapping, the same is computed for the sum of x. It can be measured for a kernel alone, with x = k *
+//! weight, where k is the luminance of the star over display white if all its light were in a single pixel; or for a
+//! pan, frame by frame. Pixels of a frame are weighted by their solid angle.
 
 use glam::DVec2;
 
@@ -13,12 +14,12 @@ use super::{
 };
 use crate::view::projection::Footprint;
 
-/// Standard deviation over mean of a star's sum, over all positions measured. Dimensionless.
+/// Standard deviation over mean of a star's sum, over all measured positions. Dimensionless.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Flicker {
-    /// Of the sum of the light itself.
+    /// For the sum of the light itself.
     pub before: f64,
-    /// Of the sum of what the display shows of it.
+    /// For the sum of the displayed values.
     pub after: f64,
 }
 
@@ -27,7 +28,7 @@ pub struct Flicker {
 pub struct FlickerMeter {
     white_cd_m2: f64,
     linear: Vec<f64>,
-    shown: Vec<f64>,
+    displayed: Vec<f64>,
 }
 
 impl FlickerMeter {
@@ -36,7 +37,7 @@ impl FlickerMeter {
     /// # Errors
     /// [`MetricError::NotPositive`] if that is not a positive number.
     pub fn new(white_cd_m2: f64) -> Result<Self, MetricError> {
-        Ok(Self { white_cd_m2: positive("display white", white_cd_m2)?, linear: Vec::new(), shown: Vec::new() })
+        Ok(Self { white_cd_m2: positive("display white", white_cd_m2)?, linear: Vec::new(), displayed: Vec::new() })
     }
 
     /// Adds a frame of the pan.
@@ -58,20 +59,21 @@ impl FlickerMeter {
         Ok(())
     }
 
-    /// Adds a star that stands in one image with others: the pixels within `radius_px` of `at`, each by its solid angle over
-    /// that of the star's own pixel. So one image can hold many positions of a pan, even where the solid angle changes over
-    /// it: the stars' light over the solid angle of their own pixels must then be the same.
+    /// Adds one of several stars in the same image: the pixels within `radius_px` of `pixel`, each weighted by its solid
+    /// angle relative to that of the star's central pixel. One image can thus hold many positions of a pan, even if the
+    /// solid angle varies over it: the light of each star divided by the solid angle of its central pixel must then be
+    /// the same.
     ///
     /// # Errors
     /// [`MetricError::OutsidePicture`] if the star's pixel, or one that is lit, is outside of the picture.
-    pub fn add_star(&mut self, image: &HdrView<'_>, at: DVec2, radius_px: f64) -> Result<(), MetricError> {
-        let pixel_of = |at: DVec2| (at.x.floor().max(0.0) as u32, at.y.floor().max(0.0) as u32);
-        let (x, y) = pixel_of(at);
+    pub fn add_star(&mut self, image: &HdrView<'_>, pixel: DVec2, radius_px: f64) -> Result<(), MetricError> {
+        let pixel_of = |pixel: DVec2| (pixel.x.floor().max(0.0) as u32, pixel.y.floor().max(0.0) as u32);
+        let (x, y) = pixel_of(pixel);
         let own_sr = image.mapping().solid_angle_sr(x, y);
         if own_sr.is_nan() || own_sr <= 0.0 {
             return Err(MetricError::OutsidePicture { x, y });
         }
-        let mut lit = image.lit_near_pixel(at, radius_px)?;
+        let mut lit = image.lit_near_pixel(pixel, radius_px)?;
         for (centre, light_lx) in &mut lit {
             let (x, y) = pixel_of(*centre);
             let luminance = image.luminance_cd_m2(x, y);
@@ -81,25 +83,26 @@ impl FlickerMeter {
         Ok(())
     }
 
-    /// Adds a position: pixels as (luminance over white, share in the sum).
+    /// Adds a position: pixels as (luminance over white, weight in the sum).
     fn add_pixels(&mut self, pixels: impl Iterator<Item = (f64, f64)>) {
-        let (linear, shown) =
-            pixels.fold((0.0, 0.0), |(linear, shown), (x, share)| (linear + x * share, shown + x / (1.0 + x) * share));
+        let (linear, displayed) = pixels.fold((0.0, 0.0), |(linear, displayed), (x, share)| {
+            (linear + x * share, displayed + x / (1.0 + x) * share)
+        });
         self.linear.push(linear);
-        self.shown.push(shown);
+        self.displayed.push(displayed);
     }
 
-    /// The flicker over what was added so far.
+    /// Flicker over the frames added so far.
     ///
     /// # Errors
-    /// [`MetricError::TooFew`] before the second frame, [`MetricError::NoLight`] if all were black.
+    /// [`MetricError::TooFew`] before the second frame, [`MetricError::NoLight`] if all frames were black.
     pub fn flicker(&self) -> Result<Flicker, MetricError> {
-        Ok(Flicker { before: deviation_over_mean(&self.linear)?, after: deviation_over_mean(&self.shown)? })
+        Ok(Flicker { before: deviation_over_mean(&self.linear)?, after: deviation_over_mean(&self.displayed)? })
     }
 }
 
-/// Flicker of a kernel alone: `peak` is the star's light in a single pixel over display white (k), `positions` the number of
-/// sub-pixel positions, spread evenly.
+/// Flicker of a kernel alone: `peak` is the star's luminance over display white if all its light were in a single pixel
+/// (k), `positions` the number of sub-pixel positions, spread evenly.
 ///
 /// # Errors
 /// [`MetricError::NotPositive`] if the peak is not a positive number, [`MetricError::TooFew`] below two positions,
@@ -113,7 +116,8 @@ pub fn kernel_flicker(kernel: Footprint<'_>, peak: f64, positions: usize) -> Res
     meter.flicker()
 }
 
-/// Points spread evenly over a pixel, [0, 1) each way, always the same: the additive sequence of the plastic number
+/// Points spread evenly over a pixel, in [0, 1) along each axis, deterministic: the additive sequence of the plastic
+/// number
 /// (M. Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018).
 pub fn sub_pixel_positions(count: usize) -> impl Iterator<Item = DVec2> {
     // The real root of x^3 = x + 1.
@@ -147,7 +151,7 @@ mod tests {
         view::projection::{Perspective, PlaneMapping},
     };
 
-    fn of(kernel: SplatKernel, peak: f64) -> Flicker {
+    fn flicker_of(kernel: SplatKernel, peak: f64) -> Flicker {
         kernel_flicker(&|centre| kernel.footprint(centre), peak, 3000).unwrap()
     }
 
@@ -155,7 +159,7 @@ mod tests {
     fn positions_fill_the_pixel_evenly() {
         let positions: Vec<DVec2> = sub_pixel_positions(3000).collect();
         assert!(positions.iter().all(|p| (0.0..1.0).contains(&p.x) && (0.0..1.0).contains(&p.y)));
-        // Every cell of 10 x 10 has its 30, a few more or less.
+        // Each cell of a 10 x 10 grid has about 30 points.
         let mut cells = [0; 100];
         for p in &positions {
             cells[(p.x * 10.0) as usize * 10 + (p.y * 10.0) as usize] += 1;
@@ -163,12 +167,12 @@ mod tests {
         assert!(cells.iter().all(|count| (25..=35).contains(count)), "{cells:?}");
     }
 
-    /// For a small peak k the shown sum is k - k^2 s with s the sum of squared weights, so the flicker is k std(s).
-    /// Along an axis f^2 + (1 - f)^2 of the tent has the mean 2/3 and the mean square 7/15.
+    /// For a small peak k the displayed sum is k - k^2 s with s the sum of squared weights, so the flicker is k std(s).
+    /// Along an axis f^2 + (1 - f)^2 of the tent has mean 2/3 and mean square 7/15.
     #[test]
     fn the_tent_has_its_closed_form_for_small_peaks() {
         let std = ((7.0 / 15.0_f64).powi(2) - (2.0 / 3.0_f64).powi(4)).sqrt();
-        let found = of(SplatKernel::Tent, 1e-4);
+        let found = flicker_of(SplatKernel::Tent, 1e-4);
         assert!((found.after / 1e-4 / std - 1.0).abs() < 2e-3, "{found:?}");
         assert!((std / TENT_FLICKER_PER_PEAK - 1.0).abs() < 1e-3);
         assert!(found.before < 1e-12, "{found:?}");
@@ -177,48 +181,49 @@ mod tests {
     /// Table of splat kernels in the design: 0.084 to 0.163 for the tent; 0.011 to 0.038 up to k = 10 and 0.128 at 100 for
     /// the B-spline; 0.000 to 0.002 for a Gaussian of 0.7 px, over 7 x 7 below 0.002 up to k = 1000.
     #[test]
-    fn kernels_have_the_flicker_of_the_design_s_table() {
+    fn kernels_have_the_flicker_of_the_design_table() {
         for k in [1.0, 10.0, 100.0] {
-            let [tent, bspline] = [SplatKernel::Tent, SplatKernel::BSpline].map(|kernel| of(kernel, k).after);
+            let [tent, bspline] = [SplatKernel::Tent, SplatKernel::BSpline].map(|kernel| flicker_of(kernel, k).after);
             let [five, seven] =
                 [5, 7].map(|side| kernel_flicker(&integrated_gaussian(0.7, side), k, 3000).unwrap().after);
             println!("k = {k}: tent {tent:.3}, B-spline {bspline:.3}, Gaussian 5x5 {five:.4}, 7x7 {seven:.4}");
             assert!(tent > 0.08 && (bspline < 0.04 || k > 10.0) && seven < 0.002);
         }
-        assert!((of(SplatKernel::BSpline, 1.0).after - 0.011).abs() < 1e-3);
-        assert!((of(SplatKernel::BSpline, 10.0).after - 0.038).abs() < 1e-3);
-        assert!((of(SplatKernel::BSpline, 100.0).after - 0.128).abs() < 2e-3);
+        assert!((flicker_of(SplatKernel::BSpline, 1.0).after - 0.011).abs() < 1e-3);
+        assert!((flicker_of(SplatKernel::BSpline, 10.0).after - 0.038).abs() < 1e-3);
+        assert!((flicker_of(SplatKernel::BSpline, 100.0).after - 0.128).abs() < 2e-3);
         assert!(kernel_flicker(&integrated_gaussian(0.7, 7), 1000.0, 3000).unwrap().after < 0.002);
     }
 
     #[test]
-    fn the_tent_keeps_the_planner_s_budget_up_to_the_chosen_peak_and_breaks_it_beyond() {
+    fn the_tent_keeps_the_budget_up_to_the_chosen_peak_and_exceeds_it_beyond() {
         for budget in [0.002, 0.02] {
             let peak = budget / TENT_FLICKER_PER_PEAK;
-            assert!(of(SplatKernel::Tent, peak).after <= budget);
-            assert!(of(SplatKernel::Tent, 2.0 * peak).after > budget);
+            assert!(flicker_of(SplatKernel::Tent, peak).after <= budget);
+            assert!(flicker_of(SplatKernel::Tent, 2.0 * peak).after > budget);
         }
-        // What the certificate of a frame says of the two kernels.
-        assert!(of(SplatKernel::Tent, 1.0).after <= TENT_FLICKER_AT_WHITE);
+        // The bounds that a frame's certificate states for the two kernels.
+        assert!(flicker_of(SplatKernel::Tent, 1.0).after <= TENT_FLICKER_AT_WHITE);
         for pair in BSPLINE_FLICKER.windows(2) {
             let [(from, _), (to, most)] = [pair[0], pair[1]];
             for part in [0.25, 0.5, 0.75, 1.0] {
                 let peak = if to.is_finite() { from + (to - from) * part } else { from * 10.0_f64.powf(4.0 * part) };
-                let flicker = of(SplatKernel::BSpline, peak).after;
+                let flicker = flicker_of(SplatKernel::BSpline, peak).after;
                 assert!(flicker <= most, "k = {peak}: {flicker} > {most}");
             }
         }
         for budget in [0.015, 0.02, 0.05] {
             let peak = bspline_peak_within(budget);
-            let (at_peak, beyond) = (of(SplatKernel::BSpline, peak).after, of(SplatKernel::BSpline, 1.5 * peak).after);
+            let (at_peak, beyond) =
+                (flicker_of(SplatKernel::BSpline, peak).after, flicker_of(SplatKernel::BSpline, 1.5 * peak).after);
             assert!(at_peak <= budget && beyond > budget, "{budget}: {at_peak} at k = {peak}, {beyond} beyond");
         }
     }
 
-    /// What `auto` gives to bright stars: flicker keeps the budget, and the light that is shown goes on without a jump where the
-    /// Gaussian begins to take the B-spline's place.
+    /// The kernel that `auto` uses for bright stars: flicker keeps the budget, and the displayed light has no jump
+    /// where the Gaussian starts to replace the B-spline.
     #[test]
-    fn the_gaussian_of_bright_stars_flickers_little_and_begins_where_the_bspline_ends() {
+    fn the_bright_star_gaussian_keeps_the_flicker_budget_and_joins_the_bspline() {
         for budget in [0.01, 0.02, 0.05] {
             let start = 0.75 * bspline_peak_within(budget);
             for step in 0..60 {
@@ -230,18 +235,18 @@ mod tests {
             }
         }
         let start = 0.75 * bspline_peak_within(0.02);
-        let shown = |kernel: Footprint<'_>| -> f64 {
+        let displayed = |kernel: Footprint<'_>| -> f64 {
             let places = sub_pixel_positions(400).map(|place| DVec2::splat(64.0) + place);
             places.flat_map(kernel).map(|tap| start * tap.2 / (1.0 + start * tap.2)).sum()
         };
-        let spline = shown(&|centre| SplatKernel::BSpline.footprint(centre));
-        let jump = shown(&|centre| bright_kernel(0.0, centre)) / spline - 1.0;
-        let wrong = shown(&|centre| bright_kernel(1.0, centre)) / spline - 1.0;
+        let spline = displayed(&|centre| SplatKernel::BSpline.footprint(centre));
+        let jump = displayed(&|centre| bright_kernel(0.0, centre)) / spline - 1.0;
+        let wrong = displayed(&|centre| bright_kernel(1.0, centre)) / spline - 1.0;
         assert!(jump.abs() < 1e-9 && wrong > 0.3, "{jump} {wrong}");
     }
 
-    /// A pan whose every second frame is a tenth brighter: deviation over mean of {1, 1.1} is 0.05 / 1.05; of what is shown
-    /// at the peak 1, of {1/2, 1.1/2.1}.
+    /// A pan in which every second frame is a tenth brighter: deviation over mean of {1, 1.1} is 0.05 / 1.05; of the
+    /// displayed values at peak 1, that of {1/2, 1.1/2.1}.
     #[test]
     fn a_pan_that_pulses_by_a_tenth_is_found() {
         let mapping = Perspective::symmetric([32, 32], 0.01).unwrap();
@@ -263,22 +268,24 @@ mod tests {
     }
 
     #[test]
-    fn a_pan_of_a_kernel_has_the_kernel_s_flicker() {
+    fn a_pan_has_the_flicker_of_its_kernel() {
         let mapping = Perspective::symmetric([16, 16], 0.001).unwrap();
         let mut meter = FlickerMeter::new(mapping.solid_angle_sr(8, 8)).unwrap();
         for position in sub_pixel_positions(3000) {
             let direction = mapping.direction_from_pixel(DVec2::splat(8.0) + position).unwrap();
-            let canvas = Canvas::new(&mapping)
-                .star(direction, 10.0 * mapping.solid_angle_sr(8, 8).powi(2), &|at| SplatKernel::BSpline.footprint(at));
+            let canvas = Canvas::new(&mapping).star(direction, 10.0 * mapping.solid_angle_sr(8, 8).powi(2), &|pixel| {
+                SplatKernel::BSpline.footprint(pixel)
+            });
             meter.add(&canvas.view()).unwrap();
         }
-        let (found, expected) = (meter.flicker().unwrap().after, of(SplatKernel::BSpline, 10.0).after);
+        let (found, expected) = (meter.flicker().unwrap().after, flicker_of(SplatKernel::BSpline, 10.0).after);
         assert!((found - expected).abs() < 1e-5, "{found} {expected}");
     }
 
-    /// Many stars in one wide picture, each in a window of its own: the kernel's flicker, and none before tone mapping.
+    /// Many stars in one wide image, each in its own window: the flicker is that of the kernel, and zero before tone
+    /// mapping.
     #[test]
-    fn a_pan_in_one_picture_has_the_kernel_s_flicker() {
+    fn a_pan_in_one_image_has_the_flicker_of_its_kernel() {
         let mapping = Perspective::symmetric([512, 512], 1.0).unwrap();
         let [mut meter, mut pulsing] = [1.0, 1.0].map(|white| FlickerMeter::new(white).unwrap());
         let (mut canvas, mut uneven) = (Canvas::new(&mapping), Canvas::new(&mapping));
@@ -289,15 +296,15 @@ mod tests {
         for (index, place) in places.iter().enumerate() {
             let lx = 10.0 * mapping.solid_angle_sr(place.x as u32, place.y as u32);
             let direction = mapping.direction_from_pixel(*place).unwrap();
-            canvas = canvas.star(direction, lx, &|at| SplatKernel::BSpline.footprint(at));
+            canvas = canvas.star(direction, lx, &|pixel| SplatKernel::BSpline.footprint(pixel));
             let lx = lx * if index % 2 == 0 { 1.0 } else { 1.1 };
-            uneven = uneven.star(direction, lx, &|at| SplatKernel::BSpline.footprint(at));
+            uneven = uneven.star(direction, lx, &|pixel| SplatKernel::BSpline.footprint(pixel));
         }
         for place in &places {
             meter.add_star(&canvas.view(), *place, 7.0).unwrap();
             pulsing.add_star(&uneven.view(), *place, 7.0).unwrap();
         }
-        let (found, expected) = (meter.flicker().unwrap(), of(SplatKernel::BSpline, 10.0).after);
+        let (found, expected) = (meter.flicker().unwrap(), flicker_of(SplatKernel::BSpline, 10.0).after);
         assert!(found.before < 1e-12 && (found.after - expected).abs() < 1e-3, "{found:?} {expected}");
         assert!((pulsing.flicker().unwrap().before - 0.05 / 1.05).abs() < 1e-9);
         let outside = meter.add_star(&canvas.view(), DVec2::new(512.5, 3.0), 7.0);
@@ -305,7 +312,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_flicker_is_an_error() {
+    fn too_few_or_black_frames_are_errors() {
         let mapping = Perspective::symmetric([4, 4], 1.0).unwrap();
         let mut meter = FlickerMeter::new(1.0).unwrap();
         assert!(matches!(meter.flicker(), Err(MetricError::TooFew { found: 0, .. })));

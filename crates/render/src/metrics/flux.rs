@@ -1,6 +1,6 @@
-//! Flux: the light that reaches the eye from an image, against the light that was sent. For every star, view and method
-//! the sum over pixels of luminance times solid angle is the star's illuminance; this is the first thing that a method is
-//! judged by.
+//! Flux: the light that reaches the eye from an image, compared with the light that was sent. For every star, view and
+//! method the sum over pixels of luminance times solid angle must equal the star's illuminance. This is the first
+//! criterion for every method.
 
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
@@ -17,7 +17,7 @@ use super::{
 /// [`MetricError::OutsidePicture`] if a pixel without solid angle is lit.
 pub fn illuminance_lx(image: &HdrView<'_>) -> Result<f64, MetricError> {
     let [width, height] = image.size();
-    // Rows are summed one by one and in order, so that the result is the same on any number of cores.
+    // Rows are summed separately and then in order, so that the result does not depend on the number of cores.
     let rows: Vec<f64> = (0..height)
         .into_par_iter()
         .map(|y| (0..width).map(|x| image.illuminance_lx(x, y)).sum())
@@ -33,10 +33,10 @@ pub fn total_illuminance_lx(images: &[HdrView<'_>]) -> Result<f64, MetricError> 
     images.iter().map(illuminance_lx).sum()
 }
 
-/// Illuminance of all images of one view over `expected_lx`, less 1: -0.01 where one per cent is lost.
+/// Illuminance of all images of one view over `expected_lx`, minus 1: -0.01 if one per cent is lost.
 ///
 /// # Errors
-/// [`MetricError::NotPositive`] if the expectation is not a positive number, else as [`illuminance_lx`].
+/// [`MetricError::NotPositive`] if the expected value is not positive, else as [`illuminance_lx`].
 pub fn relative_flux_error(images: &[HdrView<'_>], expected_lx: f64) -> Result<f64, MetricError> {
     Ok(total_illuminance_lx(images)? / positive("expected illuminance", expected_lx)? - 1.0)
 }
@@ -61,8 +61,8 @@ pub fn illuminance_near_direction_lx(
     Ok(lit_near_direction(images, direction, radius_rad)?.iter().map(|(_, light)| light).sum())
 }
 
-/// The one factor that brings illuminances of a method of relative brightness closest to the expected ones: the least sum of
-/// squared relative errors. With q the ratio measured / expected, it is sum(q) / sum(q^2).
+/// The single factor that brings the illuminances of a method with relative brightness closest to the expected ones: it
+/// minimises the sum of squared relative errors. With q the ratio measured / expected, it is sum(q) / sum(q^2).
 ///
 /// # Errors
 /// [`MetricError::TooFew`] without pairs, [`MetricError::NotPositive`] if an expectation is not positive or a measurement is
@@ -130,7 +130,7 @@ mod tests {
     }
 
     #[test]
-    fn a_missing_expectation_is_no_error_of_zero() {
+    fn an_invalid_expected_illuminance_is_an_error() {
         let mapping = Perspective::symmetric([8, 8], 1.0).unwrap();
         let black = Canvas::new(&mapping);
         assert_eq!(relative_flux_error(&[black.view()], 1e-6), Ok(-1.0));
@@ -140,11 +140,11 @@ mod tests {
     }
 
     #[test]
-    fn a_fitted_scale_takes_out_a_common_factor_and_nothing_else() {
+    fn a_fitted_scale_removes_only_a_common_factor() {
         let expected = [3e-6, 2e-8, 5e-11];
         let half: Vec<_> = expected.iter().map(|lx| (lx / 2.0, *lx)).collect();
         assert!((fitted_scale(&half).unwrap() - 2.0).abs() < 1e-15);
-        // One star of two lost: the other stays as it is. Ratios 1 and 0.5: 1.5 / 1.25.
+        // If one of two stars is lost, the scale of the other is unchanged. Ratios 1 and 0.5 give 1.5 / 1.25.
         assert!((fitted_scale(&[(1.0, 1.0), (0.0, 1.0)]).unwrap() - 1.0).abs() < 1e-15);
         assert!((fitted_scale(&[(1.0, 1.0), (0.5, 1.0)]).unwrap() - 1.2).abs() < 1e-15);
         assert!(fitted_scale(&[]).is_err() && fitted_scale(&[(0.0, 1.0)]).is_err());

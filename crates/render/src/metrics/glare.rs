@@ -1,7 +1,8 @@
-//! Glare: how the luminance around a source falls off, whether it is the same all around, and how much light it holds.
+//! Glare: how the luminance falls off around a source, whether it is the same in all directions, and how much light it
+//! contains.
 //!
-//! Angles are those between directions, never distances on the screen: what is round here is round in view space. The source
-//! itself is no glare; whoever measures chooses angles beyond its image.
+//! Angles are angles between directions, never distances on the screen: "round" means round in view space. The source
+//! itself is not glare; the caller chooses angles beyond its image.
 
 use std::f64::consts::TAU;
 
@@ -18,7 +19,8 @@ use crate::view::projection::pixel_centre;
 /// A ring around a source.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Annulus {
-    /// Inner and outer angle from the source, rad; the ring holds the pixels whose centres lie from the one up to the other.
+    /// Inner (inclusive) and outer (exclusive) angle from the source, rad; the ring contains the pixels whose centres
+    /// lie between them.
     pub edges_rad: [f64; 2],
     /// Geometric mean of the angles of its pixels, weighted by solid angle, rad.
     pub angle_rad: f64,
@@ -31,14 +33,15 @@ pub struct Annulus {
 }
 
 impl Annulus {
-    /// Luminance over the expected one, less 1.
+    /// Luminance over the expected one, minus 1.
     pub fn relative_error(&self) -> f64 {
         self.luminance_cd_m2 / self.expected_cd_m2 - 1.0
     }
 }
 
-/// Mean luminance in rings around `direction`, between each two of the rising `edges_rad`, over all images of one view; rings
-/// without a pixel are left out. `expected` is the luminance that should be seen at an angle from `direction`, cd/m^2.
+/// Mean luminance in rings around `direction`, one between each two successive values of the increasing `edges_rad`,
+/// over all images of one view. Rings without a pixel are left out. `expected` is the expected luminance at an angle
+/// from `direction`, cd/m^2.
 ///
 /// # Errors
 /// [`MetricError::TooFew`] below two edges, [`MetricError::NotPositive`] for an expected luminance that is not a positive number,
@@ -90,8 +93,8 @@ pub fn radial_profile(
     Ok(rings.into_iter().map(mean).collect())
 }
 
-/// Slope of the logarithm of the luminance over that of the angle, by least squares over the rings whose mean angles lie within
-/// `between_rad`: -2 for the inverse square.
+/// Slope of the logarithm of luminance over the logarithm of angle, by least squares over the rings whose mean angles
+/// lie within `between_rad`: -2 for an inverse square law.
 ///
 /// # Errors
 /// [`MetricError::TooFew`] below three rings, [`MetricError::NotPositive`] if one of them is black.
@@ -119,7 +122,7 @@ pub fn log_log_slope(profile: &[Annulus], between_rad: [f64; 2]) -> Result<f64, 
 /// How even the luminance is on a circle around a source.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Roundness {
-    /// Largest |L / mean - 1| on the circle: 0 where glare is round in view space.
+    /// Largest |L / mean - 1| on the circle: 0 if glare is round in view space.
     pub largest_deviation: f64,
     /// Mean luminance on the circle, cd/m^2.
     pub mean_cd_m2: f64,
@@ -129,16 +132,17 @@ pub struct Roundness {
 
 /// Points of a circle.
 const POINTS: u32 = 720;
-/// Fewest of them that tell anything: a tenth of the circle.
+/// Minimum number of points for a meaningful result: a tenth of the circle.
 const FEWEST_POINTS: usize = 72;
 
-/// Compares luminances at one angle around `direction` in all images of one view. Luminance is interpolated between the centres of
-/// four pixels, and points of the circle without four of them in one image are left out. Where a kernel falls off with the inverse
-/// square, that adds up to 0.75 (pixel / angle)^2 to the deviation: the circle should be 10 pixels wide or more.
+/// Compares luminances at one angle around `direction` in all images of one view. Luminance is interpolated between
+/// four pixel centres; points of the circle without four of them in one image are left out. If a kernel falls off with
+/// the inverse square, interpolation adds up to 0.75 (pixel / angle)^2 to the deviation: the circle should be at least
+/// 10 pixels wide.
 ///
 /// # Errors
 /// [`MetricError::NotPositive`] if the angle is not a positive number, [`MetricError::TooFew`] if less than a tenth of the
-/// circle lies inside, [`MetricError::NoLight`] if that is black.
+/// circle lies inside the picture, [`MetricError::NoLight`] if that part is black.
 pub fn roundness(images: &[HdrView<'_>], direction: DVec3, angle_rad: f64) -> Result<Roundness, MetricError> {
     positive("angle of a circle", angle_rad)?;
     let direction = direction.normalize();
@@ -165,7 +169,7 @@ pub fn roundness(images: &[HdrView<'_>], direction: DVec3, angle_rad: f64) -> Re
     })
 }
 
-/// Luminance between the centres of four pixels, cd/m^2; `None` if not all of them lie inside the picture.
+/// Bilinearly interpolated luminance, cd/m^2; `None` if not all four pixels lie inside the picture.
 fn interpolated_cd_m2(image: &HdrView<'_>, direction: DVec3) -> Option<f64> {
     let at = image.pixel(direction)? - DVec2::splat(0.5);
     let (first, part) = (at.floor(), at - at.floor());
@@ -173,7 +177,7 @@ fn interpolated_cd_m2(image: &HdrView<'_>, direction: DVec3) -> Option<f64> {
     for offset in [DVec2::ZERO, DVec2::X, DVec2::Y, DVec2::ONE] {
         let place = first + offset;
         let [width, height] = image.size().map(f64::from);
-        // A comparison that NaN fails too.
+        // NaN fails this comparison too.
         if !((0.0..width).contains(&place.x) && (0.0..height).contains(&place.y)) {
             return None;
         }
@@ -185,12 +189,12 @@ fn interpolated_cd_m2(image: &HdrView<'_>, direction: DVec3) -> Option<f64> {
     Some(sum)
 }
 
-/// Relative errors over many places.
+/// Relative errors over many positions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RelativeErrors {
     /// Root of the mean square.
     pub rms: f64,
-    /// The largest, without its sign.
+    /// The largest absolute error.
     pub largest: f64,
 }
 
@@ -212,8 +216,9 @@ pub fn relative_errors(measured_and_expected: &[(f64, f64)]) -> Result<RelativeE
     Ok(RelativeErrors { rms: (squares / measured_and_expected.len() as f64).sqrt(), largest })
 }
 
-/// Light of all images of one view from beyond `radius_rad` of a source: the sum of Y times solid angle, lx. Of the whole sphere
-/// it is the source's illuminance times the share that is scattered times what the kernel has beyond that angle.
+/// Light of all images of one view from beyond `radius_rad` of a source: the sum of Y times solid angle, lx. Over the
+/// whole sphere it equals the source's illuminance times the scattered fraction times the share of the kernel beyond
+/// that angle.
 ///
 /// # Errors
 /// [`MetricError::OutsidePicture`] if a pixel without solid angle is lit.
@@ -237,7 +242,7 @@ mod tests {
         pixels.map(|at| [mapping.direction_from_pixel(at).map_or(0.0, |d| luminance(d, at)); 3]).collect()
     }
 
-    /// A picture of k(angle) = angle^power around a direction.
+    /// A picture with luminance angle^power around a direction.
     fn power_law(mapping: &dyn PlaneMapping, direction: DVec3, power: i32) -> Vec<[f64; 3]> {
         picture(mapping, |at, _| separation_rad(at, direction).max(1e-3).powi(power))
     }
@@ -247,7 +252,7 @@ mod tests {
     }
 
     #[test]
-    fn a_profile_has_the_slope_of_its_kernel_and_not_that_of_another() {
+    fn a_profile_has_the_slope_of_its_own_kernel_only() {
         let mapping = Fisheye::new([128, 128], FisheyeMapping::Equidistant, PI).unwrap();
         let direction = DVec3::new(0.4, 0.1, -0.9).normalize();
         let expected = |t: f64| t.powi(-2);
@@ -265,7 +270,7 @@ mod tests {
             assert!(
                 profile.iter().all(|ring| ring.edges_rad[0] <= ring.angle_rad && ring.angle_rad < ring.edges_rad[1])
             );
-            // Around another direction the same picture has another profile.
+            // Around another direction the same picture has a different profile.
             let wrong = radial_profile(&image, direction * DVec3::new(-1.0, 1.0, 1.0), &edges, expected).unwrap();
             assert!(wrong.iter().any(|ring| ring.relative_error().abs() > 0.5));
         }
@@ -288,7 +293,7 @@ mod tests {
     }
 
     #[test]
-    fn profiles_without_meaning_are_refused() {
+    fn meaningless_profiles_are_refused() {
         let mapping = Perspective::symmetric([8, 8], 1.0).unwrap();
         let pixels = vec![[0.0; 3]; 64];
         let image = [HdrView::new(&mapping, &pixels).unwrap()];
@@ -296,7 +301,7 @@ mod tests {
         assert!(matches!(profile(&[0.1], 1.0), Err(MetricError::TooFew { .. })));
         assert!(matches!(profile(&[2.0, 3.0], 1.0), Err(MetricError::NoLight(_))));
         assert!(profile(&[0.0, 0.5], 0.0).is_err() && profile(&[0.0, 0.5], f64::NAN).is_err());
-        // A black picture has an error of the whole, and no slope.
+        // A black picture has a relative error of -1, and no slope.
         let black = profile(&[0.1, 0.2, 0.3, 0.4], 1.0).unwrap();
         assert!(black.iter().all(|ring| ring.relative_error() == -1.0));
         assert!(matches!(log_log_slope(&black, [0.0, 1.0]), Err(MetricError::NotPositive { .. })));
@@ -304,7 +309,7 @@ mod tests {
     }
 
     #[test]
-    fn round_in_view_space_is_told_from_round_on_the_screen() {
+    fn round_in_view_space_differs_from_round_on_the_screen() {
         let plane = Perspective::symmetric([200, 200], 2.0).unwrap();
         let fisheye = Fisheye::new([200, 200], FisheyeMapping::Equidistant, PI).unwrap();
         let mappings: [&dyn PlaneMapping; 2] = [&plane, &fisheye];
@@ -325,7 +330,7 @@ mod tests {
     }
 
     #[test]
-    fn circles_outside_and_black_ones_are_refused() {
+    fn circles_outside_the_picture_and_black_circles_are_refused() {
         let mapping = Perspective::symmetric([64, 64], 1.0).unwrap();
         let pixels = power_law(&mapping, DVec3::NEG_Z, -2);
         let view = HdrView::new(&mapping, &pixels).unwrap();
@@ -341,7 +346,7 @@ mod tests {
     }
 
     #[test]
-    fn relative_errors_are_those_of_the_pairs() {
+    fn relative_errors_of_pairs_have_the_right_rms_and_maximum() {
         let found = relative_errors(&[(1.03, 1.0), (2.0, 2.0), (0.5, 0.52)]).unwrap();
         let low = 0.02 / 0.52;
         assert!((found.largest - low).abs() < 1e-12, "{found:?}");
@@ -354,7 +359,7 @@ mod tests {
     }
 
     #[test]
-    fn light_beyond_an_angle_is_what_the_kernel_has_there() {
+    fn light_beyond_an_angle_matches_the_kernel() {
         let mapping = Equirectangular::new([256, 128]).unwrap();
         let kernel = InverseSquareKernel::new(0.01);
         let direction = DVec3::new(0.3, 0.4, -0.8).normalize();

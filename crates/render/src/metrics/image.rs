@@ -1,4 +1,4 @@
-//! The image that metrics measure: pixels of luminance beside the mapping that placed them.
+//! The image that metrics measure: pixels of luminance together with the mapping that placed them.
 
 use glam::{DQuat, DVec2, DVec3};
 use rayon::prelude::*;
@@ -12,9 +12,9 @@ use crate::{
 /// Pixels of an HDR image, linear Rec. 709 in cd/m^2, row by row from the top.
 #[derive(Clone, Copy, Debug)]
 pub enum Pixels<'a> {
-    /// As a frame holds them: R, G, B and a fourth channel that is not looked at.
+    /// From a rendered frame: R, G, B and a fourth channel that is ignored.
     Rgba32(&'a [[f32; 4]]),
-    /// As the f64 renderer makes them.
+    /// From the f64 renderer.
     Rgb64(&'a [[f64; 3]]),
 }
 
@@ -61,7 +61,7 @@ impl<'a> From<&'a Vec<[f64; 3]>> for Pixels<'a> {
     }
 }
 
-/// One image to be measured. All its pixels are finite and none has a negative luminance.
+/// One image to be measured. All pixels are finite and none has a negative luminance.
 #[derive(Clone, Copy)]
 pub struct HdrView<'a> {
     mapping: &'a dyn PlaneMapping,
@@ -92,8 +92,8 @@ impl<'a> HdrView<'a> {
         Ok(Self { mapping, pixels, camera_from_view: DQuat::IDENTITY })
     }
 
-    /// The same image, turned: `camera_from_view` takes the directions of its mapping to the axes in which several images of
-    /// one view are measured together (the faces of a cubemap).
+    /// The same image, rotated: `camera_from_view` takes the directions of its mapping to the axes in which several
+    /// images of one view (the faces of a cubemap) are measured together.
     pub fn turned(self, camera_from_view: DQuat) -> Self {
         Self { camera_from_view, ..self }
     }
@@ -103,19 +103,19 @@ impl<'a> HdrView<'a> {
         self.mapping.size()
     }
 
-    /// Where directions go in this image.
+    /// The mapping between directions and pixels of this image.
     pub fn mapping(&self) -> &'a dyn PlaneMapping {
         self.mapping
     }
 
-    /// Colour of a pixel of the image, cd/m^2. Panics outside of it, as slices do.
+    /// Colour of a pixel of the image, cd/m^2. Panics outside of the image, as slices do.
     pub fn rgb_cd_m2(&self, x: u32, y: u32) -> [f64; 3] {
         let [width, height] = self.size();
         assert!(x < width && y < height, "pixel ({x}, {y}) of an image of {width} x {height}");
         self.pixels.rgb(y as usize * width as usize + x as usize)
     }
 
-    /// Luminance of a pixel of the image, cd/m^2. Panics outside of it, as slices do.
+    /// Luminance of a pixel of the image, cd/m^2. Panics outside of the image, as slices do.
     pub fn luminance_cd_m2(&self, x: u32, y: u32) -> f64 {
         luminance(self.rgb_cd_m2(x, y))
     }
@@ -138,14 +138,14 @@ impl<'a> HdrView<'a> {
         Some(self.camera_from_view * self.mapping.direction_from_pixel(pixel_centre(x, y))?)
     }
 
-    /// Continuous pixel coordinates of a direction after [`HdrView::turned`]; `None` where it has no image.
+    /// Continuous pixel coordinates of a direction after [`HdrView::turned`]; `None` if it has no image.
     pub(super) fn pixel(&self, direction: DVec3) -> Option<DVec2> {
         self.mapping.pixel_from_direction(self.camera_from_view.conjugate() * direction)
     }
 
     /// The lit pixels whose centres lie within `radius_px` of `centre`: centre of the pixel, light in lx.
     pub(super) fn lit_near_pixel(&self, centre: DVec2, radius_px: f64) -> Result<Vec<(DVec2, f64)>, MetricError> {
-        // Pixels whose centres lie between the window's edges, as far as the image goes.
+        // Pixels whose centres lie between the edges of the window, clipped to the image.
         let range = |centre: f64, side: u32| {
             let first = (centre - radius_px - 0.5).ceil().max(0.0) as u32;
             let end = ((centre + radius_px + 0.5).floor().max(0.0) as u32).min(side);
@@ -187,7 +187,7 @@ impl<'a> HdrView<'a> {
     }
 }
 
-/// Angle between two vectors, rad, exact for the smallest and the largest.
+/// Angle between two vectors, rad, accurate also near 0 and pi.
 pub(super) fn separation_rad(a: DVec3, b: DVec3) -> f64 {
     a.cross(b).length().atan2(a.dot(b))
 }
@@ -211,13 +211,13 @@ mod tests {
     use crate::view::projection::{Fisheye, FisheyeMapping, Perspective};
 
     #[test]
-    fn what_is_no_light_is_refused_with_its_place() {
+    fn invalid_light_is_refused_with_its_pixel() {
         let mapping = Perspective::symmetric([4, 3], 1.0).unwrap();
         for (wrong, fine) in [
             ([f32::NAN, 1.0, 1.0, 0.0], false),
             ([1.0, 1.0, f32::INFINITY, 0.0], false),
             ([0.0, -1.0, 0.0, 0.0], false),
-            // A colour out of the gamut, and a fourth channel that is not looked at.
+            // A colour outside the gamut, and a fourth channel that is ignored.
             ([-0.1, 1.0, 0.0, f32::NAN], true),
         ] {
             let mut pixels = vec![[1.0_f32; 4]; 12];

@@ -1,24 +1,26 @@
-//! Metrics: how far an image is from the light that it should show. Tests, `verify` and `chart` judge every method by these.
+//! Metrics: how far an image is from the light that it should show. Tests, `verify` and `chart` judge every method by
+//! these.
 //!
-//! Everything is f64 on the CPU and works on [`HdrView`]: the pixels of one image beside the mapping that made them. Solid
-//! angles come from the mapping, never from the image, so that a shader's own error shows. Per metric one file:
+//! Everything is f64 on the CPU and works on [`HdrView`]: the pixels of one image together with the mapping that made
+//! them. Solid angles come from the mapping, never from the image, so that errors of a shader's solid angle are
+//! detected. One file per metric:
 //!
-//! | file | metric | of a perfect method |
+//! | file | metric | value for a perfect method |
 //! |---|---|---|
 //! | `flux` | sum of luminance times solid angle against the light sent | 0 |
-//! | `centroid` | middle of a star's light against its direction, in pixels or as an angle | 0 |
+//! | `centroid` | centre of a star's light against its direction, in pixels or as an angle | 0 |
 //! | `shape` | width and ellipticity of a star, in pixels or in view space | 0 (ellipticity) |
 //! | `flicker` | standard deviation over mean of a star's sum while it pans, before and after tone mapping | 0 |
 //! | `colour` | distance in CIE 1976 u'v' | 0 |
-//! | `range` | light of a faint source beside a bright one | 0 |
+//! | `range` | light of a faint source next to a bright one | 0 |
 //! | `order` | whether images of shuffled input agree bit for bit | identical |
-//! | `glare` | fall-off around a source, evenness on a circle around it, light beyond an angle | the kernel's, 0, the share scattered |
-//! | `silhouette` | what two pictures cover: intersection over union, displacement of the outline | 1, 0 |
-//! | `normals` | angle between the normals of two pictures, each out of three suns | 0 |
+//! | `glare` | fall-off around a source, evenness on a circle around it, light beyond an angle | as the kernel, 0, the scattered share |
+//! | `silhouette` | coverage of two pictures: intersection over union, displacement of the outline | 1, 0 |
+//! | `normals` | angle between the normals of two pictures, each reconstructed with three suns | 0 |
 //! | `seam` | how a star's light varies while it crosses an edge | 0 |
 //!
-//! A figure that has no meaning (the ellipticity of a point, the colour of black) is an error or `None`, never 0: a black
-//! or broken image cannot pass for a good one.
+//! A metric without a meaning (the ellipticity of a point, the colour of black) is an error or `None`, never 0: a black
+//! or broken image cannot pass as a good one.
 
 mod centroid;
 mod colour;

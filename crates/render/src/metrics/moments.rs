@@ -15,19 +15,19 @@ pub(super) struct Moments {
     pub minor: f64,
 }
 
-/// Moments of `points` (place, weight); `None` without weight.
+/// Moments of `points` (position, weight); `None` if the total weight is not positive.
 pub(super) fn moments(points: &[(DVec2, f64)]) -> Option<Moments> {
     let sum: f64 = points.iter().map(|(_, weight)| weight).sum();
-    // Offsets from the first point keep the digits of a star that stands far from the origin; one point alone has exactly
-    // no width.
+    // Offsets from the first point avoid cancellation for a star far from the origin, and give a single point a width
+    // of exactly zero.
     let origin = points.first()?.0;
     if sum.is_nan() || sum <= 0.0 {
         return None;
     }
-    let mean = points.iter().map(|(at, weight)| (*at - origin) * *weight).sum::<DVec2>() / sum;
+    let mean = points.iter().map(|(point, weight)| (*point - origin) * *weight).sum::<DVec2>() / sum;
     let [mut xx, mut xy, mut yy] = [0.0; 3];
-    for (at, weight) in points {
-        let offset = *at - origin - mean;
+    for (point, weight) in points {
+        let offset = *point - origin - mean;
         xx += offset.x * offset.x * weight / sum;
         xy += offset.x * offset.y * weight / sum;
         yy += offset.y * offset.y * weight / sum;
@@ -38,7 +38,7 @@ pub(super) fn moments(points: &[(DVec2, f64)]) -> Option<Moments> {
         sum,
         mean: origin + mean,
         major: (middle + half_difference).sqrt(),
-        // Rounding may leave a line of points a negative variance across.
+        // Rounding may give a line of points a negative variance across.
         minor: (middle - half_difference).max(0.0).sqrt(),
     })
 }
@@ -53,7 +53,7 @@ mod tests {
         assert_eq!(moments(&[(DVec2::ONE, 0.0)]), None);
         let one = moments(&[(DVec2::new(1e3, 0.1), 0.3)]).unwrap();
         assert_eq!((one.mean, one.major, one.minor), (DVec2::new(1e3, 0.1), 0.0, 0.0));
-        // A line at 45 degrees, weights 1 and 3: variance of the length 3/16 of its square.
+        // A line at 45 degrees, weights 1 and 3: the variance along it is 3/16 of its squared length.
         let line = moments(&[(DVec2::ZERO, 1.0), (DVec2::ONE, 3.0)]).unwrap();
         assert!((line.mean - DVec2::splat(0.75)).length() < 1e-15);
         assert!((line.major - (2.0 * 3.0 / 16.0_f64).sqrt()).abs() < 1e-15 && line.minor < 1e-8);

@@ -1,13 +1,13 @@
-//! Normals out of pictures: a Lambert surface under three suns, one after the other, has three luminances, each in
-//! proportion to the cosine between the normal and the direction to that sun. The direction of the solution of the
-//! three equations is the normal; albedo, coverage and exposure are in its length (Woodham 1980, photometric stereo).
-//! Where a sun does not reach the surface there is none.
+//! Normals from pictures: a Lambert surface lit by three suns in turn has three luminances, each proportional to the
+//! cosine between the normal and the direction to that sun. The direction of the solution of the three equations is the
+//! normal; its length contains albedo, coverage and exposure (Woodham 1980, photometric stereo). If a sun does not
+//! reach the surface, there is no normal.
 
 use glam::{DMat3, DVec3};
 
 use super::error::{MetricError, not_negative, positive};
 
-/// Three suns, of equal illuminance.
+/// Three suns of equal illuminance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ThreeSuns {
     normal_from_luminances: DMat3,
@@ -17,21 +17,23 @@ impl ThreeSuns {
     /// Unit vectors to the suns.
     ///
     /// # Errors
-    /// [`MetricError::NotPositive`] if they lie in one plane: then no normal follows.
+    /// [`MetricError::NotPositive`] if they lie in one plane: they determine no normal.
     pub fn new(directions: [DVec3; 3]) -> Result<Self, MetricError> {
         let matrix = DMat3::from_cols(directions[0], directions[1], directions[2]).transpose();
         positive("volume between the directions of the suns", matrix.determinant().abs() - 1e-9)?;
         Ok(Self { normal_from_luminances: matrix.inverse() })
     }
 
-    /// The unit normal of a pixel by its luminances under the three suns; `None` if one of them is not above `least`.
+    /// The unit normal of a pixel from its luminances under the three suns; `None` if one of them does not exceed
+    /// `least`.
     pub fn normal(&self, luminances: [f64; 3], least: f64) -> Option<DVec3> {
         let lit = luminances.iter().all(|luminance| luminance.is_finite() && *luminance > least);
         lit.then(|| (self.normal_from_luminances * DVec3::from_array(luminances)).try_normalize()).flatten()
     }
 }
 
-/// Mean angle between two normals per pixel over the pixels that have both, weighted, rad; `None`: none has.
+/// Weighted mean angle between two normals per pixel over the pixels that have both, rad; `None` if there is no such
+/// pixel.
 ///
 /// # Errors
 /// [`MetricError::NotPositive`] for a weight that is negative or not finite.
@@ -58,7 +60,7 @@ mod tests {
     }
 
     #[test]
-    fn the_normal_of_a_lambert_surface_is_found_and_a_tilted_one_is_off_by_its_tilt() {
+    fn lambert_normals_are_recovered_and_a_tilt_is_measured() {
         let three = ThreeSuns::new(suns()).unwrap();
         let luminances = |normal: DVec3| suns().map(|sun| 0.37 * sun.dot(normal).max(0.0));
         let mut pairs = Vec::new();
@@ -78,7 +80,7 @@ mod tests {
     }
 
     #[test]
-    fn without_three_lights_there_is_no_normal() {
+    fn a_normal_needs_three_lights() {
         let three = ThreeSuns::new(suns()).unwrap();
         assert_eq!(three.normal([1.0, 1.0, 0.0], 0.0), None);
         assert_eq!(three.normal([1.0, f64::NAN, 1.0], 0.0), None);

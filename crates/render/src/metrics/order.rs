@@ -1,17 +1,19 @@
-//! Order dependence: whether the same stars in another order make the same image, bit for bit, and if not, how far off.
+//! Order dependence: whether the same stars in another order give the same image bit for bit, and if not, how far off
+//! it is.
 
 use super::{HdrView, MetricError};
 
 /// How two images differ.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Difference {
-    /// Whether all channels of all pixels have the same bits (so 0 and -0 differ).
+    /// Whether all channels of all pixels have the same bits (0 and -0 count as different).
     pub identical: bool,
-    /// Number of pixels that have not.
+    /// Number of pixels with different bits.
     pub pixels: u64,
-    /// Largest difference of a channel over the larger of its two absolute values: 1 where one image is black. 0 to 2.
+    /// Largest difference of a channel over the larger of its two absolute values, 0 to 2: 1 if one image is black
+    /// there.
     pub largest_relative: f64,
-    /// Largest difference of a channel over the largest absolute channel of the two images: what is visible of it.
+    /// Largest difference of a channel over the largest absolute channel of the two images: its visible size.
     pub largest_of_brightest: f64,
 }
 
@@ -41,11 +43,11 @@ pub fn difference(a: &HdrView<'_>, b: &HdrView<'_>) -> Result<Difference, Metric
     let (mut largest_difference, mut brightest) = (0.0_f64, 0.0_f64);
     for y in 0..height {
         for x in 0..width {
-            let (of_a, of_b) = (a.rgb_cd_m2(x, y), b.rgb_cd_m2(x, y));
-            // f32 goes to f64 without loss, so equal bits here are equal bits there.
-            let same = of_a.map(f64::to_bits) == of_b.map(f64::to_bits);
+            let (rgb_a, rgb_b) = (a.rgb_cd_m2(x, y), b.rgb_cd_m2(x, y));
+            // f32 converts to f64 without loss, so comparing these bits compares the original ones.
+            let same = rgb_a.map(f64::to_bits) == rgb_b.map(f64::to_bits);
             found.pixels += u64::from(!same);
-            for (a, b) in of_a.into_iter().zip(of_b) {
+            for (a, b) in rgb_a.into_iter().zip(rgb_b) {
                 let larger = a.abs().max(b.abs());
                 brightest = brightest.max(larger);
                 if a != b {
@@ -62,7 +64,7 @@ pub fn difference(a: &HdrView<'_>, b: &HdrView<'_>) -> Result<Difference, Metric
     Ok(found)
 }
 
-/// Compares all images of shuffled input with the first of them: the worst of each figure of [`Difference`].
+/// Compares all images of shuffled input with the first of them; returns the worst of each figure of [`Difference`].
 ///
 /// # Errors
 /// [`MetricError::TooFew`] below two images, [`MetricError::Sizes`] if a size differs.
@@ -96,11 +98,11 @@ mod tests {
         assert!((found.largest_of_brightest / (step / 6.0) - 1.0).abs() < 1e-6, "{found:?}");
     }
 
-    /// The reason for the test: a sum in f32 depends on its order.
+    /// Why this metric exists: a sum in f32 depends on its order.
     #[test]
     fn floating_sums_in_another_order_are_found() {
         let mapping = Perspective::symmetric([1, 1], 1.0).unwrap();
-        // Half of the last digit of 2^24 is 1: added to it, each of the two faint stars is rounded away.
+        // The spacing of f32 at 2^24 is 2: adding 1 is rounded away, so each of the two faint stars is lost.
         let stars = [1.0_f32, 1.0, 16_777_216.0];
         let pixel = |sum: f32| vec![[sum, sum, sum, 1.0]];
         let (forwards, backwards) = (pixel(stars.iter().sum()), pixel(stars.iter().rev().sum()));
@@ -110,7 +112,7 @@ mod tests {
     }
 
     #[test]
-    fn a_star_in_one_image_only_and_the_sign_of_zero_are_differences() {
+    fn a_star_missing_in_one_image_and_the_sign_of_zero_are_differences() {
         let mapping = Perspective::symmetric([2, 1], 1.0).unwrap();
         let images = [[[4.0_f64; 3], [0.0; 3]], [[4.0; 3], [1e-9; 3]], [[4.0; 3], [-0.0; 3]]];
         let [black, lit, negative] = images.each_ref().map(|pixels| HdrView::new(&mapping, &pixels[..]).unwrap());

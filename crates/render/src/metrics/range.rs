@@ -1,5 +1,5 @@
-//! Dynamic range: whether a faint source beside a bright one keeps its light. A format or an accumulator with too few digits
-//! loses it.
+//! Dynamic range: whether a faint source next to a bright one keeps its light. A format or accumulator with too few
+//! digits loses it.
 
 use glam::DVec2;
 
@@ -9,16 +9,16 @@ use super::{
     flux::illuminance_near_pixel_lx,
 };
 
-/// A point source as it should be.
+/// Expected point source.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PointSource {
-    /// Place in continuous pixel coordinates.
+    /// Position in continuous pixel coordinates.
     pub pixel: DVec2,
     /// Illuminance at the eye, lx.
     pub illuminance_lx: f64,
 }
 
-/// Relative errors of two sources in one image: -0.01 where one per cent is lost, -1 for a source that is not there.
+/// Relative errors of two sources in one image: -0.01 if one per cent is lost, -1 for a missing source.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FaintBesideBright {
     /// Of the bright source.
@@ -29,8 +29,8 @@ pub struct FaintBesideBright {
     pub ratio: f64,
 }
 
-/// Measures two sources in windows of `radius_px`, which must not overlap and must each hold the whole kernel and no other
-/// light; glare of the bright source would count as light of the faint one.
+/// Measures two sources in windows of `radius_px`. The windows must not overlap, and each must contain the whole kernel
+/// and no other light; glare of the bright source would count as light of the faint one.
 ///
 /// # Errors
 /// [`MetricError::Overlap`] if the sources are closer than two radii, [`MetricError::NotPositive`] if an expected illuminance
@@ -80,7 +80,7 @@ mod tests {
     fn draw<'a>(mapping: &'a dyn PlaneMapping, sources: [PointSource; 2]) -> Canvas<'a> {
         sources.into_iter().fold(Canvas::new(mapping), |canvas, source| {
             let direction = mapping.direction_from_pixel(source.pixel).unwrap();
-            canvas.star(direction, source.illuminance_lx, &|at| SplatKernel::BSpline.footprint(at))
+            canvas.star(direction, source.illuminance_lx, &|centre| SplatKernel::BSpline.footprint(centre))
         })
     }
 

@@ -1,4 +1,4 @@
-//! Seams: how the light of a star varies while it is swept over an edge between images, over the date line or over a pole.
+//! Seams: how the light of a star varies while it moves over an edge between images, over the date line or over a pole.
 
 use super::{
     HdrView,
@@ -6,7 +6,7 @@ use super::{
     flux::total_illuminance_lx,
 };
 
-/// Largest over smallest value, less 1: 0 for a constant. Infinite if the smallest is 0 and the largest is not.
+/// Largest over smallest value, minus 1: 0 for a constant. Infinite if the smallest is 0 and the largest is not.
 ///
 /// # Errors
 /// [`MetricError::TooFew`] below two values, [`MetricError::NotPositive`] for one that is negative or not finite,
@@ -23,7 +23,7 @@ pub fn relative_variation(values: &[f64]) -> Result<f64, MetricError> {
     if most > 0.0 { Ok(most / least - 1.0) } else { Err(MetricError::NoLight("a sweep")) }
 }
 
-/// Variation of the total light over a sweep; every step is all images of one view.
+/// Variation of the total light over a sweep; each step is the set of all images of one view.
 ///
 /// # Errors
 /// As [`relative_variation`], and [`MetricError::OutsidePicture`] if a pixel without solid angle is lit.
@@ -43,13 +43,14 @@ mod tests {
         view::projection::{CubeFace, Face, PlaneMapping},
     };
 
-    /// Light of a star on the faces drawn, for steps from the front face to the right one over the middle of their edge.
+    /// Images of a star on the given faces, for steps from the front face over the middle of its edge to the right
+    /// face.
     fn sweep(mappings: &[&dyn PlaneMapping], faces: &[Face]) -> Vec<Vec<Vec<[f64; 3]>>> {
         let step = |i: i32| {
             let direction = DVec3::new(1.0, 0.1, -1.0 + 0.01 * f64::from(i));
             let draw = |(mapping, face): (&&dyn PlaneMapping, &Face)| {
                 let seen = face.cube_from_face().conjugate() * direction;
-                Canvas::new(*mapping).star(seen, 1e-6, &|at| SplatKernel::Tent.footprint(at)).pixels
+                Canvas::new(*mapping).star(seen, 1e-6, &|centre| SplatKernel::Tent.footprint(centre)).pixels
             };
             mappings.iter().zip(faces).map(draw).collect()
         };
@@ -71,15 +72,15 @@ mod tests {
         let mappings: [&dyn PlaneMapping; 2] = [&front, &right];
         let images = sweep(&mappings, &faces);
         assert!(variation(&mappings, &images).unwrap() < 1e-9);
-        // Without its neighbour the front face holds the star, then its half, then nothing: the half alone doubles the
-        // light over the sweep, the end makes it infinite.
+        // Without its neighbour the front face shows the whole star, then half of it, then nothing: losing half doubles
+        // the ratio over the sweep, losing all makes it infinite.
         assert_eq!(variation(&mappings[..1], &images), Ok(f64::INFINITY));
         let to_the_edge = variation(&mappings[..1], &images[..=20]).unwrap();
         assert!((to_the_edge - 1.0).abs() < 1e-9, "{to_the_edge}");
     }
 
     #[test]
-    fn images_and_numbers_vary_alike() {
+    fn images_and_numbers_give_the_same_variation() {
         let face = CubeFace::new(Face::Up, 16).unwrap();
         let pixels = [1.0, 1.02, 0.99].map(|level| vec![[level; 3]; 256]);
         let views = pixels.each_ref().map(|pixels| [HdrView::new(&face, pixels).unwrap()]);

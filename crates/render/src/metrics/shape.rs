@@ -1,9 +1,10 @@
-//! Shape: how wide a star's image is and how far from round, from the second moments of its light.
+//! Shape: the width of a star's image and its deviation from round, from the second moments of its light.
 //!
-//! In view space the offsets are angles on the sphere: direction and angular distance from the centroid, laid out in the
-//! tangent plane there (azimuthal equidistant). A star is to be round *there*; on the image plane of a wide view a round
-//! star is an ellipse. Every pixel counts as a point at its centre that carries luminance times solid angle, so the extent
-//! of the pixels themselves (a variance of 1/12 pixel each way) is not in the widths, and a star in a single pixel has none.
+//! In view space the offsets are angles on the sphere: direction and angular distance from the centroid, in the tangent
+//! plane there (azimuthal equidistant). A star must be round *there*; on the image plane of a wide view a round star is
+//! an ellipse. Every pixel counts as a point at its centre with the weight luminance times solid angle. The widths
+//! therefore do not include the extent of the pixels themselves (a variance of 1/12 pixel along each axis), and a star
+//! in a single pixel has zero width.
 
 use glam::{DVec2, DVec3};
 
@@ -20,7 +21,7 @@ use super::{
 pub struct Shape {
     /// Standard deviation along the longest axis, in the unit of the measurement: px or rad.
     pub major: f64,
-    /// Standard deviation across it.
+    /// Standard deviation along the perpendicular axis.
     pub minor: f64,
 }
 
@@ -86,12 +87,12 @@ mod tests {
     fn a_star_stretched_by_a_fifth_is_found() {
         let mapping = Perspective::symmetric([64, 64], 0.01).unwrap();
         let pixel_rad = 2.0 * (0.005_f64).tan() / 64.0;
-        let at = DVec2::new(31.2, 32.9);
-        let direction = mapping.direction_from_pixel(at).unwrap();
+        let pixel = DVec2::new(31.2, 32.9);
+        let direction = mapping.direction_from_pixel(pixel).unwrap();
         for (stretch, ellipticity) in [(1.0, 0.0), (1.2, 1.0 - 1.0 / 1.2)] {
             let kernel = sampled_gaussian(DVec2::new(3.0 * stretch, 3.0));
             let canvas = Canvas::new(&mapping).star(direction, 1.0, &kernel);
-            let px = shape_px(&canvas.view(), at, 30.0).unwrap();
+            let px = shape_px(&canvas.view(), pixel, 30.0).unwrap();
             let rad = shape_rad(&[canvas.view()], direction, 30.0 * pixel_rad).unwrap();
             for (found, unit) in [(px, 1.0), (rad, pixel_rad)] {
                 assert!((found.major / unit - 3.0 * stretch).abs() < 3e-4, "{found:?}");
@@ -102,8 +103,8 @@ mod tests {
         }
     }
 
-    /// A kernel that is round on a flat image plane is an ellipse in the sky: at the angle a from the axis a step across is
-    /// cos a, a step outwards cos^2 a of one in the middle. Ellipticity 1 - cos a.
+    /// A kernel that is round on a flat image plane is an ellipse in the sky: at the angle a from the axis, a
+    /// tangential step is cos a and a radial step cos^2 a of a step at the centre. Ellipticity 1 - cos a.
     #[test]
     fn a_round_kernel_off_axis_is_an_ellipse_in_the_sky() {
         let mapping = Perspective::symmetric([2048, 2048], 1.9).unwrap();
@@ -116,8 +117,8 @@ mod tests {
             let ellipticity = found.ellipticity().unwrap();
             assert!((ellipticity - (1.0 - angle.cos())).abs() < 1e-3, "{angle}: {ellipticity}");
             assert!((found.major / (3.0 * pixel_rad) - angle.cos()).abs() < 1e-3, "{angle}: {found:?}");
-            let at = mapping.pixel_from_direction(direction).unwrap();
-            assert!(shape_px(&canvas.view(), at, 20.0).unwrap().ellipticity().unwrap() < 1e-4);
+            let pixel = mapping.pixel_from_direction(direction).unwrap();
+            assert!(shape_px(&canvas.view(), pixel, 20.0).unwrap().ellipticity().unwrap() < 1e-4);
         }
     }
 
@@ -138,20 +139,21 @@ mod tests {
         assert!((found.rms_radius() / (PI / 128.0) - 1.0).abs() < 1e-9, "{found:?}");
     }
 
-    /// Means over sub-pixel positions. The variance of the tent along an axis is f (1 - f), f the place between two pixels;
-    /// over f and g of both axes the mean of 1 - sqrt(smaller / larger) is 0.266 (by Monte Carlo). The B-spline's variance is
-    /// constant; a Gaussian of 0.7 px over 5 x 5 pixels measured 0.003 in the design's table of kernels.
+    /// Means over sub-pixel positions. The variance of the tent along an axis is f (1 - f), with f the position between
+    /// two pixels; over f and g of both axes the mean of 1 - sqrt(smaller / larger) is 0.266 (Monte Carlo). The
+    /// variance of the B-spline is constant; the design's table of kernels gives 0.003 for a Gaussian of 0.7 px over 5
+    /// x 5 pixels.
     #[test]
     fn kernels_have_their_ellipticities() {
         let mapping = Perspective::symmetric([16, 16], 0.01).unwrap();
         let mean = |kernel: Footprint<'_>| {
-            let of = |position: DVec2| {
-                let at = DVec2::splat(8.0) + position;
-                let canvas = Canvas::new(&mapping).star(mapping.direction_from_pixel(at).unwrap(), 1.0, kernel);
-                shape_px(&canvas.view(), at, 7.0).unwrap().ellipticity()
+            let ellipticity = |position: DVec2| {
+                let pixel = DVec2::splat(8.0) + position;
+                let canvas = Canvas::new(&mapping).star(mapping.direction_from_pixel(pixel).unwrap(), 1.0, kernel);
+                shape_px(&canvas.view(), pixel, 7.0).unwrap().ellipticity()
             };
-            // The tent on a pixel's centre is a point.
-            let ellipticities: Vec<f64> = sub_pixel_positions(3000).filter_map(of).collect();
+            // A tent centred on a pixel is a point.
+            let ellipticities: Vec<f64> = sub_pixel_positions(3000).filter_map(ellipticity).collect();
             assert!(ellipticities.len() >= 2999);
             ellipticities.iter().sum::<f64>() / ellipticities.len() as f64
         };

@@ -1,41 +1,41 @@
-//! Silhouettes: what two pictures of one thing cover, pixel by pixel, as shares from 0 to 1.
+//! Silhouettes: the coverage of the same object in two pictures, pixel by pixel, from 0 to 1.
 //!
-//! The intersection over the union is the usual figure, but says little without the size: half a pixel along the
-//! outline of a disc of two pixels is far more of it than of a disc of a hundred. The mean displacement of the outline,
-//! in pixels, is the area that only one of both covers over the outline's length; it compares with bounds that are in
+//! Intersection over union is the usual figure, but it depends on the size: half a pixel along the outline weighs far
+//! more for a disc of two pixels than for a disc of a hundred. The mean displacement of the outline in pixels is the
+//! area that only one of the two covers, divided by the length of the outline; it can be compared with bounds in
 //! pixels.
 
 use super::error::{MetricError, not_negative};
 
-/// What two pictures cover together.
+/// Common coverage of two pictures.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Overlap {
-    /// Area that both cover, px.
+    /// Area that both cover, px^2.
     pub both_px: f64,
-    /// Area that at least one covers, px.
+    /// Area that at least one covers, px^2.
     pub either_px: f64,
-    /// Area that the second one covers, px.
+    /// Area that the second one covers, px^2.
     pub second_px: f64,
 }
 
 impl Overlap {
-    /// Intersection over union: 1 of equal silhouettes, 0 of disjoint ones.
+    /// Intersection over union: 1 for equal silhouettes, 0 for disjoint ones.
     pub fn iou(&self) -> f64 {
         self.both_px / self.either_px
     }
 
-    /// Mean displacement of the outline, px: the area that one alone covers, over the girth of a disc of the second
-    /// one's area.
+    /// Mean displacement of the outline, px: the area that only one covers, over the circumference of a disc with the
+    /// area of the second one.
     pub fn outline_px(&self) -> f64 {
         (self.either_px - self.both_px) / (2.0 * (std::f64::consts::PI * self.second_px).sqrt())
     }
 }
 
-/// Compares the coverage of two pictures; the second one is the truth.
+/// Compares the coverage of two pictures; the second one is the reference.
 ///
 /// # Errors
-/// [`MetricError::TooFew`] if the first has fewer pixels than the second or more, [`MetricError::NotPositive`] for a
-/// share that is negative or not finite, [`MetricError::NoLight`] if the second covers nothing.
+/// [`MetricError::TooFew`] if the numbers of pixels differ, [`MetricError::NotPositive`] for a coverage that is
+/// negative or not finite, [`MetricError::NoLight`] if the second covers nothing.
 pub fn overlap(first: &[f64], second: &[f64]) -> Result<Overlap, MetricError> {
     if first.len() != second.len() {
         return Err(MetricError::TooFew {
@@ -58,12 +58,12 @@ pub fn overlap(first: &[f64], second: &[f64]) -> Result<Overlap, MetricError> {
 mod tests {
     use super::*;
 
-    /// Coverage of a disc, by 16 x 16 samples per pixel.
+    /// Coverage of a disc, with 16 x 16 samples per pixel.
     fn disc(x: f64, y: f64, radius: f64) -> Vec<f64> {
         let covered = |px: usize| {
             let samples = (0..256).filter(|s| {
-                let at = |place: usize, sample: usize| place as f64 + (sample as f64 + 0.5) / 16.0;
-                (at(px % 40, s % 16) - x).hypot(at(px / 40, s / 16) - y) <= radius
+                let sample_position = |place: usize, sample: usize| place as f64 + (sample as f64 + 0.5) / 16.0;
+                (sample_position(px % 40, s % 16) - x).hypot(sample_position(px / 40, s / 16) - y) <= radius
             });
             samples.count() as f64 / 256.0
         };
@@ -71,7 +71,7 @@ mod tests {
     }
 
     #[test]
-    fn equal_silhouettes_have_no_error_and_wrong_ones_have_that_of_the_closed_form() {
+    fn silhouette_errors_match_their_closed_forms() {
         let truth = disc(20.0, 20.0, 10.0);
         let same = overlap(&truth, &truth).unwrap();
         assert_eq!((same.iou(), same.outline_px()), (1.0, 0.0));
@@ -79,7 +79,7 @@ mod tests {
         let wide = overlap(&disc(20.0, 20.0, 10.5), &truth).unwrap();
         assert!((wide.iou() - (10.0 / 10.5_f64).powi(2)).abs() < 2e-3, "{}", wide.iou());
         assert!((wide.outline_px() - 0.5 * 10.25 / 10.0).abs() < 0.01, "{}", wide.outline_px());
-        // Moved by s, both sides together lose 4 r s.
+        // A displacement by s changes an area of 4 r s over both sides.
         let moved = overlap(&disc(21.0, 20.0, 10.0), &truth).unwrap();
         assert!((moved.outline_px() - 4.0 / std::f64::consts::TAU).abs() < 0.01, "{}", moved.outline_px());
         assert_eq!(overlap(&disc(5.0, 5.0, 3.0), &disc(30.0, 30.0, 3.0)).unwrap().iou(), 0.0);
@@ -87,7 +87,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_silhouette_is_refused() {
+    fn invalid_silhouettes_are_refused() {
         let truth = disc(20.0, 20.0, 10.0);
         assert_eq!(overlap(&truth, &vec![0.0; 1600]).err(), Some(MetricError::NoLight("a silhouette")));
         assert!(overlap(&truth[1..], &truth).is_err());

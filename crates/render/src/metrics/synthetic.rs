@@ -1,4 +1,4 @@
-//! Images for the tests of the metrics: a few stars drawn straight through a mapping, and kernels to draw them with.
+//! Images for the tests of the metrics: a few stars drawn directly through a mapping, and kernels to draw them with.
 
 use std::f64::consts::TAU;
 
@@ -10,7 +10,7 @@ use crate::{
     view::projection::{Footprint, PlaneMapping},
 };
 
-/// A picture that stars are added to.
+/// A picture to which stars are added.
 pub struct Canvas<'a> {
     mapping: &'a dyn PlaneMapping,
     /// Luminance, cd/m^2.
@@ -46,14 +46,14 @@ impl<'a> Canvas<'a> {
     }
 }
 
-/// A Gaussian sampled at the pixels' centres, as wide as asked for along each axis (pixels), cut at 5 deviations and
-/// normalised.
+/// A Gaussian sampled at pixel centres, with the given standard deviation along each axis (pixels), cut at 5 deviations
+/// and normalised.
 pub fn sampled_gaussian(sigma_px: DVec2) -> impl Fn(DVec2) -> Vec<(i64, i64, f64)> {
     let axis = |centre: f64, sigma: f64| {
         let reach = (5.0 * sigma).ceil() as i64;
         let middle = centre.floor() as i64;
-        let at = move |i: i64| (i, (-0.5 * ((i as f64 + 0.5 - centre) / sigma).powi(2)).exp());
-        (middle - reach..=middle + reach).map(at).collect::<Vec<_>>()
+        let axis_tap = move |i: i64| (i, (-0.5 * ((i as f64 + 0.5 - centre) / sigma).powi(2)).exp());
+        (middle - reach..=middle + reach).map(axis_tap).collect::<Vec<_>>()
     };
     move |centre| normalised_product(&axis(centre.x, sigma_px.x), &axis(centre.y, sigma_px.y))
 }
@@ -61,7 +61,7 @@ pub fn sampled_gaussian(sigma_px: DVec2) -> impl Fn(DVec2) -> Vec<(i64, i64, f64
 /// A round Gaussian integrated over each of `side` x `side` pixels around the centre, normalised.
 pub fn integrated_gaussian(sigma_px: f64, side: i64) -> impl Fn(DVec2) -> Vec<(i64, i64, f64)> {
     let density = move |x: f64| (-0.5 * (x / sigma_px).powi(2)).exp() / (sigma_px * TAU.sqrt());
-    // Simpson's rule with 16 intervals a pixel: far below 1e-6 for these widths.
+    // Simpson's rule with 16 intervals per pixel: error far below 1e-6 for these widths.
     let over_pixel = move |from: f64| -> f64 {
         let value = |i: i32| density(from + f64::from(i) / 16.0) * [2.0, 4.0][i as usize % 2];
         ((1..16).map(value).sum::<f64>() + density(from) + density(from + 1.0)) / 48.0
@@ -73,7 +73,7 @@ pub fn integrated_gaussian(sigma_px: f64, side: i64) -> impl Fn(DVec2) -> Vec<(i
     move |centre| normalised_product(&axis(centre.x), &axis(centre.y))
 }
 
-/// The whole star in the pixel that holds it.
+/// Puts the whole star into the pixel that contains it.
 pub fn one_pixel(centre: DVec2) -> Vec<(i64, i64, f64)> {
     vec![(centre.x.floor() as i64, centre.y.floor() as i64, 1.0)]
 }

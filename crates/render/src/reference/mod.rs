@@ -1,17 +1,17 @@
-//! The passes in f64 on the CPU, under the same names: slow and simple, to check the GPU by and to draw through
-//! projections of your own; and the truth that every method is measured against.
+//! CPU references in f64: twins of the passes under the same names, slow and simple, for checking the GPU and for
+//! drawing with custom projections; and ground truths against which every method is measured.
 //!
-//! - `stars`: twins of the star passes: `splat` with `gaussian` (the kernel that is round in view space), `packed`, `billboards`,
-//!   `cell_sky`, and `point_spread`, kernels as functions on the sphere;
+//! - `stars`: twins of the star passes: `splat` with `gaussian` (the kernel that is round in view space), `packed`,
+//!   `billboards`, `cell_sky`, and `point_spread`, kernels as functions on the sphere;
 //! - `bodies`: ellipsoids, ray by ray;
-//! - `diffuse`: light of no single star;
+//! - `diffuse`: unresolved light;
 //! - `air`: the ground and the air around an observer;
 //! - `asteroids`: fields of asteroids, ray by ray against their meshes, and `impostors`;
-//! - `glare`: what light scatters into every direction, source by source, and the published pyramids;
-//! - `sky`: the sky as it is, each star spread by an exact kernel over exact solid angles, in any projection;
-//! - `sampled`: chosen pixels of images, with the kernels and the glare that frames are to have: what an audit compares with;
+//! - `glare`: scattered light in every direction, source by source, and the published pyramids;
+//! - `sky`: the exact sky, with each star spread by an exact kernel over exact solid angles, in any projection;
+//! - `sampled`: chosen pixels of images, with the kernels and the glare of a frame: the reference of audits;
 //! - `overlay`: lines and text over display images;
-//! - `triangle_solid_angle`: a published way to a pixel's solid angle, in the arithmetic of a shader.
+//! - `triangle_solid_angle`: a published computation of a pixel's solid angle, in the arithmetic of a shader.
 
 pub mod air;
 pub mod asteroids;

@@ -1,17 +1,18 @@
-//! The truth: the sky in f64. The light of every star is spread by an exact kernel, and every pixel receives what falls into
-//! its exact solid angle, in any projection.
+//! Ground truth: the sky in f64. The light of every star is spread by an exact kernel, and every pixel receives the
+//! light that falls into its exact solid angle, in any projection.
 //!
-//! - *Point*: all light in the pixel that holds the star's direction (shared where that lies on a border).
-//! - *Spread*: a [`PointSpread`] integrated over the pixel by Gauss-Legendre quadrature of the kernel times the area element
-//!   |d dir/du x d dir/dv| of the mapping. The nodes' weights are scaled so that they sum to the pixel's solid angle in
-//!   closed form: a constant sky is exact, and what is left is the error of the kernel's mean over the pixel, below 1e-7.
+//! - *Point*: all light goes to the pixel that contains the star's direction (shared if it lies on a border).
+//! - *Spread*: a [`PointSpread`] integrated over the pixel by Gauss-Legendre quadrature of the kernel times the area
+//!   element |d dir/du x d dir/dv| of the mapping. The weights of the nodes are scaled so that they sum to the pixel's
+//!   closed-form solid angle: a constant sky is exact, and the remaining error of the kernel's mean over the pixel is
+//!   below 1e-7.
 //!
-//! The axes of a spread are those of the view, carried along the great circle from the optical axis to the star.
+//! The axes of a spread are those of the view, transported along the great circle from the optical axis to the star.
 //!
-//! The picture is divided into rectangles again and again; each hands on the stars that may reach it (a cone around the
-//! rectangle's directions), down to 8 x 8 pixels. No mapping is asked for more than its directions, so wraps, poles, rims and
-//! the edges of a cube need nothing of their own. Every pixel adds its stars in their order, so that the picture is the same
-//! on any number of threads.
+//! The picture is divided recursively into rectangles down to 8 x 8 pixels; each passes on the stars that may reach it
+//! (using a cone around the rectangle's directions). Only the directions of a mapping are used, so wraps, poles, rims
+//! and the edges of a cube need no special treatment. Every pixel sums its stars in a fixed order, so that the picture
+//! does not depend on the number of threads.
 
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
@@ -40,14 +41,14 @@ pub struct SkyStar {
 /// How stars are spread.
 #[derive(Clone, Copy)]
 pub enum SkyKernel<'a> {
-    /// Not at all.
+    /// Not spread.
     Point,
-    /// By a function on the sphere.
+    /// Spread by a function on the sphere.
     Spread(&'a dyn PointSpread),
 }
 
-/// The stars of a set that are at least as bright as `faintest_lx` for the eye. A star at the eye's very place has no direction
-/// and is left out.
+/// The stars of a set that are at least as bright as `faintest_lx` for the eye. A star at the exact position of the eye
+/// has no direction and is left out.
 pub fn stars_for(set: &StarSet, eye: Eye, faintest_lx: f64) -> Vec<SkyStar> {
     let brighter = |star: &SeenStar| star.illuminance_lx >= faintest_lx;
     let coloured = |star: SeenStar| SkyStar {
@@ -70,8 +71,8 @@ fn black(mapping: &dyn PlaneMapping) -> ReferenceImage {
     ReferenceImage { size, illuminance_lx: vec![[0.0; 3]; size[0] as usize * size[1] as usize], stars: 0 }
 }
 
-/// The pixel that holds a point. One on a border, as near as f64 tells, is shared by both sides: rounding must not place it
-/// beyond the edges of both of two cube faces.
+/// The pixel that contains a point. A point on a border, within f64 accuracy, is shared by both sides: rounding must
+/// not place it beyond the edges of both of two cube faces.
 fn point(centre: DVec2) -> Vec<(i64, i64, f64)> {
     let axis = |at: f64| {
         let border = at.round();
@@ -106,9 +107,9 @@ fn add(sum: &mut [f64; 3], light: [f64; 3], weight: [f64; 3]) {
     }
 }
 
-/// Sides of the smallest rectangles.
+/// Side of the smallest rectangles.
 const LEAF: u32 = 8;
-/// Larger rectangles are worked on by several threads.
+/// Larger rectangles are processed by several threads.
 const SHARED: u32 = 32;
 
 #[derive(Clone, Copy)]
@@ -155,7 +156,7 @@ struct Block {
 struct Painter<'a> {
     mapping: &'a dyn PlaneMapping,
     stars: &'a [SkyStar],
-    /// Per star: from view axes to axes in which the star stands at -z.
+    /// For each star: rotation from view axes to axes in which the star is at -z.
     star_from_view: Vec<DQuat>,
     spread: &'a dyn PointSpread,
     reached: Vec<AtomicBool>,
@@ -184,7 +185,7 @@ fn draw_spread(stars: &[SkyStar], mapping: &dyn PlaneMapping, spread: &dyn Point
     image
 }
 
-/// Angle between unit vectors, rad, exact for small and for large ones.
+/// Angle between unit vectors, rad, accurate for both small and large angles.
 pub(super) fn separation_rad(a: DVec3, b: DVec3) -> f64 {
     2.0 * (a - b).length().atan2((a + b).length())
 }
@@ -216,7 +217,7 @@ impl Painter<'_> {
         blocks
     }
 
-    /// A cone that holds every direction of a rectangle; `None` where it cannot be told.
+    /// A cone that contains every direction of a rectangle; `None` if it is undetermined.
     fn cone(&self, rect: Rect) -> Option<(DVec3, f64)> {
         const PARTS: u32 = 4;
         let at = |i: u32, j: u32| {
@@ -232,7 +233,7 @@ impl Painter<'_> {
         }
         let axis = grid.iter().sum::<DVec3>().try_normalize()?;
         let row = PARTS as usize + 1;
-        // What lies between the points of the grid is no farther from one of them than its diagonal neighbour is.
+        // Points between the grid points are no farther from one of them than its diagonal neighbour.
         let mut slack = 0.0_f64;
         for j in 0..PARTS as usize {
             for i in 0..PARTS as usize {
@@ -251,7 +252,8 @@ impl Painter<'_> {
         let mut sum = [0.0; 3];
         let Some(pixel) = Pixel::new(self.mapping, x, y) else { return sum };
         let reach = pixel.radius_rad + self.spread.radius_rad();
-        // Fewer nodes do where the pixel is small beside the kernel: the error stays below 1e-7 (see the tests).
+        // Fewer nodes suffice if the pixel is small compared with the kernel: the error remains below 1e-7 (see the
+        // tests).
         let extent = pixel.radius_rad * std::f64::consts::SQRT_2 / self.spread.detail_rad();
         let nodes = match extent {
             e if e <= 0.1 => Some(pixel.nodes(&TWO_POINTS)),
@@ -315,13 +317,13 @@ pub(super) struct Pixel<'a> {
 }
 
 impl<'a> Pixel<'a> {
-    /// `None` outside of the picture.
+    /// Returns `None` outside of the picture.
     pub(super) fn new(mapping: &'a dyn PlaneMapping, x: u32, y: u32) -> Option<Self> {
         let solid_angle_sr = mapping.solid_angle_sr(x, y);
         let at = pixel_centre(x, y);
         let centre = mapping.direction_from_pixel(at).filter(|_| solid_angle_sr > 0.0)?;
         let corners = [(-0.5, -0.5), (0.5, -0.5), (-0.5, 0.5), (0.5, 0.5)];
-        // At a rim some corners have no direction; there the root of the solid angle speaks for them.
+        // At a rim some corners have no direction; the square root of the solid angle is a lower bound there.
         let radius_rad = corners
             .iter()
             .filter_map(|(u, v)| mapping.direction_from_pixel(at + DVec2::new(*u, *v)))
@@ -331,16 +333,17 @@ impl<'a> Pixel<'a> {
         Some(Self { mapping, corner, centre, solid_angle_sr, radius_rad })
     }
 
-    /// Directions and area elements times weights over a square of the pixel, `from` its upper left corner in [0, 1]^2.
+    /// Directions, and area elements times weights, over a square of the pixel, with `from` its upper left corner in
+    /// [0, 1]^2.
     pub(super) fn cell(&self, rule: &[(f64, f64)], from: DVec2, side: f64) -> Vec<(DVec3, f64)> {
         let mut nodes = Vec::with_capacity(rule.len() * rule.len());
-        // Well inside of the distance of the outermost node from the edge.
+        // Well below the distance of the outermost node from the edge.
         let h = (0.02 * side).min(1e-3);
         for (v, weight_v) in rule {
             for (u, weight_u) in rule {
                 let at = self.corner + from + DVec2::new(0.5 + u / 2.0, 0.5 + v / 2.0) * side;
                 let direction = |dx: f64, dy: f64| self.mapping.direction_from_pixel(at + DVec2::new(dx, dy));
-                // Beyond a rim there is nothing.
+                // Nodes beyond a rim are skipped.
                 if let (Some(middle), Some(right), Some(left), Some(down), Some(up)) =
                     (direction(0.0, 0.0), direction(h, 0.0), direction(-h, 0.0), direction(0.0, h), direction(0.0, -h))
                 {
@@ -352,7 +355,7 @@ impl<'a> Pixel<'a> {
         nodes
     }
 
-    /// Direction of the middle of a square of the pixel; `None` beyond a rim.
+    /// Direction of the centre of a square of the pixel; `None` beyond a rim.
     pub(super) fn middle(&self, from: DVec2, side: f64) -> Option<DVec3> {
         self.mapping.direction_from_pixel(self.corner + from + DVec2::splat(side / 2.0))
     }
@@ -371,7 +374,8 @@ impl<'a> Pixel<'a> {
         }
     }
 
-    /// Integral of a kernel whose detail is finer than the pixel: squares near the star are divided until they are as fine.
+    /// Integral of a kernel with detail finer than the pixel: squares near the star are subdivided to the scale of the
+    /// detail.
     fn divided(&self, kernel: &Toward<'_>, star: DVec3) -> [f64; 3] {
         let sum: f64 = self.cell(&FIVE_POINTS, DVec2::ZERO, 1.0).iter().map(|(_, weight)| weight).sum();
         let scale = if sum > 0.0 { self.solid_angle_sr / sum } else { 1.0 };
@@ -384,7 +388,7 @@ impl<'a> Pixel<'a> {
         if middle.is_some_and(|middle| separation_rad(middle, star) > 1.5 * radius_rad + kernel.spread.radius_rad()) {
             return [0.0; 3];
         }
-        // The limit on the side ends it at a rim, where no middle tells how far the star is.
+        // At a rim, where the distance to the star is unknown, the limit on the side ends the recursion.
         let fine = radius_rad * std::f64::consts::SQRT_2 <= kernel.spread.detail_rad();
         if fine || (middle.is_none() && side < 0.02) {
             return kernel.sum(&self.cell(&FIVE_POINTS, from, side));

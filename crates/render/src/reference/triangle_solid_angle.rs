@@ -1,15 +1,16 @@
-//! The solid angle of a pixel as the published systems compute it: two spherical triangles between the pixel's corners, in f32.
+//! The solid angle of a pixel as the published systems compute it: two spherical triangles between the pixel's corners,
+//! in f32.
 //!
-//! A triangle between unit vectors a, b, c has the solid angle 2 atan(|a (b x c)| / (1 + a b + b c + c a)) (A. van Oosterom and
-//! J. Strackee, "The Solid Angle of a Plane Triangle", 1983). For a pixel the triple product is the difference of numbers near 1:
-//! in f32 nearly all digits cancel. This is here to be measured, not to be used.
+//! A triangle with unit vectors a, b, c has the solid angle 2 atan(|a (b x c)| / (1 + a b + b c + c a)) (A. van
+//! Oosterom and J. Strackee, "The Solid Angle of a Plane Triangle", 1983). For a pixel the triple product is the
+//! difference of numbers near 1: in f32 nearly all digits cancel. This function exists for measurements, not for use.
 
 use glam::Vec3;
 use rayon::prelude::*;
 
 use crate::view::projection::{CubeFace, Face, PlaneMapping, ProjectionError};
 
-/// Solid angle of pixel (x, y) of a 90-degree face of `size` pixels a side, sr, as a shader computes it in f32.
+/// Solid angle of pixel (x, y) of a 90-degree face with `size` pixels per side, sr, as a shader computes it in f32.
 pub fn pixel_solid_angle_sr(size: u32, x: u32, y: u32) -> f32 {
     let corner = |i: u32, j: u32| {
         let across = 2.0 * (i as f32) / size as f32 - 1.0;
@@ -27,23 +28,23 @@ fn triangle_sr(a: Vec3, b: Vec3, c: Vec3) -> f32 {
 /// Relative errors of solid angles over the pixels of a face.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RelativeErrors {
-    /// 99 of 100 pixels err by no more.
+    /// 99th percentile of the absolute errors.
     pub p99: f64,
     /// The largest.
     pub largest: f64,
 }
 
-/// Errors of `solid_angle_sr` over a 90-degree face of `size` pixels a side, against f64, at up to a million pixels spread
-/// evenly over it.
+/// Errors of `solid_angle_sr` over a 90-degree face with `size` pixels per side, relative to f64, at up to a million
+/// pixels spread evenly over it.
 ///
 /// # Errors
-/// There is no face without pixels.
+/// The face has no pixels.
 pub fn face_errors(
     size: u32,
     solid_angle_sr: impl Fn(u32, u32) -> f64 + Sync,
 ) -> Result<RelativeErrors, ProjectionError> {
     let face = CubeFace::new(Face::Front, size)?;
-    // An odd step visits odd and even columns alike.
+    // An odd step visits odd and even columns equally.
     let step = (size / 1000).max(1) | 1;
     let mut errors: Vec<f64> = (0..size)
         .into_par_iter()
@@ -66,7 +67,7 @@ mod tests {
 
     #[test]
     fn large_pixels_are_right_and_small_ones_lose_their_digits() {
-        // An octant of the sphere in two triangles each: a face of one pixel.
+        // A face of one pixel: a sixth of the sphere, 2 pi / 3 sr.
         assert!((f64::from(pixel_solid_angle_sr(1, 0, 0)) * 1.5 / std::f64::consts::PI - 1.0).abs() < 1e-6);
         for size in [1080, 4096, 8192] {
             let found = face_errors(size, |x, y| f64::from(pixel_solid_angle_sr(size, x, y))).unwrap();

@@ -1,12 +1,12 @@
-//! Bodies: ellipsoids with a surface that reflects the light of the scene's suns, and suns, which give light
-//! themselves.
+//! Bodies: ellipsoids with a surface that reflects the light of the scene's suns, and suns, which emit light.
 //!
 //! Lengths in metres, angles in radians, luminance in cd/m^2, light as linear Rec. 709.
 //!
-//! An ellipsoid is the unit sphere, stretched along its axes: a point of its surface is named by the point of the
-//! sphere that it comes from (`seen`). The light of a sun comes from its middle, and falls on all of a body from one
-//! direction and with one illuminance, those at the body's middle: suns are far away, measured by the bodies they
-//! light. What bodies reflect falls on others in the same way (the light of the Earth on the Moon). Of the shadows that fall on a body (`shadow`) the deepest one of each sun counts.
+//! An ellipsoid is the unit sphere, stretched along its axes: a point of its surface is identified by the corresponding
+//! point of the sphere (`seen`). The light of a sun comes from its centre and falls on the whole body from one
+//! direction and with one illuminance, those at the body's centre: suns are far away compared with the size of the
+//! bodies they light. Light reflected by bodies falls on others in the same way (the light of the Earth on the Moon).
+//! Of the shadows of each sun on a body (`shadow`), only the deepest counts.
 
 mod check;
 mod emission;
@@ -33,37 +33,37 @@ pub use self::{
 };
 pub use crate::{ephemeris::Ephemeris, photometry::reflection::ReflectionLaw, solar_system::SolarBody};
 
-/// What a surface reflects.
+/// Reflection properties of a surface.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Surface {
-    /// The law.
+    /// The reflection law.
     pub law: ReflectionLaw,
-    /// Geometric albedo, of red, green and blue: a sphere of it at full phase is so many times as bright as a white
-    /// Lambert disc.
+    /// Geometric albedo for red, green and blue: brightness of a sphere at full phase relative to a white Lambert disc
+    /// of the same size.
     pub geometric_albedo: [f64; 3],
-    /// The body whose measured phase curve its light follows; `None`: it follows the law.
+    /// The body whose measured phase curve the brightness follows; `None`: the reflection law.
     pub phase_curve: Option<SolarBody>,
-    /// Factors on the albedo, over the body.
+    /// Albedo factors over the body.
     pub texture: Option<Arc<Texture>>,
 }
 
-/// What a body gives off by itself: the same from every point of its surface, but for limb darkening.
+/// Light emitted by a body: the same at every point of its surface, except for limb darkening.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Emission {
     /// Luminance at the middle of the disc, as linear Rec. 709, cd/m^2.
     pub luminance_cd_m2: [f64; 3],
     /// Linear limb darkening u: L(mu) = L(1) (1 - u (1 - mu)).
     pub limb_darkening: f64,
-    /// Whether there is a corona around it ([`crate::photometry::corona`]).
+    /// Whether it has a corona ([`crate::photometry::corona`]).
     pub corona: bool,
 }
 
-/// How a body turns around its +z axis.
+/// Rotation of a body around its +z axis.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
 pub struct Spin {
-    /// Sidereal period, s; negative turns the other way, `None` does not turn.
+    /// Sidereal period, s; negative for retrograde rotation, `None` for no rotation.
     pub period_s: Option<f64>,
-    /// Turn at time 0, rad.
+    /// Rotation angle at time 0, rad.
     pub phase_rad: f64,
 }
 
@@ -72,27 +72,29 @@ pub struct Spin {
 pub struct Body {
     /// Unique among the bodies of a scene.
     pub name: String,
-    /// What says where it is: the scene's moment gives its position ([`SceneObjects::at`](crate::scene::SceneObjects::at)). As a body of the Solar System it also stands as that does, and
-    /// has no spin of its own.
+    /// Source of its position: the scene's time determines the position
+    /// ([`SceneObjects::at`](crate::scene::SceneObjects::at)). A body of the Solar System also takes its orientation
+    /// from there, and has no spin of its own.
     pub ephemeris: Option<Ephemeris>,
     /// Its centre: ICRS, barycentric, m.
     pub position_m: DVec3,
     /// Semi-axes along its x, y and z, m.
     pub radii_m: DVec3,
-    /// Rotation from the body's axes to world axes before it turns.
+    /// Rotation from the body's axes to world axes, without its spin.
     pub orientation: DQuat,
-    /// How it turns.
+    /// Its rotation.
     pub spin: Spin,
-    /// What it reflects.
+    /// Its reflection properties.
     pub surface: Surface,
-    /// What it gives off; `None`: no sun.
+    /// Emitted light; `None` if it is not a sun.
     pub emission: Option<Emission>,
-    /// Share of its light that reaches the eye, by channel: 1 but where air is between ([`SceneObjects::seen_from`](crate::scene::SceneObjects::seen_from)).
+    /// Transmittance between the body and the eye, by channel: 1 except through air
+    /// ([`SceneObjects::seen_from`](crate::scene::SceneObjects::seen_from)).
     pub seen_through: [f64; 3],
 }
 
 impl Body {
-    /// Angular radius of its largest semi-axis for an eye at a place, m; rad, a quarter turn at most.
+    /// Angular radius of its largest semi-axis for an eye at a position, m; rad, at most pi / 2.
     pub fn angular_radius_rad(&self, eye_m: DVec3) -> f64 {
         (self.radii_m.max_element() / (self.position_m - eye_m).length()).min(1.0).asin()
     }

@@ -1,4 +1,4 @@
-//! The time of a scene, which may run.
+//! The clock of a scene, which may run.
 
 use std::time::{Duration, SystemTime};
 
@@ -11,54 +11,54 @@ use crate::{
     units::EARTH_ROTATION_RAD_S,
 };
 
-/// By how much the sky turns from one step to the next, rad: 2 arcsec, below a tenth of a pixel of any view.
+/// Rotation of the sky from one step to the next, rad: 2 arcsec, below a tenth of a pixel of any view.
 const STEP_RAD: f64 = 1e-5;
-/// Steps are so long.
+/// Shortest and longest step, s.
 const STEPS_S: [f64; 2] = [1.0 / 60.0, 1.0];
-/// The first and the last moment that is shown, s since 2000-01-01T12:00:00Z: the years 1 to 9999.
+/// The first and the last valid moment, s since 2000-01-01T12:00:00Z: the years 1 to 9999.
 const MOMENTS_S: [f64; 2] = [-6.306_3e10, 2.524_5e11];
 
-/// A moment that goes on at a rate, in steps so short that none is seen.
+/// A moment that advances at a rate, in steps too short to be visible.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SceneClock {
-    /// The moment, s since 2000-01-01T12:00:00Z, at `since`.
+    /// The moment at `since`, s since 2000-01-01T12:00:00Z.
     pub time_s: f64,
-    /// Seconds of the scene for each second that goes by; negative: backwards.
+    /// Seconds of the scene per second of real time; negative: backwards.
     pub rate: f64,
-    /// When it was set.
+    /// Real time at which it was set.
     pub since: SystemTime,
 }
 
 impl SceneClock {
-    /// Fastest rate either way: ten years a second.
+    /// Largest rate in either direction: ten years per second.
     pub const MOST_RATE: f64 = 3.2e8;
 
-    /// A moment that stays.
+    /// A fixed moment.
     pub fn stopped(time_s: f64) -> Self {
         Self { time_s, rate: 0.0, since: SystemTime::UNIX_EPOCH }
     }
 
-    /// A moment that goes on from now.
+    /// A moment that advances from now on.
     pub fn running(time_s: f64, rate: f64, now: SystemTime) -> Self {
         Self { time_s, rate, since: now }
     }
 
-    /// The moment at a time.
+    /// The moment at a real time.
     pub fn time_s(&self, now: SystemTime) -> f64 {
         let [first, last] = MOMENTS_S;
         (self.time_s + self.rate * self.step(now) as f64 * self.step_s()).clamp(first, last)
     }
 
-    /// Number of the step that a time is in; frames of the same step show the same moment.
+    /// Index of the step at a real time; frames of the same step show the same moment.
     pub fn step(&self, now: SystemTime) -> u64 {
         if self.rate == 0.0 {
             return 0;
         }
-        // Before it was set it has not gone on.
+        // The clock does not advance before it was set.
         (now.duration_since(self.since).unwrap_or_default().as_secs_f64() / self.step_s()) as u64
     }
 
-    /// How long it is until the next step; `None`: it stays.
+    /// Time until the next step; `None` if the clock is stopped.
     pub fn next_step(&self, now: SystemTime) -> Option<Duration> {
         let next_s = (self.step(now) + 1) as f64 * self.step_s();
         let gone = now.duration_since(self.since).unwrap_or_default();
@@ -72,7 +72,7 @@ impl SceneClock {
 }
 
 impl Camera {
-    /// The camera at another moment, s since 2000-01-01T12:00:00Z: it turns with the axes that it hangs on.
+    /// The camera at another moment, s since 2000-01-01T12:00:00Z: it rotates with its frame of reference.
     #[must_use]
     pub fn carried(&self, objects: &SceneObjects, to_s: f64) -> Self {
         if !self.frame.turns() || self.as_of_s == to_s {
@@ -86,7 +86,7 @@ impl Camera {
         Self { world_from_camera: turned.normalize(), as_of_s: to_s, ..*self }
     }
 
-    /// The camera after its observer has moved: one that hangs on the horizon looks to the azimuth and the altitude that it looked to before.
+    /// The camera after its observer has moved: one in the horizon frame keeps its azimuth and altitude.
     #[must_use]
     pub fn on_horizon_of(&self, before: Option<&Observer>, after: Option<&Observer>) -> Self {
         let (Some(before), Some(after)) = (before, after) else { return *self };
@@ -99,8 +99,8 @@ impl Camera {
 }
 
 impl SceneSnapshot {
-    /// The scene at another moment, s since 2000-01-01T12:00:00Z: bodies with an ephemeris are where they are then, and a camera that hangs on the horizon has turned with it. Stars
-    /// stay as they are ([`SeenStars`](super::SeenStars)).
+    /// The scene at another moment, s since 2000-01-01T12:00:00Z: bodies with an ephemeris are moved, and a camera in a
+    /// rotating frame is rotated. Stars are not changed ([`SeenStars`](super::SeenStars)).
     #[must_use]
     pub fn at(&self, time_s: f64) -> Self {
         if time_s == self.objects.time_s {
@@ -116,7 +116,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn time_goes_on_in_steps_forwards_and_backwards_or_stays() {
+    fn time_advances_in_steps_forwards_and_backwards_or_stops() {
         let start = SystemTime::UNIX_EPOCH + Duration::from_secs(1_000_000);
         let after = |s: f64| start + Duration::from_secs_f64(s);
         let stopped = SceneClock::stopped(5.0);
@@ -138,7 +138,7 @@ mod tests {
     }
 
     #[test]
-    fn a_camera_on_the_axes_of_a_body_turns_with_it_and_on_others_it_stays() {
+    fn a_camera_rotates_only_with_rotating_frames() {
         let objects = SceneObjects::default();
         // An hour of Mars: 14.62 degrees around its pole.
         let turned_deg = |frame: Frame, hours: f64| {

@@ -1,7 +1,9 @@
-//! A panorama of what stands around an observer, with what it hides: an equirectangular picture with alpha.
+//! A panorama of the landscape around an observer: an equirectangular picture with alpha, which hides the sky.
 //!
-//! The picture spans all azimuths, growing to the right, and all altitudes, the zenith at the top. Its colour is what the surface reflects (sRGB codes; white reflects all), so that it is as light as what
-//! falls on it: dark at night, and red at sunset. Alpha is how far it hides the sky. Levels halve the picture, so that fine twigs are no noise in coarse pixels.
+//! The picture spans all azimuths, increasing to the right, and all altitudes, with the zenith at the top. Its colour
+//! is the reflectance of the surface (sRGB codes; white reflects everything), so its brightness follows the light that
+//! falls on it: dark at night, red at sunset. Alpha is the fraction of the sky that is hidden. A pyramid of halved
+//! pictures avoids aliasing of fine twigs in coarse pixels.
 
 use std::{f64::consts::PI, path::Path};
 
@@ -13,15 +15,15 @@ use crate::{
     picture_file::{PictureError, PictureFile},
 };
 
-/// What the file of a landscape is.
+/// Required format of a landscape file.
 const WANTED: &str =
     "a landscape is a PNG of 8 bits per channel with alpha, twice as wide as high: all azimuths and all altitudes";
-/// Wider pictures are halved, until every adapter has room for them.
+/// Wider pictures are halved, so that every GPU can hold them.
 const MOST_WIDTH: u32 = 4096;
 /// Smallest height of a picture.
 const LEAST_HEIGHT: u32 = 4;
 
-/// One size of the picture.
+/// One level of the pyramid.
 #[derive(Clone, Debug, PartialEq)]
 struct Level {
     size: [u32; 2],
@@ -32,7 +34,7 @@ struct Level {
 /// The panorama.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Landscape {
-    /// From the finest on.
+    /// Finest level first.
     levels: Vec<Level>,
     /// Azimuth of the middle of the picture, rad.
     middle_rad: f64,
@@ -41,11 +43,11 @@ pub struct Landscape {
 }
 
 impl Landscape {
-    /// Reads a picture whose middle has an azimuth, rad.
+    /// Reads a picture whose middle has the given azimuth, rad.
     ///
     /// # Errors
     ///
-    /// The file cannot be read, is no such picture, or hides nothing or everything.
+    /// The file cannot be read, has another format, or hides nothing or everything.
     pub fn from_png(path: &Path, middle_rad: f64) -> Result<Self, PictureError> {
         let PictureFile { size, rgba, has_alpha } = PictureFile::read(path, WANTED)?;
         let refused = |problem: String| Err(PictureError::Kind { path: path.to_owned(), problem, wanted: WANTED });
@@ -60,15 +62,15 @@ impl Landscape {
             return refused("its alpha is the same everywhere: it hides nothing, or the whole sky".to_owned());
         }
         let linear: Vec<f32> = (0..=255).map(|code| linear_from_srgb(f64::from(code) / 255.0) as f32).collect();
-        let texel = |of: &[u8; 4]| {
-            let alpha = f32::from(of[3]) / 255.0;
-            let [r, g, b] = [0, 1, 2].map(|c| alpha * linear[usize::from(of[c])]);
+        let texel = |rgba: &[u8; 4]| {
+            let alpha = f32::from(rgba[3]) / 255.0;
+            let [r, g, b] = [0, 1, 2].map(|c| alpha * linear[usize::from(rgba[c])]);
             [r, g, b, alpha]
         };
         Ok(Self::new(size, rgba.iter().map(texel).collect(), middle_rad))
     }
 
-    /// A picture of that size, at least 2 by 1: reflectance times alpha, and alpha.
+    /// A picture with the given size, at least 2 by 1: reflectance times alpha, and alpha.
     pub fn new(size: [u32; 2], texels: Vec<[f32; 4]>, middle_rad: f64) -> Self {
         let mut level = Level { size, texels };
         while level.size[0] > MOST_WIDTH {
@@ -77,7 +79,7 @@ impl Landscape {
         let [width, height] = level.size;
         let hides = |row: &[[f32; 4]]| row.iter().any(|texel| texel[3] > 0.0);
         let first = level.texels.chunks(width as usize).position(hides).unwrap_or(height as usize);
-        // Light is read between texels.
+        // Light is interpolated between texels.
         let highest_rad = (0.5 - (first as f64 - 1.0) / f64::from(height)) * PI;
         let mut levels = vec![level];
         while let Some(last) = levels.last().filter(|last| last.size[1] > 1 && last.size[0] > 1) {
@@ -101,7 +103,8 @@ impl Landscape {
         self.highest_rad
     }
 
-    /// All levels from the finest on: reflectance of red, green and blue times alpha, and alpha, 8 bits each, of the square root but for alpha.
+    /// All levels, finest first: reflectance of red, green and blue times alpha, and alpha, with 8 bits each; the three
+    /// colours are stored as square roots.
     pub fn words(&self) -> Vec<u32> {
         let code = |value: f32| (value.clamp(0.0, 1.0) * 255.0).round() as u32;
         let word =
@@ -109,7 +112,7 @@ impl Landscape {
         self.levels.iter().flat_map(|level| level.texels.iter().map(word)).collect()
     }
 
-    /// Reflectance times alpha, and alpha, towards a unit vector (east, up, south), between four texels of the finest level.
+    /// Reflectance times alpha, and alpha, towards a unit vector (east, up, south), bilinear in the finest level.
     pub fn sample(&self, local: DVec3) -> [f64; 4] {
         let Level { size: [width, height], texels } = &self.levels[0];
         let across = (azimuth(local) - self.middle_rad) / (2.0 * PI) + 0.5;
@@ -130,7 +133,7 @@ impl Landscape {
         })
     }
 
-    /// The line up to which it hides more than half: what stands behind it gives no glare, and is not named.
+    /// The altitude below which it hides more than half: objects below it cause no glare and have no labels.
     pub fn horizon(&self) -> Horizon {
         let rows = self.levels[0].size[1] * 4;
         let altitude = |row: u32| PI * (0.5 - (f64::from(row) + 0.5) / f64::from(rows));
@@ -148,7 +151,7 @@ impl Landscape {
 }
 
 impl Level {
-    /// Half as wide and high; an odd last row or column counts with the one before.
+    /// Halves width and height; an odd last row or column is merged with the one before.
     fn halved(&self) -> Self {
         let [width, height] = self.size.map(|side| side as usize);
         let half = [(width / 2).max(1), (height / 2).max(1)];
@@ -175,7 +178,7 @@ impl Level {
 mod tests {
     use super::*;
 
-    /// A wall up to 30 degrees in the east half, ground below the horizon elsewhere; red where it stands.
+    /// A wall up to 30 degrees in the eastern half, ground below the horizon elsewhere; red where opaque.
     fn wall(middle_rad: f64) -> Landscape {
         let size = [360, 180];
         let texels = (0..size[1]).flat_map(|row| {
@@ -195,8 +198,8 @@ mod tests {
     }
 
     #[test]
-    fn a_wall_stands_where_its_azimuth_says() {
-        // The middle looks north, so that the right half is the east.
+    fn a_wall_appears_at_its_azimuth() {
+        // The middle looks north, so the right half is the east.
         let landscape = wall(0.0);
         for (azimuth_deg, altitude_deg, hidden) in
             [(90.0, 29.0, 1.0), (90.0, 31.0, 0.0), (270.0, -1.0, 1.0), (270.0, 1.0, 0.0), (0.0, -90.0, 1.0)]
@@ -205,7 +208,7 @@ mod tests {
             assert_eq!(found[3], hidden, "{azimuth_deg} {altitude_deg}");
             assert_eq!(found[0], 0.5 * hidden);
         }
-        // A turned picture has its wall elsewhere.
+        // A rotated picture has its wall elsewhere.
         assert_eq!(wall(PI).sample(towards(90.0, 29.0))[3], 0.0);
         let horizon = landscape.horizon();
         assert!((horizon.altitude_rad(1.5).to_degrees() - 30.0).abs() < 0.3, "{}", horizon.altitude_rad(1.5));
@@ -218,7 +221,7 @@ mod tests {
         let mean = |level: &Level| {
             level.texels.iter().map(|texel| f64::from(texel[3])).sum::<f64>() / level.texels.len() as f64
         };
-        // Halves of odd sides count some texels twice.
+        // Halving odd sides counts some texels twice.
         for level in landscape.levels.iter().filter(|level| level.size[1] >= 20) {
             assert!((mean(level) - mean(&landscape.levels[0])).abs() < 0.03, "{:?}", level.size);
         }
@@ -228,7 +231,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_landscape_is_refused_by_name() {
+    fn invalid_landscapes_are_refused_by_name() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("hills.png");
         let written = |size: [u32; 2], colour: png::ColorType, bytes: &[u8]| {

@@ -1,8 +1,8 @@
-//! From catalogues to the stars of a scene.
+//! Loads the stars of a scene from catalogues.
 //!
-//! The catalogues are read one after the other, compared with each other for stars that stand in two of them, and joined.
-//! A store that is the only catalogue is taken as it is. Memory: the largest catalogue's records (40 bytes each) grow by
-//! the others' without being copied, and are gone when the packed stars (16 bytes each) are there.
+//! The catalogues are read one after the other, compared for stars that are listed in two of them, and joined. A store
+//! that is the only catalogue is used directly. Memory: the records of the largest catalogue (40 bytes each) grow in
+//! place by those of the others, and are freed when the packed stars (16 bytes each) exist.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -20,7 +20,7 @@ use crate::catalogue::reader::{CatalogueError, ReadReport, read_file};
 use crate::catalogue::store::{self, StoreError};
 use crate::catalogue::{StarRecord, bright};
 
-/// Where stars come from.
+/// Source of stars.
 #[derive(Clone, Debug, PartialEq)]
 pub enum StarSource {
     /// The built-in table of bright stars.
@@ -29,16 +29,16 @@ pub enum StarSource {
     File(PathBuf),
     /// Synthetic stars.
     Galaxy(GalaxyParameters),
-    /// A map of light that is of no single star.
+    /// A map of unresolved light, which belongs to no individual star.
     Light(LightMap),
 }
 
 impl StarSource {
-    /// Whether its stars may have a motion of their own.
+    /// Whether its stars may have proper motion.
     pub fn may_move(&self) -> bool {
         match self {
             Self::Bright => true,
-            // One that cannot be read is told when it is.
+            // A file that cannot be read is reported when it is loaded.
             Self::File(path) => !is_store(path).unwrap_or(false),
             Self::Galaxy(_) | Self::Light(_) => false,
         }
@@ -62,77 +62,78 @@ impl fmt::Display for StarSource {
     }
 }
 
-/// What happens next, for whoever watches.
+/// Progress events.
 #[derive(Clone, Debug, PartialEq)]
 pub enum LoadStep {
-    /// A catalogue is read or generated.
+    /// A catalogue is about to be read or generated.
     Catalogue {
-        /// Which one.
+        /// Its name.
         name: String,
-        /// Its number, from 0.
+        /// Its index, from 0.
         index: usize,
-        /// How many there are.
+        /// Number of catalogues.
         of: usize,
     },
-    /// Catalogues are compared with each other.
+    /// Catalogues are about to be compared with each other.
     Overlaps,
-    /// Stars are sorted into chunks.
+    /// Stars are about to be sorted into chunks.
     Chunks {
-        /// How many.
+        /// Number of stars.
         stars: usize,
     },
 }
 
-/// One catalogue that has been loaded.
+/// A loaded catalogue.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LoadedCatalogue {
     /// Its name.
     pub name: String,
     /// Number of stars.
     pub stars: usize,
-    /// What became of the rows of a file; `None` for stores and built-in catalogues, which have no bad rows.
+    /// Statistics of the rows of a file; `None` for stores and built-in catalogues, which have no bad rows.
     pub rows: Option<ReadReport>,
 }
 
-/// What has been loaded.
+/// Report of loading.
 #[derive(Clone, Debug, PartialEq, Default)]
 pub struct LoadReport {
     /// One entry per source.
     pub catalogues: Vec<LoadedCatalogue>,
-    /// Pairs of catalogues with common stars, which shine twice.
+    /// Pairs of catalogues with common stars, which are drawn twice.
     pub overlaps: Vec<Overlap>,
 }
 
-/// Why the stars of a scene cannot be loaded.
+/// Reasons why the stars of a scene cannot be loaded.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum LoadError {
-    /// A catalogue's file.
+    /// A catalogue file is invalid.
     #[error(transparent)]
     Catalogue(#[from] CatalogueError),
-    /// A store.
+    /// A store is invalid.
     #[error(transparent)]
     Store(#[from] StoreError),
-    /// A map of light.
+    /// A map of light is invalid.
     #[error(transparent)]
     Light(#[from] LightMapError),
-    /// The numbers of a synthetic galaxy.
+    /// The parameters of a synthetic galaxy are invalid.
     #[error("scene.catalogues[{index}].galaxy: {source}")]
     Galaxy {
-        /// Number of the source, from 0.
+        /// Index of the source, from 0.
         index: usize,
-        /// What is wrong with them.
+        /// The error.
         source: GalaxyError,
     },
-    /// More stars than can be numbered.
-    #[error("the catalogues have {stars} stars together, at most {} can be drawn", u32::MAX)]
+    /// More stars than a u32 can index.
+    #[error("the catalogues have {stars} stars together, but at most {} can be drawn", u32::MAX)]
     TooMany {
-        /// How many there are.
+        /// Number of stars.
         stars: usize,
     },
 }
 
-/// Loads and joins catalogues as they are seen at an epoch; stars of stores have no motion. `progress` hears of each step before it begins.
+/// Loads and joins catalogues as seen at an epoch; stars of stores have no proper motion. `progress` is called before
+/// each step.
 pub fn load_stars(
     sources: &[StarSource],
     epoch: &Epoch,
@@ -153,18 +154,18 @@ pub fn load_stars(
     let (mut unresolved, mut map) = (None, None);
     for (index, source) in sources.iter().enumerate() {
         progress(LoadStep::Catalogue { name: source.to_string(), index, of: sources.len() });
-        let Read { stars, rows, unresolved: of_source } = read(source, index, epoch.years)?;
+        let Read { stars, rows, unresolved: source_light } = read(source, index, epoch.years)?;
         report.catalogues.push(LoadedCatalogue { name: source.to_string(), stars: stars.len(), rows });
         loaded.push(stars);
-        // One sky has one rest: that of a map, else of the last galaxy.
+        // There is one map of unresolved light: that of a light map, else that of the last galaxy.
         if matches!(source, StarSource::Light(_)) {
-            map = of_source;
+            map = source_light;
         } else {
-            unresolved = of_source.or(unresolved);
+            unresolved = source_light.or(unresolved);
         }
     }
 
-    // Synthetic stars are no entries for a real star: where one comes near a real one by chance, both are meant.
+    // Synthetic stars are excluded from the comparison: if one is near a real star by chance, both are intended.
     let real: Vec<(&str, &[StarRecord])> = sources
         .iter()
         .zip(&report.catalogues)
@@ -189,7 +190,7 @@ pub fn load_stars(
     Ok((StarSet::from_records(records).of_epoch(*epoch).with_unresolved(map.or(unresolved).map(Arc::new)), report))
 }
 
-/// Whether the file is a store, by its first bytes or, so that a damaged one is reported as such, by its extension.
+/// Whether the file is a store: by its first bytes, or by its extension, so that a damaged store is reported as such.
 fn is_store(path: &Path) -> Result<bool, LoadError> {
     if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("stars")) {
         return Ok(true);
@@ -197,7 +198,7 @@ fn is_store(path: &Path) -> Result<bool, LoadError> {
     Ok(path.is_file() && store::is_store(path)?)
 }
 
-/// What a source delivers.
+/// Contents of a source.
 struct Read {
     stars: Vec<StarRecord>,
     rows: Option<ReadReport>,
@@ -222,7 +223,7 @@ fn read(source: &StarSource, index: usize, years: f64) -> Result<Read, LoadError
     }
 }
 
-/// All records in one vector, which is the largest of the given ones grown. The order does not matter.
+/// Joins all records into one vector, by growing the largest part. The order does not matter.
 fn joined(mut parts: Vec<Vec<StarRecord>>, stars: usize) -> Vec<StarRecord> {
     let Some(largest) = (0..parts.len()).max_by_key(|&index| parts[index].len()) else { return Vec::new() };
     let mut all = parts.swap_remove(largest);
@@ -244,7 +245,7 @@ mod tests {
     }
 
     #[test]
-    fn catalogues_add_up_bad_rows_are_counted_and_common_stars_told() {
+    fn catalogues_are_joined_bad_rows_counted_and_common_stars_reported() {
         let folder = tempfile::tempdir().unwrap();
         let csv = folder.path().join("two.csv");
         std::fs::write(&csv, CSV).unwrap();
@@ -263,7 +264,7 @@ mod tests {
     }
 
     #[test]
-    fn a_store_is_a_catalogue_alone_and_with_others() {
+    fn a_store_can_be_loaded_alone_and_with_other_catalogues() {
         let folder = tempfile::tempdir().unwrap();
         let (stars, _) = load_stars(&[galaxy(2000)], &Epoch::default(), &mut |_| ()).unwrap();
         for name in ["set.stars", "set.bin"] {
@@ -278,7 +279,7 @@ mod tests {
     }
 
     #[test]
-    fn missing_and_damaged_files_and_impossible_galaxies_are_told_apart() {
+    fn missing_files_damaged_files_and_bad_galaxies_have_distinct_errors() {
         let folder = tempfile::tempdir().unwrap();
         let damaged = folder.path().join("x.stars");
         std::fs::write(&damaged, "STERSTARxxxx").unwrap();

@@ -1,4 +1,4 @@
-//! The scene: an immutable snapshot with a revision. Every view of a frame shows the same snapshot.
+//! The scene: an immutable snapshot with a revision. All views of a frame show the same snapshot.
 
 pub mod asteroids;
 pub mod bodies;
@@ -17,20 +17,20 @@ use glam::{DQuat, DVec3};
 pub use self::{clock::SceneClock, objects::SceneObjects, seen_stars::SeenStars};
 use crate::{catalogue::chunks::StarSet, observer::Frame, relativity::MAX_SPEED_C};
 
-/// Why a pose is refused.
+/// Reasons why a pose is refused.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum PoseError {
     /// A component is NaN or infinite.
     #[error("{key} = {value:?}: every component must be a finite number")]
     NotFinite {
-        /// Which part of the pose.
+        /// The part of the pose.
         key: &'static str,
         /// Its components.
         value: Vec<f64>,
     },
-    /// The quaternion's length is off by more than 1e-3.
+    /// The length of the quaternion is off by more than 1e-3.
     #[error(
-        "orientation = {value:?}: a unit quaternion (x, y, z, w) is needed, its length is {length}; within 1e-3 of 1 it is normalised"
+        "orientation = {value:?}: must be a unit quaternion (x, y, z, w), but its length is {length}; a length within 1e-3 of 1 is normalised"
     )]
     NotUnit {
         /// The components x, y, z, w.
@@ -38,10 +38,8 @@ pub enum PoseError {
         /// Their length.
         length: f64,
     },
-    /// The speed is that of light or so near to it that it cannot be drawn.
-    #[error(
-        "velocity_c = {value:?}: the speed is {speed} of the speed of light; allowed are speeds from 0 to {MAX_SPEED_C}"
-    )]
+    /// The speed is too close to the speed of light, or above it.
+    #[error("velocity_c = {value:?}: the speed is {speed} of the speed of light: must be between 0 and {MAX_SPEED_C}")]
     TooFast {
         /// The velocity.
         value: [f64; 3],
@@ -50,7 +48,7 @@ pub enum PoseError {
     },
 }
 
-/// A vector whose components are all finite.
+/// Checks that all components of a vector are finite.
 pub fn finite_vector(key: &'static str, value: [f64; 3]) -> Result<DVec3, PoseError> {
     if value.iter().all(|v| v.is_finite()) {
         Ok(DVec3::from_array(value))
@@ -59,7 +57,7 @@ pub fn finite_vector(key: &'static str, value: [f64; 3]) -> Result<DVec3, PoseEr
     }
 }
 
-/// A unit quaternion from (x, y, z, w): normalised if its length is within 1e-3 of 1, else refused.
+/// Builds a unit quaternion from (x, y, z, w): normalised if its length is within 1e-3 of 1, else refused.
 pub fn unit_quaternion(value: [f64; 4]) -> Result<DQuat, PoseError> {
     if !value.iter().all(|v| v.is_finite()) {
         return Err(PoseError::NotFinite { key: "orientation", value: value.to_vec() });
@@ -72,7 +70,7 @@ pub fn unit_quaternion(value: [f64; 4]) -> Result<DQuat, PoseError> {
     Ok(quaternion.normalize())
 }
 
-/// Where the rig is, where it looks and how fast it moves.
+/// Position, orientation and velocity of the rig.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Camera {
     /// ICRS barycentric position, m.
@@ -81,9 +79,9 @@ pub struct Camera {
     pub world_from_camera: DQuat,
     /// Velocity in units of the speed of light, world axes; its length is at most [`MAX_SPEED_C`].
     pub velocity_c: DVec3,
-    /// The axes that it hangs on, with which it turns as time goes on.
+    /// The frame of reference, with which it rotates as time advances.
     pub frame: Frame,
-    /// The moment at which it stands so, s since 2000-01-01T12:00:00Z; only with the horizon it matters.
+    /// The time for which the orientation holds, s since 2000-01-01T12:00:00Z; only relevant in rotating frames.
     pub as_of_s: f64,
     /// Counts the changes of the camera.
     pub revision: u64,
@@ -103,7 +101,7 @@ impl Default for Camera {
 }
 
 impl Camera {
-    /// A camera from plain numbers as configurations and clients give them.
+    /// A camera from plain numbers, as in configurations and client requests.
     pub fn new(position_m: [f64; 3], orientation: [f64; 4], velocity_c: [f64; 3]) -> Result<Self, PoseError> {
         let velocity = finite_vector("velocity_c", velocity_c)?;
         let speed = velocity.length();
@@ -124,7 +122,7 @@ impl Camera {
 /// Everything a frame shows.
 #[derive(Clone, Debug)]
 pub struct SceneSnapshot {
-    /// Counts the changes of the scene, the camera's not among them.
+    /// Counts the changes of the scene, excluding those of the camera.
     pub revision: u64,
     /// All stars.
     pub stars: Arc<StarSet>,
@@ -135,7 +133,7 @@ pub struct SceneSnapshot {
 }
 
 impl SceneSnapshot {
-    /// Stars alone, seen from the Solar System's barycentre along the axes of ICRS.
+    /// A scene of stars only, seen from the Solar System's barycentre along the axes of ICRS.
     pub fn of_stars(stars: StarSet) -> Self {
         Self { revision: 1, stars: Arc::new(stars), objects: Arc::default(), camera: Camera::default() }
     }
@@ -146,7 +144,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn impossible_poses_are_refused_and_nearly_unit_quaternions_normalised() {
+    fn invalid_poses_are_refused_and_nearly_unit_quaternions_normalised() {
         assert!(matches!(
             Camera::new([f64::NAN, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0], [0.0; 3]),
             Err(PoseError::NotFinite { .. })
@@ -157,7 +155,7 @@ mod tests {
         let moving = |velocity: [f64; 3]| Camera::new([0.0; 3], [0.0, 0.0, 0.0, 1.0], velocity);
         for speed in [0.99991, 1.0, 2.0, 1e300] {
             let message = moving([0.0, 0.0, -speed]).unwrap_err().to_string();
-            assert!(message.contains("velocity_c") && message.contains("from 0 to 0.9999"), "{message}");
+            assert!(message.contains("velocity_c") && message.contains("between 0 and 0.9999"), "{message}");
         }
         assert!(matches!(moving([0.0, f64::NAN, 0.0]), Err(PoseError::NotFinite { key: "velocity_c", .. })));
         assert_eq!(moving([0.0, MAX_SPEED_C, 0.0]).unwrap().velocity_c, DVec3::Y * MAX_SPEED_C);

@@ -1,4 +1,4 @@
-//! What a scene has besides stars: bodies and fields of asteroids, and the moment at which they are shown.
+//! Objects of a scene besides stars: bodies and asteroid fields, and the time at which they are shown.
 
 use std::sync::Arc;
 
@@ -15,26 +15,28 @@ use crate::{
     observer::{Frame, Moment, Observer},
 };
 
-/// See the module.
+/// Objects of a scene; see the module.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SceneObjects {
-    /// Bodies, of unique names.
+    /// Bodies, with unique names.
     pub bodies: Vec<Arc<Body>>,
-    /// Fields of asteroids, of unique names.
+    /// Asteroid fields, with unique names.
     pub fields: Vec<Arc<AsteroidField>>,
-    /// The moment, s since 2000-01-01T12:00:00Z: spins and ephemerides follow it.
+    /// The time, s since 2000-01-01T12:00:00Z: determines spins and ephemerides.
     pub time_s: f64,
-    /// Who looks; `None`: bodies are where they are, not where they are seen.
+    /// The observer; `None`: bodies are placed at their true positions, without light time.
     pub observer: Option<Observer>,
-    /// What bodies with an ephemeris `spk:NUMBER` are placed by.
+    /// Source of the positions of bodies with an ephemeris `spk:NUMBER`.
     pub kernels: Option<Arc<Kernels>>,
-    /// The ground and the air around who looks; `None`: space.
+    /// The ground and the air around the observer; `None`: space.
     pub surroundings: Option<Arc<Surroundings>>,
-    /// What is around the camera of a frame at its moment, whose bodies are then as bright as they are seen through it: plans have it.
+    /// The local sky of the camera at the time of the frame; set only in plans, whose bodies are already dimmed by the
+    /// air.
     pub local_sky: Option<Arc<LocalSky>>,
-    /// The middle of the Earth that the observer stands on, as it is drawn, m: it may cast a shadow on the Moon. Bodies with an ephemeris are placed with it.
+    /// Centre of the Earth on which the observer stands, as drawn, m: it may cast a shadow on the Moon. Set together
+    /// with the bodies that have an ephemeris.
     pub earth_m: Option<DVec3>,
-    /// What is drawn over display images.
+    /// Overlay drawn over display images.
     pub overlay: Arc<Overlay>,
 }
 
@@ -44,18 +46,19 @@ impl SceneObjects {
         self.bodies.is_empty() && self.fields.is_empty() && self.surroundings.is_none()
     }
 
-    /// Rotation from the axes of a frame to those of ICRS at the moment; `None` for the horizon without an observer.
+    /// Rotation from the axes of a frame to ICRS axes at the scene's time; `None` for the horizon without an observer.
     pub fn icrs_from(&self, frame: Frame) -> Option<DMat3> {
         frame.icrs_from(self.observer.as_ref(), self.time_s)
     }
 
-    /// The objects at another moment, s since 2000-01-01T12:00:00Z.
+    /// The objects at another time, s since 2000-01-01T12:00:00Z.
     #[must_use]
     pub fn at(&self, time_s: f64) -> Self {
         Self { time_s, ..self.clone() }.placed()
     }
 
-    /// The objects as a camera sees them through the air around it, and what is around it; as they are where nothing is.
+    /// The objects as a camera sees them through the air around it, with the local sky; unchanged if the camera has no
+    /// surroundings.
     #[must_use]
     pub fn seen_from(self: &Arc<Self>, camera_m: DVec3) -> Arc<Self> {
         let Some(sky) = self.local_sky(camera_m) else { return Arc::clone(self) };
@@ -70,7 +73,7 @@ impl SceneObjects {
         Arc::new(Self { bodies, local_sky: Some(Arc::new(sky)), ..(**self).clone() })
     }
 
-    /// The objects with the bodies that have an ephemeris where they are at the moment.
+    /// The objects, with the bodies that have an ephemeris moved to their positions at the scene's time.
     #[must_use]
     pub fn placed(mut self) -> Self {
         if self.bodies.iter().all(|body| body.ephemeris.is_none()) {
@@ -79,11 +82,12 @@ impl SceneObjects {
         let moment = Moment::new(self.time_s, self.observer.as_ref());
         self.earth_m = moment.earth_m();
         for body in &mut self.bodies {
-            let Some(of) = body.ephemeris else { continue };
-            // Kernels were asked for it when the body was accepted; where one has a gap the body stays.
-            let Ok((position_m, stands)) = moment.place(of, self.kernels.as_deref()) else { continue };
+            let Some(ephemeris) = body.ephemeris else { continue };
+            // The kernels were queried for the body when it was accepted; if one has a gap, the body keeps its
+            // position.
+            let Ok((position_m, body_orientation)) = moment.place(ephemeris, self.kernels.as_deref()) else { continue };
             let (orientation, spin) =
-                stands.map_or((body.orientation, body.spin), |orientation| (orientation, Spin::default()));
+                body_orientation.map_or((body.orientation, body.spin), |orientation| (orientation, Spin::default()));
             if (body.position_m, body.orientation, body.spin) != (position_m, orientation, spin) {
                 *body = Arc::new(Body { position_m, orientation, spin, ..(**body).clone() });
             }

@@ -1,7 +1,7 @@
-//! Overlays: lines and text that are drawn over display images, never into light.
+//! Overlays: lines and text drawn over display images; they do not add light.
 //!
-//! Everything here is plain data. Colours are codes of the display (sRGB), widths and sizes are pixels of the image that is drawn:
-//! the same in every projection.
+//! Plain data. Colours are display codes (sRGB); widths and sizes are in pixels of the image, independent of the
+//! projection.
 
 mod check;
 mod font;
@@ -18,15 +18,14 @@ pub use self::{
     font::{font, missing_character},
 };
 
-/// A colour of the display: sRGB codes of red, green and blue.
+/// A display colour: sRGB codes of red, green and blue.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Colour(pub [u8; 3]);
 
 impl Colour {
-    /// The colour of `#rrggbb`; the error says what is allowed.
+    /// Parses `#rrggbb`; the error states the valid form.
     pub fn from_hex(text: &str) -> Result<Self, String> {
-        let wrong =
-            || format!("`{text}`: a colour as `#rrggbb` is needed, with two hexadecimal digits for each channel");
+        let wrong = || format!("`{text}`: must be a colour as `#rrggbb`, with two hexadecimal digits for each channel");
         let digits = text.strip_prefix('#').filter(|digits| digits.len() == 6).ok_or_else(wrong)?;
         if !digits.bytes().all(|digit| digit.is_ascii_hexdigit()) {
             return Err(wrong());
@@ -43,18 +42,18 @@ impl Colour {
     }
 }
 
-/// How lines are drawn.
+/// Style of lines.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LineStyle {
     /// Their colour.
     pub colour: Colour,
     /// Their width, pixels.
     pub width_px: f64,
-    /// How much of what is behind a line it replaces, 0 to 1, in linear light.
+    /// Fraction of the background that a line replaces, 0 to 1, in linear light.
     pub opacity: f64,
 }
 
-/// Whose circles a grid shows.
+/// Coordinate system of a grid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum GridKind {
@@ -64,20 +63,21 @@ pub enum GridKind {
     Galactic,
     /// Longitude and latitude of the mean ecliptic and equinox of J2000.0.
     Ecliptic,
-    /// Azimuth, from north through east, and altitude of the scene's observer, who must be there.
+    /// Azimuth, from north through east, and altitude of the scene's observer, which must exist.
     Horizon,
-    /// Borders of the constellations, along meridians and parallels of B1875.0, and their names in place of numbers; it has no spacing.
+    /// Borders of the constellations, along meridians and parallels of B1875.0, with their names instead of numbers; it
+    /// has no spacing.
     Constellations,
-    /// Azimuth and altitude of the camera's own axes: the zenith is its +y, azimuth 0 its -z, growing to the right.
+    /// Azimuth and altitude in the camera's own axes: the zenith is its +y, azimuth 0 its -z, increasing to the right.
     Altitude,
 }
 
 impl GridKind {
-    /// All of them.
+    /// All kinds.
     pub const ALL: [Self; 6] =
         [Self::Equatorial, Self::Galactic, Self::Ecliptic, Self::Horizon, Self::Constellations, Self::Altitude];
 
-    /// Its name in configurations and messages.
+    /// Name in configurations and messages.
     pub fn name(self) -> &'static str {
         match self {
             Self::Equatorial => "equatorial",
@@ -89,7 +89,7 @@ impl GridKind {
         }
     }
 
-    /// The kind of that name.
+    /// The kind with this name.
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|kind| kind.name() == name)
     }
@@ -98,35 +98,36 @@ impl GridKind {
 /// Circles of longitude and latitude.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Grid {
-    /// Of which coordinates.
+    /// Coordinate system.
     pub kind: GridKind,
-    /// Spaces between the equator and a pole: the circles are 90 degrees over this apart.
+    /// Number of intervals between the equator and a pole: circles are 90 degrees divided by this apart.
     pub divisions: u32,
-    /// Whether the circles are numbered.
+    /// Whether the circles are labelled with numbers.
     pub numbers: bool,
-    /// How its lines are drawn.
+    /// Style of its lines.
     pub style: LineStyle,
 }
 
 impl Grid {
-    /// How lines are drawn where nothing is said.
+    /// Default line style.
     pub const STYLE: LineStyle = LineStyle { colour: Colour([79, 127, 191]), width_px: 1.5, opacity: 0.7 };
-    /// Angle between neighbouring circles where nothing is said, degrees.
+    /// Default angle between neighbouring circles, degrees.
     pub const SPACING_DEG: f64 = 15.0;
 
-    /// Refuses a spacing of what has none; the error says so.
+    /// Refuses a spacing for a kind that has none.
     ///
     /// # Errors
     ///
     /// The kind is [`GridKind::Constellations`], and the spacing is not [`Grid::SPACING_DEG`].
     pub fn check_spacing(kind: GridKind, spacing_deg: f64) -> Result<(), String> {
         if kind == GridKind::Constellations && spacing_deg != Self::SPACING_DEG {
-            return Err(format!("{spacing_deg}: borders of constellations have none; leave the key out"));
+            return Err(format!("{spacing_deg}: borders of constellations have no spacing; omit the key"));
         }
         Ok(())
     }
 
-    /// Spaces between the equator and a pole for circles that are `spacing_deg` apart; the error says what is allowed.
+    /// Number of intervals between the equator and a pole for circles that are `spacing_deg` apart; the error states
+    /// the valid values.
     pub fn divisions_from_spacing_deg(spacing_deg: f64) -> Result<u32, String> {
         let divisions = (90.0 / spacing_deg).round();
         let allowed = (90.0 / f64::from(MOST_DIVISIONS)..=90.0).contains(&spacing_deg);
@@ -134,7 +135,7 @@ impl Grid {
             return Ok(divisions as u32);
         }
         let least = 90.0 / f64::from(MOST_DIVISIONS);
-        Err(format!("{spacing_deg}: allowed are {least} to 90 degrees of which 90 is a whole multiple"))
+        Err(format!("{spacing_deg}: must be between {least} and 90 degrees and divide 90"))
     }
 
     /// Angle between neighbouring circles, degrees.
@@ -148,18 +149,18 @@ impl Grid {
 pub struct Trajectory {
     /// Unique among trajectories.
     pub name: String,
-    /// Its corners: ICRS, barycentric, m.
+    /// Its vertices: ICRS, barycentric, m.
     pub points_m: Vec<DVec3>,
-    /// How it is drawn.
+    /// Line style.
     pub style: LineStyle,
 }
 
 impl Trajectory {
-    /// How lines are drawn where nothing is said.
+    /// Default line style.
     pub const STYLE: LineStyle = LineStyle { colour: Colour([255, 176, 64]), width_px: 2.0, opacity: 1.0 };
 }
 
-/// What a label stands beside.
+/// Position of a label.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Anchor {
     /// A direction of the sky: a unit vector, ICRS.
@@ -168,31 +169,31 @@ pub enum Anchor {
     Point(DVec3),
 }
 
-/// Text beside a direction or a point.
+/// Text next to a direction or a point.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Label {
     /// Unique among labels.
     pub name: String,
-    /// What is written: one line.
+    /// Text: one line.
     pub text: String,
-    /// Where.
+    /// Position.
     pub anchor: Anchor,
     /// Its colour.
     pub colour: Colour,
     /// Height of the font, pixels.
     pub size_px: f64,
-    /// As of lines.
+    /// Opacity, as for lines.
     pub opacity: f64,
 }
 
 impl Label {
-    /// Colour where nothing is said.
+    /// Default colour.
     pub const COLOUR: Colour = Colour([224; 3]);
-    /// Height of the font where nothing is said, pixels.
+    /// Default height of the font, pixels.
     pub const SIZE_PX: f64 = 16.0;
 }
 
-/// Everything that is drawn over the display images of a scene.
+/// Everything drawn over the display images of a scene.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Overlay {
     /// Grids; later ones are drawn over earlier ones.
@@ -206,16 +207,16 @@ pub struct Overlay {
 }
 
 impl Overlay {
-    /// The first grid that only an observer has; the error of a scene without one.
+    /// Checks that there is an observer if a grid needs one.
     ///
     /// # Errors
     ///
-    /// There is such a grid, and `has_observer` is false: its number and what is wrong.
+    /// A grid needs an observer, and `has_observer` is false: index of the grid and the problem.
     pub fn check_observer(&self, has_observer: bool) -> Result<(), (usize, String)> {
-        let of_observer = self.grids.iter().position(|grid| grid.kind == GridKind::Horizon);
-        match of_observer.filter(|_| !has_observer) {
+        let needs_observer = self.grids.iter().position(|grid| grid.kind == GridKind::Horizon);
+        match needs_observer.filter(|_| !has_observer) {
             Some(index) => {
-                Err((index, "horizon: the scene has no observer; `altitude` is that of the camera's axes".to_owned()))
+                Err((index, "horizon: the scene has no observer; use `altitude` for the camera's own axes".to_owned()))
             }
             None => Ok(()),
         }

@@ -1,8 +1,9 @@
-//! What is around an observer on the ground: the ground itself, up to the horizon, and the air.
+//! The surroundings of an observer on the ground: the ground itself, up to the horizon, and the air.
 //!
-//! The ground hides what is below the horizon, which may be a line of hills; it reflects the light of the sky and of what stands in it as a Lambert surface, or a picture of it does (`landscape`). The air takes a part of the
-//! light that comes through it, and scatters light of the sources in the sky ([`crate::photometry::atmosphere`]), and bends it ([`crate::observer::refraction`]): directions are those in which
-//! something is seen, where they are not said to be those without air.
+//! The ground hides everything below the horizon, which may be a line of hills. It reflects the light of the sky and of
+//! the sources in it, as a Lambert surface or with a picture (`landscape`). The air absorbs a part of the light that
+//! passes through it, scatters light of the sources in the sky ([`crate::photometry::atmosphere`]), and refracts it
+//! ([`crate::observer::refraction`]). Directions are apparent ones, unless they are stated to be without air.
 
 use std::{
     f64::consts::{FRAC_PI_2, PI, TAU},
@@ -23,35 +24,36 @@ use crate::photometry::{
     sky_light::SkyTable,
 };
 
-/// Sources whose light air scatters: the brightest ones.
+/// Number of sources whose light the air scatters: the brightest ones.
 pub const MOST_SOURCES: usize = 2;
-/// A camera farther from the observer's place is not on the ground, m.
+/// Beyond this distance from the observer's place, a camera is not on the ground, m.
 const ON_GROUND_M: f64 = 1000.0;
-/// What air around an eclipse scatters into a total one, from all sides, of the Sun's light: 1 to 4 lx of 1e5 (S. M. Silverman and E. G. Mullen, Applied Optics 14, 2838, 1975).
+/// Fraction of the Sun's light that the air outside the shadow scatters into a total eclipse, from all sides: 1 to 4 lx
+/// of 1e5 (S. M. Silverman and E. G. Mullen, Applied Optics 14, 2838, 1975).
 const LEAST_OF_ECLIPSED: f64 = 2.7e-5;
-/// Share that the sky has of the light of a clear day while the sun is high.
+/// Share of the sky in the light of a clear day with a high sun.
 const SKY_OF_HIGH_SUN: f64 = 0.13;
-/// What is nearer is seen where it is, m.
+/// Objects closer than this are not refracted, m.
 pub const BEYOND_AIR_M: f64 = 1e5;
-/// What scatters less than this share of the air's own glow is left out, as the Sun is at night.
+/// Sources whose scattered light is below this fraction of the airglow are ignored, such as the Sun at night.
 const LEAST_OF_GLOW: f64 = 1e-6;
-/// What stars scatter in the eye is found anew for moments so far apart, s.
+/// Interval at which the scattering of starlight in the eye is recomputed, s.
 const STARS_S: f64 = 60.0;
-/// Directions by which the light of the sky is summed: altitudes, and azimuths of each.
+/// Directions over which the light of the sky is summed: altitudes, and azimuths for each.
 const NODES: [usize; 2] = [12, 16];
 
-/// The line up to which the ground reaches: altitudes at azimuths, linear between them.
+/// The upper boundary of the ground: altitudes at azimuths, interpolated linearly.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Horizon {
-    /// Azimuth and altitude, rad; azimuths rise from 0 to below a turn. Empty: altitude 0 all around.
+    /// Azimuth and altitude, rad; azimuths increase from 0 to below 2 pi. Empty: altitude 0 all around.
     points: Vec<[f64; 2]>,
 }
 
-/// Altitudes of a horizon that shaders read, evenly around it from the north on.
+/// Number of altitudes of a horizon in the table for shaders, evenly spaced from the north.
 pub const HORIZON_STEPS: usize = 720;
 
 impl Horizon {
-    /// The line through points of azimuth and altitude, rad, whose azimuths rise from 0 to below a turn.
+    /// The line through points of azimuth and altitude, rad, with azimuths increasing from 0 to below 2 pi.
     pub fn new(points: Vec<[f64; 2]>) -> Self {
         Self { points }
     }
@@ -86,49 +88,49 @@ impl Horizon {
     }
 }
 
-/// See the module.
+/// The surroundings of an observer; see the module.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Surroundings {
-    /// The air; `None`: there is none.
+    /// The air; `None` for no air.
     pub air: Option<Air>,
-    /// What bends light; `None`: nothing.
+    /// The refracting air; `None` for no refraction.
     pub refraction: Option<RefractingAir>,
-    /// The ground; `None`: one sees through it.
+    /// The ground; `None` if it is transparent.
     pub ground: Option<Ground>,
 }
 
 /// The ground.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ground {
-    /// Up to where it reaches.
+    /// Its upper boundary.
     pub horizon: Horizon,
-    /// What it reflects of light, 0 to 1.
+    /// Fraction of light that it reflects, 0 to 1.
     pub albedo: f64,
-    /// A picture of it, up to whose line it reaches then.
+    /// A picture of the ground, whose outline then replaces the horizon.
     pub landscape: Option<Arc<Landscape>>,
 }
 
 /// A source of light in the sky.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SkySource {
-    /// Unit vector to where it is seen, world axes.
+    /// Unit vector to its apparent position, world axes.
     pub direction: DVec3,
-    /// What it gives outside of the air, as much as makes the sky as bright as was measured, linear Rec. 709, lx.
+    /// Its illuminance outside of the air, scaled to match the measured brightness of the sky, linear Rec. 709, lx.
     pub light_lx: [f64; 3],
-    /// What the sky shows of a source at its altitude.
+    /// Sky luminance for a source at its altitude.
     pub table: Arc<SkyTable>,
 }
 
-/// What is around an observer at a moment.
+/// The sky and ground around an observer at a moment.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LocalSky {
     /// Rows: east, zenith, south.
     pub horizon_from_world: DMat3,
     /// The air.
     pub air: Option<Air>,
-    /// What bends light.
+    /// Refraction.
     pub refraction: Option<Refraction>,
-    /// The horizon; `None`: there is no ground.
+    /// The horizon; `None` without ground.
     pub horizon: Option<Horizon>,
     /// Sources whose light air scatters, at most [`MOST_SOURCES`].
     pub sources: Vec<SkySource>,
@@ -136,7 +138,7 @@ pub struct LocalSky {
     pub landscape: Option<Arc<Landscape>>,
     /// Luminance of the ground, linear Rec. 709, cd/m^2.
     pub ground_cd_m2: [f64; 3],
-    /// Luminance of a white level surface, the same.
+    /// Luminance of a white horizontal surface, in the same units.
     pub white_cd_m2: [f64; 3],
     /// Mean luminance of the sky above the horizon, cd/m^2.
     pub mean_cd_m2: f64,
@@ -147,14 +149,15 @@ pub(super) fn azimuth(local: DVec3) -> f64 {
     local.x.atan2(-local.z)
 }
 
-/// The direction that light arrives from, unit vector in world axes, and how much of it, lx.
+/// Direction towards a light, unit vector in world axes, and its illuminance, lx.
 type Arriving = (DVec3, [f64; 3]);
 
-/// What the sources of a scene give an eye outside of the air, the brightest first, directions and lx; and the direction of an eclipsed sun, and what comes in from where it is not hidden, lx, if it stood
-/// in the zenith.
+/// Illuminances that the sources of a scene cause at an eye outside of the air, brightest first, with directions, lx;
+/// and for an eclipsed sun its direction and the light scattered in from outside the shadow, lx, for a sun in the
+/// zenith.
 fn sources(objects: &SceneObjects, eye_m: DVec3) -> (Vec<Arriving>, Option<Arriving>) {
     let suns = suns(objects);
-    let of_body = |body: &Body| -> [f64; 3] {
+    let body_light = |body: &Body| -> [f64; 3] {
         let offset_m = body.position_m - eye_m;
         let reflected = lights_on(body, &suns, eye_m).into_iter().map(|light| {
             let lx = reflected_lx(body, -offset_m, &light);
@@ -186,7 +189,7 @@ fn sources(objects: &SceneObjects, eye_m: DVec3) -> (Vec<Arriving>, Option<Arriv
                     hidden_share(own_rad, other.angular_radius_rad(eye_m), apart)
                 })
                 .sum();
-            let (light, open) = (of_body(body), (1.0 - hidden).max(0.0));
+            let (light, open) = (body_light(body), (1.0 - hidden).max(0.0));
             if body.emission.is_some() && hidden > 0.0 {
                 let share = LEAST_OF_ECLIPSED * (1.0 - open);
                 let lit = light.map(|lx| lx * share);
@@ -204,7 +207,7 @@ fn sources(objects: &SceneObjects, eye_m: DVec3) -> (Vec<Arriving>, Option<Arriv
 }
 
 impl SceneObjects {
-    /// What is around a camera that stands at the observer's place; `None` elsewhere, or where nothing is.
+    /// The local sky of a camera at the observer's place; `None` elsewhere, or without surroundings.
     pub fn local_sky(&self, camera_m: DVec3) -> Option<LocalSky> {
         let (surroundings, observer) = self.surroundings_at(camera_m)?;
         let horizon_from_world = horizon_from_world(observer, self.time_s);
@@ -212,27 +215,29 @@ impl SceneObjects {
         Some(LocalSky::new(surroundings, horizon_from_world, &sources, around))
     }
 
-    /// What is around a camera for the light of stars alone, at the nearest of moments a minute apart: the sky turns by 0.25 degrees meanwhile.
+    /// The local sky of a camera for starlight only, at the nearest of moments a minute apart: the sky rotates by 0.25
+    /// degrees in between.
     pub fn sky_of_stars(&self, camera_m: DVec3) -> Option<LocalSky> {
         let time_s = (self.time_s / STARS_S).round() * STARS_S;
         let (surroundings, observer) = self.surroundings_at(camera_m)?;
         Some(LocalSky::unlit(surroundings, horizon_from_world(observer, time_s)))
     }
 
-    /// What bends light around a camera that stands at the observer's place; `None` elsewhere, or without air.
+    /// The refraction around a camera at the observer's place; `None` elsewhere, or without air.
     pub fn refraction(&self, camera_m: DVec3) -> Option<Refraction> {
         let (surroundings, observer) = self.surroundings_at(camera_m)?;
         let air = surroundings.refraction?;
         Some(Refraction { zenith: horizon_from_world(observer, self.time_s).row(1), density: air.density() })
     }
 
-    /// Where a camera sees what lies at a place relative to it, m, world axes: through the air of the observer's place, if it stands there and that lies beyond it.
+    /// Apparent position of an object relative to a camera, m, world axes: refracted if the camera is at the observer's
+    /// place and the object is beyond the air.
     pub fn seen_m(&self, camera_m: DVec3, place_m: DVec3) -> DVec3 {
         let refraction = self.refraction(camera_m).filter(|_| place_m.length() > BEYOND_AIR_M);
         refraction.map_or(place_m, |refraction| refraction.seen(place_m))
     }
 
-    /// The surroundings of a camera that stands at the observer's place, and the observer.
+    /// The surroundings of a camera at the observer's place, and the observer.
     fn surroundings_at(&self, camera_m: DVec3) -> Option<(&Surroundings, &Observer)> {
         let observer = self.observer.as_ref()?;
         let is_on_ground = (camera_m - observer.epoch.position_m).length() <= ON_GROUND_M;
@@ -240,12 +245,13 @@ impl SceneObjects {
     }
 }
 
-/// Light that a clear day gives a level surface with its sun at a sine of altitude, over that with the sun in the zenith.
-fn of_clear_day(air: &Air, sine: f64) -> f64 {
+/// Illuminance of a horizontal surface on a clear day with the sun at a sine of altitude, relative to that with the sun
+/// in the zenith.
+fn clear_day_factor(air: &Air, sine: f64) -> f64 {
     let altitude_rad = sine.clamp(-1.0, 1.0).asin();
-    let of_sun = |sine: f64| sine.max(0.0) * luminance(air.transmission(sine.max(0.0)));
-    let of_sky = air.scattered.table(altitude_rad).level_lx(altitude_rad);
-    (of_sun(sine) + of_sky) * (1.0 - SKY_OF_HIGH_SUN) / of_sun(1.0)
+    let sun_light = |sine: f64| sine.max(0.0) * luminance(air.transmission(sine.max(0.0)));
+    let sky_lx = air.scattered.table(altitude_rad).level_lx(altitude_rad);
+    (sun_light(sine) + sky_lx) * (1.0 - SKY_OF_HIGH_SUN) / sun_light(1.0)
 }
 
 fn horizon_from_world(observer: &Observer, time_s: f64) -> DMat3 {
@@ -253,7 +259,7 @@ fn horizon_from_world(observer: &Observer, time_s: f64) -> DMat3 {
 }
 
 impl LocalSky {
-    /// What is around an observer without any light: what it hides and takes.
+    /// The sky around an observer without any light: only what it hides and absorbs.
     fn unlit(surroundings: &Surroundings, horizon_from_world: DMat3) -> Self {
         Self {
             horizon_from_world,
@@ -270,8 +276,10 @@ impl LocalSky {
         }
     }
 
-    /// What is around an observer in the light of sources: unit vectors in world axes without air, and what they give outside of it, lx. What comes in from all around an eclipse, with the
-    /// direction of the eclipsed sun, lx on a level surface if that were in the zenith, has the colours of a sky at sunset; it grows with the light of a clear day at the sun's altitude.
+    /// The sky around an observer in the light of sources: unit vectors in world axes without air, and illuminances
+    /// outside of the air, lx. `around` is the light scattered in around an eclipse: the direction of the eclipsed sun,
+    /// and the illuminance of a horizontal surface if that sun were in the zenith, lx. It has the colours of a sky at
+    /// sunset, and scales with the light of a clear day at the sun's altitude.
     pub fn new(
         surroundings: &Surroundings,
         horizon_from_world: DMat3,
@@ -279,9 +287,9 @@ impl LocalSky {
         around: Option<Arriving>,
     ) -> Self {
         let sine = |direction: &DVec3| (horizon_from_world * *direction).y;
-        let of_air = surroundings.air.iter().flat_map(|air| {
+        let scattering_sources = surroundings.air.iter().flat_map(|air| {
             let least_cd_m2 = LEAST_OF_GLOW * luminance(air.glow_cd_m2);
-            let shown = sources.iter().map(|(direction, light)| {
+            let bright_sources = sources.iter().map(|(direction, light)| {
                 let altitude_rad = sine(direction).clamp(-1.0, 1.0).asin();
                 SkySource {
                     direction: *direction,
@@ -289,13 +297,14 @@ impl LocalSky {
                     table: air.scattered.table(altitude_rad),
                 }
             });
-            shown.filter(move |source| luminance(source.light_lx) * source.table.brightest_cd_m2() > least_cd_m2)
+            bright_sources
+                .filter(move |source| luminance(source.light_lx) * source.table.brightest_cd_m2() > least_cd_m2)
         });
         let mut sky = Self::unlit(surroundings, horizon_from_world);
         let seen = |source: SkySource| SkySource { direction: sky.seen(source.direction), ..source };
-        sky.sources = of_air.map(seen).collect();
+        sky.sources = scattering_sources.map(seen).collect();
         if let Some((air, (direction, around_lx))) = surroundings.air.as_ref().zip(around) {
-            let day = of_clear_day(air, sine(&direction));
+            let day = clear_day_factor(air, sine(&direction));
             let light_lx = around_lx.map(|lx| lx * day);
             if luminance(light_lx) > LEAST_OF_GLOW * luminance(air.glow_cd_m2) {
                 let table = Arc::new(air.scattered.table(0.0).all_around(0.0));
@@ -316,8 +325,8 @@ impl LocalSky {
         sky
     }
 
-    /// Mean luminance of the sky, cd/m^2, and what it gives a level surface, lx. A node stands for a ring of equal solid angle, and the angles between sources and nodes are never
-    /// small enough to matter.
+    /// Mean luminance of the sky, cd/m^2, and the illuminance of a horizontal surface, lx. Each node represents a ring
+    /// of equal solid angle; the angles between sources and nodes are never small enough to matter.
     fn summed(&self) -> (f64, [f64; 3]) {
         let [rings, around] = NODES;
         let world_from_horizon = self.horizon_from_world.transpose();
@@ -336,23 +345,24 @@ impl LocalSky {
         (mean, lit)
     }
 
-    /// Where one sees what lies far away in a direction without air, and as far away; world axes.
+    /// Apparent position of a distant object, from its position without air, at the same distance; world axes.
     pub fn seen(&self, without_air: DVec3) -> DVec3 {
         self.refraction.map_or(without_air, |refraction| refraction.seen(without_air))
     }
 
-    /// Where what is seen in a direction lies without air, and as far away.
+    /// Position without air of a distant object, from its apparent position, at the same distance.
     pub fn arriving(&self, seen: DVec3) -> DVec3 {
         self.refraction.map_or(seen, |refraction| refraction.arriving(seen))
     }
 
-    /// The linear map of a far body, an angle wide (rad), to where it is seen; without refraction, or of what is within the air, it changes nothing. Its place is relative to the eye, m.
+    /// The linear map from a distant body with an angular radius (rad) to its apparent position; the identity without
+    /// refraction and for objects within the air. The position is relative to the eye, m.
     pub fn seen_body(&self, place_m: DVec3, radius_rad: f64) -> DMat3 {
         let refraction = self.refraction.filter(|_| place_m.length() > BEYOND_AIR_M);
         refraction.map_or(DMat3::IDENTITY, |refraction| refraction.around(place_m, radius_rad))
     }
 
-    /// Sine of the altitude of the highest ground; `None`: there is none.
+    /// Sine of the altitude of the highest ground; `None` without ground.
     pub fn highest_ground_sine(&self) -> Option<f64> {
         let horizon = self.horizon.as_ref()?;
         let highest_rad =
@@ -365,44 +375,44 @@ impl LocalSky {
         self.horizon_from_world.row(1)
     }
 
-    /// Sine of a direction's altitude, and that of the horizon's below it; unit vector, world axes.
+    /// Sine of a direction's altitude, and sine of the horizon's altitude at its azimuth; unit vector, world axes.
     fn sines(&self, direction: DVec3) -> [f64; 2] {
         let local = self.horizon_from_world * direction;
-        let of_horizon = match &self.horizon {
+        let at_horizon = match &self.horizon {
             Some(horizon) if !horizon.is_flat() => horizon.altitude_rad(azimuth(local)).sin(),
             Some(_) => 0.0,
             None => -2.0,
         };
-        [local.y, of_horizon]
+        [local.y, at_horizon]
     }
 
-    /// Whether the ground hides what lies in a direction, a unit vector in world axes.
+    /// Whether the ground hides a direction, a unit vector in world axes.
     pub fn hides(&self, direction: DVec3) -> bool {
-        let [sine, of_horizon] = self.sines(direction);
-        sine < of_horizon
+        let [sine, at_horizon] = self.sines(direction);
+        sine < at_horizon
     }
 
-    /// Share of the light from a direction that arrives: linear Rec. 709, 0 from below the horizon.
+    /// Fraction of the light from a direction that arrives: linear Rec. 709, 0 below the horizon.
     pub fn transmission(&self, direction: DVec3) -> [f64; 3] {
-        let [sine, of_horizon] = self.sines(direction);
-        if sine < of_horizon {
+        let [sine, at_horizon] = self.sines(direction);
+        if sine < at_horizon {
             return [0.0; 3];
         }
         self.air.as_ref().map_or([1.0; 3], |air| air.transmission(sine))
     }
 
-    /// The same for a disc of an angular radius, rad: that of the middle of what stands above the horizon.
+    /// The same for a disc of an angular radius, rad: that of the middle of the part above the horizon.
     pub fn transmission_of_disc(&self, direction: DVec3, radius_rad: f64) -> [f64; 3] {
-        let [sine, of_horizon] = self.sines(direction).map(|sine| sine.clamp(-1.0, 1.0).asin());
+        let [sine, at_horizon] = self.sines(direction).map(|sine| sine.clamp(-1.0, 1.0).asin());
         let above = (sine + radius_rad).min(FRAC_PI_2);
-        if self.horizon.is_some() && above < of_horizon {
+        if self.horizon.is_some() && above < at_horizon {
             return [0.0; 3];
         }
-        let lowest = if self.horizon.is_some() { (sine - radius_rad).max(of_horizon) } else { sine - radius_rad };
+        let lowest = if self.horizon.is_some() { (sine - radius_rad).max(at_horizon) } else { sine - radius_rad };
         self.air.as_ref().map_or([1.0; 3], |air| air.transmission((0.5 * (above + lowest)).sin()))
     }
 
-    /// Luminance of what the air scatters and gives off towards a direction above the horizon, cd/m^2.
+    /// Luminance of the light that the air scatters and emits in a direction above the horizon, cd/m^2.
     fn scattered_cd_m2(&self, direction: DVec3) -> [f64; 3] {
         let Some(air) = &self.air else { return [0.0; 3] };
         let local = self.horizon_from_world * direction;
@@ -414,7 +424,8 @@ impl LocalSky {
         })
     }
 
-    /// Luminance of what shows `shown_cd_m2` outside of the air, in a direction that the ground does not hide, with what the air adds.
+    /// Luminance of an object with `shown_cd_m2` outside of the air, in a direction that the ground does not hide,
+    /// including the light added by the air.
     pub fn above_cd_m2(&self, direction: DVec3, shown_cd_m2: [f64; 3]) -> [f64; 3] {
         let sine = self.sines(direction)[0];
         let passed = self.air.as_ref().map_or([1.0; 3], |air| air.transmission(sine));
@@ -422,7 +433,7 @@ impl LocalSky {
         [0, 1, 2].map(|c| shown_cd_m2[c] * passed[c] + added[c])
     }
 
-    /// Luminance of the ground in a direction times the share of it that is hidden, linear Rec. 709, cd/m^2, and that share.
+    /// Luminance of the ground in a direction times the hidden fraction, linear Rec. 709, cd/m^2, and that fraction.
     pub fn ground(&self, direction: DVec3) -> ([f64; 3], f64) {
         if let Some(landscape) = &self.landscape {
             let [r, g, b, share] = landscape.sample(self.horizon_from_world * direction);
@@ -448,12 +459,12 @@ mod tests {
     }
 
     #[test]
-    fn a_line_of_hills_is_straight_between_its_points_and_goes_round() {
+    fn a_line_of_hills_is_linear_between_its_points_and_wraps_around() {
         let hills = Horizon::new(vec![[1.0, 0.1], [2.0, 0.3], [5.0, -0.1]]);
         for (azimuth, altitude) in [(1.0, 0.1), (1.5, 0.2), (2.0, 0.3), (3.5, 0.1), (5.0, -0.1), (1.0 + TAU, 0.1)] {
             assert!((hills.altitude_rad(azimuth) - altitude).abs() < 1e-12, "{azimuth}");
         }
-        // From 5 over the north to 1: 2.283 rad.
+        // From 5 through the north to 1: 2.283 rad.
         let north = -0.1 + 0.2 * (TAU - 5.0) / (TAU - 4.0);
         assert!((hills.altitude_rad(0.0) - north).abs() < 1e-12);
         assert!((f64::from(hills.sines()[0]) - north.sin()).abs() < 1e-7);
@@ -461,7 +472,7 @@ mod tests {
     }
 
     #[test]
-    fn the_ground_hides_and_shows_the_light_that_falls_on_it() {
+    fn the_ground_hides_the_sky_and_reflects_its_light() {
         let sun = (DVec3::new(0.0, 0.5, -0.75_f64.sqrt()), [1e5; 3]);
         let without_air = LocalSky::new(&surroundings(false, Vec::new()), DMat3::IDENTITY, &[sun], None);
         // 1e5 lx at 30 degrees on an albedo of 0.2.
@@ -470,12 +481,12 @@ mod tests {
         assert_eq!(without_air.transmission(DVec3::NEG_Y), [0.0; 3]);
         assert_eq!(without_air.transmission(DVec3::new(1.0, 1e-3, 0.0)), [1.0; 3]);
         let in_air = LocalSky::new(&surroundings(true, Vec::new()), DMat3::IDENTITY, &[sun], None);
-        // A clear sky gives a tenth to a third of what the Sun does.
-        let of_sun = 5e4 * in_air.transmission(sun.0)[1] * 0.2 / PI;
-        let of_sky = in_air.ground_cd_m2[1] / of_sun - 1.0;
-        assert!((0.1..0.4).contains(&of_sky), "{of_sky}");
+        // A clear sky gives a tenth to a third of the Sun's light.
+        let sun_light = 5e4 * in_air.transmission(sun.0)[1] * 0.2 / PI;
+        let sky_lx = in_air.ground_cd_m2[1] / sun_light - 1.0;
+        assert!((0.1..0.4).contains(&sky_lx), "{sky_lx}");
         assert_eq!(in_air.luminance_cd_m2(DVec3::NEG_Y), in_air.ground_cd_m2);
-        // To the north (-z) a hill of 0.3 rad.
+        // A hill of 0.3 rad to the north (-z).
         let hill =
             LocalSky::new(&surroundings(true, vec![[0.0, 0.3], [0.5, 0.0], [5.7, 0.0]]), DMat3::IDENTITY, &[sun], None);
         let at = |altitude: f64| DVec3::new(0.0, altitude.sin(), -altitude.cos());

@@ -1,4 +1,4 @@
-//! The rig: every view of a frame, each with its images, and from them the flat list of viewports that the renderer draws.
+//! The rig: every view of a frame with its images, and the flat list of viewports that the renderer draws.
 //!
 //! Three frames of reference meet here: *view* axes (+x right, +y up, looking -z) of one image, *camera* axes of the rig,
 //! and *world* axes (ICRS). `camera_from_view` and `world_from_camera` are rotations between them.
@@ -15,7 +15,7 @@ use super::{
     projector::ProjectorOutput,
 };
 
-/// Why a rig cannot be built.
+/// Reasons why a rig cannot be built.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum RigError {
     /// A view's projection is impossible.
@@ -23,11 +23,11 @@ pub enum RigError {
     Projection {
         /// The view's name.
         view: String,
-        /// What is wrong with it.
+        /// The error.
         source: ProjectionError,
     },
-    /// A view's name is empty or has other characters than letters, digits, `_` and `-`.
-    #[error("view name `{name}`: allowed are letters, digits, `_` and `-`, at least one")]
+    /// A view's name is empty or has characters other than letters, digits, `_` and `-`.
+    #[error("view name `{name}`: must be one or more letters, digits, `_` and `-`")]
     Name {
         /// The name.
         name: String,
@@ -38,20 +38,21 @@ pub enum RigError {
         /// The name.
         name: String,
     },
-    /// Another parameter is not what it must be.
+    /// Another parameter is invalid.
     #[error("view `{view}`: {problem}")]
     Parameter {
         /// The view's name.
         view: String,
-        /// What is wrong and what is allowed.
+        /// The problem, and the valid values.
         problem: String,
     },
 }
 
-/// How far from the camera an eye may stand along each axis, m. Places of near stars are f32 relative to the camera.
+/// Maximum distance of an eye from the camera along each axis, m. Positions of near stars are f32 relative to the
+/// camera.
 pub const MAX_EYE_OFFSET_M: f64 = 1e9;
 
-/// Signed angles of the four edges from the principal ray, rad, as OpenXR gives them (left and down usually negative).
+/// Signed angles of the four edges from the principal ray, rad, as in OpenXR (left and down usually negative).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fov {
     /// To the left edge.
@@ -65,7 +66,7 @@ pub struct Fov {
 }
 
 impl Fov {
-    /// The same field of view seen in a mirror: what the other eye has.
+    /// The mirrored field of view: that of the other eye.
     pub fn mirrored(self) -> Self {
         Self { left_rad: -self.right_rad, right_rad: -self.left_rad, ..self }
     }
@@ -76,11 +77,11 @@ impl Fov {
 pub struct Eye {
     /// Width and height of its image, pixels.
     pub size: [u32; 2],
-    /// Edges of what it sees.
+    /// Field of view.
     pub fov: Fov,
     /// Rotation from the eye's axes (+x right, +y up, looking -z) to those of the room.
     pub room_from_eye: DQuat,
-    /// Its place in the room, m.
+    /// Position in the room, m.
     pub position_m: DVec3,
 }
 
@@ -113,7 +114,7 @@ pub enum ViewKind {
         /// Edges of the right eye.
         fov_right: Fov,
     },
-    /// The eyes in a headset, left and right, each with a pose of its own, in a room whose axes are those of the view.
+    /// The eyes of a headset, left and right, each with its own pose, in a room whose axes are those of the view.
     Headset {
         /// Left and right.
         eyes: [Eye; 2],
@@ -134,7 +135,7 @@ pub enum ViewKind {
         /// Field of view, rad.
         fov_rad: f64,
     },
-    /// A planetarium's domemaster: equidistant, centre = zenith, bottom = front.
+    /// A planetarium domemaster: equidistant, centre = zenith, bottom = front.
     DomeMaster {
         /// Side of the square, pixels.
         size: u32,
@@ -143,7 +144,8 @@ pub enum ViewKind {
         /// Tilt of the dome towards the front, rad.
         tilt_rad: f64,
     },
-    /// A domemaster for each eye, in which every direction is seen by the eyes of somebody who looks there: omni-directional stereo.
+    /// Omnidirectional stereo: a domemaster for each eye, in which every direction appears as seen by the eyes of a
+    /// viewer facing that direction.
     StereoDome {
         /// Side of the square, pixels.
         size: u32,
@@ -161,12 +163,12 @@ pub enum ViewKind {
     },
     /// A projector's raster.
     Projector {
-        /// Where its pixels look, [`Warp`](super::Warp) or another mapping.
+        /// Directions of its pixels, [`Warp`](super::Warp) or another mapping.
         mapping: Arc<TabulatedMapping>,
-        /// What is done to its picture.
+        /// Processing of its picture.
         output: Arc<ProjectorOutput>,
     },
-    /// A projection of one's own, as a table; configurations cannot name it.
+    /// A custom projection as a table; not available in configurations.
     Tabulated {
         /// The mapping.
         mapping: Arc<TabulatedMapping>,
@@ -174,7 +176,7 @@ pub enum ViewKind {
 }
 
 impl ViewKind {
-    /// What is done to the picture of a projector.
+    /// Processing of the picture, if the view is a projector.
     pub fn projector(&self) -> Option<&Arc<ProjectorOutput>> {
         match self {
             ViewKind::Projector { output, .. } => Some(output),
@@ -232,17 +234,17 @@ pub struct ViewImage {
     pub projection: Projection,
     /// Rotation from view axes to camera axes.
     pub camera_from_view: DQuat,
-    /// Place of the eye in camera axes, m.
+    /// Position of the eye in camera axes, m.
     pub eye_position_m: DVec3,
-    /// Omni-directional stereo: radius of the circle on which the eye goes round with the direction of sight, m; positive for the right eye. 0: it stays.
-    /// See [`Viewport::eye_on_circle_m`].
+    /// Omnidirectional stereo: radius of the circle on which the eye moves with the viewing direction, m; positive for
+    /// the right eye. 0: the eye is fixed. See [`Viewport::eye_on_circle_m`].
     pub viewing_circle_m: f64,
 }
 
-/// How the pictures of two eyes lie in a file.
+/// Layout of the pictures of two eyes in a file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Packing {
-    /// Each in one of its own.
+    /// Each in its own file.
     #[default]
     None,
     /// The left eye's above the right eye's.
@@ -251,7 +253,7 @@ pub enum Packing {
     SideBySide,
 }
 
-/// A picture as files have it.
+/// A picture as stored in a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ViewPicture {
     /// The part of the view that it shows.
@@ -265,15 +267,15 @@ pub struct ViewPicture {
 pub struct View {
     /// Unique name.
     pub name: String,
-    /// What was asked for.
+    /// The requested kind.
     pub kind: ViewKind,
     /// Its images.
     pub images: Vec<ViewImage>,
-    /// How its images lie in files.
+    /// Layout of its images in files.
     pub packing: Packing,
 }
 
-/// Refuses what is no name of a view: needed are letters, digits, `_` and `-`, at least one.
+/// Checks the name of a view: one or more letters, digits, `_` and `-`.
 pub fn check_name(name: &str) -> Result<(), RigError> {
     let valid = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
     if name.is_empty() || !name.chars().all(valid) {
@@ -291,7 +293,7 @@ impl View {
             return Err(RigError::Parameter {
                 view: name.to_owned(),
                 problem: format!(
-                    "an eye at {:?} m from the camera: allowed are up to {MAX_EYE_OFFSET_M:e} m along each axis; move the camera instead",
+                    "an eye at {:?} m from the camera: must be at most {MAX_EYE_OFFSET_M:e} m along each axis; move the camera instead",
                     image.eye_position_m.to_array()
                 ),
             });
@@ -299,25 +301,25 @@ impl View {
         Ok(Self { name: name.to_owned(), kind, images, packing: Packing::None })
     }
 
-    /// The same view with the pictures of its eyes in one.
+    /// The same view with the pictures of its eyes combined into one.
     ///
     /// # Errors
     ///
-    /// It is none of two eyes with pictures of one size.
+    /// The view does not consist of two eyes with pictures of the same size.
     pub fn packed(self, packing: Packing) -> Result<Self, RigError> {
         let sizes: Vec<[u32; 2]> = self.images.iter().map(|image| image.projection.mapping().size()).collect();
         let eyes = self.images.iter().map(|image| image.part).eq([Part::LeftEye, Part::RightEye]);
         if packing != Packing::None && !(eyes && sizes[0] == sizes[1]) {
             return Err(RigError::Parameter {
                 view: self.name,
-                problem: "packing: it has no two eyes: allowed in views of type stereo, and of dome_master with ipd_m"
+                problem: "packing: the view does not have two eyes: only valid in views of type stereo, and of dome_master with ipd_m"
                     .to_owned(),
             });
         }
         Ok(Self { packing, ..self })
     }
 
-    /// Its pictures as files have them.
+    /// Its pictures as stored in files.
     pub fn pictures(&self) -> Vec<ViewPicture> {
         let sized = |image: &ViewImage| ViewPicture { part: image.part, size: self.output_size(image) };
         let pictures: Vec<ViewPicture> = self.images.iter().map(sized).collect();
@@ -332,7 +334,8 @@ impl View {
         }
     }
 
-    /// Of a projector: the mapping of its raster, and the rotation from the raster's axes to those of the camera, which are the dome's.
+    /// For a projector: the mapping of its raster, and the rotation from raster axes to camera axes, which are those of
+    /// the dome.
     pub fn raster(&self) -> Option<(&Arc<TabulatedMapping>, DQuat)> {
         let ViewKind::Projector { mapping, output } = &self.kind else { return None };
         let camera_from_picture = self.images.first()?.camera_from_view;
@@ -360,7 +363,7 @@ fn images_of(name: &str, kind: &ViewKind, orientation: DQuat, position_m: DVec3)
     let off_axis = |size: [u32; 2], fov: Fov| {
         Perspective::off_axis(size, fov.left_rad, fov.right_rad, fov.up_rad, fov.down_rad).map(Projection::Perspective)
     };
-    // AFDI domemaster: the centre is the zenith, leaning forwards by the tilt; the bottom of the image is the front.
+    // AFDI domemaster: the centre is the zenith, tilted forwards; the bottom of the image is the front.
     let dome = |size: u32, fov_rad: f64, tilt_rad: f64| {
         if !tilt_rad.is_finite() {
             return Err(parameter(format!("tilt_deg = {}: must be finite", tilt_rad.to_degrees())));
@@ -378,8 +381,9 @@ fn images_of(name: &str, kind: &ViewKind, orientation: DQuat, position_m: DVec3)
         ViewKind::OffAxis { size, fov } => whole(off_axis(*size, *fov).map_err(wrong)?),
         ViewKind::Stereo { size, ipd_m, fov_left, fov_right } => {
             if !(ipd_m.is_finite() && *ipd_m >= 0.0) {
-                return Err(parameter(format!("ipd_m = {ipd_m}: allowed are finite distances from 0 m")));
+                return Err(parameter(format!("ipd_m = {ipd_m}: must be finite and at least 0 m")));
             }
+            // The eyes are half the distance to the left and to the right of the view.
             let eyes = [(Part::LeftEye, fov_left, -0.5), (Part::RightEye, fov_right, 0.5)];
             eyes.into_iter()
                 .map(|(part, fov, side)| {
@@ -424,7 +428,7 @@ fn images_of(name: &str, kind: &ViewKind, orientation: DQuat, position_m: DVec3)
             let radius_m = 0.5 * ipd_m;
             if !(0.0..=MAX_EYE_OFFSET_M).contains(&radius_m) {
                 let most = 2.0 * MAX_EYE_OFFSET_M;
-                return Err(parameter(format!("ipd_m = {ipd_m}: allowed are 0 to {most:e} m")));
+                return Err(parameter(format!("ipd_m = {ipd_m}: must be between 0 and {most:e} m")));
             }
             let (projection, tilt) = dome(*size, *fov_rad, *tilt_rad)?;
             let eye = |part: Part, viewing_circle_m: f64| ViewImage {
@@ -438,9 +442,12 @@ fn images_of(name: &str, kind: &ViewKind, orientation: DQuat, position_m: DVec3)
         }
         ViewKind::Projector { mapping, output } => {
             if output.size() != mapping.size() {
-                let [of_output, of_mapping] = [output.size(), mapping.size()];
-                return Err(parameter(format!("an output of {of_output:?} pixels over a raster of {of_mapping:?}")));
+                let [output_px, mapping_px] = [output.size(), mapping.size()];
+                return Err(parameter(format!(
+                    "an output of {output_px:?} pixels does not fit a raster of {mapping_px:?}"
+                )));
             }
+            // Draw directly in the pixels of the raster, or the picture that is resampled.
             Ok(match output.resampling() {
                 None => vec![image(Part::Whole, Projection::Tabulated(Arc::clone(mapping)), orientation, position_m)],
                 Some(resampling) => {
@@ -459,7 +466,7 @@ pub struct Rig {
     views: Vec<View>,
 }
 
-/// One image to draw, in world axes: what the renderer sees of a view.
+/// One image to draw, in world axes: the renderer's input for a view.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Viewport {
     /// Index of the view in the rig.
@@ -482,10 +489,11 @@ impl Viewport {
         self.projection.mapping().size()
     }
 
-    /// Omni-directional stereo: where the eye is that sees a direction (a unit vector), from its place, view axes, m. It lies across the direction and in the
-    /// plane of the picture's circle, `viewing_circle_m` times the sine of the angle from the axis away: all of it on the horizon of a dome, nothing in the
-    /// zenith, and no jump between (P. Bourke, "Omni-directional stereoscopic fisheye images for immersive hemispherical dome environments", 2009, turns the
-    /// camera likewise).
+    /// Omnidirectional stereo: position of the eye that sees a direction (a unit vector), relative to the viewport's
+    /// eye, in view axes, m. It is perpendicular to the direction and in the plane of the picture's circle, at a
+    /// distance of `viewing_circle_m` times the sine of the angle from the axis: the full radius on the horizon of a
+    /// dome, zero at the zenith, continuous in between (P. Bourke, "Omni-directional stereoscopic fisheye images for
+    /// immersive hemispherical dome environments", 2009, rotates the camera in the same way).
     pub fn eye_on_circle_m(&self, direction: DVec3) -> DVec3 {
         direction.cross(DVec3::NEG_Z) * self.viewing_circle_m
     }
@@ -507,18 +515,18 @@ impl Rig {
         &self.views
     }
 
-    /// Index of the view of that name.
+    /// Index of the view with this name.
     pub fn index_of(&self, name: &str) -> Option<usize> {
         self.views.iter().position(|view| view.name == name)
     }
 
-    /// The rig of those views alone, by their numbers; numbers that are none are left out.
+    /// A rig with only these views, by index; invalid indices are ignored.
     pub fn of_views(&self, numbers: &[usize]) -> Self {
         Self { views: numbers.iter().filter_map(|&number| self.views.get(number)).cloned().collect() }
     }
 
-    /// The flat list of viewports for a camera whose axes `world_from_camera` takes to world axes, in the order of views
-    /// and images.
+    /// The flat list of viewports for a camera with the rotation `world_from_camera` from camera to world axes, in the
+    /// order of views and images.
     pub fn viewports(&self, world_from_camera: DQuat) -> Vec<Viewport> {
         let mut viewports = Vec::new();
         for (index, view) in self.views.iter().enumerate() {
@@ -568,14 +576,14 @@ mod tests {
         let kind = ViewKind::Stereo { size: [10, 10], ipd_m: 0.064, fov_left, fov_right: fov_left.mirrored() };
         let rig = Rig::new(vec![view("eyes", kind).unwrap()]).unwrap();
         let viewports = rig.viewports(DQuat::from_rotation_y(std::f64::consts::FRAC_PI_2));
-        // Turned a quarter to the left, the camera's +x is the world's -z.
+        // After a quarter turn to the left, the camera's +x is the world's -z.
         assert!((viewports[1].eye_offset_m - DVec3::new(0.0, 0.0, -0.032)).length() < 1e-12);
         let omega = |v: &Viewport, x: u32| v.projection.mapping().solid_angle_sr(x, 4);
         assert!((omega(&viewports[0], 1) / omega(&viewports[1], 8) - 1.0).abs() < 1e-12);
     }
 
     #[test]
-    fn the_eyes_of_a_stereo_dome_stand_across_every_direction_of_sight() {
+    fn the_eyes_of_a_stereo_dome_are_perpendicular_to_every_viewing_direction() {
         let kind = ViewKind::StereoDome { size: 100, fov_rad: std::f64::consts::PI, tilt_rad: 0.3, ipd_m: 0.064 };
         let rig = Rig::new(vec![view("dome", kind.clone()).unwrap()]).unwrap();
         let [left, right] = &rig.viewports(DQuat::IDENTITY)[..] else { panic!("two eyes") };
@@ -585,7 +593,7 @@ mod tests {
             assert!(apart_m.dot(direction).abs() < 1e-15 && apart_m.z == 0.0, "{apart_m}");
             assert!((apart_m.length() - 0.064 * direction.x.hypot(direction.y)).abs() < 1e-15, "{apart_m}");
         }
-        // Who looks to the front, at the bottom of the picture, has the right eye right.
+        // Looking to the front, at the bottom of the picture, the right eye is on the right.
         let front = left.projection.mapping().direction_from_pixel(glam::DVec2::new(50.0, 100.0)).unwrap();
         assert!((right.world_from_view * right.eye_on_circle_m(front) - DVec3::X * 0.032).length() < 1e-12);
         assert_eq!(kind.type_name(), "dome_master");
@@ -596,7 +604,7 @@ mod tests {
     }
 
     #[test]
-    fn pictures_of_two_eyes_are_packed_and_others_are_not() {
+    fn only_pictures_of_two_eyes_can_be_packed() {
         let stereo = ViewKind::StereoDome { size: 10, fov_rad: 3.0, tilt_rad: 0.0, ipd_m: 0.064 };
         let sizes = |packing| {
             let pictures = view("dome", stereo.clone()).unwrap().packed(packing).unwrap().pictures();
@@ -624,7 +632,7 @@ mod tests {
         let (turn, place) = (DQuat::from_euler(glam::EulerRot::YXZ, 0.4, -0.2, 0.1), DVec3::new(1.0, 2.0, 3.0));
         let images = |kind: ViewKind| View::new("eyes", kind, turn, place).unwrap().images;
         assert_eq!(images(headset.clone()), images(stereo.clone()));
-        // Eyes in each other's place are not the same.
+        // Swapped eyes are not the same.
         let ViewKind::Headset { eyes: [left, right] } = headset else { unreachable!("a headset was made") };
         assert_ne!(images(ViewKind::Headset { eyes: [right, left] }), images(stereo));
     }
@@ -634,7 +642,7 @@ mod tests {
         let (size, half) = ([20, 20], std::f64::consts::FRAC_PI_4);
         let fov = Fov { left_rad: -half, right_rad: half, up_rad: half, down_rad: -half };
         let cant_rad = 0.1;
-        // Each eye outwards: the left one to the left. A rotation about +y turns to the left.
+        // Each eye is canted outwards: the left one to the left. A rotation about +y turns to the left.
         let eye = |side: f64, size: [u32; 2]| Eye {
             size,
             fov,
@@ -651,8 +659,8 @@ mod tests {
         assert_eq!([viewports[0].part, viewports[1].part], [Part::LeftEye, Part::RightEye]);
         let (sin, cos) = cant_rad.sin_cos();
         for (viewport, side) in viewports.iter().zip([-1.0, 1.0]) {
-            // In the room an eye looks along (side sin, 0, -cos). Turned to the left, x becomes -z and z becomes x; turned upwards,
-            // -z becomes y and y becomes z.
+            // In the room an eye looks along (side sin, 0, -cos). The turn to the left maps x to -z and z to x; the
+            // turn upwards maps -z to y and y to z.
             let ahead = viewport.world_from_view * DVec3::NEG_Z;
             assert!((ahead - DVec3::new(-cos, side * sin, 0.0)).length() < 1e-12, "{ahead}");
             let up = viewport.world_from_view * DVec3::Y;
@@ -666,7 +674,7 @@ mod tests {
     }
 
     #[test]
-    fn bad_names_twins_and_faces_are_refused() {
+    fn bad_names_duplicate_names_and_bad_faces_are_refused() {
         let kind = ViewKind::Equirectangular { size: [4, 2] };
         for name in ["", "a b", "a/b", "ü"] {
             assert!(matches!(view(name, kind.clone()), Err(RigError::Name { .. })), "{name}");

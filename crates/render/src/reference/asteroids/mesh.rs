@@ -1,11 +1,12 @@
-//! The truth of asteroid fields: every pixel's rays against the meshes themselves, in f64, in any projection.
+//! Ground truth of asteroid fields: traces the rays of every pixel against the meshes themselves, in f64, in any
+//! projection.
 //!
-//! A pixel is divided into n x n squares of the image plane, and a ray goes through the middle of each, from the eye's
-//! place, exact in f64. It meets the meshes of one level of detail as they are: flat triangles, normals and albedo
-//! between the vertices by the corners' weights, as on the GPU. Nothing casts a shadow on anything else, no light is
-//! reflected twice, the eye is at rest.
+//! A pixel is divided into n x n squares of the image plane, and a ray goes through the centre of each, from the exact
+//! f64 position of the eye. It is intersected with the meshes of one level of detail: flat triangles, with normals and
+//! albedo interpolated between the vertices as on the GPU. There are no shadows between asteroids and no second
+//! reflections; the eye is at rest.
 //!
-//! The instances that a pixel may show are found by its cone, down the tree of each field, first for squares of pixels.
+//! The instances that a pixel may show are found with its cone and the tree of each field, first for tiles of pixels.
 
 use std::f64::consts::PI;
 
@@ -18,14 +19,14 @@ use crate::{
     view::projection::PlaneMapping,
 };
 
-/// Pixels along a side of the squares that share a list of instances.
+/// Pixels along a side of the tiles that share a list of instances.
 const TILE: u32 = 8;
 
-/// Luminance of a surface under an illuminance of 1 lx, cd/m^2, from the albedo's factor at the point, the cosine of
-/// the light's angle to the normal and that of the eye's, both above 0.
+/// Luminance of a surface under an illuminance of 1 lx, cd/m^2, from the albedo factor at the point, and the cosines of
+/// the angles of the light and of the eye to the normal, both above 0.
 pub type Shade<'a> = &'a (dyn Fn(f64, f64, f64) -> f64 + Sync);
 
-/// A field at a moment, in the light of a sun.
+/// A field at a moment, lit by a sun.
 #[derive(Clone, Copy)]
 pub struct LitField<'a> {
     /// The field.
@@ -34,31 +35,31 @@ pub struct LitField<'a> {
     pub time_s: f64,
     /// Unit vector to the sun, world axes.
     pub towards_sun: DVec3,
-    /// Illuminance of a surface that faces the sun, lx.
+    /// Illuminance of a surface facing the sun, lx.
     pub illuminance_lx: f64,
-    /// How it reflects.
+    /// Its reflection function.
     pub shade: Shade<'a>,
 }
 
-/// How finely to render.
+/// Sampling of the rendering.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MeshSampling {
-    /// Level of detail, 0 the finest; a shape that has fewer levels takes its coarsest.
+    /// Level of detail, 0 is the finest; a shape with fewer levels uses its coarsest.
     pub level: usize,
     /// Rays along each side of a pixel, at least 1.
     pub rays_per_side: u32,
 }
 
-/// What a pixel shows.
+/// Result for a pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MeshPixel {
-    /// Share of the pixel that asteroids cover, 0 to 1.
+    /// Fraction of the pixel that asteroids cover, 0 to 1.
     pub coverage: f64,
-    /// Mean luminance over the pixel, the rest of it black, cd/m^2 where the shade is.
+    /// Mean luminance over the pixel, with the background black, cd/m^2 if the shade is.
     pub luminance: f64,
-    /// Mean of the normals that are seen, unit, world axes; 0 where nothing is.
+    /// Mean of the visible normals, unit, world axes; 0 if there are none.
     pub normal: DVec3,
-    /// Distance of the nearest point that a ray meets, m; infinite where none is.
+    /// Distance of the nearest hit, m; infinite if there is none.
     pub distance_m: f64,
 }
 
@@ -94,14 +95,14 @@ struct FieldView<'a> {
     time_parts: u32,
 }
 
-/// An instance of which something may be seen.
+/// An instance that may be visible.
 #[derive(Clone, Copy)]
 struct Candidate {
     field: usize,
     instance: usize,
-    /// Middle relative to the eye, world axes, m.
+    /// Centre relative to the eye, world axes, m.
     middle_m: DVec3,
-    /// Radius of the sphere that holds it, m.
+    /// Radius of its bounding sphere, m.
     bound_m: f64,
 }
 
@@ -113,7 +114,7 @@ struct Cone {
 }
 
 impl Cone {
-    /// The cone around directions: narrow where they are.
+    /// The cone around directions, with a small margin.
     fn around(directions: &[DVec3]) -> Option<Self> {
         let sum: DVec3 = directions.iter().sum();
         let axis = sum.try_normalize().or(directions.first().copied())?;
@@ -121,7 +122,7 @@ impl Cone {
         Some(Self { axis, half_angle_rad: widest * (1.0 + 1e-9) + 1e-12 })
     }
 
-    /// Whether a sphere may reach into it.
+    /// Whether a sphere may intersect the cone.
     fn meets(&self, middle_m: DVec3, radius_m: f64) -> bool {
         let distance_m = middle_m.length();
         if distance_m <= radius_m {
@@ -135,7 +136,7 @@ fn angle_rad(a: DVec3, b: DVec3) -> f64 {
     a.cross(b).length().atan2(a.dot(b))
 }
 
-/// Renders the meshes of fields as an eye sees them; its velocity is not read.
+/// Renders the meshes of fields as an eye sees them; its velocity is ignored.
 pub fn render_meshes(
     mapping: &dyn PlaneMapping,
     eye: Eye,
@@ -166,7 +167,7 @@ pub fn render_meshes(
                 let mut rays = rays.iter();
                 for row in &mut rows {
                     for (pixel, rays) in row[columns.start as usize..columns.end as usize].iter_mut().zip(&mut rays) {
-                        *pixel = shown(&seen, &candidates, rays);
+                        *pixel = trace(&seen, &candidates, rays);
                     }
                 }
             }
@@ -176,7 +177,7 @@ pub fn render_meshes(
     MeshImage { size, pixels: rows.concat() }
 }
 
-/// Unit directions through the middles of a pixel's squares, world axes; none outside of the picture.
+/// Unit directions through the centres of a pixel's squares, world axes; empty outside of the picture.
 fn rays_of(mapping: &dyn PlaneMapping, (x, y): (u32, u32), per_side: u32, world_from_view: DMat3) -> Vec<DVec3> {
     if !mapping.contains(x, y) {
         return Vec::new();
@@ -191,8 +192,8 @@ fn rays_of(mapping: &dyn PlaneMapping, (x, y): (u32, u32), per_side: u32, world_
         .collect()
 }
 
-/// What a pixel's rays meet.
-fn shown(seen: &[FieldView<'_>], candidates: &[Candidate], rays: &[DVec3]) -> MeshPixel {
+/// Traces the rays of a pixel.
+fn trace(seen: &[FieldView<'_>], candidates: &[Candidate], rays: &[DVec3]) -> MeshPixel {
     let Some(cone) = Cone::around(rays) else { return MeshPixel::EMPTY };
     let mut near: Vec<Candidate> = candidates.iter().filter(|c| cone.meets(c.middle_m, c.bound_m)).copied().collect();
     let front = |candidate: &Candidate| candidate.middle_m.length() - candidate.bound_m;
@@ -226,7 +227,7 @@ fn shown(seen: &[FieldView<'_>], candidates: &[Candidate], rays: &[DVec3]) -> Me
     }
 }
 
-/// Where a ray meets an instance.
+/// Intersection of a ray with an instance.
 struct Met {
     distance_m: f64,
     luminance: f64,
@@ -250,7 +251,7 @@ impl<'a> FieldView<'a> {
         }
     }
 
-    /// The instances whose spheres reach into a cone.
+    /// The instances whose bounding spheres intersect a cone.
     fn within(&self, field: usize, cone: &Cone) -> Vec<Candidate> {
         let instances = &self.lit.field.instances;
         let cone = Cone { axis: self.world_from_field.transpose() * cone.axis, ..*cone };
@@ -267,7 +268,8 @@ impl<'a> FieldView<'a> {
                 open.extend(below.map(|node| (level - 1, node)));
                 continue;
             }
-            // The middle minus the eye first: the offset then keeps its digits, however far both are out.
+            // Subtract the eye from the middle first: the offset then keeps its precision at any distance from the
+            // origin.
             let middle_m = node.middle_m - self.eye_m;
             for instance in below {
                 let packed = &instances.packed[instance];
@@ -287,15 +289,15 @@ impl<'a> FieldView<'a> {
         let packed = &instances.packed[candidate.instance];
         let model = self.models.get(packed.shape())?;
         let along_m = candidate.middle_m.dot(ray);
-        let beside_m = ray.cross(candidate.middle_m).length();
-        if beside_m > candidate.bound_m || along_m < -candidate.bound_m {
+        let across_m = ray.cross(candidate.middle_m).length();
+        if across_m > candidate.bound_m || along_m < -candidate.bound_m {
             return None;
         }
         let radius_m = packed.radius_m(instances.largest_m);
         let world_from_shape = self.world_from_field * DMat3::from_quat(packed.field_from_shape(self.time_parts));
         let shape_from_world = world_from_shape.transpose();
-        // From where the ray enters the sphere: far asteroids keep their digits.
-        let start_m = (along_m - (candidate.bound_m.powi(2) - beside_m.powi(2)).max(0.0).sqrt()).max(0.0);
+        // Start where the ray enters the bounding sphere: distant asteroids keep their precision.
+        let start_m = (along_m - (candidate.bound_m.powi(2) - across_m.powi(2)).max(0.0).sqrt()).max(0.0);
         let origin = shape_from_world * (ray * start_m - candidate.middle_m) / radius_m;
         let hit = model.tree.first_hit(origin, shape_from_world * ray)?;
         let triangle = model.mesh.triangles[hit.triangle];
@@ -306,14 +308,14 @@ impl<'a> FieldView<'a> {
         }
         let normal = (world_from_shape * normal).normalize_or_zero();
         let (cos_light, cos_eye) = (normal.dot(self.lit.towards_sun), -normal.dot(ray));
-        // A smooth normal may turn from the eye at the rim, where the triangle itself does not.
+        // At the rim, an interpolated normal may face away from the eye although the triangle itself does not.
         let lit = cos_light > 0.0 && cos_eye > 0.0;
         let luminance = if lit { (self.lit.shade)(albedo, cos_light, cos_eye) * self.lit.illuminance_lx } else { 0.0 };
         Some(Met { distance_m: start_m + hit.distance * radius_m, luminance, normal })
     }
 }
 
-/// Solid angle of all asteroids in a picture, sr: coverage times each pixel's own.
+/// Solid angle of all asteroids in a picture, sr: coverage times the solid angle of each pixel.
 pub fn covered_solid_angle_sr(image: &MeshImage, mapping: &dyn PlaneMapping) -> f64 {
     let width = image.size[0] as usize;
     let shares = image.pixels.iter().enumerate().filter(|(_, pixel)| pixel.coverage > 0.0);

@@ -1,10 +1,10 @@
-//! Bodies in f64, ray by ray: every pixel is cut into n by n parts, and through the middle of each a ray goes to the
-//! nearest body.
+//! Bodies in f64, ray by ray: every pixel is divided into n x n parts, and a ray through the centre of each is
+//! intersected with the nearest body.
 //!
-//! A part counts by its solid angle, from the directions of the middles of its sides, so that pixels at a pole or far
-//! off the axis are right too. Parts beyond the rim of a round picture are left out. The luminance of a pixel is the
-//! mean over its solid angle of what its rays see; where they see no body, that is 0: stars and the sky behind are to
-//! be added with 1 - coverage.
+//! A part is weighted by its solid angle, computed from the directions of the midpoints of its sides, so that pixels at
+//! a pole or far off the axis are also correct. Parts beyond the rim of a round picture are left out. The luminance of
+//! a pixel is the mean over its solid angle of the luminance along its rays, with 0 where they hit no body: the stars
+//! and the sky behind must be added with weight 1 - coverage.
 //!
 //! The eye is at rest. Luminance in cd/m^2 as linear Rec. 709.
 
@@ -29,12 +29,12 @@ pub struct BodyImage {
     pub size: [u32; 2],
     /// Mean luminance of every pixel, row by row from the top.
     pub luminance_cd_m2: Vec<[f64; 3]>,
-    /// Share of the solid angle of every pixel that bodies cover, 0 to 1.
+    /// Fraction of the solid angle of every pixel that bodies cover, 0 to 1.
     pub coverage: Vec<f64>,
 }
 
 impl BodyImage {
-    /// Illuminance of all pixels together, lx: luminance times solid angle, added up.
+    /// Illuminance of all pixels together, lx: the sum of luminance times solid angle.
     pub fn illuminance_lx(&self, mapping: &dyn PlaneMapping) -> [f64; 3] {
         let width = self.size[0];
         let mut sum = [0.0; 3];
@@ -55,7 +55,7 @@ impl BodyImage {
     }
 }
 
-/// A body and the cone that holds it.
+/// A body with its bounding cone.
 struct Target<'a> {
     seen: SeenBody<'a>,
     axis: DVec3,
@@ -63,8 +63,8 @@ struct Target<'a> {
     least_cos: f64,
 }
 
-/// Draws the bodies of a scene for an eye at `eye_m` (world axes), whose view axes `world_from_view` takes to world
-/// axes, with `samples` by `samples` rays a pixel.
+/// Draws the bodies of a scene for an eye at `eye_m` (world axes) with the rotation `world_from_view` from view axes to
+/// world axes, with `samples` x `samples` rays per pixel.
 pub fn draw(
     objects: &SceneObjects,
     eye_m: DVec3,
@@ -78,13 +78,13 @@ pub fn draw(
 /// An eye at rest.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Eye {
-    /// Its place, world axes, m.
+    /// Its position, world axes, m.
     pub eye_m: DVec3,
     /// Rotation from view axes to world axes.
     pub world_from_view: DQuat,
 }
 
-/// The same with the light of suns that need not be among the bodies.
+/// As [`draw`], with suns that need not be among the bodies.
 pub fn draw_lit(
     bodies: &[Arc<Body>],
     suns: &[Sun],
@@ -98,7 +98,8 @@ pub fn draw_lit(
         .map(|body| {
             let to_body_m = body.position_m - eye_m;
             let sine = body.radii_m.max_element() / to_body_m.length();
-            // Rounded up by more than the cosine's rounding; within the largest semi-axis the body may be anywhere.
+            // Widened by more than the rounding of the cosine; an eye within the largest semi-axis may see the body in
+            // any direction.
             let least_cos = if sine < 1.0 { (1.0 - sine * sine).sqrt() - 1e-12 } else { -1.0 };
             let seen = SeenBody::new(body, eye_m, &lights_on(body, suns, eye_m), time_s);
             Target { seen, axis: to_body_m.normalize_or_zero(), least_cos }
@@ -127,15 +128,15 @@ fn pixel(
     let middles = (0..samples).flat_map(|j| (0..samples).map(move |i| DVec2::new(f64::from(i), f64::from(j)) + 0.5));
     let seen: Vec<(DVec2, Option<[f64; 3]>)> = middles
         .map(|part| corner + part * step)
-        .filter_map(|at| Some((at, nearest(targets, world_from_view * mapping.direction_from_pixel(at)?))))
+        .filter_map(|place| Some((place, nearest(targets, world_from_view * mapping.direction_from_pixel(place)?))))
         .collect();
-    // Most pixels see no body: their parts need no weighing.
+    // Most pixels see no body: skip the weighting of their parts.
     if seen.iter().all(|(_, luminance)| luminance.is_none()) {
         return ([0.0; 3], 0.0);
     }
     let (mut luminance, mut covered, mut all) = ([0.0; 3], 0.0, 0.0);
-    for (at, seen) in seen {
-        let weight = part_sr(mapping, at, step / 2.0);
+    for (place, seen) in seen {
+        let weight = part_sr(mapping, place, step / 2.0);
         all += weight;
         if let Some(seen) = seen {
             covered += weight;
@@ -145,12 +146,12 @@ fn pixel(
     if all > 0.0 { (luminance.map(|channel| channel / all), covered / all) } else { ([0.0; 3], 0.0) }
 }
 
-/// Solid angle of the part of the plane within `half` of `at` along both axes, sr, to the second order. Sides beyond
-/// the picture's rim are replaced by the middle.
-fn part_sr(mapping: &dyn PlaneMapping, at: DVec2, half: f64) -> f64 {
+/// Solid angle of the part of the plane within `half` of `at` along both axes, sr, accurate to second order. Sides
+/// beyond the picture's rim are replaced by the centre.
+fn part_sr(mapping: &dyn PlaneMapping, place: DVec2, half: f64) -> f64 {
     let across = |axis: DVec2| {
-        let end = |sign: f64| mapping.direction_from_pixel(at + axis * (sign * half));
-        match (end(-1.0), mapping.direction_from_pixel(at), end(1.0)) {
+        let end = |sign: f64| mapping.direction_from_pixel(place + axis * (sign * half));
+        match (end(-1.0), mapping.direction_from_pixel(place), end(1.0)) {
             (Some(before), _, Some(after)) => after - before,
             (Some(before), Some(middle), None) => (middle - before) * 2.0,
             (None, Some(middle), Some(after)) => (after - middle) * 2.0,

@@ -1,4 +1,4 @@
-//! Twin of what the resolve pass adds of light that is of no single star.
+//! Twin of the unresolved light that the resolve pass adds.
 
 use glam::DVec3;
 
@@ -8,7 +8,8 @@ use crate::{
     scene::surroundings::LocalSky,
 };
 
-/// Luminance towards a direction as an observer of a velocity (in units of the speed of light, world axes) sees it, linear Rec. 709, cd/m^2: through the air of a place, where there is some.
+/// Luminance in a direction for an observer with a velocity (in units of the speed of light, world axes), linear Rec.
+/// 709, cd/m^2; through the local air, if there is any.
 pub fn luminance_cd_m2(sky: &DiffuseSky, seen: DVec3, velocity_c: DVec3, local: Option<&LocalSky>) -> [f64; 3] {
     let seen = seen.normalize();
     let beta = velocity_c.length();
@@ -17,7 +18,7 @@ pub fn luminance_cd_m2(sky: &DiffuseSky, seen: DVec3, velocity_c: DVec3, local: 
     if beta > 0.0 {
         let along = velocity_c / beta;
         let across = (seen - along * seen.dot(along)).normalize_or_zero();
-        // The sky moves the other way for the eye: back to its own axes.
+        // The inverse aberration: transform the direction back to the rest frame of the sky.
         let cosine = aberrated_cos(-beta, seen.dot(along));
         towards = along * cosine + across * (1.0 - cosine * cosine).max(0.0).sqrt();
         let doppler = gamma(beta) * (1.0 + beta * cosine);

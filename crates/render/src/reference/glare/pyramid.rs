@@ -1,11 +1,11 @@
-//! The published glare pyramids in f64: the twin of the shaders in `shaders/glare/pyramid/`.
-//! It rounds nothing, so what half floats cost shows in the difference.
+//! The published glare pyramids in f64: the twin of the shaders in `shaders/glare/pyramid/`. It does not round, so
+//! comparing the two shows the cost of half floats.
 //!
-//! What is published is kept as it is: luminance is blurred, not illuminance; sources outside of the picture give nothing; beyond
-//! the picture its border goes on and is counted again; round pictures stand in black; flat pictures mirror what lies behind the eye;
-//! nothing goes over the edge of a cube's face or the date line.
+//! The published behaviour is kept unchanged: luminance is blurred, not illuminance; sources outside of the picture
+//! contribute nothing; beyond the picture its border pixels are repeated; round pictures are surrounded by black; flat
+//! pictures mirror what lies behind the eye; nothing crosses the edge of a cube face or the date line.
 //!
-//! Units: cd/m^2, radians, places as parts of the sides of a level.
+//! Units: cd/m^2, radians; positions are relative to the sides of a level.
 
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
@@ -25,30 +25,31 @@ struct Level {
 }
 
 impl Level {
-    /// `colour` takes column and row.
+    /// Builds a level; `colour` takes column and row.
     fn new(size: [u32; 2], colour: impl Fn(u32, u32) -> DVec3 + Sync) -> Self {
         let [width, height] = size;
         let texels = (0..width * height).into_par_iter().map(|index| colour(index % width, index / width)).collect();
         Self { size, texels }
     }
 
-    /// The place of a texel's centre.
+    /// The position of a texel's centre.
     fn place(size: [u32; 2], x: u32, y: u32) -> DVec2 {
         pixel_centre(x, y) / sides(size)
     }
 
-    /// A texel, that of the border beyond it.
+    /// A texel; beyond the border, the nearest one on it.
     fn texel(&self, x: f64, y: f64) -> DVec3 {
         let last = sides(self.size) - 1.0;
         let (x, y) = (x.clamp(0.0, last.x) as usize, y.clamp(0.0, last.y) as usize);
         self.texels[y * self.size[0] as usize + x]
     }
 
-    /// Sum over 4 x 4 texels around a place with a product of weights, which `of_part` gives for the four of an axis.
-    fn lookup(&self, place: DVec2, of_part: impl Fn(f64) -> [f64; 4]) -> DVec3 {
-        let at = place * sides(self.size) - 0.5;
-        let (first, part) = (at.floor(), at - at.floor());
-        let (across, down) = (of_part(part.x), of_part(part.y));
+    /// Sum over 4 x 4 texels around a position, with a product of weights; `of_part` returns the four weights of an
+    /// axis.
+    fn lookup(&self, place: DVec2, weights_for: impl Fn(f64) -> [f64; 4]) -> DVec3 {
+        let texel_place = place * sides(self.size) - 0.5;
+        let (first, part) = (texel_place.floor(), texel_place - texel_place.floor());
+        let (across, down) = (weights_for(part.x), weights_for(part.y));
         let mut sum = DVec3::ZERO;
         for (j, weight_y) in (0..).zip(down) {
             for (i, weight_x) in (0..).zip(across) {
@@ -65,7 +66,7 @@ impl Level {
         self.lookup(place, |t| [0.0, 1.0 - t, t, 0.0])
     }
 
-    /// The cubic B-spline through the texels.
+    /// The cubic B-spline with the texels as coefficients.
     fn cubic(&self, place: DVec2) -> DVec3 {
         let outer = |t: f64| t * t * t / 6.0;
         let inner = |t: f64| (4.0 - 6.0 * t * t + 3.0 * t * t * t) / 6.0;
@@ -77,27 +78,28 @@ fn sides([width, height]: [u32; 2]) -> DVec2 {
     DVec2::new(f64::from(width), f64::from(height))
 }
 
-/// Great circles through a direction along which it is blurred: the unit vectors that they begin with.
+/// Great circles through a direction along which it is blurred, given by their unit tangents.
 fn tangents(d: DVec3) -> [DVec3; 2] {
-    // Turning about +x goes up or down.
+    // A rotation about +x goes up or down.
     let upwards = DVec3::X.cross(d);
     let outwards = DVec3::Z - d * d.z;
     let radial = if d.y < 0.0 { -outwards } else { outwards };
-    // The published mixture of both: radial from 30 degrees above and below the middle.
+    // The published mixture of both: radial from 30 degrees above and below the centre.
     let mixed = upwards.lerp(radial, (2.0 * d.y.abs()).min(1.0));
     let first = if mixed.length_squared() > 1e-12 { mixed.normalize() } else { DVec3::Y };
     [first, first.cross(d)]
 }
 
-/// The image of a tap as a part of the sides, if it has one.
+/// The image of a tap relative to the sides, if it has one.
 fn image_of(projection: &Projection, covered: DVec2, direction: DVec3) -> Option<DVec2> {
     let flat = matches!(projection, Projection::Perspective(_) | Projection::CubeFace(_));
     let direction = if flat && direction.z > 0.0 { -direction } else { direction };
     projection.mapping().pixel_from_direction(direction).map(|pixel| pixel / covered)
 }
 
-/// Light scattered towards every pixel, cd/m^2, row by row from the top: `light` spread over the picture, black where the picture
-/// has no pixel. `light` holds as many pixels as the picture has; those outside of a round picture are taken for black.
+/// Light scattered towards every pixel, cd/m^2, row by row from the top: `light` spread over the picture, black where
+/// the picture has no pixel. `light` has one value per pixel of the picture; those outside of a round picture are
+/// treated as black.
 pub fn scattered(
     projection: &Projection,
     light: &[[f64; 3]],
@@ -107,7 +109,7 @@ pub fn scattered(
     let mapping = projection.mapping();
     let [width, height] = mapping.size();
     let plan = PyramidPlan::new(mapping.size());
-    // Level 0 covers two by two pixels with every texel, beyond the picture where a side is odd.
+    // Each texel of level 0 covers 2 x 2 pixels, extending beyond the picture if a side is odd.
     let covered = 2.0 * sides(plan.sizes[0]);
     let pixel = |x: u32, y: u32| {
         let (x, y) = (x.min(width - 1), y.min(height - 1));
@@ -137,7 +139,7 @@ pub fn scattered(
     towards.texels.iter().map(DVec3::to_array).collect()
 }
 
-/// One texel, blurred along the first axis or the second.
+/// Blurs one texel along the first or the second axis.
 fn blur(
     projection: &Projection,
     (axes, axis): (PyramidAxes, usize),
@@ -169,7 +171,7 @@ fn blur(
     }
 }
 
-/// What a picture becomes: `fraction` of the light is scattered. Pixels as for [`scattered`].
+/// Adds glare to a picture: `fraction` of the light is scattered. Pixels as for [`scattered`].
 pub fn with_glare(
     projection: &Projection,
     light: &[[f64; 3]],

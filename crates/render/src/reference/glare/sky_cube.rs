@@ -1,12 +1,12 @@
-//! The truth of glare: a convolution on the sphere in f64, every source with every pixel that is asked for.
+//! Ground truth of glare: a convolution on the sphere in f64, of every source with every requested pixel.
 //!
-//! A source of illuminance E at an angle t shows the luminance `fraction` E k(t). Towards a pixel that is the mean over the
-//! pixel: the kernel at its centre where the pixel is small beside its distance from the source, else Gauss-Legendre quadrature
-//! with the area element of the mapping, over squares that are divided towards the source and along the rim of the kernel's
-//! plateau. What the mean over a pixel errs by is below 1e-4 of it for kernels without jumps.
+//! A source of illuminance E at an angle t causes the luminance `fraction` E k(t). For a pixel, the mean over the pixel
+//! is computed: the kernel at its centre if the pixel is small compared with its distance from the source; otherwise
+//! Gauss-Legendre quadrature with the area element of the mapping, over squares that are subdivided towards the source
+//! and along the rim of the kernel's plateau. The relative error of the mean is below 1e-4 for kernels without jumps.
 //!
-//! Sources need not lie in the picture. Extended ones are many points ([`disc_sources`]). A whole picture takes long: the pixels
-//! of a sample ([`sampled_pixels`]) tell as much.
+//! Sources need not lie in the picture. Extended ones are represented by many points ([`disc_sources`]). A whole
+//! picture is slow; a sample of pixels ([`sampled_pixels`]) is sufficient for comparisons.
 
 use std::collections::HashSet;
 
@@ -22,22 +22,22 @@ use crate::{
     view::projection::{PlaneMapping, pixel_centre},
 };
 
-/// Below this ratio of a pixel's radius to its distance from a source the centre stands for the pixel: for the inverse cube of
-/// the angle, the steepest of the kernels, the mean is 7e-5 higher.
+/// Ratio of a pixel's radius to its distance from a source below which the centre represents the pixel: for the inverse
+/// cube of the angle, the steepest kernel, the mean is 7e-5 higher.
 const SMALL: f64 = 0.01;
-/// The same ratio for a square whose five points each way are as good as the integral.
+/// The same ratio for a square for which quadrature with 5 x 5 points is accurate.
 const SMOOTH: f64 = 0.25;
-/// Radius of the squares that the rim of the plateau crosses, in inner angles.
+/// Radius of the squares that the rim of the plateau crosses, in units of the inner angle.
 const AT_RIM: f64 = 0.05;
 
 /// Scattered light.
 #[derive(Clone, Copy)]
 pub struct Veil<'a> {
-    /// Every source of light, in the picture or not.
+    /// All sources of light, inside the picture or not.
     pub sources: &'a [SkyStar],
-    /// How scattered light falls off.
+    /// The angular distribution of scattered light.
     pub kernel: &'a dyn GlareKernel,
-    /// Share of the light that is scattered.
+    /// Fraction of the light that is scattered.
     pub fraction: f64,
 }
 
@@ -53,7 +53,7 @@ impl Veil<'_> {
         Some(self.sum(|source| self.mean_over(&pixel, source)))
     }
 
-    /// [`Veil::over_pixel`] of many pixels, in their order, the same on any number of threads.
+    /// [`Veil::over_pixel`] for many pixels, in order; independent of the number of threads.
     pub fn over_pixels(&self, mapping: &dyn PlaneMapping, pixels: &[[u32; 2]]) -> Vec<Option<[f64; 3]>> {
         pixels.par_iter().map(|pixel| self.over_pixel(mapping, *pixel)).collect()
     }
@@ -76,16 +76,16 @@ impl Veil<'_> {
         if area > 0.0 { light / area } else { self.kernel.per_sr(distance) }
     }
 
-    /// Integral of the kernel over a square of the pixel, and its solid angle, sr.
+    /// Integral of the kernel over a square of the pixel, and the square's solid angle, sr.
     fn integrate(&self, pixel: &Pixel<'_>, source: DVec3, from: DVec2, side: f64) -> (f64, f64) {
-        // A mapping is not straight: what lies half a pixel across may be farther than half of the radius.
+        // Mappings are curved: a point half a pixel away may be farther than half of the radius.
         let radius = 1.5 * pixel.radius_rad * side;
         let inner = self.kernel.inner_rad();
         let fine = match pixel.middle(from, side).map(|middle| separation_rad(middle, source)) {
             Some(distance) if distance + radius <= inner => true,
             Some(distance) if distance - radius < inner => radius <= AT_RIM * inner,
             Some(distance) => radius <= SMOOTH * distance,
-            // Beyond a rim nothing tells how far the source is.
+            // Beyond a rim, the distance to the source is unknown.
             None => side < 0.02,
         };
         if fine {
@@ -102,13 +102,13 @@ impl Veil<'_> {
     }
 }
 
-/// A disc of even light around a unit direction: `count` points of equal light on equal areas of the cap of that angular radius
-/// (at most pi, rad), which have `rgb_lx` together. None for a count of 0.
+/// A uniform disc of light around a unit direction: `count` points of equal light on equal areas of the cap with this
+/// angular radius (at most pi, rad), with `rgb_lx` in total. Empty for a count of 0.
 pub fn disc_sources(direction: DVec3, radius_rad: f64, rgb_lx: [f64; 3], count: u32) -> Vec<SkyStar> {
     let (right, up) = direction.any_orthonormal_pair();
     let golden_angle = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
     let place = |i: u32| {
-        // The square of the sine of half the angle goes with the area of the cap within it, without cancellation.
+        // The square of the sine of half the angle is proportional to the area of the cap, without cancellation.
         let half_sine = (0.5 * radius_rad).sin() * ((f64::from(i) + 0.5) / f64::from(count)).sqrt();
         let (sine, cosine) =
             (2.0 * half_sine * (1.0 - half_sine * half_sine).sqrt(), 1.0 - 2.0 * half_sine * half_sine);
@@ -119,11 +119,11 @@ pub fn disc_sources(direction: DVec3, radius_rad: f64, rgb_lx: [f64; 3], count: 
     (0..count).map(|i| SkyStar { direction: place(i).normalize(), rgb_lx }).collect()
 }
 
-/// Pixels spread evenly over a picture, each once, the same for the same arguments: `count` of them, or as many as there are.
-/// Pixels outside of the picture are left out, and those whose centres lie within an angle (rad) of a unit direction of `near`.
+/// Distinct pixels spread evenly over a picture, deterministic: `count` of them, or as many as there are. Excludes
+/// pixels outside of the picture, and those whose centres lie within an angle (rad) of a unit direction in `near`.
 pub fn sampled_pixels(mapping: &dyn PlaneMapping, count: usize, near: &[(DVec3, f64)]) -> Vec<[u32; 2]> {
-    // Steps of the plane's counterpart of the golden section (M. Roberts, "The Unreasonable Effectiveness of Quasirandom
-    // Sequences", 2018): powers of the inverse of the root of x^3 = x + 1.
+    // Steps of the two-dimensional counterpart of the golden section (M. Roberts, "The Unreasonable Effectiveness of
+    // Quasirandom Sequences", 2018): powers of the inverse of the root of x^3 = x + 1.
     const STEP: DVec2 = DVec2::new(0.754_877_666_246_692_8, 0.569_840_290_998_053_2);
     let [width, height] = mapping.size();
     let is_wanted = |[x, y]: [u32; 2]| {
@@ -132,7 +132,7 @@ pub fn sampled_pixels(mapping: &dyn PlaneMapping, count: usize, near: &[(DVec3, 
     };
     let mut taken = HashSet::new();
     let all = u64::from(width) * u64::from(height);
-    // A walk of this length visits nearly every pixel of a small picture and finds the wanted ones of a large one.
+    // A walk of this length visits nearly every pixel of a small picture, and finds enough pixels of a large one.
     (0..8 * all)
         .map(|i| (STEP * (i + 1) as f64).fract())
         .map(|at| [(at.x * f64::from(width)) as u32, (at.y * f64::from(height)) as u32])
@@ -160,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn one_source_shows_the_kernel() {
+    fn one_source_gives_the_kernel() {
         let kernel = kernel(0.1);
         let source = [star(DVec3::new(0.3, -0.2, -1.0))];
         let veil = Veil { sources: &source, kernel: &kernel, fraction: 0.1 };
@@ -172,7 +172,7 @@ mod tests {
                 assert!((found / expected - 1.0).abs() < 1e-9, "{angle}: {found} {expected}");
             }
         }
-        // Sources add up.
+        // Sources are additive.
         let two = [source[0], star(DVec3::Y)];
         let other = Veil { sources: &two[1..], ..veil }.towards(DVec3::X);
         let sum = Veil { sources: &two, ..veil }.towards(DVec3::X);
@@ -180,13 +180,13 @@ mod tests {
     }
 
     #[test]
-    fn a_whole_sky_holds_what_is_scattered() {
+    fn a_whole_sky_contains_all_scattered_light() {
         let mapping = Equirectangular::new([64, 32]).unwrap();
         let pixels: Vec<[u32; 2]> = (0..32).flat_map(|y| (0..64).map(move |x| [x, y])).collect();
         let cie = Normalised::new(Cie::new(0.1_f64.to_radians(), 35.0, EyeColour::Brown)).unwrap();
         let square = kernel(0.1);
         let kernels: [&dyn GlareKernel; 2] = [&square, &cie];
-        // In a pixel, on a corner of pixels, on a pole.
+        // Inside a pixel, at a corner of pixels, at a pole.
         for direction in [DVec3::new(0.3, 0.2, -1.0), DVec3::NEG_Z, DVec3::Y] {
             let source = [star(direction)];
             for kernel in kernels {
@@ -204,7 +204,7 @@ mod tests {
                         veil.towards(centre.unwrap())[0] * mapping.solid_angle_sr(*x, *y)
                     })
                     .sum();
-                // Pixels as wide as 50 inner angles: their centres do not tell what they hold.
+                // Pixels as wide as 50 inner angles: their centres do not represent them.
                 assert!((centres / 0.1 - 1.0).abs() > 0.05, "{direction}: {centres}");
             }
         }
@@ -234,7 +234,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wrong_picture_is_told_apart() {
+    fn a_wrong_picture_is_detected() {
         let mapping = Fisheye::new([64, 64], FisheyeMapping::Equidistant, PI).unwrap();
         let source = [star(DVec3::new(0.8, 0.3, -0.5)), star(DVec3::new(0.1, -0.3, 0.9))];
         let right_kernel = kernel(0.1);
@@ -250,20 +250,20 @@ mod tests {
         let wider = kernel(0.2);
         assert!(rms(Veil { kernel: &wider, ..right }) > 0.02);
         assert!(rms(Veil { fraction: 0.103, ..right }) > 0.02);
-        // A source behind the eye gives light too; without it, or mirrored, the picture is another.
+        // A source behind the eye contributes; without it, or mirrored, the picture differs.
         assert!(rms(Veil { sources: &source[..1], ..right }) > 0.02);
         let mirrored = source.map(|s| SkyStar { direction: s.direction * DVec3::new(-1.0, 1.0, 1.0), ..s });
         assert!(rms(Veil { sources: &mirrored, ..right }) > 0.02);
     }
 
     #[test]
-    fn a_disc_is_a_point_from_far_and_is_not_from_near() {
+    fn a_disc_looks_like_a_point_only_from_far_away() {
         let direction = DVec3::new(0.2, 0.5, -0.8).normalize();
         let radius = 0.25_f64.to_radians();
         let disc = disc_sources(direction, radius, [3.0; 3], 2000);
         let (sum, middle) = disc.iter().fold((0.0, DVec3::ZERO), |(sum, m), s| (sum + s.rgb_lx[0], m + s.direction));
         assert!((sum - 3.0).abs() < 1e-12 && separation_rad(middle.normalize(), direction) < 0.01 * radius);
-        // Half of the light within the radius of half of the area.
+        // Half of the light lies within the radius of half of the area.
         let within = disc.iter().filter(|s| separation_rad(s.direction, direction) < radius * 0.5_f64.sqrt()).count();
         assert!(within.abs_diff(1000) <= 1 && disc.iter().all(|s| separation_rad(s.direction, direction) <= radius));
 
@@ -281,13 +281,13 @@ mod tests {
         assert!((ratio(1.0) - (1.0 + 0.5 * 0.0625)).abs() < 0.01, "{}", ratio(1.0));
         assert!(ratio(0.0) < 0.3);
         assert!(disc_sources(direction, radius, [1.0; 3], 0).is_empty());
-        // A whole sphere is even in all directions.
+        // Points over a whole sphere are balanced in all directions.
         let sphere = disc_sources(direction, PI, [1.0; 3], 4000);
         assert!(sphere.iter().map(|s| s.direction).sum::<DVec3>().length() < 2.0);
     }
 
     #[test]
-    fn sampled_pixels_cover_the_picture_evenly_and_keep_away() {
+    fn sampled_pixels_cover_the_picture_evenly_except_near_sources() {
         let mapping = Fisheye::new([100, 100], FisheyeMapping::Equisolid, PI).unwrap();
         let source = DVec3::new(0.5, 0.2, -1.0).normalize();
         let pixels = sampled_pixels(&mapping, 1000, &[(source, 0.3)]);
@@ -295,13 +295,13 @@ mod tests {
         let at = |[x, y]: &[u32; 2]| mapping.direction_from_pixel(pixel_centre(*x, *y));
         assert!(pixels.iter().all(|pixel| separation_rad(at(pixel).unwrap(), source) > 0.3));
         assert_eq!(pixels, sampled_pixels(&mapping, 1000, &[(source, 0.3)]));
-        // A quarter of the pixels in each quarter.
+        // A quarter of the pixels lies in each quarter.
         let whole = sampled_pixels(&mapping, 1000, &[]);
         for (right, low) in [(false, false), (false, true), (true, false), (true, true)] {
             let count = whole.iter().filter(|[x, y]| (*x >= 50, *y >= 50) == (right, low)).count();
             assert!(count.abs_diff(250) < 15, "{count}");
         }
-        // No more than there are.
+        // Not more pixels than there are.
         assert_eq!(sampled_pixels(&mapping, 20_000, &[]).len(), sampled_pixels(&mapping, 10_000, &[]).len());
         assert!(sampled_pixels(&mapping, 10, &[(source, PI)]).is_empty());
     }

@@ -1,4 +1,4 @@
-//! The twin of the overlay pass: it goes through the items of a plan, not through pixels, and knows no blocks.
+//! The twin of the overlay pass: it iterates over the items of a plan instead of pixels, and does not use blocks.
 
 use std::collections::BTreeMap;
 
@@ -10,12 +10,12 @@ use crate::{
     view::projection::pixel_centre,
 };
 
-/// What bodies and asteroids cover of a pixel.
+/// Coverage of a pixel by bodies and asteroids.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cover {
-    /// 0 to 1.
+    /// Covered fraction, 0 to 1.
     pub share: f64,
-    /// How far away the nearest of it is, m.
+    /// Distance of the nearest covering object, m.
     pub distance_m: f64,
 }
 
@@ -27,11 +27,12 @@ pub struct OverlayTarget<'a> {
     pub codes: &'a mut [u8],
     /// Whether a pixel belongs to the picture: nothing is drawn outside of a round one.
     pub contains: &'a dyn Fn(u32, u32) -> bool,
-    /// What stands before a pixel.
+    /// Objects in front of a pixel.
     pub cover: &'a dyn Fn(u32, u32) -> Option<Cover>,
 }
 
-/// Share of a pixel that a line of round ends covers: `half_width_px + 0.5` less the distance of the pixel's centre.
+/// Fraction of a pixel covered by a line with round ends: `half_width_px + 0.5` minus the distance of the pixel's
+/// centre.
 pub fn line_coverage(centre: DVec2, from: DVec2, to: DVec2, half_width_px: f64) -> f64 {
     let along = to - from;
     let length_squared = along.length_squared();
@@ -39,7 +40,7 @@ pub fn line_coverage(centre: DVec2, from: DVec2, to: DVec2, half_width_px: f64) 
     (half_width_px + 0.5 - centre.distance(from + along * part)).clamp(0.0, 1.0)
 }
 
-/// Where a shape may cover pixels: first column and row, and those after the last.
+/// Pixels that a shape may cover: first column and row, and those after the last.
 fn bounds(shape: &Shape, size: [u32; 2]) -> [[u32; 2]; 2] {
     let (least, most) = match *shape {
         Shape::Line { from, to, half_width_px, .. } => {
@@ -59,7 +60,7 @@ fn bounds(shape: &Shape, size: [u32; 2]) -> [[u32; 2]; 2] {
     ]
 }
 
-/// Coverage of a pixel by a shape, and 1 over the distance of what covers it.
+/// Coverage of a pixel by a shape, and the inverse of the distance of the covering point.
 fn coverage(shape: &Shape, texels: &[u8], x: u32, y: u32) -> (f64, f64) {
     match *shape {
         Shape::Line { from, to, half_width_px, nearness } => {
@@ -79,9 +80,9 @@ fn coverage(shape: &Shape, texels: &[u8], x: u32, y: u32) -> (f64, f64) {
     }
 }
 
-/// Draws items in their order.
+/// Draws items in order.
 pub fn draw(target: &mut OverlayTarget<'_>, items: &[Item], texels: &[u8]) {
-    // Light of the pixels that were touched: rounded once, at the end.
+    // Linear light of the touched pixels: rounded only once, at the end.
     let mut lights: BTreeMap<(u32, u32), [f64; 3]> = BTreeMap::new();
     let [width, _] = target.size;
     let index_of = |(x, y): (u32, u32)| 4 * (y as usize * width as usize + x as usize);

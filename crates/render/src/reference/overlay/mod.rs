@@ -1,3 +1,3 @@
-//! The twins of overlays.
+//! Twins of the overlay passes.
 
 pub mod draw;

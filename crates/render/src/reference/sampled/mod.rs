@@ -1,10 +1,11 @@
-//! Chosen pixels of images in f64: what the star passes and `sky_cube` are to draw there, star by star, with no map and no grid.
+//! Chosen pixels of images in f64: the exact result of the star passes and of `sky_cube` there, star by star, without
+//! maps or grids.
 //!
-//! A frame in f64 takes minutes; a few hundred pixels of it take about as long as going through the catalogue once. Every chunk of stars is
-//! looked at by itself: a star that may reach a chosen pixel is spread with the kernel that belongs to the picture (by its luminance over the
-//! pixel at its place, as `peak_luminance` in `shaders/shared/splat.wgsl`), and the chunk's stars form a tree that adds up their glare
-//! ([`veil_tree`]). Chunks are shared out in a fixed way and added in a fixed order: the same input gives the same bits on any number of
-//! threads. Units: lx, cd/m^2, pc.
+//! A frame in f64 takes minutes; a few hundred pixels take about as long as one pass over the catalogue. Each chunk of
+//! stars is processed separately: a star that may reach a chosen pixel is spread with the kernel that the view uses
+//! (selected by its luminance over the pixel at its position, as by `peak_luminance` in `shaders/shared/splat.wgsl`),
+//! and the chunk's stars form a tree that sums their glare ([`veil_tree`]). Chunks are distributed in a fixed way and
+//! summed in a fixed order: the result is bit-identical for any number of threads. Units: lx, cd/m^2, pc.
 
 mod veil_tree;
 
@@ -32,23 +33,24 @@ use crate::{
     view::projection::{Projection, pixel_centre},
 };
 
-/// Parts that the chunks are shared out in.
+/// Number of parts into which the chunks are distributed.
 const PARTS: usize = 32;
-/// How far from its image a star may have to do with a pixel: the widest kernel, and what positions in f32 add, pixels.
+/// Largest distance from its image at which a star affects a pixel: the widest kernel, plus the f32 error of positions,
+/// pixels.
 const REACH_PX: f64 = 5.0;
-/// Sides of the blocks of pixels that tell whether a star is near a chosen one.
+/// Side of the pixel blocks that record whether a star is near a chosen pixel.
 const BLOCK_PX: f64 = 8.0;
-/// The veil in the midst of the Milky Way over the mean one.
+/// Veil in the middle of the Milky Way relative to the mean veil.
 const BRIGHTEST_VEIL: f64 = 4.0;
-/// A star within this of a threshold, relative, may take either kernel in f32.
+/// Relative distance from a threshold within which f32 may select either kernel.
 const UNDECIDED: f64 = 1e-4;
 
-/// The sky that is seen.
+/// Input sky.
 #[derive(Clone, Copy)]
 pub struct SampledSky<'a> {
     /// Its stars.
     pub stars: &'a StarSet,
-    /// Place of the eye, ICRS, barycentric, m.
+    /// Position of the eye, ICRS, barycentric, m.
     pub eye_m: DVec3,
     /// Its velocity in units of the speed of light, world axes.
     pub velocity_c: DVec3,
@@ -58,54 +60,54 @@ pub struct SampledSky<'a> {
     pub glare: Option<SampledGlare<'a>>,
 }
 
-/// Light that is scattered.
+/// Scattered light.
 #[derive(Clone, Copy)]
 pub struct SampledGlare<'a> {
-    /// How it falls off.
+    /// Its angular distribution.
     pub kernel: &'a dyn GlareKernel,
-    /// Share of the light that is scattered.
+    /// Fraction of the light that is scattered.
     pub fraction: f64,
-    /// A source is drawn by itself where its veil exceeds this share of the veil around it.
+    /// A source is drawn individually if its veil exceeds this fraction of the veil around it.
     pub tolerance: f64,
 }
 
-/// An image of which some pixels are asked for.
+/// An image with its chosen pixels.
 pub struct SampledImage<'a> {
     /// Its projection.
     pub projection: &'a Projection,
-    /// From view axes to world axes.
+    /// Rotation from view axes to world axes.
     pub world_from_view: DQuat,
-    /// Which kernel serves which brightness.
+    /// Kernel for each range of brightness.
     pub kernels: KernelPlan,
-    /// The glare's kernel as the image's pixels show it.
+    /// The glare kernel at the resolution of the image's pixels.
     pub shown: Option<ShownCore>,
-    /// Column and row of each, inside of the picture.
+    /// Column and row of each chosen pixel, inside of the picture.
     pub pixels: &'a [[u32; 2]],
 }
 
-/// What a pixel shows.
+/// Exact light of a pixel.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PixelLight {
-    /// Luminance of the stars' images, without what is scattered, linear Rec. 709, cd/m^2.
+    /// Luminance of the stars' images, without scattered light, linear Rec. 709, cd/m^2.
     pub stars_cd_m2: [f64; 3],
-    /// Luminance of the veil, the same.
+    /// Luminance of the veil, in the same units.
     pub veil_cd_m2: [f64; 3],
-    /// Luminance of what is of no single star, in the middle of the pixel, the same.
+    /// Luminance of unresolved light at the centre of the pixel, in the same units.
     pub diffuse_cd_m2: [f64; 3],
-    /// Luminance that the stars whose images are near would have if all their light were in this pixel, cd/m^2: what an error of a position
-    /// is to be multiplied by.
+    /// Luminance that the nearby stars would have if all their light were in this pixel, cd/m^2: the factor for errors
+    /// of position.
     pub near_cd_m2: f64,
-    /// How many these are.
+    /// Number of these stars.
     pub near_stars: u32,
-    /// Mean luminance of the faint sources around, as far as a pixel cannot tell where it is scattered from: what they scatter within a pixel or
-    /// two of themselves, spread over degrees, cd/m^2.
+    /// Mean luminance of the surrounding faint sources whose scattered light is not resolved: the light that they
+    /// scatter within a pixel or two of themselves, spread over degrees, cd/m^2.
     pub unresolved_cd_m2: f64,
-    /// Whether a star near it stands so close to a threshold that f32 may draw it with another kernel, or not at all.
+    /// Whether a nearby star is so close to a threshold that f32 may draw it with another kernel, or not at all.
     pub undecided: bool,
 }
 
 impl PixelLight {
-    /// All of it, cd/m^2.
+    /// Total luminance, cd/m^2.
     pub fn luminance_cd_m2(&self) -> [f64; 3] {
         std::array::from_fn(|channel| {
             self.stars_cd_m2[channel] + self.veil_cd_m2[channel] + self.diffuse_cd_m2[channel]
@@ -113,7 +115,7 @@ impl PixelLight {
     }
 }
 
-/// Sums of a pixel: illuminance of stars, lx, and the veil of unit fraction, cd/m^2.
+/// Sums of a pixel: illuminance of stars, lx, and the veil for a fraction of 1, cd/m^2.
 #[derive(Clone, Copy, Default)]
 struct Sums {
     light_lx: [f64; 3],
@@ -137,12 +139,12 @@ impl Sums {
     }
 }
 
-/// The chosen pixels of all images, image by image in their order. All images are seen by the same eye. Kernels that are round in view space
-/// ([`crate::plan::GaussianKernel::Round`]) are not drawn.
+/// Computes the chosen pixels of all images, in order. All images must have the same eye. Kernels that are round in
+/// view space ([`crate::plan::GaussianKernel::Round`]) are not drawn.
 pub fn pixels(sky: &SampledSky<'_>, images: &[SampledImage<'_>]) -> Vec<Vec<PixelLight>> {
     let places: Vec<Places> = images.iter().map(Places::new).collect();
     let directions: Vec<Scattered> = images.iter().flat_map(Scattered::of_image).collect();
-    // A colour takes an integral over the spectrum; catalogues have no more temperatures than these.
+    // A colour requires an integral over the spectrum; catalogues only use these temperature steps.
     let colours: Vec<[f64; 3]> =
         (0..TEMPERATURE_STEPS).map(|step| rec709_in_gamut(temperature_of_step_k(step))).collect();
     let eye = Eye { position_m: sky.eye_m, world_from_view: DQuat::IDENTITY, velocity_c: sky.velocity_c };
@@ -150,13 +152,16 @@ pub fn pixels(sky: &SampledSky<'_>, images: &[SampledImage<'_>]) -> Vec<Vec<Pixe
     let faint_below_lx = faint_below_lx(sky, images, &sight);
     let (places, directions, colours) = (&places[..], &directions[..], &colours[..]);
     let painter = Painter { sky, images, places, directions, colours, sight, faint_below_lx };
+    // Process parts of the chunks in parallel, each with its own sums.
     let chunks = &sky.stars.chunks;
     let part = chunks.len().div_ceil(PARTS).max(1);
-    let parts: Vec<Vec<Sums>> = chunks.par_chunks(part).map(|chunks| painter.of_chunks(chunks)).collect();
+    let parts: Vec<Vec<Sums>> = chunks.par_chunks(part).map(|chunks| painter.sums_of_chunks(chunks)).collect();
+    // Add the parts in a fixed order.
     let mut sums = vec![Sums::default(); directions.len()];
     for part in &parts {
         sums.iter_mut().zip(part).for_each(|(sum, part)| sum.add(part));
     }
+    // Convert the sums to luminance.
     let fraction = sky.glare.map_or(0.0, |glare| glare.fraction);
     let mut sums = sums.into_iter();
     let of_image = |image: &SampledImage<'_>| -> Vec<PixelLight> {
@@ -182,7 +187,7 @@ pub fn pixels(sky: &SampledSky<'_>, images: &[SampledImage<'_>]) -> Vec<Vec<Pixe
     images.iter().map(of_image).collect()
 }
 
-/// The light of no single star in the middle of a pixel.
+/// Unresolved light at the centre of a pixel.
 fn diffuse_at(sky: &SampledSky<'_>, image: &SampledImage<'_>, [x, y]: [u32; 2]) -> [f64; 3] {
     let towards = image.projection.mapping().direction_from_pixel(pixel_centre(x, y));
     match (&sky.stars.unresolved, towards) {
@@ -193,28 +198,28 @@ fn diffuse_at(sky: &SampledSky<'_>, image: &SampledImage<'_>, [x, y]: [u32; 2]) 
     }
 }
 
-/// Sources below this may be too faint to be drawn by themselves where their kernels are as wide as pixels can show them: under the brightest veil of
-/// the sky, with the coarsest pixels.
+/// Illuminance below which a source may be too faint to be drawn individually, if its kernel is as wide as the pixels
+/// can resolve: under the brightest veil of the sky, with the coarsest pixels.
 fn faint_below_lx(sky: &SampledSky<'_>, images: &[SampledImage<'_>], sight: &Sight) -> f64 {
     let Some(SampledGlare { kernel, tolerance, .. }) = sky.glare else { return 0.0 };
-    let of_chunk = |chunk: &Chunk| -> f64 {
+    let chunk_light = |chunk: &Chunk| -> f64 {
         let seen = sky.stars.stars_of(chunk).iter().filter_map(|star| {
             sight.of(chunk.origin_pc + Vec3::from_array(star.offset_pc).as_dvec3(), chunk.at_infinity, star)
         });
         seen.map(|star| star.illuminance_lx).sum()
     };
-    // In the order of the chunks, whoever sums them.
-    let light_lx: f64 = sky.stars.chunks.par_iter().map(of_chunk).collect::<Vec<_>>().iter().sum();
+    // Summed in the order of the chunks, independent of threads.
+    let light_lx: f64 = sky.stars.chunks.par_iter().map(chunk_light).collect::<Vec<_>>().iter().sum();
     let cores = images.iter().filter_map(|image| image.shown).map(|shown| shown.core.squared);
     let widest = cores.fold(0.0, f64::max);
     BRIGHTEST_VEIL * tolerance * light_lx / (4.0 * PI) / kernel.per_sr(angle_of_chord_squared(widest))
 }
 
-/// Where the chosen pixels of an image are.
+/// The positions of an image's chosen pixels.
 struct Places {
-    /// Number of each by row times width plus column.
+    /// Index of each chosen pixel, by row times width plus column.
     numbers: HashMap<u32, usize>,
-    /// Per block of pixels whether a star in it may reach one.
+    /// For each block of pixels, whether a star in it may reach a chosen pixel.
     near: Vec<bool>,
     blocks_across: usize,
     size: [u32; 2],
@@ -229,8 +234,8 @@ impl Places {
         let mut numbers = HashMap::with_capacity(image.pixels.len());
         for (number, [x, y]) in image.pixels.iter().enumerate() {
             numbers.insert(y * size[0] + x, number);
-            let [columns, rows] = [(*x, blocks_across), (*y, blocks_down)].map(|(at, blocks)| {
-                let block = (f64::from(at) / BLOCK_PX) as usize;
+            let [columns, rows] = [(*x, blocks_across), (*y, blocks_down)].map(|(coordinate, blocks)| {
+                let block = (f64::from(coordinate) / BLOCK_PX) as usize;
                 block.saturating_sub(1)..(block + 2).min(blocks)
             });
             for row in rows {
@@ -241,11 +246,11 @@ impl Places {
         Self { numbers, near, blocks_across, size, wraps }
     }
 
-    /// Whether a star whose image is at `pixel` may reach a chosen pixel.
+    /// Whether a star with its image at `pixel` may reach a chosen pixel.
     fn may_reach(&self, pixel: DVec2) -> bool {
         let size = DVec2::new(f64::from(self.size[0]), f64::from(self.size[1]));
         let inside = pixel.cmpge(DVec2::splat(-REACH_PX)).all() && pixel.cmple(size + REACH_PX).all();
-        // What leaves such a picture comes back elsewhere.
+        // In such a picture, a kernel that crosses the border reappears elsewhere.
         if self.wraps && (pixel.cmplt(DVec2::splat(REACH_PX)).any() || pixel.cmpgt(size - REACH_PX).any()) {
             return inside;
         }
@@ -261,11 +266,11 @@ struct Painter<'a> {
     directions: &'a [Scattered],
     colours: &'a [[f64; 3]],
     sight: Sight,
-    /// Fainter sources are too faint to be drawn by themselves everywhere, lx.
+    /// Sources below this may be too faint to be drawn individually, lx.
     faint_below_lx: f64,
 }
 
-/// A star of the chunk that is looked at.
+/// A star of the current chunk.
 #[derive(Clone, Copy)]
 struct Star {
     /// Unit vector, world axes.
@@ -275,7 +280,7 @@ struct Star {
 }
 
 impl Painter<'_> {
-    fn of_chunks(&self, chunks: &[Chunk]) -> Vec<Sums> {
+    fn sums_of_chunks(&self, chunks: &[Chunk]) -> Vec<Sums> {
         let mut sums = vec![Sums::default(); self.directions.len()];
         let mut stars = Vec::new();
         let mut tree = VeilTree::default();
@@ -289,7 +294,7 @@ impl Painter<'_> {
                 first += image.pixels.len();
             }
             if let Some(SampledGlare { kernel, .. }) = self.sky.glare {
-                // What is not drawn does not glare.
+                // Stars that are not drawn cause no glare.
                 let glaring = stars.iter().filter(|star| star.illuminance_lx >= self.sky.faintest_lx);
                 tree.build(glaring.map(|star| {
                     let is_faint = star.illuminance_lx < self.faint_below_lx;
@@ -323,8 +328,8 @@ impl Painter<'_> {
 
 /// Adds a star to the pixels that it reaches.
 fn spread(star: &Star, faintest_lx: f64, image: &SampledImage<'_>, places: &Places, sums: &mut [Sums]) {
-    let of_limit = star.illuminance_lx / faintest_lx;
-    if of_limit < 1.0 - UNDECIDED {
+    let over_limit = star.illuminance_lx / faintest_lx;
+    if over_limit < 1.0 - UNDECIDED {
         return;
     }
     let mapping = image.projection.mapping();
@@ -336,11 +341,11 @@ fn spread(star: &Star, faintest_lx: f64, image: &SampledImage<'_>, places: &Plac
     let Some([longer, shorter]) = mapping.pixel_extent_rad(direction) else { return };
     let peak_cd_m2 = star.illuminance_lx / (longer * shorter);
     let KernelPlan { tent_below_cd_m2, gaussian_from_cd_m2, .. } = image.kernels;
-    let between = (peak_cd_m2 / tent_below_cd_m2 - 1.0).abs() < UNDECIDED || (of_limit - 1.0).abs() < UNDECIDED;
+    let between = (peak_cd_m2 / tent_below_cd_m2 - 1.0).abs() < UNDECIDED || (over_limit - 1.0).abs() < UNDECIDED;
     let number = |x: u32, y: u32| places.numbers.get(&(y * places.size[0] + x)).copied();
-    // Whatever an error of its position may bring here.
+    // All pixels that the star may reach with an error of its position.
     let around = |centre: DVec2| -> Vec<(i64, i64, f64)> {
-        let [column, row] = [centre.x, centre.y].map(|at| at.floor() as i64);
+        let [column, row] = [centre.x, centre.y].map(|coordinate| coordinate.floor() as i64);
         let reach = if peak_cd_m2 >= gaussian_from_cd_m2 { 4 } else { 2 };
         (-reach..=reach).flat_map(|j| (-reach..=reach).map(move |i| (column + i, row + j, 1.0))).collect()
     };
@@ -353,7 +358,7 @@ fn spread(star: &Star, faintest_lx: f64, image: &SampledImage<'_>, places: &Plac
             sums[number].undecided |= between;
         }
     }
-    if !touches || of_limit < 1.0 {
+    if !touches || over_limit < 1.0 {
         return;
     }
     let taps = if peak_cd_m2 >= gaussian_from_cd_m2 {

@@ -1,9 +1,10 @@
-//! The glare of many sources in f64: sources that lie close together beside their distance from a pixel count as one at their centroid.
+//! The glare of many sources in f64: sources that are close together compared with their distance from a pixel are
+//! treated as one at their centroid.
 //!
-//! A node of radius r at the distance d stands for its sources where r < [`OPENING`] d. Its centroid makes the first order vanish; the second one
-//! is at most 2 <x^2> / d^2 of the node's veil for the inverse square, with <x^2> the mean square of the offsets along an axis, at most
-//! r^2 / 2: below 2.5e-3 of a single node, and a tenth of that for nodes whose sources are spread evenly and lie all around.
-//! Distances are chords of the unit sphere.
+//! A node of radius r at distance d represents its sources if r < [`OPENING`] d. Using the centroid cancels the
+//! first-order error. The second-order error is at most 2 <x^2> / d^2 of the node's veil for the inverse square, with
+//! <x^2> the mean square of the offsets along an axis, at most r^2 / 2: below 2.5e-3 for a single node, and a tenth of
+//! that for nodes with evenly spread sources in all directions. Distances are chords of the unit sphere.
 
 use std::ops::Range;
 
@@ -15,29 +16,30 @@ use crate::photometry::glare::{
     split::{ShownCore, angle_of_chord_squared, bump_share},
 };
 
-/// Radius over distance up to which a node stands for its sources.
+/// Largest ratio of radius to distance at which a node represents its sources.
 const OPENING: f64 = 0.05;
-/// Square of the chord within which the light near faint sources is spread where it is not drawn by itself: the bumps of `sky_cube`.
+/// Square of the chord over which `sky_cube` spreads the light near faint sources that are not drawn individually (its
+/// bumps).
 const AROUND_SQUARED: f64 = 0.078 * 0.078;
-/// Sources of a leaf.
+/// Maximum number of sources in a leaf.
 const LEAF: usize = 4;
 
-/// Where scattered light is asked for.
+/// A direction for which scattered light is computed.
 #[derive(Clone, Copy)]
 pub(super) struct Scattered {
-    /// Unit vector in world axes; 0 where there is no picture.
+    /// Unit vector in world axes; 0 outside of the picture.
     direction: DVec3,
-    /// The kernel as the pixels there show it.
+    /// The kernel at the resolution of the pixels there.
     shown: Option<ShownCore>,
 }
 
 impl Scattered {
     pub(super) fn of_image<'a>(image: &'a SampledImage<'_>) -> impl Iterator<Item = Self> + use<'a> {
-        let of_pixel = |pixel: &[u32; 2]| Self {
+        let for_pixel = |pixel: &[u32; 2]| Self {
             direction: world_direction(image, *pixel).unwrap_or(DVec3::ZERO),
             shown: image.shown,
         };
-        image.pixels.iter().map(of_pixel)
+        image.pixels.iter().map(for_pixel)
     }
 
     fn per_sr(&self, kernel: &dyn GlareKernel, chord_squared: f64) -> f64 {
@@ -55,7 +57,7 @@ pub(super) struct Source {
     pub(super) direction: DVec3,
     /// Linear Rec. 709, lx.
     pub(super) rgb_lx: [f64; 3],
-    /// Its illuminance if it is too faint to be drawn by itself, lx.
+    /// Its illuminance if it is too faint to be drawn individually, else 0, lx.
     pub(super) faint_lx: f64,
 }
 
@@ -66,20 +68,20 @@ struct Node {
     /// Square of the largest chord from the centroid to a source.
     radius_squared: f64,
     sources: Range<usize>,
-    /// The node after the last one below this one.
+    /// Index of the node after the last descendant of this one.
     after: usize,
 }
 
-/// Sources, divided in halves again and again.
+/// Sources in a binary tree.
 #[derive(Default)]
 pub(super) struct VeilTree {
     sources: Vec<Source>,
-    /// Each before those below it.
+    /// Each node precedes its descendants.
     nodes: Vec<Node>,
 }
 
 impl VeilTree {
-    /// Holds these sources in place of the last ones: unit directions, linear Rec. 709 in lx.
+    /// Replaces the sources: unit directions, linear Rec. 709 in lx.
     pub(super) fn build(&mut self, sources: impl Iterator<Item = Source>) {
         self.nodes.clear();
         self.sources.clear();
@@ -98,9 +100,9 @@ impl VeilTree {
         for source in sources.iter() {
             (0..3).for_each(|channel| rgb_lx[channel] += source.rgb_lx[channel]);
             faint_lx += source.faint_lx;
-            let of_source: f64 = source.rgb_lx.iter().sum();
-            sum += source.direction * of_source;
-            weight += of_source;
+            let source_weight: f64 = source.rgb_lx.iter().sum();
+            sum += source.direction * source_weight;
+            weight += source_weight;
             (least, most) = (least.min(source.direction), most.max(source.direction));
         }
         let centroid = if weight > 0.0 { (sum / weight).normalize_or_zero() } else { sources[0].direction };
@@ -121,11 +123,17 @@ impl VeilTree {
         }
     }
 
-    /// Adds what all sources scatter in a direction if all of their light were scattered, and the mean luminance of the faint ones around it,
-    /// cd/m^2.
-    pub(super) fn add_veil(&self, kernel: &dyn GlareKernel, at: &Scattered, veil: &mut [f64; 3], faint: &mut f64) {
+    /// Adds the light that all sources would scatter in a direction for a scattered fraction of 1, and the mean
+    /// luminance of the faint sources around it, cd/m^2.
+    pub(super) fn add_veil(
+        &self,
+        kernel: &dyn GlareKernel,
+        scattered: &Scattered,
+        veil: &mut [f64; 3],
+        faint: &mut f64,
+    ) {
         let mut add = |rgb_lx: &[f64; 3], faint_lx: f64, chord_squared: f64| {
-            let density = at.per_sr(kernel, chord_squared);
+            let density = scattered.per_sr(kernel, chord_squared);
             (0..3).for_each(|channel| veil[channel] += rgb_lx[channel] * density);
             if chord_squared < AROUND_SQUARED {
                 *faint += faint_lx * (1.0 - chord_squared / AROUND_SQUARED).powi(2) / bump_share(AROUND_SQUARED);
@@ -133,14 +141,14 @@ impl VeilTree {
         };
         let mut next = 0;
         while let Some(node) = self.nodes.get(next) {
-            let chord_squared = node.centroid.distance_squared(at.direction);
+            let chord_squared = node.centroid.distance_squared(scattered.direction);
             if node.radius_squared <= OPENING * OPENING * chord_squared {
                 add(&node.rgb_lx, node.faint_lx, chord_squared);
                 next = node.after;
             } else {
                 if node.after == next + 1 {
                     for source in &self.sources[node.sources.clone()] {
-                        add(&source.rgb_lx, source.faint_lx, source.direction.distance_squared(at.direction));
+                        add(&source.rgb_lx, source.faint_lx, source.direction.distance_squared(scattered.direction));
                     }
                 }
                 next += 1;
@@ -157,14 +165,14 @@ mod tests {
     use crate::photometry::glare::InverseSquareKernel;
 
     #[test]
-    fn the_tree_adds_up_what_the_sources_do() {
+    fn the_tree_matches_the_sum_over_sources() {
         let kernel = InverseSquareKernel::new(0.1_f64.to_radians());
         let direction = |i: u32| {
             let z = 1.0 - 2.0 * (f64::from(i) + 0.5) / 3000.0;
             let (sin, cos) = (f64::from(i) * 2.399_963).sin_cos();
             DVec3::new(cos, sin, 0.0) * (1.0 - z * z).sqrt() + DVec3::Z * z
         };
-        // Unevenly: more and more of it towards +z.
+        // Unevenly: increasingly bright in blue towards +z.
         let sources: Vec<Source> = (0..3000)
             .map(|i| Source {
                 direction: direction(i),
@@ -175,15 +183,15 @@ mod tests {
         let mut tree = VeilTree::default();
         tree.build(sources.iter().copied());
         for i in 0..40 {
-            let at = Scattered { direction: (direction(i * 71) + DVec3::splat(0.003)).normalize(), shown: None };
+            let scattered = Scattered { direction: (direction(i * 71) + DVec3::splat(0.003)).normalize(), shown: None };
             let mut exact = [0.0; 3];
             for Source { direction, rgb_lx, .. } in &sources {
-                let density = kernel.per_sr(angle_of_chord_squared(direction.distance_squared(at.direction)));
+                let density = kernel.per_sr(angle_of_chord_squared(direction.distance_squared(scattered.direction)));
                 (0..3).for_each(|channel| exact[channel] += rgb_lx[channel] * density);
             }
             let (mut found, mut faint) = ([0.0; 3], 0.0);
-            tree.add_veil(&kernel, &at, &mut found, &mut faint);
-            // 3000 lx all over the sphere.
+            tree.add_veil(&kernel, &scattered, &mut found, &mut faint);
+            // 3000 lx over the whole sphere.
             assert!((faint / (3000.0 / (4.0 * PI)) - 1.0).abs() < 0.3, "{i}: {faint}");
             for channel in 0..3 {
                 assert!((found[channel] / exact[channel] - 1.0).abs() < 1e-3, "{i}: {found:?} {exact:?}");

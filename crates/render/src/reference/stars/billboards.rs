@@ -1,9 +1,10 @@
-//! The star methods that blend, in f64: points, discs, Gaussians and textured billboards on flat planes, and the way through
-//! cube faces for pictures that are not flat. The twin of `passes::billboards` and of the resolve pass behind it.
+//! The star methods that use blending, in f64: points, discs, Gaussians and textured billboards on flat planes, and the
+//! detour through cube faces for pictures that are not flat. The twin of `passes::billboards` and of the following
+//! resolve pass.
 //!
-//! It evaluates the published formulas at pixel centres as the fragment shader does, with two differences: solid angles of
-//! pixels are exact instead of two triangles in f32, and nothing is rounded to the rasteriser's sub-pixel grid. Luminance is
-//! in cd/m^2.
+//! It evaluates the published formulas at pixel centres like the fragment shader, with two differences: solid angles of
+//! pixels are exact instead of two triangles in f32, and positions are not rounded to the rasteriser's sub-pixel grid.
+//! Luminance is in cd/m^2.
 
 use std::f64::consts::PI;
 
@@ -26,17 +27,18 @@ use crate::{
     view::projection::{Face, Perspective, PlaneMapping, Projection, pixel_centre},
 };
 
-/// Images that `sprite` and `psf_texture` carry.
+/// Images used by `sprite` and `psf_texture`.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Images<'a> {
-    /// Of `sprite`.
+    /// Image of `sprite`.
     pub sprite: Option<&'a StarImage>,
-    /// Of `psf_texture`.
+    /// Image of `psf_texture`.
     pub psf: Option<&'a DrawnPsf>,
 }
 
-/// Draws all stars of a set, as an eye at rest sees them (these methods are not drawn for a moving one), with the method of `plan`, through cube faces of at most `max_side_px` texels where the
-/// projection is not flat. Returns the luminance of every pixel, linear Rec. 709 in cd/m^2, row by row from the top.
+/// Draws all stars of a set for an eye at rest (these methods do not support a moving one) with the method of `plan`,
+/// using cube faces of at most `max_side_px` texels if the projection is not flat. Returns the luminance of every
+/// pixel, linear Rec. 709 in cd/m^2, row by row from the top.
 pub fn draw(
     set: &StarSet,
     eye: Eye,
@@ -65,7 +67,7 @@ pub fn draw(
     }
 }
 
-/// The luminance of every pixel of a picture from the faces of its cube.
+/// The luminance of every pixel of a picture, interpolated from the faces of its cube.
 fn look_up(mapping: &dyn PlaneMapping, cube: CubeFaces, faces: &[Vec<[f64; 3]>; 6]) -> Vec<[f64; 3]> {
     let [width, height] = mapping.size();
     let side = (cube.edge_px + 2 * GUARD_PX) as usize;
@@ -93,19 +95,19 @@ fn look_up(mapping: &dyn PlaneMapping, cube: CubeFaces, faces: &[Vec<[f64; 3]>; 
         .collect()
 }
 
-/// A flat plane with what has been drawn on it.
+/// A flat plane and the picture on it.
 struct Canvas<'a> {
     plane: &'a Perspective,
     view_from_plane: DQuat,
     luminances: Vec<[f64; 3]>,
 }
 
-/// One star as it is drawn.
+/// A star to be drawn.
 struct Star {
     /// Unit vector in the axes of the plane.
     direction: DVec3,
     illuminance_lx: f64,
-    /// Of luminance 1.
+    /// Colour of luminance 1.
     colour: [f64; 3],
 }
 
@@ -139,7 +141,7 @@ impl<'a> Canvas<'a> {
                 let luminance = illuminance / self.pixel_sr(centre);
                 let is_point = plan.method == StarMethod::HardwarePoint;
                 self.on_plane(star, 1.5, luminance, |offset| {
-                    // A point's pixel is the one that it stands in.
+                    // A point covers the pixel that contains it.
                     let inside = (centre + offset).floor() == centre.floor();
                     if is_point { f64::from(u8::from(inside)) } else { (1.0 - offset.length()).clamp(0.0, 1.0) }
                 });
@@ -147,8 +149,8 @@ impl<'a> Canvas<'a> {
             StarMethod::Disc | StarMethod::SmoothDisc => {
                 let is_disc = plan.method == StarMethod::Disc;
                 let luminance = illuminance / plan.solid_angle_sr;
-                self.in_sky(star, plan.radius_rad, luminance, |at| {
-                    let r = at.length();
+                self.in_sky(star, plan.radius_rad, luminance, |on_square| {
+                    let r = on_square.length();
                     [if is_disc { f64::from(u8::from(r < 1.0)) } else { cone(r) }; 3]
                 });
             }
@@ -156,13 +158,13 @@ impl<'a> Canvas<'a> {
                 let [largest, smallest] = SCALED_DISC_RANGE;
                 let scale = map_range(magnitude, plan.magnitudes, [largest, smallest]);
                 let luminance = illuminance / (plan.solid_angle_sr * scale * scale);
-                self.in_sky(star, plan.radius_rad * scale, luminance, |at| [cone(at.length()); 3]);
+                self.in_sky(star, plan.radius_rad * scale, luminance, |on_square| [cone(on_square.length()); 3]);
             }
             StarMethod::GlareDisc => {
                 let luminance = illuminance / plan.solid_angle_sr;
                 let scale = map_range(luminance.sqrt(), [0.0, 5.0], [1.0, 100.0]);
-                self.in_sky(star, plan.radius_rad * scale, luminance, |at| {
-                    let r = at.length().min(1.0);
+                self.in_sky(star, plan.radius_rad * scale, luminance, |on_square| {
+                    let r = on_square.length().min(1.0);
                     let glare = 0.5 * (0.5 / (r + 0.1).powi(2) - 0.5).max(0.0) / (scale * scale);
                     [0.8 * cone(r * scale) + 0.2 * glare; 3]
                 });
@@ -171,11 +173,11 @@ impl<'a> Canvas<'a> {
                 let Some(image) = images.sprite else { return };
                 let size = f64::from(image.size);
                 let luminance = illuminance / plan.solid_angle_sr;
-                self.in_sky(star, plan.radius_rad, luminance, |at| {
-                    if at.abs().max_element() > 1.0 {
+                self.in_sky(star, plan.radius_rad, luminance, |on_square| {
+                    if on_square.abs().max_element() > 1.0 {
                         return [0.0; 3];
                     }
-                    image.sample((0.5 + 0.5 * at.x) * size, (0.5 - 0.5 * at.y) * size)
+                    image.sample((0.5 + 0.5 * on_square.x) * size, (0.5 - 0.5 * on_square.y) * size)
                 });
             }
             StarMethod::GaussianPsf | StarMethod::GaussianPsfIntegrated => self.gaussian(star, plan, magnitude),
@@ -192,8 +194,8 @@ impl<'a> Canvas<'a> {
                 let least = BillboardPlan::least_crop_rad(psf, (right - left) / f64::from(self.plane.size()[0]));
                 let half = (plan.crop_rad * illuminance.sqrt()).clamp(least, psf.form.half_width_rad());
                 let tangent = (half * 2.0_f64.sqrt()).tan() / 2.0_f64.sqrt();
-                self.in_sky(star, tangent, illuminance, |at| {
-                    let on_plane = at * tangent;
+                self.in_sky(star, tangent, illuminance, |on_square| {
+                    let on_plane = on_square * tangent;
                     let angles = on_plane.normalize_or_zero() * on_plane.length().atan();
                     if angles.abs().max_element() > half {
                         return [0.0; 3];
@@ -207,8 +209,8 @@ impl<'a> Canvas<'a> {
 
     fn gaussian(&mut self, star: &Star, plan: &BillboardPlan, magnitude: f64) {
         let gaussian = plan.gaussian;
-        let of_saturation = gaussian.limiting_magnitude - gaussian.saturation_magnitude;
-        let exponent = of_saturation * (gaussian.saturation_magnitude - magnitude);
+        let magnitude_range = gaussian.limiting_magnitude - gaussian.saturation_magnitude;
+        let exponent = magnitude_range * (gaussian.saturation_magnitude - magnitude);
         let brightness = PUBLISHED_POGSON.powf(exponent).min(GREATEST_BRIGHTNESS);
         let reach2 = |brightness: f64, sigma2: f64| (brightness / THRESHOLD_BRIGHTNESS).ln() * 2.0 * sigma2;
         let core = reach2(brightness, gaussian.sigma2_px2);
@@ -228,7 +230,7 @@ impl<'a> Canvas<'a> {
         }
     }
 
-    /// Exact solid angle of the pixel at a place of the plane, also outside of the picture, sr.
+    /// Exact solid angle of the pixel at a position of the plane, also outside of the picture, sr.
     fn pixel_sr(&self, centre: DVec2) -> f64 {
         let [left, right, down, up] = self.plane.edge_tangents(0.0);
         let [width, height] = self.plane.size();
@@ -249,8 +251,8 @@ impl<'a> Canvas<'a> {
         }
     }
 
-    /// Adds a star to the pixels of a square in the sky that touches the plane perpendicular to its direction. `profile`
-    /// takes places on it in units of its half side, to the right and up.
+    /// Adds a star to the pixels of a square tangent to the sky at its direction. `profile` takes positions on it in
+    /// units of its half side, to the right and up.
     fn in_sky(&mut self, star: &Star, tangent: f64, luminance: f64, profile: impl Fn(DVec2) -> [f64; 3]) {
         let (right, up) = self.axes(star.direction);
         let corners = [(-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0)];
@@ -258,7 +260,7 @@ impl<'a> Canvas<'a> {
         for (i, j) in corners {
             let corner = star.direction + tangent * (i * right + j * up);
             match self.plane.pixel_from_direction(corner) {
-                Some(at) => bounds = (bounds.0.min(at), bounds.1.max(at)),
+                Some(corner_px) => bounds = (bounds.0.min(corner_px), bounds.1.max(corner_px)),
                 None => bounds = (DVec2::NEG_INFINITY, DVec2::INFINITY),
             }
             if bounds.1.x == f64::INFINITY {
@@ -269,13 +271,14 @@ impl<'a> Canvas<'a> {
             let Some(direction) = self.plane.direction_from_pixel(pixel_centre(x, y)) else { continue };
             let along = direction.dot(star.direction);
             if along > 0.0 {
-                let at = DVec2::new(direction.dot(right), direction.dot(up)) / (along * tangent);
-                self.add(x, y, star, luminance, profile(at));
+                let on_square = DVec2::new(direction.dot(right), direction.dot(up)) / (along * tangent);
+                self.add(x, y, star, luminance, profile(on_square));
             }
         }
     }
 
-    /// Right and up of a billboard: the view's own, turned the shortest way from the view's axis to the star.
+    /// Right and up axes of a billboard: those of the view, rotated by the shortest rotation from the view's axis to
+    /// the star.
     fn axes(&self, direction: DVec3) -> (DVec3, DVec3) {
         let in_view = self.view_from_plane * direction;
         let turn = DMat3::from_quat(DQuat::from_rotation_arc(DVec3::NEG_Z, in_view));
@@ -300,7 +303,7 @@ impl<'a> Canvas<'a> {
     }
 }
 
-/// `value` between the two of `from`, mapped linearly to those of `to`; held at the ends.
+/// Maps `value` linearly from the interval `from` to the interval `to`, clamped at the ends.
 fn map_range(value: f64, from: [f64; 2], to: [f64; 2]) -> f64 {
     to[0] + (value.clamp(from[0], from[1]) - from[0]) / (from[1] - from[0]) * (to[1] - to[0])
 }
@@ -311,7 +314,7 @@ fn mean_of_gaussian(u: f64, sigma2: f64) -> f64 {
     PI.sqrt() / 2.0 * scale * (erf((u + 0.5) / scale) - erf((u - 0.5) / scale))
 }
 
-/// The error function by its series of terms of one sign.
+/// The error function, by its series with terms of equal sign.
 fn erf(x: f64) -> f64 {
     if x.abs() > 6.0 {
         return x.signum();
@@ -341,7 +344,7 @@ mod tests {
     }
 
     #[test]
-    fn the_pixels_of_a_gaussian_hold_all_of_it() {
+    fn the_pixels_of_a_gaussian_sum_to_its_integral() {
         for sigma2 in [0.05, 0.25, 2.0] {
             let sum: f64 = (-40..=40).map(|i| mean_of_gaussian(f64::from(i) + 0.27, sigma2)).sum();
             assert!((sum / (2.0 * PI * sigma2).sqrt() - 1.0).abs() < 1e-12, "{sigma2}: {sum}");

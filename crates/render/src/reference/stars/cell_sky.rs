@@ -1,18 +1,18 @@
 //! The procedural sky of the seed "Rendering a Billion Stars?" in f64: the twin of `shaders/stars/cell_sky.wgsl`.
 //!
-//! A direction becomes a place on a cube face, u and v in [-1, 1]; the published distortion u, v *= sqrt(2 - max(|u|, |v|))
-//! moves it; a grid of `cells` x `cells` per face says which cell it is in. Each cell of each layer has one star with
-//! place, brightness and colour from an integer hash of cell, face, layer and seed. A cell's star is there if one of its
-//! random numbers is below the density: a band about the galactic equator (the article has a map and does not tell which).
-//! The star is a cone of brightness in the coordinates of the cell, its radius scaled by the zoom, so that it is
-//! `radius_px` pixels in the middle of a face. Brightness is relative: display white is 1.
+//! A direction is mapped to a position on a cube face, u and v in [-1, 1]; the published distortion u, v *= sqrt(2 -
+//! max(|u|, |v|)) moves it; a grid of `cells` x `cells` per face gives its cell. Each cell of each layer has one star,
+//! with position, brightness and colour from an integer hash of cell, face, layer and seed. The star exists if one of
+//! its random numbers is below the density: a band about the galactic equator (the article uses a map without
+//! specifying it). The star is a cone of brightness in the coordinates of the cell, with its radius scaled by the zoom,
+//! so that it has `radius_px` pixels in the centre of a face. Brightness is relative: display white is 1.
 //!
-//! What follows from looking at one cell only, as published: a star is cut off at its cell's border once it is wider than
-//! its room there (half of the cell's half side), and is as distorted as its cell: round in the middle of a face, but
-//! sqrt(2) times as wide across a face's edge as along it, and sqrt(3) to 1 at the corners.
+//! Consequences of evaluating only one cell, as published: a star is cut off at the border of its cell if it is wider
+//! than the available space (half of the cell's half side), and it is as distorted as its cell: round in the centre of
+//! a face, but sqrt(2) times as wide across a face's edge as along it, and with a ratio of sqrt(3) at the corners.
 //!
-//! **What the distortion does to the cells' areas** (200 cells a side, largest over smallest solid angle, standard deviation
-//! over mean, as a test measures them):
+//! **Effect of the distortion on the cells' areas** (200 cells per side, largest over smallest solid angle, standard
+//! deviation over mean, as measured by a test):
 //!
 //! | grid | largest / smallest | std / mean |
 //! |---|---|---|
@@ -20,11 +20,10 @@
 //! | published distortion | 1.93 | 0.114 |
 //! | equal angles, u = tan(pi a / 4) | 1.41 | 0.090 |
 //!
-//! So it repairs most of the plain cube's unevenness and less than equal angles would, which cost an arc tangent. Its
-//! areas are smallest on the diagonals near the corners (0.37 of a plain central cell) and largest at the middles of the
-//! edges (0.71).
-//! It maps a face onto itself and leaves its edges in place (factor sqrt(2 - 1) = 1): the cells of two faces meet at
-//! the edges. The factor has a crease on the diagonals, where |u| = |v|: cells there are kites.
+//! It removes most of the plain cube's unevenness, but less than equal angles would, which require an arc tangent. Its
+//! areas are smallest on the diagonals near the corners (0.37 of a plain central cell) and largest at the middles of
+//! the edges (0.71). It maps a face onto itself and preserves its edges (factor sqrt(2 - 1) = 1): the cells of two
+//! faces meet at the edges. The factor has a crease on the diagonals, where |u| = |v|: the cells there are kites.
 //!
 //! Units: radians; directions in ICRS.
 
@@ -37,7 +36,7 @@ use crate::photometry::blackbody::rec709_in_gamut;
 use crate::plan::settings::CellSkySettings;
 use crate::plan::stars::cell_sky::{BAND_SINE, EVEN_DENSITY, FAINTEST, JITTER};
 
-/// Colours between which stars are mixed, by their temperatures.
+/// Temperatures of the colours between which star colours are interpolated.
 const COLOURS_K: [f64; 3] = [3500.0, 6504.0, 12_000.0];
 
 /// A star of the procedural sky.
@@ -45,28 +44,28 @@ const COLOURS_K: [f64; 3] = [3500.0, 6504.0, 12_000.0];
 pub struct CellStar {
     /// Unit direction, ICRS.
     pub direction: DVec3,
-    /// Brightness of its middle, display white = 1.
+    /// Brightness at its centre, display white = 1.
     pub brightness: f64,
     /// Linear Rec. 709 colour, Y = 1.
     pub colour: [f64; 3],
-    /// Place in its cell, each coordinate from -1 to 1.
+    /// Position in its cell, each coordinate from -1 to 1.
     pub inner: DVec2,
 }
 
-/// Which cell of which layer.
+/// Identifies a cell of a layer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Cell {
     /// Layer.
     pub layer: u32,
     /// Face: -z, +x, -x, +z, +y, -y.
     pub face: u32,
-    /// Along u.
+    /// Index along u.
     pub column: u32,
-    /// Along v.
+    /// Index along v.
     pub row: u32,
 }
 
-/// Face (-z, +x, -x, +z, +y, -y) and place u, v on it of a direction of any length but 0.
+/// Face (-z, +x, -x, +z, +y, -y) and position u, v on it for a direction of any nonzero length.
 pub fn face_place(d: DVec3) -> (u32, DVec2) {
     let a = d.abs();
     if a.z >= a.x && a.z >= a.y {
@@ -80,7 +79,7 @@ pub fn face_place(d: DVec3) -> (u32, DVec2) {
     }
 }
 
-/// Unit direction of a place on a face: the inverse of [`face_place`].
+/// Unit direction of a position on a face: the inverse of [`face_place`].
 pub fn face_direction(face: u32, uv: DVec2) -> DVec3 {
     let DVec2 { x: u, y: v } = uv;
     match face {
@@ -94,12 +93,12 @@ pub fn face_direction(face: u32, uv: DVec2) -> DVec3 {
     .normalize()
 }
 
-/// The published distortion of a place on a face.
+/// The published distortion of a position on a face.
 pub fn distort(uv: DVec2) -> DVec2 {
     uv * (2.0 - uv.abs().max_element()).sqrt()
 }
 
-/// The inverse of [`distort`], by Newton's method: m sqrt(2 - m) grows with the slope (2 - 1.5 m) / sqrt(2 - m).
+/// The inverse of [`distort`], by Newton's method: the derivative of m sqrt(2 - m) is (2 - 1.5 m) / sqrt(2 - m).
 pub fn straighten(uv: DVec2) -> DVec2 {
     let wanted = uv.abs().max_element();
     let mut m = 0.85 * wanted;
@@ -117,12 +116,12 @@ fn hash(value: u32) -> u32 {
     (word >> 22) ^ word
 }
 
-/// Number in [0, 1) of 24 bits.
+/// Uniform number in [0, 1) with 24 bits.
 fn unit(bits: u32) -> f64 {
     f64::from(bits >> 8) / f64::from(1_u32 << 24)
 }
 
-/// Share of the cells that have a star, in a direction.
+/// Fraction of the cells that have a star, in a direction.
 pub fn density(direction: DVec3) -> f64 {
     let pole = direction_from_lon_lat(GALACTIC_POLE_RA_DEG.to_radians(), GALACTIC_POLE_DEC_DEG.to_radians());
     EVEN_DENSITY + (1.0 - EVEN_DENSITY) * (-(direction.dot(pole) / BAND_SINE).powi(2)).exp()
@@ -149,15 +148,15 @@ pub fn star_in(cell: Cell, settings: &CellSkySettings) -> Option<CellStar> {
     Some(CellStar { direction, brightness, colour, inner })
 }
 
-/// Brightness of the sky in a direction, linear Rec. 709, display white = 1, for pixels of `pixel_rad` in the middle of the
-/// view. `settings.cells` must be at least 1.
+/// Brightness of the sky in a direction, linear Rec. 709, display white = 1, for pixels of `pixel_rad` in the centre of
+/// the view. `settings.cells` must be at least 1.
 pub fn brightness(direction: DVec3, pixel_rad: f64, settings: &CellSkySettings) -> [f64; 3] {
     let (face, uv) = face_place(direction);
     let cells = f64::from(settings.cells);
     let grid = (distort(uv) * 0.5 + 0.5) * cells;
     let cell = grid.floor().clamp(DVec2::ZERO, DVec2::splat(cells - 1.0));
     let inner = (grid - cell - 0.5) * 2.0;
-    // In the middle of a face the distortion stretches by sqrt(2), and the half side of a cell is 1 / cells.
+    // In the centre of a face the distortion stretches by sqrt(2), and the half side of a cell is 1 / cells.
     let radius = SQRT_2 * settings.radius_px * pixel_rad * cells;
     let mut sum = [0.0; 3];
     for layer in 0..settings.layers {
@@ -171,7 +170,7 @@ pub fn brightness(direction: DVec3, pixel_rad: f64, settings: &CellSkySettings) 
     sum
 }
 
-/// Every star: its direction and the brightness of its middle. There are up to 6 `layers` `cells`^2 of them.
+/// All stars: direction and brightness at the centre. There are up to 6 `layers` `cells`^2 of them.
 pub fn stars(settings: &CellSkySettings) -> impl Iterator<Item = (DVec3, f64)> {
     let settings = *settings;
     let CellSkySettings { cells, layers, .. } = settings;
@@ -195,13 +194,14 @@ pub enum FaceGrid {
 }
 
 impl FaceGrid {
-    /// Place on the face of grid coordinates in [-1, 1], and the area there per area of the grid.
+    /// Position on the face for grid coordinates in [-1, 1], and area on the face per area of the grid.
     fn place(self, grid: DVec2) -> (DVec2, f64) {
         match self {
             Self::Plain => (grid, 1.0),
             Self::Published => {
                 let uv = straighten(grid);
-                // Along the larger coordinate (2 - 1.5 m) / sqrt(2 - m), along the smaller sqrt(2 - m).
+                // The derivative along the larger coordinate is (2 - 1.5 m) / sqrt(2 - m), along the smaller sqrt(2 -
+                // m).
                 (uv, 1.0 / (2.0 - 1.5 * uv.abs().max_element()))
             }
             Self::Equiangular => {
@@ -211,16 +211,18 @@ impl FaceGrid {
         }
     }
 
-    /// Solid angles of the cells of a face, row by row, sr: 8 x 8 midpoints of (1 + u^2 + v^2)^(-3/2) a cell.
+    /// Solid angles of the cells of a face, row by row, sr: 8 x 8 midpoints of (1 + u^2 + v^2)^(-3/2) per cell.
     pub fn solid_angles_sr(self, cells: u32) -> Vec<f64> {
         const POINTS: u32 = 8;
         let step = 2.0 / f64::from(cells * POINTS);
-        let at = |i: u32| (f64::from(i) + 0.5) * step - 1.0;
+        let coordinate = |i: u32| (f64::from(i) + 0.5) * step - 1.0;
         (0..cells * cells)
             .map(|cell| {
                 let (column, row) = (cell % cells, cell / cells);
                 (0..POINTS * POINTS)
-                    .map(|i| DVec2::new(at(column * POINTS + i % POINTS), at(row * POINTS + i / POINTS)))
+                    .map(|i| {
+                        DVec2::new(coordinate(column * POINTS + i % POINTS), coordinate(row * POINTS + i / POINTS))
+                    })
                     .map(|grid| self.place(grid))
                     .map(|(uv, area)| area * (1.0 + uv.length_squared()).powf(-1.5) * step * step)
                     .sum()

@@ -1,8 +1,9 @@
 //! The Gaussian that is round in view space, in f64: the twin of `shaders/shared/gaussian.wgsl`.
 //!
-//! Every pixel within the cut gets exp(-c^2 / (2 sigma^2)) times its solid angle, c being the chord between the star's direction
-//! and the pixel's centre. The sum over the pixels is the norm where the kernel lies inside of the picture or neighbours
-//! go on beyond its border; elsewhere it is the integral over the sphere, 2 pi sigma^2 (1 - exp(-cut^2 / 2)), which is exact since c dc = sin(theta) dtheta.
+//! Every pixel within the cut gets exp(-c^2 / (2 sigma^2)) times its solid angle, with c the chord between the star's
+//! direction and the pixel's centre. The norm is the sum over the pixels if the kernel lies inside of the picture, or
+//! if neighbours continue the picture beyond its border; otherwise it is the integral over the sphere, 2 pi sigma^2
+//! (1 - exp(-cut^2 / 2)), which is exact since c dc = sin(theta) dtheta.
 
 use std::f64::consts::TAU;
 
@@ -14,8 +15,8 @@ use crate::{
     view::projection::{PlaneMapping, Tap, pixel_centre},
 };
 
-/// Density times solid angle of every pixel within the cut, before the division by the norm. Every pixel of the picture is looked
-/// at, in any mapping: slow and plain.
+/// Density times solid angle of every pixel within the cut, before division by the norm. Visits every pixel of the
+/// picture, for any mapping: slow and simple.
 fn weights(mapping: &dyn PlaneMapping, sigma_rad: f64, direction: DVec3) -> Vec<Tap> {
     let [columns, rows] = mapping.size();
     let mut taps = Vec::new();
@@ -42,7 +43,7 @@ fn is_whole(mapping: &dyn PlaneMapping, direction: DVec3, cut_rad: f64) -> bool 
     })
 }
 
-/// The pixels that a star in `direction` (any length) reaches, with its weights. Empty where the star has no image.
+/// The pixels that a star in `direction` (any length) reaches, with their weights. Empty if the star has no image.
 pub fn taps(mapping: &dyn PlaneMapping, width: GaussianWidth, direction: DVec3) -> Vec<Tap> {
     let direction = direction.normalize_or_zero();
     let Some([longer, _]) = mapping.pixel_extent_rad(direction) else { return Vec::new() };
@@ -93,9 +94,9 @@ mod tests {
         }
     }
 
-    /// The second moments of a wide kernel, far off the axis, are those of the Gaussian in every direction of the sky.
+    /// The second moments of a wide kernel far off the axis match the Gaussian in every direction of the sky.
     #[test]
-    fn the_kernel_is_round_in_the_sky_and_as_wide_as_asked_for() {
+    fn the_kernel_is_round_in_the_sky_with_the_requested_width() {
         let plane = Perspective::symmetric([400, 400], 2.0).unwrap();
         let width = GaussianWidth { sigma_rad: 0.02, sigma_px: 0.757 };
         let direction = DVec3::new(1.1, 0.4, -1.0).normalize();

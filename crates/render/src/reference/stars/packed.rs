@@ -1,11 +1,11 @@
-//! The published rasteriser in f64: the twin of `packed_cas` and `packed_cas_sorted`, without their halves, their contention and
-//! their solid angles from triangles in f32. What is left is the method: four pixels, all with the luminance that the star's
-//! own pixel would have, by weight; temperatures mixed by luminance.
+//! The published rasteriser in f64: the twin of `packed_cas` and `packed_cas_sorted`, without half floats, contention
+//! and solid angles from f32 triangles. The remaining method: four pixels, each with the luminance that the star would
+//! have in its central pixel times a weight; temperatures averaged by luminance.
 
 use super::splat::{Eye, seen_by};
 use crate::{catalogue::chunks::StarSet, photometry::blackbody::rec709_in_gamut, view::projection::PlaneMapping};
 
-/// Hottest temperature that a half can hold, K.
+/// Largest temperature that a half float can hold, K.
 const MOST_K: f64 = 65_504.0;
 
 /// Luminance in cd/m^2 of every pixel, linear Rec. 709, row by row from the top.
@@ -31,13 +31,13 @@ pub fn draw(set: &StarSet, eye: Eye, mapping: &dyn PlaneMapping) -> Vec<[f64; 3]
             }
         }
     }
-    let shown = |index: usize, [luminance, of_temperature]: [f64; 2]| {
+    let colour = |index: usize, [luminance, weighted_temperature]: [f64; 2]| {
         let inside = mapping.contains(index as u32 % width, index as u32 / width);
         if luminance > 0.0 && inside {
-            rec709_in_gamut(of_temperature / luminance).map(|channel| channel * luminance)
+            rec709_in_gamut(weighted_temperature / luminance).map(|channel| channel * luminance)
         } else {
             [0.0; 3]
         }
     };
-    sums.into_iter().enumerate().map(|(index, sum)| shown(index, sum)).collect()
+    sums.into_iter().enumerate().map(|(index, sum)| colour(index, sum)).collect()
 }

@@ -1,49 +1,49 @@
-//! Point-spread functions on the sphere: how the light of a star is shared among directions, per steradian.
+//! Point-spread functions on the sphere: the distribution of a star's light over directions, per steradian.
 //!
-//! Offsets lie in the tangent plane of the star, laid out by angle and azimuth (azimuthal equidistant): the length of an offset
-//! is the angular distance from the star in rad. Every function here is normalised: its integral over the sphere is 1 in each
-//! channel, so that the illuminance that is spread is the illuminance that arrives.
+//! Offsets are in the tangent plane of the star, in terms of angle and azimuth (azimuthal equidistant): the length of
+//! an offset is the angular distance from the star in rad. Every function is normalised: its integral over the sphere
+//! is 1 in each channel, so that illuminance is conserved.
 
 use std::f64::consts::{PI, TAU};
 
 use glam::DVec2;
 
-/// How the light of a star is spread.
+/// The distribution of a star's light.
 pub trait PointSpread: Sync {
-    /// Share of the star's light per steradian at an offset (+x right, +y up, rad), in linear Rec. 709 channels.
+    /// Fraction of the star's light per steradian at an offset (+x right, +y up, rad), in linear Rec. 709 channels.
     fn per_sr(&self, offset_rad: DVec2) -> [f64; 3];
 
     /// Angle from the star beyond which there is no light, rad, at most pi.
     fn radius_rad(&self) -> f64;
 
-    /// Finest detail, rad: over a square of this side the function is as good as a polynomial. A pixel that is larger is
-    /// divided for the quadrature.
+    /// Scale of the finest detail, rad: over a square with this side the function is well approximated by a polynomial.
+    /// Larger pixels are subdivided for the quadrature.
     fn detail_rad(&self) -> f64;
 }
 
-/// Why a point-spread function cannot be made.
+/// Reasons why a point-spread function cannot be made.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum PointSpreadError {
     /// A width that is not a positive number, or too wide for the sphere.
-    #[error("{what} = {value} rad: allowed is more than 0 and at most {most}")]
+    #[error("{what} = {value} rad: must be more than 0 and at most {most}")]
     Width {
-        /// Which width.
+        /// Name of the width.
         what: &'static str,
         /// Its value.
         value: f64,
-        /// The greatest allowed.
+        /// The largest valid value.
         most: f64,
     },
-    /// The values of a table do not fill it.
-    #[error("a table of {given} values: needed are {needed}")]
+    /// A table has the wrong number of values.
+    #[error("a table of {given} values: must have {needed}")]
     Count {
-        /// How many were given.
+        /// Number of values passed in.
         given: usize,
-        /// What is needed.
+        /// The required number.
         needed: String,
     },
-    /// A channel holds no light, or a value that is negative or not finite.
+    /// A channel has no light, or a value that is negative or not finite.
     #[error("channel {channel} of a table: values must be finite, not negative, and not all 0")]
     NoLight {
         /// 0 red, 1 green, 2 blue.
@@ -75,8 +75,8 @@ fn integrate(from: f64, to: f64, cells: usize, value: impl Fn(f64) -> f64) -> f6
     (0..cells).map(cell).sum()
 }
 
-/// A Gaussian that is round in the sky: exp(-theta^2 / (2 sigma^2)) over its integral over the sphere, cut off at seven
-/// standard deviations (where 2e-11 of the light is left).
+/// A Gaussian that is round in the sky: exp(-theta^2 / (2 sigma^2)) divided by its integral over the sphere, cut off at
+/// seven standard deviations (beyond which lies 2e-11 of the light).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gaussian {
     sigma_rad: f64,
@@ -97,7 +97,7 @@ impl Gaussian {
         Ok(Self { sigma_rad, radius_rad, peak_per_sr: 1.0 / integral })
     }
 
-    /// Share of the light per steradian in the middle: 1 / (2 pi sigma^2) where sigma is small.
+    /// Fraction of the light per steradian at the centre: 1 / (2 pi sigma^2) for small sigma.
     pub fn peak_per_sr(&self) -> f64 {
         self.peak_per_sr
     }
@@ -121,7 +121,7 @@ impl PointSpread for Gaussian {
     }
 }
 
-/// A table over the angle from the star, with straight lines between its values.
+/// A table over the angle from the star, interpolated linearly.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RadialTable {
     step_rad: f64,
@@ -129,8 +129,8 @@ pub struct RadialTable {
 }
 
 impl RadialTable {
-    /// A table of relative values at 0, `step_rad`, 2 `step_rad` and so on; beyond the last there is no light. Each channel is
-    /// normalised.
+    /// A table of relative values at 0, `step_rad`, 2 `step_rad` and so on; beyond the last there is no light. Each
+    /// channel is normalised.
     ///
     /// # Errors
     /// See [`PointSpreadError`].
@@ -173,8 +173,8 @@ impl PointSpread for RadialTable {
     }
 }
 
-/// A picture of a star, row by row from the top, its middle on the star; bilinear between the middles of its texels, black
-/// outside of them.
+/// A picture of a star, row by row from the top, centred on the star; bilinear between texel centres, black outside of
+/// them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ImageTable {
     size: [usize; 2],
@@ -183,7 +183,8 @@ pub struct ImageTable {
 }
 
 impl ImageTable {
-    /// A table of `size` (width, height) relative values, texels `texel_rad` wide and high. Each channel is normalised.
+    /// A table of `size` (width, height) relative values, with texels `texel_rad` wide and high. Each channel is
+    /// normalised.
     ///
     /// # Errors
     /// See [`PointSpreadError`].
@@ -207,7 +208,7 @@ impl ImageTable {
                         // Area on the sphere per area of the tangent plane.
                         let sinc = if theta > 0.0 { theta.sin() / theta } else { 1.0 };
                         let weight = weight_u * weight_v * sinc * (texel_rad / 2.0).powi(2);
-                        for (sum, value) in integrals.iter_mut().zip(table.at(place)) {
+                        for (sum, value) in integrals.iter_mut().zip(table.value_at(place)) {
                             *sum += weight * value;
                         }
                     }
@@ -219,8 +220,8 @@ impl ImageTable {
         Ok(table)
     }
 
-    /// Value at a place in units of texels, (0, 0) the middle of the upper left one.
-    fn at(&self, place: DVec2) -> [f64; 3] {
+    /// Value at a position in units of texels, with (0, 0) the centre of the upper left one.
+    fn value_at(&self, place: DVec2) -> [f64; 3] {
         let [columns, rows] = self.size.map(|side| (side - 1) as f64);
         if !(0.0..=columns).contains(&place.x) || !(0.0..=rows).contains(&place.y) {
             return [0.0; 3];
@@ -238,7 +239,7 @@ impl ImageTable {
 impl PointSpread for ImageTable {
     fn per_sr(&self, offset_rad: DVec2) -> [f64; 3] {
         let middle = DVec2::new(self.size[0] as f64 - 1.0, self.size[1] as f64 - 1.0) / 2.0;
-        self.at(middle + DVec2::new(offset_rad.x, -offset_rad.y) / self.texel_rad)
+        self.value_at(middle + DVec2::new(offset_rad.x, -offset_rad.y) / self.texel_rad)
     }
 
     fn radius_rad(&self) -> f64 {
@@ -268,7 +269,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_peak_of_a_gaussian_is_that_of_the_plane_where_it_is_narrow() {
+    fn a_narrow_gaussian_has_the_peak_of_the_plane() {
         let narrow = Gaussian::new(1e-4).unwrap();
         assert!((narrow.peak_per_sr() * TAU * 1e-8 - 1.0).abs() < 1e-8, "{}", narrow.peak_per_sr());
         // On the sphere the rings are smaller: 1 - sigma^2 / 3 to the next order.
@@ -280,9 +281,9 @@ mod tests {
         }
     }
 
-    /// A cone: constant to 0.1 rad has the solid angle of a cap.
+    /// A cap: constant up to 0.1 rad, so the value is the inverse of the cap's solid angle.
     #[test]
-    fn tables_hold_what_they_were_made_from() {
+    fn tables_reproduce_their_values() {
         let cap = RadialTable::new(1e-4, (0..=1000).map(|_| [2.0, 4.0, 1.0]).collect()).unwrap();
         let omega = TAU * (1.0 - 0.1_f64.cos());
         let inside = cap.per_sr(DVec2::new(0.05, 0.01));
@@ -292,13 +293,13 @@ mod tests {
         let [at_half, at_0] = [0.25, 0.0].map(|x| line.per_sr(DVec2::new(x, 0.0))[1]);
         assert!((at_half / at_0 - 0.5).abs() < 1e-12);
 
-        // Brighter to the right and to the top.
+        // Brighter at the upper right.
         let mut values = vec![[1.0; 3]; 9];
         values[2] = [3.0; 3];
         let image = ImageTable::new([3, 3], 1e-3, values).unwrap();
         let [corner, middle] = [DVec2::splat(1e-3), DVec2::ZERO].map(|at| image.per_sr(at)[0]);
         assert!((corner / middle - 3.0).abs() < 1e-9, "{corner} {middle}");
-        // Four cells; the mean of the one in the corner is 1.5.
+        // Four cells; the mean of the one at the corner is 1.5.
         assert!((middle * 4.5e-6 - 1.0).abs() < 1e-6, "{middle}");
         assert_eq!(image.per_sr(DVec2::new(1.1e-3, 0.0)), [0.0; 3]);
     }

@@ -18,7 +18,7 @@ use crate::{
     view::projection::PlaneMapping,
 };
 
-/// Where the eye of an image is and where it looks.
+/// Position, orientation and velocity of the eye of an image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Eye {
     /// ICRS barycentric position, m.
@@ -61,14 +61,14 @@ impl ReferenceImage {
     }
 }
 
-/// What a star's light is spread by.
+/// Kernel that spreads a star's light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum StarKernel {
     /// A kernel of a fixed number of pixels.
     Splat(SplatKernel),
     /// A Gaussian that is round in view space.
     Gaussian(GaussianWidth),
-    /// That of stars too bright for the B-spline; the Gaussian's share.
+    /// The kernel of stars too bright for the B-spline, with the share of the Gaussian.
     Bright(f64),
 }
 
@@ -84,11 +84,11 @@ pub struct SeenStar {
     pub direction: DVec3,
     /// Illuminance at the eye, lx.
     pub illuminance_lx: f64,
-    /// Temperature of its colour, K.
+    /// Colour temperature, K.
     pub temperature_k: f64,
 }
 
-/// How an eye sees stars.
+/// Computes how an eye sees stars.
 pub struct Sight {
     eye_pc: DVec3,
     view_from_world: DQuat,
@@ -96,7 +96,7 @@ pub struct Sight {
 }
 
 impl Sight {
-    /// That of an eye.
+    /// Builds the view of an eye.
     pub fn new(eye: Eye) -> Self {
         Self {
             eye_pc: eye.position_m / PARSEC_M,
@@ -105,12 +105,13 @@ impl Sight {
         }
     }
 
-    /// Whether the eye moves, and with it colours change.
+    /// Whether the eye moves; motion also changes colours.
     pub fn moves(&self) -> bool {
         self.motion.is_some()
     }
 
-    /// A star at a place, or in a direction if it is at infinity; `None` at the eye's very place, where it has no direction.
+    /// A star at a position, or in a direction if it is at infinity; `None` at the exact position of the eye, where it
+    /// has no direction.
     pub fn of(&self, position: DVec3, at_infinity: bool, star: &PackedStar) -> Option<SeenStar> {
         let place = if at_infinity { position.normalize_or_zero() } else { position - self.eye_pc };
         let distance_squared = place.length_squared();
@@ -133,14 +134,15 @@ impl Sight {
     }
 }
 
-/// The stars of a set for an eye at its place and speed. One at the eye's very place has no direction and is left out.
+/// The stars of a set as seen by a moving eye. A star at the exact position of the eye has no direction and is left
+/// out.
 pub fn seen_by(set: &StarSet, eye: Eye) -> impl Iterator<Item = SeenStar> {
     let sight = Sight::new(eye);
     set.iter().filter_map(move |(position, at_infinity, star)| sight.of(position, at_infinity, star))
 }
 
-/// Draws all stars of a set. `kernel_for` chooses the kernel by the illuminance in lx that the eye
-/// receives; `None` leaves the star out.
+/// Draws all stars of a set. `kernel_for` selects the kernel from the illuminance at the eye in lx; `None` leaves the
+/// star out.
 pub fn draw<K: Into<StarKernel>>(
     set: &StarSet,
     eye: Eye,

@@ -1,13 +1,13 @@
 //! Shapes from glTF 2.0 files (.glb, or .gltf with embedded or external buffers).
 //!
-//! A file is one shape. The triangles of all meshes of its scene, in the transforms of their nodes, make one surface;
-//! vertices at one place become one. The surface must be closed, as inertia, silhouette and impostors need an inside.
-//! Normals are computed, those of the file are not read; nor are materials: the albedo varies with the vertex colour
-//! (`COLOR_0`, its luminance) if there is one.
+//! A file is one shape. The triangles of all meshes of its scene, transformed by their nodes, form one surface;
+//! vertices at the same position are merged. The surface must be closed, because inertia, silhouette and impostors need
+//! an inside. Normals are computed, those of the file are ignored. Materials are ignored too: the albedo varies with
+//! the luminance of the vertex colour (`COLOR_0`), if there is one.
 //!
-//! If nodes or meshes have names that end in `_LOD0`, `_LOD1` and so on, these are the levels of detail, the finest
-//! first. If none has, the whole is the finest level, and coarser ones are made of it, down to [`LEVEL_TRIANGLES`]'
-//! last or, of a mesh that has fewer than their first, to the same share of it.
+//! Nodes or meshes with names that end in `_LOD0`, `_LOD1` and so on are the levels of detail, finest first. Without
+//! such names, the whole surface is the finest level, and coarser levels are generated, down to the last entry of
+//! [`LEVEL_TRIANGLES`], or, for a mesh with fewer triangles than the first entry, down to the same fraction of it.
 
 mod accessors;
 
@@ -31,38 +31,39 @@ use super::{
 };
 use crate::{files, photometry::rec709};
 
-/// Most triangles of a level of detail.
+/// Maximum number of triangles of a level of detail.
 pub const MOST_TRIANGLES: usize = 500_000;
-/// Most vertices and corners of all levels together: those of [`MOST_LEVELS`] whose triangles share no vertices, each half as fine as the one before.
+/// Maximum number of vertices and corners of all levels together: that of [`MOST_LEVELS`] levels whose triangles share
+/// no vertices, each with half as many triangles as the one before.
 const MOST_CORNERS: usize = 2 * 2 * 3 * MOST_TRIANGLES;
-/// Most levels of detail of a shape.
+/// Maximum number of levels of detail of a shape.
 pub const MOST_LEVELS: usize = 8;
 
-/// Why shapes cannot be read.
+/// Reasons why shapes cannot be read.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ShapeError {
     /// No files, or too many.
-    #[error("{count} shape files: allowed are 1 to {MOST_SHAPES}")]
+    #[error("{count} shape files: must be between 1 and {MOST_SHAPES}")]
     Files {
         /// Number of files.
         count: usize,
     },
-    /// Something is wrong in a file.
+    /// A file is invalid.
     #[error("{}: {problem}", path.display())]
     File {
         /// The file.
         path: PathBuf,
-        /// What is wrong.
+        /// The problem.
         #[source]
         problem: MeshProblem,
     },
 }
 
-/// Bytes of a file of a shape, and of all buffers in it and beside it together, at most.
+/// Maximum total size of a shape's file and all of its buffers, embedded and external, bytes.
 const MOST_BYTES: u64 = 256 << 20;
 
-/// What is wrong in a shape's file.
+/// Problem in a shape's file.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum MeshProblem {
@@ -77,15 +78,15 @@ pub enum MeshProblem {
     Buffer {
         /// Its number.
         buffer: usize,
-        /// What is wrong.
+        /// The problem.
         reason: String,
     },
-    /// An accessor is not what is needed.
+    /// An accessor does not have the required form.
     #[error("accessor {accessor}: {reason}")]
     Accessor {
         /// Its number.
         accessor: usize,
-        /// What is wrong.
+        /// The problem.
         reason: String,
     },
     /// A mesh cannot be used.
@@ -93,7 +94,7 @@ pub enum MeshProblem {
     Mesh {
         /// Its name or number.
         mesh: String,
-        /// What is wrong and what is allowed.
+        /// The problem, and the valid values.
         reason: String,
     },
     /// The nodes do not form a tree.
@@ -102,31 +103,31 @@ pub enum MeshProblem {
         /// Number of the node.
         node: usize,
     },
-    /// Only some meshes are named as levels, or levels are missing.
+    /// Only some meshes have level names, or levels are missing.
     #[error(
-        "{reason}; allowed are meshes without `_LOD` in their names, or all with `_LOD0`, `_LOD1` ... without gaps, \
-         {MOST_LEVELS} levels at most"
+        "{reason}; either no mesh name may contain `_LOD`, or all must be numbered `_LOD0`, `_LOD1` ... without gaps, \
+         at most {MOST_LEVELS} levels"
     )]
     Levels {
-        /// What is wrong.
+        /// The problem.
         reason: String,
     },
-    /// A level of detail cannot be a shape.
+    /// A level of detail is not a valid shape.
     #[error("level {level}: {reason}")]
     Surface {
-        /// Its number.
+        /// Number of the level.
         level: usize,
-        /// What is wrong and what is allowed.
+        /// The problem, and the valid values.
         reason: String,
     },
 }
 
 impl ShapeSet {
-    /// One shape from each file. The head of this module says what a file may hold.
+    /// Reads one shape from each file. The documentation of this module describes the valid contents.
     ///
     /// # Errors
     ///
-    /// [`ShapeError`] with the file and what is wrong in it.
+    /// [`ShapeError`] with the file and the problem.
     pub fn from_gltf(paths: &[PathBuf]) -> Result<Self, ShapeError> {
         if paths.is_empty() || paths.len() > MOST_SHAPES {
             return Err(ShapeError::Files { count: paths.len() });
@@ -138,7 +139,7 @@ impl ShapeSet {
     }
 }
 
-/// The levels of detail of a file, the finest first.
+/// Reads the levels of detail of a file, finest first.
 fn levels_of(path: &Path) -> Result<Vec<Solid>, MeshProblem> {
     let bytes = files::read_bounded(path, MOST_BYTES)?;
     let gltf::Gltf { document, blob } = gltf::Gltf::from_slice_without_validation(&bytes)?;
@@ -146,6 +147,7 @@ fn levels_of(path: &Path) -> Result<Vec<Solid>, MeshProblem> {
     let buffers = accessors::buffers(&document, path.parent().unwrap_or(Path::new(".")), blob)?;
     let mut reader = Reader { buffers, levels: BTreeMap::new(), seen: HashSet::new(), corners: 0 };
     reader.document(&document)?;
+    // Either all meshes have level names without gaps, or none has.
     let named = reader.levels.keys().filter(|level| level.is_some()).count();
     if named > 0 && (named < reader.levels.len() || !reader.levels.contains_key(&Some(named - 1))) {
         let found = reader.levels.keys().map(|level| level.map_or("none".to_owned(), |level| format!("_LOD{level}")));
@@ -155,6 +157,7 @@ fn levels_of(path: &Path) -> Result<Vec<Solid>, MeshProblem> {
     if named > MOST_LEVELS {
         return Err(MeshProblem::Levels { reason: format!("there are {named} levels") });
     }
+    // Each level must be a closed surface with fewer triangles than the level before.
     let mut levels = Vec::new();
     for (level, welder) in reader.levels.into_values().enumerate() {
         levels.push(welder.closed().map_err(|reason| MeshProblem::Surface { level, reason })?);
@@ -174,19 +177,24 @@ fn levels_of(path: &Path) -> Result<Vec<Solid>, MeshProblem> {
     }
 }
 
-/// Validates a document. The crate looks the positions of a mesh up before it has compared their number with what there is, and panics: so they come first.
+/// Validates a document. The crate looks up the positions of a mesh before it checks the accessor index, and panics on
+/// a bad one, so accessor indices are checked first.
 fn validated(document: Document) -> Result<Document, MeshProblem> {
     let root = document.into_json();
     let count = root.accessors.len();
     let primitives = root.meshes.iter().flat_map(|mesh| &mesh.primitives);
     let mut named = primitives.flat_map(|primitive| primitive.attributes.values()).map(|accessor| accessor.value());
     if let Some(accessor) = named.find(|accessor| *accessor >= count) {
-        return Err(MeshProblem::Accessor { accessor, reason: format!("a mesh names it, and there are {count}") });
+        return Err(MeshProblem::Accessor {
+            accessor,
+            reason: format!("a mesh refers to it, but there are only {count}"),
+        });
     }
     Ok(Document::from_json(root)?)
 }
 
-/// Triangles of the levels below one of `finest` triangles: by equal ratios, each fewer than the one before.
+/// Triangle counts of the levels below one of `finest` triangles: a geometric series, each count smaller than the one
+/// before.
 fn coarser_targets(finest: usize) -> Vec<usize> {
     let [most, .., least] = LEVEL_TRIANGLES;
     let last = finest.min(most) as f64 * least as f64 / most as f64;
@@ -199,22 +207,23 @@ fn coarser_targets(finest: usize) -> Vec<usize> {
     targets
 }
 
-/// Number behind `_LOD` at the end of a name.
+/// The number after `_LOD` at the end of a name.
 fn level_in(name: Option<&str>) -> Option<usize> {
     name?.rsplit_once("_LOD")?.1.parse().ok()
 }
 
 struct Reader {
     buffers: Vec<Vec<u8>>,
-    /// By level of detail; `None`: the name has none.
+    /// By level of detail; `None`: the name has no level.
     levels: BTreeMap<Option<usize>, Welder>,
     seen: HashSet<usize>,
-    /// Vertices and corners of all primitives so far: a mesh counts anew at every node that has it.
+    /// Vertices and corners of all primitives so far: a mesh counts once for every node that uses it.
     corners: usize,
 }
 
 impl Reader {
-    /// All nodes of the default scene, else of the first, else all that are no children.
+    /// Reads all nodes of the default scene; without one, of the first scene; without any, all nodes that are not
+    /// children.
     fn document(&mut self, document: &Document) -> Result<(), MeshProblem> {
         if let Some(scene) = document.default_scene().or(document.scenes().next()) {
             return self.nodes(scene.nodes());
@@ -224,7 +233,8 @@ impl Reader {
         self.nodes(document.nodes().filter(|node| !children.contains(&node.index())))
     }
 
-    /// Nodes with all below them, parents before children. However deep they are, they take no more of the stack.
+    /// Reads nodes with their descendants, parents before children. Iterative, so that deep trees do not overflow the
+    /// stack.
     fn nodes<'a>(&mut self, roots: impl Iterator<Item = Node<'a>>) -> Result<(), MeshProblem> {
         let mut waiting: Vec<(Node<'a>, DMat4)> = roots.map(|node| (node, DMat4::IDENTITY)).collect();
         waiting.reverse();
@@ -237,7 +247,7 @@ impl Reader {
         Ok(())
     }
 
-    /// One node; returns what takes its axes to those of the world.
+    /// Reads one node; returns the transform from its axes to world axes.
     fn node(&mut self, node: &Node<'_>, world_from_parent: DMat4) -> Result<DMat4, MeshProblem> {
         if !self.seen.insert(node.index()) {
             return Err(MeshProblem::Cycle { node: node.index() });
@@ -266,7 +276,7 @@ fn add_primitive(
 ) -> Result<(), MeshProblem> {
     let refused = |reason: String| MeshProblem::Mesh { mesh: mesh.to_owned(), reason };
     if primitive.mode() != Mode::Triangles {
-        return Err(refused(format!("it is made of {:?}, only Triangles are allowed", primitive.mode())));
+        return Err(refused(format!("its primitives are {:?}, but only Triangles are supported", primitive.mode())));
     }
     let positions = primitive.get(&Semantic::Positions).ok_or_else(|| refused("it has no POSITION".to_owned()))?;
     accessors::check_kind(&positions, &[DataType::F32], &[Dimensions::Vec3])?;
@@ -275,18 +285,18 @@ fn add_primitive(
     let too_many = 3 * MOST_TRIANGLES;
     if corners > too_many || positions.count() > too_many {
         return Err(refused(format!(
-            "it has {} vertices and {corners} corners, allowed are {too_many}",
+            "it has {} vertices and {corners} corners; both must be at most {too_many}",
             positions.count()
         )));
     }
     if !corners.is_multiple_of(3) {
         return Err(refused(format!("its {corners} corners do not make whole triangles")));
     }
-    // Before they are read: a short file may name one mesh any number of times.
+    // Checked before reading: a short file may refer to one mesh any number of times.
     *corners_so_far += corners + positions.count();
     if *corners_so_far > MOST_CORNERS {
         return Err(refused(format!(
-            "with it the scene has {corners_so_far} vertices and corners, allowed are {MOST_CORNERS}"
+            "with it the scene has {corners_so_far} vertices and corners, more than the maximum of {MOST_CORNERS}"
         )));
     }
     let numbers = accessors::numbers(&positions, buffers)?;
@@ -304,14 +314,14 @@ fn add_primitive(
             accessors::numbers(&indices, buffers)?.into_iter().map(|index| index as usize).collect::<Vec<_>>()
         }
     };
-    // A transform that mirrors turns triangles over.
+    // A mirroring transform reverses the winding of triangles.
     let mirrored = world_from_node.determinant() < 0.0;
     for corners in order.chunks_exact(3) {
         let mut triangle = [0; 3];
         for (vertex, &index) in triangle.iter_mut().zip(corners) {
             *vertex = *vertices
                 .get(index)
-                .ok_or_else(|| refused(format!("a triangle names vertex {index} of {}", vertices.len())))?;
+                .ok_or_else(|| refused(format!("a triangle refers to vertex {index} of {}", vertices.len())))?;
         }
         if mirrored {
             triangle.swap(1, 2);
@@ -321,7 +331,7 @@ fn add_primitive(
     Ok(())
 }
 
-/// Luminance of the vertex colours, 1 without.
+/// Luminance of the vertex colours; 1 without colours.
 fn albedos(
     primitive: &Primitive<'_>,
     buffers: &[Vec<u8>],
@@ -340,26 +350,26 @@ fn albedos(
     }
     if let Some(vertex) = albedos.iter().position(|albedo| !albedo.is_finite() || *albedo < 0.0) {
         return Err(refused(format!(
-            "the colour of vertex {vertex} has luminance {}; allowed is 0 or more",
+            "the colour of vertex {vertex} has luminance {}; it must be 0 or more",
             albedos[vertex]
         )));
     }
     Ok(albedos)
 }
 
-/// Joins vertices at one place, and leaves out triangles that have then no area.
+/// Merges vertices at the same position, and drops triangles that become degenerate.
 #[derive(Default)]
 struct Welder {
     solid: Solid,
-    /// Number of the vertex at a place, as its bits.
+    /// Index of the vertex at a position, keyed by the bits of its coordinates.
     numbers: HashMap<[u64; 3], u32>,
-    /// How many vertices of the file lie there.
+    /// Number of merged file vertices for each vertex.
     joined: Vec<f64>,
 }
 
 impl Welder {
     fn vertex(&mut self, place: DVec3, albedo: f64) -> u32 {
-        // Minus zero is the same place as zero.
+        // Minus zero is the same position as zero.
         let key = place.to_array().map(|coordinate| (coordinate + 0.0).to_bits());
         let next = self.solid.positions.len() as u32;
         let number = *self.numbers.entry(key).or_insert(next);
@@ -381,17 +391,17 @@ impl Welder {
         }
     }
 
-    /// The surface if it can be a shape, else what is wrong.
+    /// Returns the surface if it is a valid shape, else the problem.
     fn closed(self) -> Result<Solid, String> {
         let mut solid = self.solid;
         let triangles = solid.triangles.len();
         if triangles == 0 || triangles > MOST_TRIANGLES {
-            return Err(format!("it has {triangles} triangles with an area, allowed are 4 to {MOST_TRIANGLES}"));
+            return Err(format!("it has {triangles} triangles with an area: must be between 4 and {MOST_TRIANGLES}"));
         }
         if let Some([from, to]) = solid.open_edge() {
             let [from, to] = [from, to].map(|vertex| solid.positions[vertex as usize]);
             return Err(format!(
-                "the edge from {from} to {to} does not lie between exactly two triangles that turn the same way round: \
+                "the edge from {from} to {to} is not shared by exactly two triangles with the same orientation: \
                  only closed surfaces are allowed"
             ));
         }

@@ -1,13 +1,13 @@
-//! Groups of neighbours, and the tree of these.
+//! Groups of neighbouring instances, and the tree over them.
 //!
-//! Instances are halved across the longest side of their box, again and again, until a group is left: neighbours in the
-//! list are neighbours in space, also in thin rings, where a space-filling curve would jump from one end to the other.
-//! Halves are whole multiples of groups, and above that of the nodes of every level, so each node is a stretch of the
-//! list: all are full but the last.
+//! Instances are split recursively across the longest side of their bounding box, until one group is left: neighbours
+//! in the list are neighbours in space. This also holds in thin rings, where a space-filling curve would jump from one
+//! end to the other. Each half is a whole multiple of the group size, and at higher levels of the node size, so each
+//! node is a contiguous range of the list, and all but the last are full.
 //!
-//! A node's sphere holds all of every instance of it, as unpacked: place from the f32 offset, radius from its 16 bits,
-//! the shape's bound. It is taken from the instances themselves, not from the spheres below, so it is as narrow as
-//! theirs.
+//! A node's sphere contains every one of its instances completely, computed from the unpacked values: position from the
+//! f32 offset, radius from 16 bits, bound of the shape. It is computed from the instances themselves, not from the
+//! spheres of the level below, so it is as tight as those.
 
 use std::f64::consts::PI;
 
@@ -16,22 +16,22 @@ use rayon::prelude::*;
 
 use super::{GROUP, Node, PackedAsteroid, shapes::F32_ROUNDING};
 
-/// Nodes of a level that make a node of the next.
+/// Number of nodes of a level that form a node of the next level.
 pub const BRANCHING: usize = 16;
 
-/// Below this many instances one thread halves alone.
+/// Below this number of instances, a single thread does the splitting.
 const TOGETHER: usize = 1 << 14;
 
-/// An instance with its place in f64.
+/// An instance with its f64 position.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Placed {
-    /// In the field's axes, m.
+    /// Position in the field's axes, m.
     pub place_m: DVec3,
-    /// The rest; its offset is still 0.
+    /// The packed data; its offset is still 0.
     pub packed: PackedAsteroid,
 }
 
-/// The instances in groups, and the nodes by level.
+/// Returns the instances in groups, and the nodes by level.
 pub(super) fn grouped(
     mut placed: Vec<Placed>,
     largest_m: f64,
@@ -49,7 +49,7 @@ pub(super) fn grouped(
     placed.par_chunks_mut(GROUP).zip(&middles).for_each(|(group, middle_m)| {
         for one in group {
             one.packed.offset = (one.place_m - middle_m).as_vec3().to_array().map(f32::to_bits);
-            // From here on it is where its offset says.
+            // From here on, use the position that the packed offset encodes.
             one.place_m = middle_m + one.packed.offset_m();
         }
     });
@@ -73,7 +73,7 @@ pub(super) fn grouped(
     (placed.par_iter().map(|one| one.packed).collect(), levels)
 }
 
-/// Puts neighbours beside each other. `stretch` is a length of the nodes of some level, at least that of the list.
+/// Sorts neighbours next to each other. `stretch` is the node size of some level, at least the length of the list.
 fn order(placed: &mut [Placed], mut stretch: usize) {
     if placed.len() <= GROUP {
         return;
@@ -99,7 +99,7 @@ fn extent_m(placed: &[Placed]) -> (DVec3, DVec3) {
     placed.iter().fold(none, |(low, high), one| (low.min(one.place_m), high.max(one.place_m)))
 }
 
-/// Middle of the box around the places.
+/// Centre of the bounding box of the positions.
 fn middle_m(placed: &[Placed]) -> DVec3 {
     let (low, high) = extent_m(placed);
     low + (high - low) * 0.5
@@ -123,7 +123,7 @@ fn bounding_node(
         weighted += offset_m * one_m2;
         (smallest_m, most_m) = (smallest_m.min(radius_m), most_m.max(radius_m));
     }
-    // Whoever adds the offset to the middle in f64 rounds to a few parts in 1e16 of where the middle is.
+    // Adding the offset to the middle in f64 rounds by a few parts in 1e16 of the middle's distance from the origin.
     let radius_m = reach_m * (1.0 + F32_ROUNDING) + 1e-15 * middle_m.length();
     let centroid_m = middle_m + weighted / area_m2;
     Node { middle_m, radius_m, centroid_m, area_m2, largest_m: most_m, smallest_m, first, count }

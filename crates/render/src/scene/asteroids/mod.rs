@@ -1,13 +1,15 @@
 //! Fields of asteroids: a few shapes, and up to millions of instances of them, in groups of neighbours.
 //!
-//! Places are f64 in the field's axes, f32 only relative to the middle of a group. An instance spins around its shape's
-//! +z axis, as a body does that has come to rest; where this axis points is its own. Its turn is counted in 2^32 parts,
-//! so that multiplying a moment by a rate wraps exactly, however far away the moment is.
+//! Positions are f64 in the field's axes, and f32 only relative to the middle of a group. An instance spins around its
+//! shape's +z axis, like a body in its relaxed rotation state; each instance has its own axis direction. Rotation
+//! angles are integers in units of 2^-32 turns, so that multiplying a time by a rate wraps exactly, for any time.
 //!
-//! - `shapes`: the five procedural shapes (`surface`, `sphere`), and how any mesh becomes a shape (`solid`, `tree`);
-//! - `gltf`: shapes from files, their coarser levels from `simplify`;
-//! - `placement`: instances drawn from a seed, `groups` the groups and the tree, `packed` how an instance is packed;
-//! - `spec`: what a field is made from.
+//! - `shapes`: the five procedural shapes (`surface`, `sphere`), and the conversion of any mesh to a shape (`solid`,
+//!   `tree`);
+//! - `gltf`: shapes from files, with coarser levels from `simplify`;
+//! - `placement`: random instances from a seed; `groups`: the groups and the tree; `packed`: the packed form of an
+//!   instance;
+//! - `spec`: the specification of a field.
 
 mod gltf;
 mod groups;
@@ -44,7 +46,7 @@ use super::bodies::ReflectionLaw;
 /// A triangle mesh around the origin, in units of the shape's mean radius.
 #[derive(Clone, Debug, PartialEq, Default)]
 pub struct Mesh {
-    /// Places of the vertices.
+    /// Positions of the vertices.
     pub positions: Vec<[f32; 3]>,
     /// Unit normals, one per vertex, smooth.
     pub normals: Vec<[f32; 3]>,
@@ -59,7 +61,7 @@ pub struct Mesh {
 pub struct Lod {
     /// The mesh.
     pub mesh: Mesh,
-    /// Greatest distance between this mesh's surface and the finest one's, either way, mean radii.
+    /// Hausdorff distance between this mesh's surface and the finest one's, mean radii.
     pub error: f64,
     /// Longest edge, mean radii.
     pub longest_edge: f64,
@@ -68,43 +70,45 @@ pub struct Lod {
 /// A shape whose mean projected area is pi: its mean radius is 1.
 #[derive(Clone, Debug, PartialEq, Default)]
 pub struct Shape {
-    /// Levels of detail, the finest first; at least one.
+    /// Levels of detail, finest first; at least one.
     pub lods: Vec<Lod>,
-    /// Radius of the sphere around the origin that holds all levels, mean radii.
+    /// Radius of the sphere around the origin that contains all levels, mean radii.
     pub bound: f64,
 }
 
 /// The shapes of a field.
 #[derive(Clone, Debug, PartialEq, Default)]
 pub struct ShapeSet {
-    /// The shapes; at least one, at most 256.
+    /// The shapes; between 1 and 256.
     pub shapes: Vec<Shape>,
-    /// Tells sets apart: equal meshes give equal digests, also in other runs.
+    /// Identifies a set: equal meshes have equal digests, also across runs.
     pub digest: u64,
 }
 
-/// An asteroid as the adapter reads it, 24 bytes. The head of [`packed`] tells how to read axis, orientation and turn.
+/// An asteroid as the GPU reads it, 24 bytes. The documentation of [`packed`] defines axis, orientation and rotation
+/// angle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Pod, Zeroable)]
 #[repr(C)]
 pub struct PackedAsteroid {
-    /// Place relative to the middle of its group, in the field's axes, m: three f32 as bits.
+    /// Position relative to the middle of its group, in the field's axes, m: three f32 as bits.
     pub offset: [u32; 3],
-    /// Low 16 bits: mean radius over the largest of the field, in parts of 65535. Next 8 bits: number of the shape.
+    /// Low 16 bits: mean radius over the largest of the field, in units of 1/65535. Next 8 bits: index of the shape.
     pub radius_and_shape: u32,
-    /// Spin axis in the field's axes, octahedral, two signed 16-bit parts (`pack2x16snorm`).
+    /// Spin axis in the field's axes, octahedral, two signed 16-bit fractions (`pack2x16snorm`).
     pub axis: u32,
-    /// Low 16 bits: turn at time 0, in parts of 65536. High 16 bits: turns per base period, a signed whole number.
+    /// Low 16 bits: rotation angle at time 0, in units of 1/65536 turn. High 16 bits: turns per base period, a signed
+    /// integer.
     pub spin: u32,
 }
 
-/// Neighbours: of level 0 instances, of the other levels nodes of the level below.
+/// A node of neighbours: instances at level 0, nodes of the level below at other levels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Node {
     /// Middle, in the field's axes, m.
     pub middle_m: DVec3,
-    /// Radius of the sphere around it that holds all of every instance, m.
+    /// Radius of the sphere around it that contains every instance completely, m.
     pub radius_m: f64,
-    /// Mean of the places, weighted by projected area, field's axes, m.
+    /// Mean position, weighted by projected area, field's axes, m.
     pub centroid_m: DVec3,
     /// Sum of the mean projected areas, m^2.
     pub area_m2: f64,
@@ -112,27 +116,27 @@ pub struct Node {
     pub largest_m: f64,
     /// Smallest mean radius, m.
     pub smallest_m: f64,
-    /// First instance, or node of the level below.
+    /// Index of the first instance, or of the first node of the level below.
     pub first: u32,
     /// Number of instances, or of nodes.
     pub count: u32,
 }
 
-/// Instances in groups of neighbours, and the tree of these.
+/// Instances in groups of neighbours, and the tree over the groups.
 #[derive(Clone, Debug, PartialEq, Default)]
 pub struct Instances {
     /// All instances, group by group.
     pub packed: Vec<PackedAsteroid>,
-    /// Nodes by level: groups of at most [`GROUP`] instances first; the last level has one node, or none if there are
-    /// no instances.
+    /// Nodes by level: first the groups of at most [`GROUP`] instances. The last level has one node; there are no
+    /// levels if there are no instances.
     pub levels: Vec<Vec<Node>>,
-    /// Mean radius that the packed radii are parts of, m.
+    /// The mean radius relative to which radii are packed, m.
     pub largest_m: f64,
     /// The base period, s.
     pub base_period_s: f64,
 }
 
-/// Most instances of a group.
+/// Maximum number of instances in a group.
 pub const GROUP: usize = 256;
 
 /// A field of asteroids.
@@ -140,33 +144,33 @@ pub const GROUP: usize = 256;
 pub struct AsteroidField {
     /// Unique among the fields of a scene.
     pub name: String,
-    /// Its middle: ICRS, barycentric, m.
+    /// Its centre: ICRS, barycentric, m.
     pub position_m: DVec3,
     /// Rotation from the field's axes to world axes.
     pub orientation: DQuat,
-    /// How the asteroids reflect.
+    /// Reflection law of the asteroids.
     pub law: ReflectionLaw,
-    /// Geometric albedo, of red, green and blue.
+    /// Geometric albedo for red, green and blue.
     pub geometric_albedo: [f64; 3],
-    /// Where they are.
+    /// The instances.
     pub instances: Arc<Instances>,
-    /// What they look like.
+    /// The shapes.
     pub shapes: Arc<ShapeSet>,
 }
 
 impl Instances {
-    /// A moment, s, in 2^32 parts of the base period.
+    /// Converts a time, s, to units of 2^-32 base periods.
     pub fn time_parts(&self, time_s: f64) -> u32 {
-        // A share that rounds up to 1 wraps to 0.
+        // A fraction that rounds up to 1 wraps to 0.
         ((time_s / self.base_period_s).rem_euclid(1.0) * 4_294_967_296.0) as u64 as u32
     }
 
-    /// Number of the group of an instance: all groups are full but the last.
+    /// Index of the group of an instance: all groups are full except the last.
     pub fn group_of(&self, instance: usize) -> usize {
         instance / GROUP
     }
 
-    /// Place of an instance in the field's axes, m; `None` if there is no such instance.
+    /// Position of an instance in the field's axes, m; `None` if there is no such instance.
     pub fn place_m(&self, instance: usize) -> Option<DVec3> {
         let group = self.levels.first()?.get(self.group_of(instance))?;
         Some(group.middle_m + self.packed.get(instance)?.offset_m())

@@ -1,18 +1,18 @@
-//! How an asteroid is packed in 24 bytes, and what the adapter reads out of them.
+//! Packing of an asteroid into 24 bytes, and the interpretation of these bytes on the GPU.
 //!
-//! **Axis.** Octahedral map (Meyer et al. 2010) in whole numbers: i and j, the two signed halves, from -32767 to 32767,
-//! and k = 32767 - |i| - |j|. The axis is (i, j, k) normalised; where k < 0, x is (32767 - |j|) with the sign of i and
-//! y is (32767 - |i|) with the sign of j, a zero counting as positive. Whole numbers, because the frame below depends
-//! on the sign of k: a shader that rounded 1 - |x| - |y| could come to the other side.
+//! **Axis.** Octahedral map (Meyer et al. 2010) in integers: i and j, the two signed halves, from -32767 to 32767, and
+//! k = 32767 - |i| - |j|. The axis is (i, j, k) normalised; if k < 0, x is (32767 - |j|) with the sign of i and y is
+//! (32767 - |i|) with the sign of j, with zero counted as positive. Integers are used because the frame below depends
+//! on the sign of k: a shader that rounds 1 - |x| - |y| could get the other sign.
 //!
 //! **Frame.** (t, b, axis) of Duff et al. 2017, *Building an orthonormal basis, revisited*: with the axis (x, y, z), s
-//! = 1 where k >= 0 and -1 elsewhere, a = -1 / (s + z) and c = x y a, it is t = (1 + s x^2 a, s c, -s x) and b = (c, s
-//! + y^2 a, -y). Right-handed and defined for every axis, -z included.
+//! = 1 if k >= 0 and -1 otherwise, a = -1 / (s + z) and c = x y a, t = (1 + s x^2 a, s c, -s x) and b = (c, s + y^2 a,
+//! -y). Right-handed and defined for every axis, including -z.
 //!
-//! **Orientation.** A point (x, y, z) of the shape comes to t x' + b y' + axis z, with (x', y') = (x cos w - y sin w, x
-//! sin w + y cos w) and w the turn.
+//! **Orientation.** A point (x, y, z) of the shape maps to t x' + b y' + axis z, with (x', y') = (x cos w - y sin w, x
+//! sin w + y cos w) and w the rotation angle.
 //!
-//! **Turn.** phase 2^16 + rate time, in 2^32 parts of a turn, all whole numbers that wrap: exact for any moment.
+//! **Rotation angle.** phase 2^16 + rate time, in units of 2^-32 turns, all wrapping integers: exact for any time.
 
 use std::f64::consts::TAU;
 
@@ -20,23 +20,23 @@ use glam::{DMat3, DQuat, DVec3, Vec3};
 
 use super::PackedAsteroid;
 
-/// Parts of the largest radius.
+/// Number of steps of a packed radius.
 pub const RADIUS_PARTS: u32 = 65_535;
 /// Largest component of a packed axis.
 pub const AXIS_PARTS: i32 = 32_767;
 
-/// What is packed: see [`PackedAsteroid`].
+/// Unpacked form of [`PackedAsteroid`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Asteroid {
-    /// Place relative to the middle of its group, in the field's axes, m.
+    /// Position relative to the middle of its group, in the field's axes, m.
     pub offset_m: Vec3,
-    /// Mean radius over the largest of the field, 0 to 1; becomes a part of [`RADIUS_PARTS`], at least one.
+    /// Mean radius over the largest of the field, 0 to 1; packed in units of 1 / [`RADIUS_PARTS`], at least one.
     pub radius_over_largest: f64,
-    /// Number of the shape.
+    /// Index of the shape.
     pub shape: u8,
-    /// Spin axis in the field's axes, of any length but 0.
+    /// Spin axis in the field's axes, of any nonzero length.
     pub axis: DVec3,
-    /// Turn at time 0, in parts of 65536.
+    /// Rotation angle at time 0, in units of 1/65536 turn.
     pub phase: u16,
     /// Turns per base period.
     pub rate: i16,
@@ -46,7 +46,7 @@ fn not_negative(value: f64) -> f64 {
     if value < 0.0 { -1.0 } else { 1.0 }
 }
 
-/// Octahedral coordinates of a direction of any length but 0, as `pack2x16snorm` packs them.
+/// Octahedral coordinates of a direction of any nonzero length, packed like `pack2x16snorm`.
 fn packed_axis(axis: DVec3) -> u32 {
     let axis = axis / axis.abs().element_sum();
     let [x, y] = if axis.z >= 0.0 {
@@ -71,7 +71,7 @@ impl From<Asteroid> for PackedAsteroid {
 }
 
 impl PackedAsteroid {
-    /// Place relative to the middle of its group, in the field's axes, m.
+    /// Position relative to the middle of its group, in the field's axes, m.
     pub fn offset_m(&self) -> DVec3 {
         Vec3::from_array(self.offset.map(f32::from_bits)).as_dvec3()
     }
@@ -81,12 +81,12 @@ impl PackedAsteroid {
         f64::from(self.radius_and_shape & 0xffff) / f64::from(RADIUS_PARTS) * largest_m
     }
 
-    /// Number of the shape.
+    /// Index of the shape.
     pub fn shape(&self) -> usize {
         (self.radius_and_shape >> 16 & 0xff) as usize
     }
 
-    /// The axis in whole numbers, not normalised, and whether it points to the half with s = 1.
+    /// The axis in integers, not normalised, and whether it is in the half with s = 1.
     fn whole_axis(&self) -> (DVec3, bool) {
         let [i, j] = [self.axis as u16, (self.axis >> 16) as u16].map(|half| i32::from(half as i16).max(-AXIS_PARTS));
         let k = AXIS_PARTS - i.abs() - j.abs();
@@ -105,17 +105,17 @@ impl PackedAsteroid {
         (self.spin >> 16) as u16 as i16
     }
 
-    /// Turn at a moment of [`super::Instances::time_parts`], in 2^32 parts of a full one.
+    /// Rotation angle at a time from [`super::Instances::time_parts`], in units of 2^-32 turns.
     pub fn turn_parts(&self, time_parts: u32) -> u32 {
         (self.spin << 16).wrapping_add((i32::from(self.rate()) as u32).wrapping_mul(time_parts))
     }
 
-    /// Turn at a moment of [`super::Instances::time_parts`], 0 to 2 pi, rad.
+    /// Rotation angle at a time from [`super::Instances::time_parts`], 0 to 2 pi, rad.
     pub fn turn(&self, time_parts: u32) -> f64 {
         f64::from(self.turn_parts(time_parts)) / 4_294_967_296.0 * TAU
     }
 
-    /// The frame (t, b, axis) that the shape turns in: the columns, in the field's axes.
+    /// The frame (t, b, axis) in which the shape rotates: the columns, in the field's axes.
     pub fn frame(&self) -> DMat3 {
         let (whole, positive) = self.whole_axis();
         let axis = whole.normalize();
@@ -129,7 +129,7 @@ impl PackedAsteroid {
         )
     }
 
-    /// Rotation from the shape's axes to the field's at a moment of [`super::Instances::time_parts`].
+    /// Rotation from the shape's axes to the field's at a time from [`super::Instances::time_parts`].
     pub fn field_from_shape(&self, time_parts: u32) -> DQuat {
         DQuat::from_mat3(&self.frame()) * DQuat::from_rotation_z(self.turn(time_parts))
     }

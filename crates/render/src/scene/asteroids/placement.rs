@@ -1,8 +1,7 @@
-//! Where the asteroids of a field are, how large they are and how they spin: drawn from a seed.
+//! Random positions, sizes and spins of the asteroids of a field, from a seed.
 //!
-//! Every block of instances has its own random stream, so a field depends on its parameters alone and not on the number
-//! of threads. Lengths in metres, in the field's axes, times in seconds. Asteroids may overlap: nothing keeps them
-//! apart.
+//! Each block of instances has its own random stream, so a field depends only on its parameters and not on the number
+//! of threads. Lengths are in metres, in the field's axes, times in seconds. Asteroids may overlap.
 
 use std::f64::consts::{PI, TAU};
 
@@ -18,33 +17,33 @@ use super::{
     shapes::MOST_SHAPES,
 };
 
-/// Most instances of a field.
+/// Maximum number of instances of a field.
 pub const MOST_INSTANCES: u32 = 1 << 26;
-/// Largest ratio of the radii of a field: the smallest then is 65 of the parts that radii are packed in, good to 0.8 %.
+/// Largest ratio of the radii of a field: the smallest radius is then 65 packing steps, accurate to 0.8 %.
 pub const LARGEST_RADIUS_RATIO: f64 = 1000.0;
-/// Largest ratio of the spin periods of a field. A period is the base period over a whole number, 32767 for the
-/// shortest and 32 at least for the longest, which is good to 1.6 %.
+/// Largest ratio of the spin periods of a field. A period is the base period divided by an integer, 32767 for the
+/// shortest and at least 32 for the longest, which is accurate to 1.6 %.
 pub const LARGEST_PERIOD_RATIO: f64 = 1000.0;
 /// Steepest distribution of sizes.
 pub const STEEPEST_SIZE_INDEX: f64 = 10.0;
-/// Largest distance from a field's middle, m: beyond it the squares of lengths would not be finite numbers in f32.
+/// Largest distance from a field's centre, m: beyond it the squares of lengths overflow f32.
 pub const LARGEST_EXTENT_M: f64 = 1e18;
 
-/// Instances that share a random stream.
+/// Number of instances that share a random stream.
 const BLOCK: u32 = 4096;
 /// Turns per base period of the shortest spin period.
 const FASTEST_RATE: f64 = 32_767.0;
 
-/// The space that asteroids fill, around the middle of the field.
+/// The space that asteroids fill, around the centre of the field.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Placement {
-    /// Evenly in a box.
+    /// Uniformly in a box.
     Box {
         /// Lengths of its sides along x, y and z, m.
         size_m: DVec3,
     },
     /// In a torus around z whose cross-section is an ellipse. With q from 0 in the middle of the ellipse to 1 on its
-    /// rim, the density in space goes as cos^2(pi q / 2): a belt without edges.
+    /// rim, the density in space is proportional to cos^2(pi q / 2): a belt without sharp edges.
     Belt {
         /// Inner radius, m.
         inner_m: f64,
@@ -53,7 +52,7 @@ pub enum Placement {
         /// Full height of the cross-section, m.
         height_m: f64,
     },
-    /// Evenly in a flat ring around z.
+    /// Uniformly in a flat ring around z.
     Ring {
         /// Inner radius, m.
         inner_m: f64,
@@ -64,26 +63,26 @@ pub enum Placement {
     },
 }
 
-/// What a field is drawn from.
+/// Parameters of a random field.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FieldParameters {
     /// Number of asteroids, 1 to [`MOST_INSTANCES`].
     pub instances: u32,
-    /// Another seed gives other asteroids.
+    /// Seed of the random numbers.
     pub seed: u64,
-    /// Where they are.
+    /// Their positions.
     pub placement: Placement,
     /// Smallest and largest mean radius, m.
     pub radius_m: [f64; 2],
-    /// Slope of the sizes: the number of asteroids larger than r goes as r^-size_index. 0: evenly in the logarithm of
-    /// r.
+    /// Slope of the size distribution: the number of asteroids larger than r is proportional to r^-size_index. 0:
+    /// uniform in the logarithm of r.
     pub size_index: f64,
-    /// Shortest and longest spin period, s; periods are even in their logarithm, half of the asteroids spin the other
-    /// way.
+    /// Shortest and longest spin period, s. Periods are uniform in their logarithm; half of the asteroids spin
+    /// backwards.
     pub spin_period_s: [f64; 2],
 }
 
-/// Why a field cannot be drawn.
+/// Reasons why a field cannot be generated.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum FieldError {
     /// A parameter is out of range.
@@ -93,12 +92,12 @@ pub enum FieldError {
         key: &'static str,
         /// Its value.
         value: String,
-        /// What is allowed.
+        /// Valid values.
         allowed: String,
     },
     /// The number of shapes is out of range.
     #[error(
-        "{shapes} shapes with {bounds} bounds: a field has 1 to {MOST_SHAPES} shapes, each with a bound of 1 or more"
+        "{shapes} shapes with {bounds} bounds: a field must have 1 to {MOST_SHAPES} shapes, each with a bound of at least 1"
     )]
     Shapes {
         /// Number of shapes.
@@ -112,26 +111,26 @@ fn refused(key: &'static str, value: impl ToString, allowed: impl Into<String>) 
     FieldError::OutOfRange { key, value: value.to_string(), allowed: allowed.into() }
 }
 
-/// A length above 0, or from 0 on, at most [`LARGEST_EXTENT_M`].
+/// Checks a length: above 0, or at least 0, and at most [`LARGEST_EXTENT_M`].
 fn check_length(key: &'static str, value: f64, zero_allowed: bool) -> Result<(), FieldError> {
     let above = value > 0.0 || (zero_allowed && value == 0.0);
     if above && value <= LARGEST_EXTENT_M {
         return Ok(());
     }
     let from = if zero_allowed { "0 or more" } else { "more than 0" };
-    Err(refused(key, value, format!("allowed is {from}, at most {LARGEST_EXTENT_M:e} m")))
+    Err(refused(key, value, format!("must be {from} and at most {LARGEST_EXTENT_M:e} m")))
 }
 
-/// Smallest mean radius, m, and spin period, s.
+/// Smallest mean radius, m, and smallest spin period, s.
 pub const LEAST_OF_RANGE: f64 = 1e-3;
 
-/// Two values, the first at least [`LEAST_OF_RANGE`], the second not below it and at most `ratio` times as large.
+/// Checks two values: the first at least [`LEAST_OF_RANGE`], the second not smaller and at most `ratio` times as large.
 fn check_range(key: &'static str, [low, high]: [f64; 2], ratio: f64) -> Result<(), FieldError> {
     if low >= LEAST_OF_RANGE && low <= high && high <= LARGEST_EXTENT_M && high <= low * ratio {
         return Ok(());
     }
     let allowed = format!(
-        "allowed are two numbers above 0, from {LEAST_OF_RANGE} on, the smallest first, the largest at most {ratio} times as large and \
+        "must be two numbers of at least {LEAST_OF_RANGE}, smallest first, the largest at most {ratio} times as large and \
          at most {LARGEST_EXTENT_M:e}"
     );
     Err(refused(key, format!("[{low}, {high}]"), allowed))
@@ -147,11 +146,11 @@ fn check_radii(inner: (&'static str, f64), outer: (&'static str, f64)) -> Result
 }
 
 impl Placement {
-    /// Refuses sizes that are not lengths.
+    /// Checks that all sizes are valid lengths.
     ///
     /// # Errors
     ///
-    /// [`FieldError::OutOfRange`] with the key and what is allowed.
+    /// [`FieldError::OutOfRange`] with the key and the valid values.
     pub fn check(&self) -> Result<(), FieldError> {
         match *self {
             Self::Box { size_m } => {
@@ -168,14 +167,14 @@ impl Placement {
         }
     }
 
-    /// Draws a place, m.
+    /// Draws a random position, m.
     fn draw(&self, rng: &mut ChaCha8Rng) -> DVec3 {
         match *self {
             Self::Box { size_m } => size_m * DVec3::from_array([0; 3].map(|_| centred(rng))),
             Self::Belt { inner_m, outer_m, height_m } => loop {
                 let (q, angle) = (unit(rng).sqrt(), unit(rng) * TAU);
                 let radius = 0.5 * ((inner_m + outer_m) + (outer_m - inner_m) * q * angle.cos());
-                // The way around the axis is longer farther out.
+                // The circumference grows with the distance from the axis.
                 if unit(rng) * outer_m < radius * (0.5 * PI * q).cos().powi(2) {
                     return around_axis(radius, 0.5 * height_m * q * angle.sin(), rng);
                 }
@@ -190,12 +189,12 @@ impl Placement {
     }
 }
 
-/// From 0 to 1, 1 not included.
+/// Uniform in [0, 1).
 fn unit(rng: &mut ChaCha8Rng) -> f64 {
     rng.random_range(0.0..1.0)
 }
 
-/// From -0.5 to 0.5, 0.5 not included.
+/// Uniform in [-0.5, 0.5).
 fn centred(rng: &mut ChaCha8Rng) -> f64 {
     unit(rng) - 0.5
 }
@@ -206,30 +205,30 @@ fn around_axis(radius: f64, z: f64, rng: &mut ChaCha8Rng) -> DVec3 {
 }
 
 impl FieldParameters {
-    /// Refuses what cannot be drawn.
+    /// Checks all parameters.
     ///
     /// # Errors
     ///
-    /// [`FieldError::OutOfRange`] with the key and what is allowed.
+    /// [`FieldError::OutOfRange`] with the key and the valid values.
     pub fn check(&self) -> Result<(), FieldError> {
         if self.instances == 0 || self.instances > MOST_INSTANCES {
-            return Err(refused("instances", self.instances, format!("allowed are 1 to {MOST_INSTANCES}")));
+            return Err(refused("instances", self.instances, format!("must be between 1 and {MOST_INSTANCES}")));
         }
         self.placement.check()?;
         check_range("radius_m", self.radius_m, LARGEST_RADIUS_RATIO)?;
         if !(0.0..=STEEPEST_SIZE_INDEX).contains(&self.size_index) {
-            return Err(refused("size_index", self.size_index, format!("allowed is 0 to {STEEPEST_SIZE_INDEX}")));
+            return Err(refused("size_index", self.size_index, format!("must be between 0 and {STEEPEST_SIZE_INDEX}")));
         }
         check_range("spin_period_s", self.spin_period_s, LARGEST_PERIOD_RATIO)
     }
 
-    /// Mean radius over the largest, for `share` from 0 (the smallest) to 1: the inverse of the cumulative
+    /// Mean radius over the largest, for a quantile `share` from 0 (the smallest) to 1: the inverse of the cumulative
     /// distribution.
     fn radius_over_largest(&self, share: f64) -> f64 {
         let [smallest, largest] = self.radius_m;
         let ln_ratio = (largest / smallest).ln();
         let steepness = self.size_index * ln_ratio;
-        // How far up in the logarithm: -ln(1 - share (1 - e^-steepness)) / steepness, and its limit for none.
+        // Position in the logarithm: -ln(1 - share (1 - e^-steepness)) / steepness, and its limit for zero steepness.
         let up = if steepness < 1e-9 { share } else { -(share * (-steepness).exp_m1()).ln_1p() / steepness };
         (-(1.0 - up) * ln_ratio).exp()
     }
@@ -254,8 +253,8 @@ impl FieldParameters {
 }
 
 impl Instances {
-    /// Draws the asteroids of a field and puts them in groups of neighbours. `bounds` are the radii of the spheres that
-    /// hold the shapes ([`super::ShapeSet::bounds`]), mean radii.
+    /// Generates the asteroids of a field and groups neighbours. `bounds` are the radii of the bounding spheres of the
+    /// shapes ([`super::ShapeSet::bounds`]), mean radii.
     ///
     /// # Errors
     ///

@@ -1,10 +1,11 @@
-//! Shapes from meshes: centred, turned and scaled so that every shape of mean radius 1 spins about its +z axis; and the
-//! five procedural shapes.
+//! Shapes from meshes, centred, rotated and scaled so that every shape has mean radius 1 and spins about its +z axis;
+//! and the five procedural shapes.
 //!
-//! All levels are moved and turned alike, by the finest one: its centroid comes to the origin, its axis of the largest
-//! moment of inertia to +z, that of the smallest to +x (uniform density). Then each level is scaled by itself to a mean
-//! projected area of pi. A coarse mesh of points of the surface lies inside of it and would show less; so scaled, it
-//! shows as much as the finest on the mean, no light is lost where levels change, and it errs half as far.
+//! All levels are moved and rotated with the transform of the finest one: its centroid to the origin, its axis of the
+//! largest moment of inertia to +z, that of the smallest to +x (uniform density). Then each level is scaled separately
+//! to a mean projected area of pi. A coarse mesh whose vertices lie on the surface is inside of it and would cover
+//! less. With this scale it covers as much as the finest mesh on average, no light is lost where levels change, and its
+//! surface error is half as large.
 
 use std::f64::consts::PI;
 
@@ -19,25 +20,24 @@ use super::{
     tree::MeshTree,
 };
 
-/// Triangles of the levels of a procedural shape, the finest first: from 1400 down to 500, as published for the method
-/// that this follows.
+/// Triangles of the levels of a procedural shape, finest first: from 1400 down to 500, as in the published method.
 pub const LEVEL_TRIANGLES: [usize; 5] = [1400, 1150, 900, 700, 500];
 
 /// Number of procedural shapes.
 pub const PROCEDURAL_SHAPES: usize = SEMI_AXES.len();
 
-/// Most shapes of a set.
+/// Maximum number of shapes of a set.
 pub const MOST_SHAPES: usize = 256;
 
-/// Parts of a triangle's edge between the points at which distances between meshes are taken.
+/// Number of parts of a triangle's edge, for the sample points at which distances between meshes are measured.
 const ERROR_STEPS: usize = 4;
 
-/// f32 rounds up to this much of a length; bounds grow by it.
+/// Relative rounding error allowed for f32; bounds are enlarged by it.
 pub(super) const F32_ROUNDING: f64 = 1e-6;
 
 impl ShapeSet {
-    /// Five shapes like asteroids, from nearly round to twice as long as thick, each with [`LEVEL_TRIANGLES`]. Another
-    /// seed gives others; the same seed the same bits.
+    /// Five asteroid-like shapes, from nearly round to twice as long as thick, each with [`LEVEL_TRIANGLES`]. The same
+    /// seed gives the same bits.
     pub fn procedural(seed: u64) -> Self {
         let shapes = (0..PROCEDURAL_SHAPES)
             .into_par_iter()
@@ -69,7 +69,7 @@ fn sampled(surface: &Surface, triangles: usize) -> Solid {
     }
 }
 
-/// A shape from its levels, the finest first: closed meshes of positive volume around one origin.
+/// Builds a shape from its levels, finest first: closed meshes of positive volume around a common origin.
 pub(super) fn finished(mut levels: Vec<Solid>) -> Shape {
     let Some(finest) = levels.first() else { return Shape::default() };
     let moments = finest.moments();
@@ -99,20 +99,20 @@ fn place(mesh: &Mesh, vertex: u32) -> DVec3 {
 }
 
 fn longest_edge(mesh: &Mesh) -> f64 {
-    let of = |&[a, b, c]: &[u32; 3]| {
+    let longest_squared = |&[a, b, c]: &[u32; 3]| {
         let [a, b, c] = [a, b, c].map(|vertex| place(mesh, vertex));
         a.distance_squared(b).max(b.distance_squared(c)).max(c.distance_squared(a))
     };
-    mesh.triangles.iter().map(of).fold(0.0, f64::max).sqrt()
+    mesh.triangles.iter().map(longest_squared).fold(0.0, f64::max).sqrt()
 }
 
-/// Greatest distance between the surfaces of two meshes, either way (Hausdorff distance), taken at points of a grid on
-/// every triangle, corners and edges included.
+/// Hausdorff distance between the surfaces of two meshes, measured at a grid of points on every triangle, including
+/// corners and edges.
 pub fn surface_distance(a: &Mesh, b: &Mesh) -> f64 {
     Sampled::new(a).distance(&Sampled::new(b))
 }
 
-/// A mesh's surface as points and as a tree.
+/// A mesh's surface as sample points and as a tree.
 struct Sampled {
     points: Vec<DVec3>,
     tree: MeshTree,

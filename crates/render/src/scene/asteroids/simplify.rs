@@ -1,10 +1,9 @@
-//! Coarser meshes by collapsing edges (Garland and Heckbert 1997, *Surface simplification using quadric error
-//! metrics*).
+//! Coarser meshes by edge collapse (Garland and Heckbert 1997, *Surface simplification using quadric error metrics*).
 //!
-//! Every vertex carries a quadric, the sum of squared distances from the planes of its triangles, weighted by their
-//! areas. The edge whose collapse costs least goes first, its vertices meet where the sum of both quadrics is least. A
-//! collapse that would turn a triangle over, or glue two parts of the surface together, is left out: a closed mesh
-//! stays closed.
+//! Every vertex has a quadric: the sum of squared distances from the planes of its triangles, weighted by their areas.
+//! The edge with the lowest cost is collapsed first, to the position that minimises the sum of the quadrics of its two
+//! vertices. A collapse that would flip a triangle, or join two parts of the surface, is skipped: a closed mesh remains
+//! closed.
 
 use std::{
     cmp::{Ordering, Reverse},
@@ -15,12 +14,12 @@ use glam::{DMat3, DVec3};
 
 use super::solid::Solid;
 
-/// A triangle may turn by the angle of this cosine at most in one collapse.
+/// Smallest cosine of the angle by which a triangle may rotate in one collapse.
 const LEAST_COSINE: f64 = 0.2;
-/// Weight of the edge's middle against the planes, so that a flat neighbourhood has a best place too.
+/// Weight of the edge's midpoint relative to the planes, so that flat neighbourhoods have a unique optimum too.
 const TOWARDS_MIDDLE: f64 = 1e-6;
 
-/// x -> x A x + 2 b x + c.
+/// The quadratic form x -> x A x + 2 b x + c.
 #[derive(Clone, Copy)]
 struct Quadric {
     a: DMat3,
@@ -31,7 +30,7 @@ struct Quadric {
 impl Quadric {
     const ZERO: Self = Self { a: DMat3::ZERO, b: DVec3::ZERO, c: 0.0 };
 
-    /// Squared distance from a point.
+    /// Weighted squared distance from a point.
     fn of_point(point: DVec3, weight: f64) -> Self {
         Self { a: DMat3::IDENTITY * weight, b: -point * weight, c: point.length_squared() * weight }
     }
@@ -47,17 +46,17 @@ impl Quadric {
         Self { a: self.a + other.a, b: self.b + other.b, c: self.c + other.c }
     }
 
-    fn at(&self, x: DVec3) -> f64 {
+    fn value(&self, x: DVec3) -> f64 {
         x.dot(self.a * x) + 2.0 * self.b.dot(x) + self.c
     }
 }
 
-/// A collapse that may come next. Of equal costs the one of the lower numbers.
+/// A candidate collapse. Among equal costs, the one with the lower vertex indices comes first.
 #[derive(Clone, Copy, PartialEq)]
 struct Collapse {
     cost: f64,
     vertices: [u32; 2],
-    /// How often the vertices had moved when this was made.
+    /// Versions of the two vertices when this candidate was created.
     versions: [u32; 2],
     place: DVec3,
 }
@@ -90,8 +89,8 @@ struct Simplifier {
     queue: BinaryHeap<Reverse<Collapse>>,
 }
 
-/// Copies of a closed mesh with at most so many triangles each, `targets` falling. It ends early where no edge can go
-/// any more.
+/// Copies of a closed mesh with at most `targets` triangles each, `targets` decreasing. Ends early if no edge can be
+/// collapsed any more.
 pub(super) fn simplified(solid: &Solid, targets: &[usize]) -> Vec<Solid> {
     let mut simplifier = Simplifier::new(solid.clone());
     let mut made = Vec::new();
@@ -137,7 +136,7 @@ impl Simplifier {
         let place = if trace > 0.0 { bound.a.inverse() * -bound.b } else { middle };
         let place = if place.is_finite() { place } else { middle };
         let versions = [self.versions[u], self.versions[v]];
-        self.queue.push(Reverse(Collapse { cost: quadric.at(place).max(0.0), vertices, versions, place }));
+        self.queue.push(Reverse(Collapse { cost: quadric.value(place).max(0.0), vertices, versions, place }));
     }
 
     fn neighbours(&self, vertex: u32) -> BTreeSet<u32> {
@@ -145,7 +144,7 @@ impl Simplifier {
         triangles.flat_map(|t| self.solid.triangles[*t as usize]).filter(|other| *other != vertex).collect()
     }
 
-    /// Collapses the cheapest edge that may go; false if none may.
+    /// Collapses the cheapest valid edge; returns false if there is none.
     fn step(&mut self) -> bool {
         while let Some(Reverse(collapse)) = self.queue.pop() {
             let [u, v] = collapse.vertices;
@@ -160,9 +159,9 @@ impl Simplifier {
 
     fn may_go(&self, collapse: &Collapse) -> bool {
         let [u, v] = collapse.vertices;
-        let (of_u, of_v) = (self.neighbours(u), self.neighbours(v));
-        // The two ends may share the tips of the two triangles between them and nothing else; and a tetrahedron stays.
-        if of_u.intersection(&of_v).count() != 2 || self.left <= 4 {
+        let (around_u, around_v) = (self.neighbours(u), self.neighbours(v));
+        // The two ends may share only the tips of the two triangles between them; and a tetrahedron is not collapsed.
+        if around_u.intersection(&around_v).count() != 2 || self.left <= 4 {
             return false;
         }
         [(u, v), (v, u)].into_iter().all(|(moved, other)| {
@@ -208,7 +207,7 @@ impl Simplifier {
         }
     }
 
-    /// What is left, without gaps in the numbers.
+    /// The remaining mesh, with vertices renumbered without gaps.
     fn compact(&self) -> Solid {
         let mut numbers = vec![u32::MAX; self.solid.positions.len()];
         let mut made = Solid::default();
@@ -233,7 +232,7 @@ mod tests {
     use crate::scene::asteroids::{shapes::finished, tests::sphere_solid};
 
     #[test]
-    fn a_simplified_sphere_stays_closed_and_near_to_the_sphere() {
+    fn a_simplified_sphere_remains_closed_and_close_to_the_sphere() {
         let sphere = sphere_solid(3000);
         let levels = simplified(&sphere, &[1400, 500, 100]);
         assert_eq!(levels.iter().map(|level| level.triangles.len()).collect::<Vec<_>>(), [1400, 500, 100]);
@@ -242,7 +241,7 @@ mod tests {
             assert_eq!(level.positions.len(), level.triangles.len() / 2 + 2);
         }
         let shape = finished(std::iter::once(sphere).chain(levels).collect());
-        // The sagitta of a triangle of equal sides is a sixth of its squared side: 0.0034, 0.0097 and 0.048 for these
+        // The sagitta of an equilateral triangle is a sixth of its squared side: 0.0034, 0.0097 and 0.048 for these
         // counts.
         let errors: Vec<f64> = shape.lods.iter().map(|lod| lod.error).collect();
         assert!(errors[0] == 0.0 && errors[1] < 0.01 && errors[2] < 0.025 && errors[3] < 0.12, "{errors:?}");
@@ -250,7 +249,7 @@ mod tests {
     }
 
     #[test]
-    fn flat_faces_go_first_and_a_tetrahedron_stays() {
+    fn simplification_stops_at_a_tetrahedron() {
         let levels = simplified(&sphere_solid(20), &[4, 3]);
         assert_eq!(levels.len(), 1);
         assert_eq!((levels[0].triangles.len(), levels[0].open_edge()), (4, None));

@@ -1,8 +1,8 @@
-//! A closed triangle mesh in f64, while a shape is made: its volume, axes, normals and silhouette.
+//! A closed triangle mesh in f64, used while a shape is made: its volume, principal axes, normals and silhouette.
 //!
-//! Moments are those of a body of uniform density, summed over the tetrahedra that the triangles span with a point. The
-//! mean projected area is measured, as a concave body's is less than a quarter of its surface (Cauchy's formula holds
-//! for convex ones): the silhouette is drawn from many directions and its pixels are counted.
+//! Moments are those of a body of uniform density, summed over the tetrahedra between the triangles and a point. The
+//! mean projected area is measured, because that of a concave body is less than a quarter of its surface (Cauchy's
+//! formula holds only for convex bodies): silhouettes are drawn from many directions and their pixels counted.
 
 use std::f64::consts::PI;
 
@@ -11,16 +11,16 @@ use rayon::prelude::*;
 
 use super::{Mesh, sphere::fibonacci_point};
 
-/// Directions from which silhouettes are drawn, on half of the sphere: the other half sees the same areas.
+/// Directions from which silhouettes are drawn, on one half of the sphere: opposite directions have the same area.
 const DIRECTIONS: usize = 256;
-/// Pixels along a side of a silhouette's picture. Counting errs by 1e-3 of one silhouette, at random: by 1e-4 of their
-/// mean.
+/// Pixels along a side of a silhouette's picture. The random counting error is 1e-3 for one silhouette, and 1e-4 for
+/// the mean.
 const SIDE: usize = 160;
 
-/// A triangle mesh in f64, closed where nothing else is said.
+/// A triangle mesh in f64, closed unless stated otherwise.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Solid {
-    /// Places of the vertices.
+    /// Positions of the vertices.
     pub positions: Vec<DVec3>,
     /// Factors on the albedo, one per vertex.
     pub albedos: Vec<f64>,
@@ -28,9 +28,9 @@ pub(super) struct Solid {
     pub triangles: Vec<[u32; 3]>,
 }
 
-/// Volume, centroid and spread of a body.
+/// Volume, centroid and covariance of a body.
 pub(super) struct Moments {
-    /// Volume; negative if the triangles turn inwards.
+    /// Volume; negative if the triangles face inwards.
     pub volume: f64,
     /// Centroid.
     pub centroid: DVec3,
@@ -48,9 +48,9 @@ impl Solid {
         triangle.map(|vertex| self.positions[vertex as usize])
     }
 
-    /// Volume, centroid and spread. The last two are no numbers if the volume is 0.
+    /// Volume, centroid and covariance. The last two are NaN if the volume is 0.
     pub fn moments(&self) -> Moments {
-        // Relative to a point of the surface, so that a mesh far from its origin keeps its digits.
+        // Relative to a point of the surface, so that a mesh far from its origin keeps its precision.
         let origin = self.positions.first().copied().unwrap_or_default();
         let mut volume = 0.0;
         let mut first = DVec3::ZERO;
@@ -67,7 +67,7 @@ impl Solid {
         Moments { volume, centroid: origin + centroid, covariance: second * (1.0 / volume) - outer(centroid) }
     }
 
-    /// An edge that does not lie between two triangles that run along it in opposite directions, if there is one.
+    /// An edge that is not shared by exactly two triangles with opposite edge directions, if there is one.
     pub fn open_edge(&self) -> Option<[u32; 2]> {
         let mut edges: Vec<[u32; 2]> = self.triangles.iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]).collect();
         edges.sort_unstable();
@@ -75,22 +75,22 @@ impl Solid {
         edges.windows(2).find(|pair| pair[0] == pair[1]).map(|pair| pair[0]).or(edges.iter().find(alone).copied())
     }
 
-    /// Turns every triangle over.
+    /// Reverses every triangle.
     pub fn turn_over(&mut self) {
         for triangle in &mut self.triangles {
             triangle.swap(1, 2);
         }
     }
 
-    /// Moves every vertex.
+    /// Applies a function to every vertex position.
     pub fn move_by(&mut self, step: impl Fn(DVec3) -> DVec3) {
         for position in &mut self.positions {
             *position = step(*position);
         }
     }
 
-    /// Unit normals of the vertices: those of the triangles around, weighted by their angles (Thuermer and Wuethrich
-    /// 1998, *Computing vertex normals from polygonal facets*). A vertex without a triangle has its direction from the
+    /// Unit normals of the vertices: those of the adjacent triangles, weighted by their angles (Thuermer and Wuethrich
+    /// 1998, *Computing vertex normals from polygonal facets*). A vertex without a triangle uses its direction from the
     /// origin.
     pub fn vertex_normals(&self) -> Vec<DVec3> {
         let mut normals = vec![DVec3::ZERO; self.positions.len()];
@@ -107,7 +107,7 @@ impl Solid {
         normals.iter().zip(&self.positions).map(|(n, p)| n.try_normalize().unwrap_or_else(|| fallback(p))).collect()
     }
 
-    /// Area of the surface, and the mean of the albedo's factors over it.
+    /// Surface area, and mean of the albedo factors over the surface.
     pub fn area_and_mean_albedo(&self) -> (f64, f64) {
         let (mut area, mut sum) = (0.0, 0.0);
         for &triangle in &self.triangles {
@@ -124,7 +124,7 @@ impl Solid {
         self.positions.iter().map(|position| position.length()).fold(0.0, f64::max)
     }
 
-    /// Mean over all directions of the area of the silhouette, to 1e-3.
+    /// Area of the silhouette, averaged over all directions, accurate to 1e-3.
     pub fn mean_projected_area(&self) -> f64 {
         let bound = self.bound();
         let areas: Vec<f64> = (0..DIRECTIONS)
@@ -134,7 +134,7 @@ impl Solid {
         areas.iter().sum::<f64>() / DIRECTIONS as f64
     }
 
-    /// Area of the silhouette seen along a unit direction; `bound` holds all vertices.
+    /// Area of the silhouette along a unit direction; `bound` is the radius of a sphere around all vertices.
     fn projected_area(&self, direction: DVec3, bound: f64) -> f64 {
         let (right, up) = direction.any_orthonormal_pair();
         let scale = SIDE as f64 / (2.0 * bound);
@@ -148,7 +148,7 @@ impl Solid {
         covered.iter().filter(|pixel| **pixel).count() as f64 / (scale * scale)
     }
 
-    /// The mesh that the GPU reads, with its normals, the albedo's factors divided by their mean.
+    /// The mesh for the GPU, with normals, and with the albedo factors divided by their mean.
     pub fn to_mesh(&self) -> Mesh {
         let (_, mean_albedo) = self.area_and_mean_albedo();
         Mesh {
@@ -160,8 +160,8 @@ impl Solid {
     }
 }
 
-/// Marks the pixels whose centres lie in a triangle that turns counter-clockwise. The others are the far side of a
-/// closed body.
+/// Marks the pixels whose centres lie in a counter-clockwise triangle. Clockwise triangles are the far side of a closed
+/// body.
 fn fill([a, b, c]: [[f64; 2]; 3], covered: &mut [bool]) {
     if (b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1]) <= 0.0 {
         return;
@@ -189,8 +189,8 @@ fn fill([a, b, c]: [[f64; 2]; 3], covered: &mut [bool]) {
     }
 }
 
-/// The axes of a symmetric matrix, unit and right-handed, by falling eigenvalues (Jacobi's method). Where eigenvalues
-/// are equal the axes stay as near to x, y and z as the method leaves them.
+/// Principal axes of a symmetric matrix, unit and right-handed, by decreasing eigenvalues (Jacobi's method). For equal
+/// eigenvalues the axes are as close to x, y and z as the method leaves them.
 pub(super) fn principal_axes(symmetric: DMat3) -> DMat3 {
     let mut matrix = symmetric.to_cols_array_2d();
     let mut axes = DMat3::IDENTITY.to_cols_array_2d();
@@ -200,7 +200,7 @@ pub(super) fn principal_axes(symmetric: DMat3) -> DMat3 {
                 continue;
             }
             let angle = 0.5 * (2.0 * matrix[p][q]).atan2(matrix[q][q] - matrix[p][p]);
-            // The smaller of the two turns that make the element vanish.
+            // The smaller of the two rotations that zero the element.
             let angle = if angle.abs() > PI / 4.0 { angle - angle.signum() * PI / 2.0 } else { angle };
             let (s, c) = angle.sin_cos();
             for row in &mut matrix {
@@ -226,7 +226,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn axes_of_a_turned_ellipsoid_are_found() {
+    fn axes_of_a_rotated_ellipsoid_are_found() {
         let turn = DMat3::from_quat(glam::DQuat::from_euler(glam::EulerRot::ZYX, 0.7, -1.1, 2.0));
         let matrix = turn * DMat3::from_diagonal(DVec3::new(1.0, 5.0, 3.0)) * turn.transpose();
         let axes = principal_axes(matrix);
@@ -246,7 +246,7 @@ mod tests {
         assert!((moments.centroid - DVec3::new(0.3, -0.2, 0.1)).length() < 1e-12);
         let expected = DMat3::from_diagonal(size * size / 12.0);
         assert!((moments.covariance - expected).to_cols_array().iter().all(|d| d.abs() < 1e-12));
-        // Cauchy: a convex body's mean projected area is a quarter of its surface.
+        // Cauchy: the mean projected area of a convex body is a quarter of its surface.
         let centred = super::super::tests::box_solid(size, DVec3::ZERO);
         let (area, _) = centred.area_and_mean_albedo();
         assert!((area - 7.0).abs() < 1e-12);

@@ -1,5 +1,5 @@
-//! What a field of asteroids is made from, and how it is made: what stays the same from one field to the next is not
-//! made anew.
+//! The specification of a field of asteroids, and its construction. Parts that do not change from one field to the next
+//! are reused.
 
 use std::{path::PathBuf, sync::Arc};
 
@@ -8,44 +8,44 @@ use glam::{DQuat, DVec3};
 use super::{AsteroidField, FieldError, FieldParameters, Instances, MOST_INSTANCES, ShapeError, ShapeSet};
 use crate::scene::bodies::{BodyError, ReflectionLaw, check_albedo, check_name, check_names, check_position};
 
-/// Most fields of a scene.
+/// Maximum number of fields of a scene.
 pub const MOST_FIELDS: usize = 64;
 
-/// Where the shapes of a field come from.
+/// Source of the shapes of a field.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum ShapeSource {
-    /// Made from a seed ([`ShapeSet::procedural`]).
+    /// Generated from a seed ([`ShapeSet::procedural`]).
     Procedural {
-        /// Another seed gives others.
+        /// Seed of the random numbers.
         seed: u64,
     },
     /// glTF files, one shape each ([`ShapeSet::from_gltf`]).
     Files(Vec<PathBuf>),
 }
 
-/// What a field is made from.
+/// Specification of a field.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FieldSpec {
     /// Unique among the fields of a scene.
     pub name: String,
-    /// Its middle: ICRS, barycentric, m.
+    /// Its centre: ICRS, barycentric, m.
     pub position_m: DVec3,
     /// Rotation from the field's axes to world axes.
     pub orientation: DQuat,
-    /// Where the asteroids are, how large, and how they spin.
+    /// Positions, sizes and spins of the asteroids.
     pub parameters: FieldParameters,
-    /// What they look like.
+    /// Their shapes.
     pub shapes: ShapeSource,
-    /// How they reflect.
+    /// Reflection law.
     pub law: ReflectionLaw,
-    /// Geometric albedo, of red, green and blue.
+    /// Geometric albedo for red, green and blue.
     pub geometric_albedo: [f64; 3],
 }
 
-/// Why a field cannot be made.
+/// Reasons why a field cannot be made.
 #[derive(Debug, thiserror::Error)]
 pub enum SpecError {
-    /// Name, place, orientation or albedo are out of range.
+    /// Name, position, orientation or albedo are out of range.
     #[error(transparent)]
     Part(#[from] BodyError),
     /// Another parameter is out of range.
@@ -56,21 +56,21 @@ pub enum SpecError {
     Shapes(#[from] ShapeError),
 }
 
-/// A field with what it was made from.
+/// A field with its specification.
 #[derive(Clone, Debug)]
 pub struct MadeField {
-    /// What it was made from.
+    /// Its specification.
     pub spec: Arc<FieldSpec>,
     /// The field.
     pub field: Arc<AsteroidField>,
 }
 
 impl FieldSpec {
-    /// Checks every part of it but the name's being unique; shapes are not read.
+    /// Checks every part, except that the name is unique; shapes are not read.
     ///
     /// # Errors
     ///
-    /// A part is out of range; the error names it and says what is allowed.
+    /// A part is out of range; the error names it and the valid values.
     pub fn check(&self) -> Result<(), SpecError> {
         check_name(&self.name)?;
         check_position(self.position_m)?;
@@ -81,7 +81,7 @@ impl FieldSpec {
         Ok(())
     }
 
-    /// Makes the field. Shapes and instances of `before` that come from the same are used again.
+    /// Makes the field. Reuses the shapes and instances of `before` that have the same specification.
     ///
     /// # Errors
     ///
@@ -117,11 +117,11 @@ impl FieldSpec {
     }
 }
 
-/// Most sets of shapes of a scene: each has meshes and an atlas of impostors of its own.
+/// Maximum number of shape sets of a scene: each has its own meshes and impostor atlas.
 pub const MOST_SETS: usize = 8;
 
-/// Checks that the fields of a scene have unique names and are not too many, nor their instances. The error comes with
-/// the place of the field at fault.
+/// Checks that the fields of a scene have unique names, and limits the number of fields, instances and shape sets. The
+/// error comes with the index of the offending field.
 pub fn check_fields<'a>(specs: impl Iterator<Item = &'a FieldSpec> + Clone) -> Result<(), (usize, BodyError)> {
     check_names(specs.clone().map(|spec| spec.name.as_str()), MOST_FIELDS)?;
     let mut all = 0;
@@ -129,25 +129,25 @@ pub fn check_fields<'a>(specs: impl Iterator<Item = &'a FieldSpec> + Clone) -> R
     for (index, spec) in specs.enumerate() {
         all += u64::from(spec.parameters.instances);
         if all > u64::from(MOST_INSTANCES) {
-            let problem = format!("{all} up to this field: allowed are {MOST_INSTANCES} in all fields of a scene");
+            let problem = format!("{all} up to this field: must be at most {MOST_INSTANCES} in all fields of a scene");
             return Err((index, BodyError::new("instances", problem)));
         }
         if !sets.contains(&&spec.shapes) {
             sets.push(&spec.shapes);
         }
         if sets.len() > MOST_SETS {
-            let problem = format!("another set of shapes: allowed are {MOST_SETS} in all fields of a scene");
+            let problem = format!("one set of shapes too many: must be at most {MOST_SETS} in all fields of a scene");
             return Err((index, BodyError::new("shapes", problem)));
         }
     }
     Ok(())
 }
 
-/// Makes fields one after the other; each uses again what it can of `before` and of those made already.
+/// Makes fields in order; each reuses parts of `before` and of the fields already made.
 ///
 /// # Errors
 ///
-/// The place of the field at fault, and what is wrong with it.
+/// The index of the offending field, and the error.
 pub fn make_fields(specs: &[Arc<FieldSpec>], before: &[MadeField]) -> Result<Vec<MadeField>, (usize, SpecError)> {
     let mut known = before.to_vec();
     for (index, spec) in specs.iter().enumerate() {
@@ -181,7 +181,7 @@ mod tests {
     }
 
     #[test]
-    fn only_what_changed_is_made_anew() {
+    fn only_changed_parts_are_rebuilt() {
         let first = Arc::new(spec("a")).make(&[]).unwrap();
         let made = |change: &dyn Fn(&mut FieldSpec)| {
             let mut next = spec("a");
@@ -212,7 +212,7 @@ mod tests {
             error
         };
         assert!(message(&|spec| spec.parameters.instances = 0).contains("instances = 0"));
-        assert!(message(&|spec| spec.geometric_albedo[2] = 3.0).contains("0 to 2"));
+        assert!(message(&|spec| spec.geometric_albedo[2] = 3.0).contains("between 0 and 2"));
         assert!(message(&|spec| spec.orientation.x = 1.0).contains("unit quaternion"));
         assert!(message(&|spec| spec.shapes = ShapeSource::Files(vec!["no.glb".into()])).contains("no.glb"));
         let mut many = [spec("a"), spec("b")];

@@ -1,8 +1,8 @@
-//! Points spread evenly on a sphere, and the triangles between them.
+//! Points spread evenly on a sphere, and their triangulation.
 //!
-//! The points lie on a spiral by the golden angle (Swinbank and Purser 2006, *Fibonacci grids*). Their convex hull is
-//! the mesh: any number n of points gives 2 n - 4 triangles of nearly one size, so a level of detail may have any even
-//! number of triangles.
+//! The points lie on a spiral with the golden angle (Swinbank and Purser 2006, *Fibonacci grids*). Their convex hull is
+//! the mesh: any number n of points gives 2 n - 4 triangles of nearly equal size, so a level of detail may have any
+//! even number of triangles.
 
 use std::f64::consts::PI;
 
@@ -17,7 +17,7 @@ pub(super) fn fibonacci_point(index: usize, count: usize) -> DVec3 {
     DVec3::new(rho * cos, rho * sin, z)
 }
 
-/// Points on the unit sphere with exactly `triangles` triangles between them, an even number of at least 8.
+/// Points on the unit sphere and their triangulation with exactly `triangles` triangles, an even number of at least 8.
 pub(super) fn sphere(triangles: usize) -> (Vec<DVec3>, Vec<[u32; 3]>) {
     let count = triangles / 2 + 2;
     let points: Vec<DVec3> = (0..count).map(|index| fibonacci_point(index, count)).collect();
@@ -25,8 +25,8 @@ pub(super) fn sphere(triangles: usize) -> (Vec<DVec3>, Vec<[u32; 3]>) {
     (points, hull)
 }
 
-/// Triangles of the convex hull of points on a sphere, counter-clockwise seen from outside: one point after the other,
-/// the triangles that see it make way for a fan from it to their common rim.
+/// Triangles of the convex hull of points on a sphere, counter-clockwise seen from outside. Incremental: for each new
+/// point, the triangles that see it are replaced by a fan from the point to their common rim.
 fn hull_of_sphere_points(points: &[DVec3]) -> Vec<[u32; 3]> {
     let volume = |[a, b, c]: [u32; 3], d: u32| {
         let [a, b, c, d] = [a, b, c, d].map(|index| points[index as usize]);
@@ -60,7 +60,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn hulls_have_the_wanted_number_of_triangles_that_all_face_outwards() {
+    fn hulls_have_the_requested_number_of_triangles_facing_outwards() {
         for triangles in [8, 20, 500, 1400] {
             let (points, hull) = sphere(triangles);
             assert_eq!(hull.len(), triangles);
@@ -72,7 +72,7 @@ mod tests {
                 assert!(points.iter().all(|p| (b - a).cross(c - a).dot(*p - a) < 1e-12));
                 longest = longest.max(a.distance(b));
             }
-            // An even spread: the longest edge against that of equilateral triangles of the mean size.
+            // An even spread: compare the longest edge with that of equilateral triangles of the mean size.
             let equilateral = (16.0 * PI / triangles as f64 / 3f64.sqrt()).sqrt();
             assert!(triangles < 100 || longest < 1.6 * equilateral, "{triangles}: {longest} against {equilateral}");
         }

@@ -1,7 +1,7 @@
-//! The surface of a procedural asteroid: how far it lies from the middle in every direction, and how bright it is.
+//! The surface of a procedural asteroid: its distance from the centre in every direction, and its brightness.
 //!
-//! An ellipsoid of its own elongation, gradient noise in four octaves, and craters. All levels of detail sample this
-//! one function. Lengths are relative: the shape is scaled when it is finished.
+//! It combines an ellipsoid, gradient noise in four octaves, and craters. All levels of detail sample this function.
+//! Lengths are relative: the finished shape is scaled.
 
 use std::f64::consts::TAU;
 
@@ -9,11 +9,11 @@ use glam::{DVec3, IVec3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// Semi-axes of the shapes' ellipsoids: from nearly round to twice as long as thick.
+/// Semi-axes of the ellipsoids: from nearly round to twice as long as thick.
 pub(super) const SEMI_AXES: [[f64; 3]; 5] =
     [[1.0, 0.95, 0.88], [1.0, 0.86, 0.74], [1.0, 0.74, 0.64], [1.0, 0.66, 0.56], [1.0, 0.54, 0.47]];
 
-/// Frequency, in waves per radius, and amplitude of the octaves of noise. The finest is still some edges long.
+/// Frequency, in waves per radius, and amplitude of the octaves of noise. The finest wave still spans several edges.
 const OCTAVES: [(f64, f64); 4] = [(0.8, 0.17), (1.5, 0.08), (2.5, 0.03), (4.0, 0.006)];
 
 /// Smallest and largest angular radius of a crater, rad, and the depth of its bowl over its radius.
@@ -24,13 +24,13 @@ const RIM_HEIGHT: f64 = 0.03;
 const RIM_WIDTH: f64 = 0.45;
 const CRATERS: usize = 9;
 
-/// Frequency and amplitude of the albedo's noise, and how much brighter the floor of a crater is.
+/// Frequency and amplitude of the albedo's noise, and relative brightness excess of a crater floor.
 const ALBEDO_FREQUENCY: f64 = 2.3;
 const ALBEDO_AMPLITUDE: f64 = 0.2;
 const CRATER_FLOOR: f64 = 0.06;
 
-/// Gradient noise (Perlin 2002, *Improving noise*): 0 at the points of the lattice, a random slope in each, smooth to
-/// the second derivative between them; from about -0.9 to 0.9.
+/// Gradient noise (Perlin 2002, *Improving noise*): 0 at the lattice points, with a random slope at each, with
+/// continuous second derivatives in between; from about -0.9 to 0.9.
 struct GradientNoise {
     seed: u64,
 }
@@ -47,7 +47,7 @@ impl GradientNoise {
         DVec3::new(rho * cos, rho * sin, z)
     }
 
-    fn at(&self, place: DVec3) -> f64 {
+    fn value(&self, place: DVec3) -> f64 {
         let floor = place.floor();
         let cell = floor.as_ivec3();
         let f = place - floor;
@@ -62,7 +62,7 @@ impl GradientNoise {
     }
 }
 
-/// One step of SplitMix64 (Steele, Lea and Flood 2014): neighbouring numbers become unlike ones.
+/// One step of SplitMix64 (Steele, Lea and Flood 2014): decorrelates neighbouring numbers.
 fn mixed(value: u64) -> u64 {
     let mut z = value.wrapping_add(0x9e37_79b9_7f4a_7c15);
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -84,7 +84,7 @@ pub(super) struct Surface {
 }
 
 impl Surface {
-    /// Surface `number`, below the number of [`SEMI_AXES`], of a seed.
+    /// Surface `number` (an index into [`SEMI_AXES`]) of a seed.
     pub fn new(seed: u64, number: usize) -> Self {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         rng.set_stream(number as u64);
@@ -93,7 +93,7 @@ impl Surface {
                 let z: f64 = rng.random_range(-1.0..1.0);
                 let (sin, cos) = rng.random_range(0.0..TAU).sin_cos();
                 let rho = (1.0 - z * z).sqrt();
-                // Small ones are many: the number above a radius falls with its square.
+                // Small craters are more frequent: the number above a radius decreases with its square.
                 let [small, large] = CRATER_RAD.map(|radius| radius.powi(-2));
                 let radius_rad = (small + (large - small) * rng.random_range(0.0..1.0)).powf(-0.5);
                 Crater { middle: DVec3::new(rho * cos, rho * sin, z), radius_rad }
@@ -103,30 +103,32 @@ impl Surface {
         Self { semi_axes: DVec3::from_array(SEMI_AXES[number]), relief, tint, craters }
     }
 
-    /// The surface's point in a unit direction of the ellipsoid.
+    /// The surface point in a unit direction of the ellipsoid.
     pub fn place(&self, direction: DVec3) -> DVec3 {
         let noise: f64 = OCTAVES
             .iter()
-            .map(|&(frequency, amplitude)| amplitude * self.relief.at(direction * frequency + DVec3::splat(frequency)))
+            .map(|&(frequency, amplitude)| {
+                amplitude * self.relief.value(direction * frequency + DVec3::splat(frequency))
+            })
             .sum();
         let craters: f64 = self.craters.iter().map(|crater| crater.height(direction)).sum();
         direction * self.semi_axes * (noise + craters).exp()
     }
 
-    /// The factor on the albedo there, 1 on the whole.
+    /// The albedo factor in a unit direction, with a mean of about 1.
     pub fn albedo(&self, direction: DVec3) -> f64 {
         let floors: f64 = self.craters.iter().map(|crater| crater.bowl(direction)).sum();
-        1.0 + ALBEDO_AMPLITUDE * self.tint.at(direction * ALBEDO_FREQUENCY) + CRATER_FLOOR * floors
+        1.0 + ALBEDO_AMPLITUDE * self.tint.value(direction * ALBEDO_FREQUENCY) + CRATER_FLOOR * floors
     }
 }
 
 impl Crater {
-    /// Distance from its middle over its radius.
+    /// Angular distance from its centre over its angular radius.
     fn distance(&self, direction: DVec3) -> f64 {
         self.middle.cross(direction).length().atan2(self.middle.dot(direction)) / self.radius_rad
     }
 
-    /// 1 in the middle of its bowl, 0 from its rim on.
+    /// 1 at the centre of its bowl, 0 from its rim outwards.
     fn bowl(&self, direction: DVec3) -> f64 {
         let t = self.distance(direction);
         (1.0 - t * t).max(0.0).powi(2)

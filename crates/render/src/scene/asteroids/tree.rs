@@ -1,21 +1,23 @@
-//! A tree of boxes over a mesh's triangles: which triangle a ray hits first, and how far a point is from the surface.
+//! A tree of bounding boxes over a mesh's triangles: finds the first triangle that a ray hits, and the distance of a
+//! point from the surface.
 //!
-//! f64, in the units of the mesh. Triangles are divided at the middle of the longest side of the box of their middles.
+//! f64, in the units of the mesh. Triangles are split at the median along the longest side of the box of their
+//! centroids.
 
 use glam::DVec3;
 
 use super::Mesh;
 
-/// Most triangles of a leaf.
+/// Maximum number of triangles in a leaf.
 const LEAF: usize = 4;
-/// How far outside of a triangle, in parts of it, a ray still hits: rays along edges must not slip through.
+/// Relative tolerance outside of a triangle within which a ray still hits: rays along edges must not slip through.
 const EDGE: f64 = 1e-12;
 
 /// A tree over the triangles of a mesh.
 #[derive(Clone, Debug)]
 pub struct MeshTree {
     corners: Vec<[DVec3; 3]>,
-    /// Numbers of the triangles, leaf by leaf.
+    /// Indices of the triangles, leaf by leaf.
     order: Vec<u32>,
     nodes: Vec<Branch>,
 }
@@ -24,21 +26,21 @@ pub struct MeshTree {
 struct Branch {
     low: DVec3,
     high: DVec3,
-    /// Of a leaf: where its triangles begin.
+    /// For a leaf: index of its first triangle in `order`.
     first: usize,
-    /// Of a leaf: their number. 0: the node has two below it, the next one and `second`.
+    /// For a leaf: number of triangles. 0: the node has two children, the next node and `second`.
     count: usize,
     second: usize,
 }
 
-/// Where a ray meets a mesh.
+/// Intersection of a ray with a mesh.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
     /// Distance from the ray's start, in lengths of its direction.
     pub distance: f64,
-    /// Number of the triangle.
+    /// Index of the triangle.
     pub triangle: usize,
-    /// Weights of the triangle's corners at the point; their sum is 1.
+    /// Barycentric weights of the triangle's corners at the point; they sum to 1.
     pub weights: [f64; 3],
 }
 
@@ -81,7 +83,7 @@ impl MeshTree {
         number
     }
 
-    /// The first triangle that a ray meets, from either side, ahead of its start.
+    /// The first triangle that a ray hits ahead of its origin, from either side.
     pub fn first_hit(&self, origin: DVec3, direction: DVec3) -> Option<Hit> {
         let inverse = 1.0 / direction;
         let mut best: Option<Hit> = None;
@@ -89,7 +91,7 @@ impl MeshTree {
         while let Some(branch) = open.pop().and_then(|number: usize| self.nodes.get(number).map(|b| (number, b))) {
             let (number, branch) = branch;
             let (a, b) = ((branch.low - origin) * inverse, (branch.high - origin) * inverse);
-            // A ray within a face of the box gives no number here; `min` and `max` of the components then leave it out.
+            // A ray within a face of the box gives NaN here; `min` and `max` ignore it.
             let enter = (0..3).fold(0.0, |t: f64, k| t.max(a[k].min(b[k])));
             let leave = (0..3).fold(f64::INFINITY, |t: f64, k| t.min(a[k].max(b[k])));
             if enter > leave * (1.0 + 1e-12) || best.is_some_and(|hit| enter > hit.distance) {
@@ -110,7 +112,7 @@ impl MeshTree {
         best
     }
 
-    /// Distance of a point from the surface; infinite if there is none.
+    /// Distance of a point from the surface; infinite for an empty mesh.
     pub fn distance(&self, point: DVec3) -> f64 {
         let mut best = f64::INFINITY;
         let mut open = vec![0];
@@ -120,7 +122,7 @@ impl MeshTree {
                 continue;
             }
             if branch.count == 0 {
-                // The nearer half last, so that it comes first.
+                // Push the nearer half last, so that it is visited first.
                 let far = |k: usize| (point - (self.nodes[k].low + self.nodes[k].high) / 2.0).length_squared();
                 let halves = [number + 1, branch.second];
                 open.extend(if far(halves[0]) < far(halves[1]) { [halves[1], halves[0]] } else { halves });
@@ -134,7 +136,7 @@ impl MeshTree {
     }
 }
 
-/// Where a ray meets a triangle (Moeller and Trumbore 1997), with the weights of the corners.
+/// Intersection of a ray with a triangle (Moeller and Trumbore 1997), with the weights of the corners.
 fn meets([a, b, c]: &[DVec3; 3], origin: DVec3, direction: DVec3) -> Option<(f64, [f64; 3])> {
     let (ab, ac) = (b - a, c - a);
     let p = direction.cross(ac);
@@ -150,7 +152,7 @@ fn meets([a, b, c]: &[DVec3; 3], origin: DVec3, direction: DVec3) -> Option<(f64
     (u >= -EDGE && v >= -EDGE && u + v <= 1.0 + EDGE && distance >= 0.0).then_some((distance, [1.0 - u - v, u, v]))
 }
 
-/// The point of a triangle that is nearest to `point` (Ericson 2005, *Real-Time Collision Detection*, 5.1.5).
+/// The point of a triangle nearest to `point` (Ericson 2005, *Real-Time Collision Detection*, 5.1.5).
 fn nearest(&[a, b, c]: &[DVec3; 3], point: DVec3) -> DVec3 {
     let (ab, ac) = (b - a, c - a);
     let [(d1, d2), (d3, d4), (d5, d6)] = [a, b, c].map(|corner| (ab.dot(point - corner), ac.dot(point - corner)));
@@ -212,7 +214,7 @@ mod tests {
     }
 
     #[test]
-    fn the_nearest_point_of_a_triangle_is_found_beside_its_corners_edges_and_face() {
+    fn the_nearest_point_of_a_triangle_is_found_near_its_corners_edges_and_face() {
         let triangle = [DVec3::ZERO, DVec3::X, DVec3::Y];
         for (point, expected) in [
             (DVec3::new(-1.0, -1.0, 1.0), DVec3::ZERO),

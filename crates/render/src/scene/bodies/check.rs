@@ -1,36 +1,36 @@
-//! What a body may be. Configurations and clients are refused by the same rules.
+//! Limits of bodies, shared by configurations and clients.
 
 use glam::DVec3;
 
 use super::Body;
 
-/// Most bodies of a scene.
+/// Maximum number of bodies of a scene.
 pub const MOST_BODIES: usize = 256;
-/// Most suns of a scene: every one of them lights every body, in every pixel.
+/// Maximum number of suns of a scene: each one lights every body, in every pixel.
 pub const MOST_SUNS: usize = 8;
 
-/// Farthest from the barycentre along each axis, m: squares of it, and of what it is divided by, stay within f64.
+/// Largest distance from the barycentre along each axis, m: keeps squares and quotients within the range of f64.
 pub const FARTHEST_M: f64 = 1e25;
 /// Smallest and largest semi-axis, m.
 pub const RADII_M: [f64; 2] = [1e-3, 1e13];
-/// Largest over smallest semi-axis.
+/// Largest ratio of the semi-axes.
 const MOST_ELONGATED: f64 = 100.0;
-/// Brightest geometric albedo; what throws light back towards the light can exceed 1.
+/// Largest geometric albedo; surfaces with backscatter can exceed 1.
 pub const BRIGHTEST_ALBEDO: f64 = 2.0;
 /// Shortest period of a spin, s.
 const SHORTEST_PERIOD_S: f64 = 1e-3;
-/// Brightest luminance, cd/m^2: a million times that of the Sun.
+/// Largest luminance, cd/m^2: a million times that of the Sun.
 const BRIGHTEST_CD_M2: f64 = 1e16;
 /// Longest name, characters.
 const LONGEST_NAME: usize = 64;
 
-/// What is wrong with an object of a scene, and what is allowed.
+/// Error of an object of a scene.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{key}: {problem}")]
 pub struct BodyError {
-    /// The part at fault, by its key in configurations.
+    /// The invalid part, by its configuration key.
     pub key: &'static str,
-    /// What is wrong and what is allowed.
+    /// The problem, and the valid values.
     pub problem: String,
 }
 
@@ -44,46 +44,46 @@ impl BodyError {
 pub fn check_name(name: &str) -> Result<(), BodyError> {
     let valid = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
     if name.is_empty() || name.len() > LONGEST_NAME || !name.chars().all(valid) {
-        let problem = format!("`{name}`: allowed are letters, digits, `_` and `-`, 1 to {LONGEST_NAME} of them");
+        let problem = format!("`{name}`: must be 1 to {LONGEST_NAME} letters, digits, `_` and `-`");
         return Err(BodyError::new("name", problem));
     }
     Ok(())
 }
 
-/// Checks that names are allowed, unique and not too many. The error comes with the place of the name at fault.
+/// Checks that names are valid, unique and not too many. The error comes with the index of the offending name.
 pub fn check_names<'a>(names: impl Iterator<Item = &'a str>, most: usize) -> Result<(), (usize, BodyError)> {
     let mut seen = std::collections::HashMap::new();
     for (index, name) in names.enumerate() {
         check_name(name).map_err(|error| (index, error))?;
         if index >= most {
-            return Err((index, BodyError::new("name", format!("`{name}` is one too many: allowed are {most}"))));
+            return Err((index, BodyError::new("name", format!("`{name}` is one too many: must be at most {most}"))));
         }
         if let Some(first) = seen.insert(name, index) {
-            let problem = format!("`{name}` is the name of number {first} too: names must be unique");
+            let problem = format!("`{name}` is also the name of number {first}: names must be unique");
             return Err((index, BodyError::new("name", problem)));
         }
     }
     Ok(())
 }
 
-/// Checks that not too many bodies are suns. The error comes with the place of the first that is one too many.
+/// Checks the number of suns. The error comes with the index of the first one too many.
 pub fn check_suns<'a>(bodies: impl Iterator<Item = &'a Body>) -> Result<(), (usize, BodyError)> {
     let mut suns = bodies.enumerate().filter(|(_, body)| body.emission.is_some());
     match suns.nth(MOST_SUNS) {
         Some((index, body)) => {
-            let problem = format!("`{}` is one sun too many: allowed are {MOST_SUNS}", body.name);
+            let problem = format!("`{}` is one sun too many: must be at most {MOST_SUNS}", body.name);
             Err((index, BodyError::new("emission", problem)))
         }
         None => Ok(()),
     }
 }
 
-/// Checks a place.
+/// Checks a position.
 pub(in crate::scene) fn check_position(position_m: DVec3) -> Result<(), BodyError> {
     if position_m.is_finite() && position_m.abs().max_element() <= FARTHEST_M {
         return Ok(());
     }
-    let problem = format!("{:?}: allowed are components up to {FARTHEST_M:e} m", position_m.to_array());
+    let problem = format!("{:?}: components must be at most {FARTHEST_M:e} m", position_m.to_array());
     Err(BodyError::new("position_m", problem))
 }
 
@@ -92,16 +92,16 @@ pub(in crate::scene) fn check_albedo(albedo: [f64; 3]) -> Result<(), BodyError> 
     if albedo.iter().all(|channel| (0.0..=BRIGHTEST_ALBEDO).contains(channel)) {
         return Ok(());
     }
-    let problem = format!("{albedo:?}: allowed are 0 to {BRIGHTEST_ALBEDO}");
+    let problem = format!("{albedo:?}: must be between 0 and {BRIGHTEST_ALBEDO}");
     Err(BodyError::new("geometric_albedo", problem))
 }
 
 impl Body {
-    /// Checks every part of it but the name's being unique.
+    /// Checks every part, except that the name is unique.
     ///
     /// # Errors
     ///
-    /// A part is out of range; the error names it and says what is allowed.
+    /// A part is out of range; the error names it and the valid values.
     pub fn check(&self) -> Result<(), BodyError> {
         check_name(&self.name)?;
         check_position(self.position_m)?;
@@ -109,12 +109,12 @@ impl Body {
             .map_err(|error| BodyError::new("orientation", error.to_string()))?;
         let (radii, [least, most]) = (self.radii_m, RADII_M);
         if !radii.to_array().iter().all(|radius| (least..=most).contains(radius)) {
-            let problem = format!("{:?}: allowed are semi-axes from {least} to {most:e} m", radii.to_array());
+            let problem = format!("{:?}: semi-axes must be between {least} and {most:e} m", radii.to_array());
             return Err(BodyError::new("radii_m", problem));
         }
         if radii.max_element() > MOST_ELONGATED * radii.min_element() {
             let problem = format!(
-                "{:?}: the largest semi-axis may be {MOST_ELONGATED} times the smallest at most",
+                "{:?}: the largest semi-axis must be at most {MOST_ELONGATED} times the smallest",
                 radii.to_array()
             );
             return Err(BodyError::new("radii_m", problem));
@@ -123,31 +123,31 @@ impl Body {
         if let Some(texture) = &self.surface.texture {
             let texels = u64::from(texture.size[0]) * u64::from(texture.size[1]);
             if texels == 0 || texels != texture.rgb.len() as u64 {
-                let problem = format!("{:?} texels, of which {} are given", texture.size, texture.rgb.len());
+                let problem = format!("a size of {:?} texels, but {} values", texture.size, texture.rgb.len());
                 return Err(BodyError::new("texture", problem));
             }
         }
         let spin = self.spin;
         if spin.period_s.is_some_and(|period_s| !(period_s.is_finite() && period_s.abs() >= SHORTEST_PERIOD_S)) {
             let problem = format!(
-                "period_s = {}: allowed are finite periods of at least {SHORTEST_PERIOD_S} s, negative ones turn the other way; without one it does not turn",
+                "period_s = {}: must be finite and at least {SHORTEST_PERIOD_S} s in absolute value (negative: retrograde); omit it for no rotation",
                 spin.period_s.unwrap_or_default()
             );
             return Err(BodyError::new("spin", problem));
         }
         if !spin.phase_rad.is_finite() {
-            return Err(BodyError::new("spin", format!("a phase of {} rad: it must be finite", spin.phase_rad)));
+            return Err(BodyError::new("spin", format!("a phase of {} rad: must be finite", spin.phase_rad)));
         }
         if let Some(emission) = &self.emission {
             if !emission.luminance_cd_m2.iter().all(|channel| (0.0..=BRIGHTEST_CD_M2).contains(channel)) {
                 let problem = format!(
-                    "a luminance of {:?} cd/m^2: allowed are 0 to {BRIGHTEST_CD_M2:e}",
+                    "a luminance of {:?} cd/m^2: must be between 0 and {BRIGHTEST_CD_M2:e}",
                     emission.luminance_cd_m2
                 );
                 return Err(BodyError::new("emission", problem));
             }
             if !(0.0..=1.0).contains(&emission.limb_darkening) {
-                let problem = format!("limb_darkening = {}: allowed are 0 to 1", emission.limb_darkening);
+                let problem = format!("limb_darkening = {}: must be between 0 and 1", emission.limb_darkening);
                 return Err(BodyError::new("emission", problem));
             }
         }
@@ -177,12 +177,12 @@ mod tests {
             (changed(&|body| body.orientation.w = 2.0), ["orientation", "unit quaternion"]),
             (changed(&|body| body.radii_m.z = 0.0), ["radii_m", "0.001"]),
             (changed(&|body| body.radii_m.z *= 101.0), ["radii_m", "100 times"]),
-            (changed(&|body| body.surface.geometric_albedo[1] = -0.1), ["geometric_albedo", "0 to 2"]),
+            (changed(&|body| body.surface.geometric_albedo[1] = -0.1), ["geometric_albedo", "between 0 and 2"]),
             (changed(&|body| body.spin.period_s = Some(0.0)), ["spin", "period_s"]),
             (changed(&|body| body.spin.phase_rad = f64::INFINITY), ["spin", "finite"]),
             (
                 changed(&|body| body.emission = Some(Emission { limb_darkening: 1.1, ..emission })),
-                ["emission", "0 to 1"],
+                ["emission", "between 0 and 1"],
             ),
             (
                 changed(&|body| body.emission = Some(Emission { luminance_cd_m2: [f64::NAN; 3], ..emission })),
@@ -199,10 +199,10 @@ mod tests {
         let moon = Body::preset(SolarBody::Moon, "moon", DVec3::ZERO);
         let bodies = |suns: usize| std::iter::repeat_n(&sun, suns).chain(std::iter::repeat_n(&moon, 9));
         check_suns(bodies(MOST_SUNS)).unwrap();
-        assert!(check_suns(bodies(MOST_SUNS + 1)).unwrap_err().1.to_string().contains("allowed are 8"));
+        assert!(check_suns(bodies(MOST_SUNS + 1)).unwrap_err().1.to_string().contains("at most 8"));
         check_names(["a", "b"].into_iter(), 2).unwrap();
         let (place, error) = check_names(["a", "b", "a"].into_iter(), 9).unwrap_err();
         assert!(place == 2 && error.to_string().contains("unique"), "{error}");
-        assert!(check_names(["a", "b"].into_iter(), 1).unwrap_err().1.to_string().contains("allowed are 1"));
+        assert!(check_names(["a", "b"].into_iter(), 1).unwrap_err().1.to_string().contains("at most 1"));
     }
 }

@@ -1,4 +1,4 @@
-//! What suns give off.
+//! Light emitted by suns.
 
 use std::f64::consts::PI;
 
@@ -9,9 +9,9 @@ use crate::{
 };
 
 impl Emission {
-    /// That of a star of an absolute V magnitude, with the colour of a black body of `temperature_k`, as a sphere of
-    /// `radius_m` whose linear limb darkening is `limb_darkening`: its light, summed over the disc, gives the magnitude
-    /// at 10 parsecs. It has no corona.
+    /// Emission of a star of an absolute V magnitude with the colour of a black body of `temperature_k`, as a sphere of
+    /// `radius_m` with linear limb darkening `limb_darkening`: its light, summed over the disc, gives the magnitude at
+    /// 10 parsecs. It has no corona.
     pub fn of_star(absolute_magnitude: f64, temperature_k: f64, radius_m: f64, limb_darkening: f64) -> Self {
         let intensity_cd = illuminance_lx_from_magnitude(absolute_magnitude) * (10.0 * PARSEC_M).powi(2);
         let mean_cd_m2 = intensity_cd / (PI * radius_m * radius_m);
@@ -21,17 +21,17 @@ impl Emission {
         Self { luminance_cd_m2, limb_darkening, corona: false }
     }
 
-    /// Mean luminance of the disc, by which a corona is measured, cd/m^2; `None`: it has none.
+    /// Mean luminance of the disc, which scales the corona, cd/m^2; `None` if there is no corona.
     pub fn corona_cd_m2(&self) -> Option<[f64; 3]> {
         self.corona.then(|| self.luminance_cd_m2.map(|channel| channel * self.mean_over_middle()))
     }
 
-    /// Mean luminance of a sphere's disc over that at its middle: 1 - u / 3.
+    /// Mean luminance of a sphere's disc over that at its centre: 1 - u / 3.
     pub fn mean_over_middle(&self) -> f64 {
         1.0 - self.limb_darkening / 3.0
     }
 
-    /// Luminance where the eye stands at an angle off the normal, cd/m^2.
+    /// Luminance for an eye at an angle from the normal, cd/m^2.
     pub fn luminance_at(&self, cos_e: f64) -> [f64; 3] {
         self.luminance_cd_m2.map(|channel| channel * (1.0 - self.limb_darkening * (1.0 - cos_e)))
     }

@@ -1,12 +1,11 @@
-//! Bodies of the Solar System by name: sizes, albedos, spins. Where they are and how their poles stand is the scene's
-//! to say.
+//! Bodies of the Solar System by name: sizes, albedos, spins. Positions and pole directions come from the scene.
 //!
 //! Radii: Archinal et al. 2018, "Report of the IAU Working Group on Cartographic Coordinates and Rotational Elements:
 //! 2015"; the Sun's is the nominal one of IAU 2015 resolution B3. Geometric albedos in V and sidereal periods: NASA
-//! planetary fact sheets. The tints are mild colours chosen for the eye; their luminance is 1, so that the albedo's is
-//! that of V. Laws: Lommel-Seeliger where there is bare rock and dust, Lambert where there are clouds. The Sun:
-//! absolute magnitude 4.83, 5772 K, linear limb darkening 0.6 (of visible light; Cox, Allen's Astrophysical Quantities,
-//! 4th edition, 14.7).
+//! planetary fact sheets. The tints are mild colours chosen by eye; their luminance is 1, so that the luminance of the
+//! albedo is the albedo in V. Laws: Lommel-Seeliger for bare rock and dust, Lambert for clouds. The Sun: absolute
+//! magnitude 4.83, 5772 K, linear limb darkening 0.6 (of visible light; Cox, Allen's Astrophysical Quantities, 4th
+//! edition, 14.7).
 
 use glam::{DQuat, DVec3};
 
@@ -17,7 +16,7 @@ use crate::{
     units::{DAY_S, SOLAR_TEMPERATURE_K},
 };
 
-/// One line of the table: radius at the equator and at the pole, km; geometric albedo; tint; period, s; law.
+/// A row of the table: radius at the equator and at the pole, km; geometric albedo; tint; period, s; law.
 type Line = (f64, f64, f64, [f64; 3], f64, ReflectionLaw);
 
 /// Absolute V magnitude of the Sun.
@@ -46,7 +45,7 @@ fn line(body: SolarBody) -> Line {
     }
 }
 
-/// Geometric albedo and mean radius, m, with which it has the light that was measured.
+/// Geometric albedo, and mean radius, m, for which the measured brightness holds.
 pub(super) fn measured(body: SolarBody) -> (f64, f64) {
     let (equator_km, pole_km, albedo, ..) = line(body);
     (albedo, (equator_km * equator_km * pole_km).cbrt() * 1e3)
@@ -56,12 +55,12 @@ impl Body {
     /// Body of the Solar System with its size, surface and spin, its axes parallel to those of the world.
     pub fn preset(of: SolarBody, name: &str, position_m: DVec3) -> Self {
         let (equator_km, pole_km, albedo, tint, period_s, law) = line(of);
-        let of_unit_luminance = tint.map(|channel| channel / luminance(tint));
+        let normalised_tint = tint.map(|channel| channel / luminance(tint));
         let emission = (of == SolarBody::Sun).then(|| {
             let temperature_k = f64::from(SOLAR_TEMPERATURE_K);
             let darkening = SUN_LIMB_DARKENING;
-            let of_sun = Emission::of_star(SUN_ABSOLUTE_MAGNITUDE, temperature_k, equator_km * 1e3, darkening);
-            Emission { corona: true, ..of_sun }
+            let emission = Emission::of_star(SUN_ABSOLUTE_MAGNITUDE, temperature_k, equator_km * 1e3, darkening);
+            Emission { corona: true, ..emission }
         });
         Self {
             name: name.to_owned(),
@@ -72,7 +71,7 @@ impl Body {
             spin: Spin { period_s: Some(period_s), phase_rad: 0.0 },
             surface: Surface {
                 law,
-                geometric_albedo: of_unit_luminance.map(|channel| channel * albedo),
+                geometric_albedo: normalised_tint.map(|channel| channel * albedo),
                 phase_curve: (of != SolarBody::Sun).then_some(of),
                 texture: None,
             },
@@ -86,13 +85,13 @@ impl Body {
 mod tests {
     use super::*;
 
-    /// Angle of the spin after a time.
+    /// Rotation angle after a time, s.
     fn turn_rad(body: SolarBody, time_s: f64) -> f64 {
         time_s / line(body).4 * std::f64::consts::TAU
     }
 
     #[test]
-    fn all_are_allowed_and_only_the_sun_shines() {
+    fn all_presets_are_valid_and_only_the_sun_shines() {
         for preset in SolarBody::ALL {
             let body = Body::preset(preset, preset.name(), DVec3::X);
             body.check().unwrap();
@@ -103,7 +102,7 @@ mod tests {
     }
 
     #[test]
-    fn bodies_turn_with_their_periods_and_some_the_other_way() {
+    fn bodies_rotate_with_their_periods_and_some_are_retrograde() {
         for preset in SolarBody::ALL {
             let body = Body::preset(preset, "x", DVec3::ZERO);
             let turned = body.world_from_body(1000.0) * DVec3::X;

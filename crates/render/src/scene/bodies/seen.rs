@@ -1,31 +1,31 @@
-//! A body at a moment, as an eye sees it: where a ray meets it, and the luminance there.
+//! A body at a moment, as an eye sees it: the intersection of a ray with it, and the luminance there.
 //!
-//! Divided by the semi-axes, the body is the unit sphere, rays stay rays, and the half that a sun lights stays a half.
-//! A point of the surface is named by the point of the unit sphere. Everything is f64.
+//! Divided by the semi-axes, the body is the unit sphere, rays remain rays, and the half lit by a sun remains a half. A
+//! point of the surface is identified by the corresponding point of the unit sphere. Everything is f64.
 
 use glam::{DQuat, DVec3};
 
 use super::{Body, Light, Shadow};
 
-/// Where a ray meets a body.
+/// Intersection of a ray with a body.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
-    /// The point of the unit sphere that the surface point is stretched from, in the body's axes.
+    /// The point of the unit sphere that corresponds to the surface point, in the body's axes.
     pub unit: DVec3,
     /// Distance from the eye, m.
     pub distance_m: f64,
 }
 
-/// See the module.
+/// A body at a moment for an eye; see the module.
 #[derive(Clone, Debug)]
 pub struct SeenBody<'a> {
     body: &'a Body,
     body_from_world: DQuat,
-    /// The eye in the body's axes, in semi-axes.
+    /// The eye in the body's axes, in units of the semi-axes.
     eye: DVec3,
-    /// Its distance from the body's middle, m.
+    /// Distance of the eye from the body's centre, m.
     distance_m: f64,
-    /// With directions in the body's axes.
+    /// Lights, with directions in the body's axes.
     lights: Vec<Light>,
 }
 
@@ -48,12 +48,12 @@ impl<'a> SeenBody<'a> {
         self.body
     }
 
-    /// The eye in the body's axes, in semi-axes: outside of the body if it is longer than 1.
+    /// The eye in the body's axes, in units of the semi-axes: outside of the body if its length exceeds 1.
     pub fn eye(&self) -> DVec3 {
         self.eye
     }
 
-    /// Distance of the eye from the body's middle, m.
+    /// Distance of the eye from the body's centre, m.
     pub fn distance_m(&self) -> f64 {
         self.distance_m
     }
@@ -63,8 +63,8 @@ impl<'a> SeenBody<'a> {
         &self.lights
     }
 
-    /// Where a ray from the eye along `direction` (unit vector, world axes) meets the body first. `None` if it does
-    /// not, and for an eye within the body, which sees nothing of its surface.
+    /// First intersection of a ray from the eye along `direction` (unit vector, world axes) with the body. `None` if
+    /// there is none, and for an eye inside the body, which sees nothing of its surface.
     pub fn hit(&self, direction: DVec3) -> Option<Hit> {
         let ray = self.body_from_world * direction / self.body.radii_m;
         let length2 = ray.length_squared();
@@ -72,7 +72,8 @@ impl<'a> SeenBody<'a> {
         if along >= 0.0 || self.eye.length_squared() <= 1.0 {
             return None;
         }
-        // By the perpendicular from the middle: the usual difference of squares would leave nothing of a body far away.
+        // Uses the perpendicular from the centre: the usual difference of squares would cancel completely for a distant
+        // body.
         let foot = ray.cross(self.eye.cross(ray)) / length2;
         let half2 = 1.0 - foot.length_squared();
         if half2 < 0.0 {
@@ -83,7 +84,7 @@ impl<'a> SeenBody<'a> {
         Some(Hit { unit: unit.normalize(), distance_m })
     }
 
-    /// Luminance at a point of the surface, linear Rec. 709, cd/m^2: what it reflects and what it gives off.
+    /// Luminance at a point of the surface, linear Rec. 709, cd/m^2: reflected and emitted light.
     pub fn luminance_cd_m2(&self, unit: DVec3) -> [f64; 3] {
         let mut sum = self.emitted_cd_m2(unit);
         for light in &self.lights {
@@ -95,13 +96,13 @@ impl<'a> SeenBody<'a> {
         sum
     }
 
-    /// What it gives off at a point of the surface.
+    /// Light emitted at a point of the surface.
     pub fn emitted_cd_m2(&self, unit: DVec3) -> [f64; 3] {
         let emitted = self.body.emission.map_or([0.0; 3], |emission| emission.luminance_at(self.cos_e(unit)));
         [0, 1, 2].map(|c| emitted[c] * self.body.seen_through[c])
     }
 
-    /// What it reflects of one of [`Self::lights`] at a point of the surface.
+    /// Light from one of [`Self::lights`] reflected at a point of the surface.
     pub fn reflected_cd_m2(&self, unit: DVec3, light: &Light) -> [f64; 3] {
         let surface = &self.body.surface;
         let factor = surface.law.luminance_factor(self.normal(unit).dot(light.direction), self.cos_e(unit));
@@ -119,15 +120,15 @@ impl<'a> SeenBody<'a> {
         (unit / self.body.radii_m).normalize()
     }
 
-    /// At the limb rounding must not put the eye below the horizon.
+    /// At the limb, rounding must not put the eye below the horizon.
     fn cos_e(&self, unit: DVec3) -> f64 {
         let to_eye = ((self.eye - unit) * self.body.radii_m).normalize();
         self.normal(unit).dot(to_eye).max(0.0)
     }
 }
 
-/// Whether a direction (unit vector, world axes) from an eye at `eye_m` is covered by a body at a time, s: exactly, by
-/// its outline. An eye within the body sees through it.
+/// Whether a body covers a direction (unit vector, world axes) for an eye at `eye_m` at a time, s: exact outline. An
+/// eye inside the body sees through it.
 pub fn hides(body: &Body, eye_m: DVec3, direction: DVec3, time_s: f64) -> bool {
     SeenBody::new(body, eye_m, &[], time_s).hit(direction).is_some()
 }

@@ -1,7 +1,8 @@
-//! Shadows that bodies cast on each other: umbra and penumbra of suns that are discs.
+//! Shadows of bodies on each other: umbra and penumbra for suns that are discs.
 //!
-//! A sun is a disc of even luminance, and what stands before it is a sphere: the share that is hidden is that of circles in a plane. The air of the Earth bends a little light into its
-//! shadow, and makes it larger: by a hundredth of its radius (A. Danjon, Comptes Rendus 173, 706, 1921: a hundredth of the Moon's parallax).
+//! A sun is a disc of uniform luminance, and the occluder is a sphere: the hidden fraction is that of circles in a
+//! plane. The air of the Earth refracts a little light into its shadow, and enlarges it by a hundredth of its radius
+//! (A. Danjon, Comptes Rendus 173, 706, 1921: a hundredth of the Moon's parallax).
 
 use std::f64::consts::PI;
 
@@ -10,26 +11,27 @@ use glam::DVec3;
 use super::Body;
 use crate::{ephemeris::Ephemeris, solar_system::SolarBody};
 
-/// By how much the Earth's air makes its shadow larger.
+/// Factor by which the Earth's air enlarges its shadow.
 const EARTH_ENLARGED: f64 = 1.01;
-/// Share of the Sun's light that the Earth's air bends into its shadow, by channel: a total eclipse of the Moon has V near 0, against -12.7.
+/// Fraction of the Sun's light that the Earth's air refracts into its shadow, by channel: in a total eclipse the Moon
+/// has V near 0, compared with -12.7.
 const EARTH_REFRACTED: [f64; 3] = [1.9e-5, 0.8e-5, 0.4e-5];
 
-/// What may stand before a sun.
+/// A body that can hide a sun.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Occluder {
     /// Its centre, m.
     pub position_m: DVec3,
-    /// Radius of its shadow where it begins, m.
+    /// Radius of its shadow at the body, m.
     pub radius_m: f64,
-    /// Share of the light that arrives where all of a sun is hidden, by channel.
+    /// Fraction of the light that arrives where a sun is completely hidden, by channel.
     pub refracted: [f64; 3],
 }
 
 /// The shadow of one body on another one, in the light of a sun.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shadow {
-    /// Centre of what casts it from the middle of the body that it falls on, in the axes of the light's direction, m.
+    /// Centre of the occluder relative to the centre of the shadowed body, in the axes of the light's direction, m.
     pub offset_m: DVec3,
     /// See [`Occluder`].
     pub radius_m: f64,
@@ -40,9 +42,9 @@ pub struct Shadow {
 }
 
 impl Occluder {
-    /// A body as what stands before suns.
-    pub fn of(body: &Body) -> Self {
-        // Of the sphere of the same volume.
+    /// The occluder for a body.
+    pub fn from_body(body: &Body) -> Self {
+        // Radius of the sphere with the same volume.
         let radius_m = body.radii_m.element_product().cbrt();
         match body.ephemeris.and_then(Ephemeris::stands_as) {
             Some(SolarBody::Earth) => Self::earth(body.position_m, body.radii_m.max_element()),
@@ -55,8 +57,9 @@ impl Occluder {
         Self { position_m, radius_m: EARTH_ENLARGED * radius_m, refracted: EARTH_REFRACTED }
     }
 
-    /// Its shadow on a body in the light of a sun: its direction from there (unit vector), its distance, m, and its angular radius, rad. The second: by how much the body reaches into the
-    /// penumbra, m. `None`: it does not.
+    /// Its shadow on a body in the light of a sun, given by its direction from the body (unit vector), its distance, m,
+    /// and its angular radius, rad. The second result is the depth to which the body reaches into the penumbra, m.
+    /// `None` if it does not.
     pub(super) fn shadow_on(
         &self,
         body: &Body,
@@ -67,7 +70,7 @@ impl Occluder {
         let offset_m = self.position_m - body.position_m;
         let largest_m = body.radii_m.max_element();
         let along_m = offset_m.dot(to_sun);
-        // It stands between them, and is neither of them.
+        // The occluder must be between the two, and must not be one of them.
         if along_m <= 0.0 || along_m >= 0.999 * sun_distance_m || offset_m.length() < 0.5 * largest_m {
             return None;
         }
@@ -79,7 +82,8 @@ impl Occluder {
 }
 
 impl Shadow {
-    /// Share of the sun's light that arrives in a place, m from the body's middle, by channel; `to_sun`: unit vector.
+    /// Fraction of the sun's light that arrives at a position, m from the body's centre, by channel; `to_sun`: unit
+    /// vector.
     pub fn open_share(&self, place_m: DVec3, to_sun: DVec3) -> [f64; 3] {
         let towards = self.offset_m - place_m;
         let distance_m = towards.length();
@@ -89,14 +93,16 @@ impl Shadow {
         self.refracted.map(|refracted| 1.0 - hidden * (1.0 - refracted))
     }
 
-    /// The share that arrives on a whole body of a radius, m, by channel: that in its middle, but no more is lost than a shadow as large as what casts it covers.
+    /// Fraction of the light that arrives on a whole body of a given radius, m, by channel: that at its centre, but the
+    /// loss is at most the fraction that the occluder's cross-section covers.
     pub fn open_share_of_body(&self, radius_m: f64, to_sun: DVec3) -> [f64; 3] {
         let most = (self.radius_m / radius_m).powi(2);
         self.open_share(DVec3::ZERO, to_sun).map(|open| 1.0 - (1.0 - open).min(most))
     }
 }
 
-/// How much of a disc of an angular radius another one hides whose middle is so far off, rad: areas of circles in a plane.
+/// Fraction of a disc of angular radius `radius` that is hidden by another one, with centres `apart` (all in rad):
+/// areas of circles in a plane.
 pub fn hidden_share(radius: f64, other: f64, apart: f64) -> f64 {
     if apart >= radius + other {
         return 0.0;
@@ -104,8 +110,9 @@ pub fn hidden_share(radius: f64, other: f64, apart: f64) -> f64 {
     if apart <= (other - radius).abs() {
         return if other >= radius { 1.0 } else { (other / radius).powi(2) };
     }
-    let half_angle =
-        |of: f64, with: f64| ((apart * apart + of * of - with * with) / (2.0 * apart * of)).clamp(-1.0, 1.0).acos();
+    let half_angle = |own: f64, other: f64| {
+        ((apart * apart + own * own - other * other) / (2.0 * apart * own)).clamp(-1.0, 1.0).acos()
+    };
     let (own, its) = (half_angle(radius, other), half_angle(other, radius));
     let lens = radius * radius * (own - own.sin() * own.cos()) + other * other * (its - its.sin() * its.cos());
     lens / (PI * radius * radius)
@@ -120,11 +127,11 @@ mod tests {
     };
 
     #[test]
-    fn discs_hide_each_other_by_area() {
+    fn hidden_share_is_the_overlap_of_circles() {
         assert_eq!(hidden_share(1.0, 1.1, 0.05), 1.0);
         assert_eq!(hidden_share(1.0, 0.5, 0.3), 0.25);
         assert_eq!(hidden_share(1.0, 1.0, 2.1), 0.0);
-        // Two equal circles whose middles are a radius apart: 2/3 - sqrt(3)/(2 pi).
+        // Two equal circles with centres a radius apart: 2/3 - sqrt(3)/(2 pi).
         assert!((hidden_share(1.0, 1.0, 1.0) - (2.0 / 3.0 - 3f64.sqrt() / (2.0 * PI))).abs() < 1e-12);
     }
 
@@ -141,7 +148,7 @@ mod tests {
             let lights = lights_on(&objects.bodies[2], &suns(&objects), DVec3::X * AU_M);
             lights[0].shadow.map_or([1.0; 3], |shadow| shadow.open_share(DVec3::ZERO, lights[0].direction))
         };
-        // Radii of umbra and penumbra 384,400 km behind the Earth: 1.01 R -+ d R_sun / AU, within a part of a thousand.
+        // Radii of umbra and penumbra 384,400 km behind the Earth: 1.01 R -+ d R_sun / AU, to within 1e-3.
         let spread_m = 3.844e8 * (6.957e8 / AU_M);
         let (umbra_m, penumbra_m) = (1.01 * 6.3781e6 - spread_m, 1.01 * 6.3781e6 + spread_m);
         for aside_m in [0.0, 0.99 * umbra_m] {
@@ -151,7 +158,7 @@ mod tests {
         let edge = middle(0.5 * (umbra_m + penumbra_m))[1];
         assert!((0.3..0.7).contains(&edge), "{edge}");
         assert!(middle(0.98 * penumbra_m)[1] > 0.97 && middle(1.02 * penumbra_m) == [1.0; 3]);
-        // A Moon on the other side of the Earth is in no shadow; the Earth is in that of the Moon.
+        // A Moon on the other side of the Earth is not in shadow; the Earth is in the Moon's shadow.
         let bodies = [sun.clone(), earth.clone(), Body::preset(SolarBody::Moon, "moon", DVec3::X * (AU_M - 3.844e8))];
         let objects = SceneObjects { bodies: bodies.map(std::sync::Arc::new).to_vec(), ..Default::default() };
         let suns = suns(&objects);
@@ -163,7 +170,7 @@ mod tests {
     }
 
     #[test]
-    fn a_small_moon_takes_no_more_light_of_a_planet_than_it_covers() {
+    fn a_small_moon_dims_a_planet_by_at_most_its_area() {
         let sun = Body::preset(SolarBody::Sun, "sun", DVec3::ZERO);
         let jupiter = Body::preset(SolarBody::Jupiter, "jupiter", DVec3::X * 5.2 * crate::units::ASTRONOMICAL_UNIT_M);
         let io = Body::preset(SolarBody::Io, "io", DVec3::X * (5.2 * crate::units::ASTRONOMICAL_UNIT_M - 4.22e8));

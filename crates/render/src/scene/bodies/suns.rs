@@ -18,35 +18,35 @@ use crate::{
     solar_system::SolarBody,
 };
 
-/// Share of the light of the suns on a body below which that of other bodies is left out: 17.5 magnitudes.
+/// Light from other bodies is ignored below this fraction of the suns' light: 17.5 magnitudes.
 const LEAST_REFLECTED: f64 = 1e-7;
-/// Radius of the Earth's shadow without its air, m: that of the equator.
+/// Radius of the Earth's shadow without its air, m: the equatorial radius.
 const EARTH_M: f64 = 6_378_137.0;
 
-/// A body that gives light, from far away.
+/// A body that emits light, treated as far away.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sun {
     /// Its centre: ICRS, barycentric, m.
     pub position_m: DVec3,
-    /// Luminous intensity as linear Rec. 709, cd (lx m^2): illuminance times the square of the distance. Of a body that
-    /// is no sphere the mean over all directions.
+    /// Luminous intensity as linear Rec. 709, cd (lx m^2): illuminance times the square of the distance. For a
+    /// non-spherical body, the mean over all directions.
     pub intensity_cd: [f64; 3],
     /// Radius of the sphere with the same mean projected area, m.
     pub radius_m: f64,
-    /// What may stand before it.
+    /// Bodies that can hide it.
     pub occluders: Arc<[Occluder]>,
-    /// What may reflect its light onto other bodies.
+    /// Bodies that can reflect its light onto others.
     pub reflectors: Arc<[Arc<Body>]>,
 }
 
-/// The light of a sun where it falls on something.
+/// The light of a sun at a position.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Light {
     /// Unit vector towards the sun, world axes.
     pub direction: DVec3,
-    /// Illuminance on a surface that faces the sun, as linear Rec. 709, lx, outside of the shadow.
+    /// Illuminance on a surface facing the sun, as linear Rec. 709, lx, outside of the shadow.
     pub illuminance_lx: [f64; 3],
-    /// The deepest shadow on the body that it falls on.
+    /// The deepest shadow on the lit body.
     pub shadow: Option<Shadow>,
 }
 
@@ -60,10 +60,10 @@ impl Light {
 }
 
 impl Sun {
-    /// The sun that a body with an emission is.
-    fn of(body: &Body, emission: &Emission, around: &Around) -> Self {
-        // Light of a limb-darkened element into all directions is pi L(1) (1 - u / 3), and the surface is four times
-        // the mean projected area.
+    /// The sun of a body with an emission.
+    fn from_body(body: &Body, emission: &Emission, around: &Around) -> Self {
+        // A limb-darkened element emits pi L(1) (1 - u / 3) over all directions, and the surface is four times the mean
+        // projected area.
         let radius_m = mean_radius_m(body.radii_m);
         let factor = PI * radius_m * radius_m * emission.mean_over_middle();
         Self {
@@ -75,7 +75,7 @@ impl Sun {
         }
     }
 
-    /// Its light at a place, m; `None` at its very middle.
+    /// Its light at a position, m; `None` at its exact centre.
     pub fn light_at(&self, place_m: DVec3) -> Option<Light> {
         let to_sun_m = self.position_m - place_m;
         let distance_m = to_sun_m.length();
@@ -86,18 +86,19 @@ impl Sun {
         })
     }
 
-    /// Its light on a body, with the shadow that falls there.
+    /// Its light on a body, with the deepest shadow there.
     fn light_on(&self, body: &Body) -> Option<Light> {
         let light = self.light_at(body.position_m)?;
         let distance_m = (self.position_m - body.position_m).length();
         let sun_rad = (self.radius_m / distance_m).min(1.0).asin();
-        let shadows = self.occluders.iter().filter_map(|of| of.shadow_on(body, light.direction, distance_m, sun_rad));
+        let shadows =
+            self.occluders.iter().filter_map(|occluder| occluder.shadow_on(body, light.direction, distance_m, sun_rad));
         let deepest = shadows.max_by(|(_, a), (_, b)| a.total_cmp(b)).map(|(shadow, _)| shadow);
         Some(Light { shadow: deepest, ..light })
     }
 }
 
-/// What stands around suns.
+/// Bodies around the suns.
 struct Around {
     occluders: Arc<[Occluder]>,
     reflectors: Arc<[Arc<Body>]>,
@@ -105,29 +106,31 @@ struct Around {
 
 /// The suns of a scene: its bodies with an emission, in their order.
 pub fn suns(objects: &SceneObjects) -> Vec<Sun> {
-    let of_bodies = objects.bodies.iter().map(|body| Occluder::of(body));
-    // An observer stands on it.
+    let body_occluders = objects.bodies.iter().map(|body| Occluder::from_body(body));
+    // An observer stands on the Earth, which is not in the list of bodies.
     let earth = objects.earth_m.map(|position_m| Occluder::earth(position_m, EARTH_M));
     let dark = objects.bodies.iter().filter(|body| body.emission.is_none()).cloned();
     let around = Around {
-        occluders: of_bodies.chain(earth).collect(),
+        occluders: body_occluders.chain(earth).collect(),
         reflectors: dark.chain(objects.earth_m.map(|at_m| Arc::new(Body::preset(SolarBody::Earth, "", at_m)))).collect(),
     };
-    objects.bodies.iter().filter_map(|body| Some(Sun::of(body, body.emission.as_ref()?, &around))).collect()
+    objects.bodies.iter().filter_map(|body| Some(Sun::from_body(body, body.emission.as_ref()?, &around))).collect()
 }
 
-/// The light of suns on a body for an eye at `eye_m` (world axes): of a body with a measured phase curve so much more or less than what falls on it that what the eye has of it is the
-/// curve's, if it is as large and as white as the body that was measured. Suns whose middle lies within the body, such as the body itself, do not light it.
+/// The light of suns on a body for an eye at `eye_m` (world axes). For a body with a measured phase curve, the
+/// illuminance is scaled so that the eye receives the light of the curve, if the body is as large and as bright as the
+/// measured one. Suns whose centre lies within the body, such as the body itself, do not light it.
 ///
-/// Bodies near it light it too, with what they reflect of the suns: the light of the Earth on the Moon.
+/// Nearby bodies also light it with the sunlight that they reflect: the light of the Earth on the Moon.
 pub fn lights_on(body: &Body, suns: &[Sun], eye_m: DVec3) -> Vec<Light> {
     let direct = suns_on(body, suns, eye_m);
-    let of_suns: f64 = direct.iter().map(|light| luminance(light.illuminance_lx)).sum();
+    let direct_lx: f64 = direct.iter().map(|light| luminance(light.illuminance_lx)).sum();
     let reflected = suns.first().map_or(&[][..], |sun| &sun.reflectors).iter().filter_map(|reflector| {
         let to_reflector_m = reflector.position_m - body.position_m;
         let distance_m = to_reflector_m.length();
         let radius_m = mean_radius_m(reflector.radii_m);
-        // At full phase a white disc gives so much of what falls on it, and farther ones are not worth a look. Bodies that touch are one.
+        // Upper bound: the light that a white disc reflects at full phase. Distant bodies are skipped, and so are
+        // bodies that touch.
         let most = (radius_m / distance_m).powi(2);
         if most < LEAST_REFLECTED || distance_m < radius_m + body.radii_m.max_element() {
             return None;
@@ -139,13 +142,14 @@ pub fn lights_on(body: &Body, suns: &[Sun], eye_m: DVec3) -> Vec<Light> {
             [0, 1, 2].map(|c| sum[c] + lx[c] * open[c])
         });
         let light = Light { direction: to_reflector_m / distance_m, illuminance_lx, shadow: None };
-        let is_seen = luminance(illuminance_lx) > LEAST_REFLECTED * of_suns;
+        let is_seen = luminance(illuminance_lx) > LEAST_REFLECTED * direct_lx;
         is_seen.then(|| with_phase_curve(light, body, eye_m))
     });
     direct.iter().copied().chain(reflected).collect()
 }
 
-/// What a far sphere of a body's mean radius reflects of a light towards an eye at `to_eye_m` from its middle, outside of shadows: linear Rec. 709, lx.
+/// Illuminance at an eye, at `to_eye_m` from the body's centre, from a light reflected by a distant sphere of the
+/// body's mean radius, outside of shadows: linear Rec. 709, lx.
 pub fn reflected_lx(body: &Body, to_eye_m: DVec3, light: &Light) -> [f64; 3] {
     let (radius_m, distance_m) = (mean_radius_m(body.radii_m), to_eye_m.length());
     let towards_eye = to_eye_m / distance_m;
@@ -156,43 +160,45 @@ pub fn reflected_lx(body: &Body, to_eye_m: DVec3, light: &Light) -> [f64; 3] {
     })
 }
 
-/// The light of suns alone on a body.
+/// The direct light of suns on a body.
 fn suns_on(body: &Body, suns: &[Sun], eye_m: DVec3) -> Vec<Light> {
-    // Half the smallest axis: no turn of the body matters, and no two suns that do not overlap stand so near.
+    // Half the smallest axis: independent of the body's rotation, and no two suns that do not overlap are this close.
     let within_m = body.radii_m.min_element() / 2.0;
     let outside = suns.iter().filter(|sun| (sun.position_m - body.position_m).length() > within_m);
     outside.filter_map(|sun| Some(with_phase_curve(sun.light_on(body)?, body, eye_m))).collect()
 }
 
-/// The light of a sun as it makes the body's measured phase curve.
+/// The light of a sun, scaled to the body's measured phase curve.
 fn with_phase_curve(mut light: Light, body: &Body, eye_m: DVec3) -> Light {
-    if let Some(of) = body.surface.phase_curve {
+    if let Some(measured_body) = body.surface.phase_curve {
         let to_eye_m = eye_m - body.position_m;
-        // No eye sees a body from its very middle.
+        // No eye is at the exact centre of a body.
         let phase_rad = if to_eye_m == DVec3::ZERO { 0.0 } else { light.direction.angle_between(to_eye_m) };
-        let (albedo, radius_m) = preset::measured(of);
+        let (albedo, radius_m) = preset::measured(measured_body);
         let pole = body.orientation * DVec3::Z;
         let latitude_rad = |towards: DVec3| FRAC_PI_2 - pole.angle_between(towards);
         let eye_rad = if to_eye_m == DVec3::ZERO { 0.0 } else { latitude_rad(to_eye_m) };
         let tilt = Tilt { eye_rad, sun_rad: latitude_rad(light.direction) };
-        let factor = phase_curve::factor(of, body.surface.law, albedo, radius_m, phase_rad, tilt);
+        let factor = phase_curve::factor(measured_body, body.surface.law, albedo, radius_m, phase_rad, tilt);
         light.illuminance_lx = light.illuminance_lx.map(|channel| channel * factor);
     }
     light
 }
 
-/// Radius of the sphere whose projected area is the mean one of an ellipsoid, m.
+/// Radius of the sphere with the mean projected area of an ellipsoid, m.
 pub fn mean_radius_m(radii_m: DVec3) -> f64 {
     if radii_m == DVec3::splat(radii_m.x) { radii_m.x } else { (mean_projected_area_m2(radii_m) / PI).sqrt() }
 }
 
-/// Projected area of an ellipsoid, averaged over all directions, m^2: a quarter of its surface (Cauchy). In closed form where the axes x and y are as long.
+/// Projected area of an ellipsoid, averaged over all directions, m^2: a quarter of its surface (Cauchy). In closed form
+/// if x and y are equal.
 fn mean_projected_area_m2(radii_m: DVec3) -> f64 {
     let DVec3 { x: across, y, z: along } = radii_m;
     if across == y {
         let squared_e = 1.0 - (along / across).powi(2);
-        // artanh(e) (1 - e^2) / e or, of a prolate one, asin(e) / (e cos asin(e)) with its own e; both are (1 - e^2) (1 + e^2 / 3 + ...) near the sphere.
-        let of_sides = if squared_e.abs() < 1e-6 {
+        // artanh(e) (1 - e^2) / e or, if prolate, asin(e) / (e cos asin(e)) with its own e; near the sphere both are (1
+        // - e^2) (1 + e^2 / 3 + ...).
+        let side_term = if squared_e.abs() < 1e-6 {
             (1.0 - squared_e) * (1.0 + squared_e / 3.0)
         } else if squared_e > 0.0 {
             (1.0 - squared_e) / squared_e.sqrt() * squared_e.sqrt().atanh()
@@ -200,19 +206,19 @@ fn mean_projected_area_m2(radii_m: DVec3) -> f64 {
             let tangent = (-squared_e).sqrt();
             (1.0 - squared_e) * tangent.atan() / tangent
         };
-        return PI / 2.0 * across * across * (1.0 + of_sides);
+        return PI / 2.0 * across * across * (1.0 + side_term);
     }
     triaxial_mean_projected_area_m2(radii_m)
 }
 
-/// The same by a sum over directions: along n it is pi |(b c n_x, a c n_y, a b n_z)|.
+/// The same as a sum over directions: along n it is pi |(b c n_x, a c n_y, a b n_z)|.
 fn triaxial_mean_projected_area_m2(radii_m: DVec3) -> f64 {
     const N: usize = 64;
     let products = DVec3::new(radii_m.y * radii_m.z, radii_m.x * radii_m.z, radii_m.x * radii_m.y);
     let largest = products.max_element();
     let mut sum = 0.0;
     for i in 0..N {
-        // Equal steps of z and of longitude are equal areas.
+        // Equal steps of z and of longitude cover equal areas.
         let z = (i as f64 + 0.5) / N as f64 * 2.0 - 1.0;
         let across = (1.0 - z * z).sqrt();
         for j in 0..N {
@@ -231,7 +237,7 @@ mod tests {
         units::{ASTRONOMICAL_UNIT_M, illuminance_lx_from_magnitude},
     };
 
-    /// A grey sphere as large as the Moon, between Sun and Earth, or turned around the Earth.
+    /// A grey sphere of the Moon's size, between Sun and Earth, or rotated around the Earth.
     fn grey_moon(angle_rad: f64, distance_m: f64) -> Body {
         let surface =
             Surface { law: ReflectionLaw::Lambert, geometric_albedo: [0.1; 3], phase_curve: None, texture: None };
@@ -241,15 +247,17 @@ mod tests {
     }
 
     fn reflected_on(moon: &Body, others: &[SolarBody]) -> Vec<Light> {
-        let at = |of: &SolarBody| match of {
+        let place_of = |body: &SolarBody| match body {
             SolarBody::Sun => DVec3::ZERO,
             _ => DVec3::X * ASTRONOMICAL_UNIT_M,
         };
-        let bodies =
-            others.iter().map(|of| Arc::new(Body::preset(of, &format!("{of:?}"), at(of)))).chain([Arc::new(moon.clone())]);
+        let bodies = others
+            .iter()
+            .map(|other| Arc::new(Body::preset(other, &format!("{other:?}"), place_of(other))))
+            .chain([Arc::new(moon.clone())]);
         let objects = SceneObjects { bodies: bodies.collect(), ..SceneObjects::default() };
         let mut lights = lights_on(moon, &suns(&objects), DVec3::Z * 1e12);
-        // The Sun's, which comes first, is by far the most.
+        // The first light, from the Sun, is by far the strongest.
         assert!(luminance(lights[0].illuminance_lx) > 1e5, "{lights:?}");
         lights.remove(0);
         lights
@@ -264,14 +272,14 @@ mod tests {
         println!("{found:.2} lx, {expected:.2} from the Earth's magnitude");
         assert!(lights.len() == 1 && (found / expected - 1.0).abs() < 0.03, "{found} {expected}");
         assert!(lights[0].direction.angle_between(DVec3::X) < 0.051);
-        // On the line to the Sun the Moon's shadow covers (1737 / 6371)^2 of the Earth.
+        // On the line to the Sun, the Moon's shadow covers (1737 / 6371)^2 of the Earth.
         let eclipsed =
             luminance(reflected_on(&grey_moon(0.0, 3.844e8), &[SolarBody::Sun, SolarBody::Earth])[0].illuminance_lx);
         assert!((eclipsed / found - 0.926).abs() < 0.01, "{}", eclipsed / found);
         let half =
             luminance(reflected_on(&grey_moon(1.57, 3.844e8), &[SolarBody::Sun, SolarBody::Earth])[0].illuminance_lx);
         assert!((0.1..0.45).contains(&(half / found)), "{}", half / found);
-        // Nothing from the night side, from far away, or from an Earth that is not there.
+        // No light from the night side, from far away, or if there is no Earth.
         assert!(
             reflected_on(&grey_moon(std::f64::consts::PI, 3.844e8), &[SolarBody::Sun, SolarBody::Earth]).is_empty()
         );
@@ -289,7 +297,7 @@ mod tests {
             let turned = mean_projected_area_m2(DVec3::new(1.0, along, 1.0) * 2.0);
             assert!((turned / closed - 1.0).abs() < 2e-4, "{along}: {turned} {closed}");
         }
-        // The surface of an oblate one: 2 pi a^2 (1 + (1 - e^2) / e artanh e).
+        // The surface of an oblate ellipsoid: 2 pi a^2 (1 + (1 - e^2) / e artanh e).
         let (a, c) = (2.0f64, 1.0f64);
         let e = (1.0 - c * c / (a * a)).sqrt();
         let surface = TAU * a * a * (1.0 + (1.0 - e * e) / e * e.atanh());

@@ -9,10 +9,10 @@ use crate::{
     picture_file::{PictureError, PictureFile},
 };
 
-/// Factors on the albedo of a body, in longitude and latitude: the left edge is longitude -180 degrees, the middle is
-/// the body's +x axis, the top is its +z axis; longitude grows to the right, towards +y. Both are those of the point on
-/// the unit sphere that the ellipsoid is stretched from. Between the middles of texels the factors are interpolated,
-/// around the edges left and right too.
+/// Albedo factors of a body, in longitude and latitude: the left edge is longitude -180 degrees, the middle is the
+/// body's +x axis, the top is its +z axis; longitude increases to the right, towards +y. Both refer to the point on the
+/// unit sphere that corresponds to the surface point. The factors are interpolated bilinearly between texel centres,
+/// also across the left and right edges.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Texture {
     /// Width and height, texels.
@@ -21,12 +21,12 @@ pub struct Texture {
     pub rgb: Vec<[f32; 3]>,
 }
 
-/// What the file of a texture is.
+/// Required format of a texture file.
 const WANTED: &str = "a texture is a PNG of 8 bits per channel, grey or RGB";
 
 impl Texture {
-    /// Reads a PNG of 8 bits per channel: grey or RGB, palettes too, an alpha channel is refused. Its values are
-    /// decoded from sRGB (IEC 61966-2-1) to linear factors.
+    /// Reads a PNG of 8 bits per channel: grey, RGB or palette; an alpha channel is refused. The values are decoded
+    /// from sRGB (IEC 61966-2-1) to linear factors.
     ///
     /// # Errors
     ///
@@ -42,7 +42,7 @@ impl Texture {
         Ok(Self { size, rgb: factors.collect() })
     }
 
-    /// Factors at a point of the unit sphere that the body is stretched from.
+    /// Factors at a point of the unit sphere that corresponds to the surface point.
     pub fn sample(&self, unit: DVec3) -> [f64; 3] {
         let [width, height] = self.size.map(f64::from);
         let longitude = unit.y.atan2(unit.x);
@@ -82,32 +82,32 @@ mod tests {
     }
 
     #[test]
-    fn values_are_decoded_from_srgb_and_stand_where_longitude_and_latitude_say() {
+    fn values_are_decoded_from_srgb_and_mapped_to_longitude_and_latitude() {
         let bytes: Vec<u8> = (0..8u8).flat_map(|i| [i * 30, 128, 255]).collect();
         let (_folder, path) = written([4, 2], ColorType::Rgb, BitDepth::Eight, &bytes);
         let texture = Texture::from_png(&path).unwrap();
         assert_eq!(texture.size, [4, 2]);
         let [_, green, blue] = texture.rgb[5];
         assert!((f64::from(green) - 0.215_860_5).abs() < 1e-6 && blue == 1.0, "{green} {blue}");
-        let at = |longitude_deg: f64, latitude_deg: f64| {
+        let red_at = |longitude_deg: f64, latitude_deg: f64| {
             let (lon, lat) = (longitude_deg.to_radians(), latitude_deg.to_radians());
             texture.sample(DVec3::new(lat.cos() * lon.cos(), lat.cos() * lon.sin(), lat.sin()))[0]
         };
         let texel = |index: usize| f64::from(texture.rgb[index][0]);
-        // Middles of texels, the middle between two, around the edge, and beyond the last row.
-        assert!((at(-135.0, 45.0) - texel(0)).abs() < 1e-12);
-        assert!((at(45.0, 45.0) - texel(2)).abs() < 1e-12);
-        assert!((at(45.0, -45.0) - texel(6)).abs() < 1e-12);
-        assert!((at(0.0, 45.0) - (texel(1) + texel(2)) / 2.0).abs() < 1e-12);
-        assert!((at(180.0, 45.0) - (texel(3) + texel(0)) / 2.0).abs() < 1e-12);
-        assert!((at(45.0, 0.0) - (texel(2) + texel(6)) / 2.0).abs() < 1e-12);
-        assert!((at(45.0, 80.0) - texel(2)).abs() < 1e-12);
-        assert!((at(45.0, 45.0) - at(-45.0, 45.0)).abs() > 1e-3, "a mirrored map is told apart");
+        // Texel centres, the middle between two, across the edge, and beyond the last row.
+        assert!((red_at(-135.0, 45.0) - texel(0)).abs() < 1e-12);
+        assert!((red_at(45.0, 45.0) - texel(2)).abs() < 1e-12);
+        assert!((red_at(45.0, -45.0) - texel(6)).abs() < 1e-12);
+        assert!((red_at(0.0, 45.0) - (texel(1) + texel(2)) / 2.0).abs() < 1e-12);
+        assert!((red_at(180.0, 45.0) - (texel(3) + texel(0)) / 2.0).abs() < 1e-12);
+        assert!((red_at(45.0, 0.0) - (texel(2) + texel(6)) / 2.0).abs() < 1e-12);
+        assert!((red_at(45.0, 80.0) - texel(2)).abs() < 1e-12);
+        assert!((red_at(45.0, 45.0) - red_at(-45.0, 45.0)).abs() > 1e-3, "a mirrored map is detected");
     }
 
     #[test]
-    fn palettes_are_whole_colours_and_at_most_256() {
-        let of = |palette: usize| {
+    fn palettes_have_whole_colours_and_at_most_256() {
+        let read = |palette: usize| {
             let folder = tempfile::tempdir().unwrap();
             let path = folder.path().join("map.png");
             let mut encoder = png::Encoder::new(std::fs::File::create(&path).unwrap(), 4, 1);
@@ -116,12 +116,12 @@ mod tests {
             encoder.write_header().unwrap().write_image_data(&[0; 4]).unwrap();
             Texture::from_png(&path).map_err(|error| error.to_string())
         };
-        assert_eq!(of(3).unwrap().rgb, [[1.0; 3]; 4]);
-        assert!(of(768).is_ok());
-        let message = of(50).unwrap_err();
+        assert_eq!(read(3).unwrap().rgb, [[1.0; 3]; 4]);
+        assert!(read(768).is_ok());
+        let message = read(50).unwrap_err();
         assert!(message.contains("its palette has 50 bytes"), "{message}");
-        // Some of these the decoder refuses by itself.
-        assert!([1, 769, 771].into_iter().all(|wrong| of(wrong).is_err()));
+        // The decoder itself refuses some of these.
+        assert!([1, 769, 771].into_iter().all(|wrong| read(wrong).is_err()));
     }
 
     #[test]

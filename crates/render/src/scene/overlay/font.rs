@@ -1,4 +1,4 @@
-//! The font of all text: Hack, whose licences (MIT and Bitstream Vera) stand in `LICENSE-FONT-HACK`.
+//! The font of all text: Hack, with its licences (MIT and Bitstream Vera) in `LICENSE-FONT-HACK`.
 
 use std::sync::LazyLock;
 
@@ -8,12 +8,12 @@ use ab_glyph::{Font, FontRef, GlyphId};
 pub fn font() -> &'static FontRef<'static> {
     static FONT: LazyLock<FontRef<'static>> = LazyLock::new(|| {
         FontRef::try_from_slice(epaint_default_fonts::HACK_REGULAR)
-            .unwrap_or_else(|error| panic!("the font that is built in cannot be read: {error}"))
+            .unwrap_or_else(|error| panic!("cannot read the built-in font: {error}"))
     });
     &FONT
 }
 
-/// The first character of a text that the font does not have.
+/// The first character of a text that is missing in the font.
 pub fn missing_character(text: &str) -> Option<char> {
     text.chars().find(|character| character.is_control() || font().glyph_id(*character) == GlyphId(0))
 }

@@ -1,11 +1,11 @@
-//! One face of a cubemap. All six share their edges: a kernel that reaches over an edge is divided by the sum of the
-//! weights that lie inside any of the six pictures, so that a star's light is whole wherever it stands.
+//! One face of a cubemap. All six faces share their edges: a kernel that reaches over an edge is divided by the sum of
+//! the weights that lie inside any of the six faces, so that the light of a star is complete at any position.
 
 use glam::{DMat3, DQuat, DVec2, DVec3};
 
 use super::{BoundingCone, Footprint, Perspective, PlaneMapping, ProjectionError, Tap, check_size};
 
-/// The faces of a cubemap, as one sees them when turning the head.
+/// The faces of a cubemap, named as seen from the centre.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Face {
     /// Looks -z, +y up.
@@ -38,12 +38,12 @@ impl Face {
         }
     }
 
-    /// The face of that name.
+    /// The face with this name.
     pub fn from_name(name: &str) -> Option<Face> {
         Face::ALL.into_iter().find(|face| face.name() == name)
     }
 
-    /// The direction that the face looks in, and the one that is up in its image, in cube space.
+    /// Viewing direction of the face and up direction of its image, in cube space.
     pub const fn forward_and_up(self) -> [DVec3; 2] {
         match self {
             Face::Front => [DVec3::NEG_Z, DVec3::Y],
@@ -55,7 +55,7 @@ impl Face {
         }
     }
 
-    /// Axes of the face's image in cube space: right, up, backwards (the direction it looks at is minus the third).
+    /// Axes of the face's image in cube space: right, up, backwards (the viewing direction is minus the third).
     pub fn axes(self) -> DMat3 {
         let [forward, up] = self.forward_and_up();
         DMat3::from_cols(forward.cross(up), up, -forward)
@@ -76,7 +76,7 @@ pub struct CubeFace {
 }
 
 impl CubeFace {
-    /// A face of `face_size` pixels each way.
+    /// A face of `face_size` x `face_size` pixels.
     pub fn new(face: Face, face_size: u32) -> Result<Self, ProjectionError> {
         let size = [face_size; 2];
         check_size(size)?;
@@ -115,7 +115,7 @@ impl PlaneMapping for CubeFace {
         Some(Face::ALL.into_iter().map(|face| light(&Self { face, ..*self }, face.axes().transpose() * in_cube)).sum())
     }
 
-    /// Of the face on which the direction lies, so that all faces draw the same star.
+    /// Extent on the face that contains the direction, so that all faces draw the same star.
     fn pixel_extent_rad(&self, direction: DVec3) -> Option<[f64; 2]> {
         self.plane.pixel_extent_rad(DVec3::new(0.0, 0.0, -direction.abs().max_element()))
     }
@@ -152,7 +152,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn faces_look_where_the_conventions_say() {
+    fn face_orientations_match_the_conventions() {
         let looks_at = |face: Face| face.cube_from_face() * DVec3::NEG_Z;
         let top = |face: Face| face.cube_from_face() * DVec3::Y;
         for (face, forward, up) in [

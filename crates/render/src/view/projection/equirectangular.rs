@@ -1,5 +1,5 @@
-//! Longitude and latitude over the whole sphere: the image's centre is -z, its top +y, longitude grows to the right. It
-//! wraps at +-180 degrees and reflects over the poles.
+//! Longitude and latitude over the whole sphere: the image centre is -z, its top is +y, longitude grows to the right.
+//! It wraps at +-180 degrees and reflects over the poles.
 
 use std::f64::consts::{PI, TAU};
 
@@ -14,15 +14,15 @@ pub struct Equirectangular {
 }
 
 impl Equirectangular {
-    /// An image of the whole sphere. The width must be even: over a pole the image goes on half a turn away, which has to
-    /// be a whole number of pixels.
+    /// An image of the whole sphere. The width must be even: beyond a pole the image continues half a turn away, which
+    /// must be a whole number of pixels.
     pub fn new(size: [u32; 2]) -> Result<Self, ProjectionError> {
         check_size(size)?;
         if !size[0].is_multiple_of(2) {
             return Err(ProjectionError::OutOfRange {
                 parameter: "size[0]",
                 value: f64::from(size[0]),
-                allowed: "the width of an equirectangular view must be even (over a pole the image goes on half a turn away)",
+                allowed: "the width of an equirectangular view must be even (beyond a pole the image continues half a turn away)",
             });
         }
         Ok(Self { size })
@@ -97,7 +97,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn centre_top_and_right_are_where_they_should() {
+    fn centre_top_and_sides_map_to_the_expected_pixels() {
         let view = Equirectangular::new([200, 100]).unwrap();
         for (direction, pixel) in [
             (DVec3::NEG_Z, DVec2::new(100.0, 50.0)),

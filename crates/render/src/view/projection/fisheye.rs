@@ -1,5 +1,5 @@
-//! Azimuthal mappings around the optical axis -z: domes and fisheye lenses. With p the position in the picture's circle
-//! (+x right, +y up, |p| = rho <= 1), theta the angle from the axis and F the field of view:
+//! Azimuthal mappings around the optical axis -z: domes and fisheye lenses. Let p be the position in the circle of the
+//! picture (+x right, +y up, |p| = rho <= 1), theta the angle from the axis and F the field of view:
 //!
 //! | mapping | rho | allowed F | solid angle per unit area of p |
 //! |---|---|---|---|
@@ -8,7 +8,7 @@
 //! | orthographic | sin(theta) / sin(F/2) | up to 180 degrees | s^2 / sqrt(1 - (s rho)^2), s = sin(F/2) |
 //! | stereographic | tan(theta/2) / tan(F/4) | below 360 degrees | 4 t^2 / (1 + (t rho)^2)^2, t = tan(F/4) |
 //!
-//! The circle is inscribed in the shorter side; a pixel is inside if its centre is.
+//! The circle is inscribed in the shorter side; a pixel is inside if its centre is inside the circle.
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
@@ -18,7 +18,7 @@ use super::{
     BoundingCone, Footprint, PlaneMapping, ProjectionError, Tap, check_size, integrate_over_rectangle, pixel_centre,
 };
 
-/// How the angle from the axis becomes a radius.
+/// How the angle from the axis maps to a radius.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum FisheyeMapping {
@@ -26,7 +26,7 @@ pub enum FisheyeMapping {
     Equidistant,
     /// Equal areas for equal solid angles.
     Equisolid,
-    /// As a sphere seen from far away.
+    /// Orthographic projection: like a sphere seen from far away.
     Orthographic,
     /// Conformal.
     Stereographic,
@@ -70,7 +70,7 @@ impl Fisheye {
             }
             FisheyeMapping::Orthographic => (
                 fov_rad <= PI + slack,
-                "an orthographic fisheye shows more than 0 and at most 180 degrees (beyond, the sky folds back on itself)",
+                "an orthographic fisheye shows more than 0 and at most 180 degrees (beyond that, the sky folds back on itself)",
             ),
             FisheyeMapping::Stereographic => (
                 fov_rad <= 359f64.to_radians() + slack,
@@ -95,13 +95,13 @@ impl Fisheye {
         f64::from(self.size[0].min(self.size[1])) / 2.0
     }
 
-    /// Whether the picture shows every direction, so that no light may be lost at its rim.
+    /// Whether the picture shows every direction; then no light may be lost at its rim.
     pub fn is_full_sphere(&self) -> bool {
         self.half_fov_rad >= PI - 1e-9
     }
 
-    /// Whether the pixel's centre lies less than one and a half pixels from the rim. In whole numbers (twice the offset from
-    /// the centre), so that the shader decides alike.
+    /// Whether the pixel's centre lies less than one and a half pixels from the rim. Uses integers (twice the offset
+    /// from the centre), so that the shader decides identically.
     fn is_within_rim(&self, x: u32, y: u32) -> bool {
         let [width, height] = self.size.map(i64::from);
         let (dx, dy) = (2 * i64::from(x) + 1 - width, 2 * i64::from(y) + 1 - height);
@@ -109,7 +109,8 @@ impl Fisheye {
         dx * dx + dy * dy > (n - 3).max(0).pow(2)
     }
 
-    /// Density at the pixel's centre times the pixel's area: what a shader computes where that is good enough.
+    /// Density at the pixel's centre times the area of the pixel: the value that a shader computes where this
+    /// approximation is sufficient.
     pub(crate) fn midpoint_solid_angle_sr(&self, x: u32, y: u32) -> f64 {
         self.density(self.plane_from_pixel(pixel_centre(x, y)).length()) / self.radius_px().powi(2)
     }
@@ -163,7 +164,7 @@ impl PlaneMapping for Fisheye {
         let across = direction.x.hypot(direction.y);
         let theta = across.atan2(-direction.z);
         let rho = self.rho_from_theta(theta)?;
-        // At the antipode every azimuth is right; take the one to the right.
+        // At the antipode every azimuth is correct; use the one to the right.
         let azimuth = if across > 0.0 { DVec2::new(direction.x, direction.y) / across } else { DVec2::X };
         let p = azimuth * rho * self.radius_px();
         Some(DVec2::new(f64::from(self.size[0]) / 2.0 + p.x, f64::from(self.size[1]) / 2.0 - p.y))
@@ -184,8 +185,8 @@ impl PlaneMapping for Fisheye {
         x < self.size[0] && y < self.size[1] && self.plane_from_pixel(pixel_centre(x, y)).length_squared() <= 1.0
     }
 
-    /// Quadrature of the density over the pixel; at the orthographic rim, where the density grows without bound, and at the
-    /// rim of the full sphere, where it ends, its value at the pixel's centre.
+    /// Quadrature of the density over the pixel. The value at the pixel's centre is used near the orthographic rim,
+    /// where the density grows without bound, and near the rim of the full sphere, where the density ends.
     fn solid_angle_sr(&self, x: u32, y: u32) -> f64 {
         if !self.contains(x, y) {
             return 0.0;
@@ -209,8 +210,8 @@ impl PlaneMapping for Fisheye {
         BoundingCone { axis: DVec3::NEG_Z, half_angle_rad }
     }
 
-    /// From the radial and tangential derivatives of the mapping. Beyond the rim those at the rim hold, and where a mapping ends in
-    /// an infinite derivative, the angle that its last pixel covers.
+    /// From the radial and tangential derivatives of the mapping. Beyond the rim, the derivatives at the rim are used.
+    /// Where a mapping ends with an infinite derivative, the angle covered by its last pixel is used.
     fn pixel_extent_rad(&self, direction: DVec3) -> Option<[f64; 2]> {
         let cosine = -direction.z;
         let sine = direction.x.hypot(direction.y);
@@ -243,7 +244,7 @@ impl PlaneMapping for Fisheye {
         let Some(centre) = self.pixel_from_direction(direction) else { return Vec::new() };
         let mut taps: Vec<Tap> = kernel(centre).into_iter().filter_map(|tap| self.tap_inside(tap)).collect();
         if self.is_full_sphere() {
-            // Nothing lies outside of this picture, so what falls over the rim belongs to the pixels inside.
+            // Nothing lies outside of this picture, so weights beyond the rim belong to the pixels inside.
             let total: f64 = taps.iter().map(|tap| tap.weight).sum();
             for tap in &mut taps {
                 tap.weight /= total;

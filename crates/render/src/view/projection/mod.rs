@@ -1,12 +1,13 @@
-//! Projections: how directions in view space map to the pixels of an image, and the solid angle of every pixel.
+//! Projections: the mapping from directions in view space to the pixels of an image, and the solid angle of every
+//! pixel.
 //!
 //! View space is +x right, +y up, looking along -z. Pixel coordinates are continuous: (0, 0) is the top left corner of
 //! the image, pixel (i, j) covers [i, i+1) x [j, j+1), its centre is (i + 0.5, j + 0.5). Everything here is f64; the
 //! shader `shaders/shared/projection.wgsl` has the same functions in f32 under the same names.
 //!
-//! A projection of your own implements [`PlaneMapping`]; the f64 renderer in [`crate::reference`] draws through any of them.
-//! The adapter draws through a table of it: bake it with [`TabulatedMapping::new`], and put it into a rig as a view of the kind
-//! [`ViewKind::Tabulated`](super::ViewKind::Tabulated). `examples/own_projection.rs` does so.
+//! A custom projection implements [`PlaneMapping`]; the f64 renderer in [`crate::reference`] accepts any
+//! implementation. The GPU renderer uses a table of it: bake the table with [`TabulatedMapping::new`] and add it to a
+//! rig as a view of kind [`ViewKind::Tabulated`](super::ViewKind::Tabulated). See `examples/own_projection.rs`.
 
 mod cube;
 mod equirectangular;
@@ -39,14 +40,14 @@ pub enum ProjectionError {
         /// Height in pixels.
         height: u32,
     },
-    /// A parameter is outside of what the mapping can show.
+    /// A parameter is outside the range that the mapping can show.
     #[error("{parameter} = {value}: {allowed}")]
     OutOfRange {
         /// The parameter's name in the configuration.
         parameter: &'static str,
         /// Its value.
         value: f64,
-        /// What is allowed, and why.
+        /// Valid values, and the reason.
         allowed: &'static str,
     },
 }
@@ -58,7 +59,7 @@ pub(crate) fn check_size(size: [u32; 2]) -> Result<(), ProjectionError> {
     Ok(())
 }
 
-/// The part of the sky that can have an image, for culling: a cone around `axis`.
+/// The part of the sky that can have an image, used for culling: a cone around `axis`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BoundingCone {
     /// Unit vector in view space.
@@ -68,13 +69,13 @@ pub struct BoundingCone {
 }
 
 impl BoundingCone {
-    /// Half of the opening angle of the cone around the axis of view (-z) that holds this one, rad.
+    /// Half of the opening angle of the smallest cone around the viewing axis (-z) that contains this one, rad.
     pub fn around_view_axis_rad(&self) -> f64 {
         (self.axis.angle_between(DVec3::NEG_Z) + self.half_angle_rad).min(PI)
     }
 }
 
-/// One pixel that a splat reaches, with the share of the kernel that belongs to it.
+/// One pixel that a splat reaches, with its share of the kernel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tap {
     /// Column.
@@ -90,8 +91,8 @@ pub trait PlaneMapping: Sync {
     /// Width and height in pixels.
     fn size(&self) -> [u32; 2];
 
-    /// Continuous pixel coordinates of the image of `direction` (any length but 0), also outside of the picture as far as
-    /// the mapping goes on there; `None` where the direction has no image.
+    /// Continuous pixel coordinates of the image of `direction` (any length but 0). Also defined outside of the
+    /// picture, as far as the mapping continues; `None` if the direction has no image.
     fn pixel_from_direction(&self, direction: DVec3) -> Option<DVec2>;
 
     /// Unit direction of a point of the image plane; `None` outside of the picture.
@@ -103,35 +104,36 @@ pub trait PlaneMapping: Sync {
         x < width && y < height && self.direction_from_pixel(pixel_centre(x, y)).is_some()
     }
 
-    /// Solid angle of a pixel in sr; 0 outside of the picture. The default integrates the norm of d(dir)/du x d(dir)/dv,
-    /// by central differences, at the pixel's centre.
+    /// Solid angle of a pixel in sr; 0 outside of the picture. The default takes the norm of d(dir)/du x d(dir)/dv at
+    /// the pixel's centre, by central differences.
     fn solid_angle_sr(&self, x: u32, y: u32) -> f64 {
         if !self.contains(x, y) {
             return 0.0;
         }
         let centre = pixel_centre(x, y);
         let h = 1e-3;
-        let at = |dx: f64, dy: f64| self.direction_from_pixel(centre + DVec2::new(dx, dy));
-        match (at(h, 0.0), at(-h, 0.0), at(0.0, h), at(0.0, -h)) {
+        let direction_at = |dx: f64, dy: f64| self.direction_from_pixel(centre + DVec2::new(dx, dy));
+        match (direction_at(h, 0.0), direction_at(-h, 0.0), direction_at(0.0, h), direction_at(0.0, -h)) {
             (Some(right), Some(left), Some(down), Some(up)) => (right - left).cross(down - up).length() / (4.0 * h * h),
             _ => 0.0,
         }
     }
 
-    /// Whether every direction lies in the picture, so that its rim is no border.
+    /// Whether every direction lies in the picture, so that its rim is not a border.
     fn shows_full_sphere(&self) -> bool {
         false
     }
 
-    /// Sum of `light` over this picture and those that go on beyond its borders, each with the direction in its own axes; `None`
-    /// where there are no others.
+    /// Sum of `light` over this picture and the pictures that continue it beyond its borders, each with the direction
+    /// in its own axes; `None` if there are no such pictures.
     fn light_with_neighbours(&self, direction: DVec3, light: &dyn Fn(&dyn PlaneMapping, DVec3) -> f64) -> Option<f64> {
         let _ = (direction, light);
         None
     }
 
-    /// The longer and the shorter angle that a pixel covers around `direction` (a unit vector), rad: the inverse singular values of
-    /// the mapping's derivative. `None` where the direction has no image. The default takes central differences.
+    /// The longer and the shorter angle that a pixel covers around `direction` (a unit vector), rad: the inverse
+    /// singular values of the mapping's derivative. `None` if the direction has no image. The default uses central
+    /// differences.
     fn pixel_extent_rad(&self, direction: DVec3) -> Option<[f64; 2]> {
         let (right, up) = direction.any_orthonormal_pair();
         let h = 1e-6;
@@ -141,25 +143,25 @@ pub trait PlaneMapping: Sync {
             Some((ahead - behind) / (2.0 * h))
         };
         let (a, b) = (derivative(right)?, derivative(up)?);
-        // Singular values of the matrix of columns a and b.
+        // Singular values of the matrix with columns a and b.
         let sum = a.length_squared() + b.length_squared();
         let difference = (sum * sum - 4.0 * a.perp_dot(b).powi(2)).max(0.0).sqrt();
         let (largest, smallest) = (((sum + difference) / 2.0).sqrt(), ((sum - difference) / 2.0).max(0.0).sqrt());
         Some([1.0 / smallest.max(1e-12), 1.0 / largest.max(1e-12)])
     }
 
-    /// A cone that holds every direction that may touch a pixel, kernels of `margin_px` included.
+    /// A cone that contains every direction that can affect a pixel, including kernels of `margin_px`.
     fn bounding_cone(&self, margin_px: f64) -> BoundingCone;
 
     /// The pixels that a star in `direction` reaches with `kernel`, exact at every border of the mapping: wrap,
-    /// reflection, shared edges. `kernel` gives the footprint around continuous pixel coordinates as if the plane had no
-    /// border. Empty where the star has no image.
+    /// reflection, shared edges. `kernel` returns the footprint around continuous pixel coordinates as if the plane had
+    /// no border. Empty if the star has no image.
     fn taps(&self, kernel: Footprint<'_>, direction: DVec3) -> Vec<Tap> {
         let Some(centre) = self.pixel_from_direction(direction) else { return Vec::new() };
         kernel(centre).into_iter().filter_map(|tap| self.tap_inside(tap)).collect()
     }
 
-    /// The tap if its pixel lies inside the picture.
+    /// Returns the tap if its pixel lies inside the picture.
     fn tap_inside(&self, (x, y, weight): (i64, i64, f64)) -> Option<Tap> {
         let (x, y) = (u32::try_from(x).ok()?, u32::try_from(y).ok()?);
         self.contains(x, y).then_some(Tap { x, y, weight })
@@ -174,7 +176,7 @@ pub fn pixel_centre(x: u32, y: u32) -> DVec2 {
     DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5)
 }
 
-/// The projections that the GPU knows.
+/// The projections that the GPU supports.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Projection {
     /// Flat image plane, symmetric or off-axis.
@@ -185,12 +187,12 @@ pub enum Projection {
     Fisheye(Fisheye),
     /// Longitude and latitude.
     Equirectangular(Equirectangular),
-    /// Any other, as a table.
+    /// Any other projection, as a table.
     Tabulated(Arc<TabulatedMapping>),
 }
 
 impl Projection {
-    /// The mapping behind the enum.
+    /// The mapping of this projection.
     pub fn mapping(&self) -> &dyn PlaneMapping {
         match self {
             Projection::Perspective(p) => p,
@@ -201,8 +203,9 @@ impl Projection {
         }
     }
 
-    /// Solid angle of the whole picture, sr: in closed form, of a table the sum over its pixels. The sum over a round picture's
-    /// pixels differs from it by what a circle differs from its pixels (2e-7 of it at 4096 pixels).
+    /// Solid angle of the whole picture, sr: in closed form, or for a table the sum over its pixels. The sum over the
+    /// pixels of a round picture differs from the closed form by the difference between a circle and its pixels (2e-7
+    /// at 4096 pixels).
     pub fn picture_solid_angle_sr(&self) -> f64 {
         match self {
             Projection::Perspective(plane) => plane.picture_solid_angle_sr(),
@@ -213,8 +216,8 @@ impl Projection {
         }
     }
 
-    /// Angle of the pixel in the middle of the picture, rad: the root of its solid angle. Of a table without a pixel there, that of the
-    /// mean pixel.
+    /// Angular size of the pixel in the middle of the picture, rad: the square root of its solid angle. If a table has
+    /// no pixel there, that of the mean pixel.
     pub fn middle_pixel_rad(&self) -> f64 {
         let mapping = self.mapping();
         let [width, height] = mapping.size();
@@ -227,8 +230,9 @@ impl Projection {
         }
     }
 
-    /// Smallest solid angle of a pixel of the picture, sr, among the centre, the corners, and the middles of the edges
-    /// (for round pictures half a pixel inside of them), where all these mappings have their extremes; of a table among all.
+    /// Smallest solid angle of a pixel of the picture, sr. Closed-form mappings have their extremes at the centre, the
+    /// corners or the middles of the edges (half a pixel inside for round pictures), so only these are compared; for a
+    /// table all pixels are.
     pub fn smallest_pixel_sr(&self) -> f64 {
         if let Projection::Tabulated(table) = self {
             return table.smallest_pixel_sr();
@@ -249,7 +253,7 @@ impl Projection {
 }
 
 /// Gauss-Legendre quadrature of `density` (per unit area of the plane) over a rectangle given by centre and half sides,
-/// with three points each way: exact to the fifth degree.
+/// with three points along each axis: exact for polynomials of degree five.
 pub(crate) fn integrate_over_rectangle(centre: DVec2, half: DVec2, density: impl Fn(DVec2) -> f64) -> f64 {
     const NODES: [(f64, f64); 3] =
         [(-0.774_596_669_241_483_4, 5.0 / 9.0), (0.0, 8.0 / 9.0), (0.774_596_669_241_483_4, 5.0 / 9.0)];

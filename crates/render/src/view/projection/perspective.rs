@@ -1,4 +1,4 @@
-//! Perspective onto a flat plane: symmetric, or off-axis from four angles as OpenXR gives them.
+//! Perspective projection onto a flat plane: symmetric, or off-axis from four angles as in OpenXR.
 
 use std::f64::consts::FRAC_PI_2;
 
@@ -6,10 +6,10 @@ use glam::{DVec2, DVec3};
 
 use super::{BoundingCone, PlaneMapping, ProjectionError, check_size};
 
-/// Greatest angle from the optical axis to an edge. Beyond it f32 keeps no sub-pixel accuracy near the rim.
+/// Greatest angle from the optical axis to an edge. Beyond it, f32 has no sub-pixel accuracy near the rim.
 const MAX_EDGE_RAD: f64 = 89.0 / 180.0 * std::f64::consts::PI;
 
-/// A flat picture between four planes through the eye; tangents are measured from the principal ray -z.
+/// A flat picture bounded by four planes through the eye; tangents are measured from the principal ray -z.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Perspective {
     size: [u32; 2],
@@ -21,15 +21,15 @@ pub struct Perspective {
 }
 
 impl Perspective {
-    /// Symmetric picture with a vertical field of view in rad, square pixels. Refused outside of 0 to 178 degrees, also
-    /// horizontally.
+    /// Symmetric picture with a vertical field of view in rad and square pixels. Both the vertical and the horizontal
+    /// field of view must be above 0 and at most 178 degrees.
     pub fn symmetric(size: [u32; 2], fov_y_rad: f64) -> Result<Self, ProjectionError> {
         check_size(size)?;
         if !(fov_y_rad > 0.0 && fov_y_rad <= 2.0 * MAX_EDGE_RAD + 1e-12) {
             return Err(ProjectionError::OutOfRange {
                 parameter: "fov_y_deg",
                 value: fov_y_rad.to_degrees(),
-                allowed: "a perspective view needs more than 0 and at most 178 degrees (a flat plane cannot show 180); use fisheye or equirectangular for more",
+                allowed: "the field of view of a perspective view must be above 0 and at most 178 degrees (a flat plane cannot show 180); use fisheye or equirectangular for more",
             });
         }
         let up = (fov_y_rad / 2.0).tan();
@@ -84,7 +84,7 @@ impl Perspective {
         Ok(Self { size, left: left_rad.tan(), right: right_rad.tan(), down: down_rad.tan(), up: up_rad.tan() })
     }
 
-    /// From tangents of the four edges; they must be finite and ordered, as the other constructors ensure.
+    /// From the tangents of the four edges; they must be finite and ordered, as the other constructors ensure.
     pub(crate) fn from_tangents(size: [u32; 2], [left, right, down, up]: [f64; 4]) -> Self {
         Self { size, left, right, down, up }
     }
@@ -99,14 +99,14 @@ impl Perspective {
             + corner(self.left, self.down)
     }
 
-    /// Tangents of the edges with `margin_px` more on every side: left, right, down, up.
+    /// Tangents of the edges, widened by `margin_px` on every side: left, right, down, up.
     pub fn edge_tangents(&self, margin_px: f64) -> [f64; 4] {
         let margin = self.tangent_per_pixel() * margin_px;
         [self.left - margin.x, self.right + margin.x, self.down - margin.y, self.up + margin.y]
     }
 }
 
-/// Solid angle between the principal ray and the corner (x, y) of a plane at distance 1.
+/// Solid angle of the rectangle between the principal ray and the corner (x, y) of a plane at distance 1.
 fn corner(x: f64, y: f64) -> f64 {
     (x * y).atan2((1.0 + x * x + y * y).sqrt())
 }
@@ -150,8 +150,8 @@ impl PlaneMapping for Perspective {
         (corner(x1, y0) - corner(x0, y0) - corner(x1, y1) + corner(x0, y1)).abs()
     }
 
-    /// Bounds, met where pixels are square: a pixel of a flat plane shrinks with the cosine of the angle from the axis across the
-    /// radius, and with its square along it.
+    /// Bounds, exact for square pixels: a pixel of a flat plane shrinks with the cosine of the angle from the axis in
+    /// the tangential direction, and with its square in the radial direction.
     fn pixel_extent_rad(&self, direction: DVec3) -> Option<[f64; 2]> {
         let cosine = -direction.z;
         let step = self.tangent_per_pixel();

@@ -1,9 +1,9 @@
-//! Blends that are computed where none are delivered: each projector's share falls smoothly to zero at the borders of its raster, and the shares of all that reach a
-//! direction sum to one.
+//! Computed edge blends, for calibrations without blend masks. Each projector's share falls smoothly to zero at the
+//! borders of its raster, and the shares of all projectors that reach a direction sum to one.
 //!
-//! With the weight w of a place on a projector's own raster, alpha = w / (sum of the w of all projectors there). w = (16 x (1 - x) y (1 - y))^2 for x and y
-//! as shares of the raster's sides, so the share and its slope vanish at the borders; where a part of the raster is not used, w falls to zero at its border in the same
-//! way.
+//! With the weight w of a position on a projector's own raster, alpha = w / (sum of the w of all projectors there). w =
+//! (16 x (1 - x) y (1 - y))^2 with x and y relative to the raster's sides, so the share and its slope vanish at the
+//! borders. If a part of the raster is not used, w falls to zero at its border in the same way.
 
 use std::f64::consts::PI;
 
@@ -13,27 +13,28 @@ use rayon::prelude::*;
 use super::blend::{Blend, between};
 use crate::view::projection::{PlaneMapping, TabulatedMapping, pixel_centre};
 
-/// Towards a part of the raster that is not used the share falls over so many pixels, or fewer.
+/// Width of the ramp towards an unused part of the raster, pixels.
 const RAMP_PX: f32 = 64.0;
 
-/// A projector among others.
+/// One of several projectors.
 #[derive(Clone, Copy, Debug)]
 pub struct Beam<'a> {
-    /// Where its pixels look, in view axes.
+    /// Directions of its pixels, in view axes.
     pub mapping: &'a TabulatedMapping,
     /// View axes to those of the dome.
     pub dome_from_view: DQuat,
-    /// Its black, as a share of its white: where fewer projectors reach than elsewhere, black is lifted to that of the most. 0: it is not.
+    /// Its black level relative to its white: black is raised to the level of the region with the most projectors. 0:
+    /// black is not raised.
     pub black: f64,
 }
 
 /// Weights of a projector's raster.
 struct Field<'a> {
     beam: &'a Beam<'a>,
-    /// Cosine of the angle around the axis, in dome axes, beyond which it does not reach.
+    /// Axis in dome axes, and cosine of the angle around it beyond which the projector does not reach.
     axis: DVec3,
     least_cos: f64,
-    /// Distance to the nearest pixel that is not used, at most [`RAMP_PX`], pixels; `None`: all are used.
+    /// Distance to the nearest unused pixel, at most [`RAMP_PX`], pixels; `None` if all are used.
     unused_px: Option<Vec<f32>>,
 }
 
@@ -44,7 +45,7 @@ impl<'a> Field<'a> {
         Self { beam, axis: beam.dome_from_view * cone.axis, least_cos, unused_px: unused_px(beam.mapping) }
     }
 
-    /// The weight at a place of the raster, pixels.
+    /// The weight at a position of the raster, pixels.
     fn weight(&self, pixel: DVec2) -> f64 {
         let [width, height] = self.beam.mapping.size();
         let (x, y) = (pixel.x / f64::from(width), pixel.y / f64::from(height));
@@ -57,7 +58,7 @@ impl<'a> Field<'a> {
         (edges * unused).powi(2)
     }
 
-    /// The weight in a direction of the dome; `None`: it does not reach there.
+    /// The weight in a direction of the dome; `None` if the projector does not reach it.
     fn towards(&self, direction: DVec3) -> Option<f64> {
         if direction.dot(self.axis) < self.least_cos {
             return None;
@@ -70,10 +71,10 @@ impl<'a> Field<'a> {
     }
 }
 
-/// The blends of projectors that light a dome together, in their order.
+/// The blends of projectors that light a dome together, in the same order.
 pub fn edge_blends(beams: &[Beam<'_>]) -> Vec<Blend> {
     let fields: Vec<Field<'_>> = beams.iter().map(Field::new).collect();
-    // Of each pixel: its share, and how many projectors reach it.
+    // For each pixel: its share, and the number of projectors that reach it.
     let shares = fields.iter().enumerate().map(|(own, field)| {
         let mapping = field.beam.mapping;
         let width = mapping.size()[0];
@@ -84,8 +85,8 @@ pub fn edge_blends(beams: &[Beam<'_>]) -> Vec<Blend> {
             let weight = field.weight(pixel);
             let others = fields.iter().enumerate().filter(|(other, _)| *other != own);
             let (mut sum, mut count) = (weight, 1);
-            for of in others.filter_map(|(_, other)| other.towards(direction)) {
-                sum += of;
+            for other_weight in others.filter_map(|(_, other)| other.towards(direction)) {
+                sum += other_weight;
                 count += 1;
             }
             (if sum > 0.0 { weight / sum } else { 1.0 / f64::from(count) }, count)
@@ -105,8 +106,8 @@ pub fn edge_blends(beams: &[Beam<'_>]) -> Vec<Blend> {
     blends.collect()
 }
 
-/// Distances to the nearest pixel that is not used, at most [`RAMP_PX`]: two passes of steps to the eight neighbours (Rosenfeld and Pfaltz 1968), whose lengths are too long by
-/// 8 % at most.
+/// Distances to the nearest unused pixel, at most [`RAMP_PX`]: two passes with steps to the eight neighbours (Rosenfeld
+/// and Pfaltz 1968), which overestimates lengths by at most 8 %.
 fn unused_px(mapping: &TabulatedMapping) -> Option<Vec<f32>> {
     let [width, height] = mapping.size().map(|side| side as usize);
     if mapping.pixels() == width as u64 * height as u64 {

@@ -1,4 +1,4 @@
-//! Look-up tables of colours: codes in, codes out.
+//! Colour look-up tables: codes in, codes out.
 
 /// Dimensions of a table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -12,18 +12,18 @@ pub enum LutKind {
 /// A look-up table.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Lut {
-    /// Its dimensions.
+    /// Kind of table.
     pub kind: LutKind,
     /// Entries along each dimension, at least two.
     pub size: usize,
     /// Input of the first and of the last entry, for red, green and blue.
     pub domain: [[f32; 3]; 2],
-    /// Outputs: `size` of a table of one dimension, `size`^3 of a cube, in which red runs fastest and blue slowest.
+    /// Outputs: `size` values for separate channels, `size`^3 for a cube, in which red varies fastest and blue slowest.
     pub values: Vec<[f32; 3]>,
 }
 
 impl Lut {
-    /// The colour for another one, linear between entries (within a cube between all eight), beyond the domain as at its border.
+    /// Looks up a colour: linear between entries (trilinear within a cube), clamped at the border of the domain.
     pub fn at(&self, codes: [f64; 3]) -> [f64; 3] {
         let last = self.size - 1;
         let [first, end] = self.domain.map(|bound| bound.map(f64::from));
@@ -60,29 +60,29 @@ impl Lut {
 mod tests {
     use super::*;
 
-    fn cube(size: usize, of: impl Fn([f64; 3]) -> [f64; 3]) -> Lut {
+    fn cube(size: usize, function: impl Fn([f64; 3]) -> [f64; 3]) -> Lut {
         let at = |index: usize| [index % size, index / size % size, index / size / size];
         let share = |index: usize| at(index).map(|entry| entry as f64 / (size - 1) as f64);
-        let values = (0..size.pow(3)).map(|index| of(share(index)).map(|value| value as f32)).collect();
+        let values = (0..size.pow(3)).map(|index| function(share(index)).map(|value| value as f32)).collect();
         Lut { kind: LutKind::Three, size, domain: [[0.0; 3], [1.0; 3]], values }
     }
 
     #[test]
-    fn a_cube_of_products_is_met_everywhere() {
-        // Linear along each axis: what lies between the entries is exact.
-        let of = |[r, g, b]: [f64; 3]| [0.1 + 0.5 * r * g, 0.9 - 0.7 * g * b, r * g * b];
-        let lut = cube(5, of);
+    fn a_cube_of_products_is_interpolated_exactly() {
+        // Linear along each axis: interpolation between the entries is exact.
+        let function = |[r, g, b]: [f64; 3]| [0.1 + 0.5 * r * g, 0.9 - 0.7 * g * b, r * g * b];
+        let lut = cube(5, function);
         for n in 0..200 {
             let codes = [7.0_f64, 11.0, 13.0].map(|prime| (f64::from(n) * prime.sqrt()).fract());
-            for (found, expected) in lut.at(codes).into_iter().zip(of(codes)) {
+            for (found, expected) in lut.at(codes).into_iter().zip(function(codes)) {
                 assert!((found - expected).abs() < 1e-6, "{codes:?}: {found} {expected}");
             }
         }
-        assert!(lut.at([2.0, 1.0, -1.0]).into_iter().zip(of([1.0, 1.0, 0.0])).all(|(a, b)| (a - b).abs() < 1e-6));
+        assert!(lut.at([2.0, 1.0, -1.0]).into_iter().zip(function([1.0, 1.0, 0.0])).all(|(a, b)| (a - b).abs() < 1e-6));
     }
 
     #[test]
-    fn channels_have_tables_and_domains_of_their_own() {
+    fn each_channel_has_its_own_table_and_domain() {
         let values = vec![[0.0, 1.0, 0.0], [0.25, 0.5, 0.5], [1.0, 0.0, 1.0]];
         let lut = Lut { kind: LutKind::One, size: 3, domain: [[0.0, 0.0, -1.0], [1.0, 2.0, 1.0]], values };
         assert_eq!(lut.at([0.25, 0.5, 0.0]), [0.125, 0.75, 0.5]);

@@ -1,8 +1,8 @@
-//! From a view's picture to what a projector is sent: bent, if it is not drawn into the projector's own pixels; its share of the light, its black level, and the response of
-//! the projector. All of it in linear light.
+//! From a view's picture to the image sent to a projector. Steps, all in linear light: resampling (if the view is not
+//! drawn directly in the projector's pixels), the share of light, the black level, and the projector's response.
 //!
-//! A display image comes here with 8 bits, after tone mapping: light is multiplied by at most one, so the first rounding is at most half a code of the result, as
-//! the second one is.
+//! A display image arrives with 8 bits, after tone mapping. Light is multiplied by at most one, so the first rounding
+//! contributes at most half a code to the result, as does the second.
 
 mod blend;
 mod edges;
@@ -12,7 +12,7 @@ mod response;
 
 use rayon::prelude::*;
 
-use self::{blend::shown, response::EightBits};
+use self::{blend::blended, response::EightBits};
 pub use self::{
     blend::{Blend, BlendError, Weights},
     edges::{Beam, edge_blends},
@@ -22,10 +22,10 @@ pub use self::{
 };
 use crate::photometry::tone_map::light_of_codes;
 
-/// Pixels that are done at once.
+/// Pixels per parallel chunk.
 const CHUNK: usize = 4096;
 
-/// What is done to the picture of a projector.
+/// Processing of a projector's picture.
 #[derive(Clone, Debug)]
 pub struct ProjectorOutput {
     size: [u32; 2],
@@ -36,7 +36,7 @@ pub struct ProjectorOutput {
 }
 
 impl PartialEq for ProjectorOutput {
-    /// Its table follows from the rest.
+    /// The table of codes follows from the other fields.
     fn eq(&self, other: &Self) -> bool {
         (self.size, &self.resampling, &self.blend, &self.response)
             == (other.size, &other.resampling, &other.blend, &other.response)
@@ -44,7 +44,7 @@ impl PartialEq for ProjectorOutput {
 }
 
 impl ProjectorOutput {
-    /// Of a raster of `size` pixels.
+    /// Output for a raster of `size` pixels.
     ///
     /// # Errors
     ///
@@ -59,11 +59,11 @@ impl ProjectorOutput {
             [("blend", blend.as_ref().map(Blend::size)), ("resampling", resampling.as_ref().map(Resampling::size))]
         {
             if let Some(other) = other.filter(|other| *other != size) {
-                return Err(format!("a {what} of {other:?} pixels over a raster of {size:?}"));
+                return Err(format!("a {what} of {other:?} pixels does not fit a raster of {size:?}"));
             }
         }
         if let Some(gamma) = response.gamma.filter(|gamma| !(gamma.is_finite() && *gamma > 0.0)) {
-            return Err(format!("gamma = {gamma}: allowed are numbers above 0"));
+            return Err(format!("gamma = {gamma}: must be a number above 0"));
         }
         let eight_bits = EightBits::new(&response);
         Ok(Self { size, resampling, blend, response, eight_bits })
@@ -74,26 +74,26 @@ impl ProjectorOutput {
         self.size
     }
 
-    /// How the picture is bent; `None`: it is drawn into the projector's own pixels.
+    /// The resampling; `None` if the view is drawn directly in the projector's pixels.
     pub fn resampling(&self) -> Option<&Resampling> {
         self.resampling.as_ref()
     }
 
-    /// Its share of the light; `None`: all of it.
+    /// The blend; `None` if the projector shows all of the light.
     pub fn blend(&self) -> Option<&Blend> {
         self.blend.as_ref()
     }
 
-    /// The same with another blend.
+    /// The same output with another blend.
     ///
     /// # Errors
     ///
-    /// It has another size.
+    /// The blend has another size.
     pub fn with_blend(&self, blend: Option<Blend>) -> Result<Self, String> {
         Self::new(self.size, self.resampling.clone(), blend, self.response.clone())
     }
 
-    /// HDR pixels of the raster (R, G, B in cd/m^2, solid angle in sr) from those of the picture: not blended.
+    /// HDR pixels of the raster (R, G, B in cd/m^2, solid angle in sr) from those of the picture, without blending.
     pub fn hdr(&self, picture: Vec<[f32; 4]>) -> Vec<[f32; 4]> {
         match &self.resampling {
             Some(resampling) => resampling.hdr(&picture),
@@ -101,7 +101,7 @@ impl ProjectorOutput {
         }
     }
 
-    /// The display image of the raster (R, G, B, A of 8 bits) from that of the picture, which is coded as sRGB.
+    /// The display image of the raster (R, G, B, A with 8 bits) from that of the picture, which is encoded as sRGB.
     pub fn display(&self, picture: Vec<u8>) -> Vec<u8> {
         let pixels = self.size.map(|side| side as usize).iter().product::<usize>();
         if self.resampling.is_none() && self.blend.is_none() && self.response == Response::default() {
@@ -110,8 +110,8 @@ impl ProjectorOutput {
         let light = light_of_codes();
         let mut display = vec![u8::MAX; 4 * pixels];
         display.par_chunks_mut(4 * CHUNK).enumerate().for_each(|(chunk, codes)| {
-            for (at, codes) in codes.chunks_exact_mut(4).enumerate() {
-                let pixel = chunk * CHUNK + at;
+            for (offset, codes) in codes.chunks_exact_mut(4).enumerate() {
+                let pixel = chunk * CHUNK + offset;
                 let rgb = match &self.resampling {
                     Some(resampling) => resampling.light(&picture, pixel),
                     None => {
@@ -119,15 +119,15 @@ impl ProjectorOutput {
                         [0, 1, 2].map(|c| light[usize::from(picture[4 * pixel + c])])
                     }
                 };
-                let shown = self.blend.as_ref().map_or(rgb, |blend| shown(rgb, blend.weights()[pixel]));
+                let displayed = self.blend.as_ref().map_or(rgb, |blend| blended(rgb, blend.weights()[pixel]));
                 match &self.response.lut {
                     None => {
-                        for (code, light) in codes.iter_mut().zip(shown) {
+                        for (code, light) in codes.iter_mut().zip(displayed) {
                             *code = self.eight_bits.code(light);
                         }
                     }
                     Some(_) => {
-                        for (code, exact) in codes.iter_mut().zip(self.response.codes(shown.map(f64::from))) {
+                        for (code, exact) in codes.iter_mut().zip(self.response.codes(displayed.map(f64::from))) {
                             *code = (255.0 * exact).round() as u8;
                         }
                     }
@@ -137,16 +137,17 @@ impl ProjectorOutput {
         display
     }
 
-    /// The codes, 0 to 1, of a pixel (by its number, row by row from the top) that would show `light` without blending, as shares of display white.
+    /// The codes, 0 to 1, of a pixel (index row by row from the top) that would display `light` without blending, in
+    /// units of display white.
     pub fn codes(&self, pixel: usize, light: [f64; 3]) -> [f64; 3] {
         let light = light.map(|light| light.clamp(0.0, 1.0) as f32);
-        let shown = self.blend.as_ref().map_or(light, |blend| shown(light, blend.weights()[pixel]));
-        self.response.codes(shown.map(f64::from))
+        let displayed = self.blend.as_ref().map_or(light, |blend| blended(light, blend.weights()[pixel]));
+        self.response.codes(displayed.map(f64::from))
     }
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
+#[allow(clippy::unwrap_used, reason = "a failed assumption of a test panics")]
 mod tests {
     use super::*;
     use crate::photometry::tone_map::linear_from_srgb;
@@ -158,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn shares_are_of_linear_light_and_codes_of_the_projector() {
+    fn shares_apply_to_linear_light_and_codes_follow_the_projector_s_response() {
         for gamma in [None, Some(1.8), Some(2.4)] {
             let light_of = |code: f64| gamma.map_or_else(|| linear_from_srgb(code), |gamma: f64| code.powf(gamma));
             for [alpha, beta] in [[0.5, 0.0], [0.25, 0.02], [0.0, 0.0], [0.0, 0.1], [1.0, 0.05], [1.0, 0.0]] {
@@ -177,7 +178,7 @@ mod tests {
                             below <= expected + 1e-6 && (expected <= above + 1e-6 || found == 255),
                             "{gamma:?} {from} {alpha} {beta}: {found}"
                         );
-                        // And what has no rounding is the same.
+                        // The unrounded codes agree too.
                         let exact = output.codes(code, [light(from); 3])[0];
                         assert!((light_of(exact) - expected).abs() < 1e-6, "{exact} {expected}");
                     }
@@ -207,13 +208,13 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_fit_is_refused() {
-        let of = |size: [u32; 2], gamma| {
+    fn mismatched_sizes_and_bad_gammas_are_refused() {
+        let error_of = |size: [u32; 2], gamma| {
             let blend = Blend::from_weights([4, 4], vec![[1.0, 0.0]; 16]);
             ProjectorOutput::new(size, None, Some(blend), Response { gamma, lut: None }).unwrap_err()
         };
-        assert!(of([4, 5], None).contains("a blend of [4, 4] pixels"));
-        assert!(of([4, 4], Some(0.0)).contains("gamma = 0"));
-        assert!(of([4, 4], Some(f64::NAN)).contains("gamma = NaN"));
+        assert!(error_of([4, 5], None).contains("a blend of [4, 4] pixels"));
+        assert!(error_of([4, 4], Some(0.0)).contains("gamma = 0"));
+        assert!(error_of([4, 4], Some(f64::NAN)).contains("gamma = NaN"));
     }
 }

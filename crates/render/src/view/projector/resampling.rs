@@ -1,5 +1,6 @@
-//! The usual way to a projector's picture, beside ours: a flat or round picture that covers its field is drawn, and bent as a texture. Each pixel is the linear
-//! interpolation of four of the picture's, in linear light. What this does to stars is told by the chart.
+//! The conventional way to a projector's picture, for comparison: draws a flat or round picture that covers the
+//! projector's field, and warps it as a texture. Each pixel is the bilinear interpolation of four pixels of the
+//! picture, in linear light. The chart measures the effect on stars.
 
 use glam::{DMat3, DQuat, DVec2, DVec3};
 use rayon::prelude::*;
@@ -12,12 +13,12 @@ use crate::{
     },
 };
 
-/// Beyond this angle from its middle a flat picture wastes its pixels: the picture is round.
+/// Largest angle from the middle of a flat picture. Beyond it a flat picture wastes pixels, so a round one is used.
 const WIDEST_FLAT_RAD: f64 = 70.0 * std::f64::consts::PI / 180.0;
-/// Pixels of the picture around what the projector shows.
+/// Pixels of the picture around the projector's field.
 const MARGIN_PX: f64 = 2.0;
 
-/// Where the pixels of a projector lie in a picture that covers its field.
+/// Positions of a projector's pixels in a picture that covers its field.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Resampling {
     /// The picture.
@@ -25,18 +26,20 @@ pub struct Resampling {
     /// Rotation from the picture's axes to those of the view.
     pub view_from_source: DQuat,
     size: [u32; 2],
-    /// Of each pixel of the projector, row by row from the top: its place in the picture, pixels; NaN: it shows nothing.
+    /// For each pixel of the projector, row by row from the top: its position in the picture, pixels; NaN if it shows
+    /// nothing.
     places: Vec<[f32; 2]>,
-    /// Its solid angle, sr.
+    /// Solid angle of each pixel, sr.
     solid_angles_sr: Vec<f32>,
 }
 
 impl Resampling {
-    /// Of a projector. In the middle of the picture `scale` of its pixels are as long as a mean one of the projector.
+    /// Builds the resampling of a projector. In the middle of the picture, `scale` pixels are as long as a mean pixel
+    /// of the projector.
     ///
     /// # Errors
     ///
-    /// The picture is too large, or too small.
+    /// The picture is too large or too small.
     pub fn new(mapping: &TabulatedMapping, scale: f64) -> Result<Self, ProjectionError> {
         let size = mapping.size();
         let [width, height] = size.map(|side| side as usize);
@@ -45,7 +48,7 @@ impl Resampling {
             .map(|index| mapping.direction_from_pixel(pixel_centre((index % width) as u32, (index / width) as u32)))
             .collect();
         let forward = mapping.bounding_cone(0.0).axis;
-        // The picture stands as the raster does in its middle.
+        // The picture has the orientation that the raster has in its middle.
         let known = |at: usize| directions[at];
         let columns = (0..width).map(|x| (known(height / 4 * width + x), known(3 * height / 4 * width + x)));
         let upwards: DVec3 = columns.filter_map(|(upper, lower)| Some(upper? - lower?)).sum();
@@ -56,6 +59,7 @@ impl Resampling {
         let local = |direction: &DVec3| axes.transpose() * *direction;
         let mean_px_rad = (mapping.picture_solid_angle_sr() / mapping.pixels() as f64).sqrt() / scale;
         let widest = directions.iter().flatten().map(|direction| direction.angle_between(forward)).fold(0.0, f64::max);
+        // A flat picture of a narrow field, a fisheye of a wide one, with the requested pixel size.
         let source = if widest < WIDEST_FLAT_RAD {
             flat(directions.iter().flatten().map(local), mean_px_rad)?
         } else {
@@ -63,6 +67,7 @@ impl Resampling {
             let fov_rad = (side * mean_px_rad).min(std::f64::consts::TAU);
             Projection::Fisheye(Fisheye::new([side as u32; 2], FisheyeMapping::Equidistant, fov_rad)?)
         };
+        // Positions and solid angles of the pixels of the projector.
         let place = |direction: &Option<DVec3>| {
             let pixel = direction.and_then(|direction| source.mapping().pixel_from_direction(local(&direction)));
             pixel.unwrap_or(DVec2::NAN).as_vec2().to_array()
@@ -92,13 +97,13 @@ impl Resampling {
         pixels.collect()
     }
 
-    /// Linear light of the projector's pixels, as shares of display white, from the display codes of the picture.
+    /// Linear light of a pixel of the projector, in units of display white, from the display codes of the picture.
     pub(super) fn light(&self, picture: &[u8], pixel: usize) -> [f32; 3] {
         let light = light_of_codes();
         self.between(self.places[pixel], |index| [0, 1, 2].map(|c| light[usize::from(picture[4 * index + c])]))
     }
 
-    /// Between the four pixels around a place; black where there is none.
+    /// Interpolates between the four pixels around a position; black if there is no position.
     fn between(&self, [x, y]: [f32; 2], value: impl Fn(usize) -> [f32; 3]) -> [f32; 3] {
         if x.is_nan() || y.is_nan() {
             return [0.0; 3];
@@ -116,7 +121,7 @@ impl Resampling {
     }
 }
 
-/// A flat picture around directions in its own axes.
+/// A flat picture that covers directions given in its own axes.
 fn flat(directions: impl Iterator<Item = DVec3>, px_rad: f64) -> Result<Projection, ProjectionError> {
     let (mut least, mut most) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
     for direction in directions {

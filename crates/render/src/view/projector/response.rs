@@ -1,19 +1,19 @@
-//! What a projector makes of codes: its gamma, and the look-up table that corrects its colours.
+//! A projector's response to codes: its gamma, and the look-up table that corrects its colours.
 
 use super::lut::Lut;
 use crate::photometry::tone_map::{linear_from_srgb, srgb_from_linear};
 
-/// From linear light, as a share of the projector's white, to the codes that it is sent.
+/// Maps linear light, in units of the projector's white, to the codes sent to the projector.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Response {
-    /// Its light is the code to this power; `None`: the sRGB curve.
+    /// Exponent from code to light; `None` for the sRGB curve.
     pub gamma: Option<f64>,
     /// Applied to the codes, last.
     pub lut: Option<Lut>,
 }
 
 impl Response {
-    /// Codes, 0 to 1, of light within 0 to 1.
+    /// Codes, 0 to 1, for light from 0 to 1.
     pub fn codes(&self, light: [f64; 3]) -> [f64; 3] {
         let codes = light.map(|light| self.code(light.clamp(0.0, 1.0)));
         self.lut.as_ref().map_or(codes, |lut| lut.at(codes).map(|code| code.clamp(0.0, 1.0)))
@@ -30,17 +30,17 @@ impl Response {
     }
 }
 
-/// The 8-bit codes of light, by a table.
+/// The 8-bit codes of light, with a table.
 #[derive(Clone, Debug)]
 pub(super) struct EightBits {
     /// Least light that rounds to each code.
     least: [f32; 256],
-    /// Code of each 4096th of light, to begin with.
+    /// For each 4096th of light, the code where the search starts.
     first: Vec<u8>,
 }
 
 impl EightBits {
-    /// Of the curve of a projector; its look-up table comes after.
+    /// For the curve of a projector; the look-up table is applied afterwards.
     pub(super) fn new(response: &Response) -> Self {
         let between = |code: usize| response.light((code as f64 - 0.5) / 255.0) as f32;
         let least: [f32; 256] = std::array::from_fn(|code| if code == 0 { f32::MIN } else { between(code) });
@@ -64,7 +64,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_code_comes_back() {
+    fn every_code_round_trips() {
         for gamma in [None, Some(1.0), Some(2.2), Some(2.6)] {
             let response = Response { gamma, lut: None };
             let codes = EightBits::new(&response);

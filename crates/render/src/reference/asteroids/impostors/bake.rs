@@ -15,13 +15,13 @@ use crate::{
 /// A texel of an atlas.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
 pub struct Texel {
-    /// Share of it that the shape covers.
+    /// Fraction of it that the shape covers.
     pub coverage: f64,
-    /// Mean normal of what covers it, shape's axes; of the nearest covered texel where nothing does.
+    /// Mean normal of the covered part, shape's axes; if nothing is covered, that of the nearest covered texel.
     pub normal: DVec3,
-    /// Mean factor on the albedo, likewise.
+    /// Mean albedo factor, likewise.
     pub albedo: f64,
-    /// Mean depth along the tile's direction, likewise; in units of the shape's bound, 0 at its middle, 1 towards the
+    /// Mean depth along the tile's direction, likewise; in units of the shape's bound, 0 at its centre, 1 towards the
     /// eye.
     pub depth: f64,
 }
@@ -38,8 +38,8 @@ pub struct Atlas {
 }
 
 impl Atlas {
-    /// Bakes the finest mesh of a shape, with `samples` x `samples` samples per texel. A sphere of the shape's bound
-    /// touches the border of one texel around every tile.
+    /// Bakes the finest mesh of a shape, with `samples` x `samples` samples per texel. A sphere with the radius of the
+    /// shape's bound touches the one-texel border of every tile.
     pub fn bake(shape: &Shape, layout: AtlasLayout, tiles: u32, tile_px: u32, samples: usize) -> Self {
         let texels = (0..tiles * tiles)
             .into_par_iter()
@@ -51,7 +51,7 @@ impl Atlas {
         Self { layout, tiles, tile_px, bound: shape.bound, texels }
     }
 
-    /// What its tiles show.
+    /// The layout of its tiles.
     pub fn layout(&self) -> AtlasLayout {
         self.layout
     }
@@ -66,7 +66,7 @@ impl Atlas {
         self.tile_px
     }
 
-    /// Radius of the sphere that a tile holds.
+    /// Radius of the sphere that fits into a tile.
     pub fn bound(&self) -> f64 {
         self.bound
     }
@@ -77,7 +77,7 @@ impl Atlas {
         self.texels[((index * self.tile_px + y) * self.tile_px + x) as usize]
     }
 
-    /// Bilinear sample of a tile; `place` in units of the bound, right and up from the middle of the picture.
+    /// Bilinear sample of a tile; `place` in units of the bound, right and up from the centre of the picture.
     pub fn sample(&self, tile: AtlasTile, place: DVec2) -> Texel {
         let side = f64::from(self.tile_px);
         let scale = 0.5 * (side - f64::from(BORDER_PX));
@@ -141,7 +141,7 @@ fn bake_tile(
     texels
 }
 
-/// Gives every texel that nothing covers the colours of the nearest covered one, the first in order among equals.
+/// Gives every uncovered texel the values of the nearest covered one; among equals, the first in order.
 fn bleed(texels: &mut [Texel], side: usize) {
     let covered: Vec<(usize, Texel)> =
         texels.iter().copied().enumerate().filter(|(_, texel)| texel.coverage > 0.0).collect();

@@ -1,8 +1,8 @@
-//! Impostors of asteroids in f64: an atlas baked on the CPU, the picture that a method shows of it, and the mesh
+//! Impostors of asteroids in f64: an atlas baked on the CPU, the picture that a method draws from it, and the mesh
 //! itself.
 //!
 //! Lengths are in mean radii of the shape, axes are those of the view (+x right, +y up, looking along -z). `raster`
-//! finds what a sample sees of a mesh, `bake` makes atlases, `picture` draws both.
+//! finds the visible point of a mesh for each sample, `bake` makes atlases, `picture` draws both.
 
 mod bake;
 mod picture;

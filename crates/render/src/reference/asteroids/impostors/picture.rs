@@ -1,4 +1,4 @@
-//! Pictures of one asteroid through a flat window: of its mesh, and of the impostor that a method shows.
+//! Pictures of one asteroid through a flat window: from its mesh, and from the impostor of a method.
 
 use glam::{DMat3, DVec2, DVec3};
 
@@ -14,14 +14,14 @@ use crate::{
     scene::asteroids::Mesh,
 };
 
-/// How an asteroid is seen: a square window of the image plane z = -1.
+/// View of an asteroid: a square window of the image plane z = -1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sight {
     /// Rotation from the shape's axes to those of the view.
     pub view_from_shape: DMat3,
-    /// The asteroid's middle, view axes, mean radii from the eye.
+    /// The asteroid's centre, view axes, mean radii from the eye.
     pub centre: DVec3,
-    /// Middle of the window, tangents to the right and up.
+    /// Centre of the window, tangents to the right and up.
     pub middle: DVec2,
     /// Half of its side, tangents.
     pub half_width: f64,
@@ -31,26 +31,26 @@ pub struct Sight {
     pub samples: usize,
 }
 
-/// What a window shows, row by row from the top.
+/// The picture in a window, row by row from the top.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Picture {
-    /// Share of each pixel that is covered.
+    /// Covered fraction of each pixel.
     pub coverage: Vec<f64>,
     /// Sum of the unit normals of its covered samples, view axes.
     pub normals: Vec<DVec3>,
 }
 
 impl Sight {
-    /// A window of pixels of `pixel_rad` around an asteroid of that bounding radius.
+    /// A window with pixels of `pixel_rad` around an asteroid with this bounding radius.
     pub fn around(view_from_shape: DMat3, centre: DVec3, bound: f64, pixel_rad: f64, samples: usize) -> Self {
         let middle = centre.truncate() / -centre.z;
-        // Off the axis a sphere's image is longer by the square of the cosine's inverse.
+        // Off the axis, a sphere's image is longer by the inverse square of the cosine.
         let reach = 1.1 * bound / centre.length() * (1.0 + middle.length_squared());
         let side = (2.0 * reach / pixel_rad).ceil() as usize + 2;
         Self { view_from_shape, centre, middle, half_width: 0.5 * side as f64 * pixel_rad, side, samples }
     }
 
-    /// The picture of what every sample sees: a unit normal in view axes, or nothing.
+    /// Builds a picture from what each sample sees: a unit normal in view axes, or nothing.
     fn picture(&self, seen: impl Fn(usize, usize) -> Option<DVec3>) -> Picture {
         let share = 1.0 / (self.samples * self.samples) as f64;
         let pixels = self.side * self.side;
@@ -72,7 +72,7 @@ impl Sight {
         0.5 * (self.side * self.samples) as f64 / self.half_width
     }
 
-    /// Unit vector of what a sample looks at.
+    /// Unit vector of the viewing direction of a sample.
     fn ray(&self, i: usize, j: usize) -> DVec3 {
         let scale = self.scale();
         let place = DVec2::new(i as f64 + 0.5, j as f64 + 0.5) / scale - self.half_width;
@@ -96,7 +96,7 @@ pub fn mesh_picture(mesh: &Mesh, sight: &Sight) -> Picture {
     sight.picture(|i, j| found[j * side + i].map(|hit| sight.view_from_shape * hit.normal))
 }
 
-/// The picture that a method shows of an atlas; `None` if the method has none or the atlas is laid out for another.
+/// The picture that a method draws from an atlas; `None` if the method draws none, or the atlas has another layout.
 pub fn impostor_picture(method: ImpostorMethod, atlas: &Atlas, sight: &Sight) -> Option<Picture> {
     if AtlasLayout::of(method) != Some(atlas.layout()) {
         return None;
@@ -108,19 +108,19 @@ pub fn impostor_picture(method: ImpostorMethod, atlas: &Atlas, sight: &Sight) ->
     }))
 }
 
-/// The square that carries an impostor, as rays meet it.
+/// The square that shows an impostor, for intersection with rays.
 struct Square<'a> {
     atlas: &'a Atlas,
     sight: &'a Sight,
     blends: bool,
-    /// Unit vector across the square.
+    /// Unit normal of the square.
     across: DVec3,
     /// Radius of the asteroid's outline on the square.
     outline: f64,
     tiles: Vec<(AtlasTile, TileAxes, f64)>,
-    /// Rotation from the shape's axes to view axes as the first tile shows them.
-    shown: DMat3,
-    /// The turn of the square in the image plane.
+    /// Rotation from the shape's axes to view axes, as displayed by the first tile.
+    displayed: DMat3,
+    /// The rotation of the square in the image plane.
     roll: DMat3,
 }
 
@@ -128,8 +128,8 @@ impl<'a> Square<'a> {
     fn new(method: ImpostorMethod, atlas: &'a Atlas, sight: &'a Sight) -> Option<Self> {
         let distance = sight.centre.length();
         let to_eye = -sight.centre / distance;
-        let shown = tiles_shown(method, sight.view_from_shape, to_eye, atlas.tiles())?;
-        let tiles: Vec<_> = shown
+        let displayed = tiles_shown(method, sight.view_from_shape, to_eye, atlas.tiles())?;
+        let tiles: Vec<_> = displayed
             .into_iter()
             .filter(|(_, weight)| *weight > 0.0)
             .map(|(tile, weight)| (tile, atlas.layout().axes(tile, atlas.tiles()), weight))
@@ -142,7 +142,7 @@ impl<'a> Square<'a> {
             blends: matches!(method.chosen(), ImpostorMethod::OctahedralBlend | ImpostorMethod::OctahedralSplat),
             across: if published { DVec3::Z } else { to_eye },
             outline: if published { bound } else { bound * distance / (distance * distance - bound * bound).sqrt() },
-            shown: shown_view_from_shape(method, tiles[0].0, sight.view_from_shape, to_eye, atlas.tiles())?,
+            displayed: shown_view_from_shape(method, tiles[0].0, sight.view_from_shape, to_eye, atlas.tiles())?,
             roll: DMat3::from_rotation_z(euler::Angles::of(sight.view_from_shape).roll_rad),
             tiles,
         })
@@ -157,12 +157,12 @@ impl<'a> Square<'a> {
         let place = if self.atlas.layout() == AtlasLayout::Euler {
             (self.roll.transpose() * offset).truncate()
         } else {
-            DVec2::new(offset.dot(self.shown * axes.right), offset.dot(self.shown * axes.up))
+            DVec2::new(offset.dot(self.displayed * axes.right), offset.dot(self.displayed * axes.up))
         };
         self.atlas.sample(tile, place / self.outline)
     }
 
-    /// Three tiles, each where the ray meets its picture at the depth that it holds there.
+    /// Blends three tiles, each sampled where the ray meets the depth stored in it.
     fn blended(&self, offset: DVec3, ray: DVec3) -> Texel {
         let shape_from_view = self.sight.view_from_shape.transpose();
         let start = shape_from_view * offset / self.atlas.bound();
@@ -189,10 +189,11 @@ impl<'a> Square<'a> {
     }
 }
 
-/// How often the place on a tile is found from the depth at the place before: the first is that of depth 0.
+/// Number of iterations that find the position on a tile from the depth at the previous position; the first uses depth
+/// 0.
 const PARALLAX_STEPS: usize = 3;
 
-/// Area that both pictures cover over the area that either covers.
+/// Area covered by both pictures over the area covered by either.
 pub fn silhouette_iou(a: &Picture, b: &Picture) -> f64 {
     let pairs = || a.coverage.iter().zip(&b.coverage);
     let both: f64 = pairs().map(|(a, b)| a.min(*b)).sum();
@@ -200,7 +201,8 @@ pub fn silhouette_iou(a: &Picture, b: &Picture) -> f64 {
     if either > 0.0 { both / either } else { 1.0 }
 }
 
-/// Mean angle between the normals of two pictures over the pixels that both cover, weighted by how much they do, rad.
+/// Mean angle between the normals of two pictures over the pixels that both cover, weighted by the common coverage,
+/// rad.
 pub fn normal_error_rad(a: &Picture, b: &Picture) -> f64 {
     let (mut sum, mut area) = (0.0, 0.0);
     for index in 0..a.coverage.len() {

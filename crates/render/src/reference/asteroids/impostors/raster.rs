@@ -1,4 +1,5 @@
-//! What samples on a grid see of a triangle mesh: every triangle on every sample it covers, the nearest wins.
+//! Visible points of a triangle mesh for samples on a grid: every triangle is tested at every sample that it covers,
+//! and the nearest wins.
 
 use glam::{DVec2, DVec3};
 
@@ -7,15 +8,15 @@ use crate::scene::asteroids::Mesh;
 /// A vertex on the grid.
 #[derive(Clone, Copy)]
 pub(super) struct Projected {
-    /// Where it is, in samples; sample (i, j) lies at (i + 0.5, j + 0.5).
+    /// Position, in samples; sample (i, j) is at (i + 0.5, j + 0.5).
     pub place: DVec2,
-    /// Greater is nearer; linear on the grid.
+    /// Larger is nearer; linear on the grid.
     pub nearness: f64,
-    /// 1 over the depth that divides in the projection, 1 for a parallel one.
+    /// Inverse of the depth that divides in the projection; 1 for a parallel projection.
     pub weight: f64,
 }
 
-/// What a sample sees.
+/// The visible point of a sample.
 #[derive(Clone, Copy)]
 pub(super) struct Hit {
     pub normal: DVec3,
@@ -24,7 +25,7 @@ pub(super) struct Hit {
     nearness: f64,
 }
 
-/// The hits of `side` x `side` samples, row by row.
+/// The visible points of `side` x `side` samples, row by row.
 pub(super) fn hits(mesh: &Mesh, side: usize, project: impl Fn(DVec3) -> Projected) -> Vec<Option<Hit>> {
     let vector = |v: [f32; 3]| DVec3::from_array(v.map(f64::from));
     let vertices: Vec<Projected> = mesh.positions.iter().map(|position| project(vector(*position))).collect();

@@ -18,7 +18,7 @@ const PIXEL_RAD: f64 = 8e-4;
 const TILES: u32 = 32;
 const TILE_PX: u32 = 32;
 
-/// Least overlap of silhouettes.
+/// Minimum overlap of silhouettes.
 const LEAST_IOU: f64 = 0.95;
 
 fn distance(method: ImpostorMethod, shape: &Shape) -> f64 {
@@ -31,26 +31,26 @@ fn sight(method: ImpostorMethod, shape: &Shape, view_from_shape: DMat3, off_axis
     Sight::around(view_from_shape, centre, shape.bound, PIXEL_RAD, 4)
 }
 
-/// A tumbling motion that leads through the poles of both maps: `step` radians each.
+/// A tumbling motion that passes through the poles of both maps, with `step` radians per step.
 fn tumbling(steps: u32, step: f64) -> impl Iterator<Item = DMat3> {
     (0..steps).map(move |i| {
         let angle = f64::from(i) * step;
-        // Over x = +-1 (the published poles) and z = +-1, and slowly around.
+        // Through x = +-1 (the published poles) and z = +-1, with a slow rotation.
         DMat3::from_quat(DQuat::from_rotation_y(angle) * DQuat::from_rotation_x(0.013 * angle))
     })
 }
 
-/// Mean and least overlap, mean error of normals in degrees.
+/// Mean and minimum overlap, and mean error of normals in degrees.
 fn overlap(method: ImpostorMethod, shape: &Shape, atlas: &Atlas, off_axis: f64) -> [f64; 3] {
     let (mut sum, mut least, mut normals, mut count) = (0.0, 1.0_f64, 0.0, 0.0);
     for view_from_shape in tumbling(150, 0.0431) {
         let sight = sight(method, shape, view_from_shape, off_axis);
         let truth = mesh_picture(&shape.lods[0].mesh, &sight);
-        let shown = impostor_picture(method, atlas, &sight).unwrap();
-        let iou = silhouette_iou(&truth, &shown);
+        let displayed = impostor_picture(method, atlas, &sight).unwrap();
+        let iou = silhouette_iou(&truth, &displayed);
         sum += iou;
         least = least.min(iou);
-        normals += normal_error_rad(&truth, &shown).to_degrees();
+        normals += normal_error_rad(&truth, &displayed).to_degrees();
         count += 1.0;
     }
     [sum / count, least, normals / count]
@@ -71,7 +71,7 @@ fn a_tumbling_asteroid_looks_like_its_mesh() {
                 distance(method, &shape)
             );
             if method == EulerAtlas {
-                // The published method fails, and by how much is its figure.
+                // The published method fails; its figure is the size of the failure.
                 assert!(least < LEAST_IOU && normals > 5.0, "{least} {normals}");
             } else {
                 assert!(least >= LEAST_IOU, "{} {off_axis_deg}: {least}", method.name());
@@ -80,18 +80,19 @@ fn a_tumbling_asteroid_looks_like_its_mesh() {
     }
 }
 
-/// Greatest change of what is shown beyond the change of the asteroid itself, rad: of the orientation of the heaviest
-/// tile, or of the mean picture of a blend.
+/// Largest change of the displayed orientation beyond the change of the asteroid itself, rad: for the tile with the
+/// largest weight, or for the mean of a blend.
 fn greatest_jump(method: ImpostorMethod, step: f64) -> f64 {
-    let shown = |view_from_shape: DMat3| -> Vec<(DMat3, f64)> {
+    let displayed = |view_from_shape: DMat3| -> Vec<(DMat3, f64)> {
         let tiles = tiles_shown(method, view_from_shape, DVec3::Z, TILES).unwrap();
         let rotation = |tile| shown_view_from_shape(method, tile, view_from_shape, DVec3::Z, TILES).unwrap();
         tiles.iter().map(|(tile, weight)| (rotation(*tile), *weight)).collect()
     };
-    // To first order the mean of small rotations is the rotation of the mean: vectors relative to the truth.
+    // To first order, the mean of small rotations is the rotation by the mean vector: use rotation vectors relative to
+    // the true orientation.
     let mean = |view_from_shape: DMat3| -> DVec3 {
         let relative = |m: DMat3| DQuat::from_mat3(&(m * view_from_shape.transpose())).to_scaled_axis();
-        shown(view_from_shape).into_iter().map(|(m, weight)| weight * relative(m)).sum()
+        displayed(view_from_shape).into_iter().map(|(m, weight)| weight * relative(m)).sum()
     };
     let steps = (2.0 * std::f64::consts::PI / step) as u32;
     let orientations: Vec<DMat3> = tumbling(steps, step).collect();
@@ -99,14 +100,14 @@ fn greatest_jump(method: ImpostorMethod, step: f64) -> f64 {
         if method == OctahedralBlend {
             (mean(pair[1]) - mean(pair[0])).length()
         } else {
-            rotation_angle_rad(shown(pair[0])[0].0, shown(pair[1])[0].0) - rotation_angle_rad(pair[0], pair[1])
+            rotation_angle_rad(displayed(pair[0])[0].0, displayed(pair[1])[0].0) - rotation_angle_rad(pair[0], pair[1])
         }
     };
     orientations.windows(2).map(jump).fold(0.0, f64::max)
 }
 
 #[test]
-fn tumbling_through_the_poles_no_picture_jumps_by_more_than_a_tile() {
+fn tumbling_through_the_poles_jumps_by_at_most_one_tile() {
     let step = 0.06_f64.to_radians();
     for method in [OctahedralBlend, Octahedral, EulerAtlas] {
         let jump = greatest_jump(method, step).to_degrees();
@@ -117,28 +118,29 @@ fn tumbling_through_the_poles_no_picture_jumps_by_more_than_a_tile() {
         };
         println!("{}: greatest jump {jump:.3} deg, a tile is {:.2} deg", method.name(), tile.to_degrees());
         if method == EulerAtlas {
-            // Beyond a tile where the motion meets a pole exactly: pitch and roll come from rounding errors there.
+            // More than a tile where the motion passes exactly through a pole: pitch and roll come from rounding errors
+            // there.
             assert!(jump > 10.0, "{jump}");
             continue;
         }
         assert!(jump <= tile.to_degrees() + 1e-6, "{} {jump}", method.name());
         if method == OctahedralBlend {
-            // Nothing jumps at all: a weight changes by the step over the width of a tile.
+            // A blend does not jump at all: a weight changes by the step over the width of a tile.
             assert!(jump < 3.0 * step.to_degrees(), "{jump}");
         }
     }
 }
 
 #[test]
-fn a_picture_of_another_orientation_or_from_another_atlas_is_found() {
+fn a_wrong_orientation_or_atlas_is_detected() {
     let shape = bumpy(0.25);
     let atlas = Atlas::bake(&shape, AtlasLayout::Octahedral, 16, TILE_PX, 2);
     let view_from_shape = DMat3::from_rotation_y(0.6) * DMat3::from_rotation_x(1.1);
     let centre = DVec3::new(0.0, 0.0, -150.0);
     let right = Sight::around(view_from_shape, centre, shape.bound, PIXEL_RAD, 4);
     let truth = mesh_picture(&shape.lods[0].mesh, &right);
-    let shown = impostor_picture(OctahedralBlend, &atlas, &right).unwrap();
-    assert!(silhouette_iou(&truth, &shown) > 0.95 && normal_error_rad(&truth, &shown) < 0.06);
+    let displayed = impostor_picture(OctahedralBlend, &atlas, &right).unwrap();
+    assert!(silhouette_iou(&truth, &displayed) > 0.95 && normal_error_rad(&truth, &displayed) < 0.06);
     assert_eq!((silhouette_iou(&truth, &truth), normal_error_rad(&truth, &truth)), (1.0, 0.0));
     let turned = Sight { view_from_shape: DMat3::from_rotation_z(0.5) * view_from_shape, ..right };
     let wrong = impostor_picture(OctahedralBlend, &atlas, &turned).unwrap();
@@ -172,13 +174,13 @@ fn a_baked_sphere_has_its_area_normals_and_depth() {
         assert!((area / std::f64::consts::PI - 1.0).abs() < 0.01, "{area}");
         let middle = atlas.sample(tile, glam::DVec2::ZERO);
         assert!((middle.depth - 1.0).abs() < 0.01 && middle.normal.normalize().dot(axes.direction) > 0.999);
-        // Up in the picture is up.
+        // Up in the picture is up in the sample.
         let above = atlas.sample(tile, glam::DVec2::new(0.0, 0.5));
         assert!((above.normal.dot(axes.up) - 0.5).abs() < 0.03 && above.normal.dot(axes.right).abs() < 0.03);
     }
 }
 
-/// Column of the middle of what a picture covers, pixels.
+/// Mean column of the covered area of a picture, pixels.
 fn middle_column(picture: &Picture, side: usize) -> f64 {
     let columns = picture.coverage.iter().enumerate().map(|(i, share)| share * (i % side) as f64);
     columns.sum::<f64>() / picture.coverage.iter().sum::<f64>()
@@ -188,7 +190,7 @@ fn middle_column(picture: &Picture, side: usize) -> f64 {
 fn two_eyes_see_the_depth_of_the_mesh_within_half_a_pixel() {
     let shape = bumpy(0.25);
     let atlas = Atlas::bake(&shape, AtlasLayout::Octahedral, TILES, TILE_PX, 4);
-    // Eyes as far apart as the asteroid is large: its mean radius is the unit.
+    // The distance between the eyes equals the mean radius of the asteroid, which is the unit.
     let baseline = 1.0;
     for method in [OctahedralBlend, Octahedral] {
         let settings = AsteroidSettings::default();

@@ -21,7 +21,7 @@ fn lambert(albedo: f64, cos_light: f64, _: f64) -> f64 {
     albedo * cos_light / PI
 }
 
-/// An octahedron divided `times` times, its vertices on the unit sphere.
+/// An octahedron subdivided `times` times, with its vertices on the unit sphere.
 fn sphere_mesh(times: u32) -> Mesh {
     let mut triangles: Vec<[DVec3; 3]> = (0..8)
         .map(|k| {
@@ -53,7 +53,7 @@ fn sphere_set() -> ShapeSet {
     ShapeSet { shapes: vec![Shape { lods, bound: 1.0 + 1e-6 }], digest: 1 }
 }
 
-/// A field of one asteroid at a place, its axis along `axis`.
+/// A field with one asteroid at a position, spinning about `axis`.
 fn one_asteroid(shapes: ShapeSet, position_m: DVec3, radius_m: f64, axis: DVec3) -> AsteroidField {
     let offset_m = glam::Vec3::ZERO;
     let packed =
@@ -92,11 +92,11 @@ fn lit(field: &AsteroidField) -> LitField<'_> {
 
 const RAYS: MeshSampling = MeshSampling { level: 0, rays_per_side: 4 };
 
-/// Relative errors of covered solid angle and light against a sphere in closed form, lit from behind the eye.
+/// Relative errors of covered solid angle and light compared with the closed form of a sphere lit from behind the eye.
 fn errors_of(mapping: &dyn PlaneMapping, direction: DVec3, set: ShapeSet) -> [f64; 2] {
     let (radius_m, distance_m) = (100.0, 900.0);
     let field = one_asteroid(set, direction.normalize() * distance_m, radius_m, DVec3::new(0.3, -0.5, 0.2));
-    // Light from the eye's side makes the sphere symmetric about the line of sight.
+    // Light from the direction of the eye makes the sphere symmetric about the line of sight.
     let lit = LitField { towards_sun: -direction.normalize(), ..lit(&field) };
     let image = render_meshes(mapping, Eye::default(), &[lit], RAYS);
     let covered = covered_solid_angle_sr(&image, mapping);
@@ -104,9 +104,9 @@ fn errors_of(mapping: &dyn PlaneMapping, direction: DVec3, set: ShapeSet) -> [f6
     let light: f64 = (0..image.pixels.len())
         .map(|k| image.pixels[k].luminance * mapping.solid_angle_sr((k % width) as u32, (k / width) as u32))
         .sum();
-    // A point at theta from the axis: cos i of the normal with the axis. With s = sin(theta) D / R = sin of the angle
-    // at which the ray meets the surface, the normal's angle from the axis is asin(s) - theta. Integrate cos of that
-    // over the disc's solid angle.
+    // For a point at angle theta from the axis, find the cosine between the normal and the axis. With s = sin(theta) D
+    // / R, the sine of the angle at which the ray meets the surface, the normal is at asin(s) - theta from the axis.
+    // Integrate its cosine over the solid angle of the disc.
     let steps = 20_000;
     let rim = (radius_m / distance_m).asin();
     let expected: f64 = (0..steps)
@@ -145,7 +145,7 @@ fn a_sphere_has_its_solid_angle_and_light_in_every_projection() {
         println!("{direction}: solid angle {:.1e}, light {:.1e}", errors[0], errors[1]);
         assert!(agree(errors), "{direction}: {errors:?}");
     }
-    // A mesh that is a hundredth too small, and one whose normals lean, are seen.
+    // A mesh that is one per cent too small, and one with tilted normals, are detected.
     let mut small = sphere_set();
     small.shapes[0].lods[0].mesh.positions.iter_mut().flatten().for_each(|x| *x *= 0.99);
     assert!(!agree(errors_of(&perspective, -DVec3::Z, small)));
@@ -155,7 +155,7 @@ fn a_sphere_has_its_solid_angle_and_light_in_every_projection() {
 }
 
 #[test]
-fn normals_and_distances_are_those_of_the_sphere() {
+fn normals_and_distances_match_the_sphere() {
     let mapping = Perspective::symmetric([64, 64], 0.3).unwrap();
     let field = one_asteroid(sphere_set(), DVec3::new(0.0, 0.0, -1000.0), 100.0, DVec3::X);
     let one_ray = MeshSampling { rays_per_side: 1, ..RAYS };
@@ -166,14 +166,14 @@ fn normals_and_distances_are_those_of_the_sphere() {
             let pixel = image.pixels[y * 64 + x];
             let ray = mapping.direction_from_pixel(DVec2::new(x as f64 + 0.5, y as f64 + 0.5)).unwrap();
             let along = -1000.0 * ray.z;
-            let beside2 = 1e6 - along * along;
-            if beside2 > 99.0f64.powi(2) {
-                assert!(beside2 > 1e4 || pixel.coverage <= 1.0);
-                assert!(beside2 < 1e4 || pixel == MeshPixel::EMPTY);
+            let across2 = 1e6 - along * along;
+            if across2 > 99.0f64.powi(2) {
+                assert!(across2 > 1e4 || pixel.coverage <= 1.0);
+                assert!(across2 < 1e4 || pixel == MeshPixel::EMPTY);
                 continue;
             }
             seen += 1;
-            let distance_m = along - (1e4 - beside2).sqrt();
+            let distance_m = along - (1e4 - across2).sqrt();
             assert!((pixel.distance_m - distance_m).abs() < 1.0, "{} {distance_m}", pixel.distance_m);
             let normal = (ray * distance_m + DVec3::Z * 1000.0) / 100.0;
             assert!(angle_rad(pixel.normal, normal) < 0.03, "{} {normal}", pixel.normal);
@@ -184,7 +184,7 @@ fn normals_and_distances_are_those_of_the_sphere() {
 }
 
 #[test]
-fn what_is_nearer_hides_what_is_farther_and_spin_turns_the_shape() {
+fn nearer_asteroids_hide_farther_ones_and_spin_rotates_the_shape() {
     let mapping = Perspective::symmetric([48, 48], 0.4).unwrap();
     let near = one_asteroid(sphere_set(), DVec3::new(0.0, 0.0, -500.0), 20.0, DVec3::X);
     let far = one_asteroid(sphere_set(), DVec3::new(0.0, 0.0, -1000.0), 100.0, DVec3::X);
@@ -196,15 +196,16 @@ fn what_is_nearer_hides_what_is_farther_and_spin_turns_the_shape() {
     let only_near = render_meshes(&mapping, Eye::default(), &[lit(&near)], RAYS);
     assert_eq!(only_near.pixels[24 * 48 + 24], middle);
 
-    // A long shape that turns around the line of sight: a quarter turn later its picture is turned by as much.
+    // A long shape that spins around the line of sight: a quarter period later, its picture is rotated by a quarter
+    // turn.
     let set = ShapeSet { shapes: vec![ShapeSet::procedural(3).shapes.swap_remove(4)], digest: 0 };
     let long = one_asteroid(set, DVec3::new(0.0, 0.0, -1000.0), 60.0, DVec3::Z);
-    let at = |time_s: f64| render_meshes(&mapping, Eye::default(), &[LitField { time_s, ..lit(&long) }], RAYS);
-    let (before, after) = (at(0.0), at(1.0));
+    let rendered = |time_s: f64| render_meshes(&mapping, Eye::default(), &[LitField { time_s, ..lit(&long) }], RAYS);
+    let (before, after) = (rendered(0.0), rendered(1.0));
     let mut covered = 0.0;
     for y in 0..48 {
         for x in 0..48 {
-            // The point (x, y) up and right comes to (-y, x); rows run down.
+            // The point (x, y), right and up, maps to (-y, x); rows run down.
             let turned = after.pixels[(47 - x) * 48 + y].coverage;
             let coverage = before.pixels[y * 48 + x].coverage;
             covered += coverage;
@@ -216,11 +217,11 @@ fn what_is_nearer_hides_what_is_farther_and_spin_turns_the_shape() {
         a.pixels.iter().zip(&b.pixels).all(|(a, b)| (a.coverage - b.coverage).abs() < 0.13)
     };
     assert!(!same(&before, &after));
-    assert!(same(&before, &at(4.0)));
+    assert!(same(&before, &rendered(4.0)));
 }
 
 #[test]
-fn fields_far_out_look_as_they_do_at_the_origin() {
+fn fields_look_the_same_far_from_the_origin() {
     let shapes = ShapeSet::procedural(1);
     let placement = Placement::Box { size_m: DVec3::splat(2e5) };
     let drawn = FieldParameters {
@@ -243,16 +244,16 @@ fn fields_far_out_look_as_they_do_at_the_origin() {
     let here = render(DVec3::ZERO, DQuat::IDENTITY);
     let coverage = here.pixels.iter().map(|pixel| pixel.coverage).sum::<f64>() / here.pixels.len() as f64;
     assert!((0.1..0.95).contains(&coverage), "{coverage}");
-    // Places that f64 holds exactly: not one bit differs.
+    // Positions that f64 represents exactly: all bits are equal.
     assert_eq!(here, render(DVec3::new(1e13, -2e13, 4e12), DQuat::IDENTITY));
-    // The field and the eye turned together see the same, but for rounding at edges.
+    // The field and the eye rotated together look the same, except for rounding at edges.
     let turned = render(DVec3::ZERO, DQuat::from_euler(glam::EulerRot::ZYX, 0.4, 1.1, -2.0));
     let differing = here.pixels.iter().zip(&turned.pixels).filter(|(a, b)| (a.coverage - b.coverage).abs() > 1e-9);
     assert!(differing.count() <= 3);
 }
 
 #[test]
-fn tree_and_cones_lose_no_instance() {
+fn the_tree_and_cones_find_all_instances() {
     let shapes = sphere_set();
     let drawn = FieldParameters {
         instances: 700,
@@ -288,6 +289,6 @@ fn tree_and_cones_lose_no_instance() {
             differing += u32::from(!near);
         }
     }
-    // Rims of the meshes lie a little inside of the spheres'.
+    // Rims of the meshes lie slightly inside of those of the spheres.
     assert!(hits > 1000 && differing < hits / 100, "{differing} of {hits}");
 }

@@ -1,4 +1,4 @@
-//! The grid against closed forms, the stars against the picture.
+//! Tests the grid against closed forms, and the stars against the picture.
 
 use std::f64::consts::PI;
 
@@ -18,7 +18,7 @@ fn spiral(count: u32) -> impl Iterator<Item = DVec3> {
 }
 
 #[test]
-fn faces_and_distortion_lead_back() {
+fn faces_and_distortion_are_invertible() {
     for direction in spiral(5000) {
         let (face, uv) = face_place(direction * 3.0);
         assert!(uv.abs().max_element() <= 1.0);
@@ -29,13 +29,13 @@ fn faces_and_distortion_lead_back() {
     }
     assert_eq!(straighten(DVec2::ZERO), DVec2::ZERO);
     assert!((straighten(DVec2::ONE) - DVec2::ONE).length() < 1e-12);
-    // The distortion moves what is not at an edge.
+    // The distortion moves points that are not at an edge.
     assert!((distort(DVec2::splat(0.5)) - DVec2::splat(0.5)).length() > 0.1);
 }
 
 #[test]
 fn cells_of_two_faces_meet_at_the_edges() {
-    // Along every edge of the cube the coordinate is the same from both sides, so borders of cells go on.
+    // Along every edge of the cube the coordinate is the same from both sides, so cell borders are continuous.
     let mut edges = 0;
     for face in 0..6 {
         for (fixed, sign) in [(0, -1.0), (0, 1.0), (1, -1.0), (1, 1.0)] {
@@ -43,7 +43,7 @@ fn cells_of_two_faces_meet_at_the_edges() {
                 let along = f64::from(i) * 0.1;
                 let uv = |edge: f64| if fixed == 0 { DVec2::new(edge, along) } else { DVec2::new(along, edge) };
                 let inside = distort(uv(sign * (1.0 - 1e-9)));
-                // A hair beyond the edge is on the other face.
+                // A point slightly beyond the edge is on the other face.
                 let (other, beyond) = face_place(face_direction(face, uv(sign * (1.0 + 1e-9))));
                 assert_ne!(other, face);
                 let beyond = distort(beyond);
@@ -58,7 +58,7 @@ fn cells_of_two_faces_meet_at_the_edges() {
     assert_eq!(edges, 6 * 4 * 19);
 }
 
-/// Largest over smallest, and standard deviation over mean.
+/// Ratio of largest to smallest, and of standard deviation to mean.
 fn spread(areas: &[f64]) -> (f64, f64) {
     let mean = areas.iter().sum::<f64>() / areas.len() as f64;
     let variance = areas.iter().map(|a| (a - mean).powi(2)).sum::<f64>() / areas.len() as f64;
@@ -80,20 +80,20 @@ fn the_distortion_makes_cells_more_equal_and_equal_angles_still_more() {
     let [plain, published, equiangular] = measured;
     assert!((plain.0 - 5.15).abs() < 0.1 && (published.0 - 1.92).abs() < 0.1 && (equiangular.0 - 1.41).abs() < 0.05);
     assert!(plain.1 > 3.0 * published.1 && published.1 > 1.2 * equiangular.1);
-    // A face with a wrong area law is seen by the sum.
+    // A face with a wrong area law is detected by the sum.
     let wrong: f64 = FaceGrid::Published.solid_angles_sr(50).iter().map(|a| a * (1.0 + 1e-3)).sum();
     assert!((wrong / (4.0 * PI / 6.0) - 1.0).abs() > 1e-5);
 }
 
 #[test]
-fn areas_of_cells_are_those_that_directions_fall_into() {
+fn areas_of_cells_match_counts_of_directions() {
     // Independent of the closed forms: count evenly spread directions per cell of a coarse grid.
     let (cells, count) = (8, 600_000);
     let mut hits = vec![0.0; 64];
     for (face, uv) in spiral(count).map(face_place) {
         if face == 1 {
-            let at = ((distort(uv) * 0.5 + 0.5) * 8.0).floor().min(DVec2::splat(7.0));
-            hits[at.y as usize * 8 + at.x as usize] += 4.0 * PI / f64::from(count);
+            let cell = ((distort(uv) * 0.5 + 0.5) * 8.0).floor().min(DVec2::splat(7.0));
+            hits[cell.y as usize * 8 + cell.x as usize] += 4.0 * PI / f64::from(count);
         }
     }
     let error = |grid: FaceGrid| -> f64 {
@@ -117,14 +117,14 @@ fn stars_are_where_the_picture_is_brightest() {
     for (direction, brightness_of_star) in stars(&settings) {
         let peak: f64 = luminance(brightness(direction, pixel_rad, &settings));
         assert!((peak / brightness_of_star - 1.0).abs() < 1e-6, "{peak} {brightness_of_star}");
-        // Two radii away it is dark: the star is as large as it should be at most.
+        // Four radii away it is dark: the star is not larger than specified.
         let side = direction.any_orthonormal_vector();
         let away = (direction + side * 4.0 * settings.radius_px * pixel_rad).normalize();
         assert_eq!(brightness(away, pixel_rad, &settings), [0.0; 3]);
         checked += 1;
     }
     assert!(checked > 400, "{checked}");
-    // Another seed's stars are elsewhere.
+    // The stars of another seed are elsewhere.
     let other = CellSkySettings { seed: 2, ..settings };
     let lit = stars(&other).filter(|(d, _)| luminance(brightness(*d, pixel_rad, &settings)) > 0.0).count();
     assert!(lit < 20, "{lit}");
@@ -134,7 +134,7 @@ fn luminance(rgb: [f64; 3]) -> f64 {
     crate::photometry::rec709::luminance(rgb)
 }
 
-/// Half widths of a star in the sky, pixels: the largest and the smallest over all directions about it.
+/// Half widths of a star in the sky, pixels: the largest and the smallest over all directions around it.
 fn half_widths_px(direction: DVec3, settings: &CellSkySettings, pixel_rad: f64) -> (f64, f64) {
     let u = direction.any_orthonormal_vector();
     let v = direction.cross(u);
@@ -168,7 +168,7 @@ fn stars_are_round_in_the_middle_of_a_face_and_not_at_its_edges() {
             "pixels of {pixel_rad} rad: half widths in px, middle {:.2} x {:.2}, edge {:.2} x {:.2}, corner {:.2} x {:.2}",
             middle.0, middle.1, edge.0, edge.1, corner.0, corner.1
         );
-        // About radius_px whatever the zoom.
+        // About radius_px for any zoom.
         assert!((middle.0 - 1.0).abs() < 0.06 && (middle.1 - 1.0).abs() < 0.06, "{middle:?}");
         assert!(edge.0 / edge.1 > 1.3 && corner.0 / corner.1 > 1.5, "{edge:?} {corner:?}");
     }
@@ -185,7 +185,7 @@ fn density_has_a_band_and_stars_follow_it() {
         band += f64::from(u8::from(sine < 0.1));
         cap += f64::from(u8::from(sine > 0.6));
     }
-    // Every cell counts with the density at its middle.
+    // Every cell is weighted with the density at its centre.
     for direction in spiral(200_000) {
         let sine = direction.dot(pole).abs();
         expected[0] += density(direction) * f64::from(u8::from(sine < 0.1)) / 200_000.0;
@@ -193,13 +193,13 @@ fn density_has_a_band_and_stars_follow_it() {
     }
     let ratio = (band / cap) / (expected[0] / expected[1]);
     println!("{band} stars in the band, {cap} in the caps; their ratio over that of the density {ratio:.3}");
-    // Cells are not of one area, hence not exactly.
+    // Only approximate, because cells have different areas.
     assert!((ratio - 1.0).abs() < 0.15, "{ratio}");
     assert!((density(pole) - EVEN_DENSITY).abs() < 1e-6 && density(pole.any_orthonormal_vector()) == 1.0);
 }
 
 #[test]
-fn brightness_is_in_range_and_random_numbers_are_even() {
+fn brightness_is_in_range_and_random_numbers_are_uniform() {
     let settings = settings(40, 2);
     let mut brightest: f64 = 0.0;
     let mut above = [0.0; 2];
@@ -209,7 +209,7 @@ fn brightness_is_in_range_and_random_numbers_are_even() {
         above[0] += f64::from(u8::from(b > 0.05));
         above[1] += f64::from(u8::from(b > 0.1));
     }
-    // Numbers above b go as b^-1.5, a little less near the upper end.
+    // The number of stars brighter than b is proportional to b^-1.5, slightly less near the upper end.
     let slope = f64::log2(above[0] / above[1]);
     println!("brightest {brightest:.3}, slope of the numbers {slope:.2}");
     assert!(brightest > 0.3 && (slope - 1.5).abs() < 0.25, "{brightest} {slope}");

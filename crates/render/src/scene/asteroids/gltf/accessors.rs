@@ -12,7 +12,7 @@ use gltf::{
 use super::{MOST_BYTES, MeshProblem};
 use crate::files;
 
-/// What the buffers hold, by their number. `folder` is where the document lies, `blob` the binary part of a .glb file.
+/// Contents of the buffers, by index. `folder` is the folder of the document, `blob` the binary part of a .glb file.
 pub(super) fn buffers(
     document: &Document,
     folder: &Path,
@@ -25,29 +25,30 @@ pub(super) fn buffers(
             Source::Bin => blob.take().ok_or_else(|| refused("the file has no binary part for it".to_owned()))?,
             Source::Uri(uri) => from_uri(uri, folder, left).map_err(refused)?,
         };
-        // Of all together: many buffers may be one file.
-        left = left.checked_sub(bytes.len() as u64).ok_or_else(|| {
-            refused(format!("the buffers up to it have more than {MOST_BYTES} bytes, the most that is read"))
-        })?;
+        // Limit for all buffers together: many buffers may refer to the same file.
+        left = left
+            .checked_sub(bytes.len() as u64)
+            .ok_or_else(|| refused(format!("the buffers up to it have more than the maximum of {MOST_BYTES} bytes")))?;
         if bytes.len() < buffer.length() {
-            return Err(refused(format!("it has {} bytes, {} are declared", bytes.len(), buffer.length())));
+            return Err(refused(format!("it has {} bytes, but {} are declared", bytes.len(), buffer.length())));
         }
         Ok(bytes)
     };
     document.buffers().map(read).collect()
 }
 
-/// The bytes that a URI stands for, at most `most_bytes`.
+/// The bytes that a URI refers to, at most `most_bytes`.
 fn from_uri(uri: &str, folder: &Path, most_bytes: u64) -> Result<Vec<u8>, String> {
     if let Some(data) = uri.strip_prefix("data:") {
         let encoded = data.split_once(";base64,").ok_or("a data URI must be base64")?.1;
         return STANDARD.decode(encoded).map_err(|error| format!("its data URI is not base64: {error}"));
     }
-    let refused = || format!("its URI {uri:?} is not allowed: a path below the folder of the file, or a data URI");
+    let refused =
+        || format!("its URI {uri:?} is not allowed: must be a path below the folder of the file, or a data URI");
     if uri.contains(':') {
         return Err(refused());
     }
-    // Judged as it is opened: what is encoded may be a slash or a dot.
+    // Check the decoded path: a slash or a dot may be percent-encoded.
     let below = PathBuf::from(percent_decoded(uri).ok_or_else(|| format!("its URI {uri:?} is not valid"))?);
     if !below.components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir)) {
         return Err(refused());
@@ -56,7 +57,7 @@ fn from_uri(uri: &str, folder: &Path, most_bytes: u64) -> Result<Vec<u8>, String
     files::read_bounded(&path, most_bytes).map_err(|error| format!("{}: {error}", path.display()))
 }
 
-/// A path whose bytes may be written as % and two hexadecimal digits.
+/// Decodes a percent-encoded path; `None` if it is malformed.
 fn percent_decoded(uri: &str) -> Option<String> {
     let mut bytes = Vec::new();
     let mut rest = uri.as_bytes();
@@ -73,11 +74,12 @@ fn percent_decoded(uri: &str) -> Option<String> {
     String::from_utf8(bytes).ok()
 }
 
-/// The numbers of an accessor, element by element, as f64: integers of colours as shares of their range.
+/// The numbers of an accessor, element by element, as f64; normalised integers are converted to fractions of their
+/// range.
 pub(super) fn numbers(accessor: &Accessor<'_>, buffers: &[Vec<u8>]) -> Result<Vec<f64>, MeshProblem> {
     let refused = |reason: &str| MeshProblem::Accessor { accessor: accessor.index(), reason: reason.to_owned() };
     if accessor.sparse().is_some() {
-        return Err(refused("sparse accessors are not read"));
+        return Err(refused("sparse accessors are not supported"));
     }
     let view = accessor.view().ok_or_else(|| refused("it has no buffer view"))?;
     let (components, size) = (accessor.dimensions().multiplicity(), accessor.data_type().size());
@@ -97,7 +99,7 @@ pub(super) fn numbers(accessor: &Accessor<'_>, buffers: &[Vec<u8>]) -> Result<Ve
 }
 
 fn number(bytes: &[u8], kind: DataType, normalized: bool) -> f64 {
-    // `bytes` has the size of the kind; what is missing would read as 0.
+    // `bytes` has the size of the type; missing bytes would read as 0.
     let unsigned = bytes.iter().rev().fold(0u64, |value, byte| value << 8 | u64::from(*byte));
     let (value, most) = match kind {
         DataType::F32 => return f64::from(f32::from_bits(unsigned as u32)),
@@ -110,7 +112,7 @@ fn number(bytes: &[u8], kind: DataType, normalized: bool) -> f64 {
     if normalized { (value / most).max(-1.0) } else { value }
 }
 
-/// Refuses an accessor that does not hold what its place in a mesh asks for.
+/// Refuses an accessor whose type does not match its use in a mesh.
 pub(super) fn check_kind(
     accessor: &Accessor<'_>,
     kinds: &[DataType],
@@ -120,7 +122,7 @@ pub(super) fn check_kind(
         return Ok(());
     }
     let reason = format!(
-        "it holds {:?} of {:?}; allowed are {dimensions:?} of {kinds:?}",
+        "it holds {:?} of {:?}; must be one of {dimensions:?} of {kinds:?}",
         accessor.dimensions(),
         accessor.data_type()
     );
@@ -151,7 +153,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_have_the_values_that_their_bytes_stand_for() {
+    fn numbers_are_decoded_from_their_bytes() {
         assert_eq!(number(&1.5f32.to_le_bytes(), DataType::F32, false), 1.5);
         assert_eq!(number(&[0x34, 0x12], DataType::U16, false), f64::from(0x1234));
         assert_eq!(number(&[0xff], DataType::U8, true), 1.0);

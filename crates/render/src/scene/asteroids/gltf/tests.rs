@@ -10,7 +10,7 @@ use crate::scene::asteroids::{
     tests::{box_solid, moved, sphere_solid},
 };
 
-/// A document with one buffer: each mesh with its positions, luminances as grey colours, and indices.
+/// A document with one buffer: each mesh with its positions, grey vertex colours and indices.
 fn document(meshes: &[(&str, &Mesh)], uri: Option<String>) -> (Value, Vec<u8>) {
     let mut binary: Vec<u8> = Vec::new();
     let (mut views, mut accessors, mut listed, mut nodes) = (vec![], vec![], vec![], vec![]);
@@ -79,24 +79,24 @@ fn read(name: &str, bytes: &[u8]) -> Result<ShapeSet, ShapeError> {
     ShapeSet::from_gltf(&[path])
 }
 
-fn of_document((document, binary): &(Value, Vec<u8>)) -> Result<ShapeSet, ShapeError> {
+fn read_document((document, binary): &(Value, Vec<u8>)) -> Result<ShapeSet, ShapeError> {
     read("shape.glb", &glb(document, binary))
 }
 
-/// Smallest distance between surfaces under the half turns about x, y and z, which leave principal axes in place.
+/// Smallest distance between the surfaces over the half turns about x, y and z, which preserve the principal axes.
 fn distance_up_to_half_turns(a: &Mesh, b: &Mesh) -> f64 {
     let signs = [[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]].map(DVec3::from_array);
     signs.iter().map(|signs| surface_distance(a, &moved(b, |p| p * *signs))).fold(f64::INFINITY, f64::min)
 }
 
 #[test]
-fn a_shape_comes_back_from_a_file_however_it_was_turned_moved_and_scaled() {
+fn a_shape_from_a_file_is_independent_of_rotation_translation_and_scale() {
     let shape = ShapeSet::procedural(1).shapes.swap_remove(3);
     let mesh = &shape.lods[0].mesh;
     let same = |set: &ShapeSet| distance_up_to_half_turns(mesh, &set.shapes[0].lods[0].mesh) < 1e-3;
 
     let mut file = document(&[("rock", mesh)], None);
-    let set = of_document(&file).unwrap();
+    let set = read_document(&file).unwrap();
     let back = &set.shapes[0].lods[0].mesh;
     assert!(surface_distance(mesh, back) < 1e-4, "{}", surface_distance(mesh, back));
     assert_eq!(back.triangles.len(), mesh.triangles.len());
@@ -104,29 +104,29 @@ fn a_shape_comes_back_from_a_file_however_it_was_turned_moved_and_scaled() {
 
     file.0["nodes"][0] =
         json!({"mesh": 0, "rotation": [0.5, -0.5, 0.1, 0.7], "translation": [300, -20, 5], "scale": [7, 7, 7]});
-    assert!(same(&of_document(&file).unwrap()));
-    // Below another node that turns too.
+    assert!(same(&read_document(&file).unwrap()));
+    // Below another node that also rotates.
     file.0["nodes"] = json!([{"children": [1], "rotation": [0, 0, 0.6, 0.8]}, file.0["nodes"][0]]);
-    assert!(same(&of_document(&file).unwrap()));
-    // Mirrored it is another shape, with its triangles outwards all the same.
+    assert!(same(&read_document(&file).unwrap()));
+    // The mirrored shape is a different one, and its triangles still face outwards.
     file.0["nodes"] = json!([{"mesh": 0, "scale": [-2, 2, 2]}]);
-    let mirrored = of_document(&file).unwrap();
+    let mirrored = read_document(&file).unwrap();
     assert!(!same(&mirrored));
     let mesh_volume = |mesh: &Mesh| {
         let place = |v: &u32| DVec3::from_array(mesh.positions[*v as usize].map(f64::from));
         mesh.triangles.iter().map(|[a, b, c]| place(a).dot(place(b).cross(place(c))) / 6.0).sum::<f64>()
     };
     assert!((mesh_volume(&mirrored.shapes[0].lods[0].mesh) / mesh_volume(mesh) - 1.0).abs() < 1e-3);
-    // Stretched it is another shape.
+    // The stretched shape is a different one.
     file.0["nodes"] = json!([{"mesh": 0, "scale": [1, 1, 1.3]}]);
-    assert!(!same(&of_document(&file).unwrap()));
+    assert!(!same(&read_document(&file).unwrap()));
 }
 
 #[test]
-fn buffers_may_be_in_the_file_beside_it_or_in_its_text() {
+fn buffers_may_be_binary_external_or_embedded() {
     let mesh = sphere_solid(200).to_mesh();
     let (inside, binary) = document(&[("rock", &mesh)], None);
-    let expected = of_document(&(inside, binary.clone())).unwrap();
+    let expected = read_document(&(inside, binary.clone())).unwrap();
     let uri = format!("data:application/octet-stream;base64,{}", STANDARD.encode(&binary));
     let (embedded, _) = document(&[("rock", &mesh)], Some(uri));
     assert_eq!(read("shape.gltf", embedded.to_string().as_bytes()).unwrap(), expected);
@@ -141,15 +141,15 @@ fn buffers_may_be_in_the_file_beside_it_or_in_its_text() {
 }
 
 #[test]
-fn levels_are_taken_from_names_or_made() {
+fn levels_are_taken_from_names_or_generated() {
     let meshes = [300, 200, 100].map(|triangles| sphere_solid(triangles).to_mesh());
     let named = [("rock_LOD1", &meshes[1]), ("rock_LOD0", &meshes[0]), ("rock_LOD2", &meshes[2])];
     let counts = |set: &ShapeSet| set.shapes[0].lods.iter().map(|lod| lod.mesh.triangles.len()).collect::<Vec<_>>();
-    assert_eq!(counts(&of_document(&document(&named, None)).unwrap()), [300, 200, 100]);
+    assert_eq!(counts(&read_document(&document(&named, None)).unwrap()), [300, 200, 100]);
 
     for (triangles, expected) in [(300, [300, 232, 180, 138, 108]), (5600, [5600, 3062, 1674, 914, 500])] {
         let mesh = sphere_solid(triangles).to_mesh();
-        let set = of_document(&document(&[("rock", &mesh)], None)).unwrap();
+        let set = read_document(&document(&[("rock", &mesh)], None)).unwrap();
         assert_eq!(counts(&set), expected);
         assert!(set.shapes[0].lods[4].error < 0.08);
     }
@@ -160,40 +160,40 @@ fn levels_are_taken_from_names_or_made() {
         (vec![("rock_LOD0", &meshes[1]), ("rock_LOD1", &meshes[0])], "level 1: it must have fewer"),
     ];
     for (meshes, expected) in cases {
-        let message = of_document(&document(&meshes, None)).unwrap_err().to_string();
+        let message = read_document(&document(&meshes, None)).unwrap_err().to_string();
         assert!(message.contains(expected) && message.contains("shape.glb"), "{message}");
     }
 }
 
 #[test]
-fn vertices_at_one_place_are_joined_and_inside_out_meshes_turned() {
+fn coincident_vertices_are_merged_and_inside_out_meshes_reversed() {
     let solid = box_solid(DVec3::new(3.0, 2.0, 1.0), DVec3::splat(10.0));
     let mut mesh = solid.to_mesh();
-    // Every triangle with vertices of its own, the wrong way round.
+    // Every triangle has its own vertices, in reversed order.
     mesh.positions = mesh.triangles.iter().flatten().map(|v| mesh.positions[*v as usize]).collect();
     mesh.albedos = vec![0.25; mesh.positions.len()];
     mesh.triangles = (0..12).map(|k| [3 * k, 3 * k + 2, 3 * k + 1]).collect();
-    let set = of_document(&document(&[("box", &mesh)], None)).unwrap();
+    let set = read_document(&document(&[("box", &mesh)], None)).unwrap();
     let read = &set.shapes[0].lods[0].mesh;
     assert_eq!((read.positions.len(), read.triangles.len()), (8, 12));
     let expected = finished(vec![solid]);
     assert!(surface_distance(read, &expected.lods[0].mesh) < 1e-5);
     assert!(read.albedos.iter().all(|albedo| (albedo - 1.0).abs() < 1e-6));
-    // The longest side along x, the shortest along z.
+    // The longest side is along x, the shortest along z.
     let most = |axis: usize| read.positions.iter().map(|p| p[axis]).fold(0.0, f32::max);
     assert!(most(0) > most(1) && most(1) > most(2));
 }
 
-/// A file of some kilobytes may name one mesh, or one buffer, any number of times.
+/// A file of a few kilobytes may refer to one mesh, or to one buffer, any number of times.
 #[test]
-fn meshes_and_buffers_count_as_often_as_they_are_named() {
+fn meshes_and_buffers_count_once_per_reference() {
     let mesh = sphere_solid(20_000).to_mesh();
     let mut file = document(&[("rock", &mesh)], None);
     let node = file.0["nodes"][0].clone();
     file.0["nodes"] = json!(vec![node; 100]);
     file.0["scenes"][0]["nodes"] = json!((0..100).collect::<Vec<usize>>());
-    let message = of_document(&file).unwrap_err().to_string();
-    assert!(message.contains("vertices and corners, allowed are 6000000"), "{message}");
+    let message = read_document(&file).unwrap_err().to_string();
+    assert!(message.contains("vertices and corners, more than the maximum of 6000000"), "{message}");
 
     let (mut external, _) = document(&[("rock", &mesh)], Some("data.bin".to_owned()));
     external["buffers"] = json!(vec![external["buffers"][0].clone(); 3]);
@@ -205,10 +205,10 @@ fn meshes_and_buffers_count_as_often_as_they_are_named() {
 }
 
 #[test]
-fn broken_files_are_refused_with_what_is_wrong() {
+fn broken_files_are_refused_with_the_problem() {
     let mesh = sphere_solid(100).to_mesh();
     let good = || document(&[("rock", &mesh)], None);
-    let refusal = |file: (Value, Vec<u8>)| of_document(&file).unwrap_err().to_string();
+    let refusal = |file: (Value, Vec<u8>)| read_document(&file).unwrap_err().to_string();
     let changed = |path: &str, value: Value| {
         let mut file = good();
         *file.0.pointer_mut(path).unwrap() = value;
@@ -243,10 +243,10 @@ fn broken_files_are_refused_with_what_is_wrong() {
         (changed("/accessors/1/count", json!(5)), "5 colours"),
         (
             changed("/meshes/0/primitives/0/attributes/POSITION", json!(u32::MAX)),
-            "accessor 4294967295: a mesh names it",
+            "accessor 4294967295: a mesh refers to it",
         ),
         (changed("/accessors/2/count", json!(200)), "whole triangles"),
-        (changed("/accessors/2/count", json!(6_000_000)), "allowed are 1500000"),
+        (changed("/accessors/2/count", json!(6_000_000)), "at most 1500000"),
         (changed("/bufferViews/0/byteOffset", json!(u64::MAX / 2)), "accessor 0: it reaches beyond"),
         (changed("/nodes/0", json!({"mesh": 7})), "not a valid glTF"),
         (changed("/nodes/0", json!({})), "no meshes"),

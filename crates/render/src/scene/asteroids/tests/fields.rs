@@ -1,4 +1,4 @@
-//! Instances: packing, spin, places, sizes, groups.
+//! Instances: packing, spin, positions, sizes, groups.
 
 use std::f64::consts::{PI, TAU};
 
@@ -32,7 +32,7 @@ fn packed(axis: DVec3, phase: u16, rate: i16) -> PackedAsteroid {
 }
 
 #[test]
-fn what_is_packed_comes_back() {
+fn packing_round_trips() {
     let mut worst = 0f64;
     for k in 0..20_000 {
         let axis = fibonacci_point(k, 20_000);
@@ -55,7 +55,7 @@ fn what_is_packed_comes_back() {
 }
 
 #[test]
-fn frames_are_right_handed_everywhere_also_towards_minus_z() {
+fn frames_are_right_handed_everywhere_including_minus_z() {
     let near_pole = [DVec3::new(1e-4, -1e-5, -1.0), DVec3::new(0.0, 5e-5, -1.0), -DVec3::Z, DVec3::Z, DVec3::X];
     for axis in (0..5000).map(|k| fibonacci_point(k, 5000)).chain(near_pole) {
         let asteroid = packed(axis, 16_384, 7);
@@ -64,13 +64,13 @@ fn frames_are_right_handed_everywhere_also_towards_minus_z() {
         let gram = frame.transpose() * frame;
         assert!((gram - glam::DMat3::IDENTITY).to_cols_array().iter().all(|d| d.abs() < 1e-12));
         assert_eq!(frame.z_axis, asteroid.axis());
-        // The quaternion is the frame after the turn: a quarter turn takes x to y.
+        // The quaternion is the rotated frame: a quarter turn takes x to y.
         let rotation = asteroid.field_from_shape(0);
         assert!((rotation * DVec3::Z - asteroid.axis()).length() < 1e-12);
         assert!((rotation * DVec3::X - frame.y_axis).length() < 1e-12);
         assert!((rotation * DVec3::Y + frame.x_axis).length() < 1e-12);
     }
-    // Where |i| + |j| is 32767 the axis lies in the plane z = 0, and the sign is that of the upper half.
+    // If |i| + |j| is 32767 the axis lies in the plane z = 0, and the sign is that of the upper half.
     let on_plane = PackedAsteroid { axis: 10_000 | 22_767 << 16, ..PackedAsteroid::default() };
     assert_eq!((on_plane.axis().z, on_plane.frame().y_axis.z), (0.0, -on_plane.axis().y));
 }
@@ -80,7 +80,7 @@ fn turns_are_exact_after_a_billion_seconds() {
     let instances = Instances { base_period_s: 7200.0 * 32_767.0, ..Instances::default() };
     for time_s in [0.0, 1.0, 86_400.5, 1e9, 1e9 + 0.125, -1e9, 3.7e11] {
         let time_parts = instances.time_parts(time_s);
-        // The moment itself: whole parts, from the two f64 numbers as exact fractions of powers of two.
+        // The time itself: an exact integer from the two f64 numbers as fractions of powers of two.
         let scaled = (time_s * 1024.0) as i128 * (1 << 32);
         let base = (instances.base_period_s * 1024.0) as i128;
         let exact_parts = scaled.div_euclid(base).rem_euclid(1 << 32) as u32;
@@ -94,7 +94,7 @@ fn turns_are_exact_after_a_billion_seconds() {
             assert!((asteroid.turn(time_parts) - f64::from(exact) / 2f64.powi(32) * TAU).abs() < 1e-15);
         }
     }
-    // The fastest one turns once in the shortest period: in f64 to the parts that time is counted in.
+    // The fastest asteroid rotates once in the shortest period, within the resolution of the time unit.
     let fast = packed(DVec3::Z, 0, 32_767);
     let quarter = fast.turn(instances.time_parts(1e9 * 7200.0 + 1800.0));
     assert!((quarter - PI / 2.0).abs() < 1e-4, "{quarter}");
@@ -102,8 +102,8 @@ fn turns_are_exact_after_a_billion_seconds() {
     assert!((backwards - 1.5 * PI).abs() < 1e-4, "{backwards}");
 }
 
-/// Sum over bins of equal expectation of (found - expected)^2 / expected, over the number of bins: about 1 if the
-/// shares are even.
+/// Sum over bins of equal expectation of (found - expected)^2 / expected, divided by the number of bins: about 1 for a
+/// uniform distribution.
 fn chi_square(shares: impl Iterator<Item = f64>) -> f64 {
     const BINS: usize = 40;
     let mut counts = [0.0; BINS];
@@ -121,7 +121,7 @@ fn turn_share(place: DVec3) -> f64 {
 }
 
 #[test]
-fn boxes_and_rings_are_filled_evenly() {
+fn boxes_and_rings_are_filled_uniformly() {
     let size_m = DVec3::new(1e6, 3e5, 2e4);
     let shares: Vec<DVec3> =
         places(&placed(Placement::Box { size_m }, 40_000)).iter().map(|p| *p / size_m + 0.5).collect();
@@ -129,7 +129,7 @@ fn boxes_and_rings_are_filled_evenly() {
         assert!(shares.iter().all(|share| (-1e-6..=1.0 + 1e-6).contains(&share[axis])));
         let chi = chi_square(shares.iter().map(|share| share[axis]));
         assert!(chi < 1.8, "axis {axis}: {chi}");
-        // A density that is 10 % off at the ends is seen.
+        // A density that is 10 % off at the ends is detected.
         assert!(chi_square(shares.iter().map(|share| share[axis].powf(1.1))) > 2.5);
     }
 
@@ -143,7 +143,7 @@ fn boxes_and_rings_are_filled_evenly() {
     ] {
         assert!(chi < 1.8, "{chi}");
     }
-    // Even by radius instead of by area is seen.
+    // A distribution uniform by radius instead of by area is detected.
     assert!(chi_square(places.iter().map(|p| p.truncate().length() / 7e7 - 1.0)) > 10.0);
 }
 
@@ -153,13 +153,15 @@ fn belts_thin_out_towards_their_surface() {
     let places = places(&instances);
     let q = |p: &DVec3| ((p.truncate().length() - 3.5e11) / 1.5e11).hypot(p.z / 5e10);
     assert!(places.iter().all(|p| q(p) <= 1.0 + 1e-6));
-    // By Pappus the way around weighs nothing on the mean: P(q) is the integral of q cos^2(pi q / 2) over that to 1.
+    // By Pappus, the circumference does not change the mean: P(q) is the integral of q cos^2(pi q / 2) up to q,
+    // normalised to 1.
     let integral = |q: f64| q * q / 4.0 + q * (PI * q).sin() / (2.0 * PI) + ((PI * q).cos() - 1.0) / (2.0 * PI * PI);
     let chi = chi_square(places.iter().map(|p| integral(q(p)) / integral(1.0)));
     assert!(chi < 1.8, "{chi}");
     assert!(chi_square(places.iter().map(|p| turn_share(*p))) < 1.8);
     assert!(chi_square(places.iter().map(|p| q(p).powi(2))) > 10.0);
-    // More of it lies outside of the middle of the cross-section than inside: the way around is longer.
+    // More asteroids are outside of the middle of the cross-section than inside, because the circumference is larger
+    // there.
     let outside = places.iter().filter(|p| p.truncate().length() > 3.5e11).count();
     assert!((20_500..24_500).contains(&outside), "{outside}");
 }
@@ -171,7 +173,7 @@ fn sizes_spins_and_shapes_follow_their_distributions() {
         let instances = Instances::place(&drawn, 3, &[1.0; 3]).unwrap();
         let radii: Vec<f64> = instances.packed.iter().map(|one| one.radius_m(instances.largest_m)).collect();
         assert!(radii.iter().all(|r| (49.9..=5000.0).contains(r)));
-        // Share below r: 1 - (r^-s - R^-s) / (r0^-s - R^-s); for s = 0 ln(r / r0) / ln(R / r0).
+        // Fraction below r: 1 - (r^-s - R^-s) / (r0^-s - R^-s); for s = 0, ln(r / r0) / ln(R / r0).
         let share = |r: f64| {
             if index < 1e-6 {
                 return (r / 50.0).ln() / 100f64.ln();
@@ -179,8 +181,8 @@ fn sizes_spins_and_shapes_follow_their_distributions() {
             let [low, high, r] = [50f64, 5000.0, r].map(|radius| radius.powf(-index));
             (low - r) / (low - high)
         };
-        // Radii are whole parts of the largest, so small ones are steps; a uniform draw inside of the step evens them
-        // out.
+        // Radii are integer fractions of the largest, so small ones are quantised; a uniform offset within the step
+        // smooths this.
         let step = 5000.0 / f64::from(RADIUS_PARTS);
         let smooth = |(k, r): (usize, &f64)| share(r + step * ((k as f64 * 0.618_034).fract() - 0.5)).clamp(0.0, 1.0);
         let chi = chi_square(radii.iter().enumerate().map(smooth));
@@ -204,7 +206,7 @@ fn sizes_spins_and_shapes_follow_their_distributions() {
     assert!(chi_square(instances.packed.iter().map(|one| f64::from(one.spin as u16) / 65_536.0)) < 1.8);
 }
 
-/// Whether every node's sphere holds all of its instances.
+/// Whether every node's sphere contains all of its instances.
 fn bounds_hold(instances: &Instances, bounds: &[f64]) -> bool {
     let mut stretch = GROUP;
     instances.levels.iter().all(|nodes| {
@@ -222,7 +224,7 @@ fn bounds_hold(instances: &Instances, bounds: &[f64]) -> bool {
 }
 
 #[test]
-fn nodes_hold_their_instances_and_add_them_up() {
+fn nodes_contain_their_instances_and_sum_their_areas() {
     let bounds = [1.3, 1.5, 1.9];
     for (placement, count) in [(BELT, 70_001), (RING, 70_001), (RING, 1), (BELT, 256), (BELT, 257), (RING, 4096)] {
         let instances = placed(placement, count);
@@ -246,7 +248,7 @@ fn nodes_hold_their_instances_and_add_them_up() {
         let centroid = places(&instances).iter().zip(radii()).map(|(p, r)| *p * (PI * r * r)).sum::<DVec3>() / area;
         assert!((top.centroid_m - centroid).length() < 1e-9 * (top.radius_m + centroid.length()));
     }
-    // A sphere that is a little too small is seen.
+    // A sphere that is slightly too small is detected.
     let mut instances = placed(RING, 3000);
     instances.levels[0][2].radius_m *= 1.0 - 1e-4;
     assert!(!bounds_hold(&instances, &bounds));
@@ -254,15 +256,15 @@ fn nodes_hold_their_instances_and_add_them_up() {
 
 #[test]
 fn groups_are_neighbours() {
-    // A group of a box of n groups has a share of 1/n of it: its sphere is not much larger than that of a cube of this
-    // volume.
+    // In a box with n groups, a group has 1/n of the volume: its sphere must not be much larger than that of a cube of
+    // this volume.
     let instances = placed(Placement::Box { size_m: DVec3::splat(1e9) }, 1 << 18);
     let groups = &instances.levels[0];
     let side = 1e9 / (groups.len() as f64).cbrt();
     let mean = groups.iter().map(|group| group.radius_m).sum::<f64>() / groups.len() as f64;
     println!("mean radius of a group {:.3} of the half diagonal of its share", mean / (side * 0.75f64.sqrt()));
     assert!(mean < 1.2 * side * 0.75f64.sqrt());
-    // In a thin ring too: no group reaches across.
+    // In a thin ring too, no group reaches across.
     let ring = placed(RING, 1 << 18);
     let share = (PI * 3.0 * 4.9e15 / ring.levels[0].len() as f64).sqrt();
     let widest = ring.levels[0].iter().map(|group| group.radius_m).fold(0.0, f64::max);
@@ -280,7 +282,7 @@ fn a_seed_gives_the_same_bits_on_any_number_of_threads() {
 }
 
 #[test]
-fn offsets_round_to_a_small_part_of_their_group() {
+fn offsets_have_a_small_rounding_error_relative_to_their_group() {
     for placement in [BELT, RING, Placement::Box { size_m: DVec3::splat(2e4) }] {
         let instances = placed(placement, 20_000);
         for (k, one) in instances.packed.iter().enumerate() {
@@ -295,7 +297,7 @@ fn offsets_round_to_a_small_part_of_their_group() {
 }
 
 #[test]
-fn refusals_name_the_key_and_what_is_allowed() {
+fn errors_name_the_key_and_the_valid_values() {
     let good = parameters(BELT, 10);
     let belt = |inner_m, outer_m, height_m| FieldParameters {
         placement: Placement::Belt { inner_m, outer_m, height_m },
@@ -303,8 +305,8 @@ fn refusals_name_the_key_and_what_is_allowed() {
     };
     let with_box = |size_m| FieldParameters { placement: Placement::Box { size_m }, ..good };
     let cases = [
-        (FieldParameters { instances: 0, ..good }, "instances = 0", "1 to"),
-        (FieldParameters { instances: u32::MAX, ..good }, "instances", "1 to 67108864"),
+        (FieldParameters { instances: 0, ..good }, "instances = 0", "between 1 and"),
+        (FieldParameters { instances: u32::MAX, ..good }, "instances", "between 1 and 67108864"),
         (belt(5.0, 5.0, 1.0), "placement.outer_m = 5", "above placement.inner_m = 5"),
         (belt(-1.0, 5.0, 1.0), "placement.inner_m = -1", "0 or more"),
         (belt(1.0, 5.0, 0.0), "placement.height_m = 0", "more than 0"),
@@ -312,11 +314,11 @@ fn refusals_name_the_key_and_what_is_allowed() {
         (with_box(DVec3::new(1.0, f64::NAN, 1.0)), "placement.size_m = NaN", "more than 0"),
         (FieldParameters { radius_m: [2.0, 1.0], ..good }, "radius_m = [2, 1]", "smallest first"),
         (FieldParameters { radius_m: [1.0, 1001.0], ..good }, "radius_m = [1, 1001]", "1000 times"),
-        (FieldParameters { radius_m: [0.0, 1.0], ..good }, "radius_m", "above 0"),
-        (FieldParameters { radius_m: [1e-170, 1e-170], ..good }, "radius_m", "from 0.001 on"),
-        (FieldParameters { size_index: -1.0, ..good }, "size_index = -1", "0 to 10"),
-        (FieldParameters { size_index: f64::NAN, ..good }, "size_index = NaN", "0 to 10"),
-        (FieldParameters { spin_period_s: [1.0, f64::NAN], ..good }, "spin_period_s", "above 0"),
+        (FieldParameters { radius_m: [0.0, 1.0], ..good }, "radius_m", "at least 0.001"),
+        (FieldParameters { radius_m: [1e-170, 1e-170], ..good }, "radius_m", "at least 0.001"),
+        (FieldParameters { size_index: -1.0, ..good }, "size_index = -1", "between 0 and 10"),
+        (FieldParameters { size_index: f64::NAN, ..good }, "size_index = NaN", "between 0 and 10"),
+        (FieldParameters { spin_period_s: [1.0, f64::NAN], ..good }, "spin_period_s", "at least 0.001"),
     ];
     for (wrong, key, allowed) in cases {
         let message = Instances::place(&wrong, 1, &[1.0]).unwrap_err().to_string();

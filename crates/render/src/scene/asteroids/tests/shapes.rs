@@ -19,8 +19,8 @@ fn meshes(set: &ShapeSet) -> impl Iterator<Item = &Mesh> {
     set.shapes.iter().flat_map(|shape| shape.lods.iter().map(|lod| &lod.mesh))
 }
 
-/// Share of rays that hit, on a grid across each of many directions, as an area: another way than silhouettes of
-/// pixels.
+/// Projected area averaged over directions, from the fraction of rays that hit on a grid: an independent method from
+/// the pixel silhouettes.
 fn mean_area_by_rays(mesh: &Mesh) -> f64 {
     const DIRECTIONS: usize = 90;
     const SIDE: u32 = 70;
@@ -29,7 +29,7 @@ fn mean_area_by_rays(mesh: &Mesh) -> f64 {
     let hits: usize = (0..DIRECTIONS)
         .into_par_iter()
         .map(|k| {
-            // Directions of the whole sphere, each with a grid of its own turn.
+            // Directions over the whole sphere, each with its own grid orientation.
             let direction = fibonacci_point(k, DIRECTIONS);
             let (right, up) = direction.any_orthonormal_pair();
             let step = |index: u32| ((f64::from(index) + 0.5) / f64::from(SIDE) * 2.0 - 1.0) * bound;
@@ -55,7 +55,7 @@ fn mean_projected_areas_are_pi_within_half_a_percent() {
         }
     }
     println!("mean projected area: worst error {worst:.2e}");
-    // A radius off by 1 % is seen.
+    // A radius off by 1 % is detected.
     assert!(!has_area_pi(&moved(&set.shapes[0].lods[0].mesh, |p| p * 1.01)));
 }
 
@@ -77,7 +77,7 @@ fn levels_have_their_triangles_and_are_closed() {
 }
 
 #[test]
-fn normals_are_unit_turn_outwards_and_follow_the_surface() {
+fn normals_are_unit_vectors_facing_outwards_and_follow_the_surface() {
     let set = ShapeSet::procedural(3);
     let mut sharpest = 1f64;
     for mesh in meshes(&set) {
@@ -91,7 +91,7 @@ fn normals_are_unit_turn_outwards_and_follow_the_surface() {
             }
         }
     }
-    println!("a vertex normal is at most {:.1} degrees from a triangle beside it", sharpest.acos().to_degrees());
+    println!("a vertex normal is at most {:.1} degrees from an adjacent triangle", sharpest.acos().to_degrees());
     assert!(sharpest > 50f64.to_radians().cos(), "{sharpest}");
     // On a sphere the normal is the radius.
     let sphere = sphere_solid(1400).to_mesh();
@@ -107,7 +107,7 @@ fn moments_by_rays(mesh: &Mesh) -> (f64, DVec3, DMat3) {
     let (mut volume, mut first, mut second) = (0.0, DVec3::ZERO, DMat3::ZERO);
     for k in 0..SIDE * SIDE {
         let [y, z] = [k % SIDE, k / SIDE].map(|index| (f64::from(index) + 0.5) * step - bound);
-        // Along the ray every other stretch is inside.
+        // Along the ray every other interval is inside.
         let mut x = -bound;
         let mut hits = Vec::new();
         while let Some(hit) = tree.first_hit(DVec3::new(x, y, z), DVec3::X) {
@@ -132,14 +132,14 @@ fn moments_by_rays(mesh: &Mesh) -> (f64, DVec3, DMat3) {
 fn is_aligned(mesh: &Mesh) -> bool {
     let (_, centroid, covariance) = moments_by_rays(mesh);
     let c = covariance.to_cols_array_2d();
-    // The moment of inertia about an axis is the sum of the other two spreads: the largest belongs to the smallest
-    // spread.
+    // The moment of inertia about an axis is the sum of the other two variances: the largest moment belongs to the
+    // smallest variance.
     let off = c[0][1].abs().max(c[0][2].abs()).max(c[1][2].abs());
     centroid.length() < 2e-3 && off < 2e-3 && c[0][0] > c[1][1] && c[1][1] > c[2][2]
 }
 
 #[test]
-fn shapes_turn_about_the_axis_of_their_largest_moment_of_inertia() {
+fn shapes_rotate_about_the_axis_of_their_largest_moment_of_inertia() {
     let set = ShapeSet::procedural(4);
     for shape in &set.shapes {
         assert!(is_aligned(&shape.lods[0].mesh));
@@ -163,13 +163,13 @@ fn errors_grow_from_level_to_level_and_a_wrong_mesh_has_a_large_one() {
         let finest = &shape.lods[0].mesh;
         assert!(surface_distance(finest, &moved(&shape.lods[4].mesh, |p| p * 1.3)) > 3.0 * errors[4]);
     }
-    // A box beside itself.
+    // A cube compared with a shifted copy of itself.
     let cube = super::box_solid(DVec3::splat(2.0), DVec3::ZERO).to_mesh();
     assert!((surface_distance(&cube, &moved(&cube, |p| p + DVec3::X * 0.125)) - 0.125).abs() < 1e-6);
 }
 
 #[test]
-fn bounds_hold_all_vertices_and_albedos_have_the_mean_one() {
+fn bounds_contain_all_vertices_and_albedo_factors_have_mean_one() {
     let set = ShapeSet::procedural(6);
     for shape in &set.shapes {
         let mut reach = 0f64;

@@ -1,4 +1,5 @@
-//! Baking: directions and solid angles of all pixels from a mapping, checked, and the fringe around them.
+//! Baking: computes and checks the directions and solid angles of all pixels of a mapping, and of the fringe around
+//! them.
 
 use std::f64::consts::PI;
 
@@ -11,36 +12,37 @@ use super::{
     rows::by_rows,
 };
 
-/// Pixels along a side of a tabulated picture, at most.
+/// Maximum number of pixels along a side of a tabulated picture.
 pub const MOST_SIDE_PX: u32 = 16_384;
-/// How far from a pixel's centre its direction may be mapped by the mapping's other way, pixels.
+/// Largest allowed distance between a pixel's centre and the image of its direction (round trip through the mapping),
+/// pixels.
 pub(super) const INVERSE_PX: f64 = 0.01;
-/// A pixel's solid angle may be so much from what its directions span: parts.
+/// Largest allowed relative difference between a pixel's solid angle and the solid angle that its directions span.
 const SOLID_ANGLE_PARTS: f64 = 0.1;
-/// Part of a pixel over which its solid angle per unit of area is taken.
+/// Step for the central differences of a pixel's solid angle per unit area, pixels.
 const DENSITY_STEP_PX: f64 = 1e-3;
-/// Of the fringe, so many rings may be made up where the mapping does not go on.
+/// Number of rings of the fringe that may be extrapolated if the mapping is not defined there.
 const MADE_UP_RINGS: i64 = 3;
 
 const NEIGHBOURS: [[i64; 2]; 8] = [[-1, -1], [0, -1], [1, -1], [-1, 0], [1, 0], [-1, 1], [0, 1], [1, 1]];
 
-/// The middles of a pixel's sides: right, left, below, above.
+/// Offsets of the midpoints of a pixel's sides: right, left, below, above.
 const SIDES: [DVec2; 4] = [DVec2::new(0.5, 0.0), DVec2::new(-0.5, 0.0), DVec2::new(0.0, 0.5), DVec2::new(0.0, -0.5)];
 
-/// What is known of the pixels of a picture.
+/// Baked data of the pixels of a picture.
 pub(super) struct Baked {
     pub(super) nodes: Nodes,
-    /// Pixels in the picture.
+    /// Number of pixels in the picture.
     pub(super) pixels: u64,
-    /// Sum of their solid angles, and the least, sr.
+    /// Sum of their solid angles, and the smallest one, sr.
     pub(super) sum_sr: f64,
     pub(super) least_sr: f64,
-    /// Shortest and longest of the longer sides of pixels, and the shortest of the shorter ones, rad.
+    /// Minimum and maximum of the longer sides of pixels, and minimum of the shorter sides, rad.
     pub(super) longer_rad: [f64; 2],
     pub(super) shortest_rad: f64,
-    /// Mean direction, weighted by solid angle; -z where there is none.
+    /// Mean direction, weighted by solid angle; -z if the mean vanishes.
     pub(super) axis: DVec3,
-    /// Greatest angles from the axis to a pixel's centre, and to a node of the fringe, rad.
+    /// Greatest angle from the axis to a pixel's centre, and to a node of the fringe, rad.
     pub(super) reach_rad: [f64; 2],
 }
 
@@ -51,23 +53,23 @@ struct Pixel {
     solid_angle_sr: f64,
     /// Longer and shorter side, rad.
     sides_rad: [f64; 2],
-    /// Whether it is seen as from outside of the sphere; `None` where that cannot be told.
+    /// Whether the picture is mirrored here (seen from outside of the sphere); `None` if undetermined.
     mirrored: Option<bool>,
 }
 
-/// Whether a value keeps a limit, which what is not a number never does.
+/// Whether a value is within a limit; false for NaN.
 pub(super) fn is_within(value: f64, limit: f64) -> bool {
     value <= limit
 }
 
-/// Longer and shorter side of the parallelogram of two derivatives: the singular values of the matrix of both.
+/// Longer and shorter side of the parallelogram of two derivatives: the singular values of their matrix.
 pub(super) fn singular_values(along_x: DVec3, along_y: DVec3) -> [f64; 2] {
     let (xx, yy, xy) = (along_x.length_squared(), along_y.length_squared(), along_x.dot(along_y));
     let larger = ((xx + yy + (xx - yy).hypot(2.0 * xy)) / 2.0).sqrt();
     [larger, along_x.cross(along_y).length() / larger.max(1e-300)]
 }
 
-/// Derivatives of the direction at a point of the picture, per pixel: central differences, at a border to the side that there is.
+/// Derivatives of the direction at a point of the picture, per pixel: central differences, one-sided at a border.
 pub(super) fn derivatives(mapping: &dyn PlaneMapping, pixel: DVec2) -> Option<[DVec3; 2]> {
     let middle = mapping.direction_from_pixel(pixel)?;
     let [right, left, below, above] = SIDES.map(|side| mapping.direction_from_pixel(pixel + side));
@@ -90,7 +92,7 @@ fn pixel_at(source: &dyn PlaneMapping, x: u32, y: u32) -> Result<Option<Pixel>, 
         .direction_from_pixel(centre)
         .ok_or_else(|| value("it lies in the picture, but its centre has no direction".to_owned()))?;
     if !is_within((direction.length() - 1.0).abs(), 1e-6) {
-        return Err(value(format!("its direction {direction} is no unit vector")));
+        return Err(value(format!("its direction {direction} is not a unit vector")));
     }
     let solid_angle_sr = source.solid_angle_sr(x, y);
     if !(solid_angle_sr.is_finite() && solid_angle_sr >= 0.0) {
@@ -105,8 +107,8 @@ fn pixel_at(source: &dyn PlaneMapping, x: u32, y: u32) -> Result<Option<Pixel>, 
         let spanned = along_x.cross(along_y);
         pixel.sides_rad = singular_values(along_x, along_y);
         pixel.mirrored = Some(spanned.dot(direction) < 0.0);
-        // Where the solid angle changes fast from pixel to pixel, that of the whole pixel and that per unit of area at its
-        // centre are not the same: either will do.
+        // If the solid angle changes fast from pixel to pixel, the solid angle of the whole pixel differs from the
+        // density at its centre: accept both.
         let at = |side: DVec2| source.direction_from_pixel(centre + side);
         let [right, left, below, above] = SIDES.map(|side| at(side * DENSITY_STEP_PX));
         let density_sr = match (right, left, below, above) {
@@ -123,11 +125,11 @@ fn pixel_at(source: &dyn PlaneMapping, x: u32, y: u32) -> Result<Option<Pixel>, 
             return Err(TabulationError::SolidAngle { pixel: [x, y], given_sr: solid_angle_sr, spanned_sr });
         }
     }
-    // What shows nothing is no pixel of the picture.
+    // A pixel without solid angle is not part of the picture.
     Ok((solid_angle_sr > 0.0).then_some(pixel))
 }
 
-/// Directions and solid angles of a mapping, checked.
+/// Computes and checks the directions and solid angles of a mapping.
 pub(super) fn bake(source: &(dyn PlaneMapping + Send)) -> Result<Baked, TabulationError> {
     let size = source.size();
     check_size(size)?;
@@ -135,6 +137,7 @@ pub(super) fn bake(source: &(dyn PlaneMapping + Send)) -> Result<Baked, Tabulati
     if width > MOST_SIDE_PX || height > MOST_SIDE_PX {
         return Err(TabulationError::TooLarge { width, height, limit: MOST_SIDE_PX });
     }
+    // Check every pixel.
     let rows = by_rows(height, |y| (0..width).map(|x| pixel_at(source, x, y)).collect::<Result<Vec<_>, _>>());
     let mut pixels = Vec::with_capacity(width as usize * height as usize);
     for row in rows {
@@ -145,16 +148,19 @@ pub(super) fn bake(source: &(dyn PlaneMapping + Send)) -> Result<Baked, Tabulati
     if count == 0 {
         return Err(TabulationError::Empty);
     }
+    // All pixels must have the same orientation.
     let mirrored = in_picture().find_map(|pixel| pixel.mirrored);
     let folded =
         |pixel: &Option<Pixel>| pixel.is_some_and(|pixel| pixel.mirrored.is_some() && pixel.mirrored != mirrored);
     if let Some(index) = pixels.iter().position(folded) {
         return Err(TabulationError::Folded { pixel: [index as u32 % width, index as u32 / width] });
     }
+    // The solid angles of a full sphere must sum to 4 pi.
     let sum_sr = in_picture().map(|pixel| pixel.solid_angle_sr).sum::<f64>();
     if source.shows_full_sphere() && !is_within((sum_sr / (4.0 * PI) - 1.0).abs(), 0.02) {
         return Err(TabulationError::NotFullSphere { sum_sr });
     }
+    // Bounding cone of the picture and of its fringe.
     let mean = in_picture().map(|pixel| pixel.direction * pixel.solid_angle_sr).sum::<DVec3>() / sum_sr;
     let axis = if mean.length() > 0.05 { mean.normalize() } else { DVec3::NEG_Z };
     let directions = with_fringe(source, &pixels);
@@ -163,7 +169,7 @@ pub(super) fn bake(source: &(dyn PlaneMapping + Send)) -> Result<Baked, Tabulati
     };
     let reach_rad =
         [farthest(&mut in_picture().map(|pixel| pixel.direction)), farthest(&mut directions.iter().flatten().copied())];
-    let least = |of: fn(&Pixel) -> f64| in_picture().map(of).fold(f64::INFINITY, f64::min);
+    let least = |value_of: fn(&Pixel) -> f64| in_picture().map(value_of).fold(f64::INFINITY, f64::min);
     let longest_rad = in_picture().map(|pixel| pixel.sides_rad[0]).fold(0.0, f64::max);
     Ok(Baked {
         pixels: count,
@@ -177,7 +183,7 @@ pub(super) fn bake(source: &(dyn PlaneMapping + Send)) -> Result<Baked, Tabulati
     })
 }
 
-/// Directions at all nodes: those of the pixels, and around them ring by ring.
+/// Directions at all nodes: those of the pixels, then those of the fringe, ring by ring.
 fn with_fringe(source: &dyn PlaneMapping, pixels: &[Option<Pixel>]) -> Vec<Option<DVec3>> {
     let size = source.size();
     let [columns, rows] = node_counts(size);
@@ -220,21 +226,21 @@ fn with_fringe(source: &dyn PlaneMapping, pixels: &[Option<Pixel>]) -> Vec<Optio
     directions
 }
 
-/// The direction of a node as those beside it go on: parabolas through three of them, of all sides that have so many; of two,
-/// or of one, where there are no more.
+/// Extrapolates the direction of a node from its neighbours: with parabolas through three nodes, averaged over all
+/// sides that have three; else with lines through two nodes; else with the nearest node.
 fn continued([x, y]: [i64; 2], held: &impl Fn([i64; 2]) -> Option<DVec3>) -> Option<DVec3> {
     for order in [3, 2, 1] {
         let mut sum = DVec3::ZERO;
         for [i, j] in NEIGHBOURS {
             let at = |step: i64| held([x + step * i, y + step * j]);
-            let of_side = || {
+            let extrapolated = || {
                 Some(match order {
                     3 => at(1)? * 3.0 - at(2)? * 3.0 + at(3)?,
                     2 => at(1)? * 2.0 - at(2)?,
                     _ => at(1)?,
                 })
             };
-            sum += of_side().unwrap_or_default();
+            sum += extrapolated().unwrap_or_default();
         }
         if let Some(direction) = sum.try_normalize() {
             return Some(direction);
@@ -243,7 +249,8 @@ fn continued([x, y]: [i64; 2], held: &impl Fn([i64; 2]) -> Option<DVec3>) -> Opt
     None
 }
 
-/// The direction whose image is `pixel`, where the mapping goes on beyond its picture: Newton steps from one that is near.
+/// The direction whose image is `pixel`, if the mapping continues beyond its picture: Newton steps from a nearby
+/// direction.
 fn on_source(source: &dyn PlaneMapping, pixel: DVec2, near: DVec3) -> Option<DVec3> {
     let mut direction = near;
     for _ in 0..6 {
@@ -261,7 +268,7 @@ fn on_source(source: &dyn PlaneMapping, pixel: DVec2, near: DVec3) -> Option<DVe
         let (a, b) = (slope(right)?, slope(up)?);
         let determinant = a.perp_dot(b);
         let turn = right * (missing.perp_dot(b) / determinant) + up * (a.perp_dot(missing) / determinant);
-        // Whoever has to turn far has come from behind a cut.
+        // A large step means that the start is on the other side of a cut.
         if !is_within(turn.length(), 0.3) {
             return None;
         }

@@ -1,4 +1,4 @@
-//! The comparison of a table with its mapping.
+//! Compares a table with its mapping.
 
 use glam::{DVec2, DVec3};
 
@@ -10,45 +10,45 @@ use super::{
     rows::by_rows,
 };
 
-/// How far a point of the picture may be from where the table has it, pixels.
+/// Largest allowed distance between the image of a direction in the mapping and in the table, pixels.
 pub const LIMIT_PX: f64 = 0.01;
-/// The same at kinks of the mapping, which has no derivative there.
+/// The same limit at kinks, where the mapping has no derivative.
 const KINK_LIMIT_PX: f64 = 0.25;
-/// A kink: the direction is so far from half way between those of points a pixel away on both sides, pixels.
+/// Criterion for a kink: distance of a direction from the mean of the directions one pixel away on both sides, pixels.
 const KINK_PX: f64 = 0.05;
-/// Points that are farther off get more than nodes, as long as they are not too many, so that what lies between the points that are
-/// looked at keeps [`LIMIT_PX`] too, pixels.
+/// Points with a larger error are refined with patches, if they are not too many, so that points between the tested
+/// ones also keep [`LIMIT_PX`], pixels.
 const REFINED_PX: f64 = LIMIT_PX / 4.0;
-/// Points that may need more than nodes: parts of the pixels, and so many anyway.
+/// Maximum number of points to refine: a fraction of the pixels, or the absolute number if that is larger.
 const MOST_OFF: (f64, usize) = (0.01, 2048);
 
-/// How good a table is.
+/// Accuracy of a table.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TableAccuracy {
-    /// Greatest distance of a point of the picture from where the table has it, where the mapping is smooth, pixels.
+    /// Greatest distance between the mapping and the table where the mapping is smooth, pixels.
     pub smooth_px: f64,
     /// The same at kinks, pixels; 0 if there are none.
     pub kink_px: f64,
 }
 
-/// A point that the table has elsewhere.
+/// A point where the table differs from the mapping.
 pub(super) struct Off {
     pub(super) pixel: DVec2,
     pub(super) direction: DVec3,
     pub(super) off_px: f64,
 }
 
-/// What a comparison has found.
+/// Result of a comparison.
 pub(super) struct Found {
     smooth_px: f64,
-    /// What is off by more than [`REFINED_PX`].
+    /// Points with an error of more than [`REFINED_PX`].
     off: Vec<Off>,
-    /// A pixel beside which the directions of the table are those of other pixels.
+    /// A pixel next to which the table interpolates across a tear.
     torn: Option<[u32; 2]>,
 }
 
-/// Four points of a pixel: its centre, a corner, and two that are others in every pixel (multiples of the golden ratio and of the
-/// root of 2).
+/// Four test points of a pixel: its centre, a corner, and two points that vary from pixel to pixel (multiples of the
+/// golden ratio and of the square root of 2).
 fn points_of(x: u32, y: u32) -> [DVec2; 4] {
     let corner = DVec2::new(f64::from(x), f64::from(y));
     let number = corner.x + 1021.0 * corner.y;
@@ -57,14 +57,14 @@ fn points_of(x: u32, y: u32) -> [DVec2; 4] {
     [pixel_centre(x, y), corner, other(0.0), other(0.37)]
 }
 
-/// Compares what `lookup` finds with the mapping, at four points of every pixel.
+/// Compares the results of `lookup` with the mapping, at four points of every pixel.
 pub(super) fn compare(
     source: &(dyn PlaneMapping + Send),
     nodes: &Nodes,
     lookup: impl Fn(DVec3) -> Option<DVec2> + Sync,
 ) -> Found {
     let [width, height] = nodes.size;
-    let of_point = |pixel: DVec2| {
+    let compare_point = |pixel: DVec2| {
         let direction = source.direction_from_pixel(pixel)?.try_normalize()?;
         // A corner on a cut may be on either side of it.
         let image = source.pixel_from_direction(direction)?;
@@ -81,10 +81,10 @@ pub(super) fn compare(
         };
         between.distance(point.direction) > singular_values(along_x, along_y)[0]
     };
-    let of_row = |y: u32| {
+    let compare_row = |y: u32| {
         let mut row = Found { smooth_px: 0.0, off: Vec::new(), torn: None };
         let points = (0..width).filter(|x| nodes.contains(*x, y)).flat_map(|x| points_of(x, y));
-        for point in points.filter_map(of_point) {
+        for point in points.filter_map(compare_point) {
             if row.torn.is_none() && is_torn(&point) {
                 row.torn = Some(point.place());
             }
@@ -97,7 +97,7 @@ pub(super) fn compare(
         row
     };
     let nothing = Found { smooth_px: 0.0, off: Vec::new(), torn: None };
-    by_rows(height, of_row).into_iter().fold(nothing, |mut all, row| {
+    by_rows(height, compare_row).into_iter().fold(nothing, |mut all, row| {
         all.smooth_px = all.smooth_px.max(row.smooth_px);
         all.off.extend(row.off);
         all.torn = all.torn.or(row.torn);
@@ -106,12 +106,12 @@ pub(super) fn compare(
 }
 
 impl Off {
-    /// Also if it is not a number.
+    /// Whether the error exceeds the limit; NaN does.
     fn is_beyond(&self, limit_px: f64) -> bool {
         !is_within(self.off_px, limit_px)
     }
 
-    /// The pixel that holds it.
+    /// The pixel that contains the point.
     fn place(&self) -> [u32; 2] {
         [self.pixel.x as u32, self.pixel.y as u32]
     }
@@ -122,7 +122,7 @@ impl Off {
 }
 
 impl Found {
-    /// What has to be refined of a picture of so many pixels. If it is too much for kinks, the mapping is refused.
+    /// Directions to refine in a picture of `pixels` pixels. Fails if there are too many for kinks.
     pub(super) fn to_refine(&self, pixels: u64) -> Result<Vec<DVec3>, TabulationError> {
         if let Some(pixel) = self.torn {
             return Err(TabulationError::Torn { pixel });
@@ -137,7 +137,7 @@ impl Found {
         self.off.iter().find(|off| off.is_beyond(LIMIT_PX)).map_or(Ok(Vec::new()), |off| Err(off.error()))
     }
 
-    /// How good the table is; an error if it is off where the mapping is smooth, or by too much at a kink.
+    /// Accuracy of the table. Fails if the table is off where the mapping is smooth, or by too much at a kink.
     pub(super) fn accuracy(&self, source: &dyn PlaneMapping) -> Result<TableAccuracy, TabulationError> {
         let mut accuracy = TableAccuracy { smooth_px: self.smooth_px, kink_px: 0.0 };
         for off in &self.off {

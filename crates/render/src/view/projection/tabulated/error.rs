@@ -2,7 +2,7 @@
 
 use super::super::ProjectionError;
 
-/// Why a mapping cannot be tabulated: each names the place.
+/// Reasons why a mapping cannot be tabulated. Each names the pixel.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum TabulationError {
@@ -22,38 +22,38 @@ pub enum TabulationError {
     /// No pixel lies in the picture.
     #[error("no pixel of the picture has a direction")]
     Empty,
-    /// A pixel's direction or solid angle is not finite, or the direction is no unit vector.
+    /// A pixel's direction or solid angle is not finite, or the direction is not a unit vector.
     #[error("pixel ({}, {}): {what}", pixel[0], pixel[1])]
     Value {
         /// Column and row.
         pixel: [u32; 2],
-        /// What is wrong.
+        /// The problem.
         what: String,
     },
-    /// A pixel's solid angle is not what its directions span.
+    /// A pixel's solid angle disagrees with the one that its directions span.
     #[error(
-        "pixel ({}, {}): its solid angle is given as {given_sr:e} sr, but its directions span {spanned_sr:e} sr",
+        "pixel ({}, {}): its solid angle is {given_sr:e} sr, but its directions span {spanned_sr:e} sr",
         pixel[0],
         pixel[1]
     )]
     SolidAngle {
         /// Column and row.
         pixel: [u32; 2],
-        /// By the mapping.
+        /// Reported by the mapping.
         given_sr: f64,
-        /// Between the middles of the pixel's sides.
+        /// Spanned between the midpoints of the pixel's sides.
         spanned_sr: f64,
     },
-    /// The mapping turns its orientation: part of the picture is mirrored, part is not.
+    /// The orientation of the mapping changes: part of the picture is mirrored, part is not.
     #[error("pixel ({}, {}): the mapping folds here: one side of it is mirrored, the other is not", pixel[0], pixel[1])]
     Folded {
         /// Column and row.
         pixel: [u32; 2],
     },
-    /// The direction of a pixel has its image elsewhere: two places of the picture show one direction, or both ways of the
-    /// mapping do not belong together.
+    /// The direction of a pixel has its image elsewhere: two points of the picture show the same direction, or the two
+    /// functions of the mapping are not inverse.
     #[error(
-        "pixel ({}, {}): its direction is mapped to ({:.3}, {:.3}): the mapping folds, or is not the inverse of its other way",
+        "pixel ({}, {}): its direction is mapped to ({:.3}, {:.3}): the mapping folds, or its two functions are not inverse",
         pixel[0],
         pixel[1],
         image[0],
@@ -62,37 +62,37 @@ pub enum TabulationError {
     NotInverse {
         /// Column and row.
         pixel: [u32; 2],
-        /// Where its direction has its image.
+        /// Image of the pixel's direction.
         image: [f64; 2],
     },
     /// Neighbouring pixels have directions far apart.
-    #[error("pixel ({}, {}): the mapping is torn here: pixels side by side show different parts of the sky", pixel[0], pixel[1])]
+    #[error("pixel ({}, {}): the mapping is torn here: neighbouring pixels show different parts of the sky", pixel[0], pixel[1])]
     Torn {
         /// Column and row.
         pixel: [u32; 2],
     },
-    /// The table gives another place than the mapping.
+    /// The table and the mapping disagree.
     #[error(
-        "pixel ({}, {}): between the centres of pixels the table is {off_px:.3} px off (allowed: {limit_px} px): the mapping changes too fast here",
+        "pixel ({}, {}): between the centres of pixels the table is {off_px:.3} px off (limit: {limit_px} px): the mapping changes too fast here",
         pixel[0],
         pixel[1]
     )]
     Coarse {
         /// Column and row.
         pixel: [u32; 2],
-        /// How far off.
+        /// Distance, px.
         off_px: f64,
-        /// What is allowed.
+        /// Largest allowed distance, px.
         limit_px: f64,
     },
-    /// More than two pieces of the picture meet in one place of the sky.
+    /// More than two pieces of the picture meet at one direction.
     #[error("pixel ({}, {}): more than two pieces of the picture meet in its direction", pixel[0], pixel[1])]
     Junction {
         /// Column and row.
         pixel: [u32; 2],
     },
-    /// The mapping says that it shows the full sphere, and does not.
-    #[error("the mapping says that it shows the full sphere, but its pixels add up to {sum_sr} sr, not to 4 pi sr")]
+    /// The mapping claims to show the full sphere, but does not.
+    #[error("the mapping claims to show the full sphere, but its pixels add up to {sum_sr} sr, not to 4 pi sr")]
     NotFullSphere {
         /// Sum over the pixels, sr.
         sum_sr: f64,

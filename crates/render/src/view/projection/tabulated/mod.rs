@@ -1,15 +1,16 @@
-//! Any mapping as a table: what a projection of one's own needs to be drawn on the adapter.
+//! Any mapping as a table, which lets the GPU draw custom projections.
 //!
-//! [`TabulatedMapping::new`] asks a [`PlaneMapping`] for the direction and the solid angle of every pixel, and for where to begin the
-//! search for the pixel of a direction; the adapter has these numbers and no formula. Between the centres of pixels directions come from cubic
-//! convolution (Keys 1981); a direction's place is found by Newton steps on them, and around kinks, such as the poles of many maps
-//! of the sphere, in a finer table. The mapping itself stays behind it: in f64 everything goes through it, so that the f64 twins draw
-//! what it says and not what the table makes of it. Baking compares both at four points of every pixel, and refuses by name of
-//! the pixel what differs by more than [`LIMIT_PX`], folds, tears, or is not finite.
+//! [`TabulatedMapping::new`] queries a [`PlaneMapping`] for the direction and the solid angle of every pixel, and for
+//! the starting points of the inverse search (from a direction to its pixel). The GPU has only these numbers, no
+//! formula. Between pixel centres, directions are interpolated by cubic convolution (Keys 1981). The pixel of a
+//! direction is found by Newton steps on them; around kinks, such as the poles of many maps of the sphere, a finer
+//! table is used. In f64 everything still goes through the mapping itself, so that the f64 twins draw the mapping and
+//! not its table. Baking compares both at four points of every pixel. It refuses mappings that differ from their table
+//! by more than [`LIMIT_PX`], fold, tear or are not finite, and the error names the pixel.
 //!
-//! Where the mapping has a cut, a star's image is on the side that the mapping says. If it shows the full sphere, what
-//! of the star's light falls over the picture's edge goes to the pixels inside, so that it is whole; otherwise the edge is
-//! a border, and what lies beyond is not in the picture.
+//! At a cut of the mapping, a star's image is on the side that the mapping returns. If the mapping shows the full
+//! sphere, light beyond the edge of the picture is added to the pixels inside, so that no light is lost. Otherwise the
+//! edge is a border, and light beyond it is not in the picture.
 
 mod bake;
 mod check;
@@ -41,10 +42,10 @@ use self::{
 };
 use super::{BoundingCone, Footprint, PlaneMapping, Tap};
 
-/// Groups of four words before the directions of a table: see [`TabulatedMapping::words`].
+/// Number of four-word groups before the directions of a table: see [`TabulatedMapping::words`].
 pub const HEADER: u32 = 4;
 
-/// A mapping with its table. Two are equal if they are the same one.
+/// A mapping with its table. Two instances are equal only if they are the same object.
 pub struct TabulatedMapping {
     source: Arc<dyn PlaneMapping + Send>,
     baked: Baked,
@@ -68,20 +69,20 @@ impl PartialEq for TabulatedMapping {
 }
 
 impl TabulatedMapping {
-    /// Bakes a mapping. This takes one to six seconds for a million pixels on two cores: a closed form less, splines more.
+    /// Bakes a mapping. A million pixels take one to six seconds on two cores: closed forms are faster than splines.
     ///
     /// # Errors
     ///
-    /// What a table cannot hold, with the pixel at which it is.
+    /// The mapping cannot be tabulated; the error names the pixel.
     pub fn new(source: impl PlaneMapping + Send + 'static) -> Result<Self, TabulationError> {
         Self::shared(Arc::new(source))
     }
 
-    /// The same of a mapping that others use too.
+    /// As [`TabulatedMapping::new`], for a shared mapping.
     ///
     /// # Errors
     ///
-    /// Those of [`TabulatedMapping::new`].
+    /// As [`TabulatedMapping::new`].
     pub fn shared(source: Arc<dyn PlaneMapping + Send>) -> Result<Self, TabulationError> {
         let baked = bake::bake(&*source)?;
         let all = source.shows_full_sphere();
@@ -102,17 +103,18 @@ impl TabulatedMapping {
         Ok(Self { source, baked, starts, has_cut, accuracy })
     }
 
-    /// How good the table is.
+    /// Accuracy of the table.
     pub fn accuracy(&self) -> TableAccuracy {
         self.accuracy
     }
 
-    /// Where the table has a direction (any length but 0), as the adapter finds it: in f64, but for the numbers of the table.
+    /// Pixel coordinates of a direction (any length but 0) in the table, found with the algorithm of the GPU: in f64,
+    /// but with the table's f32 values.
     pub fn lookup(&self, direction: DVec3) -> Option<DVec2> {
         lookup(&self.starts, &self.baked.nodes, direction.try_normalize()?, self.shows_full_sphere())
     }
 
-    /// Whether two neighbouring directions may have their images far apart, each with neighbours around it.
+    /// Whether neighbouring directions can have images far apart, each with its own neighbourhood.
     pub fn has_cut(&self) -> bool {
         self.has_cut
     }
@@ -127,25 +129,25 @@ impl TabulatedMapping {
         self.baked.least_sr
     }
 
-    /// Pixels in the picture.
+    /// Number of pixels in the picture.
     pub fn pixels(&self) -> u64 {
         self.baked.pixels
     }
 
-    /// The shortest side of any pixel, and the shortest of their longer sides, rad.
+    /// The shortest side of any pixel, and the shortest of the longer sides, rad.
     pub fn finest_pixel_rad(&self) -> [f64; 2] {
         [self.baked.shortest_rad, self.baked.longer_rad[0]]
     }
 
-    /// Bytes that the table takes on the adapter.
+    /// Size of the table on the GPU, bytes.
     pub fn bytes(&self) -> u64 {
         let Starts { cells, patches, .. } = &self.starts;
         (HEADER as usize + self.baked.nodes.values.len() + cells.len() + patches.len()) as u64 * 16
     }
 
-    /// The table as the adapter reads it, in groups of four words: cells along a side of the grid of beginnings and the number of the
-    /// first one's group; the grid's axis and its cells per radian; its columns' direction; its rows' direction; then the
-    /// nodes of pixels' centres, the cells, and the samples of their patches.
+    /// The table as the GPU reads it, in groups of four words. Header: cells along a side of the grid of starts and the
+    /// group index of the first cell; the grid's axis and its cells per radian; the direction of its columns; the
+    /// direction of its rows. Then the nodes (pixel centres), the cells, and the samples of their patches.
     pub(crate) fn words(&self) -> Vec<[u32; 4]> {
         let Starts { side, axis, right, up, scale, cells, patches } = &self.starts;
         let nodes = &self.baked.nodes.values;
@@ -173,7 +175,7 @@ fn lookup(starts: &Starts, nodes: &Nodes, direction: DVec3, shows_everything: bo
     }
 }
 
-/// Through the mapping itself, as far as the picture goes that the table has.
+/// Uses the mapping itself, restricted to the picture of the table.
 impl PlaneMapping for TabulatedMapping {
     fn size(&self) -> [u32; 2] {
         self.baked.nodes.size
@@ -204,7 +206,7 @@ impl PlaneMapping for TabulatedMapping {
         self.source.shows_full_sphere()
     }
 
-    /// From the directions around the image: across a cut the image has no derivative, its direction has.
+    /// From the directions around the image: across a cut the image has no derivative, but the direction has one.
     fn pixel_extent_rad(&self, direction: DVec3) -> Option<[f64; 2]> {
         let pixel = self.source.pixel_from_direction(direction)?;
         match bake::derivatives(&*self.source, pixel) {
@@ -217,7 +219,7 @@ impl PlaneMapping for TabulatedMapping {
         if self.shows_full_sphere() {
             return BoundingCone { axis: self.baked.axis, half_angle_rad: PI };
         }
-        // Half the diagonal of the last pixel, too.
+        // Includes half the diagonal of the last pixel.
         let reach_rad = self.baked.reach_rad[0] + (margin_px + 0.75) * self.baked.longer_rad[1];
         BoundingCone { axis: self.baked.axis, half_angle_rad: reach_rad.min(PI) }
     }
@@ -226,7 +228,7 @@ impl PlaneMapping for TabulatedMapping {
         let Some(centre) = self.pixel_from_direction(direction) else { return Vec::new() };
         let mut taps: Vec<Tap> = kernel(centre).into_iter().filter_map(|tap| self.tap_inside(tap)).collect();
         if self.shows_full_sphere() {
-            // Nothing lies outside of this picture, so what falls over its edge belongs to the pixels inside.
+            // Nothing lies outside of this picture, so weights beyond its edge belong to the pixels inside.
             let inside: f64 = taps.iter().map(|tap| tap.weight).sum();
             for tap in &mut taps {
                 tap.weight /= inside;

@@ -1,16 +1,18 @@
-//! The directions of a tabulated picture, at the centres of its pixels and of some around it, and what lies between them.
+//! The directions of a tabulated picture at the centres of its pixels and of a fringe around it, and the interpolation
+//! between them.
 
 use glam::{DVec2, DVec3};
 
-/// So many pixels around every pixel of the picture have a direction too, where the mapping goes on: kernels of stars that
-/// stand outside reach over the border.
+/// Width of the fringe: the number of pixels around the picture that also have a direction, if the mapping continues
+/// there. Kernels of stars outside the picture reach over its border.
 pub const FRINGE: i64 = 8;
 
-/// Unit directions at the nodes of a grid of pixels' centres; node (0, 0) is the centre of pixel (-[`FRINGE`], -[`FRINGE`]).
+/// Unit directions at the nodes of a grid of pixel centres; node (0, 0) is the centre of pixel (-[`FRINGE`],
+/// -[`FRINGE`]).
 pub(super) struct Nodes {
     /// Width and height of the picture, pixels.
     pub(super) size: [u32; 2],
-    /// Direction in view axes, and solid angle in sr: 0 outside of the picture. All 0 where there is no direction.
+    /// Direction in view axes, and solid angle in sr (0 outside of the picture). All 0 if there is no direction.
     pub(super) values: Vec<[f32; 4]>,
 }
 
@@ -19,17 +21,18 @@ pub(super) fn node_counts(size: [u32; 2]) -> [i64; 2] {
     size.map(|side| i64::from(side) + 2 * FRINGE)
 }
 
-/// Place in nodes of a point of the picture.
+/// Node coordinates of a point of the picture.
 pub(super) fn place_of_pixel(pixel: DVec2) -> DVec2 {
     pixel - 0.5 + FRINGE as f64
 }
 
-/// Point of the picture of a place in nodes.
+/// Point of the picture at given node coordinates.
 pub(super) fn pixel_of_place(place: DVec2) -> DVec2 {
     place + 0.5 - FRINGE as f64
 }
 
-/// Weights of a cubic convolution (Keys 1981, with a = -1/2) at a part of the way between the second node and the third.
+/// Weights of a cubic convolution (Keys 1981, with a = -1/2) at the fraction `part` between the second and the third
+/// node.
 fn cubic_weights(part: f64) -> [f64; 4] {
     let rest = 1.0 - part;
     [
@@ -60,15 +63,15 @@ impl Nodes {
         inside && self.value([x, y].map(|at| i64::from(at) + FRINGE)).is_some_and(|value| value[3] > 0.0)
     }
 
-    /// Directions at the four nodes around a place, row by row.
+    /// Directions at the four nodes around a position, row by row.
     pub(super) fn quad(&self, place: DVec2) -> Option<[DVec3; 4]> {
         let [x, y] = [place.x.floor() as i64, place.y.floor() as i64];
         let at = |i: i64, j: i64| self.direction([x + i, y + j]);
         Some([at(0, 0)?, at(1, 0)?, at(0, 1)?, at(1, 1)?])
     }
 
-    /// Direction at a place by cubic convolution, of nearly unit length; where a node is missing, between the four nodes
-    /// around it.
+    /// Direction at a position by cubic convolution, of nearly unit length; bilinear between the four nodes around it
+    /// if a node is missing.
     pub(super) fn between(&self, place: DVec2) -> Option<DVec3> {
         let first = place.floor();
         let part = place - first;

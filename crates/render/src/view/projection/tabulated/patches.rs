@@ -1,6 +1,6 @@
-//! Cells of the grid of beginnings in which no search is of use: at kinks of the mapping, as the poles of many maps of
-//! the sphere are, slopes say little of the way to go. There the images themselves stand, finely sampled, on each
-//! side of a cut by themselves.
+//! Patches: finely sampled images for cells of the grid in which a search does not converge. At kinks of the mapping,
+//! such as the poles of many maps of the sphere, the slopes do not point towards the solution. These cells store the
+//! images themselves, separately for each side of a cut.
 
 use std::collections::BTreeSet;
 
@@ -11,16 +11,16 @@ use super::{
     starts::{NO_START, Starts, side_of_cut},
 };
 
-/// Set in a cell's word that names a patch: the rest is the number of its first group of words.
+/// Set in a cell's word that refers to a patch: the remaining bits are the index of its first group of words.
 pub const PATCH_BIT: u32 = 1 << 31;
 /// Intervals along a side of a patch.
 pub const PATCH_STEPS: u32 = 16;
-/// A sample so near to a cut may lie on its other side already: parts of a cell.
+/// A sample closer than this to a cut may be on its other side, in units of a cell.
 const BESIDE_CUT: f64 = 1e-3;
 
 const NEIGHBOURS: [[i64; 2]; 8] = [[-1, -1], [0, -1], [1, -1], [-1, 0], [1, 0], [-1, 1], [0, 1], [1, 1]];
 
-/// The image of a place in a cell, from (0, 0) to (1, 1), by its patch.
+/// The image at a position in a cell, from (0, 0) to (1, 1), interpolated in its patch.
 pub(super) fn in_patch(samples: &[[f32; 2]], part: DVec2) -> DVec2 {
     let steps = f64::from(PATCH_STEPS);
     let place = (part * steps).clamp(DVec2::ZERO, DVec2::splat(steps));
@@ -33,7 +33,8 @@ pub(super) fn in_patch(samples: &[[f32; 2]], part: DVec2) -> DVec2 {
     at(0, 0).lerp(at(1, 0), part.x).lerp(at(0, 1).lerp(at(1, 1), part.x), part.y)
 }
 
-/// Gives patches to the cells that hold these directions, and to those around them. `base`: groups of words before the first patch.
+/// Creates patches for the cells that contain these directions, and for their neighbours. `base`: groups of words
+/// before the first patch.
 pub(super) fn refine(starts: &mut Starts, source: &dyn PlaneMapping, directions: &[DVec3], base: u32) {
     let side = i64::from(starts.side);
     let mut cells = BTreeSet::new();
@@ -69,7 +70,7 @@ pub(super) fn refine(starts: &mut Starts, source: &dyn PlaneMapping, directions:
     }
 }
 
-/// The samples of a patch, row by row; those without an image go on as those beside them do.
+/// The samples of a patch, row by row; samples without an image are extrapolated from their neighbours.
 fn patch(image: impl Fn(DVec2) -> Option<DVec2>) -> Option<Vec<[f32; 2]>> {
     let count = i64::from(PATCH_STEPS) + 1;
     let at = |index: i64| index as f64 / f64::from(PATCH_STEPS) - 0.5;
@@ -94,7 +95,8 @@ fn patch(image: impl Fn(DVec2) -> Option<DVec2>) -> Option<Vec<[f32; 2]>> {
     Some(samples.into_iter().flatten().map(|sample| sample.as_vec2().to_array()).collect())
 }
 
-/// A sample as straight lines through two on the same side of it go on; where there are no two, the one beside it.
+/// Extrapolates a sample from its neighbours with straight lines through two samples on the same side; if there are no
+/// two, with the adjacent samples.
 fn continued(held: impl Fn(i64, i64) -> Option<DVec2>) -> Option<DVec2> {
     for lines in [true, false] {
         let found = NEIGHBOURS.into_iter().filter_map(|[i, j]| {

@@ -1,4 +1,4 @@
-//! Work row by row, on all cores.
+//! Parallel work on rows.
 
 use std::{
     panic::resume_unwind,
@@ -6,7 +6,7 @@ use std::{
     thread,
 };
 
-/// What `make` makes of every row, in their order.
+/// Returns the results of `make` for every row, in order, computed on all cores.
 pub(super) fn by_rows<T: Send>(rows: u32, make: impl Fn(u32) -> T + Sync) -> Vec<T> {
     let threads = thread::available_parallelism().map_or(1, usize::from).min(rows as usize);
     let next = AtomicU32::new(0);
@@ -28,5 +28,5 @@ pub(super) fn by_rows<T: Send>(rows: u32, make: impl Fn(u32) -> T + Sync) -> Vec
         }
     });
     made.sort_unstable_by_key(|(row, _)| *row);
-    made.into_iter().map(|(_, of_row)| of_row).collect()
+    made.into_iter().map(|(_, result)| result).collect()
 }

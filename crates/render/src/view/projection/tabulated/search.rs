@@ -1,22 +1,23 @@
-//! From a direction to its place in the picture, as the adapter finds it: Newton steps on the table, from a place that is
-//! near. The shader `shaders/shared/tabulated.wgsl` has the same in f32.
+//! Inverse search as on the GPU: from a direction to its position in the picture, by Newton steps on the table from a
+//! nearby start. The shader `shaders/shared/tabulated.wgsl` does the same in f32.
 
 use glam::{DVec2, DVec3};
 
 use super::nodes::{Nodes, pixel_of_place};
 
-/// Steps at most; three are usual.
+/// Maximum number of steps; three are usual.
 pub const MOST_STEPS: u32 = 12;
-/// The longest step, pixels.
+/// Maximum length of a step, pixels.
 pub const LONGEST_STEP_PX: f32 = 2.0;
-/// After a shorter step directions are taken from the cubic, pixels.
+/// After a step shorter than this, directions are interpolated with the cubic, pixels.
 pub const NEAR_PX: f32 = 0.5;
-/// After a shorter step with the cubic the place is found: the slopes are those of the four nodes around, so that what is
-/// left is a small part of it, pixels.
+/// The search ends after a step with the cubic that is shorter than this, pixels. The slopes come from the four nodes
+/// around, so the remaining error is a small fraction of the step.
 pub const DONE_PX: f32 = 0.01;
 
-/// Where the picture has `direction` (unit vector), beginning in the middle of the four nodes around `start`. Where the way leads out of
-/// the table there is no image; but if the picture shows everything, it ends there.
+/// Position of `direction` (unit vector) in the picture, starting in the middle of the four nodes around `start`. If
+/// the search leaves the table there is no image, except if the picture shows the full sphere: then the last position
+/// is returned.
 pub(super) fn search(nodes: &Nodes, direction: DVec3, start: [u32; 2], shows_everything: bool) -> Option<DVec2> {
     let mut place = DVec2::new(f64::from(start[0]), f64::from(start[1])) + 0.5;
     let mut held = place;
@@ -28,9 +29,10 @@ pub(super) fn search(nodes: &Nodes, direction: DVec3, start: [u32; 2], shows_eve
         let along_x = (b - a).lerp(d - c, part.y);
         let along_y = (c - a).lerp(d - b, part.x);
         let linear = || a.lerp(b, part.x).lerp(c.lerp(d, part.x), part.y);
-        let at = if is_near { nodes.between(place).unwrap_or_else(linear) } else { linear() };
-        // at + x along_x + y along_y is to be parallel to the direction: Cramer's rule, without what lies along it.
-        let missing = direction - at.normalize();
+        let direction_here = if is_near { nodes.between(place).unwrap_or_else(linear) } else { linear() };
+        // Solve for at + x along_x + y along_y parallel to the direction: Cramer's rule, ignoring the component along
+        // the direction.
+        let missing = direction - direction_here.normalize();
         let across = along_y.cross(direction);
         let step = DVec2::new(missing.dot(across), missing.dot(direction.cross(along_x))) / along_x.dot(across);
         if !step.is_finite() {

@@ -1,8 +1,8 @@
-//! Where the search for a direction begins: a grid over the part of the sky that the picture shows, azimuthal equidistant around
-//! an axis. Each cell has a node of the table near the image of its directions.
+//! Starting points of the inverse search: an azimuthal equidistant grid, around an axis, over the part of the sky that
+//! the picture shows. Each cell has a node of the table near the image of its directions.
 //!
-//! A map of the sphere has cuts: two neighbouring directions may have their images far apart. A cell that a cut goes through has
-//! two beginnings, and the line between them: through the places where the mapping itself jumps, found by halving.
+//! A map of the sphere has cuts, where neighbouring directions have images far apart. A cell with a cut has two starts
+//! and the line between them, fitted to the positions where the mapping jumps, which are found by bisection.
 
 use std::f64::consts::PI;
 
@@ -14,69 +14,72 @@ use super::{
     patches::PATCH_BIT,
 };
 
-/// In place of a node: there is none.
+/// Marks a missing node.
 pub const NO_START: u32 = u32::MAX;
-/// Pixels of a cell's side, about.
+/// Approximate side of a cell, pixels.
 const CELL_PX: f64 = 2.5;
-/// Cells along a side of the grid, at most.
+/// Maximum number of cells along a side of the grid.
 const MOST_SIDE: f64 = 2047.0;
-/// Jumps are looked for where a cell's images are so far from evenly spaced: parts of their distance, and pixels.
+/// Jumps are searched if the images of a cell deviate from even spacing by more than this: relative to their distance,
+/// plus pixels.
 const UNEVEN: [f64; 2] = [0.1, 0.05];
-/// Points along a side of a cell at which a cut is looked for.
+/// Number of points along a side of a cell at which a cut is searched.
 const CUT_POINTS: usize = 9;
-/// Halvings of the way between two of them.
+/// Number of bisection steps between two of them.
 const HALVINGS: usize = 28;
-/// What is farther apart than this after so many halvings is a jump, pixels.
+/// A distance that remains larger than this after all bisections is a jump, pixels.
 const JUMP_PX: f64 = 0.05;
 
-/// A cell: the nodes at which the search begins on both sides of a cut (column in the lower half of the word, row in the
-/// upper one), the cut's unit normal as two signed 16-bit fractions, and its distance from the cell's middle along the normal in cells, as the
-/// bits of an f32. Without a cut the second node is [`NO_START`]. A word with [`PATCH_BIT`] names a patch in place of a node. Where both are [`NO_START`] the
-/// others tell how far the picture is: see [`super::outside`].
+/// A cell: the start nodes on both sides of a cut (column in the lower half of the word, row in the upper half); the
+/// unit normal of the cut as two signed 16-bit fractions; and its signed distance from the middle of the cell along the
+/// normal in cells, as the bits of an f32. Without a cut the second node is [`NO_START`]. A word with [`PATCH_BIT`]
+/// refers to a patch instead of a node. If both are [`NO_START`], the other words hold the distance to the picture: see
+/// [`super::outside`].
 pub(super) type Cell = [u32; 4];
 
 const EMPTY: Cell = [NO_START, NO_START, 0, 0];
 
-/// The grid.
+/// Grid of starts.
 pub(super) struct Starts {
     /// Cells along a side.
     pub(super) side: u32,
-    /// Unit vectors: what the grid lies around, and its columns and rows.
+    /// Unit vectors: the axis of the grid, and the directions of its columns and rows.
     pub(super) axis: DVec3,
     pub(super) right: DVec3,
     pub(super) up: DVec3,
     /// Cells per radian.
     pub(super) scale: f64,
     pub(super) cells: Vec<Cell>,
-    /// Images in the cells that have patches in place of nodes: see [`super::patches`].
+    /// Samples of the cells that have patches instead of nodes: see [`super::patches`].
     pub(super) patches: Vec<[f32; 2]>,
 }
 
-/// What a cell has for a direction.
+/// Start of the search for a direction.
 pub(super) enum Beginning {
-    /// The search begins in the middle of the four nodes around this one.
+    /// Start in the middle of the four nodes around this one.
     Node([u32; 2]),
-    /// The image is in the patch with this group of words, at this place in the cell.
+    /// The image is in the patch at this group of words, at this position in the cell.
     Patch(u32, DVec2),
 }
 
-/// How far a place in a cell, from (-0.5, -0.5) to (0.5, 0.5), lies from the cell's cut: the first beginning is for places above 0.
-pub(super) fn side_of_cut([.., normal, offset]: Cell, at: DVec2) -> f64 {
+/// Signed distance of a position in a cell, from (-0.5, -0.5) to (0.5, 0.5), from the cut of the cell: the first start
+/// serves positive distances.
+pub(super) fn side_of_cut([.., normal, offset]: Cell, local: DVec2) -> f64 {
     let fraction = |word: u32| f64::from(word as u16 as i16) / 32767.0;
-    DVec2::new(fraction(normal), fraction(normal >> 16)).dot(at) - f64::from(f32::from_bits(offset))
+    DVec2::new(fraction(normal), fraction(normal >> 16)).dot(local) - f64::from(f32::from_bits(offset))
 }
 
-/// Three pieces of the picture meet where this pixel's direction is.
+/// Three pieces of the picture meet at the direction of this pixel.
 pub(super) struct Junction(pub(super) [u32; 2]);
 
-/// A direction that was looked at, within a cell.
+/// A tested direction within a cell.
 #[derive(Clone, Copy)]
 struct Sample {
-    /// Place in the cell, from -0.5 to 0.5.
-    at: DVec2,
+    /// Position in the cell, from -0.5 to 0.5.
+    local: DVec2,
     /// Its image.
     pixel: Option<DVec2>,
-    /// Whether the search can begin there.
+    /// Whether the search can start there.
     held: bool,
 }
 
@@ -86,17 +89,18 @@ fn packed(pixel: DVec2) -> u32 {
 }
 
 impl Starts {
-    /// A grid around `axis` that reaches to `half_angle_rad`, for a picture of so many pixels. No cell is filled yet.
+    /// A grid around `axis` that reaches to `half_angle_rad`, for a picture of `pixels` pixels. All cells are still
+    /// empty.
     fn new(axis: DVec3, half_angle_rad: f64, pixels: u64) -> Self {
         let wanted = ((pixels as f64).sqrt() / CELL_PX).clamp(9.0, MOST_SIDE) as u32;
-        // Odd, so that no border between cells goes through the axis: cuts are likely to.
+        // Odd, so that no border between cells goes through the axis, where cuts are likely.
         let side = wanted | 1;
         let (right, up) = if axis == DVec3::NEG_Z { (DVec3::X, DVec3::Y) } else { axis.any_orthonormal_pair() };
         let scale = f64::from(side) / 2.0 / (half_angle_rad.min(PI) * 1.001);
         Self { side, axis, right, up, scale, cells: Vec::new(), patches: Vec::new() }
     }
 
-    /// Place of a direction (unit vector) in the grid, cells.
+    /// Position of a direction (unit vector) in the grid, cells.
     pub(super) fn place(&self, direction: DVec3) -> DVec2 {
         let across = DVec2::new(direction.dot(self.right), direction.dot(self.up));
         let sine = across.length();
@@ -104,7 +108,7 @@ impl Starts {
         azimuth * (sine.atan2(direction.dot(self.axis)) * self.scale) + f64::from(self.side) / 2.0
     }
 
-    /// The direction of a place; `None` beyond the antipode.
+    /// The direction at a position; `None` beyond the antipode.
     pub(super) fn direction(&self, place: DVec2) -> Option<DVec3> {
         let from_middle = (place - f64::from(self.side) / 2.0) / self.scale;
         let angle = from_middle.length();
@@ -116,7 +120,7 @@ impl Starts {
         Some(self.axis * cos + (self.right * azimuth.x + self.up * azimuth.y) * sin)
     }
 
-    /// Where the search for a direction begins; `None` where it has no image.
+    /// Start of the search for a direction; `None` if it has no image.
     pub(super) fn start(&self, direction: DVec3) -> Option<Beginning> {
         let place = self.place(direction);
         let side = f64::from(self.side);
@@ -140,14 +144,14 @@ impl Starts {
     }
 }
 
-/// Fills a grid from the mapping's own way to its pixels.
+/// Fills a grid with the mapping's own inverse.
 struct Filler<'a> {
     starts: Starts,
     source: &'a dyn PlaneMapping,
     nodes: &'a Nodes,
 }
 
-/// The grid of a mapping.
+/// Builds the grid of a mapping.
 pub(super) fn starts(
     source: &(dyn PlaneMapping + Send),
     nodes: &Nodes,
@@ -162,17 +166,17 @@ pub(super) fn starts(
         cells.extend(row?);
     }
     filler.starts.cells = spread(cells, side as usize);
-    super::outside::tell_distances(&mut filler.starts.cells, side as usize, filler.starts.scale);
+    super::outside::write_distances(&mut filler.starts.cells, side as usize, filler.starts.scale);
     Ok(filler.starts)
 }
 
-/// Cells without a beginning get that of a neighbour: the picture may reach into them between the points that were looked at.
+/// Copies a neighbour's start into cells without one: the picture may reach into them between the tested points.
 fn spread(mut cells: Vec<Cell>, side: usize) -> Vec<Cell> {
     for _ in 0..2 {
         let before = &cells.clone();
         for (index, cell) in cells.iter_mut().enumerate().filter(|(_, cell)| cell[0] == NO_START) {
             let (x, y) = (index % side, index / side);
-            let near = |at: usize| at.saturating_sub(1)..(at + 2).min(side);
+            let near = |coordinate: usize| coordinate.saturating_sub(1)..(coordinate + 2).min(side);
             let neighbours = near(y).flat_map(|y| near(x).map(move |x| before[y * side + x]));
             if let Some(found) = neighbours.into_iter().find(|other| other[0] != NO_START) {
                 *cell = [found[0], NO_START, 0, 0];
@@ -183,22 +187,23 @@ fn spread(mut cells: Vec<Cell>, side: usize) -> Vec<Cell> {
 }
 
 impl Filler<'_> {
-    fn sample(&self, cell: DVec2, at: DVec2) -> Sample {
-        let direction = self.starts.direction(cell + 0.5 + at);
+    fn sample(&self, cell: DVec2, local: DVec2) -> Sample {
+        let direction = self.starts.direction(cell + 0.5 + local);
         let pixel = direction.and_then(|direction| self.source.pixel_from_direction(direction));
         let held = pixel.is_some_and(|pixel| self.nodes.quad(place_of_pixel(pixel)).is_some());
-        Sample { at, pixel, held }
+        Sample { local, pixel, held }
     }
 
-    /// Samples of a cell, `count` a side, its corners among them.
+    /// Samples of a cell, `count` along each side, including its corners.
     fn samples(&self, cell: DVec2, count: usize) -> Vec<Sample> {
-        let at = |index: usize| index as f64 / (count - 1) as f64 - 0.5;
-        let places = (0..count).flat_map(|j| (0..count).map(move |i| DVec2::new(at(i), at(j))));
-        places.map(|at| self.sample(cell, at)).collect()
+        let coordinate = |index: usize| index as f64 / (count - 1) as f64 - 0.5;
+        let places = (0..count).flat_map(|j| (0..count).map(move |i| DVec2::new(coordinate(i), coordinate(j))));
+        places.map(|local| self.sample(cell, local)).collect()
     }
 
     fn cell(&self, x: u32, y: u32) -> Result<Cell, Junction> {
         let cell = DVec2::new(f64::from(x), f64::from(y));
+        // A few samples decide for cells that are evenly mapped, or have no image.
         let coarse = self.samples(cell, 3);
         if coarse.iter().any(|sample| sample.held) && is_even(&coarse) {
             return Ok(nearest_to(&coarse, DVec2::ZERO));
@@ -209,6 +214,7 @@ impl Filler<'_> {
         if !coarse.iter().any(|sample| sample.held) && is_even(&coarse) {
             return Ok(EMPTY);
         }
+        // Otherwise search for jumps between neighbouring samples.
         let fine = self.samples(cell, CUT_POINTS);
         if !fine.iter().any(|sample| sample.held) {
             return Ok(EMPTY);
@@ -218,15 +224,17 @@ impl Filler<'_> {
             let below = (index / CUT_POINTS + 1 < CUT_POINTS).then_some(index + CUT_POINTS);
             [right, below].into_iter().flatten().map(move |other| (index, other))
         });
+        // Collect the jumps, and join samples without a jump between them into pieces.
         let mut jumps = Vec::new();
         let mut pieces: Vec<usize> = (0..fine.len()).collect();
         for (a, b) in pairs {
             match self.jump(cell, fine[a], fine[b]) {
-                Some(place) => jumps.push((place, fine[b].at - fine[a].at)),
+                Some(place) => jumps.push((place, fine[b].local - fine[a].local)),
                 None if fine[a].held && fine[b].held => join(&mut pieces, a, b),
                 None => {}
             }
         }
+        // One cut can separate only two pieces.
         let mut found: Vec<usize> = (0..fine.len()).filter(|i| fine[*i].held).map(|i| root(&pieces, i)).collect();
         found.sort_unstable();
         found.dedup();
@@ -240,14 +248,14 @@ impl Filler<'_> {
         Ok(divided(&fine, &jumps))
     }
 
-    /// Where between two neighbouring samples the mapping jumps, if it does.
+    /// Position between two neighbouring samples where the mapping jumps, if it does.
     fn jump(&self, cell: DVec2, a: Sample, b: Sample) -> Option<DVec2> {
         let (mut a, mut b) = (a, b);
         if a.pixel?.distance(b.pixel?) < JUMP_PX {
             return None;
         }
         for _ in 0..HALVINGS {
-            let middle = self.sample(cell, (a.at + b.at) / 2.0);
+            let middle = self.sample(cell, (a.local + b.local) / 2.0);
             let pixel = middle.pixel?;
             if pixel.distance(a.pixel?) < pixel.distance(b.pixel?) {
                 a = middle
@@ -258,11 +266,11 @@ impl Filler<'_> {
                 return None;
             }
         }
-        Some((a.at + b.at) / 2.0)
+        Some((a.local + b.local) / 2.0)
     }
 }
 
-/// Whether the images of three by three samples lie evenly, as far as there are any.
+/// Whether the images of 3 x 3 samples are evenly spaced; false if one is missing.
 fn is_even(samples: &[Sample]) -> bool {
     const TRIPLES: [[usize; 3]; 8] =
         [[0, 1, 2], [3, 4, 5], [6, 7, 8], [0, 3, 6], [1, 4, 7], [2, 5, 8], [0, 4, 8], [2, 4, 6]];
@@ -272,18 +280,18 @@ fn is_even(samples: &[Sample]) -> bool {
     })
 }
 
-/// A cell without a cut that begins at the sample nearest to a place.
+/// A cell without a cut that starts at the sample nearest to a position.
 fn nearest_to(samples: &[Sample], place: DVec2) -> Cell {
     start_near(samples, place, |_| true).map_or(EMPTY, |start| [start, NO_START, 0, 0])
 }
 
 fn start_near(samples: &[Sample], place: DVec2, allowed: impl Fn(&Sample) -> bool) -> Option<u32> {
     let held = samples.iter().filter(|sample| sample.held && allowed(sample));
-    let nearest = held.min_by(|a, b| a.at.distance_squared(place).total_cmp(&b.at.distance_squared(place)))?;
+    let nearest = held.min_by(|a, b| a.local.distance_squared(place).total_cmp(&b.local.distance_squared(place)))?;
     nearest.pixel.map(packed)
 }
 
-/// A cell with a cut through its jumps, each with the way on which it was met.
+/// A cell with a cut fitted to its jumps, each given with the direction of the step that crossed it.
 fn divided(samples: &[Sample], jumps: &[(DVec2, DVec2)]) -> Cell {
     let count = jumps.len() as f64;
     let middle = jumps.iter().map(|(place, _)| *place).sum::<DVec2>() / count;
@@ -293,7 +301,7 @@ fn divided(samples: &[Sample], jumps: &[(DVec2, DVec2)]) -> Cell {
         let offset = *place - middle;
         (xx, xy, yy) = (xx + offset.x * offset.x, xy + offset.x * offset.y, yy + offset.y * offset.y);
     }
-    // Across the longer axis of the jumps' scatter; of a single jump the way on which it was met.
+    // Perpendicular to the major axis of the jumps; for a single jump, the direction of the crossing step.
     let normal = if xx + yy > 1e-6 {
         let turn = 0.5 * (2.0 * xy).atan2(xx - yy);
         DVec2::new(-turn.sin(), turn.cos())
@@ -301,13 +309,13 @@ fn divided(samples: &[Sample], jumps: &[(DVec2, DVec2)]) -> Cell {
         way.normalize_or(DVec2::X)
     };
     let offset = normal.dot(middle);
-    let of_side = |sign: f64| {
-        let on_side = |sample: &Sample| sign * (normal.dot(sample.at) - offset) > 1e-6;
-        let places = samples.iter().filter(|sample| sample.held && on_side(sample)).map(|sample| sample.at);
-        let (sum, held) = places.fold((DVec2::ZERO, 0.0), |(sum, held), at| (sum + at, held + 1.0));
+    let start_on_side = |sign: f64| {
+        let on_side = |sample: &Sample| sign * (normal.dot(sample.local) - offset) > 1e-6;
+        let places = samples.iter().filter(|sample| sample.held && on_side(sample)).map(|sample| sample.local);
+        let (sum, held) = places.fold((DVec2::ZERO, 0.0), |(sum, held), local| (sum + local, held + 1.0));
         start_near(samples, sum / f64::max(held, 1.0), on_side)
     };
-    match (of_side(1.0), of_side(-1.0)) {
+    match (start_on_side(1.0), start_on_side(-1.0)) {
         (Some(first), Some(second)) => {
             let fraction = |value: f64| u32::from((value * 32767.0).round() as i16 as u16);
             [first, second, fraction(normal.x) | (fraction(normal.y) << 16), (offset as f32).to_bits()]

@@ -1,17 +1,17 @@
-//! Tables of mappings that are known otherwise, and mappings that no table can hold.
+//! Tables of mappings with known results, and mappings that no table can represent.
 
 use std::f64::consts::TAU;
 
 use super::*;
 use crate::view::projection::{CubeFace, Face, Fisheye, FisheyeMapping, Perspective, Projection, pixel_centre};
 
-/// A perspective picture with something changed.
+/// A perspective picture with a modification.
 struct Changed {
     base: Perspective,
-    /// From the point of this picture to that of the base, and back.
+    /// From a point of this picture to that of the base, and back.
     there: fn(DVec2) -> DVec2,
     back: fn(DVec2) -> DVec2,
-    /// Factor on solid angles.
+    /// Factor applied to solid angles.
     omega: f64,
     claims_everything: bool,
 }
@@ -54,7 +54,7 @@ impl PlaneMapping for Changed {
     }
 }
 
-/// Directions all over the sphere.
+/// Directions spread over the sphere.
 fn sphere(count: u32) -> impl Iterator<Item = DVec3> {
     (0..count).map(move |i| {
         let z = 1.0 - 2.0 * (f64::from(i) + 0.5) / f64::from(count);
@@ -63,7 +63,8 @@ fn sphere(count: u32) -> impl Iterator<Item = DVec3> {
     })
 }
 
-/// Greatest distance between what the table and the mapping say, over directions in the picture; and how many those are.
+/// Greatest distance between the table and the mapping over directions in the picture, and the number of these
+/// directions.
 fn farthest_px(table: &TabulatedMapping) -> (f64, usize) {
     let mut worst: f64 = 0.0;
     let mut count = 0;
@@ -82,7 +83,7 @@ fn farthest_px(table: &TabulatedMapping) -> (f64, usize) {
 fn tables_of_smooth_mappings_find_every_direction() {
     let fisheye = |mapping, degrees: f64| Fisheye::new([96, 80], mapping, degrees.to_radians()).unwrap();
     let off_axis = Perspective::off_axis([96, 64], -0.2, 1.1, 0.9, -0.1).unwrap();
-    // Bounds are four times what was measured.
+    // Bounds are four times the measured values.
     let tables = [
         (TabulatedMapping::new(base()), 8e-5),
         (TabulatedMapping::new(off_axis), 4e-4),
@@ -100,7 +101,7 @@ fn tables_of_smooth_mappings_find_every_direction() {
 }
 
 #[test]
-fn a_table_is_what_its_mapping_is() {
+fn a_table_agrees_with_its_mapping() {
     let fisheye = Fisheye::new([96, 80], FisheyeMapping::Equisolid, 3.0).unwrap();
     let table = Arc::new(TabulatedMapping::new(fisheye).unwrap());
     for (x, y) in [(48, 40), (10, 41), (20, 12), (0, 0), (95, 40), (47, 79), (200, 3)] {
@@ -110,12 +111,12 @@ fn a_table_is_what_its_mapping_is() {
     }
     let projection = Projection::Tabulated(Arc::clone(&table));
     let closed = Projection::Fisheye(fisheye);
-    for (of_table, of_closed) in [
+    for (tabulated, closed_form) in [
         (projection.picture_solid_angle_sr(), closed.picture_solid_angle_sr()),
         (projection.middle_pixel_rad(), closed.middle_pixel_rad()),
         (projection.smallest_pixel_sr(), closed.smallest_pixel_sr()),
     ] {
-        assert!((of_table / of_closed - 1.0).abs() < 2e-3, "{of_table} {of_closed}");
+        assert!((tabulated / closed_form - 1.0).abs() < 2e-3, "{tabulated} {closed_form}");
     }
     // Every direction of the picture lies in the cone, with a margin.
     let cone = table.bounding_cone(4.0);
@@ -137,19 +138,19 @@ fn refusal(mapping: Changed) -> String {
 }
 
 #[test]
-fn what_no_table_can_hold_is_refused_with_its_place() {
+fn mappings_that_no_table_can_represent_are_refused_with_the_pixel() {
     let same = |p: DVec2| p;
-    // Not a number at one pixel.
+    // NaN at one pixel.
     let error = refusal(changed(|p| if p.floor() == DVec2::new(7.0, 5.0) { DVec2::NAN } else { p }, same));
-    assert!(error.starts_with("pixel (7, 5): its direction") && error.contains("no unit vector"), "{error}");
-    // Folded along column 40: two pixels show one direction.
+    assert!(error.starts_with("pixel (7, 5): its direction") && error.contains("not a unit vector"), "{error}");
+    // Folded along column 40: two pixels show the same direction.
     let error = refusal(changed(|p| DVec2::new(40.0 - (p.x - 40.0).abs(), p.y), same));
     assert!(error.starts_with("pixel (40, 0)") && error.contains("folds"), "{error}");
-    // The left part mirrored in itself: both ways belong together, but it is seen from behind.
+    // The left part is mirrored in itself: the two functions are inverse, but the orientation is reversed.
     let half = |p: DVec2| if p.x < 32.0 { DVec2::new(32.0 - p.x, p.y) } else { p };
     let error = refusal(changed(half, half));
     assert!(error.starts_with("pixel (31, 0)") && error.contains("mirrored"), "{error}");
-    // Two rows in each other's place.
+    // Two rows swapped.
     let swapped = |p: DVec2| match p.y.floor() as i32 {
         20 => p + DVec2::new(0.0, 12.0),
         32 => p - DVec2::new(0.0, 12.0),
@@ -157,12 +158,12 @@ fn what_no_table_can_hold_is_refused_with_its_place() {
     };
     let error = refusal(changed(swapped, swapped));
     assert!(error.starts_with("pixel (0, 20)") || error.starts_with("pixel (0, 19)"), "{error}");
-    // Twelve columns left out, without a pixel outside of the picture between what is on both sides.
+    // Twelve columns left out, with no pixel outside of the picture between the two sides.
     let torn = |p: DVec2| if p.x < 31.2 { p } else { p + DVec2::new(12.0, 0.0) };
     let mended = |p: DVec2| if p.x < 43.2 { p } else { p - DVec2::new(12.0, 0.0) };
     let error = refusal(changed(torn, mended));
     assert!(error.starts_with("pixel (3") && (error.contains("torn") || error.contains("pieces")), "{error}");
-    // Twice the solid angle that there is.
+    // Twice the true solid angle.
     let error = refusal(Changed { omega: 2.0, ..changed(same, same) });
     assert!(error.starts_with("pixel (0, 0): its solid angle"), "{error}");
     let error = refusal(Changed { omega: f64::NAN, ..changed(same, same) });
@@ -170,10 +171,10 @@ fn what_no_table_can_hold_is_refused_with_its_place() {
     // A window is not the sphere.
     let error = refusal(Changed { claims_everything: true, ..changed(same, same) });
     assert!(error.contains("full sphere"), "{error}");
-    // One way that is not the other's inverse, by half a pixel.
+    // The two functions are not inverse: half a pixel off.
     let error = refusal(changed(same, |p| p + DVec2::new(0.5, 0.0)));
     assert!(error.starts_with("pixel (0, 0): its direction is mapped to (1.000, 0.500)"), "{error}");
-    // Nothing of it was wrong with the base.
+    // The unmodified base is accepted.
     assert!(TabulatedMapping::new(changed(same, same)).is_ok());
 }
 
@@ -181,14 +182,14 @@ fn what_no_table_can_hold_is_refused_with_its_place() {
 fn a_wrong_table_is_found() {
     let right = TabulatedMapping::new(base()).unwrap();
     assert!(farthest_px(&right).0 < LIMIT_PX);
-    // Two rows of directions in each other's place.
+    // Two rows of directions swapped.
     let mut wrong = TabulatedMapping::new(base()).unwrap();
     let columns = 64 + 2 * FRINGE as usize;
     for x in 0..columns {
         wrong.baked.nodes.values.swap(30 * columns + x, 31 * columns + x);
     }
     assert!(farthest_px(&wrong).0 > LIMIT_PX);
-    // Directions turned by a quarter of a pixel.
+    // Directions rotated by a quarter of a pixel.
     let mut wrong = TabulatedMapping::new(base()).unwrap();
     for value in &mut wrong.baked.nodes.values {
         value[0] += 0.25 / 64.0;
@@ -197,7 +198,7 @@ fn a_wrong_table_is_found() {
 }
 
 #[test]
-fn the_words_are_as_many_as_are_said() {
+fn the_table_has_the_reported_size() {
     let table = TabulatedMapping::new(base()).unwrap();
     let words = table.words();
     assert_eq!(words.len() as u64 * 16, table.bytes());
@@ -207,5 +208,5 @@ fn the_words_are_as_many_as_are_said() {
     assert_eq!(node(-1, 5)[3], 0, "beyond the border");
     let [x, y, z] = [0, 1, 2].map(|i| f64::from(f32::from_bits(node(-3, 5)[i])));
     let image = base().pixel_from_direction(DVec3::new(x, y, z)).unwrap();
-    assert!(image.distance(DVec2::new(-2.5, 5.5)) < 1e-4, "the mapping goes on there: {image}");
+    assert!(image.distance(DVec2::new(-2.5, 5.5)) < 1e-4, "the mapping continues there: {image}");
 }

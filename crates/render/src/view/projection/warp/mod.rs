@@ -1,7 +1,8 @@
-//! A projector's raster as a projection: directions on a grid over it, as calibrations give them, and all that lies between.
+//! A projector's raster as a projection, from directions on a grid over the raster as calibrations measure them.
 //!
-//! Directions come from splines through the samples ([`Interpolation`]), so a pixel's solid angle is |d dir/du x d dir/dv| of a smooth map. The place
-//! of a direction is found by Newton steps from the nearest of a lattice of points. Cells with an unknown corner are outside of the picture.
+//! Directions are interpolated by splines through the samples ([`Interpolation`]), so the solid angle of a pixel is |d
+//! dir/du x d dir/dv| of a smooth map. The pixel of a direction is found by Newton steps from the nearest point of a
+//! lattice. Cells with an unknown corner are outside of the picture.
 
 mod nearest;
 mod spline;
@@ -17,22 +18,22 @@ use self::{
 };
 use super::{BoundingCone, PlaneMapping, ProjectionError, check_size};
 
-/// Samples along a side, at most.
+/// Maximum number of samples along a side.
 pub const MOST_SAMPLES: usize = 8192;
-/// Newton steps until a place is found; a smooth map takes three to five.
+/// Maximum number of Newton steps; a smooth map needs three to five.
 const STEPS: usize = 12;
-/// A place is found when a step is shorter, pixels.
+/// The search ends after a step shorter than this, pixels.
 const FOUND_PX: f64 = 1e-9;
-/// How far beyond the raster places are found, cells of the grid: half a cell is what samples in the middles of cells leave, and a fringe for stars that lie
-/// on the border.
+/// How far beyond the raster positions are found, cells of the grid: half a cell for samples at cell centres, plus a
+/// fringe for stars on the border.
 const BEYOND_CELLS: f64 = 1.0;
 
-/// Where the samples of a grid lie.
+/// Positions of the samples of a grid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Placement {
-    /// The first and the last one on the borders of the raster.
+    /// The first and the last sample are on the borders of the raster.
     Corners,
-    /// In the middles of equal cells, as the pixels of a picture.
+    /// At the centres of equal cells, like the pixels of a picture.
     Centres,
 }
 
@@ -43,68 +44,69 @@ pub struct DirectionGrid {
     pub columns: usize,
     /// Rows, 2 to [`MOST_SAMPLES`].
     pub rows: usize,
-    /// Unit vectors in view axes, row by row from the top of the raster; `None`: unknown, or no light goes there.
+    /// Unit vectors in view axes, row by row from the top of the raster; `None` if unknown or if no light goes there.
     pub samples: Vec<Option<DVec3>>,
-    /// Where they lie.
+    /// Positions of the samples.
     pub placement: Placement,
-    /// What is between them.
+    /// Interpolation between the samples.
     pub interpolation: Interpolation,
 }
 
-/// Why a grid makes no projection.
+/// Reasons why a grid is not a valid projection.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum WarpError {
-    /// The raster cannot be that large.
+    /// The size of the raster is invalid.
     #[error(transparent)]
     Size(#[from] ProjectionError),
-    /// Too few or too many samples, or not as many directions.
+    /// Too few or too many samples, or a different number of directions.
     #[error(
-        "a grid of {columns} x {rows} with {directions} directions: 2 to 8192 samples a side are allowed, with a direction each"
+        "a grid of {columns} x {rows} with {directions} directions: each side must have 2 to 8192 samples, with one direction per sample"
     )]
     Samples {
-        /// Along a row.
+        /// Samples along a row.
         columns: usize,
-        /// Along a column.
+        /// Samples along a column.
         rows: usize,
-        /// Directions given.
+        /// Number of directions passed in.
         directions: usize,
     },
-    /// A direction is none.
-    #[error("sample ({column}, {row}): {direction:?} is no unit vector")]
+    /// A direction is not a unit vector.
+    #[error("sample ({column}, {row}): {direction:?} is not a unit vector")]
     Direction {
         /// Column.
         column: usize,
         /// Row.
         row: usize,
-        /// What it is.
+        /// The direction.
         direction: DVec3,
     },
-    /// No cell of the grid has all its corners.
-    #[error("no cell of the grid knows the directions of its four corners")]
+    /// No cell of the grid has known directions at all its corners.
+    #[error("no cell of the grid has known directions at all four corners")]
     Empty,
 }
 
-/// See the module.
+/// The projection of a projector's raster; see the module.
 #[derive(Debug)]
 pub struct Warp {
     size: [u32; 2],
     grid: [usize; 2],
     placement: Placement,
     surface: Surface,
-    /// Of each cell, row by row: whether all corners are known.
+    /// For each cell, row by row: whether all corners are known.
     cells: Vec<bool>,
     nearest: Nearest,
-    /// Largest angle from the lattice's mean direction to one of its points, and the longest side of a pixel there, rad.
+    /// Largest angle from the lattice's mean direction to one of its points, and the longest side of a pixel there,
+    /// rad.
     reach_rad: f64,
     longest_px_rad: f64,
 }
 
 impl Warp {
-    /// Of a raster of `size` pixels.
+    /// Builds the projection of a raster of `size` pixels.
     ///
     /// # Errors
     ///
-    /// The grid is none.
+    /// The grid is invalid.
     pub fn new(size: [u32; 2], grid: &DirectionGrid) -> Result<Self, WarpError> {
         check_size(size)?;
         let (columns, rows) = (grid.columns, grid.rows);
@@ -150,13 +152,13 @@ impl Warp {
         Ok(warp)
     }
 
-    /// A place in samples.
+    /// Position in units of samples.
     fn in_samples(&self, pixel: DVec2) -> [f64; 2] {
-        let of = |at: f64, side: u32, samples: usize| match self.placement {
+        let sample_coordinate = |at: f64, side: u32, samples: usize| match self.placement {
             Placement::Corners => at / f64::from(side) * (samples - 1) as f64,
             Placement::Centres => at / f64::from(side) * samples as f64 - 0.5,
         };
-        [of(pixel.x, self.size[0], self.grid[0]), of(pixel.y, self.size[1], self.grid[1])]
+        [sample_coordinate(pixel.x, self.size[0], self.grid[0]), sample_coordinate(pixel.y, self.size[1], self.grid[1])]
     }
 
     /// Samples per pixel.
@@ -168,7 +170,7 @@ impl Warp {
 
     /// Direction, of unit length, and its derivatives per pixel.
     fn jet(&self, pixel: DVec2) -> Option<Jet> {
-        let Jet { value, across, down } = self.surface.at(self.in_samples(pixel));
+        let Jet { value, across, down } = self.surface.evaluate(self.in_samples(pixel));
         let length = value.length();
         if length.is_nan() || length <= 0.1 {
             return None;
@@ -179,7 +181,7 @@ impl Warp {
         Some(Jet { value: unit, across: tangent(across, scale.x), down: tangent(down, scale.y) })
     }
 
-    /// Whether the cell around a place has all its corners.
+    /// Whether the cell around a position has all its corners.
     fn is_known(&self, pixel: DVec2) -> bool {
         let [x, y] = self.in_samples(pixel);
         self.cells[cell(y, self.grid[1]) * (self.grid[0] - 1) + cell(x, self.grid[0])]
@@ -189,7 +191,7 @@ impl Warp {
         self.grid.map(|samples| (2 * (samples - 1)).clamp(32, 160))
     }
 
-    /// Points over the picture, some in every cell and not more than a few ten thousand, with their directions.
+    /// Points over the picture with their directions: some in every cell, at most a few ten thousand.
     fn lattice(&self) -> Vec<(DVec2, DVec3)> {
         let [across, down] = self.lattice_sides();
         let [width, height] = self.size.map(f64::from);
@@ -202,7 +204,8 @@ impl Warp {
     }
 }
 
-/// Unknown directions from their known neighbours, as they would go on: only for the splines, which need some value.
+/// Extrapolates unknown directions from their known neighbours: only the splines use them, since they need some value
+/// everywhere.
 fn filled(directions: &[Option<DVec3>], columns: usize) -> Vec<DVec3> {
     let rows = directions.len() / columns;
     let mut known: Vec<Option<DVec3>> = directions.to_vec();
@@ -216,7 +219,7 @@ fn filled(directions: &[Option<DVec3>], columns: usize) -> Vec<DVec3> {
             let [x, y] = [(index % columns) as i64, (index / columns) as i64];
             let guesses = [[1, 0], [-1, 0], [0, 1], [0, -1]].into_iter().filter_map(|[dx, dy]| {
                 let first = at(x + dx, y + dy)?;
-                // A line through the two next ones, or the next one itself.
+                // A line through the next two samples, or the next sample itself.
                 Some(at(x + 2 * dx, y + 2 * dy).map_or(first, |second| 2.0 * first - second))
             });
             let guesses: Vec<DVec3> = guesses.collect();
@@ -233,7 +236,7 @@ impl PlaneMapping for Warp {
 
     fn pixel_from_direction(&self, direction: DVec3) -> Option<DVec2> {
         let direction = direction.try_normalize()?;
-        let mut pixel = self.nearest.of(direction)?;
+        let mut pixel = self.nearest.start_point(direction)?;
         let [width, height] = self.size.map(f64::from);
         let beyond = BEYOND_CELLS / self.scale();
         let [least, most] = [-beyond, DVec2::new(width, height) + beyond];
@@ -264,7 +267,7 @@ impl PlaneMapping for Warp {
     }
 
     fn bounding_cone(&self, margin_px: f64) -> BoundingCone {
-        // From the outermost point of the lattice to the corner of the raster, at most.
+        // At most from the outermost point of the lattice to the corner of the raster.
         let [across, down] = self.lattice_sides();
         let spacing = f64::from(self.size[0]) / across as f64 + f64::from(self.size[1]) / down as f64;
         let reach = self.reach_rad + 1.5 * (margin_px + spacing) * self.longest_px_rad;
@@ -281,5 +284,5 @@ impl PlaneMapping for Warp {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
+#[allow(clippy::unwrap_used, reason = "a failed assumption of a test panics")]
 mod tests;

@@ -1,23 +1,24 @@
-//! The point of a lattice whose direction is nearest to another one: where Newton steps begin.
+//! Finds the lattice point whose direction is nearest to a given one: the start of the Newton steps.
 
 use glam::{DVec2, DVec3};
 
 /// Cells along a side of the map around the middle of the picture.
 const SIDE: usize = 128;
 
-/// A map of the sphere around the lattice's mean direction (azimuthal, equal area), with the nearest point of each cell.
+/// A map of the sphere around the lattice's mean direction (azimuthal, equal area), with the nearest point for each
+/// cell.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Nearest {
     axis: DVec3,
     right: DVec3,
     up: DVec3,
-    /// Radius of the map that the picture has, of 2 for the whole sphere.
+    /// Radius of the picture on the map; the whole sphere has radius 2.
     radius: f64,
     cells: Vec<DVec2>,
 }
 
 impl Nearest {
-    /// Of points and their directions.
+    /// Builds the map from points and their directions.
     pub(super) fn new(points: &[(DVec2, DVec3)]) -> Self {
         let sum: DVec3 = points.iter().map(|(_, direction)| *direction).sum();
         let axis = sum.try_normalize().unwrap_or(DVec3::NEG_Z);
@@ -25,7 +26,7 @@ impl Nearest {
         let mut map = Self { axis, right, up, radius: 0.0, cells: Vec::new() };
         let placed: Vec<(DVec2, DVec2)> =
             points.iter().map(|(pixel, direction)| (map.place(*direction), *pixel)).collect();
-        // What lies a little beyond the picture begins at its border.
+        // Directions slightly beyond the picture start at its border.
         map.radius = 1.1 * placed.iter().map(|(place, _)| place.length()).fold(1e-6, f64::max);
         map.cells = map.filled(&placed);
         map
@@ -36,7 +37,7 @@ impl Nearest {
         self.axis
     }
 
-    /// Place on the map: distance 2 sin(angle / 2) from its middle.
+    /// Position on the map: at distance 2 sin(angle / 2) from its middle.
     fn place(&self, direction: DVec3) -> DVec2 {
         let along = direction.dot(self.axis);
         let factor = (2.0 / (1.0 + along).max(1e-9)).sqrt();
@@ -49,7 +50,7 @@ impl Nearest {
         Some([inside(scaled.x)?, inside(scaled.y)?])
     }
 
-    /// Every cell takes the point nearest to its middle, found by handing points from cell to cell.
+    /// Each cell gets the point nearest to its middle, by propagating points from cell to cell.
     fn filled(&self, placed: &[(DVec2, DVec2)]) -> Vec<DVec2> {
         let middle = |index: usize| {
             let at = |cell: usize| ((cell as f64 + 0.5) / (SIDE as f64 / 2.0) - 1.0) * self.radius;
@@ -87,8 +88,8 @@ impl Nearest {
         best.into_iter().map(|point| point.map_or(DVec2::ZERO, |point| placed[point].1)).collect()
     }
 
-    /// The point to begin with; `None`: the direction is far from the picture.
-    pub(super) fn of(&self, direction: DVec3) -> Option<DVec2> {
+    /// The starting point for a direction; `None` if the direction is far from the picture.
+    pub(super) fn start_point(&self, direction: DVec3) -> Option<DVec2> {
         let [x, y] = self.cell(self.place(direction))?;
         self.cells.get(y * SIDE + x).copied()
     }

@@ -1,22 +1,24 @@
-//! Interpolation of vectors on a regular grid: by cubic splines, whose second derivatives are continuous, or from the four corners of a cell.
+//! Interpolation of vectors on a regular grid: with cubic splines, which have continuous second derivatives, or
+//! bilinearly from the four corners of a cell.
 //!
-//! A spline goes through all samples. At the ends its third derivative goes on across the second and the last but one sample (*not a knot*), so that it keeps its
-//! order there and goes on beyond by half a cell (de Boor, *A Practical Guide to Splines*, 1978, chapter IV). Along a side of two samples it is a
-//! line, of three a parabola.
+//! A spline passes through all samples. At the ends its third derivative is continuous across the second and the second
+//! to last sample (*not a knot*), so that it keeps its order there and extrapolates by half a cell (de Boor, *A
+//! Practical Guide to Splines*, 1978, chapter IV). Along a side of two samples it is a line, of three samples a
+//! parabola.
 
 use glam::DVec3;
 
-/// How values between samples are found.
+/// How values between samples are interpolated.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Interpolation {
     /// Cubic splines.
     #[default]
     Smooth,
-    /// From the four corners of a cell, as some files ask for.
+    /// Bilinearly from the four corners of a cell, as some file formats require.
     Linear,
 }
 
-/// A value and its derivatives per sample along columns and rows.
+/// A value and its derivatives along columns and rows, per sample.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Jet {
     pub(super) value: DVec3,
@@ -30,12 +32,13 @@ pub(super) struct Surface {
     interpolation: Interpolation,
     /// Samples along both sides.
     samples: [usize; 2],
-    /// Row by row: coefficients of the cubic B-spline, of which there is one more at each end than samples; or the samples themselves.
+    /// Row by row: coefficients of the cubic B-spline (one more at each end than samples), or the samples themselves
+    /// for linear interpolation.
     values: Vec<DVec3>,
 }
 
 impl Surface {
-    /// Through `values`, `samples[0]` by `samples[1]` (both at least 2), row by row.
+    /// Builds a surface through `values`, `samples[0]` by `samples[1]` (both at least 2), row by row.
     pub(super) fn new(values: &[DVec3], samples: [usize; 2], interpolation: Interpolation) -> Self {
         let [columns, rows] = samples;
         let values = match interpolation {
@@ -59,8 +62,9 @@ impl Surface {
         Self { interpolation, samples, values }
     }
 
-    /// The value at a point, in samples; beyond the first and the last one it goes on as in the cells there.
-    pub(super) fn at(&self, [x, y]: [f64; 2]) -> Jet {
+    /// The value at a point, in sample units; beyond the first and the last sample the outermost cells are
+    /// extrapolated.
+    pub(super) fn evaluate(&self, [x, y]: [f64; 2]) -> Jet {
         let [columns, rows] = self.samples;
         let [i, j] = [cell(x, columns), cell(y, rows)];
         let [tx, ty] = [x - i as f64, y - j as f64];
@@ -91,12 +95,12 @@ impl Surface {
     }
 }
 
-/// The cell that a place is in, or nearest to, of those between so many samples.
+/// Index of the cell that contains a position, or the nearest one.
 pub(super) fn cell(at: f64, samples: usize) -> usize {
     (at.floor().max(0.0) as usize).min(samples - 2)
 }
 
-/// The four cubic B-splines of a cell at `t`, 0 to 1 in the cell, and their derivatives.
+/// The four cubic B-splines of a cell at `t` (0 to 1 in the cell), and their derivatives.
 fn basis(t: f64) -> ([f64; 4], [f64; 4]) {
     let s = 1.0 - t;
     let values = [s * s * s, 3.0 * t * t * t - 6.0 * t * t + 4.0, 3.0 * s * s * s - 6.0 * s * s + 4.0, t * t * t];
@@ -110,7 +114,8 @@ fn coefficients(samples: &[DVec3]) -> Vec<DVec3> {
     match samples {
         [] => Vec::new(),
         [only] => vec![*only; 3],
-        // Coefficients of a line are the line itself, those of a parabola with the second difference d are it less d / 6.
+        // The coefficients of a line are the line itself; those of a parabola with second difference d are the parabola
+        // minus d / 6.
         [first, second] => {
             let step = *second - *first;
             vec![*first - step, *first, *second, *second + step]
@@ -121,14 +126,15 @@ fn coefficients(samples: &[DVec3]) -> Vec<DVec3> {
             vec![value(-2.0), value(-1.0), value(0.0), value(1.0), value(2.0)]
         }
         _ => {
-            // Not a knot at the second sample: the second derivatives m of the first three are in line, m0 = 2 m1 - m2, and so at the other end. With
-            // m_k = c_(k-1) - 2 c_k + c_(k+1) and f_k = c_k + m_k / 6 the rest is m_(k-1) / 6 + 2 m_k / 3 + m_(k+1) / 6 = f_(k-1) - 2 f_k + f_(k+1).
+            // Not a knot at the second sample: the second derivatives m of the first three samples are linear, m0 = 2
+            // m1 - m2; likewise at the other end. With m_k = c_(k-1) - 2 c_k + c_(k+1) and f_k = c_k + m_k / 6, the
+            // others satisfy m_(k-1) / 6 + 2 m_k / 3 + m_(k+1) / 6 = f_(k-1) - 2 f_k + f_(k+1).
             let second = |k: usize| samples[k - 1] - 2.0 * samples[k] + samples[k + 1];
             let mut m = vec![DVec3::ZERO; n];
             m[1] = second(1);
             m[n - 2] = second(n - 2);
             if n > 4 {
-                // Those between, from two that are known: a tridiagonal system (Thomas).
+                // The inner ones, between two that are known: a tridiagonal system (Thomas algorithm).
                 let mut upper = vec![0.0; n];
                 let mut right = m.clone();
                 for k in 2..n - 2 {
@@ -155,29 +161,29 @@ fn coefficients(samples: &[DVec3]) -> Vec<DVec3> {
 mod tests {
     use super::*;
 
-    fn sampled(samples: [usize; 2], of: impl Fn(f64, f64) -> f64) -> Vec<DVec3> {
+    fn sampled(samples: [usize; 2], function: impl Fn(f64, f64) -> f64) -> Vec<DVec3> {
         let [columns, rows] = samples;
         let points = (0..rows).flat_map(|y| (0..columns).map(move |x| (x as f64, y as f64)));
-        points.map(|(x, y)| DVec3::new(of(x, y), x, -y)).collect()
+        points.map(|(x, y)| DVec3::new(function(x, y), x, -y)).collect()
     }
 
     #[test]
-    fn cubic_polynomials_are_met_everywhere_beyond_the_ends_too() {
-        let of = |x: f64, y: f64| 0.3 + x - 0.2 * y + 0.05 * x * x * x - 0.01 * x * x * y * y + 0.02 * y * y * y;
+    fn cubic_polynomials_are_reproduced_also_beyond_the_ends() {
+        let function = |x: f64, y: f64| 0.3 + x - 0.2 * y + 0.05 * x * x * x - 0.01 * x * x * y * y + 0.02 * y * y * y;
         for samples in [[4, 4], [5, 4], [6, 9], [33, 17]] {
-            let surface = Surface::new(&sampled(samples, of), samples, Interpolation::Smooth);
+            let surface = Surface::new(&sampled(samples, function), samples, Interpolation::Smooth);
             for step in 0..400 {
                 let [x, y] = [7.0_f64, 13.0].map(|prime| (f64::from(step) * prime.sqrt()).fract());
                 let [x, y] = [x * samples[0] as f64 - 0.5, y * samples[1] as f64 - 0.5];
-                let jet = surface.at([x, y]);
+                let jet = surface.evaluate([x, y]);
                 assert!(
-                    (jet.value.x / of(x, y) - 1.0).abs() < 1e-9,
+                    (jet.value.x / function(x, y) - 1.0).abs() < 1e-9,
                     "{samples:?} {x} {y}: {} {}",
                     jet.value.x,
-                    of(x, y)
+                    function(x, y)
                 );
                 let h = 1e-5;
-                let slope = (of(x + h, y) - of(x - h, y)) / (2.0 * h);
+                let slope = (function(x + h, y) - function(x - h, y)) / (2.0 * h);
                 assert!((jet.across.x - slope).abs() < 1e-6 * (1.0 + slope.abs()), "{x} {y}");
                 assert!((jet.value.y - x).abs() < 1e-9 && (jet.down.z + 1.0).abs() < 1e-9);
             }
@@ -186,20 +192,23 @@ mod tests {
 
     #[test]
     fn few_samples_make_lines_and_parabolas() {
-        let of = |x: f64, _: f64| 1.0 + 2.0 * x + 0.5 * x * x;
-        let surface = Surface::new(&sampled([3, 2], of), [3, 2], Interpolation::Smooth);
+        let function = |x: f64, _: f64| 1.0 + 2.0 * x + 0.5 * x * x;
+        let surface = Surface::new(&sampled([3, 2], function), [3, 2], Interpolation::Smooth);
         for x in [-0.5, 0.0, 0.3, 1.0, 1.7, 2.5] {
-            assert!((surface.at([x, 0.25]).value - DVec3::new(of(x, 0.0), x, -0.25)).length() < 1e-12, "{x}");
+            assert!(
+                (surface.evaluate([x, 0.25]).value - DVec3::new(function(x, 0.0), x, -0.25)).length() < 1e-12,
+                "{x}"
+            );
         }
     }
 
     #[test]
-    fn second_derivatives_are_continuous_and_those_of_cells_are_not() {
+    fn splines_have_continuous_second_derivatives_and_linear_cells_do_not() {
         let wave = |x: f64, y: f64| (0.7 * x).sin() * (0.4 * y).cos();
         let values = sampled([20, 20], wave);
         let jump = |interpolation| {
             let surface = Surface::new(&values, [20, 20], interpolation);
-            let slope = |x: f64| surface.at([x, 7.3]).across.x;
+            let slope = |x: f64| surface.evaluate([x, 7.3]).across.x;
             let h = 1e-4;
             let bend = |x: f64| (slope(x + h) - slope(x)) / h;
             ((slope(9.0 + h) - slope(9.0 - h)).abs(), (bend(9.0) - bend(9.0 - h)).abs())

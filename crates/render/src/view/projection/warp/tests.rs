@@ -3,14 +3,15 @@ use std::f64::consts::PI;
 use super::*;
 use crate::view::projection::{TabulatedMapping, pixel_centre};
 
-/// A projector on the rim of a dome of radius 8 m that throws across it, seen from the middle: direction of a point of the raster (0 to 1).
+/// Direction of a point of the raster (0 to 1) as seen from the centre of a dome of radius 8 m, for a projector on the
+/// rim that throws across the dome.
 fn thrown(u: f64, v: f64) -> DVec3 {
     let from = DVec3::new(-1.0, -0.5, 7.8);
     let aim = (DVec3::new(0.3, 4.0, -6.0) - from).normalize();
     let right = aim.cross(DVec3::Y).normalize();
     let up = right.cross(aim);
     let ray = (aim + right * 0.55 * (2.0 * u - 1.0) - up * 0.35 * (2.0 * v - 1.0)).normalize();
-    // Where the ray meets the sphere, going away from the projector.
+    // Intersection of the ray with the sphere, in the direction away from the projector.
     let along = from.dot(ray);
     let distance = -along + (along * along - from.length_squared() + 64.0).sqrt();
     (from + distance * ray).normalize()
@@ -36,7 +37,7 @@ fn analytic_sr(x: u32, y: u32) -> f64 {
     (at(h, 0.0) - at(-h, 0.0)).cross(at(0.0, h) - at(0.0, -h)).length() / (4.0 * h * h)
 }
 
-/// Largest error of direction, rad, and of solid angle, parts.
+/// Largest error of direction, rad, and largest relative error of solid angle.
 fn errors(warp: &Warp) -> [f64; 2] {
     let pixels = (0..SIZE[1]).flat_map(|y| (0..SIZE[0]).map(move |x| (x, y)));
     let mut worst = [0.0_f64; 2];
@@ -51,7 +52,7 @@ fn errors(warp: &Warp) -> [f64; 2] {
 }
 
 #[test]
-fn directions_and_solid_angles_are_those_of_the_set_up() {
+fn directions_and_solid_angles_match_the_geometry() {
     use Interpolation::{Linear, Smooth};
     use Placement::{Centres, Corners};
     let whole = [SIZE[0] as usize, SIZE[1] as usize];
@@ -67,7 +68,7 @@ fn directions_and_solid_angles_are_those_of_the_set_up() {
         println!("{samples:?} {placement:?} {interpolation:?}: {:.1e} rad, {:.1e}", found[0], found[1]);
         assert!(found[0] < direction && found[1] < omega, "{samples:?} {placement:?} {interpolation:?}: {found:?}");
     }
-    // A grid that is taken for the other placement, and rows upside down, are seen.
+    // A grid read with the other placement, or with rows upside down, is detected.
     let mut wrong = grid([33, 33], Placement::Corners, Interpolation::Smooth);
     wrong.placement = Placement::Centres;
     assert!(errors(&Warp::new(SIZE, &wrong).unwrap())[0] > 1e-3);
@@ -76,13 +77,14 @@ fn directions_and_solid_angles_are_those_of_the_set_up() {
     assert!(errors(&Warp::new(SIZE, &turned).unwrap())[0] > 0.1);
 }
 
-/// A mesh of 33 x 33 that was measured to a tenth of a pixel of 1920 x 1080: its solid angles are as good as the measurement.
+/// A mesh of 33 x 33 measured to a tenth of a pixel of 1920 x 1080: its solid angles are as accurate as the
+/// measurement.
 #[test]
-fn a_measured_mesh_has_the_errors_of_its_noise() {
+fn a_measured_mesh_has_errors_of_the_size_of_its_noise() {
     let mut samples = grid([33, 33], Placement::Corners, Interpolation::Smooth);
     let pixel_rad = analytic_sr(SIZE[0] / 2, SIZE[1] / 2).sqrt() * f64::from(SIZE[0]) / 1920.0;
     let mut state = 7_u64;
-    // The sum of twelve uniform numbers, less 6, has a standard deviation of 1.
+    // The sum of twelve uniform numbers minus 6 has a standard deviation of 1.
     let mut normal = || {
         let mut uniform = || {
             state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
@@ -103,7 +105,7 @@ fn a_measured_mesh_has_the_errors_of_its_noise() {
 }
 
 #[test]
-fn places_are_found_to_a_millionth_of_a_pixel_inside_and_a_little_beyond() {
+fn positions_are_found_to_1e6_px_inside_and_slightly_beyond() {
     let warp = Warp::new(SIZE, &grid([33, 33], Placement::Corners, Interpolation::Smooth)).unwrap();
     for step in 0..2000 {
         let [u, v] = [7.0_f64, 13.0].map(|prime| (f64::from(step) * prime.sqrt()).fract());
@@ -126,13 +128,13 @@ fn places_are_found_to_a_millionth_of_a_pixel_inside_and_a_little_beyond() {
 }
 
 #[test]
-fn a_table_can_be_made_of_it_and_a_fold_is_refused_with_its_place() {
+fn a_warp_can_be_tabulated_and_a_fold_is_refused_with_its_pixel() {
     let samples = grid([33, 33], Placement::Corners, Interpolation::Smooth);
     let table = TabulatedMapping::new(Warp::new(SIZE, &samples).unwrap()).unwrap();
     let sum: f64 = (0..SIZE[1]).flat_map(|y| (0..SIZE[0]).map(move |x| analytic_sr(x, y))).sum();
     assert!((table.picture_solid_angle_sr() / sum - 1.0).abs() < 1e-5 && sum < 2.0 * PI);
     let mut folded = samples.clone();
-    // The last columns come back.
+    // The last columns fold back.
     for row in folded.samples.chunks_mut(33) {
         for column in 28..33 {
             row[column] = row[2 * 27 - column];
@@ -143,7 +145,7 @@ fn a_table_can_be_made_of_it_and_a_fold_is_refused_with_its_place() {
 }
 
 #[test]
-fn unknown_samples_are_outside_and_do_not_bend_what_is_inside() {
+fn unknown_samples_are_outside_and_do_not_distort_the_inside() {
     let mut samples = grid([65, 65], Placement::Corners, Interpolation::Smooth);
     for (index, direction) in samples.samples.iter_mut().enumerate() {
         let [x, y] = [index % 65, index / 65];
@@ -167,12 +169,12 @@ fn unknown_samples_are_outside_and_do_not_bend_what_is_inside() {
             assert_eq!(warp.solid_angle_sr(x, y), 0.0);
         }
     }
-    println!("beside unknown samples: {:.1e} rad, {:.1e}", worst[0], worst[1]);
+    println!("next to unknown samples: {:.1e} rad, {:.1e}", worst[0], worst[1]);
     assert!(inside > 10_000 && worst[0] < 1e-4 && worst[1] < 2e-2, "{worst:?}");
 }
 
 #[test]
-fn what_is_no_grid_is_refused() {
+fn invalid_grids_are_refused() {
     let right = grid([4, 4], Placement::Corners, Interpolation::Smooth);
     let refused = |change: &dyn Fn(&mut DirectionGrid)| {
         let mut grid = right.clone();
