@@ -1,5 +1,6 @@
-//! What is fuzzed: one function per format, from bytes to what the program makes of them. `fuzz_targets/` runs them with libFuzzer, `tests/fuzz` on
-//! any toolchain. Each returns the text of the error, or nothing: runs without coverage tell new inputs from old ones by it.
+//! Fuzzing entry points: one function per format, from bytes to the program's data. `fuzz_targets/` runs them with
+//! libFuzzer, `tests/fuzz` on any toolchain. Each returns the text of the error, or an empty string; runs without
+//! coverage use it to recognise new inputs.
 
 use std::{
     fmt::Display,
@@ -20,22 +21,22 @@ fn answer<T>(result: Result<T, impl Display>) -> String {
     result.err().map(|error| error.to_string()).unwrap_or_default()
 }
 
-/// A folder that lives as long as the process; it goes with the temporary files of the system.
+/// A folder that exists as long as the process, among the system's temporary files.
 static FOLDER: LazyLock<PathBuf> = LazyLock::new(|| {
     let folder = std::env::temp_dir().join(format!("steradian-fuzz-{}", std::process::id()));
     std::fs::create_dir_all(&folder).expect("a folder for inputs");
-    std::fs::write(folder.join("data.bin"), [0x3f; 4096]).expect("a buffer beside shapes");
+    std::fs::write(folder.join("data.bin"), [0x3f; 4096]).expect("a buffer next to shapes");
     folder
 });
 
-/// Writes the input where a parser of files finds it.
+/// Writes the input to a file for a parser of files.
 fn file(name: &str, data: &[u8]) -> PathBuf {
     let path = FOLDER.join(name);
     std::fs::write(&path, data).expect("the input is written");
     path
 }
 
-/// A configuration and, behind a NUL, overrides, one on each line.
+/// A configuration, followed by a NUL and overrides, one per line.
 pub fn configuration(data: &[u8]) -> String {
     let text = String::from_utf8_lossy(data);
     let (text, overrides) = text.split_once('\0').unwrap_or((&text, ""));
@@ -76,12 +77,12 @@ pub fn star_store(data: &[u8]) -> String {
     answer(store::read(&file("fuzz.stars", data)).map(|store| store::records_of(&store.stars)))
 }
 
-/// A shape: glTF, as text or with its binary part, and its buffers.
+/// A shape: glTF, as text or with a binary part, and its buffers.
 pub fn gltf(data: &[u8]) -> String {
     answer(ShapeSet::from_gltf(&[file("fuzz.glb", data)]))
 }
 
-/// A point-spread function: FITS or OpenEXR, told apart by their first bytes.
+/// A point-spread function: FITS or OpenEXR, recognised by their first bytes.
 pub fn point_spread(data: &[u8]) -> String {
     answer(psf::read_as_wide(&file("fuzz.psf", data), 0.01))
 }
@@ -91,13 +92,14 @@ pub fn texture(data: &[u8]) -> String {
     answer(Texture::from_png(&file("fuzz.png", data)))
 }
 
-/// A table of glare in CSV, and the kernel that it makes.
+/// A table of glare in CSV, and its kernel.
 pub fn glare_table(data: &[u8]) -> String {
     let path = file("glare.csv", data);
     answer(PsfTable::read(&path).and_then(|table| table.kernel(1e-3)))
 }
 
-/// A calibration of projectors in any format; behind a NUL in text, the mesh that a configuration of SGCT names `mesh.bin`.
+/// A calibration of projectors in any format; after a NUL in the text, the mesh that a configuration of SGCT calls
+/// `mesh.bin`.
 pub fn theatre(data: &[u8]) -> String {
     let mut data = data;
     if data.starts_with(b"{")

@@ -1,4 +1,5 @@
-//! Apparent places of the Sun, the Moon, planets and stars over 20 dates and 6 places, against Skyfield with JPL's DE440.
+//! Apparent positions of the Sun, the Moon, planets and stars at 20 dates and 6 places, compared with Skyfield and
+//! JPL's DE440.
 
 use std::collections::HashMap;
 
@@ -27,7 +28,7 @@ struct Row {
     distance_au: f64,
 }
 
-/// A star as the catalogue has it.
+/// A star with catalogue values.
 #[derive(Clone, Copy)]
 struct CatalogueStar {
     direction: DVec3,
@@ -49,7 +50,7 @@ fn table<T: DeserializeOwned>(name: &str) -> Vec<T> {
     reader.deserialize().map(Result::unwrap).collect()
 }
 
-/// A star as catalogues have it, with what the Bright Star Catalogue tells of its motion.
+/// A row of the table of stars, with the motion from the Bright Star Catalogue.
 #[derive(Deserialize)]
 struct StarRow {
     object: String,
@@ -65,13 +66,13 @@ fn direction(longitude_deg: f64, latitude_deg: f64) -> DVec3 {
     direction_from_lon_lat(longitude_deg.to_radians(), latitude_deg.to_radians())
 }
 
-/// s since 2000-01-01T12:00:00, as a configuration tells them.
+/// Seconds since 2000-01-01T12:00:00 of a time in a configuration.
 fn time_s(text: &str) -> f64 {
     let config = Config::from_text(&format!("[scene]\ntime = {text}Z\n"), "time", std::path::Path::new("."), &[]);
     config.unwrap().scene.time_s()
 }
 
-/// Largest errors of a kind of object: apparent direction and place over the horizon, arcsec, and distance, parts.
+/// Largest errors of a kind of object: apparent direction and horizontal position, arcsec, and relative distance.
 #[derive(Default)]
 struct Worst {
     apparent: f64,
@@ -89,7 +90,7 @@ impl Worst {
     }
 }
 
-/// Errors by object, with clocks that `changed` may have spoilt.
+/// Errors by object, with clocks changed by `changed`.
 fn errors(changed: impl Fn(Clock) -> Clock) -> HashMap<String, Worst> {
     let places: HashMap<String, Place> = table::<PlaceRow>("places")
         .into_iter()
@@ -114,7 +115,7 @@ fn errors(changed: impl Fn(Clock) -> Clock) -> HashMap<String, Worst> {
     let mut worst: HashMap<String, Worst> = HashMap::new();
     for row in table::<Row>("apparent_places") {
         let clock = changed(Clock { delta_t_s: row.delta_t_s, ut1_minus_utc_s: row.ut1_utc_s.unwrap_or(0.0) });
-        let standpoint = places[&row.place].at(time_s(&row.time), &clock);
+        let standpoint = places[&row.place].standpoint(time_s(&row.time), &clock);
         let planet = SolarBody::from_name(&row.object);
         let (kind, place_m) = match planet {
             Some(body) => (row.object.as_str(), standpoint.apparent_m(body)),
@@ -141,7 +142,8 @@ fn errors(changed: impl Fn(Clock) -> Clock) -> HashMap<String, Worst> {
     worst
 }
 
-/// Four times what was measured of each, arcsec: stars without the Sun's deflection of light, the Moon with terms from 0.01 arcsec on.
+/// Limits of about four times the measured errors, arcsec; stars without the deflection of light by the Sun, the Moon
+/// with terms from 0.01 arcsec up.
 const MOST_ARCSEC: [(&str, f64); 10] = [
     ("sun", 0.15),
     ("moon", 0.8),
@@ -156,7 +158,7 @@ const MOST_ARCSEC: [(&str, f64); 10] = [
 ];
 
 #[test]
-fn apparent_places_are_those_of_de440() {
+fn apparent_positions_match_de440() {
     let found = errors(|clock| clock);
     assert_eq!(found.len(), MOST_ARCSEC.len());
     for (kind, most) in MOST_ARCSEC {
@@ -168,9 +170,9 @@ fn apparent_places_are_those_of_de440() {
     }
 }
 
-/// A tenth of a second of UT1 is 1.5 arcsec of rotation, and a minute of TT half an arcminute of the Moon.
+/// A tenth of a second of UT1 is 1.5 arcsec of rotation, and a minute of TT is half an arcminute of the Moon.
 #[test]
-fn clocks_that_are_off_are_seen() {
+fn wrong_clocks_are_detected() {
     let turned = errors(|clock| Clock { ut1_minus_utc_s: clock.ut1_minus_utc_s + 0.1, ..clock });
     assert!(turned["star"].horizontal > 1.3 && turned["star"].apparent < 0.9, "{}", turned["star"].horizontal);
     let late = errors(|clock| Clock { delta_t_s: Some(clock.delta_t_s.unwrap_or(69.0) + 60.0), ..clock });

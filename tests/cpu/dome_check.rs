@@ -1,4 +1,5 @@
-//! Mistakes that are made with installers' files, each found by its name: six projectors of MPCDI a3 on a tilted dome, and one thing wrong.
+//! Common mistakes in installers' files, each recognised by its rule: six projectors of MPCDI a3 on a tilted dome,
+//! with one mistake each.
 
 use steradian::{
     glam::{DMat3, DQuat, DVec3},
@@ -16,7 +17,7 @@ use steradian::{
 use crate::common::theatre::{Alpha, Mpcdi, centre, projectors_of};
 
 const SIZE: [u32; 2] = [240, 150];
-/// All of it has light of two projectors at least.
+/// Every direction in it has light from at least two projectors.
 const DOME: Dome = Dome { fov_deg: 164.0, tilt_deg: 0.0 };
 const ALPHA: Alpha = Alpha { bits: 16, gamma: 2.2 };
 
@@ -65,7 +66,7 @@ fn failed(report: &DomeReport) -> Vec<&'static str> {
     rules
 }
 
-/// The set with one thing wrong: what fails, and the text of all that does.
+/// Checks a set with one mistake: the rules that fail, and the text of all of them.
 fn mistake(name: &str, regions: &[Region]) -> (Vec<&'static str>, String) {
     let report = judged(regions);
     let rules = failed(&report);
@@ -76,7 +77,7 @@ fn mistake(name: &str, regions: &[Region]) -> (Vec<&'static str>, String) {
     (rules, text.join("\n"))
 }
 
-/// That the rule is among those that fail, with these words.
+/// Asserts that the rule is among those that fail, with these words.
 #[track_caller]
 fn assert_found(name: &str, regions: &[Region], rule: &str, words: &str) {
     let (rules, text) = mistake(name, regions);
@@ -84,7 +85,7 @@ fn assert_found(name: &str, regions: &[Region], rule: &str, words: &str) {
 }
 
 #[test]
-fn the_set_as_it_is_keeps_all_rules() {
+fn the_correct_set_passes_all_rules() {
     let regions = right();
     let report = judged(&regions);
     assert!(report.passed(), "{:#?}", report.findings);
@@ -95,7 +96,7 @@ fn the_set_as_it_is_keeps_all_rules() {
 }
 
 #[test]
-fn mistakes_of_geometry_are_found_by_name() {
+fn mistakes_in_geometry_are_recognised() {
     let projectors = projectors_of(SIZE);
     let bytes = set().bytes(&projectors);
     let rows = ReadOptions { rows: RowOrder::TopFirst, ..ReadOptions::default() };
@@ -125,7 +126,7 @@ fn mistakes_of_geometry_are_found_by_name() {
 
     let eye = ReadOptions { eye_m: DVec3::new(0.0, 0.5, 4.0), ..ReadOptions::default() };
     assert_found("another eye point", &regions(&bytes, &eye), "eye", "eye point or the origin");
-    // Millimetres whose unit is not named.
+    // Millimetres without a named unit.
     let unnamed = Mpcdi { per_metre: 1000.0, ..set() };
     let unnamed = regions(&unnamed.bytes(&projectors), &ReadOptions::default());
     assert_found("millimetres read as metres", &unnamed, "unit", "unit different");
@@ -166,7 +167,7 @@ fn mistakes_of_geometry_are_found_by_name() {
     let exchanged: Vec<Region> = right().into_iter().map(|region| Region { size_px: [150, 240], ..region }).collect();
     assert_found("raster of the wrong shape", &exchanged, "raster", "is the raster 150 x 240?");
 
-    // A mesh whose fisheye is larger than it is taken for.
+    // A mesh whose fisheye is larger than assumed.
     let narrow: Vec<Region> = right()
         .into_iter()
         .map(|mut region| {
@@ -182,21 +183,21 @@ fn mistakes_of_geometry_are_found_by_name() {
 }
 
 #[test]
-fn mistakes_of_blends_are_found_by_name() {
+fn mistakes_in_blends_are_recognised() {
     let projectors = projectors_of(SIZE);
-    let change = |of: &dyn Fn(usize, &mut Region)| {
+    let change = |edit: &dyn Fn(usize, &mut Region)| {
         let mut regions = right();
-        regions.iter_mut().enumerate().for_each(|(index, region)| of(index, region));
+        regions.iter_mut().enumerate().for_each(|(index, region)| edit(index, region));
         regions
     };
-    let masked = |region: &mut Region, of: &dyn Fn(f32) -> f32| {
+    let masked = |region: &mut Region, curve: &dyn Fn(f32) -> f32| {
         if let Some(mask) = &mut region.alpha {
-            mask.values.iter_mut().for_each(|value| *value = of(*value));
+            mask.values.iter_mut().for_each(|value| *value = curve(*value));
         }
     };
     assert_found("masks left out", &change(&|_, region| region.alpha = None), "blend", "no projector has a blend mask");
 
-    // Of five, so that not all masks are alike.
+    // Five projectors, so that not all masks are alike.
     let mut five = projectors.clone();
     five.remove(3);
     let mut swapped = regions(&set().bytes(&five), &ReadOptions::default());
@@ -215,7 +216,7 @@ fn mistakes_of_blends_are_found_by_name() {
     let inverted = change(&|_, region| masked(region, &|value| 1.0 - value));
     assert_found("masks inverted", &inverted, "blend", "sum of the shares of light");
 
-    // Black levels: more where fewer reach, and the other way round.
+    // Black levels: more where fewer projectors reach, and the reverse.
     let black = |inverted: bool| {
         change(&|own, region| {
             let [width, height] = [60, 40];
@@ -227,7 +228,7 @@ fn mistakes_of_blends_are_found_by_name() {
                 let count = count(centre(x, width), centre(y, height)) as f32;
                 0.002 * if inverted { count } else { (6.0 - count) / count }
             };
-            let values = (0..width * height).map(|at| lift(at % width, at / width)).collect();
+            let values = (0..width * height).map(|index| lift(index % width, index / width)).collect();
             region.beta = Some(Mask { width, height, values, levels: 65_535 });
         })
     };

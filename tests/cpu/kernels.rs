@@ -1,4 +1,4 @@
-//! Bodies that SPK kernels have: small kernels that the tests write themselves, and what configurations may ask of them.
+//! Bodies in SPK kernels: small kernels that the tests write, and their use in configurations.
 
 use std::{fs, path::Path};
 
@@ -11,12 +11,13 @@ use tempfile::TempDir;
 
 use crate::spk::{Segment, kernel};
 
-/// 2026-11-24T00:00:00Z, s since J2000.0; TDB is 69.184 s ahead, and civil time counts no leap seconds.
+/// 2026-11-24T00:00:00Z, s since J2000.0; TDB is 69.184 s ahead, and civil time has no leap seconds.
 const TIME: &str = "2026-11-24T00:00:00Z";
 const TIME_S: f64 = 848_750_400.0;
 const TDB_S: f64 = TIME_S + 69.184;
 
-/// A probe at Saturn, a satellite of the Earth, a comet that the barycentre has, and one on axes of the ecliptic.
+/// Segments: a probe at Saturn, a satellite of the Earth, a comet relative to the barycentre, and one on ecliptic
+/// axes.
 fn probe() -> Segment {
     Segment {
         target: -82,
@@ -59,7 +60,7 @@ fn place_m(objects: &SceneObjects, name: &str) -> DVec3 {
 }
 
 #[test]
-fn bodies_are_where_kernels_have_them() {
+fn bodies_have_their_positions_in_kernels() {
     let folder = written(&[("a.bsp", kernel(&[probe(), satellite()])), ("b.bsp", kernel(&[comet()]))]);
     let bodies = [body("probe", -82), body("geo", -1000), body("comet", 1_000_012)].concat();
     let objects = config(folder.path(), "kernels = ['a.bsp', 'b.bsp']", &bodies).unwrap();
@@ -71,34 +72,34 @@ fn bodies_are_where_kernels_have_them() {
             let error_m = (place_m(&objects, name) - expected_m).length();
             assert!(error_m < 1.0, "{name} {later_s}: {error_m} m");
         };
-        let [at, slope] = probe().place_km;
-        close("probe", SolarBody::Saturn.barycentric_m(tdb_s) + (at + slope * share) * 1e3);
+        let [start_km, slope] = probe().place_km;
+        close("probe", SolarBody::Saturn.barycentric_m(tdb_s) + (start_km + slope * share) * 1e3);
         close("geo", SolarBody::Earth.barycentric_m(tdb_s) + satellite().place_km[0] * 1e3);
-        let [at, slope] = comet().place_km;
-        close("comet", (at + slope * share) * 1e3);
+        let [start_km, slope] = comet().place_km;
+        close("comet", (start_km + slope * share) * 1e3);
     }
-    // Beyond the kernel it stays where that ends, from where Saturn is then.
-    let [at, slope] = probe().place_km;
+    // After the end of the kernel the body keeps its last position relative to Saturn, which moves on.
+    let [start_km, slope] = probe().place_km;
     let beyond = objects.at(TIME_S + 3.0 * 86_400.0);
-    let expected_m = SolarBody::Saturn.barycentric_m(TDB_S + 3.0 * 86_400.0) + (at + slope) * 1e3;
+    let expected_m = SolarBody::Saturn.barycentric_m(TDB_S + 3.0 * 86_400.0) + (start_km + slope) * 1e3;
     assert!((place_m(&beyond, "probe") - expected_m).length() < 1.0);
 }
 
 #[test]
-fn an_observer_sees_a_satellite_from_where_he_stands() {
+fn an_observer_sees_a_satellite_from_their_position() {
     let folder = written(&[("a.bsp", kernel(&[satellite()]))]);
     let observer = "kernels = ['a.bsp']\n[scene.observer]\nlatitude_deg = 48\nlongitude_deg = 11\nheight_m = 500\n";
     let objects = config(folder.path(), observer, &body("geo", -1000)).unwrap();
     let standpoint = objects.observer.unwrap().at(TIME_S);
     let seen_m = place_m(&objects, "geo") - objects.observer.unwrap().epoch.position_m;
     let expected_m = satellite().place_km[0] * 1e3 - standpoint.from_earth_m;
-    // Light takes 0.1 s, in which the Earth and the satellite go 4 km on together; aberration is 20 arcsec.
+    // Light takes 0.1 s, in which the Earth and the satellite move 4 km together; aberration is 20 arcsec.
     assert!((seen_m.length() - expected_m.length()).abs() < 6e3, "{seen_m} {expected_m}");
     assert!(seen_m.angle_between(expected_m) < 1.2e-4, "{seen_m} {expected_m}");
 }
 
 #[test]
-fn what_kernels_do_not_have_is_refused() {
+fn bodies_missing_from_kernels_are_refused() {
     let tilted = Segment { axes: 17, ..comet() };
     let adrift = Segment { target: -9, centre: -8, ..probe() };
     let folder = written(&[
@@ -129,29 +130,29 @@ fn what_kernels_do_not_have_is_refused() {
             assert!(error.contains(part), "{error}\nlacks {part}");
         }
     }
-    // It stands and turns as it is told.
+    // Its orientation and rotation are configured.
     let turned = body("x", -82) + "spin = { period_s = 100 }\norientation = [0, 0, 1, 0]\n";
     assert!(config(folder.path(), "kernels = ['a.bsp']", &turned).is_ok());
 }
 
-/// The barycentre of kernels is not that of VSOP87: by the Earth, or else the Sun, both are brought together.
+/// The barycentre of kernels differs from that of VSOP87: the Earth, or else the Sun, aligns the two.
 #[test]
-fn kernels_with_another_barycentre_agree_with_what_stands_by_the_theories() {
+fn kernels_with_another_barycentre_are_aligned_with_the_theories() {
     let shift_m = DVec3::new(9e5, -8e5, 4e5);
     let straight = |target: i32, place_m: &dyn Fn(f64) -> DVec3| {
         let half_s = 600.0;
-        let [before, at, after] = [-half_s, 0.0, half_s].map(|s| (place_m(TDB_S + s) + shift_m) * 1e-3);
-        Segment { target, centre: 0, axes: 1, covered_s: [TDB_S, half_s], place_km: [at, 0.5 * (after - before)] }
+        let [before, middle, after] = [-half_s, 0.0, half_s].map(|s| (place_m(TDB_S + s) + shift_m) * 1e-3);
+        Segment { target, centre: 0, axes: 1, covered_s: [TDB_S, half_s], place_km: [middle, 0.5 * (after - before)] }
     };
-    let of = |body: SolarBody| move |tdb_s: f64| body.barycentric_m(tdb_s);
+    let trajectory = |body: SolarBody| move |tdb_s: f64| body.barycentric_m(tdb_s);
     let bodies = format!("{}{}", body("probe", 1_000_012), body("own-moon", 301));
     let far_m = DVec3::new(1e11, 2e11, -3e10);
     let probe = || straight(1_000_012, &|_| far_m);
     for anchor in [Some((399, SolarBody::Earth)), Some((10, SolarBody::Sun)), None] {
         let segments: Vec<Segment> = anchor
-            .map(|(number, body)| straight(number, &of(body)))
+            .map(|(number, body)| straight(number, &trajectory(body)))
             .into_iter()
-            .chain([probe(), straight(301, &of(SolarBody::Moon))])
+            .chain([probe(), straight(301, &trajectory(SolarBody::Moon))])
             .collect();
         let folder = written(&[("a.bsp", kernel(&segments))]);
         let objects = config(folder.path(), "kernels = ['a.bsp']", &bodies).unwrap();
@@ -159,7 +160,7 @@ fn kernels_with_another_barycentre_agree_with_what_stands_by_the_theories() {
         let errors_m =
             [place_m(&objects, "probe") - far_m, place_m(&objects, "own-moon") - moon_m].map(|error| error.length());
         println!("{anchor:?}: {errors_m:?} m");
-        // Without either the kernels are believed.
+        // Without either of them the kernels are not corrected.
         let expected_m = if anchor.is_some() { 0.0 } else { shift_m.length() };
         assert!(errors_m.iter().all(|error_m| (error_m - expected_m).abs() < 1.0), "{anchor:?}: {errors_m:?}");
     }

@@ -1,14 +1,14 @@
-//! Proves that the modules of `src/` import each other in one direction only, the one in which a frame flows.
+//! Proves that the modules of `src/` import each other in one direction only, that of the data flow of a frame.
 //!
-//! Every file is cut into tokens (comments, strings and characters left out), and every path that starts at the crate's
-//! root is followed: `crate::`, `steradian::`, and as many `super::` as lead there, in groups as well as one by one.
-//! What such a path names must stand to the left of the importer in [`LAYERS`].
+//! Every file is split into tokens (without comments, strings and characters), and every path that starts at the
+//! crate's root is followed: `crate::`, `steradian::`, and as many `super::` as lead there, in groups as well as
+//! separately. The module that such a path names must be before the importer in [`LAYERS`].
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-/// Who may import whom: a module may import every module of the layers above its own, and within a layer only what
-/// [`SIBLINGS`] lists. A module that is not here has no place yet: give it one, where it needs least.
+/// Allowed imports: a module may import every module of the layers above its own, and within a layer only those
+/// listed in [`SIBLINGS`]. A new module must be added here, as far up as its imports permit.
 const LAYERS: &[&[&str]] = &[
     &["units", "polynomial", "solar_system", "coordinates", "sky_pictures", "files", "telemetry"],
     &["photometry", "picture_file"],
@@ -27,8 +27,8 @@ const LAYERS: &[&[&str]] = &[
     &["main"],
 ];
 
-/// Imports between modules of one layer: (importer, imported). A scene has what its views are made of, and a headset and
-/// the service hand out what `output` encodes.
+/// Imports between modules of one layer: (importer, imported). A scene contains the components of its views, and a
+/// headset and the service deliver data that `output` encodes.
 const SIBLINGS: &[(&str, &str)] = &[
     ("coordinates", "units"),
     ("scene", "view"),
@@ -38,55 +38,59 @@ const SIBLINGS: &[(&str, &str)] = &[
     ("service", "windows"),
 ];
 
-/// Imports that the layers would allow and that are refused all the same: a twin on the CPU is worth nothing as a check
-/// if it shares code with what it checks.
+/// Imports that the layers would permit but that are forbidden: a CPU twin is useless as a check if it shares code
+/// with the code under test.
 const REFUSED: &[(&str, &str)] = &[("reference", "gpu")];
 
-/// Crates that a module must not name: (modules, crates). A name with an underscore after it counts too (`tonic_web`).
+/// Crates that a module must not name: (modules, crates). A name that continues with an underscore counts too
+/// (`tonic_web`).
 const FOREIGN: &[(&[&str], &[&str])] =
     &[(&["photometry", "scene", "view", "theatre", "plan"], &["wgpu", "tokio", "tonic"])];
 
-/// Only `service` may name these: protobuf types are the wire's, not the program's.
+/// Only `service` may name these: protobuf types belong to the wire protocol, not to the program.
 const ONLY_SERVICE: &[&str] = &["tonic", "prost", "include_proto"];
 
-/// Modules of `service` that hold generated protobuf types.
+/// Modules of `service` with generated protobuf types.
 const GENERATED: &[&str] = &["proto"];
 
-/// Modules of `render` that are techniques: each knows no other one. What two of them need is in the other modules.
+/// Modules of `render` that are techniques: none of them imports another one. Code that several need is in the other
+/// modules.
 const TECHNIQUES: &[&str] =
     &["stars", "smooth_light", "diffuse", "bodies", "air", "asteroids", "glare", "overlay", "display"];
 
-/// Modules of `render` that know techniques: the list of them, the module itself, and its errors, which name theirs.
+/// Modules of `render` that may import techniques: the list of techniques, the module itself, and its errors, which
+/// contain theirs.
 const KNOW_TECHNIQUES: &[&str] = &["sequence", "error", "pass_tests", "presentation_tests"];
 
-/// Stems of techniques in `src/render/` that have no shader of their own, with the reason.
+/// Stems of techniques in `src/render/` without a shader of the same path, with the reason.
 const NO_SHADER: &[(&str, &str)] = &[
     ("stars/buffers", "holds buffers"),
     ("stars/catalogue_buffers", "holds buffers"),
-    ("stars/items", "encodes what culling leaves"),
+    ("stars/items", "encodes the result of culling"),
     ("stars/billboards/draw", "the passes of shaders/stars/billboards"),
     ("asteroids/encode", "encodes the plan"),
     ("asteroids/held", "holds buffers"),
     ("asteroids/layers", "holds textures and orders the draws of mesh and impostors"),
-    ("asteroids/raster", "what mesh and impostors share"),
+    ("asteroids/raster", "code shared by mesh and impostors"),
     ("asteroids/impostors/probe", "draws with the shaders of asteroids/impostors/draw, for tests"),
     ("asteroids/impostors/texels", "works on texels on the CPU"),
     ("glare/pyramid/passes", "the passes of shaders/glare/pyramid"),
     ("glare/sky_cube/record", "orders the passes of sprites and composite"),
-    ("display/variant", "what the passes that make display values share: shaders/display/encode.wgsl"),
+    ("display/variant", "code shared by the passes that make display values: shaders/display/encode.wgsl"),
 ];
 
-/// Stems of techniques that have no twin of the same path in `src/reference/`, with the reason: where the twin is, or why there is none.
+/// Stems of techniques without a twin of the same path in `src/reference/`, with the location of the twin or the
+/// reason for its absence.
 const NO_TWIN: &[(&str, &str)] = &[
     ("glare/sky_cube/objects", "reference/glare/sky_cube.rs: source by source"),
     ("glare/sky_cube/veil", "a display image's budget of the same veil: tests/gpu/glare/display_budget.rs"),
-    ("diffuse/points", "judged against exact display images: tests/gpu/diffuse.rs"),
-    ("smooth_light", "judged against frames that draw every star: tests/gpu/smooth_light.rs"),
+    ("diffuse/points", "compared with exact display images: tests/gpu/diffuse.rs"),
+    ("smooth_light", "compared with frames that draw every star: tests/gpu/smooth_light.rs"),
     ("display", "photometry/exposure.rs, photometry/tone_map.rs"),
     ("stars/buffers", "holds buffers"),
     ("stars/catalogue_buffers", "holds buffers"),
-    ("stars/items", "encodes what culling leaves"),
-    ("stars/luminance", "divides nothing: the twins of the methods give luminance"),
+    ("stars/items", "encodes the result of culling"),
+    ("stars/luminance", "no division: the twins of the methods return luminance"),
     ("stars/billboards/draw", "reference/stars/billboards.rs"),
     ("bodies/points", "reference/stars/splat.rs: the same splat"),
     ("asteroids/encode", "encodes the plan"),
@@ -95,7 +99,7 @@ const NO_TWIN: &[(&str, &str)] = &[
     ("asteroids/lists", "plan/asteroids/cpu_cull.rs"),
     ("asteroids/cull", "plan/asteroids/cpu_cull.rs"),
     ("asteroids/points", "photometry/reflection.rs: closed forms"),
-    ("asteroids/raster", "what mesh and impostors share"),
+    ("asteroids/raster", "code shared by mesh and impostors"),
     ("asteroids/impostors/atlas", "reference/asteroids/impostors/bake.rs"),
     ("asteroids/impostors/draw", "reference/asteroids/impostors/picture.rs"),
     ("asteroids/impostors/probe", "reference/asteroids/impostors/picture.rs"),
@@ -113,7 +117,7 @@ const NO_TWIN: &[(&str, &str)] = &[
     ("display/variant", "photometry/tone_map.rs"),
 ];
 
-/// Token of Rust source, as far as paths go.
+/// Token of Rust source, as far as needed for paths.
 #[derive(Clone, Debug, PartialEq)]
 enum Token {
     Word(String),
@@ -121,52 +125,52 @@ enum Token {
     Other(char),
 }
 
-/// Cuts source into tokens. Comments, strings, characters and white space leave none.
+/// Splits source into tokens. Comments, strings, characters and white space produce none.
 fn tokens(source: &str) -> Vec<Token> {
     let text: Vec<char> = source.chars().collect();
-    let at = |i: usize| text.get(i).copied().unwrap_or('\0');
+    let char_at = |i: usize| text.get(i).copied().unwrap_or('\0');
     let is_word = |c: char| c.is_alphanumeric() || c == '_';
     let mut found = Vec::new();
     let mut i = 0;
     while i < text.len() {
         let c = text[i];
-        if c == '/' && at(i + 1) == '/' {
+        if c == '/' && char_at(i + 1) == '/' {
             while i < text.len() && text[i] != '\n' {
                 i += 1;
             }
-        } else if c == '/' && at(i + 1) == '*' {
+        } else if c == '/' && char_at(i + 1) == '*' {
             i = end_of_block_comment(&text, i);
         } else if c == '"' {
             i = end_of_string(&text, i);
         } else if c == '\'' {
             // A character ('x', '\n', '\u{7f}') or a lifetime ('a), which has no quote after its first letter.
-            if at(i + 1) == '\\' {
+            if char_at(i + 1) == '\\' {
                 i += 3;
                 while i < text.len() && text[i] != '\'' {
                     i += 1;
                 }
                 i += 1;
-            } else if at(i + 2) == '\'' {
+            } else if char_at(i + 2) == '\'' {
                 i += 3;
             } else {
                 i += 1;
             }
         } else if is_word(c) {
             let start = i;
-            while is_word(at(i)) {
+            while is_word(char_at(i)) {
                 i += 1;
             }
             let word: String = text[start..i].iter().collect();
-            let hashes = (i..).take_while(|&k| at(k) == '#').count();
-            if matches!(word.as_str(), "r" | "br" | "cr") && at(i + hashes) == '"' {
+            let hashes = (i..).take_while(|&k| char_at(k) == '#').count();
+            if matches!(word.as_str(), "r" | "br" | "cr") && char_at(i + hashes) == '"' {
                 i = end_of_raw_string(&text, i + hashes, hashes);
             } else if word == "r" && hashes == 1 {
-                // A raw identifier: the name itself follows.
+                // A raw identifier: the name follows.
                 i += 1;
             } else {
                 found.push(Token::Word(word));
             }
-        } else if c == ':' && at(i + 1) == ':' {
+        } else if c == ':' && char_at(i + 1) == ':' {
             found.push(Token::PathSeparator);
             i += 2;
         } else {
@@ -179,7 +183,7 @@ fn tokens(source: &str) -> Vec<Token> {
     found
 }
 
-/// Index behind the block comment that starts at `i`. Block comments nest.
+/// Index after the block comment that starts at `i`. Block comments nest.
 fn end_of_block_comment(text: &[char], mut i: usize) -> usize {
     let mut depth = 0;
     while i < text.len() {
@@ -195,7 +199,7 @@ fn end_of_block_comment(text: &[char], mut i: usize) -> usize {
     i
 }
 
-/// Index behind the string whose opening quote is at `i`.
+/// Index after the string whose opening quote is at `i`.
 fn end_of_string(text: &[char], mut i: usize) -> usize {
     i += 1;
     while i < text.len() && text[i] != '"' {
@@ -204,7 +208,7 @@ fn end_of_string(text: &[char], mut i: usize) -> usize {
     i + 1
 }
 
-/// Index behind the raw string whose opening quote is at `i` and that ends at a quote with `hashes` hashes.
+/// Index after the raw string whose opening quote is at `i` and that ends at a quote with `hashes` hashes.
 fn end_of_raw_string(text: &[char], mut i: usize, hashes: usize) -> usize {
     i += 1;
     while i < text.len()
@@ -215,11 +219,12 @@ fn end_of_raw_string(text: &[char], mut i: usize, hashes: usize) -> usize {
     i + 1 + hashes
 }
 
-/// Every path of the source that starts at the crate's root, without the root, cut after two parts:
-/// `crate::gpu::Device` gives `["gpu", "Device"]`. `module` is the path of the file's module: `["render", "display"]`.
+/// Returns every path of the source that starts at the crate's root, without the root, cut after two parts:
+/// `crate::gpu::Device` gives `["gpu", "Device"]`. `module` is the path of the file's module: `["render",
+/// "display"]`.
 fn root_paths(tokens: &[Token], module: &[&str]) -> Vec<Vec<String>> {
     let mut paths = Vec::new();
-    // For each open brace, the name of the inline module that it opens, if it opens one.
+    // For each open brace, the name of the inline module that it opens, if any.
     let mut braces: Vec<Option<String>> = Vec::new();
     let mut i = 0;
     while i < tokens.len() {
@@ -261,8 +266,8 @@ fn root_paths(tokens: &[Token], module: &[&str]) -> Vec<Vec<String>> {
     paths
 }
 
-/// Follows a path or a group of paths from token `i`, and returns the index behind it. `so_far` is where the path
-/// stands.
+/// Follows a path or a group of paths from token `i`, and returns the index after it. `so_far` is the path up to
+/// there.
 fn follow(tokens: &[Token], mut i: usize, mut so_far: Vec<String>, paths: &mut Vec<Vec<String>>) -> usize {
     loop {
         match tokens.get(i) {
@@ -302,12 +307,12 @@ fn follow(tokens: &[Token], mut i: usize, mut so_far: Vec<String>, paths: &mut V
     }
 }
 
-/// Layer of a module, counted from the left.
+/// Index of a module's layer.
 fn layer_of(module: &str) -> Option<usize> {
     LAYERS.iter().position(|layer| layer.contains(&module))
 }
 
-/// Whether `importer` may import `imported`, both top-level modules, or why not.
+/// Checks whether `importer` may import `imported`, both top-level modules; the error gives the reason.
 fn may_import(importer: &str, imported: &str) -> Result<(), String> {
     let Some(from) = layer_of(importer) else { return Err(format!("`{importer}` is not in LAYERS")) };
     let Some(to) = layer_of(imported) else { return Err(format!("`{imported}` is not in LAYERS")) };
@@ -319,7 +324,7 @@ fn may_import(importer: &str, imported: &str) -> Result<(), String> {
     }
 }
 
-/// Breaches of the order in one file. `module` is the path of its module.
+/// Violations of the order in one file. `module` is the path of its module.
 fn breaches(module: &[&str], source: &str) -> Vec<String> {
     let importer = module[0];
     let tokens = tokens(source);
@@ -362,7 +367,7 @@ fn breaches(module: &[&str], source: &str) -> Vec<String> {
     found
 }
 
-/// Path of the module that a file holds, from its path below `src`: `render/mod.rs` holds `render`.
+/// Path of the module in a file, from its path below `src`: `render/mod.rs` contains `render`.
 fn module_of(file: &Path) -> Vec<String> {
     let mut parts: Vec<String> =
         file.with_extension("").iter().map(|part| part.to_str().expect("names in src are UTF-8").to_owned()).collect();
@@ -372,7 +377,7 @@ fn module_of(file: &Path) -> Vec<String> {
     parts
 }
 
-/// All files below `folder` that end in `.rs`, as paths relative to `root`.
+/// Collects all `.rs` files below `folder`, as paths relative to `root`.
 fn rust_files(root: &Path, folder: &Path, files: &mut Vec<PathBuf>) {
     for entry in std::fs::read_dir(folder).expect("src can be read") {
         let path = entry.expect("src can be read").path();
@@ -407,11 +412,11 @@ fn modules_import_in_one_direction_only() {
         let module: Vec<&str> = module.iter().map(String::as_str).collect();
         report.extend(breaches(&module, &source).into_iter().map(|breach| format!("{}: {breach}", file.display())));
     }
-    assert!(report.is_empty(), "the order of LAYERS is breached:\n{}", report.join("\n"));
+    assert!(report.is_empty(), "imports violate the order of LAYERS:\n{}", report.join("\n"));
 }
 
-/// Stems of the techniques' files: paths below `src/render/` without extension; `mod.rs` stands for its folder. Layouts and tests
-/// apart.
+/// Stems of the techniques' files: paths below `src/render/` without extension; `mod.rs` counts as its folder.
+/// Layouts and tests are left out.
 fn stems(files: &[PathBuf]) -> Vec<String> {
     let mut stems: Vec<String> = files
         .iter()
@@ -425,9 +430,9 @@ fn stems(files: &[PathBuf]) -> Vec<String> {
     stems
 }
 
-/// Stems that have no counterpart among `others` and no excuse, and excuses that nobody needs. A counterpart has the same path, is
-/// below it, or continues the name of the file (`map_gather` of `map`).
-fn without_counterpart(stems: &[String], others: &[String], excuses: &[(&str, &str)], of: &str) -> Vec<String> {
+/// Stems that have neither a counterpart among `others` nor an excuse, and unnecessary excuses. A counterpart has the
+/// same path, is below it, or continues the name of the file (`map_gather` for `map`).
+fn without_counterpart(stems: &[String], others: &[String], excuses: &[(&str, &str)], kind: &str) -> Vec<String> {
     let has = |stem: &str| {
         others.iter().any(|other| {
             other
@@ -437,17 +442,17 @@ fn without_counterpart(stems: &[String], others: &[String], excuses: &[(&str, &s
     };
     let excused = |stem: &str| excuses.iter().any(|(name, reason)| *name == stem && !reason.is_empty());
     let missing = stems.iter().filter(|stem| !has(stem) && !excused(stem));
-    let missing = missing.map(|stem| format!("src/render/{stem} has no counterpart in {of} and no excuse"));
+    let missing = missing.map(|stem| format!("src/render/{stem} has no counterpart in {kind} and no excuse"));
     let unneeded = excuses.iter().filter(|(name, _)| !stems.iter().any(|stem| stem == name) || has(name));
-    missing.chain(unneeded.map(|(name, _)| format!("{name} needs no excuse for {of}"))).collect()
+    missing.chain(unneeded.map(|(name, _)| format!("{name} needs no excuse for {kind}"))).collect()
 }
 
-/// Paths of files with an extension below a folder, without it.
+/// Paths of files with an extension below a folder, without the extension.
 fn stems_below(folder: &Path, extension: &str) -> Vec<String> {
     let mut found = Vec::new();
     let mut open = vec![folder.to_owned()];
-    while let Some(at) = open.pop() {
-        for entry in std::fs::read_dir(&at).expect("the folder can be read") {
+    while let Some(directory) = open.pop() {
+        for entry in std::fs::read_dir(&directory).expect("the folder can be read") {
             let path = entry.expect("the folder can be read").path();
             if path.is_dir() {
                 open.push(path);
@@ -488,7 +493,7 @@ mod the_check_itself {
     }
 
     #[test]
-    fn breaches_are_found_however_they_are_written() {
+    fn violations_are_found_in_every_form() {
         let cases: &[(&[&str], &str)] = &[
             (&["photometry"], "use crate::catalogue::StarRecord;"),
             (&["catalogue"], "use crate::config::Config;"),
@@ -527,7 +532,7 @@ mod the_check_itself {
     }
 
     #[test]
-    fn what_is_allowed_is_not_reported() {
+    fn allowed_imports_are_not_reported() {
         let cases: &[(&[&str], &str)] = &[
             (&["photometry", "blackbody"], "use super::rec709::luminance; pub use super::uv_prime; use crate::units;"),
             (&["units"], "mod tests { use super::*; }"),
@@ -555,7 +560,7 @@ mod the_check_itself {
     }
 
     #[test]
-    fn the_table_names_every_module_once_and_the_exceptions_are_of_it() {
+    fn the_table_names_every_module_once_and_all_modules_of_the_exceptions() {
         let all: Vec<&str> = LAYERS.iter().flat_map(|layer| layer.iter().copied()).collect();
         assert_eq!(all.iter().collect::<BTreeSet<_>>().len(), all.len());
         for (importer, imported) in SIBLINGS {
@@ -570,7 +575,7 @@ mod the_check_itself {
     }
 
     #[test]
-    fn a_stem_without_counterpart_and_a_needless_excuse_are_found() {
+    fn a_stem_without_counterpart_and_an_unnecessary_excuse_are_found() {
         let names = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect::<Vec<_>>();
         let stems = names(&["stars/splat", "glare/map", "overlay"]);
         let others = names(&["stars/splat", "glare/map_gather", "overlay/draw", "starship"]);
@@ -582,7 +587,7 @@ mod the_check_itself {
     }
 
     #[test]
-    fn files_hold_the_modules_that_their_paths_say() {
+    fn module_paths_follow_from_file_paths() {
         for (file, module) in
             [("units.rs", "units"), ("render/mod.rs", "render"), ("render/stars/mod.rs", "render/stars")]
         {

@@ -1,5 +1,6 @@
-//! What needs no adapter: twins in f64 against closed forms, configurations, catalogues, shaders as text, and the order of modules.
-#![allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
+//! Tests without an adapter: f64 twins against closed forms, configurations, catalogues, shader sources, and the
+//! order of modules.
+#![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 use testkit as common;
 use testkit::spk;

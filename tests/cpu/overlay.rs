@@ -45,7 +45,7 @@ fn projections() -> Vec<(&'static str, Projection)> {
     ]
 }
 
-/// Circles of many sizes in many places, some through poles, axes and antipodes.
+/// Circles of many sizes and positions, some through poles, axes and antipodes.
 fn arcs() -> Vec<SkyArc> {
     let mut arcs = Vec::new();
     for index in 0..20 {
@@ -76,9 +76,9 @@ fn distance_to_piece(point: DVec2, [from, to]: [DVec2; 2]) -> f64 {
     point.distance(from + along * part)
 }
 
-/// Points of a curve a twentieth of a pixel apart, wherever it is near the picture and does not jump.
+/// Points of a curve a twentieth of a pixel apart, wherever it is near the picture and continuous.
 fn sample_densely(
-    at: &dyn Fn(f64) -> Option<DVec2>,
+    position: &dyn Fn(f64) -> Option<DVec2>,
     [a, b]: [f64; 2],
     pixels: [Option<DVec2>; 2],
     depth: u32,
@@ -90,33 +90,34 @@ fn sample_densely(
     let (Some(start), Some(end)) = (start, end) else { return };
     if start.distance(end) > 0.05 && depth > 0 {
         let middle = (a + b) / 2.0;
-        let pixel = at(middle);
-        sample_densely(at, [a, middle], [Some(start), pixel], depth - 1, curve);
-        sample_densely(at, [middle, b], [pixel, Some(end)], depth - 1, curve);
+        let pixel = position(middle);
+        sample_densely(position, [a, middle], [Some(start), pixel], depth - 1, curve);
+        sample_densely(position, [middle, b], [pixel, Some(end)], depth - 1, curve);
     }
 }
 
-/// Farthest that a point of the pieces is from the curve, and a point of the curve inside of the picture from the pieces; pixels.
+/// Largest distance of a point of the pieces from the curve, and of a point of the curve inside the picture from the
+/// pieces; pixels.
 fn errors_px(projection: &Projection, arc: &SkyArc, pieces: &[[DVec2; 2]]) -> [f64; 2] {
     let mapping = projection.mapping();
     let [width, height] = mapping.size().map(f64::from);
     let steps = 20_000;
     let [from, to] = arc.angles;
-    // Of round pictures the corners are outside.
+    // Corners of round pictures are outside.
     let inside = |pixel: &DVec2| {
         let in_image = pixel.x >= 0.0 && pixel.x <= width && pixel.y >= 0.0 && pixel.y <= height;
         in_image && mapping.direction_from_pixel(*pixel).is_some()
     };
-    let at = |angle: f64| mapping.pixel_from_direction(arc.direction(angle));
+    let position = |angle: f64| mapping.pixel_from_direction(arc.direction(angle));
     let mut curve: Vec<DVec2> = Vec::new();
     for step in 0..steps {
         let angles = [step, step + 1].map(|step| from + (to - from) * f64::from(step) / f64::from(steps));
-        sample_densely(&at, angles, angles.map(at), 30, &mut curve);
+        sample_densely(&position, angles, angles.map(position), 30, &mut curve);
     }
-    // By cells, so that only what is near is compared.
+    // Sorted into cells, so that only neighbours are compared.
     let cell = |pixel: DVec2| [(pixel.x / 8.0).floor() as i64, (pixel.y / 8.0).floor() as i64];
     let mut cells: std::collections::HashMap<[i64; 2], Vec<DVec2>> = std::collections::HashMap::new();
-    // An equirectangular image goes on at its sides.
+    // An equirectangular image wraps around at its sides.
     let turns = if matches!(projection, Projection::Equirectangular(_)) { &[0.0, 1.0, -1.0][..] } else { &[0.0] };
     for pixel in curve.iter().flat_map(|pixel| turns.iter().map(|turn| *pixel + DVec2::new(turn * width, 0.0))) {
         cells.entry(cell(pixel)).or_default().push(pixel);
@@ -173,7 +174,7 @@ fn pieces_follow_their_curve_in_every_projection_and_leave_no_gap() {
     }
 }
 
-/// The plan of a scene for views that all look along the camera's axes.
+/// The plan of a scene for viewports along the camera's axes.
 fn plan_of(objects: &SceneObjects, camera: &Camera, viewports: &[Viewport], names: &[String]) -> Arc<OverlayPlan> {
     let inputs = OverlayInputs { objects, camera, viewports, views: names };
     OverlayPlanner::default().plan(&inputs).unwrap().unwrap()
@@ -192,7 +193,8 @@ fn rig() -> (Rig, Vec<String>) {
     (rig, names)
 }
 
-/// The line of a viewport that is nearest to a pixel: its distance, pixels, and 1 over the distance in space there.
+/// The line of a viewport that is nearest to a pixel: its distance in pixels, and the inverse of its distance in
+/// space there.
 fn nearest_line(plan: &OverlayPlan, viewport: usize, pixel: DVec2) -> (f64, f64) {
     let lines = plan.items_of(viewport).iter().filter_map(|item| match item.shape {
         Shape::Line { from, to, nearness, .. } => Some((from, to, nearness)),
@@ -206,7 +208,7 @@ fn nearest_line(plan: &OverlayPlan, viewport: usize, pixel: DVec2) -> (f64, f64)
     distances.min_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((f64::INFINITY, 0.0))
 }
 
-/// Pixel of a vector in world axes, if it lies in the picture.
+/// Pixel of a vector in world axes, if it is in the picture.
 fn pixel_of(viewport: &Viewport, vector: DVec3) -> Option<DVec2> {
     let mapping = viewport.projection.mapping();
     let pixel = mapping.pixel_from_direction(viewport.world_from_view.inverse() * vector)?;
@@ -214,7 +216,7 @@ fn pixel_of(viewport: &Viewport, vector: DVec3) -> Option<DVec2> {
 }
 
 #[test]
-fn a_moving_camera_sees_grids_where_it_sees_the_stars() {
+fn a_moving_camera_sees_grids_aligned_with_the_stars() {
     let (rig, names) = rig();
     let grid = Grid { kind: GridKind::Galactic, divisions: 1, numbers: false, style: Grid::STYLE };
     let overlay = Arc::new(Overlay { grids: vec![grid], ..Overlay::default() });
@@ -239,7 +241,7 @@ fn a_moving_camera_sees_grids_where_it_sees_the_stars() {
 }
 
 #[test]
-fn trajectories_are_where_each_eye_sees_them_and_as_far_away() {
+fn trajectories_have_the_position_and_distance_of_each_eye() {
     let (rig, names) = rig();
     let points_m: Vec<DVec3> = (0..12)
         .map(|i| f64::from(i) * 0.9)
@@ -270,15 +272,15 @@ fn trajectories_are_where_each_eye_sees_them_and_as_far_away() {
     }
     println!("{count} places, at most {worst_px} px off, distance off by {worst_nearness}");
     assert!(count > 1000 && worst_px < 0.1, "{count} {worst_px}");
-    // Where lines cross, the nearest piece may be another one's: they do not, here.
+    // If lines crossed, the nearest piece could belong to another one; here they do not.
     assert!(worst_nearness < 0.01, "{worst_nearness}");
-    // The eyes see different pictures.
+    // The eyes have different pictures.
     let lines = |index: usize| plan.items_of(index).first().map(|item| item.shape);
     assert_ne!(lines(1), lines(2));
 }
 
 #[test]
-fn a_frame_like_the_last_one_has_the_same_plan_and_too_much_is_refused() {
+fn an_equal_frame_reuses_the_plan_and_too_many_items_are_refused() {
     let (rig, names) = rig();
     let fine = Grid { kind: GridKind::Equatorial, divisions: 90, numbers: false, style: Grid::STYLE };
     let objects_of = |grids: Vec<Grid>| SceneObjects {
@@ -315,7 +317,7 @@ fn refused(text: &str, parts: &[&str]) {
 }
 
 #[test]
-fn configurations_are_read_as_written_and_filled_in() {
+fn configurations_are_read_as_written_with_defaults() {
     let text = "[[views]]\nname = 'a'\ntype = 'perspective'\nsize = [8, 8]\nfov_y_deg = 60\ntest_pattern = true\n\
         [[views]]\nname = 'b'\ntype = 'equirectangular'\nsize = [8, 4]\n\
         [[overlay.grids]]\nkind = 'galactic'\nspacing_deg = 22.5\ncolour = '#0aFF10'\nwidth_px = 3\nopacity = 0.25\nnumbers = false\n\
@@ -348,7 +350,7 @@ fn mistakes_in_configurations_are_refused() {
     let grid = |keys: &str| format!("[[overlay.grids]]\nkind = 'equatorial'\n{keys}");
     let way = |keys: &str| format!("[[overlay.trajectories]]\nname = 'way'\n{keys}");
     let label = |keys: &str| format!("[[overlay.labels]]\nname = 'star'\n{keys}");
-    let at = "ra_deg = 1\ndec_deg = 2\n";
+    let coordinates = "ra_deg = 1\ndec_deg = 2\n";
     for (text, parts) in [
         ("[overlay]\ngrid = []".to_owned(), &["overlay.grid", "unknown key"][..]),
         (
@@ -373,13 +375,13 @@ fn mistakes_in_configurations_are_refused() {
             &["overlay.trajectories[1].points_m", "40000 points", "32768"],
         ),
         (label(""), &["overlay.labels[0].position_m", "exactly one"]),
-        (label(&format!("{at}position_m = [0, 0, 0]")), &["overlay.labels[0].position_m", "exactly one"]),
+        (label(&format!("{coordinates}position_m = [0, 0, 0]")), &["overlay.labels[0].position_m", "exactly one"]),
         (label("ra_deg = 1"), &["overlay.labels[0].position_m", "exactly one"]),
         (label("ra_deg = 1\ndec_deg = 91"), &["overlay.labels[0].dec_deg", "-90 to 90"]),
-        (label(&format!("{at}text = ''")), &["overlay.labels[0].text", "between 1 and 64"]),
-        (label(&format!("{at}text = '{}'", "x".repeat(65))), &["overlay.labels[0].text", "65 characters"]),
-        (label(&format!("{at}text = '漢'")), &["overlay.labels[0].text", "漢"]),
-        (label(&format!("{at}size_px = 5")), &["overlay.labels[0].size_px", "6 to 200"]),
+        (label(&format!("{coordinates}text = ''")), &["overlay.labels[0].text", "between 1 and 64"]),
+        (label(&format!("{coordinates}text = '{}'", "x".repeat(65))), &["overlay.labels[0].text", "65 characters"]),
+        (label(&format!("{coordinates}text = '漢'")), &["overlay.labels[0].text", "漢"]),
+        (label(&format!("{coordinates}size_px = 5")), &["overlay.labels[0].size_px", "6 to 200"]),
         (
             "[[views]]\nname = 'a'\ntype = 'equirectangular'\nsize = [8, 4]\ntest_pattern = 'yes'".to_owned(),
             &["views[0].test_pattern", "boolean"],

@@ -1,4 +1,4 @@
-//! `steradian psf`: point-spread functions from apertures and from the files of other programs.
+//! `steradian psf`: point-spread functions from apertures and from files of other programs.
 
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -12,7 +12,7 @@ use steradian::{
     plan::settings::PsfTextureSettings,
 };
 
-/// Runs, checks the exit code, and returns standard output and standard error.
+/// Runs the command, checks the exit code, and returns standard output and standard error.
 #[track_caller]
 fn run(folder: &Path, arguments: &[&str], code: i32) -> (String, String) {
     let output = Command::new(env!("CARGO_BIN_EXE_steradian"))
@@ -28,7 +28,7 @@ fn run(folder: &Path, arguments: &[&str], code: i32) -> (String, String) {
     (out, err)
 }
 
-/// A FITS unit: cards, padded, then data, padded.
+/// A FITS unit: padded cards, then padded data.
 fn unit(cards: &[&str], data: &[u8]) -> Vec<u8> {
     let mut bytes: Vec<u8> = cards.iter().chain(&["END"]).flat_map(|card| format!("{card:<80}").into_bytes()).collect();
     bytes.resize(bytes.len().next_multiple_of(2880), b' ');
@@ -37,7 +37,7 @@ fn unit(cards: &[&str], data: &[u8]) -> Vec<u8> {
     bytes
 }
 
-/// A picture of 4 x 4 whose values are 1 to 16 from the lower left, in the encoding of `bitpix`.
+/// A picture of 4 x 4 with the values 1 to 16 from the lower left, in the encoding of `bitpix`.
 fn picture(bitpix: &str, extra: &[&str], encode: impl Fn(i32) -> Vec<u8>) -> Vec<u8> {
     let bitpix = format!("BITPIX  = {bitpix:>20} / bits");
     let mut cards = vec![
@@ -66,7 +66,7 @@ fn load(bytes: &[u8], pixel_arcsec: Option<f64>) -> Result<Loaded, PsfError> {
     read(&path, pixel_arcsec)
 }
 
-/// Largest difference from the picture of 1 to 16.
+/// Largest difference from the picture with the values 1 to 16.
 fn error_of(psf: &Psf) -> f64 {
     (0..16u32)
         .map(|i| {
@@ -86,7 +86,7 @@ fn fits_of_every_encoding_is_read_the_right_way_up() {
         ("16", picture("16", &[SCALE], |v| (v as i16).to_be_bytes().to_vec())),
         ("32", picture("32", &[SCALE], ints(1))),
         ("64", picture("64", &[SCALE], |v| i64::from(v).to_be_bytes().to_vec())),
-        // Unsigned 16 bits, as FITS has them, and a scale.
+        // Unsigned 16 bits as in FITS, and a scale.
         (
             "16 with BZERO",
             picture("16", &[SCALE, "BZERO   =              32768.0"], |v| ((v - 32768) as i16).to_be_bytes().to_vec()),
@@ -98,7 +98,7 @@ fn fits_of_every_encoding_is_read_the_right_way_up() {
         assert!((loaded.psf.pixel_rad / ARCSECOND_RAD - 0.25).abs() < 1e-15, "{name}");
         assert_eq!(loaded.peak_offset_px, DVec2::new(1.5, 1.5), "{name}");
     }
-    // Another encoding's bytes are seen.
+    // Wrongly decoded bytes must fail.
     let wrong = load(&picture("32", &[SCALE, "BZERO   =                 -0.5"], ints(1)), None).unwrap();
     assert!(error_of(&wrong.psf) > 1e-4);
 }
@@ -135,12 +135,12 @@ fn an_image_after_a_table_and_an_empty_first_unit_is_found() {
 }
 
 #[test]
-fn broken_files_are_refused_with_what_is_wrong() {
+fn errors_of_broken_files_name_the_problem() {
     let good = picture("-32", &[SCALE], float);
     let with = |from: &str, to: &str| {
-        let at = good.windows(from.len()).position(|w| w == from.as_bytes()).unwrap();
+        let offset = good.windows(from.len()).position(|w| w == from.as_bytes()).unwrap();
         let mut bytes = good.clone();
-        bytes[at..at + to.len()].copy_from_slice(to.as_bytes());
+        bytes[offset..offset + to.len()].copy_from_slice(to.as_bytes());
         bytes
     };
     let mut nan = good.clone();
@@ -178,7 +178,7 @@ fn exr_keeps_every_bit_and_the_scale() {
     let mut psf = load(&picture("-32", &[], float), Some(0.123_456_789)).unwrap().psf;
     psf.rgb[3] = [psf.rgb[3][0] * 0.5, psf.rgb[3][1], psf.rgb[3][2] * 1.5];
     psf.covered = 0.875;
-    // Reading makes the sum of Y 1 again, so it is 1 before.
+    // Reading scales the sum of Y to 1, so the test does so first.
     let total: f64 = psf.rgb.iter().map(|pixel| luminance(pixel.map(f64::from))).sum();
     psf.rgb.iter_mut().flatten().for_each(|channel| *channel = (f64::from(*channel) / total) as f32);
     let path = folder.path().join("psf.exr");
@@ -237,7 +237,7 @@ fn the_command_makes_and_converts_textures() {
 fn wrong_use_is_64_and_wrong_data_65() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("bare.fits"), picture("-32", &[], float)).unwrap();
-    std::fs::write(folder.path().join("text.exr"), "no picture").unwrap();
+    std::fs::write(folder.path().join("text.exr"), "not a picture").unwrap();
     let make = ["psf", "--out", "o.exr", "--aperture", "circle", "--diameter-mm", "2"];
     for (arguments, code, part) in [
         (&["psf", "--out", "o.exr"][..], 64, "--aperture"),
@@ -250,8 +250,8 @@ fn wrong_use_is_64_and_wrong_data_65() {
         (&[&make[..], &["--size", "1"]].concat(), 64, "size"),
         (&[&make[..], &["--pixel-arcsec", "nan"]].concat(), 64, "--pixel-arcsec"),
         (&[&make[..], &["--pixel-arcsec", "1e5"]].concat(), 64, "at most"),
-        (&[&make[..], &["--wavelengths", "0"]].concat(), 64, "1 to 400"),
-        (&[&make[..], &["--temperature", "1"]].concat(), 64, "500 to"),
+        (&[&make[..], &["--wavelengths", "0"]].concat(), 64, "between 1 and 400"),
+        (&[&make[..], &["--temperature", "1"]].concat(), 64, "between 500 and"),
         (&[&make[..], &["--blades", "two"]].concat(), 64, "blades"),
         (&["psf", "--from", "missing.fits", "--out", "o.exr"], 65, "missing.fits"),
         (&["psf", "--from", "text.exr", "--out", "o.exr"], 65, "neither"),
@@ -268,7 +268,7 @@ fn wrong_use_is_64_and_wrong_data_65() {
 }
 
 #[test]
-fn settings_lead_to_a_texture() {
+fn settings_make_a_texture() {
     let white = |psf: &Psf| psf.sum().iter().all(|sum| (sum - 1.0).abs() < 1e-5);
     let settings = PsfTextureSettings::default();
     let psf = settings.texture().unwrap();
@@ -280,7 +280,7 @@ fn settings_lead_to_a_texture() {
     let flat = PsfTextureSettings { width_arcmin: 0.0, ..settings.clone() }.texture().unwrap_err();
     assert!(flat.to_string().contains("pixel"), "{flat}");
 
-    // A file's own scale counts, and the width where it has none.
+    // A file's own scale is used, and the width if it has none.
     let folder = tempfile::tempdir().unwrap();
     for (cards, arcsec) in [(&[SCALE][..], 0.25), (&[], 4.0 * 3600.0 / 4.0)] {
         let file = folder.path().join("picture.fits");

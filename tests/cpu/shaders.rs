@@ -1,6 +1,6 @@
-//! Every shader is valid in every combination of its choices, the structs that Rust and WGSL share have the same layout, and
-//! constants that both have stand in Rust alone.
-#![allow(clippy::unwrap_used, reason = "a failed expectation of a test's own helpers is a failed test")]
+//! Every shader is valid in every combination of its choices, the structs shared by Rust and WGSL have the same
+//! layout, and shared constants are declared in Rust alone.
+#![allow(clippy::unwrap_used, reason = "a failed expectation in a helper is a failed test")]
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -30,7 +30,7 @@ fn sources() -> Vec<(Shader, ShaderSource)> {
 
 #[test]
 fn every_shader_is_valid() {
-    // Packing two halves in a word needs no optional feature of the adapter.
+    // Packing two halves into a word needs no optional feature of the adapter.
     let narrow = Capabilities::SHADER_FLOAT16_IN_FLOAT32;
     let wide = narrow | Capabilities::SHADER_INT64 | Capabilities::SHADER_INT64_ATOMIC_ALL_OPS;
     let mut with_u64 = 0;
@@ -39,7 +39,7 @@ fn every_shader_is_valid() {
         let check =
             |capabilities| Validator::new(ValidationFlags::all(), capabilities).validate(&module).map_err(Box::new);
         check(wide).unwrap_or_else(|error| panic!("{shader}: {error:?}"));
-        assert_eq!(check(narrow).is_err(), source.needs_u64, "{shader}: `#requires u64` is missing, or stands in vain");
+        assert_eq!(check(narrow).is_err(), source.needs_u64, "{shader}: `#requires u64` is missing or unnecessary");
         let entry_points: Vec<_> = module.entry_points.iter().map(|entry| entry.name.as_str()).collect();
         assert_eq!(entry_points, [source.entry_point], "{shader}");
         with_u64 += usize::from(source.needs_u64);
@@ -48,16 +48,17 @@ fn every_shader_is_valid() {
 }
 
 #[test]
-fn an_invalid_shader_is_found() {
+fn an_invalid_shader_is_detected() {
     let module = parse("wrong", "@compute @workgroup_size(1) fn main() { let x: u64 = 1lu; }");
     assert!(Validator::new(ValidationFlags::all(), Capabilities::empty()).validate(&module).is_err());
 }
 
-/// What WGSL says of a struct: its size, and name and offset of every field.
+/// Layout of a WGSL struct: its size, and name and offset of every field.
 type WgslLayout = (usize, Vec<(String, usize)>);
 
 fn wgsl_layouts(module: &naga::Module) -> BTreeMap<String, WgslLayout> {
-    // What buffers hold, at any depth; other structs stay inside of a shader and have no counterpart, those of a workgroup's memory too.
+    // Structs in buffers, at any depth; other structs, including those in workgroup memory, stay inside a shader and
+    // have no counterpart.
     let of_buffers =
         module.global_variables.iter().filter(|(_, variable)| variable.space != naga::AddressSpace::WorkGroup);
     let mut held: Vec<_> = of_buffers.map(|(_, variable)| variable.ty).collect();
@@ -84,7 +85,7 @@ fn wgsl_layouts(module: &naga::Module) -> BTreeMap<String, WgslLayout> {
         .collect()
 }
 
-/// Where a struct of Rust and one of WGSL differ.
+/// Difference between the layouts of a Rust and a WGSL struct.
 fn difference(rust: &StructLayout, wgsl: &WgslLayout) -> Option<String> {
     let rust_fields: Vec<(String, usize)> =
         rust.fields.iter().map(|(name, offset)| ((*name).to_owned(), *offset)).collect();
@@ -100,7 +101,7 @@ fn structs_have_the_same_fields_offsets_and_sizes() {
     for (shader, source) in sources() {
         for (name, wgsl) in wgsl_layouts(&parse(source.name, &source.text)) {
             if name == "Star" {
-                // The star is the catalogue's own type, with its offsets as an array.
+                // The star is the catalogue's type, with its offsets as an array.
                 assert_eq!(wgsl.0, size_of::<steradian::catalogue::packed::PackedStar>());
                 continue;
             }
@@ -116,7 +117,7 @@ fn structs_have_the_same_fields_offsets_and_sizes() {
 }
 
 #[test]
-fn a_moved_field_and_a_wrong_size_are_found() {
+fn a_moved_field_and_a_wrong_size_are_detected() {
     let rust = struct_layouts().into_iter().find(|rust| rust.name == "Tile").unwrap();
     let right: Vec<(String, usize)> = rust.fields.iter().map(|(name, offset)| ((*name).to_owned(), *offset)).collect();
     assert_eq!(difference(&rust, &(rust.size, right.clone())), None);
@@ -126,7 +127,7 @@ fn a_moved_field_and_a_wrong_size_are_found() {
     assert!(difference(&rust, &(rust.size + 16, right)).is_some());
 }
 
-/// Files of a folder and below, by their paths from the crate's root.
+/// Files in a folder and its subfolders, by their paths from the crate's root.
 fn files(folder: &str, extension: &str) -> BTreeMap<PathBuf, String> {
     fn walk(folder: &Path, extension: &str, found: &mut Vec<PathBuf>) {
         for entry in fs::read_dir(folder).unwrap() {
@@ -147,10 +148,11 @@ fn files(folder: &str, extension: &str) -> BTreeMap<PathBuf, String> {
         .collect()
 }
 
-/// Names of the constants that a source declares, in Rust or in WGSL; comments do not count.
+/// Names of the constants that a source declares, in Rust or in WGSL, without comments.
 fn constants(source: &str) -> BTreeSet<String> {
     let code = source.lines().filter_map(|line| line.split("//").next());
-    let declared = code.flat_map(|line| line.match_indices("const ").map(move |(at, word)| &line[at + word.len()..]));
+    let declared =
+        code.flat_map(|line| line.match_indices("const ").map(move |(start, word)| &line[start + word.len()..]));
     declared
         .filter_map(|after| {
             let end = after.find(|c: char| !c.is_ascii_alphanumeric() && c != '_')?;
@@ -162,15 +164,15 @@ fn constants(source: &str) -> BTreeSet<String> {
         .collect()
 }
 
-/// Constants of WGSL that a constant of Rust has the name of, although it means something else.
+/// WGSL constants with the name of a Rust constant that has a different meaning.
 const OTHER_MEANING: &[(&str, &str)] = &[];
 
-/// Constants that WGSL declares and Rust has too.
+/// Constants that both WGSL and Rust declare.
 fn declared_twice(wgsl: &BTreeSet<String>, rust: &BTreeSet<String>, excused: &[(&str, &str)]) -> Vec<String> {
     wgsl.intersection(rust).filter(|name| excused.iter().all(|(excused, _)| excused != name)).cloned().collect()
 }
 
-/// Names of all constants of Rust, those of the shared tables among them.
+/// Names of all Rust constants, including those of the shared tables.
 fn rust_constants() -> BTreeSet<String> {
     let tables = constant_tables();
     let shared = tables.iter().flat_map(|table| table.constants.iter().map(|(name, ..)| (*name).to_owned()));
@@ -178,13 +180,13 @@ fn rust_constants() -> BTreeSet<String> {
 }
 
 #[test]
-fn no_constant_stands_in_wgsl_and_in_rust() {
+fn no_constant_is_declared_in_both_wgsl_and_rust() {
     let rust = rust_constants();
     for (path, text) in files("shaders", "wgsl") {
         let twice = declared_twice(&constants(&text), &rust, OTHER_MEANING);
         assert!(
             twice.is_empty(),
-            "{}: {} stand in Rust too; share them by a table in src/gpu/constants.rs, or give them another name",
+            "{}: {} exist in Rust too; share them in a table in src/gpu/constants.rs, or rename them",
             path.display(),
             twice.join(", ")
         );
@@ -192,7 +194,7 @@ fn no_constant_stands_in_wgsl_and_in_rust() {
 }
 
 #[test]
-fn a_constant_that_stands_twice_is_found() {
+fn a_constant_that_is_declared_twice_is_detected() {
     let wgsl =
         constants("// const COMMENT: u32 = 1u;\nconst COLUMNS: u32 = 64u;\n    const INNER = 2.0;\nlet x = constant;");
     assert_eq!(wgsl, ["COLUMNS", "INNER"].map(str::to_owned).into());
@@ -204,7 +206,7 @@ fn a_constant_that_stands_twice_is_found() {
     assert!(["COLUMNS", "KIND_CUBE_FACE", "PARSEC_M", "MAX_VIEWPORTS"].iter().all(|name| rust.contains(*name)));
 }
 
-/// Which of these files no shader has in it.
+/// The files that no shader contains.
 fn unused(stems: impl IntoIterator<Item = String>, sources: &[(Shader, ShaderSource)]) -> Vec<String> {
     let used =
         |stem: &String| sources.iter().any(|(_, source)| source.text.contains(&format!("// shaders/{stem}.wgsl\n")));
@@ -212,7 +214,7 @@ fn unused(stems: impl IntoIterator<Item = String>, sources: &[(Shader, ShaderSou
 }
 
 #[test]
-fn every_file_and_every_table_is_part_of_a_shader() {
+fn every_file_and_every_table_is_used_by_a_shader() {
     let sources = sources();
     let stem =
         |path: &PathBuf| path.with_extension("").strip_prefix("shaders").unwrap().to_str().unwrap().replace('\\', "/");
@@ -223,24 +225,24 @@ fn every_file_and_every_table_is_part_of_a_shader() {
     assert_eq!(unused(["constants/none".to_owned()], &sources), ["constants/none"]);
 }
 
-/// Whether a shader's text has anything of tabulated projections.
+/// Whether a shader's text contains code for tabulated projections.
 fn knows_tables(text: &str) -> bool {
     ["mapping_tables", "KIND_TABULATED", "@group(3)"].iter().any(|name| text.contains(name))
 }
 
 #[test]
-fn shaders_of_rigs_without_tables_have_nothing_of_them() {
+fn shaders_of_rigs_without_tables_do_not_contain_table_code() {
     let mut with_tables = 0;
     for (shader, source) in sources() {
         let name = shader.to_string();
         let wanted = name.contains("tabulated = shared/tabulated") && !name.contains("tabulated_off");
         if knows_tables(&source.text) {
-            assert!(wanted, "{shader}: reads tables, though it is made without");
+            assert!(wanted, "{shader}: reads tables, but is made without them");
             with_tables += 1;
         }
     }
     assert!(with_tables > 20, "{with_tables}");
-    // What names no choice is made without.
+    // Shaders without that choice are made without tables.
     let resolve = || Shader::new("display/resolve").with("decode", "display/decode_u32");
     let text = |shader: Shader| shader.text().unwrap();
     assert_eq!(text(resolve()), text(resolve().with("tabulated", "shared/tabulated_off")));
@@ -248,26 +250,26 @@ fn shaders_of_rigs_without_tables_have_nothing_of_them() {
 }
 
 #[test]
-fn a_table_reads_in_wgsl_as_in_rust() {
+fn a_table_has_the_same_values_in_wgsl_and_rust() {
     for table in constant_tables() {
         let module = parse(table.name, &table.wgsl());
         assert_eq!(module.constants.len(), table.constants.len(), "{}", table.name);
     }
 }
 
-/// Names of shaders in a Rust source: what `Shader::new` is given as it stands.
+/// Names of shaders in a Rust source: the literal arguments of `Shader::new`.
 fn named_shaders(source: &str) -> BTreeSet<String> {
     let after = source.split("Shader::new(\"").skip(1);
     after.filter_map(|text| text.split('"').next()).map(str::to_owned).collect()
 }
 
 #[test]
-fn shaders_that_rust_names_exist_and_all_are_named() {
+fn shaders_named_in_rust_exist_and_all_are_used() {
     let entries: BTreeSet<&str> = sources().iter().map(|(_, source)| source.name).collect();
     let code = files("src", "rs");
     for (path, source) in &code {
         for name in named_shaders(source) {
-            assert!(entries.contains(name.as_str()), "{}: there is no shader `{name}`", path.display());
+            assert!(entries.contains(name.as_str()), "{}: the shader `{name}` does not exist", path.display());
         }
     }
     for entry in entries {

@@ -1,4 +1,5 @@
-//! The sky over a place, from the configuration on: where the camera looks, where bodies are and how bright, and when eclipses begin and end.
+//! The sky over a place, computed from a configuration: direction of the camera, positions and brightness of bodies,
+//! and the times of eclipses.
 
 use std::{f64::consts::PI, path::Path};
 
@@ -25,7 +26,7 @@ fn config(text: &str) -> Config {
     parse(text).unwrap()
 }
 
-/// s since 2000-01-01T12:00:00Z.
+/// Seconds since 2000-01-01T12:00:00Z.
 fn time_s(time: &str) -> f64 {
     config(&format!("[scene]\ntime = {time}\n")).scene.time_s()
 }
@@ -54,14 +55,16 @@ fn an_observer_has_the_solar_system_and_looks_along_the_horizon() {
     close(camera.world_from_camera * DVec3::Y, axes * DVec3::Y);
     let west = config(&text("azimuth_deg = 270\naltitude_deg = 90\nroll_deg = 90\n")).camera().unwrap();
     close(west.world_from_camera * DVec3::NEG_Z, axes * DVec3::Y);
-    // Looking to the zenith from the west, the top of the picture is east, and south is on the left.
+    // For a view to the zenith from an orientation to the west, the top of the picture is east, and south is on the
+    // left.
     close(west.world_from_camera * DVec3::Y, axes * DVec3::Z);
     let to_moon = (body(&objects, "moon").position_m - camera.position_m).normalize();
     for air in ["", "air.enabled = false\n"] {
         let at_moon = config(&text(&format!("look = {{ at = 'moon' }}\n{air}"))).camera().unwrap();
         let ahead = at_moon.world_from_camera * DVec3::NEG_Z;
-        assert!((at_moon.world_from_camera * DVec3::X).dot(axes * DVec3::Y).abs() < 1e-12, "it stands upright");
-        // The air of 15 degrees Celsius and 1013 hPa lifts by 58.2 arcseconds times the tangent of the zenith distance.
+        assert!((at_moon.world_from_camera * DVec3::X).dot(axes * DVec3::Y).abs() < 1e-12, "the camera is level");
+        // Air of 15 degrees Celsius and 1013 hPa has a refraction of 58.2 arcseconds times the tangent of the zenith
+        // distance.
         let lift = if air.is_empty() { (58.2 / 3600.0_f64).to_radians() } else { 0.0 };
         let altitude_rad = |towards: DVec3| towards.dot(axes * DVec3::Y).asin();
         let lift = lift / altitude_rad(ahead).tan();
@@ -71,7 +74,7 @@ fn an_observer_has_the_solar_system_and_looks_along_the_horizon() {
     let galactic = config(&text("look = { frame = 'galactic', longitude_deg = 0, latitude_deg = 0 }\n"));
     let centre = galactic.camera().unwrap().world_from_camera * DVec3::NEG_Z;
     close(centre, steradian::coordinates::icrs_from_galactic() * DVec3::X);
-    // An hour later the horizon has turned by 15 degrees and a little more, and the camera with it.
+    // An hour later the horizon has turned by slightly more than 15 degrees, and the camera with it.
     let later = south.camera_at(south.scene.time_s() + 3600.0).unwrap();
     let turned_deg = later.world_from_camera.angle_between(camera.world_from_camera).to_degrees();
     assert!((turned_deg - 15.041).abs() < 1e-3, "{turned_deg}");
@@ -80,7 +83,7 @@ fn an_observer_has_the_solar_system_and_looks_along_the_horizon() {
 }
 
 #[test]
-fn bodies_of_the_solar_system_give_way_to_those_of_the_configuration() {
+fn bodies_of_the_configuration_replace_those_of_the_solar_system() {
     let text = "[scene]\ntime = 2026-11-23T20:00:00Z\nsolar_system = true\n\
                 [[bodies]]\nname = 'red'\npreset = 'mars'\nposition_m = [1, 2, 3]\n\
                 [[bodies]]\nname = 'luna'\nephemeris = 'moon'\nradius_m = 1e6\ngeometric_albedo = 0.1\n";
@@ -96,7 +99,7 @@ fn bodies_of_the_solar_system_give_way_to_those_of_the_configuration() {
 }
 
 #[test]
-fn mistakes_are_told_with_key_and_what_is_allowed() {
+fn errors_name_the_key_and_valid_values() {
     let on = |rest: &str| format!("{GREENWICH}{rest}");
     for (text, parts) in [
         ("[scene.observer]\nlatitude_deg = 3\n".to_owned(), &["longitude_deg", "missing"][..]),
@@ -145,24 +148,25 @@ struct MagnitudeRow {
     v_mag: f64,
 }
 
-/// Light of a body as the observer has it, V, and its phase angle, degrees.
-fn seen(objects: &SceneObjects, name: &str) -> (f64, f64) {
+/// V magnitude of a body as seen by the observer, and its phase angle, degrees.
+fn magnitude_and_phase(objects: &SceneObjects, name: &str) -> (f64, f64) {
     let eye_m = objects.observer.unwrap().epoch.position_m;
-    let of = body(objects, name);
-    let light = luminance(illuminance_of(of, eye_m, &suns(objects), objects.time_s));
-    let to_sun_m = body(objects, "sun").position_m - of.position_m;
-    (magnitude_from_illuminance_lx(light), to_sun_m.angle_between(eye_m - of.position_m).to_degrees())
+    let target = body(objects, name);
+    let light = luminance(illuminance_of(target, eye_m, &suns(objects), objects.time_s));
+    let to_sun_m = body(objects, "sun").position_m - target.position_m;
+    (magnitude_from_illuminance_lx(light), to_sun_m.angle_between(eye_m - target.position_m).to_degrees())
 }
 
-/// Largest error of each planet's magnitude over ten phases, and of Mars that of the mean; with `only`, of that planet alone.
-fn magnitude_errors(of: &str, only: Option<&str>) -> Vec<(String, f64)> {
+/// Largest error of each planet's magnitude over ten phases, and for Mars the error of the mean; with `only`, for
+/// that planet alone.
+fn magnitude_errors(extra: &str, only: Option<&str>) -> Vec<(String, f64)> {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/planet_magnitudes.csv");
     let mut reader = csv::ReaderBuilder::new().comment(Some(b'#')).from_path(file).unwrap();
     let rows: Vec<MagnitudeRow> = reader.deserialize().collect::<Result<_, _>>().unwrap();
     let mut errors: Vec<(String, Vec<f64>)> = Vec::new();
     for row in rows.into_iter().filter(|row| only.is_none_or(|only| row.object == only)) {
-        let objects = config(&format!("[scene]\ntime = {}\n{GREENWICH}{of}", row.time)).objects().unwrap();
-        let (v_mag, phase_deg) = seen(&objects, &row.object);
+        let objects = config(&format!("[scene]\ntime = {}\n{GREENWICH}{extra}", row.time)).objects().unwrap();
+        let (v_mag, phase_deg) = magnitude_and_phase(&objects, &row.object);
         assert!((phase_deg - row.phase_deg).abs() < 0.02, "{} {}: {phase_deg}", row.object, row.time);
         match errors.iter_mut().find(|(object, _)| *object == row.object) {
             Some((_, errors)) => errors.push(v_mag - row.v_mag),
@@ -179,14 +183,14 @@ fn magnitude_errors(of: &str, only: Option<&str>) -> Vec<(String, f64)> {
 }
 
 #[test]
-fn planets_are_as_bright_as_published_at_ten_phases() {
+fn planets_have_their_published_magnitudes_at_ten_phases() {
     for (object, error) in magnitude_errors("", None) {
         println!("{object}: {error:.3} mag");
         // Measured: Saturn 0.092, Mercury 0.070, Neptune 0.051, the others below 0.04.
         let most = if object == "saturn" { 0.15 } else { 0.1 };
         assert!(error < most, "{object}: {error}");
     }
-    // A Lambert sphere is no Mercury.
+    // A Lambert sphere does not match Mercury.
     let wrong = magnitude_errors(
         "[[bodies]]\nname = 'mercury'\npreset = 'mercury'\nephemeris = 'mercury'\nphase_curve = false\n",
         Some("mercury"),
@@ -195,8 +199,9 @@ fn planets_are_as_bright_as_published_at_ten_phases() {
 }
 
 #[test]
-fn the_moon_is_as_bright_as_published_at_ten_phases() {
-    // Allen, Astrophysical Quantities, 3rd edition, section 66: magnitude less that of the full Moon, -12.73 at mean distance, against phase.
+fn the_moon_has_its_published_magnitudes_at_ten_phases() {
+    // Allen, Astrophysical Quantities, 3rd edition, section 66: magnitude relative to the full Moon, -12.73 at mean
+    // distance, against phase.
     const ALLEN: [[f64; 2]; 10] = [
         [10.0, 0.23],
         [20.0, 0.51],
@@ -220,25 +225,25 @@ fn the_moon_is_as_bright_as_published_at_ten_phases() {
         println!("{phase_deg}: {error:+.3} mag");
         assert!(error.abs() < 0.1, "{phase_deg}: {error}");
     }
-    // The opposition surge: full it is brighter by a third than the line through other phases has it.
+    // Opposition surge: the full Moon is a third brighter than the line through other phases.
     let full = magnitude_from_illuminance_lx(luminance(illuminance_of(&moon, DVec3::X * 3.844e8, &suns, 0.0)));
     assert!((full + 12.73 + 2.5 * 1.35_f64.log10()).abs() < 0.05, "{full}");
 }
 
-/// When a quantity is 0 between two moments, s, of which one is on either side.
-fn root(mut low_s: f64, mut high_s: f64, of: impl Fn(f64) -> f64) -> f64 {
-    let is_above = of(low_s) > 0.0;
-    assert!(is_above != (of(high_s) > 0.0), "nothing begins or ends between them");
+/// Time at which a quantity is 0 between two times with different signs, s.
+fn root(mut low_s: f64, mut high_s: f64, value: impl Fn(f64) -> f64) -> f64 {
+    let is_above = value(low_s) > 0.0;
+    assert!(is_above != (value(high_s) > 0.0), "no sign change between them");
     while high_s - low_s > 0.01 {
         let middle_s = 0.5 * (low_s + high_s);
-        if (of(middle_s) > 0.0) == is_above { low_s = middle_s } else { high_s = middle_s }
+        if (value(middle_s) > 0.0) == is_above { low_s = middle_s } else { high_s = middle_s }
     }
     low_s
 }
 
-/// Radii that the scene's bodies have, m: of the Moon k = 0.27240 of the Earth's.
-fn radius_m(of: SolarBody) -> f64 {
-    Body::preset(of, "x", DVec3::ZERO).radii_m.x
+/// Radii of the scene's bodies, m; for the Moon k = 0.27240 of the Earth's.
+fn radius_m(body: SolarBody) -> f64 {
+    Body::preset(body, "x", DVec3::ZERO).radii_m.x
 }
 
 #[test]
@@ -247,10 +252,10 @@ fn the_solar_eclipse_at_luxor_has_the_contacts_of_de440() {
         Place { latitude_rad: 25.6872_f64.to_radians(), longitude_rad: 32.6396_f64.to_radians(), height_m: 76.0 };
     let clock = Clock { ut1_minus_utc_s: 0.1032, delta_t_s: None };
     let gap = |time_s: f64, within: bool| {
-        let standpoint = place.at(time_s, &clock);
-        let [sun_m, moon_m] = [SolarBody::Sun, SolarBody::Moon].map(|of| standpoint.apparent_m(of));
-        let [sun, moon] =
-            [(sun_m, SolarBody::Sun), (moon_m, SolarBody::Moon)].map(|(at, of)| (radius_m(of) / at.length()).asin());
+        let standpoint = place.standpoint(time_s, &clock);
+        let [sun_m, moon_m] = [SolarBody::Sun, SolarBody::Moon].map(|body| standpoint.apparent_m(body));
+        let [sun, moon] = [(sun_m, SolarBody::Sun), (moon_m, SolarBody::Moon)]
+            .map(|(position_m, body)| (radius_m(body) / position_m.length()).asin());
         sun_m.angle_between(moon_m) - if within { (moon - sun).abs() } else { moon + sun }
     };
     // Skyfield 1.55 with DE440, the same radii (Sun 695,700 km, Moon 1737.4 km), mean limb.
@@ -270,9 +275,9 @@ fn the_solar_eclipse_at_luxor_has_the_contacts_of_de440() {
 }
 
 #[test]
-fn the_sky_of_a_total_eclipse_is_as_dark_as_measured_and_brightest_all_around_the_horizon() {
+fn the_sky_of_a_total_eclipse_has_its_measured_darkness_and_is_brightest_at_the_horizon() {
     let place = "[scene.observer]\nlatitude_deg = 25.6872\nlongitude_deg = 32.6396\nheight_m = 76\n";
-    let at = |time: &str| {
+    let luminances = |time: &str| {
         let config = config(&format!("[scene]\ntime = 2027-08-02T{time}Z\n{place}"));
         let objects = config.objects().unwrap();
         let sky = objects.local_sky(config.camera().unwrap().position_m).unwrap();
@@ -282,20 +287,21 @@ fn the_sky_of_a_total_eclipse_is_as_dark_as_measured_and_brightest_all_around_th
         };
         [towards(89.9, 0.0), towards(4.0, 0.0), towards(4.0, 120.0), towards(4.0, 240.0)]
     };
-    // Measured overhead in 2017 with sky quality meters: 13.1 to 13.3 magnitudes per square arcsecond (Lowman, Idaho; nightwise.org, 2017-08-27).
-    let totality = at("10:05:00");
+    // Measured in the zenith in 2017 with sky quality meters: 13.1 to 13.3 magnitudes per square arcsecond (Lowman,
+    // Idaho; nightwise.org, 2017-08-27).
+    let totality = luminances("10:05:00");
     let magnitude = 12.58 - 2.5 * totality[0].log10();
     println!("totality: {totality:.3?} cd/m^2, zenith {magnitude:.2} mag per square arcsecond");
     assert!((13.1..13.4).contains(&magnitude), "{magnitude}");
     let [zenith, north, east, west] = totality;
     assert!(north > 2.0 * zenith && (east / north - 1.0).abs() < 0.01 && (west / north - 1.0).abs() < 0.01);
-    // Five minutes before the second contact, and long before it.
-    let [partial, before] = [at("09:57:00")[0], at("08:00:00")[0]];
+    // Five minutes before second contact, and long before it.
+    let [partial, before] = [luminances("09:57:00")[0], luminances("08:00:00")[0]];
     println!("zenith 5 minutes before: {partial:.1}, before the eclipse: {before:.0} cd/m^2");
     assert!(partial > 30.0 * zenith && before > 3.0 * partial);
-    // It only falls until the second contact and only rises from the third on.
+    // The light decreases until second contact and increases from third contact on.
     let zeniths = |from_s: i32, to_s: i32| -> Vec<f64> {
-        (from_s..=to_s).map(|s| at(&format!("10:{:02}:{:02}", s / 60, s % 60))[0]).collect()
+        (from_s..=to_s).map(|s| luminances(&format!("10:{:02}:{:02}", s / 60, s % 60))[0]).collect()
     };
     for (name, zeniths) in [("falls", zeniths(100, 130)), ("rises", zeniths(504, 534).into_iter().rev().collect())] {
         let jump = zeniths.windows(2).map(|pair| pair[1] / pair[0]).fold(0.0, f64::max);
@@ -306,7 +312,7 @@ fn the_sky_of_a_total_eclipse_is_as_dark_as_measured_and_brightest_all_around_th
 
 #[test]
 fn the_lunar_eclipse_of_2025_has_the_contacts_of_de440() {
-    // The shadow of an Earth of 6378.137 km, larger by Danjon's hundredth of the Moon's parallax.
+    // The shadow of an Earth of 6378.137 km, enlarged by Danjon's hundredth of the Moon's parallax.
     let gap = |time_s: f64, sun_sign: f64, moon_sign: f64| {
         let tdb_s = Clock::default().tt_s(time_s);
         let earth_m = SolarBody::Earth.barycentric_m(tdb_s);
@@ -318,7 +324,7 @@ fn the_lunar_eclipse_of_2025_has_the_contacts_of_de440() {
             velocity_c,
             icrs_from_horizon: steradian::glam::DMat3::IDENTITY,
         };
-        let [sun_m, moon_m] = [SolarBody::Sun, SolarBody::Moon].map(|of| centre.apparent_m(of));
+        let [sun_m, moon_m] = [SolarBody::Sun, SolarBody::Moon].map(|body| centre.apparent_m(body));
         let angle = |radius_m: f64, at_m: DVec3| (radius_m / at_m.length()).asin();
         let earth_radius_m = 6_378_137.0;
         let shadow = 1.01 * angle(earth_radius_m, moon_m)
@@ -326,7 +332,8 @@ fn the_lunar_eclipse_of_2025_has_the_contacts_of_de440() {
             + sun_sign * angle(radius_m(SolarBody::Sun), sun_m);
         PI - sun_m.angle_between(moon_m) - shadow - moon_sign * angle(radius_m(SolarBody::Moon), moon_m)
     };
-    // Skyfield 1.55 with DE440, the same rule; published (F. Espenak, EclipseWise: 15:28:25, 16:27:09, 17:30:48, 18:52:51, 19:56:31, 20:55:08) within 3 s.
+    // Skyfield 1.55 with DE440, the same rule; published times (F. Espenak, EclipseWise: 15:28:25, 16:27:09,
+    // 17:30:48, 18:52:51, 19:56:31, 20:55:08) agree within 3 s.
     for (contact, signs, between, expected) in [
         ("P1", [1.0, 1.0], ["15:10", "15:50"], "15:28:27"),
         ("U1", [-1.0, 1.0], ["16:10", "16:50"], "16:27:07"),
@@ -344,14 +351,15 @@ fn the_lunar_eclipse_of_2025_has_the_contacts_of_de440() {
 }
 
 #[test]
-fn the_moon_darkens_when_the_shadow_of_the_earth_falls_on_it() {
+fn the_moon_darkens_in_the_shadow_of_the_earth() {
     // Singapore.
     let place = "[scene.observer]\nlatitude_deg = 1.35\nlongitude_deg = 103.8\n";
     let dome = "[[views]]\nname = 'd'\ntype = 'dome_master'\nsize = [8, 8]\n";
     let before = config(&format!("[scene]\ntime = 2025-09-07T15:00:00Z\n{place}{dome}")).objects().unwrap();
     let eye_m = before.observer.unwrap().epoch.position_m;
-    // Light of the Moon, and that of its points nearest to the shadow's axis and farthest from it, over that outside of the shadow.
-    let seen = |time_s: f64| {
+    // Light of the Moon, and of its points nearest to and farthest from the shadow's axis, relative to that outside
+    // the shadow.
+    let moonlight = |time_s: f64| {
         let objects = before.at(time_s);
         let moon = body(&objects, "moon");
         let suns = suns(&objects);
@@ -362,7 +370,7 @@ fn the_moon_darkens_when_the_shadow_of_the_earth_falls_on_it() {
         });
         (luminance(illuminance_of(moon, eye_m, &suns, time_s)), ends)
     };
-    let at = |time: &str| seen(time_s(&format!("2025-09-07T{time}Z")));
+    let light_at = |time: &str| moonlight(time_s(&format!("2025-09-07T{time}Z")));
     let mut worst_s = 0.0_f64;
     // Published (F. Espenak, EclipseWise, with Danjon's enlargement): U1 16:27:09, U2 17:30:48, U3 18:52:51, U4 19:56:31.
     for (contact, end, between, expected) in [
@@ -372,15 +380,15 @@ fn the_moon_darkens_when_the_shadow_of_the_earth_falls_on_it() {
         ("U4", 0, ["19:30", "20:20"], "19:56:31"),
     ] {
         let [from_s, to_s] = between.map(|time| time_s(&format!("2025-09-07T{time}:00Z")));
-        let found_s = root(from_s, to_s, |time_s| seen(time_s).1[end] - 2e-5);
+        let found_s = root(from_s, to_s, |time_s| moonlight(time_s).1[end] - 2e-5);
         let error_s = found_s - time_s(&format!("2025-09-07T{expected}Z"));
         println!("{contact} as drawn: {error_s:+.1} s");
         worst_s = worst_s.max(error_s.abs());
     }
     assert!(worst_s < 10.0, "{worst_s}");
-    let whole = at("15:00:00").0;
+    let whole = light_at("15:00:00").0;
     let magnitudes = ["15:00:00", "16:00:00", "16:50:00", "17:20:00", "18:11:00"].map(|time| {
-        let fainter = -2.5 * (at(time).0 / whole).log10();
+        let fainter = -2.5 * (light_at(time).0 / whole).log10();
         println!("{time}: {fainter:.2} mag fainter");
         fainter
     });
@@ -389,7 +397,7 @@ fn the_moon_darkens_when_the_shadow_of_the_earth_falls_on_it() {
 }
 
 #[test]
-fn stars_move_and_are_seen_where_an_observer_sees_them() {
+fn stars_have_proper_motion_and_aberration() {
     let dome = "[[views]]\nname = 'd'\ntype = 'dome_master'\nsize = [8, 8]\n";
     let text = format!("[scene]\ntime = 2026-11-23T20:00:00Z\n{GREENWICH}{dome}");
     let config = config(&text);
@@ -397,28 +405,29 @@ fn stars_move_and_are_seen_where_an_observer_sees_them() {
     assert!((epoch.years - 26.894).abs() < 1e-3, "{}", epoch.years);
     let (stars, _) = steradian::scene::loader::load_stars(&config.star_sources(), &epoch, &mut |_| ()).unwrap();
     let vantage = epoch.seen_from.unwrap();
-    let at = |name: &str, years: f64| {
+    let direction = |name: &str, years: f64| {
         let star = named_bright_stars(years).into_iter().find(|star| star.name == name).unwrap().star;
         assert!(star.distance_known);
         star.position - vantage.position_pc
     };
     // Arcturus: 2.28 arcsec a year.
-    let moved_arcsec = at("Arcturus", 0.0).angle_between(at("Arcturus", epoch.years)) / ARCSECOND_RAD;
+    let moved_arcsec = direction("Arcturus", 0.0).angle_between(direction("Arcturus", epoch.years)) / ARCSECOND_RAD;
     assert!((moved_arcsec / epoch.years - 2.28).abs() < 0.03, "{moved_arcsec}");
     let seen = stars.named().iter().find(|star| star.name == "Arcturus").unwrap().star.position - vantage.position_pc;
-    let aberrated = config.objects().unwrap().observer.unwrap().epoch.aberrated(at("Arcturus", epoch.years));
+    let aberrated = config.objects().unwrap().observer.unwrap().epoch.aberrated(direction("Arcturus", epoch.years));
     assert!(seen.angle_between(aberrated) / ARCSECOND_RAD < 0.01);
-    let shift_arcsec = seen.angle_between(at("Arcturus", epoch.years)) / ARCSECOND_RAD;
+    let shift_arcsec = seen.angle_between(direction("Arcturus", epoch.years)) / ARCSECOND_RAD;
     assert!((5.0..21.0).contains(&shift_arcsec), "{shift_arcsec}");
 }
 
-/// Faintest magnitude that the eye sees before a sky of so many magnitudes per square arcsecond (B. E. Schaefer, PASP 102, 212, 1990, as it is commonly written).
+/// Faintest magnitude visible to the eye against a sky in magnitudes per square arcsecond (B. E. Schaefer, PASP 102,
+/// 212, 1990, in its common form).
 fn naked_eye_limit(sky_mag: f64) -> f64 {
     7.93 - 5.0 * (10f64.powf(4.316 - sky_mag / 5.0) + 1.0).log10()
 }
 
 #[test]
-fn stars_come_out_as_the_sun_goes_down() {
+fn stars_become_visible_after_sunset() {
     let place = "[scene.observer]\nlatitude_deg = 20.0\nlongitude_deg = 0.0\n";
     let dome = "[[views]]\nname = 'd'\ntype = 'dome_master'\nsize = [8, 8]\n";
     // New Moon on 2026-01-18.
@@ -426,7 +435,7 @@ fn stars_come_out_as_the_sun_goes_down() {
     let observer = noon.observer.unwrap();
     let camera_m = observer.epoch.position_m;
     let altitude_deg = |time_s: f64| {
-        let standpoint = observer.at(time_s);
+        let standpoint = observer.standpoint(time_s);
         standpoint.azimuth_altitude_rad(standpoint.apparent_m(SolarBody::Sun))[1].to_degrees()
     };
     let [from_s, to_s] = ["12:00", "21:00"].map(|time| time_s(&format!("2026-01-18T{time}:00Z")));
@@ -450,7 +459,11 @@ fn stars_come_out_as_the_sun_goes_down() {
             mag(zenith)
         );
         assert!(seen.contains(&count), "{sun_deg}: {count}");
-        assert_eq!(luminance(sky.luminance_cd_m2(-sky.zenith())), luminance(sky.ground_cd_m2), "no light from below");
+        assert_eq!(
+            luminance(sky.luminance_cd_m2(-sky.zenith())),
+            luminance(sky.ground_cd_m2),
+            "no light from below the horizon"
+        );
         assert!(before.is_none_or(|before| before > luminance(zenith)));
         before = Some(luminance(zenith));
     }

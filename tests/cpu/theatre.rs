@@ -1,6 +1,7 @@
-//! Sets of projectors in each format against directions in closed form, and what must be refused.
+//! Sets of projectors in each format, compared with directions in closed form, and the errors of invalid sets.
 //!
-//! Grids are evaluated by cubics through four samples each way: the errors are those of the sampling and of the numbers in the files.
+//! Grids are evaluated by cubics through four samples in each direction: the errors are those of the sampling and of
+//! the numbers in the files.
 
 use std::path::{Path, PathBuf};
 
@@ -15,7 +16,7 @@ use crate::common::theatre::{
     towards, zipped,
 };
 
-/// Written to a folder that goes with the value.
+/// Files in a temporary folder, removed when the value is dropped.
 struct Files(tempfile::TempDir);
 
 impl Files {
@@ -33,14 +34,14 @@ impl Files {
 }
 
 fn read_bytes(bytes: &[u8], options: &ReadOptions) -> Result<Calibration, TheatreError> {
-    // No extension: formats are told by their content.
+    // No extension: formats are recognised by their content.
     let files = Files::new(&[("set", bytes)]);
     read(&files.path("set"), options)
 }
 
-/// The text of the error.
+/// Text of the error.
 fn refusal(bytes: &[u8], options: &ReadOptions) -> String {
-    read_bytes(bytes, options).expect_err("it must be refused").to_string()
+    read_bytes(bytes, options).expect_err("the set must be refused").to_string()
 }
 
 fn sized(projector: &Projector) -> ReadOptions {
@@ -57,19 +58,19 @@ fn cubic(t: f64) -> [f64; 4] {
     ]
 }
 
-/// The direction at a place of the raster; `None` where a sample around it is.
+/// The direction at a position of the raster; `None` if it is `None` at a neighbouring sample.
 fn evaluate(grid: &Grid, x: f64, y: f64) -> Option<DVec3> {
     let along = |share: f64, count: usize| {
-        let at = match grid.placement {
+        let position = match grid.placement {
             Placement::Corners => share * (count - 1) as f64,
             Placement::Centres => share * count as f64 - 0.5,
         };
         if grid.interpolation == Interpolation::Linear {
-            let first = at.floor().clamp(0.0, (count - 2) as f64);
-            return (first as usize, vec![1.0 - (at - first), at - first]);
+            let first = position.floor().clamp(0.0, (count - 2) as f64);
+            return (first as usize, vec![1.0 - (position - first), position - first]);
         }
-        let first = (at.floor() - 1.0).clamp(0.0, (count - 4) as f64);
-        (first as usize, cubic(at - first - 1.0).to_vec())
+        let first = (position.floor() - 1.0).clamp(0.0, (count - 4) as f64);
+        (first as usize, cubic(position - first - 1.0).to_vec())
     };
     let ((column, across), (row, down)) = (along(x, grid.columns), along(y, grid.rows));
     let mut sum = DVec3::ZERO;
@@ -95,7 +96,7 @@ fn pixels(size: [u32; 2]) -> Vec<DVec2> {
         .collect()
 }
 
-/// Largest angle between a region's directions and the analytic ones, in pixels of the middle.
+/// Largest angle between a region's directions and the analytic ones, in pixels at the centre.
 fn error_px(region: &Region, projector: &Projector) -> f64 {
     let mut worst = 0.0_f64;
     for place in pixels(projector.size_px) {
@@ -105,11 +106,11 @@ fn error_px(region: &Region, projector: &Projector) -> f64 {
     worst / projector.pixel_rad()
 }
 
-/// Asserts the error, and that it is not far below the bound: else the bound proves little.
+/// Asserts that the error is within the bound and not far below it; otherwise the bound would prove little.
 #[track_caller]
 fn assert_error(what: &str, found: f64, most: f64) {
     println!("{what}: {found:.6} px, at most {most}");
-    assert!(found <= most, "{what}: {found} px off, at most {most} are allowed");
+    assert!(found <= most, "{what}: {found} px off, must be at most {most}");
     assert!(found >= most / 50.0, "{what}: {found} px off, the bound of {most} is too wide");
 }
 
@@ -129,7 +130,7 @@ fn the_theatre_covers_most_of_the_dome_and_its_rasters_overlap() {
     let share = |n: usize| n as f64 / f64::from(count);
     println!("covered {}, more than once {}", share(covered), share(overlapped));
     assert!(share(covered) > 0.8 && share(overlapped) > 0.4);
-    // What the writers write is what the closed form tells.
+    // The writers agree with the closed form.
     let projector = &all[2];
     for place in pixels(projector.size_px) {
         let back = projector.place(projector.direction(place.x, place.y)).unwrap();
@@ -153,15 +154,15 @@ fn mpcdi_a3_in_a_tilted_room_has_the_analytic_directions() {
     assert_error("MPCDI a3, 65 x 65", worst, A3_PX);
     assert!(calibration.notes.iter().any(|note| note.contains("bottom row comes first, as the format specifies")));
 
-    // Rows upside down are far off, and told.
+    // Rows upside down have a large error and are reported.
     let wrong = ReadOptions { rows: RowOrder::TopFirst, ..ReadOptions::default() };
     let flipped = read_bytes(&set, &wrong).unwrap();
     assert!(error_px(&flipped.regions[0], &all[0]) > 100.0);
     assert!(flipped.notes.iter().any(|note| note.contains("mirrored in 4096 of 4096")), "{:?}", flipped.notes);
-    // The eye elsewhere too.
+    // Another eye point has a large error too.
     let elsewhere = ReadOptions { eye_m: DVec3::new(0.0, 0.0, 0.1), ..ReadOptions::default() };
     assert!(error_px(&read_bytes(&set, &elsewhere).unwrap().regions[0], &all[0]) > 5.0);
-    // Offsets from a plane in place of points are.
+    // Offsets from a plane instead of points are accepted.
     let mut offsets = Mpcdi::a3(65, 65);
     offsets.shift = DVec3::new(0.0, 0.0, -8.0);
     let offsets = read_bytes(&offsets.bytes(&all[..1]), &ReadOptions::default()).unwrap();
@@ -171,19 +172,19 @@ fn mpcdi_a3_in_a_tilted_room_has_the_analytic_directions() {
     assert!(error_px(&read_bytes(&set, &axes).unwrap().regions[0], &all[0]) > 100.0);
 }
 
-/// Bounds of about four times what is found, in pixels.
+/// Bounds of about four times the measured errors, in pixels.
 const A3_PX: f64 = 3.3e-3;
 const SL_PX: f64 = 3e-3;
 const FRUSTUM_PX: f64 = 8.5e-4;
 const PFM_PX: f64 = 3.2e-5;
 const LATTICE_PX: f64 = 7e-4;
-/// Seven decimals over a frustum of twice 78 degrees.
+/// Seven decimals over a frustum of 2 x 78 degrees.
 const DECIMALS_PX: f64 = 2e-3;
 const DRAWN_PX: f64 = 0.4;
 const PLAIN_PX: f64 = 7e-5;
 
 #[test]
-fn mpcdi_sl_has_units_an_eye_and_axes_of_its_own() {
+fn mpcdi_sl_has_its_own_units_eye_and_axes() {
     let all = projectors();
     let eye_m = DVec3::new(0.25, 1.5, -2.0);
     let mut set = Mpcdi::new("sl", 65, 65);
@@ -200,14 +201,14 @@ fn mpcdi_sl_has_units_an_eye_and_axes_of_its_own() {
     region.grid.interpolation = Interpolation::Smooth;
     assert_error("MPCDI sl, 65 x 65", error_px(region, &all[3]), SL_PX);
     assert!(calibration.notes.iter().any(|note| note.contains("floorCenter")), "{:?}", calibration.notes);
-    // As metres, the eye would lie beside points 8 km away.
+    // In metres, the eye would be next to points 8 km away.
     set.warp = String::new();
     let metres = read_bytes(&set.bytes(&all), &options).unwrap();
     assert!(error_px(&metres.regions[0], &all[3]) > 100.0);
     set.warp = "<geometricUnit>unknown</geometricUnit>".into();
     assert!(refusal(&set.bytes(&all), &options).contains("unit of the points is unknown"));
 
-    // z up in the file: the map of axes brings it back.
+    // z up in the file: the map of axes converts it back.
     let projector = &all[1];
     let mut z_up = Mpcdi::new("a3", 65, 65);
     z_up.pfm.size = [65, 65];
@@ -223,14 +224,14 @@ fn mpcdi_sl_has_units_an_eye_and_axes_of_its_own() {
 }
 
 #[test]
-fn mpcdi_2d_and_3d_go_through_the_frustum() {
+fn mpcdi_2d_and_3d_use_the_frustum() {
     let all = projectors();
     for profile in ["2d", "3d"] {
         let calibration = read_bytes(&Mpcdi::new(profile, 129, 129).bytes(&all), &ReadOptions::default()).unwrap();
         let worst = calibration.regions.iter().zip(&all).map(|(region, projector)| error_px(region, projector));
         assert_error(profile, worst.fold(0.0, f64::max), FRUSTUM_PX);
     }
-    // Offsets in place of absolute coordinates are refused.
+    // Offsets instead of absolute coordinates are refused.
     let set = Mpcdi::new("2d", 33, 33);
     let projector = &all[0];
     let offsets = set.pfm.bytes(|i, j| {
@@ -241,7 +242,7 @@ fn mpcdi_2d_and_3d_go_through_the_frustum() {
     let bytes = zipped(&[("mpcdi.xml", xml.clone()), ("p0.pfm", offsets)], true);
     let text = refusal(&bytes, &ReadOptions::default());
     assert!(text.contains("lie outside of 0 to 1") && text.contains("not offsets") && text.contains("p0.pfm"), "{text}");
-    // Unknown points and meaningless ones are dark.
+    // Unknown points and invalid ones are dark.
     let holes = set.pfm.bytes(|i, j| match (i, j) {
         (0, 0) => [f64::NAN; 3],
         (1, 0) => [0.5, 0.5, 1.0],
@@ -270,7 +271,7 @@ fn masks_and_tables_of_mpcdi_are_decoded() {
     assert!((alpha.values[32] - light(128.0)).abs() < 1e-6 && (alpha.values[32] - 128.0 / 255.0).abs() > 0.2);
     assert!(beta.values[0] == 0.0 && (beta.values[2] - light(10.0)).abs() < 1e-7);
     assert_eq!((lut.size, lut.values[1]), (2, [1.0, 1.0, 0.5]));
-    // What the description tells of the picture must be so.
+    // The picture must match its description.
     let files = set.files(&all[..1]);
     let xml = String::from_utf8(files[0].1.clone()).unwrap().replace("<bitDepth>8", "<bitDepth>16");
     let mut wrong: Vec<(&str, Vec<u8>)> = files.iter().map(|(name, bytes)| (name.as_str(), bytes.clone())).collect();
@@ -310,11 +311,11 @@ fn directions_per_pixel_come_as_pfm_of_both_byte_orders_and_as_openexr() {
         assert!(error_px(&wrong.regions[0], &projector) > 50.0);
     }
     assert!(refusal(&exr(["R", "G", "A"], [4, 4], |_, _| [1.0, 0.0, 0.0]), &as_format).contains("channels"));
-    // NaN is dark; points and offsets are no directions.
+    // NaN is dark; points and offsets are not directions.
     let pfm = Pfm::of(columns, rows);
     let holed = pfm.bytes(|i, j| if i == 7 { [f64::NAN; 3] } else { value(i, j) });
     let samples = read_bytes(&holed, &as_format).unwrap().regions.remove(0).grid.samples;
-    assert!(samples.iter().enumerate().all(|(at, sample)| sample.is_some() == (at % columns != 7)));
+    assert!(samples.iter().enumerate().all(|(index, sample)| sample.is_some() == (index % columns != 7)));
     let points = pfm.bytes(|i, j| projector.point_m(centre(i, columns), centre(j, rows)).to_array());
     assert!(refusal(&points, &as_format).contains("has the length"));
     let text = refusal(&pfm.bytes(|i, j| [centre(i, columns) / 50.0, centre(j, rows) / 50.0, 0.0]), &as_format);
@@ -322,7 +323,7 @@ fn directions_per_pixel_come_as_pfm_of_both_byte_orders_and_as_openexr() {
 }
 
 #[test]
-fn a_fisheye_s_mesh_of_paul_bourke_has_the_analytic_directions() {
+fn a_paul_bourke_mesh_of_a_fisheye_has_the_analytic_directions() {
     let projector = &projectors()[5];
     let text = bourke(projector, 129, 97, |_, _| 1.0);
     let options = sized(projector);
@@ -341,7 +342,7 @@ fn a_fisheye_s_mesh_of_paul_bourke_has_the_analytic_directions() {
     assert!(notes.iter().any(|note| note.contains("of the raster's width")), "{notes:?}");
     assert!(refusal(text.as_bytes(), &ReadOptions::default()).contains("size_px"));
 
-    // Intensities are a mask, negative ones are not drawn.
+    // Intensities are a mask; cells with negative ones are not drawn.
     let shaded = bourke(projector, 33, 33, |column, _| if column == 0 { -1.0 } else { 0.5 });
     let region = read_bytes(shaded.as_bytes(), &options).unwrap().regions.remove(0);
     assert_eq!(region.grid.samples.iter().filter(|sample| sample.is_none()).count(), 33);
@@ -375,7 +376,7 @@ fn sgct_with_each_mesh_has_the_analytic_directions() {
         ("CSV", &planar, csv(129, 129, frustum).into_bytes(), DECIMALS_PX),
         ("SGC", &planar, sgc(projector, 129, 129), LATTICE_PX),
         ("PFM", &textured, pfm, LATTICE_PX),
-        // Nodes beside the lattice: linear in triangles, as such meshes are drawn.
+        // Nodes off the lattice: linear in triangles, as such meshes are drawn.
         ("drawn OBJ", &textured, obj(129, 129, 0.4, frustum).into_bytes(), DRAWN_PX),
     ];
     for (name, projection, mesh, most) in cases {
@@ -387,7 +388,7 @@ fn sgct_with_each_mesh_has_the_analytic_directions() {
         assert_error(&format!("SGCT, {name}"), error_px(region, projector), most);
         let drawn = name.starts_with("drawn");
         assert_eq!(region.grid.interpolation == Interpolation::Linear, drawn, "{name}");
-        // Another projection is far off.
+        // Another projection has a large error.
         let turned = projection.replace(r#""tilt":0"#, r#""tilt":9"#).replace(r#""roll":0"#, r#""roll":9"#);
         std::fs::write(files.path("set.json"), sgct(projector.size_px, &turned, r#","mesh":"warp""#)).unwrap();
         let wrong = read(&files.path("set.json"), &ReadOptions::default()).unwrap();
@@ -409,7 +410,7 @@ fn sgct_with_each_mesh_has_the_analytic_directions() {
 #[test]
 fn sgct_without_meshes_and_its_masks() {
     let projector = &projectors()[0];
-    // A frustum by angles, and the same by corners and an eye elsewhere.
+    // A frustum by angles, and the same by corners and another eye.
     let planar = sgct(
         [800, 600],
         r#"{"type":"PlanarProjection","fov":{"left":20,"right":30,"up":25,"down":15},"orientation":{"yaw":40,"pitch":10,"roll":5}}"#,
@@ -447,8 +448,8 @@ fn sgct_without_meshes_and_its_masks() {
         corner(0.0, 0.0),
         corner(1.0, 0.0)
     );
-    let at = format!(r#""pos":{{"x":{},"y":{},"z":{}}}}}]"#, eye.x, eye.y, eye.z);
-    let plane = sgct([800, 600], &plane, "").replace(r#""pos":{"x":0,"y":0,"z":0}}]"#, &at);
+    let eye_position = format!(r#""pos":{{"x":{},"y":{},"z":{}}}}}]"#, eye.x, eye.y, eye.z);
+    let plane = sgct([800, 600], &plane, "").replace(r#""pos":{"x":0,"y":0,"z":0}}]"#, &eye_position);
     let by_corners = read_bytes(plane.as_bytes(), &ReadOptions::default()).unwrap();
     for (a, b) in by_corners.regions[0].grid.samples.iter().zip(&region.grid.samples) {
         assert!(a.unwrap().abs_diff_eq(b.unwrap(), 1e-9));
@@ -485,7 +486,7 @@ fn sgct_without_meshes_and_its_masks() {
 }
 
 #[test]
-fn damaged_and_contradictory_sets_are_refused_with_their_place() {
+fn errors_of_damaged_and_contradictory_sets_name_their_position() {
     let all = &projectors()[..1];
     let set = Mpcdi::a3(9, 9);
     let options = ReadOptions::default();
@@ -579,9 +580,10 @@ fn formats_of_closed_software_are_refused_with_the_reason() {
     assert!(matches!(read(Path::new("/dev/zero"), &options), Err(TheatreError::Read { .. })));
 }
 
-/// The set that the documents use: six projectors on a tilted dome, of 320 x 200 pixels each. `STERADIAN_WRITE_REFERENCE=1` writes it anew.
+/// The set that the documents use: six projectors on a tilted dome, of 320 x 200 pixels each.
+/// `STERADIAN_WRITE_REFERENCE=1` writes it again.
 #[test]
-fn the_example_is_that_of_the_writers() {
+fn the_example_matches_the_writers() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("calibrations/six_projectors.mpcdi");
     let bytes = Mpcdi::a3(33, 33).bytes(&projectors_of([320, 200]));
     if std::env::var_os("STERADIAN_WRITE_REFERENCE").is_some() {

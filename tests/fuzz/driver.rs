@@ -1,12 +1,13 @@
-//! Runs an entry point with mutated inputs, in a process of its own, on any toolchain.
+//! Runs an entry point with mutated inputs in a separate process, on any toolchain.
 //!
-//! A test starts its own binary again for one target, so that an abort, a stack that overflows or memory that is used up ends that process
-//! alone. It limits its own address space, and a thread beside it watches the time of each input. What was being read when it ended is kept
-//! as `target/fuzz/NAME-HASH`.
+//! A test starts its own binary again for one target, so that an abort, a stack overflow or exhausted memory ends
+//! only that process. The process limits its address space, and a watchdog thread limits the time of each input. The
+//! input that was being read when the process ended is kept as `target/fuzz/NAME-HASH`.
 //!
-//! There is no feedback from coverage, which needs a compiler of its own. In its place stands the answer: an input whose answer (the text of an
-//! error without its numbers and names) is new is kept and mutated further, so that parsers are entered step by step. Random numbers are
-//! those of a fixed seed: a run reads the same inputs as the one before, as far as it gets.
+//! There is no coverage feedback, which needs a special compiler. The answer (the text of an error without its
+//! numbers and names) replaces it: an input with a new answer is kept and mutated further, so that parsers are
+//! entered step by step. Random numbers have a fixed seed: a run reads the same inputs as the previous one, as far as
+//! its time allows.
 
 use std::{
     collections::HashSet,
@@ -26,68 +27,68 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rustix::process::{Resource, Rlimit, setrlimit};
 
-/// Longest that reading one input may take: several times what the slowest takes on a machine with other work.
+/// Longest time for one input: several times that of the slowest on a busy machine.
 const MOST_PER_INPUT: Duration = Duration::from_secs(20);
-/// Inputs of a short run.
+/// Number of inputs of a short run.
 const FEW: u64 = 3000;
-/// Seconds of a long run, unless `STERADIAN_FUZZ_SECONDS` tells.
+/// Seconds of a long run, unless `STERADIAN_FUZZ_SECONDS` is set.
 const SECONDS: u64 = 60;
 /// Longest input, bytes.
 const LONGEST: usize = 1 << 18;
-/// Inputs that are kept because their answers were new.
+/// Largest number of inputs that are kept because their answers were new.
 const MOST_KEPT: usize = 1000;
-/// The input that is being read, in the folder of temporary files of that process.
+/// Name of the input that is being read, in the folder of temporary files of that process.
 const RUNNING: &str = "input";
-/// Tells the process that it is the one that reads.
+/// Environment variable that marks the process that reads the inputs.
 const READS: &str = "STERADIAN_FUZZ_READS";
 
 /// A parser under test.
 pub struct Target {
-    /// Its name.
+    /// Name of the target.
     pub name: &'static str,
-    /// Reads an input; returns the error's text, or nothing.
+    /// Reads an input; returns the text of the error, or an empty string.
     pub read: fn(&[u8]) -> String,
-    /// Inputs to begin with.
+    /// Initial inputs.
     pub seeds: fn() -> Vec<Vec<u8>>,
-    /// What occurs in the format.
+    /// Tokens of the format.
     pub tokens: &'static [&'static str],
-    /// Makes checksums and the like right again after a mutation.
+    /// Repairs checksums, lengths and the like after a mutation.
     pub repair: fn(&mut Vec<u8>),
-    /// Bytes of address space that reading may take.
+    /// Bytes of address space that the reader may use.
     pub most_bytes: u64,
 }
 
-/// How much is read.
+/// Length of a run.
 #[derive(Clone, Copy)]
 pub enum Run {
     /// A fixed number of inputs.
     Short,
-    /// As many as the time allows.
+    /// As many as time allows.
     Long,
 }
 
-/// Nothing to repair.
+/// Leaves an input unchanged.
 pub fn as_it_is(_: &mut Vec<u8>) {}
 
-/// Reads mutated inputs. `test` is the path of the calling test in its binary, as `module_path!()` tells it.
+/// Reads mutated inputs. `test` is the path of the calling test in its binary, from `module_path!()`.
 ///
 /// # Panics
-/// If an input makes the parser panic, abort, take too much memory or too long.
+/// If an input makes the parser panic, abort, or use too much memory or time.
 #[track_caller]
 pub fn check(target: &Target, run: Run, test: &str) {
     if env::var_os(READS).is_some() {
         return read_all(target, run);
     }
-    // The first part is the crate's name, which tests do not have in theirs.
+    // The first part is the crate's name, which test names do not contain.
     let test = test.split_once("::").map_or(test, |(_, test)| test);
-    // In memory where that can be had: files of a disk take longer to write than to read.
+    // In memory if possible: files on a disk take longer to write than to read.
     let scratch = tempfile::tempdir_in("/dev/shm").or_else(|_| tempfile::tempdir()).unwrap();
     let child = Command::new(env::current_exe().unwrap())
         .args([test, "--exact", "--include-ignored", "--nocapture", "--test-threads=1"])
         .env(READS, "1")
-        // Files that the entry points write go with this folder.
+        // Files that the entry points write are removed with this folder.
         .env("TMPDIR", scratch.path())
-        // Else every thread reserves an address space of its own, which is limited.
+        // Otherwise every thread reserves a separate address space, which is limited.
         .env("MALLOC_ARENA_MAX", "1")
         .env("RUST_BACKTRACE", "0")
         .stdin(Stdio::null())
@@ -105,7 +106,7 @@ pub fn check(target: &Target, run: Run, test: &str) {
     let said: Vec<&str> = err.lines().rev().take(12).collect();
     let said = said.into_iter().rev().collect::<Vec<_>>().join("\n");
     let Ok(input) = fs::read(scratch.path().join(RUNNING)) else {
-        panic!("{}: the process that reads ended with {}, at no input\n{out}\n{said}", target.name, output.status);
+        panic!("{}: the reading process ended with {}, outside any input\n{out}\n{said}", target.name, output.status);
     };
     let path = folder().join(format!("{}-{:016x}", target.name, hash(&input)));
     fs::write(&path, &input).unwrap();
@@ -118,10 +119,10 @@ pub fn check(target: &Target, run: Run, test: &str) {
     );
 }
 
-/// Begins the line that a run ends with.
+/// Start of the last line of a run.
 const SUMMARY: &str = "fuzzing ";
 
-/// `target/fuzz`, beside the folder of the profile that this binary lies below.
+/// `target/fuzz`, next to the folder of this binary's profile.
 fn folder() -> PathBuf {
     let binary = env::current_exe().unwrap();
     let folder = binary.ancestors().nth(3).unwrap().join("fuzz");
@@ -135,7 +136,7 @@ fn hash(bytes: &[u8]) -> u64 {
     hasher.finish()
 }
 
-/// An answer without what differs from input to input: numbers, and what is quoted.
+/// Hash of an answer without the parts that differ from input to input: numbers and quoted text.
 fn kind_of(answer: &str) -> u64 {
     let mut kind = String::new();
     let mut quoted = None;
@@ -151,18 +152,18 @@ fn kind_of(answer: &str) -> u64 {
     hash(kind.as_bytes())
 }
 
-/// Reads inputs in this process, until the run is over or one of them ends it.
+/// Reads inputs in this process until the run ends or an input ends the process.
 fn read_all(target: &Target, run: Run) {
     let seconds = env::var("STERADIAN_FUZZ_SECONDS").ok().map(|text| text.parse().expect("a number of seconds"));
     let duration = Duration::from_secs(seconds.unwrap_or(SECONDS));
     let mut corpus = (target.seeds)();
     let seeds = corpus.len();
-    assert!(seeds > 0, "a target has seeds");
+    assert!(seeds > 0, "a target needs seeds");
     limit_memory(target.most_bytes);
 
     let running = env::temp_dir().join(RUNNING);
     let begin = Instant::now();
-    // Milliseconds since the beginning at which the reading of an input began; 0: none is read.
+    // Time at which the current input was started, in milliseconds since the beginning; 0: none.
     let since = Arc::new(AtomicU64::new(0));
     watch(begin, Arc::clone(&since));
     let mut random = ChaCha8Rng::seed_from_u64(hash(target.name.as_bytes()));
@@ -177,7 +178,7 @@ fn read_all(target: &Target, run: Run) {
             Some(seed) => seed.clone(),
             None => {
                 let mut input = mutated(&mut random, &corpus, seeds, target.tokens);
-                // A quarter stays broken.
+                // A quarter stays damaged.
                 if random.random_ratio(3, 4) {
                     (target.repair)(&mut input);
                 }
@@ -201,7 +202,7 @@ fn read_all(target: &Target, run: Run) {
     }
     fs::remove_file(&running).unwrap();
     println!(
-        "\n{SUMMARY}{}: {inputs} inputs from {seeds} seeds in {:.1} s, {} kinds of answers, the slowest after {:.3} s",
+        "\n{SUMMARY}{}: {inputs} inputs from {seeds} seeds in {:.1} s, {} kinds of answers, the slowest took {:.3} s",
         target.name,
         begin.elapsed().as_secs_f64(),
         kinds.len(),
@@ -209,31 +210,31 @@ fn read_all(target: &Target, run: Run) {
     );
 }
 
-/// Lets this process have so many more bytes of address space: an allocation beyond them ends it.
+/// Limits the further address space of this process: an allocation beyond it ends the process.
 fn limit_memory(most_bytes: u64) {
     let pages: u64 = fs::read_to_string("/proc/self/statm").unwrap().split(' ').next().unwrap().parse().unwrap();
-    // Stacks of threads that begin later are reserved and hardly used.
+    // Stacks of threads that start later are reserved and hardly used.
     let of_threads = 256 << 20;
     let most = Some(pages * 4096 + of_threads + most_bytes);
     setrlimit(Resource::As, Rlimit { current: most, maximum: most }).unwrap();
     setrlimit(Resource::Core, Rlimit { current: Some(0), maximum: Some(0) }).unwrap();
 }
 
-/// Ends the process when an input takes too long.
+/// Ends the process if an input takes too long.
 fn watch(begin: Instant, since: Arc<AtomicU64>) {
     thread::spawn(move || {
         loop {
             thread::sleep(Duration::from_millis(200));
             let from = since.load(Relaxed);
             if from > 0 && begin.elapsed() > Duration::from_millis(from) + MOST_PER_INPUT {
-                eprintln!("reading takes longer than {} s", MOST_PER_INPUT.as_secs());
+                eprintln!("reading took longer than {} s", MOST_PER_INPUT.as_secs());
                 abort();
             }
         }
     });
 }
 
-/// Numbers at which arithmetic goes wrong.
+/// Numbers that provoke arithmetic errors.
 const INTEGERS: [u64; 16] = [
     0,
     1,
@@ -253,7 +254,7 @@ const INTEGERS: [u64; 16] = [
     u64::MAX,
 ];
 
-/// The same in text.
+/// Such numbers as text.
 const NUMBERS: [&str; 22] = [
     "0",
     "-0",
@@ -279,7 +280,7 @@ const NUMBERS: [&str; 22] = [
     "99999999999999999999999999",
 ];
 
-/// An input of the corpus with a few changes. Half of them begin with a seed.
+/// An input of the corpus with a few changes. Half of the time it is a seed.
 fn mutated(random: &mut ChaCha8Rng, corpus: &[Vec<u8>], seeds: usize, tokens: &[&str]) -> Vec<u8> {
     let among = if random.random() { seeds } else { corpus.len() };
     let mut input = corpus[random.random_range(0..among)].clone();
@@ -290,7 +291,7 @@ fn mutated(random: &mut ChaCha8Rng, corpus: &[Vec<u8>], seeds: usize, tokens: &[
     input
 }
 
-/// A range of at most `most` bytes of an input.
+/// A random range of at most `most` bytes of an input.
 fn range(random: &mut ChaCha8Rng, length: usize, most: usize) -> std::ops::Range<usize> {
     let start = random.random_range(0..=length);
     start..random.random_range(start..=length.min(start + most))
@@ -306,7 +307,7 @@ fn change(random: &mut ChaCha8Rng, input: &mut Vec<u8>, corpus: &[Vec<u8>], toke
     match random.random_range(0..13) {
         0 if place < length => input[place] ^= 1 << random.random_range(0..8),
         1 if place < length => input[place] = random.random(),
-        // An integer in binary, of either order.
+        // Change an integer in binary, of either byte order.
         2 | 3 => {
             let size = 1usize << random.random_range(0..4);
             let value = INTEGERS[random.random_range(0..INTEGERS.len())];
@@ -329,11 +330,12 @@ fn change(random: &mut ChaCha8Rng, input: &mut Vec<u8>, corpus: &[Vec<u8>], toke
                 *to = from;
             }
         }
-        // The next number in text.
+        // Change the next number in text.
         6 | 7 => {
             let is_digit = |byte: &u8| byte.is_ascii_digit();
-            if let Some(start) = input[place..].iter().position(is_digit).map(|at| place + at) {
-                let end = input[start..].iter().position(|byte| !is_digit(byte)).map_or(length, |at| start + at);
+            if let Some(start) = input[place..].iter().position(is_digit).map(|offset| place + offset) {
+                let end =
+                    input[start..].iter().position(|byte| !is_digit(byte)).map_or(length, |offset| start + offset);
                 let number = NUMBERS[random.random_range(0..NUMBERS.len())];
                 input.splice(start..end, number.bytes());
             }
@@ -342,7 +344,7 @@ fn change(random: &mut ChaCha8Rng, input: &mut Vec<u8>, corpus: &[Vec<u8>], toke
             let part = range(random, length, 64);
             input.drain(part);
         }
-        // A part again, here or elsewhere, once or many times.
+        // Repeat a part, here or elsewhere, once or many times.
         9 => {
             let part = input[range(random, length, 200)].to_vec();
             let times = if random.random_ratio(1, 8) { random.random_range(2..200) } else { 1 };

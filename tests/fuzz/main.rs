@@ -1,8 +1,10 @@
-//! Parsers with mutated inputs: each entry point of `fuzz/targets.rs` for a few inputs, and for a minute where long tests run.
+//! Parsers with mutated inputs: each entry point of `fuzz/targets.rs` with a few inputs, and for a minute in long
+//! tests.
 //!
-//! `driver` says how, docs/fuzzing.md which parser is where. The messages of the service are private to it: `src/service/fuzz_tests.rs`.
-#![allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
-#![allow(clippy::print_stderr, reason = "the process that reads tells why it ends")]
+//! `driver` describes the method, docs/fuzzing.md lists the parsers. The messages of the service are private to it:
+//! `src/service/fuzz_tests.rs`.
+#![allow(clippy::unwrap_used, reason = "tests may panic")]
+#![allow(clippy::print_stderr, reason = "the reading process reports why it ends")]
 
 mod driver;
 mod formats;
@@ -13,7 +15,7 @@ mod targets;
 use driver::{Run, Target, as_it_is, check};
 use testkit::theatre as theatre_sets;
 
-/// What any parser of small files may take of memory, bytes.
+/// Memory limit for parsers of small files, bytes.
 const SMALL: u64 = 512 << 20;
 
 macro_rules! fuzz {
@@ -55,16 +57,16 @@ fuzz! {
     gltf: seeds::gltf, seeds::GLTF, |bytes| formats::repair_glb(bytes), SMALL;
     // The largest point-spread function has 4096 x 4096 pixels, decoded in f64.
     point_spread: seeds::point_spread, seeds::PSF, as_it_is, 3 << 30;
-    // The largest texture has 2^27 texels: 400 MB as they are in the file, 1.6 GB as numbers.
+    // The largest texture has 2^27 texels: 400 MB as stored in the file, 1.6 GB as numbers.
     texture: seeds::textures, seeds::PNG, |bytes| formats::repair_png(bytes), 3 << 30;
     glare_table: seeds::glare_table, seeds::TABLE, as_it_is, SMALL;
-    // The largest grid has 8192 x 8192 directions in f64; a header may tell it of few bytes.
+    // The largest grid has 8192 x 8192 directions in f64; a header of few bytes can announce it.
     theatre: seeds::theatre, seeds::THEATRE, formats::repair_zip, 4 << 30;
 }
 
 /// cargo-fuzz finds a target by its file and its entry in the manifest.
 #[test]
-fn every_target_is_one_of_cargo_fuzz_too() {
+fn every_target_is_a_cargo_fuzz_target_too() {
     let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz");
     let manifest: toml::Table = std::fs::read_to_string(folder.join("Cargo.toml")).unwrap().parse().unwrap();
     let listed: Vec<&str> =
@@ -76,10 +78,10 @@ fn every_target_is_one_of_cargo_fuzz_too() {
     }
 }
 
-/// What is not noticed would make every other test here worth nothing.
+/// If the driver missed these, every other test here would be worthless.
 #[test]
 #[should_panic(expected = "greedy: an input of 3 bytes ended the process")]
-fn memory_beyond_the_bound_is_noticed() {
+fn memory_beyond_the_limit_is_detected() {
     const GREEDY: Target = Target {
         name: "greedy",
         read: |data| std::hint::black_box(vec![data[0]; 8 << 30]).len().to_string(),
@@ -88,12 +90,12 @@ fn memory_beyond_the_bound_is_noticed() {
         repair: as_it_is,
         most_bytes: SMALL,
     };
-    check(&GREEDY, Run::Short, concat!(module_path!(), "::memory_beyond_the_bound_is_noticed"));
+    check(&GREEDY, Run::Short, concat!(module_path!(), "::memory_beyond_the_limit_is_detected"));
 }
 
 #[test]
 #[should_panic(expected = "fragile: an input of 5 bytes ended the process")]
-fn a_panic_is_noticed() {
+fn a_panic_is_detected() {
     const FRAGILE: Target = Target {
         name: "fragile",
         read: |data| data[5].to_string(),
@@ -102,5 +104,5 @@ fn a_panic_is_noticed() {
         repair: as_it_is,
         most_bytes: SMALL,
     };
-    check(&FRAGILE, Run::Short, concat!(module_path!(), "::a_panic_is_noticed"));
+    check(&FRAGILE, Run::Short, concat!(module_path!(), "::a_panic_is_detected"));
 }

@@ -1,4 +1,5 @@
-//! Inputs to begin with: the repository's own files, and small ones of every kind that a parser knows. And words of each format.
+//! Initial inputs: the repository's own files, and small ones of every kind that a parser accepts. Also the tokens of
+//! each format.
 
 use std::{fs, io::Cursor, path::Path};
 
@@ -21,7 +22,7 @@ use crate::{
     theatre_sets::{Mpcdi, Pfm, bourke, csv as mesh_csv, exr, obj, projectors, sgc, sgct, sgct_frustum, zipped},
 };
 
-/// The files of a folder of the repository with one of these extensions.
+/// Contents of the files in a folder of the repository with one of these extensions.
 fn files(folder: &str, extensions: &[&str]) -> Vec<Vec<u8>> {
     let mut paths: Vec<_> = fs::read_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join(folder))
         .unwrap()
@@ -29,7 +30,7 @@ fn files(folder: &str, extensions: &[&str]) -> Vec<Vec<u8>> {
         .filter(|path| extensions.iter().any(|known| path.extension().is_some_and(|found| found == *known)))
         .collect();
     paths.sort();
-    assert!(!paths.is_empty(), "{folder} has files for seeds");
+    assert!(!paths.is_empty(), "{folder} must have files for seeds");
     paths.iter().map(|path| fs::read(path).unwrap()).collect()
 }
 
@@ -98,7 +99,7 @@ pub fn configurations() -> Vec<Vec<u8>> {
     all
 }
 
-/// Every path of the repository, and one with what it lacks.
+/// Every path of the repository, and one with the features that they lack.
 pub fn film_paths() -> Vec<Vec<u8>> {
     let mut all = files("paths", &["toml"]);
     let other = "[[keyframes]]\nframe = 3\norientation = [0, 0, 0, 1]\nfov_y_deg = 40\nev100 = -3\neasing = 'linear'\n\
@@ -201,13 +202,13 @@ pub fn json() -> Vec<Vec<u8>> {
 pub fn star_store() -> Vec<Vec<u8>> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("seed.stars");
-    let of = |stars: usize, description: &str| {
+    let store = |stars: usize, description: &str| {
         let records = bright_stars(0.0).into_iter().take(stars).collect();
         let store = Store { description: description.to_owned(), stars: StarSet::from_records(records) };
         store::write(&path, &store).unwrap();
         fs::read(&path).unwrap()
     };
-    vec![of(40, "a few"), of(1, ""), of(0, "none at all")]
+    vec![store(40, "a few"), store(1, ""), store(0, "none at all")]
 }
 
 pub const GLTF: &[&str] = &[
@@ -245,7 +246,7 @@ pub const GLTF: &[&str] = &[
     "JSON",
 ];
 
-/// A tetrahedron, and its binary part.
+/// The text and the binary part of a tetrahedron.
 fn tetrahedron(uri: &str, extra: &str) -> (String, Vec<u8>) {
     let places: [[f32; 3]; 4] = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
     let corners: [u16; 12] = [0, 2, 1, 0, 1, 3, 0, 3, 2, 1, 2, 3];
@@ -311,7 +312,7 @@ pub const PSF: &[&str] = &[
     "pixelScaleArcsec\0",
 ];
 
-/// OpenEXR files of every compression, kind of blocks and sample.
+/// OpenEXR files of every compression, block type and sample type.
 fn exr_files() -> Vec<Vec<u8>> {
     let size = Vec2(8, 8);
     let values: Vec<f32> = (0..64).map(|i| i as f32).collect();
@@ -453,7 +454,8 @@ pub const THEATRE: &[&str] = &[
     "vwf1",
 ];
 
-/// Small sets of one projector in every format; those of MPCDI are stored, so that what is in them can be mutated.
+/// Small sets of one projector in every format; those of MPCDI are stored without compression, so that their contents
+/// can be mutated.
 pub fn theatre() -> Vec<Vec<u8>> {
     let all = projectors();
     let one = &all[..1];

@@ -1,8 +1,8 @@
 //! Frames of reference and the rotations between them.
 //!
-//! The world frame is ICRS: x to right ascension 0, z to the north celestial pole. The galactic frame has x to galactic
-//! longitude 0 (towards the galactic centre), y to longitude 90 degrees, z to the north galactic pole. Longitude and
-//! latitude stand for right ascension and declination too; both are radians.
+//! The world frame is ICRS: x to right ascension 0, z to the north celestial pole. The galactic frame has x to
+//! galactic longitude 0 (towards the galactic centre), y to longitude 90 degrees, z to the north galactic pole.
+//! Longitude and latitude also mean right ascension and declination; both are radians.
 
 use glam::{DMat3, DVec3};
 
@@ -20,18 +20,18 @@ pub fn direction_from_lon_lat(lon_rad: f64, lat_rad: f64) -> DVec3 {
     DVec3::new(cos_lat * cos_lon, cos_lat * sin_lon, sin_lat)
 }
 
-/// Longitude in [0, 2 pi) and latitude in [-pi/2, pi/2] of a vector of any length but 0, radians.
+/// Longitude in [0, 2 pi) and latitude in [-pi/2, pi/2] of a nonzero vector, radians.
 pub fn lon_lat_from_direction(direction: DVec3) -> (f64, f64) {
     let lon_rad = direction.y.atan2(direction.x).rem_euclid(std::f64::consts::TAU);
-    // The remainder of a tiny negative angle rounds up to the full circle itself.
+    // The remainder of a tiny negative angle rounds up to the full circle.
     let lon_rad = if lon_rad < std::f64::consts::TAU { lon_rad } else { 0.0 };
     (lon_rad, direction.z.atan2(direction.x.hypot(direction.y)))
 }
 
-/// Rotation that takes galactic vectors to ICRS vectors.
+/// Rotation from galactic to ICRS vectors.
 pub fn icrs_from_galactic() -> DMat3 {
     let z_axis = direction_from_lon_lat(GALACTIC_POLE_RA_DEG.to_radians(), GALACTIC_POLE_DEC_DEG.to_radians());
-    // Seen along the galactic plane, the celestial pole lies at a known longitude: that fixes the turn about the pole.
+    // The known galactic longitude of the celestial pole fixes the rotation about the galactic pole.
     let towards_celestial_pole = (DVec3::Z - z_axis * z_axis.z).normalize();
     let quarter_turn_on = z_axis.cross(towards_celestial_pole);
     let (sin_l, cos_l) = CELESTIAL_POLE_GALACTIC_LONGITUDE_DEG.to_radians().sin_cos();
@@ -39,7 +39,7 @@ pub fn icrs_from_galactic() -> DMat3 {
     DMat3::from_cols(x_axis, z_axis.cross(x_axis), z_axis)
 }
 
-/// Rotation that takes ICRS vectors to galactic vectors: the inverse of [`icrs_from_galactic`].
+/// Rotation from ICRS to galactic vectors: the inverse of [`icrs_from_galactic`].
 pub fn galactic_from_icrs() -> DMat3 {
     icrs_from_galactic().transpose()
 }

@@ -1,4 +1,5 @@
-//! Files that are read: regular ones, of a bounded size. Files that are written appear whole or not at all: beside their place, then renamed.
+//! Reading of regular files of limited size. Written files appear as a whole or not at all: they are written next to
+//! their destination and renamed.
 
 use std::{
     cell::RefCell,
@@ -15,12 +16,12 @@ use exr::{
 use tempfile::NamedTempFile;
 
 thread_local! {
-    /// Files opened by this thread inside of [`reading`].
+    /// Files opened by this thread inside [`reading`].
     static OPENED: RefCell<Option<Vec<PathBuf>>> = const { RefCell::new(None) };
 }
 
-/// What `read` returns, and the files that it has opened on this thread, each once, in their order: files name further ones, and only who reads them knows which.
-/// A call inside of `read` has its files for itself.
+/// Runs `read` and returns its result with the files that it opened on this thread, each once, in order. Files refer
+/// to further files, which only their readers know. A nested call keeps its files to itself.
 pub fn reading<T>(read: impl FnOnce() -> T) -> (T, Vec<PathBuf>) {
     let outer = OPENED.replace(Some(Vec::new()));
     let value = read();
@@ -34,17 +35,15 @@ pub fn reading<T>(read: impl FnOnce() -> T) -> (T, Vec<PathBuf>) {
     (value, files)
 }
 
-/// Opens a file for reading, unless it is a folder, a pipe or a device, which may have no end.
+/// Opens a file for reading, unless it is a folder, a pipe or a device, which may never end.
 pub fn open_regular(path: &Path) -> io::Result<File> {
     let is_regular = |metadata: &fs::Metadata| match (metadata.is_file(), metadata.is_dir()) {
         (true, _) => Ok(()),
         (_, true) => Err(io::Error::from(io::ErrorKind::IsADirectory)),
-        _ => Err(io::Error::new(
-            io::ErrorKind::InvalidInput,
-            "it is a pipe or a device, and only regular files are read",
-        )),
+        _ => Err(io::Error::new(io::ErrorKind::InvalidInput, "it is a pipe or a device; only regular files are read")),
     };
-    // Before it is opened, since opening a pipe waits for who writes to it; and again, since it may be another by then.
+    // Checked before opening, because opening a pipe waits for a writer; and again after, because the path may refer
+    // to another file by then.
     is_regular(&fs::metadata(path)?)?;
     let file = File::open(path)?;
     is_regular(&file.metadata()?)?;
@@ -52,26 +51,27 @@ pub fn open_regular(path: &Path) -> io::Result<File> {
     Ok(file)
 }
 
-/// The bytes of a regular file that has at most `most_bytes`.
+/// Reads a regular file of at most `most_bytes`.
 pub fn read_bounded(path: &Path, most_bytes: u64) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
-    // One more tells that there are more.
+    // One byte more than the limit shows that the file exceeds it.
     open_regular(path)?.take(most_bytes + 1).read_to_end(&mut bytes)?;
     if bytes.len() as u64 > most_bytes {
-        let problem = format!("it has more than {most_bytes} bytes, the most that is read");
+        let problem = format!("it must have at most {most_bytes} bytes");
         return Err(io::Error::new(io::ErrorKind::FileTooLarge, problem));
     }
     Ok(bytes)
 }
 
-/// The same for a file of text.
+/// The same for a text file.
 pub fn read_text_bounded(path: &Path, most_bytes: u64) -> io::Result<String> {
     let bytes = read_bounded(path, most_bytes)?;
     String::from_utf8(bytes).map_err(|error| io::Error::new(io::ErrorKind::InvalidData, error))
 }
 
-/// The first layer of an OpenEXR file, all channels at full resolution. The decoder makes room for all that the header tells before it has seen any
-/// pixel: `allowed` judges width, height and number of channels before.
+/// Reads the first layer of an OpenEXR file, all channels at full resolution. The decoder allocates everything that
+/// the header announces before it sees a pixel; `allowed` therefore checks width, height and number of channels
+/// first.
 pub fn read_exr<E>(
     bytes: &[u8],
     allowed: impl Fn(usize, usize, usize) -> Result<(), E>,
@@ -92,13 +92,13 @@ pub fn read_exr<E>(
         .map_err(unreadable)
 }
 
-/// The folder that a file is in, or will be.
+/// The folder that contains a file, or will contain it.
 pub fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-/// A temporary file in the folder of `path`, with the permissions of any new file (by itself a temporary file is made for
-/// its owner alone).
+/// Creates a temporary file in the folder of `path`, with the permissions of any new file (by default only its owner
+/// can read a temporary file).
 pub fn beside(path: &Path) -> io::Result<NamedTempFile> {
     let mut builder = tempfile::Builder::new();
     builder.prefix(".steradian-");
@@ -110,20 +110,20 @@ pub fn beside(path: &Path) -> io::Result<NamedTempFile> {
     builder.tempfile_in(folder_of(path))
 }
 
-/// Moves a finished temporary file to its place, over a file that is there.
+/// Moves a finished temporary file to its destination; replaces an existing file.
 pub fn publish(file: NamedTempFile, path: &Path) -> io::Result<()> {
     file.persist(path).map_err(|error| error.error)?;
     Ok(())
 }
 
-/// Writes a file whole or not at all.
+/// Writes a file as a whole or not at all.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
     let mut file = beside(path)?;
     file.write_all(bytes)?;
     publish(file, path)
 }
 
-/// The same, and the bytes are on the disk before the file has its name.
+/// The same; the data are on the disk before the file gets its name.
 pub fn write_whole_synced(path: &Path, bytes: &[u8]) -> io::Result<()> {
     let mut file = beside(path)?;
     file.write_all(bytes)?;
@@ -132,7 +132,7 @@ pub fn write_whole_synced(path: &Path, bytes: &[u8]) -> io::Result<()> {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
+#[allow(clippy::unwrap_used, reason = "tests may panic")]
 mod tests {
     use super::*;
 

@@ -1,4 +1,4 @@
-//! Pictures that are read: PNG files of 8 bits per channel.
+//! Reader of PNG pictures with 8 bits per channel.
 
 use std::{
     io::BufReader,
@@ -9,7 +9,7 @@ use png::{BitDepth, ColorType, Transformations};
 
 use crate::files;
 
-/// Most texels of a picture: 16384 by 8192.
+/// Largest number of texels of a picture: 16384 by 8192.
 pub const MOST_TEXELS: u64 = 1 << 27;
 
 /// A picture, row by row from the top.
@@ -17,13 +17,13 @@ pub const MOST_TEXELS: u64 = 1 << 27;
 pub struct PictureFile {
     /// Width and height.
     pub size: [u32; 2],
-    /// Codes of red, green, blue and alpha; 255 where the file has no alpha.
+    /// Codes of red, green, blue and alpha; alpha is 255 if the file has none.
     pub rgba: Vec<[u8; 4]>,
     /// Whether the file has an alpha channel.
     pub has_alpha: bool,
 }
 
-/// Why a picture cannot be had. `wanted` says what it should be.
+/// Errors of reading a picture. `wanted` describes a valid picture.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum PictureError {
@@ -32,33 +32,34 @@ pub enum PictureError {
     Read {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// The system's error.
         source: std::io::Error,
     },
-    /// The file is no PNG, or a broken one.
+    /// The file is not a valid PNG.
     #[error("{}: {source}; {wanted}", path.display())]
     Png {
         /// The file.
         path: PathBuf,
-        /// What the decoder says.
+        /// The decoder's error.
         source: png::DecodingError,
-        /// What is allowed.
+        /// Description of a valid picture.
         wanted: &'static str,
     },
-    /// The PNG is of another kind.
+    /// The PNG has an unsupported format.
     #[error("{}: {problem}; {wanted}, of at most {MOST_TEXELS} texels", path.display())]
     Kind {
         /// The file.
         path: PathBuf,
-        /// What it is.
+        /// Its format.
         problem: String,
-        /// What is allowed.
+        /// Description of a valid picture.
         wanted: &'static str,
     },
 }
 
 impl PictureFile {
-    /// Reads a PNG of 8 bits per channel: grey or RGB, palettes too, with or without alpha. `wanted` says what the picture should be, for messages.
+    /// Reads a PNG with 8 bits per channel: grey, RGB or palette, with or without alpha. `wanted` describes a valid
+    /// picture, for messages.
     ///
     /// # Errors
     ///
@@ -67,6 +68,7 @@ impl PictureFile {
         let read = |source| PictureError::Read { path: path.to_owned(), source };
         let broken = |source| PictureError::Png { path: path.to_owned(), source, wanted };
         let kind = |problem: String| PictureError::Kind { path: path.to_owned(), problem, wanted };
+        // The size is checked before anything is allocated.
         let mut decoder = png::Decoder::new(BufReader::new(files::open_regular(path).map_err(read)?));
         decoder.set_transformations(Transformations::EXPAND);
         let header = decoder.read_header_info().map_err(broken)?;
@@ -75,12 +77,16 @@ impl PictureFile {
             return Err(kind(format!("it has {} x {} texels", size[0], size[1])));
         }
         let mut reader = decoder.read_info().map_err(broken)?;
-        // The decoder takes the length of a palette on trust, and panics.
+        // The decoder trusts the length of a palette, and panics if it is wrong.
         if let Some(palette) = &reader.info().palette
             && (palette.is_empty() || palette.len() % 3 != 0 || palette.len() > 3 * 256)
         {
-            return Err(kind(format!("its palette has {} bytes: allowed are 1 to 256 colours of 3", palette.len())));
+            return Err(kind(format!(
+                "its palette has {} bytes and must have 1 to 256 colours of 3 bytes",
+                palette.len()
+            )));
         }
+        // Format of the texels.
         let (colour, depth) = reader.output_color_type();
         if depth != BitDepth::Eight {
             return Err(kind(format!("it has {} bits per channel", depth as u8)));
@@ -92,13 +98,14 @@ impl PictureFile {
             ColorType::Rgba => (4, true),
             ColorType::Indexed => return Err(kind("its palette was not expanded".to_owned())),
         };
+        // Texels, expanded to four channels.
         let length = reader.output_buffer_size().ok_or_else(|| kind("it is too large".to_owned()))?;
         let mut bytes = vec![0; length];
         reader.next_frame(&mut bytes).map_err(broken)?;
         let colours = if has_alpha { channels - 1 } else { channels };
         let rgba = bytes.chunks_exact(channels).map(|texel| {
-            let of = |c: usize| texel[c.min(colours - 1)];
-            [of(0), of(1), of(2), if has_alpha { texel[channels - 1] } else { 255 }]
+            let channel = |c: usize| texel[c.min(colours - 1)];
+            [channel(0), channel(1), channel(2), if has_alpha { texel[channels - 1] } else { 255 }]
         });
         Ok(Self { size, rgba: rgba.collect(), has_alpha })
     }

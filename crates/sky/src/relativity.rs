@@ -1,51 +1,51 @@
-//! What a moving observer sees: special relativity in closed form, in f64.
+//! View of a moving observer: special relativity in closed form, in f64.
 //!
-//! Speeds are in units of the speed of light, angles in radians. `a` is the angle between velocity and star in the frame
-//! in which stars rest (the world's); dashes are the observer's frame. With gamma = 1/sqrt(1 - beta^2):
+//! Speeds are in units of the speed of light, angles in radians. `a` is the angle between velocity and star in the
+//! rest frame of the stars (the world's); primes denote the observer's frame. With gamma = 1/sqrt(1 - beta^2):
 //!
-//! - Doppler factor D = gamma (1 + beta cos a): every frequency is multiplied by it,
-//! - aberration cos a' = (cos a + beta) / (1 + beta cos a): stars crowd ahead,
-//! - a black body stays one, of temperature T' = D T,
+//! - Doppler factor D = gamma (1 + beta cos a), by which every frequency is multiplied,
+//! - aberration cos a' = (cos a + beta) / (1 + beta cos a): stars are concentrated ahead,
+//! - a black body remains one, with temperature T' = D T,
 //! - illuminance E' = E D^-2 Y(D T) / Y(T), with Y the luminance of a black body of that temperature.
 //!
-//! The last two follow from two facts. Spectral radiance over the cube of frequency is the same for every observer, so that
-//! Planck's law keeps its form with D T in it. And a small source's solid angle shrinks by D^2, so that with the
-//! luminance Y(D T) its illuminance is as above. (Einstein 1905, section 7; Rybicki and Lightman, "Radiative Processes in
-//! Astrophysics", chapter 4.)
+//! The last two follow from two facts. Spectral radiance divided by the cube of frequency is the same for every
+//! observer, so that Planck's law keeps its form with temperature D T. And the solid angle of a small source shrinks
+//! by D^2; with the luminance Y(D T), this gives the illuminance above. (Einstein 1905, section 7; Rybicki and
+//! Lightman, "Radiative Processes in Astrophysics", chapter 4.)
 //!
-//! Stars count as at rest in the world, and as black bodies. The offsets between the eyes of a rig are taken as they are at
-//! rest; that matters for sources nearby only.
+//! Stars are treated as black bodies at rest in the world. The offsets between the eyes of a rig are not contracted;
+//! that matters only for nearby sources.
 
 use glam::DVec3;
 
 use crate::photometry::blackbody::ln_luminance_cd_m2;
 
-/// Greatest speed that is drawn. There D reaches from 1/141.4 to 141.4; the closer to 1, the more f32 would lose.
+/// Highest speed that is drawn. D is then between 1/141.4 and 141.4; closer to 1, f32 would lose more digits.
 pub const MAX_SPEED_C: f64 = 0.9999;
 
 /// Lorentz factor of a speed below 1.
 pub fn gamma(beta: f64) -> f64 {
-    // (1 - beta)(1 + beta) keeps its digits near 1, 1 - beta^2 does not.
+    // (1 - beta)(1 + beta) keeps its digits near 1; 1 - beta^2 does not.
     1.0 / ((1.0 - beta) * (1.0 + beta)).sqrt()
 }
 
-/// Doppler factor of a star at the angle `a` of cosine `cos_a` from the velocity, in the stars' frame.
+/// Doppler factor of a star whose angle `a` from the velocity, in the stars' frame, has the cosine `cos_a`.
 pub fn doppler_factor(beta: f64, cos_a: f64) -> f64 {
     gamma(beta) * (1.0 + beta * cos_a)
 }
 
-/// Cosine of the angle from the velocity under which the observer sees the star.
+/// Cosine of the angle between the velocity and the star in the observer's frame.
 pub fn aberrated_cos(beta: f64, cos_a: f64) -> f64 {
     (cos_a + beta) / (1.0 + beta * cos_a)
 }
 
-/// Illuminance in the observer's frame over that in the stars', of a black body of `temperature_k`:
-/// D^-2 Y(D T) / Y(T). Too small for f64, it is 0.
+/// Illuminance of a black body of `temperature_k` in the observer's frame divided by that in the stars' frame: D^-2
+/// Y(D T) / Y(T). 0 if it underflows f64.
 pub fn illuminance_factor(temperature_k: f64, doppler: f64) -> f64 {
     (ln_luminance_cd_m2(doppler * temperature_k) - ln_luminance_cd_m2(temperature_k) - 2.0 * doppler.ln()).exp()
 }
 
-/// A velocity other than zero.
+/// A nonzero velocity.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Motion {
     /// Unit vector of the velocity, world axes.
@@ -54,7 +54,8 @@ pub struct Motion {
     pub beta: f64,
 }
 
-/// The direction in which an observer of a velocity, in units of the speed of light, sees what is at `place` from the eye in the world's frame: a unit vector; 0 of what is at the eye.
+/// Unit vector in which an observer with a velocity, in units of the speed of light, sees an object at `place`
+/// relative to the eye in the world's frame; 0 for an object at the eye.
 pub fn seen_direction(velocity_c: DVec3, place: DVec3) -> DVec3 {
     if place == DVec3::ZERO {
         return DVec3::ZERO;
@@ -63,10 +64,10 @@ pub fn seen_direction(velocity_c: DVec3, place: DVec3) -> DVec3 {
 }
 
 impl Motion {
-    /// The motion of a velocity in units of the speed of light, which must be shorter than 1; `None` at rest.
+    /// Motion with a velocity in units of the speed of light, which must be shorter than 1; `None` at rest.
     pub fn new(velocity_c: DVec3) -> Option<Self> {
         let beta = velocity_c.length();
-        // Below 1e-30 the squares underflow, and nothing could be seen of it.
+        // Below 1e-30 the squares underflow, and the effect is invisible.
         (beta > 1e-30).then(|| Self { direction: velocity_c / beta, beta })
     }
 
@@ -75,44 +76,46 @@ impl Motion {
         gamma(self.beta)
     }
 
-    /// Doppler factor straight behind, gamma (1 - beta): the smallest one. Its inverse, straight ahead, is the greatest.
+    /// Doppler factor straight behind, gamma (1 - beta): the smallest one. Its inverse, straight ahead, is the
+    /// largest.
     pub fn doppler_behind(&self) -> f64 {
         ((1.0 - self.beta) / (1.0 + self.beta)).sqrt()
     }
 
-    /// 1 + cos a and the length of `place`, a vector of any length but 0.
+    /// Returns 1 + cos a and the length of `place`, a nonzero vector.
     fn one_plus_cos(&self, place: DVec3) -> (f64, f64) {
         let length = place.length();
         let along = place.dot(self.direction) / length;
         if along >= 0.0 {
             return (1.0 + along, length);
         }
-        // sin^2 / (1 - cos), which does not cancel behind.
+        // sin^2 / (1 - cos) has no cancellation behind.
         let across = place / length - self.direction * along;
         (across.length_squared() / (1.0 - along), length)
     }
 
-    /// Doppler factor of a star at `place`, a vector of any length but 0 from the eye in the stars' frame.
+    /// Doppler factor of a star at `place`, a nonzero vector from the eye in the stars' frame.
     pub fn doppler_of(&self, place: DVec3) -> f64 {
         let (one_plus_cos, _) = self.one_plus_cos(place);
         self.doppler_behind() + self.gamma() * self.beta * one_plus_cos
     }
 
-    /// Where the observer sees a star at `place`, a vector of any length but 0 from the eye in the stars' frame: a vector
-    /// in that direction, D times as long.
+    /// Position in which the observer sees a star at `place`, a nonzero vector from the eye in the stars' frame: a
+    /// vector in the aberrated direction, D times as long.
     pub fn seen(&self, place: DVec3) -> DVec3 {
         let (one_plus_cos, length) = self.one_plus_cos(place);
-        // A light-like vector in another frame: across it stays, along it becomes gamma (cos a + beta).
+        // A light-like vector in another frame: its transverse part stays, its longitudinal part becomes gamma (cos a
+        // + beta).
         let across = place - self.direction * place.dot(self.direction);
         across + self.direction * (length * (self.gamma() * one_plus_cos - self.doppler_behind()))
     }
 
-    /// The cone in which the observer sees what fills a cone in the stars' frame: axis (unit vector) and half-angle, rad,
-    /// from 0 to pi. Aberration takes circles to circles.
+    /// The observer's image of a cone in the stars' frame: axis (unit vector) and half-angle, rad, from 0 to pi.
+    /// Aberration maps circles to circles.
     pub fn seen_cone(&self, axis: DVec3, half_angle_rad: f64) -> (DVec3, f64) {
         let (sin, cos) = half_angle_rad.clamp(0.0, std::f64::consts::PI).sin_cos();
-        // A direction u is inside where u . axis - cos >= 0: a plane through the light cone, (axis; cos), which is
-        // transformed like any vector of four. Its square, sin^2, is the same for every observer.
+        // A direction u is inside if u . axis - cos >= 0: a plane through the light cone, (axis; cos), which
+        // transforms like any four-vector. Its square, sin^2, is invariant.
         let along = axis.dot(self.direction);
         let gamma = self.gamma();
         let seen_axis = axis - self.direction * along + self.direction * (gamma * (along + self.beta * cos));
@@ -120,11 +123,11 @@ impl Motion {
         (seen_axis.normalize_or(self.direction), sin.atan2(seen_cos))
     }
 
-    /// Smallest and greatest Doppler factor within a cone of the stars' frame.
+    /// Smallest and largest Doppler factor within a cone in the stars' frame.
     pub fn doppler_range(&self, axis: DVec3, half_angle_rad: f64) -> [f64; 2] {
         let middle = axis.angle_between(self.direction);
         [(middle + half_angle_rad).min(std::f64::consts::PI), (middle - half_angle_rad).max(0.0)].map(|angle| {
-            // 1 + cos a = 2 cos^2(a/2), which keeps its digits behind.
+            // 1 + cos a = 2 cos^2(a/2) keeps its digits behind.
             self.doppler_behind() + self.gamma() * self.beta * 2.0 * (angle / 2.0).cos().powi(2)
         })
     }
@@ -146,7 +149,7 @@ mod tests {
         Motion::new(DVec3::new(0.3, -0.8, 0.52).normalize() * beta).unwrap()
     }
 
-    /// Directions spread over the sphere, evenly in solid angle.
+    /// Directions spread uniformly over the sphere.
     fn spiral(count: usize) -> impl Iterator<Item = DVec3> {
         (0..count).map(move |i| {
             let z = 1.0 - 2.0 * (i as f64 + 0.5) / count as f64;
@@ -155,8 +158,8 @@ mod tests {
         })
     }
 
-    /// Illuminance of a star in the observer's frame over that in its own, by another way: the invariance of spectral
-    /// radiance over frequency cubed under the integral, frequency by frequency, and the solid angle.
+    /// Illuminance of a star in the observer's frame divided by that in its rest frame, by another method: the
+    /// invariance of spectral radiance over frequency cubed, integrated over frequency, and the solid angle.
     fn integrated_factor(temperature_k: f64, doppler: f64) -> f64 {
         let (h, c, k) = (6.626_070_15e-34, 299_792_458.0, 1.380_649e-23);
         // Per frequency, W s/(m^2 sr).
@@ -197,7 +200,11 @@ mod tests {
     fn other_powers_of_the_doppler_factor_fail_the_integral() {
         let doppler = doppler_factor(0.9, 1.0);
         let expected = integrated_factor(5800.0, doppler);
-        println!("5800 K head-on at 0.9 c: {expected:.4}; D^2 {:.1}, D^4 {:.1}", doppler.powi(2), doppler.powi(4));
+        println!(
+            "5800 K straight ahead at 0.9 c: {expected:.4}; D^2 {:.1}, D^4 {:.1}",
+            doppler.powi(2),
+            doppler.powi(4)
+        );
         assert!((expected - 2.6).abs() < 0.05);
         assert!((illuminance_factor(5800.0, doppler) / expected - 1.0).abs() < 1e-9);
         for wrong in [doppler.powi(2), doppler.powi(4), doppler.powi(-2), 1.0] {
@@ -226,7 +233,8 @@ mod tests {
                 let shrunk = area(corners.map(|corner| motion.seen(corner).normalize())) / area(corners);
                 assert!((shrunk * doppler * doppler - 1.0).abs() < 3e-3, "{beta}: {shrunk} at D = {doppler}");
             }
-            // At 0.9999 c half of the seen sky comes from 2 of these 200,000 directions; the sum is then too coarse.
+            // At 0.9999 c half of the observed sky comes from 2 of these 200,000 directions; the sum is then too
+            // coarse.
             if beta < 0.999 {
                 assert!((sum / count as f64 - 1.0).abs() < 1e-3, "{beta}: {sum}");
             }
@@ -248,7 +256,7 @@ mod tests {
                 worst = worst.max((seen_cos - aberrated_cos(beta, cos_a)).abs());
                 assert!(seen.dot(star.cross(motion.direction)).abs() < 1e-9 * seen.length());
                 assert!(seen_cos >= cos_a - 1e-12, "forwards");
-                // The way back is the opposite motion.
+                // The opposite motion is the inverse.
                 let back = Motion::new(motion.direction * -beta).unwrap().seen(seen).normalize();
                 assert!(back.distance(star) < 1e-9, "{back} {star}");
             }
@@ -272,7 +280,7 @@ mod tests {
     }
 
     #[test]
-    fn cones_hold_what_they_held_and_nothing_else() {
+    fn directions_stay_inside_or_outside_of_a_cone() {
         for beta in SPEEDS {
             let motion = motion(beta);
             let axes = spiral(40).chain([motion.direction, -motion.direction]);
@@ -285,12 +293,12 @@ mod tests {
                     for turn in 0..12 {
                         let (u, v) = axis.any_orthonormal_pair();
                         let side = u * f64::from(turn).cos() + v * f64::from(turn).sin();
-                        let at = |angle: f64| axis * angle.cos() + side * angle.sin();
-                        let seen_angle = |angle: f64| motion.seen(at(angle)).angle_between(seen_axis);
-                        // The rim goes to the rim.
+                        let direction = |angle: f64| axis * angle.cos() + side * angle.sin();
+                        let seen_angle = |angle: f64| motion.seen(direction(angle)).angle_between(seen_axis);
+                        // The rim is mapped to the rim.
                         assert!((seen_angle(half) - seen_half).abs() < 1e-6, "{beta} {index} {half}");
                         assert!(seen_angle(inner) <= seen_half + 1e-7);
-                        let doppler = motion.doppler_of(at(inner));
+                        let doppler = motion.doppler_of(direction(inner));
                         assert!(doppler >= lowest * (1.0 - 1e-9) && doppler <= highest * (1.0 + 1e-9));
                     }
                 }

@@ -1,35 +1,38 @@
-//! Six round pictures that hold the whole sky: how directions and texels belong together. Shaders: `shaders/shared/sky_map.wgsl`.
+//! Six fisheye faces that cover the whole sky: mapping between directions and texels. Shaders:
+//! `shaders/shared/sky_map.wgsl`.
 //!
-//! Each picture is an equidistant fisheye around an axis of the world (+x, +y, +z, -x, -y, -z), a little wider than the face of the cube around it: texels are of nearly the same size everywhere,
-//! and a place between four texels lies in one picture.
+//! Each face is an equidistant fisheye around an axis of the world (+x, +y, +z, -x, -y, -z), slightly wider than the
+//! corresponding face of a cube. Texels therefore have nearly the same size everywhere, and the four texels around a
+//! position are in one face.
 
 use glam::{DMat3, DVec2, DVec3};
 
-/// How many pictures.
+/// Number of faces.
 pub const SKY_FACES: u32 = 6;
-/// How far a picture goes beyond the face's corners, texels: what the tent and the B-spline reach, and rounding.
+/// Margin of a face beyond the cube's corners, texels: the reach of bilinear and B-spline interpolation, plus
+/// rounding.
 const MARGIN_TEXELS: f64 = 4.0;
-/// Angle from the middle of a cube's face to its corner, rad.
+/// Angle from the centre of a cube's face to its corner, rad.
 const CORNER_RAD: f64 = 0.955_316_618_124_509_3;
 
-/// Pictures of one size.
+/// Six faces of one size.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SkyPictures {
-    /// Side of each, texels.
+    /// Side of each face, texels.
     pub side: u32,
 }
 
-/// A place between four texels of a picture.
+/// A position between four texels of a face.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TexelPlace {
-    /// Index of the upper left one among those of all pictures, row by row, picture by picture.
+    /// Index of the upper left texel among those of all faces, row by row, face by face.
     pub first: usize,
-    /// Share of the right ones, and of the lower ones.
+    /// Weight of the right texels and of the lower ones.
     pub share: DVec2,
 }
 
 impl SkyPictures {
-    /// The smallest pictures whose texels are no larger than this, rad.
+    /// The smallest faces with texels of at most this size, rad.
     pub fn of_texels(texel_rad: f64) -> Self {
         Self { side: 2 * ((CORNER_RAD / texel_rad).ceil() + MARGIN_TEXELS) as u32 }
     }
@@ -39,12 +42,12 @@ impl SkyPictures {
         2.0 * CORNER_RAD / (f64::from(self.side) - 2.0 * MARGIN_TEXELS)
     }
 
-    /// Texels of all pictures.
+    /// Number of texels of all faces.
     pub fn texels(self) -> u64 {
         u64::from(SKY_FACES) * u64::from(self.side) * u64::from(self.side)
     }
 
-    /// Unit vector towards the middle of a texel by its index, world axes.
+    /// Unit vector towards the centre of a texel by its index, world axes.
     pub fn direction(self, index: usize) -> DVec3 {
         let side = self.side as usize;
         let (face, row, column) = (index / (side * side), index / side % side, index % side);
@@ -54,7 +57,7 @@ impl SkyPictures {
         world_from_face(face as u32) * DVec3::new(across.x, -across.y, -angle.cos())
     }
 
-    /// Where a direction (not 0) lies.
+    /// Position of a direction (not 0) in the faces.
     pub fn place(self, towards: DVec3) -> TexelPlace {
         let axis = towards.abs().max_position();
         let sign = 1_f64.copysign(towards[axis]);
@@ -70,7 +73,7 @@ impl SkyPictures {
     }
 }
 
-/// Right, up and backwards of a picture, in world axes: shaders turn directions by the same rule.
+/// Right, up and backward vectors of a face, in world axes; shaders use the same rule.
 pub fn world_from_face(number: u32) -> DMat3 {
     let axis = number as usize % 3;
     let sign = if number < 3 { 1.0 } else { -1.0 };
@@ -84,14 +87,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn texels_lie_where_they_are_looked_for() {
+    fn place_finds_each_texel_at_its_direction() {
         for side in [64, 300] {
             let pictures = SkyPictures { side };
             assert_eq!(SkyPictures::of_texels(pictures.texel_rad() * (1.0 + 1e-9)), pictures);
             let mut found = 0;
             for index in (0..pictures.texels() as usize).step_by(7) {
                 let TexelPlace { first, share } = pictures.place(pictures.direction(index));
-                // A texel beyond the cube's face lies in another picture too, and is looked for there.
+                // A texel beyond the cube's face is in another face too, and is looked up there.
                 if first / (side * side) as usize != index / (side * side) as usize {
                     continue;
                 }
@@ -100,7 +103,7 @@ mod tests {
                 assert_eq!(nearest, index);
                 assert!((share - share.round()).length() < 1e-6, "{index}: {share}");
             }
-            // Two of five: the pictures are squares around the faces' corners.
+            // Two of five: the faces are squares around the cube's corners.
             assert!(found > pictures.texels() as usize / 7 / 3, "{found}");
         }
     }

@@ -1,5 +1,5 @@
-//! The bodies of the Solar System by name. What is known of them stands where it is used: sizes and surfaces in `scene::bodies`, places and rotation in `ephemeris`, brightness
-//! against phase in `photometry::phase_curve`.
+//! The bodies of the Solar System by name. Their properties are in the modules that use them: sizes and surfaces in
+//! `scene::bodies`, positions and rotation in `ephemeris`, brightness against phase in `photometry::phase_curve`.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -22,7 +22,7 @@ pub enum SolarBody {
     Mars,
     /// Jupiter.
     Jupiter,
-    /// Saturn; where its light is that of its measured phase curve, with its rings.
+    /// Saturn; with its rings if its light comes from its measured phase curve.
     Saturn,
     /// Uranus.
     Uranus,
@@ -41,7 +41,7 @@ pub enum SolarBody {
 }
 
 impl SolarBody {
-    /// All of them.
+    /// All bodies.
     pub const ALL: [Self; 15] = [
         Self::Sun,
         Self::Mercury,
@@ -81,7 +81,7 @@ impl SolarBody {
         }
     }
 
-    /// The planet that it goes around; `None` for the Sun and the planets.
+    /// The planet that the moon orbits; `None` for the Sun and the planets.
     pub fn planet(self) -> Option<Self> {
         match self {
             Self::Moon => Some(Self::Earth),
@@ -91,7 +91,7 @@ impl SolarBody {
         }
     }
 
-    /// The body of a name.
+    /// The body with a name.
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|body| body.name() == name)
     }
@@ -102,7 +102,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_lead_back_to_their_bodies() {
+    fn from_name_inverts_name() {
         for body in SolarBody::ALL {
             assert_eq!(SolarBody::from_name(body.name()), Some(body));
         }

@@ -1,5 +1,5 @@
-//! Physical constants and unit conversions. Inside the crate angles are radians, lengths metres or parsecs (named so),
-//! illuminance lux, luminance cd/m^2, solid angle steradian.
+//! Physical constants and unit conversions. Inside the crate angles are radians, lengths are metres or parsecs (as
+//! named), illuminance is lux, luminance cd/m^2, solid angle steradian.
 
 /// One parsec in metres (IAU 2015 resolution B2: 648000/pi astronomical units).
 pub const PARSEC_M: f64 = 3.085_677_581_491_367e16;
@@ -19,7 +19,7 @@ pub const J2000_JD: f64 = 2_451_545.0;
 /// One Julian year, s.
 pub const JULIAN_YEAR_S: f64 = 365.25 * DAY_S;
 
-/// J2000.0 in s since 1970-01-01T00:00:00Z, by days of 86,400 s.
+/// J2000.0 in s since 1970-01-01T00:00:00Z, in days of 86,400 s.
 pub const J2000_UNIX_S: f64 = 946_728_000.0;
 
 /// The Earth's rate of rotation, rad/s of UT1 (IERS Conventions 2010).
@@ -37,7 +37,7 @@ pub const LUMINANCE_0_MAG_PER_ARCSEC2: f64 = 10.8e4;
 /// Schneegans et al. 2025, eqs. 1 and 2, times one square arcsecond.
 pub const ILLUMINANCE_MAG_0_LX: f64 = LUMINANCE_0_MAG_PER_ARCSEC2 * ARCSECOND_RAD * ARCSECOND_RAD;
 
-/// Temperature given to stars whose colour is unknown: the Sun's nominal effective temperature (IAU 2015 B3), kelvin.
+/// Temperature of stars with unknown colour: the Sun's nominal effective temperature (IAU 2015 B3), kelvin.
 pub const SOLAR_TEMPERATURE_K: f32 = 5772.0;
 
 /// Illuminance in lux of a star of apparent magnitude `v_mag`.
@@ -45,12 +45,12 @@ pub fn illuminance_lx_from_magnitude(v_mag: f64) -> f64 {
     ILLUMINANCE_MAG_0_LX * 10f64.powf(-0.4 * v_mag)
 }
 
-/// Luminance of a surface of so many V magnitudes per square arcsecond, cd/m^2.
+/// Luminance of a surface in V magnitudes per square arcsecond, cd/m^2.
 pub fn luminance_from_mag_per_arcsec2(mag: f64) -> f64 {
     LUMINANCE_0_MAG_PER_ARCSEC2 * 10f64.powf(-0.4 * mag)
 }
 
-/// Apparent magnitude of a star that gives `illuminance_lx`.
+/// Apparent magnitude of a star with an illuminance of `illuminance_lx`.
 pub fn magnitude_from_illuminance_lx(illuminance_lx: f64) -> f64 {
     -2.5 * (illuminance_lx / ILLUMINANCE_MAG_0_LX).log10()
 }

@@ -1,5 +1,4 @@
-//! Bodies in f64: their light adds up to what closed forms tell, in every projection, and the nearest of them hides the
-//! others.
+//! Bodies in f64: their light equals closed forms in every projection, and the nearest body hides the others.
 
 use std::{f64::consts::PI, sync::Arc};
 
@@ -19,7 +18,7 @@ use steradian::{
 
 const AU_M: f64 = 1.495_978_707e11;
 
-/// A grey sphere of 1000 km, 1 au from the Sun, which stands on +x.
+/// A grey sphere of 1000 km, 1 au from the Sun, which is on +x.
 fn sphere(law: ReflectionLaw) -> Body {
     let mut body = Body::preset(SolarBody::Moon, "ball", DVec3::ZERO);
     body.radii_m = DVec3::splat(1e6);
@@ -35,7 +34,7 @@ fn with_sun(bodies: Vec<Body>) -> SceneObjects {
     SceneObjects { bodies, ..SceneObjects::default() }
 }
 
-/// The first body alone, in the light of all suns.
+/// Draws the first body alone, in the light of all suns.
 fn draw_first(
     objects: &SceneObjects,
     eye_m: DVec3,
@@ -46,12 +45,12 @@ fn draw_first(
     draw_lit(&objects.bodies[..1], &suns(objects), 0.0, Eye { eye_m, world_from_view }, mapping, samples)
 }
 
-/// View axes that look along `direction`.
+/// View axes for a view along `direction`.
 fn looking(direction: DVec3) -> DQuat {
     DQuat::from_rotation_arc(DVec3::NEG_Z, direction.normalize())
 }
 
-/// Pictures of a body: name, mapping, and where in view axes the body stands.
+/// Pictures of a body: name, mapping, and direction of the body in view axes.
 fn pictures() -> Vec<(&'static str, Box<dyn PlaneMapping>, DVec3)> {
     let cube = |face| Box::new(CubeFace::new(face, 192).unwrap());
     let equirectangular = || Box::new(Equirectangular::new([384, 192]).unwrap());
@@ -73,17 +72,17 @@ fn pictures() -> Vec<(&'static str, Box<dyn PlaneMapping>, DVec3)> {
 }
 
 #[test]
-fn a_sphere_has_the_light_of_the_closed_form_in_every_projection_at_every_phase() {
+fn light_of_a_sphere_matches_the_closed_form_in_every_projection_and_phase() {
     for law in ReflectionLaw::ALL {
         let objects = with_sun(vec![sphere(law)]);
         let sun_lx = suns(&objects)[0].light_at(DVec3::ZERO).unwrap().illuminance_lx;
         for phase_deg in [0.5, 60.0, 110.0] {
             let phase_rad = f64::to_radians(phase_deg);
-            // Near enough to cover some pixels, too near for the closed form: the integral over the disc stands for it.
+            // Near enough to cover some pixels, too near for the closed form; the integral over the disc replaces it.
             let eye_m = DVec3::new(phase_rad.cos(), phase_rad.sin(), 0.0) * 3e6;
             let expected = illuminance_of(&objects.bodies[0], eye_m, &suns(&objects), 0.0);
-            for (name, mapping, at) in pictures() {
-                let world_from_view = DQuat::from_rotation_arc(at.normalize(), -eye_m.normalize());
+            for (name, mapping, direction) in pictures() {
+                let world_from_view = DQuat::from_rotation_arc(direction.normalize(), -eye_m.normalize());
                 let image = draw_first(&objects, eye_m, world_from_view, mapping.as_ref(), 8);
                 let found = image.illuminance_lx(mapping.as_ref());
                 for channel in 0..3 {
@@ -91,14 +90,14 @@ fn a_sphere_has_the_light_of_the_closed_form_in_every_projection_at_every_phase(
                     assert!(error.abs() < 1e-3, "{law:?} {phase_deg} {name}: {error}");
                 }
                 let wrong = sphere_illuminance_lx(law, 0.31, sun_lx[1], 1e6, 3e6, phase_rad);
-                assert!((found[1] / wrong - 1.0).abs() > 5e-3, "another albedo is told apart");
+                assert!((found[1] / wrong - 1.0).abs() > 5e-3, "another albedo must fail");
             }
         }
     }
 }
 
 #[test]
-fn a_far_sphere_in_a_long_lens_has_the_light_of_the_closed_form() {
+fn light_of_a_distant_sphere_in_a_long_lens_matches_the_closed_form() {
     for law in ReflectionLaw::ALL {
         let objects = with_sun(vec![sphere(law)]);
         let sun_lx = suns(&objects)[0].light_at(DVec3::ZERO).unwrap().illuminance_lx;
@@ -146,7 +145,7 @@ fn an_ellipsoid_covers_its_cross_section_along_every_axis() {
 }
 
 #[test]
-fn ellipsoids_nearby_and_textures_have_the_light_that_the_plan_adds_up() {
+fn light_of_nearby_ellipsoids_and_textures_matches_the_plans_sum() {
     let mut body = sphere(ReflectionLaw::LommelSeeliger);
     body.radii_m = DVec3::new(1.3e6, 1e6, 0.7e6);
     body.orientation = DQuat::from_rotation_y(0.7);
@@ -175,7 +174,7 @@ fn the_suns_disc_at_one_astronomical_unit_has_its_magnitude() {
     let expected = 4.83 + 5.0 * (AU_M / (10.0 * steradian::units::PARSEC_M)).log10();
     assert!((magnitude - expected).abs() < 3.2e-4, "{magnitude} {expected}");
     assert!((found_lx / 1.26e5 - 1.0).abs() < 0.01, "{found_lx} lx");
-    // The limb is darker than the middle: 0.4 of it at the very edge.
+    // The limb is darker than the centre: 0.4 of it at the very edge.
     let middle = luminance(image.luminance_cd_m2[32 * 64 + 32]);
     let row = &image.luminance_cd_m2[32 * 64..33 * 64];
     let dimmest = row.iter().zip(&image.coverage[32 * 64..]).filter(|(_, covered)| **covered > 0.999);
@@ -184,7 +183,7 @@ fn the_suns_disc_at_one_astronomical_unit_has_its_magnitude() {
 }
 
 #[test]
-fn the_nearest_body_hides_the_others_and_exactly_the_directions_behind_it() {
+fn the_nearest_body_hides_exactly_the_directions_behind_it() {
     let mut near = sphere(ReflectionLaw::Lambert);
     near.radii_m = DVec3::new(1e6, 2e6, 1.3e6);
     let mut far = Body::preset(SolarBody::Sun, "lamp", DVec3::NEG_Z * 5e7);
@@ -209,13 +208,13 @@ fn the_nearest_body_hides_the_others_and_exactly_the_directions_behind_it() {
             });
             let kind = if near_hides { 0 } else { 1 + usize::from(!far_hides) };
             counts[kind] += 1;
-            // The lamp lights the near body's far side only, so its near side is dark.
+            // The lamp lights only the far side of the near body, so its near side is dark.
             assert!((rgb[0] - [0.0, 7.0, 0.0][kind]).abs() < 4e-15, "pixel {index}: {rgb:?}");
             assert_eq!(image.coverage[index], [1.0, 1.0, 0.0][kind]);
         }
         assert!(counts.iter().all(|&count| count > 50), "{counts:?}");
     }
-    // The outline of an ellipsoid, a hair's breadth on either side, also from very far.
+    // The outline of an ellipsoid, slightly inside and outside, also from a great distance.
     for distance_m in [3e6, 1e9, 1e14] {
         let eye_m = DVec3::Z * distance_m;
         // Tangent in the y-z plane of the ellipse (y / 2e6)^2 + (z / 1.3e6)^2 = 1: tan^2 = b^2 / (d^2 - c^2).

@@ -1,4 +1,4 @@
-//! Configuration files, read and refused.
+//! Configuration files: valid and invalid ones.
 
 mod objects;
 mod sections;

@@ -1,5 +1,5 @@
 //! Bodies and asteroid fields in configurations: each is made as written, and every mistake is refused with a message
-//! that names file, key and what is allowed.
+//! that names file, key and valid values.
 
 use std::{f64::consts::PI, fs::File, path::Path};
 
@@ -18,7 +18,7 @@ fn parse(text: &str) -> Result<Config, ConfigError> {
     Config::from_text(text, "test.toml", Path::new("/sky"), &[])
 }
 
-/// The text is refused, and the message has all of these parts.
+/// Asserts that the text is refused with a message that has all of these parts.
 #[track_caller]
 fn refused(text: &str, parts: &[&str]) {
     let message = parse(text).expect_err("the configuration is refused").to_string();
@@ -28,7 +28,7 @@ fn refused(text: &str, parts: &[&str]) {
 }
 
 #[test]
-fn presets_fill_in_what_is_not_given() {
+fn presets_provide_missing_keys() {
     let config = parse(
         "[[bodies]]\nname = 'sol'\npreset = 'sun'\n\
          [[bodies]]\nname = 'earth'\npreset = 'earth'\nposition_m = [1.5e11, 0, 0]\nspin = { phase_deg = 90 }\n\
@@ -49,7 +49,7 @@ fn presets_fill_in_what_is_not_given() {
     assert!(ball.orientation.angle_between(DQuat::from_rotation_z(PI / 2.0)) < 1e-6);
     assert_eq!(bodies[3].emission, Some(Emission::of_star(20.0, 3000.0, 1e6, 0.0)));
     assert_eq!(bodies[3].surface.geometric_albedo, [0.0; 3]);
-    // A larger sun of the same magnitude is dimmer per area.
+    // A larger sun of the same magnitude has a lower luminance.
     let [sun, giant] = [0, 4].map(|i: usize| luminance(bodies[i].emission.unwrap().luminance_cd_m2));
     assert!((giant / sun / (695.7e6f64 / 1e10).powi(2) - 1.0).abs() < 1.3e-15, "{giant} {sun}");
     assert!(parse("").unwrap().objects().unwrap().is_empty());
@@ -74,12 +74,12 @@ fn mistakes_in_bodies() {
     refused(&with("spin = { period_h = 1 }"), &["bodies[0].spin.period_h", "unknown key"]);
     refused(&with("emission = { temperature_k = 5000 }"), &["bodies[0].emission.absolute_magnitude", "missing key"]);
     refused(&with("emission = { absolute_magnitude = 5 }"), &["bodies[0].emission.temperature_k", "missing key"]);
-    for (keys, key, told) in [
+    for (keys, key, expected) in [
         ("absolute_magnitude = 51, temperature_k = 5000", "absolute_magnitude", "-50 to 50"),
         ("absolute_magnitude = 5, temperature_k = 10", "temperature_k", "100 to 100000000"),
         ("absolute_magnitude = 5, temperature_k = 5000, limb_darkening = 1.5", "limb_darkening", "0 to 1"),
     ] {
-        refused(&with(&format!("emission = {{ {keys} }}")), &[&format!("bodies[0].emission.{key}"), told]);
+        refused(&with(&format!("emission = {{ {keys} }}")), &[&format!("bodies[0].emission.{key}"), expected]);
     }
     refused(&format!("{ball}radius_m = 0\ngeometric_albedo = 0.1"), &["bodies[0].radius_m", "0.001"]);
     refused(&format!("{ball}radius_m = 1\ngeometric_albedo = 'grey'"), &["bodies[0].geometric_albedo", "[red"]);

@@ -1,5 +1,5 @@
-//! Every example configuration loads and makes a rig; every concept is parsed as written; every mistake is refused with a
-//! message that names file, key and what is allowed.
+//! Every example configuration loads and makes a rig; every section is parsed as written; every mistake is refused
+//! with a message that names file, key and valid values.
 
 use std::path::{Path, PathBuf};
 
@@ -31,12 +31,12 @@ fn parse_with(text: &str, overrides: &[&str]) -> Result<Config, ConfigError> {
     Config::from_text(text, "test.toml", Path::new("/sky"), &overrides)
 }
 
-/// A view with these keys beside its name.
+/// A view with these keys in addition to its name.
 fn view(keys: &str) -> String {
     format!("[[views]]\nname = \"v\"\n{keys}\n")
 }
 
-/// The text is refused, and the message has all of these parts.
+/// Asserts that the text is refused with a message that has all of these parts.
 #[track_caller]
 fn refused(text: &str, parts: &[&str]) {
     let message = parse(text).expect_err("the configuration is refused").to_string();
@@ -46,7 +46,7 @@ fn refused(text: &str, parts: &[&str]) {
 }
 
 #[test]
-fn every_example_loads_and_makes_a_rig_that_looks_somewhere() {
+fn every_example_loads_and_makes_a_rig_with_pixels() {
     let examples = examples();
     let names: Vec<&str> = examples.iter().map(|path| path.file_stem().unwrap().to_str().unwrap()).collect();
     for expected in [
@@ -86,7 +86,7 @@ fn the_demo_shows_the_four_kinds_of_views_and_the_southern_cross() {
     let rig = config.rig().unwrap();
     let kinds: Vec<&str> = rig.views().iter().map(|view| view.kind.type_name()).collect();
     assert_eq!(kinds, ["dome_master", "stereo", "cubemap", "equirectangular"]);
-    // Acrux and Hadar are in the picture of every view (of a cubemap: on one of its faces).
+    // Acrux and Hadar are in the picture of every view (for a cubemap, on one of its faces).
     let camera = config.camera().unwrap();
     for (ra_deg, dec_deg) in [(186.650f64, -63.099f64), (210.956, -60.373)] {
         let (sin_ra, cos_ra) = ra_deg.to_radians().sin_cos();
@@ -114,7 +114,7 @@ fn the_built_in_configuration_has_a_dome_and_a_window() {
 }
 
 #[test]
-fn an_empty_file_is_all_defaults() {
+fn an_empty_file_gives_the_defaults() {
     let config = parse("").unwrap();
     assert_eq!(config.render_settings(), RenderSettings::default());
     assert_eq!(config.star_sources(), [StarSource::Bright]);
@@ -361,7 +361,7 @@ fn the_eye_and_the_table_of_glare() {
         parse("[glare]\nkernel = 'cie'\nage_years = 20\neye_colour = 'very_light'\nabsolute = true").unwrap().glare;
     assert_eq!((glare.age_years, glare.eye_colour, glare.absolute), (20.0, EyeColour::VeryLight, true));
     assert!((glare.fraction_scattered() - glare.fraction).abs() > 0.1);
-    // The path starts at the folder of the file, unless it starts at the root.
+    // A path is relative to the folder of the file, unless it is absolute.
     let file = |path| parse(&format!("[glare]\nkernel = 'psf'\npsf_file = '{path}'")).unwrap().glare.psf_file.unwrap();
     assert_eq!(file("eyes/mine.csv"), Path::new("/sky/eyes/mine.csv"));
     assert_eq!(file("/eyes/mine.csv"), Path::new("/eyes/mine.csv"));
@@ -373,7 +373,7 @@ fn mistakes_in_the_sections() {
     refused("[stars]\nmethod = 'dots'", &["stars.method", "dots", "bspline"]);
     refused("[stars]\nmagnitude_limit = inf", &["stars.magnitude_limit", "finite"]);
     refused("[stars]\nmagnitude_limit = 'all'", &["stars.magnitude_limit", "invalid type"]);
-    for (table, key, wrong, told) in [
+    for (table, key, wrong, expected) in [
         ("billboard", "diameter_arcmin", "0", "above 0 up to 1800"),
         ("billboard", "diameter_arcmin", "1801", "above 0 up to 1800"),
         ("billboard", "screen_size_px", "-3", "above 0 up to 1024"),
@@ -406,13 +406,13 @@ fn mistakes_in_the_sections() {
         ("cell_sky", "radius_px", "inf", "finite"),
         ("cell_sky", "seed", "-1", "invalid value"),
     ] {
-        refused(&format!("[stars.{table}]\n{key} = {wrong}"), &[&format!("stars.{table}.{key}"), told]);
+        refused(&format!("[stars.{table}]\n{key} = {wrong}"), &[&format!("stars.{table}.{key}"), expected]);
     }
     assert!(parse("[stars.gaussian_psf]\nglare_brightness = 0\n[stars.billboard]\ndiameter_arcmin = 1800").is_ok());
     assert!(parse("[stars.pixel_gaussian]\nsigma_px = 64\nsigma_arcmin = 600").is_ok());
     assert!(parse("[stars.cell_sky]\ncells = 65535\nlayers = 64\nradius_px = 1024").is_ok());
     assert!(parse("[stars.psf_texture]\naperture = 'jwst'\ndiameter_mm = 0.5\nwidth_arcmin = 1200").is_ok());
-    // What is computed no more does not matter where a file is given.
+    // Keys of the computed texture are not checked if a file is given.
     assert!(parse("[stars.psf_texture]\nfile = 'star.exr'\ndiameter_mm = 500").is_ok());
     refused("[glare]\nmethod = 'pyramid'", &["glare.method", "pyramid", "none"]);
     refused("[glare]\nkernel = 'wide'", &["glare.kernel", "inverse_square"]);
@@ -450,7 +450,7 @@ fn mistakes_in_the_sections() {
     refused("[tone_map]\noperator = 'hable'", &["tone_map.operator", "filmic", "reinhard", "calibrated"]);
     refused("[tone_map]\ngamma = 2.2", &["tone_map.gamma", "unknown key", "peak_cd_m2"]);
     refused("[tone_map]\ndither = 1", &["tone_map.dither", "invalid type"]);
-    for (key, wrong, told) in [
+    for (key, wrong, expected) in [
         ("white", "0.99", "1 to 1000000 times display white"),
         ("white", "inf", "finite"),
         ("peak_cd_m2", "0", "above 0 up to 1000000 cd/m^2"),
@@ -463,7 +463,7 @@ fn mistakes_in_the_sections() {
         ("scotopic", "2", "0 to 1"),
         ("scotopic", "nan", "finite"),
     ] {
-        refused(&format!("[tone_map]\n{key} = {wrong}"), &[&format!("tone_map.{key}"), told]);
+        refused(&format!("[tone_map]\n{key} = {wrong}"), &[&format!("tone_map.{key}"), expected]);
     }
     let widest =
         "[tone_map]\nwhite = 1\npeak_cd_m2 = 1e6\nblack_cd_m2 = 5e5\ndesaturation = 1\nscotopic = 1\ndither = false";
@@ -488,7 +488,7 @@ fn mistakes_in_the_sections() {
 }
 
 #[test]
-fn the_headset_is_off_unless_it_is_asked_for_and_every_key_is_taken() {
+fn the_headset_is_off_by_default_and_every_key_is_read() {
     assert_eq!(parse("").unwrap().headset, HeadsetSettings::default());
     assert!(!parse("[headset]\n").unwrap().headset.enabled);
     assert!(parse_with("", &["headset.enabled=true"]).unwrap().headset.enabled);
@@ -513,7 +513,7 @@ fn the_headset_is_off_unless_it_is_asked_for_and_every_key_is_taken() {
 
 #[test]
 fn mistakes_in_the_headset() {
-    for (key, wrong, told) in [
+    for (key, wrong, expected) in [
         ("enabled", "1", "invalid type"),
         ("name", "''", "letters, digits, `_` and `-`"),
         ("name", "'a b'", "view name `a b`"),
@@ -532,25 +532,25 @@ fn mistakes_in_the_headset() {
         ("turn_deg_s", "nan", "finite"),
         ("fov_deg", "90", "unknown key"),
     ] {
-        refused(&format!("[headset]\n{key} = {wrong}"), &[&format!("headset.{key}"), told]);
+        refused(&format!("[headset]\n{key} = {wrong}"), &[&format!("headset.{key}"), expected]);
     }
 }
 
 #[test]
-fn a_headset_that_is_driven_has_a_name_of_its_own() {
+fn an_enabled_headset_needs_a_unique_name() {
     let twin = view("type = 'cubemap'\nface_size = 4");
     refused(
         &format!("[headset]\nenabled = true\nname = 'v'\n{twin}"),
         &["headset.name", "views[0] has the name `v` too"],
     );
-    // A configuration whose view has the default name is still good where no headset is driven.
+    // A view may have the headset's name while the headset is disabled.
     assert!(parse(&format!("[headset]\nname = 'v'\n{twin}")).is_ok());
     let message = parse_with(&format!("[headset]\nname = 'v'\n{twin}"), &["headset.enabled=true"]).unwrap_err();
     assert!(message.to_string().contains("headset.name"), "{message}");
 }
 
 #[test]
-fn syntax_errors_tell_line_and_column() {
+fn syntax_errors_name_line_and_column() {
     refused("[scene]\n\ncatalogues = [\n'x' 'y']\n", &["test.toml:4:"]);
     refused("[stars]\nmethod = 'auto'\nmethod = 'tent'\n", &["test.toml:3:1", "duplicate"]);
     refused("[stars]\nmethod = auto\n", &["test.toml:2:"]);
@@ -564,7 +564,7 @@ fn a_missing_file_is_named() {
 }
 
 #[test]
-fn keys_of_the_exposure_without_effect_are_refused_with_what_they_need() {
+fn errors_of_exposure_keys_without_effect_name_the_required_setting() {
     let config = parse("").unwrap();
     assert_eq!(config.exposure, ExposureSettings::default());
     assert_eq!((config.exposure.metering, config.exposure.limiting_magnitude), (Metering::LimitingMagnitude, 6.5));
@@ -579,9 +579,9 @@ fn keys_of_the_exposure_without_effect_are_refused_with_what_they_need() {
     for text in taken {
         parse(&format!("[exposure]\n{text}")).unwrap_or_else(|error| panic!("{text}: {error}"));
     }
-    // The unit of methods of relative brightness.
+    // `ev100` is the unit of methods with relative brightness.
     parse("[exposure]\nev100 = -5\n[stars]\nmethod = 'gaussian_psf'").unwrap();
-    for (text, key, told) in [
+    for (text, key, expected) in [
         ("ev100 = -5", "ev100", "has no effect with mode = \"auto\": leave it out, or set mode = \"manual\""),
         ("key = 0.2", "key", "metering = \"limiting_magnitude\": leave it out, or set metering = \"mean\" or \"spot\""),
         ("spot_deg = 3", "spot_deg", "metering = \"limiting_magnitude\": leave it out, or set metering = \"spot\""),
@@ -597,15 +597,15 @@ fn keys_of_the_exposure_without_effect_are_refused_with_what_they_need() {
         ("mode = 'manual'\nmax_ev100 = 0", "max_ev100", "mode = \"manual\""),
         ("mode = 'manual'\nadaptation_s = 0", "adaptation_s", "mode = \"manual\""),
     ] {
-        refused(&format!("[exposure]\n{text}"), &[&format!("exposure.{key}"), told]);
+        refused(&format!("[exposure]\n{text}"), &[&format!("exposure.{key}"), expected]);
     }
-    // An override is refused as the file is, and named.
+    // An override is refused like the file, and named.
     let message = parse_with("", &["exposure.ev100=-5"]).unwrap_err().to_string();
     assert!(message.contains("--set exposure.ev100=-5") && message.contains("no effect"), "{message}");
 }
 
 #[test]
-fn overrides_change_what_the_file_says_and_are_checked_alike() {
+fn overrides_change_the_file_and_are_checked_like_it() {
     let text = view("type = 'fisheye'\nsize = [4, 4]\nfov_deg = 180");
     let overrides = ["views.v.fov_deg=210", "views.0.mapping=equisolid", "exposure.mode=manual", "exposure.ev100=4"];
     let config = parse_with(&text, &overrides).unwrap();
@@ -631,7 +631,7 @@ fn overrides_change_what_the_file_says_and_are_checked_alike() {
 }
 
 #[test]
-fn paths_start_at_the_folder_of_the_file() {
+fn paths_are_relative_to_the_folder_of_the_file() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("one.csv"), "ra_deg,dec_deg,v_mag\n10,20,3.0\n").unwrap();
     let path = folder.path().join("sky.toml");
@@ -647,7 +647,7 @@ fn map(name: &str, keys: &str) -> String {
 }
 
 #[test]
-fn views_inherit_what_their_own_tables_do_not_give() {
+fn views_inherit_keys_missing_from_their_tables() {
     let general = "[exposure]\nlimiting_magnitude = 5\nadaptation_s = 2\n[glare]\nfraction = 0.2\ninner_deg = 0.3\n";
     let own =
         "exposure = { limiting_magnitude = 8 }\n[views.glare]\nfraction = 0.4\n[views.tone_map]\noperator = 'srgb'";
@@ -663,10 +663,10 @@ fn views_inherit_what_their_own_tables_do_not_give() {
     assert_eq!((&views[2].group, views[2].tone_map.white), (&ExposureGroup::General, 4.0));
     let groups = config.frame_groups().unwrap();
     assert_eq!(groups.iter().map(|group| group.views.clone()).collect::<Vec<_>>(), [[0], [2], [1]]);
-    // Without tables of their own all views are one frame, of the general settings.
+    // Views without tables form one frame with the general settings.
     let groups = parse(&format!("{}{}", map("a", ""), map("b", ""))).unwrap().frame_groups().unwrap();
     assert_eq!((groups.len(), groups[0].rig.views().len()), (1, 2));
-    // An override reaches a table of a view, and makes one.
+    // An override changes a table of a view, and creates one.
     let config = parse_with(&text, &["views.a.exposure.mode=manual", "views.b.exposure.limiting_magnitude=7"]).unwrap();
     let views = config.view_settings().unwrap();
     assert_eq!(views[0].exposure.mode, ExposureMode::Manual);
@@ -697,7 +697,7 @@ fn views_of_a_group_share_one_exposure() {
 }
 
 #[test]
-fn mistakes_in_the_tables_of_views_are_refused_as_in_the_general_ones() {
+fn mistakes_in_the_tables_of_views_are_refused_like_general_ones() {
     for (keys, parts) in [
         ("exposure = { iso = 100 }", &["views[0].exposure.iso (view `a`)", "unknown key", "spot_deg"][..]),
         ("exposure = { key = 0.2 }", &["views[0].exposure.key (view `a`)", "has no effect with metering"]),
@@ -713,10 +713,10 @@ fn mistakes_in_the_tables_of_views_are_refused_as_in_the_general_ones() {
     ] {
         refused(&map("a", keys), parts);
     }
-    // What a view inherits without effect was not given by it.
+    // An inherited key without effect is not an error of the view.
     let manual = map("a", "exposure = { mode = 'manual', ev100 = 1 }");
     assert!(parse(&format!("[exposure]\nlimiting_magnitude = 5\n{manual}")).is_ok());
-    // A file of its own starts at the folder, one that is inherited too.
+    // A view's own path is relative to the folder, and so is an inherited one.
     let file = map("a", "glare = { kernel = 'psf', psf_file = 'eye.csv' }");
     let inherited =
         format!("[glare]\nkernel = 'psf'\npsf_file = 'eye.csv'\n{}", map("a", "glare = { fraction = 0.3 }"));
@@ -727,7 +727,7 @@ fn mistakes_in_the_tables_of_views_are_refused_as_in_the_general_ones() {
 }
 
 #[test]
-fn an_override_of_the_mode_leaves_out_what_the_file_gives_for_the_other_mode() {
+fn an_override_of_the_mode_drops_the_files_keys_for_the_other_mode() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/mission-control.toml");
     let load = |set: &[&str]| Config::load(&path, &set.iter().map(|set| (*set).to_owned()).collect::<Vec<_>>());
     for (set, mode, metering) in [
@@ -738,10 +738,10 @@ fn an_override_of_the_mode_leaves_out_what_the_file_gives_for_the_other_mode() {
     ] {
         let exposure = load(set).unwrap_or_else(|error| panic!("{set:?}: {error}")).exposure;
         assert_eq!((exposure.mode, exposure.metering), (mode, metering), "{set:?}");
-        // What still has an effect is the file's.
+        // Keys that still have an effect are kept from the file.
         assert_eq!(exposure.limiting_magnitude, 6.5);
     }
-    // What an override gives itself is meant, and refused.
+    // Keys of an override without effect are refused.
     for (set, parts) in [
         (&["exposure.mode=manual", "exposure.limiting_magnitude=5"][..], ["exposure.limiting_magnitude", "--set"]),
         (&["exposure.metering=mean", "exposure.spot_deg=5"], ["exposure.spot_deg", "--set"]),
@@ -750,7 +750,7 @@ fn an_override_of_the_mode_leaves_out_what_the_file_gives_for_the_other_mode() {
         let message = load(set).unwrap_err().to_string();
         assert!(parts.iter().all(|part| message.contains(part)), "{message}");
     }
-    // Tables of views too, also where the general mode changes; files alone are refused as before.
+    // The same for tables of views, also if the general mode changes; a file without overrides is refused as before.
     let text = map("a", "exposure = { limiting_magnitude = 5 }");
     for set in ["views.a.exposure.mode=manual", "exposure.mode=manual", "views.a.exposure.metering=mean"] {
         assert!(parse_with(&text, &[set]).is_ok(), "{set}");

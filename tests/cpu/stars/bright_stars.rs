@@ -1,5 +1,6 @@
-//! The built-in table of bright stars against the Yale Bright Star Catalogue, which is not part of this project: the
-//! environment variable `STERADIAN_BSC_CSV` names it as CSV with the columns `hr,ra_deg,dec_deg,v_mag,teff_k,name`.
+//! The built-in table of bright stars compared with the Yale Bright Star Catalogue, which is not part of this
+//! project: the environment variable `STERADIAN_BSC_CSV` is the path of a CSV file with the columns
+//! `hr,ra_deg,dec_deg,v_mag,teff_k,name`.
 
 use std::path::Path;
 
@@ -7,16 +8,17 @@ use steradian::catalogue::StarRecord;
 use steradian::catalogue::bright::{COMPLETE_TO_V_MAG, named_bright_stars};
 use steradian::catalogue::reader::read_csv;
 
-/// Entries nearer than this are compared by their combined light: catalogues differ in what they split.
+/// Entries closer than this are compared by their combined light, because catalogues split stars differently.
 const SAME_PLACE_DEG: f64 = 0.05;
 
 const MAGNITUDE_TOLERANCE: f64 = 0.15;
 
-/// Stars that the Yale catalogue lists with light they do not have. T Coronae Borealis (HR 5958, right ascension and
-/// declination in degrees) stands there with the 2.0 mag of its outbursts, of a few days in eighty years; it has 10 mag.
+/// Stars that are too bright in the Yale catalogue. T Coronae Borealis (HR 5958, right ascension and declination in
+/// degrees) is listed with the 2.0 mag of its outbursts, a few days in eighty years; it normally has 10 mag.
 const NOT_BRIGHT: [(f64, f64); 1] = [(239.876, 25.920)];
 
-/// Pairs that stand in the Yale catalogue as two stars, each with what they give together: delta Serpentis (3.80 mag) and epsilon Arietis (4.63 mag).
+/// Pairs that the Yale catalogue lists as two stars, each with the combined magnitude: delta Serpentis (3.80 mag) and
+/// epsilon Arietis (4.63 mag).
 const COUNTED_TWICE: [(f64, f64); 2] = [(233.7004, 10.5388), (44.8029, 21.3403)];
 
 fn yale() -> Vec<StarRecord> {
@@ -89,21 +91,23 @@ fn the_table_has_every_bright_star_of_the_yale_catalogue() {
         }
         let ours = near(star, &table);
         assert!(!ours.is_empty(), "no entry near {star:?}");
-        // The place as a whole gives the right light; and a star that is bright enough by itself is there as such.
+        // The combined light of the position is right, and a star that is bright enough alone is listed individually.
         let difference = (combined_magnitude(&ours) - light).abs();
         assert!(difference <= MAGNITUDE_TOLERANCE, "{difference} mag of difference near {star:?}");
         places += 1;
     }
     assert!(places > 270, "{places}");
-    println!("{places} entries of the Yale catalogue at places brighter than V = {COMPLETE_TO_V_MAG} are all there");
+    println!(
+        "{places} entries of the Yale catalogue at positions brighter than V = {COMPLETE_TO_V_MAG} were all found"
+    );
 }
 
-/// A star twice would be at one place with one brightness, or be a pair of which either has the light of both. These are equal pairs, each with its own light: 42 Com, HR 6749 and
-/// HR 9074.
+/// A duplicated star would appear twice at one position with one brightness, or as a pair of which each has the
+/// combined light. These are real equal pairs, each star with its own light: 42 Com, HR 6749 and HR 9074.
 const EQUAL_PAIRS: [&str; 3] = ["42 Com", "HR 6749", "HR 9074"];
 
 #[test]
-fn no_star_is_there_twice() {
+fn no_star_is_duplicated() {
     let mut table = named_bright_stars(0.0);
     table.sort_by(|a, b| a.star.position.normalize().z.total_cmp(&b.star.position.normalize().z));
     let near_z = f64::to_radians(1.0 / 3600.0);

@@ -1,4 +1,5 @@
-//! The truth in f64 against closed forms: flux, place, width and peak of stars spread over the sphere, in every projection.
+//! The f64 reference compared with closed forms: flux, position, width and peak of stars over the whole sphere, in
+//! every projection.
 
 use std::f64::consts::{PI, SQRT_2, TAU};
 
@@ -26,19 +27,19 @@ fn white(direction: DVec3) -> SkyStar {
     SkyStar { direction: direction.normalize(), rgb_lx: [WHITE_LX; 3] }
 }
 
-/// Light of a star in a picture over its illuminance.
+/// Light of a star in a picture relative to its illuminance.
 fn share(star: SkyStar, mapping: &dyn PlaneMapping, kernel: SkyKernel<'_>) -> f64 {
     let image = draw(&[star], mapping, kernel);
     image.illuminance_lx.iter().map(|rgb| luminance(*rgb)).sum::<f64>() / WHITE_LX
 }
 
-/// Light of a star over all images of a view.
+/// Light of a star over all images of a view, relative to its illuminance.
 fn share_of_view(direction: DVec3, kind: &ViewKind, kernel: SkyKernel<'_>) -> f64 {
     let view = view("v", kind.clone());
-    let of = |image: &steradian::view::ViewImage| {
+    let share_of_image = |image: &steradian::view::ViewImage| {
         share(white(image.camera_from_view.conjugate() * direction), image.projection.mapping(), kernel)
     };
-    view.images.iter().map(of).sum()
+    view.images.iter().map(share_of_image).sum()
 }
 
 /// 2 / sqrt(pi) times the integral of exp(-t^2) from 0 to x.
@@ -47,14 +48,14 @@ fn erf(x: f64) -> f64 {
     let step = x / f64::from(cells);
     let value = |i: i32| (-(step * f64::from(i)).powi(2)).exp();
     let sum: f64 = (0..cells).map(|i| (value(i) + value(i + 1)) / 2.0).sum();
-    // Trapezium with its first correction: -h^2 / 12 times the difference of the slopes.
+    // Trapezium rule with its first correction: -h^2 / 12 times the difference of the slopes.
     (sum * step + step * step / 12.0 * (2.0 * x * value(cells))) * 2.0 / PI.sqrt()
 }
 
 #[test]
-fn the_light_of_a_gaussian_inside_a_square_and_inside_a_cap_has_its_closed_form() {
-    // A square of half a width h around the star, narrow enough to be flat: erf(h / (sigma sqrt 2))^2. From kernels much
-    // smaller than a pixel to ones of many pixels.
+fn light_of_a_gaussian_inside_a_square_and_a_cap_matches_closed_forms() {
+    // A square of half width h around the star, small enough to be flat: erf(h / (sigma sqrt 2))^2. Kernels from much
+    // smaller than a pixel to many pixels.
     let half = 1e-3_f64;
     for size in [1, 3, 16, 65] {
         let plane = Perspective::symmetric([size, size], 2.0 * half).unwrap();
@@ -65,7 +66,7 @@ fn the_light_of_a_gaussian_inside_a_square_and_inside_a_cap_has_its_closed_form(
             assert!((found / expected - 1.0).abs() < 2e-6, "{size} px, sigma {sigma}: {found} {expected}");
         }
     }
-    // A cap of the sphere, wide enough that it is not flat: moments of exp(-theta^2 / 2 sigma^2) with the series of the sine.
+    // A cap of the sphere, too wide to be flat: moments of exp(-theta^2 / 2 sigma^2) with the series of the sine.
     let moments = |a: f64, s2: f64| {
         let e = (-a).exp();
         s2 * (1.0 - e) - s2.powi(2) / 3.0 * (1.0 - (1.0 + a) * e)
@@ -76,13 +77,13 @@ fn the_light_of_a_gaussian_inside_a_square_and_inside_a_cap_has_its_closed_form(
         let found = share(white(DVec3::NEG_Z), &cap, SkyKernel::Spread(&Gaussian::new(sigma).unwrap()));
         let s2 = sigma * sigma;
         let expected = moments(radius * radius / (2.0 * s2), s2) / moments(24.5, s2);
-        // The rim of 512 pixels is ragged.
+        // The rim of 512 pixels is jagged.
         assert!((found / expected - 1.0).abs() < 1e-4, "{radius}: {found} {expected}");
     }
 }
 
 #[test]
-fn all_light_arrives_in_every_projection_over_every_edge() {
+fn all_light_arrives_in_every_projection_and_across_every_edge() {
     let whole_sky = [
         ViewKind::Cubemap { face_size: 24, faces: Face::ALL.to_vec() },
         ViewKind::Equirectangular { size: [96, 48] },
@@ -94,12 +95,12 @@ fn all_light_arrives_in_every_projection_over_every_edge() {
     places.extend(spiral(12));
     for kind in &whole_sky {
         let mut worst = [0.0_f64; 2];
-        // From a twentieth of a pixel to several.
+        // From a twentieth of a pixel to several pixels.
         for sigma in [0.003, 0.03, 0.3] {
             let gaussian = Gaussian::new(sigma).unwrap();
             for place in &places {
-                // The rim of a full sphere is ragged: pixels count by their centres. In an equisolid picture the last of
-                // them reach half a radian in.
+                // The rim of a full sphere is jagged: pixels count by their centres. In an equisolid picture the last
+                // of them reach half a radian inwards.
                 let rim_rad = place.angle_between(DVec3::Z);
                 let near_rim = matches!(kind, ViewKind::Fisheye { .. }) && rim_rad < gaussian.radius_rad() + 0.6;
                 let error = (share_of_view(*place, kind, SkyKernel::Spread(&gaussian)) - 1.0).abs();
@@ -114,12 +115,12 @@ fn all_light_arrives_in_every_projection_over_every_edge() {
         let equisolid = matches!(kind, ViewKind::Fisheye { mapping: FisheyeMapping::Equisolid, .. });
         assert!(worst[0] < 1e-7 && worst[1] < if equisolid { 0.15 } else { 5e-3 }, "{}: {worst:?}", kind.type_name());
     }
-    // Inside of every other picture.
+    // Inside every other picture.
     for (name, kind) in all_views() {
         let images = view("v", kind.clone()).images.len() as f64;
         let gaussian = Gaussian::new(0.01).unwrap();
         let eyes = if matches!(kind, ViewKind::Stereo { .. }) { images } else { 1.0 };
-        // Up to the zenith of the dome, which leans 0.3 rad to the front.
+        // Near the zenith of the dome, which is tilted 0.3 rad to the front.
         let direction = if name == "domemaster" { DVec3::new(0.1, 1.0, -0.4) } else { DVec3::new(0.2, -0.15, -1.0) };
         for kernel in [SkyKernel::Point, SkyKernel::Spread(&gaussian)] {
             let found = share_of_view(direction, &kind, kernel) / eyes;
@@ -129,7 +130,7 @@ fn all_light_arrives_in_every_projection_over_every_edge() {
 }
 
 #[test]
-fn place_width_and_peak_are_those_of_the_gaussian() {
+fn position_width_and_peak_match_the_gaussian() {
     let sigma = 0.02;
     let gaussian = Gaussian::new(sigma).unwrap();
     let mappings: [&dyn PlaneMapping; 3] = [
@@ -149,13 +150,14 @@ fn place_width_and_peak_are_those_of_the_gaussian() {
             println!("centroid off by {error_rad:.1e} rad, {shape:?}, peak {peak_error:.1e}");
             // A few ten-thousandths of a pixel: pixels count as points at their centres.
             assert!(error_rad < 3e-6);
-            // The pixels, up to 0.0087 rad, add their own width, and the curved sky takes some; the peak is a mean over a pixel.
+            // Pixels, up to 0.0087 rad, add their width, and the curvature of the sky reduces it slightly; the peak
+            // is a mean over a pixel.
             assert!((shape.major / sigma - 1.0).abs() < 0.01 && (shape.minor / sigma - 1.0).abs() < 0.01);
             assert!(shape.ellipticity().unwrap() < 5e-3);
             assert!(peak_error > -0.07 && peak_error < 1e-3, "{peak_error}");
         }
     }
-    // A kernel wide beside its pixels: the peak to 1e-4.
+    // A kernel much wider than its pixels: the peak is accurate to 1e-4.
     let plane = Perspective::symmetric([201, 201], 0.02).unwrap();
     let wide = Gaussian::new(0.002).unwrap();
     let image = draw(&[white(DVec3::NEG_Z)], &plane, SkyKernel::Spread(&wide)).luminance_cd_m2(&plane);
@@ -165,7 +167,7 @@ fn place_width_and_peak_are_those_of_the_gaussian() {
 
 /// Every pixel by a midpoint rule of 40 x 40 points, without cones or rectangles.
 #[test]
-fn brute_force_finds_the_same_picture() {
+fn brute_force_gives_the_same_picture() {
     let mapping = Equirectangular::new([32, 16]).unwrap();
     let stars: Vec<SkyStar> = spiral(9).map(white).chain([white(DVec3::new(0.01, 1.0, 0.0))]).collect();
     for sigma in [0.05, 0.25] {
@@ -178,11 +180,11 @@ fn brute_force_finds_the_same_picture() {
             for x in 0..32_u32 {
                 let mut sum = 0.0;
                 for part in 0..parts * parts {
-                    let at =
+                    let offset =
                         DVec2::new(f64::from(part % parts) + 0.5, f64::from(part / parts) + 0.5) / f64::from(parts);
-                    let at = DVec2::new(f64::from(x), f64::from(y)) + at;
-                    let direction = mapping.direction_from_pixel(at).unwrap();
-                    let area = TAU / 32.0 * PI / 16.0 * (at.y / 16.0 * PI).sin() / f64::from(parts * parts);
+                    let pixel = DVec2::new(f64::from(x), f64::from(y)) + offset;
+                    let direction = mapping.direction_from_pixel(pixel).unwrap();
+                    let area = TAU / 32.0 * PI / 16.0 * (pixel.y / 16.0 * PI).sin() / f64::from(parts * parts);
                     for star in &stars {
                         let offset = DVec2::new(star.direction.angle_between(direction), 0.0);
                         sum += gaussian.per_sr(offset)[0] * area * WHITE_LX;
@@ -197,7 +199,7 @@ fn brute_force_finds_the_same_picture() {
 
 /// The checks above must fail when the kernel is wrong.
 #[test]
-fn a_kernel_that_is_too_bright_shifted_or_too_wide_is_found() {
+fn a_kernel_that_is_too_bright_shifted_or_too_wide_is_detected() {
     struct Wrong(Gaussian, f64, DVec2);
     impl PointSpread for Wrong {
         fn per_sr(&self, offset_rad: DVec2) -> [f64; 3] {
@@ -232,14 +234,14 @@ fn a_kernel_that_is_too_bright_shifted_or_too_wide_is_found() {
 }
 
 #[test]
-fn tables_draw_what_they_hold() {
+fn tables_draw_their_values() {
     let plane = Perspective::symmetric([64, 64], 0.02).unwrap();
     let sigma = 6e-4;
     let gaussian = Gaussian::new(sigma).unwrap();
-    let at = |theta: f64| [(-0.5 * (theta / sigma).powi(2)).exp(); 3];
-    let radial = RadialTable::new(2e-5, (0..200).map(|i| at(f64::from(i) * 2e-5)).collect()).unwrap();
+    let profile = |theta: f64| [(-0.5 * (theta / sigma).powi(2)).exp(); 3];
+    let radial = RadialTable::new(2e-5, (0..200).map(|i| profile(f64::from(i) * 2e-5)).collect()).unwrap();
     let texel = 5e-5;
-    let texels = (0..161 * 161).map(|i| at((f64::from(i % 161) - 80.0).hypot(f64::from(i / 161) - 80.0) * texel));
+    let texels = (0..161 * 161).map(|i| profile((f64::from(i % 161) - 80.0).hypot(f64::from(i / 161) - 80.0) * texel));
     let picture = ImageTable::new([161, 161], texel, texels.collect()).unwrap();
     let star = white(DVec3::new(0.002, -0.003, -1.0));
     let expected = draw(&[star], &plane, SkyKernel::Spread(&gaussian));
@@ -275,7 +277,7 @@ fn the_picture_is_the_same_on_any_number_of_threads() {
 }
 
 #[test]
-fn a_moving_eye_sees_the_stars_of_the_twin() {
+fn a_moving_eye_sees_the_twins_stars() {
     let set = snapshot(spiral(200).enumerate().map(|(i, d)| star(d, (i % 7) as f32)).collect()).stars;
     let mapping = Equirectangular::new([64, 32]).unwrap();
     let light = |velocity_c: DVec3| {
@@ -286,5 +288,5 @@ fn a_moving_eye_sees_the_stars_of_the_twin() {
         assert!((sum(&truth) / sum(&twin) - 1.0).abs() < 6.4e-15);
         sum(&truth)
     };
-    assert!(light(DVec3::X * 0.5) / light(DVec3::ZERO) > 1.01, "and not those of an eye at rest");
+    assert!(light(DVec3::X * 0.5) / light(DVec3::ZERO) > 1.01, "not those of an eye at rest");
 }

@@ -1,7 +1,7 @@
 //! `builtin:bright`: the stars visible to the naked eye, without any file.
 //!
-//! The table `bright_stars.csv` is part of the program and goes through the same CSV reader as any catalogue. Its head
-//! names the columns and where their values come from.
+//! The table `bright_stars.csv` is compiled into the program and is read by the same CSV reader as any other
+//! catalogue. Its header names the columns and the sources of their values.
 
 use super::StarRecord;
 use super::reader::read_csv_from;
@@ -9,7 +9,7 @@ use super::reader::read_csv_from;
 /// Name of this catalogue in configurations.
 pub const NAME: &str = "builtin:bright";
 
-/// Every star brighter than this V magnitude is in the table, apart from variable stars that reach it only at times.
+/// The table holds every star brighter than this V magnitude, except variable stars that reach it only at maximum.
 pub const COMPLETE_TO_V_MAG: f64 = 6.5;
 
 const TABLE: &str = include_str!("bright_stars.csv");
@@ -21,19 +21,20 @@ pub struct BrightStar {
     pub name: &'static str,
     /// Bayer or Flamsteed designation with the constellation's abbreviation, such as `alf CMa`, or the number in the Bright Star Catalogue, such as `HR 9077`.
     pub designation: &'static str,
-    /// Place, brightness and temperature.
+    /// Position, brightness and temperature.
     pub star: StarRecord,
 }
 
-/// The brightest stars of the night sky, without the Sun, sorted by right ascension at J2000.0, `years` Julian years after it.
+/// Returns the brightest stars of the night sky, without the Sun, at their positions `years` Julian years after
+/// J2000.0, sorted by right ascension at J2000.0.
 pub fn bright_stars(years: f64) -> Vec<StarRecord> {
-    // A table of our own that cannot be read is a bug of ours, and caught by the tests below.
+    // The table is part of the program: a row that cannot be read is a bug, which the tests below catch.
     let read = read_csv_from(TABLE.as_bytes(), NAME, years).expect("the built-in table is a catalogue");
     assert_eq!(read.report.rejected, 0, "the built-in table has unusable rows: {}", read.report);
     read.stars
 }
 
-/// The same stars with their names.
+/// Returns the same stars with their names.
 pub fn named_bright_stars(years: f64) -> Vec<BrightStar> {
     let rows = TABLE.lines().filter(|line| !line.starts_with('#')).skip(1);
     rows.zip(bright_stars(years))
@@ -56,7 +57,7 @@ mod tests {
     }
 
     #[test]
-    fn the_table_is_read_whole_and_in_range() {
+    fn every_row_of_the_table_is_read_and_in_range() {
         let stars = named_bright_stars(0.0);
         assert_eq!(stars.len(), bright_stars(0.0).len());
         assert_eq!(stars.len(), 9096);
@@ -84,7 +85,7 @@ mod tests {
     }
 
     #[test]
-    fn well_known_facts_hold() {
+    fn well_known_stars_have_their_published_values() {
         for (name, v_mag, distance_pc, temperature_k) in [
             ("Sirius", -1.46, 2.64, 9_940.0),
             ("Canopus", -0.72, 95.0, 7_350.0),
@@ -99,7 +100,7 @@ mod tests {
         }
         let polaris = star("Polaris").position.normalize();
         assert!(polaris.z.asin().to_degrees() > 89.2);
-        // Betelgeuse stands opposite Rigel in Orion, 18.6 degrees apart.
+        // Betelgeuse is opposite Rigel in Orion, 18.6 degrees apart.
         let angle = star("Betelgeuse").position.angle_between(star("Rigel").position).to_degrees();
         assert!((angle - 18.6).abs() < 0.1, "{angle}");
     }

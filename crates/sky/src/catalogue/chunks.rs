@@ -1,9 +1,9 @@
-//! Stars in chunks: sorted along the sky and by distance, so that a chunk outside of every view costs nothing.
+//! Stars in chunks, sorted by position in the sky and by distance: a chunk outside every view costs nothing.
 //!
-//! A chunk is a cell of the sky (HEALPix, seen from the Solar-System barycentre) times a shell of distance (each four times as
-//! far as the one before), divided until it holds few stars. The order of stars within the set depends on the stars alone,
-//! never on the order in which they came. Positions are f32 offsets from an f64 origin: the frame computes origin minus
-//! camera in f64.
+//! A chunk is a cell of the sky (HEALPix, seen from the Solar-System barycentre) within a shell of distance; each
+//! shell reaches four times as far as the one before. Cells are divided until they hold few stars. The order of the
+//! stars in a set depends on the stars alone, not on the order of the input. Positions are f32 offsets from an f64
+//! origin: each frame computes origin minus camera in f64.
 
 use std::sync::{Arc, OnceLock};
 
@@ -21,20 +21,20 @@ use super::{
 };
 use crate::units::illuminance_lx_from_magnitude;
 
-/// A chunk that holds more stars than this is divided, unless the stars stand in one spot.
+/// A chunk with more stars than this is divided, unless all its stars share one position.
 pub const CHUNK_STARS: usize = 1024;
 /// HEALPix depth at which stars are sorted: cells of 51 arcseconds.
 const SORT_DEPTH: u8 = 12;
-/// Chunks are never wider than a cell of this depth (29 degrees), unless they hold few stars.
+/// No chunk is wider than a cell of this depth (29 degrees), unless it holds few stars.
 const WIDEST_DEPTH: u8 = 1;
-/// Number of stars that may share a chunk however wide it is.
+/// A chunk of at most this many stars may have any width.
 const FEW_STARS: usize = 256;
 /// Each shell of distance reaches this power of two farther than the one before.
 const SHELL_LOG2: f64 = 2.0;
 /// Shell number of stars at infinity.
 const INFINITY_SHELL: u16 = u16::MAX;
 
-/// A run of stars that are near each other.
+/// A run of neighbouring stars.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Chunk {
     /// First star in [`StarSet::stars`].
@@ -47,7 +47,7 @@ pub struct Chunk {
     pub origin_pc: DVec3,
     /// Radius around the origin that holds every star, pc.
     pub radius_pc: f64,
-    /// Direction, as seen from the barycentre, of the cone that holds every star.
+    /// Axis of the cone that contains every star, seen from the barycentre.
     pub axis: DVec3,
     /// Half-angle of that cone, rad.
     pub half_angle_rad: f64,
@@ -68,19 +68,20 @@ pub struct StarSet {
     pub chunks: Vec<Chunk>,
     /// Stars; within a chunk the brightest come first.
     pub stars: Vec<PackedStar>,
-    /// The moment for which they are placed, and who sees them.
+    /// Time at which the stars are placed, and the vantage from which they are seen.
     pub epoch: Epoch,
-    /// The light of all that are too faint to be among them.
+    /// Light of the stars that are too faint to be in the set.
     pub unresolved: Option<Arc<DiffuseSky>>,
-    /// Spectra of the chunks, once someone has asked for them; chunks and stars stay as they are from then on.
+    /// Spectra of the chunks, computed on first use; chunks and stars must not change afterwards.
     spectra: OnceLock<Vec<Spectrum>>,
-    /// Light of the faintest star of each chunk at the barycentre, likewise.
+    /// Illuminance at the barycentre of the faintest star of each chunk, computed on first use.
     faintest_seen_lx: OnceLock<Vec<f32>>,
-    /// Stars that have names, likewise.
+    /// Stars with names, computed on first use.
     named: OnceLock<Vec<BrightStar>>,
 }
 
-/// Sort key: shell of distance, then cell of the sky; then what makes the order independent of the input's.
+/// Sort key: shell of distance, then cell of the sky, then the star's own values, so that the order does not depend
+/// on the input.
 #[derive(Clone, Copy)]
 struct Key {
     shell: u16,
@@ -92,7 +93,7 @@ fn shell_of(star: &StarRecord) -> u16 {
     if !star.distance_known {
         return INFINITY_SHELL;
     }
-    // 4^-64 pc is nothing; the clamp keeps absurd positions sortable.
+    // Anything below 4^-64 pc is zero for all purposes; the clamp keeps absurd positions sortable.
     ((star.position.length().log2() / SHELL_LOG2).floor().clamp(-64.0, 64.0) + 64.0) as u16
 }
 
@@ -104,29 +105,30 @@ fn cell_of(position: DVec3) -> u32 {
 }
 
 impl StarSet {
-    /// A set of chunks and their stars, in the same order.
+    /// Creates a set from chunks and their stars, in the same order.
     pub fn new(chunks: Vec<Chunk>, stars: Vec<PackedStar>) -> Self {
         Self { chunks, stars, ..Self::default() }
     }
 
-    /// The set, whose stars are as they are seen at an epoch.
+    /// Returns the set with the epoch at which its stars are seen.
     #[must_use]
     pub fn of_epoch(self, epoch: Epoch) -> Self {
         Self { epoch, ..self }
     }
 
-    /// The set with the light of all that are too faint to be in it.
+    /// Returns the set with the light of the stars that are too faint to be in it.
     #[must_use]
     pub fn with_unresolved(self, unresolved: Option<Arc<DiffuseSky>>) -> Self {
         Self { unresolved, ..self }
     }
 
-    /// How the light of each chunk is spread over temperatures. Found at the first call, from all stars.
+    /// Distribution of each chunk's light over temperature, computed from all stars at the first call.
     pub fn spectra(&self) -> &[Spectrum] {
         self.spectra.get_or_init(|| spectra::of_chunks(self))
     }
 
-    /// The stars of the built-in table as they are seen at the set's epoch, whether or not they are in the set. Found at the first call.
+    /// The stars of the built-in table as seen at the set's epoch, whether or not they are in the set. Computed at
+    /// the first call.
     pub fn named(&self) -> &[BrightStar] {
         self.named.get_or_init(|| {
             let named = named_bright_stars(self.epoch.years).into_iter();
@@ -134,8 +136,8 @@ impl StarSet {
         })
     }
 
-    /// Illuminance at the barycentre of the star of each chunk that is faintest there, lx. Found at the first call, from all
-    /// stars.
+    /// Illuminance of each chunk's faintest star, as seen from the barycentre, lx. Computed from all stars at the
+    /// first call.
     pub fn faintest_seen_lx(&self) -> &[f32] {
         self.faintest_seen_lx.get_or_init(|| {
             let seen = |chunk: &Chunk| {
@@ -151,14 +153,14 @@ impl StarSet {
         })
     }
 
-    /// Sorts and chunks stars. Takes the records, which are dropped as soon as they have been read.
+    /// Sorts and chunks stars. Consumes the records and frees them as soon as they are read.
     pub fn from_records(records: Vec<StarRecord>) -> Self {
         let mut keys: Vec<Key> = records
             .par_iter()
             .enumerate()
             .map(|(index, star)| Key { shell: shell_of(star), cell: cell_of(star.position), index: index as u32 })
             .collect();
-        // Equal cells are ordered by the stars themselves, so that shuffled input gives the same set.
+        // Stars of one cell are ordered by their own values, so that shuffled input gives the same set.
         let content = |key: &Key| {
             let star = &records[key.index as usize];
             let p = star.position;
@@ -188,7 +190,8 @@ impl StarSet {
         &self.stars[chunk.first as usize..(chunk.first + chunk.count) as usize]
     }
 
-    /// Every star as ICRS position in pc (or unit vector at infinity), illuminance at 1 pc in lx and colour step.
+    /// Iterates over the stars: ICRS position in pc (or unit vector at infinity), whether the star is at infinity,
+    /// and its packed form.
     pub fn iter(&self) -> impl Iterator<Item = (DVec3, bool, &PackedStar)> {
         self.chunks.iter().flat_map(|chunk| {
             self.stars_of(chunk)
@@ -198,7 +201,7 @@ impl StarSet {
     }
 }
 
-/// Cuts the sorted keys into chunks: per shell, cells of the sky divided until they hold few stars.
+/// Cuts the sorted keys into chunks: in each shell, cells of the sky are divided until they hold few stars.
 fn chunk_runs(keys: &[Key]) -> Vec<(usize, usize)> {
     let mut runs = Vec::new();
     let mut start = 0;
@@ -218,7 +221,7 @@ fn divide(keys: &[Key], depth: u8, start: usize, runs: &mut Vec<(usize, usize)>)
         return;
     }
     if depth == SORT_DEPTH {
-        // All in one cell of 51 arcseconds: cut by number.
+        // All stars are in one cell of 51 arcseconds: cut by number.
         let mut first = start;
         for part in keys.chunks(CHUNK_STARS) {
             runs.push((first, first + part.len()));
@@ -263,7 +266,8 @@ fn build_chunk(records: &[StarRecord], keys: &[Key]) -> (Chunk, Vec<PackedStar>)
     let mut stars: Vec<PackedStar> = Vec::with_capacity(keys.len());
     for key in keys {
         let record = &records[key.index as usize];
-        // A star at infinity carries its apparent magnitude; one with a place its absolute magnitude, which is for 10 pc.
+        // A star at infinity has its apparent magnitude, one with a position its absolute magnitude, which holds at
+        // 10 pc.
         let magnitude_at_1_pc = f64::from(record.magnitude) - if record.distance_known { 5.0 } else { 0.0 };
         let illuminance_lx = illuminance_lx_from_magnitude(magnitude_at_1_pc);
         let star =
@@ -280,7 +284,7 @@ fn build_chunk(records: &[StarRecord], keys: &[Key]) -> (Chunk, Vec<PackedStar>)
         chunk.total_lx += star.illuminance_at_1_pc_lx();
         stars.push(star);
     }
-    // angle_between loses half of the digits near 0 and f32 offsets turn a direction by up to 1e-7.
+    // angle_between loses half of its digits near 0, and f32 offsets turn a direction by up to 1e-7.
     chunk.half_angle_rad = (chunk.half_angle_rad + 1e-6).min(std::f64::consts::PI);
     chunk.radius_pc *= 1.0 + 1e-6;
     stars.sort_by_key(|star| std::cmp::Reverse(star.light >> 11));

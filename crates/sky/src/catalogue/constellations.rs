@@ -1,4 +1,4 @@
-//! The constellations of the IAU: their borders, which of them a direction lies in, and their names.
+//! The constellations of the IAU: their borders, the constellation at a direction, and their names.
 
 use std::{
     f64::consts::{PI, TAU},
@@ -16,13 +16,13 @@ use crate::{
 const TABLE: &str = include_str!("constellation_borders.csv");
 /// B1875.0 as days from J2000.0.
 const B1875_DAYS: f64 = 2_405_889.258_55 - J2000_JD;
-/// Rings of directions by which middles of constellations are found.
+/// Number of rings of directions that are sampled to find the centres of the constellations.
 const RINGS: u32 = 180;
 
-/// A constellation, by its abbreviation and its name. Serpens has two parts.
+/// Abbreviation and name of a constellation. Serpens has two parts.
 pub type Constellation = (&'static str, &'static str);
 
-/// All of them, in the order of the abbreviations.
+/// All constellations, sorted by abbreviation.
 pub const CONSTELLATIONS: [Constellation; 89] = [
     ("And", "Andromeda"),
     ("Ant", "Antlia"),
@@ -115,24 +115,25 @@ pub const CONSTELLATIONS: [Constellation; 89] = [
     ("Vul", "Vulpecula"),
 ];
 
-/// A piece of a border along a parallel or a meridian of B1875.0.
+/// A segment of a border along a parallel or a meridian of B1875.0.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Border {
-    /// Right ascension where it begins and where it ends, eastwards, rad; the second may go beyond a turn. Both are the same along a meridian.
+    /// Right ascension of its start and its end, eastwards, rad; the second may exceed a full turn. Both are equal
+    /// along a meridian.
     pub ra_rad: [f64; 2],
     /// Declination of both ends, rad.
     pub dec_rad: [f64; 2],
-    /// Constellations north and south of it; along a meridian those on both sides.
+    /// Constellations north and south of it; along a meridian, those on both sides.
     pub sides: [&'static str; 2],
 }
 
-/// All pieces, each once.
+/// Returns all border segments, each once.
 pub fn borders() -> &'static [Border] {
     static BORDERS: OnceLock<Vec<Border>> = OnceLock::new();
     BORDERS.get_or_init(|| TABLE.lines().filter(|line| !line.starts_with('#')).skip(1).map(border).collect())
 }
 
-/// A table of our own that cannot be read is a bug of ours, and caught by the tests below.
+/// Parses a row. The table is part of the program: an unreadable row is a bug, which the tests below catch.
 fn border(line: &'static str) -> Border {
     let fields: Vec<&'static str> = line.split(',').collect();
     let number = |index: usize| fields[index].parse::<f64>().expect("the built-in table has numbers");
@@ -147,19 +148,19 @@ fn border(line: &'static str) -> Border {
     }
 }
 
-/// Rotation from the axes of the mean equator and equinox of B1875.0 to those of ICRS.
+/// Returns the rotation from the mean equator and equinox of B1875.0 to ICRS.
 pub fn icrs_from_b1875() -> DMat3 {
     static ROTATION: OnceLock<DMat3> = OnceLock::new();
-    // By columns it would be the inverse: SOFA's matrices are written by rows.
+    // SOFA writes matrices by rows: read as columns, the matrix is the inverse.
     *ROTATION.get_or_init(|| DMat3::from_cols_array_2d(&pmat06(J2000_JD, B1875_DAYS)))
 }
 
-/// The constellation that a direction of ICRS (unit vector) lies in.
+/// Returns the constellation that contains a direction (ICRS unit vector).
 pub fn constellation_of(direction: DVec3) -> Constellation {
     CONSTELLATIONS[number_of(direction)]
 }
 
-/// Its number among [`CONSTELLATIONS`].
+/// Index into [`CONSTELLATIONS`] of the constellation at a direction.
 fn number_of(direction: DVec3) -> usize {
     let (ra_rad, dec_rad) = lon_lat_from_direction(icrs_from_b1875().transpose() * direction);
     let ra_rad = ra_rad.rem_euclid(TAU);
@@ -167,14 +168,14 @@ fn number_of(direction: DVec3) -> usize {
         let [from, to] = border.ra_rad;
         from < to && ((from..to).contains(&ra_rad) || (from..to).contains(&(ra_rad + TAU)))
     };
-    // The next border in the north, which has its constellation in the south.
+    // The nearest border to the north; its southern side is the constellation.
     let north = borders().iter().filter(spans).filter(|border| border.dec_rad[0] > dec_rad);
     let next = north.min_by(|a, b| a.dec_rad[0].total_cmp(&b.dec_rad[0])).map_or("UMi", |border| border.sides[1]);
     let found = CONSTELLATIONS.binary_search_by_key(&next, |(short, _)| short);
     found.expect("the built-in table has known constellations")
 }
 
-/// Names of the constellations and their middles, unit vectors in ICRS axes: means over their areas.
+/// Names and centres of the constellations. A centre is the mean direction over the area, an ICRS unit vector.
 pub fn middles() -> &'static [(&'static str, DVec3)] {
     static MIDDLES: OnceLock<Vec<(&'static str, DVec3)>> = OnceLock::new();
     MIDDLES.get_or_init(|| {
@@ -191,21 +192,22 @@ pub fn middles() -> &'static [(&'static str, DVec3)] {
     })
 }
 
-/// How much of the sky lies within the borders of each of [`CONSTELLATIONS`], sr: a border along a parallel bounds what is south of it by as much as it takes from what is north.
+/// Solid angle of each of [`CONSTELLATIONS`], sr. A border along a parallel adds to the area south of it what it
+/// takes from the area north of it.
 pub fn areas_sr() -> &'static [f64] {
     static AREAS: OnceLock<Vec<f64>> = OnceLock::new();
     AREAS.get_or_init(|| {
-        let of = |short: &str| -> f64 {
+        let area_sr = |short: &str| -> f64 {
             let piece = |border: &Border| {
                 let [from, to] = border.ra_rad;
                 let [north, south] = border.sides.map(|side| f64::from(u8::from(side == short)));
                 (to - from) * border.dec_rad[0].sin() * (south - north)
             };
-            // Those at the poles end there.
+            // The polar constellations end at the pole.
             let cap = if short == "UMi" || short == "Oct" { TAU } else { 0.0 };
             cap + borders().iter().map(piece).sum::<f64>()
         };
-        CONSTELLATIONS.iter().map(|(short, _)| of(short)).collect()
+        CONSTELLATIONS.iter().map(|(short, _)| area_sr(short)).collect()
     })
 }
 
@@ -227,15 +229,18 @@ mod tests {
 
     #[test]
     fn stars_lie_in_the_constellations_of_their_names() {
-        // Designations of Bayer and Flamsteed are older than the borders, which were drawn around them; a few stars have moved over one since.
+        // Bayer and Flamsteed designations are older than the borders, which were drawn around them; since then a few
+        // stars have crossed a border.
         let mut wrong = Vec::new();
         let mut compared = 0;
         for star in named_bright_stars(0.0) {
-            let Some((_, of)) = star.designation.split_once(' ').filter(|(of, _)| *of != "HR") else { continue };
-            let of = of.split(' ').next().unwrap_or_default();
+            let Some((_, rest)) = star.designation.split_once(' ').filter(|(prefix, _)| *prefix != "HR") else {
+                continue;
+            };
+            let abbreviation = rest.split(' ').next().unwrap_or_default();
             let (found, _) = constellation_of(star.star.position.normalize());
             compared += 1;
-            if found.get(..3) != Some(of) {
+            if found.get(..3) != Some(abbreviation) {
                 wrong.push(format!("{} is in {found}", star.designation));
             }
         }
@@ -244,7 +249,7 @@ mod tests {
     }
 
     #[test]
-    fn areas_are_those_that_are_published() {
+    fn areas_match_the_published_ones() {
         // Square degrees: the IAU's list of constellations.
         let published = [
             ("Hya", 1302.844),
@@ -255,7 +260,7 @@ mod tests {
             ("Cru", 68.447),
         ];
         let degrees = |short: &str| {
-            let number = CONSTELLATIONS.iter().position(|(of, _)| *of == short).unwrap_or_default();
+            let number = CONSTELLATIONS.iter().position(|(abbreviation, _)| *abbreviation == short).unwrap_or_default();
             areas_sr()[number].to_degrees().to_degrees()
         };
         for (short, expected) in published {
@@ -266,12 +271,16 @@ mod tests {
     }
 
     #[test]
-    fn middles_lie_where_their_names_say() {
+    fn centres_are_near_the_published_positions() {
         for (name, ra_deg, dec_deg) in
             [("Orion", 83.0, 6.0), ("Crux", 187.0, -60.0), ("Ursa Minor", 225.0, 78.0), ("Octans", 339.0, -83.0)]
         {
             let expected = direction_from_lon_lat(f64::to_radians(ra_deg), f64::to_radians(dec_deg));
-            let found = middles().iter().find(|(of, _)| *of == name).map(|(_, middle)| *middle).unwrap_or_default();
+            let found = middles()
+                .iter()
+                .find(|(constellation, _)| *constellation == name)
+                .map(|(_, middle)| *middle)
+                .unwrap_or_default();
             assert!(found.angle_between(expected).to_degrees() < 4.0, "{name}: {found}");
         }
     }

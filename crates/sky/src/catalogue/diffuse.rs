@@ -1,7 +1,9 @@
-//! Light from all over the sky that is of no single star: six pictures of luminance as the barycentre sees it ([`crate::sky_pictures`]), at infinity.
+//! Light of the whole sky that does not come from individual stars: six faces of luminance as seen from the
+//! barycentre ([`crate::sky_pictures`]), at infinity.
 //!
-//! Texels have three numbers of nine bits and share an exponent, as those of the map of faint stars (`shaders/shared/sky_texel.wgsl`): within 1/512 of the brightest of the three. Between texels
-//! light is bilinear. Units: cd/m^2, linear Rec. 709.
+//! A texel has three 9-bit mantissas with a shared exponent, like those of the map of faint stars
+//! (`shaders/shared/sky_texel.wgsl`); the error is at most 1/512 of its brightest channel. Between texels light is
+//! interpolated bilinearly. Units: cd/m^2, linear Rec. 709.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -13,9 +15,9 @@ use crate::{
 
 /// Luminance of a texel's unit, cd/m^2.
 pub const TEXEL_UNIT_CD_M2: f64 = 1e-4;
-/// What a moving observer sees of it: black bodies of this temperature, kelvin, that of a star of B-V = 0.8, ...
+/// For a moving observer the light is a black body of this temperature, kelvin, that of a star of B-V = 0.8, ...
 const TEMPERATURE_K: f64 = 5200.0;
-/// ... of which R, G and B show the light at these wavelengths, m.
+/// ... and R, G and B are its light at these wavelengths, m.
 const WAVELENGTHS_M: [f64; 3] = [612e-9, 549e-9, 465e-9];
 /// Second radiation constant, m K (CODATA 2018).
 const SECOND_RADIATION_M_K: f64 = 1.438_776_877e-2;
@@ -25,16 +27,17 @@ pub const EXPONENTS_AT_REST: [f64; 3] = [
     SECOND_RADIATION_M_K / (WAVELENGTHS_M[1] * TEMPERATURE_K),
     SECOND_RADIATION_M_K / (WAVELENGTHS_M[2] * TEMPERATURE_K),
 ];
-/// Side of a block of texels whose roughness is told together.
+/// Side in texels of the blocks for which roughness is given.
 pub const ROUGHNESS_BLOCK: u32 = 2;
-/// Roughness is what light between points so many texels to either side errs by.
+/// Roughness is the interpolation error between two points, each this many texels away on opposite sides.
 pub const ROUGHNESS_TEXELS: u32 = 2;
-/// How far beyond a block it is looked for, texels: as far as a cell of points reaches whose corner lies in the block.
+/// Margin around a block that is searched for its roughness, texels: a cell of points with a corner in the block
+/// reaches this far.
 const ROUGHNESS_MARGIN: usize = 4;
-/// Exponents of a texel's five bits: the least and the greatest.
+/// Lowest and highest exponent that a texel's five bits can hold.
 const EXPONENTS: (i32, i32) = (-15, 16);
 
-/// The pictures.
+/// The six faces.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DiffuseSky {
     pictures: SkyPictures,
@@ -44,7 +47,8 @@ pub struct DiffuseSky {
 }
 
 impl DiffuseSky {
-    /// Pictures with texels of at most that size, from the luminance towards unit vectors in world axes, which is not negative.
+    /// Builds the faces, with texels of at most `texel_rad`, from the luminance (at least 0) towards a unit vector in
+    /// world axes.
     pub fn new(texel_rad: f64, luminance_cd_m2: impl Fn(DVec3) -> [f64; 3] + Sync) -> Self {
         let pictures = SkyPictures::of_texels(texel_rad);
         let texel = |index: usize| texel_of(luminance_cd_m2(pictures.direction(index)).map(|c| c / TEXEL_UNIT_CD_M2));
@@ -55,7 +59,7 @@ impl DiffuseSky {
         sky
     }
 
-    /// Their size.
+    /// Size of the faces.
     pub fn pictures(&self) -> SkyPictures {
         self.pictures
     }
@@ -69,7 +73,7 @@ impl DiffuseSky {
     pub fn luminance_cd_m2(&self, towards: DVec3) -> [f64; 3] {
         let TexelPlace { first, share } = self.pictures.place(towards);
         let side = self.pictures.side as usize;
-        let corners = [first, first + 1, first + side, first + side + 1].map(|at| light_of(self.texels[at]));
+        let corners = [first, first + 1, first + side, first + side + 1].map(|index| light_of(self.texels[index]));
         [0, 1, 2].map(|c| {
             let [a, b, d, e] = corners.map(|corner| corner[c]);
             let (upper, lower) = (a + (b - a) * share.x, d + (e - d) * share.x);
@@ -82,7 +86,8 @@ impl DiffuseSky {
         self.mean_cd_m2
     }
 
-    /// By how much light errs that is read between points 2 [`ROUGHNESS_TEXELS`] apart: of each block of [`ROUGHNESS_BLOCK`] texels a side, picture by picture, the largest of any channel, cd/m^2.
+    /// Roughness: the error of light that is interpolated between points 2 [`ROUGHNESS_TEXELS`] apart. For each block
+    /// of [`ROUGHNESS_BLOCK`] texels a side, face by face, the largest error of any channel, cd/m^2.
     pub fn roughness_cd_m2(&self) -> &[f32] {
         &self.roughness_cd_m2
     }
@@ -92,16 +97,16 @@ impl DiffuseSky {
         let blocks = side.div_ceil(ROUGHNESS_BLOCK as usize);
         let reach = ROUGHNESS_TEXELS as isize;
         let light: Vec<[f32; 3]> = self.texels.par_iter().map(|texel| light_of(*texel).map(|c| c as f32)).collect();
-        // Of each texel: along rows, columns and both diagonals.
+        // Error at each texel along rows, columns and both diagonals.
         let of_texel = |index: usize| {
             let (face, row, column) = (index / (side * side), index / side % side, index % side);
-            let at = |down: isize, right: isize| {
+            let neighbour = |down: isize, right: isize| {
                 let (row, column) = (row.checked_add_signed(down)?, column.checked_add_signed(right)?);
                 (row < side && column < side).then(|| light[(face * side + row) * side + column])
             };
             let steps = [(0, reach), (reach, 0), (reach, reach), (reach, -reach)];
             let bends = steps.into_iter().filter_map(|(down, right)| {
-                let (before, after) = (at(-down, -right)?, at(down, right)?);
+                let (before, after) = (neighbour(-down, -right)?, neighbour(down, right)?);
                 let off = |c: usize| (light[index][c] - 0.5 * (before[c] + after[c])).abs();
                 Some(off(0).max(off(1)).max(off(2)))
             });
@@ -123,17 +128,17 @@ impl DiffuseSky {
         (0..crate::sky_pictures::SKY_FACES as usize * blocks * blocks).into_par_iter().map(of_block).collect()
     }
 
-    /// The mean over directions that are spread evenly on a spiral.
+    /// Mean over directions spread evenly on a spiral.
     fn mean(&self) -> f64 {
         const PLACES: u32 = 20_000;
         let golden = std::f64::consts::PI * (3.0 - 5_f64.sqrt());
-        let at = |i: u32| {
+        let sample = |i: u32| {
             let z = 1.0 - 2.0 * (f64::from(i) + 0.5) / f64::from(PLACES);
             let (sin, cos) = (f64::from(i) * golden).sin_cos();
             let across = (1.0 - z * z).sqrt();
             rec709::luminance(self.luminance_cd_m2(DVec3::new(across * cos, across * sin, z)))
         };
-        (0..PLACES).map(at).sum::<f64>() / f64::from(PLACES)
+        (0..PLACES).map(sample).sum::<f64>() / f64::from(PLACES)
     }
 }
 
@@ -160,8 +165,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn roughness_is_what_light_between_points_errs_by() {
-        // Even on one side of the sky; on the other waves, three texels from top to bottom.
+    fn roughness_is_the_interpolation_error_between_points() {
+        // One half of the sky is uniform; the other has waves with a wavelength of three texels along y.
         let texel_rad = 0.01;
         let waves = |towards: DVec3| {
             if towards.x > 0.1 { (towards.y / (3.0 * texel_rad) * std::f64::consts::PI).sin() } else { 0.0 }
@@ -170,22 +175,26 @@ mod tests {
         let pictures = sky.pictures();
         let side = pictures.side as usize;
         let blocks = side.div_ceil(ROUGHNESS_BLOCK as usize);
-        let of = |towards: DVec3| {
+        let roughness = |towards: DVec3| {
             let first = pictures.place(towards).first;
             let (face, row, column) = (first / (side * side), first / side % side, first % side);
             let block = ROUGHNESS_BLOCK as usize;
             f64::from(sky.roughness_cd_m2()[(face * blocks + row / block) * blocks + column / block])
         };
         assert_eq!(sky.roughness_cd_m2().len(), 6 * blocks * blocks);
-        // Nine bits tell 6e-7 of these apart.
-        assert!(of(DVec3::NEG_X) < 2e-6 && of(DVec3::new(-1.0, 0.5, 0.5)) < 2e-6, "{}", of(DVec3::NEG_X));
-        // Two texels on, two thirds of a half wave: 1 - cos(120 degrees) of the amplitude.
-        let found = of(DVec3::new(1.0, 0.2, 0.1)) / (1.5 * 1.5e-4);
+        // Nine bits resolve 6e-7 here.
+        assert!(
+            roughness(DVec3::NEG_X) < 2e-6 && roughness(DVec3::new(-1.0, 0.5, 0.5)) < 2e-6,
+            "{}",
+            roughness(DVec3::NEG_X)
+        );
+        // Two texels away is two thirds of a half wave: the error is 1 - cos(120 degrees) times the amplitude.
+        let found = roughness(DVec3::new(1.0, 0.2, 0.1)) / (1.5 * 1.5e-4);
         assert!((0.9..1.1).contains(&found), "{found}");
     }
 
     #[test]
-    fn texels_keep_nine_bits_of_what_they_are_given() {
+    fn texels_keep_nine_bits_of_each_channel() {
         for i in 0..2000 {
             let most = f64::from(i - 1200) * 0.02;
             let light = [most.exp2(), 0.3 * most.exp2(), 0.77 * most.exp2()];
@@ -201,16 +210,16 @@ mod tests {
 
     #[test]
     fn the_light_of_a_smooth_sky_is_read_back() {
-        let at =
+        let expected_light =
             |towards: DVec3| [1.0 + 0.5 * towards.x, 0.8 + 0.3 * towards.y, 0.5 - 0.4 * towards.z].map(|c| 1e-4 * c);
-        let sky = DiffuseSky::new(0.01, at);
+        let sky = DiffuseSky::new(0.01, expected_light);
         for i in 0..5000 {
             let z = 1.0 - 2.0 * (f64::from(i) + 0.5) / 5000.0;
             let (sin, cos) = (f64::from(i) * 2.399_963).sin_cos();
             let towards = DVec3::new(cos, sin, 0.0) * (1.0 - z * z).sqrt() + DVec3::Z * z;
-            let (read, expected) = (sky.luminance_cd_m2(3.0 * towards), at(towards));
+            let (read, expected) = (sky.luminance_cd_m2(3.0 * towards), expected_light(towards));
             for c in 0..3 {
-                // Of the brightest channel, which the others share their exponent with.
+                // Relative to the brightest channel, whose exponent the others share.
                 let most = expected.into_iter().fold(0.0, f64::max);
                 assert!((read[c] - expected[c]).abs() < 2.5e-3 * most, "{towards}: {read:?} {expected:?}");
             }

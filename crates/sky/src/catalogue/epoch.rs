@@ -1,4 +1,4 @@
-//! The moment for which stars are placed, and who sees them.
+//! The time at which stars are placed, and the vantage from which they are seen.
 
 use glam::DVec3;
 
@@ -7,54 +7,56 @@ use rayon::prelude::*;
 use super::{StarRecord, chunks::StarSet, store::records_of};
 use crate::relativity::seen_direction;
 
-/// When stars are seen, and from where and how fast. The default: at J2000.0, by one at rest.
+/// Time, position and velocity for which stars are shown. The default is J2000.0, at rest at the barycentre.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Epoch {
-    /// Julian years from J2000.0, by which stars with a known motion have moved on.
+    /// Julian years since J2000.0; stars with a known motion have moved for this long.
     pub years: f64,
-    /// Who sees them.
+    /// Position and velocity of the observer; `None`: at rest at the barycentre.
     pub seen_from: Option<Vantage>,
 }
 
-/// A place among the planets, and how fast it moves.
+/// A position in the Solar System and its velocity.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Vantage {
-    /// From the barycentre, ICRS axes, pc.
+    /// Relative to the barycentre, ICRS axes, pc.
     pub position_pc: DVec3,
-    /// Velocity over that of light, ICRS axes; below 1e-3.
+    /// Velocity in units of the speed of light, ICRS axes; below 1e-3.
     pub velocity_c: DVec3,
-    /// From where what is seen is drawn, pc: the vantage of some other moment, so that a camera may stay where it is.
+    /// Position at which the camera stays while it shows this vantage's sky, pc: the vantage at another time.
     pub origin_pc: DVec3,
 }
 
 impl Epoch {
-    /// A star that has moved as the vantage sees it: a camera at rest at the origin has it in the direction of its aberrated light and with its brightness. Changes of brightness and
-    /// colour with the velocity, 4e-4 at 30 km/s, are left out.
+    /// Returns a star, already moved by its motion, as the vantage sees it: a camera at rest at the origin has it in
+    /// the direction of its aberrated light and with its brightness. Changes of brightness and colour with velocity,
+    /// 4e-4 at 30 km/s, are left out.
     pub fn seen(&self, star: StarRecord) -> StarRecord {
         self.seen_from.map_or(star, |from| turned(star, from.position_pc, from.velocity_c, from.origin_pc))
     }
 
-    /// The star that the vantage sees so: the inverse.
+    /// Inverse of `seen`: the star that the vantage sees like this.
     fn unseen(&self, star: StarRecord) -> StarRecord {
         self.seen_from.map_or(star, |from| turned(star, from.origin_pc, -from.velocity_c, from.position_pc))
     }
 }
 
-/// A star seen from a place at a velocity, and drawn at another place in the direction and at the distance in which it is seen.
+/// Moves a star so that a camera at `to_pc` has it in the direction and at the distance in which an observer at
+/// `from_pc` with `velocity_c` sees it.
 fn turned(star: StarRecord, from_pc: DVec3, velocity_c: DVec3, to_pc: DVec3) -> StarRecord {
     let [from_pc, to_pc] = [from_pc, to_pc].map(|place_pc| if star.distance_known { place_pc } else { DVec3::ZERO });
     let place = star.position - from_pc;
-    // A star at the very place stays there.
+    // A star exactly at the observer's position stays there.
     StarRecord { position: to_pc + seen_direction(velocity_c, place) * place.length(), ..star }
 }
 
-/// Stars as they are seen from another vantage; their own motion stays as it is.
+/// Returns the stars as another vantage sees them; their own motion does not change.
 #[must_use]
 pub fn seen_from(set: &StarSet, vantage: Vantage) -> StarSet {
     let epoch = Epoch { seen_from: Some(vantage), ..set.epoch };
     let mut records = records_of(set);
     records.par_iter_mut().for_each(|record| *record = epoch.seen(set.epoch.unseen(*record)));
-    // What is smooth over degrees is seen where it was.
+    // Light that varies over degrees only is left where it was.
     StarSet::from_records(records).of_epoch(epoch).with_unresolved(set.unresolved.clone())
 }
 
@@ -71,7 +73,7 @@ mod tests {
     };
 
     #[test]
-    fn a_moving_eye_sees_stars_shifted_towards_where_it_goes_at_their_distance() {
+    fn aberration_shifts_stars_towards_the_velocity_and_keeps_their_distance() {
         let position_pc = DVec3::X * (ASTRONOMICAL_UNIT_M / PARSEC_M);
         let vantage = Vantage { position_pc, velocity_c: DVec3::X * 1e-4, origin_pc: position_pc };
         let epoch = Epoch { years: 0.0, seen_from: Some(vantage) };
@@ -79,7 +81,7 @@ mod tests {
             let origin_pc = if star.distance_known { position_pc } else { DVec3::ZERO };
             let [before, after] = [star.position, epoch.seen(star).position].map(|place| place - origin_pc);
             assert!((after.length() / before.length() - 1.0).abs() < 1e-12);
-            // 1e-4 rad, 20.6 arcsec, and by that towards +x.
+            // 1e-4 rad, 20.6 arcsec, towards +x.
             let shift_arcsec = (after.normalize() - before.normalize()) / ARCSECOND_RAD;
             assert!((shift_arcsec - DVec3::X * 20.626).length() < 2e-3, "{shift_arcsec}");
         }
@@ -87,7 +89,7 @@ mod tests {
     }
 
     #[test]
-    fn another_vantage_sees_what_it_would_have_seen_at_first() {
+    fn a_change_of_vantage_equals_building_the_set_for_it() {
         let au_pc = ASTRONOMICAL_UNIT_M / PARSEC_M;
         let first = Vantage { position_pc: DVec3::X * au_pc, velocity_c: DVec3::Y * 1e-4, origin_pc: DVec3::X * au_pc };
         let second = Vantage { position_pc: DVec3::NEG_Z * au_pc, velocity_c: DVec3::X * -9e-5, ..first };

@@ -1,6 +1,7 @@
-//! Maps of surface brightness as files: HEALPix in FITS, as the CDS writes them.
+//! Maps of surface brightness in files: HEALPix in FITS, as the CDS publishes them.
 //!
-//! Read are implicit maps in nested order with one column of f32 or f64 numbers and celestial coordinates (ICRS). Between the middles of cells light is bilinear.
+//! The reader accepts implicit maps in nested order with one column of f32 or f64 numbers and celestial coordinates
+//! (ICRS). Between the centres of cells light is interpolated bilinearly.
 
 use std::{
     f64::consts::PI,
@@ -23,65 +24,65 @@ use crate::{
     units::{illuminance_lx_from_magnitude, luminance_from_mag_per_arcsec2},
 };
 
-/// What the numbers of a map mean.
+/// Unit of a map's numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BrightnessUnit {
     /// cd/m^2.
     Luminance,
     /// Stars of V = 10 per square degree.
     S10,
-    /// V magnitudes per square arcsecond; infinite: no light.
+    /// V magnitudes per square arcsecond; infinity means no light.
     MagnitudePerArcsec2,
 }
 
-/// A map.
+/// A map of surface brightness in a file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LightMap {
     /// The file.
     pub path: PathBuf,
-    /// What its numbers mean.
+    /// Unit of its numbers.
     pub unit: BrightnessUnit,
-    /// Its colour: that of a star of this B-V, magnitudes.
+    /// Its colour, as the B-V of a star, magnitudes.
     pub b_v: f64,
 }
 
-/// Why a map cannot be had.
+/// Reasons why a map cannot be read.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum LightMapError {
-    /// The file is no such map.
+    /// The file is not a HEALPix map in FITS.
     #[error(
         "{}: {source}; a map of light is a FITS file of HEALPix cells: nested, implicit, celestial coordinates, one column of f32 or f64", path.display()
     )]
     Fits {
         /// The file.
         path: PathBuf,
-        /// What the reader says.
+        /// The FITS reader's error.
         source: FitsError,
     },
-    /// It has other numbers.
+    /// The map has an unsupported layout.
     #[error("{}: {problem}; a map of light has one number of f32 or f64 for each cell, at most depth {MOST_DEPTH}", path.display())]
     Kind {
         /// The file.
         path: PathBuf,
-        /// What it has.
+        /// The layout that was found.
         problem: String,
     },
-    /// A cell is no brightness.
-    #[error("{}: cell {cell} has {value}: allowed are finite numbers, not negative ones of luminance or S10, and magnitudes from -30", path.display())]
+    /// The value of a cell is not a brightness.
+    #[error("{}: cell {cell} has {value}; values must be finite, not negative for luminance and S10, and at least -30 for magnitudes", path.display())]
     Value {
         /// The file.
         path: PathBuf,
         /// Number of the cell, nested.
         cell: usize,
-        /// What it has.
+        /// Its value.
         value: f64,
     },
 }
 
-/// Finest map: cells of 3.4 arcminutes.
+/// Largest depth of a map: cells of 3.4 arcminutes.
 const MOST_DEPTH: u8 = 10;
-/// Size of the texels that a map is drawn from, rad: at most, and at least.
+/// Largest and smallest size of the texels that a map is drawn with, rad.
 const TEXELS_RAD: [f64; 2] = [0.0035, 0.0012];
 
 /// Luminance of one star of V = 10 per square degree (S10), cd/m^2.
@@ -90,7 +91,7 @@ pub fn s10_cd_m2() -> f64 {
 }
 
 impl BrightnessUnit {
-    /// Luminance of a number, cd/m^2; `None`: it is no brightness.
+    /// Luminance of a map's number, cd/m^2; `None` if it is not a brightness.
     fn luminance_cd_m2(self, value: f64) -> Option<f64> {
         let luminance = match self {
             Self::Luminance => value,
@@ -114,7 +115,7 @@ impl LightMap {
         let (depth, values): (u8, Vec<f64>) = match &map {
             SkyMapEnum::ImplicitU64F32(map) => (map.depth(), map.values().map(|value| f64::from(*value)).collect()),
             SkyMapEnum::ImplicitU64F64(map) => (map.depth(), map.values().copied().collect()),
-            _ => return Err(kind("it is of another kind".to_owned())),
+            _ => return Err(kind("its layout is not supported".to_owned())),
         };
         if depth > MOST_DEPTH {
             return Err(kind(format!("it has depth {depth}")));
@@ -154,11 +155,11 @@ mod tests {
     use super::*;
     use crate::{coordinates::direction_from_lon_lat, photometry::rec709};
 
-    fn written(depth: u8, of: impl Fn(DVec3) -> f32) -> (tempfile::TempDir, PathBuf) {
+    fn written(depth: u8, value: impl Fn(DVec3) -> f32) -> (tempfile::TempDir, PathBuf) {
         let values: Vec<f32> = (0..n_hash(depth))
             .map(|cell| {
                 let (lon, lat) = center(depth, cell);
-                of(direction_from_lon_lat(lon, lat))
+                value(direction_from_lon_lat(lon, lat))
             })
             .collect();
         let folder = tempfile::tempdir().unwrap();
@@ -168,7 +169,7 @@ mod tests {
     }
 
     #[test]
-    fn a_map_shows_its_light_where_it_is() {
+    fn a_map_is_read_back_at_its_directions() {
         let (_folder, path) = written(5, |towards| (100.0 + 80.0 * towards.dot(DVec3::new(0.6, 0.0, 0.8))) as f32);
         let map = LightMap { path: path.clone(), unit: BrightnessUnit::S10, b_v: 0.65 };
         let sky = map.read().unwrap();
@@ -180,7 +181,7 @@ mod tests {
             let found = rec709::luminance(sky.luminance_cd_m2(towards));
             assert!((found / expected - 1.0).abs() < 0.02, "{towards}: {found} {expected}");
         }
-        // In magnitudes these numbers are no light at all.
+        // Read as magnitudes, these numbers are practically dark.
         let dark = LightMap { unit: BrightnessUnit::MagnitudePerArcsec2, ..map }.read().unwrap();
         assert!(dark.mean_cd_m2() < 1e-3, "{}", dark.mean_cd_m2());
         let (_folder, path) = written(3, |_| 22.0);
@@ -189,7 +190,7 @@ mod tests {
     }
 
     #[test]
-    fn files_that_are_no_maps_are_refused_by_name() {
+    fn errors_name_files_that_are_not_maps() {
         let message = |path: &Path, unit| {
             LightMap { path: path.to_owned(), unit, b_v: 0.8 }.read().map(|_| ()).unwrap_err().to_string()
         };

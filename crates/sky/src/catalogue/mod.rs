@@ -1,4 +1,4 @@
-//! Star catalogues: what every reader and generator delivers.
+//! Star catalogues: readers, generators, and the forms in which stars are stored.
 
 pub mod bright;
 pub mod chunks;
@@ -16,16 +16,17 @@ pub mod store;
 
 use glam::DVec3;
 
-/// One star as every reader and generator delivers it.
+/// A star, as every reader and generator returns it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StarRecord {
-    /// `distance_known`: ICRS barycentric position in parsecs. Otherwise: unit vector towards the star, which is at infinity.
+    /// If `distance_known`: ICRS barycentric position in parsecs. Otherwise: unit vector towards the star, which is
+    /// at infinity.
     pub position: DVec3,
-    /// `distance_known`: absolute V magnitude (at 10 pc). Otherwise: apparent V magnitude.
+    /// If `distance_known`: absolute V magnitude (at 10 pc). Otherwise: apparent V magnitude.
     pub magnitude: f32,
     /// Effective temperature in kelvin.
     pub temperature_k: f32,
-    /// Whether `position` is a place in space (true) or a direction (false).
+    /// Whether `position` is a position in space (true) or a direction (false).
     pub distance_known: bool,
 }
 

@@ -1,8 +1,9 @@
-//! Stars that stand in two catalogues of a scene and would shine twice.
+//! Detection of stars that are in two catalogues of a scene and would be drawn twice.
 //!
-//! Two entries are taken for the same star if they are within [`SAME_STAR_ARCSEC`] and [`SAME_STAR_MAG`] (apparent V) of
-//! each other as seen from the Solar System. The smaller catalogue is sorted by HEALPix cell, and a bit for every cell of
-//! the sky says whether one of its stars is there or next door; most stars of the larger one are dismissed by that bit.
+//! Two entries count as the same star if they are within [`SAME_STAR_ARCSEC`] and [`SAME_STAR_MAG`] (apparent V) of
+//! each other, seen from the Solar System. The smaller catalogue is sorted by HEALPix cell, and one bit for every
+//! cell of the sky records whether one of its stars is in that cell or a neighbouring one. This bit excludes most
+//! stars of the larger catalogue.
 
 use std::fmt;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -23,20 +24,20 @@ pub const SAME_STAR_MAG: f64 = 0.3;
 /// Magnitudes are stored as f32: without this, 5.0 and 5.3 would differ by more than 0.3.
 const MAGNITUDE_ROUNDING: f64 = 1e-5;
 
-/// Cells of 51": so much wider than the tolerance that a star's counterpart is in its cell or a neighbouring one, also
-/// where cells are narrow.
+/// Cells of 51": wide enough that a star's counterpart is in its cell or a neighbouring one, even where cells are
+/// narrow.
 const DEPTH: u8 = 12;
 
-/// Two catalogues with common stars.
+/// Two catalogues with stars in common.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Overlap {
     /// Name of one catalogue.
     pub first: String,
     /// Name of the other.
     pub second: String,
-    /// How many stars of the smaller of the two are in the other.
+    /// Number of stars of the smaller catalogue that are in the other.
     pub count: usize,
-    /// The brightest common star, as `first` has it.
+    /// The brightest common star, with the values of `first`.
     pub example: StarRecord,
 }
 
@@ -55,10 +56,11 @@ impl fmt::Display for Overlap {
     }
 }
 
-/// Looks for common stars in every pair of `catalogues`, given as name and stars; pairs without any are left out.
+/// Finds common stars in every pair of `catalogues` (name and stars); pairs without any are left out.
 ///
-/// Every star costs its cell; only those near a star of the other catalogue cost more. Beside the stars it takes 25 MB,
-/// 16 bytes for each star of the smaller catalogue and 32 for each of the larger one that is near one of them.
+/// Each star costs the computation of its cell; only stars near one of the other catalogue cost more. Besides the
+/// stars it needs 25 MB, 16 bytes for each star of the smaller catalogue and 32 for each star of the larger one that
+/// is near one of those.
 pub fn find_overlaps(catalogues: &[(&str, &[StarRecord])]) -> Vec<Overlap> {
     let mut overlaps = Vec::new();
     for (i, &(first, a)) in catalogues.iter().enumerate() {
@@ -80,14 +82,14 @@ pub fn find_overlaps(catalogues: &[(&str, &[StarRecord])]) -> Vec<Overlap> {
     overlaps
 }
 
-/// Pairs of indices (in `few`, in `many`) of entries that may be one star, sorted.
+/// Returns sorted pairs of indices (into `few` and `many`) of entries that may be one star.
 fn common_stars(few: &[StarRecord], many: &[StarRecord]) -> Vec<(usize, usize)> {
     if few.is_empty() {
         return Vec::new();
     }
     let layer = nested::get(DEPTH);
 
-    // The smaller catalogue by cell, and the cells near its stars.
+    // Sort the smaller catalogue by cell, and mark the cells near its stars.
     let mut by_cell: Vec<(u64, usize)> =
         few.par_iter().enumerate().filter_map(|(index, star)| Some((cell(layer, star)?, index))).collect();
     by_cell.par_sort_unstable();
@@ -101,7 +103,8 @@ fn common_stars(few: &[StarRecord], many: &[StarRecord]) -> Vec<(usize, usize)> 
         }
     });
 
-    // What is left of the larger one, sorted too, so that neighbours in the sky are neighbours in memory.
+    // Keep the stars of the larger catalogue in marked cells, sorted too, so that neighbours in the sky are
+    // neighbours in memory.
     let mut candidates: Vec<(u64, usize)> = many
         .par_iter()
         .enumerate()
@@ -148,7 +151,7 @@ fn common_stars(few: &[StarRecord], many: &[StarRecord]) -> Vec<(usize, usize)> 
     pairs
 }
 
-/// HEALPix cell of a star as seen from the origin; `None` for one that stands there.
+/// HEALPix cell of a star as seen from the origin; `None` for a star at the origin.
 fn cell(layer: &Layer, star: &StarRecord) -> Option<u64> {
     let DVec3 { x, y, z } = star.position.try_normalize()?;
     let longitude = y.atan2(x).rem_euclid(std::f64::consts::TAU);
@@ -174,7 +177,7 @@ mod tests {
     }
 
     #[test]
-    fn the_limits_are_kept() {
+    fn angle_and_magnitude_limits_are_exact() {
         let arcsec = 1.0 / 3600.0;
         for (ra, dec) in
             [(0.0, 0.0), (359.9999, 41.8), (45.0, -41.8103), (180.0, 66.0), (12.0, 89.999), (270.0, -89.9999)]
@@ -186,7 +189,7 @@ mod tests {
                 let b = [star(ra, dec + offset * arcsec, magnitude)];
                 assert_eq!(count(&a, &b), usize::from(is_same), "at {ra}, {dec}: {offset} arcsec, {magnitude} mag");
                 let east = [star(ra + offset * arcsec / dec.to_radians().cos(), dec, magnitude)];
-                // So near to a pole that ten arcseconds of right ascension are not an arc any more.
+                // Closer to a pole, ten arcseconds of right ascension are no longer an arc.
                 if dec.abs() < 89.0 {
                     assert_eq!(count(&a, &east), usize::from(is_same), "at {ra}, {dec}: {offset} arcsec east");
                 }
@@ -195,7 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn distance_does_not_matter_apparent_brightness_does() {
+    fn stars_match_by_apparent_brightness_whatever_their_distance() {
         let near =
             StarRecord { position: star(10.0, 20.0, 0.0).position * 100.0, magnitude: 0.0, ..star(0.0, 0.0, 0.0) };
         let near = StarRecord { distance_known: true, ..near };
@@ -204,7 +207,7 @@ mod tests {
     }
 
     #[test]
-    fn agrees_with_all_pairs_over_the_whole_sky() {
+    fn agrees_with_a_search_of_all_pairs_over_the_whole_sky() {
         // Stars along a spiral, and copies of them moved by up to 20 arcseconds and 0.6 mag in a fixed pattern.
         let a: Vec<StarRecord> = (0..3000)
             .map(|i| {
@@ -217,7 +220,7 @@ mod tests {
             .iter()
             .enumerate()
             .map(|(i, s)| {
-                // Half steps keep clear of the limit itself, where rounding decides.
+                // Half steps avoid the exact limit, where rounding decides.
                 let shift = 20.0 * (((i * 7 % 100) as f64 + 0.5) / 100.0) * ARCSECOND_RAD;
                 let angle = (i * 13 % 360) as f64;
                 let east = DVec3::Z.cross(s.position).normalize();

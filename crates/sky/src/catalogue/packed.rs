@@ -1,7 +1,8 @@
-//! The 16-byte star that the renderer reads: an offset from the chunk's origin and one word of light.
+//! The 16-byte star that the renderer reads: an offset from the chunk's origin and one word for its light.
 //!
-//! The word holds, from the top, 7 bits of exponent and 14 of mantissa of the star's illuminance at 1 parsec (relative
-//! error at most 3.1e-5), and 11 bits of temperature on a logarithmic scale from 500 to 100000 K (steps of 0.26 %).
+//! From the highest bit down, the word holds 7 bits of exponent and 14 of mantissa of the illuminance at 1 parsec
+//! (relative error at most 3.1e-5), and 11 bits of temperature on a logarithmic scale from 500 to 100000 K (steps of
+//! 0.26 %).
 
 use std::ops::RangeInclusive;
 
@@ -11,12 +12,12 @@ use glam::Vec3;
 pub const MIN_TEMPERATURE_K: f64 = 500.0;
 /// Highest temperature that the word can hold, kelvin.
 pub const MAX_TEMPERATURE_K: f64 = 100_000.0;
-/// Octaves between the two: their ratio's logarithm to base 2.
+/// Octaves between the two: the base-2 logarithm of their ratio.
 pub const TEMPERATURE_OCTAVES: f64 = 7.643_856_189_774_724;
 /// Number of temperature steps.
 pub const TEMPERATURE_STEPS: u32 = 2048;
 
-/// Exponent of f32 (biased by 127) that the word's exponent 0 stands for: 2^-78 lx, absolute magnitude 49.
+/// f32 exponent (biased by 127) of the word's exponent 0: 2^-78 lx, absolute magnitude 49.
 pub const EXPONENT_BIAS: u32 = 49;
 
 /// Illuminances at 1 pc that the word can hold, in lux: 2^-78 to just below 2^50.
@@ -37,12 +38,12 @@ pub struct PackedStar {
 }
 
 impl PackedStar {
-    /// Packs a star. Illuminances at 1 pc outside [`ILLUMINANCE_RANGE_LX`] are held at the ends of the range, as are
-    /// temperatures.
+    /// Packs a star. Illuminances at 1 pc outside [`ILLUMINANCE_RANGE_LX`] and temperatures outside their range are
+    /// clamped.
     pub fn new(offset_pc: Vec3, illuminance_at_1_pc_lx: f64, temperature_k: f64) -> Self {
-        // The ends are numbers of f32, so that this rounds nothing out of the range.
+        // Both ends are exact in f32, so the conversion cannot round out of the range.
         let value = illuminance_at_1_pc_lx.clamp(*ILLUMINANCE_RANGE_LX.start(), *ILLUMINANCE_RANGE_LX.end()) as f32;
-        // Round the mantissa to 14 bits; the carry into the exponent is what rounding up to a power of two means.
+        // Round the mantissa to 14 bits; a carry into the exponent correctly rounds up to the next power of two.
         let rounded = (value.to_bits() - (EXPONENT_BIAS << 23)).saturating_add(1 << 8) >> 9;
         let brightness = rounded.min((1 << 21) - 1);
         let position = (temperature_k.clamp(MIN_TEMPERATURE_K, MAX_TEMPERATURE_K) / MIN_TEMPERATURE_K).ln()
@@ -51,7 +52,7 @@ impl PackedStar {
         Self { offset_pc: offset_pc.to_array(), light: (brightness << 11) | step }
     }
 
-    /// Illuminance in lux that the star would give at 1 pc; in a chunk at infinity, the one it gives.
+    /// Illuminance of the star at 1 pc, lx; in a chunk at infinity, its illuminance at the observer.
     pub fn illuminance_at_1_pc_lx(&self) -> f64 {
         f64::from(f32::from_bits(((self.light >> 11) << 9) + (EXPONENT_BIAS << 23)))
     }
@@ -92,19 +93,19 @@ mod tests {
     }
 
     #[test]
-    fn out_of_range_light_is_held_at_the_ends() {
+    fn out_of_range_light_is_clamped() {
         assert!(PackedStar::new(Vec3::X, 1e30, 5772.0).illuminance_at_1_pc_lx() > 1e14);
         let faint = PackedStar::new(Vec3::X, 0.0, 5772.0).illuminance_at_1_pc_lx();
         assert!(faint > 0.0 && faint < 1e-20);
     }
 
     #[test]
-    fn octaves_are_those_between_the_temperatures() {
+    fn octaves_are_the_logarithm_of_the_temperature_ratio() {
         assert_eq!(TEMPERATURE_OCTAVES, (MAX_TEMPERATURE_K / MIN_TEMPERATURE_K).log2());
     }
 
     #[test]
-    fn the_ends_of_the_range_are_held_exactly() {
+    fn the_ends_of_the_range_are_exact() {
         let (lowest, highest) = (*ILLUMINANCE_RANGE_LX.start(), *ILLUMINANCE_RANGE_LX.end());
         assert_eq!(lowest, 2f64.powi(-78));
         assert!((0.999..1.0).contains(&(highest / 2f64.powi(50))), "{highest}");

@@ -1,11 +1,13 @@
-//! Readers of star catalogues in files: CSV and JSON.
+//! Readers of star catalogues in CSV and JSON files.
 //!
-//! A reader first recognises the columns ([`columns`]: our own names and those of HYG, AT-HYG, Gaia archive exports and
-//! a plain `magnitude,temperature,x,y,z`), then turns row after row into [`StarRecord`]s ([`row`]). A row that cannot be
-//! used is counted and the first few are kept with line and reason; it never disappears in silence and never stops the
-//! rest. A file without a usable row is an error. Apart from the stars themselves, reading CSV needs memory for one line.
+//! A reader first recognises the columns ([`columns`]: this program's names, those of HYG, AT-HYG and Gaia archive
+//! exports, and a plain `magnitude,temperature,x,y,z`). It then converts each row to a [`StarRecord`] ([`row`]). An
+//! unusable row is counted, and the first few are kept with their line and reason; it is always reported and never
+//! stops the rest. A file without a usable row is an error. Besides the stars, reading CSV needs memory for one line
+//! only.
 //!
-//! Units: degrees (hours for `ra` of HYG), parsecs, milliarcseconds, magnitudes, kelvin; every name says which.
+//! Units: degrees (hours for `ra` of HYG), parsecs, milliarcseconds, magnitudes, kelvin; every name includes its
+//! unit.
 
 mod columns;
 mod csv;
@@ -22,41 +24,41 @@ use crate::files;
 pub use csv::{read_csv, read_csv_from};
 pub use json::{read_json, read_json_from};
 
-/// How many rejected rows [`ReadReport`] keeps with their reason.
+/// Number of rejected rows that [`ReadReport`] keeps with their reason.
 pub const REJECTED_ROWS_KEPT: usize = 10;
 
-/// Extensions that [`read_file`] knows.
+/// Extensions that [`read_file`] accepts.
 pub const EXTENSIONS: &str = ".csv, .txt (CSV) and .json";
 
-/// What a reader found in one file.
+/// Result of reading one file.
 #[derive(Clone, Debug)]
 pub struct CatalogueRead {
     /// The usable stars in the order of the file.
     pub stars: Vec<StarRecord>,
-    /// What became of every row.
+    /// Counts of used and rejected rows.
     pub report: ReadReport,
 }
 
-/// What became of the rows of one file: `rows == used + rejected`.
+/// Counts of the rows of one file: `rows == used + rejected`.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ReadReport {
-    /// The file's name as given.
+    /// The file's name as passed to the reader.
     pub file: String,
     /// Rows (CSV) or entries (JSON) after the header; blank lines and comments do not count.
     pub rows: usize,
     /// Rows that became stars.
     pub used: usize,
-    /// Used, but without distance: at infinity.
+    /// Used rows without a distance: the star is at infinity.
     pub without_distance: usize,
-    /// Used, but with neither temperature nor colour: given the Sun's temperature.
+    /// Used rows without temperature and colour: the star gets the Sun's temperature.
     pub without_colour: usize,
-    /// Used with a temperature or a colour outside the possible range, moved to its edge.
+    /// Used rows with a temperature or colour outside the valid range, which was clamped.
     pub temperature_clamped: usize,
-    /// Used with Gaia's G in place of V, because BP-RP is missing.
+    /// Used rows with Gaia's G instead of V, because BP-RP is missing.
     pub g_taken_as_v: usize,
     /// Rows that could not be used.
     pub rejected: usize,
-    /// The first [`REJECTED_ROWS_KEPT`] of them.
+    /// The first [`REJECTED_ROWS_KEPT`] rejected rows.
     pub first_rejected: Vec<RejectedRow>,
 }
 
@@ -65,7 +67,7 @@ pub struct ReadReport {
 pub struct RejectedRow {
     /// Line in the file on which the row begins, from 1.
     pub line: usize,
-    /// What is wrong with it.
+    /// Reason for the rejection.
     pub reason: String,
 }
 
@@ -74,7 +76,7 @@ impl ReadReport {
         Self { file: file.to_owned(), ..Self::default() }
     }
 
-    /// Counts a row that cannot be used.
+    /// Counts an unusable row.
     fn reject(&mut self, line: usize, reason: String) {
         self.rejected += 1;
         if self.first_rejected.len() < REJECTED_ROWS_KEPT {
@@ -82,7 +84,7 @@ impl ReadReport {
         }
     }
 
-    /// Counts a star and how it came about.
+    /// Counts a star and the notes on its row.
     fn count(&mut self, notes: row::Notes) {
         self.used += 1;
         self.without_distance += usize::from(notes.without_distance);
@@ -91,7 +93,7 @@ impl ReadReport {
         self.g_taken_as_v += usize::from(notes.g_taken_as_v);
     }
 
-    /// The result of a whole file: an error if none of its rows is usable.
+    /// Returns the result for a whole file: an error if none of its rows is usable.
     fn finish(self, stars: Vec<StarRecord>) -> Result<CatalogueRead, CatalogueError> {
         if self.rows == 0 {
             return Err(CatalogueError::NoRow { file: self.file });
@@ -107,14 +109,14 @@ impl ReadReport {
 impl fmt::Display for ReadReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}: {} of {} rows used", self.file, self.used, self.rows)?;
-        for (count, what) in [
+        for (count, note) in [
             (self.without_distance, "without distance (at infinity)"),
             (self.without_colour, "without colour (5772 K)"),
             (self.temperature_clamped, "with a temperature outside 500 to 100000 K (moved to the edge)"),
             (self.g_taken_as_v, "without BP-RP (G taken as V)"),
         ] {
             if count > 0 {
-                write!(f, ", {count} {what}")?;
+                write!(f, ", {count} {note}")?;
             }
         }
         write!(f, "; {} rejected", self.rejected)?;
@@ -129,57 +131,57 @@ impl fmt::Display for ReadReport {
     }
 }
 
-/// Why a catalogue could not be read. Every message names the file.
+/// Errors of reading a catalogue. Every message names the file.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum CatalogueError {
     /// The file cannot be opened.
     #[error("cannot open the catalogue {}: {source}", path.display())]
     Open {
-        /// Its path.
+        /// Path of the file.
         path: PathBuf,
-        /// The system's reason.
+        /// The system's error.
         source: std::io::Error,
     },
-    /// Reading broke off.
+    /// Reading failed.
     #[error("file {file}: reading failed at line {line}: {source}")]
     Io {
         /// Name of the file.
         file: String,
         /// Line that was being read.
         line: usize,
-        /// The system's reason.
+        /// The system's error.
         source: std::io::Error,
     },
-    /// No reader for this kind of file.
+    /// The extension is not supported.
     #[error("file {}: a star catalogue must be one of {EXTENSIONS}", path.display())]
     Extension {
-        /// Its path.
+        /// Path of the file.
         path: PathBuf,
     },
-    /// The columns do not make a star catalogue.
+    /// The columns are not those of a star catalogue.
     #[error("file {file}: line {line}: {reason}; columns found: {found}; {}", columns::NEEDED)]
     Columns {
         /// Name of the file.
         file: String,
         /// Line of the header.
         line: usize,
-        /// What is missing or contradictory.
+        /// Description of the missing or contradictory columns.
         reason: String,
-        /// The columns, shortened if many.
+        /// The columns, shortened if there are many.
         found: String,
     },
-    /// The file as a whole cannot be understood from this line on.
+    /// The file cannot be parsed beyond this line.
     #[error("file {file}: line {line}: {reason}")]
     Malformed {
         /// Name of the file.
         file: String,
         /// The line.
         line: usize,
-        /// What is wrong.
+        /// Description of the problem.
         reason: String,
     },
-    /// A header, but nothing after it.
+    /// The file has a header but no rows.
     #[error("file {file}: no row of data")]
     NoRow {
         /// Name of the file.
@@ -190,20 +192,21 @@ pub enum CatalogueError {
     NoUsableRow {
         /// Name of the file.
         file: String,
-        /// How many rows there were.
+        /// Number of rejected rows.
         rejected: usize,
-        /// Line of the first.
+        /// Line of the first rejected row.
         line: usize,
-        /// What is wrong with the first.
+        /// Reason for its rejection.
         reason: String,
     },
 }
 
-/// Reads a catalogue; the extension of `path` tells the format. Stars are placed `years` Julian years after J2000.0.
+/// Reads a catalogue in the format given by the extension of `path`. Stars are placed `years` Julian years after
+/// J2000.0.
 ///
 /// # Errors
-/// [`CatalogueError::Extension`] for anything but [`EXTENSIONS`] (in upper or lower case), else as [`read_csv`] and
-/// [`read_json`].
+/// [`CatalogueError::Extension`] for extensions other than [`EXTENSIONS`] (in upper or lower case), otherwise as
+/// [`read_csv`] and [`read_json`].
 pub fn read_file(path: &Path, years: f64) -> Result<CatalogueRead, CatalogueError> {
     let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
     match extension.as_deref() {

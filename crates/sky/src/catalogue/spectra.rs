@@ -1,4 +1,4 @@
-//! How the light of each chunk is spread over temperatures: what a moving camera needs to bound the light that it sees.
+//! Distribution of each chunk's light over temperature: a moving camera needs it to bound the light that it receives.
 
 use rayon::prelude::*;
 
@@ -9,18 +9,18 @@ use super::{
 
 /// Number of classes of temperature.
 pub const CLASSES: usize = 32;
-/// Temperature steps per class: 18 % from one end to the other.
+/// Temperature steps per class: the ends of a class differ by 18 %.
 const STEPS_PER_CLASS: u32 = TEMPERATURE_STEPS / CLASSES as u32;
 
-/// Light of a chunk's stars by their temperature.
+/// Light of a chunk's stars by temperature.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
 pub struct Spectrum {
-    /// Illuminance at 1 pc of all stars of each class together, lx.
+    /// Total illuminance at 1 pc of the stars in each class, lx.
     pub light_lx: [f64; CLASSES],
 }
 
 impl Spectrum {
-    /// The light of some stars.
+    /// Computes the spectrum of some stars.
     pub fn of(stars: &[PackedStar]) -> Self {
         let mut light_lx = [0.0; CLASSES];
         for star in stars {
@@ -29,7 +29,7 @@ impl Spectrum {
         Self { light_lx }
     }
 
-    /// The classes that have stars: lowest and highest temperature step, and light at 1 pc, lx.
+    /// Iterates over the classes that have stars: lowest and highest temperature step, and illuminance at 1 pc, lx.
     pub fn classes(&self) -> impl Iterator<Item = ([u32; 2], f64)> {
         self.light_lx.iter().enumerate().filter(|(_, lx)| **lx > 0.0).map(|(class, lx)| {
             let first = class as u32 * STEPS_PER_CLASS;
@@ -38,7 +38,7 @@ impl Spectrum {
     }
 }
 
-/// The spectra of all chunks, in their order.
+/// Computes the spectra of all chunks, in their order.
 pub(super) fn of_chunks(set: &StarSet) -> Vec<Spectrum> {
     set.chunks.par_iter().map(|chunk: &Chunk| Spectrum::of(set.stars_of(chunk))).collect()
 }

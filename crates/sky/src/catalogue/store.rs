@@ -1,9 +1,10 @@
 //! The store: a chunked star set in one file, ready to be drawn.
 //!
-//! Layout, little-endian: a header of 64 bytes ([`Header`]), a description in UTF-8 (padded with zeros to 16 bytes), the
-//! table of chunks ([`StoredChunk`], 112 bytes each), the stars ([`PackedStar`], 16 bytes each). A CRC-32 (as in PNG and
-//! zlib) covers everything from the version to the end. The file is written beside its place and renamed, so that a
-//! reader never sees half of it; lengths are compared with the file's before anything is allocated.
+//! Layout, little-endian: a header of 64 bytes ([`Header`]), a description in UTF-8 (padded with zeros to a multiple
+//! of 16 bytes), the table of chunks ([`StoredChunk`], 112 bytes each), the stars ([`PackedStar`], 16 bytes each). A
+//! CRC-32 (as in PNG and zlib) covers everything from the version to the end. The file is written next to its
+//! destination and renamed, so that a reader never sees a part of it. Lengths in the header are compared with the
+//! file's length before anything is allocated.
 
 use std::io::{self, BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
@@ -26,25 +27,25 @@ pub const VERSION: u32 = 1;
 /// Longest description, bytes.
 const LONGEST_DESCRIPTION: usize = 1 << 16;
 
-/// Why a store cannot be written or read.
+/// Errors of writing and reading a store.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum StoreError {
-    /// The system refuses.
+    /// An I/O error.
     #[error("{}: {source}", path.display())]
     Io {
         /// The store.
         path: PathBuf,
-        /// What the system says.
+        /// The system's error.
         source: io::Error,
     },
-    /// The file is no store.
+    /// The file is not a store.
     #[error("{}: not a star store (it does not begin with {:?})", path.display(), "STERSTAR")]
     NotAStore {
         /// The file.
         path: PathBuf,
     },
-    /// A store of another version.
+    /// The store has another version.
     #[error("{}: store version {found}, this program reads version {VERSION}; import the catalogue again", path.display())]
     Version {
         /// The file.
@@ -57,7 +58,7 @@ pub enum StoreError {
     Damaged {
         /// The file.
         path: PathBuf,
-        /// What does not fit.
+        /// Description of the damage.
         problem: String,
     },
 }
@@ -75,7 +76,7 @@ struct Header {
     reserved: [u8; 24],
 }
 
-/// A [`Chunk`] as it lies in the file.
+/// A [`Chunk`] as stored in the file.
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
 struct StoredChunk {
@@ -133,13 +134,13 @@ impl From<&StoredChunk> for Chunk {
 /// A store in memory.
 #[derive(Clone, Debug, Default)]
 pub struct Store {
-    /// Where the stars come from, for people.
+    /// Source of the stars, as text for people.
     pub description: String,
     /// The stars.
     pub stars: StarSet,
 }
 
-/// Whether the file begins as a store does. A file that is too short for it is none.
+/// Returns whether the file begins with the magic bytes of a store; false for a file shorter than those.
 pub fn is_store(path: &Path) -> Result<bool, StoreError> {
     let io_error = |source| StoreError::Io { path: path.to_owned(), source };
     let mut start = Vec::with_capacity(MAGIC.len());
@@ -153,7 +154,8 @@ pub fn write(path: &Path, store: &Store) -> Result<(), StoreError> {
     let io_error = |source| StoreError::Io { path: path.to_owned(), source };
     let mut description = store.description.clone().into_bytes();
     if description.len() > LONGEST_DESCRIPTION {
-        let problem = format!("description of {} bytes, at most {LONGEST_DESCRIPTION} fit", description.len());
+        let problem =
+            format!("its description has {} bytes and must have at most {LONGEST_DESCRIPTION}", description.len());
         return Err(StoreError::Damaged { path: path.to_owned(), problem });
     }
     let mut header = Header {
@@ -188,27 +190,29 @@ fn checksum(header: &Header, parts: [&[u8]; 3]) -> u32 {
     hasher.finalize()
 }
 
-/// Reads a store and checks it: magic, version, length, checksum, and that the chunks hold the stars.
+/// Reads a store and checks its magic, version, length and checksum, and that the chunks cover the stars.
 pub fn read(path: &Path) -> Result<Store, StoreError> {
     let io_error = |source| StoreError::Io { path: path.to_owned(), source };
     let damaged = |problem: String| StoreError::Damaged { path: path.to_owned(), problem };
     let mut file = files::open_regular(path).map_err(io_error)?;
     let length = file.metadata().map_err(io_error)?.len();
 
+    // Header.
     let mut start = Vec::with_capacity(size_of::<Header>());
     Read::by_ref(&mut file).take(size_of::<Header>() as u64).read_to_end(&mut start).map_err(io_error)?;
     if !start.starts_with(&MAGIC) {
         return Err(StoreError::NotAStore { path: path.to_owned() });
     }
     if start.len() < size_of::<Header>() {
-        return Err(damaged(format!("{length} bytes, less than its header")));
+        return Err(damaged(format!("its {length} bytes are fewer than those of a header")));
     }
     let header: Header = bytemuck::pod_read_unaligned(&start);
     if header.version != VERSION {
         return Err(StoreError::Version { path: path.to_owned(), found: header.version });
     }
 
-    // The lengths that the header tells must be the file's: nothing is allocated on the word of a damaged header.
+    // The lengths in the header must match the file's length, so that a damaged header cannot cause a huge
+    // allocation.
     let description_bytes = header.description_bytes.checked_next_multiple_of(16);
     let expected = description_bytes.and_then(|description| {
         let chunks = header.chunk_count.checked_mul(size_of::<StoredChunk>() as u64)?;
@@ -217,10 +221,11 @@ pub fn read(path: &Path) -> Result<Store, StoreError> {
     });
     if expected != Some(length) || header.star_count > u64::from(u32::MAX) {
         return Err(damaged(format!(
-            "{length} bytes do not fit {} chunks with {} stars: cut short or altered",
+            "{length} bytes do not match {} chunks with {} stars: truncated or altered",
             header.chunk_count, header.star_count
         )));
     }
+    // Contents and their checksum.
     let mut description = vec![0; description_bytes.unwrap_or(0) as usize];
     let mut chunks = vec![StoredChunk::zeroed(); header.chunk_count as usize];
     let mut stars = vec![PackedStar::zeroed(); header.star_count as usize];
@@ -229,9 +234,10 @@ pub fn read(path: &Path) -> Result<Store, StoreError> {
     file.read_exact(bytemuck::cast_slice_mut(&mut stars)).map_err(io_error)?;
     let found = checksum(&header, [&description, bytemuck::cast_slice(&chunks), bytemuck::cast_slice(&stars)]);
     if found != header.crc32 {
-        return Err(damaged(format!("checksum {found:08x}, written was {:08x}", header.crc32)));
+        return Err(damaged(format!("its checksum is {found:08x}, its header has {:08x}", header.crc32)));
     }
 
+    // The chunks must cover the stars without gaps.
     description.truncate(header.description_bytes as usize);
     let description = String::from_utf8(description).map_err(|_| damaged("its description is not UTF-8".to_owned()))?;
     let chunks: Vec<Chunk> = chunks.iter().map(Chunk::from).collect();
@@ -240,17 +246,17 @@ pub fn read(path: &Path) -> Result<Store, StoreError> {
         let end = chunk.first.checked_add(chunk.count);
         match end {
             Some(end) if chunk.first == next && end as usize <= stars.len() => next = end,
-            _ => return Err(damaged(format!("chunk {index} does not follow the one before it"))),
+            _ => return Err(damaged(format!("chunk {index} does not follow the previous one"))),
         }
     }
     if next as usize != stars.len() {
-        return Err(damaged(format!("its chunks hold {next} of {} stars", stars.len())));
+        return Err(damaged(format!("its chunks cover {next} of {} stars", stars.len())));
     }
     Ok(Store { description, stars: StarSet::new(chunks, stars) })
 }
 
-/// The stars of a set as records again, to be combined with those of other catalogues. Light and colour are those of the
-/// packed star: illuminance within 3.1e-5 and temperature within 0.13 % of the catalogue's.
+/// Converts the stars of a set back to records, to combine them with other catalogues. Light and colour are those of
+/// the packed stars: illuminance within 3.1e-5 and temperature within 0.13 % of the catalogue.
 pub fn records_of(set: &StarSet) -> Vec<StarRecord> {
     let mut records = Vec::with_capacity(set.stars.len());
     records.extend(set.iter().map(|(position, at_infinity, star)| {
@@ -293,7 +299,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_written_is_read() {
+    fn a_store_is_read_as_it_was_written() {
         let folder = tempfile::tempdir().unwrap();
         let (path, store) = written(&folder);
         let back = read(&path).unwrap();
@@ -305,7 +311,7 @@ mod tests {
     }
 
     #[test]
-    fn an_empty_set_is_a_store_too() {
+    fn an_empty_set_can_be_stored() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("none.stars");
         write(&path, &Store::default()).unwrap();
@@ -313,7 +319,7 @@ mod tests {
     }
 
     #[test]
-    fn every_cut_and_every_altered_byte_is_noticed() {
+    fn every_truncation_and_every_altered_byte_is_detected() {
         let folder = tempfile::tempdir().unwrap();
         let (path, _) = written(&folder);
         let whole = std::fs::read(&path).unwrap();
@@ -326,11 +332,11 @@ mod tests {
         std::fs::write(&path, [&whole[..], b"x"].concat()).unwrap();
         assert!(matches!(read(&path), Err(StoreError::Damaged { .. })));
         // Header, description, chunk table, stars.
-        for at in (0..200).chain((200..whole.len()).step_by(997)) {
+        for index in (0..200).chain((200..whole.len()).step_by(997)) {
             let mut bytes = whole.clone();
-            bytes[at] ^= 0x10;
+            bytes[index] ^= 0x10;
             std::fs::write(&path, &bytes).unwrap();
-            assert!(read(&path).is_err(), "byte {at}");
+            assert!(read(&path).is_err(), "byte {index}");
         }
     }
 

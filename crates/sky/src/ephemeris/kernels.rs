@@ -1,10 +1,13 @@
-//! SPK kernels of the SPICE toolkit, by `anise`: where bodies and spacecraft are that have a NAIF number.
+//! SPK kernels of the SPICE toolkit, read with `anise`: positions of bodies and spacecraft by NAIF number.
 //!
-//! A segment of a kernel has a body from its centre; the place from the barycentre of the Solar System is the sum along centres. The sum ends at that barycentre; at the Earth, whose place
-//! is that on which observers stand, so that satellites are as far from them as their kernel says; and at a body of the Solar System that no kernel has, which is where VSOP87 or ELP have it.
+//! A segment of a kernel gives a body relative to its centre; the position relative to the barycentre of the Solar
+//! System is the sum along the chain of centres. The chain ends at that barycentre; or at the Earth, whose position
+//! is the one on which observers are placed, so that satellites have the distance of their kernel; or at a body of
+//! the Solar System that no kernel has, which then has its position by VSOP87 or ELP.
 //!
-//! The barycentre of DE440 is not that of VSOP87: they are 1,000 to 1,400 km apart. So a sum that ends at the barycentre is moved by what kernels and VSOP87 differ in the place of the Earth, or of the Sun
-//! where no kernel has the Earth.
+//! The barycentre of DE440 differs from that of VSOP87 by 1,000 to 1,400 km. So a chain that ends at the barycentre
+//! is shifted by the difference between kernels and VSOP87 in the position of the Earth, or of the Sun if no kernel
+//! has the Earth.
 
 use std::{
     collections::{BTreeMap, HashSet},
@@ -24,35 +27,35 @@ use tracing::warn;
 use super::Ephemeris;
 use crate::solar_system::SolarBody;
 
-/// NAIF's numbers of the barycentre and of the Earth.
+/// NAIF numbers of the barycentre, the Earth and the Sun.
 const BARYCENTRE: i32 = 0;
 /// See [`BARYCENTRE`].
 const EARTH: i32 = 399;
 /// See [`BARYCENTRE`].
 const SUN: i32 = 10;
-/// NAIF's number of the axes of ICRS, which segments must be given on.
+/// NAIF number of the ICRS axes, on which segments must be given.
 const ICRS_AXES: i32 = 1;
-/// Centres from a spacecraft to the barycentre: far more than any kernel has.
+/// Largest number of centres between a spacecraft and the barycentre: far more than any kernel has.
 const MOST_CENTRES: usize = 16;
 
-/// A kernel that cannot be used.
+/// An unusable kernel.
 #[derive(Debug, Error)]
 #[error("{}: {problem}", file.display())]
 pub struct KernelError {
     /// The file.
     pub file: PathBuf,
-    /// What is wrong with it and what is allowed.
+    /// Description of the problem and of valid kernels.
     pub problem: String,
 }
 
-/// The kernels of a scene; later ones are looked at first.
+/// The kernels of a scene; later ones take precedence.
 pub struct Kernels {
     almanac: Almanac,
     files: Vec<PathBuf>,
-    /// First and last TDB, s since J2000.0, of each number.
+    /// First and last TDB, s since J2000.0, for each number.
     covered_s: BTreeMap<i32, [f64; 2]>,
-    /// Numbers of which it was said that they are not covered.
-    told: Mutex<HashSet<i32>>,
+    /// Numbers for which it was logged that a time is not covered.
+    reported: Mutex<HashSet<i32>>,
 }
 
 impl std::fmt::Debug for Kernels {
@@ -67,24 +70,25 @@ impl PartialEq for Kernels {
     }
 }
 
-/// What is known of the files that were read last.
+/// Paths, times and sizes of the files that were read last, and their kernels.
 type Held = Option<(Vec<(PathBuf, Option<SystemTime>, u64)>, Arc<Kernels>)>;
 
-/// The kernels that were read last: scenes are made anew for every change of a configuration, and kernels have up to a gigabyte.
+/// The kernels that were read last: a scene is rebuilt for every change of a configuration, and kernels have up to a
+/// gigabyte.
 static HELD: Mutex<Held> = Mutex::new(None);
 
 fn read(file: &Path) -> Result<SPK, KernelError> {
     let fault = |problem: String| KernelError { file: file.to_owned(), problem };
     let bytes = std::fs::read(file).map_err(|error| fault(error.to_string()))?;
     if !bytes.starts_with(b"DAF/SPK") {
-        return Err(fault("no SPK kernel: these begin with `DAF/SPK`".to_owned()));
+        return Err(fault("not an SPK kernel, which begins with `DAF/SPK`".to_owned()));
     }
     SPK::parse(bytes.as_slice()).map_err(|error| fault(error.to_string()))
 }
 
 impl Kernels {
-    /// Reads kernels; those that were read last are taken again while their files are the same. Errors: a file that cannot be read or is no SPK kernel, a segment on other axes than those of
-    /// ICRS (J2000).
+    /// Reads kernels; reuses the ones that were read last while their files are unchanged. Errors: a file that cannot
+    /// be read or is not an SPK kernel, and a segment on axes other than those of ICRS (J2000).
     pub fn load(files: &[PathBuf]) -> Result<Arc<Self>, KernelError> {
         let mut stamps = Vec::new();
         for file in files {
@@ -93,8 +97,8 @@ impl Kernels {
             stamps.push((file.clone(), stamp.modified().ok(), stamp.len()));
         }
         let mut held = HELD.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some((of, kernels)) = held.as_ref()
-            && *of == stamps
+        if let Some((loaded, kernels)) = held.as_ref()
+            && *loaded == stamps
         {
             return Ok(Arc::clone(kernels));
         }
@@ -111,10 +115,12 @@ impl Kernels {
             let fault = |problem: String| KernelError { file: file.clone(), problem };
             let kernel = read(file)?;
             for block in kernel.iter_summary_blocks() {
-                for segment in block.map_err(|error| fault(error.to_string()))?.iter().filter(|of| !of.is_empty()) {
+                for segment in
+                    block.map_err(|error| fault(error.to_string()))?.iter().filter(|summary| !summary.is_empty())
+                {
                     if segment.frame_id != ICRS_AXES {
                         let problem = format!(
-                            "the segment of {} is on axes {}: allowed are those of ICRS, {ICRS_AXES} (J2000)",
+                            "the segment of {} is on axes {}; they must be those of ICRS, {ICRS_AXES} (J2000)",
                             segment.target_id, segment.frame_id
                         );
                         return Err(fault(problem));
@@ -127,44 +133,45 @@ impl Kernels {
             }
             almanac = almanac.with_spk_as(kernel, Some(format!("{index}: {}", file.display())));
         }
-        // A place is known while all of its centres are.
+        // A position is known while all centres of its chain are.
         for _ in 0..MOST_CENTRES {
-            for (body, of) in &centres {
-                for centre in of.iter().filter(|centre| **centre != EARTH) {
+            for (body, centres_of_body) in &centres {
+                for centre in centres_of_body.iter().filter(|centre| **centre != EARTH) {
                     if let (Some(within), Some(covered)) = (covered_s.get(centre).copied(), covered_s.get_mut(body)) {
                         *covered = [covered[0].max(within[0]), covered[1].min(within[1])];
                     }
                 }
             }
         }
-        Ok(Self { almanac, files: files.to_owned(), covered_s, told: Mutex::default() })
+        Ok(Self { almanac, files: files.to_owned(), covered_s, reported: Mutex::default() })
     }
 
-    /// The numbers that the kernels have.
+    /// The numbers in the kernels.
     pub fn numbers(&self) -> impl Iterator<Item = i32> {
         self.covered_s.keys().copied()
     }
 
-    /// First and last TDB, s since J2000.0, at which the place of a number is known; `None`: no kernel has it.
+    /// First and last TDB, s since J2000.0, at which the position of a number is known; `None` if no kernel has it.
     pub fn covered_s(&self, number: i32) -> Option<[f64; 2]> {
         self.covered_s.get(&number).copied()
     }
 
-    /// Place of a number from the barycentre, ICRS axes, m, at a TDB, s since J2000.0; before and after what the kernels cover, as at the border, which is logged once. The error says why
-    /// there is none.
+    /// Position of a number relative to the barycentre, ICRS axes, m, at a TDB, s since J2000.0. Before and after the
+    /// time that the kernels cover, it is the position at the limit; this is logged once. The error says why the
+    /// position is unknown.
     pub fn barycentric_m(&self, number: i32, tdb_s: f64) -> Result<DVec3, String> {
         let [first, last] = self.covered_s(number).ok_or_else(|| self.unknown(number))?;
         if first > last {
-            return Err(format!("spk:{number}: its kernel and those of its centres have no time in common"));
+            return Err(format!("spk:{number}: its kernel and those of its centres cover no common time"));
         }
         let at_s = tdb_s.clamp(first, last);
-        if at_s != tdb_s && self.told.lock().unwrap_or_else(PoisonError::into_inner).insert(number) {
+        if at_s != tdb_s && self.reported.lock().unwrap_or_else(PoisonError::into_inner).insert(number) {
             warn!(
                 number,
                 tdb_s,
                 first,
                 last,
-                "the scene's time is beyond an SPK kernel: the body stays where the kernel begins or ends"
+                "the scene's time is outside an SPK kernel: the body stays at its first or last position"
             );
         }
         match self.summed_m(number, at_s)? {
@@ -173,7 +180,8 @@ impl Kernels {
         }
     }
 
-    /// Sum along the centres of a number, m, at a time that is covered, and the body at which it ends; `None`: at the barycentre of the kernels.
+    /// Sum along the chain of centres of a number, m, at a covered time, and the body at which it ends; `None` if it
+    /// ends at the barycentre of the kernels.
     fn summed_m(&self, number: i32, at_s: f64) -> Result<(DVec3, Option<SolarBody>), String> {
         let (mut body, mut place_m) = (number, DVec3::ZERO);
         for _ in 0..MOST_CENTRES {
@@ -194,27 +202,28 @@ impl Kernels {
         Err(format!("spk:{number}: more than {MOST_CENTRES} centres to the barycentre"))
     }
 
-    /// Where the barycentre of the kernels is from that of VSOP87, m; zero where they have neither the Earth nor the Sun.
+    /// Position of the kernels' barycentre relative to that of VSOP87, m; zero if they have neither the Earth nor the
+    /// Sun.
     fn barycentre_m(&self, tdb_s: f64) -> DVec3 {
         let by = |number: i32| {
             let [first, last] = self.covered_s(number).filter(|[first, last]| first <= last)?;
             let at_s = tdb_s.clamp(first, last);
-            // A sum that ends at another body says nothing of the barycentre.
+            // A chain that ends at another body does not define the barycentre.
             let (place_m, _) = self.summed_m(number, at_s).ok().filter(|(_, ours)| ours.is_none())?;
             Some(Ephemeris::Spk(number).stands_as()?.barycentric_m(at_s) - place_m)
         };
         by(EARTH).or_else(|| by(SUN)).unwrap_or_default()
     }
 
-    /// That no kernel has a number, and which there are.
+    /// Message that no kernel has a number, with the numbers that exist.
     pub fn unknown(&self, number: i32) -> String {
         let known: Vec<String> = self.numbers().map(|number| number.to_string()).collect();
-        format!("spk:{number}: no kernel of scene.kernels has it; they have {}", known.join(", "))
+        format!("spk:{number}: not in any kernel of scene.kernels, which have {}", known.join(", "))
     }
 }
 
 impl Ephemeris {
-    /// The body of the Solar System as which it stands and turns; `None`: one of its own.
+    /// The body of the Solar System with this ephemeris, whose rotation it has; `None` for any other body.
     pub fn stands_as(self) -> Option<SolarBody> {
         match self {
             Self::Of(body) => Some(body),

@@ -1,8 +1,8 @@
-//! Where the Sun, the planets and their largest moons are: VSOP87 for planets, ELP/MPP02 for the Moon, both measured against JPL's DE440 (`docs/sky.md`), fits of few terms for the
-//! moons of Jupiter and Saturn.
+//! Positions of the Sun, the planets and their largest moons: VSOP87 for planets and ELP/MPP02 for the Moon, both
+//! compared with JPL's DE440 (`docs/sky.md`), and fits of few terms for the moons of Jupiter and Saturn.
 //!
-//! Places are ICRS axes, m, as the bodies stand at a moment, without light time; times are TDB, s since J2000.0. TT serves as TDB: they differ by 1.7 ms at most, in which
-//! the Moon moves by 0.001 arcsec.
+//! Positions are geometric, without light time, on ICRS axes in m; times are TDB, s since J2000.0. TT is used as TDB:
+//! they differ by at most 1.7 ms, in which the Moon moves by 0.001 arcsec.
 
 mod kernels;
 mod moon;
@@ -22,13 +22,13 @@ use crate::{
 
 pub use kernels::{KernelError, Kernels};
 
-/// What says where a body is: `mars`, or `spk:-82` for what SPK kernels have under NAIF's number -82.
+/// Source of a body's position: `mars`, or `spk:-82` for the body with NAIF number -82 in SPK kernels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Deserialize)]
 #[serde(try_from = "String")]
 pub enum Ephemeris {
     /// The theories of this module.
     Of(SolarBody),
-    /// SPK kernels: NAIF's number.
+    /// SPK kernels, by NAIF number.
     Spk(i32),
 }
 
@@ -46,11 +46,11 @@ impl FromStr for Ephemeris {
 
     fn from_str(text: &str) -> Result<Self, String> {
         let number = text.strip_prefix("spk:").map(str::parse).transpose().map_err(|error| {
-            format!("`{text}`: {error}; after `spk:` NAIF's number of a body is needed, as in spk:-82")
+            format!("`{text}`: {error}; `spk:` must be followed by the NAIF number of a body, as in spk:-82")
         })?;
         let found = number.map(Self::Spk).or_else(|| SolarBody::from_name(text).map(Self::Of));
         found.ok_or_else(|| {
-            format!("`{text}`: allowed are {} and spk:NUMBER", SolarBody::ALL.map(SolarBody::name).join(", "))
+            format!("`{text}`: must be one of {}, or spk:NUMBER", SolarBody::ALL.map(SolarBody::name).join(", "))
         })
     }
 }
@@ -69,7 +69,8 @@ impl From<SolarBody> for Ephemeris {
     }
 }
 
-/// From the ecliptic and equinox of VSOP87 to the axes of FK5, which ICRS has within 0.03 arcsec (the authors' `vsop87.doc`).
+/// From the ecliptic and equinox of VSOP87 to the axes of FK5, which agree with ICRS within 0.03 arcsec (the authors'
+/// `vsop87.doc`).
 const ICRS_FROM_VSOP: DMat3 = DMat3::from_cols_array(&[
     1.0,
     -0.000_000_479_966,
@@ -81,8 +82,8 @@ const ICRS_FROM_VSOP: DMat3 = DMat3::from_cols_array(&[
     -0.397_776_982_902,
     0.917_482_137_087,
 ]);
-/// Obliquity of the inertial mean ecliptic of J2000.0 in ICRS and the place of its equinox, rad (J. Chapront, M. Chapront-Touze and G. Francou, Astronomy and Astrophysics 387,
-/// 700, 2002).
+/// Obliquity of the inertial mean ecliptic of J2000.0 in ICRS and position of its equinox, rad (J. Chapront, M.
+/// Chapront-Touze and G. Francou, Astronomy and Astrophysics 387, 700, 2002).
 const LUNAR_OBLIQUITY: f64 = 84_381.411 * ARCSECOND_RAD;
 const LUNAR_EQUINOX: f64 = -0.055_42 * ARCSECOND_RAD;
 
@@ -94,7 +95,7 @@ fn julian_centuries(tdb_s: f64) -> f64 {
     tdb_s / (36_525.0 * DAY_S)
 }
 
-/// The rows of a table that is part of the program.
+/// Parses the rows of a table that is compiled into the program.
 fn table<T: DeserializeOwned>(text: &str) -> Result<Vec<T>, csv::Error> {
     csv::ReaderBuilder::new().comment(Some(b'#')).from_reader(text.as_bytes()).deserialize().collect()
 }
@@ -105,7 +106,8 @@ pub fn icrs_from_ecliptic() -> DMat3 {
 }
 
 impl SolarBody {
-    /// Its centre from the barycentre of the Solar System, m; of planets with moons that of the whole system, but for the Earth, and their moons stand around that.
+    /// Position of the body's centre relative to the barycentre of the Solar System, m. For planets with moons,
+    /// except the Earth, it is the barycentre of their system, around which their moons are placed.
     pub fn barycentric_m(self, tdb_s: f64) -> DVec3 {
         let sun_m = planets::sun_m(tdb_s);
         match self {
@@ -119,19 +121,20 @@ impl SolarBody {
         }
     }
 
-    /// Its velocity, m/s, by central differences.
+    /// Velocity, m/s, by central differences.
     pub fn velocity_m_s(self, tdb_s: f64) -> DVec3 {
         const STEP_S: f64 = 600.0;
         (self.barycentric_m(tdb_s + STEP_S) - self.barycentric_m(tdb_s - STEP_S)) / (2.0 * STEP_S)
     }
 
-    /// Where it was when the light left it that reaches `observer_m` at a time: from the observer, m.
+    /// Position relative to `observer_m` at the time when the light left the body that arrives at `tdb_s`, m.
     pub fn astrometric_m(self, observer_m: DVec3, tdb_s: f64) -> DVec3 {
         astrometric_m(|at_s| self.barycentric_m(at_s), observer_m, tdb_s)
     }
 }
 
-/// Where something was when the light left it that reaches `observer_m` at a time: from the observer, m; `barycentric_m` is its place by time.
+/// Position of a body relative to `observer_m` at the time when the light left it that arrives at `tdb_s`, m;
+/// `barycentric_m` is its position by time.
 pub fn astrometric_m(barycentric_m: impl Fn(f64) -> DVec3, observer_m: DVec3, tdb_s: f64) -> DVec3 {
     let now_m = barycentric_m(tdb_s) - observer_m;
     let before_s = now_m.length() / LIGHT_M_S;
@@ -139,7 +142,8 @@ pub fn astrometric_m(barycentric_m: impl Fn(f64) -> DVec3, observer_m: DVec3, td
         return now_m;
     }
     let before_m = barycentric_m(tdb_s - before_s) - observer_m;
-    // Speeds are below 5e-4 of light's: what is left of the light time is as much of it, in which bodies go straight.
+    // Speeds are below 5e-4 c: the remaining error of the light time shrinks by that factor, and bodies move in
+    // straight lines during it.
     let left_s = before_m.length() / LIGHT_M_S - before_s;
     before_m + (before_m - now_m) * (left_s / before_s)
 }

@@ -1,5 +1,6 @@
-//! The Moon: the semi-analytical theory ELP/MPP02 (J. Chapront and G. Francou, "The lunar theory ELP revisited", Astronomy and Astrophysics 404, 735, 2003), cut at 0.01 arcsec.
-//! Against JPL's DE440 from 1900 to 2100 it is off by 0.12 arcsec in the mean and 0.47 at most, and by 0.6 km in distance.
+//! The Moon: the semi-analytical theory ELP/MPP02 (J. Chapront and G. Francou, "The lunar theory ELP revisited",
+//! Astronomy and Astrophysics 404, 735, 2003), truncated at 0.01 arcsec. Compared with JPL's DE440 from 1900 to 2100,
+//! its mean error is 0.12 arcsec, its largest 0.47, and 0.6 km in distance.
 
 use std::sync::LazyLock;
 
@@ -19,7 +20,7 @@ const MEAN_LONGITUDE: [f64; 5] = [
     3.201_709_550_047_375e-8,
     -1.536_374_555_436_119_7e-10,
 ];
-/// Laskar's P and Q of the mean ecliptic of date, by powers of time from the first.
+/// Laskar's P and Q of the mean ecliptic of date, by powers of time, starting at the first.
 const P: [f64; 5] = [1.018_039_1e-5, 4.702_043_9e-7, -5.417_367e-10, -2.507_948e-12, 4.634_86e-15];
 const Q: [f64; 5] = [-1.134_690_02e-4, 1.237_267_4e-7, 1.265_417e-9, -1.371_808e-12, -3.203_34e-15];
 
@@ -44,7 +45,7 @@ struct Term {
 }
 
 impl Term {
-    fn at(&self, t: f64) -> f64 {
+    fn value(&self, t: f64) -> f64 {
         let phase = self.phase_0 + t * (self.phase_1 + t * (self.phase_2 + t * (self.phase_3 + t * self.phase_4)));
         self.amplitude * t.powi(self.power) * phase.sin()
     }
@@ -53,10 +54,12 @@ impl Term {
 #[allow(clippy::expect_used, reason = "the file is part of the program, and a test reads it")]
 static TERMS: LazyLock<Vec<Term>> = LazyLock::new(|| super::table(include_str!("moon.csv")).expect("the Moon's terms"));
 
-/// The Moon's centre from the Earth's, ICRS axes, m, without light time; `tdb_s` is TDB, s since J2000.0.
+/// The Moon's centre relative to the Earth's, ICRS axes, m, without light time; `tdb_s` is TDB, s since J2000.0.
 pub(super) fn geocentric_m(tdb_s: f64) -> DVec3 {
     let t = julian_centuries(tdb_s);
-    let sum = |of: Coordinate| TERMS.iter().filter(|term| term.coordinate == of).map(|term| term.at(t)).sum::<f64>();
+    let sum = |coordinate: Coordinate| {
+        TERMS.iter().filter(|term| term.coordinate == coordinate).map(|term| term.value(t)).sum::<f64>()
+    };
     let longitude = polynomial(&MEAN_LONGITUDE, t) + sum(Coordinate::Longitude) * ARCSECOND_RAD;
     let latitude = sum(Coordinate::Latitude) * ARCSECOND_RAD;
     let distance_m = 1e3 * SCALE * sum(Coordinate::Distance);

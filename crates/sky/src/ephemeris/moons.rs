@@ -1,5 +1,6 @@
-//! The largest moons of Jupiter and Saturn: equinoctial elements as sums of few periodic terms, fitted to JPL's jup365 and to TASS 1.7 (`moons.csv`). From 1931 to 2068 Jupiter's are
-//! off by 55 km in the mean (0.02 arcsec) and 131 km at most, where their fit did not see them; Titan by 36 and 84 km from 1800 to 2200.
+//! The largest moons of Jupiter and Saturn: equinoctial elements as sums of few periodic terms, fitted to JPL's
+//! jup365 and to TASS 1.7 (`moons.csv`). From 1931 to 2068, at times outside the fit, Jupiter's moons have an error
+//! of 55 km on average (0.02 arcsec) and 131 km at most; Titan of 36 and 84 km from 1800 to 2200.
 
 use std::sync::LazyLock;
 
@@ -9,7 +10,8 @@ use serde::Deserialize;
 use super::table;
 use crate::{solar_system::SolarBody, units::DAY_S};
 
-/// The equators of Jupiter and Saturn at J2000.0: right ascension of the node, inclination, rad, on that of ICRS.
+/// Equators of Jupiter and Saturn at J2000.0: right ascension of the node and inclination, rad, relative to the ICRS
+/// equator.
 const JUPITER_EQUATOR: [f64; 2] = [6.249_501_830_657_15, 0.445_094_736_497_665];
 /// See [`JUPITER_EQUATOR`].
 const SATURN_EQUATOR: [f64; 2] = [2.279_208_016_886_875, 0.112_800_629_556_393];
@@ -36,21 +38,21 @@ struct Term {
 #[allow(clippy::expect_used, reason = "the file is part of the program, and a test reads it")]
 static TERMS: LazyLock<Vec<Term>> = LazyLock::new(|| table(include_str!("moons.csv")).expect("the terms of the moons"));
 
-/// Equinoctial elements on the equator of a planet.
+/// Equinoctial elements relative to the equator of a planet.
 #[derive(Clone, Copy, Debug, Default)]
 struct Elements {
     /// Semi-major axis, km.
     distance_km: f64,
     /// Mean longitude, rad.
     longitude_rad: f64,
-    /// Eccentricity by the cosine and the sine of the longitude of the pericentre.
+    /// Eccentricity times the cosine and the sine of the longitude of the pericentre.
     eccentricity: DVec2,
-    /// Sine of half the inclination by the cosine and the sine of the longitude of the node.
+    /// Sine of half the inclination times the cosine and the sine of the longitude of the node.
     inclination: DVec2,
 }
 
 impl Elements {
-    fn of(moon: SolarBody, days: f64) -> Self {
+    fn new(moon: SolarBody, days: f64) -> Self {
         let mut elements = Self::default();
         for Term { element, amplitude, phase, frequency, .. } in TERMS.iter().filter(|term| term.moon == moon) {
             let (sin, cos) = (phase + frequency * days).sin_cos();
@@ -65,12 +67,13 @@ impl Elements {
         elements
     }
 
-    /// The place that they are of, km (R. A. Broucke and P. J. Cefola, "On the equinoctial orbit elements", Celestial Mechanics 5, 303, 1972, with the sine of half the inclination for
-    /// its tangent).
+    /// Position of these elements, km (R. A. Broucke and P. J. Cefola, "On the equinoctial orbit elements", Celestial
+    /// Mechanics 5, 303, 1972, with the sine of half the inclination instead of its tangent).
     fn place_km(&self) -> DVec3 {
         let DVec2 { x: k, y: h } = self.eccentricity;
         let DVec2 { x: q, y: p } = self.inclination;
-        // Kepler's equation; eccentricities are below 0.03: Newton's steps from the mean longitude gain more than three digits each.
+        // Solve Kepler's equation. Eccentricities are below 0.03: each Newton step from the mean longitude gains more
+        // than three digits.
         let mut eccentric = self.longitude_rad;
         for _ in 0..4 {
             let (sin, cos) = eccentric.sin_cos();
@@ -87,7 +90,8 @@ impl Elements {
     }
 }
 
-/// A moon from the middle of its planet, ICRS axes, m, without light time; `tdb_s` is TDB, s since J2000.0. At the middle itself what is none of these moons.
+/// Position of a moon relative to its planet's centre, ICRS axes, m, without light time; `tdb_s` is TDB, s since
+/// J2000.0. Zero for any body that is not one of these moons.
 pub(super) fn planetocentric_m(moon: SolarBody, tdb_s: f64) -> DVec3 {
     let [node, inclination] = match moon.planet() {
         Some(SolarBody::Jupiter) => JUPITER_EQUATOR,
@@ -95,18 +99,19 @@ pub(super) fn planetocentric_m(moon: SolarBody, tdb_s: f64) -> DVec3 {
         _ => return DVec3::ZERO,
     };
     let icrs_from_equator = DMat3::from_rotation_z(node) * DMat3::from_rotation_x(inclination);
-    icrs_from_equator * Elements::of(moon, tdb_s / DAY_S).place_km() * 1e3
+    icrs_from_equator * Elements::new(moon, tdb_s / DAY_S).place_km() * 1e3
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
+#[allow(clippy::unwrap_used, reason = "tests may panic")]
 mod tests {
     use super::*;
     use crate::units::{ASTRONOMICAL_UNIT_M, J2000_JD};
 
-    /// Places by JPL's ephemeris jup365 (Horizons, geometric, from the middle of Jupiter, ICRF), AU, at Julian dates of TDB.
+    /// Positions from JPL's ephemeris jup365 (Horizons, geometric, relative to Jupiter's centre, ICRF), AU, at Julian
+    /// dates of TDB.
     const OF_JPL: &str = include_str!("../../../../tests/data/jupiter_moons.csv");
-    /// Places by TASS 1.7, alike.
+    /// Positions from TASS 1.7, in the same form.
     const OF_TASS: &str = include_str!("../../../../tests/data/titan.csv");
 
     #[derive(Deserialize)]
@@ -127,9 +132,9 @@ mod tests {
         table(expected).unwrap().into_iter().map(error).collect()
     }
 
-    /// Root of the mean square of a moon's errors and the largest, km, and their number.
+    /// Root mean square of a moon's errors and the largest, km, and their number.
     fn errors_of(moon: SolarBody, errors: &[(SolarBody, f64)]) -> [f64; 3] {
-        let of_moon = errors.iter().filter(|(of, _)| *of == moon).map(|(_, km)| *km).collect::<Vec<_>>();
+        let of_moon = errors.iter().filter(|(body, _)| *body == moon).map(|(_, km)| *km).collect::<Vec<_>>();
         let rms = (of_moon.iter().map(|km| km * km).sum::<f64>() / of_moon.len() as f64).sqrt();
         let most = of_moon.iter().copied().fold(0.0, f64::max);
         println!("{}: {} places, rms {rms:.0} km, at most {most:.0} km", moon.name(), of_moon.len());
@@ -137,26 +142,26 @@ mod tests {
     }
 
     #[test]
-    fn moons_of_jupiter_are_where_jpl_has_them() {
+    fn moons_of_jupiter_match_jpl_positions() {
         let errors = errors_km(OF_JPL, 0.0);
         for moon in [SolarBody::Io, SolarBody::Europa, SolarBody::Ganymede, SolarBody::Callisto] {
             let [rms, most, places] = errors_of(moon, &errors);
             assert!(places >= 40.0 && rms < 65.0 && most < 150.0, "{moon:?}");
         }
-        // A hundredth of a degree is too much.
+        // A rotation by a hundredth of a degree must fail.
         let turned = errors_km(OF_JPL, 1.7e-4);
         assert!(turned.iter().all(|(_, km)| km.is_finite()) && turned.iter().any(|(_, km)| *km > 250.0));
     }
 
     #[test]
-    fn titan_is_where_its_theory_has_it() {
+    fn titan_matches_its_theory() {
         let [rms, most, places] = errors_of(SolarBody::Titan, &errors_km(OF_TASS, 0.0));
         assert!(places >= 40.0 && rms < 45.0 && most < 90.0);
         assert!(errors_of(SolarBody::Titan, &errors_km(OF_TASS, 1.7e-4))[0] > 70.0);
     }
 
     #[test]
-    fn all_terms_are_of_moons_that_have_a_planet() {
+    fn every_term_belongs_to_a_moon_with_a_planet() {
         for term in TERMS.iter() {
             assert!(term.moon.planet().is_some() && term.amplitude.is_finite(), "{term:?}");
         }

@@ -1,5 +1,7 @@
-//! The Sun and the planets by VSOP87 (P. Bretagnon and G. Francou, "Planetary theories in rectangular and spherical variables", Astronomy and Astrophysics 202, 309, 1988), all
-//! terms. Uranus and Neptune, whose orbits were less well known then, are corrected to DE440 from 1800 to 2200; before and after the correction stays as it is at the border.
+//! The Sun and the planets by VSOP87 (P. Bretagnon and G. Francou, "Planetary theories in rectangular and spherical
+//! variables", Astronomy and Astrophysics 202, 309, 1988), all terms. Uranus and Neptune, whose orbits were less well
+//! known then, are corrected to DE440 from 1800 to 2200; outside these years the correction keeps its value at the
+//! limit.
 
 use std::sync::LazyLock;
 
@@ -10,10 +12,10 @@ use vsop87::{RectangularCoordinates, vsop87a, vsop87e};
 use super::{ICRS_FROM_VSOP, julian_date, table};
 use crate::{solar_system::SolarBody, units::ASTRONOMICAL_UNIT_M};
 
-/// Years that the correction is for, Julian dates.
+/// Range of the correction, Julian dates.
 const CORRECTED_JD: [f64; 2] = [2_378_496.5, 2_524_593.5];
 
-/// A Chebyshev polynomial's coefficient, AU times 1e-9.
+/// A Chebyshev coefficient, 1e-9 AU.
 #[derive(Clone, Copy, Debug, Deserialize)]
 struct Coefficient {
     planet: SolarBody,
@@ -41,12 +43,12 @@ fn correction_m(planet: SolarBody, jd: f64) -> DVec3 {
     sum * (1e-9 * ASTRONOMICAL_UNIT_M)
 }
 
-/// The Sun from the barycentre, ICRS axes, m; `tdb_s` is TDB, s since J2000.0.
+/// Position of the Sun relative to the barycentre, ICRS axes, m; `tdb_s` is TDB, s since J2000.0.
 pub(super) fn sun_m(tdb_s: f64) -> DVec3 {
     icrs_m(&vsop87e::sun(julian_date(tdb_s)))
 }
 
-/// A planet from the Sun, likewise; the Sun and moons, whose places others know, are at its centre.
+/// Position of a planet relative to the Sun, likewise; zero for the Sun and for moons, which other modules place.
 pub(super) fn heliocentric_m(planet: SolarBody, tdb_s: f64) -> DVec3 {
     let jd = julian_date(tdb_s);
     let place = match planet {

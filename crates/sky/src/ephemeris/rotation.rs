@@ -1,5 +1,7 @@
-//! How the Sun, the planets and their largest moons stand: poles and prime meridians of B. A. Archinal et al., "Report of the IAU Working Group on Cartographic Coordinates and Rotational
-//! Elements: 2015", Celestial Mechanics and Dynamical Astronomy 130, 22, 2018. Terms below 0.1 degrees are left out where they have arguments of their own, but for the Moon, whose terms are all here.
+//! Orientation of the Sun, the planets and their largest moons: poles and prime meridians of B. A. Archinal et al.,
+//! "Report of the IAU Working Group on Cartographic Coordinates and Rotational Elements: 2015", Celestial Mechanics
+//! and Dynamical Astronomy 130, 22, 2018. Terms below 0.1 degrees with separate arguments are left out, except for
+//! the Moon, whose terms are complete.
 
 use glam::DQuat;
 
@@ -29,7 +31,8 @@ const MOON_ARGUMENTS: [[f64; 2]; 13] = [
     [239.961, 0.164_357_3],
     [25.053, 12.959_008_8],
 ];
-/// Factors of their sines in the pole's right ascension, of their cosines in its declination, of their sines in the meridian, degrees.
+/// Coefficients of the sines in the pole's right ascension, of the cosines in its declination, and of the sines in
+/// the meridian, degrees.
 const MOON_TERMS: [[f64; 3]; 13] = [
     [-3.8787, 1.5419, 3.5610],
     [-0.1204, 0.0239, 0.1208],
@@ -61,10 +64,11 @@ fn moon(d: f64, t: f64) -> Elements {
     elements
 }
 
-/// Arguments J4 to J7 of Jupiter's moons: at J2000.0 and per century, degrees. What J3 and J8 do is below 0.1 and 0.01 degrees.
+/// Arguments J4 to J7 of Jupiter's moons: at J2000.0 and per century, degrees. The terms of J3 and J8 are below 0.1
+/// and 0.01 degrees.
 const JOVIAN_ARGUMENTS: [[f64; 2]; 4] = [[355.80, 1191.3], [119.90, 262.1], [229.80, 64.3], [352.25, 2382.6]];
 
-/// A moon of Jupiter: pole and meridian without terms, factors of the terms as in [`MOON_TERMS`].
+/// A moon of Jupiter: pole and meridian without periodic terms, and coefficients of the terms as in [`MOON_TERMS`].
 fn jovian(d: f64, t: f64, pole: [f64; 2], meridian: [f64; 2], terms: [[f64; 3]; 4]) -> Elements {
     let mut elements = Elements {
         pole_ra: pole[0] - 0.009 * t,
@@ -81,25 +85,25 @@ fn jovian(d: f64, t: f64, pole: [f64; 2], meridian: [f64; 2], terms: [[f64; 3]; 
 }
 
 fn elements(body: SolarBody, d: f64, t: f64) -> Elements {
-    let of = |pole_ra: f64, pole_dec: f64, meridian: f64| Elements { pole_ra, pole_dec, meridian };
+    let make = |pole_ra: f64, pole_dec: f64, meridian: f64| Elements { pole_ra, pole_dec, meridian };
     let slow = |at_start: f64| (at_start + 0.504_261_5 * t).to_radians();
     match body {
-        SolarBody::Sun => of(286.13, 63.87, 84.176 + 14.184_4 * d),
-        SolarBody::Mercury => of(281.0103 - 0.0328 * t, 61.4155 - 0.0049 * t, 329.5988 + 6.138_510_8 * d),
-        SolarBody::Venus => of(272.76, 67.16, 160.20 - 1.481_368_8 * d),
-        SolarBody::Earth => of(-0.641 * t, 90.0 - 0.557 * t, 190.147 + 360.985_623_5 * d),
+        SolarBody::Sun => make(286.13, 63.87, 84.176 + 14.184_4 * d),
+        SolarBody::Mercury => make(281.0103 - 0.0328 * t, 61.4155 - 0.0049 * t, 329.5988 + 6.138_510_8 * d),
+        SolarBody::Venus => make(272.76, 67.16, 160.20 - 1.481_368_8 * d),
+        SolarBody::Earth => make(-0.641 * t, 90.0 - 0.557 * t, 190.147 + 360.985_623_5 * d),
         SolarBody::Moon => moon(d, t),
-        SolarBody::Mars => of(
+        SolarBody::Mars => make(
             317.269_202 - 0.109_275_47 * t + 0.419_057 * slow(79.398_797).sin(),
             54.432_516 - 0.058_271_05 * t + 1.591_274 * slow(166.325_722).cos(),
             176.049_863 + 350.891_982_443_297 * d + 0.584_542 * slow(95.391_654).sin(),
         ),
-        SolarBody::Jupiter => of(268.056_595 - 0.006_499 * t, 64.495_303 + 0.002_413 * t, 284.95 + 870.536 * d),
-        SolarBody::Saturn => of(40.589 - 0.036 * t, 83.537 - 0.004 * t, 38.90 + 810.793_902_4 * d),
-        SolarBody::Uranus => of(257.311, -15.175, 203.81 - 501.160_092_8 * d),
+        SolarBody::Jupiter => make(268.056_595 - 0.006_499 * t, 64.495_303 + 0.002_413 * t, 284.95 + 870.536 * d),
+        SolarBody::Saturn => make(40.589 - 0.036 * t, 83.537 - 0.004 * t, 38.90 + 810.793_902_4 * d),
+        SolarBody::Uranus => make(257.311, -15.175, 203.81 - 501.160_092_8 * d),
         SolarBody::Neptune => {
             let (sin, cos) = (357.85 + 52.316 * t).to_radians().sin_cos();
-            of(299.36 + 0.70 * sin, 43.46 - 0.51 * cos, 249.978 + 541.139_775_7 * d - 0.48 * sin)
+            make(299.36 + 0.70 * sin, 43.46 - 0.51 * cos, 249.978 + 541.139_775_7 * d - 0.48 * sin)
         }
         SolarBody::Io => {
             let terms = [[0.024, 0.011, -0.022], [0.0; 3], [0.0; 3], [0.0; 3]];
@@ -118,12 +122,12 @@ fn elements(body: SolarBody, d: f64, t: f64) -> Elements {
             let terms = [[0.0; 3], [-0.068, -0.029, 0.061], [0.590, 0.254, -0.533], [0.0; 3]];
             jovian(d, t, [268.72, 64.83], [259.51, 21.571_071_5], terms)
         }
-        SolarBody::Titan => of(39.4827, 83.4279, 186.5855 + 22.576_976_8 * d),
+        SolarBody::Titan => make(39.4827, 83.4279, 186.5855 + 22.576_976_8 * d),
     }
 }
 
 impl SolarBody {
-    /// Rotation from the body's axes (z to its north pole, x to its prime meridian) to those of ICRS at a time.
+    /// Rotation from the body's axes (z to its north pole, x to its prime meridian) to ICRS at a time.
     pub fn icrs_from_body(self, tdb_s: f64) -> DQuat {
         let Elements { pole_ra, pole_dec, meridian } = elements(self, tdb_s / DAY_S, julian_centuries(tdb_s));
         let [node, inclination, meridian] =
@@ -139,12 +143,12 @@ mod tests {
     use super::*;
     use crate::coordinates::lon_lat_from_direction;
 
-    /// s since J2000.0 of a Julian date.
+    /// Seconds since J2000.0 of a Julian date.
     fn tdb_s(jd: f64) -> f64 {
         (jd - crate::units::J2000_JD) * DAY_S
     }
 
-    /// Longitude (east positive) and latitude of the middle of a disc that is seen from the Earth's centre, degrees.
+    /// Longitude (east positive) and latitude of the centre of a disc seen from the Earth's centre, degrees.
     fn middle_deg(body: SolarBody, jd: f64) -> [f64; 2] {
         let now_s = tdb_s(jd);
         let earth_m = SolarBody::Earth.barycentric_m(now_s);
@@ -155,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn middles_of_discs_are_those_of_almanacs() {
+    fn sub_earth_points_match_published_ones() {
         // J. Meeus, "Astronomical Algorithms", examples 53.a (the Moon's librations, 1992-04-12) and 42.a (Mars, 1992-11-09).
         let [longitude, latitude] = middle_deg(SolarBody::Moon, 2_448_724.5);
         assert!((longitude - 360.0 + 1.23).abs() < 0.05 && (latitude - 4.20).abs() < 0.05, "{longitude} {latitude}");
@@ -164,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn the_earth_stands_as_sidereal_time_has_it() {
+    fn the_earths_rotation_matches_sidereal_time() {
         // Greenwich sidereal time of 2000-01-01T12:00 UT1: 280.461 degrees.
         let greenwich = SolarBody::Earth.icrs_from_body(64.0) * DVec3::X;
         let (longitude, latitude) = lon_lat_from_direction(greenwich);
@@ -173,7 +177,8 @@ mod tests {
 
     #[test]
     fn moons_turn_one_face_to_their_planet() {
-        // Degrees: where the planet stands in the mean, since meridians are those of craters; libration in longitude, about twice the eccentricity; and in latitude, the tilt of the axis to the orbit.
+        // Degrees: mean position of the planet, not zero because meridians are defined by craters; libration in
+        // longitude, about twice the eccentricity; and libration in latitude, the tilt of the axis to the orbit.
         let most_deg = [
             (SolarBody::Moon, [0.5, 8.5, 7.3]),
             (SolarBody::Io, [0.6, 0.7, 0.1]),

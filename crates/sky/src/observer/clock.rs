@@ -1,4 +1,4 @@
-//! From civil time to the time that the Earth turns by (UT1) and the one that planets move by (TT).
+//! Conversion of civil time to the time of the Earth's rotation (UT1) and the time of planetary motion (TT).
 
 use sofars::{cal::jd2cal, ts::dat};
 
@@ -9,15 +9,16 @@ use crate::{
 
 /// TT - TAI, s.
 const TT_TAI_S: f64 = 32.184;
-/// When leap seconds begin, 1972-01-01T00:00:00Z, s since 2000-01-01T12:00:00Z.
+/// Start of leap seconds, 1972-01-01T00:00:00Z, s since 2000-01-01T12:00:00Z.
 const LEAP_SECONDS_BEGIN_S: f64 = -10_227.5 * DAY_S;
 
-/// What is known of the Earth's rotation. Times are s since 2000-01-01T12:00:00 with days of 86,400 s, as [`SceneObjects::time_s`](crate::scene::SceneObjects::time_s) has them.
+/// Parameters of the Earth's rotation. Times are s since 2000-01-01T12:00:00 with days of 86,400 s, as in
+/// [`SceneObjects::time_s`](crate::scene::SceneObjects::time_s).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Clock {
-    /// UT1 less the civil time, s; below 0.9 from 1972 on, where that is UTC.
+    /// UT1 minus civil time, s; below 0.9 from 1972 on, where civil time is UTC.
     pub ut1_minus_utc_s: f64,
-    /// TT - UT1, s. `None`: from the leap seconds since 1972, and estimated before.
+    /// TT - UT1, s. `None`: derived from the leap seconds since 1972, and estimated before.
     pub delta_t_s: Option<f64>,
 }
 
@@ -37,28 +38,32 @@ impl Clock {
     }
 }
 
-/// TAI - UTC, s, from 1972 on; of dates beyond any calendar what is known last.
+/// TAI - UTC, s, from 1972 on; for dates beyond the calendar, the last known value.
 fn leap_seconds_s(time_s: f64) -> f64 {
     let date = jd2cal(J2000_JD, time_s / DAY_S);
     date.and_then(|(year, month, day, _)| dat(year, month, day, 0.0)).unwrap_or(37.0)
 }
 
-/// TT - UT1 before leap seconds, s, by polynomials (F. Espenak and J. Meeus, "Five Millennium Canon of Solar Eclipses", NASA/TP-2006-214141): within 1 s from 1800, within
-/// minutes in antiquity.
+/// TT - UT1 before leap seconds, s, by polynomials (F. Espenak and J. Meeus, "Five Millennium Canon of Solar
+/// Eclipses", NASA/TP-2006-214141); within 1 s from 1800 on, within minutes in antiquity.
 fn estimated_delta_t_s(time_s: f64) -> f64 {
     let year = 2000.0 + time_s / (JULIAN_YEAR_S);
-    let of = |from: f64, unit: f64, coefficients: &[f64]| polynomial(coefficients, (year - from) / unit);
+    let series = |from: f64, unit: f64, coefficients: &[f64]| polynomial(coefficients, (year - from) / unit);
     match year {
-        ..-500.0 => of(1820.0, 100.0, &[-20.0, 0.0, 32.0]),
-        -500.0..500.0 => {
-            of(0.0, 100.0, &[10_583.6, -1_014.41, 33.783_11, -5.952_053, -0.179_845_2, 0.022_174_192, 0.009_031_652_1])
-        }
-        500.0..1600.0 => {
-            of(1000.0, 100.0, &[1_574.2, -556.01, 71.234_72, 0.319_781, -0.850_346_3, -0.005_050_998, 0.008_357_207_3])
-        }
-        1600.0..1700.0 => of(1600.0, 1.0, &[120.0, -0.9808, -0.015_32, 1.0 / 7129.0]),
-        1700.0..1800.0 => of(1700.0, 1.0, &[8.83, 0.1603, -0.005_928_5, 0.000_133_36, -1.0 / 1_174_000.0]),
-        1800.0..1860.0 => of(
+        ..-500.0 => series(1820.0, 100.0, &[-20.0, 0.0, 32.0]),
+        -500.0..500.0 => series(
+            0.0,
+            100.0,
+            &[10_583.6, -1_014.41, 33.783_11, -5.952_053, -0.179_845_2, 0.022_174_192, 0.009_031_652_1],
+        ),
+        500.0..1600.0 => series(
+            1000.0,
+            100.0,
+            &[1_574.2, -556.01, 71.234_72, 0.319_781, -0.850_346_3, -0.005_050_998, 0.008_357_207_3],
+        ),
+        1600.0..1700.0 => series(1600.0, 1.0, &[120.0, -0.9808, -0.015_32, 1.0 / 7129.0]),
+        1700.0..1800.0 => series(1700.0, 1.0, &[8.83, 0.1603, -0.005_928_5, 0.000_133_36, -1.0 / 1_174_000.0]),
+        1800.0..1860.0 => series(
             1800.0,
             1.0,
             &[
@@ -72,11 +77,13 @@ fn estimated_delta_t_s(time_s: f64) -> f64 {
                 0.000_000_000_875,
             ],
         ),
-        1860.0..1900.0 => of(1860.0, 1.0, &[7.62, 0.5737, -0.251_754, 0.016_806_68, -0.000_447_362_4, 1.0 / 233_174.0]),
-        1900.0..1920.0 => of(1900.0, 1.0, &[-2.79, 1.494_119, -0.059_893_9, 0.006_196_6, -0.000_197]),
-        1920.0..1941.0 => of(1920.0, 1.0, &[21.20, 0.844_93, -0.076_1, 0.002_093_6]),
-        1941.0..1961.0 => of(1950.0, 1.0, &[29.07, 0.407, -1.0 / 233.0, 1.0 / 2547.0]),
-        _ => of(1975.0, 1.0, &[45.45, 1.067, -1.0 / 260.0, -1.0 / 718.0]),
+        1860.0..1900.0 => {
+            series(1860.0, 1.0, &[7.62, 0.5737, -0.251_754, 0.016_806_68, -0.000_447_362_4, 1.0 / 233_174.0])
+        }
+        1900.0..1920.0 => series(1900.0, 1.0, &[-2.79, 1.494_119, -0.059_893_9, 0.006_196_6, -0.000_197]),
+        1920.0..1941.0 => series(1920.0, 1.0, &[21.20, 0.844_93, -0.076_1, 0.002_093_6]),
+        1941.0..1961.0 => series(1950.0, 1.0, &[29.07, 0.407, -1.0 / 233.0, 1.0 / 2547.0]),
+        _ => series(1975.0, 1.0, &[45.45, 1.067, -1.0 / 260.0, -1.0 / 718.0]),
     }
 }
 
@@ -85,15 +92,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn leap_seconds_are_those_of_their_dates_and_delta_t_goes_on_smoothly() {
+    fn leap_seconds_match_their_dates_and_delta_t_is_continuous() {
         for (jd, seconds) in
             [(2_441_317.5, 10.0), (2_451_544.5, 32.0), (2_457_753.5, 36.0), (2_457_754.5, 37.0), (2_490_000.5, 37.0)]
         {
             let time_s = (jd - J2000_JD) * DAY_S;
             let clock = Clock::default();
             assert!((clock.tt_s(time_s) - time_s - seconds - TT_TAI_S).abs() < 1e-6, "{jd}");
-            let given = Clock { ut1_minus_utc_s: 0.3, delta_t_s: Some(60.0) };
-            assert!((given.tt_s(time_s) - time_s - 60.3).abs() < 1e-6);
+            let custom = Clock { ut1_minus_utc_s: 0.3, delta_t_s: Some(60.0) };
+            assert!((custom.tt_s(time_s) - time_s - 60.3).abs() < 1e-6);
         }
         // Measured: 1900 -2.7 s, 1950 29.1, 1971 41.2 (IERS).
         for (year, seconds) in [(1900.0, -2.7), (1950.0, 29.1), (1971.0, 41.2)] {

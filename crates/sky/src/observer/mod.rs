@@ -1,6 +1,8 @@
-//! A place on the Earth at a moment: where its observer is among the planets, how fast, and how the horizon lies.
+//! An observer on the Earth: position and velocity in the Solar System at a moment, and the orientation of the
+//! horizon.
 //!
-//! Axes of the horizon are those of a camera that looks north: +x east, +y to the zenith (the normal of the ellipsoid), -z north. Azimuth counts from north through east.
+//! The horizon's axes are those of a camera that looks north: +x east, +y to the zenith (normal of the ellipsoid), -z
+//! north. Azimuth counts from north through east.
 
 mod clock;
 mod moment;

@@ -1,4 +1,4 @@
-//! What is seen at a moment: by an observer, or from nowhere in particular.
+//! Moments, with or without an observer, and the frames of reference that depend on them.
 
 use std::f64::consts::FRAC_PI_2;
 
@@ -15,46 +15,50 @@ use crate::{
     units::{DAY_S, LIGHT_M_S},
 };
 
-/// Stars are seen from where the observer is every so many seconds.
+/// Interval of the observer positions from which stars are seen, s.
 const VANTAGE_S: f64 = 0.5 * DAY_S;
 
 /// The observer of a scene.
 ///
-/// The place from which the scene is drawn is that of one moment, the epoch: a camera that went on with the Earth, at 30 km/s, would have everything that depends on its place made
-/// anew for every step. Bodies are drawn there as they are seen at the moment that is shown, and so are stars ([`Observer::vantage`]).
+/// The scene is drawn from the observer's position at one moment, the epoch. A camera that moved with the Earth, at
+/// 30 km/s, would need everything that depends on its position to be rebuilt at every step. Bodies and stars
+/// ([`Observer::vantage`]) are drawn relative to that position as they are seen at the displayed moment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Observer {
-    /// Where.
+    /// Position on the Earth.
     pub place: Place,
-    /// What is known of the Earth's rotation.
+    /// Parameters of the Earth's rotation.
     pub clock: Clock,
-    /// The moment of the epoch, s since 2000-01-01T12:00:00 of civil time.
+    /// Moment of the epoch, s since 2000-01-01T12:00:00 of civil time.
     pub epoch_s: f64,
-    /// How the observer is then; stars are loaded as seen from its place, and the scene is drawn there, also after the observer has [moved](Self::moved).
+    /// State of the observer at the epoch. Stars are loaded as seen from its position and the scene is drawn from
+    /// there, also after the observer has [moved](Self::moved).
     pub epoch: Standpoint,
 }
 
 impl Observer {
-    /// An observer whose epoch is a moment, s since 2000-01-01T12:00:00 of civil time.
+    /// Creates an observer with an epoch, s since 2000-01-01T12:00:00 of civil time.
     pub fn new(place: Place, clock: Clock, time_s: f64) -> Self {
-        Self { place, clock, epoch_s: time_s, epoch: place.at(time_s, &clock) }
+        Self { place, clock, epoch_s: time_s, epoch: place.standpoint(time_s, &clock) }
     }
 
-    /// The observer at another place, or with other knowledge of the Earth's rotation. The scene is drawn from where it was, so that a camera may stay.
+    /// Returns the observer at another place, or with other parameters of the Earth's rotation. The scene is still
+    /// drawn from the old position, so that a camera can stay.
     #[must_use]
     pub fn moved(&self, place: Place, clock: Clock) -> Self {
-        let epoch = Standpoint { position_m: self.epoch.position_m, ..place.at(self.epoch_s, &clock) };
+        let epoch = Standpoint { position_m: self.epoch.position_m, ..place.standpoint(self.epoch_s, &clock) };
         Self { place, clock, epoch, ..*self }
     }
 
-    /// Rotation from the axes of the horizon to those of ICRS at a moment.
+    /// Rotation from the axes of the horizon to ICRS at a moment.
     pub fn icrs_from_horizon(&self, time_s: f64) -> DQuat {
         DQuat::from_mat3(&self.place.icrs_from_horizon(time_s, &self.clock))
     }
 
-    /// From where stars are seen at a moment: that of the nearest midnight or noon of civil time, within which aberration changes by 0.1 arcsec.
+    /// Vantage from which stars are seen at a moment: that of the nearest midnight or noon of civil time. Aberration
+    /// changes by 0.1 arcsec until then.
     pub fn vantage(&self, time_s: f64) -> Vantage {
-        self.at(Self::vantage_number(time_s) as f64 * VANTAGE_S).vantage(self.epoch.position_m)
+        self.standpoint(Self::vantage_number(time_s) as f64 * VANTAGE_S).vantage(self.epoch.position_m)
     }
 
     /// Number of that midnight or noon.
@@ -62,56 +66,59 @@ impl Observer {
         (time_s / VANTAGE_S).round() as i64
     }
 
-    /// Where and how the observer is at a moment.
-    pub fn at(&self, time_s: f64) -> Standpoint {
-        self.place.at(time_s, &self.clock)
+    /// State of the observer at a moment.
+    pub fn standpoint(&self, time_s: f64) -> Standpoint {
+        self.place.standpoint(time_s, &self.clock)
     }
 }
 
-/// A moment, and who looks.
+/// A moment, and the observer if there is one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Moment {
     /// TDB, s since J2000.0.
     tdb_s: f64,
-    /// The observer at the moment, and from where the scene is drawn, m; `None`: bodies are where they are, not where they are seen.
-    seen: Option<(Standpoint, DVec3)>,
+    /// The observer at this moment and the position from which the scene is drawn, m; `None`: bodies have their
+    /// geometric positions, without light time and aberration.
+    observed_from: Option<(Standpoint, DVec3)>,
 }
 
 impl Moment {
-    /// A moment, s since 2000-01-01T12:00:00 of civil time.
+    /// Creates a moment, s since 2000-01-01T12:00:00 of civil time.
     pub fn new(time_s: f64, observer: Option<&Observer>) -> Self {
         let clock = observer.map(|observer| observer.clock).unwrap_or_default();
-        let seen = observer.map(|observer| (observer.at(time_s), observer.epoch.position_m));
-        Self { tdb_s: clock.tt_s(time_s), seen }
+        let observed_from = observer.map(|observer| (observer.standpoint(time_s), observer.epoch.position_m));
+        Self { tdb_s: clock.tt_s(time_s), observed_from }
     }
 
-    /// The middle of the Earth below the observer, as it is drawn, m.
+    /// Centre of the Earth below the observer, as drawn, m.
     pub fn earth_m(&self) -> Option<DVec3> {
-        self.seen.as_ref().map(|(standpoint, origin_m)| *origin_m - standpoint.from_earth_m)
+        self.observed_from.as_ref().map(|(standpoint, origin_m)| *origin_m - standpoint.from_earth_m)
     }
 
-    /// Where a body is drawn, from the barycentre, ICRS axes, m, and how it stands, if its ephemeris says so: with an observer as the light has it that arrives. The error says why kernels
-    /// do not have it.
-    pub fn place(&self, of: Ephemeris, kernels: Option<&Kernels>) -> Result<(DVec3, Option<DQuat>), String> {
-        match of {
-            Ephemeris::Of(body) => Ok(self.placed(of, |at_s| body.barycentric_m(at_s))),
+    /// Position at which a body is drawn, relative to the barycentre, ICRS axes, m, and its orientation if its
+    /// ephemeris defines one. With an observer, light time and aberration are included. The error says why kernels do
+    /// not have the body.
+    pub fn place(&self, ephemeris: Ephemeris, kernels: Option<&Kernels>) -> Result<(DVec3, Option<DQuat>), String> {
+        match ephemeris {
+            Ephemeris::Of(body) => Ok(self.placed(ephemeris, |at_s| body.barycentric_m(at_s))),
             Ephemeris::Spk(number) => {
-                let kernels = kernels.ok_or_else(|| format!("{of}: there are no kernels; scene.kernels names them"))?;
+                let kernels =
+                    kernels.ok_or_else(|| format!("{ephemeris}: no kernels are loaded; list them in scene.kernels"))?;
                 let known_m = kernels.barycentric_m(number, self.tdb_s)?;
-                Ok(self.placed(of, |at_s| kernels.barycentric_m(number, at_s).unwrap_or(known_m)))
+                Ok(self.placed(ephemeris, |at_s| kernels.barycentric_m(number, at_s).unwrap_or(known_m)))
             }
         }
     }
 
-    fn placed(&self, of: Ephemeris, barycentric_m: impl Fn(f64) -> DVec3) -> (DVec3, Option<DQuat>) {
-        let (place_m, left_s) = match &self.seen {
+    fn placed(&self, ephemeris: Ephemeris, barycentric_m: impl Fn(f64) -> DVec3) -> (DVec3, Option<DQuat>) {
+        let (place_m, left_s) = match &self.observed_from {
             None => (barycentric_m(self.tdb_s), self.tdb_s),
             Some((standpoint, origin_m)) => {
                 let seen_m = standpoint.apparent_of_m(barycentric_m);
                 (*origin_m + seen_m, self.tdb_s - seen_m.length() / LIGHT_M_S)
             }
         };
-        (place_m, of.stands_as().map(|body| body.icrs_from_body(left_s)))
+        (place_m, ephemeris.stands_as().map(|body| body.icrs_from_body(left_s)))
     }
 
     /// TDB, s since J2000.0.
@@ -120,7 +127,7 @@ impl Moment {
     }
 }
 
-/// Axes by which directions are told: z to the frame's pole, x to longitude 0.
+/// Frame of reference for directions: z to the frame's pole, x to longitude 0.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Frame {
@@ -131,37 +138,38 @@ pub enum Frame {
     Galactic,
     /// Mean ecliptic and equinox of J2000.0.
     Ecliptic,
-    /// The observer's: azimuth, from north through east, and altitude. Longitude of these axes is minus the azimuth.
+    /// Axes of the observer's horizon: azimuth, from north through east, and altitude. Longitude in these axes is
+    /// minus the azimuth.
     Horizon,
-    /// Those of the Sun: east longitude and latitude of its surface, with which they turn.
+    /// Axes of the Sun, which rotate with it: east longitude and latitude on its surface.
     Sun,
-    /// Those of Mercury: east longitude and latitude of its surface, with which they turn.
+    /// Axes of Mercury, which rotate with it: east longitude and latitude on its surface.
     Mercury,
-    /// Those of Venus: east longitude and latitude of its surface, with which they turn.
+    /// Axes of Venus, which rotate with it: east longitude and latitude on its surface.
     Venus,
-    /// Those of the Earth: east longitude and latitude of its surface, with which they turn.
+    /// Axes of the Earth, which rotate with it: east longitude and latitude on its surface.
     Earth,
-    /// Those of the Moon: east longitude and latitude of its surface, with which they turn.
+    /// Axes of the Moon, which rotate with it: east longitude and latitude on its surface.
     Moon,
-    /// Those of Mars: east longitude and latitude of its surface, with which they turn.
+    /// Axes of Mars, which rotate with it: east longitude and latitude on its surface.
     Mars,
-    /// Those of Jupiter: east longitude and latitude of its surface, with which they turn.
+    /// Axes of Jupiter, which rotate with it: east longitude and latitude on its surface.
     Jupiter,
-    /// Those of Saturn: east longitude and latitude of its surface, with which they turn.
+    /// Axes of Saturn, which rotate with it: east longitude and latitude on its surface.
     Saturn,
-    /// Those of Uranus: east longitude and latitude of its surface, with which they turn.
+    /// Axes of Uranus, which rotate with it: east longitude and latitude on its surface.
     Uranus,
-    /// Those of Neptune: east longitude and latitude of its surface, with which they turn.
+    /// Axes of Neptune, which rotate with it: east longitude and latitude on its surface.
     Neptune,
-    /// Those of Io: east longitude and latitude of its surface, with which they turn.
+    /// Axes of Io, which rotate with it: east longitude and latitude on its surface.
     Io,
-    /// Those of Europa: east longitude and latitude of its surface, with which they turn.
+    /// Axes of Europa, which rotate with it: east longitude and latitude on its surface.
     Europa,
-    /// Those of Ganymede: east longitude and latitude of its surface, with which they turn.
+    /// Axes of Ganymede, which rotate with it: east longitude and latitude on its surface.
     Ganymede,
-    /// Those of Callisto: east longitude and latitude of its surface, with which they turn.
+    /// Axes of Callisto, which rotate with it: east longitude and latitude on its surface.
     Callisto,
-    /// Those of Titan: east longitude and latitude of its surface, with which they turn.
+    /// Axes of Titan, which rotate with it: east longitude and latitude on its surface.
     Titan,
 }
 
@@ -177,7 +185,7 @@ impl Frame {
         }
     }
 
-    /// The body whose axes they are.
+    /// The body to which the axes are fixed.
     pub fn body(self) -> Option<SolarBody> {
         match self {
             Self::Icrs | Self::Galactic | Self::Ecliptic | Self::Horizon => None,
@@ -199,18 +207,20 @@ impl Frame {
         }
     }
 
-    /// Whether they turn as time goes on, so that a camera turns with them.
+    /// Whether the frame rotates with time, so that a camera rotates with it.
     pub fn turns(self) -> bool {
         self == Self::Horizon || self.body().is_some()
     }
 
-    /// Longitude in the frame's axes, rad, of what is told by degrees: of the horizon an azimuth, which grows the other way.
-    pub fn longitude_rad(self, told_deg: f64) -> f64 {
+    /// Longitude in the frame's axes, rad, of an angle in degrees. For the horizon the angle is an azimuth, which
+    /// counts in the opposite direction.
+    pub fn longitude_rad(self, angle_deg: f64) -> f64 {
         let sign = if self == Self::Horizon { -1.0 } else { 1.0 };
-        sign * told_deg.to_radians()
+        sign * angle_deg.to_radians()
     }
 
-    /// Rotation from the frame's axes to those of ICRS at a moment, s since 2000-01-01T12:00:00 of civil time; `None` for the horizon where nobody stands on the ground.
+    /// Rotation from the frame's axes to ICRS at a moment, s since 2000-01-01T12:00:00 of civil time; `None` for the
+    /// horizon without an observer.
     pub fn icrs_from(self, observer: Option<&Observer>, time_s: f64) -> Option<DMat3> {
         match self {
             Self::Icrs => Some(DMat3::IDENTITY),
@@ -229,11 +239,12 @@ impl Frame {
     }
 }
 
-/// Rotation from a camera's axes to those of a frame, where it looks to a longitude and latitude and its up is towards the frame's pole but for `roll`, by which the top of its
-/// picture is turned to the left (counter-clockwise): a position angle from the pole through growing longitude; rad.
+/// Rotation from a camera's axes to those of a frame, for a camera that looks to a longitude and latitude with up
+/// towards the frame's pole. `roll_rad` turns the top of its picture to the left (counter-clockwise): a position
+/// angle from the pole through increasing longitude. Angles in rad.
 pub fn frame_from_camera(longitude_rad: f64, latitude_rad: f64, roll_rad: f64) -> DQuat {
     let ahead = direction_from_lon_lat(longitude_rad, latitude_rad);
-    // Towards growing latitude: it is there at the poles too.
+    // Towards increasing latitude, which is defined at the poles too.
     let up = direction_from_lon_lat(longitude_rad, latitude_rad + FRAC_PI_2);
     let level = DQuat::from_mat3(&DMat3::from_cols(ahead.cross(up), up, -ahead));
     (level * DQuat::from_rotation_z(roll_rad)).normalize()

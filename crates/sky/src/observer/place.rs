@@ -1,4 +1,4 @@
-//! A place on the Earth, and where that is among the planets at a moment.
+//! A position on the Earth, and its position in the Solar System at a moment.
 
 use std::f64::consts::FRAC_PI_2;
 
@@ -15,10 +15,10 @@ use crate::{
     units::{DAY_S, EARTH_ROTATION_RAD_S, J2000_JD, JULIAN_YEAR_S, LIGHT_M_S, PARSEC_M},
 };
 
-/// SOFA's number of the ellipsoid WGS84.
+/// SOFA's identifier of the ellipsoid WGS84.
 const WGS84: i32 = 1;
 
-/// A place on the Earth.
+/// A position on the Earth.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Place {
     /// Geodetic latitude on WGS84, rad, north positive, at most a quarter turn.
@@ -34,23 +34,24 @@ pub struct Place {
 pub struct Standpoint {
     /// TT, s since J2000.0.
     pub tt_s: f64,
-    /// Place from the barycentre, ICRS axes, m.
+    /// Position relative to the barycentre, ICRS axes, m.
     pub position_m: DVec3,
-    /// Place from the middle of the Earth, ICRS axes, m.
+    /// Position relative to the centre of the Earth, ICRS axes, m.
     pub from_earth_m: DVec3,
-    /// Velocity over that of light, ICRS axes.
+    /// Velocity in units of the speed of light, ICRS axes.
     pub velocity_c: DVec3,
-    /// From the axes of the horizon to those of ICRS.
+    /// Rotation from the axes of the horizon to ICRS.
     pub icrs_from_horizon: DMat3,
 }
 
 impl Place {
-    /// The place at a moment, s since 2000-01-01T12:00:00 of civil time. Polar motion, at most 0.3 arcsec, is left out.
-    pub fn at(&self, time_s: f64, clock: &Clock) -> Standpoint {
+    /// State of an observer here at a moment, s since 2000-01-01T12:00:00 of civil time. Polar motion, at most 0.3
+    /// arcsec, is left out.
+    pub fn standpoint(&self, time_s: f64, clock: &Clock) -> Standpoint {
         let tt_s = clock.tt_s(time_s);
         let icrs_from_earth = icrs_from_earth(time_s, clock);
         let Ok(from_earth_m) = gd2gc(WGS84, self.longitude_rad, self.latitude_rad, self.height_m) else {
-            unreachable!("WGS84 is an ellipsoid that it knows")
+            unreachable!("SOFA supports WGS84")
         };
         let place_m = icrs_from_earth * DVec3::from_array(from_earth_m);
         let rotation = icrs_from_earth * DVec3::Z * EARTH_ROTATION_RAD_S;
@@ -64,50 +65,50 @@ impl Place {
         }
     }
 
-    /// From the axes of the horizon to those of the rotating Earth.
+    /// Rotation from the axes of the horizon to those of the rotating Earth.
     fn earth_from_horizon(&self) -> DMat3 {
         let zenith = direction_from_lon_lat(self.longitude_rad, self.latitude_rad);
         let east = direction_from_lon_lat(self.longitude_rad + FRAC_PI_2, 0.0);
         DMat3::from_cols(east, zenith, east.cross(zenith))
     }
 
-    /// From the axes of the horizon to those of ICRS at a moment, as [`Place::at`] has them.
+    /// Rotation from the axes of the horizon to ICRS at a moment, as in [`Place::standpoint`].
     pub fn icrs_from_horizon(&self, time_s: f64, clock: &Clock) -> DMat3 {
         icrs_from_earth(time_s, clock) * self.earth_from_horizon()
     }
 }
 
-/// From the axes of the rotating Earth (z to the pole, x to Greenwich) to those of ICRS.
+/// Rotation from the axes of the rotating Earth (z to the pole, x to Greenwich) to ICRS.
 fn icrs_from_earth(time_s: f64, clock: &Clock) -> DMat3 {
     let [tt_days, ut1_days] = [clock.tt_s(time_s), clock.ut1_s(time_s)].map(|seconds| seconds / DAY_S);
     DMat3::from_cols_array_2d(&c2t06a(J2000_JD, tt_days, J2000_JD, ut1_days, 0.0, 0.0))
 }
 
 impl Standpoint {
-    /// This place for what is drawn from another one, m.
+    /// Vantage at this position for a scene that is drawn from `origin_m`.
     pub(super) fn vantage(&self, origin_m: DVec3) -> Vantage {
         let [position_pc, origin_pc] = [self.position_m, origin_m].map(|place_m| place_m / PARSEC_M);
         Vantage { position_pc, velocity_c: self.velocity_c, origin_pc }
     }
 
-    /// The moment of stars, seen from here.
+    /// Epoch of the stars as seen from here.
     pub fn of_stars(&self) -> Epoch {
         let vantage = self.vantage(self.position_m);
         Epoch { years: self.tt_s / JULIAN_YEAR_S, seen_from: Some(vantage) }
     }
 
-    /// Where a body is seen without air: its direction in ICRS axes, light time and aberration included, times its distance, m. The Sun's deflection of light, 0.02 arcsec at 20
-    /// degrees from it, is left out.
+    /// Apparent position of a body, without refraction: its direction in ICRS axes, with light time and aberration,
+    /// times its distance, m. The deflection of light by the Sun, 0.02 arcsec at 20 degrees from it, is left out.
     pub fn apparent_m(&self, body: SolarBody) -> DVec3 {
         self.apparent_of_m(|at_s| body.barycentric_m(at_s))
     }
 
-    /// The same of what is somewhere by time: from the barycentre, m.
+    /// The same for a body with a position by time, relative to the barycentre, m.
     pub fn apparent_of_m(&self, barycentric_m: impl Fn(f64) -> DVec3) -> DVec3 {
         self.aberrated(astrometric_m(barycentric_m, self.position_m, self.tt_s))
     }
 
-    /// A direction of any length as the observer sees it.
+    /// Aberrated direction as the observer sees it; the length is kept.
     pub fn aberrated(&self, direction: DVec3) -> DVec3 {
         seen_direction(self.velocity_c, direction) * direction.length()
     }
@@ -120,7 +121,7 @@ impl Standpoint {
     }
 }
 
-/// Direction of azimuth and altitude, rad, in the axes of the horizon.
+/// Direction at an azimuth and altitude, rad, in the axes of the horizon.
 pub fn horizontal_direction(azimuth_rad: f64, altitude_rad: f64) -> DVec3 {
     let DVec3 { x: north, y: east, z: up } = direction_from_lon_lat(azimuth_rad, altitude_rad);
     DVec3::new(east, up, -north)

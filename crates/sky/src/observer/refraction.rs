@@ -1,72 +1,77 @@
-//! Refraction by the air over an observer.
+//! Atmospheric refraction for an observer.
 //!
-//! R with tan R = A cos h / (s + a / (s + b / (s + c / (s + d)))), s = sin h and h the altitude as it is seen, is fitted to the formula of G. G. Bennett ("The calculation of astronomical
-//! refraction in marine navigation", Journal of Navigation 35, 255, 1982) with its second term, which is within 0.9 arcsec of the Nautical Almanac's: to 0.9 arcsec from 15 degrees on, 1.8 above the
-//! horizon and 4 down to 1 degree below it. It is a map of directions without angles, the same in shaders (`shaders/shared/refraction.wgsl`). For altitudes without air a second set of coefficients
-//! tells where to look first. Refraction is proportional to the density of the air at the observer.
+//! R with tan R = A cos h / (s + a / (s + b / (s + c / (s + d)))), s = sin h and h the apparent altitude, is fitted
+//! to the formula of G. G. Bennett ("The calculation of astronomical refraction in marine navigation", Journal of
+//! Navigation 35, 255, 1982) with its second term, which agrees with the Nautical Almanac within 0.9 arcsec. The fit
+//! is within 0.9 arcsec from 15 degrees up, 1.8 above the horizon and 4 down to 1 degree below it. It maps directions
+//! without computing angles, in the same way as the shaders (`shaders/shared/refraction.wgsl`). For true altitudes
+//! (without air) a second set of coefficients gives the starting value of an iteration. Refraction is proportional to
+//! the density of the air at the observer.
 
 use glam::{DMat3, DVec3};
 
 use crate::units::KELVIN_OF_ZERO_CELSIUS;
 
-/// A, a, b, c and d by the sine of the altitude as it is seen.
+/// A, a, b, c and d for the sine of the apparent altitude.
 pub const OF_SEEN: [f64; 5] = [2.834e-4, 1.1994e-3, 2.3775e-3, 7.0109e-3, 0.12504];
-/// The same by the sine of the altitude without standard air: within 7 arcsec.
+/// The same for the sine of the true altitude in standard air: within 7 arcsec.
 pub const OF_ARRIVING: [f64; 5] = [2.8363e-4, 1.52593e-3, 2.98557e-3, 1.174432e-2, 0.177_913_33];
-/// Below these sines as at them.
+/// Below these sines, refraction is as at them.
 pub const LOWEST_SEEN: f64 = -0.0175;
 /// See [`LOWEST_SEEN`].
 pub const LOWEST_ARRIVING: f64 = -0.032;
-/// Sine at which refraction has faded away, as the ground stands there, and from which on it does not fade.
+/// Sines between which refraction fades with depth: it is zero at the first and unreduced from the second on.
+/// Directions so low meet the ground.
 pub const FADING: [f64; 2] = [-0.07, -0.02];
-/// Steps from an altitude without air to that with air: each leaves a fifth of the error at the horizon, far less above.
+/// Iterations from a true altitude to the apparent one: each leaves a fifth of the error at the horizon, far less
+/// above.
 const STEPS: usize = 8;
 
-/// The air of the Nautical Almanac, to which the coefficients belong.
+/// The air for which the coefficients hold, that of the Nautical Almanac.
 const STANDARD: RefractingAir = RefractingAir { pressure_hpa: 1010.0, temperature_c: 10.0 };
 
 /// The air at an observer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RefractingAir {
-    /// Pressure, hPa; 0: there is none.
+    /// Pressure, hPa; 0: no air.
     pub pressure_hpa: f64,
     /// Temperature, degrees Celsius.
     pub temperature_c: f64,
 }
 
-/// Refraction around an eye.
+/// Refraction for an eye.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Refraction {
     /// Unit vector to the zenith.
     pub zenith: DVec3,
-    /// Density of the air over that of the air of the coefficients.
+    /// Density of the air relative to the air of the coefficients.
     pub density: f64,
 }
 
 impl RefractingAir {
-    /// That of the standard atmosphere (ISO 2533) at a height over the sea, m, up to 50 km.
+    /// Air of the standard atmosphere (ISO 2533) at a height over the sea, m, up to 50 km.
     pub fn at_height(height_m: f64) -> Self {
         let in_troposphere = height_m.clamp(-1000.0, 11_000.0);
         let temperature_c = 15.0 - 6.5e-3 * in_troposphere;
         let kelvin = KELVIN_OF_ZERO_CELSIUS + temperature_c;
         let below = 1013.25 * (kelvin / (KELVIN_OF_ZERO_CELSIUS + 15.0)).powf(5.255_88);
-        // Above it is as warm, and falls off by e in 6.3 km.
+        // Above the troposphere the temperature is constant, and pressure falls by e in 6.3 km.
         let pressure_hpa = below * (-(height_m - in_troposphere).max(0.0) / 6341.6).exp();
         Self { pressure_hpa, temperature_c }
     }
 
-    /// Its density over that of [`STANDARD`].
+    /// Density relative to [`STANDARD`].
     pub fn density(&self) -> f64 {
         let kelvin = |air: &Self| KELVIN_OF_ZERO_CELSIUS + air.temperature_c;
         self.pressure_hpa / STANDARD.pressure_hpa * kelvin(&STANDARD) / kelvin(self)
     }
 
-    /// What is added to the altitude without air, rad, where `seen_rad` is that with air.
+    /// Refraction to be added to the true altitude, rad, at the apparent altitude `seen_rad`.
     pub fn refraction_of_seen_rad(&self, seen_rad: f64) -> f64 {
         (of_seen(self.density(), seen_rad.sin()) * seen_rad.cos()).atan()
     }
 
-    /// What is added to an altitude without air, rad.
+    /// Refraction to be added to a true altitude, rad.
     pub fn refraction_rad(&self, altitude_rad: f64) -> f64 {
         (of_arriving(self.density(), altitude_rad.sin()) * altitude_rad.cos()).atan()
     }
@@ -76,33 +81,33 @@ fn fraction([first, a, b, c, d]: [f64; 5], sine: f64) -> f64 {
     first / (sine + a / (sine + b / (sine + c / (sine + d))))
 }
 
-/// Tangent of the refraction over the cosine of the altitude, by the sine of the altitude as it is seen.
+/// Tangent of the refraction divided by the cosine of the apparent altitude, as a function of its sine.
 fn of_seen(density: f64, sine: f64) -> f64 {
     let [gone, whole] = FADING;
     let kept = ((sine - gone) / (whole - gone)).clamp(0.0, 1.0);
     density * kept * fraction(OF_SEEN, sine.max(LOWEST_SEEN))
 }
 
-/// The same by the sine of the altitude without air, and over its cosine.
+/// The same for the true altitude.
 fn of_arriving(density: f64, sine: f64) -> f64 {
     let cosine_squared = (1.0 - sine * sine).max(0.0);
     let mut found = density * fraction(OF_ARRIVING, sine.max(LOWEST_ARRIVING));
     for _ in 0..STEPS {
         let cosine = (1.0 + found * found * cosine_squared).sqrt().recip();
         let seen = (sine + found * cosine_squared) * cosine;
-        // Of the altitude as it is seen the cosine is that without air times this.
+        // The cosine of the apparent altitude is that of the true one times this.
         found = of_seen(density, seen) * (1.0 - sine * found) * cosine;
     }
     found
 }
 
 impl Refraction {
-    /// Where one sees what arrives from a direction, and as far away.
+    /// Apparent position of an object in the direction `arriving` (without air), at the same distance.
     pub fn seen(&self, arriving: DVec3) -> DVec3 {
         self.moved(arriving, |sine| of_arriving(self.density, sine))
     }
 
-    /// Where what is seen in a direction arrives from, and as far away.
+    /// True position of an object that is seen in the direction `seen`, at the same distance.
     pub fn arriving(&self, seen: DVec3) -> DVec3 {
         self.moved(seen, |sine| -of_seen(self.density, sine))
     }
@@ -117,7 +122,8 @@ impl Refraction {
         (direction + upwards(sine) * (self.zenith - sine * direction)).normalize() * distance
     }
 
-    /// The linear map of what arrives from around a direction, within an angle, to where it is seen: it turns the middle, and presses what is around it together as its edge is.
+    /// Linear map from true to apparent directions around a direction, within an angle: it turns the centre, and
+    /// compresses the surroundings as much as their edge.
     pub fn around(&self, arriving: DVec3, radius_rad: f64) -> DMat3 {
         let middle = arriving.normalize();
         let level = self.zenith.cross(middle).try_normalize().unwrap_or_else(|| middle.any_orthonormal_vector());
@@ -131,10 +137,10 @@ impl Refraction {
         seen * DMat3::from_cols(middle, level, upwards).transpose()
     }
 
-    /// By how much it moves what arrives from within a cone at most, rad: an angle from its axis.
+    /// Upper bound of the refraction within a cone, rad: an angle from its axis.
     pub fn most_rad(&self, axis: DVec3, half_angle_rad: f64) -> f64 {
         let lowest = (axis.dot(self.zenith).clamp(-1.0, 1.0).asin() - half_angle_rad).max(LOWEST_ARRIVING);
-        // What is lower fades; what is higher is moved less.
+        // Below that, refraction fades; above, it is smaller.
         (of_arriving(self.density, lowest.sin()) * lowest.cos()).atan() * 1.01
     }
 }
@@ -144,7 +150,8 @@ mod tests {
     use super::*;
     use crate::units::ARCSECOND_RAD;
 
-    /// Mean refraction of the Nautical Almanac (1010 hPa, 10 degrees Celsius): apparent altitude, degrees, and arcminutes.
+    /// Mean refraction of the Nautical Almanac (1010 hPa, 10 degrees Celsius): apparent altitude in degrees,
+    /// refraction in arcminutes.
     const ALMANAC: [[f64; 2]; 8] =
         [[0.0, 34.5], [1.0, 24.4], [5.0, 9.9], [10.0, 5.3], [15.0, 3.57], [30.0, 1.68], [45.0, 0.97], [75.0, 0.26]];
 
@@ -154,7 +161,7 @@ mod tests {
     }
 
     #[test]
-    fn refraction_is_that_of_the_almanac_and_of_the_formula() {
+    fn refraction_matches_the_almanac_and_the_formula() {
         for [degrees, arcmin] in ALMANAC {
             let found = STANDARD.refraction_of_seen_rad(degrees.to_radians()).to_degrees() * 60.0;
             assert!((found - arcmin).abs() < 0.05 + 0.002 * arcmin, "{degrees}: {found}");
@@ -173,7 +180,7 @@ mod tests {
             assert!(off < allowed, "{degrees}: {off} arcsec");
         }
         assert_eq!(RefractingAir { pressure_hpa: 0.0, temperature_c: 10.0 }.refraction_rad(0.3), 0.0);
-        // Thin air on a mountain, and the sea's.
+        // Air on a mountain and at sea level.
         assert!((RefractingAir::at_height(0.0).density() - 0.985_8).abs() < 1e-3);
         let paranal = RefractingAir::at_height(2635.0);
         assert!((paranal.pressure_hpa - 734.0).abs() < 3.0 && (paranal.temperature_c + 2.1).abs() < 0.1, "{paranal:?}");
@@ -181,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn forward_undoes_backward_in_any_air() {
+    fn true_and_apparent_directions_are_inverse_in_any_air() {
         for density in [0.3, 0.7, 1.0, 1.2] {
             let refraction = Refraction { zenith: DVec3::new(0.48, 0.6, 0.64), density };
             let (level, _) = refraction.zenith.any_orthonormal_pair();
@@ -193,7 +200,7 @@ mod tests {
                 let off = back.angle_between(seen) / ARCSECOND_RAD;
                 assert!(off < 0.5, "{density} {seen_rad}: {off} arcsec");
             }
-            // Nothing turns round on the way down.
+            // Apparent altitude decreases with true altitude everywhere.
             let altitude = |arriving_rad: f64| {
                 let arriving = refraction.zenith * arriving_rad.sin() + level * arriving_rad.cos();
                 refraction.seen(arriving).dot(refraction.zenith).asin()
@@ -205,7 +212,7 @@ mod tests {
     }
 
     #[test]
-    fn a_low_disc_is_turned_and_flattened() {
+    fn a_low_disc_is_raised_and_flattened() {
         let refraction = Refraction { zenith: DVec3::Y, density: 1.0 };
         let radius_rad = 0.00465;
         let middle = DVec3::new((-0.005_f64).cos(), (-0.005_f64).sin(), 0.0);
@@ -217,18 +224,18 @@ mod tests {
             let off = (map * limb).angle_between(refraction.seen(limb)) / ARCSECOND_RAD;
             assert!(off < 20.0, "{turn}: {off} arcsec");
         }
-        // The Sun on the horizon is a sixth lower than wide.
+        // The Sun on the horizon is a sixth less high than wide.
         let up = map * middle.cross(DVec3::Z).normalize();
         assert!((0.78..0.88).contains(&up.length()), "{}", up.length());
         assert!(((map * DVec3::Z).length() - 1.0).abs() < 1e-3);
-        // A cone that is moved by no more than it says.
+        // Refraction within a cone does not exceed the bound.
         for [altitude, half] in [[0.3, 0.1], [0.05, 0.2], [-0.02, 0.01], [1.5, 0.3]] {
             let axis = DVec3::new(f64::cos(altitude), f64::sin(altitude), 0.0);
             let most = refraction.most_rad(axis, half);
             for step in 0..=100 {
-                let at = altitude - half + 2.0 * half * f64::from(step) / 100.0;
-                let place = DVec3::new(at.cos(), at.sin(), 0.0);
-                assert!(refraction.seen(place).angle_between(place) <= most + 1e-9, "{altitude} {half} {at}");
+                let angle = altitude - half + 2.0 * half * f64::from(step) / 100.0;
+                let place = DVec3::new(angle.cos(), angle.sin(), 0.0);
+                assert!(refraction.seen(place).angle_between(place) <= most + 1e-9, "{altitude} {half} {angle}");
             }
         }
     }

@@ -1,11 +1,13 @@
-//! The air over an observer: what it takes of the light that comes through it, and what it scatters.
+//! The air over an observer: extinction of the light that passes through it, and the light that it scatters.
 //!
-//! **Extinction**: so many magnitudes for each air mass, of molecules (with the inverse fourth power of the wavelength), aerosol (the power -1.3) and ozone, after B. E. Schaefer,
-//! "Astronomy and the limits of vision", Vistas in Astronomy 36, 311 (1993); air masses after G. V. Rozenberg, "Twilight" (1966), 40 at the horizon.
+//! **Extinction** in magnitudes per air mass is the sum of molecules (inverse fourth power of the wavelength),
+//! aerosol (power -1.3) and ozone, after B. E. Schaefer, "Astronomy and the limits of vision", Vistas in Astronomy
+//! 36, 311 (1993); air masses after G. V. Rozenberg, "Twilight" (1966), 40 at the horizon.
 //!
-//! **The sky's light** is that of [`super::sky_light`] for the same extinction. It is as bright in the zenith as has been measured in twilight (F. Patat, O. S. Ugolnikov and O. V. Postylyakov,
-//! A&A 455, 385, 2006; below 14 degrees B. E. Schaefer, "To the visual limits", Sky and Telescope 95, 57, 1998), by a factor that depends on the altitude of the source
-//! ([`measured_over_model`]); it is 1 by day. To it comes the air's own glow, with the law of van Rhijn.
+//! **The sky's light** is that of [`super::sky_light`] for the same extinction. A factor that depends on the altitude
+//! of the source ([`measured_over_model`]) gives the zenith its measured brightness in twilight (F. Patat, O. S.
+//! Ugolnikov and O. V. Postylyakov, A&A 455, 385, 2006; below 14 degrees B. E. Schaefer, "To the visual limits", Sky
+//! and Telescope 95, 57, 1998); it is 1 by day. The airglow is added, with the law of van Rhijn.
 //!
 //! Units: rad, magnitudes, cd/m^2, lx.
 
@@ -21,14 +23,14 @@ use crate::units::luminance_from_mag_per_arcsec2;
 const PRIMARIES_UM: [f64; 3] = [0.6114, 0.5491, 0.4642];
 /// Wavelength of the V band, um.
 const V_UM: f64 = 0.55;
-/// Extinction by molecules at the sea, magnitudes of V for each air mass, and the height in which it falls by e, m.
+/// Extinction by molecules at sea level, V magnitudes per air mass, and its scale height, m.
 const MOLECULES_MAG: f64 = 0.1066;
 const MOLECULES_HEIGHT_M: f64 = 8200.0;
-/// Extinction by ozone: its share in V is Schaefer's, that of the primaries is by the cross sections of the Chappuis band (Gorshelev et al. 2014: 4.6, 3.3 and 0.3e-21 cm^2 at 611, 550
-/// and 464 nm).
+/// Extinction by ozone: the value in V is Schaefer's, the primaries follow from the cross sections of the Chappuis
+/// band (Gorshelev et al. 2014: 4.6, 3.3 and 0.3e-21 cm^2 at 611, 550 and 464 nm).
 const OZONE_V_MAG: f64 = 0.031;
 const OZONE_MAG: [f64; 3] = [0.043, 0.031, 0.003];
-/// Power of the wavelength by which aerosol takes light.
+/// Exponent of the wavelength in the extinction by aerosol.
 const AEROSOL_POWER: f64 = -1.3;
 
 /// 10^(-0.4 m) = 2^(-LOG2_PER_MAG m).
@@ -37,7 +39,8 @@ const LOG2_PER_MAG: f64 = 0.4 * std::f64::consts::LOG2_10;
 /// An optical depth of 1, in magnitudes.
 const MAG_PER_DEPTH: f64 = 1.085_736;
 
-/// Measured luminance of the zenith in twilight over that of the model: altitude of the source in degrees and logarithm.
+/// Measured luminance of the zenith in twilight relative to the model: altitude of the source in degrees, and
+/// logarithm.
 const TWILIGHT: [[f64; 2]; 9] = [
     [-18.0, 0.64],
     [-16.0, 0.74],
@@ -50,7 +53,7 @@ const TWILIGHT: [[f64; 2]; 9] = [
     [0.0, 0.0],
 ];
 
-/// By what the model's light is multiplied, of a source at an altitude, rad.
+/// Correction factor on the model's light for a source at an altitude, rad.
 pub fn measured_over_model(source_rad: f64) -> f64 {
     let altitude = source_rad.to_degrees();
     let [first, last] = [TWILIGHT[0], TWILIGHT[TWILIGHT.len() - 1]];
@@ -61,28 +64,29 @@ pub fn measured_over_model(source_rad: f64) -> f64 {
     10f64.powf(between.unwrap_or(if altitude < first[0] { first[1] } else { last[1] }))
 }
 
-/// Air masses at an altitude, by its sine; below the horizon those of the horizon.
+/// Air mass at an altitude, given by its sine; below the horizon, that of the horizon.
 pub fn air_mass(sine: f64) -> f64 {
     let sine = sine.max(0.0);
     1.0 / (sine + 0.025 * (-11.0 * sine).exp())
 }
 
-/// What air does with light, by channel of linear Rec. 709.
+/// Optical properties of the air, by channel of linear Rec. 709.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Air {
-    /// Magnitudes for each air mass.
+    /// Extinction, magnitudes per air mass.
     pub extinction_mag: [f64; 3],
-    /// Luminance of the air's own glow in the zenith, cd/m^2.
+    /// Luminance of the airglow in the zenith, cd/m^2.
     pub glow_cd_m2: [f64; 3],
-    /// What it scatters.
+    /// Scattered light.
     pub scattered: Arc<SkyLight>,
 }
 
 impl Air {
-    /// Air that takes `extinction_mag` of V for each air mass, at a height over the sea, m, with a glow of luminance `glow_cd_m2` in the zenith. It takes a tenth of a second.
+    /// Air with an extinction of `extinction_mag` in V per air mass, at a height over the sea, m, with an airglow of
+    /// luminance `glow_cd_m2` in the zenith. Takes a tenth of a second.
     pub fn new(extinction_mag: f64, height_m: f64, glow_cd_m2: [f64; 3]) -> Self {
         let molecules_v = MOLECULES_MAG * (-height_m / MOLECULES_HEIGHT_M).exp();
-        // Cleaner air than has no aerosol at all has less of the rest too.
+        // Below the extinction of air without aerosol, molecules and ozone are reduced too.
         let clean = (extinction_mag / (molecules_v + OZONE_V_MAG)).min(1.0);
         let aerosol_v = (extinction_mag - molecules_v - OZONE_V_MAG).max(0.0);
         let ratios = PRIMARIES_UM.map(|wavelength| wavelength / V_UM);
@@ -103,18 +107,18 @@ impl Air {
         }
     }
 
-    /// Power of two by which light becomes less for each air mass; negative.
+    /// Base-2 logarithm of the transmission per air mass; negative.
     pub fn extinction_log2(&self) -> [f64; 3] {
         self.extinction_mag.map(|mag| -LOG2_PER_MAG * mag)
     }
 
-    /// Share of light from outside that arrives from an altitude, by its sine.
+    /// Transmission of light from outside at an altitude, given by its sine.
     pub fn transmission(&self, sine: f64) -> [f64; 3] {
         let air_mass = air_mass(sine);
         self.extinction_log2().map(|log2| (log2 * air_mass).exp2())
     }
 
-    /// The air's own glow at an altitude, by its sine, cd/m^2.
+    /// Airglow at an altitude, given by its sine, cd/m^2.
     pub fn glow(&self, sine: f64) -> [f64; 3] {
         let longer = 0.4 + 0.6 / (0.04 + 0.96 * sine * sine).sqrt();
         let (air_mass, log2) = (air_mass(sine), self.extinction_log2());
@@ -122,13 +126,15 @@ impl Air {
     }
 }
 
-/// Share of white that the mean of a picture of this luminance is shown at, as eyes see dim light dim: G. Krawczyk, K. Myszkowski and H.-P. Seidel, "Perceptual effects in real-time tone
-/// mapping", SCCG 2005: 0.03 at night, 0.1 at 0.4 cd/m^2, 0.65 by day.
+/// Share of white at which the mean of a picture of this luminance is displayed, because eyes see dim light as dim:
+/// G. Krawczyk, K. Myszkowski and H.-P. Seidel, "Perceptual effects in real-time tone mapping", SCCG 2005: 0.03 at
+/// night, 0.1 at 0.4 cd/m^2, 0.65 by day.
 pub fn key_of(mean_cd_m2: f64) -> f64 {
     1.03 - 2.0 / (2.0 + (mean_cd_m2 + 1.0).log10())
 }
 
-/// The light of white glow of so many magnitudes per square arcsecond, of the colour of a black body of a temperature.
+/// Luminance of glow of a surface brightness in magnitudes per square arcsecond, with a colour of luminance 1,
+/// cd/m^2.
 pub fn glow_of(mag_per_arcsec2: f64, colour: [f64; 3]) -> [f64; 3] {
     let cd_m2 = luminance_from_mag_per_arcsec2(mag_per_arcsec2);
     colour.map(|channel| cd_m2 * channel / luminance(colour))
@@ -156,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn extinction_is_that_of_the_v_band_and_larger_in_the_blue() {
+    fn extinction_matches_the_v_band_and_is_larger_in_blue() {
         for (mag, height_m) in [(0.2, 0.0), (0.13, 2635.0), (0.4, 0.0), (0.05, 0.0)] {
             let [red, green, blue] = Air::new(mag, height_m, [0.0; 3]).extinction_mag;
             assert!((green / mag - 1.0).abs() < 0.01, "{green} {mag}");
@@ -168,8 +174,9 @@ mod tests {
 
     #[test]
     fn the_zenith_has_the_published_luminance_by_night_in_twilight_and_by_day() {
-        // Patat et al.: V in the zenith of Paranal, 11.84 + 1.518 z - 0.057 z^2 mag per square arcsecond, z degrees of depression beyond 5; night 21.6. Day: M. Karayel, M. Navvab,
-        // E. Ne'eman and S. Selkowitz, Energy and Buildings 6, 1984: (1.376 T - 1.81) tan h + 0.38 kcd/m^2, 1.3 at 30 degrees for a turbidity T of 2.5.
+        // Patat et al.: V in the zenith of Paranal, 11.84 + 1.518 z - 0.057 z^2 mag per square arcsecond, z degrees
+        // of depression beyond 5; night 21.6. Day: M. Karayel, M. Navvab, E. Ne'eman and S. Selkowitz, Energy and
+        // Buildings 6, 1984: (1.376 T - 1.81) tan h + 0.38 kcd/m^2, 1.3 at 30 degrees for a turbidity T of 2.5.
         let of_mag = luminance_from_mag_per_arcsec2;
         let patat = |depression_deg: f64| {
             let beyond = depression_deg - 5.0;
@@ -184,12 +191,12 @@ mod tests {
             );
             assert!((1.0 / 1.5..1.5).contains(&(found / published)), "{sun_deg}: {found} {published}");
         }
-        // A degree of the Sun's altitude is told apart.
+        // An error of one degree in the Sun's altitude must fail.
         assert!(!(1.0 / 1.5..1.5).contains(&(zenith_cd_m2(&air(), -5.0) / patat(6.0))));
     }
 
     #[test]
-    fn nothing_jumps_from_day_to_night() {
+    fn light_is_continuous_from_day_to_night() {
         let air = air();
         let mut before = f64::INFINITY;
         for tenth in (-250..=300).rev() {

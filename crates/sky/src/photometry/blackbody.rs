@@ -1,11 +1,12 @@
 //! Colour and luminance of a black body.
 //!
-//! Planck's spectrum is summed against the CIE 1931 colour matching functions (`cie1931`), brought to linear Rec. 709
-//! and divided by its luminance: a colour with Y = 1, to be multiplied by an illuminance or a luminance. It is *not*
-//! normalised to its largest channel: that would dim a 2300 K star by 0.8 mag against one of 6500 K.
+//! Planck's spectrum is integrated with the CIE 1931 colour matching functions (`cie1931`), converted to linear Rec.
+//! 709 and divided by its luminance. The result is a colour with Y = 1, to be multiplied by an illuminance or a
+//! luminance. It is *not* normalised to its largest channel: that would dim a 2300 K star by 0.8 mag relative to one
+//! of 6500 K.
 //!
-//! Below 1900 K blue (and below 964 K green) is negative: such light is redder than the display's primaries can
-//! show. [`rec709_in_gamut`] mixes in just enough D65 white to bring the lowest channel to zero; the luminance stays.
+//! Below 1900 K blue (and below 964 K green) is negative: such light is redder than the display's primaries.
+//! [`rec709_in_gamut`] mixes in just enough D65 white to bring the lowest channel to zero; the luminance is kept.
 //!
 //! Units: kelvin, cd/m^2. Radiation constants are the exact ones of the SI of 2019.
 
@@ -26,12 +27,12 @@ const FIRST_RADIATION_RADIANCE: f64 = 2.0 * 6.626_070_15e-34 * 299_792_458.0 * 2
 const LUMINOUS_EFFICACY_LM_W: f64 = 683.0;
 
 /// Temperatures beyond which a colour has reached its limit to f64 precision: a line at the red end of the table, and
-/// the tail of Rayleigh and Jeans.
+/// the Rayleigh-Jeans tail.
 const LIMITING_TEMPERATURES_K: [f64; 2] = [1.0, 1e12];
 
 /// Tristimulus values X, Y, Z of a black body, in units of its spectral radiance at the table's longest wavelength.
 ///
-/// With x = c2 / (lambda T) the ratio of two values of 1 / (e^x - 1) is written so that neither of them overflows.
+/// With x = c2 / (lambda T), the ratio of two values of 1 / (e^x - 1) is written so that neither overflows.
 fn tristimulus(temperature_k: f64) -> [f64; 3] {
     let temperature_k = temperature_k.clamp(LIMITING_TEMPERATURES_K[0], LIMITING_TEMPERATURES_K[1]);
     let exponent = |wavelength: f64| SECOND_RADIATION_M_K / (wavelength * temperature_k);
@@ -63,15 +64,15 @@ pub fn rec709_at_unit_luminance(temperature_k: f64) -> [f64; 3] {
     rgb.map(|channel| channel / y)
 }
 
-/// The colour of [`rec709_at_unit_luminance`] brought into gamut: mixed with D65 white until no channel is negative,
-/// with [`luminance`] still 1.
+/// The colour of [`rec709_at_unit_luminance`] brought into gamut: mixed with D65 white until no channel is negative;
+/// [`luminance`] is still 1.
 pub fn rec709_in_gamut(temperature_k: f64) -> [f64; 3] {
     let rgb = rec709_at_unit_luminance(temperature_k);
     let lowest = rgb[0].min(rgb[1]).min(rgb[2]);
     if lowest >= 0.0 || rgb[0].is_nan() {
         return rgb;
     }
-    // White at Y = 1 is (1, 1, 1). The lowest channel becomes 0, which rounding must not make a tiny negative number.
+    // White at Y = 1 is (1, 1, 1). The lowest channel becomes 0; rounding must not make it slightly negative.
     let saturation = 1.0 / (1.0 - lowest);
     rgb.map(|channel| (1.0 + saturation * (channel - 1.0)).max(0.0))
 }
@@ -93,37 +94,38 @@ pub fn luminance_cd_m2(temperature_k: f64) -> f64 {
     LUMINOUS_EFFICACY_LM_W * radiance_m * STEP_M
 }
 
-/// Natural logarithm of [`luminance_cd_m2`], also where the luminance itself is too small for f64. Temperatures outside
-/// 1 to 1e12 K count as the nearer end; NaN gives NaN.
+/// Natural logarithm of [`luminance_cd_m2`], also where the luminance itself underflows f64. Temperatures are clamped
+/// to 1 to 1e12 K; NaN gives NaN.
 pub fn ln_luminance_cd_m2(temperature_k: f64) -> f64 {
     let temperature_k = temperature_k.clamp(LIMITING_TEMPERATURES_K[0], LIMITING_TEMPERATURES_K[1]);
     let [_, y, _] = tristimulus(temperature_k);
-    // `tristimulus` counts in radiances at the longest wavelength: c1 lambda^-5 / (e^x - 1), with e^x taken out.
+    // `tristimulus` is in units of the radiance at the longest wavelength: c1 lambda^-5 / (e^x - 1), with e^x
+    // factored out.
     let longest_m = wavelength_m(COLOUR_MATCHING.len() - 1);
     let x = SECOND_RADIATION_M_K / (longest_m * temperature_k);
     let scale = LUMINOUS_EFFICACY_LM_W * STEP_M * FIRST_RADIATION_RADIANCE / longest_m.powi(5);
     (y * scale / -(-x).exp_m1()).ln() - x
 }
 
-/// Why a [`BlackbodyTable`] cannot be made.
+/// Errors of making a [`BlackbodyTable`].
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 #[non_exhaustive]
 pub enum BlackbodyTableError {
     /// The range is empty, not positive or not finite.
-    #[error("temperatures from {min_k} K to {max_k} K: need 0 < lowest < highest < infinity")]
+    #[error("temperatures from {min_k} K to {max_k} K: must satisfy 0 < lowest < highest < infinity")]
     Range {
-        /// Lowest temperature asked for, kelvin.
+        /// Requested lowest temperature, kelvin.
         min_k: f64,
-        /// Highest temperature asked for, kelvin.
+        /// Requested highest temperature, kelvin.
         max_k: f64,
     },
-    /// Fewer than two entries leave nothing to interpolate between.
-    #[error("{0} entries: need at least 2")]
+    /// Interpolation needs at least two entries.
+    #[error("{0} entries: must be at least 2")]
     Size(usize),
 }
 
-/// Black-body colours in gamut with Y = 1 for the GPU, at temperatures in geometric progression:
-/// entry `i` of `n` stands at min * (max / min)^(i / (n - 1)). Linear interpolation between entries keeps Y = 1.
+/// Black-body colours in gamut with Y = 1 for the GPU, at temperatures in geometric progression: entry `i` of `n` is
+/// at min * (max / min)^(i / (n - 1)). Linear interpolation between entries keeps Y = 1.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BlackbodyTable {
     /// Linear Rec. 709 RGB, one entry per temperature, ascending.
@@ -133,7 +135,7 @@ pub struct BlackbodyTable {
 }
 
 impl BlackbodyTable {
-    /// A table of `n` entries from `min_k` to `max_k` kelvin.
+    /// Makes a table of `n` entries from `min_k` to `max_k` kelvin.
     pub fn new(min_k: f64, max_k: f64, n: usize) -> Result<Self, BlackbodyTableError> {
         if !(min_k > 0.0 && min_k < max_k && max_k.is_finite()) {
             return Err(BlackbodyTableError::Range { min_k, max_k });
@@ -158,15 +160,15 @@ impl BlackbodyTable {
         self.max_k
     }
 
-    /// Place of a temperature in the table: (n - 1) ln(T / min) / ln(max / min), from 0 to n - 1, fractional between
-    /// entries. Temperatures outside the table give its ends; NaN gives NaN.
+    /// Fractional index of a temperature: (n - 1) ln(T / min) / ln(max / min), from 0 to n - 1. Temperatures outside
+    /// the table give its ends; NaN gives NaN.
     pub fn index_of(&self, temperature_k: f64) -> f64 {
         let last = (self.entries.len() - 1) as f64;
         let temperature_k = temperature_k.clamp(self.min_k, self.max_k);
         ((temperature_k / self.min_k).ln() / (self.max_k / self.min_k).ln() * last).clamp(0.0, last)
     }
 
-    /// Colour at a temperature, interpolated linearly between the two nearest entries, as the shader does it. NaN gives
+    /// Colour at a temperature, interpolated linearly between the two nearest entries, as in the shader. NaN gives
     /// NaN.
     pub fn sample(&self, temperature_k: f64) -> [f64; 3] {
         let place = self.index_of(temperature_k);
@@ -181,7 +183,7 @@ impl BlackbodyTable {
 mod tests {
     use super::*;
 
-    /// Rows of the reference: temperature, x, y, and RGB at Y = 1, computed at high precision by independent means.
+    /// Rows of the reference: temperature, x, y, and RGB at Y = 1, computed independently at high precision.
     fn reference() -> Vec<[f64; 6]> {
         let text = include_str!("../../../../tests/data/blackbody_srgb.csv");
         let rows: Vec<[f64; 6]> = text
@@ -196,7 +198,7 @@ mod tests {
         rows
     }
 
-    /// Largest deviation of any channel, over all rows of the reference, of the colours that `colour` gives.
+    /// Largest deviation of any channel of `colour` over all rows of the reference.
     fn worst_channel_error(colour: impl Fn(f64) -> [f64; 3]) -> f64 {
         reference().iter().fold(0.0, |worst, row| {
             let rgb = colour(row[0]);
@@ -207,7 +209,7 @@ mod tests {
     const COLOUR_LIMIT: f64 = 2e-3;
 
     #[test]
-    fn chromaticities_are_those_of_the_reference() {
+    fn chromaticities_match_the_reference() {
         let mut worst: f64 = 0.0;
         for row in reference() {
             let [x, y] = chromaticity_xy(row[0]);
@@ -218,8 +220,9 @@ mod tests {
     }
 
     #[test]
-    fn colours_are_those_of_the_reference() {
-        // What is left is the reference's luminance weights, of a white with one digit more: 3.4e-4 of 4.6 at 1000 K.
+    fn colours_match_the_reference() {
+        // The remaining difference is the reference's luminance weights, for a white with one digit more: 3.4e-4 of
+        // 4.6 at 1000 K.
         let worst = worst_channel_error(rec709_at_unit_luminance);
         println!("largest error of a channel: {worst:.2e}");
         assert!(worst < COLOUR_LIMIT, "{worst}");
@@ -252,7 +255,7 @@ mod tests {
             if raw.iter().all(|channel| *channel >= 0.0) {
                 assert_eq!(raw, inside);
             } else {
-                // Towards white and no further: the lowest channel is 0, and the hue line is kept.
+                // The lowest channel is exactly 0, and the colour stays on the line to white.
                 assert!(inside.contains(&0.0), "{t} K: {inside:?}");
                 let ratio = |rgb: [f64; 3]| (rgb[0] - 1.0) / (rgb[1] - 1.0);
                 assert!((ratio(raw) / ratio(inside) - 1.0).abs() < 1e-9);
@@ -263,7 +266,7 @@ mod tests {
 
     #[test]
     fn normalising_to_the_largest_channel_would_dim_cool_stars() {
-        // 2300 K against 6500 K, in magnitudes: the figure that the module head gives.
+        // 2300 K against 6500 K, in magnitudes: the figure in the module head.
         let max = |t: f64| -> f64 { rec709_at_unit_luminance(t).into_iter().fold(0.0, f64::max) };
         let magnitudes: f64 = 2.5 * (max(2300.0) / max(6500.0)).log10();
         assert!((magnitudes - 0.83).abs() < 0.01, "{magnitudes}");
@@ -272,8 +275,7 @@ mod tests {
     #[test]
     fn luminance_at_freezing_platinum_is_the_old_candela() {
         // Until 1979 a black body at the freezing point of platinum (2041.4 K, ITS-90) had 60 cd/cm^2 by definition.
-        // The candela that replaced it agrees to within the half per cent that the point's temperature was uncertain
-        // by.
+        // The candela that replaced it agrees within the half per cent of the uncertainty of that temperature.
         let found = luminance_cd_m2(2041.4);
         println!("freezing platinum: {found:.4e} cd/m^2");
         assert!((found / 6.0e5 - 1.0).abs() < 0.01, "{found}");
@@ -290,11 +292,11 @@ mod tests {
     }
 
     #[test]
-    fn light_ahead_of_a_fast_traveller_grows_less_than_its_energy() {
-        // Head-on at 0.9 c: D = 4.36, and E'/E = D^-2 Y(D T) / Y(T), where energy alone would say D^2 = 19.
+    fn visible_light_ahead_of_a_fast_observer_grows_less_than_its_energy() {
+        // Straight ahead at 0.9 c: D = 4.36, and E'/E = D^-2 Y(D T) / Y(T); energy alone would give D^2 = 19.
         let doppler = ((1.0 + 0.9) / (1.0 - 0.9_f64)).sqrt();
         let growth = luminance_cd_m2(doppler * 5800.0) / luminance_cd_m2(5800.0) / doppler.powi(2);
-        println!("growth of illuminance head-on at 0.9 c, 5800 K: {growth:.3}");
+        println!("growth of illuminance straight ahead at 0.9 c, 5800 K: {growth:.3}");
         assert!((growth - 2.6).abs() < 0.05, "{growth}");
     }
 
@@ -308,19 +310,19 @@ mod tests {
     }
 
     #[test]
-    fn the_logarithm_is_that_of_the_luminance_and_goes_on_below_it() {
+    fn the_logarithm_matches_the_luminance_and_extends_below_its_underflow() {
         for t in [30.0, 100.0, 500.0, 5772.0, 1e5, 1.4e7, 1e12] {
             let (found, expected) = (ln_luminance_cd_m2(t), luminance_cd_m2(t).ln());
             assert!((found - expected).abs() < 1e-9 * expected.abs().max(1.0), "{t} K: {found} {expected}");
         }
-        // Where the luminance has underflowed, Wien's law at the red end of the table, 830 nm, is all that is left.
+        // Below the underflow of the luminance only Wien's law at the red end of the table, 830 nm, remains.
         let slope = (ln_luminance_cd_m2(3.0) - ln_luminance_cd_m2(4.0)) / (1.0 / 4.0 - 1.0 / 3.0);
         assert!((slope / (0.014_387_769 / 830e-9) - 1.0).abs() < 1e-3, "{slope}");
         assert!(ln_luminance_cd_m2(f64::NAN).is_nan());
     }
 
     #[test]
-    fn table_holds_its_ends_and_interpolates_within_a_small_colour_error() {
+    fn table_is_exact_at_its_ends_and_interpolates_with_a_small_colour_error() {
         let table = BlackbodyTable::new(1000.0, 50_000.0, 256).unwrap();
         assert_eq!(table.entries.len(), 256);
         assert_eq!(table.entries[0], rec709_in_gamut(1000.0).map(|c| c as f32));

@@ -1,10 +1,10 @@
-//! Colour matching functions of the CIE 1931 standard colorimetric observer (2 degree field), 360 to 830 nm in steps of
-//! 5 nm: the values of CIE 15 and ISO/CIE 11664-1, in which the last digit of a few (5e-7) is rounded. Dimensionless;
-//! the second column is also V(lambda), the photopic luminous efficiency.
+//! Colour matching functions of the CIE 1931 standard colorimetric observer (2 degree field), 360 to 830 nm in steps
+//! of 5 nm: the values of CIE 15 and ISO/CIE 11664-1, with the last digit (5e-7) rounded in a few of them.
+//! Dimensionless; the second column is also V(lambda), the photopic luminous efficiency.
 //!
-//! A tristimulus value is the sum of spectrum times function times [`STEP_M`]. At 5 nm this sum is exact to 4e-6 in x
-//! and y for black bodies (measured against an integration in finer steps); cut at 380 and 780 nm it would err by
-//! 1.4e-4.
+//! A tristimulus value is the sum of spectrum times function times [`STEP_M`]. At 5 nm this sum is accurate to 4e-6
+//! in x and y for black bodies (compared with an integration in finer steps); if it were cut at 380 and 780 nm, its
+//! error would be 1.4e-4.
 
 /// Wavelength of the first row, metres.
 pub const FIRST_WAVELENGTH_M: f64 = 360e-9;
@@ -18,7 +18,7 @@ pub fn wavelength_m(index: usize) -> f64 {
 }
 
 /// One row per wavelength: x-bar, y-bar, z-bar.
-#[rustfmt::skip] // one wavelength a line, so that a row can be compared with the published table
+#[rustfmt::skip] // one wavelength per line, for comparison with the published table
 pub const COLOUR_MATCHING: [[f64; 3]; 95] = [
     [1.299e-4, 3.917e-6, 6.061e-4],
     [2.321e-4, 6.965e-6, 0.001086],
@@ -123,8 +123,7 @@ mod tests {
 
     #[test]
     fn columns_have_the_published_sums() {
-        // The three functions are normalised to the same integral; the sums from 380 to 780 nm stand under the CIE's
-        // table.
+        // The three functions are normalised to the same integral; the CIE's table gives the sums from 380 to 780 nm.
         for (column, published) in [21.371_524, 21.371_327, 21.371_540].into_iter().enumerate() {
             let sum: f64 = COLOUR_MATCHING[4..=84].iter().map(|row| row[column]).sum();
             assert!((sum - published).abs() < 1e-5, "column {column}: {sum}");

@@ -1,16 +1,16 @@
-//! From the colour indices of catalogues to V magnitudes and effective temperatures.
+//! Conversion of catalogued colour indices to V magnitudes and effective temperatures.
 //!
 //! Colour indices are magnitudes, temperatures kelvin. The temperature relations interpolate log T linearly between
-//! tabulated points of the dwarf sequence of Pecaut & Mamajek (2013, ApJS 208, 9, Table 5, with the Gaia colours of the
-//! table's later versions). A polynomial would be shorter, but leaves its range of validity with nonsense; straight
-//! lines between points stay monotone and end where the table ends. Colours outside it get the temperature of its end.
-//! Interstellar reddening is not removed: a star gets the temperature of the colour it is seen in.
+//! tabulated points of the dwarf sequence of Pecaut & Mamajek (2013, ApJS 208, 9, Table 5, with the Gaia colours of
+//! the table's later versions). A polynomial would be shorter, but is meaningless outside its range; straight lines
+//! between points are monotone and end where the table ends. Colours outside it get the temperature of its nearer
+//! end. Interstellar reddening is not removed: a star gets the temperature of its observed colour.
 
 /// Range of BP-RP, in magnitudes, for which [`v_from_gaia`] was fitted (Riello et al. 2021, A&A 649, A3, Table C.1).
 pub const GAIA_V_BP_RP_RANGE: (f64, f64) = (-0.5, 5.0);
 
-/// (BP-RP in magnitudes, temperature in kelvin). Hotter than B9, where the source gives no Gaia colour, the points
-/// continue the slope of V-I.
+/// (BP-RP in magnitudes, temperature in kelvin). For stars hotter than B9, where the source has no Gaia colour, the
+/// points continue the slope of V-I.
 const BP_RP_TEMPERATURE: [(f64, f64); 29] = [
     (-0.60, 45_000.0),
     (-0.45, 33_000.0),
@@ -43,8 +43,9 @@ const BP_RP_TEMPERATURE: [(f64, f64); 29] = [
     (5.00, 2_400.0),
 ];
 
-/// (B-V in magnitudes, temperature in kelvin). Redder than 1.4, where B-V hardly changes along the M dwarfs, the points
-/// follow giants and supergiants, which are nearly all of the naked-eye stars of that colour, and end with carbon stars.
+/// (B-V in magnitudes, temperature in kelvin). Redder than 1.4, where B-V hardly changes along the M dwarfs, the
+/// points follow giants and supergiants, which are nearly all naked-eye stars of that colour, and end with carbon
+/// stars.
 const B_V_TEMPERATURE: [(f64, f64); 29] = [
     (-0.330, 44_900.0),
     (-0.315, 32_500.0),
@@ -79,8 +80,8 @@ const B_V_TEMPERATURE: [(f64, f64); 29] = [
 
 /// V magnitude of a source of Gaia magnitude `g` and colour `bp_rp` (both magnitudes, Gaia EDR3 and DR3).
 ///
-/// V - G is the cubic of Riello et al. 2021 (A&A 649, A3, Table C.2), which scatters by 0.03 mag. Colours outside
-/// [`GAIA_V_BP_RP_RANGE`] are moved to its edge, so that a cubic never runs away with a broken colour.
+/// V - G is the cubic of Riello et al. 2021 (A&A 649, A3, Table C.2), which scatters by 0.03 mag. Colours are clamped
+/// to [`GAIA_V_BP_RP_RANGE`], so that the cubic does not diverge for a wrong colour.
 pub fn v_from_gaia(g: f64, bp_rp: f64) -> f64 {
     let c = bp_rp.clamp(GAIA_V_BP_RP_RANGE.0, GAIA_V_BP_RP_RANGE.1);
     g + 0.027_04 + c * (-0.014_24 + c * (0.215_6 - c * 0.014_26))
@@ -114,7 +115,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn both_relations_fall_strictly_and_stay_in_bounds() {
+    fn both_relations_decrease_strictly_and_stay_in_bounds() {
         for points in [&BP_RP_TEMPERATURE, &B_V_TEMPERATURE] {
             assert!(points.windows(2).all(|w| w[0].0 < w[1].0 && w[0].1 > w[1].1), "points out of order");
         }
@@ -134,7 +135,7 @@ mod tests {
     }
 
     #[test]
-    fn known_stars_get_their_temperature() {
+    fn known_stars_have_their_published_temperatures() {
         // (B-V, BP-RP where well measured, effective temperature): Vega, Procyon, the Sun, Arcturus, Betelgeuse, Rigel.
         for (b_v, t, tolerance) in [
             (0.00, 9_600.0, 0.05),
@@ -150,13 +151,13 @@ mod tests {
         // The Sun; Proxima Centauri.
         assert!((temperature_k_from_bp_rp(0.82) / 5_772.0 - 1.0).abs() < 0.01);
         assert!((temperature_k_from_bp_rp(3.80) / 2_950.0 - 1.0).abs() < 0.05);
-        // Where a published cubic gives 0.8 K.
+        // A published cubic gives 0.8 K here.
         assert!((3_000.0..3_300.0).contains(&temperature_k_from_bp_rp(3.0)));
     }
 
     #[test]
-    fn v_follows_g_and_its_range_is_kept() {
-        // Values of the cubic worked out by hand.
+    fn v_follows_from_g_and_the_colour_is_clamped() {
+        // Values of the cubic computed by hand.
         assert!((v_from_gaia(10.0, 0.0) - 10.027_04).abs() < 1e-12);
         assert!((v_from_gaia(10.0, 1.0) - 10.214_14).abs() < 1e-9);
         // The Sun: G = -26.90, BP-RP = 0.82 gives V = -26.76.

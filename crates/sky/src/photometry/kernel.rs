@@ -1,19 +1,19 @@
-//! Splat kernels: how a star's light is shared among the pixels around its image.
+//! Splat kernels: the distribution of a star's light over the pixels around its image.
 
 use glam::DVec2;
 
-/// Where Gaussians that are round in view space are cut off, in standard deviations.
+/// Radius at which Gaussians that are round in view space are truncated, in standard deviations.
 pub const GAUSSIAN_CUT: f64 = 4.5;
 
-/// Standard deviation of the Gaussian that the brightest stars have on the image plane, pixels: 0.7, integrated over pixels.
+/// Standard deviation of the Gaussian of the brightest stars on the image plane, pixels: 0.7, integrated over pixels.
 const PLANE_GAUSSIAN_PX: f64 = 0.757;
 
 /// Pixels along a side of [`bright_kernel`].
 pub const BRIGHT_KERNEL_PIXELS: i64 = 7;
 
-/// The kernel of stars so bright that the B-spline would be seen to flicker, around `centre` (continuous pixel coordinates): along
-/// each axis a mixture of the B-spline and of a Gaussian, of which `part` is the Gaussian's share, on seven pixels, divided by its
-/// sum. Column, row, weight.
+/// The kernel of stars so bright that the B-spline would visibly flicker, around `centre` (continuous pixel
+/// coordinates). Along each axis it is a mixture of the B-spline and a Gaussian (with the share `part`) on seven
+/// pixels, divided by its sum. Column, row, weight.
 pub fn bright_kernel(part: f64, centre: DVec2) -> Vec<(i64, i64, f64)> {
     let spline = |offset: f64| match offset {
         near if near < 0.5 => 0.75 - near * near,
@@ -24,11 +24,11 @@ pub fn bright_kernel(part: f64, centre: DVec2) -> Vec<(i64, i64, f64)> {
     };
     let axis = |x: f64| -> Vec<(i64, f64)> {
         let first = x.floor() as i64 - BRIGHT_KERNEL_PIXELS / 2;
-        let at = |i: i64| {
+        let tap = |i: i64| {
             let offset = (i as f64 + 0.5 - x).abs();
             (i, (1.0 - part) * spline(offset) + part * gaussian(offset))
         };
-        let taps: Vec<(i64, f64)> = (first..first + BRIGHT_KERNEL_PIXELS).map(at).collect();
+        let taps: Vec<(i64, f64)> = (first..first + BRIGHT_KERNEL_PIXELS).map(tap).collect();
         let sum: f64 = taps.iter().map(|tap| tap.1).sum();
         taps.into_iter().map(|(i, weight)| (i, weight / sum)).collect()
     };
@@ -36,17 +36,18 @@ pub fn bright_kernel(part: f64, centre: DVec2) -> Vec<(i64, i64, f64)> {
     rows.iter().flat_map(|(y, wy)| columns.iter().map(move |(x, wx)| (*x, *y, wx * wy))).collect()
 }
 
-/// Share of its light that a star drawn with the B-spline has in its brightest pixel: the geometric mean over its places within a
-/// pixel, which is the mean in magnitudes. It is 0.5625 in the middle of a pixel and 0.25 at a corner.
+/// Share of its light that a star drawn with the B-spline has in its brightest pixel: the geometric mean over
+/// positions within a pixel, which is the mean in magnitudes. It is 0.5625 at the centre of a pixel and 0.25 at a
+/// corner.
 pub const BSPLINE_PEAK: f64 = 0.439;
 
-/// How many times brighter than the first star that takes [`bright_kernel`] a star is that has nothing of the B-spline left.
+/// Ratio of illuminance between a star that uses only the Gaussian and the faintest star that uses [`bright_kernel`].
 pub const BRIGHT_KERNEL_GROWTH: f64 = 6.0;
 
-/// The Gaussian's share for a star, where the faintest one that takes [`bright_kernel`] has `from_lx`.
+/// The Gaussian's share for a star; `from_lx` is the illuminance of the faintest star that uses [`bright_kernel`].
 pub fn gaussian_part(illuminance_lx: f64, from_lx: f64) -> f64 {
     let way = (illuminance_lx / from_lx.max(1e-30)).log(BRIGHT_KERNEL_GROWTH).clamp(0.0, 1.0);
-    // Without a kink at either end.
+    // Smooth at both ends.
     way * way * (3.0 - 2.0 * way)
 }
 
@@ -68,7 +69,7 @@ impl SplatKernel {
         }
     }
 
-    /// Half of the kernel's support: how far outside of a picture a star may stand and still touch it, pixels.
+    /// Half of the kernel's support: the distance beyond a picture's edge at which a star still touches it, pixels.
     pub fn radius_px(self) -> f64 {
         match self {
             SplatKernel::Tent => 1.0,
@@ -127,16 +128,16 @@ mod tests {
     #[test]
     fn the_peak_of_the_bspline_is_its_mean_in_magnitudes() {
         const N: u32 = 64;
-        let at = |i: u32| 5.0 + (f64::from(i) + 0.5) / f64::from(N);
+        let coordinate = |i: u32| 5.0 + (f64::from(i) + 0.5) / f64::from(N);
         let peak = |x: u32, y: u32| {
-            let taps = SplatKernel::BSpline.footprint(DVec2::new(at(x), at(y)));
+            let taps = SplatKernel::BSpline.footprint(DVec2::new(coordinate(x), coordinate(y)));
             taps.iter().map(|tap| tap.2).fold(0.0, f64::max)
         };
         let places: Vec<(u32, u32)> = (0..N).flat_map(|y| (0..N).map(move |x| (x, y))).collect();
         let logs: f64 = places.iter().map(|(x, y)| peak(*x, *y).ln()).sum();
         let mean = (logs / places.len() as f64).exp();
         assert!((mean - BSPLINE_PEAK).abs() < 5e-4, "{mean}");
-        // The arithmetic mean is another one.
+        // The arithmetic mean is different.
         let plain = places.iter().map(|(x, y)| peak(*x, *y)).sum::<f64>() / places.len() as f64;
         assert!((plain - 4.0 / 9.0).abs() < 1e-4 && plain - BSPLINE_PEAK > 4e-3, "{plain}");
     }

@@ -1,8 +1,18 @@
-//! Photometry: from magnitude and temperature to light, and how that light is spread over pixels.
+//! Photometry: conversion of magnitude and temperature to light, and its distribution over pixels.
 //!
-//! `atmosphere` and `sky_light` are the air over an observer, `cie1931` and `rec709` hold the standards, `blackbody` turns temperatures into colours, `kernel` shares a star's light
-//! among pixels, `psf` holds the pictures that optics make of a star, `star_image` the image of a sprite,
-//! `reflection` says how surfaces throw light back, `phase_curve` how bright planets were measured, `rings` what Saturn's reflect and hide, `corona` what is around the Sun, `glare` how scattered light falls off, `exposure` chooses the luminance that is shown white, `tone_map` turns luminance into display values.
+//! - `atmosphere` and `sky_light`: the air over an observer
+//! - `cie1931` and `rec709`: colorimetric standards
+//! - `blackbody`: colours from temperatures
+//! - `kernel`: distribution of a star's light over pixels
+//! - `psf`: pictures of a star formed by optics
+//! - `star_image`: the image of a sprite
+//! - `reflection`: reflection laws of surfaces
+//! - `phase_curve`: measured brightness of planets
+//! - `rings`: light and opacity of Saturn's rings
+//! - `corona`: the corona of the Sun
+//! - `glare`: fall-off of scattered light
+//! - `exposure`: luminance of display white
+//! - `tone_map`: display values from luminance
 
 pub mod atmosphere;
 pub mod blackbody;

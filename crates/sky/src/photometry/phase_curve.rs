@@ -1,22 +1,25 @@
-//! Brightness of the planets and the Moon against their phase, as measured: A. Mallama and J. L. Hilton, "Computing apparent planetary magnitudes for The Astronomical Almanac",
-//! Astronomy and Computing 25, 10, 2018; the Moon by C. W. Allen, "Astrophysical Quantities", 3rd edition, section 66, with the opposition surge of K. Krisciunas and B. E. Schaefer,
-//! Publications of the Astronomical Society of the Pacific 103, 1033, 1991; the moons of Jupiter and Saturn by the Explanatory Supplement to the Astronomical Almanac, 3rd edition, 10.5.
+//! Measured brightness of the planets and the Moon against phase: A. Mallama and J. L. Hilton, "Computing apparent
+//! planetary magnitudes for The Astronomical Almanac", Astronomy and Computing 25, 10, 2018; the Moon by C. W. Allen,
+//! "Astrophysical Quantities", 3rd edition, section 66, with the opposition surge of K. Krisciunas and B. E.
+//! Schaefer, Publications of the Astronomical Society of the Pacific 103, 1033, 1991; the moons of Jupiter and Saturn
+//! by the Explanatory Supplement to the Astronomical Almanac, 3rd edition, 10.5.
 //!
-//! A curve gives V(1, a): the V magnitude at one astronomical unit from the Sun and from the eye, at the phase angle a. Surfaces reflect by a law of their own; what a curve does to a
-//! body is one factor on its light for the phase angle at which it is seen, so that its light is that of the curve and its shading that of the law.
+//! A curve gives V(1, a): the V magnitude at one astronomical unit from the Sun and from the eye, at the phase angle
+//! a. A surface is shaded by its reflection law. One factor on its light, for the phase angle at which it is seen,
+//! gives the body the brightness of its curve and keeps the shading of the law.
 
 use super::{reflection::ReflectionLaw, rings};
 use crate::{polynomial::polynomial, solar_system::SolarBody, units::ASTRONOMICAL_UNIT_M};
 
 /// V magnitude of the Sun at one astronomical unit.
 const SUN_V: f64 = -26.74;
-/// Opening of Saturn's rings, degrees, and phase angles that the Earth sees them at.
+/// Largest opening of Saturn's rings, degrees, and largest phase angle at which the Earth sees them.
 const MOST_RINGS_DEG: f64 = 27.0;
 const MOST_RING_PHASE_DEG: f64 = 6.5;
-/// Factors on the light stay within these: beyond the measured phases curves and laws part.
+/// Range of the factors on the light: beyond the measured phases curves and laws diverge.
 const FACTORS: [f64; 2] = [1e-3, 30.0];
 
-/// Phase angles that the curve of a body is known to, degrees; 0 for the Sun, which has none.
+/// Largest phase angle to which the curve of a body is known, degrees; 0 for the Sun, which has none.
 fn known_to_deg(body: SolarBody) -> f64 {
     match body {
         SolarBody::Sun => 0.0,
@@ -31,9 +34,10 @@ fn known_to_deg(body: SolarBody) -> f64 {
     }
 }
 
-/// V(1, a) of a body at a phase angle, degrees; beyond what is known, as at the border. `None` for the Sun.
+/// V(1, a) of a body at a phase angle, degrees; beyond the known range, the value at its limit. `None` for the Sun.
 ///
-/// Mars and the moons of Jupiter: in the mean over their rotation; Mars also over its year. Saturn: the globe without rings. Uranus: seen from above its equator. Neptune: as bright as since 2000.
+/// Mars and the moons of Jupiter: the mean over their rotation; Mars also over its year. Saturn: the globe without
+/// rings. Uranus: seen from above its equator. Neptune: its brightness since 2000.
 pub fn magnitude(body: SolarBody, phase_deg: f64) -> Option<f64> {
     let a = phase_deg.clamp(0.0, known_to_deg(body));
     let magnitude = match body {
@@ -44,7 +48,7 @@ pub fn magnitude(body: SolarBody, phase_deg: f64) -> Option<f64> {
         SolarBody::Venus if a <= 163.7 => polynomial(&[-4.384, -1.044e-3, 3.687e-4, -2.814e-6, 8.938e-9], a),
         SolarBody::Venus => polynomial(&[236.058_28, -2.819_14, 8.390_34e-3], a),
         SolarBody::Earth => polynomial(&[-3.99, -1.060e-3, 2.054e-4], a),
-        // -12.73 at 384,400 km; at full phase it is brighter by a third than the line has it.
+        // -12.73 at 384,400 km; at full phase it is a third brighter than the linear law.
         SolarBody::Moon => {
             let surge = if a < 7.0 { -2.5 * (1.35 - 0.05 * a).log10() } else { 0.0 };
             let at_one = -12.73 + 5.0 * (ASTRONOMICAL_UNIT_M / 3.844e8).log10();
@@ -70,21 +74,23 @@ pub fn magnitude(body: SolarBody, phase_deg: f64) -> Option<f64> {
     Some(magnitude)
 }
 
-/// From where a body is seen and lit: latitudes of the eye and of the Sun over its equator, rad.
+/// Latitudes of the eye and of the Sun above a body's equator, rad.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Tilt {
-    /// Of the eye.
+    /// Latitude of the eye.
     pub eye_rad: f64,
-    /// Of the Sun.
+    /// Latitude of the Sun.
     pub sun_rad: f64,
 }
 
-/// What is added to [`magnitude`] by how a body's pole stands: Saturn's rings, and the brighter poles of Uranus.
+/// Correction to [`magnitude`] for the orientation of a body's pole: Saturn's rings, and the brighter poles of
+/// Uranus.
 fn tilted(body: SolarBody, phase_deg: f64, tilt: Tilt) -> f64 {
     let Tilt { eye_rad, sun_rad } = tilt;
     match body {
         SolarBody::Saturn => {
-            // Where the Sun and the eye are on different sides nothing of the rings is lit. Seen from the Earth rings are never open by more, and phases no larger.
+            // If the Sun and the eye are on different sides, the visible side of the rings is not lit. Openings and
+            // phases are limited to those seen from the Earth.
             let open_rad = (eye_rad * sun_rad).max(0.0).sqrt().min(MOST_RINGS_DEG.to_radians());
             let (sine, a) = (open_rad.sin(), phase_deg.min(MOST_RING_PHASE_DEG));
             let with_rings = -8.914 - 1.825 * sine + 0.026 * a - 0.378 * sine * (-2.25 * a).exp();
@@ -96,11 +102,13 @@ fn tilted(body: SolarBody, phase_deg: f64, tilt: Tilt) -> f64 {
     }
 }
 
-/// Light of the rings over that of the globe for one unit of [`rings::illuminance_of_unit`]: 0.516 at tilts of 20 degrees and a phase of 6.
+/// Light of the rings relative to the globe, per unit of [`rings::illuminance_of_unit`]: 0.516 at tilts of 20 degrees
+/// and a phase of 6.
 const RINGS_OF_UNIT: f64 = 1.87;
 
-/// Share of Saturn's light that is its rings', at a phase angle. The measured curve has none of them below tilts of 1 to 6 degrees, where its terms of the phase are larger than what rings give: there it is what
-/// the zones reflect by the law of [`rings`], as bright as they were measured at a tilt of 20 degrees.
+/// Share of the rings in Saturn's light at a phase angle. In the measured curve the rings have no light at tilts
+/// below 1 to 6 degrees, where its phase terms exceed the light of the rings. There the share is the reflection of
+/// the zones by the law of [`rings`], scaled to the brightness measured at a tilt of 20 degrees.
 pub fn ring_share(phase_rad: f64, tilt: Tilt) -> f64 {
     let measured = 1.0 - 10_f64.powf(0.4 * tilted(SolarBody::Saturn, phase_rad.to_degrees(), tilt));
     if tilt.eye_rad * tilt.sun_rad <= 0.0 {
@@ -111,8 +119,8 @@ pub fn ring_share(phase_rad: f64, tilt: Tilt) -> f64 {
     measured.max(of_globe / (1.0 + of_globe))
 }
 
-/// Factor on the light of a sphere of `radius_m` with a law and the luminance of its geometric albedo, by which it is that of the body's curve; 1 for the Sun. Saturn's globe has the
-/// light of the rings too.
+/// Factor that brings the light of a sphere of `radius_m`, with a reflection law and the luminance of its geometric
+/// albedo, to that of the body's curve; 1 for the Sun. Saturn's globe gets the light of the rings too.
 pub fn factor(
     body: SolarBody,
     law: ReflectionLaw,
@@ -131,7 +139,7 @@ pub fn factor(
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "what must not happen in a test may panic")]
+#[allow(clippy::unwrap_used, reason = "tests may panic")]
 mod tests {
     use super::*;
 
@@ -142,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn the_light_is_that_of_the_curve_at_every_phase() {
+    fn light_matches_the_curve_at_every_phase() {
         for body in SolarBody::ALL.into_iter().filter(|body| *body != SolarBody::Sun) {
             let (albedo, radius_m) = (0.3, 6e6);
             for phase_deg in [0.0, 1.0, 6.0, 10.0, 45.0, 90.0, 120.0] {
@@ -174,13 +182,13 @@ mod tests {
             let tilt = Tilt { eye_rad: eye_deg.to_radians(), sun_rad: sun_deg.to_radians() };
             ring_share(phase_deg.to_radians(), tilt)
         };
-        // As measured: 0.452 magnitudes at a tilt of 20 degrees and a phase of 6.
+        // Measured: 0.452 magnitudes at a tilt of 20 degrees and a phase of 6.
         assert!(
             (share(20.0, 20.0, 6.0) - (1.0 - 10_f64.powf(-0.4 * 0.4521))).abs() < 3e-3,
             "{}",
             share(20.0, 20.0, 6.0)
         );
-        // The autumn of 2025.
+        // Autumn 2025.
         let thin = share(-1.8, -2.0, 3.0);
         assert!((0.03..0.08).contains(&thin), "{thin}");
         assert_eq!(share(0.5, -0.5, 3.0), 0.0);
@@ -193,7 +201,7 @@ mod tests {
     }
 
     #[test]
-    fn pieces_of_curves_meet() {
+    fn pieces_of_curves_are_continuous() {
         for (body, border_deg) in [
             (SolarBody::Venus, 163.7),
             (SolarBody::Mars, 50.0),

@@ -1,9 +1,9 @@
-//! Linear RGB with the primaries and the D65 white of ITU-R BT.709: its luminance, and the way to and from CIE 1931
+//! Linear RGB with the primaries and the D65 white of ITU-R BT.709: luminance, and conversion to and from CIE 1931
 //! XYZ.
 //!
-//! Two definitions of luminance meet here. The crate's is [`luminance`], with the four-digit weights of BT.709: a
-//! pixel's photopic luminance is this sum, exactly. The matrices are derived from the chromaticities themselves; their
-//! Y row agrees with the weights to 4e-5, so colours are made with the matrices and then normalised with [`luminance`].
+//! There are two definitions of luminance. The crate uses [`luminance`], with the four-digit weights of BT.709: a
+//! pixel's photopic luminance is exactly this sum. The matrices are derived from the chromaticities; their Y row
+//! agrees with the weights to 4e-5, so colours are computed with the matrices and then normalised with [`luminance`].
 
 /// Chromaticities x, y of red, green and blue (ITU-R BT.709-6, item 1.3).
 pub const PRIMARIES_XY: [[f64; 2]; 3] = [[0.64, 0.33], [0.30, 0.60], [0.15, 0.06]];
@@ -14,7 +14,7 @@ pub const WHITE_XY: [f64; 2] = [0.3127, 0.3290];
 /// Shares of linear red, green and blue in the luminance (ITU-R BT.709-6, item 3.2). Their sum is 1.
 pub const LUMINANCE_WEIGHTS: [f64; 3] = [0.2126, 0.7152, 0.0722];
 
-/// Rows X, Y, Z; columns red, green, blue. White (1, 1, 1) goes to D65 with Y = 1.
+/// Rows X, Y, Z; columns red, green, blue. White (1, 1, 1) is mapped to D65 with Y = 1.
 pub const XYZ_FROM_REC709: [[f64; 3]; 3] = xyz_from_rec709_matrix();
 
 /// Inverse of [`XYZ_FROM_REC709`].
@@ -25,18 +25,18 @@ pub fn luminance(rgb: [f64; 3]) -> f64 {
     LUMINANCE_WEIGHTS[0] * rgb[0] + LUMINANCE_WEIGHTS[1] * rgb[1] + LUMINANCE_WEIGHTS[2] * rgb[2]
 }
 
-/// CIE XYZ of linear RGB.
+/// CIE XYZ from linear RGB.
 pub fn xyz_from_rec709(rgb: [f64; 3]) -> [f64; 3] {
     product(&XYZ_FROM_REC709, rgb)
 }
 
-/// Linear RGB of CIE XYZ; negative where the colour is outside the gamut.
+/// Linear RGB from CIE XYZ; negative if the colour is outside the gamut.
 pub fn rec709_from_xyz(xyz: [f64; 3]) -> [f64; 3] {
     product(&REC709_FROM_XYZ, xyz)
 }
 
-/// CIE 1976 chromaticity u', v' of linear RGB: 4 X / (X + 15 Y + 3 Z) and 9 Y / (X + 15 Y + 3 Z) (CIE 15). Black has no
-/// chromaticity and gives NaN.
+/// CIE 1976 chromaticity u', v' from linear RGB: 4 X / (X + 15 Y + 3 Z) and 9 Y / (X + 15 Y + 3 Z) (CIE 15). Black
+/// has no chromaticity and gives NaN.
 pub fn uv_prime(rgb: [f64; 3]) -> [f64; 2] {
     let [x, y, z] = xyz_from_rec709(rgb);
     let sum = x + 15.0 * y + 3.0 * z;
@@ -48,7 +48,7 @@ const fn xyz_at_unit_luminance(xy: [f64; 2]) -> [f64; 3] {
     [xy[0] / xy[1], 1.0, (1.0 - xy[0] - xy[1]) / xy[1]]
 }
 
-/// Scales the three primaries so that equal parts of them make the white (SMPTE RP 177).
+/// Scales the three primaries so that equal amounts of them make white (SMPTE RP 177).
 const fn xyz_from_rec709_matrix() -> [[f64; 3]; 3] {
     let red = xyz_at_unit_luminance(PRIMARIES_XY[0]);
     let green = xyz_at_unit_luminance(PRIMARIES_XY[1]);
@@ -76,7 +76,7 @@ const fn product(m: &[[f64; 3]; 3], v: [f64; 3]) -> [f64; 3] {
     ]
 }
 
-/// Inverse by cofactors. Rows of the inverse are the cross products of the columns over the determinant.
+/// Inverse by cofactors. Rows of the inverse are the cross products of the columns, divided by the determinant.
 const fn inverse(m: &[[f64; 3]; 3]) -> [[f64; 3]; 3] {
     let mut cofactors = [[0.0; 3]; 3];
     let mut row = 0;
@@ -129,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn chromaticity_of_white_and_red_are_the_published_ones() {
+    fn chromaticities_of_white_and_red_match_published_ones() {
         // u', v' of D65 and of the red primary, from their x, y: 4 x / (12 y - 2 x + 3), 9 y / (12 y - 2 x + 3).
         for (rgb, [u, v]) in [([2.5; 3], [0.197_83, 0.468_32]), ([0.3, 0.0, 0.0], [0.450_70, 0.522_89])] {
             let found = uv_prime(rgb);

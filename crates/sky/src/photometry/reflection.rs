@@ -1,14 +1,14 @@
-//! How surfaces reflect: two laws, scaled by the geometric albedo p, and the light of spheres that obey them.
+//! Reflection of surfaces: two laws, scaled by the geometric albedo p, and the light of spheres that obey them.
 //!
-//! A surface that gets the illuminance E (measured across the light's direction) from an angle i off its normal has,
-//! seen from an angle e off it, the luminance L = p E / pi * f(cos i, cos e):
+//! A surface with the illuminance E (measured perpendicular to the light's direction) at an angle of incidence i has,
+//! at an angle of emission e, the luminance L = p E / pi * f(cos i, cos e):
 //!
 //! - Lambert: f = 1.5 cos i,
 //! - Lommel-Seeliger: f = 2 cos i / (cos i + cos e).
 //!
-//! Both are scaled such that a sphere at full phase gives p E (R / D)^2, as the definition of p asks for: over its disc
-//! cos i is 2/3 in the mean, and cos i / (cos i + cos e) is 1/2. Away from full phase the light falls by the phase
-//! function, in closed form for both (Lester, McCall and Tatum 1979, "Theory of planetary photometry", JRASC 73, 233).
+//! Both are scaled so that a sphere at full phase gives p E (R / D)^2, by the definition of p: over its disc the mean of
+//! cos i is 2/3, and cos i / (cos i + cos e) is 1/2. Away from full phase the light falls by the phase function, in
+//! closed form for both (Lester, McCall and Tatum 1979, "Theory of planetary photometry", JRASC 73, 233).
 //!
 //! Units: rad, m, lx, cd/m^2.
 
@@ -30,7 +30,7 @@ pub enum ReflectionLaw {
 }
 
 impl ReflectionLaw {
-    /// All of them.
+    /// All reflection laws.
     pub const ALL: [Self; 2] = [Self::Lambert, Self::LommelSeeliger];
 
     /// Name in configurations.
@@ -41,12 +41,12 @@ impl ReflectionLaw {
         }
     }
 
-    /// The law of a name.
+    /// The law with a name.
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|law| law.name() == name)
     }
 
-    /// The factor f of L = p E / pi * f, for the cosines of the angles of incidence and of emission. 0 where the light
+    /// The factor f in L = p E / pi * f, for the cosines of the angles of incidence and of emission. 0 if the light
     /// or the eye is below the horizon.
     pub fn luminance_factor(self, cos_i: f64, cos_e: f64) -> f64 {
         if cos_i <= 0.0 || cos_e < 0.0 {
@@ -58,8 +58,8 @@ impl ReflectionLaw {
         }
     }
 
-    /// Light of a sphere at a phase angle (between the directions to the light and to the eye, both far), rad, 0 to pi,
-    /// over that at full phase.
+    /// Light of a sphere at a phase angle (between the directions to the light and to the eye, both distant), rad, 0
+    /// to pi, relative to full phase.
     pub fn phase_function(self, phase_rad: f64) -> f64 {
         let from_new_rad = (PI - phase_rad).clamp(0.0, PI);
         match self {
@@ -72,7 +72,7 @@ impl ReflectionLaw {
 /// (sin a + (pi - a) cos a) / pi, from d = pi - a.
 fn lambert_phase(d: f64) -> f64 {
     if d < 0.01 {
-        // Both terms are nearly d here, and what is left of them is of the third order.
+        // Both terms are nearly d here; their difference is of third order.
         return d.powi(3) / PI * (1.0 / 3.0 - d * d / 30.0);
     }
     (d.sin() - d * d.cos()) / PI
@@ -87,14 +87,14 @@ fn lommel_seeliger_phase(d: f64) -> f64 {
     }
     let half_tangent = (x / 2.0).tan();
     if half_tangent >= 1.0 {
-        // Full phase, where the logarithm grows without bound and its factor vanishes faster.
+        // At full phase the logarithm diverges and its factor vanishes faster.
         return 1.0;
     }
     1.0 - x.cos().powi(2) / x.sin() * 2.0 * half_tangent.atanh()
 }
 
-/// Illuminance that a sphere gives an eye far away, lx: p E (R / D)^2 times the phase function. `illuminance_lx` is
-/// what falls on the sphere.
+/// Illuminance from a sphere at a distant eye, lx: p E (R / D)^2 times the phase function. `illuminance_lx` is the
+/// illuminance on the sphere.
 pub fn sphere_illuminance_lx(
     law: ReflectionLaw,
     geometric_albedo: f64,
@@ -111,14 +111,14 @@ mod tests {
     use super::*;
 
     /// Light of a unit sphere at a phase angle from the luminance factor alone: the integral of f cos e over the part
-    /// of the sphere that is seen and lit, over pi, in luminance longitude and latitude (midpoint rule; the eye at
-    /// longitude 0, the light at the phase angle).
+    /// of the sphere that is visible and lit, divided by pi, in luminance longitude and latitude (midpoint rule; the
+    /// eye at longitude 0, the light at the phase angle).
     fn phase_by_quadrature(law: ReflectionLaw, phase_rad: f64, factor: f64) -> f64 {
         const N: usize = 1000;
         let [from, to] = [phase_rad - PI / 2.0, PI / 2.0];
         let mut sum = 0.0;
         for i in 0..N {
-            // Nodes crowd at both ends, where the integrand of Lommel-Seeliger is steep.
+            // Nodes are denser at both ends, where the integrand of Lommel-Seeliger is steep.
             let t = (i as f64 + 0.5) / N as f64;
             let longitude = from + (to - from) * (3.0 - 2.0 * t) * t * t;
             let step = (to - from) * 6.0 * t * (1.0 - t) / N as f64;
@@ -134,13 +134,13 @@ mod tests {
     }
 
     #[test]
-    fn closed_phase_functions_are_the_integrals_of_the_laws() {
+    fn closed_phase_functions_equal_the_integrals_of_the_laws() {
         for law in ReflectionLaw::ALL {
             for phase_deg in [0.0, 1.0, 20.0, 60.0, 90.0, 120.0, 150.0, 170.0] {
                 let phase_rad = f64::to_radians(phase_deg);
                 let (closed, summed) = (law.phase_function(phase_rad), phase_by_quadrature(law, phase_rad, 1.0));
                 assert!((closed - summed).abs() < 2e-5 * closed.max(1e-2), "{law:?} {phase_deg}: {closed} {summed}");
-                // A law that is 1 % brighter is told apart.
+                // A law that is 1 % brighter must fail.
                 let wrong = phase_by_quadrature(law, phase_rad, 1.01);
                 assert!((closed - wrong).abs() > 5e-3 * closed, "{law:?} {phase_deg}: {closed} {wrong}");
             }
@@ -162,20 +162,20 @@ mod tests {
                 last = value;
             }
         }
-        // On either side of where the series take over.
-        for (law, at) in [(ReflectionLaw::Lambert, 0.01), (ReflectionLaw::LommelSeeliger, 6e-3)] {
-            let [below, above] = [-1e-9, 1e-9].map(|step| law.phase_function(PI - at - step));
+        // On both sides of the limit of the series.
+        for (law, limit) in [(ReflectionLaw::Lambert, 0.01), (ReflectionLaw::LommelSeeliger, 6e-3)] {
+            let [below, above] = [-1e-9, 1e-9].map(|step| law.phase_function(PI - limit - step));
             assert!((below / above - 1.0).abs() < 2e-6, "{law:?}: {below} {above}");
         }
         assert!((ReflectionLaw::Lambert.phase_function(PI / 2.0) - 1.0 / PI).abs() < 1e-15);
-        // Both fall with the power that their series tell.
+        // Both decrease with the power of their series.
         let tail = |law: ReflectionLaw, d: f64| law.phase_function(PI - d);
         assert!((tail(ReflectionLaw::Lambert, 1e-4) / (1e-12 / (3.0 * PI)) - 1.0).abs() < 1e-6);
         assert!((tail(ReflectionLaw::LommelSeeliger, 1e-4) / (1e-8 / 6.0) - 1.0).abs() < 1e-6);
     }
 
     #[test]
-    fn what_is_not_lit_or_not_seen_is_dark() {
+    fn surfaces_that_are_unlit_or_face_away_are_dark() {
         for law in ReflectionLaw::ALL {
             assert_eq!(law.luminance_factor(-0.1, 0.5), 0.0);
             assert_eq!(law.luminance_factor(0.5, -0.1), 0.0);
@@ -187,9 +187,9 @@ mod tests {
     }
 
     #[test]
-    fn the_full_moon_has_its_magnitude() {
-        // Albedo 0.12, 1737 km at 384,400 km, in sunlight of magnitude -26.74: V = -12.7 (opposition surge left out: a
-        // little less).
+    fn the_full_moon_has_its_published_magnitude() {
+        // Albedo 0.12, 1737 km at 384,400 km, in sunlight of magnitude -26.74: V = -12.7 (slightly fainter, because
+        // the opposition surge is left out).
         let sun_lx = crate::units::illuminance_lx_from_magnitude(-26.74);
         let moon_lx = sphere_illuminance_lx(ReflectionLaw::LommelSeeliger, 0.12, sun_lx, 1.7374e6, 3.844e8, 0.0);
         let magnitude = crate::units::magnitude_from_illuminance_lx(moon_lx);

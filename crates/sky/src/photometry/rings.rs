@@ -1,49 +1,52 @@
 //! The rings of Saturn: four zones of particles that scatter light once.
 //!
-//! A zone has an optical depth and an albedo; light that comes in and goes out at the cosines mu0 and mu is reflected by mu0 / (4 (mu + mu0)) (1 - exp(-t (1/mu + 1/mu0))) (Chandrasekhar 1960), and 1 - exp(-t/mu) of what is
-//! behind is hidden. Radii and depths: J. N. Cuzzi et al., "Saturn's rings", in *Saturn*, 1984, rounded; how bright zones are beside each other is rounded too. How bright all of them are together follows from the
-//! measured magnitude of Saturn with and without rings ([`super::phase_curve`]).
+//! A zone has an optical depth and an albedo. Light that arrives at the cosine mu0 and leaves at mu is reflected by
+//! mu0 / (4 (mu + mu0)) (1 - exp(-t (1/mu + 1/mu0))) (Chandrasekhar 1960); the share 1 - exp(-t/mu) of the light from
+//! behind is hidden. Radii and depths: J. N. Cuzzi et al., "Saturn's rings", in *Saturn*, 1984, rounded; the relative
+//! brightness of the zones is rounded too. Their total brightness follows from the measured magnitude of Saturn with
+//! and without rings ([`super::phase_curve`]).
 
 use std::f64::consts::PI;
 
-/// A zone.
+/// A zone of the rings.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Zone {
-    /// Where it ends, and the next one begins, in Saturn's equatorial radii.
+    /// Outer radius, where the next zone begins, in Saturn's equatorial radii.
     pub outer: f64,
-    /// Optical depth at right angles.
+    /// Optical depth at normal incidence.
     pub depth: f64,
-    /// Albedo, beside that of the others.
+    /// Albedo, relative to the other zones.
     pub albedo: f64,
 }
 
-/// Where the innermost zone begins, in Saturn's equatorial radii.
+/// Inner radius of the innermost zone, in Saturn's equatorial radii.
 pub const INNER: f64 = 1.239;
-/// C, B, Cassini's division, A.
+/// C, B, Cassini division, A.
 pub const ZONES: [Zone; 4] = [
     Zone { outer: 1.526, depth: 0.10, albedo: 0.25 },
     Zone { outer: 1.950, depth: 1.80, albedo: 0.85 },
     Zone { outer: 2.030, depth: 0.12, albedo: 0.40 },
     Zone { outer: 2.269, depth: 0.60, albedo: 0.65 },
 ];
-/// Where the outermost ends.
+/// Outer radius of the outermost zone.
 pub const OUTER: f64 = ZONES[3].outer;
-/// Below these cosines nothing is seen of them.
+/// Below these cosines the rings are invisible.
 const LEAST_COSINE: f64 = 1e-3;
 
 impl Zone {
-    /// Share of the light on it that it reflects per sr of what a white surface that faces both would, over pi.
+    /// Share of its light that the zone reflects per sr, relative to a white surface that faces both, times 1 / pi.
     pub fn reflected(&self, mu_eye: f64, mu_sun: f64) -> f64 {
         self.albedo * mu_sun / (4.0 * (mu_eye + mu_sun)) * -(-self.depth * (1.0 / mu_eye + 1.0 / mu_sun)).exp_m1()
     }
 
-    /// Share of what is behind it that it hides.
+    /// Share of the light from behind that the zone hides.
     pub fn hidden(&self, mu_eye: f64) -> f64 {
         -(-self.depth / mu_eye).exp_m1()
     }
 }
 
-/// Illuminance that rings of unit light give an eye at a distance, for an equatorial radius in the same unit: what their luminance is to be divided by. `None`: they are seen or lit edge-on.
+/// Illuminance that rings of unit light give an eye at a distance, in equatorial radii: the divisor of their
+/// luminance. `None` if they are seen or lit edge-on.
 pub fn illuminance_of_unit(mu_eye: f64, mu_sun: f64, radius_over_distance: f64) -> Option<f64> {
     if mu_eye < LEAST_COSINE || mu_sun < LEAST_COSINE {
         return None;
@@ -61,7 +64,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn thick_rings_reflect_half_of_what_a_deep_layer_of_the_albedo_does_and_hide_all() {
+    fn thick_rings_reflect_half_the_albedo_and_are_opaque() {
         let deep = Zone { outer: 2.0, depth: 50.0, albedo: 0.6 };
         assert!((deep.reflected(0.5, 0.5) - 0.6 / 8.0).abs() < 1e-12 && (deep.hidden(0.5) - 1.0).abs() < 1e-12);
         let thin = Zone { depth: 1e-6, ..deep };
@@ -70,7 +73,7 @@ mod tests {
     }
 
     #[test]
-    fn the_b_ring_is_the_brightest_and_edge_on_there_is_nothing() {
+    fn the_b_ring_is_brightest_and_edge_on_rings_are_dark() {
         let [c, b, division, a] = ZONES.map(|zone| zone.reflected(0.4, 0.4));
         assert!(b > a && a > division && a > c, "{c} {b} {division} {a}");
         assert_eq!(illuminance_of_unit(0.0, 0.3, 1e-4), None);

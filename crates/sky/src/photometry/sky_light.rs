@@ -1,11 +1,12 @@
-//! Light that a clear atmosphere scatters: day and twilight, of the Sun or the Moon.
+//! Light scattered by a clear atmosphere, by day and in twilight, from the Sun or the Moon.
 //!
-//! Air of molecules, aerosol and ozone lies around a round Earth. Light that is scattered once is summed along the line of sight, from where the Earth's shadow ends; what is scattered
-//! more often comes from all around a place, as much from every side, and is summed as a geometric series of its first term (S. Hillaire, "A scalable and production ready sky and
-//! atmosphere rendering technique", Computer Graphics Forum 39, 2020). Optical depths are those of the extinction ([`super::atmosphere`]). Left out: refraction, clouds, polarisation,
-//! and light that the ground sends up.
+//! Air of molecules, aerosol and ozone surrounds a spherical Earth. Light scattered once is integrated along the line
+//! of sight, outside the Earth's shadow. Light scattered more often is treated as isotropic at each point and summed
+//! as a geometric series of its first term (S. Hillaire, "A scalable and production ready sky and atmosphere
+//! rendering technique", Computer Graphics Forum 39, 2020). Optical depths are those of the extinction
+//! ([`super::atmosphere`]). Left out: refraction, clouds, polarisation, and light reflected by the ground.
 //!
-//! Tables hold what a source of 1 lx gives: they depend on its altitude alone.
+//! Tables hold the light from a source of 1 lx; they depend on its altitude alone.
 //!
 //! Units: rad, km, optical depths, cd/m^2 per lx.
 
@@ -19,63 +20,64 @@ use rayon::prelude::*;
 
 use super::rec709;
 
-/// The Earth, km, and the height in which there is no air any more.
+/// Radius of the Earth and height of the top of the atmosphere, km.
 const EARTH_KM: f64 = 6371.0;
 const TOP_KM: f64 = 100.0;
-/// Heights in which molecules and aerosol fall by e, km.
+/// Scale heights of molecules and aerosol, km.
 const MOLECULES_KM: f64 = 8.0;
 const AEROSOL_KM: f64 = 1.5;
-/// The layer of ozone: its middle, and half its width, km; a tent.
+/// The ozone layer, a triangular profile: height of its centre and half its width, km.
 const OZONE_KM: [f64; 2] = [25.0, 15.0];
-/// Share of the light that aerosol meets that it scatters.
+/// Single-scattering albedo of aerosol.
 const AEROSOL_ALBEDO: f64 = 0.9;
 /// Asymmetry of its phase function (W. M. Cornette and J. G. Shanks, Applied Optics 31, 3152, 1992).
 pub const ASYMMETRY: f64 = 0.76;
-/// Steps along a line of sight, along one of those that light arrives from that is scattered again, and along one to the source.
+/// Number of steps along a line of sight, along one of the lines that collect light to be scattered again, and along
+/// one to the source.
 const STEPS: usize = 40;
 const STEPS_OF_MANY: usize = 24;
 const LIGHT_STEPS: usize = 60;
-/// Nodes of the table of what arrives from a source: heights, and altitudes of the source.
+/// Nodes of the table of light that arrives from a source: heights, and altitudes of the source.
 const ARRIVING: [usize; 2] = [64, 128];
-/// Nodes of the table of light scattered many times, and directions that it is summed over.
+/// Nodes of the table of multiply scattered light, and number of directions in its integral.
 const MANY: [usize; 2] = [16, 48];
 const MANY_DIRECTIONS: [usize; 2] = [8, 6];
-/// Less than this counts for nothing, per sr.
+/// Smaller values are neglected, per sr.
 const DARKEST: f64 = 1e-16;
-/// Sines of the altitudes of a source between which it lights any air.
+/// Sines of the altitudes between which a source lights any air.
 const SOURCE_SINES: [f64; 2] = [-0.42, 1.0];
 /// Nodes of a table of the sky: altitudes, and azimuths from the source.
 pub const TABLE_NODES: [usize; 2] = [40, 24];
-/// Altitudes of a source that share a table lie so near, rad.
+/// Altitudes of a source within this interval share a table, rad.
 const SHARED_RAD: f64 = 3e-4;
-/// Tables that are kept.
+/// Number of tables that are kept.
 const KEPT: usize = 4;
 
-/// Optical depths above a place on the ground, by channel.
+/// Optical depths above a position on the ground, by channel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Depths {
-    /// Of molecules, which scatter.
+    /// Depths of molecules, which scatter.
     pub molecules: [f64; 3],
-    /// Of aerosol.
+    /// Depths of aerosol.
     pub aerosol: [f64; 3],
-    /// Of ozone, which takes light.
+    /// Depths of ozone, which absorbs.
     pub ozone: [f64; 3],
-    /// Height of the place over the sea, km.
+    /// Height of the position over the sea, km.
     pub height_km: f64,
 }
 
-/// What the sky shows of a source of 1 lx at one altitude, cd/m^2.
+/// The sky's luminance for a source of 1 lx at one altitude, cd/m^2.
 ///
 /// Node (i, j) is at altitude (pi / 2) (i / (n - 1))^2 and azimuth pi (j / (m - 1))^2 from the source.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SkyTable {
-    /// Scattered by molecules, and many times.
+    /// Light scattered by molecules, and multiply scattered light.
     pub smooth: Vec<[f64; 3]>,
-    /// Scattered once by aerosol, for a phase function of 1.
+    /// Light scattered once by aerosol, for a phase function of 1.
     pub aerosol: Vec<[f64; 3]>,
 }
 
-/// Air whose tables are made.
+/// Scattered light of one kind of air, with its tables.
 pub struct SkyLight {
     depths: Depths,
     arriving: Vec<[f64; 3]>,
@@ -97,8 +99,8 @@ impl PartialEq for SkyLight {
 
 type Rgb = [f64; 3];
 
-fn each(of: impl Fn(usize) -> f64) -> Rgb {
-    [of(0), of(1), of(2)]
+fn each(value: impl Fn(usize) -> f64) -> Rgb {
+    [value(0), value(1), value(2)]
 }
 
 /// Phase function of molecules, per sr.
@@ -113,7 +115,7 @@ pub fn aerosol_per_sr(cosine: f64) -> f64 {
     3.0 / (8.0 * PI) * (1.0 - g2) * (1.0 + cosine * cosine) / ((2.0 + g2) * denominator)
 }
 
-/// What air does in a point, per km.
+/// Optical properties of the air at a point, per km.
 struct Medium {
     molecules: Rgb,
     aerosol: Rgb,
@@ -133,13 +135,14 @@ impl Depths {
     }
 }
 
-/// Distance from a radius along a line whose sine of altitude is given to a sphere, km; the farther end.
+/// Distance to a sphere along a line that starts at a radius with a sine of altitude, km; the farther intersection.
 fn to_sphere_km(radius_km: f64, sine: f64, sphere_km: f64) -> f64 {
     let along = radius_km * sine;
     -along + (along * along + sphere_km * sphere_km - radius_km * radius_km).max(0.0).sqrt()
 }
 
-/// Where a line from a radius leaves or enters the Earth's shadow, a cylinder, up to a distance; km, in order.
+/// Distances up to `whole_km` at which a line from a radius crosses the edge of the Earth's shadow, a cylinder; km,
+/// in order.
 fn shadow_edges_km(radius_km: f64, towards: DVec3, source: DVec3, whole_km: f64) -> Vec<f64> {
     let across = |vector: DVec3| vector - source * vector.dot(source);
     let (from, step) = (across(DVec3::Y * radius_km), across(towards));
@@ -148,19 +151,22 @@ fn shadow_edges_km(radius_km: f64, towards: DVec3, source: DVec3, whole_km: f64)
     if a < 1e-12 || root <= 0.0 {
         return Vec::new();
     }
-    let behind = |at: &f64| (DVec3::Y * radius_km + towards * *at).dot(source) < 0.0;
+    let behind = |distance_km: &f64| (DVec3::Y * radius_km + towards * *distance_km).dot(source) < 0.0;
     let edges = [(-half_b - root.sqrt()) / a, (-half_b + root.sqrt()) / a];
-    edges.into_iter().filter(|at| *at > 0.0 && *at < whole_km && behind(at)).collect()
+    edges
+        .into_iter()
+        .filter(|distance_km| *distance_km > 0.0 && *distance_km < whole_km && behind(distance_km))
+        .collect()
 }
 
-/// Whether the Earth stands before what lies at a sine of altitude, seen from a radius.
+/// Whether the Earth hides the direction at a sine of altitude, seen from a radius.
 fn meets_earth(radius_km: f64, sine: f64) -> bool {
     sine < 0.0 && radius_km * radius_km * (1.0 - sine * sine) < EARTH_KM * EARTH_KM
 }
 
-/// Between four nodes of a table; places in nodes.
-fn between(table: &[Rgb], [rows, columns]: [usize; 2], at: [f64; 2]) -> Rgb {
-    let [row, column] = [at[0].clamp(0.0, (rows - 1) as f64), at[1].clamp(0.0, (columns - 1) as f64)];
+/// Bilinear interpolation in a table; `at` in nodes.
+fn between(table: &[Rgb], [rows, columns]: [usize; 2], position: [f64; 2]) -> Rgb {
+    let [row, column] = [position[0].clamp(0.0, (rows - 1) as f64), position[1].clamp(0.0, (columns - 1) as f64)];
     let (r0, c0) = ((row as usize).min(rows - 2), (column as usize).min(columns - 2));
     let (dr, dc) = (row - r0 as f64, column - c0 as f64);
     let node = |r: usize, c: usize| &table[r * columns + c];
@@ -171,12 +177,13 @@ fn between(table: &[Rgb], [rows, columns]: [usize; 2], at: [f64; 2]) -> Rgb {
     })
 }
 
-/// Heights of nodes crowd at the ground.
+/// Height of a node; nodes are denser near the ground.
 fn height_of(part: f64) -> f64 {
     TOP_KM * part * part
 }
 
-/// Sines at which light arrives crowd at the horizon of a height: the part of a table that begins there.
+/// Sine at which light arrives, for a node of a table that begins at the horizon of the height; nodes are denser near
+/// the horizon.
 fn sine_of(height_km: f64, part: f64) -> f64 {
     let radius = EARTH_KM + height_km;
     let lowest = -(1.0 - (EARTH_KM / radius).powi(2)).max(0.0).sqrt();
@@ -184,15 +191,15 @@ fn sine_of(height_km: f64, part: f64) -> f64 {
 }
 
 impl SkyLight {
-    /// Makes the tables of air.
+    /// Computes the tables of some air.
     pub fn new(depths: Depths) -> Self {
         let [heights, sines] = ARRIVING;
-        let at = |index: usize, of: usize| index as f64 / (of - 1) as f64;
+        let fraction = |index: usize, count: usize| index as f64 / (count - 1) as f64;
         let arriving = (0..heights * sines)
             .into_par_iter()
             .map(|node| {
-                let height_km = height_of(at(node / sines, heights));
-                let sine = sine_of(height_km, at(node % sines, sines));
+                let height_km = height_of(fraction(node / sines, heights));
+                let sine = sine_of(height_km, fraction(node % sines, sines));
                 let whole = to_sphere_km(EARTH_KM + height_km, sine, EARTH_KM + TOP_KM);
                 let mut depth = [0.0; 3];
                 let mut before_km = 0.0;
@@ -212,14 +219,14 @@ impl SkyLight {
         sky.many = (0..heights * sines)
             .into_par_iter()
             .map(|node| {
-                let height_km = height_of(at(node / sines, heights));
-                sky.scattered_many_times(height_km, lowest + (highest - lowest) * at(node % sines, sines))
+                let height_km = height_of(fraction(node / sines, heights));
+                sky.scattered_many_times(height_km, lowest + (highest - lowest) * fraction(node % sines, sines))
             })
             .collect();
         sky
     }
 
-    /// Share of a source's light that arrives in a height where it stands at a sine of altitude.
+    /// Share of a source's light that arrives at a height, where the source is at a sine of altitude.
     fn arriving(&self, height_km: f64, sine: f64) -> Rgb {
         let radius = EARTH_KM + height_km;
         if meets_earth(radius, sine) {
@@ -228,11 +235,11 @@ impl SkyLight {
         let lowest = -(1.0 - (EARTH_KM / radius).powi(2)).max(0.0).sqrt();
         let part = ((sine - lowest) / (1.0 - lowest)).max(0.0).cbrt();
         let [rows, columns] = ARRIVING;
-        let at = [(height_km / TOP_KM).max(0.0).sqrt() * (rows - 1) as f64, part * (columns - 1) as f64];
-        between(&self.arriving, ARRIVING, at)
+        let position = [(height_km / TOP_KM).max(0.0).sqrt() * (rows - 1) as f64, part * (columns - 1) as f64];
+        between(&self.arriving, ARRIVING, position)
     }
 
-    /// Light of all orders but the first that arrives in a point from any side, per sr and for 1 lx of the source outside.
+    /// Isotropic light of all orders except the first at a point, per sr, for 1 lx of the source outside the air.
     fn many_at(&self, height_km: f64, sine: f64) -> Rgb {
         let [rows, columns] = MANY;
         let [lowest, highest] = SOURCE_SINES;
@@ -241,11 +248,12 @@ impl SkyLight {
         }
         let row = (height_km / TOP_KM).max(0.0).sqrt() * (rows - 1) as f64;
         let column = (sine - lowest) / (highest - lowest) * (columns - 1) as f64;
-        // Of logarithms: at dusk it falls by a factor for each degree.
+        // The table holds logarithms: at dusk the light falls by a factor for each degree.
         if self.many.is_empty() { [0.0; 3] } else { between(&self.many, MANY, [row, column]).map(f64::exp) }
     }
 
-    /// What [`Self::many_at`] is made of: the logarithm of the mean over all directions of what arrives scattered once, and of all that follows.
+    /// Entry for [`Self::many_at`]: the logarithm of the mean over all directions of the light that was scattered
+    /// once, and of all further orders.
     fn scattered_many_times(&self, height_km: f64, source_sine: f64) -> Rgb {
         let [rings, around] = MANY_DIRECTIONS;
         let source = DVec3::new((1.0 - source_sine * source_sine).max(0.0).sqrt(), source_sine, 0.0);
@@ -267,7 +275,7 @@ impl SkyLight {
         each(|c| (once[c] / (1.0 - again[c]).max(0.05)).max(DARKEST).ln())
     }
 
-    /// What is seen along a line from a height, of a source of 1 lx: axes with y up; the source counts as infinitely far.
+    /// Light seen along a line from a height, for a source of 1 lx at infinity; axes with y up.
     fn along(&self, height_km: f64, towards: DVec3, source: DVec3, orders: Orders) -> Seen {
         let radius = EARTH_KM + height_km;
         let whole = if meets_earth(radius, towards.y) {
@@ -279,7 +287,7 @@ impl SkyLight {
         let mut seen = Seen::default();
         let mut open = [1.0; 3];
         let steps = if orders == Orders::All { STEPS } else { STEPS_OF_MANY };
-        // From one side of the shadow's edge to the other one nothing is summed in one step.
+        // Steps end at the edges of the shadow, so that no step is partly in it.
         let ends: Vec<f64> =
             [0.0].into_iter().chain(shadow_edges_km(radius, towards, source, whole)).chain([whole]).collect();
         let steps = ends.windows(2).flat_map(|part| {
@@ -297,7 +305,7 @@ impl SkyLight {
             let many = if orders == Orders::All { self.many_at(height, sine) } else { [0.0; 3] };
             for c in 0..3 {
                 let passed = (-medium.extinction[c] * length_km).exp();
-                // What of each km is seen, if all of the step is alike.
+                // Visible share of each km, for a uniform step.
                 let seen_km = open[c]
                     * if medium.extinction[c] > 1e-12 { (1.0 - passed) / medium.extinction[c] } else { length_km };
                 let scatters = medium.molecules[c] + medium.aerosol[c];
@@ -312,7 +320,8 @@ impl SkyLight {
         seen
     }
 
-    /// The light of a source of 1 lx at an altitude that arrives at the ground from a direction at another altitude and an azimuth from it, without any table of the sky, cd/m^2.
+    /// Light of a source of 1 lx at an altitude that arrives at the ground from a direction at another altitude and
+    /// an azimuth from the source, computed without a table, cd/m^2.
     pub fn luminance(&self, source_rad: f64, altitude_rad: f64, azimuth_rad: f64) -> Rgb {
         let towards = direction(altitude_rad, azimuth_rad);
         let source = direction(source_rad, 0.0);
@@ -321,12 +330,12 @@ impl SkyLight {
         each(|c| seen.molecules[c] * molecules_per_sr(cosine) + seen.aerosol[c] * aerosol_per_sr(cosine) + seen.many[c])
     }
 
-    /// The table of a source at an altitude, rad; of one that is far below the horizon it is dark.
+    /// The table for a source at an altitude, rad; it is dark for a source far below the horizon.
     pub fn table(&self, source_rad: f64) -> Arc<SkyTable> {
         let number = (source_rad / SHARED_RAD).round() as i64;
         let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(index) = kept.iter().position(|(of, _)| *of == number) {
-            // The newest stands last.
+        if let Some(index) = kept.iter().position(|(key, _)| *key == number) {
+            // The most recent table is last.
             let found = kept.remove(index);
             kept.push(found);
         } else {
@@ -343,7 +352,7 @@ impl SkyLight {
         let [altitudes, azimuths] = TABLE_NODES;
         let source = direction(source_rad, 0.0);
         let node = |index: usize| {
-            let part = |index: usize, of: usize| (index as f64 / (of - 1) as f64).powi(2);
+            let part = |index: usize, count: usize| (index as f64 / (count - 1) as f64).powi(2);
             let towards =
                 direction(FRAC_PI_2 * part(index / azimuths, altitudes), PI * part(index % azimuths, azimuths));
             let seen = self.along(self.depths.height_km, towards, source, Orders::All);
@@ -363,27 +372,29 @@ impl Default for SkyTable {
 }
 
 impl SkyTable {
-    /// Luminance of 1 lx of the source at most, where its aerosol scatters evenly, cd/m^2.
+    /// Upper bound of the luminance for 1 lx of the source, with isotropic scattering by aerosol, cd/m^2.
     pub fn brightest_cd_m2(&self) -> f64 {
         let nodes = self.smooth.iter().zip(&self.aerosol);
         nodes.map(|(smooth, aerosol)| rec709::luminance(each(|c| smooth[c] + aerosol[c]))).fold(0.0, f64::max)
     }
 
-    /// That of sources all around at an altitude, rad, which this table is of, as much as gives a level surface 1 lx: even in azimuth, whatever the source.
+    /// The table for sources at all azimuths at an altitude, rad, from this table of one of them, scaled so that a
+    /// level surface gets 1 lx; it does not depend on azimuth.
     pub fn all_around(&self, source_rad: f64) -> Self {
         let even = self.even(source_rad);
         let level_lx = even.level_lx_of_even();
-        // A sky that shows nothing has nothing to share out.
+        // A dark sky cannot be scaled.
         let scale = if level_lx > 0.0 { 1.0 / level_lx } else { 0.0 };
-        Self { smooth: even.smooth.into_iter().map(|of| of.map(|channel| channel * scale)).collect(), ..even }
+        Self { smooth: even.smooth.into_iter().map(|rgb| rgb.map(|channel| channel * scale)).collect(), ..even }
     }
 
-    /// What this sky gives a level surface without its source, which stands at an altitude, rad, and gives 1 lx: lx.
+    /// Illuminance of a level surface by this sky, without the source itself, which is at an altitude, rad, and gives
+    /// 1 lx: lx.
     pub fn level_lx(&self, source_rad: f64) -> f64 {
         self.even(source_rad).level_lx_of_even()
     }
 
-    /// The mean over all azimuths.
+    /// Mean over all azimuths.
     fn even(&self, source_rad: f64) -> Self {
         let [altitudes, azimuths] = TABLE_NODES;
         let source = direction(source_rad, 0.0);
@@ -393,14 +404,14 @@ impl SkyTable {
                 let azimuth_rad = PI * (step as f64 + 0.5) / azimuths as f64;
                 self.luminance(altitude_rad, azimuth_rad, direction(altitude_rad, azimuth_rad).dot(source))
             };
-            let sum = (0..azimuths).map(of_azimuth).fold([0.0; 3], |sum, of| each(|c| sum[c] + of[c]));
+            let sum = (0..azimuths).map(of_azimuth).fold([0.0; 3], |sum, value| each(|c| sum[c] + value[c]));
             sum.map(|channel| channel / azimuths as f64)
         };
-        let smooth = (0..altitudes).flat_map(|at| std::iter::repeat_n(row(at), azimuths)).collect();
+        let smooth = (0..altitudes).flat_map(|altitude| std::iter::repeat_n(row(altitude), azimuths)).collect();
         Self { smooth, ..Self::default() }
     }
 
-    /// What a sky that is even in azimuth gives a level surface, lx.
+    /// Illuminance of a level surface by a sky that does not depend on azimuth, lx.
     fn level_lx_of_even(&self) -> f64 {
         let steps = 200;
         let step_rad = FRAC_PI_2 / f64::from(steps);
@@ -412,35 +423,37 @@ impl SkyTable {
         (0..steps).map(ring).sum()
     }
 
-    /// Luminance at an altitude, at least 0, at an azimuth from the source, rad, and the cosine of the angle from it; cd/m^2 per lx.
+    /// Luminance at an altitude (at least 0) and an azimuth from the source, rad, and the cosine of the angle from
+    /// it; cd/m^2 per lx.
     pub fn luminance(&self, altitude_rad: f64, azimuth_rad: f64, cosine: f64) -> [f64; 3] {
-        let place = |part: f64, of: usize| part.clamp(0.0, 1.0).sqrt() * (of - 1) as f64;
-        let at = [
+        let place = |part: f64, count: usize| part.clamp(0.0, 1.0).sqrt() * (count - 1) as f64;
+        let position = [
             place(altitude_rad / FRAC_PI_2, TABLE_NODES[0]),
             place(azimuth_rad.rem_euclid(TAU).min((-azimuth_rad).rem_euclid(TAU)) / PI, TABLE_NODES[1]),
         ];
-        let (smooth, aerosol) = (between(&self.smooth, TABLE_NODES, at), between(&self.aerosol, TABLE_NODES, at));
+        let (smooth, aerosol) =
+            (between(&self.smooth, TABLE_NODES, position), between(&self.aerosol, TABLE_NODES, position));
         each(|c| smooth[c] + aerosol[c] * aerosol_per_sr(cosine))
     }
 }
 
-/// Which light is summed along a line.
+/// Orders of scattering that are summed along a line.
 #[derive(Clone, Copy, PartialEq)]
 enum Orders {
     Once,
     All,
 }
 
-/// Sums along a line.
+/// Integrals along a line.
 #[derive(Default)]
 struct Seen {
     /// Without their phase functions.
     molecules: Rgb,
     aerosol: Rgb,
     many: Rgb,
-    /// Scattered once, as if evenly to all sides.
+    /// Scattered once, as if isotropically.
     evenly: Rgb,
-    /// Share of light that came evenly from everywhere along the line.
+    /// Share of isotropic light along the line that is scattered.
     share: Rgb,
 }
 
@@ -460,7 +473,7 @@ mod tests {
     use super::*;
 
     fn sky() -> SkyLight {
-        // 0.2 mag in the green.
+        // 0.2 mag in green.
         let depths = Depths {
             molecules: [0.064, 0.0989, 0.193],
             aerosol: [0.050, 0.0574, 0.0715],
@@ -480,7 +493,7 @@ mod tests {
     }
 
     #[test]
-    fn light_arrives_as_the_depths_say() {
+    fn transmission_follows_from_the_optical_depths() {
         let sky = sky();
         let total = [0, 1, 2].map(|c| sky.depths.molecules[c] + sky.depths.aerosol[c] + sky.depths.ozone[c]);
         let [overhead, low] = [1.0, 0.5].map(|sine| sky.arriving(0.0, sine));
@@ -489,14 +502,14 @@ mod tests {
             assert!((low[c] / (-1.99 * total[c]).exp() - 1.0).abs() < 5e-3, "{low:?}");
         }
         assert_eq!(sky.arriving(0.0, -1e-3), [0.0; 3]);
-        // 35 km high the Sun of 6 degrees of depression is on the horizon.
+        // For the Sun at 6 degrees of depression, a height of 35 km is at the edge of the shadow.
         let edge = f64::to_radians(6.0).sin();
         assert_eq!(sky.arriving(34.0, -edge), [0.0; 3]);
         assert!(sky.arriving(40.0, -edge)[0] > 0.0);
     }
 
     #[test]
-    fn tables_are_what_they_are_made_from() {
+    fn tables_match_direct_integration() {
         let sky = sky();
         let mut worst = 0.0_f64;
         for source_deg in [50.0, 10.0, 0.0, -4.0, -9.0] {
@@ -515,13 +528,13 @@ mod tests {
                 }
             }
         }
-        println!("tables err by {worst:.4}");
+        println!("largest error of the tables {worst:.4}");
         assert!(worst < 0.1, "{worst}");
         assert!(Arc::ptr_eq(&sky.table(0.3), &sky.table(0.300_05)));
     }
 
     #[test]
-    fn a_clear_sky_is_blue_red_where_the_sun_has_set_and_dark_where_the_earth_has_its_shadow() {
+    fn a_clear_sky_is_blue_red_at_sunset_and_dark_in_the_earths_shadow() {
         let sky = sky();
         let noon = sky.luminance(0.7, FRAC_PI_2, 0.0);
         assert!(noon[2] > 1.5 * noon[1] && noon[1] > 1.2 * noon[0], "{noon:?}");
@@ -534,22 +547,22 @@ mod tests {
     }
 
     #[test]
-    fn light_from_all_around_is_even_and_gives_a_level_surface_one_lux() {
+    fn light_from_all_azimuths_is_uniform_and_gives_a_level_surface_one_lux() {
         let even = sky().table(0.0).all_around(0.0);
-        let at = |altitude_deg: f64, azimuth: f64| even.luminance(altitude_deg.to_radians(), azimuth, 0.3);
-        assert_eq!(at(20.0, 0.1), at(20.0, 2.9));
-        let [low, high] = [at(3.0, 0.0), at(90.0, 0.0)];
-        // A sunset all around: bright and red below, blue above.
+        let luminance = |altitude_deg: f64, azimuth: f64| even.luminance(altitude_deg.to_radians(), azimuth, 0.3);
+        assert_eq!(luminance(20.0, 0.1), luminance(20.0, 2.9));
+        let [low, high] = [luminance(3.0, 0.0), luminance(90.0, 0.0)];
+        // A sunset at all azimuths: bright and red below, blue above.
         assert!(rec709::luminance(low) > 2.0 * rec709::luminance(high), "{low:?} {high:?}");
         assert!(low[0] / low[2] > 1.3 * high[0] / high[2], "{low:?} {high:?}");
-        // An even sky of 1 / pi gives 1 lx.
+        // A uniform sky of 1 / pi gives 1 lx.
         assert!((0.3..1.0).contains(&(rec709::luminance(high) * PI)), "{high:?}");
         let other = sky().table(0.0).luminance(0.35, 0.1, 0.9);
-        assert_ne!(other, sky().table(0.0).luminance(0.35, 2.9, -0.9), "that of one source is not");
+        assert_ne!(other, sky().table(0.0).luminance(0.35, 2.9, -0.9), "one source depends on azimuth");
     }
 
     #[test]
-    fn the_ground_has_the_published_light_of_the_sky() {
+    fn the_sky_gives_the_ground_its_published_illuminance() {
         // Global horizontal illuminance at sunset and at 6 degrees of depression: 730 and 3.4 lx (P. K. Seidelmann, "Explanatory Supplement", 1992, table 9.311), within a factor of 1.6.
         let sky = sky();
         for (source_deg, published_lx) in [(0.0, 730.0), (-6.0, 3.4)] {

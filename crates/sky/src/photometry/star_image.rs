@@ -1,10 +1,10 @@
-//! The image that `sprite` carries.
+//! The image for `sprite`.
 
 use glam::DVec2;
 
 use super::psf::bilinear;
 
-/// Texels along a side of the sprite that is drawn.
+/// Texels along a side of the generated sprite.
 pub const SPRITE_SIZE: u32 = 64;
 
 /// A square image of a star, as billboards read it.
@@ -17,13 +17,13 @@ pub struct StarImage {
 }
 
 impl StarImage {
-    /// The image at `(x, y)` in texels, whose centres are at +0.5, with bilinear interpolation; black outside.
+    /// Bilinear value at `(x, y)` in texels, whose centres are at +0.5; black outside.
     pub fn sample(&self, x: f64, y: f64) -> [f64; 3] {
         bilinear(self.size, &self.rgb, DVec2::new(x, y) - 0.5)
     }
 }
 
-/// A white star with four rays, drawn by formula, whose mean over the square is 1.
+/// Generates a white star with four rays; its mean over the square is 1.
 pub fn sprite(size: u32) -> StarImage {
     let half = f64::from(size) / 2.0;
     let values: Vec<f64> = (0..size * size)
@@ -33,7 +33,7 @@ pub fn sprite(size: u32) -> StarImage {
             let r2 = x * x + y * y;
             let core = (-r2 / (2.0 * 0.12 * 0.12)).exp();
             let rays = 0.25 * ((-(x / 0.03).powi(2) - 3.0 * y).exp() + (-(y / 0.03).powi(2) - 3.0 * x).exp());
-            // Black where the square ends.
+            // Black at the edge of the square.
             (core + rays + 0.05 / (1.0 + 40.0 * r2)) * (1.0 - r2.sqrt()).max(0.0)
         })
         .collect();

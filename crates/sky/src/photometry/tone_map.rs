@@ -1,13 +1,13 @@
-//! Tone mapping in f64: from luminance in cd/m^2 to display values from 0 to 1, encoded for the display: what an 8-bit image
-//! stores, divided by 255.
+//! Tone mapping in f64: from luminance in cd/m^2 to encoded display values from 0 to 1, which are the bytes of an
+//! 8-bit image divided by 255.
 //!
-//! Four operators go by the exposure: they see linear Rec. 709 divided by the luminance of display white (`exposure`), where
-//! 1 is white and more is brighter than the display. The fifth, `calibrated`, knows what the display gives and shows cd/m^2
-//! as cd/m^2, whatever the exposure. The curves, their sources and a table stand in [`curves`]. Before them, on request,
-//! comes what the eye makes of dim light ([`scotopic`]), and after them what keeps the hue of light that the display
-//! cannot show ([`hue`]).
+//! Four operators depend on the exposure: their input is linear Rec. 709 divided by the luminance of display white
+//! (`exposure`); 1 is white and larger values are brighter than the display. The fifth, `calibrated`, uses the
+//! luminance range of the display and shows cd/m^2 as cd/m^2, whatever the exposure. [`curves`] has the curves, their
+//! sources and a table. Two optional steps surround them: the eye's response to dim light before ([`scotopic`]), and
+//! after them the preservation of hue of light outside the display's range ([`hue`]).
 //!
-//! A channel that is not a number is shown black, as a negative one is; an infinite one is shown as the brightest there is.
+//! A channel that is NaN or negative is displayed as black, an infinite one as the brightest value.
 
 pub mod curves;
 pub mod hue;
@@ -22,7 +22,7 @@ use self::curves::{aces, filmic, reinhard_scale};
 use super::exposure::{WHITE_LUMINANCE_AT_EV0_CD_M2, white_luminance_cd_m2};
 pub use super::rec709::luminance;
 
-/// Brighter light than this is shown as this, cd/m^2 and units of display white: in f32, too, sums of three stay finite.
+/// Brighter light is clamped to this, cd/m^2 and units of display white: sums of three stay finite in f32 too.
 pub const BRIGHTEST: f64 = 1e30;
 
 /// Display value of linear `value`: the sRGB transfer curve (IEC 61966-2-1). Not clipped; NaN gives NaN.
@@ -41,7 +41,7 @@ pub fn light_of_codes() -> &'static [f32; 256] {
     TABLE.get_or_init(|| std::array::from_fn(|code| linear_from_srgb(code as f64 / 255.0) as f32))
 }
 
-/// A tone-mapping operator: how light becomes a display value.
+/// A tone-mapping operator: the conversion of light to a display value.
 #[derive(Clone, Copy, Debug, Default, Eq, Hash, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ToneMapOperator {
@@ -74,7 +74,7 @@ impl ToneMapOperator {
     }
 }
 
-/// From luminance to display values.
+/// Conversion of luminance to display values.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ToneMapSettings {
@@ -110,25 +110,26 @@ impl Default for ToneMapSettings {
 }
 
 impl ToneMapSettings {
-    /// The defaults with this operator.
+    /// The default settings with this operator.
     pub fn of(operator: ToneMapOperator) -> Self {
         Self { operator, ..Self::default() }
     }
 
-    /// The exposure value whose display white is what the operator shows white, where it does not go by the exposure.
+    /// For an operator that does not depend on the exposure, the exposure value whose display white is the operator's
+    /// white.
     pub fn white_ev100(&self) -> Option<f64> {
         (self.operator == ToneMapOperator::Calibrated).then(|| (self.peak_cd_m2 / WHITE_LUMINANCE_AT_EV0_CD_M2).log2())
     }
 
-    /// Display RGB, encoded, each from 0 to 1, of linear Rec. 709 in cd/m^2 where `white_cd_m2` is display white. Black is
-    /// shown black by every operator.
+    /// Encoded display RGB, each from 0 to 1, for linear Rec. 709 in cd/m^2 if `white_cd_m2` is display white. Every
+    /// operator maps black to black.
     pub fn display_rgb(&self, rgb_cd_m2: [f64; 3], white_cd_m2: f64) -> [f64; 3] {
         let mut light = rgb_cd_m2.map(shown_light);
         if self.scotopic > 0.0 {
             light = scotopic::shifted(light, self.scotopic);
         }
         let value = match self.operator {
-            // The display adds its black to everything: linear value v is seen as black + (peak - black) v.
+            // The display adds its black to everything: a linear value v is seen as black + (peak - black) v.
             ToneMapOperator::Calibrated => {
                 light.map(|channel| (channel - self.black_cd_m2).max(0.0) / (self.peak_cd_m2 - self.black_cd_m2))
             }
@@ -147,7 +148,7 @@ impl ToneMapSettings {
             return by_channel;
         }
         let linear = by_channel.map(linear_from_srgb);
-        // Curves by channel have no luminance of their own but what comes out of them.
+        // Curves by channel define their luminance only by their result.
         let wanted = match self.operator {
             ToneMapOperator::Filmic | ToneMapOperator::Aces => luminance(linear),
             ToneMapOperator::Srgb | ToneMapOperator::Calibrated => luminance(value),
@@ -157,32 +158,34 @@ impl ToneMapSettings {
         std::array::from_fn(|c| encoded(linear[c] + self.desaturation * (kept[c] - linear[c])))
     }
 
-    /// Greatest slope of the display value of grey over its luminance in units of what is shown white, above a quarter of a code.
+    /// Largest slope of the display value of grey relative to its luminance in units of white, above a quarter of a
+    /// code.
     pub fn greatest_slope(&self) -> f64 {
         const STEPS_PER_OCTAVE: f64 = 16.0;
         const OCTAVES: f64 = 20.0;
-        // What `calibrated` shows white is its peak, whatever the exposure.
+        // The white of `calibrated` is its peak, whatever the exposure.
         let white = self.white_ev100().map_or(1.0, |_| self.peak_cd_m2);
         let ratio = STEPS_PER_OCTAVE.recip().exp2();
-        let shown = |value: f64| self.display_rgb([value * white; 3], white)[0];
+        let display_value = |value: f64| self.display_rgb([value * white; 3], white)[0];
         let values = (0..=(OCTAVES * STEPS_PER_OCTAVE) as u32).map(|step| (-f64::from(step) / STEPS_PER_OCTAVE).exp2());
         values
-            .filter(|value| shown(value * ratio) > 0.25 / 255.0)
-            .map(|value| (shown(value * ratio) - shown(value)) / (value * (ratio - 1.0)))
+            .filter(|value| display_value(value * ratio) > 0.25 / 255.0)
+            .map(|value| (display_value(value * ratio) - display_value(value)) / (value * (ratio - 1.0)))
             .fold(0.0, f64::max)
     }
 
-    /// White light over display white whose display value is `code` of 255, before rounding: for `calibrated` display white is the
-    /// display's peak. Dim light is taken as cones see it: `scotopic` leaves the luminance of white as it is.
+    /// White light, relative to display white, whose display value is `code` of 255 before rounding; for
+    /// `calibrated`, display white is the display's peak. `scotopic` is not applied, because it does not change the
+    /// luminance of white.
     pub fn light_of_code(&self, code: f64) -> f64 {
         let plain = Self { scotopic: 0.0, ..*self };
         let white_cd_m2 = white_luminance_cd_m2(self.white_ev100().unwrap_or(0.0));
-        let shown = |light: f64| 255.0 * plain.display_rgb([light * white_cd_m2; 3], white_cd_m2)[1];
-        // Every operator rises with the light: halve the range of its logarithm until it is as narrow as f64 is fine.
+        let display_code = |light: f64| 255.0 * plain.display_rgb([light * white_cd_m2; 3], white_cd_m2)[1];
+        // Every operator increases with the light: bisect the logarithm of the light to f64 precision.
         let (mut dark, mut bright) = (-60.0_f64, 60.0_f64);
         for _ in 0..64 {
             let middle = 0.5 * (dark + bright);
-            if shown(middle.exp2()) < code {
+            if display_code(middle.exp2()) < code {
                 dark = middle;
             } else {
                 bright = middle;
@@ -191,13 +194,13 @@ impl ToneMapSettings {
         bright.exp2()
     }
 
-    /// The byte of a display value without dithering.
+    /// Byte of a display value without dithering.
     pub fn byte(encoded: f64) -> u8 {
         (encoded * 255.0).round() as u8
     }
 }
 
-/// What `shaders/display/encode.wgsl` adds before it rounds down at a pixel: from 0 to 1.
+/// Dither value that `shaders/display/encode.wgsl` adds at a pixel before rounding down: from 0 to 1.
 pub fn dither_threshold(x: u32, y: u32) -> f64 {
     let value = x.wrapping_add(y.wrapping_mul(65_536));
     // PCG in the output form of Jarzynski and Olano (2020).
@@ -206,12 +209,12 @@ pub fn dither_threshold(x: u32, y: u32) -> f64 {
     f64::from(((word >> 22) ^ word) >> 8) / 16_777_216.0
 }
 
-/// A channel as it is shown: nothing below 0, nothing that is not a number.
+/// A channel clamped for display: not negative, not NaN.
 fn shown_light(channel: f64) -> f64 {
     if channel > 0.0 { channel.min(BRIGHTEST) } else { 0.0 }
 }
 
-/// The sRGB value of a linear one, clipped.
+/// sRGB value of a linear one, clipped.
 fn encoded(linear: f64) -> f64 {
     srgb_from_linear(linear.clamp(0.0, 1.0))
 }

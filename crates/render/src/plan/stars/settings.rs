@@ -185,7 +185,7 @@ impl PsfTextureSettings {
         let aperture = Aperture::from_name(&self.aperture, 6).ok_or_else(|| PsfError::Parameter {
             name: "stars.psf_texture.aperture",
             value: self.aperture.clone(),
-            allowed: Aperture::NAMES.join(", "),
+            allowed: format!("one of {}", Aperture::NAMES.join(", ")),
         })?;
         let (size, wavelengths) = Self::COMPUTED;
         let width_rad = (self.width_arcmin / 60.0).to_radians();

@@ -1,24 +1,24 @@
-//! The dark clouds near the Sun that one knows by name, as Gaussians in space: they stand before the Milky Way where the real ones do.
+//! Named dark clouds near the Sun, modelled as Gaussians in space: they obscure the Milky Way where the real ones do.
 //!
-//! Places and sizes: Dame, Hartmann and Thaddeus 2001, ApJ 547, 792 and Dame et al. 1987, ApJ 322, 706 (CO); distances: Zucker et al. 2020, A&A 633, A51; extinctions are rounded means over the
-//! size given.
+//! Positions and sizes: Dame, Hartmann and Thaddeus 2001, ApJ 547, 792 and Dame et al. 1987, ApJ 322, 706 (CO).
+//! Distances: Zucker et al. 2020, A&A 633, A51. Extinctions are rounded means over the given size.
 
 use glam::DVec3;
 
-/// A cloud.
+/// A dark cloud.
 struct Cloud {
-    /// Galactic longitude and latitude of its middle, degrees.
-    at_deg: [f64; 2],
+    /// Galactic longitude and latitude of its centre, degrees.
+    centre_deg: [f64; 2],
     /// Standard deviations along longitude and latitude, degrees.
     sigma_deg: [f64; 2],
-    /// Distance of its middle, pc.
+    /// Distance of its centre, pc.
     distance_pc: f64,
-    /// Extinction through its middle, V magnitudes.
+    /// Extinction along the line of sight through its centre, V magnitudes.
     extinction_mag: f64,
 }
 
-const fn cloud(at_deg: [f64; 2], sigma_deg: [f64; 2], distance_pc: f64, extinction_mag: f64) -> Cloud {
-    Cloud { at_deg, sigma_deg, distance_pc, extinction_mag }
+const fn cloud(centre_deg: [f64; 2], sigma_deg: [f64; 2], distance_pc: f64, extinction_mag: f64) -> Cloud {
+    Cloud { centre_deg, sigma_deg, distance_pc, extinction_mag }
 }
 
 const CLOUDS: [Cloud; 21] = [
@@ -50,14 +50,14 @@ const CLOUDS: [Cloud; 21] = [
     cloud([109.0, 15.0], [5.0, 3.0], 350.0, 1.2),
 ];
 
-/// Clouds at a distance, ready to be looked up.
+/// A cloud in space, prepared for look-up.
 struct Placed {
     middle_pc: DVec3,
-    /// Unit vectors along the line of sight, longitude and latitude, each over its standard deviation, per pc.
+    /// Unit vectors along the line of sight, longitude and latitude, each divided by its standard deviation, per pc.
     axes: [DVec3; 3],
-    /// Opacity in the middle, V magnitudes per pc.
+    /// Opacity at the centre, V magnitudes per pc.
     opacity: f64,
-    /// No farther than this from the middle is it seen, pc.
+    /// Distance from the centre beyond which the cloud is neglected, pc.
     reach_pc: f64,
 }
 
@@ -65,14 +65,14 @@ struct Placed {
 pub struct Clouds(Vec<Placed>);
 
 impl Clouds {
-    /// The clouds in space: as deep as wide, on the mean of both directions.
+    /// Places the clouds in space. The depth of each is the mean of its two widths.
     pub fn new() -> Self {
         Self(CLOUDS.iter().map(placed).collect())
     }
 
-    /// What they take per length at galactic Cartesian parsecs from the Sun, V magnitudes per pc.
+    /// Opacity of the clouds at galactic Cartesian parsecs from the Sun, V magnitudes per pc.
     pub fn opacity_mag_per_pc(&self, place_pc: DVec3) -> f64 {
-        let of = |cloud: &Placed| {
+        let opacity = |cloud: &Placed| {
             let off = place_pc - cloud.middle_pc;
             if off.length_squared() > cloud.reach_pc * cloud.reach_pc {
                 return 0.0;
@@ -80,12 +80,12 @@ impl Clouds {
             let squares: f64 = cloud.axes.iter().map(|axis| axis.dot(off).powi(2)).sum();
             cloud.opacity * (-0.5 * squares).exp()
         };
-        self.0.iter().map(of).sum()
+        self.0.iter().map(opacity).sum()
     }
 }
 
 fn placed(cloud: &Cloud) -> Placed {
-    let [l, b] = cloud.at_deg.map(f64::to_radians);
+    let [l, b] = cloud.centre_deg.map(f64::to_radians);
     let towards = crate::coordinates::direction_from_lon_lat(l, b);
     let along_l = DVec3::new(-l.sin(), l.cos(), 0.0);
     let along_b = towards.cross(along_l);
@@ -107,11 +107,11 @@ mod tests {
     fn a_line_of_sight_through_a_cloud_has_its_extinction() {
         let clouds = Clouds::new();
         for cloud in &CLOUDS {
-            let [l, b] = cloud.at_deg.map(f64::to_radians);
+            let [l, b] = cloud.centre_deg.map(f64::to_radians);
             let towards = crate::coordinates::direction_from_lon_lat(l, b);
             let sum: f64 = (0..4000).map(|i| clouds.opacity_mag_per_pc(towards * f64::from(i) * 0.5) * 0.5).sum();
-            // Others may stand before or behind it.
-            assert!((0.99..2.2).contains(&(sum / cloud.extinction_mag)), "{:?}: {sum}", cloud.at_deg);
+            // Other clouds may be in front of it or behind it.
+            assert!((0.99..2.2).contains(&(sum / cloud.extinction_mag)), "{:?}: {sum}", cloud.centre_deg);
         }
     }
 }

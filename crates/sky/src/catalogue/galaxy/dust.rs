@@ -1,9 +1,11 @@
-//! Interstellar dust: how many magnitudes of V a parsec of path costs at each place.
+//! Interstellar dust: extinction in V magnitudes per parsec at each position.
 //!
-//! An exponential disc times a log-normal factor from smooth noise of three sizes, and the dark clouds near the Sun that have names (`clouds`), so that a dark rift appears
-//! in front of the Milky Way. Both belong to the model: they are the same for every seed of the stars.
-//! Figures: 0.7 to 1 mag/kpc near the Sun (here 1, which is the mean over clouds and the gaps between them) and a scale height of 100 to 125 pc (e.g. Vergely et al. 1998, Marshall et
-//! al. 2006); around the Sun the Local Bubble is nearly empty to 100 pc (Lallement et al. 2014).
+//! The opacity is an exponential disc times a log-normal factor from smooth noise of three sizes, plus the named dark
+//! clouds near the Sun (`clouds`), so that a dark rift crosses the Milky Way. Both are part of the model: they do not
+//! depend on the seed of the stars.
+//! Figures: 0.7 to 1 mag/kpc near the Sun (here 1, the mean over clouds and the gaps between them) and a scale height
+//! of 100 to 125 pc (e.g. Vergely et al. 1998, Marshall et al. 2006). Around the Sun the Local Bubble is nearly empty
+//! to 100 pc (Lallement et al. 2014).
 
 use std::sync::LazyLock;
 
@@ -21,19 +23,19 @@ const LENGTH_PC: f64 = 3500.0;
 const HEIGHT_PC: f64 = 110.0;
 /// Distance from the Sun at which the dust has reached half of its full density, parsecs.
 const BUBBLE_PC: f64 = 90.0;
-/// Below this share of the local opacity the clouds are left out: far above the plane there is nothing to shape.
+/// Below this share of the local opacity, far above the plane, the cloud factor is not evaluated.
 const NEGLIGIBLE_SHARE: f64 = 1e-4;
 
 /// Edge lengths of the noise cells in parsecs, and the weight of each size.
 const CLOUD_SIZES: [(f64, f64); 3] = [(700.0, 0.62), (280.0, 0.58), (110.0, 0.53)];
 /// Standard deviation of the natural logarithm of the cloud factor.
 const CLOUD_CONTRAST: f64 = 0.9;
-/// Chosen among some tens: a few clouds near the Sun decide what the sky looks like, and noise cannot know where the real
-/// ones are. With this one a dark rift lies at longitudes 20 to 60 degrees, as the real one does, and star counts and
-/// the contrast between centre and anticentre are about right.
+/// Chosen from several dozen seeds: a few clouds near the Sun decide the appearance of the sky, and noise cannot know
+/// the real ones. With this seed a dark rift is at longitudes 20 to 60 degrees, as in the real sky, and star counts
+/// and the contrast between centre and anticentre are about right.
 const NOISE_SEED: u64 = 4_000;
 
-/// The clouds that have names, and a distance beyond all of them, parsecs.
+/// The named clouds, and a distance beyond all of them, parsecs.
 static CLOUDS: LazyLock<Clouds> = LazyLock::new(Clouds::new);
 const FARTHEST_CLOUD_PC: f64 = 1300.0;
 
@@ -51,7 +53,7 @@ pub fn opacity_mag_per_pc(x_pc: f64, y_pc: f64, z_pc: f64) -> f64 {
     clouds + if disc < NEGLIGIBLE_SHARE { smooth } else { smooth * cloud_factor(x_pc, y_pc, z_pc) }
 }
 
-/// Log-normal factor of mean 1.
+/// Log-normal factor with mean 1.
 fn cloud_factor(x_pc: f64, y_pc: f64, z_pc: f64) -> f64 {
     let normal: f64 = CLOUD_SIZES
         .iter()
@@ -66,7 +68,7 @@ fn cloud_factor(x_pc: f64, y_pc: f64, z_pc: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// Deterministic scattered places: multiples of irrational steps.
+    /// Deterministic scattered positions: multiples of irrational steps.
     fn places() -> impl Iterator<Item = (f64, f64, f64)> {
         (0..100_000).map(|i| {
             let i = f64::from(i);

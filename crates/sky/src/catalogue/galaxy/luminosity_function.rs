@@ -1,11 +1,12 @@
-//! How many stars of each luminosity there are near the Sun, and how hot they are.
+//! The luminosity function of the stars near the Sun, and their temperatures.
 //!
-//! The local luminosity function is stars per cubic parsec and magnitude against absolute V magnitude: the nearby stars of
-//! Wielen, Jahreiss and Krueger 1983 and, for the luminous end, the summary in Allen's *Astrophysical Quantities*, split
-//! in main sequence and evolved stars (subgiants, giants, and the red clump as a Gaussian of its own). White dwarfs
-//! are left out. Within their scatter the figures are rounded so that the whole-sky star counts of the model agree with the
-//! real ones. Temperatures follow the main sequence of Pecaut and Mamajek 2013 (rounded), and for the evolved stars
-//! a red giant branch from 5300 K at its foot to 3300 K at its tip, with scatter.
+//! The local luminosity function gives stars per cubic parsec and magnitude against absolute V magnitude. Its sources
+//! are the nearby stars of Wielen, Jahreiss and Krueger 1983 and, for the luminous end, the summary in Allen's
+//! *Astrophysical Quantities*. It is split into main sequence and evolved stars (subgiants, giants, and the red clump
+//! as a separate Gaussian). White dwarfs are left out. Within their scatter the figures are rounded so that the
+//! model's whole-sky star counts agree with the real ones. Temperatures follow the main sequence of Pecaut and
+//! Mamajek 2013 (rounded); for evolved stars, a red giant branch from 5300 K at its foot to 3300 K at its tip, with
+//! scatter.
 
 use super::structure::{POPULATIONS, Population};
 use crate::photometry::blackbody::rec709_in_gamut;
@@ -16,11 +17,11 @@ use rand_distr::{Distribution, StandardNormal};
 pub const BRIGHTEST: f64 = -8.0;
 /// Faintest absolute V magnitude of the model.
 const FAINTEST: f64 = 19.0;
-/// Steps per magnitude of the tables.
+/// Steps per magnitude in the tables.
 const STEPS_PER_MAG: usize = 20;
 const STEPS: usize = (FAINTEST - BRIGHTEST) as usize * STEPS_PER_MAG;
 
-/// Main sequence (with the supergiants): absolute magnitude, log10 of stars per pc^3 and magnitude.
+/// Main sequence with supergiants: absolute magnitude, log10 of stars per pc^3 and magnitude.
 const MAIN_SEQUENCE: [(f64, f64); 20] = [
     (-8.0, -10.5),
     (-7.0, -9.2),
@@ -60,8 +61,8 @@ const RED_GIANT_BRANCH: [(f64, f64); 9] = [
 /// The red clump: stars per cubic parsec, mean and standard deviation of the absolute V magnitude.
 const CLUMP: (f64, f64, f64) = (0.85e-4, 0.8, 0.25);
 
-/// Share of the old disc's stars that the thick disc and the halo have near the Sun (Juric et al. 2008: 12 % and 0.5 %;
-/// Bland-Hawthorn and Gerhard 2016: 4 % and less).
+/// Density of the thick disc and the halo near the Sun as a share of the old disc's (Juric et al. 2008: 12 % and 0.5
+/// %; Bland-Hawthorn and Gerhard 2016: 4 % and less).
 const THICK_DISC_SHARE: f64 = 0.07;
 const HALO_SHARE: f64 = 0.0015;
 
@@ -100,8 +101,8 @@ const EVOLVED_K: [(f64, f64); 8] = [
     (5.0, 5_300.0),
 ];
 
-/// Stars brighter than this on the young "main sequence" are supergiants with the share below, of any temperature
-/// between the two limits (even in its logarithm).
+/// Of the stars on the young "main sequence" that are brighter than this, the share below are supergiants of any
+/// temperature between the two limits (uniform in its logarithm).
 const SUPERGIANTS_FROM: f64 = -3.5;
 const SUPERGIANT_SHARE: f64 = 0.5;
 const SUPERGIANT_K: (f64, f64) = (3_500.0, 25_000.0);
@@ -110,7 +111,7 @@ const SUPERGIANT_K: (f64, f64) = (3_500.0, 25_000.0);
 const MAIN_SEQUENCE_SCATTER: f64 = 0.03;
 const EVOLVED_SCATTER: f64 = 0.04;
 
-/// The luminosity function of one population, as a table of its integral.
+/// The luminosity function of one population, tabulated as its integral.
 #[derive(Clone, Debug)]
 pub struct LuminosityFunction {
     population: Population,
@@ -118,12 +119,13 @@ pub struct LuminosityFunction {
     cumulative: Vec<f64>,
     /// Share of evolved stars in the step from `i` to `i + 1`.
     evolved_share: Vec<f32>,
-    /// Light of the stars fainter than `BRIGHTEST + i / STEPS_PER_MAG`, R, G, B of luminance 1 for a star of absolute magnitude 0 per pc^3.
+    /// Light of the stars fainter than `BRIGHTEST + i / STEPS_PER_MAG`: R, G, B per pc^3, in units of a star of
+    /// absolute magnitude 0.
     fainter_light: Vec<[f64; 3]>,
 }
 
 impl LuminosityFunction {
-    /// The functions of all populations, in the order of [`Population::ALL`].
+    /// Returns the functions of all populations, in the order of [`Population::ALL`].
     pub fn all() -> [Self; POPULATIONS] {
         Population::ALL.map(Self::new)
     }
@@ -150,29 +152,30 @@ impl LuminosityFunction {
         Self { population, cumulative, evolved_share, fainter_light }
     }
 
-    /// Stars per cubic parsec with an absolute magnitude below `magnitude` (any real number).
+    /// Returns the stars per cubic parsec with an absolute magnitude below `magnitude` (any real number).
     pub fn brighter_than(&self, magnitude: f64) -> f64 {
-        let at = (magnitude - BRIGHTEST) * STEPS_PER_MAG as f64;
-        if at <= 0.0 {
+        let position = (magnitude - BRIGHTEST) * STEPS_PER_MAG as f64;
+        if position <= 0.0 {
             return 0.0;
         }
-        let step = at as usize;
+        let step = position as usize;
         if step >= STEPS {
             return self.cumulative[STEPS];
         }
         let below = self.cumulative[step];
-        below + (self.cumulative[step + 1] - below) * (at - step as f64)
+        below + (self.cumulative[step + 1] - below) * (position - step as f64)
     }
 
-    /// Light of the stars with an absolute magnitude from `magnitude` (any real number) on, linear Rec. 709: its luminance is that of so many stars of absolute magnitude 0 per pc^3.
+    /// Light of the stars with an absolute magnitude of at least `magnitude` (any real number), linear Rec. 709 per
+    /// pc^3. A luminance of 1 is one star of absolute magnitude 0.
     pub fn light_fainter_than(&self, magnitude: f64) -> [f64; 3] {
-        let at = ((magnitude - BRIGHTEST) * STEPS_PER_MAG as f64).max(0.0);
-        let step = at as usize;
+        let position = ((magnitude - BRIGHTEST) * STEPS_PER_MAG as f64).max(0.0);
+        let step = position as usize;
         if step >= STEPS {
             return [0.0; 3];
         }
         let (from, to) = (self.fainter_light[step], self.fainter_light[step + 1]);
-        [0, 1, 2].map(|c| from[c] + (to[c] - from[c]) * (at - step as f64))
+        [0, 1, 2].map(|c| from[c] + (to[c] - from[c]) * (position - step as f64))
     }
 
     /// Inverse of [`brighter_than`](Self::brighter_than): the absolute magnitude with `stars_per_pc3` brighter stars.
@@ -199,7 +202,8 @@ impl LuminosityFunction {
     }
 }
 
-/// Colour of all stars of a population and absolute magnitude together, linear Rec. 709 of luminance 1; without the scatter of their temperatures.
+/// Mean colour of the stars of a population at an absolute magnitude, linear Rec. 709 of luminance 1, without the
+/// scatter of their temperatures.
 fn mean_colour(population: Population, magnitude: f64, evolved_share: f64) -> [f64; 3] {
     let supergiants = if magnitude < SUPERGIANTS_FROM { (1.0 - evolved_share) * SUPERGIANT_SHARE } else { 0.0 };
     let mut sum = [0.0; 3];
@@ -211,18 +215,18 @@ fn mean_colour(population: Population, magnitude: f64, evolved_share: f64) -> [f
     add(1.0 - evolved_share - supergiants, interpolate(&MAIN_SEQUENCE_K, magnitude));
     const PARTS: u32 = 5;
     for part in 0..PARTS {
-        let at = (f64::from(part) + 0.5) / f64::from(PARTS);
-        add(supergiants / f64::from(PARTS), SUPERGIANT_K.0 * (SUPERGIANT_K.1 / SUPERGIANT_K.0).powf(at));
+        let fraction = (f64::from(part) + 0.5) / f64::from(PARTS);
+        add(supergiants / f64::from(PARTS), SUPERGIANT_K.0 * (SUPERGIANT_K.1 / SUPERGIANT_K.0).powf(fraction));
     }
     sum
 }
 
-/// Fewer metals make a giant hotter.
+/// Factor on a giant's temperature: giants with fewer metals are hotter.
 fn hotter(population: Population) -> f64 {
     if matches!(population, Population::ThickDisc | Population::Halo) { 1.04 } else { 1.0 }
 }
 
-/// Main-sequence and evolved stars of a population per cubic parsec and magnitude, where its relative density is 1.
+/// Main-sequence and evolved stars of a population per cubic parsec and magnitude, at relative density 1.
 fn stars_per_pc3_mag(population: Population, magnitude: f64) -> (f64, f64) {
     let main_sequence = 10f64.powf(interpolate(&MAIN_SEQUENCE, magnitude));
     let branch = if magnitude < RED_GIANT_BRANCH[0].0 || magnitude > RED_GIANT_BRANCH[RED_GIANT_BRANCH.len() - 1].0 {
@@ -235,7 +239,7 @@ fn stars_per_pc3_mag(population: Population, magnitude: f64) -> (f64, f64) {
         stars * (-0.5 * ((magnitude - mean) / deviation).powi(2)).exp() / (deviation * std::f64::consts::TAU.sqrt());
     let evolved = branch + clump;
 
-    // The thin disc in three layers that fade into each other with luminosity.
+    // The thin disc has three layers that fade into each other with luminosity.
     let young = 1.0 - rise(1.0, 3.0, magnitude);
     let old = rise(3.0, 5.0, magnitude);
     // A population without young stars has a main sequence only below its turn-off.
@@ -250,12 +254,12 @@ fn stars_per_pc3_mag(population: Population, magnitude: f64) -> (f64, f64) {
     }
 }
 
-/// 0 below `from`, 1 above `to`, straight between.
+/// 0 below `from`, 1 above `to`, linear between.
 fn rise(from: f64, to: f64, x: f64) -> f64 {
     ((x - from) / (to - from)).clamp(0.0, 1.0)
 }
 
-/// Piecewise straight line through `points` (ascending), constant outside.
+/// Piecewise linear function through `points` (ascending), constant outside.
 fn interpolate(points: &[(f64, f64)], x: f64) -> f64 {
     let above = points.partition_point(|p| p.0 <= x);
     if above == 0 {
@@ -273,7 +277,7 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
 
     #[test]
-    fn the_local_density_is_that_of_the_nearby_stars() {
+    fn the_local_density_matches_the_nearby_stars() {
         // About 0.1 stars per cubic parsec near the Sun, of which one in some 300 is a giant with M_V < 3.
         let functions = LuminosityFunction::all();
         let all: f64 = functions
@@ -308,7 +312,7 @@ mod tests {
                 let magnitude = BRIGHTEST + 0.1 * f64::from(i) + 0.013;
                 let stars = function.brighter_than(magnitude);
                 let back = function.magnitude_at(stars);
-                // Where no star lies between, several magnitudes have the same count.
+                // If no star is between them, several magnitudes have the same count.
                 assert!((function.brighter_than(back) - stars).abs() <= 1e-12 * stars, "{magnitude} -> {back}");
             }
             assert_eq!(function.brighter_than(f64::NEG_INFINITY), 0.0);

@@ -1,20 +1,20 @@
-//! A synthetic Milky Way: the stars that appear brightest from the Sun, drawn from a model of the galaxy.
+//! A synthetic Milky Way: the stars that are brightest from the Sun, drawn from a model of the galaxy.
 //!
-//! The model has a thin disc in three layers (luminous stars in the thinnest), a thick disc, a bar-shaped bulge, a halo
-//! (`structure`), a luminosity function for each with temperatures (`luminosity_function`), and dust with clouds
-//! (`dust`, `clouds`). `sightlines` divides space in cells around the Sun and adds up the dust; `sampling` counts the stars expected
-//! up to any apparent magnitude and draws them. The galaxy's 1e11 stars are never drawn: the magnitude limit that holds
-//! the wanted number comes first, then only stars brighter than that are made, cell by cell. What
-//! all the others shine is added up along lines of sight (`unresolved`).
+//! The model has a thin disc in three layers (luminous stars in the thinnest), a thick disc, a bar-shaped bulge and a
+//! halo (`structure`), a luminosity function with temperatures for each of them (`luminosity_function`), and dust
+//! with clouds (`dust`, `clouds`). `sightlines` divides space into cells around the Sun and integrates the dust.
+//! `sampling` computes the expected number of stars up to any apparent magnitude and draws them. The galaxy's 1e11
+//! stars are never drawn: first the magnitude limit for the requested number is found, then only brighter stars are
+//! made, cell by cell. The light of all other stars is integrated along lines of sight (`unresolved`).
 //!
-//! Each block of the sky has its own random stream, so the stars depend on the parameters alone and not on the number of
-//! threads. Positions are ICRS parsecs from the Solar-System barycentre, magnitudes Johnson V.
+//! Each block of the sky has its own random stream, so the stars depend on the parameters alone and not on the number
+//! of threads. Positions are ICRS parsecs from the Solar-System barycentre, magnitudes are Johnson V.
 //!
-//! **Extinction** is part of the magnitude: a record's absolute magnitude is M_V + A_V, with A_V the extinction between
-//! the star and the Sun. So stars have their right apparent magnitude from the Sun; a camera that travels far sees them
-//! through the dust of the way to the Sun. **Temperatures are intrinsic**: reddening is left out.
+//! **Extinction** is part of the magnitude: a record's absolute magnitude is M_V + A_V, with A_V the extinction
+//! between the star and the Sun. Stars therefore have the right apparent magnitude from the Sun; a camera far away
+//! sees them through the dust between them and the Sun. **Temperatures are intrinsic**: reddening is left out.
 //!
-//! The star's motion, binaries, clusters, spiral arms and white dwarfs are left out. No star is nearer than 1.3 pc.
+//! The stars' motion, binaries, clusters, spiral arms and white dwarfs are left out. No star is nearer than 1.3 pc.
 
 mod clouds;
 mod dust;
@@ -31,88 +31,89 @@ use rayon::prelude::*;
 use sampling::{BLOCKS, MagnitudeRange, Sky};
 use thiserror::Error;
 
-/// Most stars that can be asked for.
+/// Largest number of stars that can be requested.
 pub const MOST_STARS: usize = 200_000_000;
 
-/// Faintest apparent V magnitude for which the model is made.
+/// Faintest apparent V magnitude that the model covers.
 pub const FAINTEST_APPARENT_MAGNITUDE: f64 = 20.0;
 
-/// Blocks of the sky that are drawn at the same time before they are appended to the result: bounds the extra memory
-/// to this share of it.
+/// Number of blocks of the sky that are drawn at a time before they are appended to the result; limits the extra
+/// memory to this share of it.
 const BLOCKS_AT_ONCE: usize = 8;
 
-/// Which synthetic Milky Way to make.
+/// Parameters of a synthetic Milky Way.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GalaxyParameters {
-    /// Number of stars, 1 to [`MOST_STARS`]: the apparently brightest that `fainter_than` leaves.
+    /// Number of stars, 1 to [`MOST_STARS`]: the apparently brightest among those that are at least as faint as
+    /// `fainter_than`.
     pub stars: usize,
-    /// Another seed gives other stars of the same galaxy.
+    /// Seed; each gives different stars of the same galaxy.
     pub seed: u64,
-    /// Apparent V magnitude from the Sun: brighter stars are left out, so that real ones can stand in.
+    /// Apparent V magnitude from the Sun; brighter stars are left out, so that real ones can take their place.
     pub fainter_than: Option<f64>,
-    /// Whether the light of all fainter stars is part of it.
+    /// Whether the light of all fainter stars is included.
     pub unresolved_light: bool,
 }
 
 /// A synthetic Milky Way.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Galaxy {
-    /// Its stars, all with known distances, ordered along the sky.
+    /// The stars, all with known distances, ordered by position in the sky.
     pub stars: Vec<StarRecord>,
-    /// The light of all fainter ones, where it is wanted: see `unresolved`.
+    /// Light of all fainter stars, if requested: see `unresolved`.
     pub unresolved: Option<DiffuseSky>,
 }
 
-/// Why a galaxy cannot be made.
+/// Errors of making a galaxy.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum GalaxyError {
     /// The number of stars is out of range.
-    #[error("a synthetic galaxy has 1 to {MOST_STARS} stars, not {stars}")]
+    #[error("a synthetic galaxy must have 1 to {MOST_STARS} stars, not {stars}")]
     StarCount {
-        /// Number asked for.
+        /// Requested number.
         stars: usize,
     },
     /// The bright limit is not a finite number.
     #[error("`fainter_than` must be a finite V magnitude, not {fainter_than}")]
     NotFinite {
-        /// Magnitude asked for.
+        /// Requested magnitude.
         fainter_than: f64,
     },
-    /// The model holds fewer stars than asked for.
+    /// The model has fewer stars than requested.
     #[error(
         "between V = {fainter_than} and V = {FAINTEST_APPARENT_MAGNITUDE} the synthetic galaxy has about {available} stars, \
-         fewer than the {stars} asked for"
+         fewer than the {stars} requested"
     )]
     TooFewStars {
-        /// Number asked for.
+        /// Requested number.
         stars: usize,
-        /// Bright limit, minus infinity if none was asked for.
+        /// Requested bright limit, minus infinity if there is none.
         fainter_than: f64,
         /// Number expected in the model.
         available: u64,
     },
 }
 
-/// Makes exactly `parameters.stars` stars, and the light of those that are fainter than all of them.
+/// Makes exactly `parameters.stars` stars, and the light of the stars that are fainter than all of them.
 ///
-/// The same parameters give the same stars, bit for bit, with any number of threads. See the head of this module for
-/// what positions, magnitudes and temperatures mean.
+/// The same parameters give the same stars, bit for bit, with any number of threads. The head of this module defines
+/// positions, magnitudes and temperatures.
 ///
 /// # Errors
 ///
-/// [`GalaxyError`] if a parameter is out of range, or if the model has not so many stars.
+/// [`GalaxyError`] if a parameter is out of range, or if the model does not have enough stars.
 pub fn generate(parameters: &GalaxyParameters) -> Result<Galaxy, GalaxyError> {
     check(parameters)?;
     let sky = Sky::new();
     let mut stars = draw(&sky, parameters)?;
-    // The stars that are drawn end at the magnitude up to which so many are expected.
+    // The drawn stars end at the magnitude up to which this number is expected.
     let unresolved = parameters.unresolved_light.then(|| {
         let left_out = sky.brighter_than(parameters.fainter_than.unwrap_or(f64::NEG_INFINITY));
         let faintest = sky.magnitude_with(left_out + parameters.stars as f64, FAINTEST_APPARENT_MAGNITUDE);
         unresolved::unresolved_light(&sky, faintest)
     });
-    // The model's tables are large: gone before the temporary list of magnitudes comes.
+    // The model's tables are large: free them before the temporary list of magnitudes is allocated.
     drop(sky);
     keep_brightest(&mut stars, parameters.stars);
     Ok(Galaxy { stars, unresolved })
@@ -129,7 +130,7 @@ fn check(parameters: &GalaxyParameters) -> Result<(), GalaxyError> {
     Ok(())
 }
 
-/// The wanted number of stars, and a few fainter ones that [`keep_brightest`] takes away.
+/// Draws the requested number of stars, and a few fainter ones that [`keep_brightest`] removes.
 fn draw(sky: &Sky, parameters: &GalaxyParameters) -> Result<Vec<StarRecord>, GalaxyError> {
     let &GalaxyParameters { stars, seed, fainter_than, .. } = parameters;
     let brightest = fainter_than.unwrap_or(f64::NEG_INFINITY);
@@ -140,7 +141,7 @@ fn draw(sky: &Sky, parameters: &GalaxyParameters) -> Result<Vec<StarRecord>, Gal
         return Err(too_few);
     }
 
-    // Aim above the wanted number by more than chance and the integration's error can take away.
+    // Aim higher than requested by more than chance and the error of the integration can remove.
     let mut aim = 1.003 * stars as f64 + 5.0 * (stars as f64).sqrt() + 5.0;
     let mut made = Vec::with_capacity(aim as usize + aim as usize / 200);
     let mut range = MagnitudeRange { brightest, faintest: brightest };
@@ -149,7 +150,7 @@ fn draw(sky: &Sky, parameters: &GalaxyParameters) -> Result<Vec<StarRecord>, Gal
         if range.faintest >= FAINTEST_APPARENT_MAGNITUDE {
             return Err(too_few);
         }
-        // A further round, hardly ever needed, continues where the last one ended.
+        // A further round, hardly ever needed, continues at the last one's faint limit.
         range.brightest = range.faintest;
         range.faintest = sky.magnitude_with(left_out + aim, FAINTEST_APPARENT_MAGNITUDE);
         for first in (0..BLOCKS).step_by(BLOCKS_AT_ONCE) {
@@ -167,7 +168,7 @@ fn draw(sky: &Sky, parameters: &GalaxyParameters) -> Result<Vec<StarRecord>, Gal
     Ok(made)
 }
 
-/// Keeps the `count` apparently brightest stars, in their order. Of equals the first ones stay.
+/// Keeps the `count` apparently brightest stars, in their order. Among equals the first ones stay.
 fn keep_brightest(stars: &mut Vec<StarRecord>, count: usize) {
     if stars.len() <= count {
         return;

@@ -1,7 +1,8 @@
-//! The galaxies that the naked eye sees: discs that fall off exponentially, with the light of the whole.
+//! The galaxies visible to the naked eye: exponential discs with each galaxy's total light.
 //!
-//! Magnitudes, colours, position angles and axis ratios: de Vaucouleurs et al. 1991, Third Reference Catalogue; scale lengths: about 1/3.2 of the radius at 25 B magnitudes per square arcsecond. The
-//! Magellanic Clouds' light is extinguished as it is catalogued.
+//! Magnitudes, colours, position angles and axis ratios: de Vaucouleurs et al. 1991, Third Reference Catalogue. Scale
+//! lengths: about 1/3.2 of the radius at 25 B magnitudes per square arcsecond. The catalogued light of the Magellanic
+//! Clouds already contains the extinction.
 
 use glam::DVec3;
 
@@ -11,26 +12,26 @@ use crate::{
     units::illuminance_lx_from_magnitude,
 };
 
-/// A part of a galaxy: an ellipse on the sky.
+/// A component of a galaxy: an ellipse on the sky.
 struct Part {
-    /// ICRS right ascension and declination of its middle, degrees.
-    at_deg: [f64; 2],
+    /// ICRS right ascension and declination of its centre, degrees.
+    centre_deg: [f64; 2],
     v_mag: f64,
     b_v: f64,
-    /// Exponential scale length along its long axis, degrees.
+    /// Exponential scale length along the major axis, degrees.
     scale_deg: f64,
-    /// Short axis over long axis.
+    /// Axis ratio, minor over major.
     ratio: f64,
-    /// Position angle of the long axis, from north through east, degrees.
+    /// Position angle of the major axis, from north through east, degrees.
     angle_deg: f64,
 }
 
-const fn part(at_deg: [f64; 2], v_mag: f64, b_v: f64, scale_deg: f64, ratio: f64, angle_deg: f64) -> Part {
-    Part { at_deg, v_mag, b_v, scale_deg, ratio, angle_deg }
+const fn part(centre_deg: [f64; 2], v_mag: f64, b_v: f64, scale_deg: f64, ratio: f64, angle_deg: f64) -> Part {
+    Part { centre_deg, v_mag, b_v, scale_deg, ratio, angle_deg }
 }
 
 const PARTS: [Part; 6] = [
-    // Large Magellanic Cloud, V = 0.40: a disc, and a quarter of the light in the bar.
+    // Large Magellanic Cloud, V = 0.40: a disc, and a bar with a quarter of the light.
     part([80.0, -69.0], 0.71, 0.51, 1.55, 0.85, 170.0),
     part([80.9, -69.8], 1.90, 0.51, 0.62, 0.30, 120.0),
     // Small Magellanic Cloud, V = 2.25.
@@ -42,22 +43,22 @@ const PARTS: [Part; 6] = [
     part([23.462, 30.660], 5.72, 0.55, 0.17, 0.59, 23.0),
 ];
 
-/// Beyond so many scale lengths nothing is left.
+/// Number of scale lengths beyond which the light is neglected.
 const REACH: f64 = 9.0;
 
 struct Placed {
     towards: DVec3,
-    /// Along the long and the short axis, per scale length (rad).
+    /// Major and minor axis, per scale length (rad).
     axes: [DVec3; 2],
     central_cd_m2: [f64; 3],
     least_cosine: f64,
 }
 
-/// The galaxies as they are seen from the Sun.
+/// The galaxies as seen from the Sun.
 pub struct Neighbours(Vec<Placed>);
 
 impl Neighbours {
-    /// All of them.
+    /// Places all galaxies.
     pub fn new() -> Self {
         Self(PARTS.iter().map(placed).collect())
     }
@@ -75,14 +76,14 @@ impl Neighbours {
 }
 
 fn placed(part: &Part) -> Placed {
-    let [ra, dec] = part.at_deg.map(f64::to_radians);
+    let [ra, dec] = part.centre_deg.map(f64::to_radians);
     let towards = direction_from_lon_lat(ra, dec);
     let east = DVec3::new(-ra.sin(), ra.cos(), 0.0);
     let north = towards.cross(east);
     let (sin, cos) = part.angle_deg.to_radians().sin_cos();
     let (long, short) = (north * cos + east * sin, east * cos - north * sin);
     let scale = part.scale_deg.to_radians();
-    // An exponential disc of central luminance L has the light 2 pi L a b.
+    // An exponential disc of central luminance L has the illuminance 2 pi L a b.
     let central = illuminance_lx_from_magnitude(part.v_mag) / (std::f64::consts::TAU * scale * scale * part.ratio);
     Placed {
         towards,

@@ -1,6 +1,7 @@
 //! Smooth noise on a lattice in space: the same at every call.
 
-/// Standard deviation of the noise: sqrt(1/12) of the lattice values times (26/35)^(3/2), since blending two of them with the cubic ease leaves 26/35 of the variance per axis on average.
+/// Standard deviation of the noise: sqrt(1/12) for the lattice values times (26/35)^(3/2), because the cubic blend of
+/// two values leaves 26/35 of the variance per axis on average.
 pub const LATTICE_NOISE_DEVIATION: f64 = 0.1848;
 
 /// Smooth noise of mean 0: random values in -0.5..0.5 on the integer lattice, blended with a cubic ease.
@@ -10,8 +11,8 @@ pub fn lattice_noise(x: f64, y: f64, z: f64, seed: u64) -> f64 {
     let (iz, fz) = split(z);
     let mix = |a: f64, b: f64, t: f64| a + (b - a) * t;
     let row = |dy: u64, dz: u64| {
-        let at = |dx: u64| lattice_value(ix.wrapping_add(dx), iy.wrapping_add(dy), iz.wrapping_add(dz), seed);
-        mix(at(0), at(1), fx)
+        let value = |dx: u64| lattice_value(ix.wrapping_add(dx), iy.wrapping_add(dy), iz.wrapping_add(dz), seed);
+        mix(value(0), value(1), fx)
     };
     mix(mix(row(0, 0), row(1, 0), fy), mix(row(0, 1), row(1, 1), fy), fz)
 }
@@ -39,7 +40,7 @@ fn lattice_value(ix: u64, iy: u64, iz: u64, seed: u64) -> f64 {
 mod tests {
     use super::*;
 
-    /// Deterministic scattered places: multiples of irrational steps.
+    /// Deterministic scattered positions: multiples of irrational steps.
     fn places() -> impl Iterator<Item = (f64, f64, f64)> {
         (0..100_000).map(|i| {
             let i = f64::from(i);
@@ -48,7 +49,7 @@ mod tests {
     }
 
     #[test]
-    fn noise_has_the_deviation_it_is_scaled_by() {
+    fn noise_has_the_stated_deviation() {
         let values: Vec<f64> =
             places().map(|(x, y, z)| lattice_noise(400.0 * x, 400.0 * y - 200.0, 400.0 * z, 7)).collect();
         let n = values.len() as f64;

@@ -1,12 +1,12 @@
 //! Expected star counts, and stars drawn from them.
 //!
-//! A star of absolute magnitude M at distance modulus plus extinction mu appears at V = M + mu. So the number of stars of a
-//! population brighter than V is the integral over space of density times `brighter_than(V - mu)`. The integral is
-//! done once, as a histogram of volume times density over mu: after that the count for any V is a short sum.
+//! A star of absolute magnitude M at distance modulus plus extinction mu appears at V = M + mu. So the number of
+//! stars of a population brighter than V is the integral over space of density times `brighter_than(V - mu)`. The
+//! integral is done once, as a histogram of volume times density over mu; the count for any V is then a short sum.
 //!
-//! Stars are drawn by thinning: in each cell of the sightlines a Poisson number of proposals from an upper bound of the
-//! density and of the luminosity function, then each proposal is kept with the chance that its own place has. The result
-//! follows the continuous model: the cells leave no trace in the sky.
+//! Stars are drawn by thinning. Each cell of the sightlines gets a Poisson number of proposals from an upper bound of
+//! the density and of the luminosity function; each proposal is then kept with the probability at its own position.
+//! The result follows the continuous model: the cells leave no trace in the sky.
 
 use super::luminosity_function::{BRIGHTEST, LuminosityFunction};
 use super::sightlines::{
@@ -21,25 +21,25 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Poisson};
 use rayon::prelude::*;
 
-/// Columns of cells of one longitude that are drawn together, from one random stream.
+/// Number of columns of cells that are drawn together, from one random stream.
 const BLOCK_LONGITUDES: usize = 4;
 /// Blocks of the sky: units of parallel work.
 pub const BLOCKS: usize = LONGITUDES / BLOCK_LONGITUDES;
 
-/// The density inside a cell may exceed that of its corners by this factor.
+/// Factor by which the density inside a cell may exceed that at its corners.
 const DENSITY_HEADROOM: f64 = 1.1;
 
-/// Histogram of distance modulus plus extinction: first value, steps per magnitude, number of steps. Stars beyond its end
-/// (through 36 magnitudes of dust and distance) are never seen.
+/// Histogram of distance modulus plus extinction: first value, steps per magnitude, number of steps. Stars beyond its
+/// end (behind 36 magnitudes of dust and distance) are never visible.
 const MODULUS_FROM: f64 = -5.0;
 const MODULUS_STEPS_PER_MAG: f64 = 40.0;
 const MODULUS_STEPS: usize = 41 * 40;
 
-/// The model of the Milky Way, ready to count and to draw.
+/// The model of the Milky Way, prepared for counting and drawing.
 pub struct Sky {
     sightlines: Sightlines,
     functions: [LuminosityFunction; POPULATIONS],
-    /// By population and modulus: cubic parsecs times relative density.
+    /// Cubic parsecs times relative density, by population and modulus.
     weighted_volume: Vec<f64>,
     icrs_from_galactic: DMat3,
 }
@@ -72,7 +72,7 @@ impl Sky {
     /// Integrates dust and densities along all lines of sight.
     pub fn new() -> Self {
         let sightlines = Sightlines::new();
-        // Blocks are added in their order, so that rounding does not depend on the number of threads.
+        // Blocks are added in order, so that rounding does not depend on the number of threads.
         let blocks: Vec<Vec<f64>> =
             (0..BLOCKS).into_par_iter().map(|block| block_weighted_volume(&sightlines, block)).collect();
         let mut weighted_volume = vec![0.0; POPULATIONS * MODULUS_STEPS];
@@ -89,7 +89,7 @@ impl Sky {
         }
     }
 
-    /// The lines of sight, with the dust on them.
+    /// The lines of sight, with their dust.
     pub fn sightlines(&self) -> &Sightlines {
         &self.sightlines
     }
@@ -114,7 +114,7 @@ impl Sky {
         sum
     }
 
-    /// The magnitude up to which `stars` are expected, at most `faintest`.
+    /// The magnitude up to which `stars` stars are expected, at most `faintest`.
     pub fn magnitude_with(&self, stars: f64, faintest: f64) -> f64 {
         let (mut low, mut high) = (BRIGHTEST + MODULUS_FROM, faintest);
         for _ in 0..60 {
@@ -128,8 +128,8 @@ impl Sky {
         high
     }
 
-    /// Draws the stars of one block of the sky, below [`BLOCKS`], with apparent magnitudes in `range`. Each `round` has
-    /// its own random stream, so ranges that do not overlap may be drawn one after the other.
+    /// Draws the stars of one block of the sky (below [`BLOCKS`]) with apparent magnitudes in `range`. Each `round`
+    /// has its own random stream, so that disjoint ranges can be drawn one after the other.
     pub fn draw_block(&self, block: usize, range: MagnitudeRange, seed: u64, round: u32) -> Vec<StarRecord> {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         rng.set_stream(u64::from(round) << 32 | block as u64);
@@ -179,7 +179,7 @@ impl Sky {
         let poisson = Poisson::new(total).expect("the bound of a cell is positive, finite and below 1e10");
         let count = poisson.sample(rng) as u64;
         for _ in 0..count {
-            // Which population, then which star of it, and where.
+            // Choose the population, then the star and its position.
             let mut pick = rng.random::<f64>() * total;
             let mut i = 0;
             while i + 1 < POPULATIONS && (pick >= proposals[i] || proposals[i] == 0.0) {
@@ -201,7 +201,8 @@ impl Sky {
                 temperature_k: 0.0,
                 distance_known: true,
             };
-            // The record decides, not what it was rounded from: nothing may be a trifle brighter than the limit.
+            // Test the record, not the value that it was rounded from: no star may be even slightly brighter than the
+            // limit.
             if (range.brightest..range.faintest).contains(&star.apparent_magnitude()) {
                 star.temperature_k = function.draw_temperature_k(absolute_mag, rng);
                 stars.push(star);
@@ -233,14 +234,14 @@ impl Sky {
     }
 }
 
-/// What no place in a cell exceeds.
+/// Upper bounds for all positions in a cell.
 struct CellBounds {
     density: [f64; POPULATIONS],
     nearest_modulus: f64,
     farthest_modulus: f64,
 }
 
-/// One block's share of the histogram, from the middle of each cell.
+/// The part of one block in the histogram, from the centre of each cell.
 fn block_weighted_volume(sightlines: &Sightlines, block: usize) -> Vec<f64> {
     let mut sums = vec![0.0; POPULATIONS * MODULUS_STEPS];
     for longitude in block * BLOCK_LONGITUDES..(block + 1) * BLOCK_LONGITUDES {
@@ -248,15 +249,15 @@ fn block_weighted_volume(sightlines: &Sightlines, block: usize) -> Vec<f64> {
             for shell in 0..SHELLS {
                 let cell = Cell { longitude, latitude, shell };
                 let spot = sightlines.spot(cell, [0.5; 3]);
-                let at = (spot.modulus_mag - MODULUS_FROM) * MODULUS_STEPS_PER_MAG;
-                if at < 0.0 || at >= MODULUS_STEPS as f64 {
+                let bin = (spot.modulus_mag - MODULUS_FROM) * MODULUS_STEPS_PER_MAG;
+                if bin < 0.0 || bin >= MODULUS_STEPS as f64 {
                     continue;
                 }
                 let volume = cell.volume_pc3();
                 let p = spot.position_pc;
                 let place = Place::from_sun(p.x, p.y, p.z);
                 for (i, &population) in Population::ALL.iter().enumerate() {
-                    sums[i * MODULUS_STEPS + at as usize] += volume * place.density(population);
+                    sums[i * MODULUS_STEPS + bin as usize] += volume * place.density(population);
                 }
             }
         }
@@ -269,7 +270,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn no_place_in_a_cell_is_denser_than_its_bound() {
+    fn no_position_in_a_cell_is_denser_than_its_bound() {
         let sky = &*super::super::tests::SKY;
         let mut rng = ChaCha8Rng::seed_from_u64(11);
         let mut worst: f64 = 0.0;
@@ -287,7 +288,7 @@ mod tests {
                         let p = spot.position_pc;
                         for (i, &population) in Population::ALL.iter().enumerate() {
                             let density = Place::from_sun(p.x, p.y, p.z).density(population);
-                            // Where f32 underflows there are no stars to lose.
+                            // Where f32 underflows, no stars can be lost.
                             if density > 1e-30 {
                                 worst = worst.max(density / bounds.density[i]);
                             }
@@ -302,12 +303,14 @@ mod tests {
     #[test]
     fn drawn_counts_match_the_expected_integral() {
         let sky = &*super::super::tests::SKY;
-        // A second range with its own round, as when a first one did not give enough; it is narrower than a cell is deep.
+        // The second range has its own round, as when the first one gave too few stars; it is narrower than a cell is
+        // deep.
         for (round, (brightest, faintest)) in (0..).zip([(4.0, 9.5), (9.5, 9.6)]) {
             let range = MagnitudeRange { brightest, faintest };
             let drawn: usize = (0..BLOCKS).into_par_iter().map(|b| sky.draw_block(b, range, 5, round).len()).sum();
             let expected = sky.brighter_than(faintest) - sky.brighter_than(brightest);
-            // The integral samples the middle of each cell: half a per cent, plus five deviations of the draw.
+            // The integral samples the centre of each cell: half a per cent, plus five standard deviations of the
+            // draw.
             let tolerance = 0.005 * expected + 5.0 * expected.sqrt();
             assert!((drawn as f64 - expected).abs() < tolerance, "{drawn} drawn, {expected:.0} expected");
         }

@@ -1,26 +1,27 @@
-//! The space around the Sun in cells of galactic longitude, latitude and distance, with the extinction at their corners.
+//! The space around the Sun in cells of galactic longitude, latitude and distance, with the extinction at their
+//! corners.
 //!
-//! Latitudes are narrow at the plane (half a degree) and wide at the poles; distances grow by the same factor from
-//! shell to shell. Between corners the extinction is linear in longitude, latitude and the logarithm of the distance, so
-//! it is continuous over the whole sky, and inside a cell never beyond the values at its corners.
+//! Latitudes are narrow at the plane (half a degree) and wide at the poles; distances grow by a constant factor from
+//! shell to shell. Between corners the extinction is linear in longitude, latitude and the logarithm of the distance.
+//! It is therefore continuous over the whole sky, and inside a cell it never exceeds the values at the corners.
 //! Angles are radians, distances parsecs, extinction and distance moduli V magnitudes.
 
 use super::dust;
 use rayon::prelude::*;
 use std::f64::consts::{FRAC_PI_2, TAU};
 
-/// Cells around the galactic equator.
+/// Number of cells around the galactic equator.
 pub const LONGITUDES: usize = 480;
-/// Cells from pole to pole.
+/// Number of cells from pole to pole.
 pub const LATITUDES: usize = 120;
-/// Shells of distance.
+/// Number of shells of distance.
 pub const SHELLS: usize = 92;
-/// Distance at which the first shell begins: that of the nearest star to the Sun, parsecs.
+/// Inner distance of the first shell: that of the star nearest to the Sun, parsecs.
 pub const NEAREST_PC: f64 = 1.3;
 /// Width of a shell in the decimal logarithm of the distance (92 shells reach 51.8 kpc).
 pub const SHELL_LOG10: f64 = 0.05;
 
-/// Corners along one line of sight, and in one plane of constant longitude.
+/// Number of corners along one line of sight, and in one plane of constant longitude.
 const DISTANCES: usize = SHELLS + 1;
 pub const PLANE_CORNERS: usize = (LATITUDES + 1) * DISTANCES;
 
@@ -30,7 +31,7 @@ pub struct Sightlines {
     extinction_mag: Vec<f32>,
 }
 
-/// One cell by its indices.
+/// A cell, given by its indices.
 #[derive(Clone, Copy, Debug)]
 pub struct Cell {
     /// Below [`LONGITUDES`].
@@ -41,14 +42,14 @@ pub struct Cell {
     pub shell: usize,
 }
 
-/// A place in galactic coordinates as seen from the Sun.
+/// A position in galactic coordinates as seen from the Sun.
 #[derive(Clone, Copy, Debug)]
 pub struct Spot {
     /// Galactic Cartesian parsecs.
     pub position_pc: glam::DVec3,
     /// Apparent minus absolute V magnitude of a star here: distance modulus plus extinction.
     pub modulus_mag: f64,
-    /// Extinction between the Sun and here.
+    /// Extinction between the Sun and this position.
     pub extinction_mag: f64,
 }
 
@@ -78,7 +79,7 @@ pub fn plane_index(latitude: usize, distance: usize) -> usize {
     latitude * DISTANCES + distance
 }
 
-/// Galactic Cartesian vector of the given polar coordinates.
+/// Galactic Cartesian vector at some polar coordinates.
 fn from_polar(longitude_rad: f64, sin_latitude: f64, distance_pc: f64) -> glam::DVec3 {
     let (sin_l, cos_l) = longitude_rad.sin_cos();
     let in_plane = distance_pc * (1.0 - sin_latitude * sin_latitude).max(0.0).sqrt();
@@ -100,7 +101,7 @@ impl Cell {
 }
 
 impl Sightlines {
-    /// Adds up the dust along every line of sight: one sample in the middle of each shell.
+    /// Integrates the dust along every line of sight, with one sample in the middle of each shell.
     pub fn new() -> Self {
         let mut extinction_mag = vec![0f32; LONGITUDES * PLANE_CORNERS];
         extinction_mag.par_chunks_mut(PLANE_CORNERS).enumerate().for_each(|(longitude, plane)| {
@@ -118,14 +119,15 @@ impl Sightlines {
         Self { extinction_mag }
     }
 
-    /// Extinction at the corners of the plane of constant longitude `i` (up to and with [`LONGITUDES`], which is 0).
+    /// Extinction at the corners of the plane of constant longitude `i` (at most [`LONGITUDES`], which is the same
+    /// plane as 0).
     pub fn plane(&self, i: usize) -> &[f32] {
         let start = (i % LONGITUDES) * PLANE_CORNERS;
         &self.extinction_mag[start..start + PLANE_CORNERS]
     }
 
-    /// The place at the fractions `across` of a cell: of the longitude, of the sine of the latitude and of the cube of the
-    /// distance, each in 0..1, so that even fractions fill the volume evenly.
+    /// The position at the fractions `across` of a cell: of the longitude, of the sine of the latitude and of the
+    /// cube of the distance, each in 0..1. Uniform fractions fill the volume uniformly.
     pub fn spot(&self, cell: Cell, across: [f64; 3]) -> Spot {
         let (west, east) = (longitude_rad(cell.longitude), longitude_rad(cell.longitude + 1));
         let (south, north) = (latitude_rad(cell.latitude), latitude_rad(cell.latitude + 1));
@@ -141,8 +143,8 @@ impl Sightlines {
         let distance_log10 = distance.log10();
         let shell_fraction = ((distance_log10 - NEAREST_PC.log10()) / SHELL_LOG10 - cell.shell as f64).clamp(0.0, 1.0);
         let along = |plane: &[f32], latitude: usize| {
-            let at = plane_index(latitude, cell.shell);
-            lerp(f64::from(plane[at]), f64::from(plane[at + 1]), shell_fraction)
+            let index = plane_index(latitude, cell.shell);
+            lerp(f64::from(plane[index]), f64::from(plane[index + 1]), shell_fraction)
         };
         let between =
             |plane: &[f32]| lerp(along(plane, cell.latitude), along(plane, cell.latitude + 1), latitude_fraction);
@@ -177,7 +179,7 @@ mod tests {
     fn extinction_grows_outwards_and_is_continuous_between_cells() {
         let sightlines = Sightlines::new();
         let cell = Cell { longitude: 479, latitude: 60, shell: 40 };
-        // (a face of the cell, the cell beyond, the same face seen from there)
+        // (a face of the cell, the neighbouring cell, the same face in that cell's coordinates)
         for (from, beyond, to) in [
             ([1.0, 0.3, 0.6], Cell { longitude: 0, ..cell }, [0.0, 0.3, 0.6]),
             ([0.4, 1.0, 0.6], Cell { latitude: 61, ..cell }, [0.4, 0.0, 0.6]),

@@ -1,12 +1,14 @@
-//! Where the stars are: density of each stellar population of the Milky Way.
+//! Density of each stellar population of the Milky Way.
 //!
-//! Positions are galactic Cartesian parsecs as seen from the Sun: x to the galactic centre, y to longitude 90 degrees,
-//! z to the north galactic pole. A density is relative to the population's own density at the Sun's distance from the
-//! centre in the plane (for the bulge: relative to the old disc there), so that it multiplies a local luminosity function.
+//! Positions are galactic Cartesian parsecs as seen from the Sun: x to the galactic centre, y to longitude 90
+//! degrees, z to the north galactic pole. A density is relative to the population's own density in the plane at the
+//! Sun's distance from the centre (for the bulge: relative to the old disc there), so that it multiplies a local
+//! luminosity function.
 //!
-//! Discs are exponential in radius (scale length 2.6 kpc) and height; the young, luminous stars lie in the thinnest layer.
-//! Sources of the figures: Bahcall and Soneira 1980 (scale heights by luminosity, 90 to 325 pc), Juric et al. 2008 and
-//! Bland-Hawthorn and Gerhard 2016 (lengths, thick disc, halo, Sun's place), Dwek et al. 1995 (bulge, model G2).
+//! Discs are exponential in radius (scale length 2.6 kpc) and height; the young, luminous stars are in the thinnest
+//! layer. Sources of the figures: Bahcall and Soneira 1980 (scale heights by luminosity, 90 to 325 pc), Juric et al.
+//! 2008 and Bland-Hawthorn and Gerhard 2016 (lengths, thick disc, halo, position of the Sun), Dwek et al. 1995
+//! (bulge, model G2).
 
 /// Distance of the Sun from the galactic centre, parsecs.
 pub const SUN_RADIUS_PC: f64 = 8200.0;
@@ -19,9 +21,9 @@ const THIN_LENGTH_PC: f64 = 2600.0;
 const THICK_LENGTH_PC: f64 = 2200.0;
 /// Scale height of the thick disc, parsecs.
 const THICK_HEIGHT_PC: f64 = 900.0;
-/// Height over which the tip of the vertical exponential is rounded off, parsecs.
+/// Height over which the peak of the vertical exponential is rounded off, parsecs.
 const ROUNDED_HEIGHT_PC: f64 = 30.0;
-/// Radius over which the tip of the radial exponential is rounded off, parsecs: inside, the bulge takes over.
+/// Radius over which the peak of the radial exponential is rounded off, parsecs; inside, the bulge dominates.
 const ROUNDED_RADIUS_PC: f64 = 1000.0;
 
 /// Power law of the halo, its flattening c/a, and the core that keeps it finite at the centre (parsecs).
@@ -33,8 +35,8 @@ const HALO_CORE_PC: f64 = 1000.0;
 const BULGE_AXES_PC: [f64; 3] = [1580.0, 620.0, 430.0];
 /// Angle between the bar and the line from the Sun to the centre; the near end is at positive longitudes. Degrees.
 const BULGE_ANGLE_DEG: f64 = 27.0;
-/// Central density of the bulge over that of the old disc at the Sun: 1.3e10 solar masses in the volume of the shape
-/// above, against 0.03 solar masses per cubic parsec.
+/// Central density of the bulge relative to the old disc at the Sun: 1.3e10 solar masses in the volume above, against
+/// 0.03 solar masses per cubic parsec.
 const BULGE_CENTRAL_DENSITY: f64 = 50.0;
 
 /// A stellar population: stars with one spatial distribution and one luminosity function.
@@ -55,11 +57,11 @@ pub enum Population {
 }
 
 impl Population {
-    /// All populations; the position here is the index used for arrays by population.
+    /// All populations; the position here is the index in arrays by population.
     pub const ALL: [Population; POPULATIONS] =
         [Self::YoungDisc, Self::IntermediateDisc, Self::OldDisc, Self::ThickDisc, Self::Bulge, Self::Halo];
 
-    /// Scale height in parsecs of the populations that belong to the thin disc.
+    /// Scale height in parsecs of the populations of the thin disc.
     const fn thin_disc_height_pc(self) -> f64 {
         match self {
             Self::YoungDisc => 90.0,
@@ -72,41 +74,42 @@ impl Population {
 /// Number of populations.
 pub const POPULATIONS: usize = 6;
 
-/// Galactocentric quantities of a place that several populations share.
+/// Galactocentric coordinates of a position, shared by several populations.
 #[derive(Clone, Copy, Debug)]
 pub struct Place {
-    /// Components from the galactic centre, still along the Sun's x and y, and the height above the plane; parsecs.
+    /// Components relative to the galactic centre, along the Sun's x and y axes, and the height above the plane;
+    /// parsecs.
     x: f64,
     y: f64,
     height: f64,
-    /// Distance from the axis of rotation, squared.
+    /// Squared distance from the axis of rotation.
     radius2: f64,
 }
 
 impl Place {
-    /// The place at galactic Cartesian parsecs from the Sun.
+    /// The position at galactic Cartesian parsecs from the Sun.
     pub fn from_sun(x_pc: f64, y_pc: f64, z_pc: f64) -> Self {
         let x = x_pc - SUN_RADIUS_PC;
         Self { x, y: y_pc, height: z_pc + SUN_HEIGHT_PC, radius2: x * x + y_pc * y_pc }
     }
 
-    /// Distance from the axis with a rounded tip, and zero at the Sun's distance; parsecs.
+    /// Distance from the axis with a rounded peak, minus its value at the Sun's distance; parsecs.
     fn radial_argument(self) -> f64 {
         let at_sun = SUN_RADIUS_PC.hypot(ROUNDED_RADIUS_PC);
         (self.radius2 + ROUNDED_RADIUS_PC * ROUNDED_RADIUS_PC).sqrt() - at_sun
     }
 
-    /// Height above or below the plane with a rounded tip, and zero in the plane; parsecs.
+    /// Height above or below the plane with a rounded peak, zero in the plane; parsecs.
     fn vertical_argument(self) -> f64 {
         (self.height * self.height + ROUNDED_HEIGHT_PC * ROUNDED_HEIGHT_PC).sqrt() - ROUNDED_HEIGHT_PC
     }
 
-    /// Exponential disc of the given scale length and height (parsecs), 1 in the plane at the Sun's distance.
+    /// Exponential disc of a scale length and height (parsecs), 1 in the plane at the Sun's distance.
     pub fn exponential_disc(self, length_pc: f64, height_pc: f64) -> f64 {
         (-self.radial_argument() / length_pc - self.vertical_argument() / height_pc).exp()
     }
 
-    /// Relative density of a population (see the head of this module).
+    /// Relative density of a population (see the module head).
     pub fn density(self, population: Population) -> f64 {
         match population {
             Population::YoungDisc | Population::IntermediateDisc | Population::OldDisc => {
@@ -120,7 +123,7 @@ impl Place {
 
     fn bulge(self) -> f64 {
         let (sin, cos) = BULGE_ANGLE_DEG.to_radians().sin_cos();
-        // The near end points to the Sun (-x) and to positive longitudes (+y).
+        // The near end points towards the Sun (-x) and to positive longitudes (+y).
         let along = (-cos * self.x + sin * self.y) / BULGE_AXES_PC[0];
         let across = (sin * self.x + cos * self.y) / BULGE_AXES_PC[1];
         let vertical = self.height / BULGE_AXES_PC[2];
@@ -156,7 +159,7 @@ mod tests {
 
     #[test]
     fn densities_fall_by_e_over_a_scale_length_and_height() {
-        // Far outside the rounded tips the profile is a pure exponential.
+        // Far outside the rounded peaks the profile is a pure exponential.
         for (population, height) in [(Population::YoungDisc, 90.0), (Population::OldDisc, 300.0)] {
             let ratio = Place::from_sun(0.0, 0.0, 1000.0).density(population)
                 / Place::from_sun(0.0, 0.0, 1000.0 + height).density(population);
@@ -170,10 +173,10 @@ mod tests {
     #[test]
     fn the_near_end_of_the_bar_is_at_positive_longitude() {
         let angle = 10f64.to_radians();
-        let at = |sign: f64| {
+        let density = |sign: f64| {
             let distance = 6800.0;
             Place::from_sun(distance * angle.cos(), sign * distance * angle.sin(), 0.0).density(Population::Bulge)
         };
-        assert!(at(1.0) > 3.0 * at(-1.0), "{} against {}", at(1.0), at(-1.0));
+        assert!(density(1.0) > 3.0 * density(-1.0), "{} against {}", density(1.0), density(-1.0));
     }
 }

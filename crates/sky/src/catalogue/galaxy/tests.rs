@@ -1,5 +1,5 @@
-//! The synthetic galaxy against the real sky, and against itself.
-#![allow(clippy::print_stderr, reason = "the counts and densities are what one wants to see of these tests")]
+//! The synthetic galaxy compared with the real sky, and its self-consistency.
+#![allow(clippy::print_stderr, reason = "these tests report their counts and densities")]
 
 use std::sync::LazyLock;
 
@@ -12,7 +12,7 @@ use crate::coordinates;
 /// The model, made once for all tests.
 pub(super) static SKY: LazyLock<Sky> = LazyLock::new(Sky::new);
 
-/// What [`generate`](super::generate) does, with the shared model.
+/// [`generate`](super::generate), with the shared model.
 fn generate(parameters: &GalaxyParameters) -> Result<Vec<StarRecord>, GalaxyError> {
     check(parameters)?;
     let mut made = draw(&SKY, parameters)?;
@@ -40,8 +40,8 @@ fn parameters(stars: usize, seed: u64, fainter_than: Option<f64>) -> GalaxyParam
     GalaxyParameters { stars, seed, fainter_than, unresolved_light: false }
 }
 
-/// Compares counts with the real sky up to the magnitude where the set is complete (cumulative, and between
-/// neighbouring magnitudes). `Err` names the first that is off by more than a factor 2.
+/// Compares counts with the real sky up to the magnitude at which the set is complete, cumulatively and between
+/// neighbouring magnitudes. The error names the first that differs by more than a factor of 2.
 fn check_counts(count_brighter: impl Fn(f64) -> f64, complete_to: f64) -> Result<(), String> {
     let mut before = (0.0, 0.0);
     let mut checked = 0;
@@ -125,12 +125,12 @@ fn densities(stars: &[StarRecord]) -> Densities {
 }
 
 #[test]
-fn the_model_counts_as_many_stars_as_the_real_sky_to_v_20() {
+fn model_counts_match_the_real_sky_to_v_20() {
     check_counts(|v| SKY.brighter_than(v), 20.0).unwrap();
 }
 
 #[test]
-fn a_million_stars_count_and_lie_as_in_the_real_sky() {
+fn a_million_stars_have_the_counts_and_distribution_of_the_real_sky() {
     let stars = generate(&parameters(1_000_000, 1, None)).unwrap();
     assert_eq!(stars.len(), 1_000_000);
     check_star_counts(&stars, 0.0).unwrap();
@@ -143,7 +143,7 @@ fn a_million_stars_count_and_lie_as_in_the_real_sky() {
     assert!(centre > anticentre && anticentre > poles, "centre, anticentre, poles out of order");
     assert!((3.0..12.0).contains(&(plane / poles)));
     assert!((1.2..4.0).contains(&(centre / anticentre)));
-    // A set whose magnitudes are wrong must fail the same check.
+    // A set with wrong magnitudes must fail the same check.
     for shift_mag in [-2.0, 2.0] {
         assert!(check_star_counts(&stars, shift_mag).is_err(), "shifted by {shift_mag}");
     }
@@ -151,7 +151,7 @@ fn a_million_stars_count_and_lie_as_in_the_real_sky() {
 
 #[test]
 #[ignore = "long: make test-all"]
-fn ten_million_stars_count_and_lie_as_in_the_real_sky() {
+fn ten_million_stars_have_the_counts_and_distribution_of_the_real_sky() {
     let stars = generate(&parameters(10_000_000, 1, None)).unwrap();
     assert_eq!(stars.len(), 10_000_000);
     check_star_counts(&stars, 0.0).unwrap();
@@ -164,7 +164,7 @@ fn ten_million_stars_count_and_lie_as_in_the_real_sky() {
 #[test]
 #[ignore = "long: make test-all"]
 fn the_stars_depend_on_the_parameters_alone() {
-    // With a model of its own, which is made in parallel too.
+    // With its own model, which is made in parallel too.
     let with_threads = |threads: usize, p: GalaxyParameters| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         hash(&pool.install(|| super::generate(&p)).unwrap().stars)
@@ -178,15 +178,15 @@ fn the_stars_depend_on_the_parameters_alone() {
 }
 
 #[test]
-fn the_brighter_stars_are_left_out_and_no_others() {
+fn only_stars_brighter_than_the_limit_are_left_out() {
     let all = generate(&parameters(60_000, 2, None)).unwrap();
     let fainter = generate(&parameters(50_000, 2, Some(6.5))).unwrap();
     assert!(all.iter().any(|s| s.apparent_magnitude() < 6.5));
     assert!(fainter.iter().all(|s| s.apparent_magnitude() >= 6.5));
-    // The set begins right at the limit: within 0.01 mag there are some 80 stars.
+    // The set begins exactly at the limit: there are some 80 stars within 0.01 mag.
     let brightest = fainter.iter().map(StarRecord::apparent_magnitude).fold(f64::INFINITY, f64::min);
     assert!(brightest < 6.51, "{brightest}");
-    // Where stars are so many that rounding to f32 would push some over the limit.
+    // Here stars are so many that rounding to f32 would move some over the limit.
     let crowded = generate(&parameters(1_000_000, 2, Some(12.0))).unwrap();
     assert!(crowded.iter().all(|s| s.apparent_magnitude() >= 12.0));
 }
@@ -234,7 +234,8 @@ fn wrong_parameters_are_refused() {
     }
 }
 
-/// Luminance of a galaxy around the cells of the measured sky, stars fainter than [`MEASURED_FAINTER_THAN_MAG`] with it, over what was measured, in magnitudes: by latitude, then longitude.
+/// Luminance of a galaxy around the cells of the measured sky, including drawn stars fainter than
+/// [`MEASURED_FAINTER_THAN_MAG`], relative to the measurement, in magnitudes; by latitude, then longitude.
 fn against_measured(galaxy: &Galaxy, turned_deg: f64) -> Vec<(f64, Vec<f64>)> {
     let diffuse = galaxy.unresolved.as_ref().unwrap();
     let galactic_from_icrs = coordinates::galactic_from_icrs();
@@ -255,8 +256,8 @@ fn against_measured(galaxy: &Galaxy, turned_deg: f64) -> Vec<(f64, Vec<f64>)> {
         let edge = |other: usize| 0.5 * (b + rows.get(other).map_or(b.signum() * 90.0, |row| row.latitude_deg));
         let (south, north) = (edge(j.wrapping_sub(1)), edge(j + 1));
         let mut sums = vec![0.0; rows[j].luminance_cd_m2.len()];
-        for (l, at, lx) in &stars {
-            if (south..north).contains(at) {
+        for (l, latitude, lx) in &stars {
+            if (south..north).contains(latitude) {
                 sums[(l / 10.0).round() as usize % 36] += lx;
             }
         }
@@ -278,7 +279,7 @@ fn against_measured(galaxy: &Galaxy, turned_deg: f64) -> Vec<(f64, Vec<f64>)> {
     (0..rows.len()).map(of_row).collect()
 }
 
-/// Root mean square of the rows within latitudes, cells without a measurement left out, and the mean.
+/// Root mean square and mean of the rows at the wanted latitudes, without cells that were not measured.
 fn spread(rows: &[(f64, Vec<f64>)], wanted: impl Fn(f64) -> bool) -> [f64; 2] {
     let values: Vec<f64> = rows
         .iter()
@@ -290,7 +291,7 @@ fn spread(rows: &[(f64, Vec<f64>)], wanted: impl Fn(f64) -> bool) -> [f64; 2] {
 }
 
 #[test]
-fn the_milky_way_is_as_bright_as_it_was_measured() {
+fn the_milky_way_has_its_measured_brightness() {
     let made = |stars: usize| {
         let p = GalaxyParameters { unresolved_light: true, ..parameters(stars, 1, Some(6.5)) };
         super::generate(&p).unwrap()
@@ -300,7 +301,7 @@ fn the_milky_way_is_as_bright_as_it_was_measured() {
     let s10 = |cd_m2: f64| cd_m2 / crate::catalogue::healpix::s10_cd_m2();
     for (row, (b, cells)) in MEASURED.iter().zip(&rows) {
         if [0.0, 8.0, 12.0, 80.0].contains(&b.abs()) {
-            let line = |of: &dyn Fn(usize) -> f64| (0..36).map(|i| format!("{:4.0}", of(i))).collect::<String>();
+            let line = |value: &dyn Fn(usize) -> f64| (0..36).map(|i| format!("{:4.0}", value(i))).collect::<String>();
             eprintln!("b {b:3}, S10(V) measured {}", line(&|i| s10(row.luminance_cd_m2[i])));
             eprintln!(
                 "              drawn   {}",
@@ -308,24 +309,25 @@ fn the_milky_way_is_as_bright_as_it_was_measured() {
             );
         }
     }
-    for (what, from, to) in [("plane", 0.0, 0.0), ("band", 4.0, 12.0), ("beyond", 16.0, 50.0), ("poles", 60.0, 90.0)] {
+    for (name, from, to) in [("plane", 0.0, 0.0), ("band", 4.0, 12.0), ("beyond", 16.0, 50.0), ("poles", 60.0, 90.0)] {
         let [rms, mean] = spread(&rows, |b| (from..=to).contains(&b.abs()));
-        eprintln!("{what}: rms {rms:.3} mag, mean {mean:.3}");
+        eprintln!("{name}: rms {rms:.3} mag, mean {mean:.3}");
     }
     let [rms, mean] = spread(&rows, |b| b.abs() <= 12.0);
     assert!(rms < 0.35 && mean.abs() < 0.08, "band: {rms} {mean}");
     let [rms, mean] = spread(&rows, |b| b.abs() > 12.0);
     assert!(rms < 0.35 && mean.abs() < 0.08, "beyond: {rms} {mean}");
-    // A galaxy that is turned does not fit, and neither does one without its faint stars' light.
+    // A galaxy that is rotated does not fit, and neither does one without the light of its faint stars.
     let [turned, _] = spread(&against_measured(&galaxy, 120.0), |b| b.abs() <= 12.0);
     assert!(turned > 0.45, "{turned}");
-    // As bright with more stars drawn one by one.
+    // The brightness is the same with more stars drawn individually.
     let more = made(2_000_000);
     let [_, of_more] = spread(&against_measured(&more, 0.0), |b| b.abs() <= 12.0);
     let diffuse = |galaxy: &Galaxy| galaxy.unresolved.as_ref().unwrap().mean_cd_m2();
     eprintln!("mean of the rest: {:.3e} and {:.3e} cd/m^2", diffuse(&galaxy), diffuse(&more));
     assert!((of_more - mean).abs() < 0.15 && diffuse(&more) < 0.9 * diffuse(&galaxy), "{of_more} {mean}");
-    // The Large Magellanic Cloud, V = 0.4: within 4 degrees there is four fifths of its light and the sky around.
+    // The Large Magellanic Cloud, V = 0.4: the area within 4 degrees has four fifths of its light, plus the
+    // surrounding sky.
     let middle = coordinates::direction_from_lon_lat(80_f64.to_radians(), (-69_f64).to_radians());
     let around = |from_deg: f64, to_deg: f64| {
         let sky = galaxy.unresolved.as_ref().unwrap();

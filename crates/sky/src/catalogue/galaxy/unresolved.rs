@@ -1,14 +1,19 @@
-//! The light of the stars that are too faint to be drawn one by one: the Milky Way.
+//! The light of the stars that are too faint to be drawn individually: the Milky Way.
 //!
-//! 1. **The model.** Along every line of sight of `sightlines` the light of all stars fainter than the drawn ones adds up: density times luminosity function, dimmed and reddened by the dust before
-//!    them (A(612), A(549), A(465 nm) over A_V = 0.87, 1, 1.22 for R, G, B: Cardelli, Clayton and Mathis 1989 with R_V = 3.1).
-//! 2. **The level.** The sky was measured from beyond the zodiacal light, by Pioneer 10 and 11 (`background_starlight.csv`: every 10 degrees of longitude and 4 to 10 of latitude, diffuse galactic
-//!    light among it). A factor that is smooth over such cells brings model and drawn stars together to what was measured: so the star clouds of Sagittarius, Scutum, Cygnus and Carina and the Great
-//!    Rift stand where they are, though the model has neither spiral arms nor clumps. It was measured at 440 nm in units of solar-type stars; V is brighter by the difference of colours.
-//! 3. **Lanes.** What is finer than the sightlines (half a degree) follows a screen of filaments where there is dust. It has no counterpart in the sky: real ones are of this kind, and elsewhere.
-//! 4. **Neighbours.** The galaxies that the naked eye sees (`neighbours`).
+//! 1. **Model.** The light of all stars fainter than the drawn ones is integrated along every line of sight of
+//!    `sightlines`: density times luminosity function, dimmed and reddened by the dust in front (A(612), A(549),
+//!    A(465 nm) over A_V = 0.87, 1, 1.22 for R, G, B: Cardelli, Clayton and Mathis 1989 with R_V = 3.1).
+//! 2. **Level.** Pioneer 10 and 11 measured the sky from beyond the zodiacal light (`background_starlight.csv`: every
+//!    10 degrees of longitude and 4 to 10 of latitude, including the diffuse galactic light). A factor that is smooth
+//!    over these cells fits the sum of model and drawn stars to the measurement. So the star clouds of Sagittarius,
+//!    Scutum, Cygnus and Carina and the Great Rift appear at their positions, although the model has neither spiral
+//!    arms nor clumps. The measurement is at 440 nm in units of solar-type stars; V is brighter by the difference of
+//!    colours.
+//! 3. **Lanes.** Detail finer than the sightlines (half a degree) is a screen of filaments in proportion to the dust.
+//!    It is invented: real filaments look alike but are elsewhere.
+//! 4. **Neighbours.** The galaxies visible to the naked eye (`neighbours`).
 //!
-//! Luminances are those outside of the air, as the Sun sees them.
+//! Luminances are those seen from the Sun, outside the atmosphere.
 
 use std::{f64::consts::FRAC_1_SQRT_2, sync::LazyLock};
 
@@ -32,27 +37,30 @@ use crate::{
     units::ILLUMINANCE_MAG_0_LX,
 };
 
-/// The measured sky holds no stars brighter than this, V magnitudes.
+/// The measured sky excludes stars brighter than this, V magnitudes.
 pub const MEASURED_FAINTER_THAN_MAG: f64 = 6.5;
-/// V over what was measured at 440 nm, in solar-type stars: the background has B-V = 0.80 in the mean (Toller 1981: 0.7 to 0.9), the Sun 0.65.
+/// Ratio of V to the measurement at 440 nm in solar-type stars: the background has a mean B-V of 0.80 (Toller 1981:
+/// 0.7 to 0.9), the Sun 0.65.
 const V_OVER_440_NM: f64 = 1.148_153_6;
-/// Extinction of R, G and B over that of V.
+/// Extinction of R, G and B relative to V.
 const REDDENING: [f64; 3] = [0.87, 1.0, 1.22];
 /// Size of the texels of the map, rad.
 const TEXEL_RAD: f64 = 0.0035;
-/// What the level makes of the model's light at least: where drawn stars alone are as bright as the sky was measured.
+/// Smallest level factor: it applies where the drawn stars alone are as bright as the measured sky.
 const LEAST_FACTOR: f64 = 0.1;
-/// How often the level is mended: its factors are spread as wide as the cells of what was measured.
+/// Number of corrections of the level: its factors are spread as widely as the measured cells.
 const ROUNDS: usize = 6;
-/// Spread of a measured cell along the longitude, degrees, and along the latitude over the distance of the next one: up to the given latitude, degrees. Beyond the band there is little but what the
-/// measurement errs by, a tenth.
+/// Spread of a measured cell along longitude, degrees, and along latitude, in units of the distance to the next cell;
+/// each row holds up to its first number, a latitude in degrees. Far from the band little remains except the error of
+/// the measurement, a tenth.
 const SPREADS: [(f64, f64, f64); 3] = [(12.0, 4.2, 0.42), (45.0, 12.0, 0.7), (90.0, 25.0, 0.7)];
-/// Longitudes of the table.
+/// Number of longitudes in the table.
 const TABLE_LONGITUDES: usize = 36;
-/// The shell up to which dust makes lanes: 2 kpc.
+/// Shell up to which dust makes lanes: 2 kpc.
 const LANES_SHELL: usize = 64;
-/// Filaments: largest size on the sky, how many sizes, each half of the one before, the weight of the next one, how far they are bent over that size, and standard deviation of the natural logarithm
-/// of the light where there is much dust.
+/// Filaments: largest size on the sky, number of sizes (each half of the previous one), weight of each next size,
+/// amount of bending relative to that size, and standard deviation of the natural logarithm of the light behind much
+/// dust.
 const LANE_RAD: f64 = 0.11;
 const LANE_SIZES: u32 = 5;
 const LANE_WEIGHT: f64 = 0.66;
@@ -63,7 +71,7 @@ const LANE_SEED: u64 = 71;
 const ROWS: usize = LATITUDES + 1;
 const CORNERS: usize = LONGITUDES * ROWS;
 
-/// A row of the measured table: latitude, degrees, and luminance at each longitude, cd/m^2; NaN where there is none.
+/// A row of the measured table: latitude, degrees, and luminance at each longitude, cd/m^2; NaN if not measured.
 pub struct MeasuredRow {
     /// Galactic latitude, degrees.
     pub latitude_deg: f64,
@@ -78,28 +86,31 @@ pub static MEASURED: LazyLock<Vec<MeasuredRow>> = LazyLock::new(|| {
         let mut numbers = row.split(',').map(|cell| cell.parse().unwrap_or(f64::NAN));
         let latitude_deg = numbers.next().unwrap_or(f64::NAN);
         let mut luminance_cd_m2 = [f64::NAN; TABLE_LONGITUDES];
-        luminance_cd_m2.iter_mut().zip(numbers).for_each(|(at, s10)| *at = s10 * V_OVER_440_NM * s10_cd_m2());
+        luminance_cd_m2
+            .iter_mut()
+            .zip(numbers)
+            .for_each(|(luminance, s10)| *luminance = s10 * V_OVER_440_NM * s10_cd_m2());
         MeasuredRow { latitude_deg, luminance_cd_m2 }
     })
     .collect()
 });
 
-/// What the model has at a corner of the sightlines.
+/// Values of the model at a corner of the sightlines.
 #[derive(Clone, Copy, Default)]
 struct Corner {
     /// Light of stars fainter than the drawn ones, R, G, B, cd/m^2.
     unresolved: [f64; 3],
-    /// Luminance of the drawn ones that the measurement holds too, cd/m^2.
+    /// Luminance of the drawn stars that the measurement includes, cd/m^2.
     resolved: f64,
     /// Extinction up to 2 kpc, V magnitudes.
     dust_mag: f64,
 }
 
-/// The light of the stars fainter than V = `fainter_than_mag`, and of the galaxies around.
+/// Computes the light of the stars fainter than V = `fainter_than_mag`, and of the neighbouring galaxies.
 pub fn unresolved_light(sky: &Sky, fainter_than_mag: f64) -> DiffuseSky {
     let corners = model(sky, fainter_than_mag.max(MEASURED_FAINTER_THAN_MAG));
     let level = Level::new(&corners);
-    // Light and dust where the spline looks for them.
+    // Light and dust at the nodes of the spline.
     let nodes: Vec<[f32; 4]> = corners
         .iter()
         .zip(&level.factors)
@@ -120,13 +131,13 @@ pub fn unresolved_light(sky: &Sky, fainter_than_mag: f64) -> DiffuseSky {
     })
 }
 
-/// Adds up the light along every line of sight, by longitude, then latitude.
+/// Integrates the light along every line of sight, by longitude, then latitude.
 fn model(sky: &Sky, fainter_than_mag: f64) -> Vec<Corner> {
     let mut corners = vec![Corner::default(); CORNERS];
     corners.par_chunks_mut(ROWS).enumerate().for_each(|(longitude, column)| {
         let extinction = sky.sightlines().plane(longitude);
         for (latitude, corner) in column.iter_mut().enumerate() {
-            // Two shells in one step: density and dust are those between them.
+            // One step covers two shells: density and dust are those between them.
             for shell in (1..SHELLS).step_by(2) {
                 let dust_mag = f64::from(extinction[plane_index(latitude, shell)]);
                 let (near, far) = (distance_pc(shell - 1), distance_pc(shell + 1));
@@ -157,17 +168,17 @@ fn model(sky: &Sky, fainter_than_mag: f64) -> Vec<Corner> {
     corners
 }
 
-/// The factor of the model at every corner.
+/// The level factor at every corner.
 struct Level {
     factors: Vec<f64>,
 }
 
-/// Gaussian weights of the measured cells, along both directions.
+/// Gaussian weights of the measured cells in both directions.
 struct Cells {
-    /// By row of the table, then latitude: normal; and times the solid angle, of sum 1.
+    /// By row of the table, then latitude: normalised; and times the solid angle, with sum 1.
     at_latitude: Vec<Vec<f64>>,
     over_latitudes: Vec<Vec<f64>>,
-    /// By row of the table, then steps of longitude from the cell's own: normal.
+    /// By row of the table, then steps of longitude from the cell: normalised.
     by_step: Vec<Vec<f64>>,
 }
 
@@ -179,9 +190,9 @@ impl Cells {
         let spread = |j: usize| SPREADS[SPREADS.partition_point(|(to, ..)| *to < middles[j].abs())];
         let at_latitude: Vec<Vec<f64>> = (0..middles.len())
             .map(|j| {
-                // Beyond the last row the sky is as there.
-                let of = |i: usize| latitude_rad(i).to_degrees().clamp(middles[0], middles[middles.len() - 1]);
-                (0..ROWS).map(|i| normal(of(i) - middles[j], spread(j).2 * gap(j))).collect()
+                // Beyond the last row the sky is taken as in that row.
+                let clamped_deg = |i: usize| latitude_rad(i).to_degrees().clamp(middles[0], middles[middles.len() - 1]);
+                (0..ROWS).map(|i| normal(clamped_deg(i) - middles[j], spread(j).2 * gap(j))).collect()
             })
             .collect();
         let band = |i: usize| {
@@ -209,15 +220,15 @@ impl Cells {
         self.by_step[row][(longitude + LONGITUDES - cell * LONGITUDES / TABLE_LONGITUDES) % LONGITUDES]
     }
 
-    /// The mean of a quantity of corners around each measured cell.
-    fn means(&self, of: &(dyn Fn(usize) -> f64 + Sync)) -> Vec<[f64; TABLE_LONGITUDES]> {
+    /// Mean of a quantity of the corners around each measured cell.
+    fn means(&self, quantity: &(dyn Fn(usize) -> f64 + Sync)) -> Vec<[f64; TABLE_LONGITUDES]> {
         self.over_latitudes
             .par_iter()
             .enumerate()
             .map(|(j, weights)| {
                 let norm: f64 = self.by_step[j].iter().sum();
                 let rows: Vec<f64> = (0..LONGITUDES)
-                    .map(|longitude| weights.iter().enumerate().map(|(i, w)| w * of(longitude * ROWS + i)).sum())
+                    .map(|longitude| weights.iter().enumerate().map(|(i, w)| w * quantity(longitude * ROWS + i)).sum())
                     .collect();
                 let mut means = [0.0; TABLE_LONGITUDES];
                 for (cell, mean) in means.iter_mut().enumerate() {
@@ -228,7 +239,7 @@ impl Cells {
             .collect()
     }
 
-    /// What corners have of values at the measured cells: means of those around, NaN left out.
+    /// Values at the corners from values at the measured cells: weighted means without NaN.
     fn spread(&self, values: &[[f64; TABLE_LONGITUDES]]) -> Vec<f64> {
         let mut spread = vec![0.0; CORNERS];
         spread.par_chunks_mut(ROWS).enumerate().for_each(|(longitude, column)| {
@@ -238,14 +249,17 @@ impl Cells {
                 .map(|(j, row)| {
                     let cells = row.iter().enumerate().filter(|(_, value)| !value.is_nan());
                     let weighed = cells.map(|(cell, value)| (self.along(j, cell, longitude), value));
-                    weighed.fold((0.0, 0.0), |(sum, of), (weight, value)| (sum + weight * value, of + weight))
+                    weighed.fold((0.0, 0.0), |(sum, total_weight), (weight, value)| {
+                        (sum + weight * value, total_weight + weight)
+                    })
                 })
                 .collect();
-            for (i, at) in column.iter_mut().enumerate() {
+            for (i, value) in column.iter_mut().enumerate() {
                 let weighed = self.at_latitude.iter().map(|weights| weights[i]).zip(&of_rows);
-                let (sum, of) =
-                    weighed.fold((0.0, 0.0), |(s, o), (weight, (sum, of))| (s + weight * sum, o + weight * of));
-                *at = sum / of;
+                let (sum, total_weight) = weighed.fold((0.0, 0.0), |(s, w), (weight, (sum, row_weight))| {
+                    (s + weight * sum, w + weight * row_weight)
+                });
+                *value = sum / total_weight;
             }
         });
         spread
@@ -255,15 +269,15 @@ impl Cells {
 impl Level {
     fn new(corners: &[Corner]) -> Self {
         let cells = Cells::new();
-        let resolved = cells.means(&|at| corners[at].resolved);
+        let resolved = cells.means(&|corner| corners[corner].resolved);
         let mut logs = vec![[0.0; TABLE_LONGITUDES]; MEASURED.len()];
         let mut factors = vec![1.0; CORNERS];
         for _ in 0..ROUNDS {
-            let unresolved = cells.means(&|at| factors[at] * rec709::luminance(corners[at].unresolved));
+            let unresolved = cells.means(&|corner| factors[corner] * rec709::luminance(corners[corner].unresolved));
             for (row, measured) in MEASURED.iter().enumerate() {
                 for (cell, log) in logs[row].iter_mut().enumerate() {
                     let left = measured.luminance_cd_m2[cell] - resolved[row][cell];
-                    // NaN where nothing was measured.
+                    // NaN if not measured.
                     let ratio = left / unresolved[row][cell];
                     *log = if ratio.is_nan() { f64::NAN } else { (*log + ratio.max(0.2).ln()).max(LEAST_FACTOR.ln()) };
                 }
@@ -274,10 +288,10 @@ impl Level {
     }
 }
 
-/// Position among the latitudes of the sightlines: inverse of [`latitude_rad`].
+/// Fractional index of a latitude among those of the sightlines: inverse of [`latitude_rad`].
 fn latitude_index(latitude_rad: f64) -> f64 {
     let wanted = (latitude_rad.abs() / std::f64::consts::FRAC_PI_2).min(1.0);
-    // Convex: from the right Newton's steps stay on the right.
+    // The function is convex: starting from the right, Newton's steps stay on the right.
     let mut u: f64 = 1.0;
     for _ in 0..8 {
         let root = u.sqrt();
@@ -286,7 +300,8 @@ fn latitude_index(latitude_rad: f64) -> f64 {
     0.5 * LATITUDES as f64 * (1.0 + u.copysign(latitude_rad))
 }
 
-/// The cubic B-spline over the corners, towards a unit vector in galactic axes: smooth to the second derivative, and a little wider than the corners are apart.
+/// Evaluates the cubic B-spline over the corners towards a unit vector in galactic axes. It is smooth to the second
+/// derivative and slightly wider than the distance between corners.
 fn spline(nodes: &[[f32; 4]], towards: DVec3) -> [f64; 4] {
     let (l, b) = lon_lat_from_direction(towards);
     let place = DVec2::new(l / longitude_rad(1), latitude_index(b));
@@ -308,7 +323,7 @@ fn spline(nodes: &[[f32; 4]], towards: DVec3) -> [f64; 4] {
     sum
 }
 
-/// What filaments of dust let through, of mean 1, towards a unit vector where so much dust lies.
+/// Transmission of the dust filaments, with mean 1, towards a unit vector behind this much dust.
 fn lanes(towards: DVec3, dust_mag: f64) -> f64 {
     let contrast = LANE_CONTRAST * dust_mag / (dust_mag + 1.5);
     if contrast < 0.03 {
@@ -319,12 +334,12 @@ fn lanes(towards: DVec3, dust_mag: f64) -> f64 {
     let mut place = straight + LANE_BEND * DVec3::new(noise(straight, 10), noise(straight, 11), noise(straight, 12));
     let (mut sum, mut weight, mut variance) = (0.0, 1.0, 0.0);
     for size in 0..LANE_SIZES {
-        // Half filaments, sharp where the noise goes through 0, and half clouds.
+        // Half of it filaments, sharp where the noise crosses 0, and half clouds.
         let own = noise(place, u64::from(size)) / LATTICE_NOISE_DEVIATION;
         sum += weight * FRAC_1_SQRT_2 * ((0.797 - own.abs()) / 0.604 + own);
         variance += weight * weight;
         weight *= LANE_WEIGHT;
-        // Turned, so that the lattices of two sizes do not lie on each other.
+        // Rotated, so that the lattices of two sizes do not coincide.
         place =
             2.0 * DVec3::new(0.6 * place.x + 0.8 * place.y, 0.6 * place.y - 0.8 * place.x, place.z) + DVec3::splat(7.3);
     }

@@ -1,35 +1,35 @@
-//! Which column of a file means what.
+//! Recognition of a file's columns by their names.
 //!
-//! Names are compared without case and surrounding blanks. `ra` alone is hours in HYG and AT-HYG, degrees in exports of
-//! the Gaia archive; the columns beside it tell which. Where they do not, a decimal `ra` is refused: a guess would be
-//! wrong by a factor of 15.
+//! Names are compared without case and surrounding blanks. `ra` alone is in hours in HYG and AT-HYG and in degrees in
+//! exports of the Gaia archive; other columns of the file show which of these it is. If they do not, a decimal `ra`
+//! is an error: a guess could be wrong by a factor of 15.
 
-/// What a file must offer, for messages.
+/// Required columns, for messages.
 pub(super) const NEEDED: &str = "needed: a direction (ra_deg,dec_deg or x,y,z in parsecs), a brightness (v_mag or \
      phot_g_mean_mag, or abs_mag with a distance), and if known teff_k, bp_rp or b_v, parallax_mas or distance_pc, and \
      pm_ra_mas_yr, pm_dec_mas_yr and radial_velocity_km_s; \
      the headers of HYG, AT-HYG and Gaia exports and magnitude,temperature,x,y,z are known too";
 
-/// HYG and AT-HYG write this distance in parsecs, or more, where none is known.
+/// HYG and AT-HYG write this distance in parsecs, or a larger one, if it is unknown.
 pub(super) const HYG_UNKNOWN_DISTANCE_PC: f64 = 100_000.0;
 
-/// Epoch of places where nothing else is said.
+/// Epoch of positions if the file does not give one.
 pub(super) const J2000_EPOCH: f64 = 2000.0;
-/// That of Gaia's third data release.
+/// Epoch of positions in Gaia's third data release.
 const GAIA_EPOCH: f64 = 2016.0;
 
-/// Meaning of a decimal number in the right ascension column.
+/// Unit of a decimal number in the right ascension column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum RaUnit {
     /// Degrees.
     Degrees,
     /// Hours.
     Hours,
-    /// Not known: only sexagesimal right ascensions, always hours, can be read.
+    /// Unknown: only sexagesimal right ascensions, always in hours, can be read.
     Unknown,
 }
 
-/// Where a star's direction stands.
+/// Columns that hold a star's direction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Direction {
     /// Right ascension and declination.
@@ -38,10 +38,10 @@ pub(super) enum Direction {
         ra: usize,
         /// Column of the declination, degrees.
         dec: usize,
-        /// Unit of the former.
+        /// Unit of the right ascension.
         unit: RaUnit,
     },
-    /// ICRS position in parsecs; gives the distance too.
+    /// ICRS position in parsecs, which also gives the distance.
     Cartesian([usize; 3]),
 }
 
@@ -60,27 +60,28 @@ pub(super) struct Columns {
     pub pm_ra_mas_yr: Option<usize>,
     pub pm_dec_mas_yr: Option<usize>,
     pub radial_velocity_km_s: Option<usize>,
-    /// Of the places, Julian years.
+    /// Epoch of the positions, Julian years.
     pub ref_epoch: Option<usize>,
-    /// That where no column tells it.
+    /// Epoch of the positions without such a column.
     pub epoch: f64,
-    /// Distances from here on mean "unknown".
+    /// Distances from this one on mean "unknown".
     pub unknown_from_pc: f64,
     names: Vec<String>,
 }
 
 impl Columns {
-    /// Recognises the columns from their names. `Err` says what is missing or contradictory.
+    /// Recognises the columns by their names. The error describes a missing or contradictory column.
     pub fn recognise<S: AsRef<str>>(header: &[S]) -> Result<Self, String> {
+        // Names without byte order mark, blanks and case.
         let names: Vec<String> =
             header.iter().map(|n| n.as_ref().trim_start_matches('\u{feff}').trim().to_lowercase()).collect();
         let find = |candidates: &[&str]| -> Result<Option<usize>, String> {
             for candidate in candidates {
-                let mut at = names.iter().enumerate().filter(|(_, n)| n == candidate).map(|(i, _)| i);
-                if let Some(first) = at.next() {
-                    return match at.next() {
+                let mut matches = names.iter().enumerate().filter(|(_, n)| n == candidate).map(|(i, _)| i);
+                if let Some(first) = matches.next() {
+                    return match matches.next() {
                         None => Ok(Some(first)),
-                        Some(_) => Err(format!("the column {candidate} stands there twice")),
+                        Some(_) => Err(format!("the column {candidate} appears twice")),
                     };
                 }
             }
@@ -88,6 +89,7 @@ impl Columns {
         };
         let has = |name: &str| names.iter().any(|n| n == name);
 
+        // Position, brightness and distance.
         let xyz = |axes: [&str; 3]| -> Result<Option<[usize; 3]>, String> {
             Ok(match (find(&[axes[0]])?, find(&[axes[1]])?, find(&[axes[2]])?) {
                 (Some(x), Some(y), Some(z)) => Some([x, y, z]),
@@ -103,9 +105,10 @@ impl Columns {
         let parallax_mas = find(&["parallax_mas", "parallax"])?;
         let distance_pc = find(&["distance_pc", "dist"])?;
 
-        // Companions that only one family of files has.
+        // Columns that occur only in one family of files.
         let is_hyg = has("mag") && (has("dist") || has("ci") || has("absmag"));
         let is_gaia = has("source_id") || has("phot_g_mean_mag") || has("parallax");
+        // Right ascension and declination, and their unit.
         let equatorial = match (find(&["ra_deg"])?, find(&["dec_deg"])?, find(&["ra"])?, find(&["dec"])?) {
             (Some(ra), Some(dec), ..) => Some(Direction::Equatorial { ra, dec, unit: RaUnit::Degrees }),
             (_, dec_deg, Some(ra), dec) if dec.is_some() || dec_deg.is_some() => {
@@ -119,7 +122,7 @@ impl Columns {
             (Some(ra), None, _, Some(dec)) => Some(Direction::Equatorial { ra, dec, unit: RaUnit::Degrees }),
             _ => None,
         };
-        // Where both are given, angles are what was measured; but without a distance beside them x, y, z know more.
+        // If a file has both, angles are the measured values; but without a distance, x, y and z hold more.
         let has_distance = parallax_mas.is_some() || distance_pc.is_some();
         let direction = match (equatorial, cartesian) {
             (Some(angles), None) => angles,
@@ -128,11 +131,12 @@ impl Columns {
             (None, None) => return Err("no direction".into()),
         };
 
-        // `magnitude` alone says nothing; beside x, y, z and without any other brightness it is the absolute one.
+        // `magnitude` alone is ambiguous; with x, y, z and without any other brightness it is the absolute magnitude.
         let mut abs_mag = find(&["abs_mag", "absmag"])?;
         if abs_mag.is_none() && v_mag.is_none() && g_mag.is_none() && cartesian.is_some() {
             abs_mag = find(&["magnitude"])?;
         }
+        // Without any brightness, or a distance for an absolute magnitude, the file is unusable.
         if v_mag.is_none() && g_mag.is_none() {
             if abs_mag.is_none() {
                 return Err("no brightness".into());
@@ -167,13 +171,13 @@ impl Columns {
         &self.names[column]
     }
 
-    /// How many columns the file has.
+    /// Number of columns in the file.
     pub fn len(&self) -> usize {
         self.names.len()
     }
 }
 
-/// The columns of a file for a message: the first 40, each shortened.
+/// Lists the columns of a file for a message: the first 40, each shortened.
 pub(super) fn listing<S: AsRef<str>>(header: &[S]) -> String {
     let mut list: Vec<String> = header.iter().take(40).map(|n| super::excerpt(n.as_ref().trim())).collect();
     if header.len() > 40 {
@@ -198,34 +202,34 @@ mod tests {
     }
 
     #[test]
-    fn hours_and_degrees_are_told_by_the_companions() {
+    fn other_columns_decide_between_hours_and_degrees() {
         assert_eq!(unit("id,hip,proper,ra,dec,dist,mag,absmag,ci,x,y,z"), RaUnit::Hours);
         assert_eq!(unit("id,tyc,gaia,ra,dec,pos_src,dist,x0,y0,z0,dist_src,mag,absmag,ci"), RaUnit::Hours);
         assert_eq!(unit("source_id,ra,dec,parallax,phot_g_mean_mag,bp_rp"), RaUnit::Degrees);
         assert_eq!(unit(" RA_DEG , Dec_Deg ,V_MAG"), RaUnit::Degrees);
         assert_eq!(unit("ra,dec,v_mag"), RaUnit::Unknown);
-        assert_eq!(unit("ra,dec,mag,ci,parallax"), RaUnit::Unknown, "companions of both families");
+        assert_eq!(unit("ra,dec,mag,ci,parallax"), RaUnit::Unknown, "columns of both families");
     }
 
     #[test]
-    fn angles_without_distance_give_way_to_a_position() {
+    fn a_position_is_preferred_to_angles_without_distance() {
         assert!(matches!(recognise("ra_deg,dec_deg,x,y,z,v_mag").unwrap().direction, Direction::Cartesian([2, 3, 4])));
         assert_eq!(unit("ra_deg,dec_deg,x,y,z,v_mag,parallax_mas"), RaUnit::Degrees);
     }
 
     #[test]
-    fn magnitude_is_absolute_only_beside_a_position() {
+    fn magnitude_is_absolute_only_with_a_position() {
         assert_eq!(recognise("magnitude,temperature,x,y,z").unwrap().abs_mag, Some(0));
         assert!(recognise("ra_deg,dec_deg,magnitude").unwrap_err().contains("brightness"));
         assert_eq!(recognise("v_mag,magnitude,x,y,z").unwrap().abs_mag, None);
     }
 
     #[test]
-    fn what_is_missing_is_said() {
+    fn errors_name_the_missing_column() {
         assert_eq!(recognise("v_mag,dec_deg").unwrap_err(), "no direction");
         assert_eq!(recognise("ra_deg,dec_deg,b_v").unwrap_err(), "no brightness");
         assert!(recognise("ra_deg,dec_deg,abs_mag").unwrap_err().contains("no distance"));
-        assert!(recognise("ra_deg,dec_deg,v_mag,v_mag").unwrap_err().contains("v_mag stands there twice"));
+        assert!(recognise("ra_deg,dec_deg,v_mag,v_mag").unwrap_err().contains("v_mag appears twice"));
         assert!(recognise("").is_err());
     }
 }

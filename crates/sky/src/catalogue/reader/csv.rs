@@ -1,15 +1,15 @@
-//! CSV catalogues, read line by line; the `csv` crate splits a line into its fields.
+//! CSV catalogues, read line by line; the `csv` crate splits a line into fields.
 //!
-//! One line is one row, because star catalogues have no line breaks inside fields. CSV in general does, so a stray
-//! quotation mark would hide all rows up to the next one, or the rest of a file of any size. `Lines` therefore stands
-//! between the file and the parser: it hands over one line at a time, passes over blank lines and lines that begin with
-//! `#`, and where the parser asks for more within a row it closes the quotation. Such a row is rejected, the next
-//! line is a row again, and one line is all that is ever in memory. `Lines` counts the lines too: the position that the
-//! crate gives a record is where the one before it ended, which is too early after blank lines, comments and CRLF.
+//! One line is one row, because star catalogues have no line breaks inside fields. CSV in general allows them, so a
+//! stray quotation mark would hide all rows up to the next mark, or the rest of the file. `Lines` therefore sits
+//! between the file and the parser. It passes on one line at a time and skips blank lines and lines that begin with
+//! `#`. If the parser asks for more within a row, `Lines` closes the quotation; that row is rejected and the next
+//! line is a new row. Only one line is ever in memory. `Lines` also counts the lines: the crate's position of a
+//! record is the end of the previous one, which is too early after blank lines, comments and CRLF.
 //!
-//! The separator (comma, tab or semicolon) is the one that the header has most of. A field is quoted if the mark is its
-//! very first character; blanks around fields do not matter otherwise. Text that is not UTF-8 is harmless outside the
-//! columns that are used.
+//! The separator is the most frequent one of comma, tab and semicolon in the header. A field is quoted only if the
+//! mark is its first character; otherwise blanks around fields are ignored. Text that is not UTF-8 matters only in
+//! the columns that are used.
 
 use std::io::{self, BufRead, BufReader, Read};
 use std::path::Path;
@@ -20,24 +20,24 @@ use super::columns::{self, Columns};
 use super::row::{self, Refusal};
 use super::{CatalogueError, CatalogueRead, ReadReport};
 
-/// Longest line that can be part of a star catalogue, in bytes.
+/// Longest accepted line, bytes.
 const LINE_LIMIT: usize = 1 << 20;
 
 /// U+FEFF in UTF-8, with which some programs begin a file.
 const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 
-/// Why a row whose last quoted field has no end is unusable.
+/// Reason for rejecting a row whose last quoted field is not closed.
 const UNCLOSED: &str = "a quotation mark is not closed on its line";
 
 /// Reads a CSV catalogue from a file; stars are placed `years` Julian years after J2000.0.
 ///
 /// # Errors
-/// If the file cannot be opened or read, if its columns do not make a star catalogue, or if no row is usable.
+/// If the file cannot be opened or read, if its columns are not those of a star catalogue, or if no row is usable.
 pub fn read_csv(path: &Path, years: f64) -> Result<CatalogueRead, CatalogueError> {
     read_csv_from(super::open(path)?, &path.display().to_string(), years)
 }
 
-/// Reads a CSV catalogue from `source`; `file` is its name in messages.
+/// Reads a CSV catalogue from `source`; messages call it `file`.
 ///
 /// # Errors
 /// As [`read_csv`], apart from opening.
@@ -46,8 +46,8 @@ pub fn read_csv_from(source: impl Read, file: &str, years: f64) -> Result<Catalo
     if !lines.advance()? {
         return Err(CatalogueError::NoRow { file: file.to_owned() });
     }
-    // Rows end at the line feed alone, so that a carriage return within a line cannot make two rows of it. The crate's
-    // own trimming would copy every record; whoever uses a field trims it.
+    // Rows end at the line feed alone, so that a carriage return within a line does not split it. The crate's own
+    // trimming would copy every record; users of a field trim it instead.
     let mut reader = ReaderBuilder::new()
         .has_headers(false)
         .flexible(true)
@@ -63,7 +63,7 @@ pub fn read_csv_from(source: impl Read, file: &str, years: f64) -> Result<Catalo
         kind => CatalogueError::Malformed { file: file.to_owned(), line, reason: format!("not CSV: {kind:?}") },
     };
 
-    // The header: columns.
+    // Header.
     let mut record = ByteRecord::new();
     reader.read_byte_record(&mut record).map_err(|e| parser_error(e, reader.get_ref().number))?;
     let (header_line, is_closed) = reader.get_mut().end_row();
@@ -77,7 +77,7 @@ pub fn read_csv_from(source: impl Read, file: &str, years: f64) -> Result<Catalo
         found: columns::listing(&names),
     })?;
 
-    // The rows.
+    // Rows.
     let mut report = ReadReport::new(file);
     let mut stars = Vec::new();
     record = header.into_byte_record();
@@ -107,21 +107,21 @@ pub fn read_csv_from(source: impl Read, file: &str, years: f64) -> Result<Catalo
     report.finish(stars)
 }
 
-/// What hands the rows of a file to the parser, one line at a time.
+/// Passes the rows of a file to the parser, one line at a time.
 ///
-/// A read never goes beyond the end of a line, and every line ends in a line feed. So the parser has finished the row
-/// when it has taken the line, unless it stands within quotation marks: then, and only then, it reads again before
+/// A read never passes the end of a line, and every line ends in a line feed. So the parser has finished the row when
+/// it has consumed the line, unless it is inside quotation marks. Only then does it read again before
 /// [`Lines::end_row`] is called.
 struct Lines<'f, R> {
     source: BufReader<R>,
     file: &'f str,
-    /// Number of the line read last, from 1.
+    /// Number of the last line read, from 1.
     number: usize,
-    /// The line read last, or the end that replaces what its quotation lacks.
+    /// The last line read, or the closing mark that replaces a missing one.
     bytes: Vec<u8>,
-    /// How many of `bytes` the parser has.
+    /// Number of `bytes` that the parser has consumed.
     taken: usize,
-    /// Whether the parser is in the row that begins with this line.
+    /// Whether the parser is in the row that begins on this line.
     in_row: bool,
     is_closed: bool,
 }
@@ -132,7 +132,7 @@ impl<'f, R: Read> Lines<'f, R> {
         Self { source, file, number: 0, bytes: Vec::new(), taken: 0, in_row: false, is_closed: true }
     }
 
-    /// Goes to the next line that is neither blank nor a comment; false after the last.
+    /// Advances to the next line that is neither blank nor a comment; false after the last.
     fn advance(&mut self) -> Result<bool, CatalogueError> {
         loop {
             self.bytes.clear();
@@ -143,7 +143,7 @@ impl<'f, R: Read> Lines<'f, R> {
             match read {
                 Ok(0) => return Ok(false),
                 Ok(n) if n > LINE_LIMIT => {
-                    let reason = format!("a line of more than {LINE_LIMIT} bytes: this is no star catalogue in CSV");
+                    let reason = format!("a line of more than {LINE_LIMIT} bytes: not a star catalogue in CSV");
                     return Err(CatalogueError::Malformed { file: self.file.to_owned(), line, reason });
                 }
                 Ok(_) => self.number = line,
@@ -165,7 +165,7 @@ impl<'f, R: Read> Lines<'f, R> {
         Ok(true)
     }
 
-    /// To be called when the parser has finished a row: its line, and whether its quotation marks were closed.
+    /// Ends a row that the parser has finished; returns its line and whether its quotation marks were closed.
     fn end_row(&mut self) -> (usize, bool) {
         self.in_row = false;
         (self.number, self.is_closed)
@@ -190,7 +190,7 @@ impl<R: Read> Read for Lines<'_, R> {
     }
 }
 
-/// The separator that the header has most of; a comma if none.
+/// The most frequent separator of the header; a comma if there is none.
 fn separator_of(header: &[u8]) -> u8 {
     let count = |separator: u8| header.iter().filter(|&&c| c == separator).count();
     [b',', b'\t', b';'].into_iter().rev().max_by_key(|&c| count(c)).unwrap_or(b',')
@@ -201,7 +201,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_separator_is_the_one_the_header_uses() {
+    fn the_separator_is_taken_from_the_header() {
         assert_eq!(separator_of(b"ra_deg\tdec_deg\tv_mag"), b'\t');
         assert_eq!(separator_of(b"ra_deg;dec_deg;v_mag"), b';');
         assert_eq!(separator_of(b"ra_deg,dec_deg,v_mag"), b',');
@@ -209,7 +209,7 @@ mod tests {
     }
 
     #[test]
-    fn the_parser_gets_whole_lines_and_an_end_for_open_quotations() {
+    fn lines_are_passed_whole_and_open_quotations_are_closed() {
         let mut lines = Lines::new(&b"\xef\xbb\xbf# \"head\r\n\r\n  \na,\"b\r\n\"c"[..], "test.csv");
         let mut buffer = [0; 64];
         let mut next = |lines: &mut Lines<_>| {

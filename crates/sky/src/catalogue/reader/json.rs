@@ -1,5 +1,5 @@
-//! JSON catalogues: an array of objects, or an object whose `stars` is one. The keys are the column names of CSV, the
-//! values numbers or strings; a key that an object lacks is a missing value. The whole file is held in memory.
+//! JSON catalogues: an array of objects, or an object whose `stars` is such an array. The keys are the column names
+//! of CSV, the values are numbers or strings; a missing key is a missing value. The whole file is held in memory.
 
 use std::collections::BTreeMap;
 use std::io::Read;
@@ -11,34 +11,34 @@ use super::columns::{self, Columns};
 use super::row::{self, Refusal};
 use super::{CatalogueError, CatalogueRead, ReadReport};
 
-/// Bytes of a document, at most: it is held in memory, and takes several times as much there.
+/// Largest document, bytes: it is held in memory and needs several times as much there.
 const MOST_BYTES: u64 = 1 << 30;
 
 /// Reads a JSON catalogue from a file; stars are placed `years` Julian years after J2000.0.
 ///
 /// # Errors
-/// If the file cannot be opened or read, if it is not JSON of the form above, if its keys do not make a star catalogue,
-/// or if no entry is usable.
+/// If the file cannot be opened or read, if it is not JSON of the form above, if its keys are not those of a star
+/// catalogue, or if no entry is usable.
 pub fn read_json(path: &Path, years: f64) -> Result<CatalogueRead, CatalogueError> {
     read_json_from(super::open(path)?, &path.display().to_string(), years)
 }
 
-/// Reads a JSON catalogue from `source`; `file` is its name in messages.
+/// Reads a JSON catalogue from `source`; messages call it `file`.
 ///
 /// # Errors
 /// As [`read_json`], apart from opening.
 pub fn read_json_from(source: impl Read, file: &str, years: f64) -> Result<CatalogueRead, CatalogueError> {
     let mut bytes = Vec::new();
-    // One more tells that there are more.
+    // One byte more than the limit shows that the document exceeds it.
     let mut source = source.take(MOST_BYTES + 1);
     source.read_to_end(&mut bytes).map_err(|source| CatalogueError::Io { file: file.to_owned(), line: 1, source })?;
     let text = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&bytes);
     let malformed = |line: usize, reason: String| CatalogueError::Malformed { file: file.to_owned(), line, reason };
     if bytes.len() as u64 > MOST_BYTES {
-        let reason =
-            format!("it has more than {MOST_BYTES} bytes, the most that JSON may have: CSV may have any number");
+        let reason = format!("a JSON catalogue must have at most {MOST_BYTES} bytes; CSV has no limit");
         return Err(malformed(1, reason));
     }
+    // The list of stars, and the line of each entry.
     let document: Value = serde_json::from_slice(text).map_err(|e| malformed(e.line(), format!("not JSON: {e}")))?;
     let stars_key = document.as_object().map(|_| "stars");
     let list = match stars_key {
@@ -54,7 +54,7 @@ pub fn read_json_from(source: impl Read, file: &str, years: f64) -> Result<Catal
     let lines = entry_lines(text, stars_key);
     let line_of = |entry: usize| lines.get(entry).copied().unwrap_or(1);
 
-    // Columns are all keys that occur.
+    // The columns are all keys that occur.
     let mut column_of_key: BTreeMap<&str, usize> = BTreeMap::new();
     for key in entries.iter().filter_map(Value::as_object).flat_map(|object| object.keys()) {
         let next = column_of_key.len();
@@ -71,6 +71,7 @@ pub fn read_json_from(source: impl Read, file: &str, years: f64) -> Result<Catal
         found: columns::listing(&names),
     })?;
 
+    // Entries.
     let mut report = ReadReport::new(file);
     let mut stars = Vec::new();
     let mut fields = vec![String::new(); names.len()];
@@ -94,8 +95,8 @@ pub fn read_json_from(source: impl Read, file: &str, years: f64) -> Result<Catal
     report.finish(stars)
 }
 
-/// Writes the values of `entry` as text into `fields`, by column. `filled` are the columns that the entry before has filled: there may be many more,
-/// if every entry has keys of its own.
+/// Writes the values of `entry` as text into `fields`, by column. `filled` lists the columns that the previous entry
+/// has filled. Only those are cleared, because there may be far more columns if every entry has different keys.
 fn fill(
     entry: &Value,
     column_of_key: &BTreeMap<&str, usize>,
@@ -111,24 +112,25 @@ fn fill(
         match value {
             Value::Null => {}
             Value::String(text) => field.push_str(text),
-            // Containers and truth values are no numbers either: their text says so in the message, if they are used.
+            // Containers and booleans are not numbers either; if they are used, the message shows their text.
             other => field.push_str(&other.to_string()),
         }
     }
     Ok(())
 }
 
-/// The line, from 1, on which each entry of the list begins. `text` is known to be valid JSON; the list is the document
-/// itself or the value of `key` in it (the last, if there are several, as for the parser).
+/// Returns the line, from 1, on which each entry of the list begins. `text` must be valid JSON. The list is the
+/// document itself, or the value of `key` in it (the last one if there are several, as in the parser).
 fn entry_lines(text: &[u8], key: Option<&str>) -> Vec<usize> {
     let list_depth = if key.is_some() { 2 } else { 1 };
     let mut lines = Vec::new();
-    let (mut line, mut depth, mut at) = (1, 0, 0);
+    let (mut line, mut depth, mut position) = (1, 0, 0);
     let mut in_list = false;
     let mut expects_entry = false;
     let mut last_string = &text[..0];
-    while at < text.len() {
-        let byte = text[at];
+    while position < text.len() {
+        let byte = text[position];
+        // The first byte of a value in the list begins an entry.
         let begins_value = !matches!(byte, b' ' | b'\t' | b'\r' | b'\n' | b',' | b']' | b'}' | b':');
         if in_list && depth == list_depth && expects_entry && begins_value {
             lines.push(line);
@@ -136,14 +138,15 @@ fn entry_lines(text: &[u8], key: Option<&str>) -> Vec<usize> {
         }
         match byte {
             b'\n' => line += 1,
+            // Skip a string; at depth 1 it may be the key of the list.
             b'"' => {
-                let start = at + 1;
-                at = start;
-                while text.get(at).is_some_and(|&b| b != b'"') {
-                    at += if text[at] == b'\\' { 2 } else { 1 };
+                let start = position + 1;
+                position = start;
+                while text.get(position).is_some_and(|&b| b != b'"') {
+                    position += if text[position] == b'\\' { 2 } else { 1 };
                 }
                 if depth == 1 {
-                    last_string = text.get(start..at).unwrap_or_default();
+                    last_string = text.get(start..position).unwrap_or_default();
                 }
             }
             b'{' | b'[' => {
@@ -161,7 +164,7 @@ fn entry_lines(text: &[u8], key: Option<&str>) -> Vec<usize> {
             b',' => expects_entry |= depth == list_depth,
             _ => {}
         }
-        at += 1;
+        position += 1;
     }
     lines
 }
@@ -171,7 +174,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn entries_are_found_on_their_lines() {
+    fn entry_lines_finds_the_line_of_each_entry() {
         assert_eq!(entry_lines(b"[{\"a\":[1,\n2]},\n\n{\"b\":\"]\\\"}\"}\n, 5, \"x\"]", None), [1, 4, 5, 5]);
         let text = b"{\"other\": [\n1, 2],\n \"stars\": [\n{\"a\": {\"b\": [1, 2]}},\n{}\n], \"more\": [1]}";
         assert_eq!(entry_lines(text, Some("stars")), [4, 5]);

@@ -1,4 +1,4 @@
-//! From the fields of one row to a star.
+//! Conversion of one row's fields to a star.
 
 use std::ops::RangeInclusive;
 
@@ -13,27 +13,27 @@ use super::sexagesimal::{self, Angle, Unit};
 use crate::photometry::colour_index::{temperature_k_from_b_v, temperature_k_from_bp_rp, v_from_gaia};
 use crate::units::{SOLAR_TEMPERATURE_K, illuminance_lx_from_magnitude};
 
-/// Magnitudes that make sense, from a nearby supernova to far below any survey.
+/// Plausible magnitudes, from a nearby supernova to far below any survey.
 const MAGNITUDE_RANGE: RangeInclusive<f64> = -40.0..=60.0;
 
-/// Temperatures that a star is given, in kelvin.
+/// Range of a star's temperature, kelvin.
 const TEMPERATURE_RANGE_K: (f64, f64) = (500.0, 100_000.0);
 
-/// A distance in parsecs from which on nothing is known of it: a parallax of a hundred-thousandth of a milliarcsecond.
+/// Distances from this one on, pc, count as unknown: a parallax of a hundred-thousandth of a milliarcsecond.
 const IMMEASURABLE_PC: f64 = 1e8;
 
-/// The nearest place of a star in parsecs, 0.2 astronomical units: HYG puts the Sun at 5e-6 pc, and nothing nearer is
-/// meant as a place among the stars.
+/// Smallest distance of a star in parsecs, 0.2 astronomical units. HYG puts the Sun at 5e-6 pc; nothing nearer is
+/// meant as the position of a star.
 const NEAREST_PC: f64 = 1e-6;
 
 /// Largest proper motion, mas a year (the largest known is 10,400), and radial velocity, km/s.
 const MOST_MAS_YR: f64 = 1e5;
 const MOST_KM_S: f64 = 1e5;
 
-/// Years that places of catalogues are of.
+/// Valid epochs of positions, years.
 const EPOCHS: RangeInclusive<f64> = 1800.0..=2200.0;
 
-/// How a star came about, for the report.
+/// Notes on how a star was derived, for the report.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Notes {
     pub without_distance: bool,
@@ -42,18 +42,17 @@ pub(super) struct Notes {
     pub g_taken_as_v: bool,
 }
 
-/// Why a row did not become a star.
+/// Reason why a row did not become a star.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Refusal {
     /// This row is unusable.
     Row(String),
-    /// The whole file is: its columns do not say what this row means.
+    /// The whole file is unusable: its columns do not define the meaning of this row.
     File(String),
 }
 
-/// Turns one row into a star. `field(i)` is the text of column i; an empty text and the usual marks for "no value" are
-/// the same as no column.
-/// It is placed where it is `years` Julian years after J2000.0.
+/// Converts one row to a star, placed `years` Julian years after J2000.0. `field(i)` is the text of column i; an
+/// empty text and the usual marks for "no value" count as a missing column.
 pub(super) fn star<'a>(
     columns: &Columns,
     field: impl Fn(usize) -> &'a str,
@@ -65,6 +64,7 @@ pub(super) fn star<'a>(
     let bp_rp = row.finite(columns.bp_rp)?;
     let temperature_k = row.temperature_k(bp_rp, &mut notes)?;
 
+    // Apparent V magnitude, from G if V is missing.
     let apparent = match row.magnitude(columns.v_mag)? {
         Some(v) => Some(v),
         None => row.magnitude(columns.g_mag)?.map(|g| match bp_rp {
@@ -75,6 +75,7 @@ pub(super) fn star<'a>(
             }
         }),
     };
+    // Absolute magnitude if the distance is known, otherwise the apparent one.
     let magnitude = match (apparent, row.magnitude(columns.abs_mag)?, distance_pc) {
         (Some(v), _, Some(d)) => v - 5.0 * (d / 10.0).log10(),
         (Some(v), _, None) => v,
@@ -82,14 +83,14 @@ pub(super) fn star<'a>(
         (None, Some(_), None) => return Err(Refusal::Row("an absolute magnitude needs a distance".into())),
         (None, None, _) => return Err(Refusal::Row("no brightness".into())),
     };
-    // As the renderer stores it, from the rounded magnitude; a star at infinity shines as from 1 pc.
+    // As the renderer stores it, from the rounded magnitude; a star at infinity is treated as if at 1 pc.
     let magnitude_at_1_pc = f64::from(magnitude as f32) - if distance_pc.is_some() { 5.0 } else { 0.0 };
     let illuminance_lx = illuminance_lx_from_magnitude(magnitude_at_1_pc);
     if !ILLUMINANCE_RANGE_LX.contains(&illuminance_lx) {
         let (least, most) = ILLUMINANCE_RANGE_LX.into_inner();
         return Err(Refusal::Row(format!(
-            "{illuminance_lx:.1e} lx at 1 pc cannot be held ({least:.1e} to {most:.1e} can): magnitude and distance do \
-             not fit together"
+            "{illuminance_lx:.1e} lx at 1 pc is outside the range that can be stored ({least:.1e} to {most:.1e} lx): \
+             magnitude and distance do not match"
         )));
     }
     notes.without_distance = distance_pc.is_none();
@@ -117,11 +118,11 @@ impl<'a, F: Fn(usize) -> &'a str> Row<'_, F> {
         (!is_missing).then_some((column, text))
     }
 
-    fn refuse(&self, column: usize, text: &str, what: &str) -> Refusal {
-        Refusal::Row(format!("{} = \"{}\" {what}", self.columns.name(column), excerpt(text)))
+    fn refuse(&self, column: usize, text: &str, problem: &str) -> Refusal {
+        Refusal::Row(format!("{} = \"{}\" {problem}", self.columns.name(column), excerpt(text)))
     }
 
-    /// Number in a column, infinities included.
+    /// Number in a column; infinities are accepted.
     fn number(&self, column: Option<usize>) -> Result<Option<f64>, Refusal> {
         let Some((column, text)) = self.text(column) else { return Ok(None) };
         match text.parse::<f64>() {
@@ -166,7 +167,7 @@ impl<'a, F: Fn(usize) -> &'a str> Row<'_, F> {
                     return Err(Refusal::Row("the position overflows".into()));
                 }
                 if distance_pc == 0.0 {
-                    return Err(Refusal::Row("the distance is 0: the star stands at the origin".into()));
+                    return Err(Refusal::Row("the distance is 0: the star is at the origin".into()));
                 }
                 if distance_pc < NEAREST_PC {
                     return Err(Refusal::Row(too_near(distance_pc)));
@@ -174,7 +175,7 @@ impl<'a, F: Fn(usize) -> &'a str> Row<'_, F> {
                 (position / distance_pc, Some(distance_pc))
             }
         };
-        // HYG's placeholder is written with few digits, so that the length of its vector may fall short of it.
+        // HYG's placeholder has few digits, so the length of its vector may be slightly below it.
         let unknown_from_pc = IMMEASURABLE_PC.min(self.columns.unknown_from_pc * (1.0 - 1e-6));
         Ok((direction, distance_pc.filter(|&d| d < unknown_from_pc)))
     }
@@ -184,7 +185,7 @@ impl<'a, F: Fn(usize) -> &'a str> Row<'_, F> {
             let Some((_, text)) = self.text(Some(column)) else {
                 return Err(Refusal::Row(format!("{} is missing", self.columns.name(column))));
             };
-            sexagesimal::parse(text).map(|angle| (angle, text)).map_err(|what| self.refuse(column, text, &what))
+            sexagesimal::parse(text).map(|angle| (angle, text)).map_err(|problem| self.refuse(column, text, &problem))
         };
         let (ra_angle, ra_text) = angle(ra)?;
         let (ra_deg, range) = match (ra_angle, unit) {
@@ -192,7 +193,7 @@ impl<'a, F: Fn(usize) -> &'a str> Row<'_, F> {
             (Angle::Decimal(v), RaUnit::Hours) => (v * 15.0, "is outside 0 to 24 hours"),
             (Angle::Decimal(_), RaUnit::Unknown) => {
                 return Err(Refusal::File(format!(
-                    "{} = \"{}\" may be hours or degrees, and the columns beside it do not tell; name it ra_deg if it is \
+                    "{} = \"{}\" may be hours or degrees, and no other column decides which; name it ra_deg if it is \
                      degrees, or write it as hours, minutes and seconds",
                     self.columns.name(ra),
                     excerpt(ra_text)
@@ -219,7 +220,7 @@ impl<'a, F: Fn(usize) -> &'a str> Row<'_, F> {
         Ok(DVec3::new(cos_dec * cos_ra, cos_dec * sin_ra, sin_dec))
     }
 
-    /// Distance in parsecs from the distance or else the parallax column, `None` if neither knows it.
+    /// Distance in parsecs from the distance column or else the parallax column; `None` if both lack it.
     fn distance_pc(&self) -> Result<Option<f64>, Refusal> {
         if let (Some(d), Some((column, text))) =
             (self.number(self.columns.distance_pc)?, self.text(self.columns.distance_pc))
@@ -249,7 +250,7 @@ impl<'a, F: Fn(usize) -> &'a str> Row<'_, F> {
         }
     }
 
-    /// Where the star is after its motion, in parsecs, or a unit vector where the distance is unknown.
+    /// Position of the star after its motion, pc, or a unit vector if the distance is unknown.
     fn moved(&self, direction: DVec3, distance_pc: Option<f64>, years: f64) -> Result<DVec3, Refusal> {
         let Columns { pm_ra_mas_yr, pm_dec_mas_yr, radial_velocity_km_s, ref_epoch, epoch, .. } = self.columns;
         let bounded = |column: Option<usize>, most: f64| match (self.finite(column)?, self.text(column)) {
@@ -300,7 +301,7 @@ impl<'a, F: Fn(usize) -> &'a str> Row<'_, F> {
     }
 }
 
-/// What is wrong with a distance below [`NEAREST_PC`].
+/// Describes a distance below [`NEAREST_PC`].
 fn too_near(distance_pc: f64) -> String {
-    format!("the distance is {distance_pc:.1e} pc, allowed are distances from {NEAREST_PC:e} pc")
+    format!("the distance is {distance_pc:.1e} pc and must be at least {NEAREST_PC:e} pc")
 }

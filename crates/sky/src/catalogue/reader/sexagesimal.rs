@@ -1,18 +1,18 @@
-//! Angles as catalogues write them: decimal, or hours and degrees with minutes and seconds.
+//! Angles in catalogues: decimal, or hours or degrees with minutes and seconds.
 //!
-//! `06 45 08.9`, `06:45:08.9`, `6h45m08.9s`, `-16 42 58`, `-16d42m58s` and `-16°42'58"` are read; missing last parts are
-//! zero. The sign is taken from the text, not from the first number, so that `-00 30 10` stays negative.
+//! Accepted forms: `06 45 08.9`, `06:45:08.9`, `6h45m08.9s`, `-16 42 58`, `-16d42m58s` and `-16°42'58"`; missing last
+//! parts are zero. The sign is taken from the text, not from the first number, so that `-00 30 10` stays negative.
 
 /// An angle as written.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Angle {
-    /// One plain number; its unit is for the caller to know.
+    /// One plain number; the caller knows its unit.
     Decimal(f64),
     /// Two or three parts, or one with a unit mark: in units of the first part (hours or degrees).
     Sexagesimal {
         /// Value in hours or degrees, with its sign.
         value: f64,
-        /// The unit, if the text has a mark for it.
+        /// The unit, if the text marks it.
         unit: Option<Unit>,
     },
 }
@@ -26,12 +26,13 @@ pub(super) enum Unit {
     Degrees,
 }
 
-/// Reads one angle. `Err` holds what is wrong with the text, without the text itself.
+/// Parses one angle. The error describes the problem without repeating the text.
 pub(super) fn parse(text: &str) -> Result<Angle, String> {
     let text = text.trim();
     if let Ok(value) = text.parse::<f64>() {
         return if value.is_finite() { Ok(Angle::Decimal(value)) } else { Err("is not finite".into()) };
     }
+    // Sign, and the unit of the first part.
     let (negative, digits) = match text.as_bytes().first() {
         Some(b'-') => (true, &text[1..]),
         Some(b'+') => (false, &text[1..]),
@@ -46,6 +47,7 @@ pub(super) fn parse(text: &str) -> Result<Angle, String> {
         _ => None,
     };
     let is_separator = |c: char| c.is_whitespace() || matches!(c, ':' | '\'' | '"' | '′' | '″' | '°') || unit_letter(c);
+    // Up to three parts; only the last one may have a fraction.
     let mut parts = [0.0; 3];
     let mut count = 0;
     let mut whole = true;
@@ -67,7 +69,7 @@ pub(super) fn parse(text: &str) -> Result<Angle, String> {
     if count == 0 || (count == 1 && unit.is_none()) {
         return Err("is neither a number nor an angle such as 06 45 08.9".into());
     }
-    // 60 seconds come from rounding in catalogues; more is a slip.
+    // Rounding in catalogues produces 60 seconds; more is an error.
     if parts[1] >= 60.0 || parts[2] > 60.0 {
         return Err("has 60 minutes or more, or more than 60 seconds".into());
     }
@@ -108,7 +110,7 @@ mod tests {
     }
 
     #[test]
-    fn units_are_told_from_the_text() {
+    fn units_are_read_from_the_text() {
         assert!(matches!(parse("6h"), Ok(Angle::Sexagesimal { unit: Some(Unit::Hours), .. })));
         assert!(matches!(parse("101d17m"), Ok(Angle::Sexagesimal { unit: Some(Unit::Degrees), .. })));
         assert!(matches!(parse("06 45"), Ok(Angle::Sexagesimal { unit: None, .. })));

@@ -1,4 +1,4 @@
-//! Every form of catalogue, from files in `tests/data/catalogues`, and what is wrong with wrong ones.
+//! Every form of catalogue, from files in `tests/data/catalogues`, and the errors for invalid ones.
 
 use std::io::Read;
 
@@ -41,7 +41,7 @@ fn assert_towards(star: &StarRecord, ra_deg: f64, dec_deg: f64, tolerance_deg: f
 }
 
 #[test]
-fn our_own_columns() {
+fn columns_with_this_programs_names() {
     let CatalogueRead { stars, report } = read("own_columns.csv");
     assert_eq!((report.rows, report.used, report.rejected), (3, 3, 0));
     assert_eq!((report.without_distance, report.without_colour), (1, 1));
@@ -172,10 +172,10 @@ fn rows_too_near_to_be_stars_are_refused() {
     let parallax = "ra_deg,dec_deg,v_mag,parallax_mas";
     let cartesian = "x,y,z,v_mag";
     for (header, row, parts) in [
-        (spherical, "10,20,5.0,1e-20", &["distance_pc = \"1e-20\" is too near", "from 1e-6 pc"][..]),
+        (spherical, "10,20,5.0,1e-20", &["distance_pc = \"1e-20\" is too near", "at least 1e-6 pc"][..]),
         (spherical, "10,20,5.0,9.9e-7", &["distance_pc = \"9.9e-7\" is too near", "9.9e-7 pc"]),
         (parallax, "10,20,5.0,1e12", &["parallax_mas = \"1e12\" is too large", "1.0e-9 pc"]),
-        (cartesian, "1e-20,0,0,5.0", &["1.0e-20 pc", "from 1e-6 pc"]),
+        (cartesian, "1e-20,0,0,5.0", &["1.0e-20 pc", "at least 1e-6 pc"]),
         (cartesian, "5e-7,5e-7,5e-7,5.0", &["8.7e-7 pc"]),
     ] {
         let report = csv(&format!("{header}\n10,20,5.0,3\n{row}\n")).unwrap_or_else(|e| panic!("{e}")).report;
@@ -193,7 +193,7 @@ fn rows_too_near_to_be_stars_are_refused() {
 }
 
 #[test]
-fn light_that_cannot_be_stored_is_refused_and_the_rest_is_kept_as_it_is() {
+fn light_outside_the_storable_range_is_refused_and_the_rest_is_kept() {
     use crate::catalogue::chunks::StarSet;
     use crate::units::illuminance_lx_from_magnitude;
 
@@ -210,9 +210,9 @@ fn light_that_cannot_be_stored_is_refused_and_the_rest_is_kept_as_it_is() {
         let report = csv(&format!("{header}\n{good}\n{row}\n")).unwrap_or_else(|e| panic!("{e}")).report;
         assert_eq!((report.used, report.rejected, report.first_rejected[0].line), (1, 1, 3), "{header}: {row}");
         let reason = &report.first_rejected[0].reason;
-        assert!(reason.contains("lx at 1 pc cannot be held") && reason.contains("1.1e15"), "{reason}");
+        assert!(reason.contains("lx at 1 pc is outside the range") && reason.contains("1.1e15"), "{reason}");
     }
-    // Whatever is accepted shines in the packed set as its apparent magnitude says.
+    // Every accepted star has the illuminance of its apparent magnitude in the packed set.
     let rows = ["1e-6,-26.7", "1e-6,5", "0.000005,10", "1,40", "1e4,-30", "5e7,10", ",44", ",-39"];
     for row in rows {
         let (distance, v_mag) = row.split_once(',').unwrap();
@@ -226,7 +226,7 @@ fn light_that_cannot_be_stored_is_refused_and_the_rest_is_kept_as_it_is() {
 }
 
 #[test]
-fn line_ends_and_a_byte_order_mark_change_nothing() {
+fn line_ends_and_a_byte_order_mark_are_ignored() {
     let read = csv("\u{feff}ra_deg,dec_deg,v_mag\r\n\r\n1,2,3\r\nx,2,3\r\n1,2,3").unwrap();
     assert_eq!((read.report.used, read.report.first_rejected[0].line), (2, 4));
     assert_eq!(read.stars[0].magnitude, 3.0);
@@ -261,7 +261,7 @@ fn lines_are_counted_through_comments_blank_lines_and_line_ends() {
 }
 
 #[test]
-fn fields_are_split_as_csv_has_them() {
+fn fields_are_split_by_the_rules_of_csv() {
     let header = "name,ra_deg,dec_deg,v_mag\n";
     for row in
         ["\"a, b\",1,2,3", "\"\"\"a\"\", b\",\"1\",\"2\",\"3\"\r", "5\" star, 1 ,\" 2 \",\t3", ",1,2,3", "a\rb,1,2,3"]
@@ -284,8 +284,8 @@ fn fields_are_split_as_csv_has_them() {
 }
 
 #[test]
-fn rows_of_any_width_are_whole() {
-    // Around the sizes at which the parser's buffers are full or grow.
+fn rows_of_any_width_are_read_whole() {
+    // Widths around the sizes at which the parser's buffers are full or grow.
     for width in (0..300).chain(4080..4110).chain(8170..8210).chain([100_000]) {
         for filler in [",".repeat(width), "a".repeat(width), format!("\"{}\"", "a".repeat(width))] {
             let header = format!("ra_deg,dec_deg,v_mag,{}", filler.replace('a', ""));
@@ -298,9 +298,9 @@ fn rows_of_any_width_are_whole() {
 }
 
 #[test]
-fn an_open_quotation_costs_its_own_row_only() {
+fn an_open_quotation_rejects_only_its_own_row() {
     let header = "ra_deg,dec_deg,v_mag,name\n";
-    // In a column that is not used, where nothing else is wrong with the row; once, twice, and on the last line.
+    // In an unused column of otherwise valid rows: once, twice, and on the last line.
     let rows = "1,2,3,\"a\n1,2,3,b\n1,2,3,c\r\n1,2,3,\"d\r\n\n1,2,3,e\n1,2,3,\"";
     let read = csv(&format!("{header}{rows}")).unwrap();
     assert_eq!((read.report.rows, read.report.used, read.report.rejected), (6, 3, 3));
@@ -371,9 +371,10 @@ fn json_object_with_stars() {
     assert!(report.first_rejected[0].reason.contains("entry 2: is not an object"));
 }
 
-/// What an entry lacks is missing, whatever the one before it has; and as many keys as entries take no time.
+/// A key that an entry lacks is missing, whatever the previous entry has. As many keys as entries must not take
+/// quadratic time.
 #[test]
-fn json_entries_with_keys_of_their_own_share_nothing() {
+fn json_entries_do_not_inherit_values_of_the_previous_entry() {
     let stars =
         json(r#"[{"ra_deg": 1, "dec_deg": 2, "v_mag": 3, "b_v": 1.5}, {"ra_deg": 1, "dec_deg": 2, "v_mag": 3}]"#)
             .unwrap();
@@ -414,7 +415,7 @@ fn wrong_json_is_refused_with_its_line() {
 }
 
 #[test]
-fn a_header_without_the_needed_columns_is_named() {
+fn the_error_of_an_incomplete_header_lists_its_columns() {
     let error = read_file(&path("no_brightness.csv"), 0.0).unwrap_err().to_string();
     for part in ["no_brightness.csv", "line 2", "no brightness", "columns found: ra_deg, dec_deg, colour", "v_mag"] {
         assert!(error.contains(part), "{part} is not in: {error}");
@@ -439,22 +440,25 @@ fn files_that_are_missing_empty_or_of_another_kind_are_refused() {
     }
 }
 
-/// A header and then the same row over and over, made while it is read.
+/// A header followed by endless copies of one row, generated while it is read.
 struct Repeated {
     header: &'static [u8],
     row: &'static [u8],
-    at: usize,
+    position: usize,
     end: usize,
 }
 
 impl Read for Repeated {
     fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
-        let count = buffer.len().min(self.end - self.at);
+        let count = buffer.len().min(self.end - self.position);
         for (i, byte) in buffer[..count].iter_mut().enumerate() {
-            let at = self.at + i;
-            *byte = *self.header.get(at).unwrap_or_else(|| &self.row[(at - self.header.len()) % self.row.len()]);
+            let position = self.position + i;
+            *byte = *self
+                .header
+                .get(position)
+                .unwrap_or_else(|| &self.row[(position - self.header.len()) % self.row.len()]);
         }
-        self.at += count;
+        self.position += count;
         Ok(count)
     }
 }
@@ -462,9 +466,9 @@ impl Read for Repeated {
 #[test]
 fn a_million_broken_rows_end_in_one_error() {
     let header = b"ra_deg,dec_deg,v_mag\n";
-    // With a quotation mark that is never closed: it must not swallow the rows after it.
+    // With a quotation mark that is never closed; it must not swallow the following rows.
     let row = b"\"abc,2,3\n";
-    let source = Repeated { header, row, at: 0, end: header.len() + row.len() * 1_000_000 };
+    let source = Repeated { header, row, position: 0, end: header.len() + row.len() * 1_000_000 };
     let error = read_csv_from(source, "broken.csv", 0.0).unwrap_err().to_string();
     assert_eq!(
         error,
@@ -474,7 +478,7 @@ fn a_million_broken_rows_end_in_one_error() {
 
 #[test]
 fn an_endless_line_is_refused_early() {
-    let source = Repeated { header: b"ra_deg,dec_deg,v_mag\n", row: b"7", at: 0, end: usize::MAX };
+    let source = Repeated { header: b"ra_deg,dec_deg,v_mag\n", row: b"7", position: 0, end: usize::MAX };
     let error = read_csv_from(source, "zeros.csv", 0.0).unwrap_err();
     assert!(matches!(&error, CatalogueError::Malformed { line: 2, .. }), "{error}");
 }

@@ -1,22 +1,22 @@
-//! The general disability glare of CIE 135/1: what an eye scatters, from 0.1 to 100 degrees off the source, by age and by the
-//! colour of the iris.
+//! The general disability glare of CIE 135/1: light scattered in an eye, from 0.1 to 100 degrees off the source, by
+//! age and iris colour.
 //!
 //! ```text
 //! 10 / t^3 + (5 / t^2 + 0.1 p / t) (1 + (A / 62.5)^4) + 0.0025 p   per sr, t in degrees, A in years
 //! ```
 //!
-//! Below 0.1 degree, or the inner angle if that is larger, it stays constant; above 100 degrees the formula goes on, outside of
-//! what it was made for. It is absolute: its integral is the share of the light that the eye scatters.
+//! Below 0.1 degree, or the inner angle if that is larger, it is constant; above 100 degrees the formula is
+//! extrapolated. It is absolute: its integral is the share of the light that the eye scatters.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::normalised::{Normalised, Shape};
 
-/// Smallest angle that the formula is made for, degrees.
+/// Smallest angle for which the formula is valid, degrees.
 const VALID_FROM_DEG: f64 = 0.1;
 
-/// Colour of the iris: what passes through it adds to the glare.
+/// Colour of the iris: light that passes through it adds to the glare.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, Default, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum EyeColour {
@@ -43,7 +43,7 @@ impl EyeColour {
     }
 }
 
-/// See the module.
+/// Glare of CIE 135/1 for one eye; see the module.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cie {
     inner_rad: f64,
@@ -53,7 +53,7 @@ pub struct Cie {
 }
 
 impl Cie {
-    /// The glare of an eye of an age, years; constant within `inner_rad`, at most pi.
+    /// The glare of an eye of an age in years; constant within `inner_rad`, at most pi.
     pub fn new(inner_rad: f64, age_years: f64, eye: EyeColour) -> Self {
         Self {
             inner_rad: inner_rad.max(VALID_FROM_DEG.to_radians()),
@@ -94,7 +94,7 @@ mod tests {
     }
 
     #[test]
-    fn an_eye_of_35_years_scatters_28_per_cent_of_the_light() {
+    fn an_eye_at_age_35_scatters_28_per_cent_of_the_light() {
         let share = between(35.0, EyeColour::Brown, 0.1, 100.0);
         assert!((share - 0.28).abs() < 0.005, "{share}");
         // An old eye scatters more.
@@ -102,18 +102,18 @@ mod tests {
     }
 
     #[test]
-    fn the_formula_at_known_places() {
+    fn the_formula_at_known_angles() {
         let eye = |colour| Cie::new(1e-9, 62.5, colour);
-        let at = |cie: Cie, deg: f64| cie.relative(deg.to_radians());
+        let value = |cie: Cie, deg: f64| cie.relative(deg.to_radians());
         // By hand: 10 + 5 * 2, 10 / 1000 + 2 (0.05 + 0.005) + 0.00125, 10 / 8 + 2 * 1.25 + ...
-        assert!((at(eye(EyeColour::Black), 1.0) - 20.0).abs() < 1e-12);
-        assert!((at(eye(EyeColour::Brown), 10.0) - 0.12125).abs() < 1e-12);
-        assert!((at(eye(EyeColour::Light), 2.0) - (1.25 + 2.5 + 0.1 + 0.0025)).abs() < 1e-12);
-        assert!((at(eye(EyeColour::VeryLight), 100.0) - (1e-5 + 1e-3 + 0.0024 + 0.003)).abs() < 1e-12);
-        // Constant where the formula has no meaning, and within a larger inner angle.
-        assert_eq!(at(eye(EyeColour::Brown), 0.0), at(eye(EyeColour::Brown), 0.1));
+        assert!((value(eye(EyeColour::Black), 1.0) - 20.0).abs() < 1e-12);
+        assert!((value(eye(EyeColour::Brown), 10.0) - 0.12125).abs() < 1e-12);
+        assert!((value(eye(EyeColour::Light), 2.0) - (1.25 + 2.5 + 0.1 + 0.0025)).abs() < 1e-12);
+        assert!((value(eye(EyeColour::VeryLight), 100.0) - (1e-5 + 1e-3 + 0.0024 + 0.003)).abs() < 1e-12);
+        // Constant below the formula's range, and within a larger inner angle.
+        assert_eq!(value(eye(EyeColour::Brown), 0.0), value(eye(EyeColour::Brown), 0.1));
         let wide = Cie::new(5.0_f64.to_radians(), 35.0, EyeColour::Brown);
-        assert_eq!((at(wide, 1.0), wide.inner_rad()), (at(wide, 5.0), 5.0_f64.to_radians()));
+        assert_eq!((value(wide, 1.0), wide.inner_rad()), (value(wide, 5.0), 5.0_f64.to_radians()));
     }
 
     #[test]

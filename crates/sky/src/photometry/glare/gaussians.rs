@@ -1,25 +1,26 @@
-//! The sum of Gaussians of Schneegans, Kreskowski and Gerndt, "Smaller than Pixels: Rendering Millions of Stars in Real-Time",
-//! equations 3 and 4: standard deviations 2^i degrees for i = -10 to 10, each with a peak of 1 / sigma^2. Their sum comes near to
-//! c / theta^2 with c near 1 / ln 2: 0.95 % off at most from 0.2 to 90 degrees.
+//! The sum of Gaussians of Schneegans, Kreskowski and Gerndt, "Smaller than Pixels: Rendering Millions of Stars in
+//! Real-Time", equations 3 and 4: standard deviations 2^i degrees for i = -10 to 10, each with a peak of 1 / sigma^2.
+//! Their sum is nearly c / theta^2 with c near 1 / ln 2: the deviation is at most 0.95 % from 0.2 to 90 degrees.
 //!
-//! The common factor 1 / sqrt(2 pi) of equation 3 is left out; the integral over the sphere is made 1. An inner angle leaves out
-//! the Gaussians narrower than it, so that the narrowest sigma is that angle or up to twice as wide (2^-10 degrees for smaller
-//! inner angles). The plateau that stays is as high as c / theta^2 is at 1.04 times the narrowest sigma.
+//! The common factor 1 / sqrt(2 pi) of equation 3 is left out; the integral over the sphere is normalised to 1. An
+//! inner angle removes the narrower Gaussians, so that the narrowest sigma is that angle or up to twice as wide
+//! (2^-10 degrees for smaller inner angles). The remaining plateau has the value of c / theta^2 at 1.04 times the
+//! narrowest sigma.
 
 use super::normalised::Shape;
 
 /// Narrowest and widest Gaussian: powers of two, degrees.
 const EXPONENTS: [i32; 2] = [-10, 10];
 
-/// See the module.
+/// A sum of Gaussians; see the module.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Gaussians {
-    /// Standard deviations from the narrowest on, rad.
+    /// Standard deviations, narrowest first, rad.
     sigmas_rad: Vec<f64>,
 }
 
 impl Gaussians {
-    /// The Gaussians that are no narrower than an angle above 0 and at most pi, rad.
+    /// The Gaussians that are at least as wide as an angle (above 0 and at most pi), rad.
     pub fn new(inner_rad: f64) -> Self {
         let [first, last] = EXPONENTS;
         let sigmas = (first..=last).map(|i| 2.0_f64.powi(i).to_radians());
@@ -32,7 +33,7 @@ impl Shape for Gaussians {
         self.sigmas_rad.iter().map(|sigma| (-0.5 * (angle_rad / sigma).powi(2)).exp() / (sigma * sigma)).sum()
     }
 
-    /// A twentieth of the narrowest standard deviation: there the sum has lost a thousandth.
+    /// A twentieth of the narrowest standard deviation: there the sum is a thousandth below its peak.
     fn inner_rad(&self) -> f64 {
         self.sigmas_rad[0] / 20.0
     }
@@ -47,7 +48,8 @@ mod tests {
     use super::*;
     use crate::photometry::glare::{GlareKernel, Normalised, normalised::tests::shares_are_integrals_of_the_density};
 
-    /// The c that a density is nearest to c / theta^2 with, over 0.2 to 90 degrees, and the largest relative deviation from it.
+    /// The c for which a density is nearest to c / theta^2 from 0.2 to 90 degrees, and the largest relative
+    /// deviation.
     fn nearest(density: impl Fn(f64) -> f64) -> (f64, f64) {
         let (least, most) = (0..=20_000)
             .map(|i| (0.2 * 450.0_f64.powf(f64::from(i) / 20_000.0)).to_radians())
@@ -61,7 +63,7 @@ mod tests {
         let (c, deviation) = nearest(|t| Gaussians::new(1e-9).relative(t));
         assert!((deviation - 0.0095).abs() < 1e-4, "{deviation}");
         assert!((c * 2.0_f64.ln() - 1.0).abs() < 2e-3, "{c}");
-        // Weights halved once more, as in the published pyramid, are another function.
+        // With weights halved once more, as in the published pyramid, it is a different function.
         let narrower = |t: f64| {
             let gaussians = Gaussians::new(1e-9);
             let peak = |sigma: &f64| (-0.5 * (t / sigma).powi(2)).exp() * sigma.powi(-3);

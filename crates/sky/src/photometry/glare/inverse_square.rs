@@ -4,7 +4,7 @@ use std::f64::consts::{PI, TAU};
 
 use super::GlareKernel;
 
-/// See the module.
+/// An inverse-square kernel; see the module.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct InverseSquareKernel {
     inner_rad: f64,
@@ -12,7 +12,7 @@ pub struct InverseSquareKernel {
     constant: f64,
 }
 
-/// Integral of sin(t) / t^2 from 0 to `x` without its first term, 1 / t: what the series of the sine leaves.
+/// Integral of sin(t) / t^2 from 0 to `x` without its first term 1 / t: the rest of the sine's series.
 fn regular_part(x: f64) -> f64 {
     // Terms (-1)^k x^(2k) / (2k (2k+1)!): for x up to pi twenty of them are exact.
     let mut sum = 0.0;
@@ -26,7 +26,7 @@ fn regular_part(x: f64) -> f64 {
 }
 
 impl InverseSquareKernel {
-    /// The kernel of an inner angle above 0 and at most pi, rad.
+    /// The kernel with an inner angle above 0 and at most pi, rad.
     pub fn new(inner_rad: f64) -> Self {
         let unscaled = Self { inner_rad, constant: 1.0 };
         Self { inner_rad, constant: 1.0 / unscaled.share_within(PI) }
@@ -48,7 +48,7 @@ impl GlareKernel for InverseSquareKernel {
         let core = angle_rad.min(self.inner_rad);
         // 1 - cos(t) without cancellation.
         let core_share = 2.0 * (0.5 * core).sin().powi(2) / (self.inner_rad * self.inner_rad);
-        // The integral of sin(t) / t^2 is ln(t) and the regular part.
+        // The integral of sin(t) / t^2 is ln(t) plus the regular part.
         let outer = (angle_rad / self.inner_rad).max(1.0).ln() + regular_part(angle_rad.max(self.inner_rad))
             - regular_part(self.inner_rad);
         TAU * self.constant * (core_share + outer)
@@ -64,7 +64,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_integral_over_the_sphere_is_one_and_the_constant_is_the_known_one() {
+    fn the_integral_over_the_sphere_is_one_and_the_constant_is_correct() {
         let kernel = InverseSquareKernel::new(0.1_f64.to_radians());
         assert!((kernel.constant - 0.02166).abs() < 5e-6, "{}", kernel.constant);
         for inner_deg in [0.01, 0.1, 5.0, 90.0, 180.0_f64] {

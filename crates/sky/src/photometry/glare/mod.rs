@@ -1,10 +1,10 @@
-//! Glare: how light that is scattered in the eye or the lens falls off with the angle from its source.
+//! Glare: the fall-off of light scattered in the eye or the lens with the angle from its source.
 //!
-//! A kernel is a function of the angle between two directions and of nothing else. Its integral over the sphere is 1: what
-//! share of the light is scattered at all is another number. Units: radians, 1/sr.
+//! A kernel is a function of the angle between two directions only. Its integral over the sphere is 1; the share of
+//! the light that is scattered is a separate number. Units: radians, 1/sr.
 //!
-//! `inverse_square` has its integral in closed form; `gaussians`, `cie` and `psf` are forms that `normalised` integrates. `split` divides
-//! a kernel into what is smooth and what ends at an angle.
+//! `inverse_square` has a closed integral; `gaussians`, `cie` and `psf` are shapes that `normalised` integrates.
+//! `split` divides a kernel into a smooth part and one that ends at an angle.
 
 mod cie;
 mod gaussians;
@@ -28,7 +28,7 @@ pub use self::{
 };
 use super::psf::PsfError;
 
-/// How scattered light falls off with the angle theta from the source.
+/// Fall-off of scattered light with the angle theta from the source.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, Default, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum GlareKernelName {
@@ -51,16 +51,16 @@ pub trait GlareKernel: Send + Sync {
     /// Share of the light that falls within an angle of its source.
     fn share_within(&self, angle_rad: f64) -> f64;
 
-    /// Angle below which the kernel is as good as constant, rad.
+    /// Angle below which the kernel is practically constant, rad.
     fn inner_rad(&self) -> f64;
 }
 
-/// Why there is no kernel.
+/// Errors of making a kernel.
 #[derive(Debug, thiserror::Error)]
 pub enum GlareKernelError {
-    /// The kernel `psf` without a file.
+    /// The kernel `psf` has no file.
     #[error(
-        "psf_file: missing; the kernel `psf` needs a CSV file with the columns theta_deg,per_sr, an OpenEXR or a FITS file"
+        "psf_file: missing; the kernel `psf` requires a CSV file with the columns theta_deg,per_sr, an OpenEXR or a FITS file"
     )]
     NoFile,
     /// A table cannot be read.
@@ -68,17 +68,17 @@ pub enum GlareKernelError {
     Read {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// The system's error.
         source: io::Error,
     },
-    /// A line of a table is not what it must be.
+    /// A line of a table is invalid.
     #[error("{}:{line}: {problem}", path.display())]
     Row {
         /// The file.
         path: PathBuf,
         /// Line, from 1.
         line: usize,
-        /// What is wrong and what is allowed.
+        /// Description of the problem and of valid lines.
         problem: String,
     },
     /// A table as a whole is not usable.
@@ -86,11 +86,11 @@ pub enum GlareKernelError {
     File {
         /// The file.
         path: PathBuf,
-        /// What is wrong and what is needed.
+        /// Description of the problem and of a valid table.
         problem: String,
     },
-    /// The inner angle leaves nothing of a table.
-    #[error("inner_deg = {inner_deg}: allowed is less than {last_deg}, where {} ends", path.display())]
+    /// The inner angle covers the whole table.
+    #[error("inner_deg = {inner_deg}: must be less than {last_deg}, where {} ends", path.display())]
     Inner {
         /// The file.
         path: PathBuf,

@@ -1,36 +1,37 @@
-//! Kernels whose integral over the sphere has no closed form: any form of fall-off, integrated once and scaled to 1.
+//! Kernels whose integral over the sphere has no closed form: any shape of fall-off, integrated once and scaled to 1.
 //!
-//! The integral of the form times 2 pi sin(t) is summed in the logarithm of the angle, over panels a hundredth of the angle wide,
-//! by Gauss-Legendre quadrature with two points. Panels end where the form has a kink. The share within an angle is the sum of the
-//! panels before it and a part of its own, computed alike: it agrees with the whole at any angle, without interpolation.
+//! The integral of the shape times 2 pi sin(t) is computed in the logarithm of the angle, over panels a hundredth of
+//! the angle wide, by two-point Gauss-Legendre quadrature. Panels end at the kinks of the shape. The share within an
+//! angle is the sum of the complete panels and a partial one, computed in the same way: it is consistent with the
+//! total at any angle, without interpolation.
 
 use std::f64::consts::{PI, TAU};
 
 use super::GlareKernel;
 
-/// How a kernel falls off, in units of its own.
+/// Fall-off of a kernel, in arbitrary units.
 pub trait Shape: Send + Sync {
     /// Density at an angle from 0 to pi, finite and not negative.
     fn relative(&self, angle_rad: f64) -> f64;
 
-    /// Angle below which the form is as good as constant, rad, above 0.
+    /// Angle below which the shape is practically constant, rad, above 0.
     fn inner_rad(&self) -> f64;
 
-    /// Angles between which the form is smooth, rad, in any order.
+    /// Angles between which the shape is smooth, rad, in any order.
     fn kinks_rad(&self) -> Vec<f64>;
 }
 
-/// A form scaled to an integral of 1.
+/// A shape scaled to an integral of 1.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Normalised<S> {
     shape: S,
-    /// Ends of the panels, rad, the first as good as 0, the last pi.
+    /// Ends of the panels, rad; the first is practically 0, the last pi.
     knots_rad: Vec<f64>,
-    /// Integral of the form from 0 to each knot, sr in the form's own unit.
+    /// Integral of the shape from 0 to each knot, sr times its unit.
     within: Vec<f64>,
 }
 
-/// Integral of the form over a ring, sr in the form's own unit; `from_rad` above 0.
+/// Integral of the shape over a ring, sr times its unit; `from_rad` above 0.
 fn ring(shape: &impl Shape, from_rad: f64, to_rad: f64) -> f64 {
     let half = 0.5 * (to_rad / from_rad).ln();
     let middle = (from_rad * to_rad).sqrt();
@@ -40,10 +41,10 @@ fn ring(shape: &impl Shape, from_rad: f64, to_rad: f64) -> f64 {
 }
 
 impl<S: Shape> Normalised<S> {
-    /// The kernel of a form; `None` if its integral is not a positive number.
+    /// The kernel of a shape; `None` if its integral is not a positive number.
     pub fn new(shape: S) -> Option<Self> {
         const PANELS_PER_E: f64 = 100.0;
-        // The disc within the first knot is 1e-8 of what lies within the inner angle.
+        // The disc within the first knot has 1e-8 of the light within the inner angle.
         let first = 1e-4 * shape.inner_rad();
         let mut ends = shape.kinks_rad();
         ends.retain(|kink| *kink > first && *kink < PI);
@@ -56,7 +57,7 @@ impl<S: Shape> Normalised<S> {
             let panels = ((end / from).ln() * PANELS_PER_E).ceil() as usize;
             let ratio = (end / from).powf(1.0 / panels.max(1) as f64);
             for panel in 1..=panels {
-                // The last one ends at the very kink.
+                // The last panel ends exactly at the kink.
                 let to = if panel == panels { end } else { from * ratio };
                 sum += ring(&shape, from, to);
                 knots_rad.push(to);
@@ -67,7 +68,7 @@ impl<S: Shape> Normalised<S> {
         (sum > 0.0 && sum.is_finite()).then_some(Self { shape, knots_rad, within })
     }
 
-    /// Integral of the form over the sphere, sr in its own unit.
+    /// Integral of the shape over the sphere, sr times its unit.
     pub fn integral(&self) -> f64 {
         self.within.last().copied().unwrap_or_default()
     }
@@ -101,7 +102,7 @@ pub(super) mod tests {
     use super::*;
     use crate::photometry::glare::InverseSquareKernel;
 
-    /// 1 / max(t, inner)^2, whose kernel is known in closed form.
+    /// 1 / max(t, inner)^2, whose kernel has a closed form.
     struct InverseSquare(f64);
 
     impl Shape for InverseSquare {
@@ -122,7 +123,7 @@ pub(super) mod tests {
     pub fn shares_are_integrals_of_the_density(kernel: &dyn GlareKernel) {
         assert!((kernel.share_within(PI) - 1.0).abs() < 1e-12);
         assert_eq!(kernel.share_within(0.0), 0.0);
-        // Midpoints in the angle itself, so that nothing is shared with what is tested.
+        // Midpoints in the angle itself, independent of the tested code.
         for (from_deg, to_deg) in [(0.0, 0.02), (0.02, 0.7), (0.7, 13.0), (13.0, 180.0_f64)] {
             let (from, to) = (f64::to_radians(from_deg), to_deg.to_radians());
             let steps = 100_000;
@@ -137,7 +138,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn a_form_with_a_known_integral_has_it() {
+    fn a_shape_with_a_known_integral_is_integrated_correctly() {
         for inner_deg in [0.003, 0.1, 5.0, 180.0_f64] {
             let inner = inner_deg.to_radians();
             let known = InverseSquareKernel::new(inner);
@@ -149,7 +150,7 @@ pub(super) mod tests {
                 let (found, expected) = (kernel.per_sr(angle.min(PI)), known.per_sr(angle.min(PI)));
                 assert!((found / expected - 1.0).abs() < 1e-8, "{inner_deg} at {angle}: {found} {expected}");
             }
-            // A kernel of another inner angle is not taken for it.
+            // A kernel with another inner angle must fail.
             let other = Normalised::new(InverseSquare(0.5 * inner)).unwrap();
             assert!((other.per_sr(0.0) / known.per_sr(0.0) - 1.0).abs() > 0.05);
             shares_are_integrals_of_the_density(&kernel);
@@ -157,7 +158,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn a_form_without_light_has_no_kernel() {
+    fn a_shape_without_light_has_no_kernel() {
         struct Black;
         impl Shape for Black {
             fn relative(&self, _: f64) -> f64 {

@@ -1,11 +1,13 @@
 //! A glare function from a file: a table of angle and density, or the radial mean of a point-spread function.
 //!
-//! A table is CSV with the header `theta_deg,per_sr`; angles rise from 0 or more to at most 180 degrees, densities are relative.
-//! Blank lines and lines that begin with `#` are passed over; anything else that is not two numbers is an error with its line.
-//! Between rows the logarithm of the density is linear in that of the angle, or the density in the angle where one of them is 0.
-//! Below the first row, and within the inner angle, it is constant; beyond the last row there is nothing.
+//! A table is CSV with the header `theta_deg,per_sr`; angles must increase, from 0 or more to at most 180 degrees;
+//! densities are relative. Blank lines and lines that begin with `#` are skipped; any other line that is not two
+//! numbers is an error that names the line. Between rows the logarithm of the density is linear in that of the angle;
+//! if one of the values is 0, the density is linear in the angle. Below the first row, and within the inner angle, it
+//! is constant; beyond the last row it is 0.
 //!
-//! OpenEXR and FITS files (by their extension) are what `photometry::psf` reads: Y is averaged over circles one pixel apart.
+//! OpenEXR and FITS files (recognised by their extension) are read by `photometry::psf`: Y is averaged over circles
+//! one pixel apart.
 
 use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
@@ -22,18 +24,18 @@ use crate::photometry::{
     rec709::luminance,
 };
 
-/// Bytes of a table of a kernel, at most.
+/// Largest table of a kernel, bytes.
 const MOST_TABLE_BYTES: u64 = 16 << 20;
 
 const HEADER: &str = "theta_deg,per_sr";
 
-/// Extensions of files that hold a picture.
+/// Extensions of picture files.
 const PICTURES: [&str; 4] = ["exr", "fits", "fit", "fts"];
 
-/// See the module.
+/// A tabulated glare function; see the module.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PsfTable {
-    /// Where it came from.
+    /// File of the table.
     path: PathBuf,
     /// Angle, rad, and density, at least two.
     rows: Vec<(f64, f64)>,
@@ -45,7 +47,7 @@ impl PsfTable {
     ///
     /// # Errors
     /// [`GlareKernelError::Read`], [`GlareKernelError::Row`] and [`GlareKernelError::File`] for a table,
-    /// [`GlareKernelError::Psf`] for a picture that is not usable.
+    /// [`GlareKernelError::Psf`] for an unusable picture.
     pub fn read(path: &Path) -> Result<Self, GlareKernelError> {
         let is_picture = path.extension().is_some_and(|found| PICTURES.iter().any(|e| found.eq_ignore_ascii_case(e)));
         let rows = if is_picture {
@@ -62,7 +64,8 @@ impl PsfTable {
     /// The kernel, constant within an inner angle above 0, rad.
     ///
     /// # Errors
-    /// [`GlareKernelError::Inner`] if nothing is left beyond that angle, [`GlareKernelError::File`] if there is no light.
+    /// [`GlareKernelError::Inner`] if that angle covers the whole table, [`GlareKernelError::File`] if it has no
+    /// light.
     pub fn kernel(self, inner_rad: f64) -> Result<Normalised<Self>, GlareKernelError> {
         let last_rad = self.rows.last().map_or(0.0, |row| row.0);
         let path = self.path.clone();
@@ -74,12 +77,12 @@ impl PsfTable {
             });
         }
         let inner_rad = inner_rad.max(self.rows[0].0);
-        let problem = || "the density is 0 everywhere beyond the inner angle: some light is needed".to_owned();
+        let problem = || "the density must not be 0 everywhere beyond the inner angle".to_owned();
         Normalised::new(Self { inner_rad, ..self }).ok_or_else(|| GlareKernelError::File { path, problem: problem() })
     }
 }
 
-/// The rows of a table.
+/// Parses the rows of a table.
 fn parse(path: &Path, text: &str) -> Result<Vec<(f64, f64)>, GlareKernelError> {
     let refuse = |line: usize, problem: String| GlareKernelError::Row { path: path.to_owned(), line, problem };
     let text = text.strip_prefix('\u{feff}').unwrap_or(text);
@@ -97,28 +100,28 @@ fn parse(path: &Path, text: &str) -> Result<Vec<(f64, f64)>, GlareKernelError> {
         let number = |field: &str| field.trim().parse::<f64>().ok().filter(|value| value.is_finite());
         let fields: Vec<Option<f64>> = row.split(',').map(number).collect();
         let [Some(theta_deg), Some(per_sr)] = fields[..] else {
-            return Err(refuse(line, format!("`{row}`: two finite numbers are needed, {HEADER}")));
+            return Err(refuse(line, format!("`{row}`: must be two finite numbers, {HEADER}")));
         };
         if !(0.0..=180.0).contains(&theta_deg) {
-            return Err(refuse(line, format!("theta_deg = {theta_deg}: allowed are angles from 0 to 180")));
+            return Err(refuse(line, format!("theta_deg = {theta_deg}: must be between 0 and 180")));
         }
         if per_sr < 0.0 {
-            return Err(refuse(line, format!("per_sr = {per_sr}: allowed are densities from 0")));
+            return Err(refuse(line, format!("per_sr = {per_sr}: must be at least 0")));
         }
         let theta_rad = theta_deg.to_radians();
         if rows.last().is_some_and(|last| theta_rad <= last.0) {
-            return Err(refuse(line, format!("theta_deg = {theta_deg}: angles must rise from row to row")));
+            return Err(refuse(line, format!("theta_deg = {theta_deg}: angles must increase from row to row")));
         }
         rows.push((theta_rad, per_sr));
     }
     if rows.len() < 2 {
-        let problem = format!("{} rows: at least 2 are needed", rows.len());
+        let problem = format!("{} rows: must be at least 2", rows.len());
         return Err(GlareKernelError::File { path: path.to_owned(), problem });
     }
     Ok(rows)
 }
 
-/// Mean of Y over circles about the star, from its middle to the edge of the texture: angle, rad, and density, 1/sr.
+/// Mean of Y over circles around the star, from its centre to the edge of the texture: angle, rad, and density, 1/sr.
 fn radial_means(psf: &Psf) -> Vec<(f64, f64)> {
     let ring = |ring: u32| {
         // Two points for each pixel of the circle.
@@ -134,7 +137,7 @@ fn radial_means(psf: &Psf) -> Vec<(f64, f64)> {
     (0..=psf.size / 2).map(ring).collect()
 }
 
-/// The density between two rows.
+/// Interpolates the density between two rows.
 fn between(a: (f64, f64), b: (f64, f64), angle_rad: f64) -> f64 {
     if a.0 > 0.0 && a.1 > 0.0 && b.1 > 0.0 {
         a.1 * (angle_rad / a.0).powf((b.1 / a.1).ln() / (b.0 / a.0).ln())
@@ -193,26 +196,26 @@ mod tests {
         }
         assert_eq!(kernel.inner_rad(), inner);
         shares_are_integrals_of_the_density(&kernel);
-        // Within the first row it is constant as well.
+        // It is constant below the first row too.
         let kernel = table(&format!("theta_deg,per_sr\n{rows}")).unwrap().kernel(1e-9).unwrap();
         assert_eq!(kernel.inner_rad(), 0.01_f64.to_radians());
         assert_eq!(kernel.per_sr(0.0), kernel.per_sr(0.01_f64.to_radians()));
     }
 
     #[test]
-    fn zeros_are_joined_by_straight_lines_and_nothing_follows_the_last_row() {
+    fn zeros_are_interpolated_linearly_and_the_density_is_0_beyond_the_last_row() {
         let kernel = table("theta_deg,per_sr\n0,4\n2,2\n4,0\n6,1\n13,1\n").unwrap().kernel(1e-9).unwrap();
-        let at = |deg: f64| kernel.per_sr(deg.to_radians()) / kernel.per_sr(13.0_f64.to_radians());
+        let relative_density = |deg: f64| kernel.per_sr(deg.to_radians()) / kernel.per_sr(13.0_f64.to_radians());
         for (deg, expected) in [(1.0, 3.0), (3.0, 1.0), (4.0, 0.0), (5.0, 0.5), (7.0, 1.0), (13.001, 0.0), (180.0, 0.0)]
         {
-            assert!((at(deg) - expected).abs() < 1e-9, "{deg}: {}", at(deg));
+            assert!((relative_density(deg) - expected).abs() < 1e-9, "{deg}: {}", relative_density(deg));
         }
         assert_eq!(kernel.share_within(13.01_f64.to_radians()), 1.0);
         shares_are_integrals_of_the_density(&kernel);
     }
 
     #[test]
-    fn mistakes_name_file_and_line() {
+    fn errors_name_file_and_line() {
         for (text, parts) in [
             ("", &["1: ", "theta_deg,per_sr"][..]),
             ("\n# x\nangle,per_sr\n", &["3: ", "angle,per_sr", "header"]),
@@ -220,10 +223,10 @@ mod tests {
             ("theta_deg,per_sr\r\n\r\n1,2\r\n2,1,0\r\n", &["4: ", "2,1,0"]),
             ("theta_deg,per_sr\n1,inf\n", &["2: ", "finite"]),
             ("theta_deg,per_sr\n1\n", &["2: ", "two"]),
-            ("theta_deg,per_sr\n-1,2\n", &["2: ", "0 to 180"]),
-            ("theta_deg,per_sr\n1,2\n181,2\n", &["3: ", "0 to 180"]),
-            ("theta_deg,per_sr\n1,-2\n", &["2: ", "from 0"]),
-            ("theta_deg,per_sr\n1,2\n# y\n1,1\n", &["4: ", "must rise"]),
+            ("theta_deg,per_sr\n-1,2\n", &["2: ", "between 0 and 180"]),
+            ("theta_deg,per_sr\n1,2\n181,2\n", &["3: ", "between 0 and 180"]),
+            ("theta_deg,per_sr\n1,-2\n", &["2: ", "at least 0"]),
+            ("theta_deg,per_sr\n1,2\n# y\n1,1\n", &["4: ", "must increase"]),
             ("theta_deg,per_sr\n1,2\n", &["1 rows", "at least 2"]),
         ] {
             let message = table(text).unwrap_err().to_string();
@@ -254,7 +257,7 @@ mod tests {
         let path = folder.path().join("circle.EXR");
         write_exr(&path, &picture).unwrap();
         let kernel = PsfTable::read(&path).unwrap().kernel(1e-5).unwrap();
-        // What an aperture without corners makes of a star depends on the angle alone.
+        // The image of a star through a circular aperture depends on the angle alone.
         for pixels in [0.0, 2.0, 5.0, 20.0] {
             let angle = pixels * picture.pixel_rad;
             let expected = luminance(picture.sample(DVec2::new(angle, 0.0)));
@@ -264,7 +267,7 @@ mod tests {
             assert!(share.abs() < 0.03, "{pixels}: {share}");
         }
         assert_eq!(kernel.per_sr(0.5), 0.0);
-        std::fs::write(&path, "no picture").unwrap();
+        std::fs::write(&path, "not a picture").unwrap();
         let error = PsfTable::read(&path).unwrap_err();
         assert!(matches!(error, GlareKernelError::Psf(_)) && error.to_string().contains("circle.EXR"), "{error}");
     }

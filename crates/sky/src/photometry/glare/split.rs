@@ -1,27 +1,27 @@
-//! Splitting a kernel at an angle into a part that is smooth and one that ends there.
+//! Splitting of a kernel at an angle into a smooth part and one that ends there.
 //!
-//! A glare kernel is steep at its source and smooth far from it. What is smooth can be computed on a coarse grid, the rest
-//! reaches no farther than the angle at which the kernel was split (the multilevel summation of R. D. Skeel, I. Tezcan and
-//! D. J. Hardy, "Multiple grid methods for classical molecular dynamics", 2002, on the sphere). Angles are measured by the
-//! square of their chord, s = 4 sin^2(angle / 2): it is what f32 gets from two unit vectors without cancellation, and the
-//! solid angle within s is pi s exactly. Units: radians, sr.
+//! A glare kernel is steep at its source and smooth far from it. The smooth part can be computed on a coarse grid;
+//! the rest reaches only to the angle of the split (the multilevel summation of R. D. Skeel, I. Tezcan and D. J.
+//! Hardy, "Multiple grid methods for classical molecular dynamics", 2002, on the sphere). Angles are represented by
+//! the square of their chord, s = 4 sin^2(angle / 2): f32 computes it from two unit vectors without cancellation, and
+//! the solid angle within s is exactly pi s. Units: radians, sr.
 
 use std::f64::consts::PI;
 
 use super::GlareKernel;
 
-/// Square of the chord of an angle from 0 to pi.
+/// Squared chord of an angle from 0 to pi.
 pub fn chord_squared(angle_rad: f64) -> f64 {
     4.0 * (0.5 * angle_rad).sin().powi(2)
 }
 
-/// Angle of a chord whose square is from 0 to 4, rad.
+/// Angle of a squared chord from 0 to 4, rad.
 pub fn angle_of_chord_squared(squared: f64) -> f64 {
     2.0 * (0.5 * squared.max(0.0).sqrt()).min(1.0).asin()
 }
 
-/// A quadratic polynomial in u = s / s_a that takes a kernel's place within s_a: value, slope and curvature are those of the power
-/// of s that the kernel is like around there.
+/// A quadratic polynomial in u = s / s_a that replaces a kernel within s_a. At s_a its value, slope and curvature are
+/// those of the power of s that approximates the kernel there.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SoftCore {
     /// s_a.
@@ -31,24 +31,24 @@ pub struct SoftCore {
 }
 
 impl SoftCore {
-    /// The polynomial for a kernel within an angle.
+    /// The polynomial that replaces a kernel within an angle.
     pub fn new(kernel: &dyn GlareKernel, angle_rad: f64) -> Self {
-        // So far on either side that noise, rows and the end of a table do not tell the slope.
+        // Distance on either side at which noise, rows and the end of a table do not distort the slope.
         const SIDE: f64 = 1.2;
-        // Steeper than any eye; also where a table ends.
+        // Steeper than any eye; also limits the slope at the end of a table.
         const STEEPEST: f64 = 2.5;
         let squared = chord_squared(angle_rad);
-        let at = |u: f64| kernel.per_sr(angle_of_chord_squared((u * squared).min(4.0)));
-        let value = at(1.0);
-        let power = (at(1.0 / SIDE) / at(SIDE)).ln() / (2.0 * SIDE.ln());
-        // Where there is no light there is no power.
+        let density = |u: f64| kernel.per_sr(angle_of_chord_squared((u * squared).min(4.0)));
+        let value = density(1.0);
+        let power = (density(1.0 / SIDE) / density(SIDE)).ln() / (2.0 * SIDE.ln());
+        // Without light the power is undefined.
         let power = if power.is_nan() { 0.0 } else { power.clamp(0.0, STEEPEST) };
         let half_curvature = value * power * (power + 1.0) / 2.0;
         let slope = -value * power;
         Self { squared, coefficients: [value - slope + half_curvature, slope - 2.0 * half_curvature, half_curvature] }
     }
 
-    /// Value at a chord squared within s_a, 1/sr.
+    /// Value at a squared chord within s_a, 1/sr.
     pub fn per_sr(&self, squared: f64) -> f64 {
         let u = squared / self.squared;
         self.coefficients[0] + u * (self.coefficients[1] + u * self.coefficients[2])
@@ -61,8 +61,8 @@ impl SoftCore {
     }
 }
 
-/// How a source that is drawn by itself ends, over u = s / s_R from 0 to 1: so late that as little as possible of its light is left to what is
-/// drawn of many sources together.
+/// Fade-out of a source that is drawn individually, over u = s / s_R from 0 to 1. It ends late, so that little of the
+/// source's light is left to the part that is drawn for many sources together.
 pub fn fade(u: f64) -> f64 {
     1.0 - u * u * (3.0 - 2.0 * u)
 }
@@ -72,18 +72,19 @@ pub fn bump_share(squared: f64) -> f64 {
     PI * squared / 3.0
 }
 
-/// The kernel as a picture can show it: within a pixel or two of its source as much light, spread smoothly.
+/// The kernel as displayed in pixels: within a pixel or two of its source it is a smooth function with the same
+/// light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ShownCore {
-    /// Within this chord squared the polynomial holds, beyond it the kernel.
+    /// The polynomial applies within this squared chord, the kernel beyond it.
     pub core: SoftCore,
 }
 
 impl ShownCore {
-    /// The kernel shown by pixels so large that nothing within `angle_rad` can be told apart.
+    /// The kernel for pixels that do not resolve details within `angle_rad`.
     pub fn new(kernel: &dyn GlareKernel, angle_rad: f64) -> Self {
         let mut core = SoftCore::new(kernel, angle_rad);
-        // What the polynomial leaves of the light goes into a bump, which is a quadratic polynomial too.
+        // The light that the polynomial lacks is added as a bump, which is a quadratic polynomial too.
         let left = kernel.share_within(angle_rad) - core.share();
         let height = left / bump_share(core.squared);
         for (coefficient, of_bump) in core.coefficients.iter_mut().zip([1.0, -2.0, 1.0]) {
@@ -92,7 +93,7 @@ impl ShownCore {
         Self { core }
     }
 
-    /// Value at a chord squared, 1/sr.
+    /// Value at a squared chord, 1/sr.
     pub fn per_sr(&self, kernel: &dyn GlareKernel, squared: f64) -> f64 {
         if squared < self.core.squared {
             self.core.per_sr(squared)
@@ -101,9 +102,9 @@ impl ShownCore {
         }
     }
 
-    /// Integral of the shown kernel times [`fade`] within `squared`.
+    /// Integral of the displayed kernel times [`fade`] within `squared`.
     pub fn faded_share(&self, kernel: &dyn GlareKernel, squared: f64) -> f64 {
-        // Midpoints in the logarithm of s beyond the core, in s within it: the integrands are smooth there.
+        // Midpoints in the logarithm of s beyond the core and in s within it: the integrands are smooth there.
         const STEPS: u32 = 256;
         let window = |s: f64| fade(s / squared);
         let core_end = self.core.squared.min(squared);
@@ -141,35 +142,36 @@ mod tests {
                     * soft.squared
                     / f64::from(steps);
             assert!((sum / soft.share() - 1.0).abs() < 1e-6);
-            assert!(soft.share() < kernel.share_within(angle), "something is left for the sources");
+            assert!(soft.share() < kernel.share_within(angle), "light remains for the sources");
         }
     }
 
     #[test]
-    fn what_is_shown_has_the_light_of_the_kernel() {
+    fn the_displayed_kernel_has_the_light_of_the_kernel() {
         let kernel = InverseSquareKernel::new(0.1_f64.to_radians());
         for pixel_deg in [0.02_f64, 0.3, 2.0] {
-            let shown = ShownCore::new(&kernel, pixel_deg.to_radians());
-            assert!((shown.core.share() / kernel.share_within(pixel_deg.to_radians()) - 1.0).abs() < 1e-12);
-            // A window so wide that it is 1 wherever there is light: the share within is that of the kernel, but for its tail.
+            let displayed = ShownCore::new(&kernel, pixel_deg.to_radians());
+            assert!((displayed.core.share() / kernel.share_within(pixel_deg.to_radians()) - 1.0).abs() < 1e-12);
+            // With a window this wide, which is practically 1 where there is light, the share is that of the kernel
+            // without its tail.
             let window = chord_squared(3.0_f64.to_radians().max(2.0 * pixel_deg.to_radians()));
             let steps = 2_000_000;
             let sum: f64 = (0..steps)
                 .map(|i| window * (f64::from(i) + 0.5) / f64::from(steps))
-                .map(|s| shown.per_sr(&kernel, s) * fade(s / window))
+                .map(|s| displayed.per_sr(&kernel, s) * fade(s / window))
                 .sum::<f64>()
                 * PI
                 * window
                 / f64::from(steps);
-            let share = shown.faded_share(&kernel, window);
+            let share = displayed.faded_share(&kernel, window);
             assert!((sum / share - 1.0).abs() < 1e-3, "{pixel_deg}: {sum} {share}");
         }
     }
 
-    /// A kernel that is told by a function, of no particular integral.
-    struct Told(fn(f64) -> f64);
+    /// A kernel defined by a function, with an arbitrary integral.
+    struct FunctionKernel(fn(f64) -> f64);
 
-    impl GlareKernel for Told {
+    impl GlareKernel for FunctionKernel {
         fn per_sr(&self, angle_rad: f64) -> f64 {
             (self.0)(angle_rad)
         }
@@ -184,10 +186,10 @@ mod tests {
     }
 
     #[test]
-    fn noise_and_the_end_of_a_table_do_not_make_the_core_wild() {
-        let noisy = Told(|angle| (1.0 + 0.01 * (angle * 5e3).sin()) / (angle * angle));
-        let ends = Told(|angle| if angle < 0.126 { 1.0 / (angle * angle) } else { 0.0 });
-        let beyond = Told(|angle| if angle < 0.12 { 1.0 } else { 0.0 });
+    fn noise_and_the_end_of_a_table_do_not_distort_the_core() {
+        let noisy = FunctionKernel(|angle| (1.0 + 0.01 * (angle * 5e3).sin()) / (angle * angle));
+        let ends = FunctionKernel(|angle| if angle < 0.126 { 1.0 / (angle * angle) } else { 0.0 });
+        let beyond = FunctionKernel(|angle| if angle < 0.12 { 1.0 } else { 0.0 });
         for angle in [0.125, 0.25, 0.5] {
             let ratio = SoftCore::new(&noisy, angle).coefficients[0] / noisy.per_sr(angle);
             assert!((2.6..3.4).contains(&ratio), "{angle}: {ratio}");
@@ -198,7 +200,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sprite_ends_without_a_step_and_has_nearly_all_of_its_light_near_the_source() {
+    fn fade_is_flat_at_both_ends_and_keeps_the_light_near_the_source() {
         assert_eq!((fade(0.0), fade(0.5), fade(1.0)), (1.0, 0.5, 0.0));
         // Both ends are flat.
         assert!(1.0 - fade(0.01) < 3.1e-4 && fade(0.99) < 3.1e-4);

@@ -1,13 +1,13 @@
-//! Apertures: which part of the pupil light comes through.
+//! Apertures: the shapes of the pupil's open area.
 //!
-//! An aperture is a signed distance, negative where it is open, in units of its diameter: x to the right, y up, the
-//! circle about the whole of it has radius 1/2. Intersections and unions take the larger and the smaller of two
-//! distances; the result is never further from 0 than the true distance, so a cell whose centre lies half a diagonal
-//! from the edge is open or shut as a whole. Only the others are sampled more finely ([`Aperture::grid`]).
+//! An aperture is a signed distance, negative inside the opening, in units of its diameter: x to the right, y up; its
+//! enclosing circle has radius 1/2. Intersections and unions take the larger and the smaller of two distances. The
+//! result is never farther from 0 than the true distance, so a cell whose centre is half a diagonal from the edge is
+//! entirely open or entirely closed. Only the other cells are sampled more finely ([`Aperture::grid`]).
 //!
-//! The telescopes are likenesses, from published dimensions: segments 1.32 m flat to flat, 7 mm apart, of a mirror of
-//! 6.6 m, with struts one vertical and two at 30 degrees from it (JWST); a central obstruction of 0.33, vanes of 0.022
-//! radii, three mirror pads of 0.065 radii at 0.89 radii (Hubble, the figures of Krist's Tiny Tim).
+//! The telescopes are approximations from published dimensions: segments 1.32 m flat to flat, 7 mm apart, of a mirror
+//! of 6.6 m, with one vertical strut and two at 30 degrees from it (JWST); a central obstruction of 0.33, vanes of
+//! 0.022 radii, three mirror pads of 0.065 radii at 0.89 radii (Hubble, the figures of Krist's Tiny Tim).
 
 use std::f64::consts::{FRAC_PI_3, FRAC_PI_6, PI, TAU};
 
@@ -43,7 +43,7 @@ pub enum Aperture {
     Circle,
     /// A regular hexagon, two of its sides horizontal.
     Hexagon,
-    /// What curved blades leave open: the common part of as many discs. Its corners lie on the circle.
+    /// The opening of curved blades: the intersection of as many discs. Its corners are on the circle.
     CurvedBlades {
         /// Number of blades, [`BLADES`].
         blades: u32,
@@ -58,7 +58,7 @@ impl Aperture {
     /// Names of all apertures, as [`Aperture::from_name`] takes them.
     pub const NAMES: [&'static str; 5] = ["circle", "hexagon", "curved_blades", "jwst", "hubble"];
 
-    /// The aperture of a name, with that many blades if it has blades. `None` without such a name, or if the number is
+    /// The aperture with a name; `blades` is used if it has blades. `None` for an unknown name, or if the number is
     /// outside [`BLADES`].
     pub fn from_name(name: &str, blades: u32) -> Option<Self> {
         match name {
@@ -82,10 +82,10 @@ impl Aperture {
         }
     }
 
-    /// Open share of each cell of a grid of `n` x `n` cells, row by row from the top, each `cell` diameters wide, about
-    /// the middle of the aperture.
+    /// Open share of each cell of a grid of `n` x `n` cells, row by row from the top, each `cell` diameters wide,
+    /// centred on the aperture.
     pub fn grid(self, n: usize, cell: f64) -> Vec<f64> {
-        let shape = Shape::of(self);
+        let shape = Shape::new(self);
         let middle = 0.5 * (n as f64 - 1.0);
         let mut cells = vec![0.0; n * n];
         cells.par_chunks_mut(n.max(1)).enumerate().for_each(|(row, line)| {
@@ -97,11 +97,11 @@ impl Aperture {
     }
 }
 
-/// An aperture with its angles worked out.
+/// An aperture with precomputed geometry.
 enum Shape {
     Circle,
     Hexagon,
-    /// Centres of the discs that it is the common part of.
+    /// Centres of the discs whose intersection is the opening.
     CurvedBlades(Vec<DVec2>),
     Jwst {
         /// Centres, metres.
@@ -117,14 +117,14 @@ enum Shape {
 const COS_30: f64 = 0.866_025_403_784_438_6;
 
 impl Shape {
-    fn of(aperture: Aperture) -> Self {
+    fn new(aperture: Aperture) -> Self {
         match aperture {
             Aperture::Circle => Self::Circle,
             Aperture::Hexagon => Self::Hexagon,
             Aperture::CurvedBlades { blades } => Self::CurvedBlades(blade_centres(blades)),
             Aperture::Jwst => {
                 let segments: Vec<DVec2> = jwst_segments().collect();
-                // A segment's farthest corner lies on one of its six axes.
+                // A segment's farthest corner is on one of its six axes.
                 let corner = JWST_SEGMENT_M / 3.0_f64.sqrt();
                 let corners = segments
                     .iter()
@@ -137,7 +137,7 @@ impl Shape {
         }
     }
 
-    /// Signed distance to the edge at `p`, in diameters, negative inside; nearer to 0 than the true one in places.
+    /// Signed distance to the edge at `p`, in diameters, negative inside; in places closer to 0 than the true one.
     fn distance(&self, p: DVec2) -> f64 {
         match self {
             Self::Circle => p.length() - 0.5,
@@ -170,7 +170,7 @@ impl Shape {
     }
 }
 
-/// A regular hexagon whose flats are `apothem` from its middle, two of them horizontal.
+/// A regular hexagon with the apothem `apothem`, two of its sides horizontal.
 fn hexagon(p: DVec2, apothem: f64) -> f64 {
     let p = p.abs();
     (COS_30 * p.x + 0.5 * p.y).max(p.y) - apothem
@@ -178,17 +178,17 @@ fn hexagon(p: DVec2, apothem: f64) -> f64 {
 
 /// Centres of the discs of radius [`BLADE_RADIUS`], each moved away from its arc.
 fn blade_centres(blades: u32) -> Vec<DVec2> {
-    // Two neighbouring arcs meet at radius 1/2 and pi/n from the middle of either:
+    // Two neighbouring arcs meet at radius 1/2 and pi/n from the centre of either:
     // (1/2)^2 + shift cos(pi/n) + shift^2 = R^2.
     let half_cos = 0.5 * (PI / f64::from(blades)).cos();
     let shift = -half_cos + (half_cos * half_cos + BLADE_RADIUS * BLADE_RADIUS - 0.25).sqrt();
     (0..blades).map(|blade| DVec2::from_angle((f64::from(blade) + 0.5) / f64::from(blades) * TAU) * -shift).collect()
 }
 
-/// Centres of the JWST's segments in metres, without the middle one.
+/// Centres of the JWST's segments in metres, without the central one.
 fn jwst_segments() -> impl Iterator<Item = DVec2> {
     let pitch = JWST_SEGMENT_M + JWST_GAP_M;
-    // Two steps of the hexagonal lattice, along normals of the flats.
+    // Two steps of the hexagonal lattice, along normals of the sides.
     let (a, b) = (DVec2::from_angle(FRAC_PI_6) * pitch, DVec2::from_angle(FRAC_PI_6 + FRAC_PI_3) * pitch);
     (-2_i32..=2)
         .flat_map(move |i| (-2_i32..=2).map(move |j| (i, j)))
@@ -196,7 +196,7 @@ fn jwst_segments() -> impl Iterator<Item = DVec2> {
         .map(move |(i, j)| a * f64::from(i) + b * f64::from(j))
 }
 
-/// A bar from the middle outwards.
+/// A bar from the centre outwards.
 fn strut(p: DVec2, along: DVec2, half_width: f64) -> f64 {
     (p.perp_dot(along).abs() - half_width).max(-p.dot(along))
 }
@@ -223,14 +223,14 @@ mod tests {
     }
 
     #[test]
-    fn areas_are_those_of_geometry() {
+    fn areas_match_geometry() {
         let hexagon = 3.0 * 3.0_f64.sqrt() / 8.0;
         let found = open_area(Aperture::Circle, 400);
         assert!((found / (0.25 * PI) - 1.0).abs() < 1e-4, "{found}");
         assert!((open_area(Aperture::Hexagon, 400) / hexagon - 1.0).abs() < 1e-4);
-        // A wrong shape is seen.
+        // A wrong shape must fail.
         assert!((open_area(Aperture::Hexagon, 400) / (0.25 * PI) - 1.0).abs() > 0.1);
-        // Blades: more than the hexagon through the corners, less than the circle.
+        // Blades: larger than the hexagon through the corners, smaller than the circle.
         let blades = open_area(Aperture::CurvedBlades { blades: 6 }, 400);
         assert!(blades > 1.05 * hexagon && blades < 0.99 * 0.25 * PI, "{blades}");
         // Eighteen segments without struts, and the struts' share.
@@ -245,9 +245,9 @@ mod tests {
     }
 
     #[test]
-    fn nothing_reaches_beyond_the_circle_and_something_reaches_it() {
+    fn apertures_touch_the_enclosing_circle_and_stay_inside() {
         for aperture in ALL {
-            let shape = Shape::of(aperture);
+            let shape = Shape::new(aperture);
             let farthest = (0..2000)
                 .flat_map(|angle| (0..1000).map(move |r| (f64::from(angle) / 2000.0 * TAU, f64::from(r) * 6e-4)))
                 .filter(|(angle, radius)| shape.distance(DVec2::from_angle(*angle) * *radius) < 0.0)
@@ -258,9 +258,9 @@ mod tests {
 
     #[test]
     fn distances_never_exceed_the_true_ones() {
-        // What `open_share` relies on: within the distance the sign does not change.
+        // `open_share` relies on this: within the distance the sign does not change.
         for aperture in ALL {
-            let shape = Shape::of(aperture);
+            let shape = Shape::new(aperture);
             for i in 0..4000 {
                 let p = DVec2::from_angle(f64::from(i) * 2.4) * (f64::from(i) / 4000.0).sqrt() * 0.55;
                 let distance = shape.distance(p);
@@ -284,7 +284,7 @@ mod tests {
     }
 
     #[test]
-    fn names_lead_back() {
+    fn from_name_inverts_name() {
         for aperture in ALL {
             assert_eq!(Aperture::from_name(aperture.name(), 6), Some(aperture));
             assert!(Aperture::NAMES.contains(&aperture.name()));

@@ -1,33 +1,33 @@
-//! Fraunhofer diffraction: the far field of an aperture is the square of its Fourier transform.
+//! Fraunhofer diffraction: the far field of an aperture is the squared modulus of its Fourier transform.
 //!
-//! The light that an aperture of area A sends towards the angle theta at wavelength lambda has the density
-//! |integral of exp(-2 pi i x theta / lambda) dA|^2 / (A lambda^2) per steradian, for small angles (Goodman, Introduction
-//! to Fourier Optics, 4.3); its integral is 1.
+//! Light of wavelength lambda that passes an aperture of area A has, at the angle theta, the density |integral of
+//! exp(-2 pi i x theta / lambda) dA|^2 / (A lambda^2) per steradian, for small angles (Goodman, Introduction to
+//! Fourier Optics, 4.3); its integral is 1.
 //!
-//! **One angular scale.** A transform of M samples that lie dx apart steps by lambda / (M dx). So the aperture is sampled
-//! anew for every wavelength, with dx = lambda / (M step): all wavelengths share the angular step, and no picture with its
-//! fringes has to be scaled.
+//! **One angular scale.** A transform of M samples at a distance dx has steps of lambda / (M dx). The aperture is
+//! therefore sampled separately for every wavelength, with dx = lambda / (M step): all wavelengths share the angular
+//! step, and no picture with its fringes has to be rescaled.
 //!
-//! **Sampling.** The intensity has no detail finer than lambda / D, so steps of lambda / 2D hold all of it; wider pixels
-//! are sums of several such steps. The transform covers [`PADDING`] times the angle that is kept, because what lies
-//! beyond its end folds back. The samples are means over cells, which dims the far field by the cell's sinc^2: that is
-//! divided out.
+//! **Sampling.** The intensity has no detail finer than lambda / D, so steps of lambda / 2D resolve it completely;
+//! wider pixels are sums of several steps. The transform covers [`PADDING`] times the angle that is kept, because
+//! light beyond its end is aliased. The samples are means over cells, which dims the far field by the cell's sinc^2;
+//! the result is divided by it.
 //!
-//! **Place.** The middle of the picture is the middle of the texture: between the four central pixels if its size is even.
-//! A phase ramp over the aperture moves the transform by the half step.
+//! **Position.** The centre of the picture is the centre of the texture: between the four central pixels if its size
+//! is even. A phase ramp over the aperture shifts the transform by half a step.
 
 use rayon::prelude::*;
 use rustfft::{Fft, FftPlanner, num_complex::Complex};
 
 use super::{Aperture, PsfError};
 
-/// How many times wider than the picture the angle is that a transform covers.
+/// Ratio of the angle covered by a transform to that of the picture.
 pub const PADDING: usize = 4;
 
 /// Longest transform.
 pub const MAX_TRANSFORM: usize = 16_384;
 
-/// Fine columns in one piece of work: as many as keep the reading of rows in whole cache lines.
+/// Number of fine columns in one unit of work: rows are then read in whole cache lines.
 const BLOCK: usize = 16;
 
 /// How an aperture's far field is sampled.
@@ -44,10 +44,10 @@ pub struct Sampling {
 }
 
 impl Sampling {
-    /// The coarsest sampling that holds all detail down to `shortest_m`, the shortest wavelength.
+    /// The coarsest sampling that resolves all detail down to `shortest_m`, the shortest wavelength.
     pub fn new(size: usize, pixel_rad: f64, diameter_m: f64, shortest_m: f64) -> Result<Self, PsfError> {
         let steps = (2.0 * pixel_rad * diameter_m / shortest_m - 1e-9).ceil().max(1.0);
-        // Compared in floating point: the product may be beyond any whole number.
+        // Compared in floating point: the product may exceed any integer type.
         let needed = PADDING as f64 * size as f64 * steps;
         if needed > MAX_TRANSFORM as f64 {
             let allowed_steps = (MAX_TRANSFORM / PADDING / size.max(1)) as f64;
@@ -62,7 +62,7 @@ impl Sampling {
     }
 }
 
-/// The smallest number from `least` on without prime factors above 5: its transform is fast.
+/// The smallest number of at least `least` without prime factors above 5: its transform is fast.
 fn smooth_at_least(least: usize) -> usize {
     let is_smooth = |mut n: usize| {
         for factor in [2, 3, 5] {
@@ -75,8 +75,8 @@ fn smooth_at_least(least: usize) -> usize {
     (least.max(2)..).find(|n| is_smooth(*n)).unwrap_or(least)
 }
 
-/// Share of the light of one wavelength that falls into each pixel, row by row from the top. The sum is what falls into
-/// the picture: at most 1, but for what folds back from beyond the transform's end.
+/// Share of the light of one wavelength in each pixel, row by row from the top. The sum is the share in the picture:
+/// at most 1, apart from light that is aliased from beyond the transform's end.
 pub fn monochromatic(aperture: Aperture, diameter_m: f64, wavelength_m: f64, sampling: &Sampling) -> Vec<f64> {
     let Sampling { size, steps, transform, .. } = *sampling;
     let dx_m = wavelength_m / (transform as f64 * sampling.step_rad());
@@ -88,21 +88,21 @@ pub fn monochromatic(aperture: Aperture, diameter_m: f64, wavelength_m: f64, sam
     share.into_iter().map(|value| value * scale).collect()
 }
 
-/// Square of the transform of `n` x `n` samples about the middle, `transform` long, summed over the `steps` x `steps`
-/// steps of each of the `size` x `size` pixels about the middle. The sinc^2 of the cells is divided out.
+/// Squared modulus of the transform, of length `transform`, of `n` x `n` centred samples, summed over the `steps` x
+/// `steps` steps of each of the `size` x `size` central pixels. The result is divided by the sinc^2 of the cells.
 fn far_field(cells: &[f64], n: usize, transform: usize, size: usize, steps: usize) -> Vec<f64> {
     let width = size * steps;
     let fft = FftPlanner::new().plan_fft_forward(transform);
-    // exp(2 pi i k (width - 1) / 2 / M): output 0 is the fine column at the left end of the picture.
+    // exp(2 pi i k (width - 1) / 2 / M): output 0 is the fine column at the left edge of the picture.
     let phase: Vec<Complex<f64>> = (0..n)
         .map(|k| {
-            // The product is taken modulo 2 M in whole numbers: no digit of the angle is lost.
+            // The product is reduced modulo 2 M in integers, so that the angle loses no digit.
             let turn = (k * (width - 1)) % (2 * transform);
             Complex::from_polar(1.0, std::f64::consts::PI * turn as f64 / transform as f64)
         })
         .collect();
     let rows = transform_rows(cells, n, width, &phase, fft.as_ref());
-    // The transform of real samples is the same on the opposite side: half of the columns are enough.
+    // The transform of real samples is symmetric: half of the columns are enough.
     let half = size.div_ceil(2);
     let per_block = BLOCK.div_ceil(steps);
     let sinc2: Vec<f64> = (0..width)
@@ -151,7 +151,8 @@ fn transform_rows(
     rows
 }
 
-/// Transforms the fine columns of some pixel columns and sums the squares per pixel: one column of pixels after the other.
+/// Transforms the fine columns of some pixel columns and sums the squares per pixel, one column of pixels after the
+/// other.
 #[allow(clippy::too_many_arguments, reason = "the state of one transform, used once")]
 fn pixel_columns(
     rows: &[Complex<f64>],
@@ -201,15 +202,15 @@ mod tests {
         let error = whole(&cells) / samples - 1.0;
         println!("Parseval: relative error {error:.1e}");
         assert!(error.abs() < 1e-12, "{error}");
-        // A transform that loses one sample is seen.
+        // A transform without one sample must fail.
         let mut wrong = cells.clone();
         wrong[n / 2 * n + n / 4] = 0.0;
         assert!((whole(&wrong) / samples - 1.0).abs() > 1e-4);
     }
 
     #[test]
-    fn the_transform_is_that_of_its_definition() {
-        // Against the sum written out, for an even and an odd size, with pixels of several steps.
+    fn the_transform_matches_its_definition() {
+        // Compared with the explicit sum, for an even and an odd size, with pixels of several steps.
         for (size, steps) in [(6, 1), (5, 1), (4, 3)] {
             let (n, transform) = (9, 60);
             let cells: Vec<f64> = (0..n * n).map(|i| f64::from(u32::try_from(i * 7 % 11).unwrap()) / 10.0).collect();
@@ -218,9 +219,9 @@ mod tests {
                 for column in 0..size {
                     let mut expected = 0.0;
                     for sub in 0..steps * steps {
-                        let at =
+                        let coordinate =
                             |pixel: usize, sub: usize| (pixel * steps + sub) as f64 + 0.5 - 0.5 * (size * steps) as f64;
-                        let (u, v) = (at(column, sub % steps), at(row, sub / steps));
+                        let (u, v) = (coordinate(column, sub % steps), coordinate(row, sub / steps));
                         let mut sum = Complex::new(0.0, 0.0);
                         for (i, cell) in cells.iter().enumerate() {
                             let turn =

@@ -1,7 +1,7 @@
-//! Point-spread functions as OpenEXR: 32-bit channels `R`, `G`, `B`, the angle of a pixel in the header.
+//! Point-spread functions in OpenEXR: 32-bit channels `R`, `G`, `B`, and the angle of a pixel in the header.
 //!
-//! Files of other programs may lack the header's entries, hold half floats or a single channel; what lies in the alpha and
-//! other channels is left alone.
+//! Files of other programs may lack the header entries and may have half floats or a single channel; alpha and other
+//! channels are ignored.
 
 use std::io::Cursor;
 use std::path::Path;
@@ -21,17 +21,17 @@ pub const SCALE: &str = "pixelScaleArcsec";
 /// Header entry: [`Psf::covered`].
 const COVERED: &str = "lightCovered";
 
-/// Samples of all channels that are read, at most: red, green, blue and alpha of the largest picture.
+/// Largest number of samples of all channels: red, green, blue and alpha of the largest picture.
 const MOST_SAMPLES: u64 = 4 * (*SIZES.end() as u64).pow(2);
 
 const ALLOWED: &str = "a square OpenEXR image with channels R, G and B, or a single channel";
 
-/// Writes a texture; the file appears whole or not at all. The same texture gives the same bytes.
+/// Writes a texture; the file appears as a whole or not at all. The same texture gives the same bytes.
 pub fn write_exr(path: &Path, psf: &Psf) -> Result<(), PsfError> {
     let size = psf.size as usize;
     let channels = SpecificChannels::build().with_channel("R").with_channel("G").with_channel("B").with_pixel_fn(
-        |at: Vec2<usize>| {
-            let [red, green, blue] = psf.rgb[at.1 * size + at.0];
+        |pixel: Vec2<usize>| {
+            let [red, green, blue] = psf.rgb[pixel.1 * size + pixel.0];
             (red, green, blue)
         },
     );
@@ -40,7 +40,7 @@ pub fn write_exr(path: &Path, psf: &Psf) -> Result<(), PsfError> {
         blocks: exr::prelude::Blocks::ScanLines,
         line_order: exr::prelude::LineOrder::Increasing,
     };
-    // Entries are written in the order of a hash map: one in each of the two maps, and the order is always the same.
+    // Entries are written in the order of a hash map: with one in each of the two maps, the order is always the same.
     let mut attributes = LayerAttributes::default();
     attributes.other.insert(Text::from(SCALE), AttributeValue::F64(psf.pixel_rad / ARCSECOND_RAD));
     let layer = Layer::new(Vec2(size, size), attributes, encoding, channels);
@@ -55,7 +55,7 @@ pub fn write_exr(path: &Path, psf: &Psf) -> Result<(), PsfError> {
     write_whole(path, &bytes.into_inner()).map_err(|source| PsfError::Write { path: path.to_owned(), source })
 }
 
-/// A number in the header.
+/// Reads a number from the header.
 fn number(image: &ImageAttributes, layer: &LayerAttributes, name: &str) -> Option<f64> {
     match layer.other.get(&Text::from(name)).or_else(|| image.other.get(&Text::from(name)))? {
         AttributeValue::F64(value) => Some(*value),
@@ -64,9 +64,9 @@ fn number(image: &ImageAttributes, layer: &LayerAttributes, name: &str) -> Optio
     }
 }
 
-/// Reads the picture and what its header tells.
+/// Reads the picture and its header.
 pub fn decode(path: &Path, bytes: &[u8]) -> Result<Plane, PsfError> {
-    let bad = |what: String| PsfError::File { path: path.to_owned(), what, allowed: ALLOWED };
+    let bad = |problem: String| PsfError::File { path: path.to_owned(), problem, allowed: ALLOWED };
     let unreadable = |error: exr::error::Error| bad(format!("not a readable OpenEXR file ({error})"));
     let few = |width: usize, height: usize, channels: usize| {
         let size = u64::from(checked_size(width, height).map_err(bad)?);

@@ -1,9 +1,10 @@
-//! The part of FITS (Flexible Image Transport System, FITS Standard 4.0) that point-spread functions come in: the first
-//! two-dimensional image of a file.
+//! Reader for the part of FITS (Flexible Image Transport System, FITS Standard 4.0) that is used for point-spread
+//! functions: the first two-dimensional image of a file.
 //!
-//! A unit is a header of 80-character cards in blocks of 2880 bytes, then data in such blocks, big-endian. A stored value
-//! v stands for BSCALE v + BZERO; rows run from the bottom. Units without a two-dimensional image are skipped. Angles of
-//! pixels: PIXELSCL and PIXSCALE in arcseconds, CDELT1/2 and CD1_1 .. CD2_2 in CUNIT1, degrees if it is not there.
+//! A unit is a header of 80-character cards in blocks of 2880 bytes, followed by big-endian data in such blocks. A
+//! stored value v means BSCALE v + BZERO; rows start at the bottom. Units without a two-dimensional image are
+//! skipped. Angles of pixels: PIXELSCL and PIXSCALE in arcseconds, CDELT1/2 and CD1_1 .. CD2_2 in CUNIT1, degrees if
+//! it is missing.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -11,7 +12,7 @@ use std::path::Path;
 use super::PsfError;
 use super::read::{Plane, checked_size};
 
-/// Header entries that tell the angle of a pixel.
+/// Header entries that give the angle of a pixel.
 pub const SCALES: &str = "PIXELSCL, PIXSCALE, CDELT1 and CDELT2, or CD1_1 to CD2_2";
 
 const ALLOWED: &str = "a FITS file with an image of two axes and BITPIX 8, 16, 32, 64, -32 or -64";
@@ -19,7 +20,7 @@ const ALLOWED: &str = "a FITS file with an image of two axes and BITPIX 8, 16, 3
 const BLOCK: usize = 2880;
 const CARD: usize = 80;
 
-/// Pixels may be this much higher than wide.
+/// Largest relative difference between height and width of a pixel.
 const SQUARE_WITHIN: f64 = 0.01;
 
 /// A header: keywords and their values as text, strings without quotes.
@@ -27,7 +28,7 @@ struct Header(HashMap<String, String>);
 
 impl Header {
     fn number(&self, key: &str) -> Option<f64> {
-        // FORTRAN's D for an exponent is allowed.
+        // FORTRAN's D for an exponent is accepted.
         self.0.get(key)?.replace(['D', 'd'], "E").parse().ok()
     }
 
@@ -35,7 +36,7 @@ impl Header {
         self.0.get(key)?.parse().ok()
     }
 
-    /// Reads the cards from `start` to END: the header and where its data begin.
+    /// Reads the cards from `start` to END; returns the header and the start of its data.
     fn read(bytes: &[u8], start: usize) -> Result<(Self, usize), String> {
         let mut entries = HashMap::new();
         for (index, card) in bytes[start..].chunks_exact(CARD).enumerate() {
@@ -65,7 +66,7 @@ impl Header {
         (1..=count).map(axis).collect()
     }
 
-    /// Angle of a pixel in arcseconds, if it is there.
+    /// Angle of a pixel in arcseconds, if the header has it.
     fn pixel_arcsec(&self) -> Result<Option<f64>, String> {
         if let Some(scale) = self.number("PIXELSCL").or_else(|| self.number("PIXSCALE")) {
             return Ok(Some(scale));
@@ -88,19 +89,19 @@ impl Header {
             return Ok(None);
         };
         if (sides[0] - sides[1]).abs() > SQUARE_WITHIN * sides[0] {
-            return Err(format!("pixels are {} by {} and not square", sides[0], sides[1]));
+            return Err(format!("pixels are {} by {}, not square", sides[0], sides[1]));
         }
         Ok(Some((sides[0] * sides[1]).sqrt() * unit_arcsec))
     }
 }
 
-/// A card's value without its comment; of a string what stands between the quotes.
+/// A card's value without its comment; for a string, the text between the quotes.
 fn value_of(text: &str) -> String {
     let text = text.trim_start();
     let Some(string) = text.strip_prefix('\'') else {
         return text.split('/').next().unwrap_or_default().trim().to_owned();
     };
-    // A quote inside a string is written twice.
+    // A quote inside a string is doubled.
     let mut value = String::new();
     let mut rest = string.chars().peekable();
     while let Some(c) = rest.next() {
@@ -112,32 +113,32 @@ fn value_of(text: &str) -> String {
     value.trim_end().to_owned()
 }
 
-/// Verifies DATASUM and CHECKSUM (FITS Standard 4.0, 4.4.2.7 and appendix J), as far as they are there. `unit`: the bytes from the header on, of which
-/// the data begin at `data` and end at `end`.
+/// Verifies DATASUM and CHECKSUM (FITS Standard 4.0, 4.4.2.7 and appendix J) if they are present. `unit` has the
+/// bytes from the header on; its data begin at `data` and end at `end`.
 fn check_sums(header: &Header, unit: &[u8], data: usize, end: Option<usize>) -> Result<(), String> {
     let declared = header.0.get("DATASUM").filter(|text| !text.is_empty());
     let whole = header.0.get("CHECKSUM").filter(|text| !text.is_empty());
     if declared.is_none() && whole.is_none() {
         return Ok(());
     }
-    let cut = || "it ends before its data, so that its checksum cannot be verified".to_owned();
+    let cut = || "it ends within its data; its checksum cannot be verified".to_owned();
     let unit = end.and_then(|end| unit.get(..end)).ok_or_else(cut)?;
     if let Some(text) = declared {
         let found = ones_complement_sum(unit.get(data..).unwrap_or_default());
-        let expected: u32 = text.parse().map_err(|_| format!("DATASUM is `{text}`, which is no number of 32 bits"))?;
+        let expected: u32 = text.parse().map_err(|_| format!("DATASUM is `{text}`, not a 32-bit number"))?;
         if found != expected {
-            return Err(format!("the sum of its data is {found} and not {expected} as DATASUM says: it is damaged"));
+            return Err(format!("the sum of its data is {found}, but DATASUM is {expected}: it is damaged"));
         }
     }
-    // The card makes the sum of the unit minus zero, or zero.
+    // With a valid card the sum of the unit is minus zero, or zero.
     let sum = ones_complement_sum(unit);
     if whole.is_some() && sum != u32::MAX && sum != 0 {
-        return Err("its CHECKSUM does not fit: it is damaged".to_owned());
+        return Err("its CHECKSUM does not match: it is damaged".to_owned());
     }
     Ok(())
 }
 
-/// Sum of big-endian words of 32 bits in ones' complement: what is carried out comes in again below.
+/// Sum of 32-bit big-endian words in ones' complement: the carry is added to the lowest bit.
 fn ones_complement_sum(bytes: &[u8]) -> u32 {
     let words = bytes.chunks(4).map(|word| {
         let mut whole = [0; 4];
@@ -153,7 +154,7 @@ fn ones_complement_sum(bytes: &[u8]) -> u32 {
 
 /// Reads the first two-dimensional image.
 pub fn decode(path: &Path, bytes: &[u8]) -> Result<Plane, PsfError> {
-    find_image(bytes).map_err(|what| PsfError::File { path: path.to_owned(), what, allowed: ALLOWED })
+    find_image(bytes).map_err(|problem| PsfError::File { path: path.to_owned(), problem, allowed: ALLOWED })
 }
 
 fn find_image(bytes: &[u8]) -> Result<Plane, String> {
@@ -204,7 +205,7 @@ fn image(header: &Header, bitpix: i64, width: usize, height: usize, data: &[u8])
     };
     if data.len() < needed {
         return Err(format!(
-            "{width} x {height} pixels of {bytes_each} bytes are {needed} bytes, {} are there",
+            "{width} x {height} pixels of {bytes_each} bytes are {needed} bytes; the file has {}",
             data.len()
         ));
     }

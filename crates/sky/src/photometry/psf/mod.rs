@@ -1,17 +1,19 @@
-//! Point-spread functions: the picture that an optical system makes of a star.
+//! Point-spread functions: the picture of a star that an optical system forms.
 //!
-//! [`Psf::from_aperture`] computes one by diffraction (`aperture`, `diffraction`, `spectrum`); [`read`] and [`write_exr`]
-//! exchange them with other programs (`exr_file`, `fits`); [`InverseSquare`] is the form in which spikes have constant
-//! brightness, and [`CropRule`] says how much of the picture a star of a given brightness needs (`crop`).
+//! [`Psf::from_aperture`] computes one by diffraction (`aperture`, `diffraction`, `spectrum`). [`read`] and
+//! [`write_exr`] exchange them with other programs (`exr_file`, `fits`). [`InverseSquare`] is the form in which
+//! spikes have constant brightness. [`CropRule`] gives the part of the picture that a star of some brightness needs
+//! (`crop`).
 //!
-//! A texture is square, x to the right, y up, rows from the top, the star in its middle (between the four central pixels if
-//! its size is even). A value is the share of the star's light in that pixel, so values over the pixel's solid angle are
-//! a density per steradian. The seed's Godot add-on takes textures without a unit; here what a pixel shows follows from
-//! the star's illuminance.
+//! A texture is square, x to the right, y up, rows from the top, the star at its centre (between the four central
+//! pixels if its size is even). A value is the share of the star's light in that pixel, so values divided by the
+//! pixel's solid angle are a density per steradian. The original Godot add-on uses textures without a unit; here the
+//! light of a pixel follows from the star's illuminance.
 //!
 //! **Sums.** The sum of Y over the texture is 1, hence a star drawn with it keeps its light. The sums of the channels
-//! ([`Psf::sum`]) are the colour of the star that the texture was computed for; [`Psf::balanced_to_white`] makes each of
-//! them 1, for stars of every colour: multiplied by a star's illuminance in R, G and B it keeps all three.
+//! ([`Psf::sum`]) are the colour of the star for which the texture was computed. [`Psf::balanced_to_white`] makes
+//! each of them 1, for stars of every colour: multiplied by a star's illuminance in R, G and B, the texture keeps all
+//! three.
 
 mod aperture;
 mod crop;
@@ -50,36 +52,37 @@ pub const DIAMETERS_MM: std::ops::RangeInclusive<f64> = 0.01..=100_000.0;
 /// Temperatures of the star whose light is diffracted, kelvin.
 pub const TEMPERATURES_K: std::ops::RangeInclusive<f64> = 500.0..=1e6;
 
-/// Widest texture, radians: beyond it angles and their tangents differ by more than 1 %, and Fraunhofer's formula is off.
+/// Widest texture, radians: beyond it angles and their tangents differ by more than 1 %, and Fraunhofer's formula is
+/// inaccurate.
 pub const MAX_WIDTH_RAD: f64 = 0.35;
 
-/// Black body whose light comes nearest to the display's white D65, kelvin.
+/// Black body with the light closest to the display's white D65, kelvin.
 pub const WHITE_K: f64 = 6504.0;
 
-/// Why a point-spread function cannot be made, read or written.
+/// Errors of making, reading and writing a point-spread function.
 #[derive(Debug, Error)]
 pub enum PsfError {
-    /// A parameter is not what it must be.
-    #[error("{name} = {value}: allowed is {allowed}")]
+    /// A parameter is out of range.
+    #[error("{name} = {value}: must be {allowed}")]
     Parameter {
-        /// The parameter.
+        /// Name of the parameter.
         name: &'static str,
-        /// What was given.
+        /// Its value.
         value: String,
-        /// What it may be.
+        /// Its valid values.
         allowed: String,
     },
-    /// Pixels hold too much detail.
+    /// Pixels are too coarse for the detail of the picture.
     #[error(
-        "a pixel is {needed_steps} steps of half a fringe wide, which needs a transform of {transform} samples: allowed is \
-         at most {MAX_TRANSFORM}, at this size {allowed_steps} steps; choose a smaller pixel, size or diameter"
+        "a pixel is {needed_steps} steps of half a fringe wide, which needs a transform of {transform} samples; it \
+         must be at most {MAX_TRANSFORM} ({allowed_steps} steps at this size): choose a smaller pixel, size or diameter"
     )]
     TooFine {
-        /// Samples that the transform would need.
+        /// Number of samples that the transform would need.
         transform: f64,
-        /// Steps per pixel that this size allows.
+        /// Number of steps per pixel that this size allows.
         allowed_steps: f64,
-        /// Steps per pixel that are needed.
+        /// Number of steps per pixel that are needed.
         needed_steps: f64,
     },
     /// A file cannot be read.
@@ -87,25 +90,25 @@ pub enum PsfError {
     Read {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// The system's error.
         source: io::Error,
     },
-    /// A file does not hold a usable point-spread function.
-    #[error("{}: {what}; allowed is {allowed}", path.display())]
+    /// A file does not contain a usable point-spread function.
+    #[error("{}: {problem}; must be {allowed}", path.display())]
     File {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it.
-        what: String,
-        /// What it may hold.
+        /// Description of the problem.
+        problem: String,
+        /// Description of a valid file.
         allowed: &'static str,
     },
-    /// A file does not tell the angle of its pixels, nor does the caller.
+    /// Neither the file nor the caller gives the angle of its pixels.
     #[error("{}: no pixel scale in the header ({looked_for}); give it in arcseconds", path.display())]
     NoScale {
         /// The file.
         path: PathBuf,
-        /// The names that were looked for.
+        /// Names of the header entries that give it.
         looked_for: &'static str,
     },
     /// A file cannot be written.
@@ -113,15 +116,15 @@ pub enum PsfError {
     Write {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// The system's error.
         source: io::Error,
     },
     /// A texture cannot be encoded.
     #[error("cannot encode {}: {source}", path.display())]
     Encode {
-        /// The file that it was for.
+        /// The destination file.
         path: PathBuf,
-        /// What the encoder says.
+        /// The encoder's error.
         source: exr::error::Error,
     },
 }
@@ -135,49 +138,54 @@ pub struct Psf {
     pub pixel_rad: f64,
     /// Share of the light in each pixel in linear Rec. 709, row by row from the top, never negative; the sum of Y is 1.
     pub rgb: Vec<[f32; 3]>,
-    /// Share of all light that falls into the texture, before its sum was made 1; 1 where that is not known.
+    /// Share of all light that falls into the texture, before its sum was made 1; 1 if unknown.
     pub covered: f64,
 }
 
-/// What diffracts, and how finely it is computed.
+/// Parameters of a diffraction picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Optics {
     /// The aperture.
     pub aperture: Aperture,
-    /// Diameter of the circle about the aperture, millimetres, in [`DIAMETERS_MM`].
+    /// Diameter of the aperture's enclosing circle, millimetres, in [`DIAMETERS_MM`].
     pub diameter_mm: f64,
     /// Pixels along a side of the texture, in [`SIZES`].
     pub size: u32,
     /// Angle of a pixel, radians; the texture is at most [`MAX_WIDTH_RAD`] wide.
     pub pixel_rad: f64,
-    /// Number of wavelengths, 1 to [`MAX_WAVELENGTHS`]. Few of them leave separate fringes far out.
+    /// Number of wavelengths, 1 to [`MAX_WAVELENGTHS`]. With few of them, fringes far from the centre are separate.
     pub wavelengths: usize,
     /// Temperature of the star, kelvin, in [`TEMPERATURES_K`].
     pub temperature_k: f64,
 }
 
 impl Optics {
-    /// A pixel that shows every fringe in green: a quarter of lambda / D at 550 nm, radians.
+    /// A pixel that resolves every fringe in green: a quarter of lambda / D at 550 nm, radians.
     pub fn fine_pixel_rad(diameter_mm: f64) -> f64 {
         0.25 * 550e-9 / (1e-3 * diameter_mm)
     }
 
-    /// Whether a picture can be computed.
+    /// Checks whether a picture can be computed.
     ///
     /// # Errors
-    /// [`PsfError::Parameter`] for what is outside of its range, [`PsfError::TooFine`] for pixels that hold too much detail.
+    /// [`PsfError::Parameter`] for a value outside its range, [`PsfError::TooFine`] for pixels too coarse for the
+    /// detail of the picture.
     pub fn check(&self) -> Result<(), PsfError> {
         self.sampling().map(|_| ())
     }
 
     fn sampling(&self) -> Result<diffraction::Sampling, PsfError> {
         let refuse = |name, value: String, allowed| Err(PsfError::Parameter { name, value, allowed });
-        let range = |range: &std::ops::RangeInclusive<f64>| format!("{} to {}", range.start(), range.end());
+        let range = |range: &std::ops::RangeInclusive<f64>| format!("between {} and {}", range.start(), range.end());
         if !DIAMETERS_MM.contains(&self.diameter_mm) {
             return refuse("diameter in mm", self.diameter_mm.to_string(), range(&DIAMETERS_MM));
         }
         if !SIZES.contains(&self.size) {
-            return refuse("size in pixels", self.size.to_string(), format!("{} to {}", SIZES.start(), SIZES.end()));
+            return refuse(
+                "size in pixels",
+                self.size.to_string(),
+                format!("between {} and {}", SIZES.start(), SIZES.end()),
+            );
         }
         let width_rad = self.pixel_rad * f64::from(self.size);
         if !(self.pixel_rad > 0.0 && width_rad <= MAX_WIDTH_RAD) {
@@ -186,7 +194,7 @@ impl Optics {
             return refuse("pixel in arcseconds", (self.pixel_rad / ARCSECOND_RAD).to_string(), allowed);
         }
         if !(1..=MAX_WAVELENGTHS).contains(&self.wavelengths) {
-            return refuse("wavelengths", self.wavelengths.to_string(), format!("1 to {MAX_WAVELENGTHS}"));
+            return refuse("wavelengths", self.wavelengths.to_string(), format!("between 1 and {MAX_WAVELENGTHS}"));
         }
         if !TEMPERATURES_K.contains(&self.temperature_k) {
             return refuse("temperature in K", self.temperature_k.to_string(), range(&TEMPERATURES_K));
@@ -194,7 +202,7 @@ impl Optics {
         if let Aperture::CurvedBlades { blades } = self.aperture
             && !BLADES.contains(&blades)
         {
-            return refuse("blades", blades.to_string(), format!("{} to {}", BLADES.start(), BLADES.end()));
+            return refuse("blades", blades.to_string(), format!("between {} and {}", BLADES.start(), BLADES.end()));
         }
         let shortest_m = spectrum::lines(self.temperature_k, self.wavelengths)
             .iter()
@@ -205,7 +213,8 @@ impl Optics {
 }
 
 impl Psf {
-    /// The diffraction picture of a star. `progress` is told the wavelengths done and their number.
+    /// Computes the diffraction picture of a star. `progress` receives the number of wavelengths done and their
+    /// total.
     pub fn from_aperture(optics: &Optics, mut progress: impl FnMut(usize, usize)) -> Result<Self, PsfError> {
         let sampling = optics.sampling()?;
         let size = optics.size as usize;
@@ -225,7 +234,7 @@ impl Psf {
         Ok(Self::normalised(optics.size, optics.pixel_rad, rgb, covered))
     }
 
-    /// A texture with the sum of Y made 1. The sum must be positive and finite.
+    /// Makes a texture and scales the sum of Y to 1. The sum must be positive and finite.
     fn normalised(size: u32, pixel_rad: f64, rgb: Vec<[f64; 3]>, covered: f64) -> Self {
         let total: f64 = rgb.iter().map(|pixel| luminance(*pixel)).sum();
         let rgb = rgb.into_iter().map(|pixel| pixel.map(|channel| (channel / total) as f32)).collect();
@@ -253,7 +262,8 @@ impl Psf {
         self.rgb.iter().fold([0.0; 3], |sum, pixel| std::array::from_fn(|c| sum[c] + f64::from(pixel[c])))
     }
 
-    /// The same with each channel's sum 1, for stars of every colour. A channel without light gets that of Y.
+    /// The texture with each channel's sum scaled to 1, for stars of every colour. A channel without light gets that
+    /// of Y.
     pub fn balanced_to_white(&self) -> Self {
         let sum = self.sum();
         let rgb = self.rgb.iter().map(|pixel| {
@@ -264,15 +274,15 @@ impl Psf {
     }
 
     /// Density of the light per steradian at an angle from the star, linear Rec. 709: bilinear between the centres of
-    /// pixels, to nothing beyond the edge. Its integral is [`Psf::sum`]. The luminance that a star of illuminance E shows
+    /// pixels, falling to 0 beyond the edge. Its integral is [`Psf::sum`]. The luminance of a star of illuminance E
     /// there is E times this.
     pub fn sample(&self, offset_rad: DVec2) -> [f64; 3] {
         let middle = 0.5 * (f64::from(self.size) - 1.0);
-        let at = DVec2::new(middle + offset_rad.x / self.pixel_rad, middle - offset_rad.y / self.pixel_rad);
-        bilinear(self.size, &self.rgb, at).map(|channel| channel / (self.pixel_rad * self.pixel_rad))
+        let position = DVec2::new(middle + offset_rad.x / self.pixel_rad, middle - offset_rad.y / self.pixel_rad);
+        bilinear(self.size, &self.rgb, position).map(|channel| channel / (self.pixel_rad * self.pixel_rad))
     }
 
-    /// Share of the texture's Y within `radius_rad` of the star; pixels on the rim count with the part that lies inside.
+    /// Share of the texture's Y within `radius_rad` of the star; pixels on the rim count by the part that is inside.
     /// Times [`Psf::covered`] it is the share of all light.
     pub fn encircled_energy(&self, radius_rad: f64) -> f64 {
         const SUBSAMPLES: usize = 16;
@@ -293,7 +303,7 @@ impl Psf {
             .sum()
     }
 
-    /// Every pixel: the angle of its centre and its share of the light.
+    /// Iterates over all pixels: the angle of the centre and the share of the light.
     pub fn places(&self) -> impl Iterator<Item = (DVec2, [f64; 3])> {
         self.rgb.iter().enumerate().map(|(index, rgb)| {
             let (column, row) = (index as u32 % self.size, index as u32 / self.size);
@@ -302,14 +312,14 @@ impl Psf {
     }
 }
 
-/// A square image between the centres of its pixels, which lie on whole numbers; black outside.
-pub(super) fn bilinear(size: u32, rgb: &[[f32; 3]], at: DVec2) -> [f64; 3] {
-    let (first, part) = (at.floor(), at - at.floor());
+/// Bilinear interpolation in a square image with pixel centres at integers; black outside.
+pub(super) fn bilinear(size: u32, rgb: &[[f32; 3]], position: DVec2) -> [f64; 3] {
+    let (first, part) = (position.floor(), position - position.floor());
     let mut sum = [0.0; 3];
     for (dx, dy) in [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)] {
         let (column, row) = (first.x + dx, first.y + dy);
         let last = f64::from(size) - 1.0;
-        // A comparison that NaN fails too.
+        // Written so that NaN fails too.
         if !((0.0..=last).contains(&column) && (0.0..=last).contains(&row)) {
             continue;
         }

@@ -1,8 +1,8 @@
-//! From a spectrum to wavelengths with weights, and from sums of them to linear Rec. 709.
+//! Sampling of a spectrum by weighted wavelengths, and conversion of their sums to linear Rec. 709.
 //!
-//! The tristimulus density of a black body (Planck times the CIE 1931 functions, linear between the rows of the table) is
-//! shared among wavelengths evenly spaced over the visible range: each nanometre goes to its two neighbours in proportion.
-//! Whatever the number of wavelengths, their sum is then the colour of the whole spectrum.
+//! The tristimulus density of a black body (Planck times the CIE 1931 functions, linear between the rows of the
+//! table) is distributed over wavelengths evenly spaced in the visible range: each nanometre is shared between its
+//! two neighbours in proportion. The sum is therefore the colour of the whole spectrum for any number of wavelengths.
 
 use crate::photometry::{
     blackbody::SECOND_RADIATION_M_K,
@@ -10,16 +10,16 @@ use crate::photometry::{
     rec709::{luminance, rec709_from_xyz},
 };
 
-/// The visible range that is sampled; beyond it the eye has less than 5e-5 of its best sensitivity.
+/// The sampled visible range; beyond it the eye has less than 5e-5 of its peak sensitivity.
 const RANGE_M: [f64; 2] = [380e-9, 780e-9];
 
 /// Points between two rows of the table, 1 nm apart.
 const SUBSTEPS: usize = 5;
 
-/// Most wavelengths: one for each nanometre.
+/// Largest number of wavelengths: one for each nanometre.
 pub const MAX_WAVELENGTHS: usize = 400;
 
-/// A wavelength and the tristimulus value X, Y, Z that stands for its part of the spectrum. The sum of Y is 1.
+/// A wavelength and the tristimulus value X, Y, Z of its part of the spectrum. The sum of Y is 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Line {
     /// Wavelength, metres.
@@ -35,22 +35,22 @@ fn relative_radiance(wavelength_m: f64, temperature_k: f64) -> f64 {
     exponent(UNIT_M).exp_m1() / exponent(wavelength_m).exp_m1() * (UNIT_M / wavelength_m).powi(5)
 }
 
-/// The tristimulus density of a black body at steps of 1 nm: wavelength and X, Y, Z.
+/// Tristimulus density of a black body in steps of 1 nm: wavelength and X, Y, Z.
 fn density(temperature_k: f64) -> impl Iterator<Item = (f64, [f64; 3])> {
     (0..(COLOUR_MATCHING.len() - 1) * SUBSTEPS + 1).map(move |i| {
         let (row, part) = (i / SUBSTEPS, (i % SUBSTEPS) as f64 / SUBSTEPS as f64);
-        let at = |row: usize| {
+        let row_values = |row: usize| {
             let radiance = relative_radiance(wavelength_m(row), temperature_k);
             COLOUR_MATCHING[row].map(|weight| weight * radiance)
         };
-        let (low, high) = (at(row), at((row + 1).min(COLOUR_MATCHING.len() - 1)));
+        let (low, high) = (row_values(row), row_values((row + 1).min(COLOUR_MATCHING.len() - 1)));
         let wavelength = wavelength_m(row) + part * (wavelength_m(1) - wavelength_m(0));
         (wavelength, std::array::from_fn(|c| low[c] * (1.0 - part) + high[c] * part))
     })
 }
 
-/// `count` wavelengths (1 to [`MAX_WAVELENGTHS`]) with their shares of the light of a black body of `temperature_k`. A
-/// single one stands at the mean wavelength of the luminance.
+/// `count` wavelengths (1 to [`MAX_WAVELENGTHS`]) with their shares of the light of a black body of `temperature_k`.
+/// A single one is the mean wavelength, weighted by luminance.
 pub fn lines(temperature_k: f64, count: usize) -> Vec<Line> {
     let total_y: f64 = density(temperature_k).map(|(_, xyz)| xyz[1]).sum();
     let mean_m = density(temperature_k).map(|(wavelength, xyz)| wavelength * xyz[1]).sum::<f64>() / total_y;
@@ -58,8 +58,8 @@ pub fn lines(temperature_k: f64, count: usize) -> Vec<Line> {
     let place = |i: usize| if count == 1 { mean_m } else { RANGE_M[0] + (i as f64 + 0.5) * step_m };
     let mut lines: Vec<Line> = (0..count).map(|i| Line { wavelength_m: place(i), xyz: [0.0; 3] }).collect();
     for (wavelength, xyz) in density(temperature_k) {
-        let at = ((wavelength - RANGE_M[0]) / step_m - 0.5).clamp(0.0, (count - 1) as f64);
-        let (first, part) = (at.floor() as usize, at.fract());
+        let position = ((wavelength - RANGE_M[0]) / step_m - 0.5).clamp(0.0, (count - 1) as f64);
+        let (first, part) = (position.floor() as usize, position.fract());
         for (index, weight) in [(first, 1.0 - part), (first + 1, part)] {
             if let Some(line) = lines.get_mut(index) {
                 (0..3).for_each(|c| line.xyz[c] += xyz[c] * weight / total_y);
@@ -69,9 +69,9 @@ pub fn lines(temperature_k: f64, count: usize) -> Vec<Line> {
     lines
 }
 
-/// Linear Rec. 709 of X, Y, Z with no negative channel: where a fringe's colour is outside the gamut, it is mixed with
-/// as much white of its own luminance as brings the lowest channel to 0. Luminance stays; over a whole picture the sums
-/// of the channels move a little.
+/// Linear Rec. 709 of X, Y, Z without negative channels: if a fringe's colour is outside the gamut, it is mixed with
+/// just enough white to bring the lowest channel to 0. Luminance is kept; over a whole picture the sums of the
+/// channels change slightly.
 pub fn rec709_keeping_luminance(xyz: [f64; 3]) -> [f64; 3] {
     let rgb = rec709_from_xyz(xyz);
     let lowest = rgb[0].min(rgb[1]).min(rgb[2]);
@@ -105,7 +105,7 @@ mod tests {
         }
         println!("largest error of a channel: {worst:.1e}");
         assert!(worst < 2e-4, "{worst}");
-        // Another star's lines are seen, and so is a lost line.
+        // The lines of another star must fail, and so must a missing line.
         assert!(colour_error(&lines(5772.0, 32), 6000.0) > 5e-3);
         assert!(colour_error(&lines(5772.0, 32)[..20], 5772.0) > 5e-3);
     }
@@ -120,7 +120,7 @@ mod tests {
     }
 
     #[test]
-    fn gamut_is_kept_with_the_luminance() {
+    fn gamut_mapping_keeps_the_luminance() {
         for row in COLOUR_MATCHING {
             let (raw, inside) = (rec709_from_xyz(row), rec709_keeping_luminance(row));
             assert!(inside.iter().all(|channel| *channel >= 0.0));

@@ -1,4 +1,4 @@
-//! Physics of diffraction, against closed forms and known figures.
+//! Physics of diffraction, compared with closed forms and published figures.
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
@@ -8,7 +8,7 @@ use crate::photometry::blackbody::rec709_at_unit_luminance;
 const DIAMETER_MM: f64 = 2.0;
 const GREEN_M: f64 = 550e-9;
 
-/// A picture in light of one wavelength, `fraction` of lambda / D per pixel.
+/// A picture in light of one wavelength, with pixels of `pixel_rad`.
 fn monochromatic(aperture: Aperture, wavelength_m: f64, size: u32, pixel_rad: f64) -> Psf {
     let sampling = diffraction::Sampling::new(size as usize, pixel_rad, 1e-3 * DIAMETER_MM, wavelength_m)
         .expect("a fine sampling");
@@ -25,7 +25,7 @@ fn green(aperture: Aperture, size: u32, fraction: f64) -> Psf {
     monochromatic(aperture, GREEN_M, size, fraction * fringe_rad())
 }
 
-/// Density (Y) averaged over a circle about the star.
+/// Density (Y) averaged over a circle around the star.
 fn ring_mean(psf: &Psf, radius_rad: f64) -> f64 {
     (0..360).map(|k| luminance(psf.sample(DVec2::from_angle(f64::from(k) / 360.0 * TAU) * radius_rad))).sum::<f64>()
         / 360.0
@@ -35,8 +35,9 @@ fn ring_mean(psf: &Psf, radius_rad: f64) -> f64 {
 fn first_dark_ring(psf: &Psf) -> f64 {
     let radii: Vec<f64> = (50..250).map(|i| f64::from(i) * 0.01).collect();
     let means: Vec<f64> = radii.iter().map(|r| ring_mean(psf, r * fringe_rad())).collect();
-    let at = (1..radii.len() - 1).find(|&i| means[i] < means[i - 1] && means[i] <= means[i + 1]).expect("a dark ring");
-    radii[at]
+    let index =
+        (1..radii.len() - 1).find(|&i| means[i] < means[i - 1] && means[i] <= means[i + 1]).expect("a dark ring");
+    radii[index]
 }
 
 /// Density (Y) times the square of the distance, `r` in units of lambda / D.
@@ -70,11 +71,11 @@ fn spike_slope(psf: &Psf, angle: f64) -> f64 {
 
 /// Directions in which the mean over radii from 8 to 40 lambda / D is a maximum and twice the median, degrees.
 fn spikes(psf: &Psf) -> Vec<u32> {
-    let at = |degrees: u32| -> f64 {
+    let mean = |degrees: u32| -> f64 {
         let direction = DVec2::from_angle(f64::from(degrees).to_radians());
         (0..400).map(|i| 8.0 + f64::from(i) * 0.08).map(|r| ring_share(psf, direction, r)).sum()
     };
-    let values: Vec<f64> = (0..360).map(at).collect();
+    let values: Vec<f64> = (0..360).map(mean).collect();
     let mut sorted = values.clone();
     sorted.sort_by(f64::total_cmp);
     (0..360)
@@ -86,7 +87,7 @@ fn spikes(psf: &Psf) -> Vec<u32> {
         .collect()
 }
 
-/// Largest relative difference of the densities from Airy's (2 J1(x) / x)^2 within 4 lambda / D, of the peak.
+/// Largest difference of the densities from Airy's (2 J1(x) / x)^2 within 4 lambda / D, relative to the peak.
 fn airy_error(psf: &Psf, wavelength_m: f64) -> f64 {
     // J1 by its integral, with the midpoint rule, which is exact for periodic functions.
     let j1 = |x: f64| {
@@ -117,7 +118,7 @@ fn a_circle_gives_the_airy_pattern() {
     assert!((ring - 1.22).abs() < 0.0122, "{ring}");
     assert!((inside - 0.8378).abs() < 2e-3, "{inside}");
     assert!(error < 2e-3, "{error}");
-    // What lies outside radius r is 2 / (pi^2 r) for r >> 1 lambda / D: within 16 of them 0.98733.
+    // The light outside radius r is 2 / (pi^2 r) for r >> 1 lambda / D: within 16 of them there is 0.98733.
     let wide = psf.encircled_energy(15.9 * fringe_rad()) * psf.covered;
     println!("light within 15.9 lambda/D {wide:.5}, asymptotically {:.5}", 1.0 - 2.0 / (PI * PI * 15.9));
     assert!((wide - (1.0 - 2.0 / (PI * PI * 15.9))).abs() < 2e-3, "{wide}");
@@ -128,7 +129,7 @@ fn other_apertures_and_wavelengths_fail_the_airy_comparison() {
     let hexagon = green(Aperture::Hexagon, 256, 0.125);
     assert!(airy_error(&hexagon, GREEN_M) > 0.02);
     assert!((first_dark_ring(&hexagon) - 1.22).abs() > 0.0122);
-    // The light inside hardly changes near a dark ring: it takes more than a small step of the wavelength to see it.
+    // The light inside hardly changes near a dark ring: only a larger change of the wavelength is detectable.
     let blue = monochromatic(Aperture::Circle, 420e-9, 256, 0.125 * fringe_rad());
     assert!((first_dark_ring(&blue) - 1.22).abs() > 0.0122);
     assert!((blue.encircled_energy(1.219_67 * fringe_rad()) * blue.covered - 0.8378).abs() > 2e-3);
@@ -175,10 +176,10 @@ fn the_picture_grows_with_the_wavelength() {
 }
 
 #[test]
-fn spikes_are_as_many_as_the_edges_say() {
+fn spikes_are_perpendicular_to_the_edges() {
     let hexagon = spikes(&green(Aperture::Hexagon, 400, 0.25));
     println!("spikes of the hexagon at {hexagon:?} degrees");
-    // At right angles to the sides.
+    // Perpendicular to the sides.
     assert_eq!(hexagon, [30, 90, 150, 210, 270, 330]);
     assert_eq!(spikes(&green(Aperture::Circle, 400, 0.25)), Vec::<u32>::new());
     let hubble = spikes(&green(Aperture::Hubble, 400, 0.25));
@@ -186,23 +187,23 @@ fn spikes_are_as_many_as_the_edges_say() {
     assert_eq!(hubble, [45, 135, 225, 315]);
     let jwst = spikes(&green(Aperture::Jwst, 400, 0.25));
     println!("spikes of the JWST-like aperture at {jwst:?} degrees");
-    // Six of the segments' edges and two of the upright strut.
+    // Six from the segments' edges and two from the vertical strut.
     for degrees in [0, 30, 90, 150, 180, 210, 270, 330] {
         assert!(jwst.contains(&degrees), "{degrees} in {jwst:?}");
     }
     // Curved edges spread their spikes: between a circle and straight edges.
     let contrast = |aperture: Aperture| {
         let psf = green(aperture, 400, 0.25);
-        let at = |degrees: f64| {
+        let density = |degrees: f64| {
             let direction = DVec2::from_angle(degrees.to_radians());
             (0..400).map(|i| 8.0 + f64::from(i) * 0.08).map(|r| ring_share(&psf, direction, r)).sum::<f64>()
         };
-        at(90.0) / at(60.0)
+        density(90.0) / density(60.0)
     };
     let [circle, blades, straight] =
         [Aperture::Circle, Aperture::CurvedBlades { blades: 6 }, Aperture::Hexagon].map(contrast);
     println!(
-        "towards an edge against towards a corner: circle {circle:.2}, curved blades {blades:.2}, hexagon {straight:.1}"
+        "ratio of the density towards an edge to that towards a corner: circle {circle:.2}, curved blades {blades:.2}, hexagon {straight:.1}"
     );
     assert!((circle - 1.0).abs() < 0.05 && blades > 1.5 && blades < 0.2 * straight);
 }
@@ -242,7 +243,7 @@ fn colours_sum_to_the_star_and_blue_is_narrower_than_red() {
     assert!(width(2) > width(1) && width(1) > width(0));
     let white = psf.balanced_to_white().sum();
     assert!(white.iter().all(|channel| (channel - 1.0).abs() < 1e-5), "{white:?}");
-    // A cool star is not white: the balance is seen.
+    // A cool star is not white, so the balance has an effect.
     assert!(coloured(Aperture::Circle, 32, 8, 3000.0).sum()[2] < 0.5);
 }
 
@@ -272,24 +273,24 @@ fn bilinear_samples_keep_the_light() {
 }
 
 #[test]
-fn the_inverse_square_form_turns_back_and_shrinks_the_range() {
+fn the_inverse_square_form_is_invertible_and_reduces_the_range() {
     for size in [63, 64] {
         let psf = coloured(Aperture::Hexagon, size, 8, 6504.0);
-        let form = InverseSquare::of(&psf);
+        let form = InverseSquare::from_psf(&psf);
         let worst = |other: &Psf| -> f32 {
             let pairs = psf.rgb.iter().flatten().zip(other.rgb.iter().flatten());
             pairs.map(|(a, b)| (a - b).abs() / a.max(1e-30)).fold(0.0, f32::max)
         };
         let error = worst(&form.restore());
-        println!("size {size}: largest relative error there and back {error:.1e}");
+        println!("size {size}: largest relative error of the round trip {error:.1e}");
         assert!(error < 1e-6, "{error}");
-        // The published form loses the middle, and a form of another size is not the same.
+        // The published form loses the centre, and a form of another size differs.
         let mut published = form.clone();
         published.rgb[(size / 2 * size + size / 2) as usize] = [0.0; 3];
         assert!(worst(&published.restore()) > 0.5);
     }
     let psf = coloured(Aperture::Hexagon, 512, 24, 6504.0);
-    let form = InverseSquare::of(&psf);
+    let form = InverseSquare::from_psf(&psf);
     // Stops between the brightest pixel and a spike at the edge of the texture.
     let stops = |rgb: &[[f32; 3]]| {
         let y = |index: usize| luminance(rgb[index].map(f64::from));
@@ -320,7 +321,7 @@ fn the_crop_follows_the_square_root_and_agrees_with_the_texture() {
             rule.light_outside(half),
             rule.light_outside(exact)
         );
-        // No pixel beyond the exact crop reaches the threshold, and one of the ring within does.
+        // No pixel beyond the exact crop reaches the threshold; a pixel of the ring inside does.
         let reach = |from: f64| {
             let outside = psf.places().filter(|(offset, _)| offset.abs().max_element() > from);
             outside.map(|(_, rgb)| illuminance_lx * luminance(rgb) / psf.pixel_rad.powi(2)).fold(0.0, f64::max)
@@ -332,7 +333,7 @@ fn the_crop_follows_the_square_root_and_agrees_with_the_texture() {
     }
     let (one, four) = (rule.half_angle_rad(0.1, threshold), rule.half_angle_rad(0.4, threshold));
     assert!((four / one - 2.0).abs() < 1e-9);
-    // A rule that takes brightness itself instead of its root is seen by the same comparison.
+    // A rule that uses brightness instead of its square root must fail the same comparison.
     let wrong = rule.half_angle_rad(1.0, threshold) * 0.1;
     assert!((wrong / rule.exact_half_angle_rad(0.1, threshold) - 1.0).abs() > 0.35);
     assert_eq!(rule.half_angle_rad(1e12, threshold), psf.half_width_rad());
@@ -356,7 +357,7 @@ fn light_outside_a_crop_is_the_sum_of_its_pixels() {
 }
 
 #[test]
-fn impossible_optics_are_refused_by_name() {
+fn errors_name_the_invalid_parameter_of_optics() {
     let valid = Optics {
         aperture: Aperture::Circle,
         diameter_mm: 2.0,
@@ -381,21 +382,21 @@ fn impossible_optics_are_refused_by_name() {
         (Optics { diameter_mm: 1e5, pixel_rad: 1e-3, ..valid }, "transform"),
     ] {
         let error = Psf::from_aperture(&wrong, |_, _| {}).unwrap_err().to_string();
-        assert!(error.contains(name) && error.contains("allowed"), "{name}: {error}");
+        assert!(error.contains(name) && error.contains("must be"), "{name}: {error}");
     }
 }
 
-/// The form as it is drawn with, against a sum over points that are not those of its own integral.
+/// The form for drawing, compared with a sum over points different from those of its own integral.
 #[test]
-fn what_is_drawn_from_the_inverse_square_form_holds_the_light() {
+fn the_inverse_square_form_for_drawing_keeps_the_light() {
     let light = |form: &InverseSquare| -> [f64; 3] {
         let (half, points) = (form.half_width_rad(), 1801_u32);
         let step = 2.0 * half / f64::from(points);
-        let at = |i: u32| (f64::from(i) + 0.5) * step - half;
+        let coordinate = |i: u32| (f64::from(i) + 0.5) * step - half;
         let mut sum = [0.0; 3];
         for j in 0..points {
             for i in 0..points {
-                let offset = DVec2::new(at(i), at(j));
+                let offset = DVec2::new(coordinate(i), coordinate(j));
                 let theta = offset.length();
                 let omega = step * step * if theta > 0.0 { theta.sin() / theta } else { 1.0 };
                 let density = form.density(offset);
@@ -406,16 +407,16 @@ fn what_is_drawn_from_the_inverse_square_form_holds_the_light() {
     };
     for size in [63, 64] {
         let psf = coloured(Aperture::Hexagon, size, 8, 6504.0).balanced_to_white();
-        let (found, plain) = (light(&InverseSquare::holding_light(&psf)), light(&InverseSquare::of(&psf)));
+        let (found, plain) = (light(&InverseSquare::holding_light(&psf)), light(&InverseSquare::from_psf(&psf)));
         println!("size {size}: light drawn {found:.5?}, without the scale {plain:.5?}");
         assert!(found.iter().all(|light| (light - 1.0).abs() < 1e-3), "{found:?}");
         assert!(plain.iter().all(|light| (light - 1.0).abs() > 1e-3), "{plain:?}");
     }
 }
 
-/// A header tells any size and any number of channels: nothing is made for them before both are checked.
+/// A header may announce any size and any number of channels: both are checked before anything is allocated.
 #[test]
-fn exr_files_whose_headers_tell_too_much_are_refused_before_pixels_are_read() {
+fn exr_files_with_oversized_headers_are_refused_before_pixels_are_read() {
     use exr::prelude::{
         AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, LayerAttributes, Vec2, WritableImage,
     };
@@ -428,16 +429,16 @@ fn exr_files_whose_headers_tell_too_much_are_refused_before_pixels_are_read() {
         Image::from_layer(layer).write().non_parallel().to_buffered(&mut bytes).unwrap();
         let mut bytes = bytes.into_inner();
         let name = b"dataWindow\0box2i\0";
-        // Behind the name its length, and the first pixel.
-        let at = bytes.windows(name.len()).position(|part| part == name).unwrap() + name.len() + 4 + 8;
-        bytes[at..at + 4].copy_from_slice(&last.to_le_bytes());
-        bytes[at + 4..at + 8].copy_from_slice(&last.to_le_bytes());
+        // The name is followed by its length, and the first pixel.
+        let offset = bytes.windows(name.len()).position(|part| part == name).unwrap() + name.len() + 4 + 8;
+        bytes[offset..offset + 4].copy_from_slice(&last.to_le_bytes());
+        bytes[offset + 4..offset + 8].copy_from_slice(&last.to_le_bytes());
         bytes
     };
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("wide.exr");
     for (channels, last, expected) in [
-        (1, 1 << 29, "a square of 2 to 4096 is needed"),
+        (1, 1 << 29, "must be a square of 2 to 4096"),
         (1, 4096, "4097 x 4097 pixels"),
         (5, 4095, "5 channels of 4096 x 4096 pixels"),
     ] {

@@ -1,40 +1,41 @@
-//! What the eye makes of dim light: colours fade, red darkens and blue brightens (Purkinje's shift), because rods take over
-//! from cones.
+//! The eye's response to dim light: colours fade, red darkens and blue brightens (Purkinje shift), because rods take
+//! over from cones.
 //!
-//! Three published pieces, per pixel and in cd/m^2:
+//! Three published formulas, per pixel and in cd/m^2:
 //!
-//! - The scotopic luminance of a colour from its X, Y, Z: V = Y (1.33 (1 + (Y + Z) / X) - 1.68), by G. W. Larson,
-//!   H. Rushmeier and C. Piatko, "A visibility matching tone reproduction operator for high dynamic range scenes", IEEE TVCG
-//!   1997. It is divided here by its value for white, so that white keeps its luminance.
-//! - What rods see is shown bluish, at the chromaticity x = y = 0.25 of H. W. Jensen, F. Durand, M. M. Stark, S. Premože,
-//!   J. Dorsey and P. Shirley, "A physically-based night sky model", SIGGRAPH 2001.
-//! - How much cones still see at luminance Y is m = 0.767 + 0.3334 log10(Y), held from 0 to 1: the coefficient of adaptation
-//!   of CIE 191:2010 (system MES 2), 0 below 0.005 and 1 above 5 cd/m^2.
+//! - The scotopic luminance of a colour from its X, Y, Z: V = Y (1.33 (1 + (Y + Z) / X) - 1.68), by G. W. Larson, H.
+//!   Rushmeier and C. Piatko, "A visibility matching tone reproduction operator for high dynamic range scenes", IEEE
+//!   TVCG 1997. It is divided here by its value for white, so that white keeps its luminance.
+//! - Light seen by rods is displayed as bluish, at the chromaticity x = y = 0.25 of H. W. Jensen, F. Durand, M. M.
+//!   Stark, S. Premože, J. Dorsey and P. Shirley, "A physically-based night sky model", SIGGRAPH 2001.
+//! - The share of the cones at luminance Y is m = 0.767 + 0.3334 log10(Y), clamped to 0 to 1: the coefficient of
+//!   adaptation of CIE 191:2010 (system MES 2), 0 below 0.005 and 1 above 5 cd/m^2.
 //!
 //! | cd/m^2 | 0.005 | 0.05 | 0.5 | 5 |
 //! |---|---|---|---|---|
 //! | share of cones | 0 | 0.333 | 0.667 | 1 |
 //!
-//! The eye is taken to be adapted to the pixel that it looks at. So a star in a fine pixel keeps its colour and the Milky Way
-//! has none, and the same star in a coarse pixel, whose luminance is lower, has less. Where a display gives the scene's own
-//! luminance (`calibrated`), the eye of the viewer does all this itself.
+//! The eye is assumed to be adapted to the pixel that it looks at. So a star in a fine pixel keeps its colour and the
+//! Milky Way has none, and the same star in a coarse pixel, whose luminance is lower, has less. If a display
+//! reproduces the scene's luminance (`calibrated`), the viewer's eye does all this itself.
 
 use crate::photometry::rec709::{luminance, rec709_from_xyz, xyz_from_rec709};
 
-/// Chromaticity at which rods' light is shown: x = y = 0.25, scaled to Y = 1.
+/// Chromaticity of the displayed light of rods: x = y = 0.25, scaled to Y = 1.
 const ROD_XYZ: [f64; 3] = [1.0, 1.0, 2.0];
 
-/// Scotopic over photopic luminance of a colour, by Larson's approximation.
+/// Ratio of scotopic to photopic luminance of a colour, by Larson's approximation.
 fn rod_ratio([x, y, z]: [f64; 3]) -> f64 {
     1.33 * (1.0 + (y + z) / x) - 1.68
 }
 
-/// Share of the cones in seeing at a luminance.
+/// Share of the cones in vision at a luminance.
 pub fn cone_share(luminance_cd_m2: f64) -> f64 {
     (0.767 + 0.3334 * luminance_cd_m2.log10()).clamp(0.0, 1.0)
 }
 
-/// Linear Rec. 709 in cd/m^2 (none below 0) as the eye sees it; `amount` from 0 (as it is) to 1. Black stays black.
+/// Linear Rec. 709 in cd/m^2 (no channel below 0) as seen by the eye; `amount` from 0 (unchanged) to 1. Black stays
+/// black.
 pub fn shifted(rgb_cd_m2: [f64; 3], amount: f64) -> [f64; 3] {
     let y = luminance(rgb_cd_m2);
     if y <= 0.0 {
@@ -56,7 +57,7 @@ mod tests {
     }
 
     #[test]
-    fn shares_of_the_cones_are_those_of_the_standard() {
+    fn shares_of_the_cones_match_the_standard() {
         for (cd_m2, share) in [(0.005, 0.0), (0.05, 1.0 / 3.0), (0.5, 2.0 / 3.0), (5.0, 1.0), (1e-9, 0.0), (1e9, 1.0)] {
             assert!((cone_share(cd_m2) - share).abs() < 1e-3, "{cd_m2}: {}", cone_share(cd_m2));
         }
@@ -64,11 +65,11 @@ mod tests {
     }
 
     #[test]
-    fn daylight_is_as_it_is_and_the_night_has_one_colour() {
+    fn daylight_is_unchanged_and_the_night_has_one_colour() {
         let colours = [[1.0, 1.0, 1.0], [1.0, 0.3, 0.1], [0.3, 0.5, 1.0], [0.0, 0.0, 1.0]];
         for rgb in colours {
             assert_eq!(shifted(scaled(rgb, 10.0), 1.0), scaled(rgb, 10.0));
-            assert_eq!(shifted(scaled(rgb, 1e-4), 0.0), scaled(rgb, 1e-4), "not asked for");
+            assert_eq!(shifted(scaled(rgb, 1e-4), 0.0), scaled(rgb, 1e-4), "amount 0");
             let [u, v] = uv_prime(shifted(scaled(rgb, 1e-4), 1.0));
             // u', v' of x = y = 0.25: 4 x / (12 y - 2 x + 3), 9 y / (12 y - 2 x + 3).
             assert!((u - 1.0 / 5.5).abs() < 1e-9 && (v - 2.25 / 5.5).abs() < 1e-9, "{rgb:?}: {u} {v}");
@@ -86,7 +87,7 @@ mod tests {
     }
 
     #[test]
-    fn brighter_light_is_seen_brighter() {
+    fn seen_luminance_increases_with_light() {
         for rgb in [[1.0; 3], [1.0, 0.1, 0.0], [0.0, 0.0, 1.0], [0.2, 1.0, 0.4]] {
             let mut previous = 0.0;
             for step in -400..200 {

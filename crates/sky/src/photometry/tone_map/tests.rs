@@ -6,20 +6,20 @@ fn all_settings() -> Vec<ToneMapSettings> {
     let mut all = Vec::new();
     for operator in ToneMapOperator::ALL {
         for (desaturation, scotopic) in [(0.0, 0.0), (1.0, 0.0), (0.4, 0.0), (0.0, 1.0), (1.0, 0.5)] {
-            let of = ToneMapSettings::of(operator);
-            all.push(ToneMapSettings { desaturation, scotopic, peak_cd_m2: 4.0, ..of });
+            let defaults = ToneMapSettings::of(operator);
+            all.push(ToneMapSettings { desaturation, scotopic, peak_cd_m2: 4.0, ..defaults });
         }
     }
     all
 }
 
-/// An operator that clips or compresses each channel by itself.
+/// Settings for an operator that clips or compresses each channel separately.
 fn by_channel(operator: ToneMapOperator) -> ToneMapSettings {
     ToneMapSettings { desaturation: 0.0, ..ToneMapSettings::of(operator) }
 }
 
 #[test]
-fn srgb_has_the_values_of_the_standard() {
+fn srgb_has_the_standards_values() {
     assert_eq!(srgb_from_linear(0.0), 0.0);
     assert!((srgb_from_linear(1.0) - 1.0).abs() < 1e-15);
     // Code 188 of 255 is half of white to the nearest code; 0.18 is 0.4614 (118).
@@ -30,18 +30,18 @@ fn srgb_has_the_values_of_the_standard() {
 }
 
 #[test]
-fn srgb_and_its_inverse_agree_and_eight_bit_codes_survive() {
+fn srgb_and_its_inverse_agree_and_preserve_eight_bit_codes() {
     for code in 0..=255 {
         let value = f64::from(code) / 255.0;
         assert!((srgb_from_linear(linear_from_srgb(value)) - value).abs() < 1e-12, "code {code}");
         assert_eq!(i32::from(ToneMapSettings::byte(value)), code);
     }
-    // The two thresholds are rounded independently: at the joint the curves miss each other by 3e-8, no more.
+    // The two thresholds are rounded independently: where they meet, the curves differ by 3e-8.
     assert!((srgb_from_linear(0.003_130_8) - srgb_from_linear(0.003_130_800_001)).abs() < 5e-8);
 }
 
 #[test]
-fn operators_rise_from_black_to_one_and_never_leave_the_range() {
+fn operators_increase_from_black_to_one_and_stay_in_range() {
     for settings in all_settings() {
         for colour in [[1.0; 3], [1.0, 0.4, 0.1], [0.1, 0.3, 1.0]] {
             let show = |value: f64| settings.display_rgb(colour.map(|channel| channel * value), 4.0);
@@ -60,7 +60,7 @@ fn operators_rise_from_black_to_one_and_never_leave_the_range() {
 }
 
 #[test]
-fn what_is_no_light_is_black_and_leaves_the_other_channels_alone() {
+fn nan_and_negative_channels_are_black_and_do_not_affect_the_others() {
     for settings in all_settings() {
         for wrong in [f64::NAN, -1.0, f64::NEG_INFINITY] {
             assert_eq!(settings.display_rgb([wrong; 3], 4.0), [0.0; 3], "{settings:?}");
@@ -72,7 +72,7 @@ fn what_is_no_light_is_black_and_leaves_the_other_channels_alone() {
 }
 
 #[test]
-fn display_white_is_white_for_srgb_and_leaves_room_for_filmic() {
+fn display_white_is_white_for_srgb_and_below_white_for_filmic() {
     let clipped = by_channel(ToneMapOperator::Srgb).display_rgb([0.15, 0.075, 0.3], 0.15);
     for (shown, expected) in clipped.into_iter().zip([1.0, srgb_from_linear(0.5), 1.0]) {
         assert!((shown - expected).abs() < 1e-15, "{clipped:?}");
@@ -82,7 +82,7 @@ fn display_white_is_white_for_srgb_and_leaves_room_for_filmic() {
 }
 
 #[test]
-fn a_calibrated_display_gives_the_light_that_is_there_whatever_the_exposure() {
+fn a_calibrated_display_reproduces_luminance_at_any_exposure() {
     let settings = ToneMapSettings { peak_cd_m2: 250.0, black_cd_m2: 0.3, ..by_channel(ToneMapOperator::Calibrated) };
     let given = |rgb: [f64; 3], white_cd_m2: f64| {
         settings.display_rgb(rgb, white_cd_m2).map(|value| 0.3 + (250.0 - 0.3) * linear_from_srgb(value))
@@ -94,13 +94,13 @@ fn a_calibrated_display_gives_the_light_that_is_there_whatever_the_exposure() {
             }
         }
     }
-    // Darker than its black and brighter than its peak it cannot be.
+    // Limited to its black and its peak.
     assert_eq!(given([0.01, 0.3, 400.0], 1.0).map(|given| (given * 1e6).round() / 1e6), [0.3, 0.3, 250.0]);
     assert!((settings.white_ev100().unwrap() - (250.0_f64 / 1.2).log2()).abs() < 1e-12);
     assert_eq!(ToneMapSettings::default().white_ev100(), None);
 }
 
-/// Angle by which an operator turns the hue of a colour in u', v' around white, rad.
+/// Hue angle around white in u', v' by which an operator changes a colour, rad.
 fn turned_rad(settings: &ToneMapSettings, rgb: [f64; 3]) -> f64 {
     let hue = |rgb: [f64; 3]| {
         let ([u, v], [white_u, white_v]) = (uv_prime(rgb), uv_prime([1.0; 3]));
@@ -110,7 +110,7 @@ fn turned_rad(settings: &ToneMapSettings, rgb: [f64; 3]) -> f64 {
 }
 
 #[test]
-fn desaturation_keeps_the_hue_of_highlights_that_channels_by_themselves_turn() {
+fn desaturation_keeps_the_hue_of_highlights() {
     for operator in ToneMapOperator::ALL {
         let settings =
             |desaturation| ToneMapSettings { desaturation, peak_cd_m2: 1.0, ..ToneMapSettings::of(operator) };
@@ -129,29 +129,30 @@ fn desaturation_keeps_the_hue_of_highlights_that_channels_by_themselves_turn() {
             }
         }
         assert!(judged >= 13, "{operator:?}: {judged} of 16 colours have a hue");
-        // A bright orange, channel by channel, is seen more than a tenth of a radian off; half of the way in between.
+        // Processed by channel, a bright orange is more than a tenth of a radian off; half of the desaturation is in
+        // between.
         let orange = [3.0, 1.2, 0.1].map(|channel| 6.0 * channel);
         let (whole, half) = (turned_rad(&settings(0.0), orange), turned_rad(&settings(0.5), orange));
         println!(
-            "{}: bright orange turned by {whole:.3} rad, with half of the desaturation {half:.3}",
+            "{}: hue of bright orange changed by {whole:.3} rad, with half of the desaturation {half:.3}",
             operator.name()
         );
         assert!(whole > 0.1, "{operator:?}: {whole}");
-        // So bright that it is white: nothing is left to turn.
+        // So bright that it is white: no hue remains.
         let [red, green, blue] = settings(1.0).display_rgb(orange, 1.0);
         assert!(red >= green && green >= blue && blue > 0.8, "{operator:?}: {red} {green} {blue}");
     }
 }
 
 #[test]
-fn desaturation_keeps_the_luminance_that_an_operator_gives() {
+fn desaturation_keeps_the_operators_luminance() {
     for operator in ToneMapOperator::ALL {
         let settings =
             |desaturation| ToneMapSettings { desaturation, peak_cd_m2: 1.0, ..ToneMapSettings::of(operator) };
         let seen = |desaturation, rgb| luminance(settings(desaturation).display_rgb(rgb, 1.0).map(linear_from_srgb));
         let within = [0.5, 0.3, 0.1];
         assert!((seen(1.0, within) / seen(0.0, within) - 1.0).abs() < 1e-6, "{operator:?}");
-        // A red beyond the range, whose luminance is within it: clipped, most of its light is lost.
+        // A red beyond the range, with a luminance within it: clipping loses most of its light.
         let red = [3.0, 0.2, 0.1];
         let kept = match operator {
             ToneMapOperator::Filmic | ToneMapOperator::Aces => seen(0.0, red),
@@ -165,7 +166,7 @@ fn desaturation_keeps_the_luminance_that_an_operator_gives() {
 }
 
 #[test]
-fn the_light_of_a_code_is_shown_as_that_code() {
+fn light_of_code_inverts_display_rgb() {
     for settings in all_settings() {
         let white_cd_m2 = crate::photometry::exposure::white_luminance_cd_m2(settings.white_ev100().unwrap_or(0.0));
         for code in [1.0, 20.0, 100.0, 230.0] {
@@ -175,10 +176,10 @@ fn the_light_of_a_code_is_shown_as_that_code() {
             assert!((shown - code).abs() < 1e-6, "{settings:?}: {light} is shown as {shown} for {code}");
         }
     }
-    // By hand: filmic's quadratic, and the linear part of sRGB and its power above.
+    // By hand: filmic's quadratic, the linear part of sRGB, and its power above.
     assert!((ToneMapSettings::default().light_of_code(20.0) - 0.010_962).abs() < 1e-5);
     assert!((ToneMapSettings::of(ToneMapOperator::Srgb).light_of_code(20.0) - 0.006_995).abs() < 1e-5);
-    // The display's black is there without any light.
+    // The display's black is emitted without any light.
     let display =
         ToneMapSettings { peak_cd_m2: 5.0, black_cd_m2: 0.01, ..ToneMapSettings::of(ToneMapOperator::Calibrated) };
     assert!((display.light_of_code(20.0) * 5.0 - (0.01 + 4.99 * 0.006_995)).abs() < 1e-4);
